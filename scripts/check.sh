@@ -1,0 +1,100 @@
+#!/usr/bin/env bash
+# The checks beyond the release tests. Without arguments all of them, in this order; each is announced with the time it took.
+#
+#   scripts/check.sh [STEP...]
+#
+#   format   clang-format 14 over every .h and .cc
+#   shell    shellcheck over the scripts
+#   layers   the checker's self-test, then every #include against ARCHITECTURE.md
+#   clang    library and program compile with clang
+#   tsan     the tests of node under ThreadSanitizer
+#   asan     every test under AddressSanitizer and UBSan
+#
+# Exit codes: 0 all passed, 1 a step failed, 2 usage, 5 needs root to install packages.
+set -euo pipefail
+root=$(dirname "$(dirname "$(readlink -f "${BASH_SOURCE[0]}")")")
+cd "$root"
+
+steps=(format shell layers clang tsan asan)
+if (($# > 0)); then
+  if [[ $1 == -h || $1 == --help ]]; then
+    sed -n '2,/^set /{/^set /d;s/^# \{0,1\}//;p}' "${BASH_SOURCE[0]}"
+    exit 0
+  fi
+  for step in "$@"; do
+    [[ " ${steps[*]} " == *" $step "* ]] || { printf "check: no step '%s'; see scripts/check.sh --help\n" "$step" >&2; exit 2; }
+  done
+  steps=("$@")
+fi
+
+if [[ -e $root/build && ! -w $root/build ]]; then
+  printf '%s: cannot write to %s/build, which belongs to %s; remove it or run as that user\n' check "$root" "$(stat -c %U "$root/build")" >&2
+  exit 1
+fi
+trap 'exit 130' INT
+
+export XDG_CACHE_HOME="$root/build/cache"
+jobs=$(nproc)
+bash scripts/setup.sh --with-checks
+
+# Files of the project, tracked or new, ignoring what .gitignore names.
+project_files() { git -c "safe.directory=$root" ls-files --cached --others --exclude-standard -- "$@"; }
+
+build() {
+  local preset=$1
+  shift
+  cmake --preset "$preset" --log-level=WARNING && cmake --build "build/$preset" --parallel "$jobs" "$@"
+}
+
+# The sanitizers of these compilers expect the usual memory layout.
+sanitized() {
+  if setarch -R true 2>/dev/null; then setarch -R "$@"; else "$@"; fi
+}
+
+run_format() {
+  local files
+  mapfile -t files < <(project_files '*.h' '*.cc')
+  ((${#files[@]} > 0)) || { echo "no source files found"; return 1; }
+  clang-format-14 --dry-run -Werror "${files[@]}" || {
+    echo "to format them: clang-format-14 -i FILE..."
+    return 1
+  }
+  echo "${#files[@]} files"
+}
+
+run_shell() {
+  local files
+  mapfile -t files < <(project_files '*.sh' .ci/run)
+  ((${#files[@]} > 0)) || { echo "no scripts found"; return 1; }
+  shellcheck "${files[@]}" && echo "${#files[@]} files"
+}
+
+run_layers() { python3 scripts/check_layers.py --self-test && python3 scripts/check_layers.py; }
+
+run_clang() { build clang --target libinterneuron.a interneuron; }
+
+run_tsan() {
+  build tsan --target node_test &&
+    TSAN_OPTIONS="${TSAN_OPTIONS:-second_deadlock_stack=1}" \
+      sanitized ctest --test-dir build/tsan -R '^node\.' --output-on-failure --no-tests=error --timeout 600 -j 2
+}
+
+run_asan() { bash scripts/test.sh asan; }
+
+failed=()
+summary=()
+for step in "${steps[@]}"; do
+  printf 'check: %s ...\n' "$step"
+  began=$SECONDS
+  verdict=passed
+  "run_$step" || { verdict=FAILED; failed+=("$step"); }
+  line=$(printf 'check: %-7s %s in %d s' "$step" "$verdict" $((SECONDS - began)))
+  echo "$line"
+  summary+=("$line")
+done
+
+if ((${#steps[@]} > 1)); then
+  echo
+  printf '%s\n' "${summary[@]}"
+fi
+((${#failed[@]} == 0)) || { printf 'check: failed: %s\n' "${failed[*]}" >&2; exit 1; }

@@ -1,0 +1,366 @@
+#!/usr/bin/env python3
+"""Checks every #include against the layer table of ARCHITECTURE.md, and that pure folders stay pure.
+
+    scripts/check_layers.py [--root DIR]     check the tree; part of every build
+    scripts/check_layers.py --self-test      check the checker, with made-up violations
+
+A row of the table reads `| folder | what lives there | may include | pure |`. "may include" lists folders by their last
+name, header patterns in angle brackets, `OS` for the headers of the system, `std only`, or `everything`. The C++
+standard library is open to all, except that a pure folder includes nothing that reads a clock, waits, locks or prints.
+Each violation is one line `file:line: rule`, and the exit code is 1.
+"""
+
+import fnmatch
+import os
+import re
+import sys
+import tempfile
+
+ROOTS = ("include", "policies", "src", "netns", "examples")
+SUFFIXES = (".h", ".cc")
+
+STD = set("""
+algorithm any array atomic barrier bit bitset cassert cctype cerrno cfenv cfloat charconv chrono cinttypes climits
+clocale cmath codecvt compare complex concepts condition_variable coroutine csetjmp csignal cstdarg cstddef cstdint
+cstdio cstdlib cstring ctime cuchar cwchar cwctype deque exception execution filesystem format forward_list fstream
+functional future initializer_list iomanip ios iosfwd iostream istream iterator latch limits list locale map memory
+memory_resource mutex new numbers numeric optional ostream queue random ranges ratio regex scoped_allocator semaphore
+set shared_mutex source_location span sstream stack stdexcept stop_token streambuf string string_view strstream
+syncstream system_error thread tuple type_traits typeindex typeinfo unordered_map unordered_set utility valarray variant
+vector version""".split())
+
+STD_NOT_PURE = set("""
+barrier condition_variable csignal ctime filesystem fstream future iostream latch mutex semaphore shared_mutex
+stop_token syncstream thread""".split())
+
+OS_PATTERNS = """
+arpa/* asm/* linux/* net/* netinet/* netpacket/* sys/* dirent.h dlfcn.h endian.h err.h errno.h fcntl.h features.h
+getopt.h glob.h grp.h ifaddrs.h libgen.h limits.h mntent.h netdb.h poll.h pthread.h pty.h pwd.h sched.h semaphore.h
+signal.h spawn.h stdint.h stdio.h stdlib.h string.h syscall.h syslog.h termios.h time.h ucontext.h unistd.h
+wait.h""".split()
+
+# What a pure folder may not say, whatever it includes. Applied to code without comments and string contents; the words
+# are a quick test, since nearly every file has none of them.
+NOT_PURE = [(words.split(), re.compile(pattern), what) for words, pattern, what in (
+    ("now", r"::\s*now\s*\(", "reads a clock"),
+    ("_clock", r"\b(?:steady|system|high_resolution|utc|tai|gps|file)_clock\b", "names a clock of the system"),
+    ("clock_ gettimeofday timerfd_ rdtsc",
+     r"\b(?:clock_gettime|clock_nanosleep|gettimeofday|timerfd_\w+|__rdtsc)\b", "reads a clock"),
+    ("time", r"(?<![\w.>:])(?:(?:std)?::\s*)?time\s*\(\s*(?:nullptr|NULL|0|&\s*\w+)\s*\)", "reads a clock"),
+    ("time clock", r"(?<![\w.>:])(?:std)?::\s*(?:time|clock)\s*\(", "reads a clock"),
+    ("clock", r"(?<![\w.>:])clock\s*\(\s*\)\s*[;)\-+*/]", "reads a clock"),
+    ("sleep this_thread", r"(?<![\w.])(?:sleep|usleep|nanosleep|sleep_for|sleep_until|this_thread)\b", "waits"),
+    ("thread async mutex lock condition_variable",
+     r"\bstd\s*::\s*(?:jthread|thread|async|mutex|\w+_mutex|\w*_lock|lock_guard|condition_variable\w*)\b",
+     "threads or locks"),
+    ("cout cerr clog cin spdlog printf puts",
+     r"\bstd\s*::\s*(?:cout|cerr|clog|cin)\b|\bspdlog\b|(?<![\w.>])f?printf\s*\(|(?<![\w.>])puts\s*\(", "prints"),
+    ("random_device rand getrandom getenv",
+     r"\bstd\s*::\s*random_device\b|(?<![\w.>])s?rand\s*\(|\b(?:getrandom|getenv)\s*\(", "has a hidden input"),
+)]
+
+TOKEN = re.compile(r"""
+    (?P<comment> //(?:[^\\\n]|\\.|\\\n)* | /\*.*?\*/ )
+  | (?P<raw> R"(?P<tag>[^()\\\s]{0,16})\(.*?\)(?P=tag)" )
+  | (?P<string> "(?:[^"\\\n]|\\.)*" )
+  | (?P<char> (?<![0-9A-Fa-f])'(?:[^'\\\n]|\\.)+' )
+""", re.DOTALL | re.VERBOSE)
+INCLUDE_BEGINS = re.compile(r"#[ \t]*include[ \t]*$")
+INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]*(?:"([^"\n]+)"|<([^>\n]+)>)', re.MULTILINE)
+
+
+class Folder:
+    def __init__(self, path, pure):
+        self.path = path            # "src/wire"
+        self.name = path.split("/")[0] if path.startswith("include") else path.split("/")[-1]
+        self.pure = pure
+        self.everything = False
+        self.os = False
+        self.folders = set()
+        self.patterns = []
+
+
+def read_table(text):
+    """The rows of the first table whose header starts with `folder`; ([Folder], [problem])."""
+    folders, problems, columns = {}, [], None
+    for number, line in enumerate(text.splitlines(), 1):
+        if not line.lstrip().startswith("|"):
+            if columns is not None:
+                break
+            continue
+        cells = [cell.strip() for cell in line.strip().strip("|").split("|")]
+        if columns is None:
+            header = [cell.lower() for cell in cells]
+            if header[0] == "folder" and "may include" in header:
+                columns = {name: index for index, name in enumerate(header)}
+            continue
+        if set("".join(cells)) <= set("-: "):
+            continue
+        where = f"ARCHITECTURE.md:{number}"
+        if len(cells) != len(columns):
+            problems.append(f"{where}: the row has {len(cells)} cells, the header {len(columns)}")
+            continue
+        path = cells[0].strip("`").rstrip("/")
+        pure = "pure" in columns and cells[columns["pure"]].lower() == "yes"
+        folder = Folder(path, pure)
+        folder.line = number
+        for word in filter(None, (w.strip().strip("`") for w in cells[columns["may include"]].split(","))):
+            if word == "everything":
+                folder.everything = True
+            elif word == "OS":
+                folder.os = True
+            elif word.startswith("<") and word.endswith(">"):
+                folder.patterns.append(word[1:-1])
+            elif word not in ("std only", "—", "-"):
+                folder.folders.add(word)
+        folders[path] = folder
+    if columns is None:
+        problems.append("ARCHITECTURE.md:1: no table with the columns `folder` and `may include`")
+    names = {folder.name for folder in folders.values()}
+    for folder in folders.values():
+        for word in sorted(folder.folders - names):
+            problems.append(f"ARCHITECTURE.md:{folder.line}: {folder.path} may include {word}, "
+                            "which is no folder of the table")
+    problems += find_cycles(folders)
+    return folders, problems
+
+
+def find_cycles(folders):
+    """The table must be one-way: peel off folders whose needs are all peeled; what stays is on or above a cycle."""
+    rest = {f.name: set(f.folders) - {f.name} for f in folders.values() if not f.everything}
+    while rest:
+        free = [name for name, needs in rest.items() if not needs & rest.keys()]
+        if not free:
+            return [f"ARCHITECTURE.md:1: the table is not one-way: {', '.join(sorted(rest))} include each other"]
+        for name in free:
+            del rest[name]
+    return []
+
+
+def blank(match):
+    text = match.group()
+    if text.startswith(("//", "/*")):
+        return " " + "\n" * text.count("\n")
+    if text.startswith("'"):
+        return "' '"
+    line_start = match.string.rfind("\n", 0, match.start()) + 1
+    if INCLUDE_BEGINS.search(match.string, line_start, match.start()):
+        return text
+    return '""' + "\n" * text.count("\n")
+
+
+def bare_code(text):
+    """Comments and the contents of strings blanked, names of headers kept; line numbers stay."""
+    return TOKEN.sub(blank, text)
+
+
+def line_of(text, position):
+    return text.count("\n", 0, position) + 1
+
+
+class Checker:
+    def __init__(self, root):
+        self.root = root
+        self.files = 0
+        self.includes = 0
+        self.problems = []
+        self.existing = {}
+
+    def run(self):
+        try:
+            with open(os.path.join(self.root, "ARCHITECTURE.md"), encoding="utf-8") as file:
+                self.folders, self.problems = read_table(file.read())
+        except OSError as error:
+            self.problems = [f"ARCHITECTURE.md:1: cannot be read: {error.strerror}"]
+            return self
+        for top in ROOTS:
+            for directory, names, files in os.walk(os.path.join(self.root, top)):
+                names.sort()
+                for name in sorted(files):
+                    if name.endswith(SUFFIXES):
+                        self.check_file(os.path.relpath(os.path.join(directory, name), self.root))
+        return self
+
+    def folder_of(self, path):
+        while path:
+            path = os.path.dirname(path)
+            if path in self.folders:
+                return self.folders[path]
+        return None
+
+    def exists(self, path):
+        if path not in self.existing:
+            self.existing[path] = os.path.isfile(os.path.join(self.root, path))
+        return self.existing[path]
+
+    def resolve(self, source, header):
+        """The path inside the project that the compiler would find for "header", or a guess where it is missing."""
+        places = (os.path.dirname(source), "include", "src", "")
+        paths = [os.path.normpath(os.path.join(place, header)) for place in places]
+        for path in paths:
+            if self.exists(path):
+                return path
+        for path in paths[1:]:
+            if self.folder_of(path):
+                return path
+        return paths[0] if "/" not in header else None
+
+    def check_file(self, path):
+        folder = self.folder_of(path)
+        try:
+            with open(os.path.join(self.root, path), encoding="utf-8", errors="replace") as file:
+                text = file.read()
+        except FileNotFoundError:  # an editor's temporary file, gone since it was listed
+            return
+        self.files += 1
+        if folder is None:
+            self.problems.append(f"{path}:1: its folder has no row in the layer table of ARCHITECTURE.md")
+            return
+        code = bare_code(text)
+        for match in INCLUDE.finditer(code):
+            self.includes += 1
+            quoted, angle = match.groups()
+            rule = self.check_include(folder, path, quoted, angle)
+            if rule:
+                self.problems.append(f"{path}:{line_of(code, match.start())}: {rule}")
+        if not folder.pure:
+            return
+        code = INCLUDE.sub("", code)
+        for words, pattern, what in NOT_PURE:
+            if not any(word in code for word in words):
+                continue
+            for match in pattern.finditer(code):
+                self.problems.append(f"{path}:{line_of(code, match.start())}: `{match.group().strip()}` {what}; "
+                                     f"{folder.path} is pure, pass it in as an argument")
+
+    def check_include(self, folder, path, quoted, angle):
+        if folder.everything:
+            return None
+        header = quoted or angle
+        if quoted or header.startswith("interneuron/"):
+            target = self.resolve(path, header)
+            target_folder = self.folder_of(target) if target else None
+            if target_folder is None:
+                return f'"{header}" lies in no folder of the layer table; libraries are included with <>'
+            if target_folder is folder or target_folder.name in folder.folders:
+                return None
+            allowed = ", ".join(sorted(folder.folders)) or "nothing of the project"
+            return f'{folder.path} may not include {target_folder.path} ("{header}"); allowed: {allowed}'
+        if any(fnmatch.fnmatchcase(header, pattern) for pattern in folder.patterns):
+            return None
+        if header in STD:
+            if folder.pure and header in STD_NOT_PURE:
+                return f"<{header}> in {folder.path}, which is pure: no clocks, threads, locks, files or printing"
+            return None
+        if folder.os and any(fnmatch.fnmatchcase(header, pattern) for pattern in OS_PATTERNS):
+            return None
+        return f"{folder.path} may not include <{header}>; its row in ARCHITECTURE.md does not list it"
+
+
+TABLE = """
+| folder | what | may include | pure |
+|---|---|---|---|
+| `include/interneuron/` | vocabulary | std only | yes |
+| `policies/` | policies | include | yes |
+| `src/wire/` | bytes | include | yes |
+| `src/emu/` | links | include, `<toml++/*>` | yes |
+| `src/io/` | system | include, OS | no |
+| `src/cli/` | program | everything | no |
+"""
+
+# (file, line, rule or None): one file per line of code, None where nothing may be found.
+CASES = [
+    ("include/interneuron/a.h", "#include <vector>", None),
+    ("include/interneuron/b.h", '#include "interneuron/a.h"', None),
+    ("include/interneuron/c.h", '#include "wire/header.h"', "may not include src/wire"),
+    ("include/interneuron/d.h", "#include <sys/socket.h>", "does not list it"),
+    ("include/interneuron/e.h", "#include <thread>", "pure"),
+    ("include/interneuron/f.h", "#include <functional>  // std::thread, system_clock::now() in a comment", None),
+    ("src/wire/header.h", '#include "wire/other.h"', None),
+    ("src/wire/other.h", "#include <interneuron/a.h>", None),
+    ("src/wire/c.cc", '#include "emu/profile.h"', "may not include src/emu"),
+    ("src/wire/d.cc", '#include "io/socket.h"', "may not include src/io"),
+    ("src/wire/e.cc", "#include <boost/asio.hpp>", "does not list it"),
+    ("src/wire/f.cc", "#include <toml++/toml.h>", "does not list it"),
+    ("src/wire/g.cc", '/* a\n b */ #include "nowhere/x.h"', "lies in no folder"),
+    ("src/wire/h.cc", "auto t = LocalClock::now();", "reads a clock"),
+    ("src/wire/i.cc", "auto t = pacer.now() + guard->now(); auto s = now(3);", None),
+    ("src/wire/j.cc", "timespec t; clock_gettime(CLOCK_MONOTONIC, &t);", "reads a clock"),
+    ("src/wire/k.cc", "auto t = time(nullptr);", "reads a clock"),
+    ("src/wire/l.cc", "auto t = rate.transmit_time(0) + link.time(0) + std::max(time, 0);", None),
+    ("src/wire/m.cc", "::usleep(3);", "waits"),
+    ("src/wire/n.cc", 'const char* s = "std::cout << system_clock::now()";', None),
+    ("src/wire/o.cc", "std::lock_guard lock(m);", "locks"),
+    ("src/wire/p.cc", 'std::printf("x");', "prints"),
+    ("src/wire/q.cc", 'std::snprintf(out, 3, "x");', None),
+    ("src/wire/r.cc", "std::random_device seed;", "hidden input"),
+    ("src/wire/s.cc", "auto big = 1'000'000; auto t = std::chrono::steady_clock::now(); auto c = 'x';", "clock"),
+    ("src/wire/t.cc", "#include <unistd.h>", "does not list it"),
+    ("src/wire/u.cc", "#include <iostream>", "pure"),
+    ("src/wire/v.cc", "#include <spdlog/spdlog.h>", "does not list it"),
+    ("src/wire/w.cc", 'auto s = R"(std::time(nullptr); ")"; auto t = gettimeofday(&a, 0);', "reads a clock"),
+    ("src/wire/y.cc", '// "quoted\n#include "io/socket.h"  // why\n', "may not include src/io"),
+    ("src/wire/z.cc", 'const char* s = "\\"#include <thread>"; // \\\n#include <thread>', None),
+    ("src/wire/x.cc", "// sleep(1)\nint a = 1; // time(0)\n/* ::now() */", None),
+    ("src/emu/profile.cc", "#include <toml++/toml.h>", None),
+    ("policies/best.cc", '#include "wire/header.h"', "may not include src/wire"),
+    ("src/io/socket.cc", "#include <sys/socket.h>\n#include <mutex>\nauto t = std::time(nullptr);", None),
+    ("src/io/b.cc", '#include "cli/main.h"', "may not include src/cli"),
+    ("src/cli/main.cc", '#include "io/socket.h"\n#include <opencv2/core.hpp>', None),
+    ("src/stray/a.cc", "int a;", "no row"),
+]
+
+
+def self_test():
+    failures = []
+    with tempfile.TemporaryDirectory() as root:
+        def write(path, text):
+            path = os.path.join(root, path)
+            os.makedirs(os.path.dirname(path), exist_ok=True)
+            with open(path, "w", encoding="utf-8") as file:
+                file.write(text + "\n")
+        write("ARCHITECTURE.md", TABLE)
+        for path, text, _ in CASES:
+            write(path, text)
+        checker = Checker(root).run()
+        for path, text, rule in CASES:
+            found = [problem for problem in checker.problems if problem.startswith(path + ":")]
+            if (rule is None) != (not found) or (rule and not any(rule in problem for problem in found)):
+                failures.append(f"{path}: {text!r}: expected {rule!r}, found {found}")
+        line = next(p for p in checker.problems if p.startswith("src/wire/g.cc"))
+        if not line.startswith("src/wire/g.cc:2:"):
+            failures.append(f"wrong line number: {line}")
+    for text, rule in (
+            (TABLE.replace("| include, OS |", "| include, nonsense |"), "no folder of the table"),
+            (TABLE.replace("| std only |", "| wire |"), "not one-way"),
+            ("no table here", "no table")):
+        problems = read_table(text)[1]
+        if not any(rule in problem for problem in problems):
+            failures.append(f"table: expected {rule!r}, found {problems}")
+    for failure in failures:
+        print(f"self-test: {failure}", file=sys.stderr)
+    print(f"layers: self-test of {len(CASES) + 4} cases: {'failed' if failures else 'passed'}")
+    return 1 if failures else 0
+
+
+def main(arguments):
+    if arguments == ["--self-test"]:
+        return self_test()
+    root = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+    if len(arguments) == 2 and arguments[0] == "--root":
+        root = arguments[1]
+    elif arguments:
+        print(__doc__.strip(), file=sys.stderr)
+        return 0 if arguments in (["-h"], ["--help"]) else 2
+    checker = Checker(root).run()
+    for problem in checker.problems:
+        print(problem)
+    if checker.problems:
+        print(f"layers: {len(checker.problems)} violation(s) of the table in ARCHITECTURE.md", file=sys.stderr)
+        return 1
+    print(f"layers: {checker.files} files, {checker.includes} includes, all as ARCHITECTURE.md allows")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

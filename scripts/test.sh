@@ -1,0 +1,54 @@
+#!/usr/bin/env bash
+# Installs what is missing, builds a preset and runs every test.
+#
+#   scripts/test.sh [--full] [PRESET]
+#
+#   --full    sets INTERNEURON_FULL=1: tests that repeat something over seeds take all of them, not a sample
+#   PRESET    release (default), debug, asan, tsan or clang; see CMakePresets.json
+#
+# Exit codes: 0 every test passed, 1 a build or test failed, 2 usage, 5 needs root to install packages.
+set -euo pipefail
+root=$(dirname "$(dirname "$(readlink -f "${BASH_SOURCE[0]}")")")
+
+preset=
+for argument in "$@"; do
+  case $argument in
+    --full) export INTERNEURON_FULL=1 ;;
+    -h | --help) sed -n '2,/^set /{/^set /d;s/^# \{0,1\}//;p}' "${BASH_SOURCE[0]}"; exit 0 ;;
+    -*) printf "test: unknown option '%s'; see scripts/test.sh --help\n" "$argument" >&2; exit 2 ;;
+    *)
+      [[ -z $preset ]] || { echo "test: one preset at a time" >&2; exit 2; }
+      preset=$argument
+      ;;
+  esac
+done
+preset=${preset:-release}
+case $preset in
+  release | debug | asan | tsan | clang) ;;
+  *) printf "test: no preset '%s'; there are release, debug, asan, tsan, clang\n" "$preset" >&2; exit 2 ;;
+esac
+
+if [[ -e $root/build && ! -w $root/build ]]; then
+  printf '%s: cannot write to %s/build, which belongs to %s; remove it or run as that user\n' test "$root" "$(stat -c %U "$root/build")" >&2
+  exit 1
+fi
+trap 'exit 130' INT
+
+# Caches of the compiler and of libraries stay inside build/.
+export XDG_CACHE_HOME="$root/build/cache"
+jobs=$(nproc)
+
+bash "$root/scripts/setup.sh"
+cd "$root"
+cmake --preset "$preset" --log-level=WARNING || exit 1
+cmake --build "build/$preset" --parallel "$jobs" || exit 1
+
+# The sanitizers of these compilers expect the usual memory layout.
+runner=()
+case $preset in
+  asan | tsan) if setarch -R true 2>/dev/null; then runner=(setarch -R); fi ;;
+esac
+export ASAN_OPTIONS="${ASAN_OPTIONS:-detect_stack_use_after_return=1:strict_string_checks=1}"
+export UBSAN_OPTIONS="${UBSAN_OPTIONS:-print_stacktrace=1}"
+export TSAN_OPTIONS="${TSAN_OPTIONS:-second_deadlock_stack=1}"
+"${runner[@]}" ctest --test-dir "build/$preset" --output-on-failure --no-tests=error --timeout 300 -j 2 || exit 1
