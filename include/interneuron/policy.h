@@ -1,0 +1,76 @@
+// A communication policy (NOTES §3): which variants of a message go over which links, and what the
+// receiver hands to the application when. A policy knows neither devices nor applications. Write
+// your own in one file: see policies/.
+//
+// Policies are pure and stateless: the same arguments give the same answer. The sender's endpoint
+// calls plan(), the receiver's merge(); the message header names the policy, so both ends need it
+// registered under the same name.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string_view>
+#include <vector>
+
+#include "interneuron/link.h"
+#include "interneuron/message.h"
+
+namespace interneuron {
+
+// What the real-time guard asks of the next transmission.
+struct Guidance {
+  bool degraded = false;  // sacrifice quality for time
+};
+
+// A message about to be sent. variant_bytes: from the best variant to the smallest, at least one.
+struct Offer {
+  QoS qos;
+  std::span<const std::size_t> variant_bytes;
+};
+
+struct Assignment {
+  std::uint8_t variant = 0;  // index into the offer's variants
+  LinkId link{};
+  friend bool operator==(const Assignment&, const Assignment&) = default;
+};
+
+struct Plan {
+  std::vector<Assignment> sends;
+  bool under_floor =
+      false;  // no link met the floor: the plan is best effort, and is reported as such
+};
+
+// One complete variant at the receiver. What is decided obeys the header (what the sender planned),
+// never the receiver's own state.
+struct Arrival {
+  std::uint8_t variant = 0;
+  std::uint8_t best_planned = 0;  // the best variant the sender's plan holds
+  bool degraded = false;
+};
+
+enum class Merge : std::uint8_t {
+  kDeliver,  // hand it over now; later variants of this message are dropped
+  kHold,     // keep it until the stage deadline in the hope of a better one
+};
+
+class Policy {
+ public:
+  virtual ~Policy() = default;
+  // Unique; lower-case with underscores.
+  virtual std::string_view name() const = 0;
+  virtual Plan plan(const Offer& offer, std::span<const LinkState> links,
+                    const Guidance& guidance) const = 0;
+  virtual Merge merge(const Arrival& arrival) const = 0;
+};
+
+// The floor of NOTES §3: the rate at which a variant of this size keeps up with the message's
+// period (or, for sporadic messages, arrives by the deadline).
+DataRate rate_floor(const QoS& qos, std::size_t bytes);
+
+using PolicySet = std::vector<std::shared_ptr<const Policy>>;
+
+// best_link, duplicate, down_sampling.
+PolicySet builtin_policies();
+
+}  // namespace interneuron

@@ -1,0 +1,31 @@
+// The requirement table (NOTES §2): what a policy asks of links, and the one place where links are
+// matched to it.
+#pragma once
+
+#include <cstddef>
+#include <limits>
+#include <span>
+#include <vector>
+
+#include "interneuron/link.h"
+
+namespace interneuron {
+
+struct Requirement {
+  // Floors, in units. A link that is measured to be worse is dropped; a link not measured yet is
+  // kept.
+  Duration max_rtt = Duration::max();
+  DataRate min_rate{};
+  double max_loss = 1.0;
+  double min_security = 0.0;
+  // Weights of the ranking; need not sum to 1.
+  Nature weights{};
+  // How many links are wanted at most.
+  std::size_t links = std::numeric_limits<std::size_t>::max();
+};
+
+// The links that are up and meet every floor, best first; ties keep the order of `links`. Pure;
+// never throws for size.
+std::vector<LinkState> match(const Requirement& requirement, std::span<const LinkState> links);
+
+}  // namespace interneuron

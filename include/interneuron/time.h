@@ -1,0 +1,75 @@
+// Time as values. Pure code receives `now`; it cannot read a clock, because these clocks have no
+// now().
+//
+// Two hosts never share a clock, so their instants have different types: TimePoint (this host) and
+// PeerTime (another host). The only bridge is elapsed_across(), whose result contains the unknown
+// offset α = own clock - peer clock (NOTES §4.1). Wire times may be any 64-bit value, so every
+// subtraction and addition here wraps or saturates and is never undefined.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <limits>
+
+namespace interneuron {
+
+using Duration = std::chrono::nanoseconds;
+
+// CLOCK_MONOTONIC of this host, ns. A label only: the one reader is src/io/steady_clock.cc.
+struct LocalClock {
+  using duration = Duration;
+  using rep = duration::rep;
+  using period = duration::period;
+  using time_point = std::chrono::time_point<LocalClock>;
+  static constexpr bool is_steady = true;
+};
+using TimePoint = LocalClock::time_point;
+
+// CLOCK_MONOTONIC of some other host, ns.
+struct PeerClock {
+  using duration = Duration;
+  using rep = duration::rep;
+  using period = duration::period;
+  using time_point = std::chrono::time_point<PeerClock>;
+  static constexpr bool is_steady = true;
+};
+using PeerTime = PeerClock::time_point;
+
+constexpr std::int64_t wrapping_sub(std::int64_t a, std::int64_t b) {
+  return static_cast<std::int64_t>(static_cast<std::uint64_t>(a) - static_cast<std::uint64_t>(b));
+}
+
+constexpr std::int64_t wrapping_add(std::int64_t a, std::int64_t b) {
+  return static_cast<std::int64_t>(static_cast<std::uint64_t>(a) + static_cast<std::uint64_t>(b));
+}
+
+// θ of NOTES §4.1: own now minus the peer's t0. Contains the clock offset α; only differences of
+// two θ mean anything.
+constexpr Duration elapsed_across(PeerTime from, TimePoint to) {
+  return Duration{wrapping_sub(to.time_since_epoch().count(), from.time_since_epoch().count())};
+}
+
+// The instant on this host's clock at which θ (which contains α) is reached for a round begun at t0
+// on the peer's.
+constexpr TimePoint when_elapsed(PeerTime t0, Duration theta) {
+  return TimePoint{Duration{wrapping_add(t0.time_since_epoch().count(), theta.count())}};
+}
+
+// The same instant seen as the peer's, for what goes on the wire and for a host that is its own
+// origin.
+constexpr PeerTime as_wire(TimePoint t) { return PeerTime{t.time_since_epoch()}; }
+
+// t + d, saturating; for deadlines computed from peers' bytes.
+constexpr TimePoint saturating_add(TimePoint t, Duration d) {
+  std::int64_t out = 0;
+  if (__builtin_add_overflow(t.time_since_epoch().count(), d.count(), &out)) {
+    return d.count() > 0 ? TimePoint::max() : TimePoint::min();
+  }
+  return TimePoint{Duration{out}};
+}
+
+constexpr double to_ms(Duration d) { return static_cast<double>(d.count()) / 1e6; }
+
+constexpr Duration from_ms(double ms) { return Duration{static_cast<std::int64_t>(ms * 1e6)}; }
+
+}  // namespace interneuron
