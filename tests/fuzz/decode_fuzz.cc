@@ -1,0 +1,19 @@
+// The fuzzer's entry point: any bytes as a datagram and as a message. Stops the program where bytes
+// are neither refused nor valid. Built twice: with libFuzzer (INTERNEURON_FUZZ), and into the test
+// that feeds it seeded mutations.
+#include <cstdint>
+#include <cstdlib>
+
+#include "tests/wire/consistent.h"
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  namespace wire = interneuron::wire;
+  const interneuron::ByteView bytes = std::as_bytes(std::span(data, size));
+  if (!wire::refused_or_consistent(bytes) || !wire::refused_or_consistent_message(bytes)) {
+    std::abort();
+  }
+  const auto packet = wire::parse(bytes);
+  const bool opens_a_message = packet && packet->header.type == wire::PacketType::kData;
+  if (opens_a_message && !wire::refused_or_consistent_message(packet->data.bytes)) std::abort();
+  return 0;
+}
