@@ -1,0 +1,53 @@
+// Reference times (NOTES §4.1) of one pipeline at one node: θ per round and stage, kept until the
+// indicator tells that the round ended on time, then folded into the stage's base. A missed or
+// never decided round leaves no trace.
+//
+// θ and base contain the clock offset; nothing here depends on its value. Pure; thread-compatible;
+// bounded.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+
+#include "interneuron/pipeline.h"
+#include "interneuron/time.h"
+
+namespace interneuron::guard {
+
+class ReferenceTime {
+ public:
+  static constexpr std::int64_t kSmoothingPermille =
+      300;                                  // k of NOTES §4.1, the paper's evaluation
+  static constexpr std::size_t kRing = 64;  // rounds remembered, NOTES §4.1
+  static constexpr Duration kForget = std::chrono::seconds(60);  // NOTES §4.3
+
+  // Stage numbers are 1 … kMaxStages throughout.
+  void observe(RoundId round, std::size_t stage, Duration theta);
+  // Applies what the header of `current` tells of the rounds before, each once, oldest first.
+  void learn(TimePoint now, RoundId current, const Indicator& indicator);
+  void settle(TimePoint now, RoundId round, RoundState state);
+
+  // base_n, unless there is none (yet, or any more).
+  std::optional<Duration> base(TimePoint now, std::size_t stage);
+
+  void reset();
+
+ private:
+  struct Entry {
+    RoundId round{};
+    bool used = false;
+    bool settled = false;
+    std::array<std::optional<Duration>, kMaxStages> theta{};
+  };
+  Entry& entry(RoundId round);
+
+  std::array<Entry, kRing> ring_{};
+  std::array<std::optional<Duration>, kMaxStages> base_{};
+  std::optional<TimePoint> accepted_at_;
+};
+
+// base + k·(own - base) in the paper's direction: θn + round(k·(base_n - θn)).
+Duration smoothed(Duration base, Duration theta);
+
+}  // namespace interneuron::guard

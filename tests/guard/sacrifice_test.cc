@@ -1,0 +1,39 @@
+#include <gtest/gtest.h>
+
+#include "interneuron/guard.h"
+
+namespace interneuron {
+namespace {
+
+using namespace std::chrono_literals;
+
+const std::vector<Duration> kRuntimes{8ms, 19ms, 44ms};
+
+Verdict late(Duration overrun) { return {.late = true, .overrun = overrun}; }
+
+TEST(SacrificedLevel, WithinTheStageDeadlineNothingIsSacrificed) {
+  EXPECT_EQ(sacrificed_level(kRuntimes, 2, {}), 2U);
+}
+
+TEST(SacrificedLevel, LateIsAtLeastOneStepDown) {
+  EXPECT_EQ(sacrificed_level(kRuntimes, 2, late(1ns)), 1U);
+  EXPECT_EQ(sacrificed_level(kRuntimes, 1, late(1ns)), 0U);
+}
+
+TEST(SacrificedLevel, MakesUpForTheOverrun) {
+  EXPECT_EQ(sacrificed_level(kRuntimes, 2, late(25ms)), 1U);
+  EXPECT_EQ(sacrificed_level(kRuntimes, 2, late(25ms + 1ns)), 0U);
+}
+
+TEST(SacrificedLevel, TheLowestWhenNothingSuffices) {
+  EXPECT_EQ(sacrificed_level(kRuntimes, 2, late(10s)), 0U);
+  EXPECT_EQ(sacrificed_level(kRuntimes, 2, late(kFullSeverity)), 0U);
+  EXPECT_EQ(sacrificed_level(kRuntimes, 0, late(kFullSeverity)), 0U);
+}
+
+TEST(SacrificedLevel, WithoutLevelsThereIsNothingToChoose) {
+  EXPECT_EQ(sacrificed_level({}, 0, late(1ms)), 0U);
+}
+
+}  // namespace
+}  // namespace interneuron
