@@ -1,0 +1,109 @@
+// down_sampling: the paper's example (NOTES §3). It needs delay: raw over one of the two fastest
+// links that can carry it, a sampled copy over the other in case raw is late.
+//
+// "raw" is the best variant, "sampled" the next one. A link is fit for a variant when it meets its
+// rate floor.
+//
+// The two links: the one with the best delay of those fit for raw, and the one with the best delay
+// of the others that are fit for sampled. (Were both to be fit for raw, a 4G link that cannot carry
+// raw at the frame rate would leave one link and no sampled copy.)
+//
+//                         normal                              degraded
+//   two links             raw over the one with more          sampled over both
+//                         bandwidth, sampled over the other
+//   one link,             raw                                 sampled
+//     fit for raw
+//   none fit for raw      sampled over the fastest link       sampled over the two fastest links
+//                         fit for it, reported                fit for it
+//   none fit for sampled  sampled over the fastest, reported  sampled over the fastest, reported
+//   no smaller variant    whole over the fastest fit for it   whole over the two fastest fit for it
+//     none fit for it     whole over the fastest, reported    whole over the fastest, reported
+//
+// Receiver: raw, or anything degraded, is delivered at once. Sampled is held until the stage
+// deadline if raw was sent too.
+#include "interneuron/requirement.h"
+#include "policies/builtin.h"
+
+namespace interneuron::policies {
+namespace {
+
+constexpr std::uint8_t kRaw = 0;
+constexpr std::uint8_t kSampled = 1;
+constexpr std::size_t kBoth = 2;  // links
+
+// The links that meet the floor, at most so many, fastest first.
+std::vector<LinkState> fastest(std::span<const LinkState> links, DataRate floor,
+                               std::size_t count) {
+  return match({.min_rate = floor, .weights = {.delay = 1}, .links = count}, links);
+}
+
+Plan send_over(const std::vector<LinkState>& chosen, std::uint8_t variant) {
+  Plan plan;
+  for (const LinkState& link : chosen) plan.sends.push_back({variant, link.id});
+  return plan;
+}
+
+Plan best_effort(std::span<const LinkState> links, DataRate floor, std::uint8_t variant) {
+  std::vector<LinkState> chosen = fastest(links, floor, 1);
+  if (chosen.empty()) chosen = fastest(links, {}, 1);
+  Plan plan = send_over(chosen, variant);
+  plan.under_floor = !chosen.empty();
+  return plan;
+}
+
+// The two links of NOTES §3, or as many of them as there are; the first one is fit for raw and is
+// to carry it.
+std::vector<LinkState> raw_and_sampled_link(std::span<const LinkState> links, DataRate raw_floor,
+                                            DataRate sampled_floor) {
+  std::vector<LinkState> pair = fastest(links, raw_floor, 1);
+  if (pair.empty()) return pair;
+  for (const LinkState& link : fastest(links, sampled_floor, kBoth)) {
+    if (link.id != pair.front().id && pair.size() < kBoth) pair.push_back(link);
+  }
+  if (pair.size() < kBoth) return pair;
+  // A rate not measured yet is 0: it meets every floor, but a measured one is preferred.
+  const bool second_is_fit = !fastest(std::span(pair).last(1), raw_floor, 1).empty();
+  if (second_is_fit && pair[1].rate > pair[0].rate) std::swap(pair[0], pair[1]);
+  return pair;
+}
+
+class DownSampling final : public Policy {
+ public:
+  std::string_view name() const override { return "down_sampling"; }
+
+  Plan plan(const Offer& offer, std::span<const LinkState> links,
+            const Guidance& guidance) const override {
+    const DataRate raw_floor = rate_floor(offer.qos, offer.variant_bytes[kRaw]);
+    if (offer.variant_bytes.size() == 1) return whole(links, raw_floor, guidance.degraded);
+    const DataRate sampled_floor = rate_floor(offer.qos, offer.variant_bytes[kSampled]);
+
+    std::vector<LinkState> chosen = raw_and_sampled_link(links, raw_floor, sampled_floor);
+    if (guidance.degraded) {
+      if (chosen.empty()) chosen = fastest(links, sampled_floor, kBoth);
+      if (chosen.empty()) return best_effort(links, sampled_floor, kSampled);
+      return send_over(chosen, kSampled);
+    }
+    if (chosen.empty()) return best_effort(links, sampled_floor, kSampled);
+    Plan plan;
+    plan.sends.push_back({kRaw, chosen.front().id});
+    if (chosen.size() == kBoth) plan.sends.push_back({kSampled, chosen.back().id});
+    return plan;
+  }
+
+  Merge merge(const Arrival& arrival) const override {
+    const bool better_may_come = arrival.best_planned < arrival.variant && !arrival.degraded;
+    return better_may_come ? Merge::kHold : Merge::kDeliver;
+  }
+
+ private:
+  static Plan whole(std::span<const LinkState> links, DataRate floor, bool degraded) {
+    const std::vector<LinkState> chosen = fastest(links, floor, degraded ? kBoth : 1);
+    return chosen.empty() ? best_effort(links, floor, kRaw) : send_over(chosen, kRaw);
+  }
+};
+
+}  // namespace
+
+std::shared_ptr<const Policy> down_sampling() { return std::make_shared<DownSampling>(); }
+
+}  // namespace interneuron::policies

@@ -1,0 +1,43 @@
+#include "interneuron/requirement.h"
+
+#include <algorithm>
+
+#include "interneuron/policy.h"
+
+namespace interneuron {
+namespace {
+
+bool meets(const Requirement& r, const LinkState& link) {
+  const bool delay_measured = link.rtt_p95 > Duration::zero();
+  const bool rate_measured = link.rate > DataRate{};
+  return !(delay_measured && link.rtt_p95 > r.max_rtt) &&
+         !(rate_measured && link.rate < r.min_rate) && !(link.loss > r.max_loss) &&
+         !(link.nature.security < r.min_security);
+}
+
+// NOTES §2: rank by weighted score. What is not a number ranks last, so that the order stays total.
+double rank(const Nature& weights, const Nature& score) {
+  const double sum = weights.delay * score.delay + weights.bandwidth * score.bandwidth +
+                     weights.reliability * score.reliability + weights.security * score.security;
+  return sum == sum ? sum : -std::numeric_limits<double>::infinity();
+}
+
+}  // namespace
+
+std::vector<LinkState> match(const Requirement& requirement, std::span<const LinkState> links) {
+  std::vector<LinkState> out;
+  for (const LinkState& link : links) {
+    if (link.up && meets(requirement, link)) out.push_back(link);
+  }
+  std::ranges::stable_sort(out, std::ranges::greater{}, [&requirement](const LinkState& link) {
+    return rank(requirement.weights, link.nature);
+  });
+  if (out.size() > requirement.links) out.resize(requirement.links);
+  return out;
+}
+
+DataRate rate_floor(const QoS& qos, std::size_t bytes) {
+  return rate_of(bytes, qos.period > Duration::zero() ? qos.period : qos.deadline);
+}
+
+}  // namespace interneuron
