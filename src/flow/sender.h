@@ -1,0 +1,149 @@
+// The sending side of one peer: messages cut into pieces that fit the path (IP never fragments),
+// earliest deadline first, paced per path; pieces found lost are sent again over the path that
+// brings them soonest, while the deadline allows. Pure; thread-compatible.
+//
+// In the order of use: send() queues a message on paths; poll() yields the next piece that may
+// leave a path now; report() and handle_timeout() tell what arrived or must be taken for lost.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <optional>
+#include <unordered_map>
+#include <vector>
+
+#include "interneuron/units.h"
+#include "wire/packet.h"
+
+namespace interneuron::flow {
+
+// What the sender must know of a path; refreshed by set_path() whenever the estimates move.
+struct PathView {
+  bool up = false;
+  std::optional<DataRate> rate;  // unknown: paced at kBlindRate
+  Duration one_way{};            // expected, zero while unknown
+  Duration probe_timeout{};  // after this long without acknowledgement a packet is taken for lost
+};
+
+class Sender {
+ public:
+  struct Options {
+    bool repair = true;
+    MessageId first_message{};
+  };
+  explicit Sender(Options options)
+      : options_(options), next_message_(options.first_message.value) {}
+
+  // A path that is known already only gets another size; its numbers go on.
+  void add_path(LinkId path, std::size_t max_datagram, std::uint64_t first_number = 1);
+  // Gives what it still owed to the other paths.
+  void remove_path(TimePoint now, LinkId path);
+  void set_path(LinkId path, const PathView& view);
+
+  // Queues a message (round header and payload) on these paths. After `deadline` nothing of it is
+  // sent. Nothing is sent either of a message that does not fit into the number of pieces that the
+  // wire allows.
+  MessageId send(TimePoint now, TimePoint deadline, Duration lifetime, Bytes message,
+                 const std::vector<LinkId>& paths);
+
+  // The next packet number of a path, for packets that the endpoint makes itself; they count as
+  // sent.
+  std::uint64_t take_number(TimePoint now, LinkId path);
+
+  // A piece of a message that may leave `path` now; the bytes are valid until the next call.
+  // nullopt: nothing may.
+  struct Piece {
+    std::uint64_t number = 0;
+    wire::FragmentHeader fragment;
+    ByteView bytes;
+  };
+  std::optional<Piece> poll(TimePoint now, LinkId path);
+
+  struct Verdicts {
+    std::uint64_t acknowledged = 0;
+    std::uint64_t lost = 0;
+    bool used_path = false;  // at least one packet of ours is covered
+  };
+  Verdicts report(TimePoint now, const wire::LinkReport& report);
+
+  // Silence: packets older than their path's probe timeout count as lost. Drops what is past its
+  // deadline. Returns how many packets were found lost, per path.
+  std::vector<std::pair<LinkId, std::uint64_t>> handle_timeout(TimePoint now);
+  std::optional<TimePoint> next_timeout() const;
+  // When poll() should be called for a path that has something queued; the paths that may not send
+  // are the caller's business.
+  std::optional<TimePoint> next_send(LinkId path) const;
+
+  // The rate at which the newest messages were paced on a path; nothing when not paced by us.
+  std::optional<DataRate> pacing_rate(LinkId path) const;
+
+  std::uint64_t resent(LinkId path) const;
+  std::uint64_t cancelled() const { return cancelled_; }
+  void reset(TimePoint now);  // the peer began a new life: everything queued or in flight is void
+
+  // Before anything is known of a path; a start-up train measures it within a round trip. Chosen: a
+  // weak 4G uplink.
+  static constexpr DataRate kBlindRate{20'000'000};
+
+ private:
+  struct Message {
+    Bytes bytes;
+    TimePoint deadline{};
+    std::uint32_t lifetime_us = 0;
+    std::uint16_t count = 0;
+    std::uint16_t chunk = 0;
+    std::uint16_t unacknowledged = 0;
+    struct PieceState {
+      bool acknowledged = false;
+      std::uint8_t under_way = 0;  // copies queued or in flight
+    };
+    std::vector<PieceState> pieces;
+  };
+  // What a path still has to send of one message.
+  struct Job {
+    MessageId message{};
+    TimePoint deadline{};
+    std::uint32_t next = 0;  // first copies: next … count - 1
+    std::uint16_t count = 0;
+    std::uint16_t chunk = 0;
+    std::deque<std::uint16_t> again;
+  };
+  struct Sent {
+    std::uint64_t number = 0;
+    TimePoint at{};
+    bool has_piece = false;
+    bool settled = false;  // acknowledged or found lost
+    MessageId message{};
+    std::uint16_t index = 0;
+  };
+  struct Path {
+    std::size_t max_datagram = 0;
+    PathView view;
+    std::uint64_t next_number = 1;
+    TimePoint free_at = TimePoint::min();  // pacing: when the next packet may leave
+    std::vector<Job> jobs;                 // few: one per message under way
+    std::deque<Sent> sent;                 // by number, oldest first
+    std::uint64_t resent = 0;
+  };
+
+  std::optional<std::uint16_t> take_index(Job& job, bool& is_repair);
+  Job* next_job(Path& path, TimePoint now);
+  // What a path has to send before a piece that is queued now, of messages that somebody still
+  // waits for.
+  std::size_t queued_bytes(const Path& path) const;
+  void lose(TimePoint now, Sent& sent);
+  void repair(TimePoint now, MessageId id, std::uint16_t index);
+  std::optional<TimePoint> expected_arrival(TimePoint now, MessageId id, std::uint16_t index) const;
+  void acknowledge(const Sent& sent);
+  void trim(Path& path, TimePoint now);
+  void forget(MessageId id);
+
+  Options options_;
+  std::map<LinkId, Path> paths_;
+  std::unordered_map<MessageId, Message> messages_;
+  std::uint32_t next_message_;
+  std::uint64_t cancelled_ = 0;
+};
+
+}  // namespace interneuron::flow
