@@ -1,0 +1,476 @@
+#include "interneuron/endpoint.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <stdexcept>
+
+#include "pipe.h"
+
+namespace interneuron {
+namespace {
+
+const std::vector<StageKind> kOffload{kComm, kComp, kComm};
+
+// A vehicle (host 0) and a roadside (host 1) that answers after a computation.
+struct Pair {
+  Pipe pipe;
+  std::size_t vehicle = 0;
+  std::size_t road = 0;
+  PeerId peer{};
+  Duration compute = 20ms;
+  bool answer = true;
+  std::vector<Delivered> delivered;
+  std::vector<Duration> delivered_at;
+  std::vector<RoundDone> done;
+  int ready = 0;
+  int restarted = 0;
+  int lost = 0;
+
+  explicit Pair(std::vector<PipelineConfig> pipelines = {pipeline_of(kOffload)},
+                Duration road_clock = 0ns) {
+    vehicle = pipe.add_host(options_of(1, std::move(pipelines), false));
+    road = pipe.add_host(options_of(2), road_clock);
+    pipe.on_event = [this](std::size_t host, Event& e) {
+      if (auto* d = std::get_if<Delivered>(&e)) {
+        delivered.push_back(*d);
+        delivered_at.push_back(pipe.now());
+        if (answer && host == road) {
+          pipe.plan(compute, [this, ref = d->round] { pipe.submit(road, ref, 100); });
+        }
+      } else if (auto* r = std::get_if<RoundDone>(&e)) {
+        done.push_back(*r);
+      } else if (std::holds_alternative<PeerReady>(e)) {
+        ++ready;
+      } else if (std::holds_alternative<PeerRestarted>(e)) {
+        ++restarted;
+      } else if (std::holds_alternative<PeerLost>(e)) {
+        ++lost;
+      }
+    };
+    peer = pipe.connect(vehicle, road);
+    pipe.run(1s);
+  }
+  void rounds(int count, Variants variants = {Bytes(20'000), Bytes(5'000)}) {
+    for (int i = 0; i < count; ++i) {
+      pipe.round(vehicle, PipelineId{0}, variants);
+      pipe.run(100ms);
+    }
+  }
+};
+
+TEST(Endpoint, BothSidesBecomeReady) {
+  Pair p;
+  EXPECT_EQ(p.ready, 2);
+  EXPECT_EQ(p.pipe.at(p.vehicle).links(p.pipe.local(p.vehicle), p.peer).size(), 2U);
+}
+
+TEST(Endpoint, ARoundGoesThereAndBack) {
+  Pair p;
+  p.rounds(1, {Bytes(20'000, std::byte{7})});
+  ASSERT_EQ(p.delivered.size(), 1U);
+  EXPECT_EQ(p.delivered[0].payload, Bytes(20'000, std::byte{7}));
+  EXPECT_EQ(p.delivered[0].stage, 1);
+  EXPECT_EQ(p.delivered[0].deadline, 130ms);
+  EXPECT_EQ(p.delivered[0].qos.period, 100ms);
+  EXPECT_EQ(p.delivered[0].qos.needs.delay, 1.0);
+  ASSERT_EQ(p.done.size(), 1U);
+  EXPECT_EQ(p.done[0].outcome, Outcome::kRemote);
+  EXPECT_EQ(p.done[0].result.size(), 100U);
+}
+
+TEST(Endpoint, ASmallResultGoesOverEveryLinkAndTheFirstCopyCounts) {
+  Pair p;
+  std::vector<Pipe::Captured> captured;
+  p.pipe.capture = &captured;
+  p.rounds(1);
+  for (const LinkId link : {kFast, kSlow}) {
+    EXPECT_EQ(std::ranges::count_if(captured,
+                                    [&p, link](const Pipe::Captured& c) {
+                                      return c.from == p.road && c.link == link &&
+                                             c.bytes[0] == std::byte{1};
+                                    }),
+              1);
+  }
+  const EndpointCounters c = p.pipe.at(p.vehicle).counters();
+  EXPECT_EQ(c.messages_completed, 1U);
+  EXPECT_EQ(c.messages_late, 0U);
+  p.pipe.plan(15ms, [&p] { p.pipe.cut = {kFast}; });  // the other copy still counts
+  p.rounds(1, {Bytes(1000)});
+  ASSERT_EQ(p.done.size(), 2U);
+  EXPECT_EQ(p.done[1].outcome, Outcome::kRemote);
+}
+
+TEST(Endpoint, TheSmallerVariantOfAResultThatIsThereIsSuperseded) {
+  Pair p({pipeline_of({kComm, kComm})});
+  p.answer = false;
+  p.pipe.on_event = [&p, inner = p.pipe.on_event](std::size_t host, Event& e) {
+    inner(host, e);
+    if (auto* d = std::get_if<Delivered>(&e)) {
+      p.pipe.at(host).submit(p.pipe.local(host), d->round, {Bytes(8'000), Bytes(6'000)},
+                             MessageClass::kResult);
+    }
+  };
+  p.rounds(3);
+  ASSERT_EQ(p.done.size(), 3U);
+  EXPECT_EQ(p.done[2].result.size(), 8'000U);
+  const EndpointCounters c = p.pipe.at(p.vehicle).counters();
+  EXPECT_EQ(c.messages_completed, 6U);
+  EXPECT_EQ(c.messages_superseded, 3U);
+  EXPECT_EQ(c.messages_late, 0U);
+}
+
+TEST(Endpoint, AResultAfterTheDeadlineIsLateAndCounted) {
+  Pair p;
+  p.compute = 122ms;  // leaves the roadside in time and arrives too late
+  p.rounds(1, {Bytes(1000)});
+  p.pipe.run(500ms);
+  ASSERT_EQ(p.done.size(), 1U);
+  EXPECT_EQ(p.done[0].outcome, Outcome::kLocal);
+  EXPECT_EQ(p.done[0].e2e, 130ms);
+  EXPECT_EQ(p.pipe.at(p.vehicle).counters().messages_late, 1U);
+}
+
+TEST(Endpoint, TheSampledVariantIsHeldAndRawSupersedesIt) {
+  Pair p;
+  p.rounds(5);
+  // Raw over the fast link, now a little later than the sampled copy but within D1.
+  p.pipe.extra_from_0[kFast] = 4ms;
+  p.rounds(1);
+  ASSERT_EQ(p.delivered.size(), 6U);
+  EXPECT_EQ(p.delivered[5].variant, 0);
+  EXPECT_FALSE(p.delivered[5].verdict.released_at_deadline);
+  EXPECT_FALSE(p.delivered[5].verdict.late);
+}
+
+TEST(Endpoint, TheSampledVariantIsReleasedAtD1AndRawAfterwardsSuperseded) {
+  for (const Duration clock : {0ns, Duration(1h + 3ns), Duration(-1h)}) {
+    Pair p({pipeline_of(kOffload)}, clock);
+    p.rounds(5);
+    const auto before = p.pipe.at(p.road).counters().messages_superseded;
+    p.pipe.extra_from_0[kFast] = 90ms;
+    p.rounds(1);
+    ASSERT_EQ(p.delivered.size(), 6U);
+    EXPECT_EQ(p.delivered[5].variant, 1);
+    EXPECT_TRUE(p.delivered[5].verdict.released_at_deadline);
+    EXPECT_FALSE(p.delivered[5].verdict.late);
+    const Duration normal = p.delivered_at[4] - 1s - 400ms;
+    EXPECT_GT(p.delivered_at[5] - 1s - 500ms, normal);
+    p.pipe.run(100ms);
+    EXPECT_EQ(p.pipe.at(p.road).counters().messages_superseded, before + 1);
+  }
+}
+
+TEST(Endpoint, ADegradedMessageIsDeliveredAtOnce) {
+  Pair p;
+  p.rounds(3);
+  p.answer = false;
+  p.rounds(1);  // missed: the next round is sent degraded
+  p.answer = true;
+  p.pipe.run(100ms);
+  const Duration begun = p.pipe.now();
+  p.rounds(1);
+  EXPECT_TRUE(p.delivered.back().degraded);
+  EXPECT_EQ(p.delivered.back().variant, 1);
+  EXPECT_LE(p.delivered_at.back() - begun, 8ms);
+}
+
+TEST(Endpoint, WithoutAnAnswerTheLocalResultCounts) {
+  Pair p;
+  p.answer = false;
+  const RoundRef ref = p.pipe.round(p.vehicle);
+  p.pipe.at(p.vehicle).local_result(p.pipe.local(p.vehicle), ref, Bytes(3));
+  p.pipe.at(p.vehicle).local_result(p.pipe.local(p.vehicle),
+                                    {SessionId{99}, PipelineId{0}, RoundId{0}}, Bytes(9));
+  p.pipe.run(200ms);
+  ASSERT_EQ(p.done.size(), 1U);
+  EXPECT_EQ(p.done[0].outcome, Outcome::kLocal);
+  EXPECT_EQ(p.done[0].result.size(), 3U);
+}
+
+TEST(Endpoint, APipelineOfCommunicationsOnly) {
+  Pair p({pipeline_of({kComm, kComm})});
+  p.rounds(3);
+  ASSERT_EQ(p.done.size(), 3U);
+  EXPECT_EQ(p.done[2].outcome, Outcome::kRemote);
+}
+
+TEST(Endpoint, APipelineThatComputesFirst) {
+  Pair p({pipeline_of({kComp, kComm, kComp, kComm})});
+  for (int i = 0; i < 3; ++i) {
+    const RoundRef ref = p.pipe.at(p.vehicle).begin_round(p.pipe.local(p.vehicle), PipelineId{0});
+    p.pipe.plan(15ms, [&p, ref] { p.pipe.submit(p.vehicle, ref, 5'000); });
+    p.pipe.run(100ms);
+  }
+  ASSERT_EQ(p.done.size(), 3U);
+  EXPECT_EQ(p.delivered.at(0).stage, 2);
+  EXPECT_EQ(p.done[2].outcome, Outcome::kRemote);
+}
+
+TEST(Endpoint, APipelineThatComputesAtTheEnd) {
+  Pair p({pipeline_of({kComm, kComm, kComp})});
+  p.pipe.on_event = [&p, inner = p.pipe.on_event](std::size_t host, Event& e) {
+    inner(host, e);
+    if (auto* d = std::get_if<Delivered>(&e); d != nullptr && host == p.vehicle) {
+      p.pipe.plan(10ms, [&p, ref = d->round] { EXPECT_TRUE(p.pipe.submit(p.vehicle, ref, 77)); });
+    }
+  };
+  p.rounds(1);
+  ASSERT_EQ(p.done.size(), 1U);
+  EXPECT_EQ(p.done[0].outcome, Outcome::kRemote);
+  EXPECT_EQ(p.done[0].result.size(), 77U);
+}
+
+TEST(Endpoint, TwoPipelinesAtOnce) {
+  Pair p({pipeline_of(kOffload, 0), pipeline_of({kComm, kComm}, 7)});
+  for (int i = 0; i < 5; ++i) {
+    p.pipe.round(p.vehicle, PipelineId{0});
+    p.pipe.round(p.vehicle, PipelineId{7});
+    p.pipe.run(100ms);
+  }
+  EXPECT_EQ(p.done.size(), 10U);
+  for (const RoundDone& d : p.done) EXPECT_EQ(d.outcome, Outcome::kRemote);
+  EXPECT_EQ(std::ranges::count(p.done, PipelineId{7},
+                               [](const RoundDone& d) { return d.round.pipeline; }),
+            5);
+}
+
+// --- over two remote nodes: A -> B -> C -> A
+
+struct Decision {
+  std::size_t host;
+  std::uint8_t stage;
+  std::uint8_t variant;
+  bool degraded;
+  Verdict verdict;
+  Duration at;
+  friend bool operator==(const Decision&, const Decision&) = default;
+};
+
+std::vector<Decision> over_two_nodes(std::array<Duration, 3> clocks) {
+  Pipe pipe;
+  for (std::uint32_t i = 0; i < 3; ++i) {
+    std::vector<PipelineConfig> pipelines;
+    if (i == 0) pipelines.push_back(pipeline_of({kComm, kComp, kComm, kComp, kComm}));
+    pipe.add_host(options_of(i + 1, pipelines), clocks[i]);
+  }
+  const PeerId a_to_b = pipe.connect(0, 1);
+  const PeerId b_to_c = pipe.connect(1, 2);
+  const PeerId c_to_a = pipe.connect(2, 0);
+  std::vector<Decision> out;
+  Duration compute = 10ms;
+  pipe.on_event = [&](std::size_t host, Event& e) {
+    if (auto* d = std::get_if<Delivered>(&e)) {
+      out.push_back({host, d->stage, d->variant, d->degraded, d->verdict, pipe.now()});
+      pipe.plan(compute,
+                [&pipe, &a_to_b, host, ref = d->round, next = host == 1 ? b_to_c : c_to_a] {
+                  EXPECT_TRUE(pipe.submit(host, ref, 10'000, next));
+                });
+    } else if (auto* r = std::get_if<RoundDone>(&e)) {
+      out.push_back(
+          {host, 5, static_cast<std::uint8_t>(r->outcome), r->degraded_final, {}, pipe.now()});
+    }
+  };
+  pipe.run(1s);
+  for (int i = 0; i < 20; ++i) {
+    compute = i == 12 ? 45ms : 10ms;                  // D2 and D4 missed
+    pipe.extra_from_0[kFast] = i == 15 ? 40ms : 0ms;  // D1 missed by raw
+    pipe.round(0, PipelineId{0}, {Bytes(20'000), Bytes(5'000)}, a_to_b);
+    pipe.run(100ms);
+  }
+  return out;
+}
+
+TEST(Endpoint, FiveStagesOverTwoNodesAreOnTimeAndJudged) {
+  const auto decisions = over_two_nodes({});
+  const auto remote = std::ranges::count_if(
+      decisions, [](const Decision& d) { return d.stage == 5 && d.variant == 0; });
+  EXPECT_GE(remote, 18);
+  EXPECT_TRUE(std::ranges::any_of(decisions,
+                                  [](const Decision& d) { return d.host == 2 && d.verdict.late; }));
+}
+
+TEST(Endpoint, TheSumOfOffsetsMakesDecisionsTheSameForAnyClocks) {
+  const auto plain = over_two_nodes({});
+  EXPECT_EQ(over_two_nodes({0ns, 1h + 7ns, -24h}), plain);
+  EXPECT_EQ(over_two_nodes({24h, 0ns, 12345678901ns}), plain);
+  EXPECT_EQ(over_two_nodes({-5h, 3h, -3h}), plain);
+}
+
+// --- peers and links
+
+TEST(Endpoint, ARestartedRoadsideIsRecognisedAndServesOn) {
+  Pair p;
+  p.rounds(2);
+  p.pipe.restart(p.road, options_of(3));
+  p.pipe.run(1s);
+  EXPECT_EQ(p.restarted, 1);
+  p.rounds(1);
+  EXPECT_EQ(p.done.back().outcome, Outcome::kRemote);
+}
+
+TEST(Endpoint, ARestartedVehicleIsAnotherPeer) {
+  Pair p;
+  p.rounds(2);
+  p.pipe.restart(p.vehicle, options_of(4, {pipeline_of(kOffload)}, false));
+  p.pipe.connect(p.vehicle, p.road);
+  p.pipe.run(1s);
+  p.rounds(1);
+  EXPECT_EQ(p.done.back().outcome, Outcome::kRemote);
+  EXPECT_EQ(p.pipe.at(p.road).peers().size(), 2U);
+  p.pipe.run(61s);
+  EXPECT_EQ(p.pipe.at(p.road).peers().size(), 1U);
+  EXPECT_EQ(p.lost, 1);
+}
+
+TEST(Endpoint, AVehicleThatWasOutOfReachForLongIsServedAgainAtOnce) {
+  Pair p;
+  p.rounds(20);
+  p.pipe.cut = {kFast, kSlow};
+  p.pipe.run(90s);
+  EXPECT_EQ(p.lost, 1);
+  EXPECT_TRUE(p.pipe.at(p.road).peers().empty());
+  p.pipe.cut.clear();
+  p.pipe.run(2s);
+  p.rounds(1);
+  EXPECT_EQ(p.done.back().outcome, Outcome::kRemote);
+}
+
+TEST(Endpoint, LinksThatComeBackAreConnectedAgain) {
+  Pair p;
+  p.rounds(20);
+  for (const LinkId link : {kFast, kSlow}) {
+    p.pipe.at(p.vehicle).remove_link(p.pipe.local(p.vehicle), link);
+  }
+  p.pipe.run(1s);
+  for (const LinkId link : {kFast, kSlow}) {
+    p.pipe.at(p.vehicle).add_link(p.pipe.local(p.vehicle), link, {"nic", 1500});
+  }
+  const PeerId again = p.pipe.connect(p.vehicle, p.road);
+  p.pipe.run(1s);
+  p.pipe.round(p.vehicle, PipelineId{0}, {Bytes(1000)}, again);
+  p.pipe.run(100ms);
+  EXPECT_EQ(p.done.back().outcome, Outcome::kRemote);
+}
+
+TEST(Endpoint, WhoIsNotServedIsRefusedAndCounted) {
+  Pipe pipe;
+  const auto vehicle = pipe.add_host(options_of(1, {pipeline_of(kOffload)}, false));
+  const auto road = pipe.add_host(options_of(2, {}, false));
+  pipe.connect(vehicle, road);
+  pipe.run(1s);
+  EXPECT_TRUE(pipe.at(road).peers().empty());
+  const LinkCounters c = pipe.at(road).link_counters(kFast);
+  EXPECT_GT(c.refused_packets, 0U);
+  EXPECT_EQ(c.received_packets, 0U);
+  EXPECT_EQ(c.sent_packets, 0U);
+}
+
+TEST(Endpoint, UnannouncedPeersAreBounded) {
+  Pipe pipe;
+  EndpointOptions o = options_of(100);
+  o.max_peers = 2;
+  const auto road = pipe.add_host(std::move(o));
+  for (std::uint32_t i = 1; i <= 3; ++i) {
+    pipe.connect(pipe.add_host(options_of(i, {pipeline_of(kOffload)}, false)), road);
+  }
+  pipe.run(1s);
+  EXPECT_EQ(pipe.at(road).peers().size(), 2U);
+  EXPECT_GT(pipe.at(road).link_counters(kFast).refused_packets, 0U);
+}
+
+TEST(Endpoint, ALinkThatVanishesMidMessageHandsOver) {
+  Pair p;
+  p.rounds(3);
+  p.pipe.round(p.vehicle, PipelineId{0}, {Bytes(100'000)});
+  p.pipe.run(10ms);
+  p.pipe.at(p.vehicle).remove_link(p.pipe.local(p.vehicle), kFast);
+  p.pipe.flush(p.vehicle);
+  p.pipe.run(200ms);
+  EXPECT_EQ(p.done.back().outcome, Outcome::kRemote);
+  EXPECT_GT(p.pipe.at(p.vehicle).link_counters(kSlow).fragments_resent, 0U);
+}
+
+TEST(Endpoint, AnswersThatMayNotLeaveYetDoNotKeepTheLoopAwake) {
+  // A peer that never echoes us gets three times what it sent; an answer to it waits, and so must
+  // the timer.
+  Pipe pipe;
+  const auto vehicle = pipe.add_host(options_of(1, {pipeline_of({kComm, kComm})}, false));
+  pipe.add_host(options_of(2));
+  std::vector<Pipe::Captured> captured;
+  pipe.connect(vehicle, 1);
+  pipe.run(1s);
+  pipe.capture = &captured;
+  pipe.round(vehicle, PipelineId{0}, {Bytes(100)});
+  const auto data = std::ranges::find_if(
+      captured, [](const Pipe::Captured& c) { return c.from == 0 && c.bytes[0] == std::byte{1}; });
+  ASSERT_NE(data, captured.end());
+
+  Endpoint road(options_of(3), TimePoint{});
+  road.add_link(TimePoint{}, kFast, {"nic", 1500});
+  std::array<std::byte, kMaxDatagramBytes> buffer;
+  TimePoint now{};
+  road.handle_datagram(now, {kFast, address_of(9), data->bytes});
+  while (auto event = road.poll_event()) {
+    if (auto* d = std::get_if<Delivered>(&*event)) {
+      EXPECT_TRUE(road.submit(now, d->round, {Bytes(4000)}, MessageClass::kResult));
+    }
+  }
+  for (int i = 0; i < 100; ++i) {
+    while (road.poll_transmit(now, buffer)) {
+    }
+    const auto next = road.next_timeout();
+    ASSERT_TRUE(next);
+    ASSERT_GT(*next, now) << "turn " << i;
+    now = *next;
+    road.handle_timeout(now);
+  }
+}
+
+// --- arguments
+
+TEST(Endpoint, ARoundThatIsNotKnownIsNotSubmitted) {
+  Pair p;
+  EXPECT_FALSE(p.pipe.submit(p.vehicle, {SessionId{1}, PipelineId{0}, RoundId{5}}, 10));
+  EXPECT_FALSE(p.pipe.submit(p.vehicle, {SessionId{9}, PipelineId{3}, RoundId{5}}, 10));
+  const RoundRef ref = p.pipe.round(p.vehicle);
+  EXPECT_FALSE(p.pipe.submit(p.vehicle, ref, 10));  // once
+  const RoundRef other = p.pipe.at(p.vehicle).begin_round(p.pipe.local(p.vehicle), PipelineId{0});
+  EXPECT_FALSE(p.pipe.submit(p.vehicle, other, 10, PeerId{99}));
+  const RoundRef late = p.pipe.at(p.vehicle).begin_round(p.pipe.local(p.vehicle), PipelineId{0});
+  p.pipe.run(200ms);
+  EXPECT_FALSE(p.pipe.submit(p.vehicle, late, 10));
+}
+
+TEST(Endpoint, WrongArgumentsThrowAndChangeNothing) {
+  const auto make = [](EndpointOptions o) { return Endpoint(std::move(o), TimePoint{}); };
+  EXPECT_THROW(make(options_of(0)), std::invalid_argument);
+  EXPECT_THROW(make(options_of(1, {pipeline_of({})})), std::invalid_argument);
+  EXPECT_THROW(make(options_of(1, {pipeline_of(kOffload), pipeline_of(kOffload)})),
+               std::invalid_argument);
+  EXPECT_THROW(make(options_of(1, {pipeline_of(std::vector<StageKind>(17, kComm))})),
+               std::invalid_argument);
+  EndpointOptions nameless = options_of(1, {pipeline_of(kOffload)});
+  nameless.pipelines[0].policy = "no_such";
+  EXPECT_THROW(make(nameless), std::invalid_argument);
+  EndpointOptions bare = options_of(1);
+  bare.policies.clear();
+  EXPECT_THROW(make(bare), std::invalid_argument);
+  bare.policies.push_back(nullptr);
+  EXPECT_THROW(make(bare), std::invalid_argument);
+
+  Endpoint e(options_of(1, {pipeline_of(kOffload)}), TimePoint{});
+  EXPECT_THROW(e.begin_round(TimePoint{}, PipelineId{9}), std::invalid_argument);
+  const std::pair<LinkId, Address> addresses[] = {{LinkId{5}, address_of(1)}};
+  EXPECT_THROW(e.connect(TimePoint{}, addresses), std::invalid_argument);
+  EXPECT_TRUE(e.peers().empty());
+  const RoundRef ref = e.begin_round(TimePoint{}, PipelineId{0});
+  EXPECT_THROW(e.submit(TimePoint{}, ref, {}, MessageClass::kData), std::invalid_argument);
+  EXPECT_THROW(e.submit(TimePoint{}, ref, Variants(kMaxVariants + 1), MessageClass::kData),
+               std::invalid_argument);
+  EXPECT_THROW(e.submit(TimePoint{}, ref, {Bytes(kMaxMessageBytes + 1)}, MessageClass::kData),
+               std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace interneuron

@@ -1,0 +1,186 @@
+// Endpoints joined by an in-memory pipe in virtual time: each link has a delay and can be cut, and
+// each host its own clock. Link ids are the same at both ends; an address is the host's index.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <array>
+#include <functional>
+#include <map>
+#include <memory>
+#include <set>
+#include <vector>
+
+#include "interneuron/endpoint.h"
+
+namespace interneuron {
+
+using namespace std::chrono_literals;
+
+inline Address address_of(std::size_t host) {
+  Address a;
+  a.raw[0] = static_cast<std::byte>(host);
+  a.size = 1;
+  return a;
+}
+
+inline EndpointOptions options_of(std::uint32_t session, std::vector<PipelineConfig> pipelines = {},
+                                  bool accept_peers = true) {
+  EndpointOptions o;
+  o.session = SessionId{session};
+  o.pipelines = std::move(pipelines);
+  o.policies = builtin_policies();
+  o.accept_peers = accept_peers;
+  return o;
+}
+
+inline PipelineConfig pipeline_of(std::vector<StageKind> stages, std::uint8_t id = 0) {
+  PipelineConfig p;
+  p.id = PipelineId{id};
+  p.stages = std::move(stages);
+  return p;
+}
+
+inline constexpr StageKind kComm = StageKind::kCommunication;
+inline constexpr StageKind kComp = StageKind::kComputation;
+inline constexpr LinkId kFast{0};
+inline constexpr LinkId kSlow{1};
+
+class Pipe {
+ public:
+  struct Captured {
+    std::size_t from = 0;
+    LinkId link{};
+    Bytes bytes;
+  };
+
+  std::size_t add_host(EndpointOptions options, Duration clock_offset = {}) {
+    hosts_.push_back({nullptr, clock_offset, std::nullopt});
+    restart(hosts_.size() - 1, std::move(options));
+    return hosts_.size() - 1;
+  }
+  void restart(std::size_t host, EndpointOptions options) {
+    hosts_[host].endpoint = std::make_unique<Endpoint>(std::move(options), local(host));
+    for (const LinkId link : {kFast, kSlow}) at(host).add_link(local(host), link, {"nic", 1500});
+  }
+  PeerId connect(std::size_t from, std::size_t to) {
+    const std::pair<LinkId, Address> addresses[] = {{kFast, address_of(to)},
+                                                    {kSlow, address_of(to)}};
+    const PeerId peer = at(from).connect(local(from), addresses);
+    flush(from);
+    return peer;
+  }
+  Endpoint& at(std::size_t host) { return *hosts_[host].endpoint; }
+  TimePoint local(std::size_t host) const { return TimePoint{now_ + hosts_[host].offset}; }
+  Duration now() const { return now_; }
+  void plan(Duration in, std::function<void()> action) {
+    planned_.emplace(now_ + in, std::move(action));
+  }
+
+  // Begins a round and submits its message at once, if it has one.
+  RoundRef round(std::size_t host, PipelineId pipeline = PipelineId{0},
+                 Variants variants = {Bytes(1000)}, std::optional<PeerId> to = std::nullopt) {
+    const RoundRef ref = at(host).begin_round(local(host), pipeline);
+    submitted = at(host).submit(local(host), ref, std::move(variants), MessageClass::kData, to);
+    flush(host);
+    return ref;
+  }
+  bool submit(std::size_t host, const RoundRef& ref, std::size_t bytes,
+              std::optional<PeerId> to = std::nullopt) {
+    const bool ok = at(host).submit(local(host), ref, {Bytes(bytes)}, MessageClass::kResult, to);
+    flush(host);
+    return ok;
+  }
+
+  void run(Duration time) {
+    const Duration end = now_ + time;
+    for (;;) {
+      Duration next = end;
+      if (!flying_.empty()) next = std::min(next, flying_.begin()->first);
+      if (!planned_.empty()) next = std::min(next, planned_.begin()->first);
+      for (const Host& h : hosts_) {
+        if (h.wake) next = std::min(next, *h.wake);
+      }
+      if (next >= end) break;
+      now_ = std::max(now_, next);
+      step();
+    }
+    now_ = end;
+  }
+
+  std::function<void(std::size_t host, Event&)> on_event;
+  std::map<LinkId, Duration> delay{{kFast, 5ms}, {kSlow, 10ms}};  // one way
+  std::map<LinkId, Duration> extra_from_0;                        // on top, of what host 0 sends
+  std::set<LinkId> cut;
+  std::vector<Captured>* capture = nullptr;
+  bool submitted = false;
+
+  void flush(std::size_t id) {
+    Host& host = hosts_[id];
+    for (int i = 0; i < 2; ++i) {
+      while (auto event = host.endpoint->poll_event()) {
+        if (on_event) on_event(id, *event);
+      }
+      std::array<std::byte, kMaxDatagramBytes> buffer;
+      while (const auto t = host.endpoint->poll_transmit(local(id), buffer)) {
+        const Bytes bytes(buffer.begin(), buffer.begin() + static_cast<std::ptrdiff_t>(t->size));
+        if (capture != nullptr) capture->push_back({id, t->link, bytes});
+        if (cut.contains(t->link)) continue;
+        const Duration extra =
+            id == 0 && extra_from_0.contains(t->link) ? extra_from_0.at(t->link) : 0ns;
+        flying_.emplace(now_ + delay.at(t->link) + extra,
+                        Flying{std::to_integer<std::size_t>(t->to.raw[0]), id, t->link, bytes});
+      }
+    }
+    const auto next = host.endpoint->next_timeout();
+    host.wake.reset();
+    if (next) {
+      host.wake = next->time_since_epoch() - host.offset;
+      // A timer that is due after everything was drained would be a loop that never sleeps.
+      if (*host.wake <= now_ && just_timed_out_) ADD_FAILURE() << "host " << id << " spins";
+    }
+  }
+
+ private:
+  struct Host {
+    std::unique_ptr<Endpoint> endpoint;
+    Duration offset{};
+    std::optional<Duration> wake;
+  };
+  struct Flying {
+    std::size_t to = 0;
+    std::size_t from = 0;
+    LinkId link{};
+    Bytes bytes;
+  };
+
+  void step() {
+    while (!flying_.empty() && flying_.begin()->first <= now_) {
+      const Flying f = std::move(flying_.begin()->second);
+      flying_.erase(flying_.begin());
+      if (f.to >= hosts_.size()) continue;
+      at(f.to).handle_datagram(local(f.to), {f.link, address_of(f.from), f.bytes});
+      flush(f.to);
+    }
+    while (!planned_.empty() && planned_.begin()->first <= now_) {
+      const auto action = std::move(planned_.begin()->second);
+      planned_.erase(planned_.begin());
+      action();
+    }
+    for (std::size_t id = 0; id < hosts_.size(); ++id) {
+      if (!hosts_[id].wake || *hosts_[id].wake > now_) continue;
+      at(id).handle_timeout(local(id));
+      just_timed_out_ = true;
+      flush(id);
+      just_timed_out_ = false;
+    }
+  }
+
+  std::vector<Host> hosts_;
+  std::multimap<Duration, Flying> flying_;
+  std::multimap<Duration, std::function<void()>> planned_;
+  Duration now_{1s};
+  bool just_timed_out_ = false;
+};
+
+}  // namespace interneuron
