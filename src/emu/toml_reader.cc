@@ -1,0 +1,182 @@
+#include "emu/toml_reader.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <cstdint>
+#include <numeric>
+#include <sstream>
+
+namespace interneuron::emu {
+
+namespace {
+
+// Levenshtein distance: insertions, deletions and substitutions.
+std::size_t edit_distance(std::string_view a, std::string_view b) {
+  std::vector<std::size_t> row(b.size() + 1);
+  std::iota(row.begin(), row.end(), std::size_t{0});
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    std::size_t diagonal = row[0];
+    row[0] = i + 1;
+    for (std::size_t j = 0; j < b.size(); ++j) {
+      const std::size_t substituted = diagonal + (a[i] == b[j] ? 0 : 1);
+      diagonal = row[j + 1];
+      row[j + 1] = std::min({substituted, row[j] + 1, row[j + 1] + 1});
+    }
+  }
+  return row.back();
+}
+
+std::string quoted(std::string_view word) { return "'" + std::string(word) + "'"; }
+
+std::string in_section(const std::string& path) { return path.empty() ? "" : " in [" + path + "]"; }
+
+std::string list_of(const std::vector<std::string_view>& words) {
+  std::string out;
+  for (const std::string_view word : words) {
+    if (!out.empty()) out += ", ";
+    out += word;
+  }
+  return out;
+}
+
+std::string type_name(const toml::node& node) {
+  std::ostringstream out;
+  out << node.type();
+  return out.str();
+}
+
+std::string range_text(const NumberKey& key) {
+  std::string out = number_text(key.min) + " to " + number_text(key.max);
+  if (!key.unit.empty()) out += " " + std::string(key.unit);
+  return out;
+}
+
+}  // namespace
+
+std::string number_text(double value) {
+  if (std::trunc(value) == value && std::abs(value) < 1e15) {
+    return std::to_string(static_cast<std::int64_t>(value));
+  }
+  char buffer[32];
+  const auto result = std::to_chars(buffer, buffer + sizeof buffer, value);
+  return {buffer, result.ptr};
+}
+
+std::optional<std::string_view> nearest_word(std::string_view word,
+                                             const std::vector<std::string_view>& known) {
+  std::optional<std::string_view> best;
+  std::size_t best_distance = 0;
+  // Further than a third of the word is another word, not a slip; unless it is the beginning of
+  // one.
+  const std::size_t limit = std::max<std::size_t>(2, word.size() / 3);
+  for (const std::string_view candidate : known) {
+    const std::size_t distance = edit_distance(word, candidate);
+    const bool beginning = word.size() >= 3 && candidate.substr(0, word.size()) == word;
+    if (distance > limit && !beginning) continue;
+    if (best && distance >= best_distance) continue;
+    best_distance = distance;
+    best = candidate;
+  }
+  return best;
+}
+
+const toml::table* TomlReader::parse(std::string_view text) {
+  try {
+    document_ = toml::parse(text, std::string_view(origin_));
+  } catch (const toml::parse_error& error) {
+    fail(error.source(), "is no valid TOML: " + std::string(error.description()));
+    return nullptr;
+  }
+  return &document_;
+}
+
+bool TomlReader::only(const Section& section, std::initializer_list<std::string_view> known_list) {
+  if (error_ || section.table == nullptr) return false;
+  const std::vector<std::string_view> known(known_list);
+  for (const auto& [key, value] : *section.table) {
+    if (std::find(known.begin(), known.end(), key.str()) != known.end()) continue;
+    const auto nearest = nearest_word(key.str(), known);
+    return fail(key.source(), "unknown key " + quoted(key.str()) + in_section(section.path) + "; " +
+                                  (nearest ? "did you mean " + quoted(*nearest) + "?"
+                                           : "known keys: " + list_of(known)));
+  }
+  return true;
+}
+
+bool TomlReader::number(const Section& section, const NumberKey& key, double& target) {
+  if (error_ || section.table == nullptr) return false;
+  const toml::node* node = section.table->get(key.name);
+  if (node == nullptr) {
+    if (key.optional) return true;
+    return fail(section.table->source(), "missing key " + quoted(key.name) +
+                                             in_section(section.path) + ": add the " +
+                                             std::string(key.meaning) + ", " + range_text(key));
+  }
+  if (!node->is_integer() && !node->is_floating_point()) {
+    return fail(node->source(), quoted(key.name) + in_section(section.path) + " is a " +
+                                    type_name(*node) + ", must be a number without quotes, " +
+                                    range_text(key));
+  }
+  const double value = *node->value<double>();
+  if (!std::isfinite(value) || value < key.min || value > key.max) {
+    return fail(node->source(), quoted(key.name) + in_section(section.path) + " = " +
+                                    number_text(value) + " is out of range, must be " +
+                                    range_text(key));
+  }
+  target = value;
+  return true;
+}
+
+bool TomlReader::text(const Section& section, std::string_view key, std::string_view example,
+                      std::string& target) {
+  if (error_ || section.table == nullptr) return false;
+  const toml::node* node = section.table->get(key);
+  const std::string remedy = "write " + std::string(key) + " = \"" + std::string(example) + "\"";
+  if (node == nullptr) {
+    return fail(section.table->source(),
+                "missing key " + quoted(key) + in_section(section.path) + ": " + remedy);
+  }
+  const std::optional<std::string> value = node->value_exact<std::string>();
+  if (!value) {
+    return fail(node->source(), quoted(key) + in_section(section.path) + " is a " +
+                                    type_name(*node) + ", must be a string: " + remedy);
+  }
+  target = *value;
+  return true;
+}
+
+TomlReader::Section TomlReader::section(const Section& parent, std::string_view name) {
+  if (error_ || parent.table == nullptr) return {};
+  const std::string path =
+      parent.path.empty() ? std::string(name) : parent.path + "." + std::string(name);
+  const toml::node* node = parent.table->get(name);
+  if (node == nullptr) {
+    fail(parent.table->source(), "missing section [" + path + "]");
+    return {};
+  }
+  if (!node->is_table()) {
+    fail(node->source(), quoted(path) + " is a " + type_name(*node) + ", must be a section: [" +
+                             path + "] and its keys below it");
+    return {};
+  }
+  return {node->as_table(), path};
+}
+
+bool TomlReader::fail_at(const Section& section, std::string_view key, const std::string& what) {
+  if (section.table == nullptr) return fail({}, what);
+  const toml::node* node = section.table->get(key);
+  return fail(node == nullptr ? section.table->source() : node->source(), what);
+}
+
+bool TomlReader::fail(const toml::source_region& where, const std::string& what) {
+  if (error_) return false;
+  // The root table begins at line 1; toml++ gives it, and implicit tables such as [state], no
+  // position of its own.
+  const auto line = std::max<std::uint32_t>(1, where.begin.line);
+  const auto column = std::max<std::uint32_t>(1, where.begin.column);
+  error_ = origin_ + ":" + std::to_string(line) + ":" + std::to_string(column) + ": " + what;
+  return false;
+}
+
+}  // namespace interneuron::emu

@@ -1,0 +1,68 @@
+// Reads keys of one TOML document into numbers and strings, and says precisely what is wrong: file,
+// line, column, key and remedy. Private to src/emu. Thread-compatible; pure. The first error
+// sticks: every function returns false from then on.
+#pragma once
+
+#include <toml++/toml.h>
+
+#include <initializer_list>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace interneuron::emu {
+
+// A key whose value is a number within [min, max], in `unit` (part of the key's name; empty for a
+// pure number).
+struct NumberKey {
+  std::string_view name;
+  std::string_view meaning;  // for "missing key"
+  double min = 0;
+  double max = 0;
+  std::string_view unit;
+  bool optional = false;  // when absent, the target keeps its value
+};
+
+class TomlReader {
+ public:
+  explicit TomlReader(std::string_view origin) : origin_(origin) {}
+
+  // A table as it is called in the file: "" is the root, "state.stable" stands under
+  // [state.stable].
+  struct Section {
+    const toml::table* table = nullptr;
+    std::string path;
+  };
+
+  // Parses; nullptr on a syntax error.
+  const toml::table* parse(std::string_view text);
+  // Every key of the section must be one of `known`; the error suggests the nearest.
+  bool only(const Section& section, std::initializer_list<std::string_view> known);
+  bool number(const Section& section, const NumberKey& key, double& target);
+  bool text(const Section& section, std::string_view key, std::string_view example,
+            std::string& target);
+  // The sub-table `name`; without a table when it is missing or is no table.
+  Section section(const Section& parent, std::string_view name);
+
+  // Reports an error about the value of `key`, or about the section when the key is absent.
+  bool fail_at(const Section& section, std::string_view key, const std::string& what);
+
+  const std::optional<std::string>& error() const { return error_; }
+
+ private:
+  bool fail(const toml::source_region& where, const std::string& what);
+
+  std::string origin_;
+  toml::table document_;
+  std::optional<std::string> error_;
+};
+
+// "22", "0.0001": shortest form, for messages.
+std::string number_text(double value);
+
+// The member of `known` most like `word`, if it is like it at all.
+std::optional<std::string_view> nearest_word(std::string_view word,
+                                             const std::vector<std::string_view>& known);
+
+}  // namespace interneuron::emu
