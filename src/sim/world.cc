@@ -1,0 +1,187 @@
+#include "sim/world.h"
+
+#include <algorithm>
+#include <array>
+#include <stdexcept>
+
+namespace interneuron::sim {
+namespace {
+
+constexpr std::int64_t kMillion = 1'000'000;
+constexpr std::size_t kIpUdpOverhead = 28;  // IPv4 and UDP headers
+
+}  // namespace
+
+Address World::address_of(HostId host, LinkId link) {
+  Address a;
+  a.raw[0] = static_cast<std::byte>(host);
+  a.raw[1] = static_cast<std::byte>(link.value);
+  a.size = 2;
+  return a;
+}
+
+TimePoint World::local(const Host& host, Duration t) {
+  return TimePoint{host.clock.offset + t +
+                   Duration{t.count() / kMillion * host.clock.drift_ppm +
+                            t.count() % kMillion * host.clock.drift_ppm / kMillion}};
+}
+
+// The first world instant at which the host's clock has reached `t`.
+Duration World::world(const Host& host, TimePoint t) {
+  const std::int64_t elapsed = (t.time_since_epoch() - host.clock.offset).count();
+  const auto guess =
+      static_cast<std::int64_t>(static_cast<long double>(elapsed) * kMillion /
+                                static_cast<long double>(kMillion + host.clock.drift_ppm));
+  Duration w{guess - 2};
+  while (local(host, w) < t) w += Duration{1};
+  return w;
+}
+
+HostId World::add_host(EndpointOptions options, const ClockError& clock) {
+  Host host;
+  host.clock = clock;
+  host.endpoint = std::make_unique<Endpoint>(std::move(options), local(host, now_));
+  hosts_.push_back(std::move(host));
+  return hosts_.size() - 1;
+}
+
+void World::add_link(HostId a, HostId b, LinkId link, const std::string& name,
+                     emu::DuplexLink model) {
+  wires_.push_back({a, b, link, std::move(model), {}});
+  for (const HostId host : {a, b}) {
+    hosts_[host].endpoint->add_link(local_time(host), link, {name, 1500});
+  }
+}
+
+PeerId World::connect(HostId from, HostId to) {
+  std::vector<std::pair<LinkId, Address>> addresses;
+  for (const Wire& wire : wires_) {
+    const bool joins = (wire.a == from && wire.b == to) || (wire.a == to && wire.b == from);
+    if (joins) addresses.emplace_back(wire.link, address_of(to, wire.link));
+  }
+  const PeerId peer = hosts_[from].endpoint->connect(local_time(from), addresses);
+  flush(from);
+  return peer;
+}
+
+Faults& World::faults(LinkId link) {
+  const auto it = std::ranges::find(wires_, link, &Wire::link);
+  if (it == wires_.end()) throw std::invalid_argument("world: no such link");
+  return it->faults;
+}
+
+const emu::DirectionStats& World::stats(LinkId link, bool up) const {
+  const auto it = std::ranges::find(wires_, link, &Wire::link);
+  if (it == wires_.end()) throw std::invalid_argument("world: no such link");
+  return up ? it->model.up.stats() : it->model.down.stats();
+}
+
+void World::at(Duration when, std::function<void()> action) {
+  planned_.emplace(std::max(when, now_), std::move(action));
+}
+
+// Drains an endpoint: events first (the application answers at once), then what may leave.
+void World::flush(HostId id) {
+  Host& host = hosts_[id];
+  while (auto event = host.endpoint->poll_event()) {
+    if (on_event_) on_event_(id, std::move(*event));
+  }
+  std::array<std::byte, kMaxDatagramBytes> buffer;
+  while (const auto transmit = host.endpoint->poll_transmit(local(host, now_), buffer)) {
+    carry(id, *transmit, std::span(buffer).first(transmit->size));
+  }
+  const auto next = host.endpoint->next_timeout();
+  host.wake.reset();
+  if (next) host.wake = std::max(world(host, *next), now_ + Duration{1});
+}
+
+void World::carry(HostId from, const Transmit& transmit, ByteView bytes) {
+  const auto it = std::ranges::find(wires_, transmit.link, &Wire::link);
+  if (it == wires_.end()) return;
+  const bool up = it->a == from;
+  InFlight packet{Bytes(bytes.begin(), bytes.end()), up ? it->b : it->a,
+                  address_of(from, transmit.link), transmit.link};
+  const int copies = chance(it->faults.duplicate) ? 2 : 1;
+  for (int i = 0; i < copies; ++i) put(*it, up, packet);
+}
+
+void World::put(Wire& wire, bool up, InFlight packet) {
+  if (wire.faults.cut || chance(wire.faults.loss)) return;
+  const std::uint64_t tag = next_tag_++;
+  emu::LinkModel& model = up ? wire.model.up : wire.model.down;
+  if (model.enqueue(now_, packet.bytes.size() + kIpUdpOverhead, tag)) {
+    in_flight_.emplace(tag, std::move(packet));
+  }
+}
+
+void World::deliver(std::uint64_t tag) {
+  const auto it = in_flight_.find(tag);
+  const InFlight packet = std::move(it->second);
+  in_flight_.erase(it);
+  Host& host = hosts_[packet.to];
+  host.endpoint->handle_datagram(local(host, now_), {packet.link, packet.from, packet.bytes});
+  flush(packet.to);
+}
+
+Duration World::next_instant() const {
+  Duration next = Duration::max();
+  for (const Wire& wire : wires_) {
+    for (const emu::LinkModel* model : {&wire.model.up, &wire.model.down}) {
+      if (const auto due = model->next_delivery()) next = std::min(next, *due);
+    }
+  }
+  if (!planned_.empty()) next = std::min(next, planned_.begin()->first);
+  if (!late_.empty()) next = std::min(next, late_.begin()->first);
+  for (const Host& host : hosts_) {
+    if (host.wake) next = std::min(next, *host.wake);
+  }
+  return next;
+}
+
+// Everything that happens at now_, in order.
+void World::step() {
+  for (Wire& wire : wires_) {
+    for (emu::LinkModel* model : {&wire.model.up, &wire.model.down}) {
+      while (const auto packet = model->dequeue(now_)) {
+        Duration by = model == &wire.model.up ? wire.faults.extra_up : Duration{};
+        if (chance(wire.faults.reorder)) {
+          by += Duration{std::uniform_int_distribution<std::int64_t>(
+              1, std::max<std::int64_t>(1, wire.faults.reorder_by.count()))(rng_)};
+        }
+        if (by > Duration{}) {
+          late_.emplace(now_ + by, packet->tag);
+        } else {
+          deliver(packet->tag);
+        }
+      }
+    }
+  }
+  while (!late_.empty() && late_.begin()->first <= now_) {
+    const std::uint64_t tag = late_.begin()->second;
+    late_.erase(late_.begin());
+    deliver(tag);
+  }
+  while (!planned_.empty() && planned_.begin()->first <= now_) {
+    const auto action = std::move(planned_.begin()->second);
+    planned_.erase(planned_.begin());
+    action();
+  }
+  for (HostId id = 0; id < hosts_.size(); ++id) {
+    Host& host = hosts_[id];
+    if (!host.wake || *host.wake > now_) continue;
+    host.endpoint->handle_timeout(local(host, now_));
+    flush(id);
+  }
+}
+
+void World::run_until(Duration end) {
+  for (;;) {
+    const Duration next = next_instant();
+    if (next > end) break;
+    now_ = std::max(now_, next);
+    step();
+  }
+  now_ = std::max(now_, end);
+}
+
+}  // namespace interneuron::sim

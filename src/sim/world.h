@@ -1,0 +1,109 @@
+// Virtual time: hosts with their own clocks, joined by emulated links, each driving the same
+// Endpoint as production.
+//
+// World time starts at 0 and moves only from event to event, so an hour passes in seconds and the
+// same seed gives the same run. At one instant the order is: arrivals, what was planned by at(),
+// timeouts. Pure; single-threaded.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "emu/profile.h"
+#include "interneuron/endpoint.h"
+
+namespace interneuron::sim {
+
+using HostId = std::size_t;
+
+// A host's clock: local = offset + t + t * drift. Offsets of different hosts differ by anything in
+// reality.
+struct ClockError {
+  Duration offset{};
+  std::int64_t drift_ppm = 0;
+};
+
+// Faults beside those of the LinkModel, for property tests; probabilities per packet and direction.
+struct Faults {
+  double loss = 0;
+  double duplicate = 0;
+  double reorder = 0;  // the packet is delivered up to reorder_by later, past its successors
+  Duration reorder_by{};
+  Duration extra_up{};  // added to the delay a -> b, for scripted sequences
+  bool cut = false;     // nothing passes
+};
+
+class World {
+ public:
+  explicit World(std::uint64_t seed) : rng_(seed) {}
+
+  HostId add_host(EndpointOptions options, const ClockError& clock = {});
+  // Joins `a` (the side that profiles call the vehicle: a -> b is "up") and `b`. Both know the link
+  // by `link`.
+  void add_link(HostId a, HostId b, LinkId link, const std::string& name, emu::DuplexLink model);
+  // Host `from` connects to `to` over every link between them.
+  PeerId connect(HostId from, HostId to);
+  Faults& faults(LinkId link);
+  const emu::DirectionStats& stats(LinkId link, bool up) const;
+
+  Endpoint& endpoint(HostId host) { return *hosts_[host].endpoint; }
+  TimePoint local_time(HostId host) const { return local(hosts_[host], now_); }
+  // Must be called after commands to an endpoint from outside at() and on_event: sends what they
+  // queued.
+  void flush(HostId host);
+
+  Duration now() const { return now_; }
+  void at(Duration when, std::function<void()> action);
+  void on_event(std::function<void(HostId, Event&&)> handler) { on_event_ = std::move(handler); }
+  // Runs until world time `end`; everything that happens at `end` is included.
+  void run_until(Duration end);
+
+  static Address address_of(HostId host, LinkId link);
+
+ private:
+  struct Host {
+    std::unique_ptr<Endpoint> endpoint;
+    ClockError clock;
+    std::optional<Duration> wake;  // world time of the endpoint's next timeout
+  };
+  struct Wire {
+    HostId a = 0;
+    HostId b = 0;
+    LinkId link{};
+    emu::DuplexLink model;
+    Faults faults;
+  };
+  struct InFlight {
+    Bytes bytes;
+    HostId to = 0;
+    Address from{};
+    LinkId link{};
+  };
+
+  static TimePoint local(const Host& host, Duration t);
+  static Duration world(const Host& host, TimePoint t);
+  void carry(HostId from, const Transmit& transmit, ByteView bytes);
+  void put(Wire& wire, bool up, InFlight packet);
+  void deliver(std::uint64_t tag);
+  bool chance(double p) { return p > 0 && std::uniform_real_distribution<double>(0, 1)(rng_) < p; }
+  Duration next_instant() const;
+  void step();
+
+  std::mt19937_64 rng_;
+  std::vector<Host> hosts_;
+  std::vector<Wire> wires_;
+  std::map<std::uint64_t, InFlight> in_flight_;
+  std::uint64_t next_tag_ = 0;
+  std::multimap<Duration, std::function<void()>> planned_;
+  std::multimap<Duration, std::uint64_t> late_;  // reordered packets
+  std::function<void(HostId, Event&&)> on_event_;
+  Duration now_{};
+};
+
+}  // namespace interneuron::sim
