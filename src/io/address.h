@@ -1,0 +1,20 @@
+// Between Address (a value) and the sockaddr of the system.
+#pragma once
+
+#include <netinet/in.h>
+#include <sys/socket.h>
+
+#include "interneuron/transport.h"
+
+namespace interneuron::io {
+
+static_assert(sizeof(sockaddr_in6) <= sizeof(Address::raw));
+
+// AF_INET, AF_INET6 or AF_UNSPEC.
+int family_of(const Address& address);
+
+// Copies an IPv4 or IPv6 sockaddr of `size` bytes; anything else gives an empty Address. Padding
+// and IPv6 flow labels are zeroed, so that equal peers have equal Addresses.
+Address from_sockaddr(const sockaddr* source, socklen_t size);
+
+}  // namespace interneuron::io

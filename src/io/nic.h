@@ -1,0 +1,28 @@
+// The network cards (NICs) of this host, as they are now.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "interneuron/transport.h"
+
+namespace interneuron::io {
+
+struct Nic {
+  std::string name;
+  bool up = false;                 // administratively up and with carrier
+  std::size_t mtu = 0;             // of the IP layer, bytes
+  std::vector<Address> addresses;  // port 0; IPv4 first, in the kernel's order
+};
+
+// In the kernel's order. Throws IoError when the system refuses.
+std::vector<Nic> list_nics();
+
+std::optional<Nic> find_nic(std::string_view name);
+
+// "no network card named eth9; there are lo, eth0"
+std::string unknown_nic_text(std::string_view name);
+
+}  // namespace interneuron::io
