@@ -1,0 +1,112 @@
+#include "netns/namespaces.h"
+
+#include <fcntl.h>
+#include <sched.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+#include <string>
+
+#include "netns/check.h"
+
+namespace interneuron::netns {
+
+namespace {
+
+io::FileDescriptor open_self(const char* path) {
+  return io::FileDescriptor(check(::open(path, O_RDONLY | O_CLOEXEC), std::string("open ") + path));
+}
+
+// The number in a file of /proc/sys; -1 without it.
+long read_setting(const char* path) {
+  std::ifstream file(path);
+  long value = -1;
+  file >> value;
+  return file ? value : -1;
+}
+
+// Returns errno, 0 when written.
+int write_file(const char* path, const std::string& text) {
+  const io::FileDescriptor file(::open(path, O_WRONLY | O_CLOEXEC));
+  if (file.get() < 0) return errno;
+  return ::write(file.get(), text.data(), text.size()) < 0 ? errno : 0;
+}
+
+io::FileDescriptor make_user_namespace() {
+  const std::string uid = std::to_string(::geteuid());
+  const std::string gid = std::to_string(::getegid());
+  if (::unshare(CLONE_NEWUSER) != 0) fail_privilege("make a user namespace", errno);
+  // setgroups must be given up before an ordinary user may map a group (user_namespaces(7)).
+  write_file("/proc/self/setgroups", "deny");
+  const int error = write_file("/proc/self/uid_map", "0 " + uid + " 1");
+  if (error != 0) fail_privilege("become root of a user namespace", error);
+  write_file("/proc/self/gid_map", "0 " + gid + " 1");
+  return open_self("/proc/self/ns/user");
+}
+
+void unshare_network() {
+  if (::unshare(CLONE_NEWNET) != 0) fail_privilege("make a network namespace", errno);
+}
+
+void disable_ipv6() {
+  // Without IPv6 in the kernel there is no file; in some containers /proc/sys is read-only. The
+  // emulator carries no IPv6 anyway, so this only spares it the noise.
+  write_file("/proc/sys/net/ipv6/conf/all/disable_ipv6", "1");
+  write_file("/proc/sys/net/ipv6/conf/default/disable_ipv6", "1");
+}
+
+}  // namespace
+
+void fail_privilege(const char* attempt, int error) {
+  std::string why = std::string("cannot ") + attempt + ": " + std::strerror(error) + "; ";
+  if (read_setting("/proc/sys/user/max_user_namespaces") == 0) {
+    why += "user.max_user_namespaces is 0: run as root, or `sysctl user.max_user_namespaces=10000`";
+  } else if (read_setting("/proc/sys/kernel/unprivileged_userns_clone") == 0) {
+    why +=
+        "kernel.unprivileged_userns_clone is 0: run as root, or `sysctl "
+        "kernel.unprivileged_userns_clone=1`";
+  } else if (read_setting("/proc/sys/kernel/apparmor_restrict_unprivileged_userns") == 1) {
+    why +=
+        "kernel.apparmor_restrict_unprivileged_userns is 1: run as root, or `sysctl "
+        "kernel.apparmor_restrict_unprivileged_userns=0`";
+  } else {
+    why +=
+        "a container or a security policy forbids it: run as root with CAP_SYS_ADMIN and "
+        "CAP_NET_ADMIN, or allow unprivileged user namespaces";
+  }
+  throw TestbedError(5, why);
+}
+
+Namespaces make_namespaces() {
+  Namespaces out;
+  // Root within a container may lack CAP_SYS_ADMIN; then it needs a user namespace like anybody
+  // else.
+  const bool direct = ::geteuid() == 0 && ::unshare(CLONE_NEWNET) == 0;
+  if (!direct) {
+    out.user = make_user_namespace();
+    unshare_network();
+  }
+  disable_ipv6();
+  out.vehicle = open_self("/proc/self/ns/net");
+  unshare_network();
+  disable_ipv6();
+  out.road = open_self("/proc/self/ns/net");
+  unshare_network();
+  disable_ipv6();
+  out.middle = open_self("/proc/self/ns/net");
+  return out;
+}
+
+NetworkNamespaceScope::NetworkNamespaceScope(int network_namespace, int home) : home_(home) {
+  check(::setns(network_namespace, CLONE_NEWNET), "enter a network namespace");
+}
+
+NetworkNamespaceScope::~NetworkNamespaceScope() {
+  // Cannot fail for a namespace that the process holds and came from; going on in the wrong one
+  // would be worse than ending.
+  if (::setns(home_, CLONE_NEWNET) != 0) ::_exit(1);
+}
+
+}  // namespace interneuron::netns

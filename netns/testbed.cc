@@ -1,0 +1,236 @@
+#include "netns/testbed.h"
+
+#include <fcntl.h>
+#include <poll.h>
+#include <signal.h>
+#include <sys/mman.h>
+#include <sys/syscall.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <set>
+#include <utility>
+
+#include "io/file_descriptor.h"
+#include "netns/check.h"
+#include "netns/holder.h"
+#include "netns/shared_stats.h"
+#include "netns/state_file.h"
+#include "netns/wiring.h"
+
+namespace interneuron::netns {
+
+namespace {
+
+constexpr int kGraceMs = 2000;  // between SIGTERM and SIGKILL
+constexpr int kKillBoundMs = 5000;
+constexpr std::size_t kMaxLinkName = 13;  // "if" + name fits into IFNAMSIZ - 1
+
+void check_options(const TestbedOptions& options) {
+  check_name(options.name, 64, "the name of a testbed");
+  if (options.links.empty() || options.links.size() > kMaxLinks) {
+    throw TestbedError(1, "a testbed has 1 to " + std::to_string(kMaxLinks) + " links, not " +
+                              std::to_string(options.links.size()));
+  }
+  std::set<std::string> names;
+  for (const LinkSpec& link : options.links) {
+    check_name(link.name, kMaxLinkName, "the name of a link");
+    if (!names.insert(link.name).second) {
+      throw TestbedError(1, "two links are called '" + link.name + "'; name one NAME=PROFILE");
+    }
+  }
+}
+
+// find() for a caller that holds the lock.
+std::optional<State> find_locked(const std::filesystem::path& file) {
+  const std::optional<State> state = read_state(file);
+  if (!state) return std::nullopt;
+  if (holder_alive(*state)) return state;
+  std::error_code ignored;  // another user's: then it stays for that user to find
+  std::filesystem::remove(file, ignored);
+  return std::nullopt;
+}
+
+// True when the process has ended within the bound.
+bool await_end(int pidfd, int bound_ms) {
+  pollfd ended{pidfd, POLLIN, 0};
+  return ::poll(&ended, 1, bound_ms) > 0;
+}
+
+void send_signal(int pidfd, int signal, const State& state) {
+  if (::syscall(SYS_pidfd_send_signal, pidfd, signal, nullptr, 0) == 0 || errno == ESRCH) return;
+  if (errno == EPERM) {
+    throw TestbedError(
+        5, "testbed '" + state.name + "' belongs to another user; become that user or root");
+  }
+  fail_errno("end testbed '" + state.name + "'");
+}
+
+void end_holder(const State& state) {
+  const io::FileDescriptor pidfd(static_cast<int>(::syscall(SYS_pidfd_open, state.holder, 0)));
+  // Only after the pidfd is open is it certain whom a signal will reach.
+  if (pidfd.get() >= 0 && holder_alive(state)) {
+    send_signal(pidfd.get(), SIGTERM, state);
+    if (!await_end(pidfd.get(), kGraceMs)) {
+      send_signal(pidfd.get(), SIGKILL, state);
+      if (!await_end(pidfd.get(), kKillBoundMs)) {
+        throw TestbedError(1, "testbed '" + state.name + "' (pid " + std::to_string(state.holder) +
+                                  ") does not end");
+      }
+    }
+  }
+  // Reaps it where it is our child. That of another is not ours to wait for, and the call says so
+  // at once.
+  ::waitpid(state.holder, nullptr, WNOHANG);
+}
+
+class StatsView {
+ public:
+  explicit StatsView(const State& state) {
+    const std::string path =
+        "/proc/" + std::to_string(state.holder) + "/fd/" + std::to_string(state.stats_fd);
+    const io::FileDescriptor fd(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+    if (fd.get() < 0 && errno == EACCES) {
+      throw TestbedError(
+          5, "testbed '" + state.name + "' belongs to another user; become that user or root");
+    }
+    if (fd.get() < 0 || !holder_alive(state)) {
+      throw TestbedError(1, "testbed '" + state.name + "' is not up any more");
+    }
+    if (::lseek(fd.get(), 0, SEEK_END) != static_cast<off_t>(sizeof(SharedStats)))
+      fail_version(state);
+    memory_ = ::mmap(nullptr, sizeof(SharedStats), PROT_READ, MAP_SHARED, fd.get(), 0);
+    if (memory_ == MAP_FAILED) fail_errno("map the counters of testbed '" + state.name + "'");
+    if (stats().version != SharedStats::kVersion) fail_version(state);
+  }
+  ~StatsView() { ::munmap(memory_, sizeof(SharedStats)); }
+  StatsView(const StatsView&) = delete;
+  StatsView& operator=(const StatsView&) = delete;
+
+  const SharedStats& stats() const { return *static_cast<const SharedStats*>(memory_); }
+
+ private:
+  [[noreturn]] static void fail_version(const State& state) {
+    throw TestbedError(
+        1, "testbed '" + state.name +
+               "' was made by another version of this program; take it down and up again");
+  }
+
+  void* memory_ = nullptr;
+};
+
+}  // namespace
+
+std::filesystem::path default_runtime_dir() {
+  std::error_code ignored;
+  const char* xdg = std::getenv("XDG_RUNTIME_DIR");
+  if (xdg != nullptr && *xdg == '/' && std::filesystem::is_directory(xdg, ignored)) {
+    return std::filesystem::path(xdg) / "interneuron";
+  }
+  if (::geteuid() == 0) return "/run/interneuron";
+  return "/tmp/interneuron-" + std::to_string(::geteuid());
+}
+
+Testbed Testbed::up(const TestbedOptions& options) {
+  check_options(options);
+  State state;
+  state.name = options.name;
+  state.detached = options.detached;
+  state.seed = options.seed;
+  state.file = std::filesystem::absolute(state_path(options.runtime_dir, options.name));
+  for (std::size_t i = 0; i < options.links.size(); ++i) {
+    state.links.push_back(plan_link(options.links[i], i));
+  }
+  make_runtime_dir(options.runtime_dir);
+  const RuntimeDirLock lock(options.runtime_dir);
+  if (const auto present = find_locked(state.file)) {
+    throw TestbedError(1, "testbed '" + options.name + "' is already up (pid " +
+                              std::to_string(present->holder) +
+                              "); `interneuron testbed down --name " + options.name + "` ends it");
+  }
+  start_holder(options, state);
+  return Testbed(std::move(state));
+}
+
+std::optional<State> Testbed::find(const std::string& name,
+                                   const std::filesystem::path& runtime_dir) {
+  const std::filesystem::path file = std::filesystem::absolute(state_path(runtime_dir, name));
+  std::error_code ignored;  // opening it will tell
+  if (!std::filesystem::exists(runtime_dir, ignored) && !ignored) return std::nullopt;
+  const RuntimeDirLock lock(runtime_dir);
+  return find_locked(file);
+}
+
+std::vector<State> Testbed::list(const std::filesystem::path& runtime_dir) {
+  std::vector<State> out;
+  std::error_code ignored;  // opening it will tell
+  if (!std::filesystem::exists(runtime_dir, ignored) && !ignored) return out;
+  const RuntimeDirLock lock(runtime_dir);
+  std::vector<std::filesystem::path> files;
+  for (const auto& entry : std::filesystem::directory_iterator(runtime_dir, ignored)) {
+    if (entry.path().extension() == ".json")
+      files.push_back(std::filesystem::absolute(entry.path()));
+  }
+  std::sort(files.begin(), files.end());
+  for (const auto& file : files) {
+    if (auto state = find_locked(file)) out.push_back(std::move(*state));
+  }
+  return out;
+}
+
+void Testbed::down(const State& state) {
+  end_holder(state);
+  std::error_code ignored;
+  if (!std::filesystem::exists(state.file.parent_path(), ignored)) return;
+  const RuntimeDirLock lock(state.file.parent_path());
+  find_locked(state.file);  // removes the file, unless a new testbed has taken the name already
+}
+
+Snapshot Testbed::snapshot(const State& state) {
+  const StatsView view(state);
+  const SharedStats& stats = view.stats();
+  Snapshot out;
+  const std::int64_t epoch_ns = stats.epoch_ns.load(std::memory_order_relaxed);
+  if (epoch_ns != 0) out.epoch = TimePoint{Duration{epoch_ns}};
+  for (std::size_t i = 0; i < state.links.size(); ++i) {
+    out.links.push_back({state.links[i].name, stats.up.at(i).load(), stats.down.at(i).load()});
+  }
+  out.frames_sent = stats.frames_sent.load(std::memory_order_relaxed);
+  out.kernel_drops = stats.kernel_drops.load(std::memory_order_relaxed);
+  const auto sum_ns = static_cast<double>(stats.lateness_sum_ns.load(std::memory_order_relaxed));
+  if (out.frames_sent > 0)
+    out.lateness_mean_us = sum_ns / 1e3 / static_cast<double>(out.frames_sent);
+  out.lateness_max_us =
+      static_cast<double>(stats.lateness_max_ns.load(std::memory_order_relaxed)) / 1e3;
+  return out;
+}
+
+Testbed::Testbed(State state)
+    : state_(std::move(state)), owner_(state_.detached ? 0 : ::getpid()) {}
+
+Testbed::Testbed(Testbed&& other) noexcept
+    : state_(std::move(other.state_)), owner_(std::exchange(other.owner_, 0)) {}
+
+Testbed& Testbed::operator=(Testbed&& other) noexcept {
+  std::swap(state_, other.state_);
+  std::swap(owner_, other.owner_);
+  return *this;
+}
+
+Testbed::~Testbed() {
+  // A fork of the owner has a copy of this object, but the testbed is not its own to end.
+  if (owner_ == 0 || owner_ != ::getpid()) return;
+  try {
+    down();
+  } catch (const std::exception&) {  // it dies with this process anyway
+  }
+}
+
+void Testbed::down() {
+  owner_ = 0;
+  down(state_);
+}
+
+}  // namespace interneuron::netns

@@ -1,0 +1,167 @@
+#include "support.h"
+
+#include <arpa/inet.h>
+#include <netinet/in.h>
+#include <poll.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <array>
+#include <cstdio>
+#include <cstring>
+#include <stdexcept>
+
+namespace interneuron::netns {
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+void require(bool fine, const char* what) {
+  if (!fine) throw std::runtime_error(std::string(what) + ": " + std::strerror(errno));
+}
+
+sockaddr_in address_of(const std::string& address, int port) {
+  sockaddr_in out{};
+  out.sin_family = AF_INET;
+  out.sin_port = htons(static_cast<std::uint16_t>(port));
+  require(::inet_pton(AF_INET, address.c_str(), &out.sin_addr) == 1, "address");
+  return out;
+}
+
+io::FileDescriptor make_socket(const UdpOptions& options) {
+  io::FileDescriptor fd(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+  require(fd.get() >= 0, "socket");
+  require(::setsockopt(fd.get(), SOL_SOCKET, SO_BINDTODEVICE, options.nic.c_str(),
+                       static_cast<socklen_t>(options.nic.size() + 1)) == 0,
+          "bind to device");
+  const sockaddr_in local = address_of(options.address, options.port);
+  require(::bind(fd.get(), reinterpret_cast<const sockaddr*>(&local), sizeof local) == 0, "bind");
+  if (options.peer.empty()) return fd;
+  const sockaddr_in remote = address_of(options.peer, options.port);
+  require(::connect(fd.get(), reinterpret_cast<const sockaddr*>(&remote), sizeof remote) == 0,
+          "connect");
+  return fd;
+}
+
+// SCM_RIGHTS (unix(7)).
+struct FdMessage {
+  alignas(cmsghdr) std::array<char, CMSG_SPACE(sizeof(int))> control{};
+  char byte = 'x';
+  iovec data{&byte, 1};
+  msghdr header{};
+
+  FdMessage() {
+    header.msg_iov = &data;
+    header.msg_iovlen = 1;
+    header.msg_control = control.data();
+    header.msg_controllen = control.size();
+  }
+};
+
+void send_fd(int channel, int fd) {
+  FdMessage message;
+  cmsghdr* item = CMSG_FIRSTHDR(&message.header);
+  item->cmsg_level = SOL_SOCKET;
+  item->cmsg_type = SCM_RIGHTS;
+  item->cmsg_len = CMSG_LEN(sizeof fd);
+  std::memcpy(CMSG_DATA(item), &fd, sizeof fd);
+  require(::sendmsg(channel, &message.header, 0) == 1, "pass a socket");
+}
+
+io::FileDescriptor receive_fd(int channel) {
+  FdMessage message;
+  require(::recvmsg(channel, &message.header, MSG_CMSG_CLOEXEC) == 1, "receive a socket");
+  int fd = -1;
+  std::memcpy(&fd, CMSG_DATA(CMSG_FIRSTHDR(&message.header)), sizeof fd);
+  return io::FileDescriptor(fd);
+}
+
+}  // namespace
+
+RuntimeDir::RuntimeDir() {
+  std::string name = std::filesystem::temp_directory_path() / "interneuron-netns-XXXXXX";
+  if (::mkdtemp(name.data()) == nullptr) throw std::runtime_error("mkdtemp");
+  path_ = name;
+}
+
+RuntimeDir::~RuntimeDir() {
+  std::error_code ignored;
+  std::filesystem::remove_all(path_, ignored);
+}
+
+TestbedOptions clean_options(const RuntimeDir& dir) {
+  TestbedOptions options;
+  options.links = {load_link("clean")};
+  options.runtime_dir = dir.path();
+  return options;
+}
+
+std::optional<std::string> why_not() {
+  static const std::optional<std::string> reason = []() -> std::optional<std::string> {
+    const RuntimeDir dir;
+    try {
+      Testbed::up(clean_options(dir));
+    } catch (const TestbedError& error) {
+      if (error.exit_code == 5) return error.what();
+    }
+    return std::nullopt;
+  }();
+  return reason;
+}
+
+bool eventually(const std::function<bool()>& condition, std::chrono::milliseconds bound) {
+  const auto end = Clock::now() + bound;
+  while (!condition()) {
+    if (Clock::now() > end) return false;
+    ::poll(nullptr, 0, 1);
+  }
+  return true;
+}
+
+int in_child(const std::function<int()>& body) {
+  std::fflush(nullptr);
+  const pid_t child = ::fork();
+  if (child == 0) {
+    try {
+      ::_exit(body());
+    } catch (const std::exception& error) {
+      std::fprintf(stderr, "child: %s\n", error.what());
+      ::_exit(255);
+    }
+  }
+  int status = 0;
+  if (::waitpid(child, &status, 0) != child) throw std::runtime_error("waitpid");
+  return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+}
+
+io::FileDescriptor udp_socket_in(const State& state, Side side, const UdpOptions& options) {
+  std::array<int, 2> ends{};
+  require(::socketpair(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0, ends.data()) == 0, "socketpair");
+  const io::FileDescriptor ours(ends[0]);
+  const io::FileDescriptor childs(ends[1]);
+  const int code = in_child([&] {
+    Testbed::enter(state, side);
+    const io::FileDescriptor made = make_socket(options);
+    send_fd(childs.get(), made.get());
+    return 0;
+  });
+  if (code != 0) throw std::runtime_error("no socket in the testbed");
+  return receive_fd(ours.get());
+}
+
+UdpPair udp_pair(const State& state, std::size_t index, int port) {
+  const TestbedLink& link = state.links.at(index);
+  return {
+      udp_socket_in(state, Side::kVehicle,
+                    {link.nic, link.vehicle_address, link.road_address, port}),
+      udp_socket_in(state, Side::kRoad, {link.nic, link.road_address, link.vehicle_address, port})};
+}
+
+bool readable(int fd, int bound_ms) {
+  pollfd item{fd, POLLIN, 0};
+  return ::poll(&item, 1, bound_ms) > 0;
+}
+
+}  // namespace interneuron::netns
