@@ -1,0 +1,49 @@
+// How good the boxes of a run are: COCO's average precision and recall against a MOT15 ground
+// truth.
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <map>
+#include <span>
+#include <vector>
+
+#include "perception/detection.h"
+#include "perception/input_error.h"
+
+namespace interneuron::perception {
+
+struct TrueBox {
+  Box box{};            // score unused
+  bool ignore = false;  // a region where a detection counts neither for nor against
+};
+
+// By 0-based index of the frame in the video.
+using GroundTruth = std::map<int, std::vector<TrueBox>>;
+
+// Reads MOT15's gt.txt: lines "frame,id,x,y,w,h,flag,…", frame, x and y 1-based; flag 0 is an
+// ignore region. Throws InputError when the file is missing or a line is not of this form.
+GroundTruth read_mot_truth(const std::filesystem::path& file);
+
+// What was on the screen for one frame. A round without a result has no boxes, and its persons are
+// missed.
+struct Shown {
+  int frame = 0;  // 0-based; the same frame may come again when a video loops, and counts again
+  std::vector<Box> boxes{};
+};
+
+struct Accuracy {
+  double ap = 0;        // mean over IoU .50 … .95 of the precision at 101 recalls
+  double ap50 = 0;      // at IoU .50
+  double ar = 0;        // AR@100: mean over IoU .50 … .95 of the recall reached
+  double recall50 = 0;  // at IoU .50
+  std::size_t truths =
+      0;  // persons to be found, over all rounds; all figures are 0 when there are none
+};
+
+// The 100 best-scored boxes of each round count; area "all". Scores must be comparable across
+// rounds: boxes of several levels mixed give what a viewer saw, which is what an effective accuracy
+// is about. Pure.
+Accuracy evaluate(const GroundTruth& truth, std::span<const Shown> rounds);
+
+}  // namespace interneuron::perception

@@ -1,0 +1,104 @@
+// Detectors, and the ladder of them that a road side climbs up and down as its time budget allows.
+//
+// Levels are ordered by quality, the lowest first. How long each takes is measured at start-up
+// (calibrate()), never assumed: the same machine drifts by 10-15 %. All detectors compute on one
+// thread, the caller's.
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "interneuron/time.h"
+#include "perception/codec.h"
+#include "perception/detection.h"
+#include "perception/input_error.h"
+
+namespace interneuron::perception {
+
+// One thread at a time.
+class Detector {
+ public:
+  virtual ~Detector() = default;
+  // The persons in the image, best score first, at most kMaxBoxes, in pixels of the image's source.
+  virtual std::vector<Box> detect(const Image& image) = 0;
+  // Forgets what was learnt from earlier images (a background); most detectors learn nothing.
+  virtual void reset() {}
+};
+
+struct Level {
+  std::string name{};  // "yolox-nano 256x192"
+  std::shared_ptr<Detector> detector{};
+  // R[l], how long one image takes: set by Ladder::calibrate(), or known from the start. 0:
+  // unknown.
+  Duration r_median{};
+  Duration r_p95{};
+};
+
+// A copy shares the detectors, and the levels may share a background model: use one thread at a
+// time, and make_ladder() again for a second user.
+class Ladder {
+ public:
+  // Called after each level: its name and times are there; `done` of `total` levels are.
+  using Progress = std::function<void(const Level& level, std::size_t done, std::size_t total)>;
+
+  // Requires: at least one level, at most 256. `title`: what runs, and why, one line without the
+  // times. `times_known`: the levels come with their times, calibrate() leaves them alone.
+  Ladder(std::string title, std::vector<Level> levels, bool times_known = false);
+
+  std::size_t size() const { return levels_.size(); }
+  // Requires: index < size().
+  const Level& level(std::size_t index) const { return levels_[index]; }
+  std::vector<Box> detect(std::size_t index, const Image& image) {
+    return levels_[index].detector->detect(image);
+  }
+
+  // Measures median and 95th percentile of every level over `runs` images, taken in turn from
+  // `images`, after a warm-up. Forgets all learnt backgrounds. Throws InputError when `images` is
+  // empty or runs < 1.
+  void calibrate(std::span<const Image> images, int runs, const Progress& progress = {});
+
+  // The best level whose 95th percentile fits into the budget, else 0; 0 too while the times are
+  // unknown.
+  std::size_t top_level(Duration budget) const;
+
+  // One line that says which ladder runs, its levels, and their times once known.
+  std::string description() const;
+
+ private:
+  std::string title_;
+  std::vector<Level> levels_;
+  bool times_known_;
+};
+
+enum class LadderKind {
+  kAuto,    // kDnn if its models are there, else kMotion; the description says why
+  kDnn,     // yolo-fastest and yolox-nano on OpenCV's dnn; needs <data>/models
+  kMotion,  // motion and HOG, no file needed, for fixed cameras; full-frame HOG in its top level
+  kReplay,  // recorded boxes of the demo video, needs <data>/detections and <data>/profile.csv
+};
+
+// "auto", "dnn", "motion" or "replay".
+std::optional<LadderKind> parse_ladder_kind(std::string_view text);
+
+struct LadderOptions {
+  LadderKind kind = LadderKind::kAuto;
+  std::filesystem::path data_dir{};  // unused by kMotion
+  // Only so many levels, from the lowest; 1 makes a vehicle's local backup. 0: all.
+  std::size_t max_levels = 0;
+  // kReplay: lets a level's time R[l] pass; default: sleeps. A simulator advances its virtual time
+  // instead.
+  std::function<void(Duration)> spend{};
+};
+
+// Each call makes its own detectors. Throws InputError naming a missing or bad file and the remedy;
+// kAuto never does for a missing one. Limits OpenCV to one thread for the whole process.
+Ladder make_ladder(const LadderOptions& options);
+
+}  // namespace interneuron::perception

@@ -1,0 +1,130 @@
+#include <algorithm>
+#include <cassert>
+#include <chrono>
+#include <cstdio>
+#include <opencv2/core.hpp>
+#include <utility>
+
+#include "perception/detector.h"
+#include "perception/levels.h"
+
+namespace interneuron::perception {
+namespace {
+
+// Chosen: the first forward of a net allocates and is slow, and a background needs some frames.
+constexpr int kWarmUpRuns = 10;
+constexpr std::size_t kAllLevels = 256;  // a level travels as one byte
+
+// The value below which `percent` of the times lie, by nearest rank. Requires: sorted, not empty.
+Duration percentile(const std::vector<Duration>& sorted, int percent) {
+  const std::size_t rank = (sorted.size() * static_cast<std::size_t>(percent) + 99) / 100;
+  return sorted[std::max<std::size_t>(rank, 1) - 1];
+}
+
+std::string joined(const std::vector<std::filesystem::path>& files) {
+  std::string text;
+  for (const auto& file : files) text += (text.empty() ? "" : ", ") + file.string();
+  return text;
+}
+
+Ladder make_dnn_ladder(const LadderOptions& options, std::size_t levels) {
+  return {"dnn (OpenCV)", dnn_levels(options.data_dir, levels)};
+}
+
+Ladder make_motion_ladder(const std::string& why, std::size_t levels) {
+  return {"motion (built in, fixed cameras only" + why + ")", motion_levels(levels)};
+}
+
+Ladder make_replay_ladder(const LadderOptions& options, std::size_t levels) {
+  return {"replay (recorded boxes of the demo video)",
+          replay_levels(options.data_dir, levels, options.spend), true};
+}
+
+}  // namespace
+
+Ladder::Ladder(std::string title, std::vector<Level> levels, bool times_known)
+    : title_(std::move(title)), levels_(std::move(levels)), times_known_(times_known) {
+  assert(!levels_.empty() && levels_.size() <= kAllLevels);
+}
+
+void Ladder::calibrate(std::span<const Image> images, int runs, const Progress& progress) {
+  if (images.empty() || runs < 1) {
+    throw InputError("calibration needs at least one frame and one run; give a longer video");
+  }
+  // A new number for each run: a level that learns from images counts an image of the same number
+  // once.
+  std::uint32_t number = 0;
+  const auto run = [&](Detector& detector) {
+    Image image = images[number % images.size()];
+    image.frame = number++;
+    const auto start = std::chrono::steady_clock::now();
+    (void)detector.detect(image);
+    return std::chrono::duration_cast<Duration>(std::chrono::steady_clock::now() - start);
+  };
+  for (std::size_t i = 0; i < levels_.size(); ++i) {
+    Level& level = levels_[i];
+    if (!times_known_) {
+      number = 0;
+      level.detector->reset();
+      for (int n = 0; n < kWarmUpRuns; ++n) (void)run(*level.detector);
+      std::vector<Duration> times;
+      for (int n = 0; n < runs; ++n) times.push_back(run(*level.detector));
+      std::sort(times.begin(), times.end());
+      level.r_median = percentile(times, 50);
+      level.r_p95 = percentile(times, 95);
+      level.detector->reset();
+    }
+    if (progress) progress(level, i + 1, levels_.size());
+  }
+}
+
+std::size_t Ladder::top_level(Duration budget) const {
+  for (std::size_t i = levels_.size(); i-- > 1;) {
+    if (levels_[i].r_p95 > Duration::zero() && levels_[i].r_p95 <= budget) return i;
+  }
+  return 0;
+}
+
+std::string Ladder::description() const {
+  std::string text = "ladder " + title_ + ":";
+  for (std::size_t i = 0; i < levels_.size(); ++i) {
+    const Level& level = levels_[i];
+    text += (i == 0 ? " L" : ", L") + std::to_string(i) + " " + level.name;
+    if (level.r_median <= Duration::zero()) continue;
+    char times[64];
+    std::snprintf(times, sizeof times, " %.1f/%.1f ms", to_ms(level.r_median), to_ms(level.r_p95));
+    text += times;
+  }
+  if (levels_.front().r_median > Duration::zero()) text += " (median/p95, 1 thread)";
+  return text;
+}
+
+std::optional<LadderKind> parse_ladder_kind(std::string_view text) {
+  if (text == "auto") return LadderKind::kAuto;
+  if (text == "dnn") return LadderKind::kDnn;
+  if (text == "motion") return LadderKind::kMotion;
+  if (text == "replay") return LadderKind::kReplay;
+  return {};
+}
+
+Ladder make_ladder(const LadderOptions& options) {
+  // Only the first call in a process counts (TBB keeps its first limit), so all ladders agree on
+  // it.
+  cv::setNumThreads(1);
+  const std::size_t levels = options.max_levels == 0 ? kAllLevels : options.max_levels;
+  switch (options.kind) {
+    case LadderKind::kDnn:
+      return make_dnn_ladder(options, levels);
+    case LadderKind::kMotion:
+      return make_motion_ladder("", levels);
+    case LadderKind::kReplay:
+      return make_replay_ladder(options, levels);
+    case LadderKind::kAuto:
+      break;
+  }
+  const auto missing = missing_models(options.data_dir);
+  if (missing.empty()) return make_dnn_ladder(options, levels);
+  return make_motion_ladder("; no " + joined(missing) + ", run scripts/fetch_data.sh", levels);
+}
+
+}  // namespace interneuron::perception

@@ -1,0 +1,42 @@
+// What moves in front of a fixed camera: one background model, shared by all levels of a ladder.
+#pragma once
+
+#include <cstdint>
+#include <opencv2/core.hpp>
+#include <opencv2/video/background_segm.hpp>
+#include <optional>
+#include <vector>
+
+#include "perception/codec.h"
+
+namespace interneuron::perception {
+
+// A connected area that moves, in pixels of the mask.
+struct Blob {
+  cv::Rect rect;
+  int area = 0;  // pixels that move, of the rectangle
+};
+
+// One thread at a time.
+class MotionModel {
+ public:
+  MotionModel();
+
+  // The mask of what moves in the image, kSampledWidth x kSampledHeight, 255 or 0. Learns from the
+  // image, but only once from a frame number, so that any number of levels may ask. Raw and sampled
+  // images of a frame look the same to it. All 0 until a background is known.
+  const cv::Mat& mask(const Image& image);
+  void reset();
+
+ private:
+  cv::Ptr<cv::BackgroundSubtractorMOG2> subtractor_;
+  cv::Mat mask_;
+  std::optional<std::uint32_t> frame_;  // that mask_ is of
+  int learnt_ = 0;                      // frames
+};
+
+// The connected areas of a mask after closing holes up to `close`, and growing by `grow` (both in
+// pixels).
+std::vector<Blob> blobs_of(const cv::Mat& mask, cv::Size close, cv::Size grow);
+
+}  // namespace interneuron::perception

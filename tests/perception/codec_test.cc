@@ -1,0 +1,122 @@
+#include "perception/codec.h"
+
+#include <gtest/gtest.h>
+#include <rapidcheck.h>
+#include <rapidcheck/gtest.h>
+
+#include "support.h"
+
+namespace interneuron::perception {
+namespace {
+
+using test::scene;
+
+bool same(const cv::Mat& a, const cv::Mat& b) {
+  return a.size() == b.size() && a.type() == b.type() && cv::norm(a, b, cv::NORM_INF) == 0;
+}
+
+TEST(Codec, VariantsHaveThePapersSizes) {
+  EXPECT_EQ(encoded_size(Variant::kRaw), 524'172U + 16);
+  EXPECT_EQ(encoded_size(Variant::kSampled), 131'406U + 16);
+  const auto variants = encode_variants(scene(), 7);
+  ASSERT_EQ(variants.size(), kVariants);
+  EXPECT_EQ(variants[0].size(), encoded_size(Variant::kRaw));
+  EXPECT_EQ(variants[1].size(), encoded_size(Variant::kSampled));
+}
+
+TEST(Codec, DecodesWhatItEncodes) {
+  const cv::Mat bgr = scene();
+  const auto variants = encode_variants(bgr, 4'000'000'000U);
+  for (const Variant variant : {Variant::kRaw, Variant::kSampled}) {
+    const auto image = decode_image(variants[static_cast<std::size_t>(variant)]);
+    ASSERT_TRUE(image);
+    EXPECT_EQ(image->variant, variant);
+    EXPECT_EQ(image->frame, 4'000'000'000U);
+    EXPECT_EQ(image->source, cv::Size(768, 576));
+    EXPECT_TRUE(same(image->bgr, make_variant(bgr, 0, variant).bgr));
+  }
+}
+
+TEST(Codec, SampledIsEverySecondPixelOfRaw) {
+  const cv::Mat raw = make_variant(scene(), 0, Variant::kRaw).bgr;
+  const cv::Mat sampled = make_variant(scene(), 0, Variant::kSampled).bgr;
+  ASSERT_EQ(sampled.size(), cv::Size(kSampledWidth, kSampledHeight));
+  for (int y = 0; y < sampled.rows; ++y) {
+    for (int x = 0; x < sampled.cols; ++x) {
+      ASSERT_EQ(sampled.at<cv::Vec3b>(y, x), raw.at<cv::Vec3b>(2 * y, 2 * x)) << x << "," << y;
+    }
+  }
+}
+
+TEST(Codec, RawKeepsColoursInPlace) {
+  cv::Mat bgr(576, 768, CV_8UC3, cv::Scalar(10, 20, 30));
+  bgr(cv::Rect(0, 0, 384, 576)).setTo(cv::Scalar(200, 100, 50));
+  const auto bytes = encode_variants(bgr, 0)[0];
+  EXPECT_EQ(std::to_integer<int>(bytes[16]), 200);
+  EXPECT_EQ(std::to_integer<int>(bytes[17]), 100);
+  EXPECT_EQ(std::to_integer<int>(bytes[18]), 50);
+  EXPECT_EQ(std::to_integer<int>(bytes.back()), 30);
+}
+
+TEST(Codec, TakesSourcesOfAnyShape) {
+  for (const cv::Size size :
+       {cv::Size(1, 1), cv::Size(1920, 1080), cv::Size(3, 2000), cv::Size(484, 361)}) {
+    for (const Bytes& bytes : encode_variants(cv::Mat(size, CV_8UC3, cv::Scalar::all(9)), 1)) {
+      const auto image = decode_image(bytes);
+      ASSERT_TRUE(image);
+      EXPECT_EQ(image->source, size);
+    }
+  }
+}
+
+TEST(Codec, TakesPartOfALargerPicture) {
+  const cv::Mat part = scene()(cv::Rect(100, 100, 484, 361));  // rows are not contiguous
+  const auto image = decode_image(encode_variants(part, 1)[0]);
+  ASSERT_TRUE(image);
+  EXPECT_TRUE(same(image->bgr, part));
+}
+
+TEST(Codec, RejectsEveryTruncation) {
+  for (const Bytes& bytes : encode_variants(scene(), 3)) {
+    for (std::size_t size = 0; size < bytes.size(); ++size) {
+      ASSERT_FALSE(decode_image(ByteView(bytes).first(size))) << size;
+    }
+  }
+}
+
+TEST(Codec, RejectsAByteTooMany) {
+  for (Bytes bytes : encode_variants(scene(), 3)) {
+    bytes.push_back(std::byte{0});
+    EXPECT_FALSE(decode_image(bytes));
+  }
+}
+
+TEST(Codec, RejectsHeadersThatLie) {
+  const Bytes good = encode_variants(scene(), 3)[1];
+  // Magic, version, variant, width, height: no other value is right. Source sides must not be 0.
+  for (std::size_t at = 0; at < 8; ++at) {
+    Bytes bad = good;
+    bad[at] ^= std::byte{1};
+    EXPECT_FALSE(decode_image(bad)) << at;
+  }
+  for (const std::size_t at : {12U, 14U}) {
+    Bytes bad = good;
+    bad[at] = bad[at + 1] = std::byte{0};
+    EXPECT_FALSE(decode_image(bad)) << at;
+  }
+}
+
+RC_GTEST_PROP(Codec, NeverThrowsOnAnyBytes, (std::vector<std::uint8_t> text)) {
+  (void)decode_image(std::as_bytes(std::span(text)));
+}
+
+RC_GTEST_PROP(Codec, HeaderBitFlipsDecodeToTheSameBytesOrNothing, ()) {
+  static const Bytes kGood = encode_variants(scene(), 3)[1];
+  Bytes bytes = kGood;
+  const auto at = *rc::gen::inRange<std::size_t>(0, kImageHeaderBytes);
+  bytes[at] = static_cast<std::byte>(*rc::gen::arbitrary<std::uint8_t>());
+  if (const auto image = decode_image(bytes)) RC_ASSERT(encode_image(*image) == bytes);
+}
+
+}  // namespace
+}  // namespace interneuron::perception

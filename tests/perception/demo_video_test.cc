@@ -1,0 +1,147 @@
+// Accuracies on the demo video, with its ground truth. Skipped where the data is not there.
+#include "perception/accuracy.h"
+#include "perception/detector.h"
+#include "perception/frame_source.h"
+#include "support.h"
+
+namespace interneuron::perception {
+namespace {
+
+using test::complaint;
+using test::data_dir;
+using test::TempDir;
+
+constexpr int kVideoFrames = 795;
+const char* const kVideo = "pets/vtest.avi";
+const char* const kTruth = "pets/gt.txt";
+
+// Shows every `step`-th frame of the video to one level.
+Accuracy accuracy_of(Ladder& ladder, std::size_t level, Variant variant, int step = 1) {
+  FrameSource source((*data_dir() / kVideo).string());
+  std::vector<Shown> rounds;
+  while (const auto frame = source.next()) {
+    if (frame->index % step != 0) continue;
+    const Image image = make_variant(frame->bgr, static_cast<std::uint32_t>(frame->index), variant);
+    rounds.push_back({frame->index, ladder.detect(level, image)});
+  }
+  return evaluate(read_mot_truth(*data_dir() / kTruth), rounds);
+}
+
+Accuracy recorded_accuracy(std::size_t level, Variant variant) {
+  Ladder ladder =
+      make_ladder({.kind = LadderKind::kReplay, .data_dir = *data_dir(), .spend = [](Duration) {}});
+  Image image = make_variant(cv::Mat(576, 768, CV_8UC3, cv::Scalar::all(0)), 0, variant);
+  std::vector<Shown> rounds;
+  for (int frame = 0; frame < kVideoFrames; ++frame) {
+    image.frame = static_cast<std::uint32_t>(frame);
+    rounds.push_back({frame, ladder.detect(level, image)});
+  }
+  return evaluate(read_mot_truth(*data_dir() / kTruth), rounds);
+}
+
+// The figures of an independent program in Python on the same boxes (profile.csv).
+TEST(DemoVideo, RecordedBoxesHaveTheKnownAccuracy) {
+  SKIP_WITHOUT_DATA("detections");
+  SKIP_WITHOUT_DATA(kTruth);
+  const Accuracy best = recorded_accuracy(2, Variant::kRaw);
+  EXPECT_EQ(best.truths, 4476U);
+  EXPECT_NEAR(best.ap, 0.396, 0.005);
+  EXPECT_NEAR(best.ap50, 0.899, 0.005);
+  EXPECT_NEAR(best.ar, 0.504, 0.005);
+  EXPECT_NEAR(best.recall50, 0.941, 0.005);
+  const Accuracy least = recorded_accuracy(0, Variant::kSampled);
+  EXPECT_NEAR(least.ap, 0.128, 0.005);
+  EXPECT_NEAR(least.ap50, 0.471, 0.005);
+}
+
+TEST(DemoVideo, RecordedLevelsAreOrderedByQuality) {
+  SKIP_WITHOUT_DATA("detections");
+  SKIP_WITHOUT_DATA(kTruth);
+  for (const Variant variant : {Variant::kRaw, Variant::kSampled}) {
+    EXPECT_LT(recorded_accuracy(0, variant).ap, recorded_accuracy(1, variant).ap);
+    EXPECT_LT(recorded_accuracy(1, variant).ap, recorded_accuracy(2, variant).ap);
+  }
+}
+
+// What survives the quantisation of the result message.
+TEST(DemoVideo, TheResultMessageCostsNoAccuracy) {
+  SKIP_WITHOUT_DATA("detections");
+  SKIP_WITHOUT_DATA(kTruth);
+  Ladder ladder =
+      make_ladder({.kind = LadderKind::kReplay, .data_dir = *data_dir(), .spend = [](Duration) {}});
+  Image image = make_variant(cv::Mat(576, 768, CV_8UC3, cv::Scalar::all(0)), 0, Variant::kRaw);
+  std::vector<Shown> rounds;
+  for (int frame = 0; frame < kVideoFrames; ++frame) {
+    image.frame = static_cast<std::uint32_t>(frame);
+    const Bytes bytes = encode_result({.frame = image.frame, .boxes = ladder.detect(2, image)});
+    rounds.push_back({frame, decode_result(bytes)->boxes});
+  }
+  EXPECT_NEAR(evaluate(read_mot_truth(*data_dir() / kTruth), rounds).ap, 0.396, 0.005);
+}
+
+TEST(DemoVideo, MotionWithHogReachesItsAccuracy) {
+  SKIP_WITHOUT_DATA(kVideo);
+  SKIP_WITHOUT_DATA(kTruth);
+  Ladder ladder = make_ladder({.kind = LadderKind::kMotion});
+  ASSERT_EQ(ladder.level(2).name, "motion+HOG 960x720");
+  const Accuracy a = accuracy_of(ladder, 2, Variant::kRaw);
+  EXPECT_GE(a.ap50, 0.83);  // measured .86
+  EXPECT_GE(a.ap, 0.36);    // .38
+}
+
+TEST(DemoVideo, MotionAloneIsTheLowestLevel) {
+  SKIP_WITHOUT_DATA(kVideo);
+  SKIP_WITHOUT_DATA(kTruth);
+  Ladder ladder = make_ladder({.kind = LadderKind::kMotion, .max_levels = 1});
+  const Accuracy a = accuracy_of(ladder, 0, Variant::kSampled);
+  EXPECT_GE(a.ap50, 0.48);  // measured .52
+  EXPECT_LE(a.ap50, 0.7);
+}
+
+TEST(DemoVideo, WholeFrameFindsPersonsWithoutABackground) {
+  SKIP_WITHOUT_DATA(kVideo);
+  Ladder ladder = make_ladder({.kind = LadderKind::kMotion});
+  FrameSource source((*data_dir() / kVideo).string());
+  const Image image = make_variant(source.next()->bgr, 0, Variant::kRaw);
+  EXPECT_GE(ladder.detect(ladder.size() - 1, image).size(), 3U);
+}
+
+TEST(DemoVideo, NetsReachTheirAccuracyOnSomeFrames) {
+  SKIP_WITHOUT_DATA("models");
+  SKIP_WITHOUT_DATA(kVideo);
+  SKIP_WITHOUT_DATA(kTruth);
+  Ladder ladder = make_ladder({.kind = LadderKind::kDnn, .data_dir = *data_dir()});
+  ASSERT_EQ(ladder.size(), 3U);
+  EXPECT_GE(accuracy_of(ladder, 0, Variant::kRaw, 25).ap50, 0.40);      // all frames: .48
+  EXPECT_GE(accuracy_of(ladder, 1, Variant::kRaw, 25).ap50, 0.78);      // .85
+  EXPECT_GE(accuracy_of(ladder, 1, Variant::kSampled, 25).ap50, 0.76);  // .83
+  EXPECT_GE(accuracy_of(ladder, 2, Variant::kRaw, 25).ap50, 0.82);      // .90
+}
+
+TEST(DemoVideo, TruncatedModelsAreNamed) {
+  SKIP_WITHOUT_DATA("models");
+  for (const char* model : {"yolo-fastest-1.1.cfg", "yolox_nano.onnx"}) {
+    const TempDir copy;
+    std::filesystem::copy(*data_dir() / "models", copy / "models");
+    const auto file = copy / (std::string("models/") + model);
+    std::filesystem::permissions(file, std::filesystem::perms::owner_write,
+                                 std::filesystem::perm_options::add);
+    std::filesystem::resize_file(file, std::filesystem::file_size(file) / 2);
+    EXPECT_THAT(
+        complaint([&] { make_ladder({.kind = LadderKind::kDnn, .data_dir = copy.path()}); }),
+        ::testing::AllOf(::testing::HasSubstr("models/yolo"),
+                         ::testing::HasSubstr("scripts/fetch_data.sh"),
+                         ::testing::Not(::testing::HasSubstr("\n"))))
+        << model;
+  }
+}
+
+TEST(DemoVideo, AutoTakesTheNetsWhenTheyAreThere) {
+  SKIP_WITHOUT_DATA("models");
+  const Ladder ladder =
+      make_ladder({.kind = LadderKind::kAuto, .data_dir = *data_dir(), .max_levels = 1});
+  EXPECT_EQ(ladder.description(), "ladder dnn (OpenCV): L0 yolo-fastest-1.1 224x224");
+}
+
+}  // namespace
+}  // namespace interneuron::perception
