@@ -1,0 +1,19 @@
+// Configuration files: TOML whose keys are the long options of a command, with underscores for
+// dashes
+// (`deadline_ms = 130` is `--deadline-ms 130`), so that each setting is defined, described and
+// checked in one place. What the command line gives wins over the file.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <string>
+
+namespace interneuron::cli {
+
+// Adds --config FILE to a command.
+void add_config_option(CLI::App& command, std::string& file);
+
+// Applies the file to the options that the command line did not give. Throws Failure(3) with file,
+// line, column and key for malformed TOML, an unknown key or a bad value.
+void apply_config(CLI::App& command, const std::string& file);
+
+}  // namespace interneuron::cli

@@ -1,0 +1,295 @@
+#include "cli/demo.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <poll.h>
+#include <spdlog/spdlog.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <csignal>
+#include <cstring>
+#include <filesystem>
+
+#include "cli/data.h"
+#include "cli/failure.h"
+#include "cli/report.h"
+#include "netns/testbed.h"
+#include "perception/codec.h"
+#include "perception/detection.h"
+#include "perception/frame_source.h"
+#include "sim/offload.h"
+
+namespace interneuron::cli {
+namespace {
+
+namespace fs = std::filesystem;
+using netns::Testbed;
+
+constexpr std::uint16_t kPort = 47000;
+// The slowest ladder (full-frame HOG) calibrates in half of this on a busy machine.
+constexpr int kReadySeconds = 120;
+
+volatile std::sig_atomic_t g_signal = 0;
+void note_signal(int signal) { g_signal = signal; }
+
+// Ctrl-C reaches the whole foreground group: the programs end themselves, and we wait for them and
+// tidy up.
+class SignalGuard {
+ public:
+  SignalGuard() {
+    struct sigaction action = {};
+    action.sa_handler = note_signal;
+    ::sigaction(SIGINT, &action, &old_int_);
+    ::sigaction(SIGTERM, &action, &old_term_);
+  }
+  ~SignalGuard() {
+    ::sigaction(SIGINT, &old_int_, nullptr);
+    ::sigaction(SIGTERM, &old_term_, nullptr);
+  }
+  SignalGuard(const SignalGuard&) = delete;
+  SignalGuard& operator=(const SignalGuard&) = delete;
+
+ private:
+  struct sigaction old_int_ = {};
+  struct sigaction old_term_ = {};
+};
+
+// A program that we started, ended and reaped at the latest by the destructor.
+class Child {
+ public:
+  explicit Child(pid_t pid) : pid_(pid) {}
+  ~Child() { end(); }
+  Child(const Child&) = delete;
+  Child& operator=(const Child&) = delete;
+
+  // Exit code, or 128 + signal; passes our own SIGTERM on.
+  int wait() {
+    int status = 0;
+    while (::waitpid(pid_, &status, 0) < 0) {
+      if (errno != EINTR) break;
+      if (g_signal != 0) ::kill(pid_, SIGTERM);
+    }
+    pid_ = -1;
+    return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+  }
+  void end() {
+    if (pid_ <= 0) return;
+    ::kill(pid_, SIGTERM);
+    wait();
+  }
+
+ private:
+  pid_t pid_;
+};
+
+struct Ladder {
+  std::string description;
+  std::vector<std::string> names;
+  std::vector<Duration> medians;
+};
+
+// Reads the roadside's lines until "ready"; its log goes to stderr by itself.
+Ladder await_ready(int fd) {
+  Ladder ladder;
+  std::string buffer;
+  for (int waited_ms = 0; waited_ms < kReadySeconds * 1000;) {
+    if (g_signal != 0) throw Failure(128 + g_signal, "interrupted");
+    pollfd p{fd, POLLIN, 0};
+    const int n = ::poll(&p, 1, 200);
+    if (n <= 0) {
+      waited_ms += 200;
+      continue;
+    }
+    std::array<char, 4096> chunk;
+    const ssize_t got = ::read(fd, chunk.data(), chunk.size());
+    if (got < 0 && errno == EINTR) continue;
+    if (got <= 0)
+      throw Failure(kFailed, "the roadside unit ended before it was ready; its log says why");
+    buffer.append(chunk.data(), static_cast<std::size_t>(got));
+    for (std::size_t end; (end = buffer.find('\n')) != std::string::npos;
+         buffer.erase(0, end + 1)) {
+      const std::string line = buffer.substr(0, end);
+      if (line.starts_with("ready")) return ladder;
+      if (line.starts_with("ladder ")) ladder.description = line.substr(7);
+      if (line.starts_with("level ")) {
+        std::size_t number = 0;
+        long long median = 0;
+        int at = 0;
+        if (std::sscanf(line.c_str(), "level %zu %lld %n", &number, &median, &at) == 2) {
+          ladder.names.push_back(line.substr(static_cast<std::size_t>(at)));
+          ladder.medians.emplace_back(median);
+        }
+      }
+    }
+  }
+  throw Failure(kFailed, fmt::format("the roadside unit was not ready within {} s", kReadySeconds));
+}
+
+std::string self() {
+  std::error_code error;
+  const fs::path path = fs::read_symlink("/proc/self/exe", error);
+  if (error) throw Failure(kFailed, "cannot find this program: " + error.message());
+  return path;
+}
+
+class Demo {
+ public:
+  explicit Demo(const DemoOptions& options);
+  int run();
+
+ private:
+  std::vector<std::string> road_command() const;
+  std::vector<std::string> vehicle_command() const;
+  Ladder start_road(std::optional<Child>& child, int& fd);
+  void judge(std::vector<RoundRow>& rows, const netns::Snapshot& snapshot,
+             const Ladder& ladder) const;
+  int conclude(int vehicle_code, const Ladder& ladder);
+
+  const DemoOptions& o_;
+  std::optional<fs::path> data_;
+  std::string video_;
+  netns::TestbedOptions testbed_options_;
+  std::optional<Testbed> testbed_;
+};
+
+Demo::Demo(const DemoOptions& options)
+    : o_(options),
+      data_(find_data(options.data)),
+      video_(options.video.empty() ? default_video(data_) : options.video) {
+  const perception::FrameSource readable(video_);  // found out here, not in two programs
+  testbed_options_.name = fmt::format("demo-{}", ::getpid());
+  testbed_options_.seed = options.seed;
+  if (!options.links.empty()) {
+    testbed_options_.links.clear();
+    for (const std::string& link : options.links)
+      testbed_options_.links.push_back(netns::load_link(link));
+  }
+}
+
+std::vector<std::string> Demo::road_command() const {
+  std::vector<std::string> argv{self(),     "road",    "--port",  std::to_string(kPort),
+                                "--ladder", o_.ladder, "--video", video_};
+  if (data_) argv.insert(argv.end(), {"--data", data_->string()});
+  for (const netns::TestbedLink& link : testbed_->state().links)
+    argv.insert(argv.end(), {"--nic", link.nic});
+  return argv;
+}
+
+std::vector<std::string> Demo::vehicle_command() const {
+  std::vector<std::string> argv{
+      self(),     "vehicle", "--video",       video_,
+      "--ladder", o_.ladder, "--rounds",      std::to_string(o_.rounds),
+      "--policy", o_.policy, "--deadline-ms", fmt::format("{}", o_.deadline_ms),
+      "--out",    o_.out,    "--seed",        std::to_string(o_.seed)};
+  if (data_) argv.insert(argv.end(), {"--data", data_->string()});
+  for (const netns::TestbedLink& link : testbed_->state().links) {
+    argv.insert(argv.end(),
+                {"--link", fmt::format("{}={}:{}", link.nic, link.road_address, kPort)});
+    argv.insert(argv.end(), {"--profile", link.profile});
+  }
+  return argv;
+}
+
+Ladder Demo::start_road(std::optional<Child>& child, int& fd) {
+  std::array<int, 2> ends{};
+  if (::pipe2(ends.data(), O_CLOEXEC) != 0)
+    throw Failure(kFailed, std::string("pipe: ") + std::strerror(errno));
+  fd = ends[0];
+  netns::SpawnOptions spawn;
+  spawn.stdio[1] = ends[1];
+  child.emplace(Testbed::spawn(testbed_->state(), netns::Side::kRoad, road_command(), spawn));
+  ::close(ends[1]);
+  return await_ready(fd);
+}
+
+// What a clairvoyant could have answered on time over the very links of this run.
+void Demo::judge(std::vector<RoundRow>& rows, const netns::Snapshot& snapshot,
+                 const Ladder& ladder) const {
+  if (!snapshot.epoch || ladder.medians.empty()) return;
+  std::vector<emu::LinkProfile> profiles;
+  std::vector<emu::DuplexLink> links;
+  std::vector<emu::DelayProcess*> processes;
+  for (std::size_t i = 0; i < testbed_options_.links.size(); ++i) {
+    profiles.push_back(testbed_options_.links[i].profile);
+    links.push_back(emu::make_link(profiles.back(), emu::link_seed(o_.seed, i)));
+    processes.push_back(links.back().process.get());
+  }
+  for (RoundRow& row : rows) {
+    row.possible = sim::clairvoyant_feasible(
+        profiles, processes, row.t0 - *snapshot.epoch, from_ms(o_.deadline_ms),
+        perception::encoded_size(perception::Variant::kSampled), perception::kMaxResultBytes,
+        ladder.medians.front());
+  }
+}
+
+int Demo::conclude(int vehicle_code, const Ladder& ladder) {
+  const fs::path out = o_.out;
+  std::vector<RoundRow> rows = read_csv(out / "rounds.csv");
+  judge(rows, testbed_->snapshot(), ladder);
+  Json summary = read_json(out / "summary.json");
+  std::uint32_t possible = 0;
+  for (const RoundRow& row : rows) possible += row.possible.value_or(false) ? 1 : 0;
+  summary["best_possible"] = possible;
+  summary["ladder"] = ladder.description;
+  for (Json& level : summary["levels"]) {
+    const auto number = level["level"].get<std::size_t>();
+    if (number < ladder.names.size()) level["name"] = ladder.names[number];
+  }
+  const netns::Snapshot snapshot = testbed_->snapshot();
+  summary["emulator"] = {{"lateness_mean_us", snapshot.lateness_mean_us},
+                         {"lateness_max_us", snapshot.lateness_max_us},
+                         {"kernel_drops", snapshot.kernel_drops}};
+  write_csv(out / "rounds.csv", rows);
+  write_json(out / "summary.json", summary);
+  if (o_.json) {
+    fmt::print("{}\n", summary.dump(2));
+  } else {
+    print_table(summary);
+    fmt::print("\nwritten to {}: rounds.csv, summary.json, latency.png, frame.png\n", out.string());
+  }
+  const double share =
+      rows.empty() ? 0
+                   : 100.0 * summary["on_time"].get<double>() / static_cast<double>(rows.size());
+  if (vehicle_code == kFine && o_.objective > 0 && share < o_.objective) return kObjectiveMissed;
+  return vehicle_code;
+}
+
+int Demo::run() {
+  make_directory(o_.out);
+  for (const char* old : {"rounds.csv", "summary.json", "latency.png", "frame.png"}) {
+    std::error_code ignored;
+    fs::remove(fs::path(o_.out) / old, ignored);
+  }
+  const SignalGuard guard;
+  testbed_.emplace(Testbed::up(testbed_options_));
+  std::string names;
+  for (const netns::LinkSpec& link : testbed_options_.links)
+    names += (names.empty() ? "" : ", ") + link.profile.name;
+  spdlog::info("testbed: vehicle and roadside joined by {} (seed {})", names, o_.seed);
+
+  std::optional<Child> road;
+  int road_output = -1;
+  const Ladder ladder = start_road(road, road_output);
+  netns::SpawnOptions spawn;
+  spawn.stdio[1] = STDERR_FILENO;  // its table; ours says more
+  std::vector<std::string> command = vehicle_command();
+  command.emplace_back("--no-table");
+  Child vehicle(Testbed::spawn(testbed_->state(), netns::Side::kVehicle, command, spawn));
+  const int code = vehicle.wait();
+  road->end();
+  ::close(road_output);
+  const bool written = fs::exists(fs::path(o_.out) / "rounds.csv");
+  const int result = written ? conclude(code, ladder) : code;
+  testbed_->down();
+  if (g_signal != 0) return 128 + g_signal;
+  return result;
+}
+
+}  // namespace
+
+int run_demo(const DemoOptions& options) { return Demo(options).run(); }
+
+}  // namespace interneuron::cli

@@ -1,0 +1,26 @@
+// How the program ends: documented exit codes, and the one exception that carries one.
+#pragma once
+
+#include <stdexcept>
+#include <string>
+
+namespace interneuron::cli {
+
+inline constexpr int kFine = 0;
+inline constexpr int kFailed = 1;
+inline constexpr int kUsage = 2;
+inline constexpr int kConfiguration = 3;
+inline constexpr int kObjectiveMissed = 4;
+inline constexpr int kPrivilege = 5;
+
+// what() is one line that names the thing and the remedy.
+class Failure : public std::runtime_error {
+ public:
+  Failure(int code, const std::string& what) : std::runtime_error(what), code_(code) {}
+  int code() const { return code_; }
+
+ private:
+  int code_;
+};
+
+}  // namespace interneuron::cli

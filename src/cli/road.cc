@@ -1,0 +1,195 @@
+#include "cli/road.h"
+
+#include <spdlog/spdlog.h>
+
+#include <cstdio>
+#include <map>
+#include <optional>
+
+#include "cli/data.h"
+#include "cli/failure.h"
+#include "cli/offload_request.h"
+#include "interneuron/node.h"
+#include "perception/detector.h"
+#include "perception/frame_source.h"
+
+namespace interneuron::cli {
+namespace {
+
+namespace perc = perception;
+
+// Pictures of the calibration: enough for the background models to settle; chosen.
+constexpr int kCalibrationPictures = 30;
+
+std::vector<perc::Image> calibration_pictures(const RoadOptions& options,
+                                              const std::optional<std::filesystem::path>& data) {
+  perc::FrameSource source(options.video.empty() ? default_video(data) : options.video);
+  std::vector<perc::Image> pictures;
+  while (pictures.size() < kCalibrationPictures) {
+    const auto frame = source.next();
+    if (!frame) break;
+    pictures.push_back(perc::make_variant(frame->bgr, static_cast<std::uint32_t>(frame->index),
+                                          perc::Variant::kRaw));
+  }
+  return pictures;
+}
+
+class Road {
+ public:
+  explicit Road(const RoadOptions& options);
+  int run();
+
+ private:
+  NodeOptions node_options() const;
+  void calibrate();
+  void serve(Delivered delivered);
+  std::size_t top_level(PeerId peer, Duration budget);
+  Node::Task detect(const Delivered& delivered, const perc::Image& image, std::size_t level,
+                    TimePoint arrived);
+
+  const RoadOptions& options_;
+  std::optional<std::filesystem::path> data_;
+  perc::Ladder ladder_;
+  std::vector<Duration> runtimes_;
+  Node node_;
+  std::map<PeerId, std::size_t> top_;
+  std::uint64_t malformed_ = 0;
+  std::uint64_t served_ = 0;
+};
+
+Road::Road(const RoadOptions& options)
+    : options_(options),
+      data_(find_data(options.data)),
+      ladder_(perc::make_ladder({.kind = *perc::parse_ladder_kind(options.ladder),
+                                 .data_dir = data_.value_or(std::filesystem::path()),
+                                 .max_levels = 0,
+                                 .spend = {}})),
+      node_(node_options()) {}
+
+NodeOptions Road::node_options() const {
+  NodeOptions o;
+  for (std::size_t i = 0; i < options_.nics.size(); ++i) {
+    NodeLink link;
+    link.id = LinkId{static_cast<std::uint8_t>(i)};
+    link.nic = options_.nics[i];
+    link.local_address = options_.address;
+    o.links.push_back(link);
+  }
+  o.port = options_.port;
+  o.accept_peers = true;
+  o.max_peers = options_.max_peers;
+  o.insecure = options_.insecure;
+  return o;
+}
+
+void Road::calibrate() {
+  const auto pictures = calibration_pictures(options_, data_);
+  spdlog::info("calibrating on {} pictures, {} runs per level", pictures.size(),
+               options_.calibration_runs);
+  ladder_.calibrate(pictures, options_.calibration_runs,
+                    [](const perc::Level& level, std::size_t done, std::size_t total) {
+                      spdlog::info("level {} of {}: {}: median {:.1f} ms, p95 {:.1f} ms", done,
+                                   total, level.name, to_ms(level.r_median), to_ms(level.r_p95));
+                    });
+  spdlog::info("{}", ladder_.description());
+  for (std::size_t i = 0; i < ladder_.size(); ++i) runtimes_.push_back(ladder_.level(i).r_median);
+}
+
+// Chosen once per vehicle, with its first image: the highest level that fits what it can afford.
+std::size_t Road::top_level(PeerId peer, Duration budget) {
+  if (options_.top_level >= 0) {
+    return std::min(static_cast<std::size_t>(options_.top_level), ladder_.size() - 1);
+  }
+  const auto known = top_.find(peer);
+  if (known != top_.end()) return known->second;
+  const std::size_t level = ladder_.top_level(budget);
+  spdlog::info("vehicle {}: {:.1f} ms for the computation, top level {} ({})", peer.value,
+               to_ms(budget), level, ladder_.level(level).name);
+  top_[peer] = level;
+  return level;
+}
+
+void Road::serve(Delivered delivered) {
+  const auto request = parse_request(delivered.payload);
+  std::optional<perc::Image> image;
+  if (request) image = perc::decode_image(request->second);
+  if (!image) {
+    ++malformed_;
+    return;
+  }
+  const std::size_t top = top_level(delivered.from, request->first);
+  const std::size_t level = sacrificed_level(runtimes_, top, delivered.verdict);
+  delivered.payload.clear();
+  const TimePoint arrived = node_.now();
+  node_.compute(Queue::kComputation,
+                [this, delivered = std::move(delivered), image = std::move(*image), level,
+                 arrived] { return detect(delivered, image, level, arrived); });
+}
+
+// On the worker: the one detector of a level is used by one job at a time.
+Node::Task Road::detect(const Delivered& delivered, const perc::Image& image, std::size_t level,
+                        TimePoint arrived) {
+  const TimePoint start = node_.now();
+  // Behind a backlog this long nobody waits for the answer any more.
+  if (start - arrived > delivered.deadline) return {};
+  perc::Result result;
+  result.boxes = ladder_.detect(level, image);
+  result.frame = image.frame;
+  result.level = static_cast<std::uint8_t>(level);
+  result.variant = image.variant;
+  result.source = image.source;
+  result.stage1_late = delivered.verdict.late;
+  result.stage1_released = delivered.verdict.released_at_deadline;
+  result.stage1_overrun =
+      std::chrono::duration_cast<std::chrono::microseconds>(delivered.verdict.overrun);
+  result.compute_time = std::chrono::duration_cast<std::chrono::microseconds>(node_.now() - start);
+  return
+      [this, round = delivered.round, from = delivered.from, bytes = perc::encode_result(result)] {
+        ++served_;
+        node_.submit(round, {bytes}, MessageClass::kResult, from);
+      };
+}
+
+int Road::run() {
+  for (const std::string& warning : node_.warnings()) spdlog::warn("{}", warning);
+  calibrate();
+  node_.on_delivered([this](Delivered d) { serve(std::move(d)); });
+  node_.on_peer_ready([](PeerReady e) { spdlog::info("vehicle {}: here", e.peer.value); });
+  node_.on_peer_lost([this](PeerLost e) {
+    spdlog::info("vehicle {}: silent, forgotten", e.peer.value);
+    top_.erase(e.peer);
+  });
+  node_.on_link_lost([](LinkId link, std::string_view reason) {
+    spdlog::warn("link {}: {}", link.value, reason);
+  });
+  node_.stop_on_signals();
+  // For programs that start us: what runs, then that vehicles may come.
+  for (std::size_t i = 0; i < ladder_.size(); ++i) {
+    std::printf("level %zu %lld %s\n", i, static_cast<long long>(ladder_.level(i).r_median.count()),
+                ladder_.level(i).name.c_str());
+  }
+  std::printf("ladder %s\n", ladder_.description().c_str());
+  std::string where;
+  for (std::size_t i = 0; i < options_.nics.size(); ++i) {
+    const auto address = node_.local_address(LinkId{static_cast<std::uint8_t>(i)});
+    where += " " + options_.nics[i] + (address ? "=" + to_string(*address) : "");
+  }
+  std::printf("ready%s\n", where.c_str());
+  std::fflush(stdout);
+  node_.run();
+  spdlog::info("served {} images{}", served_,
+               malformed_ > 0 ? ", dropped " + std::to_string(malformed_) + " that were none" : "");
+  return kFine;
+}
+
+}  // namespace
+
+int run_road(const RoadOptions& options) {
+  if (!perc::parse_ladder_kind(options.ladder)) {
+    throw Failure(kUsage, "--ladder '" + options.ladder + "': give auto, dnn, motion or replay");
+  }
+  if (options.nics.empty()) throw Failure(kUsage, "no NIC: give --nic NAME, once per card");
+  return Road(options).run();
+}
+
+}  // namespace interneuron::cli

@@ -1,0 +1,26 @@
+// `interneuron road`: a roadside unit that detects in the images of any vehicle that comes.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace interneuron::cli {
+
+struct RoadOptions {
+  std::vector<std::string> nics;
+  std::string address;
+  std::uint16_t port = 47000;
+  std::string ladder = "auto";
+  std::string data;
+  std::string video;  // pictures to calibrate on
+  int calibration_runs = 40;
+  int top_level = -1;  // -1: by the vehicle's budget
+  std::size_t max_peers = 16;
+  bool insecure = false;
+};
+
+// Serves until SIGINT or SIGTERM. Prints "ready …" on stdout when vehicles may come.
+int run_road(const RoadOptions& options);
+
+}  // namespace interneuron::cli

@@ -1,0 +1,414 @@
+#include "cli/vehicle.h"
+
+#include <spdlog/spdlog.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <csignal>
+#include <cstdio>
+#include <map>
+#include <optional>
+
+#include "cli/data.h"
+#include "cli/failure.h"
+#include "cli/offload_request.h"
+#include "cli/report.h"
+#include "interneuron/node.h"
+#include "perception/accuracy.h"
+#include "perception/detector.h"
+#include "perception/frame_source.h"
+#include "perception/picture.h"
+#include "plan/budget.h"
+
+namespace interneuron::cli {
+namespace {
+
+namespace perc = perception;
+using namespace std::chrono_literals;
+
+constexpr PipelineId kCamera{0};
+// After the roadside has answered, links are measured for at most this long before the first round.
+constexpr Duration kSettle = 2s;
+constexpr Duration kSettlePoll = 20ms;
+constexpr Duration kProgress = 500ms;
+
+std::pair<std::string, std::string> split_link(const std::string& text) {
+  const std::size_t at = text.find('=');
+  if (at == std::string::npos || at == 0 || !parse_address(text.substr(at + 1))) {
+    throw Failure(
+        kUsage, "--link '" + text + "': give NIC=ADDRESS:PORT, for example wwan0=192.0.2.7:47000");
+  }
+  return {text.substr(0, at), text.substr(at + 1)};
+}
+
+class Vehicle {
+ public:
+  explicit Vehicle(const VehicleOptions& options);
+  int run();
+
+ private:
+  NodeOptions node_options();
+  PipelineConfig pipeline() const;
+  void wait_for_roadside();
+  void settle(TimePoint until);
+  void start();
+  void fetch_frame();
+  void begin_round(TimePoint planned_at);
+  void back_up(const RoundRef& ref, const perc::Image& image);
+  void planned(const Planned& event);
+  void done(RoundDone event);
+  void finish();
+  void progress(bool last);
+  RunInfo info() const;
+  void accuracy(RunInfo& info) const;
+  int report();
+
+  const VehicleOptions& o_;
+  std::optional<std::filesystem::path> data_;
+  std::string video_;
+  perc::FrameSource source_;
+  std::optional<perc::Frame> next_frame_;
+  bool fetching_ = false;
+  std::optional<TimePoint> late_round_;  // a round whose frame is still being decoded
+  perc::Ladder backup_;
+  std::vector<std::string> nics_;
+  Node node_;
+  std::atomic<std::uint32_t> newest_round_{0};
+  Duration budget_{};
+  bool started_ = false;
+  bool all_begun_ = false;
+  std::uint32_t begun_ = 0;
+  std::uint32_t decided_ = 0;
+  std::uint32_t on_time_ = 0;
+  std::vector<RoundRow> rows_;
+  std::vector<std::vector<perc::Box>> shown_;
+  cv::Mat picture_;  // the frame of the picture, and its round
+  std::optional<std::uint32_t> picture_round_;
+  std::string failure_;
+};
+
+Vehicle::Vehicle(const VehicleOptions& options)
+    : o_(options),
+      data_(find_data(options.data)),
+      video_(options.video.empty() ? default_video(data_) : options.video),
+      source_(video_, {.loop = options.rounds > 0}),
+      backup_(perc::make_ladder({.kind = *perc::parse_ladder_kind(options.ladder),
+                                 .data_dir = data_.value_or(std::filesystem::path()),
+                                 .max_levels = 1,
+                                 .spend = {}})),
+      node_(node_options()) {}
+
+PipelineConfig Vehicle::pipeline() const {
+  PipelineConfig p;
+  p.id = kCamera;
+  p.stages = {StageKind::kCommunication, StageKind::kComputation, StageKind::kCommunication};
+  p.deadline = from_ms(o_.deadline_ms);
+  p.period = from_ms(o_.period_ms);
+  p.policy = o_.policy;
+  p.beta_permille = static_cast<std::int16_t>(o_.beta * 1000);
+  return p;
+}
+
+NodeOptions Vehicle::node_options() {
+  NodeOptions n;
+  for (std::size_t i = 0; i < o_.links.size(); ++i) {
+    const auto [nic, peer] = split_link(o_.links[i]);
+    NodeLink link;
+    link.id = LinkId{static_cast<std::uint8_t>(i)};
+    link.nic = nic;
+    link.peer = peer;
+    n.links.push_back(link);
+    nics_.push_back(nic);
+  }
+  n.port = o_.port;
+  n.pipelines = {pipeline()};
+  return n;
+}
+
+// --- start-up
+
+void Vehicle::wait_for_roadside() {
+  node_.on_peer_ready([this](PeerReady) {
+    if (!started_) settle(node_.now() + kSettle);
+  });
+  node_.after(from_ms(o_.wait_s * 1000), [this] {
+    if (started_ || !failure_.empty()) return;
+    char wait[32];
+    std::snprintf(wait, sizeof wait, "%g", o_.wait_s);
+    failure_ = std::string("no roadside unit answered within ") + wait + " s at";
+    for (const std::string& link : o_.links) failure_ += " " + link;
+    failure_ += "; is `interneuron road` running there, and the port open?";
+    node_.stop();
+  });
+}
+
+// Rounds begin when every link that is up has a rate and a round trip, or when the time is over.
+void Vehicle::settle(TimePoint until) {
+  if (started_) return;
+  const auto links = node_.links(*node_.peer());
+  const bool measured = std::ranges::all_of(links, [](const LinkState& l) {
+    return l.up && l.rate.bits_per_second > 0 && l.rtt_p50 > Duration::zero();
+  });
+  if (!measured && node_.now() < until) {
+    node_.after(kSettlePoll, [this, until] { settle(until); });
+    return;
+  }
+  for (const LinkState& l : links) {
+    spdlog::info("link {}: {}, round trip {:.1f} ms, {:.1f} Mbit/s up", nics_[l.id.value],
+                 l.up ? "up" : "silent", to_ms(l.rtt_p50), l.rate.mbit());
+  }
+  budget_ = compute_budget(from_ms(o_.deadline_ms), links, perc::encoded_size(perc::Variant::kRaw),
+                           perc::kMaxResultBytes);
+  start();
+}
+
+void Vehicle::start() {
+  started_ = true;
+  spdlog::info("deadline {:.0f} ms, {:.1f} ms of it for the computation", o_.deadline_ms,
+               to_ms(budget_));
+  fetch_frame();
+  const TimePoint first = node_.now() + from_ms(o_.period_ms);
+  node_.at(first, [this, first] { begin_round(first); });
+  node_.after(kProgress, [this] { progress(false); });
+}
+
+// --- rounds
+
+// Decoding takes milliseconds: on a worker, behind the backup of the round before.
+void Vehicle::fetch_frame() {
+  fetching_ = true;
+  node_.compute(Queue::kLocalBackup, [this]() -> Node::Task {
+    return [this, frame = source_.next()] {
+      next_frame_ = frame;
+      fetching_ = false;
+      if (late_round_) {
+        const TimePoint planned_at = *late_round_;
+        late_round_.reset();
+        begin_round(planned_at);
+      }
+    };
+  });
+}
+
+void Vehicle::begin_round(TimePoint planned_at) {
+  if (fetching_) {  // a slow source: the round begins when its frame is there
+    late_round_ = planned_at;
+    return;
+  }
+  if (!next_frame_ || (o_.rounds > 0 && begun_ >= o_.rounds)) {
+    all_begun_ = true;
+    finish();
+    return;
+  }
+  const RoundRef ref = node_.begin_round(kCamera);
+  const perc::Frame frame = std::move(*next_frame_);
+  newest_round_ = ref.round.value;
+  ++begun_;
+  RoundRow row;
+  row.round = ref.round.value;
+  row.frame = frame.index;
+  rows_.push_back(row);
+  shown_.emplace_back();
+
+  const auto index = static_cast<std::uint32_t>(frame.index);
+  const perc::Image raw = perc::make_variant(frame.bgr, index, perc::Variant::kRaw);
+  perc::Image sampled = raw;
+  sampled.variant = perc::Variant::kSampled;
+  sampled.bgr = perc::every_second_pixel(raw.bgr);
+  node_.submit(ref,
+               {with_request(budget_, perc::encode_image(raw)),
+                with_request(budget_, perc::encode_image(sampled))},
+               MessageClass::kData, node_.peer());
+  back_up(ref, raw);
+  // The picture of the run: a round from its middle.
+  if (!picture_round_ && (o_.rounds == 0 || begun_ > o_.rounds / 2)) picture_ = frame.bgr;
+
+  fetch_frame();
+  const TimePoint next = planned_at + from_ms(o_.period_ms);
+  node_.at(next, [this, next] { begin_round(next); });
+}
+
+// The lowest level on this host, beside the remote one. A backup that is still waiting or running
+// when the next round begins is abandoned.
+void Vehicle::back_up(const RoundRef& ref, const perc::Image& image) {
+  node_.compute(Queue::kLocalBackup, [this, ref, image]() -> Node::Task {
+    if (newest_round_ != ref.round.value) return {};
+    perc::Result result;
+    result.boxes = backup_.detect(0, image);
+    if (newest_round_ != ref.round.value) return {};
+    result.frame = image.frame;
+    result.source = image.source;
+    return [this, ref, bytes = perc::encode_result(result)] { node_.local_result(ref, bytes); };
+  });
+}
+
+void Vehicle::planned(const Planned& event) {
+  if (event.stage != 1 || event.round.round.value >= rows_.size()) return;
+  std::string& text = rows_[event.round.round.value].plan;
+  for (const Assignment& a : event.plan.sends) {
+    if (!text.empty()) text += ' ';
+    text += std::string(a.variant == 0 ? "raw" : "sampled") + ":" + nics_[a.link.value];
+  }
+  if (event.plan.under_floor) text += " (under floor)";
+}
+
+void Vehicle::done(RoundDone event) {
+  RoundRow& row = rows_[event.round.round.value];
+  row.t0 = event.t0;
+  row.answered = true;
+  row.outcome = event.outcome;
+  row.e2e = event.e2e;
+  row.age_rounds = event.age_rounds;
+  row.x_permille = event.x_permille;
+  row.recovering = event.recovering;
+  row.degraded_final = event.degraded_final;
+  ++decided_;
+  if (const auto result = perc::decode_result(event.result)) {
+    row.boxes = result->boxes.size();
+    shown_[event.round.round.value] = result->boxes;
+    if (event.outcome == Outcome::kRemote) {
+      ++on_time_;
+      row.road = RoundRow::Road{
+          static_cast<int>(result->variant),
+          result->level,
+          result->stage1_late,
+          result->stage1_released,
+          result->stage1_overrun ==
+                  std::chrono::duration_cast<std::chrono::microseconds>(kFullSeverity)
+              ? from_ms(o_.deadline_ms)
+              : Duration(result->stage1_overrun),
+          Duration(result->compute_time)};
+      if (!picture_round_ && !picture_.empty() && event.round.round.value + 1 == begun_) {
+        picture_round_ = event.round.round.value;
+      }
+    }
+  }
+  finish();
+}
+
+void Vehicle::finish() {
+  if (all_begun_ && decided_ == begun_) node_.stop();
+}
+
+void Vehicle::progress(bool last) {
+  if (!o_.quiet) {
+    const bool terminal = ::isatty(STDERR_FILENO) != 0;
+    if (terminal || last || decided_ % 50 < 5) {
+      std::fprintf(stderr, "%sround %u%s: %u on time, %u answered locally%s",
+                   terminal ? "\r\x1b[K" : "", begun_,
+                   o_.rounds > 0 ? (" of " + std::to_string(o_.rounds)).c_str() : "", on_time_,
+                   decided_ - on_time_, terminal && !last ? "" : "\n");
+      std::fflush(stderr);
+    }
+  }
+  if (!last) node_.after(kProgress, [this] { progress(false); });
+}
+
+// --- report
+
+RunInfo Vehicle::info() const {
+  RunInfo info;
+  info.seeded = o_.seed >= 0;
+  if (info.seeded) info.seed = static_cast<std::uint64_t>(o_.seed);
+  info.deadline = from_ms(o_.deadline_ms);
+  info.period = from_ms(o_.period_ms);
+  info.policy = o_.policy;
+  info.backup = backup_.description();
+  info.profiles = o_.profiles;
+  for (std::size_t i = 0; i < nics_.size(); ++i) {
+    const LinkCounters c = node_.link_counters(LinkId{static_cast<std::uint8_t>(i)});
+    info.links.push_back(
+        {nics_[i], c.sent_bytes, c.received_bytes, c.fragments_resent, c.fragments_lost});
+  }
+  return info;
+}
+
+void Vehicle::accuracy(RunInfo& info) const {
+  std::optional<std::filesystem::path> file;
+  if (o_.truth.empty()) {
+    const bool demo_video = data_ && video_ == (*data_ / "pets/vtest.avi").string();
+    if (demo_video) file = default_truth(data_);
+  } else if (o_.truth != "none") {
+    file = o_.truth;
+  }
+  if (!file) return;
+  std::vector<perc::Shown> shown;
+  for (std::size_t i = 0; i < rows_.size(); ++i) shown.push_back({rows_[i].frame, shown_[i]});
+  const perc::Accuracy a = perc::evaluate(perc::read_mot_truth(*file), shown);
+  info.ap = a.ap;
+  info.ap50 = a.ap50;
+  info.ar = a.ar;
+}
+
+int Vehicle::report() {
+  RunInfo run = info();
+  accuracy(run);
+  const Json summary = summarise(rows_, run);
+  if (!o_.out.empty()) {
+    const std::filesystem::path out = o_.out;
+    write_csv(out / "rounds.csv", rows_);
+    write_json(out / "summary.json", summary);
+    if (picture_round_) {
+      const RoundRow& row = rows_[*picture_round_];
+      char caption[128];
+      std::snprintf(caption, sizeof caption, "round %u: %zu persons, level %d, %.0f ms", row.round,
+                    row.boxes, row.road->level, to_ms(row.e2e));
+      perc::write_picture(out / "frame.png", picture_, shown_[row.round], caption);
+    }
+    plot_latency(out / "latency.png", rows_, summary);
+  }
+  if (o_.json) {
+    std::printf("%s\n", summary.dump(2).c_str());
+  } else if (o_.table && !o_.quiet) {
+    print_table(summary);
+  }
+  const double share =
+      rows_.empty() ? 0
+                    : 100.0 * summary["on_time"].get<double>() / static_cast<double>(rows_.size());
+  if (o_.objective > 0 && share < o_.objective) {
+    std::fprintf(stderr,
+                 "interneuron: %.1f %% of the rounds on time, less than the objective of %.1f %%\n",
+                 share, o_.objective);
+    return kObjectiveMissed;
+  }
+  return kFine;
+}
+
+int Vehicle::run() {
+  for (const std::string& warning : node_.warnings()) spdlog::warn("{}", warning);
+  if (!o_.out.empty()) make_directory(o_.out);
+  spdlog::info("local backup: {}", backup_.description());
+  node_.on_planned([this](Planned e) { planned(e); });
+  node_.on_round_done([this](RoundDone e) { done(std::move(e)); });
+  node_.on_peer_restarted([](PeerRestarted) { spdlog::warn("the roadside unit restarted"); });
+  node_.on_link_lost([this](LinkId link, std::string_view reason) {
+    spdlog::warn("{}: {}", nics_[link.value], reason);
+  });
+  node_.stop_on_signals();
+  wait_for_roadside();
+  node_.run();
+  if (started_) progress(true);
+  if (!failure_.empty()) throw Failure(kFailed, failure_);
+  const int signal = node_.stopped_by_signal();
+  if (signal != 0 && decided_ < begun_) {
+    // Rounds that the signal cut off are no rounds of the run.
+    rows_.resize(decided_);
+    shown_.resize(decided_);
+  }
+  const int code = started_ ? report() : kFine;
+  return signal != 0 ? 128 + signal : code;
+}
+
+}  // namespace
+
+int run_vehicle(const VehicleOptions& options) {
+  if (!perc::parse_ladder_kind(options.ladder)) {
+    throw Failure(kUsage, "--ladder '" + options.ladder + "': give auto, dnn, motion or replay");
+  }
+  if (options.links.empty()) {
+    throw Failure(kUsage, "no link: give --link NIC=ADDRESS:PORT, once per card");
+  }
+  return Vehicle(options).run();
+}
+
+}  // namespace interneuron::cli

@@ -1,0 +1,75 @@
+// Every mistake ends with one line that names the thing and the remedy, and the documented exit
+// code.
+#include <algorithm>
+#include <fstream>
+
+#include "support.h"
+
+namespace interneuron::cli {
+namespace {
+
+struct Mistake {
+  const char* name;
+  const char* arguments;
+  int code;
+  const char* says;
+};
+
+void PrintTo(const Mistake& mistake, std::ostream* out) { *out << mistake.arguments; }
+
+class BadInput : public testing::TestWithParam<Mistake> {};
+
+TEST_P(BadInput, IsOneLineWithItsExitCode) {
+  const Ran ran = run(GetParam().arguments);
+  EXPECT_EQ(ran.code, GetParam().code) << ran.output;
+  EXPECT_NE(ran.output.find(GetParam().says), std::string::npos) << ran.output;
+  // Nothing but the program's one line; usage errors also point to --help.
+  if (GetParam().code != 2) {
+    EXPECT_EQ(std::ranges::count(ran.output, '\n'), 1) << ran.output;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Program, BadInput,
+    testing::Values(Mistake{"NoCommand", "", 2, "subcommand"},
+                    Mistake{"UnknownCommand", "fly", 2, "unknown command 'fly'"},
+                    Mistake{"UnknownFlag", "demo --sed 2", 2, "--sed"},
+                    Mistake{"DeadlineZero", "demo --deadline-ms 0", 2, "--deadline-ms"},
+                    Mistake{"DeadlineNegative", "vehicle --link lo=127.0.0.1:1 --deadline-ms -5", 2,
+                            "--deadline-ms"},
+                    Mistake{"RoundsZero", "demo --rounds 0", 2, "--rounds"},
+                    Mistake{"UnknownPolicy", "demo --policy best", 2, "--policy"},
+                    Mistake{"UnknownProfile", "demo --link 6g", 3, "6g"},
+                    Mistake{"MissingVideo", "demo --video nowhere.avi", 3, "nowhere.avi"},
+                    Mistake{"MissingData", "demo --data nowhere", 3, "nowhere"},
+                    Mistake{"MissingConfig", "road --config nowhere.toml", 3, "nowhere.toml"},
+                    Mistake{"NoLink", "vehicle", 2, "--link"},
+                    Mistake{"BadLink", "vehicle --link lo", 2, "NIC=ADDRESS:PORT"},
+                    Mistake{"NoNic", "road", 2, "--nic"},
+                    Mistake{"UnknownNic", "road --nic wwan77 --ladder motion", 1, "wwan77"},
+                    Mistake{"TestbedNotUp", "testbed run --name nobody -- true", 1, "nobody"}),
+    [](const auto& mistake) { return std::string(mistake.param.name); });
+
+TEST(BadInput, AModelThatIsNotThere) {
+  const TempFolder data;
+  const Ran ran = run("road --nic lo --ladder dnn --data '" + data.string() + "'");
+  EXPECT_EQ(ran.code, 3) << ran.output;
+  EXPECT_NE(ran.output.find("fetch_data.sh"), std::string::npos) << ran.output;
+}
+
+TEST(BadInput, AnAbsentRoadsideUnitIsNamed) {
+  const Ran ran = run("vehicle --link lo=127.0.0.1:9 --wait-s 0.5 --ladder motion -q");
+  EXPECT_EQ(ran.code, 1) << ran.output;
+  EXPECT_NE(ran.output.find("no roadside unit answered"), std::string::npos) << ran.output;
+  EXPECT_NE(ran.output.find("lo=127.0.0.1:9"), std::string::npos) << ran.output;
+}
+
+TEST(BadInput, HelpAndVersionAreFine) {
+  for (const char* arguments :
+       {"--help", "demo --help", "vehicle --help", "road --help", "testbed --help", "version"}) {
+    EXPECT_EQ(run(arguments).code, 0) << arguments;
+  }
+}
+
+}  // namespace
+}  // namespace interneuron::cli
