@@ -79,8 +79,13 @@ function(interneuron_test module)
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 120)
   endif()
+  # Real time on real NICs: beside another test they would measure that one's load.
+  set(serial FALSE)
+  if(ARG_LABEL STREQUAL "netns")
+    set(serial TRUE)
+  endif()
   gtest_discover_tests(${target} TEST_PREFIX ${module}. DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60
-    PROPERTIES TIMEOUT ${ARG_TIMEOUT} SKIP_RETURN_CODE 77 LABELS "${ARG_LABEL}")
+    PROPERTIES TIMEOUT ${ARG_TIMEOUT} SKIP_RETURN_CODE 77 RUN_SERIAL ${serial} LABELS "${ARG_LABEL}")
 endfunction()
 
 # The one library that users link: the union of the core's folders, without OpenCV or libnl.

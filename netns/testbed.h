@@ -111,8 +111,9 @@ struct Snapshot {
   double lateness_mean_us = 0;  // of frames: when sent minus when due
   double lateness_max_us = 0;
   std::uint64_t frames_sent = 0;
-  std::uint64_t kernel_drops =
-      0;  // frames lost between kernel and emulator, in either direction: should be 0
+  // Frames lost between kernel and emulator, in either direction: 0 unless the sender floods or a
+  // NIC was set down.
+  std::uint64_t kernel_drops = 0;
 };
 
 struct SpawnOptions {

@@ -1,9 +1,8 @@
 #!/usr/bin/env bash
 # Installs what is missing, builds a preset and runs every test.
 #
-#   scripts/test.sh [--full] [PRESET]
+#   scripts/test.sh [PRESET]
 #
-#   --full    sets INTERNEURON_FULL=1: tests that repeat something over seeds take all of them, not a sample
 #   PRESET    release (default), debug, asan, tsan or clang; see CMakePresets.json
 #
 # Exit codes: 0 every test passed, 1 a build or test failed, 2 usage, 5 needs root to install packages.
@@ -13,7 +12,6 @@ root=$(dirname "$(dirname "$(readlink -f "${BASH_SOURCE[0]}")")")
 preset=
 for argument in "$@"; do
   case $argument in
-    --full) export INTERNEURON_FULL=1 ;;
     -h | --help) sed -n '2,/^set /{/^set /d;s/^# \{0,1\}//;p}' "${BASH_SOURCE[0]}"; exit 0 ;;
     -*) printf "test: unknown option '%s'; see scripts/test.sh --help\n" "$argument" >&2; exit 2 ;;
     *)

@@ -155,18 +155,17 @@ class Demo {
   std::optional<Testbed> testbed_;
 };
 
-Demo::Demo(const DemoOptions& options)
-    : o_(options),
-      data_(find_data(options.data)),
-      video_(options.video.empty() ? default_video(data_) : options.video) {
-  const perception::FrameSource readable(video_);  // found out here, not in two programs
+Demo::Demo(const DemoOptions& options) : o_(options), data_(find_data(options.data)) {
   testbed_options_.name = fmt::format("demo-{}", ::getpid());
   testbed_options_.seed = options.seed;
   if (!options.links.empty()) {
     testbed_options_.links.clear();
-    for (const std::string& link : options.links)
+    for (const std::string& link : options.links) {
       testbed_options_.links.push_back(netns::load_link(link));
+    }
   }
+  video_ = options.video.empty() ? default_video(data_) : options.video;
+  const perception::FrameSource readable(video_);  // found out here, not in two programs
 }
 
 std::vector<std::string> Demo::road_command() const {

@@ -171,6 +171,9 @@ void print_table(const Json& s) {
     fmt::print("{:<28}AP {:.3f}   AP50 {:.3f}   AR {:.3f}   (of every answer, local ones too)\n",
                "accuracy", s["ap"].get<double>(), s["ap50"].get<double>(), s["ar"].get<double>());
   }
+  if (!s["ladder"].get<std::string>().empty()) {
+    fmt::print("{:<28}{}\n", "detectors", s["ladder"].get<std::string>());
+  }
   fmt::print("quality levels used at the roadside\n");
   for (const Json& level : s["levels"]) {
     fmt::print("  {:<26}{:>10}\n",

@@ -351,8 +351,8 @@ int Vehicle::report() {
     if (picture_round_) {
       const RoundRow& row = rows_[*picture_round_];
       char caption[128];
-      std::snprintf(caption, sizeof caption, "round %u: %zu persons, level %d, %.0f ms", row.round,
-                    row.boxes, row.road->level, to_ms(row.e2e));
+      std::snprintf(caption, sizeof caption, "round %u: level %d, image %s, %.0f ms", row.round,
+                    row.road->level, row.road->variant == 0 ? "raw" : "sampled", to_ms(row.e2e));
       perc::write_picture(out / "frame.png", picture_, shown_[row.round], caption);
     }
     plot_latency(out / "latency.png", rows_, summary);
@@ -408,6 +408,7 @@ int run_vehicle(const VehicleOptions& options) {
   if (options.links.empty()) {
     throw Failure(kUsage, "no link: give --link NIC=ADDRESS:PORT, once per card");
   }
+  for (const std::string& link : options.links) split_link(link);  // before anything is opened
   return Vehicle(options).run();
 }
 

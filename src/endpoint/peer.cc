@@ -243,9 +243,12 @@ Peer::Path* Peer::fastest(TimePoint now) {
   Path* best = nullptr;
   for (Path& path : paths_) {
     if (!path.estimator.up(now)) continue;
-    const bool better = best == nullptr || (path.estimator.one_way() < best->estimator.one_way() &&
-                                            path.estimator.one_way() > Duration::zero());
-    if (better) best = &path;
+    // A path whose delay is not known yet is behind those that were measured.
+    const auto delay = [](const Path& p) {
+      const Duration d = p.estimator.one_way();
+      return d > Duration::zero() ? d : Duration::max();
+    };
+    if (best == nullptr || delay(path) < delay(*best)) best = &path;
   }
   return best;
 }

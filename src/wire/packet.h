@@ -31,7 +31,7 @@ struct PacketHeader {
   LinkId link{};
   std::uint8_t epoch = kClearEpoch;
   SessionId session{};       // the sender's
-  std::uint64_t number = 0;  // counts from 1 per sender and link
+  std::uint64_t number = 0;  // grows per sender and path; starts anywhere above 0
   friend bool operator==(const PacketHeader&, const PacketHeader&) = default;
 };
 

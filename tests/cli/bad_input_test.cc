@@ -58,7 +58,9 @@ TEST(BadInput, AModelThatIsNotThere) {
 }
 
 TEST(BadInput, AnAbsentRoadsideUnitIsNamed) {
-  const Ran ran = run("vehicle --link lo=127.0.0.1:9 --wait-s 0.5 --ladder motion -q");
+  const Ran ran =
+      run("vehicle --link lo=127.0.0.1:9 --wait-s 0.5 --ladder motion -q --video "
+          "'" INTERNEURON_SOURCE_DIR "/docs/latency.png'");
   EXPECT_EQ(ran.code, 1) << ran.output;
   EXPECT_NE(ran.output.find("no roadside unit answered"), std::string::npos) << ran.output;
   EXPECT_NE(ran.output.find("lo=127.0.0.1:9"), std::string::npos) << ran.output;

@@ -73,5 +73,18 @@ TEST(ConfigFile, MalformedTomlIsNamedWithItsPlace) {
   EXPECT_NE(Command().apply("rounds = \n").find("c.toml:1:"), std::string::npos);
 }
 
+// The examples stay true: the programs read them, and fail for the cards that this host has not.
+TEST(ConfigFile, TheExamplesAreAccepted) {
+  const std::string examples = INTERNEURON_SOURCE_DIR "/examples/";
+  const Ran road = run("road --ladder motion --config '" + examples + "road.toml' --nic wwan77");
+  EXPECT_EQ(road.code, 1) << road.output;
+  EXPECT_NE(road.output.find("wwan77"), std::string::npos) << road.output;
+  const Ran vehicle = run("vehicle --ladder motion --video '" INTERNEURON_SOURCE_DIR
+                          "/docs/latency.png' --config '" +
+                          examples + "vehicle.toml' --link wwan77=192.0.2.7:1");
+  EXPECT_EQ(vehicle.code, 1) << vehicle.output;
+  EXPECT_NE(vehicle.output.find("wwan77"), std::string::npos) << vehicle.output;
+}
+
 }  // namespace
 }  // namespace interneuron::cli

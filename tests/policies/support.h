@@ -10,9 +10,15 @@
 
 #include "interneuron/policy.h"
 #include "link/nature.h"
-#include "plan/find_policy.h"
 
 namespace interneuron::policy_test {
+
+inline const Policy* find_policy(const PolicySet& policies, std::string_view name) {
+  for (const auto& policy : policies) {
+    if (policy->name() == name) return policy.get();
+  }
+  return nullptr;
+}
 
 // A link that is up: 0 = not measured yet.
 struct Up {
