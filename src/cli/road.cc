@@ -9,6 +9,7 @@
 #include "cli/data.h"
 #include "cli/failure.h"
 #include "cli/offload_request.h"
+#include "cli/report.h"
 #include "interneuron/node.h"
 #include "perception/detector.h"
 #include "perception/frame_source.h"
@@ -20,6 +21,11 @@ namespace perc = perception;
 
 // Pictures of the calibration: enough for the background models to settle; chosen.
 constexpr int kCalibrationPictures = 30;
+// Between two runs of the calibration, as between two images of a camera; chosen.
+constexpr Duration kCalibrationPause = std::chrono::milliseconds(40);
+// Run times in operation that are remembered per level, and how many make a percentile; chosen.
+constexpr std::size_t kObserved = 40;
+constexpr std::size_t kEnoughObserved = 3;
 
 std::vector<perc::Image> calibration_pictures(const RoadOptions& options,
                                               const std::optional<std::filesystem::path>& data) {
@@ -44,6 +50,8 @@ class Road {
   void calibrate();
   void serve(Delivered delivered);
   std::size_t top_level(PeerId peer, Duration budget);
+  Duration p95(std::size_t level) const;
+  void observe(std::size_t level, Duration time);
   Node::Task detect(const Delivered& delivered, const perc::Image& image, std::size_t level,
                     TimePoint arrived);
 
@@ -51,6 +59,7 @@ class Road {
   std::optional<std::filesystem::path> data_;
   perc::Ladder ladder_;
   std::vector<Duration> runtimes_;
+  std::vector<std::vector<double>> observed_ms_;  // per level, the newest kObserved
   Node node_;
   std::map<PeerId, std::size_t> top_;
   std::uint64_t malformed_ = 0;
@@ -86,23 +95,44 @@ void Road::calibrate() {
   const auto pictures = calibration_pictures(options_, data_);
   spdlog::info("calibrating on {} pictures, {} runs per level", pictures.size(),
                options_.calibration_runs);
-  ladder_.calibrate(pictures, options_.calibration_runs,
-                    [](const perc::Level& level, std::size_t done, std::size_t total) {
-                      spdlog::info("level {} of {}: {}: median {:.1f} ms, p95 {:.1f} ms", done,
-                                   total, level.name, to_ms(level.r_median), to_ms(level.r_p95));
-                    });
+  ladder_.calibrate(
+      pictures, options_.calibration_runs,
+      [](const perc::Level& level, std::size_t done, std::size_t total) {
+        spdlog::info("level {} of {}: {}: median {:.1f} ms, p95 {:.1f} ms", done, total, level.name,
+                     to_ms(level.r_median), to_ms(level.r_p95));
+      },
+      kCalibrationPause);
   spdlog::info("{}", ladder_.description());
   for (std::size_t i = 0; i < ladder_.size(); ++i) runtimes_.push_back(ladder_.level(i).r_median);
+  observed_ms_.resize(ladder_.size());
 }
 
-// Chosen once per vehicle, with its first image: the highest level that fits what it can afford.
+// The calibration's, or that of the newest images if those took longer: in operation other programs
+// share the processor.
+Duration Road::p95(std::size_t level) const {
+  const std::vector<double>& times = observed_ms_[level];
+  Duration worst = ladder_.level(level).r_p95;
+  if (times.size() >= kEnoughObserved) worst = std::max(worst, from_ms(percentile(times, 0.95)));
+  return worst;
+}
+
+void Road::observe(std::size_t level, Duration time) {
+  std::vector<double>& times = observed_ms_[level];
+  times.push_back(to_ms(time));
+  if (times.size() > kObserved) times.erase(times.begin());
+}
+
+// The highest level that fits what the vehicle can afford; it refines that during its first rounds.
 std::size_t Road::top_level(PeerId peer, Duration budget) {
   if (options_.top_level >= 0) {
     return std::min(static_cast<std::size_t>(options_.top_level), ladder_.size() - 1);
   }
+  std::size_t level = 0;
+  for (std::size_t i = 0; i < ladder_.size(); ++i) {
+    if (p95(i) <= budget) level = i;
+  }
   const auto known = top_.find(peer);
-  if (known != top_.end()) return known->second;
-  const std::size_t level = ladder_.top_level(budget);
+  if (known != top_.end() && known->second == level) return level;
   spdlog::info("vehicle {}: {:.1f} ms for the computation, top level {} ({})", peer.value,
                to_ms(budget), level, ladder_.level(level).name);
   top_[peer] = level;
@@ -142,12 +172,14 @@ Node::Task Road::detect(const Delivered& delivered, const perc::Image& image, st
   result.stage1_released = delivered.verdict.released_at_deadline;
   result.stage1_overrun =
       std::chrono::duration_cast<std::chrono::microseconds>(delivered.verdict.overrun);
-  result.compute_time = std::chrono::duration_cast<std::chrono::microseconds>(node_.now() - start);
-  return
-      [this, round = delivered.round, from = delivered.from, bytes = perc::encode_result(result)] {
-        ++served_;
-        node_.submit(round, {bytes}, MessageClass::kResult, from);
-      };
+  const Duration took = node_.now() - start;
+  result.compute_time = std::chrono::duration_cast<std::chrono::microseconds>(took);
+  return [this, level, took, round = delivered.round, from = delivered.from,
+          bytes = perc::encode_result(result)] {
+    ++served_;
+    observe(level, took);
+    node_.submit(round, {bytes}, MessageClass::kResult, from);
+  };
 }
 
 int Road::run() {

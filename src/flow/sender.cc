@@ -202,7 +202,10 @@ Sender::Verdicts Sender::report(TimePoint now, const wire::LinkReport& report) {
     if (arrived) {
       sent.settled = true;
       ++verdicts.acknowledged;
-      if (sent.has_piece) acknowledge(sent);
+      if (sent.has_piece) {
+        path.progress_at = now;
+        acknowledge(sent);
+      }
     } else if (back >= kReorderPackets) {
       ++verdicts.lost;
       lose(now, sent);
@@ -290,7 +293,7 @@ std::vector<std::pair<LinkId, std::uint64_t>> Sender::handle_timeout(TimePoint n
   for (auto& [link, path] : paths_) {
     std::uint64_t lost = 0;
     for (Sent& sent : path.sent) {
-      if (sent.at + path.view.probe_timeout > now) break;
+      if (path.silent_at(sent) > now) break;
       if (sent.settled || !sent.has_piece) continue;
       ++lost;
       lose(now, sent);
@@ -313,7 +316,7 @@ std::optional<TimePoint> Sender::next_timeout() const {
   for (const auto& [link, path] : paths_) {
     const auto oldest =
         std::ranges::find_if(path.sent, [](const Sent& s) { return !s.settled && s.has_piece; });
-    if (oldest != path.sent.end()) consider(oldest->at + path.view.probe_timeout);
+    if (oldest != path.sent.end()) consider(path.silent_at(*oldest));
   }
   for (const auto& [id, message] : messages_) consider(message.deadline);
   return next;

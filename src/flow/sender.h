@@ -23,7 +23,8 @@ struct PathView {
   bool up = false;
   std::optional<DataRate> rate;  // unknown: paced at kBlindRate
   Duration one_way{};            // expected, zero while unknown
-  Duration probe_timeout{};  // after this long without acknowledgement a packet is taken for lost
+  Duration
+      probe_timeout{};  // after this long without any acknowledgement what is in flight is lost
 };
 
 class Sender {
@@ -125,6 +126,12 @@ class Sender {
     std::vector<Job> jobs;                 // few: one per message under way
     std::deque<Sent> sent;                 // by number, oldest first
     std::uint64_t resent = 0;
+    // The newest acknowledgement of a piece. While they come in, a packet that is late waits in our
+    // own queue.
+    TimePoint progress_at = TimePoint::min();
+    TimePoint silent_at(const Sent& oldest) const {
+      return std::max(oldest.at, progress_at) + view.probe_timeout;
+    }
   };
 
   std::optional<std::uint16_t> take_index(Job& job, bool& is_repair);

@@ -62,7 +62,10 @@ class Ladder {
   // Measures median and 95th percentile of every level over `runs` images, taken in turn from
   // `images`, after a warm-up. Forgets all learnt backgrounds. Throws InputError when `images` is
   // empty or runs < 1.
-  void calibrate(std::span<const Image> images, int runs, const Progress& progress = {});
+  // `pause` before each run: between the images of a camera the processor idles and its caches
+  // cool, and back-to-back runs would measure times that no image in operation sees.
+  void calibrate(std::span<const Image> images, int runs, const Progress& progress = {},
+                 Duration pause = {});
 
   // The best level whose 95th percentile fits into the budget, else 0; 0 too while the times are
   // unknown.

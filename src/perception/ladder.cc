@@ -3,6 +3,7 @@
 #include <chrono>
 #include <cstdio>
 #include <opencv2/core.hpp>
+#include <thread>
 #include <utility>
 
 #include "perception/detector.h"
@@ -47,7 +48,8 @@ Ladder::Ladder(std::string title, std::vector<Level> levels, bool times_known)
   assert(!levels_.empty() && levels_.size() <= kAllLevels);
 }
 
-void Ladder::calibrate(std::span<const Image> images, int runs, const Progress& progress) {
+void Ladder::calibrate(std::span<const Image> images, int runs, const Progress& progress,
+                       Duration pause) {
   if (images.empty() || runs < 1) {
     throw InputError("calibration needs at least one frame and one run; give a longer video");
   }
@@ -68,7 +70,10 @@ void Ladder::calibrate(std::span<const Image> images, int runs, const Progress& 
       level.detector->reset();
       for (int n = 0; n < kWarmUpRuns; ++n) (void)run(*level.detector);
       std::vector<Duration> times;
-      for (int n = 0; n < runs; ++n) times.push_back(run(*level.detector));
+      for (int n = 0; n < runs; ++n) {
+        std::this_thread::sleep_for(pause);
+        times.push_back(run(*level.detector));
+      }
       std::sort(times.begin(), times.end());
       level.r_median = percentile(times, 50);
       level.r_p95 = percentile(times, 95);

@@ -5,8 +5,9 @@
 namespace interneuron {
 namespace {
 
-constexpr Duration kReserve =
-    std::chrono::milliseconds(5);  // chosen: D_N "less raw uplink, downlink and 5 ms"
+// Fragment, packet, UDP and IPv4 headers around each 1,352 bytes of a message
+// (docs/wire_format.md).
+constexpr double kWireOverhead = 1428.0 / 1352.0;
 
 }  // namespace
 
@@ -15,11 +16,13 @@ Duration compute_budget(Duration deadline, std::span<const LinkState> links,
   Duration best = Duration::max();
   for (const LinkState& link : links) {
     if (!link.up || link.rate.bits_per_second <= 0 || link.rtt_p50 <= Duration::zero()) continue;
-    const Duration transfer = link.rate.transmit_time(best_variant_bytes + result_bytes);
+    const auto wire_bytes = static_cast<std::size_t>(
+        static_cast<double>(best_variant_bytes + result_bytes) * kWireOverhead);
+    const Duration transfer = link.rate.transmit_time(wire_bytes);
     best = std::min(best, std::min<Duration>(transfer, std::chrono::hours(1)) + link.rtt_p50);
   }
   if (best == Duration::max()) return Duration::zero();
-  return std::max(Duration::zero(), deadline - best - kReserve);
+  return std::max(Duration::zero(), deadline - best - kComputeReserve);
 }
 
 }  // namespace interneuron

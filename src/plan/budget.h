@@ -8,7 +8,10 @@
 
 namespace interneuron {
 
-// D_N less the uplink of the best variant, the downlink of a result and a reserve of 5 ms, over the
+// What stays unplanned: turns of both loops, a slower run than usual. Chosen.
+inline constexpr Duration kComputeReserve = std::chrono::milliseconds(5);
+
+// D_N less the uplink of the best variant, the downlink of a result and kComputeReserve, over the
 // link that brings the best variant soonest. Links without a measured rate or round trip are passed
 // over; without any, nothing of the deadline can be promised and the answer is zero. Never
 // negative.

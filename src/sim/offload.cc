@@ -83,11 +83,8 @@ void Offload::choose_top() {
     return;
   }
   const auto links = world_.endpoint(vehicle_).links(world_.local_time(vehicle_), peer_);
-  const auto wire_bytes = [](std::size_t n) {
-    return static_cast<std::size_t>(static_cast<double>(n) * kWireOverhead);
-  };
   const Duration budget =
-      compute_budget(o_.deadline, links, wire_bytes(o_.raw_bytes), wire_bytes(o_.result_bytes));
+      compute_budget(o_.deadline - kEncode, links, o_.raw_bytes, o_.result_bytes);
   for (std::size_t level = 0; level < o_.ladder.size(); ++level) {
     if (o_.ladder[level].p95 <= budget) result_.top_level = level;
   }
