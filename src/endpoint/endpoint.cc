@@ -7,23 +7,13 @@
 #include <stdexcept>
 #include <string>
 
-#include "endpoint/peer.h"
+#include "endpoint/peers.h"
 #include "endpoint/stages.h"
 #include "guard/origin.h"
 #include "plan/plan_message.h"
 
 namespace interneuron {
 namespace {
-
-// An unannounced peer that was silent for this long is forgotten; NOTES §4.3 forgets its bases
-// after the same time.
-constexpr Duration kPeerSilence = std::chrono::seconds(60);
-// Sessions that a restarted peer had before; stragglers of theirs must not bring them back.
-constexpr std::size_t kRetired = 64;
-constexpr std::size_t kIpUdpOverhead = 48;  // IPv6, the larger one
-// Links with a smaller MTU than IPv6 allows (1280) are not served better by smaller datagrams:
-// eight reports of feedback and the piece count of the largest message fit from here on.
-constexpr std::size_t kMinDatagramBytes = 1280 - kIpUdpOverhead;
 
 std::array<std::uint8_t, 4> quantised(const Nature& needs) {
   const auto q = [](double w) {
@@ -42,7 +32,9 @@ std::uint32_t to_us(Duration d) {
 class Endpoint::Impl {
  public:
   Impl(EndpointOptions options, TimePoint now)
-      : options_(std::move(options)), started_(now), raw_now_(now) {
+      : options_(std::move(options)),
+        peers_({options_.session, options_.accept_peers, options_.max_peers, options_.repair, now}),
+        raw_now_(now) {
     if (options_.session.value == 0) {
       throw std::invalid_argument("endpoint: the session must not be 0; draw it at random");
     }
@@ -63,31 +55,12 @@ class Endpoint::Impl {
     }
   }
 
-  void add_link(TimePoint, LinkId link, const LinkInfo& info) {
-    links_[link].info = info;
-    links_[link].present = true;
-  }
+  void add_link(TimePoint, LinkId link, const LinkInfo& info) { peers_.add_link(link, info); }
 
-  void remove_link(TimePoint raw, LinkId link) {
-    const TimePoint now = tick(raw);
-    links_[link].present = false;
-    for (auto& [id, peer] : peers_) peer.remove_nic(now, link);
-  }
+  void remove_link(TimePoint raw, LinkId link) { peers_.remove_link(tick(raw), link); }
 
   PeerId connect(TimePoint raw, std::span<const std::pair<LinkId, Address>> addresses) {
-    const TimePoint now = tick(raw);
-    for (const auto& [link, address] : addresses) {
-      const auto it = links_.find(link);
-      if (it == links_.end() || !it->second.present) {
-        throw std::invalid_argument("connect: link " + std::to_string(link.value) +
-                                    " was not added");
-      }
-    }
-    const PeerId id = add_peer(now, SessionId{}, true);
-    for (const auto& [link, address] : addresses) {
-      peers_.at(id).add_path(now, link, link, address, max_datagram(link));
-    }
-    return id;
+    return peers_.connect(tick(raw), addresses);
   }
 
   RoundRef begin_round(TimePoint raw, PipelineId pipeline) {
@@ -153,18 +126,22 @@ class Endpoint::Impl {
     // What was due before this instant happened before; what is due at it happens after (arrivals
     // first).
     run_timers(now - Duration{1});
-    LinkCounters& counters = links_[datagram.link].counters;
+    LinkCounters& counters = peers_.counters(datagram.link);
     const auto packet = wire::parse(datagram.bytes);
     if (!packet) {
       ++counters.malformed_packets;
       return;
     }
-    Peer* peer = peer_of(now, packet->header, datagram);
+    const auto [peer, restarted] = peers_.whose(now, packet->header, datagram);
     if (peer == nullptr) {
       ++counters.refused_packets;
       return;
     }
-    const Peer::Input input = [&] { return peer->handle(now, *packet, datagram.bytes.size()); }();
+    if (restarted) {
+      stages_.forget_clock(peer->identity().id);
+      events_.emplace_back(PeerRestarted{peer->identity().id});
+    }
+    const Peer::Input input = peer->handle(now, *packet, datagram.bytes.size());
     if (input.duplicate) {
       ++counters.duplicate_packets;
       return;
@@ -177,16 +154,7 @@ class Endpoint::Impl {
   void handle_timeout(TimePoint raw) { advance(raw); }
 
   std::optional<Transmit> poll_transmit(TimePoint raw, std::span<std::byte> buffer) {
-    const TimePoint now = tick(raw);
-    for (auto& [id, peer] : peers_) {
-      const auto transmit = peer.poll(now, buffer);
-      if (!transmit) continue;
-      LinkCounters& counters = links_[transmit->link].counters;
-      ++counters.sent_packets;
-      counters.sent_bytes += transmit->size;
-      return transmit;
-    }
-    return std::nullopt;
+    return peers_.poll(tick(raw), buffer);
   }
 
   std::optional<Event> poll_event() {
@@ -202,57 +170,25 @@ class Endpoint::Impl {
       if (t && (!next || *t < *next)) next = t;
     };
     for (const auto& [id, origin] : origins_) consider(origin.next_timeout());
-    for (const auto& [id, peer] : peers_) {
-      consider(peer.next_timeout());
-      if (!peer.identity().connected) consider(peer.heard_at() + kPeerSilence);
-    }
+    consider(peers_.next_timeout());
     // What is due already is due now: the peer's bytes may make an instant of any value.
     if (next) *next = std::max(*next, raw_now_ + shift_) - shift_;
     return next;
   }
 
-  std::vector<PeerId> peers() const {
-    std::vector<PeerId> out;
-    for (const auto& [id, peer] : peers_) out.push_back(id);
-    return out;
-  }
-
+  std::vector<PeerId> peers() const { return peers_.ids(); }
   std::vector<LinkState> links(TimePoint now, PeerId peer) const {
-    const auto it = peers_.find(peer);
-    return it == peers_.end() ? std::vector<LinkState>{} : it->second.links(now + shift_);
+    return peers_.links(now + shift_, peer);
   }
-
-  LinkCounters link_counters(LinkId link) const {
-    const auto it = links_.find(link);
-    if (it == links_.end()) return {};
-    LinkCounters counters = it->second.counters;
-    for (const auto& [id, peer] : peers_) {
-      const auto [resent, lost] = peer.repairs(link);
-      counters.fragments_resent += resent;
-      counters.fragments_lost += lost;
-    }
-    return counters;
-  }
-
+  LinkCounters link_counters(LinkId link) const { return peers_.totals(link); }
   EndpointCounters counters() const {
     EndpointCounters out = counters_;
-    for (const auto& [id, peer] : peers_) out.fragments_cancelled += peer.cancelled();
+    out.fragments_cancelled = peers_.cancelled();
     return out;
   }
-
-  std::size_t reassembly_bytes() const {
-    std::size_t sum = 0;
-    for (const auto& [id, peer] : peers_) sum += peer.reassembly_bytes();
-    return sum;
-  }
+  std::size_t reassembly_bytes() const { return peers_.reassembly_bytes(); }
 
  private:
-  struct Link {
-    LinkInfo info;
-    bool present = false;
-    LinkCounters counters;
-  };
-
   // --- time
 
   // The endpoint's own time: never goes back, whatever the host's does.
@@ -278,87 +214,9 @@ class Endpoint::Impl {
         events_.emplace_back(std::move(done));
       }
     }
-    for (auto it = peers_.begin(); it != peers_.end();) {
-      counters_.messages_expired += it->second.handle_timeout(now);
-      const bool silent = !it->second.identity().connected &&
-                          (now - it->second.heard_at() >= kPeerSilence || it->second.gone());
-      if (silent) {
-        // Not retired: a vehicle that was out of reach for long comes back with the same session.
-        events_.emplace_back(PeerLost{it->first});
-        it = peers_.erase(it);
-      } else {
-        ++it;
-      }
-    }
-  }
-
-  // --- peers
-
-  PeerId add_peer(TimePoint now, SessionId session, bool connected) {
-    const PeerId id{next_peer_++};
-    peers_.try_emplace(
-        id, Peer::Identity{id, options_.session, session, connected, options_.repair, started_},
-        now);
-    return id;
-  }
-
-  std::size_t max_datagram(LinkId link) const {
-    const std::size_t mtu = links_.at(link).info.mtu;
-    return std::clamp<std::size_t>(mtu - std::min(mtu, kIpUdpOverhead), kMinDatagramBytes,
-                                   kMaxDatagramBytes);
-  }
-
-  void retire(SessionId session) {
-    if (session.value == 0) return;
-    retired_.push_back(session);
-    if (retired_.size() > kRetired) retired_.pop_front();
-  }
-
-  // Whose packet this is; adds, rebinds or restarts peers as the packet demands. nullptr: nobody we
-  // serve.
-  Peer* peer_of(TimePoint now, const wire::PacketHeader& header, const Datagram& datagram) {
-    const auto link = links_.find(datagram.link);
-    if (link == links_.end() || !link->second.present || header.session == options_.session ||
-        std::ranges::find(retired_, header.session) != retired_.end()) {
-      return nullptr;
-    }
-    for (auto& [id, peer] : peers_) {
-      if (peer.identity().session != header.session) continue;
-      if (!peer.identity().connected) {
-        peer.add_path(now, header.link, datagram.link, datagram.from, max_datagram(datagram.link));
-      }
-      if (peer.has_path(header.link)) return &peer;
-      // We may have connected again to a peer whose links we had lost.
-      if (!peer.identity().connected) return nullptr;
-    }
-    for (auto& [id, peer] : peers_) {
-      if (!peer.identity().connected || !peer.reached_at(datagram.link, datagram.from) ||
-          !peer.has_path(header.link)) {
-        continue;
-      }
-      const SessionId before = peer.identity().session;
-      if (before == header.session) continue;
-      retire(before);
-      peer.restart(now, header.session);
-      if (before.value != 0) {
-        stages_.forget_clock(id);
-        events_.emplace_back(PeerRestarted{id});
-      }
-      return &peer;
-    }
-    return accept(now, header, datagram);
-  }
-
-  Peer* accept(TimePoint now, const wire::PacketHeader& header, const Datagram& datagram) {
-    const auto unannounced = std::ranges::count_if(
-        peers_, [](const auto& entry) { return !entry.second.identity().connected; });
-    if (!options_.accept_peers || std::cmp_greater_equal(unannounced, options_.max_peers)) {
-      return nullptr;
-    }
-    const PeerId id = add_peer(now, header.session, false);
-    Peer& peer = peers_.at(id);
-    peer.add_path(now, header.link, datagram.link, datagram.from, max_datagram(datagram.link));
-    return &peer;
+    const Peers::Expired expired = peers_.handle_timeout(now);
+    counters_.messages_expired += expired.messages;
+    for (const PeerId id : expired.lost) events_.emplace_back(PeerLost{id});
   }
 
   void react(TimePoint now, Peer& peer, const Peer::Input& input) {
@@ -452,16 +310,10 @@ class Endpoint::Impl {
     return view;
   }
 
-  Peer* find_peer(std::optional<PeerId> id) {
-    if (!id) return nullptr;
-    const auto it = peers_.find(*id);
-    return it == peers_.end() ? nullptr : &it->second;
-  }
-
   Peer* destination(const RoundContext& context, std::optional<PeerId> to) {
-    if (to) return find_peer(to);
-    if (context.from) return find_peer(context.from);
-    return peers_.size() == 1 ? &peers_.begin()->second : nullptr;
+    if (to) return peers_.find(to);
+    if (context.from) return peers_.find(context.from);
+    return peers_.only();
   }
 
   static void check_variants(const Variants& variants) {
@@ -485,8 +337,9 @@ class Endpoint::Impl {
       ++context.stage;
       guard::Observer& observer =
           observer_of(context.header.round, context.from.value_or(PeerId{}));
-      context.verdict = observer.end_stage(now, stage_end(context.header, context.stage),
-                                           clock_of(now, context.header, find_peer(context.from)));
+      context.verdict =
+          observer.end_stage(now, stage_end(context.header, context.stage),
+                             clock_of(now, context.header, peers_.find(context.from)));
     }
   }
 
@@ -496,7 +349,7 @@ class Endpoint::Impl {
     header.stage = static_cast<std::uint8_t>(context.stage + 1);
     header.message_class = message_class;
     header.degraded = context.verdict.late;
-    const auto clock = clock_of(now, context.header, find_peer(context.from));
+    const auto clock = clock_of(now, context.header, peers_.find(context.from));
     if (clock) header.alpha_sum = Duration{clock->alpha};
     // A round that passes its origin starts over: the origin's own clock has no offset.
     if (header.round.origin == options_.session) header.alpha_sum = Duration::zero();
@@ -548,14 +401,10 @@ class Endpoint::Impl {
   std::map<std::uint32_t, const Policy*> policies_;  // by wire id
   std::map<PipelineId, guard::Origin> origins_;
   std::map<PipelineId, std::uint32_t> begun_;  // rounds so far
-  std::map<LinkId, Link> links_;
-  std::map<PeerId, Peer> peers_;
-  std::deque<SessionId> retired_;
-  std::uint32_t next_peer_ = 1;
+  Peers peers_;
   Stages stages_;
   std::deque<Event> events_;
   EndpointCounters counters_;
-  TimePoint started_;
   TimePoint raw_now_;
   Duration shift_{};
 };
