@@ -138,6 +138,13 @@ std::string self() {
 class Demo {
  public:
   explicit Demo(const DemoOptions& options);
+  ~Demo() {
+    testbed_.reset();
+    std::error_code ignored;  // somebody else's if it is not empty
+    fs::remove(testbed_options_.runtime_dir, ignored);
+  }
+  Demo(const Demo&) = delete;
+  Demo& operator=(const Demo&) = delete;
   int run();
 
  private:
@@ -158,6 +165,8 @@ class Demo {
 Demo::Demo(const DemoOptions& options) : o_(options), data_(find_data(options.data)) {
   testbed_options_.name = fmt::format("demo-{}", ::getpid());
   testbed_options_.seed = options.seed;
+  // Private to this run and gone with it; nothing is written outside the output folder.
+  testbed_options_.runtime_dir = fs::absolute(options.out) / ".testbed";
   if (!options.links.empty()) {
     testbed_options_.links.clear();
     for (const std::string& link : options.links) {

@@ -20,7 +20,11 @@ struct Ran {
 
 // Through the shell; `arguments` follow the name of the program.
 inline Ran run(const std::string& arguments, bool with_stderr = true) {
-  const std::string command = "'" INTERNEURON_PROGRAM "' " + arguments +
+  // Testbeds keep their state in the build folder, not in the user's.
+  const std::filesystem::path state = INTERNEURON_BINARY_DIR "/run";
+  std::filesystem::create_directories(state);
+  const std::string command = "XDG_RUNTIME_DIR='" + state.string() +
+                              "' '" INTERNEURON_PROGRAM "' " + arguments +
                               (with_stderr ? " 2>&1 </dev/null" : " 2>/dev/null </dev/null");
   Ran ran;
   FILE* pipe = ::popen(command.c_str(), "r");
