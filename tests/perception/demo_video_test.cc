@@ -122,7 +122,12 @@ TEST(DemoVideo, TruncatedModelsAreNamed) {
   SKIP_WITHOUT_DATA("models");
   for (const char* model : {"yolo-fastest-1.1.cfg", "yolox_nano.onnx"}) {
     const TempDir copy;
-    std::filesystem::copy(*data_dir() / "models", copy / "models");
+    // File by file: copying the folder would copy its mode too, and the data may be read-only.
+    std::filesystem::create_directory(copy / "models");
+    for (const auto& entry : std::filesystem::directory_iterator(*data_dir() / "models")) {
+      std::ofstream(copy / ("models/" + entry.path().filename().string()), std::ios::binary)
+          << std::ifstream(entry.path(), std::ios::binary).rdbuf();
+    }
     const auto file = copy / (std::string("models/") + model);
     std::filesystem::permissions(file, std::filesystem::perms::owner_write,
                                  std::filesystem::perm_options::add);

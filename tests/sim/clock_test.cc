@@ -8,7 +8,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr std::uint32_t kRounds = 300;
+constexpr std::uint32_t kRounds = kSanitized ? 60 : 300;
 
 // Everything that the guard decided in a round.
 struct Decision {

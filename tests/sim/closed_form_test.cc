@@ -7,7 +7,7 @@
 namespace interneuron::sim {
 namespace {
 
-constexpr std::uint32_t kRounds = 10'000;
+constexpr std::uint32_t kRounds = kSanitized ? 2'000 : 10'000;
 constexpr double kLossA = 0.20;
 constexpr double kLossB = 0.05;
 

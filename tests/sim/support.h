@@ -7,6 +7,14 @@
 
 namespace interneuron::sim {
 
+// The sanitizers' builds are ten times slower: they look for other faults than the figures, on
+// shorter runs.
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+inline constexpr bool kSanitized = true;
+#else
+inline constexpr bool kSanitized = false;
+#endif
+
 inline emu::LinkProfile profile(const char* name) {
   auto p = emu::built_in_profile(name);
   EXPECT_TRUE(p) << name;
