@@ -92,17 +92,15 @@ void take_precedence() {
 }  // namespace
 
 Emulator::Link::Link(const LinkSpec& spec, std::uint64_t seed)
-    : vehicle(vehicle_port(spec.name)),
-      road(road_port(spec.name)),
-      model(emu::make_link(spec.profile, seed)) {}
+    : vehicle(vehicle_port(spec.name)), road(road_port(spec.name)), model(spec.profile, seed) {}
 
 Emulator::Emulator(const std::vector<LinkSpec>& links, std::uint64_t seed, SharedStats& stats)
     : stats_(stats) {
   for (std::size_t i = 0; i < links.size(); ++i) {
     links_.push_back(std::make_unique<Link>(links[i], emu::link_seed(seed, i)));
     Link& link = *links_.back();
-    directions_.push_back({&link.vehicle, &link.road, &link.model.up, &stats_.up[i]});
-    directions_.push_back({&link.road, &link.vehicle, &link.model.down, &stats_.down[i]});
+    directions_.push_back({&link.vehicle, &link.road, &link.model.up(), &stats_.up[i]});
+    directions_.push_back({&link.road, &link.vehicle, &link.model.down(), &stats_.down[i]});
   }
 }
 
@@ -232,7 +230,7 @@ void Emulator::keep_house() {
   // Keeps the delay process near the present, so that a packet after an idle hour need not make an
   // hour of steps first.
   if (epoch_) {
-    for (const auto& link : links_) link->model.process->at(present - *epoch_);
+    for (const auto& link : links_) link->model.keep_up(present - *epoch_);
   }
   pollfd stop{stop_fd_, POLLIN, 0};  // a flood would never let rest() look
   if (::poll(&stop, 1, 0) > 0) stopped_ = true;

@@ -18,8 +18,7 @@
 #include <string>
 #include <vector>
 
-#include "emu/link_model.h"
-#include "emu/profile.h"
+#include "emu/link.h"
 #include "netns/frame_port.h"
 #include "netns/frame_store.h"
 #include "netns/shared_stats.h"
@@ -40,7 +39,7 @@ class Emulator {
     Link(const LinkSpec& spec, std::uint64_t seed);
     FramePort vehicle;
     FramePort road;
-    emu::DuplexLink model;
+    emu::Link model;
   };
   struct Direction {
     FramePort* from;

@@ -31,10 +31,14 @@ struct SharedDirection {
   }
 
   emu::DirectionStats load() const {
-    return {
-        packets_in.load(std::memory_order_relaxed), bytes_in.load(std::memory_order_relaxed),
-        delivered.load(std::memory_order_relaxed),  bytes_delivered.load(std::memory_order_relaxed),
-        lost.load(std::memory_order_relaxed),       queue_drops.load(std::memory_order_relaxed)};
+    emu::DirectionStats out;
+    out.packets_in = packets_in.load(std::memory_order_relaxed);
+    out.bytes_in = bytes_in.load(std::memory_order_relaxed);
+    out.delivered = delivered.load(std::memory_order_relaxed);
+    out.bytes_delivered = bytes_delivered.load(std::memory_order_relaxed);
+    out.lost = lost.load(std::memory_order_relaxed);
+    out.queue_drops = queue_drops.load(std::memory_order_relaxed);
+    return out;
   }
 };
 

@@ -218,12 +218,12 @@ void Demo::judge(std::vector<RoundRow>& rows, const netns::Snapshot& snapshot,
                  const Ladder& ladder) const {
   if (!snapshot.epoch || ladder.medians.empty()) return;
   std::vector<emu::LinkProfile> profiles;
-  std::vector<emu::DuplexLink> links;
+  std::vector<emu::Link> links;
   std::vector<emu::DelayProcess*> processes;
   for (std::size_t i = 0; i < testbed_options_.links.size(); ++i) {
     profiles.push_back(testbed_options_.links[i].profile);
-    links.push_back(emu::make_link(profiles.back(), emu::link_seed(o_.seed, i)));
-    processes.push_back(links.back().process.get());
+    links.emplace_back(profiles.back(), emu::link_seed(o_.seed, i));
+    processes.push_back(links.back().process().get());
   }
   for (RoundRow& row : rows) {
     row.possible = sim::clairvoyant_feasible(

@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "emu/common_fading.h"
+#include "emu/random.h"
+
 namespace interneuron::emu {
 
 namespace {
@@ -18,8 +21,28 @@ double decay(double tau_s) { return tau_s > 0 ? std::exp(-kStepSeconds / tau_s) 
 
 }  // namespace
 
+DelayParams constant_delay(double rtt_ms, double loss) {
+  DelayParams params;
+  RadioStateParams only_state;
+  only_state.level_ms = rtt_ms;
+  only_state.sojourn_mean_s = 86'400;  // any; all states are alike
+  only_state.loss = loss;
+  params.states.fill(only_state);
+  params.min_ms = params.max_ms = rtt_ms;
+  return params;
+}
+
 DelayProcess::DelayProcess(const DelayParams& params, std::uint64_t seed)
     : params_(params), rng_(seed) {
+  if (params_.trace) {
+    if (params_.random_start) {
+      const double share = RandomStream(seed).uniform();
+      trace_start_ = Duration{
+          static_cast<std::int64_t>(share * static_cast<double>(params_.trace->length().count()))};
+    }
+    append_sample();
+    return;
+  }
   for (std::size_t i = 0; i < kRadioStates; ++i) {
     const RadioStateParams& p = params_.states[i];
     const double keep = decay(p.ar_tau_s);
@@ -32,38 +55,58 @@ DelayProcess::DelayProcess(const DelayParams& params, std::uint64_t seed)
   // The drive starts somewhere within an episode, not at its beginning: what is left of it is
   // uniform.
   steps_left_ = static_cast<std::int64_t>(static_cast<double>(steps_left_) * uniform()) + 1;
-  samples_.push_back(step());
+  append_sample();
+}
+
+DelayProcess::~DelayProcess() {
+  if (fading_) fading_->remove(*this);
 }
 
 DelayProcess::Sample DelayProcess::at(Duration t) {
   const std::int64_t index = std::max<std::int64_t>(0, t / kDelayStep);
-  while (first_index_ + static_cast<std::int64_t>(samples_.size()) <= index) {
-    samples_.push_back(step());
-    if (samples_.size() > kKeptSamples) {
-      samples_.pop_front();
-      ++first_index_;
-    }
-  }
+  while (made() <= index) make_step();
   return samples_[static_cast<std::size_t>(std::max<std::int64_t>(0, index - first_index_))];
 }
 
-DelayProcess::Sample DelayProcess::step() {
-  if (steps_left_ <= 0) leave();
-  --steps_left_;
+void DelayProcess::make_step() {
+  if (fading_) return fading_->make_step();
+  end_episode();
+  append_sample();
+}
 
+bool DelayProcess::end_episode() {
+  if (params_.trace || steps_left_ > 0) return false;
+  leave();
+  return state_ == RadioState::kEdge;
+}
+
+void DelayProcess::append_sample() {
+  Sample sample = params_.trace ? trace_sample() : state_sample();
+  // A radio bearer is first in, first out: what is sent one step later never arrives earlier.
+  if (!samples_.empty()) sample.rtt = std::max(sample.rtt, last_rtt_ - kDelayStep);
+  last_rtt_ = sample.rtt;
+  samples_.push_back(sample);
+  if (samples_.size() > kKeptSamples) {
+    samples_.pop_front();
+    ++first_index_;
+  }
+}
+
+DelayProcess::Sample DelayProcess::trace_sample() const {
+  const DelayTrace::Sample now = params_.trace->at(trace_start_ + made() * kDelayStep);
+  return {from_ms(now.rtt_ms), RadioState::kStable, now.out, params_.states[0].loss};
+}
+
+DelayProcess::Sample DelayProcess::state_sample() {
+  --steps_left_;
   const auto i = static_cast<std::size_t>(state_);
   wander_ms_ = coefficients_[i].keep * wander_ms_ + normal(coefficients_[i].innovation_ms);
   const double target_ms = level_ms_ + wander_ms_;
-  const bool first = samples_.empty();
-  ramped_ms_ = first ? target_ms : ramped_ms_ + ramp_gain_ * (target_ms - ramped_ms_);
+  ramped_ms_ = samples_.empty() ? target_ms : ramped_ms_ + ramp_gain_ * (target_ms - ramped_ms_);
 
   const double jitter_ms = std::abs(normal(params_.states[i].jitter_sd_ms));
   const double rtt_ms = std::clamp(ramped_ms_ + jitter_ms, params_.min_ms, params_.max_ms);
-  Duration rtt = from_ms(rtt_ms);
-  // A radio bearer is first in, first out: what is sent one step later never arrives earlier.
-  if (!first) rtt = std::max(rtt, last_rtt_ - kDelayStep);
-  last_rtt_ = rtt;
-  return {rtt, state_, params_.states[i].loss};
+  return {from_ms(rtt_ms), state_, false, params_.states[i].loss};
 }
 
 void DelayProcess::enter(RadioState next) {

@@ -1,23 +1,29 @@
-// The round-trip time of one cellular link while driving, as a process in time (testbed.md §9): a
-// three-state semi-Markov chain STABLE -> EDGE -> {BAD with probability q | STABLE}, BAD -> STABLE,
-// with Gamma sojourns, a level per episode, an AR(1) wander within it, a first-order ramp between
-// episodes and a half-normal jitter per step. Its long-run mean, minimum, maximum and standard
-// deviation equal the paper's network table.
+// The round-trip time of one cellular link while driving, as a process in time. Two models:
+//
+//   three-state (testbed.md §9): a semi-Markov chain STABLE -> EDGE -> {BAD with probability q |
+//     STABLE}, BAD -> STABLE, with Gamma sojourns, a level per episode, an AR(1) wander within it,
+//     a first-order ramp between episodes and a half-normal jitter per step. Its long-run mean,
+//     minimum, maximum and standard deviation equal the paper's network table.
+//   delay-trace: measured round-trip times, see delay_trace.h. Always in state STABLE.
 //
 // Both directions of a link read the same process, half of it each (NOTES §5: the table is
 // round-trip). Thread-compatible; pure. The same parameters and seed give the same process, whoever
-// reads it and how often.
+// reads it and how often. Processes may share their fading: see common_fading.h.
 #pragma once
 
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <deque>
+#include <memory>
 #include <random>
 
+#include "emu/delay_trace.h"
+#include "emu/ring.h"
 #include "interneuron/time.h"
 
 namespace interneuron::emu {
+
+class CommonFading;
 
 enum class RadioState : std::uint8_t { kStable, kEdge, kBad };
 inline constexpr std::size_t kRadioStates = 3;
@@ -39,7 +45,13 @@ struct DelayParams {
   double ramp_tau_s = 0.1;                              // > 0
   double min_ms = 0;  // the process is clipped to [min_ms, max_ms]
   double max_ms = 0;
+  // Set: the model is delay-trace; of the above only states[kStable].loss counts.
+  std::shared_ptr<const DelayTrace> trace;
+  bool random_start = false;  // begin somewhere in the trace, which the seed chooses
 };
+
+// A round-trip time that never changes.
+DelayParams constant_delay(double rtt_ms, double loss);
 
 // Steps of the process; between two steps the value holds.
 inline constexpr Duration kDelayStep = std::chrono::milliseconds(10);
@@ -47,10 +59,14 @@ inline constexpr Duration kDelayStep = std::chrono::milliseconds(10);
 class DelayProcess {
  public:
   DelayProcess(const DelayParams& params, std::uint64_t seed);
+  ~DelayProcess();
+  DelayProcess(const DelayProcess&) = delete;  // others may be coupled to it
+  DelayProcess& operator=(const DelayProcess&) = delete;
 
   struct Sample {
     Duration rtt{};
     RadioState state{};
+    bool out = false;  // no network
     double loss = 0;
   };
 
@@ -62,13 +78,20 @@ class DelayProcess {
   static constexpr Duration kMemory = std::chrono::seconds(10);
 
  private:
+  friend class CommonFading;
+
   // RadioStateParams in units of one step.
   struct Coefficients {
     double keep = 0;           // of the wander, over one step
     double innovation_ms = 0;  // sd of what is added to it
   };
 
-  Sample step();
+  std::int64_t made() const { return first_index_ + static_cast<std::int64_t>(samples_.size()); }
+  void make_step();
+  bool end_episode();  // true: EDGE begins now
+  void append_sample();
+  Sample trace_sample() const;
+  Sample state_sample();
   void enter(RadioState next);
   void leave();
   double normal(double sd);
@@ -77,6 +100,7 @@ class DelayProcess {
   DelayParams params_;
   std::array<Coefficients, kRadioStates> coefficients_{};
   double ramp_gain_ = 0;
+  Duration trace_start_{};
   std::mt19937_64 rng_;
   std::normal_distribution<double> unit_normal_{0.0, 1.0};
   RadioState state_ = RadioState::kStable;
@@ -86,7 +110,8 @@ class DelayProcess {
   double ramped_ms_ = 0;
   Duration last_rtt_{};
   std::int64_t first_index_ = 0;  // index of samples_.front()
-  std::deque<Sample> samples_;    // at most kMemory + one step
+  Ring<Sample> samples_;          // at most kMemory + one step
+  std::shared_ptr<CommonFading> fading_;
 };
 
 }  // namespace interneuron::emu

@@ -46,12 +46,6 @@ std::string type_name(const toml::node& node) {
   return out.str();
 }
 
-std::string range_text(const NumberKey& key) {
-  std::string out = number_text(key.min) + " to " + number_text(key.max);
-  if (!key.unit.empty()) out += " " + std::string(key.unit);
-  return out;
-}
-
 }  // namespace
 
 std::string number_text(double value) {
@@ -61,6 +55,22 @@ std::string number_text(double value) {
   char buffer[32];
   const auto result = std::to_chars(buffer, buffer + sizeof buffer, value);
   return {buffer, result.ptr};
+}
+
+std::string range_text(const NumberKey& key) {
+  std::string out = number_text(key.min) + " to " + number_text(key.max);
+  if (!key.unit.empty()) out += " " + std::string(key.unit);
+  return out;
+}
+
+std::optional<std::string> range_error(const NumberKey& key, double value) {
+  if (!std::isfinite(value) || value < key.min || value > key.max) {
+    return " = " + number_text(value) + " is out of range, must be " + range_text(key);
+  }
+  if (key.whole && std::trunc(value) != value) {
+    return " = " + number_text(value) + " must be a whole number, " + range_text(key);
+  }
+  return std::nullopt;
 }
 
 std::optional<std::string_view> nearest_word(std::string_view word,
@@ -91,9 +101,8 @@ const toml::table* TomlReader::parse(std::string_view text) {
   return &document_;
 }
 
-bool TomlReader::only(const Section& section, std::initializer_list<std::string_view> known_list) {
+bool TomlReader::only(const Section& section, const std::vector<std::string_view>& known) {
   if (error_ || section.table == nullptr) return false;
-  const std::vector<std::string_view> known(known_list);
   for (const auto& [key, value] : *section.table) {
     if (std::find(known.begin(), known.end(), key.str()) != known.end()) continue;
     const auto nearest = nearest_word(key.str(), known);
@@ -119,10 +128,8 @@ bool TomlReader::number(const Section& section, const NumberKey& key, double& ta
                                     range_text(key));
   }
   const double value = *node->value<double>();
-  if (!std::isfinite(value) || value < key.min || value > key.max) {
-    return fail(node->source(), quoted(key.name) + in_section(section.path) + " = " +
-                                    number_text(value) + " is out of range, must be " +
-                                    range_text(key));
+  if (const auto wrong = range_error(key, value)) {
+    return fail(node->source(), quoted(key.name) + in_section(section.path) + *wrong);
   }
   target = value;
   return true;
@@ -144,6 +151,72 @@ bool TomlReader::text(const Section& section, std::string_view key, std::string_
   }
   target = *value;
   return true;
+}
+
+bool TomlReader::seed(const Section& section, std::string_view key, std::uint64_t& target) {
+  if (error_ || section.table == nullptr) return false;
+  const toml::node* node = section.table->get(key);
+  if (node == nullptr) return true;
+  const std::optional<std::int64_t> value = node->value_exact<std::int64_t>();
+  if (!value || *value < 0) {
+    return fail(node->source(), quoted(key) + in_section(section.path) +
+                                    " must be a whole number, 0 to 9223372036854775807");
+  }
+  target = static_cast<std::uint64_t>(*value);
+  return true;
+}
+
+bool TomlReader::pairs(const Section& section, std::string_view key, const NumberKey& first,
+                       const NumberKey& second, std::vector<std::pair<double, double>>& target) {
+  if (error_ || section.table == nullptr) return false;
+  const toml::node* node = section.table->get(key);
+  if (node == nullptr) return true;
+  const std::string form =
+      "[[" + std::string(first.name) + ", " + std::string(second.name) + "], ...]";
+  const auto malformed = [&](const toml::node& at) {
+    return fail(at.source(), quoted(key) + in_section(section.path) + " must be a list " + form);
+  };
+  const toml::array* list = node->as_array();
+  if (list == nullptr || list->empty()) return malformed(*node);
+  for (const toml::node& element : *list) {
+    const toml::array* pair = element.as_array();
+    if (pair == nullptr || pair->size() != 2) return malformed(element);
+    const auto one = (*pair)[0].value<double>();
+    const auto two = (*pair)[1].value<double>();
+    if (!one || !two || !(*pair)[0].is_number() || !(*pair)[1].is_number()) {
+      return malformed(element);
+    }
+    for (const auto& [limits, value] : {std::pair{&first, *one}, std::pair{&second, *two}}) {
+      if (const auto wrong = range_error(*limits, value)) {
+        return fail(element.source(), quoted(key) + in_section(section.path) + ": " +
+                                          std::string(limits->name) + *wrong);
+      }
+    }
+    target.emplace_back(*one, *two);
+  }
+  return true;
+}
+
+bool TomlReader::has(const Section& section, std::string_view key) const {
+  return section.table != nullptr && section.table->contains(key);
+}
+
+std::vector<TomlReader::Section> TomlReader::sections(const Section& parent,
+                                                      std::string_view name) {
+  if (error_ || parent.table == nullptr) return {};
+  const toml::node* node = parent.table->get(name);
+  if (node == nullptr) return {};
+  const toml::array* list = node->as_array();
+  std::vector<Section> out;
+  for (std::size_t i = 0; list != nullptr && i < list->size(); ++i) {
+    if (!(*list)[i].is_table()) break;
+    out.push_back({(*list)[i].as_table(), std::string(name)});
+  }
+  if (list == nullptr || out.size() != list->size()) {
+    fail(node->source(), quoted(name) + " is a " + type_name(*node) + ", must be sections: [[" +
+                             std::string(name) + "]] and its keys below it");
+  }
+  return out;
 }
 
 TomlReader::Section TomlReader::section(const Section& parent, std::string_view name) {

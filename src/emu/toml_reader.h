@@ -5,10 +5,11 @@
 
 #include <toml++/toml.h>
 
-#include <initializer_list>
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 namespace interneuron::emu {
@@ -22,7 +23,14 @@ struct NumberKey {
   double max = 0;
   std::string_view unit;
   bool optional = false;  // when absent, the target keeps its value
+  bool whole = false;     // no fractions
 };
+
+// "0 to 60000 ms".
+std::string range_text(const NumberKey& key);
+// What is wrong with a value, as " = 70000 is out of range, must be 0 to 60000 ms"; nothing if
+// fine.
+std::optional<std::string> range_error(const NumberKey& key, double value);
 
 class TomlReader {
  public:
@@ -38,12 +46,20 @@ class TomlReader {
   // Parses; nullptr on a syntax error.
   const toml::table* parse(std::string_view text);
   // Every key of the section must be one of `known`; the error suggests the nearest.
-  bool only(const Section& section, std::initializer_list<std::string_view> known);
+  bool only(const Section& section, const std::vector<std::string_view>& known);
   bool number(const Section& section, const NumberKey& key, double& target);
   bool text(const Section& section, std::string_view key, std::string_view example,
             std::string& target);
+  // 64 bits, which a double cannot hold; optional.
+  bool seed(const Section& section, std::string_view key, std::uint64_t& target);
+  // [[first, second], …], optional; each number within its key's range.
+  bool pairs(const Section& section, std::string_view key, const NumberKey& first,
+             const NumberKey& second, std::vector<std::pair<double, double>>& target);
+  bool has(const Section& section, std::string_view key) const;
   // The sub-table `name`; without a table when it is missing or is no table.
   Section section(const Section& parent, std::string_view name);
+  // The tables [[name]], none if there are none.
+  std::vector<Section> sections(const Section& parent, std::string_view name);
 
   // Reports an error about the value of `key`, or about the section when the key is absent.
   bool fail_at(const Section& section, std::string_view key, const std::string& what);

@@ -68,8 +68,8 @@ void Offload::build() {
   vehicle_ = world_.add_host(std::move(vehicle), o_.vehicle_clock);
   road_ = world_.add_host(std::move(road), o_.road_clock);
   for (std::size_t i = 0; i < o_.profiles.size(); ++i) {
-    emu::DuplexLink link = emu::make_link(o_.profiles[i], emu::link_seed(o_.seed, i));
-    processes_.push_back(link.process);
+    emu::Link link(o_.profiles[i], emu::link_seed(o_.seed, i));
+    processes_.push_back(link.process());
     world_.add_link(vehicle_, road_, LinkId{static_cast<std::uint8_t>(i)}, o_.profiles[i].name,
                     std::move(link));
   }
@@ -149,11 +149,11 @@ void Offload::compute(Delivered&& delivered) {
 
 void Offload::judge_feasibility() {
   // Fresh processes of the same seed: the run has moved its own past the instants to be judged.
-  std::vector<emu::DuplexLink> links;
+  std::vector<emu::Link> links;
   std::vector<emu::DelayProcess*> processes;
   for (std::size_t i = 0; i < o_.profiles.size(); ++i) {
-    links.push_back(emu::make_link(o_.profiles[i], emu::link_seed(o_.seed, i)));
-    processes.push_back(links.back().process.get());
+    links.emplace_back(o_.profiles[i], emu::link_seed(o_.seed, i));
+    processes.push_back(links.back().process().get());
   }
   for (OffloadRound& round : result_.rounds) {
     round.feasible =

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "emu/profile.h"
+#include "emu/link.h"
 #include "interneuron/endpoint.h"
 #include "sim/world.h"
 

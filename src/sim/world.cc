@@ -45,8 +45,7 @@ HostId World::add_host(EndpointOptions options, const ClockError& clock) {
   return hosts_.size() - 1;
 }
 
-void World::add_link(HostId a, HostId b, LinkId link, const std::string& name,
-                     emu::DuplexLink model) {
+void World::add_link(HostId a, HostId b, LinkId link, const std::string& name, emu::Link model) {
   wires_.push_back({a, b, link, std::move(model), {}});
   for (const HostId host : {a, b}) {
     hosts_[host].endpoint->add_link(local_time(host), link, {name, 1500});
@@ -73,7 +72,7 @@ Faults& World::faults(LinkId link) {
 const emu::DirectionStats& World::stats(LinkId link, bool up) const {
   const auto it = std::ranges::find(wires_, link, &Wire::link);
   if (it == wires_.end()) throw std::invalid_argument("world: no such link");
-  return up ? it->model.up.stats() : it->model.down.stats();
+  return up ? it->model.up().stats() : it->model.down().stats();
 }
 
 void World::at(Duration when, std::function<void()> action) {
@@ -108,7 +107,7 @@ void World::carry(HostId from, const Transmit& transmit, ByteView bytes) {
 void World::put(Wire& wire, bool up, InFlight packet) {
   if (wire.faults.cut || chance(wire.faults.loss)) return;
   const std::uint64_t tag = next_tag_++;
-  emu::LinkModel& model = up ? wire.model.up : wire.model.down;
+  emu::LinkModel& model = up ? wire.model.up() : wire.model.down();
   if (model.enqueue(now_, packet.bytes.size() + kIpUdpOverhead, tag)) {
     in_flight_.emplace(tag, std::move(packet));
   }
@@ -126,7 +125,7 @@ void World::deliver(std::uint64_t tag) {
 Duration World::next_instant() const {
   Duration next = Duration::max();
   for (const Wire& wire : wires_) {
-    for (const emu::LinkModel* model : {&wire.model.up, &wire.model.down}) {
+    for (const emu::LinkModel* model : {&wire.model.up(), &wire.model.down()}) {
       if (const auto due = model->next_delivery()) next = std::min(next, *due);
     }
   }
@@ -141,9 +140,9 @@ Duration World::next_instant() const {
 // Everything that happens at now_, in order.
 void World::step() {
   for (Wire& wire : wires_) {
-    for (emu::LinkModel* model : {&wire.model.up, &wire.model.down}) {
+    for (emu::LinkModel* model : {&wire.model.up(), &wire.model.down()}) {
       while (const auto packet = model->dequeue(now_)) {
-        Duration by = model == &wire.model.up ? wire.faults.extra_up : Duration{};
+        Duration by = model == &wire.model.up() ? wire.faults.extra_up : Duration{};
         if (chance(wire.faults.reorder)) {
           by += Duration{std::uniform_int_distribution<std::int64_t>(
               1, std::max<std::int64_t>(1, wire.faults.reorder_by.count()))(rng_)};

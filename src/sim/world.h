@@ -15,7 +15,7 @@
 #include <string>
 #include <vector>
 
-#include "emu/profile.h"
+#include "emu/link.h"
 #include "interneuron/endpoint.h"
 
 namespace interneuron::sim {
@@ -46,7 +46,7 @@ class World {
   HostId add_host(EndpointOptions options, const ClockError& clock = {});
   // Joins `a` (the side that profiles call the vehicle: a -> b is "up") and `b`. Both know the link
   // by `link`.
-  void add_link(HostId a, HostId b, LinkId link, const std::string& name, emu::DuplexLink model);
+  void add_link(HostId a, HostId b, LinkId link, const std::string& name, emu::Link model);
   // Host `from` connects to `to` over every link between them.
   PeerId connect(HostId from, HostId to);
   Faults& faults(LinkId link);
@@ -76,7 +76,7 @@ class World {
     HostId a = 0;
     HostId b = 0;
     LinkId link{};
-    emu::DuplexLink model;
+    emu::Link model;
     Faults faults;
   };
   struct InFlight {

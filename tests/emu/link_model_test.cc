@@ -98,16 +98,16 @@ TEST(LinkModel, LostPacketsUseTheBottleneck) {
 }
 
 TEST(LinkModel, BothDirectionsReadOneProcess) {
-  DuplexLink link = make_link(profile_of("4g"), 3);
+  Link link(profile_of("4g"), 3);
   DelayProcess alone(profile_of("4g").delay, 3);
   for (int i = 0; i < 20'000; ++i) {
     const Duration t = milliseconds(10 * i);
-    ASSERT_EQ(link.process->at(t).rtt, alone.at(t).rtt);
-    link.up.enqueue(t, 1400, 0);
-    link.down.enqueue(t, 1400, 0);
-    while (link.up.dequeue(t)) {
+    ASSERT_EQ(link.process()->at(t).rtt, alone.at(t).rtt);
+    link.up().enqueue(t, 1400, 0);
+    link.down().enqueue(t, 1400, 0);
+    while (link.up().dequeue(t)) {
     }
-    while (link.down.dequeue(t)) {
+    while (link.down().dequeue(t)) {
     }
   }
 }
@@ -116,7 +116,7 @@ RC_GTEST_PROP(LinkModel, KeepsTheOrderAndTheBooks, ()) {
   const auto seed = *rc::gen::arbitrary<std::uint64_t>();
   LinkProfile profile = profile_of("4g");
   profile.up = {DataRate::mbit(5), 100'000};  // tight, so that queue drops occur
-  DuplexLink link = make_link(profile, seed);
+  Link link(profile, seed);
 
   // Few, or finding the smallest failing case would take minutes.
   const auto gaps_us = *rc::gen::container<std::vector<int>>(300, rc::gen::inRange(0, 40'000));
@@ -127,9 +127,9 @@ RC_GTEST_PROP(LinkModel, KeepsTheOrderAndTheBooks, ()) {
   std::uint64_t inside = 0;
   for (const int gap_us : gaps_us) {
     now += gap_us % 3 == 0 ? Duration{} : microseconds(gap_us / 8);
-    if (link.up.enqueue(now, static_cast<std::size_t>(40 + gap_us % 1460), ++next_tag)) ++inside;
-    const auto announced = link.up.next_delivery();
-    while (const auto packet = link.up.dequeue(now)) {
+    if (link.up().enqueue(now, static_cast<std::size_t>(40 + gap_us % 1460), ++next_tag)) ++inside;
+    const auto announced = link.up().next_delivery();
+    while (const auto packet = link.up().dequeue(now)) {
       RC_ASSERT(packet->tag > last_tag);
       RC_ASSERT(packet->due >= last_due);
       RC_ASSERT(packet->due <= now);
@@ -139,7 +139,7 @@ RC_GTEST_PROP(LinkModel, KeepsTheOrderAndTheBooks, ()) {
       --inside;
     }
   }
-  const DirectionStats& stats = link.up.stats();
+  const DirectionStats& stats = link.up().stats();
   RC_ASSERT(stats.packets_in == next_tag);
   RC_ASSERT(stats.packets_in == stats.delivered + stats.lost + stats.queue_drops + inside);
 }

@@ -6,7 +6,7 @@
 #include <memory>
 #include <string>
 
-#include "emu/profile.h"
+#include "emu/link.h"
 
 namespace interneuron::emu {
 
@@ -16,20 +16,10 @@ inline LinkProfile profile_of(const std::string& name) {
   return profile.value_or(LinkProfile{});
 }
 
-// A process that is `rtt_ms` for ever.
-inline DelayParams constant_delay(double rtt_ms, double loss = 0) {
-  DelayParams params;
-  for (RadioStateParams& state : params.states) {
-    state.level_ms = rtt_ms;
-    state.loss = loss;
-  }
-  params.min_ms = params.max_ms = rtt_ms;
-  return params;
-}
-
-inline LinkModel constant_link(DirectionParams direction, double rtt_ms, double loss = 0,
+inline LinkModel constant_link(const DirectionParams& direction, double rtt_ms, double loss = 0,
                                std::uint64_t seed = 1) {
-  return {direction, std::make_shared<DelayProcess>(constant_delay(rtt_ms, loss), seed), seed};
+  auto process = std::make_shared<DelayProcess>(constant_delay(rtt_ms, loss), seed);
+  return {direction, std::make_shared<Channel>(std::move(process)), Direction::kUp, seed};
 }
 
 }  // namespace interneuron::emu

@@ -41,7 +41,7 @@ struct Pair {
     road = world.add_host(road_options(road_session));
     for (std::uint8_t i = 0; i < 2; ++i) {
       world.add_link(vehicle, road, LinkId{i}, i == 0 ? "a" : "b",
-                     emu::make_link(constant_link("c", 20.0 + 10 * i, 100, 100), i));
+                     emu::Link(constant_link("c", 20.0 + 10 * i, 100, 100), i));
     }
     world.on_event([this](HostId host, Event&& event) {
       if (auto* d = std::get_if<Delivered>(&event)) {
