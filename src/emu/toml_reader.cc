@@ -77,15 +77,17 @@ std::optional<std::string_view> nearest_word(std::string_view word,
                                              const std::vector<std::string_view>& known) {
   std::optional<std::string_view> best;
   std::size_t best_distance = 0;
+  bool best_beginning = false;
   // Further than a third of the word is another word, not a slip; unless it is the beginning of
   // one.
   const std::size_t limit = std::max<std::size_t>(2, word.size() / 3);
   for (const std::string_view candidate : known) {
     const std::size_t distance = edit_distance(word, candidate);
     const bool beginning = word.size() >= 3 && candidate.substr(0, word.size()) == word;
-    if (distance > limit && !beginning) continue;
-    if (best && distance >= best_distance) continue;
+    if ((distance > limit || best_beginning) && !beginning) continue;
+    if (best && distance >= best_distance && beginning == best_beginning) continue;
     best_distance = distance;
+    best_beginning = beginning;
     best = candidate;
   }
   return best;

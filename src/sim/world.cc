@@ -113,6 +113,29 @@ void World::put(Wire& wire, bool up, InFlight packet) {
   }
 }
 
+// A packet has come through the link.
+void World::leave(Wire& wire, bool up, emu::LinkModel::Packet packet) {
+  if (packet.lost || packet.corrupt) {  // the receiving host's checksum sees the flipped bit
+    if (packet.last) in_flight_.erase(packet.tag);
+    return;
+  }
+  if (!packet.last) {
+    const InFlight copy = in_flight_.at(packet.tag);
+    packet.tag = next_tag_++;
+    in_flight_.emplace(packet.tag, copy);
+  }
+  Duration by = up ? wire.faults.extra_up : Duration{};
+  if (chance(wire.faults.reorder)) {
+    by += Duration{std::uniform_int_distribution<std::int64_t>(
+        1, std::max<std::int64_t>(1, wire.faults.reorder_by.count()))(rng_)};
+  }
+  if (by > Duration{}) {
+    late_.emplace(now_ + by, packet.tag);
+  } else {
+    deliver(packet.tag);
+  }
+}
+
 void World::deliver(std::uint64_t tag) {
   const auto it = in_flight_.find(tag);
   const InFlight packet = std::move(it->second);
@@ -140,19 +163,9 @@ Duration World::next_instant() const {
 // Everything that happens at now_, in order.
 void World::step() {
   for (Wire& wire : wires_) {
-    for (emu::LinkModel* model : {&wire.model.up(), &wire.model.down()}) {
-      while (const auto packet = model->dequeue(now_)) {
-        Duration by = model == &wire.model.up() ? wire.faults.extra_up : Duration{};
-        if (chance(wire.faults.reorder)) {
-          by += Duration{std::uniform_int_distribution<std::int64_t>(
-              1, std::max<std::int64_t>(1, wire.faults.reorder_by.count()))(rng_)};
-        }
-        if (by > Duration{}) {
-          late_.emplace(now_ + by, packet->tag);
-        } else {
-          deliver(packet->tag);
-        }
-      }
+    for (const bool up : {true, false}) {
+      emu::LinkModel& model = up ? wire.model.up() : wire.model.down();
+      while (const auto packet = model.dequeue(now_)) leave(wire, up, *packet);
     }
   }
   while (!late_.empty() && late_.begin()->first <= now_) {

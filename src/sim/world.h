@@ -90,6 +90,7 @@ class World {
   static Duration world(const Host& host, TimePoint t);
   void carry(HostId from, const Transmit& transmit, ByteView bytes);
   void put(Wire& wire, bool up, InFlight packet);
+  void leave(Wire& wire, bool up, emu::LinkModel::Packet packet);
   void deliver(std::uint64_t tag);
   bool chance(double p) { return p > 0 && std::uniform_real_distribution<double>(0, 1)(rng_) < p; }
   Duration next_instant() const;
