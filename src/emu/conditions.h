@@ -32,7 +32,7 @@ struct DirectionParams {
   DataRate rate{};
   // Drop-tail limits of what waits for the bottleneck, see LinkModel::enqueue().
   std::size_t queue_bytes = 0;
-  std::size_t queue_packets = 0;   // 0: only bytes count
+  std::size_t queue_packets = 0;     // 0: only bytes count
   std::optional<RateTrace> trace{};  // the rate in time, instead of `rate`
   // Probabilities per packet.
   std::optional<double> loss{};                     // instead of that of the radio state

@@ -43,7 +43,7 @@
 //     mtu                                     IP bytes, larger packets vanish, 68..65535; default
 //                                             none
 //     [up.gilbert_elliott]                    bursts of loss beside `loss`; default none
-//       p, r                                  good to bad, bad to good, per packet, 0..1, 0.0001..1
+//       p, r                                  good to bad, bad to good, per packet, 0..1, 0.001..1
 //       loss_in_good, loss_in_bad             0..1, default 0 and 1
 //   [outages]                                 times without radio, default none
 //     first_s                                 0..10^7 s

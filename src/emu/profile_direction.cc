@@ -14,7 +14,7 @@ constexpr NumberKey kStepAt{"at_s", "instant of a step", 0, kMaxInstantS, "s"};
 constexpr NumberKey kStepRate{"rate_mbit", "rate from then on", 0, kMaxRateMbit, "Mbit/s"};
 constexpr NumberKey kPeriod{"rate_period_s", "period of the steps", 0.001, kMaxInstantS, "s", true};
 constexpr NumberKey kGoodToBad{"p", "probability that losses begin", 0, 1, ""};
-constexpr NumberKey kBadToGood{"r", "probability that losses end", 0.0001, 1, ""};
+constexpr NumberKey kBadToGood{"r", "probability that losses end", 0.001, 1, ""};
 constexpr NumberKey kLossInGood{"loss_in_good", "loss outside bursts", 0, 1, "", true};
 constexpr NumberKey kLossInBad{"loss_in_bad", "loss within bursts", 0, 1, "", true};
 constexpr NumberKey kFirst{"first_s", "beginning of the first outage", 0, kMaxInstantS, "s"};
