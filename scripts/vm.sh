@@ -85,12 +85,17 @@ store="$cache/1"
 { mkdir -p "$store" && [[ -w $store ]]; } 2>/dev/null || fail 125 "cannot write to $cache; set XDG_CACHE_HOME to another folder"
 store=$(readlink -f "$store")
 
+# A folder of this run's own, locked while it lasts; those of runs that were killed have lost their lock.
+find "${TMPDIR:-/tmp}" -maxdepth 1 -type d -name 'interneuron-vm.*' -user "$EUID" -mmin +1 \
+  -exec flock -n {} rm -rf {} \; 2>/dev/null || true
 work=$(mktemp -d "${TMPDIR:-/tmp}/interneuron-vm.XXXXXX") || fail 125 "cannot make a folder in ${TMPDIR:-/tmp}"
 work=$(readlink -f "$work")
+exec {held}<"$work"
+flock "$held"
 machine='' pumps=()
 clean_up() {
   trap '' INT TERM HUP
-  [[ -z $machine ]] || kill -KILL -- "-$machine" 2>/dev/null || true
+  [[ -z $machine ]] || kill "$machine" 2>/dev/null || true
   ((${#pumps[@]} == 0)) || kill "${pumps[@]}" 2>/dev/null || true
   wait 2>/dev/null || true
   rm -rf "$work"
@@ -257,9 +262,9 @@ else
   esac
 fi
 
-# The machine is a process group of its own, led by `timeout`, and ends with this script whatever ends that.
-began=$SECONDS
-setpriv --pdeathsig KILL timeout --signal=KILL "$timeout" setpriv --pdeathsig KILL "${run[@]}" \
+# `timeout` ends the machine when it is itself ended, and both end with this script whatever ends that. Told to stop,
+# not killed, user-mode Linux takes its helpers along.
+setpriv --pdeathsig TERM timeout --kill-after=3 "$timeout" setpriv --pdeathsig TERM "${run[@]}" \
   </dev/null >"$work/console" 2>&1 &
 machine=$!
 tail -f -c +1 -s 0.1 --pid="$machine" "$work/out" 2>/dev/null &
@@ -268,15 +273,16 @@ if ! $merged; then
   tail -f -c +1 -s 0.1 --pid="$machine" "$work/err" >&2 2>/dev/null &
   pumps+=($!)
 fi
-wait -n "$machine" "${pumps[@]}" || true
+wait -n "$machine" "${pumps[@]}" 2>/dev/null || true
 if [[ ! -s $work/code ]] && kill -0 "$machine" 2>/dev/null; then exit 141; fi  # nobody reads the output any more
-wait "$machine" 2>/dev/null || true
+ended=0
+wait "$machine" 2>/dev/null || ended=$?
 machine=''
 wait "${pumps[@]}" 2>/dev/null || true
 pumps=()
 
 if [[ -s $work/code ]]; then exit "$(<"$work/code")"; fi
-if ((timeout > 0 && SECONDS - began >= timeout)); then fail 124 "out of time after $timeout s; see --timeout"; fi
+if ((ended == 124 || ended == 137)); then fail 124 "out of time after $timeout s; see --timeout"; fi
 tail -n 15 "$work/console" | sed 's/\r$//' >&2
 if [[ -e $work/started ]]; then fail 125 "the machine stopped before the command ended; its last words are above"; fi
 fail 125 "the machine did not start; its last words are above"
