@@ -2,6 +2,8 @@
 # interneuron_module(NAME SOURCES ... [USES module ...] [LIBRARIES external ...]): one folder, one target. Modules are
 # object libraries, so that the installed library is their union; USES carries both include paths and objects.
 # interneuron_test(MODULE SOURCES ... [USES ...]): the tests of one folder, one executable.
+# interneuron_vm_test(NAME [FULL] TIMEOUT seconds COMMAND ...): a test that boots a machine of scripts/vm.sh. FULL: takes
+# minutes, so only `ctest -C full` runs it (scripts/test.sh --full).
 
 set(INTERNEURON_WARNINGS -Wall -Wextra -Wconversion -Wshadow -Wpedantic -Werror)
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
@@ -86,6 +88,19 @@ function(interneuron_test module)
   endif()
   gtest_discover_tests(${target} TEST_PREFIX ${module}. DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60
     PROPERTIES TIMEOUT ${ARG_TIMEOUT} SKIP_RETURN_CODE 77 RUN_SERIAL ${serial} LABELS "${ARG_LABEL}")
+endfunction()
+
+function(interneuron_vm_test name)
+  cmake_parse_arguments(ARG "FULL" "TIMEOUT" "COMMAND" ${ARGN})
+  set(label vm)
+  set(configurations)
+  if(ARG_FULL)
+    set(label vm full)
+    set(configurations CONFIGURATIONS full)
+  endif()
+  add_test(NAME vm.${name} COMMAND ${ARG_COMMAND} ${configurations} WORKING_DIRECTORY ${PROJECT_SOURCE_DIR})
+  set_tests_properties(vm.${name} PROPERTIES TIMEOUT ${ARG_TIMEOUT} SKIP_RETURN_CODE 77 RUN_SERIAL TRUE
+    LABELS "${label}")
 endfunction()
 
 # The one library that users link: the union of the core's folders, without OpenCV or libnl.

@@ -1,6 +1,6 @@
-// Frames inside one direction of a link, first in, first out, in large blocks that are reused: no
-// allocation per packet once the link has been full. Thread-compatible. Memory: the most bytes that
-// were ever inside, rounded up to blocks.
+// Frames inside a link, in places of equal size that are reused: no allocation per packet once the
+// link has been full. Thread-compatible. Memory: the most frames that were ever inside, rounded up
+// to blocks.
 #pragma once
 
 #include <algorithm>
@@ -8,7 +8,6 @@
 #include <cassert>
 #include <cstddef>
 #include <cstdint>
-#include <deque>
 #include <memory>
 #include <span>
 #include <vector>
@@ -17,59 +16,48 @@ namespace interneuron::netns {
 
 class FrameStore {
  public:
-  FrameStore() = default;
-  FrameStore(FrameStore&&) = default;  // frames stay where they are
-  FrameStore& operator=(FrameStore&&) = default;
+  using Handle = std::uint64_t;
 
-  static constexpr std::size_t kBlockBytes = std::size_t{256} * 1024;
+  static constexpr std::size_t kPlaceBytes = 2048;  // an Ethernet frame of 1500 bytes of IP
 
-  // A copy of `frame` (at most kBlockBytes), the newest; the result is valid until it is popped.
-  std::span<std::byte> push(std::span<const std::byte> frame) {
-    assert(frame.size() <= kBlockBytes);
-    if (blocks_.empty() || blocks_.back()->used + frame.size() > kBlockBytes) add_block();
-    Block& block = *blocks_.back();
-    std::byte* const start = block.bytes.data() + block.used;
-    std::copy(frame.begin(), frame.end(), start);
-    block.used += frame.size();
-    ++block.frames;
-    frames_.push_back({start, frame.size()});
-    return frames_.back();
+  // A copy of `frame` (at most kPlaceBytes); it stays until release().
+  Handle add(std::span<const std::byte> frame) {
+    assert(frame.size() <= kPlaceBytes);
+    if (free_.empty()) add_block();
+    const Handle handle = free_.back();
+    free_.pop_back();
+    Place& place = at(handle);
+    std::copy(frame.begin(), frame.end(), place.bytes.begin());
+    place.size = frame.size();
+    return handle;
   }
 
-  std::size_t size() const { return frames_.size(); }
-
-  // The i-th oldest.
-  std::span<std::byte> at(std::size_t i) const { return frames_[i]; }
-
-  void pop_oldest() {
-    frames_.pop_front();
-    Block& oldest = *blocks_.front();
-    if (--oldest.frames > 0) return;
-    oldest.used = 0;
-    if (blocks_.size() == 1) return;
-    spare_.push_back(std::move(blocks_.front()));
-    blocks_.pop_front();
+  std::span<std::byte> operator[](Handle handle) {
+    Place& place = at(handle);
+    return {place.bytes.data(), place.size};
   }
+
+  void release(Handle handle) { free_.push_back(handle); }
+
+  std::size_t size() const { return blocks_.size() * kBlockPlaces - free_.size(); }
 
  private:
-  struct Block {
-    std::array<std::byte, kBlockBytes> bytes;
-    std::size_t used = 0;
-    std::size_t frames = 0;
+  struct Place {
+    std::array<std::byte, kPlaceBytes> bytes;
+    std::size_t size = 0;
   };
+  static constexpr std::size_t kBlockPlaces = 128;
+
+  Place& at(Handle handle) { return blocks_[handle / kBlockPlaces][handle % kBlockPlaces]; }
 
   void add_block() {
-    if (spare_.empty()) {
-      blocks_.push_back(std::make_unique<Block>());
-    } else {
-      blocks_.push_back(std::move(spare_.back()));
-      spare_.pop_back();
-    }
+    const Handle first = blocks_.size() * kBlockPlaces;
+    blocks_.push_back(std::make_unique<Place[]>(kBlockPlaces));
+    for (std::size_t i = kBlockPlaces; i > 0; --i) free_.push_back(first + i - 1);
   }
 
-  std::deque<std::span<std::byte>> frames_;
-  std::deque<std::unique_ptr<Block>> blocks_;  // oldest first; each but the newest holds a frame
-  std::vector<std::unique_ptr<Block>> spare_;
+  std::vector<std::unique_ptr<Place[]>> blocks_;
+  std::vector<Handle> free_;  // the last one freed is used first: it is still in the cache
 };
 
 }  // namespace interneuron::netns

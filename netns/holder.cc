@@ -12,12 +12,19 @@
 
 #include <array>
 #include <cstdio>
-#include <new>
+#include <functional>
+#include <memory>
 
+#include "emu/link.h"
 #include "io/file_descriptor.h"
+#include "netns/bearers.h"
 #include "netns/check.h"
+#include "netns/control.h"
 #include "netns/emulator.h"
 #include "netns/namespaces.h"
+#include "netns/netem_backend.h"
+#include "netns/nic_keeper.h"
+#include "netns/qdisc.h"
 #include "netns/shared_stats.h"
 #include "netns/state_file.h"
 #include "netns/wiring.h"
@@ -26,7 +33,8 @@ namespace interneuron::netns {
 
 namespace {
 
-// Making two links takes 50 ms; the kernel may be slow to free other namespaces first.
+// Making twenty vehicles takes a second or two; the kernel may be slow to free other namespaces
+// first.
 constexpr int kStartBoundMs = 20'000;
 
 // What the holder tells its maker through a pipe, in one write: "0" when it is ready, else exit
@@ -76,41 +84,82 @@ struct Shared {
 };
 
 // Mapped until the process ends.
-Shared make_shared_stats() {
-  Shared out{io::FileDescriptor(
-                 check(::memfd_create("interneuron-stats", MFD_CLOEXEC), "make shared memory")),
-             nullptr};
-  check(::ftruncate(out.fd.get(), sizeof(SharedStats)), "size shared memory");
-  void* memory =
-      ::mmap(nullptr, sizeof(SharedStats), PROT_READ | PROT_WRITE, MAP_SHARED, out.fd.get(), 0);
+Shared make_shared_stats(std::size_t links) {
+  const std::size_t bytes = SharedStats::bytes(links);
+  io::FileDescriptor fd(
+      check(::memfd_create("interneuron-stats", MFD_CLOEXEC), "make shared memory"));
+  check(::ftruncate(fd.get(), static_cast<off_t>(bytes)), "size shared memory");
+  void* memory = ::mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_SHARED, fd.get(), 0);
   if (memory == MAP_FAILED) fail_errno("map shared memory");
-  out.stats = new (memory) SharedStats;
-  return out;
+  return {std::move(fd), SharedStats::construct(memory, links)};
+}
+
+// The caller is in a network namespace of the testbed: in the user's own, root could be without
+// rights (a container) and so learn nothing.
+Backend choose_backend(const TestbedOptions& options) {
+  if (options.backend == Backend::kEmulator) return Backend::kEmulator;
+  const bool asked = options.backend == Backend::kNetem;
+  if (!kernel_has_netem()) {
+    if (!asked) return Backend::kEmulator;
+    throw TestbedError(
+        1,
+        "this kernel has no tc-netem (sch_netem); `modprobe sch_netem` as root may "
+        "load it, --backend emulator does without, scripts/vm.sh has one that has it");
+  }
+  for (const emu::ScenarioLink& link : options.scenario.links) {
+    const std::vector<std::string> missing = emu::netem_cannot(link.profile);
+    if (missing.empty()) continue;
+    if (!asked) return Backend::kEmulator;
+    throw TestbedError(3, "tc-netem cannot do what profile '" + link.profile.name +
+                              "' asks for: " + missing.front() + "; --backend emulator can");
+  }
+  return Backend::kNetem;
+}
+
+// The file descriptors that others open through /proc.
+void name_descriptors(State& state, const Namespaces& namespaces, const Shared& shared) {
+  state.holder = ::getpid();
+  state.holder_start_ticks = start_ticks(state.holder).value_or(0);
+  state.user_ns_fd = namespaces.user.get();
+  for (const auto& vehicle : namespaces.vehicles) state.vehicle_ns_fds.push_back(vehicle.get());
+  for (const auto& road : namespaces.roads) state.road_ns_fds.push_back(road.get());
+  state.core_ns_fd = namespaces.core.get();
+  state.stats_fd = shared.fd.get();
 }
 
 // The whole life of a holder after become_daemon().
 void hold(const TestbedOptions& options, State state, pid_t maker, int report_pipe) {
   const io::FileDescriptor stop = termination_fd();
+  // Requests come from the user's network namespace, which is still ours here.
+  ControlServer control;
+  state.control = control.name();
+  state.control_token = control.token();
   ::prctl(PR_SET_DUMPABLE, 1);  // lets the same user open /proc/PID/fd, and us write our uid_map
-  const Namespaces namespaces = make_namespaces();
+  const Namespaces namespaces = make_namespaces(options.vehicles, options.roads);
   // Again, because a change of credentials (a new user namespace) may clear both.
   ::prctl(PR_SET_DUMPABLE, 1);
   if (!options.detached) die_with(maker);
-  wire(state.links, namespaces);
-  const Shared shared = make_shared_stats();
-  Emulator emulator(options.links, options.seed, *shared.stats);
+  state.backend = choose_backend(options);
+  wire(state, options, namespaces);
+  const Shared shared = make_shared_stats(state.links.size());
+  Bearers bearers(options, control, *shared.stats);
+  NicKeeper keeper(state, options, namespaces);
+  bearers.attend(keeper.fd(), [&keeper] { keeper.serve(); });
+  name_descriptors(state, namespaces, shared);
 
-  state.holder = ::getpid();
-  state.holder_start_ticks = start_ticks(state.holder).value_or(0);
-  state.user_ns_fd = namespaces.user.get();
-  state.vehicle_ns_fd = namespaces.vehicle.get();
-  state.road_ns_fd = namespaces.road.get();
-  state.stats_fd = shared.fd.get();
+  std::function<void()> run;
+  if (state.backend == Backend::kNetem) {
+    auto backend = std::make_shared<NetemBackend>(state, namespaces, bearers);
+    run = [&stop, backend] { backend->run(stop.get()); };
+  } else {
+    auto backend = std::make_shared<Emulator>(state, bearers);
+    run = [&stop, backend] { backend->run(stop.get()); };
+  }
   write_state(state);
   // Without a maker nobody knows of this testbed, so it must not live on.
   const bool wanted = report(report_pipe, kReady);
   ::close(report_pipe);
-  if (wanted) emulator.run(stop.get());
+  if (wanted) run();
   ::unlink(state.file.c_str());
 }
 

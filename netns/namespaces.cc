@@ -50,11 +50,21 @@ void unshare_network() {
   if (::unshare(CLONE_NEWNET) != 0) fail_privilege("make a network namespace", errno);
 }
 
-void disable_ipv6() {
-  // Without IPv6 in the kernel there is no file; in some containers /proc/sys is read-only. The
-  // emulator carries no IPv6 anyway, so this only spares it the noise.
-  write_file("/proc/sys/net/ipv6/conf/all/disable_ipv6", "1");
-  write_file("/proc/sys/net/ipv6/conf/default/disable_ipv6", "1");
+// In some containers /proc/sys is read-only; without IPv6 in the kernel there is no file. Neither
+// keeps a testbed from working, hence no check.
+void set_ipv6(bool on) {
+  const char* disabled = on ? "0" : "1";
+  write_file("/proc/sys/net/ipv6/conf/all/disable_ipv6", disabled);
+  write_file("/proc/sys/net/ipv6/conf/default/disable_ipv6", disabled);
+  // Nobody advertises anything here, so nobody need ask or believe.
+  write_file("/proc/sys/net/ipv6/conf/default/accept_ra", "0");
+  write_file("/proc/sys/net/ipv6/conf/default/router_solicitations", "0");
+}
+
+io::FileDescriptor make_network_namespace(bool ipv6) {
+  unshare_network();
+  set_ipv6(ipv6);
+  return open_self("/proc/self/ns/net");
 }
 
 }  // namespace
@@ -79,7 +89,7 @@ void fail_privilege(const char* attempt, int error) {
   throw TestbedError(5, why);
 }
 
-Namespaces make_namespaces() {
+Namespaces make_namespaces(std::size_t vehicles, std::size_t roads) {
   Namespaces out;
   // Root within a container may lack CAP_SYS_ADMIN; then it needs a user namespace like anybody
   // else.
@@ -88,15 +98,34 @@ Namespaces make_namespaces() {
     out.user = make_user_namespace();
     unshare_network();
   }
-  disable_ipv6();
-  out.vehicle = open_self("/proc/self/ns/net");
-  unshare_network();
-  disable_ipv6();
-  out.road = open_self("/proc/self/ns/net");
-  unshare_network();
-  disable_ipv6();
-  out.middle = open_self("/proc/self/ns/net");
+  set_ipv6(false);
+  out.air = open_self("/proc/self/ns/net");
+  for (std::size_t i = 0; i < vehicles; ++i) out.vehicles.push_back(make_network_namespace(true));
+  for (std::size_t i = 0; i < roads; ++i) out.roads.push_back(make_network_namespace(true));
+  out.core = make_network_namespace(true);
+  check(::setns(out.air.get(), CLONE_NEWNET), "return to a network namespace");
   return out;
+}
+
+int network_of(const Namespaces& namespaces, Host host) {
+  switch (host.kind) {
+    case Host::Kind::kVehicle:
+      return namespaces.vehicles.at(host.index).get();
+    case Host::Kind::kRoad:
+      return namespaces.roads.at(host.index).get();
+    case Host::Kind::kCore:
+      break;
+  }
+  return namespaces.core.get();
+}
+
+void enable_forwarding(bool ipv6) {
+  // All modems' networks end here, so a source proves nothing about the NIC it should come from.
+  write_file("/proc/sys/net/ipv4/conf/all/rp_filter", "0");
+  write_file("/proc/sys/net/ipv4/ip_forward", "1");
+  if (!ipv6) return;
+  const int error = write_file("/proc/sys/net/ipv6/conf/all/forwarding", "1");
+  if (error != 0) fail_errno("let the core route IPv6", error);
 }
 
 NetworkNamespaceScope::NetworkNamespaceScope(int network_namespace, int home) : home_(home) {

@@ -21,14 +21,12 @@ namespace interneuron::netns {
 
 namespace {
 
-const char* side_name(Side side) { return side == Side::kVehicle ? "vehicle" : "road"; }
-
 [[noreturn]] void fail_gone(const State& state) {
   throw TestbedError(
       1, "testbed '" + state.name + "' is not up any more; `interneuron testbed up` makes one");
 }
 
-struct SideFds {
+struct HostFds {
   io::FileDescriptor user;  // empty when no change of the user namespace is needed
   io::FileDescriptor network;
 };
@@ -53,14 +51,32 @@ bool same_file(int fd, const char* path) {
          a.st_dev == b.st_dev;
 }
 
-SideFds open_side(const State& state, Side side) {
-  SideFds out;
+// "vehicle to vehicle20", "road"
+std::string list_hosts(Host first, std::size_t count) {
+  const std::string last = host_name({first.kind, count - 1});
+  if (count <= 2) return count == 1 ? last : host_name(first) + ", " + last;
+  return host_name(first) + " to " + last;
+}
+
+int network_fd_of(const State& state, Host host) {
+  if (host.kind == Host::Kind::kCore) return state.core_ns_fd;
+  const bool vehicle = host.kind == Host::Kind::kVehicle;
+  const std::vector<int>& fds = vehicle ? state.vehicle_ns_fds : state.road_ns_fds;
+  if (host.index < fds.size()) return fds[host.index];
+  throw TestbedError(1, "testbed '" + state.name + "' has no " + host_name(host) + "; it has " +
+                            list_hosts(kVehicle, state.vehicle_ns_fds.size()) + ", " +
+                            list_hosts(kRoad, state.road_ns_fds.size()) + ", core");
+}
+
+HostFds open_host(const State& state, Host host) {
+  const int network_fd = network_fd_of(state, host);
+  HostFds out;
   if (state.user_ns_fd >= 0) {
     out.user = open_fd_of(state, state.user_ns_fd);
     // Entering the one we are in is refused (EINVAL).
     if (same_file(out.user.get(), "/proc/self/ns/user")) out.user = io::FileDescriptor();
   }
-  out.network = open_fd_of(state, side == Side::kVehicle ? state.vehicle_ns_fd : state.road_ns_fd);
+  out.network = open_fd_of(state, network_fd);
   // Only now is it certain that the files were the holder's and not of a later process with its
   // number.
   if (!holder_alive(state)) fail_gone(state);
@@ -69,14 +85,13 @@ SideFds open_side(const State& state, Side side) {
 
 // Makes no allocation: may run in the child of a program with threads. Returns errno, 0 when
 // inside.
-int enter_side(const SideFds& side) {
-  if (side.user.get() >= 0 && ::setns(side.user.get(), CLONE_NEWUSER) != 0) return errno;
-  return ::setns(side.network.get(), CLONE_NEWNET) != 0 ? errno : 0;
+int enter_host(const HostFds& host) {
+  if (host.user.get() >= 0 && ::setns(host.user.get(), CLONE_NEWUSER) != 0) return errno;
+  return ::setns(host.network.get(), CLONE_NEWNET) != 0 ? errno : 0;
 }
 
-[[noreturn]] void fail_enter(const State& state, Side side, int error) {
-  const std::string what =
-      std::string("enter the ") + side_name(side) + " of testbed '" + state.name + "'";
+[[noreturn]] void fail_enter(const State& state, Host host, int error) {
+  const std::string what = "enter " + host_name(host) + " of testbed '" + state.name + "'";
   if (error == EPERM) {
     throw TestbedError(
         5, "cannot " + what + ": not permitted; only root and the user who made it may");
@@ -89,13 +104,13 @@ struct Failure {
   int error;
 };
 
-void set_up_child(const SideFds& side, const SpawnOptions& options, pid_t parent, int report) {
+void set_up_child(const HostFds& host, const SpawnOptions& options, pid_t parent, int report) {
   const auto fail = [report](Failure::Step step) {
     const Failure failure{step, errno};
     [[maybe_unused]] const ssize_t written = ::write(report, &failure, sizeof failure);
     ::_exit(127);
   };
-  errno = enter_side(side);
+  errno = enter_host(host);
   if (errno != 0) fail(Failure::Step::kEnter);
   // After entering, as a change of credentials clears it.
   if (options.die_with_parent) {
@@ -108,10 +123,10 @@ void set_up_child(const SideFds& side, const SpawnOptions& options, pid_t parent
   }
 }
 
-pid_t spawn_with_mask(const State& state, Side side, const std::vector<std::string>& argv,
+pid_t spawn_with_mask(const State& state, Host host, const std::vector<std::string>& argv,
                       const SpawnOptions& options, const sigset_t& mask) {
   if (argv.empty()) throw TestbedError(1, "no command to run; name one after --");
-  const SideFds fds = open_side(state, side);
+  const HostFds fds = open_host(state, host);
   std::vector<char*> arguments;
   for (const std::string& argument : argv) arguments.push_back(const_cast<char*>(argument.c_str()));
   arguments.push_back(nullptr);
@@ -135,7 +150,7 @@ pid_t spawn_with_mask(const State& state, Side side, const std::vector<std::stri
   // A successful exec closes the pipe without a word.
   if (::read(read_end.get(), &failure, sizeof failure) != sizeof failure) return child;
   ::waitpid(child, nullptr, 0);
-  if (failure.step == Failure::Step::kEnter) fail_enter(state, side, failure.error);
+  if (failure.step == Failure::Step::kEnter) fail_enter(state, host, failure.error);
   if (failure.step == Failure::Step::kStdio) fail_errno("redirect " + argv[0], failure.error);
   throw TestbedError(failure.error == ENOENT ? 127 : 126,
                      "cannot run '" + argv[0] + "': " + std::strerror(failure.error));
@@ -176,24 +191,24 @@ void forward_signal(int signals, pid_t child) {
 
 }  // namespace
 
-void Testbed::enter(const State& state, Side side) {
-  const int error = enter_side(open_side(state, side));
-  if (error != 0) fail_enter(state, side, error);
+void Testbed::enter(const State& state, Host host) {
+  const int error = enter_host(open_host(state, host));
+  if (error != 0) fail_enter(state, host, error);
 }
 
-pid_t Testbed::spawn(const State& state, Side side, const std::vector<std::string>& argv,
+pid_t Testbed::spawn(const State& state, Host host, const std::vector<std::string>& argv,
                      const SpawnOptions& options) {
   sigset_t mask;
   ::pthread_sigmask(SIG_SETMASK, nullptr, &mask);
-  return spawn_with_mask(state, side, argv, options, mask);
+  return spawn_with_mask(state, host, argv, options, mask);
 }
 
-int Testbed::run_in(const State& state, Side side, const std::vector<std::string>& argv) {
+int Testbed::run_in(const State& state, Host host, const std::vector<std::string>& argv) {
   const SignalsHeld held;
   const sigset_t forwarded = forwarded_signals();
   const io::FileDescriptor signals(
       check(::signalfd(-1, &forwarded, SFD_CLOEXEC), "make a signalfd"));
-  const pid_t child = spawn_with_mask(state, side, argv, {}, held.previous());
+  const pid_t child = spawn_with_mask(state, host, argv, {}, held.previous());
   // By number, as glibc 2.36 is the first with pidfd_open().
   const io::FileDescriptor ended(
       check(static_cast<int>(::syscall(SYS_pidfd_open, child, 0)), "watch " + argv[0]));

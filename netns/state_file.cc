@@ -20,27 +20,38 @@ namespace {
 
 namespace json = boost::json;
 
-constexpr int kSchema = 1;
+constexpr int kSchema = 2;
+
+json::object to_json(const TestbedLink& link) {
+  return {{"name", link.name},
+          {"vehicle", link.vehicle},
+          {"profile", link.profile},
+          {"nic", link.nic},
+          {"vehicle_address", link.vehicle_address},
+          {"gateway", link.gateway},
+          {"road_address", link.road_address},
+          {"vehicle_address6", link.vehicle_address6},
+          {"gateway6", link.gateway6},
+          {"road_address6", link.road_address6}};
+}
 
 json::value to_json(const State& state) {
   json::array links;
-  for (const TestbedLink& link : state.links) {
-    links.push_back({{"name", link.name},
-                     {"profile", link.profile},
-                     {"nic", link.nic},
-                     {"vehicle_address", link.vehicle_address},
-                     {"road_address", link.road_address}});
-  }
+  for (const TestbedLink& link : state.links) links.push_back(to_json(link));
   return {{"schema", kSchema},
           {"name", state.name},
           {"pid", state.holder},
           {"pid_start_ticks", state.holder_start_ticks},
           {"detached", state.detached},
           {"seed", state.seed},
+          {"backend", backend_name(state.backend)},
+          {"nat", state.nat},
+          {"control", {{"socket", state.control}, {"token", state.control_token}}},
           {"fds",
            {{"user_namespace", state.user_ns_fd},
-            {"vehicle_namespace", state.vehicle_ns_fd},
-            {"road_namespace", state.road_ns_fd},
+            {"vehicle_namespaces", json::value_from(state.vehicle_ns_fds)},
+            {"road_namespaces", json::value_from(state.road_ns_fds)},
+            {"core_namespace", state.core_ns_fd},
             {"stats", state.stats_fd}}},
           {"links", std::move(links)}};
 }
@@ -54,6 +65,34 @@ Number number_of(const json::object& object, const char* key) {
   return object.at(key).to_number<Number>();
 }
 
+std::vector<int> numbers_of(const json::object& object, const char* key) {
+  auto numbers = json::value_to<std::vector<int>>(object.at(key));
+  if (numbers.empty()) throw std::runtime_error(std::string("no ") + key);
+  return numbers;
+}
+
+TestbedLink link_from_json(const json::object& link) {
+  TestbedLink out;
+  out.name = text_of(link, "name");
+  out.vehicle = number_of<std::size_t>(link, "vehicle");
+  out.profile = text_of(link, "profile");
+  out.nic = text_of(link, "nic");
+  out.vehicle_address = text_of(link, "vehicle_address");
+  out.gateway = text_of(link, "gateway");
+  out.road_address = text_of(link, "road_address");
+  out.vehicle_address6 = text_of(link, "vehicle_address6");
+  out.gateway6 = text_of(link, "gateway6");
+  out.road_address6 = text_of(link, "road_address6");
+  return out;
+}
+
+Backend backend_from(const std::string& name) {
+  for (const Backend backend : {Backend::kNetem, Backend::kEmulator}) {
+    if (name == backend_name(backend)) return backend;
+  }
+  throw std::runtime_error("no back end '" + name + "'");
+}
+
 // Throws std::exception for whatever is missing or of the wrong type.
 State from_json(const json::object& object, const std::filesystem::path& file) {
   if (number_of<int>(object, "schema") != kSchema) throw std::runtime_error("another schema");
@@ -65,15 +104,19 @@ State from_json(const json::object& object, const std::filesystem::path& file) {
   state.holder_start_ticks = number_of<std::uint64_t>(object, "pid_start_ticks");
   state.detached = object.at("detached").as_bool();
   state.seed = number_of<std::uint64_t>(object, "seed");
+  state.backend = backend_from(text_of(object, "backend"));
+  state.nat = object.at("nat").as_bool();
+  const json::object& control = object.at("control").as_object();
+  state.control = text_of(control, "socket");
+  state.control_token = text_of(control, "token");
   const json::object& fds = object.at("fds").as_object();
   state.user_ns_fd = number_of<int>(fds, "user_namespace");
-  state.vehicle_ns_fd = number_of<int>(fds, "vehicle_namespace");
-  state.road_ns_fd = number_of<int>(fds, "road_namespace");
+  state.vehicle_ns_fds = numbers_of(fds, "vehicle_namespaces");
+  state.road_ns_fds = numbers_of(fds, "road_namespaces");
+  state.core_ns_fd = number_of<int>(fds, "core_namespace");
   state.stats_fd = number_of<int>(fds, "stats");
   for (const json::value& item : object.at("links").as_array()) {
-    const json::object& link = item.as_object();
-    state.links.push_back({text_of(link, "name"), text_of(link, "profile"), text_of(link, "nic"),
-                           text_of(link, "vehicle_address"), text_of(link, "road_address")});
+    state.links.push_back(link_from_json(item.as_object()));
   }
   state.file = file;
   return state;
@@ -120,10 +163,14 @@ RuntimeDirLock::RuntimeDirLock(const std::filesystem::path& runtime_dir)
 
 void write_state(const State& state) {
   const std::string temporary = state.file.string() + ".new";
-  std::ofstream out(temporary, std::ios::trunc);
-  out << json::serialize(to_json(state)) << '\n';
-  out.close();
-  if (!out || ::rename(temporary.c_str(), state.file.c_str()) != 0) {
+  const std::string text = json::serialize(to_json(state)) + '\n';
+  // For the owner's eyes only, as whoever has the token may change the links.
+  ::unlink(temporary.c_str());
+  const io::FileDescriptor out(
+      ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600));
+  const bool written = out.get() >= 0 && ::write(out.get(), text.data(), text.size()) ==
+                                             static_cast<ssize_t>(text.size());
+  if (!written || ::rename(temporary.c_str(), state.file.c_str()) != 0) {
     fail_errno("write " + state.file.string());
   }
 }

@@ -1,11 +1,15 @@
 // Where a testbed is written down: RUNTIME_DIR/NAME.json, one file per testbed that is up, readable
 // with any JSON tool.
 //
-//   {"schema": 1, "name": "default", "pid": 4711, "pid_start_ticks": 12345, "detached": true,
-//   "seed": 1,
-//    "fds": {"user_namespace": -1, "vehicle_namespace": 5, "road_namespace": 6, "stats": 9},
-//    "links": [{"name": "5g", "profile": "5g", "nic": "if5g", "vehicle_address": "10.77.1.1",
-//    "road_address": "10.77.1.2"}]}
+//   {"schema": 2, "name": "default", "pid": 4711, "pid_start_ticks": 12345, "detached": true,
+//    "seed": 1, "backend": "netem", "nat": false,
+//    "control": {"socket": "interneuron-4711", "token": "6f1c..."},
+//    "fds": {"user_namespace": -1, "vehicle_namespaces": [5], "road_namespaces": [6],
+//            "core_namespace": 7, "stats": 9},
+//    "links": [{"name": "5g", "vehicle": 0, "profile": "5g", "nic": "if5g",
+//               "vehicle_address": "10.77.1.2", "gateway": "10.77.1.1",
+//               "road_address": "10.77.0.1", "vehicle_address6": "fd77:0:1:1::2",
+//               "gateway6": "fd77:0:1:1::1", "road_address6": "fd77:0:1::1"}]}
 //
 // Errors: TestbedError (1). Thread-safety: between processes by RuntimeDirLock; within one none.
 #pragma once
@@ -39,7 +43,7 @@ class RuntimeDirLock {
   io::FileDescriptor directory_;
 };
 
-// All at once: a reader sees the old file or the new one.
+// All at once: a reader sees the old file or the new one. Readable by its owner (and root) only.
 void write_state(const State& state);
 
 // Empty without the file. Throws when it is not ours to understand.

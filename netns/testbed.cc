@@ -15,6 +15,7 @@
 
 #include "io/file_descriptor.h"
 #include "netns/check.h"
+#include "netns/control.h"
 #include "netns/holder.h"
 #include "netns/shared_stats.h"
 #include "netns/state_file.h"
@@ -30,12 +31,21 @@ constexpr std::size_t kMaxLinkName = 13;  // "if" + name fits into IFNAMSIZ - 1
 
 void check_options(const TestbedOptions& options) {
   check_name(options.name, 64, "the name of a testbed");
-  if (options.links.empty() || options.links.size() > kMaxLinks) {
-    throw TestbedError(1, "a testbed has 1 to " + std::to_string(kMaxLinks) + " links, not " +
-                              std::to_string(options.links.size()));
+  if (options.vehicles < 1 || options.vehicles > kMaxVehicles) {
+    throw TestbedError(1, "a testbed has 1 to " + std::to_string(kMaxVehicles) + " vehicles, not " +
+                              std::to_string(options.vehicles));
+  }
+  if (options.roads < 1 || options.roads > kMaxRoads) {
+    throw TestbedError(1, "a testbed has 1 to " + std::to_string(kMaxRoads) +
+                              " roadside units, not " + std::to_string(options.roads));
+  }
+  const auto& links = options.scenario.links;
+  if (links.empty() || links.size() > kMaxLinks) {
+    throw TestbedError(1, "a vehicle has 1 to " + std::to_string(kMaxLinks) + " links, not " +
+                              std::to_string(links.size()));
   }
   std::set<std::string> names;
-  for (const LinkSpec& link : options.links) {
+  for (const emu::ScenarioLink& link : links) {
     check_name(link.name, kMaxLinkName, "the name of a link");
     if (!names.insert(link.name).second) {
       throw TestbedError(1, "two links are called '" + link.name + "'; name one NAME=PROFILE");
@@ -99,13 +109,13 @@ class StatsView {
     if (fd.get() < 0 || !holder_alive(state)) {
       throw TestbedError(1, "testbed '" + state.name + "' is not up any more");
     }
-    if (::lseek(fd.get(), 0, SEEK_END) != static_cast<off_t>(sizeof(SharedStats)))
-      fail_version(state);
-    memory_ = ::mmap(nullptr, sizeof(SharedStats), PROT_READ, MAP_SHARED, fd.get(), 0);
+    bytes_ = SharedStats::bytes(state.links.size());
+    if (::lseek(fd.get(), 0, SEEK_END) != static_cast<off_t>(bytes_)) fail_version(state);
+    memory_ = ::mmap(nullptr, bytes_, PROT_READ, MAP_SHARED, fd.get(), 0);
     if (memory_ == MAP_FAILED) fail_errno("map the counters of testbed '" + state.name + "'");
     if (stats().version != SharedStats::kVersion) fail_version(state);
   }
-  ~StatsView() { ::munmap(memory_, sizeof(SharedStats)); }
+  ~StatsView() { ::munmap(memory_, bytes_); }
   StatsView(const StatsView&) = delete;
   StatsView& operator=(const StatsView&) = delete;
 
@@ -119,7 +129,19 @@ class StatsView {
   }
 
   void* memory_ = nullptr;
+  std::size_t bytes_ = 0;
 };
+
+// "5g", "vehicle2/5g", "*", "vehicle2/*".
+bool matches(const TestbedLink& link, const std::string& which) {
+  const std::size_t slash = which.find('/');
+  if (slash != std::string::npos &&
+      parse_host(which.substr(0, slash)) != Host{Host::Kind::kVehicle, link.vehicle}) {
+    return false;
+  }
+  const std::string name = slash == std::string::npos ? which : which.substr(slash + 1);
+  return name == "*" || name == link.name;
+}
 
 }  // namespace
 
@@ -138,11 +160,10 @@ Testbed Testbed::up(const TestbedOptions& options) {
   State state;
   state.name = options.name;
   state.detached = options.detached;
-  state.seed = options.seed;
+  state.seed = options.scenario.seed;
   state.file = std::filesystem::absolute(state_path(options.runtime_dir, options.name));
-  for (std::size_t i = 0; i < options.links.size(); ++i) {
-    state.links.push_back(plan_link(options.links[i], i));
-  }
+  state.nat = options.nat;
+  state.links = plan_links(options);
   make_runtime_dir(options.runtime_dir);
   const RuntimeDirLock lock(options.runtime_dir);
   if (const auto present = find_locked(state.file)) {
@@ -195,7 +216,8 @@ Snapshot Testbed::snapshot(const State& state) {
   const std::int64_t epoch_ns = stats.epoch_ns.load(std::memory_order_relaxed);
   if (epoch_ns != 0) out.epoch = TimePoint{Duration{epoch_ns}};
   for (std::size_t i = 0; i < state.links.size(); ++i) {
-    out.links.push_back({state.links[i].name, stats.up.at(i).load(), stats.down.at(i).load()});
+    out.links.push_back({state.links[i].name, state.links[i].vehicle, stats.link(i).up.load(),
+                         stats.link(i).down.load()});
   }
   out.frames_sent = stats.frames_sent.load(std::memory_order_relaxed);
   out.kernel_drops = stats.kernel_drops.load(std::memory_order_relaxed);
@@ -205,6 +227,69 @@ Snapshot Testbed::snapshot(const State& state) {
   out.lateness_max_us =
       static_cast<double>(stats.lateness_max_ns.load(std::memory_order_relaxed)) / 1e3;
   return out;
+}
+
+std::vector<ScheduleSample> Testbed::schedule(const State& state, std::size_t index, Duration from,
+                                              Duration to) {
+  const StatsView view(state);
+  const SharedLink& link = view.stats().link(index);
+  const std::int64_t made = link.steps.load(std::memory_order_acquire);
+  constexpr auto kKept = static_cast<std::int64_t>(SharedLink::kSteps);
+  // The oldest few may be overwritten while they are read.
+  constexpr std::int64_t kMargin = 100;
+  const std::int64_t first =
+      std::max<std::int64_t>(from / emu::kDelayStep, made > kKept ? made - kKept + kMargin : 0);
+  const std::int64_t last = std::min<std::int64_t>(to / emu::kDelayStep, made - 1);
+  const auto fraction = [](const std::atomic<std::uint32_t>& ppm) {
+    return static_cast<double>(ppm.load(std::memory_order_relaxed)) / 1e6;
+  };
+  const auto rate = [](const std::atomic<std::uint32_t>& kbit) {
+    return DataRate{std::int64_t{kbit.load(std::memory_order_relaxed)} * 1000};
+  };
+  std::vector<ScheduleSample> out;
+  for (std::int64_t step = first; step <= last; ++step) {
+    const SharedSample& s = link.samples[static_cast<std::size_t>(step % kKept)];
+    out.push_back({step * emu::kDelayStep,
+                   std::chrono::microseconds(s.rtt_us.load(std::memory_order_relaxed)),
+                   fraction(s.loss_up_ppm), fraction(s.loss_down_ppm), rate(s.rate_up_kbit),
+                   rate(s.rate_down_kbit)});
+  }
+  return out;
+}
+
+std::vector<std::size_t> Testbed::select(const State& state, const std::string& which) {
+  std::vector<std::size_t> out;
+  std::string known;
+  for (std::size_t i = 0; i < state.links.size(); ++i) {
+    if (matches(state.links[i], which)) out.push_back(i);
+    if (state.links[i].vehicle == 0) known += ", " + state.links[i].name;
+  }
+  if (!out.empty()) return out;
+  throw TestbedError(1, "testbed '" + state.name + "' has no link '" + which + "'; there are *" +
+                            known + ", also of one vehicle: vehicle1/" + state.links.front().name);
+}
+
+void Testbed::change(const State& state, const std::string& which,
+                     const std::vector<std::string>& settings) {
+  Request request;
+  request.links = select(state, which);
+  for (std::string setting : settings) {
+    // The holder is in another directory.
+    constexpr std::string_view kProfile = "profile=";
+    if (setting.starts_with(kProfile) && setting.find('/') != std::string::npos) {
+      setting = std::string(kProfile) +
+                std::filesystem::absolute(setting.substr(kProfile.size())).string();
+    }
+    request.settings.push_back(std::move(setting));
+  }
+  ask(state, request);
+}
+
+void Testbed::outage(const State& state, const std::string& which, Duration length) {
+  Request request;
+  request.links = select(state, which);
+  request.outage = length;
+  ask(state, request);
 }
 
 Testbed::Testbed(State state)

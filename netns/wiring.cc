@@ -1,204 +1,183 @@
 #include "netns/wiring.h"
 
-#include <linux/if.h>
-#include <linux/neighbour.h>
-#include <netlink/addr.h>
-#include <netlink/netlink.h>
-#include <netlink/route/addr.h>
-#include <netlink/route/link.h>
-#include <netlink/route/link/veth.h>
-#include <netlink/route/neighbour.h>
-#include <poll.h>
-#include <time.h>
-
-#include <array>
-#include <memory>
+#include <sys/socket.h>
+#include <sys/statvfs.h>
 
 #include "netns/check.h"
-#include "netns/offloads.h"
+#include "netns/nat.h"
+#include "netns/nics.h"
 
 namespace interneuron::netns {
 
 namespace {
 
-constexpr unsigned kMtu = 1500;  // bytes, Ethernet
-constexpr int kOperationalBoundMs = 5000;
+// Numbers of NICs that no two ends of a pair share; those of vehicles and units are from 2 on.
+constexpr int kCoreIndices = 100;
+constexpr int kAirIndices = 10'000;
 
-template <auto Function>
-struct Deleter {
-  template <class T>
-  void operator()(T* object) const {
-    Function(object);
-  }
+// The kernel takes care of a hundred new carriers at once, but of the next hundred a second later
+// (MAX_DO_DEV_PER_LOOP of net/core/link_watch.c).
+constexpr std::size_t kCarriersAtOnce = 64;
+
+std::string port(char kind, std::size_t host, std::size_t network) {
+  return kind + std::to_string(host + 1) + "-" + std::to_string(network + 1);
+}
+
+// Where /proc/sys is read-only (containers) the core could not be told to route IPv6.
+bool ipv6_can_be_routed() {
+  struct statvfs settings {};
+  return ::statvfs("/proc/sys/net/ipv6/conf/all/forwarding", &settings) == 0 &&
+         (settings.f_flag & ST_RDONLY) == 0;
+}
+
+class Wiring {
+ public:
+  Wiring(const State& state, const TestbedOptions& options, const Namespaces& namespaces)
+      : options_(options),
+        namespaces_(namespaces),
+        hosts_(plan_hosts(state, options)),
+        emulated_(state.backend == Backend::kEmulator),
+        ipv6_(!state.links.front().vehicle_address6.empty()) {}
+
+  void make_pairs();
+  void set_up_all();
+
+ private:
+  NicEnd end_of(const HostPlan& host, std::size_t nic) const;
+  void make_link(const NicEnd& vehicle, const NicEnd& gateway, std::size_t v, std::size_t n);
+  void set_up_host(const HostPlan& host);
+  void set_up_ports(std::size_t v);
+  void await(const HostPlan& host);
+
+  const TestbedOptions& options_;
+  const Namespaces& namespaces_;
+  std::vector<HostPlan> hosts_;
+  bool emulated_;
+  bool ipv6_;
+  int next_air_index_ = kAirIndices;
+  netlink::Socket socket_ = netlink::open_socket();  // of `air`
 };
-using Socket = std::unique_ptr<nl_sock, Deleter<nl_socket_free>>;
-using Link = std::unique_ptr<rtnl_link, Deleter<rtnl_link_put>>;
-using Veth = std::unique_ptr<rtnl_link, Deleter<rtnl_link_veth_release>>;
-using LinkAddress = std::unique_ptr<nl_addr, Deleter<nl_addr_put>>;
-using NicAddress = std::unique_ptr<rtnl_addr, Deleter<rtnl_addr_put>>;
-using Neighbour = std::unique_ptr<rtnl_neigh, Deleter<rtnl_neigh_put>>;
 
-[[noreturn]] void out_of_memory() { throw TestbedError(1, "out of memory"); }
-
-void check_nl(int result, const std::string& attempt) {
-  if (result >= 0) return;
-  // Ubuntu's AppArmor lets a user namespace be made, but without rights in it.
-  if (result == -NLE_PERM) fail_privilege(attempt.c_str(), EPERM);
-  throw TestbedError(1, "cannot " + attempt + ": " + nl_geterror(result));
+NicEnd Wiring::end_of(const HostPlan& host, std::size_t nic) const {
+  const NicPlan& plan = host.nics[nic];
+  const int base = host.host == kCore ? kCoreIndices : 2;
+  return {plan.nic, plan.mac, network_of(namespaces_, host.host), !plan.forwards,
+          base + static_cast<int>(nic)};
 }
 
-Socket open_socket() {
-  Socket socket(nl_socket_alloc());
-  if (!socket) out_of_memory();
-  check_nl(nl_connect(socket.get(), NETLINK_ROUTE), "open a netlink socket");
-  return socket;
-}
-
-LinkAddress parse_address(const std::string& text, int family) {
-  nl_addr* address = nullptr;
-  check_nl(nl_addr_parse(text.c_str(), family, &address), "parse the address " + text);
-  return LinkAddress(address);
-}
-
-Link find_link(nl_sock* socket, const std::string& nic) {
-  rtnl_link* link = nullptr;
-  check_nl(rtnl_link_get_kernel(socket, 0, nic.c_str(), &link), "find the NIC " + nic);
-  return Link(link);
-}
-
-// Known MAC addresses, locally administered, so that neighbours can be set without asking: ARP
-// would cross the emulated link and double the delay of the first packets.
-std::string mac_of(std::size_t position, Side side) {
-  std::array<char, 18> text{};
-  std::snprintf(text.data(), text.size(), "02:77:00:00:%02x:%02x",
-                static_cast<unsigned>(position + 1) & 0xffU, side == Side::kVehicle ? 1U : 2U);
-  return text.data();
-}
-
-// One veth pair from the middle namespace, where the caller is, into an application's.
-void make_pair(nl_sock* socket, const std::string& port, const std::string& nic,
-               const std::string& mac, int application_namespace) {
-  Veth veth(rtnl_link_veth_alloc());
-  if (!veth) out_of_memory();
-  // Borrowed: belongs to the pair. (It takes a reference, which the second owner gives back.)
-  const Link peer(rtnl_link_veth_get_peer(veth.get()));
-  rtnl_link_set_name(veth.get(), port.c_str());
-  rtnl_link_set_mtu(veth.get(), kMtu);
-  rtnl_link_set_name(peer.get(), nic.c_str());
-  rtnl_link_set_mtu(peer.get(), kMtu);
-  rtnl_link_set_addr(peer.get(), parse_address(mac, AF_LLC).get());
-  rtnl_link_set_ns_fd(peer.get(), application_namespace);
-  const int result = rtnl_link_add(socket, veth.get(), NLM_F_CREATE | NLM_F_EXCL);
-  if (result == -NLE_OPNOTSUPP) {
-    throw TestbedError(1, "cannot make the veth pair " + port +
-                              ": the kernel has no veth; `modprobe veth` as root loads it");
+void Wiring::make_link(const NicEnd& vehicle, const NicEnd& gateway, std::size_t v, std::size_t n) {
+  if (!emulated_) {
+    make_pair(socket_.get(), vehicle, gateway);
+    return;
   }
-  check_nl(result, "make the veth pair " + port);
+  const int air = namespaces_.air.get();
+  make_pair(socket_.get(), {vehicle_port(v, n), "", air, false, next_air_index_++}, vehicle);
+  make_pair(socket_.get(), {core_port(v, n), "", air, false, next_air_index_++}, gateway);
 }
 
-void set_up(nl_sock* socket, const std::string& nic) {
-  const Link link = find_link(socket, nic);
-  const Link change(rtnl_link_alloc());
-  if (!change) out_of_memory();
-  rtnl_link_set_flags(change.get(), IFF_UP);
-  check_nl(rtnl_link_change(socket, link.get(), change.get(), 0), "set " + nic + " up");
-}
-
-void add_address(nl_sock* socket, const std::string& nic, const std::string& address) {
-  const Link link = find_link(socket, nic);
-  const NicAddress entry(rtnl_addr_alloc());
-  if (!entry) out_of_memory();
-  const LinkAddress local = parse_address(address + "/24", AF_INET);
-  rtnl_addr_set_ifindex(entry.get(), rtnl_link_get_ifindex(link.get()));
-  check_nl(rtnl_addr_set_local(entry.get(), local.get()), "use the address " + address);
-  check_nl(rtnl_addr_add(socket, entry.get(), 0), "give " + nic + " the address " + address);
-}
-
-void add_neighbour(nl_sock* socket, const std::string& nic, const std::string& address,
-                   const std::string& mac) {
-  const Link link = find_link(socket, nic);
-  const Neighbour entry(rtnl_neigh_alloc());
-  if (!entry) out_of_memory();
-  const LinkAddress destination = parse_address(address, AF_INET);
-  const LinkAddress hardware = parse_address(mac, AF_LLC);
-  rtnl_neigh_set_ifindex(entry.get(), rtnl_link_get_ifindex(link.get()));
-  check_nl(rtnl_neigh_set_dst(entry.get(), destination.get()), "use the neighbour " + address);
-  rtnl_neigh_set_lladdr(entry.get(), hardware.get());
-  rtnl_neigh_set_state(entry.get(), NUD_PERMANENT);
-  check_nl(rtnl_neigh_add(socket, entry.get(), NLM_F_CREATE | NLM_F_REPLACE),
-           "add the neighbour " + address + " of " + nic);
-}
-
-void configure_side(const std::vector<TestbedLink>& links, Side side) {
-  const Socket socket = open_socket();
-  set_up(socket.get(), "lo");
-  const Side other = side == Side::kVehicle ? Side::kRoad : Side::kVehicle;
-  for (std::size_t i = 0; i < links.size(); ++i) {
-    const TestbedLink& link = links[i];
-    const bool vehicle = side == Side::kVehicle;
-    disable_segmentation_offloads(link.nic);
-    set_up(socket.get(), link.nic);
-    add_address(socket.get(), link.nic, vehicle ? link.vehicle_address : link.road_address);
-    add_neighbour(socket.get(), link.nic, vehicle ? link.road_address : link.vehicle_address,
-                  mac_of(i, other));
-  }
-}
-
-bool operational(nl_sock* socket, const std::string& nic) {
-  return rtnl_link_get_operstate(find_link(socket, nic).get()) == IF_OPER_UP;
-}
-
-// The kernel reports a carrier some time after both ends are up; there is nothing to hurry it with
-// but to look again.
-void await_operational(const std::vector<TestbedLink>& links) {
-  const Socket socket = open_socket();
-  int waited_ms = 0;
-  for (const TestbedLink& link : links) {
-    while (!operational(socket.get(), link.nic)) {
-      if (++waited_ms > kOperationalBoundMs) {
-        throw TestbedError(1, link.nic + " is not operational after 5 s");
+// The core's NICs are listed in the order of the hosts that they lead to.
+void Wiring::make_pairs() {
+  const HostPlan& core = hosts_.back();
+  const std::size_t networks = options_.scenario.links.size();
+  for (std::size_t host = 0; host + 1 < hosts_.size(); ++host) {
+    for (std::size_t n = 0; n < networks; ++n) {
+      const NicEnd end = end_of(hosts_[host], n);
+      const NicEnd opposite = end_of(core, host * networks + n);
+      if (hosts_[host].host.kind == Host::Kind::kVehicle) {
+        make_link(end, opposite, host, n);
+      } else {
+        make_pair(socket_.get(), end, opposite);
       }
-      ::poll(nullptr, 0, 1);
     }
   }
 }
 
-}  // namespace
-
-std::string vehicle_port(const std::string& link_name) { return "v" + link_name; }
-std::string road_port(const std::string& link_name) { return "r" + link_name; }
-
-TestbedLink plan_link(const LinkSpec& spec, std::size_t position) {
-  const std::string network = "10.77." + std::to_string(position + 1) + ".";
-  return {spec.name, spec.profile.name, "if" + spec.name, network + "1", network + "2"};
+void Wiring::set_up_host(const HostPlan& host) {
+  const NetworkNamespaceScope scope(network_of(namespaces_, host.host), namespaces_.air.get());
+  const netlink::Socket socket = netlink::open_socket();
+  set_up(socket.get(), "lo");
+  if (host.host == kCore) enable_forwarding(ipv6_);
+  for (const NicPlan& nic : host.nics) set_up(socket.get(), nic);
 }
 
-void wire(const std::vector<TestbedLink>& links, const Namespaces& namespaces) {
-  const Socket socket = open_socket();
-  for (std::size_t i = 0; i < links.size(); ++i) {
-    const TestbedLink& link = links[i];
-    make_pair(socket.get(), vehicle_port(link.name), link.nic, mac_of(i, Side::kVehicle),
-              namespaces.vehicle.get());
-    make_pair(socket.get(), road_port(link.name), link.nic, mac_of(i, Side::kRoad),
-              namespaces.road.get());
-    set_up(socket.get(), vehicle_port(link.name));
-    set_up(socket.get(), road_port(link.name));
+void Wiring::set_up_ports(std::size_t v) {
+  for (std::size_t n = 0; n < options_.scenario.links.size(); ++n) {
+    set_up(socket_.get(), vehicle_port(v, n));
+    set_up(socket_.get(), core_port(v, n));
   }
-  const int home = namespaces.middle.get();
-  {
-    const NetworkNamespaceScope scope(namespaces.vehicle.get(), home);
-    configure_side(links, Side::kVehicle);
+}
+
+void Wiring::await(const HostPlan& host) {
+  const NetworkNamespaceScope scope(network_of(namespaces_, host.host), namespaces_.air.get());
+  await_operational(netlink::open_socket().get(), host.nics);
+}
+
+// The core first, where there is no carrier yet, then the other hosts, waiting now and then.
+void Wiring::set_up_all() {
+  set_up_host(hosts_.back());
+  std::size_t carriers = 0;
+  for (std::size_t host = 0; host + 1 < hosts_.size(); ++host) {
+    set_up_host(hosts_[host]);
+    if (emulated_ && hosts_[host].host.kind == Host::Kind::kVehicle) set_up_ports(host);
+    carriers += 4 * options_.scenario.links.size();  // at most: two pairs per link
+    if (carriers < kCarriersAtOnce) continue;
+    await(hosts_[host]);
+    carriers = 0;
   }
-  {
-    const NetworkNamespaceScope scope(namespaces.road.get(), home);
-    configure_side(links, Side::kRoad);
+  for (const HostPlan& host : hosts_) await(host);
+}
+
+}  // namespace
+
+std::string vehicle_port(std::size_t vehicle, std::size_t network) {
+  return port('v', vehicle, network);
+}
+std::string core_port(std::size_t vehicle, std::size_t network) {
+  return port('c', vehicle, network);
+}
+std::string gateway_nic(std::size_t vehicle, std::size_t network) {
+  return port('g', vehicle, network);
+}
+std::string road_nic(std::size_t road, std::size_t network) { return port('r', road, network); }
+
+std::string road_address(std::size_t road, std::size_t network, int family) {
+  return Network(network, family).road(road);
+}
+
+std::vector<TestbedLink> plan_links(const TestbedOptions& options) {
+  const bool ipv6 = ipv6_can_be_routed();
+  std::vector<TestbedLink> out;
+  for (std::size_t v = 0; v < options.vehicles; ++v) {
+    for (std::size_t n = 0; n < options.scenario.links.size(); ++n) {
+      const emu::ScenarioLink& spec = options.scenario.links[n];
+      const Network four(n, AF_INET);
+      const Network six(n, AF_INET6);
+      TestbedLink link;
+      link.name = spec.name;
+      link.vehicle = v;
+      link.profile = spec.profile.name;
+      link.nic = "if" + spec.name;
+      link.vehicle_address = four.vehicle(v);
+      link.gateway = four.gateway(v);
+      link.road_address = four.road(0);
+      if (ipv6) {
+        link.vehicle_address6 = six.vehicle(v);
+        link.gateway6 = six.gateway(v);
+        link.road_address6 = six.road(0);
+      }
+      out.push_back(std::move(link));
+    }
   }
-  {
-    const NetworkNamespaceScope scope(namespaces.vehicle.get(), home);
-    await_operational(links);
-  }
-  const NetworkNamespaceScope scope(namespaces.road.get(), home);
-  await_operational(links);
+  return out;
+}
+
+void wire(const State& state, const TestbedOptions& options, const Namespaces& namespaces) {
+  Wiring wiring(state, options, namespaces);
+  wiring.make_pairs();
+  wiring.set_up_all();
+  if (!options.nat) return;
+  const NetworkNamespaceScope scope(namespaces.core.get(), namespaces.air.get());
+  set_up_nat(options.scenario.links.size());
 }
 
 }  // namespace interneuron::netns

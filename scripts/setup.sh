@@ -2,23 +2,25 @@
 # Installs the Debian packages that a build, the tests and the demo need. Names what is missing; installs it as root,
 # else prints the line to run. Never removes a package and never calls sudo.
 #
-#   scripts/setup.sh [--dry-run] [--with-checks]
+#   scripts/setup.sh [--dry-run] [--with-checks] [--with-vm]
 #
 #   --dry-run       say what would be done, change nothing
 #   --with-checks   also what scripts/check.sh needs
+#   --with-vm       also QEMU, for scripts/vm.sh other than --uml and for scripts/test.sh --full
 #
 # Exit codes: 0 everything is there, 1 failed, 2 usage, 5 needs root.
 set -euo pipefail
 
 packages=(
   g++ cmake ninja-build ccache pkg-config python3                    # to build
-  libboost1.81-dev libnl-3-dev libnl-route-3-dev zlib1g-dev          # libraries
+  libboost1.81-dev libnl-3-dev libnl-route-3-dev libnftables-dev zlib1g-dev  # libraries
   libopencv-dev libcli11-dev libspdlog-dev libtomlplusplus-dev nlohmann-json3-dev
   libgtest-dev libgmock-dev librapidcheck-dev                        # tests
   iproute2 iputils-ping gnuplot-nox                                  # testbed and plots
   curl ca-certificates                                               # scripts/fetch_data.sh
 )
 check_packages=(git clang clang-format-14 shellcheck)                # scripts/check.sh
+vm_packages=(qemu-system-x86)                                        # scripts/vm.sh --icount, --tcg, --kvm
 
 say() { printf 'setup: %s\n' "$*"; }
 fail() { printf 'setup: %s\n' "$2" >&2; exit "$1"; }
@@ -28,6 +30,7 @@ for argument in "$@"; do
   case $argument in
     --dry-run) dry_run=true ;;
     --with-checks) packages+=("${check_packages[@]}") ;;
+    --with-vm) packages+=("${vm_packages[@]}") ;;
     -h | --help) sed -n '2,/^set /{/^set /d;s/^# \{0,1\}//;p}' "${BASH_SOURCE[0]}"; exit 0 ;;
     *) fail 2 "unknown argument '$argument'; see scripts/setup.sh --help" ;;
   esac
@@ -35,8 +38,8 @@ done
 
 if ! command -v apt-get >/dev/null || ! command -v dpkg-query >/dev/null; then
   fail 1 "this system has no apt-get. Install by hand: g++ >= 12, CMake >= 3.25, Ninja, Python 3, Boost >= 1.81 (headers), \
-libnl-3 and libnl-route-3 >= 3.7, OpenCV >= 4.6, CLI11 >= 2.1, spdlog, toml++ >= 3.3, nlohmann-json, zlib, GoogleTest with \
-gMock, rapidcheck, iproute2, ping, gnuplot, curl. Then: cmake --preset release && cmake --build --preset release"
+libnl-3 and libnl-route-3 >= 3.7, libnftables, OpenCV >= 4.6, CLI11 >= 2.1, spdlog, toml++ >= 3.3, nlohmann-json, zlib, GoogleTest with \
+gMock, rapidcheck, iproute2, ping, iperf3, tcpdump, gnuplot, curl. Then: cmake --preset release && cmake --build --preset release"
 fi
 
 # Any Boost from 1.81 on will do; newer distributions have it under another name.

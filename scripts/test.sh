@@ -1,8 +1,9 @@
 #!/usr/bin/env bash
 # Installs what is missing, builds a preset and runs every test.
 #
-#   scripts/test.sh [PRESET]
+#   scripts/test.sh [--full] [PRESET]
 #
+#   --full    also the tests that take minutes: the testbed's delays over half an hour, in virtual time
 #   PRESET    release (default), debug, asan, tsan or clang; see CMakePresets.json
 #
 # Exit codes: 0 every test passed, 1 a build or test failed, 2 usage, 5 needs root to install packages.
@@ -10,9 +11,15 @@ set -euo pipefail
 root=$(dirname "$(dirname "$(readlink -f "${BASH_SOURCE[0]}")")")
 
 preset=
+setup=()
+selection=()
 for argument in "$@"; do
   case $argument in
     -h | --help) sed -n '2,/^set /{/^set /d;s/^# \{0,1\}//;p}' "${BASH_SOURCE[0]}"; exit 0 ;;
+    --full)
+      setup=(--with-vm)
+      selection=(-C full)
+      ;;
     -*) printf "test: unknown option '%s'; see scripts/test.sh --help\n" "$argument" >&2; exit 2 ;;
     *)
       [[ -z $preset ]] || { echo "test: one preset at a time" >&2; exit 2; }
@@ -36,7 +43,7 @@ trap 'exit 130' INT
 export XDG_CACHE_HOME="$root/build/cache"
 jobs=$(nproc)
 
-bash "$root/scripts/setup.sh"
+bash "$root/scripts/setup.sh" "${setup[@]}"
 cd "$root"
 cmake --preset "$preset" --log-level=WARNING || exit 1
 cmake --build "build/$preset" --parallel "$jobs" || exit 1
@@ -49,4 +56,5 @@ esac
 export ASAN_OPTIONS="${ASAN_OPTIONS:-detect_stack_use_after_return=1:strict_string_checks=1}"
 export UBSAN_OPTIONS="${UBSAN_OPTIONS:-print_stacktrace=1}"
 export TSAN_OPTIONS="${TSAN_OPTIONS:-second_deadlock_stack=1}"
-"${runner[@]}" ctest --test-dir "build/$preset" --output-on-failure --no-tests=error --timeout 300 -j 2 || exit 1
+"${runner[@]}" ctest --test-dir "build/$preset" --output-on-failure --no-tests=error --timeout 300 -j 2 \
+  "${selection[@]}" || exit 1

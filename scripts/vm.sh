@@ -4,7 +4,7 @@
 #
 #   scripts/vm.sh [--uml|--icount|--kvm|--tcg] [OPTIONS] [--] COMMAND [ARGS...]
 #
-#   --uml            user-mode Linux: real time, boots in 3 to 5 s; no nftables for IP, no MPTCP
+#   --uml            user-mode Linux: real time, boots in 3 to 5 s; NAT by iptables-legacy only, no nftables for IP, no MPTCP
 #   --icount         QEMU in virtual time: exact timing on a busy computer too, idle time takes none; for timing, not
 #                    for throughput (one slow processor); boots in 10 to 15 s
 #   --kvm            QEMU on this processor; needs KVM
@@ -162,7 +162,8 @@ make_uml() {
 
 make_qemu() {
   local package version base ram="$fresh/ram" busybox="$store/busybox/bin/busybox"
-  package=$(LC_ALL=C apt-cache depends linux-image-amd64 2>/dev/null | sed -n 's/.*Depends: \(linux-image-[^ ]*\)$/\1/p' | head -n 1)
+  package=$(LC_ALL=C apt-cache depends linux-image-amd64 2>/dev/null |
+    sed -n 's/.*Depends: \(linux-image-[^ ]*\)$/\1/p' | head -n 1)
   if [[ -z $package ]]; then
     download linux-image-amd64 || return 1
     package=$(dpkg-deb -f "$fresh"/linux-image-amd64_*.deb Depends | sed 's/ .*//')
@@ -175,7 +176,8 @@ make_qemu() {
   base=lib/modules/${version[0]##*/}
   mkdir -p "$ram"/{bin,proc,sys,dev,root,"$base"}
   cp "$busybox" "$ram/bin/"
-  (cd "$fresh/tree/$base" && cp -r --parents modules.dep kernel/drivers/virtio kernel/net/9p kernel/fs/{9p,netfs,fscache} "$ram/$base")
+  (cd "$fresh/tree/$base" &&
+    cp -r --parents modules.dep kernel/drivers/virtio kernel/net/9p kernel/fs/{9p,netfs,fscache} "$ram/$base")
   cat >"$ram/init" <<'INIT'
 #!/bin/busybox sh
 b=/bin/busybox
@@ -229,7 +231,8 @@ shares=("$work" "${shares[@]}")
 merged=false
 [[ ! /dev/fd/1 -ef /dev/fd/2 ]] || merged=true
 {
-  printf '%s=%q\n' kind "$kind" modules "$kernel/lib/modules" busybox "$store/busybox/bin/busybox" folder "$PWD" merged "$merged"
+  printf '%s=%q\n' kind "$kind" modules "$kernel/lib/modules" busybox "$store/busybox/bin/busybox" folder "$PWD" \
+    merged "$merged"
   printf 'buffers=%q\n' "$(cat /proc/sys/net/core/rmem_max 2>/dev/null || echo 0)"
   printf 'shares=('; printf ' %q' "${shares[@]}"; printf ' )\n'
   printf 'command=('; printf ' %q' "${command[@]}"; printf ' )\n'

@@ -38,11 +38,13 @@ busybox=/run/vm/modules/bin/busybox
 printf '#!/bin/sh\nexec %s chroot /run/vm/modules /bin/busybox modprobe -q "$@"\n' "$busybox" >/run/vm/modprobe
 chmod 755 /run/vm/modprobe
 echo /run/vm/modprobe >/proc/sys/kernel/modprobe
-for module in ipv6 veth tun ifb dummy vrf bridge 8021q sch_netem sch_tbf sch_htb sch_prio sch_fq sch_fq_codel sch_ingress \
+for module in ipv6 veth tun vrf bridge 8021q sch_netem sch_tbf sch_htb sch_prio sch_fq sch_fq_codel sch_ingress \
   cls_u32 cls_matchall act_mirred nf_tables nft_chain_nat nft_nat nft_masq nft_ct nf_conntrack nf_nat iptable_nat \
   ip6table_nat xt_MASQUERADE; do
   echo "$module"
 done | xargs "$busybox" chroot /run/vm/modules /bin/busybox modprobe -q -a 2>/dev/null
+/run/vm/modprobe ifb numifbs=0
+/run/vm/modprobe dummy numdummies=0
 
 mkdir -p /dev/shm /dev/pts /dev/net
 for place in /tmp /var/tmp /dev/shm; do mount -t tmpfs -o mode=1777 tmpfs "$place"; done

@@ -164,15 +164,11 @@ class Demo {
 
 Demo::Demo(const DemoOptions& options) : o_(options), data_(find_data(options.data)) {
   testbed_options_.name = fmt::format("demo-{}", ::getpid());
-  testbed_options_.seed = options.seed;
+  testbed_options_.scenario = options.links.empty()
+                                  ? netns::default_scenario(options.seed)
+                                  : netns::scenario_of(options.links, options.seed);
   // Private to this run and gone with it; nothing is written outside the output folder.
   testbed_options_.runtime_dir = fs::absolute(options.out) / ".testbed";
-  if (!options.links.empty()) {
-    testbed_options_.links.clear();
-    for (const std::string& link : options.links) {
-      testbed_options_.links.push_back(netns::load_link(link));
-    }
-  }
   video_ = options.video.empty() ? default_video(data_) : options.video;
   const perception::FrameSource readable(video_);  // found out here, not in two programs
 }
@@ -208,7 +204,7 @@ Ladder Demo::start_road(std::optional<Child>& child, int& fd) {
   fd = ends[0];
   netns::SpawnOptions spawn;
   spawn.stdio[1] = ends[1];
-  child.emplace(Testbed::spawn(testbed_->state(), netns::Side::kRoad, road_command(), spawn));
+  child.emplace(Testbed::spawn(testbed_->state(), netns::kRoad, road_command(), spawn));
   ::close(ends[1]);
   return await_ready(fd);
 }
@@ -220,9 +216,9 @@ void Demo::judge(std::vector<RoundRow>& rows, const netns::Snapshot& snapshot,
   std::vector<emu::LinkProfile> profiles;
   std::vector<emu::Link> links;
   std::vector<emu::DelayProcess*> processes;
-  for (std::size_t i = 0; i < testbed_options_.links.size(); ++i) {
-    profiles.push_back(testbed_options_.links[i].profile);
-    links.emplace_back(profiles.back(), emu::link_seed(o_.seed, i));
+  for (const emu::ScenarioLink& link : testbed_options_.scenario.links) {
+    profiles.push_back(link.profile);
+    links.emplace_back(link.profile, link.seed);
     processes.push_back(links.back().process().get());
   }
   for (RoundRow& row : rows) {
@@ -274,7 +270,7 @@ int Demo::run() {
   const SignalGuard guard;
   testbed_.emplace(Testbed::up(testbed_options_));
   std::string names;
-  for (const netns::LinkSpec& link : testbed_options_.links)
+  for (const emu::ScenarioLink& link : testbed_options_.scenario.links)
     names += (names.empty() ? "" : ", ") + link.profile.name;
   spdlog::info("testbed: vehicle and roadside joined by {} (seed {})", names, o_.seed);
 
@@ -285,7 +281,7 @@ int Demo::run() {
   spawn.stdio[1] = STDERR_FILENO;  // its table; ours says more
   std::vector<std::string> command = vehicle_command();
   command.emplace_back("--no-table");
-  Child vehicle(Testbed::spawn(testbed_->state(), netns::Side::kVehicle, command, spawn));
+  Child vehicle(Testbed::spawn(testbed_->state(), netns::kVehicle, command, spawn));
   const int code = vehicle.wait();
   road->end();
   ::close(road_output);

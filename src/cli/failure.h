@@ -12,6 +12,7 @@ inline constexpr int kUsage = 2;
 inline constexpr int kConfiguration = 3;
 inline constexpr int kObjectiveMissed = 4;
 inline constexpr int kPrivilege = 5;
+inline constexpr int kCannotHere = 77;  // this machine lacks what it takes
 
 // what() is one line that names the thing and the remedy.
 class Failure : public std::runtime_error {

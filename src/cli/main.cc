@@ -62,7 +62,7 @@ void add_demo(CLI::App& program, std::function<int()>& run) {
   c->add_option("--out", o->out, "Folder for rounds.csv, summary.json, latency.png, frame.png")
       ->capture_default_str();
   c->add_option("--link", o->links,
-                "Profile (5g, 4g, clean), TOML file, or NAME=either; once per link")
+                "Profile (`testbed list` names them), TOML file, or NAME=either; once per link")
       ->take_all();
   add_deadline_options(c, o->deadline_ms, o->policy, o->objective);
   add_input_options(c, o->video, o->data, o->ladder);

@@ -135,7 +135,8 @@ bool read_scenario(TomlReader& reader, std::string_view text, const ProfileResol
   const Section root{reader.parse(text), ""};
   if (!reader.only(root, {"schema", "description", "seed", "link", "coupling", "holes", "event"}) ||
       !read_schema(reader, root) ||
-      !reader.text(root, "description", "a tunnel", out.description) ||
+      (reader.has(root, "description") &&
+       !reader.text(root, "description", "a tunnel", out.description)) ||
       !reader.seed(root, "seed", out.seed) || !read_links(reader, root, resolver, out) ||
       !read_optional_parts(reader, root, out)) {
     return false;

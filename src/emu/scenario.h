@@ -3,7 +3,7 @@
 //
 //   # Source: where it comes from                        line 1, optional
 //   schema = 1
-//   description = "a tunnel"
+//   description = "a tunnel"                           optional
 //   seed = 1                                             0 .. 2^63-1, default 1
 //   [[link]]                                             1 .. 16
 //     name = "5g"                                        1..13 of A-Z a-z 0-9 _ -, unique

@@ -31,24 +31,56 @@ TEST_P(BadInput, IsOneLineWithItsExitCode) {
 
 INSTANTIATE_TEST_SUITE_P(
     Program, BadInput,
-    testing::Values(Mistake{"NoCommand", "", 2, "subcommand"},
-                    Mistake{"UnknownCommand", "fly", 2, "unknown command 'fly'"},
-                    Mistake{"UnknownFlag", "demo --sed 2", 2, "--sed"},
-                    Mistake{"DeadlineZero", "demo --deadline-ms 0", 2, "--deadline-ms"},
-                    Mistake{"DeadlineNegative", "vehicle --link lo=127.0.0.1:1 --deadline-ms -5", 2,
-                            "--deadline-ms"},
-                    Mistake{"RoundsZero", "demo --rounds 0", 2, "--rounds"},
-                    Mistake{"UnknownPolicy", "demo --policy best", 2, "--policy"},
-                    Mistake{"UnknownProfile", "demo --link 6g", 3, "6g"},
-                    Mistake{"MissingVideo", "demo --video nowhere.avi", 3, "nowhere.avi"},
-                    Mistake{"MissingData", "demo --data nowhere", 3, "nowhere"},
-                    Mistake{"MissingConfig", "road --config nowhere.toml", 3, "nowhere.toml"},
-                    Mistake{"NoLink", "vehicle", 2, "--link"},
-                    Mistake{"BadLink", "vehicle --link lo", 2, "NIC=ADDRESS:PORT"},
-                    Mistake{"NoNic", "road", 2, "--nic"},
-                    Mistake{"UnknownNic", "road --nic wwan77 --ladder motion", 1, "wwan77"},
-                    Mistake{"TestbedNotUp", "testbed run --name nobody -- true", 1, "nobody"}),
+    testing::Values(
+        Mistake{"NoCommand", "", 2, "subcommand"},
+        Mistake{"UnknownCommand", "fly", 2, "unknown command 'fly'"},
+        Mistake{"UnknownFlag", "demo --sed 2", 2, "--sed"},
+        Mistake{"DeadlineZero", "demo --deadline-ms 0", 2, "--deadline-ms"},
+        Mistake{"DeadlineNegative", "vehicle --link lo=127.0.0.1:1 --deadline-ms -5", 2,
+                "--deadline-ms"},
+        Mistake{"RoundsZero", "demo --rounds 0", 2, "--rounds"},
+        Mistake{"UnknownPolicy", "demo --policy best", 2, "--policy"},
+        Mistake{"UnknownProfile", "demo --link 6g", 3, "6g"},
+        Mistake{"MissingVideo", "demo --video nowhere.avi", 3, "nowhere.avi"},
+        Mistake{"MissingData", "demo --data nowhere", 3, "nowhere"},
+        Mistake{"MissingConfig", "road --config nowhere.toml", 3, "nowhere.toml"},
+        Mistake{"NoLink", "vehicle", 2, "--link"},
+        Mistake{"BadLink", "vehicle --link lo", 2, "NIC=ADDRESS:PORT"},
+        Mistake{"NoNic", "road", 2, "--nic"},
+        Mistake{"UnknownNic", "road --nic wwan77 --ladder motion", 1, "wwan77"},
+        Mistake{"TestbedNotUp", "testbed run --name nobody -- true", 1, "nobody"},
+        Mistake{"DownOfNobody", "testbed down --name nobody", 1, "nobody"},
+        Mistake{"VerifyOfNobody", "testbed verify --name nobody", 1, "nobody"},
+        Mistake{"UnknownBackend", "testbed up --backend magic", 2, "--backend"},
+        Mistake{"NoVehicles", "testbed up --vehicles 0", 2, "--vehicles"},
+        Mistake{"NoProfileFile", "testbed up --profile ./nowhere.toml", 3, "nowhere.toml"},
+        Mistake{"NoScenarioFile", "testbed up --scenario nowhere.toml", 3, "nowhere.toml"}),
     [](const auto& mistake) { return std::string(mistake.param.name); });
+
+struct BadProfile {
+  const char* lines;
+  const char* says;
+};
+
+TEST(BadInput, AProfileThatIsWrongIsNamedAndNothingIsLeft) {
+  const TempFolder folder;
+  std::ofstream(folder / "cut.rtt") << "# Source: a test\n# step_s = 1\n50\n60\n7";  // no newline
+  const std::string file = (folder / "bad.toml").string();
+  const std::string ends = "[up]\nrate_mbit = 10\n[down]\nrate_mbit = 10\n";
+  for (const BadProfile& bad :
+       {BadProfile{"model = \"constant\"\nrtt_ms = 20\nloss = 0\nlos = 1\n", "did you mean 'loss'"},
+        BadProfile{"model = \"constant\"\nrtt_ms = 20\nloss = 7\n", "out of range"},
+        BadProfile{"model = \"delay-trace\"\nloss = 0\nrtt_trace = \"none.rtt\"\n", "none.rtt"},
+        BadProfile{"model = \"delay-trace\"\nloss = 0\nrtt_trace = \"cut.rtt\"\n", "cut.rtt"}}) {
+    std::ofstream(file) << "schema = 1\nname = \"bad\"\ndescription = \"bad\"\n"
+                        << bad.lines << ends;
+    const Ran ran = run("testbed up --name never --profile bad=" + file);
+    EXPECT_EQ(ran.code, 3) << ran.output;
+    EXPECT_NE(ran.output.find(bad.says), std::string::npos) << ran.output;
+    EXPECT_EQ(std::ranges::count(ran.output, '\n'), 1) << ran.output;
+  }
+  EXPECT_EQ(run("testbed status --name never").code, 1);
+}
 
 TEST(BadInput, AModelThatIsNotThere) {
   const TempFolder data;

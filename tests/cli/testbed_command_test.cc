@@ -1,3 +1,6 @@
+#include <fstream>
+#include <nlohmann/json.hpp>
+
 #include "support.h"
 
 namespace interneuron::cli {
@@ -9,24 +12,88 @@ class TestbedCommand : public testing::Test {
     const std::string why = no_testbed();
     if (!why.empty()) GTEST_SKIP() << why;
   }
-  void TearDown() override { run("testbed down --name " + name_); }
-  const std::string name_ = "test-" + std::to_string(::getpid());
+  void TearDown() override { run("testbed down" + name_); }
+
+  nlohmann::json status() {
+    const Ran ran = run("testbed status --json" + name_);
+    EXPECT_EQ(ran.code, 0) << ran.output;
+    return nlohmann::json::parse(ran.output, nullptr, false);
+  }
+
+  const std::string name_ = " --name test-" + std::to_string(::getpid());
 };
 
 TEST_F(TestbedCommand, UpRunStatusDown) {
-  Ran ran = run("testbed up --link clean --name " + name_);
+  Ran ran = run("testbed up --profile clean" + name_);
   ASSERT_EQ(ran.code, 0) << ran.output;
-  EXPECT_EQ(run("testbed up --link clean --name " + name_).code, 1);  // already there
-  ran = run("testbed run --in vehicle --name " + name_ + " -- ping -c 2 -i 0.2 10.77.1.2");
+  ran = run("testbed up --profile clean" + name_);
+  EXPECT_EQ(ran.code, 1);
+  EXPECT_NE(ran.output.find("already up"), std::string::npos) << ran.output;
+  ran = run("testbed run --in vehicle" + name_ + " -- ping -c 2 -i 0.2 10.77.0.1");
   EXPECT_EQ(ran.code, 0) << ran.output;
   EXPECT_NE(ran.output.find("2 received"), std::string::npos) << ran.output;
-  EXPECT_EQ(run("testbed run --in road --name " + name_ + " -- sh -c 'exit 42'").code, 42);
-  ran = run("testbed status --json --name " + name_);
+  EXPECT_EQ(run("testbed run --in road" + name_ + " -- sh -c 'exit 42'").code, 42);
+  const auto json = status();
+  EXPECT_EQ(json["schema"], "interneuron.testbed/2");
+  EXPECT_EQ(json["links"][0]["road_address"], "10.77.0.1");
+  EXPECT_EQ(json["links"][0]["up"]["delivered"], 2);
+  EXPECT_EQ(run("testbed down" + name_).code, 0);
+  EXPECT_EQ(run("testbed status" + name_).code, 1);
+}
+
+TEST_F(TestbedCommand, ChangesAndEventsOfALink) {
+  ASSERT_EQ(run("testbed up --profile a=clean,b=clean --backend emulator" + name_).code, 0);
+  ASSERT_EQ(run("testbed run" + name_ + " -- ping -c 1 10.77.0.1").code, 0);
+  EXPECT_EQ(run("testbed set a rtt_ms=150 up.rate_mbit=7" + name_).code, 0);
+  auto json = status();
+  EXPECT_NEAR(json["links"][0]["now"]["rtt_ms"], 150, 0.1);
+  EXPECT_NEAR(json["links"][0]["now"]["rate_up_mbit"], 7, 0.01);
+  EXPECT_LT(json["links"][1]["now"]["rtt_ms"], 100);
+  EXPECT_EQ(run("testbed set a profile=4g" + name_).code, 0);
+  EXPECT_EQ(run("testbed event b outage 10s" + name_).code, 0);
+  EXPECT_NE(run("testbed run" + name_ + " -- ping -c 1 -W 0.3 -I ifb 10.78.0.1").code, 0);
+}
+
+TEST_F(TestbedCommand, MistakesInChangesAreOneLine) {
+  ASSERT_EQ(run("testbed up --profile clean" + name_).code, 0);
+  Ran ran = run("testbed set clean rt_ms=5" + name_);
+  EXPECT_EQ(ran.code, 3);
+  EXPECT_NE(ran.output.find("rtt_ms"), std::string::npos) << ran.output;
+  ran = run("testbed set wifi rtt_ms=5" + name_);
+  EXPECT_EQ(ran.code, 1);
+  EXPECT_NE(ran.output.find("clean"), std::string::npos) << ran.output;
+  ran = run("testbed set clean loss=7" + name_);
+  EXPECT_EQ(ran.code, 3);
+  EXPECT_NE(ran.output.find("loss"), std::string::npos) << ran.output;
+  ran = run("testbed event clean earthquake 5s" + name_);
+  EXPECT_EQ(ran.code, 2);
+  ran = run("testbed run --in vehicle9" + name_ + " -- true");
+  EXPECT_EQ(ran.code, 1);
+  EXPECT_NE(ran.output.find("vehicle9"), std::string::npos) << ran.output;
+}
+
+TEST_F(TestbedCommand, AScenarioFixesLinksSeedsAndEvents) {
+  const TempFolder folder;
+  std::ofstream(folder / "s.toml") << "schema = 1\nseed = 3\n"
+                                      "[[link]]\nname = \"a\"\nprofile = \"4g\"\nseed = 1287\n"
+                                      "[[event]]\nat_s = 0.2\nlink = \"a\"\nrtt_ms = 77\n";
+  const std::string file = (folder / "s.toml").string();
+  const Ran planned = run("testbed schedule --seconds 0.4 --scenario " + file);
+  ASSERT_EQ(planned.code, 0) << planned.output;
+  EXPECT_NE(planned.output.find("\n0.30,a,77.000,"), std::string::npos) << planned.output;
+  ASSERT_EQ(run("testbed up --scenario " + file + name_).code, 0);
+  ASSERT_EQ(run("testbed run" + name_ + " -- ping -c 3 -i 0.2 10.77.0.1").code, 0);
+  const auto json = status();
+  EXPECT_EQ(json["seed"], 3);
+  EXPECT_NEAR(json["links"][0]["now"]["rtt_ms"], 77, 0.1);
+}
+
+TEST_F(TestbedCommand, ListNamesProfilesAndTestbeds) {
+  ASSERT_EQ(run("testbed up --profile clean" + name_).code, 0);
+  const Ran ran = run("testbed list");
   EXPECT_EQ(ran.code, 0);
-  EXPECT_NE(ran.output.find("\"schema\": \"interneuron.testbed/1\""), std::string::npos)
-      << ran.output;
-  EXPECT_EQ(run("testbed down --name " + name_).code, 0);
-  EXPECT_EQ(run("testbed status --name " + name_).code, 1);
+  EXPECT_NE(ran.output.find("5g "), std::string::npos) << ran.output;
+  EXPECT_NE(ran.output.find(name_.substr(8)), std::string::npos) << ran.output;
 }
 
 }  // namespace

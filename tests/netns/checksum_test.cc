@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstdint>
 #include <numeric>
 #include <vector>
@@ -36,14 +37,34 @@ Frame make_frame(unsigned protocol, std::size_t size) {
   return frame;
 }
 
+// Ethernet, IPv6 fd77:0:1:1::2 -> fd77:0:1::1, the same behind it.
+Frame make_frame6(unsigned protocol, std::size_t size) {
+  Frame frame(54 + size);
+  put16(frame, 12, 0x86dd);
+  frame[14] = std::byte{0x60};
+  put16(frame, 18, size);
+  frame[20] = static_cast<std::byte>(protocol);
+  const Frame four = make_frame(protocol, size);
+  std::copy(four.begin() + 34, four.end(), frame.begin() + 54);
+  for (const std::size_t address : {22U, 38U}) {
+    put16(frame, address, 0xfd77);
+    put16(frame, address + 4, 1);
+    put16(frame, address + 14, address == 22 ? 2 : 1);
+  }
+  put16(frame, 28, 1);
+  return frame;
+}
+
 // What a receiver does: the sum over pseudo header and segment, checksum included, is 0xffff. Byte
 // by byte, unlike the code under test.
 unsigned receiver_sum(const Frame& frame, unsigned protocol) {
-  const std::size_t size = get16(frame, 16) - 20;
+  const bool six = get16(frame, 12) == 0x86dd;
+  const std::size_t begin = six ? 54 : 34;
+  const std::size_t size = six ? get16(frame, 18) : get16(frame, 16) - 20;
   std::uint64_t sum = protocol + size;
-  for (std::size_t at = 26; at < 34; at += 2) sum += get16(frame, at);
+  for (std::size_t at = six ? 22 : 26; at < begin; at += 2) sum += get16(frame, at);
   for (std::size_t i = 0; i < size; ++i) {
-    const auto byte = std::to_integer<std::uint64_t>(frame[34 + i]);
+    const auto byte = std::to_integer<std::uint64_t>(frame[begin + i]);
     sum += i % 2 == 0 ? byte << 8U : byte;
   }
   while (sum >> 16U != 0) sum = (sum & 0xffffU) + (sum >> 16U);
@@ -53,9 +74,10 @@ unsigned receiver_sum(const Frame& frame, unsigned protocol) {
 TEST(Checksum, IsWhatAReceiverAccepts) {
   for (const unsigned protocol : {6U, 17U}) {
     for (std::size_t size = 20; size < 1481; ++size) {
-      Frame frame = make_frame(protocol, size);
-      ASSERT_TRUE(complete_checksum(frame));
-      ASSERT_EQ(receiver_sum(frame, protocol), 0xffffU) << protocol << " " << size;
+      for (Frame frame : {make_frame(protocol, size), make_frame6(protocol, size)}) {
+        ASSERT_TRUE(complete_checksum(frame));
+        ASSERT_EQ(receiver_sum(frame, protocol), 0xffffU) << protocol << " " << size;
+      }
     }
   }
 }
@@ -97,6 +119,13 @@ TEST(Checksum, LeavesWhatItDoesNotUnderstandAlone) {
   Frame lying = make_frame(17, 20);
   put16(lying, 16, 60'000);
   EXPECT_TRUE(untouched(lying));
+  EXPECT_TRUE(untouched(make_frame6(58, 20)));  // ICMPv6
+  Frame lying6 = make_frame6(17, 20);
+  put16(lying6, 18, 21);
+  EXPECT_TRUE(untouched(lying6));
+  Frame cut = make_frame6(17, 20);
+  cut.resize(53);
+  EXPECT_TRUE(untouched(cut));
 }
 
 }  // namespace

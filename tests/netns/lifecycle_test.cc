@@ -29,7 +29,7 @@ std::set<std::string> nics() {
 ino_t vehicle_inode(const State& state) {
   struct stat status {};
   const std::string path =
-      "/proc/" + std::to_string(state.holder) + "/fd/" + std::to_string(state.vehicle_ns_fd);
+      "/proc/" + std::to_string(state.holder) + "/fd/" + std::to_string(state.vehicle_ns_fds.at(0));
   EXPECT_EQ(::stat(path.c_str(), &status), 0);
   return status.st_ino;
 }
@@ -48,8 +48,8 @@ class LifecycleTest : public NetnsTest {};
 TEST_F(LifecycleTest, UpFindDown) {
   const auto before = nics();
   TestbedOptions options = clean_options(dir_);
-  options.links = default_links();
-  options.seed = 7;
+  options.scenario = default_scenario();
+  options.scenario.seed = 7;
   Testbed testbed = Testbed::up(options);
   EXPECT_EQ(nics(), before);  // nothing of it is visible outside
 
@@ -58,7 +58,7 @@ TEST_F(LifecycleTest, UpFindDown) {
   EXPECT_EQ(found->holder, testbed.state().holder);
   EXPECT_EQ(found->seed, 7U);
   EXPECT_EQ(found->links.size(), 2U);
-  EXPECT_EQ(found->links[1].vehicle_address, "10.77.2.1");
+  EXPECT_EQ(found->links[1].vehicle_address, "10.78.1.2");
   EXPECT_EQ(Testbed::list(dir_.path()).size(), 1U);
   EXPECT_FALSE(Testbed::find("other", dir_.path()).has_value());
 
@@ -157,7 +157,7 @@ TEST_F(LifecycleTest, DetachedOutlivesItsMaker) {
             0);
   const auto state = Testbed::find("default", dir_.path());
   ASSERT_TRUE(state.has_value());
-  EXPECT_EQ(Testbed::run_in(*state, Side::kVehicle, {"true"}), 0);
+  EXPECT_EQ(Testbed::run_in(*state, kVehicle, {"true"}), 0);
   Testbed::down(*state);
   EXPECT_FALSE(holder_alive(*state));
   EXPECT_TRUE(dir_.empty());
@@ -186,10 +186,11 @@ TEST_F(LifecycleTest, WrongOptionsAreRefusedBeforeAnythingIsMade) {
     return std::string("none");
   };
   EXPECT_THAT(refusal([](auto& o) { o.name = "a/b"; }), HasSubstr("the name of a testbed 'a/b'"));
-  EXPECT_THAT(refusal([](auto& o) { o.links.clear(); }), HasSubstr("1 to 16 links, not 0"));
-  EXPECT_THAT(refusal([](auto& o) { o.links[0].name = "fourteen-chars"; }),
+  EXPECT_THAT(refusal([](auto& o) { o.scenario.links.clear(); }),
+              HasSubstr("1 to 16 links, not 0"));
+  EXPECT_THAT(refusal([](auto& o) { o.scenario.links[0].name = "fourteen-chars"; }),
               HasSubstr("must have 1 to 13 characters"));
-  EXPECT_THAT(refusal([](auto& o) { o.links.push_back(o.links[0]); }),
+  EXPECT_THAT(refusal([](auto& o) { o.scenario.links.push_back(o.scenario.links[0]); }),
               HasSubstr("two links are called 'clean'"));
   EXPECT_TRUE(dir_.empty());
 }

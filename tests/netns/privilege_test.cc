@@ -50,7 +50,7 @@ TEST_F(PrivilegeTest, AnOrdinaryUserGetsAUserNamespace) {
           if (testbed.state().user_ns_fd < 0) return 97;
           // Root within, so that programs there may use raw sockets and set routes.
           const int code =
-              Testbed::run_in(testbed.state(), Side::kRoad, {"sh", "-c", "test $(id -u) = 0"});
+              Testbed::run_in(testbed.state(), kRoad, {"sh", "-c", "test $(id -u) = 0"});
           if (code != 0) return 96;
           if (testbed.snapshot().links.size() != 1) return 95;
           testbed.down();

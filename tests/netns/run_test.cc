@@ -13,6 +13,7 @@ namespace {
 
 using testing::ContainsRegex;
 using testing::HasSubstr;
+using testing::Not;
 
 class RunTest : public NetnsTest {
  protected:
@@ -22,24 +23,8 @@ class RunTest : public NetnsTest {
     testbed_.emplace(Testbed::up(clean_options(dir_)));
   }
 
-  // Standard output of a command.
-  std::string output_of(Side side, const std::vector<std::string>& argv) {
-    std::array<int, 2> ends{};
-    EXPECT_EQ(::pipe(ends.data()), 0);
-    const io::FileDescriptor read_end(ends[0]);
-    pid_t child = 0;
-    {
-      const io::FileDescriptor write_end(ends[1]);
-      child = Testbed::spawn(testbed_->state(), side, argv, {{-1, write_end.get(), -1}, true});
-    }
-    std::string out;
-    std::array<char, 512> buffer{};
-    ssize_t count = 0;
-    while ((count = ::read(read_end.get(), buffer.data(), buffer.size())) > 0) {
-      out.append(buffer.data(), static_cast<std::size_t>(count));
-    }
-    ::waitpid(child, nullptr, 0);
-    return out;
+  std::string output_of(Host host, const std::vector<std::string>& argv) {
+    return netns::output_of(testbed_->state(), host, argv);
   }
 
   std::optional<Testbed> testbed_;
@@ -47,37 +32,54 @@ class RunTest : public NetnsTest {
 
 TEST_F(RunTest, ReturnsTheExitCode) {
   const State& state = testbed_->state();
-  EXPECT_EQ(Testbed::run_in(state, Side::kVehicle, {"true"}), 0);
-  EXPECT_EQ(Testbed::run_in(state, Side::kRoad, {"sh", "-c", "exit 42"}), 42);
-  EXPECT_EQ(Testbed::run_in(state, Side::kRoad, {"sh", "-c", "kill -9 $$"}), 128 + SIGKILL);
+  EXPECT_EQ(Testbed::run_in(state, kVehicle, {"true"}), 0);
+  EXPECT_EQ(Testbed::run_in(state, kRoad, {"sh", "-c", "exit 42"}), 42);
+  EXPECT_EQ(Testbed::run_in(state, kRoad, {"sh", "-c", "kill -9 $$"}), 128 + SIGKILL);
 }
 
-TEST_F(RunTest, SidesAreNamespacesOfTheirOwnWithTheNics) {
+TEST_F(RunTest, HostsAreNamespacesOfTheirOwnWithTheNics) {
   const std::string here = std::filesystem::read_symlink("/proc/self/ns/net");
-  const std::string vehicle = output_of(Side::kVehicle, {"readlink", "/proc/self/ns/net"});
-  const std::string road = output_of(Side::kRoad, {"readlink", "/proc/self/ns/net"});
+  const std::string vehicle = output_of(kVehicle, {"readlink", "/proc/self/ns/net"});
+  const std::string road = output_of(kRoad, {"readlink", "/proc/self/ns/net"});
   EXPECT_THAT(vehicle, HasSubstr("net:["));
   EXPECT_NE(vehicle, road);
   EXPECT_NE(vehicle, here + "\n");
   EXPECT_NE(road, here + "\n");
-  const std::string devices = output_of(Side::kVehicle, {"cat", "/proc/net/dev"});
+  const std::string devices = output_of(kVehicle, {"cat", "/proc/net/dev"});
   EXPECT_THAT(devices, HasSubstr("ifclean:"));
   EXPECT_THAT(devices, HasSubstr("lo:"));
   // The neighbour is known for good (flags 0x6): asking for it would cross the emulated link.
-  EXPECT_THAT(output_of(Side::kVehicle, {"cat", "/proc/net/arp"}),
-              ContainsRegex("10.77.1.2 .*0x6 .*02:77:00:00:01:02"));
-  EXPECT_THAT(output_of(Side::kRoad, {"cat", "/proc/net/arp"}),
-              ContainsRegex("10.77.1.1 .*0x6 .*02:77:00:00:01:01"));
-  // No IPv6 address anywhere, or its packets would count as traffic.
-  EXPECT_EQ(output_of(Side::kVehicle, {"cat", "/proc/net/if_inet6"}), "");
-  EXPECT_EQ(output_of(Side::kRoad, {"cat", "/proc/net/if_inet6"}), "");
+  EXPECT_THAT(output_of(kVehicle, {"cat", "/proc/net/arp"}),
+              ContainsRegex("10.77.1.1 .*0x6 .*02:77:01:01:00:02"));
+  EXPECT_THAT(output_of(kRoad, {"cat", "/proc/net/arp"}),
+              ContainsRegex("10.77.0.254 .*0x6 .*02:77:01:01:00:04"));
+  // No link-local address anywhere: with it come packets that nobody sent.
+  for (const Host host : {kVehicle, kRoad, kCore}) {
+    EXPECT_THAT(output_of(host, {"cat", "/proc/net/if_inet6"}), Not(HasSubstr("fe80")));
+  }
+}
+
+TEST_F(RunTest, AHostThatIsNotThereIsNamed) {
+  const auto refusal = [&](Host host) {
+    try {
+      Testbed::run_in(testbed_->state(), host, {"true"});
+    } catch (const TestbedError& error) {
+      return std::to_string(error.exit_code) + " " + error.what();
+    }
+    return std::string("none");
+  };
+  EXPECT_EQ(refusal({Host::Kind::kVehicle, 2}),
+            "1 testbed 'default' has no vehicle3; it has vehicle, road, core");
+  EXPECT_EQ(refusal({Host::Kind::kRoad, 1}),
+            "1 testbed 'default' has no road2; it has vehicle, road, core");
+  EXPECT_EQ(refusal(kCore), "none");
 }
 
 TEST_F(RunTest, WhatCannotBeRunIsNamed) {
   const State& state = testbed_->state();
   const auto refusal = [&](const std::vector<std::string>& argv) {
     try {
-      Testbed::run_in(state, Side::kVehicle, argv);
+      Testbed::run_in(state, kVehicle, argv);
     } catch (const TestbedError& error) {
       return std::to_string(error.exit_code) + " " + error.what();
     }
@@ -97,7 +99,7 @@ TEST_F(RunTest, ForwardsSignals) {
   if (runner == 0) {
     ::dup2(ends[1], STDOUT_FILENO);
     const int code = Testbed::run_in(
-        state, Side::kVehicle,
+        state, kVehicle,
         {"sh", "-c", "trap 'exit 7' TERM; echo ready; while :; do sleep 0.01; done"});
     ::_exit(code);
   }
@@ -114,7 +116,7 @@ TEST_F(RunTest, AGoneTestbedIsNamed) {
   const State state = testbed_->state();
   testbed_->down();
   try {
-    Testbed::run_in(state, Side::kVehicle, {"true"});
+    Testbed::run_in(state, kVehicle, {"true"});
     ADD_FAILURE();
   } catch (const TestbedError& error) {
     EXPECT_THAT(error.what(), HasSubstr("testbed 'default' is not up any more"));

@@ -19,11 +19,17 @@ State example(const RuntimeDir& dir) {
   state.holder_start_ticks = start_ticks(::getpid()).value();
   state.detached = true;
   state.seed = 0xffff'ffff'ffff'fffeU;
-  state.links = {{"5g", "5g", "if5g", "10.77.1.1", "10.77.1.2"}};
+  state.backend = Backend::kNetem;
+  state.nat = true;
+  state.links = {{"5g", 1, "five", "if5g", "10.77.2.2", "10.77.2.1", "10.77.0.1", "fd77:0:1:2::2",
+                  "fd77:0:1:2::1", "fd77:0:1::1"}};
   state.user_ns_fd = -1;
-  state.vehicle_ns_fd = 5;
-  state.road_ns_fd = 6;
+  state.vehicle_ns_fds = {5, 8};
+  state.road_ns_fds = {6};
+  state.core_ns_fd = 9;
   state.stats_fd = 7;
+  state.control = "interneuron-x";
+  state.control_token = "secret";
   state.file = state_path(dir.path(), "x");
   return state;
 }
@@ -40,11 +46,35 @@ TEST(StateFile, ReadsWhatItWrote) {
   EXPECT_EQ(read->detached, written.detached);
   EXPECT_EQ(read->seed, written.seed);
   ASSERT_EQ(read->links.size(), 1U);
-  EXPECT_EQ(read->links[0].nic, "if5g");
-  EXPECT_EQ(read->links[0].road_address, "10.77.1.2");
+  const TestbedLink& link = read->links[0];
+  EXPECT_EQ(link.name, "5g");
+  EXPECT_EQ(link.vehicle, 1U);
+  EXPECT_EQ(link.profile, "five");
+  EXPECT_EQ(link.nic, "if5g");
+  EXPECT_EQ(link.vehicle_address, "10.77.2.2");
+  EXPECT_EQ(link.gateway, "10.77.2.1");
+  EXPECT_EQ(link.road_address, "10.77.0.1");
+  EXPECT_EQ(link.vehicle_address6, "fd77:0:1:2::2");
+  EXPECT_EQ(link.gateway6, "fd77:0:1:2::1");
+  EXPECT_EQ(link.road_address6, "fd77:0:1::1");
+  EXPECT_EQ(read->backend, Backend::kNetem);
+  EXPECT_TRUE(read->nat);
   EXPECT_EQ(read->user_ns_fd, -1);
+  EXPECT_EQ(read->vehicle_ns_fds, (std::vector{5, 8}));
+  EXPECT_EQ(read->road_ns_fds, std::vector{6});
+  EXPECT_EQ(read->core_ns_fd, 9);
   EXPECT_EQ(read->stats_fd, 7);
+  EXPECT_EQ(read->control, "interneuron-x");
+  EXPECT_EQ(read->control_token, "secret");
   EXPECT_TRUE(holder_alive(*read));
+}
+
+TEST(StateFile, OnlyTheOwnerReadsTheToken) {
+  const RuntimeDir dir;
+  const State state = example(dir);
+  write_state(state);
+  write_state(state);  // also over one that is there
+  EXPECT_EQ(std::filesystem::status(state.file).permissions(), std::filesystem::perms{0600});
 }
 
 TEST(StateFile, NoneIsNone) {
@@ -55,7 +85,8 @@ TEST(StateFile, NoneIsNone) {
 TEST(StateFile, AForeignOneIsRefusedByName) {
   const RuntimeDir dir;
   const auto file = state_path(dir.path(), "x");
-  for (const char* text : {"", "{", "[]", "{\"schema\": 2}", "{\"schema\": 1}", "nonsense"}) {
+  for (const char* text :
+       {"", "{", "[]", "{\"schema\": 1}", "{\"schema\": 2}", "{\"schema\": 3}", "nonsense"}) {
     std::ofstream(file) << text;
     try {
       read_state(file);

@@ -1,7 +1,7 @@
 #include "support.h"
 
-#include <arpa/inet.h>
-#include <netinet/in.h>
+#include <fcntl.h>
+#include <netdb.h>
 #include <poll.h>
 #include <sys/socket.h>
 #include <sys/wait.h>
@@ -22,26 +22,43 @@ void require(bool fine, const char* what) {
   if (!fine) throw std::runtime_error(std::string(what) + ": " + std::strerror(errno));
 }
 
-sockaddr_in address_of(const std::string& address, int port) {
-  sockaddr_in out{};
-  out.sin_family = AF_INET;
-  out.sin_port = htons(static_cast<std::uint16_t>(port));
-  require(::inet_pton(AF_INET, address.c_str(), &out.sin_addr) == 1, "address");
+struct SocketAddress {
+  sockaddr_storage storage{};
+  socklen_t size = 0;
+  const sockaddr* get() const { return reinterpret_cast<const sockaddr*>(&storage); }
+};
+
+// Of either family.
+SocketAddress address_of(const std::string& address, int port) {
+  addrinfo hints{};
+  hints.ai_flags = AI_NUMERICHOST | AI_NUMERICSERV;
+  hints.ai_socktype = SOCK_DGRAM;
+  addrinfo* found = nullptr;
+  require(::getaddrinfo(address.c_str(), std::to_string(port).c_str(), &hints, &found) == 0,
+          "address");
+  SocketAddress out;
+  out.size = found->ai_addrlen;
+  std::memcpy(&out.storage, found->ai_addr, out.size);
+  ::freeaddrinfo(found);
   return out;
 }
 
 io::FileDescriptor make_socket(const UdpOptions& options) {
-  io::FileDescriptor fd(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+  const SocketAddress local = address_of(options.address, options.port);
+  io::FileDescriptor fd(::socket(local.storage.ss_family, SOCK_DGRAM | SOCK_CLOEXEC, 0));
   require(fd.get() >= 0, "socket");
   require(::setsockopt(fd.get(), SOL_SOCKET, SO_BINDTODEVICE, options.nic.c_str(),
                        static_cast<socklen_t>(options.nic.size() + 1)) == 0,
           "bind to device");
-  const sockaddr_in local = address_of(options.address, options.port);
-  require(::bind(fd.get(), reinterpret_cast<const sockaddr*>(&local), sizeof local) == 0, "bind");
+  // A stalled link empties all at once. Real root may exceed the system's limit, else that holds.
+  constexpr int kBufferBytes = 16 << 20;
+  for (const int option : {SO_RCVBUF, SO_RCVBUFFORCE}) {
+    ::setsockopt(fd.get(), SOL_SOCKET, option, &kBufferBytes, sizeof kBufferBytes);
+  }
+  require(::bind(fd.get(), local.get(), local.size) == 0, "bind");
   if (options.peer.empty()) return fd;
-  const sockaddr_in remote = address_of(options.peer, options.port);
-  require(::connect(fd.get(), reinterpret_cast<const sockaddr*>(&remote), sizeof remote) == 0,
-          "connect");
+  const SocketAddress remote = address_of(options.peer, options.port);
+  require(::connect(fd.get(), remote.get(), remote.size) == 0, "connect");
   return fd;
 }
 
@@ -93,7 +110,7 @@ RuntimeDir::~RuntimeDir() {
 
 TestbedOptions clean_options(const RuntimeDir& dir) {
   TestbedOptions options;
-  options.links = {load_link("clean")};
+  options.scenario = scenario_of({"clean"}, 1);
   options.runtime_dir = dir.path();
   return options;
 }
@@ -136,13 +153,35 @@ int in_child(const std::function<int()>& body) {
   return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
 }
 
-io::FileDescriptor udp_socket_in(const State& state, Side side, const UdpOptions& options) {
+std::string output_of(const State& state, Host host, const std::vector<std::string>& argv,
+                      int* code) {
+  std::array<int, 2> ends{};
+  require(::pipe2(ends.data(), O_CLOEXEC) == 0, "pipe");
+  const io::FileDescriptor read_end(ends[0]);
+  pid_t child = 0;
+  {
+    const io::FileDescriptor write_end(ends[1]);
+    child = Testbed::spawn(state, host, argv, {{-1, write_end.get(), -1}, true});
+  }
+  std::string out;
+  std::array<char, 4096> buffer{};
+  ssize_t count = 0;
+  while ((count = ::read(read_end.get(), buffer.data(), buffer.size())) > 0) {
+    out.append(buffer.data(), static_cast<std::size_t>(count));
+  }
+  int status = 0;
+  ::waitpid(child, &status, 0);
+  if (code != nullptr) *code = WEXITSTATUS(status);
+  return out;
+}
+
+io::FileDescriptor udp_socket_in(const State& state, Host host, const UdpOptions& options) {
   std::array<int, 2> ends{};
   require(::socketpair(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0, ends.data()) == 0, "socketpair");
   const io::FileDescriptor ours(ends[0]);
   const io::FileDescriptor childs(ends[1]);
   const int code = in_child([&] {
-    Testbed::enter(state, side);
+    Testbed::enter(state, host);
     const io::FileDescriptor made = make_socket(options);
     send_fd(childs.get(), made.get());
     return 0;
@@ -153,10 +192,8 @@ io::FileDescriptor udp_socket_in(const State& state, Side side, const UdpOptions
 
 UdpPair udp_pair(const State& state, std::size_t index, int port) {
   const TestbedLink& link = state.links.at(index);
-  return {
-      udp_socket_in(state, Side::kVehicle,
-                    {link.nic, link.vehicle_address, link.road_address, port}),
-      udp_socket_in(state, Side::kRoad, {link.nic, link.road_address, link.vehicle_address, port})};
+  return {udp_socket_in(state, kVehicle, {link.nic, link.vehicle_address, link.road_address, port}),
+          udp_socket_in(state, kRoad, {link.nic, link.road_address, link.vehicle_address, port})};
 }
 
 bool readable(int fd, int bound_ms) {

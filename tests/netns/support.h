@@ -7,12 +7,17 @@
 #include <filesystem>
 #include <functional>
 #include <optional>
+#include <ostream>
 #include <string>
+#include <vector>
 
 #include "io/file_descriptor.h"
 #include "netns/testbed.h"
 
 namespace interneuron::netns {
+
+// For the names of tests.
+inline void PrintTo(Backend backend, std::ostream* out) { *out << backend_name(backend); }
 
 // A runtime directory of its own, removed at the end.
 class RuntimeDir {
@@ -42,7 +47,11 @@ bool eventually(const std::function<bool()>& condition,
 // The exit code of `body` in a child process; 255 when it threw.
 int in_child(const std::function<int()>& body);
 
-// A UDP socket that lives on one side, bound to a NIC and port and, with `peer`, connected to it.
+// Standard output of a command in one host. Its exit code goes to `code`, if given.
+std::string output_of(const State& state, Host host, const std::vector<std::string>& argv,
+                      int* code = nullptr);
+
+// A UDP socket that lives in one host, bound to a NIC and port and, with `peer`, connected to it.
 // The test keeps using it from outside, so that one process can hold both ends.
 struct UdpOptions {
   std::string nic;
@@ -50,7 +59,7 @@ struct UdpOptions {
   std::string peer;  // same port; empty: not connected
   int port = 7000;
 };
-io::FileDescriptor udp_socket_in(const State& state, Side side, const UdpOptions& options);
+io::FileDescriptor udp_socket_in(const State& state, Host host, const UdpOptions& options);
 
 // Both ends of the link `index`, connected to each other.
 struct UdpPair {

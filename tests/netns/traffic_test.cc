@@ -33,18 +33,18 @@ std::vector<char> receive(int fd) {
 }
 
 // A counter of /proc/net/snmp of one side, e.g. "Udp", "InCsumErrors".
-long counter(const State& state, Side side, const std::string& protocol, const std::string& name) {
+long counter(const State& state, Host host, const std::string& protocol, const std::string& name) {
   const std::string script =
       "awk '$1==\"" + protocol + ":\" {if (!seen++) {for (i=2;i<=NF;i++) if ($i==\"" + name +
       "\") column=i} else exit $column > 100 ? 100 : $column}' /proc/net/snmp";
-  return Testbed::run_in(state, side, {"sh", "-c", script});
+  return Testbed::run_in(state, host, {"sh", "-c", script});
 }
 
 class TrafficTest : public NetnsTest {};
 
 TEST_F(TrafficTest, DatagramsPassBothWaysOnEveryLinkUnchanged) {
   TestbedOptions options = clean_options(dir_);
-  options.links = {load_link("a=clean"), load_link("b=clean"), load_link("c=clean")};
+  options.scenario = scenario_of({"a=clean", "b=clean", "c=clean"}, 1);
   const Testbed testbed = Testbed::up(options);
   for (std::size_t i = 0; i < 3; ++i) {
     const UdpPair sockets = udp_pair(testbed.state(), i);
@@ -60,8 +60,8 @@ TEST_F(TrafficTest, DatagramsPassBothWaysOnEveryLinkUnchanged) {
     EXPECT_EQ(link.up.packets_in, 4U);
     EXPECT_EQ(link.down.bytes_in, 1U + 17U + 1400U + 1472U + 4U * 28U);  // IP bytes
   }
-  EXPECT_EQ(counter(testbed.state(), Side::kRoad, "Udp", "InCsumErrors"), 0);
-  EXPECT_EQ(counter(testbed.state(), Side::kVehicle, "Udp", "InCsumErrors"), 0);
+  EXPECT_EQ(counter(testbed.state(), kRoad, "Udp", "InCsumErrors"), 0);
+  EXPECT_EQ(counter(testbed.state(), kVehicle, "Udp", "InCsumErrors"), 0);
 }
 
 TEST_F(TrafficTest, SegmentationOffloadArrivesAsSinglePacketsWithRightChecksums) {
@@ -83,12 +83,12 @@ TEST_F(TrafficTest, SegmentationOffloadArrivesAsSinglePacketsWithRightChecksums)
   EXPECT_EQ(received, sent);
   // The link saw packets, not one big one, or its rate and its queue would be a fiction.
   EXPECT_EQ(testbed.snapshot().links.at(0).up.packets_in, 21U);
-  EXPECT_EQ(counter(testbed.state(), Side::kRoad, "Udp", "InCsumErrors"), 0);
+  EXPECT_EQ(counter(testbed.state(), kRoad, "Udp", "InCsumErrors"), 0);
 }
 
 TEST_F(TrafficTest, TimeStartsWithTheFirstPacketOnAnyLink) {
   TestbedOptions options = clean_options(dir_);
-  options.links = default_links();
+  options.scenario = default_scenario();
   const Testbed testbed = Testbed::up(options);
   const UdpPair sockets = udp_pair(testbed.state(), 1);
   EXPECT_FALSE(testbed.snapshot().epoch.has_value());
@@ -110,7 +110,7 @@ TEST_F(TrafficTest, TimeStartsWithTheFirstPacketOnAnyLink) {
 
 TEST_F(TrafficTest, DropsAtTheTailOfTheQueueOnly) {
   TestbedOptions options = clean_options(dir_);
-  options.links[0].profile.up = {DataRate::mbit(1), 15'000};
+  options.scenario.links[0].profile.up = {DataRate::mbit(1), 15'000, 0, {}, {}, {}, 0, 0, 0, {}, 0};
   const Testbed testbed = Testbed::up(options);
   const UdpPair sockets = udp_pair(testbed.state());
   const auto datagram = pattern(1472, 0);
@@ -130,13 +130,13 @@ TEST_F(TrafficTest, DropsAtTheTailOfTheQueueOnly) {
 TEST_F(TrafficTest, ANicThatGoesDownAndUpCarriesAgain) {
   const Testbed testbed = Testbed::up(clean_options(dir_));
   const State& state = testbed.state();
-  if (Testbed::run_in(state, Side::kVehicle, {"sh", "-c", "command -v ip >/dev/null"}) != 0) {
+  if (Testbed::run_in(state, kVehicle, {"sh", "-c", "command -v ip >/dev/null"}) != 0) {
     GTEST_SKIP() << "no program `ip`";
   }
   const UdpPair sockets = udp_pair(state);
-  ASSERT_EQ(Testbed::run_in(state, Side::kVehicle, {"ip", "link", "set", "ifclean", "down"}), 0);
+  ASSERT_EQ(Testbed::run_in(state, kVehicle, {"ip", "link", "set", "ifclean", "down"}), 0);
   ASSERT_EQ(::send(sockets.road.get(), "lost", 4, 0), 4);
-  ASSERT_EQ(Testbed::run_in(state, Side::kVehicle, {"ip", "link", "set", "ifclean", "up"}), 0);
+  ASSERT_EQ(Testbed::run_in(state, kVehicle, {"ip", "link", "set", "ifclean", "up"}), 0);
   // Until the carrier is back (the kernel delays that) sending fails or is in vain.
   ASSERT_TRUE(eventually([&] {
     ::send(sockets.vehicle.get(), "back", 4, 0);
