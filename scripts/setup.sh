@@ -17,6 +17,7 @@ packages=(
   libopencv-dev libcli11-dev libspdlog-dev libtomlplusplus-dev nlohmann-json3-dev
   libgtest-dev libgmock-dev librapidcheck-dev                        # tests
   iproute2 iputils-ping gnuplot-nox                                  # testbed and plots
+  iperf3 tcpdump                                                     # testbed verify
   curl ca-certificates                                               # scripts/fetch_data.sh
 )
 check_packages=(git clang clang-format-14 shellcheck)                # scripts/check.sh

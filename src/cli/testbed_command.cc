@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "cli/failure.h"
+#include "cli/testbed_verify.h"
 #include "emu/scenario_player.h"
 #include "io/steady_clock.h"
 #include "netns/testbed.h"
@@ -330,6 +331,7 @@ void add_testbed(CLI::App& program, std::function<int()>& run) {
   plan->add_option("--seconds", o->seconds, "How long")
       ->capture_default_str()
       ->check(CLI::Range(0.01, kMaxSeconds));
+  add_testbed_verify(*testbed, run);
 }
 
 }  // namespace interneuron::cli

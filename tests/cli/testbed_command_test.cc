@@ -96,5 +96,30 @@ TEST_F(TestbedCommand, ListNamesProfilesAndTestbeds) {
   EXPECT_NE(ran.output.find(name_.substr(8)), std::string::npos) << ran.output;
 }
 
+// Whether the figures are within their bounds depends on what else this machine does; that they
+// are all there does not.
+TEST_F(TestbedCommand, VerifyMeasuresEveryFigure) {
+  EXPECT_EQ(run("testbed verify" + name_).code, 1);  // not up
+  ASSERT_EQ(run("testbed up --profile clean" + name_).code, 0);
+  const Ran ran = run("testbed verify --seconds 20 --json" + name_, false);
+  if (ran.output.empty() && ran.code == 77) GTEST_SKIP() << "ping, iperf3 or tcpdump is missing";
+  const auto json = nlohmann::json::parse(ran.output, nullptr, false);
+  ASSERT_TRUE(json.is_object()) << ran.code << ran.output;
+  EXPECT_EQ(json["schema"], "interneuron.verify/1");
+  ASSERT_EQ(json["links"].size(), 1U);
+  EXPECT_EQ(json["links"][0]["figures"].size(), 16U) << ran.output;
+  EXPECT_GT(json["links"][0]["pings"], 200) << ran.output;
+  for (const char* direction : {"up", "down"}) {
+    EXPECT_GT(json["links"][0]["packets"][direction]["sent"], 2000) << ran.output;
+  }
+  for (const auto& figure : json["links"][0]["figures"]) {
+    EXPECT_FALSE(figure["measured"].is_null()) << figure.dump();
+    // Whatever the machine does, a link without loss loses nothing and keeps the order.
+    if (figure["unit"] == "packets") {
+      EXPECT_EQ(figure["verdict"], "ok") << figure.dump();
+    }
+  }
+}
+
 }  // namespace
 }  // namespace interneuron::cli
