@@ -43,8 +43,10 @@ emu::Scenario scenario_of(const emu::Scenario& first, std::size_t vehicle) {
 
 }  // namespace
 
-Bearers::Bearers(const TestbedOptions& options, ControlServer& control, SharedStats& stats)
-    : control_(control),
+Bearers::Bearers(const TestbedOptions& options, Backend backend, ControlServer& control,
+                 SharedStats& stats)
+    : backend_(backend),
+      control_(control),
       attention_(check(::epoll_create1(EPOLL_CLOEXEC), "make an epoll")),
       stats_(stats) {
   attend(control_.fd(), [this] {
@@ -117,6 +119,11 @@ std::string Bearers::obey(const Request& request, Duration time) {
     auto parsed = emu::parse_change(request.settings, profile_resolver("/"));
     if (const auto* error = std::get_if<emu::ProfileError>(&parsed)) return error->what;
     change = std::get<emu::LinkChange>(std::move(parsed));
+    const auto missing = emu::netem_cannot(change);
+    if (backend_ == Backend::kNetem && !missing.empty()) {
+      return "tc-netem cannot do this: " + missing.front() +
+             "; a testbed with --backend emulator can";
+    }
   }
   for (const std::size_t i : request.links) {
     if (!request.settings.empty()) link(i).change(time, change);

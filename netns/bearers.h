@@ -19,8 +19,9 @@ namespace interneuron::netns {
 
 class Bearers {
  public:
-  // `control` and `stats` outlive this.
-  Bearers(const TestbedOptions& options, ControlServer& control, SharedStats& stats);
+  // `control` and `stats` outlive this. Requests for what `backend` cannot do are refused.
+  Bearers(const TestbedOptions& options, Backend backend, ControlServer& control,
+          SharedStats& stats);
 
   // Links in the order of State::links.
   std::size_t size() const { return links_.size(); }
@@ -49,6 +50,7 @@ class Bearers {
   void publish(std::size_t index, std::int64_t step);
   std::string obey(const Request& request, Duration time);
 
+  Backend backend_;
   ControlServer& control_;
   io::FileDescriptor attention_;  // epoll
   std::vector<std::function<void()>> attended_;

@@ -94,6 +94,22 @@ Shared make_shared_stats(std::size_t links) {
   return {std::move(fd), SharedStats::construct(memory, links)};
 }
 
+// The first thing in a scenario that tc-netem has no means for; empty: it can do it all.
+std::string beyond_netem(const emu::Scenario& scenario) {
+  for (const emu::ScenarioLink& link : scenario.links) {
+    const auto missing = emu::netem_cannot(link.profile);
+    if (!missing.empty())
+      return "what profile '" + link.profile.name + "' asks for: " + missing.front();
+  }
+  for (const emu::ScenarioEvent& event : scenario.events) {
+    const auto missing = emu::netem_cannot(event.change);
+    if (!missing.empty()) {
+      return "the event at " + std::to_string(to_ms(event.at) / 1e3) + " s: " + missing.front();
+    }
+  }
+  return "";
+}
+
 // The caller is in a network namespace of the testbed: in the user's own, root could be without
 // rights (a container) and so learn nothing.
 Backend choose_backend(const TestbedOptions& options) {
@@ -106,14 +122,10 @@ Backend choose_backend(const TestbedOptions& options) {
         "this kernel has no tc-netem (sch_netem); `modprobe sch_netem` as root may "
         "load it, --backend emulator does without, scripts/vm.sh has one that has it");
   }
-  for (const emu::ScenarioLink& link : options.scenario.links) {
-    const std::vector<std::string> missing = emu::netem_cannot(link.profile);
-    if (missing.empty()) continue;
-    if (!asked) return Backend::kEmulator;
-    throw TestbedError(3, "tc-netem cannot do what profile '" + link.profile.name +
-                              "' asks for: " + missing.front() + "; --backend emulator can");
-  }
-  return Backend::kNetem;
+  const std::string missing = beyond_netem(options.scenario);
+  if (missing.empty()) return Backend::kNetem;
+  if (!asked) return Backend::kEmulator;
+  throw TestbedError(3, "tc-netem cannot do " + missing + "; --backend emulator can");
 }
 
 // The file descriptors that others open through /proc.
@@ -142,7 +154,7 @@ void hold(const TestbedOptions& options, State state, pid_t maker, int report_pi
   state.backend = choose_backend(options);
   wire(state, options, namespaces);
   const Shared shared = make_shared_stats(state.links.size());
-  Bearers bearers(options, control, *shared.stats);
+  Bearers bearers(options, state.backend, control, *shared.stats);
   NicKeeper keeper(state, options, namespaces);
   bearers.attend(keeper.fd(), [&keeper] { keeper.serve(); });
   name_descriptors(state, namespaces, shared);

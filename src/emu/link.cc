@@ -77,4 +77,13 @@ std::vector<std::string> netem_cannot(const LinkProfile& profile) {
   return out;
 }
 
+std::vector<std::string> netem_cannot(const LinkChange& change) {
+  LinkProfile after;
+  after.up.reorder = after.down.reorder = 1;  // so that reorder_ms alone counts, too
+  if (change.profile) after = *change.profile;
+  change.direction(Direction::kUp).apply_to(after.up);
+  change.direction(Direction::kDown).apply_to(after.down);
+  return netem_cannot(after);
+}
+
 }  // namespace interneuron::emu

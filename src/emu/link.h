@@ -55,5 +55,6 @@ class Link {
 
 // What of a profile tc-netem has no means for, one short line each; empty: it can do it all.
 std::vector<std::string> netem_cannot(const LinkProfile& profile);
+std::vector<std::string> netem_cannot(const LinkChange& change);
 
 }  // namespace interneuron::emu

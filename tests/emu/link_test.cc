@@ -166,6 +166,18 @@ TEST(Link, LossReplacesBurstsToo) {
   EXPECT_TRUE(link.conditions(Direction::kDown, {}).gilbert_elliott);
 }
 
+TEST(Link, NamesWhatNetemCannotOfAChange) {
+  const auto missing = [](const std::string& setting) {
+    return netem_cannot(change_of({setting}));
+  };
+  for (const char* fine : {"rtt_ms=50", "loss=0.1", "rate_mbit=5", "profile=4g", "reorder=0.1"}) {
+    EXPECT_THAT(missing(fine), IsEmpty()) << fine;
+  }
+  EXPECT_THAT(missing("up.mtu=1300"), ElementsAre(HasSubstr("mtu")));
+  EXPECT_THAT(missing("reorder_ms=5"), ElementsAre(HasSubstr("reorder_ms")));
+  EXPECT_FALSE(missing("profile=carrier-nat").empty());
+}
+
 TEST(NetemCannot, NamesWhatItHasNoMeansFor) {
   for (const char* name : {"4g", "5g", "clean", "lossy", "outage", "4g-congestion"}) {
     EXPECT_THAT(netem_cannot(profile_of(name)), IsEmpty()) << name;

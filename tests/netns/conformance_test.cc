@@ -255,6 +255,21 @@ TEST_P(Conformance, ChangesWhileItRuns) {
   EXPECT_EQ(transfer(sockets, 50, 60, 500).through(), 0U);
 }
 
+TEST_P(Conformance, RefusesChangesThatItCannotMake) {
+  const Testbed testbed = up(constant(10, "0", 100));
+  if (GetParam() == Backend::kEmulator) {
+    EXPECT_NO_THROW(Testbed::change(testbed.state(), "test", {"mtu=1300"}));
+    return;
+  }
+  try {
+    Testbed::change(testbed.state(), "test", {"mtu=1300"});
+    ADD_FAILURE() << "accepted";
+  } catch (const TestbedError& error) {
+    EXPECT_EQ(error.exit_code, 3);
+    EXPECT_THAT(error.what(), testing::HasSubstr("mtu"));
+  }
+}
+
 TEST_P(Conformance, NothingPassesInAnOutage) {
   const Testbed testbed = up(constant(10, "0", 100));
   const UdpPair sockets = udp_pair(testbed.state());

@@ -38,7 +38,7 @@ class NetemBackendTest : public NetemTest {
     }
     memory_.resize(SharedStats::bytes(profiles.size()) / sizeof(std::uint64_t) + 1);
     stats_ = SharedStats::construct(memory_.data(), profiles.size());
-    bearers_.emplace(options_, control_, *stats_);
+    bearers_.emplace(options_, Backend::kNetem, control_, *stats_);
     bearers_->attend(task_ready_.get(), [this] {
       std::uint64_t count = 0;
       ASSERT_EQ(::read(task_ready_.get(), &count, sizeof count), 8);
