@@ -1,5 +1,5 @@
-// The plot of the end-to-end time per round, with the marks of the paper's Fig. rt_guarantee: drawn
-// by gnuplot.
+// Plots by gnuplot, and that of the end-to-end time per round with the marks of the paper's Fig.
+// rt_guarantee.
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <spawn.h>
@@ -92,13 +92,13 @@ void write_all(int fd, const std::string& text) {
 
 }  // namespace
 
-bool plot_latency(const std::filesystem::path& file, const std::vector<RoundRow>& rows,
-                  const Json& summary) {
+bool draw(const std::filesystem::path& file, const std::string& gnuplot_script) {
+  const std::filesystem::path folder = file.has_parent_path() ? file.parent_path() : ".";
   // A file for the script: a pipe would raise SIGPIPE should gnuplot die.
-  std::string name = (file.parent_path() / ".plot-XXXXXX").string();
+  std::string name = (folder / ".plot-XXXXXX").string();
   const int fd = ::mkstemp(name.data());
-  if (fd < 0) throw Failure(kFailed, "cannot write in '" + file.parent_path().string() + "'");
-  write_all(fd, script(file, rows, summary));
+  if (fd < 0) throw Failure(kFailed, "cannot write in '" + folder.string() + "'");
+  write_all(fd, gnuplot_script);
   ::close(fd);
   std::string program = "gnuplot";
   std::array<char*, 3> argv{program.data(), name.data(), nullptr};
@@ -114,6 +114,11 @@ bool plot_latency(const std::filesystem::path& file, const std::vector<RoundRow>
   }
   if (status != 0) throw Failure(kFailed, "gnuplot could not draw '" + file.string() + "'");
   return true;
+}
+
+bool plot_latency(const std::filesystem::path& file, const std::vector<RoundRow>& rows,
+                  const Json& summary) {
+  return draw(file, script(file, rows, summary));
 }
 
 }  // namespace interneuron::cli

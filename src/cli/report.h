@@ -80,7 +80,9 @@ void write_csv(const std::filesystem::path& file, const std::vector<RoundRow>& r
 std::vector<RoundRow> read_csv(const std::filesystem::path& file);
 void write_json(const std::filesystem::path& file, const Json& json);
 Json read_json(const std::filesystem::path& file);
-// By gnuplot; false (and a line on stderr) when that is not installed.
+// Runs a script of gnuplot that writes `file`; false (and a line on stderr) when that is not
+// installed.
+bool draw(const std::filesystem::path& file, const std::string& gnuplot_script);
 bool plot_latency(const std::filesystem::path& file, const std::vector<RoundRow>& rows,
                   const Json& summary);
 void make_directory(const std::filesystem::path& directory);

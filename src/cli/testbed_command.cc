@@ -9,8 +9,8 @@
 #include <optional>
 
 #include "cli/failure.h"
+#include "cli/testbed_schedule.h"
 #include "cli/testbed_verify.h"
-#include "emu/scenario_player.h"
 #include "io/steady_clock.h"
 #include "netns/testbed.h"
 
@@ -37,6 +37,7 @@ struct Options {
   std::vector<std::string> settings;
   std::string event;
   double seconds = 60;
+  std::string plot;
   bool json = false;
 };
 
@@ -192,24 +193,6 @@ int list() {
   return kFine;
 }
 
-// The model alone, in virtual time.
-int schedule(const Options& o) {
-  emu::ScenarioPlayer player(scenario(o));
-  fmt::print("t_s,link,rtt_ms,loss_up,loss_down,rate_up_mbit,rate_down_mbit\n");
-  const Duration end = from_ms(o.seconds * 1e3);
-  for (Duration t{}; t < end; t += emu::kDelayStep) {
-    player.play(t);
-    for (std::size_t i = 0; i < player.size(); ++i) {
-      const emu::Conditions up = player.link(i).conditions(emu::Direction::kUp, t);
-      const emu::Conditions down = player.link(i).conditions(emu::Direction::kDown, t);
-      fmt::print("{:.2f},{},{:.3f},{:.6g},{:.6g},{:.6g},{:.6g}\n", to_ms(t) / 1e3,
-                 player.scenario().links[i].name, to_ms(up.one_way + down.one_way), up.loss,
-                 down.loss, up.rate.mbit(), down.rate.mbit());
-    }
-  }
-  return kFine;
-}
-
 int event(const Options& o) {
   if (!(o.seconds > 0)) throw Failure(kUsage, "an outage lasts more than 0 s");
   Testbed::outage(found_testbed(o.name), o.link, from_ms(o.seconds * 1e3));
@@ -326,12 +309,14 @@ void add_testbed(CLI::App& program, std::function<int()>& run) {
   all->callback([&run] { run = list; });
   CLI::App* plan = testbed->add_subcommand(
       "schedule", "What the model prescribes, as CSV of 100 rows a second; needs no testbed");
-  plan->callback([&run, o] { run = [o] { return schedule(*o); }; });
+  plan->callback([&run, o] {
+    run = [o] { return print_schedule(scenario(*o), from_ms(o->seconds * 1e3), o->plot); };
+  });
   add_link_options(*plan, o);
   plan->add_option("--seconds", o->seconds, "How long")
       ->capture_default_str()
       ->check(CLI::Range(0.01, kMaxSeconds));
-  add_testbed_verify(*testbed, run);
+  plan->add_option("--plot", o->plot, "Draw it into this PNG file instead");
 }
 
 }  // namespace interneuron::cli
