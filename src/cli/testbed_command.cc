@@ -29,7 +29,7 @@ struct Options {
   std::string scenario;
   std::size_t vehicles = 1;
   std::size_t roads = 1;
-  netns::Backend backend = netns::Backend::kAuto;
+  std::string backend = "auto";
   bool nat = false;
   std::string host = "vehicle";
   std::vector<std::string> command;
@@ -51,13 +51,20 @@ emu::Scenario scenario(const Options& o) {
   return o.links.empty() ? netns::default_scenario(seed) : netns::scenario_of(o.links, seed);
 }
 
+netns::Backend backend(const std::string& name) {
+  for (const auto known : {netns::Backend::kNetem, netns::Backend::kEmulator}) {
+    if (name == netns::backend_name(known)) return known;
+  }
+  return netns::Backend::kAuto;
+}
+
 int up(const Options& o) {
   netns::TestbedOptions options;
   options.name = o.name;
   options.scenario = scenario(o);
   options.vehicles = o.vehicles;
   options.roads = o.roads;
-  options.backend = o.backend;
+  options.backend = backend(o.backend);
   options.nat = o.nat;
   options.detached = true;
   const Testbed testbed = Testbed::up(options);
@@ -232,14 +239,11 @@ void add_up(CLI::App& sub, const std::shared_ptr<Options>& o) {
   sub.add_option("--roads", o->roads, "How many roadside units")
       ->capture_default_str()
       ->check(CLI::Range(std::size_t{1}, netns::kMaxRoads));
-  const std::map<std::string, netns::Backend> backends{{"auto", netns::Backend::kAuto},
-                                                       {"netem", netns::Backend::kNetem},
-                                                       {"emulator", netns::Backend::kEmulator}};
   sub.add_option("--backend", o->backend,
                  "auto: tc-netem where the kernel has it and it can do the profiles; netem; "
                  "emulator")
-      ->transform(CLI::CheckedTransformer(backends, CLI::ignore_case))
-      ->default_str("auto");
+      ->capture_default_str()
+      ->check(CLI::IsMember({"auto", "netem", "emulator"}));
   sub.add_flag("--nat", o->nat, "Translate the vehicles' addresses as a carrier's gateway does");
 }
 
@@ -265,6 +269,7 @@ void add_testbed(CLI::App& program, std::function<int()>& run) {
       "  interneuron testbed run --in vehicle -- ping -c 5 -I ifa 10.77.0.1\n"
       "  interneuron testbed set a rtt_ms=80 up.loss=0.02\n"
       "  interneuron testbed event b outage 5s\n"
+      "  interneuron testbed verify\n"
       "  interneuron testbed down");
   const auto add = [&](const char* name, const char* text, int (*body)(const Options&)) {
     CLI::App* sub = testbed->add_subcommand(name, text);
@@ -317,6 +322,7 @@ void add_testbed(CLI::App& program, std::function<int()>& run) {
       ->capture_default_str()
       ->check(CLI::Range(0.01, kMaxSeconds));
   plan->add_option("--plot", o->plot, "Draw it into this PNG file instead");
+  add_testbed_verify(*testbed, run);
 }
 
 }  // namespace interneuron::cli
