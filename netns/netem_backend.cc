@@ -159,6 +159,10 @@ void NetemBackend::look_for_first_packet(TimePoint now) {
 
 // A share of the namespaces at each step, so that no step reads all.
 void NetemBackend::publish_some() {
+  SharedStats& stats = bearers_.stats();
+  stats.netem_skipped.store(effort_.skipped, std::memory_order_relaxed);
+  stats.netem_put_off.store(effort_.put_off, std::memory_order_relaxed);
+  stats.netem_failed.store(effort_.failed, std::memory_order_relaxed);
   const std::size_t share = (sites_.size() + kStepsPerPublication - 1) / kStepsPerPublication;
   for (std::size_t i = 0; i < share; ++i) {
     read_counters(sites_[next_site_]);

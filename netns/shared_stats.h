@@ -60,7 +60,7 @@ struct SharedLink {
 };
 
 struct SharedStats {
-  static constexpr std::uint64_t kVersion = 0x696e7465'00000003;  // "inte", 3
+  static constexpr std::uint64_t kVersion = 0x696e7465'00000004;  // "inte", 4
 
   std::uint64_t version = kVersion;
   std::uint64_t links = 0;
@@ -69,6 +69,9 @@ struct SharedStats {
   std::atomic<std::uint64_t> lateness_sum_ns{};
   std::atomic<std::uint64_t> lateness_max_ns{};
   std::atomic<std::uint64_t> kernel_drops{};
+  std::atomic<std::uint64_t> netem_skipped{};
+  std::atomic<std::uint64_t> netem_put_off{};
+  std::atomic<std::uint64_t> netem_failed{};
 
   static std::size_t bytes(std::size_t link_count) {
     return sizeof(SharedStats) + link_count * sizeof(SharedLink);

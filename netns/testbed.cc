@@ -221,6 +221,9 @@ Snapshot Testbed::snapshot(const State& state) {
   }
   out.frames_sent = stats.frames_sent.load(std::memory_order_relaxed);
   out.kernel_drops = stats.kernel_drops.load(std::memory_order_relaxed);
+  out.netem_skipped = stats.netem_skipped.load(std::memory_order_relaxed);
+  out.netem_put_off = stats.netem_put_off.load(std::memory_order_relaxed);
+  out.netem_failed = stats.netem_failed.load(std::memory_order_relaxed);
   const auto sum_ns = static_cast<double>(stats.lateness_sum_ns.load(std::memory_order_relaxed));
   if (out.frames_sent > 0)
     out.lateness_mean_us = sum_ns / 1e3 / static_cast<double>(out.frames_sent);

@@ -175,6 +175,10 @@ struct Snapshot {
   // Frames lost between kernel and emulator, in either direction: 0 unless the sender floods or a
   // NIC was set down.
   std::uint64_t kernel_drops = 0;
+  // netem's alone, 0 with the emulator.
+  std::uint64_t netem_skipped = 0;  // steps that went by while one before was still at work
+  std::uint64_t netem_put_off = 0;  // NICs that had to wait for the next step, summed over steps
+  std::uint64_t netem_failed = 0;   // requests that the kernel refused
 };
 
 struct SpawnOptions {

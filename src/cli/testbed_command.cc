@@ -124,7 +124,10 @@ Json status_json(const netns::State& state, const netns::Snapshot& s) {
             {"started", s.epoch.has_value()},
             {"lateness_mean_us", s.lateness_mean_us},
             {"lateness_max_us", s.lateness_max_us},
-            {"kernel_drops", s.kernel_drops}};
+            {"kernel_drops", s.kernel_drops},
+            {"netem_steps_skipped", s.netem_skipped},
+            {"netem_nics_put_off", s.netem_put_off},
+            {"netem_requests_failed", s.netem_failed}};
   if (s.epoch) json["epoch_monotonic_ns"] = s.epoch->time_since_epoch().count();
   for (std::size_t i = 0; i < s.links.size(); ++i) {
     const netns::TestbedLink& link = state.links[i];
