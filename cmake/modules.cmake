@@ -103,7 +103,7 @@ function(interneuron_vm_test name)
     LABELS "${label}")
 endfunction()
 
-# The one library that users link: the union of the core's folders, without OpenCV or libnl.
+# The one library that users link: the union of the core's folders, without OpenCV.
 function(interneuron_install_library)
   add_library(interneuron STATIC)
   add_library(interneuron::interneuron ALIAS interneuron)
@@ -111,7 +111,7 @@ function(interneuron_install_library)
   foreach(module IN LISTS modules)
     target_sources(interneuron PRIVATE $<TARGET_OBJECTS:interneuron_${module}>)
   endforeach()
-  target_link_libraries(interneuron PUBLIC Threads::Threads)
+  target_link_libraries(interneuron PUBLIC Threads::Threads PkgConfig::LIBNL PkgConfig::LIBPCAP)
   target_include_directories(interneuron PUBLIC
     $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/include> $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
   target_compile_features(interneuron PUBLIC cxx_std_20)
