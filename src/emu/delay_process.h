@@ -17,8 +17,8 @@
 #include <memory>
 #include <random>
 
+#include "base/ring.h"
 #include "emu/delay_trace.h"
-#include "emu/ring.h"
 #include "interneuron/time.h"
 
 namespace interneuron::emu {

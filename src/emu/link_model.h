@@ -21,10 +21,10 @@
 #include <random>
 #include <vector>
 
+#include "base/ring.h"
 #include "emu/channel.h"
 #include "emu/conditions.h"
 #include "emu/random.h"
-#include "emu/ring.h"
 #include "interneuron/units.h"
 
 namespace interneuron::emu {

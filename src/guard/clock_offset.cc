@@ -1,7 +1,5 @@
 #include "guard/clock_offset.h"
 
-#include <algorithm>
-
 namespace interneuron::guard {
 namespace {
 
@@ -15,10 +13,14 @@ constexpr std::int64_t kMillion = 1'000'000;
 }  // namespace
 
 bool ClockOffset::contradicts(const Exchange& fresh) const {
-  return std::ranges::any_of(exchanges_, [&](const Exchange& old) {
+  for (std::size_t i = 0; i < exchanges_.size(); ++i) {
+    const Exchange& old = exchanges_[i];
     const std::int64_t slack = (fresh.at - old.at).count() * kMaxDriftPpm / kMillion;
-    return wrapping_sub(fresh.lo, old.hi) > slack || wrapping_sub(old.lo, fresh.hi) > slack;
-  });
+    if (wrapping_sub(fresh.lo, old.hi) > slack || wrapping_sub(old.lo, fresh.hi) > slack) {
+      return true;
+    }
+  }
+  return false;
 }
 
 ClockOffset::Update ClockOffset::add(TimePoint r, PeerTime u, TimePoint s, Duration h) {
@@ -43,8 +45,8 @@ std::optional<ClockView> ClockOffset::view(TimePoint now) {
   prune(now);
   if (exchanges_.empty()) return std::nullopt;
   const Exchange* best = &exchanges_.front();
-  for (const Exchange& e : exchanges_) {
-    if (e.rtt <= best->rtt) best = &e;  // ties: the newest
+  for (std::size_t i = 1; i < exchanges_.size(); ++i) {
+    if (exchanges_[i].rtt <= best->rtt) best = &exchanges_[i];  // ties: the newest
   }
   return ClockView{wrapping_sub(best->hi, best->rtt / 2), Duration{best->rtt}};
 }
@@ -53,8 +55,8 @@ std::optional<Duration> ClockOffset::hi_min(TimePoint now) {
   prune(now);
   if (exchanges_.empty()) return std::nullopt;
   std::int64_t smallest = exchanges_.front().hi;
-  for (const Exchange& e : exchanges_) {
-    if (wrapping_sub(e.hi, smallest) < 0) smallest = e.hi;
+  for (std::size_t i = 1; i < exchanges_.size(); ++i) {
+    if (wrapping_sub(exchanges_[i].hi, smallest) < 0) smallest = exchanges_[i].hi;
   }
   return Duration{smallest};
 }

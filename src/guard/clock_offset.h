@@ -8,9 +8,9 @@
 #pragma once
 
 #include <cstdint>
-#include <deque>
 #include <optional>
 
+#include "base/ring.h"
 #include "interneuron/time.h"
 
 namespace interneuron::guard {
@@ -55,7 +55,7 @@ class ClockOffset {
   void prune(TimePoint now);
   bool contradicts(const Exchange& fresh) const;
 
-  std::deque<Exchange> exchanges_;  // oldest first
+  Ring<Exchange> exchanges_;  // oldest first
 };
 
 }  // namespace interneuron::guard

@@ -7,7 +7,7 @@
 #include <cstddef>
 #include <vector>
 
-namespace interneuron::emu {
+namespace interneuron {
 
 template <class T>
 class Ring {
@@ -33,6 +33,7 @@ class Ring {
     slots_[(head_ + size_) & mask()] = value;
     ++size_;
   }
+  void clear() { head_ = size_ = 0; }
   void pop_front() {
     assert(size_ > 0);
     head_ = (head_ + 1) & mask();
@@ -55,4 +56,4 @@ class Ring {
   std::size_t size_ = 0;
 };
 
-}  // namespace interneuron::emu
+}  // namespace interneuron
