@@ -9,6 +9,9 @@ namespace interneuron::wire {
 namespace {
 
 constexpr std::uint8_t kHasExchange = 0x01;
+constexpr std::uint8_t kMetered = 0x02;
+constexpr std::uint8_t kIsReply = 0x01;
+constexpr std::uint8_t kHold = 0x02;
 constexpr std::int64_t kBitsPerKilobit = 1000;
 
 void put_header(Writer& w, const PacketHeader& h) {
@@ -32,7 +35,7 @@ std::optional<PacketHeader> get_header(Reader& r) {
     return std::nullopt;
   }
   if (type < static_cast<std::uint8_t>(PacketType::kData) ||
-      type > static_cast<std::uint8_t>(PacketType::kProbe)) {
+      type > static_cast<std::uint8_t>(PacketType::kEcho)) {
     return std::nullopt;
   }
   h.type = static_cast<PacketType>(type);
@@ -58,53 +61,84 @@ std::optional<Data> get_data(Reader& r) {
   return d;
 }
 
+void put_rate(Writer& w, DataRate rate) {
+  w.put(static_cast<std::uint32_t>(
+      std::clamp<std::int64_t>(rate.bits_per_second / kBitsPerKilobit, 0, UINT32_MAX)));
+}
+
+DataRate get_rate(Reader& r) {
+  return {static_cast<std::int64_t>(r.get<std::uint32_t>()) * kBitsPerKilobit};
+}
+
 void put_report(Writer& w, const LinkReport& report) {
   w.put(report.link.value);
-  w.put(report.has_exchange ? kHasExchange : std::uint8_t{0});
-  w.put(std::uint16_t{0});
+  w.put(static_cast<std::uint8_t>((report.has_exchange ? kHasExchange : 0) |
+                                  (report.metered ? kMetered : 0)));
+  w.put(report.loss);
   w.put(report.train_packets);
   w.put(report.s.time_since_epoch().count());
   w.put(report.h.count());
   w.put(report.largest);
   for (const std::uint64_t word : report.bitmap) w.put(word);
   w.put(report.train_start);
-  w.put(static_cast<std::uint32_t>(std::clamp<std::int64_t>(
-      report.train_rate.bits_per_second / kBitsPerKilobit, 0, UINT32_MAX)));
+  put_rate(w, report.train_rate);
+  put_rate(w, report.rate);
 }
 
-std::optional<LinkReport> get_report(Reader& r) {
-  LinkReport report;
+bool get_report(Reader& r, LinkReport& report) {
   report.link = LinkId{r.get<std::uint8_t>()};
   const auto flags = r.get<std::uint8_t>();
-  const auto reserved = r.get<std::uint16_t>();
+  report.loss = r.get<std::uint16_t>();
   report.train_packets = r.get<std::uint32_t>();
   report.s = PeerTime{Duration{r.get<std::int64_t>()}};
   report.h = Duration{r.get<std::int64_t>()};
   report.largest = r.get<std::uint64_t>();
   for (std::uint64_t& word : report.bitmap) word = r.get<std::uint64_t>();
   report.train_start = r.get<std::uint64_t>();
-  report.train_rate = {static_cast<std::int64_t>(r.get<std::uint32_t>()) * kBitsPerKilobit};
+  report.train_rate = get_rate(r);
+  report.rate = get_rate(r);
   report.has_exchange = (flags & kHasExchange) != 0;
-  if (!r.ok() || reserved != 0 || (flags & ~kHasExchange) != 0 || report.h.count() < 0) {
-    return std::nullopt;
-  }
-  return report;
+  report.metered = (flags & kMetered) != 0;
+  return r.ok() && (flags & ~(kHasExchange | kMetered)) == 0 && report.h.count() >= 0;
 }
 
-std::optional<Feedback> get_feedback(Reader& r) {
-  Feedback f;
+bool get_feedback(Reader& r, Feedback& f) {
   f.u = r.get<std::int64_t>();
   f.echo = SessionId{r.get<std::uint32_t>()};
   const auto count = r.get<std::uint32_t>();
-  if (!r.ok() || count > kMaxReports) return std::nullopt;
-  f.reports.reserve(count);
-  for (std::uint32_t i = 0; i < count; ++i) {
-    auto report = get_report(r);
-    if (!report) return std::nullopt;
-    f.reports.push_back(*report);
+  if (!r.ok() || count > kMaxReports) return false;
+  f.reports.resize(count);
+  for (LinkReport& report : f.reports) {
+    if (!get_report(r, report)) return false;
   }
-  if (!r.at_end()) return std::nullopt;
-  return f;
+  return r.at_end();
+}
+
+std::optional<Echo> get_echo(Reader& r) {
+  Echo e;
+  const auto flags = r.get<std::uint8_t>();
+  const auto reserved = r.get<std::uint8_t>();
+  e.train = r.get<std::uint16_t>();
+  e.index = r.get<std::uint16_t>();
+  e.count = r.get<std::uint16_t>();
+  e.is_reply = (flags & kIsReply) != 0;
+  e.hold = (flags & kHold) != 0;
+  const bool alone = e.train == 0 && e.index == 0 && e.count == 0 && !e.hold;
+  const bool in_train =
+      e.train != 0 && e.count >= 2 && e.count <= kMaxEchoTrain && e.index < e.count;
+  if (!r.ok() || reserved != 0 || (flags & ~(kIsReply | kHold)) != 0 || (!alone && !in_train)) {
+    return std::nullopt;
+  }
+  if (e.is_reply) {
+    const auto reply = get_stamp_reply(r);
+    if (!reply) return std::nullopt;
+    e.reply = *reply;
+  } else {
+    const auto request = get_stamp_request(r);
+    if (!request) return std::nullopt;
+    e.request = *request;
+  }
+  return e;
 }
 
 std::size_t finish(Writer& w) {
@@ -121,25 +155,29 @@ std::optional<Packet> parse(ByteView datagram) {
   if (!std::ranges::all_of(tag, [](std::byte b) { return b == std::byte{0}; })) return std::nullopt;
 
   Reader r(datagram.first(datagram.size() - kTagBytes));
-  Packet packet;
   const auto header = get_header(r);
   if (!header) return std::nullopt;
+  std::optional<Packet> parsed(std::in_place);
+  Packet& packet = *parsed;
   packet.header = *header;
   switch (header->type) {
     case PacketType::kData: {
       const auto data = get_data(r);
       if (!data) return std::nullopt;
       packet.data = *data;
-      return packet;
+      return parsed;
     }
-    case PacketType::kFeedback: {
-      auto feedback = get_feedback(r);
-      if (!feedback) return std::nullopt;
-      packet.feedback = std::move(*feedback);
-      return packet;
-    }
+    case PacketType::kFeedback:
+      if (!get_feedback(r, packet.feedback)) return std::nullopt;
+      return parsed;
     case PacketType::kProbe:
-      return packet;
+      return parsed;
+    case PacketType::kEcho: {
+      const auto echo = get_echo(r);
+      if (!echo) return std::nullopt;
+      packet.echo = *echo;
+      return parsed;
+    }
   }
   return std::nullopt;
 }
@@ -174,6 +212,24 @@ std::size_t write_probe(std::span<std::byte> out, const PacketHeader& header, st
   Writer w(out);
   put_header(w, header);
   w.put_zeros(std::max(size, kPacketOverhead) - kPacketOverhead);
+  return finish(w);
+}
+
+std::size_t write_echo(std::span<std::byte> out, const PacketHeader& header, const Echo& echo,
+                       std::size_t size) {
+  Writer w(out);
+  put_header(w, header);
+  w.put(static_cast<std::uint8_t>((echo.is_reply ? kIsReply : 0) | (echo.hold ? kHold : 0)));
+  w.put(std::uint8_t{0});
+  w.put(echo.train);
+  w.put(echo.index);
+  w.put(echo.count);
+  if (echo.is_reply) {
+    put_stamp(w, echo.reply);
+  } else {
+    put_stamp(w, echo.request);
+  }
+  w.put_zeros(std::max(size, kEchoBytes) - kEchoBytes);
   return finish(w);
 }
 

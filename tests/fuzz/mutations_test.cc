@@ -21,8 +21,8 @@ constexpr std::uint64_t kSeed = 1;
 class Mutator {
  public:
   explicit Mutator(std::uint64_t seed) : random_(seed) {
-    seeds_ = {from_hex(kDataExample), from_hex(kFeedbackExample), from_hex(kProbeExample),
-              example_message()};
+    seeds_ = {from_hex(kDataExample),        from_hex(kFeedbackExample),  from_hex(kProbeExample),
+              from_hex(kEchoRequestExample), from_hex(kEchoReplyExample), example_message()};
   }
 
   Bytes next() {
@@ -83,6 +83,8 @@ TEST(Decode, TheFuzzerBeginsWithTheDocumentedExamples) {
   EXPECT_EQ(file("data"), from_hex(kDataExample));
   EXPECT_EQ(file("feedback"), from_hex(kFeedbackExample));
   EXPECT_EQ(file("probe"), from_hex(kProbeExample));
+  EXPECT_EQ(file("echo_request"), from_hex(kEchoRequestExample));
+  EXPECT_EQ(file("echo_reply"), from_hex(kEchoReplyExample));
   EXPECT_EQ(file("message"), example_message());
 }
 

@@ -18,6 +18,8 @@ inline Bytes written(const Packet& packet, std::size_t size) {
     used = write_data(out, header, packet.data.fragment, packet.data.bytes);
   } else if (header.type == PacketType::kFeedback) {
     used = write_feedback(out, header, packet.feedback);
+  } else if (header.type == PacketType::kEcho) {
+    used = write_echo(out, header, packet.echo, size);
   } else {
     used = write_probe(out, header, size);
   }
@@ -38,8 +40,23 @@ inline bool is_consistent(const Data& data, ByteView datagram) {
 inline bool is_consistent(const Feedback& feedback) {
   return feedback.reports.size() <= kMaxReports &&
          std::ranges::all_of(feedback.reports, [](const LinkReport& report) {
-           return report.h >= Duration::zero() && report.train_rate >= DataRate{};
+           return report.h >= Duration::zero() && report.train_rate >= DataRate{} &&
+                  report.rate >= DataRate{};
          });
+}
+
+// What must be zero inside a STAMP packet, and what pads it, is ignored when read: what was read
+// must come back.
+inline bool is_consistent(const Echo& echo, ByteView again) {
+  const auto read = parse(again);
+  if (!read || read->header.type != PacketType::kEcho) return false;
+  const Echo& e = read->echo;
+  const bool in_train =
+      echo.train != 0 && echo.count >= 2 && echo.count <= kMaxEchoTrain && echo.index < echo.count;
+  const bool alone = echo.train == 0 && echo.count == 0 && echo.index == 0 && !echo.hold;
+  return (in_train || alone) && e.is_reply == echo.is_reply && e.hold == echo.hold &&
+         e.train == echo.train && e.index == echo.index && e.count == echo.count &&
+         e.request == echo.request && e.reply == echo.reply;
 }
 
 // `packet` as parse(datagram) gave it.
@@ -54,6 +71,9 @@ inline bool is_consistent(const Packet& packet, ByteView datagram) {
       return is_consistent(packet.feedback) && std::ranges::equal(again, datagram);
     case PacketType::kProbe:  // the padding is ignored
       return again.size() == datagram.size() &&
+             std::ranges::equal(ByteView(again).first(kHeaderBytes), datagram.first(kHeaderBytes));
+    case PacketType::kEcho:
+      return again.size() == datagram.size() && is_consistent(packet.echo, again) &&
              std::ranges::equal(ByteView(again).first(kHeaderBytes), datagram.first(kHeaderBytes));
   }
   return false;

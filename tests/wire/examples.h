@@ -39,16 +39,34 @@ inline constexpr std::string_view kDataExample =
 inline constexpr std::string_view kFeedbackExample =
     "02 01 00 00 5e ed 00 01 00 00 00 00 00 00 01 2c"
     "00 00 01 1f 73 e4 fa 00 ca fe 00 02 00 00 00 01"
-    "02 01 00 00 00 00 00 1f 00 00 00 00 3a de 68 b1"
+    "02 01 05 1f 00 00 00 1f 00 00 00 00 3a de 68 b1"
     "00 00 00 00 00 4c 4b 40 00 00 00 00 00 00 00 64"
     "ff ff ff ff ff ff ff fb 00 00 00 07 ff ff ff ff"
     "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00"
-    "00 00 00 00 00 00 00 45 00 00 75 30"
+    "00 00 00 00 00 00 00 45 00 00 75 30 00 00 c3 50"
     "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00";
 
 inline constexpr std::string_view kProbeExample =
     "03 01 00 00 5e ed 00 01 00 00 00 00 00 00 01 2d"
     "00 00 00 00 00 00 00 00"
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00";
+
+inline constexpr std::string_view kEchoRequestExample =
+    "04 01 00 00 5e ed 00 01 00 00 00 00 00 00 01 2e"
+    "02 00 00 03 00 04 00 12"
+    "00 00 00 15 e9 00 00 00 80 00 00 00 16 01 00 00"
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00"
+    "00 00 00 00 00 00 00 00 00 00 00 00"
+    "00 00 00 00"
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00";
+
+inline constexpr std::string_view kEchoReplyExample =
+    "04 01 00 00 ca fe 00 02 00 00 00 00 00 00 00 15"
+    "03 00 00 03 00 04 00 12"
+    "00 00 00 14 e9 00 00 00 81 00 00 00 16 01 00 00"
+    "e9 00 00 00 80 80 00 00 00 00 00 15 e9 00 00 00"
+    "80 00 00 00 16 01 00 00 00 00 00 00"
+    "00 00 00 00"
     "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00";
 
 inline RoundHeader example_round_header() {
@@ -84,6 +102,27 @@ inline PacketHeader example_header(PacketType type, LinkId link, std::uint64_t n
 
 inline FragmentHeader example_fragment() { return {MessageId{9}, 0, 1, 1352, 130'000}; }
 
+inline Echo example_echo_request() {
+  Echo echo;
+  echo.hold = true;
+  echo.train = 3;
+  echo.index = 4;
+  echo.count = 18;
+  echo.request = {21, 0xe9000000'80000000, kStampUnsynchronised};
+  return echo;
+}
+
+inline Echo example_echo_reply() {
+  Echo echo = example_echo_request();
+  echo.is_reply = true;
+  echo.reply = stamp_reply_to(echo.request, 0);
+  echo.request = {};
+  echo.reply.sequence = 20;
+  echo.reply.received = 0xe9000000'80800000;
+  echo.reply.sent = 0xe9000000'81000000;
+  return echo;
+}
+
 inline Feedback example_feedback() {
   LinkReport report;
   report.link = LinkId{2};
@@ -95,6 +134,8 @@ inline Feedback example_feedback() {
   report.train_start = 69;
   report.train_packets = 31;
   report.train_rate = DataRate::mbit(30);
+  report.rate = DataRate::mbit(50);
+  report.loss = 1311;
   return {1'234'600'000'000, SessionId{0xcafe0002}, {report}};
 }
 

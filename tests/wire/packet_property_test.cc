@@ -59,6 +59,9 @@ Feedback any_feedback() {
     report.train_start = any<std::uint64_t>();
     report.train_packets = any<std::uint32_t>();
     report.train_rate = {std::int64_t{any<std::uint32_t>()} * 1000};
+    report.rate = {std::int64_t{any<std::uint32_t>()} * 1000};
+    report.loss = any<std::uint16_t>();
+    report.metered = any<bool>();
   }
   return f;
 }
@@ -87,9 +90,40 @@ RoundHeader any_round_header() {
   return h;
 }
 
+StampRequest any_request() {
+  return {any<std::uint32_t>(), any<std::uint64_t>(),
+          static_cast<std::uint16_t>(any<std::uint16_t>() | 1U)};
+}
+
+StampReply any_reply() {
+  StampReply reply = stamp_reply_to(any_request(), any<std::uint8_t>());
+  reply.sequence = any<std::uint32_t>();
+  reply.sent = any<std::uint64_t>();
+  reply.received = any<std::uint64_t>();
+  reply.error_estimate = static_cast<std::uint16_t>(any<std::uint16_t>() | 1U);
+  return reply;
+}
+
+Echo any_echo() {
+  Echo echo;
+  echo.is_reply = any<bool>();
+  if (any<bool>()) {
+    echo.hold = any<bool>();
+    echo.train = any_but_zero<std::uint16_t>();
+    echo.count = *rc::gen::inRange<std::uint16_t>(2, kMaxEchoTrain + 1);
+    echo.index = *rc::gen::inRange<std::uint16_t>(0, echo.count);
+  }
+  if (echo.is_reply) {
+    echo.reply = any_reply();
+  } else {
+    echo.request = any_request();
+  }
+  return echo;
+}
+
 Bytes any_packet() {
   Bytes out(kRoom);
-  const auto type = static_cast<PacketType>(*rc::gen::inRange<int>(1, 4));
+  const auto type = static_cast<PacketType>(*rc::gen::inRange<int>(1, 5));
   const PacketHeader header = any_header(type);
   std::size_t size = 0;
   if (type == PacketType::kData) {
@@ -97,6 +131,8 @@ Bytes any_packet() {
     size = write_data(out, header, piece.fragment, piece.bytes);
   } else if (type == PacketType::kFeedback) {
     size = write_feedback(out, header, any_feedback());
+  } else if (type == PacketType::kEcho) {
+    size = write_echo(out, header, any_echo(), *rc::gen::inRange<std::size_t>(0, 1400));
   } else {
     size = write_probe(out, header, *rc::gen::inRange<std::size_t>(0, 1400));
   }
@@ -137,6 +173,21 @@ RC_GTEST_PROP(PacketProperty, AProbeComesBack, ()) {
   const auto packet = parse(out);
   RC_ASSERT(packet.has_value());
   RC_ASSERT(packet->header == header);
+}
+
+RC_GTEST_PROP(PacketProperty, AnEchoComesBack, ()) {
+  const PacketHeader header = any_header(PacketType::kEcho);
+  const Echo echo = any_echo();
+  const auto size = *rc::gen::inRange<std::size_t>(0, 1400);
+  Bytes out(kRoom);
+  out.resize(write_echo(out, header, echo, size));
+  RC_ASSERT(out.size() == std::max(size, kEchoBytes));
+  const auto packet = parse(out);
+  RC_ASSERT(packet.has_value());
+  RC_ASSERT(packet->header == header);
+  RC_ASSERT(is_consistent(echo, out));
+  RC_ASSERT(packet->echo.request == echo.request);
+  RC_ASSERT(packet->echo.reply == echo.reply);
 }
 
 RC_GTEST_PROP(PacketProperty, ARoundHeaderComesBack, ()) {

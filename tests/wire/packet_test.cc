@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <string>
 
 #include "tests/wire/consistent.h"
@@ -11,6 +12,8 @@ namespace interneuron::wire {
 namespace {
 
 constexpr std::size_t kRoom = 1400;
+constexpr std::array kExamples{kDataExample, kFeedbackExample, kProbeExample, kEchoRequestExample,
+                               kEchoReplyExample};
 
 Bytes with(Bytes bytes, std::size_t at, int value) {
   bytes.at(at) = static_cast<std::byte>(value);
@@ -54,6 +57,74 @@ TEST(Packet, ProbeIsTheDocumentedExample) {
   EXPECT_EQ(packet->header, example_header(PacketType::kProbe, LinkId{1}, 301));
 }
 
+TEST(Packet, EchoesAreTheDocumentedExamples) {
+  PacketHeader header = example_header(PacketType::kEcho, LinkId{1}, 302);
+  Bytes out(kRoom);
+  out.resize(write_echo(out, header, example_echo_request(), 88));
+  EXPECT_EQ(out, from_hex(kEchoRequestExample));
+  auto packet = parse(out);
+  ASSERT_TRUE(packet);
+  EXPECT_EQ(packet->header, header);
+  EXPECT_FALSE(packet->echo.is_reply);
+  EXPECT_EQ(packet->echo.request, example_echo_request().request);
+
+  header.session = SessionId{0xcafe0002};
+  header.number = 21;
+  out.resize(kRoom);
+  out.resize(write_echo(out, header, example_echo_reply(), 88));
+  EXPECT_EQ(out, from_hex(kEchoReplyExample));
+  packet = parse(out);
+  ASSERT_TRUE(packet);
+  EXPECT_EQ(packet->header, header);
+  EXPECT_TRUE(packet->echo.is_reply);
+  EXPECT_EQ(packet->echo.reply, example_echo_reply().reply);
+}
+
+TEST(Packet, AnEchoIsNeverSmallerThanItsFields) {
+  Bytes out(kRoom);
+  const PacketHeader header = example_header(PacketType::kEcho, LinkId{1}, 1);
+  EXPECT_EQ(write_echo(out, header, example_echo_request(), 0), kEchoBytes);
+  EXPECT_TRUE(parse(ByteView(out).first(kEchoBytes)));
+  EXPECT_FALSE(parse(ByteView(out).first(kEchoBytes - 1)));
+}
+
+struct TrainCase {
+  const char* name;
+  bool hold;
+  std::uint16_t train, index, count;
+  bool valid;
+};
+
+TEST(Packet, AnEchoIsAloneOrInAWholeTrain) {
+  for (const TrainCase& c : {
+           TrainCase{"alone", false, 0, 0, 0, true},
+           TrainCase{"alone, held", true, 0, 0, 0, false},
+           TrainCase{"no train, but an index", false, 0, 1, 0, false},
+           TrainCase{"no train, but a count", false, 0, 0, 2, false},
+           TrainCase{"first of two", false, 1, 0, 2, true},
+           TrainCase{"last of the longest", true, 65535, 255, 256, true},
+           TrainCase{"behind the last", true, 1, 2, 2, false},
+           TrainCase{"a train of one", true, 1, 0, 1, false},
+           TrainCase{"too long", true, 1, 0, 257, false},
+       }) {
+    Echo echo = example_echo_request();
+    echo.hold = c.hold;
+    echo.train = c.train;
+    echo.index = c.index;
+    echo.count = c.count;
+    Bytes out(kRoom);
+    out.resize(write_echo(out, example_header(PacketType::kEcho, LinkId{1}, 1), echo, 0));
+    EXPECT_EQ(parse(out).has_value(), c.valid) << c.name;
+  }
+}
+
+TEST(Packet, TheErrorOfAnEchosClockIsNotZero) {
+  constexpr std::size_t kMultiplierAt = 16 + 8 + 13;
+  EXPECT_FALSE(parse(with(from_hex(kEchoRequestExample), kMultiplierAt, 0)));
+  EXPECT_FALSE(parse(with(from_hex(kEchoReplyExample), kMultiplierAt, 0)));
+  EXPECT_FALSE(parse(with(from_hex(kEchoReplyExample), kMultiplierAt + 24, 0)));
+}
+
 TEST(Packet, ProbeIsNeverSmallerThanHeaderAndTag) {
   Bytes out(kRoom);
   EXPECT_EQ(write_probe(out, example_header(PacketType::kProbe, LinkId{1}, 1), 0), kPacketOverhead);
@@ -63,7 +134,7 @@ TEST(Packet, ProbeIsNeverSmallerThanHeaderAndTag) {
 // --- what is refused
 
 TEST(Packet, EveryTruncationOfTheExamplesIsRefusedOrValid) {
-  for (const std::string_view example : {kDataExample, kFeedbackExample, kProbeExample}) {
+  for (const std::string_view example : kExamples) {
     const Bytes bytes = from_hex(example);
     for (std::size_t n = 0; n < bytes.size(); ++n) {
       const ByteView shorter = ByteView(bytes).first(n);
@@ -76,7 +147,7 @@ TEST(Packet, EveryTruncationOfTheExamplesIsRefusedOrValid) {
 }
 
 TEST(Packet, EveryChangeOfOneByteOfTheExamplesIsRefusedOrValid) {
-  for (const std::string_view example : {kDataExample, kFeedbackExample, kProbeExample}) {
+  for (const std::string_view example : kExamples) {
     Bytes bytes = from_hex(example);
     for (std::byte& b : bytes) {
       const std::byte before = b;
@@ -101,19 +172,21 @@ void expect_fixed(std::string_view example, std::initializer_list<std::size_t> o
 }
 
 TEST(Packet, EpochReservedBytesAndTagAreFixed) {
-  for (const std::string_view example : {kDataExample, kFeedbackExample, kProbeExample}) {
+  for (const std::string_view example : kExamples) {
     expect_fixed(example, {2, 3});
     const std::size_t size = from_hex(example).size();
     for (std::size_t i = 1; i <= kTagBytes; ++i) expect_fixed(example, {size - i});
   }
   expect_fixed(kDataExample, {26, 27});
-  expect_fixed(kFeedbackExample, {28, 29, 30, 34, 35});
+  expect_fixed(kEchoRequestExample, {17});
+  expect_fixed(kEchoReplyExample, {17});
+  expect_fixed(kFeedbackExample, {28, 29, 30});
 }
 
-TEST(Packet, TheTypeIsOneOfThree) {
+TEST(Packet, TheTypeIsOneOfFour) {
   const Bytes bytes = from_hex(kProbeExample);
   for (int type = 0; type < 256; ++type) {
-    if (type >= 1 && type <= 3) continue;
+    if (type >= 1 && type <= 4) continue;
     EXPECT_FALSE(parse(with(bytes, 0, type))) << type;
   }
 }
@@ -174,8 +247,15 @@ TEST(Packet, FeedbackHasAsManyReportsAsItSays) {
     }
   }
   Bytes nine = feedback_with(kMaxReports);
-  nine.insert(nine.end() - kTagBytes, 76, std::byte{0});
+  nine.insert(nine.end() - kTagBytes, kReportBytes, std::byte{0});
   EXPECT_FALSE(parse(with(nine, kCountAt, 9)));
+}
+
+TEST(Packet, FeedbackOnEveryPathFitsTheSmallestDatagram) {
+  constexpr std::size_t kIpv6MinimumMtu = 1280;
+  constexpr std::size_t kIpv6UdpHeaders = 48;
+  EXPECT_EQ(feedback_with(kMaxReports).size(), feedback_bytes(kMaxReports));
+  EXPECT_LE(feedback_bytes(kMaxReports), kIpv6MinimumMtu - kIpv6UdpHeaders);
 }
 
 TEST(Packet, TheHoldingTimeOfAnExchangeIsNotNegative) {
@@ -185,11 +265,11 @@ TEST(Packet, TheHoldingTimeOfAnExchangeIsNotNegative) {
   EXPECT_FALSE(parse(with(bytes, kHoldingTimeAt, 0x80)));
 }
 
-TEST(Packet, OnlyOneFlagOfAReportIsKnown) {
+TEST(Packet, OnlyTwoFlagsOfAReportAreKnown) {
   constexpr std::size_t kFlagsAt = 33;
   const Bytes bytes = from_hex(kFeedbackExample);
   for (int flags = 0; flags < 256; ++flags) {
-    EXPECT_EQ(parse(with(bytes, kFlagsAt, flags)).has_value(), flags <= 1) << flags;
+    EXPECT_EQ(parse(with(bytes, kFlagsAt, flags)).has_value(), flags <= 3) << flags;
   }
 }
 
@@ -197,10 +277,13 @@ TEST(Packet, RatesTravelInKilobitsAndSaturate) {
   Feedback feedback = example_feedback();
   const auto across = [&feedback](std::int64_t bits_per_second) {
     feedback.reports.front().train_rate = {bits_per_second};
+    feedback.reports.front().rate = {bits_per_second};
     Bytes out(kRoom);
     out.resize(
         write_feedback(out, example_header(PacketType::kFeedback, LinkId{1}, 300), feedback));
-    return parse(out)->feedback.reports.front().train_rate.bits_per_second;
+    const LinkReport report = parse(out)->feedback.reports.front();
+    EXPECT_EQ(report.rate, report.train_rate);
+    return report.train_rate.bits_per_second;
   };
   EXPECT_EQ(across(1'999), 1'000);
   EXPECT_EQ(across(999), 0);
