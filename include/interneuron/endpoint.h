@@ -17,6 +17,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <string>
 #include <utility>
 #include <variant>
 #include <vector>
@@ -75,7 +76,18 @@ struct Planned {
   Plan plan;
 };
 
-using Event = std::variant<Delivered, RoundDone, PeerReady, PeerRestarted, PeerLost, Planned>;
+// What the traffic of a path says of it has changed. `reason`: a few words with the figures, for
+// people.
+struct PathChanged {
+  PeerId peer{};
+  LinkId link{};
+  PathState from{};
+  PathState to{};
+  std::string reason;
+};
+
+using Event =
+    std::variant<Delivered, RoundDone, PeerReady, PeerRestarted, PeerLost, Planned, PathChanged>;
 
 struct EndpointOptions {
   SessionId session{};                    // random, not 0, new at every start
@@ -124,6 +136,11 @@ class Endpoint {
   void remove_link(TimePoint now, LinkId link);
   // Starts to talk to a peer that is reached at these addresses, one per link.
   PeerId connect(TimePoint now, std::span<const std::pair<LinkId, Address>> addresses);
+  // A link that came (back) joins the paths to a peer we connected to; the same link again only
+  // changes the address. False: no such peer, or the link was not added.
+  bool add_path(TimePoint now, PeerId peer, LinkId link, const Address& address);
+  // Measures the rate of a path now instead of when its evidence is old. False: no such path.
+  bool request_train(TimePoint now, PeerId peer, LinkId link);
   // Stamps t0 = now. If stage 1 is a communication, submit() its message next.
   RoundRef begin_round(TimePoint now, PipelineId pipeline);
   // The application hands over what the next communication of the round is to carry; if a

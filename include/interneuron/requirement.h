@@ -24,8 +24,9 @@ struct Requirement {
   std::size_t links = std::numeric_limits<std::size_t>::max();
 };
 
-// The links that are up and meet every floor, best first; ties keep the order of `links`. Pure;
-// never throws for size.
+// The links that are up, may be used and meet every floor, best first: by the operator's priority
+// (smaller first), then by weighted score; ties keep the order of `links`. Backup links only where
+// no normal link meets the floors. Pure; never throws for size.
 std::vector<LinkState> match(const Requirement& requirement, std::span<const LinkState> links);
 
 }  // namespace interneuron

@@ -2,103 +2,66 @@
 
 #include <algorithm>
 #include <deque>
-#include <map>
-#include <set>
 #include <stdexcept>
 #include <string>
 
+#include "endpoint/dispatch.h"
+#include "endpoint/origins.h"
 #include "endpoint/peers.h"
 #include "endpoint/stages.h"
-#include "guard/origin.h"
-#include "plan/plan_message.h"
 
 namespace interneuron {
-namespace {
-
-std::array<std::uint8_t, 4> quantised(const Nature& needs) {
-  const auto q = [](double w) {
-    return static_cast<std::uint8_t>(std::clamp(w, 0.0, 1.0) * 255.0 + 0.5);
-  };
-  return {q(needs.delay), q(needs.bandwidth), q(needs.reliability), q(needs.security)};
-}
-
-std::uint32_t to_us(Duration d) {
-  return static_cast<std::uint32_t>(std::clamp<std::int64_t>(
-      std::chrono::duration_cast<std::chrono::microseconds>(d).count(), 1, UINT32_MAX));
-}
-
-}  // namespace
-
 class Endpoint::Impl {
  public:
-  Impl(EndpointOptions options, TimePoint now)
-      : options_(std::move(options)),
-        peers_({options_.session, options_.accept_peers, options_.max_peers, options_.repair, now}),
+  Impl(const EndpointOptions& options, TimePoint now)
+      : dispatch_(options.session, options.policies),
+        origins_(options.session, options.pipelines),
+        peers_({options.session, options.accept_peers, options.max_peers, options.repair, now}),
         raw_now_(now) {
-    if (options_.session.value == 0) {
+    if (options.session.value == 0) {
       throw std::invalid_argument("endpoint: the session must not be 0; draw it at random");
     }
-    for (const auto& policy : options_.policies) {
-      if (policy == nullptr) throw std::invalid_argument("endpoint: a policy is null");
-      policies_[wire::policy_id(policy->name())] = policy.get();
-    }
-    if (policies_.empty()) throw std::invalid_argument("endpoint: no policy is registered");
-    for (const PipelineConfig& config : options_.pipelines) {
-      if (!policies_.contains(wire::policy_id(config.policy))) {
+    for (const PipelineConfig& config : options.pipelines) {
+      if (dispatch_.policy(wire::policy_id(config.policy)) == nullptr) {
         throw std::invalid_argument("pipeline " + std::to_string(config.id.value) + ": policy '" +
                                     config.policy + "' is not registered");
-      }
-      if (!origins_.try_emplace(config.id, config, options_.session).second) {
-        throw std::invalid_argument("pipeline " + std::to_string(config.id.value) +
-                                    ": given twice");
       }
     }
   }
 
   void add_link(TimePoint, LinkId link, const LinkInfo& info) { peers_.add_link(link, info); }
 
-  void remove_link(TimePoint raw, LinkId link) { peers_.remove_link(tick(raw), link); }
+  void remove_link(TimePoint raw, LinkId link) {
+    for (PathChanged& change : peers_.remove_link(tick(raw), link)) {
+      events_.emplace_back(std::move(change));
+    }
+  }
 
   PeerId connect(TimePoint raw, std::span<const std::pair<LinkId, Address>> addresses) {
     return peers_.connect(tick(raw), addresses);
   }
 
+  bool add_path(TimePoint raw, PeerId peer, LinkId link, const Address& address) {
+    return peers_.add_path(tick(raw), peer, link, address);
+  }
+
+  bool request_train(TimePoint raw, PeerId peer, LinkId link) {
+    return peers_.request_train(tick(raw), peer, link);
+  }
+
   RoundRef begin_round(TimePoint raw, PipelineId pipeline) {
     const TimePoint now = advance(raw);
-    const auto it = origins_.find(pipeline);
-    if (it == origins_.end()) {
-      throw std::invalid_argument("begin_round: no pipeline " + std::to_string(pipeline.value));
-    }
-    const guard::Origin::Begun begun = it->second.begin(now);
-    begun_[pipeline] = begun.ref.round.value + 1;
-    const PipelineConfig& config = it->second.config();
-    RoundContext context;
-    wire::RoundHeader& h = context.header;
-    h.round = begun.ref;
-    h.stages = static_cast<std::uint8_t>(config.stages.size());
-    h.communication = 0;
-    for (std::size_t i = 0; i < config.stages.size(); ++i) {
-      if (config.stages[i] == StageKind::kCommunication) {
-        h.communication = static_cast<std::uint16_t>(h.communication | (1U << i));
-      }
-    }
-    h.needs = quantised(config.needs);
-    h.policy = wire::policy_id(config.policy);
-    h.t0 = as_wire(now);
-    h.x_permille = begun.sent.x_permille;
-    h.deadline_us = to_us(config.deadline);
-    h.period_us = to_us(config.period);
-    h.indicator = it->second.indicator(begun.ref.round);
-    // The timeout handler's order for the first transmission speaks the language of a verdict.
-    context.verdict.late = begun.sent.degraded;
-    stages_.open(now, begun.ref, std::move(context), config.deadline);
-    return begun.ref;
+    RoundContext context = origins_.begin(now, pipeline);
+    const RoundRef round = context.header.round;
+    const Duration deadline = context.header.deadline();
+    stages_.open(now, round, std::move(context), deadline);
+    return round;
   }
 
   bool submit(TimePoint raw, const RoundRef& round, Variants variants, MessageClass message_class,
               std::optional<PeerId> to) {
     const TimePoint now = advance(raw);
-    check_variants(variants);
+    Dispatch::check(variants);
     RoundContext* found = stages_.context(round);
     if (found == nullptr) return false;
     RoundContext context = *found;
@@ -110,14 +73,18 @@ class Endpoint::Impl {
     stages_.close(round);
     Peer* peer = destination(context, to);
     if (peer == nullptr) return false;
-    return transmit(now, *peer, context, std::move(variants), message_class);
+    Planned planned = dispatch_.send(now, *peer, context,
+                                     clock_of(now, context.header, peers_.find(context.from)),
+                                     variants, message_class);
+    const bool sent = !planned.plan.sends.empty();
+    events_.emplace_back(std::move(planned));
+    return sent;
   }
 
   void local_result(TimePoint raw, const RoundRef& round, Bytes result) {
     advance(raw);
-    const auto it = origins_.find(round.pipeline);
-    if (round.origin == options_.session && it != origins_.end()) {
-      it->second.local_result(round.round, std::move(result));
+    if (guard::Origin* origin = origins_.find(round)) {
+      origin->local_result(round.round, std::move(result));
     }
   }
 
@@ -130,6 +97,12 @@ class Endpoint::Impl {
     const auto packet = wire::parse(datagram.bytes);
     if (!packet) {
       ++counters.malformed_packets;
+      return;
+    }
+    if (packet->header.type == wire::PacketType::kEcho) {
+      const bool answered = peers_.reflect(now, *packet, datagram);
+      ++(answered ? counters.received_packets : counters.refused_packets);
+      if (answered) counters.received_bytes += datagram.bytes.size();
       return;
     }
     const auto [peer, restarted] = peers_.whose(now, packet->header, datagram);
@@ -169,10 +142,11 @@ class Endpoint::Impl {
     const auto consider = [&next](std::optional<TimePoint> t) {
       if (t && (!next || *t < *next)) next = t;
     };
-    for (const auto& [id, origin] : origins_) consider(origin.next_timeout());
-    consider(peers_.next_timeout());
+    consider(origins_.next_timeout());
+    const TimePoint now = raw_now_ + shift_;
+    consider(peers_.next_timeout(now));
     // What is due already is due now: the peer's bytes may make an instant of any value.
-    if (next) *next = std::max(*next, raw_now_ + shift_) - shift_;
+    if (next) *next = std::max(*next, now) - shift_;
     return next;
   }
 
@@ -208,14 +182,13 @@ class Endpoint::Impl {
   // rest.
   void run_timers(TimePoint now) {
     for (Stages::Released& released : stages_.release(now)) release(std::move(released));
-    for (auto& [id, origin] : origins_) {
-      for (RoundDone& done : origin.expire(now)) {
-        stages_.close(done.round);
-        events_.emplace_back(std::move(done));
-      }
+    for (RoundDone& done : origins_.expire(now)) {
+      stages_.close(done.round);
+      events_.emplace_back(std::move(done));
     }
-    const Peers::Expired expired = peers_.handle_timeout(now);
+    Peers::Expired expired = peers_.handle_timeout(now);
     counters_.messages_expired += expired.messages;
+    for (PathChanged& change : expired.changes) events_.emplace_back(std::move(change));
     for (const PeerId id : expired.lost) events_.emplace_back(PeerLost{id});
   }
 
@@ -224,6 +197,7 @@ class Endpoint::Impl {
     if (input.became_ready) events_.emplace_back(PeerReady{id});
     if (input.clock_stepped) stages_.forget_clock(id);
     if (input.refused) ++counters_.reassembly_refused;
+    while (auto change = peer.poll_change()) events_.emplace_back(std::move(*change));
     if (input.message) complete(now, peer, *input.message);
   }
 
@@ -231,9 +205,8 @@ class Endpoint::Impl {
 
   void complete(TimePoint now, Peer& peer, const Bytes& message) {
     const auto header = wire::parse_round_header(message);
-    const bool mine = header && header->round.origin == options_.session;
-    // A round that has not begun yet would push those under way out of the books.
-    if (!header || (mine && header->round.round.value >= rounds_begun(header->round.pipeline)) ||
+    const bool mine = header && origins_.is_mine(header->round);
+    if (!header || (mine && !origins_.has_begun(header->round)) ||
         (!mine && header->stage == header->stages)) {
       ++counters_.bad_messages;
       return;
@@ -244,9 +217,7 @@ class Endpoint::Impl {
     guard::Observer& observer = observer_of(header->round, arrived.from);
     if (!mine) observer.learn(now, header->round.round, header->indicator);
     const auto clock = clock_of(now, *header, &peer);
-    const auto policy = policies_.find(header->policy);
-    switch (stages_.arrive(now, arrived, policy == policies_.end() ? nullptr : policy->second,
-                           clock, observer)) {
+    switch (stages_.arrive(now, arrived, dispatch_.policy(header->policy), clock, observer)) {
       case Stages::Action::kHold:
         return;
       case Stages::Action::kDrop:
@@ -274,9 +245,8 @@ class Endpoint::Impl {
   // The last stage ends: a result for a round that began here.
   bool finish(TimePoint now, const wire::RoundHeader& header, Bytes result) {
     stages_.finish(header);
-    const auto it = origins_.find(header.round.pipeline);
-    auto done =
-        it->second.remote_result(now, header.round.round, std::move(result), header.degraded);
+    auto done = origins_.find(header.round)
+                    ->remote_result(now, header.round.round, std::move(result), header.degraded);
     if (!done) {
       ++counters_.messages_late;
       return false;
@@ -286,25 +256,19 @@ class Endpoint::Impl {
     return true;
   }
 
-  std::uint32_t rounds_begun(PipelineId pipeline) const {
-    const auto it = begun_.find(pipeline);
-    return it == begun_.end() ? 0 : it->second;
-  }
-
   bool finish_at_origin(TimePoint now, const RoundContext& context, Bytes result) {
-    if (context.header.round.origin != options_.session) return false;
-    return finish(now, context.header, std::move(result));
+    return origins_.is_mine(context.header.round) && finish(now, context.header, std::move(result));
   }
 
   guard::Observer& observer_of(const RoundRef& round, PeerId via) {
-    if (round.origin == options_.session) return origins_.at(round.pipeline).observer();
+    if (guard::Origin* origin = origins_.find(round)) return origin->observer();
     return stages_.observer(round, via);
   }
 
   // The clock between the origin of a round and here: the hops so far plus the last one.
   std::optional<guard::ClockView> clock_of(TimePoint now, const wire::RoundHeader& header,
                                            Peer* peer) {
-    if (header.round.origin == options_.session || peer == nullptr) return std::nullopt;
+    if (origins_.is_mine(header.round) || peer == nullptr) return std::nullopt;
     auto view = peer->clock(now);
     if (view) view->alpha = wrapping_add(view->alpha, header.alpha_sum.count());
     return view;
@@ -314,19 +278,6 @@ class Endpoint::Impl {
     if (to) return peers_.find(to);
     if (context.from) return peers_.find(context.from);
     return peers_.only();
-  }
-
-  static void check_variants(const Variants& variants) {
-    if (variants.empty() || variants.size() > kMaxVariants) {
-      throw std::invalid_argument("submit: " + std::to_string(variants.size()) +
-                                  " variants; give 1 to " + std::to_string(kMaxVariants));
-    }
-    for (const Bytes& bytes : variants) {
-      if (bytes.size() > kMaxMessageBytes) {
-        throw std::invalid_argument("submit: a variant of " + std::to_string(bytes.size()) +
-                                    " bytes; at most " + std::to_string(kMaxMessageBytes));
-      }
-    }
   }
 
   // submit() is the hand-over of the application's result: computations up to the next
@@ -343,64 +294,8 @@ class Endpoint::Impl {
     }
   }
 
-  bool transmit(TimePoint now, Peer& peer, const RoundContext& context, Variants variants,
-                MessageClass message_class) {
-    wire::RoundHeader header = context.header;
-    header.stage = static_cast<std::uint8_t>(context.stage + 1);
-    header.message_class = message_class;
-    header.degraded = context.verdict.late;
-    const auto clock = clock_of(now, context.header, peers_.find(context.from));
-    if (clock) header.alpha_sum = Duration{clock->alpha};
-    // A round that passes its origin starts over: the origin's own clock has no offset.
-    if (header.round.origin == options_.session) header.alpha_sum = Duration::zero();
-
-    std::vector<std::size_t> sizes;
-    for (const Bytes& v : variants) sizes.push_back(v.size());
-    const QoS qos = qos_of(header);
-    const auto policy = policies_.find(header.policy);
-    // Without the policy that the origin names, any built-in rule serves; the first registered one
-    // stands in.
-    const Policy* rule = policy != policies_.end() ? policy->second : policies_.begin()->second;
-    const Plan plan = plan_message(*rule, {qos, sizes}, peer.links(now), {header.degraded});
-    events_.emplace_back(Planned{header.round, header.stage, plan});
-    if (plan.sends.empty()) return false;
-
-    header.best_planned = std::ranges::min(plan.sends, {}, &Assignment::variant).variant;
-    const TimePoint deadline = deadline_of(now, header, clock);
-    for (std::size_t v = 0; v < variants.size(); ++v) {
-      std::vector<LinkId> paths;
-      for (const Assignment& a : plan.sends) {
-        if (a.variant == v) paths.push_back(a.link);
-      }
-      if (paths.empty()) continue;
-      header.variant = static_cast<std::uint8_t>(v);
-      std::array<std::byte, wire::kRoundHeaderBytes> opening;
-      wire::write_round_header(opening, header);
-      Bytes message;
-      message.reserve(opening.size() + variants[v].size());
-      message.insert(message.end(), opening.begin(), opening.end());
-      message.insert(message.end(), variants[v].begin(), variants[v].end());
-      peer.send(now, deadline, header.deadline(), std::move(message), paths);
-    }
-    return true;
-  }
-
-  // t0 + D_N on this host's clock; as late as possible while the origin's clock is not known.
-  TimePoint deadline_of(TimePoint now, const wire::RoundHeader& header,
-                        const std::optional<guard::ClockView>& clock) const {
-    if (header.round.origin == options_.session) {
-      return when_elapsed(header.t0, header.deadline());
-    }
-    if (!clock) return now + header.deadline();
-    const TimePoint by_clock =
-        when_elapsed(header.t0, Duration{wrapping_add(clock->alpha, header.deadline().count())});
-    return std::min(by_clock, now + header.deadline());
-  }
-
-  EndpointOptions options_;
-  std::map<std::uint32_t, const Policy*> policies_;  // by wire id
-  std::map<PipelineId, guard::Origin> origins_;
-  std::map<PipelineId, std::uint32_t> begun_;  // rounds so far
+  Dispatch dispatch_;
+  Origins origins_;
   Peers peers_;
   Stages stages_;
   std::deque<Event> events_;
@@ -410,7 +305,7 @@ class Endpoint::Impl {
 };
 
 Endpoint::Endpoint(EndpointOptions options, TimePoint now)
-    : impl_(std::make_unique<Impl>(std::move(options), now)) {}
+    : impl_(std::make_unique<Impl>(options, now)) {}
 Endpoint::~Endpoint() = default;
 Endpoint::Endpoint(Endpoint&&) noexcept = default;
 Endpoint& Endpoint::operator=(Endpoint&&) noexcept = default;
@@ -424,6 +319,12 @@ PeerId Endpoint::connect(TimePoint now, std::span<const std::pair<LinkId, Addres
 }
 RoundRef Endpoint::begin_round(TimePoint now, PipelineId pipeline) {
   return impl_->begin_round(now, pipeline);
+}
+bool Endpoint::add_path(TimePoint now, PeerId peer, LinkId link, const Address& address) {
+  return impl_->add_path(now, peer, link, address);
+}
+bool Endpoint::request_train(TimePoint now, PeerId peer, LinkId link) {
+  return impl_->request_train(now, peer, link);
 }
 bool Endpoint::submit(TimePoint now, RoundRef round, Variants variants, MessageClass message_class,
                       std::optional<PeerId> to) {

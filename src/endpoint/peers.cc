@@ -9,10 +9,10 @@ namespace {
 
 // Sessions that a restarted peer had before; stragglers of theirs must not bring them back.
 constexpr std::size_t kRetired = 64;
-constexpr std::size_t kIpUdpOverhead = 48;  // IPv6, the larger one
+constexpr std::size_t kIpv6UdpOverhead = 48;  // the larger one
 // Links with a smaller MTU than IPv6 allows (1280) are not served better by smaller datagrams:
 // eight reports of feedback and the piece count of the largest message fit from here on.
-constexpr std::size_t kMinDatagramBytes = 1280 - kIpUdpOverhead;
+constexpr std::size_t kMinDatagramBytes = 1280 - kIpv6UdpOverhead;
 
 }  // namespace
 
@@ -21,9 +21,15 @@ void Peers::add_link(LinkId link, const LinkInfo& info) {
   links_[link].present = true;
 }
 
-void Peers::remove_link(TimePoint now, LinkId link) {
+std::vector<PathChanged> Peers::remove_link(TimePoint now, LinkId link) {
   links_[link].present = false;
-  for (auto& [id, peer] : peers_) peer.remove_nic(now, link);
+  reflector_.remove_link(link);
+  std::vector<PathChanged> changes;
+  for (auto& [id, peer] : peers_) {
+    peer.remove_nic(now, link);
+    while (auto change = peer.poll_change()) changes.push_back(std::move(*change));
+  }
+  return changes;
 }
 
 PeerId Peers::connect(TimePoint now, std::span<const std::pair<LinkId, Address>> addresses) {
@@ -35,9 +41,24 @@ PeerId Peers::connect(TimePoint now, std::span<const std::pair<LinkId, Address>>
   }
   const PeerId id = add(now, SessionId{}, true);
   for (const auto& [link, address] : addresses) {
-    peers_.at(id).add_path(now, link, link, address, max_datagram(link));
+    peers_.at(id).add_path(now, link, nic(link), address);
   }
   return id;
+}
+
+bool Peers::add_path(TimePoint now, PeerId id, LinkId link, const Address& address) {
+  Peer* peer = find(id);
+  const auto it = links_.find(link);
+  if (peer == nullptr || !peer->identity().connected || it == links_.end() || !it->second.present) {
+    return false;
+  }
+  peer->add_path(now, link, nic(link), address);
+  return peer->has_path(link);
+}
+
+bool Peers::request_train(TimePoint now, PeerId id, LinkId link) {
+  Peer* peer = find(id);
+  return peer != nullptr && peer->request_train(now, link);
 }
 
 PeerId Peers::add(TimePoint now, SessionId session, bool connected) {
@@ -48,10 +69,10 @@ PeerId Peers::add(TimePoint now, SessionId session, bool connected) {
   return id;
 }
 
-std::size_t Peers::max_datagram(LinkId link) const {
-  const std::size_t mtu = links_.at(link).info.mtu;
-  return std::clamp<std::size_t>(mtu - std::min(mtu, kIpUdpOverhead), kMinDatagramBytes,
-                                 kMaxDatagramBytes);
+Path::Nic Peers::nic(LinkId link) const {
+  const LinkInfo& info = links_.at(link).info;
+  const std::size_t payload = info.mtu - std::min(info.mtu, kIpv6UdpOverhead);
+  return {link, std::clamp(payload, kMinDatagramBytes, kMaxDatagramBytes), info.traits};
 }
 
 void Peers::retire(SessionId session) {
@@ -70,7 +91,7 @@ Peers::Found Peers::whose(TimePoint now, const wire::PacketHeader& header,
   for (auto& [id, peer] : peers_) {
     if (peer.identity().session != header.session) continue;
     if (!peer.identity().connected) {
-      peer.add_path(now, header.link, datagram.link, datagram.from, max_datagram(datagram.link));
+      peer.add_path(now, header.link, nic(datagram.link), datagram.from);
     }
     if (peer.has_path(header.link)) return {&peer, false};
     // We may have connected again to a peer whose links we had lost.
@@ -96,8 +117,14 @@ Peer* Peers::accept(TimePoint now, const wire::PacketHeader& header, const Datag
     return nullptr;
   }
   Peer& peer = peers_.at(add(now, header.session, false));
-  peer.add_path(now, header.link, datagram.link, datagram.from, max_datagram(datagram.link));
+  peer.add_path(now, header.link, nic(datagram.link), datagram.from);
   return &peer;
+}
+
+bool Peers::reflect(TimePoint now, const wire::Packet& packet, const Datagram& datagram) {
+  const auto link = links_.find(datagram.link);
+  return options_.accept && link != links_.end() && link->second.present &&
+         reflector_.take(now, packet, datagram);
 }
 
 Peer* Peers::find(std::optional<PeerId> id) {
@@ -110,6 +137,7 @@ Peers::Expired Peers::handle_timeout(TimePoint now) {
   Expired expired;
   for (auto it = peers_.begin(); it != peers_.end();) {
     expired.messages += it->second.handle_timeout(now);
+    while (auto change = it->second.poll_change()) expired.changes.push_back(std::move(*change));
     const bool silent = !it->second.identity().connected &&
                         (now - it->second.heard_at() >= kPeerSilence || it->second.gone());
     if (silent) {
@@ -123,28 +151,32 @@ Peers::Expired Peers::handle_timeout(TimePoint now) {
   return expired;
 }
 
-std::optional<TimePoint> Peers::next_timeout() const {
+std::optional<TimePoint> Peers::next_timeout(TimePoint now) const {
   std::optional<TimePoint> next;
   const auto consider = [&next](std::optional<TimePoint> t) {
     if (t && (!next || *t < *next)) next = t;
   };
+  consider(reflector_.next_timeout());
   for (const auto& [id, peer] : peers_) {
-    consider(peer.next_timeout());
+    consider(peer.next_timeout(now));
     if (!peer.identity().connected) consider(peer.heard_at() + kPeerSilence);
   }
   return next;
 }
 
 std::optional<Transmit> Peers::poll(TimePoint now, std::span<std::byte> buffer) {
+  if (const auto echo = reflector_.poll(now, buffer)) return count(*echo);
   for (auto& [id, peer] : peers_) {
-    const auto transmit = peer.poll(now, buffer);
-    if (!transmit) continue;
-    LinkCounters& sent = counters(transmit->link);
-    ++sent.sent_packets;
-    sent.sent_bytes += transmit->size;
-    return transmit;
+    if (const auto transmit = peer.poll(now, buffer)) return count(*transmit);
   }
   return std::nullopt;
+}
+
+Transmit Peers::count(const Transmit& transmit) {
+  LinkCounters& sent = counters(transmit.link);
+  ++sent.sent_packets;
+  sent.sent_bytes += transmit.size;
+  return transmit;
 }
 
 std::vector<PeerId> Peers::ids() const {

@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "endpoint/echo_reflector.h"
 #include "endpoint/peer.h"
 #include "interneuron/endpoint.h"
 
@@ -28,12 +29,15 @@ class Peers {
     bool repair = true;
     TimePoint started{};  // of the endpoint
   };
-  explicit Peers(const Options& options) : options_(options) {}
+  explicit Peers(const Options& options) : options_(options), reflector_(options.self) {}
 
   void add_link(LinkId link, const LinkInfo& info);
-  void remove_link(TimePoint now, LinkId link);
+  std::vector<PathChanged> remove_link(TimePoint now, LinkId link);
   // Throws std::invalid_argument when a link was not added.
   PeerId connect(TimePoint now, std::span<const std::pair<LinkId, Address>> addresses);
+  // False: we have not connected to such a peer, or the link was not added.
+  bool add_path(TimePoint now, PeerId peer, LinkId link, const Address& address);
+  bool request_train(TimePoint now, PeerId peer, LinkId link);
 
   // Whose packet this is; adds, rebinds or restarts peers as the packet demands.
   struct Found {
@@ -42,15 +46,19 @@ class Peers {
   };
   Found whose(TimePoint now, const wire::PacketHeader& header, const Datagram& datagram);
 
+  // Answers an echo, if peers may come unannounced. False: it is refused.
+  bool reflect(TimePoint now, const wire::Packet& packet, const Datagram& datagram);
+
   Peer* find(std::optional<PeerId> id);
   Peer* only() { return peers_.size() == 1 ? &peers_.begin()->second : nullptr; }
 
   struct Expired {
     std::size_t messages = 0;  // given up
     std::vector<PeerId> lost;
+    std::vector<PathChanged> changes;
   };
   Expired handle_timeout(TimePoint now);
-  std::optional<TimePoint> next_timeout() const;
+  std::optional<TimePoint> next_timeout(TimePoint now) const;
   std::optional<Transmit> poll(TimePoint now, std::span<std::byte> buffer);
 
   std::vector<PeerId> ids() const;
@@ -68,12 +76,14 @@ class Peers {
   };
   PeerId add(TimePoint now, SessionId session, bool connected);
   Peer* accept(TimePoint now, const wire::PacketHeader& header, const Datagram& datagram);
-  std::size_t max_datagram(LinkId link) const;
+  Path::Nic nic(LinkId link) const;
+  Transmit count(const Transmit& transmit);
   void retire(SessionId session);
 
   Options options_;
   std::map<LinkId, Link> links_;
   std::map<PeerId, Peer> peers_;
+  EchoReflector reflector_;
   std::deque<SessionId> retired_;
   std::uint32_t next_ = 1;
 };

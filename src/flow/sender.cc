@@ -5,29 +5,29 @@
 namespace interneuron::flow {
 namespace {
 
-// Pace a little above the estimate, so that it can grow and the bottleneck never idles
-// (transport.md §4.2).
-constexpr double kPacingHeadroom = 1.25;
 // A path may catch up this much after idling or a late timer (transport.md §4.2: burst <= C * 1
 // ms).
 constexpr Duration kBurst = std::chrono::milliseconds(1);
 // Pieces leave in batches of this much time, so that one system call carries several; chosen.
 constexpr Duration kQuantum = std::chrono::microseconds(500);
-// A packet is lost when one sent this many later has arrived (RFC 9002 §6.1.1).
-constexpr std::uint64_t kReorderPackets = 3;
-// Records of packets are kept this long for late acknowledgements; chosen.
-constexpr Duration kKeepSent = std::chrono::seconds(3);
-constexpr std::size_t kMaxSent = 20'000;  // per path: 3 s at 75 Mbit/s; chosen
-constexpr std::size_t kIpUdpOverhead = 28;
+// Acknowledgements of a slow link come this far apart: a packet at 2 Mbit/s and the delay of
+// feedback; chosen.
+constexpr Duration kMinBetween = std::chrono::milliseconds(15);
 // The longest deadline there is; keeps sums of times in range.
 constexpr Duration kNever = std::chrono::hours(1);
+
+SentPackets::Silence silence_of(const PathView& view) {
+  // An acknowledgement tells of packets sent a round trip ago: what was sent next to them should be
+  // acknowledged after what the timeout allows beyond the round trip.
+  return {view.probe_timeout, std::max(view.probe_timeout - 2 * view.one_way, kMinBetween)};
+}
 
 }  // namespace
 
 void Sender::add_path(LinkId path, std::size_t max_datagram, std::uint64_t first_number) {
   const auto [it, fresh] = paths_.try_emplace(path);
   it->second.max_datagram = max_datagram;
-  if (fresh) it->second.next_number = first_number;
+  if (fresh) it->second.sent = SentPackets(first_number);
 }
 
 void Sender::remove_path(TimePoint now, LinkId path) {
@@ -35,20 +35,50 @@ void Sender::remove_path(TimePoint now, LinkId path) {
   if (it == paths_.end()) return;
   Path gone = std::move(it->second);
   paths_.erase(it);
-  for (Sent& sent : gone.sent) {
-    if (!sent.settled) lose(now, sent);
-  }
+  settle(now, gone.sent.in_flight());
   for (Job& job : gone.jobs) {
     const auto message = messages_.find(job.message);
     if (message == messages_.end()) continue;
-    std::vector<std::uint16_t> owed(job.again.begin(), job.again.end());
-    for (std::uint32_t i = job.next; i < message->second.count; ++i) {
-      owed.push_back(static_cast<std::uint16_t>(i));
-    }
-    for (const std::uint16_t index : owed) {
+    for (const std::uint16_t index : owed(job)) {
       Message::PieceState& piece = message->second.pieces[index];
       if (piece.under_way > 0) --piece.under_way;
       if (!piece.acknowledged && piece.under_way == 0) repair(now, job.message, index);
+    }
+  }
+}
+
+// The pieces that a path still has to send of a message.
+std::vector<std::uint16_t> Sender::owed(const Job& job) {
+  std::vector<std::uint16_t> out;
+  for (std::size_t i = 0; i < job.again.size(); ++i) out.push_back(job.again[i]);
+  for (std::uint32_t i = job.next; i < job.count; ++i) out.push_back(static_cast<std::uint16_t>(i));
+  return out;
+}
+
+void Sender::pull(TimePoint now, LinkId link) {
+  const auto it = paths_.find(link);
+  if (it == paths_.end()) return;
+  Path& path = it->second;
+  path.view.up = false;
+  // Not settled: it may have arrived, and then its acknowledgement saves what is queued.
+  for (const auto& [piece, arrived, was_open] : path.sent.in_flight()) {
+    const auto message = messages_.find(piece.message);
+    if (message == messages_.end()) continue;
+    if (!message->second.pieces[piece.index].acknowledged) repair(now, piece.message, piece.index);
+  }
+  for (Job& job : path.jobs) {
+    const auto message = messages_.find(job.message);
+    if (message == messages_.end()) continue;
+    const std::vector<std::uint16_t> indices = owed(job);
+    job.again.clear();
+    job.next = job.count;
+    for (const std::uint16_t index : indices) {
+      Message::PieceState& piece = message->second.pieces[index];
+      if (piece.under_way > 0) --piece.under_way;
+      if (piece.acknowledged || repair(now, job.message, index)) continue;
+      // Nobody else brings it in time: it waits here for the path to come back.
+      ++piece.under_way;
+      job.again.push_back(index);
     }
   }
 }
@@ -86,20 +116,9 @@ MessageId Sender::send(TimePoint now, TimePoint deadline, Duration lifetime, Byt
   return id;
 }
 
-std::uint64_t Sender::take_number(TimePoint now, LinkId path) {
-  Path& p = paths_.at(path);
-  const std::uint64_t number = p.next_number++;
-  trim(p, now);
-  p.sent.push_back({number, now, false, false, {}, 0});
-  return number;
-}
-
-void Sender::trim(Path& path, TimePoint now) {
-  while (!path.sent.empty() && path.sent.front().settled) path.sent.pop_front();
-  while (!path.sent.empty() &&
-         (path.sent.size() >= kMaxSent || path.sent.front().at < now - kKeepSent)) {
-    path.sent.pop_front();
-  }
+std::uint64_t Sender::take_number(TimePoint now, LinkId link, std::size_t train_bytes) {
+  SentPackets& sent = paths_.at(link).sent;
+  return train_bytes > 0 ? sent.add(now, train_bytes, false, std::nullopt) : sent.add_small(now);
 }
 
 std::size_t Sender::queued_bytes(const Path& path) const {
@@ -144,7 +163,7 @@ std::optional<std::uint16_t> Sender::take_index(Job& job, bool& is_repair) {
 
 std::optional<Sender::Piece> Sender::poll(TimePoint now, LinkId path_id) {
   Path& path = paths_.at(path_id);
-  if (now < path.free_at) return std::nullopt;
+  if (!path.view.up || now < path.free_at) return std::nullopt;
   for (;;) {
     Job* job = next_job(path, now);
     if (job == nullptr) return std::nullopt;
@@ -155,13 +174,13 @@ std::optional<Sender::Piece> Sender::poll(TimePoint now, LinkId path_id) {
     Message& m = messages_.at(job->message);
     const std::size_t offset = std::size_t{*index} * m.chunk;
     const std::size_t size = std::min<std::size_t>(m.chunk, m.bytes.size() - offset);
-    trim(path, now);
-    const std::uint64_t number = path.next_number++;
-    path.sent.push_back({number, now, true, false, job->message, *index});
+    const std::size_t ip_bytes = size + wire::kFragmentOverhead + wire::kIpUdpOverhead;
+    const bool more_waits = job->next < m.count || !job->again.empty() || path.jobs.size() > 1;
+    const std::uint64_t number =
+        path.sent.add(now, ip_bytes, more_waits, SentPackets::Piece{job->message, *index});
     if (is_repair) ++path.resent;
 
-    const DataRate pace = path.view.rate.value_or(kBlindRate).scaled(kPacingHeadroom);
-    const Duration air = pace.transmit_time(size + wire::kFragmentOverhead + kIpUdpOverhead);
+    const Duration air = path.view.pace.value_or(kBlindPace).transmit_time(ip_bytes);
     path.free_at =
         std::max(path.free_at, now - kBurst) + std::min<Duration>(air, std::chrono::seconds(1));
     return Piece{number,
@@ -170,60 +189,38 @@ std::optional<Sender::Piece> Sender::poll(TimePoint now, LinkId path_id) {
   }
 }
 
-void Sender::acknowledge(const Sent& sent) {
-  const auto it = messages_.find(sent.message);
-  if (it == messages_.end()) return;
-  Message::PieceState& piece = it->second.pieces[sent.index];
-  if (piece.under_way > 0) --piece.under_way;
-  if (piece.acknowledged) return;
-  piece.acknowledged = true;
-  if (--it->second.unacknowledged == 0) forget(sent.message);
+// What became of pieces: acknowledged, or to be sent again.
+void Sender::settle(TimePoint now, std::span<const SentPackets::Settled> pieces) {
+  for (const auto& [what, arrived, was_open] : pieces) {
+    const auto it = messages_.find(what.message);
+    if (it == messages_.end()) continue;
+    Message::PieceState& piece = it->second.pieces[what.index];
+    if (was_open && piece.under_way > 0) --piece.under_way;
+    if (piece.acknowledged) continue;
+    if (!arrived) {
+      repair(now, what.message, what.index);
+      continue;
+    }
+    piece.acknowledged = true;
+    if (--it->second.unacknowledged == 0) messages_.erase(it);
+  }
 }
 
-void Sender::forget(MessageId id) { messages_.erase(id); }
-
-Sender::Verdicts Sender::report(TimePoint now, const wire::LinkReport& report) {
-  Verdicts verdicts;
+SentPackets::Verdicts Sender::report(TimePoint now, const wire::LinkReport& report,
+                                     Duration min_rtt) {
   const auto it = paths_.find(report.link);
-  if (it == paths_.end() || report.largest == 0 || report.largest >= it->second.next_number) {
-    return verdicts;
-  }
+  if (it == paths_.end()) return {};
   Path& path = it->second;
-  const std::uint64_t window_start =
-      report.largest > wire::kAckWindow ? report.largest - wire::kAckWindow : 0;
-  // Losing a piece may queue repairs but never touches `sent`.
-  for (Sent& sent : path.sent) {
-    if (sent.number > report.largest) break;
-    if (sent.settled) continue;
-    const std::uint64_t back = report.largest - sent.number;
-    const bool arrived =
-        back == 0 || (sent.number >= window_start &&
-                      (report.bitmap[(back - 1) / 64] >> ((back - 1) % 64) & 1U) != 0);
-    if (arrived) {
-      sent.settled = true;
-      ++verdicts.acknowledged;
-      if (sent.has_piece) {
-        path.progress_at = now;
-        acknowledge(sent);
-      }
-    } else if (back >= kReorderPackets) {
-      ++verdicts.lost;
-      lose(now, sent);
-    }
-  }
-  verdicts.used_path = verdicts.acknowledged + verdicts.lost > 0;
-  trim(path, now);
+  const auto verdicts = path.sent.report(now, report, min_rtt, silence_of(path.view));
+  settle(now, verdicts.pieces);
   return verdicts;
 }
 
-void Sender::lose(TimePoint now, Sent& sent) {
-  sent.settled = true;
-  if (!sent.has_piece) return;
-  const auto it = messages_.find(sent.message);
-  if (it == messages_.end()) return;
-  Message::PieceState& piece = it->second.pieces[sent.index];
-  if (piece.under_way > 0) --piece.under_way;
-  if (!piece.acknowledged) repair(now, sent.message, sent.index);
+bool Sender::is_again(const Job& job, std::uint16_t index) {
+  for (std::size_t i = 0; i < job.again.size(); ++i) {
+    if (job.again[i] == index) return true;
+  }
+  return false;
 }
 
 // When the best copy of a piece that is still queued or in flight should arrive; nothing if there
@@ -237,75 +234,70 @@ std::optional<TimePoint> Sender::expected_arrival(TimePoint now, MessageId id,
     if (!best || t < *best) best = t;
   };
   for (const auto& [link, path] : paths_) {
+    if (!path.view.up) continue;
     const auto job = std::ranges::find(path.jobs, id, &Job::message);
-    if (job != path.jobs.end() &&
-        (index >= job->next || std::ranges::count(job->again, index) > 0)) {
+    if (job != path.jobs.end() && (index >= job->next || is_again(*job, index))) {
       const std::size_t ahead = index >= job->next ? index - job->next + 1U : job->again.size();
       const DataRate rate = path.view.rate.value_or(kBlindRate);
       consider(now + std::min<Duration>(rate.transmit_time(ahead * m.chunk), kNever) +
                path.view.one_way);
     }
-    for (auto sent = path.sent.rbegin(); sent != path.sent.rend(); ++sent) {
-      if (sent->settled || !sent->has_piece || sent->message != id || sent->index != index)
-        continue;
-      consider(sent->at + path.view.one_way);
-      break;
-    }
+    const auto sent_at = path.sent.sent_at({id, index});
+    if (sent_at) consider(*sent_at + path.view.one_way);
   }
   return best;
 }
 
 // Sends a piece again over the path that brings it soonest, unless that is too late or another copy
 // is sooner still.
-void Sender::repair(TimePoint now, MessageId id, std::uint16_t index) {
-  if (!options_.repair) return;
+bool Sender::repair(TimePoint now, MessageId id, std::uint16_t index) {
+  if (!options_.repair) return false;
   Message& m = messages_.at(id);
   Path* best = nullptr;
   TimePoint best_arrival = TimePoint::max();
   for (auto& [link, path] : paths_) {
-    if (!path.view.up) continue;
+    if (!path.view.up || path.max_datagram < m.chunk + wire::kFragmentOverhead) continue;
     const DataRate rate = path.view.rate.value_or(kBlindRate);
     const Duration queue =
         std::min<Duration>(rate.transmit_time(queued_bytes(path) + m.chunk), kNever);
     const TimePoint arrival = now + queue + path.view.one_way;
-    if (arrival < best_arrival && path.max_datagram >= m.chunk + wire::kFragmentOverhead) {
+    const bool in_time = arrival <= m.deadline;
+    // A backup only where no other path is in time.
+    const bool better =
+        best == nullptr || (path.view.backup == best->view.backup ? arrival < best_arrival
+                            : path.view.backup ? in_time && best_arrival > m.deadline
+                                               : in_time || best_arrival > m.deadline);
+    if (better) {
       best = &path;
       best_arrival = arrival;
     }
   }
   const std::optional<TimePoint> other = expected_arrival(now, id, index);
-  if (other && *other <= best_arrival) return;
+  if (other && *other <= best_arrival) return false;
   if (best == nullptr || best_arrival > m.deadline) {
     ++cancelled_;
-    return;
+    return false;
   }
   ++m.pieces[index].under_way;
   const auto job = std::ranges::find(best->jobs, id, &Job::message);
   if (job != best->jobs.end()) {
     job->again.push_back(index);
   } else {
-    best->jobs.push_back({id, m.deadline, m.count, m.count, m.chunk, {index}});
+    best->jobs.push_back({id, m.deadline, m.count, m.count, m.chunk, {}});
+    best->jobs.back().again.push_back(index);
   }
+  return true;
 }
 
-std::vector<std::pair<LinkId, std::uint64_t>> Sender::handle_timeout(TimePoint now) {
-  std::vector<std::pair<LinkId, std::uint64_t>> out;
+void Sender::handle_timeout(TimePoint now) {
   for (auto& [link, path] : paths_) {
-    std::uint64_t lost = 0;
-    for (Sent& sent : path.sent) {
-      if (path.silent_at(sent) > now) break;
-      if (sent.settled || !sent.has_piece) continue;
-      ++lost;
-      lose(now, sent);
-    }
-    if (lost > 0) out.emplace_back(link, lost);
+    settle(now, path.sent.settle_silent(now, silence_of(path.view)));
   }
   std::erase_if(messages_, [now](const auto& entry) { return entry.second.deadline <= now; });
   // A path that may not send is never polled: what nobody waits for must not pile up on it.
   for (auto& [link, path] : paths_) {
     std::erase_if(path.jobs, [this](const Job& job) { return !messages_.contains(job.message); });
   }
-  return out;
 }
 
 std::optional<TimePoint> Sender::next_timeout() const {
@@ -314,9 +306,8 @@ std::optional<TimePoint> Sender::next_timeout() const {
     if (!next || t < *next) next = t;
   };
   for (const auto& [link, path] : paths_) {
-    const auto oldest =
-        std::ranges::find_if(path.sent, [](const Sent& s) { return !s.settled && s.has_piece; });
-    if (oldest != path.sent.end()) consider(path.silent_at(*oldest));
+    const auto silent_at = path.sent.silent_at(silence_of(path.view));
+    if (silent_at) consider(*silent_at);
   }
   for (const auto& [id, message] : messages_) consider(message.deadline);
   return next;
@@ -324,14 +315,8 @@ std::optional<TimePoint> Sender::next_timeout() const {
 
 std::optional<TimePoint> Sender::next_send(LinkId path) const {
   const auto it = paths_.find(path);
-  if (it == paths_.end() || it->second.jobs.empty()) return std::nullopt;
+  if (it == paths_.end() || it->second.jobs.empty() || !it->second.view.up) return std::nullopt;
   return saturating_add(it->second.free_at, kQuantum);
-}
-
-std::optional<DataRate> Sender::pacing_rate(LinkId path) const {
-  const auto it = paths_.find(path);
-  if (it == paths_.end() || !it->second.view.rate) return std::nullopt;
-  return it->second.view.rate->scaled(kPacingHeadroom);
 }
 
 std::uint64_t Sender::resent(LinkId path) const {
@@ -339,11 +324,16 @@ std::uint64_t Sender::resent(LinkId path) const {
   return it == paths_.end() ? 0 : it->second.resent;
 }
 
+std::uint64_t Sender::lost(LinkId path) const {
+  const auto it = paths_.find(path);
+  return it == paths_.end() ? 0 : it->second.sent.lost();
+}
+
 void Sender::reset(TimePoint now) {
   messages_.clear();
   for (auto& [link, path] : paths_) {
     path.jobs.clear();
-    path.sent.clear();
+    path.sent.reset();
     path.free_at = now;
   }
 }

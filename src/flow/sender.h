@@ -1,18 +1,21 @@
 // The sending side of one peer: messages cut into pieces that fit the path (IP never fragments),
 // earliest deadline first, paced per path; pieces found lost are sent again over the path that
-// brings them soonest, while the deadline allows. Pure; thread-compatible.
+// brings them soonest, while the deadline allows. Pure; thread-compatible; allocates per message,
+// not per packet.
 //
 // In the order of use: send() queues a message on paths; poll() yields the next piece that may
 // leave a path now; report() and handle_timeout() tell what arrived or must be taken for lost.
 #pragma once
 
 #include <cstdint>
-#include <deque>
 #include <map>
 #include <optional>
+#include <span>
 #include <unordered_map>
 #include <vector>
 
+#include "base/ring.h"
+#include "flow/sent_packets.h"
 #include "interneuron/units.h"
 #include "wire/packet.h"
 
@@ -20,11 +23,13 @@ namespace interneuron::flow {
 
 // What the sender must know of a path; refreshed by set_path() whenever the estimates move.
 struct PathView {
-  bool up = false;
-  std::optional<DataRate> rate;  // unknown: paced at kBlindRate
+  bool up = true;                // else nothing is sent on it
+  bool backup = false;           // repairs prefer the other paths
+  std::optional<DataRate> rate;  // unknown: taken for kBlindRate
+  std::optional<DataRate> pace;  // unknown: kBlindPace
   Duration one_way{};            // expected, zero while unknown
-  Duration
-      probe_timeout{};  // after this long without any acknowledgement what is in flight is lost
+  // After this long without any acknowledgement what is in flight is lost.
+  Duration probe_timeout{};
 };
 
 class Sender {
@@ -41,6 +46,9 @@ class Sender {
   // Gives what it still owed to the other paths.
   void remove_path(TimePoint now, LinkId path);
   void set_path(LinkId path, const PathView& view);
+  // Nothing more goes over this path until set_path() says that it is up again: what it owes and
+  // what is in flight on it goes over the others at once, where that still helps.
+  void pull(TimePoint now, LinkId path);
 
   // Queues a message (round header and payload) on these paths. After `deadline` nothing of it is
   // sent. Nothing is sent either of a message that does not fit into the number of pieces that the
@@ -49,8 +57,8 @@ class Sender {
                  const std::vector<LinkId>& paths);
 
   // The next packet number of a path, for packets that the endpoint makes itself; they count as
-  // sent.
-  std::uint64_t take_number(TimePoint now, LinkId path);
+  // sent. `train_bytes`: size at IP level of those that belong to trains, 0 of all others.
+  std::uint64_t take_number(TimePoint now, LinkId path, std::size_t train_bytes = 0);
 
   // A piece of a message that may leave `path` now; the bytes are valid until the next call.
   // nullopt: nothing may.
@@ -61,31 +69,27 @@ class Sender {
   };
   std::optional<Piece> poll(TimePoint now, LinkId path);
 
-  struct Verdicts {
-    std::uint64_t acknowledged = 0;
-    std::uint64_t lost = 0;
-    bool used_path = false;  // at least one packet of ours is covered
-  };
-  Verdicts report(TimePoint now, const wire::LinkReport& report);
+  // `min_rtt`: of the path, for delivery rate samples.
+  SentPackets::Verdicts report(TimePoint now, const wire::LinkReport& report,
+                               Duration min_rtt = {});
 
   // Silence: packets older than their path's probe timeout count as lost. Drops what is past its
-  // deadline. Returns how many packets were found lost, per path.
-  std::vector<std::pair<LinkId, std::uint64_t>> handle_timeout(TimePoint now);
+  // deadline.
+  void handle_timeout(TimePoint now);
   std::optional<TimePoint> next_timeout() const;
   // When poll() should be called for a path that has something queued; the paths that may not send
   // are the caller's business.
   std::optional<TimePoint> next_send(LinkId path) const;
 
-  // The rate at which the newest messages were paced on a path; nothing when not paced by us.
-  std::optional<DataRate> pacing_rate(LinkId path) const;
-
   std::uint64_t resent(LinkId path) const;
+  std::uint64_t lost(LinkId path) const;  // packets, by the peer's feedback or silence
   std::uint64_t cancelled() const { return cancelled_; }
   void reset(TimePoint now);  // the peer began a new life: everything queued or in flight is void
 
   // Before anything is known of a path; a start-up train measures it within a round trip. Chosen: a
   // weak 4G uplink.
   static constexpr DataRate kBlindRate{20'000'000};
+  static constexpr DataRate kBlindPace{25'000'000};  // headroom as of a known rate
 
  private:
   struct Message {
@@ -108,30 +112,15 @@ class Sender {
     std::uint32_t next = 0;  // first copies: next … count - 1
     std::uint16_t count = 0;
     std::uint16_t chunk = 0;
-    std::deque<std::uint16_t> again;
-  };
-  struct Sent {
-    std::uint64_t number = 0;
-    TimePoint at{};
-    bool has_piece = false;
-    bool settled = false;  // acknowledged or found lost
-    MessageId message{};
-    std::uint16_t index = 0;
+    Ring<std::uint16_t> again;
   };
   struct Path {
     std::size_t max_datagram = 0;
     PathView view;
-    std::uint64_t next_number = 1;
     TimePoint free_at = TimePoint::min();  // pacing: when the next packet may leave
     std::vector<Job> jobs;                 // few: one per message under way
-    std::deque<Sent> sent;                 // by number, oldest first
+    SentPackets sent;
     std::uint64_t resent = 0;
-    // The newest acknowledgement of a piece. While they come in, a packet that is late waits in our
-    // own queue.
-    TimePoint progress_at = TimePoint::min();
-    TimePoint silent_at(const Sent& oldest) const {
-      return std::max(oldest.at, progress_at) + view.probe_timeout;
-    }
   };
 
   std::optional<std::uint16_t> take_index(Job& job, bool& is_repair);
@@ -139,12 +128,12 @@ class Sender {
   // What a path has to send before a piece that is queued now, of messages that somebody still
   // waits for.
   std::size_t queued_bytes(const Path& path) const;
-  void lose(TimePoint now, Sent& sent);
-  void repair(TimePoint now, MessageId id, std::uint16_t index);
+  static std::vector<std::uint16_t> owed(const Job& job);
+  static bool is_again(const Job& job, std::uint16_t index);
+  // Whether it was queued on a path.
+  bool repair(TimePoint now, MessageId id, std::uint16_t index);
   std::optional<TimePoint> expected_arrival(TimePoint now, MessageId id, std::uint16_t index) const;
-  void acknowledge(const Sent& sent);
-  void trim(Path& path, TimePoint now);
-  void forget(MessageId id);
+  void settle(TimePoint now, std::span<const SentPackets::Settled> pieces);
 
   Options options_;
   std::map<LinkId, Path> paths_;

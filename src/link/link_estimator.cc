@@ -1,25 +1,12 @@
 #include "link/link_estimator.h"
 
 #include <algorithm>
-#include <cmath>
-#include <vector>
+
+#include "link/nature.h"
 
 namespace interneuron::link {
 namespace {
 
-// 10 s of round trips at 50 per second; chosen.
-constexpr std::size_t kMaxSamples = 500;
-// Shorter trains are spread by the slots of the radio rather than by its rate (transport.md §4.1).
-constexpr std::uint32_t kMinTrainPackets = 16;
-// The median of this many trains: one train compressed by a falling delay must not count; chosen.
-constexpr std::size_t kTrains = 5;
-// A train that arrived at this share of its pacing rate was limited by us, not by the link; chosen.
-constexpr double kPacingLimited = 0.85;
-// Smoothing of loss per packet: about the last 1,000 packets; chosen.
-constexpr double kLossGain = 1e-3;
-// Quicker than RFC 6298's 1/8: at 20 samples per second the estimate follows a radio's ramp of 0.1
-// to 0.3 s; chosen.
-constexpr int kRttGainDivisor = 4;
 // Feedback may be this late by itself: its delay (5 ms, src/flow/receiver.h) and a turn of either
 // loop; chosen.
 constexpr Duration kFeedbackSlack = std::chrono::milliseconds(10);
@@ -29,78 +16,99 @@ constexpr Duration kMinTimeout = std::chrono::milliseconds(20);  // chosen
 
 }  // namespace
 
+void LinkEstimator::set_traits(const LinkTraits& traits) {
+  traits_ = traits;
+  rate_.set_cap(traits.rate_cap);
+}
+
+void LinkEstimator::set_heartbeat(TimePoint now, Duration heartbeat) {
+  heartbeat_ = heartbeat;
+  refresh_pace(now);
+}
+
+void LinkEstimator::heard(TimePoint now) {
+  heard_at_ = now;
+  machine_.heard(now);
+}
+
 void LinkEstimator::round_trip(TimePoint now, Duration rtt) {
-  smoothed_ = samples_.empty() ? rtt : smoothed_ + (rtt - smoothed_) / kRttGainDivisor;
-  samples_.push_back({now, rtt});
-  if (samples_.size() > kMaxSamples) samples_.pop_front();
-  refresh(now);
+  rtt_.add(now, rtt);
+  refresh_pace(now);
 }
 
-void LinkEstimator::refresh(TimePoint now) {
-  while (!samples_.empty() && samples_.front().at < now - kMinimumWindow) samples_.pop_front();
-  std::vector<Duration> recent;
-  min_ = samples_.front().rtt;
-  for (const Sample& s : samples_) {
-    min_ = std::min(min_, s.rtt);
-    if (s.at >= now - kQuantileWindow) recent.push_back(s.rtt);
-  }
-  const auto quantile = [&recent](double q) {
-    // Nearest rank: with few samples the upper quantile is the largest.
-    const auto rank =
-        static_cast<std::ptrdiff_t>(std::ceil(q * static_cast<double>(recent.size()))) - 1;
-    std::nth_element(recent.begin(), recent.begin() + rank, recent.end());
-    return recent[static_cast<std::size_t>(rank)];
-  };
-  median_ = quantile(0.5);
-  p95_ = quantile(0.95);
+void LinkEstimator::one_way_delays(TimePoint now, Duration up, Duration down) {
+  queue_up_.add(now, up);
+  queue_down_.add(now, down);
+  refresh_pace(now);
 }
 
-void LinkEstimator::acknowledged(std::uint64_t packets) {
-  for (std::uint64_t i = 0; i < packets; ++i) loss_ -= kLossGain * loss_;
+void LinkEstimator::clock_stepped() {
+  queue_up_.reset();
+  queue_down_.reset();
 }
 
-void LinkEstimator::lost(std::uint64_t packets) {
-  for (std::uint64_t i = 0; i < packets; ++i) loss_ += kLossGain * (1.0 - loss_);
+void LinkEstimator::delivered(TimePoint now, TimePoint sent_at, bool data) {
+  machine_.delivered(now, sent_at, data);
 }
 
-void LinkEstimator::train(std::uint64_t train, std::uint32_t packets, DataRate measured,
-                          std::optional<DataRate> paced_at) {
-  if (packets < kMinTrainPackets || measured.bits_per_second <= 0) return;
-  if (open_train_ && open_train_->id != train) commit_train();
-  // The bound of the train's beginning holds to its end, though the estimate (and so the pacing)
-  // moves meanwhile.
-  const auto bound = open_train_ ? open_train_->paced_at : paced_at;
-  open_train_ = Train{train, measured, bound};
-  const bool only_a_bound = bound && measured >= bound->scaled(kPacingLimited);
-  if (!rate_ || (only_a_bound && measured > *rate_)) rate_ = measured;
+void LinkEstimator::train(TimePoint now, std::uint64_t train, std::uint32_t packets,
+                          DataRate measured, std::optional<DataRate> sent_at) {
+  rate_.train(now, train, packets, measured, sent_at);
 }
 
-void LinkEstimator::commit_train() {
-  const Train done = *open_train_;
-  open_train_.reset();
-  const bool only_a_bound = done.paced_at && done.measured >= done.paced_at->scaled(kPacingLimited);
-  if (only_a_bound && rate_ && done.measured < *rate_) return;
-  trains_.push_back(done.measured);
-  if (trains_.size() > kTrains) trains_.pop_front();
-  std::vector<DataRate> sorted(trains_.begin(), trains_.end());
-  std::ranges::sort(sorted);
-  rate_ = sorted[sorted.size() / 2];
+void LinkEstimator::delivery_sample(TimePoint now, const DeliveryRate::Sample& sample) {
+  rate_.sample(now, sample);
 }
 
-Duration LinkEstimator::probe_timeout() const {
-  if (samples_.empty()) return kUnknownTimeout;
-  return std::max(kMinTimeout, p95_ + p95_ / 4 + kFeedbackSlack);
+void LinkEstimator::peer_sees(DataRate rate_down, double loss_down) {
+  rate_down_ = rate_down;
+  loss_down_ = loss_down;
+}
+
+void LinkEstimator::handle_timeout(TimePoint now) {
+  refresh_pace(now);
+  machine_.handle_timeout(now);
+}
+
+void LinkEstimator::refresh_pace(TimePoint now) {
+  machine_.set_pace(now, {rtt_.smoothed(), rtt_.variation(),
+                          std::max(queue_up_.queue(now), queue_down_.queue(now)), heartbeat_});
+}
+
+Prober::RateEvidence LinkEstimator::rate_evidence() const {
+  // A dispute leaves one that can be built on; the next follow as at the beginning.
+  return {rate_.guess(), rate_.measured_at(), rate_.disputed() ? 1 : rate_.trains()};
+}
+
+Duration LinkEstimator::probe_timeout(TimePoint now) const {
+  if (!rtt_.measured()) return kUnknownTimeout;
+  const Duration p95 = rtt_.quantile(now, 0.95);
+  return std::max(kMinTimeout, p95 + p95 / 4 + kFeedbackSlack);
 }
 
 LinkState LinkEstimator::state(TimePoint now) const {
   LinkState s;
-  s.up = up(now);
-  s.rtt_p50 = median_;
-  s.rtt_p95 = p95_;
-  s.rtt_min = min_;
-  s.rate = rate_.value_or(DataRate{});
-  s.loss = loss_;
+  s.up = up();
+  s.path = machine_.state();
+  s.traits = traits_;
+  s.rtt_p50 = rtt_.quantile(now, 0.5);
+  s.rtt_p95 = rtt_.quantile(now, 0.95);
+  s.rtt_min = rtt_.minimum(now);
+  s.jitter = rtt_.variation();
+  s.queue_up = queue_up_.queue(now);
+  s.queue_down = queue_down_.queue(now);
+  s.rate = rate_.rate().value_or(DataRate{});
+  s.rate_down = rate_down_;
+  s.loss = loss_.loss();
+  s.loss_down = loss_down_;
+  s.loss_burst = loss_.burst();
+  s.outage = machine_.outage(now);
   s.age = heard_at_ ? now - *heard_at_ : Duration::max();
+  s.rate_age = rate_.measured_at() ? now - *rate_.measured_at() : Duration::max();
+  s.rtt_samples = static_cast<std::uint32_t>(rtt_.samples(now));
+  s.loss_packets = static_cast<std::uint32_t>(loss_.packets());
+  s.rate_trains = static_cast<std::uint32_t>(rate_.trains());
+  s.confidence = confidence(s.age, kGrace, kHalfLife);
   return s;
 }
 

@@ -26,11 +26,16 @@ double rank(const Nature& weights, const Nature& score) {
 
 std::vector<LinkState> match(const Requirement& requirement, std::span<const LinkState> links) {
   std::vector<LinkState> out;
-  for (const LinkState& link : links) {
-    if (link.up && meets(requirement, link)) out.push_back(link);
-  }
-  std::ranges::stable_sort(out, std::ranges::greater{}, [&requirement](const LinkState& link) {
-    return rank(requirement.weights, link.nature);
+  const auto take = [&](LinkRole role) {
+    for (const LinkState& link : links) {
+      if (link.up && link.traits.role == role && meets(requirement, link)) out.push_back(link);
+    }
+  };
+  take(LinkRole::kNormal);
+  if (out.empty()) take(LinkRole::kBackup);
+  std::ranges::stable_sort(out, [&requirement](const LinkState& a, const LinkState& b) {
+    if (a.traits.priority != b.traits.priority) return a.traits.priority < b.traits.priority;
+    return rank(requirement.weights, a.nature) > rank(requirement.weights, b.nature);
   });
   if (out.size() > requirement.links) out.resize(requirement.links);
   return out;

@@ -129,6 +129,8 @@ void Offload::on_event(HostId host, Event&& event) {
     round.done.result.clear();
   } else if (auto* delivered = std::get_if<Delivered>(&event); delivered != nullptr) {
     compute(std::move(*delivered));
+  } else if (auto* change = std::get_if<PathChanged>(&event)) {
+    result_.path_changes.push_back(std::move(*change));
   }
 }
 

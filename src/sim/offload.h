@@ -74,6 +74,7 @@ struct OffloadResult {
   std::size_t top_level = 0;
   std::uint32_t on_time() const;
   std::uint32_t feasible() const;
+  std::vector<PathChanged> path_changes;  // at either end
   std::size_t max_reassembly_bytes = 0;
   std::vector<emu::DirectionStats> up;  // per link
   std::vector<emu::DirectionStats> down;

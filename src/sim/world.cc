@@ -4,19 +4,21 @@
 #include <array>
 #include <stdexcept>
 
+#include "wire/packet.h"
+
 namespace interneuron::sim {
 namespace {
 
 constexpr std::int64_t kMillion = 1'000'000;
-constexpr std::size_t kIpUdpOverhead = 28;  // IPv4 and UDP headers
 
 }  // namespace
 
-Address World::address_of(HostId host, LinkId link) {
+Address World::address_of(HostId host, LinkId link, std::uint8_t mapping) {
   Address a;
   a.raw[0] = static_cast<std::byte>(host);
   a.raw[1] = static_cast<std::byte>(link.value);
-  a.size = 2;
+  a.raw[2] = static_cast<std::byte>(mapping);
+  a.size = 3;
   return a;
 }
 
@@ -45,11 +47,11 @@ HostId World::add_host(EndpointOptions options, const ClockError& clock) {
   return hosts_.size() - 1;
 }
 
-void World::add_link(HostId a, HostId b, LinkId link, const std::string& name, emu::Link model) {
-  wires_.push_back({a, b, link, std::move(model), {}});
-  for (const HostId host : {a, b}) {
-    hosts_[host].endpoint->add_link(local_time(host), link, {name, 1500});
-  }
+void World::add_link(HostId a, HostId b, LinkId link, const std::string& name, emu::Link model,
+                     const LinkTraits& traits) {
+  wires_.push_back({a, b, link, std::move(model), {}, 0, 0});
+  hosts_[a].endpoint->add_link(local_time(a), link, {name, 1500, traits});
+  hosts_[b].endpoint->add_link(local_time(b), link, {name, 1500, {}});
 }
 
 PeerId World::connect(HostId from, HostId to) {
@@ -63,16 +65,25 @@ PeerId World::connect(HostId from, HostId to) {
   return peer;
 }
 
-Faults& World::faults(LinkId link) {
+World::Wire& World::wire(LinkId link) {
   const auto it = std::ranges::find(wires_, link, &Wire::link);
   if (it == wires_.end()) throw std::invalid_argument("world: no such link");
-  return it->faults;
+  return *it;
 }
+
+Faults& World::faults(LinkId link) { return wire(link).faults; }
+
+emu::Link& World::model(LinkId link) { return wire(link).model; }
 
 const emu::DirectionStats& World::stats(LinkId link, bool up) const {
   const auto it = std::ranges::find(wires_, link, &Wire::link);
   if (it == wires_.end()) throw std::invalid_argument("world: no such link");
   return up ? it->model.up().stats() : it->model.down().stats();
+}
+
+void World::rebind(HostId host, LinkId link) {
+  Wire& w = wire(link);
+  ++(w.a == host ? w.mapping_a : w.mapping_b);
 }
 
 void World::at(Duration when, std::function<void()> action) {
@@ -95,11 +106,14 @@ void World::flush(HostId id) {
 }
 
 void World::carry(HostId from, const Transmit& transmit, ByteView bytes) {
+  if (on_sent_) on_sent_(from, transmit.link, bytes);
   const auto it = std::ranges::find(wires_, transmit.link, &Wire::link);
   if (it == wires_.end()) return;
   const bool up = it->a == from;
-  InFlight packet{Bytes(bytes.begin(), bytes.end()), up ? it->b : it->a,
-                  address_of(from, transmit.link), transmit.link};
+  const HostId to = up ? it->b : it->a;
+  if (transmit.to != address_of(to, it->link, up ? it->mapping_b : it->mapping_a)) return;
+  InFlight packet{Bytes(bytes.begin(), bytes.end()), to,
+                  address_of(from, it->link, up ? it->mapping_a : it->mapping_b), it->link};
   const int copies = chance(it->faults.duplicate) ? 2 : 1;
   for (int i = 0; i < copies; ++i) put(*it, up, packet);
 }
@@ -108,7 +122,7 @@ void World::put(Wire& wire, bool up, InFlight packet) {
   if (wire.faults.cut || chance(wire.faults.loss)) return;
   const std::uint64_t tag = next_tag_++;
   emu::LinkModel& model = up ? wire.model.up() : wire.model.down();
-  if (model.enqueue(now_, packet.bytes.size() + kIpUdpOverhead, tag)) {
+  if (model.enqueue(now_, packet.bytes.size() + wire::kIpUdpOverhead, tag)) {
     in_flight_.emplace(tag, std::move(packet));
   }
 }

@@ -45,12 +45,18 @@ class World {
 
   HostId add_host(EndpointOptions options, const ClockError& clock = {});
   // Joins `a` (the side that profiles call the vehicle: a -> b is "up") and `b`. Both know the link
-  // by `link`.
-  void add_link(HostId a, HostId b, LinkId link, const std::string& name, emu::Link model);
+  // by `link`; `traits` are those of a's NIC.
+  void add_link(HostId a, HostId b, LinkId link, const std::string& name, emu::Link model,
+                const LinkTraits& traits = {});
   // Host `from` connects to `to` over every link between them.
   PeerId connect(HostId from, HostId to);
   Faults& faults(LinkId link);
+  // The emulated link itself, to change it or cut its radio while it runs.
+  emu::Link& model(LinkId link);
   const emu::DirectionStats& stats(LinkId link, bool up) const;
+  // From now on `host` is seen on `link` with another address, as after a carrier's NAT has
+  // forgotten it: what is sent to the old one is lost.
+  void rebind(HostId host, LinkId link);
 
   Endpoint& endpoint(HostId host) { return *hosts_[host].endpoint; }
   TimePoint local_time(HostId host) const { return local(hosts_[host], now_); }
@@ -61,10 +67,14 @@ class World {
   Duration now() const { return now_; }
   void at(Duration when, std::function<void()> action);
   void on_event(std::function<void(HostId, Event&&)> handler) { on_event_ = std::move(handler); }
+  // Every datagram that an endpoint hands over, before anything happens to it.
+  void on_sent(std::function<void(HostId, LinkId, ByteView)> handler) {
+    on_sent_ = std::move(handler);
+  }
   // Runs until world time `end`; everything that happens at `end` is included.
   void run_until(Duration end);
 
-  static Address address_of(HostId host, LinkId link);
+  static Address address_of(HostId host, LinkId link, std::uint8_t mapping = 0);
 
  private:
   struct Host {
@@ -78,6 +88,8 @@ class World {
     LinkId link{};
     emu::Link model;
     Faults faults;
+    std::uint8_t mapping_a = 0;  // how often the host was rebound
+    std::uint8_t mapping_b = 0;
   };
   struct InFlight {
     Bytes bytes;
@@ -88,6 +100,7 @@ class World {
 
   static TimePoint local(const Host& host, Duration t);
   static Duration world(const Host& host, TimePoint t);
+  Wire& wire(LinkId link);
   void carry(HostId from, const Transmit& transmit, ByteView bytes);
   void put(Wire& wire, bool up, InFlight packet);
   void leave(Wire& wire, bool up, emu::LinkModel::Packet packet);
@@ -104,6 +117,7 @@ class World {
   std::multimap<Duration, std::function<void()>> planned_;
   std::multimap<Duration, std::uint64_t> late_;  // reordered packets
   std::function<void(HostId, Event&&)> on_event_;
+  std::function<void(HostId, LinkId, ByteView)> on_sent_;
   Duration now_{};
 };
 

@@ -21,6 +21,16 @@ constexpr TimePoint kFar{1h};
 
 TimePoint at(Duration d) { return TimePoint{d}; }
 
+PathView view(Duration one_way, double mbit = 100, bool up = true) {
+  PathView v;
+  v.up = up;
+  v.rate = DataRate::mbit(mbit);
+  v.pace = DataRate::mbit(mbit * 1.25);
+  v.one_way = one_way;
+  v.probe_timeout = 50ms;
+  return v;
+}
+
 // Paths at 100 Mbit/s, 10 ms one way.
 struct Paths {
   Sender sender;
@@ -31,7 +41,7 @@ struct Paths {
     }
   }
   void set(LinkId link, Duration one_way, double mbit = 100, bool up = true) {
-    sender.set_path(link, {up, DataRate::mbit(mbit), one_way, 50ms});
+    sender.set_path(link, view(one_way, mbit, up));
   }
   MessageId send(TimePoint now, TimePoint deadline, std::size_t pieces, std::vector<LinkId> on) {
     return sender.send(now, deadline, deadline - now, Bytes(pieces * kChunk), on);
@@ -114,8 +124,9 @@ TEST(Sender, PacesAQuarterAboveTheRateWhateverTheTimer) {
 
 TEST(Sender, AnUnknownRateIsPacedBlindly) {
   Paths p;
-  p.sender.set_path(kA, {true, std::nullopt, 0ms, 200ms});
-  EXPECT_FALSE(p.sender.pacing_rate(kA));
+  PathView unknown;
+  unknown.probe_timeout = 200ms;
+  p.sender.set_path(kA, unknown);
   p.send(at(0s), kFar, 2000, {kA});
   std::size_t bytes = 0;
   for (TimePoint now = at(0s); now < at(400ms); now += 300us) {
@@ -180,10 +191,14 @@ TEST(Sender, ReportsOfPacketsNeverSentAreVoid) {
   p.send(at(0s), kFar, 2, {kA});
   TimePoint now = at(0s);
   sent_on_a(p, now);
-  EXPECT_FALSE(p.sender.report(now, report_of(kA, {1, 2, 3})).used_path);
-  EXPECT_FALSE(p.sender.report(now, report_of(kA, {UINT64_MAX})).used_path);
-  EXPECT_FALSE(p.sender.report(now, report_of(LinkId{9}, {1})).used_path);
-  EXPECT_TRUE(p.sender.report(now, report_of(kA, {1, 2})).used_path);
+  for (const auto& r :
+       {report_of(kA, {1, 2, 3}), report_of(kA, {UINT64_MAX}), report_of(LinkId{9}, {1})}) {
+    const auto v = p.sender.report(now, r);
+    EXPECT_EQ(v.acknowledged + v.lost, 0U);
+    EXPECT_TRUE(v.runs.empty());
+    EXPECT_FALSE(v.newest_sent);
+  }
+  EXPECT_EQ(p.sender.report(now, report_of(kA, {1, 2})).acknowledged, 2U);
 }
 
 TEST(Sender, SilenceMakesALossAtTheProbeTimeout) {
@@ -191,11 +206,12 @@ TEST(Sender, SilenceMakesALossAtTheProbeTimeout) {
   p.send(at(0s), kFar, 1, {kA});
   ASSERT_TRUE(p.sender.poll(at(0s), kA));
   EXPECT_EQ(p.sender.next_timeout(), at(50ms));
-  EXPECT_TRUE(p.sender.handle_timeout(at(50ms - 1ns)).empty());
-  const auto lost = p.sender.handle_timeout(at(50ms));
-  ASSERT_EQ(lost.size(), 1U);
-  EXPECT_EQ(lost[0], (std::pair<LinkId, std::uint64_t>{kA, 1}));
-  EXPECT_TRUE(p.sender.handle_timeout(at(51ms)).empty());
+  p.sender.handle_timeout(at(50ms - 1ns));
+  EXPECT_EQ(p.sender.lost(kA), 0U);
+  p.sender.handle_timeout(at(50ms));
+  EXPECT_EQ(p.sender.lost(kA), 1U);
+  p.sender.handle_timeout(at(51ms));
+  EXPECT_EQ(p.sender.lost(kA), 1U);
 }
 
 TEST(Sender, RepairsOnTheSoonerPath) {
@@ -273,18 +289,116 @@ TEST(Sender, WithoutRepairNothingIsSentTwice) {
   Paths p(false);
   p.send(at(0s), kFar, 1, {kA});
   p.sender.poll(at(0s), kA);
-  EXPECT_EQ(p.sender.handle_timeout(at(50ms)).size(), 1U);
+  p.sender.handle_timeout(at(50ms));
+  EXPECT_EQ(p.sender.lost(kA), 1U);
   EXPECT_TRUE(p.idle(at(50ms)));
 }
 
 TEST(Sender, ADownPathRepairsNothing) {
   Paths p;
-  p.set(kA, 10ms, 100, false);
   p.set(kB, 90ms);
   p.send(at(0s), kFar, 1, {kA});
   p.sender.poll(at(0s), kA);
+  p.set(kA, 10ms, 100, false);
   p.sender.handle_timeout(at(50ms));
   EXPECT_TRUE(p.sender.poll(at(50ms), kB));
+}
+
+TEST(Sender, APulledPathHandsOverWhatItOwesAtOnce) {
+  Paths p;
+  p.send(at(0s), kFar, 20, {kA});
+  for (int i = 0; i < 5; ++i) p.sender.poll(at(i * 1ms), kA);
+  p.sender.report(at(20ms), report_of(kA, {1, 2}));  // three are in flight, fifteen queued
+  p.sender.pull(at(20ms), kA);
+  EXPECT_FALSE(p.sender.poll(at(20ms), kA));
+  TimePoint now = at(20ms);
+  std::set<std::uint16_t> indices;
+  std::set<std::uint64_t> numbers;
+  for (const auto& piece : p.drain(kB, now)) {
+    indices.insert(piece.fragment.index);
+    numbers.insert(piece.number);
+  }
+  EXPECT_EQ(indices.size(), 18U);
+  EXPECT_FALSE(indices.contains(0) || indices.contains(1));
+  // It was a stall: what was in flight has arrived after all, nothing is sent a third time.
+  p.set(kA, 10ms);
+  EXPECT_EQ(p.sender.report(now, report_of(kA, {1, 2, 3, 4, 5})).acknowledged, 3U);
+  p.sender.report(now, report_of(kB, numbers));
+  EXPECT_TRUE(p.idle(now));
+  EXPECT_FALSE(p.sender.next_timeout());  // the message is complete
+}
+
+TEST(Sender, APulledPathKeepsWhatNobodyElseBringsInTime) {
+  Paths p;
+  p.set(kB, 100ms);
+  p.send(at(0s), at(80ms), 5, {kA});
+  p.sender.pull(at(0s), kA);
+  EXPECT_TRUE(p.idle(at(0s)));
+  p.set(kA, 10ms);
+  TimePoint now = at(1ms);
+  EXPECT_EQ(p.drain(kA, now).size(), 5U);
+}
+
+TEST(Sender, ABackupRepairsOnlyWhatTheOthersBringTooLate) {
+  for (const Duration deadline : {200ms, 120ms}) {
+    Paths p;
+    PathView backup = view(5ms);
+    backup.backup = true;
+    p.sender.set_path(kB, backup);
+    p.set(kA, 90ms);
+    p.send(at(0s), at(deadline), 1, {kA});
+    p.sender.poll(at(0s), kA);
+    p.sender.handle_timeout(at(50ms));
+    EXPECT_EQ(p.sender.poll(at(50ms), kB).has_value(), deadline == 120ms);
+  }
+}
+
+TEST(Sender, OutcomesAreToldInOrderAndLossOnlyWhenItIsCertain) {
+  Paths p;
+  p.send(at(0s), kFar, 10, {kA});
+  TimePoint now = at(0s);
+  sent_on_a(p, now);
+  const auto runs = [](const SentPackets::Verdicts& v) {
+    std::vector<std::pair<bool, int>> out;
+    for (const auto& run : v.runs) out.emplace_back(run.arrived, run.packets);
+    return out;
+  };
+  using Runs = std::vector<std::pair<bool, int>>;
+  // 3 and 6 are missing; 6 comes late.
+  EXPECT_EQ(runs(p.sender.report(at(20ms), report_of(kA, {1, 2, 4, 5, 7, 8, 9, 10}))),
+            (Runs{{true, 2}}));
+  EXPECT_EQ(p.sender.lost(kA), 2U);
+  EXPECT_EQ(runs(p.sender.report(at(30ms), report_of(kA, {1, 2, 4, 5, 6, 7, 8, 9, 10}))), Runs{});
+  EXPECT_EQ(runs(p.sender.report(at(110ms), report_of(kA, {1, 2, 4, 5, 6, 7, 8, 9, 10}))),
+            (Runs{{false, 1}, {true, 7}}));
+}
+
+TEST(Sender, WhatNoReportHasCoveredInTimeIsNoOutcome) {
+  Paths p;
+  for (int i = 0; i < 400; ++i) p.sender.take_number(at(0s), kA);
+  wire::LinkReport r = report_of(kA, {400});
+  r.bitmap.fill(~std::uint64_t{0});
+  const auto v = p.sender.report(at(1s), r);
+  ASSERT_EQ(v.runs.size(), 1U);
+  EXPECT_TRUE(v.runs[0].arrived);
+  EXPECT_EQ(v.runs[0].packets, wire::kAckWindow + 1);
+}
+
+TEST(Sender, ATrainIsToldWithTheRateThatItWasSentAt) {
+  Paths p;
+  p.send(at(0s), kFar, 40, {kA});
+  TimePoint now = at(0s);
+  const auto pieces = p.drain(kA, now, 10us);
+  ASSERT_EQ(pieces.size(), 40U);
+  std::set<std::uint64_t> all;
+  for (const auto& piece : pieces) all.insert(piece.number);
+  wire::LinkReport r = report_of(kA, all);
+  EXPECT_FALSE(p.sender.report(now, r).train_known);
+  r.train_start = 11;  // the ten before left in one burst
+  r.train_packets = 30;
+  const auto v = p.sender.report(now, r);
+  ASSERT_TRUE(v.train_known && v.train_sent_at);
+  EXPECT_NEAR(v.train_sent_at->mbit(), 125, 6);
 }
 
 TEST(Sender, ARemovedPathHandsOverWhatItOwes) {

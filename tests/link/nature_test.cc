@@ -1,6 +1,7 @@
 #include "link/nature.h"
 
 #include <gtest/gtest.h>
+#include <rapidcheck.h>
 
 #include <limits>
 
@@ -78,6 +79,115 @@ TEST(Nature, ScalingAQuantityOnAllLinksChangesNothing) {
   }
   score(scaled);
   for (std::size_t i = 0; i < links.size(); ++i) EXPECT_EQ(links[i].nature, scaled[i].nature) << i;
+}
+
+TEST(Nature, TheQueueUpAddsToTheDelay) {
+  std::vector<LinkState> links{up(milliseconds(40), {}, 0.0), up(milliseconds(40), {}, 0.0)};
+  links[1].queue_up = milliseconds(20);
+  links[1].queue_down = milliseconds(500);  // in the round trip already
+  score(links);
+  EXPECT_EQ(links[0].nature.delay, 1.0);
+  EXPECT_EQ(links[1].nature.delay, 0.5);
+}
+
+TEST(Nature, OutageWeighsOnReliability) {
+  std::vector<LinkState> links{up(milliseconds(40), {}, 0.01), up(milliseconds(40), {}, 0.01)};
+  links[1].outage = 0.2;
+  score(links);
+  EXPECT_EQ(links[0].nature.reliability, 1.0);
+  EXPECT_DOUBLE_EQ(links[1].nature.reliability, 0.8);
+}
+
+TEST(Nature, SecurityIsWhatTheOperatorSays) {
+  std::vector<LinkState> links{up(milliseconds(40), {}, 0), up(milliseconds(40), {}, 0), {}};
+  links[1].traits.trusted = links[2].traits.trusted = true;
+  score(links);
+  EXPECT_EQ(links[0].nature.security, 0.0);
+  EXPECT_EQ(links[1].nature.security, 0.5);
+  EXPECT_EQ(links[2].nature.security, 0.0) << "it is down";
+}
+
+TEST(Nature, ConfidenceHalvesWithAge) {
+  EXPECT_EQ(confidence({}, kGrace, kHalfLife), 1.0);
+  EXPECT_EQ(confidence(kGrace, kGrace, kHalfLife), 1.0);
+  EXPECT_DOUBLE_EQ(confidence(kGrace + kHalfLife, kGrace, kHalfLife), 0.5);
+  EXPECT_DOUBLE_EQ(confidence(kGrace + 3 * kHalfLife, kGrace, kHalfLife), 0.125);
+  EXPECT_EQ(confidence(Duration::max(), kGrace, kHalfLife), 0.0);
+}
+
+TEST(Nature, OldEvidenceCountsAsWorse) {
+  std::vector<LinkState> links{up(milliseconds(40), DataRate::mbit(10), 0.01),
+                               up(milliseconds(40), DataRate::mbit(10), 0.01)};
+  links[0].age = kGrace + kHalfLife;
+  score(links);
+  EXPECT_DOUBLE_EQ(links[0].nature.delay, 0.75);
+  EXPECT_DOUBLE_EQ(links[0].nature.reliability, 0.75);
+  EXPECT_EQ(links[0].nature.bandwidth, 1.0) << "the rate has an age of its own";
+  EXPECT_EQ(links[1].nature, (Nature{1.0, 1.0, 1.0, 0.0}));
+  links[0].rate_age = kRateGrace + 40 * kRateHalfLife;
+  score(links);
+  EXPECT_NEAR(links[0].nature.bandwidth, 0.5, 1e-9);
+}
+
+TEST(Nature, EvidenceExplainsTheScore) {
+  std::vector<LinkState> links{up(milliseconds(20), DataRate::mbit(100), 0.001),
+                               up(milliseconds(80), DataRate::mbit(30), 0.004), up({}, {}, 0)};
+  links[1].traits.trusted = true;
+  score(links);
+  const Evidence e = explain(links[1], links);
+  EXPECT_DOUBLE_EQ(e.delay.value, 0.040);
+  EXPECT_DOUBLE_EQ(e.delay.best, 0.010);
+  EXPECT_DOUBLE_EQ(e.delay.best / e.delay.value, links[1].nature.delay);
+  EXPECT_DOUBLE_EQ(e.bandwidth.value / e.bandwidth.best, links[1].nature.bandwidth);
+  EXPECT_DOUBLE_EQ(e.reliability.best / e.reliability.value, links[1].nature.reliability);
+  EXPECT_TRUE(e.trusted);
+  EXPECT_FALSE(e.encrypted);
+  EXPECT_FALSE(explain(links[2], links).delay.measured);
+}
+
+LinkState any_link() {
+  LinkState link = up(Duration{*rc::gen::inRange<std::int64_t>(0, 2'000'000'000)},
+                      DataRate{*rc::gen::inRange<std::int64_t>(0, 1'000'000'000)},
+                      *rc::gen::inRange(0, 1001) / 1000.0);
+  link.up = *rc::gen::inRange(0, 5) != 0;
+  link.queue_up = Duration{*rc::gen::inRange<std::int64_t>(0, 500'000'000)};
+  link.outage = *rc::gen::inRange(0, 1001) / 1000.0;
+  link.age = Duration{*rc::gen::inRange<std::int64_t>(0, 20'000'000'000)};
+  link.rate_age = Duration{*rc::gen::inRange<std::int64_t>(0, 200'000'000'000)};
+  return link;
+}
+
+TEST(NatureProperty, ScoresAreRatiosTheBestHasOne) {
+  EXPECT_TRUE(rc::check([] {
+    std::vector<LinkState> links(*rc::gen::inRange<std::size_t>(1, 9));
+    for (LinkState& link : links) link = any_link();
+    score(links);
+    for (double Nature::*field : {&Nature::delay, &Nature::bandwidth, &Nature::reliability}) {
+      double best = 0;
+      bool any_up = false;
+      for (const LinkState& link : links) {
+        const double s = link.nature.*field;
+        RC_ASSERT(s >= 0.0 && s <= 1.0);
+        RC_ASSERT((link.up ? s > 0.0 : s == 0.0));
+        best = std::max(best, s);
+        any_up |= link.up;
+      }
+      const double expected = any_up ? 1.0 : 0.0;
+      RC_ASSERT(best == expected);
+    }
+    std::vector<LinkState> scaled = links;
+    for (LinkState& link : scaled) {
+      link.rtt_p95 *= 1024;
+      link.queue_up *= 1024;
+      link.rate.bits_per_second *= 1024;
+    }
+    score(scaled);
+    for (std::size_t i = 0; i < links.size(); ++i) {
+      RC_ASSERT(std::abs(scaled[i].nature.delay - links[i].nature.delay) < 1e-12);
+      RC_ASSERT(std::abs(scaled[i].nature.bandwidth - links[i].nature.bandwidth) < 1e-12);
+      RC_ASSERT(scaled[i].nature.reliability == links[i].nature.reliability);
+    }
+  }));
 }
 
 }  // namespace

@@ -90,6 +90,41 @@ TEST(Match, WhatIsNotANumberRanksLast) {
   EXPECT_THAT(ids(match({.weights = {.delay = 1}}, links)), ElementsAre(3, 2, 1));
 }
 
+TEST(Match, BackupsOnlyWhereNoNormalLinkMeetsTheFloors) {
+  std::vector<LinkState> links{up(1), up(2), up(3)};
+  links[0].traits.role = LinkRole::kBackup;
+  links[0].rate = DataRate::mbit(50);
+  links[1].rate = DataRate::mbit(10);
+  links[2].rate = DataRate::mbit(5);
+  EXPECT_THAT(ids(match({}, links)), ElementsAre(2, 3));
+  EXPECT_THAT(ids(match({.min_rate = DataRate::mbit(8)}, links)), ElementsAre(2));
+  EXPECT_THAT(ids(match({.min_rate = DataRate::mbit(20)}, links)), ElementsAre(1));
+  EXPECT_THAT(ids(match({.min_rate = DataRate::mbit(80)}, links)), IsEmpty());
+  links[1].up = links[2].up = false;
+  EXPECT_THAT(ids(match({}, links)), ElementsAre(1));
+}
+
+TEST(Match, NeverMeansNever) {
+  std::vector<LinkState> links{up(1), up(2)};
+  links[0].traits.role = LinkRole::kNever;
+  EXPECT_THAT(ids(match({}, links)), ElementsAre(2));
+  links[1].up = false;
+  EXPECT_THAT(match({}, links), IsEmpty());
+}
+
+TEST(Match, PriorityComesBeforeTheScoreAndAfterTheFloors) {
+  std::vector<LinkState> links{up(1), up(2), up(3), up(4)};
+  links[0].nature.delay = 1.0;
+  links[1].nature.delay = 0.1;
+  links[1].traits.priority = -1;
+  links[2].nature.delay = 0.2;
+  links[2].traits.priority = -1;
+  links[3].nature.delay = 0.9;
+  EXPECT_THAT(ids(match({.weights = {.delay = 1}}, links)), ElementsAre(3, 2, 1, 4));
+  links[1].loss = links[2].loss = 0.5;
+  EXPECT_THAT(ids(match({.max_loss = 0.1, .weights = {.delay = 1}}, links)), ElementsAre(1, 4));
+}
+
 TEST(RateFloor, IsTheRateThatKeepsUpWithThePeriod) {
   const QoS qos{.deadline = milliseconds(130), .period = milliseconds(100)};
   EXPECT_EQ(rate_floor(qos, 512 * 1024), DataRate{41'943'040});

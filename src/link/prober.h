@@ -1,0 +1,95 @@
+// When one path is measured although nothing else is sent on it: heartbeats (feedback packets with
+// a clock exchange), rate trains, and single data-sized packets that prove delivery. Decides only;
+// the endpoint makes and sends the packets. Pure; thread-compatible; constant memory.
+//
+// Budgets at IP level, headers included: heartbeats at most kHeartbeatRate per direction, trains
+// and proofs at most kTrainRate on average.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "interneuron/units.h"
+
+namespace interneuron::link {
+
+class Prober {
+ public:
+  // While messages flow, a path's round trip is refreshed this often: two samples per round at 10
+  // Hz.
+  static constexpr Duration kActiveHeartbeat = std::chrono::milliseconds(50);
+  static constexpr Duration kIdleHeartbeat = std::chrono::milliseconds(300);
+  // UDP mappings of carriers' address translation may end after 15 s (transport.md §4.1).
+  static constexpr Duration kMeteredHeartbeat = std::chrono::seconds(12);
+  static constexpr Duration kActive = std::chrono::seconds(5);  // after the last message; chosen
+  // A new path is measured at the active pace for so long: 600 packets tell 1 % loss from 3 %;
+  // chosen.
+  static constexpr Duration kNew = std::chrono::seconds(30);
+  static constexpr DataRate kHeartbeatRate{30'000};
+  static constexpr DataRate kTrainRate{150'000};
+
+  // What is known of the rate; from the RateEstimator.
+  struct RateEvidence {
+    std::optional<DataRate> rate;
+    std::optional<TimePoint> at;  // when it was measured; nothing: `rate` is a guess
+    std::size_t trains = 0;       // long ones that it rests on
+  };
+  struct Train {
+    std::uint32_t packets = 0;
+    std::optional<DataRate> pace;  // nothing: back to back
+  };
+
+  // A metered path gets no trains unless asked, and few heartbeats while idle.
+  void set_metered(bool metered) { metered_ = metered; }
+  // Size of a heartbeat and of a full packet at IP level, bytes.
+  void set_sizes(std::size_t heartbeat, std::size_t full);
+  void set_rate(const RateEvidence& evidence) { evidence_ = evidence; }
+  // The path is kLatched: data-sized packets must prove that it delivers.
+  void set_latched(bool latched) { latched_ = latched; }
+  // Trains make sense: the peer has echoed us and the path is usable.
+  void set_ready(bool ready) { ready_ = ready; }
+  void request_train(TimePoint now);
+
+  // --- what happened
+  void active(TimePoint now);          // a message of ours or for us is under way, on any path
+  void data_sent(TimePoint now);       // a piece of a message left on this path
+  void heartbeat_sent(TimePoint now);  // any feedback on this path counts
+  void train_sent(TimePoint now, std::uint32_t packets);
+  void proof_sent(TimePoint now);
+
+  // --- what is due
+  Duration heartbeat_interval(TimePoint now) const;
+  TimePoint heartbeat_at(TimePoint now) const;
+  bool heartbeat_due(TimePoint now) const;
+  // A train that should be sent now; ask again only after train_sent().
+  std::optional<Train> train_due(TimePoint now) const;
+  bool proof_due(TimePoint now) const;
+  TimePoint next_timeout(TimePoint now) const;
+
+ private:
+  std::uint32_t train_packets() const;
+  double level(TimePoint now) const;  // of the token bucket, bits
+  std::optional<TimePoint> train_at(TimePoint now) const;
+  double bits(std::uint32_t packets) const;
+  void spend(TimePoint now, std::uint32_t packets);
+  std::optional<TimePoint> proof_time(TimePoint now) const;
+
+  bool metered_ = false;
+  bool latched_ = false;
+  bool ready_ = false;
+  std::size_t heartbeat_bytes_ = 152;
+  std::size_t full_bytes_ = 1428;
+  RateEvidence evidence_;
+  std::optional<TimePoint> begun_at_;  // first active or first heartbeat
+  std::optional<TimePoint> requested_at_;
+  std::optional<TimePoint> active_at_;
+  std::optional<TimePoint> data_at_;
+  std::optional<TimePoint> heartbeat_at_;
+  std::optional<TimePoint> train_at_;
+  std::uint32_t last_train_ = 0;  // packets
+  std::optional<TimePoint> proof_at_;
+  double level_ = 0;
+  std::optional<TimePoint> level_at_;
+};
+
+}  // namespace interneuron::link

@@ -1,0 +1,223 @@
+// Packets cost no allocation: two endpoints exchange data, feedback, heartbeats and trains, and the
+// heap is asked for something per message only.
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cstdio>
+#include <cstdlib>
+#include <memory>
+#include <new>
+#include <vector>
+
+#include "interneuron/endpoint.h"
+
+namespace {
+
+std::size_t allocations = 0;
+
+void* counted(std::size_t size) noexcept {
+  ++allocations;
+  return std::malloc(size == 0 ? 1 : size);
+}
+
+void* counted_or_throw(std::size_t size) {
+  if (void* p = counted(size)) return p;
+  throw std::bad_alloc();
+}
+
+}  // namespace
+
+void* operator new(std::size_t size) { return counted_or_throw(size); }
+void* operator new[](std::size_t size) { return counted_or_throw(size); }
+void* operator new(std::size_t size, const std::nothrow_t&) noexcept { return counted(size); }
+void* operator new[](std::size_t size, const std::nothrow_t&) noexcept { return counted(size); }
+void operator delete(void* p) noexcept { std::free(p); }
+void operator delete[](void* p) noexcept { std::free(p); }
+void operator delete(void* p, const std::nothrow_t&) noexcept { std::free(p); }
+void operator delete[](void* p, const std::nothrow_t&) noexcept { std::free(p); }
+void operator delete(void* p, std::size_t) noexcept { std::free(p); }
+void operator delete[](void* p, std::size_t) noexcept { std::free(p); }
+
+namespace interneuron {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr std::size_t kPiece = kMaxDatagramBytes - 48;
+
+// Two endpoints and two links of 100 Mbit/s; nothing in here allocates once it is built.
+class TwoHosts {
+ public:
+  TwoHosts() {
+    PipelineConfig pipeline;
+    pipeline.stages = {StageKind::kCommunication, StageKind::kCommunication};
+    pipeline.policy = "best_link";
+    EndpointOptions o;
+    o.session = SessionId{1};
+    o.policies = builtin_policies();
+    o.pipelines = {pipeline};
+    hosts_[0] = std::make_unique<Endpoint>(o, now_);
+    o.session = SessionId{2};
+    o.pipelines.clear();
+    o.accept_peers = true;
+    hosts_[1] = std::make_unique<Endpoint>(o, now_);
+    for (const auto& host : hosts_) {
+      for (const LinkId link : {LinkId{0}, LinkId{1}})
+        host->add_link(now_, link, {"nic", 1500, {}});
+    }
+    const std::pair<LinkId, Address> to[] = {{LinkId{0}, address(1)}, {LinkId{1}, address(1)}};
+    peer_ = hosts_[0]->connect(now_, to);
+    for (Line& line : lines_) line.packets.resize(kLine);
+    flush(0);
+  }
+
+  // Runs so long; every `period` a message of so many pieces, of which the road sends one back.
+  void run(Duration length, std::size_t pieces = 0, Duration period = 100ms) {
+    const TimePoint end = now_ + length;
+    TimePoint next_message = now_;
+    while (now_ < end) {
+      TimePoint next = end;
+      if (pieces > 0) next = std::min(next, next_message);
+      for (const Line& line : lines_) {
+        if (line.count > 0) next = std::min(next, line.packets[line.first].due);
+      }
+      for (const auto& host : hosts_) next = std::min(next, host->next_timeout().value_or(end));
+      now_ = std::max(now_ + 1us, next);
+      for (std::size_t i = 0; i < lines_.size(); ++i) deliver(i);
+      if (pieces > 0 && now_ >= next_message) {
+        next_message += period;
+        const RoundRef round = hosts_[0]->begin_round(now_, PipelineId{0});
+        hosts_[0]->submit(now_, round, {Bytes(pieces * kPiece - 64)}, MessageClass::kData, peer_);
+        ++messages;
+      }
+      for (std::size_t host = 0; host < 2; ++host) {
+        hosts_[host]->handle_timeout(now_);
+        flush(host);
+      }
+    }
+  }
+
+  std::uint64_t packets = 0;
+  std::uint64_t messages = 0;
+  std::uint64_t answered = 0;
+  std::uint64_t lose_each = 0;  // 0: nothing is lost
+
+ private:
+  static constexpr std::size_t kLine = 8192;
+  static constexpr Duration kDelay = 10ms;
+  static constexpr DataRate kRate{100'000'000};
+
+  struct Packet {
+    TimePoint due{};
+    std::size_t size = 0;
+    std::array<std::byte, kMaxDatagramBytes> bytes;
+  };
+  struct Line {  // one direction of one link
+    std::vector<Packet> packets;
+    std::size_t first = 0;
+    std::size_t count = 0;
+    TimePoint free_at{};
+  };
+
+  static Address address(std::size_t host) {
+    Address a;
+    a.raw[0] = static_cast<std::byte>(host);
+    a.size = 1;
+    return a;
+  }
+  Line& line(std::size_t from, LinkId link) { return lines_[from * 2 + link.value]; }
+
+  void deliver(std::size_t which) {
+    Line& l = lines_[which];
+    const std::size_t from = which / 2;
+    while (l.count > 0 && l.packets[l.first].due <= now_) {
+      const Packet& packet = l.packets[l.first];
+      hosts_[1 - from]->handle_datagram(
+          now_, {LinkId{static_cast<std::uint8_t>(which % 2)}, address(from),
+                 ByteView(packet.bytes).first(packet.size)});
+      l.first = (l.first + 1) % kLine;
+      --l.count;
+    }
+  }
+  void flush(std::size_t host) {
+    while (auto event = hosts_[host]->poll_event()) {
+      if (const auto* delivered = std::get_if<Delivered>(&*event)) {
+        hosts_[host]->submit(now_, delivered->round, {Bytes(kPiece - 64)}, MessageClass::kResult);
+      } else if (std::holds_alternative<RoundDone>(*event)) {
+        ++answered;
+      }
+    }
+    while (const auto t = hosts_[host]->poll_transmit(now_, buffer_)) {
+      ++packets;
+      if (lose_each > 0 && packets % lose_each == 0) continue;
+      Line& l = line(host, t->link);
+      l.free_at = std::max(l.free_at, now_) + kRate.transmit_time(t->size);
+      ASSERT_LT(l.count, kLine);
+      Packet& packet = l.packets[(l.first + l.count++) % kLine];
+      packet.due = l.free_at + kDelay;
+      packet.size = t->size;
+      std::copy_n(buffer_.begin(), t->size, packet.bytes.begin());
+    }
+  }
+
+  TimePoint now_{1s};
+  std::array<std::unique_ptr<Endpoint>, 2> hosts_;
+  PeerId peer_{};
+  std::array<Line, 4> lines_;
+  std::array<std::byte, kMaxDatagramBytes> buffer_;
+};
+
+struct Cost {
+  std::uint64_t allocations = 0;
+  std::uint64_t packets = 0;
+  std::uint64_t messages = 0;
+  double per_message() const {
+    return static_cast<double>(allocations) / static_cast<double>(messages);
+  }
+};
+
+Cost cost_of(TwoHosts& hosts, Duration length, std::size_t pieces) {
+  const Cost before{allocations, hosts.packets, hosts.messages};
+  hosts.run(length, pieces);
+  return {allocations - before.allocations, hosts.packets - before.packets,
+          hosts.messages - before.messages};
+}
+
+TEST(Allocation, HeartbeatsAndTrainsNeedNone) {
+  TwoHosts hosts;
+  hosts.run(30s, 100);
+  hosts.run(30s);
+  const Cost idle = cost_of(hosts, 120s, 0);
+  EXPECT_GT(idle.packets, 1000U);
+  EXPECT_EQ(idle.allocations, 0U);
+}
+
+TEST(Allocation, DataAndFeedbackNeedNonePerPacket) {
+  TwoHosts hosts;
+  hosts.run(30s, 400);
+  const Cost small = cost_of(hosts, 30s, 40);
+  const Cost large = cost_of(hosts, 30s, 400);
+  EXPECT_GE(hosts.answered + 1, hosts.messages);  // the last one is under way
+  EXPECT_GT(large.packets, 120'000U);
+  std::printf("allocations per message of 40 pieces: %.1f, of 400: %.1f\n", small.per_message(),
+              large.per_message());
+  // What a message needs (its bytes, its plan, its reassembly) does not depend on its size.
+  EXPECT_NEAR(large.per_message(), small.per_message(), 0.5);
+  EXPECT_LE(large.per_message(), 80);
+}
+
+TEST(Allocation, LossesNeedNonePerPacket) {
+  TwoHosts hosts;
+  hosts.lose_each = 50;
+  hosts.run(30s, 400);
+  const Cost small = cost_of(hosts, 30s, 40);
+  const Cost large = cost_of(hosts, 30s, 400);
+  EXPECT_GT(large.packets, 120'000U);
+  std::printf("allocations per message of 40 pieces: %.1f, of 400: %.1f\n", small.per_message(),
+              large.per_message());
+  // The list of pieces to be sent again may grow a few times per message.
+  EXPECT_LE(large.per_message(), small.per_message() + 8);
+}
+
+}  // namespace
+}  // namespace interneuron
