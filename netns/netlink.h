@@ -1,28 +1,18 @@
-// The kernel's routing netlink through libnl: owners of its objects and the calls that every user
-// of it needs. Objects belong to the network namespace in which their socket was opened.
+// The kernel's routing netlink through libnl: the calls that every user of it here needs, with the
+// owners of io/netlink.h. Objects belong to the network namespace in which their socket was opened.
 // Thread-compatible. Errors: TestbedError (1); (5) for what the kernel forbids.
 #pragma once
 
-#include <netlink/addr.h>
-#include <netlink/netlink.h>
-#include <netlink/route/link.h>
-#include <netlink/socket.h>
-
-#include <memory>
 #include <string>
+
+#include "io/netlink.h"
 
 namespace interneuron::netns::netlink {
 
-template <auto Function>
-struct Deleter {
-  template <class T>
-  void operator()(T* object) const {
-    Function(object);
-  }
-};
-using Socket = std::unique_ptr<nl_sock, Deleter<nl_socket_free>>;
-using Link = std::unique_ptr<rtnl_link, Deleter<rtnl_link_put>>;
-using Address = std::unique_ptr<nl_addr, Deleter<nl_addr_put>>;
+using io::netlink::Address;
+using io::netlink::Deleter;
+using io::netlink::Link;
+using io::netlink::Socket;
 
 // Throws when `result` is negative, an error of libnl.
 void check_nl(int result, const std::string& attempt);

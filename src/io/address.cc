@@ -4,6 +4,7 @@
 #include <net/if.h>
 
 #include <charconv>
+#include <cstddef>
 #include <cstring>
 
 namespace interneuron {
@@ -68,6 +69,15 @@ int family_of(const Address& address) {
   if (address.size == sizeof(sockaddr_in)) return AF_INET;
   if (address.size == sizeof(sockaddr_in6)) return AF_INET6;
   return AF_UNSPEC;
+}
+
+Address with_port(const Address& address, std::uint16_t port) {
+  // Both kinds have it at the same place.
+  static_assert(offsetof(sockaddr_in, sin_port) == offsetof(sockaddr_in6, sin6_port));
+  Address out = address;
+  const std::uint16_t value = htons(port);
+  std::memcpy(&out.raw[offsetof(sockaddr_in, sin_port)], &value, sizeof value);
+  return out;
 }
 
 Address from_sockaddr(const sockaddr* source, socklen_t size) {

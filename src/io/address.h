@@ -13,6 +13,9 @@ static_assert(sizeof(sockaddr_in6) <= sizeof(Address::raw));
 // AF_INET, AF_INET6 or AF_UNSPEC.
 int family_of(const Address& address);
 
+// The same host at another port.
+Address with_port(const Address& address, std::uint16_t port);
+
 // Copies an IPv4 or IPv6 sockaddr of `size` bytes; anything else gives an empty Address. Padding
 // and IPv6 flow labels are zeroed, so that equal peers have equal Addresses.
 Address from_sockaddr(const sockaddr* source, socklen_t size);

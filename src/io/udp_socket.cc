@@ -10,7 +10,7 @@
 #include <cstring>
 
 #include "io/address.h"
-#include "io/nic.h"
+#include "io/udp_ports.h"
 
 namespace interneuron::io {
 
@@ -133,18 +133,17 @@ UdpSocket open_udp_socket(const UdpOptions& options) {
   if (socket.fd.get() < 0) fail("cannot open a UDP socket for " + options.nic, "socket", errno);
   bind_to_nic(socket, options.nic);
 
-  const auto nic = find_nic(options.nic);
+  const auto nic = options.card ? options.card : find_nic(options.nic);
   if (!nic) throw IoError(unknown_nic_text(options.nic), ENODEV);
   check_owner(options.local, *nic);
-  const auto same_family = std::count_if(nic->addresses.begin(), nic->addresses.end(),
-                                         [&](const Address& a) { return family_of(a) == family; });
-  if (is_unspecified(options.local) && family == AF_INET && same_family > 1) {
-    socket.warnings.push_back(options.nic +
-                              " has several addresses and answers from its first; name one "
-                              "as the link's local address");
-  }
-
   never_fragment(socket, options.nic, family == AF_INET6);
+  if (options.answer_from_receiver && is_unspecified(options.local)) {
+    if (family == AF_INET) {
+      need_int(socket, options.nic, IPPROTO_IP, IP_PKTINFO, 1, "IP_PKTINFO");
+    } else {
+      need_int(socket, options.nic, IPPROTO_IPV6, IPV6_RECVPKTINFO, 1, "IPV6_RECVPKTINFO");
+    }
+  }
   set_int(socket.fd.get(), SOL_SOCKET, SO_RXQ_OVFL, 1);  // only a counter is lost without it
   TransportCaps& caps = socket.capabilities;
   caps.receive_buffer_bytes = set_buffer(socket, options.nic, SO_RCVBUF, SO_RCVBUFFORCE,
@@ -155,6 +154,7 @@ UdpSocket open_udp_socket(const UdpOptions& options) {
   caps.receive_offload = set_int(socket.fd.get(), SOL_UDP, UDP_GRO, 1);
   caps.max_datagram_bytes = kMaxUdpPayload;
   bind_address(socket, options);
+  note_udp_port(port_of(socket.local));
   return socket;
 }
 

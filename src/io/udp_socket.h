@@ -2,11 +2,13 @@
 // its use.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "interneuron/transport.h"
 #include "io/file_descriptor.h"
+#include "io/nic.h"
 
 namespace interneuron::io {
 
@@ -18,9 +20,13 @@ inline constexpr std::size_t kSendBufferBytes = 512 * 1024;
 
 struct UdpOptions {
   std::string nic;
+  std::optional<Nic> card{};  // the same, as known already; empty: the kernel is asked
   // Where to bind: its family is the socket's; unspecified host = every address of the NIC; port 0
   // = any free one.
   Address local{};
+  // On an unspecified host: what is sent to an address that was received from leaves from the
+  // address that it came to. A NAT drops an answer from another (ecosystem.md 5).
+  bool answer_from_receiver = false;
   std::size_t receive_buffer_bytes = kReceiveBufferBytes;
   std::size_t send_buffer_bytes = kSendBufferBytes;
 };

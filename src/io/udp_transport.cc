@@ -9,7 +9,9 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <cstddef>
 #include <cstring>
+#include <limits>
 
 #include "io/address.h"
 
@@ -44,13 +46,35 @@ bool nic_vanished(int fd) {
   return ::getsockopt(fd, SOL_SOCKET, SO_BINDTODEVICE, name.data(), &size) != 0 && errno == ENODEV;
 }
 
-struct alignas(cmsghdr) SegmentControl {
-  std::array<std::byte, CMSG_SPACE(sizeof(std::uint16_t))> raw;
+struct alignas(cmsghdr) SendControl {
+  std::array<std::byte, CMSG_SPACE(sizeof(std::uint16_t)) + CMSG_SPACE(sizeof(in6_pktinfo))> raw;
 };
 
 struct alignas(cmsghdr) ReceiveControl {
-  std::array<std::byte, CMSG_SPACE(sizeof(int)) + CMSG_SPACE(sizeof(std::uint32_t))> raw;
+  std::array<std::byte, CMSG_SPACE(sizeof(int)) + CMSG_SPACE(sizeof(std::uint32_t)) +
+                            CMSG_SPACE(sizeof(in6_pktinfo))>
+      raw;
 };
+
+// Where an Address carries the note of the address that received: padding in IPv4, the flow label
+// in IPv6, which the kernel ignores unless IPV6_FLOWINFO_SEND is set.
+constexpr std::size_t kNote4 = offsetof(sockaddr_in, sin_zero);
+constexpr std::size_t kNote6 = offsetof(sockaddr_in6, sin6_flowinfo);
+
+std::byte note_in(const Address& address) {
+  return address.raw[family_of(address) == AF_INET ? kNote4 : kNote6];
+}
+
+template <class Value>
+void append(msghdr& header, SendControl& control, int level, int type, const Value& value) {
+  header.msg_control = control.raw.data();
+  auto* item = reinterpret_cast<cmsghdr*>(&control.raw[header.msg_controllen]);
+  header.msg_controllen += CMSG_SPACE(sizeof value);
+  item->cmsg_level = level;
+  item->cmsg_type = type;
+  item->cmsg_len = CMSG_LEN(sizeof value);
+  std::memcpy(CMSG_DATA(item), &value, sizeof value);
+}
 
 }  // namespace
 
@@ -58,7 +82,7 @@ struct UdpTransport::SendBuffers {
   std::array<mmsghdr, kSendMessages> messages;
   std::array<std::size_t, kSendMessages> datagrams;  // in each message
   std::array<iovec, kSendVectors> vectors;
-  std::array<SegmentControl, kSendMessages> controls;
+  std::array<SendControl, kSendMessages> controls;
 };
 
 struct UdpTransport::ReceiveBuffers {
@@ -67,6 +91,7 @@ struct UdpTransport::ReceiveBuffers {
   std::array<sockaddr_storage, kReceiveMessages> names;
   std::array<ReceiveControl, kReceiveMessages> controls;
   std::array<std::size_t, kReceiveMessages> segment_bytes;  // 0 = not coalesced
+  std::array<std::uint8_t, kReceiveMessages> notes;         // 0 = none
   std::vector<std::byte> bytes;
   std::vector<Incoming> datagrams;
 };
@@ -102,15 +127,17 @@ std::size_t run_length(std::span<const Outgoing> batch) {
   return count;
 }
 
-void set_segment_size(msghdr& header, SegmentControl& control, std::size_t segment) {
-  const auto size = static_cast<std::uint16_t>(segment);
-  header.msg_control = control.raw.data();
-  header.msg_controllen = control.raw.size();
-  cmsghdr* item = CMSG_FIRSTHDR(&header);
-  item->cmsg_level = SOL_UDP;
-  item->cmsg_type = UDP_SEGMENT;
-  item->cmsg_len = CMSG_LEN(sizeof size);
-  std::memcpy(CMSG_DATA(item), &size, sizeof size);
+void append_source(msghdr& header, SendControl& control, int family,
+                   const std::array<std::byte, 16>& address) {
+  if (family == AF_INET) {
+    in_pktinfo source{};
+    std::memcpy(&source.ipi_spec_dst, address.data(), sizeof source.ipi_spec_dst);
+    append(header, control, IPPROTO_IP, IP_PKTINFO, source);
+  } else {
+    in6_pktinfo source{};
+    std::memcpy(&source.ipi6_addr, address.data(), sizeof source.ipi6_addr);
+    append(header, control, IPPROTO_IPV6, IPV6_PKTINFO, source);
+  }
 }
 
 }  // namespace
@@ -133,8 +160,14 @@ std::size_t UdpTransport::fill(std::span<const Outgoing> batch, bool segment) {
       out_->vectors[vectors++] = {const_cast<std::byte*>(datagram.bytes.data()),
                                   datagram.bytes.size()};
     }
+    SendControl& control = out_->controls[messages];
     if (count > 1) {
-      set_segment_size(header, out_->controls[messages], batch[0].bytes.size());
+      append(header, control, SOL_UDP, UDP_SEGMENT,
+             static_cast<std::uint16_t>(batch[0].bytes.size()));
+    }
+    const auto note = std::to_integer<std::size_t>(note_in(batch[0].to));
+    if (note > 0 && note <= receivers_.size()) {
+      append_source(header, control, family_of(batch[0].to), receivers_[note - 1]);
     }
     out_->datagrams[messages++] = count;
     batch = batch.subspan(count);
@@ -221,6 +254,7 @@ std::span<const Incoming> UdpTransport::receive() {
 void UdpTransport::read_control(std::size_t message) {
   msghdr& header = in_->messages[message].msg_hdr;
   in_->segment_bytes[message] = 0;
+  in_->notes[message] = 0;
   for (cmsghdr* item = CMSG_FIRSTHDR(&header); item != nullptr; item = CMSG_NXTHDR(&header, item)) {
     if (item->cmsg_level == SOL_UDP && item->cmsg_type == UDP_GRO) {
       int size = 0;
@@ -231,18 +265,40 @@ void UdpTransport::read_control(std::size_t message) {
       std::memcpy(&drops, CMSG_DATA(item), sizeof drops);
       counters_.receive_queue_drops += drops - kernel_drops_;
       kernel_drops_ = drops;
+    } else if (item->cmsg_level == IPPROTO_IP && item->cmsg_type == IP_PKTINFO) {
+      in_pktinfo info{};
+      std::memcpy(&info, CMSG_DATA(item), sizeof info);
+      in_->notes[message] = note_of(&info.ipi_spec_dst, sizeof info.ipi_spec_dst);
+    } else if (item->cmsg_level == IPPROTO_IPV6 && item->cmsg_type == IPV6_PKTINFO) {
+      in6_pktinfo info{};
+      std::memcpy(&info, CMSG_DATA(item), sizeof info);
+      in_->notes[message] = note_of(&info.ipi6_addr, sizeof info.ipi6_addr);
     }
   }
 }
 
+// Bounded, since a NIC's own addresses are; whoever uses more than a byte can name is answered from
+// the kernel's choice.
+std::uint8_t UdpTransport::note_of(const void* address, std::size_t size) {
+  std::array<std::byte, 16> bytes{};
+  std::memcpy(bytes.data(), address, size);
+  auto it = std::ranges::find(receivers_, bytes);
+  if (it == receivers_.end()) {
+    if (receivers_.size() >= std::numeric_limits<std::uint8_t>::max()) return 0;
+    it = receivers_.insert(it, bytes);
+  }
+  return static_cast<std::uint8_t>(it - receivers_.begin() + 1);
+}
+
 void UdpTransport::split(std::size_t message) {
   const mmsghdr& received = in_->messages[message];
-  const Address from = from_sockaddr(reinterpret_cast<const sockaddr*>(&in_->names[message]),
-                                     received.msg_hdr.msg_namelen);
+  Address from = from_sockaddr(reinterpret_cast<const sockaddr*>(&in_->names[message]),
+                               received.msg_hdr.msg_namelen);
   if ((received.msg_hdr.msg_flags & MSG_TRUNC) != 0 || from.size == 0) {
     ++counters_.receive_errors;
     return;
   }
+  from.raw[is_ipv6(from) ? kNote6 : kNote4] = static_cast<std::byte>(in_->notes[message]);
   ByteView rest(&in_->bytes[message * kReceiveBytes], received.msg_len);
   const std::size_t segment = in_->segment_bytes[message];
   while (segment > 0 && rest.size() > segment) {

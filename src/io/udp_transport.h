@@ -6,9 +6,14 @@
 // errors of the network that a socket may report (a host that cannot be reached, a firewall) drop
 // the datagram they hit and are counted: ICMP is a hint that anybody can forge.
 //
+// With UdpOptions::answer_from_receiver an Address that comes from receive() carries, in a byte
+// that the system ignores, which of the NIC's own addresses it came to; send() takes it from there.
+// Addresses made otherwise carry nothing and leave the choice to the kernel.
+//
 // All buffers are allocated by the constructor. Thread-compatible.
 #pragma once
 
+#include <array>
 #include <memory>
 #include <string>
 #include <vector>
@@ -38,6 +43,7 @@ class UdpTransport final : public Transport {
   struct ReceiveBuffers;
 
   std::size_t fill(std::span<const Outgoing> batch, bool segment);
+  std::uint8_t note_of(const void* address, std::size_t size);
   void read_control(std::size_t message);
   void split(std::size_t message);
 
@@ -45,6 +51,9 @@ class UdpTransport final : public Transport {
   TransportCounters counters_;
   std::size_t refusals_ = 0;  // of segmented sends in a row
   std::uint32_t kernel_drops_ = 0;
+  // The NIC's addresses that something came to, as in in_addr or in6_addr; a note is the place of
+  // one, from 1.
+  std::vector<std::array<std::byte, 16>> receivers_;
   std::unique_ptr<SendBuffers> out_;
   std::unique_ptr<ReceiveBuffers> in_;
 };

@@ -3,7 +3,6 @@
 #include <boost/asio/post.hpp>
 #include <csignal>
 #include <stdexcept>
-#include <system_error>
 #include <utility>
 
 #include "io/steady_clock.h"
@@ -45,11 +44,13 @@ Node::Impl::Impl(NodeOptions&& options, const EndpointOptions& endpoint)
       signals_(context_),
       session_(endpoint.session),
       endpoint_(endpoint, io::now()),
+      links_(options, *this),
+      nic_watcher_(context_),
       computation_(options.computation_workers),
       backup_(options.backup_workers) {
   try {
-    for (const NodeLink& link : options.links) open(options, link);
-    connect(options);
+    nic_watcher_.assign(links_.native_handle());
+    connect();
   } catch (...) {
     shut_down();
     throw;
@@ -58,25 +59,6 @@ Node::Impl::Impl(NodeOptions&& options, const EndpointOptions& endpoint)
 
 Node::Impl::~Impl() { shut_down(); }
 
-void Node::Impl::open(const NodeOptions& options, const NodeLink& link) {
-  OpenedLink opened = open_link(options, link);
-  warnings_.insert(warnings_.end(), opened.warnings.begin(), opened.warnings.end());
-  Link& added = *links_.emplace_back(std::make_unique<Link>());
-  added.options = link;
-  added.transport = std::move(opened.transport);
-  added.watcher.emplace(context_, added.transport->native_handle());
-  endpoint_.add_link(io::now(), link.id, opened.info);
-  outbox_.add(link.id, *added.transport);
-}
-
-void Node::Impl::connect(const NodeOptions& options) {
-  std::vector<std::pair<LinkId, Address>> addresses;
-  for (const NodeLink& link : options.links) {
-    if (!link.peer.empty()) addresses.emplace_back(link.id, *parse_address(link.peer));
-  }
-  if (!addresses.empty()) peer_ = endpoint_.connect(io::now(), addresses);
-}
-
 // Harmless when repeated. Afterwards no thread but the caller's is in this object.
 void Node::Impl::shut_down() {
   computation_.stop();
@@ -84,26 +66,19 @@ void Node::Impl::shut_down() {
   error_code ignored;
   signals_.cancel(ignored);
   signals_.clear(ignored);
-  for (const auto& link : links_) {
-    if (link->watcher) link->watcher->release();  // the descriptor is the transport's
-    link->watcher.reset();
+  for (const SharedPort& port : ports_) {  // the descriptors are the transports'
+    if (port->watcher.is_open()) port->watcher.release();
   }
-}
-
-const Node::Impl::Link* Node::Impl::find(LinkId id) const {
-  for (const auto& link : links_) {
-    if (link->options.id == id) return link.get();
-  }
-  return nullptr;
+  if (nic_watcher_.is_open()) nic_watcher_.release();
 }
 
 void Node::Impl::run() {
   if (std::exchange(ran_, true)) throw std::logic_error("Node::run: a node runs once");
   const io::PreciseTimers precise;
   try {
-    for (const auto& link : links_) {
-      if (link->watcher) wait_readable(*link);
-    }
+    wait_for_nics();
+    for (const SharedPort& port : ports_) wait_readable(port);
+    repeat_statistics(saturating_add(io::now(), statistics_interval_));
     if (!context_.stopped()) turn();
     context_.run();
     outbox_.pump(io::now(), *this);  // what can leave at once still does
@@ -157,44 +132,43 @@ void Node::Impl::enter(const Task& task) {
   turn();
 }
 
-void Node::Impl::wait_readable(Link& link) {
-  link.watcher->async_wait(stream_descriptor::wait_read, [this, &link](const error_code& error) {
-    if (error || !link.transport) return;
-    on_readable(link);
+void Node::Impl::wait_readable(const SharedPort& port) {
+  port->watcher.async_wait(stream_descriptor::wait_read, [this, port](const error_code& error) {
+    if (!error && port->transport != nullptr) on_readable(port);
   });
 }
 
-void Node::Impl::wait_writable(Link& link) {
-  if (std::exchange(link.waits_for_write, true)) return;
-  link.watcher->async_wait(stream_descriptor::wait_write, [this, &link](const error_code& error) {
-    if (error || !link.transport) return;
-    link.waits_for_write = false;
-    outbox_.writable(io::now(), link.options.id);
+void Node::Impl::wait_writable(const SharedPort& port) {
+  if (std::exchange(port->waits_for_write, true)) return;
+  port->watcher.async_wait(stream_descriptor::wait_write, [this, port](const error_code& error) {
+    if (error || port->transport == nullptr) return;
+    port->waits_for_write = false;
+    outbox_.writable(io::now(), port->link);
     turn();
   });
 }
 
-void Node::Impl::on_readable(Link& link) {
-  receive(link);
+void Node::Impl::on_readable(const SharedPort& port) {
+  receive(*port);
   turn();
-  if (link.watcher) wait_readable(link);
+  if (port->transport != nullptr) wait_readable(port);
 }
 
 void Node::Impl::on_timer() {
   armed_.reset();
   // What has arrived comes before what is due at the same instant.
-  for (const auto& link : links_) receive(*link);
+  for (const SharedPort& port : ports_) receive(*port);
   turn();
 }
 
-void Node::Impl::receive(Link& link) {
-  for (int i = 0; i < kReceivesPerTurn && link.transport; ++i) {
-    const auto batch = link.transport->receive();
+void Node::Impl::receive(const Port& port) {
+  for (int i = 0; i < kReceivesPerTurn && port.transport != nullptr; ++i) {
+    const auto batch = port.transport->receive();
     if (batch.empty()) return;
     const TimePoint now = io::now();
     int inputs = 0;
     for (const Incoming& datagram : batch) {
-      endpoint_.handle_datagram(now, {link.options.id, datagram.from, datagram.bytes});
+      endpoint_.handle_datagram(now, {port.link, datagram.from, datagram.bytes});
       if (++inputs % kInputsPerCollect == 0) outbox_.collect(now, *this);
     }
     tell_events();
@@ -209,8 +183,8 @@ void Node::Impl::turn() {
   Outbox::More more = settle();
   if (context_.stopped()) return;
   if (lose_gone_links()) more = Outbox::More::kNow;
-  for (const auto& link : links_) {
-    if (link->watcher && outbox_.blocked(link->options.id)) wait_writable(*link);
+  for (const SharedPort& port : ports_) {
+    if (outbox_.blocked(port->link)) wait_writable(port);
   }
   if (more == Outbox::More::kNow && !std::exchange(turn_posted_, true)) {
     boost::asio::post(context_, [this] {
@@ -265,27 +239,9 @@ void Node::Impl::tell(Event&& event) {
     void operator()(PeerRestarted&& e) const { with(to.peer_restarted, e); }
     void operator()(PeerLost&& e) const { with(to.peer_lost, e); }
     void operator()(Planned&& e) const { with(to.planned, std::move(e)); }
+    void operator()(PathChanged&& e) const { with(to.path_changed, std::move(e)); }
   };
   std::visit(Visitor{handlers, call}, std::move(event));
-}
-
-bool Node::Impl::lose_gone_links() {
-  bool lost = false;
-  for (const auto& [id, error] : outbox_.take_gone()) {
-    for (const auto& link : links_) {
-      if (link->options.id != id || !link->transport) continue;
-      outbox_.remove(id);
-      link->watcher->release();
-      link->watcher.reset();
-      link->transport.reset();
-      endpoint_.remove_link(io::now(), id);
-      lost = true;
-      if (!handlers.link_lost) continue;
-      handlers.link_lost(id,
-                         link->options.nic + " is gone: " + std::generic_category().message(error));
-    }
-  }
-  return lost;
 }
 
 void Node::Impl::arm(Outbox::More more) {

@@ -28,12 +28,21 @@ void Node::on_peer_lost(std::function<void(PeerLost)> handler) {
 void Node::on_planned(std::function<void(Planned)> handler) {
   impl_->handlers.planned = std::move(handler);
 }
-void Node::on_link_lost(std::function<void(LinkId, std::string_view)> handler) {
-  impl_->handlers.link_lost = std::move(handler);
+void Node::on_nic_changed(std::function<void(NicChanged)> handler) {
+  impl_->handlers.nic_changed = std::move(handler);
+}
+void Node::on_path_changed(std::function<void(PathChanged)> handler) {
+  impl_->handlers.path_changed = std::move(handler);
+}
+void Node::on_statistics(Duration interval, std::function<void(const Statistics&)> handler) {
+  impl_->set_statistics(interval, std::move(handler));
 }
 
 PeerId Node::connect(std::span<const std::pair<LinkId, Address>> addresses) {
   return impl_->endpoint().connect(io::now(), addresses);
+}
+bool Node::request_train(PeerId peer, LinkId link) {
+  return impl_->endpoint().request_train(io::now(), peer, link);
 }
 RoundRef Node::begin_round(PipelineId pipeline) {
   return impl_->endpoint().begin_round(io::now(), pipeline);
@@ -65,6 +74,7 @@ std::vector<PeerId> Node::peers() const { return impl_->endpoint().peers(); }
 std::vector<LinkState> Node::links(PeerId peer) const {
   return impl_->endpoint().links(io::now(), peer);
 }
+Statistics Node::statistics() const { return impl_->statistics(); }
 EndpointCounters Node::counters() const { return impl_->endpoint().counters(); }
 LinkCounters Node::link_counters(LinkId link) const {
   return impl_->endpoint().link_counters(link);
@@ -72,15 +82,15 @@ LinkCounters Node::link_counters(LinkId link) const {
 std::size_t Node::reassembly_bytes() const { return impl_->endpoint().reassembly_bytes(); }
 
 TransportCounters Node::transport_counters(LinkId id) const {
-  const Impl::Link* link = impl_->find(id);
+  const LinkSet::Link* link = impl_->find(id);
   return link != nullptr && link->transport ? link->transport->counters() : TransportCounters{};
 }
 TransportCaps Node::transport_capabilities(LinkId id) const {
-  const Impl::Link* link = impl_->find(id);
+  const LinkSet::Link* link = impl_->find(id);
   return link != nullptr && link->transport ? link->transport->capabilities() : TransportCaps{};
 }
 std::optional<Address> Node::local_address(LinkId id) const {
-  const Impl::Link* link = impl_->find(id);
+  const LinkSet::Link* link = impl_->find(id);
   if (link == nullptr || !link->transport) return std::nullopt;
   return link->transport->local_address();
 }

@@ -18,12 +18,13 @@
 #include <vector>
 
 #include "interneuron/node.h"
+#include "node/link_set.h"
 #include "node/outbox.h"
 #include "node/workers.h"
 
 namespace interneuron {
 
-class Node::Impl : private Outbox::Source {
+class Node::Impl : private Outbox::Source, private LinkSet::User {
  public:
   explicit Impl(NodeOptions options);
   ~Impl() override;
@@ -37,7 +38,9 @@ class Node::Impl : private Outbox::Source {
     std::function<void(PeerRestarted)> peer_restarted;
     std::function<void(PeerLost)> peer_lost;
     std::function<void(Planned)> planned;
-    std::function<void(LinkId, std::string_view)> link_lost;
+    std::function<void(PathChanged)> path_changed;
+    std::function<void(NicChanged)> nic_changed;
+    std::function<void(const Statistics&)> statistics;
   };
 
   void run();
@@ -47,13 +50,9 @@ class Node::Impl : private Outbox::Source {
   void compute(Queue queue, Job job);
   void post(Task task);
 
-  struct Link {
-    NodeLink options;
-    std::unique_ptr<Transport> transport;  // empty once the NIC is gone
-    std::optional<boost::asio::posix::stream_descriptor> watcher;
-    bool waits_for_write = false;
-  };
-  const Link* find(LinkId link) const;
+  const LinkSet::Link* find(LinkId link) const { return links_.find(link); }
+  Statistics statistics() const;
+  void set_statistics(Duration interval, std::function<void(const Statistics&)> handler);
 
   Handlers handlers;
   Endpoint& endpoint() { return endpoint_; }
@@ -61,27 +60,45 @@ class Node::Impl : private Outbox::Source {
   SessionId session() const { return session_; }
   std::optional<PeerId> peer() const { return peer_; }
   int signal() const { return signal_; }
-  const std::vector<std::string>& warnings() const { return warnings_; }
+  const std::vector<std::string>& warnings() const { return links_.warnings(); }
 
  private:
+  // The socket of one incarnation of a link, as the loop waits for it. What waits for it shares it,
+  // because a wait that is over may be handled after the socket was closed.
+  struct Port {
+    LinkId link{};
+    Transport* transport = nullptr;  // empty once closed
+    boost::asio::posix::stream_descriptor watcher;
+    bool waits_for_write = false;
+  };
+  using SharedPort = std::shared_ptr<Port>;
+
   std::optional<Transmit> poll(TimePoint now, std::span<std::byte> buffer) override;
 
   Impl(NodeOptions&& options, const EndpointOptions& endpoint);
-  void open(const NodeOptions& options, const NodeLink& link);
-  void connect(const NodeOptions& options);
+  void connect();
   void shut_down();
 
+  // --- links come and go
+  void link_opened(LinkSet::Link& link) override;
+  void link_closing(LinkSet::Link& link) override;
+  void nic_changed(const NicChanged& change) override;
+  void open_port(const LinkSet::Link& link);
+  void check_nics();
+
   // --- ways into the loop
-  void wait_readable(Link& link);
-  void wait_writable(Link& link);
-  void on_readable(Link& link);
+  void wait_for_nics();
+  void wait_readable(const SharedPort& port);
+  void wait_writable(const SharedPort& port);
+  void on_readable(const SharedPort& port);
   void on_timer();
+  void repeat_statistics(TimePoint due);
   void enter(const Task& task);
 
   // --- a turn
   void turn();
   Outbox::More settle();
-  void receive(Link& link);
+  void receive(const Port& port);
   bool tell_events();
   void tell(Event&& event);
   bool handle_due();
@@ -97,11 +114,14 @@ class Node::Impl : private Outbox::Source {
   SessionId session_;
   Endpoint endpoint_;
   std::optional<PeerId> peer_;
-  std::vector<std::unique_ptr<Link>> links_;  // their addresses are captured by waits
+  LinkSet links_;
+  boost::asio::posix::stream_descriptor nic_watcher_;
+  std::optional<TimePoint> recheck_at_;
+  std::vector<SharedPort> ports_;
   Outbox outbox_;
+  Duration statistics_interval_{};
   bool turn_posted_ = false;
   bool ran_ = false;
-  std::vector<std::string> warnings_;
   // Last, so that they end first.
   Workers computation_;
   Workers backup_;

@@ -1,10 +1,12 @@
 #include "node/setup.h"
 
+#include <algorithm>
 #include <cerrno>
 #include <random>
 #include <stdexcept>
 
-#include "io/nic.h"
+#include "io/address.h"
+#include "io/nic_choice.h"
 #include "io/udp_transport.h"
 
 namespace interneuron {
@@ -34,10 +36,10 @@ std::optional<Address> peer_of(const NodeLink& link) {
 }
 
 // Where to bind; see NodeLink::local_address.
-Address local_of(const NodeOptions& options, const NodeLink& link, const io::Nic& nic) {
+Address local_of(const NodeLink& link, const io::Nic& nic, const Binding& binding) {
   const auto peer = peer_of(link);
   if (!link.local_address.empty()) {
-    const auto local = make_address(link.local_address, options.port);
+    const auto local = make_address(link.local_address, binding.port);
     if (!local) {
       throw std::invalid_argument("the local address \"" + link.local_address + "\" of " +
                                   link.nic + " is no numeric address like 10.0.0.1");
@@ -48,9 +50,10 @@ Address local_of(const NodeOptions& options, const NodeLink& link, const io::Nic
     }
     return *local;
   }
+  if (binding.source) return io::with_port(*binding.source, binding.port);
   const bool only_ipv6 = !nic.addresses.empty() && is_ipv6(nic.addresses.front());
   const bool ipv6 = peer ? is_ipv6(*peer) : only_ipv6;
-  return *make_address(ipv6 ? "::" : "0.0.0.0", options.port);
+  return *make_address(ipv6 ? "::" : "0.0.0.0", binding.port);
 }
 
 void refuse_public(const NodeLink& link, const Address& local, const io::Nic& nic) {
@@ -76,7 +79,14 @@ void refuse_public(const NodeLink& link, const Address& local, const io::Nic& ni
 }  // namespace
 
 void check_options(const NodeOptions& options) {
-  if (options.links.empty()) throw std::invalid_argument("a node needs at least one link");
+  if (options.links.empty() && options.rules.empty()) {
+    throw std::invalid_argument("a node needs at least one link");
+  }
+  for (const NodeNicRule& rule : options.rules) {
+    const std::string wrong = io::nic_pattern_error(rule.pattern);
+    if (!wrong.empty()) throw std::invalid_argument(wrong);
+    peer_of({.nic = rule.pattern, .peer = rule.peer});
+  }
   for (std::size_t i = 0; i < options.links.size(); ++i) {
     for (std::size_t j = 0; j < i; ++j) {
       if (options.links[i].id != options.links[j].id) continue;
@@ -101,19 +111,52 @@ EndpointOptions endpoint_options(const NodeOptions& options) {
   return out;
 }
 
-OpenedLink open_link(const NodeOptions& options, const NodeLink& link) {
-  const auto nic = io::find_nic(link.nic);
-  if (!nic) throw IoError(io::unknown_nic_text(link.nic), ENODEV);
+void check_link(const NodeOptions& options, const NodeLink& link, const io::Nic& nic) {
+  const Address local = local_of(link, nic, {.port = options.port});
+  if (options.accept_peers && !options.insecure && !is_unspecified(local)) {
+    refuse_public(link, local, nic);
+  }
+}
+
+OpenedLink open_link(const NodeOptions& options, const NodeLink& link, const io::Nic& nic,
+                     const Binding& binding) {
   io::UdpOptions udp;
   udp.nic = link.nic;
-  udp.local = local_of(options, link, *nic);
-  if (options.accept_peers && !options.insecure) refuse_public(link, udp.local, *nic);
-  auto transport = std::make_unique<io::UdpTransport>(udp);
+  udp.card = nic;
+  udp.answer_from_receiver = link.peer.empty();
+  udp.local = local_of(link, nic, binding);
+  if (options.accept_peers && !options.insecure) refuse_public(link, udp.local, nic);
+  const auto open = [&] {
+    try {
+      return std::make_unique<io::UdpTransport>(udp);
+    } catch (const IoError& error) {
+      if (error.code() != EADDRINUSE || options.port == binding.port) throw;
+    }
+    udp.local = io::with_port(udp.local, options.port);
+    return std::make_unique<io::UdpTransport>(udp);
+  };
+  auto transport = open();
   OpenedLink out;
-  out.info = {link.nic, link.mtu != 0 ? link.mtu : nic->mtu};
+  out.info = {link.nic, link.mtu != 0 ? link.mtu : nic.mtu, link.traits};
   out.warnings = transport->warnings();
   out.transport = std::move(transport);
   return out;
+}
+
+bool still_fits(const NodeOptions& options, const NodeLink& link, const Address& local,
+                const io::Nic& nic) {
+  const Address host = io::with_port(local, 0);
+  if (!is_unspecified(local) && !is_loopback(local) &&
+      std::ranges::find(nic.addresses, host) == nic.addresses.end()) {
+    return false;
+  }
+  if (!options.accept_peers || options.insecure) return true;
+  try {
+    refuse_public(link, local, nic);
+  } catch (const std::invalid_argument&) {
+    return false;
+  }
+  return true;
 }
 
 }  // namespace interneuron

@@ -9,6 +9,7 @@
 #include <fcntl.h>
 #include <gtest/gtest.h>
 #include <sched.h>
+#include <signal.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -67,6 +68,47 @@ inline void in_namespace(const std::function<int()>& body) {
   if (WEXITSTATUS(status) == kSkip) GTEST_SKIP() << "needs user namespaces, ip and tc";
   EXPECT_EQ(WEXITSTATUS(status), 0);
 }
+
+// A second network namespace, for NICs to be moved to. For use inside in_namespace().
+class OtherNamespace {
+ public:
+  OtherNamespace() {
+    int ready[2];
+    if (::pipe(ready) != 0) return;
+    child_ = ::fork();
+    if (child_ == 0) {
+      const char done = ::unshare(CLONE_NEWNET) == 0 ? 'y' : 'n';
+      if (::write(ready[1], &done, 1) == 1) ::pause();
+      ::_exit(0);
+    }
+    char done = 'n';
+    made_ = ::read(ready[0], &done, 1) == 1 && done == 'y';
+    ::close(ready[0]);
+    ::close(ready[1]);
+  }
+  ~OtherNamespace() {
+    ::kill(child_, SIGKILL);
+    ::waitpid(child_, nullptr, 0);
+  }
+  OtherNamespace(const OtherNamespace&) = delete;
+  OtherNamespace& operator=(const OtherNamespace&) = delete;
+
+  bool made() const { return made_; }
+  // Runs a command in it.
+  bool shell(const std::string& command) const {
+    return io::shell("nsenter -t " + std::to_string(child_) + " -n " + command);
+  }
+  bool take(const std::string& nic) const {
+    return io::shell("ip link set " + nic + " netns " + std::to_string(child_));
+  }
+  bool give_back(const std::string& nic) const {
+    return shell("ip link set " + nic + " netns " + std::to_string(::getpid()));
+  }
+
+ private:
+  pid_t child_ = -1;
+  bool made_ = false;
+};
 
 // Says what was expected if it is not so; 0 = it is. To be joined by |.
 inline int expect(bool condition, const char* what) {

@@ -100,5 +100,32 @@ TEST(Namespace, OnlyTheBoundCardsTrafficArrives) {
   });
 }
 
+TEST(Namespace, Ipv6AnswersLeaveFromTheAddressThatWasAsked) {
+  in_namespace([] {
+    if (!shell("ip -6 addr add fd00::5/128 dev lo nodad") ||
+        !shell("ip -6 addr add fd00::6/128 dev lo nodad")) {
+      return kSkip;
+    }
+    UdpOptions options;
+    options.nic = "lo";
+    options.local = *make_address("::", 0);
+    options.answer_from_receiver = true;
+    UdpTransport server(options);
+    options.answer_from_receiver = false;
+    UdpTransport client(options);
+    const Bytes bytes = payload(0, 100);
+    int bad = 0;
+    for (const char* host : {"fd00::6", "fd00::5"}) {
+      client.send(to_all(*make_address(host, port_of(server.local_address())), {bytes}));
+      if (!wait_for(server, POLLIN)) return expect(false, "it came");
+      server.send(to_all(server.receive().front().from, {bytes}));
+      if (!wait_for(client, POLLIN)) return expect(false, "it was answered");
+      const std::string from = to_string(client.receive().front().from);
+      bad |= expect(from.starts_with("[" + std::string(host) + "]"), from.c_str());
+    }
+    return bad;
+  });
+}
+
 }  // namespace
 }  // namespace interneuron::io

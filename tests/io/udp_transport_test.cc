@@ -219,5 +219,48 @@ TEST(UdpTransport, NothingStaysOpen) {
   EXPECT_EQ(open_descriptors(), before);
 }
 
+// Sends to `to` and returns where the answer comes from.
+std::string answer_from(UdpTransport& server, const Address& to) {
+  UdpTransport client(on_lo(is_ipv6(to) ? "::1" : "127.0.0.1"));
+  const Bytes bytes = payload(0, 100);
+  client.send(to_all(to, {bytes, bytes}));  // two, so that segmentation has a say
+  if (!wait_for(server, POLLIN)) return "nothing came";
+  Address from{};
+  for (const Incoming& datagram : server.receive()) from = datagram.from;
+  EXPECT_EQ(to_string(from), to_string(client.local_address()));
+  server.send(to_all(from, {bytes, bytes}));
+  if (!wait_for(client, POLLIN)) return "no answer";
+  for (const Incoming& datagram : client.receive()) from = datagram.from;
+  return to_string(from);
+}
+
+TEST(UdpTransport, AnswersLeaveFromTheAddressThatWasAsked) {
+  UdpOptions options = on_lo("0.0.0.0");
+  options.answer_from_receiver = true;
+  UdpTransport server(options);
+  const std::uint16_t port = port_of(server.local_address());
+  for (const char* host : {"127.0.0.9", "127.0.0.1", "127.3.2.1", "127.0.0.9"}) {
+    EXPECT_EQ(answer_from(server, *make_address(host, port)), to_string(*make_address(host, port)));
+  }
+  // Without it the kernel chooses, which is what the others rely on.
+  UdpTransport plain(on_lo("0.0.0.0"));
+  const std::uint16_t other = port_of(plain.local_address());
+  EXPECT_EQ(answer_from(plain, *make_address("127.0.0.9", other)),
+            to_string(*make_address("127.0.0.1", other)));
+}
+
+TEST(UdpTransport, MoreAddressesThanCanBeNotedAreAnsweredFromOne) {
+  UdpOptions options = on_lo("0.0.0.0");
+  options.answer_from_receiver = true;
+  UdpTransport server(options);
+  const std::uint16_t port = port_of(server.local_address());
+  for (int i = 1; i <= 255; ++i) {
+    const auto host = *make_address("127.0.7." + std::to_string(i), port);
+    ASSERT_EQ(answer_from(server, host), to_string(host));
+  }
+  EXPECT_EQ(answer_from(server, *make_address("127.0.8.1", port)),
+            to_string(*make_address("127.0.0.1", port)));
+}
+
 }  // namespace
 }  // namespace interneuron::io

@@ -297,8 +297,8 @@ TEST(Node, ACardThatVanishesIsReportedAndTheOthersGoOn) {
     Node node(options);
     std::string reason;
     std::uint64_t sent_by_then = 0;
-    node.on_link_lost([&](LinkId link, std::string_view why) {
-      reason = std::to_string(link.value) + ": " + std::string(why);
+    node.on_nic_changed([&](const NicChanged& e) {
+      reason = std::to_string(e.link.value) + ": " + std::string(to_string(e.to)) + " " + e.reason;
       sent_by_then = node.link_counters(LinkId{1}).sent_packets;
     });
     node.after(milliseconds(1), [] { io::shell("ip link del va"); });
@@ -315,9 +315,37 @@ TEST(Node, ACardThatVanishesIsReportedAndTheOthersGoOn) {
     } catch (const std::exception& error) {
       return io::expect(false, error.what());
     }
-    return io::expect(reason == "0: va is gone: No such device", "the reason") |
+    return io::expect(reason == "0: absent unplugged", "the reason") |
            io::expect(!node.local_address(LinkId{0}), "its socket is closed") |
            io::expect(node.local_address(LinkId{1}).has_value(), "the other is there");
+  });
+}
+
+TEST(Node, TheFirstLinkToThePeerMayComeLater) {
+  io::in_namespace([] {
+    if (!io::shell("ip link set va down")) return io::kSkip;
+    NodeOptions options;
+    options.links = {{.id = LinkId{0}, .nic = "va", .peer = "10.99.0.2:9"},
+                     {.id = LinkId{1}, .nic = "lo"}};
+    Node node(options);
+    int bad = io::expect(!node.peer(), "no peer yet");
+    node.after(milliseconds(1), [] { io::shell("ip link set va up"); });
+    std::function<void()> check = [&] {
+      if (node.peer() && node.link_counters(LinkId{0}).sent_packets > 0) node.stop();
+      node.after(milliseconds(5), check);
+    };
+    check();
+    limit(node);
+    try {
+      node.run();
+    } catch (const std::exception& error) {
+      return io::expect(false, error.what());
+    }
+    const Statistics statistics = node.statistics();
+    return bad | io::expect(node.peers().size() == 1, "one peer") |
+           io::expect(statistics.links[0].nic_state == NicState::kReady, "ready") |
+           io::expect(statistics.links[0].transport.sent_datagrams > 0, "sent") |
+           io::expect(statistics.peers.size() == 1, "told of");
   });
 }
 
