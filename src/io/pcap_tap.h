@@ -1,0 +1,47 @@
+// Writes what this process sends and receives over UDP into a capture file, on all NICs, also those
+// that come later: libpcap's device "any" with link type LINUX_SLL2, which says of each packet
+// which NIC it used (sll.ifindex) and in which direction, with stamps in nanoseconds. A kernel
+// filter passes only our ports (io/udp_ports.h) and follows new ones before their first packet.
+//
+// What one should know: a batch that leaves as one segmented send (UDP_SEGMENT) is seen as one
+// large packet where the NIC does the cutting; and when a port is added, packets of the others may
+// be missed for some microseconds.
+//
+// Needs CAP_NET_RAW in this network namespace. A thread of its own; it takes no signals.
+// Thread-compatible. Errors throw IoError: EPERM with the command that helps.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace interneuron::io {
+
+class PcapTap {
+ public:
+  explicit PcapTap(const std::string& file);
+  ~PcapTap();  // stop()s
+  PcapTap(const PcapTap&) = delete;
+  PcapTap& operator=(const PcapTap&) = delete;
+
+  struct Counters {
+    struct Nic {
+      std::string name;  // "#7" if it is gone
+      int index = 0;
+      std::uint64_t packets = 0;
+    };
+    std::vector<Nic> nics;
+    std::uint64_t packets = 0;  // written
+    std::uint64_t dropped = 0;  // by the kernel, because we were too slow
+    std::string problem;        // why packets are missing at the end; empty: none are
+  };
+  // Waits for what is on its way, writes it out and closes the file. Harmless when repeated.
+  Counters stop();
+
+ private:
+  class Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace interneuron::io
