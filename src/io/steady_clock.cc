@@ -11,6 +11,12 @@ TimePoint now() {
   return TimePoint{std::chrono::seconds{t.tv_sec} + Duration{t.tv_nsec}};
 }
 
+Duration wall_offset() {
+  timespec t{};
+  clock_gettime(CLOCK_REALTIME, &t);
+  return std::chrono::seconds{t.tv_sec} + Duration{t.tv_nsec} - now().time_since_epoch();
+}
+
 PreciseTimers::PreciseTimers() : previous_ns_(prctl(PR_GET_TIMERSLACK)) {
   prctl(PR_SET_TIMERSLACK, 1UL);
 }

@@ -9,6 +9,11 @@ namespace interneuron::io {
 // Thread-safe.
 TimePoint now();
 
+// CLOCK_REALTIME minus CLOCK_MONOTONIC, as they are at the moment: for times on the wire that
+// others read as the time of day, and for the kernel's stamps. Nothing is decided by it.
+// Thread-safe.
+Duration wall_offset();
+
 // While it lives, timers of the calling thread fire at most 1 ns late by the kernel's choice
 // instead of the default 50 us (man 2 prctl, PR_SET_TIMERSLACK). Create and destroy it on the same
 // thread.

@@ -1,0 +1,31 @@
+// How large a packet may be on the way to a host through one network card (NIC): echo requests
+// (ping) of rising size with "don't fragment". Sends some ten packets and waits for their answers.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "interneuron/transport.h"
+
+namespace interneuron::io {
+
+struct PathMtu {
+  std::string nic;
+  // Packets of the IP layer, bytes, in rising order, and which were answered.
+  struct Probe {
+    std::size_t bytes = 0;
+    bool answered = false;
+  };
+  std::vector<Probe> probes;
+  // A router's word (ICMP) or the NIC's own limit, bytes, if any came.
+  std::optional<std::size_t> told;
+  // errno when no echo request may be sent at all (net.ipv4.ping_group_range, CAP_NET_RAW); 0:
+  // fine.
+  int error = 0;
+};
+
+// `mtu`: of the NIC; the largest packet that is tried. Never throws.
+PathMtu probe_path_mtu(const std::string& nic, std::size_t mtu, const Address& host);
+
+}  // namespace interneuron::io
