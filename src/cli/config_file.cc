@@ -6,6 +6,7 @@
 #include <filesystem>
 
 #include "cli/failure.h"
+#include "cli/link_options.h"
 #include "emu/toml_reader.h"
 
 namespace interneuron::cli {
@@ -20,8 +21,12 @@ std::string dashed(std::string key) {
   return key;
 }
 
-// A TOML scalar as the command line would give it.
-std::string scalar(const toml::node& node, const std::string& where, const std::string& key) {
+// A value as the command line would give it: a scalar, or a [[link]].
+std::string scalar(const toml::node& node, const std::string& file, const std::string& where,
+                   const std::string& key) {
+  if (const toml::table* table = node.as_table(); table != nullptr && key == "link") {
+    return link_table_text(*table, file);
+  }
   if (const auto s = node.value_exact<std::string>()) return *s;
   if (const auto i = node.value_exact<std::int64_t>()) return std::to_string(*i);
   if (const auto b = node.value_exact<bool>()) return *b ? "true" : "false";
@@ -56,9 +61,9 @@ void apply(CLI::App& command, const std::string& file, const std::string& key,
   if (option->count() > 0) return;
   std::vector<std::string> values;
   if (const toml::array* array = node.as_array()) {
-    for (const toml::node& element : *array) values.push_back(scalar(element, where, key));
+    for (const toml::node& element : *array) values.push_back(scalar(element, file, where, key));
   } else {
-    values.push_back(scalar(node, where, key));
+    values.push_back(scalar(node, file, where, key));
   }
   try {
     option->add_result(values);

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -29,7 +30,7 @@ struct Options {
   std::string scenario;
   std::size_t vehicles = 1;
   std::size_t roads = 1;
-  std::string backend = "auto";
+  netns::Backend backend = netns::Backend::kAuto;
   bool nat = false;
   std::string host = "vehicle";
   std::vector<std::string> command;
@@ -51,20 +52,13 @@ emu::Scenario scenario(const Options& o) {
   return o.links.empty() ? netns::default_scenario(seed) : netns::scenario_of(o.links, seed);
 }
 
-netns::Backend backend(const std::string& name) {
-  for (const auto known : {netns::Backend::kNetem, netns::Backend::kEmulator}) {
-    if (name == netns::backend_name(known)) return known;
-  }
-  return netns::Backend::kAuto;
-}
-
 int up(const Options& o) {
   netns::TestbedOptions options;
   options.name = o.name;
   options.scenario = scenario(o);
   options.vehicles = o.vehicles;
   options.roads = o.roads;
-  options.backend = backend(o.backend);
+  options.backend = o.backend;
   options.nat = o.nat;
   options.detached = true;
   const Testbed testbed = Testbed::up(options);
@@ -242,11 +236,7 @@ void add_up(CLI::App& sub, const std::shared_ptr<Options>& o) {
   sub.add_option("--roads", o->roads, "How many roadside units")
       ->capture_default_str()
       ->check(CLI::Range(std::size_t{1}, netns::kMaxRoads));
-  sub.add_option("--backend", o->backend,
-                 "auto: tc-netem where the kernel has it and it can do the profiles; netem; "
-                 "emulator")
-      ->capture_default_str()
-      ->check(CLI::IsMember({"auto", "netem", "emulator"}));
+  add_backend_option(sub, o->backend);
   sub.add_flag("--nat", o->nat, "Translate the vehicles' addresses as a carrier's gateway does");
 }
 
@@ -259,6 +249,20 @@ netns::State found_testbed(const std::string& name) {
                                name + "` makes it");
   }
   return *state;
+}
+
+void add_backend_option(CLI::App& command, netns::Backend& backend) {
+  using netns::Backend;
+  std::map<std::string, Backend> names;
+  for (const Backend known : {Backend::kAuto, Backend::kNetem, Backend::kEmulator}) {
+    names[netns::backend_name(known)] = known;
+  }
+  command
+      .add_option_function<std::string>(
+          "--backend", [&backend, names](const std::string& name) { backend = names.at(name); },
+          "auto: tc-netem where the kernel has it and it can do the profiles; netem; emulator")
+      ->default_str(netns::backend_name(backend))
+      ->check(CLI::IsMember({"auto", "netem", "emulator"}));
 }
 
 void add_testbed(CLI::App& program, std::function<int()>& run) {

@@ -13,6 +13,9 @@ namespace interneuron::cli {
 // The testbed of this name; throws Failure (1) when it is not up.
 netns::State found_testbed(const std::string& name);
 
+// --backend auto|netem|emulator; `backend` must live as long as the program parses and runs.
+void add_backend_option(CLI::App& command, netns::Backend& backend);
+
 // Adds the command; `run` is set to what is to be done when it was chosen.
 void add_testbed(CLI::App& program, std::function<int()>& run);
 

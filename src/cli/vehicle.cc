@@ -6,19 +6,19 @@
 #include <atomic>
 #include <csignal>
 #include <cstdio>
-#include <map>
 #include <optional>
 
 #include "cli/data.h"
 #include "cli/failure.h"
+#include "cli/link_options.h"
+#include "cli/links/publisher.h"
 #include "cli/offload_request.h"
 #include "cli/report.h"
+#include "cli/run_record.h"
 #include "interneuron/node.h"
 #include "io/steady_clock.h"
-#include "perception/accuracy.h"
 #include "perception/detector.h"
 #include "perception/frame_source.h"
-#include "perception/picture.h"
 #include "plan/budget.h"
 
 namespace interneuron::cli {
@@ -34,15 +34,6 @@ constexpr Duration kSettlePoll = 20ms;
 constexpr Duration kProgress = 500ms;
 // So many rounds with a raw image measure what everything but the computation takes; chosen.
 constexpr std::size_t kBudgetRounds = 10;
-
-std::pair<std::string, std::string> split_link(const std::string& text) {
-  const std::size_t at = text.find('=');
-  if (at == std::string::npos || at == 0 || !parse_address(text.substr(at + 1))) {
-    throw Failure(
-        kUsage, "--link '" + text + "': give NIC=ADDRESS:PORT, for example wwan0=192.0.2.7:47000");
-  }
-  return {text.substr(0, at), text.substr(at + 1)};
-}
 
 // What it takes to make the variants of a frame of the demo video's size: the slowest of a few.
 Duration encode_time() {
@@ -72,12 +63,12 @@ class Vehicle {
   void begin_round(TimePoint planned_at);
   void back_up(const RoundRef& ref, const perc::Image& image);
   void planned(const Planned& event);
-  void done(RoundDone event);
+  void done(const RoundDone& event);
   void learn_budget(const RoundRow& row);
   void finish();
   void progress(bool last);
   RunInfo info() const;
-  void accuracy(RunInfo& info) const;
+  std::optional<std::filesystem::path> truth() const;
   int report();
 
   const VehicleOptions& o_;
@@ -88,20 +79,14 @@ class Vehicle {
   bool fetching_ = false;
   std::optional<TimePoint> late_round_;  // a round whose frame is still being decoded
   perc::Ladder backup_;
-  std::vector<std::string> nics_;
   Node node_;
+  LinkPublisher links_;
   std::atomic<std::uint32_t> newest_round_{0};
   Duration budget_{};
   std::vector<double> overheads_ms_;  // of the first rounds with a raw image
   bool started_ = false;
   bool all_begun_ = false;
-  std::uint32_t begun_ = 0;
-  std::uint32_t decided_ = 0;
-  std::uint32_t on_time_ = 0;
-  std::vector<RoundRow> rows_;
-  std::vector<std::vector<perc::Box>> shown_;
-  cv::Mat picture_;  // the frame of the picture, and its round
-  std::optional<std::uint32_t> picture_round_;
+  RunRecord record_;
   std::string failure_;
 };
 
@@ -114,7 +99,9 @@ Vehicle::Vehicle(const VehicleOptions& options)
                                  .data_dir = data_.value_or(std::filesystem::path()),
                                  .max_levels = 1,
                                  .spend = {}})),
-      node_(node_options()) {}
+      node_(node_options()),
+      links_(node_, "vehicle"),
+      record_(options.rounds) {}
 
 PipelineConfig Vehicle::pipeline() const {
   PipelineConfig p;
@@ -129,15 +116,7 @@ PipelineConfig Vehicle::pipeline() const {
 
 NodeOptions Vehicle::node_options() {
   NodeOptions n;
-  for (std::size_t i = 0; i < o_.links.size(); ++i) {
-    const auto [nic, peer] = split_link(o_.links[i]);
-    NodeLink link;
-    link.id = LinkId{static_cast<std::uint8_t>(i)};
-    link.nic = nic;
-    link.peer = peer;
-    n.links.push_back(link);
-    nics_.push_back(nic);
-  }
+  append_links(o_.links, LinkPeer::kNamed, n);
   n.port = o_.port;
   n.pipelines = {pipeline()};
   return n;
@@ -172,7 +151,7 @@ void Vehicle::settle(TimePoint until) {
     return;
   }
   for (const LinkState& l : links) {
-    spdlog::info("link {}: {}, round trip {:.1f} ms, {:.1f} Mbit/s up", nics_[l.id.value],
+    spdlog::info("link {}: {}, round trip {:.1f} ms, {:.1f} Mbit/s up", links_.name(l.id),
                  l.up ? "up" : "silent", to_ms(l.rtt_p50), l.rate.mbit());
   }
   // The frame is resized and copied before it can leave; that is part of the round too.
@@ -215,7 +194,7 @@ void Vehicle::begin_round(TimePoint planned_at) {
     late_round_ = planned_at;
     return;
   }
-  if (!next_frame_ || (o_.rounds > 0 && begun_ >= o_.rounds)) {
+  if (!next_frame_ || (o_.rounds > 0 && record_.begun() >= o_.rounds)) {
     all_begun_ = true;
     finish();
     return;
@@ -223,12 +202,7 @@ void Vehicle::begin_round(TimePoint planned_at) {
   const RoundRef ref = node_.begin_round(kCamera);
   const perc::Frame frame = std::move(*next_frame_);
   newest_round_ = ref.round.value;
-  ++begun_;
-  RoundRow row;
-  row.round = ref.round.value;
-  row.frame = frame.index;
-  rows_.push_back(row);
-  shown_.emplace_back();
+  record_.begun(ref.round.value, frame);
 
   const auto index = static_cast<std::uint32_t>(frame.index);
   const perc::Image raw = perc::make_variant(frame.bgr, index, perc::Variant::kRaw);
@@ -240,8 +214,6 @@ void Vehicle::begin_round(TimePoint planned_at) {
                 with_request(budget_, perc::encode_image(sampled))},
                MessageClass::kData, node_.peer());
   back_up(ref, raw);
-  // The picture of the run: a round from its middle.
-  if (!picture_round_ && (o_.rounds == 0 || begun_ > o_.rounds / 2)) picture_ = frame.bgr;
 
   fetch_frame();
   const TimePoint next = planned_at + from_ms(o_.period_ms);
@@ -263,47 +235,18 @@ void Vehicle::back_up(const RoundRef& ref, const perc::Image& image) {
 }
 
 void Vehicle::planned(const Planned& event) {
-  if (event.stage != 1 || event.round.round.value >= rows_.size()) return;
-  std::string& text = rows_[event.round.round.value].plan;
+  if (event.stage != 1) return;
+  std::string text;
   for (const Assignment& a : event.plan.sends) {
     if (!text.empty()) text += ' ';
-    text += std::string(a.variant == 0 ? "raw" : "sampled") + ":" + nics_[a.link.value];
+    text += std::string(a.variant == 0 ? "raw" : "sampled") + ":" + links_.name(a.link);
   }
   if (event.plan.under_floor) text += " (under floor)";
+  record_.planned(event.round.round.value, text);
 }
 
-void Vehicle::done(RoundDone event) {
-  RoundRow& row = rows_[event.round.round.value];
-  row.t0 = event.t0;
-  row.answered = true;
-  row.outcome = event.outcome;
-  row.e2e = event.e2e;
-  row.age_rounds = event.age_rounds;
-  row.x_permille = event.x_permille;
-  row.recovering = event.recovering;
-  row.degraded_final = event.degraded_final;
-  ++decided_;
-  if (const auto result = perc::decode_result(event.result)) {
-    row.boxes = result->boxes.size();
-    shown_[event.round.round.value] = result->boxes;
-    if (event.outcome == Outcome::kRemote) {
-      ++on_time_;
-      row.road = RoundRow::Road{
-          static_cast<int>(result->variant),
-          result->level,
-          result->stage1_late,
-          result->stage1_released,
-          result->stage1_overrun ==
-                  std::chrono::duration_cast<std::chrono::microseconds>(kFullSeverity)
-              ? from_ms(o_.deadline_ms)
-              : Duration(result->stage1_overrun),
-          Duration(result->compute_time)};
-      if (!picture_round_ && !picture_.empty() && event.round.round.value + 1 == begun_) {
-        picture_round_ = event.round.round.value;
-      }
-    }
-  }
-  learn_budget(row);
+void Vehicle::done(const RoundDone& event) {
+  learn_budget(record_.done(event, from_ms(o_.deadline_ms)));
   finish();
 }
 
@@ -320,17 +263,18 @@ void Vehicle::learn_budget(const RoundRow& row) {
 }
 
 void Vehicle::finish() {
-  if (all_begun_ && decided_ == begun_) node_.stop();
+  if (all_begun_ && record_.decided() == record_.begun()) node_.stop();
 }
 
 void Vehicle::progress(bool last) {
   if (!o_.quiet) {
     const bool terminal = ::isatty(STDERR_FILENO) != 0;
-    if (terminal || last || decided_ % 50 < 5) {
+    const auto [begun, decided, on_time] = record_.counts();
+    if (terminal || last || decided % 50 < 5) {
       std::fprintf(stderr, "%sround %u%s: %u on time, %u answered locally%s",
-                   terminal ? "\r\x1b[K" : "", begun_,
-                   o_.rounds > 0 ? (" of " + std::to_string(o_.rounds)).c_str() : "", on_time_,
-                   decided_ - on_time_, terminal && !last ? "" : "\n");
+                   terminal ? "\r\x1b[K" : "", begun,
+                   o_.rounds > 0 ? (" of " + std::to_string(o_.rounds)).c_str() : "", on_time,
+                   decided - on_time, terminal && !last ? "" : "\n");
       std::fflush(stderr);
     }
   }
@@ -348,56 +292,31 @@ RunInfo Vehicle::info() const {
   info.policy = o_.policy;
   info.backup = backup_.description();
   info.profiles = o_.profiles;
-  for (std::size_t i = 0; i < nics_.size(); ++i) {
-    const LinkCounters c = node_.link_counters(LinkId{static_cast<std::uint8_t>(i)});
+  for (const Statistics::Link& link : node_.statistics().links) {
+    const LinkCounters& c = link.counters;
     info.links.push_back(
-        {nics_[i], c.sent_bytes, c.received_bytes, c.fragments_resent, c.fragments_lost});
+        {link.nic, c.sent_bytes, c.received_bytes, c.fragments_resent, c.fragments_lost});
   }
   return info;
 }
 
-void Vehicle::accuracy(RunInfo& info) const {
-  std::optional<std::filesystem::path> file;
-  if (o_.truth.empty()) {
-    const bool demo_video = data_ && video_ == (*data_ / "pets/vtest.avi").string();
-    if (demo_video) file = default_truth(data_);
-  } else if (o_.truth != "none") {
-    file = o_.truth;
-  }
-  if (!file) return;
-  std::vector<perc::Shown> shown;
-  for (std::size_t i = 0; i < rows_.size(); ++i) shown.push_back({rows_[i].frame, shown_[i]});
-  const perc::Accuracy a = perc::evaluate(perc::read_mot_truth(*file), shown);
-  info.ap = a.ap;
-  info.ap50 = a.ap50;
-  info.ar = a.ar;
+std::optional<std::filesystem::path> Vehicle::truth() const {
+  if (o_.truth == "none") return std::nullopt;
+  if (!o_.truth.empty()) return o_.truth;
+  const bool demo_video = data_ && video_ == (*data_ / "pets/vtest.avi").string();
+  return demo_video ? default_truth(data_) : std::nullopt;
 }
 
 int Vehicle::report() {
   RunInfo run = info();
-  accuracy(run);
-  const Json summary = summarise(rows_, run);
-  if (!o_.out.empty()) {
-    const std::filesystem::path out = o_.out;
-    write_csv(out / "rounds.csv", rows_);
-    write_json(out / "summary.json", summary);
-    if (picture_round_) {
-      const RoundRow& row = rows_[*picture_round_];
-      char caption[128];
-      std::snprintf(caption, sizeof caption, "round %u: level %d, image %s, %.0f ms", row.round,
-                    row.road->level, row.road->variant == 0 ? "raw" : "sampled", to_ms(row.e2e));
-      perc::write_picture(out / "frame.png", picture_, shown_[row.round], caption);
-    }
-    plot_latency(out / "latency.png", rows_, summary);
-  }
+  if (const auto file = truth()) record_.compare(*file, run);
+  const Json summary = record_.write(o_.out, run);
   if (o_.json) {
     std::printf("%s\n", summary.dump(2).c_str());
   } else if (o_.table && !o_.quiet) {
     print_table(summary);
   }
-  const double share =
-      rows_.empty() ? 0
-                    : 100.0 * summary["on_time"].get<double>() / static_cast<double>(rows_.size());
+  const double share = record_.on_time_percent();
   if (o_.objective > 0 && share < o_.objective) {
     std::fprintf(stderr,
                  "interneuron: %.1f %% of the rounds on time, less than the objective of %.1f %%\n",
@@ -412,22 +331,16 @@ int Vehicle::run() {
   if (!o_.out.empty()) make_directory(o_.out);
   spdlog::info("local backup: {}", backup_.description());
   node_.on_planned([this](Planned e) { planned(e); });
-  node_.on_round_done([this](RoundDone e) { done(std::move(e)); });
+  node_.on_round_done([this](RoundDone e) { done(e); });
   node_.on_peer_restarted([](PeerRestarted) { spdlog::warn("the roadside unit restarted"); });
-  node_.on_link_lost([this](LinkId link, std::string_view reason) {
-    spdlog::warn("{}: {}", nics_[link.value], reason);
-  });
   node_.stop_on_signals();
   wait_for_roadside();
   node_.run();
   if (started_) progress(true);
   if (!failure_.empty()) throw Failure(kFailed, failure_);
   const int signal = node_.stopped_by_signal();
-  if (signal != 0 && decided_ < begun_) {
-    // Rounds that the signal cut off are no rounds of the run.
-    rows_.resize(decided_);
-    shown_.resize(decided_);
-  }
+  // Rounds that the signal cut off are no rounds of the run.
+  if (signal != 0) record_.drop_undecided();
   const int code = started_ ? report() : kFine;
   return signal != 0 ? 128 + signal : code;
 }
@@ -441,7 +354,8 @@ int run_vehicle(const VehicleOptions& options) {
   if (options.links.empty()) {
     throw Failure(kUsage, "no link: give --link NIC=ADDRESS:PORT, once per card");
   }
-  for (const std::string& link : options.links) split_link(link);  // before anything is opened
+  NodeOptions checked;
+  append_links(options.links, LinkPeer::kNamed, checked);  // before anything is opened
   return Vehicle(options).run();
 }
 

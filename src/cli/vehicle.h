@@ -9,8 +9,8 @@
 namespace interneuron::cli {
 
 struct VehicleOptions {
-  std::vector<std::string>
-      links;  // "NIC=ADDRESS:PORT", the roadside unit as reached over this card
+  // As link_options.h reads them: the roadside unit as reached over each card.
+  std::vector<std::string> links;
   std::uint16_t port = 0;
   std::string video;
   std::string data;

@@ -5,11 +5,8 @@
 #include <linux/audit.h>
 #include <linux/filter.h>
 #include <linux/seccomp.h>
-#include <signal.h>
 #include <sys/prctl.h>
 #include <sys/syscall.h>
-#include <sys/wait.h>
-#include <time.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -19,9 +16,9 @@
 #include <cstring>
 #include <fstream>
 #include <sstream>
-#include <utility>
 
 #include "cli/failure.h"
+#include "cli/signals.h"
 #include "io/file_descriptor.h"
 
 namespace interneuron::cli::verify {
@@ -32,16 +29,6 @@ namespace fs = std::filesystem;
 
 constexpr Duration kGrace = std::chrono::seconds(2);  // between a signal and SIGKILL
 constexpr Duration kNap = std::chrono::milliseconds(20);
-
-volatile sig_atomic_t g_signal = 0;
-void note_signal(int signal) { g_signal = signal; }
-struct sigaction g_old_int = {};
-struct sigaction g_old_term = {};
-
-void nap(Duration length) {
-  const timespec t{length / std::chrono::seconds(1), (length % std::chrono::seconds(1)).count()};
-  ::nanosleep(&t, nullptr);  // a signal ends it early, which is what it is for
-}
 
 bool on_path(const std::string& program) {
   const char* path = std::getenv("PATH");
@@ -80,31 +67,6 @@ void require_tools(std::initializer_list<Tool> tools) {
   throw Failure(kCannotHere, fmt::format("verify needs {}; `apt-get install{}` installs what is "
                                          "missing",
                                          programs, packages));
-}
-
-Interruptible::Interruptible() {
-  g_signal = 0;
-  struct sigaction action = {};
-  action.sa_handler = note_signal;
-  ::sigaction(SIGINT, &action, &g_old_int);
-  ::sigaction(SIGTERM, &action, &g_old_term);
-}
-
-Interruptible::~Interruptible() {
-  ::sigaction(SIGINT, &g_old_int, nullptr);
-  ::sigaction(SIGTERM, &g_old_term, nullptr);
-}
-
-void Interruptible::check() {
-  if (g_signal != 0) throw Failure(128 + g_signal, "interrupted");
-}
-
-void Interruptible::sleep(Duration length) {
-  for (; length > Duration{}; length -= kNap) {
-    check();
-    nap(std::min(length, kNap));
-  }
-  check();
 }
 
 void allow_setgroups() {
@@ -147,46 +109,25 @@ PrivateFolder::~PrivateFolder() {
   fs::remove_all(path_, ignored);
 }
 
-Process::Process(const netns::State& state, netns::Host host, const std::vector<std::string>& argv,
-                 const PrivateFolder& folder, const std::string& name)
-    : stem_(folder / name) {
+namespace {
+
+pid_t spawn(const netns::State& state, netns::Host host, const std::vector<std::string>& argv,
+            const fs::path& stem) {
   const io::FileDescriptor in(::open("/dev/null", O_RDONLY | O_CLOEXEC));
-  const io::FileDescriptor out = create(stem_.string() + ".out");
-  const io::FileDescriptor err = create(stem_.string() + ".err");
+  const io::FileDescriptor out = create(stem.string() + ".out");
+  const io::FileDescriptor err = create(stem.string() + ".err");
   netns::SpawnOptions options;
   options.stdio = {in.get(), out.get(), err.get()};
-  pid_ = netns::Testbed::spawn(state, host, argv, options);
+  return netns::Testbed::spawn(state, host, argv, options);
 }
 
-Process::~Process() { end(SIGTERM); }
+}  // namespace
 
-Process::Process(Process&& other) noexcept
-    : stem_(std::move(other.stem_)), pid_(std::exchange(other.pid_, -1)) {}
+Process::Process(const netns::State& state, netns::Host host, const std::vector<std::string>& argv,
+                 const PrivateFolder& folder, const std::string& name)
+    : stem_(folder / name), child_(spawn(state, host, argv, stem_)) {}
 
-Process& Process::operator=(Process&& other) noexcept {
-  std::swap(stem_, other.stem_);
-  std::swap(pid_, other.pid_);
-  return *this;
-}
-
-void Process::end(int signal) {
-  if (pid_ <= 0) return;
-  ::kill(pid_, signal);
-  if (!await_end(kGrace)) {
-    ::kill(pid_, SIGKILL);
-    await_end(Duration::max());
-  }
-  pid_ = -1;
-}
-
-bool Process::await_end(Duration bound) {
-  for (; bound > Duration{}; bound -= kNap) {
-    const pid_t reaped = ::waitpid(pid_, nullptr, WNOHANG);
-    if (reaped == pid_ || (reaped < 0 && errno == ECHILD)) return true;
-    nap(kNap);
-  }
-  return false;
-}
+void Process::end(int signal) { child_.end(signal, kGrace); }
 
 std::string Process::output() const { return content(stem_.string() + ".out"); }
 
@@ -209,7 +150,7 @@ bool await_text(const Process& process, const std::string& text, Duration bound)
         process.output().find(text) != std::string::npos) {
       return true;
     }
-    Interruptible::sleep(kNap);
+    SignalWatch::sleep(kNap);
   }
   return false;
 }

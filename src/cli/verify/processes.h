@@ -2,13 +2,12 @@
 // Errors: Failure. Thread-safety: none; one thread.
 #pragma once
 
-#include <sys/types.h>
-
 #include <filesystem>
 #include <initializer_list>
 #include <string>
 #include <vector>
 
+#include "cli/child.h"
 #include "netns/testbed.h"
 
 namespace interneuron::cli::verify {
@@ -19,19 +18,6 @@ struct Tool {
 };
 // Throws Failure (77) that names the packages of those missing.
 void require_tools(std::initializer_list<Tool> tools);
-
-// While it lives, SIGINT and SIGTERM are noted, and check() throws Failure (128 + signal).
-class Interruptible {
- public:
-  Interruptible();
-  ~Interruptible();
-  Interruptible(const Interruptible&) = delete;
-  Interruptible& operator=(const Interruptible&) = delete;
-
-  static void check();
-  // Sleeps, but not through a signal.
-  static void sleep(Duration length);
-};
 
 // Lets tcpdump start where the testbed has a user namespace of its own: there a process may not
 // call setgroups(), which tcpdump does although it is to stay what it is (-Z root). From now on the
@@ -57,9 +43,6 @@ class Process {
  public:
   Process(const netns::State& state, netns::Host host, const std::vector<std::string>& argv,
           const PrivateFolder& folder, const std::string& name);
-  ~Process();
-  Process(Process&& other) noexcept;
-  Process& operator=(Process&& other) noexcept;
 
   // Sends the signal and waits for the end; one that has not ended after 2 s is killed.
   void end(int signal);
@@ -69,10 +52,8 @@ class Process {
   std::string last_words() const;
 
  private:
-  bool await_end(Duration bound);
-
   std::filesystem::path stem_;
-  pid_t pid_ = -1;
+  Child child_;
 };
 
 // Until a process has written `text` to either file, at most `bound`. False when it did not.

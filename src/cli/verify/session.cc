@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "cli/failure.h"
+#include "cli/signals.h"
 #include "cli/verify/processes.h"
 #include "cli/verify/testbed_reading.h"
 #include "cli/verify/tools.h"
@@ -103,7 +104,7 @@ class Session {
     constexpr Duration kSlice = milliseconds(200);
     const Duration until = elapsed() + length;
     for (Duration left = length; left > Duration{}; left = until - elapsed()) {
-      Interruptible::sleep(std::min(left, kSlice));
+      SignalWatch::sleep(std::min(left, kSlice));
       progress_(elapsed());
     }
   }

@@ -1,0 +1,71 @@
+#include "cli/child.h"
+
+#include <sys/wait.h>
+
+#include <cerrno>
+#include <thread>
+#include <utility>
+
+#include "cli/failure.h"
+#include "cli/signals.h"
+#include "io/steady_clock.h"
+
+namespace interneuron::cli {
+
+namespace {
+
+constexpr Duration kNap = std::chrono::milliseconds(10);  // chosen
+
+}  // namespace
+
+Child::Child(Child&& other) noexcept : pid_(std::exchange(other.pid_, -1)), code_(other.code_) {}
+
+Child& Child::operator=(Child&& other) noexcept {
+  std::swap(pid_, other.pid_);
+  std::swap(code_, other.code_);
+  return *this;
+}
+
+// A process that was reaped has no number any more: somebody else may have it.
+std::optional<int> Child::ended() {
+  if (pid_ <= 0) return code_.value_or(kFine);
+  int status = 0;
+  const pid_t reaped = ::waitpid(pid_, &status, WNOHANG);
+  if (reaped == 0 || (reaped < 0 && errno == EINTR)) return std::nullopt;
+  if (reaped < 0) {
+    code_ = kFailed;
+  } else {
+    code_ = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+  }
+  pid_ = -1;
+  return code_;
+}
+
+int Child::wait() {
+  bool passed_on = false;
+  for (;;) {
+    if (const auto code = ended()) return *code;
+    if (!passed_on && SignalWatch::last() != 0) {
+      ::kill(pid_, SIGTERM);
+      passed_on = true;
+    }
+    std::this_thread::sleep_for(kNap);
+  }
+}
+
+int Child::end(int signal, Duration grace) {
+  if (const auto code = ended()) return *code;
+  ::kill(pid_, signal);
+  bool killed = false;
+  const TimePoint last_instant = io::now() + grace;
+  for (;;) {
+    if (const auto code = ended()) return *code;
+    if (!killed && io::now() >= last_instant) {
+      ::kill(pid_, SIGKILL);
+      killed = true;
+    }
+    std::this_thread::sleep_for(kNap);
+  }
+}
+
+}  // namespace interneuron::cli
