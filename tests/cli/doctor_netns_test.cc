@@ -1,0 +1,166 @@
+// The doctor on real cards in a namespace of the test's own: what is wrong is found, and the
+// commands that it prints make the finding go away.
+#include <gmock/gmock.h>
+#include <nlohmann/json.hpp>
+
+#include <fstream>
+
+#include "../io/namespace.h"
+#include "json_schema.h"
+#include "support.h"
+
+namespace interneuron::cli {
+namespace {
+
+using io::expect;
+using io::shell;
+using nlohmann::json;
+
+json doctor(const std::string& arguments = "") {
+  return json::parse(run("doctor --json " + arguments, false).output, nullptr, false);
+}
+
+json find(const json& report, const std::string& check, const std::string& nic) {
+  for (const json& f : report["findings"]) {
+    if (f["check"] == check && f["subject"] == nic) return f;
+  }
+  return {{"verdict", "none"}, {"fix", json::array()}};
+}
+
+bool is(const json& report, const std::string& check, const std::string& nic,
+        const std::string& verdict) {
+  const json f = find(report, check, nic);
+  if (f["verdict"] == verdict) return true;
+  std::printf("%s of %s: %s\n", check.c_str(), nic.c_str(), f.dump().c_str());
+  return false;
+}
+
+// Does what the doctor says; false when it says nothing.
+bool follow(const json& report, const std::string& check, const std::string& nic) {
+  const json f = find(report, check, nic);
+  bool done = !f["fix"].empty();
+  for (const json& command : f["fix"]) {
+    const bool fine = shell(command.get<std::string>());
+    if (!fine) std::printf("failed: %s\n", command.get<std::string>().c_str());
+    done = done && fine;
+  }
+  return done;
+}
+
+bool set(const std::string& key, const std::string& value) {
+  return io::write_file(("/proc/sys/net/ipv4/conf/" + key).c_str(), value);
+}
+
+// A second card beside va (10.99.0.1/24): vc.
+bool second_card(const std::string& address) {
+  return shell(
+      "ip link add vc type veth peer name vd && ip link set vc up && ip link set vd up && "
+      "ip addr add " +
+      address + " dev vc");
+}
+
+TEST(DoctorNetns, NoRouteIsFoundAndMended) {
+  io::in_namespace([] {
+    const json before = doctor();
+    int bad = expect(is(before, "route", "va", "problem"), "a problem without a default route");
+    bad |=
+        expect(violations(schema_of("doctor.json"), before).empty(), "output as its schema says");
+    bad |= expect(run("doctor").code == 1, "exit code 1");
+    bad |= expect(follow(before, "route", "va"), "a fix that works");
+    const json after = doctor();
+    bad |= expect(is(after, "route", "va", "ok"), "no problem after the fix");
+    bad |= expect(run("doctor").code == 0, "exit code 0");
+    return bad;
+  });
+}
+
+TEST(DoctorNetns, AStrictReversePathFilterIsFoundAndMended) {
+  io::in_namespace([] {
+    if (!second_card("10.98.0.1/24") || !set("all/rp_filter", "0") || !set("va/rp_filter", "1") ||
+        !set("vc/rp_filter", "1") || !shell("ip route add default via 10.99.0.2 dev va metric 1") ||
+        !shell("ip route add default via 10.98.0.2 dev vc metric 2")) {
+      return io::kSkip;
+    }
+    const json before = doctor();
+    int bad = expect(is(before, "rp_filter", "va", "ok"), "va, where packets leave, is fine");
+    bad |= expect(is(before, "rp_filter", "vc", "problem"), "vc is not");
+    bad |= expect(is(before, "source_rule", "vc", "warning"), "vc's address has no rule");
+    bad |= expect(follow(before, "rp_filter", "vc"), "a fix that works");
+    bad |= expect(is(doctor(), "rp_filter", "vc", "ok"), "no problem after the fix");
+    // The other way to mend it: a rule for the address.
+    bad |= expect(set("vc/rp_filter", "1"), "strict again");
+    bad |= expect(follow(before, "source_rule", "vc"), "a rule that can be made");
+    const json after = doctor();
+    bad |= expect(is(after, "source_rule", "vc", "ok"), "the rule is seen");
+    bad |= expect(is(after, "rp_filter", "vc", "ok"), "and makes the filter harmless");
+    return bad;
+  });
+}
+
+TEST(DoctorNetns, TheSameSubnetTwiceIsFoundAndMended) {
+  io::in_namespace([] {
+    if (!second_card("10.99.0.7/24") || !set("all/arp_ignore", "0")) return io::kSkip;
+    const json before = doctor();
+    int bad = expect(is(before, "same_subnet", "va", "problem"), "a problem of va");
+    bad |= expect(is(before, "same_subnet", "vc", "problem"), "a problem of vc");
+    bad |= expect(follow(before, "same_subnet", "vc"), "a fix that works");
+    const json after = doctor();
+    bad |= expect(is(after, "same_subnet", "va", "ok"), "va is fine");
+    bad |= expect(is(after, "same_subnet", "vc", "ok"), "vc is fine");
+    return bad;
+  });
+}
+
+TEST(DoctorNetns, ItChangesNothing) {
+  io::in_namespace([] {
+    const auto state = [] {
+      return shell(
+          "ip -d addr > /tmp/doctor.$PPID && ip route show table all >> /tmp/doctor.$PPID "
+          "&& ip rule >> /tmp/doctor.$PPID && sysctl -a 2>/dev/null | grep ^net.ipv4.conf "
+          ">> /tmp/doctor.$PPID");
+    };
+    const std::string file = "/tmp/doctor." + std::to_string(::getpid());
+    const auto read = [&] {
+      state();
+      std::ifstream in(file);
+      return std::string(std::istreambuf_iterator<char>(in), {});
+    };
+    const std::string before = read();
+    doctor("--peer 10.99.0.1");
+    const std::string after = read();
+    std::remove(file.c_str());
+    return expect(!before.empty() && before == after, "addresses, routes and rules as before");
+  });
+}
+
+TEST(DoctorNetns, PathsAreMeasuredTowardsAPeer) {
+  io::in_namespace([] {
+    // The loopback card answers everything.
+    if (!io::write_file("/proc/sys/net/ipv4/ping_group_range", "0 0")) return io::kSkip;
+    const json report = doctor("--peer 127.0.0.1");
+    return expect(is(report, "path_mtu", "lo", "ok"), "1500 bytes pass");
+  });
+}
+
+// In a testbed of the emulator, which can swallow large packets without a word.
+TEST(DoctorNetns, ABlackHoleIsFoundAndMended) {
+  const std::string why = no_testbed();
+  if (!why.empty()) GTEST_SKIP() << why;
+  const std::string name = " --name hole-" + std::to_string(::getpid()) + " ";
+  ASSERT_EQ(run("testbed up --backend emulator --profile a=clean" + name).code, 0);
+  ASSERT_EQ(run("testbed set" + name + "a up.mtu=1350").code, 0);
+  const auto inside = [&name](const std::string& command) {
+    return run("testbed run --in vehicle" + name + "-- " + command, false).output;
+  };
+  const std::string look = "'" INTERNEURON_PROGRAM "' doctor --json --peer 10.77.0.1";
+  const json before = json::parse(inside(look), nullptr, false);
+  EXPECT_TRUE(is(before, "path_mtu", "ifa", "problem"));
+  const std::string fix = find(before, "path_mtu", "ifa")["fix"].at(0);
+  EXPECT_EQ(fix, "ip link set dev ifa mtu 1308");
+  inside(fix);
+  EXPECT_TRUE(is(json::parse(inside(look), nullptr, false), "path_mtu", "ifa", "ok"));
+  run("testbed down" + name);
+}
+
+}  // namespace
+}  // namespace interneuron::cli
