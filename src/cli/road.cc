@@ -4,10 +4,13 @@
 
 #include <cstdio>
 #include <map>
+#include <memory>
 #include <optional>
 
 #include "cli/data.h"
 #include "cli/failure.h"
+#include "cli/link_options.h"
+#include "cli/links/publisher.h"
 #include "cli/offload_request.h"
 #include "cli/report.h"
 #include "interneuron/node.h"
@@ -40,6 +43,15 @@ std::vector<perc::Image> calibration_pictures(const RoadOptions& options,
   return pictures;
 }
 
+std::optional<perc::Ladder> ladder_of(const RoadOptions& options,
+                                      const std::optional<std::filesystem::path>& data) {
+  if (options.ladder == kNoLadder) return std::nullopt;
+  return perc::make_ladder({.kind = *perc::parse_ladder_kind(options.ladder),
+                            .data_dir = data.value_or(std::filesystem::path()),
+                            .max_levels = 0,
+                            .spend = {}});
+}
+
 class Road {
  public:
   explicit Road(const RoadOptions& options);
@@ -47,6 +59,8 @@ class Road {
 
  private:
   NodeOptions node_options() const;
+  void tell_ready() const;
+  std::unique_ptr<StampService> serve_stamp() const;
   void calibrate();
   void serve(Delivered delivered);
   std::size_t top_level(PeerId peer, Duration budget);
@@ -57,10 +71,11 @@ class Road {
 
   const RoadOptions& options_;
   std::optional<std::filesystem::path> data_;
-  perc::Ladder ladder_;
+  std::optional<perc::Ladder> ladder_;  // nothing: only answers those who measure
   std::vector<Duration> runtimes_;
   std::vector<std::vector<double>> observed_ms_;  // per level, the newest kObserved
   Node node_;
+  LinkPublisher links_;
   std::map<PeerId, std::size_t> top_;
   std::uint64_t malformed_ = 0;
   std::uint64_t served_ = 0;
@@ -69,21 +84,14 @@ class Road {
 Road::Road(const RoadOptions& options)
     : options_(options),
       data_(find_data(options.data)),
-      ladder_(perc::make_ladder({.kind = *perc::parse_ladder_kind(options.ladder),
-                                 .data_dir = data_.value_or(std::filesystem::path()),
-                                 .max_levels = 0,
-                                 .spend = {}})),
-      node_(node_options()) {}
+      ladder_(ladder_of(options, data_)),
+      node_(node_options()),
+      links_(node_, "road") {}
 
 NodeOptions Road::node_options() const {
   NodeOptions o;
-  for (std::size_t i = 0; i < options_.nics.size(); ++i) {
-    NodeLink link;
-    link.id = LinkId{static_cast<std::uint8_t>(i)};
-    link.nic = options_.nics[i];
-    link.local_address = options_.address;
-    o.links.push_back(link);
-  }
+  append_links(options_.nics, LinkPeer::kNone, o);
+  for (NodeLink& link : o.links) link.local_address = options_.address;
   o.port = options_.port;
   o.accept_peers = true;
   o.max_peers = options_.max_peers;
@@ -91,27 +99,38 @@ NodeOptions Road::node_options() const {
   return o;
 }
 
+std::unique_ptr<StampService> Road::serve_stamp() const {
+  if (options_.stamp.port == 0) return nullptr;
+  StampOptions stamp = options_.stamp;
+  stamp.insecure = options_.insecure;
+  std::vector<std::string> nics;
+  for (const std::string& text : options_.nics) {
+    nics.push_back(parse_link_option(text, LinkPeer::kNone).nic);
+  }
+  return std::make_unique<StampService>(stamp, nics, options_.address);
+}
+
 void Road::calibrate() {
   const auto pictures = calibration_pictures(options_, data_);
   spdlog::info("calibrating on {} pictures, {} runs per level", pictures.size(),
                options_.calibration_runs);
-  ladder_.calibrate(
+  ladder_->calibrate(
       pictures, options_.calibration_runs,
       [](const perc::Level& level, std::size_t done, std::size_t total) {
         spdlog::info("level {} of {}: {}: median {:.1f} ms, p95 {:.1f} ms", done, total, level.name,
                      to_ms(level.r_median), to_ms(level.r_p95));
       },
       kCalibrationPause);
-  spdlog::info("{}", ladder_.description());
-  for (std::size_t i = 0; i < ladder_.size(); ++i) runtimes_.push_back(ladder_.level(i).r_median);
-  observed_ms_.resize(ladder_.size());
+  spdlog::info("{}", ladder_->description());
+  for (std::size_t i = 0; i < ladder_->size(); ++i) runtimes_.push_back(ladder_->level(i).r_median);
+  observed_ms_.resize(ladder_->size());
 }
 
 // The calibration's, or that of the newest images if those took longer: in operation other programs
 // share the processor.
 Duration Road::p95(std::size_t level) const {
   const std::vector<double>& times = observed_ms_[level];
-  Duration worst = ladder_.level(level).r_p95;
+  Duration worst = ladder_->level(level).r_p95;
   if (times.size() >= kEnoughObserved) worst = std::max(worst, from_ms(percentile(times, 0.95)));
   return worst;
 }
@@ -125,16 +144,16 @@ void Road::observe(std::size_t level, Duration time) {
 // The highest level that fits what the vehicle can afford; it refines that during its first rounds.
 std::size_t Road::top_level(PeerId peer, Duration budget) {
   if (options_.top_level >= 0) {
-    return std::min(static_cast<std::size_t>(options_.top_level), ladder_.size() - 1);
+    return std::min(static_cast<std::size_t>(options_.top_level), ladder_->size() - 1);
   }
   std::size_t level = 0;
-  for (std::size_t i = 0; i < ladder_.size(); ++i) {
+  for (std::size_t i = 0; i < ladder_->size(); ++i) {
     if (p95(i) <= budget) level = i;
   }
   const auto known = top_.find(peer);
   if (known != top_.end() && known->second == level) return level;
   spdlog::info("vehicle {}: {:.1f} ms for the computation, top level {} ({})", peer.value,
-               to_ms(budget), level, ladder_.level(level).name);
+               to_ms(budget), level, ladder_->level(level).name);
   top_[peer] = level;
   return level;
 }
@@ -163,7 +182,7 @@ Node::Task Road::detect(const Delivered& delivered, const perc::Image& image, st
   // Behind a backlog this long nobody waits for the answer any more.
   if (start - arrived > delivered.deadline) return {};
   perc::Result result;
-  result.boxes = ladder_.detect(level, image);
+  result.boxes = ladder_->detect(level, image);
   result.frame = image.frame;
   result.level = static_cast<std::uint8_t>(level);
   result.variant = image.variant;
@@ -184,41 +203,47 @@ Node::Task Road::detect(const Delivered& delivered, const perc::Image& image, st
 
 int Road::run() {
   for (const std::string& warning : node_.warnings()) spdlog::warn("{}", warning);
-  calibrate();
-  node_.on_delivered([this](Delivered d) { serve(std::move(d)); });
+  const auto stamp = serve_stamp();
+  if (ladder_) {
+    calibrate();
+    node_.on_delivered([this](Delivered d) { serve(std::move(d)); });
+  }
   node_.on_peer_ready([](PeerReady e) { spdlog::info("vehicle {}: here", e.peer.value); });
   node_.on_peer_lost([this](PeerLost e) {
     spdlog::info("vehicle {}: silent, forgotten", e.peer.value);
     top_.erase(e.peer);
   });
-  node_.on_link_lost([](LinkId link, std::string_view reason) {
-    spdlog::warn("link {}: {}", link.value, reason);
-  });
   node_.stop_on_signals();
-  // For programs that start us: what runs, then that vehicles may come.
-  for (std::size_t i = 0; i < ladder_.size(); ++i) {
-    std::printf("level %zu %lld %s\n", i, static_cast<long long>(ladder_.level(i).r_median.count()),
-                ladder_.level(i).name.c_str());
-  }
-  std::printf("ladder %s\n", ladder_.description().c_str());
-  std::string where;
-  for (std::size_t i = 0; i < options_.nics.size(); ++i) {
-    const auto address = node_.local_address(LinkId{static_cast<std::uint8_t>(i)});
-    where += " " + options_.nics[i] + (address ? "=" + to_string(*address) : "");
-  }
-  std::printf("ready%s\n", where.c_str());
-  std::fflush(stdout);
+  tell_ready();
   node_.run();
   spdlog::info("served {} images{}", served_,
                malformed_ > 0 ? ", dropped " + std::to_string(malformed_) + " that were none" : "");
   return kFine;
 }
 
+// For programs that start us: what runs, then that vehicles may come.
+void Road::tell_ready() const {
+  for (std::size_t i = 0; ladder_ && i < ladder_->size(); ++i) {
+    std::printf("level %zu %lld %s\n", i,
+                static_cast<long long>(ladder_->level(i).r_median.count()),
+                ladder_->level(i).name.c_str());
+  }
+  std::printf("ladder %s\n", ladder_ ? ladder_->description().c_str() : kNoLadder);
+  std::string where;
+  for (const Statistics::Link& link : node_.statistics().links) {
+    const auto address = node_.local_address(link.id);
+    where += " " + link.nic + (address ? "=" + to_string(*address) : "");
+  }
+  std::printf("ready%s\n", where.c_str());
+  std::fflush(stdout);
+}
+
 }  // namespace
 
 int run_road(const RoadOptions& options) {
-  if (!perc::parse_ladder_kind(options.ladder)) {
-    throw Failure(kUsage, "--ladder '" + options.ladder + "': give auto, dnn, motion or replay");
+  if (options.ladder != kNoLadder && !perc::parse_ladder_kind(options.ladder)) {
+    throw Failure(kUsage,
+                  "--ladder '" + options.ladder + "': give auto, dnn, motion, replay or none");
   }
   if (options.nics.empty()) throw Failure(kUsage, "no NIC: give --nic NAME, once per card");
   return Road(options).run();

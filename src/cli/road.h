@@ -5,12 +5,18 @@
 #include <string>
 #include <vector>
 
+#include "cli/peer_address.h"
+#include "cli/stamp_service.h"
+
 namespace interneuron::cli {
 
+// --ladder: detects nothing, answers only those who measure.
+inline constexpr const char* kNoLadder = "none";
+
 struct RoadOptions {
-  std::vector<std::string> nics;
+  std::vector<std::string> nics;  // as link_options.h reads them, without a peer
   std::string address;
-  std::uint16_t port = 47000;
+  std::uint16_t port = kDefaultPort;
   std::string ladder = "auto";
   std::string data;
   std::string video;  // pictures to calibrate on
@@ -18,6 +24,7 @@ struct RoadOptions {
   int top_level = -1;  // -1: by the vehicle's budget
   std::size_t max_peers = 16;
   bool insecure = false;
+  StampOptions stamp;
 };
 
 // Serves until SIGINT or SIGTERM. Prints "ready …" on stdout when vehicles may come.
