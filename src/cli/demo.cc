@@ -189,6 +189,7 @@ std::vector<std::string> Demo::vehicle_command() const {
       "--policy", o_.policy, "--deadline-ms", fmt::format("{}", o_.deadline_ms),
       "--out",    o_.out,    "--seed",        std::to_string(o_.seed)};
   if (data_) argv.insert(argv.end(), {"--data", data_->string()});
+  if (!o_.pcap.empty()) argv.insert(argv.end(), {"--pcap", o_.pcap});
   for (const netns::TestbedLink& link : testbed_->state().links) {
     argv.insert(argv.end(),
                 {"--link", fmt::format("{}={}:{}", link.nic, link.road_address, kPort)});

@@ -20,6 +20,7 @@ struct DemoOptions {
   double deadline_ms = 130;
   double objective = 0;
   bool json = false;
+  std::string pcap;  // capture of the vehicle's packets; empty: none
 };
 
 int run_demo(const DemoOptions& options);

@@ -7,11 +7,18 @@
 #include <functional>
 #include <stdexcept>
 
+#include "cli/bench/nature.h"
+#include "cli/capture.h"
 #include "cli/config_file.h"
 #include "cli/demo.h"
+#include "cli/doctor_command.h"
 #include "cli/failure.h"
+#include "cli/link_options.h"
+#include "cli/links_command.h"
+#include "cli/probe.h"
 #include "cli/road.h"
 #include "cli/testbed_command.h"
+#include "cli/top_command.h"
 #include "cli/vehicle.h"
 #include "interneuron/transport.h"
 #include "netns/testbed.h"
@@ -40,15 +47,18 @@ void add_deadline_options(CLI::App* c, double& deadline_ms, std::string& policy,
       ->check(CLI::Range(0.0, 100.0));
 }
 
-void add_input_options(CLI::App* c, std::string& video, std::string& data, std::string& ladder) {
+void add_input_options(CLI::App* c, std::string& video, std::string& data, std::string& ladder,
+                       const std::vector<std::string>& more_ladders = {}) {
+  std::vector<std::string> ladders{"auto", "dnn", "motion", "replay"};
+  ladders.insert(ladders.end(), more_ladders.begin(), more_ladders.end());
   c->add_option("--video", video,
                 "Video file, folder of images, stream or camera:N (default: the demo's video)");
   c->add_option(
       "--data", data,
       "Folder with models and videos (default: INTERNEURON_DATA, ../shared/data, build/data)");
-  c->add_option("--ladder", ladder, "Detectors: auto, dnn, motion or replay")
+  c->add_option("--ladder", ladder, "Detectors")
       ->capture_default_str()
-      ->check(CLI::IsMember({"auto", "dnn", "motion", "replay"}));
+      ->check(CLI::IsMember(ladders));
 }
 
 void add_demo(CLI::App& program, std::function<int()>& run) {
@@ -70,7 +80,11 @@ void add_demo(CLI::App& program, std::function<int()>& run) {
   c->footer(
       "Examples:\n  interneuron demo\n  interneuron demo --rounds 100 --seed 2 --json\n"
       "  interneuron demo --link 5g --link clean --policy best_link");
-  c->callback([&run, o] { run = [o] { return run_demo(*o); }; });
+  c->callback([&run, &program, o] {
+    const CLI::Option* pcap = program.get_option("--pcap");
+    if (pcap->count() > 0) o->pcap = pcap->as<std::string>();
+    run = [o] { return run_demo(*o); };
+  });
 }
 
 void add_vehicle(CLI::App& program, std::function<int()>& run) {
@@ -80,9 +94,7 @@ void add_vehicle(CLI::App& program, std::function<int()>& run) {
   CLI::App* c = program.add_subcommand(
       "vehicle", "Send camera frames through the pipeline; one answer per round");
   add_config_option(*c, *config);
-  c->add_option("--link", o->links,
-                "NIC=ADDRESS:PORT of the roadside unit as reached over this card; once per card")
-      ->take_all();
+  add_link_option(*c, "--link", o->links, LinkPeer::kNamed);
   c->add_option("--port", o->port, "Local UDP port on every card; 0: any")->capture_default_str();
   c->add_option("--rounds", o->rounds, "Rounds; 0: to the end of the video or Ctrl-C")
       ->capture_default_str();
@@ -109,6 +121,8 @@ void add_vehicle(CLI::App& program, std::function<int()>& run) {
   c->footer(
       "Examples:\n  interneuron vehicle --link wwan0=192.0.2.7:47000 --link wwan1=192.0.2.7:47000 "
       "--video camera:0\n"
+      "  interneuron vehicle --link 'wwan0=192.0.2.7:47000' --link "
+      "'wlan*=192.0.2.7:47000,role=backup'\n"
       "  interneuron vehicle --config vehicle.toml --rounds 300 --out out/run");
   c->callback([&run, o, config, no_table, c] {
     run = [o, config, no_table, c] {
@@ -125,10 +139,11 @@ void add_road(CLI::App& program, std::function<int()>& run) {
   CLI::App* c = program.add_subcommand(
       "road", "A roadside unit: detects in the images of any vehicle that comes");
   add_config_option(*c, *config);
-  c->add_option("--nic", o->nics, "Network card to serve on; once per card")->take_all();
+  add_link_option(*c, "--nic,--link", o->nics, LinkPeer::kNone);
   c->add_option("--address", o->address, "Local address (default: all of the card)");
   c->add_option("--port", o->port, "UDP port on every card")->capture_default_str();
-  add_input_options(c, o->video, o->data, o->ladder);
+  // none: for those who only measure (links, top, probe).
+  add_input_options(c, o->video, o->data, o->ladder, {kNoLadder});
   c->add_option("--calibration-runs", o->calibration_runs, "Runs per level at start-up")
       ->capture_default_str()
       ->check(CLI::Range(1, 10'000));
@@ -140,7 +155,10 @@ void add_road(CLI::App& program, std::function<int()>& run) {
       ->check(CLI::Range(1, 1000));
   c->add_flag("--insecure", o->insecure,
               "Serve on public addresses too, although sessions are not encrypted yet");
-  c->footer("Examples:\n  interneuron road --nic eth0\n  interneuron road --config road.toml");
+  add_stamp_options(*c, o->stamp);
+  c->footer(
+      "Examples:\n  interneuron road --nic eth0\n  interneuron road --nic eth0 --ladder none   # "
+      "only to be measured against\n  interneuron road --config road.toml");
   c->callback([&run, o, config, c] {
     run = [o, config, c] {
       apply_config(*c, *config);
@@ -159,10 +177,17 @@ int run_program(int argc, char** argv) {
   program.footer(kExitCodes);
   program.require_subcommand(1);
   std::function<int()> run;
+  std::string pcap;
+  add_capture_option(program, pcap);
   add_demo(program, run);
   add_vehicle(program, run);
   add_road(program, run);
+  add_links(program, run);
+  add_top(program, run);
+  add_doctor(program, run);
+  add_probe(program, run);
   add_testbed(program, run);
+  add_bench(program, run);
   program.add_subcommand("version", "The version")->callback([&run] {
     run = [] {
       std::printf("interneuron %s\n", kVersion);
@@ -181,6 +206,7 @@ int run_program(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return program.exit(error) == 0 ? kFine : kUsage;
   }
+  const auto capture = start_capture(program, pcap);
   return run();
 }
 

@@ -7,6 +7,7 @@
 #include <memory>
 
 #include "cli/failure.h"
+#include "cli/signals.h"
 #include "cli/testbed_command.h"
 #include "cli/verify/findings.h"
 #include "cli/verify/processes.h"
@@ -54,7 +55,7 @@ int run_verify(const Options& o) {
   verify::SessionOptions session;
   session.links = selected(state, o.links);
   session.length = std::chrono::seconds(o.seconds);
-  const verify::Interruptible interruptible;
+  const SignalWatch signals;
   constexpr Duration kBetweenLines = std::chrono::seconds(2);
   Duration next{};
   const auto evidence = verify::measure(state, session, [&](Duration elapsed) {

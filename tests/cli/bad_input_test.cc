@@ -46,8 +46,27 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"MissingConfig", "road --config nowhere.toml", 3, "nowhere.toml"},
         Mistake{"NoLink", "vehicle", 2, "--link"},
         Mistake{"BadLink", "vehicle --link lo", 2, "NIC=ADDRESS:PORT"},
+        Mistake{"BadLinkAttribute", "vehicle --link lo=127.0.0.1:1,rol=backup", 2, "'role'"},
+        Mistake{"BadRateCap", "vehicle --link lo=127.0.0.1:1,rate_cap=20", 2, "20mbit"},
+        Mistake{"NicWithAddress", "road --nic lo=127.0.0.1:1", 2, "eth0,trusted"},
+        Mistake{"BadPeer", "links --peer host:port", 2, "HOST:PORT"},
+        Mistake{"PeerAndLink", "links --peer 127.0.0.1 --link lo=127.0.0.1:1", 2, "--peer"},
+        Mistake{"BothJson", "links --json --json-stream", 2, "--json"},
+        Mistake{"TopWithoutTerminal", "top", 2, "links --json-stream"},
+        Mistake{"BadDoctorPeer", "doctor --peer host:0", 2, "HOST:PORT"},
         Mistake{"NoNic", "road", 2, "--nic"},
         Mistake{"UnknownNic", "road --nic wwan77 --ladder motion", 1, "wwan77"},
+        Mistake{"ProbeOfNobody", "probe", 2, "--peer"},
+        Mistake{"ProbeOfABadPort", "probe --peer roadside.example:port", 2, "HOST:PORT"},
+        Mistake{"ProbeOfABadNicPeer", "probe --nic lo=[::1", 2, "--nic '[::1'"},
+        Mistake{"ProbeOfNoAddress", "probe --peer 0.0.0.0", 2, "0.0.0.0"},
+        Mistake{"CaptureOfTwoRuns", "bench nature --pcap x.pcap", 2, "--load"},
+        Mistake{"ProbeTooOften", "probe --peer 127.0.0.1 --interval 0.5ms", 2, "--interval"},
+        Mistake{"ProbeTooLarge", "probe --peer 127.0.0.1 --size 1401", 2, "--size"},
+        Mistake{"ProbeOverNoNic", "probe --peer 127.0.0.1 --nic wwan77", 1, "wwan77"},
+        Mistake{"StampPort", "road --nic lo --ladder motion --stamp 70000", 2, "--stamp"},
+        Mistake{"CaptureNowhere", "probe --peer 127.0.0.1 --pcap /nowhere/x.pcap", 1,
+                "/nowhere/x.pcap"},
         Mistake{"TestbedNotUp", "testbed run --name nobody -- true", 1, "nobody"},
         Mistake{"DownOfNobody", "testbed down --name nobody", 1, "nobody"},
         Mistake{"VerifyOfNobody", "testbed verify --name nobody", 1, "nobody"},
@@ -100,7 +119,8 @@ TEST(BadInput, AnAbsentRoadsideUnitIsNamed) {
 
 TEST(BadInput, HelpAndVersionAreFine) {
   for (const char* arguments :
-       {"--help", "demo --help", "vehicle --help", "road --help", "testbed --help", "version"}) {
+       {"--help", "demo --help", "vehicle --help", "road --help", "testbed --help", "version",
+        "links --help", "top --help", "doctor --help", "probe --help", "bench nature --help"}) {
     EXPECT_EQ(run(arguments).code, 0) << arguments;
   }
 }
