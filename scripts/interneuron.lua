@@ -1,0 +1,284 @@
+-- Wireshark dissector of Interneuron's packets (docs/wire_format.md): data with the round header of a message's first
+-- piece, feedback with its reports, probes, echoes with the STAMP packet (RFC 8762) inside.
+--
+--   wireshark -X lua_script:scripts/interneuron.lua capture.pcap
+--   tshark    -X lua_script:scripts/interneuron.lua -r capture.pcap -Y 'interneuron.type == 2'
+--
+-- or copy it into the folder of personal Lua plugins (Help, About, Folders). UDP port 47000 is taken by default; other
+-- ports by Preferences, Protocols, INTERNEURON, or because the packets look like ours. Every field has a name to filter by: "interneuron.".
+
+local interneuron = Proto("interneuron", "Interneuron")
+
+local HEADER_BYTES = 16
+local TAG_BYTES = 16
+local PIECE_BYTES = 16
+local ROUND_HEADER_BYTES = 64
+local REPORT_BYTES = 80
+local STAMP_BYTES = 44
+
+local TYPES = { [1] = "data", [2] = "feedback", [3] = "probe", [4] = "echo" }
+local CLASSES = { [0] = "data", [1] = "result" }
+local STATES = { [0] = "unknown", [1] = "on time", [2] = "missed", [3] = "malformed" }
+
+local f = {}
+local function field(name, make, title, ...)
+  f[name] = make("interneuron." .. name, title, ...)
+end
+
+field("type", ProtoField.uint8, "Type", base.DEC, TYPES)
+field("link", ProtoField.uint8, "Link", base.DEC, nil, nil, "The path: the number that the side which connected gives to it")
+field("epoch", ProtoField.uint8, "Epoch", base.DEC, nil, nil, "Which key made the tag; 0: in the clear")
+field("session", ProtoField.uint32, "Session", base.HEX, nil, nil, "The sender's")
+field("number", ProtoField.uint64, "Number", base.DEC, nil, nil, "Counts the sender's packets on this path")
+field("tag", ProtoField.bytes, "Tag")
+field("padding", ProtoField.bytes, "Padding")
+
+field("message", ProtoField.uint32, "Message", base.DEC)
+field("index", ProtoField.uint16, "Piece", base.DEC)
+field("count", ProtoField.uint16, "Pieces", base.DEC)
+field("chunk", ProtoField.uint16, "Chunk", base.DEC, nil, nil, "Size of every piece but the last, bytes")
+field("lifetime_us", ProtoField.uint32, "Lifetime (us)", base.DEC)
+field("payload", ProtoField.bytes, "Payload")
+
+field("round.version", ProtoField.uint8, "Version", base.DEC)
+field("round.degraded", ProtoField.bool, "Degraded", 8, nil, 0x01)
+field("round.class", ProtoField.uint8, "Class", base.DEC, CLASSES)
+field("round.pipeline", ProtoField.uint8, "Pipeline", base.DEC)
+field("round.stage", ProtoField.uint8, "Stage", base.DEC)
+field("round.stages", ProtoField.uint8, "Stages", base.DEC)
+field("round.communication", ProtoField.uint16, "Communication stages", base.HEX)
+field("round.variant", ProtoField.uint8, "Variant", base.DEC)
+field("round.best_planned", ProtoField.uint8, "Best variant planned", base.DEC)
+field("round.x", ProtoField.int16, "X (1/1000)", base.DEC)
+field("round.need.delay", ProtoField.uint8, "Need of delay (1/255)", base.DEC)
+field("round.need.bandwidth", ProtoField.uint8, "Need of bandwidth (1/255)", base.DEC)
+field("round.need.reliability", ProtoField.uint8, "Need of reliability (1/255)", base.DEC)
+field("round.need.security", ProtoField.uint8, "Need of security (1/255)", base.DEC)
+field("round.origin", ProtoField.uint32, "Origin", base.HEX)
+field("round.number", ProtoField.uint32, "Round", base.DEC)
+field("round.policy", ProtoField.uint32, "Policy (FNV-1a of its name)", base.HEX)
+field("round.deadline_us", ProtoField.uint32, "Deadline (us)", base.DEC)
+field("round.period_us", ProtoField.uint32, "Period (us)", base.DEC)
+field("round.indicator", ProtoField.uint32, "Outcomes of the 16 rounds before", base.HEX)
+field("round.t0", ProtoField.int64, "t0 (ns, the origin's clock)", base.DEC)
+field("round.alpha", ProtoField.int64, "Offset of the hops so far (ns)", base.DEC)
+
+field("u", ProtoField.int64, "u (ns, the sender's clock)", base.DEC)
+field("echo_session", ProtoField.uint32, "Echo", base.HEX, nil, nil, "The receiver's session as the sender has heard it")
+field("reports", ProtoField.uint32, "Reports", base.DEC)
+field("report.link", ProtoField.uint8, "Link", base.DEC)
+field("report.has_exchange", ProtoField.bool, "s and h are there", 8, nil, 0x01)
+field("report.loss", ProtoField.uint16, "Own loss (1/65535)", base.DEC)
+field("report.train_packets", ProtoField.uint32, "Packets of the newest train", base.DEC)
+field("report.s", ProtoField.int64, "s (ns, the receiver's clock)", base.DEC)
+field("report.h", ProtoField.int64, "h (ns)", base.DEC)
+field("report.largest", ProtoField.uint64, "Largest number received", base.DEC)
+field("report.bitmap", ProtoField.bytes, "Which of the 256 before arrived")
+field("report.missing", ProtoField.uint32, "Missing of the 256 before", base.DEC)
+field("report.train_start", ProtoField.uint64, "First packet of the train", base.DEC)
+field("report.train_rate", ProtoField.uint32, "Rate of the train (kbit/s)", base.DEC)
+field("report.rate", ProtoField.uint32, "Own rate (kbit/s)", base.DEC)
+
+field("echo.reply", ProtoField.bool, "Reply", 8, nil, 0x01)
+field("echo.hold", ProtoField.bool, "Hold", 8, nil, 0x02)
+field("echo.train", ProtoField.uint16, "Train", base.DEC)
+field("echo.index", ProtoField.uint16, "Index", base.DEC)
+field("echo.count", ProtoField.uint16, "Count", base.DEC)
+field("stamp.sequence", ProtoField.uint32, "Sequence", base.DEC)
+field("stamp.timestamp", ProtoField.relative_time, "Timestamp (t1 of a request, t3 of a reply)")
+field("stamp.error", ProtoField.uint16, "Error estimate", base.HEX)
+field("stamp.received", ProtoField.relative_time, "Receive timestamp (t2)")
+field("stamp.request_sequence", ProtoField.uint32, "Session-Sender sequence", base.DEC)
+field("stamp.request_timestamp", ProtoField.relative_time, "Session-Sender timestamp (t1)")
+field("stamp.request_error", ProtoField.uint16, "Session-Sender error estimate", base.HEX)
+field("stamp.request_ttl", ProtoField.uint8, "Session-Sender TTL", base.DEC)
+
+local all = {}
+for _, one in pairs(f) do all[#all + 1] = one end
+interneuron.fields = all
+
+local malformed = ProtoExpert.new("interneuron.malformed", "Malformed: docs/wire_format.md forbids it",
+  expert.group.MALFORMED, expert.severity.ERROR)
+interneuron.experts = { malformed }
+
+interneuron.prefs.port = Pref.uint("UDP port", 47000, "Packets from or to this port are taken for ours (0: none)")
+interneuron.prefs.heuristic = Pref.bool("Other ports too", true, "Take packets on other ports that look like ours")
+
+-- Adds fields of these sizes one after the other from `at` on; nil skips reserved bytes. Returns what is behind.
+local function add_all(tree, buffer, at, rows)
+  for _, row in ipairs(rows) do
+    local name, size = row[1], row[2]
+    if name then tree:add(f[name], buffer(at, size)) end
+    at = at + size
+  end
+  return at
+end
+
+local function ntp_time(range)
+  local seconds = range(0, 4):uint()
+  local fraction = range(4, 4):uint()
+  return NSTime.new(seconds, math.floor(fraction * 1000000000 / 4294967296 + 0.5) % 1000000000)
+end
+
+local function all_zero(range)
+  for i = 0, range:len() - 1 do
+    if range(i, 1):uint() ~= 0 then return false end
+  end
+  return true
+end
+
+local function looks_like_ours(buffer)
+  local size = buffer:len()
+  if size < HEADER_BYTES + TAG_BYTES or size ~= buffer:reported_len() then return false end
+  return TYPES[buffer(0, 1):uint()] ~= nil and buffer(2, 2):uint() == 0 and buffer(4, 4):uint() ~= 0
+    and not all_zero(buffer(8, 8)) and all_zero(buffer(size - TAG_BYTES, TAG_BYTES))
+end
+
+local function add_round_header(tree, buffer)
+  local round = tree:add(interneuron, buffer(0, ROUND_HEADER_BYTES), "Round header")
+  round:add(f["round.version"], buffer(0, 1))
+  round:add(f["round.degraded"], buffer(1, 1))
+  add_all(round, buffer, 2, {
+    { "round.class", 1 }, { "round.pipeline", 1 }, { "round.stage", 1 }, { "round.stages", 1 },
+    { "round.communication", 2 }, { "round.variant", 1 }, { "round.best_planned", 1 }, { "round.x", 2 },
+    { "round.need.delay", 1 }, { "round.need.bandwidth", 1 }, { "round.need.reliability", 1 },
+    { "round.need.security", 1 }, { "round.origin", 4 }, { "round.number", 4 }, { "round.policy", 4 },
+    { "round.deadline_us", 4 }, { "round.period_us", 4 } })
+  local outcomes = round:add(f["round.indicator"], buffer(36, 4))
+  local bits = buffer(36, 4):uint()
+  local number = buffer(20, 4):uint()
+  for i = 0, 15 do
+    local state = math.floor(bits / 4 ^ i) % 4
+    if state ~= 0 then outcomes:add(buffer(36, 4), string.format("Round %d: %s", number - 1 - i, STATES[state])) end
+  end
+  add_all(round, buffer, 40, { { "round.t0", 8 }, { "round.alpha", 8 } })
+  round:append_text(string.format(": round %d, stage %d of %d, %s", number, buffer(4, 1):uint(), buffer(5, 1):uint(),
+    CLASSES[buffer(2, 1):uint()] or "?"))
+  if buffer(0, 1):uint() ~= 1 then round:add_proto_expert_info(malformed) end
+end
+
+local function add_data(tree, buffer)
+  if buffer:len() < PIECE_BYTES then return nil end
+  add_all(tree, buffer, 0,
+    { { "message", 4 }, { "index", 2 }, { "count", 2 }, { "chunk", 2 }, { nil, 2 }, { "lifetime_us", 4 } })
+  local index, count, chunk = buffer(4, 2):uint(), buffer(6, 2):uint(), buffer(8, 2):uint()
+  local size = buffer:len() - PIECE_BYTES
+  local fits = size == chunk or (index + 1 == count and size > 0 and size < chunk)
+  if index >= count or chunk == 0 or not fits then tree:add_proto_expert_info(malformed) end
+  local at = PIECE_BYTES
+  if index == 0 and size >= ROUND_HEADER_BYTES then
+    add_round_header(tree, buffer(at):tvb())
+    at = at + ROUND_HEADER_BYTES
+  end
+  if buffer:len() > at then tree:add(f.payload, buffer(at)) end
+  return string.format("message %d, piece %d of %d", buffer(0, 4):uint(), index + 1, count)
+end
+
+local function add_report(tree, buffer)
+  local link = buffer(0, 1):uint()
+  local report = tree:add(interneuron, buffer(), string.format("Report of link %d", link))
+  report:add(f["report.link"], buffer(0, 1))
+  report:add(f["report.has_exchange"], buffer(1, 1))
+  add_all(report, buffer, 2, {
+    { "report.loss", 2 }, { "report.train_packets", 4 }, { "report.s", 8 }, { "report.h", 8 },
+    { "report.largest", 8 }, { "report.bitmap", 32 }, { "report.train_start", 8 }, { "report.train_rate", 4 },
+    { "report.rate", 4 } })
+  -- Bit b of word w: packet largest - 1 - (64 w + b); packets before the first say nothing.
+  local largest = buffer(24, 8):uint64()
+  local known = largest > UInt64(256) and 256 or math.max(largest:tonumber() - 1, 0)
+  local missing = 0
+  for i = 0, known - 1 do
+    local byte = buffer(32 + 8 * math.floor(i / 64) + 7 - math.floor(i % 64 / 8), 1):uint()
+    if math.floor(byte / 2 ^ (i % 8)) % 2 == 0 then missing = missing + 1 end
+  end
+  report:add(f["report.missing"], buffer(32, 32), missing):set_generated()
+  if buffer(16, 1):uint() >= 0x80 then report:add_proto_expert_info(malformed) end
+end
+
+local function add_feedback(tree, buffer)
+  if buffer:len() < 16 then return nil end
+  add_all(tree, buffer, 0, { { "u", 8 }, { "echo_session", 4 }, { "reports", 4 } })
+  local count = buffer(12, 4):uint()
+  if count > 8 or buffer:len() ~= 16 + count * REPORT_BYTES then
+    tree:add_proto_expert_info(malformed)
+    return "malformed"
+  end
+  for i = 0, count - 1 do add_report(tree, buffer(16 + i * REPORT_BYTES, REPORT_BYTES):tvb()) end
+  return string.format("%d reports", count)
+end
+
+local function add_stamp(tree, buffer, is_reply)
+  local stamp = tree:add(interneuron, buffer(0, STAMP_BYTES), is_reply and "STAMP reply" or "STAMP request")
+  stamp:add(f["stamp.sequence"], buffer(0, 4))
+  stamp:add(f["stamp.timestamp"], buffer(4, 8), ntp_time(buffer(4, 8)))
+  stamp:add(f["stamp.error"], buffer(12, 2))
+  if not is_reply then return end
+  stamp:add(f["stamp.received"], buffer(16, 8), ntp_time(buffer(16, 8)))
+  stamp:add(f["stamp.request_sequence"], buffer(24, 4))
+  stamp:add(f["stamp.request_timestamp"], buffer(28, 8), ntp_time(buffer(28, 8)))
+  stamp:add(f["stamp.request_error"], buffer(36, 2))
+  stamp:add(f["stamp.request_ttl"], buffer(40, 1))
+end
+
+local function add_echo(tree, buffer)
+  if buffer:len() < 8 + STAMP_BYTES then return nil end
+  local is_reply = buffer(0, 1):uint() % 2 == 1
+  tree:add(f["echo.reply"], buffer(0, 1))
+  tree:add(f["echo.hold"], buffer(0, 1))
+  add_all(tree, buffer, 2, { { "echo.train", 2 }, { "echo.index", 2 }, { "echo.count", 2 } })
+  add_stamp(tree, buffer(8, STAMP_BYTES):tvb(), is_reply)
+  if buffer:len() > 8 + STAMP_BYTES then tree:add(f.padding, buffer(8 + STAMP_BYTES)) end
+  local train = buffer(2, 2):uint()
+  return string.format("%s %d%s", is_reply and "reply to" or "request",
+    buffer(is_reply and 32 or 8, 4):uint(), train > 0 and string.format(", train %d", train) or "")
+end
+
+local function add_probe(tree, buffer)
+  if buffer:len() > 0 then tree:add(f.padding, buffer()) end
+  return string.format("%d bytes", buffer:len() + HEADER_BYTES + TAG_BYTES)
+end
+
+local BODIES = { [1] = add_data, [2] = add_feedback, [3] = add_probe, [4] = add_echo }
+
+function interneuron.dissector(buffer, pinfo, root)
+  if not looks_like_ours(buffer) then return 0 end
+  local size = buffer:len()
+  local kind = buffer(0, 1):uint()
+  pinfo.cols.protocol = "INTERNEURON"
+  local tree = root:add(interneuron, buffer(), "Interneuron " .. TYPES[kind])
+  add_all(tree, buffer, 0,
+    { { "type", 1 }, { "link", 1 }, { "epoch", 1 }, { nil, 1 }, { "session", 4 }, { "number", 8 } })
+  local body = size - HEADER_BYTES - TAG_BYTES
+  local said
+  if body > 0 then
+    said = BODIES[kind](tree, buffer(HEADER_BYTES, body):tvb())
+  elseif kind == 3 then
+    said = string.format("%d bytes", size)
+  end
+  if not said then
+    tree:add_proto_expert_info(malformed)
+    said = "malformed"
+  end
+  tree:add(f.tag, buffer(size - TAG_BYTES, TAG_BYTES))
+  local text = string.format("%s, link %d, #%s: %s", TYPES[kind], buffer(1, 1):uint(),
+    tostring(buffer(8, 8):uint64()), said)
+  pinfo.cols.info = text
+  tree:append_text(", " .. text)
+  return size
+end
+
+local udp = DissectorTable.get("udp.port")
+local taken = 0
+local function take_port()
+  if taken > 0 then udp:remove(taken, interneuron) end
+  taken = interneuron.prefs.port
+  if taken > 0 then udp:add(taken, interneuron) end
+end
+function interneuron.prefs_changed() take_port() end
+take_port()
+
+interneuron:register_heuristic("udp", function(buffer, pinfo, root)
+  if not interneuron.prefs.heuristic or not looks_like_ours(buffer) then return false end
+  interneuron.dissector(buffer, pinfo, root)
+  return true
+end)

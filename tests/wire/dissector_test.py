@@ -1,0 +1,151 @@
+#!/usr/bin/env python3
+"""tshark with scripts/interneuron.lua shows what docs/wire_format.md says of its own examples. 77: tshark is missing."""
+
+import os
+import re
+import shutil
+import struct
+import subprocess
+import sys
+import tempfile
+import unittest
+
+SOURCE = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+SCRIPT = os.path.join(SOURCE, "scripts", "interneuron.lua")
+PORT = 47000
+OTHER_PORT = 50123
+
+
+def examples():
+    """The code blocks of bytes, in the document's order: data, feedback, probe, echo request, echo reply."""
+    blocks, inside = [], False
+    with open(os.path.join(SOURCE, "docs", "wire_format.md"), encoding="utf-8") as document:
+        for line in document:
+            match = re.fullmatch(r"    ((?:[0-9a-f]{2} )*[0-9a-f]{2})(?:    .*)?\n", line)
+            if not match:
+                inside = False
+                continue
+            if not inside:
+                blocks.append(b"")
+            inside = True
+            blocks[-1] += bytes.fromhex(match.group(1))
+    return blocks
+
+
+def capture(payloads, port):
+    """A pcap (LINKTYPE_RAW) with one UDP packet per payload."""
+    out = struct.pack("<IHHiIII", 0xa1b2c3d4, 2, 4, 0, 0, 65535, 101)
+    for i, payload in enumerate(payloads):
+        udp = struct.pack(">HHHH", 50001, port, 8 + len(payload), 0) + payload
+        ip = struct.pack(">BBHHHBBH4s4s", 0x45, 0, 20 + len(udp), i, 0, 64, 17, 0, bytes([10, 0, 0, 1]),
+                         bytes([10, 0, 0, 2]))
+        out += struct.pack("<IIII", i, 0, len(ip + udp), len(ip + udp)) + ip + udp
+    return out
+
+
+def dissect(payloads, fields, port=PORT, options=()):
+    """For each packet the values of `fields`, as text; "" where a field is not there."""
+    with tempfile.NamedTemporaryFile(suffix=".pcap") as file:
+        file.write(capture(payloads, port))
+        file.flush()
+        command = ["tshark", "-X", "lua_script:" + SCRIPT, "-r", file.name, "-T", "fields", "-E", "separator=|",
+                   "-E", "occurrence=a", *options]
+        for name in fields:
+            command += ["-e", name]
+        ran = subprocess.run(command, capture_output=True, text=True, check=False)
+        if ran.returncode != 0 or "Lua" in ran.stderr:
+            raise AssertionError(ran.stderr)
+        return [dict(zip(fields, line.split("|"))) for line in ran.stdout.splitlines()]
+
+
+class Dissector(unittest.TestCase):
+    maxDiff = None
+
+    def expect(self, payload, expected, **more):
+        expected = {"interneuron." + name: value for name, value in expected.items()}
+        self.assertEqual(dissect([payload], list(expected), **more), [expected])
+
+    def test_data_with_its_round_header(self):
+        self.expect(examples()[0], {
+            "type": "1", "link": "2", "epoch": "0", "session": "0x5eed0001", "number": "7", "message": "9",
+            "index": "0", "count": "1", "chunk": "1352", "lifetime_us": "130000", "payload": "6672616d65",
+            "round.version": "1", "round.degraded": "0", "round.class": "0", "round.pipeline": "1",
+            "round.stage": "1", "round.stages": "3", "round.communication": "0x0005", "round.variant": "1",
+            "round.best_planned": "0", "round.x": "123", "round.need.delay": "255", "round.need.bandwidth": "64",
+            "round.need.reliability": "128", "round.need.security": "0", "round.origin": "0x5eed0001",
+            "round.number": "42", "round.policy": "0xcd5bd4bf", "round.deadline_us": "130000",
+            "round.period_us": "100000", "round.indicator": "0x00000064", "round.t0": "1234567890123",
+            "round.alpha": "0", "malformed": ""})
+
+    def test_a_later_piece_has_no_round_header(self):
+        data = bytearray(examples()[0])
+        data[20:24] = struct.pack(">HH", 1, 2)
+        self.expect(bytes(data), {"index": "1", "count": "2", "round.number": "", "malformed": ""})
+
+    def test_feedback_with_its_report(self):
+        self.expect(examples()[1], {
+            "type": "2", "link": "1", "number": "300", "u": "1234600000000", "echo_session": "0xcafe0002",
+            "reports": "1", "report.link": "2", "report.has_exchange": "1", "report.train_packets": "31",
+            "report.s": "987654321", "report.h": "5000000", "report.largest": "100", "report.missing": "1",
+            "report.train_start": "69", "report.train_rate": "30000", "malformed": ""})
+
+    def test_every_report_is_shown(self):
+        feedback = examples()[1]
+        report = feedback[32:-16]
+        second = b"\x07" + report[1:]
+        both = feedback[:28] + struct.pack(">I", 2) + report + second + feedback[-16:]
+        self.expect(both, {"reports": "2", "report.link": "2,7", "malformed": ""})
+
+    def test_probe(self):
+        self.expect(examples()[2], {"type": "3", "link": "1", "number": "301", "padding": "00" * 8, "malformed": ""})
+        smallest = examples()[2][:16] + bytes(16)
+        self.expect(smallest, {"type": "3", "padding": "", "malformed": ""})
+
+    def test_echo_request(self):
+        self.expect(examples()[3], {
+            "type": "4", "echo.reply": "0", "echo.hold": "1", "echo.train": "3", "echo.index": "4",
+            "echo.count": "18", "stamp.sequence": "21", "stamp.timestamp": "3909091328.500000000",
+            "stamp.error": "0x1601", "stamp.received": "", "malformed": ""})
+
+    def test_echo_reply(self):
+        self.expect(examples()[4], {
+            "type": "4", "session": "0xcafe0002", "echo.reply": "1", "echo.hold": "1", "stamp.sequence": "20",
+            "stamp.timestamp": "3909091328.503906250", "stamp.received": "3909091328.501953125",
+            "stamp.request_sequence": "21", "stamp.request_timestamp": "3909091328.500000000",
+            "stamp.request_error": "0x1601", "stamp.request_ttl": "0", "malformed": ""})
+
+    def test_other_ports_by_their_looks_or_by_preference(self):
+        self.expect(examples()[2], {"type": "3"}, port=OTHER_PORT)
+        off = ("-o", "interneuron.heuristic:FALSE")
+        self.expect(examples()[2], {"type": ""}, port=OTHER_PORT, options=off)
+        self.expect(examples()[2], {"type": "3"}, port=OTHER_PORT,
+                    options=(*off, "-o", f"interneuron.port:{OTHER_PORT}"))
+
+    def test_what_is_not_ours_is_left_alone(self):
+        probe = bytearray(examples()[2])
+        for at, value in ((0, 5), (0, 0), (2, 1), (3, 1), (len(probe) - 1, 1)):
+            other = bytearray(probe)
+            other[at] = value
+            self.expect(bytes(other), {"type": ""})
+        self.expect(bytes(31), {"type": ""})
+
+    def test_malformed_bodies_are_marked(self):
+        data, feedback, _, request, _ = examples()
+        for broken in (data[:20] + struct.pack(">HH", 1, 1) + data[24:],      # piece 2 of 1
+                       feedback[:28] + struct.pack(">I", 2) + feedback[32:],  # one report too few
+                       feedback[:24] + feedback[-16:],
+                       request[:60] + request[-16:]):
+            rows = dissect([broken], ["interneuron.type", "_ws.expert.message"])
+            self.assertIn("docs/wire_format.md", rows[0]["_ws.expert.message"])
+
+    def test_fields_can_be_filtered_by(self):
+        rows = dissect(examples(), ["interneuron.number"],
+                       options=("-Y", "interneuron.echo.reply == 1 or interneuron.report.largest > 99"))
+        self.assertEqual([row["interneuron.number"] for row in rows], ["300", "21"])
+
+
+if __name__ == "__main__":
+    if shutil.which("tshark") is None:
+        print("tshark is missing")
+        sys.exit(77)
+    unittest.main()
