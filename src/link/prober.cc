@@ -9,16 +9,17 @@ namespace {
 constexpr double kBitsPerSecond = static_cast<double>(Prober::kTrainRate.bits_per_second);
 // The bucket holds a second of its rate, or one train if that is more; chosen.
 constexpr double kDepth = kBitsPerSecond;
-// The first trains of a path may use this at once: 32 packets, the 90 that 10 ms take at 100
+// The first trains of a path may use this at once: 32 packets, the 141 that 16 ms take at 100
 // Mbit/s, and some more; chosen.
 constexpr double kStartBudget = 2e6;
 // The first train of a path nobody has used yet: 4 ms at 100 Mbit/s.
 constexpr std::uint32_t kStartTrain = 32;
 constexpr std::uint32_t kLeastTrain = 16;
-// 76 s of the budget at most; long enough for 10 ms at 1.2 Gbit/s; chosen.
+// 76 s of the budget at most; long enough for 10 ms at 1.1 Gbit/s; chosen.
 constexpr std::uint32_t kMostTrain = 1'000;
-// Twice the dispersion that counts (5 ms, transport.md §4.1): the rate may have doubled.
-constexpr Duration kTrainLength = std::chrono::milliseconds(10);
+// Sent at three times the rate known (kHeadroom), and over a link that now carries that, a train
+// must still last the 5 ms that count (transport.md §4.1).
+constexpr Duration kTrainLength = std::chrono::milliseconds(16);
 // A known rate is tried with this much more: a step up to three times is seen at once; chosen.
 constexpr double kHeadroom = 3.0;
 // Pause after a train of which nothing came, while the rate is unknown; chosen.

@@ -31,11 +31,11 @@ INSTANTIATE_TEST_SUITE_P(Measure, IdleRate, testing::Values(5, 10, 20, 50, 100, 
 
 // Trains come every 10 s; one that tells another rate is followed by one that settles it.
 TEST(Measure, AStepOfAnIdleLinkIsFoundWithin12Seconds) {
-  for (const double to : {15.0, 100.0}) {
-    Duo duo({constant_link("a", 40, 50, 50)});
+  for (const auto& [from, to] : {std::pair{50.0, 15.0}, {15.0, 44.0}, {50.0, 100.0}}) {
+    Duo duo({constant_link("a", 40, from, 50)});
     duo.change(60s, 0, {"up.rate_mbit=" + std::to_string(to)});
     duo.world.run_until(60s);
-    EXPECT_NEAR(duo.link(0).rate.mbit() / 50, 1, 0.15);
+    EXPECT_NEAR(duo.link(0).rate.mbit() / from, 1, 0.15);
     duo.world.run_until(72s);
     EXPECT_NEAR(duo.link(0).rate.mbit() / to, 1, 0.15);
   }
@@ -119,7 +119,7 @@ TEST(Measure, AnIdleLinkCostsLittle) {
         const double probes =
             8.0 * static_cast<double>(duo.bytes(host, link, PacketType::kProbe)) / 600e3;
         EXPECT_LE(feedback, 30) << mbit;
-        EXPECT_LE(probes, 150 * 1.02) << mbit;  // a train more or less within ten minutes
+        EXPECT_LE(probes, 150) << mbit;
         std::printf("%.0f Mbit/s, idle: feedback %.1f, trains %.1f kbit/s\n", mbit, feedback,
                     probes);
       }
