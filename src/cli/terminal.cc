@@ -20,6 +20,9 @@ namespace {
 enum Pair : short { kAccentPair = 1, kGoodPair, kWarnPair, kBadPair };
 
 attr_t attributes(Style style, bool color) {
+  const auto color_of = [color](Pair pair) {
+    return color ? static_cast<attr_t>(COLOR_PAIR(pair)) : A_NORMAL;
+  };
   switch (style) {
     case Style::kPlain:
       return A_NORMAL;
@@ -30,13 +33,13 @@ attr_t attributes(Style style, bool color) {
     case Style::kTitle:
       return A_REVERSE;
     case Style::kAccent:
-      return color ? COLOR_PAIR(kAccentPair) : A_NORMAL;
+      return color_of(kAccentPair);
     case Style::kGood:
-      return color ? COLOR_PAIR(kGoodPair) : A_NORMAL;
+      return color_of(kGoodPair);
     case Style::kWarn:
-      return (color ? COLOR_PAIR(kWarnPair) : A_NORMAL) | A_BOLD;
+      return color_of(kWarnPair) | A_BOLD;
     case Style::kBad:
-      return (color ? COLOR_PAIR(kBadPair) : A_NORMAL) | A_BOLD;
+      return color_of(kBadPair) | A_BOLD;
   }
   return A_NORMAL;
 }

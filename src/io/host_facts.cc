@@ -183,7 +183,8 @@ std::vector<SourceFacts> sources_of(nl_sock* requests, int index) {
     source.temporary = (header->ifa_flags & IFA_F_TEMPORARY) != 0;
     if (source.address.size != 0) sources.push_back(source);
   });
-  std::ranges::stable_partition(sources, [](const SourceFacts& s) { return !is_ipv6(s.address); });
+  std::stable_partition(sources.begin(), sources.end(),
+                        [](const SourceFacts& s) { return !is_ipv6(s.address); });
   return sources;
 }
 

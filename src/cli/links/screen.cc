@@ -118,7 +118,8 @@ std::vector<const LinkRow*> in_order(const LinksSnapshot& snapshot) {
   for (const LinkRow& row : snapshot.rows) {
     if (is_of_interest(row)) rows.push_back(&row);
   }
-  std::ranges::stable_partition(rows, [](const LinkRow* r) { return r->measured.has_value(); });
+  std::stable_partition(rows.begin(), rows.end(),
+                        [](const LinkRow* r) { return r->measured.has_value(); });
   return rows;
 }
 

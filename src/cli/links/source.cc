@@ -73,10 +73,11 @@ LinksSnapshot snapshot_of(KernelView& kernel, const std::vector<LiveLinks>& live
   }
   std::ranges::stable_sort(s.events, {}, &LinkEvent::at);
   // A node sees the same change of a NIC as our own monitor does, under the same name.
-  const auto same = std::ranges::unique(s.events, [](const LinkEvent& a, const LinkEvent& b) {
-    return a.nic == b.nic && a.from == b.from && a.to == b.to && b.at - a.at < 1s;
-  });
-  s.events.erase(same.begin(), same.end());
+  const auto same =
+      std::unique(s.events.begin(), s.events.end(), [](const LinkEvent& a, const LinkEvent& b) {
+        return a.nic == b.nic && a.from == b.from && a.to == b.to && b.at - a.at < 1s;
+      });
+  s.events.erase(same, s.events.end());
   return s;
 }
 
