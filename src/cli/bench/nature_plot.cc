@@ -57,7 +57,7 @@ std::string panels(const Run& run, const std::string& truth, const std::string& 
         p.column);
   }
   return s + fmt::format(
-                 "set title 'Nature scores, {1}'\nset ylabel 'score'\nset yrange [0:1.1]\n"
+                 "set title 'Nature scores, {1}'\nset ylabel 'score'\nset yrange [0:1.35]\n"
                  "set xlabel 'time, s'\n"
                  "plot ${0} using 1:5 with lines lw 1.6 lc rgb '#2f6db3' title 'delay', "
                  "${0} using 1:6 with lines lw 1.6 lc rgb '#e08a00' title 'bandwidth', "
