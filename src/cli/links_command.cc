@@ -4,7 +4,9 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <cstdio>
+#include <cstring>
 #include <memory>
 #include <optional>
 #include <thread>
@@ -59,6 +61,23 @@ int no_answer(const LinkSource& source) {
   return kFailed;
 }
 
+// False: the reader has seen enough.
+bool written() {
+  if (std::fflush(stdout) == 0) return true;
+  if (errno == EPIPE) return false;
+  throw Failure(kFailed, std::string("cannot write the figures: ") + std::strerror(errno));
+}
+
+// What would have no effect is a mistake.
+void refuse_useless(const CLI::App& command, const Options& o) {
+  if (command.count("--interval") > 0 && !o.stream) {
+    throw Failure(kUsage, "--interval is for a stream; add --json-stream");
+  }
+  if (command.count("--for") > 0 && !o.stream && !measures(o)) {
+    throw Failure(kUsage, "--for is for measuring; add --peer HOST, --link or --json-stream");
+  }
+}
+
 // One object per line and interval, until the time or a signal ends it.
 int stream(const Options& o, LinkSource& source) {
   const TimePoint start = io::now();
@@ -68,7 +87,7 @@ int stream(const Options& o, LinkSource& source) {
     if (io::now() >= next) {
       next = std::max(next + from_ms(o.interval_s * 1000), io::now());
       fmt::print("{}\n", links_json(source.snapshot()).dump());
-      if (std::fflush(stdout) != 0) return kFine;  // the reader has seen enough
+      if (!written()) return kFine;
     }
     std::this_thread::sleep_for(std::min(kPoll, next - io::now()));
   }
@@ -93,7 +112,7 @@ int once(const Options& o, LinkSource& source) {
   } else {
     fmt::print("{}", links_table(s));
   }
-  std::fflush(stdout);
+  written();
   return source.answered() ? kFine : no_answer(source);
 }
 
@@ -122,6 +141,7 @@ void add_links(CLI::App& program, std::function<int()>& run) {
   c->callback([&run, o, c] {
     run = [o, c] {
       apply_config(*c, o->config);
+      refuse_useless(*c, *o);
       const SignalWatch signals;
       const auto source = make_link_source(o->source);
       const int code = o->stream ? stream(*o, *source) : once(*o, *source);

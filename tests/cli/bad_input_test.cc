@@ -51,6 +51,8 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"NicWithAddress", "road --nic lo=127.0.0.1:1", 2, "eth0,trusted"},
         Mistake{"BadPeer", "links --peer host:port", 2, "HOST:PORT"},
         Mistake{"PeerAndLink", "links --peer 127.0.0.1 --link lo=127.0.0.1:1", 2, "--peer"},
+        Mistake{"IntervalWithoutStream", "links --interval 1", 2, "--json-stream"},
+        Mistake{"ForWithoutMeasuring", "links --for 1", 2, "--peer"},
         Mistake{"BothJson", "links --json --json-stream", 2, "--json"},
         Mistake{"TopWithoutTerminal", "top", 2, "links --json-stream"},
         Mistake{"BadDoctorPeer", "doctor --peer host:0", 2, "HOST:PORT"},
