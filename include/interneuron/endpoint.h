@@ -143,6 +143,17 @@ class Endpoint {
   bool request_train(TimePoint now, PeerId peer, LinkId link);
   // Stamps t0 = now. If stage 1 is a communication, submit() its message next.
   RoundRef begin_round(TimePoint now, PipelineId pipeline);
+  // What submit() would send now for variants of these sizes (and costs, if not empty): so that an
+  // application encodes or computes only what is needed. The same conditions as submit(); an empty
+  // plan where that would answer false.
+  Plan preview(TimePoint now, RoundRef round, std::span<const std::size_t> variant_bytes,
+               MessageClass message_class, std::span<const VariantCost> costs = {},
+               std::optional<PeerId> to = std::nullopt);
+  // The computation of a delivered round begins now; the guard's choice of its level. `levels`:
+  // from the lowest quality to the highest, not empty; `top`: the level otherwise chosen (the guard
+  // kPaper steps down from it, kBudget may choose any). `top` when the round is not known.
+  std::size_t begin_computation(TimePoint now, RoundRef round, std::span<const LevelProfile> levels,
+                                std::size_t top);
   // The application hands over what the next communication of the round is to carry; if a
   // computation was going on, it ends with this call. The message goes to `to`, by default to the
   // peer that the round came from, or to the one peer there is. False when the round is not known

@@ -5,6 +5,8 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <string_view>
+#include <vector>
 
 #include "interneuron/time.h"
 
@@ -20,6 +22,42 @@ struct Verdict {
 };
 
 inline constexpr Duration kFullSeverity = Duration::max();
+
+// Which rule guards a pipeline. Its rounds carry it in their headers: every node follows the
+// origin.
+enum class GuardKind : std::uint8_t {
+  kPaper = 0,   // NOTES §4, to the letter
+  kBudget = 1,  // expected quality subject to P(on time) >= target, from what remaining stages took
+};
+std::string_view to_string(GuardKind kind);  // "paper", "budget"
+
+// A quality level of a computation, as its node knows it.
+struct LevelProfile {
+  Duration median{};  // run time, > 0
+  Duration p95{};     // >= median
+  // Expected quality of the result per variant of the input, in [0, 1] (for detectors: AP); the
+  // last one stands for further variants.
+  std::vector<double> quality;
+};
+
+// What an answer without a remote result is worth, in the same units as LevelProfile::quality.
+// Empty: the fresh local result wins whenever it is there.
+struct FallbackQuality {
+  double local = 0;  // this round's own local result
+  // [i]: share of its quality that a remote result still has when it is i + 1 rounds old.
+  std::vector<double> stale_share;
+};
+
+// Parameters of GuardKind::kBudget.
+struct BudgetOptions {
+  // P(round on time) that is kept wherever some choice keeps it; in (0, 1).
+  double target = 0.99;
+  // What a missed round costs beyond the quality that it loses, in units of quality; >= 0.
+  double miss_price = 1.0;
+  // Share of rounds that may try a choice whose evidence is old, while it is expected to keep the
+  // target; in [0, 0.2].
+  double exploration = 0.02;
+};
 
 // The level of a computation (NOTES §4.4). `runtimes`: median run time per level, from the lowest
 // quality to the highest; `chosen`: the level otherwise chosen. When late: the best level at least

@@ -138,6 +138,11 @@ class Node {
   // Measures the rate of a path now instead of when its evidence is old; metered ones too.
   bool request_train(PeerId peer, LinkId link);
   RoundRef begin_round(PipelineId pipeline);
+  Plan preview(RoundRef round, std::span<const std::size_t> variant_bytes,
+               MessageClass message_class, std::span<const VariantCost> costs = {},
+               std::optional<PeerId> to = std::nullopt);
+  std::size_t begin_computation(RoundRef round, std::span<const LevelProfile> levels,
+                                std::size_t top);
   bool submit(RoundRef round, Variants variants, MessageClass message_class,
               std::optional<PeerId> to = std::nullopt);
   void local_result(RoundRef round, Bytes result);

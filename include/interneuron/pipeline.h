@@ -29,6 +29,12 @@ struct PipelineConfig {
   std::int16_t beta_permille = 0;  // β of NOTES §4.5, in 1/1000
   bool use_x = true;               // false: X stays 0 (ablation)
   bool use_handler = true;         // false: a miss changes nothing (ablation)
+  GuardKind guard = GuardKind::kPaper;
+  BudgetOptions budget;  // of GuardKind::kBudget
+  // What is known beforehand of the remote computation, from the lowest quality to the highest;
+  // kBudget weighs with it what a transmission is worth. Empty: learnt from the results.
+  std::vector<LevelProfile> levels;
+  FallbackQuality fallback;
 };
 
 // Names a round anywhere: the endpoint that began it, its pipeline, its number.
@@ -61,6 +67,8 @@ struct RoundDone {
   // Remote: the result. Local: the backup's result of this round, or, when it was not ready, the
   // last result there is.
   Bytes result;
+  // Of a local answer: it is the last remote result instead of this round's own local one.
+  bool stale_remote = false;
   std::optional<std::uint32_t>
       age_rounds;  // of `result`: 0 = this round's; nothing = there is no result at all
   bool degraded_final = false;  // the last communication was sent degraded (D_{N-1} missed)

@@ -13,20 +13,34 @@
 #include <string_view>
 #include <vector>
 
+#include "interneuron/guard.h"
 #include "interneuron/link.h"
 #include "interneuron/message.h"
 
 namespace interneuron {
 
-// What the real-time guard asks of the next transmission.
+// What the real-time guard asks of the next transmission, and what it knows of the rest.
 struct Guidance {
   bool degraded = false;  // sacrifice quality for time
+  // Until the end-to-end deadline, as the sender's node believes; max() = not known.
+  Duration time_left = Duration::max();
+  // The levels of the computation that follows, from the lowest to the highest; empty: not known.
+  std::span<const LevelProfile> levels{};
+  double local_quality = 0;  // FallbackQuality::local
+};
+
+// What a variant costs beside its bytes, when the application computes a part of the work itself
+// (a cut point of a network): before it is sent, and after it has arrived.
+struct VariantCost {
+  Duration here{};
+  Duration there{};
 };
 
 // A message about to be sent. variant_bytes: from the best variant to the smallest, at least one.
 struct Offer {
   QoS qos;
   std::span<const std::size_t> variant_bytes;
+  std::span<const VariantCost> costs{};  // as many, or none
 };
 
 struct Assignment {

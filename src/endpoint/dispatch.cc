@@ -45,6 +45,17 @@ void Dispatch::check(const Variants& variants) {
   }
 }
 
+Plan Dispatch::plan(TimePoint now, const Peer& peer, const wire::RoundHeader& header,
+                    std::span<const std::size_t> variant_bytes,
+                    std::span<const VariantCost> costs) const {
+  // Without the policy that the origin names, any built-in rule serves; the first registered one
+  // stands in.
+  const Policy* named = policy(header.policy);
+  const Policy& rule = named != nullptr ? *named : *policies_.begin()->second;
+  return plan_message(rule, {qos_of(header), variant_bytes, costs}, peer.links(now),
+                      {.degraded = header.degraded});
+}
+
 Planned Dispatch::send(TimePoint now, Peer& peer, const RoundContext& context, const ClockOf& clock,
                        const Variants& variants, MessageClass message_class) const {
   wire::RoundHeader header = context.header;
@@ -57,12 +68,7 @@ Planned Dispatch::send(TimePoint now, Peer& peer, const RoundContext& context, c
 
   std::vector<std::size_t> sizes;
   for (const Bytes& v : variants) sizes.push_back(v.size());
-  // Without the policy that the origin names, any built-in rule serves; the first registered one
-  // stands in.
-  const Policy* named = policy(header.policy);
-  const Policy& rule = named != nullptr ? *named : *policies_.begin()->second;
-  Plan plan = plan_message(rule, {qos_of(header), sizes}, peer.links(now), {header.degraded});
-  Planned planned{header.round, header.stage, std::move(plan)};
+  Planned planned{header.round, header.stage, plan(now, peer, header, sizes, {})};
   const std::vector<Assignment>& sends = planned.plan.sends;
   if (sends.empty()) return planned;
 

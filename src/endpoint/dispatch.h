@@ -31,6 +31,10 @@ class Dispatch {
   Planned send(TimePoint now, Peer& peer, const RoundContext& context, const ClockOf& clock,
                const Variants& variants, MessageClass message_class) const;
 
+  // The plan of a message with this header, for variants of these sizes.
+  Plan plan(TimePoint now, const Peer& peer, const wire::RoundHeader& header,
+            std::span<const std::size_t> variant_bytes, std::span<const VariantCost> costs) const;
+
  private:
   TimePoint deadline_of(TimePoint now, const wire::RoundHeader& header, const ClockOf& clock) const;
 

@@ -81,6 +81,30 @@ class Endpoint::Impl {
     return sent;
   }
 
+  Plan preview(TimePoint raw, const RoundRef& round, std::span<const std::size_t> variant_bytes,
+               MessageClass message_class, std::span<const VariantCost> costs,
+               std::optional<PeerId> to) {
+    const TimePoint now = advance(raw);
+    RoundContext* found = stages_.context(round);
+    if (found == nullptr || found->stage == found->header.stages) return {};
+    Peer* peer = destination(*found, to);
+    if (peer == nullptr) return {};
+    wire::RoundHeader header = found->header;
+    header.message_class = message_class;
+    header.degraded = found->verdict.late;
+    return dispatch_.plan(now, *peer, header, variant_bytes, costs);
+  }
+
+  std::size_t begin_computation(TimePoint raw, const RoundRef& round,
+                                std::span<const LevelProfile> levels, std::size_t top) {
+    advance(raw);
+    const RoundContext* context = stages_.context(round);
+    if (context == nullptr) return top;
+    std::vector<Duration> medians;
+    for (const LevelProfile& level : levels) medians.push_back(level.median);
+    return sacrificed_level(medians, top, context->verdict);
+  }
+
   void local_result(TimePoint raw, const RoundRef& round, Bytes result) {
     advance(raw);
     if (guard::Origin* origin = origins_.find(round)) {
@@ -329,6 +353,15 @@ bool Endpoint::request_train(TimePoint now, PeerId peer, LinkId link) {
 bool Endpoint::submit(TimePoint now, RoundRef round, Variants variants, MessageClass message_class,
                       std::optional<PeerId> to) {
   return impl_->submit(now, round, std::move(variants), message_class, to);
+}
+Plan Endpoint::preview(TimePoint now, RoundRef round, std::span<const std::size_t> variant_bytes,
+                       MessageClass message_class, std::span<const VariantCost> costs,
+                       std::optional<PeerId> to) {
+  return impl_->preview(now, round, variant_bytes, message_class, costs, to);
+}
+std::size_t Endpoint::begin_computation(TimePoint now, RoundRef round,
+                                        std::span<const LevelProfile> levels, std::size_t top) {
+  return impl_->begin_computation(now, round, levels, top);
 }
 void Endpoint::local_result(TimePoint now, RoundRef round, Bytes result) {
   impl_->local_result(now, round, std::move(result));

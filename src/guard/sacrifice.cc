@@ -2,6 +2,10 @@
 
 namespace interneuron {
 
+std::string_view to_string(GuardKind kind) {
+  return kind == GuardKind::kBudget ? "budget" : "paper";
+}
+
 std::size_t sacrificed_level(std::span<const Duration> runtimes, std::size_t chosen,
                              const Verdict& verdict) {
   if (!verdict.late || chosen == 0 || runtimes.empty()) return chosen;

@@ -47,6 +47,15 @@ bool Node::request_train(PeerId peer, LinkId link) {
 RoundRef Node::begin_round(PipelineId pipeline) {
   return impl_->endpoint().begin_round(io::now(), pipeline);
 }
+Plan Node::preview(RoundRef round, std::span<const std::size_t> variant_bytes,
+                   MessageClass message_class, std::span<const VariantCost> costs,
+                   std::optional<PeerId> to) {
+  return impl_->endpoint().preview(io::now(), round, variant_bytes, message_class, costs, to);
+}
+std::size_t Node::begin_computation(RoundRef round, std::span<const LevelProfile> levels,
+                                    std::size_t top) {
+  return impl_->endpoint().begin_computation(io::now(), round, levels, top);
+}
 bool Node::submit(RoundRef round, Variants variants, MessageClass message_class,
                   std::optional<PeerId> to) {
   return impl_->endpoint().submit(io::now(), round, std::move(variants), message_class, to);

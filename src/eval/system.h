@@ -1,0 +1,44 @@
+// Systems that an experiment compares, by name: ours, its ablations and the baselines of
+// realtime.md §1.3. All run the same endpoints over the same links, with the same frames, delays,
+// levels and computation.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "interneuron/pipeline.h"
+
+namespace interneuron::eval {
+
+// How the roadside chooses the level.
+enum class LevelRule : std::uint8_t {
+  kGuard,     // Endpoint::begin_computation()
+  kFixedTop,  // always the highest of the profile
+  kErdos,     // realtime.md §1.3: operator deadline 130 - T1 - T3, from the arrival on
+  kErdosE2e,  // the same with synchronised clocks: 130 - (now - t0) - T3
+};
+
+struct System {
+  std::string name;   // "ours", "erdos_like", "no_handler", …; stable, in every table
+  std::string about;  // one line for tables and reports
+  GuardKind guard = GuardKind::kPaper;
+  std::string policy = "down_sampling";
+  LevelRule level = LevelRule::kGuard;
+  std::optional<std::uint8_t> only_variant;  // submits this one alone
+  std::optional<std::size_t> only_link;      // has this link alone
+  bool use_x = true;
+  bool use_handler = true;
+  bool local_backup = true;  // false: a missed round shows the last remote result
+  bool is_baseline = false;  // not a form of ours
+};
+
+// All, in the order of the tables: ours (budget), paper, ablations no_x, no_handler, no_backup,
+// one_link, baselines b0, erdos_like, erdos_e2e, duplicate, duplicate_e2e, static choices
+// always_sampled (B5), always_jpeg (B6; only with JPEG).
+std::span<const System> systems();
+const System* find_system(const std::string& name);
+
+}  // namespace interneuron::eval
