@@ -5,7 +5,6 @@
 
 #include <array>
 #include <cstdio>
-#include <fstream>
 #include <memory>
 
 #include "../io/namespace.h"
