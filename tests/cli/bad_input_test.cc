@@ -72,8 +72,6 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"ProbeTooLarge", "probe --peer 127.0.0.1 --size 1401", 2, "--size"},
         Mistake{"ProbeOverNoNic", "probe --peer 127.0.0.1 --nic wwan77", 1, "wwan77"},
         Mistake{"StampPort", "road --nic lo --ladder motion --stamp 70000", 2, "--stamp"},
-        Mistake{"CaptureNowhere", "probe --peer 127.0.0.1 --pcap /nowhere/x.pcap", 1,
-                "/nowhere/x.pcap"},
         Mistake{"TestbedNotUp", "testbed run --name nobody -- true", 1, "nobody"},
         Mistake{"DownOfNobody", "testbed down --name nobody", 1, "nobody"},
         Mistake{"VerifyOfNobody", "testbed verify --name nobody", 1, "nobody"},
