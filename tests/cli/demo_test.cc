@@ -3,6 +3,7 @@
 #include <poll.h>
 #include <signal.h>
 
+#include <cctype>
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
@@ -91,6 +92,8 @@ TEST_F(Demo, AMissedObjectiveHasItsExitCode) {
 int running_in_group(pid_t group) {
   int running = 0;
   for (const auto& entry : std::filesystem::directory_iterator("/proc")) {
+    if (std::isdigit(static_cast<unsigned char>(entry.path().filename().native()[0])) == 0)
+      continue;
     std::ifstream in(entry.path() / "stat");
     const std::string text(std::istreambuf_iterator<char>(in), {});
     // "PID (NAME) STATE PARENT GROUP …"
