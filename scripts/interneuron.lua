@@ -81,6 +81,7 @@ field("report.rate", ProtoField.uint32, "Own rate (kbit/s)", base.DEC)
 
 field("echo.reply", ProtoField.bool, "Reply", 8, nil, 0x01)
 field("echo.hold", ProtoField.bool, "Hold", 8, nil, 0x02)
+field("echo.delay", ProtoField.uint8, "Delay of the reply (s)", base.DEC)
 field("echo.train", ProtoField.uint16, "Train", base.DEC)
 field("echo.index", ProtoField.uint16, "Index", base.DEC)
 field("echo.count", ProtoField.uint16, "Count", base.DEC)
@@ -225,7 +226,7 @@ local function add_echo(tree, buffer)
   local is_reply = buffer(0, 1):uint() % 2 == 1
   tree:add(f["echo.reply"], buffer(0, 1))
   tree:add(f["echo.hold"], buffer(0, 1))
-  add_all(tree, buffer, 2, { { "echo.train", 2 }, { "echo.index", 2 }, { "echo.count", 2 } })
+  add_all(tree, buffer, 1, { { "echo.delay", 1 }, { "echo.train", 2 }, { "echo.index", 2 }, { "echo.count", 2 } })
   add_stamp(tree, buffer(8, STAMP_BYTES):tvb(), is_reply)
   if buffer:len() > 8 + STAMP_BYTES then tree:add(f.padding, buffer(8 + STAMP_BYTES)) end
   local train = buffer(2, 2):uint()

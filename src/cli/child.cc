@@ -14,7 +14,8 @@ namespace interneuron::cli {
 
 namespace {
 
-constexpr Duration kNap = std::chrono::milliseconds(10);  // chosen
+constexpr Duration kNap = std::chrono::milliseconds(10);    // chosen
+constexpr Duration kPassOnAfter = std::chrono::seconds(1);  // chosen
 
 }  // namespace
 
@@ -42,12 +43,13 @@ std::optional<int> Child::ended() {
 }
 
 int Child::wait() {
-  bool passed_on = false;
+  std::optional<TimePoint> pass_on_at;
   for (;;) {
     if (const auto code = ended()) return *code;
-    if (!passed_on && SignalWatch::last() != 0) {
+    if (!pass_on_at && SignalWatch::last() != 0) pass_on_at = io::now() + kPassOnAfter;
+    if (pass_on_at && io::now() >= *pass_on_at) {
       ::kill(pid_, SIGTERM);
-      passed_on = true;
+      pass_on_at = TimePoint::max();
     }
     std::this_thread::sleep_for(kNap);
   }

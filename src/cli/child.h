@@ -19,8 +19,9 @@ class Child {
   Child(Child&& other) noexcept;
   Child& operator=(Child&& other) noexcept;
 
-  // Waits for its end, however long it takes; a signal that our SignalWatch notes meanwhile makes
-  // it a SIGTERM, once.
+  // Waits for its end, however long it takes. A signal that our SignalWatch notes meanwhile is
+  // passed on as one SIGTERM, a second later: a terminal's Ctrl-C has reached it already, and it
+  // may be tidying up.
   int wait();
   // Sends the signal; after the grace SIGKILL. Harmless when it has ended.
   int end(int signal = SIGTERM, Duration grace = std::chrono::seconds(10));

@@ -4,18 +4,18 @@
 #include <fmt/format.h>
 #include <poll.h>
 #include <spdlog/spdlog.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <array>
 #include <cerrno>
-#include <csignal>
 #include <cstring>
 #include <filesystem>
 
+#include "cli/child.h"
 #include "cli/data.h"
 #include "cli/failure.h"
 #include "cli/report.h"
+#include "cli/signals.h"
 #include "netns/testbed.h"
 #include "perception/codec.h"
 #include "perception/detection.h"
@@ -32,59 +32,6 @@ constexpr std::uint16_t kPort = 47000;
 // The slowest ladder (full-frame HOG) calibrates in half of this on a busy machine.
 constexpr int kReadySeconds = 120;
 
-volatile std::sig_atomic_t g_signal = 0;
-void note_signal(int signal) { g_signal = signal; }
-
-// Ctrl-C reaches the whole foreground group: the programs end themselves, and we wait for them and
-// tidy up.
-class SignalGuard {
- public:
-  SignalGuard() {
-    struct sigaction action = {};
-    action.sa_handler = note_signal;
-    ::sigaction(SIGINT, &action, &old_int_);
-    ::sigaction(SIGTERM, &action, &old_term_);
-  }
-  ~SignalGuard() {
-    ::sigaction(SIGINT, &old_int_, nullptr);
-    ::sigaction(SIGTERM, &old_term_, nullptr);
-  }
-  SignalGuard(const SignalGuard&) = delete;
-  SignalGuard& operator=(const SignalGuard&) = delete;
-
- private:
-  struct sigaction old_int_ = {};
-  struct sigaction old_term_ = {};
-};
-
-// A program that we started, ended and reaped at the latest by the destructor.
-class Child {
- public:
-  explicit Child(pid_t pid) : pid_(pid) {}
-  ~Child() { end(); }
-  Child(const Child&) = delete;
-  Child& operator=(const Child&) = delete;
-
-  // Exit code, or 128 + signal; passes our own SIGTERM on.
-  int wait() {
-    int status = 0;
-    while (::waitpid(pid_, &status, 0) < 0) {
-      if (errno != EINTR) break;
-      if (g_signal != 0) ::kill(pid_, SIGTERM);
-    }
-    pid_ = -1;
-    return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
-  }
-  void end() {
-    if (pid_ <= 0) return;
-    ::kill(pid_, SIGTERM);
-    wait();
-  }
-
- private:
-  pid_t pid_;
-};
-
 struct Ladder {
   std::string description;
   std::vector<std::string> names;
@@ -96,7 +43,7 @@ Ladder await_ready(int fd) {
   Ladder ladder;
   std::string buffer;
   for (int waited_ms = 0; waited_ms < kReadySeconds * 1000;) {
-    if (g_signal != 0) throw Failure(128 + g_signal, "interrupted");
+    SignalWatch::check();
     pollfd p{fd, POLLIN, 0};
     const int n = ::poll(&p, 1, 200);
     if (n <= 0) {
@@ -268,7 +215,7 @@ int Demo::run() {
     std::error_code ignored;
     fs::remove(fs::path(o_.out) / old, ignored);
   }
-  const SignalGuard guard;
+  const SignalWatch signals;
   testbed_.emplace(Testbed::up(testbed_options_));
   std::string names;
   for (const emu::ScenarioLink& link : testbed_options_.scenario.links)
@@ -289,7 +236,7 @@ int Demo::run() {
   const bool written = fs::exists(fs::path(o_.out) / "rounds.csv");
   const int result = written ? conclude(code, ladder) : code;
   testbed_->down();
-  if (g_signal != 0) return 128 + g_signal;
+  if (SignalWatch::last() != 0) return 128 + SignalWatch::last();
   return result;
 }
 

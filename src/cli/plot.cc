@@ -3,12 +3,12 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <spawn.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <array>
 #include <cstring>
 
+#include "cli/child.h"
 #include "cli/failure.h"
 #include "cli/report.h"
 
@@ -104,15 +104,14 @@ bool draw(const std::filesystem::path& file, const std::string& gnuplot_script) 
   std::array<char*, 3> argv{program.data(), name.data(), nullptr};
   pid_t pid = 0;
   const int rc = ::posix_spawnp(&pid, "gnuplot", nullptr, nullptr, argv.data(), environ);
-  int status = -1;
-  if (rc == 0) ::waitpid(pid, &status, 0);
+  const int code = rc == 0 ? Child(pid).wait() : kFailed;
   ::unlink(name.c_str());
   if (rc != 0) {
     fmt::print(stderr, "no plot: gnuplot: {}; install the package gnuplot-nox\n",
                std::strerror(rc));
     return false;
   }
-  if (status != 0) throw Failure(kFailed, "gnuplot could not draw '" + file.string() + "'");
+  if (code != kFine) throw Failure(kFailed, "gnuplot could not draw '" + file.string() + "'");
   return true;
 }
 

@@ -15,6 +15,7 @@
 #include "cli/offload_request.h"
 #include "cli/report.h"
 #include "cli/run_record.h"
+#include "cli/signals.h"
 #include "interneuron/node.h"
 #include "io/steady_clock.h"
 #include "perception/detector.h"
@@ -336,6 +337,7 @@ int Vehicle::run() {
   node_.stop_on_signals();
   wait_for_roadside();
   node_.run();
+  const SignalWatch undisturbed;  // what was measured is written, even after a second Ctrl-C
   if (started_) progress(true);
   if (!failure_.empty()) throw Failure(kFailed, failure_);
   const int signal = node_.stopped_by_signal();

@@ -45,7 +45,7 @@ bool EchoReflector::take(TimePoint now, const wire::Packet& packet, const Datagr
   Path& path = path_of(now, packet.header, datagram);
   // Counted before it may be dropped: what is dropped here did arrive.
   const std::uint32_t sequence = path.requests++;
-  if (waiting() >= kMaxWaiting) return false;
+  if (waiting() - delayed_.size() >= kMaxWaiting) return false;
 
   Reply reply{path.nic, path.from, path.link, request, datagram.bytes.size()};
   reply.echo.is_reply = true;
@@ -55,6 +55,10 @@ bool EchoReflector::take(TimePoint now, const wire::Packet& packet, const Datagr
 
   // The next train says that the one before is over.
   if (request.train != path.train) release(path);
+  if (request.delay > 0 && delayed_.size() < kMaxDelayed) {
+    delayed_.emplace(now + std::chrono::seconds(request.delay), std::move(reply));
+    return true;
+  }
   if (!request.hold || !may_hold(path)) {
     ready_.push_back(std::move(reply));
     return true;
@@ -71,17 +75,28 @@ void EchoReflector::release(Path& path) {
   path.held.clear();
 }
 
+void EchoReflector::release_due(TimePoint now) {
+  for (Path& path : paths_) {
+    if (!path.held.empty() && release_at(path) <= now) release(path);
+  }
+  while (!delayed_.empty() && delayed_.begin()->first <= now) {
+    ready_.push_back(std::move(delayed_.extract(delayed_.begin()).mapped()));
+  }
+}
+
 TimePoint EchoReflector::release_at(const Path& path) {
   return std::min(path.heard + kHold, path.train_began + kHoldAtMost);
 }
 
 void EchoReflector::remove_link(LinkId nic) {
   std::erase_if(paths_, [nic](const Path& p) { return p.nic == nic; });
+  std::erase_if(delayed_, [nic](const auto& entry) { return entry.second.nic == nic; });
   std::erase_if(ready_, [nic](const Reply& r) { return r.nic == nic; });
 }
 
 std::optional<TimePoint> EchoReflector::next_timeout() const {
   std::optional<TimePoint> next;
+  if (!delayed_.empty()) next = delayed_.begin()->first;
   for (const Path& path : paths_) {
     if (path.held.empty()) continue;
     const TimePoint due = release_at(path);
@@ -91,9 +106,7 @@ std::optional<TimePoint> EchoReflector::next_timeout() const {
 }
 
 std::optional<Transmit> EchoReflector::poll(TimePoint now, std::span<std::byte> buffer) {
-  for (Path& path : paths_) {
-    if (!path.held.empty() && release_at(path) <= now) release(path);
-  }
+  release_due(now);
   if (ready_.empty()) return std::nullopt;
   Reply& reply = ready_.front();
   reply.echo.reply.sent = stamp_time(now);
@@ -106,7 +119,7 @@ std::optional<Transmit> EchoReflector::poll(TimePoint now, std::span<std::byte> 
 }
 
 std::size_t EchoReflector::waiting() const {
-  std::size_t count = ready_.size();
+  std::size_t count = ready_.size() + delayed_.size();
   for (const Path& path : paths_) count += path.held.size();
   return count;
 }

@@ -117,7 +117,7 @@ bool get_feedback(Reader& r, Feedback& f) {
 std::optional<Echo> get_echo(Reader& r) {
   Echo e;
   const auto flags = r.get<std::uint8_t>();
-  const auto reserved = r.get<std::uint8_t>();
+  e.delay = r.get<std::uint8_t>();
   e.train = r.get<std::uint16_t>();
   e.index = r.get<std::uint16_t>();
   e.count = r.get<std::uint16_t>();
@@ -125,8 +125,8 @@ std::optional<Echo> get_echo(Reader& r) {
   e.hold = (flags & kHold) != 0;
   const bool alone = e.train == 0 && e.index == 0 && e.count == 0 && !e.hold;
   const bool in_train =
-      e.train != 0 && e.count >= 2 && e.count <= kMaxEchoTrain && e.index < e.count;
-  if (!r.ok() || reserved != 0 || (flags & ~(kIsReply | kHold)) != 0 || (!alone && !in_train)) {
+      e.train != 0 && e.count >= 2 && e.count <= kMaxEchoTrain && e.index < e.count && e.delay == 0;
+  if (!r.ok() || (flags & ~(kIsReply | kHold)) != 0 || (!alone && !in_train)) {
     return std::nullopt;
   }
   if (e.is_reply) {
@@ -220,7 +220,7 @@ std::size_t write_echo(std::span<std::byte> out, const PacketHeader& header, con
   Writer w(out);
   put_header(w, header);
   w.put(static_cast<std::uint8_t>((echo.is_reply ? kIsReply : 0) | (echo.hold ? kHold : 0)));
-  w.put(std::uint8_t{0});
+  w.put(echo.delay);
   w.put(echo.train);
   w.put(echo.index);
   w.put(echo.count);

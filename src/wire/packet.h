@@ -143,6 +143,7 @@ struct Echo {
   // The replies of a train wait for each other and leave back to back, so that their dispersion
   // tells the rate of the way back.
   bool hold = false;
+  std::uint8_t delay = 0;   // seconds after which the reply is wanted; 0 in a train
   std::uint16_t train = 0;  // 0: in no train
   std::uint16_t index = 0;  // within the train, 0 … count - 1
   std::uint16_t count = 0;  // of the train, 2 … kMaxEchoTrain; 0: in no train

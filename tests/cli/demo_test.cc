@@ -3,7 +3,10 @@
 #include <poll.h>
 #include <signal.h>
 
+#include <cctype>
 #include <chrono>
+#include <cstdio>
+#include <filesystem>
 #include <fstream>
 #include <numeric>
 
@@ -84,6 +87,26 @@ TEST_F(Demo, AMissedObjectiveHasItsExitCode) {
   EXPECT_EQ(ran.code, 4) << ran.output;
 }
 
+// Processes of a group that still run. Those that ended and wait for init to reap them do not
+// count: the leak sanitizer leaves one.
+int running_in_group(pid_t group) {
+  int running = 0;
+  for (const auto& entry : std::filesystem::directory_iterator("/proc")) {
+    if (std::isdigit(static_cast<unsigned char>(entry.path().filename().native()[0])) == 0)
+      continue;
+    std::ifstream in(entry.path() / "stat");
+    const std::string text(std::istreambuf_iterator<char>(in), {});
+    // "PID (NAME) STATE PARENT GROUP …"
+    char state = 'Z';
+    int its_group = 0;
+    const std::size_t name_end = text.rfind(')');
+    if (name_end == std::string::npos) continue;
+    if (std::sscanf(text.c_str() + name_end + 1, " %c %*d %d", &state, &its_group) != 2) continue;
+    running += its_group == group && state != 'Z' ? 1 : 0;
+  }
+  return running;
+}
+
 TEST_F(Demo, InterruptedItLeavesNothingBehind) {
   const std::filesystem::path log = folder_ / "log";
   const pid_t pid = ::fork();
@@ -112,7 +135,7 @@ TEST_F(Demo, InterruptedItLeavesNothingBehind) {
   ASSERT_EQ(::waitpid(pid, &status, 0), pid);
   ASSERT_TRUE(WIFEXITED(status));
   EXPECT_EQ(WEXITSTATUS(status), 130) << contents();
-  EXPECT_EQ(::kill(-pid, 0), -1) << "a process of the demo is still there";
+  EXPECT_EQ(running_in_group(pid), 0) << "a process of the demo is still there";
   // The rounds so far are reported all the same.
   EXPECT_TRUE(std::filesystem::exists(folder_ / "out" / "summary.json")) << contents();
 }

@@ -6,9 +6,11 @@
 #include <array>
 #include <cstdio>
 #include <fstream>
+#include <future>
 #include <memory>
 
 #include "../io/namespace.h"
+#include "beside.h"
 #include "json_schema.h"
 #include "support.h"
 
@@ -164,6 +166,87 @@ TEST(DoctorNetns, ABlackHoleIsFoundAndMended) {
   inside(fix);
   EXPECT_TRUE(is(json::parse(inside(look), nullptr, false), "path_mtu", "ifa", "ok"));
   run("testbed down" + name);
+}
+
+// Across the testbed's NAT, which forgets silent flows after `seconds`.
+class BehindNat {
+ public:
+  BehindNat(const std::string& name, int seconds)
+      : name_(" --name " + name + "-" + std::to_string(::getpid()) + " ") {
+    EXPECT_EQ(run("testbed up --backend emulator --profile a=clean --nat" + name_).code, 0);
+    for (const char* key : {"udp_timeout", "udp_timeout_stream"}) {
+      EXPECT_EQ(run("testbed run --in core" + name_ + "-- sh -c 'echo " + std::to_string(seconds) +
+                    " > /proc/sys/net/netfilter/nf_conntrack_" + key + "'")
+                    .code,
+                0);
+    }
+    road_ =
+        std::make_unique<Beside>("env XDG_RUNTIME_DIR='" INTERNEURON_BINARY_DIR
+                                 "/run' '" INTERNEURON_PROGRAM "' testbed run --in road" +
+                                 name_ +
+                                 "-- '" INTERNEURON_PROGRAM
+                                 "' road --nic '*' --ladder motion --calibration-runs 1 --video "
+                                 "'" INTERNEURON_SOURCE_DIR "/docs/latency.png'");
+    EXPECT_TRUE(road_->ready());
+  }
+  ~BehindNat() {
+    road_.reset();
+    run("testbed down" + name_);
+  }
+  BehindNat(const BehindNat&) = delete;
+  BehindNat& operator=(const BehindNat&) = delete;
+
+  json doctor(const std::string& options) const {
+    const Ran ran =
+        run("testbed run --in vehicle" + name_ +
+                "-- '" INTERNEURON_PROGRAM "' doctor --json --peer 10.77.0.1 " + options,
+            false);
+    return json::parse(ran.output, nullptr, false);
+  }
+
+ private:
+  std::string name_;
+  std::unique_ptr<Beside> road_;
+};
+
+TEST(DoctorNetns, HowLongSilentFlowsStayOpenIsMeasured) {
+  const std::string why = no_testbed();
+  if (!why.empty()) GTEST_SKIP() << why;
+  // Both at once, for time.
+  const BehindNat patient("patient", 120);
+  auto other =
+      std::async(std::launch::async, [&patient] { return patient.doctor("--nat-timeout 15"); });
+  const BehindNat forgetful("forgetful", 7);
+  const json report = forgetful.doctor("--nat-timeout 10");
+  EXPECT_TRUE(is(report, "nat_timeout", "ifa", "problem"));
+  EXPECT_THAT(find(report, "nat_timeout", "ifa").value("found", ""),
+              testing::StartsWith("UDP flows are open after 5 s of silence, closed after 10 s"));
+  EXPECT_TRUE(violations(schema_of("doctor.json"), report).empty());
+  EXPECT_TRUE(is(other.get(), "nat_timeout", "ifa", "ok"));
+}
+
+TEST(DoctorNetns, CtrlCEndsTheSilencesWithWhatIsKnown) {
+  io::in_namespace([] {
+    const TempFolder folder;
+    const std::string said = folder / "said";
+    const std::string answer = folder / "answer";
+    run("doctor --json --peer 127.0.0.1 --nat-timeout >" + answer + " 2>" + said +
+        " & until grep -q 'silent flows' " + said + "; do sleep 0.02; done; kill -INT $!; wait;");
+    std::ifstream in(answer);
+    const json f = find(json::parse(in, nullptr, false), "nat_timeout", "lo");
+    return expect(f["verdict"] == "not checked" && f["found"] == "interrupted", "is interrupted");
+  });
+}
+
+TEST(DoctorNetns, SilencesNeedAPeerThatAnswers) {
+  io::in_namespace([] {
+    const auto says = [](const std::string& options, const char* text) {
+      const json f = find(doctor("--peer 127.0.0.1 " + options), "nat_timeout", "lo");
+      return f["verdict"] == "not checked" && f.value("found", "").find(text) != std::string::npos;
+    };
+    return expect(says("--nat-timeout 5", "interneuron road"), "what it needs") |
+           expect(says("", "--nat-timeout"), "the option");
+  });
 }
 
 }  // namespace

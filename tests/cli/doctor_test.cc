@@ -4,6 +4,7 @@
 #include <cerrno>
 
 #include "cli/doctor/judge.h"
+#include "cli/doctor/judge_nat.h"
 #include "cli/doctor/judge_nic.h"
 
 namespace interneuron::cli::doctor {
@@ -12,6 +13,7 @@ namespace {
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
+using namespace std::chrono_literals;
 
 io::SourceFacts source(const std::string& address, const std::string& nic, int prefix = 24) {
   return {.address = *make_address(address, 0),
@@ -277,6 +279,64 @@ TEST(DoctorPath, PassesBlackHolesAndRouters) {
   refused.error = EACCES;
   EXPECT_EQ(judge_path(refused, 1500).verdict, Verdict::kNotChecked);
   EXPECT_THAT(judge_path(refused, 1500).fix, ElementsAre(HasSubstr("ping_group_range")));
+}
+
+struct NatCase {
+  const char* name;
+  int survived, closed;  // s, 0: none
+  Verdict verdict;
+  const char* says;
+};
+
+NatTimeout nat(int survived, int closed) {
+  NatTimeout measured{.nic = "wwan0", .limit = 60s, .flows = {}, .cut_short = {}};
+  measured.flows.answered = true;
+  if (survived > 0) measured.flows.survived = probe::Silence(survived);
+  if (closed > 0) measured.flows.closed = probe::Silence(closed);
+  return measured;
+}
+
+TEST(DoctorNat, AMappingMustOutliveTwoSignsOfLife) {
+  for (const NatCase& c : {
+           NatCase{"not even the shortest", 0, 5, Verdict::kProblem, "closed after 5 s"},
+           NatCase{"one is too late", 5, 10, Verdict::kProblem, "after 5 s of silence"},
+           NatCase{"one is just too late", 10, 15, Verdict::kProblem, "every 15 s"},
+           NatCase{"none may be lost", 15, 20, Verdict::kWarning, "every 15 s"},
+           NatCase{"none may be lost", 20, 30, Verdict::kWarning, "closed after 30 s"},
+           NatCase{"one may be lost", 30, 60, Verdict::kOk, "closed after 60 s"},
+           NatCase{"all were survived", 60, 0, Verdict::kOk, "longer was not tried"},
+           NatCase{"long enough as far as known", 15, 0, Verdict::kOk, "longer was not tried"},
+           NatCase{"only short ones were tried", 10, 0, Verdict::kNotChecked, "--nat-timeout 30"},
+       }) {
+    const Finding f = judge_nat(nat(c.survived, c.closed));
+    EXPECT_EQ(f.check, "nat_timeout");
+    EXPECT_EQ(f.subject, "wwan0");
+    EXPECT_EQ(f.verdict, c.verdict) << c.name;
+    EXPECT_THAT(f.found, HasSubstr(c.says));
+    EXPECT_THAT(f.fix, IsEmpty());
+  }
+}
+
+TEST(DoctorNat, WhatCouldNotBeMeasuredIsSaid) {
+  const auto says = [](const NatTimeout& measured, const char* text) {
+    const Finding f = judge_nat(measured);
+    EXPECT_EQ(f.verdict, Verdict::kNotChecked);
+    EXPECT_THAT(f.found, HasSubstr(text));
+  };
+  NatTimeout measured = nat(0, 0);
+  says(measured, "too many packets are lost");
+  measured.flows.refused = true;
+  says(measured, "no room");
+  measured.flows.answered = false;
+  says(measured, "interneuron road");
+  measured.limit = 0s;
+  says(measured, "--nat-timeout");
+  measured = nat(5, 10);
+  measured.cut_short = "interrupted";
+  says(measured, "interrupted; so far: UDP flows are open after 5 s");
+  measured = nat(0, 0);
+  measured.cut_short = "interrupted";
+  EXPECT_EQ(judge_nat(measured).found, "interrupted");
 }
 
 }  // namespace

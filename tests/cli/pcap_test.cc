@@ -1,6 +1,7 @@
 // A capture of our own packets as an independent witness of what we say and promise.
 #include <pcap/pcap.h>
 
+#include <algorithm>
 #include <chrono>
 #include <map>
 #include <mutex>
@@ -160,6 +161,14 @@ TEST(PcapWitness, AnIdleSessionCostsLittle) {
     }
     return wrong;
   });
+}
+
+TEST(PcapOption, AFileThatCannotBeWrittenIsNamed) {
+  const Ran ran = run("probe --peer 127.0.0.1 --pcap /nowhere/x.pcap");
+  if (ran.code == 5) GTEST_SKIP() << ran.output;
+  EXPECT_EQ(ran.code, 1) << ran.output;
+  EXPECT_NE(ran.output.find("/nowhere/x.pcap"), std::string::npos) << ran.output;
+  EXPECT_EQ(std::ranges::count(ran.output, '\n'), 1) << ran.output;
 }
 
 TEST(PcapOption, WithoutThePrivilegeThereIsACommandAndExitCodeFive) {

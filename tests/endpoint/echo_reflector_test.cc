@@ -20,6 +20,7 @@ struct Question {
   std::uint8_t link = 1;
   std::uint32_t session = 0x5eed0001;
   std::size_t from = 9;
+  std::uint8_t delay = 0;
 };
 
 Bytes bytes_of(const Question& q) {
@@ -28,6 +29,7 @@ Bytes bytes_of(const Question& q) {
   echo.index = q.index;
   echo.count = q.count;
   echo.hold = q.hold;
+  echo.delay = q.delay;
   echo.request.sequence = q.sequence;
   echo.request.sent = wire::to_stamp_time(std::chrono::seconds(5));
   Bytes out(2000);
@@ -155,6 +157,52 @@ TEST_F(Reflecting, WithoutRoomToHoldATrainIsAnsweredAtOnce) {
   EXPECT_EQ(got[0].header.link, LinkId{EchoReflector::kMaxHeldTrains});
 }
 
+TEST_F(Reflecting, ALaterReplyLeavesWhenItIsWanted) {
+  ASSERT_TRUE(ask({.sequence = 1, .delay = 20}));
+  now_ += 1s;
+  ASSERT_TRUE(ask({.sequence = 2, .delay = 5}));
+  ASSERT_TRUE(ask({.sequence = 3}));
+  const auto at_once = answers();
+  ASSERT_EQ(at_once.size(), 1U);
+  EXPECT_EQ(at_once[0].echo.reply.request_sequence, 3U);
+  EXPECT_EQ(reflector_.waiting(), 2U);
+  for (const auto& [sequence, at] : {std::pair{2U, TimePoint{16s}}, {1U, TimePoint{30s}}}) {
+    ASSERT_EQ(reflector_.next_timeout(), at);
+    now_ = at - 1ns;
+    EXPECT_TRUE(answers().empty());
+    now_ = at;
+    const auto got = answers();
+    ASSERT_EQ(got.size(), 1U);
+    const wire::StampReply& reply = got[0].echo.reply;
+    EXPECT_EQ(reply.request_sequence, sequence);
+    EXPECT_EQ(reply.sent, wire::to_stamp_time(at.time_since_epoch()));
+    EXPECT_EQ(wire::stamp_difference(reply.sent, reply.received, reply.error_estimate),
+              std::chrono::seconds(got[0].echo.delay));
+  }
+  EXPECT_FALSE(reflector_.next_timeout());
+  EXPECT_EQ(reflector_.waiting(), 0U);
+}
+
+TEST_F(Reflecting, WithoutRoomALaterReplyLeavesAtOnce) {
+  for (std::uint32_t i = 0; i < EchoReflector::kMaxDelayed; ++i) {
+    ASSERT_TRUE(ask({.sequence = i, .delay = 255}));
+  }
+  EXPECT_TRUE(answers().empty());
+  ASSERT_TRUE(ask({.sequence = 99, .delay = 255}));
+  const auto got = answers();
+  ASSERT_EQ(got.size(), 1U);
+  EXPECT_EQ(got[0].echo.reply.request_sequence, 99U);
+  EXPECT_EQ(got[0].echo.delay, 255);
+}
+
+TEST_F(Reflecting, LaterRepliesTakeNoRoomOfOthers) {
+  for (std::uint32_t i = 0; i < EchoReflector::kMaxDelayed; ++i) ask({.sequence = i, .delay = 1});
+  std::size_t taken = 0;
+  for (std::uint32_t i = 0; i < 5000; ++i) taken += ask({.sequence = i}) ? 1 : 0;
+  EXPECT_EQ(taken, EchoReflector::kMaxWaiting);
+  EXPECT_EQ(reflector_.waiting(), EchoReflector::kMaxWaiting + EchoReflector::kMaxDelayed);
+}
+
 TEST_F(Reflecting, MemoryIsBounded) {
   std::size_t taken = 0;
   for (std::uint32_t i = 0; i < 5000; ++i) {
@@ -180,6 +228,7 @@ TEST_F(Reflecting, RepliesAreNotAnswered) {
 TEST_F(Reflecting, ALinkThatIsGoneTakesItsRepliesWithIt) {
   ask({.sequence = 0});
   ask({.sequence = 1, .train = 1, .index = 0, .count = 5, .hold = true});
+  ask({.sequence = 2, .delay = 5});
   reflector_.remove_link(kNic);
   EXPECT_TRUE(answers().empty());
   EXPECT_FALSE(reflector_.next_timeout());
@@ -208,6 +257,17 @@ TEST(EchoOfAnEndpoint, IsAnsweredByWhoServesAnybodyAndMakesNoPeer) {
     EXPECT_EQ(counters.refused_packets, serves ? 0U : 1U);
     EXPECT_EQ(counters.sent_packets, serves ? 1U : 0U);
   }
+}
+
+TEST(EchoOfAnEndpoint, ALaterReplyWakesItUp) {
+  const TimePoint now{1s};
+  Endpoint endpoint(options_of(0xcafe0002), now);
+  endpoint.add_link(now, kFast, {"nic", 1500});
+  EXPECT_EQ(answers_of(endpoint, now, bytes_of({.delay = 3})), 0U);
+  ASSERT_EQ(endpoint.next_timeout(), now + 3s);
+  endpoint.handle_timeout(now + 3s);
+  std::array<std::byte, kMaxDatagramBytes> buffer;
+  EXPECT_TRUE(endpoint.poll_transmit(now + 3s, buffer));
 }
 
 TEST(EchoOfAnEndpoint, AHeldTrainWakesItUp) {

@@ -51,12 +51,12 @@ inline bool is_consistent(const Echo& echo, ByteView again) {
   const auto read = parse(again);
   if (!read || read->header.type != PacketType::kEcho) return false;
   const Echo& e = read->echo;
-  const bool in_train =
-      echo.train != 0 && echo.count >= 2 && echo.count <= kMaxEchoTrain && echo.index < echo.count;
+  const bool in_train = echo.train != 0 && echo.count >= 2 && echo.count <= kMaxEchoTrain &&
+                        echo.index < echo.count && echo.delay == 0;
   const bool alone = echo.train == 0 && echo.count == 0 && echo.index == 0 && !echo.hold;
   return (in_train || alone) && e.is_reply == echo.is_reply && e.hold == echo.hold &&
-         e.train == echo.train && e.index == echo.index && e.count == echo.count &&
-         e.request == echo.request && e.reply == echo.reply;
+         e.delay == echo.delay && e.train == echo.train && e.index == echo.index &&
+         e.count == echo.count && e.request == echo.request && e.reply == echo.reply;
 }
 
 // `packet` as parse(datagram) gave it.

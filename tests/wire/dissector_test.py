@@ -103,7 +103,7 @@ class Dissector(unittest.TestCase):
 
     def test_echo_request(self):
         self.expect(examples()[3], {
-            "type": "4", "echo.reply": "0", "echo.hold": "1", "echo.train": "3", "echo.index": "4",
+            "type": "4", "echo.reply": "0", "echo.hold": "1", "echo.delay": "0", "echo.train": "3", "echo.index": "4",
             "echo.count": "18", "stamp.sequence": "21", "stamp.timestamp": "3909091328.500000000",
             "stamp.error": "0x1601", "stamp.received": "", "malformed": ""})
 
@@ -113,6 +113,11 @@ class Dissector(unittest.TestCase):
             "stamp.timestamp": "3909091328.503906250", "stamp.received": "3909091328.501953125",
             "stamp.request_sequence": "21", "stamp.request_timestamp": "3909091328.500000000",
             "stamp.request_error": "0x1601", "stamp.request_ttl": "0", "malformed": ""})
+
+    def test_echo_with_a_delay(self):
+        request = examples()[3]
+        delayed = request[:16] + bytes([0, 240, 0, 0, 0, 0, 0, 0]) + request[24:]
+        self.expect(delayed, {"type": "4", "echo.delay": "240", "echo.train": "0", "malformed": ""})
 
     def test_other_ports_by_their_looks_or_by_preference(self):
         self.expect(examples()[2], {"type": "3"}, port=OTHER_PORT)

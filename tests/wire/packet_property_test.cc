@@ -112,6 +112,8 @@ Echo any_echo() {
     echo.train = any_but_zero<std::uint16_t>();
     echo.count = *rc::gen::inRange<std::uint16_t>(2, kMaxEchoTrain + 1);
     echo.index = *rc::gen::inRange<std::uint16_t>(0, echo.count);
+  } else {
+    echo.delay = any<std::uint8_t>();
   }
   if (echo.is_reply) {
     echo.reply = any_reply();

@@ -118,6 +118,29 @@ TEST(Packet, AnEchoIsAloneOrInAWholeTrain) {
   }
 }
 
+TEST(Packet, OnlyAnEchoInNoTrainMayAskForALaterReply) {
+  const PacketHeader header = example_header(PacketType::kEcho, LinkId{1}, 1);
+  constexpr std::size_t kDelayAt = 17;
+  for (const bool is_reply : {false, true}) {
+    for (const auto delay : std::initializer_list<std::uint8_t>{0, 1, 240, 255}) {
+      Echo echo;
+      echo.is_reply = is_reply;
+      echo.delay = delay;
+      Bytes out(kRoom);
+      out.resize(write_echo(out, header, echo, 0));
+      EXPECT_EQ(out.at(kDelayAt), static_cast<std::byte>(delay));
+      const auto packet = parse(out);
+      ASSERT_TRUE(packet);
+      EXPECT_EQ(packet->echo.delay, delay);
+      echo.train = 1;
+      echo.count = 2;
+      out.resize(kRoom);
+      out.resize(write_echo(out, header, echo, 0));
+      EXPECT_EQ(parse(out).has_value(), delay == 0);
+    }
+  }
+}
+
 TEST(Packet, TheErrorOfAnEchosClockIsNotZero) {
   constexpr std::size_t kMultiplierAt = 16 + 8 + 13;
   EXPECT_FALSE(parse(with(from_hex(kEchoRequestExample), kMultiplierAt, 0)));

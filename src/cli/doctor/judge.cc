@@ -15,10 +15,6 @@ namespace {
 using io::HostFacts;
 using io::NicHostFacts;
 
-// A link that carries nothing else sends a sign of life this often (NOTES; ecosystem.md §5, "NAT
-// idle"); translations must live longer, with a sign of life lost.
-constexpr int kKeepAliveSeconds = 15;
-
 class HostJudge {
  public:
   HostJudge(const HostFacts& facts, std::vector<Finding>& findings)
@@ -60,9 +56,7 @@ class HostJudge {
     for (const NicHostFacts& nic : f_.nics) {
       if (!is_usable(f_, nic)) continue;
       ++usable;
-      const bool by_rule =
-          std::ranges::any_of(nic.sources, [](const io::SourceFacts& s) { return s.routed; });
-      if (!nic.routed && !by_rule) continue;
+      if (!is_routed(nic)) continue;
       ++routed;
       names += (names.empty() ? "" : ", ") + nic.nic.name;
     }
@@ -166,6 +160,10 @@ bool is_usable(const HostFacts& facts, const NicHostFacts& nic) {
   const bool loopback = nic.nic.kind == "loopback";
   if (loopback && !(facts.target_is_peer && is_loopback(facts.target))) return false;
   return nic.state == NicState::kReady || nic.state == NicState::kNoRoute;
+}
+
+bool is_routed(const NicHostFacts& nic) {
+  return nic.routed || std::ranges::any_of(nic.sources, &io::SourceFacts::routed);
 }
 
 std::vector<Finding> judge(const HostFacts& facts) {

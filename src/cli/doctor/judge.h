@@ -13,6 +13,10 @@
 
 namespace interneuron::cli::doctor {
 
+// A link that carries nothing else sends a sign of life this often (NOTES; ecosystem.md §5, "NAT
+// idle"); translations must live longer, with a sign of life lost.
+inline constexpr int kKeepAliveSeconds = 15;
+
 enum class Verdict : std::uint8_t {
   kOk,
   kWarning,     // works, but not as well as it could
@@ -37,5 +41,8 @@ Finding judge_path(const io::PathMtu& path, std::size_t nic_mtu);
 
 // NICs that can be used: those that judge() looks at closely.
 bool is_usable(const io::HostFacts& facts, const io::NicHostFacts& nic);
+
+// The target is routed through it, for any socket or for one bound to an address.
+bool is_routed(const io::NicHostFacts& nic);
 
 }  // namespace interneuron::cli::doctor
