@@ -49,7 +49,7 @@ HostId World::add_host(EndpointOptions options, const ClockError& clock) {
 
 void World::add_link(HostId a, HostId b, LinkId link, const std::string& name, emu::Link model,
                      const LinkTraits& traits) {
-  wires_.push_back({a, b, link, std::move(model), {}, 0, 0});
+  wires_.push_back({a, b, link, std::move(model), {}, 0, 0, {Duration{-1}, Duration{-1}}});
   hosts_[a].endpoint->add_link(local_time(a), link, {name, 1500, traits});
   hosts_[b].endpoint->add_link(local_time(b), link, {name, 1500, {}});
 }
@@ -100,9 +100,18 @@ void World::flush(HostId id) {
   while (const auto transmit = host.endpoint->poll_transmit(local(host, now_), buffer)) {
     carry(id, *transmit, std::span(buffer).first(transmit->size));
   }
+  plan_wake(host);
+}
+
+void World::plan_wake(Host& host) {
   const auto next = host.endpoint->next_timeout();
   host.wake.reset();
   if (next) host.wake = std::max(world(host, *next), now_ + Duration{1});
+}
+
+void World::step_clock(HostId host, Duration by) {
+  hosts_[host].clock.offset += by;
+  plan_wake(hosts_[host]);
 }
 
 void World::carry(HostId from, const Transmit& transmit, ByteView bytes) {
@@ -113,7 +122,8 @@ void World::carry(HostId from, const Transmit& transmit, ByteView bytes) {
   const HostId to = up ? it->b : it->a;
   if (transmit.to != address_of(to, it->link, up ? it->mapping_b : it->mapping_a)) return;
   InFlight packet{Bytes(bytes.begin(), bytes.end()), to,
-                  address_of(from, it->link, up ? it->mapping_a : it->mapping_b), it->link};
+                  address_of(from, it->link, up ? it->mapping_a : it->mapping_b), it->link,
+                  delay_ ? delay_(from, it->link, bytes) : Duration{}};
   const int copies = chance(it->faults.duplicate) ? 2 : 1;
   for (int i = 0; i < copies; ++i) put(*it, up, packet);
 }
@@ -138,12 +148,18 @@ void World::leave(Wire& wire, bool up, emu::LinkModel::Packet packet) {
     packet.tag = next_tag_++;
     in_flight_.emplace(packet.tag, copy);
   }
-  Duration by = up ? wire.faults.extra_up : Duration{};
+  Duration by = in_flight_.at(packet.tag).delay;
+  Duration& held_until = wire.held_until[up ? 1 : 0];
+  const bool waits = by > Duration{} || held_until >= now_;
+  if (waits) {
+    by = std::max(by, held_until - now_);
+    held_until = now_ + by;
+  }
   if (chance(wire.faults.reorder)) {
     by += Duration{std::uniform_int_distribution<std::int64_t>(
         1, std::max<std::int64_t>(1, wire.faults.reorder_by.count()))(rng_)};
   }
-  if (by > Duration{}) {
+  if (waits || by > Duration{}) {
     late_.emplace(now_ + by, packet.tag);
   } else {
     deliver(packet.tag);

@@ -6,6 +6,7 @@
 // timeouts. Pure; single-threaded.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <map>
@@ -35,8 +36,7 @@ struct Faults {
   double duplicate = 0;
   double reorder = 0;  // the packet is delivered up to reorder_by later, past its successors
   Duration reorder_by{};
-  Duration extra_up{};  // added to the delay a -> b, for scripted sequences
-  bool cut = false;     // nothing passes
+  bool cut = false;  // nothing passes
 };
 
 class World {
@@ -71,6 +71,13 @@ class World {
   void on_sent(std::function<void(HostId, LinkId, ByteView)> handler) {
     on_sent_ = std::move(handler);
   }
+  // A further delay of each datagram behind its link, asked when an endpoint hands it over. Links
+  // stay in order: what follows on the same link and direction waits for it.
+  void delay_with(std::function<Duration(HostId, LinkId, ByteView)> delay) {
+    delay_ = std::move(delay);
+  }
+  // From now on the host's clock shows so much more.
+  void step_clock(HostId host, Duration by);
   // Runs until world time `end`; everything that happens at `end` is included.
   void run_until(Duration end);
 
@@ -90,12 +97,14 @@ class World {
     Faults faults;
     std::uint8_t mapping_a = 0;  // how often the host was rebound
     std::uint8_t mapping_b = 0;
+    std::array<Duration, 2> held_until{};  // by delay_with(), per direction: down, up
   };
   struct InFlight {
     Bytes bytes;
     HostId to = 0;
     Address from{};
     LinkId link{};
+    Duration delay{};  // of delay_with()
   };
 
   static TimePoint local(const Host& host, Duration t);
@@ -105,6 +114,7 @@ class World {
   void put(Wire& wire, bool up, InFlight packet);
   void leave(Wire& wire, bool up, emu::LinkModel::Packet packet);
   void deliver(std::uint64_t tag);
+  void plan_wake(Host& host);
   bool chance(double p) { return p > 0 && std::uniform_real_distribution<double>(0, 1)(rng_) < p; }
   Duration next_instant() const;
   void step();
@@ -118,6 +128,7 @@ class World {
   std::multimap<Duration, std::uint64_t> late_;  // reordered packets
   std::function<void(HostId, Event&&)> on_event_;
   std::function<void(HostId, LinkId, ByteView)> on_sent_;
+  std::function<Duration(HostId, LinkId, ByteView)> delay_;
   Duration now_{};
 };
 
