@@ -62,12 +62,15 @@ std::vector<System> all() {
   out.push_back(baseline("duplicate_e2e", "erdos_e2e over every link that can carry the image",
                          LevelRule::kErdosE2e));
   out.back().policy = "duplicate";
-  out.push_back(baseline("always_sampled", "always the sampled image and the highest level",
+  out.push_back(baseline("always_sampled",
+                         "always the sampled image over every link, highest level",
                          LevelRule::kFixedTop));
+  out.back().policy = "duplicate";
   out.back().only_variant = kSmallest;
   out.back().local_backup = true;
-  out.push_back(baseline("always_jpeg", "always the JPEG and the highest level, with local backup",
+  out.push_back(baseline("always_jpeg", "always the JPEG over every link, highest level",
                          LevelRule::kFixedTop));
+  out.back().policy = "duplicate";
   out.back().needs_jpeg = true;
   out.back().local_backup = true;
   return out;

@@ -121,34 +121,44 @@ void World::carry(HostId from, const Transmit& transmit, ByteView bytes) {
   const bool up = it->a == from;
   const HostId to = up ? it->b : it->a;
   if (transmit.to != address_of(to, it->link, up ? it->mapping_b : it->mapping_a)) return;
-  InFlight packet{Bytes(bytes.begin(), bytes.end()), to,
-                  address_of(from, it->link, up ? it->mapping_a : it->mapping_b), it->link,
-                  delay_ ? delay_(from, it->link, bytes) : Duration{}};
+  scratch_.bytes.assign(bytes.begin(), bytes.end());
+  scratch_.to = to;
+  scratch_.from = address_of(from, it->link, up ? it->mapping_a : it->mapping_b);
+  scratch_.link = it->link;
+  scratch_.delay = delay_ ? delay_(from, it->link, bytes) : Duration{};
   const int copies = chance(it->faults.duplicate) ? 2 : 1;
-  for (int i = 0; i < copies; ++i) put(*it, up, packet);
+  for (int i = 0; i < copies; ++i) put(*it, up, scratch_);
 }
 
-void World::put(Wire& wire, bool up, InFlight packet) {
-  if (wire.faults.cut || chance(wire.faults.loss)) return;
-  const std::uint64_t tag = next_tag_++;
-  emu::LinkModel& model = up ? wire.model.up() : wire.model.down();
-  if (model.enqueue(now_, packet.bytes.size() + wire::kIpUdpOverhead, tag)) {
-    in_flight_.emplace(tag, std::move(packet));
+std::uint64_t World::keep(const InFlight& packet) {
+  if (free_tags_.empty()) {
+    in_flight_.push_back(packet);
+    return in_flight_.size() - 1;
   }
+  const std::uint64_t tag = free_tags_.back();
+  free_tags_.pop_back();
+  in_flight_[tag] = packet;
+  return tag;
+}
+
+void World::put(Wire& wire, bool up, const InFlight& packet) {
+  if (wire.faults.cut || chance(wire.faults.loss)) return;
+  const std::uint64_t tag = keep(packet);
+  emu::LinkModel& model = up ? wire.model.up() : wire.model.down();
+  if (!model.enqueue(now_, packet.bytes.size() + wire::kIpUdpOverhead, tag)) forget(tag);
 }
 
 // A packet has come through the link.
 void World::leave(Wire& wire, bool up, emu::LinkModel::Packet packet) {
   if (packet.lost || packet.corrupt) {  // the receiving host's checksum sees the flipped bit
-    if (packet.last) in_flight_.erase(packet.tag);
+    if (packet.last) forget(packet.tag);
     return;
   }
   if (!packet.last) {
-    const InFlight copy = in_flight_.at(packet.tag);
-    packet.tag = next_tag_++;
-    in_flight_.emplace(packet.tag, copy);
+    const InFlight copy = in_flight_[packet.tag];
+    packet.tag = keep(copy);
   }
-  Duration by = in_flight_.at(packet.tag).delay;
+  Duration by = in_flight_[packet.tag].delay;
   Duration& held_until = wire.held_until[up ? 1 : 0];
   const bool waits = by > Duration{} || held_until >= now_;
   if (waits) {
@@ -167,12 +177,12 @@ void World::leave(Wire& wire, bool up, emu::LinkModel::Packet packet) {
 }
 
 void World::deliver(std::uint64_t tag) {
-  const auto it = in_flight_.find(tag);
-  const InFlight packet = std::move(it->second);
-  in_flight_.erase(it);
-  Host& host = hosts_[packet.to];
+  const InFlight& packet = in_flight_[tag];
+  const HostId to = packet.to;
+  Host& host = hosts_[to];
   host.endpoint->handle_datagram(local(host, now_), {packet.link, packet.from, packet.bytes});
-  flush(packet.to);
+  forget(tag);
+  flush(to);
 }
 
 Duration World::next_instant() const {

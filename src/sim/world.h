@@ -111,9 +111,11 @@ class World {
   static Duration world(const Host& host, TimePoint t);
   Wire& wire(LinkId link);
   void carry(HostId from, const Transmit& transmit, ByteView bytes);
-  void put(Wire& wire, bool up, InFlight packet);
+  void put(Wire& wire, bool up, const InFlight& packet);
+  std::uint64_t keep(const InFlight& packet);
   void leave(Wire& wire, bool up, emu::LinkModel::Packet packet);
   void deliver(std::uint64_t tag);
+  void forget(std::uint64_t tag) { free_tags_.push_back(tag); }
   void plan_wake(Host& host);
   bool chance(double p) { return p > 0 && std::uniform_real_distribution<double>(0, 1)(rng_) < p; }
   Duration next_instant() const;
@@ -122,8 +124,9 @@ class World {
   std::mt19937_64 rng_;
   std::vector<Host> hosts_;
   std::vector<Wire> wires_;
-  std::map<std::uint64_t, InFlight> in_flight_;
-  std::uint64_t next_tag_ = 0;
+  std::vector<InFlight> in_flight_;  // by tag; those of free tags keep their memory
+  std::vector<std::uint64_t> free_tags_;
+  InFlight scratch_;  // of carry()
   std::multimap<Duration, std::function<void()>> planned_;
   std::multimap<Duration, std::uint64_t> late_;  // reordered packets
   std::function<void(HostId, Event&&)> on_event_;

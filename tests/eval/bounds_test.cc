@@ -9,8 +9,8 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr std::uint64_t kSeeds = kSanitized ? 1 : 4;
-constexpr std::uint32_t kRounds = kSanitized ? 50 : 150;
+constexpr std::uint64_t kSeeds = kSanitized ? 1 : 2;
+constexpr std::uint32_t kRounds = kSanitized ? 50 : 100;
 
 TEST(Oracle, TakesTheBestAnswerThatComesInTime) {
   const Scenario scenario = table_erdos_scenario();
@@ -88,7 +88,7 @@ TEST(Causal, LiesBetweenTheSystemsAndTheOracle) {
   for (const DelayLaw& law : {DelayLaw{}, exponential_law()}) {
     Scenario scenario = table_erdos_scenario();
     scenario.law = law;
-    const std::uint32_t rounds = kSanitized ? 50 : 600;
+    const std::uint32_t rounds = kSanitized ? 50 : 300;
     const Trace trace = make_trace(law, 11, rounds);
     const Bound best = oracle(scenario, trace, 11);
     const auto bound = causal(scenario, trace);

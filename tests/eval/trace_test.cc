@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <span>
 
 namespace interneuron::eval {
@@ -27,7 +28,9 @@ TEST(Trace, HasTheShareAndTheBurstsOfTheLaw) {
       if (i == 0 || !trace.rounds[i - 1].any) ++bursts;
     }
     EXPECT_NEAR(injected / double{kMany}, share, 0.01);
-    EXPECT_NEAR(injected / double(bursts), share > 0.8 ? share / (1 - share) : 4.0, 0.15);
+    // Within four standard errors of the mean of a geometric length.
+    const double burst = share > 0.8 ? share / (1 - share) : 4.0;
+    EXPECT_NEAR(injected / double(bursts), burst, 4 * burst / std::sqrt(double(bursts)));
   }
 }
 
