@@ -56,26 +56,10 @@ class Oracle {
   std::optional<Shown> best(std::size_t round);
 
  private:
-  Duration frame_there(std::size_t round, Duration sent, std::size_t bytes);
-
   const Scenario& scenario_;
   const Trace& trace_;
   Reach reach_;
 };
-
-Duration Oracle::frame_there(std::size_t round, Duration sent, std::size_t bytes) {
-  Duration best = Duration::max();
-  for (std::size_t link = 0; link < reach_.links(); ++link) {
-    Duration arrival = reach_.over(link, Direction::kUp, sent, bytes);
-    if (arrival == Duration::max()) continue;
-    if (round < trace_.uplink_by_link.size() && !trace_.uplink_by_link[round].empty()) {
-      const std::vector<Duration>& further = trace_.uplink_by_link[round];
-      arrival += further[std::min(link, further.size() - 1)];
-    }
-    best = std::min(best, arrival);
-  }
-  return best;
-}
 
 std::optional<Shown> Oracle::best(std::size_t round) {
   const Profile& profile = scenario_.profile;
@@ -84,7 +68,8 @@ std::optional<Shown> Oracle::best(std::size_t round) {
   const Duration deadline = t0 + scenario_.deadline;
   std::optional<Shown> best;
   for (std::size_t v = 0; v < profile.variants.size(); ++v) {
-    const Duration there = frame_there(round, t0 + sim::kEncode, profile.variants[v].bytes);
+    const Duration there =
+        reach_.soonest(Direction::kUp, t0 + sim::kEncode, profile.variants[v].bytes);
     if (there >= deadline) continue;
     const Duration begins = there + injected_in(injected, Module::kUplink) +
                             injected_in(injected, Module::kBeforeCompute);

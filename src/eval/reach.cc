@@ -22,16 +22,14 @@ Reach::Reach(const Scenario& scenario, std::uint64_t seed) {
   }
 }
 
-Duration Reach::over(std::size_t link, emu::Direction direction, Duration ready,
-                     std::size_t bytes) {
-  OneLink& one = links_[link];
-  emu::Bottleneck& bottleneck = direction == emu::Direction::kUp ? one.up : one.down;
-  Duration departure = bottleneck.departure(ready, sim::bytes_on_wire(bytes));
-  if (departure == Duration::max()) return departure;
+Duration Reach::over(OneLink& link, emu::Direction direction, Duration ready,
+                     std::size_t ip_bytes) {
+  emu::Bottleneck& bottleneck = direction == emu::Direction::kUp ? link.up : link.down;
+  Duration departure = bottleneck.departure(ready, ip_bytes);
   // The delay holds from step to step; a later departure may meet a smaller one.
   Duration best = Duration::max();
   while (departure < best) {
-    best = std::min(best, departure + one.model.process()->at(departure).rtt / 2);
+    best = std::min(best, departure + link.model.process()->at(departure).rtt / 2);
     departure += emu::kDelayStep - departure % emu::kDelayStep;
   }
   return best;
@@ -39,8 +37,8 @@ Duration Reach::over(std::size_t link, emu::Direction direction, Duration ready,
 
 Duration Reach::soonest(emu::Direction direction, Duration ready, std::size_t bytes) {
   Duration best = Duration::max();
-  for (std::size_t i = 0; i < links_.size(); ++i) {
-    best = std::min(best, over(i, direction, ready, bytes));
+  for (OneLink& link : links_) {
+    best = std::min(best, over(link, direction, ready, sim::bytes_on_wire(bytes)));
   }
   return best;
 }

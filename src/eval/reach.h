@@ -14,12 +14,10 @@ class Reach {
  public:
   Reach(const Scenario& scenario, std::uint64_t seed);
 
-  // The soonest arrival of a message that is ready at `ready` (world time, which goes back by at
-  // most DelayProcess::kMemory between calls) over one link: it may wait for a better moment.
-  Duration over(std::size_t link, emu::Direction direction, Duration ready, std::size_t bytes);
-  // Over the best link.
+  // The soonest arrival, over the best link, of a message that is ready at `ready` (world time,
+  // which goes back by at most DelayProcess::kMemory between calls): it may wait for a better
+  // moment. Duration::max(): never.
   Duration soonest(emu::Direction direction, Duration ready, std::size_t bytes);
-  std::size_t links() const { return links_.size(); }
 
  private:
   struct OneLink {
@@ -27,6 +25,9 @@ class Reach {
     emu::Bottleneck up;
     emu::Bottleneck down;
   };
+  static Duration over(OneLink& link, emu::Direction direction, Duration ready,
+                       std::size_t ip_bytes);
+
   std::vector<OneLink> links_;
 };
 

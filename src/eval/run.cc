@@ -19,13 +19,11 @@ emu::LinkProfile constant_link(const char* name, double rtt_ms, double mbit) {
 sim::Disturbance disturbance_of(const Trace& trace, std::size_t round) {
   sim::Disturbance out;
   if (round < trace.compute_noise.size()) out.deviations = trace.compute_noise[round];
-  if (round < trace.uplink_by_link.size()) out.uplink = trace.uplink_by_link[round];
   const Injected& injected = trace.rounds[round];
   if (!injected.any) return out;
   switch (injected.module) {
     case Module::kUplink:
-      if (out.uplink.empty()) out.uplink.emplace_back();
-      for (Duration& delay : out.uplink) delay += injected.delay;
+      out.uplink = {injected.delay};
       break;
     case Module::kBeforeCompute:
       out.before_compute = injected.delay;

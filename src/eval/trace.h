@@ -62,8 +62,6 @@ struct Trace {
   // How slow each round's computation is beside its median, in standard deviations of its level:
   // the same for every level and system.
   std::vector<double> compute_noise;
-  // Scripted sequences: further delay of each round's frame, per link. Empty: none.
-  std::vector<std::vector<Duration>> uplink_by_link;
 };
 // A longer trace of a seed begins with the shorter one.
 Trace make_trace(const DelayLaw& law, std::uint64_t seed, std::uint32_t rounds);
