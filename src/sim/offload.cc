@@ -158,8 +158,10 @@ Duration Offload::runtime(std::size_t level, double deviations) const {
 // The first piece of a message opens with its round's header, and the pieces of a message leave in
 // order.
 Duration Offload::delay_of(HostId from, LinkId link, ByteView datagram) {
+  const auto type = static_cast<wire::PacketType>(std::to_integer<std::uint8_t>(datagram[0]));
+  if (type != wire::PacketType::kData) return {};
   const auto packet = wire::parse(datagram);
-  if (!packet || packet->header.type != wire::PacketType::kData) return {};
+  if (!packet) return {};
   const std::pair key{from, packet->data.fragment.message};
   auto it = delayed_.find(key);
   if (it == delayed_.end() && packet->data.fragment.index == 0) {

@@ -121,31 +121,38 @@ void World::carry(HostId from, const Transmit& transmit, ByteView bytes) {
   const bool up = it->a == from;
   const HostId to = up ? it->b : it->a;
   if (transmit.to != address_of(to, it->link, up ? it->mapping_b : it->mapping_a)) return;
-  scratch_.bytes.assign(bytes.begin(), bytes.end());
-  scratch_.to = to;
-  scratch_.from = address_of(from, it->link, up ? it->mapping_a : it->mapping_b);
-  scratch_.link = it->link;
-  scratch_.delay = delay_ ? delay_(from, it->link, bytes) : Duration{};
-  const int copies = chance(it->faults.duplicate) ? 2 : 1;
-  for (int i = 0; i < copies; ++i) put(*it, up, scratch_);
+  const std::uint64_t tag = new_tag();
+  InFlight& packet = in_flight_[tag];
+  packet.bytes.assign(bytes.begin(), bytes.end());
+  packet.to = to;
+  packet.from = address_of(from, it->link, up ? it->mapping_a : it->mapping_b);
+  packet.link = it->link;
+  packet.delay = delay_ ? delay_(from, it->link, bytes) : Duration{};
+  if (chance(it->faults.duplicate)) put(*it, up, copy_of(tag));
+  put(*it, up, tag);
 }
 
-std::uint64_t World::keep(const InFlight& packet) {
+std::uint64_t World::new_tag() {
   if (free_tags_.empty()) {
-    in_flight_.push_back(packet);
+    in_flight_.emplace_back();
     return in_flight_.size() - 1;
   }
   const std::uint64_t tag = free_tags_.back();
   free_tags_.pop_back();
-  in_flight_[tag] = packet;
   return tag;
 }
 
-void World::put(Wire& wire, bool up, const InFlight& packet) {
-  if (wire.faults.cut || chance(wire.faults.loss)) return;
-  const std::uint64_t tag = keep(packet);
+std::uint64_t World::copy_of(std::uint64_t tag) {
+  const std::uint64_t copy = new_tag();
+  in_flight_[copy] = in_flight_[tag];
+  return copy;
+}
+
+void World::put(Wire& wire, bool up, std::uint64_t tag) {
   emu::LinkModel& model = up ? wire.model.up() : wire.model.down();
-  if (!model.enqueue(now_, packet.bytes.size() + wire::kIpUdpOverhead, tag)) forget(tag);
+  const std::size_t ip_bytes = in_flight_[tag].bytes.size() + wire::kIpUdpOverhead;
+  const bool vanishes = wire.faults.cut || chance(wire.faults.loss);
+  if (vanishes || !model.enqueue(now_, ip_bytes, tag)) forget(tag);
 }
 
 // A packet has come through the link.
@@ -154,10 +161,7 @@ void World::leave(Wire& wire, bool up, emu::LinkModel::Packet packet) {
     if (packet.last) forget(packet.tag);
     return;
   }
-  if (!packet.last) {
-    const InFlight copy = in_flight_[packet.tag];
-    packet.tag = keep(copy);
-  }
+  if (!packet.last) packet.tag = copy_of(packet.tag);
   Duration by = in_flight_[packet.tag].delay;
   Duration& held_until = wire.held_until[up ? 1 : 0];
   const bool waits = by > Duration{} || held_until >= now_;

@@ -111,8 +111,9 @@ class World {
   static Duration world(const Host& host, TimePoint t);
   Wire& wire(LinkId link);
   void carry(HostId from, const Transmit& transmit, ByteView bytes);
-  void put(Wire& wire, bool up, const InFlight& packet);
-  std::uint64_t keep(const InFlight& packet);
+  void put(Wire& wire, bool up, std::uint64_t tag);
+  std::uint64_t new_tag();
+  std::uint64_t copy_of(std::uint64_t tag);
   void leave(Wire& wire, bool up, emu::LinkModel::Packet packet);
   void deliver(std::uint64_t tag);
   void forget(std::uint64_t tag) { free_tags_.push_back(tag); }
@@ -126,7 +127,6 @@ class World {
   std::vector<Wire> wires_;
   std::vector<InFlight> in_flight_;  // by tag; those of free tags keep their memory
   std::vector<std::uint64_t> free_tags_;
-  InFlight scratch_;  // of carry()
   std::multimap<Duration, std::function<void()>> planned_;
   std::multimap<Duration, std::uint64_t> late_;  // reordered packets
   std::function<void(HostId, Event&&)> on_event_;
