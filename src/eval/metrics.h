@@ -10,7 +10,11 @@
 
 namespace interneuron::eval {
 
+// Percentile by nearest rank, q in (0, 1]; 0 when there is nothing.
+double percentile(std::vector<double> values, double q);
+
 // Wilson score interval of `hits` of `n` (95 %), as shares.
+// n = 0: [0, 1].
 std::array<double, 2> wilson95(std::uint64_t hits, std::uint64_t n);
 
 struct Figures {
@@ -24,7 +28,7 @@ struct Figures {
   double e2e_p99_ms = 0;
   double quality = 0;                   // mean per round, what the application really got
   double quality_on_time = 0;           // mean over rounds on time
-  std::vector<double> bytes_per_round;  // per link, both directions
+  std::vector<double> bytes_per_round;  // per link, both directions, IP; with the warm-up
 };
 Figures figures(std::span<const Run> runs, const Profile& profile);
 

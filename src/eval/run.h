@@ -38,10 +38,10 @@ struct Round {
   // did not come so far.
   std::string plan;                   // "raw:5g sampled:4g"
   std::optional<Duration> delivered;  // θ1: the frame handed over at the roadside
-  std::optional<Duration> d1;         // D1 - α: the stage deadline as it was judged, if any
+  std::optional<Duration> d1;         // D1 - α, where the verdict tells it: late, or held until D1
   std::optional<Duration> compute_began;
   std::optional<Duration> compute_ended;
-  std::uint8_t variant = 0;  // used
+  std::uint8_t variant = 0;  // used, as the profile counts them
   std::size_t level = 0;     // computed
   Verdict verdict;           // of stage 1
   bool degraded_first = false;
@@ -49,16 +49,18 @@ struct Round {
   std::int16_t x_permille = 0;
   bool recovering = false;
   Injected injected;
+  friend bool operator==(const Round&, const Round&) = default;
 };
 
 struct Run {
   std::string system;
   std::uint64_t seed = 0;
   std::vector<Round> rounds;
-  std::vector<std::uint64_t> bytes_up;  // per link
+  std::vector<std::uint64_t> bytes_up;  // per link of the scenario, IP, with the warm-up
   std::vector<std::uint64_t> bytes_down;
 };
 
+// As many rounds as the trace has. `seed`: of links and endpoints.
 Run run(const System& system, const Scenario& scenario, const Trace& trace, std::uint64_t seed);
 
 }  // namespace interneuron::eval

@@ -32,12 +32,14 @@ struct System {
   bool use_x = true;
   bool use_handler = true;
   bool local_backup = true;  // false: a missed round shows the last remote result
+  bool needs_jpeg = false;   // makes sense only where the best variant is a JPEG
   bool is_baseline = false;  // not a form of ours
 };
 
-// All, in the order of the tables: ours (budget), paper, ablations no_x, no_handler, no_backup,
-// one_link, baselines b0, erdos_like, erdos_e2e, duplicate, duplicate_e2e, static choices
-// always_sampled (B5), always_jpeg (B6; only with JPEG).
+// All, in the order of the tables: ours (budget), paper, ablations no_x and no_handler (of paper,
+// whose mechanisms they are), no_backup and one_link (of ours), baselines b0, erdos_like,
+// erdos_e2e, duplicate, duplicate_e2e, static choices always_sampled (B5), always_jpeg (B6; only
+// with JPEG).
 std::span<const System> systems();
 const System* find_system(const std::string& name);
 

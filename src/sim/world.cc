@@ -49,7 +49,7 @@ HostId World::add_host(EndpointOptions options, const ClockError& clock) {
 
 void World::add_link(HostId a, HostId b, LinkId link, const std::string& name, emu::Link model,
                      const LinkTraits& traits) {
-  wires_.push_back({a, b, link, std::move(model), {}, 0, 0});
+  wires_.push_back({a, b, link, std::move(model), {}, 0, 0, {Duration{-1}, Duration{-1}}});
   hosts_[a].endpoint->add_link(local_time(a), link, {name, 1500, traits});
   hosts_[b].endpoint->add_link(local_time(b), link, {name, 1500, {}});
 }
@@ -100,9 +100,18 @@ void World::flush(HostId id) {
   while (const auto transmit = host.endpoint->poll_transmit(local(host, now_), buffer)) {
     carry(id, *transmit, std::span(buffer).first(transmit->size));
   }
+  plan_wake(host);
+}
+
+void World::plan_wake(Host& host) {
   const auto next = host.endpoint->next_timeout();
   host.wake.reset();
   if (next) host.wake = std::max(world(host, *next), now_ + Duration{1});
+}
+
+void World::step_clock(HostId host, Duration by) {
+  hosts_[host].clock.offset += by;
+  plan_wake(hosts_[host]);
 }
 
 void World::carry(HostId from, const Transmit& transmit, ByteView bytes) {
@@ -112,38 +121,59 @@ void World::carry(HostId from, const Transmit& transmit, ByteView bytes) {
   const bool up = it->a == from;
   const HostId to = up ? it->b : it->a;
   if (transmit.to != address_of(to, it->link, up ? it->mapping_b : it->mapping_a)) return;
-  InFlight packet{Bytes(bytes.begin(), bytes.end()), to,
-                  address_of(from, it->link, up ? it->mapping_a : it->mapping_b), it->link};
-  const int copies = chance(it->faults.duplicate) ? 2 : 1;
-  for (int i = 0; i < copies; ++i) put(*it, up, packet);
+  const std::uint64_t tag = new_tag();
+  InFlight& packet = in_flight_[tag];
+  packet.bytes.assign(bytes.begin(), bytes.end());
+  packet.to = to;
+  packet.from = address_of(from, it->link, up ? it->mapping_a : it->mapping_b);
+  packet.link = it->link;
+  packet.delay = delay_ ? delay_(from, it->link, bytes) : Duration{};
+  if (chance(it->faults.duplicate)) put(*it, up, copy_of(tag));
+  put(*it, up, tag);
 }
 
-void World::put(Wire& wire, bool up, InFlight packet) {
-  if (wire.faults.cut || chance(wire.faults.loss)) return;
-  const std::uint64_t tag = next_tag_++;
-  emu::LinkModel& model = up ? wire.model.up() : wire.model.down();
-  if (model.enqueue(now_, packet.bytes.size() + wire::kIpUdpOverhead, tag)) {
-    in_flight_.emplace(tag, std::move(packet));
+std::uint64_t World::new_tag() {
+  if (free_tags_.empty()) {
+    in_flight_.emplace_back();
+    return in_flight_.size() - 1;
   }
+  const std::uint64_t tag = free_tags_.back();
+  free_tags_.pop_back();
+  return tag;
+}
+
+std::uint64_t World::copy_of(std::uint64_t tag) {
+  const std::uint64_t copy = new_tag();
+  in_flight_[copy] = in_flight_[tag];
+  return copy;
+}
+
+void World::put(Wire& wire, bool up, std::uint64_t tag) {
+  emu::LinkModel& model = up ? wire.model.up() : wire.model.down();
+  const std::size_t ip_bytes = in_flight_[tag].bytes.size() + wire::kIpUdpOverhead;
+  const bool vanishes = wire.faults.cut || chance(wire.faults.loss);
+  if (vanishes || !model.enqueue(now_, ip_bytes, tag)) forget(tag);
 }
 
 // A packet has come through the link.
 void World::leave(Wire& wire, bool up, emu::LinkModel::Packet packet) {
   if (packet.lost || packet.corrupt) {  // the receiving host's checksum sees the flipped bit
-    if (packet.last) in_flight_.erase(packet.tag);
+    if (packet.last) forget(packet.tag);
     return;
   }
-  if (!packet.last) {
-    const InFlight copy = in_flight_.at(packet.tag);
-    packet.tag = next_tag_++;
-    in_flight_.emplace(packet.tag, copy);
+  if (!packet.last) packet.tag = copy_of(packet.tag);
+  Duration by = in_flight_[packet.tag].delay;
+  Duration& held_until = wire.held_until[up ? 1 : 0];
+  const bool waits = by > Duration{} || held_until >= now_;
+  if (waits) {
+    by = std::max(by, held_until - now_);
+    held_until = now_ + by;
   }
-  Duration by = up ? wire.faults.extra_up : Duration{};
   if (chance(wire.faults.reorder)) {
     by += Duration{std::uniform_int_distribution<std::int64_t>(
         1, std::max<std::int64_t>(1, wire.faults.reorder_by.count()))(rng_)};
   }
-  if (by > Duration{}) {
+  if (waits || by > Duration{}) {
     late_.emplace(now_ + by, packet.tag);
   } else {
     deliver(packet.tag);
@@ -151,12 +181,12 @@ void World::leave(Wire& wire, bool up, emu::LinkModel::Packet packet) {
 }
 
 void World::deliver(std::uint64_t tag) {
-  const auto it = in_flight_.find(tag);
-  const InFlight packet = std::move(it->second);
-  in_flight_.erase(it);
-  Host& host = hosts_[packet.to];
+  const InFlight& packet = in_flight_[tag];
+  const HostId to = packet.to;
+  Host& host = hosts_[to];
   host.endpoint->handle_datagram(local(host, now_), {packet.link, packet.from, packet.bytes});
-  flush(packet.to);
+  forget(tag);
+  flush(to);
 }
 
 Duration World::next_instant() const {

@@ -6,6 +6,7 @@
 // timeouts. Pure; single-threaded.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <map>
@@ -35,8 +36,7 @@ struct Faults {
   double duplicate = 0;
   double reorder = 0;  // the packet is delivered up to reorder_by later, past its successors
   Duration reorder_by{};
-  Duration extra_up{};  // added to the delay a -> b, for scripted sequences
-  bool cut = false;     // nothing passes
+  bool cut = false;  // nothing passes
 };
 
 class World {
@@ -71,6 +71,13 @@ class World {
   void on_sent(std::function<void(HostId, LinkId, ByteView)> handler) {
     on_sent_ = std::move(handler);
   }
+  // A further delay of each datagram behind its link, asked when an endpoint hands it over. Links
+  // stay in order: what follows on the same link and direction waits for it.
+  void delay_with(std::function<Duration(HostId, LinkId, ByteView)> delay) {
+    delay_ = std::move(delay);
+  }
+  // From now on the host's clock shows so much more.
+  void step_clock(HostId host, Duration by);
   // Runs until world time `end`; everything that happens at `end` is included.
   void run_until(Duration end);
 
@@ -90,21 +97,27 @@ class World {
     Faults faults;
     std::uint8_t mapping_a = 0;  // how often the host was rebound
     std::uint8_t mapping_b = 0;
+    std::array<Duration, 2> held_until{};  // by delay_with(), per direction: down, up
   };
   struct InFlight {
     Bytes bytes;
     HostId to = 0;
     Address from{};
     LinkId link{};
+    Duration delay{};  // of delay_with()
   };
 
   static TimePoint local(const Host& host, Duration t);
   static Duration world(const Host& host, TimePoint t);
   Wire& wire(LinkId link);
   void carry(HostId from, const Transmit& transmit, ByteView bytes);
-  void put(Wire& wire, bool up, InFlight packet);
+  void put(Wire& wire, bool up, std::uint64_t tag);
+  std::uint64_t new_tag();
+  std::uint64_t copy_of(std::uint64_t tag);
   void leave(Wire& wire, bool up, emu::LinkModel::Packet packet);
   void deliver(std::uint64_t tag);
+  void forget(std::uint64_t tag) { free_tags_.push_back(tag); }
+  void plan_wake(Host& host);
   bool chance(double p) { return p > 0 && std::uniform_real_distribution<double>(0, 1)(rng_) < p; }
   Duration next_instant() const;
   void step();
@@ -112,12 +125,13 @@ class World {
   std::mt19937_64 rng_;
   std::vector<Host> hosts_;
   std::vector<Wire> wires_;
-  std::map<std::uint64_t, InFlight> in_flight_;
-  std::uint64_t next_tag_ = 0;
+  std::vector<InFlight> in_flight_;  // by tag; those of free tags keep their memory
+  std::vector<std::uint64_t> free_tags_;
   std::multimap<Duration, std::function<void()>> planned_;
   std::multimap<Duration, std::uint64_t> late_;  // reordered packets
   std::function<void(HostId, Event&&)> on_event_;
   std::function<void(HostId, LinkId, ByteView)> on_sent_;
+  std::function<Duration(HostId, LinkId, ByteView)> delay_;
   Duration now_{};
 };
 

@@ -14,8 +14,6 @@ using namespace std::chrono_literals;
 
 class Duo {
  public:
-  static constexpr std::size_t kResultBytes = 3000;
-
   struct Change {
     Duration at{};
     HostId host = 0;

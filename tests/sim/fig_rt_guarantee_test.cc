@@ -31,14 +31,11 @@ TEST(FigRtGuarantee, ThePapersSequence) {
   o.top_level = 2;
   o.compute_noise = false;
   o.repair = false;
-  const OffloadResult result = run_offload(o, [&](World& world) {
-    for (std::size_t i = 0; i < std::size(kScript); ++i) {
-      world.at(o.warm_up + static_cast<int>(i) * o.period - 1ms, [&world, i] {
-        world.faults(LinkId{0}).extra_up = kScript[i].raw_ms * 1ms;
-        world.faults(LinkId{1}).extra_up = kScript[i].sampled_ms * 1ms;
-      });
-    }
-  });
+  for (const Extra& extra : kScript) {
+    Disturbance& round = o.disturbances.emplace_back();
+    round.uplink = {extra.raw_ms * 1ms, extra.sampled_ms * 1ms};
+  }
+  const OffloadResult result = run_offload(o);
   for (const OffloadRound& r : result.rounds) {
     ASSERT_TRUE(r.at_road) << "round " << r.round;
     const auto& road = *r.at_road;

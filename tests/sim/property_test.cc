@@ -35,8 +35,8 @@ RC_GTEST_PROP(Rounds, HaveExactlyOneOutcomeByTheDeadlineWhateverTheLinksDo, ()) 
   o.policy = *rc::gen::element<std::string>("best_link", "duplicate", "down_sampling");
   o.repair = *rc::gen::arbitrary<bool>();
   o.local_backup = *rc::gen::arbitrary<bool>();
-  o.raw_bytes = *rc::gen::inRange<std::size_t>(1, 300'000);
-  o.sampled_bytes = o.raw_bytes / 4 + 1;
+  const auto raw = *rc::gen::inRange<std::size_t>(1, 300'000);
+  o.variant_bytes = {raw, raw / 4 + 1};
   o.vehicle_clock.offset =
       Duration{*rc::gen::inRange<std::int64_t>(-86'400'000'000'000, 86'400'000'000'000)};
   o.road_clock.drift_ppm = *rc::gen::inRange(-200, 200);
