@@ -12,12 +12,13 @@ local interneuron = Proto("interneuron", "Interneuron")
 local HEADER_BYTES = 16
 local TAG_BYTES = 16
 local PIECE_BYTES = 16
-local ROUND_HEADER_BYTES = 64
+local ROUND_HEADER_BYTES = 100
 local REPORT_BYTES = 80
 local STAMP_BYTES = 44
 
 local TYPES = { [1] = "data", [2] = "feedback", [3] = "probe", [4] = "echo" }
 local CLASSES = { [0] = "data", [1] = "result" }
+local GUARDS = { [0] = "paper", [1] = "budget" }
 local STATES = { [0] = "unknown", [1] = "on time", [2] = "missed", [3] = "malformed" }
 
 local f = {}
@@ -62,6 +63,15 @@ field("round.period_us", ProtoField.uint32, "Period (us)", base.DEC)
 field("round.indicator", ProtoField.uint32, "Outcomes of the 16 rounds before", base.HEX)
 field("round.t0", ProtoField.int64, "t0 (ns, the origin's clock)", base.DEC)
 field("round.alpha", ProtoField.int64, "Offset of the hops so far (ns)", base.DEC)
+field("round.guard", ProtoField.uint8, "Guard", base.DEC, GUARDS)
+field("round.level_used", ProtoField.uint8, "Level used (255: none)", base.DEC)
+field("round.variant_used", ProtoField.uint8, "Variant used (255: none)", base.DEC)
+field("round.local_quality", ProtoField.uint8, "Local quality (1/255)", base.DEC)
+field("round.target", ProtoField.uint16, "Target (1/65536)", base.DEC)
+field("round.miss_price", ProtoField.uint16, "Price of a miss (1/1000)", base.DEC)
+field("round.excess", ProtoField.int16, "Lost before the computation (D_N/16384)", base.DEC)
+field("round.computed", ProtoField.uint16, "Computed (D_N/16384)", base.DEC)
+field("round.e2e", ProtoField.bytes, "End-to-end times of the 16 rounds before")
 
 field("u", ProtoField.int64, "u (ns, the sender's clock)", base.DEC)
 field("echo_session", ProtoField.uint32, "Echo", base.HEX, nil, nil, "The receiver's session as the sender has heard it")
@@ -152,10 +162,21 @@ local function add_round_header(tree, buffer)
     local state = math.floor(bits / 4 ^ i) % 4
     if state ~= 0 then outcomes:add(buffer(36, 4), string.format("Round %d: %s", number - 1 - i, STATES[state])) end
   end
-  add_all(round, buffer, 40, { { "round.t0", 8 }, { "round.alpha", 8 } })
+  add_all(round, buffer, 40, { { "round.t0", 8 }, { "round.alpha", 8 }, { "round.guard", 1 },
+    { "round.level_used", 1 }, { "round.variant_used", 1 }, { "round.local_quality", 1 }, { "round.target", 2 },
+    { "round.miss_price", 2 }, { "round.excess", 2 }, { "round.computed", 2 } })
+  local times = round:add(f["round.e2e"], buffer(68, 32))
+  for i = 0, 15 do
+    local steps = buffer(68 + 2 * i, 2):uint()
+    if steps ~= 0 then
+      local text = steps == 65535 and "later or never"
+        or string.format("%.2f ms", steps / 16384 * buffer(28, 4):uint() / 1000)
+      times:add(buffer(68 + 2 * i, 2), string.format("Round %d: %s", number - 1 - i, text))
+    end
+  end
   round:append_text(string.format(": round %d, stage %d of %d, %s", number, buffer(4, 1):uint(), buffer(5, 1):uint(),
     CLASSES[buffer(2, 1):uint()] or "?"))
-  if buffer(0, 1):uint() ~= 1 then round:add_proto_expert_info(malformed) end
+  if buffer(0, 1):uint() ~= 2 then round:add_proto_expert_info(malformed) end
 end
 
 local function add_data(tree, buffer)

@@ -144,14 +144,17 @@ class Endpoint {
   // Stamps t0 = now. If stage 1 is a communication, submit() its message next.
   RoundRef begin_round(TimePoint now, PipelineId pipeline);
   // What submit() would send now for variants of these sizes (and costs, if not empty): so that an
-  // application encodes or computes only what is needed. The same conditions as submit(); an empty
-  // plan where that would answer false.
+  // application encodes or computes only what is needed: submit() carries this plan out if it is
+  // given as many variants (those that the plan does not hold may be empty). The same conditions as
+  // submit(); an empty plan where that would answer false.
   Plan preview(TimePoint now, RoundRef round, std::span<const std::size_t> variant_bytes,
                MessageClass message_class, std::span<const VariantCost> costs = {},
                std::optional<PeerId> to = std::nullopt);
   // The computation of a delivered round begins now; the guard's choice of its level. `levels`:
   // from the lowest quality to the highest, not empty; `top`: the level otherwise chosen (the guard
-  // kPaper steps down from it, kBudget may choose any). `top` when the round is not known.
+  // kPaper steps down from it, kBudget may choose any of the first 16). `top` when the round is not
+  // known. Call it when the computation really begins: what passes until submit() is learnt as its
+  // run time.
   std::size_t begin_computation(TimePoint now, RoundRef round, std::span<const LevelProfile> levels,
                                 std::size_t top);
   // The application hands over what the next communication of the round is to carry; if a

@@ -1,5 +1,5 @@
-// What the real-time guard (NOTES §4) tells the application of a stage, and how a computation is
-// sacrificed.
+// The real-time guard (NOTES §4): which rules there are and what they are told, what they tell the
+// application of a stage, and how a computation is sacrificed.
 #pragma once
 
 #include <cstddef>
@@ -48,14 +48,16 @@ struct FallbackQuality {
   std::vector<double> stale_share;
 };
 
-// Parameters of GuardKind::kBudget.
+// Parameters of GuardKind::kBudget. Target and price ride in the headers, in steps of 1/65536 and
+// 1/1000.
 struct BudgetOptions {
   // P(round on time) that is kept wherever some choice keeps it; in (0, 1).
   double target = 0.99;
-  // What a missed round costs beyond the quality that it loses, in units of quality; >= 0.
+  // What a missed round costs beyond the quality that it loses, in units of quality; in [0, 65].
   double miss_price = 1.0;
-  // Share of rounds that may try a choice whose evidence is old, while it is expected to keep the
-  // target; in [0, 0.2].
+  // Share of rounds that may try a mode of transmission not tried for 10 s, while it is expected to
+  // keep the target; every so-many-th round, not at random. In [0, 0.2]. (Levels need none: what
+  // one of them shows of delays holds for all.)
   double exploration = 0.02;
 };
 

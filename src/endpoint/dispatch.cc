@@ -45,19 +45,18 @@ void Dispatch::check(const Variants& variants) {
   }
 }
 
-Plan Dispatch::plan(TimePoint now, const Peer& peer, const wire::RoundHeader& header,
-                    std::span<const std::size_t> variant_bytes,
-                    std::span<const VariantCost> costs) const {
+Plan Dispatch::plan(std::span<const LinkState> links, const wire::RoundHeader& header,
+                    const Offer& offer, const Guidance& guidance) const {
   // Without the policy that the origin names, any built-in rule serves; the first registered one
   // stands in.
   const Policy* named = policy(header.policy);
   const Policy& rule = named != nullptr ? *named : *policies_.begin()->second;
-  return plan_message(rule, {qos_of(header), variant_bytes, costs}, peer.links(now),
-                      {.degraded = header.degraded});
+  return plan_message(rule, offer, links, guidance);
 }
 
 Planned Dispatch::send(TimePoint now, Peer& peer, const RoundContext& context, const ClockOf& clock,
-                       const Variants& variants, MessageClass message_class) const {
+                       const Variants& variants, MessageClass message_class,
+                       const Guidance& guidance) const {
   wire::RoundHeader header = context.header;
   header.stage = static_cast<std::uint8_t>(context.stage + 1);
   header.message_class = message_class;
@@ -66,9 +65,15 @@ Planned Dispatch::send(TimePoint now, Peer& peer, const RoundContext& context, c
   // A round that passes its origin starts over: the origin's own clock has no offset.
   if (header.round.origin == self_) header.alpha_sum = Duration::zero();
 
-  std::vector<std::size_t> sizes;
-  for (const Bytes& v : variants) sizes.push_back(v.size());
-  Planned planned{header.round, header.stage, plan(now, peer, header, sizes, {})};
+  const std::vector<LinkState> links = peer.links(now);
+  Planned planned{header.round, header.stage, {}};
+  if (context.previewed && context.previewed->fits(variants.size(), links)) {
+    planned.plan = context.previewed->plan;
+  } else {
+    std::vector<std::size_t> sizes;
+    for (const Bytes& v : variants) sizes.push_back(v.size());
+    planned.plan = plan(links, header, {qos_of(header), sizes}, guidance);
+  }
   const std::vector<Assignment>& sends = planned.plan.sends;
   if (sends.empty()) return planned;
 

@@ -29,11 +29,12 @@ class Dispatch {
   // The plan that was carried out; without sends nothing was sent. `clock`: between the origin of
   // the round and here.
   Planned send(TimePoint now, Peer& peer, const RoundContext& context, const ClockOf& clock,
-               const Variants& variants, MessageClass message_class) const;
+               const Variants& variants, MessageClass message_class,
+               const Guidance& guidance) const;
 
-  // The plan of a message with this header, for variants of these sizes.
-  Plan plan(TimePoint now, const Peer& peer, const wire::RoundHeader& header,
-            std::span<const std::size_t> variant_bytes, std::span<const VariantCost> costs) const;
+  // The plan of a message with this header, for such an offer.
+  Plan plan(std::span<const LinkState> links, const wire::RoundHeader& header, const Offer& offer,
+            const Guidance& guidance) const;
 
  private:
   TimePoint deadline_of(TimePoint now, const wire::RoundHeader& header, const ClockOf& clock) const;

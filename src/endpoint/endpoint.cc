@@ -9,6 +9,7 @@
 #include "endpoint/origins.h"
 #include "endpoint/peers.h"
 #include "endpoint/stages.h"
+#include "plan/budget.h"
 
 namespace interneuron {
 class Endpoint::Impl {
@@ -66,6 +67,7 @@ class Endpoint::Impl {
     if (found == nullptr) return false;
     RoundContext context = *found;
     end_computations(now, context);
+    note_spent(now, context, found->stage);
     if (context.stage == context.header.stages) {
       stages_.close(round);
       return finish_at_origin(now, context, std::move(variants.front()));
@@ -73,9 +75,12 @@ class Endpoint::Impl {
     stages_.close(round);
     Peer* peer = destination(context, to);
     if (peer == nullptr) return false;
-    Planned planned = dispatch_.send(now, *peer, context,
-                                     clock_of(now, context.header, peers_.find(context.from)),
-                                     variants, message_class);
+    std::vector<std::size_t> sizes;
+    for (const Bytes& v : variants) sizes.push_back(v.size());
+    choose_mode(now, context, *peer, message_class, sizes, {});
+    const auto clock = clock_of(now, context.header, peers_.find(context.from));
+    Planned planned = dispatch_.send(now, *peer, context, clock, variants, message_class,
+                                     guidance(now, context, clock));
     const bool sent = !planned.plan.sends.empty();
     events_.emplace_back(std::move(planned));
     return sent;
@@ -89,20 +94,32 @@ class Endpoint::Impl {
     if (found == nullptr || found->stage == found->header.stages) return {};
     Peer* peer = destination(*found, to);
     if (peer == nullptr) return {};
+    choose_mode(now, *found, *peer, message_class, variant_bytes, costs);
     wire::RoundHeader header = found->header;
     header.message_class = message_class;
-    header.degraded = found->verdict.late;
-    return dispatch_.plan(now, *peer, header, variant_bytes, costs);
+    const auto clock = clock_of(now, header, peers_.find(found->from));
+    found->previewed =
+        Previewed{dispatch_.plan(peer->links(now), header, {qos_of(header), variant_bytes, costs},
+                                 guidance(now, *found, clock)),
+                  variant_bytes.size()};
+    return found->previewed->plan;
   }
 
   std::size_t begin_computation(TimePoint raw, const RoundRef& round,
                                 std::span<const LevelProfile> levels, std::size_t top) {
-    advance(raw);
-    const RoundContext* context = stages_.context(round);
-    if (context == nullptr) return top;
-    std::vector<Duration> medians;
-    for (const LevelProfile& level : levels) medians.push_back(level.median);
-    return sacrificed_level(medians, top, context->verdict);
+    const TimePoint now = advance(raw);
+    RoundContext* context = stages_.context(round);
+    if (context == nullptr || levels.empty()) return top;
+    wire::RoundHeader& h = context->header;
+    const guard::LevelChoice choice =
+        observer_of(h, context->from.value_or(PeerId{}))
+            .begin_computation(now, stage_end(h, context->stage), levels,
+                               std::min(top, levels.size() - 1), context->verdict);
+    context->began = now;
+    h.level_used = static_cast<std::uint8_t>(std::min<std::size_t>(choice.level, 254));
+    h.excess = static_cast<std::int16_t>(
+        h.to_steps(choice.excess.value_or(Duration::zero()), INT16_MIN, INT16_MAX));
+    return choice.level;
   }
 
   void local_result(TimePoint raw, const RoundRef& round, Bytes result) {
@@ -238,8 +255,10 @@ class Endpoint::Impl {
     ++counters_.messages_completed;
     Arrived arrived{*header, Bytes(message.begin() + wire::kRoundHeaderBytes, message.end()),
                     peer.identity().id};
-    guard::Observer& observer = observer_of(header->round, arrived.from);
-    if (!mine) observer.learn(now, header->round.round, header->indicator);
+    guard::StageGuard& observer = observer_of(*header, arrived.from);
+    if (!mine) {
+      observer.learn(now, header->round.round, header->indicator, recent_e2e(*header));
+    }
     const auto clock = clock_of(now, *header, &peer);
     switch (stages_.arrive(now, arrived, dispatch_.policy(header->policy), clock, observer)) {
       case Stages::Action::kHold:
@@ -262,7 +281,7 @@ class Endpoint::Impl {
       finish(released.hold.until, header, std::move(released.arrived.payload));
       return;
     }
-    guard::Observer& observer = observer_of(header.round, released.arrived.from);
+    guard::StageGuard& observer = observer_of(header, released.arrived.from);
     events_.emplace_back(stages_.serve_held(std::move(released), observer));
   }
 
@@ -270,7 +289,8 @@ class Endpoint::Impl {
   bool finish(TimePoint now, const wire::RoundHeader& header, Bytes result) {
     stages_.finish(header);
     auto done = origins_.find(header.round)
-                    ->remote_result(now, header.round.round, std::move(result), header.degraded);
+                    ->remote_result(now, header.round.round, std::move(result), header.degraded,
+                                    spent_of(header));
     if (!done) {
       ++counters_.messages_late;
       return false;
@@ -284,9 +304,9 @@ class Endpoint::Impl {
     return origins_.is_mine(context.header.round) && finish(now, context.header, std::move(result));
   }
 
-  guard::Observer& observer_of(const RoundRef& round, PeerId via) {
-    if (guard::Origin* origin = origins_.find(round)) return origin->observer();
-    return stages_.observer(round, via);
+  guard::StageGuard& observer_of(const wire::RoundHeader& header, PeerId via) {
+    if (guard::Origin* origin = origins_.find(header.round)) return origin->observer();
+    return stages_.observer(header, via);
   }
 
   // The clock between the origin of a round and here: the hops so far plus the last one.
@@ -310,12 +330,70 @@ class Endpoint::Impl {
     while (context.stage < context.header.stages &&
            !context.header.is_communication(context.stage + 1)) {
       ++context.stage;
-      guard::Observer& observer =
-          observer_of(context.header.round, context.from.value_or(PeerId{}));
+      guard::StageGuard& observer = observer_of(context.header, context.from.value_or(PeerId{}));
       context.verdict =
           observer.end_stage(now, stage_end(context.header, context.stage),
                              clock_of(now, context.header, peers_.find(context.from)));
     }
+  }
+
+  // What the header is to say of computations that ended since stage `since`.
+  static void note_spent(TimePoint now, RoundContext& context, std::size_t since) {
+    if (context.stage == since) return;
+    wire::RoundHeader& h = context.header;
+    h.variant_used = h.variant;
+    h.computed = static_cast<std::uint16_t>(
+        h.to_steps(h.from_steps(h.computed) + (now - context.began), 0, UINT16_MAX));
+  }
+
+  static guard::Spent spent_of(const wire::RoundHeader& h) {
+    guard::Spent spent;
+    if (h.level_used != wire::kNoneUsed) spent.level = h.level_used;
+    if (h.variant_used == wire::kNoneUsed) return spent;
+    spent.variant = h.variant_used;
+    spent.computed = h.from_steps(h.computed);
+    if (spent.level) spent.excess = h.from_steps(h.excess);
+    return spent;
+  }
+
+  // What the guard tells the policy of a round's next transmission.
+  Guidance guidance(TimePoint now, const RoundContext& context,
+                    const std::optional<guard::ClockView>& clock) {
+    const wire::RoundHeader& h = context.header;
+    Guidance out{.degraded = context.verdict.late};
+    if (guard::Origin* origin = origins_.find(h.round)) {
+      out.time_left = h.deadline() - elapsed_across(h.t0, now);
+      out.local_quality = origin->config().fallback.local;
+      if (!context.from) out.levels = origin->config().levels;
+    } else {
+      out.local_quality = h.local_quality / 255.0;
+      if (clock) {
+        const Duration theta = elapsed_across(h.t0, now);
+        out.time_left =
+            Duration{wrapping_sub(wrapping_add(h.deadline().count(), clock->alpha), theta.count())};
+      }
+    }
+    return out;
+  }
+
+  // The first transmission of a round that began here, under a guard that weighs its modes.
+  void choose_mode(TimePoint now, RoundContext& context, const Peer& peer,
+                   MessageClass message_class, std::span<const std::size_t> variant_bytes,
+                   std::span<const VariantCost> costs) {
+    guard::Origin* origin = origins_.find(context.header.round);
+    if (context.mode_chosen || context.from || origin == nullptr || !origin->weighs()) return;
+    wire::RoundHeader header = context.header;
+    header.message_class = message_class;
+    const Offer offer{qos_of(header), variant_bytes, costs};
+    const std::vector<LinkState> links = peer.links(now);
+    Guidance ask = guidance(now, context, std::nullopt);
+    const auto forecast = [&](bool degraded) {
+      ask.degraded = degraded;
+      return forecast_answers(dispatch_.plan(links, header, offer, ask), offer, links);
+    };
+    const guard::Forecast normal = forecast(false);
+    context.verdict.late = origin->choose_degraded(now, header.round.round, normal, forecast(true));
+    context.mode_chosen = true;
   }
 
   Dispatch dispatch_;

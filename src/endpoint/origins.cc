@@ -32,6 +32,10 @@ void describe(wire::RoundHeader& h, const PipelineConfig& config) {
   h.policy = wire::policy_id(config.policy);
   h.deadline_us = to_us(config.deadline);
   h.period_us = to_us(config.period);
+  h.guard = config.guard;
+  h.target = static_cast<std::uint16_t>(std::min(config.budget.target * 65536.0, 65535.0));
+  h.miss_price = static_cast<std::uint16_t>(config.budget.miss_price * 1000.0 + 0.5);
+  h.local_quality = static_cast<std::uint8_t>(config.fallback.local * 255.0 + 0.5);
 }
 
 }  // namespace
@@ -59,7 +63,15 @@ RoundContext Origins::begin(TimePoint now, PipelineId pipeline) {
   h.t0 = as_wire(now);
   h.x_permille = begun.sent.x_permille;
   h.indicator = origin.indicator(begun.ref.round);
-  // The timeout handler's order for the first transmission speaks the language of a verdict.
+  const guard::RecentE2e recent = origin.recent_e2e(begun.ref.round);
+  for (std::size_t i = 0; i < recent.size(); ++i) {
+    if (!recent[i]) continue;
+    h.e2e[i] = *recent[i] == guard::kNever
+                   ? wire::kE2eNever
+                   : static_cast<std::uint16_t>(h.to_steps(*recent[i], 1, wire::kE2eNever));
+  }
+  context.began = now;
+  // The guard's order for the first transmission speaks the language of a verdict.
   context.verdict.late = begun.sent.degraded;
   return context;
 }

@@ -17,12 +17,44 @@ QoS qos_of(const wire::RoundHeader& h) {
           Nature{weight(0), weight(1), weight(2), weight(3)}};
 }
 
-guard::StageEnd stage_end(const wire::RoundHeader& header, std::size_t stage) {
-  return {header.round.round, stage, header.t0, header.x_permille, header.deadline()};
+guard::RecentE2e recent_e2e(const wire::RoundHeader& header) {
+  guard::RecentE2e out{};
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    const std::uint16_t steps = header.e2e[i];
+    if (steps == wire::kE2eNever) {
+      out[i] = guard::kNever;
+    } else if (steps != 0) {
+      out[i] = header.from_steps(steps);
+    }
+  }
+  return out;
 }
 
-guard::Observer& Stages::observer(const RoundRef& round, PeerId via) {
-  const Key key{round.origin, round.pipeline};
+guard::StageEnd stage_end(const wire::RoundHeader& header, std::size_t stage) {
+  guard::StageEnd end;
+  end.round = header.round.round;
+  end.stage = stage;
+  end.t0 = header.t0;
+  end.x_permille = header.x_permille;
+  end.deadline = header.deadline();
+  end.variant = header.variant;
+  end.best_planned = header.best_planned;
+  end.degraded = header.degraded;
+  end.is_computation = !header.is_communication(stage);
+  end.terms = {header.guard, header.target / 65536.0, header.miss_price / 1000.0,
+               header.local_quality / 255.0};
+  return end;
+}
+
+bool Previewed::fits(std::size_t count, std::span<const LinkState> links) const {
+  return count == variants && std::ranges::all_of(plan.sends, [links](const Assignment& a) {
+           return std::ranges::any_of(
+               links, [&a](const LinkState& link) { return link.up && link.id == a.link; });
+         });
+}
+
+guard::StageGuard& Stages::observer(const wire::RoundHeader& header, PeerId via) {
+  const Key key{header.round.origin, header.round.pipeline};
   if (!observers_.contains(key) && observers_.size() >= kMaxObservers) {
     const auto oldest = std::ranges::min_element(
         observers_, {}, [](const auto& entry) { return entry.second.used; });
@@ -30,14 +62,18 @@ guard::Observer& Stages::observer(const RoundRef& round, PeerId via) {
     observers_.erase(oldest);
   }
   Observed& observed = observers_[key];
+  if (!observed.guard || observed.kind != header.guard) {
+    observed.guard = guard::make_stage_guard(header.guard, false);
+    observed.kind = header.guard;
+  }
   observed.via = via;
   observed.used = ++uses_;
-  return observed.observer;
+  return *observed.guard;
 }
 
 void Stages::forget_clock(PeerId via) {
   for (auto& [key, observed] : observers_) {
-    if (observed.via == via) observed.observer.reset();
+    if (observed.via == via) observed.guard->reset();
   }
 }
 
@@ -55,8 +91,9 @@ Stages::Served* Stages::served_slot(const wire::RoundHeader& header) {
 }
 
 Stages::Action Stages::arrive(TimePoint now, Arrived& arrived, const Policy* policy,
-                              const ClockOf& clock, guard::Observer& observer) {
+                              const ClockOf& clock, guard::StageGuard& observer) {
   const wire::RoundHeader& h = arrived.header;
+  observer.note_arrival(now, stage_end(h, h.stage));
   const Served* slot = served_slot(h);
   if (slot == nullptr || ((slot->stages >> h.stage) & 1U) != 0) return Action::kDrop;
   const auto held = std::ranges::find_if(
@@ -66,7 +103,7 @@ Stages::Action Stages::arrive(TimePoint now, Arrived& arrived, const Policy* pol
   const Merge merge =
       policy == nullptr ? Merge::kDeliver : policy->merge({h.variant, h.best_planned, h.degraded});
   if (merge == Merge::kDeliver || held_is_full(arrived.payload.size())) return Action::kServe;
-  const guard::Observer::Hold hold =
+  const guard::StageGuard::Hold hold =
       observer.hold(now, stage_end(h, h.stage), clock, h.stage == h.stages);
   if (hold.until <= now) return Action::kServe;
   if (held != held_.end()) held_.erase(held);
@@ -90,13 +127,13 @@ void Stages::drop_held(const wire::RoundHeader& header) {
 }
 
 Delivered Stages::serve(TimePoint now, Arrived arrived, const ClockOf& clock,
-                        guard::Observer& observer) {
+                        guard::StageGuard& observer) {
   const Verdict verdict =
       observer.end_stage(now, stage_end(arrived.header, arrived.header.stage), clock);
   return deliver(now, std::move(arrived), verdict);
 }
 
-Delivered Stages::serve_held(Released released, guard::Observer& observer) {
+Delivered Stages::serve_held(Released released, guard::StageGuard& observer) {
   const Verdict verdict = observer.end_stage_held(
       stage_end(released.arrived.header, released.arrived.header.stage), released.hold);
   return deliver(released.hold.until, std::move(released.arrived), verdict);
@@ -105,7 +142,13 @@ Delivered Stages::serve_held(Released released, guard::Observer& observer) {
 Delivered Stages::deliver(TimePoint now, Arrived arrived, const Verdict& verdict) {
   const wire::RoundHeader& h = arrived.header;
   finish(h);
-  open(now, h.round, {h, arrived.from, h.stage, verdict}, h.deadline());
+  RoundContext context;
+  context.header = h;
+  context.from = arrived.from;
+  context.stage = h.stage;
+  context.verdict = verdict;
+  context.began = now;
+  open(now, h.round, std::move(context), h.deadline());
   Delivered delivered;
   delivered.round = h.round;
   delivered.from = arrived.from;

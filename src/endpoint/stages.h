@@ -1,26 +1,39 @@
 // The remote side of rounds at one endpoint: which stages were served, what the application is
-// working on, which variants are held. Uses guard::Observer for every judgement and the policies'
+// working on, which variants are held. Uses guard::StageGuard for every judgement and the policies'
 // merge() for every delivery. Pure; thread-compatible; bounded.
 #pragma once
 
 #include <array>
 #include <map>
+#include <memory>
 #include <optional>
 #include <span>
 #include <vector>
 
-#include "guard/observer.h"
+#include "guard/stage_guard.h"
 #include "interneuron/endpoint.h"
 #include "wire/round_header.h"
 
 namespace interneuron {
 
+// What preview() answered: submit() carries it out.
+struct Previewed {
+  Plan plan;
+  std::size_t variants = 0;
+
+  // Whether a message of so many variants can still be sent so.
+  bool fits(std::size_t count, std::span<const LinkState> links) const;
+};
+
 // A round that the application works on here, between two communications.
 struct RoundContext {
   wire::RoundHeader header;  // as it came in; at the origin: as it will go out
   std::optional<PeerId> from;
-  std::size_t stage = 0;  // the last stage that ended
-  Verdict verdict;        // of that stage
+  std::size_t stage = 0;     // the last stage that ended
+  Verdict verdict;           // of that stage
+  TimePoint began{};         // the computation that goes on; until it is told of: the hand-over
+  bool mode_chosen = false;  // verdict.late is the guard's choice for the next transmission
+  std::optional<Previewed> previewed;
 };
 
 // A complete message, taken apart.
@@ -37,19 +50,20 @@ class Stages {
   // What is to become of an arrived message.
   enum class Action : std::uint8_t { kServe, kHold, kDrop };
   Action arrive(TimePoint now, Arrived& arrived, const Policy* policy, const ClockOf& clock,
-                guard::Observer& observer);
+                guard::StageGuard& observer);
 
   // A message is served: marks the stage, records θ, opens the round's context, drops what is held
   // of it.
-  Delivered serve(TimePoint now, Arrived arrived, const ClockOf& clock, guard::Observer& observer);
+  Delivered serve(TimePoint now, Arrived arrived, const ClockOf& clock,
+                  guard::StageGuard& observer);
 
   // Held variants whose time is over at `now`, in the order of their time.
   struct Released {
     Arrived arrived;
-    guard::Observer::Hold hold;
+    guard::StageGuard::Hold hold;
   };
   std::vector<Released> release(TimePoint now);
-  Delivered serve_held(Released released, guard::Observer& observer);
+  Delivered serve_held(Released released, guard::StageGuard& observer);
 
   // The last stage of a round that began here is over, whatever became of it: further copies are
   // dropped.
@@ -60,11 +74,13 @@ class Stages {
   void open(TimePoint now, const RoundRef& round, RoundContext context, Duration deadline);
   void close(const RoundRef& round) { contexts_.erase(round); }
 
-  // The observer of an origin's pipeline; the least recently used one makes room.
-  guard::Observer& observer(const RoundRef& round, PeerId via);
+  // The guard of an origin's pipeline, of the kind that its header asks for; the least recently
+  // used one makes room.
+  guard::StageGuard& observer(const wire::RoundHeader& header, PeerId via);
   void forget_clock(PeerId via);
 
  private:
+  static constexpr std::size_t kRing = 64;          // rounds, NOTES §4.1
   static constexpr std::size_t kMaxObservers = 64;  // vehicles times pipelines at once; chosen
   static constexpr std::size_t kMaxContexts = 1024;
   static constexpr std::size_t kMaxHeld = 64;
@@ -77,7 +93,8 @@ class Stages {
     friend auto operator<=>(const Key&, const Key&) = default;
   };
   struct Observed {
-    guard::Observer observer;
+    std::unique_ptr<guard::StageGuard> guard;
+    GuardKind kind{};
     PeerId via{};
     std::uint64_t used = 0;
   };
@@ -87,7 +104,7 @@ class Stages {
     bool used = false;
     std::uint32_t stages = 0;
   };
-  using ServedRing = std::array<Served, guard::ReferenceTime::kRing>;
+  using ServedRing = std::array<Served, kRing>;
   struct Opened {
     RoundContext context;
     TimePoint expires{};
@@ -107,6 +124,7 @@ class Stages {
 
 // What a header says of its message's quality of service.
 QoS qos_of(const wire::RoundHeader& header);
+guard::RecentE2e recent_e2e(const wire::RoundHeader& header);
 guard::StageEnd stage_end(const wire::RoundHeader& header, std::size_t stage);
 
 }  // namespace interneuron

@@ -2,6 +2,9 @@
 
 #include <algorithm>
 
+#include "guard/budget_observer.h"
+#include "guard/choice.h"
+
 namespace interneuron::guard {
 namespace {
 
@@ -57,6 +60,17 @@ Verdict Observer::end_stage_held(const StageEnd& end, const Hold& hold) {
     verdict.overrun = kFullSeverity;
   }
   return verdict;
+}
+
+LevelChoice Observer::begin_computation(TimePoint, const StageEnd&,
+                                        std::span<const LevelProfile> levels, std::size_t top,
+                                        const Verdict& verdict) {
+  return {sacrificed_level(levels, top, verdict), std::nullopt};
+}
+
+std::unique_ptr<StageGuard> make_stage_guard(GuardKind kind, bool at_origin) {
+  if (kind == GuardKind::kBudget) return std::make_unique<BudgetObserver>(at_origin);
+  return std::make_unique<Observer>(at_origin);
 }
 
 }  // namespace interneuron::guard

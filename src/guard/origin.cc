@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <stdexcept>
 
+#include "guard/choice.h"
+
 namespace interneuron::guard {
 namespace {
 
@@ -22,21 +24,44 @@ void check(const PipelineConfig& c) {
   }
 }
 
+bool within(double value, double low, double high) { return value >= low && value <= high; }
+
+void check_budget(const PipelineConfig& c) {
+  const std::string pipeline = "pipeline " + std::to_string(c.id.value);
+  const BudgetOptions& b = c.budget;
+  if (!(b.target > 0 && b.target < 1) || !within(b.miss_price, 0, 65) ||
+      !within(b.exploration, 0, 0.2)) {
+    throw std::invalid_argument(pipeline +
+                                ": the budget needs a target between 0 and 1, a miss price of 0 to "
+                                "65 and an exploration of 0 to 0.2");
+  }
+  for (const LevelProfile& level : c.levels) {
+    if (level.median <= Duration::zero() || level.p95 < level.median) {
+      throw std::invalid_argument(pipeline +
+                                  ": a level needs a median run time > 0 and a p95 >= the median");
+    }
+  }
+  const auto is_share = [](double q) { return within(q, 0, 1); };
+  if (!is_share(c.fallback.local) || !std::ranges::all_of(c.fallback.stale_share, is_share)) {
+    throw std::invalid_argument(pipeline + ": fallback qualities and shares are 0 to 1");
+  }
+}
+
 }  // namespace
 
-Origin::Origin(PipelineConfig config, SessionId self)
-    : config_(std::move(config)),
-      self_(self),
-      x_({config_.beta_permille, config_.use_x, config_.use_handler}) {
+Origin::Origin(PipelineConfig config, SessionId self) : config_(std::move(config)), self_(self) {
   check(config_);
+  check_budget(config_);
+  guard_ = make_round_guard(config_);
+  observer_ = make_stage_guard(config_.guard, true);
 }
 
 Origin::Begun Origin::begin(TimePoint now) {
   const RoundId round{next_round_++};
   Begun begun{{self_, config_.id, round},
               now,
-              x_.begin(observer_.base(now, config_.stages.size()), config_.deadline)};
-  states_[round.value % states_.size()] = RoundState::kUnknown;
+              guard_->begin(observer_->base(now, config_.stages.size()), config_.deadline)};
+  past_[round.value % kRing] = {round, RoundState::kUnknown, now, std::nullopt};
   open_.push_back({begun, std::nullopt});
   return begun;
 }
@@ -44,9 +69,26 @@ Origin::Begun Origin::begin(TimePoint now) {
 Indicator Origin::indicator(RoundId round) const {
   Indicator out{};
   for (std::uint32_t i = 0; i < out.size() && i < round.value; ++i) {
-    out[i] = states_[(round.value - 1 - i) % states_.size()];
+    out[i] = past_[(round.value - 1 - i) % kRing].state;
   }
   return out;
+}
+
+RecentE2e Origin::recent_e2e(RoundId round) const {
+  RecentE2e out{};
+  for (std::uint32_t i = 0; i < out.size() && i < round.value; ++i) {
+    out[i] = past_[(round.value - 1 - i) % kRing].e2e;
+  }
+  return out;
+}
+
+bool Origin::choose_degraded(TimePoint now, RoundId round, const Forecast& normal,
+                             const Forecast& degraded) {
+  Open* open = find(round);
+  if (open == nullptr) return false;
+  RoundGuard::Sent& sent = open->begun.sent;
+  sent.degraded = guard_->choose_degraded(now, round, sent, now - open->begun.t0, normal, degraded);
+  return sent.degraded;
 }
 
 Origin::Open* Origin::find(RoundId round) {
@@ -60,20 +102,38 @@ const Origin::Begun* Origin::open(RoundId round) const {
 }
 
 std::optional<RoundDone> Origin::remote_result(TimePoint now, RoundId round, Bytes result,
-                                               bool degraded) {
+                                               bool degraded, const Spent& spent) {
   const Open* open = find(round);
-  if (open == nullptr || now > open->begun.t0 + config_.deadline) return std::nullopt;
-  const std::size_t last_stage = config_.stages.size();
-  observer_.end_stage(
-      now,
-      {round, last_stage, as_wire(open->begun.t0), open->begun.sent.x_permille, config_.deadline},
-      std::nullopt);
+  if (open == nullptr || now > open->begun.t0 + config_.deadline) {
+    learn_late(now, round, std::move(result), spent);
+    return std::nullopt;
+  }
+  StageEnd end;
+  end.round = round;
+  end.stage = config_.stages.size();
+  end.t0 = as_wire(open->begun.t0);
+  end.x_permille = open->begun.sent.x_permille;
+  end.deadline = config_.deadline;
+  observer_->end_stage(now, end, std::nullopt);
+  guard_->result(now, round, now - open->begun.t0, spent);
   keep_last(round, result);
+  keep_remote(round, result, spent);
   RoundDone done = decide(now, round, Outcome::kRemote);
   done.result = std::move(result);
   done.age_rounds = 0;
   done.degraded_final = degraded;
   return done;
+}
+
+void Origin::learn_late(TimePoint now, RoundId round, Bytes result, const Spent& spent) {
+  Past& past = past_[round.value % kRing];
+  if (past.round != round || past.state == RoundState::kOnTime) return;
+  const Duration e2e = now - past.t0;
+  // Further copies come later still.
+  if (past.e2e && *past.e2e != kNever) return;
+  past.e2e = e2e;
+  guard_->result(now, round, e2e, spent);
+  keep_remote(round, result, spent);
 }
 
 void Origin::local_result(RoundId round, Bytes result) {
@@ -89,16 +149,29 @@ std::vector<RoundDone> Origin::expire(TimePoint now) {
     const RoundId round = open_.front().begun.ref.round;
     std::optional<Bytes> local = std::move(open_.front().local);
     RoundDone done = decide(now, round, Outcome::kLocal);
-    if (local) {
-      done.result = std::move(*local);
-      done.age_rounds = 0;
-    } else if (last_) {
-      done.result = last_->result;
-      done.age_rounds = round.value - last_->round.value;
-    }
+    answer(done, std::move(local));
     out.push_back(std::move(done));
   }
   return out;
+}
+
+// Empty, this round's own or an older result.
+void Origin::answer(RoundDone& done, std::optional<Bytes> local) {
+  const auto age = [&done](const Last& last) { return done.round.round.value - last.round.value; };
+  const std::vector<double>& share = config_.fallback.stale_share;
+  if (last_remote_ && age(*last_remote_) - 1U < share.size() &&
+      last_remote_->quality * share[age(*last_remote_) - 1] >
+          (local ? config_.fallback.local : 0.0)) {
+    done.result = last_remote_->result;
+    done.age_rounds = age(*last_remote_);
+    done.stale_remote = true;
+  } else if (local) {
+    done.result = std::move(*local);
+    done.age_rounds = 0;
+  } else if (last_) {
+    done.result = last_->result;
+    done.age_rounds = age(*last_);
+  }
 }
 
 // The only place where a round gets its outcome: it is taken out of open_, so that there cannot be
@@ -109,12 +182,18 @@ RoundDone Origin::decide(TimePoint now, RoundId round, Outcome outcome) {
   open_.erase(it);
   const bool on_time = outcome == Outcome::kRemote;
   const RoundState state = on_time ? RoundState::kOnTime : RoundState::kMissed;
-  states_[round.value % states_.size()] = state;
-  observer_.settle(now, round, state);
+  Past& past = past_[round.value % kRing];
+  past.state = state;
   if (on_time) {
-    x_.on_time(begun.sent.recovering);
+    past.e2e = now - begun.t0;
+  } else if (!past.e2e) {
+    past.e2e = kNever;
+  }
+  observer_->settle(now, round, state, past.e2e);
+  if (on_time) {
+    guard_->on_time(begun.sent);
   } else {
-    x_.missed();
+    guard_->missed(now, round);
   }
   RoundDone done;
   done.round = begun.ref;
@@ -129,6 +208,18 @@ RoundDone Origin::decide(TimePoint now, RoundId round, Outcome outcome) {
 void Origin::keep_last(RoundId round, const Bytes& result) {
   if (last_ && static_cast<std::int32_t>(last_->round.value - round.value) > 0) return;
   last_ = Last{round, result};
+}
+
+void Origin::keep_remote(RoundId round, const Bytes& result, const Spent& spent) {
+  if (config_.fallback.stale_share.empty() || !spent.level ||
+      *spent.level >= config_.levels.size()) {
+    return;
+  }
+  if (last_remote_ && static_cast<std::int32_t>(last_remote_->round.value - round.value) > 0) {
+    return;
+  }
+  last_remote_ =
+      Last{round, result, quality_of(config_.levels, *spent.level, spent.variant.value_or(0))};
 }
 
 std::optional<TimePoint> Origin::next_timeout() const {

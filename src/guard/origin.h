@@ -1,47 +1,58 @@
 // The origin's side of one pipeline (NOTES §1, §4.5): begins rounds, gives each exactly one outcome
-// by t0 + D_N, and steers X by the outcomes. Pure; thread-compatible; bounded (rounds older than
-// their deadline are always decided).
+// by t0 + D_N, and tells the guard of the outcomes. Pure; thread-compatible; bounded (rounds older
+// than their deadline are always decided).
 #pragma once
 
 #include <cstdint>
 #include <deque>
+#include <memory>
 #include <optional>
 #include <vector>
 
-#include "guard/observer.h"
-#include "guard/x_controller.h"
+#include "guard/round_guard.h"
 #include "interneuron/pipeline.h"
 
 namespace interneuron::guard {
 
 class Origin {
  public:
-  // Throws std::invalid_argument when the configuration has no stage, too many, or a deadline or
-  // period <= 0.
+  // Throws std::invalid_argument when the configuration has no stage, too many, a deadline or
+  // period <= 0, or budget options, levels or fallback qualities out of their ranges.
   Origin(PipelineConfig config, SessionId self);
 
   // What the header of a round carries.
   struct Begun {
     RoundRef ref;
     TimePoint t0{};
-    XController::Sent sent;
+    RoundGuard::Sent sent;
   };
   Begun begin(TimePoint now);
   // The header's indicator for a message of `round` sent now.
   Indicator indicator(RoundId round) const;
+  RecentE2e recent_e2e(RoundId round) const;
 
-  // A remote result is there. Nothing when it is late or the round is decided: it is dropped.
-  std::optional<RoundDone> remote_result(TimePoint now, RoundId round, Bytes result, bool degraded);
+  // Whether the first transmission of an open round is to be degraded, for a guard that weighs the
+  // modes; asked once, the answer stays.
+  bool weighs() const { return guard_->weighs(); }
+  bool choose_degraded(TimePoint now, RoundId round, const Forecast& normal,
+                       const Forecast& degraded);
+
+  // A remote result is there. Nothing when it is late or the round is decided: it is dropped, but
+  // its time is learnt, and it may yet answer a later round that is missed.
+  std::optional<RoundDone> remote_result(TimePoint now, RoundId round, Bytes result, bool degraded,
+                                         const Spent& spent = {});
   void local_result(RoundId round, Bytes result);
-  // Rounds whose deadline has passed at `now` (t0 + D_N <= now) are answered locally.
+  // Rounds whose deadline has passed at `now` (t0 + D_N <= now) are answered locally: by the local
+  // result or the last remote one, whichever is worth more (FallbackQuality).
   std::vector<RoundDone> expire(TimePoint now);
 
   const Begun* open(RoundId round) const;
   std::optional<TimePoint> next_timeout() const;
   const PipelineConfig& config() const { return config_; }
-  Observer& observer() { return observer_; }
+  StageGuard& observer() { return *observer_; }
 
  private:
+  static constexpr std::size_t kRing = 64;  // rounds remembered, NOTES §4.1
   struct Open {
     Begun begun;
     std::optional<Bytes> local;
@@ -49,19 +60,31 @@ class Origin {
   struct Last {
     RoundId round{};
     Bytes result;
+    double quality = 0;  // expected, of a remote one
+  };
+  // What is remembered of a round once it is open no more.
+  struct Past {
+    RoundId round{};
+    RoundState state{};
+    TimePoint t0{};
+    E2e e2e;
   };
   Open* find(RoundId round);
   RoundDone decide(TimePoint now, RoundId round, Outcome outcome);
+  void learn_late(TimePoint now, RoundId round, Bytes result, const Spent& spent);
   void keep_last(RoundId round, const Bytes& result);
+  void keep_remote(RoundId round, const Bytes& result, const Spent& spent);
+  void answer(RoundDone& done, std::optional<Bytes> local);
 
   PipelineConfig config_;
   SessionId self_;
-  XController x_;
-  Observer observer_{true};
+  std::unique_ptr<RoundGuard> guard_;
+  std::unique_ptr<StageGuard> observer_;
   std::uint32_t next_round_ = 0;
-  std::deque<Open> open_;                                  // oldest first
-  std::array<RoundState, ReferenceTime::kRing> states_{};  // by round % kRing
-  std::optional<Last> last_;
+  std::deque<Open> open_;            // oldest first
+  std::array<Past, kRing> past_{};   // by round % kRing
+  std::optional<Last> last_;         // local or remote
+  std::optional<Last> last_remote_;  // only where FallbackQuality says what it is worth
 };
 
 }  // namespace interneuron::guard

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "guard/budget_origin.h"
+
 namespace interneuron::guard {
 namespace {
 
@@ -37,6 +39,12 @@ void XController::missed() {
   x_ = std::max(x_ - kPenalty, -kOne);
   recovering_ = true;
   ++degrade_next_;
+}
+
+std::unique_ptr<RoundGuard> make_round_guard(const PipelineConfig& config) {
+  if (config.guard == GuardKind::kBudget) return std::make_unique<BudgetOrigin>(config);
+  return std::make_unique<PaperOrigin>(
+      XController::Options{config.beta_permille, config.use_x, config.use_handler});
 }
 
 }  // namespace interneuron::guard

@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "interneuron/time.h"
+#include "guard/round_guard.h"
 
 namespace interneuron::guard {
 
@@ -18,12 +18,8 @@ class XController {
   };
   explicit XController(Options options) : options_(options) {}
 
-  // What a round is sent with.
-  struct Sent {
-    std::int16_t x_permille = 0;
-    bool recovering = false;
-    bool degraded = false;  // its first transmission is sacrificed: one round per miss
-  };
+  // What a round is sent with; degraded: one round per miss.
+  using Sent = RoundGuard::Sent;
   // A round begins; base_n: the reference of the whole pipeline, if there is one.
   Sent begin(std::optional<Duration> base_n, Duration deadline);
   // A round was decided.
@@ -35,6 +31,21 @@ class XController {
   std::int32_t x_ = 0;
   bool recovering_ = false;
   std::uint32_t degrade_next_ = 0;
+};
+
+// GuardKind::kPaper at the origin.
+class PaperOrigin final : public RoundGuard {
+ public:
+  explicit PaperOrigin(XController::Options options) : x_(options) {}
+
+  Sent begin(std::optional<Duration> base_n, Duration deadline) override {
+    return x_.begin(base_n, deadline);
+  }
+  void on_time(const Sent& sent) override { x_.on_time(sent.recovering); }
+  void missed(TimePoint, RoundId) override { x_.missed(); }
+
+ private:
+  XController x_;
 };
 
 }  // namespace interneuron::guard

@@ -2,9 +2,11 @@
 // on time when nothing goes wrong. Pure.
 #pragma once
 
+#include <array>
+#include <optional>
 #include <span>
 
-#include "interneuron/link.h"
+#include "interneuron/policy.h"
 
 namespace interneuron {
 
@@ -17,5 +19,12 @@ inline constexpr Duration kComputeReserve = std::chrono::milliseconds(5);
 // negative.
 Duration compute_budget(Duration deadline, std::span<const LinkState> links,
                         std::size_t best_variant_bytes, std::size_t result_bytes);
+
+// Per variant of the offer that the plan holds: how long from now until the answer to it is back if
+// the application on the other side took no time (the result's own bytes are not counted). By the
+// links' queues, rates and round trips; the soonest copy counts. Nothing where no link of a variant
+// has a measured rate and round trip.
+std::array<std::optional<Duration>, kMaxVariants> forecast_answers(
+    const Plan& plan, const Offer& offer, std::span<const LinkState> links);
 
 }  // namespace interneuron

@@ -1,5 +1,6 @@
 #include "wire/round_header.h"
 
+#include <algorithm>
 #include <cassert>
 
 #include "wire/bytes.h"
@@ -7,7 +8,7 @@
 namespace interneuron::wire {
 namespace {
 
-constexpr std::uint8_t kVersion = 1;
+constexpr std::uint8_t kVersion = 2;
 constexpr std::uint8_t kDegraded = 0x01;
 
 std::uint32_t pack(const Indicator& indicator) {
@@ -31,7 +32,8 @@ std::optional<Indicator> unpack(std::uint32_t bits) {
 bool consistent(const RoundHeader& h) {
   return h.stages >= 1 && h.stages <= kMaxStages && h.stage >= 1 && h.stage <= h.stages &&
          h.is_communication(h.stage) && h.variant < kMaxVariants && h.best_planned <= h.variant &&
-         h.round.origin.value != 0 && h.deadline_us > 0 && h.x_permille >= -1000;
+         h.round.origin.value != 0 && h.deadline_us > 0 && h.x_permille >= -1000 &&
+         (h.variant_used < kMaxVariants || h.variant_used == kNoneUsed);
 }
 
 }  // namespace
@@ -43,6 +45,15 @@ std::uint32_t policy_id(std::string_view name) {
     hash *= 16777619U;  // FNV prime
   }
   return hash;
+}
+
+std::int64_t RoundHeader::to_steps(Duration d, std::int64_t low, std::int64_t high) const {
+  // Four deadlines of at most 72 minutes times 16384 fit 64 bits; anything beyond is at a bound.
+  const std::int64_t whole = deadline().count();
+  const std::int64_t most = 4 * whole;
+  const std::int64_t ns = std::clamp<std::int64_t>(d.count(), -most, most);
+  const std::int64_t half = ns < 0 ? -whole / 2 : whole / 2;
+  return std::clamp((ns * kDeadlineSteps + half) / whole, low, high);
 }
 
 std::optional<RoundHeader> parse_round_header(ByteView message) {
@@ -68,14 +79,24 @@ std::optional<RoundHeader> parse_round_header(ByteView message) {
   const auto indicator = unpack(r.get<std::uint32_t>());
   h.t0 = PeerTime{Duration{r.get<std::int64_t>()}};
   h.alpha_sum = Duration{r.get<std::int64_t>()};
-  const auto reserved = r.get<std::uint64_t>();
-  if (!r.ok() || version != kVersion || (flags & ~kDegraded) != 0 || reserved != 0 || !indicator ||
+  const auto guard = r.get<std::uint8_t>();
+  h.level_used = r.get<std::uint8_t>();
+  h.variant_used = r.get<std::uint8_t>();
+  h.local_quality = r.get<std::uint8_t>();
+  h.target = r.get<std::uint16_t>();
+  h.miss_price = r.get<std::uint16_t>();
+  h.excess = r.get<std::int16_t>();
+  h.computed = r.get<std::uint16_t>();
+  for (std::uint16_t& e2e : h.e2e) e2e = r.get<std::uint16_t>();
+  if (!r.ok() || version != kVersion || (flags & ~kDegraded) != 0 || !indicator ||
+      guard > static_cast<std::uint8_t>(GuardKind::kBudget) ||
       message_class > static_cast<std::uint8_t>(MessageClass::kResult)) {
     return std::nullopt;
   }
   h.degraded = (flags & kDegraded) != 0;
   h.message_class = static_cast<MessageClass>(message_class);
   h.indicator = *indicator;
+  h.guard = static_cast<GuardKind>(guard);
   if (!consistent(h)) return std::nullopt;
   return h;
 }
@@ -102,7 +123,15 @@ void write_round_header(std::span<std::byte, kRoundHeaderBytes> out, const Round
   w.put(pack(h.indicator));
   w.put(h.t0.time_since_epoch().count());
   w.put(h.alpha_sum.count());
-  w.put(std::uint64_t{0});
+  w.put(static_cast<std::uint8_t>(h.guard));
+  w.put(h.level_used);
+  w.put(h.variant_used);
+  w.put(h.local_quality);
+  w.put(h.target);
+  w.put(h.miss_price);
+  w.put(h.excess);
+  w.put(h.computed);
+  for (const std::uint16_t e2e : h.e2e) w.put(e2e);
   assert(w.ok() && w.size() == kRoundHeaderBytes);
 }
 

@@ -14,7 +14,17 @@
 
 namespace interneuron::wire {
 
-inline constexpr std::size_t kRoundHeaderBytes = 64;
+inline constexpr std::size_t kRoundHeaderBytes = 100;
+
+// Times relative to D_N in steps of D_N / 16384; finer than what any decision depends on, and four
+// deadlines fit 16 bits.
+inline constexpr std::int64_t kDeadlineSteps = 16384;
+
+// The end-to-end time of a decided round: 0 = not known, kE2eNever = later than can be told, or
+// never.
+inline constexpr std::uint16_t kE2eNever = 65535;
+
+inline constexpr std::uint8_t kNoneUsed = 255;  // of level_used and variant_used
 
 struct RoundHeader {
   RoundRef round;
@@ -33,6 +43,16 @@ struct RoundHeader {
   std::uint32_t deadline_us = 0;        // D_N
   std::uint32_t period_us = 0;
   Indicator indicator{};
+  GuardKind guard = GuardKind::kPaper;
+  std::uint8_t level_used = kNoneUsed;    // of the last computation
+  std::uint8_t variant_used = kNoneUsed;  // of that computation's input
+  std::uint8_t local_quality = 0;         // of an answer without a remote result, 1/255
+  std::uint16_t target = 0;               // P(on time) that is to be kept, 1/65536
+  std::uint16_t miss_price = 0;           // in quality, 1/1000
+  // What the round had lost when that computation began, against the node's own reference; steps.
+  std::int16_t excess = 0;
+  std::uint16_t computed = 0;                         // by all computations so far; steps
+  std::array<std::uint16_t, kIndicatorRounds> e2e{};  // of the rounds before, as indicator; steps
   friend bool operator==(const RoundHeader&, const RoundHeader&) = default;
 
   bool is_communication(std::size_t stage_number) const {
@@ -40,6 +60,12 @@ struct RoundHeader {
            ((communication >> (stage_number - 1)) & 1U) != 0;
   }
   Duration deadline() const { return std::chrono::microseconds(deadline_us); }
+
+  // Steps of D_N / 16384 and back; to_steps() keeps within [low, high].
+  std::int64_t to_steps(Duration d, std::int64_t low, std::int64_t high) const;
+  Duration from_steps(std::int64_t steps) const {
+    return Duration{deadline().count() * steps / kDeadlineSteps};
+  }
 };
 
 // 32-bit FNV-1a of a policy's name: both ends need only agree on the name.

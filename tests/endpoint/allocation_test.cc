@@ -91,7 +91,7 @@ class TwoHosts {
       if (pieces > 0 && now_ >= next_message) {
         next_message += period;
         const RoundRef round = hosts_[0]->begin_round(now_, PipelineId{0});
-        hosts_[0]->submit(now_, round, {Bytes(pieces * kPiece - 64)}, MessageClass::kData, peer_);
+        hosts_[0]->submit(now_, round, {Bytes(pieces * kPiece - 100)}, MessageClass::kData, peer_);
         ++messages;
       }
       for (std::size_t host = 0; host < 2; ++host) {
@@ -146,7 +146,7 @@ class TwoHosts {
   void flush(std::size_t host) {
     while (auto event = hosts_[host]->poll_event()) {
       if (const auto* delivered = std::get_if<Delivered>(&*event)) {
-        hosts_[host]->submit(now_, delivered->round, {Bytes(kPiece - 64)}, MessageClass::kResult);
+        hosts_[host]->submit(now_, delivered->round, {Bytes(kPiece - 100)}, MessageClass::kResult);
       } else if (std::holds_alternative<RoundDone>(*event)) {
         ++answered;
       }

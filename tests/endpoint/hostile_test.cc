@@ -178,6 +178,12 @@ Bytes any_message(std::mt19937_64& rng, TimePoint now) {
   h.deadline_us = any_of<std::uint32_t>(rng, {1, 130'000, UINT32_MAX}) | 1U;
   h.period_us = any_of<std::uint32_t>(rng, {0, 100'000, UINT32_MAX});
   for (RoundState& s : h.indicator) s = static_cast<RoundState>(rng() % 3);
+  h.guard = rng() % 2 == 0 ? GuardKind::kBudget : GuardKind::kPaper;
+  h.level_used = static_cast<std::uint8_t>(rng());
+  h.variant_used = rng() % 2 == 0 ? wire::kNoneUsed : static_cast<std::uint8_t>(rng() % 8);
+  h.excess = static_cast<std::int16_t>(rng());
+  h.computed = static_cast<std::uint16_t>(rng());
+  for (std::uint16_t& e2e : h.e2e) e2e = static_cast<std::uint16_t>(rng());
   Bytes out(wire::kRoundHeaderBytes + rng() % 300);
   wire::write_round_header(std::span(out).first<wire::kRoundHeaderBytes>(), h);
   return out;

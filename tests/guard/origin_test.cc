@@ -95,6 +95,107 @@ TEST(Origin, TheIndicatorTellsTheRoundsBefore) {
   EXPECT_EQ(i[3], RoundState::kUnknown);
 }
 
+// A detector whose results lose 40 % of their quality in one round, 80 % in two.
+PipelineConfig with_fallback() {
+  PipelineConfig c = camera();
+  c.levels = {{8ms, 10ms, {0.14}}, {44ms, 46ms, {0.40, 0.38}}};
+  c.fallback = {0.14, {0.6, 0.2}};
+  return c;
+}
+
+Spent level(std::uint8_t n) {
+  Spent s;
+  s.level = n;
+  s.variant = 0;
+  return s;
+}
+
+TEST(Origin, TheLastRemoteResultAnswersWhereItIsWorthMoreThanTheLocalOne) {
+  Origin o(with_fallback(), kSelf);
+  const auto first = o.begin(TimePoint{1s});
+  o.remote_result(TimePoint{1s + 10ms}, first.ref.round, bytes(1), false, level(1));
+  for (int i = 1; i <= 2; ++i) {
+    o.local_result(o.begin(TimePoint{1s + i * 100ms}).ref.round, bytes(9));
+  }
+  const auto done = o.expire(TimePoint{4s});
+  ASSERT_EQ(done.size(), 2U);
+  EXPECT_TRUE(done[0].stale_remote);  // 0.40 · 0.6 > 0.14
+  EXPECT_EQ(done[0].result, bytes(1));
+  EXPECT_EQ(done[0].age_rounds, 1U);
+  EXPECT_FALSE(done[1].stale_remote);  // 0.40 · 0.2 < 0.14
+  EXPECT_EQ(done[1].result, bytes(9));
+  EXPECT_EQ(done[1].age_rounds, 0U);
+}
+
+TEST(Origin, ALowLevelResultThatIsOldIsWorthLessThanTheLocalOne) {
+  Origin o(with_fallback(), kSelf);
+  const auto first = o.begin(TimePoint{1s});
+  o.remote_result(TimePoint{1s + 10ms}, first.ref.round, bytes(1), false, level(0));
+  o.local_result(o.begin(TimePoint{2s}).ref.round, bytes(9));
+  EXPECT_EQ(o.expire(TimePoint{3s}).at(0).result, bytes(9));
+}
+
+TEST(Origin, WithoutALocalResultAnOldRemoteOneIsMarkedSo) {
+  Origin o(with_fallback(), kSelf);
+  const auto first = o.begin(TimePoint{1s});
+  o.remote_result(TimePoint{1s + 10ms}, first.ref.round, bytes(1), false, level(0));
+  o.begin(TimePoint{2s});
+  const auto done = o.expire(TimePoint{3s});
+  EXPECT_TRUE(done.at(0).stale_remote);
+  EXPECT_EQ(done.at(0).age_rounds, 1U);
+}
+
+TEST(Origin, WithoutFallbackQualityTheLocalResultAnswers) {
+  PipelineConfig config = with_fallback();
+  config.fallback = {};
+  Origin o(config, kSelf);
+  const auto first = o.begin(TimePoint{1s});
+  o.remote_result(TimePoint{1s + 10ms}, first.ref.round, bytes(1), false, level(1));
+  o.local_result(o.begin(TimePoint{2s}).ref.round, bytes(9));
+  const auto done = o.expire(TimePoint{3s});
+  EXPECT_EQ(done.at(0).result, bytes(9));
+  EXPECT_FALSE(done.at(0).stale_remote);
+}
+
+// Too late for its own round, it is the newest there is for the next one.
+TEST(Origin, ALateRemoteResultIsLearntAndMayAnswerTheNextRound) {
+  Origin o(with_fallback(), kSelf);
+  const auto first = o.begin(TimePoint{1s});
+  o.begin(TimePoint{1s + 100ms});
+  o.expire(TimePoint{1s + 130ms});
+  EXPECT_FALSE(o.remote_result(TimePoint{1s + 150ms}, first.ref.round, bytes(1), false, level(1)));
+  EXPECT_EQ(o.recent_e2e(RoundId{1})[0], E2e{150ms});
+  EXPECT_EQ(o.indicator(RoundId{1})[0], RoundState::kMissed);
+  const auto done = o.expire(TimePoint{1s + 230ms});
+  EXPECT_TRUE(done.at(0).stale_remote);
+  EXPECT_EQ(done.at(0).result, bytes(1));
+}
+
+TEST(Origin, EndToEndTimesOfTheRoundsBeforeAreTold) {
+  Origin o(camera(), kSelf);
+  o.remote_result(TimePoint{1s + 70ms}, o.begin(TimePoint{1s}).ref.round, bytes(1), false);
+  o.begin(TimePoint{2s});
+  o.expire(TimePoint{3s});
+  const auto recent = o.recent_e2e(o.begin(TimePoint{3s}).ref.round);
+  EXPECT_EQ(recent[0], E2e{kNever});
+  EXPECT_EQ(recent[1], E2e{70ms});
+  EXPECT_EQ(recent[2], E2e{});
+}
+
+TEST(Origin, RefusesBudgetsThatMeanNothing) {
+  const auto throws = [](auto change) {
+    PipelineConfig c = with_fallback();
+    change(c);
+    EXPECT_THROW(Origin(c, kSelf), std::invalid_argument);
+  };
+  throws([](PipelineConfig& c) { c.budget.target = 1.0; });
+  throws([](PipelineConfig& c) { c.budget.miss_price = -0.1; });
+  throws([](PipelineConfig& c) { c.budget.exploration = 0.3; });
+  throws([](PipelineConfig& c) { c.levels[0].median = 0ms; });
+  throws([](PipelineConfig& c) { c.fallback.local = 1.5; });
+  throws([](PipelineConfig& c) { c.fallback.stale_share[0] = -1; });
+}
+
 TEST(Origin, RefusesWhatCannotBeAPipeline) {
   PipelineConfig none = camera();
   none.stages.clear();

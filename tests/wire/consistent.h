@@ -85,7 +85,9 @@ inline bool is_consistent(const RoundHeader& header, ByteView message) {
   if (header.stages < 1 || header.stages > kMaxStages || !header.is_communication(header.stage) ||
       header.variant >= kMaxVariants || header.best_planned > header.variant ||
       header.round.origin.value == 0 || header.deadline() <= Duration::zero() ||
-      header.x_permille < -1000 || header.message_class > MessageClass::kResult ||
+      header.x_permille < -1000 || header.guard > GuardKind::kBudget ||
+      (header.variant_used >= kMaxVariants && header.variant_used != kNoneUsed) ||
+      header.message_class > MessageClass::kResult ||
       !std::ranges::all_of(header.indicator, known)) {
     return false;
   }

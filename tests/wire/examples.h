@@ -29,10 +29,13 @@ inline Bytes from_hex(std::string_view text) {
 inline constexpr std::string_view kDataExample =
     "01 02 00 00 5e ed 00 01 00 00 00 00 00 00 00 07"
     "00 00 00 09 00 00 00 01 05 48 00 00 00 01 fb d0"
-    "01 00 00 01 01 03 00 05 01 00 00 7b ff 40 80 00"
+    "02 00 00 01 01 03 00 05 01 00 00 7b ff 40 80 00"
     "5e ed 00 01 00 00 00 2a cd 5b d4 bf 00 01 fb d0"
     "00 01 86 a0 00 00 00 64 00 00 01 1f 71 fb 04 cb"
+    "00 00 00 00 00 00 00 00 01 02 01 23 fd 70 03 e8"
+    "fa 9c 16 26 00 00 37 0b ff ff 2c 5f 00 00 00 00"
     "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00"
+    "00 00 00 00"
     "66 72 61 6d 65"
     "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00";
 
@@ -86,6 +89,17 @@ inline RoundHeader example_round_header() {
   h.indicator[1] = RoundState::kOnTime;
   h.indicator[2] = RoundState::kMissed;
   h.indicator[3] = RoundState::kOnTime;
+  h.guard = GuardKind::kBudget;
+  h.level_used = 2;
+  h.variant_used = 1;
+  h.local_quality = 35;
+  h.target = 64880;
+  h.miss_price = 1000;
+  h.excess = -1380;
+  h.computed = 5670;
+  h.e2e[1] = 14091;
+  h.e2e[2] = kE2eNever;
+  h.e2e[3] = 11359;
   return h;
 }
 

@@ -87,6 +87,15 @@ RoundHeader any_round_header() {
   for (RoundState& state : h.indicator) {
     state = static_cast<RoundState>(*rc::gen::inRange<int>(0, 3));
   }
+  h.guard = any<bool>() ? GuardKind::kBudget : GuardKind::kPaper;
+  h.level_used = any<std::uint8_t>();
+  h.variant_used = any<bool>() ? kNoneUsed : *rc::gen::inRange<std::uint8_t>(0, kMaxVariants);
+  h.local_quality = any<std::uint8_t>();
+  h.target = any<std::uint16_t>();
+  h.miss_price = any<std::uint16_t>();
+  h.excess = any<std::int16_t>();
+  h.computed = any<std::uint16_t>();
+  for (std::uint16_t& e2e : h.e2e) e2e = any<std::uint16_t>();
   return h;
 }
 

@@ -56,7 +56,7 @@ struct Range {
 
 TEST(RoundHeader, FieldsKeepTheirRanges) {
   for (const Range& r : {
-           Range{"version", 0, 1, 1},
+           Range{"version", 0, 2, 2},
            Range{"flags", 1, 0, 1},
            Range{"class", 2, 0, 1},
            Range{"pipeline", 3, 0, 255},
@@ -68,8 +68,15 @@ TEST(RoundHeader, FieldsKeepTheirRanges) {
            Range{"period", 32, 0, 255},
            Range{"t0", 40, 0, 255},
            Range{"alpha", 48, 0, 255},
-           Range{"reserved", 56, 0, 0},
-           Range{"reserved, last", 63, 0, 0},
+           Range{"guard", 56, 0, 1},
+           Range{"level_used", 57, 0, 255},
+           Range{"local_quality", 59, 0, 255},
+           Range{"target", 60, 0, 255},
+           Range{"miss_price", 62, 0, 255},
+           Range{"excess", 64, 0, 255},
+           Range{"computed", 66, 0, 255},
+           Range{"e2e", 68, 0, 255},
+           Range{"e2e, last", 99, 0, 255},
        }) {
     for (int value = 0; value < 256; ++value) {
       EXPECT_EQ(parse_round_header(with(example(), r.at, value)).has_value(),
@@ -94,6 +101,25 @@ TEST(RoundHeader, OriginAndDeadlineAreNotZero) {
   bytes = example();
   std::fill_n(bytes.begin() + 28, 4, std::byte{0});
   EXPECT_FALSE(parse_round_header(bytes));
+}
+
+TEST(RoundHeader, TheVariantUsedIsAVariantOrNone) {
+  for (int value = 0; value < 256; ++value) {
+    EXPECT_EQ(parse_round_header(with(example(), 58, value)).has_value(), value < 8 || value == 255)
+        << value;
+  }
+}
+
+TEST(RoundHeader, StepsAreSharesOfTheDeadline) {
+  RoundHeader h;
+  h.deadline_us = 130'000;
+  EXPECT_EQ(h.to_steps(std::chrono::milliseconds(130), 0, UINT16_MAX), kDeadlineSteps);
+  EXPECT_EQ(h.from_steps(kDeadlineSteps / 2), std::chrono::milliseconds(65));
+  EXPECT_EQ(h.to_steps(Duration::max(), 1, kE2eNever), kE2eNever);
+  EXPECT_EQ(h.to_steps(Duration::min(), INT16_MIN, INT16_MAX), INT16_MIN);
+  h.deadline_us = UINT32_MAX;
+  EXPECT_EQ(h.to_steps(h.from_steps(UINT16_MAX), 0, UINT16_MAX), UINT16_MAX);
+  EXPECT_EQ(h.to_steps(h.from_steps(INT16_MIN), INT16_MIN, INT16_MAX), INT16_MIN);
 }
 
 TEST(RoundHeader, XIsAtLeastMinusOne) {

@@ -1,0 +1,145 @@
+// Times what the guard kBudget decides per stage, with full books and a peer that is sometimes
+// late. Criterion (issue 5): guard and policy together <= 10 µs per stage, without allocation
+// (tests/guard/budget_allocation_test.cc).
+#include <benchmark/benchmark.h>
+
+#include <cstdint>
+
+#include "guard/budget_observer.h"
+#include "guard/budget_origin.h"
+#include "interneuron/policy.h"
+#include "plan/budget.h"
+#include "plan/plan_message.h"
+
+namespace interneuron::guard {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr Duration kDeadline = 130ms;
+constexpr int kFilled = 600;  // rounds: more than any book holds
+
+std::vector<LevelProfile> ladder(std::size_t levels) {
+  std::vector<LevelProfile> out;
+  for (std::size_t i = 1; i <= levels; ++i) {
+    const Duration median = 44ms * i / levels;
+    out.push_back({median, median * 11 / 10, {0.4 * static_cast<double>(i), 0.35}});
+  }
+  return out;
+}
+
+// 0 to 39 ms, different in each round, every tenth round never answered.
+Duration lost(std::uint32_t round, std::uint32_t salt) {
+  return std::chrono::milliseconds((round * 2654435761U + salt * 40503U) % 40U);
+}
+
+class Road {
+ public:
+  explicit Road(std::size_t levels) : levels_(ladder(levels)) {
+    for (int i = 0; i < kFilled; ++i) round();
+  }
+  StageEnd end(std::size_t stage) const {
+    StageEnd e;
+    e.round = RoundId{round_};
+    e.stage = stage;
+    e.t0 = PeerTime{round_ * 100ms};
+    e.deadline = kDeadline;
+    e.variant = 1;
+    e.terms = {GuardKind::kBudget, 0.99, 1.0, 0.14};
+    return e;
+  }
+  TimePoint start() const { return TimePoint{round_ * 100ms + 40ms + lost(round_, 1)}; }
+  void round() {
+    hold();
+    StageEnd up = end(1);
+    up.variant = 0;
+    budget.note_arrival(start() + 3ms, up);
+    begin();
+    settle();
+  }
+  std::size_t begin() { return budget.begin_computation(start(), end(1), levels_, 0, {}).level; }
+  TimePoint hold() {
+    budget.note_arrival(start() - 5ms, end(1));
+    return budget.hold(start() - 5ms, end(1), std::nullopt, false).until;
+  }
+  void settle() {
+    StageEnd done = end(2);
+    done.is_computation = true;
+    const Duration after = lost(round_, 2);
+    budget.end_stage(start() + 45ms + after, done, std::nullopt);
+    const bool never = round_ % 10 == 0;
+    budget.settle(start() + 60ms, RoundId{round_},
+                  never ? RoundState::kMissed : RoundState::kOnTime,
+                  never ? kNever : 97ms + lost(round_, 1) + after);
+    ++round_;
+  }
+  BudgetObserver budget{false};
+
+ private:
+  std::vector<LevelProfile> levels_;
+  std::uint32_t round_ = 0;
+};
+
+// Argument: levels.
+void begin_computation(benchmark::State& bench) {
+  Road road(static_cast<std::size_t>(bench.range(0)));
+  for (auto _ : bench) benchmark::DoNotOptimize(road.begin());
+}
+BENCHMARK(begin_computation)->Arg(3)->Arg(6)->Arg(16);
+
+void hold(benchmark::State& bench) {
+  Road road(static_cast<std::size_t>(bench.range(0)));
+  for (auto _ : bench) benchmark::DoNotOptimize(road.hold());
+}
+BENCHMARK(hold)->Arg(3)->Arg(6);
+
+// All of a round at the observing node: arrivals, hold, level, hand-over, outcome.
+void whole_round(benchmark::State& bench) {
+  Road road(3);
+  for (auto _ : bench) road.round();
+}
+BENCHMARK(whole_round);
+
+// The mode of the first transmission, with the policy's two plans and their forecasts.
+void first_transmission(benchmark::State& bench) {
+  PipelineConfig config;
+  config.guard = GuardKind::kBudget;
+  config.levels = ladder(3);
+  BudgetOrigin origin(config);
+  LinkState link;
+  link.up = true;
+  link.path = PathState::kOk;
+  link.rtt_p50 = link.rtt_p95 = 22ms;
+  link.rate = DataRate::mbit(100);
+  LinkState other = link;
+  other.id = LinkId{1};
+  other.rate = DataRate::mbit(30);
+  const LinkState links[] = {link, other};
+  const std::size_t sizes[] = {524'288, 131'072};
+  const Offer offer{{kDeadline, 100ms, MessageClass::kData, {}}, sizes};
+  const PolicySet policies = builtin_policies();
+  const Policy& policy = *policies.back();
+  std::uint32_t round = 0;
+  const auto choose = [&] {
+    const auto normal = plan_message(policy, offer, links, {.degraded = false});
+    const auto small = plan_message(policy, offer, links, {.degraded = true});
+    return origin.choose_degraded(TimePoint{round * 100ms}, RoundId{round}, {}, 1ms,
+                                  forecast_answers(normal, offer, links),
+                                  forecast_answers(small, offer, links));
+  };
+  for (; round < kFilled; ++round) {
+    Spent spent;
+    spent.variant = choose() ? std::uint8_t{1} : std::uint8_t{0};
+    spent.level = 2;
+    spent.excess = lost(round, 1);
+    spent.computed = 44ms;
+    origin.result(TimePoint{round * 100ms + 120ms}, RoundId{round}, 90ms + lost(round, 2), spent);
+  }
+  for (auto _ : bench) benchmark::DoNotOptimize(choose());
+}
+BENCHMARK(first_transmission);
+
+}  // namespace
+}  // namespace interneuron::guard
+
+BENCHMARK_MAIN();
