@@ -17,6 +17,15 @@ Bytes joined(const wire::RoundHeader& header, const Bytes& payload) {
   return message;
 }
 
+// header.stage: the communication that is about to begin.
+std::uint8_t earlier_communications(const wire::RoundHeader& header) {
+  std::uint8_t count = 0;
+  for (std::size_t stage = 1; stage < header.stage; ++stage) {
+    if (header.is_communication(stage)) ++count;
+  }
+  return count;
+}
+
 }  // namespace
 
 Dispatch::Dispatch(SessionId self, const PolicySet& policies) : self_(self) {
@@ -25,6 +34,7 @@ Dispatch::Dispatch(SessionId self, const PolicySet& policies) : self_(self) {
     policies_[wire::policy_id(policy->name())] = policy;
   }
   if (policies_.empty()) throw std::invalid_argument("endpoint: no policy is registered");
+  stand_in_ = policies.front();
 }
 
 const Policy* Dispatch::policy(std::uint32_t id) const {
@@ -51,9 +61,9 @@ Plan Dispatch::plan(TimePoint now, const Peer& peer, const wire::RoundHeader& he
   // Without the policy that the origin names, any built-in rule serves; the first registered one
   // stands in.
   const Policy* named = policy(header.policy);
-  const Policy& rule = named != nullptr ? *named : *policies_.begin()->second;
-  return plan_message(rule, {qos_of(header), variant_bytes, costs}, peer.links(now),
-                      {.degraded = header.degraded});
+  const Policy& rule = named != nullptr ? *named : *stand_in_;
+  return plan_message(rule, {qos_of(header), variant_bytes, costs, earlier_communications(header)},
+                      peer.links(now), {.degraded = header.degraded});
 }
 
 Planned Dispatch::send(TimePoint now, Peer& peer, const RoundContext& context, const ClockOf& clock,

@@ -90,6 +90,7 @@ class Endpoint::Impl {
     Peer* peer = destination(*found, to);
     if (peer == nullptr) return {};
     wire::RoundHeader header = found->header;
+    header.stage = static_cast<std::uint8_t>(found->stage + 1);
     header.message_class = message_class;
     header.degraded = found->verdict.late;
     return dispatch_.plan(now, *peer, header, variant_bytes, costs);
