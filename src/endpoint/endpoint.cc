@@ -77,6 +77,8 @@ class Endpoint::Impl {
                                      clock_of(now, context.header, peers_.find(context.from)),
                                      variants, message_class);
     const bool sent = !planned.plan.sends.empty();
+    guard::Origin* origin = origins_.find(round);
+    if (!planned.plan.refused.empty() && origin != nullptr) origin->stay_local(round.round);
     events_.emplace_back(std::move(planned));
     return sent;
   }

@@ -37,7 +37,7 @@ Origin::Begun Origin::begin(TimePoint now) {
               now,
               x_.begin(observer_.base(now, config_.stages.size()), config_.deadline)};
   states_[round.value % states_.size()] = RoundState::kUnknown;
-  open_.push_back({begun, std::nullopt});
+  open_.push_back({begun, std::nullopt, false});
   return begun;
 }
 
@@ -83,6 +83,10 @@ void Origin::local_result(RoundId round, Bytes result) {
   open->local = std::move(result);
 }
 
+void Origin::stay_local(RoundId round) {
+  if (Open* open = find(round)) open->stays_local = true;
+}
+
 std::vector<RoundDone> Origin::expire(TimePoint now) {
   std::vector<RoundDone> out;
   while (!open_.empty() && open_.front().begun.t0 + config_.deadline <= now) {
@@ -106,14 +110,17 @@ std::vector<RoundDone> Origin::expire(TimePoint now) {
 RoundDone Origin::decide(TimePoint now, RoundId round, Outcome outcome) {
   const auto it = std::ranges::find(open_, round, [](const Open& o) { return o.begun.ref.round; });
   const Begun begun = it->begun;
-  open_.erase(it);
   const bool on_time = outcome == Outcome::kRemote;
-  const RoundState state = on_time ? RoundState::kOnTime : RoundState::kMissed;
+  const bool missed = !on_time && !it->stays_local;
+  open_.erase(it);
+  const RoundState state = on_time  ? RoundState::kOnTime
+                           : missed ? RoundState::kMissed
+                                    : RoundState::kUnknown;
   states_[round.value % states_.size()] = state;
   observer_.settle(now, round, state);
   if (on_time) {
     x_.on_time(begun.sent.recovering);
-  } else {
+  } else if (missed) {
     x_.missed();
   }
   RoundDone done;

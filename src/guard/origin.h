@@ -33,6 +33,8 @@ class Origin {
   // A remote result is there. Nothing when it is late or the round is decided: it is dropped.
   std::optional<RoundDone> remote_result(TimePoint now, RoundId round, Bytes result, bool degraded);
   void local_result(RoundId round, Bytes result);
+  // The policy decided that the round stays here: it is answered locally, and that is no miss.
+  void stay_local(RoundId round);
   // Rounds whose deadline has passed at `now` (t0 + D_N <= now) are answered locally.
   std::vector<RoundDone> expire(TimePoint now);
 
@@ -45,6 +47,7 @@ class Origin {
   struct Open {
     Begun begun;
     std::optional<Bytes> local;
+    bool stays_local = false;
   };
   struct Last {
     RoundId round{};
