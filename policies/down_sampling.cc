@@ -21,8 +21,8 @@
 //
 // Receiver: raw, or anything degraded, is delivered at once. Sampled is held until the stage
 // deadline if raw was sent too.
-#include "interneuron/requirement.h"
 #include "policies/builtin.h"
+#include "policies/choice.h"
 
 namespace interneuron::policies {
 namespace {
@@ -31,23 +31,9 @@ constexpr std::uint8_t kRaw = 0;
 constexpr std::uint8_t kSampled = 1;
 constexpr std::size_t kBoth = 2;  // links
 
-// The links that meet the floor, at most so many, fastest first.
-std::vector<LinkState> fastest(std::span<const LinkState> links, DataRate floor,
-                               std::size_t count) {
-  return match({.min_rate = floor, .weights = {.delay = 1}, .links = count}, links);
-}
-
-Plan send_over(const std::vector<LinkState>& chosen, std::uint8_t variant) {
-  Plan plan;
-  for (const LinkState& link : chosen) plan.sends.push_back({variant, link.id});
-  return plan;
-}
-
-Plan best_effort(std::span<const LinkState> links, DataRate floor, std::uint8_t variant) {
-  std::vector<LinkState> chosen = fastest(links, floor, 1);
-  if (chosen.empty()) chosen = fastest(links, {}, 1);
-  Plan plan = send_over(chosen, variant);
-  plan.under_floor = !chosen.empty();
+Plan best_effort(const Offer& offer, std::span<const LinkState> links, std::uint8_t variant) {
+  Plan plan = over_fastest(offer, links, variant, 1);
+  plan.under_floor = !plan.sends.empty();
   return plan;
 }
 
@@ -74,31 +60,29 @@ class DownSampling final : public Policy {
   Plan plan(const Offer& offer, std::span<const LinkState> links,
             const Guidance& guidance) const override {
     const DataRate raw_floor = rate_floor(offer.qos, offer.variant_bytes[kRaw]);
-    if (offer.variant_bytes.size() == 1) return whole(links, raw_floor, guidance.degraded);
+    if (offer.variant_bytes.size() == 1) return whole(offer, links, guidance.degraded);
     const DataRate sampled_floor = rate_floor(offer.qos, offer.variant_bytes[kSampled]);
 
     std::vector<LinkState> chosen = raw_and_sampled_link(links, raw_floor, sampled_floor);
     if (guidance.degraded) {
       if (chosen.empty()) chosen = fastest(links, sampled_floor, kBoth);
-      if (chosen.empty()) return best_effort(links, sampled_floor, kSampled);
+      if (chosen.empty()) return best_effort(offer, links, kSampled);
       return send_over(chosen, kSampled);
     }
-    if (chosen.empty()) return best_effort(links, sampled_floor, kSampled);
+    if (chosen.empty()) return best_effort(offer, links, kSampled);
     Plan plan;
     plan.sends.push_back({kRaw, chosen.front().id});
     if (chosen.size() == kBoth) plan.sends.push_back({kSampled, chosen.back().id});
     return plan;
   }
 
-  Merge merge(const Arrival& arrival) const override {
-    const bool better_may_come = arrival.best_planned < arrival.variant && !arrival.degraded;
-    return better_may_come ? Merge::kHold : Merge::kDeliver;
-  }
+  Merge merge(const Arrival& arrival) const override { return hold_for_better(arrival); }
 
  private:
-  static Plan whole(std::span<const LinkState> links, DataRate floor, bool degraded) {
+  static Plan whole(const Offer& offer, std::span<const LinkState> links, bool degraded) {
+    const DataRate floor = rate_floor(offer.qos, offer.variant_bytes[kRaw]);
     const std::vector<LinkState> chosen = fastest(links, floor, degraded ? kBoth : 1);
-    return chosen.empty() ? best_effort(links, floor, kRaw) : send_over(chosen, kRaw);
+    return chosen.empty() ? best_effort(offer, links, kRaw) : send_over(chosen, kRaw);
   }
 };
 

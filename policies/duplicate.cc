@@ -2,8 +2,8 @@
 //
 // Sender: the best variant, when degraded the smallest, over all links that meet its rate floor;
 // when none does, over all that are up, reported. Receiver: the first copy is delivered at once.
-#include "interneuron/requirement.h"
 #include "policies/builtin.h"
+#include "policies/choice.h"
 
 namespace interneuron::policies {
 namespace {
@@ -14,20 +14,7 @@ class Duplicate final : public Policy {
 
   Plan plan(const Offer& offer, std::span<const LinkState> links,
             const Guidance& guidance) const override {
-    const std::size_t variant = guidance.degraded ? offer.variant_bytes.size() - 1 : 0;
-    Requirement wide_enough{.min_rate = rate_floor(offer.qos, offer.variant_bytes[variant]),
-                            .weights = {.delay = 1}};
-    Plan plan;
-    std::vector<LinkState> chosen = match(wide_enough, links);
-    if (chosen.empty()) {
-      wide_enough.min_rate = {};
-      chosen = match(wide_enough, links);
-      plan.under_floor = !chosen.empty();
-    }
-    for (const LinkState& link : chosen) {
-      plan.sends.push_back({static_cast<std::uint8_t>(variant), link.id});
-    }
-    return plan;
+    return over_fastest(offer, links, guidance.degraded ? smallest_variant(offer) : 0, kAllLinks);
   }
 
   Merge merge(const Arrival&) const override { return Merge::kDeliver; }

@@ -37,7 +37,7 @@ struct LevelProfile {
   Duration p95{};     // >= median
   // Expected quality of the result per variant of the input, in [0, 1] (for detectors: AP); the
   // last one stands for further variants.
-  std::vector<double> quality;
+  std::vector<double> quality{};
 };
 
 // What an answer without a remote result is worth, in the same units as LevelProfile::quality.
@@ -45,7 +45,7 @@ struct LevelProfile {
 struct FallbackQuality {
   double local = 0;  // this round's own local result
   // [i]: share of its quality that a remote result still has when it is i + 1 rounds old.
-  std::vector<double> stale_share;
+  std::vector<double> stale_share{};
 };
 
 // Parameters of GuardKind::kBudget. Target and price ride in the headers, in steps of 1/65536 and

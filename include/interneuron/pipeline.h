@@ -30,11 +30,11 @@ struct PipelineConfig {
   bool use_x = true;               // false: X stays 0 (ablation)
   bool use_handler = true;         // false: a miss changes nothing (ablation)
   GuardKind guard = GuardKind::kPaper;
-  BudgetOptions budget;  // of GuardKind::kBudget
+  BudgetOptions budget{};  // of GuardKind::kBudget
   // What is known beforehand of the remote computation, from the lowest quality to the highest;
   // kBudget weighs with it what a transmission is worth. Empty: learnt from the results.
-  std::vector<LevelProfile> levels;
-  FallbackQuality fallback;
+  std::vector<LevelProfile> levels{};
+  FallbackQuality fallback{};
 };
 
 // Names a round anywhere: the endpoint that began it, its pipeline, its number.

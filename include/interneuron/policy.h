@@ -40,7 +40,8 @@ struct VariantCost {
 struct Offer {
   QoS qos;
   std::span<const std::size_t> variant_bytes;
-  std::span<const VariantCost> costs{};  // as many, or none
+  std::span<const VariantCost> costs{};     // as many, or none
+  std::uint8_t earlier_communications = 0;  // of this round, before this one
 };
 
 struct Assignment {
@@ -53,7 +54,19 @@ struct Plan {
   std::vector<Assignment> sends;
   bool under_floor =
       false;  // no link met the floor: the plan is best effort, and is reported as such
+  // Why nothing is sent although a link is up, for people; refers to a literal. Empty: not refused.
+  // A round whose first transmission is refused is answered locally.
+  std::string_view refused{};
 };
+
+// Reasons of the built-in policies; policies of your own may give others.
+inline constexpr std::string_view kLocalIsBetter =
+    "nothing is sent: the local result is expected to be as good as any that is back in time";
+inline constexpr std::string_view kNoTimeLeft =
+    "nothing is sent: it could not be of use before the deadline";
+inline constexpr std::string_view kInsecure =
+    "nothing is sent: no link that is up meets the security floor; declare the network of a link "
+    "trusted (see docs/links.md) or wait for one that is";
 
 // One complete variant at the receiver. What is decided obeys the header (what the sender planned),
 // never the receiver's own state.
@@ -76,15 +89,29 @@ class Policy {
   virtual Plan plan(const Offer& offer, std::span<const LinkState> links,
                     const Guidance& guidance) const = 0;
   virtual Merge merge(const Arrival& arrival) const = 0;
+  // Whether a link may carry messages of this policy at all. Asked for small results too, which are
+  // sent without plan().
+  virtual bool allows(const LinkState& /*link*/) const { return true; }
 };
 
 // The floor of NOTES §3: the rate at which a variant of this size keeps up with the message's
 // period (or, for sporadic messages, arrives by the deadline).
 DataRate rate_floor(const QoS& qos, std::size_t bytes);
 
+// Until a message of this size has arrived over an idle link: half the round trip (p95, which holds
+// the queues) and its fragments at the link's rate. max() while either was not measured.
+Duration arrival_time(const LinkState& link, std::size_t bytes);
+
 using PolicySet = std::vector<std::shared_ptr<const Policy>>;
 
-// best_link, duplicate, down_sampling.
+// best_link, duplicate, down_sampling, progressive, joint, placement, split, secure (down_sampling
+// over trusted networks).
 PolicySet builtin_policies();
+
+// A policy over those links alone whose security score (NOTES §2) is at least `floor`, in (0, 1];
+// where none is up, nothing is sent, small results neither. Throws std::invalid_argument for a
+// floor outside this range or no policy.
+std::shared_ptr<const Policy> secure(std::shared_ptr<const Policy> inner, double floor,
+                                     std::string_view name);
 
 }  // namespace interneuron

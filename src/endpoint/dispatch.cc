@@ -17,6 +17,15 @@ Bytes joined(const wire::RoundHeader& header, const Bytes& payload) {
   return message;
 }
 
+// header.stage: the communication that is about to begin.
+std::uint8_t earlier_communications(const wire::RoundHeader& header) {
+  std::uint8_t count = 0;
+  for (std::size_t stage = 1; stage < header.stage; ++stage) {
+    if (header.is_communication(stage)) ++count;
+  }
+  return count;
+}
+
 }  // namespace
 
 Dispatch::Dispatch(SessionId self, const PolicySet& policies) : self_(self) {
@@ -25,6 +34,7 @@ Dispatch::Dispatch(SessionId self, const PolicySet& policies) : self_(self) {
     policies_[wire::policy_id(policy->name())] = policy;
   }
   if (policies_.empty()) throw std::invalid_argument("endpoint: no policy is registered");
+  stand_in_ = policies.front();
 }
 
 const Policy* Dispatch::policy(std::uint32_t id) const {
@@ -50,8 +60,10 @@ Plan Dispatch::plan(std::span<const LinkState> links, const wire::RoundHeader& h
   // Without the policy that the origin names, any built-in rule serves; the first registered one
   // stands in.
   const Policy* named = policy(header.policy);
-  const Policy& rule = named != nullptr ? *named : *policies_.begin()->second;
-  return plan_message(rule, offer, links, guidance);
+  const Policy& rule = named != nullptr ? *named : *stand_in_;
+  Offer complete = offer;
+  complete.earlier_communications = earlier_communications(header);
+  return plan_message(rule, complete, links, guidance);
 }
 
 Planned Dispatch::send(TimePoint now, Peer& peer, const RoundContext& context, const ClockOf& clock,

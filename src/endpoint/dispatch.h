@@ -41,6 +41,7 @@ class Dispatch {
 
   SessionId self_;
   std::map<std::uint32_t, std::shared_ptr<const Policy>> policies_;  // by wire id
+  std::shared_ptr<const Policy> stand_in_;  // the first one, for those that are not registered
 };
 
 }  // namespace interneuron

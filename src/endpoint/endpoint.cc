@@ -82,6 +82,8 @@ class Endpoint::Impl {
     Planned planned = dispatch_.send(now, *peer, context, clock, variants, message_class,
                                      guidance(now, context, clock));
     const bool sent = !planned.plan.sends.empty();
+    guard::Origin* origin = origins_.find(round);
+    if (!planned.plan.refused.empty() && origin != nullptr) origin->stay_local(round.round);
     events_.emplace_back(std::move(planned));
     return sent;
   }
@@ -96,6 +98,7 @@ class Endpoint::Impl {
     if (peer == nullptr) return {};
     choose_mode(now, *found, *peer, message_class, variant_bytes, costs);
     wire::RoundHeader header = found->header;
+    header.stage = static_cast<std::uint8_t>(found->stage + 1);
     header.message_class = message_class;
     const auto clock = clock_of(now, header, peers_.find(found->from));
     found->previewed =

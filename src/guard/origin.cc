@@ -62,7 +62,7 @@ Origin::Begun Origin::begin(TimePoint now) {
               now,
               guard_->begin(observer_->base(now, config_.stages.size()), config_.deadline)};
   past_[round.value % kRing] = {round, RoundState::kUnknown, now, std::nullopt};
-  open_.push_back({begun, std::nullopt});
+  open_.push_back({begun, std::nullopt, false});
   return begun;
 }
 
@@ -143,6 +143,10 @@ void Origin::local_result(RoundId round, Bytes result) {
   open->local = std::move(result);
 }
 
+void Origin::stay_local(RoundId round) {
+  if (Open* open = find(round)) open->stays_local = true;
+}
+
 std::vector<RoundDone> Origin::expire(TimePoint now) {
   std::vector<RoundDone> out;
   while (!open_.empty() && open_.front().begun.t0 + config_.deadline <= now) {
@@ -179,20 +183,23 @@ void Origin::answer(RoundDone& done, std::optional<Bytes> local) {
 RoundDone Origin::decide(TimePoint now, RoundId round, Outcome outcome) {
   const auto it = std::ranges::find(open_, round, [](const Open& o) { return o.begun.ref.round; });
   const Begun begun = it->begun;
-  open_.erase(it);
   const bool on_time = outcome == Outcome::kRemote;
-  const RoundState state = on_time ? RoundState::kOnTime : RoundState::kMissed;
+  const bool missed = !on_time && !it->stays_local;
+  open_.erase(it);
+  const RoundState state = on_time  ? RoundState::kOnTime
+                           : missed ? RoundState::kMissed
+                                    : RoundState::kUnknown;
   Past& past = past_[round.value % kRing];
   past.state = state;
   if (on_time) {
     past.e2e = now - begun.t0;
-  } else if (!past.e2e) {
+  } else if (missed && !past.e2e) {
     past.e2e = kNever;
   }
   observer_->settle(now, round, state, past.e2e);
   if (on_time) {
     guard_->on_time(begun.sent);
-  } else {
+  } else if (missed) {
     guard_->missed(now, round);
   }
   RoundDone done;

@@ -42,6 +42,8 @@ class Origin {
   std::optional<RoundDone> remote_result(TimePoint now, RoundId round, Bytes result, bool degraded,
                                          const Spent& spent = {});
   void local_result(RoundId round, Bytes result);
+  // The policy decided that the round stays here: it is answered locally, and that is no miss.
+  void stay_local(RoundId round);
   // Rounds whose deadline has passed at `now` (t0 + D_N <= now) are answered locally: by the local
   // result or the last remote one, whichever is worth more (FallbackQuality).
   std::vector<RoundDone> expire(TimePoint now);
@@ -56,6 +58,7 @@ class Origin {
   struct Open {
     Begun begun;
     std::optional<Bytes> local;
+    bool stays_local = false;
   };
   struct Last {
     RoundId round{};

@@ -1,7 +1,10 @@
 #include "perception/codec.h"
 
+#include <algorithm>
 #include <cassert>
+#include <cmath>
 #include <cstring>
+#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "perception/big_endian.h"
@@ -13,13 +16,90 @@ constexpr std::uint16_t kMagic = 0x494D;  // "IM"
 constexpr std::uint8_t kVersion = 1;
 constexpr int kMaxSide = 0xFFFF;  // pixels; the source's sides travel as 16 bits
 
+// Of the variants that have one size.
 cv::Size size_of(Variant variant) {
-  return variant == Variant::kRaw ? cv::Size(kRawWidth, kRawHeight)
-                                  : cv::Size(kSampledWidth, kSampledHeight);
+  return variant == Variant::kSampled ? cv::Size(kSampledWidth, kSampledHeight)
+                                      : cv::Size(kRawWidth, kRawHeight);
 }
 
 [[maybe_unused]] bool valid_source(cv::Size size) {
   return size.width >= 1 && size.height >= 1 && size.width <= kMaxSide && size.height <= kMaxSide;
+}
+
+// The picture's size as the file says (ITU T.81, B.2.2: the frame header), or nothing. Looked at
+// before a decoder gets memory for it; so what decoders may skip (fill bytes, markers without
+// length) is refused.
+std::optional<cv::Size> jpeg_size(ByteView file) {
+  ByteReader in(file);
+  if (in.get<std::uint16_t>() != 0xFFD8) return {};
+  while (in.ok()) {
+    const auto marker = in.get<std::uint16_t>();
+    const auto length = in.get<std::uint16_t>();
+    const bool other = marker == 0xFFC4 || marker == 0xFFC8 || marker == 0xFFCC;
+    if (marker >= 0xFFC0 && marker <= 0xFFCF && !other) {
+      in.get<std::uint8_t>();  // bits per sample
+      const int height = in.get<std::uint16_t>();
+      const int width = in.get<std::uint16_t>();
+      if (!in.ok()) return {};
+      return cv::Size(width, height);
+    }
+    const bool has_length =
+        marker >= 0xFFC0 && marker != 0xFFFF && (marker < 0xFFD0 || marker > 0xFFDA);
+    if (!has_length || length < 2) return {};
+    in = ByteReader(in.rest().subspan(std::min<std::size_t>(in.rest().size(), length - 2U)));
+  }
+  return {};
+}
+
+// A whole frame of at most kMaxJpegPixels.
+cv::Mat shrunken(const cv::Mat& bgr) {
+  const double pixels = static_cast<double>(bgr.total());
+  if (pixels <= kMaxJpegPixels) return bgr;
+  const double scale = std::sqrt(kMaxJpegPixels / pixels);
+  cv::Mat out;
+  cv::resize(bgr, out,
+             {std::max(1, static_cast<int>(bgr.cols * scale)),
+              std::max(1, static_cast<int>(bgr.rows * scale))},
+             0, 0, cv::INTER_AREA);
+  return out;
+}
+
+void append_pixels(Bytes& out, const cv::Mat& picture) {
+  const auto row_bytes = static_cast<std::size_t>(picture.cols) * picture.elemSize();
+  for (int y = 0; y < picture.rows; ++y) {
+    const ByteView row = std::as_bytes(std::span(picture.ptr(y), row_bytes));
+    out.insert(out.end(), row.begin(), row.end());
+  }
+}
+
+void append_jpeg(Bytes& out, const cv::Mat& bgr) {
+  std::vector<std::uint8_t> file;
+  cv::imencode(".jpg", bgr, file, {cv::IMWRITE_JPEG_QUALITY, kJpegQuality});
+  const ByteView bytes = std::as_bytes(std::span(file));
+  out.insert(out.end(), bytes.begin(), bytes.end());
+}
+
+// The pixels after the header, or an empty picture.
+cv::Mat decode_pixels(Variant variant, cv::Size size, ByteView bytes) {
+  cv::Mat picture(size, variant == Variant::kGrey ? CV_8UC1 : CV_8UC3);  // rows follow each other
+  std::memcpy(picture.data, bytes.data(), bytes.size());
+  if (variant == Variant::kGrey) cv::cvtColor(picture, picture, cv::COLOR_GRAY2BGR);
+  return picture;
+}
+
+cv::Mat decode_jpeg(cv::Size size, ByteView bytes) {
+  const auto pixels = static_cast<std::int64_t>(size.width) * size.height;
+  if (jpeg_size(bytes) != size || pixels > kMaxJpegPixels) return {};
+  const ByteView end = bytes.last(2);  // decoders fill up what is cut off
+  if (end[0] != std::byte{0xFF} || end[1] != std::byte{0xD9}) return {};
+  const cv::Mat file(1, static_cast<int>(bytes.size()), CV_8UC1,
+                     const_cast<std::byte*>(bytes.data()));  // only read
+  try {
+    const cv::Mat picture = cv::imdecode(file, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION);
+    return picture.size() == size ? picture : cv::Mat{};
+  } catch (const cv::Exception&) {
+    return {};
+  }
 }
 
 }  // namespace
@@ -38,15 +118,23 @@ cv::Mat every_second_pixel(const cv::Mat& image) {
 Image make_variant(const cv::Mat& bgr, std::uint32_t frame, Variant variant) {
   assert(bgr.type() == CV_8UC3 && valid_source(bgr.size()));
   Image image{.bgr = {}, .variant = variant, .frame = frame, .source = bgr.size()};
+  if (variant == Variant::kJpeg) {
+    image.bgr = shrunken(bgr);
+    return image;
+  }
   // By area, so that fine texture does not alias when a large camera picture shrinks.
   cv::resize(bgr, image.bgr, size_of(Variant::kRaw), 0, 0, cv::INTER_AREA);
   if (variant == Variant::kSampled) image.bgr = every_second_pixel(image.bgr);
+  if (variant == Variant::kGrey) {
+    cv::cvtColor(image.bgr, image.bgr, cv::COLOR_BGR2GRAY);
+    cv::cvtColor(image.bgr, image.bgr, cv::COLOR_GRAY2BGR);
+  }
   return image;
 }
 
 Bytes encode_image(const Image& image) {
-  assert(image.bgr.type() == CV_8UC3 && image.bgr.size() == size_of(image.variant));
-  assert(valid_source(image.source));
+  assert(image.bgr.type() == CV_8UC3 && valid_source(image.source));
+  assert(image.variant == Variant::kJpeg || image.bgr.size() == size_of(image.variant));
   Bytes out;
   out.reserve(encoded_size(image.variant));
   append(out, kMagic);
@@ -57,20 +145,25 @@ Bytes encode_image(const Image& image) {
   append(out, image.frame);
   append(out, static_cast<std::uint16_t>(image.source.width));
   append(out, static_cast<std::uint16_t>(image.source.height));
-  const auto row_bytes = static_cast<std::size_t>(image.bgr.cols) * image.bgr.elemSize();
-  for (int y = 0; y < image.bgr.rows; ++y) {
-    const ByteView row = std::as_bytes(std::span(image.bgr.ptr(y), row_bytes));
-    out.insert(out.end(), row.begin(), row.end());
+  if (image.variant == Variant::kJpeg) {
+    append_jpeg(out, image.bgr);
+  } else if (image.variant == Variant::kGrey) {
+    cv::Mat grey;
+    cv::extractChannel(image.bgr, grey, 0);
+    append_pixels(out, grey);
+  } else {
+    append_pixels(out, image.bgr);
   }
   return out;
 }
 
-std::vector<Bytes> encode_variants(const cv::Mat& bgr, std::uint32_t frame) {
-  const Image raw = make_variant(bgr, frame, Variant::kRaw);
-  Image sampled = raw;
-  sampled.variant = Variant::kSampled;
-  sampled.bgr = every_second_pixel(raw.bgr);
-  return {encode_image(raw), encode_image(sampled)};
+std::vector<Bytes> encode_variants(const cv::Mat& bgr, std::uint32_t frame,
+                                   std::initializer_list<Variant> variants) {
+  std::vector<Bytes> out;
+  for (const Variant variant : variants) {
+    out.push_back(encode_image(make_variant(bgr, frame, variant)));
+  }
+  return out;
 }
 
 std::optional<Image> decode_image(ByteView bytes) {
@@ -80,15 +173,17 @@ std::optional<Image> decode_image(ByteView bytes) {
   if (variant >= kVariants) return {};
   Image image;
   image.variant = static_cast<Variant>(variant);
-  const cv::Size size = size_of(image.variant);
-  if (in.get<std::uint16_t>() != size.width || in.get<std::uint16_t>() != size.height) return {};
+  const cv::Size size{in.get<std::uint16_t>(), in.get<std::uint16_t>()};
   image.frame = in.get<std::uint32_t>();
   image.source.width = in.get<std::uint16_t>();
   image.source.height = in.get<std::uint16_t>();
   if (!in.ok() || image.source.width < 1 || image.source.height < 1) return {};
-  if (bytes.size() != encoded_size(image.variant)) return {};
-  image.bgr.create(size, CV_8UC3);  // continuous, so the rows follow each other
-  std::memcpy(image.bgr.data, in.rest().data(), in.rest().size());
+  if (image.variant == Variant::kJpeg) {
+    image.bgr = decode_jpeg(size, in.rest());
+  } else if (size == size_of(image.variant) && bytes.size() == encoded_size(image.variant)) {
+    image.bgr = decode_pixels(image.variant, size, in.rest());
+  }
+  if (image.bgr.empty()) return {};
   return image;
 }
 

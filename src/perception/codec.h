@@ -1,24 +1,28 @@
-// Images as messages: the paper's two variants of a frame, uncompressed. Sizes are fixed, so that
-// the uplink carries what the paper's does: raw is 512 KiB less 100 B, sampled a quarter of it.
+// Images as messages: the paper's variants of a frame (raw, every second pixel, grey),
+// uncompressed, and JPEG. The paper's have fixed sizes, so that the uplink carries what its does:
+// raw is 512 KiB less 100 B, sampled a quarter of it, grey a third. JPEG holds the whole frame; on
+// the demo's video it is 7 times smaller than raw at the same accuracy (realtime.md §3.4).
 //
 // Wire format, big-endian, a header of 16 bytes, then the pixels:
 //
 //   offset size field
 //        0    2 magic 0x494D, "IM"
 //        2    1 version, 1
-//        3    1 variant: 0 raw, 1 sampled
-//        4    2 width, in pixels; 484 (raw) or 242 (sampled)
-//        6    2 height; 361 or 181
+//        3    1 variant: 0 raw, 1 sampled, 2 grey, 3 JPEG
+//        4    2 width, in pixels; 484 (raw, grey), 242 (sampled) or the source's (JPEG)
+//        6    2 height; 361, 181 or the source's
 //        8    4 frame: 0-based index in the source
 //       12    2 source width, in pixels, >= 1: boxes are expressed in pixels of the source
 //       14    2 source height, >= 1
-//       16    3·width·height: rows from the top, pixels from the left, bytes blue, green, red
+//       16    raw, sampled: 3·width·height: rows from the top, pixels from the left, bytes blue,
+//             green, red; grey: width·height, likewise; JPEG: a file of that size
 //
 // Pure functions: safe from any thread.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
+#include <initializer_list>
 #include <opencv2/core.hpp>
 #include <optional>
 #include <vector>
@@ -27,34 +31,48 @@
 
 namespace interneuron::perception {
 
-// Also the index of the variant in encode_variants(): best first, as policies expect.
-enum class Variant : std::uint8_t { kRaw = 0, kSampled = 1 };
-inline constexpr std::size_t kVariants = 2;
+enum class Variant : std::uint8_t { kRaw = 0, kSampled = 1, kGrey = 2, kJpeg = 3 };
+inline constexpr std::size_t kVariants = 4;
 
 inline constexpr int kRawWidth = 484;   // pixels; 484 x 361 x 3 B = 524,172 B, the paper's "512 KB"
 inline constexpr int kRawHeight = 361;  // pixels; same
 inline constexpr int kSampledWidth = 242;  // pixels; every second of the raw's: 131,406 B, "128 KB"
 inline constexpr int kSampledHeight = 181;
 inline constexpr std::size_t kImageHeaderBytes = 16;
+inline constexpr int kJpegQuality = 80;  // 76 KB of the demo's frames, realtime.md §3.4
+// Pixels of a JPEG: larger frames are made smaller, larger messages refused before they are
+// decompressed. 3840 x 2160; chosen.
+inline constexpr int kMaxJpegPixels = 3840 * 2160;
 
-// Bytes of the whole message.
+// Bytes of the whole message; 0 for JPEG, whose size depends on the frame.
 constexpr std::size_t encoded_size(Variant variant) {
-  const auto pixels =
-      variant == Variant::kRaw ? kRawWidth * kRawHeight : kSampledWidth * kSampledHeight;
-  return kImageHeaderBytes + 3 * static_cast<std::size_t>(pixels);
+  constexpr std::size_t kRawPixels = std::size_t{kRawWidth} * kRawHeight;
+  constexpr std::size_t kSampledPixels = std::size_t{kSampledWidth} * kSampledHeight;
+  switch (variant) {
+    case Variant::kRaw:
+      return kImageHeaderBytes + 3 * kRawPixels;
+    case Variant::kSampled:
+      return kImageHeaderBytes + 3 * kSampledPixels;
+    case Variant::kGrey:
+      return kImageHeaderBytes + kRawPixels;
+    case Variant::kJpeg:
+      break;
+  }
+  return 0;
 }
 
 // One variant of one frame.
 struct Image {
-  cv::Mat bgr{};  // 8 bits, 3 channels; shared, like every cv::Mat: do not write to it
+  cv::Mat bgr{};  // 8 bits, 3 channels (grey: all equal); shared: do not write to it
   Variant variant = Variant::kRaw;
   std::uint32_t frame = 0;    // 0-based index in the source
   cv::Size source{768, 576};  // pixels, 1 … 65535 each
 };
 
 // The variant of a frame: raw is the frame resized by area to 484 x 361, whatever its aspect;
-// sampled is every second pixel of raw per axis. Requires: bgr is 8 bits, 3 channels, 1 … 65535
-// pixels per side.
+// sampled is every second pixel of raw per axis, grey is raw without colours; JPEG is the frame
+// itself, made smaller only where it has more than kMaxJpegPixels. Requires: bgr is 8 bits, 3
+// channels, 1 … 65535 pixels per side.
 Image make_variant(const cv::Mat& bgr, std::uint32_t frame, Variant variant);
 
 // Every second pixel per axis, starting with the first: 242 x 181 of 484 x 361.
@@ -62,8 +80,10 @@ cv::Mat every_second_pixel(const cv::Mat& image);
 
 Bytes encode_image(const Image& image);
 
-// {raw, sampled}. Requires as make_variant().
-std::vector<Bytes> encode_variants(const cv::Mat& bgr, std::uint32_t frame);
+// {raw, sampled}, or those named; to be submitted, name the best first. Requires as make_variant().
+std::vector<Bytes> encode_variants(const cv::Mat& bgr, std::uint32_t frame,
+                                   std::initializer_list<Variant> variants = {Variant::kRaw,
+                                                                              Variant::kSampled});
 
 // The image in a message, or nothing if the bytes are not exactly one. Any bytes will do; never
 // throws on them. The image owns a copy of the pixels.

@@ -10,18 +10,20 @@ bool is_small_result(const Offer& offer) {
          offer.variant_bytes.front() <= kSmallResultBytes;
 }
 
-Plan over_every_link(std::span<const LinkState> links) {
+Plan over_every_link(const Policy& policy, std::span<const LinkState> links) {
   Plan plan;
   for (const LinkState& link : links) {
-    if (link.up) plan.sends.push_back({.variant = 0, .link = link.id});
+    if (link.up && policy.allows(link)) plan.sends.push_back({.variant = 0, .link = link.id});
   }
   return plan;
 }
 
-bool can_be_sent(const Assignment& send, const Offer& offer, std::span<const LinkState> links) {
+bool can_be_sent(const Policy& policy, const Assignment& send, const Offer& offer,
+                 std::span<const LinkState> links) {
   return send.variant < offer.variant_bytes.size() &&
-         std::ranges::any_of(
-             links, [&](const LinkState& link) { return link.up && link.id == send.link; });
+         std::ranges::any_of(links, [&](const LinkState& link) {
+           return link.up && link.id == send.link && policy.allows(link);
+         });
 }
 
 }  // namespace
@@ -29,15 +31,19 @@ bool can_be_sent(const Assignment& send, const Offer& offer, std::span<const Lin
 Plan plan_message(const Policy& policy, const Offer& offer, std::span<const LinkState> links,
                   const Guidance& guidance) {
   if (offer.variant_bytes.empty() || std::ranges::none_of(links, &LinkState::up)) return {};
-  if (is_small_result(offer)) return over_every_link(links);
+  if (is_small_result(offer)) {
+    Plan everywhere = over_every_link(policy, links);
+    if (!everywhere.sends.empty()) return everywhere;  // else the policy says why not
+  }
 
   const Plan answer = policy.plan(offer, links, guidance);
   Plan plan;
   for (const Assignment& send : answer.sends) {
     const bool repeated = std::ranges::find(plan.sends, send) != plan.sends.end();
-    if (!repeated && can_be_sent(send, offer, links)) plan.sends.push_back(send);
+    if (!repeated && can_be_sent(policy, send, offer, links)) plan.sends.push_back(send);
   }
   plan.under_floor = answer.under_floor && !plan.sends.empty();
+  if (plan.sends.empty()) plan.refused = answer.refused;
   return plan;
 }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "interneuron/policy.h"
+#include "plan/wire_size.h"
 
 namespace interneuron {
 namespace {
@@ -43,6 +44,14 @@ std::vector<LinkState> match(const Requirement& requirement, std::span<const Lin
 
 DataRate rate_floor(const QoS& qos, std::size_t bytes) {
   return rate_of(bytes, qos.period > Duration::zero() ? qos.period : qos.deadline);
+}
+
+Duration arrival_time(const LinkState& link, std::size_t bytes) {
+  const bool measured = link.rtt_p95 > Duration::zero() && link.rate > DataRate{};
+  if (!measured) return Duration::max();
+  // Bounded, so that sums of such times stay representable.
+  return link.rtt_p95 / 2 +
+         std::min<Duration>(link.rate.transmit_time(wire_size(bytes)), std::chrono::hours(1));
 }
 
 }  // namespace interneuron

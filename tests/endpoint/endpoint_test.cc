@@ -26,6 +26,7 @@ struct Pair {
   int ready = 0;
   int restarted = 0;
   int lost = 0;
+  int refused = 0;
 
   explicit Pair(std::vector<PipelineConfig> pipelines = {pipeline_of(kOffload)},
                 Duration road_clock = 0ns) {
@@ -46,6 +47,8 @@ struct Pair {
         ++restarted;
       } else if (std::holds_alternative<PeerLost>(e)) {
         ++lost;
+      } else if (auto* planned = std::get_if<Planned>(&e)) {
+        if (planned->plan.refused == kInsecure) ++refused;
       }
     };
     peer = pipe.connect(vehicle, road);
@@ -233,6 +236,27 @@ TEST(Endpoint, TwoPipelinesAtOnce) {
   EXPECT_EQ(std::ranges::count(p.done, PipelineId{7},
                                [](const RoundDone& d) { return d.round.pipeline; }),
             5);
+}
+
+TEST(Endpoint, ARoundThatThePolicyKeepsLocalIsNoMiss) {
+  PipelineConfig config = pipeline_of(kOffload);
+  config.policy = "secure";  // and no link is trusted
+  Pair p({config});
+  for (int i = 0; i < 3; ++i) {
+    const RoundRef ref = p.pipe.round(p.vehicle);
+    EXPECT_FALSE(p.pipe.submitted);
+    p.pipe.at(p.vehicle).local_result(p.pipe.local(p.vehicle), ref, Bytes(7));
+    p.pipe.run(200ms);
+  }
+  EXPECT_EQ(p.refused, 3);
+  EXPECT_TRUE(p.delivered.empty());
+  ASSERT_EQ(p.done.size(), 3U);
+  for (const RoundDone& done : p.done) {
+    EXPECT_EQ(done.outcome, Outcome::kLocal);
+    EXPECT_EQ(done.result.size(), 7U);
+    EXPECT_FALSE(done.recovering);
+    EXPECT_EQ(done.x_permille, 0);
+  }
 }
 
 // --- over two remote nodes: A -> B -> C -> A

@@ -36,6 +36,7 @@ std::vector<LinkState> three_links() {
   links[1].id = kDown;
   links[2].id = kAlsoUp;
   links[0].up = links[2].up = true;
+  for (LinkState& link : links) link.nature.security = 0.5;  // what the policy `secure` asks for
   return links;
 }
 
@@ -85,6 +86,34 @@ TEST(PlanMessage, SmallResultsGoOverEveryLinkWhicheverPolicyRuns) {
     EXPECT_THAT(plan.sends, everywhere) << policy->name();
     EXPECT_FALSE(plan.under_floor);
   }
+}
+
+// Allows one link, and plans both.
+class Choosy final : public Policy {
+ public:
+  std::string_view name() const override { return "choosy"; }
+  Plan plan(const Offer&, std::span<const LinkState>, const Guidance&) const override {
+    return {.sends = {{0, kUp}, {0, kAlsoUp}}, .refused = "not refused after all"};
+  }
+  Merge merge(const Arrival&) const override { return Merge::kDeliver; }
+  bool allows(const LinkState& link) const override { return link.id == kAlsoUp; }
+};
+
+TEST(PlanMessage, NothingGoesOverALinkThatThePolicyForbids) {
+  const std::array<std::size_t, 1> small{kSmallResultBytes};
+  for (const MessageClass message_class : {MessageClass::kData, MessageClass::kResult}) {
+    const Plan plan = plan_with(Choosy(), message_class, small);
+    EXPECT_THAT(plan.sends, ElementsAre(Assignment{0, kAlsoUp}));
+    EXPECT_TRUE(plan.refused.empty());
+  }
+}
+
+TEST(PlanMessage, PassesOnWhyNothingIsSent) {
+  const Scripted policy({.sends = {}, .under_floor = true, .refused = "too far"});
+  const Plan plan = plan_with(policy, MessageClass::kData, kTwoVariants);
+  EXPECT_THAT(plan.sends, IsEmpty());
+  EXPECT_FALSE(plan.under_floor);
+  EXPECT_EQ(plan.refused, "too far");
 }
 
 TEST(PlanMessage, LargerResultsAndSmallDataAreThePolicysBusiness) {

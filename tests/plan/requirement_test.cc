@@ -140,5 +140,25 @@ TEST(RateFloor, WithoutPeriodAndDeadlineThereIsNone) {
   EXPECT_EQ(rate_floor({.deadline = milliseconds(-1)}, 10'000), DataRate{0});
 }
 
+TEST(ArrivalTime, IsHalfTheRoundTripAndTheFragmentsAtTheRate) {
+  LinkState link;
+  link.rtt_p95 = std::chrono::milliseconds(40);
+  link.rate = DataRate::mbit(8);
+  EXPECT_EQ(arrival_time(link, 0), std::chrono::milliseconds(20));
+  // 1,352 bytes are one packet of 1,428: 1.428 ms at 1 byte per µs.
+  EXPECT_EQ(arrival_time(link, 1352), std::chrono::microseconds(21'428));
+  EXPECT_GT(arrival_time(link, kMaxMessageBytes), std::chrono::seconds(8));
+}
+
+TEST(ArrivalTime, IsNotKnownWhileTheLinkIsNotMeasured) {
+  LinkState link;
+  EXPECT_EQ(arrival_time(link, 1), Duration::max());
+  link.rate = DataRate::mbit(8);
+  EXPECT_EQ(arrival_time(link, 1), Duration::max());
+  link.rtt_p95 = std::chrono::milliseconds(40);
+  link.rate = {};
+  EXPECT_EQ(arrival_time(link, 1), Duration::max());
+}
+
 }  // namespace
 }  // namespace interneuron

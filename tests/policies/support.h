@@ -56,6 +56,14 @@ inline QoS frames_at_10_hz() {
   return {.deadline = std::chrono::milliseconds(130), .period = std::chrono::milliseconds(100)};
 }
 
+// The paper's three models, lowest first: weights n, l, x6 on raw and sampled images.
+inline std::vector<LevelProfile> three_levels() {
+  using std::chrono::milliseconds;
+  return {{milliseconds(8), milliseconds(10), {0.136, 0.128}},
+          {milliseconds(19), milliseconds(24), {0.348, 0.327}},
+          {milliseconds(44), milliseconds(48), {0.396, 0.383}}};
+}
+
 struct Case {
   const char* name;
   std::vector<std::size_t> variant_bytes;

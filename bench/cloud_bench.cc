@@ -1,0 +1,68 @@
+// Times the thinning of point clouds on a synthetic sweep of 64 rings over ground and walls, as a
+// roof lidar gives ten times a second. Criterion (issue 5): >= 300,000 points per second and core.
+#include <benchmark/benchmark.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "perception/point_cloud.h"
+
+namespace interneuron::perception {
+namespace {
+
+constexpr int kRings = 64;
+constexpr int kPerRing = 1800;         // a point each 0.2°
+constexpr float kSensorHeight = 1.7F;  // m
+constexpr float kWall = 25;            // m, half the side of a square of walls
+
+Points sweep() {
+  Points points(4, kRings * kPerRing);
+  for (int ring = 0; ring < kRings; ++ring) {
+    const float down =
+        (-2.0F + 27.0F * static_cast<float>(ring) / kRings) * std::numbers::pi_v<float> / 180;
+    for (int i = 0; i < kPerRing; ++i) {
+      const float angle = 2 * std::numbers::pi_v<float> * static_cast<float>(i) / kPerRing;
+      const float x = std::cos(angle);
+      const float y = std::sin(angle);
+      const float to_wall = kWall / std::max(std::abs(x), std::abs(y));
+      const float to_ground = down > 0 ? kSensorHeight / std::tan(down) : to_wall;
+      const float range = std::min(to_wall, to_ground);
+      points.col(ring * kPerRing + i) << x * range, y * range, -std::tan(down) * range, 0.5F;
+    }
+  }
+  return points;
+}
+
+void per_point(benchmark::State& bench, const Points& points) {
+  bench.SetItemsProcessed(bench.iterations() * points.cols());
+}
+
+// Argument: side of a voxel, cm.
+void voxels(benchmark::State& bench) {
+  const Points points = sweep();
+  const double side = static_cast<double>(bench.range(0)) / 100;
+  for (auto _ : bench) benchmark::DoNotOptimize(voxel_grid(points, side).data());
+  per_point(bench, points);
+}
+BENCHMARK(voxels)->Arg(10)->Arg(20)->Arg(40);
+
+void every_fourth(benchmark::State& bench) {
+  const Points points = sweep();
+  for (auto _ : bench) benchmark::DoNotOptimize(stride(points, 4).data());
+  per_point(bench, points);
+}
+BENCHMARK(every_fourth);
+
+// What a vehicle does per sweep: thin it, and write both variants.
+void encode_both(benchmark::State& bench) {
+  const Points points = sweep();
+  for (auto _ : bench) benchmark::DoNotOptimize(encode_cloud_variants(points, 0, 0.2).data());
+  per_point(bench, points);
+}
+BENCHMARK(encode_both);
+
+}  // namespace
+}  // namespace interneuron::perception
+
+BENCHMARK_MAIN();

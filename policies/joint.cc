@@ -1,0 +1,58 @@
+// joint: one choice over data and model together (Jiang et al. 2021; realtime.md §2), instead of
+// two knobs turned one after the other.
+//
+// Sender: of all (variant, link, level) whose answer is back in Guidance::time_left, as links and
+// levels are measured, the one with the highest expected quality; of equals the soonest. The level
+// is the guard's to choose when the input has arrived; here it tells what the variant is worth.
+//
+//   levels and time known    the variant and link of the best (variant, link, level) in time
+//   levels not known         the best variant in time, over the link where it is soonest
+//   nothing in time, or no   the smallest over the fastest link that carries it, else over the
+//     link is measured       fastest, reported
+//   degraded                 as above, of the smallest variant alone
+//
+// Beside it the smallest variant over the fastest other link that carries it, as an insurance, when
+// that costs the first nothing: the link is not metered, and the chosen link needs no help of it.
+//
+// Receiver: holds what is not the best that was planned until the stage deadline.
+#include <algorithm>
+
+#include "policies/builtin.h"
+#include "policies/choice.h"
+#include "policies/offload.h"
+
+namespace interneuron::policies {
+namespace {
+
+void insure(Plan& plan, const Offer& offer, std::span<const LinkState> links) {
+  if (plan.sends.empty() || plan.under_floor) return;
+  const std::uint8_t smallest = smallest_variant(offer);
+  const DataRate floor = rate_floor(offer.qos, offer.variant_bytes[smallest]);
+  const std::vector<LinkState> able = fastest(links, floor, kAllLinks);
+  const auto other = std::ranges::find_if(able, [&plan](const LinkState& link) {
+    return link.id != plan.sends.front().link && !link.traits.metered;
+  });
+  if (other != able.end()) plan.sends.push_back({smallest, other->id});
+}
+
+class Joint final : public Policy {
+ public:
+  std::string_view name() const override { return "joint"; }
+
+  Plan plan(const Offer& offer, std::span<const LinkState> links,
+            const Guidance& guidance) const override {
+    const auto best = best_offload(offer, links, guidance);
+    Plan plan = best ? send_over({&best->link, 1}, best->variant)
+                     : over_fastest(offer, links, smallest_variant(offer), 1);
+    insure(plan, offer, links);
+    return plan;
+  }
+
+  Merge merge(const Arrival& arrival) const override { return hold_for_better(arrival); }
+};
+
+}  // namespace
+
+std::shared_ptr<const Policy> joint() { return std::make_shared<Joint>(); }
+
+}  // namespace interneuron::policies

@@ -1,0 +1,83 @@
+// placement: offload or stay, round by round (Kayak, NSDI 2021; realtime.md §2).
+//
+// Sender: compares Guidance::local_quality with the best quality that is back in time, as `joint`
+// weighs it, over each link. Where offloading promises more, sends as `joint`; else nothing, and
+// the round is answered locally (kLocalIsBetter).
+//
+// A round that stays local measures nothing, and a link near its limit must not make the choice
+// flap; a policy keeps no state, but the age of a link's evidence tells what was done lately:
+//
+//   newest evidence of the rate     a link is in time within
+//   at most 2 periods old           time_left: it is in use, and stays so
+//   older                           0.9 time_left: to come back, there must be room to spare
+//   on all links older than its     nothing is known: offload, only sending can tell
+//     confidence's half-life
+//
+// (NOTES §2: a link not measured lately loses confidence; that in the rate halves within 42 s, see
+// src/link/nature.h.) Results, and data while time, levels or local quality are not known, go as
+// with `joint`.
+//
+// Receiver: as `joint`.
+#include <algorithm>
+
+#include "policies/builtin.h"
+#include "policies/choice.h"
+#include "policies/offload.h"
+
+namespace interneuron::policies {
+namespace {
+
+constexpr int kRecentPeriods = 2;      // chosen: one may be missed
+constexpr double kRoomToReturn = 0.9;  // share of time_left; chosen
+// Grace and half-life of the confidence in a rate (src/link/nature.h).
+constexpr Duration kRateStale = std::chrono::seconds(42);
+
+bool stale(const LinkState& link) {
+  return link.rate == DataRate{} || link.rate_age > kRateStale || link.confidence < 0.5;
+}
+
+class Placement final : public Policy {
+ public:
+  std::string_view name() const override { return "placement"; }
+
+  Plan plan(const Offer& offer, std::span<const LinkState> links,
+            const Guidance& guidance) const override {
+    const bool known = guidance.local_quality > 0 && !guidance.levels.empty() &&
+                       guidance.time_left != Duration::max();
+    if (offer.qos.message_class == MessageClass::kData && known &&
+        !worth_offloading(offer, links, guidance)) {
+      Plan local;
+      local.refused = kLocalIsBetter;
+      return local;
+    }
+    return offloading_->plan(offer, links, guidance);
+  }
+
+  Merge merge(const Arrival& arrival) const override { return offloading_->merge(arrival); }
+
+ private:
+  // Also where no link is up: then there is nothing to be refused.
+  static bool worth_offloading(const Offer& offer, std::span<const LinkState> links,
+                               const Guidance& guidance) {
+    const std::vector<LinkState> able = fastest(links, {}, kAllLinks);
+    if (able.empty() || std::ranges::all_of(able, stale)) return true;
+    return std::ranges::any_of(able, [&](const LinkState& link) {
+      Guidance within = guidance;
+      const bool in_use = link.rate_age <= kRecentPeriods * offer.qos.period;
+      if (!in_use) {
+        within.time_left = Duration{static_cast<std::int64_t>(
+            static_cast<double>(guidance.time_left.count()) * kRoomToReturn)};
+      }
+      const auto best = best_offload(offer, {&link, 1}, within);
+      return best && best->quality > guidance.local_quality;
+    });
+  }
+
+  std::shared_ptr<const Policy> offloading_ = joint();
+};
+
+}  // namespace
+
+std::shared_ptr<const Policy> placement() { return std::make_shared<Placement>(); }
+
+}  // namespace interneuron::policies

@@ -1,0 +1,67 @@
+// secure(inner, floor): another policy, over links whose security score reaches a floor alone.
+//
+// The score (NOTES §2) is 0.5 for encrypted sessions or a network that the operator trusts, 1 for
+// both. Sessions are not encrypted yet, so 0.5 rests on the operator's word (LinkTraits::trusted)
+// and 1 is out of reach.
+//
+//   some link that is up reaches the floor    as the inner policy plans over those
+//   none does                                 nothing (kInsecure), small results neither
+//
+// Each node looks at its own links: the roadside must declare its networks too, else the result
+// does not leave it.
+//
+// Receiver: as the inner policy.
+#include <algorithm>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "policies/builtin.h"
+
+namespace interneuron {
+namespace {
+
+class Secure final : public Policy {
+ public:
+  Secure(std::shared_ptr<const Policy> inner, double floor, std::string_view name)
+      : inner_(std::move(inner)), floor_(floor), name_(name) {}
+
+  std::string_view name() const override { return name_; }
+
+  Plan plan(const Offer& offer, std::span<const LinkState> links,
+            const Guidance& guidance) const override {
+    std::vector<LinkState> allowed;
+    std::ranges::copy_if(links, std::back_inserter(allowed),
+                         [this](const LinkState& link) { return allows(link); });
+    if (std::ranges::any_of(allowed, &LinkState::up)) {
+      return inner_->plan(offer, allowed, guidance);
+    }
+    Plan refusal;
+    if (std::ranges::any_of(links, &LinkState::up)) refusal.refused = kInsecure;
+    return refusal;
+  }
+
+  Merge merge(const Arrival& arrival) const override { return inner_->merge(arrival); }
+
+  bool allows(const LinkState& link) const override {
+    return link.nature.security >= floor_ && inner_->allows(link);
+  }
+
+ private:
+  std::shared_ptr<const Policy> inner_;
+  double floor_;
+  std::string name_;
+};
+
+}  // namespace
+
+std::shared_ptr<const Policy> secure(std::shared_ptr<const Policy> inner, double floor,
+                                     std::string_view name) {
+  if (inner == nullptr) throw std::invalid_argument("secure: no policy is given");
+  if (!(floor > 0 && floor <= 1)) {
+    throw std::invalid_argument("secure: the floor must be above 0 and at most 1");
+  }
+  return std::make_shared<Secure>(std::move(inner), floor, name);
+}
+
+}  // namespace interneuron
