@@ -15,7 +15,7 @@
 
 #include "cli/data.h"
 #include "cli/failure.h"
-#include "cli/report.h"
+#include "cli/run_files.h"
 #include "netns/testbed.h"
 #include "perception/codec.h"
 #include "perception/detection.h"

@@ -10,7 +10,7 @@
 #include <cstring>
 
 #include "cli/failure.h"
-#include "cli/report.h"
+#include "cli/run_files.h"
 
 namespace interneuron::cli {
 namespace {
