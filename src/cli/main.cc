@@ -17,6 +17,7 @@
 #include "cli/link_options.h"
 #include "cli/links_command.h"
 #include "cli/probe.h"
+#include "cli/report/command.h"
 #include "cli/road.h"
 #include "cli/testbed_command.h"
 #include "cli/top_command.h"
@@ -190,6 +191,7 @@ int run_program(int argc, char** argv) {
   add_testbed(program, run);
   add_bench(program, run);
   add_eval(program, run);
+  add_report(program, run);
   program.add_subcommand("version", "The version")->callback([&run] {
     run = [] {
       std::printf("interneuron %s\n", kVersion);

@@ -69,6 +69,7 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"SeedsOfLetters", "eval fig-rt --seeds a..b", 2, "a..b"},
         Mistake{"TooManySeeds", "eval fig-rt --seeds 1..1000000", 2, "1000000"},
         Mistake{"EvalNowhere", "eval fig-rt --out /proc/nowhere", 1, "/proc/nowhere"},
+        Mistake{"ReportNowhere", "report nowhere", 2, "nowhere"},
         Mistake{"CaptureOfTwoRuns", "bench nature --pcap x.pcap", 2, "--load"},
         Mistake{"ProbeTooOften", "probe --peer 127.0.0.1 --interval 0.5ms", 2, "--interval"},
         Mistake{"ProbeTooLarge", "probe --peer 127.0.0.1 --size 1401", 2, "--size"},
@@ -130,7 +131,7 @@ TEST(BadInput, HelpAndVersionAreFine) {
   for (const char* arguments :
        {"--help", "demo --help", "vehicle --help", "road --help", "testbed --help", "version",
         "links --help", "top --help", "doctor --help", "probe --help", "bench nature --help",
-        "eval --help"}) {
+        "eval --help", "report --help"}) {
     EXPECT_EQ(run(arguments).code, 0) << arguments;
   }
 }
