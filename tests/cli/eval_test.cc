@@ -1,12 +1,14 @@
 // `interneuron eval`: what it writes, what it says of the rows, and that it leaves nothing behind
 // when it fails.
 #include <fstream>
+#include <iterator>
 
 #include "cli/eval/document.h"
+#include "cli/eval/experiment.h"
 #include "cli/eval/findings.h"
 #include "cli/eval/scorer.h"
 #include "cli/eval/staging.h"
-#include "cli/failure.h"
+#include "eval/system.h"
 #include "json_schema.h"
 #include "support.h"
 
@@ -125,6 +127,18 @@ TEST(Eval, AFolderWithoutDetectionsThatWasNamedIsAnError) {
   }
 }
 
+TEST(Eval, TheUsersPageNamesEveryExperiment) {
+  std::ifstream file(INTERNEURON_SOURCE_DIR "/docs/evaluation.md");
+  const std::string page{std::istreambuf_iterator<char>(file), {}};
+  for (const Experiment& experiment : experiments()) {
+    const std::string row = std::string("| `") + experiment.name + "` |";
+    EXPECT_NE(page.find(row), std::string::npos) << experiment.name;
+  }
+  for (const auto& system : interneuron::eval::systems()) {
+    EXPECT_NE(page.find("`" + system.name + "`"), std::string::npos) << system.name;
+  }
+}
+
 TEST(EvalStaging, PublishesAllOrNothing) {
   const TempFolder folder;
   {
@@ -190,8 +204,8 @@ TEST(EvalFindings, SayThatABaselineWins) {
       return f.kind != Finding::Kind::kMet && f.text.find(text) != std::string::npos;
     });
   };
-  EXPECT_TRUE(says("erdos_like has a higher quality than ours"));
-  EXPECT_TRUE(says("within the 95 % intervals"));
+  EXPECT_TRUE(says("with no less quality than ours (0.2000): erdos_like (0.2500)"));
+  EXPECT_TRUE(says("erdos_like (950): the 95 % intervals overlap"));
   EXPECT_TRUE(says("fewer timeouts than erdos_like"));
   EXPECT_TRUE(says("% of the oracle's quality"));
 }

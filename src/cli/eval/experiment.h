@@ -26,6 +26,7 @@ struct Experiment {
   const char* title;
   std::uint32_t rounds;  // by default
   std::uint64_t seeds;   // by default 1 … seeds
+  bool scored;           // tells AP and AR
   // Fills in tables, series and notes. Throws Failure.
   void (*run)(const Request& request, Json& document);
 };

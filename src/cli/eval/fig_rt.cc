@@ -15,6 +15,8 @@ namespace {
 
 // The sampled image is used at exactly D1; D1 and D2 are missed.
 constexpr std::uint32_t kShownRounds[] = {6, 11};
+// '+' in the figure, θ1 ≫ D1: later by more than this part of the deadline, as in the demo's plot.
+constexpr int kFarLateDivisor = 5;
 constexpr const char* kLinks[] = {"5g", "4g"};
 
 // The fragments of one message over one link.
@@ -75,7 +77,7 @@ const char* marks_of(const sim::OffloadRound& r, Duration deadline) {
   const Verdict& verdict = r.at_road->verdict;
   if (verdict.released_at_deadline) return "θ1 = D1, sampled used";
   if (r.done.degraded_final) return "θ1 > D1, θ2 > D2";
-  if (verdict.late) return verdict.overrun > deadline / 5 ? "θ1 ≫ D1" : "θ1 > D1";
+  if (verdict.late) return verdict.overrun > deadline / kFarLateDivisor ? "θ1 ≫ D1" : "θ1 > D1";
   return "";
 }
 

@@ -124,7 +124,7 @@ void run_table_network(const Request& request, Json& document) {
             rows));
   document["notes"].push_back(
       "The profiles are models fitted to the paper's table, so the long run agrees by design; one "
-      "drive differs much.");
+      "drive differs much, and a lost ping has no delay.");
 }
 
 }  // namespace interneuron::cli::eval
