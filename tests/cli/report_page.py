@@ -39,7 +39,7 @@ def check_text(folder):
                 problems.append(f"<{element.tag} {name}={value[:60]}> lies outside the page")
     if "prefers-color-scheme: dark" not in page:
         problems.append("no dark colours")
-    if re.search(r"(stroke|fill)=['\"]black['\"]", page):
+    if re.search(r"(stroke|fill|color)=['\"](black|rgb\( *0, *0, *0\))['\"]", page):
         problems.append("black ink in a chart")
     ids = [e.get("id") for e in root.iter() if e.get("id")]
     if len(ids) != len(set(ids)):

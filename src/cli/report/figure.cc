@@ -37,14 +37,14 @@ std::string read_text(const fs::path& file) {
   return std::move(out).str();
 }
 
-// gnuplot's black is the ink of the page.
+// gnuplot's black is the ink of the page: what is drawn in it takes the colour around it.
 std::string in_current_colour(std::string svg) {
-  replace_all(svg, " color=\"black\"", "");
-  for (const char* attribute : {"stroke", "fill"}) {
+  for (const char* black : {"black", "rgb(  0,   0,   0)", "rgb(0,0,0)"}) {
     for (const char quote : {'\'', '"'}) {
-      for (const char* black : {"black", "rgb(  0,   0,   0)", "rgb(0, 0, 0)"}) {
-        replace_all(svg, fmt::format("{}={}{}{}", attribute, quote, black, quote),
-                    fmt::format("{}={}currentColor{}", attribute, quote, quote));
+      replace_all(svg, fmt::format(" color={0}{1}{0}", quote, black), "");
+      for (const char* attribute : {"stroke", "fill"}) {
+        replace_all(svg, fmt::format("{0}={1}{2}{1}", attribute, quote, black),
+                    fmt::format("{0}={1}currentColor{1}", attribute, quote));
       }
     }
   }

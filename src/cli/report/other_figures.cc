@@ -41,7 +41,7 @@ std::string stages_script(const Json& rows, double deadline) {
   std::string s = stages + "EOD\n" + at_d1 + "-9 NaN\nEOD\n" + late + "-9 NaN\nEOD\n" + far +
                   "-9 NaN\nEOD\n" + x + "EOD\n";
   s += fmt::format(
-      "set multiplot\nset lmargin at screen 0.07\nset rmargin at screen 0.80\nset xrange "
+      "set multiplot\nset lmargin at screen 0.08\nset rmargin at screen 0.80\nset xrange "
       "[-0.7:{}]\nset xtics 1\nset tmargin at screen 0.93\nset bmargin at screen 0.36\nset yrange "
       "[0:{}]\nset ylabel 'since t0, ms'\nset format x ''\n"
       "set key outside right top\n"
@@ -104,23 +104,24 @@ Figure waterfall(const Json& w) {
                   kOrange));
   sends("down");
   std::string marks;
-  const auto mark = [&](double at, const std::string& text, const char* colour, int dash,
-                        double up) {
+  // Each on a line of its own above the plot: instants may lie close together.
+  std::size_t line = 0;
+  const auto mark = [&](double at, const std::string& text, const char* colour, int dash) {
     marks += fmt::format(
         "set arrow from {0}, graph 0 to {0}, graph 1 nohead dt {1} lw 1.4 lc rgb '{2}'\n"
-        "set label {3} at {0}, graph {4} offset 0.3,0 tc rgb '{2}'\n",
-        at, dash, colour, gnuplot_text(text), up);
+        "set label {3} at {0}, graph 1 offset 0.3,{4} tc rgb '{2}'\n",
+        at, dash, colour, gnuplot_text(text), 4.5 - static_cast<double>(line++));
   };
   const bool at_d1 = stages.at("at_d1");
-  mark(theta1, fmt::format("θ1 = {}{:.1f}", at_d1 ? "D1 = " : "", theta1), "black", 1, 1.03);
   if (!at_d1 && stages.at("d1_ms").is_number()) {
     mark(stages.at("d1_ms"), fmt::format("D1 = {:.1f}", stages.at("d1_ms").get<double>()), kOrange,
-         2, 1.09);
+         2);
   }
-  mark(theta2, fmt::format("θ2 = {:.1f}", theta2), "black", 1, 1.03);
+  mark(theta1, fmt::format("θ1 = {}{:.1f}", at_d1 ? "D1 = " : "", theta1), "black", 1);
+  mark(theta2, fmt::format("θ2 = {:.1f}", theta2), "black", 1);
   mark(stages.at("e2e_ms"), fmt::format("θ3 = {:.1f}", stages.at("e2e_ms").get<double>()), "black",
-       1, 1.09);
-  mark(deadline, fmt::format("D_N = {:.0f}", deadline), kRed, 2, 1.03);
+       1);
+  mark(deadline, fmt::format("D_N = {:.0f}", deadline), kRed, 2);
   std::string tics;
   for (std::size_t i = 0; i < labels.size(); ++i) {
     tics += fmt::format("{}{} {}", i == 0 ? "" : ", ", gnuplot_text(labels[i]), i);
@@ -128,7 +129,7 @@ Figure waterfall(const Json& w) {
   const std::string script = data + marks +
                              fmt::format(
                                  "set yrange [{}:-0.6]\nset xrange [0:{}]\nset ytics ({})\n"
-                                 "set xlabel 'since t0, ms'\nset tmargin at screen 0.82\n"
+                                 "set xlabel 'since t0, ms'\nset tmargin 6\n"
                                  "set lmargin at screen 0.26\nset rmargin at screen 0.93\n",
                                  static_cast<double>(labels.size()) - 0.4, deadline * 1.08, tics) +
                              plots + "\n";
@@ -137,7 +138,7 @@ Figure waterfall(const Json& w) {
       fmt::format("Where the time of round {} went: each fragment as it was sent, and when each "
                   "stage ended against its deadline",
                   w.at("round").get<int>()),
-      980, 150 + 34 * static_cast<int>(labels.size()), script};
+      980, 190 + 34 * static_cast<int>(labels.size()), script};
 }
 
 }  // namespace
