@@ -162,7 +162,7 @@ TEST(EvalDocument, CellsAsPeopleReadThem) {
     return cell_text(row, table("", "", "", {column}, {})["columns"][0]);
   };
   EXPECT_EQ(text({"/share", "", 1, true}), "5.1");
-  EXPECT_EQ(text({"/ci", "", 1, true}), "1.0–25.0");
+  EXPECT_EQ(text({"/ci", "", 1, true}), "1.0 to 25.0");
   EXPECT_EQ(text({"/n", "", 2}), "7");
   EXPECT_EQ(text({"/none", ""}), "–");
   EXPECT_EQ(text({"/other/key", ""}), "–");

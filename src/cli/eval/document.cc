@@ -74,7 +74,7 @@ std::string cell_text(const Json& row, const Json& column) {
   if (value.is_string()) return value.get<std::string>();
   if (value.is_boolean()) return value.get<bool>() ? "yes" : "no";
   if (value.is_array() && value.size() == 2) {
-    return number_text(value[0], column) + kNothing + number_text(value[1], column);
+    return number_text(value[0], column) + " to " + number_text(value[1], column);
   }
   return number_text(value, column);
 }

@@ -22,7 +22,7 @@ struct Column {
 Json table(const std::string& name, const std::string& title, const std::string& about,
            const std::vector<Column>& columns, const Json& rows);
 
-// One cell as text: "–" for null, "low–high" for two numbers.
+// One cell as text: "–" for null, "low to high" for two numbers.
 std::string cell_text(const Json& row, const Json& column);
 
 // Whether a column is of words, set to the left.

@@ -162,8 +162,8 @@ void run_ladder(const Request& request, Json& document) {
     const Compared compared =
         compare(request, fmt::format("ladder {}", c.name), scenario, all_systems(c.jpeg), false);
     document["tables"].push_back(
-        table(c.name, std::string(c.title) + ": each system against ours, seed by seed",
-              describe(scenario) + " Differences to ours on the same seeds, 95 % intervals by "
+        table(c.name, c.title,
+              describe(scenario) + " Each system against ours on the same seeds; 95 % intervals by "
                                    "Student's t over the seeds.",
               {{"/name", "system"},
                {"/about", "what it is"},

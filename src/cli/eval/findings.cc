@@ -191,26 +191,31 @@ int side(const Json& paired) {
 
 void of_ladder(const Json& document, Findings& out) {
   for (const Json& table : document.at("tables")) {
-    const std::string where = table.at("title");
+    std::string better;    // baselines
+    std::string worthier;  // forms of ours
+    std::string fewer;
+    std::string near;
     for (const Json& r : table.at("rows")) {
       if (r.at("name") == kOurs) continue;
-      const int timeouts = side(r.at("more_timeouts_per_300"));
-      const int quality = side(r.at("more_quality"));
-      const std::string name = r.at("name");
-      if (quality > 0) {
-        out.push_back(
-            {r.at("baseline").get<bool>() ? Finding::Kind::kMissed : Finding::Kind::kNotice,
-             fmt::format("{}: {} has more quality than ours.", where, name)});
-      }
-      if (timeouts < 0) {
-        out.push_back({Finding::Kind::kNotice,
-                       fmt::format("{}: {} has fewer timeouts than ours.", where, name)});
-      }
-      if (quality == 0 && timeouts == 0) {
-        out.push_back(
-            {Finding::Kind::kNotice,
-             fmt::format("{}: {} is within noise of ours, in timeouts and quality.", where, name)});
-      }
+      const Json& timeouts = r.at("more_timeouts_per_300");
+      const Json& quality = r.at("more_quality");
+      const std::string figure = fmt::format("{:+.4f}", number(quality, "mean"));
+      if (side(quality) > 0) add_to(r.at("baseline").get<bool>() ? better : worthier, r, figure);
+      if (side(timeouts) < 0) add_to(fewer, r, fmt::format("{:+.2f}", number(timeouts, "mean")));
+      if (side(quality) == 0 && side(timeouts) == 0) add_to(near, r, figure);
+    }
+    const auto say = [&](bool missed, const char* what, const std::string& list) {
+      if (list.empty()) return;
+      out.push_back({missed ? Finding::Kind::kMissed : Finding::Kind::kNotice,
+                     fmt::format("{}: {}: {}.", table.at("title").get<std::string>(), what, list)});
+    };
+    say(true, "baselines with more quality than ours", better);
+    say(false, "forms of ours with more quality", worthier);
+    say(false, "with fewer timeouts of 300 than ours", fewer);
+    say(false, "within noise of ours, in timeouts and quality", near);
+    if (better.empty()) {
+      out.push_back(judged(true, fmt::format("{}: no baseline has more quality than ours.",
+                                             table.at("title").get<std::string>())));
     }
   }
 }
