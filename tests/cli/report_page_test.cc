@@ -17,10 +17,10 @@ class ReportPage : public testing::Test {
   static void SetUpTestSuite() {
     folder_ = new TempFolder;
     for (const char* experiment :
-         {"table-network --rounds 600 --seeds 1..2", "fig-adjust --rounds 3 --seeds 1..1", "fig-rt",
-          "table-erdos --rounds 30 --seeds 1..2", "timeout-handler --rounds 30 --seeds 1..2",
-          "ladder --rounds 30 --seeds 1..2", "clock --rounds 30 --seeds 1..1",
-          "sweep --rounds 20 --seeds 1..1"}) {
+         {"table-network --rounds 300 --seeds 1..1", "fig-adjust --rounds 2 --seeds 1..1", "fig-rt",
+          "table-erdos --rounds 10 --seeds 1..1", "timeout-handler --rounds 10 --seeds 1..1",
+          "ladder --rounds 10 --seeds 1..2", "clock --rounds 10 --seeds 1..1",
+          "sweep --rounds 5 --seeds 1..1"}) {
       const Ran ran = run(std::string("eval ") + experiment + " --out '" + folder_->string() + "'");
       ASSERT_EQ(ran.code, 0) << ran.output;
     }

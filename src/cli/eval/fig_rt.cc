@@ -84,7 +84,7 @@ const char* marks_of(const sim::OffloadRound& r, Duration deadline) {
 Json row_of(const sim::OffloadRound& r, Duration deadline) {
   Json row{{"round", r.round},
            {"on_time", r.done.outcome == Outcome::kRemote},
-           {"e2e_ms", to_ms(r.done.e2e)},
+           {"theta3_ms", to_ms(r.done.e2e)},
            {"x", r.done.x_permille / 1000.0}};
   if (!r.at_road) return row;
   const auto& road = *r.at_road;
@@ -126,7 +126,7 @@ void run_fig_rt(const Request& request, Json& document) {
              {"/theta1_ms", "θ1, ms", 1},
              {"/d1_ms", "D1, ms", 1},
              {"/theta2_ms", "θ2, ms", 1},
-             {"/e2e_ms", "θ3, ms", 1},
+             {"/theta3_ms", "θ3, ms", 1},
              {"/x", "X", 3},
              {"/image", "image"},
              {"/level", "level"},

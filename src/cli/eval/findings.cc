@@ -239,9 +239,9 @@ void of_clock(const Json& document, Findings& out) {
     const std::string what =
         fmt::format("{}, {}", r.at("name").get<std::string>(), r.at("system").get<std::string>());
     if (r.at("kind") == "offset") {
-      out.push_back(judged(r.at("decided_differently") == 0,
-                           fmt::format("{}: {} rounds decided differently.", what,
-                                       r.at("decided_differently").get<std::uint64_t>())));
+      out.push_back(judged(r.at("differ_at_all") == 0,
+                           fmt::format("{}: {} rounds differ, to the nanosecond.", what,
+                                       r.at("differ_at_all").get<std::uint64_t>())));
     } else if (r.at("kind") == "drift") {
       const double moved = std::abs(number(r, "timeouts") - number(r, "timeouts_at_offset_0"));
       out.push_back(judged(moved <= kOnTimeDrift * number(r, "rounds"),

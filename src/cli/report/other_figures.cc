@@ -32,7 +32,7 @@ std::string stages_script(const Json& rows, double deadline) {
     if (!r.contains("theta1_ms") || r.at("theta2_ms").is_null()) continue;
     const double theta1 = r.at("theta1_ms");
     stages += fmt::format("{} {} {} {}\n", round, theta1, r.at("theta2_ms").get<double>(),
-                          r.at("e2e_ms").get<double>());
+                          r.at("theta3_ms").get<double>());
     if (r.at("at_d1").get<bool>()) at_d1 += fmt::format("{} {}\n", round, theta1);
     if (!r.at("d1_missed").get<bool>()) continue;
     const bool very = r.at("marks").get<std::string>().find("≫") != std::string::npos;
@@ -119,8 +119,8 @@ Figure waterfall(const Json& w) {
   }
   mark(theta1, fmt::format("θ1 = {}{:.1f}", at_d1 ? "D1 = " : "", theta1), "black", 1);
   mark(theta2, fmt::format("θ2 = {:.1f}", theta2), "black", 1);
-  mark(stages.at("e2e_ms"), fmt::format("θ3 = {:.1f}", stages.at("e2e_ms").get<double>()), "black",
-       1);
+  mark(stages.at("theta3_ms"), fmt::format("θ3 = {:.1f}", stages.at("theta3_ms").get<double>()),
+       "black", 1);
   mark(deadline, fmt::format("D_N = {:.0f}", deadline), kRed, 2);
   std::string tics;
   for (std::size_t i = 0; i < labels.size(); ++i) {
