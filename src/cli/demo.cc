@@ -14,7 +14,7 @@
 #include "cli/child.h"
 #include "cli/data.h"
 #include "cli/failure.h"
-#include "cli/report.h"
+#include "cli/run_files.h"
 #include "cli/signals.h"
 #include "netns/testbed.h"
 #include "perception/codec.h"

@@ -12,10 +12,12 @@
 #include "cli/config_file.h"
 #include "cli/demo.h"
 #include "cli/doctor_command.h"
+#include "cli/eval/command.h"
 #include "cli/failure.h"
 #include "cli/link_options.h"
 #include "cli/links_command.h"
 #include "cli/probe.h"
+#include "cli/report/command.h"
 #include "cli/road.h"
 #include "cli/testbed_command.h"
 #include "cli/top_command.h"
@@ -188,6 +190,8 @@ int run_program(int argc, char** argv) {
   add_probe(program, run);
   add_testbed(program, run);
   add_bench(program, run);
+  add_eval(program, run);
+  add_report(program, run);
   program.add_subcommand("version", "The version")->callback([&run] {
     run = [] {
       std::printf("interneuron %s\n", kVersion);

@@ -10,7 +10,7 @@
 
 #include "cli/child.h"
 #include "cli/failure.h"
-#include "cli/report.h"
+#include "cli/run_files.h"
 
 namespace interneuron::cli {
 namespace {

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "cli/probe.h"
-#include "cli/report.h"
+#include "cli/run_files.h"
 #include "probe/session.h"
 
 namespace interneuron::cli {

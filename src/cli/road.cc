@@ -12,7 +12,7 @@
 #include "cli/link_options.h"
 #include "cli/links/publisher.h"
 #include "cli/offload_request.h"
-#include "cli/report.h"
+#include "cli/run_files.h"
 #include "interneuron/node.h"
 #include "perception/detector.h"
 #include "perception/frame_source.h"

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "cli/report.h"
+#include "cli/run_files.h"
 #include "interneuron/pipeline.h"
 #include "perception/detection.h"
 #include "perception/frame_source.h"

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "cli/failure.h"
-#include "cli/report.h"
+#include "cli/run_files.h"
 #include "emu/scenario_player.h"
 
 namespace interneuron::cli {

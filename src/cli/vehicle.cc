@@ -13,7 +13,7 @@
 #include "cli/link_options.h"
 #include "cli/links/publisher.h"
 #include "cli/offload_request.h"
-#include "cli/report.h"
+#include "cli/run_files.h"
 #include "cli/run_record.h"
 #include "cli/signals.h"
 #include "interneuron/node.h"

@@ -39,11 +39,13 @@ std::optional<std::array<double, kMotFields>> read_fields(std::string_view line)
 struct Verdict {
   float score;
   bool right;
+  std::size_t times;
 };
 
 // A round prepared once for all thresholds: the boxes that count, and their overlap with the truth,
 // persons before ignore regions.
 struct Overlaps {
+  std::size_t times = 1;
   std::vector<float> scores;
   std::vector<bool> ignored;             // per truth
   std::vector<std::vector<double>> iou;  // [detection][truth]
@@ -84,7 +86,7 @@ void match(const Overlaps& round, double threshold, std::vector<Verdict>& out) {
     }
     if (match) taken[*match] = true;
     if (match && round.ignored[*match]) continue;
-    out.push_back({round.scores[d], match.has_value()});
+    out.push_back({round.scores[d], match.has_value(), round.times});
   }
 }
 
@@ -99,9 +101,11 @@ Curve summarise(std::vector<Verdict> verdicts, std::size_t truths) {
   std::vector<double> precision;
   std::vector<double> recall;
   std::size_t right = 0;
+  std::size_t all = 0;
   for (const Verdict& verdict : verdicts) {
-    right += verdict.right ? 1 : 0;
-    precision.push_back(static_cast<double>(right) / static_cast<double>(precision.size() + 1));
+    right += verdict.right ? verdict.times : 0;
+    all += verdict.times;
+    precision.push_back(static_cast<double>(right) / static_cast<double>(all));
     recall.push_back(static_cast<double>(right) / static_cast<double>(truths));
   }
   // At each recall, the best precision that this recall or a higher one has.
@@ -157,8 +161,10 @@ Accuracy evaluate(const GroundTruth& truth, std::span<const Shown> rounds) {
     const auto found = truth.find(round.frame);
     const std::vector<TrueBox>& boxes = found == truth.end() ? kNobody : found->second;
     prepared.push_back(overlaps_of(boxes, round.boxes));
-    result.truths += static_cast<std::size_t>(
-        std::count_if(boxes.begin(), boxes.end(), [](const TrueBox& t) { return !t.ignore; }));
+    prepared.back().times = round.times;
+    result.truths +=
+        round.times * static_cast<std::size_t>(std::count_if(
+                          boxes.begin(), boxes.end(), [](const TrueBox& t) { return !t.ignore; }));
   }
   if (result.truths == 0) return result;
   for (int i = 0; i < kIouThresholds; ++i) {

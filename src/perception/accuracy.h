@@ -30,6 +30,7 @@ GroundTruth read_mot_truth(const std::filesystem::path& file);
 struct Shown {
   int frame = 0;  // 0-based; the same frame may come again when a video loops, and counts again
   std::vector<Box> boxes{};
+  std::size_t times = 1;  // in so many rounds
 };
 
 struct Accuracy {

@@ -67,6 +67,14 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"ProbeOfABadPort", "probe --peer roadside.example:port", 2, "HOST:PORT"},
         Mistake{"ProbeOfABadNicPeer", "probe --nic lo=[::1", 2, "--nic '[::1'"},
         Mistake{"ProbeOfNoAddress", "probe --peer 0.0.0.0", 2, "0.0.0.0"},
+        Mistake{"UnknownExperiment", "eval table-erods", 2, "table-erdos"},
+        Mistake{"NoExperiment", "eval", 2, "EXPERIMENT"},
+        Mistake{"NoRounds", "eval fig-rt --rounds 0", 2, "--rounds"},
+        Mistake{"SeedsBackwards", "eval fig-rt --seeds 5..1", 2, "5..1"},
+        Mistake{"SeedsOfLetters", "eval fig-rt --seeds a..b", 2, "a..b"},
+        Mistake{"TooManySeeds", "eval fig-rt --seeds 1..1000000", 2, "1000000"},
+        Mistake{"EvalNowhere", "eval fig-rt --out /proc/nowhere", 1, "/proc/nowhere"},
+        Mistake{"ReportNowhere", "report nowhere", 2, "nowhere"},
         Mistake{"CaptureOfTwoRuns", "bench nature --pcap x.pcap", 2, "--load"},
         Mistake{"ProbeTooOften", "probe --peer 127.0.0.1 --interval 0.5ms", 2, "--interval"},
         Mistake{"ProbeTooLarge", "probe --peer 127.0.0.1 --size 1401", 2, "--size"},
@@ -125,7 +133,8 @@ TEST(BadInput, AnAbsentRoadsideUnitIsNamed) {
 TEST(BadInput, HelpAndVersionAreFine) {
   for (const char* arguments :
        {"--help", "demo --help", "vehicle --help", "road --help", "testbed --help", "version",
-        "links --help", "top --help", "doctor --help", "probe --help", "bench nature --help"}) {
+        "links --help", "top --help", "doctor --help", "probe --help", "bench nature --help",
+        "eval --help", "report --help"}) {
     EXPECT_EQ(run(arguments).code, 0) << arguments;
   }
 }

@@ -10,7 +10,7 @@
 #include <fstream>
 #include <numeric>
 
-#include "cli/report.h"
+#include "cli/run_files.h"
 #include "support.h"
 
 namespace interneuron::cli {

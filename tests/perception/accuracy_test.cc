@@ -96,6 +96,19 @@ TEST(Accuracy, AFrameShownTwiceCountsTwice) {
   EXPECT_NEAR(a.recall50, 0.5, 1e-12);
 }
 
+TEST(Accuracy, SoManyTimesIsAsIfItWereListedSoOften) {
+  const GroundTruth truth = {{0, {{kPerson}, {kOther}}}, {1, {{kOther}}}};
+  const Shown a{0, {scored(kPerson, 0.5F), scored({300, 300, 5, 5, 0}, 0.6F)}};
+  const Shown b{1, {scored(kOther, 0.7F), scored(kPerson, 0.4F)}};
+  const Accuracy one_by_one = evaluate(truth, std::vector<Shown>{a, a, a, b, b});
+  const Accuracy counted =
+      evaluate(truth, std::vector<Shown>{{a.frame, a.boxes, 3}, {b.frame, b.boxes, 2}});
+  EXPECT_EQ(counted.truths, one_by_one.truths);
+  EXPECT_NEAR(counted.ap, one_by_one.ap, 1e-12);
+  EXPECT_NEAR(counted.ar, one_by_one.ar, 1e-12);
+  EXPECT_GT(counted.ap, 0);
+}
+
 TEST(Accuracy, OnlyTheBestHundredOfARoundCount) {
   std::vector<Box> boxes(100, {300, 300, 5, 5, 0.9F});
   boxes.push_back(scored(kPerson, 0.5F));

@@ -1,7 +1,6 @@
-// The paper's Fig. rt_guarantee (NOTES §5) through the production endpoints, on constant links with
-// scripted extra delays: rounds 0-2 normal; 3-4 the raw image is slower but within D1; 5-7 it
-// misses D1 and the sampled image is used at exactly D1; 8-12 both are slow, D1 is missed: a
-// lighter model (8-9), the lightest (10-12); 11-12 D2 is missed too.
+// The phases of the paper's Fig. rt_guarantee; sim/fig_rt_guarantee.h says which.
+#include "sim/fig_rt_guarantee.h"
+
 #include <cstdio>
 
 #include "support.h"
@@ -9,33 +8,8 @@
 namespace interneuron::sim {
 namespace {
 
-using namespace std::chrono_literals;
-
-struct Extra {
-  int raw_ms;      // on the link that carries the raw image
-  int sampled_ms;  // on the other
-};
-
-constexpr Extra kScript[] = {{0, 0},   {0, 0},   {0, 0},     // normal
-                             {4, 0},   {4, 0},               // slower, within D1
-                             {60, 0},  {60, 0},  {60, 0},    // raw misses D1
-                             {90, 22}, {90, 27},             // both slow
-                             {90, 44}, {90, 66}, {90, 65}};  // seriously
-
 TEST(FigRtGuarantee, ThePapersSequence) {
-  OffloadOptions o;
-  o.rounds = std::size(kScript);
-  o.profiles = {constant_link("5g", 10, 100, 300), constant_link("4g", 30, 30, 75)};
-  // Three sets of weights as in the paper: the lightest far quicker than the two others.
-  o.ladder = {{"n", 5ms, 5ms}, {"l", 35ms, 35ms}, {"x6", 44ms, 44ms}};
-  o.top_level = 2;
-  o.compute_noise = false;
-  o.repair = false;
-  for (const Extra& extra : kScript) {
-    Disturbance& round = o.disturbances.emplace_back();
-    round.uplink = {extra.raw_ms * 1ms, extra.sampled_ms * 1ms};
-  }
-  const OffloadResult result = run_offload(o);
+  const OffloadResult result = run_fig_rt_guarantee();
   for (const OffloadRound& r : result.rounds) {
     ASSERT_TRUE(r.at_road) << "round " << r.round;
     const auto& road = *r.at_road;

@@ -12,7 +12,7 @@
 #include "cli/bench/nature_plot.h"
 #include "cli/child.h"
 #include "cli/failure.h"
-#include "cli/report.h"
+#include "cli/run_files.h"
 #include "cli/signals.h"
 #include "cli/testbed_command.h"
 #include "io/steady_clock.h"

@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include "cli/report.h"
+#include "cli/run_files.h"
 
 namespace interneuron::cli::bench {
 namespace {

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <numeric>
 
-#include "cli/report.h"
+#include "cli/run_files.h"
 
 namespace interneuron::cli::verify {
 
