@@ -89,7 +89,7 @@ std::optional<Shown> Oracle::best(std::size_t round) {
 
 // --- causal
 
-// Quantiles that the law is cut into; chosen: 1 ms apart or less for the law of the issue.
+// Quantiles that the law is cut into; chosen: 1 ms apart or less for the uniform law.
 constexpr int kCuts = 64;
 
 class Causal {

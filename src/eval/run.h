@@ -25,7 +25,8 @@ struct Scenario {
   std::optional<std::pair<std::uint32_t, Duration>>
       clock_step;  // of the road, when this round begins
 };
-// Constant clean links of 100 and 30 Mbit/s, round trips 22 and 45 ms, with the law of the issue.
+// Constant clean links of 100 and 30 Mbit/s, round trips 22 and 45 ms, with the uniform law of
+// docs/evaluation.md.
 Scenario table_erdos_scenario();
 
 struct Round {

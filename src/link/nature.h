@@ -73,7 +73,8 @@ enum class Field : std::uint8_t { kDelay, kBandwidth, kReliability };
 // - reliability: |difference| of the losses above 1.64 standard errors of both,
 //   sqrt(p (1 - p) (2 burst - 1) / loss_packets); p as if one more packet had been lost.
 std::partial_ordering compare(const LinkState& a, const LinkState& b, Field field);
-inline constexpr double kRateApart = 1.15;  // trains are within ±15 % of the rate (issue: iperf3)
+inline constexpr double kRateApart =
+    1.15;  // trains are within ±15 % of the rate (target, against iperf3)
 
 inline constexpr double kLossFloor = 1e-4;    // NOTES §2: below it, loss is not told from luck
 inline constexpr double kUnmeasured = 0.5;    // chosen: behind the measured, ahead of the down

@@ -53,7 +53,7 @@ TEST(LossEstimator, RunsAreCountedAcrossCalls) {
   EXPECT_DOUBLE_EQ(e.burst(), 2);
 }
 
-// The criterion, for many seeds: at most one in a hundred may miss it, since 0.5 points are
+// The criterion, for many seeds: at most one in a hundred may miss it, since 0.5 points are
 // three standard errors at 5 %.
 TEST(LossEstimator, IsWithinHalfAPointAfter20000Packets) {
   for (const double nominal : {0.01, 0.05}) {

@@ -65,7 +65,7 @@ struct OutageNotice {
 };
 OutageNotice notice(Duration began, std::span<const PathStep> steps);
 
-// How near an estimate must be to count as there: issue-level bounds of docs/links.md. Queues of
+// How near an estimate must be to count as there: the bounds of docs/links.md. Queues of
 // our own messages are part of the round trip under load.
 double tolerance(Quantity quantity, double truth, bool loaded);
 

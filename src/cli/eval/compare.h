@@ -27,7 +27,7 @@ Compared compare(const Request& request, const std::string& what,
                  const interneuron::eval::Scenario& scenario,
                  const std::vector<interneuron::eval::System>& systems, bool bounds = true);
 
-// One row per system and bound; the keys of the row, and more.
+// One row per system and bound; with the keys of docs/schema/eval.json.
 Json rows_of(const Request& request, const Compared& compared);
 
 // The columns of such rows.

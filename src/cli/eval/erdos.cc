@@ -13,7 +13,7 @@ namespace {
 namespace core = interneuron::eval;
 using Shape = core::DelayLaw::Shape;
 
-// The laws of the issue; the uniform one is that of table_erdos_scenario().
+// The laws of docs/evaluation.md; the uniform one is that of table_erdos_scenario().
 core::Scenario scenario_of(Shape shape, bool jpeg) {
   core::Scenario scenario = core::table_erdos_scenario();
   scenario.law.shape = shape;
