@@ -51,7 +51,8 @@ struct FallbackQuality {
 // Parameters of GuardKind::kBudget. Target and price ride in the headers, in steps of 1/65536 and
 // 1/1000.
 struct BudgetOptions {
-  // P(round on time) that is kept wherever some choice keeps it; in (0, 1).
+  // P(round on time) that is kept wherever enough rounds were seen to know that some choice keeps
+  // it and the most valuable one does not; in (0, 1).
   double target = 0.99;
   // What a missed round costs beyond the quality that it loses, in units of quality; in [0, 65].
   double miss_price = 1.0;

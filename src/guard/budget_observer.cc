@@ -34,6 +34,14 @@ Duration left_of(const StageEnd& end, Duration theta, Duration base) {
   return difference(end.deadline, Duration{wrapping_add(theta.count(), base.count())});
 }
 
+// To a mixture of what may happen.
+void add(Worth& to, const Worth& w, double share) {
+  to.on_time.least += w.on_time.least * share;
+  to.on_time.most += w.on_time.most * share;
+  to.on_time.hedged += w.on_time.hedged * share;
+  to.value += w.value * share;
+}
+
 bool older(RoundId a, RoundId b) { return static_cast<std::int32_t>(b.value - a.value) > 0; }
 
 }  // namespace
@@ -83,9 +91,11 @@ void BudgetObserver::settle(Computation& c, TimePoint now, RoundId round, RoundS
   sample.before = entry->before;
   if (e2e && *e2e != kNever) {
     entry->known = true;
-    sample.computed = difference(entry->end, entry->start) - entry->expected;
+    sample.run = {entry->level, entry->median, difference(entry->end, entry->start)};
+    sample.computed = sample.run.took - entry->expected;
     sample.rest = Duration{wrapping_sub(e2e->count(), entry->end.count())};
     c.law.add(now, sample);
+    c.law.reconsider(c.speed);
   } else if (state == RoundState::kMissed && !entry->beyond) {
     const auto base = c.law.base(now, 0);
     if (!base) return;
@@ -119,12 +129,11 @@ BudgetObserver::Chances BudgetObserver::chances(const Computation& c, const Resi
 std::pair<std::size_t, Worth> BudgetObserver::best_level(const Computation& c,
                                                          const Chances& chances,
                                                          std::uint8_t variant, const Terms& terms) {
-  std::pair<std::size_t, Worth> best{};
+  Best<std::size_t> best(terms.target);
   for (std::size_t level = 0; level < std::min(c.levels.size(), kMaxLevels); ++level) {
-    const Worth w = worth(chances[level], quality_of(c.levels, level, variant), terms);
-    if (level == 0 || better(w, best.second, terms.target)) best = {level, w};
+    best.consider(level, worth(chances[level], quality_of(c.levels, level, variant), terms));
   }
-  return best;
+  return best.get().value_or(std::pair<std::size_t, Worth>{});
 }
 
 StageGuard::Hold BudgetObserver::hold(TimePoint now, const StageEnd& end,
@@ -163,8 +172,9 @@ StageGuard::Hold BudgetObserver::hold(TimePoint now, const StageEnd& end,
   if (start) before = difference(theta, Duration{*start});
   const ResidualLaw::Near law = c.law.near(before, end.deadline / kAlike);
   const Duration left = left_of(end, theta, *base);
-  Worth best = best_level(c, chances(c, law, left), end.variant, end.terms).second;
-  Worth came{};  // summed over the rounds in which it came by the candidate
+  Best<Duration> best(end.terms.target);  // wait
+  best.consider({}, best_level(c, chances(c, law, left), end.variant, end.terms).second);
+  Worth came;  // summed over the rounds in which it came by the candidate
   std::size_t counted = 0;
   for (std::size_t i = 1; i <= kCandidates; ++i) {
     const std::size_t by = (coming * i + kCandidates - 1) / kCandidates;
@@ -175,17 +185,16 @@ StageGuard::Hold BudgetObserver::hold(TimePoint now, const StageEnd& end,
     const Worth with = best_level(c, then, end.best_planned, end.terms).second;
     const Worth without = best_level(c, then, end.variant, end.terms).second;
     const auto more = static_cast<double>(by - counted);
-    came.on_time += with.on_time * more;
-    came.value += with.value * more;
+    add(came, with, more);
     counted = by;
     const auto rest = static_cast<double>(rounds - by);
     const auto all = static_cast<double>(rounds);
-    const Worth w{(came.on_time + without.on_time * rest) / all,
-                  (came.value + without.value * rest) / all};
-    if (!better(w, best, end.terms.target)) continue;
-    best = w;
-    out.until = now + wait;
+    Worth w;
+    add(w, came, 1 / all);
+    add(w, without, rest / all);
+    best.consider(wait, w);
   }
+  out.until = now + best.get()->first;
   return out;
 }
 

@@ -82,7 +82,7 @@ class BudgetObserver final : public StageGuard {
   static void settle(Computation& c, TimePoint now, RoundId round, RoundState state, E2e e2e);
   static void remember(Computation& c, std::span<const LevelProfile> levels);
   // P(on time) per level, of c.levels, when so much is left.
-  using Chances = std::array<double, kMaxLevels>;
+  using Chances = std::array<Chance, kMaxLevels>;
   static Chances chances(const Computation& c, const ResidualLaw::Near& law, Duration left);
   static std::pair<std::size_t, Worth> best_level(const Computation& c, const Chances& chances,
                                                   std::uint8_t variant, const Terms& terms);

@@ -59,6 +59,7 @@ Duration BudgetOrigin::bias(TimePoint now, std::uint8_t key, bool as_forecast) c
 
 void BudgetOrigin::learn(TimePoint now, const ResidualLaw::Sample& sample) {
   law_.add(now, sample);
+  law_.reconsider(speed_);
   const std::int64_t width = std::max<std::int64_t>(1, deadline_.count() / kAlike);
   rounds_ = {};
   for (std::size_t i = 0; i < law_.size(); ++i) {
@@ -89,6 +90,7 @@ Worth BudgetOrigin::worth_at(Duration clean, std::uint8_t variant) const {
     }
   }
   const bool blind = law_.size() == 0;
+  double on_time = 0;  // rounds
   Worth total{};
   for (std::size_t which = 0; which < kClasses; ++which) {
     // The smoothing tail weighs one round over all classes.
@@ -96,29 +98,32 @@ Worth BudgetOrigin::worth_at(Duration clean, std::uint8_t variant) const {
         blind ? (which == 0 ? 1.0 : 0.0) : rounds_[which] / static_cast<double>(law_.size());
     if (share == 0) continue;
     const Duration typical{deadline_.count() / kAlike * static_cast<std::int64_t>(which)};
-    Worth best{};
+    Best<std::size_t> level(terms_.target);
     for (std::size_t l = 0; l < count; ++l) {
       const double tail = law_.tail(slack[l] - typical);
-      const double on_time = (hits[l][which] + share * (1.0 - tail)) / (rounds_[which] + share);
-      const Worth w = worth(on_time, quality_of(ladder, l, variant), terms_);
-      if (l == 0 || better(w, best, terms_.target)) best = w;
+      const Chance c = chance(hits[l][which], rounds_[which],
+                              (hits[l][which] + share * (1.0 - tail)) / (rounds_[which] + share));
+      level.consider(l, worth(c, quality_of(ladder, l, variant), terms_));
     }
-    total.on_time += share * best.on_time;
+    const auto& [l, best] = *level.get();
+    on_time += hits[l][which];
+    total.on_time.hedged += share * best.on_time.hedged;
     total.value += share * best.value;
   }
+  total.on_time = chance(on_time, static_cast<double>(law_.size()), total.on_time.hedged);
   return total;
 }
 
 std::optional<Worth> BudgetOrigin::worth_of(TimePoint now, bool degraded, Duration since,
                                             const Forecast& forecast, bool as_forecast) const {
-  std::optional<Worth> best;
+  Best<std::size_t> best(terms_.target);
   for (std::size_t v = 0; v < forecast.size(); ++v) {
     if (!forecast[v]) continue;
     const Duration clean = since + *forecast[v] + bias(now, key_of(degraded, v), as_forecast);
-    const Worth w = worth_at(clean, static_cast<std::uint8_t>(v));
-    if (!best || better(w, *best, terms_.target)) best = w;
+    best.consider(v, worth_at(clean, static_cast<std::uint8_t>(v)));
   }
-  return best;
+  const auto& found = best.get();
+  return found ? std::optional(found->second) : std::nullopt;
 }
 
 // A mode that was not tried for a while, is expected to keep the target and would be the better one
@@ -128,9 +133,9 @@ bool BudgetOrigin::explores(TimePoint now, bool degraded, Duration since, const 
   const auto& at = tried_[degraded ? 1 : 0];
   if (exploration_ < 1.0 || !chosen || (at && now - *at <= kRecent)) return false;
   const auto expected = worth_of(now, degraded, since, forecast);
-  if (!expected || expected->on_time < terms_.target) return false;
+  if (!expected || misses(*expected, terms_.target)) return false;
   const auto hoped = worth_of(now, degraded, since, forecast, true);
-  if (!better(*hoped, *chosen, terms_.target)) return false;
+  if (hoped->value <= chosen->value) return false;
   exploration_ -= 1.0;
   return true;
 }
@@ -140,8 +145,11 @@ bool BudgetOrigin::choose_degraded(TimePoint now, RoundId round, const Sent&, Du
   exploration_ = std::min(1.0, exploration_ + options_.exploration);
   const std::optional<Worth> whole = worth_of(now, false, since, normal);
   const std::optional<Worth> cheap = worth_of(now, true, since, degraded);
+  Best<bool> best(terms_.target);
+  if (cheap) best.consider(true, *cheap);
+  if (whole) best.consider(false, *whole);
   // Without any forecast the smaller message is the safer one.
-  bool choice = !whole || (cheap && better(*cheap, *whole, terms_.target));
+  bool choice = !best.get() || best.get()->first;
   if (explores(now, !choice, since, choice ? normal : degraded, choice ? cheap : whole)) {
     choice = !choice;
   }
@@ -169,14 +177,15 @@ void BudgetOrigin::result(TimePoint now, RoundId round, Duration e2e, const Spen
   entry->known = true;
   computed_.add(now, 0, spent.computed->count());
   if (configured_.empty()) learnt_[0].median = Duration{*computed_.median_of_all(now)};
+  ResidualLaw::Sample sample;
   Duration expected = *spent.computed;
   const auto ladder = levels();
   const std::size_t level = configured_.empty() ? 0 : spent.level.value_or(UINT8_MAX);
   if (level < ladder.size()) {
+    sample.run = {level, ladder[level].median, *spent.computed};
     expected = speed_.expected(level, ladder[level].median);
     if (!configured_.empty()) speed_.add(now, level, ladder[level].median, *spent.computed);
   }
-  ResidualLaw::Sample sample;
   sample.round = round;
   sample.at = now;
   sample.key = key_of(entry->degraded, *spent.variant);

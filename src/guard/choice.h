@@ -2,9 +2,12 @@
 #pragma once
 
 #include <array>
+#include <optional>
 #include <span>
+#include <utility>
 
 #include "guard/recent.h"
+#include "guard/residual_law.h"
 #include "guard/stage_guard.h"
 
 namespace interneuron::guard {
@@ -13,19 +16,43 @@ namespace interneuron::guard {
 inline constexpr std::size_t kMaxLevels = 16;
 
 struct Worth {
-  double on_time = 0;  // P(round on time)
-  double value = 0;    // expected quality, less what misses cost
+  Chance on_time{};
+  double value = 0;  // expected quality, less what misses cost
 };
 
-inline Worth worth(double on_time, double quality, const Terms& terms) {
-  return {on_time, on_time * quality + (1.0 - on_time) * (terms.local_quality - terms.miss_price)};
+inline Worth worth(const Chance& on_time, double quality, const Terms& terms) {
+  const double p = on_time.hedged;
+  return {on_time, p * quality + (1.0 - p) * (terms.local_quality - terms.miss_price)};
 }
 
-// Those that keep the target come before those that do not, then the value decides, then P.
-inline bool better(const Worth& a, const Worth& b, double target) {
-  if ((a.on_time >= target) != (b.on_time >= target)) return a.on_time >= target;
-  return a.value != b.value ? a.value > b.value : a.on_time > b.on_time;
-}
+inline bool keeps(const Worth& w, double target) { return w.on_time.least >= target; }
+inline bool misses(const Worth& w, double target) { return w.on_time.most < target; }
+
+// The choice of the highest value; where it is known to miss the target, the highest value of those
+// that are known to keep it, if there are any. (While too little is known to tell, the value
+// decides, in which every miss has its price: a target that nothing can be shown to keep would
+// condemn every choice but the cheapest until hundreds of rounds are known.)
+template <class Id>
+class Best {
+ public:
+  explicit Best(double target) : target_(target) {}
+  void consider(const Id& id, const Worth& w) {
+    if (!any_ || better(w, any_->second)) any_ = {id, w};
+    if (keeps(w, target_) && (!kept_ || better(w, kept_->second))) kept_ = {id, w};
+  }
+  // Nothing was considered: nothing.
+  const std::optional<std::pair<Id, Worth>>& get() const {
+    return kept_ && misses(any_->second, target_) ? kept_ : any_;
+  }
+
+ private:
+  static bool better(const Worth& a, const Worth& b) {
+    return a.value != b.value ? a.value > b.value : a.on_time.hedged > b.on_time.hedged;
+  }
+  double target_;
+  std::optional<std::pair<Id, Worth>> any_;
+  std::optional<std::pair<Id, Worth>> kept_;
+};
 
 // interneuron::sacrificed_level() by the levels' medians.
 std::size_t sacrificed_level(std::span<const LevelProfile> levels, std::size_t chosen,

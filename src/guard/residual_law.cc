@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "guard/choice.h"
 #include "guard/recent.h"
 
 namespace interneuron::guard {
@@ -57,6 +58,15 @@ void ResidualLaw::freeze(Entry& entry) {
   entry.sample.rest = Duration{bounded(wrapping_sub(entry.sample.rest.count(), base))};
 }
 
+void ResidualLaw::reconsider(const Speed& speed) {
+  for (std::size_t i = 0; i < fresh_; ++i) {
+    Sample& s = back(i).sample;
+    if (s.kind != Sample::Kind::kKnown) continue;
+    const Duration now = s.run.took - speed.expected(s.run.level, s.run.median);
+    if (std::chrono::abs(now) < std::chrono::abs(s.computed)) s.computed = now;
+  }
+}
+
 // Without fresh samples the last base stays.
 void ResidualLaw::renew(std::uint8_t key) {
   std::array<std::int64_t, kFresh + 1> rests;
@@ -99,21 +109,34 @@ ResidualLaw::Pair ResidualLaw::pair(std::size_t i) const {
 ResidualLaw::Near ResidualLaw::near(std::optional<Duration> before, Duration width) const {
   Near out;
   out.law_ = this;
-  for (std::int64_t reach = std::max<std::int64_t>(1, width.count());; reach *= 2) {
-    out.count_ = out.beyond_ = 0;
-    const bool all = !before || reach > kBound;
-    for (std::size_t i = 0; i < size_; ++i) {
-      const Pair p = pair(i);
-      if (!all && std::abs(p.before - bounded(before->count())) > reach) continue;
-      if (p.beyond) {
-        out.more_[out.beyond_++] = p.after - p.before;
-      } else {
-        out.rest_[out.count_] = p.rest;
-        out.after_[out.count_++] = p.after;
-      }
-    }
-    if (all || out.size() >= std::min(kLeast, size_)) return out;
+  const auto away = [&](std::size_t i) {
+    return before ? std::abs(bounded(ring_[i].sample.before.count()) - bounded(before->count()))
+                  : std::int64_t{0};
+  };
+  std::array<std::int64_t, kRounds> distance;
+  std::size_t within = 0;
+  for (std::size_t i = 0; i < size_; ++i) {
+    distance[i] = away(i);
+    within += distance[i] <= width.count() ? 1U : 0U;
   }
+  std::int64_t reach = width.count();
+  if (within < kLeast && within < size_) {
+    const std::size_t last = std::min(kLeast, size_) - 1;
+    std::nth_element(distance.begin(), distance.begin() + static_cast<std::ptrdiff_t>(last),
+                     distance.begin() + static_cast<std::ptrdiff_t>(size_));
+    reach = distance[last];
+  }
+  for (std::size_t i = 0; i < size_; ++i) {
+    if (away(i) > reach) continue;
+    const Pair p = pair(i);
+    if (p.beyond) {
+      out.more_[out.beyond_++] = p.after - p.before;
+    } else {
+      out.rest_[out.count_] = p.rest;
+      out.after_[out.count_++] = p.after;
+    }
+  }
+  return out;
 }
 
 void ResidualLaw::drop_bases() {
@@ -128,7 +151,7 @@ double ResidualLaw::Near::weight_of_one() const {
              : std::max(1.0, static_cast<double>(size())) / static_cast<double>(law_->size());
 }
 
-double ResidualLaw::Near::within(Duration slack) const {
+Chance ResidualLaw::Near::within(Duration slack) const {
   std::size_t hits = 0;
   for (std::size_t i = 0; i < count_; ++i) hits += after_[i] <= slack.count() ? 1U : 0U;
   double sum = static_cast<double>(hits);
@@ -136,7 +159,8 @@ double ResidualLaw::Near::within(Duration slack) const {
     sum += 1.0 - law_->tail(Duration{bounded(slack.count()) - more_[i]});
   }
   const double one = weight_of_one();
-  return (sum + one * (1.0 - law_->tail(slack))) / (static_cast<double>(size()) + one);
+  const auto all = static_cast<double>(size());
+  return chance(sum, all, (sum + one * (1.0 - law_->tail(slack))) / (all + one));
 }
 
 double ResidualLaw::Near::rest_within(Duration slack) const {

@@ -8,8 +8,9 @@
 // with its median as the base, and as the difference to that base afterwards. So a constant offset
 // cancels in integers, a drifting one within 10 s, and a clock step costs the bases, not the law.
 //
-// The law is the empirical one of the last kRounds rounds, smoothed by a heavy tail that weighs one
-// round among all of them; no shape is assumed. Pure; thread-compatible; no allocation.
+// The law is the empirical one of the last kRounds rounds; no shape is assumed. What was never seen
+// is allowed for by a heavy tail that weighs one round among all of them. Pure; thread-compatible;
+// no allocation.
 #pragma once
 
 #include <array>
@@ -22,6 +23,19 @@
 
 namespace interneuron::guard {
 
+class Speed;
+
+// The probability that a round is on time.
+struct Chance {
+  // The share of alike rounds, if one more had been late or on time: what is known of it.
+  double least = 0;
+  double most = 0;
+  double hedged = 0;  // the share with the tail of what was never seen
+};
+inline Chance chance(double on_time, double rounds, double hedged) {
+  return {on_time / (rounds + 1), (on_time + 1) / (rounds + 1), hedged};
+}
+
 class ResidualLaw {
  public:
   static constexpr std::size_t kRounds = 512;  // chosen: 51 s at 10 rounds per second
@@ -33,7 +47,13 @@ class ResidualLaw {
     TimePoint at{};
     std::uint8_t key = 0;  // which base
     Duration before{};
-    Duration computed{};  // beyond what was expected of the computation
+    // Its last computation, and by how much it exceeded what was expected of it.
+    struct Run {
+      std::size_t level = 0;
+      Duration median{};  // of the level
+      Duration took{};
+    } run;
+    Duration computed{};
     // kKnown: what the rest took, offset included. kBeyond: nothing is known but that before +
     // after of this round exceeds it (never answered).
     Duration rest{};
@@ -41,6 +61,11 @@ class ResidualLaw {
   };
   // A sample of the same round replaces what was known of it.
   void add(TimePoint now, const Sample& sample);
+
+  // What is expected of computations has changed: each of the last 10 s is judged by what was
+  // expected when it ran or is now, whichever explains it better. So a node that becomes slower (or
+  // fast again) is learnt once, not remembered as a chain of accidents.
+  void reconsider(const Speed& speed);
 
   // The median of the rest over the last 10 s, offset included; the last one there was for 60 s.
   std::optional<Duration> base(TimePoint now, std::uint8_t key) const;
@@ -52,11 +77,11 @@ class ResidualLaw {
   void set_scale(Duration scale) { scale_ = scale; }
   double tail(Duration slack) const;
 
-  // The rounds that had lost about as much before: within `width`, more widely while they are
-  // fewer than kLeast. Nothing for `before`: all.
+  // The rounds that had lost about as much before: those within `width`, or the kLeast nearest
+  // where those are fewer. Nothing for `before`: all.
   class Near;
   Near near(std::optional<Duration> before, Duration width) const;
-  static constexpr std::size_t kLeast = 12;  // chosen
+  static constexpr std::size_t kLeast = 4;  // chosen
 
   struct Pair {
     std::int64_t before = 0;
@@ -96,7 +121,7 @@ class ResidualLaw {
 class ResidualLaw::Near {
  public:
   // That a round loses at most `slack` from now on.
-  double within(Duration slack) const;
+  Chance within(Duration slack) const;
   // The same without what its computation may lose.
   double rest_within(Duration slack) const;
   std::size_t size() const { return count_ + beyond_; }
