@@ -14,7 +14,6 @@
 #include <algorithm>
 #include <stdexcept>
 #include <string>
-#include <vector>
 
 #include "policies/builtin.h"
 
@@ -30,9 +29,10 @@ class Secure final : public Policy {
 
   Plan plan(const Offer& offer, std::span<const LinkState> links,
             const Guidance& guidance) const override {
-    std::vector<LinkState> allowed;
-    std::ranges::copy_if(links, std::back_inserter(allowed),
-                         [this](const LinkState& link) { return allows(link); });
+    Links allowed;
+    for (const LinkState& link : links) {
+      if (allows(link)) allowed.push_back(link);
+    }
     if (std::ranges::any_of(allowed, &LinkState::up)) {
       return inner_->plan(offer, allowed, guidance);
     }

@@ -2,7 +2,8 @@
 // receiver hands to the application when. A policy knows neither devices nor applications. Write
 // your own in one file: see policies/.
 //
-// Policies are pure and stateless: the same arguments give the same answer. The sender's endpoint
+// Policies are pure and stateless: the same arguments give the same answer. They run for every
+// message: those that come with Interneuron allocate nothing. The sender's endpoint
 // calls plan(), the receiver's merge(); the message header names the policy, so both ends need it
 // registered under the same name.
 #pragma once
@@ -50,8 +51,12 @@ struct Assignment {
   friend bool operator==(const Assignment&, const Assignment&) = default;
 };
 
+// What is beyond is not sent; chosen: two variants over each of kMaxLinks.
+inline constexpr std::size_t kMaxSends = 2 * kMaxLinks;
+using Assignments = Few<Assignment, kMaxSends>;
+
 struct Plan {
-  std::vector<Assignment> sends;
+  Assignments sends;
   bool under_floor =
       false;  // no link met the floor: the plan is best effort, and is reported as such
   // Why nothing is sent although a link is up, for people; refers to a literal. Empty: not refused.

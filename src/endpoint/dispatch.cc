@@ -55,6 +55,12 @@ void Dispatch::check(const Variants& variants) {
   }
 }
 
+Dispatch::Sizes Dispatch::sizes_of(const Variants& variants) {
+  Sizes sizes;
+  for (const Bytes& v : variants) sizes.push_back(v.size());
+  return sizes;
+}
+
 Plan Dispatch::plan(std::span<const LinkState> links, const wire::RoundHeader& header,
                     const Offer& offer, const Guidance& guidance) const {
   // Without the policy that the origin names, any built-in rule serves; the first registered one
@@ -77,16 +83,14 @@ Planned Dispatch::send(TimePoint now, Peer& peer, const RoundContext& context, c
   // A round that passes its origin starts over: the origin's own clock has no offset.
   if (header.round.origin == self_) header.alpha_sum = Duration::zero();
 
-  const std::vector<LinkState> links = peer.links(now);
+  const Links links = peer.links(now);
   Planned planned{header.round, header.stage, {}};
   if (context.previewed && context.previewed->fits(variants.size(), links)) {
     planned.plan = context.previewed->plan;
   } else {
-    std::vector<std::size_t> sizes;
-    for (const Bytes& v : variants) sizes.push_back(v.size());
-    planned.plan = plan(links, header, {qos_of(header), sizes}, guidance);
+    planned.plan = plan(links, header, {qos_of(header), sizes_of(variants)}, guidance);
   }
-  const std::vector<Assignment>& sends = planned.plan.sends;
+  const auto& sends = planned.plan.sends;
   if (sends.empty()) return planned;
 
   header.best_planned = std::ranges::min(sends, {}, &Assignment::variant).variant;

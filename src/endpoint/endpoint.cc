@@ -75,9 +75,7 @@ class Endpoint::Impl {
     stages_.close(round);
     Peer* peer = destination(context, to);
     if (peer == nullptr) return false;
-    std::vector<std::size_t> sizes;
-    for (const Bytes& v : variants) sizes.push_back(v.size());
-    choose_mode(now, context, *peer, message_class, sizes, {});
+    choose_mode(now, context, *peer, message_class, Dispatch::sizes_of(variants), {});
     const auto clock = clock_of(now, context.header, peers_.find(context.from));
     Planned planned = dispatch_.send(now, *peer, context, clock, variants, message_class,
                                      guidance(now, context, clock));
@@ -388,7 +386,7 @@ class Endpoint::Impl {
     wire::RoundHeader header = context.header;
     header.message_class = message_class;
     const Offer offer{qos_of(header), variant_bytes, costs};
-    const std::vector<LinkState> links = peer.links(now);
+    const Links links = peer.links(now);
     Guidance ask = guidance(now, context, std::nullopt);
     const auto forecast = [&](bool degraded) {
       ask.degraded = degraded;

@@ -339,9 +339,8 @@ void Peer::send(TimePoint now, TimePoint deadline, Duration lifetime, Bytes mess
 
 // --- getters
 
-std::vector<LinkState> Peer::links(TimePoint now) const {
-  std::vector<LinkState> out;
-  out.reserve(paths_.size());
+Links Peer::links(TimePoint now) const {
+  Links out;
   for (const Path& path : paths_) out.push_back(path.state(now));
   link::score(out);
   return out;

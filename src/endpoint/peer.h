@@ -58,7 +58,7 @@ class Peer {
   void send(TimePoint now, TimePoint deadline, Duration lifetime, Bytes message,
             const std::vector<LinkId>& paths);
 
-  std::vector<LinkState> links(TimePoint now) const;
+  Links links(TimePoint now) const;
   std::optional<guard::ClockView> clock(TimePoint now) { return clock_.view(now); }
   const Identity& identity() const { return identity_; }
   bool ready() const { return ready_; }
