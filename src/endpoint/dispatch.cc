@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "endpoint/round_terms.h"
 #include "plan/plan_message.h"
 
 namespace interneuron {
