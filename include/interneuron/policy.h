@@ -60,11 +60,14 @@ struct Plan {
   bool under_floor =
       false;  // no link met the floor: the plan is best effort, and is reported as such
   // Why nothing is sent although a link is up, for people; refers to a literal. Empty: not refused.
-  // A round whose first transmission is refused is answered locally.
+  // A refused round is answered locally, as soon as its local result is there; that is no miss.
   std::string_view refused{};
 };
 
-// Reasons of the built-in policies; policies of your own may give others.
+// Reasons of the built-in policies; policies of your own may give others. The first is given where
+// a policy gives none.
+inline constexpr std::string_view kNothingPlanned =
+    "nothing is sent: the policy plans nothing over the links there are";
 inline constexpr std::string_view kLocalIsBetter =
     "nothing is sent: the local result is expected to be as good as any that is back in time";
 inline constexpr std::string_view kNoTimeLeft =

@@ -54,7 +54,7 @@ bool Rounds::submit(TimePoint now, const RoundRef& round, Variants variants,
   const bool kept_here = !planned.plan.refused.empty();
   events_.emplace_back(std::move(planned));
   guard::Origin* origin = origins_.find(round);
-  if (kept_here && origin != nullptr) origin->stay_local(round.round);
+  if (kept_here && origin != nullptr) report(origin->stay_local(now, round.round));
   return sent;
 }
 
@@ -91,9 +91,9 @@ std::size_t Rounds::begin_computation(TimePoint now, const RoundRef& round,
   return choice.level;
 }
 
-void Rounds::local_result(TimePoint, const RoundRef& round, Bytes result) {
+void Rounds::local_result(TimePoint now, const RoundRef& round, Bytes result) {
   if (guard::Origin* origin = origins_.find(round)) {
-    origin->local_result(round.round, std::move(result));
+    report(origin->local_result(now, round.round, std::move(result)));
   }
 }
 

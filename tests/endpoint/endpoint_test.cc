@@ -123,6 +123,46 @@ TEST(Endpoint, TheSmallerVariantOfAResultThatIsThereIsSuperseded) {
   EXPECT_EQ(c.messages_late, 0U);
 }
 
+// A policy that keeps every round on the vehicle.
+class StayHome final : public Policy {
+ public:
+  std::string_view name() const override { return "stay_home"; }
+  Plan plan(const Offer&, std::span<const LinkState>, const Guidance&) const override { return {}; }
+  Merge merge(const Arrival&) const override { return Merge::kDeliver; }
+};
+
+TEST(Endpoint, ARoundThatItsPolicyKeepsHereIsAnsweredByItsLocalResultAtOnce) {
+  Pipe pipe;
+  EndpointOptions vehicle = options_of(1, {pipeline_of(kOffload)});
+  vehicle.pipelines[0].policy = "stay_home";
+  vehicle.policies.push_back(std::make_shared<const StayHome>());
+  pipe.add_host(vehicle);
+  pipe.add_host(options_of(2));
+  std::vector<RoundDone> done;
+  pipe.on_event = [&done](std::size_t, Event& e) {
+    if (auto* r = std::get_if<RoundDone>(&e)) done.push_back(*r);
+  };
+  pipe.connect(0, 1);
+  pipe.run(1s);
+  for (int i = 0; i < 20; ++i) {
+    const RoundRef ref = pipe.round(0);
+    EXPECT_FALSE(pipe.submitted);
+    pipe.plan(9ms, [&pipe, ref] {
+      pipe.at(0).local_result(pipe.local(0), ref, Bytes(7));
+      pipe.flush(0);
+    });
+    pipe.run(100ms);
+  }
+  pipe.run(1s);
+  ASSERT_EQ(done.size(), 20U);
+  for (const RoundDone& r : done) {
+    EXPECT_EQ(r.outcome, Outcome::kLocal);
+    EXPECT_EQ(r.e2e, 9ms);
+    EXPECT_EQ(r.age_rounds, 0U);
+    EXPECT_FALSE(r.recovering);  // no miss
+  }
+}
+
 TEST(Endpoint, AResultAfterTheDeadlineIsLateAndCounted) {
   Pair p;
   p.compute = 122ms;  // leaves the roadside in time and arrives too late
