@@ -7,8 +7,10 @@
 //   some link that is up reaches the floor    as the inner policy plans over those
 //   none does                                 nothing (kInsecure), small results neither
 //
-// Each node looks at its own links: the roadside must declare its networks too, else the result
-// does not leave it.
+// Results, degraded messages and lost pieces that are sent again obey the floor too. Each node
+// looks at its own links: the roadside must declare its networks as well, else the result does not
+// leave it. What the floor cannot reach: a node that does not have this policy under its name plans
+// with the first one it has, over any link; so register it at every node of the pipeline.
 //
 // Receiver: as the inner policy.
 #include <algorithm>

@@ -98,7 +98,7 @@ class Policy {
                     const Guidance& guidance) const = 0;
   virtual Merge merge(const Arrival& arrival) const = 0;
   // Whether a link may carry messages of this policy at all. Asked for small results too, which are
-  // sent without plan().
+  // sent without plan(), and for what is sent again.
   virtual bool allows(const LinkState& /*link*/) const { return true; }
 };
 

@@ -18,6 +18,13 @@ Bytes joined(const wire::RoundHeader& header, const Bytes& payload) {
   return message;
 }
 
+// Lost pieces go over no link that the policy forbids.
+flow::PathSet allowed_of(const Policy& policy, std::span<const LinkState> links) {
+  flow::PathSet allowed;
+  for (const LinkState& link : links) allowed.set(link.id.value, policy.allows(link));
+  return allowed;
+}
+
 // header.stage: the communication that is about to begin.
 std::uint8_t earlier_communications(const wire::RoundHeader& header) {
   std::uint8_t count = 0;
@@ -62,15 +69,18 @@ Dispatch::Sizes Dispatch::sizes_of(const Variants& variants) {
   return sizes;
 }
 
+// Without the policy that the origin names, any built-in rule serves; the first registered one
+// stands in.
+const Policy& Dispatch::rule(const wire::RoundHeader& header) const {
+  const Policy* named = policy(header.policy);
+  return named != nullptr ? *named : *stand_in_;
+}
+
 Plan Dispatch::plan(std::span<const LinkState> links, const wire::RoundHeader& header,
                     const Offer& offer, const Guidance& guidance) const {
-  // Without the policy that the origin names, any built-in rule serves; the first registered one
-  // stands in.
-  const Policy* named = policy(header.policy);
-  const Policy& rule = named != nullptr ? *named : *stand_in_;
   Offer complete = offer;
   complete.earlier_communications = earlier_communications(header);
-  return plan_message(rule, complete, links, guidance);
+  return plan_message(rule(header), complete, links, guidance);
 }
 
 Planned Dispatch::send(TimePoint now, Peer& peer, const RoundContext& context, const ClockOf& clock,
@@ -96,6 +106,7 @@ Planned Dispatch::send(TimePoint now, Peer& peer, const RoundContext& context, c
 
   header.best_planned = std::ranges::min(sends, {}, &Assignment::variant).variant;
   const TimePoint deadline = deadline_of(now, header, clock);
+  const flow::PathSet repairs = allowed_of(rule(header), links);
   for (std::size_t v = 0; v < variants.size(); ++v) {
     std::vector<LinkId> paths;
     for (const Assignment& a : sends) {
@@ -103,7 +114,7 @@ Planned Dispatch::send(TimePoint now, Peer& peer, const RoundContext& context, c
     }
     if (paths.empty()) continue;
     header.variant = static_cast<std::uint8_t>(v);
-    peer.send(now, deadline, header.deadline(), joined(header, variants[v]), paths);
+    peer.send(now, deadline, header.deadline(), joined(header, variants[v]), paths, repairs);
   }
   return planned;
 }

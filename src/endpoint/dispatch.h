@@ -40,6 +40,7 @@ class Dispatch {
             const Guidance& guidance) const;
 
  private:
+  const Policy& rule(const wire::RoundHeader& header) const;
   TimePoint deadline_of(TimePoint now, const wire::RoundHeader& header, const ClockOf& clock) const;
 
   SessionId self_;

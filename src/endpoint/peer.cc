@@ -331,10 +331,10 @@ std::optional<Transmit> Peer::poll(TimePoint now, std::span<std::byte> buffer) {
 }
 
 void Peer::send(TimePoint now, TimePoint deadline, Duration lifetime, Bytes message,
-                const std::vector<LinkId>& paths) {
+                const std::vector<LinkId>& paths, const flow::PathSet& repairs) {
   note_activity(now);
   refresh(now);
-  sender_.send(now, deadline, lifetime, std::move(message), paths);
+  sender_.send(now, deadline, lifetime, std::move(message), paths, repairs);
 }
 
 // --- getters

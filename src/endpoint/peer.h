@@ -56,7 +56,7 @@ class Peer {
   std::optional<Transmit> poll(TimePoint now, std::span<std::byte> buffer);
 
   void send(TimePoint now, TimePoint deadline, Duration lifetime, Bytes message,
-            const std::vector<LinkId>& paths);
+            const std::vector<LinkId>& paths, const flow::PathSet& repairs);
 
   Links links(TimePoint now) const;
   std::optional<guard::ClockView> clock(TimePoint now) { return clock_.view(now); }
