@@ -2,8 +2,7 @@
 
 namespace interneuron::policies {
 
-std::vector<LinkState> fastest(std::span<const LinkState> links, DataRate floor,
-                               std::size_t count) {
+Links fastest(std::span<const LinkState> links, DataRate floor, std::size_t count) {
   return match({.min_rate = floor, .weights = {.delay = 1}, .links = count}, links);
 }
 
@@ -16,7 +15,7 @@ Plan send_over(std::span<const LinkState> chosen, std::uint8_t variant) {
 Plan over_fastest(const Offer& offer, std::span<const LinkState> links, std::uint8_t variant,
                   std::size_t count) {
   const DataRate floor = rate_floor(offer.qos, offer.variant_bytes[variant]);
-  std::vector<LinkState> chosen = fastest(links, floor, count);
+  Links chosen = fastest(links, floor, count);
   const bool none_can = chosen.empty();
   if (none_can) chosen = fastest(links, {}, count);
   Plan plan = send_over(chosen, variant);

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <limits>
-#include <vector>
 
 #include "interneuron/policy.h"
 #include "interneuron/requirement.h"
@@ -13,7 +12,7 @@ namespace interneuron::policies {
 inline constexpr std::size_t kAllLinks = std::numeric_limits<std::size_t>::max();
 
 // The links that meet the floor, at most so many, fastest first.
-std::vector<LinkState> fastest(std::span<const LinkState> links, DataRate floor, std::size_t count);
+Links fastest(std::span<const LinkState> links, DataRate floor, std::size_t count);
 
 // One variant over each of these links.
 Plan send_over(std::span<const LinkState> chosen, std::uint8_t variant);

@@ -39,9 +39,9 @@ Plan best_effort(const Offer& offer, std::span<const LinkState> links, std::uint
 
 // The two links of NOTES §3, or as many of them as there are; the first one is fit for raw and is
 // to carry it.
-std::vector<LinkState> raw_and_sampled_link(std::span<const LinkState> links, DataRate raw_floor,
-                                            DataRate sampled_floor) {
-  std::vector<LinkState> pair = fastest(links, raw_floor, 1);
+Links raw_and_sampled_link(std::span<const LinkState> links, DataRate raw_floor,
+                           DataRate sampled_floor) {
+  Links pair = fastest(links, raw_floor, 1);
   if (pair.empty()) return pair;
   for (const LinkState& link : fastest(links, sampled_floor, kBoth)) {
     if (link.id != pair.front().id && pair.size() < kBoth) pair.push_back(link);
@@ -63,7 +63,7 @@ class DownSampling final : public Policy {
     if (offer.variant_bytes.size() == 1) return whole(offer, links, guidance.degraded);
     const DataRate sampled_floor = rate_floor(offer.qos, offer.variant_bytes[kSampled]);
 
-    std::vector<LinkState> chosen = raw_and_sampled_link(links, raw_floor, sampled_floor);
+    Links chosen = raw_and_sampled_link(links, raw_floor, sampled_floor);
     if (guidance.degraded) {
       if (chosen.empty()) chosen = fastest(links, sampled_floor, kBoth);
       if (chosen.empty()) return best_effort(offer, links, kSampled);
@@ -81,7 +81,7 @@ class DownSampling final : public Policy {
  private:
   static Plan whole(const Offer& offer, std::span<const LinkState> links, bool degraded) {
     const DataRate floor = rate_floor(offer.qos, offer.variant_bytes[kRaw]);
-    const std::vector<LinkState> chosen = fastest(links, floor, degraded ? kBoth : 1);
+    const Links chosen = fastest(links, floor, degraded ? kBoth : 1);
     return chosen.empty() ? best_effort(offer, links, kRaw) : send_over(chosen, kRaw);
   }
 };

@@ -28,7 +28,7 @@ void insure(Plan& plan, const Offer& offer, std::span<const LinkState> links) {
   if (plan.sends.empty() || plan.under_floor) return;
   const std::uint8_t smallest = smallest_variant(offer);
   const DataRate floor = rate_floor(offer.qos, offer.variant_bytes[smallest]);
-  const std::vector<LinkState> able = fastest(links, floor, kAllLinks);
+  const Links able = fastest(links, floor, kAllLinks);
   const auto other = std::ranges::find_if(able, [&plan](const LinkState& link) {
     return link.id != plan.sends.front().link && !link.traits.metered;
   });

@@ -59,7 +59,7 @@ class Placement final : public Policy {
   // Also where no link is up: then there is nothing to be refused.
   static bool worth_offloading(const Offer& offer, std::span<const LinkState> links,
                                const Guidance& guidance) {
-    const std::vector<LinkState> able = fastest(links, {}, kAllLinks);
+    const Links able = fastest(links, {}, kAllLinks);
     if (able.empty() || std::ranges::all_of(able, stale)) return true;
     return std::ranges::any_of(able, [&](const LinkState& link) {
       Guidance within = guidance;

@@ -54,7 +54,7 @@ class Progressive final : public Policy {
     bool any_up = false;
     for (std::uint8_t variant = first; variant < offer.variant_bytes.size(); ++variant) {
       const std::size_t bytes = offer.variant_bytes[variant];
-      const std::vector<LinkState> pair = fastest(links, rate_floor(offer.qos, bytes), 2);
+      const Links pair = fastest(links, rate_floor(offer.qos, bytes), 2);
       if (pair.empty()) continue;
       any_up = true;
       const LinkState& other = pair.back();

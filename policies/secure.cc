@@ -7,14 +7,15 @@
 //   some link that is up reaches the floor    as the inner policy plans over those
 //   none does                                 nothing (kInsecure), small results neither
 //
-// Each node looks at its own links: the roadside must declare its networks too, else the result
-// does not leave it.
+// Results, degraded messages and lost pieces that are sent again obey the floor too. Each node
+// looks at its own links: the roadside must declare its networks as well, else the result does not
+// leave it. What the floor cannot reach: a node that does not have this policy under its name plans
+// with the first one it has, over any link; so register it at every node of the pipeline.
 //
 // Receiver: as the inner policy.
 #include <algorithm>
 #include <stdexcept>
 #include <string>
-#include <vector>
 
 #include "policies/builtin.h"
 
@@ -30,9 +31,10 @@ class Secure final : public Policy {
 
   Plan plan(const Offer& offer, std::span<const LinkState> links,
             const Guidance& guidance) const override {
-    std::vector<LinkState> allowed;
-    std::ranges::copy_if(links, std::back_inserter(allowed),
-                         [this](const LinkState& link) { return allows(link); });
+    Links allowed;
+    for (const LinkState& link : links) {
+      if (allows(link)) allowed.push_back(link);
+    }
     if (std::ranges::any_of(allowed, &LinkState::up)) {
       return inner_->plan(offer, allowed, guidance);
     }

@@ -8,6 +8,7 @@
 #include <string>
 #include <string_view>
 
+#include "interneuron/few.h"
 #include "interneuron/nature.h"
 #include "interneuron/units.h"
 
@@ -87,5 +88,10 @@ struct LinkState {
   std::uint32_t rate_trains = 0;
   Nature nature{};
 };
+
+// The links towards one peer that are weighed against each other; chosen: more NICs than a vehicle
+// has. Further ones are measured, but nothing is planned over them.
+inline constexpr std::size_t kMaxLinks = 16;
+using Links = Few<LinkState, kMaxLinks>;
 
 }  // namespace interneuron

@@ -2,7 +2,8 @@
 // receiver hands to the application when. A policy knows neither devices nor applications. Write
 // your own in one file: see policies/.
 //
-// Policies are pure and stateless: the same arguments give the same answer. The sender's endpoint
+// Policies are pure and stateless: the same arguments give the same answer. They run for every
+// message: those that come with Interneuron allocate nothing. The sender's endpoint
 // calls plan(), the receiver's merge(); the message header names the policy, so both ends need it
 // registered under the same name.
 #pragma once
@@ -50,16 +51,23 @@ struct Assignment {
   friend bool operator==(const Assignment&, const Assignment&) = default;
 };
 
+// What is beyond is not sent; chosen: two variants over each of kMaxLinks.
+inline constexpr std::size_t kMaxSends = 2 * kMaxLinks;
+using Assignments = Few<Assignment, kMaxSends>;
+
 struct Plan {
-  std::vector<Assignment> sends;
+  Assignments sends;
   bool under_floor =
       false;  // no link met the floor: the plan is best effort, and is reported as such
   // Why nothing is sent although a link is up, for people; refers to a literal. Empty: not refused.
-  // A round whose first transmission is refused is answered locally.
+  // A refused round is answered locally, as soon as its local result is there; that is no miss.
   std::string_view refused{};
 };
 
-// Reasons of the built-in policies; policies of your own may give others.
+// Reasons of the built-in policies; policies of your own may give others. The first is given where
+// a policy gives none.
+inline constexpr std::string_view kNothingPlanned =
+    "nothing is sent: the policy plans nothing over the links there are";
 inline constexpr std::string_view kLocalIsBetter =
     "nothing is sent: the local result is expected to be as good as any that is back in time";
 inline constexpr std::string_view kNoTimeLeft =
@@ -90,7 +98,7 @@ class Policy {
                     const Guidance& guidance) const = 0;
   virtual Merge merge(const Arrival& arrival) const = 0;
   // Whether a link may carry messages of this policy at all. Asked for small results too, which are
-  // sent without plan().
+  // sent without plan(), and for what is sent again.
   virtual bool allows(const LinkState& /*link*/) const { return true; }
 };
 

@@ -5,7 +5,6 @@
 #include <cstddef>
 #include <limits>
 #include <span>
-#include <vector>
 
 #include "interneuron/link.h"
 
@@ -26,7 +25,7 @@ struct Requirement {
 
 // The links that are up, may be used and meet every floor, best first: by the operator's priority
 // (smaller first), then by weighted score; ties keep the order of `links`. Backup links only where
-// no normal link meets the floors. Pure; never throws for size.
-std::vector<LinkState> match(const Requirement& requirement, std::span<const LinkState> links);
+// no normal link meets the floors. Of more than kMaxLinks the best. Pure; allocates nothing.
+Links match(const Requirement& requirement, std::span<const LinkState> links);
 
 }  // namespace interneuron

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "endpoint/round_terms.h"
 #include "plan/plan_message.h"
 
 namespace interneuron {
@@ -15,6 +16,13 @@ Bytes joined(const wire::RoundHeader& header, const Bytes& payload) {
   wire::write_round_header(std::span(message).first<wire::kRoundHeaderBytes>(), header);
   std::ranges::copy(payload, message.begin() + wire::kRoundHeaderBytes);
   return message;
+}
+
+// Lost pieces go over no link that the policy forbids.
+flow::PathSet allowed_of(const Policy& policy, std::span<const LinkState> links) {
+  flow::PathSet allowed;
+  for (const LinkState& link : links) allowed.set(link.id.value, policy.allows(link));
+  return allowed;
 }
 
 // header.stage: the communication that is about to begin.
@@ -55,15 +63,24 @@ void Dispatch::check(const Variants& variants) {
   }
 }
 
+Dispatch::Sizes Dispatch::sizes_of(const Variants& variants) {
+  Sizes sizes;
+  for (const Bytes& v : variants) sizes.push_back(v.size());
+  return sizes;
+}
+
+// Without the policy that the origin names, any built-in rule serves; the first registered one
+// stands in.
+const Policy& Dispatch::rule(const wire::RoundHeader& header) const {
+  const Policy* named = policy(header.policy);
+  return named != nullptr ? *named : *stand_in_;
+}
+
 Plan Dispatch::plan(std::span<const LinkState> links, const wire::RoundHeader& header,
                     const Offer& offer, const Guidance& guidance) const {
-  // Without the policy that the origin names, any built-in rule serves; the first registered one
-  // stands in.
-  const Policy* named = policy(header.policy);
-  const Policy& rule = named != nullptr ? *named : *stand_in_;
   Offer complete = offer;
   complete.earlier_communications = earlier_communications(header);
-  return plan_message(rule, complete, links, guidance);
+  return plan_message(rule(header), complete, links, guidance);
 }
 
 Planned Dispatch::send(TimePoint now, Peer& peer, const RoundContext& context, const ClockOf& clock,
@@ -77,20 +94,19 @@ Planned Dispatch::send(TimePoint now, Peer& peer, const RoundContext& context, c
   // A round that passes its origin starts over: the origin's own clock has no offset.
   if (header.round.origin == self_) header.alpha_sum = Duration::zero();
 
-  const std::vector<LinkState> links = peer.links(now);
+  const Links links = peer.links(now);
   Planned planned{header.round, header.stage, {}};
   if (context.previewed && context.previewed->fits(variants.size(), links)) {
     planned.plan = context.previewed->plan;
   } else {
-    std::vector<std::size_t> sizes;
-    for (const Bytes& v : variants) sizes.push_back(v.size());
-    planned.plan = plan(links, header, {qos_of(header), sizes}, guidance);
+    planned.plan = plan(links, header, {qos_of(header), sizes_of(variants)}, guidance);
   }
-  const std::vector<Assignment>& sends = planned.plan.sends;
+  const auto& sends = planned.plan.sends;
   if (sends.empty()) return planned;
 
   header.best_planned = std::ranges::min(sends, {}, &Assignment::variant).variant;
   const TimePoint deadline = deadline_of(now, header, clock);
+  const flow::PathSet repairs = allowed_of(rule(header), links);
   for (std::size_t v = 0; v < variants.size(); ++v) {
     std::vector<LinkId> paths;
     for (const Assignment& a : sends) {
@@ -98,7 +114,7 @@ Planned Dispatch::send(TimePoint now, Peer& peer, const RoundContext& context, c
     }
     if (paths.empty()) continue;
     header.variant = static_cast<std::uint8_t>(v);
-    peer.send(now, deadline, header.deadline(), joined(header, variants[v]), paths);
+    peer.send(now, deadline, header.deadline(), joined(header, variants[v]), paths, repairs);
   }
   return planned;
 }

@@ -26,6 +26,9 @@ class Dispatch {
   // Throws std::invalid_argument naming what is wrong with them.
   static void check(const Variants& variants);
 
+  using Sizes = Few<std::size_t, kMaxVariants>;
+  static Sizes sizes_of(const Variants& variants);
+
   // The plan that was carried out; without sends nothing was sent. `clock`: between the origin of
   // the round and here.
   Planned send(TimePoint now, Peer& peer, const RoundContext& context, const ClockOf& clock,
@@ -37,6 +40,7 @@ class Dispatch {
             const Guidance& guidance) const;
 
  private:
+  const Policy& rule(const wire::RoundHeader& header) const;
   TimePoint deadline_of(TimePoint now, const wire::RoundHeader& header, const ClockOf& clock) const;
 
   SessionId self_;

@@ -331,17 +331,16 @@ std::optional<Transmit> Peer::poll(TimePoint now, std::span<std::byte> buffer) {
 }
 
 void Peer::send(TimePoint now, TimePoint deadline, Duration lifetime, Bytes message,
-                const std::vector<LinkId>& paths) {
+                const std::vector<LinkId>& paths, const flow::PathSet& repairs) {
   note_activity(now);
   refresh(now);
-  sender_.send(now, deadline, lifetime, std::move(message), paths);
+  sender_.send(now, deadline, lifetime, std::move(message), paths, repairs);
 }
 
 // --- getters
 
-std::vector<LinkState> Peer::links(TimePoint now) const {
-  std::vector<LinkState> out;
-  out.reserve(paths_.size());
+Links Peer::links(TimePoint now) const {
+  Links out;
   for (const Path& path : paths_) out.push_back(path.state(now));
   link::score(out);
   return out;

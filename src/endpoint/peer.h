@@ -56,9 +56,9 @@ class Peer {
   std::optional<Transmit> poll(TimePoint now, std::span<std::byte> buffer);
 
   void send(TimePoint now, TimePoint deadline, Duration lifetime, Bytes message,
-            const std::vector<LinkId>& paths);
+            const std::vector<LinkId>& paths, const flow::PathSet& repairs);
 
-  std::vector<LinkState> links(TimePoint now) const;
+  Links links(TimePoint now) const;
   std::optional<guard::ClockView> clock(TimePoint now) { return clock_.view(now); }
   const Identity& identity() const { return identity_; }
   bool ready() const { return ready_; }

@@ -187,7 +187,9 @@ std::vector<PeerId> Peers::ids() const {
 
 std::vector<LinkState> Peers::links(TimePoint now, PeerId id) const {
   const auto it = peers_.find(id);
-  return it == peers_.end() ? std::vector<LinkState>{} : it->second.links(now);
+  if (it == peers_.end()) return {};
+  const Links all = it->second.links(now);
+  return {all.begin(), all.end()};
 }
 
 LinkCounters Peers::totals(LinkId link) const {

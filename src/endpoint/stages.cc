@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "endpoint/round_terms.h"
+
 namespace interneuron {
 namespace {
 
@@ -10,41 +12,6 @@ bool same_stage(const wire::RoundHeader& a, const wire::RoundHeader& b) {
 }
 
 }  // namespace
-
-QoS qos_of(const wire::RoundHeader& h) {
-  const auto weight = [&h](std::size_t i) { return static_cast<double>(h.needs[i]) / 255.0; };
-  return {h.deadline(), std::chrono::microseconds(h.period_us), h.message_class,
-          Nature{weight(0), weight(1), weight(2), weight(3)}};
-}
-
-guard::RecentE2e recent_e2e(const wire::RoundHeader& header) {
-  guard::RecentE2e out{};
-  for (std::size_t i = 0; i < out.size(); ++i) {
-    const std::uint16_t steps = header.e2e[i];
-    if (steps == wire::kE2eNever) {
-      out[i] = guard::kNever;
-    } else if (steps != 0) {
-      out[i] = header.from_steps(steps);
-    }
-  }
-  return out;
-}
-
-guard::StageEnd stage_end(const wire::RoundHeader& header, std::size_t stage) {
-  guard::StageEnd end;
-  end.round = header.round.round;
-  end.stage = stage;
-  end.t0 = header.t0;
-  end.x_permille = header.x_permille;
-  end.deadline = header.deadline();
-  end.variant = header.variant;
-  end.best_planned = header.best_planned;
-  end.degraded = header.degraded;
-  end.is_computation = !header.is_communication(stage);
-  end.terms = {header.guard, header.target / 65536.0, header.miss_price / 1000.0,
-               header.local_quality / 255.0};
-  return end;
-}
 
 bool Previewed::fits(std::size_t count, std::span<const LinkState> links) const {
   return count == variants && std::ranges::all_of(plan.sends, [links](const Assignment& a) {

@@ -122,9 +122,4 @@ class Stages {
   std::uint64_t uses_ = 0;
 };
 
-// What a header says of its message's quality of service.
-QoS qos_of(const wire::RoundHeader& header);
-guard::RecentE2e recent_e2e(const wire::RoundHeader& header);
-guard::StageEnd stage_end(const wire::RoundHeader& header, std::size_t stage);
-
 }  // namespace interneuron

@@ -89,7 +89,7 @@ void Sender::set_path(LinkId path, const PathView& view) {
 }
 
 MessageId Sender::send(TimePoint now, TimePoint deadline, Duration lifetime, Bytes bytes,
-                       const std::vector<LinkId>& paths) {
+                       const std::vector<LinkId>& paths, const PathSet& repairs) {
   const MessageId id{next_message_++};
   std::size_t max_datagram = SIZE_MAX;
   for (const LinkId path : paths)
@@ -107,10 +107,12 @@ MessageId Sender::send(TimePoint now, TimePoint deadline, Duration lifetime, Byt
   m.lifetime_us = static_cast<std::uint32_t>(std::clamp<std::int64_t>(
       std::chrono::duration_cast<std::chrono::microseconds>(lifetime).count(), 1, UINT32_MAX));
   m.bytes = std::move(bytes);
+  m.repairs = repairs;
   m.pieces.resize(count, {false, static_cast<std::uint8_t>(paths.size())});
   for (const LinkId path : paths) {
     Path& p = paths_.at(path);
     p.jobs.push_back({id, deadline, 0, m.count, m.chunk, {}});
+    m.repairs.set(path.value);
   }
   messages_.emplace(id, std::move(m));
   return id;
@@ -256,7 +258,9 @@ bool Sender::repair(TimePoint now, MessageId id, std::uint16_t index) {
   Path* best = nullptr;
   TimePoint best_arrival = TimePoint::max();
   for (auto& [link, path] : paths_) {
-    if (!path.view.up || path.max_datagram < m.chunk + wire::kFragmentOverhead) continue;
+    const bool may_carry =
+        m.repairs.test(link.value) && path.max_datagram >= m.chunk + wire::kFragmentOverhead;
+    if (!path.view.up || !may_carry) continue;
     const DataRate rate = path.view.rate.value_or(kBlindRate);
     const Duration queue =
         std::min<Duration>(rate.transmit_time(queued_bytes(path) + m.chunk), kNever);

@@ -7,6 +7,7 @@
 // leave a path now; report() and handle_timeout() tell what arrived or must be taken for lost.
 #pragma once
 
+#include <bitset>
 #include <cstdint>
 #include <map>
 #include <optional>
@@ -32,6 +33,10 @@ struct PathView {
   Duration probe_timeout{};
 };
 
+// Paths by LinkId.
+using PathSet = std::bitset<256>;
+inline const PathSet kEveryPath = PathSet{}.set();
+
 class Sender {
  public:
   struct Options {
@@ -50,11 +55,12 @@ class Sender {
   // what is in flight on it goes over the others at once, where that still helps.
   void pull(TimePoint now, LinkId path);
 
-  // Queues a message (round header and payload) on these paths. After `deadline` nothing of it is
+  // Queues a message (round header and payload) on these paths; what is lost of it is repaired over
+  // these and those of `repairs` alone. After `deadline` nothing of it is
   // sent. Nothing is sent either of a message that does not fit into the number of pieces that the
   // wire allows.
   MessageId send(TimePoint now, TimePoint deadline, Duration lifetime, Bytes message,
-                 const std::vector<LinkId>& paths);
+                 const std::vector<LinkId>& paths, const PathSet& repairs = kEveryPath);
 
   // The next packet number of a path, for packets that the endpoint makes itself; they count as
   // sent. `train_bytes`: size at IP level of those that belong to trains, 0 of all others.
@@ -99,6 +105,7 @@ class Sender {
     std::uint16_t count = 0;
     std::uint16_t chunk = 0;
     std::uint16_t unacknowledged = 0;
+    PathSet repairs;
     struct PieceState {
       bool acknowledged = false;
       std::uint8_t under_way = 0;  // copies queued or in flight

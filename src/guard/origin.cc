@@ -136,27 +136,36 @@ void Origin::learn_late(TimePoint now, RoundId round, Bytes result, const Spent&
   keep_remote(round, result, spent);
 }
 
-void Origin::local_result(RoundId round, Bytes result) {
+std::optional<RoundDone> Origin::local_result(TimePoint now, RoundId round, Bytes result) {
   Open* open = find(round);
-  if (open == nullptr) return;
+  if (open == nullptr) return std::nullopt;
   keep_last(round, result);
   open->local = std::move(result);
+  if (!open->stays_local) return std::nullopt;
+  return decide_locally(now, *open);
 }
 
-void Origin::stay_local(RoundId round) {
-  if (Open* open = find(round)) open->stays_local = true;
+std::optional<RoundDone> Origin::stay_local(TimePoint now, RoundId round) {
+  Open* open = find(round);
+  if (open == nullptr) return std::nullopt;
+  open->stays_local = true;
+  if (!open->local) return std::nullopt;
+  return decide_locally(now, *open);
 }
 
 std::vector<RoundDone> Origin::expire(TimePoint now) {
   std::vector<RoundDone> out;
   while (!open_.empty() && open_.front().begun.t0 + config_.deadline <= now) {
-    const RoundId round = open_.front().begun.ref.round;
-    std::optional<Bytes> local = std::move(open_.front().local);
-    RoundDone done = decide(now, round, Outcome::kLocal);
-    answer(done, std::move(local));
-    out.push_back(std::move(done));
+    out.push_back(decide_locally(now, open_.front()));
   }
   return out;
+}
+
+RoundDone Origin::decide_locally(TimePoint now, Open& open) {
+  std::optional<Bytes> local = std::move(open.local);
+  RoundDone done = decide(now, open.begun.ref.round, Outcome::kLocal);
+  answer(done, std::move(local));
+  return done;
 }
 
 // Empty, this round's own or an older result.

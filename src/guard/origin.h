@@ -41,9 +41,11 @@ class Origin {
   // its time is learnt, and it may yet answer a later round that is missed.
   std::optional<RoundDone> remote_result(TimePoint now, RoundId round, Bytes result, bool degraded,
                                          const Spent& spent = {});
-  void local_result(RoundId round, Bytes result);
-  // The policy decided that the round stays here: it is answered locally, and that is no miss.
-  void stay_local(RoundId round);
+  // This round's own local result is there: the answer of a round that stays here, else kept.
+  std::optional<RoundDone> local_result(TimePoint now, RoundId round, Bytes result);
+  // The policy decided that the round stays here: that is no miss, and the answer is given as soon
+  // as the local result is there.
+  std::optional<RoundDone> stay_local(TimePoint now, RoundId round);
   // Rounds whose deadline has passed at `now` (t0 + D_N <= now) are answered locally: by the local
   // result or the last remote one, whichever is worth more (FallbackQuality).
   std::vector<RoundDone> expire(TimePoint now);
@@ -74,6 +76,7 @@ class Origin {
   };
   Open* find(RoundId round);
   RoundDone decide(TimePoint now, RoundId round, Outcome outcome);
+  RoundDone decide_locally(TimePoint now, Open& open);
   void learn_late(TimePoint now, RoundId round, Bytes result, const Spent& spent);
   void keep_last(RoundId round, const Bytes& result);
   void keep_remote(RoundId round, const Bytes& result, const Spent& spent);

@@ -44,6 +44,7 @@ Plan plan_message(const Policy& policy, const Offer& offer, std::span<const Link
   }
   plan.under_floor = answer.under_floor && !plan.sends.empty();
   if (plan.sends.empty()) plan.refused = answer.refused;
+  if (answer.sends.empty() && plan.refused.empty()) plan.refused = kNothingPlanned;
   return plan;
 }
 

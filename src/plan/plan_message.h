@@ -15,7 +15,8 @@ namespace interneuron {
 // allowed;
 // - no (variant, link) twice; the policy's order is kept otherwise;
 // - sends is empty when no link is up, or when the policy names nothing that can be sent;
-// under_floor is false then, and `refused` is the policy's; otherwise `refused` is empty.
+// under_floor is false then, and `refused` is the policy's, kNothingPlanned where it plans nothing
+// and does not say why; otherwise `refused` is empty.
 Plan plan_message(const Policy& policy, const Offer& offer, std::span<const LinkState> links,
                   const Guidance& guidance);
 

@@ -23,22 +23,36 @@ double rank(const Nature& weights, const Nature& score) {
   return sum == sum ? sum : -std::numeric_limits<double>::infinity();
 }
 
+struct Candidate {
+  const LinkState* link = nullptr;
+  double rank = 0;
+};
+
+bool is_better(const Candidate& a, const Candidate& b) {
+  const int p = a.link->traits.priority;
+  const int q = b.link->traits.priority;
+  return p != q ? p < q : a.rank > b.rank;
+}
+
 }  // namespace
 
-std::vector<LinkState> match(const Requirement& requirement, std::span<const LinkState> links) {
-  std::vector<LinkState> out;
+Links match(const Requirement& requirement, std::span<const LinkState> links) {
+  Few<Candidate, kMaxLinks> ranked;  // best first
   const auto take = [&](LinkRole role) {
     for (const LinkState& link : links) {
-      if (link.up && link.traits.role == role && meets(requirement, link)) out.push_back(link);
+      if (!link.up || link.traits.role != role || !meets(requirement, link)) continue;
+      const Candidate candidate{&link, rank(requirement.weights, link.nature)};
+      std::size_t at = ranked.size();
+      while (at > 0 && is_better(candidate, ranked[at - 1])) --at;
+      ranked.insert(at, candidate);
     }
   };
   take(LinkRole::kNormal);
-  if (out.empty()) take(LinkRole::kBackup);
-  std::ranges::stable_sort(out, [&requirement](const LinkState& a, const LinkState& b) {
-    if (a.traits.priority != b.traits.priority) return a.traits.priority < b.traits.priority;
-    return rank(requirement.weights, a.nature) > rank(requirement.weights, b.nature);
-  });
-  if (out.size() > requirement.links) out.resize(requirement.links);
+  if (ranked.empty()) take(LinkRole::kBackup);
+  Links out;
+  for (const Candidate& c : ranked) {
+    if (out.size() < requirement.links) out.push_back(*c.link);
+  }
   return out;
 }
 

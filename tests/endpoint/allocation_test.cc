@@ -52,10 +52,14 @@ constexpr std::size_t kPiece = kMaxDatagramBytes - 48;
 // Two endpoints and two links of 100 Mbit/s; nothing in here allocates once it is built.
 class TwoHosts {
  public:
-  TwoHosts() {
+  explicit TwoHosts(GuardKind guard = GuardKind::kPaper, const char* policy = "best_link") {
     PipelineConfig pipeline;
-    pipeline.stages = {StageKind::kCommunication, StageKind::kCommunication};
-    pipeline.policy = "best_link";
+    pipeline.stages = {StageKind::kCommunication, StageKind::kComputation,
+                       StageKind::kCommunication};
+    pipeline.policy = policy;
+    pipeline.guard = guard;
+    pipeline.levels = levels_;
+    pipeline.fallback.local = 0.1;
     EndpointOptions o;
     o.session = SessionId{1};
     o.policies = builtin_policies();
@@ -101,6 +105,18 @@ class TwoHosts {
     }
   }
 
+  // What a round's first decision asks of the heap: the mode and the plan.
+  std::uint64_t allocations_of_preview() {
+    const RoundRef round = hosts_[0]->begin_round(now_, PipelineId{0});
+    const std::size_t sizes[] = {100'000, 25'000};
+    const std::uint64_t before = allocations;
+    const Plan plan = hosts_[0]->preview(now_, round, sizes, MessageClass::kData, {}, peer_);
+    EXPECT_FALSE(plan.sends.empty());
+    return allocations - before;
+  }
+
+  std::uint64_t level_allocations = 0;  // of the last choice
+  std::uint64_t levels_chosen = 0;
   std::uint64_t packets = 0;
   std::uint64_t messages = 0;
   std::uint64_t answered = 0;
@@ -146,6 +162,10 @@ class TwoHosts {
   void flush(std::size_t host) {
     while (auto event = hosts_[host]->poll_event()) {
       if (const auto* delivered = std::get_if<Delivered>(&*event)) {
+        const std::uint64_t before = allocations;
+        hosts_[host]->begin_computation(now_, delivered->round, levels_, 1);
+        level_allocations = allocations - before;
+        ++levels_chosen;
         hosts_[host]->submit(now_, delivered->round, {Bytes(kPiece - 100)}, MessageClass::kResult);
       } else if (std::holds_alternative<RoundDone>(*event)) {
         ++answered;
@@ -164,6 +184,7 @@ class TwoHosts {
     }
   }
 
+  std::vector<LevelProfile> levels_{{1ms, 1ms, {0.3}}, {2ms, 2ms, {0.4}}};
   TimePoint now_{1s};
   std::array<std::unique_ptr<Endpoint>, 2> hosts_;
   PeerId peer_{};
@@ -194,6 +215,20 @@ TEST(Allocation, HeartbeatsAndTrainsNeedNone) {
   const Cost idle = cost_of(hosts, 120s, 0);
   EXPECT_GT(idle.packets, 1000U);
   EXPECT_EQ(idle.allocations, 0U);
+}
+
+// What the guard and the policy decide of a round: mode, plan and level.
+TEST(Allocation, DecisionsNeedNone) {
+  for (const GuardKind guard : {GuardKind::kPaper, GuardKind::kBudget}) {
+    for (const char* policy : {"down_sampling", "joint", "placement", "duplicate"}) {
+      TwoHosts hosts(guard, policy);
+      hosts.run(10s, 100);
+      EXPECT_GE(hosts.answered + 1, hosts.messages);
+      EXPECT_EQ(hosts.allocations_of_preview(), 0U) << to_string(guard) << ' ' << policy;
+      EXPECT_GT(hosts.levels_chosen, 0U);
+      EXPECT_EQ(hosts.level_allocations, 0U) << to_string(guard) << ' ' << policy;
+    }
+  }
 }
 
 TEST(Allocation, DataAndFeedbackNeedNonePerPacket) {

@@ -123,6 +123,89 @@ TEST(Endpoint, TheSmallerVariantOfAResultThatIsThereIsSuperseded) {
   EXPECT_EQ(c.messages_late, 0U);
 }
 
+// Data packets of `host` over the slow link in a round in which it loses its fast one, with a large
+// message on its way. Only the fast one is trusted.
+std::ptrdiff_t sent_over_the_other_link(const char* policy, std::size_t host) {
+  PipelineConfig config = pipeline_of(kOffload);
+  config.policy = policy;
+  Pipe pipe;
+  pipe.add_host(options_of(1, {config}));
+  pipe.add_host(options_of(2));
+  for (const std::size_t h : {0, 1}) {
+    pipe.at(h).add_link(pipe.local(h), kFast, {"nic", 1500, {.trusted = true}});
+  }
+  std::size_t done = 0;
+  const auto lose = [&] {
+    pipe.at(host).remove_link(pipe.local(host), kFast);
+    pipe.flush(host);
+  };
+  pipe.on_event = [&](std::size_t at, Event& e) {
+    if (std::holds_alternative<RoundDone>(e)) ++done;
+    const auto* d = std::get_if<Delivered>(&e);
+    if (d == nullptr) return;
+    pipe.plan(1ms, [&pipe, at, ref = d->round] { pipe.submit(at, ref, 60'000); });
+    if (host == at) pipe.plan(2ms, lose);
+  };
+  pipe.connect(0, 1);
+  pipe.run(2s);
+  std::vector<Pipe::Captured> captured;
+  pipe.capture = &captured;
+  pipe.round(0, PipelineId{0}, {Bytes(host == 0 ? 60'000 : 1'000)});
+  if (host == 0) lose();
+  pipe.run(500ms);
+  EXPECT_EQ(done, 1U);
+  return std::ranges::count_if(captured, [host](const Pipe::Captured& c) {
+    return c.link == kSlow && c.from == host && c.bytes[0] == std::byte{1};
+  });
+}
+
+TEST(Endpoint, WhatIsLostOfASecureMessageIsNotSentAgainOverAForeignLink) {
+  for (const std::size_t host : {0, 1}) {
+    EXPECT_GT(sent_over_the_other_link("best_link", host), 0);
+    EXPECT_EQ(sent_over_the_other_link("secure", host), 0);
+  }
+}
+
+// A policy that keeps every round on the vehicle.
+class StayHome final : public Policy {
+ public:
+  std::string_view name() const override { return "stay_home"; }
+  Plan plan(const Offer&, std::span<const LinkState>, const Guidance&) const override { return {}; }
+  Merge merge(const Arrival&) const override { return Merge::kDeliver; }
+};
+
+TEST(Endpoint, ARoundThatItsPolicyKeepsHereIsAnsweredByItsLocalResultAtOnce) {
+  Pipe pipe;
+  EndpointOptions vehicle = options_of(1, {pipeline_of(kOffload)});
+  vehicle.pipelines[0].policy = "stay_home";
+  vehicle.policies.push_back(std::make_shared<const StayHome>());
+  pipe.add_host(vehicle);
+  pipe.add_host(options_of(2));
+  std::vector<RoundDone> done;
+  pipe.on_event = [&done](std::size_t, Event& e) {
+    if (auto* r = std::get_if<RoundDone>(&e)) done.push_back(*r);
+  };
+  pipe.connect(0, 1);
+  pipe.run(1s);
+  for (int i = 0; i < 20; ++i) {
+    const RoundRef ref = pipe.round(0);
+    EXPECT_FALSE(pipe.submitted);
+    pipe.plan(9ms, [&pipe, ref] {
+      pipe.at(0).local_result(pipe.local(0), ref, Bytes(7));
+      pipe.flush(0);
+    });
+    pipe.run(100ms);
+  }
+  pipe.run(1s);
+  ASSERT_EQ(done.size(), 20U);
+  for (const RoundDone& r : done) {
+    EXPECT_EQ(r.outcome, Outcome::kLocal);
+    EXPECT_EQ(r.e2e, 9ms);
+    EXPECT_EQ(r.age_rounds, 0U);
+    EXPECT_FALSE(r.recovering);  // no miss
+  }
+}
+
 TEST(Endpoint, AResultAfterTheDeadlineIsLateAndCounted) {
   Pair p;
   p.compute = 122ms;  // leaves the roadside in time and arrives too late

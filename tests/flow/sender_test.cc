@@ -499,5 +499,23 @@ RC_GTEST_PROP(Sender, WithTimeEnoughEveryPieceArrives, ()) {
   RC_ASSERT(have.size() == pieces);
 }
 
+TEST(Sender, RepairsGoOverNoPathThatIsForbidden) {
+  for (const bool allowed : {false, true}) {
+    Paths p;
+    PathSet repairs;
+    repairs.set(kB.value, allowed);
+    p.sender.send(at(0s), at(1s), 1s, Bytes(5 * kChunk), {kA}, repairs);
+    TimePoint now = at(0s);
+    EXPECT_EQ(p.drain(kA, now).size(), 5U);
+    p.sender.pull(now, kA);
+    EXPECT_EQ(p.drain(kB, now).size(), allowed ? 5U : 0U);
+    if (allowed) continue;
+    // The path that it was sent on may always carry it again.
+    p.set(kA, 10ms);
+    p.sender.handle_timeout(at(500ms));
+    EXPECT_EQ(p.drain(kA, now).size(), 5U);
+  }
+}
+
 }  // namespace
 }  // namespace interneuron::flow

@@ -8,6 +8,8 @@
 
 #include "guard/budget_observer.h"
 #include "guard/budget_origin.h"
+#include "guard/observer.h"
+#include "guard/residual_law.h"
 
 namespace {
 
@@ -113,6 +115,45 @@ TEST(BudgetAllocation, DecisionsNeedNone) {
   rounds.run(20);
   const std::size_t before = allocations;
   rounds.run(2000);
+  EXPECT_EQ(allocations, before);
+}
+
+TEST(BudgetAllocation, TheLawNeedsNone) {
+  ResidualLaw law;
+  const std::size_t before = allocations;
+  for (std::uint32_t i = 0; i < 2000; ++i) {
+    ResidualLaw::Sample s;
+    s.round = RoundId{i};
+    s.at = TimePoint{i * 100ms};
+    s.before = i % 17 * 1ms;
+    s.rest = 20ms + i % 13 * 1ms;
+    law.add(s.at, s);
+    static_cast<void>(law.near(s.before, 8ms).within(10ms));
+    if (i % 500 == 499) law.drop_bases();
+  }
+  EXPECT_EQ(allocations, before);
+}
+
+// The paper's guard: reference time, stage deadline, level.
+TEST(PaperAllocation, DecisionsNeedNone) {
+  Observer road;
+  const std::vector<LevelProfile> levels = ladder();
+  std::size_t before = 0;
+  for (std::uint32_t i = 0; i < 300; ++i) {
+    if (i == 20) before = allocations;
+    const TimePoint t0{i * 100ms};
+    StageEnd up;
+    up.round = RoundId{i};
+    up.t0 = as_wire(t0);
+    up.x_permille = 200;
+    up.deadline = 130ms;
+    const ClockView clock{};
+    road.note_arrival(t0 + 30ms, up);
+    static_cast<void>(road.hold(t0 + 30ms, up, clock, false));
+    const Verdict verdict = road.end_stage(t0 + 30ms + i % 7 * 3ms, up, clock);
+    static_cast<void>(road.begin_computation(t0 + 40ms, up, levels, 2, verdict));
+    road.settle(t0 + 120ms, RoundId{i}, RoundState::kOnTime, 100ms);
+  }
   EXPECT_EQ(allocations, before);
 }
 

@@ -42,7 +42,7 @@ TEST(Origin, OneNanosecondLaterItIsDropped) {
 TEST(Origin, TheLocalBackupAnswersAtTheDeadline) {
   Origin o(camera(), kSelf);
   const auto begun = o.begin(TimePoint{1s});
-  o.local_result(begun.ref.round, bytes(9));
+  o.local_result(begun.t0, begun.ref.round, bytes(9));
   EXPECT_EQ(o.next_timeout(), TimePoint{1s + 130ms});
   EXPECT_TRUE(o.expire(TimePoint{1s + 130ms - 1ns}).empty());
   const auto done = o.expire(TimePoint{1s + 130ms});
@@ -115,7 +115,8 @@ TEST(Origin, TheLastRemoteResultAnswersWhereItIsWorthMoreThanTheLocalOne) {
   const auto first = o.begin(TimePoint{1s});
   o.remote_result(TimePoint{1s + 10ms}, first.ref.round, bytes(1), false, level(1));
   for (int i = 1; i <= 2; ++i) {
-    o.local_result(o.begin(TimePoint{1s + i * 100ms}).ref.round, bytes(9));
+    const auto begun = o.begin(TimePoint{1s + i * 100ms});
+    o.local_result(begun.t0, begun.ref.round, bytes(9));
   }
   const auto done = o.expire(TimePoint{4s});
   ASSERT_EQ(done.size(), 2U);
@@ -131,7 +132,7 @@ TEST(Origin, ALowLevelResultThatIsOldIsWorthLessThanTheLocalOne) {
   Origin o(with_fallback(), kSelf);
   const auto first = o.begin(TimePoint{1s});
   o.remote_result(TimePoint{1s + 10ms}, first.ref.round, bytes(1), false, level(0));
-  o.local_result(o.begin(TimePoint{2s}).ref.round, bytes(9));
+  o.local_result(TimePoint{2s}, o.begin(TimePoint{2s}).ref.round, bytes(9));
   EXPECT_EQ(o.expire(TimePoint{3s}).at(0).result, bytes(9));
 }
 
@@ -151,10 +152,47 @@ TEST(Origin, WithoutFallbackQualityTheLocalResultAnswers) {
   Origin o(config, kSelf);
   const auto first = o.begin(TimePoint{1s});
   o.remote_result(TimePoint{1s + 10ms}, first.ref.round, bytes(1), false, level(1));
-  o.local_result(o.begin(TimePoint{2s}).ref.round, bytes(9));
+  o.local_result(TimePoint{2s}, o.begin(TimePoint{2s}).ref.round, bytes(9));
   const auto done = o.expire(TimePoint{3s});
   EXPECT_EQ(done.at(0).result, bytes(9));
   EXPECT_FALSE(done.at(0).stale_remote);
+}
+
+TEST(Origin, ARoundThatStaysHereIsAnsweredOnceByItsLocalResult) {
+  for (const bool result_first : {false, true}) {
+    Origin o(with_fallback(), kSelf);
+    const auto begun = o.begin(TimePoint{1s});
+    const RoundId round = begun.ref.round;
+    std::optional<RoundDone> first;
+    std::optional<RoundDone> second;
+    if (result_first) {
+      first = o.local_result(TimePoint{1s + 9ms}, round, bytes(9));
+      second = o.stay_local(TimePoint{1s + 10ms}, round);
+    } else {
+      first = o.stay_local(TimePoint{1s + 1ms}, round);
+      second = o.local_result(TimePoint{1s + 10ms}, round, bytes(9));
+    }
+    EXPECT_FALSE(first);
+    ASSERT_TRUE(second);
+    EXPECT_EQ(second->outcome, Outcome::kLocal);
+    EXPECT_EQ(second->e2e, 10ms);
+    EXPECT_EQ(second->result, bytes(9));
+    EXPECT_EQ(second->age_rounds, 0U);
+    EXPECT_FALSE(o.local_result(TimePoint{1s + 11ms}, round, bytes(8)));
+    EXPECT_FALSE(o.remote_result(TimePoint{1s + 12ms}, round, bytes(1), false, level(1)));
+    EXPECT_TRUE(o.expire(TimePoint{4s}).empty());
+    EXPECT_EQ(o.indicator(RoundId{1})[0], RoundState::kUnknown);  // no miss
+  }
+}
+
+TEST(Origin, ARoundThatStaysHereWithoutALocalResultIsAnsweredAtItsDeadline) {
+  Origin o(with_fallback(), kSelf);
+  EXPECT_FALSE(o.stay_local(TimePoint{1s}, o.begin(TimePoint{1s}).ref.round));
+  EXPECT_EQ(o.next_timeout(), TimePoint{1s + 130ms});
+  const auto done = o.expire(TimePoint{1s + 130ms});
+  ASSERT_EQ(done.size(), 1U);
+  EXPECT_FALSE(done[0].age_rounds);
+  EXPECT_EQ(o.indicator(RoundId{1})[0], RoundState::kUnknown);
 }
 
 // Too late for its own round, it is the newest there is for the next one.

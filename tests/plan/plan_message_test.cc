@@ -116,6 +116,12 @@ TEST(PlanMessage, PassesOnWhyNothingIsSent) {
   EXPECT_EQ(plan.refused, "too far");
 }
 
+TEST(PlanMessage, AnEmptyPlanIsADecisionAndAnImpossibleOneIsNot) {
+  EXPECT_EQ(plan_with(Scripted({}), MessageClass::kData, kTwoVariants).refused, kNothingPlanned);
+  const Scripted impossible({.sends = {{0, kDown}}});
+  EXPECT_TRUE(plan_with(impossible, MessageClass::kData, kTwoVariants).refused.empty());
+}
+
 TEST(PlanMessage, LargerResultsAndSmallDataAreThePolicysBusiness) {
   const Scripted policy({.sends = {{0, kUp}}});
   const std::array<std::size_t, 1> larger{kSmallResultBytes + 1};

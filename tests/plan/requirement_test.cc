@@ -20,7 +20,7 @@ LinkState up(std::uint8_t id) {
   return link;
 }
 
-std::vector<int> ids(const std::vector<LinkState>& links) {
+std::vector<int> ids(std::span<const LinkState> links) {
   std::vector<int> out;
   for (const LinkState& link : links) out.push_back(link.id.value);
   return out;

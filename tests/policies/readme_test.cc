@@ -25,7 +25,7 @@ class Insured final : public interneuron::Policy {
         .weights = offer.qos.needs,
         .links = 1};
     interneuron::Plan plan;
-    std::vector<interneuron::LinkState> chosen = match(suits, links);
+    interneuron::Links chosen = match(suits, links);
     if (chosen.empty()) {  // no link can carry it: do the best there is, and say so
       suits.min_rate = {};
       chosen = match(suits, links);

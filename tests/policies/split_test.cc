@@ -18,7 +18,7 @@ const std::vector<VariantCost> kCosts{{milliseconds(0), milliseconds(20)},
                                       {milliseconds(15), milliseconds(10)},
                                       {milliseconds(60), milliseconds(1)}};
 
-std::vector<Assignment> sends_over(const std::vector<LinkState>& links) {
+Assignments sends_over(const std::vector<LinkState>& links) {
   return split().plan({frames_at_10_hz(), kCuts, kCosts}, links, {}).sends;
 }
 

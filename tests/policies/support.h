@@ -69,7 +69,7 @@ struct Case {
   std::vector<std::size_t> variant_bytes;
   std::vector<LinkState> links;
   bool degraded;
-  std::vector<Assignment> sends;
+  Assignments sends;
   bool under_floor;
 };
 

@@ -1,0 +1,93 @@
+// A list of at most N values in one block: nothing is allocated, so that a decision costs no call
+// of the heap. What does not fit is left out. T is copied by value. Thread-compatible; pure.
+#pragma once
+
+#include <cassert>
+#include <cstddef>
+#include <initializer_list>
+#include <memory>
+#include <type_traits>
+
+namespace interneuron {
+
+template <class T, std::size_t N>
+class Few {
+  static_assert(std::is_trivially_copyable_v<T> && N > 0);
+
+ public:
+  using value_type = T;
+  using size_type = std::size_t;
+  using difference_type = std::ptrdiff_t;
+  using reference = T&;
+  using const_reference = const T&;
+  using iterator = T*;
+  using const_iterator = const T*;
+
+  Few() {}
+  Few(std::initializer_list<T> values) {
+    for (const T& value : values) push_back(value);
+  }
+  Few(const Few& other) : size_(other.size_) {
+    std::uninitialized_copy_n(other.values_, size_, values_);
+  }
+  Few& operator=(const Few& other) {
+    if (this == &other) return *this;
+    size_ = other.size_;
+    std::uninitialized_copy_n(other.values_, size_, values_);
+    return *this;
+  }
+  ~Few() = default;
+
+  std::size_t size() const { return size_; }
+  bool empty() const { return size_ == 0; }
+  T* data() { return values_; }
+  const T* data() const { return values_; }
+  T* begin() { return values_; }
+  const T* begin() const { return values_; }
+  T* end() { return values_ + size_; }
+  const T* end() const { return values_ + size_; }
+  T& operator[](std::size_t i) {
+    assert(i < size_);
+    return values_[i];
+  }
+  const T& operator[](std::size_t i) const {
+    assert(i < size_);
+    return values_[i];
+  }
+  T& front() { return (*this)[0]; }
+  const T& front() const { return (*this)[0]; }
+  T& back() { return (*this)[size_ - 1]; }
+  const T& back() const { return (*this)[size_ - 1]; }
+
+  // False: there was no room for it.
+  bool push_back(const T& value) {
+    if (size_ == N) return false;
+    std::construct_at(values_ + size_, value);
+    ++size_;
+    return true;
+  }
+  // The same, in front of position `at` <= size(); where there is no room, the last one goes.
+  void insert(std::size_t at, const T& value) {
+    assert(at <= size_);
+    if (at == N) return;
+    if (size_ < N) ++size_;
+    for (std::size_t i = size_ - 1; i > at; --i) std::construct_at(values_ + i, values_[i - 1]);
+    std::construct_at(values_ + at, value);
+  }
+
+  friend bool operator==(const Few& a, const Few& b) {
+    if (a.size_ != b.size_) return false;
+    for (std::size_t i = 0; i < a.size_; ++i) {
+      if (!(a.values_[i] == b.values_[i])) return false;
+    }
+    return true;
+  }
+
+ private:
+  std::size_t size_ = 0;
+  union {
+    T values_[N];  // the first size_ of them
+  };
+};
+
+}  // namespace interneuron

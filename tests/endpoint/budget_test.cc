@@ -1,0 +1,95 @@
+// The guard kBudget through whole endpoints: every node follows the origin, previews are carried
+// out, levels follow what the rounds took, whatever the clocks' offset.
+#include <gtest/gtest.h>
+
+#include "pipe.h"
+
+namespace interneuron {
+namespace {
+
+std::vector<LevelProfile> ladder() {
+  return {{8ms, 10ms, {0.14, 0.13}}, {19ms, 24ms, {0.35, 0.33}}, {44ms, 46ms, {0.40, 0.38}}};
+}
+
+// A vehicle (0) and a roadside unit (1) that computes at the level it is told.
+class Offloading {
+ public:
+  explicit Offloading(Duration road_offset) {
+    PipelineConfig pipeline = pipeline_of({kComm, kComp, kComm});
+    pipeline.guard = GuardKind::kBudget;
+    pipeline.levels = ladder();
+    pipeline.fallback.local = 0.14;
+    pipe.add_host(options_of(1, {pipeline}));
+    pipe.add_host(options_of(2), road_offset);
+    pipe.connect(0, 1);
+    pipe.on_event = [this](std::size_t host, Event& event) { on_event(host, event); };
+    pipe.run(1s);
+  }
+  void round() {
+    pipe.round(0, PipelineId{0}, {Bytes(20'000), Bytes(5'000)});
+    pipe.run(200ms);
+  }
+
+  Pipe pipe;
+  Duration slower{};  // every computation takes so much longer
+  std::vector<std::size_t> levels;
+  std::vector<Plan> plans;
+  int done = 0;
+
+ private:
+  void on_event(std::size_t host, Event& event) {
+    if (const auto* delivered = std::get_if<Delivered>(&event)) {
+      const RoundRef ref = delivered->round;
+      levels.push_back(pipe.at(1).begin_computation(pipe.local(1), ref, ladder(), 2));
+      pipe.plan(ladder()[levels.back()].median + slower, [this, ref] { pipe.submit(1, ref, 500); });
+    } else if (auto* planned = std::get_if<Planned>(&event); planned != nullptr && host == 0) {
+      plans.push_back(planned->plan);
+    } else if (std::holds_alternative<RoundDone>(event)) {
+      ++done;
+    }
+  }
+};
+
+TEST(Budget, LevelsFollowWhatRoundsTakeWhateverTheOffset) {
+  std::vector<std::size_t> first;
+  for (const Duration offset : {Duration{0}, Duration{1h}, Duration{-1h}, Duration{24h}}) {
+    Offloading o(offset);
+    for (int i = 0; i < 60; ++i) o.round();
+    EXPECT_EQ(o.levels.back(), 2U);
+    o.slower = 90ms;  // the top level would take more than D_N
+    for (int i = 0; i < 60; ++i) o.round();
+    EXPECT_LT(o.levels.back(), 2U);
+    EXPECT_EQ(o.done, 120);
+    if (first.empty()) first = o.levels;
+    EXPECT_EQ(o.levels, first);
+  }
+}
+
+TEST(Budget, WhatWasPreviewedIsSent) {
+  Offloading o({});
+  for (int i = 0; i < 10; ++i) o.round();
+  Endpoint& vehicle = o.pipe.at(0);
+  const TimePoint now = o.pipe.local(0);
+  const RoundRef ref = vehicle.begin_round(now, PipelineId{0});
+  const std::size_t sizes[] = {20'000, 5'000};
+  const Plan plan = vehicle.preview(now, ref, sizes, MessageClass::kData);
+  ASSERT_FALSE(plan.sends.empty());
+  // Variants that the plan does not hold need not be there.
+  Variants variants(2);
+  for (const Assignment& a : plan.sends) variants[a.variant].resize(sizes[a.variant]);
+  EXPECT_TRUE(vehicle.submit(now, ref, variants, MessageClass::kData));
+  o.pipe.flush(0);
+  EXPECT_EQ(o.plans.back().sends, plan.sends);
+}
+
+TEST(Budget, NothingIsPreviewedForARoundThatIsNotKnown) {
+  Offloading o({});
+  const std::size_t sizes[] = {1000};
+  const RoundRef unknown{SessionId{1}, PipelineId{0}, RoundId{99}};
+  EXPECT_TRUE(
+      o.pipe.at(0).preview(o.pipe.local(0), unknown, sizes, MessageClass::kData).sends.empty());
+  EXPECT_EQ(o.pipe.at(1).begin_computation(o.pipe.local(1), unknown, ladder(), 1), 1U);
+}
+
+}  // namespace
+}  // namespace interneuron
