@@ -31,6 +31,7 @@ struct Chance {
   double least = 0;
   double most = 0;
   double hedged = 0;  // the share with the tail of what was never seen
+  friend bool operator==(const Chance&, const Chance&) = default;
 };
 inline Chance chance(double on_time, double rounds, double hedged) {
   return {on_time / (rounds + 1), (on_time + 1) / (rounds + 1), hedged};

@@ -4,6 +4,8 @@
 
 #include <vector>
 
+#include "guard/choice.h"
+
 namespace interneuron::guard {
 namespace {
 
@@ -147,7 +149,7 @@ TEST(ResidualLaw, TheTailIsHeavyAndFalls) {
   EXPECT_DOUBLE_EQ(law.tail(20ms), 0.25);
   EXPECT_DOUBLE_EQ(law.tail(180ms), 0.01);
   // Nothing is known: the tail alone.
-  EXPECT_DOUBLE_EQ(law.near(std::nullopt, 1ms).within(20ms), 0.75);
+  EXPECT_DOUBLE_EQ(law.near(std::nullopt, 1ms).within(20ms).hedged, 0.75);
 }
 
 TEST(ResidualLaw, LooksMoreWidelyWhileTooFewAreAlike) {
@@ -169,10 +171,66 @@ TEST(ResidualLaw, LooksMoreWidelyWhileTooFewAreAlike) {
   EXPECT_EQ(r.law.near(40ms, 5ms).size(), 20U);
   EXPECT_EQ(r.law.near(std::nullopt, 5ms).size(), r.law.size());
   // The answers are about those alike.
-  EXPECT_GT(r.law.near(0ms, 5ms).within(5ms), 0.95);
-  EXPECT_LT(r.law.near(40ms, 5ms).within(5ms), 0.05);
+  EXPECT_GT(r.law.near(0ms, 5ms).within(5ms).hedged, 0.95);
+  EXPECT_LT(r.law.near(40ms, 5ms).within(5ms).hedged, 0.05);
   // What the computation loses is no part of the rest.
   EXPECT_GT(r.law.near(40ms, 5ms).rest_within(5ms), 0.95);
+}
+
+// Not all within a doubled reach: a round that lost 28 ms is not like those that lost none.
+TEST(ResidualLaw, TooFewAlikeTakesTheNearestOnly) {
+  Rounds r;
+  for (int i = 0; i < 20; ++i) {
+    ResidualLaw::Sample s = r.next();
+    s.before = i % 4 == 0 ? (30 + i) * 1ms : 0ms;
+    r.law.add(r.now(), s);
+  }
+  EXPECT_EQ(r.law.near(28ms, 1ms).size(), ResidualLaw::kLeast);
+}
+
+TEST(ResidualLaw, WhatIsKnownOfAShareNarrowsWithTheRounds) {
+  Rounds r;
+  const auto known = [&r] { return r.law.near(std::nullopt, 1ms).within(1ms); };
+  EXPECT_EQ(known().least, 0.0);
+  EXPECT_EQ(known().most, 1.0);
+  for (int i = 0; i < 99; ++i) r.law.add(r.now(), r.next());
+  EXPECT_DOUBLE_EQ(known().least, 0.99);
+  EXPECT_DOUBLE_EQ(known().most, 1.0);
+}
+
+// Runs that took 80 ms instead of 40 were accidents until twice as long is what is expected.
+TEST(ResidualLaw, ARunIsJudgedByWhatExplainsItBetter) {
+  Rounds r;
+  Speed speed;
+  ResidualLaw::Sample s = r.next();
+  s.run = {0, 40ms, 80ms};
+  s.computed = 40ms;
+  r.law.add(r.now(), s);
+  r.law.reconsider(speed);
+  EXPECT_EQ(r.law.pair(0).after, 40'000'000);
+  for (int i = 0; i < 3; ++i) speed.add(r.now(), 0, 40ms, 80ms);
+  r.law.reconsider(speed);
+  EXPECT_EQ(r.law.pair(0).after, 0);
+  for (int i = 0; i < 64; ++i) speed.add(r.now(), 0, 40ms, 40ms);
+  r.law.reconsider(speed);
+  EXPECT_EQ(r.law.pair(0).after, 0);
+}
+
+TEST(Best, TheValueDecidesUnlessItIsKnownToMissTheTarget) {
+  const auto chosen = [](const Worth& rich, const Worth& safe) {
+    Best<int> best(0.99);
+    best.consider(0, safe);
+    best.consider(1, rich);
+    return best.get()->first;
+  };
+  const Worth unknown{{0.80, 1.00, 0.90}, 0.1};
+  const Worth known_good{{0.99, 1.00, 0.99}, 0.1};
+  const Worth rich_unknown{{0.80, 1.00, 0.90}, 0.3};
+  const Worth rich_bad{{0.90, 0.98, 0.95}, 0.3};
+  EXPECT_EQ(chosen(rich_unknown, known_good), 1);
+  EXPECT_EQ(chosen(rich_bad, unknown), 1);
+  EXPECT_EQ(chosen(rich_bad, known_good), 0);
+  EXPECT_FALSE(Best<int>(0.99).get());
 }
 
 TEST(ResidualLaw, ARoundNeverAnsweredExceedsWhatIsKnownOfIt) {
@@ -191,8 +249,8 @@ TEST(ResidualLaw, ARoundNeverAnsweredExceedsWhatIsKnownOfIt) {
   EXPECT_EQ(near.size(), 20U);
   EXPECT_EQ(r.law.base(r.now(), 0), 0ms);  // only those that are known count
   const double one = 1.0;                  // the tail weighs one round of twenty
-  EXPECT_DOUBLE_EQ(near.within(40ms), (10 + one * (1 - r.law.tail(40ms))) / 21);
-  EXPECT_DOUBLE_EQ(near.within(60ms), (10 + 10 * 0.75 + one * (1 - r.law.tail(60ms))) / 21);
+  EXPECT_DOUBLE_EQ(near.within(40ms).hedged, (10 + one * (1 - r.law.tail(40ms))) / 21);
+  EXPECT_DOUBLE_EQ(near.within(60ms).hedged, (10 + 10 * 0.75 + one * (1 - r.law.tail(60ms))) / 21);
   EXPECT_DOUBLE_EQ(near.rest_within(60ms), (10 + one * (1 - r.law.tail(60ms))) / 11);
 }
 
