@@ -130,11 +130,15 @@ std::vector<std::string> Demo::road_command() const {
 }
 
 std::vector<std::string> Demo::vehicle_command() const {
-  std::vector<std::string> argv{
-      self(),     "vehicle", "--video",       video_,
-      "--ladder", o_.ladder, "--rounds",      std::to_string(o_.rounds),
-      "--policy", o_.policy, "--deadline-ms", fmt::format("{}", o_.deadline_ms),
-      "--out",    o_.out,    "--seed",        std::to_string(o_.seed)};
+  std::vector<std::string> argv{self(),          "vehicle",
+                                "--video",       video_,
+                                "--ladder",      o_.ladder,
+                                "--rounds",      std::to_string(o_.rounds),
+                                "--guard",       o_.guard,
+                                "--policy",      o_.policy,
+                                "--deadline-ms", fmt::format("{}", o_.deadline_ms),
+                                "--out",         o_.out,
+                                "--seed",        std::to_string(o_.seed)};
   if (data_) argv.insert(argv.end(), {"--data", data_->string()});
   if (!o_.pcap.empty()) argv.insert(argv.end(), {"--pcap", o_.pcap});
   for (const netns::TestbedLink& link : testbed_->state().links) {

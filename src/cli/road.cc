@@ -3,6 +3,7 @@
 #include <spdlog/spdlog.h>
 
 #include <cstdio>
+#include <deque>
 #include <map>
 #include <memory>
 #include <optional>
@@ -63,17 +64,30 @@ class Road {
   std::unique_ptr<StampService> serve_stamp() const;
   void calibrate();
   void serve(Delivered delivered);
+  void start_next();
+  std::size_t choose_level(const RoundRef& round, std::size_t top);
   std::size_t top_level(PeerId peer, Duration budget);
   Duration p95(std::size_t level) const;
   void observe(std::size_t level, Duration time);
-  Node::Task detect(const Delivered& delivered, const perc::Image& image, std::size_t level,
-                    TimePoint arrived);
+  Node::Task detect(const Delivered& delivered, const perc::Image& image, std::size_t level);
+  void detected(const RoundRef& round, PeerId from, std::size_t level, Duration took, Bytes result);
+
+  // An image that waits for the one worker. Its level is chosen when that takes it: what it waited
+  // counts.
+  struct Job {
+    Delivered delivered;  // without its payload
+    perc::Image image;
+    std::size_t top = 0;
+    TimePoint arrived{};
+  };
 
   const RoadOptions& options_;
   std::optional<std::filesystem::path> data_;
-  std::optional<perc::Ladder> ladder_;  // nothing: only answers those who measure
-  std::vector<Duration> runtimes_;
+  std::optional<perc::Ladder> ladder_;            // nothing: only answers those who measure
+  std::vector<LevelProfile> levels_;              // of ladder_, as calibrated
   std::vector<std::vector<double>> observed_ms_;  // per level, the newest kObserved
+  std::deque<Job> waiting_;
+  bool computing_ = false;
   Node node_;
   LinkPublisher links_;
   std::map<PeerId, std::size_t> top_;
@@ -122,7 +136,10 @@ void Road::calibrate() {
       },
       kCalibrationPause);
   spdlog::info("{}", ladder_->description());
-  for (std::size_t i = 0; i < ladder_->size(); ++i) runtimes_.push_back(ladder_->level(i).r_median);
+  for (std::size_t i = 0; i < ladder_->size(); ++i) {
+    const perc::Level& level = ladder_->level(i);
+    levels_.push_back({level.r_median, level.r_p95, level.quality});
+  }
   observed_ms_.resize(ladder_->size());
 }
 
@@ -167,20 +184,36 @@ void Road::serve(Delivered delivered) {
     return;
   }
   const std::size_t top = top_level(delivered.from, request->first);
-  const std::size_t level = sacrificed_level(runtimes_, top, delivered.verdict);
   delivered.payload.clear();
-  const TimePoint arrived = node_.now();
-  node_.compute(Queue::kComputation,
-                [this, delivered = std::move(delivered), image = std::move(*image), level,
-                 arrived] { return detect(delivered, image, level, arrived); });
+  waiting_.push_back({std::move(delivered), std::move(*image), top, node_.now()});
+  start_next();
 }
 
-// On the worker: the one detector of a level is used by one job at a time.
-Node::Task Road::detect(const Delivered& delivered, const perc::Image& image, std::size_t level,
-                        TimePoint arrived) {
-  const TimePoint start = node_.now();
+// The one detector of a level is used by one job at a time.
+void Road::start_next() {
   // Behind a backlog this long nobody waits for the answer any more.
-  if (start - arrived > delivered.deadline) return {};
+  std::erase_if(waiting_, [now = node_.now()](const Job& job) {
+    return now - job.arrived > job.delivered.deadline;
+  });
+  if (computing_ || waiting_.empty()) return;
+  computing_ = true;
+  const std::size_t level = choose_level(waiting_.front().delivered.round, waiting_.front().top);
+  node_.compute(Queue::kComputation, [this, job = std::move(waiting_.front()), level] {
+    return detect(job.delivered, job.image, level);
+  });
+  waiting_.pop_front();
+}
+
+// By the guard that the round asks for; a --top-level binds every guard.
+std::size_t Road::choose_level(const RoundRef& round, std::size_t top) {
+  std::span<const LevelProfile> levels = levels_;
+  if (options_.top_level >= 0) levels = levels.first(top + 1);
+  return node_.begin_computation(round, levels, top);
+}
+
+// On the worker.
+Node::Task Road::detect(const Delivered& delivered, const perc::Image& image, std::size_t level) {
+  const TimePoint start = node_.now();
   perc::Result result;
   result.boxes = ladder_->detect(level, image);
   result.frame = image.frame;
@@ -194,11 +227,16 @@ Node::Task Road::detect(const Delivered& delivered, const perc::Image& image, st
   const Duration took = node_.now() - start;
   result.compute_time = std::chrono::duration_cast<std::chrono::microseconds>(took);
   return [this, level, took, round = delivered.round, from = delivered.from,
-          bytes = perc::encode_result(result)] {
-    ++served_;
-    observe(level, took);
-    node_.submit(round, {bytes}, MessageClass::kResult, from);
-  };
+          bytes = perc::encode_result(result)] { detected(round, from, level, took, bytes); };
+}
+
+void Road::detected(const RoundRef& round, PeerId from, std::size_t level, Duration took,
+                    Bytes result) {
+  ++served_;
+  observe(level, took);
+  node_.submit(round, {std::move(result)}, MessageClass::kResult, from);
+  computing_ = false;
+  start_next();
 }
 
 int Road::run() {

@@ -57,6 +57,7 @@ class Vehicle {
  private:
   NodeOptions node_options();
   PipelineConfig pipeline() const;
+  double backup_quality() const;
   void wait_for_roadside();
   void settle(TimePoint until);
   void start();
@@ -64,6 +65,7 @@ class Vehicle {
   void begin_round(TimePoint planned_at);
   void back_up(const RoundRef& ref, const perc::Image& image);
   void planned(const Planned& event);
+  void refused(const Planned& event);
   void done(const RoundDone& event);
   void learn_budget(const RoundRow& row);
   void finish();
@@ -88,6 +90,7 @@ class Vehicle {
   bool started_ = false;
   bool all_begun_ = false;
   RunRecord record_;
+  std::string refusal_;  // the newest
   std::string failure_;
 };
 
@@ -102,7 +105,7 @@ Vehicle::Vehicle(const VehicleOptions& options)
                                  .spend = {}})),
       node_(node_options()),
       links_(node_, "vehicle"),
-      record_(options.rounds) {}
+      record_(options.rounds, options.guard) {}
 
 PipelineConfig Vehicle::pipeline() const {
   PipelineConfig p;
@@ -111,8 +114,16 @@ PipelineConfig Vehicle::pipeline() const {
   p.deadline = from_ms(o_.deadline_ms);
   p.period = from_ms(o_.period_ms);
   p.policy = o_.policy;
+  p.guard = o_.guard == to_string(GuardKind::kPaper) ? GuardKind::kPaper : GuardKind::kBudget;
+  p.fallback.local = backup_quality();
   p.beta_permille = static_cast<std::int16_t>(o_.beta * 1000);
   return p;
+}
+
+// Of its lowest level on raw; 0 where nobody knows.
+double Vehicle::backup_quality() const {
+  const std::vector<double>& quality = backup_.level(0).quality;
+  return quality.empty() ? 0 : quality.front();
 }
 
 NodeOptions Vehicle::node_options() {
@@ -243,7 +254,18 @@ void Vehicle::planned(const Planned& event) {
     text += std::string(a.variant == 0 ? "raw" : "sampled") + ":" + links_.name(a.link);
   }
   if (event.plan.under_floor) text += " (under floor)";
+  if (!event.plan.refused.empty()) {
+    text = kRefusedPlan;
+    refused(event);
+  }
   record_.planned(event.round.round.value, text);
+}
+
+// Once per reason in a row: a policy may refuse every round for the same one.
+void Vehicle::refused(const Planned& event) {
+  if (event.plan.refused == refusal_) return;
+  refusal_ = event.plan.refused;
+  spdlog::warn("round {}: policy {}: {}", event.round.round.value, o_.policy, refusal_);
 }
 
 void Vehicle::done(const RoundDone& event) {
@@ -291,6 +313,7 @@ RunInfo Vehicle::info() const {
   info.deadline = from_ms(o_.deadline_ms);
   info.period = from_ms(o_.period_ms);
   info.policy = o_.policy;
+  info.guard = o_.guard;
   info.backup = backup_.description();
   info.profiles = o_.profiles;
   for (const Statistics::Link& link : node_.statistics().links) {

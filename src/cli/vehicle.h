@@ -20,6 +20,7 @@ struct VehicleOptions {
   double deadline_ms = 130;
   double period_ms = 100;
   std::string policy = "down_sampling";
+  std::string guard = "budget";
   double beta = 0;
   double wait_s = 30;    // for the roadside unit to answer
   double objective = 0;  // per cent of rounds on time; less ends with exit code 4
