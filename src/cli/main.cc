@@ -132,6 +132,7 @@ void add_vehicle(CLI::App& program, std::function<int()>& run) {
   c->add_flag("--no-table", *no_table, "No table")->group("");
   c->add_option("--profile", o->profiles, "Told in the summary")->take_all()->group("");
   c->add_option("--seed", o->seed, "Told in the summary")->group("");
+  c->add_option("--testbed-run", o->testbed_run, "What eval --testbed asks for")->group("");
   c->footer(
       "Examples:\n  interneuron vehicle --link wwan0=192.0.2.7:47000 --link wwan1=192.0.2.7:47000 "
       "--video camera:0\n"
@@ -170,6 +171,7 @@ void add_road(CLI::App& program, std::function<int()>& run) {
   c->add_flag("--insecure", o->insecure,
               "Serve on public addresses too, although sessions are not encrypted yet");
   add_stamp_options(*c, o->stamp);
+  c->add_option("--testbed-run", o->testbed_run, "What eval --testbed asks for")->group("");
   c->footer(
       "Examples:\n  interneuron road --nic eth0\n  interneuron road --nic eth0 --ladder none   # "
       "only to be measured against\n  interneuron road --config road.toml");

@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "cli/data.h"
+#include "cli/eval/testbed_run.h"
 #include "cli/failure.h"
 #include "cli/link_options.h"
 #include "cli/links/publisher.h"
@@ -82,6 +83,7 @@ class Vehicle {
   bool fetching_ = false;
   std::optional<TimePoint> late_round_;  // a round whose frame is still being decoded
   perc::Ladder backup_;
+  std::optional<eval::TestbedVehicle> testbed_;
   Node node_;
   LinkPublisher links_;
   std::atomic<std::uint32_t> newest_round_{0};
@@ -103,6 +105,7 @@ Vehicle::Vehicle(const VehicleOptions& options)
                                  .data_dir = data_.value_or(std::filesystem::path()),
                                  .max_levels = 1,
                                  .spend = {}})),
+      testbed_(eval::testbed_vehicle(options.testbed_run)),
       node_(node_options()),
       links_(node_, "vehicle"),
       record_(options.rounds, options.guard) {}
@@ -117,6 +120,7 @@ PipelineConfig Vehicle::pipeline() const {
   p.guard = o_.guard == to_string(GuardKind::kPaper) ? GuardKind::kPaper : GuardKind::kBudget;
   p.fallback.local = backup_quality();
   p.beta_permille = static_cast<std::int16_t>(o_.beta * 1000);
+  if (testbed_) testbed_->configure(p);
   return p;
 }
 
@@ -131,6 +135,7 @@ NodeOptions Vehicle::node_options() {
   append_links(o_.links, LinkPeer::kNamed, n);
   n.port = o_.port;
   n.pipelines = {pipeline()};
+  if (testbed_) testbed_->configure(n);
   return n;
 }
 
@@ -221,10 +226,10 @@ void Vehicle::begin_round(TimePoint planned_at) {
   perc::Image sampled = raw;
   sampled.variant = perc::Variant::kSampled;
   sampled.bgr = perc::every_second_pixel(raw.bgr);
-  node_.submit(ref,
-               {with_request(budget_, perc::encode_image(raw)),
-                with_request(budget_, perc::encode_image(sampled))},
-               MessageClass::kData, node_.peer());
+  Variants variants{with_request(budget_, perc::encode_image(raw)),
+                    with_request(budget_, perc::encode_image(sampled))};
+  if (testbed_) variants = testbed_->submitted(std::move(variants));
+  node_.submit(ref, std::move(variants), MessageClass::kData, node_.peer());
   back_up(ref, raw);
 
   fetch_frame();
@@ -235,6 +240,7 @@ void Vehicle::begin_round(TimePoint planned_at) {
 // The lowest level on this host, beside the remote one. A backup that is still waiting or running
 // when the next round begins is abandoned.
 void Vehicle::back_up(const RoundRef& ref, const perc::Image& image) {
+  if (testbed_ && !testbed_->system().local_backup) return;
   node_.compute(Queue::kLocalBackup, [this, ref, image]() -> Node::Task {
     if (newest_round_ != ref.round.value) return {};
     perc::Result result;
@@ -269,7 +275,9 @@ void Vehicle::refused(const Planned& event) {
 }
 
 void Vehicle::done(const RoundDone& event) {
-  learn_budget(record_.done(event, from_ms(o_.deadline_ms)));
+  const RoundRow& row = record_.done(event, from_ms(o_.deadline_ms));
+  learn_budget(row);
+  if (testbed_) testbed_->done(event, row);
   finish();
 }
 
@@ -366,6 +374,7 @@ int Vehicle::run() {
   const int signal = node_.stopped_by_signal();
   // Rounds that the signal cut off are no rounds of the run.
   if (signal != 0) record_.drop_undecided();
+  if (testbed_) testbed_->write(node_.statistics().links);
   const int code = started_ ? report() : kFine;
   return signal != 0 ? 128 + signal : code;
 }

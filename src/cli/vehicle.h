@@ -31,6 +31,7 @@ struct VehicleOptions {
   // Set by the demo: where the testbed is described, to be told in the summary.
   std::vector<std::string> profiles;
   std::int64_t seed = -1;
+  std::string testbed_run;  // set by `eval --testbed`, see eval/testbed_run.h
 };
 
 int run_vehicle(const VehicleOptions& options);

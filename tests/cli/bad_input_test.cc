@@ -74,6 +74,8 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"SeedsBackwards", "eval fig-rt --seeds 5..1", 2, "5..1"},
         Mistake{"SeedsOfLetters", "eval fig-rt --seeds a..b", 2, "a..b"},
         Mistake{"TooManySeeds", "eval fig-rt --seeds 1..1000000", 2, "1000000"},
+        Mistake{"BothWorlds", "eval table-erdos --sim --testbed", 2, "--testbed"},
+        Mistake{"OnlyVirtualTime", "eval fig-rt --testbed", 2, "on the testbed: table-erdos"},
         Mistake{"EvalNowhere", "eval fig-rt --out /proc/nowhere", 1, "/proc/nowhere"},
         Mistake{"ReportNowhere", "report nowhere", 2, "nowhere"},
         Mistake{"CaptureOfTwoRuns", "bench nature --pcap x.pcap", 2, "--load"},
