@@ -68,6 +68,9 @@ struct NodeOptions {
   bool insecure = false;
   std::size_t computation_workers = 1;  // threads of Queue::kComputation, 1 … 64
   std::size_t backup_workers = 1;       // threads of Queue::kLocalBackup, 1 … 64
+  // Puts something of the application's between the node and the socket of a link that was opened,
+  // to record or to disturb; called on the loop thread. Empty: nothing. Must not return nullptr.
+  std::function<std::unique_ptr<Transport>(LinkId, std::unique_ptr<Transport>)> wrap_transport = {};
 };
 
 // What the kernel says of a link's NIC has changed. `reason`: one line, for people.

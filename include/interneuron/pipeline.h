@@ -29,7 +29,7 @@ struct PipelineConfig {
   std::int16_t beta_permille = 0;  // β of NOTES §4.5, in 1/1000
   bool use_x = true;               // false: X stays 0 (ablation)
   bool use_handler = true;         // false: a miss changes nothing (ablation)
-  GuardKind guard = GuardKind::kPaper;
+  GuardKind guard = GuardKind::kBudget;
   BudgetOptions budget{};  // of GuardKind::kBudget
   // What is known beforehand of the remote computation, from the lowest quality to the highest;
   // kBudget weighs with it what a transmission is worth. Empty: learnt from the results.

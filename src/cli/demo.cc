@@ -1,19 +1,15 @@
 #include "cli/demo.h"
 
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <poll.h>
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
-#include <array>
-#include <cerrno>
-#include <cstring>
 #include <filesystem>
 
 #include "cli/child.h"
 #include "cli/data.h"
 #include "cli/failure.h"
+#include "cli/road_child.h"
 #include "cli/run_files.h"
 #include "cli/signals.h"
 #include "netns/testbed.h"
@@ -29,58 +25,8 @@ namespace fs = std::filesystem;
 using netns::Testbed;
 
 constexpr std::uint16_t kPort = 47000;
-// The slowest ladder (full-frame HOG) calibrates in half of this on a busy machine.
-constexpr int kReadySeconds = 120;
 
-struct Ladder {
-  std::string description;
-  std::vector<std::string> names;
-  std::vector<Duration> medians;
-};
-
-// Reads the roadside's lines until "ready"; its log goes to stderr by itself.
-Ladder await_ready(int fd) {
-  Ladder ladder;
-  std::string buffer;
-  for (int waited_ms = 0; waited_ms < kReadySeconds * 1000;) {
-    SignalWatch::check();
-    pollfd p{fd, POLLIN, 0};
-    const int n = ::poll(&p, 1, 200);
-    if (n <= 0) {
-      waited_ms += 200;
-      continue;
-    }
-    std::array<char, 4096> chunk;
-    const ssize_t got = ::read(fd, chunk.data(), chunk.size());
-    if (got < 0 && errno == EINTR) continue;
-    if (got <= 0)
-      throw Failure(kFailed, "the roadside unit ended before it was ready; its log says why");
-    buffer.append(chunk.data(), static_cast<std::size_t>(got));
-    for (std::size_t end; (end = buffer.find('\n')) != std::string::npos;
-         buffer.erase(0, end + 1)) {
-      const std::string line = buffer.substr(0, end);
-      if (line.starts_with("ready")) return ladder;
-      if (line.starts_with("ladder ")) ladder.description = line.substr(7);
-      if (line.starts_with("level ")) {
-        std::size_t number = 0;
-        long long median = 0;
-        int at = 0;
-        if (std::sscanf(line.c_str(), "level %zu %lld %n", &number, &median, &at) == 2) {
-          ladder.names.push_back(line.substr(static_cast<std::size_t>(at)));
-          ladder.medians.emplace_back(median);
-        }
-      }
-    }
-  }
-  throw Failure(kFailed, fmt::format("the roadside unit was not ready within {} s", kReadySeconds));
-}
-
-std::string self() {
-  std::error_code error;
-  const fs::path path = fs::read_symlink("/proc/self/exe", error);
-  if (error) throw Failure(kFailed, "cannot find this program: " + error.message());
-  return path;
-}
+using Ladder = RoadChild::Ladder;
 
 class Demo {
  public:
@@ -97,7 +43,6 @@ class Demo {
  private:
   std::vector<std::string> road_command() const;
   std::vector<std::string> vehicle_command() const;
-  Ladder start_road(std::optional<Child>& child, int& fd);
   void judge(std::vector<RoundRow>& rows, const netns::Snapshot& snapshot,
              const Ladder& ladder) const;
   int conclude(int vehicle_code, const Ladder& ladder);
@@ -121,8 +66,8 @@ Demo::Demo(const DemoOptions& options) : o_(options), data_(find_data(options.da
 }
 
 std::vector<std::string> Demo::road_command() const {
-  std::vector<std::string> argv{self(),     "road",    "--port",  std::to_string(kPort),
-                                "--ladder", o_.ladder, "--video", video_};
+  std::vector<std::string> argv{own_program(), "road",    "--port",  std::to_string(kPort),
+                                "--ladder",    o_.ladder, "--video", video_};
   if (data_) argv.insert(argv.end(), {"--data", data_->string()});
   for (const netns::TestbedLink& link : testbed_->state().links)
     argv.insert(argv.end(), {"--nic", link.nic});
@@ -130,11 +75,15 @@ std::vector<std::string> Demo::road_command() const {
 }
 
 std::vector<std::string> Demo::vehicle_command() const {
-  std::vector<std::string> argv{
-      self(),     "vehicle", "--video",       video_,
-      "--ladder", o_.ladder, "--rounds",      std::to_string(o_.rounds),
-      "--policy", o_.policy, "--deadline-ms", fmt::format("{}", o_.deadline_ms),
-      "--out",    o_.out,    "--seed",        std::to_string(o_.seed)};
+  std::vector<std::string> argv{own_program(),   "vehicle",
+                                "--video",       video_,
+                                "--ladder",      o_.ladder,
+                                "--rounds",      std::to_string(o_.rounds),
+                                "--guard",       o_.guard,
+                                "--policy",      o_.policy,
+                                "--deadline-ms", fmt::format("{}", o_.deadline_ms),
+                                "--out",         o_.out,
+                                "--seed",        std::to_string(o_.seed)};
   if (data_) argv.insert(argv.end(), {"--data", data_->string()});
   if (!o_.pcap.empty()) argv.insert(argv.end(), {"--pcap", o_.pcap});
   for (const netns::TestbedLink& link : testbed_->state().links) {
@@ -143,18 +92,6 @@ std::vector<std::string> Demo::vehicle_command() const {
     argv.insert(argv.end(), {"--profile", link.profile});
   }
   return argv;
-}
-
-Ladder Demo::start_road(std::optional<Child>& child, int& fd) {
-  std::array<int, 2> ends{};
-  if (::pipe2(ends.data(), O_CLOEXEC) != 0)
-    throw Failure(kFailed, std::string("pipe: ") + std::strerror(errno));
-  fd = ends[0];
-  netns::SpawnOptions spawn;
-  spawn.stdio[1] = ends[1];
-  child.emplace(Testbed::spawn(testbed_->state(), netns::kRoad, road_command(), spawn));
-  ::close(ends[1]);
-  return await_ready(fd);
 }
 
 // What a clairvoyant could have answered on time over the very links of this run.
@@ -222,19 +159,16 @@ int Demo::run() {
     names += (names.empty() ? "" : ", ") + link.profile.name;
   spdlog::info("testbed: vehicle and roadside joined by {} (seed {})", names, o_.seed);
 
-  std::optional<Child> road;
-  int road_output = -1;
-  const Ladder ladder = start_road(road, road_output);
+  RoadChild road(testbed_->state(), road_command());
   netns::SpawnOptions spawn;
   spawn.stdio[1] = STDERR_FILENO;  // its table; ours says more
   std::vector<std::string> command = vehicle_command();
   command.emplace_back("--no-table");
   Child vehicle(Testbed::spawn(testbed_->state(), netns::kVehicle, command, spawn));
   const int code = vehicle.wait();
-  road->end();
-  ::close(road_output);
+  road.end();
   const bool written = fs::exists(fs::path(o_.out) / "rounds.csv");
-  const int result = written ? conclude(code, ladder) : code;
+  const int result = written ? conclude(code, road.ladder()) : code;
   testbed_->down();
   if (SignalWatch::last() != 0) return 128 + SignalWatch::last();
   return result;

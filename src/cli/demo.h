@@ -17,6 +17,7 @@ struct DemoOptions {
   std::string data;
   std::string ladder = "auto";
   std::string policy = "down_sampling";
+  std::string guard = "budget";
   double deadline_ms = 130;
   double objective = 0;
   bool json = false;

@@ -22,6 +22,7 @@
 #include "cli/testbed_command.h"
 #include "cli/top_command.h"
 #include "cli/vehicle.h"
+#include "interneuron/policy.h"
 #include "interneuron/transport.h"
 #include "netns/testbed.h"
 #include "perception/input_error.h"
@@ -37,14 +38,25 @@ constexpr const char* kExitCodes =
 
 CLI::Validator positive() { return CLI::PositiveNumber; }
 
-void add_deadline_options(CLI::App* c, double& deadline_ms, std::string& policy,
+std::vector<std::string> policy_names() {
+  std::vector<std::string> names;
+  for (const auto& policy : builtin_policies()) names.emplace_back(policy->name());
+  return names;
+}
+
+void add_deadline_options(CLI::App* c, double& deadline_ms, std::string& guard, std::string& policy,
                           double& objective) {
   c->add_option("--deadline-ms", deadline_ms, "End-to-end deadline D_N, milliseconds")
       ->capture_default_str()
       ->check(positive());
-  c->add_option("--policy", policy, "best_link, duplicate or down_sampling")
+  c->add_option("--guard", guard,
+                "The rule that trades quality for time: the paper's, or by what is left of the "
+                "deadline")
       ->capture_default_str()
-      ->check(CLI::IsMember({"best_link", "duplicate", "down_sampling"}));
+      ->check(CLI::IsMember({"paper", "budget"}));
+  c->add_option("--policy", policy, "Which variants go over which links, see policies/README.md")
+      ->capture_default_str()
+      ->check(CLI::IsMember(policy_names()));
   c->add_option("--objective", objective, "Per cent of rounds on time; fewer end with exit code 4")
       ->check(CLI::Range(0.0, 100.0));
 }
@@ -76,7 +88,7 @@ void add_demo(CLI::App& program, std::function<int()>& run) {
   c->add_option("--link", o->links,
                 "Profile (`testbed list` names them), TOML file, or NAME=either; once per link")
       ->take_all();
-  add_deadline_options(c, o->deadline_ms, o->policy, o->objective);
+  add_deadline_options(c, o->deadline_ms, o->guard, o->policy, o->objective);
   add_input_options(c, o->video, o->data, o->ladder);
   c->add_flag("--json", o->json, "The summary as JSON on stdout");
   c->footer(
@@ -103,7 +115,7 @@ void add_vehicle(CLI::App& program, std::function<int()>& run) {
   c->add_option("--period-ms", o->period_ms, "Between two frames, milliseconds")
       ->capture_default_str()
       ->check(positive());
-  add_deadline_options(c, o->deadline_ms, o->policy, o->objective);
+  add_deadline_options(c, o->deadline_ms, o->guard, o->policy, o->objective);
   c->add_option("--beta", o->beta, "β of the guard's tolerance X")
       ->capture_default_str()
       ->check(CLI::Range(-1.0, 30.0));
@@ -120,6 +132,7 @@ void add_vehicle(CLI::App& program, std::function<int()>& run) {
   c->add_flag("--no-table", *no_table, "No table")->group("");
   c->add_option("--profile", o->profiles, "Told in the summary")->take_all()->group("");
   c->add_option("--seed", o->seed, "Told in the summary")->group("");
+  c->add_option("--testbed-run", o->testbed_run, "What eval --testbed asks for")->group("");
   c->footer(
       "Examples:\n  interneuron vehicle --link wwan0=192.0.2.7:47000 --link wwan1=192.0.2.7:47000 "
       "--video camera:0\n"
@@ -158,6 +171,7 @@ void add_road(CLI::App& program, std::function<int()>& run) {
   c->add_flag("--insecure", o->insecure,
               "Serve on public addresses too, although sessions are not encrypted yet");
   add_stamp_options(*c, o->stamp);
+  c->add_option("--testbed-run", o->testbed_run, "What eval --testbed asks for")->group("");
   c->footer(
       "Examples:\n  interneuron road --nic eth0\n  interneuron road --nic eth0 --ladder none   # "
       "only to be measured against\n  interneuron road --config road.toml");

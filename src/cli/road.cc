@@ -3,11 +3,14 @@
 #include <spdlog/spdlog.h>
 
 #include <cstdio>
+#include <deque>
 #include <map>
 #include <memory>
 #include <optional>
+#include <thread>
 
 #include "cli/data.h"
+#include "cli/eval/testbed_run.h"
 #include "cli/failure.h"
 #include "cli/link_options.h"
 #include "cli/links/publisher.h"
@@ -58,22 +61,41 @@ class Road {
   int run();
 
  private:
+  // An image that waits for the one worker. Its level is chosen when that takes it: what it waited
+  // counts.
+  struct Job {
+    Delivered delivered;  // without its payload
+    perc::Image image;
+    std::size_t top = 0;
+    std::size_t level = 0;
+    TimePoint arrived{};
+    TimePoint began{};
+
+    Job without_image() const { return {delivered, {}, top, level, arrived, began}; }
+  };
+
   NodeOptions node_options() const;
   void tell_ready() const;
   std::unique_ptr<StampService> serve_stamp() const;
   void calibrate();
   void serve(Delivered delivered);
+  void start_next();
+  void enqueue(Job job);
+  std::size_t choose_level(const Job& job);
   std::size_t top_level(PeerId peer, Duration budget);
   Duration p95(std::size_t level) const;
   void observe(std::size_t level, Duration time);
-  Node::Task detect(const Delivered& delivered, const perc::Image& image, std::size_t level,
-                    TimePoint arrived);
+  Node::Task detect(const Job& job);
+  void detected(const Job& job, Duration took, Bytes result);
 
   const RoadOptions& options_;
+  std::optional<eval::TestbedRoad> testbed_;
   std::optional<std::filesystem::path> data_;
-  std::optional<perc::Ladder> ladder_;  // nothing: only answers those who measure
-  std::vector<Duration> runtimes_;
+  std::optional<perc::Ladder> ladder_;            // nothing: only answers those who measure
+  std::vector<LevelProfile> levels_;              // of ladder_, as calibrated
   std::vector<std::vector<double>> observed_ms_;  // per level, the newest kObserved
+  std::deque<Job> waiting_;
+  bool computing_ = false;
   Node node_;
   LinkPublisher links_;
   std::map<PeerId, std::size_t> top_;
@@ -83,6 +105,7 @@ class Road {
 
 Road::Road(const RoadOptions& options)
     : options_(options),
+      testbed_(eval::testbed_road(options.testbed_run)),
       data_(find_data(options.data)),
       ladder_(ladder_of(options, data_)),
       node_(node_options()),
@@ -96,6 +119,7 @@ NodeOptions Road::node_options() const {
   o.accept_peers = true;
   o.max_peers = options_.max_peers;
   o.insecure = options_.insecure;
+  if (testbed_) testbed_->configure(o);
   return o;
 }
 
@@ -111,6 +135,11 @@ std::unique_ptr<StampService> Road::serve_stamp() const {
 }
 
 void Road::calibrate() {
+  observed_ms_.resize(ladder_->size());
+  if (testbed_ && testbed_->levels().size() == ladder_->size()) {
+    levels_ = testbed_->levels();
+    return;
+  }
   const auto pictures = calibration_pictures(options_, data_);
   spdlog::info("calibrating on {} pictures, {} runs per level", pictures.size(),
                options_.calibration_runs);
@@ -122,15 +151,17 @@ void Road::calibrate() {
       },
       kCalibrationPause);
   spdlog::info("{}", ladder_->description());
-  for (std::size_t i = 0; i < ladder_->size(); ++i) runtimes_.push_back(ladder_->level(i).r_median);
-  observed_ms_.resize(ladder_->size());
+  for (std::size_t i = 0; i < ladder_->size(); ++i) {
+    const perc::Level& level = ladder_->level(i);
+    levels_.push_back({level.r_median, level.r_p95, level.quality});
+  }
 }
 
 // The calibration's, or that of the newest images if those took longer: in operation other programs
 // share the processor.
 Duration Road::p95(std::size_t level) const {
   const std::vector<double>& times = observed_ms_[level];
-  Duration worst = ladder_->level(level).r_p95;
+  Duration worst = levels_[level].p95;
   if (times.size() >= kEnoughObserved) worst = std::max(worst, from_ms(percentile(times, 0.95)));
   return worst;
 }
@@ -167,38 +198,77 @@ void Road::serve(Delivered delivered) {
     return;
   }
   const std::size_t top = top_level(delivered.from, request->first);
-  const std::size_t level = sacrificed_level(runtimes_, top, delivered.verdict);
   delivered.payload.clear();
-  const TimePoint arrived = node_.now();
-  node_.compute(Queue::kComputation,
-                [this, delivered = std::move(delivered), image = std::move(*image), level,
-                 arrived] { return detect(delivered, image, level, arrived); });
+  Job job{std::move(delivered), std::move(*image), top, 0, node_.now(), {}};
+  const Duration pause =
+      testbed_ ? testbed_->before_compute(job.delivered.round.round) : Duration{};
+  if (pause <= Duration{}) return enqueue(std::move(job));
+  node_.after(pause, [this, job = std::move(job)] { enqueue(job); });
 }
 
-// On the worker: the one detector of a level is used by one job at a time.
-Node::Task Road::detect(const Delivered& delivered, const perc::Image& image, std::size_t level,
-                        TimePoint arrived) {
-  const TimePoint start = node_.now();
+void Road::enqueue(Job job) {
+  waiting_.push_back(std::move(job));
+  start_next();
+}
+
+// The one detector of a level is used by one job at a time.
+void Road::start_next() {
   // Behind a backlog this long nobody waits for the answer any more.
-  if (start - arrived > delivered.deadline) return {};
+  std::erase_if(waiting_, [now = node_.now()](const Job& job) {
+    return now - job.arrived > job.delivered.deadline;
+  });
+  if (computing_ || waiting_.empty()) return;
+  computing_ = true;
+  Job job = std::move(waiting_.front());
+  waiting_.pop_front();
+  job.level = choose_level(job);
+  job.began = node_.now();
+  node_.compute(Queue::kComputation, [this, job = std::move(job)] { return detect(job); });
+}
+
+// By the guard that the round asks for; a --top-level binds every guard.
+std::size_t Road::choose_level(const Job& job) {
+  std::span<const LevelProfile> levels = levels_;
+  if (options_.top_level >= 0) levels = levels.first(job.top + 1);
+  if (testbed_) {
+    if (const auto level = testbed_->level(levels, job.arrived, node_.now())) return *level;
+  }
+  return node_.begin_computation(job.delivered.round, levels, job.top);
+}
+
+// On the worker.
+Node::Task Road::detect(const Job& job) {
+  const TimePoint start = node_.now();
   perc::Result result;
-  result.boxes = ladder_->detect(level, image);
-  result.frame = image.frame;
-  result.level = static_cast<std::uint8_t>(level);
-  result.variant = image.variant;
-  result.source = image.source;
-  result.stage1_late = delivered.verdict.late;
-  result.stage1_released = delivered.verdict.released_at_deadline;
-  result.stage1_overrun =
-      std::chrono::duration_cast<std::chrono::microseconds>(delivered.verdict.overrun);
+  result.boxes = ladder_->detect(job.level, job.image);
+  if (testbed_) std::this_thread::sleep_for(testbed_->inside_compute(job.delivered.round.round));
+  result.frame = job.image.frame;
+  result.level = static_cast<std::uint8_t>(job.level);
+  result.variant = job.image.variant;
+  result.source = job.image.source;
+  const Verdict& verdict = job.delivered.verdict;
+  result.stage1_late = verdict.late;
+  result.stage1_released = verdict.released_at_deadline;
+  result.stage1_overrun = std::chrono::duration_cast<std::chrono::microseconds>(verdict.overrun);
   const Duration took = node_.now() - start;
   result.compute_time = std::chrono::duration_cast<std::chrono::microseconds>(took);
-  return [this, level, took, round = delivered.round, from = delivered.from,
-          bytes = perc::encode_result(result)] {
-    ++served_;
-    observe(level, took);
-    node_.submit(round, {bytes}, MessageClass::kResult, from);
+  return [this, took, done = job.without_image(), bytes = perc::encode_result(result)] {
+    detected(done, took, bytes);
   };
+}
+
+void Road::detected(const Job& job, Duration took, Bytes result) {
+  ++served_;
+  const Delivered& delivered = job.delivered;
+  if (testbed_) {
+    testbed_->computed({delivered.round.round, delivered.variant, job.level, delivered.degraded,
+                        job.arrived, job.began, node_.now()});
+  } else {
+    observe(job.level, took);
+  }
+  node_.submit(delivered.round, {std::move(result)}, MessageClass::kResult, delivered.from);
+  computing_ = false;
+  start_next();
 }
 
 int Road::run() {
@@ -216,6 +286,11 @@ int Road::run() {
   node_.stop_on_signals();
   tell_ready();
   node_.run();
+  if (testbed_) {
+    std::vector<std::string> names;
+    for (std::size_t i = 0; i < ladder_->size(); ++i) names.push_back(ladder_->level(i).name);
+    testbed_->write(ladder_->description(), names, levels_);
+  }
   spdlog::info("served {} images{}", served_,
                malformed_ > 0 ? ", dropped " + std::to_string(malformed_) + " that were none" : "");
   return kFine;

@@ -25,6 +25,7 @@ struct RoadOptions {
   std::size_t max_peers = 16;
   bool insecure = false;
   StampOptions stamp;
+  std::string testbed_run;  // set by `eval --testbed`, see eval/testbed_run.h
 };
 
 // Serves until SIGINT or SIGTERM. Prints "ready …" on stdout when vehicles may come.

@@ -18,7 +18,7 @@ namespace {
 
 constexpr const char* kCsvHeader =
     "round,frame,t0_ns,outcome,e2e_ms,age_rounds,x,recovering,d2_missed,boxes,variant,level,"
-    "d1_missed,at_d1,overrun_ms,compute_ms,plan,possible";
+    "d1_missed,at_d1,overrun_ms,compute_ms,plan,possible,guard";
 
 // Milliseconds with microseconds, the unit of every time in our files.
 std::string ms(Duration d) { return fmt::format("{:.3f}", to_ms(d)); }
@@ -112,6 +112,7 @@ Json summarise(const std::vector<RoundRow>& rows, const RunInfo& info) {
   s["seed"] = info.seeded ? Json(info.seed) : Json(nullptr);
   s["profiles"] = info.profiles;
   s["policy"] = info.policy;
+  s["guard"] = info.guard;
   s["deadline_ms"] = to_ms(info.deadline);
   s["period_ms"] = to_ms(info.period);
   s["ladder"] = info.ladder;
@@ -122,6 +123,7 @@ Json summarise(const std::vector<RoundRow>& rows, const RunInfo& info) {
   s["local"] = answers - on_time;
   s["local_not_fresh"] = stale;
   s["timeouts"] = rows.size() - on_time;
+  s["refused"] = std::ranges::count(rows, kRefusedPlan, &RoundRow::plan);
   s["best_possible"] = judged ? Json(possible) : Json(nullptr);
   s["e2e_ms"] = quantiles(on_time_ms);
   s["e2e_all_ms"] = quantiles(all_ms);
@@ -157,6 +159,7 @@ void print_table(const Json& s) {
   row("  on time (remote)", "on_time");
   row("  answered locally", "local");
   row("timeouts", "timeouts");
+  if (s["refused"] != 0) row("  refused by the policy", "refused");
   if (!s["best_possible"].is_null()) row("best possible (clairvoyant)", "best_possible");
   fmt::print("{:<28}{:>10}{:>10}{:>10}{:>10}\n", "e2e, ms", "p50", "p95", "p99", "mean");
   const auto times = [&](const char* name, const Json& q) {
@@ -171,6 +174,8 @@ void print_table(const Json& s) {
     fmt::print("{:<28}AP {:.3f}   AP50 {:.3f}   AR {:.3f}   (of every answer, local ones too)\n",
                "accuracy", s["ap"].get<double>(), s["ap50"].get<double>(), s["ar"].get<double>());
   }
+  fmt::print("{:<28}{}, {}\n", "guard, policy", s["guard"].get<std::string>(),
+             s["policy"].get<std::string>());
   if (!s["ladder"].get<std::string>().empty()) {
     fmt::print("{:<28}{}\n", "detectors", s["ladder"].get<std::string>());
   }
@@ -224,7 +229,7 @@ void write_csv(const std::filesystem::path& file, const std::vector<RoundRow>& r
     } else {
       out << ",,,,,,";
     }
-    out << fmt::format(",{},{}\n", r.plan, r.possible ? (*r.possible ? "1" : "0") : "");
+    out << fmt::format(",{},{},{}\n", r.plan, r.possible ? (*r.possible ? "1" : "0") : "", r.guard);
   }
   out.close();
   if (!out) throw Failure(kFailed, "cannot write '" + file.string() + "'; is the disk full?");
@@ -239,7 +244,7 @@ std::vector<RoundRow> read_csv(const std::filesystem::path& file) {
   std::vector<RoundRow> rows;
   while (std::getline(in, line)) {
     const auto f = fields(line);
-    if (f.size() != 18) throw Failure(kFailed, "'" + file.string() + "': bad line '" + line + "'");
+    if (f.size() != 19) throw Failure(kFailed, "'" + file.string() + "': bad line '" + line + "'");
     RoundRow r;
     r.round = static_cast<std::uint32_t>(std::stoul(f[0]));
     r.frame = std::stoi(f[1]);
@@ -259,6 +264,7 @@ std::vector<RoundRow> read_csv(const std::filesystem::path& file) {
     }
     r.plan = f[16];
     if (!f[17].empty()) r.possible = f[17] == "1";
+    r.guard = f[18];
     rows.push_back(std::move(r));
   }
   return rows;

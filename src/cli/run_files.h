@@ -18,6 +18,7 @@ namespace interneuron::cli {
 struct RoundRow {
   std::uint32_t round = 0;
   int frame = -1;
+  std::string guard;  // "paper" or "budget"
   TimePoint t0{};
   bool answered = false;
   Outcome outcome = Outcome::kLocal;
@@ -37,10 +38,13 @@ struct RoundRow {
     Duration compute{};
   };
   std::optional<Road> road;
-  // Links that the frame was planned on: "raw:if5g sampled:if4g".
+  // Links that the frame was planned on: "raw:if5g sampled:if4g"; kRefusedPlan.
   std::string plan;
   std::optional<bool> possible;  // the clairvoyant best of the same links would have been on time
 };
+
+// The policy sent nothing although a link was up: the round was answered locally.
+inline constexpr const char* kRefusedPlan = "refused";
 
 struct LinkUse {
   std::string name;
@@ -56,6 +60,7 @@ struct RunInfo {
   Duration deadline{};
   Duration period{};
   std::string policy;
+  std::string guard;   // "paper" or "budget"
   std::string ladder;  // what detects at the roadside, one line
   std::string backup;
   std::vector<std::string> level_names;

@@ -19,6 +19,7 @@ void RunRecord::begun(std::uint32_t round, const perc::Frame& frame) {
   RoundRow row;
   row.round = round;
   row.frame = frame.index;
+  row.guard = guard_;
   rows_.push_back(row);
   shown_.emplace_back();
   if (!picture_round_ && (rounds_ == 0 || counts_.begun > rounds_ / 2)) picture_ = frame.bgr;

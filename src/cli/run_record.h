@@ -19,7 +19,7 @@ namespace interneuron::cli {
 class RunRecord {
  public:
   // `rounds`: how many there will be, 0 = nobody knows; the picture is of the middle.
-  explicit RunRecord(std::uint32_t rounds) : rounds_(rounds) {}
+  RunRecord(std::uint32_t rounds, std::string guard) : rounds_(rounds), guard_(std::move(guard)) {}
 
   // Rounds begin in the order of their numbers, from 0. The others need one that has begun.
   void begun(std::uint32_t round, const perception::Frame& frame);
@@ -44,6 +44,7 @@ class RunRecord {
 
  private:
   std::uint32_t rounds_;
+  std::string guard_;
   Counts counts_;
   std::vector<RoundRow> rows_;
   std::vector<std::vector<perception::Box>> shown_;

@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "cli/data.h"
+#include "cli/eval/testbed_run.h"
 #include "cli/failure.h"
 #include "cli/link_options.h"
 #include "cli/links/publisher.h"
@@ -57,6 +58,7 @@ class Vehicle {
  private:
   NodeOptions node_options();
   PipelineConfig pipeline() const;
+  double backup_quality() const;
   void wait_for_roadside();
   void settle(TimePoint until);
   void start();
@@ -64,6 +66,7 @@ class Vehicle {
   void begin_round(TimePoint planned_at);
   void back_up(const RoundRef& ref, const perc::Image& image);
   void planned(const Planned& event);
+  void refused(const Planned& event);
   void done(const RoundDone& event);
   void learn_budget(const RoundRow& row);
   void finish();
@@ -80,6 +83,7 @@ class Vehicle {
   bool fetching_ = false;
   std::optional<TimePoint> late_round_;  // a round whose frame is still being decoded
   perc::Ladder backup_;
+  std::optional<eval::TestbedVehicle> testbed_;
   Node node_;
   LinkPublisher links_;
   std::atomic<std::uint32_t> newest_round_{0};
@@ -88,6 +92,7 @@ class Vehicle {
   bool started_ = false;
   bool all_begun_ = false;
   RunRecord record_;
+  std::string refusal_;  // the newest
   std::string failure_;
 };
 
@@ -100,9 +105,10 @@ Vehicle::Vehicle(const VehicleOptions& options)
                                  .data_dir = data_.value_or(std::filesystem::path()),
                                  .max_levels = 1,
                                  .spend = {}})),
+      testbed_(eval::testbed_vehicle(options.testbed_run)),
       node_(node_options()),
       links_(node_, "vehicle"),
-      record_(options.rounds) {}
+      record_(options.rounds, options.guard) {}
 
 PipelineConfig Vehicle::pipeline() const {
   PipelineConfig p;
@@ -111,8 +117,17 @@ PipelineConfig Vehicle::pipeline() const {
   p.deadline = from_ms(o_.deadline_ms);
   p.period = from_ms(o_.period_ms);
   p.policy = o_.policy;
+  p.guard = o_.guard == to_string(GuardKind::kPaper) ? GuardKind::kPaper : GuardKind::kBudget;
+  p.fallback.local = backup_quality();
   p.beta_permille = static_cast<std::int16_t>(o_.beta * 1000);
+  if (testbed_) testbed_->configure(p);
   return p;
+}
+
+// Of its lowest level on raw; 0 where nobody knows.
+double Vehicle::backup_quality() const {
+  const std::vector<double>& quality = backup_.level(0).quality;
+  return quality.empty() ? 0 : quality.front();
 }
 
 NodeOptions Vehicle::node_options() {
@@ -120,6 +135,7 @@ NodeOptions Vehicle::node_options() {
   append_links(o_.links, LinkPeer::kNamed, n);
   n.port = o_.port;
   n.pipelines = {pipeline()};
+  if (testbed_) testbed_->configure(n);
   return n;
 }
 
@@ -210,10 +226,10 @@ void Vehicle::begin_round(TimePoint planned_at) {
   perc::Image sampled = raw;
   sampled.variant = perc::Variant::kSampled;
   sampled.bgr = perc::every_second_pixel(raw.bgr);
-  node_.submit(ref,
-               {with_request(budget_, perc::encode_image(raw)),
-                with_request(budget_, perc::encode_image(sampled))},
-               MessageClass::kData, node_.peer());
+  Variants variants{with_request(budget_, perc::encode_image(raw)),
+                    with_request(budget_, perc::encode_image(sampled))};
+  if (testbed_) variants = testbed_->submitted(std::move(variants));
+  node_.submit(ref, std::move(variants), MessageClass::kData, node_.peer());
   back_up(ref, raw);
 
   fetch_frame();
@@ -224,6 +240,7 @@ void Vehicle::begin_round(TimePoint planned_at) {
 // The lowest level on this host, beside the remote one. A backup that is still waiting or running
 // when the next round begins is abandoned.
 void Vehicle::back_up(const RoundRef& ref, const perc::Image& image) {
+  if (testbed_ && !testbed_->system().local_backup) return;
   node_.compute(Queue::kLocalBackup, [this, ref, image]() -> Node::Task {
     if (newest_round_ != ref.round.value) return {};
     perc::Result result;
@@ -243,11 +260,24 @@ void Vehicle::planned(const Planned& event) {
     text += std::string(a.variant == 0 ? "raw" : "sampled") + ":" + links_.name(a.link);
   }
   if (event.plan.under_floor) text += " (under floor)";
+  if (!event.plan.refused.empty()) {
+    text = kRefusedPlan;
+    refused(event);
+  }
   record_.planned(event.round.round.value, text);
 }
 
+// Once per reason in a row: a policy may refuse every round for the same one.
+void Vehicle::refused(const Planned& event) {
+  if (event.plan.refused == refusal_) return;
+  refusal_ = event.plan.refused;
+  spdlog::warn("round {}: policy {}: {}", event.round.round.value, o_.policy, refusal_);
+}
+
 void Vehicle::done(const RoundDone& event) {
-  learn_budget(record_.done(event, from_ms(o_.deadline_ms)));
+  const RoundRow& row = record_.done(event, from_ms(o_.deadline_ms));
+  learn_budget(row);
+  if (testbed_) testbed_->done(event, row);
   finish();
 }
 
@@ -291,6 +321,7 @@ RunInfo Vehicle::info() const {
   info.deadline = from_ms(o_.deadline_ms);
   info.period = from_ms(o_.period_ms);
   info.policy = o_.policy;
+  info.guard = o_.guard;
   info.backup = backup_.description();
   info.profiles = o_.profiles;
   for (const Statistics::Link& link : node_.statistics().links) {
@@ -343,6 +374,7 @@ int Vehicle::run() {
   const int signal = node_.stopped_by_signal();
   // Rounds that the signal cut off are no rounds of the run.
   if (signal != 0) record_.drop_undecided();
+  if (testbed_) testbed_->write(node_.statistics().links);
   const int code = started_ ? report() : kFine;
   return signal != 0 ? 128 + signal : code;
 }

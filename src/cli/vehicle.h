@@ -20,6 +20,7 @@ struct VehicleOptions {
   double deadline_ms = 130;
   double period_ms = 100;
   std::string policy = "down_sampling";
+  std::string guard = "budget";
   double beta = 0;
   double wait_s = 30;    // for the roadside unit to answer
   double objective = 0;  // per cent of rounds on time; less ends with exit code 4
@@ -30,6 +31,7 @@ struct VehicleOptions {
   // Set by the demo: where the testbed is described, to be told in the summary.
   std::vector<std::string> profiles;
   std::int64_t seed = -1;
+  std::string testbed_run;  // set by `eval --testbed`, see eval/testbed_run.h
 };
 
 int run_vehicle(const VehicleOptions& options);

@@ -27,12 +27,21 @@ ErdosTimes erdos_times(sim::OffloadOptions options) {
       downlink.push_back(to_ms(round.t0 + round.done.e2e - *round.at_road->ended));
     }
   }
-  ErdosTimes times{from_ms(percentile(uplink, 0.5)), from_ms(percentile(downlink, 0.5)), {}};
-  const double worst = sim::half_normal_deviations(kP99OfHalfNormal);
+  std::vector<LevelProfile> levels;
   for (const sim::LevelRuntime& level : options.ladder) {
-    times.runtime.push_back(sim::runtime_of(level.median, level.p95, worst));
+    levels.push_back({level.median, level.p95, {}});
   }
-  return times;
+  return {from_ms(percentile(uplink, 0.5)), from_ms(percentile(downlink, 0.5)),
+          erdos_runtimes(levels)};
+}
+
+std::vector<Duration> erdos_runtimes(std::span<const LevelProfile> levels) {
+  const double worst = sim::half_normal_deviations(kP99OfHalfNormal);
+  std::vector<Duration> out;
+  for (const LevelProfile& level : levels) {
+    out.push_back(sim::runtime_of(level.median, level.p95, worst));
+  }
+  return out;
 }
 
 std::function<std::size_t(Duration, Duration)> erdos_rule(ErdosTimes times, Duration deadline,

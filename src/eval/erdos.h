@@ -4,6 +4,7 @@
 #pragma once
 
 #include <functional>
+#include <span>
 #include <vector>
 
 #include "sim/offload.h"
@@ -17,6 +18,9 @@ struct ErdosTimes {
   std::vector<Duration> runtime;  // R, p99 per level
 };
 inline constexpr std::uint32_t kErdosRounds = 100;
+
+// R of these levels, by their measured quantiles.
+std::vector<Duration> erdos_runtimes(std::span<const LevelProfile> levels);
 
 // From undisturbed rounds on the links of `options`, at the highest level.
 ErdosTimes erdos_times(sim::OffloadOptions options);

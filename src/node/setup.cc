@@ -140,6 +140,9 @@ OpenedLink open_link(const NodeOptions& options, const NodeLink& link, const io:
   out.info = {link.nic, link.mtu != 0 ? link.mtu : nic.mtu, link.traits};
   out.warnings = transport->warnings();
   out.transport = std::move(transport);
+  if (options.wrap_transport) {
+    out.transport = options.wrap_transport(link.id, std::move(out.transport));
+  }
   return out;
 }
 

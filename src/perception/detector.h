@@ -39,6 +39,8 @@ struct Level {
   // unknown.
   Duration r_median{};
   Duration r_p95{};
+  // AP on raw and on sampled images as the data folder's profile.csv tells; empty: unknown.
+  std::vector<double> quality{};
 };
 
 // A copy shares the detectors, and the levels may share a background model: use one thread at a

@@ -212,6 +212,7 @@ std::vector<Level> dnn_levels(const fs::path& data_dir, std::size_t max_levels) 
   levels.push_back(yolo_fastest(data_dir, {224, 224}));
   if (max_levels > 1) levels.push_back(yolox_nano(data_dir, {256, 192}));
   if (max_levels > 2) levels.push_back(yolox_nano(data_dir, {416, 320}));
+  for (Level& level : levels) level.quality = recorded_quality(data_dir, level.name);
   return levels;
 }
 

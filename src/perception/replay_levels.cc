@@ -101,13 +101,13 @@ Recording read_recording(const fs::path& file) {
   return recording;
 }
 
-struct Times {
+struct Profiled {
+  double ap = 0;
   Duration median{};
   Duration p95{};
 };
 
-// Those of `recording` on raw; the size of the image makes no difference to a net of fixed input.
-Times read_times(const fs::path& file, std::string_view recording) {
+Profiled read_profile(const fs::path& file, std::string_view recording, std::string_view input) {
   std::ifstream in(file);
   if (!in) throw bad("profile", file, "no such file");
   std::string header;
@@ -117,17 +117,21 @@ Times read_times(const fs::path& file, std::string_view recording) {
   }
   for (std::string line; std::getline(in, line);) {
     std::string_view rest = line;
-    if (cut(rest, ',') != recording || cut(rest, ',') != kRawInput) continue;
-    for (int skipped = 0; skipped < 5; ++skipped) cut(rest, ',');  // bytes and accuracies
+    if (cut(rest, ',') != recording || cut(rest, ',') != input) continue;
+    cut(rest, ',');  // bytes
+    double ap = 0;
     double median = 0;
     double p95 = 0;
-    if (!parse(cut(rest, ','), median) || !parse(cut(rest, ','), p95) ||
+    const bool has_ap = parse(cut(rest, ','), ap) && ap >= 0 && ap <= 1;
+    for (int skipped = 0; skipped < 3; ++skipped) cut(rest, ',');  // the other accuracies
+    if (!has_ap || !parse(cut(rest, ','), median) || !parse(cut(rest, ','), p95) ||
         !(median > 0 && median < 1e6) || !(p95 >= median && p95 < 1e6)) {
       break;
     }
-    return {from_ms(median), from_ms(p95)};
+    return {ap, from_ms(median), from_ms(p95)};
   }
-  throw bad("profile", file, "no times of " + std::string(recording) + " on " + kRawInput);
+  throw bad("profile", file,
+            "no figures of " + std::string(recording) + " on " + std::string(input));
 }
 
 class Replay : public Detector {
@@ -169,14 +173,26 @@ std::vector<Level> replay_levels(const fs::path& data_dir, std::size_t max_level
       return read_recording(data_dir / "detections" /
                             (std::string(recorded.recording) + "__" + input + ".csv.gz"));
     };
-    const Times times = read_times(data_dir / "profile.csv", recorded.recording);
+    // Its times on raw: the size of the image makes no difference to a net of fixed input.
+    const Profiled times = read_profile(data_dir / "profile.csv", recorded.recording, kRawInput);
     levels.push_back({.name = recorded.name,
                       .detector = std::make_shared<Replay>(
                           recording(kRawInput), recording(kSampledInput), times.median, spend),
                       .r_median = times.median,
-                      .r_p95 = times.p95});
+                      .r_p95 = times.p95,
+                      .quality = recorded_quality(data_dir, recorded.name)});
   }
   return levels;
+}
+
+std::vector<double> recorded_quality(const fs::path& data_dir, std::string_view name) {
+  const auto recorded =
+      std::ranges::find_if(kLevels, [name](const Recorded& r) { return r.name == name; });
+  const fs::path profile = data_dir / "profile.csv";
+  std::error_code error;
+  if (recorded == kLevels.end() || !fs::is_regular_file(profile, error)) return {};
+  return {read_profile(profile, recorded->recording, kRawInput).ap,
+          read_profile(profile, recorded->recording, kSampledInput).ap};
 }
 
 }  // namespace interneuron::perception

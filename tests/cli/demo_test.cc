@@ -82,6 +82,24 @@ TEST_F(Demo, JsonIsAllThatStdoutHolds) {
   EXPECT_EQ(s["schema"], "interneuron.run/1");
 }
 
+TEST_F(Demo, ObeysTheGuardThatIsAskedFor) {
+  const Ran ran = run(arguments(10) + " --guard paper");
+  ASSERT_EQ(ran.code, 0) << ran.output;
+  EXPECT_EQ(read_json(folder_ / "out" / "summary.json")["guard"], "paper");
+  EXPECT_EQ(read_csv(folder_ / "out" / "rounds.csv").front().guard, "paper");
+}
+
+TEST_F(Demo, TellsOnceWhatThePolicyRefusesAndAnswersLocally) {
+  const Ran ran = run(arguments(5) + " --policy secure");  // no network here is trusted
+  ASSERT_EQ(ran.code, 0) << ran.output;
+  const std::size_t first = ran.output.find("nothing is sent: no link");
+  EXPECT_NE(first, std::string::npos) << ran.output;
+  EXPECT_EQ(ran.output.find("nothing is sent: no link", first + 1), std::string::npos);
+  const Json s = read_json(folder_ / "out" / "summary.json");
+  EXPECT_EQ(s["refused"], 5);
+  EXPECT_EQ(s["local"], 5);
+}
+
 TEST_F(Demo, AMissedObjectiveHasItsExitCode) {
   const Ran ran = run(arguments(3) + " --deadline-ms 1 --objective 99");
   EXPECT_EQ(ran.code, 4) << ran.output;

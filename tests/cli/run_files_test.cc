@@ -21,7 +21,8 @@ std::vector<RoundRow> rows() {
     r.x_permille = -1000;
     if (i < 8)
       r.road = RoundRow::Road{i % 2 == 0 ? 0 : 1, static_cast<int>(i % 3), true, false, 5ms, 40ms};
-    r.plan = "raw:a sampled:b";
+    r.plan = i == 9 ? kRefusedPlan : "raw:a sampled:b";
+    r.guard = "budget";
     out.push_back(r);
   }
   return out;
@@ -33,6 +34,7 @@ RunInfo info() {
   i.seed = 7;
   i.deadline = 130ms;
   i.period = 100ms;
+  i.guard = "budget";
   i.links = {{"a", 1000, 10, 1, 2}, {"b", 2000, 20, 0, 0}};
   return i;
 }
@@ -56,6 +58,8 @@ TEST(Report, CountsAddUp) {
   EXPECT_EQ(s["bytes"]["b"]["sent"], 2000);
   EXPECT_TRUE(s["ap"].is_null());
   EXPECT_EQ(s["used"]["local"], 2);
+  EXPECT_EQ(s["refused"], 1);
+  EXPECT_EQ(s["guard"], "budget");
 }
 
 TEST(Report, TheSummaryOfTheFileIsTheSummaryOfTheRun) {
@@ -63,6 +67,7 @@ TEST(Report, TheSummaryOfTheFileIsTheSummaryOfTheRun) {
   write_csv(folder / "rounds.csv", rows());
   const auto back = read_csv(folder / "rounds.csv");
   EXPECT_EQ(summarise(back, info()).dump(), summarise(rows(), info()).dump());
+  EXPECT_EQ(back.front().guard, "budget");
 }
 
 TEST(Report, DrawsThePlot) {

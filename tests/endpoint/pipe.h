@@ -38,6 +38,7 @@ inline PipelineConfig pipeline_of(std::vector<StageKind> stages, std::uint8_t id
   PipelineConfig p;
   p.id = PipelineId{id};
   p.stages = std::move(stages);
+  p.guard = GuardKind::kPaper;
   return p;
 }
 

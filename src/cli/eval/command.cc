@@ -20,12 +20,15 @@ namespace {
 
 constexpr const char* kAll = "all";
 constexpr std::uint64_t kMostSeeds = 10'000;  // chosen; more are a slip of the pen
+constexpr std::uint64_t kTestbedSeeds = 3;    // by default: rounds take their time there
 
 struct Options {
   std::string experiment;
   std::optional<std::uint32_t> rounds;
   std::string seeds;
-  std::string out = "out/eval";
+  std::string out;  // empty: by default_out()
+  bool sim = false;
+  bool testbed = false;
   std::string data;
   bool json = false;
 };
@@ -35,7 +38,8 @@ constexpr Experiment kExperiments[] = {
     {"fig-adjust", "What the adjustable qualities cost and are worth", 60, 10, true,
      run_fig_adjust},
     {"fig-rt", "The guard on the paper's scripted sequence", 13, 1, false, run_fig_rt},
-    {"table-erdos", "Timeouts and accuracy under injected delays", 300, 30, true, run_table_erdos},
+    {"table-erdos", "Timeouts and accuracy under injected delays", 300, 30, true, run_table_erdos,
+     run_table_erdos_on_testbed},
     {"timeout-handler", "Consecutive timeouts with and without the handler", 300, 30, true,
      run_timeout_handler},
     {"ladder", "Which part earns what: baselines and ablations, paired", 300, 30, false,
@@ -68,26 +72,31 @@ std::pair<std::uint64_t, std::uint64_t> parse_seeds(const std::string& text) {
   return {first, last};
 }
 
+// The testbed's documents have the simulation's names, so they have a folder of their own.
+std::string default_out(bool testbed) { return testbed ? "out/eval-testbed" : "out/eval"; }
+
 Json run_one(const Experiment& experiment, const Options& o, const Scorer& scorer,
-             Progress& progress) {
-  std::pair<std::uint64_t, std::uint64_t> seeds{1, experiment.seeds};
+             const std::filesystem::path& scratch, Progress& progress) {
+  std::pair<std::uint64_t, std::uint64_t> seeds{1, o.testbed ? kTestbedSeeds : experiment.seeds};
   if (!o.seeds.empty()) seeds = parse_seeds(o.seeds);
   const Request request{.rounds = o.rounds.value_or(experiment.rounds),
                         .first_seed = seeds.first,
                         .last_seed = seeds.second,
                         .scorer = scorer,
-                        .progress = progress};
+                        .progress = progress,
+                        .data = find_data(o.data),
+                        .scratch = scratch};
   Json document{{"schema", kSchema},
                 {"experiment", experiment.name},
                 {"title", experiment.title},
-                {"mode", "sim"},
+                {"mode", o.testbed ? "testbed" : "sim"},
                 {"seeds", {request.first_seed, request.last_seed}},
                 {"rounds_per_seed", request.rounds},
                 {"tables", Json::array()},
                 {"series", Json::array()},
                 {"waterfalls", Json::array()},
                 {"notes", Json::array()}};
-  experiment.run(request, document);
+  (o.testbed ? experiment.run_on_testbed : experiment.run)(request, document);
   if (experiment.scored && !scorer.missing().empty()) {
     document["notes"].push_back("AP and AR are not known: " + scorer.missing() + ".");
   }
@@ -109,20 +118,35 @@ Scorer scorer_of(const Options& o) {
   }
 }
 
+void refuse_testbed(const std::string& experiment) {
+  const Experiment* found = find_experiment(experiment);
+  if (found != nullptr && found->run_on_testbed != nullptr) return;
+  std::string able;
+  for (const Experiment& e : kExperiments) {
+    if (e.run_on_testbed != nullptr) able += (able.empty() ? "" : ", ") + std::string(e.name);
+  }
+  throw Failure(kUsage,
+                fmt::format("{} is for virtual time alone; on the testbed: {}", experiment, able));
+}
+
 int run_eval(const Options& o) {
   if (o.experiment != kAll && find_experiment(o.experiment) == nullptr) {
     throw Failure(kUsage, fmt::format("no experiment '{}'; there are {}", o.experiment, names()));
   }
+  if (o.testbed) refuse_testbed(o.experiment);
   if (o.rounds && *o.rounds == 0) throw Failure(kUsage, "--rounds 0: give at least 1");
   if (!o.seeds.empty()) parse_seeds(o.seeds);
   const SignalWatch signals;
-  Staging staging(o.out);
+  const std::string out = o.out.empty() ? default_out(o.testbed) : o.out;
+  Staging staging(out);
   const Scorer scorer = scorer_of(o);
   Progress progress;
   Json documents = Json::array();
   for (const Experiment& experiment : kExperiments) {
     if (o.experiment != kAll && o.experiment != experiment.name) continue;
-    documents.push_back(run_one(experiment, o, scorer, progress));
+    const std::filesystem::path scratch = staging / ".testbed";
+    documents.push_back(run_one(experiment, o, scorer, scratch, progress));
+    std::filesystem::remove_all(scratch);
     write_json(staging / (std::string(experiment.name) + ".json"), documents.back());
     if (!o.json) say(documents.back());
   }
@@ -130,7 +154,7 @@ int run_eval(const Options& o) {
   if (o.json) {
     fmt::print("{}\n", (o.experiment == kAll ? documents : documents[0]).dump(2));
   } else {
-    fmt::print("\nwritten to {}; `interneuron report {}` makes a page of it\n", o.out, o.out);
+    fmt::print("\nwritten to {}; `interneuron report {}` makes a page of it\n", out, out);
   }
   return kFine;
 }
@@ -151,12 +175,17 @@ const Experiment* find_experiment(const std::string& name) {
 void add_eval(CLI::App& program, std::function<int()>& run) {
   auto o = std::make_shared<eval::Options>();
   CLI::App* c = program.add_subcommand(
-      "eval",
-      "The paper's experiments and more, in virtual time, ours beside baselines and bounds");
+      "eval", "The paper's experiments and more, ours beside baselines and bounds");
   c->add_option("EXPERIMENT", o->experiment, eval::names())->required();
   c->add_option("--rounds", o->rounds, "Rounds per seed (default: the experiment's)");
   c->add_option("--seeds", o->seeds, "FIRST..LAST (default: the experiment's, from 1)");
-  c->add_option("--out", o->out, "Folder for one EXPERIMENT.json each")->capture_default_str();
+  CLI::Option* sim = c->add_flag("--sim", o->sim, "In virtual time; the default");
+  c->add_flag("--testbed", o->testbed,
+              "On real sockets, emulated links and real detection: table-erdos alone, 3 seeds")
+      ->excludes(sim);
+  c->add_option("--out", o->out,
+                "Folder for one EXPERIMENT.json each (default: out/eval, with --testbed "
+                "out/eval-testbed)");
   c->add_option("--data", o->data,
                 "Folder with recorded detections and ground truth (default: INTERNEURON_DATA, "
                 "../shared/data, build/data; without any, AP and AR are left out)");
@@ -167,6 +196,7 @@ void add_eval(CLI::App& program, std::function<int()>& run) {
   }
   c->footer(footer +
             "Examples:\n  interneuron eval fig-rt\n  interneuron eval table-erdos --seeds 1..5\n"
+            "  interneuron eval table-erdos --testbed --seeds 1..1\n"
             "  interneuron eval all && interneuron report out/eval");
   c->callback([&run, o] { run = [o] { return eval::run_eval(*o); }; });
 }

@@ -37,6 +37,9 @@ std::vector<Column> system_columns();
 std::vector<interneuron::eval::System> all_systems(bool jpeg);
 std::vector<interneuron::eval::System> some_systems(std::span<const char* const> names);
 
+// The end-to-end times of the first seed, as a series for the figure.
+void add_example(Json& document, const Compared& compared, const std::string& system);
+
 // What a scenario is, in one line for tables.
 std::string describe(const interneuron::eval::Scenario& scenario);
 

@@ -2,6 +2,8 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
+#include <optional>
 #include <span>
 #include <string>
 
@@ -17,6 +19,8 @@ struct Request {
   std::uint64_t last_seed = 30;  // >= first_seed
   const Scorer& scorer;
   Progress& progress;
+  std::optional<std::filesystem::path> data{};
+  std::filesystem::path scratch{};  // for the testbed: a folder that may be made
 
   std::size_t seeds() const { return static_cast<std::size_t>(last_seed - first_seed) + 1; }
 };
@@ -29,6 +33,8 @@ struct Experiment {
   bool scored;           // tells AP and AR
   // Fills in tables, series and notes. Throws Failure.
   void (*run)(const Request& request, Json& document);
+  // The same on real sockets; nullptr: makes no sense there.
+  void (*run_on_testbed)(const Request& request, Json& document) = nullptr;
 };
 
 // In the order in which `all` runs them.
@@ -40,6 +46,7 @@ void run_table_network(const Request& request, Json& document);
 void run_fig_adjust(const Request& request, Json& document);
 void run_fig_rt(const Request& request, Json& document);
 void run_table_erdos(const Request& request, Json& document);
+void run_table_erdos_on_testbed(const Request& request, Json& document);
 void run_timeout_handler(const Request& request, Json& document);
 void run_ladder(const Request& request, Json& document);
 void run_clock(const Request& request, Json& document);

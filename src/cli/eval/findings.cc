@@ -127,9 +127,44 @@ void against_others(const std::string& where, const Json& rows, const Json& ours
   }
 }
 
+// Whether the simulation tells what happens for real; what differs, by part.
+void of_agreement(const Json& rows, Findings& out) {
+  for (const Json& r : rows) {
+    const std::string name = r.at("name");
+    const Json& on_time = r.at("on_time");
+    out.push_back(judged(
+        r.at("on_time_agrees").get<bool>(),
+        fmt::format("Testbed and simulation, {}: {:.1f} % and {:.1f} % on time ({:+.1f} points); "
+                    "the aim is 2 points.",
+                    name, 100 * number(on_time, "testbed"), 100 * number(on_time, "sim"),
+                    100 * number(on_time, "points"))));
+    const Json& e2e = r.at("e2e_p50_ms");
+    std::string text = fmt::format(
+        "Testbed and simulation, {}: e2e p50 {:.1f} and {:.1f} ms ({:+.1f} %); the aim is 5 %.",
+        name, number(e2e, "testbed"), number(e2e, "sim"), 100 * number(e2e, "change"));
+    if (!r.at("e2e_agrees").get<bool>()) {
+      text += " Undisturbed rounds with the raw image differ by";
+      for (const char* part : {"uplink_ms", "compute_ms", "downlink_ms"}) {
+        const Json& p = r.at(part);
+        text += fmt::format(" {:+.1f} ms {}{}", number(p, "testbed") - number(p, "sim"),
+                            part == std::string("uplink_ms")    ? "in the uplink"
+                            : part == std::string("compute_ms") ? "from the hand-over to the "
+                                                                  "computation's end"
+                                                                : "in the downlink",
+                            part == std::string("downlink_ms") ? "." : ",");
+      }
+    }
+    out.push_back(judged(r.at("e2e_agrees").get<bool>(), text));
+  }
+}
+
 void of_erdos(const Json& document, Findings& out) {
   for (const Json& table : document.at("tables")) {
     const Json& rows = table.at("rows");
+    if (table.at("name") == "agreement") {
+      of_agreement(rows, out);
+      continue;
+    }
     const Json* ours = row(rows, kOurs);
     const Json* erdos = row(rows, "erdos_like");
     const Json* oracle = row(rows, "oracle");
