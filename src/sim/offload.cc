@@ -221,7 +221,8 @@ void Offload::on_event(HostId host, Event&& event) {
 
 void Offload::delivered(const Delivered& frame) {
   const std::uint32_t number = frame.round.round.value;
-  OffloadRound::AtRoad& road = result_.rounds[number].at_road.emplace();
+  // clang takes a nested class for not default-constructible within its own class.
+  auto& road = result_.rounds[number].at_road.emplace(OffloadRound::AtRoad{});
   road.variant = frame.variant;
   road.verdict = frame.verdict;
   road.degraded = frame.degraded;

@@ -32,6 +32,9 @@ Section section_of(const fs::path& file) {
     Section section;
     section.document = read_json(file);
     if (section.document.at("schema") != eval::kSchema) throw Failure(kFailed, "another schema");
+    if (section.document.at("experiment") != file.stem().string()) {
+      throw Failure(kFailed, "another experiment");
+    }
     section.findings = eval::findings(section.document);
     section.figures = figures_of(section.document);
     section.svgs.resize(section.figures.size());

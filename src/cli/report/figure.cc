@@ -21,7 +21,7 @@ constexpr int kAroundRows = 110;  // pixels: title, axis, key
 // Chosen: as wide as the longest name in the tables.
 constexpr double kLabelShare = 0.19;
 constexpr double kRightMargin = 0.98;
-constexpr double kGap = 0.03;  // between panels
+constexpr double kGap = 0.05;  // between panels
 
 void replace_all(std::string& text, const std::string& from, const std::string& to) {
   for (std::size_t at = text.find(from); at != std::string::npos;

@@ -175,7 +175,7 @@ std::vector<Figure> adjust_figures(const Json& document) {
   Series time{"median to p95", kBlue, {}};
   for (const Json& r : levels) {
     names.push_back(
-        fmt::format("L{} {}", r.at("level").get<int>(), r.at("name").get<std::string>()));
+        fmt::format("level {}, {}", r.at("level").get<int>(), r.at("name").get<std::string>()));
     ap.dots.push_back(dot(r.at("raw").at("ap")));
     ar.dots.push_back(dot(r.at("raw").at("ar")));
     raw.dots.push_back(dot(r.at("raw").at("ap")));

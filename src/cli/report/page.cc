@@ -14,7 +14,7 @@ constexpr const char* kStyle = R"(
   --panel: #f5f7f9; --met: #1f7a45; --missed: #b3261e; --note: #8a5a00; }
 @media (prefers-color-scheme: dark) { :root { --page: #14181d; --ink: #e4e8ec; --soft: #9aa4af;
   --line: #343b44; --panel: #1c2228; --met: #5cc48a; --missed: #ff8a80; --note: #e0b050; } }
-body { margin: 0 auto; padding: 1.5rem; max-width: 76rem; background: var(--page); color: var(--ink);
+body { margin: 0 auto; padding: 1.5rem; max-width: 80rem; background: var(--page); color: var(--ink);
   font: 15px/1.5 system-ui, sans-serif; }
 h1 { font-size: 1.6rem; } h2 { font-size: 1.25rem; margin-top: 2.5rem; border-top: 1px solid var(--line);
   padding-top: 1rem; } h3 { font-size: 1rem; margin: 1.5rem 0 0.3rem; }
@@ -22,7 +22,7 @@ p.about, figcaption { color: var(--soft); margin: 0.2rem 0; }
 nav a { margin-right: 1rem; } a { color: inherit; }
 .wide { overflow-x: auto; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: 0.85rem; margin: 0.4rem 0; }
-th, td { padding: 0.15rem 0.6rem; text-align: right; border-bottom: 1px solid var(--line); white-space: nowrap; }
+th, td { padding: 0.15rem 0.4rem; text-align: right; border-bottom: 1px solid var(--line); white-space: nowrap; }
 th { color: var(--soft); font-weight: 600; } .text { text-align: left; }
 tr.ours { background: var(--panel); font-weight: 600; }
 figure { margin: 1rem 0; } figure svg { max-width: 100%; height: auto; color: var(--ink); }
@@ -76,8 +76,8 @@ std::string conditions(const Json& document) {
     out += fmt::format("; seeds {} to {}", seeds.at(0).get<std::uint64_t>(),
                        seeds.at(1).get<std::uint64_t>());
   }
-  return out +
-         fmt::format("; {} rounds per seed.", document.at("rounds_per_seed").get<std::uint64_t>());
+  return out + fmt::format("; {} rounds{}.", document.at("rounds_per_seed").get<std::uint64_t>(),
+                           seeds.is_array() ? " per seed" : "");
 }
 
 std::string section_html(const Section& section) {

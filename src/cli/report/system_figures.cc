@@ -149,7 +149,9 @@ std::vector<Figure> system_figures(const Json& document) {
 std::vector<Figure> sweep_figures(const Json& document) {
   constexpr const char* kColours[] = {kBlue, kPurple, kOrange, kRed, kGrey, kGreen, "#2aa3a3"};
   const std::size_t columns = document.at("tables").size();
-  std::string script = fmt::format("set multiplot layout 2,{}\nset xrange [50:210]\n", columns);
+  std::string script = fmt::format(
+      "set multiplot layout 2,{}\nset xrange [50:210]\nset xtics (60, 100, 130, 160, 200)\n",
+      columns);
   for (const auto& [key, label, scale] : {std::tuple{"timeouts_share", "rounds missed, %", 100.0},
                                           std::tuple{"quality", "quality", 1.0}}) {
     for (const Json& table : document.at("tables")) {
@@ -164,15 +166,17 @@ std::vector<Figure> sweep_figures(const Json& document) {
       std::string plot;
       for (std::size_t i = 0; i < order.size(); ++i) {
         script += fmt::format("$s{} << EOD\n{}EOD\n", i, blocks[order[i]]);
-        plot += fmt::format("{}$s{} with linespoints pt 7 ps 0.5 lw 1.6 lc rgb '{}' title {}",
-                            i == 0 ? "plot " : ", ", i, kColours[i % std::size(kColours)],
-                            gnuplot_text(order[i]));
+        // Lines may lie on each other: every second one is dashed.
+        plot += fmt::format("{}$s{} with linespoints pt 7 ps 0.5 lw 1.6 dt {} lc rgb '{}' title {}",
+                            i == 0 ? "plot " : ", ", i, i % 2 + 1,
+                            kColours[i % std::size(kColours)], gnuplot_text(order[i]));
       }
-      const bool key_here = &table == &document.at("tables").back() && scale == 1.0;
+      // Where nothing is injected, hardly anything is missed: there is room.
+      const bool key_here = &table == &document.at("tables").front() && scale != 1.0;
       script += fmt::format(
           "set title {}\nset xlabel 'deadline, ms'\nset ylabel '{}'\nset yrange [0:*]\n{}\n{}\n",
           gnuplot_text(table.at("title").get<std::string>()), label,
-          key_here ? "set key bottom right" : "unset key", plot);
+          key_here ? "set key top right" : "unset key", plot);
     }
   }
   return {{"sweep", "Rounds missed and quality by deadline, for injected delays from none to twice",
