@@ -73,11 +73,13 @@ sim::OffloadOptions options_of(const System& system, const Scenario& scenario, c
 }
 
 std::function<std::size_t(Duration, Duration)> rule_of(LevelRule rule,
+                                                       const std::optional<ErdosTimes>& frozen,
                                                        const sim::OffloadOptions& options) {
   switch (rule) {
     case LevelRule::kErdos:
     case LevelRule::kErdosE2e:
-      return erdos_rule(erdos_times(options), options.deadline, rule == LevelRule::kErdosE2e);
+      return erdos_rule(frozen ? *frozen : erdos_times(options), options.deadline,
+                        rule == LevelRule::kErdosE2e);
     case LevelRule::kFixedTop:
       return [top = options.ladder.size() - 1](Duration, Duration) { return top; };
     case LevelRule::kGuard:
@@ -137,7 +139,7 @@ Scenario table_erdos_scenario() {
 
 Run run(const System& system, const Scenario& scenario, const Trace& trace, std::uint64_t seed) {
   sim::OffloadOptions options = options_of(system, scenario, trace, seed);
-  options.level_rule = rule_of(system.level, options);
+  options.level_rule = rule_of(system.level, scenario.erdos, options);
   const sim::OffloadResult result = sim::run_offload(options);
   const std::size_t first_variant = system.only_variant.value_or(0);
   Run out;

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "emu/link.h"
+#include "eval/erdos.h"
 #include "eval/quality.h"
 #include "eval/system.h"
 #include "eval/trace.h"
@@ -21,6 +22,7 @@ struct Scenario {
   Duration deadline = std::chrono::milliseconds(130);
   Duration period = std::chrono::milliseconds(100);
   Profile profile = default_profile();
+  std::optional<ErdosTimes> erdos;  // frozen elsewhere; nothing: measured here, see erdos_times()
   sim::ClockError road_clock;
   std::optional<std::pair<std::uint32_t, Duration>>
       clock_step;  // of the road, when this round begins

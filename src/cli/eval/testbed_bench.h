@@ -27,8 +27,8 @@ class Bench {
   Bench(const interneuron::eval::Scenario& scenario, std::optional<std::filesystem::path> data,
         std::filesystem::path scratch);
 
-  // Rounds without injection, the best image at the highest level over the primary link: calibrates
-  // the roadside's ladder and the times that erdos_like freezes. Once, before run().
+  // Rounds without injection, the best image over the primary link: calibrates the roadside's
+  // ladder and the times that erdos_like freezes. Once, before run().
   void calibrate(std::uint32_t rounds);
   // As many rounds as the trace has. Throws Failure.
   BenchRun run(const interneuron::eval::System& system, const interneuron::eval::Trace& trace,
@@ -36,6 +36,7 @@ class Bench {
 
   // The roadside's ladder as calibrated, with the profile's accuracies.
   const interneuron::eval::Profile& profile() const { return profile_; }
+  const interneuron::eval::ErdosTimes& erdos() const { return erdos_; }
   const std::string& ladder() const { return ladder_; }
 
  private:
