@@ -78,8 +78,8 @@ void add_example(Json& document, const Compared& compared, const std::string& sy
 }
 
 std::string note_of_jpeg() {
-  return "JPEG: quality 80 of the full frame (76 KB) takes raw's place; its boxes are scored as "
-         "those recorded on raw (measured difference of AP: 0.005).";
+  return "JPEG: quality 80 of the full frame takes raw's place; its boxes are scored as those "
+         "recorded on raw (docs/evaluation.md, Limits).";
 }
 
 // Student's t, 97.5 %, by degrees of freedom from 1.
