@@ -75,15 +75,6 @@ double number(const std::string& text) { return text.empty() ? 0.0 : std::stod(t
 
 }  // namespace
 
-double percentile(std::vector<double> values, double q) {
-  if (values.empty()) return 0.0;
-  const auto rank =
-      static_cast<std::size_t>(std::max(1.0, std::ceil(q * static_cast<double>(values.size()))));
-  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(rank - 1),
-                   values.end());
-  return values[rank - 1];
-}
-
 Json summarise(const std::vector<RoundRow>& rows, const RunInfo& info) {
   std::vector<double> on_time_ms;
   std::vector<double> all_ms;

@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "eval/metrics.h"
 #include "interneuron/pipeline.h"
 
 namespace interneuron::cli {
@@ -73,8 +74,7 @@ struct RunInfo {
 
 using Json = nlohmann::ordered_json;
 
-// Percentile by nearest rank, q in (0, 1]; 0 when there is nothing.
-double percentile(std::vector<double> values, double q);
+using interneuron::eval::percentile;
 
 Json summarise(const std::vector<RoundRow>& rows, const RunInfo& info);
 // The summary as a table on stdout.

@@ -210,6 +210,15 @@ TEST(EvalFindings, SayThatABaselineWins) {
   EXPECT_TRUE(says("% of the oracle's quality"));
 }
 
+TEST(EvalFindings, SayThatABaselineIsClose) {
+  const auto all = findings(erdos_document({system_row("ours", 10, 0.002, 0.006, 0.39),
+                                            system_row("always_sampled", 90, 0.02, 0.04, 0.38),
+                                            system_row("b0", 1500, 0.48, 0.52, 0.30)}));
+  ASSERT_EQ(count(all, Finding::Kind::kNotice), 1U);
+  EXPECT_EQ(all.back().text,
+            "Uniform: less quality than ours (0.3900), but within 5 %: always_sampled (0.3800).");
+}
+
 TEST(EvalScorer, ScoresWhatWasShown) {
   const fs::path data = INTERNEURON_SOURCE_DIR "/../shared/data";
   if (!fs::is_directory(data / "detections") || !fs::is_regular_file(data / "pets/gt.txt")) {
@@ -225,6 +234,16 @@ TEST(EvalScorer, ScoresWhatWasShown) {
   }
   EXPECT_NEAR(scorer.score(one_old)->ap, 0.250, 0.003);
   EXPECT_EQ(Scorer(std::nullopt, false).score(one_old), std::nullopt);
+  // Nothing, remote, local and stale in turn; AP and AR by the data package's tools/bench.py.
+  using Kind = interneuron::eval::Shown::Kind;
+  constexpr interneuron::eval::Shown kInTurn[] = {{Kind::kNothing, 0, 0, 0},
+                                                  {Kind::kRemote, 2, 1, 0},
+                                                  {Kind::kLocal, 0, 0, 0},
+                                                  {Kind::kStale, 1, 0, 2}};
+  std::vector<ShownRound> mixed;
+  for (std::uint32_t i = 0; i < kVideoFrames; ++i) mixed.push_back({i, kInTurn[i % 4]});
+  EXPECT_NEAR(scorer.score(mixed)->ap, 0.149594, 1e-6);
+  EXPECT_NEAR(scorer.score(mixed)->ar, 0.241600, 1e-6);
 }
 
 }  // namespace

@@ -89,6 +89,15 @@ TEST(Report, ADamagedFileIsNamed) {
   }
 }
 
+TEST(Report, AFileUnderAnothersNameIsNamed) {
+  const TempFolder folder;
+  ASSERT_EQ(run("eval fig-rt --out '" + folder.string() + "'").code, 0);
+  fs::rename(folder / "fig-rt.json", folder / "clock.json");
+  const Ran ran = run("report '" + folder.string() + "'");
+  EXPECT_EQ(ran.code, 1) << ran.output;
+  EXPECT_NE(ran.output.find("clock.json"), std::string::npos) << ran.output;
+}
+
 TEST(Report, TextIsEscapedAndBytesAreEncoded) {
   EXPECT_EQ(escaped("a<b & \"c\""), "a&lt;b &amp; &quot;c&quot;");
   // RFC 4648 §10.

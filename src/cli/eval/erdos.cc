@@ -65,8 +65,8 @@ void add_paper_rows(Json& document) {
 }
 
 std::string note_of_jpeg() {
-  return "JPEG: quality 80 of the full frame (76 KB) takes raw's place; its boxes are scored as "
-         "those recorded on raw (measured difference of AP: 0.005).";
+  return "JPEG: quality 80 of the full frame takes raw's place; its boxes are scored as those "
+         "recorded on raw (docs/evaluation.md, Limits).";
 }
 
 // Student's t, 97.5 %, by degrees of freedom from 1.

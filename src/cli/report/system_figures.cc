@@ -148,6 +148,7 @@ std::vector<Figure> system_figures(const Json& document) {
 
 std::vector<Figure> sweep_figures(const Json& document) {
   constexpr const char* kColours[] = {kBlue, kPurple, kOrange, kRed, kGrey, kGreen, "#2aa3a3"};
+  constexpr int kDashes[] = {1, 1, 1, 1, 2, 1, 2};
   const std::size_t columns = document.at("tables").size();
   std::string script = fmt::format(
       "set multiplot layout 2,{}\nset xrange [50:210]\nset xtics (60, 100, 130, 160, 200)\n",
@@ -166,9 +167,9 @@ std::vector<Figure> sweep_figures(const Json& document) {
       std::string plot;
       for (std::size_t i = 0; i < order.size(); ++i) {
         script += fmt::format("$s{} << EOD\n{}EOD\n", i, blocks[order[i]]);
-        // Lines may lie on each other: every second one is dashed.
+        // Lines lie on each other: the later one is dashed.
         plot += fmt::format("{}$s{} with linespoints pt 7 ps 0.5 lw 1.6 dt {} lc rgb '{}' title {}",
-                            i == 0 ? "plot " : ", ", i, i % 2 + 1,
+                            i == 0 ? "plot " : ", ", i, kDashes[i % std::size(kDashes)],
                             kColours[i % std::size(kColours)], gnuplot_text(order[i]));
       }
       // Where nothing is injected, hardly anything is missed: there is room.
