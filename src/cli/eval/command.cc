@@ -29,6 +29,7 @@ struct Options {
   std::string out;  // empty: by default_out()
   bool sim = false;
   bool testbed = false;
+  std::string ladder = "auto";
   std::string data;
   bool json = false;
 };
@@ -85,7 +86,8 @@ Json run_one(const Experiment& experiment, const Options& o, const Scorer& score
                         .scorer = scorer,
                         .progress = progress,
                         .data = find_data(o.data),
-                        .scratch = scratch};
+                        .scratch = scratch,
+                        .ladder = o.ladder};
   Json document{{"schema", kSchema},
                 {"experiment", experiment.name},
                 {"title", experiment.title},
@@ -134,6 +136,9 @@ int run_eval(const Options& o) {
     throw Failure(kUsage, fmt::format("no experiment '{}'; there are {}", o.experiment, names()));
   }
   if (o.testbed) refuse_testbed(o.experiment);
+  if (!o.testbed && o.ladder != Options{}.ladder) {
+    throw Failure(kUsage, "--ladder " + o.ladder + ": only with --testbed");
+  }
   if (o.rounds && *o.rounds == 0) throw Failure(kUsage, "--rounds 0: give at least 1");
   if (!o.seeds.empty()) parse_seeds(o.seeds);
   const SignalWatch signals;
@@ -183,6 +188,11 @@ void add_eval(CLI::App& program, std::function<int()>& run) {
   c->add_flag("--testbed", o->testbed,
               "On real sockets, emulated links and real detection: table-erdos alone, 3 seeds")
       ->excludes(sim);
+  c->add_option(
+       "--ladder", o->ladder,
+       "Detectors of the testbed; replay has recorded boxes and times and computes nothing")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"auto", "dnn", "motion", "replay"}));
   c->add_option("--out", o->out,
                 "Folder for one EXPERIMENT.json each (default: out/eval, with --testbed "
                 "out/eval-testbed)");

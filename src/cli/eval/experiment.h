@@ -20,7 +20,9 @@ struct Request {
   const Scorer& scorer;
   Progress& progress;
   std::optional<std::filesystem::path> data{};
-  std::filesystem::path scratch{};  // for the testbed: a folder that may be made
+  // Of the testbed: a folder that may be made, and what detects.
+  std::filesystem::path scratch{};
+  std::string ladder = "auto";
 
   std::size_t seeds() const { return static_cast<std::size_t>(last_seed - first_seed) + 1; }
 };

@@ -201,7 +201,7 @@ void run_table_erdos_on_testbed(const Request& request, Json& document) {
   core::Scenario scenario = core::table_erdos_scenario();
   const std::vector<core::System> systems = some_systems(kSystems);
   const std::string load_before = load();
-  Bench bench(scenario, request.data, request.scratch);
+  Bench bench(scenario, request.data, request.ladder, request.scratch);
   const std::uint32_t undisturbed =
       std::clamp(request.rounds, kFewestUndisturbed, core::kErdosRounds);
   fmt::print(stderr, "testbed: calibrating the detectors, {} undisturbed rounds\n", undisturbed);
@@ -215,7 +215,7 @@ void run_table_erdos_on_testbed(const Request& request, Json& document) {
   const Request scored{request.rounds,    request.first_seed,
                        request.last_seed, is_recorded(scenario.profile) ? request.scorer : nothing,
                        request.progress,  request.data,
-                       request.scratch};
+                       request.scratch,   request.ladder};
   const Compared sim = compare(scored, "the same in virtual time", scenario, systems);
   Compared testbed{scenario, systems, {}, sim.oracle, sim.causal};
   for (const std::vector<BenchRun>& of_system : runs) {

@@ -109,9 +109,11 @@ Duration inside(const core::Injected& injected) {
 
 }  // namespace
 
-Bench::Bench(const core::Scenario& scenario, std::optional<fs::path> data, fs::path scratch)
+Bench::Bench(const core::Scenario& scenario, std::optional<fs::path> data, std::string ladder,
+             fs::path scratch)
     : scenario_(scenario),
       data_(std::move(data)),
+      kind_(std::move(ladder)),
       scratch_(std::move(scratch)),
       video_(default_video(data_)),
       testbed_(up(scenario, (fs::create_directories(scratch_), scratch_))) {}
@@ -120,6 +122,7 @@ std::vector<std::string> Bench::road_command() const {
   std::vector<std::string> argv{
       own_program(), "road", "--port",        std::to_string(kPort),
       "--video",     video_, "--testbed-run", (scratch_ / "run.json").string()};
+  argv.insert(argv.end(), {"--ladder", kind_});
   if (data_) argv.insert(argv.end(), {"--data", data_->string()});
   for (const netns::TestbedLink& link : testbed_.state().links) {
     argv.insert(argv.end(), {"--nic", link.nic});
@@ -140,6 +143,7 @@ std::vector<std::string> Bench::vehicle_command(const core::System& system,
                                 "--quiet",
                                 "--testbed-run",
                                 (scratch_ / "run.json").string()};
+  argv.insert(argv.end(), {"--ladder", kind_});
   if (data_) argv.insert(argv.end(), {"--data", data_->string()});
   const auto& links = testbed_.state().links;
   for (std::size_t i = 0; i < links.size(); ++i) {

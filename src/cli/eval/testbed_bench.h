@@ -22,10 +22,10 @@ struct BenchRun {
 
 class Bench {
  public:
-  // `scratch`: a folder for what the programs read and write, private to this bench. Throws
-  // netns::TestbedError where namespaces are forbidden.
+  // `ladder`: as the programs' --ladder. `scratch`: a folder for what the programs read and write,
+  // private to this bench. Throws netns::TestbedError where namespaces are forbidden.
   Bench(const interneuron::eval::Scenario& scenario, std::optional<std::filesystem::path> data,
-        std::filesystem::path scratch);
+        std::string ladder, std::filesystem::path scratch);
 
   // Rounds without injection, the best image over the primary link: calibrates the roadside's
   // ladder and the times that erdos_like freezes. Once, before run().
@@ -49,6 +49,7 @@ class Bench {
 
   const interneuron::eval::Scenario& scenario_;
   std::optional<std::filesystem::path> data_;
+  std::string kind_;  // of the ladder
   std::filesystem::path scratch_;
   std::string video_;
   netns::Testbed testbed_;
