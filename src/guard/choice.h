@@ -61,20 +61,34 @@ std::size_t sacrificed_level(std::span<const LevelProfile> levels, std::size_t c
 // The quality of a level's result on a variant; a level that says nothing counts by its rank.
 double quality_of(std::span<const LevelProfile> levels, std::size_t level, std::uint8_t variant);
 
-// How much longer (or shorter) levels take than their medians say. What slows all of them is learnt
-// by whichever runs; what slows one of them by its own runs, and is forgotten after 10 s, so that a
-// level which is not tried does not stay condemned.
+// How much longer (or shorter) levels take than their medians say, by the last kRuns runs of the
+// last 10 s. A level that ran often enough among them is judged by its own runs, any other by all:
+// what slows the node is learnt by whichever level runs, and a level that was fast before is not
+// believed to be fast still. Forgotten after 10 s, so that nothing stays condemned.
 class Speed {
  public:
-  void add(TimePoint now, std::size_t level, Duration median, Duration computed);
+  void add(TimePoint now, std::size_t level, Duration median_of_level, Duration computed);
   Duration expected(std::size_t level, Duration median) const {
     return Duration{static_cast<std::int64_t>(static_cast<double>(median.count()) *
                                               factor_[level < kMaxLevels ? level : 0])};
   }
 
  private:
-  static constexpr std::size_t kLeast = 3;  // runs that say something; chosen
-  Recent ratios_;                           // computed / median in 1/1,000,000
+  static constexpr std::size_t kRuns = 16;  // chosen
+  static constexpr std::size_t kLeast = 3;  // of all, that say something; chosen
+  static constexpr std::size_t kOwn = 6;    // of a level, that say something of it; chosen
+  struct Run {
+    TimePoint at{};
+    std::size_t level = 0;
+    double ratio = 0;  // computed / median
+  };
+  // The lower median of the runs of a level, or of all; nothing when they are fewer than `least`.
+  std::optional<double> median(TimePoint now, std::optional<std::size_t> level,
+                               std::size_t least) const;
+
+  std::array<Run, kRuns> runs_{};
+  std::size_t used_ = 0;
+  std::size_t next_ = 0;
   std::array<double, kMaxLevels> factor_ = filled();
 
   static constexpr std::array<double, kMaxLevels> filled() {

@@ -35,6 +35,7 @@ class Offloading {
   std::vector<std::size_t> levels;
   std::vector<Plan> plans;
   int done = 0;
+  int on_time = 0;
 
  private:
   void on_event(std::size_t host, Event& event) {
@@ -44,8 +45,9 @@ class Offloading {
       pipe.plan(ladder()[levels.back()].median + slower, [this, ref] { pipe.submit(1, ref, 500); });
     } else if (auto* planned = std::get_if<Planned>(&event); planned != nullptr && host == 0) {
       plans.push_back(planned->plan);
-    } else if (std::holds_alternative<RoundDone>(event)) {
+    } else if (const auto* end = std::get_if<RoundDone>(&event)) {
       ++done;
+      on_time += end->outcome == Outcome::kRemote ? 1 : 0;
     }
   }
 };
@@ -60,6 +62,7 @@ TEST(Budget, LevelsFollowWhatRoundsTakeWhateverTheOffset) {
     for (int i = 0; i < 60; ++i) o.round();
     EXPECT_LT(o.levels.back(), 2U);
     EXPECT_EQ(o.done, 120);
+    EXPECT_GE(o.on_time, 110);
     if (first.empty()) first = o.levels;
     EXPECT_EQ(o.levels, first);
   }
