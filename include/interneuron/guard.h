@@ -55,7 +55,9 @@ struct BudgetOptions {
   // it and the most valuable one does not; in (0, 1).
   double target = 0.99;
   // What a missed round costs beyond the quality that it loses, in units of quality; in [0, 65].
-  double miss_price = 1.0;
+  // The default is a little more than the best answer of our detectors is worth. It decides where
+  // no choice keeps the target: a higher price, fewer misses and cheaper answers.
+  double miss_price = 0.5;
   // Share of rounds that may try a mode of transmission not tried for 10 s, while it is expected to
   // keep the target; every so-many-th round, not at random. In [0, 0.2]. (Levels need none: what
   // one of them shows of delays holds for all.)

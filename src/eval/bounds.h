@@ -26,6 +26,7 @@ Bound oracle(const Scenario& scenario, const Trace& trace, std::uint64_t seed);
 // choice of variant and link at the start, of the level when the computation begins, a miss costing
 // `miss_price`. Only for constant links; nothing for others. A bound of what is expected of
 // quality - miss_price * timeouts, not of each trace.
-std::optional<Bound> causal(const Scenario& scenario, const Trace& trace, double miss_price = 1.0);
+std::optional<Bound> causal(const Scenario& scenario, const Trace& trace,
+                            double miss_price = BudgetOptions{}.miss_price);
 
 }  // namespace interneuron::eval

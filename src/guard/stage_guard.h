@@ -19,8 +19,8 @@ namespace interneuron::guard {
 // What the origin asks of every node of its pipeline; rides in the headers.
 struct Terms {
   GuardKind kind = GuardKind::kPaper;
-  double target = 0.99;
-  double miss_price = 1.0;
+  double target = BudgetOptions{}.target;
+  double miss_price = BudgetOptions{}.miss_price;
   double local_quality = 0;  // of an answer without a remote result
 };
 
