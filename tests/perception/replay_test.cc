@@ -40,6 +40,8 @@ void write_recordings(const TempDir& dir) {
     profile += name + ",full768x576,1,0.1,0.4,0.2,0.6,99,99,99,99\n";
     profile += name + ",raw484x361,1,0.1,0.4,0.2,0.6," + std::to_string(10 * (level + 1)) + ".5," +
                std::to_string(12 * (level + 1)) + ",30,40\n";
+    profile +=
+        name + ",s2_242x181,1,0.0" + std::to_string(level + 1) + ",0.4,0.2,0.6,99,99,99,99\n";
   }
   write_text(dir / "profile.csv", profile);
 }
@@ -86,6 +88,14 @@ TEST_F(Replay, SpendsTheRecordedTime) {
   EXPECT_EQ(spent_, 31ms);
   EXPECT_EQ(replay.top_level(25ms), 1U);
   EXPECT_THAT(replay.description(), HasSubstr("replay"));
+}
+
+TEST_F(Replay, TheQualityOfRawAndSampledIsRecorded) {
+  const Ladder replay = ladder();
+  for (std::size_t level = 0; level < replay.size(); ++level) {
+    EXPECT_EQ(replay.level(level).quality,
+              (std::vector<double>{0.1, static_cast<double>(level + 1) / 100}));
+  }
 }
 
 TEST_F(Replay, CalibrationKeepsTheRecordedTimes) {
