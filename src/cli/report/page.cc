@@ -21,8 +21,8 @@ h1 { font-size: 1.6rem; } h2 { font-size: 1.25rem; margin-top: 2.5rem; border-to
 p.about, figcaption { color: var(--soft); margin: 0.2rem 0; }
 nav a { margin-right: 1rem; } a { color: inherit; }
 .wide { overflow-x: auto; }
-table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: 0.85rem; margin: 0.4rem 0; }
-th, td { padding: 0.15rem 0.4rem; text-align: right; border-bottom: 1px solid var(--line); white-space: nowrap; }
+table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: 0.8rem; margin: 0.4rem 0; }
+th, td { padding: 0.15rem 0.3rem; text-align: right; border-bottom: 1px solid var(--line); white-space: nowrap; }
 th { color: var(--soft); font-weight: 600; } .text { text-align: left; }
 tr.ours { background: var(--panel); font-weight: 600; }
 figure { margin: 1rem 0; } figure svg { max-width: 100%; height: auto; color: var(--ink); }
