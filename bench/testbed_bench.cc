@@ -29,6 +29,12 @@
 
 #include "io/file_descriptor.h"
 #include "netns/check.h"
+#include "netns/error.h"
+#include "netns/hosts.h"
+#include "netns/options.h"
+#include "netns/scenario.h"
+#include "netns/snapshot.h"
+#include "netns/state.h"
 #include "netns/testbed.h"
 
 namespace interneuron::netns {

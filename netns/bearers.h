@@ -12,8 +12,9 @@
 #include "emu/scenario_player.h"
 #include "interneuron/time.h"
 #include "netns/control.h"
+#include "netns/options.h"
 #include "netns/shared_stats.h"
-#include "netns/testbed.h"
+#include "netns/state.h"
 
 namespace interneuron::netns {
 

@@ -6,7 +6,7 @@
 #include <cstring>
 #include <string>
 
-#include "netns/testbed.h"
+#include "netns/error.h"
 
 namespace interneuron::netns {
 

@@ -1,7 +1,8 @@
 // The holder: the process that makes the namespaces, keeps them, and is the emulator.
 #pragma once
 
-#include "netns/testbed.h"
+#include "netns/options.h"
+#include "netns/state.h"
 
 namespace interneuron::netns {
 

@@ -1,7 +1,10 @@
 // host_name, parse_host, backend_name: names of what a testbed has.
+#include "netns/hosts.h"
+
 #include <charconv>
 
-#include "netns/testbed.h"
+#include "netns/error.h"
+#include "netns/state.h"
 
 namespace interneuron::netns {
 

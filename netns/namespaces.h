@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "io/file_descriptor.h"
-#include "netns/testbed.h"
+#include "netns/hosts.h"
 
 namespace interneuron::netns {
 

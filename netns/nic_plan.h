@@ -6,7 +6,9 @@
 #include <string>
 #include <vector>
 
-#include "netns/testbed.h"
+#include "netns/hosts.h"
+#include "netns/options.h"
+#include "netns/state.h"
 
 namespace interneuron::netns {
 

@@ -38,7 +38,6 @@
 
 #include "emu/conditions.h"
 #include "netns/netlink.h"
-#include "netns/testbed.h"
 
 namespace interneuron::netns {
 

@@ -10,7 +10,7 @@
 #include <limits>
 #include <utility>
 
-#include "netns/testbed.h"
+#include "netns/error.h"
 
 namespace interneuron::netns::qdisc {
 

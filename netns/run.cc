@@ -14,6 +14,9 @@
 
 #include "io/file_descriptor.h"
 #include "netns/check.h"
+#include "netns/error.h"
+#include "netns/hosts.h"
+#include "netns/state.h"
 #include "netns/state_file.h"
 #include "netns/testbed.h"
 

@@ -1,4 +1,6 @@
 // default_scenario, scenario_of, load_scenario, profile_resolver: which links a testbed has.
+#include "netns/scenario.h"
+
 #include <cerrno>
 #include <cstring>
 #include <fstream>
@@ -6,7 +8,7 @@
 #include <utility>
 #include <variant>
 
-#include "netns/testbed.h"
+#include "netns/error.h"
 
 namespace interneuron::netns {
 

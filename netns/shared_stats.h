@@ -11,7 +11,6 @@
 #include <new>
 
 #include "emu/link_model.h"
-#include "netns/testbed.h"
 
 namespace interneuron::netns {
 

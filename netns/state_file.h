@@ -20,7 +20,7 @@
 #include <vector>
 
 #include "io/file_descriptor.h"
-#include "netns/testbed.h"
+#include "netns/state.h"
 
 namespace interneuron::netns {
 

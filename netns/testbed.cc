@@ -16,8 +16,13 @@
 #include "io/file_descriptor.h"
 #include "netns/check.h"
 #include "netns/control.h"
+#include "netns/error.h"
 #include "netns/holder.h"
+#include "netns/hosts.h"
+#include "netns/options.h"
 #include "netns/shared_stats.h"
+#include "netns/snapshot.h"
+#include "netns/state.h"
 #include "netns/state_file.h"
 #include "netns/wiring.h"
 

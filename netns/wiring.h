@@ -6,7 +6,8 @@
 #include <vector>
 
 #include "netns/namespaces.h"
-#include "netns/testbed.h"
+#include "netns/options.h"
+#include "netns/state.h"
 
 namespace interneuron::netns {
 

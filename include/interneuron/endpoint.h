@@ -22,19 +22,13 @@
 #include <variant>
 #include <vector>
 
+#include "interneuron/address.h"
 #include "interneuron/link.h"
 #include "interneuron/pipeline.h"
 #include "interneuron/policy.h"
 #include "interneuron/units.h"
 
 namespace interneuron {
-
-// Where a peer is reached on a link; opaque to the core (the node stores a socket address in it).
-struct Address {
-  std::array<std::byte, 28> raw{};
-  std::uint8_t size = 0;
-  friend bool operator==(const Address&, const Address&) = default;
-};
 
 // A UDP payload that came in on a link.
 struct Datagram {

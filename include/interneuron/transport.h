@@ -1,6 +1,5 @@
 // The door to the operating system: a Transport moves datagrams over one network card (NIC). The
-// core never knows which kind it has. Also socket addresses as values, and the one exception of the
-// folders that make system calls.
+// core never knows which kind it has. Also the one exception of the folders that make system calls.
 //
 // Set-up failures throw IoError; once a transport exists, sending and receiving never throw: what
 // fails is counted.
@@ -14,7 +13,7 @@
 #include <string>
 #include <string_view>
 
-#include "interneuron/endpoint.h"
+#include "interneuron/address.h"
 #include "interneuron/units.h"
 
 namespace interneuron {
@@ -30,27 +29,6 @@ class IoError : public std::runtime_error {
  private:
   int code_;
 };
-
-// --- addresses. An Address holds a sockaddr_in or sockaddr_in6; numeric only, names are not
-// resolved.
-
-// "10.0.0.2:47000", "[::1]:47000" or "[fe80::1%eth0]:47000". Nothing when it is not exactly that;
-// port 0 … 65535.
-std::optional<Address> parse_address(std::string_view text);
-// The same from host and port: "10.0.0.2", "fe80::1%eth0" (no brackets).
-std::optional<Address> make_address(std::string_view host, std::uint16_t port);
-// The inverse of parse_address(); "?" for an address that is neither IPv4 nor IPv6.
-std::string to_string(const Address& address);
-std::uint16_t port_of(const Address& address);  // 0 when neither
-bool is_ipv6(const Address& address);
-bool is_unspecified(const Address& address);  // 0.0.0.0, ::
-bool is_loopback(const Address& address);     // 127/8, ::1
-bool is_link_local(const Address& address);   // 169.254/16, fe80::/10
-// Not reachable from the public Internet: loopback, link-local, RFC 1918 (10/8, 172.16/12,
-// 192.168/16), RFC 4193 (fc00::/7).
-bool is_private(const Address& address);
-
-// --- transports
 
 struct Outgoing {
   Address to{};

@@ -24,7 +24,7 @@
 #include "cli/vehicle.h"
 #include "interneuron/policy.h"
 #include "interneuron/transport.h"
-#include "netns/testbed.h"
+#include "netns/error.h"
 #include "perception/input_error.h"
 
 namespace interneuron::cli {

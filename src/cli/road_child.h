@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "cli/child.h"
-#include "netns/testbed.h"
+#include "netns/state.h"
 
 namespace interneuron::cli {
 

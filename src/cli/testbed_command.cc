@@ -13,6 +13,11 @@
 #include "cli/testbed_schedule.h"
 #include "cli/testbed_verify.h"
 #include "io/steady_clock.h"
+#include "netns/hosts.h"
+#include "netns/options.h"
+#include "netns/scenario.h"
+#include "netns/snapshot.h"
+#include "netns/state.h"
 #include "netns/testbed.h"
 
 namespace interneuron::cli {

@@ -6,7 +6,7 @@
 #include <functional>
 #include <string>
 
-#include "netns/testbed.h"
+#include "netns/state.h"
 
 namespace interneuron::cli {
 

@@ -12,6 +12,8 @@
 #include "cli/verify/findings.h"
 #include "cli/verify/processes.h"
 #include "cli/verify/session.h"
+#include "netns/hosts.h"
+#include "netns/state.h"
 #include "netns/testbed.h"
 
 namespace interneuron::cli {

@@ -12,7 +12,9 @@
 #include <vector>
 
 #include "io/file_descriptor.h"
-#include "netns/testbed.h"
+#include "netns/hosts.h"
+#include "netns/options.h"
+#include "netns/state.h"
 
 namespace interneuron::netns {
 

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "interneuron/link.h"
-#include "netns/testbed.h"
+#include "netns/state.h"
 
 namespace interneuron::cli::bench {
 

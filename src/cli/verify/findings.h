@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "cli/verify/assess.h"
-#include "netns/testbed.h"
 
 namespace interneuron::cli::verify {
 

@@ -8,7 +8,8 @@
 #include <vector>
 
 #include "cli/child.h"
-#include "netns/testbed.h"
+#include "netns/hosts.h"
+#include "netns/state.h"
 
 namespace interneuron::cli::verify {
 

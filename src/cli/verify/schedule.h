@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "emu/conditions.h"
-#include "netns/testbed.h"
+#include "netns/snapshot.h"
 
 namespace interneuron::cli::verify {
 

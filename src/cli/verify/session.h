@@ -15,7 +15,7 @@
 #include <vector>
 
 #include "cli/verify/assess.h"
-#include "netns/testbed.h"
+#include "netns/state.h"
 
 namespace interneuron::cli::verify {
 

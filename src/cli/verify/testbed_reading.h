@@ -5,7 +5,8 @@
 #include <vector>
 
 #include "cli/verify/assess.h"
-#include "netns/testbed.h"
+#include "netns/snapshot.h"
+#include "netns/state.h"
 
 namespace interneuron::cli::verify {
 

@@ -6,7 +6,8 @@
 #include <vector>
 
 #include "cli/verify/schedule.h"
-#include "netns/testbed.h"
+#include "netns/hosts.h"
+#include "netns/state.h"
 
 namespace interneuron::cli::verify {
 
