@@ -9,12 +9,12 @@
 #include <new>
 #include <string>
 
-#include "guard/budget_observer.h"
-#include "guard/budget_origin.h"
+#include "core/guard/budget_observer.h"
+#include "core/guard/budget_origin.h"
+#include "core/link/nature.h"
+#include "core/plan/budget.h"
+#include "core/plan/plan_message.h"
 #include "interneuron/policy.h"
-#include "link/nature.h"
-#include "plan/budget.h"
-#include "plan/plan_message.h"
 
 namespace {
 std::uint64_t allocations = 0;

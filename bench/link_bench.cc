@@ -6,9 +6,9 @@
 #include <cstdint>
 #include <vector>
 
+#include "core/link/link_estimator.h"
+#include "core/link/nature.h"
 #include "interneuron/requirement.h"
-#include "link/link_estimator.h"
-#include "link/nature.h"
 
 namespace interneuron::link {
 namespace {

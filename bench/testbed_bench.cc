@@ -27,15 +27,15 @@
 #include <thread>
 #include <vector>
 
-#include "io/file_descriptor.h"
-#include "netns/check.h"
-#include "netns/error.h"
-#include "netns/hosts.h"
-#include "netns/options.h"
-#include "netns/scenario.h"
-#include "netns/snapshot.h"
-#include "netns/state.h"
-#include "netns/testbed.h"
+#include "host/io/file_descriptor.h"
+#include "netns/state/check.h"
+#include "netns/state/error.h"
+#include "netns/state/hosts.h"
+#include "netns/state/options.h"
+#include "netns/state/scenario.h"
+#include "netns/state/snapshot.h"
+#include "netns/state/state.h"
+#include "netns/testbed/testbed.h"
 
 namespace interneuron::netns {
 namespace {

@@ -1,7 +1,9 @@
 # interneuron_headers(): the public headers, std only.
-# interneuron_module(NAME SOURCES ... [USES module ...] [LIBRARIES external ...]): one folder, one target. Modules are
-# object libraries, so that the installed library is their union; USES carries both include paths and objects.
-# interneuron_test(MODULE SOURCES ... [USES ...]): the tests of one folder, one executable.
+# interneuron_module(GROUP/NAME [SOURCES ...] [USES group/name ...] [LIBRARIES external ...]): one folder, one target
+# interneuron_GROUP_NAME. Modules are object libraries, so that the installed library is their union; USES carries both
+# include paths and objects. A folder of headers alone has no SOURCES.
+# interneuron_test(GROUP/NAME [PROGRAM] SOURCES ... [USES ...]): the tests of one folder, one executable GROUP_NAME_test
+# whose cases are called NAME.Suite.Case. PROGRAM: they run the program `interneuron`.
 # interneuron_vm_test(NAME [FULL] TIMEOUT seconds COMMAND ...): a test that boots a machine of scripts/vm.sh. FULL: takes
 # minutes, so only `ctest -C full` runs it (scripts/test.sh --full).
 
@@ -11,6 +13,15 @@ if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
   # bug 105651) that are not there; clang and the sanitizers look instead.
   list(APPEND INTERNEURON_WARNINGS -Wno-maybe-uninitialized -Wno-restrict)
 endif()
+
+# A folder by its name as a module: below src/ where it is there, else below the root.
+function(interneuron_folder name)
+  if(EXISTS ${PROJECT_SOURCE_DIR}/src/${name}/CMakeLists.txt)
+    add_subdirectory(src/${name})
+  else()
+    add_subdirectory(${name})
+  endif()
+endfunction()
 
 function(interneuron_headers)
   add_library(interneuron_include INTERFACE)
@@ -22,9 +33,21 @@ function(interneuron_headers)
     WORKING_DIRECTORY ${PROJECT_SOURCE_DIR} VERBATIM)
 endfunction()
 
+# The target of a module: core/wire is interneuron_core_wire.
+function(interneuron_target out name)
+  string(REPLACE "/" "_" flat ${name})
+  set(${out} interneuron_${flat} PARENT_SCOPE)
+endfunction()
+
 function(interneuron_module name)
   cmake_parse_arguments(ARG "" "" "SOURCES;USES;LIBRARIES" ${ARGN})
-  set(target interneuron_${name})
+  interneuron_target(target ${name})
+  if(NOT ARG_SOURCES)
+    add_library(${target} INTERFACE)
+    set_property(TARGET ${target} PROPERTY INTERNEURON_USES ${ARG_USES})
+    set_property(TARGET ${target} PROPERTY INTERNEURON_LIBRARIES ${ARG_LIBRARIES})
+    return()
+  endif()
   add_library(${target} OBJECT ${ARG_SOURCES})
   target_compile_options(${target} PRIVATE ${INTERNEURON_WARNINGS})
   target_include_directories(${target} PRIVATE ${PROJECT_SOURCE_DIR}/src ${PROJECT_SOURCE_DIR})
@@ -32,7 +55,8 @@ function(interneuron_module name)
   interneuron_closure(used ${ARG_USES})
   set(libraries ${ARG_LIBRARIES})
   foreach(module IN LISTS used)
-    get_property(more TARGET interneuron_${module} PROPERTY INTERNEURON_LIBRARIES)
+    interneuron_target(module_target ${module})
+    get_property(more TARGET ${module_target} PROPERTY INTERNEURON_LIBRARIES)
     list(APPEND libraries ${more})
   endforeach()
   target_link_libraries(${target} PRIVATE interneuron_include ${libraries})
@@ -51,7 +75,8 @@ function(interneuron_closure out)
       continue()
     endif()
     list(APPEND done ${module})
-    get_property(uses TARGET interneuron_${module} PROPERTY INTERNEURON_USES)
+    interneuron_target(module_target ${module})
+    get_property(uses TARGET ${module_target} PROPERTY INTERNEURON_USES)
     list(APPEND todo ${uses})
   endwhile()
   set(${out} ${done} PARENT_SCOPE)
@@ -61,8 +86,12 @@ endfunction()
 function(interneuron_link target)
   interneuron_closure(modules ${ARGN})
   foreach(module IN LISTS modules)
-    target_sources(${target} PRIVATE $<TARGET_OBJECTS:interneuron_${module}>)
-    get_property(libraries TARGET interneuron_${module} PROPERTY INTERNEURON_LIBRARIES)
+    interneuron_target(module_target ${module})
+    get_target_property(type ${module_target} TYPE)
+    if(type STREQUAL "OBJECT_LIBRARY")
+      target_sources(${target} PRIVATE $<TARGET_OBJECTS:${module_target}>)
+    endif()
+    get_property(libraries TARGET ${module_target} PROPERTY INTERNEURON_LIBRARIES)
     target_link_libraries(${target} PRIVATE ${libraries})
   endforeach()
   target_include_directories(${target} PRIVATE ${PROJECT_SOURCE_DIR}/src ${PROJECT_SOURCE_DIR})
@@ -71,13 +100,18 @@ function(interneuron_link target)
 endfunction()
 
 function(interneuron_test module)
-  cmake_parse_arguments(ARG "" "LABEL;TIMEOUT" "SOURCES;USES;LIBRARIES" ${ARGN})
-  set(target ${module}_test)
+  cmake_parse_arguments(ARG "PROGRAM" "LABEL;TIMEOUT" "SOURCES;USES;LIBRARIES" ${ARGN})
+  string(REPLACE "/" "_" target ${module}_test)
+  get_filename_component(name ${module} NAME)
   add_executable(${target} ${ARG_SOURCES})
   interneuron_link(${target} ${ARG_USES})
-  target_link_libraries(${target} PRIVATE ${ARG_LIBRARIES} GTest::gmock GTest::gtest GTest::gtest_main)
+  target_link_libraries(${target} PRIVATE ${ARG_LIBRARIES} rapidcheck rapidcheck_gtest GTest::gmock GTest::gtest GTest::gtest_main)
   target_compile_definitions(${target} PRIVATE INTERNEURON_SOURCE_DIR="${PROJECT_SOURCE_DIR}"
     INTERNEURON_BINARY_DIR="${PROJECT_BINARY_DIR}")
+  if(ARG_PROGRAM)
+    add_dependencies(${target} interneuron_program)
+    target_compile_definitions(${target} PRIVATE INTERNEURON_PROGRAM="$<TARGET_FILE:interneuron_program>")
+  endif()
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 120)
   endif()
@@ -86,7 +120,7 @@ function(interneuron_test module)
   if(ARG_LABEL STREQUAL "netns")
     set(serial TRUE)
   endif()
-  gtest_discover_tests(${target} TEST_PREFIX ${module}. DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60
+  gtest_discover_tests(${target} TEST_PREFIX ${name}. DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60
     PROPERTIES TIMEOUT ${ARG_TIMEOUT} SKIP_RETURN_CODE 77 RUN_SERIAL ${serial} LABELS "${ARG_LABEL}")
 endfunction()
 
@@ -107,9 +141,13 @@ endfunction()
 function(interneuron_install_library)
   add_library(interneuron STATIC)
   add_library(interneuron::interneuron ALIAS interneuron)
-  interneuron_closure(modules node policies)
+  interneuron_closure(modules host/node policies)
   foreach(module IN LISTS modules)
-    target_sources(interneuron PRIVATE $<TARGET_OBJECTS:interneuron_${module}>)
+    interneuron_target(module_target ${module})
+    get_target_property(type ${module_target} TYPE)
+    if(type STREQUAL "OBJECT_LIBRARY")
+      target_sources(interneuron PRIVATE $<TARGET_OBJECTS:${module_target}>)
+    endif()
   endforeach()
   target_link_libraries(interneuron PUBLIC Threads::Threads PkgConfig::LIBNL PkgConfig::LIBPCAP)
   target_include_directories(interneuron PUBLIC

@@ -4,10 +4,14 @@
     scripts/check_layers.py [--root DIR]     check the tree; part of every build
     scripts/check_layers.py --self-test      check the checker, with made-up violations
 
-A row of the table reads `| folder | what lives there | may include | pure |`. "may include" lists folders by their last
-name, header patterns in angle brackets, `OS` for the headers of the system, `std only`, or `everything`. The C++
-standard library is open to all, except that a pure folder includes nothing that reads a clock, waits, locks or prints.
-Each violation is one line `file:line: rule`, and the exit code is 1.
+A row of the table reads `| folder | what lives there | may include | pure |`. "may include" lists folders by their path
+below `src/` (`core/wire`, `include`), whole groups by their name (`core`: every folder `core/...`), header patterns in
+angle brackets, `OS` for the headers of the system, or `std only`. The C++ standard library is open to all, except that a
+pure folder includes nothing that reads a clock, waits, locks or prints.
+
+Above the table a line `Floors: include, policies, ...` orders the groups: no row may name a folder of a later floor, and
+no folders of one floor may include each other in a circle. Each violation is one line `file:line: rule`, and the exit
+code is 1.
 """
 
 import fnmatch
@@ -16,7 +20,7 @@ import re
 import sys
 import tempfile
 
-ROOTS = ("include", "policies", "src", "netns", "examples")
+ROOTS = ("include", "policies", "src", "netns", "bench", "examples")
 SUFFIXES = (".h", ".cc")
 
 STD = set("""
@@ -72,9 +76,9 @@ INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]*(?:"([^"\n]+)"|<([^>\n]+)>)', 
 class Folder:
     def __init__(self, path, pure):
         self.path = path            # "src/wire"
-        self.name = path.split("/")[0] if path.startswith("include") else path.split("/")[-1]
+        self.name = "include" if path.startswith("include") else path.removeprefix("src/")  # "core/wire"
+        self.group = self.name.split("/")[0]  # "core"
         self.pure = pure
-        self.everything = False
         self.os = False
         self.folders = set()
         self.patterns = []
@@ -105,9 +109,7 @@ def read_table(text):
         folder = Folder(path, pure)
         folder.line = number
         for word in filter(None, (w.strip().strip("`") for w in cells[columns["may include"]].split(","))):
-            if word == "everything":
-                folder.everything = True
-            elif word == "OS":
+            if word == "OS":
                 folder.os = True
             elif word.startswith("<") and word.endswith(">"):
                 folder.patterns.append(word[1:-1])
@@ -116,18 +118,40 @@ def read_table(text):
         folders[path] = folder
     if columns is None:
         problems.append("ARCHITECTURE.md:1: no table with the columns `folder` and `may include`")
-    names = {folder.name for folder in folders.values()}
+    by_name = {folder.name: folder for folder in folders.values()}
+    groups = {folder.group for folder in folders.values()}
+    floors, line = read_floors(text)
+    if not floors:
+        problems.append("ARCHITECTURE.md:1: no line `Floors: ...` with the groups in their order")
     for folder in folders.values():
-        for word in sorted(folder.folders - names):
-            problems.append(f"ARCHITECTURE.md:{folder.line}: {folder.path} may include {word}, "
-                            "which is no folder of the table")
+        if floors and folder.group not in floors:
+            problems.append(f"ARCHITECTURE.md:{line}: {folder.path} is of no floor")
+        for word in sorted(folder.folders):
+            where = f"ARCHITECTURE.md:{folder.line}: {folder.path} may include {word}"
+            if word not in by_name and word not in groups:
+                problems.append(f"{where}, which is no folder and no group of the table")
+            elif folder.group in floors and word.split("/")[0] in floors[floors.index(folder.group) + 1:]:
+                problems.append(f"{where}, which is of a later floor")
+            elif word in groups and word not in by_name:
+                if word == folder.group:
+                    problems.append(f"{where}, its own group: name the folders")
+                folder.folders |= {name for name in by_name if name.startswith(word + "/")}
+        folder.folders &= by_name.keys()
     problems += find_cycles(folders)
     return folders, problems
 
 
+def read_floors(text):
+    """The groups from the lowest floor up, and the line that tells them."""
+    for number, line in enumerate(text.splitlines(), 1):
+        if line.startswith("Floors: "):
+            return [word.strip(" `.") for word in line.removeprefix("Floors: ").split(",")], number
+    return [], 0
+
+
 def find_cycles(folders):
     """The table must be one-way: peel off folders whose needs are all peeled; what stays is on or above a cycle."""
-    rest = {f.name: set(f.folders) - {f.name} for f in folders.values() if not f.everything}
+    rest = {f.name: set(f.folders) - {f.name} for f in folders.values()}
     while rest:
         free = [name for name, needs in rest.items() if not needs & rest.keys()]
         if not free:
@@ -234,8 +258,6 @@ class Checker:
                                      f"{folder.path} is pure, pass it in as an argument")
 
     def check_include(self, folder, path, quoted, angle):
-        if folder.everything:
-            return None
         header = quoted or angle
         if quoted or header.startswith("interneuron/"):
             target = self.resolve(path, header)
@@ -258,55 +280,61 @@ class Checker:
 
 
 TABLE = """
+Floors: include, policies, core, host, lab, app
+
 | folder | what | may include | pure |
 |---|---|---|---|
 | `include/interneuron/` | vocabulary | std only | yes |
 | `policies/` | policies | include | yes |
-| `src/wire/` | bytes | include | yes |
-| `src/emu/` | links | include, `<toml++/*>` | yes |
-| `src/io/` | system | include, OS | no |
-| `src/cli/` | program | everything | no |
+| `src/core/wire/` | bytes | include | yes |
+| `src/core/flow/` | messages | include, core/wire | yes |
+| `src/lab/emu/` | links | include, `<toml++/*>` | yes |
+| `src/host/io/` | system | include, OS | no |
+| `src/app/cli/` | program | include, core, host/io, `<CLI/*>` | no |
 """
 
 # (file, line, rule or None): one file per line of code, None where nothing may be found.
 CASES = [
     ("include/interneuron/a.h", "#include <vector>", None),
     ("include/interneuron/b.h", '#include "interneuron/a.h"', None),
-    ("include/interneuron/c.h", '#include "wire/header.h"', "may not include src/wire"),
+    ("include/interneuron/c.h", '#include "core/wire/header.h"', "may not include src/core/wire"),
     ("include/interneuron/d.h", "#include <sys/socket.h>", "does not list it"),
     ("include/interneuron/e.h", "#include <thread>", "pure"),
     ("include/interneuron/f.h", "#include <functional>  // std::thread, system_clock::now() in a comment", None),
-    ("src/wire/header.h", '#include "wire/other.h"', None),
-    ("src/wire/other.h", "#include <interneuron/a.h>", None),
-    ("src/wire/c.cc", '#include "emu/profile.h"', "may not include src/emu"),
-    ("src/wire/d.cc", '#include "io/socket.h"', "may not include src/io"),
-    ("src/wire/e.cc", "#include <boost/asio.hpp>", "does not list it"),
-    ("src/wire/f.cc", "#include <toml++/toml.h>", "does not list it"),
-    ("src/wire/g.cc", '/* a\n b */ #include "nowhere/x.h"', "lies in no folder"),
-    ("src/wire/h.cc", "auto t = LocalClock::now();", "reads a clock"),
-    ("src/wire/i.cc", "auto t = pacer.now() + guard->now(); auto s = now(3);", None),
-    ("src/wire/j.cc", "timespec t; clock_gettime(CLOCK_MONOTONIC, &t);", "reads a clock"),
-    ("src/wire/k.cc", "auto t = time(nullptr);", "reads a clock"),
-    ("src/wire/l.cc", "auto t = rate.transmit_time(0) + link.time(0) + std::max(time, 0);", None),
-    ("src/wire/m.cc", "::usleep(3);", "waits"),
-    ("src/wire/n.cc", 'const char* s = "std::cout << system_clock::now()";', None),
-    ("src/wire/o.cc", "std::lock_guard lock(m);", "locks"),
-    ("src/wire/p.cc", 'std::printf("x");', "prints"),
-    ("src/wire/q.cc", 'std::snprintf(out, 3, "x");', None),
-    ("src/wire/r.cc", "std::random_device seed;", "hidden input"),
-    ("src/wire/s.cc", "auto big = 1'000'000; auto t = std::chrono::steady_clock::now(); auto c = 'x';", "clock"),
-    ("src/wire/t.cc", "#include <unistd.h>", "does not list it"),
-    ("src/wire/u.cc", "#include <iostream>", "pure"),
-    ("src/wire/v.cc", "#include <spdlog/spdlog.h>", "does not list it"),
-    ("src/wire/w.cc", 'auto s = R"(std::time(nullptr); ")"; auto t = gettimeofday(&a, 0);', "reads a clock"),
-    ("src/wire/y.cc", '// "quoted\n#include "io/socket.h"  // why\n', "may not include src/io"),
-    ("src/wire/z.cc", 'const char* s = "\\"#include <thread>"; // \\\n#include <thread>', None),
-    ("src/wire/x.cc", "// sleep(1)\nint a = 1; // time(0)\n/* ::now() */", None),
-    ("src/emu/profile.cc", "#include <toml++/toml.h>", None),
-    ("policies/best.cc", '#include "wire/header.h"', "may not include src/wire"),
-    ("src/io/socket.cc", "#include <sys/socket.h>\n#include <mutex>\nauto t = std::time(nullptr);", None),
-    ("src/io/b.cc", '#include "cli/main.h"', "may not include src/cli"),
-    ("src/cli/main.cc", '#include "io/socket.h"\n#include <opencv2/core.hpp>', None),
+    ("src/core/wire/header.h", '#include "core/wire/other.h"', None),
+    ("src/core/wire/other.h", "#include <interneuron/a.h>", None),
+    ("src/core/wire/c.cc", '#include "lab/emu/profile.h"', "may not include src/lab/emu"),
+    ("src/core/wire/d.cc", '#include "host/io/socket.h"', "may not include src/host/io"),
+    ("src/core/wire/e.cc", "#include <boost/asio.hpp>", "does not list it"),
+    ("src/core/wire/f.cc", "#include <toml++/toml.h>", "does not list it"),
+    ("src/core/wire/g.cc", '/* a\n b */ #include "nowhere/x.h"', "lies in no folder"),
+    ("src/core/wire/h.cc", "auto t = LocalClock::now();", "reads a clock"),
+    ("src/core/wire/i.cc", "auto t = pacer.now() + guard->now(); auto s = now(3);", None),
+    ("src/core/wire/j.cc", "timespec t; clock_gettime(CLOCK_MONOTONIC, &t);", "reads a clock"),
+    ("src/core/wire/k.cc", "auto t = time(nullptr);", "reads a clock"),
+    ("src/core/wire/l.cc", "auto t = rate.transmit_time(0) + link.time(0) + std::max(time, 0);", None),
+    ("src/core/wire/m.cc", "::usleep(3);", "waits"),
+    ("src/core/wire/n.cc", 'const char* s = "std::cout << system_clock::now()";', None),
+    ("src/core/wire/o.cc", "std::lock_guard lock(m);", "locks"),
+    ("src/core/wire/p.cc", 'std::printf("x");', "prints"),
+    ("src/core/wire/q.cc", 'std::snprintf(out, 3, "x");', None),
+    ("src/core/wire/r.cc", "std::random_device seed;", "hidden input"),
+    ("src/core/wire/s.cc", "auto big = 1'000'000; auto t = std::chrono::steady_clock::now(); auto c = 'x';", "clock"),
+    ("src/core/wire/t.cc", "#include <unistd.h>", "does not list it"),
+    ("src/core/wire/u.cc", "#include <iostream>", "pure"),
+    ("src/core/wire/v.cc", "#include <spdlog/spdlog.h>", "does not list it"),
+    ("src/core/wire/w.cc", 'auto s = R"(std::time(nullptr); ")"; auto t = gettimeofday(&a, 0);', "reads a clock"),
+    ("src/core/wire/y.cc", '// "quoted\n#include "host/io/socket.h"  // why\n', "may not include src/host/io"),
+    ("src/core/wire/z.cc", 'const char* s = "\\"#include <thread>"; // \\\n#include <thread>', None),
+    ("src/core/wire/x.cc", "// sleep(1)\nint a = 1; // time(0)\n/* ::now() */", None),
+    ("src/lab/emu/profile.cc", "#include <toml++/toml.h>", None),
+    ("policies/best.cc", '#include "core/wire/header.h"', "may not include src/core/wire"),
+    ("src/host/io/socket.cc", "#include <sys/socket.h>\n#include <mutex>\nauto t = std::time(nullptr);", None),
+    ("src/host/io/b.cc", '#include "app/cli/main.h"', "may not include src/app/cli"),
+    ("src/app/cli/main.cc", '#include "host/io/socket.h"\n#include "core/flow/a.h"', None),
+    ("src/app/cli/other.cc", "#include <opencv2/core.hpp>", "does not list it"),
+    ("src/app/cli/emu.cc", '#include "lab/emu/link.h"', "may not include src/lab/emu"),
+    ("src/core/flow/a.h", '#include "core/wire/other.h"', None),
     ("src/stray/a.cc", "int a;", "no row"),
 ]
 
@@ -327,19 +355,24 @@ def self_test():
             found = [problem for problem in checker.problems if problem.startswith(path + ":")]
             if (rule is None) != (not found) or (rule and not any(rule in problem for problem in found)):
                 failures.append(f"{path}: {text!r}: expected {rule!r}, found {found}")
-        line = next(p for p in checker.problems if p.startswith("src/wire/g.cc"))
-        if not line.startswith("src/wire/g.cc:2:"):
+        line = next(p for p in checker.problems if p.startswith("src/core/wire/g.cc"))
+        if not line.startswith("src/core/wire/g.cc:2:"):
             failures.append(f"wrong line number: {line}")
     for text, rule in (
-            (TABLE.replace("| include, OS |", "| include, nonsense |"), "no folder of the table"),
-            (TABLE.replace("| std only |", "| wire |"), "not one-way"),
+            (TABLE.replace("| include, OS |", "| include, nonsense |"), "no folder and no group of the table"),
+            (TABLE.replace("| include, OS |", "| everything |"), "no folder and no group of the table"),
+            (TABLE.replace("| include, OS |", "| lab/emu |"), "of a later floor"),
+            (TABLE.replace("| include, core/wire |", "| include, core |"), "its own group"),
+            (TABLE.replace("| bytes | include |", "| bytes | core/flow |"), "not one-way"),
+            (TABLE.replace("Floors: ", "Layers: "), "no line `Floors"),
+            (TABLE.replace("host, lab", "lab"), "of no floor"),
             ("no table here", "no table")):
         problems = read_table(text)[1]
         if not any(rule in problem for problem in problems):
             failures.append(f"table: expected {rule!r}, found {problems}")
     for failure in failures:
         print(f"self-test: {failure}", file=sys.stderr)
-    print(f"layers: self-test of {len(CASES) + 4} cases: {'failed' if failures else 'passed'}")
+    print(f"layers: self-test of {len(CASES) + 9} cases: {'failed' if failures else 'passed'}")
     return 1 if failures else 0
 
 

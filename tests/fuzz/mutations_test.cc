@@ -8,7 +8,7 @@
 #include <random>
 #include <string>
 
-#include "tests/wire/examples.h"
+#include "tests/core/wire/examples.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size);
 

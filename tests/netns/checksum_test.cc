@@ -1,4 +1,4 @@
-#include "netns/checksum.h"
+#include "netns/emulator/checksum.h"
 
 #include <gtest/gtest.h>
 

@@ -17,6 +17,8 @@
 #include <thread>
 #include <vector>
 
+#include "netns/state/error.h"
+#include "netns/testbed/testbed.h"
 #include "support.h"
 
 namespace interneuron::netns {

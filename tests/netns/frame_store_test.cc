@@ -1,4 +1,4 @@
-#include "netns/frame_store.h"
+#include "netns/emulator/frame_store.h"
 
 #include <gtest/gtest.h>
 

@@ -8,6 +8,7 @@
 #include <cstdlib>
 #include <fstream>
 
+#include "netns/testbed/testbed.h"
 #include "support.h"
 
 namespace interneuron::netns {

@@ -9,7 +9,9 @@
 #include <fstream>
 #include <set>
 
-#include "netns/state_file.h"
+#include "netns/state/error.h"
+#include "netns/state/state_file.h"
+#include "netns/testbed/testbed.h"
 #include "support.h"
 
 namespace interneuron::netns {

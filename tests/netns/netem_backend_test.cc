@@ -1,5 +1,5 @@
 // Links of netem that follow their model.
-#include "netns/netem_backend.h"
+#include "netns/netem/netem_backend.h"
 
 #include <gmock/gmock.h>
 #include <sys/eventfd.h>
@@ -11,7 +11,7 @@
 #include <optional>
 #include <thread>
 
-#include "io/steady_clock.h"
+#include "host/io/steady_clock.h"
 #include "netem_support.h"
 
 namespace interneuron::netns {

@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <cstdio>
 
-#include "io/steady_clock.h"
+#include "host/io/steady_clock.h"
 #include "netem_support.h"
 
 namespace interneuron::netns {

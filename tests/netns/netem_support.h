@@ -9,10 +9,10 @@
 #include <string>
 #include <vector>
 
-#include "emu/conditions.h"
+#include "host/io/file_descriptor.h"
 #include "interneuron/time.h"
-#include "io/file_descriptor.h"
-#include "netns/qdisc.h"
+#include "lab/emu/conditions.h"
+#include "netns/netem/qdisc.h"
 
 namespace interneuron::netns {
 

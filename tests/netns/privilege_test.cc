@@ -11,6 +11,8 @@
 
 #include <fstream>
 
+#include "netns/state/error.h"
+#include "netns/testbed/testbed.h"
 #include "support.h"
 
 namespace interneuron::netns {

@@ -1,5 +1,5 @@
 // tc-netem as it is set by netlink: what was asked for is what packets see.
-#include "netns/qdisc.h"
+#include "netns/netem/qdisc.h"
 
 #include <gmock/gmock.h>
 #include <poll.h>
@@ -10,8 +10,9 @@
 #include <array>
 #include <cmath>
 
-#include "io/steady_clock.h"
+#include "host/io/steady_clock.h"
 #include "netem_support.h"
+#include "netns/state/error.h"
 
 namespace interneuron::netns {
 namespace {

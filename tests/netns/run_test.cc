@@ -6,6 +6,8 @@
 
 #include <array>
 
+#include "netns/state/error.h"
+#include "netns/testbed/testbed.h"
 #include "support.h"
 
 namespace interneuron::netns {

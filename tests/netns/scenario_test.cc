@@ -3,6 +3,7 @@
 #include <fstream>
 #include <functional>
 
+#include "netns/state/error.h"
 #include "support.h"
 
 namespace interneuron::netns {

@@ -1,10 +1,11 @@
-#include "netns/state_file.h"
+#include "netns/state/state_file.h"
 
 #include <gmock/gmock.h>
 #include <unistd.h>
 
 #include <fstream>
 
+#include "netns/state/error.h"
 #include "support.h"
 
 namespace interneuron::netns {

@@ -12,6 +12,9 @@
 #include <cstring>
 #include <stdexcept>
 
+#include "netns/state/error.h"
+#include "netns/testbed/testbed.h"
+
 namespace interneuron::netns {
 
 namespace {

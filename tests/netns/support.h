@@ -11,10 +11,10 @@
 #include <string>
 #include <vector>
 
-#include "io/file_descriptor.h"
-#include "netns/hosts.h"
-#include "netns/options.h"
-#include "netns/state.h"
+#include "host/io/file_descriptor.h"
+#include "netns/state/hosts.h"
+#include "netns/state/options.h"
+#include "netns/state/state.h"
 
 namespace interneuron::netns {
 

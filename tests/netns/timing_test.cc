@@ -13,6 +13,7 @@
 #include <thread>
 #include <vector>
 
+#include "netns/testbed/testbed.h"
 #include "support.h"
 
 namespace interneuron::netns {

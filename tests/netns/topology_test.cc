@@ -10,7 +10,10 @@
 #include <array>
 #include <sstream>
 
-#include "netns/wiring.h"
+#include "netns/state/error.h"
+#include "netns/state/snapshot.h"
+#include "netns/testbed/testbed.h"
+#include "netns/wiring/wiring.h"
 #include "support.h"
 
 namespace interneuron::netns {

@@ -9,6 +9,8 @@
 #include <numeric>
 #include <vector>
 
+#include "netns/state/snapshot.h"
+#include "netns/testbed/testbed.h"
 #include "support.h"
 
 namespace interneuron::netns {

@@ -3,9 +3,9 @@
 #include <cstdlib>
 #include <new>
 
+#include "core/plan/budget.h"
+#include "core/plan/plan_message.h"
 #include "interneuron/requirement.h"
-#include "plan/budget.h"
-#include "plan/plan_message.h"
 #include "tests/policies/support.h"
 
 namespace {

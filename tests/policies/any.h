@@ -9,8 +9,8 @@
 #include <set>
 #include <vector>
 
+#include "core/link/nature.h"
 #include "interneuron/policy.h"
-#include "link/nature.h"
 
 namespace interneuron::policy_test {
 

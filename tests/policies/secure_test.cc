@@ -1,6 +1,6 @@
 #include <stdexcept>
 
-#include "plan/plan_message.h"
+#include "core/plan/plan_message.h"
 #include "tests/policies/any.h"
 #include "tests/policies/support.h"
 

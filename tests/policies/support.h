@@ -8,8 +8,8 @@
 #include <string_view>
 #include <vector>
 
+#include "core/link/nature.h"
 #include "interneuron/policy.h"
-#include "link/nature.h"
 
 namespace interneuron::policy_test {
 

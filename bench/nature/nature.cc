@@ -1,0 +1,275 @@
+// How soon the estimates and scores of a link follow steps of its delay, loss and rate, on a
+// testbed of its own.
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+#include <unistd.h>
+#include <CLI/CLI.hpp>
+
+#include <algorithm>
+#include <cstdio>
+#include <memory>
+#include <utility>
+
+#include "bench/nature/nature_nodes.h"
+#include "bench/nature/nature_plot.h"
+#include "host/io/steady_clock.h"
+#include "host/process/child.h"
+#include "host/process/failure.h"
+#include "host/process/signals.h"
+#include "lab/files/run_files.h"
+#include "netns/state/error.h"
+#include "netns/testbed/backend_option.h"
+#include "netns/testbed/testbed.h"
+
+namespace interneuron::cli {
+namespace {
+
+namespace fs = std::filesystem;
+using bench::Quantity;
+using netns::Testbed;
+
+constexpr const char* kTested = "tested";
+constexpr const char* kOther = "reference";
+constexpr std::size_t kTestedLink = 0;
+// For the path to be found again; chosen: a reference second and some more.
+constexpr Duration kAfterOutage = std::chrono::seconds(2);
+
+struct Options {
+  std::string load = "both";
+  double phase_s = 12;
+  std::string out = "out/nature";
+  netns::Backend backend = netns::Backend::kAuto;
+  bool json = false;
+  std::string pcap;  // of the vehicle
+};
+
+// Throws when it has ended by itself, after its own word on stderr.
+void must_live(Child& node) {
+  if (node.ended()) throw Failure(kFailed, "a node ended early");
+}
+
+std::vector<std::string> settings(const bench::Conditions& c) {
+  return {fmt::format("rtt_ms={}", c.rtt_ms), fmt::format("loss={}", c.loss),
+          fmt::format("rate_mbit={}", c.rate_mbit)};
+}
+
+// Both links' lines of one instant as one belief.
+std::vector<bench::Belief> beliefs_of(const std::vector<bench::Line>& lines, TimePoint start) {
+  std::vector<bench::Belief> out;
+  for (const bench::Line& line : lines) {
+    if (line.at < start) continue;
+    if (line.link == kTestedLink) {
+      out.push_back({line.at - start, line.rtt_ms, line.loss, line.rate_mbit, line.nature, {}});
+    } else if (!out.empty()) {
+      out.back().reference = line.nature;
+    }
+  }
+  return out;
+}
+
+void judge(bench::Run& run) {
+  const auto all = bench::steps();
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    const Duration end = i + 1 < run.began.size() ? run.began[i + 1] : run.end;
+    const auto before = [](const bench::Belief& b, Duration t) { return b.at < t; };
+    const auto first =
+        std::lower_bound(run.beliefs.begin(), run.beliefs.end(), run.began[i], before);
+    const auto last = std::lower_bound(first, run.beliefs.end(), end, before);
+    run.convergence.push_back(bench::converge(all[i], run.loaded, run.began[i], {first, last}));
+  }
+}
+
+bench::Run measure(const Options& o, bool loaded) {
+  netns::TestbedOptions options;
+  options.name = fmt::format("bench-{}", ::getpid());
+  options.scenario =
+      netns::scenario_of({fmt::format("{}=clean", kTested), fmt::format("{}=clean", kOther)}, 1);
+  options.backend = o.backend;
+  options.runtime_dir = fs::absolute(o.out) / ".testbed";
+  const Testbed testbed = Testbed::up(options);
+  const netns::State& state = testbed.state();
+  Testbed::change(state, kTested, settings(bench::kBase));
+  Testbed::change(state, kOther, settings(bench::kReference));
+
+  const fs::path file = fs::path(o.out) / (loaded ? "loaded.csv" : "idle.csv");
+  Child road(bench::start_road(state));
+  Child vehicle(bench::start_vehicle(state, loaded, file, o.pcap));
+  const Duration phase = from_ms(o.phase_s * 1e3);
+  const TimePoint start = io::now();
+  bench::Run run;
+  run.loaded = loaded;
+  const auto all = bench::steps();
+  spdlog::info("{}: {} steps, {:.0f} s", loaded ? "under load" : "idle", all.size(),
+               o.phase_s * static_cast<double>(all.size() + 1));
+  for (const bench::Step& step : all) {
+    SignalWatch::sleep(phase);
+    must_live(road);
+    must_live(vehicle);
+    Testbed::change(state, kTested, settings(step.after));
+    run.began.push_back(io::now() - start);
+    spdlog::info("{} {:g} -> {:g}", bench::name_of(step.what), step.from(), step.to());
+  }
+  SignalWatch::sleep(phase);
+  run.end = io::now() - start;
+  spdlog::info("outage of {:.0f} s", to_ms(bench::kOutage) / 1e3);
+  run.outage_began = io::now() - start;
+  Testbed::outage(state, kTested, bench::kOutage);
+  SignalWatch::sleep(bench::kOutage + kAfterOutage);
+  const int code = vehicle.end();
+  road.end();
+  if (code != kFine) throw Failure(kFailed, "the vehicle's node failed");
+  const bench::Lines lines = bench::read_lines(file);
+  run.beliefs = beliefs_of(lines.beliefs, start);
+  judge(run);
+  std::vector<bench::PathStep> paths;
+  for (const bench::PathLine& line : lines.paths) {
+    if (line.link == kTestedLink) paths.push_back({line.at - start, line.to});
+  }
+  run.outage = bench::notice(run.outage_began, paths);
+  return run;
+}
+
+std::string text(const std::optional<Duration>& d) {
+  return d ? fmt::format("{:.2f}", to_ms(*d) / 1e3) : "-";
+}
+
+std::string precise(const std::optional<Duration>& d) {
+  return d ? fmt::format("{:.3f}", to_ms(*d) / 1e3) : "-";
+}
+
+Json number(const std::optional<Duration>& d) { return d ? Json(to_ms(*d) / 1e3) : Json(); }
+
+Json as_json(const std::vector<bench::Run>& runs, const Options& o) {
+  const auto all = bench::steps();
+  Json out{
+      {"schema", "interneuron.bench.nature/1"}, {"phase_s", o.phase_s}, {"steps", Json::array()}};
+  for (const bench::Run& run : runs) {
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      const bench::Convergence& c = run.convergence[i];
+      out["steps"].push_back({{"load", run.loaded ? "loaded" : "idle"},
+                              {"quantity", bench::name_of(all[i].what)},
+                              {"unit", bench::unit_of(all[i].what)},
+                              {"from", all[i].from()},
+                              {"to", all[i].to()},
+                              {"last", c.last},
+                              {"tolerance", bench::tolerance(all[i].what, all[i].to(), run.loaded)},
+                              {"noticed_s", number(c.noticed)},
+                              {"settled_s", number(c.settled)},
+                              {"ranked_s", number(c.ranked)}});
+    }
+    out["outages"].push_back({{"load", run.loaded ? "loaded" : "idle"},
+                              {"length_s", to_ms(bench::kOutage) / 1e3},
+                              {"suspected_s", number(run.outage.suspected)},
+                              {"abandoned_s", number(run.outage.abandoned)},
+                              {"back_s", number(run.outage.back)}});
+  }
+  return out;
+}
+
+void print(const std::vector<bench::Run>& runs) {
+  const auto all = bench::steps();
+  fmt::print("{:8} {:5} {:>6} {:>6} {:>8} {:>10} {:>10} {:>10}\n", "load", "what", "from", "to",
+             "believed", "noticed s", "settled s", "ranked s");
+  for (const bench::Run& run : runs) {
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      const bench::Convergence& c = run.convergence[i];
+      const double scale = all[i].what == Quantity::kLoss ? 100 : 1;
+      const char* unit = all[i].what == Quantity::kLoss ? "%" : "";
+      fmt::print("{:8} {:5} {:>6} {:>6} {:>8} {:>10} {:>10} {:>10}\n",
+                 run.loaded ? "loaded" : "idle", bench::name_of(all[i].what),
+                 fmt::format("{:g}{}", all[i].from() * scale, unit),
+                 fmt::format("{:g}{}", all[i].to() * scale, unit),
+                 fmt::format("{:.2f}{}", c.last * scale, unit), text(c.noticed), text(c.settled),
+                 text(c.ranked));
+    }
+  }
+}
+
+void print_outages(const std::vector<bench::Run>& runs) {
+  fmt::print("\n{:8} {:>12} {:>12} {:>24}\n", "outage", "suspected s", "abandoned s",
+             "used again, s after end");
+  for (const bench::Run& run : runs) {
+    fmt::print("{:8} {:>12} {:>12} {:>24}\n", run.loaded ? "loaded" : "idle",
+               precise(run.outage.suspected), precise(run.outage.abandoned),
+               precise(run.outage.back));
+  }
+}
+
+int run_nature(const Options& o) {
+  if (!o.pcap.empty() && o.load == "both") {
+    throw Failure(kUsage, "--pcap: give --load idle or --load loaded, each makes a capture");
+  }
+  make_directory(o.out);
+  const SignalWatch signals;
+  std::vector<bench::Run> runs;
+  if (o.load != "loaded") runs.push_back(measure(o, false));
+  if (o.load != "idle") runs.push_back(measure(o, true));
+  const Json json = as_json(runs, o);
+  write_json(fs::path(o.out) / "nature.json", json);
+  plot_nature(fs::path(o.out) / "nature.png", runs);
+  std::error_code ignored;
+  fs::remove(fs::path(o.out) / ".testbed", ignored);
+  if (o.json) {
+    fmt::print("{}\n", json.dump(2));
+  } else {
+    print(runs);
+    print_outages(runs);
+    fmt::print("\nwritten to {}: nature.json, nature.png, one CSV per run\n", o.out);
+  }
+  return kFine;
+}
+
+constexpr const char* kFooter =
+    "A testbed of its own with two constant links: the one under test makes the steps, the other\n"
+    "stays. noticed: the estimate is nearer to the new value than to the old one; settled: within\n"
+    "the tolerance to the end of the phase; ranked: the score orders both links as the truth "
+    "does.\n"
+    "Examples:\n  build/release/bench/nature_bench\n"
+    "  build/release/bench/nature_bench --load loaded --phase-s 30";
+
+int run_program(int argc, char** argv) {
+  CLI::App program{"How soon a link's estimates and scores follow steps of delay, rate and loss"};
+  Options o;
+  program.add_option("--load", o.load, "idle, loaded (10 messages of 96 KiB a second) or both")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"idle", "loaded", "both"}));
+  program.add_option("--phase-s", o.phase_s, "Between two steps, seconds")
+      ->capture_default_str()
+      ->check(CLI::Range(2.0, 600.0));
+  add_backend_option(program, o.backend);
+  program.add_option("--out", o.out, "Folder for nature.json, nature.png, idle.csv, loaded.csv")
+      ->capture_default_str();
+  program.add_flag("--json", o.json, "The table as JSON on stdout");
+  program
+      .add_option("--pcap", o.pcap,
+                  "Also write what the vehicle sends and receives to this file (libpcap; needs "
+                  "CAP_NET_RAW)")
+      ->type_name("FILE");
+  program.footer(kFooter);
+  try {
+    program.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return program.exit(error) == 0 ? kFine : kUsage;
+  }
+  return run_nature(o);
+}
+
+}  // namespace
+}  // namespace interneuron::cli
+
+int main(int argc, char** argv) {
+  using namespace interneuron;
+  const auto fail = [](int code, const char* what) {
+    std::fprintf(stderr, "nature_bench: %s\n", what);
+    return code;
+  };
+  try {
+    return cli::run_program(argc, argv);
+  } catch (const cli::Failure& error) {
+    return fail(error.code(), error.what());
+  } catch (const netns::TestbedError& error) {
+    return fail(error.exit_code, error.what());
+  } catch (const std::exception& error) {
+    return fail(cli::kFailed, error.what());
+  }
+}

@@ -1,0 +1,104 @@
+#include "netns/emulator/checksum.h"
+
+#include <bit>
+#include <cstdint>
+#include <cstring>
+#include <optional>
+
+namespace interneuron::netns {
+
+namespace {
+
+constexpr std::size_t kEthernetHeader = 14;
+constexpr unsigned kEtherTypeIpv4 = 0x0800;
+constexpr unsigned kEtherTypeIpv6 = 0x86dd;
+constexpr std::size_t kMinIpv4Header = 20;
+constexpr std::size_t kIpv6Header = 40;
+constexpr unsigned kProtocolTcp = 6;
+constexpr unsigned kProtocolUdp = 17;
+constexpr std::size_t kUdpChecksum = 6;  // offsets of the field in the header
+constexpr std::size_t kTcpChecksum = 16;
+
+unsigned byte_at(std::span<const std::byte> data, std::size_t i) {
+  return std::to_integer<unsigned>(data[i]);
+}
+
+unsigned word_at(std::span<const std::byte> data, std::size_t i) {
+  return byte_at(data, i) << 8U | byte_at(data, i + 1);
+}
+
+std::uint16_t fold(std::uint64_t sum) {
+  while (sum >> 16U != 0) sum = (sum & 0xffffU) + (sum >> 16U);
+  return static_cast<std::uint16_t>(sum);
+}
+
+// One's complement sum of big-endian 16-bit words. It does not depend on the order of bytes (RFC
+// 1071 §2 (B)), so the machine's own words are added, four bytes at a time, and the result swapped.
+std::uint16_t sum_words(std::span<const std::byte> data) {
+  std::uint64_t sum = 0;
+  std::size_t i = 0;
+  for (; i + 4 <= data.size(); i += 4) {
+    std::uint32_t word = 0;
+    std::memcpy(&word, data.data() + i, sizeof word);
+    sum += word;
+  }
+  std::uint32_t rest = 0;
+  std::memcpy(&rest, data.data() + i, data.size() - i);
+  const std::uint16_t folded = fold(sum + rest);
+  if constexpr (std::endian::native == std::endian::big) return folded;
+  return static_cast<std::uint16_t>(folded << 8U | folded >> 8U);
+}
+
+// The parts of a packet that the checksum is about.
+struct Packet {
+  std::span<std::byte> addresses;  // source, destination
+  unsigned protocol = 0;
+  std::span<std::byte> segment;  // transport header and payload
+};
+
+std::optional<Packet> parse_ipv4(std::span<std::byte> ip) {
+  if (ip.size() < kMinIpv4Header) return std::nullopt;
+  const std::size_t header = (byte_at(ip, 0) & 0xfU) * 4;
+  const std::size_t total = word_at(ip, 2);
+  const bool fragment = (word_at(ip, 6) & 0x3fffU) != 0;  // more fragments, or an offset
+  if (fragment || header < kMinIpv4Header || total < header || total > ip.size()) {
+    return std::nullopt;
+  }
+  return Packet{ip.subspan(12, 8), byte_at(ip, 9), ip.subspan(header, total - header)};
+}
+
+std::optional<Packet> parse_ipv6(std::span<std::byte> ip) {
+  if (ip.size() < kIpv6Header) return std::nullopt;
+  const std::size_t payload = word_at(ip, 4);
+  if (payload > ip.size() - kIpv6Header) return std::nullopt;
+  return Packet{ip.subspan(8, 32), byte_at(ip, 6), ip.subspan(kIpv6Header, payload)};
+}
+
+std::optional<Packet> parse(std::span<std::byte> frame) {
+  if (frame.size() < kEthernetHeader) return std::nullopt;
+  const unsigned type = word_at(frame, 12);
+  if (type == kEtherTypeIpv4) return parse_ipv4(frame.subspan(kEthernetHeader));
+  if (type == kEtherTypeIpv6) return parse_ipv6(frame.subspan(kEthernetHeader));
+  return std::nullopt;
+}
+
+}  // namespace
+
+bool complete_checksum(std::span<std::byte> frame) {
+  const std::optional<Packet> packet = parse(frame);
+  if (!packet) return false;
+  const auto& [addresses, protocol, segment] = *packet;
+  if (protocol != kProtocolUdp && protocol != kProtocolTcp) return false;
+  const std::size_t field = protocol == kProtocolUdp ? kUdpChecksum : kTcpChecksum;
+  if (segment.size() < field + 2) return false;
+  segment[field] = segment[field + 1] = std::byte{0};
+  const std::uint64_t pseudo_header =
+      std::uint64_t{sum_words(addresses)} + protocol + segment.size();
+  auto value = static_cast<std::uint16_t>(~fold(pseudo_header + sum_words(segment)));
+  if (value == 0 && protocol == kProtocolUdp) value = 0xffff;  // 0 means "none" (RFC 768)
+  segment[field] = static_cast<std::byte>(value >> 8U);
+  segment[field + 1] = static_cast<std::byte>(value & 0xffU);
+  return true;
+}
+
+}  // namespace interneuron::netns

@@ -1,0 +1,270 @@
+#include "netns/emulator/emulator.h"
+
+#include <poll.h>
+#include <sched.h>
+#include <sys/prctl.h>
+#include <sys/syscall.h>
+#include <time.h>
+#include <unistd.h>
+
+#include <algorithm>
+
+#include "netns/emulator/checksum.h"
+#include "netns/state/precedence.h"
+#include "netns/wiring/wiring.h"
+
+namespace interneuron::netns {
+
+namespace {
+
+constexpr std::size_t kEthernetHeader = 14;
+constexpr std::uint16_t kEtherTypeIpv4 = 0x0800;
+constexpr std::uint16_t kEtherTypeIpv6 = 0x86dd;
+constexpr std::uint16_t kEtherTypeArp = 0x0806;
+constexpr std::size_t kIpv4Header = 20;
+constexpr std::size_t kIpv6Header = 40;
+constexpr std::size_t kIpv4Destination = kEthernetHeader + 16;
+constexpr std::size_t kIpv6Destination = kEthernetHeader + 24;
+
+// How long before a frame is due the emulator stops sleeping: what a wake-up of an idle virtual CPU
+// takes here (testbed.md §2.2: 40 to 60 us).
+constexpr Duration kSpin = std::chrono::microseconds(60);
+// Frames that follow each other closer than this are dense: waking for each would burn the CPU that
+// sender and receiver need, so they are taken and sent in groups, kGroup apart, and nobody spins.
+// Arrivals have the kernel's time stamp, so a group costs a frame kGroup/2 in the mean on its way
+// out only.
+constexpr Duration kDense = std::chrono::microseconds(200);
+constexpr Duration kGroup = std::chrono::microseconds(60);
+constexpr Duration kHousekeeping = std::chrono::milliseconds(100);
+constexpr std::size_t kTakeInAtOnce =
+    256;                                // frames, so that those that are due never wait for a flood
+constexpr std::size_t kClockEvery = 8;  // frames per reading of the clock, which costs 30 ns
+constexpr Duration kOldestArrival = std::chrono::seconds(1);
+constexpr Duration kTightClocks = std::chrono::microseconds(2);  // three readings take 0.1 us
+constexpr int kClockAttempts = 10;
+
+Duration read_clock(clockid_t clock) {
+  timespec t{};
+  ::clock_gettime(clock, &t);  // cannot fail: the clocks exist and &t is valid
+  return std::chrono::seconds{t.tv_sec} + Duration{t.tv_nsec};
+}
+
+TimePoint now() { return TimePoint{read_clock(CLOCK_MONOTONIC)}; }
+
+// CLOCK_REALTIME minus CLOCK_MONOTONIC, read anew each time, because the wall clock may be set at
+// any time. Being put off the CPU between two readings would make an error of milliseconds, so it
+// is the tightest of a few attempts.
+Duration realtime_offset() {
+  Duration best{};
+  Duration tightest = Duration::max();
+  for (int i = 0; i < kClockAttempts && tightest > kTightClocks; ++i) {
+    const Duration before = read_clock(CLOCK_MONOTONIC);
+    const Duration realtime = read_clock(CLOCK_REALTIME);
+    const Duration gap = read_clock(CLOCK_MONOTONIC) - before;
+    if (gap >= tightest) continue;
+    tightest = gap;
+    best = realtime - before - gap / 2;
+  }
+  return best;
+}
+
+std::uint16_t ether_type(std::span<const std::byte> frame) {
+  return static_cast<std::uint16_t>(std::to_integer<unsigned>(frame[12]) << 8U |
+                                    std::to_integer<unsigned>(frame[13]));
+}
+
+enum class Scope : std::uint8_t { kNone, kLink, kGlobal };
+
+unsigned byte_of(std::span<const std::byte> frame, std::size_t at) {
+  return std::to_integer<unsigned>(frame[at]);
+}
+
+// kNone: not to be carried at all. kLink: what stays between a host and its modem.
+Scope scope_of(std::span<const std::byte> frame) {
+  if (frame.size() < kEthernetHeader) return Scope::kNone;
+  switch (ether_type(frame)) {
+    case kEtherTypeArp:
+      return Scope::kLink;
+    case kEtherTypeIpv4: {  // 224.0.0.0/24, RFC 5771
+      if (frame.size() < kEthernetHeader + kIpv4Header) return Scope::kNone;
+      const bool local = byte_of(frame, kIpv4Destination) == 224 &&
+                         byte_of(frame, kIpv4Destination + 1) == 0 &&
+                         byte_of(frame, kIpv4Destination + 2) == 0;
+      return local ? Scope::kLink : Scope::kGlobal;
+    }
+    case kEtherTypeIpv6: {  // fe80::/10 and ff02::/16, RFC 4291
+      if (frame.size() < kEthernetHeader + kIpv6Header) return Scope::kNone;
+      const unsigned first = byte_of(frame, kIpv6Destination);
+      const unsigned second = byte_of(frame, kIpv6Destination + 1);
+      const bool local =
+          (first == 0xfe && (second & 0xc0U) == 0x80) || (first == 0xff && second == 0x02);
+      return local ? Scope::kLink : Scope::kGlobal;
+    }
+    default:
+      return Scope::kNone;
+  }
+}
+
+// In the order of directions_.
+std::vector<std::string> ports(const State& state) {
+  std::vector<std::string> out;
+  for (std::size_t i = 0; i < state.links.size(); ++i) {
+    const std::size_t vehicle = state.links[i].vehicle;
+    const std::size_t network = i % state.network_count();
+    out.push_back(vehicle_port(vehicle, network));
+    out.push_back(core_port(vehicle, network));
+  }
+  return out;
+}
+
+// One bit of the payload, another one in each frame.
+void corrupt(std::span<std::byte> frame, std::uint64_t number) {
+  if (frame.size() <= kEthernetHeader + kIpv6Header) return;
+  const std::size_t payload = frame.size() - kEthernetHeader - kIpv6Header;
+  frame[kEthernetHeader + kIpv6Header + number % payload] ^= std::byte{1} << (number % 8);
+}
+
+}  // namespace
+
+Emulator::Emulator(const State& state, Bearers& bearers)
+    : bearers_(bearers), stats_(bearers.stats()), hub_(ports(state)) {
+  for (std::size_t i = 0; i < bearers.size(); ++i) {
+    directions_.push_back({2 * i + 1, &bearers.link(i).up(), &bearers.shared(i).up});
+    directions_.push_back({2 * i, &bearers.link(i).down(), &bearers.shared(i).down});
+  }
+  sent_.reserve(FrameHub::kBatch);
+}
+
+void Emulator::run(int stop_fd) {
+  fds_ = {{{hub_.fd(), POLLIN, 0}, {bearers_.attention_fd(), POLLIN, 0}, {stop_fd, POLLIN, 0}}};
+  take_precedence();
+
+  while (!stopped_) {
+    std::size_t work = take_in(realtime_offset());
+    for (Direction& direction : directions_) work += send_due(direction);
+    const TimePoint present = now();
+    if (present >= next_tick_) tick(present);
+    if (work > 0) {
+      last_work_ = present;
+    } else {
+      rest();
+    }
+  }
+}
+
+std::size_t Emulator::take_in(Duration offset) {
+  std::size_t taken = 0;
+  TimePoint present{};
+  while (taken < kTakeInAtOnce) {
+    const auto frame = hub_.receive();
+    if (!frame) break;
+    Direction& direction = directions_[frame->nic];
+    if (taken++ % kClockEvery == 0) present = now();
+    // A step of the wall clock between arrival and now must not become a delay.
+    TimePoint arrival{frame->arrival_realtime - offset};
+    if (arrival > present || arrival < present - kOldestArrival) arrival = present;
+    arrival = std::max(arrival, direction.last_arrival);
+    direction.last_arrival = arrival;
+    enter(direction, *frame, arrival);
+    hub_.release();
+  }
+  return taken;
+}
+
+void Emulator::enter(Direction& direction, const FrameHub::Frame& frame, TimePoint arrival) {
+  const Scope scope = scope_of(frame.bytes);
+  if (scope == Scope::kNone) return;
+  if (scope == Scope::kLink) {
+    const iovec now_or_never{const_cast<std::byte*>(frame.bytes.data()), frame.bytes.size()};
+    hub_.send(direction.to, {&now_or_never, 1});
+    return;
+  }
+  if (!bearers_.epoch()) bearers_.start(arrival);
+  const std::size_t ip_bytes = frame.bytes.size() - kEthernetHeader;
+  const FrameStore::Handle handle = store_.add(frame.bytes);
+  if (!direction.model->enqueue(bearers_.since_epoch(arrival), ip_bytes, handle)) {
+    store_.release(handle);
+    return;
+  }
+  if (frame.checksum_missing) complete_checksum(store_[handle]);
+}
+
+std::size_t Emulator::send_due(Direction& direction) {
+  if (!bearers_.epoch()) return 0;
+  const TimePoint present = now();
+  const Duration time = bearers_.since_epoch(present);
+  std::size_t count = 0;
+  while (count < batch_.size()) {
+    const auto packet = direction.model->dequeue(time);
+    if (!packet) break;
+    const std::span<std::byte> frame = store_[packet->tag];
+    if (packet->last) sent_.push_back(packet->tag);
+    if (packet->lost) continue;
+    if (packet->corrupt) corrupt(frame, stats_.frames_sent.load(std::memory_order_relaxed) + count);
+    batch_[count++] = {frame.data(), frame.size()};
+    count_lateness(time - packet->due);
+  }
+  const std::size_t sent = count > 0 ? hub_.send(direction.to, {batch_.data(), count}) : 0;
+  for (const FrameStore::Handle handle : sent_) store_.release(handle);
+  sent_.clear();
+  if (count == 0) return 0;
+  stats_.frames_sent.fetch_add(sent, std::memory_order_relaxed);
+  stats_.kernel_drops.fetch_add(count - sent, std::memory_order_relaxed);
+  direction.shared->store(direction.model->stats());
+  return count;
+}
+
+void Emulator::count_lateness(Duration lateness) {
+  const auto ns = static_cast<std::uint64_t>(lateness.count());
+  stats_.lateness_sum_ns.fetch_add(ns, std::memory_order_relaxed);
+  if (ns > stats_.lateness_max_ns.load(std::memory_order_relaxed)) {
+    stats_.lateness_max_ns.store(ns, std::memory_order_relaxed);
+  }
+}
+
+std::optional<TimePoint> Emulator::next_due() const {
+  std::optional<Duration> next;
+  for (const Direction& direction : directions_) {
+    const auto due = direction.model->next_delivery();
+    if (due && (!next || *due < *next)) next = due;
+  }
+  if (!next) return std::nullopt;
+  return *bearers_.epoch() + *next;
+}
+
+// Sleeps until a frame comes, or one is due, or the next tick.
+void Emulator::rest() {
+  const TimePoint present = now();
+  if (present - last_work_ < kDense) return sleep_until(present + kGroup, false);
+  const std::optional<TimePoint> due = next_due();
+  TimePoint wake = std::max(next_tick_, present);
+  if (due) {
+    if (*due - kSpin <= present) return;  // the caller's loop is the spinning
+    wake = std::min(wake, *due - kSpin);
+  }
+  sleep_until(wake, true);
+}
+
+void Emulator::sleep_until(TimePoint wake, bool or_frame) {
+  const Duration wait = std::max(Duration{}, wake - now());
+  const timespec timeout{wait / std::chrono::seconds(1), (wait % std::chrono::seconds(1)).count()};
+  const std::size_t skipped = or_frame ? 0 : 1;
+  if (::ppoll(fds_.data() + skipped, fds_.size() - skipped, &timeout, nullptr) <= 0) return;
+  if (fds_[1].revents != 0 || fds_[2].revents != 0) next_tick_ = {};
+}
+
+// What is not for a packet: requests, events, losses of the rings, the end.
+void Emulator::tick(TimePoint present) {
+  next_tick_ = present + (bearers_.epoch() ? Bearers::kAdvanceInterval : kHousekeeping);
+  bearers_.serve(present);
+  bearers_.advance(present);
+  pollfd stop = fds_.back();
+  if (::poll(&stop, 1, 0) > 0) stopped_ = true;
+  if (present < next_housekeeping_) return;
+  next_housekeeping_ = present + kHousekeeping;
+  const std::uint64_t losses = hub_.take_losses();
+  if (losses > 0) stats_.kernel_drops.fetch_add(losses, std::memory_order_relaxed);
+  for (Direction& direction : directions_) direction.shared->store(direction.model->stats());
+}
+
+}  // namespace interneuron::netns

@@ -1,0 +1,135 @@
+#include "netns/state/bearers.h"
+
+#include <sys/epoll.h>
+
+#include <algorithm>
+#include <array>
+#include <utility>
+#include <variant>
+
+#include "netns/state/check.h"
+
+namespace interneuron::netns {
+
+namespace {
+
+std::uint32_t clamp32(double value) {
+  return static_cast<std::uint32_t>(std::clamp(value, 0.0, 4'294'967'295.0));
+}
+
+std::uint32_t ppm(double fraction) { return clamp32(fraction * 1e6); }
+
+std::uint32_t kbit(DataRate rate) {
+  return clamp32(static_cast<double>(rate.bits_per_second) / 1e3);
+}
+
+// What the schedule says of a Gilbert-Elliott loss: its long-run mean.
+double mean_loss(const emu::Conditions& c) {
+  if (!c.gilbert_elliott) return c.loss;
+  const emu::GilbertElliott& ge = *c.gilbert_elliott;
+  const double bad = ge.p + ge.r > 0 ? ge.p / (ge.p + ge.r) : 0;
+  const double burst = (1 - bad) * ge.loss_in_good + bad * ge.loss_in_bad;
+  return 1 - (1 - c.loss) * (1 - burst);
+}
+
+// The same kind of drive for another vehicle.
+emu::Scenario scenario_of(const emu::Scenario& first, std::size_t vehicle) {
+  if (vehicle == 0) return first;
+  emu::Scenario out = first;
+  out.seed = emu::link_seed(first.seed, kMaxLinks + vehicle);
+  for (emu::ScenarioLink& link : out.links) link.seed = emu::link_seed(link.seed, vehicle);
+  return out;
+}
+
+}  // namespace
+
+Bearers::Bearers(const TestbedOptions& options, Backend backend, ControlServer& control,
+                 SharedStats& stats)
+    : backend_(backend),
+      control_(control),
+      attention_(check(::epoll_create1(EPOLL_CLOEXEC), "make an epoll")),
+      stats_(stats) {
+  attend(control_.fd(), [this] {
+    if (const auto request = control_.receive()) control_.reply(obey(*request, since_epoch(now_)));
+  });
+  for (std::size_t v = 0; v < options.vehicles; ++v) {
+    vehicles_.push_back(std::make_unique<emu::ScenarioPlayer>(scenario_of(options.scenario, v)));
+    emu::ScenarioPlayer& player = *vehicles_.back();
+    for (std::size_t i = 0; i < player.size(); ++i) links_.push_back(&player.link(i));
+  }
+}
+
+void Bearers::start(TimePoint epoch) {
+  epoch_ = epoch;
+  stats_.epoch_ns.store(epoch.time_since_epoch().count(), std::memory_order_relaxed);
+}
+
+Duration Bearers::since_epoch(TimePoint now) const {
+  return epoch_ ? std::max(Duration{}, now - *epoch_) : Duration{};
+}
+
+void Bearers::advance(TimePoint now) {
+  if (!epoch_) return;
+  const Duration time = since_epoch(now);
+  for (const auto& vehicle : vehicles_) vehicle->play(time);
+  const std::int64_t due = time / emu::kDelayStep + 1;
+  // After a long sleep (a suspended machine) only what the ring holds.
+  steps_ = std::max(steps_, due - static_cast<std::int64_t>(SharedLink::kSteps));
+  for (; steps_ < due; ++steps_) {
+    for (std::size_t i = 0; i < links_.size(); ++i) publish(i, steps_);
+  }
+}
+
+void Bearers::publish(std::size_t index, std::int64_t step) {
+  const Duration at = step * emu::kDelayStep;
+  const emu::Conditions up = link(index).conditions(emu::Direction::kUp, at);
+  const emu::Conditions down = link(index).conditions(emu::Direction::kDown, at);
+  SharedLink& out = shared(index);
+  SharedSample& sample = out.samples[static_cast<std::size_t>(step) % SharedLink::kSteps];
+  const auto rtt_us = std::chrono::duration<double, std::micro>(up.one_way + down.one_way).count();
+  sample.rtt_us.store(clamp32(rtt_us), std::memory_order_relaxed);
+  sample.loss_up_ppm.store(ppm(mean_loss(up)), std::memory_order_relaxed);
+  sample.loss_down_ppm.store(ppm(mean_loss(down)), std::memory_order_relaxed);
+  sample.rate_up_kbit.store(kbit(up.rate), std::memory_order_relaxed);
+  sample.rate_down_kbit.store(kbit(down.rate), std::memory_order_relaxed);
+  out.steps.store(step + 1, std::memory_order_release);
+}
+
+void Bearers::attend(int fd, std::function<void()> serve) {
+  epoll_event event{};
+  event.events = EPOLLIN;
+  event.data.u64 = attended_.size();
+  check(::epoll_ctl(attention_.get(), EPOLL_CTL_ADD, fd, &event), "watch a file descriptor");
+  attended_.push_back(std::move(serve));
+}
+
+void Bearers::serve(TimePoint now) {
+  now_ = now;
+  std::array<epoll_event, 4> events{};
+  const int count = ::epoll_wait(attention_.get(), events.data(), events.size(), 0);
+  for (int i = 0; i < count; ++i) attended_[events[static_cast<std::size_t>(i)].data.u64]();
+}
+
+// Empty when done, else what is wrong; then nothing has changed.
+std::string Bearers::obey(const Request& request, Duration time) {
+  const auto known = [this](std::size_t i) { return i < links_.size(); };
+  if (!std::all_of(request.links.begin(), request.links.end(), known)) return "no such link";
+  emu::LinkChange change;
+  if (!request.settings.empty()) {
+    auto parsed = emu::parse_change(request.settings, profile_resolver("/"));
+    if (const auto* error = std::get_if<emu::ProfileError>(&parsed)) return error->what;
+    change = std::get<emu::LinkChange>(std::move(parsed));
+    const auto missing = emu::netem_cannot(change);
+    if (backend_ == Backend::kNetem && !missing.empty()) {
+      return "tc-netem cannot do this: " + missing.front() +
+             "; a testbed with --backend emulator can";
+    }
+  }
+  for (const std::size_t i : request.links) {
+    if (!request.settings.empty()) link(i).change(time, change);
+    if (request.outage > Duration{}) link(i).outage(time, request.outage);
+  }
+  return "";
+}
+
+}  // namespace interneuron::netns

@@ -1,0 +1,23 @@
+// System calls that must succeed. Errors: TestbedError (1) that names the attempted call and
+// errno's text.
+#pragma once
+
+#include <cerrno>
+#include <cstring>
+#include <string>
+
+#include "netns/state/error.h"
+
+namespace interneuron::netns {
+
+[[noreturn]] inline void fail_errno(const std::string& attempt, int error = errno) {
+  throw TestbedError(1, "cannot " + attempt + ": " + std::strerror(error));
+}
+
+// Returns `result` unless it is negative.
+inline int check(int result, const std::string& attempt) {
+  if (result < 0) fail_errno(attempt);
+  return result;
+}
+
+}  // namespace interneuron::netns

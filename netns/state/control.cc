@@ -1,0 +1,138 @@
+#include "netns/state/control.h"
+
+#include <poll.h>
+#include <sys/random.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+
+#include <array>
+#include <boost/json.hpp>
+#include <cstddef>
+#include <cstring>
+
+#include "netns/state/check.h"
+#include "netns/state/state_file.h"
+
+namespace interneuron::netns {
+
+namespace {
+
+namespace json = boost::json;
+
+// A request holds a few settings of at most a path each.
+constexpr std::size_t kMaxMessage = 32768;
+constexpr int kAnswerBoundMs = 5000;
+
+struct Address {
+  sockaddr_un data{};
+  socklen_t size = 0;
+};
+
+// Abstract: begins with a zero byte and has no place in the file system.
+Address abstract_address(const std::string& name) {
+  Address out;
+  out.data.sun_family = AF_UNIX;
+  const std::size_t length = std::min(name.size(), sizeof out.data.sun_path - 1);
+  std::memcpy(out.data.sun_path + 1, name.data(), length);
+  out.size = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + 1 + length);
+  return out;
+}
+
+io::FileDescriptor open_socket(int flags) {
+  return io::FileDescriptor(
+      check(::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC | flags, 0), "open a control socket"));
+}
+
+std::string random_hex() {
+  std::array<unsigned char, 16> bytes{};
+  if (::getrandom(bytes.data(), bytes.size(), 0) != static_cast<ssize_t>(bytes.size())) {
+    fail_errno("draw random numbers");
+  }
+  constexpr char kDigits[] = "0123456789abcdef";
+  std::string out;
+  for (const unsigned char byte : bytes) {
+    out += kDigits[byte >> 4U];
+    out += kDigits[byte & 15U];
+  }
+  return out;
+}
+
+std::string name_of(const sockaddr_un& address, socklen_t size) {
+  const std::size_t start = offsetof(sockaddr_un, sun_path) + 1;
+  return size > start ? std::string(address.sun_path + 1, size - start) : std::string();
+}
+
+json::value to_json(const Request& request, const std::string& token) {
+  return {{"token", token},
+          {"links", json::value_from(request.links)},
+          {"settings", json::value_from(request.settings)},
+          {"outage_ns", request.outage.count()}};
+}
+
+// Throws std::exception for what is none of ours.
+Request from_json(const json::object& object, const std::string& token) {
+  if (object.at("token").as_string() != token) throw std::runtime_error("not authorised");
+  Request out;
+  out.links = json::value_to<std::vector<std::size_t>>(object.at("links"));
+  out.settings = json::value_to<std::vector<std::string>>(object.at("settings"));
+  out.outage = Duration{object.at("outage_ns").to_number<std::int64_t>()};
+  return out;
+}
+
+}  // namespace
+
+ControlServer::ControlServer()
+    : socket_(open_socket(SOCK_NONBLOCK)),
+      name_("interneuron/" + random_hex()),
+      token_(random_hex()) {
+  const Address address = abstract_address(name_);
+  check(::bind(socket_.get(), reinterpret_cast<const sockaddr*>(&address.data), address.size),
+        "bind a control socket");
+}
+
+std::optional<Request> ControlServer::receive() {
+  std::array<char, kMaxMessage> buffer{};
+  sockaddr_un from{};
+  socklen_t from_size = sizeof from;
+  const ssize_t size = ::recvfrom(socket_.get(), buffer.data(), buffer.size(), 0,
+                                  reinterpret_cast<sockaddr*>(&from), &from_size);
+  if (size <= 0) return std::nullopt;
+  try {
+    const std::string_view text(buffer.data(), static_cast<std::size_t>(size));
+    Request request = from_json(json::parse(text).as_object(), token_);
+    client_ = name_of(from, from_size);
+    return request;
+  } catch (const std::exception&) {  // a stranger's
+    return std::nullopt;
+  }
+}
+
+void ControlServer::reply(const std::string& error) {
+  const Address to = abstract_address(client_);
+  // A client that does not wait any more misses it.
+  ::sendto(socket_.get(), error.data(), error.size(), MSG_DONTWAIT | MSG_NOSIGNAL,
+           reinterpret_cast<const sockaddr*>(&to.data), to.size);
+}
+
+void ask(const State& state, const Request& request) {
+  const io::FileDescriptor socket = open_socket(0);
+  const sa_family_t family = AF_UNIX;  // an address of only this: the kernel picks an abstract name
+  check(::bind(socket.get(), reinterpret_cast<const sockaddr*>(&family), sizeof family),
+        "bind a control socket");
+  const std::string message = json::serialize(to_json(request, state.control_token));
+  const Address to = abstract_address(state.control);
+  if (::sendto(socket.get(), message.data(), message.size(), MSG_NOSIGNAL,
+               reinterpret_cast<const sockaddr*>(&to.data), to.size) < 0) {
+    throw TestbedError(1, "testbed '" + state.name +
+                              "' cannot be reached; is it up, and are you outside its hosts?");
+  }
+  pollfd answered{socket.get(), POLLIN, 0};
+  std::array<char, kMaxMessage> buffer{};
+  if (::poll(&answered, 1, kAnswerBoundMs) <= 0) {
+    throw TestbedError(1, "testbed '" + state.name + "' does not answer");
+  }
+  const ssize_t size = ::recv(socket.get(), buffer.data(), buffer.size(), 0);
+  if (size > 0) throw TestbedError(3, std::string(buffer.data(), static_cast<std::size_t>(size)));
+}
+
+}  // namespace interneuron::netns

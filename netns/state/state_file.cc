@@ -1,0 +1,217 @@
+#include "netns/state/state_file.h"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <boost/json.hpp>
+// The one place of netns where Boost.JSON is compiled: header-only, no library to link.
+#include <boost/json/src.hpp>
+#include <fstream>
+#include <sstream>
+
+#include "netns/state/check.h"
+
+namespace interneuron::netns {
+
+namespace {
+
+namespace json = boost::json;
+
+constexpr int kSchema = 2;
+
+json::object to_json(const TestbedLink& link) {
+  return {{"name", link.name},
+          {"vehicle", link.vehicle},
+          {"profile", link.profile},
+          {"nic", link.nic},
+          {"vehicle_address", link.vehicle_address},
+          {"gateway", link.gateway},
+          {"road_address", link.road_address},
+          {"vehicle_address6", link.vehicle_address6},
+          {"gateway6", link.gateway6},
+          {"road_address6", link.road_address6}};
+}
+
+json::value to_json(const State& state) {
+  json::array links;
+  for (const TestbedLink& link : state.links) links.push_back(to_json(link));
+  return {{"schema", kSchema},
+          {"name", state.name},
+          {"pid", state.holder},
+          {"pid_start_ticks", state.holder_start_ticks},
+          {"detached", state.detached},
+          {"seed", state.seed},
+          {"backend", backend_name(state.backend)},
+          {"nat", state.nat},
+          {"control", {{"socket", state.control}, {"token", state.control_token}}},
+          {"fds",
+           {{"user_namespace", state.user_ns_fd},
+            {"vehicle_namespaces", json::value_from(state.vehicle_ns_fds)},
+            {"road_namespaces", json::value_from(state.road_ns_fds)},
+            {"core_namespace", state.core_ns_fd},
+            {"stats", state.stats_fd}}},
+          {"links", std::move(links)}};
+}
+
+std::string text_of(const json::object& object, const char* key) {
+  return std::string(object.at(key).as_string());
+}
+
+template <class Number>
+Number number_of(const json::object& object, const char* key) {
+  return object.at(key).to_number<Number>();
+}
+
+std::vector<int> numbers_of(const json::object& object, const char* key) {
+  auto numbers = json::value_to<std::vector<int>>(object.at(key));
+  if (numbers.empty()) throw std::runtime_error(std::string("no ") + key);
+  return numbers;
+}
+
+TestbedLink link_from_json(const json::object& link) {
+  TestbedLink out;
+  out.name = text_of(link, "name");
+  out.vehicle = number_of<std::size_t>(link, "vehicle");
+  out.profile = text_of(link, "profile");
+  out.nic = text_of(link, "nic");
+  out.vehicle_address = text_of(link, "vehicle_address");
+  out.gateway = text_of(link, "gateway");
+  out.road_address = text_of(link, "road_address");
+  out.vehicle_address6 = text_of(link, "vehicle_address6");
+  out.gateway6 = text_of(link, "gateway6");
+  out.road_address6 = text_of(link, "road_address6");
+  return out;
+}
+
+Backend backend_from(const std::string& name) {
+  for (const Backend backend : {Backend::kNetem, Backend::kEmulator}) {
+    if (name == backend_name(backend)) return backend;
+  }
+  throw std::runtime_error("no back end '" + name + "'");
+}
+
+// Throws std::exception for whatever is missing or of the wrong type.
+State from_json(const json::object& object, const std::filesystem::path& file) {
+  if (number_of<int>(object, "schema") != kSchema) throw std::runtime_error("another schema");
+  State state;
+  state.name = text_of(object, "name");
+  state.holder = number_of<pid_t>(object, "pid");
+  // 0 and below mean whole groups of processes to kill(2).
+  if (state.holder <= 0) throw std::runtime_error("no process");
+  state.holder_start_ticks = number_of<std::uint64_t>(object, "pid_start_ticks");
+  state.detached = object.at("detached").as_bool();
+  state.seed = number_of<std::uint64_t>(object, "seed");
+  state.backend = backend_from(text_of(object, "backend"));
+  state.nat = object.at("nat").as_bool();
+  const json::object& control = object.at("control").as_object();
+  state.control = text_of(control, "socket");
+  state.control_token = text_of(control, "token");
+  const json::object& fds = object.at("fds").as_object();
+  state.user_ns_fd = number_of<int>(fds, "user_namespace");
+  state.vehicle_ns_fds = numbers_of(fds, "vehicle_namespaces");
+  state.road_ns_fds = numbers_of(fds, "road_namespaces");
+  state.core_ns_fd = number_of<int>(fds, "core_namespace");
+  state.stats_fd = number_of<int>(fds, "stats");
+  for (const json::value& item : object.at("links").as_array()) {
+    state.links.push_back(link_from_json(item.as_object()));
+  }
+  state.file = file;
+  return state;
+}
+
+}  // namespace
+
+void check_name(const std::string& name, std::size_t max, const std::string& what) {
+  const bool fine =
+      !name.empty() && name.size() <= max && std::all_of(name.begin(), name.end(), [](char c) {
+        return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
+               c == '_' || c == '-';
+      });
+  if (fine) return;
+  throw TestbedError(1, what + " '" + name + "' must have 1 to " + std::to_string(max) +
+                            " characters of A-Z a-z 0-9 _ -");
+}
+
+std::filesystem::path state_path(const std::filesystem::path& runtime_dir,
+                                 const std::string& name) {
+  check_name(name, 64, "the name of a testbed");
+  return runtime_dir / (name + ".json");
+}
+
+void make_runtime_dir(const std::filesystem::path& runtime_dir) {
+  std::error_code ignored;  // mkdir below reports what matters
+  std::filesystem::create_directories(runtime_dir.parent_path(), ignored);
+  if (::mkdir(runtime_dir.c_str(), 0700) != 0 && errno != EEXIST) {
+    fail_errno("make the directory " + runtime_dir.string());
+  }
+  struct stat status {};
+  check(::lstat(runtime_dir.c_str(), &status), "look at the directory " + runtime_dir.string());
+  if (!S_ISDIR(status.st_mode) || status.st_uid != ::geteuid()) {
+    throw TestbedError(1, runtime_dir.string() +
+                              " is not a directory of yours; remove it or name another directory");
+  }
+}
+
+RuntimeDirLock::RuntimeDirLock(const std::filesystem::path& runtime_dir)
+    : directory_(check(::open(runtime_dir.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC),
+                       "open the directory " + runtime_dir.string())) {
+  check(::flock(directory_.get(), LOCK_EX), "lock the directory " + runtime_dir.string());
+}
+
+void write_state(const State& state) {
+  const std::string temporary = state.file.string() + ".new";
+  const std::string text = json::serialize(to_json(state)) + '\n';
+  // For the owner's eyes only, as whoever has the token may change the links.
+  ::unlink(temporary.c_str());
+  const io::FileDescriptor out(
+      ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600));
+  const bool written = out.get() >= 0 && ::write(out.get(), text.data(), text.size()) ==
+                                             static_cast<ssize_t>(text.size());
+  if (!written || ::rename(temporary.c_str(), state.file.c_str()) != 0) {
+    fail_errno("write " + state.file.string());
+  }
+}
+
+std::optional<State> read_state(const std::filesystem::path& file) {
+  std::ifstream in(file);
+  if (!in) {
+    if (errno == ENOENT) return std::nullopt;
+    fail_errno("read " + file.string());
+  }
+  try {
+    std::stringstream text;
+    text << in.rdbuf();
+    return from_json(json::parse(text.str()).as_object(), file);
+  } catch (const std::exception& error) {
+    throw TestbedError(1, file.string() + " is no state file of this program's version (" +
+                              error.what() + "); end its testbed with that version, or remove it");
+  }
+}
+
+std::optional<std::uint64_t> start_ticks(pid_t pid) {
+  std::ifstream file("/proc/" + std::to_string(pid) + "/stat");
+  std::string line;
+  if (!std::getline(file, line)) return std::nullopt;
+  // The second field is the program's name in parentheses and may itself contain spaces and
+  // parentheses.
+  const std::size_t name_end = line.rfind(')');
+  if (name_end == std::string::npos) return std::nullopt;
+  std::istringstream fields(line.substr(name_end + 1));
+  std::string field;
+  fields >> field;  // 3, the state
+  if (!fields || field == "Z" || field == "X") return std::nullopt;
+  constexpr int kSkipped = 22 - 4;
+  for (int i = 0; i < kSkipped; ++i) fields >> field;
+  std::uint64_t ticks = 0;
+  fields >> ticks;
+  return fields ? std::optional(ticks) : std::nullopt;
+}
+
+bool holder_alive(const State& state) {
+  return start_ticks(state.holder) == state.holder_start_ticks;
+}
+
+}  // namespace interneuron::netns

@@ -1,0 +1,159 @@
+#include "netns/verify/processes.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <linux/audit.h>
+#include <linux/filter.h>
+#include <linux/seccomp.h>
+#include <sys/prctl.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
+#include <fstream>
+#include <sstream>
+
+#include "host/io/file_descriptor.h"
+#include "host/process/failure.h"
+#include "host/process/signals.h"
+#include "netns/testbed/testbed.h"
+
+namespace interneuron::cli::verify {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr Duration kGrace = std::chrono::seconds(2);  // between a signal and SIGKILL
+constexpr Duration kNap = std::chrono::milliseconds(20);
+
+bool on_path(const std::string& program) {
+  const char* path = std::getenv("PATH");
+  std::istringstream folders(path == nullptr ? "/usr/bin:/bin" : path);
+  for (std::string folder; std::getline(folders, folder, ':');) {
+    if (::access((folder + "/" + program).c_str(), X_OK) == 0) return true;
+  }
+  return false;
+}
+
+std::string content(const fs::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+io::FileDescriptor create(const fs::path& file) {
+  io::FileDescriptor fd(::open(file.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600));
+  if (fd.get() < 0) {
+    throw Failure(kFailed, fmt::format("cannot write {}: {}; set TMPDIR to a folder with space",
+                                       file.string(), std::strerror(errno)));
+  }
+  return fd;
+}
+
+}  // namespace
+
+void require_tools(std::initializer_list<Tool> tools) {
+  std::string programs;
+  std::string packages;
+  for (const Tool& tool : tools) {
+    if (on_path(tool.program)) continue;
+    programs += (programs.empty() ? "" : ", ") + std::string(tool.program);
+    packages += std::string(" ") + tool.package;
+  }
+  if (programs.empty()) return;
+  throw Failure(kCannotHere, fmt::format("verify needs {}; `apt-get install{}` installs what is "
+                                         "missing",
+                                         programs, packages));
+}
+
+void allow_setgroups() {
+#if defined(__x86_64__)
+  constexpr std::uint32_t kArchitecture = AUDIT_ARCH_X86_64;
+#elif defined(__aarch64__)
+  constexpr std::uint32_t kArchitecture = AUDIT_ARCH_AARCH64;
+#else
+  return;
+#endif
+  std::array<sock_filter, 6> code{{
+      BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(seccomp_data, arch)),
+      BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, kArchitecture, 0, 2),
+      BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(seccomp_data, nr)),
+      BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_setgroups, 1, 0),
+      BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ALLOW),
+      BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ERRNO),  // error number 0: success
+  }};
+  const sock_fprog program{code.size(), code.data()};
+  // The kernel asks for the former before the latter; if it refuses, tcpdump will say why it fails.
+  if (::prctl(PR_SET_NO_NEW_PRIVS, 1UL, 0UL, 0UL, 0UL) == 0) {
+    ::prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, &program);
+  }
+}
+
+PrivateFolder::PrivateFolder() {
+  std::error_code error;
+  const fs::path parent = fs::temp_directory_path(error);
+  std::string name = ((error ? fs::path("/tmp") : parent) / "interneuron-verify-XXXXXX").string();
+  if (::mkdtemp(name.data()) == nullptr) {
+    throw Failure(kFailed,
+                  fmt::format("cannot make a folder {}: {}; set TMPDIR to one that can be written",
+                              name, std::strerror(errno)));
+  }
+  path_ = name;
+}
+
+PrivateFolder::~PrivateFolder() {
+  std::error_code ignored;
+  fs::remove_all(path_, ignored);
+}
+
+namespace {
+
+pid_t spawn(const netns::State& state, netns::Host host, const std::vector<std::string>& argv,
+            const fs::path& stem) {
+  const io::FileDescriptor in(::open("/dev/null", O_RDONLY | O_CLOEXEC));
+  const io::FileDescriptor out = create(stem.string() + ".out");
+  const io::FileDescriptor err = create(stem.string() + ".err");
+  netns::SpawnOptions options;
+  options.stdio = {in.get(), out.get(), err.get()};
+  return netns::Testbed::spawn(state, host, argv, options);
+}
+
+}  // namespace
+
+Process::Process(const netns::State& state, netns::Host host, const std::vector<std::string>& argv,
+                 const PrivateFolder& folder, const std::string& name)
+    : stem_(folder / name), child_(spawn(state, host, argv, stem_)) {}
+
+void Process::end(int signal) { child_.end(signal, kGrace); }
+
+std::string Process::output() const { return content(stem_.string() + ".out"); }
+
+std::string Process::errors() const { return content(stem_.string() + ".err"); }
+
+std::string Process::last_words() const {
+  std::string last;
+  for (const std::string& text : {output(), errors()}) {
+    std::istringstream lines(text);
+    for (std::string line; std::getline(lines, line);) {
+      if (!line.empty()) last = line;
+    }
+  }
+  return last;
+}
+
+bool await_text(const Process& process, const std::string& text, Duration bound) {
+  for (; bound > Duration{}; bound -= kNap) {
+    if (process.errors().find(text) != std::string::npos ||
+        process.output().find(text) != std::string::npos) {
+      return true;
+    }
+    SignalWatch::sleep(kNap);
+  }
+  return false;
+}
+
+}  // namespace interneuron::cli::verify

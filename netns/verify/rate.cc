@@ -1,0 +1,156 @@
+// judge_rate(): a saturated bottleneck, as tcpdump saw what came out of it.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "netns/verify/assess.h"
+
+namespace interneuron::cli::verify {
+
+namespace {
+
+// The queue of a bottleneck to which 15 % too much is offered holds 100 ms by then.
+constexpr Duration kWarmUp = std::chrono::milliseconds(700);
+// A sender that pauses for longer may let that queue run dry.
+constexpr Duration kLongestPause = std::chrono::milliseconds(60);
+// Where an end of the window is looked for, and among how many packets at most.
+constexpr Duration kEndRegion = std::chrono::milliseconds(500);
+constexpr std::size_t kCandidates = 200;
+constexpr double kShortestSeconds = 1;
+
+using Index = std::size_t;
+
+struct Reading {
+  double seconds = 0;
+  double received_bits = 0;
+  double prescribed_bits = 0;
+  double offered_mbit = 0;
+  Duration longest_pause{};
+};
+
+// Bits that should have come since `from` when `record` came, less those that had.
+class Lag {
+ public:
+  Lag(const RateRun& run, Direction direction) : run_(run), direction_(direction) {
+    came_.reserve(run.received.size());
+    double bits = 0;
+    for (const Datagram& d : run.received)
+      came_.push_back(bits += 8.0 * static_cast<double>(d.ip_bytes));
+    origin_ = run.schedule.sent_by(run.received.front().seen);
+  }
+  double prescribed(Index i) const {
+    return run_.schedule.bits_between(direction_, origin_,
+                                      run_.schedule.sent_by(run_.received[i].seen));
+  }
+  double came(Index i) const { return came_[i]; }
+
+  // A machine that is late delivers later, but not less: of the packets in a region the one with
+  // the least lag tells best how far the bottleneck was.
+  Index least(Index begin, Index end) const {
+    const Index stride = std::max<Index>(1, (end - begin) / kCandidates);
+    Index best = begin;
+    double least_lag = std::numeric_limits<double>::max();
+    for (Index i = begin; i < end; i += stride) {
+      const double lag = prescribed(i) - came(i);
+      if (lag >= least_lag) continue;
+      least_lag = lag;
+      best = i;
+    }
+    return best;
+  }
+
+ private:
+  const RateRun& run_;
+  Direction direction_;
+  std::vector<double> came_;
+  Duration origin_{};
+};
+
+Index first_from(const std::vector<Datagram>& records, Duration t) {
+  return static_cast<Index>(
+      std::find_if(records.begin(), records.end(), [t](const Datagram& d) { return d.seen >= t; }) -
+      records.begin());
+}
+
+std::optional<Reading> read(const RateRun& run, Direction direction) {
+  const auto& all = run.received;
+  if (all.size() < 2 || !run.schedule.covers(all.front().seen, all.back().seen)) {
+    return std::nullopt;
+  }
+  const Duration begin = all.front().seen + kWarmUp;
+  const Duration end = all.back().seen - kEndRegion;
+  if (end - begin < kEndRegion) return std::nullopt;
+  const Lag lag(run, direction);
+  const Index first = lag.least(first_from(all, begin), first_from(all, begin + kEndRegion));
+  const Index last = lag.least(first_from(all, end), all.size());
+  Reading out;
+  out.seconds = std::chrono::duration<double>(all[last].seen - all[first].seen).count();
+  out.received_bits = lag.came(last) - lag.came(first);
+  out.prescribed_bits = lag.prescribed(last) - lag.prescribed(first);
+  const double stamps = std::chrono::duration<double>(all[last].stamp - all[first].stamp).count();
+  const double numbers = static_cast<double>(all[last].number) - all[first].number;
+  if (stamps > 0) {
+    out.offered_mbit = numbers * 8e-6 * static_cast<double>(all[last].ip_bytes) / stamps;
+  }
+  for (Index i = first; i < last; ++i) {
+    out.longest_pause = std::max(out.longest_pause, all[i + 1].stamp - all[i].stamp);
+  }
+  return out;
+}
+
+Figure unread(const std::string& name, const RateRun& run, Direction direction) {
+  const Schedule& s = run.schedule;
+  if (!s.empty() && s.mostly_out(direction, s.begin(), s.end())) {
+    return without_verdict(name, "an outage", Verdict::kNotMeasured);
+  }
+  return without_verdict(name, run.failure.empty() ? "too little came" : run.failure,
+                         Verdict::kInconclusive);
+}
+
+// What says more of the machine than of the link.
+void excuse(Figure& figure, const RateRun& run, const Reading& reading, Direction direction) {
+  // A link can only be seen to be as fast as it is when more is offered.
+  const double needed_mbit = run.schedule.top_rate(direction).mbit() * (1 + kRatePercent / 100);
+  if (reading.offered_mbit < needed_mbit) {
+    inconclusive(figure, fmt::format("iperf3 sent {:.1f} Mbit/s only", reading.offered_mbit));
+  }
+  if (figure.verdict == Verdict::kFailed && *figure.difference < 0) {
+    if (reading.longest_pause > kLongestPause) {
+      inconclusive(figure,
+                   fmt::format("iperf3 paused for {:.0f} ms", to_ms(reading.longest_pause)));
+    } else if (run.kernel_drops > 0) {
+      inconclusive(figure, fmt::format("the kernel dropped {} frames", run.kernel_drops));
+    }
+  }
+  if (run.capture_drops > 0) {
+    inconclusive(figure, fmt::format("tcpdump missed {} packets", run.capture_drops));
+  }
+}
+
+}  // namespace
+
+Figure judge_rate(const std::string& name, const RateRun& run, Direction direction) {
+  if (!run.not_measured.empty()) {
+    return without_verdict(name, run.not_measured, Verdict::kNotMeasured);
+  }
+  const auto reading = read(run, direction);
+  if (!reading || reading->seconds < kShortestSeconds) return unread(name, run, direction);
+  Figure figure;
+  figure.name = name;
+  figure.unit = "Mbit/s";
+  figure.difference_unit = "%";
+  figure.target = reading->prescribed_bits / reading->seconds / 1e6;
+  figure.measured = reading->received_bits / reading->seconds / 1e6;
+  if (*figure.target <= 0) {
+    figure.note = "an outage";
+    return figure;
+  }
+  figure.difference = 100 * (*figure.measured / *figure.target - 1);
+  figure.verdict = std::abs(*figure.difference) <= kRatePercent ? Verdict::kOk : Verdict::kFailed;
+  excuse(figure, run, *reading, direction);
+  return figure;
+}
+
+}  // namespace interneuron::cli::verify

@@ -1,0 +1,402 @@
+#include "netns/verify/session.h"
+
+#include <fmt/format.h>
+#include <signal.h>
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <utility>
+
+#include "host/process/failure.h"
+#include "host/process/signals.h"
+#include "netns/testbed/testbed.h"
+#include "netns/verify/processes.h"
+#include "netns/verify/testbed_reading.h"
+#include "netns/verify/tools.h"
+
+namespace interneuron::cli::verify {
+
+namespace {
+
+using netns::Testbed;
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+
+constexpr Duration kToolStart = seconds(5);      // a loaded machine starts tcpdump within one
+constexpr Duration kIperfStart = seconds(10);    // 10 round trips of 1 s at the most
+constexpr Duration kIperfPatience = seconds(2);  // and ten round trips
+constexpr Duration kRateTime = milliseconds(3500);
+constexpr double kOffered = 1.15;           // of the scheduled rate
+constexpr std::size_t kRatePayload = 1400;  // bytes
+constexpr double kMostMbit = 600;  // what namespaces, emulator and tcpdump carry on two CPUs
+constexpr double kMostAtOnceMbit = 500;
+constexpr double kWantedPackets = 52'500;  // per direction: 50,000 and those at the edges
+constexpr double kFewestPerSecond = 300;
+constexpr double kMostPerSecond = 5000;  // of four such flows a busy machine has enough
+constexpr double kSmallShare = 0.25;     // of the rate at most, so that hardly a queue builds up
+// Bursts of five packets make loss vary three times as much as single losses do (chance_of_loss()),
+// and a thousand bursts are wanted: four times as many packets halve the one and make the other.
+constexpr double kBurstyFactor = 4;
+constexpr Duration kShortestWindow = seconds(5);
+constexpr Duration kCaptureFlush = milliseconds(1300);  // tcpdump takes a block after 1 s
+constexpr Duration kLongestDrain = seconds(5);
+constexpr Duration kEdge = milliseconds(200);  // of the window, where flows start and stop
+constexpr std::uint64_t kFlowingPackets = 60;  // more than iperf3 needs to agree with its peer
+constexpr Duration kClockStep = milliseconds(1);
+constexpr Duration kLookBack = seconds(3);  // longer than packets travel
+
+// A flow of iperf3 that runs.
+struct Running {
+  IperfFlow flow;
+  std::size_t slot = 0;  // which of the session's links
+  Process server;
+  Process client;
+
+  // Sender first, so that it does not complain to a peer that has gone.
+  void end() {
+    Process& sender = flow.direction == Direction::kUp ? client : server;
+    sender.end(SIGTERM);
+    client.end(SIGTERM);
+    server.end(SIGTERM);
+  }
+};
+
+class Session {
+ public:
+  Session(const netns::State& state, const SessionOptions& options,
+          const std::function<void(Duration)>& progress)
+      : state_(state),
+        options_(options),
+        progress_(progress),
+        wall_offset_(wall_offset()),
+        started_(monotonic()),
+        evidence_(options.links.size()) {}
+
+  std::vector<LinkEvidence> run() {
+    start_time();
+    measure_rates(Direction::kUp);
+    measure_rates(Direction::kDown);
+    measure_window();
+    const Duration step = wall_offset() - wall_offset_;
+    if (step > kClockStep || step < -kClockStep) {
+      throw Failure(kFailed, "the clock was set while verify measured; run it again");
+    }
+    return std::move(evidence_);
+  }
+
+ private:
+  using Flows = std::vector<Running>;
+
+  struct Captures {
+    Process vehicle;
+    Process road;
+  };
+
+  const netns::TestbedLink& link(std::size_t slot) const {
+    return state_.links[options_.links[slot]];
+  }
+  DirectionEvidence& direction(std::size_t slot, Direction d) {
+    return evidence_[slot].directions[static_cast<std::size_t>(d)];
+  }
+  Duration elapsed() const { return monotonic() - started_; }
+
+  void wait(Duration length) {
+    constexpr Duration kSlice = milliseconds(200);
+    const Duration until = elapsed() + length;
+    for (Duration left = length; left > Duration{}; left = until - elapsed()) {
+      SignalWatch::sleep(std::min(left, kSlice));
+      progress_(elapsed());
+    }
+  }
+
+  Process start(netns::Host host, const std::vector<std::string>& argv, const std::string& name) {
+    return {state_, host, argv, folder_, name};
+  }
+
+  // Returns at once; await_start() before anything is sent.
+  Process capture(netns::Host host, const netns::TestbedLink& where,
+                  const std::vector<std::uint16_t>& ports, bool both_ways) {
+    return start(host, tcpdump(where.nic, ports, both_ways), fmt::format("tcpdump{}", ++names_));
+  }
+  static void await_start(const Process& process, const char* program) {
+    if (await_text(process, "listening", kToolStart)) return;
+    throw Failure(kFailed, fmt::format("{} does not start: {}", program, process.last_words()));
+  }
+
+  std::vector<Datagram> finish(Process& process, std::uint64_t& drops);
+  Schedule schedule(std::size_t slot, Duration from) const;
+  Flows start_flows(const std::vector<std::pair<std::size_t, IperfFlow>>& wanted, Duration length);
+  void await_traffic(Flows& flows, const netns::Snapshot& before);
+  std::string failure_of(const Running& running, const netns::Snapshot& before) const;
+
+  void start_time();
+  void measure_rates(Direction d);
+  void measure_batch(Direction d, const std::vector<std::size_t>& slots);
+  void measure_window();
+  Flows start_window_flows(Duration length);
+  void collect_window(std::size_t slot, Captures& captures, const PingLog& pings);
+
+  const netns::State& state_;
+  const SessionOptions& options_;
+  const std::function<void(Duration)>& progress_;
+  PrivateFolder folder_;
+  Duration wall_offset_;
+  Duration started_;
+  int names_ = 0;
+  Duration epoch_{};
+  std::vector<LinkEvidence> evidence_;
+};
+
+// Ends tcpdump and reads what it saw, in the time of the links.
+std::vector<Datagram> Session::finish(Process& process, std::uint64_t& drops) {
+  process.end(SIGINT);
+  auto records = parse_capture(process.output());
+  if (!records) throw Failure(kFailed, "tcpdump failed: " + process.last_words());
+  drops += parse_capture_drops(process.errors()).value_or(0);
+  const auto epoch = Testbed::snapshot(state_).epoch;
+  epoch_ = epoch ? epoch->time_since_epoch() : Duration{};
+  for (Datagram& record : *records) {
+    record.seen -= wall_offset_ + epoch_;
+    record.stamp -= epoch_;
+  }
+  return std::move(*records);
+}
+
+// Since `from` (of CLOCK_MONOTONIC), and somewhat before.
+Schedule Session::schedule(std::size_t slot, Duration from) const {
+  return Schedule(Testbed::schedule(state_, options_.links[slot],
+                                    std::max(Duration{}, from - epoch_ - kLookBack),
+                                    monotonic() - epoch_));
+}
+
+// Servers first, all at once, as starting a program takes its time on a busy machine.
+Session::Flows Session::start_flows(const std::vector<std::pair<std::size_t, IperfFlow>>& wanted,
+                                    Duration length) {
+  const auto bound = static_cast<int>(length / seconds(1)) + 60;  // far beyond; it is ended
+  std::vector<Process> servers;
+  for (const auto& [slot, flow] : wanted) {
+    servers.push_back(
+        start(netns::kRoad, iperf_server(flow), fmt::format("iperf3-server{}", ++names_)));
+  }
+  Flows flows;
+  for (std::size_t i = 0; i < wanted.size(); ++i) {
+    const auto& [slot, flow] = wanted[i];
+    await_start(servers[i], "iperf3");
+    flows.push_back({flow, slot, std::move(servers[i]),
+                     start(vehicle_of(flow.link), iperf_client(flow, bound),
+                           fmt::format("iperf3-client{}", ++names_))});
+  }
+  return flows;
+}
+
+// Until all flows have packets on their links. iperf3 agrees with its peer by one datagram each way
+// and waits for ever when one is lost, so it is started anew then. What has no packets by the bound
+// fails by itself.
+void Session::await_traffic(Flows& flows, const netns::Snapshot& before) {
+  const Duration bound = elapsed() + kIperfStart;
+  const Duration patience = kIperfPatience + 20 * longest_delay(state_, options_.links);
+  Duration retry = elapsed() + patience;
+  while (elapsed() < bound) {
+    bool all = true;
+    const bool again = elapsed() > retry;
+    for (Running& running : flows) {
+      if (failure_of(running, before).empty()) continue;
+      all = false;
+      if (!again) continue;
+      running.end();
+      running = std::move(start_flows({{running.slot, running.flow}}, kIperfStart).front());
+    }
+    if (all) return;
+    if (again) retry = elapsed() + patience;
+    wait(milliseconds(100));
+  }
+}
+
+// Empty when it has come as far as sending.
+std::string Session::failure_of(const Running& running, const netns::Snapshot& before) const {
+  const netns::Snapshot now = Testbed::snapshot(state_);
+  const std::size_t index = options_.links[running.slot];
+  const Direction d = running.flow.direction;
+  if (counters(now, index, d).packets_in >= counters(before, index, d).packets_in + kFlowingPackets)
+    return "";
+  const std::string words = running.client.last_words();
+  return words.starts_with("iperf3: ") ? words : "iperf3 could not connect in time";
+}
+
+// The links' time begins with the first packet; before it there is no schedule.
+void Session::start_time() {
+  const Process first = start(vehicle_of(link(0)), ping(link(0)), "first");
+  const Duration bound = elapsed() + kToolStart;
+  while (longest_delay(state_, options_.links) == Duration{}) {
+    if (elapsed() > bound) {
+      throw Failure(kFailed, "no packet gets onto the links; ping says: " + first.last_words());
+    }
+    wait(milliseconds(50));
+  }
+}
+
+// In as few batches as the machine can carry.
+void Session::measure_rates(Direction d) {
+  std::vector<std::size_t> batch;
+  double sum = 0;
+  for (std::size_t slot = 0; slot < evidence_.size(); ++slot) {
+    const double mbit = present_mbit(state_, options_.links[slot], d);
+    if (mbit > kMostMbit) {
+      direction(slot, d).rate.not_measured = fmt::format("more than {} Mbit/s", kMostMbit);
+      continue;
+    }
+    if (const std::string why = obstacle(link(slot)); !why.empty()) {
+      direction(slot, d).not_measured = direction(slot, d).rate.not_measured = why;
+      continue;
+    }
+    if (mbit <= 0) {
+      direction(slot, d).rate.not_measured = "nothing passes";
+      continue;
+    }
+    if (!batch.empty() && sum + mbit * kOffered > kMostAtOnceMbit) {
+      measure_batch(d, std::exchange(batch, {}));
+      sum = 0;
+    }
+    batch.push_back(slot);
+    sum += mbit * kOffered;
+  }
+  if (!batch.empty()) measure_batch(d, batch);
+}
+
+void Session::measure_batch(Direction d, const std::vector<std::size_t>& slots) {
+  const Duration begin = monotonic();
+  const netns::Snapshot before = Testbed::snapshot(state_);
+  std::vector<Process> captures;
+  std::vector<std::pair<std::size_t, IperfFlow>> wanted;
+  for (const std::size_t slot : slots) {
+    IperfFlow flow{link(slot), d, port_of(kFirstRatePort, slot, d), kRatePayload, 0};
+    flow.payload_bits_per_second = present_mbit(state_, options_.links[slot], d) * 1e6 * kOffered *
+                                   kRatePayload / (kRatePayload + kUdpIpHeaders);
+    captures.push_back(capture(receiver_of(flow.link, d), flow.link, {flow.port}, false));
+    wanted.emplace_back(slot, flow);
+  }
+  for (const Process& process : captures) await_start(process, "tcpdump");
+  Flows flows = start_flows(wanted, kRateTime);
+  await_traffic(flows, before);
+  wait(kRateTime);
+  for (std::size_t i = 0; i < flows.size(); ++i) {
+    direction(slots[i], d).rate.failure = failure_of(flows[i], before);
+    flows[i].end();
+  }
+  // What waits for the bottleneck, so that the next measurement finds it idle.
+  wait(milliseconds(500) + std::min(longest_delay(state_, options_.links), kLongestDrain));
+  const std::uint64_t kernel_drops = Testbed::snapshot(state_).kernel_drops - before.kernel_drops;
+  for (std::size_t i = 0; i < flows.size(); ++i) {
+    RateRun& run = direction(slots[i], d).rate;
+    run.kernel_drops = kernel_drops;
+    run.received = finish(captures[i], run.capture_drops);
+    run.schedule = schedule(slots[i], begin);
+  }
+}
+
+Session::Flows Session::start_window_flows(Duration length) {
+  std::vector<std::pair<std::size_t, IperfFlow>> flows;
+  const double wanted = kWantedPackets / std::chrono::duration<double>(length).count();
+  for (std::size_t slot = 0; slot < evidence_.size(); ++slot) {
+    if (!direction(slot, Direction::kUp).not_measured.empty()) continue;
+    for (const Direction d : {Direction::kUp, Direction::kDown}) {
+      IperfFlow flow{link(slot), d, port_of(kFirstPort, slot, d), kSmallPayload, 0};
+      const double most = kSmallShare * present_mbit(state_, options_.links[slot], d) * 1e6 / 8 /
+                          static_cast<double>(kSmallPayload + kUdpIpHeaders);
+      const bool bursty = asked_of(flow.link, d, {}, 0).gilbert_elliott.has_value();
+      const double per_second =
+          std::max(1.0, std::min(std::clamp(bursty ? kBurstyFactor * wanted : wanted,
+                                            kFewestPerSecond, kMostPerSecond),
+                                 most));
+      flow.payload_bits_per_second = per_second * kSmallPayload * 8;
+      flows.emplace_back(slot, flow);
+    }
+  }
+  return start_flows(flows, length);
+}
+
+void Session::measure_window() {
+  std::vector<Captures> captures;
+  for (std::size_t slot = 0; slot < evidence_.size(); ++slot) {
+    const std::vector<std::uint16_t> ports{port_of(kFirstPort, slot, Direction::kUp),
+                                           port_of(kFirstPort, slot, Direction::kDown)};
+    captures.push_back({capture(vehicle_of(link(slot)), link(slot), ports, true),
+                        capture(netns::kRoad, link(slot), ports, true)});
+  }
+  for (const Captures& both : captures) {
+    await_start(both.vehicle, "tcpdump");
+    await_start(both.road, "tcpdump");
+  }
+  const netns::Snapshot idle = Testbed::snapshot(state_);
+  const Duration drain =
+      kCaptureFlush + std::min(longest_delay(state_, options_.links), kLongestDrain);
+  const auto left = [&] { return std::max(kShortestWindow, options_.length - drain - elapsed()); };
+  Flows flows = start_window_flows(left() - seconds(1));
+  await_traffic(flows, idle);
+  std::vector<Process> pings;
+  for (std::size_t slot = 0; slot < evidence_.size(); ++slot) {
+    pings.push_back(start(vehicle_of(link(slot)), ping(link(slot)), fmt::format("ping{}", slot)));
+  }
+  wait(kEdge);
+  const netns::Snapshot before = Testbed::snapshot(state_);
+  const Duration from = monotonic();
+  wait(left());
+  const netns::Snapshot end = Testbed::snapshot(state_);
+  const Duration to = monotonic();
+  wait(kEdge);
+  for (const Running& running : flows) {
+    direction(running.slot, running.flow.direction).failure = failure_of(running, idle);
+  }
+  for (Process& process : pings) process.end(SIGINT);
+  for (Running& running : flows) running.end();
+  wait(kCaptureFlush + std::min(longest_delay(state_, options_.links), kLongestDrain));
+  const netns::Snapshot after = Testbed::snapshot(state_);
+  for (std::size_t slot = 0; slot < evidence_.size(); ++slot) {
+    LinkEvidence& e = evidence_[slot];
+    e.disturbance = disturbance(before, after);
+    for (const Direction d : {Direction::kUp, Direction::kDown}) {
+      const std::size_t index = options_.links[slot];
+      direction(slot, d).counted = difference(counters(before, index, d), counters(end, index, d));
+      direction(slot, d).asked =
+          asked_of(link(slot), d, direction(slot, d).counted, kSmallPayload + kUdpIpHeaders);
+    }
+    collect_window(slot, captures[slot], parse_ping(pings[slot].output()));
+    e.from = from - epoch_;
+    e.to = to - epoch_;
+    e.schedule = schedule(slot, from);
+    for (DirectionEvidence& d : e.directions) d.flow = trim(std::move(d.flow), e.from, e.to);
+  }
+}
+
+void Session::collect_window(std::size_t slot, Captures& captures, const PingLog& pings) {
+  LinkEvidence& e = evidence_[slot];
+  const std::vector<Datagram> vehicle = finish(captures.vehicle, e.capture_drops);
+  const std::vector<Datagram> road = finish(captures.road, e.capture_drops);
+  const SentBy sent_by =
+      state_.backend == netns::Backend::kNetem ? SentBy::kStamp : SentBy::kCapture;
+  for (const Direction d : {Direction::kUp, Direction::kDown}) {
+    const std::uint16_t port = port_of(kFirstPort, slot, d);
+    const auto own = [&](const std::vector<Datagram>& records) {
+      std::vector<Datagram> out;
+      std::copy_if(records.begin(), records.end(), std::back_inserter(out), [&](const Datagram& r) {
+        return (d == Direction::kUp ? r.to_port : r.from_port) == port;
+      });
+      return out;
+    };
+    const bool up = d == Direction::kUp;
+    direction(slot, d).flow = match(own(up ? vehicle : road), own(up ? road : vehicle), sent_by);
+  }
+  e.pings = pings;
+  e.ping_ip_bytes = kPingIpBytes;
+  for (Ping& ping : e.pings.answered) ping.sent -= wall_offset_ + epoch_;
+}
+
+}  // namespace
+
+std::vector<LinkEvidence> measure(const netns::State& state, const SessionOptions& options,
+                                  const std::function<void(Duration)>& progress) {
+  return Session(state, options, progress).run();
+}
+
+}  // namespace interneuron::cli::verify

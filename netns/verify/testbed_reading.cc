@@ -1,0 +1,106 @@
+#include "netns/verify/testbed_reading.h"
+
+#include <time.h>
+
+#include <algorithm>
+
+#include "lab/emu/profile.h"
+#include "netns/testbed/testbed.h"
+
+namespace interneuron::cli::verify {
+
+namespace {
+
+Duration clock_of(clockid_t clock) {
+  timespec t{};
+  ::clock_gettime(clock, &t);  // cannot fail: the clocks exist and &t is valid
+  return std::chrono::seconds{t.tv_sec} + Duration{t.tv_nsec};
+}
+
+std::vector<netns::ScheduleSample> last_second(const netns::State& state, std::size_t link) {
+  const auto epoch = netns::Testbed::snapshot(state).epoch;
+  if (!epoch) return {};
+  const Duration now = monotonic() - epoch->time_since_epoch();
+  return netns::Testbed::schedule(state, link, std::max(Duration{}, now - std::chrono::seconds(1)),
+                                  now);
+}
+
+}  // namespace
+
+Duration monotonic() { return clock_of(CLOCK_MONOTONIC); }
+
+Duration wall_offset() {
+  constexpr int kReadings = 10;  // of which the tightest counts
+  Duration best{};
+  Duration tightest = Duration::max();
+  for (int i = 0; i < kReadings; ++i) {
+    const Duration before = monotonic();
+    const Duration wall = clock_of(CLOCK_REALTIME);
+    const Duration gap = monotonic() - before;
+    if (gap >= tightest) continue;
+    tightest = gap;
+    best = wall - before - gap / 2;
+  }
+  return best;
+}
+
+const emu::DirectionStats& counters(const netns::Snapshot& snapshot, std::size_t link,
+                                    Direction direction) {
+  return direction == Direction::kUp ? snapshot.links[link].up : snapshot.links[link].down;
+}
+
+emu::DirectionStats difference(const emu::DirectionStats& before,
+                               const emu::DirectionStats& after) {
+  using Stats = emu::DirectionStats;
+  Stats out;
+  for (const auto field :
+       {&Stats::packets_in, &Stats::lost, &Stats::queue_drops, &Stats::outage_lost, &Stats::too_big,
+        &Stats::nat_drops, &Stats::duplicated, &Stats::reordered}) {
+    out.*field = after.*field - before.*field;
+  }
+  return out;
+}
+
+Disturbance disturbance(const netns::Snapshot& before, const netns::Snapshot& after) {
+  Disturbance out;
+  out.late_max_ms = after.lateness_max_us / 1e3;
+  out.kernel_drops = after.kernel_drops - before.kernel_drops;
+  if (after.frames_sent > before.frames_sent) {
+    const auto sum_us = [](const netns::Snapshot& s) {
+      return s.lateness_mean_us * static_cast<double>(s.frames_sent);
+    };
+    out.late_mean_ms = (sum_us(after) - sum_us(before)) /
+                       static_cast<double>(after.frames_sent - before.frames_sent) / 1e3;
+  }
+  return out;
+}
+
+double present_mbit(const netns::State& state, std::size_t link, Direction direction) {
+  return Schedule(last_second(state, link)).top_rate(direction).mbit();
+}
+
+Duration longest_delay(const netns::State& state, const std::vector<std::size_t>& links) {
+  Duration longest{};
+  for (const std::size_t link : links) {
+    for (const auto& sample : last_second(state, link)) longest = std::max(longest, sample.rtt / 2);
+  }
+  return longest;
+}
+
+Asked asked_of(const netns::TestbedLink& link, Direction direction,
+               const emu::DirectionStats& counted, std::size_t ip_bytes) {
+  const auto profile = emu::built_in_profile(link.profile);
+  if (!profile) return {counted.reordered > 0, counted.duplicated > 0, std::nullopt};
+  const emu::DirectionParams& params = profile->direction(direction);
+  const bool nat = profile->nat.reorder > 0 && profile->nat.reorder_above < ip_bytes;
+  return {params.reorder > 0 || nat, params.duplicate > 0, params.gilbert_elliott};
+}
+
+std::string obstacle(const netns::TestbedLink& link) {
+  constexpr std::size_t kTcpAcknowledgement = 52;  // IP bytes, with time stamps
+  const auto profile = emu::built_in_profile(link.profile);
+  if (!profile || profile->nat.drop_below <= kTcpAcknowledgement) return "";
+  return "the NAT drops TCP's acknowledgements";
+}
+
+}  // namespace interneuron::cli::verify

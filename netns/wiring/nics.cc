@@ -1,0 +1,217 @@
+#include "netns/wiring/nics.h"
+
+#include <linux/if.h>
+#include <linux/if_addr.h>
+#include <linux/if_link.h>
+#include <linux/ip.h>
+#include <linux/neighbour.h>
+#include <linux/rtnetlink.h>
+#include <netlink/route/addr.h>
+#include <netlink/route/link/inet.h>
+#include <netlink/route/link/inet6.h>
+#include <netlink/route/link/veth.h>
+#include <netlink/route/neighbour.h>
+#include <netlink/route/nexthop.h>
+#include <netlink/route/route.h>
+#include <netlink/route/rule.h>
+#include <poll.h>
+#include <unistd.h>
+
+#include <optional>
+
+#include "netns/state/check.h"
+#include "netns/wiring/offloads.h"
+
+namespace interneuron::netns {
+
+namespace {
+
+using netlink::Address;
+using netlink::check_nl;
+using netlink::Deleter;
+using netlink::family_of;
+using netlink::Link;
+using netlink::parse_address;
+using netlink::require;
+
+using Veth = std::unique_ptr<rtnl_link, Deleter<rtnl_link_veth_release>>;
+using NicAddress = std::unique_ptr<rtnl_addr, Deleter<rtnl_addr_put>>;
+using Neighbour = std::unique_ptr<rtnl_neigh, Deleter<rtnl_neigh_put>>;
+using Route = std::unique_ptr<rtnl_route, Deleter<rtnl_route_put>>;
+using Rule = std::unique_ptr<rtnl_rule, Deleter<rtnl_rule_put>>;
+
+constexpr unsigned kMtu = 1500;  // bytes, Ethernet
+constexpr int kOperationalBoundMs = 5000;
+
+void describe(rtnl_link* link, const NicEnd& end) {
+  rtnl_link_set_name(link, end.nic.c_str());
+  rtnl_link_set_mtu(link, kMtu);
+  if (end.index != 0) rtnl_link_set_ifindex(link, end.index);
+  rtnl_link_set_ns_fd(link, end.network_namespace);
+  if (!end.mac.empty()) rtnl_link_set_addr(link, parse_address(end.mac, AF_LLC).get());
+  // Neighbours are set for good. NOARP also spares IPv6 duplicate address detection and the
+  // multicast groups of its addresses, which would be reported.
+  rtnl_link_set_flags(link, IFF_NOARP);
+  // A router joins, and reports, the group of all routers on NICs that have multicast.
+  if (!end.multicast) rtnl_link_unset_flags(link, IFF_MULTICAST);
+}
+
+void add_address(nl_sock* socket, const std::string& address, const std::string& nic, int index) {
+  const NicAddress entry = require(NicAddress(rtnl_addr_alloc()));
+  const Address local = parse_address(address, family_of(address));
+  rtnl_addr_set_ifindex(entry.get(), index);
+  check_nl(rtnl_addr_set_local(entry.get(), local.get()), "use the address " + address);
+  if (family_of(address) == AF_INET6) rtnl_addr_set_flags(entry.get(), IFA_F_NODAD);
+  check_nl(rtnl_addr_add(socket, entry.get(), NLM_F_REPLACE),
+           "give " + nic + " the address " + address);
+}
+
+void add_neighbour(nl_sock* socket, const NeighbourPlan& plan, const std::string& nic, int index) {
+  const Neighbour entry = require(Neighbour(rtnl_neigh_alloc()));
+  const Address destination = parse_address(plan.address, family_of(plan.address));
+  const Address hardware = parse_address(plan.mac, AF_LLC);
+  rtnl_neigh_set_ifindex(entry.get(), index);
+  check_nl(rtnl_neigh_set_dst(entry.get(), destination.get()), "use the neighbour " + plan.address);
+  rtnl_neigh_set_lladdr(entry.get(), hardware.get());
+  rtnl_neigh_set_state(entry.get(), NUD_PERMANENT);
+  check_nl(rtnl_neigh_add(socket, entry.get(), NLM_F_CREATE | NLM_F_REPLACE),
+           "add the neighbour " + plan.address + " of " + nic);
+}
+
+void add_route(nl_sock* socket, const RoutePlan& plan, const std::string& nic, int index) {
+  const int family = family_of(plan.destination);
+  const Route route = require(Route(rtnl_route_alloc()));
+  rtnl_route_set_family(route.get(), static_cast<std::uint8_t>(family));
+  rtnl_route_set_table(route.get(), plan.table);
+  rtnl_route_set_priority(route.get(), plan.metric);
+  rtnl_route_set_protocol(route.get(), RTPROT_STATIC);
+  rtnl_route_set_scope(route.get(), plan.gateway.empty() ? RT_SCOPE_LINK : RT_SCOPE_UNIVERSE);
+  check_nl(rtnl_route_set_dst(route.get(), parse_address(plan.destination, family).get()),
+           "use the route to " + plan.destination);
+  if (!plan.source.empty()) {
+    rtnl_route_set_pref_src(route.get(), parse_address(plan.source, family).get());
+  }
+  rtnl_nexthop* hop = rtnl_route_nh_alloc();
+  if (hop == nullptr) check_nl(-NLE_NOMEM, "make a route");
+  rtnl_route_nh_set_ifindex(hop, index);
+  if (!plan.gateway.empty()) {
+    rtnl_route_nh_set_gateway(hop, parse_address(plan.gateway, family).get());
+  }
+  rtnl_route_add_nexthop(route.get(), hop);  // which owns it from here on
+  check_nl(rtnl_route_add(socket, route.get(), NLM_F_REPLACE),
+           "route " + plan.destination + " through " + nic);
+}
+
+void add_rule(nl_sock* socket, const RulePlan& plan) {
+  const int family = family_of(plan.source);
+  const Rule rule = require(Rule(rtnl_rule_alloc()));
+  const Address source = parse_address(plan.source, family);
+  rtnl_rule_set_family(rule.get(), family);
+  check_nl(rtnl_rule_set_src(rule.get(), source.get()), "use the rule for " + plan.source);
+  rtnl_rule_set_table(rule.get(), plan.table);
+  rtnl_rule_set_prio(rule.get(), plan.table);
+  rtnl_rule_set_action(rule.get(), FR_ACT_TO_TBL);
+  const int result = rtnl_rule_add(socket, rule.get(), NLM_F_EXCL);
+  if (result != -NLE_EXIST) check_nl(result, "add the routing rule for " + plan.source);
+}
+
+// Whether it is used here or not.
+bool kernel_has_ipv6() { return ::access("/proc/sys/net/ipv6/conf", F_OK) == 0; }
+
+// By the NIC's own settings rather than by /proc/sys, which containers have read-only.
+void be_quiet(nl_sock* socket, const std::string& nic, int index, bool forwards) {
+  const Link link = require(Link(rtnl_link_alloc()));
+  rtnl_link_set_ifindex(link.get(), index);
+  const Link change = require(Link(rtnl_link_alloc()));
+  check_nl(rtnl_link_inet_set_conf(change.get(), IPV4_DEVCONF_FORWARDING, forwards ? 1 : 0),
+           "set forwarding of " + nic);
+  if (kernel_has_ipv6()) {
+    check_nl(rtnl_link_inet6_set_addr_gen_mode(change.get(), IN6_ADDR_GEN_MODE_NONE),
+             "forbid link-local addresses on " + nic);
+  }
+  check_nl(rtnl_link_change(socket, link.get(), change.get(), 0), "configure " + nic);
+}
+
+// Asking for one NIC, unlike listing all, has the kernel (6.8 and later) finish with its carrier
+// first. By itself it does so for a hundred NICs at a time, once a second.
+bool operational(nl_sock* socket, const std::vector<NicPlan>& plans, std::string& culprit) {
+  for (const NicPlan& plan : plans) {
+    if (rtnl_link_get_operstate(netlink::find_link(socket, plan.nic).get()) == IF_OPER_UP) continue;
+    culprit = plan.nic;
+    return false;
+  }
+  return true;
+}
+
+// True when packets to one's own address end here.
+bool local(nl_sock* socket, const std::string& address) {
+  rtnl_route* found = nullptr;
+  const Address destination = parse_address(address.substr(0, address.find('/')), AF_INET6);
+  if (rtnl_route_lookup(socket, destination.get(), &found) < 0) return false;
+  const Route route(found);
+  return rtnl_route_get_type(found) == RTN_LOCAL;
+}
+
+bool reachable(nl_sock* socket, const std::vector<NicPlan>& plans, std::string& culprit) {
+  for (const NicPlan& plan : plans) {
+    for (const std::string& address : plan.addresses) {
+      if (family_of(address) != AF_INET6 || local(socket, address)) continue;
+      culprit = address + " of " + plan.nic;
+      return false;
+    }
+  }
+  return true;
+}
+
+}  // namespace
+
+void make_pair(nl_sock* socket, const NicEnd& a, const NicEnd& b) {
+  const Veth veth = require(Veth(rtnl_link_veth_alloc()));
+  // Borrowed: belongs to the pair. (It takes a reference, which the second owner gives back.)
+  const Link peer(rtnl_link_veth_get_peer(veth.get()));
+  describe(veth.get(), a);
+  describe(peer.get(), b);
+  const int result = rtnl_link_add(socket, veth.get(), NLM_F_CREATE | NLM_F_EXCL);
+  if (result == -NLE_OPNOTSUPP) {
+    throw TestbedError(1, "cannot make the veth pair " + a.nic +
+                              ": the kernel has no veth; `modprobe veth` as root loads it");
+  }
+  check_nl(result, "make the veth pair " + a.nic);
+}
+
+void set_up(nl_sock* socket, const std::string& nic, bool forwards) {
+  const int index = netlink::nic_index(nic);
+  be_quiet(socket, nic, index, forwards);
+  const Link link = require(Link(rtnl_link_alloc()));
+  rtnl_link_set_ifindex(link.get(), index);
+  const Link change = require(Link(rtnl_link_alloc()));
+  rtnl_link_set_flags(change.get(), IFF_UP);
+  check_nl(rtnl_link_change(socket, link.get(), change.get(), 0), "set " + nic + " up");
+}
+
+void set_up(nl_sock* socket, const NicPlan& plan) {
+  disable_segmentation_offloads(plan.nic);
+  set_up(socket, plan.nic, plan.forwards);
+  configure(socket, plan, netlink::nic_index(plan.nic));
+}
+
+void configure(nl_sock* socket, const NicPlan& plan, int index) {
+  for (const auto& address : plan.addresses) add_address(socket, address, plan.nic, index);
+  for (const auto& neighbour : plan.neighbours) add_neighbour(socket, neighbour, plan.nic, index);
+  for (const auto& route : plan.routes) add_route(socket, route, plan.nic, index);
+  for (const auto& rule : plan.rules) add_rule(socket, rule);
+}
+
+void await_operational(nl_sock* socket, const std::vector<NicPlan>& plans) {
+  std::string culprit;
+  int waited_ms = 0;
+  // There is nothing to hurry it with but to look again.
+  while (!operational(socket, plans, culprit) || !reachable(socket, plans, culprit)) {
+    if (++waited_ms > kOperationalBoundMs) {
+      throw TestbedError(1, culprit + " is not operational after 5 s");
+    }
+    ::poll(nullptr, 0, 1);
+  }
+}
+
+}  // namespace interneuron::netns

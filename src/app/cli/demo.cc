@@ -1,0 +1,186 @@
+#include "app/cli/demo.h"
+
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+#include <unistd.h>
+
+#include <filesystem>
+
+#include "app/offload/road_child.h"
+#include "host/process/child.h"
+#include "host/process/failure.h"
+#include "host/process/signals.h"
+#include "host/settings/data.h"
+#include "lab/files/run_files.h"
+#include "lab/sim/offload.h"
+#include "netns/state/hosts.h"
+#include "netns/state/options.h"
+#include "netns/state/scenario.h"
+#include "netns/state/snapshot.h"
+#include "netns/state/state.h"
+#include "netns/testbed/testbed.h"
+#include "perception/codec.h"
+#include "perception/detection.h"
+#include "perception/frame_source.h"
+
+namespace interneuron::cli {
+namespace {
+
+namespace fs = std::filesystem;
+using netns::Testbed;
+
+constexpr std::uint16_t kPort = 47000;
+
+using Ladder = RoadChild::Ladder;
+
+class Demo {
+ public:
+  explicit Demo(const DemoOptions& options);
+  ~Demo() {
+    testbed_.reset();
+    std::error_code ignored;  // somebody else's if it is not empty
+    fs::remove(testbed_options_.runtime_dir, ignored);
+  }
+  Demo(const Demo&) = delete;
+  Demo& operator=(const Demo&) = delete;
+  int run();
+
+ private:
+  std::vector<std::string> road_command() const;
+  std::vector<std::string> vehicle_command() const;
+  void judge(std::vector<RoundRow>& rows, const netns::Snapshot& snapshot,
+             const Ladder& ladder) const;
+  int conclude(int vehicle_code, const Ladder& ladder);
+
+  const DemoOptions& o_;
+  std::optional<fs::path> data_;
+  std::string video_;
+  netns::TestbedOptions testbed_options_;
+  std::optional<Testbed> testbed_;
+};
+
+Demo::Demo(const DemoOptions& options) : o_(options), data_(find_data(options.data)) {
+  testbed_options_.name = fmt::format("demo-{}", ::getpid());
+  testbed_options_.scenario = options.links.empty()
+                                  ? netns::default_scenario(options.seed)
+                                  : netns::scenario_of(options.links, options.seed);
+  // Private to this run and gone with it; nothing is written outside the output folder.
+  testbed_options_.runtime_dir = fs::absolute(options.out) / ".testbed";
+  video_ = options.video.empty() ? default_video(data_) : options.video;
+  const perception::FrameSource readable(video_);  // found out here, not in two programs
+}
+
+std::vector<std::string> Demo::road_command() const {
+  std::vector<std::string> argv{own_program(), "road",    "--port",  std::to_string(kPort),
+                                "--ladder",    o_.ladder, "--video", video_};
+  if (data_) argv.insert(argv.end(), {"--data", data_->string()});
+  for (const netns::TestbedLink& link : testbed_->state().links)
+    argv.insert(argv.end(), {"--nic", link.nic});
+  return argv;
+}
+
+std::vector<std::string> Demo::vehicle_command() const {
+  std::vector<std::string> argv{own_program(),   "vehicle",
+                                "--video",       video_,
+                                "--ladder",      o_.ladder,
+                                "--rounds",      std::to_string(o_.rounds),
+                                "--guard",       o_.guard,
+                                "--policy",      o_.policy,
+                                "--deadline-ms", fmt::format("{}", o_.deadline_ms),
+                                "--out",         o_.out,
+                                "--seed",        std::to_string(o_.seed)};
+  if (data_) argv.insert(argv.end(), {"--data", data_->string()});
+  if (!o_.pcap.empty()) argv.insert(argv.end(), {"--pcap", o_.pcap});
+  for (const netns::TestbedLink& link : testbed_->state().links) {
+    argv.insert(argv.end(),
+                {"--link", fmt::format("{}={}:{}", link.nic, link.road_address, kPort)});
+    argv.insert(argv.end(), {"--profile", link.profile});
+  }
+  return argv;
+}
+
+// What a clairvoyant could have answered on time over the very links of this run.
+void Demo::judge(std::vector<RoundRow>& rows, const netns::Snapshot& snapshot,
+                 const Ladder& ladder) const {
+  if (!snapshot.epoch || ladder.medians.empty()) return;
+  std::vector<emu::LinkProfile> profiles;
+  std::vector<emu::Link> links;
+  std::vector<emu::DelayProcess*> processes;
+  for (const emu::ScenarioLink& link : testbed_options_.scenario.links) {
+    profiles.push_back(link.profile);
+    links.emplace_back(link.profile, link.seed);
+    processes.push_back(links.back().process().get());
+  }
+  for (RoundRow& row : rows) {
+    row.possible = sim::clairvoyant_feasible(
+        profiles, processes, row.t0 - *snapshot.epoch, from_ms(o_.deadline_ms),
+        perception::encoded_size(perception::Variant::kSampled), perception::kMaxResultBytes,
+        ladder.medians.front());
+  }
+}
+
+int Demo::conclude(int vehicle_code, const Ladder& ladder) {
+  const fs::path out = o_.out;
+  std::vector<RoundRow> rows = read_csv(out / "rounds.csv");
+  judge(rows, testbed_->snapshot(), ladder);
+  Json summary = read_json(out / "summary.json");
+  std::uint32_t possible = 0;
+  for (const RoundRow& row : rows) possible += row.possible.value_or(false) ? 1 : 0;
+  summary["best_possible"] = possible;
+  summary["ladder"] = ladder.description;
+  for (Json& level : summary["levels"]) {
+    const auto number = level["level"].get<std::size_t>();
+    if (number < ladder.names.size()) level["name"] = ladder.names[number];
+  }
+  const netns::Snapshot snapshot = testbed_->snapshot();
+  summary["emulator"] = {{"lateness_mean_us", snapshot.lateness_mean_us},
+                         {"lateness_max_us", snapshot.lateness_max_us},
+                         {"kernel_drops", snapshot.kernel_drops}};
+  write_csv(out / "rounds.csv", rows);
+  write_json(out / "summary.json", summary);
+  if (o_.json) {
+    fmt::print("{}\n", summary.dump(2));
+  } else {
+    print_table(summary);
+    fmt::print("\nwritten to {}: rounds.csv, summary.json, latency.png, frame.png\n", out.string());
+  }
+  const double share =
+      rows.empty() ? 0
+                   : 100.0 * summary["on_time"].get<double>() / static_cast<double>(rows.size());
+  if (vehicle_code == kFine && o_.objective > 0 && share < o_.objective) return kObjectiveMissed;
+  return vehicle_code;
+}
+
+int Demo::run() {
+  make_directory(o_.out);
+  for (const char* old : {"rounds.csv", "summary.json", "latency.png", "frame.png"}) {
+    std::error_code ignored;
+    fs::remove(fs::path(o_.out) / old, ignored);
+  }
+  const SignalWatch signals;
+  testbed_.emplace(Testbed::up(testbed_options_));
+  std::string names;
+  for (const emu::ScenarioLink& link : testbed_options_.scenario.links)
+    names += (names.empty() ? "" : ", ") + link.profile.name;
+  spdlog::info("testbed: vehicle and roadside joined by {} (seed {})", names, o_.seed);
+
+  RoadChild road(testbed_->state(), road_command());
+  netns::SpawnOptions spawn;
+  spawn.stdio[1] = STDERR_FILENO;  // its table; ours says more
+  std::vector<std::string> command = vehicle_command();
+  command.emplace_back("--no-table");
+  Child vehicle(Testbed::spawn(testbed_->state(), netns::kVehicle, command, spawn));
+  const int code = vehicle.wait();
+  road.end();
+  const bool written = fs::exists(fs::path(o_.out) / "rounds.csv");
+  const int result = written ? conclude(code, road.ladder()) : code;
+  testbed_->down();
+  if (SignalWatch::last() != 0) return 128 + SignalWatch::last();
+  return result;
+}
+
+}  // namespace
+
+int run_demo(const DemoOptions& options) { return Demo(options).run(); }
+
+}  // namespace interneuron::cli

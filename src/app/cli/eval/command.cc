@@ -1,0 +1,214 @@
+#include "app/cli/eval/command.h"
+
+#include <fmt/format.h>
+
+#include <charconv>
+#include <memory>
+#include <optional>
+
+#include "host/process/failure.h"
+#include "host/process/signals.h"
+#include "host/settings/data.h"
+#include "lab/eval/experiments/document.h"
+#include "lab/eval/experiments/experiment.h"
+#include "lab/eval/experiments/findings.h"
+#include "lab/files/staging.h"
+
+namespace interneuron::cli {
+namespace eval {
+namespace {
+
+constexpr const char* kAll = "all";
+constexpr std::uint64_t kMostSeeds = 10'000;  // chosen; more are a slip of the pen
+constexpr std::uint64_t kTestbedSeeds = 3;    // by default: rounds take their time there
+
+struct Options {
+  std::string experiment;
+  std::optional<std::uint32_t> rounds;
+  std::string seeds;
+  std::string out;  // empty: by default_out()
+  bool sim = false;
+  bool testbed = false;
+  std::string ladder = "auto";
+  std::string data;
+  bool json = false;
+};
+
+constexpr Experiment kExperiments[] = {
+    {"table-network", "Delay of 4G and 5G while driving", 36'000, 30, false, run_table_network},
+    {"fig-adjust", "What the adjustable qualities cost and are worth", 60, 10, true,
+     run_fig_adjust},
+    {"fig-rt", "The guard on the paper's scripted sequence", 13, 1, false, run_fig_rt},
+    {"table-erdos", "Timeouts and accuracy under injected delays", 300, 30, true, run_table_erdos,
+     run_table_erdos_on_testbed},
+    {"timeout-handler", "Consecutive timeouts with and without the handler", 300, 30, true,
+     run_timeout_handler},
+    {"ladder", "Which part earns what: baselines and ablations, paired", 300, 30, false,
+     run_ladder},
+    {"clock", "Wrong clocks: offset, drift, step", 300, 10, false, run_clock},
+    {"sweep", "Deadlines from 60 to 200 ms and delays from none to twice", 300, 5, true,
+     run_sweep}};
+
+std::string names() {
+  std::string out;
+  for (const Experiment& e : kExperiments) out += fmt::format("{}, ", e.name);
+  return out + kAll;
+}
+
+std::pair<std::uint64_t, std::uint64_t> parse_seeds(const std::string& text) {
+  const auto number = [](std::string_view s, std::uint64_t& value) {
+    const auto [end, error] = std::from_chars(s.data(), s.data() + s.size(), value);
+    return error == std::errc{} && end == s.data() + s.size();
+  };
+  const std::size_t dots = text.find("..");
+  std::uint64_t first = 0;
+  std::uint64_t last = 0;
+  const bool good = dots == std::string::npos ? number(text, first) && number(text, last)
+                                              : number(text.substr(0, dots), first) &&
+                                                    number(text.substr(dots + 2), last);
+  if (!good || last < first || last - first >= kMostSeeds) {
+    throw Failure(kUsage, fmt::format("--seeds '{}': give FIRST..LAST, as 1..30, at most {} seeds",
+                                      text, kMostSeeds));
+  }
+  return {first, last};
+}
+
+// The testbed's documents have the simulation's names, so they have a folder of their own.
+std::string default_out(bool testbed) { return testbed ? "out/eval-testbed" : "out/eval"; }
+
+Json run_one(const Experiment& experiment, const Options& o, const Scorer& scorer,
+             const std::filesystem::path& scratch, Progress& progress) {
+  std::pair<std::uint64_t, std::uint64_t> seeds{1, o.testbed ? kTestbedSeeds : experiment.seeds};
+  if (!o.seeds.empty()) seeds = parse_seeds(o.seeds);
+  const Request request{.rounds = o.rounds.value_or(experiment.rounds),
+                        .first_seed = seeds.first,
+                        .last_seed = seeds.second,
+                        .scorer = scorer,
+                        .progress = progress,
+                        .data = find_data(o.data),
+                        .scratch = scratch,
+                        .ladder = o.ladder};
+  Json document{{"schema", kSchema},
+                {"experiment", experiment.name},
+                {"title", experiment.title},
+                {"mode", o.testbed ? "testbed" : "sim"},
+                {"seeds", {request.first_seed, request.last_seed}},
+                {"rounds_per_seed", request.rounds},
+                {"tables", Json::array()},
+                {"series", Json::array()},
+                {"waterfalls", Json::array()},
+                {"notes", Json::array()}};
+  (o.testbed ? experiment.run_on_testbed : experiment.run)(request, document);
+  if (experiment.scored && !scorer.missing().empty()) {
+    document["notes"].push_back("AP and AR are not known: " + scorer.missing() + ".");
+  }
+  return document;
+}
+
+void say(const Json& document) {
+  print_document(document);
+  for (const Finding& finding : findings(document)) {
+    fmt::print("{} {}\n", mark(finding.kind), finding.text);
+  }
+}
+
+Scorer scorer_of(const Options& o) {
+  try {
+    return Scorer(find_data(o.data), !o.data.empty());
+  } catch (const Failure& error) {
+    throw Failure(kFailed, error.what());
+  }
+}
+
+void refuse_testbed(const std::string& experiment) {
+  const Experiment* found = find_experiment(experiment);
+  if (found != nullptr && found->run_on_testbed != nullptr) return;
+  std::string able;
+  for (const Experiment& e : kExperiments) {
+    if (e.run_on_testbed != nullptr) able += (able.empty() ? "" : ", ") + std::string(e.name);
+  }
+  throw Failure(kUsage,
+                fmt::format("{} is for virtual time alone; on the testbed: {}", experiment, able));
+}
+
+int run_eval(const Options& o) {
+  if (o.experiment != kAll && find_experiment(o.experiment) == nullptr) {
+    throw Failure(kUsage, fmt::format("no experiment '{}'; there are {}", o.experiment, names()));
+  }
+  if (o.testbed) refuse_testbed(o.experiment);
+  if (!o.testbed && o.ladder != Options{}.ladder) {
+    throw Failure(kUsage, "--ladder " + o.ladder + ": only with --testbed");
+  }
+  if (o.rounds && *o.rounds == 0) throw Failure(kUsage, "--rounds 0: give at least 1");
+  if (!o.seeds.empty()) parse_seeds(o.seeds);
+  const SignalWatch signals;
+  const std::string out = o.out.empty() ? default_out(o.testbed) : o.out;
+  Staging staging(out);
+  const Scorer scorer = scorer_of(o);
+  Progress progress;
+  Json documents = Json::array();
+  for (const Experiment& experiment : kExperiments) {
+    if (o.experiment != kAll && o.experiment != experiment.name) continue;
+    const std::filesystem::path scratch = staging / ".testbed";
+    documents.push_back(run_one(experiment, o, scorer, scratch, progress));
+    std::filesystem::remove_all(scratch);
+    write_json(staging / (std::string(experiment.name) + ".json"), documents.back());
+    if (!o.json) say(documents.back());
+  }
+  staging.publish();
+  if (o.json) {
+    fmt::print("{}\n", (o.experiment == kAll ? documents : documents[0]).dump(2));
+  } else {
+    fmt::print("\nwritten to {}; `interneuron report {}` makes a page of it\n", out, out);
+  }
+  return kFine;
+}
+
+}  // namespace
+
+std::span<const Experiment> experiments() { return kExperiments; }
+
+const Experiment* find_experiment(const std::string& name) {
+  for (const Experiment& e : kExperiments) {
+    if (e.name == name) return &e;
+  }
+  return nullptr;
+}
+
+}  // namespace eval
+
+void add_eval(CLI::App& program, std::function<int()>& run) {
+  auto o = std::make_shared<eval::Options>();
+  CLI::App* c = program.add_subcommand(
+      "eval", "The paper's experiments and more, ours beside baselines and bounds");
+  c->add_option("EXPERIMENT", o->experiment, eval::names())->required();
+  c->add_option("--rounds", o->rounds, "Rounds per seed (default: the experiment's)");
+  c->add_option("--seeds", o->seeds, "FIRST..LAST (default: the experiment's, from 1)");
+  CLI::Option* sim = c->add_flag("--sim", o->sim, "In virtual time; the default");
+  c->add_flag("--testbed", o->testbed,
+              "On real sockets, emulated links and real detection: table-erdos alone, 3 seeds")
+      ->excludes(sim);
+  c->add_option(
+       "--ladder", o->ladder,
+       "Detectors of the testbed; replay has recorded boxes and times and computes nothing")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"auto", "dnn", "motion", "replay"}));
+  c->add_option("--out", o->out,
+                "Folder for one EXPERIMENT.json each (default: out/eval, with --testbed "
+                "out/eval-testbed)");
+  c->add_option("--data", o->data,
+                "Folder with recorded detections and ground truth (default: INTERNEURON_DATA, "
+                "../shared/data, build/data; without any, AP and AR are left out)");
+  c->add_flag("--json", o->json, "The documents as JSON on stdout (docs/schema/eval.json)");
+  std::string footer = "Experiments, with their rounds and seeds:\n";
+  for (const eval::Experiment& e : eval::kExperiments) {
+    footer += fmt::format("  {:16} {} ({} x {})\n", e.name, e.title, e.seeds, e.rounds);
+  }
+  c->footer(footer +
+            "Examples:\n  interneuron eval fig-rt\n  interneuron eval table-erdos --seeds 1..5\n"
+            "  interneuron eval table-erdos --testbed --seeds 1..1\n"
+            "  interneuron eval all && interneuron report out/eval");
+  c->callback([&run, o] { run = [o] { return eval::run_eval(*o); }; });
+}
+
+}  // namespace interneuron::cli

@@ -1,0 +1,155 @@
+#include "app/cli/links_command.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <memory>
+#include <optional>
+#include <thread>
+
+#include "app/watch/json.h"
+#include "app/watch/source.h"
+#include "app/watch/table.h"
+#include "host/io/steady_clock.h"
+#include "host/process/failure.h"
+#include "host/process/signals.h"
+#include "host/settings/config_file.h"
+#include "host/settings/link_options.h"
+
+namespace interneuron::cli {
+namespace {
+
+using namespace std::chrono_literals;
+
+// The rates of links are known after a train or two; chosen.
+constexpr double kMeasureSeconds = 3;
+// A program on this host tells its links twice a second; for one that does not, nobody waits long.
+constexpr Duration kLocalWait = 1200ms;
+constexpr Duration kPoll = 50ms;
+
+struct Options {
+  LinkSourceOptions source;
+  std::string config;
+  std::optional<double> seconds;
+  double interval_s = 1;
+  bool json = false;
+  bool stream = false;
+};
+
+bool measures(const Options& o) { return !o.source.peer.empty() || !o.source.links.empty(); }
+
+void progress(const Options& o, const LinkSource& source, Duration left) {
+  if (!measures(o) || ::isatty(STDERR_FILENO) == 0) return;
+  fmt::print(stderr, "\r\x1b[Kmeasuring towards {}: {:.0f} s", source.peer_text(),
+             std::max(0.0, to_ms(left) / 1000));
+  std::fflush(stderr);
+}
+
+void end_progress(const Options& o) {
+  if (measures(o) && ::isatty(STDERR_FILENO) != 0) fmt::print(stderr, "\r\x1b[K");
+}
+
+int no_answer(const LinkSource& source) {
+  fmt::print(stderr,
+             "interneuron: no answer from {}; is `interneuron road` running there, and the port "
+             "open? `interneuron doctor` looks for what this host may be missing\n",
+             source.peer_text());
+  return kFailed;
+}
+
+// False: the reader has seen enough.
+bool written() {
+  if (std::fflush(stdout) == 0) return true;
+  if (errno == EPIPE) return false;
+  throw Failure(kFailed, std::string("cannot write the figures: ") + std::strerror(errno));
+}
+
+// What would have no effect is a mistake.
+void refuse_useless(const CLI::App& command, const Options& o) {
+  if (command.count("--interval") > 0 && !o.stream) {
+    throw Failure(kUsage, "--interval is for a stream; add --json-stream");
+  }
+  if (command.count("--for") > 0 && !o.stream && !measures(o)) {
+    throw Failure(kUsage, "--for is for measuring; add --peer HOST, --link or --json-stream");
+  }
+}
+
+// One object per line and interval, until the time or a signal ends it.
+int stream(const Options& o, LinkSource& source) {
+  const TimePoint start = io::now();
+  TimePoint next = start;
+  while (SignalWatch::last() == 0 &&
+         (!o.seconds || io::now() < start + from_ms(*o.seconds * 1000))) {
+    if (io::now() >= next) {
+      next = std::max(next + from_ms(o.interval_s * 1000), io::now());
+      fmt::print("{}\n", links_json(source.snapshot()).dump());
+      if (!written()) return kFine;
+    }
+    std::this_thread::sleep_for(std::min(kPoll, next - io::now()));
+  }
+  return source.answered() ? kFine : no_answer(source);
+}
+
+int once(const Options& o, LinkSource& source) {
+  const TimePoint start = io::now();
+  const Duration patience =
+      measures(o) ? from_ms(o.seconds.value_or(kMeasureSeconds) * 1000) : kLocalWait;
+  LinksSnapshot s = source.snapshot();
+  while (SignalWatch::last() == 0 && io::now() < start + patience) {
+    // Programs on this host tell soon; without any there is nothing to wait for.
+    if (!measures(o) && !source.expects_more()) break;
+    progress(o, source, start + patience - io::now());
+    std::this_thread::sleep_for(kPoll);
+    s = source.snapshot();
+  }
+  end_progress(o);
+  if (o.json) {
+    fmt::print("{}\n", links_json(s).dump(2));
+  } else {
+    fmt::print("{}", links_table(s));
+  }
+  written();
+  return source.answered() ? kFine : no_answer(source);
+}
+
+}  // namespace
+
+void add_links(CLI::App& program, std::function<int()>& run) {
+  auto o = std::make_shared<Options>();
+  CLI::App* c = program.add_subcommand(
+      "links", "The network cards of this host: what the kernel says and what was measured");
+  add_config_option(*c, o->config);
+  c->add_option("--peer", o->source.peer,
+                "HOST[:PORT] of a roadside unit: measure towards it, over every card that has a "
+                "route (default: what a vehicle or road that runs here measures)");
+  add_link_option(*c, "--link", o->source.links, LinkPeer::kNamed)->excludes("--peer");
+  c->add_option("--for", o->seconds, "Seconds to measure (default: 3; a stream: until Ctrl-C)")
+      ->check(CLI::PositiveNumber);
+  c->add_option("--interval", o->interval_s, "Seconds between two lines of a stream")
+      ->capture_default_str()
+      ->check(CLI::Range(0.1, 3600.0));
+  auto* json = c->add_flag("--json", o->json, "As JSON (docs/schema/links.json)");
+  c->add_flag("--json-stream", o->stream, "One JSON object per line and interval")->excludes(json);
+  c->footer(
+      "Examples:\n  interneuron links\n  interneuron links --peer 192.0.2.7 --for 5 --json\n"
+      "  interneuron links --link 'wwan*=192.0.2.7:47000,metered'\n"
+      "  interneuron links --json-stream | jq -c '.links[] | {name, rtt_ms, nature}'");
+  c->callback([&run, o, c] {
+    run = [o, c] {
+      apply_config(*c, o->config);
+      refuse_useless(*c, *o);
+      const SignalWatch signals;
+      const auto source = make_link_source(o->source);
+      const int code = o->stream ? stream(*o, *source) : once(*o, *source);
+      const int signal = SignalWatch::last();
+      // A stream without an end is ended by a signal: that is no failure.
+      return signal != 0 && (!o->stream || o->seconds) ? 128 + signal : code;
+    };
+  });
+}
+
+}  // namespace interneuron::cli

@@ -1,0 +1,264 @@
+// The program `interneuron`.
+#include <spdlog/sinks/stdout_color_sinks.h>
+#include <spdlog/spdlog.h>
+#include <CLI/CLI.hpp>
+
+#include <cstdio>
+#include <functional>
+#include <stdexcept>
+
+#include "app/cli/demo.h"
+#include "app/cli/doctor_command.h"
+#include "app/cli/eval/command.h"
+#include "app/cli/links_command.h"
+#include "app/cli/probe.h"
+#include "app/cli/report/command.h"
+#include "app/cli/testbed_command.h"
+#include "app/cli/top_command.h"
+#include "app/eval_testbed/testbed_run.h"
+#include "app/offload/road.h"
+#include "app/offload/vehicle.h"
+#include "host/process/failure.h"
+#include "host/settings/capture.h"
+#include "host/settings/config_file.h"
+#include "host/settings/link_options.h"
+#include "interneuron/policy.h"
+#include "interneuron/transport.h"
+#include "netns/state/error.h"
+#include "perception/input_error.h"
+
+namespace interneuron::cli {
+namespace {
+
+constexpr const char* kVersion = INTERNEURON_VERSION;
+
+constexpr const char* kExitCodes =
+    "Exit codes: 0 fine, 1 failed, 2 usage, 3 configuration or input, 4 deadline objective missed, "
+    "5 needs a privilege.";
+
+CLI::Validator positive() { return CLI::PositiveNumber; }
+
+std::vector<std::string> policy_names() {
+  std::vector<std::string> names;
+  for (const auto& policy : builtin_policies()) names.emplace_back(policy->name());
+  return names;
+}
+
+void add_deadline_options(CLI::App* c, double& deadline_ms, std::string& guard, std::string& policy,
+                          double& objective) {
+  c->add_option("--deadline-ms", deadline_ms, "End-to-end deadline D_N, milliseconds")
+      ->capture_default_str()
+      ->check(positive());
+  c->add_option("--guard", guard,
+                "The rule that trades quality for time: the paper's, or by what is left of the "
+                "deadline")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"paper", "budget"}));
+  c->add_option("--policy", policy, "Which variants go over which links, see policies/README.md")
+      ->capture_default_str()
+      ->check(CLI::IsMember(policy_names()));
+  c->add_option("--objective", objective, "Per cent of rounds on time; fewer end with exit code 4")
+      ->check(CLI::Range(0.0, 100.0));
+}
+
+void add_input_options(CLI::App* c, std::string& video, std::string& data, std::string& ladder,
+                       const std::vector<std::string>& more_ladders = {}) {
+  std::vector<std::string> ladders{"auto", "dnn", "motion", "replay"};
+  ladders.insert(ladders.end(), more_ladders.begin(), more_ladders.end());
+  c->add_option("--video", video,
+                "Video file, folder of images, stream or camera:N (default: the demo's video)");
+  c->add_option(
+      "--data", data,
+      "Folder with models and videos (default: INTERNEURON_DATA, ../shared/data, build/data)");
+  c->add_option("--ladder", ladder, "Detectors")
+      ->capture_default_str()
+      ->check(CLI::IsMember(ladders));
+}
+
+void add_demo(CLI::App& program, std::function<int()>& run) {
+  auto o = std::make_shared<DemoOptions>();
+  CLI::App* c = program.add_subcommand(
+      "demo", "A vehicle and a roadside unit over two emulated modems, on this machine");
+  c->add_option("--rounds", o->rounds, "Rounds, 10 per second")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 1'000'000));
+  c->add_option("--seed", o->seed, "Seed of the links' delay processes")->capture_default_str();
+  c->add_option("--out", o->out, "Folder for rounds.csv, summary.json, latency.png, frame.png")
+      ->capture_default_str();
+  c->add_option("--link", o->links,
+                "Profile (`testbed list` names them), TOML file, or NAME=either; once per link")
+      ->take_all();
+  add_deadline_options(c, o->deadline_ms, o->guard, o->policy, o->objective);
+  add_input_options(c, o->video, o->data, o->ladder);
+  c->add_flag("--json", o->json, "The summary as JSON on stdout");
+  c->footer(
+      "Examples:\n  interneuron demo\n  interneuron demo --rounds 100 --seed 2 --json\n"
+      "  interneuron demo --link 5g --link clean --policy best_link");
+  c->callback([&run, &program, o] {
+    const CLI::Option* pcap = program.get_option("--pcap");
+    if (pcap->count() > 0) o->pcap = pcap->as<std::string>();
+    run = [o] { return run_demo(*o); };
+  });
+}
+
+// The order file of `eval --testbed`, which starts these programs; no help shows it.
+std::shared_ptr<std::string> add_testbed_run_option(CLI::App& command) {
+  auto file = std::make_shared<std::string>();
+  command.add_option("--testbed-run", *file, "What eval --testbed asks for")->group("");
+  return file;
+}
+
+void add_vehicle(CLI::App& program, std::function<int()>& run) {
+  auto o = std::make_shared<VehicleOptions>();
+  auto config = std::make_shared<std::string>();
+  auto no_table = std::make_shared<bool>(false);
+  CLI::App* c = program.add_subcommand(
+      "vehicle", "Send camera frames through the pipeline; one answer per round");
+  add_config_option(*c, *config);
+  add_link_option(*c, "--link", o->links, LinkPeer::kNamed);
+  c->add_option("--port", o->port, "Local UDP port on every card; 0: any")->capture_default_str();
+  c->add_option("--rounds", o->rounds, "Rounds; 0: to the end of the video or Ctrl-C")
+      ->capture_default_str();
+  c->add_option("--period-ms", o->period_ms, "Between two frames, milliseconds")
+      ->capture_default_str()
+      ->check(positive());
+  add_deadline_options(c, o->deadline_ms, o->guard, o->policy, o->objective);
+  c->add_option("--beta", o->beta, "β of the guard's tolerance X")
+      ->capture_default_str()
+      ->check(CLI::Range(-1.0, 30.0));
+  c->add_option("--wait-s", o->wait_s, "For the roadside unit to answer, seconds")
+      ->capture_default_str()
+      ->check(positive());
+  add_input_options(c, o->video, o->data, o->ladder);
+  c->add_option("--truth", o->truth, "Ground truth (MOT15 gt.txt) of the video, or none");
+  c->add_option(
+      "--out", o->out,
+      "Folder for rounds.csv, summary.json, latency.png, frame.png (default: nothing is written)");
+  c->add_flag("--json", o->json, "The summary as JSON on stdout");
+  c->add_flag("-q,--quiet", o->quiet, "No progress line and no table");
+  c->add_flag("--no-table", *no_table, "No table")->group("");
+  c->add_option("--profile", o->profiles, "Told in the summary")->take_all()->group("");
+  c->add_option("--seed", o->seed, "Told in the summary")->group("");
+  auto testbed_run = add_testbed_run_option(*c);
+  c->footer(
+      "Examples:\n  interneuron vehicle --link wwan0=192.0.2.7:47000 --link wwan1=192.0.2.7:47000 "
+      "--video camera:0\n"
+      "  interneuron vehicle --link 'wwan0=192.0.2.7:47000' --link "
+      "'wlan*=192.0.2.7:47000,role=backup'\n"
+      "  interneuron vehicle --config vehicle.toml --rounds 300 --out out/run");
+  c->callback([&run, o, config, no_table, testbed_run, c] {
+    run = [o, config, no_table, testbed_run, c] {
+      apply_config(*c, *config);
+      o->table = !*no_table;
+      if (testbed_run->empty()) return run_vehicle(*o);
+      eval::TestbedVehicle hooks(eval::read_testbed_run(*testbed_run));
+      return run_vehicle(*o, &hooks);
+    };
+  });
+}
+
+void add_road(CLI::App& program, std::function<int()>& run) {
+  auto o = std::make_shared<RoadOptions>();
+  auto config = std::make_shared<std::string>();
+  CLI::App* c = program.add_subcommand(
+      "road", "A roadside unit: detects in the images of any vehicle that comes");
+  add_config_option(*c, *config);
+  add_link_option(*c, "--nic,--link", o->nics, LinkPeer::kNone);
+  c->add_option("--address", o->address, "Local address (default: all of the card)");
+  c->add_option("--port", o->port, "UDP port on every card")->capture_default_str();
+  // none: for those who only measure (links, top, probe).
+  add_input_options(c, o->video, o->data, o->ladder, {kNoLadder});
+  c->add_option("--calibration-runs", o->calibration_runs, "Runs per level at start-up")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 10'000));
+  c->add_option("--top-level", o->top_level, "Highest level used; -1: by the vehicle's budget")
+      ->capture_default_str()
+      ->check(CLI::Range(-1, 255));
+  c->add_option("--max-peers", o->max_peers, "Vehicles at once")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 1000));
+  c->add_flag("--insecure", o->insecure,
+              "Serve on public addresses too, although sessions are not encrypted yet");
+  add_stamp_options(*c, o->stamp);
+  auto testbed_run = add_testbed_run_option(*c);
+  c->footer(
+      "Examples:\n  interneuron road --nic eth0\n  interneuron road --nic eth0 --ladder none   # "
+      "only to be measured against\n  interneuron road --config road.toml");
+  c->callback([&run, o, config, testbed_run, c] {
+    run = [o, config, testbed_run, c] {
+      apply_config(*c, *config);
+      if (testbed_run->empty()) return run_road(*o);
+      eval::TestbedRoad hooks(eval::read_testbed_run(*testbed_run));
+      return run_road(*o, &hooks);
+    };
+  });
+}
+
+int fail(int code, const char* what) {
+  std::fprintf(stderr, "interneuron: %s\n", what);
+  return code;
+}
+
+int run_program(int argc, char** argv) {
+  CLI::App program{"Interneuron: deadline-bound messages over several network cards at once"};
+  program.footer(kExitCodes);
+  program.require_subcommand(1);
+  std::function<int()> run;
+  std::string pcap;
+  add_capture_option(program, pcap);
+  add_demo(program, run);
+  add_vehicle(program, run);
+  add_road(program, run);
+  add_links(program, run);
+  add_top(program, run);
+  add_doctor(program, run);
+  add_probe(program, run);
+  add_testbed(program, run);
+  add_eval(program, run);
+  add_report(program, run);
+  program.add_subcommand("version", "The version")->callback([&run] {
+    run = [] {
+      std::printf("interneuron %s\n", kVersion);
+      return kFine;
+    };
+  });
+  const std::string first = argc > 1 ? argv[1] : "";
+  if (!first.empty() && first.front() != '-' &&
+      program.get_subcommands([&first](const CLI::App* c) { return c->get_name() == first; })
+          .empty()) {
+    return fail(kUsage,
+                ("unknown command '" + first + "'; `interneuron --help` lists them").c_str());
+  }
+  try {
+    program.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return program.exit(error) == 0 ? kFine : kUsage;
+  }
+  const auto capture = start_capture(program, pcap);
+  return run();
+}
+
+}  // namespace
+}  // namespace interneuron::cli
+
+int main(int argc, char** argv) {
+  using namespace interneuron;
+  auto log = spdlog::stderr_color_mt("interneuron");
+  log->set_pattern("%H:%M:%S.%e %^%l%$ %v");
+  spdlog::set_default_logger(log);
+  try {
+    return cli::run_program(argc, argv);
+  } catch (const cli::Failure& error) {
+    return cli::fail(error.code(), error.what());
+  } catch (const perception::InputError& error) {
+    return cli::fail(cli::kConfiguration, error.what());
+  } catch (const netns::TestbedError& error) {
+    return cli::fail(error.exit_code, error.what());
+  } catch (const IoError& error) {
+    return cli::fail(
+        error.code() == EPERM || error.code() == EACCES ? cli::kPrivilege : cli::kFailed,
+        error.what());
+  } catch (const std::exception& error) {
+    return cli::fail(cli::kFailed, error.what());
+  }
+}

@@ -1,0 +1,353 @@
+#include "app/cli/probe.h"
+
+#include <fmt/format.h>
+#include <poll.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <csignal>
+#include <cstring>
+#include <memory>
+#include <random>
+
+#include "app/cli/probe_report.h"
+#include "host/io/link_monitor.h"
+#include "host/io/nic_choice.h"
+#include "host/io/stamped_socket.h"
+#include "host/io/steady_clock.h"
+#include "host/process/failure.h"
+#include "host/process/signals.h"
+#include "host/settings/peer_address.h"
+
+namespace interneuron::cli {
+namespace {
+
+// More often is a flood, and what this host's own scheduling adds would be measured; chosen.
+constexpr double kMinIntervalMs = 1;
+constexpr double kMaxIntervalMs = 60'000;
+constexpr double kMaxTimeoutMs = 60'000;
+constexpr Duration kLiveEvery = std::chrono::milliseconds(200);
+constexpr Duration kFarewell =
+    std::chrono::seconds(2);  // chosen: after Ctrl-C people wait no longer
+constexpr std::size_t kIpv4Udp = 28;
+constexpr std::size_t kIpv6Udp = 48;
+
+Address peer_address(const ProbeOptions& options, const std::string& text, const char* option) {
+  return resolve_peer(text, option, options.stamp.value_or(kDefaultPort));
+}
+
+struct Choice {
+  std::string nic;
+  Address peer{};
+};
+
+Address common_peer(const ProbeOptions& options) {
+  if (options.peer.empty()) {
+    throw Failure(kUsage, "no peer: give --peer HOST, or --nic NIC=HOST for each NIC");
+  }
+  return peer_address(options, options.peer, "--peer");
+}
+
+// The NICs that the peer is routed through.
+std::vector<Choice> ready_nics(const Address& peer, io::LinkMonitor& monitor) {
+  std::vector<Choice> chosen;
+  for (const io::Nic& nic : monitor.nics()) {
+    if ((nic.kind == "loopback") != is_loopback(peer)) continue;
+    monitor.require_route(nic.name, peer);
+    if (monitor.state(nic.name) == NicState::kReady) chosen.push_back({nic.name, peer});
+  }
+  if (chosen.empty()) {
+    throw Failure(kFailed, "no network card is ready with a route to " + to_string(peer) +
+                               "; `interneuron links` says why, --nic NAME tries one anyway");
+  }
+  return chosen;
+}
+
+// The NICs to probe over, by name, each once, and to whom.
+std::vector<Choice> choose_nics(const ProbeOptions& options, io::LinkMonitor& monitor) {
+  if (options.nics.empty()) return ready_nics(common_peer(options), monitor);
+  std::vector<Choice> chosen;
+  for (const std::string& text : options.nics) {
+    const auto equals = text.find('=');
+    const std::string pattern = text.substr(0, equals);
+    const Address peer = equals == std::string::npos
+                             ? common_peer(options)
+                             : peer_address(options, text.substr(equals + 1), "--nic");
+    const std::string wrong = io::nic_pattern_error(pattern);
+    if (!wrong.empty()) throw Failure(kUsage, "--nic '" + text + "': " + wrong);
+    bool any = false;
+    for (const io::Nic& nic : monitor.nics()) {
+      if (!io::matches(pattern, nic)) continue;
+      any = true;
+      if (std::ranges::find(chosen, nic.name, &Choice::nic) != chosen.end()) continue;
+      chosen.push_back({nic.name, peer});
+    }
+    if (!any) throw IoError(io::no_match_text(pattern, monitor.nics()), ENODEV);
+  }
+  return chosen;
+}
+
+class Prober {
+ public:
+  explicit Prober(const ProbeOptions& options);
+  int run();
+
+ private:
+  struct Nic {
+    std::string name;
+    Address peer{};
+    std::unique_ptr<io::StampedSocket> socket;
+    std::unique_ptr<probe::Session> session;
+    int send_error = 0;
+    std::uint64_t send_errors = 0;
+    bool gone = false;
+  };
+  void open(const Choice& choice, io::LinkMonitor& monitor);
+  probe::Options session_options(const io::Nic& nic, const Address& peer) const;
+  void send_due(Nic& nic);
+  void receive(Nic& nic);
+  void wait();
+  bool done() const;
+  void stop();
+  void show_live();
+  std::string problem_of(const Nic& nic) const;
+  int conclude();
+
+  const ProbeOptions& options_;
+  std::vector<Nic> nics_;
+  bool live_;
+  bool shown_ = false;
+  TimePoint shown_at_{};
+  std::array<std::byte, 2048> buffer_;
+};
+
+Prober::Prober(const ProbeOptions& options)
+    : options_(options), live_(::isatty(STDERR_FILENO) == 1 && !options.json_stream) {
+  io::LinkMonitor monitor;
+  for (const Choice& choice : choose_nics(options, monitor)) open(choice, monitor);
+}
+
+probe::Options Prober::session_options(const io::Nic& nic, const Address& peer) const {
+  probe::Options o;
+  o.format = options_.stamp ? probe::Format::kStamp : probe::Format::kEcho;
+  o.count = options_.count == 0 ? probe::kMaxPings : options_.count;
+  o.interval = from_ms(options_.interval_ms);
+  o.timeout = from_ms(options_.timeout_ms);
+  o.size = options_.size;
+  o.rate = !options_.no_rate;
+  o.ip_udp_bytes = is_ipv6(peer) ? kIpv6Udp : kIpv4Udp;
+  const std::size_t room = nic.mtu - std::min(nic.mtu, o.ip_udp_bytes);
+  o.train_size = std::min(room, kMaxDatagramBytes);
+  if (o.size > o.train_size) {
+    throw Failure(kUsage, fmt::format("--size {}: {} carries at most {} bytes (MTU {})", o.size,
+                                      nic.name, o.train_size, nic.mtu));
+  }
+  std::random_device random;
+  while (o.session.value == 0) o.session.value = random();
+  o.link = LinkId{static_cast<std::uint8_t>(nics_.size())};
+  o.wall = io::wall_offset() + wire::kNtpToUnix;
+  return o;
+}
+
+void Prober::open(const Choice& choice, io::LinkMonitor& monitor) {
+  const io::Nic* nic = monitor.find(choice.nic);
+  if (nic == nullptr) throw IoError(io::unknown_nic_text(choice.nic), ENODEV);
+  monitor.require_route(choice.nic, choice.peer);
+  io::UdpOptions udp;
+  udp.nic = choice.nic;
+  // Where only a rule for the source address routes the peer through this NIC.
+  const auto source = monitor.required_source(choice.nic);
+  udp.local = source.value_or(*make_address(is_ipv6(choice.peer) ? "::" : "0.0.0.0", 0));
+  Nic added;
+  added.name = choice.nic;
+  added.peer = choice.peer;
+  added.socket = std::make_unique<io::StampedSocket>(udp);
+  added.session = std::make_unique<probe::Session>(session_options(*nic, choice.peer), io::now());
+  nics_.push_back(std::move(added));
+}
+
+void Prober::send_due(Nic& nic) {
+  while (const std::size_t size = nic.session->poll(io::now(), buffer_)) {
+    const int error = nic.socket->send(nic.peer, ByteView(buffer_).first(size));
+    if (error == 0) continue;
+    nic.send_error = error;
+    ++nic.send_errors;
+    if (error == ENODEV || error == ENXIO) {
+      nic.gone = true;
+      nic.session->stop(io::now());
+      return;
+    }
+  }
+}
+
+void Prober::receive(Nic& nic) {
+  while (const auto datagram = nic.socket->receive()) {
+    if (datagram->from != nic.peer) continue;
+    const auto reply = nic.session->handle(datagram->at, datagram->bytes);
+    if (reply && options_.json_stream) {
+      fmt::print("{}\n", reply_json(nic.name, *reply).dump());
+    }
+  }
+}
+
+void Prober::wait() {
+  std::vector<pollfd> sockets;
+  TimePoint next = io::now() + kLiveEvery;
+  for (const Nic& nic : nics_) {
+    sockets.push_back({nic.socket->native_handle(), POLLIN, 0});
+    if (const auto due = nic.session->next_timeout()) next = std::min(next, *due);
+  }
+  const Duration left = std::max(next - io::now(), Duration::zero());
+  const timespec time{.tv_sec = static_cast<time_t>(left / std::chrono::seconds(1)),
+                      .tv_nsec = static_cast<long>((left % std::chrono::seconds(1)).count())};
+  if (options_.json_stream) std::fflush(stdout);
+  ::ppoll(sockets.data(), sockets.size(), &time, nullptr);
+}
+
+bool Prober::done() const {
+  return std::ranges::all_of(nics_, [](const Nic& nic) { return nic.session->done(); });
+}
+
+void Prober::stop() {
+  for (Nic& nic : nics_) nic.session->stop(io::now());
+}
+
+void Prober::show_live() {
+  const TimePoint now = io::now();
+  if (!live_ || (shown_ && now - shown_at_ < kLiveEvery)) return;
+  shown_at_ = now;
+  std::string text = shown_ ? fmt::format("\x1b[{}A", nics_.size()) : "";
+  for (const Nic& nic : nics_) {
+    const auto& log = nic.session->log();
+    const auto newest = std::find_if(log.rbegin(), log.rend(), [](const probe::SentPacket& p) {
+      return p.answered && p.purpose == probe::Purpose::kPing;
+    });
+    text += fmt::format("\r\x1b[K{:<12} {} of {} answered", nic.name, nic.session->pings_answered(),
+                        nic.session->pings_sent());
+    if (newest != log.rend()) text += fmt::format(", rtt {:.2f} ms", to_ms(newest->rtt()));
+    text += "\n";
+  }
+  shown_ = true;
+  std::fputs(text.c_str(), stderr);
+}
+
+std::string Prober::problem_of(const Nic& nic) const {
+  if (nic.gone) {
+    return fmt::format("{}: went away during the probe, after {} packets", nic.name,
+                       nic.session->pings_sent());
+  }
+  if (nic.session->pings_answered() > 0) return "";
+  if (nic.send_error != 0) {
+    return fmt::format(
+        "{}: nothing could be sent to {}: {}; `interneuron links` says what it lacks", nic.name,
+        to_string(nic.peer), std::strerror(nic.send_error));
+  }
+  return fmt::format(
+      "{}: no reply from {}; {}", nic.name, to_string(nic.peer),
+      options_.stamp ? "does a STAMP reflector (`interneuron road --stamp`) run there, and does a "
+                       "firewall let UDP through?"
+                     : "does `interneuron road` run there, and does a firewall let UDP through? "
+                       "(other STAMP reflectors: --stamp)");
+}
+
+int Prober::conclude() {
+  if (shown_) fmt::print(stderr, "\x1b[{}A\x1b[J", nics_.size());  // the table says it all
+  std::vector<ProbedNic> results;
+  for (const Nic& nic : nics_) {
+    results.push_back({nic.name, to_string(nic.peer), to_string(nic.socket->local_address()),
+                       nic.session->summary(), problem_of(nic)});
+  }
+  if (options_.json_stream) {
+    fmt::print("{}\n", probe_json(options_, results).dump());
+  } else if (options_.json) {
+    fmt::print("{}\n", probe_json(options_, results).dump(2));
+  } else {
+    print_probe_table(options_, results);
+  }
+  std::fflush(stdout);
+  int code = kFine;
+  for (const ProbedNic& result : results) {
+    if (result.problem.empty()) continue;
+    fmt::print(stderr, "interneuron: {}\n", result.problem);
+    code = kFailed;
+  }
+  return code;
+}
+
+int Prober::run() {
+  const SignalWatch signals;
+  const io::PreciseTimers precise;
+  std::optional<TimePoint> interrupted;
+  while (!done()) {
+    for (Nic& nic : nics_) send_due(nic);
+    show_live();
+    // A signal ends the pings; what is under way is waited for, but not for long.
+    if (SignalWatch::last() != 0 && !interrupted) {
+      interrupted = io::now();
+      stop();
+      continue;
+    }
+    if (interrupted && io::now() - *interrupted > kFarewell) break;
+    wait();
+    for (Nic& nic : nics_) receive(nic);
+  }
+  return conclude();
+}
+
+}  // namespace
+
+int run_probe(const ProbeOptions& options) { return Prober(options).run(); }
+
+void add_probe(CLI::App& program, std::function<int()>& run) {
+  auto o = std::make_shared<ProbeOptions>();
+  auto stamp = std::make_shared<std::uint16_t>(0);
+  CLI::App* c = program.add_subcommand(
+      "probe", "Measure the paths to a roadside unit over every NIC: round trip, loss, rate");
+  c->add_option("--peer", o->peer,
+                "HOST[:PORT] to measure to; port 47000 by default, with --stamp its port");
+  c->add_option("--nic", o->nics,
+                "NIC[=HOST[:PORT]], a name, glob, kind:KIND or mac:ADDRESS; once per NIC (default: "
+                "every NIC that is ready)")
+      ->take_all();
+  c->add_option("--count", o->count, "Packets per NIC; 0: until Ctrl-C")
+      ->capture_default_str()
+      ->check(CLI::Range(std::size_t{0}, probe::kMaxPings));
+  c->add_option("--interval", o->interval_ms, "Between two packets, like 20ms or 0.5s, from 1ms on")
+      ->default_str("20ms")
+      ->transform(CLI::AsNumberWithUnit(std::map<std::string, double>{{"ms", 1}, {"s", 1e3}},
+                                        CLI::AsNumberWithUnit::CASE_INSENSITIVE, "TIME"))
+      ->check(CLI::Range(kMinIntervalMs, kMaxIntervalMs));
+  c->add_option("--timeout", o->timeout_ms, "A later reply is late, like 1s or 500ms")
+      ->default_str("1s")
+      ->transform(CLI::AsNumberWithUnit(std::map<std::string, double>{{"ms", 1}, {"s", 1e3}},
+                                        CLI::AsNumberWithUnit::CASE_INSENSITIVE, "TIME"))
+      ->check(CLI::Range(1.0, kMaxTimeoutMs));
+  c->add_option("--size", o->size, "UDP payload, bytes")
+      ->capture_default_str()
+      ->check(CLI::Range(probe::smallest(probe::Format::kEcho), kMaxDatagramBytes));
+  c->add_flag("--no-rate", o->no_rate, "No trains for the rate");
+  CLI::Option* stamp_option =
+      c->add_option("--stamp", *stamp, "Plain STAMP (RFC 8762) to any reflector, port 862 or PORT")
+          ->expected(0, 1)
+          ->default_str(std::to_string(wire::kStampPort))
+          ->check(CLI::Range(1, 65535))
+          ->type_name("[PORT]");
+  c->add_flag("--json", o->json, "The summary as JSON");
+  c->add_flag("--json-stream", o->json_stream,
+              "One JSON object per reply and line, the summary as the last");
+  c->footer(
+      "Examples:\n  interneuron probe --peer 10.77.0.1\n"
+      "  interneuron probe --peer 10.77.0.1 --nic wwan0 --count 20000 --interval 1ms --no-rate\n"
+      "  interneuron probe --nic wwan0=10.77.0.1 --nic wwan1=10.78.0.1\n"
+      "  interneuron probe --peer 192.0.2.7 --stamp --json");
+  c->callback([&run, o, stamp, stamp_option] {
+    run = [o, stamp, stamp_option] {
+      if (stamp_option->count() > 0) o->stamp = *stamp;
+      return run_probe(*o);
+    };
+  });
+}
+
+}  // namespace interneuron::cli

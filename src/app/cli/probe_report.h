@@ -1,0 +1,27 @@
+// What a probe found, for people and for programs.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "app/cli/probe.h"
+#include "core/probe/session.h"
+#include "lab/files/run_files.h"
+
+namespace interneuron::cli {
+
+struct ProbedNic {
+  std::string nic;
+  std::string peer;
+  std::string local;
+  probe::Summary summary;
+  std::string problem;  // one line; empty: it answered
+};
+
+// schema interneuron.probe/1
+Json probe_json(const ProbeOptions& options, const std::vector<ProbedNic>& nics);
+// One line of --json-stream, schema interneuron.probe.reply/1.
+Json reply_json(const std::string& nic, const probe::Reply& reply);
+void print_probe_table(const ProbeOptions& options, const std::vector<ProbedNic>& nics);
+
+}  // namespace interneuron::cli

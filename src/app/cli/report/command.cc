@@ -1,0 +1,110 @@
+#include "app/cli/report/command.h"
+
+#include <fmt/format.h>
+
+#include <fstream>
+#include <memory>
+
+#include "host/process/failure.h"
+#include "host/process/progress.h"
+#include "host/process/signals.h"
+#include "host/settings/data.h"
+#include "lab/eval/experiments/document.h"
+#include "lab/eval/experiments/experiment.h"
+#include "lab/files/staging.h"
+#include "lab/report/figure.h"
+#include "lab/report/page.h"
+#include "lab/report/pictures.h"
+
+namespace interneuron::cli {
+namespace report {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Options {
+  std::string folder;
+  std::string data;
+};
+
+Section section_of(const fs::path& file) {
+  try {
+    Section section;
+    section.document = read_json(file);
+    if (section.document.at("schema") != eval::kSchema) throw Failure(kFailed, "another schema");
+    if (section.document.at("experiment") != file.stem().string()) {
+      throw Failure(kFailed, "another experiment");
+    }
+    section.findings = eval::findings(section.document);
+    section.figures = figures_of(section.document);
+    section.svgs.resize(section.figures.size());
+    return section;
+  } catch (const std::exception& error) {
+    throw Failure(kFailed, "'" + file.string() + "': not an evaluation of this version (" +
+                               error.what() + "); run `interneuron eval` again");
+  }
+}
+
+// In the order of the experiments.
+std::vector<Section> sections_of(const fs::path& folder) {
+  if (!fs::is_directory(folder)) {
+    throw Failure(kUsage, "'" + folder.string() + "' is no folder; `interneuron eval all` makes " +
+                              "out/eval");
+  }
+  std::vector<Section> out;
+  for (const eval::Experiment& experiment : eval::experiments()) {
+    const fs::path file = folder / (std::string(experiment.name) + ".json");
+    if (fs::exists(file)) out.push_back(section_of(file));
+  }
+  if (out.empty()) {
+    throw Failure(kFailed, "no experiment in '" + folder.string() +
+                               "'; run `interneuron eval EXPERIMENT --out " + folder.string() +
+                               "` first");
+  }
+  return out;
+}
+
+int run_report(const Options& o) {
+  std::vector<Section> sections = sections_of(o.folder);
+  const SignalWatch signals;
+  eval::Staging staging(o.folder);
+  std::vector<std::pair<std::size_t, std::size_t>> all;  // section, figure
+  for (std::size_t s = 0; s < sections.size(); ++s) {
+    for (std::size_t i = 0; i < sections[s].figures.size(); ++i) all.emplace_back(s, i);
+  }
+  eval::Progress progress;
+  progress.for_each("figures", all.size(), [&](std::size_t i) {
+    Section& section = sections[all[i].first];
+    const Figure& figure = section.figures[all[i].second];
+    draw_figure(staging / "", figure);
+    section.svgs[all[i].second] = inline_svg(staging / "", figure);
+  });
+  std::string missing;
+  const auto shots = pictures(find_data(o.data), !o.data.empty(), missing);
+  const fs::path file = staging / "report.html";
+  std::ofstream out(file);
+  out << page(sections, shots, missing);
+  out.close();
+  if (!out) throw Failure(kFailed, "cannot write '" + file.string() + "'; is the disk full?");
+  staging.publish();
+  fmt::print("written to {}: report.html, {} figures as SVG and PNG\n", o.folder, all.size());
+  return kFine;
+}
+
+}  // namespace
+}  // namespace report
+
+void add_report(CLI::App& program, std::function<int()>& run) {
+  auto o = std::make_shared<report::Options>();
+  CLI::App* c = program.add_subcommand(
+      "report",
+      "One self-contained HTML page of an evaluation's folder, every figure as SVG and PNG");
+  c->add_option("DIR", o->folder, "Folder that `interneuron eval` has written to")->required();
+  c->add_option("--data", o->data,
+                "Folder with the demo video and recorded detections, for the pictures (default: "
+                "INTERNEURON_DATA, ../shared/data, build/data)");
+  c->footer("Example:\n  interneuron eval all && interneuron report out/eval");
+  c->callback([&run, o] { run = [o] { return report::run_report(*o); }; });
+}
+
+}  // namespace interneuron::cli

@@ -1,0 +1,124 @@
+#include "app/cli/top_command.h"
+
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <memory>
+#include <thread>
+
+#include "app/cli/terminal.h"
+#include "app/watch/screen.h"
+#include "app/watch/source.h"
+#include "host/io/steady_clock.h"
+#include "host/process/failure.h"
+#include "host/process/signals.h"
+#include "host/settings/config_file.h"
+#include "host/settings/link_options.h"
+
+namespace interneuron::cli {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr Duration kSample = 500ms;  // one column of a sparkline
+constexpr int kKeyWaitMs = 100;      // a key, a new size of the window and a signal wait so long
+
+struct Options {
+  LinkSourceOptions source;
+  std::string config;
+  bool once = false;
+  double seconds = 3;
+  std::size_t width = 100;
+  bool no_color = false;
+};
+
+bool colored(const Options& o) {
+  const char* no_color = std::getenv("NO_COLOR");  // https://no-color.org
+  return !o.no_color && (no_color == nullptr || *no_color == '\0');
+}
+
+// While the screen is ours, a log line would tear it.
+class Silence {
+ public:
+  Silence() : level_(spdlog::get_level()) { spdlog::set_level(spdlog::level::off); }
+  ~Silence() { spdlog::set_level(level_); }
+  Silence(const Silence&) = delete;
+  Silence& operator=(const Silence&) = delete;
+
+ private:
+  spdlog::level::level_enum level_;
+};
+
+int live(const Options& o) {
+  const auto source = make_link_source(o.source);
+  const Silence silence;
+  LinksHistory history;
+  Terminal terminal(colored(o));
+  TimePoint next = io::now();
+  for (int key = 0; key != 'q' && key != 'Q' && SignalWatch::last() == 0;) {
+    if (io::now() >= next) {
+      next = std::max(next + kSample, io::now());
+      history.add(source->snapshot());
+    }
+    terminal.show(draw(
+        history,
+        {.width = terminal.width(), .height = terminal.height(), .unicode = terminal.unicode()}));
+    key = terminal.key(kKeyWaitMs);
+  }
+  return kFine;
+}
+
+int once(const Options& o) {
+  const auto source = make_link_source(o.source);
+  LinksHistory history;
+  const TimePoint end = io::now() + from_ms(o.seconds * 1000);
+  history.add(source->snapshot());
+  while (io::now() < end && SignalWatch::last() == 0) {
+    std::this_thread::sleep_for(std::min(kSample, end - io::now()));
+    history.add(source->snapshot());
+  }
+  fmt::print("{}", plain_text(draw(history, {.width = o.width})));
+  return kFine;
+}
+
+}  // namespace
+
+void add_top(CLI::App& program, std::function<int()>& run) {
+  auto o = std::make_shared<Options>();
+  CLI::App* c = program.add_subcommand("top", "The links of this host, live");
+  add_config_option(*c, o->config);
+  c->add_option("--peer", o->source.peer,
+                "HOST[:PORT] of a roadside unit: measure towards it, over every card that has a "
+                "route (default: what a vehicle or road that runs here measures)");
+  add_link_option(*c, "--link", o->source.links, LinkPeer::kNamed)->excludes("--peer");
+  auto* once_flag = c->add_flag("--once", o->once, "One frame as text, then the end");
+  c->add_option("--for", o->seconds, "Seconds that --once looks")
+      ->capture_default_str()
+      ->check(CLI::Range(0.0, 3600.0))
+      ->needs(once_flag);
+  c->add_option("--width", o->width, "Columns of --once")
+      ->capture_default_str()
+      ->check(CLI::Range(40, 1000))
+      ->needs(once_flag);
+  c->add_flag("--no-color", o->no_color, "No colour; NO_COLOR in the environment does the same");
+  c->footer(
+      "Examples:\n  interneuron top\n  interneuron top --peer 192.0.2.7\n"
+      "  interneuron top --once --for 10 --width 120");
+  c->callback([&run, o, c] {
+    run = [o, c] {
+      apply_config(*c, o->config);
+      if (!o->once && (::isatty(STDOUT_FILENO) == 0 || ::isatty(STDIN_FILENO) == 0)) {
+        throw Failure(kUsage,
+                      "top needs a terminal; without one use `interneuron links --json-stream`, or "
+                      "--once for one frame");
+      }
+      const SignalWatch signals;
+      const int code = o->once ? once(*o) : live(*o);
+      return SignalWatch::last() != 0 ? 128 + SignalWatch::last() : code;
+    };
+  });
+}
+
+}  // namespace interneuron::cli

@@ -1,0 +1,20 @@
+// The checks of one network card (NIC); see judge.h. Pure.
+#pragma once
+
+#include <vector>
+
+#include "app/doctor/judge.h"
+
+namespace interneuron::cli::doctor {
+
+void judge_nic(const io::HostFacts& host, const io::NicHostFacts& nic,
+               std::vector<Finding>& findings);
+
+// "10.0.0.2", without port and brackets.
+std::string host_text(const Address& address);
+
+// The network of an address, "192.168.8.0/24".
+std::string subnet_text(const io::SourceFacts& source);
+bool overlap(const io::SourceFacts& a, const io::SourceFacts& b);
+
+}  // namespace interneuron::cli::doctor

@@ -1,0 +1,245 @@
+// table-erdos on the testbed: the same seeds, delays and systems with real sockets, images and
+// detection over emulated links, and beside them the simulation with the run times that this
+// machine had.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+
+#include "app/eval_testbed/testbed_bench.h"
+#include "host/settings/data.h"
+#include "lab/eval/experiments/compare.h"
+
+namespace interneuron::cli::eval {
+namespace {
+
+namespace core = interneuron::eval;
+namespace fs = std::filesystem;
+
+constexpr const char* kSystems[] = {"ours", "paper", "erdos_like"};
+// Simulation and testbed agree when they differ by no more.
+constexpr double kOnTimePoints = 0.02 + 1e-9;  // of the rounds; exactly 2 points are within
+constexpr double kE2eShare = 0.05;             // of the median
+// Rounds for what erdos_like freezes, even of a short run; chosen.
+constexpr std::uint32_t kFewestUndisturbed = 20;
+
+// [system][seed].
+using BenchRuns = std::vector<std::vector<BenchRun>>;
+
+BenchRuns run_all(const Request& request, const core::Scenario& scenario,
+                  const std::vector<core::System>& systems, Bench& bench) {
+  BenchRuns out(systems.size());
+  const std::size_t count = systems.size() * request.seeds();
+  const double seconds = request.rounds * to_ms(scenario.period) / 1e3;
+  std::size_t done = 0;
+  for (std::uint64_t seed = request.first_seed; seed <= request.last_seed; ++seed) {
+    const core::Trace trace = core::make_trace(scenario.law, seed, request.rounds);
+    for (std::size_t i = 0; i < systems.size(); ++i) {
+      fmt::print(stderr, "testbed: run {} of {}: {}, seed {}, {:.0f} s\n", ++done, count,
+                 systems[i].name, seed, seconds);
+      out[i].push_back(bench.run(systems[i], trace, seed));
+    }
+  }
+  return out;
+}
+
+std::optional<perception::GroundTruth> truth_of(const Request& request) {
+  const auto file = default_truth(request.data);
+  if (!file) return std::nullopt;
+  return perception::read_mot_truth(*file);
+}
+
+// By the boxes that the application really got.
+void add_boxes(const std::optional<perception::GroundTruth>& truth,
+               const std::vector<BenchRun>& runs, Json& row) {
+  for (const char* key : {"ap", "ar", "effective_ap", "effective_ar"}) row[key] = nullptr;
+  if (!truth) return;
+  std::vector<perception::Shown> every;
+  std::vector<perception::Shown> on_time;
+  for (const BenchRun& bench : runs) {
+    for (std::size_t i = 0; i < bench.boxes.size(); ++i) {
+      every.push_back(bench.boxes[i]);
+      if (bench.run.rounds[i].on_time) on_time.push_back(bench.boxes[i]);
+    }
+  }
+  const perception::Accuracy effective = perception::evaluate(*truth, every);
+  row["effective_ap"] = effective.ap;
+  row["effective_ar"] = effective.ar;
+  if (on_time.empty()) return;
+  const perception::Accuracy paper = perception::evaluate(*truth, on_time);
+  row["ap"] = paper.ap;
+  row["ar"] = paper.ar;
+}
+
+// Medians of what undisturbed rounds with one image took, by part.
+struct Parts {
+  std::size_t rounds = 0;
+  double uplink_ms = 0;
+  double compute_ms = 0;
+  double downlink_ms = 0;
+};
+Parts parts_of(const std::vector<core::Run>& runs, std::size_t variant) {
+  std::vector<double> uplink;
+  std::vector<double> compute;
+  std::vector<double> downlink;
+  for (const core::Run& run : runs) {
+    for (const core::Round& r : run.rounds) {
+      if (r.injected.any || !r.on_time || r.variant != variant || !r.compute_ended) continue;
+      uplink.push_back(to_ms(*r.delivered));
+      compute.push_back(to_ms(*r.compute_ended - *r.delivered));
+      downlink.push_back(to_ms(r.e2e - *r.compute_ended));
+    }
+  }
+  return {uplink.size(), core::percentile(uplink, 0.5), core::percentile(compute, 0.5),
+          core::percentile(downlink, 0.5)};
+}
+
+// The image that most of these rounds used.
+std::size_t usual_variant(const core::Profile& profile, const std::vector<core::Run>& runs) {
+  std::size_t usual = 0;
+  for (std::size_t v = 1; v < profile.variants.size(); ++v) {
+    if (parts_of(runs, v).rounds > parts_of(runs, usual).rounds) usual = v;
+  }
+  return usual;
+}
+
+Json agreement_row(const std::string& name, const core::Profile& profile,
+                   const std::vector<core::Run>& testbed, const std::vector<core::Run>& sim) {
+  const core::Figures real = core::figures(testbed, profile);
+  const core::Figures virtual_time = core::figures(sim, profile);
+  const auto on_time = [](const core::Figures& f) {
+    return 1 - static_cast<double>(f.timeouts) / static_cast<double>(f.rounds);
+  };
+  const double points = on_time(real) - on_time(virtual_time);
+  const double change =
+      virtual_time.e2e_p50_ms > 0 ? real.e2e_p50_ms / virtual_time.e2e_p50_ms - 1 : 0;
+  const std::size_t variant = usual_variant(profile, testbed);
+  const Parts parts = parts_of(testbed, variant);
+  const Parts simulated = parts_of(sim, variant);
+  const auto part = [&](double Parts::*which) {
+    const auto value = [which](const Parts& p) {
+      return p.rounds > 0 ? Json(p.*which) : Json(nullptr);
+    };
+    return Json{{"testbed", value(parts)}, {"sim", value(simulated)}};
+  };
+  return {
+      {"name", name},
+      {"image", profile.variants[variant].name},
+      {"on_time", {{"testbed", on_time(real)}, {"sim", on_time(virtual_time)}, {"points", points}}},
+      {"e2e_p50_ms",
+       {{"testbed", real.e2e_p50_ms}, {"sim", virtual_time.e2e_p50_ms}, {"change", change}}},
+      {"uplink_ms", part(&Parts::uplink_ms)},
+      {"compute_ms", part(&Parts::compute_ms)},
+      {"downlink_ms", part(&Parts::downlink_ms)},
+      {"on_time_agrees", std::abs(points) <= kOnTimePoints},
+      {"e2e_agrees", std::abs(change) <= kE2eShare}};
+}
+
+Json agreement(const Compared& testbed, const Compared& sim) {
+  Json rows = Json::array();
+  for (std::size_t i = 0; i < testbed.systems.size(); ++i) {
+    rows.push_back(agreement_row(testbed.systems[i].name, testbed.scenario.profile, testbed.runs[i],
+                                 sim.runs[i]));
+  }
+  return table("agreement", "Testbed and simulation",
+               "The same seeds, delays and systems; the simulation has the run times that the "
+               "levels had on the testbed. Parts: medians of undisturbed rounds on time with the "
+               "image that most of them used.",
+               {{"/name", "system"},
+                {"/on_time/testbed", "on time, testbed, %", 2, true},
+                {"/on_time/sim", "simulation, %", 2, true},
+                {"/on_time_agrees", "within 2 points"},
+                {"/e2e_p50_ms/testbed", "e2e p50, testbed, ms", 1},
+                {"/e2e_p50_ms/sim", "simulation, ms", 1},
+                {"/e2e_agrees", "within 5 %"},
+                {"/image", "parts with"},
+                {"/uplink_ms/testbed", "uplink, testbed, ms", 1},
+                {"/uplink_ms/sim", "simulation, ms", 1},
+                {"/compute_ms/testbed", "computation, testbed, ms", 1},
+                {"/compute_ms/sim", "simulation, ms", 1},
+                {"/downlink_ms/testbed", "downlink, testbed, ms", 1},
+                {"/downlink_ms/sim", "simulation, ms", 1}},
+               rows);
+}
+
+Json level_table(const core::Profile& calibrated, const core::Profile& measured) {
+  Json rows = Json::array();
+  for (std::size_t i = 0; i < measured.levels.size(); ++i) {
+    rows.push_back({{"name", measured.level_names[i]},
+                    {"calibrated_ms", to_ms(calibrated.levels[i].median)},
+                    {"calibrated_p95_ms", to_ms(calibrated.levels[i].p95)},
+                    {"measured_ms", to_ms(measured.levels[i].median)},
+                    {"measured_p95_ms", to_ms(measured.levels[i].p95)}});
+  }
+  return table("levels", "Run times of the levels on this machine",
+               "Calibrated before the first run, and in operation, without what was injected; a "
+               "level that hardly ran in operation keeps its calibrated times.",
+               {{"/name", "level"},
+                {"/calibrated_ms", "calibrated p50, ms", 1},
+                {"/calibrated_p95_ms", "p95", 1},
+                {"/measured_ms", "in operation p50, ms", 1},
+                {"/measured_p95_ms", "p95", 1}},
+               rows);
+}
+
+std::string load() {
+  double averages[1] = {};
+  if (::getloadavg(averages, 1) != 1) return "not known";
+  return fmt::format("{:.1f}", averages[0]);
+}
+
+// The recordings are of the models that the profile tells the accuracy of.
+bool is_recorded(const core::Profile& profile) {
+  return profile.levels.front().quality.size() == profile.variants.size();
+}
+
+}  // namespace
+
+void run_table_erdos_on_testbed(const Request& request, Json& document) {
+  core::Scenario scenario = core::table_erdos_scenario();
+  const std::vector<core::System> systems = some_systems(kSystems);
+  const std::string load_before = load();
+  Bench bench(scenario, request.data, request.ladder, request.scratch);
+  const std::uint32_t undisturbed =
+      std::clamp(request.rounds, kFewestUndisturbed, core::kErdosRounds);
+  fmt::print(stderr, "testbed: calibrating the detectors, {} undisturbed rounds\n", undisturbed);
+  bench.calibrate(undisturbed);
+  fmt::print(stderr, "testbed: {}\n", bench.ladder());
+  const BenchRuns runs = run_all(request, scenario, systems, bench);
+
+  scenario.profile = measured(bench.profile(), runs);
+  scenario.erdos = bench.erdos();
+  const Scorer nothing(std::nullopt, false);
+  const Request scored{request.rounds,    request.first_seed,
+                       request.last_seed, is_recorded(scenario.profile) ? request.scorer : nothing,
+                       request.progress,  request.data,
+                       request.scratch,   request.ladder};
+  const Compared sim = compare(scored, "the same in virtual time", scenario, systems);
+  Compared testbed{scenario, systems, {}, sim.oracle, sim.causal};
+  for (const std::vector<BenchRun>& of_system : runs) {
+    auto& of = testbed.runs.emplace_back();
+    for (const BenchRun& bench_run : of_system) of.push_back(bench_run.run);
+  }
+  Json rows = rows_of(scored, testbed);
+  const auto truth = truth_of(request);
+  for (std::size_t i = 0; i < systems.size(); ++i) add_boxes(truth, runs[i], rows[i]);
+  document["tables"].push_back(table("uniform", "On the testbed, uniform law, raw images",
+                                     describe(scenario), system_columns(), rows));
+  document["tables"].push_back(table("uniform-sim", "The same in virtual time", describe(scenario),
+                                     system_columns(), rows_of(scored, sim)));
+  document["tables"].push_back(agreement(testbed, sim));
+  document["tables"].push_back(level_table(bench.profile(), scenario.profile));
+  for (const char* name : {"ours", "erdos_like"}) add_example(document, testbed, name);
+  document["notes"].push_back(
+      fmt::format("Real sockets in network namespaces, links by the emulator, {}. AP and AR of "
+                  "the testbed's rows are of the boxes that the application got{}.",
+                  bench.ladder(), truth ? "" : ", and are not known without the ground truth"));
+  document["notes"].push_back(
+      fmt::format("Load average of this machine (1 min) before: {}, after: {}. The oracle has the "
+                  "run times of the simulation.",
+                  load_before, load()));
+}
+
+}  // namespace interneuron::cli::eval

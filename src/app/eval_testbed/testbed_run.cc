@@ -1,0 +1,241 @@
+#include "app/eval_testbed/testbed_run.h"
+
+#include <map>
+#include <optional>
+#include <utility>
+
+#include "app/eval_testbed/delayed_transport.h"
+#include "core/wire/packet.h"
+#include "core/wire/round_header.h"
+#include "host/process/failure.h"
+#include "perception/detection.h"
+
+namespace interneuron::cli::eval {
+namespace {
+
+namespace core = interneuron::eval;
+namespace fs = std::filesystem;
+using core::Module;
+
+Json levels_json(std::span<const LevelProfile> levels) {
+  Json out = Json::array();
+  for (const LevelProfile& level : levels) {
+    out.push_back({{"median_ns", level.median.count()},
+                   {"p95_ns", level.p95.count()},
+                   {"quality", level.quality}});
+  }
+  return out;
+}
+
+// How much later the packets of a program leave: data packets of a round into which something is
+// injected. The first piece of a message opens with its round's header, and the pieces of a message
+// leave in order.
+class PacketDelays {
+ public:
+  PacketDelays(TestbedRun run, Module module) : run_(std::move(run)), module_(module) {}
+
+  Duration of(ByteView datagram) {
+    const auto type = static_cast<wire::PacketType>(std::to_integer<std::uint8_t>(datagram[0]));
+    if (type != wire::PacketType::kData) return {};
+    const auto packet = wire::parse(datagram);
+    if (!packet) return {};
+    const wire::FragmentHeader& fragment = packet->data.fragment;
+    if (fragment.index == 0) {
+      const auto header = wire::parse_round_header(packet->data.bytes);
+      if (header) delays_[fragment.message] = run_.in(module_, header->round.round);
+    }
+    const auto known = delays_.find(fragment.message);
+    return known == delays_.end() ? Duration{} : known->second;
+  }
+
+ private:
+  TestbedRun run_;
+  Module module_;
+  std::map<MessageId, Duration> delays_;
+};
+
+// All links share the delays: a lost piece may be sent again on another one.
+void inject(NodeOptions& node, const TestbedRun& run, Module module) {
+  auto delays = std::make_shared<PacketDelays>(run, module);
+  node.wrap_transport = [delays](LinkId, std::unique_ptr<Transport> inner) {
+    return std::make_unique<DelayedTransport>(
+        std::move(inner), [delays](ByteView datagram) { return delays->of(datagram); });
+  };
+}
+
+const char* kind_of(const RoundDone& done, bool local_backup) {
+  if (done.outcome == Outcome::kRemote) return "remote";
+  if (!done.age_rounds) return "nothing";
+  if (*done.age_rounds == 0) return "local";
+  return done.stale_remote || !local_backup ? "stale" : "stale_local";
+}
+
+}  // namespace
+
+std::vector<LevelProfile> levels_of(const Json& levels) {
+  std::vector<LevelProfile> out;
+  for (const Json& level : levels) {
+    out.push_back({Duration{level.at("median_ns")}, Duration{level.at("p95_ns")},
+                   level.at("quality").get<std::vector<double>>()});
+    if (out.back().quality.empty()) {
+      out.back().quality = {static_cast<double>(out.size()) / static_cast<double>(levels.size())};
+    }
+  }
+  return out;
+}
+
+Duration TestbedRun::in(Module module, RoundId round) const {
+  if (round.value >= injected.size()) return {};
+  const core::Injected& i = injected[round.value];
+  return i.any && i.module == module ? i.delay : Duration{};
+}
+
+void write_testbed_run(const fs::path& file, const TestbedRun& run) {
+  Json injected = Json::array();
+  for (const core::Injected& i : run.injected) {
+    injected.push_back(i.any ? Json{{"module", to_string(i.module)}, {"delay_ns", i.delay.count()}}
+                             : Json(nullptr));
+  }
+  std::vector<std::int64_t> runtime_ns;
+  for (const Duration d : run.erdos.runtime) runtime_ns.push_back(d.count());
+  write_json(file, {{"system", run.system.name},
+                    {"injected", injected},
+                    {"erdos",
+                     {{"uplink_ns", run.erdos.uplink.count()},
+                      {"downlink_ns", run.erdos.downlink.count()},
+                      {"runtime_ns", runtime_ns}}},
+                    {"levels", levels_json(run.levels)},
+                    {"local_quality", run.fallback.local},
+                    {"stale_share", run.fallback.stale_share}});
+}
+
+TestbedRun read_testbed_run(const fs::path& file) {
+  const auto bad = [&file](const std::string& why) {
+    return Failure(kConfiguration, "'" + file.string() + "': not a run of the testbed: " + why);
+  };
+  try {
+    const Json json = read_json(file);
+    TestbedRun run;
+    const core::System* system = core::find_system(json.at("system"));
+    if (system == nullptr) throw bad("no such system");
+    run.system = *system;
+    for (const Json& i : json.at("injected")) {
+      core::Injected& injected = run.injected.emplace_back();
+      if (i.is_null()) continue;
+      injected.any = true;
+      injected.delay = Duration{i.at("delay_ns")};
+      for (std::size_t m = 0; m < core::kModules; ++m) {
+        if (i.at("module") == to_string(static_cast<Module>(m))) {
+          injected.module = static_cast<Module>(m);
+        }
+      }
+    }
+    const Json& erdos = json.at("erdos");
+    run.erdos = {Duration{erdos.at("uplink_ns")}, Duration{erdos.at("downlink_ns")}, {}};
+    for (const std::int64_t ns : erdos.at("runtime_ns")) run.erdos.runtime.emplace_back(ns);
+    run.levels = levels_of(json.at("levels"));
+    run.fallback = {json.at("local_quality"), json.at("stale_share").get<std::vector<double>>()};
+    run.file = file;
+    return run;
+  } catch (const Json::exception& error) {
+    throw bad(error.what());
+  }
+}
+
+// --- vehicle
+
+void TestbedVehicle::configure(PipelineConfig& pipeline) const {
+  const core::System& system = run_.system;
+  pipeline.policy = system.policy;
+  pipeline.guard = system.guard;
+  pipeline.use_x = system.use_x;
+  pipeline.use_handler = system.use_handler;
+  pipeline.levels = run_.levels;
+  pipeline.fallback = run_.fallback;
+}
+
+void TestbedVehicle::configure(NodeOptions& node) const { inject(node, run_, Module::kUplink); }
+
+Variants TestbedVehicle::submitted(Variants variants) const {
+  if (!run_.system.only_variant) return variants;
+  return {std::move(variants.at(*run_.system.only_variant))};
+}
+
+void TestbedVehicle::done(const RoundDone& event, const RoundRow& row) {
+  const auto result = perception::decode_result(event.result);
+  Json boxes = Json::array();
+  if (result) {
+    for (const perception::Box& b : result->boxes) boxes.push_back({b.x, b.y, b.w, b.h, b.score});
+  }
+  rounds_.push_back({{"round", event.round.round.value},
+                     {"frame", row.frame},
+                     {"t0_ns", event.t0.time_since_epoch().count()},
+                     {"e2e_ns", event.e2e.count()},
+                     {"shown", kind_of(event, run_.system.local_backup)},
+                     {"age", event.age_rounds.value_or(0)},
+                     {"level", result ? result->level : 0},
+                     {"variant", result ? static_cast<int>(result->variant) : 0},
+                     {"degraded_final", event.degraded_final},
+                     {"x_permille", event.x_permille},
+                     {"recovering", event.recovering},
+                     {"plan", row.plan},
+                     {"boxes", boxes}});
+}
+
+void TestbedVehicle::finished(const std::vector<Statistics::Link>& links) {
+  Json bytes = Json::array();
+  const auto ip = [](std::uint64_t packets, std::uint64_t payload) {
+    return payload + packets * wire::kIpUdpOverhead;
+  };
+  for (const Statistics::Link& link : links) {
+    const LinkCounters& c = link.counters;
+    bytes.push_back({{"up", ip(c.sent_packets, c.sent_bytes)},
+                     {"down", ip(c.received_packets, c.received_bytes)}});
+  }
+  write_json(run_.file.parent_path() / "vehicle.json", {{"links", bytes}, {"rounds", rounds_}});
+}
+
+// --- roadside
+
+void TestbedRoad::configure(NodeOptions& node) const { inject(node, run_, Module::kDownlink); }
+
+Duration TestbedRoad::before_compute(RoundId round) const {
+  return run_.in(Module::kBeforeCompute, round);
+}
+Duration TestbedRoad::inside_compute(RoundId round) const {
+  return run_.in(Module::kInsideCompute, round);
+}
+
+std::optional<std::size_t> TestbedRoad::level(std::span<const LevelProfile> levels,
+                                              TimePoint delivered, TimePoint now) const {
+  switch (run_.system.level) {
+    case core::LevelRule::kFixedTop:
+      return levels.size() - 1;
+    case core::LevelRule::kErdos:
+      return core::erdos_rule(run_.erdos, core::Scenario{}.deadline, false)(Duration{},
+                                                                            now - delivered);
+    case core::LevelRule::kErdosE2e:  // needs t0, which no roadside unit is told
+    case core::LevelRule::kGuard:
+      break;
+  }
+  return std::nullopt;
+}
+
+void TestbedRoad::computed(const Computed& c) {
+  rounds_.push_back({{"round", c.round.value},
+                     {"variant", c.variant},
+                     {"level", c.level},
+                     {"degraded", c.degraded},
+                     {"delivered_ns", c.delivered.time_since_epoch().count()},
+                     {"began_ns", c.began.time_since_epoch().count()},
+                     {"ended_ns", c.ended.time_since_epoch().count()}});
+}
+
+void TestbedRoad::finished(const std::string& ladder, const std::vector<std::string>& names,
+                           std::span<const LevelProfile> levels) {
+  write_json(
+      run_.file.parent_path() / "road.json",
+      {{"ladder", ladder}, {"names", names}, {"levels", levels_json(levels)}, {"rounds", rounds_}});
+}
+
+}  // namespace interneuron::cli::eval

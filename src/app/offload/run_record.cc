@@ -1,0 +1,103 @@
+#include "app/offload/run_record.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "app/offload/offload_request.h"
+#include "interneuron/guard.h"
+#include "perception/accuracy.h"
+#include "perception/codec.h"
+#include "perception/picture.h"
+
+namespace interneuron::cli {
+
+namespace perc = perception;
+
+void RunRecord::begun(std::uint32_t round, const perc::Frame& frame) {
+  ++counts_.begun;
+  RoundRow row;
+  row.round = round;
+  row.frame = frame.index;
+  row.guard = guard_;
+  rows_.push_back(row);
+  shown_.emplace_back();
+  if (!picture_round_ && (rounds_ == 0 || counts_.begun > rounds_ / 2)) picture_ = frame.bgr;
+}
+
+void RunRecord::planned(std::uint32_t round, const std::string& plan) {
+  if (round >= rows_.size()) return;
+  std::string& text = rows_[round].plan;
+  if (!text.empty()) text += ' ';
+  text += plan;
+}
+
+const RoundRow& RunRecord::done(const RoundDone& event, Duration deadline) {
+  RoundRow& row = rows_[event.round.round.value];
+  row.t0 = event.t0;
+  row.answered = true;
+  row.outcome = event.outcome;
+  row.e2e = event.e2e;
+  row.age_rounds = event.age_rounds;
+  row.x_permille = event.x_permille;
+  row.recovering = event.recovering;
+  row.degraded_final = event.degraded_final;
+  ++counts_.decided;
+  const auto result = perc::decode_result(event.result);
+  if (!result) return row;
+  row.boxes = result->boxes.size();
+  shown_[row.round] = result->boxes;
+  if (event.outcome != Outcome::kRemote) return row;
+  ++counts_.on_time;
+  const auto full = std::chrono::duration_cast<std::chrono::microseconds>(kFullSeverity);
+  row.road =
+      RoundRow::Road{static_cast<int>(result->variant),
+                     result->level,
+                     result->stage1_late,
+                     result->stage1_released,
+                     result->stage1_overrun == full ? deadline : Duration(result->stage1_overrun),
+                     Duration(result->compute_time)};
+  const bool newest = row.round + 1 == counts_.begun;
+  if (!picture_round_ && !picture_.empty() && newest) picture_round_ = row.round;
+  return row;
+}
+
+void RunRecord::drop_undecided() {
+  if (counts_.decided >= counts_.begun) return;
+  rows_.resize(counts_.decided);
+  shown_.resize(counts_.decided);
+}
+
+double RunRecord::on_time_percent() const {
+  if (rows_.empty()) return 0;
+  const auto on_time = std::ranges::count_if(
+      rows_, [](const RoundRow& row) { return row.answered && row.outcome == Outcome::kRemote; });
+  return 100.0 * static_cast<double>(on_time) / static_cast<double>(rows_.size());
+}
+
+void RunRecord::compare(const std::filesystem::path& truth, RunInfo& info) const {
+  std::vector<perc::Shown> shown;
+  for (std::size_t i = 0; i < rows_.size(); ++i) shown.push_back({rows_[i].frame, shown_[i]});
+  const perc::Accuracy a = perc::evaluate(perc::read_mot_truth(truth), shown);
+  info.ap = a.ap;
+  info.ap50 = a.ap50;
+  info.ar = a.ar;
+}
+
+Json RunRecord::write(const std::filesystem::path& folder, const RunInfo& info) const {
+  const Json summary = summarise(rows_, info);
+  if (folder.empty()) return summary;
+  write_csv(folder / "rounds.csv", rows_);
+  write_json(folder / "summary.json", summary);
+  if (picture_round_ && *picture_round_ < rows_.size()) {
+    const RoundRow& row = rows_[*picture_round_];
+    const std::string caption =
+        fmt::format("round {}: level {}, image {}, {:.0f} ms", row.round, row.road->level,
+                    row.road->variant == 0 ? "raw" : "sampled", to_ms(row.e2e));
+    perc::write_picture(folder / "frame.png", picture_, shown_[row.round], caption);
+  }
+  plot_latency(folder / "latency.png", rows_, summary);
+  return summary;
+}
+
+}  // namespace interneuron::cli

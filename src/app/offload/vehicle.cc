@@ -1,0 +1,395 @@
+#include "app/offload/vehicle.h"
+
+#include <spdlog/spdlog.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <csignal>
+#include <cstdio>
+#include <optional>
+
+#include "app/offload/offload_request.h"
+#include "app/offload/run_record.h"
+#include "app/watch/publisher.h"
+#include "core/plan/budget.h"
+#include "host/io/steady_clock.h"
+#include "host/process/failure.h"
+#include "host/process/signals.h"
+#include "host/settings/data.h"
+#include "host/settings/link_options.h"
+#include "interneuron/node.h"
+#include "lab/files/run_files.h"
+#include "perception/detector.h"
+#include "perception/frame_source.h"
+
+namespace interneuron::cli {
+namespace {
+
+namespace perc = perception;
+using namespace std::chrono_literals;
+
+constexpr PipelineId kCamera{0};
+// After the roadside has answered, links are measured for at most this long before the first round.
+constexpr Duration kSettle = 2s;
+constexpr Duration kSettlePoll = 20ms;
+constexpr Duration kProgress = 500ms;
+// So many rounds with a raw image measure what everything but the computation takes; chosen.
+constexpr std::size_t kBudgetRounds = 10;
+
+// What it takes to make the variants of a frame of the demo video's size: the slowest of a few.
+Duration encode_time() {
+  constexpr int kRuns = 5;
+  const cv::Mat frame(576, 768, CV_8UC3, cv::Scalar(90, 120, 60));
+  Duration slowest{};
+  for (int i = 0; i < kRuns; ++i) {
+    const TimePoint start = io::now();
+    const auto variants = perc::encode_variants(frame, 0);
+    slowest = std::max(slowest, io::now() - start);
+  }
+  return slowest;
+}
+
+class Vehicle {
+ public:
+  Vehicle(const VehicleOptions& options, VehicleHooks& hooks);
+  int run();
+
+ private:
+  NodeOptions node_options();
+  PipelineConfig pipeline() const;
+  double backup_quality() const;
+  void wait_for_roadside();
+  void settle(TimePoint until);
+  void start();
+  void fetch_frame();
+  void begin_round(TimePoint planned_at);
+  void back_up(const RoundRef& ref, const perc::Image& image);
+  void planned(const Planned& event);
+  void refused(const Planned& event);
+  void done(const RoundDone& event);
+  void learn_budget(const RoundRow& row);
+  void finish();
+  void progress(bool last);
+  RunInfo info() const;
+  std::optional<std::filesystem::path> truth() const;
+  int report();
+
+  const VehicleOptions& o_;
+  VehicleHooks& hooks_;
+  std::optional<std::filesystem::path> data_;
+  std::string video_;
+  perc::FrameSource source_;
+  std::optional<perc::Frame> next_frame_;
+  bool fetching_ = false;
+  std::optional<TimePoint> late_round_;  // a round whose frame is still being decoded
+  perc::Ladder backup_;
+  Node node_;
+  LinkPublisher links_;
+  std::atomic<std::uint32_t> newest_round_{0};
+  Duration budget_{};
+  std::vector<double> overheads_ms_;  // of the first rounds with a raw image
+  bool started_ = false;
+  bool all_begun_ = false;
+  RunRecord record_;
+  std::string refusal_;  // the newest
+  std::string failure_;
+};
+
+Vehicle::Vehicle(const VehicleOptions& options, VehicleHooks& hooks)
+    : o_(options),
+      hooks_(hooks),
+      data_(find_data(options.data)),
+      video_(options.video.empty() ? default_video(data_) : options.video),
+      source_(video_, {.loop = options.rounds > 0}),
+      backup_(perc::make_ladder({.kind = *perc::parse_ladder_kind(options.ladder),
+                                 .data_dir = data_.value_or(std::filesystem::path()),
+                                 .max_levels = 1,
+                                 .spend = {}})),
+      node_(node_options()),
+      links_(node_, "vehicle"),
+      record_(options.rounds, options.guard) {}
+
+PipelineConfig Vehicle::pipeline() const {
+  PipelineConfig p;
+  p.id = kCamera;
+  p.stages = {StageKind::kCommunication, StageKind::kComputation, StageKind::kCommunication};
+  p.deadline = from_ms(o_.deadline_ms);
+  p.period = from_ms(o_.period_ms);
+  p.policy = o_.policy;
+  p.guard = o_.guard == to_string(GuardKind::kPaper) ? GuardKind::kPaper : GuardKind::kBudget;
+  p.fallback.local = backup_quality();
+  p.beta_permille = static_cast<std::int16_t>(o_.beta * 1000);
+  hooks_.configure(p);
+  return p;
+}
+
+// Of its lowest level on raw; 0 where nobody knows.
+double Vehicle::backup_quality() const {
+  const std::vector<double>& quality = backup_.level(0).quality;
+  return quality.empty() ? 0 : quality.front();
+}
+
+NodeOptions Vehicle::node_options() {
+  NodeOptions n;
+  append_links(o_.links, LinkPeer::kNamed, n);
+  n.port = o_.port;
+  n.pipelines = {pipeline()};
+  hooks_.configure(n);
+  return n;
+}
+
+// --- start-up
+
+void Vehicle::wait_for_roadside() {
+  node_.on_peer_ready([this](PeerReady) {
+    if (!started_) settle(node_.now() + kSettle);
+  });
+  node_.after(from_ms(o_.wait_s * 1000), [this] {
+    if (started_ || !failure_.empty()) return;
+    char wait[32];
+    std::snprintf(wait, sizeof wait, "%g", o_.wait_s);
+    failure_ = std::string("no roadside unit answered within ") + wait + " s at";
+    for (const std::string& link : o_.links) failure_ += " " + link;
+    failure_ += "; is `interneuron road` running there, and the port open?";
+    node_.stop();
+  });
+}
+
+// Rounds begin when every link that is up has a rate and a round trip, or when the time is over.
+void Vehicle::settle(TimePoint until) {
+  if (started_) return;
+  const auto links = node_.links(*node_.peer());
+  const bool measured = std::ranges::all_of(links, [](const LinkState& l) {
+    return l.up && l.rate.bits_per_second > 0 && l.rtt_p50 > Duration::zero();
+  });
+  if (!measured && node_.now() < until) {
+    node_.after(kSettlePoll, [this, until] { settle(until); });
+    return;
+  }
+  for (const LinkState& l : links) {
+    spdlog::info("link {}: {}, round trip {:.1f} ms, {:.1f} Mbit/s up", links_.name(l.id),
+                 l.up ? "up" : "silent", to_ms(l.rtt_p50), l.rate.mbit());
+  }
+  // The frame is resized and copied before it can leave; that is part of the round too.
+  const Duration encode = encode_time();
+  budget_ = compute_budget(from_ms(o_.deadline_ms) - encode, links,
+                           perc::encoded_size(perc::Variant::kRaw), perc::kMaxResultBytes);
+  start();
+}
+
+void Vehicle::start() {
+  started_ = true;
+  spdlog::info("deadline {:.0f} ms, {:.1f} ms of it for the computation", o_.deadline_ms,
+               to_ms(budget_));
+  fetch_frame();
+  const TimePoint first = node_.now() + from_ms(o_.period_ms);
+  node_.at(first, [this, first] { begin_round(first); });
+  node_.after(kProgress, [this] { progress(false); });
+}
+
+// --- rounds
+
+// Decoding takes milliseconds: on a worker, behind the backup of the round before.
+void Vehicle::fetch_frame() {
+  fetching_ = true;
+  node_.compute(Queue::kLocalBackup, [this]() -> Node::Task {
+    return [this, frame = source_.next()] {
+      next_frame_ = frame;
+      fetching_ = false;
+      if (late_round_) {
+        const TimePoint planned_at = *late_round_;
+        late_round_.reset();
+        begin_round(planned_at);
+      }
+    };
+  });
+}
+
+void Vehicle::begin_round(TimePoint planned_at) {
+  if (fetching_) {  // a slow source: the round begins when its frame is there
+    late_round_ = planned_at;
+    return;
+  }
+  if (!next_frame_ || (o_.rounds > 0 && record_.begun() >= o_.rounds)) {
+    all_begun_ = true;
+    finish();
+    return;
+  }
+  const RoundRef ref = node_.begin_round(kCamera);
+  const perc::Frame frame = std::move(*next_frame_);
+  newest_round_ = ref.round.value;
+  record_.begun(ref.round.value, frame);
+
+  const auto index = static_cast<std::uint32_t>(frame.index);
+  const perc::Image raw = perc::make_variant(frame.bgr, index, perc::Variant::kRaw);
+  perc::Image sampled = raw;
+  sampled.variant = perc::Variant::kSampled;
+  sampled.bgr = perc::every_second_pixel(raw.bgr);
+  Variants variants{with_request(budget_, perc::encode_image(raw)),
+                    with_request(budget_, perc::encode_image(sampled))};
+  node_.submit(ref, hooks_.submitted(std::move(variants)), MessageClass::kData, node_.peer());
+  back_up(ref, raw);
+
+  fetch_frame();
+  const TimePoint next = planned_at + from_ms(o_.period_ms);
+  node_.at(next, [this, next] { begin_round(next); });
+}
+
+// The lowest level on this host, beside the remote one. A backup that is still waiting or running
+// when the next round begins is abandoned.
+void Vehicle::back_up(const RoundRef& ref, const perc::Image& image) {
+  if (!hooks_.local_backup()) return;
+  node_.compute(Queue::kLocalBackup, [this, ref, image]() -> Node::Task {
+    if (newest_round_ != ref.round.value) return {};
+    perc::Result result;
+    result.boxes = backup_.detect(0, image);
+    if (newest_round_ != ref.round.value) return {};
+    result.frame = image.frame;
+    result.source = image.source;
+    return [this, ref, bytes = perc::encode_result(result)] { node_.local_result(ref, bytes); };
+  });
+}
+
+void Vehicle::planned(const Planned& event) {
+  if (event.stage != 1) return;
+  std::string text;
+  for (const Assignment& a : event.plan.sends) {
+    if (!text.empty()) text += ' ';
+    text += std::string(a.variant == 0 ? "raw" : "sampled") + ":" + links_.name(a.link);
+  }
+  if (event.plan.under_floor) text += " (under floor)";
+  if (!event.plan.refused.empty()) {
+    text = kRefusedPlan;
+    refused(event);
+  }
+  record_.planned(event.round.round.value, text);
+}
+
+// Once per reason in a row: a policy may refuse every round for the same one.
+void Vehicle::refused(const Planned& event) {
+  if (event.plan.refused == refusal_) return;
+  refusal_ = event.plan.refused;
+  spdlog::warn("round {}: policy {}: {}", event.round.round.value, o_.policy, refusal_);
+}
+
+void Vehicle::done(const RoundDone& event) {
+  const RoundRow& row = record_.done(event, from_ms(o_.deadline_ms));
+  learn_budget(row);
+  hooks_.done(event, row);
+  finish();
+}
+
+// The first rounds tell what everything but the computation takes here; the estimate from the links
+// knows neither the copies on both hosts nor their schedulers. Then the budget stays: what comes
+// later is the guard's business.
+void Vehicle::learn_budget(const RoundRow& row) {
+  if (!row.road || row.road->variant != 0 || overheads_ms_.size() >= kBudgetRounds) return;
+  overheads_ms_.push_back(to_ms(row.e2e - row.road->compute));
+  if (overheads_ms_.size() < kBudgetRounds / 3) return;
+  const Duration measured =
+      from_ms(o_.deadline_ms - percentile(overheads_ms_, 0.5)) - kComputeReserve;
+  budget_ = std::clamp(measured, Duration{}, budget_);
+}
+
+void Vehicle::finish() {
+  if (all_begun_ && record_.decided() == record_.begun()) node_.stop();
+}
+
+void Vehicle::progress(bool last) {
+  if (!o_.quiet) {
+    const bool terminal = ::isatty(STDERR_FILENO) != 0;
+    const auto [begun, decided, on_time] = record_.counts();
+    if (terminal || last || decided % 50 < 5) {
+      std::fprintf(stderr, "%sround %u%s: %u on time, %u answered locally%s",
+                   terminal ? "\r\x1b[K" : "", begun,
+                   o_.rounds > 0 ? (" of " + std::to_string(o_.rounds)).c_str() : "", on_time,
+                   decided - on_time, terminal && !last ? "" : "\n");
+      std::fflush(stderr);
+    }
+  }
+  if (!last) node_.after(kProgress, [this] { progress(false); });
+}
+
+// --- report
+
+RunInfo Vehicle::info() const {
+  RunInfo info;
+  info.seeded = o_.seed >= 0;
+  if (info.seeded) info.seed = static_cast<std::uint64_t>(o_.seed);
+  info.deadline = from_ms(o_.deadline_ms);
+  info.period = from_ms(o_.period_ms);
+  info.policy = o_.policy;
+  info.guard = o_.guard;
+  info.backup = backup_.description();
+  info.profiles = o_.profiles;
+  for (const Statistics::Link& link : node_.statistics().links) {
+    const LinkCounters& c = link.counters;
+    info.links.push_back(
+        {link.nic, c.sent_bytes, c.received_bytes, c.fragments_resent, c.fragments_lost});
+  }
+  return info;
+}
+
+std::optional<std::filesystem::path> Vehicle::truth() const {
+  if (o_.truth == "none") return std::nullopt;
+  if (!o_.truth.empty()) return o_.truth;
+  const bool demo_video = data_ && video_ == (*data_ / "pets/vtest.avi").string();
+  return demo_video ? default_truth(data_) : std::nullopt;
+}
+
+int Vehicle::report() {
+  RunInfo run = info();
+  if (const auto file = truth()) record_.compare(*file, run);
+  const Json summary = record_.write(o_.out, run);
+  if (o_.json) {
+    std::printf("%s\n", summary.dump(2).c_str());
+  } else if (o_.table && !o_.quiet) {
+    print_table(summary);
+  }
+  const double share = record_.on_time_percent();
+  if (o_.objective > 0 && share < o_.objective) {
+    std::fprintf(stderr,
+                 "interneuron: %.1f %% of the rounds on time, less than the objective of %.1f %%\n",
+                 share, o_.objective);
+    return kObjectiveMissed;
+  }
+  return kFine;
+}
+
+int Vehicle::run() {
+  for (const std::string& warning : node_.warnings()) spdlog::warn("{}", warning);
+  if (!o_.out.empty()) make_directory(o_.out);
+  spdlog::info("local backup: {}", backup_.description());
+  node_.on_planned([this](Planned e) { planned(e); });
+  node_.on_round_done([this](RoundDone e) { done(e); });
+  node_.on_peer_restarted([](PeerRestarted) { spdlog::warn("the roadside unit restarted"); });
+  node_.stop_on_signals();
+  wait_for_roadside();
+  node_.run();
+  const SignalWatch undisturbed;  // what was measured is written, even after a second Ctrl-C
+  if (started_) progress(true);
+  if (!failure_.empty()) throw Failure(kFailed, failure_);
+  const int signal = node_.stopped_by_signal();
+  // Rounds that the signal cut off are no rounds of the run.
+  if (signal != 0) record_.drop_undecided();
+  hooks_.finished(node_.statistics().links);
+  const int code = started_ ? report() : kFine;
+  return signal != 0 ? 128 + signal : code;
+}
+
+}  // namespace
+
+int run_vehicle(const VehicleOptions& options, VehicleHooks* hooks) {
+  if (!perc::parse_ladder_kind(options.ladder)) {
+    throw Failure(kUsage, "--ladder '" + options.ladder + "': give auto, dnn, motion or replay");
+  }
+  if (options.links.empty()) {
+    throw Failure(kUsage, "no link: give --link NIC=ADDRESS:PORT, once per card");
+  }
+  NodeOptions checked;
+  append_links(options.links, LinkPeer::kNamed, checked);  // before anything is opened
+  VehicleHooks none;
+  return Vehicle(options, hooks != nullptr ? *hooks : none).run();
+}
+
+}  // namespace interneuron::cli

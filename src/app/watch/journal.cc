@@ -1,0 +1,64 @@
+#include "app/watch/journal.h"
+
+#include <unistd.h>
+
+namespace interneuron::cli {
+
+namespace {
+
+constexpr std::size_t kMaxEvents = 50;  // chosen: a screen of them
+
+}  // namespace
+
+void LinkJournal::add(const NicChanged& change) {
+  names_[change.link] = change.nic;
+  add(LinkEvent{.at = node_.now(),
+                .nic = change.nic,
+                .from = std::string(to_string(change.from)),
+                .to = std::string(to_string(change.to)),
+                .reason = change.reason});
+}
+
+void LinkJournal::add(const PathChanged& change) {
+  path_reasons_[{change.peer, change.link}] = change.reason;
+  add(LinkEvent{.at = node_.now(),
+                .nic = name(change.link),
+                .from = std::string(to_string(change.from)),
+                .to = std::string(to_string(change.to)),
+                .reason = change.reason});
+}
+
+void LinkJournal::add(LinkEvent event) {
+  events_.push_back(std::move(event));
+  if (events_.size() > kMaxEvents) events_.pop_front();
+}
+
+std::string LinkJournal::name(LinkId link) {
+  if (!names_.contains(link)) {
+    for (const Statistics::Link& l : node_.statistics().links) names_[l.id] = l.nic;
+  }
+  const auto found = names_.find(link);
+  return found != names_.end() ? found->second : "link " + std::to_string(link.value);
+}
+
+LiveLinks LinkJournal::live(const Statistics& statistics) const {
+  LiveLinks live{.program = program_, .pid = ::getpid(), .links = {}, .events = {}};
+  for (const Statistics::Link& link : statistics.links) {
+    for (const Statistics::Peer& peer : statistics.peers) {
+      for (const LinkState& state : peer.links) {
+        if (state.id != link.id) continue;
+        const auto reason = path_reasons_.find({peer.id, link.id});
+        live.links.push_back(
+            {link.nic, Measured{.program = program_,
+                                .peer = peer.id.value,
+                                .state = state,
+                                .path_reason = reason != path_reasons_.end() ? reason->second : "",
+                                .counters = link.counters}});
+      }
+    }
+  }
+  live.events.assign(events_.begin(), events_.end());
+  return live;
+}
+
+}  // namespace interneuron::cli

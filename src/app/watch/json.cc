@@ -1,0 +1,228 @@
+#include "app/watch/json.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace interneuron::cli {
+namespace {
+
+constexpr Duration kNever = Duration::max();
+
+// Digits behind the point: microseconds and kbit/s, and loss to a packet in a million.
+double rounded(double value, double scale = 1e3) { return std::round(value * scale) / scale; }
+
+Json ms(Duration d) { return d > Duration::zero() ? Json(rounded(to_ms(d))) : Json(nullptr); }
+Json mbit(DataRate r) { return r.bits_per_second > 0 ? Json(rounded(r.mbit())) : Json(nullptr); }
+Json seconds(Duration d) { return d == kNever ? Json(nullptr) : Json(rounded(to_ms(d) / 1000)); }
+
+Json traits_json(const LinkTraits& t) {
+  return {{"role", to_string(t.role)},
+          {"priority", t.priority},
+          {"metered", t.metered},
+          {"rate_cap_mbit", t.rate_cap ? Json(t.rate_cap->mbit()) : Json(nullptr)},
+          {"trusted", t.trusted}};
+}
+
+Json evidence_json(const Measured& m) {
+  const LinkState& s = m.state;
+  return {
+      {"rtt_min_ms", ms(s.rtt_min)},
+      {"queue_ms", {{"up", rounded(to_ms(s.queue_up))}, {"down", rounded(to_ms(s.queue_down))}}},
+      {"loss_down", rounded(s.loss_down, 1e6)},
+      {"loss_burst_packets", rounded(s.loss_burst)},
+      {"outage", rounded(s.outage, 1e6)},
+      {"rate_age_s", seconds(s.rate_age)},
+      {"sent_packets", m.counters.sent_packets},
+      {"received_packets", m.counters.received_packets},
+      {"sent_bytes", m.counters.sent_bytes},
+      {"received_bytes", m.counters.received_bytes},
+      {"path_reason", m.path_reason}};
+}
+
+// The keys that stand for what was measured; also of a link without a measurement.
+Json measured_json(const std::optional<Measured>& measured) {
+  const auto value = [&](auto&& get) { return measured ? get(*measured) : Json(nullptr); };
+  const auto state = [&](auto&& get) { return measured ? get(measured->state) : Json(nullptr); };
+  using S = const LinkState&;
+  return {{"program", value([](const Measured& m) { return Json(m.program); })},
+          {"peer", value([](const Measured& m) { return Json(m.peer); })},
+          {"path", state([](S s) { return Json(to_string(s.path)); })},
+          {"usable", state([](S s) { return Json(s.up); })},
+          {"rtt_ms", state([](S s) {
+             return Json{{"p50", ms(s.rtt_p50)}, {"p95", ms(s.rtt_p95)}};
+           })},
+          {"jitter_ms", state([](S s) { return ms(s.jitter); })},
+          {"loss", state([](S s) { return Json(rounded(s.loss, 1e6)); })},
+          {"rate_mbit", state([](S s) {
+             return Json{{"up", mbit(s.rate)}, {"down", mbit(s.rate_down)}};
+           })},
+          {"age_s", state([](S s) { return seconds(s.age); })},
+          {"confidence", state([](S s) { return Json(rounded(s.confidence)); })},
+          {"nature", state([](S s) {
+             return Json{{"delay", rounded(s.nature.delay)},
+                         {"bandwidth", rounded(s.nature.bandwidth)},
+                         {"reliability", rounded(s.nature.reliability)},
+                         {"security", rounded(s.nature.security)}};
+           })},
+          {"traits", state([](S s) { return traits_json(s.traits); })},
+          {"evidence", value(evidence_json)}};
+}
+
+std::string host_text(const Address& address) {
+  std::string text = to_string(address);
+  text.resize(text.rfind(':'));
+  std::erase_if(text, [](char c) { return c == '[' || c == ']'; });
+  return text;
+}
+
+Json hosts(const std::vector<Address>& addresses) {
+  Json list = Json::array();
+  for (const Address& address : addresses) list.push_back(host_text(address));
+  return list;
+}
+
+Json row_json(const LinkRow& row) {
+  const io::Nic& nic = row.facts.nic;
+  Json json{{"name", nic.name},
+            {"kind", nic.kind},
+            {"state", to_string(row.facts.state)},
+            {"reason", row.facts.reason},
+            {"addresses", hosts(nic.addresses)},
+            {"gateways", hosts(nic.gateways)},
+            {"mtu_bytes", nic.mtu},
+            {"operstate", nic.operstate},
+            {"driver", nic.driver},
+            {"mac", nic.mac}};
+  json.update(measured_json(row.measured));
+  return json;
+}
+
+Json event_json(const LinkEvent& e) {
+  return {{"at_monotonic_ns", e.at.time_since_epoch().count()},
+          {"name", e.nic},
+          {"from", e.from},
+          {"to", e.to},
+          {"reason", e.reason}};
+}
+
+// --- and back
+
+template <class Enum>
+Enum enum_of(const std::string& name, std::initializer_list<Enum> all) {
+  for (const Enum value : all) {
+    if (to_string(value) == name) return value;
+  }
+  throw std::invalid_argument(name);
+}
+
+Duration ms_of(const Json& j) { return j.is_null() ? Duration{} : from_ms(j.get<double>()); }
+Duration age_of(const Json& j) { return j.is_null() ? kNever : from_ms(j.get<double>() * 1000); }
+DataRate rate_from(const Json& j) {
+  return j.is_null() ? DataRate{} : DataRate::mbit(j.get<double>());
+}
+
+LinkTraits traits_of(const Json& j) {
+  LinkTraits t;
+  t.role = enum_of(j.at("role").get<std::string>(),
+                   {LinkRole::kNormal, LinkRole::kBackup, LinkRole::kNever});
+  t.priority = j.at("priority").get<int>();
+  t.metered = j.at("metered").get<bool>();
+  if (!j.at("rate_cap_mbit").is_null()) t.rate_cap = rate_from(j.at("rate_cap_mbit"));
+  t.trusted = j.at("trusted").get<bool>();
+  return t;
+}
+
+LinkState state_of(const Json& j) {
+  LinkState s;
+  const Json& e = j.at("evidence");
+  s.path = enum_of(j.at("path").get<std::string>(),
+                   {PathState::kOk, PathState::kSuspect, PathState::kPulled, PathState::kLatched,
+                    PathState::kDead});
+  s.up = j.at("usable").get<bool>();
+  s.traits = traits_of(j.at("traits"));
+  s.rtt_p50 = ms_of(j.at("rtt_ms").at("p50"));
+  s.rtt_p95 = ms_of(j.at("rtt_ms").at("p95"));
+  s.rtt_min = ms_of(e.at("rtt_min_ms"));
+  s.jitter = ms_of(j.at("jitter_ms"));
+  s.queue_up = ms_of(e.at("queue_ms").at("up"));
+  s.queue_down = ms_of(e.at("queue_ms").at("down"));
+  s.rate = rate_from(j.at("rate_mbit").at("up"));
+  s.rate_down = rate_from(j.at("rate_mbit").at("down"));
+  s.loss = j.at("loss").get<double>();
+  s.loss_down = e.at("loss_down").get<double>();
+  s.loss_burst = e.at("loss_burst_packets").get<double>();
+  s.outage = e.at("outage").get<double>();
+  s.age = age_of(j.at("age_s"));
+  s.rate_age = age_of(e.at("rate_age_s"));
+  s.confidence = j.at("confidence").get<double>();
+  const Json& n = j.at("nature");
+  s.nature = {n.at("delay").get<double>(), n.at("bandwidth").get<double>(),
+              n.at("reliability").get<double>(), n.at("security").get<double>()};
+  return s;
+}
+
+Measured measured_of(const Json& j) {
+  Measured m;
+  m.program = printable(j.at("program").get<std::string>());
+  m.peer = j.at("peer").get<std::uint32_t>();
+  m.state = state_of(j);
+  const Json& e = j.at("evidence");
+  m.path_reason = printable(e.at("path_reason").get<std::string>());
+  m.counters.sent_packets = e.at("sent_packets").get<std::uint64_t>();
+  m.counters.received_packets = e.at("received_packets").get<std::uint64_t>();
+  m.counters.sent_bytes = e.at("sent_bytes").get<std::uint64_t>();
+  m.counters.received_bytes = e.at("received_bytes").get<std::uint64_t>();
+  return m;
+}
+
+}  // namespace
+
+Json links_json(const LinksSnapshot& snapshot) {
+  Json json{{"schema", "interneuron.links/1"},
+            {"unix_ms", snapshot.unix_ms},
+            {"source", snapshot.source},
+            {"links", Json::array()}};
+  for (const LinkRow& row : snapshot.rows) json["links"].push_back(row_json(row));
+  return json;
+}
+
+Json live_json(const LiveLinks& live) {
+  Json json{{"schema", "interneuron.live/1"},
+            {"program", live.program},
+            {"pid", live.pid},
+            {"links", Json::array()},
+            {"events", Json::array()}};
+  for (const LiveLinks::Link& link : live.links) {
+    Json item = measured_json(link.measured);
+    item["name"] = link.nic;
+    json["links"].push_back(std::move(item));
+  }
+  for (const LinkEvent& event : live.events) json["events"].push_back(event_json(event));
+  return json;
+}
+
+std::optional<LiveLinks> live_from_json(const std::string& text) {
+  try {
+    const Json json = Json::parse(text);
+    if (json.at("schema") != "interneuron.live/1") return std::nullopt;
+    LiveLinks live;
+    live.program = printable(json.at("program").get<std::string>());
+    live.pid = json.at("pid").get<std::int64_t>();
+    for (const Json& item : json.at("links")) {
+      live.links.push_back({printable(item.at("name").get<std::string>()), measured_of(item)});
+    }
+    for (const Json& item : json.at("events")) {
+      live.events.push_back({TimePoint{Duration{item.at("at_monotonic_ns").get<std::int64_t>()}},
+                             printable(item.at("name").get<std::string>()),
+                             printable(item.at("from").get<std::string>()),
+                             printable(item.at("to").get<std::string>()),
+                             printable(item.at("reason").get<std::string>())});
+    }
+    return live;
+  } catch (const std::exception&) {  // no JSON, or not of this version: no live state
+    return std::nullopt;
+  }
+}
+
+}  // namespace interneuron::cli

@@ -1,0 +1,23 @@
+// Links as JSON: docs/schema/links.json is the authority. Durations and rates carry their unit in
+// the key; what was not measured is null. Pure.
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+
+#include "app/watch/row.h"
+
+namespace interneuron::cli {
+
+using Json = nlohmann::ordered_json;
+
+// "schema": "interneuron.links/1".
+Json links_json(const LinksSnapshot& snapshot);
+
+// What one program tells of its links to others on the same host: the measured part of the former,
+// and back. Nothing for what is not that; unknown keys are ignored.
+Json live_json(const LiveLinks& live);
+std::optional<LiveLinks> live_from_json(const std::string& text);
+
+}  // namespace interneuron::cli

@@ -1,0 +1,183 @@
+#include "interneuron/endpoint.h"
+
+#include <algorithm>
+#include <deque>
+
+#include "core/endpoint/own_time.h"
+#include "core/peers/peers.h"
+#include "core/rounds/rounds.h"
+
+namespace interneuron {
+
+// The peers and their packets, the rounds and their messages, one queue of events, one time.
+class Endpoint::Impl {
+ public:
+  Impl(const EndpointOptions& options, TimePoint now)
+      : peers_({options.session, options.accept_peers, options.max_peers, options.repair, now}),
+        rounds_(options, peers_, events_),
+        time_(now) {}
+
+  // Every call tells the time; those that look at rounds do what is due first.
+  TimePoint tick(TimePoint host) { return time_.tick(host); }
+  TimePoint advance(TimePoint host) {
+    const TimePoint now = tick(host);
+    run_timers(now);
+    return now;
+  }
+
+  Peers& peers() { return peers_; }
+  Rounds& rounds() { return rounds_; }
+  const OwnTime& time() const { return time_; }
+
+  void remove_link(TimePoint now, LinkId link) {
+    for (PathChanged& change : peers_.remove_link(now, link)) {
+      events_.emplace_back(std::move(change));
+    }
+  }
+
+  void handle_datagram(TimePoint now, const Datagram& datagram) {
+    // What was due before this instant happened before; what is due at it happens after (arrivals
+    // first).
+    run_timers(now - Duration{1});
+    LinkCounters& counters = peers_.counters(datagram.link);
+    const auto packet = wire::parse(datagram.bytes);
+    if (!packet) {
+      ++counters.malformed_packets;
+      return;
+    }
+    if (packet->header.type == wire::PacketType::kEcho) {
+      const bool answered = peers_.reflect(now, *packet, datagram);
+      ++(answered ? counters.received_packets : counters.refused_packets);
+      if (answered) counters.received_bytes += datagram.bytes.size();
+      return;
+    }
+    const auto [peer, restarted] = peers_.whose(now, packet->header, datagram);
+    if (peer == nullptr) {
+      ++counters.refused_packets;
+      return;
+    }
+    if (restarted) {
+      rounds_.forget_clock(peer->identity().id);
+      events_.emplace_back(PeerRestarted{peer->identity().id});
+    }
+    const Peer::Input input = peer->handle(now, *packet, datagram.bytes.size());
+    if (input.duplicate) {
+      ++counters.duplicate_packets;
+      return;
+    }
+    ++counters.received_packets;
+    counters.received_bytes += datagram.bytes.size();
+    react(now, *peer, input);
+  }
+
+  std::optional<Event> poll_event() {
+    if (events_.empty()) return std::nullopt;
+    Event event = std::move(events_.front());
+    events_.pop_front();
+    return event;
+  }
+
+  std::optional<TimePoint> next_timeout() const {
+    const TimePoint now = time_.now();
+    std::optional<TimePoint> next = rounds_.next_timeout();
+    const std::optional<TimePoint> of_peers = peers_.next_timeout(now);
+    if (of_peers && (!next || *of_peers < *next)) next = of_peers;
+    // What is due already is due now: the peer's bytes may make an instant of any value.
+    if (next) *next = time_.host(std::max(*next, now));
+    return next;
+  }
+
+  EndpointCounters counters() const {
+    EndpointCounters out = rounds_.counters();
+    out.messages_expired = messages_expired_;
+    out.reassembly_refused = reassembly_refused_;
+    out.fragments_cancelled = peers_.cancelled();
+    return out;
+  }
+
+ private:
+  // Everything due at or before `now`: the rounds' business first, then the peers'.
+  void run_timers(TimePoint now) {
+    rounds_.expire(now);
+    Peers::Expired expired = peers_.handle_timeout(now);
+    messages_expired_ += expired.messages;
+    for (PathChanged& change : expired.changes) events_.emplace_back(std::move(change));
+    for (const PeerId id : expired.lost) events_.emplace_back(PeerLost{id});
+  }
+
+  void react(TimePoint now, Peer& peer, const Peer::Input& input) {
+    const PeerId id = peer.identity().id;
+    if (input.became_ready) events_.emplace_back(PeerReady{id});
+    if (input.clock_stepped) rounds_.forget_clock(id);
+    if (input.refused) ++reassembly_refused_;
+    while (auto change = peer.poll_change()) events_.emplace_back(std::move(*change));
+    if (input.message) rounds_.complete(now, peer, *input.message);
+  }
+
+  std::deque<Event> events_;
+  Peers peers_;
+  Rounds rounds_;
+  OwnTime time_;
+  std::uint64_t messages_expired_ = 0;
+  std::uint64_t reassembly_refused_ = 0;
+};
+
+Endpoint::Endpoint(EndpointOptions options, TimePoint now)
+    : impl_(std::make_unique<Impl>(options, now)) {}
+Endpoint::~Endpoint() = default;
+Endpoint::Endpoint(Endpoint&&) noexcept = default;
+Endpoint& Endpoint::operator=(Endpoint&&) noexcept = default;
+
+void Endpoint::add_link(TimePoint, LinkId link, const LinkInfo& info) {
+  impl_->peers().add_link(link, info);
+}
+void Endpoint::remove_link(TimePoint now, LinkId link) {
+  impl_->remove_link(impl_->tick(now), link);
+}
+PeerId Endpoint::connect(TimePoint now, std::span<const std::pair<LinkId, Address>> addresses) {
+  return impl_->peers().connect(impl_->tick(now), addresses);
+}
+RoundRef Endpoint::begin_round(TimePoint now, PipelineId pipeline) {
+  return impl_->rounds().begin(impl_->advance(now), pipeline);
+}
+bool Endpoint::add_path(TimePoint now, PeerId peer, LinkId link, const Address& address) {
+  return impl_->peers().add_path(impl_->tick(now), peer, link, address);
+}
+bool Endpoint::request_train(TimePoint now, PeerId peer, LinkId link) {
+  return impl_->peers().request_train(impl_->tick(now), peer, link);
+}
+bool Endpoint::submit(TimePoint now, RoundRef round, Variants variants, MessageClass message_class,
+                      std::optional<PeerId> to) {
+  return impl_->rounds().submit(impl_->advance(now), round, std::move(variants), message_class, to);
+}
+Plan Endpoint::preview(TimePoint now, RoundRef round, std::span<const std::size_t> variant_bytes,
+                       MessageClass message_class, std::span<const VariantCost> costs,
+                       std::optional<PeerId> to) {
+  return impl_->rounds().preview(impl_->advance(now), round, variant_bytes, message_class, costs,
+                                 to);
+}
+std::size_t Endpoint::begin_computation(TimePoint now, RoundRef round,
+                                        std::span<const LevelProfile> levels, std::size_t top) {
+  return impl_->rounds().begin_computation(impl_->advance(now), round, levels, top);
+}
+void Endpoint::local_result(TimePoint now, RoundRef round, Bytes result) {
+  impl_->rounds().local_result(impl_->advance(now), round, std::move(result));
+}
+void Endpoint::handle_datagram(TimePoint now, const Datagram& datagram) {
+  impl_->handle_datagram(impl_->tick(now), datagram);
+}
+void Endpoint::handle_timeout(TimePoint now) { impl_->advance(now); }
+std::optional<Transmit> Endpoint::poll_transmit(TimePoint now, std::span<std::byte> buffer) {
+  return impl_->peers().poll(impl_->tick(now), buffer);
+}
+std::optional<Event> Endpoint::poll_event() { return impl_->poll_event(); }
+std::optional<TimePoint> Endpoint::next_timeout() const { return impl_->next_timeout(); }
+std::vector<PeerId> Endpoint::peers() const { return impl_->peers().ids(); }
+std::vector<LinkState> Endpoint::links(TimePoint now, PeerId peer) const {
+  return impl_->peers().links(impl_->time().own(now), peer);
+}
+LinkCounters Endpoint::link_counters(LinkId link) const { return impl_->peers().totals(link); }
+EndpointCounters Endpoint::counters() const { return impl_->counters(); }
+std::size_t Endpoint::reassembly_bytes() const { return impl_->peers().reassembly_bytes(); }
+
+}  // namespace interneuron

@@ -1,0 +1,178 @@
+#include "core/flow/receiver.h"
+
+#include <algorithm>
+#include <cstring>
+
+#include "core/wire/round_header.h"
+
+namespace interneuron::flow {
+namespace {
+
+// Packets of one message follow each other faster than this on any link worth using (1.2 Mbit/s);
+// between messages there is a pause. Chosen.
+constexpr Duration kTrainGap = std::chrono::milliseconds(10);
+// A train longer than this measures the source, not the link; chosen.
+constexpr Duration kMaxTrain = std::chrono::milliseconds(200);
+// NOTES §1: expiry at t0 + hi_min + D_N + 2 ms.
+constexpr Duration kExpirySlack = std::chrono::milliseconds(2);
+// Messages remembered as done; 16 rounds of 8 variants, four times; chosen.
+constexpr std::size_t kBuried = 512;
+
+void shift_left(wire::AckBitmap& bitmap, std::uint64_t by) {
+  if (by >= wire::kAckWindow) {
+    bitmap = {};
+    return;
+  }
+  const std::size_t words = by / 64;
+  const std::size_t bits = by % 64;
+  for (std::size_t i = bitmap.size(); i-- > 0;) {
+    std::uint64_t word = i >= words ? bitmap[i - words] << bits : 0;
+    if (bits != 0 && i > words) word |= bitmap[i - words - 1] >> (64 - bits);
+    bitmap[i] = word;
+  }
+}
+
+}  // namespace
+
+bool PathReceiver::accept(TimePoint now, std::uint64_t number, bool counts_for_train,
+                          std::size_t ip_bytes) {
+  if (number > largest_) {
+    const std::uint64_t by = number - largest_;
+    if (largest_ != 0 && by > 1) gap_ = true;
+    shift_left(bitmap_, by);
+    if (largest_ != 0 && by <= wire::kAckWindow) bitmap_[(by - 1) / 64] |= 1ULL << ((by - 1) % 64);
+    largest_ = number;
+  } else {
+    const std::uint64_t back = largest_ - number;
+    if (back == 0 || back > wire::kAckWindow) return false;
+    std::uint64_t& word = bitmap_[(back - 1) / 64];
+    const std::uint64_t bit = 1ULL << ((back - 1) % 64);
+    if ((word & bit) != 0) return false;
+    word |= bit;
+  }
+  if (counts_for_train) extend_train(now, number, ip_bytes);
+  return true;
+}
+
+void PathReceiver::extend_train(TimePoint now, std::uint64_t number, std::size_t ip_bytes) {
+  const bool fresh =
+      train_packets_ == 0 || now - train_last_ > kTrainGap || now - train_first_ > kMaxTrain;
+  if (fresh) {
+    train_start_ = number;
+    train_packets_ = 1;
+    train_bytes_ = 0;
+    train_first_ = now;
+  } else {
+    ++train_packets_;
+    train_bytes_ += ip_bytes;
+  }
+  train_last_ = now;
+}
+
+void PathReceiver::exchange(TimePoint now, PeerTime u) {
+  if (u_ && wrapping_sub(u.time_since_epoch().count(), u_->time_since_epoch().count()) < 0) return;
+  u_ = u;
+  u_at_ = now;
+}
+
+wire::LinkReport PathReceiver::report(TimePoint now) const {
+  wire::LinkReport report;
+  report.link = link_;
+  if (u_) {
+    report.has_exchange = true;
+    report.s = *u_;
+    report.h = now - u_at_;
+  }
+  report.largest = largest_;
+  report.bitmap = bitmap_;
+  report.train_start = train_start_;
+  report.train_packets = train_packets_;
+  report.train_rate = rate_of(train_bytes_, train_last_ - train_first_);
+  return report;
+}
+
+Reassembler::Outcome Reassembler::add(TimePoint now, const wire::Data& data,
+                                      const ClockBounds& clocks) {
+  const wire::FragmentHeader& f = data.fragment;
+  if (buried_.contains(f.message)) return {Result::kDuplicate, {}};
+  auto it = partials_.find(f.message);
+  if (it == partials_.end()) {
+    const std::size_t capacity = std::size_t{f.count} * f.chunk;
+    if (bytes_ + capacity > kMaxBytes || partials_.size() >= kMaxPartials) {
+      return {Result::kRefused, {}};
+    }
+    Partial fresh;
+    fresh.bytes.reset(new std::byte[capacity]);
+    fresh.capacity = capacity;
+    fresh.count = f.count;
+    fresh.chunk = f.chunk;
+    fresh.missing = f.count;
+    fresh.have.resize(f.count);
+    fresh.expires = saturating_add(now, std::chrono::microseconds(f.lifetime_us));
+    bytes_ += capacity;
+    it = partials_.emplace(f.message, std::move(fresh)).first;
+  }
+  Partial& p = it->second;
+  if (p.count != f.count || p.chunk != f.chunk) return {Result::kRefused, {}};
+  if (p.have[f.index]) return {Result::kDuplicate, {}};
+  p.have[f.index] = true;
+  --p.missing;
+  const std::size_t offset = std::size_t{f.index} * f.chunk;
+  std::memcpy(p.bytes.get() + offset, data.bytes.data(), data.bytes.size());
+  if (f.index + 1 == f.count) p.size = offset + data.bytes.size();
+  if (f.index == 0) refine_expiry(p, data.bytes, clocks);
+  if (p.missing > 0) return {Result::kStored, {}};
+  Outcome done{Result::kComplete, Bytes(p.bytes.get(), p.bytes.get() + p.size)};
+  bury(f.message);
+  return done;
+}
+
+// NOTES §1: never early, since the true offset is at most `hi`.
+void Reassembler::refine_expiry(Partial& partial, ByteView first_piece, const ClockBounds& clocks) {
+  const auto header = wire::parse_round_header(first_piece);
+  if (!header) return;
+  const auto hi = clocks.above(header->round.origin);
+  if (!hi) return;
+  const Duration allowed = header->deadline() + kExpirySlack;
+  const TimePoint by_clock =
+      when_elapsed(header->t0, Duration{wrapping_add(hi->count(), allowed.count())});
+  partial.expires = std::min(partial.expires, by_clock);
+}
+
+void Reassembler::bury(MessageId message) {
+  const auto it = partials_.find(message);
+  bytes_ -= it->second.capacity;
+  partials_.erase(it);
+  buried_.insert(message);
+  burial_order_.push_back(message);
+  if (burial_order_.size() > kBuried) {
+    buried_.erase(burial_order_.front());
+    burial_order_.pop_front();
+  }
+}
+
+std::size_t Reassembler::expire(TimePoint now) {
+  std::vector<MessageId> gone;
+  for (const auto& [message, partial] : partials_) {
+    if (partial.expires <= now) gone.push_back(message);
+  }
+  for (const MessageId message : gone) bury(message);
+  return gone.size();
+}
+
+std::optional<TimePoint> Reassembler::next_timeout() const {
+  std::optional<TimePoint> next;
+  for (const auto& [message, partial] : partials_) {
+    if (!next || partial.expires < *next) next = partial.expires;
+  }
+  return next;
+}
+
+void Reassembler::reset() {
+  partials_.clear();
+  buried_.clear();
+  burial_order_.clear();
+  bytes_ = 0;
+}
+
+}  // namespace interneuron::flow

@@ -1,0 +1,345 @@
+#include "core/flow/sender.h"
+
+#include <algorithm>
+
+namespace interneuron::flow {
+namespace {
+
+// A path may catch up this much after idling or a late timer (transport.md §4.2: burst <= C * 1
+// ms).
+constexpr Duration kBurst = std::chrono::milliseconds(1);
+// Pieces leave in batches of this much time, so that one system call carries several; chosen.
+constexpr Duration kQuantum = std::chrono::microseconds(500);
+// Acknowledgements of a slow link come this far apart: a packet at 2 Mbit/s and the delay of
+// feedback; chosen.
+constexpr Duration kMinBetween = std::chrono::milliseconds(15);
+// The longest deadline there is; keeps sums of times in range.
+constexpr Duration kNever = std::chrono::hours(1);
+
+SentPackets::Silence silence_of(const PathView& view) {
+  // An acknowledgement tells of packets sent a round trip ago: what was sent next to them should be
+  // acknowledged after what the timeout allows beyond the round trip.
+  return {view.probe_timeout, std::max(view.probe_timeout - 2 * view.one_way, kMinBetween)};
+}
+
+}  // namespace
+
+void Sender::add_path(LinkId path, std::size_t max_datagram, std::uint64_t first_number) {
+  const auto [it, fresh] = paths_.try_emplace(path);
+  it->second.max_datagram = max_datagram;
+  if (fresh) it->second.sent = SentPackets(first_number);
+}
+
+void Sender::remove_path(TimePoint now, LinkId path) {
+  const auto it = paths_.find(path);
+  if (it == paths_.end()) return;
+  Path gone = std::move(it->second);
+  paths_.erase(it);
+  settle(now, gone.sent.in_flight());
+  for (Job& job : gone.jobs) {
+    const auto message = messages_.find(job.message);
+    if (message == messages_.end()) continue;
+    for (const std::uint16_t index : owed(job)) {
+      Message::PieceState& piece = message->second.pieces[index];
+      if (piece.under_way > 0) --piece.under_way;
+      if (!piece.acknowledged && piece.under_way == 0) repair(now, job.message, index);
+    }
+  }
+}
+
+// The pieces that a path still has to send of a message.
+std::vector<std::uint16_t> Sender::owed(const Job& job) {
+  std::vector<std::uint16_t> out;
+  for (std::size_t i = 0; i < job.again.size(); ++i) out.push_back(job.again[i]);
+  for (std::uint32_t i = job.next; i < job.count; ++i) out.push_back(static_cast<std::uint16_t>(i));
+  return out;
+}
+
+void Sender::pull(TimePoint now, LinkId link) {
+  const auto it = paths_.find(link);
+  if (it == paths_.end()) return;
+  Path& path = it->second;
+  path.view.up = false;
+  // Not settled: it may have arrived, and then its acknowledgement saves what is queued.
+  for (const auto& [piece, arrived, was_open] : path.sent.in_flight()) {
+    const auto message = messages_.find(piece.message);
+    if (message == messages_.end()) continue;
+    if (!message->second.pieces[piece.index].acknowledged) repair(now, piece.message, piece.index);
+  }
+  for (Job& job : path.jobs) {
+    const auto message = messages_.find(job.message);
+    if (message == messages_.end()) continue;
+    const std::vector<std::uint16_t> indices = owed(job);
+    job.again.clear();
+    job.next = job.count;
+    for (const std::uint16_t index : indices) {
+      Message::PieceState& piece = message->second.pieces[index];
+      if (piece.under_way > 0) --piece.under_way;
+      if (piece.acknowledged || repair(now, job.message, index)) continue;
+      // Nobody else brings it in time: it waits here for the path to come back.
+      ++piece.under_way;
+      job.again.push_back(index);
+    }
+  }
+}
+
+void Sender::set_path(LinkId path, const PathView& view) {
+  const auto it = paths_.find(path);
+  if (it != paths_.end()) it->second.view = view;
+}
+
+MessageId Sender::send(TimePoint now, TimePoint deadline, Duration lifetime, Bytes bytes,
+                       const std::vector<LinkId>& paths, const PathSet& repairs) {
+  const MessageId id{next_message_++};
+  std::size_t max_datagram = SIZE_MAX;
+  for (const LinkId path : paths)
+    max_datagram = std::min(max_datagram, paths_.at(path).max_datagram);
+  if (paths.empty() || bytes.empty() || deadline <= now) return id;
+
+  Message m;
+  const std::size_t chunk = max_datagram - wire::kFragmentOverhead;
+  const std::size_t count = (bytes.size() + chunk - 1) / chunk;
+  if (count > UINT16_MAX) return id;
+  m.chunk = static_cast<std::uint16_t>(chunk);
+  m.count = static_cast<std::uint16_t>(count);
+  m.unacknowledged = m.count;
+  m.deadline = deadline;
+  m.lifetime_us = static_cast<std::uint32_t>(std::clamp<std::int64_t>(
+      std::chrono::duration_cast<std::chrono::microseconds>(lifetime).count(), 1, UINT32_MAX));
+  m.bytes = std::move(bytes);
+  m.repairs = repairs;
+  m.pieces.resize(count, {false, static_cast<std::uint8_t>(paths.size())});
+  for (const LinkId path : paths) {
+    Path& p = paths_.at(path);
+    p.jobs.push_back({id, deadline, 0, m.count, m.chunk, {}});
+    m.repairs.set(path.value);
+  }
+  messages_.emplace(id, std::move(m));
+  return id;
+}
+
+std::uint64_t Sender::take_number(TimePoint now, LinkId link, std::size_t train_bytes) {
+  SentPackets& sent = paths_.at(link).sent;
+  return train_bytes > 0 ? sent.add(now, train_bytes, false, std::nullopt) : sent.add_small(now);
+}
+
+std::size_t Sender::queued_bytes(const Path& path) const {
+  std::size_t bytes = 0;
+  for (const Job& job : path.jobs) {
+    if (!messages_.contains(job.message)) continue;
+    bytes +=
+        (job.count - std::min<std::size_t>(job.next, job.count) + job.again.size()) * job.chunk;
+  }
+  return bytes;
+}
+
+Sender::Job* Sender::next_job(Path& path, TimePoint now) {
+  while (!path.jobs.empty()) {
+    Job& job = *std::ranges::min_element(path.jobs, {}, &Job::deadline);
+    const auto it = messages_.find(job.message);
+    const bool done = it == messages_.end() || (job.again.empty() && job.next >= it->second.count);
+    if (!done && now < job.deadline) return &job;
+    path.jobs.erase(path.jobs.begin() + (&job - path.jobs.data()));
+  }
+  return nullptr;
+}
+
+// The next piece of a job that nobody has acknowledged yet.
+std::optional<std::uint16_t> Sender::take_index(Job& job, bool& is_repair) {
+  Message& m = messages_.at(job.message);
+  for (;;) {
+    std::uint16_t index = 0;
+    is_repair = !job.again.empty();
+    if (is_repair) {
+      index = job.again.front();
+      job.again.pop_front();
+    } else if (job.next < m.count) {
+      index = static_cast<std::uint16_t>(job.next++);
+    } else {
+      return std::nullopt;
+    }
+    if (!m.pieces[index].acknowledged) return index;
+    if (m.pieces[index].under_way > 0) --m.pieces[index].under_way;
+  }
+}
+
+std::optional<Sender::Piece> Sender::poll(TimePoint now, LinkId path_id) {
+  Path& path = paths_.at(path_id);
+  if (!path.view.up || now < path.free_at) return std::nullopt;
+  for (;;) {
+    Job* job = next_job(path, now);
+    if (job == nullptr) return std::nullopt;
+    bool is_repair = false;
+    const auto index = take_index(*job, is_repair);
+    if (!index) continue;
+
+    Message& m = messages_.at(job->message);
+    const std::size_t offset = std::size_t{*index} * m.chunk;
+    const std::size_t size = std::min<std::size_t>(m.chunk, m.bytes.size() - offset);
+    const std::size_t ip_bytes = size + wire::kFragmentOverhead + wire::kIpUdpOverhead;
+    const bool more_waits = job->next < m.count || !job->again.empty() || path.jobs.size() > 1;
+    const std::uint64_t number =
+        path.sent.add(now, ip_bytes, more_waits, SentPackets::Piece{job->message, *index});
+    if (is_repair) ++path.resent;
+
+    const Duration air = path.view.pace.value_or(kBlindPace).transmit_time(ip_bytes);
+    path.free_at =
+        std::max(path.free_at, now - kBurst) + std::min<Duration>(air, std::chrono::seconds(1));
+    return Piece{number,
+                 {job->message, *index, m.count, m.chunk, m.lifetime_us},
+                 ByteView(m.bytes).subspan(offset, size)};
+  }
+}
+
+// What became of pieces: acknowledged, or to be sent again.
+void Sender::settle(TimePoint now, std::span<const SentPackets::Settled> pieces) {
+  for (const auto& [what, arrived, was_open] : pieces) {
+    const auto it = messages_.find(what.message);
+    if (it == messages_.end()) continue;
+    Message::PieceState& piece = it->second.pieces[what.index];
+    if (was_open && piece.under_way > 0) --piece.under_way;
+    if (piece.acknowledged) continue;
+    if (!arrived) {
+      repair(now, what.message, what.index);
+      continue;
+    }
+    piece.acknowledged = true;
+    if (--it->second.unacknowledged == 0) messages_.erase(it);
+  }
+}
+
+SentPackets::Verdicts Sender::report(TimePoint now, const wire::LinkReport& report,
+                                     Duration min_rtt) {
+  const auto it = paths_.find(report.link);
+  if (it == paths_.end()) return {};
+  Path& path = it->second;
+  const auto verdicts = path.sent.report(now, report, min_rtt, silence_of(path.view));
+  settle(now, verdicts.pieces);
+  return verdicts;
+}
+
+bool Sender::is_again(const Job& job, std::uint16_t index) {
+  for (std::size_t i = 0; i < job.again.size(); ++i) {
+    if (job.again[i] == index) return true;
+  }
+  return false;
+}
+
+// When the best copy of a piece that is still queued or in flight should arrive; nothing if there
+// is none.
+std::optional<TimePoint> Sender::expected_arrival(TimePoint now, MessageId id,
+                                                  std::uint16_t index) const {
+  const Message& m = messages_.at(id);
+  if (m.pieces[index].under_way == 0) return std::nullopt;
+  std::optional<TimePoint> best;
+  const auto consider = [&best](TimePoint t) {
+    if (!best || t < *best) best = t;
+  };
+  for (const auto& [link, path] : paths_) {
+    if (!path.view.up) continue;
+    const auto job = std::ranges::find(path.jobs, id, &Job::message);
+    if (job != path.jobs.end() && (index >= job->next || is_again(*job, index))) {
+      const std::size_t ahead = index >= job->next ? index - job->next + 1U : job->again.size();
+      const DataRate rate = path.view.rate.value_or(kBlindRate);
+      consider(now + std::min<Duration>(rate.transmit_time(ahead * m.chunk), kNever) +
+               path.view.one_way);
+    }
+    const auto sent_at = path.sent.sent_at({id, index});
+    if (sent_at) consider(*sent_at + path.view.one_way);
+  }
+  return best;
+}
+
+// Sends a piece again over the path that brings it soonest, unless that is too late or another copy
+// is sooner still.
+bool Sender::repair(TimePoint now, MessageId id, std::uint16_t index) {
+  if (!options_.repair) return false;
+  Message& m = messages_.at(id);
+  Path* best = nullptr;
+  TimePoint best_arrival = TimePoint::max();
+  for (auto& [link, path] : paths_) {
+    const bool may_carry =
+        m.repairs.test(link.value) && path.max_datagram >= m.chunk + wire::kFragmentOverhead;
+    if (!path.view.up || !may_carry) continue;
+    const DataRate rate = path.view.rate.value_or(kBlindRate);
+    const Duration queue =
+        std::min<Duration>(rate.transmit_time(queued_bytes(path) + m.chunk), kNever);
+    const TimePoint arrival = now + queue + path.view.one_way;
+    const bool in_time = arrival <= m.deadline;
+    // A backup only where no other path is in time.
+    const bool better =
+        best == nullptr || (path.view.backup == best->view.backup ? arrival < best_arrival
+                            : path.view.backup ? in_time && best_arrival > m.deadline
+                                               : in_time || best_arrival > m.deadline);
+    if (better) {
+      best = &path;
+      best_arrival = arrival;
+    }
+  }
+  const std::optional<TimePoint> other = expected_arrival(now, id, index);
+  if (other && *other <= best_arrival) return false;
+  if (best == nullptr || best_arrival > m.deadline) {
+    ++cancelled_;
+    return false;
+  }
+  ++m.pieces[index].under_way;
+  const auto job = std::ranges::find(best->jobs, id, &Job::message);
+  if (job != best->jobs.end()) {
+    job->again.push_back(index);
+  } else {
+    best->jobs.push_back({id, m.deadline, m.count, m.count, m.chunk, {}});
+    best->jobs.back().again.push_back(index);
+  }
+  return true;
+}
+
+void Sender::handle_timeout(TimePoint now) {
+  for (auto& [link, path] : paths_) {
+    settle(now, path.sent.settle_silent(now, silence_of(path.view)));
+  }
+  std::erase_if(messages_, [now](const auto& entry) { return entry.second.deadline <= now; });
+  // A path that may not send is never polled: what nobody waits for must not pile up on it.
+  for (auto& [link, path] : paths_) {
+    std::erase_if(path.jobs, [this](const Job& job) { return !messages_.contains(job.message); });
+  }
+}
+
+std::optional<TimePoint> Sender::next_timeout() const {
+  std::optional<TimePoint> next;
+  const auto consider = [&next](TimePoint t) {
+    if (!next || t < *next) next = t;
+  };
+  for (const auto& [link, path] : paths_) {
+    const auto silent_at = path.sent.silent_at(silence_of(path.view));
+    if (silent_at) consider(*silent_at);
+  }
+  for (const auto& [id, message] : messages_) consider(message.deadline);
+  return next;
+}
+
+std::optional<TimePoint> Sender::next_send(LinkId path) const {
+  const auto it = paths_.find(path);
+  if (it == paths_.end() || it->second.jobs.empty() || !it->second.view.up) return std::nullopt;
+  return saturating_add(it->second.free_at, kQuantum);
+}
+
+std::uint64_t Sender::resent(LinkId path) const {
+  const auto it = paths_.find(path);
+  return it == paths_.end() ? 0 : it->second.resent;
+}
+
+std::uint64_t Sender::lost(LinkId path) const {
+  const auto it = paths_.find(path);
+  return it == paths_.end() ? 0 : it->second.sent.lost();
+}
+
+void Sender::reset(TimePoint now) {
+  messages_.clear();
+  for (auto& [link, path] : paths_) {
+    path.jobs.clear();
+    path.sent.reset();
+    path.free_at = now;
+  }
+}
+
+}  // namespace interneuron::flow

@@ -1,0 +1,199 @@
+#include "core/flow/sent_packets.h"
+
+#include <algorithm>
+
+namespace interneuron::flow {
+namespace {
+
+// A packet is lost when one sent this many later has arrived (RFC 9002 §6.1.1).
+constexpr std::uint64_t kReorderPackets = 3;
+// Records of packets are kept this long for late acknowledgements; chosen.
+constexpr Duration kKeep = std::chrono::seconds(3);
+constexpr std::size_t kMaxKept = 20'000;  // per path: 3 s at 75 Mbit/s; chosen
+// And so many of those settled, in which the beginning of a train is found; chosen.
+constexpr std::size_t kKeepSettled = 512;
+// A packet taken for lost may still arrive: its loss is certain when this many later ones were
+// sent, or after twice the timeout; chosen.
+constexpr std::uint64_t kLatePackets = 128;
+
+}  // namespace
+
+void SentPackets::trim(TimePoint now) {
+  while (keeps(first_open_) && at(first_open_).fate != Fate::kOpen) ++first_open_;
+  const auto may_go = [this, now] {
+    const Packet& front = packets_.front();
+    return packets_.size() >= kMaxKept || front.at < now - kKeep ||
+           (packets_.size() > kKeepSettled &&
+            front.number < std::min(first_open_, first_uncertain_));
+  };
+  while (!packets_.empty() && may_go()) {
+    const Packet& front = packets_.front();
+    if (front.fate == Fate::kOpen && front.data_sized) --open_data_;
+    packets_.pop_front();
+  }
+  const std::uint64_t kept = packets_.empty() ? next_ : packets_.front().number;
+  first_open_ = std::max(first_open_, kept);
+  first_uncertain_ = std::max(first_uncertain_, kept);
+}
+
+SentPackets::Packet& SentPackets::record(TimePoint now) {
+  trim(now);
+  Packet packet;
+  packet.number = next_++;
+  packet.at = now;
+  packets_.push_back(packet);
+  return packets_.back();
+}
+
+std::uint64_t SentPackets::add_small(TimePoint now) { return record(now).number; }
+
+std::uint64_t SentPackets::add(TimePoint now, std::size_t ip_bytes, bool more_waits,
+                               const std::optional<Piece>& piece) {
+  Packet& packet = record(now);
+  packet.data_sized = true;
+  packet.has_piece = piece.has_value();
+  if (piece) packet.piece = *piece;
+  train_bytes_ += ip_bytes;
+  packet.train_bytes = train_bytes_;
+  packet.stamp =
+      delivery_.sent(now, static_cast<std::uint32_t>(ip_bytes), open_data_ == 0, more_waits);
+  ++open_data_;
+  return packet.number;
+}
+
+void SentPackets::lose(Packet& packet) {
+  packet.fate = Fate::kLost;
+  ++lost_;
+  if (packet.data_sized) --open_data_;
+  if (packet.has_piece) settled_.push_back({packet.piece, false, true});
+}
+
+void SentPackets::arrive(TimePoint now, Packet& packet, Verdicts& verdicts) {
+  const bool was_open = packet.fate == Fate::kOpen;
+  packet.fate = Fate::kArrived;
+  if (packet.has_piece) {
+    progress_at_ = now;
+    settled_.push_back({packet.piece, true, was_open});
+  }
+  verdicts.data = verdicts.data || packet.data_sized;
+  verdicts.newest_sent = std::max(verdicts.newest_sent.value_or(packet.at), packet.at);
+  if (!was_open) return;
+  ++verdicts.acknowledged;
+  if (!packet.data_sized) return;
+  --open_data_;
+  delivery_.acknowledged(now, packet.stamp);
+}
+
+SentPackets::Verdicts SentPackets::report(TimePoint now, const wire::LinkReport& report,
+                                          Duration min_rtt, const Silence& silence) {
+  Verdicts verdicts;
+  settled_.clear();
+  runs_.clear();
+  if (report.largest == 0 || report.largest >= next_) return verdicts;
+  const auto arrived = [&report](std::uint64_t back) {
+    return back == 0 || (report.bitmap[(back - 1) / 64] >> ((back - 1) % 64) & 1U) != 0;
+  };
+  for (std::uint64_t n = first_uncertain_; n <= report.largest && keeps(n); ++n) {
+    Packet& packet = at(n);
+    const std::uint64_t back = report.largest - n;
+    if (packet.fate == Fate::kArrived) continue;
+    const bool in_window = back <= wire::kAckWindow;
+    if (in_window && arrived(back)) {
+      arrive(now, packet, verdicts);
+    } else if (back >= kReorderPackets) {
+      packet.covered = packet.covered || in_window;
+      if (packet.fate != Fate::kOpen) continue;
+      lose(packet);
+      ++verdicts.lost;
+    }
+  }
+  find_train(report, verdicts);
+  verdicts.delivery = delivery_.sample(min_rtt);
+  tell_certain(now, report.largest, silence.timeout);
+  trim(now);
+  verdicts.pieces = settled_;
+  verdicts.runs = runs_;
+  return verdicts;
+}
+
+void SentPackets::tell_certain(TimePoint now, std::uint64_t largest, Duration timeout) {
+  for (; first_uncertain_ <= largest && keeps(first_uncertain_); ++first_uncertain_) {
+    const Packet& packet = at(first_uncertain_);
+    if (packet.fate == Fate::kOpen) return;
+    const bool arrived = packet.fate == Fate::kArrived;
+    if (!arrived && largest - packet.number < kLatePackets && now - packet.at < 2 * timeout) return;
+    if (!arrived && !packet.covered) continue;
+    if (runs_.empty() || runs_.back().arrived != arrived) runs_.push_back({arrived, 0});
+    ++runs_.back().packets;
+  }
+}
+
+void SentPackets::find_train(const wire::LinkReport& report, Verdicts& verdicts) {
+  if (report.train_packets == 0 || report.train_start == 0) return;
+  if (train_number_ != report.train_start) {
+    if (!keeps(report.train_start)) return;
+    const Packet& first = at(report.train_start);
+    train_number_ = first.number;
+    train_at_ = first.at;
+    train_from_ = first.train_bytes;
+  }
+  for (std::uint64_t n = report.largest; n > train_number_ && keeps(n); --n) {
+    const Packet& last = at(n);
+    if (!last.data_sized || last.fate != Fate::kArrived) continue;
+    verdicts.train_known = true;
+    if (last.at > train_at_) {
+      verdicts.train_sent_at = rate_of(last.train_bytes - train_from_, last.at - train_at_);
+    }
+    return;
+  }
+}
+
+TimePoint SentPackets::silent_at(const Packet& oldest, const Silence& silence) const {
+  return std::max(oldest.at + silence.timeout, saturating_add(progress_at_, silence.between));
+}
+
+std::span<const SentPackets::Settled> SentPackets::settle_silent(TimePoint now,
+                                                                 const Silence& silence) {
+  settled_.clear();
+  for (std::uint64_t n = first_open_; keeps(n); ++n) {
+    Packet& packet = at(n);
+    if (silent_at(packet, silence) > now) break;
+    if (packet.fate == Fate::kOpen && packet.has_piece) lose(packet);
+  }
+  return settled_;
+}
+
+std::optional<TimePoint> SentPackets::silent_at(const Silence& silence) const {
+  for (std::uint64_t n = first_open_; keeps(n); ++n) {
+    const Packet& packet = at(n);
+    if (packet.fate == Fate::kOpen && packet.has_piece) return silent_at(packet, silence);
+  }
+  return std::nullopt;
+}
+
+std::span<const SentPackets::Settled> SentPackets::in_flight() {
+  settled_.clear();
+  for (std::uint64_t n = first_open_; keeps(n); ++n) {
+    const Packet& packet = at(n);
+    if (packet.fate == Fate::kOpen && packet.has_piece) {
+      settled_.push_back({packet.piece, false, true});
+    }
+  }
+  return settled_;
+}
+
+std::optional<TimePoint> SentPackets::sent_at(const Piece& piece) const {
+  for (std::uint64_t n = next_; n-- > first_open_ && keeps(n);) {
+    const Packet& packet = at(n);
+    if (packet.fate == Fate::kOpen && packet.has_piece && packet.piece == piece) return packet.at;
+  }
+  return std::nullopt;
+}
+
+void SentPackets::reset() {
+  const std::uint64_t lost = lost_;
+  *this = SentPackets(next_);
+  lost_ = lost;
+}
+
+}  // namespace interneuron::flow

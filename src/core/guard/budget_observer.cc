@@ -1,0 +1,282 @@
+#include "core/guard/budget_observer.h"
+
+#include <algorithm>
+
+namespace interneuron::guard {
+namespace {
+
+// Rounds that had lost as much before, to within this share of the deadline, are alike; chosen.
+constexpr int kAlike = 16;
+// The smoothing tail's scale as a share of the deadline; chosen: 20 ms of 130 ms.
+constexpr int kTail = 6;
+// Without a way to weigh it, a hold lasts this share of the deadline at most; NOTES §3.
+constexpr int kBlindHold = 4;
+// How far beyond the time at which a better variant came once it is waited for; chosen: 1 ms of
+// 130.
+constexpr int kMargin = 128;
+// Candidates of a hold; chosen: each costs an evaluation.
+constexpr std::size_t kCandidates = 4;
+
+constexpr std::uint8_t key_of(const StageEnd& end) {
+  return static_cast<std::uint8_t>((end.variant % kMaxVariants) +
+                                   (end.degraded ? kMaxVariants : std::size_t{0}));
+}
+
+// Peers' bytes may make a difference of any size; beyond an hour it means nothing.
+constexpr std::int64_t kBound = 3'600'000'000'000;
+
+Duration difference(Duration a, Duration b) {
+  return Duration{std::clamp(wrapping_sub(a.count(), b.count()), -kBound, kBound)};
+}
+
+// Until D_N, when nothing goes wrong in what comes after.
+Duration left_of(const StageEnd& end, Duration theta, Duration base) {
+  return difference(end.deadline, Duration{wrapping_add(theta.count(), base.count())});
+}
+
+// To a mixture of what may happen.
+void add(Worth& to, const Worth& w, double share) {
+  to.on_time.least += w.on_time.least * share;
+  to.on_time.most += w.on_time.most * share;
+  to.on_time.hedged += w.on_time.hedged * share;
+  to.value += w.value * share;
+}
+
+bool older(RoundId a, RoundId b) { return static_cast<std::int32_t>(b.value - a.value) > 0; }
+
+}  // namespace
+
+BudgetObserver::Computation& BudgetObserver::after(std::size_t stage) {
+  auto& slot = after_[stage];
+  if (!slot) slot = std::make_unique<Computation>();
+  return *slot;
+}
+
+BudgetObserver::Computation* BudgetObserver::before(const StageEnd& end) {
+  for (std::size_t stage = end.stage; stage-- > 0;) {
+    Computation* c = after_[stage].get();
+    if (c == nullptr) continue;
+    const Entry* entry = find(*c, end.round);
+    if (entry != nullptr && entry->begun) return c;
+  }
+  return nullptr;
+}
+
+BudgetObserver::Entry* BudgetObserver::find(Computation& c, RoundId round) {
+  Entry& entry = c.ring[round.value % kRing];
+  return entry.used && entry.round == round ? &entry : nullptr;
+}
+
+void BudgetObserver::learn(TimePoint now, RoundId current, const Indicator& indicator,
+                           const RecentE2e& e2e) {
+  for (std::size_t i = indicator.size(); i-- > 0;) {
+    if (current.value <= i || indicator[i] == RoundState::kUnknown) continue;
+    settle(now, RoundId{current.value - 1 - static_cast<std::uint32_t>(i)}, indicator[i], e2e[i]);
+  }
+}
+
+void BudgetObserver::settle(TimePoint now, RoundId round, RoundState state, E2e e2e) {
+  for (const auto& c : after_) {
+    if (c) settle(*c, now, round, state, e2e);
+  }
+}
+
+void BudgetObserver::settle(Computation& c, TimePoint now, RoundId round, RoundState state,
+                            E2e e2e) {
+  Entry* entry = find(c, round);
+  if (entry == nullptr || !entry->begun || !entry->ended || entry->known) return;
+  ResidualLaw::Sample sample;
+  sample.round = round;
+  sample.at = now;
+  sample.before = entry->before;
+  if (e2e && *e2e != kNever) {
+    entry->known = true;
+    sample.run = {entry->level, entry->median, difference(entry->end, entry->start)};
+    sample.computed = sample.run.took - entry->expected;
+    sample.rest = Duration{wrapping_sub(e2e->count(), entry->end.count())};
+    c.law.add(now, sample);
+    c.law.reconsider(c.speed);
+  } else if (state == RoundState::kMissed && !entry->beyond) {
+    const auto base = c.law.base(now, 0);
+    if (!base) return;
+    entry->beyond = true;
+    sample.kind = ResidualLaw::Sample::Kind::kBeyond;
+    const Duration rest{wrapping_add(entry->start.count(), base->count())};
+    sample.rest = entry->before + difference(entry->deadline, rest) - entry->expected;
+    c.law.add(now, sample);
+  }
+}
+
+void BudgetObserver::note_arrival(TimePoint now, const StageEnd& end) {
+  if (end.is_computation || end.degraded) return;
+  Better& b = after(end.stage).better[end.round.value % kRing];
+  if (!b.used || b.round != end.round) {
+    if (b.used && older(end.round, b.round)) return;
+    b = {end.round, true, now, std::nullopt};
+  }
+  if (end.variant == end.best_planned && !b.theta) b.theta = elapsed_across(end.t0, now);
+}
+
+BudgetObserver::Chances BudgetObserver::chances(const Computation& c, const ResidualLaw::Near& law,
+                                                Duration left) {
+  Chances out{};
+  for (std::size_t level = 0; level < std::min(c.levels.size(), kMaxLevels); ++level) {
+    out[level] = law.within(left - c.speed.expected(level, c.levels[level].median));
+  }
+  return out;
+}
+
+std::pair<std::size_t, Worth> BudgetObserver::best_level(const Computation& c,
+                                                         const Chances& chances,
+                                                         std::uint8_t variant, const Terms& terms) {
+  Best<std::size_t> best(terms.target);
+  for (std::size_t level = 0; level < std::min(c.levels.size(), kMaxLevels); ++level) {
+    best.consider(level, worth(chances[level], quality_of(c.levels, level, variant), terms));
+  }
+  return best.get().value_or(std::pair<std::size_t, Worth>{});
+}
+
+StageGuard::Hold BudgetObserver::hold(TimePoint now, const StageEnd& end,
+                                      const std::optional<ClockView>&, bool last_stage) {
+  Computation& c = after(end.stage);
+  const Duration theta = elapsed_across(end.t0, now);
+  // When the better variant may still come, judged by the rounds in which it was not there either
+  // after so long. One round more in which it never came is assumed.
+  std::array<Duration, kRing> ahead;
+  std::size_t coming = 0;
+  std::size_t rounds = 1;
+  for (const Better& b : c.better) {
+    if (!b.used || b.round == end.round || now - b.at > kRecent) continue;
+    if (!b.theta) {
+      if (now - b.at > end.deadline) ++rounds;
+    } else if (wrapping_sub(b.theta->count(), theta.count()) > 0) {
+      ++rounds;
+      ahead[coming++] = difference(*b.theta, theta);
+    }
+  }
+  std::sort(ahead.begin(), ahead.begin() + static_cast<std::ptrdiff_t>(coming));
+  Hold out{now, false, true};
+  const Duration margin = end.deadline / kMargin;
+  const auto base = c.law.base(now, 0);
+  if (coming == 0) return out;
+  if (last_stage || !base || c.levels.empty()) {
+    const Duration wait = ahead[(coming - 1) * 9 / 10] + margin;
+    if (wait <= end.deadline / kBlindHold) out.until = now + wait;
+    if (last_stage && at_origin_) {
+      out.until = std::min(out.until, when_elapsed(end.t0, end.deadline));
+    }
+    return out;
+  }
+  const std::optional<std::int64_t> start = c.starts.median(now, key_of(end));
+  std::optional<Duration> before;
+  if (start) before = difference(theta, Duration{*start});
+  const ResidualLaw::Near law = c.law.near(before, end.deadline / kAlike);
+  const Duration left = left_of(end, theta, *base);
+  Best<Duration> best(end.terms.target);  // wait
+  best.consider({}, best_level(c, chances(c, law, left), end.variant, end.terms).second);
+  Worth came;  // summed over the rounds in which it came by the candidate
+  std::size_t counted = 0;
+  for (std::size_t i = 1; i <= kCandidates; ++i) {
+    const std::size_t by = (coming * i + kCandidates - 1) / kCandidates;
+    if (by <= counted) continue;
+    const Duration wait = ahead[by - 1] + margin;
+    if (wait > end.deadline) break;
+    const Chances then = chances(c, law, left - wait);
+    const Worth with = best_level(c, then, end.best_planned, end.terms).second;
+    const Worth without = best_level(c, then, end.variant, end.terms).second;
+    const auto more = static_cast<double>(by - counted);
+    add(came, with, more);
+    counted = by;
+    const auto rest = static_cast<double>(rounds - by);
+    const auto all = static_cast<double>(rounds);
+    Worth w;
+    add(w, came, 1 / all);
+    add(w, without, rest / all);
+    best.consider(wait, w);
+  }
+  out.until = now + best.get()->first;
+  return out;
+}
+
+Verdict BudgetObserver::end_stage(TimePoint now, const StageEnd& end,
+                                  const std::optional<ClockView>&) {
+  return finish(now, end, elapsed_across(end.t0, now));
+}
+
+Verdict BudgetObserver::end_stage_held(const StageEnd& end, const Hold& hold) {
+  return finish(hold.until, end, elapsed_across(end.t0, hold.until));
+}
+
+Verdict BudgetObserver::finish(TimePoint now, const StageEnd& end, Duration theta) {
+  Verdict verdict;
+  if (!end.is_computation) return verdict;
+  Computation* c = before(end);
+  if (c == nullptr) return verdict;
+  Entry& entry = *find(*c, end.round);
+  const bool first = !entry.ended;
+  entry.end = theta;
+  entry.ended = true;
+  if (first) c->speed.add(now, entry.level, entry.median, difference(entry.end, entry.start));
+  const auto base = c->law.base(now, 0);
+  if (!base) return verdict;
+  const Duration left = left_of(end, theta, *base);
+  if (c->law.near(std::nullopt, {}).rest_within(left) < end.terms.target) {
+    verdict = {.late = true, .overrun = std::max(Duration{1}, -left)};
+  }
+  return verdict;
+}
+
+void BudgetObserver::remember(Computation& c, std::span<const LevelProfile> levels) {
+  const bool same =
+      std::ranges::equal(c.levels, levels, [](const LevelProfile& a, const LevelProfile& b) {
+        return a.median == b.median && a.quality == b.quality;
+      });
+  if (!same) c.levels.assign(levels.begin(), levels.end());
+}
+
+LevelChoice BudgetObserver::begin_computation(TimePoint now, const StageEnd& end,
+                                              std::span<const LevelProfile> levels, std::size_t top,
+                                              const Verdict&) {
+  Computation& c = after(end.stage);
+  remember(c, levels);
+  c.law.set_scale(end.deadline / kTail);
+  const Duration theta = elapsed_across(end.t0, now);
+  const auto reference = c.starts.median(now, key_of(end));
+  c.starts.add(now, key_of(end), theta.count());
+  LevelChoice choice;
+  std::optional<Duration> before;
+  if (reference) before = difference(theta, Duration{*reference});
+  choice.excess = before;
+  choice.level = c.has_chosen ? std::min(c.last_level, levels.size() - 1) : top;
+  if (const auto base = c.law.base(now, 0)) {
+    const ResidualLaw::Near law = c.law.near(before, end.deadline / kAlike);
+    const Chances now_begun = chances(c, law, left_of(end, theta, *base));
+    choice.level = best_level(c, now_begun, end.variant, end.terms).first;
+    c.has_chosen = true;
+    c.last_level = choice.level;
+  }
+  Entry& entry = c.ring[end.round.value % kRing];
+  if (entry.used && older(end.round, entry.round)) return choice;
+  entry = Entry{};
+  entry.round = end.round;
+  entry.used = entry.begun = true;
+  entry.level = choice.level;
+  entry.start = theta;
+  entry.before = before.value_or(Duration::zero());
+  entry.median = levels[choice.level].median;
+  entry.expected = c.speed.expected(choice.level, entry.median);
+  entry.deadline = end.deadline;
+  return choice;
+}
+
+void BudgetObserver::reset() {
+  for (const auto& c : after_) {
+    if (!c) continue;
+    c->law.drop_bases();
+    c->starts.clear();
+    c->ring = {};
+    c->better = {};
+  }
+}
+
+}  // namespace interneuron::guard

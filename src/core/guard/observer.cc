@@ -1,0 +1,76 @@
+#include "core/guard/observer.h"
+
+#include <algorithm>
+
+#include "core/guard/budget_observer.h"
+#include "core/guard/choice.h"
+
+namespace interneuron::guard {
+namespace {
+
+constexpr std::int64_t kPermille = 1000;
+// Without a reference a smaller variant is held for a quarter of the deadline at most; NOTES §3.
+constexpr int kBlindHoldDivisor = 4;
+
+}  // namespace
+
+std::optional<Duration> Observer::stage_deadline(TimePoint now, const StageEnd& end,
+                                                 const std::optional<ClockView>& clock) {
+  const std::optional<Duration> base = times_.base(now, end.stage);
+  if (!base || (!clock && !at_origin_)) return std::nullopt;
+  const std::int64_t alpha = at_origin_ ? 0 : clock->alpha;
+  const Duration least = at_origin_ ? Duration{} : clock->rtt_min / 2;
+  const Duration b = std::clamp(Duration{wrapping_sub(base->count(), alpha)},
+                                std::min(least, end.deadline), end.deadline);
+  return Duration{wrapping_add(base->count(), b.count() * end.x_permille / kPermille)};
+}
+
+Verdict Observer::end_stage(TimePoint now, const StageEnd& end,
+                            const std::optional<ClockView>& clock) {
+  const Duration theta = elapsed_across(end.t0, now);
+  const std::optional<Duration> dn = stage_deadline(now, end, clock);
+  times_.observe(end.round, end.stage, theta);
+  Verdict verdict;
+  if (dn) {
+    const Duration overrun{wrapping_sub(theta.count(), dn->count())};
+    if (overrun.count() > 0) verdict = {.late = true, .overrun = overrun};
+  } else if (end.x_permille < 0) {
+    // NOTES §4.3: otherwise a pipeline that is never on time would never be sacrificed.
+    verdict = {.late = true, .overrun = kFullSeverity};
+  }
+  return verdict;
+}
+
+Observer::Hold Observer::hold(TimePoint now, const StageEnd& end,
+                              const std::optional<ClockView>& clock, bool last_stage) {
+  std::optional<Duration> dn = stage_deadline(now, end, clock);
+  if (!dn) return {now + end.deadline / kBlindHoldDivisor, false, false};
+  if (last_stage && at_origin_) dn = std::min(*dn, end.deadline);
+  const TimePoint until = when_elapsed(end.t0, *dn);
+  const TimePoint bound = now + end.deadline;
+  return until <= bound ? Hold{until, true, true} : Hold{bound, false, true};
+}
+
+Verdict Observer::end_stage_held(const StageEnd& end, const Hold& hold) {
+  times_.observe(end.round, end.stage, elapsed_across(end.t0, hold.until));
+  Verdict verdict;
+  verdict.released_at_deadline = hold.is_stage_deadline;
+  if (!hold.has_reference && end.x_permille < 0) {
+    verdict.late = true;
+    verdict.overrun = kFullSeverity;
+  }
+  return verdict;
+}
+
+LevelChoice Observer::begin_computation(TimePoint, const StageEnd&,
+                                        std::span<const LevelProfile> levels, std::size_t top,
+                                        const Verdict& verdict) {
+  return {sacrificed_level(levels, top, verdict), std::nullopt};
+}
+
+std::unique_ptr<StageGuard> make_stage_guard(GuardKind kind, bool at_origin) {
+  if (kind == GuardKind::kBudget) return std::make_unique<BudgetObserver>(at_origin);
+  return std::make_unique<Observer>(at_origin);
+}
+
+}  // namespace interneuron::guard

@@ -1,0 +1,246 @@
+#include "core/guard/origin.h"
+
+#include <algorithm>
+#include <stdexcept>
+
+#include "core/guard/choice.h"
+
+namespace interneuron::guard {
+namespace {
+
+void check(const PipelineConfig& c) {
+  if (c.stages.empty() || c.stages.size() > kMaxStages) {
+    throw std::invalid_argument("pipeline " + std::to_string(c.id.value) + ": " +
+                                std::to_string(c.stages.size()) + " stages; give 1 to " +
+                                std::to_string(kMaxStages));
+  }
+  if (c.deadline <= Duration::zero() || c.deadline > std::chrono::hours(1)) {
+    throw std::invalid_argument("pipeline " + std::to_string(c.id.value) +
+                                ": the deadline must be more than 0 and at most one hour");
+  }
+  if (c.period <= Duration::zero() || c.period > std::chrono::hours(1)) {
+    throw std::invalid_argument("pipeline " + std::to_string(c.id.value) +
+                                ": the period must be more than 0 and at most one hour");
+  }
+}
+
+bool within(double value, double low, double high) { return value >= low && value <= high; }
+
+void check_budget(const PipelineConfig& c) {
+  const std::string pipeline = "pipeline " + std::to_string(c.id.value);
+  const BudgetOptions& b = c.budget;
+  if (!(b.target > 0 && b.target < 1) || !within(b.miss_price, 0, 65) ||
+      !within(b.exploration, 0, 0.2)) {
+    throw std::invalid_argument(pipeline +
+                                ": the budget needs a target between 0 and 1, a miss price of 0 to "
+                                "65 and an exploration of 0 to 0.2");
+  }
+  for (const LevelProfile& level : c.levels) {
+    if (level.median <= Duration::zero() || level.p95 < level.median) {
+      throw std::invalid_argument(pipeline +
+                                  ": a level needs a median run time > 0 and a p95 >= the median");
+    }
+  }
+  const auto is_share = [](double q) { return within(q, 0, 1); };
+  if (!is_share(c.fallback.local) || !std::ranges::all_of(c.fallback.stale_share, is_share)) {
+    throw std::invalid_argument(pipeline + ": fallback qualities and shares are 0 to 1");
+  }
+}
+
+}  // namespace
+
+Origin::Origin(PipelineConfig config, SessionId self) : config_(std::move(config)), self_(self) {
+  check(config_);
+  check_budget(config_);
+  guard_ = make_round_guard(config_);
+  observer_ = make_stage_guard(config_.guard, true);
+}
+
+Origin::Begun Origin::begin(TimePoint now) {
+  const RoundId round{next_round_++};
+  Begun begun{{self_, config_.id, round},
+              now,
+              guard_->begin(observer_->base(now, config_.stages.size()), config_.deadline)};
+  past_[round.value % kRing] = {round, RoundState::kUnknown, now, std::nullopt};
+  open_.push_back({begun, std::nullopt, false});
+  return begun;
+}
+
+Indicator Origin::indicator(RoundId round) const {
+  Indicator out{};
+  for (std::uint32_t i = 0; i < out.size() && i < round.value; ++i) {
+    out[i] = past_[(round.value - 1 - i) % kRing].state;
+  }
+  return out;
+}
+
+RecentE2e Origin::recent_e2e(RoundId round) const {
+  RecentE2e out{};
+  for (std::uint32_t i = 0; i < out.size() && i < round.value; ++i) {
+    out[i] = past_[(round.value - 1 - i) % kRing].e2e;
+  }
+  return out;
+}
+
+bool Origin::choose_degraded(TimePoint now, RoundId round, const Forecast& normal,
+                             const Forecast& degraded) {
+  Open* open = find(round);
+  if (open == nullptr) return false;
+  RoundGuard::Sent& sent = open->begun.sent;
+  sent.degraded = guard_->choose_degraded(now, round, sent, now - open->begun.t0, normal, degraded);
+  return sent.degraded;
+}
+
+Origin::Open* Origin::find(RoundId round) {
+  const auto it = std::ranges::find(open_, round, [](const Open& o) { return o.begun.ref.round; });
+  return it == open_.end() ? nullptr : &*it;
+}
+
+const Origin::Begun* Origin::open(RoundId round) const {
+  const auto it = std::ranges::find(open_, round, [](const Open& o) { return o.begun.ref.round; });
+  return it == open_.end() ? nullptr : &it->begun;
+}
+
+std::optional<RoundDone> Origin::remote_result(TimePoint now, RoundId round, Bytes result,
+                                               bool degraded, const Spent& spent) {
+  const Open* open = find(round);
+  if (open == nullptr || now > open->begun.t0 + config_.deadline) {
+    learn_late(now, round, std::move(result), spent);
+    return std::nullopt;
+  }
+  StageEnd end;
+  end.round = round;
+  end.stage = config_.stages.size();
+  end.t0 = as_wire(open->begun.t0);
+  end.x_permille = open->begun.sent.x_permille;
+  end.deadline = config_.deadline;
+  observer_->end_stage(now, end, std::nullopt);
+  guard_->result(now, round, now - open->begun.t0, spent);
+  keep_last(round, result);
+  keep_remote(round, result, spent);
+  RoundDone done = decide(now, round, Outcome::kRemote);
+  done.result = std::move(result);
+  done.age_rounds = 0;
+  done.degraded_final = degraded;
+  return done;
+}
+
+void Origin::learn_late(TimePoint now, RoundId round, Bytes result, const Spent& spent) {
+  Past& past = past_[round.value % kRing];
+  if (past.round != round || past.state == RoundState::kOnTime) return;
+  const Duration e2e = now - past.t0;
+  // Further copies come later still.
+  if (past.e2e && *past.e2e != kNever) return;
+  past.e2e = e2e;
+  guard_->result(now, round, e2e, spent);
+  keep_remote(round, result, spent);
+}
+
+std::optional<RoundDone> Origin::local_result(TimePoint now, RoundId round, Bytes result) {
+  Open* open = find(round);
+  if (open == nullptr) return std::nullopt;
+  keep_last(round, result);
+  open->local = std::move(result);
+  if (!open->stays_local) return std::nullopt;
+  return decide_locally(now, *open);
+}
+
+std::optional<RoundDone> Origin::stay_local(TimePoint now, RoundId round) {
+  Open* open = find(round);
+  if (open == nullptr) return std::nullopt;
+  open->stays_local = true;
+  if (!open->local) return std::nullopt;
+  return decide_locally(now, *open);
+}
+
+std::vector<RoundDone> Origin::expire(TimePoint now) {
+  std::vector<RoundDone> out;
+  while (!open_.empty() && open_.front().begun.t0 + config_.deadline <= now) {
+    out.push_back(decide_locally(now, open_.front()));
+  }
+  return out;
+}
+
+RoundDone Origin::decide_locally(TimePoint now, Open& open) {
+  std::optional<Bytes> local = std::move(open.local);
+  RoundDone done = decide(now, open.begun.ref.round, Outcome::kLocal);
+  answer(done, std::move(local));
+  return done;
+}
+
+// Empty, this round's own or an older result.
+void Origin::answer(RoundDone& done, std::optional<Bytes> local) {
+  const auto age = [&done](const Last& last) { return done.round.round.value - last.round.value; };
+  const std::vector<double>& share = config_.fallback.stale_share;
+  if (last_remote_ && age(*last_remote_) - 1U < share.size() &&
+      last_remote_->quality * share[age(*last_remote_) - 1] >
+          (local ? config_.fallback.local : 0.0)) {
+    done.result = last_remote_->result;
+    done.age_rounds = age(*last_remote_);
+    done.stale_remote = true;
+  } else if (local) {
+    done.result = std::move(*local);
+    done.age_rounds = 0;
+  } else if (last_) {
+    done.result = last_->result;
+    done.age_rounds = age(*last_);
+  }
+}
+
+// The only place where a round gets its outcome: it is taken out of open_, so that there cannot be
+// a second one.
+RoundDone Origin::decide(TimePoint now, RoundId round, Outcome outcome) {
+  const auto it = std::ranges::find(open_, round, [](const Open& o) { return o.begun.ref.round; });
+  const Begun begun = it->begun;
+  const bool on_time = outcome == Outcome::kRemote;
+  const bool missed = !on_time && !it->stays_local;
+  open_.erase(it);
+  const RoundState state = on_time  ? RoundState::kOnTime
+                           : missed ? RoundState::kMissed
+                                    : RoundState::kUnknown;
+  Past& past = past_[round.value % kRing];
+  past.state = state;
+  if (on_time) {
+    past.e2e = now - begun.t0;
+  } else if (missed && !past.e2e) {
+    past.e2e = kNever;
+  }
+  observer_->settle(now, round, state, past.e2e);
+  if (on_time) {
+    guard_->on_time(begun.sent);
+  } else if (missed) {
+    guard_->missed(now, round);
+  }
+  RoundDone done;
+  done.round = begun.ref;
+  done.outcome = outcome;
+  done.t0 = begun.t0;
+  done.e2e = now - begun.t0;
+  done.recovering = begun.sent.recovering;
+  done.x_permille = begun.sent.x_permille;
+  return done;
+}
+
+void Origin::keep_last(RoundId round, const Bytes& result) {
+  if (last_ && static_cast<std::int32_t>(last_->round.value - round.value) > 0) return;
+  last_ = Last{round, result};
+}
+
+void Origin::keep_remote(RoundId round, const Bytes& result, const Spent& spent) {
+  if (config_.fallback.stale_share.empty() || !spent.level ||
+      *spent.level >= config_.levels.size()) {
+    return;
+  }
+  if (last_remote_ && static_cast<std::int32_t>(last_remote_->round.value - round.value) > 0) {
+    return;
+  }
+  last_remote_ =
+      Last{round, result, quality_of(config_.levels, *spent.level, spent.variant.value_or(0))};
+}
+
+std::optional<TimePoint> Origin::next_timeout() const {
+  if (open_.empty()) return std::nullopt;
+  return open_.front().begun.t0 + config_.deadline;
+}
+
+}  // namespace interneuron::guard

@@ -1,0 +1,42 @@
+#include "core/guard/recent.h"
+
+#include <algorithm>
+
+namespace interneuron::guard {
+
+std::int64_t wrapping_median(std::int64_t* values, std::size_t count) {
+  const std::int64_t origin = values[0];
+  for (std::size_t i = 0; i < count; ++i) values[i] = wrapping_sub(values[i], origin);
+  std::int64_t* middle = values + (count - 1) / 2;
+  std::nth_element(values, middle, values + count);
+  return wrapping_add(origin, *middle);
+}
+
+void Recent::add(TimePoint now, std::uint8_t key, std::int64_t value) {
+  ring_[next_] = {now, value, key};
+  next_ = (next_ + 1) % kSlots;
+  used_ = std::min(used_ + 1, kSlots);
+}
+
+template <class Wanted>
+std::optional<std::int64_t> Recent::median_where(TimePoint now, std::size_t least,
+                                                 const Wanted& wanted) const {
+  std::array<std::int64_t, kSlots> values;
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < used_; ++i) {
+    if (now - ring_[i].at <= kRecent && wanted(ring_[i])) values[count++] = ring_[i].value;
+  }
+  if (count == 0 || count < least) return std::nullopt;
+  return wrapping_median(values.data(), count);
+}
+
+std::optional<std::int64_t> Recent::median(TimePoint now, std::uint8_t key,
+                                           std::size_t least) const {
+  return median_where(now, least, [key](const Value& v) { return v.key == key; });
+}
+
+std::optional<std::int64_t> Recent::median_of_all(TimePoint now, std::size_t least) const {
+  return median_where(now, least, [](const Value&) { return true; });
+}
+
+}  // namespace interneuron::guard

@@ -1,0 +1,69 @@
+#include "core/guard/reference_time.h"
+
+namespace interneuron::guard {
+namespace {
+
+constexpr std::int64_t kPermille = 1000;
+
+}  // namespace
+
+Duration smoothed(Duration base, Duration theta) {
+  // The peer's t0 may be anything, so the difference may use all 64 bits: multiply quotient and
+  // remainder apart.
+  constexpr std::int64_t k = ReferenceTime::kSmoothingPermille;
+  const std::int64_t difference = wrapping_sub(base.count(), theta.count());
+  const std::int64_t rest = difference % kPermille * k;
+  const std::int64_t half = rest < 0 ? -kPermille / 2 : kPermille / 2;
+  return Duration{
+      wrapping_add(theta.count(), difference / kPermille * k + (rest + half) / kPermille)};
+}
+
+ReferenceTime::Entry& ReferenceTime::entry(RoundId round) {
+  Entry& e = ring_[round.value % kRing];
+  if (!e.used || e.round != round) {
+    e = Entry{};
+    e.round = round;
+    e.used = true;
+  }
+  return e;
+}
+
+void ReferenceTime::observe(RoundId round, std::size_t stage, Duration theta) {
+  Entry& slot = ring_[round.value % kRing];
+  // A straggler from more than kRing rounds ago must not push out a younger round.
+  if (slot.used && static_cast<std::int32_t>(slot.round.value - round.value) > 0) return;
+  Entry& e = entry(round);
+  if (!e.settled) e.theta[stage - 1] = theta;
+}
+
+void ReferenceTime::learn(TimePoint now, RoundId current, const Indicator& indicator) {
+  for (std::size_t i = indicator.size(); i-- > 0;) {
+    if (current.value <= i || indicator[i] == RoundState::kUnknown) continue;
+    settle(now, RoundId{current.value - 1 - static_cast<std::uint32_t>(i)}, indicator[i]);
+  }
+}
+
+void ReferenceTime::settle(TimePoint now, RoundId round, RoundState state) {
+  Entry& e = ring_[round.value % kRing];
+  if (!e.used || e.round != round || e.settled || state == RoundState::kUnknown) return;
+  e.settled = true;
+  if (state != RoundState::kOnTime) return;
+  for (std::size_t stage = 0; stage < kMaxStages; ++stage) {
+    if (!e.theta[stage]) continue;
+    base_[stage] = base_[stage] ? smoothed(*base_[stage], *e.theta[stage]) : *e.theta[stage];
+    accepted_at_ = now;
+  }
+}
+
+std::optional<Duration> ReferenceTime::base(TimePoint now, std::size_t stage) {
+  if (accepted_at_ && now - *accepted_at_ > kForget) reset();
+  return base_[stage - 1];
+}
+
+void ReferenceTime::reset() {
+  ring_ = {};
+  base_ = {};
+  accepted_at_.reset();
+}
+
+}  // namespace interneuron::guard

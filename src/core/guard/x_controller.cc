@@ -1,0 +1,50 @@
+#include "core/guard/x_controller.h"
+
+#include <algorithm>
+
+#include "core/guard/budget_origin.h"
+
+namespace interneuron::guard {
+namespace {
+
+constexpr std::int32_t kOne = 1000;      // 1 in permille
+constexpr std::int32_t kPenalty = 1000;  // X ← X - 1 at a miss, NOTES §4.5
+constexpr std::int32_t kReward = 200;    // X ← X + 0.2 at a recovering round on time, NOTES §4.5
+
+}  // namespace
+
+XController::Sent XController::begin(std::optional<Duration> base_n, Duration deadline) {
+  if (!recovering_) {
+    x_ = 0;
+    if (base_n && options_.use_x) {
+      // base_N <= D_N <= one hour, so the product fits.
+      const std::int64_t used = base_n->count() * kOne / deadline.count();
+      x_ = static_cast<std::int32_t>(
+          std::clamp<std::int64_t>(kOne - used + options_.beta_permille, -kOne, INT16_MAX));
+    }
+  }
+  Sent sent{static_cast<std::int16_t>(x_), recovering_, degrade_next_ > 0};
+  if (degrade_next_ > 0) --degrade_next_;
+  return sent;
+}
+
+void XController::on_time(bool sent_while_recovering) {
+  if (!recovering_ || !sent_while_recovering) return;
+  x_ += kReward;
+  if (x_ >= 0) recovering_ = false;
+}
+
+void XController::missed() {
+  if (!options_.use_handler) return;
+  x_ = std::max(x_ - kPenalty, -kOne);
+  recovering_ = true;
+  ++degrade_next_;
+}
+
+std::unique_ptr<RoundGuard> make_round_guard(const PipelineConfig& config) {
+  if (config.guard == GuardKind::kBudget) return std::make_unique<BudgetOrigin>(config);
+  return std::make_unique<PaperOrigin>(
+      XController::Options{config.beta_permille, config.use_x, config.use_handler});
+}
+
+}  // namespace interneuron::guard

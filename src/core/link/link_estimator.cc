@@ -1,0 +1,115 @@
+#include "core/link/link_estimator.h"
+
+#include <algorithm>
+
+#include "core/link/nature.h"
+
+namespace interneuron::link {
+namespace {
+
+// Feedback may be this late by itself: its delay (5 ms, src/flow/receiver.h) and a turn of either
+// loop; chosen.
+constexpr Duration kFeedbackSlack = std::chrono::milliseconds(10);
+constexpr Duration kUnknownTimeout =
+    std::chrono::milliseconds(200);  // before the first round trip; chosen
+constexpr Duration kMinTimeout = std::chrono::milliseconds(20);  // chosen
+
+}  // namespace
+
+void LinkEstimator::set_traits(const LinkTraits& traits) {
+  traits_ = traits;
+  rate_.set_cap(traits.rate_cap);
+}
+
+void LinkEstimator::set_heartbeat(TimePoint now, Duration heartbeat) {
+  heartbeat_ = heartbeat;
+  refresh_pace(now);
+}
+
+void LinkEstimator::heard(TimePoint now) {
+  heard_at_ = now;
+  machine_.heard(now);
+}
+
+void LinkEstimator::round_trip(TimePoint now, Duration rtt) {
+  rtt_.add(now, rtt);
+  refresh_pace(now);
+}
+
+void LinkEstimator::one_way_delays(TimePoint now, Duration up, Duration down) {
+  queue_up_.add(now, up);
+  queue_down_.add(now, down);
+  refresh_pace(now);
+}
+
+void LinkEstimator::clock_stepped() {
+  queue_up_.reset();
+  queue_down_.reset();
+}
+
+void LinkEstimator::delivered(TimePoint now, TimePoint sent_at, bool data) {
+  machine_.delivered(now, sent_at, data);
+}
+
+void LinkEstimator::train(TimePoint now, std::uint64_t train, std::uint32_t packets,
+                          DataRate measured, std::optional<DataRate> sent_at) {
+  rate_.train(now, train, packets, measured, sent_at);
+}
+
+void LinkEstimator::delivery_sample(TimePoint now, const DeliveryRate::Sample& sample) {
+  rate_.sample(now, sample);
+}
+
+void LinkEstimator::peer_sees(DataRate rate_down, double loss_down) {
+  rate_down_ = rate_down;
+  loss_down_ = loss_down;
+}
+
+void LinkEstimator::handle_timeout(TimePoint now) {
+  refresh_pace(now);
+  machine_.handle_timeout(now);
+}
+
+void LinkEstimator::refresh_pace(TimePoint now) {
+  machine_.set_pace(now, {rtt_.smoothed(), rtt_.variation(),
+                          std::max(queue_up_.queue(now), queue_down_.queue(now)), heartbeat_});
+}
+
+Prober::RateEvidence LinkEstimator::rate_evidence() const {
+  // A dispute leaves one that can be built on; the next follow as at the beginning.
+  return {rate_.guess(), rate_.measured_at(), rate_.disputed() ? 1 : rate_.trains()};
+}
+
+Duration LinkEstimator::probe_timeout(TimePoint now) const {
+  if (!rtt_.measured()) return kUnknownTimeout;
+  const Duration p95 = rtt_.quantile(now, 0.95);
+  return std::max(kMinTimeout, p95 + p95 / 4 + kFeedbackSlack);
+}
+
+LinkState LinkEstimator::state(TimePoint now) const {
+  LinkState s;
+  s.up = up();
+  s.path = machine_.state();
+  s.traits = traits_;
+  s.rtt_p50 = rtt_.quantile(now, 0.5);
+  s.rtt_p95 = rtt_.quantile(now, 0.95);
+  s.rtt_min = rtt_.minimum(now);
+  s.jitter = rtt_.variation();
+  s.queue_up = queue_up_.queue(now);
+  s.queue_down = queue_down_.queue(now);
+  s.rate = rate_.rate().value_or(DataRate{});
+  s.rate_down = rate_down_;
+  s.loss = loss_.loss();
+  s.loss_down = loss_down_;
+  s.loss_burst = loss_.burst();
+  s.outage = machine_.outage(now);
+  s.age = heard_at_ ? now - *heard_at_ : Duration::max();
+  s.rate_age = rate_.measured_at() ? now - *rate_.measured_at() : Duration::max();
+  s.rtt_samples = static_cast<std::uint32_t>(rtt_.samples(now));
+  s.loss_packets = static_cast<std::uint32_t>(loss_.packets());
+  s.rate_trains = static_cast<std::uint32_t>(rate_.trains());
+  s.confidence = confidence(s.age, kGrace, kHalfLife);
+  return s;
+}
+
+}  // namespace interneuron::link

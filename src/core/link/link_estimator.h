@@ -1,0 +1,91 @@
+// What one endpoint believes of one path to one peer: round-trip times, queue, rate, loss and
+// whether it works; each from feedback, none from the peer's clock. Joins the machines of this
+// folder for one path; the Prober is beside it. Pure; thread-compatible; bounded memory; no
+// allocation per packet.
+//
+// For each feedback on the path, call in this order: heard(), round_trip() and one_way_delays() of
+// its exchange, then arrived() / lost() per run in the order of packet numbers, delivered() once,
+// train() once, peer_sees() once.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "core/link/delivery_rate.h"
+#include "core/link/loss_estimator.h"
+#include "core/link/path_machine.h"
+#include "core/link/prober.h"
+#include "core/link/queue_signal.h"
+#include "core/link/rate_estimator.h"
+#include "core/link/rtt_estimator.h"
+#include "interneuron/link.h"
+
+namespace interneuron::link {
+
+class LinkEstimator {
+ public:
+  // --- settings
+  void set_traits(const LinkTraits& traits);
+  // Between two signs of life of the peer on this path when nothing else is sent.
+  void set_heartbeat(TimePoint now, Duration heartbeat);
+  // No other path to this peer is usable.
+  void set_last_usable(bool last) { machine_.set_last_usable(last); }
+
+  // --- inputs
+  void sent(TimePoint now, bool data) { machine_.sent(now, data); }
+  void heard(TimePoint now);
+  void round_trip(TimePoint now, Duration rtt);
+  // up = (u - h) - s and down = r - u of NOTES §4.2, both with the clock offset in them.
+  void one_way_delays(TimePoint now, Duration up, Duration down);
+  void clock_stepped();
+  // Outcome of packets sent, runs in the order of their numbers.
+  void arrived(TimePoint now, std::uint64_t packets) { loss_.arrived(now, packets); }
+  void lost(TimePoint now, std::uint64_t packets) { loss_.lost(now, packets); }
+  // See PathMachine::delivered().
+  void delivered(TimePoint now, TimePoint sent_at, bool data);
+  // See RateEstimator::train().
+  void train(TimePoint now, std::uint64_t train, std::uint32_t packets, DataRate measured,
+             std::optional<DataRate> sent_at);
+  void delivery_sample(TimePoint now, const DeliveryRate::Sample& sample);
+  // What the peer has measured in the other direction.
+  void peer_sees(DataRate rate_down, double loss_down);
+  void removed(TimePoint now) { machine_.removed(now); }
+  void handle_timeout(TimePoint now);
+
+  // --- outputs
+  LinkState state(TimePoint now) const;
+  // New data may be sent: the path is usable, and the operator does not forbid it.
+  bool up() const { return machine_.usable() && traits_.role != LinkRole::kNever; }
+  PathState path() const { return machine_.state(); }
+  double share(TimePoint now) const { return machine_.share(now); }
+  std::optional<PathMachine::Change> poll_change() { return machine_.poll_change(); }
+  std::optional<TimePoint> next_timeout() const { return machine_.next_timeout(); }
+  std::optional<DataRate> rate() const { return rate_.rate(); }
+  // See RateEstimator::guess().
+  std::optional<DataRate> rate_guess() const { return rate_.guess(); }
+  std::optional<DataRate> pace() const { return rate_.pace(); }
+  double loss() const { return loss_.loss(); }
+  Prober::RateEvidence rate_evidence() const;
+  // Half the round trip, quickly smoothed, for scheduling; zero while unknown.
+  Duration one_way() const { return rtt_.quick() / 2; }
+  Duration rtt_min(TimePoint now) const { return rtt_.minimum(now); }
+  // After this long without acknowledgement a packet is taken for lost.
+  Duration probe_timeout(TimePoint now) const;
+
+ private:
+  void refresh_pace(TimePoint now);
+
+  LinkTraits traits_;
+  Duration heartbeat_ = Prober::kIdleHeartbeat;
+  std::optional<TimePoint> heard_at_;
+  RttEstimator rtt_;
+  QueueSignal queue_up_;
+  QueueSignal queue_down_;
+  LossEstimator loss_;
+  RateEstimator rate_;
+  PathMachine machine_;
+  DataRate rate_down_{};
+  double loss_down_ = 0;
+};
+
+}  // namespace interneuron::link

@@ -1,0 +1,345 @@
+#include "core/link/path_machine.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+namespace interneuron::link {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+
+// SUSPECT after max(this, 1.5 SRTT) without acknowledgement (transport.md §4.3).
+constexpr Duration kSuspectFloor = milliseconds(15);
+// PULLED after max(this, SRTT + 4 RTTVAR) of silence (transport.md §4.3).
+constexpr Duration kPulledFloor = milliseconds(60);
+// The same while no round trip is known: what is sent first on a path cannot be late yet. The
+// longest round trip of a radio without a queue, and twice that; chosen.
+constexpr Duration kSuspectUnknown = milliseconds(200);
+constexpr Duration kPulledUnknown = milliseconds(400);
+// A long queue, and where it is over: 2 q_t and q_t of transport.md §4.2, whose upper bound of q_t
+// is 60 ms; a path does not know the deadlines of its messages.
+constexpr Duration kQueueLong = milliseconds(120);
+constexpr Duration kQueueShort = milliseconds(60);
+// Without data: two missing heartbeats and half an interval of jitter, so that the third is not
+// awaited; chosen.
+constexpr double kSuspectHeartbeats = 2.5;
+// At 20 % loss five in a row are lost once in 3,000; chosen. Not before the longest routine stall
+// of a radio (400 to 800 ms, transport.md §4.3) and two idle heartbeats lost around it: nobody
+// waits for data.
+constexpr int kPulledHeartbeats = 5;
+constexpr Duration kIdlePulledFloor = milliseconds(1500);
+constexpr double kDeadHeartbeats = 3.5;
+// A proof window (transport.md §4.3): clamp(4 SRTT, 1 s, 3 s).
+constexpr Duration kLeastProof = seconds(1);
+constexpr Duration kMostProof = seconds(3);
+// Data packets without proof before a path is latched: at 20 % loss a ten million to one chance;
+// chosen.
+constexpr std::uint32_t kUnproven = 10;
+// Packets this close together are one burst: when one of them is acknowledged, a lost last one is
+// no silence. The delay of feedback; chosen.
+constexpr Duration kGroup = milliseconds(5);
+// PULLED that ended within this was a stall, not an outage; chosen.
+constexpr Duration kStall = seconds(1);
+constexpr int kMostPatience = 4;  // 16 times: 60 ms become 960, the longest routine stall
+constexpr Duration kForgiven = seconds(60);  // chosen: a pull a minute at most, in the long run
+
+Duration times(Duration d, double factor) {
+  return Duration{static_cast<std::int64_t>(static_cast<double>(d.count()) * factor)};
+}
+
+std::string text(const char* format, Duration a, Duration b) {
+  std::array<char, 160> out{};
+  std::snprintf(out.data(), out.size(), format, to_ms(a), to_ms(b));
+  return out.data();
+}
+
+std::int64_t second_of(TimePoint t) {
+  return std::chrono::floor<seconds>(t.time_since_epoch()).count();
+}
+
+}  // namespace
+
+void PathMachine::Waiting::sent(TimePoint at) {
+  if (count_ > 0 && at - at_[(first_ + count_ - 1) % kSize] < kGroup) return;
+  if (count_ == kSize) {
+    first_ = (first_ + 1) % kSize;
+    --count_;
+  }
+  at_[(first_ + count_++) % kSize] = at;
+}
+
+void PathMachine::Waiting::covered(TimePoint sent_at) {
+  while (count_ > 0 && since() <= sent_at) {
+    first_ = (first_ + 1) % kSize;
+    --count_;
+  }
+}
+
+// --- thresholds
+
+Duration PathMachine::suspect_after() const {
+  if (!knows_round_trip()) return kSuspectUnknown;
+  // The variation keeps a jittery path from being suspected every round.
+  return std::max({kSuspectFloor, pace_.srtt * 3 / 2, pace_.srtt + 2 * pace_.rttvar});
+}
+
+Duration PathMachine::pulled_after() const {
+  const Duration once =
+      knows_round_trip() ? std::max(kPulledFloor, pace_.srtt + 4 * pace_.rttvar) : kPulledUnknown;
+  return once * (1 << patience_);
+}
+
+Duration PathMachine::idle_suspect_after() const {
+  return std::max(times(pace_.heartbeat, kSuspectHeartbeats),
+                  pace_.heartbeat + pace_.srtt / 2 + 4 * pace_.rttvar);
+}
+
+Duration PathMachine::idle_pulled_after() const {
+  return std::max({kIdlePulledFloor, pace_.heartbeat * kPulledHeartbeats, pulled_after()});
+}
+
+Duration PathMachine::dead_after() const {
+  return std::max(kDeadSilence, times(pace_.heartbeat, kDeadHeartbeats));
+}
+
+Duration PathMachine::proof_window() const {
+  return std::clamp<Duration>(4 * pace_.srtt, kLeastProof, kMostProof);
+}
+
+// --- when silence becomes what; only while the path was heard once
+
+TimePoint PathMachine::silent_since() const { return std::max(*heard_at_, quickened_at_); }
+
+TimePoint PathMachine::suspect_at() const {
+  const TimePoint idle = silent_since() + idle_suspect_after();
+  if (!waiting_.any()) return idle;
+  // While acknowledgements come in, what is late waits in a queue.
+  const TimePoint loaded = std::max(waiting_.since() + suspect_after(),
+                                    acknowledged_at_ + std::max(kSuspectFloor, pace_.srtt / 2));
+  return std::min(idle, loaded);
+}
+
+TimePoint PathMachine::pulled_at() const {
+  const TimePoint idle = silent_since() + idle_pulled_after();
+  if (!waiting_.any()) return idle;
+  return std::min(idle, std::max(*heard_at_, waiting_.since()) + pulled_after());
+}
+
+std::optional<TimePoint> PathMachine::latched_at() const {
+  const Duration window = proof_window();
+  // Data must have been sent, and the peer heard, through half a window at least.
+  if (unproven_ < kUnproven || unproven_newest_ - unproven_since_ < window / 2 ||
+      *heard_at_ - unproven_since_ < window / 2) {
+    return std::nullopt;
+  }
+  return unproven_since_ + window;
+}
+
+TimePoint PathMachine::dead_at() const { return silent_since() + dead_after(); }
+
+// --- inputs
+
+void PathMachine::set_pace(TimePoint now, const Pace& pace) {
+  if (pace.heartbeat < pace_.heartbeat) quickened_at_ = now;
+  pace_ = pace;
+  if (pace_.queue > kQueueLong) long_queue_ = true;
+  if (pace_.queue < kQueueShort) long_queue_ = false;
+  reconsider(now);
+}
+
+void PathMachine::sent(TimePoint now, bool data) {
+  if (!data) return;
+  waiting_.sent(now);
+  if (unproven_ == 0) unproven_since_ = now;
+  unproven_newest_ = now;
+  unproven_ = std::min(unproven_ + 1, kUnproven);
+}
+
+void PathMachine::heard(TimePoint now) {
+  const bool first = !heard_at_;
+  const Duration silence = first ? Duration::zero() : now - *heard_at_;
+  heard_at_ = now;
+  if (state_ == PathState::kPulled) {
+    take_back(now, silence);
+  } else if (state_ == PathState::kDead) {
+    if (first) {
+      born_at_ = counted_to_ = now;
+    } else {
+      ramp_from_ = now;
+    }
+    forget_load();
+    change(
+        now, PathState::kOk,
+        first ? "heard for the first time" : text("heard after %.0f ms of silence", silence, {}));
+  }
+  reconsider(now);
+}
+
+void PathMachine::take_back(TimePoint now, Duration silence) {
+  if (silence < kStall) patience_ = std::min(patience_ + 1, kMostPatience);
+  patience_at_ = now;
+  // What was in flight is lost or about to be acknowledged; new data will tell.
+  forget_load();
+  change(now, PathState::kOk, text("alive after %.0f ms of silence", silence, {}));
+}
+
+void PathMachine::forget_load() {
+  waiting_ = {};
+  unproven_ = 0;
+  proof_since_.reset();
+}
+
+void PathMachine::delivered(TimePoint now, TimePoint sent_at, bool data) {
+  acknowledged_at_ = now;
+  waiting_.covered(sent_at);
+  // The acknowledgement may have come over another path: this one was alive when the packet left.
+  if (state_ != PathState::kDead && sent_at > *heard_at_) {
+    const Duration silence = now - *heard_at_;
+    heard_at_ = sent_at;
+    if (state_ == PathState::kPulled && sent_at > changed_at_) take_back(now, silence);
+  }
+  if (data) {
+    unproven_ = 0;
+    if (state_ == PathState::kLatched) {
+      if (!proof_since_ || now - proof_at_ > proof_window()) proof_since_ = now;
+      proof_at_ = now;
+      if (now - *proof_since_ >= 2 * proof_window()) {
+        ramp_from_ = now;
+        const Duration proven = now - *proof_since_;
+        proof_since_.reset();
+        change(now, PathState::kOk, text("data delivered for %.0f ms", proven, {}));
+      }
+    }
+  }
+  reconsider(now);
+}
+
+void PathMachine::removed(TimePoint now) {
+  count_outage(now);
+  if (state_ != PathState::kDead) change(now, PathState::kDead, "removed");
+}
+
+void PathMachine::handle_timeout(TimePoint now) {
+  count_outage(now);
+  if (patience_ > 0 && now - patience_at_ >= kForgiven) {
+    --patience_;
+    patience_at_ = now;
+  }
+  reconsider(now);
+}
+
+// --- transitions
+
+void PathMachine::reconsider(TimePoint now) {
+  if (state_ == PathState::kDead) return;
+  if (now >= dead_at()) {
+    change(now, PathState::kDead,
+           text("silent for %.0f ms (limit %.0f ms)", now - *heard_at_, dead_after()));
+    return;
+  }
+  if (!usable()) {
+    if (last_usable_) change(now, PathState::kSuspect, "the last path there is");
+    return;
+  }
+  if (!last_usable_ && now >= pulled_at()) {
+    change(now, PathState::kPulled, silence_text(now));
+    return;
+  }
+  if (const auto latched = latched_at(); !last_usable_ && latched && now >= *latched) {
+    proof_since_.reset();
+    change(now, PathState::kLatched,
+           text("no data delivered for %.0f ms, though the peer is heard (limit %.0f ms)",
+                now - unproven_since_, proof_window()));
+    return;
+  }
+  const bool late = now >= suspect_at();
+  if (state_ == PathState::kOk && (late || long_queue_)) {
+    change(now, PathState::kSuspect,
+           late ? silence_text(now)
+                : text("queue of %.0f ms (limit %.0f ms)", pace_.queue, kQueueLong));
+  } else if (state_ == PathState::kSuspect && !late && !long_queue_) {
+    change(now, PathState::kOk, "acknowledged again, no long queue");
+  }
+}
+
+std::string PathMachine::silence_text(TimePoint now) const {
+  if (waiting_.any()) {
+    return text("nothing acknowledged for %.0f ms (round trip %.0f ms)", now - waiting_.since(),
+                pace_.srtt);
+  }
+  return text("silent for %.0f ms (a heartbeat every %.0f ms)", now - *heard_at_, pace_.heartbeat);
+}
+
+void PathMachine::change(TimePoint now, PathState to, std::string reason) {
+  count_outage(now);
+  if (changes_count_ == changes_.size()) {
+    changes_first_ = (changes_first_ + 1) % changes_.size();
+    --changes_count_;
+  }
+  changes_[(changes_first_ + changes_count_++) % changes_.size()] = {state_, to, std::move(reason)};
+  state_ = to;
+  changed_at_ = now;
+}
+
+// --- outputs
+
+double PathMachine::share(TimePoint now) const {
+  if (!usable()) return 0;
+  if (!ramp_from_ || now - *ramp_from_ >= kRamp) return 1;
+  return kLeastShare + (1 - kLeastShare) * static_cast<double>((now - *ramp_from_).count()) /
+                           static_cast<double>(kRamp.count());
+}
+
+std::optional<PathMachine::Change> PathMachine::poll_change() {
+  if (changes_count_ == 0) return std::nullopt;
+  Change out = std::move(changes_[changes_first_]);
+  changes_first_ = (changes_first_ + 1) % changes_.size();
+  --changes_count_;
+  return out;
+}
+
+std::optional<TimePoint> PathMachine::next_timeout() const {
+  if (state_ == PathState::kDead) return std::nullopt;
+  TimePoint next = dead_at();
+  if (patience_ > 0) next = std::min(next, patience_at_ + kForgiven);
+  if (!usable()) return last_usable_ ? *heard_at_ : next;  // at once
+  if (state_ == PathState::kOk) next = std::min(next, suspect_at());
+  if (!last_usable_) {
+    next = std::min(next, pulled_at());
+    if (const auto latched = latched_at()) next = std::min(next, *latched);
+  }
+  return next;
+}
+
+// Adds the time since the last call to the seconds it lies in.
+void PathMachine::count_outage(TimePoint now) {
+  if (!born_at_ || now <= counted_to_) return;
+  TimePoint from = std::max(counted_to_, now - kOutageWindow);
+  counted_to_ = now;
+  if (usable()) return;
+  while (from < now) {
+    const std::int64_t second = second_of(from);
+    const TimePoint end = std::min(now, TimePoint{seconds(second + 1)});
+    const auto place = static_cast<std::uint64_t>(second) % outage_.size();
+    OutageSecond& slot = outage_[place];
+    if (slot.second != second) slot = {second, {}};
+    slot.out += end - from;
+    from = end;
+  }
+}
+
+double PathMachine::outage(TimePoint now) const {
+  if (!born_at_ || now <= *born_at_) return 0;
+  const TimePoint from = std::max(*born_at_, now - kOutageWindow);
+  Duration out{};
+  for (const OutageSecond& slot : outage_) {
+    if (slot.second >= second_of(from)) out += slot.out;
+  }
+  if (!usable()) out += now - std::max(counted_to_, from);
+  return std::min(1.0,
+                  static_cast<double>(out.count()) / static_cast<double>((now - from).count()));
+}
+
+}  // namespace interneuron::link

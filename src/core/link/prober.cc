@@ -1,0 +1,178 @@
+#include "core/link/prober.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace interneuron::link {
+namespace {
+
+constexpr double kBitsPerSecond = static_cast<double>(Prober::kTrainRate.bits_per_second);
+// The bucket holds a second of its rate, or one train if that is more; chosen.
+constexpr double kDepth = kBitsPerSecond;
+// The first trains of a path may use this at once: 32 packets, the 141 that 16 ms take at 100
+// Mbit/s, and some more; chosen.
+constexpr double kStartBudget = 2e6;
+// The first train of a path nobody has used yet: 4 ms at 100 Mbit/s.
+constexpr std::uint32_t kStartTrain = 32;
+constexpr std::uint32_t kLeastTrain = 16;
+// 76 s of the budget at most; long enough for 10 ms at 1.1 Gbit/s; chosen.
+constexpr std::uint32_t kMostTrain = 1'000;
+// Sent at three times the rate known (kHeadroom), and over a link that now carries that, a train
+// must still last the 5 ms that count (transport.md §4.1).
+constexpr Duration kTrainLength = std::chrono::milliseconds(16);
+// A known rate is tried with this much more: a step up to three times is seen at once; chosen.
+constexpr double kHeadroom = 3.0;
+// Pause after a train of which nothing came, while the rate is unknown; chosen.
+constexpr Duration kPause = std::chrono::milliseconds(300);
+// Until three trains say the same one median, they follow each other like this; chosen.
+constexpr Duration kSettling = std::chrono::seconds(1);
+constexpr std::size_t kSettled = 3;
+// Evidence older than this is old: a fifth of the budget at 20 Mbit/s, a train of 18 packets per
+// 10 s; chosen.
+constexpr Duration kOld = std::chrono::seconds(10);
+// The longest train was still too short to trust: the link is faster than 1.2 Gbit/s, and its rate
+// bounds nothing of ours. A loop of such trains would use the whole budget for ever; chosen.
+constexpr Duration kBeyond = std::chrono::minutes(10);
+// Data flows: its messages measure the rate. Ten periods of a camera at 10 Hz; chosen.
+constexpr Duration kBusy = std::chrono::seconds(1);
+// While the rate is unknown a train goes into the first pause between messages; chosen.
+constexpr Duration kPausing = std::chrono::milliseconds(20);
+// Proofs of a latched path: four within the shortest proof window; chosen.
+constexpr Duration kProof = std::chrono::milliseconds(250);
+
+Duration seconds_of(double bits, DataRate rate) {
+  return Duration{
+      static_cast<std::int64_t>(std::ceil(bits * 1e9 / static_cast<double>(rate.bits_per_second)))};
+}
+
+}  // namespace
+
+void Prober::set_sizes(std::size_t heartbeat, std::size_t full) {
+  heartbeat_bytes_ = heartbeat;
+  full_bytes_ = std::max<std::size_t>(full, 1);
+}
+
+void Prober::request_train(TimePoint now) { requested_at_ = now; }
+
+void Prober::active(TimePoint now) {
+  if (!begun_at_) begun_at_ = now;
+  active_at_ = now;
+}
+
+void Prober::data_sent(TimePoint now) { active_at_ = data_at_ = now; }
+
+void Prober::heartbeat_sent(TimePoint now) {
+  if (!begun_at_) begun_at_ = now;
+  heartbeat_at_ = now;
+}
+
+// --- heartbeats
+
+Duration Prober::heartbeat_interval(TimePoint now) const {
+  const bool is_new = !metered_ && begun_at_ && now - *begun_at_ < kNew;
+  const bool is_active = is_new || (active_at_ && now - *active_at_ < kActive);
+  // A peer that has not answered yet is looked for at the usual pace.
+  const Duration wanted = is_active            ? kActiveHeartbeat
+                          : metered_ && ready_ ? kMeteredHeartbeat
+                                               : kIdleHeartbeat;
+  return std::max(wanted, kHeartbeatRate.transmit_time(heartbeat_bytes_));
+}
+
+TimePoint Prober::heartbeat_at(TimePoint now) const {
+  return heartbeat_at_ ? *heartbeat_at_ + heartbeat_interval(now) : now;
+}
+
+bool Prober::heartbeat_due(TimePoint now) const { return now >= heartbeat_at(now); }
+
+// --- trains
+
+double Prober::level(TimePoint now) const {
+  if (!level_at_) return kStartBudget;
+  const double since = static_cast<double>((now - *level_at_).count()) / 1e9;
+  const double depth = std::max(kDepth, bits(train_packets()));
+  return std::max(level_, std::min(depth, level_ + kBitsPerSecond * since));
+}
+
+void Prober::spend(TimePoint now, std::uint32_t packets) {
+  level_ = level(now) - bits(packets);
+  level_at_ = now;
+}
+
+double Prober::bits(std::uint32_t packets) const {
+  return 8.0 * packets * static_cast<double>(full_bytes_);
+}
+
+void Prober::train_sent(TimePoint now, std::uint32_t packets) {
+  spend(now, packets);
+  train_at_ = now;
+  last_train_ = packets;
+  requested_at_.reset();
+}
+
+std::uint32_t Prober::train_packets() const {
+  if (!evidence_.rate || *evidence_.rate <= DataRate{}) return kStartTrain;
+  // A guess may be ten times too high; a train as long as it asks for would wait for the budget.
+  if (!evidence_.at) return std::clamp(2 * last_train_, kStartTrain, kMostTrain);
+  const double length = static_cast<double>(kTrainLength.count()) / 1e9;
+  const double packets =
+      std::ceil(static_cast<double>(evidence_.rate->bits_per_second) * length / bits(1)) + 1;
+  auto wanted = static_cast<std::uint32_t>(std::clamp<double>(packets, kLeastTrain, kMostTrain));
+  // The last one was too short to trust: what it said of the rate may be far too low as well.
+  if (evidence_.trains == 0) wanted = std::max(wanted, std::min(2 * last_train_, kMostTrain));
+  return wanted;
+}
+
+std::optional<TimePoint> Prober::train_at(TimePoint now) const {
+  if (!ready_ || latched_ || (metered_ && !requested_at_)) return std::nullopt;
+  TimePoint at = requested_at_.value_or(now);
+  if (!requested_at_ && train_at_) {
+    const bool fresh = evidence_.at && *evidence_.at >= *train_at_;
+    if (evidence_.trains == 0) {
+      at = *train_at_ + (last_train_ < kMostTrain ? kPause : kBeyond);
+    } else if (evidence_.trains < kSettled) {
+      at = *train_at_ + kSettling;
+    } else {
+      at = fresh ? *evidence_.at + kOld : *train_at_ + kOld;
+    }
+  } else if (!requested_at_ && evidence_.trains >= kSettled && evidence_.at) {
+    at = *evidence_.at + kOld;
+  }
+  if (data_at_) at = std::max(at, *data_at_ + (evidence_.rate ? kBusy : kPausing));
+  const double missing = bits(train_packets()) - level(now);
+  if (missing > 0) at = std::max(at, now + seconds_of(missing, kTrainRate));
+  return at;
+}
+
+std::optional<Prober::Train> Prober::train_due(TimePoint now) const {
+  const auto at = train_at(now);
+  if (!at || *at > now) return std::nullopt;
+  Train train{train_packets(), std::nullopt};
+  if (evidence_.rate) train.pace = evidence_.rate->scaled(kHeadroom);
+  return train;
+}
+
+// --- proofs
+
+void Prober::proof_sent(TimePoint now) {
+  spend(now, 1);
+  proof_at_ = now;
+}
+
+std::optional<TimePoint> Prober::proof_time(TimePoint now) const {
+  if (!latched_) return std::nullopt;
+  return proof_at_ ? *proof_at_ + kProof : now;
+}
+
+bool Prober::proof_due(TimePoint now) const {
+  const auto at = proof_time(now);
+  return at && now >= *at;
+}
+
+TimePoint Prober::next_timeout(TimePoint now) const {
+  TimePoint next = heartbeat_at(now);
+  if (const auto at = train_at(now)) next = std::min(next, *at);
+  if (const auto at = proof_time(now)) next = std::min(next, *at);
+  return next;
+}
+
+}  // namespace interneuron::link

@@ -1,0 +1,26 @@
+#include "core/link/queue_signal.h"
+
+#include <algorithm>
+
+namespace interneuron::link {
+namespace {
+
+// A longer queue is a peer's nonsense, or a clock that stepped; keeps sums of it in range.
+constexpr Duration kLongest = std::chrono::minutes(1);
+
+}  // namespace
+
+void QueueSignal::add(TimePoint now, Duration one_way) {
+  minimum_.add(now, one_way.count());
+  const Duration above = std::clamp(Duration{wrapping_sub(one_way.count(), *minimum_.get(now))},
+                                    Duration::zero(), kLongest);
+  smoothed_ = any_ && now - at_ <= kFresh ? smoothed_ + (above - smoothed_) / 4 : above;
+  any_ = true;
+  at_ = now;
+}
+
+Duration QueueSignal::queue(TimePoint now) const {
+  return any_ && now - at_ <= kFresh ? smoothed_ : Duration::zero();
+}
+
+}  // namespace interneuron::link

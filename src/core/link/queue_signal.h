@@ -1,0 +1,31 @@
+// How much longer packets take one way than at best: q = owd - smallest owd of the last 10 s
+// (transport.md §4.1). The one-way delay may contain any clock offset, which cancels; drift of 100
+// ppm adds 1 ms in 10 s. Pure; thread-compatible; constant memory.
+#pragma once
+
+#include "core/link/windowed_minimum.h"
+#include "interneuron/time.h"
+
+namespace interneuron::link {
+
+class QueueSignal {
+ public:
+  // A queue drains or fills within this; older samples say nothing; chosen.
+  static constexpr Duration kFresh = std::chrono::seconds(2);
+
+  // Own or peer's receive instant minus the other's send instant; any int64, wrapping. With the
+  // clock exchange of NOTES §4.2: up = (u - h) - s, down = r - u.
+  void add(TimePoint now, Duration one_way);
+  // Smoothed with gain 1/4; zero while unknown or when the newest sample is older than kFresh.
+  Duration queue(TimePoint now) const;
+  // A clock stepped: old and new delays cannot be compared.
+  void reset() { *this = {}; }
+
+ private:
+  WindowedMinimum minimum_;
+  bool any_ = false;
+  TimePoint at_{};
+  Duration smoothed_{};
+};
+
+}  // namespace interneuron::link

@@ -1,0 +1,187 @@
+#include "core/peers/path.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace interneuron {
+namespace {
+
+constexpr std::uint64_t kAmplification = 3;  // RFC 9000 §8.1
+// A train may catch up this much after a late timer (transport.md §4.2).
+constexpr Duration kBurst = std::chrono::milliseconds(1);
+constexpr Duration kLongest = std::chrono::seconds(1);  // between two packets of a train; chosen
+constexpr double kLossUnit = 65535;                     // docs/wire_format.md
+
+}  // namespace
+
+Path::Path(TimePoint now, LinkId id, const Nic& nic, const Address& address, bool trusted)
+    : receiver(id), id_(id), nic_(nic), address_(address), validated_(trusted) {
+  begin(now);
+}
+
+void Path::begin(TimePoint now) {
+  estimator.set_traits(nic_.traits);
+  prober.set_metered(nic_.traits.metered || peer_is_metered_);
+  prober.set_sizes(wire::feedback_bytes(1) + wire::kIpUdpOverhead,
+                   nic_.max_datagram + wire::kIpUdpOverhead);
+  prober.active(now);
+  train_left_ = 0;
+}
+
+void Path::move_to(TimePoint now, const Nic& nic, const Address& address, bool trusted) {
+  nic_ = nic;
+  address_ = address;
+  validated_ = trusted;
+  bytes_in_ = bytes_out_ = 0;
+  prober = {};
+  begin(now);
+}
+
+void Path::reset(TimePoint now) {
+  receiver = flow::PathReceiver(id_);
+  estimator = {};
+  prober = {};
+  begin(now);
+}
+
+bool Path::may_send(std::size_t size) const {
+  return validated_ || bytes_out_ + size <= kAmplification * bytes_in_;
+}
+
+bool Path::usable() const {
+  return estimator.path() == PathState::kOk || estimator.path() == PathState::kSuspect;
+}
+
+void Path::sent_feedback(TimePoint now, std::size_t bytes) {
+  bytes_out_ += bytes;
+  estimator.sent(now, false);
+  prober.heartbeat_sent(now);
+}
+
+void Path::sent_data(TimePoint now, std::size_t bytes) {
+  bytes_out_ += bytes;
+  estimator.sent(now, true);
+  prober.data_sent(now);
+}
+
+void Path::sent_probe(TimePoint now, std::size_t bytes) {
+  bytes_out_ += bytes;
+  estimator.sent(now, true);
+}
+
+void Path::learn(TimePoint now, const wire::LinkReport& report,
+                 const flow::SentPackets::Verdicts& v) {
+  for (const auto& [arrived, packets] : v.runs) {
+    if (arrived) {
+      estimator.arrived(now, packets);
+    } else {
+      estimator.lost(now, packets);
+    }
+  }
+  if (v.newest_sent) estimator.delivered(now, *v.newest_sent, v.data);
+  if (v.delivery) estimator.delivery_sample(now, *v.delivery);
+  if (v.train_known) {
+    // Of no more packets than left since its first, whatever the peer says.
+    const std::uint64_t left = report.largest - report.train_start + 1;
+    const auto packets =
+        static_cast<std::uint32_t>(std::min<std::uint64_t>(report.train_packets, left));
+    estimator.train(now, report.train_start, packets, report.train_rate, v.train_sent_at);
+  }
+  estimator.peer_sees(report.rate, report.loss / kLossUnit);
+  peer_is_metered_ = report.metered;
+}
+
+void Path::learn_exchange(TimePoint now, PeerTime u, const wire::LinkReport& report) {
+  const std::int64_t r = now.time_since_epoch().count();
+  const std::int64_t s = report.s.time_since_epoch().count();
+  const std::int64_t h = report.h.count();
+  const std::int64_t u_ns = u.time_since_epoch().count();
+  estimator.round_trip(now, Duration{wrapping_sub(wrapping_sub(r, s), h)});
+  estimator.one_way_delays(now, Duration{wrapping_sub(wrapping_sub(u_ns, h), s)},
+                           Duration{wrapping_sub(r, u_ns)});
+}
+
+void Path::refresh(TimePoint now, bool ready) {
+  prober.set_metered(nic_.traits.metered || peer_is_metered_);
+  prober.set_rate(estimator.rate_evidence());
+  prober.set_latched(estimator.path() == PathState::kLatched);
+  prober.set_ready(ready && validated_ && usable());
+  estimator.set_heartbeat(now, prober.heartbeat_interval(now));
+}
+
+bool Path::heartbeat_due(TimePoint now) {
+  if (!prober.heartbeat_due(now)) return false;
+  if (may_send(wire::feedback_bytes(1))) return true;
+  prober.heartbeat_sent(now);  // the next one may
+  return false;
+}
+
+bool Path::probe_due(TimePoint now) {
+  if (train_left_ == 0) {
+    const auto train = prober.train_due(now);
+    if (!train) {
+      if (!prober.proof_due(now)) return false;
+      prober.proof_sent(now);  // also when it may not leave: the next one may
+      return may_send(nic_.max_datagram);
+    }
+    prober.train_sent(now, train->packets);
+    train_left_ = train->packets;
+    train_pace_ = capped(train->pace);
+    train_next_ = now;
+  }
+  if (train_next_ > now) return false;
+  --train_left_;
+  if (train_pace_) {
+    const Duration air = train_pace_->transmit_time(nic_.max_datagram + wire::kIpUdpOverhead);
+    train_next_ = std::max(train_next_, now - kBurst) + std::min<Duration>(air, kLongest);
+  }
+  return true;
+}
+
+TimePoint Path::next_timeout(TimePoint now) const {
+  // Other probes wait for the end of a train, however slow it is and however long they are due.
+  TimePoint next =
+      train_left_ > 0 ? std::min(prober.heartbeat_at(now), train_next_) : prober.next_timeout(now);
+  if (const auto at = estimator.next_timeout()) next = std::min(next, *at);
+  return next;
+}
+
+wire::LinkReport Path::report(TimePoint now) const {
+  wire::LinkReport report = receiver.report(now);
+  report.metered = nic_.traits.metered;
+  report.rate = estimator.rate().value_or(DataRate{});
+  report.loss =
+      static_cast<std::uint16_t>(std::lround(std::clamp(estimator.loss(), 0.0, 1.0) * kLossUnit));
+  return report;
+}
+
+// What the operator allows; the estimates heed it themselves once there are any.
+std::optional<DataRate> Path::capped(std::optional<DataRate> rate) const {
+  const std::optional<DataRate> cap = nic_.traits.rate_cap;
+  return rate && cap ? std::min(*rate, *cap) : rate ? rate : cap;
+}
+
+flow::PathView Path::view(TimePoint now) const {
+  // A path that came back is loaded little by little.
+  const double share = estimator.share(now);
+  const auto shared = [share](std::optional<DataRate> rate) {
+    return rate ? std::optional(rate->scaled(share)) : std::nullopt;
+  };
+  flow::PathView view;
+  view.up = estimator.up();
+  view.backup = nic_.traits.role == LinkRole::kBackup;
+  // When a piece arrives is guessed anyhow: a guess of the rate is nearer than none.
+  view.rate = shared(estimator.rate_guess());
+  view.pace = shared(capped(estimator.pace().value_or(flow::Sender::kBlindPace)));
+  view.one_way = estimator.one_way();
+  view.probe_timeout = estimator.probe_timeout(now);
+  return view;
+}
+
+LinkState Path::state(TimePoint now) const {
+  LinkState state = estimator.state(now);
+  state.id = id_;
+  return state;
+}
+
+}  // namespace interneuron

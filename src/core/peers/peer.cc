@@ -1,0 +1,359 @@
+#include "core/peers/peer.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "core/link/nature.h"
+
+namespace interneuron {
+namespace {
+
+// Feedback after this many packets or this long, whichever is first (transport.md §4.1).
+constexpr std::uint32_t kFeedbackPackets = 16;
+constexpr Duration kFeedbackDelay = std::chrono::milliseconds(5);
+// A gap is reported at once, but not more often than this; chosen.
+constexpr Duration kFeedbackSpacing = std::chrono::milliseconds(1);
+// What only time changes is looked at again after this long: this runs for every packet; chosen.
+constexpr Duration kRefresh = std::chrono::milliseconds(1);
+
+}  // namespace
+
+Peer::Peer(const Identity& identity, TimePoint now)
+    : identity_(identity),
+      sender_(
+          {.repair = identity.repair,
+           .first_message = MessageId{static_cast<std::uint32_t>(
+               std::chrono::floor<std::chrono::milliseconds>(now - identity.started).count())}}),
+      heard_at_(now),
+      feedback_sent_at_(now),
+      refreshed_at_(now) {}
+
+Path* Peer::find(LinkId path) {
+  const auto it = std::ranges::find(paths_, path, &Path::id);
+  return it == paths_.end() ? nullptr : &*it;
+}
+
+const Path* Peer::find(LinkId path) const {
+  const auto it = std::ranges::find(paths_, path, &Path::id);
+  return it == paths_.end() ? nullptr : &*it;
+}
+
+void Peer::add_path(TimePoint now, LinkId id, const Path::Nic& nic, const Address& address) {
+  if (Path* known = find(id)) {
+    if (known->address() == address && known->nic().link == nic.link) return;
+    known->move_to(now, nic, address, identity_.connected);
+    sender_.add_path(id, nic.max_datagram);  // the other NIC may carry less
+  } else {
+    if (paths_.size() >= wire::kMaxReports) return;
+    paths_.emplace_back(now, id, nic, address, identity_.connected);
+    sender_.add_path(id, nic.max_datagram, first_number(now));
+  }
+  refresh(now);
+}
+
+bool Peer::request_train(TimePoint now, LinkId id) {
+  Path* path = find(id);
+  if (path == nullptr) return false;
+  path->prober.request_train(now);
+  return true;
+}
+
+// Within one session packet numbers only grow, also when a peer or a path was forgotten and comes
+// back: the other side may remember it and would drop smaller ones as duplicates. So numbers begin
+// at the microseconds of our life so far, and the numbers of messages at the milliseconds; more
+// than that are not sent on average.
+std::uint64_t Peer::first_number(TimePoint now) const {
+  return 1 + static_cast<std::uint64_t>(
+                 std::chrono::floor<std::chrono::microseconds>(now - identity_.started).count());
+}
+
+void Peer::remove_nic(TimePoint now, LinkId nic) {
+  for (Path& path : paths_) {
+    if (path.nic().link != nic) continue;
+    path.estimator.removed(now);
+    collect_changes(now, path);
+    sender_.remove_path(now, path.id());
+  }
+  std::erase_if(paths_, [nic](const Path& path) { return path.nic().link == nic; });
+  refresh(now);
+}
+
+bool Peer::reached_at(LinkId nic, const Address& address) const {
+  return std::ranges::any_of(paths_, [&](const Path& path) {
+    return path.nic().link == nic && path.address() == address;
+  });
+}
+
+void Peer::restart(TimePoint now, SessionId session) {
+  identity_.session = session;
+  ready_ = false;
+  sender_.reset(now);
+  reassembler_.reset();
+  clock_.reset();
+  unreported_ = 0;
+  feedback_at_.reset();
+  for (Path& path : paths_) path.reset(now);
+  refresh(now);
+}
+
+// --- input
+
+Peer::Input Peer::handle(TimePoint now, const wire::Packet& packet, std::size_t datagram_bytes) {
+  Input input;
+  Path& path = *find(packet.header.link);
+  path.received(datagram_bytes);
+  const bool is_feedback = packet.header.type == wire::PacketType::kFeedback;
+  if (!path.receiver.accept(now, packet.header.number, !is_feedback,
+                            datagram_bytes + wire::kIpUdpOverhead)) {
+    input.duplicate = true;
+    return input;
+  }
+  heard_at_ = now;
+  path.estimator.heard(now);
+  collect_changes(now, path);
+  if (is_feedback) {
+    handle_feedback(now, path, packet.feedback, input);
+    return input;
+  }
+  note_arrival(now, path.receiver.gap());
+  if (packet.header.type != wire::PacketType::kData) return input;
+
+  flow::ClockBounds clocks{identity_.self, identity_.session, std::nullopt};
+  if (packet.data.fragment.index == 0) clocks.peer_hi_min = clock_.hi_min(now);
+  flow::Reassembler::Outcome outcome = reassembler_.add(now, packet.data, clocks);
+  if (outcome.result == flow::Reassembler::Result::kRefused) input.refused = true;
+  if (outcome.result == flow::Reassembler::Result::kComplete) {
+    note_activity(now);
+    input.message = std::move(outcome.message);
+  }
+  return input;
+}
+
+void Peer::note_arrival(TimePoint now, bool gap) {
+  ++unreported_;
+  TimePoint due = now + kFeedbackDelay;
+  if (unreported_ >= kFeedbackPackets) due = now;
+  if (gap) due = std::min(due, std::max(now, feedback_sent_at_ + kFeedbackSpacing));
+  if (!feedback_at_ || due < *feedback_at_) feedback_at_ = due;
+}
+
+void Peer::handle_feedback(TimePoint now, Path& path, const wire::Feedback& feedback,
+                           Input& input) {
+  path.receiver.exchange(now, PeerTime{Duration{feedback.u}});
+  if (feedback.echo != identity_.self)
+    return;  // meant for an earlier life of ours, or it has not heard us
+  path.echoed();
+  if (!ready_) input.became_ready = ready_ = true;
+  for (const wire::LinkReport& report : feedback.reports) {
+    if (report.has_exchange && report.link == path.id()) {
+      const PeerTime u{Duration{feedback.u}};
+      const auto update = clock_.add(now, u, TimePoint{report.s.time_since_epoch()}, report.h);
+      if (update == guard::ClockOffset::Update::kStepped) {
+        input.clock_stepped = true;
+        for (Path& p : paths_) p.estimator.clock_stepped();
+      }
+      if (update != guard::ClockOffset::Update::kRejected) path.learn_exchange(now, u, report);
+    }
+    learn_report(now, report);
+  }
+  refresh(now);
+}
+
+void Peer::learn_report(TimePoint now, const wire::LinkReport& report) {
+  Path* path = find(report.link);
+  if (path == nullptr) return;
+  path->learn(now, report, sender_.report(now, report, path->estimator.rtt_min(now)));
+  collect_changes(now, *path);
+}
+
+// What the traffic of a path says of it has changed: tell, and rescue what is under way on it.
+void Peer::collect_changes(TimePoint now, Path& path) {
+  if (!take_changes(path)) return;
+  refresh(now);
+  if (!path.usable()) sender_.pull(now, path.id());
+}
+
+bool Peer::take_changes(Path& path) {
+  bool changed = false;
+  while (auto change = path.estimator.poll_change()) {
+    changed = true;
+    changes_.push_back(
+        {identity_.id, path.id(), change->from, change->to, std::move(change->reason)});
+  }
+  return changed;
+}
+
+std::optional<PathChanged> Peer::poll_change() {
+  if (changes_.empty()) return std::nullopt;
+  PathChanged change = std::move(changes_.front());
+  changes_.pop_front();
+  return change;
+}
+
+// A path may change by being looked at, at whatever occasion; and what becomes of one decides
+// whether another is the last.
+void Peer::refresh(TimePoint now) {
+  refreshed_at_ = now;
+  std::vector<LinkId> unusable;
+  while (look_again(now, unusable)) {
+  }
+  for (const LinkId id : unusable) {
+    if (!find(id)->usable()) sender_.pull(now, id);
+  }
+}
+
+// Returns whether a path has changed; those that became unusable are added.
+bool Peer::look_again(TimePoint now, std::vector<LinkId>& unusable) {
+  for (Path& path : paths_) {
+    path.estimator.set_last_usable(std::ranges::none_of(
+        paths_, [&path](const Path& p) { return p.id() != path.id() && p.estimator.up(); }));
+    path.refresh(now, ready_);
+    sender_.set_path(path.id(), path.view(now));
+  }
+  bool changed = false;
+  for (Path& path : paths_) {
+    if (!take_changes(path)) continue;
+    changed = true;
+    if (!path.usable()) unusable.push_back(path.id());
+  }
+  return changed;
+}
+
+// --- time
+
+void Peer::note_activity(TimePoint now) {
+  for (Path& path : paths_) path.prober.active(now);
+}
+
+std::size_t Peer::handle_timeout(TimePoint now) {
+  for (Path& path : paths_) {
+    const auto due = path.estimator.next_timeout();
+    if (!due || *due > now) continue;
+    path.estimator.handle_timeout(now);
+    collect_changes(now, path);
+  }
+  if (now - refreshed_at_ >= kRefresh) refresh(now);
+  sender_.handle_timeout(now);
+  return reassembler_.expire(now);
+}
+
+std::optional<TimePoint> Peer::next_timeout(TimePoint now) const {
+  std::optional<TimePoint> next;
+  const auto consider = [&next](std::optional<TimePoint> t) {
+    if (t && (!next || *t < *next)) next = t;
+  };
+  consider(sender_.next_timeout());
+  consider(reassembler_.next_timeout());
+  consider(feedback_at_);
+  for (const Path& path : paths_) {
+    consider(path.next_timeout(now));
+    if (path.may_send(kMaxDatagramBytes)) consider(sender_.next_send(path.id()));
+  }
+  return next;
+}
+
+// --- output
+
+wire::PacketHeader Peer::header(const Path& path, wire::PacketType type,
+                                std::uint64_t number) const {
+  return {type, path.id(), wire::kClearEpoch, identity_.self, number};
+}
+
+Path* Peer::fastest() {
+  Path* best = nullptr;
+  // A path whose delay is not known yet is behind those that were measured, and so is one in doubt.
+  const auto rank = [](const Path& p) {
+    const Duration d = p.estimator.one_way();
+    return std::pair(p.estimator.path() != PathState::kOk,
+                     d > Duration::zero() ? d : Duration::max());
+  };
+  for (Path& path : paths_) {
+    if (path.estimator.up() && (best == nullptr || rank(path) < rank(*best))) best = &path;
+  }
+  return best;
+}
+
+Transmit Peer::send_feedback(TimePoint now, Path& path, std::span<const Path> about,
+                             std::span<std::byte> buffer) {
+  wire::Feedback feedback;
+  feedback.u = now.time_since_epoch().count();
+  feedback.echo = identity_.session;
+  for (const Path& p : about) feedback.reports.push_back(p.report(now));
+  const std::uint64_t number = sender_.take_number(now, path.id());
+  const std::size_t size =
+      wire::write_feedback(buffer, header(path, wire::PacketType::kFeedback, number), feedback);
+  path.sent_feedback(now, size);
+  return {path.nic().link, path.address(), size};
+}
+
+std::optional<Transmit> Peer::poll_feedback(TimePoint now, std::span<std::byte> buffer) {
+  if (feedback_at_ && *feedback_at_ <= now) {
+    feedback_at_.reset();
+    unreported_ = 0;
+    feedback_sent_at_ = now;
+    for (Path& p : paths_) p.receiver.reported();
+    Path* path = fastest();
+    if (path != nullptr && path->may_send(wire::feedback_bytes(paths_.size()))) {
+      return send_feedback(now, *path, paths_, buffer);
+    }
+  }
+  for (Path& path : paths_) {
+    if (path.heartbeat_due(now)) return send_feedback(now, path, {&path, 1}, buffer);
+  }
+  return std::nullopt;
+}
+
+Transmit Peer::send_probe(TimePoint now, Path& path, std::span<std::byte> buffer) {
+  const std::size_t size = path.nic().max_datagram;
+  const std::uint64_t number = sender_.take_number(now, path.id(), size + wire::kIpUdpOverhead);
+  wire::write_probe(buffer, header(path, wire::PacketType::kProbe, number), size);
+  path.sent_probe(now, size);
+  return {path.nic().link, path.address(), size};
+}
+
+std::optional<Transmit> Peer::poll_data(TimePoint now, Path& path, std::span<std::byte> buffer) {
+  if (!path.may_send(kMaxDatagramBytes)) return std::nullopt;
+  const auto piece = sender_.poll(now, path.id());
+  if (!piece) return std::nullopt;
+  const std::size_t size = wire::write_data(
+      buffer, header(path, wire::PacketType::kData, piece->number), piece->fragment, piece->bytes);
+  path.sent_data(now, size);
+  return Transmit{path.nic().link, path.address(), size};
+}
+
+std::optional<Transmit> Peer::poll(TimePoint now, std::span<std::byte> buffer) {
+  if (auto transmit = poll_feedback(now, buffer)) return transmit;
+  for (Path& path : paths_) {
+    if (path.probe_due(now)) return send_probe(now, path, buffer);
+    if (auto transmit = poll_data(now, path, buffer)) return transmit;
+  }
+  return std::nullopt;
+}
+
+void Peer::send(TimePoint now, TimePoint deadline, Duration lifetime, Bytes message,
+                const std::vector<LinkId>& paths, const flow::PathSet& repairs) {
+  note_activity(now);
+  refresh(now);
+  sender_.send(now, deadline, lifetime, std::move(message), paths, repairs);
+}
+
+// --- getters
+
+Links Peer::links(TimePoint now) const {
+  Links out;
+  for (const Path& path : paths_) out.push_back(path.state(now));
+  link::score(out);
+  return out;
+}
+
+std::pair<std::uint64_t, std::uint64_t> Peer::repairs(LinkId nic) const {
+  std::pair<std::uint64_t, std::uint64_t> sum{0, 0};
+  for (const Path& path : paths_) {
+    if (path.nic().link != nic) continue;
+    sum.first += sender_.resent(path.id());
+    sum.second += sender_.lost(path.id());
+  }
+  return sum;
+}
+
+}  // namespace interneuron

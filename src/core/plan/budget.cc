@@ -1,0 +1,52 @@
+#include "core/plan/budget.h"
+
+#include <algorithm>
+
+#include "core/plan/wire_size.h"
+
+namespace interneuron {
+Duration compute_budget(Duration deadline, std::span<const LinkState> links,
+                        std::size_t best_variant_bytes, std::size_t result_bytes) {
+  Duration best = Duration::max();
+  for (const LinkState& link : links) {
+    if (!link.up || link.rate.bits_per_second <= 0 || link.rtt_p50 <= Duration::zero()) continue;
+    const Duration transfer = link.rate.transmit_time(wire_size(best_variant_bytes + result_bytes));
+    best = std::min(best, std::min<Duration>(transfer, std::chrono::hours(1)) + link.rtt_p50);
+  }
+  if (best == Duration::max()) return Duration::zero();
+  return std::max(Duration::zero(), deadline - best - kComputeReserve);
+}
+
+std::array<std::optional<Duration>, kMaxVariants> forecast_answers(
+    const Plan& plan, const Offer& offer, std::span<const LinkState> links) {
+  const auto is_measured = [](const LinkState& link) {
+    return link.up && link.rate.bits_per_second > 0 && link.rtt_p50 > Duration::zero();
+  };
+  std::optional<Duration> back;
+  for (const LinkState& link : links) {
+    if (!is_measured(link)) continue;
+    const Duration way = link.rtt_p50 / 2 + link.queue_down;
+    back = back ? std::min(*back, way) : way;
+  }
+  std::array<std::optional<Duration>, kMaxVariants> out{};
+  if (!back) return out;
+  for (const LinkState& link : links) {
+    if (!is_measured(link)) continue;
+    std::size_t bytes = 0;  // on this link so far: better variants leave first
+    for (std::size_t v = 0; v < offer.variant_bytes.size() && v < out.size(); ++v) {
+      const bool here = std::ranges::any_of(
+          plan.sends, [&](const Assignment& a) { return a.variant == v && a.link == link.id; });
+      if (!here) continue;
+      bytes +=
+          static_cast<std::size_t>(static_cast<double>(offer.variant_bytes[v]) * kWireOverhead);
+      Duration there = link.queue_up + link.rtt_p50 / 2 +
+                       std::min<Duration>(link.rate.transmit_time(bytes), std::chrono::hours(1));
+      if (v < offer.costs.size()) there += offer.costs[v].here + offer.costs[v].there;
+      const Duration answered = there + *back;
+      out[v] = out[v] ? std::min(*out[v], answered) : answered;
+    }
+  }
+  return out;
+}
+
+}  // namespace interneuron

@@ -1,0 +1,132 @@
+#include "core/rounds/dispatch.h"
+
+#include <algorithm>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "core/plan/plan_message.h"
+#include "core/rounds/round_terms.h"
+
+namespace interneuron {
+namespace {
+
+Bytes joined(const wire::RoundHeader& header, const Bytes& payload) {
+  Bytes message(wire::kRoundHeaderBytes + payload.size());
+  wire::write_round_header(std::span(message).first<wire::kRoundHeaderBytes>(), header);
+  std::ranges::copy(payload, message.begin() + wire::kRoundHeaderBytes);
+  return message;
+}
+
+// Lost pieces go over no link that the policy forbids.
+flow::PathSet allowed_of(const Policy& policy, std::span<const LinkState> links) {
+  flow::PathSet allowed;
+  for (const LinkState& link : links) allowed.set(link.id.value, policy.allows(link));
+  return allowed;
+}
+
+// header.stage: the communication that is about to begin.
+std::uint8_t earlier_communications(const wire::RoundHeader& header) {
+  std::uint8_t count = 0;
+  for (std::size_t stage = 1; stage < header.stage; ++stage) {
+    if (header.is_communication(stage)) ++count;
+  }
+  return count;
+}
+
+}  // namespace
+
+Dispatch::Dispatch(SessionId self, const PolicySet& policies) : self_(self) {
+  for (const auto& policy : policies) {
+    if (policy == nullptr) throw std::invalid_argument("endpoint: a policy is null");
+    policies_[wire::policy_id(policy->name())] = policy;
+  }
+  if (policies_.empty()) throw std::invalid_argument("endpoint: no policy is registered");
+  stand_in_ = policies.front();
+}
+
+const Policy* Dispatch::policy(std::uint32_t id) const {
+  const auto it = policies_.find(id);
+  return it == policies_.end() ? nullptr : it->second.get();
+}
+
+void Dispatch::check(const Variants& variants) {
+  if (variants.empty() || variants.size() > kMaxVariants) {
+    throw std::invalid_argument("submit: " + std::to_string(variants.size()) +
+                                " variants; give 1 to " + std::to_string(kMaxVariants));
+  }
+  for (const Bytes& bytes : variants) {
+    if (bytes.size() > kMaxMessageBytes) {
+      throw std::invalid_argument("submit: a variant of " + std::to_string(bytes.size()) +
+                                  " bytes; at most " + std::to_string(kMaxMessageBytes));
+    }
+  }
+}
+
+Dispatch::Sizes Dispatch::sizes_of(const Variants& variants) {
+  Sizes sizes;
+  for (const Bytes& v : variants) sizes.push_back(v.size());
+  return sizes;
+}
+
+// Without the policy that the origin names, any built-in rule serves; the first registered one
+// stands in.
+const Policy& Dispatch::rule(const wire::RoundHeader& header) const {
+  const Policy* named = policy(header.policy);
+  return named != nullptr ? *named : *stand_in_;
+}
+
+Plan Dispatch::plan(std::span<const LinkState> links, const wire::RoundHeader& header,
+                    const Offer& offer, const Guidance& guidance) const {
+  Offer complete = offer;
+  complete.earlier_communications = earlier_communications(header);
+  return plan_message(rule(header), complete, links, guidance);
+}
+
+Planned Dispatch::send(TimePoint now, Peer& peer, const RoundContext& context, const ClockOf& clock,
+                       const Variants& variants, MessageClass message_class,
+                       const Guidance& guidance) const {
+  wire::RoundHeader header = context.header;
+  header.stage = static_cast<std::uint8_t>(context.stage + 1);
+  header.message_class = message_class;
+  header.degraded = context.verdict.late;
+  if (clock) header.alpha_sum = Duration{clock->alpha};
+  // A round that passes its origin starts over: the origin's own clock has no offset.
+  if (header.round.origin == self_) header.alpha_sum = Duration::zero();
+
+  const Links links = peer.links(now);
+  Planned planned{header.round, header.stage, {}};
+  if (context.previewed && context.previewed->fits(variants.size(), links)) {
+    planned.plan = context.previewed->plan;
+  } else {
+    planned.plan = plan(links, header, {qos_of(header), sizes_of(variants)}, guidance);
+  }
+  const auto& sends = planned.plan.sends;
+  if (sends.empty()) return planned;
+
+  header.best_planned = std::ranges::min(sends, {}, &Assignment::variant).variant;
+  const TimePoint deadline = deadline_of(now, header, clock);
+  const flow::PathSet repairs = allowed_of(rule(header), links);
+  for (std::size_t v = 0; v < variants.size(); ++v) {
+    std::vector<LinkId> paths;
+    for (const Assignment& a : sends) {
+      if (a.variant == v) paths.push_back(a.link);
+    }
+    if (paths.empty()) continue;
+    header.variant = static_cast<std::uint8_t>(v);
+    peer.send(now, deadline, header.deadline(), joined(header, variants[v]), paths, repairs);
+  }
+  return planned;
+}
+
+// t0 + D_N on this host's clock; as late as possible while the origin's clock is not known.
+TimePoint Dispatch::deadline_of(TimePoint now, const wire::RoundHeader& header,
+                                const ClockOf& clock) const {
+  if (header.round.origin == self_) return when_elapsed(header.t0, header.deadline());
+  if (!clock) return now + header.deadline();
+  const TimePoint by_clock =
+      when_elapsed(header.t0, Duration{wrapping_add(clock->alpha, header.deadline().count())});
+  return std::min(by_clock, now + header.deadline());
+}
+
+}  // namespace interneuron

@@ -1,0 +1,108 @@
+#include "core/rounds/origins.h"
+
+#include <algorithm>
+#include <iterator>
+#include <stdexcept>
+#include <string>
+
+namespace interneuron {
+namespace {
+
+std::array<std::uint8_t, 4> quantised(const Nature& needs) {
+  const auto q = [](double w) {
+    return static_cast<std::uint8_t>(std::clamp(w, 0.0, 1.0) * 255.0 + 0.5);
+  };
+  return {q(needs.delay), q(needs.bandwidth), q(needs.reliability), q(needs.security)};
+}
+
+std::uint32_t to_us(Duration d) {
+  return static_cast<std::uint32_t>(std::clamp<std::int64_t>(
+      std::chrono::duration_cast<std::chrono::microseconds>(d).count(), 1, UINT32_MAX));
+}
+
+void describe(wire::RoundHeader& h, const PipelineConfig& config) {
+  h.stages = static_cast<std::uint8_t>(config.stages.size());
+  h.communication = 0;
+  for (std::size_t i = 0; i < config.stages.size(); ++i) {
+    if (config.stages[i] == StageKind::kCommunication) {
+      h.communication = static_cast<std::uint16_t>(h.communication | (1U << i));
+    }
+  }
+  h.needs = quantised(config.needs);
+  h.policy = wire::policy_id(config.policy);
+  h.deadline_us = to_us(config.deadline);
+  h.period_us = to_us(config.period);
+  h.guard = config.guard;
+  h.target = static_cast<std::uint16_t>(std::min(config.budget.target * 65536.0, 65535.0));
+  h.miss_price = static_cast<std::uint16_t>(config.budget.miss_price * 1000.0 + 0.5);
+  h.local_quality = static_cast<std::uint8_t>(config.fallback.local * 255.0 + 0.5);
+}
+
+}  // namespace
+
+Origins::Origins(SessionId self, const std::vector<PipelineConfig>& pipelines) : self_(self) {
+  for (const PipelineConfig& config : pipelines) {
+    if (!pipelines_.try_emplace(config.id, Pipeline{guard::Origin(config, self)}).second) {
+      throw std::invalid_argument("pipeline " + std::to_string(config.id.value) + ": given twice");
+    }
+  }
+}
+
+RoundContext Origins::begin(TimePoint now, PipelineId pipeline) {
+  const auto it = pipelines_.find(pipeline);
+  if (it == pipelines_.end()) {
+    throw std::invalid_argument("begin_round: no pipeline " + std::to_string(pipeline.value));
+  }
+  guard::Origin& origin = it->second.origin;
+  const guard::Origin::Begun begun = origin.begin(now);
+  it->second.begun = begun.ref.round.value + 1;
+  RoundContext context;
+  wire::RoundHeader& h = context.header;
+  describe(h, origin.config());
+  h.round = begun.ref;
+  h.t0 = as_wire(now);
+  h.x_permille = begun.sent.x_permille;
+  h.indicator = origin.indicator(begun.ref.round);
+  const guard::RecentE2e recent = origin.recent_e2e(begun.ref.round);
+  for (std::size_t i = 0; i < recent.size(); ++i) {
+    if (!recent[i]) continue;
+    h.e2e[i] = *recent[i] == guard::kNever
+                   ? wire::kE2eNever
+                   : static_cast<std::uint16_t>(h.to_steps(*recent[i], 1, wire::kE2eNever));
+  }
+  context.began = now;
+  // The guard's order for the first transmission speaks the language of a verdict.
+  context.verdict.late = begun.sent.degraded;
+  return context;
+}
+
+bool Origins::has_begun(const RoundRef& round) const {
+  const auto it = pipelines_.find(round.pipeline);
+  return is_mine(round) && it != pipelines_.end() && round.round.value < it->second.begun;
+}
+
+guard::Origin* Origins::find(const RoundRef& round) {
+  const auto it = pipelines_.find(round.pipeline);
+  return is_mine(round) && it != pipelines_.end() ? &it->second.origin : nullptr;
+}
+
+std::vector<RoundDone> Origins::expire(TimePoint now) {
+  std::vector<RoundDone> all;
+  for (auto& [id, pipeline] : pipelines_) {
+    auto done = pipeline.origin.expire(now);
+    all.insert(all.end(), std::make_move_iterator(done.begin()),
+               std::make_move_iterator(done.end()));
+  }
+  return all;
+}
+
+std::optional<TimePoint> Origins::next_timeout() const {
+  std::optional<TimePoint> next;
+  for (const auto& [id, pipeline] : pipelines_) {
+    const auto t = pipeline.origin.next_timeout();
+    if (t && (!next || *t < *next)) next = t;
+  }
+  return next;
+}
+
+}  // namespace interneuron

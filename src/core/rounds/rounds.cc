@@ -1,0 +1,245 @@
+#include "core/rounds/rounds.h"
+
+#include <algorithm>
+#include <stdexcept>
+#include <string>
+
+#include "core/plan/budget.h"
+#include "core/rounds/round_terms.h"
+
+namespace interneuron {
+
+Rounds::Rounds(const EndpointOptions& options, Peers& peers, std::deque<Event>& events)
+    : peers_(peers),
+      events_(events),
+      dispatch_(options.session, options.policies),
+      origins_(options.session, options.pipelines) {
+  if (options.session.value == 0) {
+    throw std::invalid_argument("endpoint: the session must not be 0; draw it at random");
+  }
+  for (const PipelineConfig& config : options.pipelines) {
+    if (dispatch_.policy(wire::policy_id(config.policy)) == nullptr) {
+      throw std::invalid_argument("pipeline " + std::to_string(config.id.value) + ": policy '" +
+                                  config.policy + "' is not registered");
+    }
+  }
+}
+
+RoundRef Rounds::begin(TimePoint now, PipelineId pipeline) {
+  RoundContext context = origins_.begin(now, pipeline);
+  const RoundRef round = context.header.round;
+  const Duration deadline = context.header.deadline();
+  stages_.open(now, round, std::move(context), deadline);
+  return round;
+}
+
+bool Rounds::submit(TimePoint now, const RoundRef& round, Variants variants,
+                    MessageClass message_class, std::optional<PeerId> to) {
+  Dispatch::check(variants);
+  RoundContext* found = stages_.context(round);
+  if (found == nullptr) return false;
+  RoundContext context = *found;
+  stages_.close(round);
+  end_computations(now, context);
+  if (context.stage == context.header.stages) {
+    return origins_.is_mine(round) && finish(now, context.header, std::move(variants.front()));
+  }
+  Peer* peer = destination(context, to);
+  if (peer == nullptr) return false;
+  choose_mode(now, context, *peer, message_class, Dispatch::sizes_of(variants), {});
+  const auto clock = clock_of(now, context.header, peers_.find(context.from));
+  Planned planned = dispatch_.send(now, *peer, context, clock, variants, message_class,
+                                   guidance(now, context, clock));
+  const bool sent = !planned.plan.sends.empty();
+  const bool kept_here = !planned.plan.refused.empty();
+  events_.emplace_back(std::move(planned));
+  guard::Origin* origin = origins_.find(round);
+  if (kept_here && origin != nullptr) report(origin->stay_local(now, round.round));
+  return sent;
+}
+
+Plan Rounds::preview(TimePoint now, const RoundRef& round,
+                     std::span<const std::size_t> variant_bytes, MessageClass message_class,
+                     std::span<const VariantCost> costs, std::optional<PeerId> to) {
+  RoundContext* found = stages_.context(round);
+  if (found == nullptr || found->stage == found->header.stages) return {};
+  Peer* peer = destination(*found, to);
+  if (peer == nullptr) return {};
+  choose_mode(now, *found, *peer, message_class, variant_bytes, costs);
+  wire::RoundHeader header = found->header;
+  header.stage = static_cast<std::uint8_t>(found->stage + 1);
+  header.message_class = message_class;
+  const auto clock = clock_of(now, header, peers_.find(found->from));
+  found->previewed =
+      Previewed{dispatch_.plan(peer->links(now), header, {qos_of(header), variant_bytes, costs},
+                               guidance(now, *found, clock)),
+                variant_bytes.size()};
+  return found->previewed->plan;
+}
+
+std::size_t Rounds::begin_computation(TimePoint now, const RoundRef& round,
+                                      std::span<const LevelProfile> levels, std::size_t top) {
+  RoundContext* context = stages_.context(round);
+  if (context == nullptr || levels.empty()) return top;
+  wire::RoundHeader& h = context->header;
+  const guard::LevelChoice choice =
+      observer_of(h, context->from.value_or(PeerId{}))
+          .begin_computation(now, stage_end(h, context->stage), levels,
+                             std::min(top, levels.size() - 1), context->verdict);
+  context->began = now;
+  note_level(h, choice);
+  return choice.level;
+}
+
+void Rounds::local_result(TimePoint now, const RoundRef& round, Bytes result) {
+  if (guard::Origin* origin = origins_.find(round)) {
+    report(origin->local_result(now, round.round, std::move(result)));
+  }
+}
+
+// The round has its answer.
+void Rounds::report(std::optional<RoundDone> done) {
+  if (!done) return;
+  stages_.close(done->round);
+  events_.emplace_back(std::move(*done));
+}
+
+void Rounds::expire(TimePoint now) {
+  for (Stages::Released& released : stages_.release(now)) release(std::move(released));
+  for (RoundDone& done : origins_.expire(now)) report(std::move(done));
+}
+
+std::optional<TimePoint> Rounds::next_timeout() const {
+  const auto held = stages_.next_timeout();
+  const auto open = origins_.next_timeout();
+  return held && open ? std::min(*held, *open) : held ? held : open;
+}
+
+void Rounds::complete(TimePoint now, Peer& peer, const Bytes& message) {
+  const auto header = wire::parse_round_header(message);
+  const bool mine = header && origins_.is_mine(header->round);
+  if (!header || (mine && !origins_.has_begun(header->round)) ||
+      (!mine && header->stage == header->stages)) {
+    ++counters_.bad_messages;
+    return;
+  }
+  ++counters_.messages_completed;
+  Arrived arrived{*header, Bytes(message.begin() + wire::kRoundHeaderBytes, message.end()),
+                  peer.identity().id};
+  guard::StageGuard& observer = observer_of(*header, arrived.from);
+  if (!mine) {
+    observer.learn(now, header->round.round, header->indicator, recent_e2e(*header));
+  }
+  const auto clock = clock_of(now, *header, &peer);
+  switch (stages_.arrive(now, arrived, dispatch_.policy(header->policy), clock, observer)) {
+    case Stages::Action::kHold:
+      return;
+    case Stages::Action::kDrop:
+      ++counters_.messages_superseded;
+      return;
+    case Stages::Action::kServe:
+      if (header->stage == header->stages) {
+        finish(now, *header, std::move(arrived.payload));
+      } else {
+        events_.emplace_back(stages_.serve(now, std::move(arrived), clock, observer));
+      }
+  }
+}
+
+void Rounds::release(Stages::Released released) {
+  const wire::RoundHeader header = released.arrived.header;
+  if (header.stage == header.stages) {
+    finish(released.hold.until, header, std::move(released.arrived.payload));
+    return;
+  }
+  guard::StageGuard& observer = observer_of(header, released.arrived.from);
+  events_.emplace_back(stages_.serve_held(std::move(released), observer));
+}
+
+// The last stage ends: a result for a round that began here.
+bool Rounds::finish(TimePoint now, const wire::RoundHeader& header, Bytes result) {
+  stages_.finish(header);
+  auto done = origins_.find(header.round)
+                  ->remote_result(now, header.round.round, std::move(result), header.degraded,
+                                  spent_of(header));
+  if (!done) {
+    ++counters_.messages_late;
+    return false;
+  }
+  report(std::move(done));
+  return true;
+}
+
+guard::StageGuard& Rounds::observer_of(const wire::RoundHeader& header, PeerId via) {
+  if (guard::Origin* origin = origins_.find(header.round)) return origin->observer();
+  return stages_.observer(header, via);
+}
+
+// The clock between the origin of a round and here: the hops so far plus the last one.
+Rounds::ClockOf Rounds::clock_of(TimePoint now, const wire::RoundHeader& header, Peer* peer) {
+  if (origins_.is_mine(header.round) || peer == nullptr) return std::nullopt;
+  auto view = peer->clock(now);
+  if (view) view->alpha = wrapping_add(view->alpha, header.alpha_sum.count());
+  return view;
+}
+
+Peer* Rounds::destination(const RoundContext& context, std::optional<PeerId> to) {
+  if (to) return peers_.find(to);
+  if (context.from) return peers_.find(context.from);
+  return peers_.only();
+}
+
+// submit() is the hand-over of the application's result: computations up to the next
+// communication end now.
+void Rounds::end_computations(TimePoint now, RoundContext& context) {
+  const std::size_t before = context.stage;
+  while (context.stage < context.header.stages &&
+         !context.header.is_communication(context.stage + 1)) {
+    ++context.stage;
+    guard::StageGuard& observer = observer_of(context.header, context.from.value_or(PeerId{}));
+    context.verdict = observer.end_stage(now, stage_end(context.header, context.stage),
+                                         clock_of(now, context.header, peers_.find(context.from)));
+  }
+  if (context.stage > before) note_computed(context.header, now - context.began);
+}
+
+// What the guard tells the policy of a round's next transmission.
+Guidance Rounds::guidance(TimePoint now, const RoundContext& context, const ClockOf& clock) {
+  const wire::RoundHeader& h = context.header;
+  Guidance out{.degraded = context.verdict.late};
+  if (guard::Origin* origin = origins_.find(h.round)) {
+    out.time_left = h.deadline() - elapsed_across(h.t0, now);
+    out.local_quality = origin->config().fallback.local;
+    if (!context.from) out.levels = origin->config().levels;
+  } else {
+    out.local_quality = h.local_quality / 255.0;
+    if (clock) {
+      const Duration theta = elapsed_across(h.t0, now);
+      out.time_left =
+          Duration{wrapping_sub(wrapping_add(h.deadline().count(), clock->alpha), theta.count())};
+    }
+  }
+  return out;
+}
+
+// The first transmission of a round that began here, under a guard that weighs its modes.
+void Rounds::choose_mode(TimePoint now, RoundContext& context, const Peer& peer,
+                         MessageClass message_class, std::span<const std::size_t> variant_bytes,
+                         std::span<const VariantCost> costs) {
+  guard::Origin* origin = origins_.find(context.header.round);
+  if (context.mode_chosen || context.from || origin == nullptr || !origin->weighs()) return;
+  wire::RoundHeader header = context.header;
+  header.message_class = message_class;
+  const Offer offer{qos_of(header), variant_bytes, costs};
+  const Links links = peer.links(now);
+  Guidance ask = guidance(now, context, std::nullopt);
+  const auto forecast = [&](bool degraded) {
+    ask.degraded = degraded;
+    return forecast_answers(dispatch_.plan(links, header, offer, ask), offer, links);
+  };
+  const guard::Forecast normal = forecast(false);
+  context.verdict.late = origin->choose_degraded(now, header.round.round, normal, forecast(true));
+  context.mode_chosen = true;
+}
+
+}  // namespace interneuron

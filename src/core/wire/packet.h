@@ -1,0 +1,176 @@
+// Packets <-> bytes. docs/wire_format.md is the authority.
+//
+// A packet is one UDP payload: header (16 bytes), body, tag (16 bytes). Epoch 0 is the clear: its
+// tag is all zero and anything else is malformed, so that a later authenticated epoch needs no new
+// format. A parsed packet is always valid; parse() returns nothing for any other bytes and never
+// throws. Pure.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cassert>
+#include <cstdint>
+#include <initializer_list>
+#include <optional>
+#include <span>
+
+#include "core/wire/stamp.h"
+#include "interneuron/time.h"
+#include "interneuron/units.h"
+
+namespace interneuron::wire {
+
+enum class PacketType : std::uint8_t { kData = 1, kFeedback = 2, kProbe = 3, kEcho = 4 };
+
+inline constexpr std::size_t kHeaderBytes = 16;
+inline constexpr std::size_t kTagBytes = 16;
+inline constexpr std::size_t kFragmentHeaderBytes = 16;
+inline constexpr std::size_t kPacketOverhead = kHeaderBytes + kTagBytes;
+inline constexpr std::size_t kFragmentOverhead = kPacketOverhead + kFragmentHeaderBytes;
+inline constexpr std::uint8_t kClearEpoch = 0;
+// What IPv4 and UDP add to a packet; over IPv6 it is 20 bytes more.
+inline constexpr std::size_t kIpUdpOverhead = 28;
+
+struct PacketHeader {
+  PacketType type{};
+  LinkId link{};
+  std::uint8_t epoch = kClearEpoch;
+  SessionId session{};       // the sender's
+  std::uint64_t number = 0;  // grows per sender and path; starts anywhere above 0
+  friend bool operator==(const PacketHeader&, const PacketHeader&) = default;
+};
+
+// One piece of a message. Piece i starts at i * chunk; all but the last have `chunk` bytes.
+struct FragmentHeader {
+  MessageId message{};
+  std::uint16_t index = 0;
+  std::uint16_t count = 1;
+  std::uint16_t chunk = 1;
+  std::uint32_t lifetime_us = 0;  // D_N: how long the receiver may wait for the rest
+  friend bool operator==(const FragmentHeader&, const FragmentHeader&) = default;
+};
+
+// Which of the kAckWindow packets before the largest have arrived.
+inline constexpr std::size_t kAckWindow = 256;
+using AckBitmap = std::array<std::uint64_t, kAckWindow / 64>;
+
+// What the sender of the feedback has seen on one link.
+struct LinkReport {
+  LinkId link{};
+  // Clock exchange (NOTES §4.2): the newest u received on this link, and the time from receiving it
+  // to this u.
+  bool has_exchange = false;
+  PeerTime s{};
+  Duration h{};
+  // Acknowledgement. largest = 0: nothing has arrived. Bit i of bitmap: packet largest - 1 - i has
+  // arrived.
+  std::uint64_t largest = 0;
+  AckBitmap bitmap{};
+  // Dispersion of the newest train of back-to-back packets: it began with packet train_start; the
+  // packets after the first came in at train_rate.
+  std::uint64_t train_start = 0;
+  std::uint32_t train_packets = 0;
+  DataRate train_rate{};  // on the wire in kbit/s
+  // What the sender of the feedback believes of its own direction on this link.
+  DataRate rate{};         // 0: not known; on the wire in kbit/s
+  std::uint16_t loss = 0;  // share of its packets that are lost, 1/65535
+  bool metered = false;    // it pays per byte on this link: measure it with as few as possible
+  friend bool operator==(const LinkReport&, const LinkReport&) = default;
+};
+
+inline constexpr std::size_t kMaxReports = 8;
+inline constexpr std::size_t kReportBytes = 80;
+// The size of a feedback packet.
+constexpr std::size_t feedback_bytes(std::size_t reports) {
+  return kPacketOverhead + 16 + reports * kReportBytes;
+}
+
+// Up to kMaxReports of them, held in place: feedback is written and parsed without allocating.
+class LinkReports {
+ public:
+  LinkReports() = default;
+  LinkReports(std::initializer_list<LinkReport> reports) {
+    for (const LinkReport& report : reports) push_back(report);
+  }
+  void push_back(const LinkReport& report) {
+    assert(size_ < kMaxReports);
+    reports_[size_++] = report;
+  }
+  void resize(std::size_t size, const LinkReport& fresh = {}) {
+    assert(size <= kMaxReports);
+    const LinkReport value = fresh;  // may be one of ours
+    while (size_ < size) reports_[size_++] = value;
+    size_ = size;
+  }
+  std::size_t size() const { return size_; }
+  bool empty() const { return size_ == 0; }
+  LinkReport& front() { return reports_[0]; }
+  const LinkReport& front() const { return reports_[0]; }
+  LinkReport& operator[](std::size_t i) { return reports_[i]; }
+  const LinkReport& operator[](std::size_t i) const { return reports_[i]; }
+  LinkReport* begin() { return reports_.data(); }
+  LinkReport* end() { return reports_.data() + size_; }
+  const LinkReport* begin() const { return reports_.data(); }
+  const LinkReport* end() const { return reports_.data() + size_; }
+  friend bool operator==(const LinkReports& a, const LinkReports& b) {
+    return std::equal(a.begin(), a.end(), b.begin(), b.end());
+  }
+
+ private:
+  std::array<LinkReport, kMaxReports> reports_;
+  std::size_t size_ = 0;
+};
+
+struct Feedback {
+  std::int64_t u = 0;  // send instant, the sender's clock
+  SessionId echo{};    // the receiver's session as the sender has heard it; 0: not heard yet
+  LinkReports reports;
+  friend bool operator==(const Feedback&, const Feedback&) = default;
+};
+
+struct Data {
+  FragmentHeader fragment;
+  ByteView bytes;  // into the parsed datagram
+};
+
+// What `interneuron probe` measures with: a STAMP test packet (RFC 8762) in our own envelope, so
+// that a roadside unit answers on its normal port. The answer has the size of the request.
+inline constexpr std::size_t kMaxEchoTrain = 256;
+inline constexpr std::size_t kEchoBytes = kPacketOverhead + 8 + kStampBytes;
+
+struct Echo {
+  bool is_reply = false;
+  // The replies of a train wait for each other and leave back to back, so that their dispersion
+  // tells the rate of the way back.
+  bool hold = false;
+  std::uint8_t delay = 0;   // seconds after which the reply is wanted; 0 in a train
+  std::uint16_t train = 0;  // 0: in no train
+  std::uint16_t index = 0;  // within the train, 0 … count - 1
+  std::uint16_t count = 0;  // of the train, 2 … kMaxEchoTrain; 0: in no train
+  // Exactly the one that is_reply names is meaningful.
+  StampRequest request;
+  StampReply reply;
+};
+
+struct Packet {
+  PacketHeader header;
+  // Exactly the member that header.type names is meaningful.
+  Data data;
+  Feedback feedback;
+  Echo echo;
+};
+
+std::optional<Packet> parse(ByteView datagram);
+
+// Each writes one datagram and returns its size; the buffer must hold it (asserted: our own bug).
+std::size_t write_data(std::span<std::byte> out, const PacketHeader& header,
+                       const FragmentHeader& fragment, ByteView bytes);
+std::size_t write_feedback(std::span<std::byte> out, const PacketHeader& header,
+                           const Feedback& feedback);
+// Padded to `size` bytes, at least kPacketOverhead.
+std::size_t write_probe(std::span<std::byte> out, const PacketHeader& header, std::size_t size);
+// Padded to `size` bytes, at least kEchoBytes.
+std::size_t write_echo(std::span<std::byte> out, const PacketHeader& header, const Echo& echo,
+                       std::size_t size);
+
+}  // namespace interneuron::wire

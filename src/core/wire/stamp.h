@@ -1,0 +1,76 @@
+// RFC 8762 (STAMP) test packets of the unauthenticated mode <-> bytes: what a Session-Sender sends
+// (§4.2.1) and what a Session-Reflector answers (§4.3.1), 44 bytes each, larger ones symmetrically.
+// Fields that must be zero are written so and ignored when read, as the RFC says. A parsed packet
+// is always valid; nothing throws. Pure.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+
+#include "core/wire/bytes.h"
+#include "interneuron/time.h"
+#include "interneuron/units.h"
+
+namespace interneuron::wire {
+
+inline constexpr std::size_t kStampBytes = 44;
+inline constexpr std::uint16_t kStampPort = 862;  // RFC 8762 §4.1
+
+// A clock's reading as on the wire: seconds in the upper half; in the lower 2^-32 s (NTP, RFC 5905
+// §6) or ns (PTPv2), as the Z bit of the error estimate beside it says.
+using StampTime = std::uint64_t;
+
+// An error estimate (RFC 4656 §4.1.2): S (synchronised to UTC), Z (PTPv2 format), 6 bits scale, 8
+// bits multiplier; the error is multiplier * 2^(scale - 32) s. A multiplier of 0 is malformed.
+inline constexpr std::uint16_t kStampPtp = 0x4000;
+// Ours: not synchronised, NTP format, 2^-10 s. Chosen: a wall clock that nobody vouches for.
+inline constexpr std::uint16_t kStampUnsynchronised = 0x1601;
+// From the epoch of UNIX to that of NTP, 1900-01-01.
+inline constexpr Duration kNtpToUnix = std::chrono::seconds(2'208'988'800);
+
+// A clock's reading, not negative, in NTP format; seconds are modulo 2^32.
+StampTime to_stamp_time(Duration reading);
+// a - b of one clock, both in the format that `error_estimate` says; within 68 years.
+Duration stamp_difference(StampTime a, StampTime b, std::uint16_t error_estimate);
+
+struct StampRequest {
+  std::uint32_t sequence = 0;  // from 0
+  StampTime sent = 0;          // t1
+  std::uint16_t error_estimate = kStampUnsynchronised;
+  friend bool operator==(const StampRequest&, const StampRequest&) = default;
+};
+
+struct StampReply {
+  // Stateful reflector: counts its replies of this session from 0; stateless: the request's.
+  std::uint32_t sequence = 0;
+  StampTime sent = 0;  // t3
+  std::uint16_t error_estimate = kStampUnsynchronised;
+  StampTime received = 0;  // t2
+  std::uint32_t request_sequence = 0;
+  StampTime request_sent = 0;  // t1, as it came
+  std::uint16_t request_error_estimate = kStampUnsynchronised;
+  std::uint8_t request_ttl = 0;  // with which the request arrived
+  friend bool operator==(const StampReply&, const StampReply&) = default;
+};
+
+// The answer to `request` but for the reflector's own sequence and instants.
+StampReply stamp_reply_to(const StampRequest& request, std::uint8_t ttl);
+
+// The first 44 bytes; what follows is padding (RFC 8762 §4.2) or TLVs (RFC 8972), not looked at.
+std::optional<StampRequest> parse_stamp_request(ByteView datagram);
+std::optional<StampReply> parse_stamp_reply(ByteView datagram);
+// Each writes one datagram and returns its size; the buffer must hold it (asserted: our own bug).
+// Padded with zeros to `size`, at least kStampBytes.
+std::size_t write_stamp_request(std::span<std::byte> out, const StampRequest& request,
+                                std::size_t size);
+// `beyond`: what the request had behind its first 44 bytes; it is reflected as it came (§4.3).
+std::size_t write_stamp_reply(std::span<std::byte> out, const StampReply& reply, ByteView beyond);
+
+// The 44 bytes alone, for packets that carry them inside (docs/wire_format.md, echo).
+void put_stamp(Writer& w, const StampRequest& request);
+void put_stamp(Writer& w, const StampReply& reply);
+std::optional<StampRequest> get_stamp_request(Reader& r);
+std::optional<StampReply> get_stamp_reply(Reader& r);
+
+}  // namespace interneuron::wire

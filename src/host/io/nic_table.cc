@@ -1,0 +1,272 @@
+#include "host/io/nic_table.h"
+
+#include <linux/if.h>
+#include <linux/if_addr.h>
+#include <linux/if_arp.h>
+#include <linux/if_link.h>
+#include <linux/rtnetlink.h>
+#include <netlink/attr.h>
+#include <netlink/route/nexthop.h>
+#include <netlink/route/route.h>
+
+#include <algorithm>
+#include <array>
+#include <cstdio>
+#include <cstring>
+#include <utility>
+
+#include "host/io/address.h"
+#include "host/io/nic_kind.h"
+
+namespace interneuron::io {
+
+namespace {
+
+// By the numbers of RFC 2863 as the kernel has them (IF_OPER_UNKNOWN …, linux/if.h).
+constexpr std::array kOperstates{"unknown", "notpresent", "down", "lowerlayerdown",
+                                 "testing", "dormant",    "up"};
+
+using Attributes = std::array<nlattr*, IFLA_MAX + 1>;
+
+template <class Header>
+const Header* header_of(const nlmsghdr& message) {
+  if (message.nlmsg_len < NLMSG_LENGTH(sizeof(Header))) return nullptr;
+  return static_cast<const Header*>(NLMSG_DATA(&message));
+}
+
+// The attributes behind a fixed header; `size` of them are known.
+template <class Header, std::size_t Size>
+bool parse(const nlmsghdr& message, std::array<nlattr*, Size>& out) {
+  return nlmsg_parse(const_cast<nlmsghdr*>(&message), sizeof(Header), out.data(),
+                     static_cast<int>(Size) - 1, nullptr) >= 0;
+}
+
+std::string text_of(nlattr* attribute) {
+  return attribute == nullptr ? std::string() : std::string(nla_get_string(attribute));
+}
+
+std::string mac_of(nlattr* attribute) {
+  constexpr int kMacBytes = 6;
+  if (attribute == nullptr || nla_len(attribute) != kMacBytes) return {};
+  std::array<unsigned char, kMacBytes> bytes{};
+  nla_memcpy(bytes.data(), attribute, kMacBytes);
+  if (std::ranges::all_of(bytes, [](unsigned char b) { return b == 0; })) return {};
+  std::array<char, 3 * kMacBytes> text{};
+  std::snprintf(text.data(), text.size(), "%02x:%02x:%02x:%02x:%02x:%02x", bytes[0], bytes[1],
+                bytes[2], bytes[3], bytes[4], bytes[5]);
+  return text.data();
+}
+
+// "veth", "bridge", …; hardware has none.
+std::string virtual_kind(nlattr* link_info) {
+  std::array<nlattr*, IFLA_INFO_MAX + 1> info{};
+  if (link_info == nullptr ||
+      nla_parse_nested(info.data(), IFLA_INFO_MAX, link_info, nullptr) < 0) {
+    return {};
+  }
+  return text_of(info[IFLA_INFO_KIND]);
+}
+
+// An address with port 0; empty when it is neither IPv4 nor IPv6. Link-local ones mean nothing
+// without their NIC.
+Address address_of(int family, const void* bytes, std::size_t size, int index) {
+  if (family == AF_INET && size == sizeof(in_addr)) {
+    sockaddr_in out{};
+    out.sin_family = AF_INET;
+    std::memcpy(&out.sin_addr, bytes, size);
+    return from_sockaddr(reinterpret_cast<const sockaddr*>(&out), sizeof out);
+  }
+  if (family == AF_INET6 && size == sizeof(in6_addr)) {
+    sockaddr_in6 out{};
+    out.sin6_family = AF_INET6;
+    std::memcpy(&out.sin6_addr, bytes, size);
+    if (IN6_IS_ADDR_LINKLOCAL(&out.sin6_addr)) {
+      out.sin6_scope_id = static_cast<std::uint32_t>(index);
+    }
+    return from_sockaddr(reinterpret_cast<const sockaddr*>(&out), sizeof out);
+  }
+  return {};
+}
+
+Address address_of(int family, nlattr* attribute, int index) {
+  if (attribute == nullptr) return {};
+  return address_of(family, nla_data(attribute), static_cast<std::size_t>(nla_len(attribute)),
+                    index);
+}
+
+// IPv4 first, otherwise at the end.
+void insert(std::vector<Address>& into, const Address& address) {
+  if (address.size == 0 || std::ranges::find(into, address) != into.end()) return;
+  const auto place = is_ipv6(address) ? into.end() : std::ranges::find_if(into, is_ipv6);
+  into.insert(place, address);
+}
+
+}  // namespace
+
+void NicTable::read(nl_sock* requests, bool default_routes) {
+  nics_.clear();
+  default_routes_.clear();
+  const auto take = [this](const nlmsghdr& message) { apply(message); };
+  netlink::check(netlink::list(requests, RTM_GETLINK, take), "list the network cards");
+  netlink::check(netlink::list(requests, RTM_GETADDR, take), "list the addresses");
+  if (!default_routes) return;
+  netlink::check(netlink::list(requests, RTM_GETROUTE,
+                               [this](const nlmsghdr& message) { apply_default_route(message); }),
+                 "list the routes");
+}
+
+bool NicTable::read_default_routes(nl_sock* requests) {
+  default_routes_.clear();
+  for (Nic& nic : nics_) nic.gateways.clear();
+  return netlink::list(requests, RTM_GETROUTE,
+                       [this](const nlmsghdr& message) { apply_default_route(message); }) >= 0;
+}
+
+void NicTable::refresh_lagging(nl_sock* requests) {
+  std::vector<int> lagging;
+  for (const Nic& nic : nics_) {
+    if (nic.admin_up && nic.carrier != nic.up) lagging.push_back(nic.index);
+  }
+  for (const int index : lagging) {
+    const netlink::Message request(nlmsg_alloc_simple(RTM_GETLINK, NLM_F_REQUEST));
+    ifinfomsg header{};
+    header.ifi_index = index;
+    if (!request || nlmsg_append(request.get(), &header, sizeof header, NLMSG_ALIGNTO) < 0) return;
+    netlink::ask(requests, request.get(), [this](const nlmsghdr& message) { apply(message); });
+  }
+}
+
+void NicTable::apply(const nlmsghdr& message) {
+  switch (message.nlmsg_type) {
+    case RTM_NEWLINK:
+      return apply_link(message);
+    case RTM_DELLINK:
+      return remove_link(message);
+    case RTM_NEWADDR:
+    case RTM_DELADDR:
+      return apply_address(message);
+    default:
+      return;
+  }
+}
+
+Nic* NicTable::entry(int index) {
+  const auto it = std::ranges::find(nics_, index, &Nic::index);
+  return it == nics_.end() ? nullptr : &*it;
+}
+
+const Nic* NicTable::find(int index) const { return const_cast<NicTable*>(this)->entry(index); }
+
+const Nic* NicTable::find(std::string_view name) const {
+  const auto it = std::ranges::find(nics_, name, &Nic::name);
+  return it == nics_.end() ? nullptr : &*it;
+}
+
+void NicTable::apply_link(const nlmsghdr& message) {
+  const auto* header = header_of<ifinfomsg>(message);
+  Attributes attributes{};
+  // Bridges tell of their ports, and wireless drivers of scans, in messages of the same type that
+  // do not describe the NIC.
+  if (header == nullptr || header->ifi_family != AF_UNSPEC ||
+      !parse<ifinfomsg>(message, attributes) || attributes[IFLA_IFNAME] == nullptr ||
+      attributes[IFLA_MTU] == nullptr) {
+    return;
+  }
+  Nic* nic = entry(header->ifi_index);
+  if (nic == nullptr) {
+    const auto place =
+        std::ranges::upper_bound(nics_, header->ifi_index, std::less<>{}, &Nic::index);
+    nic = &*nics_.insert(place, Nic{});
+    nic->index = header->ifi_index;
+  }
+  const std::string name = text_of(attributes[IFLA_IFNAME]);
+  const std::string mac = mac_of(attributes[IFLA_ADDRESS]);
+  const bool renamed = std::exchange(nic->name, name) != name;
+  const bool another_mac = std::exchange(nic->mac, mac) != mac;
+  if (renamed || another_mac) {
+    const NicOrigin origin = origin_of(*nic, header->ifi_type == ARPHRD_LOOPBACK,
+                                       virtual_kind(attributes[IFLA_LINKINFO]));
+    nic->kind = origin.kind;
+    nic->driver = origin.driver;
+  }
+  nic->mtu = nla_get_u32(attributes[IFLA_MTU]);
+  nic->admin_up = (header->ifi_flags & IFF_UP) != 0;
+  nic->up = nic->admin_up && (header->ifi_flags & IFF_RUNNING) != 0;
+  nic->carrier =
+      attributes[IFLA_CARRIER] != nullptr ? nla_get_u8(attributes[IFLA_CARRIER]) != 0 : nic->up;
+  const std::size_t operstate =
+      attributes[IFLA_OPERSTATE] == nullptr ? 0 : nla_get_u8(attributes[IFLA_OPERSTATE]);
+  nic->operstate = kOperstates[operstate < kOperstates.size() ? operstate : 0];
+}
+
+void NicTable::remove_link(const nlmsghdr& message) {
+  const auto* header = header_of<ifinfomsg>(message);
+  if (header == nullptr || header->ifi_family != AF_UNSPEC) return;
+  Attributes attributes{};
+  const bool moved =
+      parse<ifinfomsg>(message, attributes) && attributes[IFLA_NEW_NETNSID] != nullptr;
+  departures_[header->ifi_index] = moved ? "moved to another network namespace" : "unplugged";
+  std::erase_if(nics_, [&](const Nic& nic) { return nic.index == header->ifi_index; });
+  std::erase_if(default_routes_,
+                [&](const DefaultRoute& route) { return route.index == header->ifi_index; });
+}
+
+void NicTable::apply_address(const nlmsghdr& message) {
+  const auto* header = header_of<ifaddrmsg>(message);
+  std::array<nlattr*, IFA_MAX + 1> attributes{};
+  if (header == nullptr || !parse<ifaddrmsg>(message, attributes)) return;
+  const int index = static_cast<int>(header->ifa_index);
+  Nic* nic = entry(index);
+  if (nic == nullptr) return;
+  // On a point-to-point NIC IFA_ADDRESS is the other end.
+  nlattr* local =
+      attributes[IFA_LOCAL] != nullptr ? attributes[IFA_LOCAL] : attributes[IFA_ADDRESS];
+  const Address address = address_of(header->ifa_family, local, index);
+  const std::uint32_t flags =
+      attributes[IFA_FLAGS] != nullptr ? nla_get_u32(attributes[IFA_FLAGS]) : header->ifa_flags;
+  // Not before duplicate address detection is done (RFC 4862, 5.4), unless it is optimistic (RFC
+  // 4429).
+  const bool pending = (flags & IFA_F_TENTATIVE) != 0 && (flags & IFA_F_OPTIMISTIC) == 0;
+  const bool usable =
+      message.nlmsg_type == RTM_NEWADDR && !pending && (flags & IFA_F_DADFAILED) == 0;
+  if (usable) {
+    insert(nic->addresses, address);
+  } else {
+    std::erase(nic->addresses, address);
+  }
+}
+
+void NicTable::apply_default_route(const nlmsghdr& message) {
+  const auto* header = header_of<rtmsg>(message);
+  if (header == nullptr || message.nlmsg_type != RTM_NEWROUTE || header->rtm_dst_len != 0 ||
+      header->rtm_type != RTN_UNICAST || (header->rtm_flags & RTM_F_CLONED) != 0 ||
+      (header->rtm_family != AF_INET && header->rtm_family != AF_INET6)) {
+    return;
+  }
+  rtnl_route* parsed = nullptr;
+  if (rtnl_route_parse(const_cast<nlmsghdr*>(&message), &parsed) < 0) return;
+  const std::unique_ptr<rtnl_route, netlink::Deleter<rtnl_route_put>> route(parsed);
+  for (int i = 0; i < rtnl_route_get_nnexthops(parsed); ++i) {
+    rtnl_nexthop* hop = rtnl_route_nexthop_n(parsed, i);
+    const int index = rtnl_route_nh_get_ifindex(hop);
+    Nic* nic = entry(index);
+    if (nic == nullptr || (rtnl_route_nh_get_flags(hop) & RTNH_F_DEAD) != 0) continue;
+    default_routes_.push_back({index, header->rtm_family == AF_INET6});
+    nl_addr* gateway = rtnl_route_nh_get_gateway(hop);
+    if (gateway == nullptr) gateway = rtnl_route_nh_get_via(hop);
+    if (gateway == nullptr) continue;
+    insert(nic->gateways, address_of(nl_addr_get_family(gateway), nl_addr_get_binary_addr(gateway),
+                                     nl_addr_get_len(gateway), index));
+  }
+}
+
+bool NicTable::has_default_route(int index, bool ipv6) const {
+  return std::ranges::find(default_routes_, DefaultRoute{index, ipv6}) != default_routes_.end();
+}
+
+std::string_view NicTable::departure(int index) const {
+  const auto it = departures_.find(index);
+  return it == departures_.end() ? std::string_view("unplugged") : std::string_view(it->second);
+}
+
+}  // namespace interneuron::io

@@ -1,0 +1,28 @@
+#include "host/io/steady_clock.h"
+
+#include <sys/prctl.h>
+#include <time.h>
+
+namespace interneuron::io {
+
+TimePoint now() {
+  timespec t{};
+  clock_gettime(CLOCK_MONOTONIC, &t);  // cannot fail: the clock exists and &t is valid
+  return TimePoint{std::chrono::seconds{t.tv_sec} + Duration{t.tv_nsec}};
+}
+
+Duration wall_offset() {
+  timespec t{};
+  clock_gettime(CLOCK_REALTIME, &t);
+  return std::chrono::seconds{t.tv_sec} + Duration{t.tv_nsec} - now().time_since_epoch();
+}
+
+PreciseTimers::PreciseTimers() : previous_ns_(prctl(PR_GET_TIMERSLACK)) {
+  prctl(PR_SET_TIMERSLACK, 1UL);
+}
+
+PreciseTimers::~PreciseTimers() {
+  if (previous_ns_ > 0) prctl(PR_SET_TIMERSLACK, static_cast<unsigned long>(previous_ns_));
+}
+
+}  // namespace interneuron::io

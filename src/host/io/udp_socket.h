@@ -1,0 +1,46 @@
+// A UDP socket that belongs to one NIC, set up for batched input and output; see UdpTransport for
+// its use.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "host/io/file_descriptor.h"
+#include "host/io/nic.h"
+#include "interneuron/transport.h"
+
+namespace interneuron::io {
+
+// 4 MiB: transport.md 4.8; at 300 Mbit/s that is 110 ms of data, more than a reader may be away.
+inline constexpr std::size_t kReceiveBufferBytes = 4 * 1024 * 1024;
+// 512 KiB: ecosystem.md 5, "50-100 ms of rate" (42 ms at 100 Mbit/s, 140 ms at 30); in a larger
+// buffer messages wait behind others that are too late already.
+inline constexpr std::size_t kSendBufferBytes = 512 * 1024;
+
+struct UdpOptions {
+  std::string nic;
+  std::optional<Nic> card{};  // the same, as known already; empty: the kernel is asked
+  // Where to bind: its family is the socket's; unspecified host = every address of the NIC; port 0
+  // = any free one.
+  Address local{};
+  // On an unspecified host: what is sent to an address that was received from leaves from the
+  // address that it came to. A NAT drops an answer from another (ecosystem.md 5).
+  bool answer_from_receiver = false;
+  std::size_t receive_buffer_bytes = kReceiveBufferBytes;
+  std::size_t send_buffer_bytes = kSendBufferBytes;
+};
+
+struct UdpSocket {
+  FileDescriptor fd;
+  Address local{};  // as bound
+  TransportCaps capabilities;
+  std::vector<std::string> warnings;  // one line each, with the remedy
+};
+
+// Bound to the NIC before it is bound to an address (so that neither can be taken by another NIC's
+// traffic), never blocking, never fragmenting, closed on exec. Needs no privilege on Linux >= 5.7.
+// Throws IoError.
+UdpSocket open_udp_socket(const UdpOptions& options);
+
+}  // namespace interneuron::io

@@ -1,0 +1,311 @@
+#include "host/io/udp_transport.h"
+
+#include <net/if.h>
+#include <netinet/in.h>
+#include <netinet/udp.h>
+#include <sys/socket.h>
+#include <sys/uio.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cstddef>
+#include <cstring>
+#include <limits>
+
+#include "host/io/address.h"
+
+namespace interneuron::io {
+
+namespace {
+
+constexpr std::size_t kSendMessages = 32;  // per sendmmsg; chosen: 32 x 45 datagrams are 2 MB
+constexpr std::size_t kSendVectors =
+    1024;                                 // datagrams per sendmmsg; UIO_MAXIOV per message is 1024
+constexpr std::size_t kMaxSegments = 64;  // per message: UDP_MAX_SEGMENTS of Linux < 6.9
+constexpr std::size_t kMaxSegmentedBytes = 65507;  // of one message, IPv4: 65535 - 20 - 8
+constexpr std::size_t kReceiveMessages = 16;       // per recvmmsg; chosen: up to 1 MiB
+constexpr std::size_t kReceiveBytes = 64 * 1024;   // per message: the most UDP_GRO coalesces
+constexpr std::size_t kMaxCoalesced =
+    128;  // datagrams per message: UDP_MAX_SEGMENTS of Linux >= 6.9
+constexpr std::size_t kRefusalsToGiveUp = 8;  // chosen: then segmentation stays off
+
+bool refuses_segmentation(int error) {
+  // EIO: the NIC computes no checksums; EINVAL, EMSGSIZE: a segment exceeds the MTU; the others: an
+  // old kernel.
+  return error == EIO || error == EINVAL || error == EMSGSIZE || error == EOPNOTSUPP ||
+         error == ENOPROTOOPT;
+}
+
+// After a failed send: is it because the NIC is gone? The errors of send itself do not tell
+// (ENODEV, ENETUNREACH or EINVAL, depending on how the socket is bound), but a socket cannot name a
+// card that is no more.
+bool nic_vanished(int fd) {
+  std::array<char, IFNAMSIZ> name{};
+  socklen_t size = name.size();
+  return ::getsockopt(fd, SOL_SOCKET, SO_BINDTODEVICE, name.data(), &size) != 0 && errno == ENODEV;
+}
+
+struct alignas(cmsghdr) SendControl {
+  std::array<std::byte, CMSG_SPACE(sizeof(std::uint16_t)) + CMSG_SPACE(sizeof(in6_pktinfo))> raw;
+};
+
+struct alignas(cmsghdr) ReceiveControl {
+  std::array<std::byte, CMSG_SPACE(sizeof(int)) + CMSG_SPACE(sizeof(std::uint32_t)) +
+                            CMSG_SPACE(sizeof(in6_pktinfo))>
+      raw;
+};
+
+// Where an Address carries the note of the address that received: padding in IPv4, the flow label
+// in IPv6, which the kernel ignores unless IPV6_FLOWINFO_SEND is set.
+constexpr std::size_t kNote4 = offsetof(sockaddr_in, sin_zero);
+constexpr std::size_t kNote6 = offsetof(sockaddr_in6, sin6_flowinfo);
+
+std::byte note_in(const Address& address) {
+  return address.raw[family_of(address) == AF_INET ? kNote4 : kNote6];
+}
+
+template <class Value>
+void append(msghdr& header, SendControl& control, int level, int type, const Value& value) {
+  header.msg_control = control.raw.data();
+  auto* item = reinterpret_cast<cmsghdr*>(&control.raw[header.msg_controllen]);
+  header.msg_controllen += CMSG_SPACE(sizeof value);
+  item->cmsg_level = level;
+  item->cmsg_type = type;
+  item->cmsg_len = CMSG_LEN(sizeof value);
+  std::memcpy(CMSG_DATA(item), &value, sizeof value);
+}
+
+}  // namespace
+
+struct UdpTransport::SendBuffers {
+  std::array<mmsghdr, kSendMessages> messages;
+  std::array<std::size_t, kSendMessages> datagrams;  // in each message
+  std::array<iovec, kSendVectors> vectors;
+  std::array<SendControl, kSendMessages> controls;
+};
+
+struct UdpTransport::ReceiveBuffers {
+  std::array<mmsghdr, kReceiveMessages> messages;
+  std::array<iovec, kReceiveMessages> vectors;
+  std::array<sockaddr_storage, kReceiveMessages> names;
+  std::array<ReceiveControl, kReceiveMessages> controls;
+  std::array<std::size_t, kReceiveMessages> segment_bytes;  // 0 = not coalesced
+  std::array<std::uint8_t, kReceiveMessages> notes;         // 0 = none
+  std::vector<std::byte> bytes;
+  std::vector<Incoming> datagrams;
+};
+
+UdpTransport::UdpTransport(const UdpOptions& options)
+    : socket_(open_udp_socket(options)),
+      out_(std::make_unique<SendBuffers>()),
+      in_(std::make_unique<ReceiveBuffers>()) {
+  in_->bytes.resize(kReceiveMessages * kReceiveBytes);
+  in_->datagrams.reserve(kReceiveMessages * kMaxCoalesced);
+}
+
+UdpTransport::~UdpTransport() = default;
+
+namespace {
+
+// How many leading datagrams can leave as one message: same address, same size, only the last may
+// be shorter.
+std::size_t run_length(std::span<const Outgoing> batch) {
+  const std::size_t segment = batch[0].bytes.size();
+  std::size_t total = segment;
+  std::size_t count = 1;
+  while (count < std::min(batch.size(), kMaxSegments)) {
+    const Outgoing& next = batch[count];
+    total += next.bytes.size();
+    if (next.bytes.empty() || next.bytes.size() > segment || total > kMaxSegmentedBytes ||
+        next.to != batch[0].to) {
+      break;
+    }
+    ++count;
+    if (next.bytes.size() < segment) break;
+  }
+  return count;
+}
+
+void append_source(msghdr& header, SendControl& control, int family,
+                   const std::array<std::byte, 16>& address) {
+  if (family == AF_INET) {
+    in_pktinfo source{};
+    std::memcpy(&source.ipi_spec_dst, address.data(), sizeof source.ipi_spec_dst);
+    append(header, control, IPPROTO_IP, IP_PKTINFO, source);
+  } else {
+    in6_pktinfo source{};
+    std::memcpy(&source.ipi6_addr, address.data(), sizeof source.ipi6_addr);
+    append(header, control, IPPROTO_IPV6, IPV6_PKTINFO, source);
+  }
+}
+
+}  // namespace
+
+// Describes the head of `batch` to the kernel; returns the number of messages.
+std::size_t UdpTransport::fill(std::span<const Outgoing> batch, bool segment) {
+  std::size_t messages = 0;
+  std::size_t vectors = 0;
+  while (!batch.empty() && messages < kSendMessages) {
+    const std::size_t count = segment ? run_length(batch) : 1;
+    if (vectors + count > kSendVectors) break;
+    msghdr& header = out_->messages[messages].msg_hdr;
+    header = {};
+    // The kernel only reads both; sendmmsg shares its struct with recvmmsg.
+    header.msg_name = const_cast<std::byte*>(batch[0].to.raw.data());
+    header.msg_namelen = batch[0].to.size;
+    header.msg_iov = &out_->vectors[vectors];
+    header.msg_iovlen = count;
+    for (const Outgoing& datagram : batch.first(count)) {
+      out_->vectors[vectors++] = {const_cast<std::byte*>(datagram.bytes.data()),
+                                  datagram.bytes.size()};
+    }
+    SendControl& control = out_->controls[messages];
+    if (count > 1) {
+      append(header, control, SOL_UDP, UDP_SEGMENT,
+             static_cast<std::uint16_t>(batch[0].bytes.size()));
+    }
+    const auto note = std::to_integer<std::size_t>(note_in(batch[0].to));
+    if (note > 0 && note <= receivers_.size()) {
+      append_source(header, control, family_of(batch[0].to), receivers_[note - 1]);
+    }
+    out_->datagrams[messages++] = count;
+    batch = batch.subspan(count);
+  }
+  return messages;
+}
+
+SendResult UdpTransport::send(std::span<const Outgoing> batch) {
+  SendResult result;
+  std::size_t unsegmented_until = 0;  // datagrams before this one go one by one
+  while (result.taken < batch.size()) {
+    const bool segment =
+        socket_.capabilities.segmentation_offload && result.taken >= unsegmented_until;
+    auto rest = batch.subspan(result.taken);
+    if (!segment && unsegmented_until > result.taken) {
+      rest = rest.first(unsegmented_until - result.taken);
+    }
+    const std::size_t messages = fill(rest, segment);
+    const int sent = ::sendmmsg(native_handle(), out_->messages.data(),
+                                static_cast<unsigned>(messages), MSG_DONTWAIT | MSG_NOSIGNAL);
+    if (sent > 0) {
+      ++counters_.send_calls;
+      for (std::size_t i = 0; i < static_cast<std::size_t>(sent); ++i) {
+        if (out_->datagrams[i] > 1) refusals_ = 0;
+        result.taken += out_->datagrams[i];
+        counters_.sent_datagrams += out_->datagrams[i];
+      }
+      continue;
+    }
+    const int error = errno;
+    if (error == EINTR) continue;
+    const std::size_t first = out_->datagrams[0];
+    if (error == EAGAIN || error == EWOULDBLOCK) {
+      result.would_block = true;
+      return result;
+    }
+    if (first > 1 && refuses_segmentation(error)) {
+      ++counters_.offload_refused;
+      if (++refusals_ >= kRefusalsToGiveUp) socket_.capabilities.segmentation_offload = false;
+      unsegmented_until = result.taken + first;
+      continue;
+    }
+    result.gone = nic_vanished(native_handle()) ? ENODEV : 0;
+    const std::size_t dropped = result.gone != 0 ? batch.size() - result.taken : first;
+    result.taken += dropped;
+    counters_.send_errors += dropped;
+    counters_.last_send_error = error;
+  }
+  return result;
+}
+
+std::span<const Incoming> UdpTransport::receive() {
+  ReceiveBuffers& in = *in_;
+  in.datagrams.clear();
+  for (std::size_t i = 0; i < kReceiveMessages; ++i) {
+    in.vectors[i] = {&in.bytes[i * kReceiveBytes], kReceiveBytes};
+    msghdr& header = in.messages[i].msg_hdr;
+    header = {};
+    header.msg_name = &in.names[i];
+    header.msg_namelen = sizeof in.names[i];
+    header.msg_iov = &in.vectors[i];
+    header.msg_iovlen = 1;
+    header.msg_control = in.controls[i].raw.data();
+    header.msg_controllen = in.controls[i].raw.size();
+  }
+  int count = 0;
+  do {
+    count =
+        ::recvmmsg(native_handle(), in.messages.data(), kReceiveMessages, MSG_DONTWAIT, nullptr);
+  } while (count < 0 && errno == EINTR);
+  if (count < 0) {
+    if (errno != EAGAIN && errno != EWOULDBLOCK) ++counters_.receive_errors;
+    return {};
+  }
+  ++counters_.receive_calls;
+  for (std::size_t i = 0; i < static_cast<std::size_t>(count); ++i) {
+    read_control(i);
+    split(i);
+  }
+  counters_.received_datagrams += in.datagrams.size();
+  return in.datagrams;
+}
+
+void UdpTransport::read_control(std::size_t message) {
+  msghdr& header = in_->messages[message].msg_hdr;
+  in_->segment_bytes[message] = 0;
+  in_->notes[message] = 0;
+  for (cmsghdr* item = CMSG_FIRSTHDR(&header); item != nullptr; item = CMSG_NXTHDR(&header, item)) {
+    if (item->cmsg_level == SOL_UDP && item->cmsg_type == UDP_GRO) {
+      int size = 0;
+      std::memcpy(&size, CMSG_DATA(item), sizeof size);
+      in_->segment_bytes[message] = static_cast<std::size_t>(std::max(size, 0));
+    } else if (item->cmsg_level == SOL_SOCKET && item->cmsg_type == SO_RXQ_OVFL) {
+      std::uint32_t drops = 0;  // since the socket was opened, modulo 2^32
+      std::memcpy(&drops, CMSG_DATA(item), sizeof drops);
+      counters_.receive_queue_drops += drops - kernel_drops_;
+      kernel_drops_ = drops;
+    } else if (item->cmsg_level == IPPROTO_IP && item->cmsg_type == IP_PKTINFO) {
+      in_pktinfo info{};
+      std::memcpy(&info, CMSG_DATA(item), sizeof info);
+      in_->notes[message] = note_of(&info.ipi_spec_dst, sizeof info.ipi_spec_dst);
+    } else if (item->cmsg_level == IPPROTO_IPV6 && item->cmsg_type == IPV6_PKTINFO) {
+      in6_pktinfo info{};
+      std::memcpy(&info, CMSG_DATA(item), sizeof info);
+      in_->notes[message] = note_of(&info.ipi6_addr, sizeof info.ipi6_addr);
+    }
+  }
+}
+
+// Bounded, since a NIC's own addresses are; whoever uses more than a byte can name is answered from
+// the kernel's choice.
+std::uint8_t UdpTransport::note_of(const void* address, std::size_t size) {
+  std::array<std::byte, 16> bytes{};
+  std::memcpy(bytes.data(), address, size);
+  auto it = std::ranges::find(receivers_, bytes);
+  if (it == receivers_.end()) {
+    if (receivers_.size() >= std::numeric_limits<std::uint8_t>::max()) return 0;
+    it = receivers_.insert(it, bytes);
+  }
+  return static_cast<std::uint8_t>(it - receivers_.begin() + 1);
+}
+
+void UdpTransport::split(std::size_t message) {
+  const mmsghdr& received = in_->messages[message];
+  Address from = from_sockaddr(reinterpret_cast<const sockaddr*>(&in_->names[message]),
+                               received.msg_hdr.msg_namelen);
+  if ((received.msg_hdr.msg_flags & MSG_TRUNC) != 0 || from.size == 0) {
+    ++counters_.receive_errors;
+    return;
+  }
+  from.raw[is_ipv6(from) ? kNote6 : kNote4] = static_cast<std::byte>(in_->notes[message]);
+  ByteView rest(&in_->bytes[message * kReceiveBytes], received.msg_len);
+  const std::size_t segment = in_->segment_bytes[message];
+  while (segment > 0 && rest.size() > segment) {
+    in_->datagrams.push_back({from, rest.first(segment)});
+    rest = rest.subspan(segment);
+  }
+  in_->datagrams.push_back({from, rest});
+}
+
+}  // namespace interneuron::io

@@ -1,0 +1,61 @@
+// One NIC's UDP socket as a Transport.
+//
+// Datagrams of equal size to one address leave as one segmented send (UDP_SEGMENT), many sends per
+// call (sendmmsg), and arrive coalesced (UDP_GRO), many per call (recvmmsg): 26 times the rate of
+// plain sends (transport.md 5). A batch that the kernel refuses to segment is sent one by one. The
+// errors of the network that a socket may report (a host that cannot be reached, a firewall) drop
+// the datagram they hit and are counted: ICMP is a hint that anybody can forge.
+//
+// With UdpOptions::answer_from_receiver an Address that comes from receive() carries, in a byte
+// that the system ignores, which of the NIC's own addresses it came to; send() takes it from there.
+// Addresses made otherwise carry nothing and leave the choice to the kernel.
+//
+// All buffers are allocated by the constructor. Thread-compatible.
+#pragma once
+
+#include <array>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "host/io/udp_socket.h"
+#include "interneuron/transport.h"
+
+namespace interneuron::io {
+
+class UdpTransport final : public Transport {
+ public:
+  // Throws IoError.
+  explicit UdpTransport(const UdpOptions& options);
+  ~UdpTransport() override;
+
+  SendResult send(std::span<const Outgoing> batch) override;
+  std::span<const Incoming> receive() override;
+  TransportCaps capabilities() const override { return socket_.capabilities; }
+  TransportCounters counters() const override { return counters_; }
+  Address local_address() const override { return socket_.local; }
+  int native_handle() const override { return socket_.fd.get(); }
+
+  const std::vector<std::string>& warnings() const { return socket_.warnings; }
+
+ private:
+  struct SendBuffers;
+  struct ReceiveBuffers;
+
+  std::size_t fill(std::span<const Outgoing> batch, bool segment);
+  std::uint8_t note_of(const void* address, std::size_t size);
+  void read_control(std::size_t message);
+  void split(std::size_t message);
+
+  UdpSocket socket_;
+  TransportCounters counters_;
+  std::size_t refusals_ = 0;  // of segmented sends in a row
+  std::uint32_t kernel_drops_ = 0;
+  // The NIC's addresses that something came to, as in in_addr or in6_addr; a note is the place of
+  // one, from 1.
+  std::vector<std::array<std::byte, 16>> receivers_;
+  std::unique_ptr<SendBuffers> out_;
+  std::unique_ptr<ReceiveBuffers> in_;
+};
+
+}  // namespace interneuron::io

@@ -1,0 +1,89 @@
+// The links of a node: on which NICs they are, whether those can be used, and their sockets.
+//
+// A link has a socket while its NIC is ready for its peer, and a new one for every incarnation of
+// the NIC: a socket stays bound to the card that it was opened on, and what waits in the buffers of
+// a card that went is too late anyway. Links that share a NIC share its state, which then is that
+// for the first of them that has a peer.
+//
+// Thread-compatible. Set-up throws IoError or std::invalid_argument naming the option; later on
+// what fails is a reason, and is tried again.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "host/io/link_monitor.h"
+#include "interneuron/node.h"
+
+namespace interneuron {
+
+// A card whose carrier came back is left alone for so long: the other end attaches its queue a few
+// milliseconds after ours, plugs bounce, and an ARP request that is lost is repeated only after a
+// second (net.ipv4.neigh.*.retrans_time_ms). Chosen: a tenth of that second.
+inline constexpr Duration kSettle = std::chrono::milliseconds(100);
+// How soon a ready NIC that could not be opened is tried again, and after how long the NICs are
+// looked at once more after a change, because the kernel removes some routes without a word.
+// Chosen: well within the second in which a link that is back must be used.
+inline constexpr Duration kRecheck = std::chrono::milliseconds(200);
+
+class LinkSet {
+ public:
+  struct Link {
+    NodeLink options;
+    bool by_rule = false;
+    NicState state = NicState::kAbsent;
+    std::string reason;  // of the state, or why a ready NIC is not used
+    LinkInfo info;
+    std::unique_ptr<Transport> transport;  // empty while the NIC cannot be used
+    TimePoint carrier_since = TimePoint::min();
+    std::uint16_t port = 0;  // once opened: the same again, so that peers find us
+  };
+
+  // Whom the set tells of what happens to its links.
+  class User {
+   public:
+    virtual ~User() = default;
+    virtual void link_opened(Link& link) = 0;
+    virtual void link_closing(Link& link) = 0;  // its transport still exists
+    virtual void nic_changed(const NicChanged& change) = 0;
+  };
+
+  // `user` hears of what happens from update() on; links that are open now are found in links().
+  LinkSet(const NodeOptions& options, User& user);
+
+  // Readable when update() should be called.
+  int native_handle() const { return monitor_.native_handle(); }
+  // Takes in what the kernel says of the NICs, opens what is ready, tries again what failed. Says
+  // when there is reason to call it again without a word of the kernel.
+  std::optional<TimePoint> update(TimePoint now);
+  // A send found the NIC gone (errno); the kernel's word follows.
+  void lost(LinkId link, int error);
+
+  const std::vector<std::unique_ptr<Link>>& links() const { return links_; }
+  Link* find(LinkId link) const;
+  const std::vector<std::string>& warnings() const { return warnings_; }
+
+ private:
+  void add_named(const NodeLink& link);
+  Link* add_by_rule(const io::Nic& nic);
+  Link& add(const NodeLink& link, bool by_rule);
+  std::optional<LinkId> free_id() const;
+  bool has_link_on(std::string_view nic) const;
+  void refuse_nothing_open() const;
+  void open(Link& link);      // throws
+  bool try_open(Link& link);  // does not
+  void close(Link& link);
+  std::optional<TimePoint> open_ready(TimePoint now);
+  void apply(TimePoint now, const io::NicEvent& event);
+  void apply(TimePoint now, const io::NicEvent& event, Link& link);
+
+  NodeOptions options_;
+  User& user_;
+  io::LinkMonitor monitor_;
+  std::vector<std::unique_ptr<Link>> links_;  // their addresses stay
+  std::vector<std::string> warnings_;
+  bool telling_ = false;  // set-up is over
+};
+
+}  // namespace interneuron

@@ -1,0 +1,262 @@
+#include <algorithm>
+#include <boost/asio/error.hpp>
+#include <boost/asio/post.hpp>
+#include <csignal>
+#include <stdexcept>
+#include <utility>
+
+#include "host/io/steady_clock.h"
+#include "host/node/node_impl.h"
+#include "host/node/setup.h"
+
+namespace interneuron {
+
+namespace {
+
+using boost::asio::posix::stream_descriptor;
+using boost::system::error_code;
+
+constexpr int kReceivesPerTurn =
+    8;  // chosen: up to 8 MiB; what is left makes the socket readable again
+// The endpoint is asked for output at least this often, because an acknowledgement tells of a
+// bounded number of packets (kAckWindow of src/wire/packet.h) while a batch may hold 2000. Chosen:
+// an eighth of it.
+constexpr int kInputsPerCollect = 32;
+constexpr int kPassesPerTurn = 16;  // chosen; a turn that is not done then is followed by another
+// Chosen: how soon what is due is tried again while a full link holds it up.
+constexpr Duration kBlockedRetry = std::chrono::microseconds(200);
+
+// TimePoint and steady_clock both read CLOCK_MONOTONIC. Far instants are cut, because the clock
+// arithmetic of timers may overflow; waking up early is harmless.
+std::chrono::steady_clock::time_point as_expiry(TimePoint time) {
+  const TimePoint latest = io::now() + std::chrono::hours(1);
+  return std::chrono::steady_clock::time_point(std::min(time, latest).time_since_epoch());
+}
+
+}  // namespace
+
+Node::Impl::Impl(NodeOptions options)
+    : Impl(std::move(options), (check_options(options), endpoint_options(options))) {}
+
+Node::Impl::Impl(NodeOptions&& options, const EndpointOptions& endpoint)
+    : work_(context_.get_executor()),
+      timer_(context_),
+      signals_(context_),
+      session_(endpoint.session),
+      endpoint_(endpoint, io::now()),
+      links_(options, *this),
+      nic_watcher_(context_),
+      computation_(options.computation_workers),
+      backup_(options.backup_workers) {
+  try {
+    nic_watcher_.assign(links_.native_handle());
+    connect();
+  } catch (...) {
+    shut_down();
+    throw;
+  }
+}
+
+Node::Impl::~Impl() { shut_down(); }
+
+// Harmless when repeated. Afterwards no thread but the caller's is in this object.
+void Node::Impl::shut_down() {
+  computation_.stop();
+  backup_.stop();
+  error_code ignored;
+  signals_.cancel(ignored);
+  signals_.clear(ignored);
+  for (const SharedPort& port : ports_) {  // the descriptors are the transports'
+    if (port->watcher.is_open()) port->watcher.release();
+  }
+  if (nic_watcher_.is_open()) nic_watcher_.release();
+}
+
+void Node::Impl::run() {
+  if (std::exchange(ran_, true)) throw std::logic_error("Node::run: a node runs once");
+  const io::PreciseTimers precise;
+  try {
+    wait_for_nics();
+    for (const SharedPort& port : ports_) wait_readable(port);
+    repeat_statistics(saturating_add(io::now(), statistics_interval_));
+    if (!context_.stopped()) turn();
+    context_.run();
+    outbox_.pump(io::now(), *this);  // what can leave at once still does
+  } catch (...) {
+    context_.stop();
+    shut_down();
+    throw;
+  }
+  shut_down();
+}
+
+void Node::Impl::stop_on_signals() {
+  signals_.add(SIGINT);
+  signals_.add(SIGTERM);
+  signals_.async_wait([this](const error_code& error, int signal) {
+    if (error) return;
+    signal_ = signal;
+    stop();
+  });
+}
+
+void Node::Impl::at(TimePoint time, Task task) {
+  auto timer = std::make_shared<boost::asio::steady_timer>(context_, as_expiry(time));
+  auto& waiting = *timer;
+  waiting.async_wait(
+      [this, time, task = std::move(task), timer = std::move(timer)](const error_code& error) {
+        if (error) return;
+        if (io::now() < time) return at(time, task);  // it was too far away for one wait
+        enter(task);
+      });
+}
+
+void Node::Impl::compute(Queue queue, Job job) {
+  Workers& workers = queue == Queue::kLocalBackup ? backup_ : computation_;
+  workers.submit([this, job = std::move(job)] {
+    try {
+      Task then = job();
+      if (then) post(std::move(then));
+    } catch (...) {
+      post([error = std::current_exception()] { std::rethrow_exception(error); });
+    }
+  });
+}
+
+void Node::Impl::post(Task task) {
+  boost::asio::post(context_, [this, task = std::move(task)] { enter(task); });
+}
+
+void Node::Impl::enter(const Task& task) {
+  task();
+  turn();
+}
+
+void Node::Impl::wait_readable(const SharedPort& port) {
+  port->watcher.async_wait(stream_descriptor::wait_read, [this, port](const error_code& error) {
+    if (!error && port->transport != nullptr) on_readable(port);
+  });
+}
+
+void Node::Impl::wait_writable(const SharedPort& port) {
+  if (std::exchange(port->waits_for_write, true)) return;
+  port->watcher.async_wait(stream_descriptor::wait_write, [this, port](const error_code& error) {
+    if (error || port->transport == nullptr) return;
+    port->waits_for_write = false;
+    outbox_.writable(io::now(), port->link);
+    turn();
+  });
+}
+
+void Node::Impl::on_readable(const SharedPort& port) {
+  receive(*port);
+  turn();
+  if (port->transport != nullptr) wait_readable(port);
+}
+
+void Node::Impl::on_timer() {
+  armed_.reset();
+  // What has arrived comes before what is due at the same instant.
+  for (const SharedPort& port : ports_) receive(*port);
+  turn();
+}
+
+void Node::Impl::receive(const Port& port) {
+  for (int i = 0; i < kReceivesPerTurn && port.transport != nullptr; ++i) {
+    const auto batch = port.transport->receive();
+    if (batch.empty()) return;
+    const TimePoint now = io::now();
+    int inputs = 0;
+    for (const Incoming& datagram : batch) {
+      endpoint_.handle_datagram(now, {port.link, datagram.from, datagram.bytes});
+      if (++inputs % kInputsPerCollect == 0) outbox_.collect(now, *this);
+    }
+    tell_events();
+  }
+}
+
+std::optional<Transmit> Node::Impl::poll(TimePoint now, std::span<std::byte> buffer) {
+  return endpoint_.poll_transmit(now, buffer);
+}
+
+void Node::Impl::turn() {
+  Outbox::More more = settle();
+  if (context_.stopped()) return;
+  if (lose_gone_links()) more = Outbox::More::kNow;
+  for (const SharedPort& port : ports_) {
+    if (outbox_.blocked(port->link)) wait_writable(port);
+  }
+  if (more == Outbox::More::kNow && !std::exchange(turn_posted_, true)) {
+    boost::asio::post(context_, [this] {
+      turn_posted_ = false;
+      turn();
+    });
+  }
+  arm(more);
+}
+
+// Until there is nothing to send, to tell or to time out; or the turn's share is used up.
+Outbox::More Node::Impl::settle() {
+  for (int pass = 1;; ++pass) {
+    const Outbox::More more = outbox_.pump(io::now(), *this);
+    const bool told = tell_events();
+    const bool handled = handle_due();
+    if (context_.stopped() || (!told && !handled)) return more;
+    if (more == Outbox::More::kBlocked && pass > 1) return more;
+    if (more == Outbox::More::kNow || pass == kPassesPerTurn) return Outbox::More::kNow;
+  }
+}
+
+bool Node::Impl::handle_due() {
+  const TimePoint now = io::now();
+  const auto next = endpoint_.next_timeout();
+  const bool due = next && *next <= now;
+  if (due) endpoint_.handle_timeout(now);
+  return due;
+}
+
+bool Node::Impl::tell_events() {
+  bool told = false;
+  while (!context_.stopped()) {
+    auto event = endpoint_.poll_event();
+    if (!event) break;
+    tell(std::move(*event));
+    told = true;
+  }
+  return told;
+}
+
+void Node::Impl::tell(Event&& event) {
+  const auto call = [](const auto& handler, auto&& argument) {
+    if (handler) handler(std::forward<decltype(argument)>(argument));
+  };
+  struct Visitor {
+    const Handlers& to;
+    decltype(call)& with;
+    void operator()(Delivered&& e) const { with(to.delivered, std::move(e)); }
+    void operator()(RoundDone&& e) const { with(to.round_done, std::move(e)); }
+    void operator()(PeerReady&& e) const { with(to.peer_ready, e); }
+    void operator()(PeerRestarted&& e) const { with(to.peer_restarted, e); }
+    void operator()(PeerLost&& e) const { with(to.peer_lost, e); }
+    void operator()(Planned&& e) const { with(to.planned, std::move(e)); }
+    void operator()(PathChanged&& e) const { with(to.path_changed, std::move(e)); }
+  };
+  std::visit(Visitor{handlers, call}, std::move(event));
+}
+
+void Node::Impl::arm(Outbox::More more) {
+  const TimePoint now = io::now();
+  auto next = endpoint_.next_timeout();
+  if (next && more == Outbox::More::kBlocked) next = std::max(*next, now + kBlockedRetry);
+  if (const auto unblock = outbox_.next_timeout(now); unblock && (!next || *unblock < *next)) {
+    next = unblock;
+  }
+  if (!next || (armed_ && *armed_ <= *next)) return;  // an early wake-up is harmless
+  armed_ = next;
+  timer_.expires_at(as_expiry(*next));
+  timer_.async_wait([this](const error_code& error) {
+    if (!error) on_timer();
+  });
+}
+
+}  // namespace interneuron

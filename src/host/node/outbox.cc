@@ -1,0 +1,123 @@
+#include "host/node/outbox.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace interneuron {
+
+void Outbox::add(LinkId link, Transport& transport) {
+  Link& added = links_.emplace_back();
+  added.id = link;
+  added.transport = &transport;
+  added.slots.resize(kQueueDatagrams);
+  for (Slot& slot : added.slots) slot.buffer = std::make_unique<Buffer>();
+}
+
+void Outbox::remove(LinkId link) {
+  std::erase_if(links_, [link](const Link& known) { return known.id == link; });
+}
+
+Outbox::Link* Outbox::find(LinkId link) {
+  const auto it = std::ranges::find(links_, link, &Link::id);
+  return it == links_.end() ? nullptr : &*it;
+}
+
+const Outbox::Link* Outbox::find(LinkId link) const {
+  return const_cast<Outbox*>(this)->find(link);
+}
+
+// Takes over what was written into the spare buffer.
+void Outbox::push(TimePoint now, Link& link, const Transmit& transmit) {
+  if (link.full()) {
+    link.first = (link.first + 1) % link.slots.size();
+    --link.count;
+    ++link.stalled;
+  }
+  if (link.count == 0) link.progress_at = now;
+  Slot& slot = link.slots[(link.first + link.count) % link.slots.size()];
+  slot.buffer.swap(spare_);
+  slot.size = transmit.size;
+  slot.to = transmit.to;
+  ++link.count;
+}
+
+void Outbox::flush(TimePoint now, Link& link) {
+  if (link.blocked || link.count == 0) return;
+  for (std::size_t i = 0; i < link.count; ++i) {
+    const Slot& slot = link.slots[(link.first + i) % link.slots.size()];
+    batch_[i] = {slot.to, ByteView(slot.buffer->data(), slot.size)};
+  }
+  const SendResult result = link.transport->send(std::span(batch_).first(link.count));
+  link.first = (link.first + result.taken) % link.slots.size();
+  link.count -= result.taken;
+  if (result.gone != 0) link.gone = result.gone;
+  if (result.taken > 0) link.progress_at = now;
+  link.blocked = result.would_block;
+}
+
+// Some link is full, and not for so long that it counts as stalled.
+bool Outbox::must_pause(TimePoint now) {
+  for (Link& link : links_) {
+    if (!link.full()) continue;
+    flush(now, link);
+    if (link.full() && now < link.patience_ends()) return true;
+  }
+  return false;
+}
+
+Outbox::More Outbox::pump(TimePoint now, Source& source) {
+  const More more = collect(now, source);
+  for (Link& link : links_) flush(now, link);
+  return more;
+}
+
+Outbox::More Outbox::collect(TimePoint now, Source& source) {
+  for (std::size_t budget = kDatagramsPerTurn; budget > 0; --budget) {
+    if (must_pause(now)) return More::kBlocked;
+    const auto transmit = source.poll(now, *spare_);
+    if (!transmit) return More::kNo;
+    if (Link* link = find(transmit->link)) push(now, *link, *transmit);
+  }
+  return More::kNow;
+}
+
+void Outbox::writable(TimePoint now, LinkId id) {
+  Link* link = find(id);
+  if (link == nullptr) return;
+  link->blocked = false;
+  flush(now, *link);
+}
+
+bool Outbox::blocked(LinkId id) const {
+  const Link* link = find(id);
+  return link != nullptr && link->blocked;
+}
+
+std::optional<TimePoint> Outbox::next_timeout(TimePoint now) const {
+  std::optional<TimePoint> next;
+  for (const Link& link : links_) {
+    if (!link.full() || link.patience_ends() <= now) continue;
+    if (!next || link.patience_ends() < *next) next = link.patience_ends();
+  }
+  return next;
+}
+
+std::vector<std::pair<LinkId, int>> Outbox::take_gone() {
+  std::vector<std::pair<LinkId, int>> out;
+  for (Link& link : links_) {
+    if (link.gone != 0) out.emplace_back(link.id, std::exchange(link.gone, 0));
+  }
+  return out;
+}
+
+std::size_t Outbox::queued(LinkId id) const {
+  const Link* link = find(id);
+  return link == nullptr ? 0 : link->count;
+}
+
+std::uint64_t Outbox::stalled(LinkId id) const {
+  const Link* link = find(id);
+  return link == nullptr ? 0 : link->stalled;
+}
+
+}  // namespace interneuron

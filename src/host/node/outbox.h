@@ -1,0 +1,103 @@
+// Between the endpoint, which says what leaves next, and the transports, which take it in batches
+// or not at all.
+//
+// Datagrams are collected per link, so that a batch can leave as few segmented sends. What a
+// transport does not take is kept, in order, until it is writable. While one link's queue is full,
+// nothing more is asked of the endpoint (which may still choose another link or drop what is too
+// late), but not for longer than kStallPatience: a modem that takes nothing must not hold up the
+// others. After that the oldest datagrams of the stalled link make room for new ones, and are
+// counted.
+//
+// Buffers are allocated by add(). Thread-compatible.
+#pragma once
+
+#include <array>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "interneuron/endpoint.h"
+#include "interneuron/transport.h"
+
+namespace interneuron {
+
+// Per link; chosen: a raw frame of 512 KB is 375 datagrams.
+inline constexpr std::size_t kQueueDatagrams = 512;
+// Per pump(), so that receiving is not starved; chosen: about 100 us of sending.
+inline constexpr std::size_t kDatagramsPerTurn = 256;
+// Chosen: short against any deadline, long against the gaps of a busy link.
+inline constexpr Duration kStallPatience = std::chrono::milliseconds(5);
+
+class Outbox {
+ public:
+  // Where datagrams come from: Endpoint::poll_transmit().
+  class Source {
+   public:
+    virtual ~Source() = default;
+    virtual std::optional<Transmit> poll(TimePoint now, std::span<std::byte> buffer) = 0;
+  };
+
+  enum class More {
+    kNo,       // the source has nothing for now
+    kNow,      // the turn is used up: call pump() again after receiving
+    kBlocked,  // wait for a link of blocked() to become writable, or for next_timeout()
+  };
+
+  Outbox() : spare_(std::make_unique<Buffer>()) {}
+
+  // `transport` must outlive its link here.
+  void add(LinkId link, Transport& transport);
+  void remove(LinkId link);
+
+  // Takes what the source has, a turn's share of it, and sends what can be sent.
+  More pump(TimePoint now, Source& source);
+  // The same without sending, for between two inputs of a batch.
+  More collect(TimePoint now, Source& source);
+  // The link's transport is writable again.
+  void writable(TimePoint now, LinkId link);
+
+  // Is waiting for its transport to be writable.
+  bool blocked(LinkId link) const;
+  // When pump() has reason to be called although nothing became writable: after `now`, or never.
+  std::optional<TimePoint> next_timeout(TimePoint now) const;
+  // Links whose NIC vanished (errno), each reported once.
+  std::vector<std::pair<LinkId, int>> take_gone();
+
+  std::size_t queued(LinkId link) const;
+  std::uint64_t stalled(LinkId link) const;  // datagrams that gave way to newer ones
+
+ private:
+  using Buffer = std::array<std::byte, kMaxDatagramBytes>;
+  struct Slot {
+    std::unique_ptr<Buffer> buffer;
+    std::size_t size = 0;
+    Address to{};
+  };
+  // A ring of kQueueDatagrams slots.
+  struct Link {
+    LinkId id{};
+    Transport* transport = nullptr;
+    std::vector<Slot> slots;
+    std::size_t first = 0;
+    std::size_t count = 0;
+    bool blocked = false;
+    TimePoint progress_at{};  // when the transport last took something, or the queue began
+    int gone = 0;
+    std::uint64_t stalled = 0;
+
+    bool full() const { return count == slots.size(); }
+    TimePoint patience_ends() const { return progress_at + kStallPatience; }
+  };
+
+  Link* find(LinkId link);
+  const Link* find(LinkId link) const;
+  void push(TimePoint now, Link& link, const Transmit& transmit);
+  void flush(TimePoint now, Link& link);
+  bool must_pause(TimePoint now);
+
+  std::vector<Link> links_;
+  std::unique_ptr<Buffer> spare_;  // what the source writes into before the link is known
+  std::array<Outgoing, kQueueDatagrams> batch_;
+};
+
+}  // namespace interneuron

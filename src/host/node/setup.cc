@@ -1,0 +1,165 @@
+#include "host/node/setup.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <random>
+#include <stdexcept>
+
+#include "host/io/address.h"
+#include "host/io/nic_choice.h"
+#include "host/io/udp_transport.h"
+
+namespace interneuron {
+
+namespace {
+
+constexpr std::size_t kMaxWorkers =
+    64;  // per queue; chosen: more than any machine we know runs at once
+
+void check_workers(std::size_t count, const char* name) {
+  if (count >= 1 && count <= kMaxWorkers) return;
+  throw std::invalid_argument(std::string(name) + " is " + std::to_string(count) +
+                              "; it must be 1 to " + std::to_string(kMaxWorkers));
+}
+
+std::string host_of(const Address& address) {
+  const std::string text = to_string(address);
+  return text.substr(0, text.rfind(':'));
+}
+
+std::optional<Address> peer_of(const NodeLink& link) {
+  if (link.peer.empty()) return std::nullopt;
+  const auto peer = parse_address(link.peer);
+  if (peer && port_of(*peer) != 0 && !is_unspecified(*peer)) return peer;
+  throw std::invalid_argument("the peer address \"" + link.peer + "\" of " + link.nic +
+                              " is not like 10.0.0.2:47000 or [2001:db8::2]:47000");
+}
+
+// Where to bind; see NodeLink::local_address.
+Address local_of(const NodeLink& link, const io::Nic& nic, const Binding& binding) {
+  const auto peer = peer_of(link);
+  if (!link.local_address.empty()) {
+    const auto local = make_address(link.local_address, binding.port);
+    if (!local) {
+      throw std::invalid_argument("the local address \"" + link.local_address + "\" of " +
+                                  link.nic + " is no numeric address like 10.0.0.1");
+    }
+    if (peer && is_ipv6(*peer) != is_ipv6(*local)) {
+      throw std::invalid_argument("the local address " + link.local_address + " of " + link.nic +
+                                  " and its peer " + link.peer + " are not of the same kind");
+    }
+    return *local;
+  }
+  if (binding.source) return io::with_port(*binding.source, binding.port);
+  const bool only_ipv6 = !nic.addresses.empty() && is_ipv6(nic.addresses.front());
+  const bool ipv6 = peer ? is_ipv6(*peer) : only_ipv6;
+  return *make_address(ipv6 ? "::" : "0.0.0.0", binding.port);
+}
+
+void refuse_public(const NodeLink& link, const Address& local, const io::Nic& nic) {
+  static const std::string remedy =
+      ", and sessions are not encrypted yet; bind a private address or pass --insecure";
+  if (!is_unspecified(local)) {
+    if (is_private(local)) return;
+    throw std::invalid_argument(host_of(local) + " on " + link.nic + " is a public address" +
+                                remedy);
+  }
+  bool any = false;
+  for (const Address& address : nic.addresses) {
+    if (is_ipv6(address) != is_ipv6(local)) continue;
+    any = true;
+    if (!is_private(address)) {
+      throw std::invalid_argument(link.nic + " has the public address " + host_of(address) +
+                                  remedy);
+    }
+  }
+  if (!any) throw std::invalid_argument(link.nic + " has no address that is known" + remedy);
+}
+
+}  // namespace
+
+void check_options(const NodeOptions& options) {
+  if (options.links.empty() && options.rules.empty()) {
+    throw std::invalid_argument("a node needs at least one link");
+  }
+  for (const NodeNicRule& rule : options.rules) {
+    const std::string wrong = io::nic_pattern_error(rule.pattern);
+    if (!wrong.empty()) throw std::invalid_argument(wrong);
+    peer_of({.nic = rule.pattern, .peer = rule.peer});
+  }
+  for (std::size_t i = 0; i < options.links.size(); ++i) {
+    for (std::size_t j = 0; j < i; ++j) {
+      if (options.links[i].id != options.links[j].id) continue;
+      throw std::invalid_argument("the links " + options.links[j].nic + " and " +
+                                  options.links[i].nic + " have the same id " +
+                                  std::to_string(options.links[i].id.value));
+    }
+  }
+  check_workers(options.computation_workers, "computation_workers");
+  check_workers(options.backup_workers, "backup_workers");
+}
+
+EndpointOptions endpoint_options(const NodeOptions& options) {
+  EndpointOptions out;
+  std::random_device random;
+  while (out.session.value == 0) out.session.value = random();
+  out.pipelines = options.pipelines;
+  out.policies = options.policies.empty() ? builtin_policies() : options.policies;
+  out.accept_peers = options.accept_peers;
+  out.max_peers = options.max_peers;
+  out.repair = options.repair;
+  return out;
+}
+
+void check_link(const NodeOptions& options, const NodeLink& link, const io::Nic& nic) {
+  const Address local = local_of(link, nic, {.port = options.port});
+  if (options.accept_peers && !options.insecure && !is_unspecified(local)) {
+    refuse_public(link, local, nic);
+  }
+}
+
+OpenedLink open_link(const NodeOptions& options, const NodeLink& link, const io::Nic& nic,
+                     const Binding& binding) {
+  io::UdpOptions udp;
+  udp.nic = link.nic;
+  udp.card = nic;
+  udp.answer_from_receiver = link.peer.empty();
+  udp.local = local_of(link, nic, binding);
+  if (options.accept_peers && !options.insecure) refuse_public(link, udp.local, nic);
+  const auto open = [&] {
+    try {
+      return std::make_unique<io::UdpTransport>(udp);
+    } catch (const IoError& error) {
+      if (error.code() != EADDRINUSE || options.port == binding.port) throw;
+    }
+    udp.local = io::with_port(udp.local, options.port);
+    return std::make_unique<io::UdpTransport>(udp);
+  };
+  auto transport = open();
+  OpenedLink out;
+  out.info = {link.nic, link.mtu != 0 ? link.mtu : nic.mtu, link.traits};
+  out.warnings = transport->warnings();
+  out.transport = std::move(transport);
+  if (options.wrap_transport) {
+    out.transport = options.wrap_transport(link.id, std::move(out.transport));
+  }
+  return out;
+}
+
+bool still_fits(const NodeOptions& options, const NodeLink& link, const Address& local,
+                const io::Nic& nic) {
+  const Address host = io::with_port(local, 0);
+  if (!is_unspecified(local) && !is_loopback(local) &&
+      std::ranges::find(nic.addresses, host) == nic.addresses.end()) {
+    return false;
+  }
+  if (!options.accept_peers || options.insecure) return true;
+  try {
+    refuse_public(link, local, nic);
+  } catch (const std::invalid_argument&) {
+    return false;
+  }
+  return true;
+}
+
+}  // namespace interneuron

@@ -1,0 +1,42 @@
+// From NodeOptions to what a node is made of. Throws IoError, or std::invalid_argument naming the
+// option.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "host/io/nic.h"
+#include "interneuron/node.h"
+
+namespace interneuron {
+
+// Refuses what cannot work before anything is opened.
+void check_options(const NodeOptions& options);
+
+// A random session id and the options that the endpoint shares with the node.
+EndpointOptions endpoint_options(const NodeOptions& options);
+
+// Refuses addresses that cannot be, or that NodeOptions::insecure forbids, whatever the NIC's
+// state.
+void check_link(const NodeOptions& options, const NodeLink& link, const io::Nic& nic);
+
+struct OpenedLink {
+  std::unique_ptr<Transport> transport;
+  LinkInfo info;
+  std::vector<std::string> warnings;
+};
+struct Binding {
+  std::uint16_t port = 0;
+  std::optional<Address> source{};  // where NodeLink::local_address says nothing
+};
+// Opens the socket of one link. If the port is taken and the options name none, it gets another.
+OpenedLink open_link(const NodeOptions& options, const NodeLink& link, const io::Nic& nic,
+                     const Binding& binding);
+
+// Whether a socket that is bound to `local` may go on after the NIC's addresses changed.
+bool still_fits(const NodeOptions& options, const NodeLink& link, const Address& local,
+                const io::Nic& nic);
+
+}  // namespace interneuron

@@ -1,0 +1,52 @@
+#include "host/settings/capture.h"
+
+#include <spdlog/spdlog.h>
+#include <stdlib.h>
+
+#include <filesystem>
+
+namespace interneuron::cli {
+
+void add_capture_option(CLI::App& program, std::string& file) {
+  program
+      .add_option("--pcap", file,
+                  "Any command: also write what it sends and receives to this file (libpcap; needs "
+                  "CAP_NET_RAW)")
+      ->envname(kPcapVariable)
+      ->type_name("FILE");
+  program.fallthrough();
+}
+
+Capture::Capture(std::string file) : file_(std::move(file)), tap_(file_) {}
+
+Capture::~Capture() {
+  const io::PcapTap::Counters counters = tap_.stop();
+  std::string nics;
+  for (const io::PcapTap::Counters::Nic& nic : counters.nics) {
+    nics += (nics.empty() ? " (" : ", ") + nic.name + " " + std::to_string(nic.packets);
+  }
+  if (!nics.empty()) nics += ")";
+  spdlog::info("captured {} packets in {}{}", counters.packets, file_, nics);
+  if (!counters.problem.empty()) {
+    spdlog::warn("{} lacks the end of what was sent: {}", file_, counters.problem);
+  }
+  if (counters.dropped > 0) {
+    spdlog::warn("{} packets are missing in {}: the kernel dropped them", counters.dropped, file_);
+  }
+}
+
+std::unique_ptr<Capture> start_capture(const CLI::App& program, const std::string& file) {
+  // Programs that this one starts inherit the environment; each would write the same file.
+  ::unsetenv(kPcapVariable);
+  if (file.empty()) return nullptr;
+  const auto given = [&program](const char* name) { return program.got_subcommand(name); };
+  // These hand the file to the vehicle that they start.
+  if (given("demo")) return nullptr;
+  if (given("testbed")) {
+    ::setenv(kPcapVariable, std::filesystem::absolute(file).c_str(), 1);
+    return nullptr;
+  }
+  return std::make_unique<Capture>(file);
+}
+
+}  // namespace interneuron::cli

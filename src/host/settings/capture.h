@@ -1,0 +1,36 @@
+// --pcap FILE: one option for all commands, also INTERNEURON_PCAP.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <memory>
+#include <string>
+
+#include "host/io/pcap_tap.h"
+
+namespace interneuron::cli {
+
+inline constexpr const char* kPcapVariable = "INTERNEURON_PCAP";
+
+// Adds the option to the program; subcommands added later understand it, too.
+void add_capture_option(CLI::App& program, std::string& file);
+
+// Captures while it lives; says on stderr what was captured.
+class Capture {
+ public:
+  // Throws IoError.
+  explicit Capture(std::string file);
+  ~Capture();
+  Capture(const Capture&) = delete;
+  Capture& operator=(const Capture&) = delete;
+
+ private:
+  std::string file_;
+  io::PcapTap tap_;
+};
+
+// For the command that was given. Commands that start other programs open no sockets themselves:
+// `testbed run` hands the variable on to the program inside, `demo` the option to its vehicle. Null
+// when this process is to capture nothing.
+std::unique_ptr<Capture> start_capture(const CLI::App& program, const std::string& file);
+
+}  // namespace interneuron::cli

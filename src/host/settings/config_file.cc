@@ -1,0 +1,98 @@
+#include "host/settings/config_file.h"
+
+#include <toml++/toml.h>
+
+#include <algorithm>
+#include <filesystem>
+
+#include "host/process/failure.h"
+#include "host/settings/link_options.h"
+#include "host/toml/toml_reader.h"
+
+namespace interneuron::cli {
+namespace {
+
+std::string place(const std::string& file, const toml::source_region& where) {
+  return file + ":" + std::to_string(where.begin.line) + ":" + std::to_string(where.begin.column);
+}
+
+std::string dashed(std::string key) {
+  std::ranges::replace(key, '_', '-');
+  return key;
+}
+
+// A value as the command line would give it: a scalar, or a [[link]].
+std::string scalar(const toml::node& node, const std::string& file, const std::string& where,
+                   const std::string& key) {
+  if (const toml::table* table = node.as_table(); table != nullptr && key == "link") {
+    return link_table_text(*table, file);
+  }
+  if (const auto s = node.value_exact<std::string>()) return *s;
+  if (const auto i = node.value_exact<std::int64_t>()) return std::to_string(*i);
+  if (const auto b = node.value_exact<bool>()) return *b ? "true" : "false";
+  if (const auto d = node.value_exact<double>()) return emu::number_text(*d);
+  throw Failure(kConfiguration, where + ": " + key + ": give a string, a number, true or false");
+}
+
+CLI::Option* find_option(CLI::App& command, const std::string& key, const std::string& where) {
+  CLI::Option* option = command.get_option_no_throw("--" + dashed(key));
+  if (option != nullptr && key != "config" && key != "help" && key.find('-') == std::string::npos) {
+    return option;
+  }
+  std::vector<std::string> names;
+  for (const CLI::Option* o : command.get_options()) {
+    for (std::string name : o->get_lnames()) {
+      std::ranges::replace(name, '-', '_');
+      if (name != "config" && name != "help") names.push_back(name);
+    }
+  }
+  const std::vector<std::string_view> known(names.begin(), names.end());
+  const auto nearest = emu::nearest_word(key, known);
+  throw Failure(kConfiguration,
+                where + ": unknown key '" + key + "'" +
+                    (nearest ? "; did you mean '" + std::string(*nearest) + "'?"
+                             : "; `interneuron " + command.get_name() + " --help` lists the keys"));
+}
+
+void apply(CLI::App& command, const std::string& file, const std::string& key,
+           const toml::node& node) {
+  const std::string where = place(file, node.source());
+  CLI::Option* option = find_option(command, key, where);
+  if (option->count() > 0) return;
+  std::vector<std::string> values;
+  if (const toml::array* array = node.as_array()) {
+    for (const toml::node& element : *array) values.push_back(scalar(element, file, where, key));
+  } else {
+    values.push_back(scalar(node, file, where, key));
+  }
+  try {
+    option->add_result(values);
+    option->run_callback();
+  } catch (const CLI::Error& error) {
+    throw Failure(kConfiguration, where + ": " + key + ": " + error.what());
+  }
+}
+
+}  // namespace
+
+void add_config_option(CLI::App& command, std::string& file) {
+  command.add_option("--config", file,
+                     "TOML file with these options as keys (underscores for dashes); flags win");
+}
+
+void apply_config(CLI::App& command, const std::string& file) {
+  if (file.empty()) return;
+  if (!std::filesystem::is_regular_file(file)) {
+    throw Failure(kConfiguration, "config '" + file + "': no such file; give --config FILE");
+  }
+  toml::table table;
+  try {
+    table = toml::parse_file(file);
+  } catch (const toml::parse_error& error) {
+    throw Failure(kConfiguration,
+                  place(file, error.source()) + ": " + std::string(error.description()));
+  }
+  for (const auto& [key, node] : table) apply(command, file, std::string(key.str()), node);
+}
+
+}  // namespace interneuron::cli

@@ -1,0 +1,214 @@
+#include "lab/emu/link_change.h"
+
+#include <charconv>
+#include <exception>
+
+#include "lab/emu/link_change_reader.h"
+#include "lab/emu/profile_keys.h"
+
+namespace interneuron::emu {
+
+namespace {
+
+std::size_t count(double value) { return static_cast<std::size_t>(value); }
+
+constexpr NumberKey optional(NumberKey key) {
+  key.optional = true;
+  return key;
+}
+
+constexpr NumberKey probability(std::string_view name, std::string_view meaning) {
+  return {name, meaning, 0, 1, "", true};
+}
+
+// In the order in which help texts and errors list them.
+constexpr std::array kDirectionKeys = {
+    DirectionKey{optional(kRateKey),
+                 [](DirectionChange& c, double v) { c.rate = DataRate::mbit(v); }},
+    DirectionKey{{"queue_kbyte", "drop-tail limit", kMinQueueKbyte, 1e7, "10^3 bytes", true},
+                 [](DirectionChange& c, double v) { c.queue_bytes = count(v * 1e3); }},
+    DirectionKey{{"queue_packets", "drop-tail limit", 1, 1e7, "packets", true, true},
+                 [](DirectionChange& c, double v) { c.queue_packets = count(v); }},
+    DirectionKey{optional(kLossKey), [](DirectionChange& c, double v) { c.loss = v; }},
+    DirectionKey{probability("duplicate", "probability that a packet comes twice"),
+                 [](DirectionChange& c, double v) { c.duplicate = v; }},
+    DirectionKey{probability("corrupt", "probability that a packet is damaged"),
+                 [](DirectionChange& c, double v) { c.corrupt = v; }},
+    DirectionKey{probability("reorder", "probability that a packet overtakes"),
+                 [](DirectionChange& c, double v) { c.reorder = v; }},
+    DirectionKey{{"reorder_ms", "how much earlier it arrives", 0.01, kMaxRttMs, "ms", true},
+                 [](DirectionChange& c, double v) { c.reorder_by = from_ms(v); }},
+    DirectionKey{{"mtu", "largest packet that passes", 68, 65'535, "IP bytes", true, true},
+                 [](DirectionChange& c, double v) { c.mtu = count(v); }},
+};
+
+constexpr std::size_t kKeys = kDirectionKeys.size() + 2;
+
+constexpr std::array<std::string_view, kKeys> kChangeKeys = [] {
+  std::array<std::string_view, kKeys> names{"rtt_ms", "profile"};
+  for (std::size_t i = 0; i < kDirectionKeys.size(); ++i) {
+    names[i + 2] = kDirectionKeys[i].key.name;
+  }
+  return names;
+}();
+
+const DirectionKey* find_key(std::string_view name) {
+  for (const DirectionKey& key : kDirectionKeys) {
+    if (key.key.name == name) return &key;
+  }
+  return nullptr;
+}
+
+std::vector<std::string_view> names_of_direction_keys() {
+  std::vector<std::string_view> names;
+  for (const DirectionKey& key : kDirectionKeys) names.push_back(key.key.name);
+  return names;
+}
+
+// Null: both.
+void set(LinkChange& change, const Direction* direction, const DirectionKey& key, double value) {
+  for (const Direction d : {Direction::kUp, Direction::kDown}) {
+    if (direction == nullptr || *direction == d) key.set(change.direction(d), value);
+  }
+}
+
+// nullopt: fine.
+std::optional<std::string> look_up(const ProfileResolver& resolver, const std::string& name,
+                                   LinkChange& out) {
+  auto found = resolver(name);
+  if (const auto* error = std::get_if<ProfileError>(&found)) return error->what;
+  out.profile = std::make_shared<const LinkProfile>(std::get<LinkProfile>(std::move(found)));
+  return std::nullopt;
+}
+
+std::string unknown_key(std::string_view word) {
+  std::vector<std::string> spellings;
+  for (const std::string_view name : kChangeKeys) {
+    spellings.emplace_back(name);
+    if (find_key(name) == nullptr) continue;
+    spellings.push_back("up." + std::string(name));
+    spellings.push_back("down." + std::string(name));
+  }
+  const auto nearest =
+      nearest_word(word, std::vector<std::string_view>(spellings.begin(), spellings.end()));
+  std::string list;
+  for (const std::string_view name : kChangeKeys)
+    list += (list.empty() ? "" : ", ") + std::string(name);
+  return "unknown key '" + std::string(word) + "'; " +
+         (nearest ? "did you mean '" + std::string(*nearest) + "'?"
+                  : "known keys: " + list + "; all but the first two also as up.KEY or down.KEY");
+}
+
+// One KEY=VALUE; nullopt: fine.
+std::optional<std::string> read_pair(std::string_view pair, const ProfileResolver& resolver,
+                                     LinkChange& out) {
+  const std::size_t equals = pair.find('=');
+  if (equals == std::string_view::npos) {
+    return "'" + std::string(pair) + "' is no KEY=VALUE; write rtt_ms=80";
+  }
+  const std::string_view name = pair.substr(0, equals);
+  const std::string_view text = pair.substr(equals + 1);
+  if (name == "profile") return look_up(resolver, std::string(text), out);
+
+  constexpr Direction kUp = Direction::kUp;
+  constexpr Direction kDown = Direction::kDown;
+  const Direction* direction = name.starts_with("up.")     ? &kUp
+                               : name.starts_with("down.") ? &kDown
+                                                           : nullptr;
+  const DirectionKey* key = find_key(direction == nullptr ? name : name.substr(name.find('.') + 1));
+  const NumberKey* limits = name == kRttKey.name ? &kRttKey : key != nullptr ? &key->key : nullptr;
+  if (limits == nullptr) return unknown_key(name);
+
+  double value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc{} || end != text.data() + text.size()) {
+    return "'" + std::string(name) + "' = '" + std::string(text) + "' must be a number, " +
+           range_text(*limits);
+  }
+  if (const auto wrong = range_error(*limits, value)) return "'" + std::string(name) + "'" + *wrong;
+  if (limits == &kRttKey) {
+    out.rtt = from_ms(value);
+  } else {
+    set(out, direction, *key, value);
+  }
+  return std::nullopt;
+}
+
+bool read_numbers(TomlReader& reader, const TomlReader::Section& section,
+                  const Direction* direction, LinkChange& out) {
+  for (const DirectionKey& key : kDirectionKeys) {
+    double value = 0;
+    if (!reader.number(section, key.key, value)) return false;
+    if (reader.has(section, key.key.name)) set(out, direction, key, value);
+  }
+  return true;
+}
+
+}  // namespace
+
+std::span<const DirectionKey> direction_keys() { return kDirectionKeys; }
+
+std::span<const std::string_view> change_keys() { return kChangeKeys; }
+
+void DirectionChange::apply_to(DirectionParams& params) const {
+  if (loss) {
+    params.loss = loss;
+    params.gilbert_elliott.reset();
+  }
+  if (rate) {
+    params.rate = *rate;
+    params.trace.reset();
+  }
+  params.queue_bytes = queue_bytes.value_or(params.queue_bytes);
+  params.queue_packets = queue_packets.value_or(params.queue_packets);
+  params.duplicate = duplicate.value_or(params.duplicate);
+  params.corrupt = corrupt.value_or(params.corrupt);
+  params.reorder = reorder.value_or(params.reorder);
+  params.reorder_by = reorder_by.value_or(params.reorder_by);
+  params.mtu = mtu.value_or(params.mtu);
+}
+
+std::variant<LinkChange, ProfileError> parse_change(std::span<const std::string> key_value,
+                                                    const ProfileResolver& resolver) {
+  try {
+    LinkChange change;
+    for (const std::string& pair : key_value) {
+      if (auto wrong = read_pair(pair, resolver, change)) return ProfileError{std::move(*wrong)};
+    }
+    if (key_value.empty()) return ProfileError{"no change given; write KEY=VALUE, as rtt_ms=80"};
+    return change;
+  } catch (const std::exception& error) {  // the resolver's
+    return ProfileError{error.what()};
+  }
+}
+
+bool read_change(TomlReader& reader, const TomlReader::Section& section,
+                 const std::vector<std::string_view>& others, const ProfileResolver& resolver,
+                 LinkChange& out) {
+  std::vector<std::string_view> known = others;
+  known.insert(known.end(), kChangeKeys.begin(), kChangeKeys.end());
+  known.insert(known.end(), {"up", "down"});
+  if (!reader.only(section, known)) return false;
+  if (reader.has(section, "profile")) {
+    std::string name;
+    if (!reader.text(section, "profile", "4g", name)) return false;
+    if (const auto wrong = look_up(resolver, name, out)) {
+      return reader.fail_at(section, "profile", *wrong);
+    }
+  }
+  double rtt_ms = 0;
+  if (!reader.number(section, optional(kRttKey), rtt_ms)) return false;
+  if (reader.has(section, kRttKey.name)) out.rtt = from_ms(rtt_ms);
+  if (!read_numbers(reader, section, nullptr, out)) return false;
+  for (const Direction d : {Direction::kUp, Direction::kDown}) {
+    const std::string_view name = d == Direction::kUp ? "up" : "down";
+    if (!reader.has(section, name)) continue;
+    const TomlReader::Section part = reader.section(section, name);
+    if (!reader.only(part, names_of_direction_keys()) || !read_numbers(reader, part, &d, out)) {
+      return false;
+    }
+  }
+  return true;
+}
+
+}  // namespace interneuron::emu

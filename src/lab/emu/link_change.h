@@ -1,0 +1,59 @@
+// A change of a link while it runs, from text as the command line or a scenario gives it:
+//
+//   rtt_ms=80            constant until the next profile=, 0..60000 ms; the rest goes on
+//   profile=4g           all conditions of another profile from now on; its process begins now
+//   loss rate_mbit queue_kbyte queue_packets duplicate corrupt reorder reorder_ms mtu
+//                        in both directions; up.KEY or down.KEY in one; meanings and ranges as in
+//                        profile.h. rate_mbit replaces a stepped or traced rate; loss replaces that
+//                        of the radio states and of Gilbert-Elliott.
+//
+// `profile` applies before all others, whatever the order. Pure; never throws.
+#pragma once
+
+#include <array>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <variant>
+
+#include "lab/emu/profile.h"
+
+namespace interneuron::emu {
+
+// Only what is set changes. Units as in DirectionParams.
+struct DirectionChange {
+  std::optional<double> loss;
+  std::optional<DataRate> rate;
+  std::optional<std::size_t> queue_bytes;
+  std::optional<std::size_t> queue_packets;
+  std::optional<double> duplicate;
+  std::optional<double> corrupt;
+  std::optional<double> reorder;
+  std::optional<Duration> reorder_by;
+  std::optional<std::size_t> mtu;
+
+  void apply_to(DirectionParams& params) const;
+};
+
+struct LinkChange {
+  std::shared_ptr<const LinkProfile> profile;  // null: stays
+  std::optional<Duration> rtt;
+  std::array<DirectionChange, kDirections> directions;  // indexed by Direction
+
+  DirectionChange& direction(Direction d) { return directions[static_cast<std::size_t>(d)]; }
+  const DirectionChange& direction(Direction d) const {
+    return directions[static_cast<std::size_t>(d)];
+  }
+};
+
+// "profile=" is looked up by `resolver` (see profile.h). The error is one line that names key, what
+// is wrong and the remedy; no file, since there is none.
+std::variant<LinkChange, ProfileError> parse_change(
+    std::span<const std::string> key_value, const ProfileResolver& resolver = built_in_resolver());
+
+// All keys, for help texts: "rtt_ms", "loss", …, without up. and down.
+std::span<const std::string_view> change_keys();
+
+}  // namespace interneuron::emu

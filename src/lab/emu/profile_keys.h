@@ -1,0 +1,32 @@
+// The keys of profiles that changes and scenarios have, too: names, meanings and ranges, once.
+// Private to src/emu. Pure.
+#pragma once
+
+#include <span>
+
+#include "host/toml/toml_reader.h"
+#include "lab/emu/link_change.h"
+
+namespace interneuron::emu {
+
+// Ranges are wide: they catch slips of the pen and of units, not unlikely networks.
+inline constexpr double kMaxRttMs = 60'000;    // a minute
+inline constexpr double kMaxSeconds = 86'400;  // a day, for what lasts
+inline constexpr double kMaxInstantS = 1e7;    // 116 days, for when
+inline constexpr double kMinQueueKbyte = 1.5;  // one Ethernet packet
+inline constexpr double kMinRateMbit = 0.001;
+inline constexpr double kMaxRateMbit = 100'000;
+
+inline constexpr NumberKey kRttKey{"rtt_ms", "round-trip time", 0, kMaxRttMs, "ms"};
+inline constexpr NumberKey kLossKey{"loss", "probability that a packet is lost", 0, 1, ""};
+inline constexpr NumberKey kRateKey{"rate_mbit", "rate of IP packets", kMinRateMbit, kMaxRateMbit,
+                                    "Mbit/s"};
+
+// A key of [up] and [down], and of changes. All are optional.
+struct DirectionKey {
+  NumberKey key;
+  void (*set)(DirectionChange& change, double value);
+};
+std::span<const DirectionKey> direction_keys();
+
+}  // namespace interneuron::emu

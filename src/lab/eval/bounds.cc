@@ -1,0 +1,231 @@
+#include "lab/eval/bounds.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "lab/eval/reach.h"
+#include "lab/sim/offload.h"
+
+namespace interneuron::eval {
+namespace {
+
+using emu::Direction;
+
+Duration runtime(const Profile& profile, std::size_t level, double deviations) {
+  return sim::runtime_of(profile.levels[level].median, profile.levels[level].p95, deviations);
+}
+
+Duration injected_in(const Injected& injected, Module module) {
+  return injected.any && injected.module == module ? injected.delay : Duration{};
+}
+
+// The best answer of a missed round; `before`: what was shown in the rounds before it.
+Shown best_fallback(const Profile& profile, const std::vector<Shown>& before) {
+  Shown best{Shown::Kind::kLocal, 0, 0, 0};
+  const std::size_t oldest = std::min(before.size(), profile.fallback.stale_share.size());
+  for (std::uint32_t age = 1; age <= oldest; ++age) {
+    Shown stale = before[before.size() - age];
+    if (stale.kind != Shown::Kind::kRemote) continue;
+    stale.kind = Shown::Kind::kStale;
+    stale.age = age;
+    if (quality_of(profile, stale) > quality_of(profile, best)) best = stale;
+  }
+  return best;
+}
+
+// `shown`: nothing for a miss.
+void add_round(const Profile& profile, const std::optional<Shown>& shown, Bound& bound) {
+  if (!shown) ++bound.timeouts;
+  bound.shown.push_back(shown.value_or(best_fallback(profile, bound.shown)));
+  bound.quality += quality_of(profile, bound.shown.back());
+}
+
+void finish(Bound& bound) {
+  bound.quality /= std::max(1.0, static_cast<double>(bound.shown.size()));
+}
+
+// --- oracle
+
+class Oracle {
+ public:
+  Oracle(const Scenario& scenario, const Trace& trace, std::uint64_t seed)
+      : scenario_(scenario), trace_(trace), reach_(scenario, seed) {}
+
+  // The best remote answer by the deadline, if there is one.
+  std::optional<Shown> best(std::size_t round);
+
+ private:
+  const Scenario& scenario_;
+  const Trace& trace_;
+  Reach reach_;
+};
+
+std::optional<Shown> Oracle::best(std::size_t round) {
+  const Profile& profile = scenario_.profile;
+  const Injected& injected = trace_.rounds[round];
+  const Duration t0 = sim::kWarmUp + static_cast<std::int64_t>(round) * scenario_.period;
+  const Duration deadline = t0 + scenario_.deadline;
+  std::optional<Shown> best;
+  for (std::size_t v = 0; v < profile.variants.size(); ++v) {
+    const Duration there =
+        reach_.soonest(Direction::kUp, t0 + sim::kEncode, profile.variants[v].bytes);
+    if (there >= deadline) continue;
+    const Duration begins = there + injected_in(injected, Module::kUplink) +
+                            injected_in(injected, Module::kBeforeCompute);
+    for (std::size_t level = 0; level < profile.levels.size(); ++level) {
+      const Shown shown{Shown::Kind::kRemote, level, static_cast<std::uint8_t>(v), 0};
+      if (best && quality_of(profile, shown) <= quality_of(profile, *best)) continue;
+      const Duration ends = begins + runtime(profile, level, trace_.compute_noise[round]) +
+                            injected_in(injected, Module::kInsideCompute);
+      if (ends >= deadline) continue;
+      const Duration back = reach_.soonest(Direction::kDown, ends, sim::kResultBytes) +
+                            injected_in(injected, Module::kDownlink);
+      if (back <= deadline) best = shown;
+    }
+  }
+  return best;
+}
+
+// --- causal
+
+// Quantiles that the law is cut into; chosen: 1 ms apart or less for the uniform law.
+constexpr int kCuts = 64;
+
+class Causal {
+ public:
+  Causal(const Scenario& scenario, double miss_price);
+
+  std::size_t choose_variant(double p_injected, double fallback) const;
+  // `known`: the delay that was seen before the computation began, if there was one.
+  std::size_t choose_level(std::size_t variant, std::optional<Duration> known, double p_injected,
+                           double fallback) const;
+  bool is_on_time(std::size_t variant, std::size_t level, const Injected& injected,
+                  double deviations) const;
+
+ private:
+  double value(std::size_t variant, std::size_t level, std::optional<Duration> known,
+               double p_injected, double fallback) const;
+  double best_value(std::size_t variant, std::optional<Duration> known, double p_injected,
+                    double fallback) const;
+  double p_done_within(std::size_t level, Duration budget) const;
+
+  const Profile& profile_;
+  double miss_price_;
+  std::vector<Duration> slack_;  // per variant: for the computation and every delay
+  std::vector<Duration> cuts_;
+};
+
+Causal::Causal(const Scenario& scenario, double miss_price)
+    : profile_(scenario.profile), miss_price_(miss_price) {
+  Reach reach(scenario, 0);
+  for (const VariantProfile& variant : profile_.variants) {
+    const Duration there = reach.soonest(Direction::kUp, sim::kEncode, variant.bytes);
+    slack_.push_back(scenario.deadline - reach.soonest(Direction::kDown, there, sim::kResultBytes));
+  }
+  for (int i = 0; i < kCuts; ++i) cuts_.push_back(delay_at(scenario.law, (i + 0.5) / kCuts));
+}
+
+// Run times are half-normal, see sim::runtime_of().
+double Causal::p_done_within(std::size_t level, Duration budget) const {
+  const Duration usual = runtime(profile_, level, 0);
+  const Duration deviation = runtime(profile_, level, 1) - usual;
+  if (deviation <= Duration{}) return budget >= usual ? 1 : 0;
+  const double deviations = to_ms(budget - usual) / to_ms(deviation);
+  const double normal = deviations - sim::half_normal_deviations(0);
+  return normal <= 0 ? 0 : std::erf(normal / std::numbers::sqrt2);
+}
+
+double Causal::value(std::size_t variant, std::size_t level, std::optional<Duration> known,
+                     double p_injected, double fallback) const {
+  double p = p_done_within(level, slack_[variant] - known.value_or(Duration{}));
+  if (!known) {
+    // Half of the modules are still ahead.
+    const double ahead = p_injected / 2 / (1 - p_injected / 2);
+    double late = 0;
+    for (const Duration delay : cuts_) late += p_done_within(level, slack_[variant] - delay);
+    p = (1 - ahead) * p + ahead * late / kCuts;
+  }
+  return p * remote_quality(profile_, level, variant) + (1 - p) * (fallback - miss_price_);
+}
+
+std::size_t Causal::choose_level(std::size_t variant, std::optional<Duration> known,
+                                 double p_injected, double fallback) const {
+  std::size_t best = 0;
+  double most = value(variant, 0, known, p_injected, fallback);
+  for (std::size_t level = 1; level < profile_.levels.size(); ++level) {
+    const double v = value(variant, level, known, p_injected, fallback);
+    if (v <= most) continue;
+    best = level;
+    most = v;
+  }
+  return best;
+}
+
+double Causal::best_value(std::size_t variant, std::optional<Duration> known, double p_injected,
+                          double fallback) const {
+  return value(variant, choose_level(variant, known, p_injected, fallback), known, p_injected,
+               fallback);
+}
+
+std::size_t Causal::choose_variant(double p_injected, double fallback) const {
+  std::size_t best = 0;
+  double most = 0;
+  for (std::size_t variant = 0; variant < profile_.variants.size(); ++variant) {
+    double seen = 0;
+    for (const Duration delay : cuts_) seen += best_value(variant, delay, p_injected, fallback);
+    const double v = p_injected / 2 * seen / kCuts +
+                     (1 - p_injected / 2) * best_value(variant, {}, p_injected, fallback);
+    if (variant > 0 && v <= most) continue;
+    best = variant;
+    most = v;
+  }
+  return best;
+}
+
+bool Causal::is_on_time(std::size_t variant, std::size_t level, const Injected& injected,
+                        double deviations) const {
+  const Duration delay = injected.any ? injected.delay : Duration{};
+  return runtime(profile_, level, deviations) + delay <= slack_[variant];
+}
+
+}  // namespace
+
+Bound oracle(const Scenario& scenario, const Trace& trace, std::uint64_t seed) {
+  Oracle oracle(scenario, trace, seed);
+  Bound bound;
+  for (std::size_t i = 0; i < trace.rounds.size(); ++i) {
+    add_round(scenario.profile, oracle.best(i), bound);
+  }
+  finish(bound);
+  return bound;
+}
+
+std::optional<Bound> causal(const Scenario& scenario, const Trace& trace, double miss_price) {
+  if (!has_constant_links(scenario)) return std::nullopt;
+  const Causal causal(scenario, miss_price);
+  const BurstChain chain = burst_chain(scenario.law);
+  const bool injects = scenario.law.shape != DelayLaw::Shape::kNone;
+  double p_injected = injects ? scenario.law.share : 0;
+  Bound bound;
+  for (std::size_t i = 0; i < trace.rounds.size(); ++i) {
+    const Injected& injected = trace.rounds[i];
+    const double fallback =
+        quality_of(scenario.profile, best_fallback(scenario.profile, bound.shown));
+    const std::size_t variant = causal.choose_variant(p_injected, fallback);
+    const bool is_seen = injected.any && (injected.module == Module::kUplink ||
+                                          injected.module == Module::kBeforeCompute);
+    const std::size_t level = causal.choose_level(
+        variant, is_seen ? std::optional(injected.delay) : std::nullopt, p_injected, fallback);
+    std::optional<Shown> shown;
+    if (causal.is_on_time(variant, level, injected, trace.compute_noise[i])) {
+      shown = Shown{Shown::Kind::kRemote, level, static_cast<std::uint8_t>(variant), 0};
+    }
+    add_round(scenario.profile, shown, bound);
+    p_injected = injected.any ? 1 - chain.ends : chain.begins;
+  }
+  finish(bound);
+  return bound;
+}
+
+}  // namespace interneuron::eval

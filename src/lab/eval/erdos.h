@@ -1,0 +1,34 @@
+// The honest baseline after ERDOS (realtime.md §1.3): the end-to-end deadline is decomposed once
+// into a deadline of the computation, and each computation takes the best level that its worst
+// times let end by then. Pure.
+#pragma once
+
+#include <functional>
+#include <span>
+#include <vector>
+
+#include "lab/sim/offload.h"
+
+namespace interneuron::eval {
+
+// What is measured before the run and then frozen.
+struct ErdosTimes {
+  Duration uplink{};              // T1, median: t0 to the hand-over of the best variant
+  Duration downlink{};            // T3, median: end of the computation to the answer
+  std::vector<Duration> runtime;  // R, p99 per level
+};
+inline constexpr std::uint32_t kErdosRounds = 100;
+
+// R of these levels, by their measured quantiles.
+std::vector<Duration> erdos_runtimes(std::span<const LevelProfile> levels);
+
+// From undisturbed rounds on the links of `options`, at the highest level.
+ErdosTimes erdos_times(sim::OffloadOptions options);
+
+// The level that line 6 takes, as OffloadOptions::level_rule. `end_to_end`: the erdos_e2e of the
+// ladder, which knows t0 by clocks in perfect step, instead of counting from the hand-over.
+std::function<std::size_t(Duration delivered, Duration began)> erdos_rule(ErdosTimes times,
+                                                                          Duration deadline,
+                                                                          bool end_to_end);
+
+}  // namespace interneuron::eval

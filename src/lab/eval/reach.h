@@ -1,0 +1,37 @@
+// How soon messages can come through the links of a scenario, if nothing else uses them. Private to
+// src/eval. Pure.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "lab/emu/link.h"
+#include "lab/eval/run.h"
+
+namespace interneuron::eval {
+
+class Reach {
+ public:
+  Reach(const Scenario& scenario, std::uint64_t seed);
+
+  // The soonest arrival, over the best link, of a message that is ready at `ready` (world time,
+  // which goes back by at most DelayProcess::kMemory between calls): it may wait for a better
+  // moment. Duration::max(): never.
+  Duration soonest(emu::Direction direction, Duration ready, std::size_t bytes);
+
+ private:
+  struct OneLink {
+    emu::Link model;
+    emu::Bottleneck up;
+    emu::Bottleneck down;
+  };
+  static Duration over(OneLink& link, emu::Direction direction, Duration ready,
+                       std::size_t ip_bytes);
+
+  std::vector<OneLink> links_;
+};
+
+// Every round on these links has the same times.
+bool has_constant_links(const Scenario& scenario);
+
+}  // namespace interneuron::eval

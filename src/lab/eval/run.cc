@@ -1,0 +1,167 @@
+#include "lab/eval/run.h"
+
+#include "lab/eval/erdos.h"
+#include "lab/sim/offload.h"
+
+namespace interneuron::eval {
+namespace {
+
+emu::LinkProfile constant_link(const char* name, double rtt_ms, double mbit) {
+  emu::LinkProfile link;
+  link.name = name;
+  link.delay = emu::constant_delay(rtt_ms, 0);
+  link.up.rate = DataRate::mbit(mbit);
+  link.up.queue_bytes = static_cast<std::size_t>(mbit * 1e3 * to_ms(emu::kDefaultQueueTime) / 8);
+  link.down = link.up;
+  return link;
+}
+
+sim::Disturbance disturbance_of(const Trace& trace, std::size_t round) {
+  sim::Disturbance out;
+  if (round < trace.compute_noise.size()) out.deviations = trace.compute_noise[round];
+  const Injected& injected = trace.rounds[round];
+  if (!injected.any) return out;
+  switch (injected.module) {
+    case Module::kUplink:
+      out.uplink = {injected.delay};
+      break;
+    case Module::kBeforeCompute:
+      out.before_compute = injected.delay;
+      break;
+    case Module::kInsideCompute:
+      out.inside_compute = injected.delay;
+      break;
+    case Module::kDownlink:
+      out.downlink = injected.delay;
+      break;
+  }
+  return out;
+}
+
+sim::OffloadOptions options_of(const System& system, const Scenario& scenario, const Trace& trace,
+                               std::uint64_t seed) {
+  sim::OffloadOptions o;
+  o.seed = seed;
+  o.rounds = static_cast<std::uint32_t>(trace.rounds.size());
+  o.period = scenario.period;
+  o.deadline = scenario.deadline;
+  o.profiles = scenario.links;
+  o.only_link = system.only_link;
+  o.policy = system.policy;
+  o.guard = system.guard;
+  o.fallback = scenario.profile.fallback;
+  o.ladder.clear();
+  for (std::size_t i = 0; i < scenario.profile.levels.size(); ++i) {
+    const LevelProfile& level = scenario.profile.levels[i];
+    o.ladder.push_back({scenario.profile.level_names[i], level.median, level.p95, level.quality});
+  }
+  if (system.level != LevelRule::kGuard) o.top_level = o.ladder.size() - 1;
+  o.variant_bytes.clear();
+  for (const VariantProfile& variant : scenario.profile.variants) {
+    o.variant_bytes.push_back(variant.bytes);
+  }
+  o.only_variant = system.only_variant;
+  o.use_x = system.use_x;
+  o.use_handler = system.use_handler;
+  o.local_backup = system.local_backup;
+  o.road_clock = scenario.road_clock;
+  o.road_step = scenario.clock_step;
+  for (std::size_t i = 0; i < trace.rounds.size(); ++i) {
+    o.disturbances.push_back(disturbance_of(trace, i));
+  }
+  return o;
+}
+
+std::function<std::size_t(Duration, Duration)> rule_of(LevelRule rule,
+                                                       const std::optional<ErdosTimes>& frozen,
+                                                       const sim::OffloadOptions& options) {
+  switch (rule) {
+    case LevelRule::kErdos:
+    case LevelRule::kErdosE2e:
+      return erdos_rule(frozen ? *frozen : erdos_times(options), options.deadline,
+                        rule == LevelRule::kErdosE2e);
+    case LevelRule::kFixedTop:
+      return [top = options.ladder.size() - 1](Duration, Duration) { return top; };
+    case LevelRule::kGuard:
+      break;
+  }
+  return nullptr;
+}
+
+// "raw:5g sampled:4g".
+std::string plan_text(const Plan& plan, std::size_t first_variant, const Scenario& scenario) {
+  std::string out;
+  for (const Assignment& send : plan.sends) {
+    if (!out.empty()) out += ' ';
+    out += scenario.profile.variants.at(first_variant + send.variant).name + ':' +
+           scenario.links.at(send.link.value).name;
+  }
+  return out;
+}
+
+// What the application got; `rounds`: up to and with this one.
+Shown shown_of(const RoundDone& done, bool local_backup, const std::vector<Round>& rounds) {
+  const Round& now = rounds.back();
+  if (done.outcome == Outcome::kRemote) return {Shown::Kind::kRemote, now.level, now.variant, 0};
+  if (!done.age_rounds) return {};
+  if (*done.age_rounds == 0) return {Shown::Kind::kLocal, 0, 0, 0};
+  const std::uint32_t age = *done.age_rounds;
+  if (!done.stale_remote && local_backup) return {Shown::Kind::kStale, 0, 0, age};  // an old local
+  const Round& then = rounds.at(rounds.size() - 1 - age);
+  return {Shown::Kind::kStale, then.level, then.variant, age};
+}
+
+// `variant`: the first of those that were submitted.
+void copy_road(const sim::OffloadRound& from, std::size_t variant, Round& to) {
+  if (!from.at_road) return;
+  const sim::OffloadRound::AtRoad& road = *from.at_road;
+  to.delivered = road.delivered - from.t0;
+  if (road.began) to.compute_began = *road.began - from.t0;
+  if (road.ended) to.compute_ended = *road.ended - from.t0;
+  to.variant = static_cast<std::uint8_t>(variant + road.variant);
+  to.level = road.level;
+  to.verdict = road.verdict;
+  to.degraded_first = road.degraded;
+  const bool has_overrun = road.verdict.late && road.verdict.overrun != kFullSeverity;
+  if (has_overrun || road.verdict.released_at_deadline) {
+    to.d1 = *to.delivered - (has_overrun ? road.verdict.overrun : Duration{});
+  }
+}
+
+}  // namespace
+
+Scenario table_erdos_scenario() {
+  Scenario s;
+  s.name = "table-erdos";
+  s.links = {constant_link("5g", 22, 100), constant_link("4g", 45, 30)};
+  return s;
+}
+
+Run run(const System& system, const Scenario& scenario, const Trace& trace, std::uint64_t seed) {
+  sim::OffloadOptions options = options_of(system, scenario, trace, seed);
+  options.level_rule = rule_of(system.level, scenario.erdos, options);
+  const sim::OffloadResult result = sim::run_offload(options);
+  const std::size_t first_variant = system.only_variant.value_or(0);
+  Run out;
+  out.system = system.name;
+  out.seed = seed;
+  for (const sim::OffloadRound& from : result.rounds) {
+    Round& round = out.rounds.emplace_back();
+    round.round = from.round;
+    round.t0 = from.t0;
+    round.on_time = from.done.outcome == Outcome::kRemote;
+    round.e2e = from.done.e2e;
+    round.plan = plan_text(from.plan, first_variant, scenario);
+    copy_road(from, first_variant, round);
+    round.degraded_final = from.done.degraded_final;
+    round.x_permille = from.done.x_permille;
+    round.recovering = from.done.recovering;
+    round.injected = trace.rounds[from.round];
+    round.shown = shown_of(from.done, system.local_backup, out.rounds);
+  }
+  for (const emu::DirectionStats& up : result.up) out.bytes_up.push_back(up.bytes_in);
+  for (const emu::DirectionStats& down : result.down) out.bytes_down.push_back(down.bytes_in);
+  return out;
+}
+
+}  // namespace interneuron::eval

@@ -1,0 +1,82 @@
+#include "lab/eval/trace.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "lab/emu/random.h"
+#include "lab/sim/offload.h"
+
+namespace interneuron::eval {
+namespace {
+
+// Streams of their own, so that a change of one part of the law leaves the others.
+enum class Stream : std::uint64_t { kBurst = 1, kModule, kDelay, kNoise };
+
+emu::RandomStream stream_of(std::uint64_t seed, Stream stream) {
+  return emu::RandomStream(emu::split_mix(seed) ^ static_cast<std::uint64_t>(stream));
+}
+
+// Box and Muller 1958.
+double unit_normal(emu::RandomStream& stream) {
+  const double radius = std::sqrt(-2 * std::log1p(-stream.uniform()));
+  return radius * std::cos(2 * std::numbers::pi * stream.uniform());
+}
+
+}  // namespace
+
+std::string_view to_string(Module module) {
+  switch (module) {
+    case Module::kUplink:
+      return "uplink";
+    case Module::kBeforeCompute:
+      return "before_compute";
+    case Module::kInsideCompute:
+      return "inside_compute";
+    case Module::kDownlink:
+      return "downlink";
+  }
+  return "";
+}
+
+BurstChain burst_chain(const DelayLaw& law) {
+  if (law.shape == DelayLaw::Shape::kNone || law.share <= 0) return {0, 1};
+  if (law.share >= 1) return {1, 0};
+  const double odds = law.share / (1 - law.share);
+  const double ends = std::min(1 / law.burst, 1 / odds);
+  return {ends * odds, ends};
+}
+
+Duration delay_at(const DelayLaw& law, double u) {
+  switch (law.shape) {
+    case DelayLaw::Shape::kUniform:
+      return law.low + from_ms(u * to_ms(law.high - law.low));
+    case DelayLaw::Shape::kExponential:
+      return from_ms(-to_ms(law.mean) * std::log1p(-u));
+    case DelayLaw::Shape::kNone:
+      break;
+  }
+  return {};
+}
+
+Trace make_trace(const DelayLaw& law, std::uint64_t seed, std::uint32_t rounds) {
+  emu::RandomStream burst = stream_of(seed, Stream::kBurst);
+  emu::RandomStream module = stream_of(seed, Stream::kModule);
+  emu::RandomStream delay = stream_of(seed, Stream::kDelay);
+  emu::RandomStream noise = stream_of(seed, Stream::kNoise);
+  const BurstChain chain = burst_chain(law);
+  const bool injects = law.shape != DelayLaw::Shape::kNone;
+  Trace trace;
+  bool injected = injects && burst.uniform() < law.share;
+  for (std::uint32_t i = 0; i < rounds; ++i) {
+    const auto which = static_cast<Module>(module.next() % kModules);
+    const Duration length = delay_at(law, delay.uniform());
+    trace.rounds.push_back(injected ? Injected{true, which, length} : Injected{});
+    trace.compute_noise.push_back(sim::half_normal_deviations(unit_normal(noise)));
+    const double drawn = burst.uniform();
+    injected = injected ? drawn >= chain.ends : drawn >= 1 - chain.begins;
+  }
+  return trace;
+}
+
+}  // namespace interneuron::eval

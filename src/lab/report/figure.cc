@@ -1,0 +1,164 @@
+#include "lab/report/figure.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <fstream>
+#include <sstream>
+
+#include "host/process/failure.h"
+
+namespace interneuron::cli::report {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kStyle =
+    "set border 3\nset tics nomirror out\nset grid xtics ytics lc rgb '#70888888'\n"
+    "set key samplen 1\n";
+constexpr int kRowHeight = 22;    // pixels
+constexpr int kAroundRows = 110;  // pixels: title, axis, key
+// Chosen: as wide as the longest name in the tables.
+constexpr double kLabelShare = 0.19;
+constexpr double kRightMargin = 0.98;
+constexpr double kGap = 0.05;  // between panels
+
+void replace_all(std::string& text, const std::string& from, const std::string& to) {
+  for (std::size_t at = text.find(from); at != std::string::npos;
+       at = text.find(from, at + to.size())) {
+    text.replace(at, from.size(), to);
+  }
+}
+
+std::string read_text(const fs::path& file) {
+  std::ifstream in(file);
+  std::ostringstream out;
+  out << in.rdbuf();
+  return std::move(out).str();
+}
+
+// gnuplot's black is the ink of the page: what is drawn in it takes the colour around it.
+std::string in_current_colour(std::string svg) {
+  for (const char* black : {"black", "rgb(  0,   0,   0)", "rgb(0,0,0)"}) {
+    for (const char quote : {'\'', '"'}) {
+      replace_all(svg, fmt::format(" color={0}{1}{0}", quote, black), "");
+      for (const char* attribute : {"stroke", "fill"}) {
+        replace_all(svg, fmt::format("{0}={1}{2}{1}", attribute, quote, black),
+                    fmt::format("{0}={1}currentColor{1}", attribute, quote));
+      }
+    }
+  }
+  return svg;
+}
+
+std::string dots_block(const std::string& name, const std::vector<std::optional<Dot>>& dots) {
+  std::string out = "$" + name + " << EOD\n";
+  for (std::size_t i = 0; i < dots.size(); ++i) {
+    if (!dots[i]) continue;
+    out += fmt::format("{} {:.6g} {:.6g} {:.6g}\n", i, dots[i]->value, dots[i]->low, dots[i]->high);
+  }
+  return out + "EOD\n";
+}
+
+bool empty(const Series& series) {
+  return std::ranges::none_of(series.dots, [](const auto& d) { return d.has_value(); });
+}
+
+}  // namespace
+
+std::string gnuplot_text(const std::string& text) {
+  std::string out = text;
+  replace_all(out, "'", "''");
+  return "'" + out + "'";
+}
+
+int dots_height(std::size_t labels) { return kAroundRows + kRowHeight * static_cast<int>(labels); }
+
+std::string dot_panels(const std::vector<std::string>& labels, const std::vector<Panel>& panels) {
+  std::string out = fmt::format("set multiplot\nset yrange [{}:-0.6]\n",
+                                static_cast<double>(labels.size()) - 0.4);
+  std::string tics;  // named in the first panel only
+  std::string bare;
+  for (std::size_t i = 0; i < labels.size(); ++i) {
+    tics += fmt::format("{}{} {}", i == 0 ? "" : ", ", gnuplot_text(labels[i]), i);
+    bare += fmt::format("{}'' {}", i == 0 ? "" : ", ", i);
+  }
+  const double width = (kRightMargin - kLabelShare) / static_cast<double>(panels.size());
+  for (std::size_t p = 0; p < panels.size(); ++p) {
+    const Panel& panel = panels[p];
+    const double left = kLabelShare + width * static_cast<double>(p) + (p > 0 ? kGap : 0);
+    out += fmt::format("set lmargin at screen {:.3f}\nset rmargin at screen {:.3f}\n", left,
+                       kLabelShare + width * static_cast<double>(p + 1));
+    out += fmt::format("set title {}\n", gnuplot_text(panel.title));
+    out += fmt::format("set ytics ({})\n", p == 0 ? tics : bare);
+    out += panel.logarithmic ? "set logscale x\nset xrange [*:*]\n"
+           : panel.zero_line ? "unset logscale\nset xrange [*<0:0<*]\n"
+                             : "unset logscale\nset xrange [0:*]\n";
+    out += panel.zero_line
+               ? "set arrow 1 from 0, graph 0 to 0, graph 1 nohead dt 2 lc rgb 'black'\n"
+               : "unset arrow 1\n";
+    std::string plots;
+    for (std::size_t s = 0; s < panel.series.size(); ++s) {
+      const Series& series = panel.series[s];
+      if (empty(series)) continue;
+      const std::string name = fmt::format("p{}s{}", p, s);
+      out += dots_block(name, series.dots);
+      plots +=
+          fmt::format("{}${} using 2:1:3:4 with xerrorbars pt {} ps 1.1 lw 1.6 lc rgb '{}' {}",
+                      plots.empty() ? "plot " : ", ", name, series.hollow ? 6 : 7, series.colour,
+                      series.title.empty() ? "notitle" : "title " + gnuplot_text(series.title));
+    }
+    out += "set key below\n" + (plots.empty() ? "plot [0:1] NaN notitle" : plots) + "\n";
+  }
+  return out + "unset multiplot\n";
+}
+
+void draw_figure(const fs::path& folder, const Figure& figure) {
+  const auto terminal = [&](const char* kind) {
+    const fs::path file = folder / (figure.name + "." + kind);
+    const std::string head =
+        std::string(kind) == "svg"
+            ? fmt::format("set terminal svg size {},{} noenhanced font 'sans-serif,12'\n",
+                          figure.width, figure.height)
+            : fmt::format(
+                  "set terminal pngcairo size {},{} noenhanced font 'sans,10' background "
+                  "rgb 'white'\n",
+                  figure.width, figure.height);
+    if (!draw(file, head + fmt::format("set output {}\n", gnuplot_text(file.string())) + kStyle +
+                        figure.script)) {
+      throw Failure(kFailed, "a report needs gnuplot; install the package gnuplot-nox");
+    }
+    return file;
+  };
+  terminal("png");
+  const fs::path file = terminal("svg");
+  const std::string svg = in_current_colour(read_text(file));
+  std::ofstream(file) << svg;
+}
+
+std::string inline_svg(const fs::path& folder, const Figure& figure) {
+  std::string svg = read_text(folder / (figure.name + ".svg"));
+  svg.erase(0, svg.find("<svg"));
+  replace_all(svg, "xmlns=\"http://www.w3.org/2000/svg\"", "role=\"img\"");
+  replace_all(svg, "xmlns:xlink=\"http://www.w3.org/1999/xlink\"", "");
+  replace_all(svg, "xlink:href", "href");
+  const std::size_t title = svg.find("<title>");
+  const std::size_t end = svg.find("</desc>");
+  if (title != std::string::npos && end != std::string::npos) svg.erase(title, end + 7 - title);
+  const std::string own = figure.name + "-";
+  for (const char* reference : {"id='", "id=\"", "href='#", "href=\"#", "url(#"}) {
+    replace_all(svg, reference, std::string(reference) + own);
+  }
+  return svg;
+}
+
+std::vector<Figure> figures_of(const Json& document) {
+  const std::string experiment = document["experiment"];
+  if (experiment == "table-network") return network_figures(document);
+  if (experiment == "fig-adjust") return adjust_figures(document);
+  if (experiment == "fig-rt") return rt_figures(document);
+  if (experiment == "sweep") return sweep_figures(document);
+  return system_figures(document);
+}
+
+}  // namespace interneuron::cli::report

@@ -1,0 +1,70 @@
+// Charts of an evaluation: scripts for gnuplot, made from the rows of a document, and drawn as SVG
+// and PNG.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "lab/files/run_files.h"
+
+namespace interneuron::cli::report {
+
+struct Figure {
+  std::string name;  // of its files: "table-erdos-uniform"
+  std::string caption;
+  int width = 980;  // pixels
+  int height = 360;
+  std::string script;  // without terminal and output
+};
+
+// All of one document, in order.
+std::vector<Figure> figures_of(const Json& document);
+
+// The kinds of documents, one file each.
+std::vector<Figure> system_figures(const Json& document);  // table-erdos, ladder, timeout-handler
+std::vector<Figure> sweep_figures(const Json& document);
+std::vector<Figure> adjust_figures(const Json& document);
+std::vector<Figure> network_figures(const Json& document);
+std::vector<Figure> rt_figures(const Json& document);
+
+// Dots with intervals, one row per label, panels side by side.
+struct Dot {
+  double value = 0;
+  double low = 0;  // = value: no interval
+  double high = 0;
+};
+struct Series {
+  std::string title;  // empty: not in the key
+  std::string colour;
+  std::vector<std::optional<Dot>> dots;  // by label
+  bool hollow = false;
+};
+struct Panel {
+  std::string title;
+  std::vector<Series> series;
+  bool logarithmic = false;
+  bool zero_line = false;
+};
+std::string dot_panels(const std::vector<std::string>& labels, const std::vector<Panel>& panels);
+int dots_height(std::size_t labels);
+
+inline constexpr const char* kBlue = "#3f7fc9";
+inline constexpr const char* kOrange = "#d9822b";
+inline constexpr const char* kGreen = "#3d9a5f";
+inline constexpr const char* kPurple = "#9463c4";
+inline constexpr const char* kRed = "#d0384a";
+inline constexpr const char* kGrey = "#8a8f98";
+
+// Writes FOLDER/NAME.svg and .png. The SVG's ink is currentColor, so that it shows on light and
+// dark pages. Throws Failure (1), also without gnuplot.
+void draw_figure(const std::filesystem::path& folder, const Figure& figure);
+
+// That SVG to be put into a page: without prologue and addresses, its ids made the figure's own.
+std::string inline_svg(const std::filesystem::path& folder, const Figure& figure);
+
+// Text in a gnuplot string in single quotes.
+std::string gnuplot_text(const std::string& text);
+
+}  // namespace interneuron::cli::report

@@ -1,0 +1,66 @@
+#include "lab/report/pictures.h"
+
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "host/process/failure.h"
+#include "host/settings/data.h"
+#include "lab/eval/experiments/scorer.h"
+#include "perception/frame_source.h"
+#include "perception/picture.h"
+
+namespace interneuron::cli::report {
+namespace {
+
+constexpr std::uint32_t kFrame = 150;  // chosen: many people, some hidden
+constexpr double kScale = 0.6;         // of the video's 768 x 576, to keep the page small
+
+struct Shot {
+  const char* caption;
+  std::size_t level;
+  bool sampled;
+  std::uint32_t age;
+};
+constexpr Shot kShots[] = {{"on time: remote result, best level, raw image", 2, false, 0},
+                           {"sacrificed: remote result, lighter model, sampled image", 1, true, 0},
+                           {"missed: fresh local backup, lowest level", 0, false, 0},
+                           {"missed: last remote result, two rounds old", 2, false, 2}};
+
+std::string png_of(const cv::Mat& picture) {
+  cv::Mat small;
+  cv::resize(picture, small, {}, kScale, kScale, cv::INTER_AREA);
+  std::vector<unsigned char> png;
+  cv::imencode(".png", small, png);
+  return {png.begin(), png.end()};
+}
+
+}  // namespace
+
+std::vector<Picture> pictures(const std::optional<std::filesystem::path>& data, bool named,
+                              std::string& missing) {
+  const eval::Scorer scorer(data, named);
+  missing = scorer.missing();
+  if (!missing.empty()) return {};
+  std::vector<Picture> out;
+  try {
+    perception::FrameSource source(default_video(data));
+    std::optional<perception::Frame> frame;
+    for (std::uint32_t i = 0; i <= kFrame; ++i) frame = source.next();
+    if (!frame) {
+      missing = "the video is too short";
+      return {};
+    }
+    for (const Shot& shot : kShots) {
+      const auto boxes = scorer.boxes(shot.level, shot.sampled, kFrame - shot.age);
+      out.push_back(
+          {shot.caption, png_of(perception::draw_boxes(frame->bgr, boxes, shot.caption))});
+    }
+  } catch (const Failure& error) {
+    missing = error.what();
+  } catch (const perception::InputError& error) {
+    missing = error.what();
+  }
+  return out;
+}
+
+}  // namespace interneuron::cli::report

@@ -1,0 +1,148 @@
+// Every mistake ends with one line that names the thing and the remedy, and the documented exit
+// code.
+#include <algorithm>
+#include <fstream>
+
+#include "support.h"
+
+namespace interneuron::cli {
+namespace {
+
+struct Mistake {
+  const char* name;
+  const char* arguments;
+  int code;
+  const char* says;
+  const char* program = INTERNEURON_PROGRAM;
+};
+
+void PrintTo(const Mistake& mistake, std::ostream* out) { *out << mistake.arguments; }
+
+class BadInput : public testing::TestWithParam<Mistake> {};
+
+TEST_P(BadInput, IsOneLineWithItsExitCode) {
+  const Ran ran = run_program(GetParam().program, GetParam().arguments);
+  EXPECT_EQ(ran.code, GetParam().code) << ran.output;
+  EXPECT_NE(ran.output.find(GetParam().says), std::string::npos) << ran.output;
+  // Nothing but the program's one line; usage errors also point to --help.
+  if (GetParam().code != 2) {
+    EXPECT_EQ(std::ranges::count(ran.output, '\n'), 1) << ran.output;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Program, BadInput,
+    testing::Values(
+        Mistake{"NoCommand", "", 2, "subcommand"},
+        Mistake{"UnknownCommand", "fly", 2, "unknown command 'fly'"},
+        Mistake{"UnknownFlag", "demo --sed 2", 2, "--sed"},
+        Mistake{"DeadlineZero", "demo --deadline-ms 0", 2, "--deadline-ms"},
+        Mistake{"DeadlineNegative", "vehicle --link lo=127.0.0.1:1 --deadline-ms -5", 2,
+                "--deadline-ms"},
+        Mistake{"RoundsZero", "demo --rounds 0", 2, "--rounds"},
+        Mistake{"UnknownPolicy", "demo --policy best", 2, "placement"},
+        Mistake{"UnknownGuard", "vehicle --guard none", 2, "budget"},
+        Mistake{"UnknownProfile", "demo --link 6g", 3, "6g"},
+        Mistake{"MissingVideo", "demo --video nowhere.avi", 3, "nowhere.avi"},
+        Mistake{"MissingData", "demo --data nowhere", 3, "nowhere"},
+        Mistake{"MissingConfig", "road --config nowhere.toml", 3, "nowhere.toml"},
+        Mistake{"NoLink", "vehicle", 2, "--link"},
+        Mistake{"BadLink", "vehicle --link lo", 2, "NIC=ADDRESS:PORT"},
+        Mistake{"BadLinkAttribute", "vehicle --link lo=127.0.0.1:1,rol=backup", 2, "'role'"},
+        Mistake{"BadRateCap", "vehicle --link lo=127.0.0.1:1,rate_cap=20", 2, "20mbit"},
+        Mistake{"NicWithAddress", "road --nic lo=127.0.0.1:1", 2, "eth0,trusted"},
+        Mistake{"BadPeer", "links --peer host:port", 2, "HOST:PORT"},
+        Mistake{"PeerAndLink", "links --peer 127.0.0.1 --link lo=127.0.0.1:1", 2, "--peer"},
+        Mistake{"IntervalWithoutStream", "links --interval 1", 2, "--json-stream"},
+        Mistake{"ForWithoutMeasuring", "links --for 1", 2, "--peer"},
+        Mistake{"BothJson", "links --json --json-stream", 2, "--json"},
+        Mistake{"TopWithoutTerminal", "top", 2, "links --json-stream"},
+        Mistake{"BadDoctorPeer", "doctor --peer host:0", 2, "HOST:PORT"},
+        Mistake{"NatTimeoutOfNobody", "doctor --nat-timeout", 2, "--peer"},
+        Mistake{"NatTimeoutTooShort", "doctor --peer 127.0.0.1 --nat-timeout 4", 2,
+                "--nat-timeout"},
+        Mistake{"NatTimeoutTooLong", "doctor --peer 127.0.0.1 --nat-timeout 241", 2,
+                "--nat-timeout"},
+        Mistake{"NoNic", "road", 2, "--nic"},
+        Mistake{"UnknownNic", "road --nic wwan77 --ladder motion", 1, "wwan77"},
+        Mistake{"ProbeOfNobody", "probe", 2, "--peer"},
+        Mistake{"ProbeOfABadPort", "probe --peer roadside.example:port", 2, "HOST:PORT"},
+        Mistake{"ProbeOfABadNicPeer", "probe --nic lo=[::1", 2, "--nic '[::1'"},
+        Mistake{"ProbeOfNoAddress", "probe --peer 0.0.0.0", 2, "0.0.0.0"},
+        Mistake{"UnknownExperiment", "eval table-erods", 2, "table-erdos"},
+        Mistake{"NoExperiment", "eval", 2, "EXPERIMENT"},
+        Mistake{"NoRounds", "eval fig-rt --rounds 0", 2, "--rounds"},
+        Mistake{"SeedsBackwards", "eval fig-rt --seeds 5..1", 2, "5..1"},
+        Mistake{"SeedsOfLetters", "eval fig-rt --seeds a..b", 2, "a..b"},
+        Mistake{"TooManySeeds", "eval fig-rt --seeds 1..1000000", 2, "1000000"},
+        Mistake{"BothWorlds", "eval table-erdos --sim --testbed", 2, "--testbed"},
+        Mistake{"OnlyVirtualTime", "eval fig-rt --testbed", 2, "on the testbed: table-erdos"},
+        Mistake{"EvalNowhere", "eval fig-rt --out /proc/nowhere", 1, "/proc/nowhere"},
+        Mistake{"ReportNowhere", "report nowhere", 2, "nowhere"},
+        Mistake{"CaptureOfTwoRuns", "--pcap x.pcap", 2, "--load", NATURE_PROGRAM},
+        Mistake{"ProbeTooOften", "probe --peer 127.0.0.1 --interval 0.5ms", 2, "--interval"},
+        Mistake{"ProbeTooLarge", "probe --peer 127.0.0.1 --size 1401", 2, "--size"},
+        Mistake{"ProbeOverNoNic", "probe --peer 127.0.0.1 --nic wwan77", 1, "wwan77"},
+        Mistake{"StampPort", "road --nic lo --ladder motion --stamp 70000", 2, "--stamp"},
+        Mistake{"TestbedNotUp", "testbed run --name nobody -- true", 1, "nobody"},
+        Mistake{"DownOfNobody", "testbed down --name nobody", 1, "nobody"},
+        Mistake{"VerifyOfNobody", "testbed verify --name nobody", 1, "nobody"},
+        Mistake{"UnknownBackend", "testbed up --backend magic", 2, "--backend"},
+        Mistake{"NoVehicles", "testbed up --vehicles 0", 2, "--vehicles"},
+        Mistake{"NoProfileFile", "testbed up --profile ./nowhere.toml", 3, "nowhere.toml"},
+        Mistake{"NoScenarioFile", "testbed up --scenario nowhere.toml", 3, "nowhere.toml"}),
+    [](const auto& mistake) { return std::string(mistake.param.name); });
+
+struct BadProfile {
+  const char* lines;
+  const char* says;
+  const char* program = INTERNEURON_PROGRAM;
+};
+
+TEST(BadInput, AProfileThatIsWrongIsNamedAndNothingIsLeft) {
+  const TempFolder folder;
+  std::ofstream(folder / "cut.rtt") << "# Source: a test\n# step_s = 1\n50\n60\n7";  // no newline
+  const std::string file = (folder / "bad.toml").string();
+  const std::string ends = "[up]\nrate_mbit = 10\n[down]\nrate_mbit = 10\n";
+  for (const BadProfile& bad :
+       {BadProfile{"model = \"constant\"\nrtt_ms = 20\nloss = 0\nlos = 1\n", "did you mean 'loss'"},
+        BadProfile{"model = \"constant\"\nrtt_ms = 20\nloss = 7\n", "out of range"},
+        BadProfile{"model = \"delay-trace\"\nloss = 0\nrtt_trace = \"none.rtt\"\n", "none.rtt"},
+        BadProfile{"model = \"delay-trace\"\nloss = 0\nrtt_trace = \"cut.rtt\"\n", "cut.rtt"}}) {
+    std::ofstream(file) << "schema = 1\nname = \"bad\"\ndescription = \"bad\"\n"
+                        << bad.lines << ends;
+    const Ran ran = run("testbed up --name never --profile bad=" + file);
+    EXPECT_EQ(ran.code, 3) << ran.output;
+    EXPECT_NE(ran.output.find(bad.says), std::string::npos) << ran.output;
+    EXPECT_EQ(std::ranges::count(ran.output, '\n'), 1) << ran.output;
+  }
+  EXPECT_EQ(run("testbed status --name never").code, 1);
+}
+
+TEST(BadInput, AModelThatIsNotThere) {
+  const TempFolder data;
+  const Ran ran = run("road --nic lo --ladder dnn --data '" + data.string() + "'");
+  EXPECT_EQ(ran.code, 3) << ran.output;
+  EXPECT_NE(ran.output.find("fetch_data.sh"), std::string::npos) << ran.output;
+}
+
+TEST(BadInput, AnAbsentRoadsideUnitIsNamed) {
+  const Ran ran =
+      run("vehicle --link lo=127.0.0.1:9 --wait-s 0.5 --ladder motion -q --video "
+          "'" INTERNEURON_SOURCE_DIR "/docs/latency.png'");
+  EXPECT_EQ(ran.code, 1) << ran.output;
+  EXPECT_NE(ran.output.find("no roadside unit answered"), std::string::npos) << ran.output;
+  EXPECT_NE(ran.output.find("lo=127.0.0.1:9"), std::string::npos) << ran.output;
+}
+
+TEST(BadInput, HelpAndVersionAreFine) {
+  for (const char* arguments : {"--help", "demo --help", "vehicle --help", "road --help",
+                                "testbed --help", "version", "links --help", "top --help",
+                                "doctor --help", "probe --help", "eval --help", "report --help"}) {
+    EXPECT_EQ(run(arguments).code, 0) << arguments;
+  }
+  EXPECT_EQ(run_program(NATURE_PROGRAM, "--help").code, 0);
+}
+
+}  // namespace
+}  // namespace interneuron::cli

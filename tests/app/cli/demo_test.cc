@@ -1,0 +1,162 @@
+// The demo as a user runs it, short, with the ladder that needs no models.
+#include <fcntl.h>
+#include <poll.h>
+#include <signal.h>
+
+#include <cctype>
+#include <chrono>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <numeric>
+
+#include "lab/files/run_files.h"
+#include "support.h"
+
+namespace interneuron::cli {
+namespace {
+
+// A folder of small pictures with something that moves, so that no video is needed.
+void make_pictures(const std::filesystem::path& folder) {
+  std::filesystem::create_directories(folder);
+  constexpr int kWidth = 192;
+  constexpr int kHeight = 144;
+  for (int i = 0; i < 30; ++i) {
+    std::ofstream out(folder / ("f" + std::to_string(100 + i) + ".ppm"), std::ios::binary);
+    out << "P6\n" << kWidth << ' ' << kHeight << "\n255\n";
+    for (int y = 0; y < kHeight; ++y) {
+      for (int x = 0; x < kWidth; ++x) {
+        const bool person = x >= 5 * i && x < 5 * i + 12 && y >= 60 && y < 92;
+        const char v = static_cast<char>(person ? 230 : 60 + (x + y) % 8);
+        out.put(v).put(v).put(v);
+      }
+    }
+  }
+}
+
+class Demo : public testing::Test {
+ protected:
+  void SetUp() override {
+    const std::string why = no_testbed();
+    if (!why.empty()) GTEST_SKIP() << why;
+    make_pictures(folder_ / "pictures");
+  }
+  std::string arguments(int rounds) const {
+    return "demo --ladder motion --rounds " + std::to_string(rounds) + " --video '" +
+           (folder_ / "pictures").string() + "' --out '" + (folder_ / "out").string() + "'";
+  }
+  TempFolder folder_;
+};
+
+TEST_F(Demo, AnswersEveryRoundAndItsFilesAgree) {
+  const Ran ran = run(arguments(20));
+  ASSERT_EQ(ran.code, 0) << ran.output;
+  for (const char* file : {"rounds.csv", "summary.json", "latency.png"}) {
+    EXPECT_TRUE(std::filesystem::exists(folder_ / "out" / file)) << file;
+  }
+  const Json s = read_json(folder_ / "out" / "summary.json");
+  EXPECT_EQ(s["rounds"], 20);
+  EXPECT_EQ(s["answers"], 20);
+  EXPECT_EQ(s["on_time"].get<int>() + s["local"].get<int>(), 20);
+  // Recomputed from the CSV by other means than the program's.
+  const auto rows = read_csv(folder_ / "out" / "rounds.csv");
+  int on_time = 0;
+  double sum = 0;
+  for (const RoundRow& r : rows) {
+    if (r.outcome != Outcome::kRemote) continue;
+    ++on_time;
+    sum += to_ms(r.e2e);
+  }
+  EXPECT_EQ(s["on_time"], on_time);
+  EXPECT_EQ(s["timeouts"], 20 - on_time);
+  if (on_time > 0) {
+    EXPECT_NEAR(s["e2e_ms"]["mean"].get<double>(), sum / on_time, 0.001);
+  }
+}
+
+TEST_F(Demo, JsonIsAllThatStdoutHolds) {
+  const Ran ran = run(arguments(5) + " --json", false);
+  ASSERT_EQ(ran.code, 0) << ran.output;
+  const Json s = Json::parse(ran.output, nullptr, false);
+  ASSERT_FALSE(s.is_discarded()) << ran.output;
+  EXPECT_EQ(s["schema"], "interneuron.run/1");
+}
+
+TEST_F(Demo, ObeysTheGuardThatIsAskedFor) {
+  const Ran ran = run(arguments(10) + " --guard paper");
+  ASSERT_EQ(ran.code, 0) << ran.output;
+  EXPECT_EQ(read_json(folder_ / "out" / "summary.json")["guard"], "paper");
+  EXPECT_EQ(read_csv(folder_ / "out" / "rounds.csv").front().guard, "paper");
+}
+
+TEST_F(Demo, TellsOnceWhatThePolicyRefusesAndAnswersLocally) {
+  const Ran ran = run(arguments(5) + " --policy secure");  // no network here is trusted
+  ASSERT_EQ(ran.code, 0) << ran.output;
+  const std::size_t first = ran.output.find("nothing is sent: no link");
+  EXPECT_NE(first, std::string::npos) << ran.output;
+  EXPECT_EQ(ran.output.find("nothing is sent: no link", first + 1), std::string::npos);
+  const Json s = read_json(folder_ / "out" / "summary.json");
+  EXPECT_EQ(s["refused"], 5);
+  EXPECT_EQ(s["local"], 5);
+}
+
+TEST_F(Demo, AMissedObjectiveHasItsExitCode) {
+  const Ran ran = run(arguments(3) + " --deadline-ms 1 --objective 99");
+  EXPECT_EQ(ran.code, 4) << ran.output;
+}
+
+// Processes of a group that still run. Those that ended and wait for init to reap them do not
+// count: the leak sanitizer leaves one.
+int running_in_group(pid_t group) {
+  int running = 0;
+  for (const auto& entry : std::filesystem::directory_iterator("/proc")) {
+    if (std::isdigit(static_cast<unsigned char>(entry.path().filename().native()[0])) == 0)
+      continue;
+    std::ifstream in(entry.path() / "stat");
+    const std::string text(std::istreambuf_iterator<char>(in), {});
+    // "PID (NAME) STATE PARENT GROUP …"
+    char state = 'Z';
+    int its_group = 0;
+    const std::size_t name_end = text.rfind(')');
+    if (name_end == std::string::npos) continue;
+    if (std::sscanf(text.c_str() + name_end + 1, " %c %*d %d", &state, &its_group) != 2) continue;
+    running += its_group == group && state != 'Z' ? 1 : 0;
+  }
+  return running;
+}
+
+TEST_F(Demo, InterruptedItLeavesNothingBehind) {
+  const std::filesystem::path log = folder_ / "log";
+  const pid_t pid = ::fork();
+  ASSERT_GE(pid, 0);
+  if (pid == 0) {
+    ::setpgid(0, 0);  // a terminal's foreground group
+    const int fd = ::open(log.c_str(), O_CREAT | O_WRONLY, 0600);
+    ::dup2(fd, 1);
+    ::dup2(fd, 2);
+    ::execl("/bin/sh", "sh", "-c", ("exec '" INTERNEURON_PROGRAM "' " + arguments(1000)).c_str(),
+            nullptr);
+    ::_exit(127);
+  }
+  const auto contents = [&log] {
+    std::ifstream in(log);
+    return std::string(std::istreambuf_iterator<char>(in), {});
+  };
+  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+  while (contents().find("on time") == std::string::npos &&
+         std::chrono::steady_clock::now() < deadline) {
+    ::poll(nullptr, 0, 20);
+  }
+  ASSERT_NE(contents().find("on time"), std::string::npos) << contents();
+  ::kill(-pid, SIGINT);
+  int status = 0;
+  ASSERT_EQ(::waitpid(pid, &status, 0), pid);
+  ASSERT_TRUE(WIFEXITED(status));
+  EXPECT_EQ(WEXITSTATUS(status), 130) << contents();
+  EXPECT_EQ(running_in_group(pid), 0) << "a process of the demo is still there";
+  // The rounds so far are reported all the same.
+  EXPECT_TRUE(std::filesystem::exists(folder_ / "out" / "summary.json")) << contents();
+}
+
+}  // namespace
+}  // namespace interneuron::cli

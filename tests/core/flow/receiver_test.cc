@@ -1,0 +1,339 @@
+#include "core/flow/receiver.h"
+
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+
+#include <algorithm>
+#include <numeric>
+#include <random>
+#include <set>
+
+#include "core/wire/round_header.h"
+
+namespace interneuron::flow {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr LinkId kLink{3};
+constexpr std::size_t kPacket = 1428;
+
+TimePoint at(Duration d) { return TimePoint{d}; }
+
+bool accept(PathReceiver& r, std::uint64_t number) {
+  return r.accept(at(1s), number, true, kPacket);
+}
+
+// --- PathReceiver
+
+TEST(PathReceiver, AcceptsEachNumberOnce) {
+  PathReceiver r(kLink);
+  EXPECT_TRUE(accept(r, 5));
+  EXPECT_FALSE(accept(r, 5));
+  EXPECT_TRUE(accept(r, 3));
+  EXPECT_FALSE(accept(r, 3));
+  EXPECT_TRUE(accept(r, 6));
+  EXPECT_FALSE(accept(r, 5));
+}
+
+TEST(PathReceiver, WhatIsOlderThanItsWindowIsRefused) {
+  PathReceiver r(kLink);
+  accept(r, 1000);
+  EXPECT_TRUE(accept(r, 1000 - wire::kAckWindow));
+  EXPECT_FALSE(accept(r, 1000 - wire::kAckWindow - 1));
+}
+
+TEST(PathReceiver, AJumpBeyondTheWindowForgetsWhatWasBefore) {
+  PathReceiver r(kLink);
+  accept(r, 1);
+  accept(r, UINT64_MAX);
+  EXPECT_FALSE(accept(r, 1));
+  EXPECT_FALSE(accept(r, UINT64_MAX));
+  EXPECT_EQ(r.report(at(1s)).largest, UINT64_MAX);
+  EXPECT_EQ(r.report(at(1s)).bitmap, wire::AckBitmap{});
+}
+
+RC_GTEST_PROP(PathReceiver, AgreesWithASet, ()) {
+  PathReceiver r(kLink);
+  std::set<std::uint64_t> seen;
+  std::uint64_t largest = 0;
+  const auto steps = *rc::gen::container<std::vector<int>>(
+      rc::gen::oneOf(rc::gen::inRange(-20, 20), rc::gen::inRange(-300, 300)));
+  std::int64_t last = 1000;
+  for (const int step : steps) {
+    last = std::max<std::int64_t>(1, last + step);
+    const auto number = static_cast<std::uint64_t>(last);
+    const bool too_old = number + wire::kAckWindow < largest;
+    RC_ASSERT(accept(r, number) == (!too_old && !seen.contains(number)));
+    if (!too_old) seen.insert(number);
+    largest = std::max(largest, number);
+  }
+  const wire::LinkReport report = r.report(at(1s));
+  RC_ASSERT(report.link == kLink);
+  RC_ASSERT(report.largest == largest);
+  for (std::uint64_t i = 0; i < wire::kAckWindow; ++i) {
+    const bool said = (report.bitmap[i / 64] >> (i % 64) & 1U) != 0;
+    RC_ASSERT(said == (largest > i && seen.contains(largest - 1 - i)));
+  }
+}
+
+TEST(PathReceiver, ASkippedNumberIsAGapUntilItIsReported) {
+  PathReceiver r(kLink);
+  accept(r, 9);  // the first one skips nothing
+  accept(r, 10);
+  EXPECT_FALSE(r.gap());
+  accept(r, 12);
+  EXPECT_TRUE(r.gap());
+  r.reported();
+  EXPECT_FALSE(r.gap());
+  accept(r, 11);  // only late
+  EXPECT_FALSE(r.gap());
+}
+
+TEST(PathReceiver, ATrainIsMeasuredFromItsSecondPacketOn) {
+  PathReceiver r(kLink);
+  const Duration step = 114'240ns;  // 1428 bytes at 100 Mbit/s
+  for (int i = 0; i < 20; ++i)
+    r.accept(at(1s + i * step), 50 + static_cast<std::uint64_t>(i), true, kPacket);
+  const wire::LinkReport report = r.report(at(2s));
+  EXPECT_EQ(report.train_start, 50U);
+  EXPECT_EQ(report.train_packets, 20U);
+  EXPECT_NEAR(report.train_rate.mbit(), 100, 0.01);
+}
+
+TEST(PathReceiver, APauseOrTooLongATrainBeginsAnother) {
+  PathReceiver r(kLink);
+  r.accept(at(0ms), 1, true, kPacket);
+  r.accept(at(10ms), 2, true, kPacket);
+  EXPECT_EQ(r.report(at(1s)).train_start, 1U);
+  r.accept(at(20ms + 1ns), 3, true, kPacket);
+  EXPECT_EQ(r.report(at(1s)).train_start, 3U);
+  EXPECT_EQ(r.report(at(1s)).train_rate, DataRate{});
+  for (std::uint64_t i = 0; i < 50; ++i) r.accept(at(20ms + i * 5ms), 4 + i, true, kPacket);
+  EXPECT_EQ(r.report(at(1s)).train_start, 45U);  // the first more than 200 ms after packet 3
+}
+
+TEST(PathReceiver, FeedbackIsNoPartOfATrain) {
+  PathReceiver r(kLink);
+  r.accept(at(0ms), 1, false, kPacket);
+  EXPECT_EQ(r.report(at(1s)).train_packets, 0U);
+  EXPECT_EQ(r.report(at(1s)).largest, 1U);
+}
+
+TEST(PathReceiver, ReportsTheNewestExchangeAndItsAge) {
+  PathReceiver r(kLink);
+  EXPECT_FALSE(r.report(at(1s)).has_exchange);
+  r.exchange(at(1s), PeerTime{500ms});
+  r.exchange(at(1100ms), PeerTime{400ms});  // overtaken
+  const wire::LinkReport report = r.report(at(1250ms));
+  EXPECT_TRUE(report.has_exchange);
+  EXPECT_EQ(report.s, PeerTime{500ms});
+  EXPECT_EQ(report.h, 250ms);
+}
+
+// --- Reassembler
+
+constexpr std::uint16_t kChunk = 100;
+constexpr ClockBounds kNoClocks{};
+
+struct Cut {
+  Bytes bytes;
+  MessageId id{};
+  std::uint32_t lifetime_us = 130'000;
+
+  std::uint16_t count() const {
+    return static_cast<std::uint16_t>((bytes.size() + kChunk - 1) / kChunk);
+  }
+  wire::Data piece(std::size_t index) const {
+    wire::Data d;
+    d.fragment = {id, static_cast<std::uint16_t>(index), count(), kChunk, lifetime_us};
+    d.bytes = ByteView(bytes).subspan(index * kChunk,
+                                      std::min<std::size_t>(kChunk, bytes.size() - index * kChunk));
+    return d;
+  }
+};
+
+Bytes noise(std::size_t size, std::uint32_t seed) {
+  std::mt19937 rng(seed);
+  Bytes out(size);
+  for (std::byte& b : out) b = static_cast<std::byte>(rng());
+  return out;
+}
+
+using Result = Reassembler::Result;
+
+RC_GTEST_PROP(Reassembler, PutsPiecesTogetherInAnyOrder, ()) {
+  const Cut cut{
+      noise(*rc::gen::inRange<std::size_t>(1, 3000), *rc::gen::arbitrary<std::uint32_t>()),
+      MessageId{7}};
+  std::vector<std::size_t> order(cut.count());
+  std::iota(order.begin(), order.end(), 0U);
+  std::shuffle(order.begin(), order.end(), std::mt19937(*rc::gen::arbitrary<std::uint32_t>()));
+  Reassembler r;
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    auto outcome = r.add(at(0ms), cut.piece(order[i]), kNoClocks);
+    if (i + 1 < order.size()) {
+      RC_ASSERT(outcome.result == Result::kStored);
+      RC_ASSERT(r.add(at(0ms), cut.piece(order[i]), kNoClocks).result == Result::kDuplicate);
+    } else {
+      RC_ASSERT(outcome.result == Result::kComplete);
+      RC_ASSERT(outcome.message == cut.bytes);
+    }
+  }
+  RC_ASSERT(r.bytes() == 0U);
+  RC_ASSERT(!r.next_timeout());
+  RC_ASSERT(r.add(at(0ms), cut.piece(0), kNoClocks).result == Result::kDuplicate);
+}
+
+TEST(Reassembler, PiecesThatContradictTheFirstAreRefused) {
+  Reassembler r;
+  const Cut cut{noise(250, 1), MessageId{1}};
+  r.add(at(0ms), cut.piece(0), kNoClocks);
+  wire::Data other = cut.piece(1);
+  other.fragment.count = 4;
+  EXPECT_EQ(r.add(at(0ms), other, kNoClocks).result, Result::kRefused);
+  other = cut.piece(1);
+  other.fragment.chunk = 50;
+  other.bytes = other.bytes.first(50);
+  EXPECT_EQ(r.add(at(0ms), other, kNoClocks).result, Result::kRefused);
+  r.add(at(0ms), cut.piece(1), kNoClocks);
+  EXPECT_EQ(r.add(at(0ms), cut.piece(2), kNoClocks).message, cut.bytes);
+}
+
+TEST(Reassembler, HoldsNoMoreThanItsBound) {
+  Reassembler r;
+  const Bytes piece(1352);
+  for (std::uint32_t id = 0; id < 1000; ++id) {
+    wire::Data d;
+    d.fragment = {MessageId{id}, 1, 1000, 1352, UINT32_MAX};
+    d.bytes = piece;
+    const Result result = r.add(at(0ms), d, kNoClocks).result;
+    EXPECT_EQ(result, id < Reassembler::kMaxBytes / 1'352'000 ? Result::kStored : Result::kRefused);
+    EXPECT_LE(r.bytes(), Reassembler::kMaxBytes);
+  }
+}
+
+TEST(Reassembler, ManySmallPromisesAreBoundedToo) {
+  // Two bytes each, for more than an hour: what is kept beside the bytes must not grow without
+  // bound.
+  Reassembler r;
+  const Bytes piece(1);
+  std::size_t stored = 0;
+  for (std::uint32_t id = 0; id < 100'000; ++id) {
+    wire::Data d;
+    d.fragment = {MessageId{id}, 0, 2, 1, UINT32_MAX};
+    d.bytes = piece;
+    if (r.add(at(0ms), d, kNoClocks).result == Result::kStored) ++stored;
+  }
+  EXPECT_EQ(stored, Reassembler::kMaxPartials);
+}
+
+TEST(Reassembler, TheLargestMessageFits) {
+  Reassembler r;
+  wire::Data d;
+  const Bytes piece(1352);
+  const std::size_t size = kMaxMessageBytes + wire::kRoundHeaderBytes;
+  d.fragment = {MessageId{1}, 0, static_cast<std::uint16_t>(size / 1352 + 1), 1352, 1000};
+  d.bytes = piece;
+  EXPECT_EQ(r.add(at(0ms), d, kNoClocks).result, Result::kStored);
+}
+
+TEST(Reassembler, ALargeClaimIsRefusedWithoutOverflow) {
+  Reassembler r;
+  const Bytes piece(UINT16_MAX);
+  wire::Data d;
+  d.fragment = {MessageId{1}, 0, UINT16_MAX, UINT16_MAX, 1};
+  d.bytes = piece;
+  EXPECT_EQ(r.add(at(0ms), d, kNoClocks).result, Result::kRefused);
+  EXPECT_EQ(r.bytes(), 0U);
+}
+
+TEST(Reassembler, WithoutAClockAMessageExpiresItsLifetimeAfterItsFirstPiece) {
+  Reassembler r;
+  const Cut cut{noise(250, 1), MessageId{1}};
+  r.add(at(10ms), cut.piece(2), kNoClocks);
+  r.add(at(90ms), cut.piece(1), kNoClocks);  // does not prolong it
+  EXPECT_EQ(r.next_timeout(), at(140ms));
+  EXPECT_EQ(r.expire(at(140ms - 1ns)), 0U);
+  EXPECT_EQ(r.expire(at(140ms)), 1U);
+  EXPECT_EQ(r.bytes(), 0U);
+  EXPECT_EQ(r.add(at(141ms), cut.piece(0), kNoClocks).result, Result::kDuplicate);
+}
+
+constexpr SessionId kSelf{1};
+constexpr SessionId kPeer{2};
+
+// A message of 250 bytes that opens with a round header: t0 of `origin`, D_N = 130 ms.
+Cut with_header(SessionId origin, PeerTime t0) {
+  wire::RoundHeader h;
+  h.round = {origin, PipelineId{0}, RoundId{0}};
+  h.t0 = t0;
+  h.deadline_us = 130'000;
+  Cut cut{Bytes(250), MessageId{1}};
+  wire::write_round_header(std::span(cut.bytes).first<wire::kRoundHeaderBytes>(), h);
+  return cut;
+}
+
+TEST(Reassembler, ExpiresByTheOriginsClockOnceTheHeaderIsThere) {
+  // Own clock - peer's is at most 1 h + 20 ms.
+  const ClockBounds clocks{kSelf, kPeer, 1h + 20ms};
+  const Cut cut = with_header(kPeer, PeerTime{5s});
+  Reassembler r;
+  const TimePoint first = at(1h + 5s + 100ms);
+  r.add(first, cut.piece(1), clocks);
+  EXPECT_EQ(r.next_timeout(), first + 130ms);
+  r.add(first + 1ms, cut.piece(0), clocks);
+  EXPECT_EQ(r.next_timeout(), at(1h + 5s + 20ms + 130ms + 2ms));
+}
+
+TEST(Reassembler, ButNeverLaterThanItsLifetime) {
+  const ClockBounds clocks{kSelf, kPeer, 100s};
+  const Cut cut = with_header(kPeer, PeerTime{5s});
+  Reassembler r;
+  r.add(at(6s), cut.piece(0), clocks);
+  EXPECT_EQ(r.next_timeout(), at(6s + 130ms));
+}
+
+TEST(Reassembler, OwnRoundsNeedNoClockAndUnknownOriginsHaveNone) {
+  const ClockBounds clocks{kSelf, kPeer, std::nullopt};
+  Reassembler r;
+  r.add(at(5s + 100ms), with_header(kSelf, PeerTime{5s}).piece(0), clocks);
+  EXPECT_EQ(r.next_timeout(), at(5s + 132ms));
+  Reassembler other;
+  other.add(at(5s + 100ms), with_header(SessionId{77}, PeerTime{5s}).piece(0), clocks);
+  EXPECT_EQ(other.next_timeout(), at(5s + 230ms));
+}
+
+RC_GTEST_PROP(Reassembler, AnyOriginTimeIsSurvived, (std::int64_t t0, std::int64_t hi)) {
+  Reassembler r;
+  r.add(at(1s), with_header(kPeer, PeerTime{Duration{t0}}).piece(0), {kSelf, kPeer, Duration{hi}});
+  RC_ASSERT(r.next_timeout() <= at(1s + 130ms));
+  r.expire(at(1s + 130ms));
+  RC_ASSERT(r.bytes() == 0U);
+}
+
+TEST(Reassembler, RemembersTheLastFiveHundredMessages) {
+  Reassembler r;
+  Cut cut{noise(10, 1)};
+  for (std::uint32_t id = 0; id < 513; ++id) {
+    cut.id = MessageId{id};
+    EXPECT_EQ(r.add(at(0ms), cut.piece(0), kNoClocks).result, Result::kComplete);
+  }
+  cut.id = MessageId{1};
+  EXPECT_EQ(r.add(at(0ms), cut.piece(0), kNoClocks).result, Result::kDuplicate);
+  cut.id = MessageId{0};
+  EXPECT_EQ(r.add(at(0ms), cut.piece(0), kNoClocks).result, Result::kComplete);
+}
+
+TEST(Reassembler, ResetForgetsEverything) {
+  Reassembler r;
+  const Cut cut{noise(250, 1), MessageId{1}};
+  r.add(at(0ms), cut.piece(0), kNoClocks);
+  r.reset();
+  EXPECT_EQ(r.bytes(), 0U);
+  EXPECT_FALSE(r.next_timeout());
+  EXPECT_EQ(r.add(at(0ms), cut.piece(0), kNoClocks).result, Result::kStored);
+}
+
+}  // namespace
+}  // namespace interneuron::flow

@@ -1,0 +1,123 @@
+// GuardKind::kBudget at the origin: which mode the first transmission takes.
+#include "core/guard/budget_origin.h"
+
+#include <gtest/gtest.h>
+
+namespace interneuron::guard {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr Duration kUnderWay = 1ms;  // from t0 to the choice
+
+PipelineConfig camera() {
+  PipelineConfig c;
+  c.stages = {StageKind::kCommunication, StageKind::kComputation, StageKind::kCommunication};
+  c.guard = GuardKind::kBudget;
+  c.levels = {{8ms, 10ms, {0.14, 0.13}}, {19ms, 24ms, {0.35, 0.33}}, {44ms, 46ms, {0.40, 0.38}}};
+  c.fallback.local = 0.14;
+  return c;
+}
+
+// Rounds with known delays over links whose forecasts are as given.
+struct Vehicle {
+  explicit Vehicle(const PipelineConfig& config = camera()) : origin(config) {}
+
+  // The mode chosen.
+  bool choose() {
+    Forecast whole;
+    Forecast small;
+    whole[0] = raw;
+    small[1] = sampled;
+    now = TimePoint{round * 100ms};
+    return degraded = origin.choose_degraded(now, RoundId{round}, {}, kUnderWay, whole, small);
+  }
+  // One round more; `error`: of the forecast, `excess`: lost before the computation, `rest`: after.
+  bool step(Duration error = {}, Duration excess = {}, Duration rest = {}, std::uint8_t level = 2) {
+    choose();
+    Spent spent;
+    spent.level = level;
+    spent.variant = degraded ? 1 : 0;
+    spent.excess = excess;
+    spent.computed = camera().levels[level].median;
+    const Duration e2e =
+        kUnderWay + (degraded ? sampled : raw) + error + excess + *spent.computed + rest;
+    origin.result(now + e2e, RoundId{round}, e2e, spent);
+    if (e2e > 130ms) origin.missed(now + 130ms, RoundId{round});
+    ++round;
+    return degraded;
+  }
+
+  BudgetOrigin origin;
+  Duration raw = 66ms;
+  Duration sampled = 33ms;
+  TimePoint now{};
+  std::uint32_t round = 0;
+  bool degraded = false;
+};
+
+TEST(BudgetOrigin, BeginsWithTheSaferModeAndTurnsToTheBetterOneWhenItIsSafe) {
+  Vehicle v;
+  EXPECT_TRUE(v.step());
+  for (int i = 0; i < 100; ++i) v.step();
+  EXPECT_FALSE(v.step());
+}
+
+TEST(BudgetOrigin, WithoutAnyForecastTheSmallerMessageGoes) {
+  BudgetOrigin origin(camera());
+  EXPECT_TRUE(origin.choose_degraded(TimePoint{}, RoundId{0}, {}, kUnderWay, {}, {}));
+}
+
+TEST(BudgetOrigin, DelaysThatOnlyTheSmallerMessageAbsorbsMakeItGo) {
+  Vehicle v;
+  for (int i = 0; i < 200; ++i) v.step();
+  for (int i = 0; i < 100; ++i) v.step({}, {}, i % 4 == 0 ? 35ms : 0ms);
+  EXPECT_TRUE(v.step());
+  for (int i = 0; i < 600; ++i) v.step();
+  EXPECT_FALSE(v.step());  // forgotten
+}
+
+// What was lost before the computation can be made up for by the level, what is lost after it not.
+TEST(BudgetOrigin, DelaysThatTheLevelMakesUpForCostLess) {
+  const auto value = [](Duration before, Duration after) {
+    Vehicle v;
+    for (int i = 0; i < 200; ++i) {
+      const bool hit = i % 4 == 0;
+      v.step({}, hit ? before : 0ms, hit ? after : 0ms);
+    }
+    Forecast whole;
+    whole[0] = v.raw;
+    return v.origin.worth_of(v.now, false, kUnderWay, whole)->value;
+  };
+  // A quarter of the rounds at the middle level, or all of them.
+  EXPECT_NEAR(value(35ms, 0ms), 0.75 * 0.40 + 0.25 * 0.35, 0.01);
+  EXPECT_NEAR(value(0ms, 35ms), 0.35, 0.01);
+}
+
+// A wrong forecast is learnt, and does not condemn the mode for ever.
+TEST(BudgetOrigin, AWrongForecastIsLearntAndFades) {
+  Vehicle v;
+  for (int i = 0; i < 100; ++i) v.step();
+  ASSERT_FALSE(v.step());
+  int whole = 0;
+  for (int i = 0; i < 100; ++i) {
+    v.choose();
+    whole += v.step(v.degraded ? 0ms : 40ms) ? 0 : 1;  // raw takes 40 ms longer than forecast
+  }
+  EXPECT_LE(whole, 10);
+  for (int i = 0; i < 1500; ++i) v.step();
+  EXPECT_FALSE(v.step());
+}
+
+TEST(BudgetOrigin, WithoutLevelsTheComputationIsLearntFromResults) {
+  PipelineConfig config = camera();
+  config.levels.clear();
+  Vehicle v(config);
+  for (int i = 0; i < 100; ++i) v.step();
+  EXPECT_FALSE(v.step());
+  v.raw = 90ms;  // with 44 ms of computation: too late
+  EXPECT_TRUE(v.step());
+}
+
+}  // namespace
+}  // namespace interneuron::guard

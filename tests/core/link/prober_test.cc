@@ -1,0 +1,192 @@
+#include "core/link/prober.h"
+
+#include <gtest/gtest.h>
+
+namespace interneuron::link {
+namespace {
+
+using namespace std::chrono_literals;
+
+TimePoint at(Duration d) { return TimePoint{d}; }
+
+// Runs a prober alone on a path of `rate`; every train is measured 50 ms later.
+struct Alone {
+  Prober prober;
+  DataRate rate{};
+  std::size_t heartbeats = 0;
+  std::vector<std::pair<TimePoint, std::uint32_t>> trains;
+  std::size_t proofs = 0;
+  std::uint64_t train_bits = 0;
+  TimePoint now = at(0s);
+
+  void until(Duration end, Duration message_period = {}) {
+    std::size_t long_trains = 0;
+    std::optional<TimePoint> report;
+    TimePoint message = now;
+    while (now < at(end)) {
+      if (message_period > 0ns && message <= now) {
+        prober.data_sent(now);
+        message += message_period;
+      }
+      if (prober.heartbeat_due(now)) {
+        ++heartbeats;
+        prober.heartbeat_sent(now);
+      }
+      if (const auto train = prober.train_due(now)) {
+        trains.emplace_back(now, train->packets);
+        train_bits += std::uint64_t{train->packets} * 1428 * 8;
+        prober.train_sent(now, train->packets);
+        if (rate.transmit_time((train->packets - 1) * 1428) >= 5ms) ++long_trains;
+        report = now + 50ms;
+      }
+      if (prober.proof_due(now)) {
+        ++proofs;
+        prober.proof_sent(now);
+      }
+      if (report && *report <= now) {
+        if (rate > DataRate{}) prober.set_rate({rate, now, std::min<std::size_t>(long_trains, 3)});
+        report.reset();
+      }
+      TimePoint next = prober.next_timeout(now);
+      ASSERT_GT(next, now);
+      if (report) next = std::min(next, *report);
+      if (message_period > 0ns) next = std::min(next, message);
+      now = std::min(next, at(end));
+    }
+  }
+};
+
+TEST(Prober, HeartbeatsFollowActivity) {
+  Alone run;
+  run.until(30s);
+  EXPECT_NEAR(static_cast<double>(run.heartbeats), 600, 1) << "new";
+  run.heartbeats = 0;
+  run.until(60s);
+  EXPECT_NEAR(static_cast<double>(run.heartbeats), 100, 1) << "idle";
+  run.heartbeats = 0;
+  run.until(90s, 100ms);
+  EXPECT_NEAR(static_cast<double>(run.heartbeats), 600, 2);
+  run.heartbeats = 0;
+  run.until(120s);
+  EXPECT_NEAR(static_cast<double>(run.heartbeats), 100 + 25.0 / 0.3, 3);  // 5 s more of activity
+}
+
+TEST(Prober, HeartbeatsKeepTheirBudgetWhateverTheirSize) {
+  for (const std::size_t bytes : {152U, 228U, 684U, 1400U}) {
+    Alone run;
+    run.prober.set_sizes(bytes, 1428);
+    run.until(60s, 100ms);
+    EXPECT_LE(static_cast<double>(run.heartbeats * bytes * 8) / 60, 30'000 * 1.01) << bytes;
+  }
+}
+
+TEST(Prober, AMeteredPathIsKeptOpenWithFewHeartbeatsAndNoTrains) {
+  Alone run;
+  run.rate = DataRate::mbit(20);
+  run.prober.set_metered(true);
+  run.prober.set_ready(true);
+  run.until(120s);
+  EXPECT_LE(run.heartbeats, 11U);
+  EXPECT_GE(run.heartbeats, 8U);  // <= 15 s apart
+  EXPECT_TRUE(run.trains.empty());
+  run.prober.request_train(run.now);
+  run.until(121s);
+  EXPECT_EQ(run.trains.size(), 1U);
+}
+
+TEST(Prober, LooksForAMeteredPeerAtTheUsualPace) {
+  Alone run;
+  run.prober.set_metered(true);
+  run.until(30s);
+  EXPECT_NEAR(static_cast<double>(run.heartbeats), 100, 1);
+}
+
+TEST(Prober, TrainsAreLongEnoughAndKeepTheBudget) {
+  for (const double mbit : {0.5, 5.0, 20.0, 100.0, 500.0, 1000.0}) {
+    Alone run;
+    run.rate = DataRate::mbit(mbit);
+    run.prober.set_ready(true);
+    run.until(300s);
+    ASSERT_GE(run.trains.size(), 3U) << mbit;
+    const double mean = static_cast<double>(run.train_bits) / 300;
+    EXPECT_LE(mean, 150'000 + 2e6 / 300) << mbit;  // with the start-up budget
+    const std::uint32_t last = run.trains.back().second;
+    EXPECT_GE(last, 16U);
+    EXPECT_GE(to_ms(run.rate.transmit_time((last - 1) * 1428)), 10 * 0.99) << mbit;
+    // Three trains settle it soon where the budget allows, then one per 10 s.
+    if (mbit <= 20) {
+      EXPECT_LT(run.trains[2].first, at(5s)) << mbit;
+      EXPECT_GE(run.trains[4].first - run.trains[3].first, 10s) << mbit;
+    }
+  }
+}
+
+TEST(Prober, TheFirstTrainsGrowUntilTheyAreLongEnough) {
+  Alone run;
+  run.rate = DataRate::mbit(100);
+  run.prober.set_ready(true);
+  run.until(1s);
+  ASSERT_GE(run.trains.size(), 2U);
+  EXPECT_EQ(run.trains[0].second, 32U);
+  EXPECT_GE(run.trains[1].second, 64U);
+}
+
+TEST(Prober, AGuessOnlyDoublesTheNextTrain) {
+  Prober p;
+  p.set_ready(true);
+  p.active(TimePoint{});
+  p.train_sent(TimePoint{}, 32);
+  p.set_rate({DataRate::mbit(3'900), std::nullopt, 0});
+  const auto train = p.train_due(TimePoint{300ms});
+  ASSERT_TRUE(train);
+  EXPECT_EQ(train->packets, 64U);
+}
+
+TEST(Prober, NothingIsProbedUnderLoad) {
+  Alone run;
+  run.rate = DataRate::mbit(20);
+  run.prober.set_ready(true);
+  run.prober.set_rate({DataRate::mbit(20), at(0s), 3});
+  run.until(120s, 100ms);
+  EXPECT_TRUE(run.trains.empty());
+  run.until(140s);
+  EXPECT_GE(run.trains.size(), 1U) << "the evidence is old, the path idle";
+}
+
+TEST(Prober, NothingIsProbedBeforeThePathIsReady) {
+  Alone run;
+  run.rate = DataRate::mbit(20);
+  run.until(30s);
+  EXPECT_TRUE(run.trains.empty());
+}
+
+TEST(Prober, ATrainThatVanishedIsTriedAgainWithinTheBudget) {
+  Alone run;  // rate 0: nothing comes back
+  run.prober.set_ready(true);
+  run.until(60s);
+  EXPECT_GE(run.trains.size(), 20U);
+  EXPECT_LE(static_cast<double>(run.train_bits) / 60, 150'000 + 2e6 / 60);
+}
+
+TEST(Prober, OnDemandAtOnce) {
+  Alone run;
+  run.rate = DataRate::mbit(20);
+  run.prober.set_ready(true);
+  run.until(30s);
+  const std::size_t before = run.trains.size();
+  run.prober.request_train(run.now);
+  run.until(30s + 10ms);
+  EXPECT_EQ(run.trains.size(), before + 1);
+}
+
+TEST(Prober, ALatchedPathGetsProofsNotTrains) {
+  Alone run;
+  run.prober.set_ready(true);
+  run.prober.set_latched(true);
+  run.until(10s);
+  EXPECT_TRUE(run.trains.empty());
+  EXPECT_NEAR(static_cast<double>(run.proofs), 40, 1);
+}
+
+}  // namespace
+}  // namespace interneuron::link

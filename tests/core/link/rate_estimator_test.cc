@@ -1,0 +1,208 @@
+#include "core/link/rate_estimator.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+namespace interneuron::link {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr std::size_t kPacketBytes = 1428;
+
+TimePoint at(Duration d) { return TimePoint{d}; }
+DataRate mbit(double value) { return DataRate::mbit(value); }
+
+// Sends messages of `packets` at 10 Hz over a link, as the endpoint does: at the pace asked for,
+// reports after every 16 packets, a round trip later.
+struct Loop {
+  RateEstimator estimator;
+  TimePoint now = at(0s);
+  std::uint64_t next_id = 1;
+
+  void message(std::uint32_t packets, DataRate link, double stretch = 1.0) {
+    const DataRate pace = estimator.pace().value_or(mbit(20));
+    const DataRate arrives = std::min(pace, link).scaled(1 / stretch);
+    for (std::uint32_t seen = 16; seen <= packets; seen += 16) {
+      const TimePoint told = now + 30ms + arrives.transmit_time(seen * kPacketBytes);
+      estimator.train(told, next_id, seen, arrives, pace);
+    }
+    next_id += packets;
+    now += std::max<Duration>(100ms, arrives.transmit_time(packets * kPacketBytes) + 60ms);
+  }
+  double rate() const { return estimator.rate().value_or(DataRate{}).mbit(); }
+};
+
+TEST(RateEstimator, AStepIsDisputedUntilOneMoreTrainSettlesIt) {
+  Loop loop;
+  for (int i = 0; i < 4; ++i) loop.message(94, mbit(50));
+  EXPECT_FALSE(loop.estimator.disputed());
+  loop.message(94, mbit(15));
+  EXPECT_TRUE(loop.estimator.disputed());
+  EXPECT_NEAR(loop.rate(), 50, 1);
+  loop.message(94, mbit(15));
+  EXPECT_FALSE(loop.estimator.disputed());
+  EXPECT_NEAR(loop.rate(), 15, 1);
+}
+
+TEST(RateEstimator, TrainsThatNeverAgreeAreDisputedOnceOnly) {
+  Loop loop;
+  for (int i = 0; i < 4; ++i) loop.message(94, mbit(50));
+  loop.message(94, mbit(15));
+  EXPECT_TRUE(loop.estimator.disputed());
+  loop.message(94, mbit(30));
+  EXPECT_FALSE(loop.estimator.disputed());
+}
+
+TEST(RateEstimator, KnowsNothingAtFirst) {
+  const RateEstimator e;
+  EXPECT_FALSE(e.rate());
+  EXPECT_FALSE(e.pace());
+  EXPECT_FALSE(e.measured_at());
+  EXPECT_EQ(e.trains(), 0U);
+}
+
+TEST(RateEstimator, FollowsAStepWithinThreeMessagesBothWays) {
+  for (const std::uint32_t packets : {94U, 375U}) {
+    for (const double from : {5.0, 10.0, 30.0, 60.0}) {
+      for (const double factor : {3.0, 2.0, 1.5, 1.2, 0.8, 0.5, 0.33, 0.2}) {
+        if (from * factor > 200) continue;
+        Loop loop;
+        for (int i = 0; i < 12; ++i) loop.message(packets, mbit(from));
+        EXPECT_NEAR(loop.rate(), from, 0.1 * from) << packets << " packets";
+        for (int i = 0; i < 3; ++i) loop.message(packets, mbit(from * factor));
+        EXPECT_NEAR(loop.rate(), from * factor, 0.1 * from * factor)
+            << from << " times " << factor << ", " << packets << " packets";
+      }
+    }
+  }
+}
+
+TEST(RateEstimator, OneTrainMovesNothing) {
+  for (const double stretch : {0.05, 0.3, 3.0, 20.0}) {
+    Loop loop;
+    for (int i = 0; i < 6; ++i) loop.message(100, mbit(20));
+    const double before = loop.rate();
+    loop.message(100, mbit(20), stretch);
+    EXPECT_NEAR(loop.rate(), before, 0.02 * before) << stretch;
+    loop.message(100, mbit(20));
+    EXPECT_NEAR(loop.rate(), before, 0.02 * before) << stretch;
+  }
+}
+
+TEST(RateEstimator, PacesAboveTheEstimateAndFurtherAfterATrainThatItLimited) {
+  RateEstimator e;
+  e.train(at(1s), 1, 100, mbit(10), mbit(20));
+  EXPECT_EQ(e.pace(), mbit(12.5));
+  e.train(at(3s), 200, 100, mbit(12), mbit(12.5));
+  EXPECT_EQ(e.pace(), mbit(36));
+  EXPECT_EQ(e.rate(), mbit(10)) << "of two the lower";
+  e.train(at(5s), 400, 100, mbit(12), mbit(30));
+  EXPECT_EQ(e.pace(), e.rate()->scaled(1.25));
+}
+
+TEST(RateEstimator, ASlowSenderDoesNotMakeTheLinkSlow) {
+  RateEstimator e;
+  for (std::uint64_t id = 1; id < 400; id += 100) e.train(at(1s), id, 100, mbit(50), std::nullopt);
+  for (std::uint64_t id = 1000; id < 3000; id += 100) e.train(at(2s), id, 100, mbit(5), mbit(5));
+  EXPECT_EQ(e.rate(), mbit(50));
+}
+
+TEST(RateEstimator, ShortTrainsCountWhileNothingBetterIsThere) {
+  RateEstimator e;
+  e.train(at(1s), 1, 15, mbit(90), std::nullopt);
+  EXPECT_FALSE(e.rate());
+  e.train(at(1s), 1, 16, mbit(90), std::nullopt);  // 1.9 ms
+  EXPECT_EQ(e.rate(), mbit(90));
+  EXPECT_TRUE(e.weak());
+  e.train(at(2s), 100, 88, mbit(60), std::nullopt);  // 16 ms
+  EXPECT_EQ(e.rate(), mbit(60));
+  EXPECT_FALSE(e.weak());
+  for (std::uint64_t id = 200; id < 210; ++id) e.train(at(3s), id, 16, mbit(400), std::nullopt);
+  EXPECT_EQ(e.rate(), mbit(60));
+  EXPECT_EQ(e.measured_at(), at(2s));
+}
+
+// 32 packets that a late receiver found and stamped at once look like 2.5 to 3.9 Gbit/s.
+TEST(RateEstimator, ABatchIsNoRateButHowFastToSearch) {
+  RateEstimator e;
+  e.train(at(1s), 1, 32, mbit(3'900), std::nullopt);
+  EXPECT_FALSE(e.rate());
+  EXPECT_FALSE(e.measured_at());
+  EXPECT_TRUE(e.weak());
+  EXPECT_EQ(e.guess(), mbit(3'900));
+  EXPECT_EQ(e.pace(), mbit(3'900 * 1.25));
+  for (int i = 0; i < 3; ++i) e.sample(at(1s), {mbit(4'000), false});
+  EXPECT_FALSE(e.rate());
+
+  e.train(at(2s), 100, 64, mbit(100), std::nullopt);  // 7 ms
+  EXPECT_EQ(e.rate(), mbit(100));
+  EXPECT_EQ(e.guess(), e.rate());
+  EXPECT_EQ(e.measured_at(), at(2s));
+  e.train(at(3s), 200, 32, mbit(3'900), std::nullopt);
+  EXPECT_EQ(e.rate(), mbit(100));
+  EXPECT_EQ(e.guess(), e.rate());
+}
+
+TEST(RateEstimator, ATrainIsBelievedFromAMillisecondOn) {
+  for (const std::uint32_t packets : {16U, 32U, 59U}) {
+    const DataRate limit = rate_of((packets - 1) * kPacketBytes, RateEstimator::kLeastDispersion);
+    RateEstimator slower;
+    slower.train(at(1s), 1, packets, limit.scaled(0.99), std::nullopt);
+    EXPECT_TRUE(slower.rate()) << packets;
+    RateEstimator faster;
+    faster.train(at(1s), 1, packets, limit.scaled(1.01), std::nullopt);
+    EXPECT_FALSE(faster.rate()) << packets;
+  }
+}
+
+TEST(RateEstimator, ALongTrainIsBelievedHoweverFast) {
+  RateEstimator e;
+  e.train(at(1s), 1, RateEstimator::kLongTrain, mbit(40'000), std::nullopt);
+  EXPECT_EQ(e.rate(), mbit(40'000));
+  EXPECT_TRUE(e.weak());
+}
+
+TEST(RateEstimator, ACompressedTrainShowsWhatItWasSentAt) {
+  RateEstimator e;
+  e.train(at(1s), 1, 32, mbit(3'900), mbit(60));  // it took us 6 ms to send
+  EXPECT_EQ(e.rate(), mbit(60));
+  EXPECT_TRUE(e.weak());
+}
+
+TEST(RateEstimator, ATrainToldTwiceCountsOnce) {
+  RateEstimator e;
+  for (std::uint64_t id = 1; id < 300; id += 100) e.train(at(1s), id, 100, mbit(30), mbit(90));
+  for (int i = 0; i < 10; ++i) e.train(at(2s), 500, 100, mbit(3), mbit(90));
+  EXPECT_EQ(e.rate(), mbit(30));
+  EXPECT_EQ(e.measured_at(), at(2s));
+}
+
+TEST(RateEstimator, DeliverySamplesOnlyRaise) {
+  RateEstimator e;
+  for (int i = 0; i < 5; ++i) e.sample(at(1s), {mbit(5), true});
+  EXPECT_FALSE(e.rate()) << "what an application happened to send is no rate of the link";
+  for (std::uint64_t id = 1; id < 300; id += 100) e.train(at(1s), id, 100, mbit(30), mbit(90));
+  for (int i = 0; i < 5; ++i) e.sample(at(2s), {mbit(10), false});
+  EXPECT_EQ(e.rate(), mbit(30));
+  e.sample(at(3s), {mbit(40), true});
+  EXPECT_EQ(e.rate(), mbit(30)) << "one alone moves nothing";
+  e.sample(at(3s), {mbit(41), true});
+  EXPECT_EQ(e.rate(), mbit(40));
+  e.train(at(4s), 500, 100, mbit(30), mbit(90));
+  EXPECT_EQ(e.rate(), mbit(30)) << "trains know better";
+}
+
+TEST(RateEstimator, TheCapHoldsForEstimateAndPace) {
+  RateEstimator e;
+  for (std::uint64_t id = 1; id < 300; id += 100) e.train(at(1s), id, 100, mbit(30), mbit(90));
+  e.set_cap(mbit(20));
+  EXPECT_EQ(e.rate(), mbit(20));
+  EXPECT_EQ(e.pace(), mbit(20));
+  e.set_cap(std::nullopt);
+  EXPECT_EQ(e.rate(), mbit(30));
+}
+
+}  // namespace
+}  // namespace interneuron::link

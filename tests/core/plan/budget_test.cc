@@ -1,0 +1,38 @@
+#include "core/plan/budget.h"
+
+#include <gtest/gtest.h>
+
+namespace interneuron {
+namespace {
+
+using namespace std::chrono_literals;
+
+LinkState link(bool up, Duration rtt, double mbit) {
+  LinkState s;
+  s.up = up;
+  s.rtt_p50 = rtt;
+  s.rate = DataRate::mbit(mbit);
+  return s;
+}
+
+TEST(ComputeBudget, IsTheDeadlineLessTheTransfersAndTheReserve) {
+  // 1,352 kB up and down are 1,428 kB on the wire: 14.28 ms at 800 Mbit/s; round trip 20 ms;
+  // reserve 5 ms.
+  const LinkState links[] = {link(true, 20ms, 800)};
+  EXPECT_NEAR(to_ms(compute_budget(130ms, links, 1'252'000, 100'000)), 90.72, 0.01);
+}
+
+TEST(ComputeBudget, TakesTheSoonestLinkThatIsMeasured) {
+  const LinkState links[] = {link(true, 20ms, 80), link(true, 30ms, 800), link(false, 1ms, 8000),
+                             link(true, 0ms, 8000), link(true, 1ms, 0)};
+  EXPECT_NEAR(to_ms(compute_budget(130ms, links, 1'252'000, 100'000)), 80.72, 0.01);
+}
+
+TEST(ComputeBudget, IsZeroWhenNothingCanBePromised) {
+  EXPECT_EQ(compute_budget(130ms, {}, 1000, 1000), 0ms);
+  const LinkState slow[] = {link(true, 200ms, 100)};
+  EXPECT_EQ(compute_budget(130ms, slow, 1000, 1000), 0ms);
+}
+
+}  // namespace
+}  // namespace interneuron

@@ -1,0 +1,74 @@
+// More events than can be taken in, and other things that the monitor must make up for.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <string>
+#include <vector>
+
+#include "host/io/udp_transport.h"
+#include "watch.h"
+
+namespace interneuron::io {
+namespace {
+
+TEST(LinkMonitor, LostEventsAreMadeUpForByReadingEverythingAnew) {
+  in_namespace([] {
+    LinkMonitor monitor({.receive_buffer_bytes = 1});  // the kernel's least: two kilobytes
+    monitor.require_route("va", kPeer);
+    for (int i = 0; i < 20; ++i) shell("ip link add d" + std::to_string(i) + " type bridge");
+    shell("ip link set va down");
+    const std::vector<NicEvent> events = monitor.update();
+    const auto va = std::ranges::find(events, "va", &NicEvent::nic);
+    return expect(monitor.resyncs() == 1, "everything was read anew") |
+           expect(events.size() >= 21, "what changed is told") |
+           expect(monitor.find("d19") != nullptr, "a new card") |
+           expect(va != events.end() && va->to == NicState::kNoCarrier, "va is down") |
+           expect(monitor.update().empty(), "nothing is told twice");
+  });
+}
+
+TEST(LinkMonitor, AStormLeavesTheTableAsTheKernelHasIt) {
+  in_namespace([] {
+    LinkMonitor monitor;
+    for (int round = 0; round < 5; ++round) {
+      for (int i = 0; i < 6; ++i) {
+        const std::string nic = "d" + std::to_string(i);
+        shell("ip link add " + nic + " type bridge");
+        shell("ip addr add 10.98." + std::to_string(i) + ".1/24 dev " + nic);
+        if ((i + round) % 3 == 0) shell("ip link set " + nic + " up");
+        if ((i + round) % 2 == 0) shell("ip link del " + nic);
+      }
+      monitor.update();
+    }
+    const std::vector<Nic> now = list_nics();
+    int bad = expect(now.size() == monitor.nics().size(), "as many cards");
+    for (const Nic& nic : now) {
+      const Nic* known = monitor.find(nic.name);
+      bad |= expect(known != nullptr && known->index == nic.index && known->up == nic.up &&
+                        known->addresses == nic.addresses,
+                    nic.name.c_str());
+    }
+    return bad | expect(monitor.resyncs() == 0, "by events alone");
+  });
+}
+
+TEST(LinkMonitor, UnansweredQuestionsForNeighboursAreDropped) {
+  in_namespace([] {
+    Watch watch;
+    if (!wait_until_ready(watch)) return expect(false, "va is ready");
+    // Nobody is there to answer for 10.99.0.77.
+    UdpTransport sender({.nic = "va", .local = *make_address("10.99.0.1", 0)});
+    const Bytes bytes(10);
+    const Outgoing datagram{*parse_address("10.99.0.77:9"), bytes};
+    sender.send({&datagram, 1});
+    int bad = expect(shell("ip neigh show dev va nud incomplete | grep -q 10.99.0.77"), "asked");
+    watch.monitor.drop_unanswered_neighbours("nosuch0");
+    watch.monitor.drop_unanswered_neighbours("va");
+    bad |= expect(!shell("ip neigh show dev va nud incomplete | grep -q 10.99.0.77"), "dropped");
+    return bad | expect(shell("ip neigh show dev va nud permanent | grep -q 10.99.0.2"),
+                        "the others stay");
+  });
+}
+
+}  // namespace
+}  // namespace interneuron::io

@@ -1,0 +1,119 @@
+// A network namespace of the test's own, with a pair of network cards:
+//
+//   va 10.99.0.1/24 ── veth ── vb      (both in it; nobody answers at vb, 10.99.0.2 is only a
+//   neighbour that va is told of)
+//
+// Works for an ordinary user where user namespaces are allowed.
+#pragma once
+
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <sched.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <functional>
+#include <string>
+
+#include "host/io/file_descriptor.h"
+
+namespace interneuron::io {
+
+inline constexpr int kSkip = 77;
+
+inline bool write_file(const char* path, const std::string& text) {
+  const FileDescriptor file(::open(path, O_WRONLY | O_CLOEXEC));
+  return ::write(file.get(), text.data(), text.size()) == static_cast<ssize_t>(text.size());
+}
+
+inline bool enter_namespace() {
+  const std::string uid = std::to_string(::getuid());
+  const std::string gid = std::to_string(::getgid());
+  if (::unshare(CLONE_NEWUSER | CLONE_NEWNET) != 0) {
+    // A sanitizer's threads forbid a user namespace, and root needs none.
+    return ::unshare(CLONE_NEWNET) == 0;
+  }
+  write_file("/proc/self/setgroups", "deny");
+  return write_file("/proc/self/uid_map", "0 " + uid + " 1") &&
+         write_file("/proc/self/gid_map", "0 " + gid + " 1");
+}
+
+inline bool shell(const std::string& command) {
+  return std::system(("PATH=$PATH:/sbin:/usr/sbin; " + command + " 2>/dev/null").c_str()) == 0;
+}
+
+// Runs `body` in a child with namespaces of its own, so that nothing is left behind; the child's
+// exit code is 0, 77 to skip, or 1 after it has printed why.
+inline void in_namespace(const std::function<int()>& body) {
+  std::fflush(nullptr);
+  const pid_t child = ::fork();
+  ASSERT_GE(child, 0);
+  if (child == 0) {
+    const bool ready = enter_namespace() && shell("ip link set lo up") &&
+                       shell("ip link add va type veth peer name vb") &&
+                       shell("ip addr add 10.99.0.1/24 dev va") && shell("ip link set va up") &&
+                       shell("ip link set vb up") &&
+                       // No answer to ARP comes from vb, so the neighbour is told.
+                       shell("ip neigh add 10.99.0.2 lladdr 02:00:00:00:00:02 dev va");
+    const int code = ready ? body() : kSkip;
+    std::fflush(nullptr);
+    ::_exit(code);
+  }
+  int status = 0;
+  ASSERT_EQ(::waitpid(child, &status, 0), child);
+  ASSERT_TRUE(WIFEXITED(status));
+  if (WEXITSTATUS(status) == kSkip) GTEST_SKIP() << "needs user namespaces, ip and tc";
+  EXPECT_EQ(WEXITSTATUS(status), 0);
+}
+
+// A second network namespace, for NICs to be moved to. For use inside in_namespace().
+class OtherNamespace {
+ public:
+  OtherNamespace() {
+    int ready[2];
+    if (::pipe(ready) != 0) return;
+    child_ = ::fork();
+    if (child_ == 0) {
+      const char done = ::unshare(CLONE_NEWNET) == 0 ? 'y' : 'n';
+      if (::write(ready[1], &done, 1) == 1) ::pause();
+      ::_exit(0);
+    }
+    char done = 'n';
+    made_ = ::read(ready[0], &done, 1) == 1 && done == 'y';
+    ::close(ready[0]);
+    ::close(ready[1]);
+  }
+  ~OtherNamespace() {
+    ::kill(child_, SIGKILL);
+    ::waitpid(child_, nullptr, 0);
+  }
+  OtherNamespace(const OtherNamespace&) = delete;
+  OtherNamespace& operator=(const OtherNamespace&) = delete;
+
+  bool made() const { return made_; }
+  // Runs a command in it.
+  bool shell(const std::string& command) const {
+    return io::shell("nsenter -t " + std::to_string(child_) + " -n " + command);
+  }
+  bool take(const std::string& nic) const {
+    return io::shell("ip link set " + nic + " netns " + std::to_string(child_));
+  }
+  bool give_back(const std::string& nic) const {
+    return shell("ip link set " + nic + " netns " + std::to_string(::getpid()));
+  }
+
+ private:
+  pid_t child_ = -1;
+  bool made_ = false;
+};
+
+// Says what was expected if it is not so; 0 = it is. To be joined by |.
+inline int expect(bool condition, const char* what) {
+  if (!condition) std::printf("expected: %s\n", what);
+  return condition ? 0 : 1;
+}
+
+}  // namespace interneuron::io

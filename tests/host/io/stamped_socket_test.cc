@@ -1,0 +1,88 @@
+#include "host/io/stamped_socket.h"
+
+#include <gtest/gtest.h>
+#include <poll.h>
+
+#include "host/io/steady_clock.h"
+#include "tests/host/io/support.h"
+
+namespace interneuron::io {
+namespace {
+
+StampedSocket on_loopback(const std::string& host) {
+  UdpOptions options;
+  options.nic = "lo";
+  options.local = *make_address(host, 0);
+  return StampedSocket(options);
+}
+
+bool readable(const StampedSocket& socket) {
+  pollfd item{socket.native_handle(), POLLIN, 0};
+  return ::poll(&item, 1, static_cast<int>(std::chrono::milliseconds(kPatience).count())) == 1;
+}
+
+TEST(StampedSocket, SaysWhenTheKernelHadADatagramAndItsTtl) {
+  StampedSocket socket = on_loopback("127.0.0.1");
+  const Bytes bytes = payload(1, 100);
+  TimePoint before;
+  std::optional<StampedSocket::Received> received;
+  // The kernel begins to stamp a little after it was asked to.
+  for (int i = 0; i < 3; ++i) {
+    before = now();
+    ASSERT_EQ(socket.send(socket.local_address(), bytes), 0);
+    ASSERT_TRUE(readable(socket));
+    received = socket.receive();
+    ASSERT_TRUE(received);
+  }
+  const TimePoint after = now();
+  EXPECT_TRUE(std::ranges::equal(received->bytes, bytes));
+  EXPECT_EQ(received->from, socket.local_address());
+  EXPECT_EQ(received->ttl, 64);
+  // Two clocks are read one after the other for it.
+  EXPECT_GE(received->at, before - std::chrono::milliseconds(1));
+  EXPECT_LE(received->at, after);
+}
+
+// How long a datagram that lies in the buffer for 20 ms seems to have come after it was there.
+Duration stamped_late(StampedSocket& socket) {
+  socket.send(socket.local_address(), payload(1, 100));
+  if (!readable(socket)) return Duration::max();
+  const TimePoint there = now();
+  while (now() - there < std::chrono::milliseconds(20)) {
+  }
+  const auto received = socket.receive();
+  return received ? received->at - there : Duration::max();
+}
+
+TEST(StampedSocket, TheStampIsOfTheArrivalNotOfTheReading) {
+  StampedSocket socket = on_loopback("127.0.0.1");
+  // The kernel switches its stamps on when it finds the time.
+  const TimePoint began = now();
+  Duration late = stamped_late(socket);
+  while (late > std::chrono::milliseconds(1) && now() - began < kPatience) {
+    late = stamped_late(socket);
+  }
+  EXPECT_LE(late, std::chrono::milliseconds(1));
+}
+
+TEST(StampedSocket, EachDatagramComesByItself) {
+  StampedSocket socket = on_loopback("127.0.0.1");
+  for (std::size_t i = 0; i < 20; ++i) {
+    ASSERT_EQ(socket.send(socket.local_address(), payload(i, 100)), 0);
+  }
+  for (std::size_t i = 0; i < 20; ++i) {
+    ASSERT_TRUE(readable(socket));
+    const auto received = socket.receive();
+    ASSERT_TRUE(received);
+    EXPECT_TRUE(std::ranges::equal(received->bytes, payload(i, 100)));
+  }
+  EXPECT_FALSE(socket.receive());
+}
+
+TEST(StampedSocket, AnErrorOfSendingIsToldByItsNumber) {
+  StampedSocket socket = on_loopback("127.0.0.1");
+  EXPECT_NE(socket.send(*make_address("127.0.0.1", 9), Bytes(70'000)), 0);
+}
+
+}  // namespace
+}  // namespace interneuron::io

@@ -1,0 +1,296 @@
+// Which NICs become links of a node, when, and what is said when none does.
+#include "host/node/link_set.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cerrno>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "host/io/steady_clock.h"
+#include "host/io/udp_transport.h"
+#include "tests/host/io/namespace.h"
+#include "tests/host/io/support.h"
+
+namespace interneuron {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+using testing::HasSubstr;
+using testing::StartsWith;
+
+// Notes what it is told.
+class Notes : public LinkSet::User {
+ public:
+  void link_opened(LinkSet::Link& link) override { add("opened ", link.options.id); }
+  void link_closing(LinkSet::Link& link) override {
+    EXPECT_TRUE(link.transport);
+    add("closing ", link.options.id);
+  }
+  void nic_changed(const NicChanged& change) override {
+    add(change.nic + " " + std::string(to_string(change.to)) + " ", change.link);
+  }
+  std::string take() { return std::exchange(text_, {}); }
+
+ private:
+  void add(const std::string& what, LinkId id) { text_ += what + std::to_string(id.value) + "; "; }
+  std::string text_;
+};
+
+NodeOptions with_rule(std::string pattern, std::string peer = "") {
+  NodeOptions options;
+  options.rules = {{.pattern = std::move(pattern), .traits = {}, .peer = std::move(peer)}};
+  return options;
+}
+
+std::string error_of(const NodeOptions& options) {
+  const std::size_t before = io::open_descriptors();
+  try {
+    Node node(options);
+    return "no error";
+  } catch (const std::exception& error) {
+    if (io::open_descriptors() != before) return "left open after: " + std::string(error.what());
+    return error.what();
+  }
+}
+
+int expect_text(const std::string& text, const std::string& wanted) {
+  return io::expect(text == wanted, ("\"" + wanted + "\", not \"" + text + "\"").c_str());
+}
+
+// Until the condition holds; NICs take a moment.
+bool update_until(LinkSet& links, const std::function<bool()>& condition) {
+  for (int i = 0; i < 200 && !condition(); ++i) {
+    pollfd item{.fd = links.native_handle(), .events = POLLIN, .revents = 0};
+    ::poll(&item, 1, 100);
+    links.update(io::now());
+  }
+  return condition();
+}
+
+bool plug(const std::string& nic, const std::string& address) {
+  return io::shell("ip link add " + nic + " type veth peer name p" + nic) &&
+         io::shell("ip addr add " + address + " dev " + nic) &&
+         io::shell("ip link set dev p" + nic + " up") &&
+         io::shell("ip link set dev " + nic + " up");
+}
+
+TEST(LinkSet, ARuleThatIsNoneIsNamed) {
+  EXPECT_EQ(error_of(with_rule("")), "an empty name of a network card");
+  EXPECT_THAT(error_of(with_rule("mac:02")), HasSubstr("no hardware address"));
+  EXPECT_THAT(error_of(with_rule("w*", "road:1")), HasSubstr("\"road:1\" of w* is not like"));
+}
+
+TEST(LinkSet, WhatMatchesNothingIsToldWithTheCardsThatExist) {
+  EXPECT_THAT(error_of(with_rule("nosuch0")), StartsWith("no network card named nosuch0; there "));
+  EXPECT_THAT(error_of(with_rule("nosuch*")),
+              StartsWith("no network card matches nosuch*; there "));
+  EXPECT_THAT(error_of(with_rule("kind:nosuch")), HasSubstr("lo (loopback)"));
+}
+
+TEST(LinkSet, CardsThatCannotBeUsedAreToldWithTheReasons) {
+  io::in_namespace([] {
+    if (!io::shell("ip link set va down")) return io::kSkip;
+    NodeOptions options;
+    options.links = {{.id = LinkId{0}, .nic = "va", .peer = "10.99.0.2:9"},
+                     {.id = LinkId{1}, .nic = "vb"}};
+    int bad = expect_text(error_of(options),
+                          "no network card can be used: va: administratively down; vb: no carrier");
+    options.links = {{.id = LinkId{0}, .nic = "lo", .peer = "198.51.100.1:9"}};
+    return bad | expect_text(error_of(options),
+                             "no network card can be used: lo: nothing routes to 198.51.100.1 "
+                             "through it");
+  });
+}
+
+TEST(LinkSet, ANamedCardMayBecomeReadyLater) {
+  io::in_namespace([] {
+    if (!io::shell("ip link set va down")) return io::kSkip;
+    NodeOptions options;
+    options.links = {{.id = LinkId{4}, .nic = "va", .peer = "10.99.0.2:9"},
+                     {.id = LinkId{5}, .nic = "lo"}};
+    Notes notes;
+    LinkSet links(options, notes);
+    int bad = io::expect(!links.find(LinkId{4})->transport, "va waits") |
+              io::expect(links.find(LinkId{5})->transport != nullptr, "lo is open") |
+              expect_text(notes.take(), "");
+    io::shell("ip link set va up");
+    if (!update_until(links, [&] { return links.find(LinkId{4})->transport != nullptr; })) {
+      return io::expect(false, "va is opened");
+    }
+    return bad | expect_text(notes.take(), "va ready 4; opened 4; ");
+  });
+}
+
+TEST(LinkSet, CardsThatMatchARuleComeAndGoWithTheSmallestFreeIds) {
+  io::in_namespace([] {
+    NodeOptions options = with_rule("wan*");
+    options.links = {{.id = LinkId{1}, .nic = "lo"}};
+    options.rules[0].traits.metered = true;
+    Notes notes;
+    LinkSet links(options, notes);
+    const auto open = [&](LinkId id) {
+      const auto* link = links.find(id);
+      return link != nullptr && link->transport != nullptr;
+    };
+    if (!plug("wan0", "10.1.0.1/24") || !update_until(links, [&] { return open(LinkId{0}); })) {
+      return io::expect(false, "wan0 is link 0");
+    }
+    if (!plug("wan1", "10.1.1.1/24") || !update_until(links, [&] { return open(LinkId{2}); })) {
+      return io::expect(false, "wan1 is link 2");
+    }
+    int bad = io::expect(links.find(LinkId{0})->info.traits.metered, "the rule's traits");
+    notes.take();
+    io::shell("ip link del wan0");
+    if (!update_until(links, [&] { return links.find(LinkId{0}) == nullptr; })) {
+      return io::expect(false, "link 0 is gone");
+    }
+    bad |= expect_text(notes.take(), "closing 0; wan0 absent 0; ");
+    if (!plug("wan7", "10.1.7.1/24") || !update_until(links, [&] { return open(LinkId{0}); })) {
+      return io::expect(false, "wan7 is link 0");
+    }
+    return bad | io::expect(links.links().size() == 3, "three links");
+  });
+}
+
+TEST(LinkSet, ARenamedCardFollowsTheRuleOfItsName) {
+  io::in_namespace([] {
+    NodeOptions options = with_rule("wan*");
+    options.links = {{.id = LinkId{0}, .nic = "lo"}};
+    Notes notes;
+    LinkSet links(options, notes);
+    io::shell("ip link set va down");
+    io::shell("ip link set va name wan0");
+    io::shell("ip link set wan0 up");
+    const auto opened = [&] {
+      const auto* link = links.find(LinkId{1});
+      return link != nullptr && link->transport != nullptr;
+    };
+    int bad = io::expect(update_until(links, opened), "wan0 is a link");
+    io::shell("ip link set wan0 down");
+    io::shell("ip link set wan0 name va");
+    return bad |
+           io::expect(update_until(links, [&] { return links.links().size() == 1; }), "va is none");
+  });
+}
+
+TEST(LinkSet, ByKindAndByHardwareAddress) {
+  io::in_namespace([] {
+    if (!io::shell("ip link set vb address 02:00:00:00:00:0b")) return io::kSkip;
+    Notes notes;
+    LinkSet by_kind(with_rule("kind:veth"), notes);
+    NodeOptions options = with_rule("mac:02:00:00:00:00:0B");
+    options.links = {{.id = LinkId{0}, .nic = "lo"}};
+    LinkSet by_mac(options, notes);
+    return io::expect(by_kind.links().size() == 2, "both ends") |
+           io::expect(by_mac.find(LinkId{1})->options.nic == "vb", "vb");
+  });
+}
+
+TEST(LinkSet, ThePortStaysTheSameAcrossIncarnations) {
+  io::in_namespace([] {
+    NodeOptions options;
+    options.links = {{.id = LinkId{0}, .nic = "va"}, {.id = LinkId{1}, .nic = "lo"}};
+    Notes notes;
+    LinkSet links(options, notes);
+    auto& va = *links.find(LinkId{0});
+    const std::uint16_t port = port_of(va.transport->local_address());
+    io::shell("ip link set va down");
+    if (!update_until(links, [&] { return !va.transport; })) return io::expect(false, "closed");
+    io::shell("ip link set va up");
+    if (!update_until(links, [&] { return va.transport != nullptr; })) {
+      return io::expect(false, "opened again");
+    }
+    int bad = io::expect(port_of(va.transport->local_address()) == port, "the same port");
+    // Unless somebody else took it meanwhile.
+    io::shell("ip link set va down");
+    update_until(links, [&] { return !va.transport; });
+    const io::UdpTransport other({.nic = "lo", .local = *make_address("0.0.0.0", port)});
+    const io::UdpTransport same({.nic = "va", .local = *make_address("0.0.0.0", port)});
+    io::shell("ip link set va up");
+    bad |= io::expect(update_until(links, [&] { return va.transport != nullptr; }), "opened");
+    return bad | io::expect(port_of(va.transport->local_address()) != port, "another port");
+  });
+}
+
+TEST(LinkSet, APublicAddressThatComesLaterIsNotServed) {
+  io::in_namespace([] {
+    NodeOptions options;
+    options.links = {{.id = LinkId{0}, .nic = "va"}, {.id = LinkId{1}, .nic = "lo"}};
+    options.accept_peers = true;
+    Notes notes;
+    LinkSet links(options, notes);
+    auto& va = *links.find(LinkId{0});
+    if (!va.transport) return io::expect(false, "va is open");
+    io::shell("ip addr add 203.0.113.5/24 dev va");
+    if (!update_until(links, [&] { return !va.transport; })) return io::expect(false, "closed");
+    int bad = io::expect(va.reason.starts_with("va has the public address 203.0.113.5"),
+                         va.reason.c_str());
+    io::shell("ip addr del 203.0.113.5/24 dev va");
+    return bad | io::expect(update_until(links, [&] { return va.transport != nullptr; }),
+                            "open again when it is gone");
+  });
+}
+
+TEST(LinkSet, ALinkWithALocalAddressWaitsForIt) {
+  io::in_namespace([] {
+    if (!io::shell("ip addr add 10.99.0.5/24 dev va")) return io::kSkip;
+    NodeOptions options;
+    options.links = {{.id = LinkId{0}, .nic = "va", .local_address = "10.99.0.5"},
+                     {.id = LinkId{1}, .nic = "lo"}};
+    Notes notes;
+    LinkSet links(options, notes);
+    auto& va = *links.find(LinkId{0});
+    if (!va.transport) return io::expect(false, "va is open");
+    io::shell("ip addr del 10.99.0.5/24 dev va");
+    if (!update_until(links, [&] { return !va.transport; })) return io::expect(false, "closed");
+    int bad = io::expect(va.reason.starts_with("10.99.0.5 is no address of va"), va.reason.c_str());
+    io::shell("ip addr add 10.99.0.5/24 dev va");
+    return bad | io::expect(update_until(links, [&] { return va.transport != nullptr; }), "open");
+  });
+}
+
+TEST(LinkSet, WhereOnlyARuleForTheSourceRoutesTheSocketIsBoundToIt) {
+  io::in_namespace([] {
+    if (!io::shell("ip route add default via 10.99.0.2 dev va table 101") ||
+        !io::shell("ip rule add from 10.99.0.1 lookup 101")) {
+      return io::kSkip;
+    }
+    NodeOptions options;
+    options.links = {{.id = LinkId{0}, .nic = "va", .peer = "198.51.100.1:9"},
+                     {.id = LinkId{1}, .nic = "lo"}};
+    Notes notes;
+    LinkSet links(options, notes);
+    const auto& va = *links.find(LinkId{0});
+    if (!va.transport) return io::expect(false, va.reason.c_str());
+    return io::expect(to_string(va.transport->local_address()).starts_with("10.99.0.1:"), "bound");
+  });
+}
+
+TEST(Statistics, AreToldAtIntervals) {
+  NodeOptions options;
+  options.links = {{.id = LinkId{3}, .nic = "lo"}};
+  Node node(options);
+  EXPECT_THROW(node.on_statistics(Duration::zero(), [](const Statistics&) {}),
+               std::invalid_argument);
+  std::vector<Statistics> told;
+  node.on_statistics(milliseconds(10), [&](const Statistics& statistics) {
+    told.push_back(statistics);
+    if (told.size() == 3) node.stop();
+  });
+  node.after(seconds(60), [] { throw std::runtime_error("the test took too long"); });
+  node.run();
+  ASSERT_EQ(told.size(), 3u);
+  EXPECT_GE(told[2].at - told[0].at, milliseconds(10));
+  ASSERT_EQ(told[0].links.size(), 1u);
+  EXPECT_EQ(told[0].links[0].id, LinkId{3});
+  EXPECT_EQ(told[0].links[0].nic, "lo");
+  EXPECT_EQ(told[0].links[0].nic_state, NicState::kReady);
+  EXPECT_EQ(told[0].links[0].reason, "ready with address 127.0.0.1");
+}
+
+}  // namespace
+}  // namespace interneuron

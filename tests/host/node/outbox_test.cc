@@ -1,0 +1,164 @@
+#include "host/node/outbox.h"
+
+#include <gtest/gtest.h>
+
+#include <cerrno>
+#include <cstring>
+#include <deque>
+
+namespace interneuron {
+namespace {
+
+using std::chrono::milliseconds;
+
+constexpr TimePoint kStart{Duration{1'000'000'000}};
+
+std::uint32_t number_of(ByteView bytes) {
+  std::uint32_t number = 0;
+  std::memcpy(&number, bytes.data(), sizeof number);
+  return number;
+}
+
+// Gives numbered datagrams, as many as it was told to, each to a link that a rule chooses.
+class Numbers final : public Outbox::Source {
+ public:
+  std::optional<Transmit> poll(TimePoint, std::span<std::byte> buffer) override {
+    if (next == end) return std::nullopt;
+    std::memcpy(buffer.data(), &next, sizeof next);
+    const LinkId link{static_cast<std::uint8_t>(links == 1 ? 0 : next % links)};
+    ++next;
+    return Transmit{link, {}, sizeof next};
+  }
+  std::uint32_t next = 0;
+  std::uint32_t end = 0;
+  std::uint32_t links = 1;
+};
+
+// Takes as many datagrams as it has room for.
+class Bottle final : public Transport {
+ public:
+  SendResult send(std::span<const Outgoing> batch) override {
+    ++calls;
+    SendResult result;
+    if (gone != 0) return {batch.size(), false, gone};
+    for (const Outgoing& datagram : batch) {
+      if (room == 0) {
+        result.would_block = true;
+        break;
+      }
+      --room;
+      ++result.taken;
+      sent.push_back(number_of(datagram.bytes));
+    }
+    return result;
+  }
+  std::span<const Incoming> receive() override { return {}; }
+  TransportCaps capabilities() const override { return {}; }
+  TransportCounters counters() const override { return {}; }
+  Address local_address() const override { return {}; }
+  int native_handle() const override { return -1; }
+
+  std::size_t room = static_cast<std::size_t>(-1);
+  int gone = 0;
+  int calls = 0;
+  std::vector<std::uint32_t> sent;
+};
+
+std::vector<std::uint32_t> count_to(std::uint32_t end, std::uint32_t first = 0,
+                                    std::uint32_t step = 1) {
+  std::vector<std::uint32_t> out;
+  for (std::uint32_t i = first; i < end; i += step) out.push_back(i);
+  return out;
+}
+
+TEST(Outbox, ATurnIsBoundedAndLeavesAsOneBatch) {
+  Bottle transport;
+  Outbox outbox;
+  outbox.add(LinkId{0}, transport);
+  Numbers source;
+  source.end = kDatagramsPerTurn + 10;
+  EXPECT_EQ(outbox.pump(kStart, source), Outbox::More::kNow);
+  EXPECT_EQ(transport.sent, count_to(kDatagramsPerTurn));
+  EXPECT_EQ(transport.calls, 1);
+  EXPECT_EQ(outbox.pump(kStart, source), Outbox::More::kNo);
+  EXPECT_EQ(transport.sent, count_to(kDatagramsPerTurn + 10));
+}
+
+TEST(Outbox, AFullSocketBufferLosesNothing) {
+  Bottle transport;
+  transport.room = 7;
+  Outbox outbox;
+  outbox.add(LinkId{0}, transport);
+  Numbers source;
+  source.end = 5000;
+  TimePoint now = kStart;
+  bool paused = false;
+  for (int turns = 0; transport.sent.size() < source.end; ++turns) {
+    ASSERT_LT(turns, 100000);
+    paused |= outbox.pump(now, source) == Outbox::More::kBlocked;
+    ASSERT_LE(outbox.queued(LinkId{0}), kQueueDatagrams);
+    if (!outbox.blocked(LinkId{0})) continue;
+    const int calls = transport.calls;
+    outbox.pump(now, source);
+    EXPECT_EQ(transport.calls, calls) << "tried again although nothing became writable";
+    now += milliseconds(4);  // within the patience
+    transport.room = 1 + static_cast<std::size_t>(turns) % 90;
+    outbox.writable(now, LinkId{0});
+  }
+  EXPECT_TRUE(paused);
+  EXPECT_EQ(transport.sent, count_to(5000));
+  EXPECT_EQ(outbox.stalled(LinkId{0}), 0u);
+}
+
+TEST(Outbox, AStalledLinkHoldsUpTheOtherOnlyForThePatience) {
+  Bottle good;
+  Bottle stuck;
+  stuck.room = 0;
+  Outbox outbox;
+  outbox.add(LinkId{0}, good);
+  outbox.add(LinkId{1}, stuck);
+  Numbers source;
+  source.links = 2;
+  source.end = 4000;
+  TimePoint now = kStart;
+  Outbox::More more = Outbox::More::kNow;
+  while (more == Outbox::More::kNow) more = outbox.pump(now, source);
+  EXPECT_EQ(more, Outbox::More::kBlocked);
+  EXPECT_EQ(outbox.queued(LinkId{1}), kQueueDatagrams);
+  EXPECT_EQ(outbox.next_timeout(now), kStart + kStallPatience);
+  EXPECT_EQ(outbox.pump(now + kStallPatience - Duration{1}, source), Outbox::More::kBlocked);
+
+  now += kStallPatience;
+  do more = outbox.pump(now, source);
+  while (more == Outbox::More::kNow);
+  EXPECT_EQ(more, Outbox::More::kNo);
+  EXPECT_EQ(good.sent, count_to(4000, 0, 2));
+  EXPECT_EQ(outbox.stalled(LinkId{1}), 2000 - kQueueDatagrams);
+  EXPECT_FALSE(outbox.next_timeout(now)) << "nothing to wait for but writability";
+
+  // The newest are kept, in order.
+  stuck.room = static_cast<std::size_t>(-1);
+  outbox.writable(now + milliseconds(50), LinkId{1});
+  const auto odd = count_to(4000, 1, 2);
+  EXPECT_EQ(stuck.sent, std::vector(odd.end() - std::ptrdiff_t{kQueueDatagrams}, odd.end()));
+  EXPECT_FALSE(outbox.blocked(LinkId{1}));
+}
+
+TEST(Outbox, AVanishedLinkIsReportedOnceAndItsDatagramsAreDropped) {
+  Bottle transport;
+  transport.gone = ENODEV;
+  Outbox outbox;
+  outbox.add(LinkId{0}, transport);
+  Numbers source;
+  source.end = 3;
+  EXPECT_EQ(outbox.pump(kStart, source), Outbox::More::kNo);
+  EXPECT_EQ(outbox.take_gone(), (std::vector<std::pair<LinkId, int>>{{LinkId{0}, ENODEV}}));
+  EXPECT_TRUE(outbox.take_gone().empty());
+  outbox.remove(LinkId{0});
+  source.end = 6;
+  EXPECT_EQ(outbox.pump(kStart, source), Outbox::More::kNo);
+  EXPECT_EQ(source.next, 6u) << "what is meant for no link is dropped, not kept";
+}
+
+}  // namespace
+}  // namespace interneuron

@@ -1,0 +1,90 @@
+#include "host/settings/config_file.h"
+
+#include <fstream>
+
+#include "host/process/failure.h"
+#include "tests/app/cli/support.h"
+
+namespace interneuron::cli {
+namespace {
+
+struct Command {
+  CLI::App app{"test", "vehicle"};
+  std::vector<std::string> links;
+  double deadline_ms = 130;
+  int rounds = 0;
+  bool quiet = false;
+  std::string config;
+
+  Command() {
+    app.add_option("--link", links)->take_all();
+    app.add_option("--deadline-ms", deadline_ms)->check(CLI::PositiveNumber);
+    app.add_option("--rounds", rounds);
+    app.add_flag("--quiet", quiet);
+    add_config_option(app, config);
+  }
+  // What the file is refused with; empty when it is accepted.
+  std::string apply(const std::string& text, const std::string& arguments = "") {
+    const TempFolder folder;
+    const std::string file = folder / "c.toml";
+    std::ofstream(file) << text;
+    app.parse(arguments, false);
+    try {
+      apply_config(app, file);
+    } catch (const Failure& failure) {
+      EXPECT_EQ(failure.code(), kConfiguration);
+      const std::string what = failure.what();
+      return what.substr(what.find("c.toml"));
+    }
+    return "";
+  }
+};
+
+TEST(ConfigFile, KeysAreTheLongOptions) {
+  Command c;
+  EXPECT_EQ(c.apply("link = ['a=1', 'b=2']\ndeadline_ms = 99.5\nrounds = 7\nquiet = true\n"), "");
+  EXPECT_EQ(c.links, (std::vector<std::string>{"a=1", "b=2"}));
+  EXPECT_EQ(c.deadline_ms, 99.5);
+  EXPECT_EQ(c.rounds, 7);
+  EXPECT_TRUE(c.quiet);
+}
+
+TEST(ConfigFile, TheCommandLineWins) {
+  Command c;
+  EXPECT_EQ(c.apply("rounds = 7\n", "--rounds 3"), "");
+  EXPECT_EQ(c.rounds, 3);
+}
+
+TEST(ConfigFile, AnUnknownKeyIsNamedWithItsPlaceAndTheNearest) {
+  Command c;
+  const std::string error = c.apply("rounds = 1\ndeadlin_ms = 5\n");
+  EXPECT_NE(error.find("c.toml:2:"), std::string::npos) << error;
+  EXPECT_NE(error.find("deadlin_ms"), std::string::npos) << error;
+  EXPECT_NE(error.find("deadline_ms"), std::string::npos) << error;
+}
+
+TEST(ConfigFile, ABadValueIsNamedWithItsPlace) {
+  EXPECT_NE(Command().apply("deadline_ms = -1\n").find("c.toml:1:"), std::string::npos);
+  EXPECT_NE(Command().apply("rounds = 'many'\n").find("rounds"), std::string::npos);
+  EXPECT_NE(Command().apply("rounds = { a = 1 }\n").find("rounds"), std::string::npos);
+}
+
+TEST(ConfigFile, MalformedTomlIsNamedWithItsPlace) {
+  EXPECT_NE(Command().apply("rounds = \n").find("c.toml:1:"), std::string::npos);
+}
+
+// The examples stay true: the programs read them, and fail for the cards that this host has not.
+TEST(ConfigFile, TheExamplesAreAccepted) {
+  const std::string examples = INTERNEURON_SOURCE_DIR "/examples/";
+  const Ran road = run("road --ladder motion --config '" + examples + "road.toml' --nic wwan77");
+  EXPECT_EQ(road.code, 1) << road.output;
+  EXPECT_NE(road.output.find("wwan77"), std::string::npos) << road.output;
+  const Ran vehicle = run("vehicle --ladder motion --video '" INTERNEURON_SOURCE_DIR
+                          "/docs/latency.png' --config '" +
+                          examples + "vehicle.toml' --link wwan77=192.0.2.7:1");
+  EXPECT_EQ(vehicle.code, 1) << vehicle.output;
+  EXPECT_NE(vehicle.output.find("wwan77"), std::string::npos) << vehicle.output;
+}
+
+}  // namespace
+}  // namespace interneuron::cli

@@ -1,0 +1,50 @@
+// Profiles and options that the tests in virtual time share.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include "lab/sim/offload.h"
+
+namespace interneuron::sim {
+
+// The sanitizers' builds are ten times slower: they look for other faults than the figures, on
+// shorter runs.
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+inline constexpr bool kSanitized = true;
+#else
+inline constexpr bool kSanitized = false;
+#endif
+
+inline emu::LinkProfile profile(const char* name) {
+  auto p = emu::built_in_profile(name);
+  EXPECT_TRUE(p) << name;
+  return *p;
+}
+
+// A link with a constant delay: rtt round trip, rates in Mbit/s up and down, loss per packet and
+// direction.
+inline emu::LinkProfile constant_link(const char* name, double rtt_ms, double up, double down,
+                                      double loss = 0) {
+  emu::LinkProfile p;
+  p.name = name;
+  for (auto& state : p.delay.states) {
+    state.level_ms = rtt_ms;
+    state.loss = loss;
+    state.sojourn_mean_s = 1e6;
+  }
+  p.delay.min_ms = p.delay.max_ms = rtt_ms;
+  p.up = {DataRate::mbit(up), 10'000'000};
+  p.down = {DataRate::mbit(down), 10'000'000};
+  return p;
+}
+
+// The demo's drive: 5G and 4G, 300 rounds at 10 Hz, 130 ms.
+inline OffloadOptions drive(std::uint64_t seed, std::uint32_t rounds = 300) {
+  OffloadOptions o;
+  o.seed = seed;
+  o.rounds = rounds;
+  o.profiles = {profile("5g"), profile("4g")};
+  return o;
+}
+
+}  // namespace interneuron::sim
