@@ -104,6 +104,7 @@ function(interneuron_test module)
   string(REPLACE "/" "_" target ${module}_test)
   get_filename_component(name ${module} NAME)
   add_executable(${target} ${ARG_SOURCES})
+  set_target_properties(${target} PROPERTIES OUTPUT_NAME ${name}_test)
   interneuron_link(${target} ${ARG_USES})
   target_link_libraries(${target} PRIVATE ${ARG_LIBRARIES} rapidcheck rapidcheck_gtest GTest::gmock GTest::gtest GTest::gtest_main)
   target_compile_definitions(${target} PRIVATE INTERNEURON_SOURCE_DIR="${PROJECT_SOURCE_DIR}"

@@ -14,8 +14,8 @@
 //     confidence's half-life
 //
 // (NOTES §2: a link not measured lately loses confidence; that in the rate halves within 42 s, see
-// src/link/nature.h.) Results, and data while time, levels or local quality are not known, go as
-// with `joint`.
+// src/core/link/nature.h.) Results, and data while time, levels or local quality are not known, go
+// as with `joint`.
 //
 // Receiver: as `joint`.
 #include <algorithm>
@@ -29,7 +29,7 @@ namespace {
 
 constexpr int kRecentPeriods = 2;      // chosen: one may be missed
 constexpr double kRoomToReturn = 0.9;  // share of time_left; chosen
-// Grace and half-life of the confidence in a rate (src/link/nature.h).
+// Grace and half-life of the confidence in a rate (src/core/link/nature.h).
 constexpr Duration kRateStale = std::chrono::seconds(42);
 
 bool stale(const LinkState& link) {

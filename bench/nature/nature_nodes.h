@@ -22,7 +22,7 @@ pid_t start_road(const netns::State& state);
 // The vehicle writes what it believes of its links to `file` every 20 ms, one CSV line per link:
 // t_ns (CLOCK_MONOTONIC), link, rtt_p50_ms, loss, rate_mbit, four scores; and each change of a
 // path's state: t_ns, link, path, state.
-// With a name of a capture it writes that too (io/pcap_tap.h).
+// With a name of a capture it writes that too (host/io/pcap_tap.h).
 pid_t start_vehicle(const netns::State& state, bool loaded, const std::filesystem::path& file,
                     const std::string& pcap);
 

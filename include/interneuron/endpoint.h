@@ -57,7 +57,7 @@ struct PeerReady {
 struct PeerRestarted {
   PeerId peer{};
 };
-// A peer was silent for kPeerSilence (src/endpoint/peers.h) and is forgotten, unless it was
+// A peer was silent for kPeerSilence (src/core/peers/peers.h) and is forgotten, unless it was
 // connected to by us.
 struct PeerLost {
   PeerId peer{};

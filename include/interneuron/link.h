@@ -80,7 +80,7 @@ struct LinkState {
   double outage = 0;      // share of the last 60 s in which the path was not up
   Duration age{};         // of the newest evidence of any kind; max() = never heard
   Duration rate_age{};    // of the newest evidence of the rate; max() = none
-  double confidence = 0;  // [0, 1]: 1 = measured now, halves with age (src/link/nature.h)
+  double confidence = 0;  // [0, 1]: 1 = measured now, halves with age (src/core/link/nature.h)
   // How much evidence there is: round trips behind the quantiles, packets behind the loss, trains
   // of full length behind the rate (at most three count).
   std::uint32_t rtt_samples = 0;

@@ -185,7 +185,7 @@ class Node {
   TransportCaps transport_capabilities(LinkId link) const;
   std::optional<Address> local_address(LinkId link) const;  // with the port in use
   // Datagrams dropped because the NIC took nothing for longer than it may (kStallPatience of
-  // src/node/outbox.h).
+  // src/host/node/outbox.h).
   std::uint64_t stalled_datagrams(LinkId link) const;
   // What the set-up could not get as asked, one line with the remedy each (small socket buffers, a
   // NIC that a rule matches but that cannot be opened).

@@ -15,7 +15,7 @@ namespace interneuron {
 
 using Duration = std::chrono::nanoseconds;
 
-// CLOCK_MONOTONIC of this host, ns. A label only: the one reader is src/io/steady_clock.cc.
+// CLOCK_MONOTONIC of this host, ns. A label only: the one reader is src/host/io/steady_clock.cc.
 struct LocalClock {
   using duration = Duration;
   using rep = duration::rep;

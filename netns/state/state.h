@@ -49,7 +49,7 @@ struct State {
   std::vector<int> road_ns_fds;     // one per roadside unit
   int core_ns_fd = -1;
   int stats_fd = -1;
-  std::string control;         // abstract name of the holder's control socket (netns/control.h)
+  std::string control;  // abstract name of the holder's control socket (netns/state/control.h)
   std::string control_token;   // what a request must carry
   std::filesystem::path file;  // the state file
 

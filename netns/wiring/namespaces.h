@@ -28,7 +28,7 @@ Namespaces make_namespaces(std::size_t vehicles, std::size_t roads);
 int network_of(const Namespaces& namespaces, Host host);
 
 // The core's: packets that are for somebody else are passed on. The NICs' own settings matter as
-// well (set_up() of netns/nics.h).
+// well (set_up() of netns/wiring/nics.h).
 void enable_forwarding(bool ipv6);
 
 // In which network namespace the thread is while this lives; it returns to `home` afterwards.

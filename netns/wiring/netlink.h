@@ -1,6 +1,6 @@
 // The kernel's routing netlink through libnl: the calls that every user of it here needs, with the
-// owners of io/netlink.h. Objects belong to the network namespace in which their socket was opened.
-// Thread-compatible. Errors: TestbedError (1); (5) for what the kernel forbids.
+// owners of host/io/netlink.h. Objects belong to the network namespace in which their socket was
+// opened. Thread-compatible. Errors: TestbedError (1); (5) for what the kernel forbids.
 #pragma once
 
 #include <string>

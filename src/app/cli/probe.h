@@ -13,7 +13,7 @@ namespace interneuron::cli {
 
 struct ProbeOptions {
   std::string peer;  // HOST[:PORT]; of every NIC that names none itself
-  // NIC[=HOST[:PORT]], a name or a pattern (io/nic_choice.h); none: every one that is ready.
+  // NIC[=HOST[:PORT]], a name or a pattern (host/io/nic_choice.h); none: every one that is ready.
   std::vector<std::string> nics;
   std::size_t count = 250;  // 0: until interrupted
   double interval_ms = 20;

@@ -7,8 +7,8 @@
 namespace interneuron::link {
 namespace {
 
-// Feedback may be this late by itself: its delay (5 ms, src/flow/receiver.h) and a turn of either
-// loop; chosen.
+// Feedback may be this late by itself: its delay (5 ms, src/core/flow/receiver.h) and a turn of
+// either loop; chosen.
 constexpr Duration kFeedbackSlack = std::chrono::milliseconds(10);
 constexpr Duration kUnknownTimeout =
     std::chrono::milliseconds(200);  // before the first round trip; chosen

@@ -7,7 +7,7 @@
 // of the kernel (RTM_GETROUTE): it alone knows its rules, and a socket that is bound to a NIC
 // without a route gets no error but an assumption that the peer is on its wire (ecosystem.md §5).
 //
-// Not the traffic: that is src/link/. Thread-compatible. Set-up failures throw IoError.
+// Not the traffic: that is src/core/link/. Thread-compatible. Set-up failures throw IoError.
 #pragma once
 
 #include <memory>
@@ -75,8 +75,8 @@ class LinkMonitor {
   // when any will do.
   std::optional<Address> required_source(std::string_view name) const;
 
-  // Before a socket is opened on a NIC whose carrier came back; see io/neighbours.h. Does nothing
-  // without CAP_NET_ADMIN.
+  // Before a socket is opened on a NIC whose carrier came back; see host/io/neighbours.h. Does
+  // nothing without CAP_NET_ADMIN.
   void drop_unanswered_neighbours(std::string_view name);
 
   // How many times everything was read anew because events were lost.

@@ -1,7 +1,8 @@
 // Writes what this process sends and receives over UDP into a capture file, on all NICs, also those
 // that come later: libpcap's device "any" with link type LINUX_SLL2, which says of each packet
 // which NIC it used (sll.ifindex) and in which direction, with stamps in nanoseconds. A kernel
-// filter passes only our ports (io/udp_ports.h) and follows new ones before their first packet.
+// filter passes only our ports (host/io/udp_ports.h) and follows new ones before their first
+// packet.
 //
 // What one should know: a batch that leaves as one segmented send (UDP_SEGMENT) is seen as one
 // large packet where the NIC does the cutting; and when a port is added, packets of the others may

@@ -19,8 +19,8 @@ using boost::system::error_code;
 constexpr int kReceivesPerTurn =
     8;  // chosen: up to 8 MiB; what is left makes the socket readable again
 // The endpoint is asked for output at least this often, because an acknowledgement tells of a
-// bounded number of packets (kAckWindow of src/wire/packet.h) while a batch may hold 2000. Chosen:
-// an eighth of it.
+// bounded number of packets (kAckWindow of src/core/wire/packet.h) while a batch may hold 2000.
+// Chosen: an eighth of it.
 constexpr int kInputsPerCollect = 32;
 constexpr int kPassesPerTurn = 16;  // chosen; a turn that is not done then is followed by another
 // Chosen: how soon what is due is tried again while a full link holds it up.

@@ -4,7 +4,7 @@
 //   --link 'wwan0=192.0.2.7:47000,role=backup,priority=1,metered,rate_cap=20mbit,trusted'
 //
 //   [[link]]
-//   nic = "wwan0"                 # see io/nic_choice.h
+//   nic = "wwan0"                 # see host/io/nic_choice.h
 //   peer = "192.0.2.7:47000"
 //   role = "backup"               # normal, backup or never
 //   priority = 1                  # 0 … 255, smaller first

@@ -19,7 +19,7 @@ std::string road(const std::string& options) {
 }
 
 const std::string kScript =
-    "/usr/bin/python3 '" INTERNEURON_SOURCE_DIR "/tests/cli/stamp_rfc8762.py' ";
+    "/usr/bin/python3 '" INTERNEURON_SOURCE_DIR "/tests/app/cli/stamp_rfc8762.py' ";
 
 std::string a_port() { return std::to_string(20'000 + ::getpid() % 20'000); }
 

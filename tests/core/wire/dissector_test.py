@@ -10,7 +10,7 @@ import sys
 import tempfile
 import unittest
 
-SOURCE = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+SOURCE = os.path.abspath(os.path.join(os.path.dirname(__file__), "../../.."))
 SCRIPT = os.path.join(SOURCE, "scripts", "interneuron.lua")
 PORT = 47000
 OTHER_PORT = 50123

@@ -11,7 +11,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr const char* kLook = "python3 '" INTERNEURON_SOURCE_DIR "/tests/cli/report_page.py' '";
+constexpr const char* kLook = "python3 '" INTERNEURON_SOURCE_DIR "/tests/lab/report/report_page.py' '";
 
 // Run once for all tests of this file.
 class ReportPage : public testing::Test {

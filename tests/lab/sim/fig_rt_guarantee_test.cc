@@ -1,4 +1,4 @@
-// The phases of the paper's Fig. rt_guarantee; sim/fig_rt_guarantee.h says which.
+// The phases of the paper's Fig. rt_guarantee; lab/sim/fig_rt_guarantee.h says which.
 #include "lab/sim/fig_rt_guarantee.h"
 
 #include <cstdio>

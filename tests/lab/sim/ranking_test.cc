@@ -1,5 +1,5 @@
 // Links of random true delay, rate and loss are told apart and put in the true order, idle and
-// under load. "Decided" is link::compare() (src/link/nature.h), asked 30 s after the start.
+// under load. "Decided" is link::compare() (src/core/link/nature.h), asked 30 s after the start.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
