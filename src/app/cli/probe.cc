@@ -99,7 +99,7 @@ class Prober {
     std::string name;
     Address peer{};
     std::unique_ptr<io::StampedSocket> socket;
-    std::unique_ptr<probe::Session> session;
+    std::unique_ptr<probe::Measurement> session;
     int send_error = 0;
     std::uint64_t send_errors = 0;
     bool gone = false;
@@ -164,7 +164,8 @@ void Prober::open(const Choice& choice, io::LinkMonitor& monitor) {
   added.name = choice.nic;
   added.peer = choice.peer;
   added.socket = std::make_unique<io::StampedSocket>(udp);
-  added.session = std::make_unique<probe::Session>(session_options(*nic, choice.peer), io::now());
+  added.session =
+      std::make_unique<probe::Measurement>(session_options(*nic, choice.peer), io::now());
   nics_.push_back(std::move(added));
 }
 

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "app/cli/probe.h"
-#include "core/probe/session.h"
+#include "core/probe/measurement.h"
 #include "lab/files/run_files.h"
 
 namespace interneuron::cli {

@@ -75,7 +75,7 @@ void LinkEstimator::refresh_pace(TimePoint now) {
                           std::max(queue_up_.queue(now), queue_down_.queue(now)), heartbeat_});
 }
 
-Prober::RateEvidence LinkEstimator::rate_evidence() const {
+ProbeSchedule::RateEvidence LinkEstimator::rate_evidence() const {
   // A dispute leaves one that can be built on; the next follow as at the beginning.
   return {rate_.guess(), rate_.measured_at(), rate_.disputed() ? 1 : rate_.trains()};
 }

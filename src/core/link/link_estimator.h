@@ -1,6 +1,6 @@
 // What one endpoint believes of one path to one peer: round-trip times, queue, rate, loss and
 // whether it works; each from feedback, none from the peer's clock. Joins the machines of this
-// folder for one path; the Prober is beside it. Pure; thread-compatible; bounded memory; no
+// folder for one path; the ProbeSchedule is beside it. Pure; thread-compatible; bounded memory; no
 // allocation per packet.
 //
 // For each feedback on the path, call in this order: heard(), round_trip() and one_way_delays() of
@@ -14,7 +14,7 @@
 #include "core/link/delivery_rate.h"
 #include "core/link/loss_estimator.h"
 #include "core/link/path_machine.h"
-#include "core/link/prober.h"
+#include "core/link/probe_schedule.h"
 #include "core/link/queue_signal.h"
 #include "core/link/rate_estimator.h"
 #include "core/link/rtt_estimator.h"
@@ -65,7 +65,7 @@ class LinkEstimator {
   std::optional<DataRate> rate_guess() const { return rate_.guess(); }
   std::optional<DataRate> pace() const { return rate_.pace(); }
   double loss() const { return loss_.loss(); }
-  Prober::RateEvidence rate_evidence() const;
+  ProbeSchedule::RateEvidence rate_evidence() const;
   // Half the round trip, quickly smoothed, for scheduling; zero while unknown.
   Duration one_way() const { return rtt_.quick() / 2; }
   Duration rtt_min(TimePoint now) const { return rtt_.minimum(now); }
@@ -76,7 +76,7 @@ class LinkEstimator {
   void refresh_pace(TimePoint now);
 
   LinkTraits traits_;
-  Duration heartbeat_ = Prober::kIdleHeartbeat;
+  Duration heartbeat_ = ProbeSchedule::kIdleHeartbeat;
   std::optional<TimePoint> heard_at_;
   RttEstimator rtt_;
   QueueSignal queue_up_;

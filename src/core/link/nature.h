@@ -37,8 +37,8 @@ double confidence(Duration age, Duration grace, Duration half_life);
 // news; a radio's bad episodes begin within seconds (testbed.md §9). Chosen.
 inline constexpr Duration kGrace = std::chrono::seconds(1);
 inline constexpr Duration kHalfLife = std::chrono::seconds(5);
-// Of the rate: trains on an idle link come every 10 s (Prober), its rate changes with place and
-// load of the cell, in tens of seconds. Chosen.
+// Of the rate: trains on an idle link come every 10 s (ProbeSchedule), its rate changes with place
+// and load of the cell, in tens of seconds. Chosen.
 inline constexpr Duration kRateGrace = std::chrono::seconds(12);
 inline constexpr Duration kRateHalfLife = std::chrono::seconds(30);
 

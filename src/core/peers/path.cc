@@ -21,10 +21,10 @@ Path::Path(TimePoint now, LinkId id, const Nic& nic, const Address& address, boo
 
 void Path::begin(TimePoint now) {
   estimator.set_traits(nic_.traits);
-  prober.set_metered(nic_.traits.metered || peer_is_metered_);
-  prober.set_sizes(wire::feedback_bytes(1) + wire::kIpUdpOverhead,
+  probes.set_metered(nic_.traits.metered || peer_is_metered_);
+  probes.set_sizes(wire::feedback_bytes(1) + wire::kIpUdpOverhead,
                    nic_.max_datagram + wire::kIpUdpOverhead);
-  prober.active(now);
+  probes.active(now);
   train_left_ = 0;
 }
 
@@ -33,14 +33,14 @@ void Path::move_to(TimePoint now, const Nic& nic, const Address& address, bool t
   address_ = address;
   validated_ = trusted;
   bytes_in_ = bytes_out_ = 0;
-  prober = {};
+  probes = {};
   begin(now);
 }
 
 void Path::reset(TimePoint now) {
   receiver = flow::PathReceiver(id_);
   estimator = {};
-  prober = {};
+  probes = {};
   begin(now);
 }
 
@@ -55,13 +55,13 @@ bool Path::usable() const {
 void Path::sent_feedback(TimePoint now, std::size_t bytes) {
   bytes_out_ += bytes;
   estimator.sent(now, false);
-  prober.heartbeat_sent(now);
+  probes.heartbeat_sent(now);
 }
 
 void Path::sent_data(TimePoint now, std::size_t bytes) {
   bytes_out_ += bytes;
   estimator.sent(now, true);
-  prober.data_sent(now);
+  probes.data_sent(now);
 }
 
 void Path::sent_probe(TimePoint now, std::size_t bytes) {
@@ -102,29 +102,29 @@ void Path::learn_exchange(TimePoint now, PeerTime u, const wire::LinkReport& rep
 }
 
 void Path::refresh(TimePoint now, bool ready) {
-  prober.set_metered(nic_.traits.metered || peer_is_metered_);
-  prober.set_rate(estimator.rate_evidence());
-  prober.set_latched(estimator.path() == PathState::kLatched);
-  prober.set_ready(ready && validated_ && usable());
-  estimator.set_heartbeat(now, prober.heartbeat_interval(now));
+  probes.set_metered(nic_.traits.metered || peer_is_metered_);
+  probes.set_rate(estimator.rate_evidence());
+  probes.set_latched(estimator.path() == PathState::kLatched);
+  probes.set_ready(ready && validated_ && usable());
+  estimator.set_heartbeat(now, probes.heartbeat_interval(now));
 }
 
 bool Path::heartbeat_due(TimePoint now) {
-  if (!prober.heartbeat_due(now)) return false;
+  if (!probes.heartbeat_due(now)) return false;
   if (may_send(wire::feedback_bytes(1))) return true;
-  prober.heartbeat_sent(now);  // the next one may
+  probes.heartbeat_sent(now);  // the next one may
   return false;
 }
 
 bool Path::probe_due(TimePoint now) {
   if (train_left_ == 0) {
-    const auto train = prober.train_due(now);
+    const auto train = probes.train_due(now);
     if (!train) {
-      if (!prober.proof_due(now)) return false;
-      prober.proof_sent(now);  // also when it may not leave: the next one may
+      if (!probes.proof_due(now)) return false;
+      probes.proof_sent(now);  // also when it may not leave: the next one may
       return may_send(nic_.max_datagram);
     }
-    prober.train_sent(now, train->packets);
+    probes.train_sent(now, train->packets);
     train_left_ = train->packets;
     train_pace_ = capped(train->pace);
     train_next_ = now;
@@ -141,7 +141,7 @@ bool Path::probe_due(TimePoint now) {
 TimePoint Path::next_timeout(TimePoint now) const {
   // Other probes wait for the end of a train, however slow it is and however long they are due.
   TimePoint next =
-      train_left_ > 0 ? std::min(prober.heartbeat_at(now), train_next_) : prober.next_timeout(now);
+      train_left_ > 0 ? std::min(probes.heartbeat_at(now), train_next_) : probes.next_timeout(now);
   if (const auto at = estimator.next_timeout()) next = std::min(next, *at);
   return next;
 }

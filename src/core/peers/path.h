@@ -9,7 +9,7 @@
 #include "core/flow/receiver.h"
 #include "core/flow/sender.h"
 #include "core/link/link_estimator.h"
-#include "core/link/prober.h"
+#include "core/link/probe_schedule.h"
 #include "core/wire/packet.h"
 #include "interneuron/endpoint.h"
 
@@ -65,7 +65,7 @@ class Path {
 
   flow::PathReceiver receiver;
   link::LinkEstimator estimator;
-  link::Prober prober;
+  link::ProbeSchedule probes;
 
  private:
   void begin(TimePoint now);

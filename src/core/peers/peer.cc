@@ -54,7 +54,7 @@ void Peer::add_path(TimePoint now, LinkId id, const Path::Nic& nic, const Addres
 bool Peer::request_train(TimePoint now, LinkId id) {
   Path* path = find(id);
   if (path == nullptr) return false;
-  path->prober.request_train(now);
+  path->probes.request_train(now);
   return true;
 }
 
@@ -222,7 +222,7 @@ bool Peer::look_again(TimePoint now, std::vector<LinkId>& unusable) {
 // --- time
 
 void Peer::note_activity(TimePoint now) {
-  for (Path& path : paths_) path.prober.active(now);
+  for (Path& path : paths_) path.probes.active(now);
 }
 
 std::size_t Peer::handle_timeout(TimePoint now) {

@@ -3,7 +3,7 @@
 // a silence (docs/wire_format.md, echo, delay), and is silent until that should have come. Two
 // flows per silence, because a packet may be lost.
 //
-// Drive it like a Session. Pure; thread-compatible.
+// Drive it like a Measurement. Pure; thread-compatible.
 #pragma once
 
 #include <cstdint>

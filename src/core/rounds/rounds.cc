@@ -13,7 +13,7 @@ Rounds::Rounds(const EndpointOptions& options, Peers& peers, std::deque<Event>& 
     : peers_(peers),
       events_(events),
       dispatch_(options.session, options.policies),
-      origins_(options.session, options.pipelines) {
+      own_(options.session, options.pipelines) {
   if (options.session.value == 0) {
     throw std::invalid_argument("endpoint: the session must not be 0; draw it at random");
   }
@@ -26,7 +26,7 @@ Rounds::Rounds(const EndpointOptions& options, Peers& peers, std::deque<Event>& 
 }
 
 RoundRef Rounds::begin(TimePoint now, PipelineId pipeline) {
-  RoundContext context = origins_.begin(now, pipeline);
+  RoundContext context = own_.begin(now, pipeline);
   const RoundRef round = context.header.round;
   const Duration deadline = context.header.deadline();
   stages_.open(now, round, std::move(context), deadline);
@@ -42,7 +42,7 @@ bool Rounds::submit(TimePoint now, const RoundRef& round, Variants variants,
   stages_.close(round);
   end_computations(now, context);
   if (context.stage == context.header.stages) {
-    return origins_.is_mine(round) && finish(now, context.header, std::move(variants.front()));
+    return own_.is_mine(round) && finish(now, context.header, std::move(variants.front()));
   }
   Peer* peer = destination(context, to);
   if (peer == nullptr) return false;
@@ -53,8 +53,8 @@ bool Rounds::submit(TimePoint now, const RoundRef& round, Variants variants,
   const bool sent = !planned.plan.sends.empty();
   const bool kept_here = !planned.plan.refused.empty();
   events_.emplace_back(std::move(planned));
-  guard::Origin* origin = origins_.find(round);
-  if (kept_here && origin != nullptr) report(origin->stay_local(now, round.round));
+  guard::RoundLedger* ledger = own_.find(round);
+  if (kept_here && ledger != nullptr) report(ledger->stay_local(now, round.round));
   return sent;
 }
 
@@ -92,8 +92,8 @@ std::size_t Rounds::begin_computation(TimePoint now, const RoundRef& round,
 }
 
 void Rounds::local_result(TimePoint now, const RoundRef& round, Bytes result) {
-  if (guard::Origin* origin = origins_.find(round)) {
-    report(origin->local_result(now, round.round, std::move(result)));
+  if (guard::RoundLedger* ledger = own_.find(round)) {
+    report(ledger->local_result(now, round.round, std::move(result)));
   }
 }
 
@@ -106,19 +106,19 @@ void Rounds::report(std::optional<RoundDone> done) {
 
 void Rounds::expire(TimePoint now) {
   for (Stages::Released& released : stages_.release(now)) release(std::move(released));
-  for (RoundDone& done : origins_.expire(now)) report(std::move(done));
+  for (RoundDone& done : own_.expire(now)) report(std::move(done));
 }
 
 std::optional<TimePoint> Rounds::next_timeout() const {
   const auto held = stages_.next_timeout();
-  const auto open = origins_.next_timeout();
+  const auto open = own_.next_timeout();
   return held && open ? std::min(*held, *open) : held ? held : open;
 }
 
 void Rounds::complete(TimePoint now, Peer& peer, const Bytes& message) {
   const auto header = wire::parse_round_header(message);
-  const bool mine = header && origins_.is_mine(header->round);
-  if (!header || (mine && !origins_.has_begun(header->round)) ||
+  const bool mine = header && own_.is_mine(header->round);
+  if (!header || (mine && !own_.has_begun(header->round)) ||
       (!mine && header->stage == header->stages)) {
     ++counters_.bad_messages;
     return;
@@ -159,7 +159,7 @@ void Rounds::release(Stages::Released released) {
 // The last stage ends: a result for a round that began here.
 bool Rounds::finish(TimePoint now, const wire::RoundHeader& header, Bytes result) {
   stages_.finish(header);
-  auto done = origins_.find(header.round)
+  auto done = own_.find(header.round)
                   ->remote_result(now, header.round.round, std::move(result), header.degraded,
                                   spent_of(header));
   if (!done) {
@@ -171,13 +171,13 @@ bool Rounds::finish(TimePoint now, const wire::RoundHeader& header, Bytes result
 }
 
 guard::StageGuard& Rounds::observer_of(const wire::RoundHeader& header, PeerId via) {
-  if (guard::Origin* origin = origins_.find(header.round)) return origin->observer();
+  if (guard::RoundLedger* ledger = own_.find(header.round)) return ledger->observer();
   return stages_.observer(header, via);
 }
 
 // The clock between the origin of a round and here: the hops so far plus the last one.
 Rounds::ClockOf Rounds::clock_of(TimePoint now, const wire::RoundHeader& header, Peer* peer) {
-  if (origins_.is_mine(header.round) || peer == nullptr) return std::nullopt;
+  if (own_.is_mine(header.round) || peer == nullptr) return std::nullopt;
   auto view = peer->clock(now);
   if (view) view->alpha = wrapping_add(view->alpha, header.alpha_sum.count());
   return view;
@@ -207,10 +207,10 @@ void Rounds::end_computations(TimePoint now, RoundContext& context) {
 Guidance Rounds::guidance(TimePoint now, const RoundContext& context, const ClockOf& clock) {
   const wire::RoundHeader& h = context.header;
   Guidance out{.degraded = context.verdict.late};
-  if (guard::Origin* origin = origins_.find(h.round)) {
+  if (guard::RoundLedger* ledger = own_.find(h.round)) {
     out.time_left = h.deadline() - elapsed_across(h.t0, now);
-    out.local_quality = origin->config().fallback.local;
-    if (!context.from) out.levels = origin->config().levels;
+    out.local_quality = ledger->config().fallback.local;
+    if (!context.from) out.levels = ledger->config().levels;
   } else {
     out.local_quality = h.local_quality / 255.0;
     if (clock) {
@@ -226,8 +226,8 @@ Guidance Rounds::guidance(TimePoint now, const RoundContext& context, const Cloc
 void Rounds::choose_mode(TimePoint now, RoundContext& context, const Peer& peer,
                          MessageClass message_class, std::span<const std::size_t> variant_bytes,
                          std::span<const VariantCost> costs) {
-  guard::Origin* origin = origins_.find(context.header.round);
-  if (context.mode_chosen || context.from || origin == nullptr || !origin->weighs()) return;
+  guard::RoundLedger* ledger = own_.find(context.header.round);
+  if (context.mode_chosen || context.from || ledger == nullptr || !ledger->weighs()) return;
   wire::RoundHeader header = context.header;
   header.message_class = message_class;
   const Offer offer{qos_of(header), variant_bytes, costs};
@@ -238,7 +238,7 @@ void Rounds::choose_mode(TimePoint now, RoundContext& context, const Peer& peer,
     return forecast_answers(dispatch_.plan(links, header, offer, ask), offer, links);
   };
   const guard::Forecast normal = forecast(false);
-  context.verdict.late = origin->choose_degraded(now, header.round.round, normal, forecast(true));
+  context.verdict.late = ledger->choose_degraded(now, header.round.round, normal, forecast(true));
   context.mode_chosen = true;
 }
 

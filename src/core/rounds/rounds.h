@@ -1,6 +1,6 @@
 // The rounds that pass an endpoint, whoever began them: from the message that comes in (or the
 // frame that begins one) to the message that sets out, or the answer. Joins Stages (what goes on
-// here), Origins (what began here) and Dispatch (what leaves). Pure; thread-compatible; bounded.
+// here), OwnRounds (what began here) and Dispatch (what leaves). Pure; thread-compatible; bounded.
 #pragma once
 
 #include <deque>
@@ -9,7 +9,7 @@
 
 #include "core/peers/peers.h"
 #include "core/rounds/dispatch.h"
-#include "core/rounds/origins.h"
+#include "core/rounds/own_rounds.h"
 #include "core/rounds/stages.h"
 
 namespace interneuron {
@@ -62,7 +62,7 @@ class Rounds {
   Peers& peers_;
   std::deque<Event>& events_;
   Dispatch dispatch_;
-  Origins origins_;
+  OwnRounds own_;
   Stages stages_;
   EndpointCounters counters_;
 };

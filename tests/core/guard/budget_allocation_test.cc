@@ -8,7 +8,7 @@
 
 #include "core/guard/budget_observer.h"
 #include "core/guard/budget_origin.h"
-#include "core/guard/observer.h"
+#include "core/guard/paper_observer.h"
 #include "core/guard/residual_law.h"
 
 namespace {
@@ -136,7 +136,7 @@ TEST(BudgetAllocation, TheLawNeedsNone) {
 
 // The paper's guard: reference time, stage deadline, level.
 TEST(PaperAllocation, DecisionsNeedNone) {
-  Observer road;
+  PaperObserver road;
   const std::vector<LevelProfile> levels = ladder();
   std::size_t before = 0;
   for (std::uint32_t i = 0; i < 300; ++i) {

@@ -8,7 +8,7 @@
 
 #include "core/link/link_estimator.h"
 #include "core/link/nature.h"
-#include "core/link/prober.h"
+#include "core/link/probe_schedule.h"
 
 namespace {
 std::atomic<std::uint64_t> allocations{0};
@@ -36,7 +36,7 @@ TEST(Allocation, IsSeenByThisTest) {
 TEST(Allocation, NoneWhileAPathWorks) {
   LinkEstimator e;
   DeliveryRate delivery;
-  Prober prober;
+  ProbeSchedule prober;
   prober.set_ready(true);
   TimePoint now{};
   e.heard(now);

@@ -1,6 +1,6 @@
-// A path in virtual time between a probe::Session and a reflector: delay, rate, loss, duplicates
-// and overtaking each way, a clock at the far end that is off and drifts. It knows what really
-// happened.
+// A path in virtual time between a probe::Measurement and a reflector: delay, rate, loss,
+// duplicates and overtaking each way, a clock at the far end that is off and drifts. It knows what
+// really happened.
 #pragma once
 
 #include <array>
@@ -11,7 +11,7 @@
 #include <random>
 
 #include "core/probe/echo_reflector.h"
-#include "core/probe/session.h"
+#include "core/probe/measurement.h"
 
 namespace interneuron::probe {
 
@@ -66,7 +66,7 @@ class VirtualPath {
   Way up;
   Way down;
   Truth truth;
-  Session session;
+  Measurement session;
   std::vector<Reply> replies;
   double drift = 0;       // of the far clock, seconds per second
   Duration offset = 77s;  // of the far clock

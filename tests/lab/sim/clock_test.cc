@@ -66,9 +66,9 @@ TEST(Clock, DecisionsAreBitIdenticalForAnyOffset) {
   }
 }
 
-// The exact bound for drift is a property of the guard alone (tests/core/guard/observer_test.cc):
-// here drift also moves the instants of heartbeats, and with them which packets a lossy link takes.
-// What must hold: every answer, hardly a change.
+// The exact bound for drift is a property of the guard alone
+// (tests/core/guard/paper_observer_test.cc): here drift also moves the instants of heartbeats, and
+// with them which packets a lossy link takes. What must hold: every answer, hardly a change.
 TEST(Clock, DriftCostsNothing) {
   for (const std::uint64_t seed : {1ULL, 5ULL}) {
     const std::uint32_t plain = run_offload(drive(seed, kRounds)).on_time();

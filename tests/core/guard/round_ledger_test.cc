@@ -1,4 +1,4 @@
-#include "core/guard/origin.h"
+#include "core/guard/round_ledger.h"
 
 #include <gtest/gtest.h>
 
@@ -21,7 +21,7 @@ Bytes bytes(int n) { return Bytes{static_cast<std::byte>(n)}; }
 constexpr SessionId kSelf{7};
 
 TEST(Origin, ARemoteResultExactlyAtTheDeadlineIsOnTime) {
-  Origin o(camera(), kSelf);
+  RoundLedger o(camera(), kSelf);
   const auto begun = o.begin(TimePoint{1s});
   const auto done = o.remote_result(TimePoint{1s + 130ms}, begun.ref.round, bytes(1), false);
   ASSERT_TRUE(done);
@@ -32,7 +32,7 @@ TEST(Origin, ARemoteResultExactlyAtTheDeadlineIsOnTime) {
 }
 
 TEST(Origin, OneNanosecondLaterItIsDropped) {
-  Origin o(camera(), kSelf);
+  RoundLedger o(camera(), kSelf);
   const auto begun = o.begin(TimePoint{1s});
   EXPECT_FALSE(o.remote_result(TimePoint{1s + 130ms + 1ns}, begun.ref.round, bytes(1), false));
   const auto done = o.expire(TimePoint{1s + 131ms});
@@ -41,7 +41,7 @@ TEST(Origin, OneNanosecondLaterItIsDropped) {
 }
 
 TEST(Origin, TheLocalBackupAnswersAtTheDeadline) {
-  Origin o(camera(), kSelf);
+  RoundLedger o(camera(), kSelf);
   const auto begun = o.begin(TimePoint{1s});
   o.local_result(begun.t0, begun.ref.round, bytes(9));
   EXPECT_EQ(o.next_timeout(), TimePoint{1s + 130ms});
@@ -53,7 +53,7 @@ TEST(Origin, TheLocalBackupAnswersAtTheDeadline) {
 }
 
 TEST(Origin, WithoutABackupTheLastResultIsMarkedWithItsAge) {
-  Origin o(camera(), kSelf);
+  RoundLedger o(camera(), kSelf);
   const auto first = o.begin(TimePoint{1s});
   o.remote_result(TimePoint{1s + 10ms}, first.ref.round, bytes(1), false);
   o.begin(TimePoint{2s});
@@ -66,7 +66,7 @@ TEST(Origin, WithoutABackupTheLastResultIsMarkedWithItsAge) {
 }
 
 TEST(Origin, WithNothingAtAllTheAnswerIsEmptyAndMarkedSo) {
-  Origin o(camera(), kSelf);
+  RoundLedger o(camera(), kSelf);
   o.begin(TimePoint{1s});
   const auto done = o.expire(TimePoint{2s});
   ASSERT_EQ(done.size(), 1U);
@@ -75,14 +75,14 @@ TEST(Origin, WithNothingAtAllTheAnswerIsEmptyAndMarkedSo) {
 }
 
 TEST(Origin, AForwardJumpAnswersOpenRoundsAtOnce) {
-  Origin o(camera(), kSelf);
+  RoundLedger o(camera(), kSelf);
   o.begin(TimePoint{1s});
   o.begin(TimePoint{1s + 100ms});
   EXPECT_EQ(o.expire(TimePoint{1h}).size(), 2U);
 }
 
 TEST(Origin, TheIndicatorTellsTheRoundsBefore) {
-  Origin o(camera(), kSelf);
+  RoundLedger o(camera(), kSelf);
   const auto r0 = o.begin(TimePoint{1s});
   o.remote_result(TimePoint{1s + 10ms}, r0.ref.round, bytes(1), false);
   o.begin(TimePoint{2s});
@@ -112,7 +112,7 @@ Spent level(std::uint8_t n) {
 }
 
 TEST(Origin, TheLastRemoteResultAnswersWhereItIsWorthMoreThanTheLocalOne) {
-  Origin o(with_fallback(), kSelf);
+  RoundLedger o(with_fallback(), kSelf);
   const auto first = o.begin(TimePoint{1s});
   o.remote_result(TimePoint{1s + 10ms}, first.ref.round, bytes(1), false, level(1));
   for (int i = 1; i <= 2; ++i) {
@@ -130,7 +130,7 @@ TEST(Origin, TheLastRemoteResultAnswersWhereItIsWorthMoreThanTheLocalOne) {
 }
 
 TEST(Origin, ALowLevelResultThatIsOldIsWorthLessThanTheLocalOne) {
-  Origin o(with_fallback(), kSelf);
+  RoundLedger o(with_fallback(), kSelf);
   const auto first = o.begin(TimePoint{1s});
   o.remote_result(TimePoint{1s + 10ms}, first.ref.round, bytes(1), false, level(0));
   o.local_result(TimePoint{2s}, o.begin(TimePoint{2s}).ref.round, bytes(9));
@@ -138,7 +138,7 @@ TEST(Origin, ALowLevelResultThatIsOldIsWorthLessThanTheLocalOne) {
 }
 
 TEST(Origin, WithoutALocalResultAnOldRemoteOneIsMarkedSo) {
-  Origin o(with_fallback(), kSelf);
+  RoundLedger o(with_fallback(), kSelf);
   const auto first = o.begin(TimePoint{1s});
   o.remote_result(TimePoint{1s + 10ms}, first.ref.round, bytes(1), false, level(0));
   o.begin(TimePoint{2s});
@@ -150,7 +150,7 @@ TEST(Origin, WithoutALocalResultAnOldRemoteOneIsMarkedSo) {
 TEST(Origin, WithoutFallbackQualityTheLocalResultAnswers) {
   PipelineConfig config = with_fallback();
   config.fallback = {};
-  Origin o(config, kSelf);
+  RoundLedger o(config, kSelf);
   const auto first = o.begin(TimePoint{1s});
   o.remote_result(TimePoint{1s + 10ms}, first.ref.round, bytes(1), false, level(1));
   o.local_result(TimePoint{2s}, o.begin(TimePoint{2s}).ref.round, bytes(9));
@@ -161,7 +161,7 @@ TEST(Origin, WithoutFallbackQualityTheLocalResultAnswers) {
 
 TEST(Origin, ARoundThatStaysHereIsAnsweredOnceByItsLocalResult) {
   for (const bool result_first : {false, true}) {
-    Origin o(with_fallback(), kSelf);
+    RoundLedger o(with_fallback(), kSelf);
     const auto begun = o.begin(TimePoint{1s});
     const RoundId round = begun.ref.round;
     std::optional<RoundDone> first;
@@ -187,7 +187,7 @@ TEST(Origin, ARoundThatStaysHereIsAnsweredOnceByItsLocalResult) {
 }
 
 TEST(Origin, ARoundThatStaysHereWithoutALocalResultIsAnsweredAtItsDeadline) {
-  Origin o(with_fallback(), kSelf);
+  RoundLedger o(with_fallback(), kSelf);
   EXPECT_FALSE(o.stay_local(TimePoint{1s}, o.begin(TimePoint{1s}).ref.round));
   EXPECT_EQ(o.next_timeout(), TimePoint{1s + 130ms});
   const auto done = o.expire(TimePoint{1s + 130ms});
@@ -198,7 +198,7 @@ TEST(Origin, ARoundThatStaysHereWithoutALocalResultIsAnsweredAtItsDeadline) {
 
 // Too late for its own round, it is the newest there is for the next one.
 TEST(Origin, ALateRemoteResultIsLearntAndMayAnswerTheNextRound) {
-  Origin o(with_fallback(), kSelf);
+  RoundLedger o(with_fallback(), kSelf);
   const auto first = o.begin(TimePoint{1s});
   o.begin(TimePoint{1s + 100ms});
   o.expire(TimePoint{1s + 130ms});
@@ -211,7 +211,7 @@ TEST(Origin, ALateRemoteResultIsLearntAndMayAnswerTheNextRound) {
 }
 
 TEST(Origin, EndToEndTimesOfTheRoundsBeforeAreTold) {
-  Origin o(camera(), kSelf);
+  RoundLedger o(camera(), kSelf);
   o.remote_result(TimePoint{1s + 70ms}, o.begin(TimePoint{1s}).ref.round, bytes(1), false);
   o.begin(TimePoint{2s});
   o.expire(TimePoint{3s});
@@ -225,7 +225,7 @@ TEST(Origin, RefusesBudgetsThatMeanNothing) {
   const auto throws = [](auto change) {
     PipelineConfig c = with_fallback();
     change(c);
-    EXPECT_THROW(Origin(c, kSelf), std::invalid_argument);
+    EXPECT_THROW(RoundLedger(c, kSelf), std::invalid_argument);
   };
   throws([](PipelineConfig& c) { c.budget.target = 1.0; });
   throws([](PipelineConfig& c) { c.budget.miss_price = -0.1; });
@@ -238,13 +238,13 @@ TEST(Origin, RefusesBudgetsThatMeanNothing) {
 TEST(Origin, RefusesWhatCannotBeAPipeline) {
   PipelineConfig none = camera();
   none.stages.clear();
-  EXPECT_THROW(Origin(none, kSelf), std::invalid_argument);
+  EXPECT_THROW(RoundLedger(none, kSelf), std::invalid_argument);
   PipelineConfig zero = camera();
   zero.deadline = 0ms;
-  EXPECT_THROW(Origin(zero, kSelf), std::invalid_argument);
+  EXPECT_THROW(RoundLedger(zero, kSelf), std::invalid_argument);
   PipelineConfig period = camera();
   period.period = -1ms;
-  EXPECT_THROW(Origin(period, kSelf), std::invalid_argument);
+  EXPECT_THROW(RoundLedger(period, kSelf), std::invalid_argument);
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-#include "core/guard/observer.h"
+#include "core/guard/paper_observer.h"
 
 #include <algorithm>
 
@@ -14,8 +14,8 @@ constexpr int kBlindHoldDivisor = 4;
 
 }  // namespace
 
-std::optional<Duration> Observer::stage_deadline(TimePoint now, const StageEnd& end,
-                                                 const std::optional<ClockView>& clock) {
+std::optional<Duration> PaperObserver::stage_deadline(TimePoint now, const StageEnd& end,
+                                                      const std::optional<ClockView>& clock) {
   const std::optional<Duration> base = times_.base(now, end.stage);
   if (!base || (!clock && !at_origin_)) return std::nullopt;
   const std::int64_t alpha = at_origin_ ? 0 : clock->alpha;
@@ -25,8 +25,8 @@ std::optional<Duration> Observer::stage_deadline(TimePoint now, const StageEnd& 
   return Duration{wrapping_add(base->count(), b.count() * end.x_permille / kPermille)};
 }
 
-Verdict Observer::end_stage(TimePoint now, const StageEnd& end,
-                            const std::optional<ClockView>& clock) {
+Verdict PaperObserver::end_stage(TimePoint now, const StageEnd& end,
+                                 const std::optional<ClockView>& clock) {
   const Duration theta = elapsed_across(end.t0, now);
   const std::optional<Duration> dn = stage_deadline(now, end, clock);
   times_.observe(end.round, end.stage, theta);
@@ -41,8 +41,8 @@ Verdict Observer::end_stage(TimePoint now, const StageEnd& end,
   return verdict;
 }
 
-Observer::Hold Observer::hold(TimePoint now, const StageEnd& end,
-                              const std::optional<ClockView>& clock, bool last_stage) {
+PaperObserver::Hold PaperObserver::hold(TimePoint now, const StageEnd& end,
+                                        const std::optional<ClockView>& clock, bool last_stage) {
   std::optional<Duration> dn = stage_deadline(now, end, clock);
   if (!dn) return {now + end.deadline / kBlindHoldDivisor, false, false};
   if (last_stage && at_origin_) dn = std::min(*dn, end.deadline);
@@ -51,7 +51,7 @@ Observer::Hold Observer::hold(TimePoint now, const StageEnd& end,
   return until <= bound ? Hold{until, true, true} : Hold{bound, false, true};
 }
 
-Verdict Observer::end_stage_held(const StageEnd& end, const Hold& hold) {
+Verdict PaperObserver::end_stage_held(const StageEnd& end, const Hold& hold) {
   times_.observe(end.round, end.stage, elapsed_across(end.t0, hold.until));
   Verdict verdict;
   verdict.released_at_deadline = hold.is_stage_deadline;
@@ -62,15 +62,15 @@ Verdict Observer::end_stage_held(const StageEnd& end, const Hold& hold) {
   return verdict;
 }
 
-LevelChoice Observer::begin_computation(TimePoint, const StageEnd&,
-                                        std::span<const LevelProfile> levels, std::size_t top,
-                                        const Verdict& verdict) {
+LevelChoice PaperObserver::begin_computation(TimePoint, const StageEnd&,
+                                             std::span<const LevelProfile> levels, std::size_t top,
+                                             const Verdict& verdict) {
   return {sacrificed_level(levels, top, verdict), std::nullopt};
 }
 
 std::unique_ptr<StageGuard> make_stage_guard(GuardKind kind, bool at_origin) {
   if (kind == GuardKind::kBudget) return std::make_unique<BudgetObserver>(at_origin);
-  return std::make_unique<Observer>(at_origin);
+  return std::make_unique<PaperObserver>(at_origin);
 }
 
 }  // namespace interneuron::guard

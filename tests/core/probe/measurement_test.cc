@@ -1,4 +1,4 @@
-#include "core/probe/session.h"
+#include "core/probe/measurement.h"
 
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
@@ -43,7 +43,7 @@ TEST(ProbeSession, KeepsTheIntervalExactly) {
 TEST(ProbeSession, SendsWhatItMissedButNotAfterALongPause) {
   Options options = options_of(Format::kEcho, 1000);
   options.interval = 1ms;
-  Session session(options, TimePoint{1s});
+  Measurement session(options, TimePoint{1s});
   std::array<std::byte, 2000> buffer;
   const auto drain = [&](TimePoint now) {
     std::size_t count = 0;
@@ -231,7 +231,7 @@ TEST(ProbeSession, StoppedItWaitsForWhatIsUnderWay) {
 }
 
 TEST(ProbeSession, WhatIsNoReplyOfOursIsCountedAndIgnored) {
-  Session session(options_of(Format::kStamp), TimePoint{1s});
+  Measurement session(options_of(Format::kStamp), TimePoint{1s});
   std::array<std::byte, 2000> buffer;
   ASSERT_GT(session.poll(TimePoint{1s}, buffer), 0U);
   const auto answer = [&](std::uint32_t sequence, Duration sent) {

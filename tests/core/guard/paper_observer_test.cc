@@ -1,4 +1,4 @@
-#include "core/guard/observer.h"
+#include "core/guard/paper_observer.h"
 
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
@@ -14,7 +14,7 @@ constexpr Duration kDeadline = 130ms;
 struct Stage {
   explicit Stage(std::int64_t true_alpha = 0) : alpha(true_alpha) {}
   std::int64_t alpha;
-  Observer observer;
+  PaperObserver observer;
 
   TimePoint at(Duration world) const { return TimePoint{Duration{world.count() + alpha}}; }
   ClockView clock() const { return {alpha, 20ms}; }
@@ -92,7 +92,7 @@ TEST(Observer, WithoutABaseItHoldsForAQuarterOfTheDeadline) {
 }
 
 TEST(Observer, TheLastStageAtTheOriginHoldsUntilTheEndToEndDeadlineAtMost) {
-  Observer origin(true);
+  PaperObserver origin(true);
   origin.end_stage(TimePoint{120ms}, Stage::end(0, 0ms, 0), std::nullopt);
   origin.settle(TimePoint{120ms}, RoundId{0}, RoundState::kOnTime);
   const auto hold = origin.hold(TimePoint{200ms}, Stage::end(1, 100ms, 500), std::nullopt, true);
@@ -110,7 +110,7 @@ RC_GTEST_PROP(Observer, DecisionsAreInvariantToTheClockOffset, ()) {
     const auto x = *rc::gen::inRange<std::int16_t>(-1000, 1000);
     const auto state = *rc::gen::element(RoundState::kOnTime, RoundState::kMissed);
     Verdict verdicts[2];
-    Observer::Hold holds[2];
+    PaperObserver::Hold holds[2];
     int i = 0;
     for (Stage* s : {&plain, &moved}) {
       holds[i] = s->observer.hold(s->at(t0 + theta), Stage::end(round, t0, x), s->clock(), false);
@@ -134,7 +134,7 @@ RC_GTEST_PROP(Observer, DriftChangesDecisionsOnlyWithinItsBound, ()) {
     return TimePoint{Duration{t.count() + t.count() * kPpm / 1'000'000}};
   };
   struct Host {
-    Observer observer;
+    PaperObserver observer;
     ClockOffset clock;
   } plain, drifting;
   Duration next_exchange{};

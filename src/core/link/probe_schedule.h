@@ -13,7 +13,7 @@
 
 namespace interneuron::link {
 
-class Prober {
+class ProbeSchedule {
  public:
   // While messages flow, a path's round trip is refreshed this often: two samples per round at 10
   // Hz.

@@ -1,4 +1,4 @@
-#include "core/probe/session.h"
+#include "core/probe/measurement.h"
 
 #include <algorithm>
 #include <cassert>
@@ -26,7 +26,7 @@ constexpr Duration kClosingInterval = std::chrono::milliseconds(50);
 
 }  // namespace
 
-Session::Session(const Options& options, TimePoint start)
+Measurement::Measurement(const Options& options, TimePoint start)
     : options_(options), next_at_(start), last_ping_at_(start) {
   assert(options.count >= 1 && options.count <= kMaxPings && options.interval > Duration::zero());
   options_.size = std::max(options_.size, smallest(options_.format));
@@ -35,7 +35,7 @@ Session::Session(const Options& options, TimePoint start)
 
 // --- sending
 
-std::size_t Session::write(TimePoint now, Purpose purpose, std::span<std::byte> buffer) {
+std::size_t Measurement::write(TimePoint now, Purpose purpose, std::span<std::byte> buffer) {
   const auto sequence = static_cast<std::uint32_t>(log_.size());
   log_.push_back({.sent = now, .purpose = purpose});
   wire::StampRequest request;
@@ -58,7 +58,7 @@ std::size_t Session::write(TimePoint now, Purpose purpose, std::span<std::byte> 
                           echo, size);
 }
 
-std::size_t Session::poll(TimePoint now, std::span<std::byte> buffer) {
+std::size_t Measurement::poll(TimePoint now, std::span<std::byte> buffer) {
   advance(now);
   if (phase_ == Phase::kTrain && train_left_ > 0) {
     const std::size_t size = write(now, Purpose::kTrain, buffer);
@@ -83,14 +83,14 @@ std::size_t Session::poll(TimePoint now, std::span<std::byte> buffer) {
   return 0;
 }
 
-void Session::stop(TimePoint now) {
+void Measurement::stop(TimePoint now) {
   options_.rate = false;
   options_.count = pings_;
   if (phase_ == Phase::kTrain) end_train(now);
   advance(now);
 }
 
-std::optional<TimePoint> Session::next_timeout() const {
+std::optional<TimePoint> Measurement::next_timeout() const {
   switch (phase_) {
     case Phase::kPings:
       if (wants_train()) return all_answered() ? next_at_ : std::max(next_at_, given_up_at());
@@ -107,7 +107,7 @@ std::optional<TimePoint> Session::next_timeout() const {
 
 // --- phases
 
-bool Session::wants_train() const {
+bool Measurement::wants_train() const {
   if (!options_.rate || train_ >= kTrainsAtMost || pings_answered_ == 0 ||
       rates_up_.size() >= kTrainsWanted) {
     return false;
@@ -115,7 +115,7 @@ bool Session::wants_train() const {
   return pings_answered_ >= std::min(kPingsBeforeTrains, options_.count);
 }
 
-void Session::advance(TimePoint now) {
+void Measurement::advance(TimePoint now) {
   if (phase_ == Phase::kTrain && train_left_ == 0 &&
       (train_answered_ == train_count_ || now >= train_heard_ + slowest_ + kTrainSilence)) {
     end_train(now);
@@ -134,7 +134,7 @@ void Session::advance(TimePoint now) {
   }
 }
 
-void Session::begin_train(TimePoint now) {
+void Measurement::begin_train(TimePoint now) {
   phase_ = Phase::kTrain;
   ++train_;
   train_count_ = train_length(rough_, options_.train_size + options_.ip_udp_bytes);
@@ -144,7 +144,7 @@ void Session::begin_train(TimePoint now) {
   train_heard_ = now;
 }
 
-void Session::end_train(TimePoint now) {
+void Measurement::end_train(TimePoint now) {
   phase_ = Phase::kPings;
   next_at_ = now + slowest_ + kTrainPause;
   const auto sent = std::span(log_).subspan(train_first_);
@@ -156,7 +156,7 @@ void Session::end_train(TimePoint now) {
   if (rates.down) rates_down_.push_back(*rates.down);
 }
 
-void Session::begin_closing(TimePoint now) {
+void Measurement::begin_closing(TimePoint now) {
   if (all_answered() || pings_answered_ == 0) {
     phase_ = Phase::kDone;
     return;
@@ -169,7 +169,7 @@ void Session::begin_closing(TimePoint now) {
 
 // --- replies
 
-std::optional<Session::Parsed> Session::parse(ByteView datagram) const {
+std::optional<Measurement::Parsed> Measurement::parse(ByteView datagram) const {
   if (options_.format == Format::kStamp) {
     const auto reply = wire::parse_stamp_reply(datagram);
     if (!reply) return std::nullopt;
@@ -185,14 +185,15 @@ std::optional<Session::Parsed> Session::parse(ByteView datagram) const {
 
 // t2 - t1, with the offset of two clocks that may not even count alike: the reflector's readings
 // are taken as the time since its first one.
-Duration Session::up_of(const wire::StampReply& reply, TimePoint sent) {
+Duration Measurement::up_of(const wire::StampReply& reply, TimePoint sent) {
   if (!reflector_start_) reflector_start_ = reply.received;
   const Duration received =
       wire::stamp_difference(reply.received, *reflector_start_, reply.error_estimate);
   return received - (sent - log_.front().sent);
 }
 
-void Session::note_times(SentPacket& packet, const wire::StampReply& reply, TimePoint received) {
+void Measurement::note_times(SentPacket& packet, const wire::StampReply& reply,
+                             TimePoint received) {
   packet.answered = true;
   packet.received = std::max(received, packet.sent);
   packet.counted = reply.sequence;
@@ -205,7 +206,7 @@ void Session::note_times(SentPacket& packet, const wire::StampReply& reply, Time
   slowest_ = std::max(slowest_, std::min(packet.received - packet.sent, options_.timeout));
 }
 
-std::optional<Reply> Session::handle(TimePoint received, ByteView datagram) {
+std::optional<Reply> Measurement::handle(TimePoint received, ByteView datagram) {
   const auto parsed = parse(datagram);
   const wire::StampReply* reply = parsed ? &parsed->reply : nullptr;
   if (reply == nullptr || reply->request_sequence >= log_.size()) {
@@ -238,7 +239,7 @@ std::optional<Reply> Session::handle(TimePoint received, ByteView datagram) {
   return note_ping(packet, reply->request_sequence);
 }
 
-Reply Session::note_ping(const SentPacket& packet, std::uint32_t sequence) {
+Reply Measurement::note_ping(const SentPacket& packet, std::uint32_t sequence) {
   ++pings_answered_;
   if (sequence < next_expected_) {
     ++reordered_;
@@ -255,9 +256,9 @@ Reply Session::note_ping(const SentPacket& packet, std::uint32_t sequence) {
 
 // Ours does. Of another one it shows in a number that is not the request's; without any loss it
 // shows in nothing and does not matter.
-bool Session::reflector_counts() const { return options_.format == Format::kEcho || differs_; }
+bool Measurement::reflector_counts() const { return options_.format == Format::kEcho || differs_; }
 
-Summary Session::summary() const {
+Summary Measurement::summary() const {
   Summary out;
   out.stateful = reflector_counts();
   out.duplicates = duplicates_;

@@ -14,11 +14,11 @@
 
 namespace interneuron::guard {
 
-class Origin {
+class RoundLedger {
  public:
   // Throws std::invalid_argument when the configuration has no stage, too many, a deadline or
   // period <= 0, or budget options, levels or fallback qualities out of their ranges.
-  Origin(PipelineConfig config, SessionId self);
+  RoundLedger(PipelineConfig config, SessionId self);
 
   // What the header of a round carries.
   struct Begun {

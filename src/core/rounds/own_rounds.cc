@@ -1,4 +1,4 @@
-#include "core/rounds/origins.h"
+#include "core/rounds/own_rounds.h"
 
 #include <algorithm>
 #include <iterator>
@@ -40,30 +40,30 @@ void describe(wire::RoundHeader& h, const PipelineConfig& config) {
 
 }  // namespace
 
-Origins::Origins(SessionId self, const std::vector<PipelineConfig>& pipelines) : self_(self) {
+OwnRounds::OwnRounds(SessionId self, const std::vector<PipelineConfig>& pipelines) : self_(self) {
   for (const PipelineConfig& config : pipelines) {
-    if (!pipelines_.try_emplace(config.id, Pipeline{guard::Origin(config, self)}).second) {
+    if (!pipelines_.try_emplace(config.id, Pipeline{guard::RoundLedger(config, self)}).second) {
       throw std::invalid_argument("pipeline " + std::to_string(config.id.value) + ": given twice");
     }
   }
 }
 
-RoundContext Origins::begin(TimePoint now, PipelineId pipeline) {
+RoundContext OwnRounds::begin(TimePoint now, PipelineId pipeline) {
   const auto it = pipelines_.find(pipeline);
   if (it == pipelines_.end()) {
     throw std::invalid_argument("begin_round: no pipeline " + std::to_string(pipeline.value));
   }
-  guard::Origin& origin = it->second.origin;
-  const guard::Origin::Begun begun = origin.begin(now);
+  guard::RoundLedger& ledger = it->second.ledger;
+  const guard::RoundLedger::Begun begun = ledger.begin(now);
   it->second.begun = begun.ref.round.value + 1;
   RoundContext context;
   wire::RoundHeader& h = context.header;
-  describe(h, origin.config());
+  describe(h, ledger.config());
   h.round = begun.ref;
   h.t0 = as_wire(now);
   h.x_permille = begun.sent.x_permille;
-  h.indicator = origin.indicator(begun.ref.round);
-  const guard::RecentE2e recent = origin.recent_e2e(begun.ref.round);
+  h.indicator = ledger.indicator(begun.ref.round);
+  const guard::RecentE2e recent = ledger.recent_e2e(begun.ref.round);
   for (std::size_t i = 0; i < recent.size(); ++i) {
     if (!recent[i]) continue;
     h.e2e[i] = *recent[i] == guard::kNever
@@ -76,30 +76,30 @@ RoundContext Origins::begin(TimePoint now, PipelineId pipeline) {
   return context;
 }
 
-bool Origins::has_begun(const RoundRef& round) const {
+bool OwnRounds::has_begun(const RoundRef& round) const {
   const auto it = pipelines_.find(round.pipeline);
   return is_mine(round) && it != pipelines_.end() && round.round.value < it->second.begun;
 }
 
-guard::Origin* Origins::find(const RoundRef& round) {
+guard::RoundLedger* OwnRounds::find(const RoundRef& round) {
   const auto it = pipelines_.find(round.pipeline);
-  return is_mine(round) && it != pipelines_.end() ? &it->second.origin : nullptr;
+  return is_mine(round) && it != pipelines_.end() ? &it->second.ledger : nullptr;
 }
 
-std::vector<RoundDone> Origins::expire(TimePoint now) {
+std::vector<RoundDone> OwnRounds::expire(TimePoint now) {
   std::vector<RoundDone> all;
   for (auto& [id, pipeline] : pipelines_) {
-    auto done = pipeline.origin.expire(now);
+    auto done = pipeline.ledger.expire(now);
     all.insert(all.end(), std::make_move_iterator(done.begin()),
                std::make_move_iterator(done.end()));
   }
   return all;
 }
 
-std::optional<TimePoint> Origins::next_timeout() const {
+std::optional<TimePoint> OwnRounds::next_timeout() const {
   std::optional<TimePoint> next;
   for (const auto& [id, pipeline] : pipelines_) {
-    const auto t = pipeline.origin.next_timeout();
+    const auto t = pipeline.ledger.next_timeout();
     if (t && (!next || *t < *next)) next = t;
   }
   return next;

@@ -54,9 +54,9 @@ struct Reply {
   bool late = false;
 };
 
-class Session {
+class Measurement {
  public:
-  Session(const Options& options, TimePoint start);
+  Measurement(const Options& options, TimePoint start);
 
   // Writes the next packet that is due and returns its size; 0: none is.
   std::size_t poll(TimePoint now, std::span<std::byte> buffer);

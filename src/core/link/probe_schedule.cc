@@ -1,4 +1,4 @@
-#include "core/link/prober.h"
+#include "core/link/probe_schedule.h"
 
 #include <algorithm>
 #include <cmath>
@@ -6,7 +6,7 @@
 namespace interneuron::link {
 namespace {
 
-constexpr double kBitsPerSecond = static_cast<double>(Prober::kTrainRate.bits_per_second);
+constexpr double kBitsPerSecond = static_cast<double>(ProbeSchedule::kTrainRate.bits_per_second);
 // The bucket holds a second of its rate, or one train if that is more; chosen.
 constexpr double kDepth = kBitsPerSecond;
 // The first trains of a path may use this at once: 32 packets, the 141 that 16 ms take at 100
@@ -47,28 +47,28 @@ Duration seconds_of(double bits, DataRate rate) {
 
 }  // namespace
 
-void Prober::set_sizes(std::size_t heartbeat, std::size_t full) {
+void ProbeSchedule::set_sizes(std::size_t heartbeat, std::size_t full) {
   heartbeat_bytes_ = heartbeat;
   full_bytes_ = std::max<std::size_t>(full, 1);
 }
 
-void Prober::request_train(TimePoint now) { requested_at_ = now; }
+void ProbeSchedule::request_train(TimePoint now) { requested_at_ = now; }
 
-void Prober::active(TimePoint now) {
+void ProbeSchedule::active(TimePoint now) {
   if (!begun_at_) begun_at_ = now;
   active_at_ = now;
 }
 
-void Prober::data_sent(TimePoint now) { active_at_ = data_at_ = now; }
+void ProbeSchedule::data_sent(TimePoint now) { active_at_ = data_at_ = now; }
 
-void Prober::heartbeat_sent(TimePoint now) {
+void ProbeSchedule::heartbeat_sent(TimePoint now) {
   if (!begun_at_) begun_at_ = now;
   heartbeat_at_ = now;
 }
 
 // --- heartbeats
 
-Duration Prober::heartbeat_interval(TimePoint now) const {
+Duration ProbeSchedule::heartbeat_interval(TimePoint now) const {
   const bool is_new = !metered_ && begun_at_ && now - *begun_at_ < kNew;
   const bool is_active = is_new || (active_at_ && now - *active_at_ < kActive);
   // A peer that has not answered yet is looked for at the usual pace.
@@ -78,38 +78,38 @@ Duration Prober::heartbeat_interval(TimePoint now) const {
   return std::max(wanted, kHeartbeatRate.transmit_time(heartbeat_bytes_));
 }
 
-TimePoint Prober::heartbeat_at(TimePoint now) const {
+TimePoint ProbeSchedule::heartbeat_at(TimePoint now) const {
   return heartbeat_at_ ? *heartbeat_at_ + heartbeat_interval(now) : now;
 }
 
-bool Prober::heartbeat_due(TimePoint now) const { return now >= heartbeat_at(now); }
+bool ProbeSchedule::heartbeat_due(TimePoint now) const { return now >= heartbeat_at(now); }
 
 // --- trains
 
-double Prober::level(TimePoint now) const {
+double ProbeSchedule::level(TimePoint now) const {
   if (!level_at_) return kStartBudget;
   const double since = static_cast<double>((now - *level_at_).count()) / 1e9;
   const double depth = std::max(kDepth, bits(train_packets()));
   return std::max(level_, std::min(depth, level_ + kBitsPerSecond * since));
 }
 
-void Prober::spend(TimePoint now, std::uint32_t packets) {
+void ProbeSchedule::spend(TimePoint now, std::uint32_t packets) {
   level_ = level(now) - bits(packets);
   level_at_ = now;
 }
 
-double Prober::bits(std::uint32_t packets) const {
+double ProbeSchedule::bits(std::uint32_t packets) const {
   return 8.0 * packets * static_cast<double>(full_bytes_);
 }
 
-void Prober::train_sent(TimePoint now, std::uint32_t packets) {
+void ProbeSchedule::train_sent(TimePoint now, std::uint32_t packets) {
   spend(now, packets);
   train_at_ = now;
   last_train_ = packets;
   requested_at_.reset();
 }
 
-std::uint32_t Prober::train_packets() const {
+std::uint32_t ProbeSchedule::train_packets() const {
   if (!evidence_.rate || *evidence_.rate <= DataRate{}) return kStartTrain;
   // A guess may be ten times too high; a train as long as it asks for would wait for the budget.
   if (!evidence_.at) return std::clamp(2 * last_train_, kStartTrain, kMostTrain);
@@ -122,7 +122,7 @@ std::uint32_t Prober::train_packets() const {
   return wanted;
 }
 
-std::optional<TimePoint> Prober::train_at(TimePoint now) const {
+std::optional<TimePoint> ProbeSchedule::train_at(TimePoint now) const {
   if (!ready_ || latched_ || (metered_ && !requested_at_)) return std::nullopt;
   TimePoint at = requested_at_.value_or(now);
   if (!requested_at_ && train_at_) {
@@ -143,7 +143,7 @@ std::optional<TimePoint> Prober::train_at(TimePoint now) const {
   return at;
 }
 
-std::optional<Prober::Train> Prober::train_due(TimePoint now) const {
+std::optional<ProbeSchedule::Train> ProbeSchedule::train_due(TimePoint now) const {
   const auto at = train_at(now);
   if (!at || *at > now) return std::nullopt;
   Train train{train_packets(), std::nullopt};
@@ -153,22 +153,22 @@ std::optional<Prober::Train> Prober::train_due(TimePoint now) const {
 
 // --- proofs
 
-void Prober::proof_sent(TimePoint now) {
+void ProbeSchedule::proof_sent(TimePoint now) {
   spend(now, 1);
   proof_at_ = now;
 }
 
-std::optional<TimePoint> Prober::proof_time(TimePoint now) const {
+std::optional<TimePoint> ProbeSchedule::proof_time(TimePoint now) const {
   if (!latched_) return std::nullopt;
   return proof_at_ ? *proof_at_ + kProof : now;
 }
 
-bool Prober::proof_due(TimePoint now) const {
+bool ProbeSchedule::proof_due(TimePoint now) const {
   const auto at = proof_time(now);
   return at && now >= *at;
 }
 
-TimePoint Prober::next_timeout(TimePoint now) const {
+TimePoint ProbeSchedule::next_timeout(TimePoint now) const {
   TimePoint next = heartbeat_at(now);
   if (const auto at = train_at(now)) next = std::min(next, *at);
   if (const auto at = proof_time(now)) next = std::min(next, *at);

@@ -1,4 +1,4 @@
-#include "core/link/prober.h"
+#include "core/link/probe_schedule.h"
 
 #include <gtest/gtest.h>
 
@@ -11,7 +11,7 @@ TimePoint at(Duration d) { return TimePoint{d}; }
 
 // Runs a prober alone on a path of `rate`; every train is measured 50 ms later.
 struct Alone {
-  Prober prober;
+  ProbeSchedule prober;
   DataRate rate{};
   std::size_t heartbeats = 0;
   std::vector<std::pair<TimePoint, std::uint32_t>> trains;
@@ -132,7 +132,7 @@ TEST(Prober, TheFirstTrainsGrowUntilTheyAreLongEnough) {
 }
 
 TEST(Prober, AGuessOnlyDoublesTheNextTrain) {
-  Prober p;
+  ProbeSchedule p;
   p.set_ready(true);
   p.active(TimePoint{});
   p.train_sent(TimePoint{}, 32);

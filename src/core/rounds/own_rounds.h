@@ -1,5 +1,5 @@
-// The rounds that begin at this endpoint: a guard::Origin per pipeline, and the header with which
-// each round's messages set out. Pure; thread-compatible.
+// The rounds that begin at this endpoint: a guard::RoundLedger per pipeline, and the header with
+// which each round's messages set out. Pure; thread-compatible.
 #pragma once
 
 #include <cstdint>
@@ -7,16 +7,16 @@
 #include <optional>
 #include <vector>
 
-#include "core/guard/origin.h"
+#include "core/guard/round_ledger.h"
 #include "core/rounds/stages.h"
 #include "interneuron/endpoint.h"
 
 namespace interneuron {
 
-class Origins {
+class OwnRounds {
  public:
   // Throws std::invalid_argument naming the pipeline.
-  Origins(SessionId self, const std::vector<PipelineConfig>& pipelines);
+  OwnRounds(SessionId self, const std::vector<PipelineConfig>& pipelines);
 
   // Throws std::invalid_argument when there is no such pipeline.
   RoundContext begin(TimePoint now, PipelineId pipeline);
@@ -26,7 +26,7 @@ class Origins {
   // books.
   bool has_begun(const RoundRef& round) const;
   // The pipeline of a round that is_mine(); nothing when there is no such pipeline.
-  guard::Origin* find(const RoundRef& round);
+  guard::RoundLedger* find(const RoundRef& round);
 
   // Rounds whose deadline has passed.
   std::vector<RoundDone> expire(TimePoint now);
@@ -34,7 +34,7 @@ class Origins {
 
  private:
   struct Pipeline {
-    guard::Origin origin;
+    guard::RoundLedger ledger;
     std::uint32_t begun = 0;  // rounds so far
   };
   SessionId self_;

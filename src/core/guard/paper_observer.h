@@ -10,9 +10,9 @@
 
 namespace interneuron::guard {
 
-class Observer final : public StageGuard {
+class PaperObserver final : public StageGuard {
  public:
-  explicit Observer(bool at_origin = false) : at_origin_(at_origin) {}
+  explicit PaperObserver(bool at_origin = false) : at_origin_(at_origin) {}
 
   void learn(TimePoint now, RoundId current, const Indicator& indicator,
              const RecentE2e&) override {

@@ -1,4 +1,4 @@
-#include "core/guard/origin.h"
+#include "core/guard/round_ledger.h"
 
 #include <algorithm>
 #include <stdexcept>
@@ -49,14 +49,15 @@ void check_budget(const PipelineConfig& c) {
 
 }  // namespace
 
-Origin::Origin(PipelineConfig config, SessionId self) : config_(std::move(config)), self_(self) {
+RoundLedger::RoundLedger(PipelineConfig config, SessionId self)
+    : config_(std::move(config)), self_(self) {
   check(config_);
   check_budget(config_);
   guard_ = make_round_guard(config_);
   observer_ = make_stage_guard(config_.guard, true);
 }
 
-Origin::Begun Origin::begin(TimePoint now) {
+RoundLedger::Begun RoundLedger::begin(TimePoint now) {
   const RoundId round{next_round_++};
   Begun begun{{self_, config_.id, round},
               now,
@@ -66,7 +67,7 @@ Origin::Begun Origin::begin(TimePoint now) {
   return begun;
 }
 
-Indicator Origin::indicator(RoundId round) const {
+Indicator RoundLedger::indicator(RoundId round) const {
   Indicator out{};
   for (std::uint32_t i = 0; i < out.size() && i < round.value; ++i) {
     out[i] = past_[(round.value - 1 - i) % kRing].state;
@@ -74,7 +75,7 @@ Indicator Origin::indicator(RoundId round) const {
   return out;
 }
 
-RecentE2e Origin::recent_e2e(RoundId round) const {
+RecentE2e RoundLedger::recent_e2e(RoundId round) const {
   RecentE2e out{};
   for (std::uint32_t i = 0; i < out.size() && i < round.value; ++i) {
     out[i] = past_[(round.value - 1 - i) % kRing].e2e;
@@ -82,8 +83,8 @@ RecentE2e Origin::recent_e2e(RoundId round) const {
   return out;
 }
 
-bool Origin::choose_degraded(TimePoint now, RoundId round, const Forecast& normal,
-                             const Forecast& degraded) {
+bool RoundLedger::choose_degraded(TimePoint now, RoundId round, const Forecast& normal,
+                                  const Forecast& degraded) {
   Open* open = find(round);
   if (open == nullptr) return false;
   RoundGuard::Sent& sent = open->begun.sent;
@@ -91,18 +92,18 @@ bool Origin::choose_degraded(TimePoint now, RoundId round, const Forecast& norma
   return sent.degraded;
 }
 
-Origin::Open* Origin::find(RoundId round) {
+RoundLedger::Open* RoundLedger::find(RoundId round) {
   const auto it = std::ranges::find(open_, round, [](const Open& o) { return o.begun.ref.round; });
   return it == open_.end() ? nullptr : &*it;
 }
 
-const Origin::Begun* Origin::open(RoundId round) const {
+const RoundLedger::Begun* RoundLedger::open(RoundId round) const {
   const auto it = std::ranges::find(open_, round, [](const Open& o) { return o.begun.ref.round; });
   return it == open_.end() ? nullptr : &it->begun;
 }
 
-std::optional<RoundDone> Origin::remote_result(TimePoint now, RoundId round, Bytes result,
-                                               bool degraded, const Spent& spent) {
+std::optional<RoundDone> RoundLedger::remote_result(TimePoint now, RoundId round, Bytes result,
+                                                    bool degraded, const Spent& spent) {
   const Open* open = find(round);
   if (open == nullptr || now > open->begun.t0 + config_.deadline) {
     learn_late(now, round, std::move(result), spent);
@@ -125,7 +126,7 @@ std::optional<RoundDone> Origin::remote_result(TimePoint now, RoundId round, Byt
   return done;
 }
 
-void Origin::learn_late(TimePoint now, RoundId round, Bytes result, const Spent& spent) {
+void RoundLedger::learn_late(TimePoint now, RoundId round, Bytes result, const Spent& spent) {
   Past& past = past_[round.value % kRing];
   if (past.round != round || past.state == RoundState::kOnTime) return;
   const Duration e2e = now - past.t0;
@@ -136,7 +137,7 @@ void Origin::learn_late(TimePoint now, RoundId round, Bytes result, const Spent&
   keep_remote(round, result, spent);
 }
 
-std::optional<RoundDone> Origin::local_result(TimePoint now, RoundId round, Bytes result) {
+std::optional<RoundDone> RoundLedger::local_result(TimePoint now, RoundId round, Bytes result) {
   Open* open = find(round);
   if (open == nullptr) return std::nullopt;
   keep_last(round, result);
@@ -145,7 +146,7 @@ std::optional<RoundDone> Origin::local_result(TimePoint now, RoundId round, Byte
   return decide_locally(now, *open);
 }
 
-std::optional<RoundDone> Origin::stay_local(TimePoint now, RoundId round) {
+std::optional<RoundDone> RoundLedger::stay_local(TimePoint now, RoundId round) {
   Open* open = find(round);
   if (open == nullptr) return std::nullopt;
   open->stays_local = true;
@@ -153,7 +154,7 @@ std::optional<RoundDone> Origin::stay_local(TimePoint now, RoundId round) {
   return decide_locally(now, *open);
 }
 
-std::vector<RoundDone> Origin::expire(TimePoint now) {
+std::vector<RoundDone> RoundLedger::expire(TimePoint now) {
   std::vector<RoundDone> out;
   while (!open_.empty() && open_.front().begun.t0 + config_.deadline <= now) {
     out.push_back(decide_locally(now, open_.front()));
@@ -161,7 +162,7 @@ std::vector<RoundDone> Origin::expire(TimePoint now) {
   return out;
 }
 
-RoundDone Origin::decide_locally(TimePoint now, Open& open) {
+RoundDone RoundLedger::decide_locally(TimePoint now, Open& open) {
   std::optional<Bytes> local = std::move(open.local);
   RoundDone done = decide(now, open.begun.ref.round, Outcome::kLocal);
   answer(done, std::move(local));
@@ -169,7 +170,7 @@ RoundDone Origin::decide_locally(TimePoint now, Open& open) {
 }
 
 // Empty, this round's own or an older result.
-void Origin::answer(RoundDone& done, std::optional<Bytes> local) {
+void RoundLedger::answer(RoundDone& done, std::optional<Bytes> local) {
   const auto age = [&done](const Last& last) { return done.round.round.value - last.round.value; };
   const std::vector<double>& share = config_.fallback.stale_share;
   if (last_remote_ && age(*last_remote_) - 1U < share.size() &&
@@ -189,7 +190,7 @@ void Origin::answer(RoundDone& done, std::optional<Bytes> local) {
 
 // The only place where a round gets its outcome: it is taken out of open_, so that there cannot be
 // a second one.
-RoundDone Origin::decide(TimePoint now, RoundId round, Outcome outcome) {
+RoundDone RoundLedger::decide(TimePoint now, RoundId round, Outcome outcome) {
   const auto it = std::ranges::find(open_, round, [](const Open& o) { return o.begun.ref.round; });
   const Begun begun = it->begun;
   const bool on_time = outcome == Outcome::kRemote;
@@ -221,12 +222,12 @@ RoundDone Origin::decide(TimePoint now, RoundId round, Outcome outcome) {
   return done;
 }
 
-void Origin::keep_last(RoundId round, const Bytes& result) {
+void RoundLedger::keep_last(RoundId round, const Bytes& result) {
   if (last_ && static_cast<std::int32_t>(last_->round.value - round.value) > 0) return;
   last_ = Last{round, result};
 }
 
-void Origin::keep_remote(RoundId round, const Bytes& result, const Spent& spent) {
+void RoundLedger::keep_remote(RoundId round, const Bytes& result, const Spent& spent) {
   if (config_.fallback.stale_share.empty() || !spent.level ||
       *spent.level >= config_.levels.size()) {
     return;
@@ -238,7 +239,7 @@ void Origin::keep_remote(RoundId round, const Bytes& result, const Spent& spent)
       Last{round, result, quality_of(config_.levels, *spent.level, spent.variant.value_or(0))};
 }
 
-std::optional<TimePoint> Origin::next_timeout() const {
+std::optional<TimePoint> RoundLedger::next_timeout() const {
   if (open_.empty()) return std::nullopt;
   return open_.front().begun.t0 + config_.deadline;
 }
