@@ -1,5 +1,6 @@
 // Times what runs per feedback and per message: an estimator's update, the state of a link, scoring
-// and matching for 2, 8 and 64 NICs. Criteria (issue 4): update <= 100 ns, scoring 8 NICs <= 1 µs.
+// and matching for 2, 8 and 64 NICs. The aims are 100 ns per update and 1 µs for scoring 8 NICs
+// (docs/constants.md, "Aims of the benchmarks").
 #include <benchmark/benchmark.h>
 
 #include <array>

@@ -3,7 +3,8 @@
 namespace interneuron {
 namespace {
 
-constexpr double kTrusted = 0.5;  // NOTES §2: encrypted, or on a network of the operator's own
+// The security score of a link that is encrypted or on a network of the operator's own.
+constexpr double kTrusted = 0.5;
 
 }  // namespace
 

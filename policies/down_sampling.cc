@@ -1,5 +1,5 @@
-// down_sampling: the paper's example (NOTES §3). It needs delay: raw over one of the two fastest
-// links that can carry it, a sampled copy over the other in case raw is late.
+// down_sampling: the paper's example (docs/paper.md, "Down-sampling"). It needs delay: raw over one
+// of the two fastest links that can carry it, a sampled copy over the other in case raw is late.
 //
 // "raw" is the best variant, "sampled" the next one. A link is fit for a variant when it meets its
 // rate floor.
@@ -37,8 +37,8 @@ Plan best_effort(const Offer& offer, std::span<const LinkState> links, std::uint
   return plan;
 }
 
-// The two links of NOTES §3, or as many of them as there are; the first one is fit for raw and is
-// to carry it.
+// The link for raw, which is fit for it, and the one for the sampled copy, or as many of them as
+// there are.
 Links raw_and_sampled_link(std::span<const LinkState> links, DataRate raw_floor,
                            DataRate sampled_floor) {
   Links pair = fastest(links, raw_floor, 1);

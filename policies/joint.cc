@@ -1,5 +1,5 @@
-// joint: one choice over data and model together (Jiang et al. 2021; realtime.md §2), instead of
-// two knobs turned one after the other.
+// joint: one choice over data and model together ("Joint Model and Data Adaptation for Cloud
+// Inference Serving", Jiang et al. 2021), instead of two knobs turned one after the other.
 //
 // Sender: of all (variant, link, level) whose answer is back in Guidance::time_left, as links and
 // levels are measured, the one with the highest expected quality; of equals the soonest. The level

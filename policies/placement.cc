@@ -1,4 +1,5 @@
-// placement: offload or stay, round by round (Kayak, NSDI 2021; realtime.md §2).
+// placement: offload or stay, round by round (Kayak: "Ship Compute or Ship Data? Why Not Both?",
+// NSDI 2021).
 //
 // Sender: compares Guidance::local_quality with the best quality that is back in time, as `joint`
 // weighs it, over each link. Where offloading promises more, sends as `joint`; else nothing, and
@@ -13,7 +14,7 @@
 //   on all links older than its     nothing is known: offload, only sending can tell
 //     confidence's half-life
 //
-// (NOTES §2: a link not measured lately loses confidence; that in the rate halves within 42 s, see
+// (A link not measured lately loses confidence; that in the rate halves within 42 s, see
 // src/core/link/nature.h.) Results, and data while time, levels or local quality are not known, go
 // as with `joint`.
 //

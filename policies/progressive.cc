@@ -1,4 +1,5 @@
-// progressive: little first, more where it is asked for (DDS, SIGCOMM 2020; realtime.md §2).
+// progressive: little first, more where it is asked for (DDS: "Server-Driven Video Streaming for
+// Deep Neural Network Inference", SIGCOMM 2020).
 //
 // For rounds of the kind: uplink of a small picture, detection, request for the regions that are in
 // doubt, uplink of these regions, detection, result. The first transmission is the smallest

@@ -1,5 +1,5 @@
-// split: where to cut a computation between here and there (Neurosurgeon, ASPLOS 2017; realtime.md
-// §2).
+// split: where to cut a computation between here and there ("Neurosurgeon: Collaborative
+// Intelligence Between the Cloud and Mobile Edge", ASPLOS 2017).
 //
 // The application registers its cut points as variants, the first one with everything done there,
 // and tells their costs (Offer::costs): what is computed here before sending and there after. It

@@ -4,7 +4,7 @@
 // Four kinds of call: commands and inputs take `now`; outputs are polled: after any call, drain
 // poll_transmit() and poll_event(), then wait until next_timeout() or the next input and call
 // handle_timeout(). Early or spurious calls are harmless. If `now` goes back, the endpoint adds the
-// difference, so that its own time never does (NOTES §4.3).
+// difference, so that its own time never does (docs/paper.md, "Clock steps").
 //
 // At one instant the order of calls is: arrivals, then timeouts; a result that arrives exactly at
 // D_N is on time. No exceptions but std::invalid_argument for what the programmer passed (a
@@ -44,8 +44,8 @@ struct Transmit {
   std::size_t size = 0;
 };
 
-// Never more than this in one datagram: carriers are known to reorder IP packets above 1440 bytes
-// (transport.md §3 item 14), and 1400 leaves room for IPv6 and a tunnel.
+// The largest UDP payload, in bytes: a carrier is known to reorder IP packets above 1440 bytes
+// (docs/constants.md, "Datagrams and sockets"), and 1400 leaves room for IPv6 and a tunnel.
 inline constexpr std::size_t kMaxDatagramBytes = 1400;
 
 // A peer was heard and has heard us: the round trip works.

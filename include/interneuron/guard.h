@@ -1,5 +1,5 @@
-// The real-time guard (NOTES §4): which rules there are and what they are told, what they tell the
-// application of a stage, and how a computation is sacrificed.
+// The real-time guard of a pipeline: which rules there are and what they are told, what they tell
+// the application of a stage, and how a computation is sacrificed.
 #pragma once
 
 #include <cstddef>
@@ -26,8 +26,10 @@ inline constexpr Duration kFullSeverity = Duration::max();
 // Which rule guards a pipeline. Its rounds carry it in their headers: every node follows the
 // origin.
 enum class GuardKind : std::uint8_t {
-  kPaper = 0,   // NOTES §4, to the letter
-  kBudget = 1,  // expected quality subject to P(on time) >= target, from what remaining stages took
+  // The paper's rule to the letter: reference times, X, stage deadlines (docs/paper.md).
+  kPaper = 0,
+  // The highest expected quality subject to P(on time) >= target, from what remaining stages took.
+  kBudget = 1,
 };
 std::string_view to_string(GuardKind kind);  // "paper", "budget"
 
@@ -64,10 +66,10 @@ struct BudgetOptions {
   double exploration = 0.02;
 };
 
-// The level of a computation (NOTES §4.4). `runtimes`: median run time per level, from the lowest
-// quality to the highest; `chosen`: the level otherwise chosen. When late: the best level at least
-// one step below `chosen` whose run time makes up for the overrun, R[level] <= R[chosen] - overrun;
-// else the lowest.
+// The level of a computation (docs/paper.md, "Sacrifice"). `runtimes`: median run time per level,
+// from the lowest quality to the highest; `chosen`: the level otherwise chosen. When late: the best
+// level at least one step below `chosen` whose run time makes up for the overrun, R[level] <=
+// R[chosen] - overrun; else the lowest.
 std::size_t sacrificed_level(std::span<const Duration> runtimes, std::size_t chosen,
                              const Verdict& verdict);
 

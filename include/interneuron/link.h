@@ -14,7 +14,7 @@
 
 namespace interneuron {
 
-// What the kernel says of a NIC (ecosystem.md §5): each state needs all before it.
+// What the kernel says of a NIC: each state needs all before it (docs/links.md, "States").
 enum class NicState : std::uint8_t {
   kAbsent,     // no NIC of that name in this network namespace
   kNoCarrier,  // administratively down, or nothing at the other end
@@ -24,7 +24,7 @@ enum class NicState : std::uint8_t {
 };
 std::string_view to_string(NicState state);  // "absent", "no_carrier", …
 
-// What the traffic of a path says (transport.md §4.3).
+// What the traffic of a path says of it (docs/links.md, "How a link is measured").
 enum class PathState : std::uint8_t {
   kOk,       // full share
   kSuspect,  // loaded and without feedback, or a long queue: still used

@@ -15,7 +15,7 @@ enum class MessageClass : std::uint8_t {
 };
 
 // Results of at most this size go over every link, whichever policy runs: the cost is negligible,
-// the first copy wins. Source: the paper's result message, NOTES §3.
+// the first copy wins. The paper's result message has 5 KB.
 inline constexpr std::size_t kSmallResultBytes = 5 * 1024;
 
 // The needs of a message, carried in its header (requirement R1 of the paper).

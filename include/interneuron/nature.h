@@ -1,5 +1,5 @@
-// Nature (NOTES §2): how well a link does on delay, bandwidth, reliability and security, relative
-// to the best link now.
+// Nature: how well a link does on delay, bandwidth, reliability and security, relative to the best
+// link that is up (docs/paper.md, "Nature").
 #pragma once
 
 namespace interneuron {

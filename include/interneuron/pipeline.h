@@ -1,5 +1,5 @@
-// Pipelines and rounds (NOTES §1): one round handles one frame through N stages; the application
-// gets exactly one answer per round, by t0 + D_N.
+// Pipelines and rounds: one round handles one frame through N stages; the application gets exactly
+// one answer per round, by t0 + D_N (docs/paper.md, "Rounds and stages").
 #pragma once
 
 #include <array>
@@ -25,10 +25,11 @@ struct PipelineConfig {
   Duration deadline = std::chrono::milliseconds(130);  // D_N, > 0; default: the paper's
   Duration period = std::chrono::milliseconds(100);    // between rounds, > 0
   std::string policy = "down_sampling";
-  Nature needs{.delay = 1.0};      // weights in [0, 1], carried in every header
-  std::int16_t beta_permille = 0;  // β of NOTES §4.5, in 1/1000
-  bool use_x = true;               // false: X stays 0 (ablation)
-  bool use_handler = true;         // false: a miss changes nothing (ablation)
+  Nature needs{.delay = 1.0};  // weights in [0, 1], carried in every header
+  // β, added to X, in 1/1000 (docs/paper.md, "X and the timeout handler").
+  std::int16_t beta_permille = 0;
+  bool use_x = true;        // false: X stays 0 (ablation)
+  bool use_handler = true;  // false: a miss changes nothing (ablation)
   GuardKind guard = GuardKind::kBudget;
   BudgetOptions budget{};  // of GuardKind::kBudget
   // What is known beforehand of the remote computation, from the lowest quality to the highest;
@@ -48,8 +49,8 @@ struct RoundRef {
 // What is known of a round's outcome.
 enum class RoundState : std::uint8_t { kUnknown = 0, kOnTime = 1, kMissed = 2 };
 
-// The indicator (NOTES §4.1): the header of round r carries the states of the rounds before; [i] is
-// round r - 1 - i.
+// The indicator (docs/paper.md, "Indicator"): the header of round r carries the states of the 16
+// rounds before it; [i] is round r - 1 - i.
 inline constexpr std::size_t kIndicatorRounds = 16;
 using Indicator = std::array<RoundState, kIndicatorRounds>;
 

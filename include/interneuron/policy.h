@@ -1,6 +1,6 @@
-// A communication policy (NOTES §3): which variants of a message go over which links, and what the
-// receiver hands to the application when. A policy knows neither devices nor applications. Write
-// your own in one file: see policies/.
+// A communication policy: which variants of a message go over which links, and what the receiver
+// hands to the application when (docs/paper.md, "Communication policies"). A policy knows neither
+// devices nor applications. Write your own in one file: see policies/.
 //
 // Policies are pure and stateless: the same arguments give the same answer. They run for every
 // message: those that come with Interneuron allocate nothing. The sender's endpoint
@@ -102,8 +102,8 @@ class Policy {
   virtual bool allows(const LinkState& /*link*/) const { return true; }
 };
 
-// The floor of NOTES §3: the rate at which a variant of this size keeps up with the message's
-// period (or, for sporadic messages, arrives by the deadline).
+// The least rate of a link that carries a variant of this size: the rate at which it keeps up with
+// the message's period (or, for sporadic messages, arrives by the deadline).
 DataRate rate_floor(const QoS& qos, std::size_t bytes);
 
 // Until a message of this size has arrived over an idle link: half the round trip (p95, which holds
@@ -116,9 +116,9 @@ using PolicySet = std::vector<std::shared_ptr<const Policy>>;
 // over trusted networks).
 PolicySet builtin_policies();
 
-// A policy over those links alone whose security score (NOTES §2) is at least `floor`, in (0, 1];
-// where none is up, nothing is sent, small results neither. Throws std::invalid_argument for a
-// floor outside this range or no policy.
+// A policy over those links alone whose security score (docs/paper.md, "Nature") is at least
+// `floor`, in (0, 1]; where none is up, nothing is sent, small results neither. Throws
+// std::invalid_argument for a floor outside this range or no policy.
 std::shared_ptr<const Policy> secure(std::shared_ptr<const Policy> inner, double floor,
                                      std::string_view name);
 

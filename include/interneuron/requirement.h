@@ -1,5 +1,5 @@
-// The requirement table (NOTES §2): what a policy asks of links, and the one place where links are
-// matched to it.
+// The requirement table: what a policy asks of links, and the one place where links are matched to
+// it (docs/paper.md, "Requirement table").
 #pragma once
 
 #include <cstddef>

@@ -3,8 +3,8 @@
 //
 // Two hosts never share a clock, so their instants have different types: TimePoint (this host) and
 // PeerTime (another host). The only bridge is elapsed_across(), whose result contains the unknown
-// offset α = own clock - peer clock (NOTES §4.1). Wire times may be any 64-bit value, so every
-// subtraction and addition here wraps or saturates and is never undefined.
+// offset α = own clock - peer clock (docs/paper.md, "Clock offset"). Wire times may be any 64-bit
+// value, so every subtraction and addition here wraps or saturates and is never undefined.
 #pragma once
 
 #include <chrono>
@@ -43,8 +43,8 @@ constexpr std::int64_t wrapping_add(std::int64_t a, std::int64_t b) {
   return static_cast<std::int64_t>(static_cast<std::uint64_t>(a) + static_cast<std::uint64_t>(b));
 }
 
-// θ of NOTES §4.1: own now minus the peer's t0. Contains the clock offset α; only differences of
-// two θ mean anything.
+// θ, the time elapsed since the peer's t0, by the own clock. It contains the clock offset α, so
+// only differences of two θ mean anything (docs/paper.md, "Reference times").
 constexpr Duration elapsed_across(PeerTime from, TimePoint to) {
   return Duration{wrapping_sub(to.time_since_epoch().count(), from.time_since_epoch().count())};
 }

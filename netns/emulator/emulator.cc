@@ -26,8 +26,8 @@ constexpr std::size_t kIpv6Header = 40;
 constexpr std::size_t kIpv4Destination = kEthernetHeader + 16;
 constexpr std::size_t kIpv6Destination = kEthernetHeader + 24;
 
-// How long before a frame is due the emulator stops sleeping: what a wake-up of an idle virtual CPU
-// takes here (testbed.md §2.2: 40 to 60 us).
+// How long before a frame is due the emulator stops sleeping: the wake-up of an idle virtual CPU
+// was measured to take 20 to 60 us (docs/constants.md, "The testbed on a machine").
 constexpr Duration kSpin = std::chrono::microseconds(60);
 // Frames that follow each other closer than this are dense: waking for each would burn the CPU that
 // sender and receiver need, so they are taken and sent in groups, kGroup apart, and nobody spins.

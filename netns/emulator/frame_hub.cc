@@ -17,8 +17,8 @@ namespace {
 
 // One place holds the ring's header (68 bytes), the Ethernet header and 1500 bytes.
 constexpr std::size_t kPlaceBytes = 2048;
-// 16384 places (32 MB) last for 60 ms of the fastest sender measured (testbed.md §4: 250 thousand
-// packets a second).
+// 16384 places (32 MB) last for 60 ms of the fastest sender measured, 250 thousand packets a second
+// (docs/constants.md, "The testbed on a machine").
 constexpr std::size_t kMaxPlaces = 16384;
 constexpr std::size_t kMinPlaces = 512;
 constexpr std::size_t kRingBlockBytes = std::size_t{128} * 1024;

@@ -29,8 +29,8 @@ struct SchedAttributes {
 
 }  // namespace
 
-// Before ordinary processes the emulator's lateness is below 20 us on a loaded machine (testbed.md
-// §2.2).
+// Before ordinary processes the emulator's lateness is below 20 us on a loaded machine
+// (docs/constants.md, "The testbed on a machine").
 void take_precedence() {
   ::prctl(PR_SET_TIMERSLACK, kTimerSlackNs);
   sched_param priority{};

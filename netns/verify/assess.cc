@@ -61,9 +61,9 @@ Delays round_trip(const LinkEvidence& e, const Course& up, const Course& down) {
   return out;
 }
 
-// What a packet needs from NIC to NIC without a link (testbed.md §2.2: 20 to 60 us, and as much
-// again for the roadside's hop). Links with less delay than a hundred times that are not told from
-// it.
+// What a packet needs from NIC to NIC without a link: 20 to 60 us (docs/constants.md, "The testbed
+// on a machine"), and as much again for the roadside's hop. Links with less delay than a hundred
+// times that are not told from it.
 constexpr double kMachineMs = 0.1;
 
 // `passes`: how often a packet goes through the emulator.

@@ -1,7 +1,8 @@
 // Images as messages: the paper's variants of a frame (raw, every second pixel, grey),
 // uncompressed, and JPEG. The paper's have fixed sizes, so that the uplink carries what its does:
 // raw is 512 KiB less 100 B, sampled a quarter of it, grey a third. JPEG holds the whole frame; on
-// the demo's video it is 7 times smaller than raw at the same accuracy (realtime.md §3.4).
+// the demo's video it is 7 times smaller than raw at the same accuracy (docs/constants.md, "Images
+// and detectors").
 //
 // Wire format, big-endian, a header of 16 bytes, then the pixels:
 //
@@ -39,7 +40,9 @@ inline constexpr int kRawHeight = 361;  // pixels; same
 inline constexpr int kSampledWidth = 242;  // pixels; every second of the raw's: 131,406 B, "128 KB"
 inline constexpr int kSampledHeight = 181;
 inline constexpr std::size_t kImageHeaderBytes = 16;
-inline constexpr int kJpegQuality = 80;  // 76 KB of the demo's frames, realtime.md §3.4
+// A frame of the demo's video has 76 KB at this quality (docs/constants.md, "Images and
+// detectors").
+inline constexpr int kJpegQuality = 80;
 // Pixels of a JPEG: larger frames are made smaller, larger messages refused before they are
 // decompressed. 3840 x 2160; chosen.
 inline constexpr int kMaxJpegPixels = 3840 * 2160;

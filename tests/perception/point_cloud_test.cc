@@ -172,7 +172,7 @@ TEST(ReadCloud, ThinsRealSweeps) {
   const auto folder = *test::data_dir() / "pointcloud";
   const Points kitti = read_cloud(folder / "kitti_000008.bin");
   EXPECT_EQ(kitti.cols(), 17'238);
-  EXPECT_EQ(voxel_grid(kitti, 0.2).cols(), 5'610);  // realtime.md §3.3
+  EXPECT_EQ(voxel_grid(kitti, 0.2).cols(), 5'610);
   EXPECT_EQ(voxel_grid(kitti, 0.4).cols(), 2'651);
   const Points nuscenes = read_cloud(folder / "nuscenes_lidar_top.pcd.bin");
   EXPECT_EQ(nuscenes.cols(), 34'688);

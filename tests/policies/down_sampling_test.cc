@@ -1,4 +1,4 @@
-// Each rule of NOTES §3, "Down-sampling".
+// Each rule of docs/paper.md, "Down-sampling" and "Holds".
 #include "tests/policies/support.h"
 
 namespace interneuron::policy_test {

@@ -1,6 +1,6 @@
 // From facts of a host to findings: what is as it must be where several network cards (NICs) are
-// used at once, what is not, and the command that changes it. One check per row of ecosystem.md §5.
-// Pure.
+// used at once, what is not, and the command that changes it. docs/links.md, "The set-up:
+// interneuron doctor", lists the checks. Pure.
 #pragma once
 
 #include <cstdint>
@@ -13,8 +13,8 @@
 
 namespace interneuron::cli::doctor {
 
-// A link that carries nothing else sends a sign of life this often (NOTES; ecosystem.md §5, "NAT
-// idle"); translations must live longer, with a sign of life lost.
+// A link that carries nothing else sends a sign of life this often (docs/constants.md, "Silence and
+// address translation"); translations must live longer, with a sign of life lost.
 inline constexpr int kKeepAliveSeconds = 15;
 
 enum class Verdict : std::uint8_t {

@@ -1,5 +1,5 @@
 // The rounds of a vehicle's run as they happen, and what is left of them at the end: the files of
-// report.h, and one picture. Thread-compatible.
+// src/lab/files/run_files.h, and one picture. Thread-compatible.
 #pragma once
 
 #include <cstdint>

@@ -1,5 +1,5 @@
-// The endpoint's own time: it never goes back, whatever the host's does (NOTES §4.3). Pure;
-// thread-compatible.
+// The endpoint's own time: it never goes back, whatever the host's does (docs/paper.md, "Clock
+// steps"). Pure; thread-compatible.
 #pragma once
 
 #include "interneuron/time.h"

@@ -13,7 +13,7 @@ namespace {
 constexpr Duration kTrainGap = std::chrono::milliseconds(10);
 // A train longer than this measures the source, not the link; chosen.
 constexpr Duration kMaxTrain = std::chrono::milliseconds(200);
-// NOTES §1: expiry at t0 + hi_min + D_N + 2 ms.
+// A message expires this much after t0 + hi_min + D_N (docs/paper.md, "Expiry at a receiver").
 constexpr Duration kExpirySlack = std::chrono::milliseconds(2);
 // Messages remembered as done; 16 rounds of 8 variants, four times; chosen.
 constexpr std::size_t kBuried = 512;
@@ -127,7 +127,7 @@ Reassembler::Outcome Reassembler::add(TimePoint now, const wire::Data& data,
   return done;
 }
 
-// NOTES §1: never early, since the true offset is at most `hi`.
+// The refined expiry is never early, since the true clock offset is at most `hi`.
 void Reassembler::refine_expiry(Partial& partial, ByteView first_piece, const ClockBounds& clocks) {
   const auto header = wire::parse_round_header(first_piece);
   if (!header) return;

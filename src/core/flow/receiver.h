@@ -49,8 +49,9 @@ class PathReceiver {
   TimePoint train_last_{};
 };
 
-// Upper bounds of own clock - origin clock, for the expiry of NOTES §1. A round's t0 may be ours,
-// the peer's or that of an origin further away, of whose clock nothing is known here.
+// Upper bounds of own clock - origin clock, to tell when a message has expired (docs/paper.md,
+// "Expiry at a receiver"). A round's t0 may be ours, the peer's or that of an origin further away,
+// of whose clock nothing is known here.
 struct ClockBounds {
   SessionId self{};
   SessionId peer{};

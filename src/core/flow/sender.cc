@@ -5,8 +5,8 @@
 namespace interneuron::flow {
 namespace {
 
-// A path may catch up this much after idling or a late timer (transport.md §4.2: burst <= C * 1
-// ms).
+// A path may catch up with this much time at its rate after idling or a late timer: it makes up for
+// the timer and fills no queue (docs/constants.md, "Rate of a link").
 constexpr Duration kBurst = std::chrono::milliseconds(1);
 // Pieces leave in batches of this much time, so that one system call carries several; chosen.
 constexpr Duration kQuantum = std::chrono::microseconds(500);

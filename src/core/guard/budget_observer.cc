@@ -9,7 +9,8 @@ namespace {
 constexpr int kAlike = 16;
 // The smoothing tail's scale as a share of the deadline; chosen: 20 ms of 130 ms.
 constexpr int kTail = 6;
-// Without a way to weigh it, a hold lasts this share of the deadline at most; NOTES §3.
+// Without a way to weigh it, a hold lasts a quarter of the deadline at most, as in guard kPaper
+// (docs/paper.md, "Holds").
 constexpr int kBlindHold = 4;
 // How far beyond the time at which a better variant came once it is waited for; chosen: 1 ms of
 // 130.

@@ -38,7 +38,8 @@ class BudgetObserver final : public StageGuard {
   void reset() override;
 
  private:
-  static constexpr std::size_t kRing = 64;  // rounds in flight or not told of yet, as NOTES §4.1
+  // Rounds in flight or whose outcome was not told yet: four times what an indicator tells.
+  static constexpr std::size_t kRing = 64;
 
   // A round at the computation after one communication.
   struct Entry {

@@ -11,7 +11,8 @@ constexpr int kTail = 6;
 
 // An error of forecasts that is not renewed has half its weight after so long; chosen.
 constexpr Duration kFade = std::chrono::seconds(30);
-// What a smaller variant costs where the levels do not say: NOTES §5, 4-8 %.
+// The quality of a smaller variant relative to the best one, where the levels do not say: the paper
+// measured a loss of 4 to 8 % (docs/paper.md, "Adjusting quality and size").
 constexpr double kSmallerQuality = 0.95;
 
 constexpr std::uint8_t key_of(bool degraded, std::size_t variant) {

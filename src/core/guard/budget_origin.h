@@ -32,7 +32,8 @@ class BudgetOrigin final : public RoundGuard {
                                 const Forecast& forecast, bool as_forecast = false) const;
 
  private:
-  static constexpr std::size_t kRing = 64;  // rounds in flight, as NOTES §4.1
+  // Rounds in flight: four times what an indicator tells.
+  static constexpr std::size_t kRing = 64;
   struct Entry {
     RoundId round{};
     bool used = false;

@@ -1,5 +1,5 @@
-// The clock offset to one peer (NOTES §4.2): α = own clock - peer clock, from exchanges that ride
-// in feedback.
+// The clock offset to one peer, α = own clock - peer clock, from exchanges that ride in feedback
+// (docs/paper.md, "Clock offset").
 //
 // Each exchange bounds α: lo <= α <= hi, hi - lo = RTT. The estimate is the middle of the exchange
 // with the smallest round trip of the last 10 s; its error is at most RTT_min / 2. A constant added
@@ -23,9 +23,9 @@ struct ClockView {
 
 class ClockOffset {
  public:
-  // NOTES §4.2: a lifetime minimum would pile up drift.
+  // The smallest round trip is looked for in this window: a lifetime minimum would pile up drift.
   static constexpr Duration kWindow = std::chrono::seconds(10);
-  // NOTES §4.3: how far two clocks may drift apart before we call it a step.
+  // Clocks that move apart faster than this have stepped (docs/paper.md, "Clock steps").
   static constexpr std::int64_t kMaxDriftPpm = 500;
 
   enum class Update : std::uint8_t {

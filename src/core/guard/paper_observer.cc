@@ -9,7 +9,8 @@ namespace interneuron::guard {
 namespace {
 
 constexpr std::int64_t kPermille = 1000;
-// Without a reference a smaller variant is held for a quarter of the deadline at most; NOTES §3.
+// Without a reference a smaller variant is held for a quarter of the deadline at most
+// (docs/paper.md, "Holds").
 constexpr int kBlindHoldDivisor = 4;
 
 }  // namespace
@@ -35,7 +36,8 @@ Verdict PaperObserver::end_stage(TimePoint now, const StageEnd& end,
     const Duration overrun{wrapping_sub(theta.count(), dn->count())};
     if (overrun.count() > 0) verdict = {.late = true, .overrun = overrun};
   } else if (end.x_permille < 0) {
-    // NOTES §4.3: otherwise a pipeline that is never on time would never be sacrificed.
+    // Otherwise a pipeline that is never on time, and so has no reference, would never be
+    // sacrificed.
     verdict = {.late = true, .overrun = kFullSeverity};
   }
   return verdict;

@@ -1,5 +1,5 @@
-// GuardKind::kPaper at an observing node (NOTES §4.1-4.4): records θn, derives Dn and judges. Pure;
-// thread-compatible; bounded.
+// GuardKind::kPaper at an observing node: records θn, derives Dn and judges (docs/paper.md, "Stage
+// deadlines"). Pure; thread-compatible; bounded.
 #pragma once
 
 #include <cstdint>
@@ -35,7 +35,7 @@ class PaperObserver final : public StageGuard {
   Verdict end_stage(TimePoint now, const StageEnd& end,
                     const std::optional<ClockView>& clock) override;
   Verdict end_stage_held(const StageEnd& end, const Hold& hold) override;
-  // NOTES §4.4: what `top` is sacrificed to.
+  // The level that takes the place of `top` by the verdict (docs/paper.md, "Sacrifice").
   LevelChoice begin_computation(TimePoint now, const StageEnd& end,
                                 std::span<const LevelProfile> levels, std::size_t top,
                                 const Verdict& verdict) override;

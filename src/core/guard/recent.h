@@ -10,7 +10,8 @@
 
 namespace interneuron::guard {
 
-// NOTES §4.3: what contains the offset of two clocks is compared within so long, because of drift.
+// Values that contain the offset of two clocks are compared within so long, because clocks drift: 1
+// ms at 100 ppm.
 inline constexpr Duration kRecent = std::chrono::seconds(10);
 
 // The median (the lower of two) of values that lie within half of the number range; `values` is

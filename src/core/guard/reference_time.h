@@ -1,6 +1,6 @@
-// Reference times (NOTES §4.1) of one pipeline at one node: θ per round and stage, kept until the
-// indicator tells that the round ended on time, then folded into the stage's base. A missed or
-// never decided round leaves no trace.
+// Reference times of one pipeline at one node (docs/paper.md, "Reference times"): θ per round and
+// stage, kept until the indicator tells that the round ended on time, then folded into the stage's
+// base. A missed or never decided round leaves no trace.
 //
 // θ and base contain the clock offset; nothing here depends on its value. Pure; thread-compatible;
 // bounded.
@@ -17,10 +17,12 @@ namespace interneuron::guard {
 
 class ReferenceTime {
  public:
-  static constexpr std::int64_t kSmoothingPermille =
-      300;                                  // k of NOTES §4.1, the paper's evaluation
-  static constexpr std::size_t kRing = 64;  // rounds remembered, NOTES §4.1
-  static constexpr Duration kForget = std::chrono::seconds(60);  // NOTES §4.3
+  // k, the weight of the old base, in 1/1000; the paper's evaluation has 0.3.
+  static constexpr std::int64_t kSmoothingPermille = 300;
+  // Rounds remembered: four times what an indicator tells.
+  static constexpr std::size_t kRing = 64;
+  // Bases are dropped after so long without a new history (docs/paper.md, "Clock steps").
+  static constexpr Duration kForget = std::chrono::seconds(60);
 
   // Stage numbers are 1 … kMaxStages throughout.
   void observe(RoundId round, std::size_t stage, Duration theta);

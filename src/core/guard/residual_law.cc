@@ -8,7 +8,8 @@
 namespace interneuron::guard {
 namespace {
 
-constexpr Duration kForget = std::chrono::seconds(60);  // NOTES §4.3
+// What was learnt is dropped after so long without news, as the bases of guard kPaper are.
+constexpr Duration kForget = std::chrono::seconds(60);
 // How far back a round may be told of again: the header speaks of 16.
 constexpr std::size_t kRetold = 32;
 // Peers' bytes may make a difference of any size; beyond an hour it means nothing.

@@ -1,6 +1,6 @@
-// The origin's side of one pipeline (NOTES §1, §4.5): begins rounds, gives each exactly one outcome
-// by t0 + D_N, and tells the guard of the outcomes. Pure; thread-compatible; bounded (rounds older
-// than their deadline are always decided).
+// The origin's side of one pipeline: begins rounds, gives each exactly one outcome by t0 + D_N, and
+// tells the guard of the outcomes (docs/paper.md, "One answer per round"). Pure; thread-compatible;
+// bounded (rounds older than their deadline are always decided).
 #pragma once
 
 #include <cstdint>
@@ -56,7 +56,8 @@ class RoundLedger {
   StageGuard& observer() { return *observer_; }
 
  private:
-  static constexpr std::size_t kRing = 64;  // rounds remembered, NOTES §4.1
+  // Rounds remembered: four times what an indicator tells.
+  static constexpr std::size_t kRing = 64;
   struct Open {
     Begun begun;
     std::optional<Bytes> local;

@@ -60,7 +60,7 @@ class StageGuard {
                      const RecentE2e& e2e) = 0;
   virtual void settle(TimePoint now, RoundId round, RoundState state, E2e e2e) = 0;
 
-  // base_n of NOTES §4.1, if there is one (kBudget has none).
+  // base_n, the reference time of a stage, if there is one (kBudget has none).
   virtual std::optional<Duration> base(TimePoint, std::size_t /*stage*/) { return std::nullopt; }
 
   // A variant came in, whatever becomes of it; before hold() or end_stage().

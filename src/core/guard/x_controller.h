@@ -1,5 +1,5 @@
-// X, the guard's tolerance, and the timeout handler (NOTES §4.5), at the origin. Integers in
-// 1/1000. Pure.
+// X, the guard's tolerance, and the timeout handler, at the origin (docs/paper.md, "X and the
+// timeout handler"). Integers in 1/1000. Pure.
 #pragma once
 
 #include <cstdint>

@@ -35,7 +35,8 @@ class LinkEstimator {
   void sent(TimePoint now, bool data) { machine_.sent(now, data); }
   void heard(TimePoint now);
   void round_trip(TimePoint now, Duration rtt);
-  // up = (u - h) - s and down = r - u of NOTES §4.2, both with the clock offset in them.
+  // One-way delays of a clock exchange, up = (u - h) - s and down = r - u, both with the clock
+  // offset in them (docs/paper.md, "Clock offset").
   void one_way_delays(TimePoint now, Duration up, Duration down);
   void clock_stepped();
   // Outcome of packets sent, runs in the order of their numbers.

@@ -1,5 +1,5 @@
-// Nature scores (NOTES §2): how well each link does relative to the best link that is up. Pure; no
-// allocation.
+// Nature scores: how well each link does relative to the best link that is up (docs/paper.md,
+// "Nature"). Pure; no allocation.
 #pragma once
 
 #include <compare>
@@ -34,7 +34,7 @@ void score(std::span<LinkState> links);
 // 1 while `age` is within `grace`, then halves every `half_life`. Age max() = never: 0.
 double confidence(Duration age, Duration grace, Duration half_life);
 // Of everything but the rate. Idle heartbeats come every 300 ms: up to three missing ones are no
-// news; a radio's bad episodes begin within seconds (testbed.md §9). Chosen.
+// news; a radio's bad episodes begin within seconds (docs/constants.md, "Three-state model").
 inline constexpr Duration kGrace = std::chrono::seconds(1);
 inline constexpr Duration kHalfLife = std::chrono::seconds(5);
 // Of the rate: trains on an idle link come every 10 s (ProbeSchedule), its rate changes with place
@@ -76,7 +76,8 @@ std::partial_ordering compare(const LinkState& a, const LinkState& b, Field fiel
 inline constexpr double kRateApart =
     1.15;  // trains are within ±15 % of the rate (target, against iperf3)
 
-inline constexpr double kLossFloor = 1e-4;    // NOTES §2: below it, loss is not told from luck
+// A loss below one packet of the 10,000 that are averaged is not told from luck.
+inline constexpr double kLossFloor = 1e-4;
 inline constexpr double kUnmeasured = 0.5;    // chosen: behind the measured, ahead of the down
 inline constexpr double kLeastUptime = 0.01;  // chosen: keeps the quotient finite
 

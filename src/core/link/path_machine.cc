@@ -10,28 +10,33 @@ namespace {
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
-// SUSPECT after max(this, 1.5 SRTT) without acknowledgement (transport.md §4.3).
+// A path is SUSPECT after max(this, 1.5 SRTT) without acknowledgement: three intervals of feedback,
+// or half a round trip beyond the usual (docs/constants.md, "States of a path").
 constexpr Duration kSuspectFloor = milliseconds(15);
-// PULLED after max(this, SRTT + 4 RTTVAR) of silence (transport.md §4.3).
+// A path is PULLED after max(this, SRTT + 4 RTTVAR) of silence: RFC 6298's timeout without its
+// floor of a second, and the least that SRT waits before it judges a link (docs/constants.md,
+// "States of a path").
 constexpr Duration kPulledFloor = milliseconds(60);
 // The same while no round trip is known: what is sent first on a path cannot be late yet. The
 // longest round trip of a radio without a queue, and twice that; chosen.
 constexpr Duration kSuspectUnknown = milliseconds(200);
 constexpr Duration kPulledUnknown = milliseconds(400);
-// A long queue, and where it is over: 2 q_t and q_t of transport.md §4.2, whose upper bound of q_t
-// is 60 ms; a path does not know the deadlines of its messages.
+// A queue is long above kQueueLong and over below kQueueShort. A message bears a queue of a quarter
+// of its deadline, 60 ms at most; a path does not know the deadlines of its messages, so twice that
+// bound makes it SUSPECT.
 constexpr Duration kQueueLong = milliseconds(120);
 constexpr Duration kQueueShort = milliseconds(60);
 // Without data: two missing heartbeats and half an interval of jitter, so that the third is not
 // awaited; chosen.
 constexpr double kSuspectHeartbeats = 2.5;
 // At 20 % loss five in a row are lost once in 3,000; chosen. Not before the longest routine stall
-// of a radio (400 to 800 ms, transport.md §4.3) and two idle heartbeats lost around it: nobody
-// waits for data.
+// of a radio (400 to 800 ms; docs/constants.md, "States of a path") and two idle heartbeats lost
+// around it: nobody waits for data.
 constexpr int kPulledHeartbeats = 5;
 constexpr Duration kIdlePulledFloor = milliseconds(1500);
 constexpr double kDeadHeartbeats = 3.5;
-// A proof window (transport.md §4.3): clamp(4 SRTT, 1 s, 3 s).
+// A proof window is clamp(4 SRTT, 1 s, 3 s), as srtla_send has it for bonded cellular links
+// (docs/constants.md, "States of a path").
 constexpr Duration kLeastProof = seconds(1);
 constexpr Duration kMostProof = seconds(3);
 // Data packets without proof before a path is latched: at 20 % loss a ten million to one chance;

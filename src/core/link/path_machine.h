@@ -1,12 +1,12 @@
-// The state of one path as its traffic shows it (transport.md §4.3): OK, SUSPECT, PULLED, LATCHED,
-// DEAD, with hysteresis. Pure; thread-compatible; bounded memory; allocates only the reason of a
-// change.
+// The state of one path as its traffic shows it (docs/links.md, "How a link is measured"): OK,
+// SUSPECT, PULLED, LATCHED, DEAD, with hysteresis. Pure; thread-compatible; bounded memory;
+// allocates only the reason of a change.
 //
-// What deviates from transport.md §4.3, and why: total silence stays PULLED until DEAD. Latching it
-// would keep a path out for two windows after each radio stall of a second; LATCHED is for a path
-// that is heard while nothing of ours arrives. And each PULLED that ended by itself doubles the
-// silence that the next one needs (up to 16 times, one step is forgiven every 60 s): a marginal
-// path is not thrown out and taken back with every stall. SUSPECT keeps its threshold.
+// Total silence stays PULLED until DEAD, where srtla_send would latch it. Latching it would keep a
+// path out for two windows after each radio stall of a second; LATCHED is for a path that is heard
+// while nothing of ours arrives. And each PULLED that ended by itself doubles the silence that the
+// next one needs (up to 16 times, one step is forgiven every 60 s): a marginal path is not thrown
+// out and taken back with every stall. SUSPECT keeps its threshold.
 #pragma once
 
 #include <array>
@@ -20,8 +20,9 @@ namespace interneuron::link {
 
 class PathMachine {
  public:
-  // A path is dead after this silence, or after 3.5 heartbeats if that is longer.
-  static constexpr Duration kDeadSilence = std::chrono::seconds(4);  // transport.md: 3 to 5 s
+  // A path is dead after this silence, or after 3.5 heartbeats if that is longer. Other bonding
+  // transports take 4 to 5 s (docs/constants.md, "States of a path").
+  static constexpr Duration kDeadSilence = std::chrono::seconds(4);
   static constexpr Duration kRamp = std::chrono::seconds(1);
   static constexpr double kLeastShare = 0.1;
   static constexpr Duration kOutageWindow = std::chrono::seconds(60);

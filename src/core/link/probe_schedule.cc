@@ -18,7 +18,7 @@ constexpr std::uint32_t kLeastTrain = 16;
 // 76 s of the budget at most; long enough for 10 ms at 1.1 Gbit/s; chosen.
 constexpr std::uint32_t kMostTrain = 1'000;
 // Sent at three times the rate known (kHeadroom), and over a link that now carries that, a train
-// must still last the 5 ms that count (transport.md §4.1).
+// must still last the 5 ms that count (RateEstimator::kMinDispersion).
 constexpr Duration kTrainLength = std::chrono::milliseconds(16);
 // A known rate is tried with this much more: a step up to three times is seen at once; chosen.
 constexpr double kHeadroom = 3.0;

@@ -19,7 +19,8 @@ class ProbeSchedule {
   // Hz.
   static constexpr Duration kActiveHeartbeat = std::chrono::milliseconds(50);
   static constexpr Duration kIdleHeartbeat = std::chrono::milliseconds(300);
-  // UDP mappings of carriers' address translation may end after 15 s (transport.md §4.1).
+  // UDP mappings of carriers' address translation may end after 15 s (docs/constants.md, "Silence
+  // and address translation").
   static constexpr Duration kMeteredHeartbeat = std::chrono::seconds(12);
   static constexpr Duration kActive = std::chrono::seconds(5);  // after the last message; chosen
   // A new path is measured at the active pace for so long: 600 packets tell 1 % loss from 3 %;
@@ -27,7 +28,7 @@ class ProbeSchedule {
   static constexpr Duration kNew = std::chrono::seconds(30);
   static constexpr DataRate kHeartbeatRate{30'000};
   // With the start budget and a last train that is not paid for yet, the mean of ten minutes stays
-  // within 150 kbit/s (transport.md §4.1).
+  // within 150 kbit/s, the aim for idle links.
   static constexpr DataRate kTrainRate{145'000};
 
   // What is known of the rate; from the RateEstimator.

@@ -1,6 +1,6 @@
-// How much longer packets take one way than at best: q = owd - smallest owd of the last 10 s
-// (transport.md §4.1). The one-way delay may contain any clock offset, which cancels; drift of 100
-// ppm adds 1 ms in 10 s. Pure; thread-compatible; constant memory.
+// How much longer packets take one way than at best: q = owd - smallest owd of the last 10 s. The
+// one-way delay may contain any clock offset, which cancels; drift of 100 ppm adds 1 ms in 10 s.
+// Pure; thread-compatible; constant memory.
 #pragma once
 
 #include "core/link/windowed_minimum.h"
@@ -14,7 +14,7 @@ class QueueSignal {
   static constexpr Duration kFresh = std::chrono::seconds(2);
 
   // Own or peer's receive instant minus the other's send instant; any int64, wrapping. With the
-  // clock exchange of NOTES §4.2: up = (u - h) - s, down = r - u.
+  // clock exchange of docs/paper.md, "Clock offset": up = (u - h) - s, down = r - u.
   void add(TimePoint now, Duration one_way);
   // Smoothed with gain 1/4; zero while unknown or when the newest sample is older than kFresh.
   Duration queue(TimePoint now) const;

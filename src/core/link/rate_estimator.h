@@ -5,8 +5,9 @@
 // receiver stamps what it finds in one turn of its loop alike, so that a short train may look ten
 // times as fast as its link. Pure; thread-compatible; constant memory.
 //
-// Sources: transport.md §4.1 (dispersion, at least 16 packets and 5 ms, as uplink grants come every
-// 1 to 10 ms) and §4.2 (pacing at 1.25); draft-cheng-iccrg-delivery-rate-estimation-02.
+// Trains count from 16 packets and 5 ms on, because the uplink of a cellular network is granted in
+// bursts of 1 to 10 ms (docs/constants.md, "Rate of a link"). Delivery rate samples are those of
+// draft-cheng-iccrg-delivery-rate-estimation-02.
 #pragma once
 
 #include <array>

@@ -13,11 +13,10 @@ namespace interneuron::link {
 class RttEstimator {
  public:
   // Round trips older than this say nothing of now: a radio's bad episodes begin within a second
-  // (testbed.md §9).
+  // (docs/constants.md, "Three-state model").
   static constexpr Duration kQuantileWindow = std::chrono::seconds(2);
   // Quantiles are exact (nearest rank) up to 256 samples per second: feedback every 5 ms
-  // (transport.md §4.1) is 200. Faster samples push the oldest out early: the window is then the
-  // newest 512.
+  // is 200. Faster samples push the oldest out early: the window is then the newest 512.
   static constexpr std::size_t kCapacity = 512;
 
   // The peer's clock exchange may be anything: below zero counts as zero, above a minute as a

@@ -1,7 +1,7 @@
 // The minimum of the last 10 s in ten buckets of one second, so that it costs constant time and
-// memory: a value leaves between 9 and 10 s after it came (transport.md §4.1 has two buckets of 5
-// s, which forget between 5 and 10 s). Values may be differences of clocks of two hosts: they are
-// compared by wrapping subtraction. Pure; thread-compatible.
+// memory: a value leaves between 9 and 10 s after it came (two buckets of 5 s would forget between
+// 5 and 10 s). Values may be differences of clocks of two hosts: they are compared by wrapping
+// subtraction. Pure; thread-compatible.
 #pragma once
 
 #include <array>

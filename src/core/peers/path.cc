@@ -7,7 +7,8 @@ namespace interneuron {
 namespace {
 
 constexpr std::uint64_t kAmplification = 3;  // RFC 9000 §8.1
-// A train may catch up this much after a late timer (transport.md §4.2).
+// A train may catch up with this much time at its rate after a late timer (docs/constants.md, "Rate
+// of a link").
 constexpr Duration kBurst = std::chrono::milliseconds(1);
 constexpr Duration kLongest = std::chrono::seconds(1);  // between two packets of a train; chosen
 constexpr double kLossUnit = 65535;                     // docs/wire_format.md

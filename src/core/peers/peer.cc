@@ -8,7 +8,8 @@
 namespace interneuron {
 namespace {
 
-// Feedback after this many packets or this long, whichever is first (transport.md §4.1).
+// Feedback is due after this many packets or this long, whichever is first: at most 200 a second
+// (docs/constants.md, "Feedback and round trips").
 constexpr std::uint32_t kFeedbackPackets = 16;
 constexpr Duration kFeedbackDelay = std::chrono::milliseconds(5);
 // A gap is reported at once, but not more often than this; chosen.

@@ -16,8 +16,8 @@
 
 namespace interneuron {
 
-// An unannounced peer that was silent for this long is forgotten; NOTES §4.3 forgets its bases
-// after the same time.
+// An unannounced peer that was silent for this long is forgotten; its reference times are forgotten
+// after the same time (docs/paper.md, "Clock steps").
 inline constexpr Duration kPeerSilence = std::chrono::seconds(60);
 
 class Peers {

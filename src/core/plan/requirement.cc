@@ -16,7 +16,8 @@ bool meets(const Requirement& r, const LinkState& link) {
          !(link.nature.security < r.min_security);
 }
 
-// NOTES §2: rank by weighted score. What is not a number ranks last, so that the order stays total.
+// Links are ranked by their weighted score (docs/paper.md, "Requirement table"). What is not a
+// number ranks last, so that the order stays total.
 double rank(const Nature& weights, const Nature& score) {
   const double sum = weights.delay * score.delay + weights.bandwidth * score.bandwidth +
                      weights.reliability * score.reliability + weights.security * score.security;

@@ -18,7 +18,7 @@ constexpr std::uint16_t kTrainsAtMost = 8;
 // Between a train and what follows it, beside a round trip: queues are empty again; chosen.
 constexpr Duration kTrainPause = std::chrono::milliseconds(50);
 // A train of which nothing has come for so long, beyond a round trip, is over: more than its
-// replies are held (wire_format.md).
+// replies are held (docs/wire_format.md).
 constexpr Duration kTrainSilence = std::chrono::milliseconds(150);
 // Ten in a row are lost once in 10^9 at 12 % loss.
 constexpr std::size_t kClosingPackets = 10;

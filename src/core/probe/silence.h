@@ -1,7 +1,7 @@
 // How long a silent UDP mapping on the way to a reflector (a carrier's NAT, a firewall) stays open.
 // Each flow, a socket of its own, opens one by two echoes that are answered, asks for a reply after
-// a silence (docs/wire_format.md, echo, delay), and is silent until that should have come. Two
-// flows per silence, because a packet may be lost.
+// a silence (docs/wire_format.md, "Echo (type 4)", delay), and is silent until that should have
+// come. Two flows per silence, because a packet may be lost.
 //
 // Drive it like a Measurement. Pure; thread-compatible.
 #pragma once

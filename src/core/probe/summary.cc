@@ -7,7 +7,7 @@ namespace interneuron::probe {
 namespace {
 
 // One-way delays are compared with the least of the bucket they are in and of its neighbours: two
-// clocks that drift apart by 50 ppm are 0.5 ms off in 10 s (transport.md §4.1 uses two of these).
+// clocks that drift apart by 50 ppm are 0.5 ms off in 10 s.
 constexpr Duration kBucket = std::chrono::seconds(5);
 
 bool is_ping(const SentPacket& p) { return p.purpose == Purpose::kPing; }

@@ -1,5 +1,5 @@
 // Trains of back-to-back packets: their dispersion at the far end is the rate of the path's
-// narrowest place (transport.md §4.1; Dovrolis 2001: with other traffic there, less). Pure.
+// narrowest place, or less with other traffic there (docs/constants.md, "Rate of a link"). Pure.
 #pragma once
 
 #include <cstddef>
@@ -12,11 +12,12 @@
 
 namespace interneuron::probe {
 
-// The first packets meet an idle path and slots of the radio that they have to wait for
-// (transport.md §4.1).
+// So many leading packets do not count: they meet an idle path and slots of the radio that they
+// have to wait for.
 inline constexpr std::size_t kTrainLeadIn = 2;
-inline constexpr std::size_t kTrainMinPackets = 16;  // behind these; transport.md §4.1
-// Uplink grants come in bursts of 1 to 10 ms; what took less says nothing (transport.md §4.1).
+// Packets that a train needs behind these.
+inline constexpr std::size_t kTrainMinPackets = 16;
+// Uplink grants come in bursts of 1 to 10 ms; what took less says nothing.
 inline constexpr Duration kTrainMinDispersion = std::chrono::milliseconds(5);
 inline constexpr std::size_t kTrainMaxPackets = 256;  // = wire::kMaxEchoTrain
 

@@ -80,7 +80,8 @@ class Stages {
   void forget_clock(PeerId via);
 
  private:
-  static constexpr std::size_t kRing = 64;          // rounds, NOTES §4.1
+  // Rounds remembered per observer: four times what an indicator tells.
+  static constexpr std::size_t kRing = 64;
   static constexpr std::size_t kMaxObservers = 64;  // vehicles times pipelines at once; chosen
   static constexpr std::size_t kMaxContexts = 1024;
   static constexpr std::size_t kMaxHeld = 64;

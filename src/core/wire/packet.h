@@ -57,8 +57,8 @@ using AckBitmap = std::array<std::uint64_t, kAckWindow / 64>;
 // What the sender of the feedback has seen on one link.
 struct LinkReport {
   LinkId link{};
-  // Clock exchange (NOTES §4.2): the newest u received on this link, and the time from receiving it
-  // to this u.
+  // Clock exchange (docs/paper.md, "Clock offset"): s is the newest u received on this link, h the
+  // time from receiving it to this u.
   bool has_exchange = false;
   PeerTime s{};
   Duration h{};

@@ -1,4 +1,5 @@
-// The round header (NOTES §4): what opens every message. docs/wire_format.md is the authority.
+// The round header, which opens every message and carries what the guards need. docs/wire_format.md
+// is the authority.
 // Pure; never throws.
 #pragma once
 
@@ -38,9 +39,10 @@ struct RoundHeader {
   std::array<std::uint8_t, 4> needs{};  // weight per Nature field, 1/255
   std::uint32_t policy = 0;             // policy_id() of the policy that planned it
   PeerTime t0{};                        // on the origin's clock
-  Duration alpha_sum{};                 // α̂ of the hops so far (NOTES §4.2); 0 from the origin
-  std::int16_t x_permille = 0;          // X
-  std::uint32_t deadline_us = 0;        // D_N
+  // Sum of the estimated clock offsets α̂ of the hops so far; 0 from the origin.
+  Duration alpha_sum{};
+  std::int16_t x_permille = 0;    // X
+  std::uint32_t deadline_us = 0;  // D_N
   std::uint32_t period_us = 0;
   Indicator indicator{};
   GuardKind guard = GuardKind::kPaper;

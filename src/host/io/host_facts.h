@@ -1,5 +1,5 @@
-// What this host's kernel is set to where several network cards (NICs) are used at once
-// (ecosystem.md §5): facts, no judgement (src/cli/doctor/). Reading them sends nothing and changes
+// What this host's kernel is set to where several network cards (NICs) are used at once:
+// facts without judgement, which is for src/app/doctor/. Reading them sends nothing and changes
 // nothing. What cannot be read is empty. Throws IoError only when the NICs cannot be listed.
 #pragma once
 

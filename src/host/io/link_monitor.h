@@ -5,7 +5,8 @@
 // A NIC's state is derived from a table of what the kernel said last, never from the event itself,
 // so that a state is the same whatever the order of events was. Whether the peer is routed is asked
 // of the kernel (RTM_GETROUTE): it alone knows its rules, and a socket that is bound to a NIC
-// without a route gets no error but an assumption that the peer is on its wire (ecosystem.md §5).
+// without a route gets no error but an assumption that the peer is on its wire (docs/constants.md,
+// "NICs and the kernel").
 //
 // Not the traffic: that is src/core/link/. Thread-compatible. Set-up failures throw IoError.
 #pragma once

@@ -23,13 +23,14 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// UDP payloads of ecosystem.md §5 (1200 must always pass; 1280, 1358, 1428, 1472 are what tunnels
-// and carriers are known to leave), and 1400, our largest.
+// UDP payloads that are tried: 1200 must always pass; 1280, 1358, 1428, 1472 are what tunnels and
+// carriers are known to leave; 1400 is our largest.
 constexpr std::array<std::size_t, 6> kPayloads = {1200, 1280, 1358, 1400, 1428, 1472};
 constexpr std::size_t kUdpHeaderBytes = 8;
 constexpr std::size_t kIcmpHeaderBytes = 8;
 constexpr int kTries = 3;  // loss of a packet is no black hole; chosen
-// A mobile network answers within this when it answers at all; transport.md §4.3, ITU-T G.1010.
+// A mobile network answers within this when it answers at all: the largest round trip of the
+// paper's network table is 994 ms.
 constexpr Duration kWait = 1s;
 
 std::size_t ip_header_bytes(bool ipv6) { return ipv6 ? 40 : 20; }

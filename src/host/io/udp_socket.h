@@ -12,9 +12,10 @@
 
 namespace interneuron::io {
 
-// 4 MiB: transport.md 4.8; at 300 Mbit/s that is 110 ms of data, more than a reader may be away.
+// The receive buffer asked for: 4 MiB are 110 ms of data at 300 Mbit/s, more than a reader may be
+// away (docs/constants.md, "Datagrams and sockets").
 inline constexpr std::size_t kReceiveBufferBytes = 4 * 1024 * 1024;
-// 512 KiB: ecosystem.md 5, "50-100 ms of rate" (42 ms at 100 Mbit/s, 140 ms at 30); in a larger
+// The send buffer asked for: 512 KiB are 42 ms of data at 100 Mbit/s and 140 ms at 30; in a larger
 // buffer messages wait behind others that are too late already.
 inline constexpr std::size_t kSendBufferBytes = 512 * 1024;
 
@@ -25,7 +26,8 @@ struct UdpOptions {
   // = any free one.
   Address local{};
   // On an unspecified host: what is sent to an address that was received from leaves from the
-  // address that it came to. A NAT drops an answer from another (ecosystem.md 5).
+  // address that it came to. A NAT drops an answer from another (docs/constants.md,
+  // "NICs and the kernel").
   bool answer_from_receiver = false;
   std::size_t receive_buffer_bytes = kReceiveBufferBytes;
   std::size_t send_buffer_bytes = kSendBufferBytes;

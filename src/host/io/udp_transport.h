@@ -2,9 +2,10 @@
 //
 // Datagrams of equal size to one address leave as one segmented send (UDP_SEGMENT), many sends per
 // call (sendmmsg), and arrive coalesced (UDP_GRO), many per call (recvmmsg): 26 times the rate of
-// plain sends (transport.md 5). A batch that the kernel refuses to segment is sent one by one. The
-// errors of the network that a socket may report (a host that cannot be reached, a firewall) drop
-// the datagram they hit and are counted: ICMP is a hint that anybody can forge.
+// plain sends (docs/constants.md, "Datagrams and sockets"). A batch that the kernel refuses to
+// segment is sent one by one. The errors of the network that a socket may report (a host that
+// cannot be reached, a firewall) drop the datagram they hit and are counted: ICMP is a hint that
+// anybody can forge.
 //
 // With UdpOptions::answer_from_receiver an Address that comes from receive() carries, in a byte
 // that the system ignores, which of the NIC's own addresses it came to; send() takes it from there.

@@ -1,5 +1,5 @@
 // Reads keys of one TOML document into numbers and strings, and says precisely what is wrong: file,
-// line, column, key and remedy. Private to src/emu. Thread-compatible; pure. The first error
+// line, column, key and remedy. Thread-compatible; pure. The first error
 // sticks: every function returns false from then on.
 #pragma once
 

@@ -1,7 +1,7 @@
-// Common fading of several links (testbed.md §9): with probability c an EDGE entry on one link
+// Common fading of several links: with probability c an EDGE entry on one link
 // triggers an EDGE entry on each other that is STABLE, as if both modems drove behind the same
 // hill. c = 0: independent, as in town; in the country bad times were seen together four times as
-// often as by chance (testbed.md §8).
+// often as by chance (docs/constants.md, "Three-state model").
 //
 // Coupled processes are made in lockstep, step by step in the order given, so that they do not
 // depend on who is read first and how far. A trigger makes EDGE more frequent than the profile

@@ -80,8 +80,8 @@ struct Conditions {
   std::size_t mtu = 0;    // 0: none
 };
 
-// How often a back end that follows Conditions should ask: netem is changed in 10 us (testbed.md
-// §1.4), so 50 times a second cost nothing.
+// How often a back end that follows Conditions should ask: netem is changed in 10 us
+// (docs/constants.md, "The testbed on a machine"), so 50 times a second cost nothing.
 inline constexpr Duration kConditionsSpan = std::chrono::milliseconds(20);
 
 }  // namespace interneuron::emu

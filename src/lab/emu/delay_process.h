@@ -1,14 +1,16 @@
 // The round-trip time of one cellular link while driving, as a process in time. Two models:
 //
-//   three-state (testbed.md §9): a semi-Markov chain STABLE -> EDGE -> {BAD with probability q |
-//     STABLE}, BAD -> STABLE, with Gamma sojourns, a level per episode, an AR(1) wander within it,
-//     a first-order ramp between episodes and a half-normal jitter per step. Its long-run mean,
-//     minimum, maximum and standard deviation equal the paper's network table.
+//   three-state (docs/constants.md, "Three-state model"): a semi-Markov chain STABLE -> EDGE ->
+//   {BAD
+//     with probability q | STABLE}, BAD -> STABLE, with Gamma sojourns, a level per episode, an
+//     AR(1) wander within it, a first-order ramp between episodes and a half-normal jitter per
+//     step. Its long-run mean, minimum, maximum and standard deviation equal the paper's network
+//     table.
 //   delay-trace: measured round-trip times, see delay_trace.h. Always in state STABLE.
 //
-// Both directions of a link read the same process, half of it each (NOTES §5: the table is
-// round-trip). Thread-compatible; pure. The same parameters and seed give the same process, whoever
-// reads it and how often. Processes may share their fading: see common_fading.h.
+// Both directions of a link read the same process, half of it each, since the table has round
+// trips. Thread-compatible; pure. The same parameters and seed give the same process, whoever reads
+// it and how often. Processes may share their fading: see common_fading.h.
 #pragma once
 
 #include <array>

@@ -1,4 +1,4 @@
-// Reads a change from a table of a TOML file. Private to src/emu; pure.
+// Reads a change from a table of a TOML file. Private to src/lab/emu; pure.
 #pragma once
 
 #include <string_view>

@@ -1,5 +1,5 @@
 // The keys of profiles that changes and scenarios have, too: names, meanings and ranges, once.
-// Private to src/emu. Pure.
+// Private to src/lab/emu. Pure.
 #pragma once
 
 #include <span>

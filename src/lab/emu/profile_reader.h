@@ -1,5 +1,5 @@
-// The parts of a profile's parser. Private to src/emu; pure. Each returns false when the reader has
-// an error.
+// The parts of a profile's parser. Private to src/lab/emu; pure. Each returns false when the reader
+// has an error.
 #pragma once
 
 #include <string>

@@ -1,6 +1,6 @@
-// The honest baseline after ERDOS (realtime.md §1.3): the end-to-end deadline is decomposed once
-// into a deadline of the computation, and each computation takes the best level that its worst
-// times let end by then. Pure.
+// The honest baseline after ERDOS (docs/paper.md, "The baseline after ERDOS"): the end-to-end
+// deadline is decomposed once into a deadline of the computation, and each computation takes the
+// best level that its worst times let end by then. Pure.
 #pragma once
 
 #include <functional>
@@ -25,8 +25,9 @@ std::vector<Duration> erdos_runtimes(std::span<const LevelProfile> levels);
 // From undisturbed rounds on the links of `options`, at the highest level.
 ErdosTimes erdos_times(sim::OffloadOptions options);
 
-// The level that line 6 takes, as OffloadOptions::level_rule. `end_to_end`: the erdos_e2e of the
-// ladder, which knows t0 by clocks in perfect step, instead of counting from the hand-over.
+// The level that step 6 of the baseline takes, as OffloadOptions::level_rule. `end_to_end`: the
+// erdos_e2e of the ladder, which knows t0 by clocks in perfect step, instead of counting from the
+// hand-over.
 std::function<std::size_t(Duration delivered, Duration began)> erdos_rule(ErdosTimes times,
                                                                           Duration deadline,
                                                                           bool end_to_end);

@@ -7,13 +7,15 @@
 namespace interneuron::eval {
 namespace {
 
-// realtime.md §3.4: AP of L4 on JPEG quality 80 of the full frame (76 kB, every tenth frame) beside
-// L4 on raw. Only L4 was measured; the others are taken to lose the same share.
+// AP of L4 on JPEG quality 80 of the full frame (76 kB, every tenth frame) beside L4 on raw
+// (docs/constants.md, "Images and detectors"). Only L4 was measured; the others are taken to lose
+// the same share.
 constexpr std::size_t kJpegBytes = 76'000;
 constexpr double kJpegShare = 0.391 / 0.396;
 
-// realtime.md §3.4, cost of age: AP of a result of L4 that is 1, 2, 3 frames old, beside a fresh
-// one. L0 loses alike (.085, .040, .019 of .135); the other levels were not measured.
+// The cost of age (docs/constants.md, "Images and detectors"): AP of a result of L4 that is 1, 2, 3
+// frames old, beside a fresh one. L0 loses alike (.085, .040, .019 of .135); the other levels were
+// not measured.
 constexpr double kFresh = 0.396;
 constexpr double kAged[] = {0.250, 0.109, 0.051};
 

@@ -1,5 +1,5 @@
 // What answers are worth: the accuracy of each level on each variant (profile.csv of the data) and
-// what age leaves of it (realtime.md §3.4). Pure.
+// what age leaves of it (docs/constants.md, "Images and detectors"). Pure.
 #pragma once
 
 #include <cstdint>

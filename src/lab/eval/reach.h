@@ -1,5 +1,5 @@
 // How soon messages can come through the links of a scenario, if nothing else uses them. Private to
-// src/eval. Pure.
+// src/lab/eval. Pure.
 #pragma once
 
 #include <cstdint>

@@ -1,6 +1,6 @@
-// Systems that an experiment compares, by name: ours, its ablations and the baselines of
-// realtime.md §1.3. All run the same endpoints over the same links, with the same frames, delays,
-// levels and computation.
+// Systems that an experiment compares, by name: ours, its ablations and the baselines
+// (docs/evaluation.md, "Systems"). All run the same endpoints over the same links, with the same
+// frames, delays, levels and computation.
 #pragma once
 
 #include <cstdint>
@@ -17,8 +17,11 @@ namespace interneuron::eval {
 enum class LevelRule : std::uint8_t {
   kGuard,     // Endpoint::begin_computation()
   kFixedTop,  // always the highest of the profile
-  kErdos,     // realtime.md §1.3: operator deadline 130 - T1 - T3, from the arrival on
-  kErdosE2e,  // the same with synchronised clocks: 130 - (now - t0) - T3
+  // The deadline of the computation is D_N - T1 - T3, counted from the arrival of its input
+  // (docs/paper.md, "The baseline after ERDOS").
+  kErdos,
+  // The same with synchronised clocks: D_N - (now - t0) - T3.
+  kErdosE2e,
 };
 
 struct System {

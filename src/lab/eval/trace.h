@@ -24,7 +24,7 @@ inline constexpr std::size_t kModules = 4;
 std::string_view to_string(Module module);  // "uplink", "before_compute", …
 
 // Of rounds, with the uniform law on table_erdos_scenario(): erdos_like then misses half of them,
-// as in the paper (152 of 300, NOTES §5). Calibrated once, on seeds 1001-1030 of 300 rounds: 50.1
+// as in the paper (152 of 300). Calibrated once, on seeds 1001-1030 of 300 rounds: 50.1
 // %.
 inline constexpr double kCalibratedShare = 0.75;
 

@@ -1,5 +1,6 @@
-// The paper's Fig. rt_guarantee (NOTES §5) through the production endpoints: guard kPaper, constant
-// links, scripted extra delays. Pure.
+// The scripted sequence of the paper's figure of its real-time guarantee (docs/paper.md, "The
+// scripted sequence") through the production endpoints: guard kPaper, constant links, scripted
+// extra delays. Pure.
 //
 // Rounds 0-2 normal; 3-4 the raw image is slower but within D1; 5-7 it misses D1 and the sampled
 // image is used at exactly D1; 8-12 both are slow, D1 is missed: a lighter model (8-9), the

@@ -22,7 +22,7 @@ inline constexpr Duration kEncode = std::chrono::milliseconds(1);
 
 // Links are measured for so long before the first round.
 inline constexpr Duration kWarmUp = std::chrono::seconds(1);
-// 100 boxes at most; NOTES §3: <= 5 KB.
+// The size of a result of 100 boxes, in bytes; the paper's has at most 5 KB.
 inline constexpr std::size_t kResultBytes = 3000;
 
 struct LevelRuntime {
@@ -32,7 +32,8 @@ struct LevelRuntime {
   std::vector<double> quality{};  // as LevelProfile::quality
 };
 
-// The three-level ladder, single-threaded (realtime.md §3.4, C++ columns; AP of raw and sampled).
+// Three levels with their single-threaded run times and their AP on raw and sampled images
+// (docs/constants.md, "Images and detectors").
 std::vector<LevelRuntime> default_ladder();
 
 // Run times are half-normal: skewed to the slow side, the median kept. `deviations`: how slow this
@@ -62,7 +63,7 @@ struct OffloadOptions {
   FallbackQuality fallback;
   std::vector<LevelRuntime> ladder = default_ladder();
   std::optional<std::size_t> top_level;  // default: the highest whose p95 fits the budget
-  // Best first. NOTES §3: 512 KB raw, 128 KB sampled; with the image header.
+  // Sizes in bytes, best first, with the image header: the paper's 512 KB raw and 128 KB sampled.
   std::vector<std::size_t> variant_bytes = {484 * 361 * 3 + 32, 242 * 181 * 3 + 32};
   std::optional<std::size_t> only_variant;  // submits this one alone
   std::size_t result_bytes = kResultBytes;

@@ -225,7 +225,7 @@ TEST(EvalScorer, ScoresWhatWasShown) {
     GTEST_SKIP() << "no recorded detections or ground truth";
   }
   const Scorer scorer(data, true);
-  // realtime.md §3.4.
+  // The figures of docs/constants.md, "Images and detectors".
   EXPECT_NEAR(scorer.score(2, false)->ap, 0.396, 0.002);
   EXPECT_NEAR(scorer.score(0, true)->ap, 0.128, 0.002);
   std::vector<ShownRound> one_old;
@@ -234,7 +234,7 @@ TEST(EvalScorer, ScoresWhatWasShown) {
   }
   EXPECT_NEAR(scorer.score(one_old)->ap, 0.250, 0.003);
   EXPECT_EQ(Scorer(std::nullopt, false).score(one_old), std::nullopt);
-  // Nothing, remote, local and stale in turn; AP and AR by the data package's tools/bench.py.
+  // Nothing, remote, local and stale in turn; AP and AR by the scorer that comes with the data.
   using Kind = interneuron::eval::Shown::Kind;
   constexpr interneuron::eval::Shown kInTurn[] = {{Kind::kNothing, 0, 0, 0},
                                                   {Kind::kRemote, 2, 1, 0},

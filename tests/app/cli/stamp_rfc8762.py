@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """STAMP of RFC 8762, unauthenticated mode, written from the RFC alone: what our reflector and sender are checked against.
 
-    stamp_rfc8762.py send HOST PORT COUNT {stateful|stateless}      exit code 0: every answer is as §4.3 says
+    stamp_rfc8762.py send HOST PORT COUNT {stateful|stateless}      exit code 0: every answer is as RFC 8762 §4.3 says
     stamp_rfc8762.py reflect PORT {stateful|stateless} DROP_EVERY   answers until it is ended, "ready" on stdout; loses
                                                                     each DROP_EVERY-th answer (0: none)
 """
@@ -11,9 +11,9 @@ import struct
 import sys
 import time
 
-# §4.2.1: Sequence Number, Timestamp, Error Estimate, MBZ (30 octets).
+# RFC 8762 §4.2.1: Sequence Number, Timestamp, Error Estimate, MBZ (30 octets).
 REQUEST = struct.Struct(">IIIH30s")
-# §4.3.1: Sequence Number, Timestamp, Error Estimate, MBZ, Receive Timestamp, Session-Sender Sequence Number,
+# RFC 8762 §4.3.1: Sequence Number, Timestamp, Error Estimate, MBZ, Receive Timestamp, Session-Sender Sequence Number,
 # Session-Sender Timestamp, Session-Sender Error Estimate, MBZ, Ses-Sender TTL, MBZ (3 octets).
 REPLY = struct.Struct(">IIIH2sIIIIIH2sB3s")
 assert REQUEST.size == 44 and REPLY.size == 44
@@ -82,8 +82,8 @@ def reflect(port, stateful, drop_every):
         request, peer = udp.recvfrom(65536)
         whole2, fraction2 = ntp_now()
         sequence, whole, fraction, estimate, mbz = REQUEST.unpack(request[:44])
-        check(mbz == bytes(30) and estimate & 0xff != 0, "a test packet of §4.2.1", request.hex())
-        # A sender starts at zero (§4.2.1).
+        check(mbz == bytes(30) and estimate & 0xff != 0, "a test packet of RFC 8762 §4.2.1", request.hex())
+        # A sender starts at zero (RFC 8762 §4.2.1).
         check(peer in sessions or sequence == 0, "the first sequence number", sequence)
         count = sessions[peer] = sessions.get(peer, -1) + 1
         whole3, fraction3 = ntp_now()

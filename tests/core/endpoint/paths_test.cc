@@ -1,5 +1,5 @@
 // Paths that are added, lost or forbidden: what the endpoint's door promises of links. (The pipe
-// has no bottleneck, so that no rate is ever learnt; tests/sim measures.)
+// has no bottleneck, so that no rate is ever learnt; tests/lab/sim measures.)
 #include <gtest/gtest.h>
 
 #include <algorithm>

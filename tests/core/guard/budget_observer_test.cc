@@ -189,7 +189,8 @@ TEST(BudgetObserver, RoundsThatAreNeverAnsweredCount) {
   EXPECT_LT(road.rounds(1, {}), 2U);
 }
 
-// Without raw copies that come, a sampled one is not held: the e2e stays (NOTES §3, last point).
+// Without raw copies that come, a sampled one is not held: the e2e time stays, where guard kPaper
+// would let it creep (docs/paper.md, "Holds").
 TEST(BudgetObserver, HoldsDoNotGrowWhenTheBetterVariantNeverComes) {
   Road road;
   road.variant = kSampled;

@@ -99,7 +99,7 @@ TEST(Observer, TheLastStageAtTheOriginHoldsUntilTheEndToEndDeadlineAtMost) {
   EXPECT_EQ(hold.until, TimePoint{230ms});
 }
 
-// NOTES §4.3: a constant offset moves θ, base, α̂ and D alike; every decision stays bit-identical.
+// A constant offset of the clocks moves θ, base, α̂ and D alike; every decision stays bit-identical.
 RC_GTEST_PROP(Observer, DecisionsAreInvariantToTheClockOffset, ()) {
   const auto alpha = *rc::gen::inRange<std::int64_t>(-90'000'000'000'000, 90'000'000'000'000);
   Stage plain;
@@ -123,9 +123,9 @@ RC_GTEST_PROP(Observer, DecisionsAreInvariantToTheClockOffset, ()) {
   }
 }
 
-// NOTES §4.3: drift moves θn - Dn by at most ρ·(10 s + 3 periods). Clock estimates come from
-// exchanges every 50 ms, as in production; outcomes are given, so that a decision that differs does
-// not change what follows.
+// Drift ρ moves θn - Dn by at most ρ·(10 s + 3 periods) (docs/paper.md, "Stage deadlines"). Clock
+// estimates come from exchanges every 50 ms, as in production; outcomes are given, so that a
+// decision that differs does not change what follows.
 RC_GTEST_PROP(Observer, DriftChangesDecisionsOnlyWithinItsBound, ()) {
   constexpr std::int64_t kPpm = 100;
   constexpr Duration kPeriod = 100ms;

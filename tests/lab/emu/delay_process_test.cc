@@ -52,8 +52,9 @@ Moments measure(const DelayParams& params, std::uint64_t first_seed, std::uint64
 
 struct TableRow {
   const char* profile;
-  double mean_ms, min_ms, max_ms, sd_ms;   // the paper's network table
-  std::array<double, kRadioStates> share;  // testbed.md §9
+  double mean_ms, min_ms, max_ms, sd_ms;  // the paper's network table
+  // Of time in each state, by the fit (docs/constants.md, "Three-state model").
+  std::array<double, kRadioStates> share;
 };
 
 void PrintTo(const TableRow& row, std::ostream* out) { *out << row.profile; }

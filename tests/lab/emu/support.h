@@ -1,4 +1,4 @@
-// What the tests of src/emu share.
+// What the tests of src/lab/emu share.
 #pragma once
 
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-// The evaluation's rounds do not depend on the roadside's clock (NOTES §4.2-4.3).
+// The evaluation's rounds do not depend on the roadside's clock (docs/paper.md, "Clock offset").
 #include <algorithm>
 
 #include "support.h"

@@ -14,7 +14,7 @@ TEST(Percentile, IsByNearestRank) {
   EXPECT_EQ(percentile({4, 1, 3, 2}, 0.95), 4);
 }
 
-// realtime.md §4.3: 8 of 300 = 1.4-5.2 %, 152 of 300 = 45-56 %, 0 of 300 = 0-1.26 %.
+// The intervals of the paper's 8 and 152 of 300: 1.4-5.2 % and 45-56 %; of 0 of 300: 0-1.26 %.
 TEST(Wilson, HasTheIntervalsOfThePapersFigures) {
   EXPECT_NEAR(wilson95(8, 300)[0], 0.0136, 1e-4);
   EXPECT_NEAR(wilson95(8, 300)[1], 0.0517, 1e-4);

@@ -86,8 +86,8 @@ TEST(Run, TheRoadsideComputesOneRoundAtATime) {
   EXPECT_GT(*r.rounds[kDisturbed + 1].compute_began, *r.rounds[kDisturbed + 1].delivered);
 }
 
-// realtime.md §1.3, lines 5 and 6: what is lost before the computation is made up for, elsewhere it
-// is not; with clocks in step what the uplink lost is, too.
+// Steps 5 and 6 of docs/paper.md, "The baseline after ERDOS": what is lost before the computation
+// is made up for, elsewhere it is not; with clocks in step what the uplink lost is, too.
 TEST(Erdos, MakesUpForWhatItCanSee) {
   const Scenario scenario = table_erdos_scenario();
   const auto on_time = [&](const char* system, Module module) {

@@ -1,4 +1,4 @@
-// Requirement of NOTES §4.2-4.3: the guard's decisions do not depend on the hosts' clocks.
+// The guard's decisions do not depend on the hosts' clocks (docs/paper.md, "Clock offset").
 #include <algorithm>
 
 #include "support.h"

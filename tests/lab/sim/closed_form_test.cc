@@ -1,5 +1,5 @@
 // With repair off and single-fragment messages, fallbacks caused by independent loss have a closed
-// form (style.md, end of §3).
+// form: each way fails with the product of the losses of the links that its message took.
 #include <cmath>
 
 #include "support.h"

@@ -54,7 +54,7 @@ void of_network(const Json& document, Findings& out) {
   }
 }
 
-// NOTES §5; each holds for all of its rounds.
+// A phase of docs/paper.md, "The scripted sequence"; it holds for all of its rounds.
 struct Phase {
   std::size_t first;
   std::size_t last;

@@ -1,4 +1,5 @@
-// table-network: the delays of 4G and 5G while driving (NOTES §5), pinged in virtual time.
+// table-network: the delays of 4G and 5G while driving (docs/paper.md, "Network table"), pinged in
+// virtual time.
 #include <fmt/format.h>
 
 #include <cmath>
