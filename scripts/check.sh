@@ -6,6 +6,7 @@
 #   format   clang-format 14 over every .h and .cc
 #   shell    shellcheck over the scripts
 #   layers   the checker's self-test, then every #include against ARCHITECTURE.md
+#   citations  the checker's self-test, then that what code and documents cite is in the repository
 #   clang    library and program compile with clang
 #   tsan     the tests of node under ThreadSanitizer
 #   asan     every test under AddressSanitizer and UBSan
@@ -15,7 +16,7 @@ set -euo pipefail
 root=$(dirname "$(dirname "$(readlink -f "${BASH_SOURCE[0]}")")")
 cd "$root"
 
-steps=(format shell layers clang tsan asan)
+steps=(format shell layers citations clang tsan asan)
 if (($# > 0)); then
   if [[ $1 == -h || $1 == --help ]]; then
     sed -n '2,/^set /{/^set /d;s/^# \{0,1\}//;p}' "${BASH_SOURCE[0]}"
@@ -71,6 +72,8 @@ run_shell() {
 
 run_layers() { python3 scripts/check_layers.py --self-test && python3 scripts/check_layers.py; }
 
+run_citations() { python3 scripts/check_citations.py --self-test && python3 scripts/check_citations.py; }
+
 run_clang() { build clang --target libinterneuron.a interneuron; }
 
 run_tsan() {
@@ -88,7 +91,7 @@ for step in "${steps[@]}"; do
   began=$SECONDS
   verdict=passed
   "run_$step" || { verdict=FAILED; failed+=("$step"); }
-  line=$(printf 'check: %-7s %s in %d s' "$step" "$verdict" $((SECONDS - began)))
+  line=$(printf 'check: %-9s %s in %d s' "$step" "$verdict" $((SECONDS - began)))
   echo "$line"
   summary+=("$line")
 done

@@ -1,0 +1,316 @@
+#!/usr/bin/env python3
+"""Checks that what code and documents cite is in the repository.
+
+    scripts/check_citations.py [--root DIR]     check the tree
+    scripts/check_citations.py --self-test      check the checker, with planted citations
+
+Lines that a comment or a paragraph was wrapped over are read as one. What is checked, in every text file of the tree:
+
+  name.md                      the document exists: from the top of the repository, or from the citing file's folder
+  name.md, "Heading"           it has this heading; `"A" and "B"` both, code may cite `name.md#anchor`
+  [text](path#anchor)          the same for links of Markdown, to any file
+  §4.2, section 4.2            an RFC, another standard or a draft is named before it in the paragraph; of a document of
+                               ours it must be a numbered heading
+  issue 5, pull request 5      somebody else's: `owner/repository issue 5`; numbers of ours mean nothing to a reader
+  NOTES                        a private document
+  a/b.h, src/core/link/, b.cc  in comments and Markdown: the file or folder exists
+
+RFCs and papers, by number or title, are cited freely. Each violation is one line `file:line: what`; the exit code is 1.
+This file is left out: its self-test plants what the others must not have.
+"""
+
+import os
+import re
+import sys
+import tempfile
+
+SKIPPED_FOLDERS = {".git", "build", "out", "__pycache__"}
+SKIPPED_FILES = {"LICENSE", "scripts/check_citations.py"}
+CODE = (".h", ".cc", ".in")
+HASHED = (".py", ".sh", ".toml", ".cmake", ".txt", ".yml")
+# Where a path in a comment may begin, as for the compiler; the citing file's folder comes first.
+PLACES = ("", "src", "include", "tests", "docs")
+TOPS = ("include", "policies", "src", "netns", "bench", "tests", "docs", "scripts", "examples", "cmake", "tc_profiles")
+PLACEHOLDER = re.compile(r"(?:^|/)[A-Z]{2,}(?:/|$)")  # as in tests/GROUP/name_test.cc
+SYSTEM = re.compile(r"(?:arpa|asm|linux|net|netinet|netpacket|sys|bits|boost|opencv2|Eigen|nlohmann|gtest|rapidcheck)/")
+
+WRAP = re.compile(r"\n[ \t]*(?:///?|\*(?!/)|#+(?!\w)|--)?[ \t]*")
+STRING_OR_COMMENT = re.compile(r"""R"(\w*)\(.*?\)\1"|"(?:\\.|[^"\\\n])*"|(?<!\w)'(?:\\.|[^'\\\n])+'|//[^\n]*|/\*.*?\*/""",
+                               re.S)
+URL = re.compile(r"https?://[^\s)>\]]+")
+MD = re.compile(r"(?<![\w/.])((?:[\w.-]+/)*[\w.-]+\.md)\b(?:#([\w-]+))?")
+HEADINGS = re.compile(r"""(?:,|:)?\s+(?:and\s+|,\s*)?["“]([^"”]{2,90})["”]""")
+SECTION = re.compile(r"§+\s*(\d[\d.]*\d|\d)|\b[Ss]ections?\s+(\d+(?:\.\d+)*)")
+STANDARD = re.compile(r"RFC\s*\d+|\bdraft-[\w-]+|ITU-T|3GPP|\bTS\s\d|IEEE|ISO|ETSI|SMPTE")
+ISSUE = re.compile(r"\b(?:[Ii]ssue|[Pp]ull request|PR)s?\s+#?\d+|\bthe issue\s+(?:asks|says|wants|requires|demands)\b")
+FOREIGN = re.compile(r"[\w.-]+/[\w.-]+\s+\Z")
+NOTES = re.compile(r"\bNOTES\b")
+LINK = re.compile(r"\[[^\]\[]*(?:\[[^\]]*\][^\]\[]*)?\]\(([^)\s]+)\)")
+PATH = re.compile(r"(?<![\w/.~$<{*@:-])((?:[\w.-]+/)*[\w-]+\.(?:h|cc|py|sh|lua|cmake)|(?:%s)(?:/[\w.-]+)+/?)"
+                  r"(?![\w/*{<…-])" % "|".join(TOPS))
+HEADING = re.compile(r"^#{1,6} +(.+?) *#*$", re.M)
+FENCE = re.compile(r"^```.*?^```", re.M | re.S)
+
+
+def keep_length(match):
+    return " " * len(match.group())
+
+
+def unwrap(text):
+    """Line breaks and comment marks become blanks; offsets stay. Empty lines end a paragraph."""
+    return "\n\n".join(WRAP.sub(keep_length, part) for part in re.split(r"\n\n", text))
+
+
+def plain(heading):
+    return re.sub(r"\s+", " ", heading.replace("`", "")).strip().lower()
+
+
+def anchor(heading):
+    words = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", heading.replace("`", "")).lower()
+    return re.sub(r"[^\w\- ]", "", words).replace(" ", "-")
+
+
+def comments_of(text):
+    """The text with all but comments blanked; offsets stay."""
+    out, end = [], 0
+    for match in STRING_OR_COMMENT.finditer(text):
+        out.append(re.sub(r"[^\n]", " ", text[end:match.start()]))
+        whole = match.group()
+        out.append(whole if whole.startswith(("//", "/*")) else re.sub(r"[^\n]", " ", whole))
+        end = match.end()
+    out.append(re.sub(r"[^\n]", " ", text[end:]))
+    return "".join(out)
+
+
+class Checker:
+    def __init__(self, root):
+        self.root = root
+        self.files = set()
+        self.folders = {""}
+        self.names = set()
+        self.documents = {}
+        self.problems = []
+        self.citations = 0
+
+    def run(self):
+        for directory, folders, files in os.walk(self.root):
+            folders[:] = sorted(f for f in folders if f not in SKIPPED_FOLDERS)
+            where = os.path.relpath(directory, self.root)
+            where = "" if where == "." else where
+            self.folders.add(where)
+            self.files |= {os.path.join(where, name) for name in files}
+            self.names |= set(files)
+        for path in sorted(self.files - SKIPPED_FILES):
+            text = self.read(path)
+            if text is not None:
+                self.check(path, text)
+        return self
+
+    def read(self, path):
+        try:
+            with open(os.path.join(self.root, path), "rb") as file:
+                return None if b"\0" in file.peek(4096)[:4096] else file.read().decode("utf-8")
+        except (UnicodeDecodeError, FileNotFoundError):
+            return None
+
+    def headings(self, path):
+        if path not in self.documents:
+            self.documents[path] = HEADING.findall(FENCE.sub("", self.read(path) or ""))
+        return self.documents[path]
+
+    def check(self, path, text):
+        def problem(position, what):
+            self.problems.append((path, text.count("\n", 0, position) + 1, what))
+        markdown = path.endswith(".md")
+        whole = URL.sub(keep_length, unwrap(text))
+        self.check_documents(path, whole, problem)
+        self.check_sections(path, whole, problem)
+        for match in ISSUE.finditer(whole):
+            self.citations += 1
+            if not FOREIGN.search(whole, max(0, match.start() - 80), match.start()):
+                problem(match.start(), f"`{squeeze(match)}`: say what it is; another project's is `owner/repository {squeeze(match)}`")
+        for match in NOTES.finditer(whole):
+            problem(match.start(), "`NOTES` is not in the repository")
+        if markdown:
+            for match in LINK.finditer(URL.sub(keep_length, FENCE.sub(blank_lines, text))):
+                self.check_link(path, match, problem)
+            self.check_paths(path, whole, problem)
+        elif path.endswith(CODE):
+            self.check_paths(path, unwrap(comments_of(text)), problem)
+        elif path.endswith(HASHED):
+            self.check_paths(path, "\n".join(line if line.lstrip().startswith("#") else re.sub(r".", " ", line)
+                                             for line in text.split("\n")), problem)
+
+    def locate(self, path, cited, places=("",)):
+        for place in (os.path.dirname(path), *places):
+            found = os.path.normpath(os.path.join(place, cited)) if cited else path
+            if found in self.files or found in self.folders:
+                return found
+        return None
+
+    def check_documents(self, path, whole, problem):
+        for match in MD.finditer(whole):
+            self.citations += 1
+            cited = match.group(1)
+            if cited in self.names and whole[match.start() - 1:match.start()] + whole[match.end():match.end() + 1] == '""':
+                continue  # a whole string of its own is a part of a path in code
+            found = self.locate(path, cited)
+            if found is None:
+                problem(match.start(), f"{cited} is not in the repository")
+                continue
+            if match.group(2) and match.group(2) not in map(anchor, self.headings(found)):
+                problem(match.start(), f"{cited} has no anchor #{match.group(2)}")
+            if whole[match.end():match.end() + 1] not in (",", ":"):
+                continue
+            known, position = set(map(plain, self.headings(found))), match.end()
+            while (heading := HEADINGS.match(whole, position)):
+                if plain(heading.group(1)) not in known:
+                    problem(match.start(), f'{cited} has no heading "{squeeze(heading.group(1))}"')
+                position = heading.end()
+
+    def check_sections(self, path, whole, problem):
+        for match in SECTION.finditer(whole):
+            self.citations += 1
+            number = match.group(1) or match.group(2)
+            before = whole[whole.rfind("\n\n", 0, match.start()) + 1:match.start()]
+            standard = max((m.start() for m in STANDARD.finditer(before)), default=-1)
+            document = max(MD.finditer(before), key=lambda m: m.start(), default=None)
+            if document and document.start() > standard:
+                found = self.locate(path, document.group(1))
+                numbered = re.compile(re.escape(number) + r"[. ]")
+                if found and not any(numbered.match(heading) for heading in self.headings(found)):
+                    problem(match.start(), f"{document.group(1)} has no section {number}")
+            elif standard < 0:
+                problem(match.start(), f"`{squeeze(match)}`: of which document?")
+
+    def check_link(self, path, match, problem):
+        self.citations += 1
+        target, _, wanted = match.group(1).partition("#")
+        if re.match(r"[a-z]+:", target):
+            return
+        found = self.locate(path, target) if target else path
+        # Relative to the folder of the file alone, as a browser reads it.
+        if target and os.path.normpath(os.path.join(os.path.dirname(path), target)) != found:
+            problem(match.start(), f"link to {target}, which is not there")
+        elif wanted and wanted not in map(anchor, self.headings(found)):
+            problem(match.start(), f"link to {match.group(1)}: no such heading")
+
+    def check_paths(self, path, whole, problem):
+        for match in PATH.finditer(whole):
+            cited = match.group(1).rstrip(".")
+            if "/" not in cited:
+                if "." in cited and cited not in self.names:
+                    problem(match.start(), f"{cited} is not in the repository")
+                self.citations += "." in cited
+            elif not SYSTEM.match(cited) and not PLACEHOLDER.search(cited) and ".." not in cited:
+                self.citations += 1
+                if self.locate(path, cited, PLACES) is None:
+                    problem(match.start(), f"{cited} is not in the repository")
+
+
+def squeeze(match):
+    return re.sub(r"\s+", " ", match if isinstance(match, str) else match.group())
+
+
+def blank_lines(match):
+    return re.sub(r"[^\n]", " ", match.group())
+
+
+
+DOCUMENT = """# Title
+
+## Reference times
+Text. See [below](#the-set-up-now).
+
+## The set-up: `now`
+
+### 2.1 Numbered
+"""
+
+# (file, text, what is found or None): each text is a file of its own.
+CASES = [
+    ("a.h", '// Late by docs/paper.md, "Reference times".', None),
+    ("b.h", '// Late by docs/paper.md, "Reference\n// times" and "The set-up: now".', None),
+    ("c.h", '// Late by docs/paper.md, "Reference\n// clocks".', 'no heading "Reference clocks"'),
+    ("d.h", '// Late by docs/paper.md, "Reference times" and\n// "Nothing".', 'no heading "Nothing"'),
+    ("e.h", "// As transport.md says.", "transport.md is not in the repository"),
+    ("f.h", "// As measured (testbed.md\n// §2.2).", "testbed.md is not in the repository"),
+    ("g.h", "// As in NOTES\n// §4.2.", "`NOTES` is not"),
+    ("h.h", "// As in the notes (§4.2).", "`§4.2`: of which document?"),
+    ("i.h", "// Gains of RFC 6298\n// §2, and RFC 9000 section 14.", None),
+    ("j.h", "// Bounded by section 3.\nint a;", "of which document?"),
+    ("k.h", "// docs/paper.md §2.1", None),
+    ("l.h", "// docs/paper.md\n// §7", "docs/paper.md has no section 7"),
+    ("m.h", "// Criterion (issue 5): fast.", "`issue 5`"),
+    ("n.h", "// Criterion of issue\n// 12: fast.", "`issue 12`"),
+    ("o.h", "// Reported in quic-go/quic-go issue 5768\n// and OpenIRL/srtla pull request 5.", None),
+    ("p.h", "// As the issue asks.", "`the issue asks`"),
+    ("q.h", "// See src/link/nature.h.", "src/link/nature.h is not"),
+    ("r.h", "/* See\n * link/nature.h. */", "link/nature.h is not"),
+    ("s.h", "// See core/link/nature.h, nature.h, src/core/link/ and <sys/socket.h>, linux/if_link.h.", None),
+    ("t.h", "// As observer.cc.", "observer.cc is not"),
+    ("u.h", 'const char* s = "see docs/nothing.md";', "docs/nothing.md is not"),
+    ("v.h", 'const char* s = "made/up.h"; // tests/GROUP/name_test.cc, https://a.org/b.md', None),
+    ("w.h", "// By docs/paper.md#reference-times.", None),
+    ("x.h", "// By docs/paper.md#nothing.", "no anchor #nothing"),
+    ("a.md", "[text](docs/paper.md#reference-times) and [that](docs/paper.md#the-set-up-now).", None),
+    ("b.md", "[text](docs/paper.md#old)", "no such heading"),
+    ("c.md", "[text](paper.md)", "paper.md"),
+    ("d.md", "[a link\nover lines](nowhere.png)", "link to nowhere.png"),
+    ("e.md", "Lies in `src/eval/run.h`.", "src/eval/run.h is not"),
+    ("docs/f.md", "[text](paper.md), [src](../src/core/link/nature.h), [web](https://a.org/x.md#y)", None),
+    ("a.toml", "# Fitted in realtime.md section 9", "realtime.md is not"),
+    ("b.toml", "# As issue\n# 7 wants", "`issue 7`"),
+    ("a.py", "# see scripts/gone.sh", "scripts/gone.sh is not"),
+    ("b.py", 'x = open("paper.md")  # a part of a path', None),
+]
+
+
+def self_test():
+    failures = []
+    with tempfile.TemporaryDirectory() as root:
+        def write(path, text):
+            path = os.path.join(root, path)
+            os.makedirs(os.path.dirname(path), exist_ok=True)
+            with open(path, "w", encoding="utf-8") as file:
+                file.write(text + "\n")
+        write("docs/paper.md", DOCUMENT)
+        write("src/core/link/nature.h", "int a;")
+        for path, text, _ in CASES:
+            write(path, text)
+        problems = Checker(root).run().problems
+    for path, text, what in CASES:
+        found = [f"{line}: {found}" for where, line, found in problems if where == path]
+        if (what is None) != (not found) or (what and not any(what in one for one in found)):
+            failures.append(f"{path}: {text!r}: expected {what!r}, found {found}")
+    lines = {where: line for where, line, _ in problems}
+    if lines.get("r.h") != 2:
+        failures.append(f"wrong line number: {lines.get('r.h')}")
+    failures += [f"docs/paper.md:{line}: {what}" for where, line, what in problems if where == "docs/paper.md"]
+    for failure in failures:
+        print(f"self-test: {failure}", file=sys.stderr)
+    print(f"citations: self-test of {len(CASES) + 2} cases: {'failed' if failures else 'passed'}")
+    return 1 if failures else 0
+
+
+def main(arguments):
+    if arguments == ["--self-test"]:
+        return self_test()
+    root = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+    if len(arguments) == 2 and arguments[0] == "--root":
+        root = arguments[1]
+    elif arguments:
+        print(__doc__.strip(), file=sys.stderr)
+        return 0 if arguments in (["-h"], ["--help"]) else 2
+    checker = Checker(root).run()
+    for path, line, what in checker.problems:
+        print(f"{path}:{line}: {what}")
+    if checker.problems:
+        print(f"citations: {len(checker.problems)} of {checker.citations} do not resolve", file=sys.stderr)
+        return 1
+    print(f"citations: {len(checker.files)} files, {checker.citations} citations, all of them resolve")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
