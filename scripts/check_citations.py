@@ -14,6 +14,7 @@ Lines that a comment or a paragraph was wrapped over are read as one. What is ch
   issue 5, pull request 5      somebody else's: `owner/repository issue 5`; numbers of ours mean nothing to a reader
   NOTES                        a private document
   a/b.h, src/core/link/, b.cc  in comments and Markdown: the file or folder exists
+  `kName`, `Type::kName`       in Markdown: code has a constant of this name
 
 RFCs and papers, by number or title, are cited freely. Each violation is one line `file:line: what`; the exit code is 1.
 This file is left out: its self-test plants what the others must not have.
@@ -48,6 +49,7 @@ NOTES = re.compile(r"\bNOTES\b")
 LINK = re.compile(r"\[[^\]\[]*(?:\[[^\]]*\][^\]\[]*)?\]\(([^)\s]+)\)")
 PATH = re.compile(r"(?<![\w/.~$<{*@:-])((?:[\w.-]+/)*[\w-]+\.(?:h|cc|py|sh|lua|cmake)|(?:%s)(?:/[\w.-]+)+/?)"
                   r"(?![\w/*{<…-])" % "|".join(TOPS))
+CONSTANT = re.compile(r"\bk[A-Z]\w+")
 HEADING = re.compile(r"^#{1,6} +(.+?) *#*$", re.M)
 FENCE = re.compile(r"^```.*?^```", re.M | re.S)
 
@@ -89,6 +91,7 @@ class Checker:
         self.folders = {""}
         self.names = set()
         self.documents = {}
+        self.constants = set()
         self.problems = []
         self.citations = 0
 
@@ -100,8 +103,11 @@ class Checker:
             self.folders.add(where)
             self.files |= {os.path.join(where, name) for name in files}
             self.names |= set(files)
-        for path in sorted(self.files - SKIPPED_FILES):
-            text = self.read(path)
+        texts = {path: self.read(path) for path in sorted(self.files - SKIPPED_FILES)}
+        for path, text in texts.items():
+            if path.endswith(CODE):
+                self.constants |= set(CONSTANT.findall(text or ""))
+        for path, text in texts.items():
             if text is not None:
                 self.check(path, text)
         return self
@@ -135,6 +141,10 @@ class Checker:
             for match in LINK.finditer(URL.sub(keep_length, FENCE.sub(blank_lines, text))):
                 self.check_link(path, match, problem)
             self.check_paths(path, whole, problem)
+            for match in re.finditer(r"`(?!kName`)(?:\w+::)*(k[A-Z]\w+)`", whole):
+                self.citations += 1
+                if match.group(1) not in self.constants:
+                    problem(match.start(), f"{match.group(1)} is not in the code")
         elif path.endswith(CODE):
             self.check_paths(path, unwrap(comments_of(text)), problem)
         elif path.endswith(HASHED):
@@ -258,6 +268,7 @@ CASES = [
     ("c.md", "[text](paper.md)", "paper.md"),
     ("d.md", "[a link\nover lines](nowhere.png)", "link to nowhere.png"),
     ("e.md", "Lies in `src/eval/run.h`.", "src/eval/run.h is not"),
+    ("f.md", "`Type::kLimit` is `kLimt`.", "kLimt is not in the code"),
     ("docs/f.md", "[text](paper.md), [src](../src/core/link/nature.h), [web](https://a.org/x.md#y)", None),
     ("a.toml", "# Fitted in realtime.md section 9", "realtime.md is not"),
     ("b.toml", "# As issue\n# 7 wants", "`issue 7`"),
@@ -275,7 +286,7 @@ def self_test():
             with open(path, "w", encoding="utf-8") as file:
                 file.write(text + "\n")
         write("docs/paper.md", DOCUMENT)
-        write("src/core/link/nature.h", "int a;")
+        write("src/core/link/nature.h", "int kLimit;")
         for path, text, _ in CASES:
             write(path, text)
         problems = Checker(root).run().problems
