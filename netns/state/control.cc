@@ -6,18 +6,16 @@
 #include <sys/un.h>
 
 #include <array>
-#include <boost/json.hpp>
 #include <cstddef>
 #include <cstring>
 
 #include "netns/state/check.h"
+#include "netns/state/json.h"
 #include "netns/state/state_file.h"
 
 namespace interneuron::netns {
 
 namespace {
-
-namespace json = boost::json;
 
 // A request holds a few settings of at most a path each.
 constexpr std::size_t kMaxMessage = 32768;
@@ -62,20 +60,23 @@ std::string name_of(const sockaddr_un& address, socklen_t size) {
   return size > start ? std::string(address.sun_path + 1, size - start) : std::string();
 }
 
-json::value to_json(const Request& request, const std::string& token) {
-  return {{"token", token},
-          {"links", json::value_from(request.links)},
-          {"settings", json::value_from(request.settings)},
-          {"outage_ns", request.outage.count()}};
+// What is no UTF-8 is replaced: the holder then names the setting that it does not know.
+std::string to_text(const Request& request, const std::string& token) {
+  const Json json{{"token", token},
+                  {"links", request.links},
+                  {"settings", request.settings},
+                  {"outage_ns", request.outage.count()}};
+  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
 // Throws std::exception for what is none of ours.
-Request from_json(const json::object& object, const std::string& token) {
-  if (object.at("token").as_string() != token) throw std::runtime_error("not authorised");
+Request from_json(const Json& object, const std::string& token) {
+  if (object.at("token").get<std::string>() != token) throw std::runtime_error("not authorised");
   Request out;
-  out.links = json::value_to<std::vector<std::size_t>>(object.at("links"));
-  out.settings = json::value_to<std::vector<std::string>>(object.at("settings"));
-  out.outage = Duration{object.at("outage_ns").to_number<std::int64_t>()};
+  for (const Json& link : array(object.at("links")))
+    out.links.push_back(integer<std::size_t>(link));
+  out.settings = object.at("settings").get<std::vector<std::string>>();
+  out.outage = Duration{integer<std::int64_t>(object.at("outage_ns"))};
   return out;
 }
 
@@ -99,7 +100,7 @@ std::optional<Request> ControlServer::receive() {
   if (size <= 0) return std::nullopt;
   try {
     const std::string_view text(buffer.data(), static_cast<std::size_t>(size));
-    Request request = from_json(json::parse(text).as_object(), token_);
+    Request request = from_json(Json::parse(text), token_);
     client_ = name_of(from, from_size);
     return request;
   } catch (const std::exception&) {  // a stranger's
@@ -119,7 +120,7 @@ void ask(const State& state, const Request& request) {
   const sa_family_t family = AF_UNIX;  // an address of only this: the kernel picks an abstract name
   check(::bind(socket.get(), reinterpret_cast<const sockaddr*>(&family), sizeof family),
         "bind a control socket");
-  const std::string message = json::serialize(to_json(request, state.control_token));
+  const std::string message = to_text(request, state.control_token);
   const Address to = abstract_address(state.control);
   if (::sendto(socket.get(), message.data(), message.size(), MSG_NOSIGNAL,
                reinterpret_cast<const sockaddr*>(&to.data), to.size) < 0) {

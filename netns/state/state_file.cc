@@ -6,23 +6,19 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <boost/json.hpp>
-// The one place of netns where Boost.JSON is compiled: header-only, no library to link.
-#include <boost/json/src.hpp>
 #include <fstream>
 #include <sstream>
 
 #include "netns/state/check.h"
+#include "netns/state/json.h"
 
 namespace interneuron::netns {
 
 namespace {
 
-namespace json = boost::json;
-
 constexpr int kSchema = 2;
 
-json::object to_json(const TestbedLink& link) {
+Json to_json(const TestbedLink& link) {
   return {{"name", link.name},
           {"vehicle", link.vehicle},
           {"profile", link.profile},
@@ -35,8 +31,8 @@ json::object to_json(const TestbedLink& link) {
           {"road_address6", link.road_address6}};
 }
 
-json::value to_json(const State& state) {
-  json::array links;
+Json to_json(const State& state) {
+  Json links = Json::array();
   for (const TestbedLink& link : state.links) links.push_back(to_json(link));
   return {{"schema", kSchema},
           {"name", state.name},
@@ -49,29 +45,30 @@ json::value to_json(const State& state) {
           {"control", {{"socket", state.control}, {"token", state.control_token}}},
           {"fds",
            {{"user_namespace", state.user_ns_fd},
-            {"vehicle_namespaces", json::value_from(state.vehicle_ns_fds)},
-            {"road_namespaces", json::value_from(state.road_ns_fds)},
+            {"vehicle_namespaces", state.vehicle_ns_fds},
+            {"road_namespaces", state.road_ns_fds},
             {"core_namespace", state.core_ns_fd},
             {"stats", state.stats_fd}}},
           {"links", std::move(links)}};
 }
 
-std::string text_of(const json::object& object, const char* key) {
-  return std::string(object.at(key).as_string());
+std::string text_of(const Json& object, const char* key) {
+  return object.at(key).get<std::string>();
 }
 
 template <class Number>
-Number number_of(const json::object& object, const char* key) {
-  return object.at(key).to_number<Number>();
+Number number_of(const Json& object, const char* key) {
+  return integer<Number>(object.at(key));
 }
 
-std::vector<int> numbers_of(const json::object& object, const char* key) {
-  auto numbers = json::value_to<std::vector<int>>(object.at(key));
+std::vector<int> numbers_of(const Json& object, const char* key) {
+  std::vector<int> numbers;
+  for (const Json& number : array(object.at(key))) numbers.push_back(integer<int>(number));
   if (numbers.empty()) throw std::runtime_error(std::string("no ") + key);
   return numbers;
 }
 
-TestbedLink link_from_json(const json::object& link) {
+TestbedLink link_from_json(const Json& link) {
   TestbedLink out;
   out.name = text_of(link, "name");
   out.vehicle = number_of<std::size_t>(link, "vehicle");
@@ -94,7 +91,7 @@ Backend backend_from(const std::string& name) {
 }
 
 // Throws std::exception for whatever is missing or of the wrong type.
-State from_json(const json::object& object, const std::filesystem::path& file) {
+State from_json(const Json& object, const std::filesystem::path& file) {
   if (number_of<int>(object, "schema") != kSchema) throw std::runtime_error("another schema");
   State state;
   state.name = text_of(object, "name");
@@ -102,22 +99,20 @@ State from_json(const json::object& object, const std::filesystem::path& file) {
   // 0 and below mean whole groups of processes to kill(2).
   if (state.holder <= 0) throw std::runtime_error("no process");
   state.holder_start_ticks = number_of<std::uint64_t>(object, "pid_start_ticks");
-  state.detached = object.at("detached").as_bool();
+  state.detached = object.at("detached").get<bool>();
   state.seed = number_of<std::uint64_t>(object, "seed");
   state.backend = backend_from(text_of(object, "backend"));
-  state.nat = object.at("nat").as_bool();
-  const json::object& control = object.at("control").as_object();
+  state.nat = object.at("nat").get<bool>();
+  const Json& control = object.at("control");
   state.control = text_of(control, "socket");
   state.control_token = text_of(control, "token");
-  const json::object& fds = object.at("fds").as_object();
+  const Json& fds = object.at("fds");
   state.user_ns_fd = number_of<int>(fds, "user_namespace");
   state.vehicle_ns_fds = numbers_of(fds, "vehicle_namespaces");
   state.road_ns_fds = numbers_of(fds, "road_namespaces");
   state.core_ns_fd = number_of<int>(fds, "core_namespace");
   state.stats_fd = number_of<int>(fds, "stats");
-  for (const json::value& item : object.at("links").as_array()) {
-    state.links.push_back(link_from_json(item.as_object()));
-  }
+  for (const Json& link : array(object.at("links"))) state.links.push_back(link_from_json(link));
   state.file = file;
   return state;
 }
@@ -163,7 +158,7 @@ RuntimeDirLock::RuntimeDirLock(const std::filesystem::path& runtime_dir)
 
 void write_state(const State& state) {
   const std::string temporary = state.file.string() + ".new";
-  const std::string text = json::serialize(to_json(state)) + '\n';
+  const std::string text = to_json(state).dump() + '\n';
   // For the owner's eyes only, as whoever has the token may change the links.
   ::unlink(temporary.c_str());
   const io::FileDescriptor out(
@@ -184,7 +179,7 @@ std::optional<State> read_state(const std::filesystem::path& file) {
   try {
     std::stringstream text;
     text << in.rdbuf();
-    return from_json(json::parse(text.str()).as_object(), file);
+    return from_json(Json::parse(text.str()), file);
   } catch (const std::exception& error) {
     throw TestbedError(1, file.string() + " is no state file of this program's version (" +
                               error.what() + "); end its testbed with that version, or remove it");
