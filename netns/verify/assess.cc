@@ -4,9 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 
-#include "lab/files/run_files.h"
+#include "core/base/statistics.h"
 
 namespace interneuron::cli::verify {
 
@@ -14,11 +13,6 @@ namespace {
 
 constexpr std::array kDirectionsByName{std::pair{Direction::kUp, "up"},
                                        std::pair{Direction::kDown, "down"}};
-
-double mean(const std::vector<double>& values) {
-  if (values.empty()) return 0;
-  return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
-}
 
 struct Delays {
   std::vector<double> expected_ms;

@@ -6,6 +6,7 @@
 #include <thread>
 #include <utility>
 
+#include "core/base/statistics.h"
 #include "perception/detector.h"
 #include "perception/levels.h"
 
@@ -15,12 +16,6 @@ namespace {
 // Chosen: the first forward of a net allocates and is slow, and a background needs some frames.
 constexpr int kWarmUpRuns = 10;
 constexpr std::size_t kAllLevels = 256;  // a level travels as one byte
-
-// The value below which `percent` of the times lie, by nearest rank. Requires: sorted, not empty.
-Duration percentile(const std::vector<Duration>& sorted, int percent) {
-  const std::size_t rank = (sorted.size() * static_cast<std::size_t>(percent) + 99) / 100;
-  return sorted[std::max<std::size_t>(rank, 1) - 1];
-}
 
 std::string joined(const std::vector<std::filesystem::path>& files) {
   std::string text;
@@ -74,9 +69,8 @@ void Ladder::calibrate(std::span<const Image> images, int runs, const Progress& 
         std::this_thread::sleep_for(pause);
         times.push_back(run(*level.detector));
       }
-      std::sort(times.begin(), times.end());
-      level.r_median = percentile(times, 50);
-      level.r_p95 = percentile(times, 95);
+      level.r_median = percentile(times, 0.5);
+      level.r_p95 = percentile(times, 0.95);
       level.detector->reset();
     }
     if (progress) progress(level, i + 1, levels_.size());

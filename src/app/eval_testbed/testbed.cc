@@ -9,6 +9,7 @@
 #include <cstdlib>
 
 #include "app/eval_testbed/testbed_bench.h"
+#include "core/base/statistics.h"
 #include "host/settings/data.h"
 #include "lab/eval/experiments/compare.h"
 
@@ -92,8 +93,8 @@ Parts parts_of(const std::vector<core::Run>& runs, std::size_t variant) {
       downlink.push_back(to_ms(r.e2e - *r.compute_ended));
     }
   }
-  return {uplink.size(), core::percentile(uplink, 0.5), core::percentile(compute, 0.5),
-          core::percentile(downlink, 0.5)};
+  return {uplink.size(), percentile(uplink, 0.5), percentile(compute, 0.5),
+          percentile(downlink, 0.5)};
 }
 
 // The image that most of these rounds used.

@@ -8,11 +8,11 @@
 #include <fstream>
 
 #include "app/offload/road_child.h"
+#include "core/base/statistics.h"
 #include "host/process/child.h"
 #include "host/process/failure.h"
 #include "host/process/signals.h"
 #include "host/settings/data.h"
-#include "lab/eval/metrics.h"
 #include "lab/sim/offload.h"
 
 namespace interneuron::cli::eval {
@@ -235,7 +235,7 @@ void Bench::calibrate(std::uint32_t rounds) {
                                        "its levels are too slow for {:.0f} ms",
                                        ladder_, to_ms(scenario_.deadline)));
   }
-  erdos_ = {from_ms(core::percentile(uplink, 0.5)), from_ms(core::percentile(downlink, 0.5)),
+  erdos_ = {from_ms(percentile(uplink, 0.5)), from_ms(percentile(downlink, 0.5)),
             core::erdos_runtimes(profile_.levels)};
 }
 
@@ -265,8 +265,8 @@ core::Profile measured(const core::Profile& calibrated,
       }
     }
     if (times.size() < kEnoughRuns) continue;
-    out.levels[level].median = from_ms(core::percentile(times, 0.5));
-    out.levels[level].p95 = from_ms(core::percentile(times, 0.95));
+    out.levels[level].median = from_ms(percentile(times, 0.5));
+    out.levels[level].p95 = from_ms(percentile(times, 0.95));
   }
   return out;
 }

@@ -11,11 +11,11 @@
 
 #include "app/offload/offload_request.h"
 #include "app/watch/publisher.h"
+#include "core/base/statistics.h"
 #include "host/process/failure.h"
 #include "host/settings/data.h"
 #include "host/settings/link_options.h"
 #include "interneuron/node.h"
-#include "lab/files/run_files.h"
 #include "perception/detector.h"
 #include "perception/frame_source.h"
 

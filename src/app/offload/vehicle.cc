@@ -11,6 +11,7 @@
 #include "app/offload/offload_request.h"
 #include "app/offload/run_record.h"
 #include "app/watch/publisher.h"
+#include "core/base/statistics.h"
 #include "core/plan/budget.h"
 #include "host/io/steady_clock.h"
 #include "host/process/failure.h"
@@ -18,7 +19,6 @@
 #include "host/settings/data.h"
 #include "host/settings/link_options.h"
 #include "interneuron/node.h"
-#include "lab/files/run_files.h"
 #include "perception/detector.h"
 #include "perception/frame_source.h"
 

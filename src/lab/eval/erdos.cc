@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "lab/eval/metrics.h"
+#include "core/base/statistics.h"
 
 namespace interneuron::eval {
 namespace {

@@ -1,38 +1,10 @@
 #include "lab/eval/metrics.h"
 
 #include <algorithm>
-#include <cmath>
-#include <numeric>
+
+#include "core/base/statistics.h"
 
 namespace interneuron::eval {
-namespace {
-
-double mean(const std::vector<double>& values) {
-  if (values.empty()) return 0;
-  return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
-}
-
-}  // namespace
-
-double percentile(std::vector<double> values, double q) {
-  if (values.empty()) return 0;
-  const auto rank =
-      static_cast<std::size_t>(std::max(1.0, std::ceil(q * static_cast<double>(values.size()))));
-  const auto nth = values.begin() + static_cast<std::ptrdiff_t>(rank - 1);
-  std::nth_element(values.begin(), nth, values.end());
-  return *nth;
-}
-
-std::array<double, 2> wilson95(std::uint64_t hits, std::uint64_t n) {
-  if (n == 0) return {0, 1};
-  constexpr double z = 1.959964;  // of the normal, 95 % two-sided
-  const auto count = static_cast<double>(n);
-  const double p = static_cast<double>(hits) / count;
-  const double scale = 1 + z * z / count;
-  const double middle = (p + z * z / (2 * count)) / scale;
-  const double half = z * std::sqrt(p * (1 - p) / count + z * z / (4 * count * count)) / scale;
-  return {hits == 0 ? 0 : middle - half, hits == n ? 1 : middle + half};
-}
 
 Figures figures(std::span<const Run> runs, const Profile& profile) {
   Figures out;

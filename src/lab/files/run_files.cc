@@ -8,9 +8,9 @@
 #include <cmath>
 #include <fstream>
 #include <map>
-#include <numeric>
 #include <sstream>
 
+#include "core/base/statistics.h"
 #include "host/process/failure.h"
 
 namespace interneuron::cli {
@@ -26,13 +26,10 @@ std::string ms(Duration d) { return fmt::format("{:.3f}", to_ms(d)); }
 double rounded(double v) { return std::round(v * 1000.0) / 1000.0; }
 
 Json quantiles(const std::vector<double>& values) {
-  const double mean = values.empty() ? 0.0
-                                     : std::accumulate(values.begin(), values.end(), 0.0) /
-                                           static_cast<double>(values.size());
   return {{"p50", rounded(percentile(values, 0.50))},
           {"p95", rounded(percentile(values, 0.95))},
           {"p99", rounded(percentile(values, 0.99))},
-          {"mean", rounded(mean)}};
+          {"mean", rounded(mean(values))}};
 }
 
 Json count_levels(const std::vector<RoundRow>& rows, const RunInfo& info) {

@@ -11,7 +11,6 @@
 #include <vector>
 
 #include "interneuron/pipeline.h"
-#include "lab/eval/metrics.h"
 
 namespace interneuron::cli {
 
@@ -73,8 +72,6 @@ struct RunInfo {
 };
 
 using Json = nlohmann::ordered_json;
-
-using interneuron::eval::percentile;
 
 Json summarise(const std::vector<RoundRow>& rows, const RunInfo& info);
 // The summary as a table on stdout.

@@ -1,5 +1,6 @@
 #include "lab/files/run_files.h"
 
+#include "core/base/statistics.h"
 #include "tests/app/cli/support.h"
 
 namespace interneuron::cli {

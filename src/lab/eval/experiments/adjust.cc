@@ -2,6 +2,7 @@
 // levels, (c) accuracy of raw and sampled images, (d) transmission time of messages per network.
 #include <fmt/format.h>
 
+#include "core/base/statistics.h"
 #include "lab/eval/experiments/document.h"
 #include "lab/eval/experiments/experiment.h"
 #include "lab/eval/quality.h"
@@ -83,17 +84,13 @@ Json transmission_row(const Request& request, const char* network, std::size_t k
     ms.insert(ms.end(), sent.ms.begin(), sent.ms.end());
     undelivered += sent.undelivered;
   }
-  double sum = 0;
-  for (const double v : ms) sum += v;
-  return {{"network", network},
-          {"kilobytes", kilobytes},
-          {"seeds", {request.first_seed, request.last_seed}},
-          {"messages", ms.size() + undelivered},
-          {"undelivered", undelivered},
-          {"ms",
-           {{"mean", ms.empty() ? 0 : sum / static_cast<double>(ms.size())},
-            {"p50", percentile(ms, 0.5)},
-            {"p95", percentile(ms, 0.95)}}}};
+  return {
+      {"network", network},
+      {"kilobytes", kilobytes},
+      {"seeds", {request.first_seed, request.last_seed}},
+      {"messages", ms.size() + undelivered},
+      {"undelivered", undelivered},
+      {"ms", {{"mean", mean(ms)}, {"p50", percentile(ms, 0.5)}, {"p95", percentile(ms, 0.95)}}}};
 }
 
 Json accuracy_of(const Scorer& scorer, std::size_t level, bool sampled) {

@@ -69,24 +69,9 @@ std::string note_of_jpeg() {
          "recorded on raw (docs/evaluation.md, Limits).";
 }
 
-// Student's t, 97.5 %, by degrees of freedom from 1.
-double student(std::size_t freedom) {
-  constexpr double kTable[] = {12.71, 4.30, 3.18, 2.78, 2.57, 2.45, 2.36, 2.31, 2.26, 2.23,
-                               2.20,  2.18, 2.16, 2.14, 2.13, 2.12, 2.11, 2.10, 2.09, 2.09,
-                               2.08,  2.07, 2.07, 2.06, 2.06, 2.06, 2.05, 2.05, 2.05, 2.04};
-  return freedom <= std::size(kTable) ? kTable[freedom - 1] : 1.96;
-}
-
-// Mean and 95 % interval of differences, seed by seed; one seed tells no interval.
 Json paired(const std::vector<double>& differences) {
-  const auto n = static_cast<double>(differences.size());
-  double mean = 0;
-  for (const double d : differences) mean += d / n;
-  double squares = 0;
-  for (const double d : differences) squares += (d - mean) * (d - mean);
-  if (differences.size() < 2) return {{"mean", mean}, {"ci95", nullptr}};
-  const double half = student(differences.size() - 1) * std::sqrt(squares / (n - 1) / n);
-  return {{"mean", mean}, {"ci95", {mean - half, mean + half}}};
+  const core::Paired p = core::paired95(differences);
+  return {{"mean", p.mean}, {"ci95", p.ci95 ? Json(*p.ci95) : Json(nullptr)}};
 }
 
 Json ladder_rows(const Compared& compared) {

@@ -3,8 +3,8 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <numeric>
 
+#include "core/base/statistics.h"
 #include "lab/emu/link.h"
 #include "lab/emu/profile.h"
 #include "lab/eval/experiments/document.h"
@@ -60,11 +60,11 @@ Drive drive(const emu::LinkProfile& profile, std::uint64_t seed, std::uint32_t p
 Json moments(const std::vector<double>& values) {
   if (values.empty()) return nullptr;
   const auto n = static_cast<double>(values.size());
-  const double mean = std::accumulate(values.begin(), values.end(), 0.0) / n;
+  const double average = mean(values);
   double squares = 0;
-  for (const double v : values) squares += (v - mean) * (v - mean);
+  for (const double v : values) squares += (v - average) * (v - average);
   const auto [min, max] = std::ranges::minmax(values);
-  return {{"avg", mean}, {"min", min}, {"max", max}, {"std", std::sqrt(squares / n)}};
+  return {{"avg", average}, {"min", min}, {"max", max}, {"std", std::sqrt(squares / n)}};
 }
 
 Json series_of(const std::string& name, const Drive& drive) {
