@@ -26,6 +26,7 @@
 #include "interneuron/link.h"
 #include "interneuron/pipeline.h"
 #include "interneuron/policy.h"
+#include "interneuron/submit_status.h"
 #include "interneuron/units.h"
 
 namespace interneuron {
@@ -137,10 +138,12 @@ class Endpoint {
   bool request_train(TimePoint now, PeerId peer, LinkId link);
   // Stamps t0 = now. If stage 1 is a communication, submit() its message next.
   RoundRef begin_round(TimePoint now, PipelineId pipeline);
-  // What submit() would send now for variants of these sizes (and costs, if not empty): so that an
-  // application encodes or computes only what is needed: submit() carries this plan out if it is
-  // given as many variants (those that the plan does not hold may be empty). The same conditions as
-  // submit(); an empty plan where that would answer false.
+  // Plans the round's next message for variants of these sizes (and costs, if not empty), so that
+  // an application encodes or computes only what will be sent. The plan is kept: a submit() of the
+  // same round with as many variants carries it out, instead of planning anew, while each of its
+  // links is up; variants that it does not hold may then be empty. A second call replaces it. The
+  // first call also settles whether the round's first message is degraded. An empty plan where
+  // submit() would accept nothing.
   Plan preview(TimePoint now, RoundRef round, std::span<const std::size_t> variant_bytes,
                MessageClass message_class, std::span<const VariantCost> costs = {},
                std::optional<PeerId> to = std::nullopt);
@@ -153,10 +156,11 @@ class Endpoint {
                                 std::size_t top);
   // The application hands over what the next communication of the round is to carry; if a
   // computation was going on, it ends with this call. The message goes to `to`, by default to the
-  // peer that the round came from, or to the one peer there is. False when the round is not known
-  // (any more), or no peer or link is there; the round then ends locally.
-  bool submit(TimePoint now, RoundRef round, Variants variants, MessageClass message_class,
-              std::optional<PeerId> to = std::nullopt);
+  // peer that the round came from, or to the one peer there is. A message that is not accepted is
+  // dropped; SubmitStatus says why. `variants`: 1 to kMaxVariants, each of at most
+  // kMaxMessageBytes, else std::invalid_argument.
+  SubmitStatus submit(TimePoint now, RoundRef round, Variants variants, MessageClass message_class,
+                      std::optional<PeerId> to = std::nullopt);
   // The local backup of a round that began here is ready; ignored when the round is decided.
   void local_result(TimePoint now, RoundRef round, Bytes result);
 

@@ -146,8 +146,8 @@ class Node {
                std::optional<PeerId> to = std::nullopt);
   std::size_t begin_computation(RoundRef round, std::span<const LevelProfile> levels,
                                 std::size_t top);
-  bool submit(RoundRef round, Variants variants, MessageClass message_class,
-              std::optional<PeerId> to = std::nullopt);
+  SubmitStatus submit(RoundRef round, Variants variants, MessageClass message_class,
+                      std::optional<PeerId> to = std::nullopt);
   void local_result(RoundRef round, Bytes result);
 
   // --- time and work

@@ -146,8 +146,8 @@ bool Endpoint::add_path(TimePoint now, PeerId peer, LinkId link, const Address& 
 bool Endpoint::request_train(TimePoint now, PeerId peer, LinkId link) {
   return impl_->peers().request_train(impl_->tick(now), peer, link);
 }
-bool Endpoint::submit(TimePoint now, RoundRef round, Variants variants, MessageClass message_class,
-                      std::optional<PeerId> to) {
+SubmitStatus Endpoint::submit(TimePoint now, RoundRef round, Variants variants,
+                              MessageClass message_class, std::optional<PeerId> to) {
   return impl_->rounds().submit(impl_->advance(now), round, std::move(variants), message_class, to);
 }
 Plan Endpoint::preview(TimePoint now, RoundRef round, std::span<const std::size_t> variant_bytes,
@@ -179,5 +179,25 @@ std::vector<LinkState> Endpoint::links(TimePoint now, PeerId peer) const {
 LinkCounters Endpoint::link_counters(LinkId link) const { return impl_->peers().totals(link); }
 EndpointCounters Endpoint::counters() const { return impl_->counters(); }
 std::size_t Endpoint::reassembly_bytes() const { return impl_->peers().reassembly_bytes(); }
+
+std::string_view to_string(SubmitStatus status) {
+  switch (status) {
+    case SubmitStatus::kAccepted:
+      return "accepted";
+    case SubmitStatus::kUnknownRound:
+      return "unknown round: it was not begun or delivered here lately";
+    case SubmitStatus::kRoundOver:
+      return "round over: it was handed over before, was answered, or its time has passed";
+    case SubmitStatus::kNoWayToOrigin:
+      return "no way to the origin: the pipeline has no communication left to carry the result";
+    case SubmitStatus::kNoPeer:
+      return "no peer: the one named is not known, or none was named and there is not exactly one";
+    case SubmitStatus::kNoLink:
+      return "no link: none to the peer is up, or the policy named only links that are not";
+    case SubmitStatus::kRefusedByPolicy:
+      return "refused by the policy: see the reason in the plan";
+  }
+  return "?";
+}
 
 }  // namespace interneuron

@@ -8,6 +8,19 @@
 #include "core/rounds/round_terms.h"
 
 namespace interneuron {
+namespace {
+
+// "best_link, duplicate, …", in the order of their registration.
+std::string names_of(const PolicySet& policies) {
+  std::string names;
+  for (const auto& policy : policies) {
+    if (!names.empty()) names += ", ";
+    names += policy->name();
+  }
+  return names;
+}
+
+}  // namespace
 
 Rounds::Rounds(const EndpointOptions& options, Peers& peers, std::deque<Event>& events)
     : peers_(peers),
@@ -20,7 +33,8 @@ Rounds::Rounds(const EndpointOptions& options, Peers& peers, std::deque<Event>& 
   for (const PipelineConfig& config : options.pipelines) {
     if (dispatch_.policy(wire::policy_id(config.policy)) == nullptr) {
       throw std::invalid_argument("pipeline " + std::to_string(config.id.value) + ": policy '" +
-                                  config.policy + "' is not registered");
+                                  config.policy + "' is not registered; there are " +
+                                  names_of(options.policies));
     }
   }
 }
@@ -33,19 +47,24 @@ RoundRef Rounds::begin(TimePoint now, PipelineId pipeline) {
   return round;
 }
 
-bool Rounds::submit(TimePoint now, const RoundRef& round, Variants variants,
-                    MessageClass message_class, std::optional<PeerId> to) {
+SubmitStatus Rounds::submit(TimePoint now, const RoundRef& round, Variants variants,
+                            MessageClass message_class, std::optional<PeerId> to) {
   Dispatch::check(variants);
   RoundContext* found = stages_.context(round);
-  if (found == nullptr) return false;
+  if (found == nullptr) {
+    const bool was_open = own_.has_begun(round) || stages_.has_served(round);
+    return was_open ? SubmitStatus::kRoundOver : SubmitStatus::kUnknownRound;
+  }
   RoundContext context = *found;
   stages_.close(round);
   end_computations(now, context);
   if (context.stage == context.header.stages) {
-    return own_.is_mine(round) && finish(now, context.header, std::move(variants.front()));
+    if (!own_.is_mine(round)) return SubmitStatus::kNoWayToOrigin;
+    const bool answered = finish(now, context.header, std::move(variants.front()));
+    return answered ? SubmitStatus::kAccepted : SubmitStatus::kRoundOver;
   }
   Peer* peer = destination(context, to);
-  if (peer == nullptr) return false;
+  if (peer == nullptr) return SubmitStatus::kNoPeer;
   choose_mode(now, context, *peer, message_class, Dispatch::sizes_of(variants), {});
   const auto clock = clock_of(now, context.header, peers_.find(context.from));
   Planned planned = dispatch_.send(now, *peer, context, clock, variants, message_class,
@@ -55,7 +74,8 @@ bool Rounds::submit(TimePoint now, const RoundRef& round, Variants variants,
   events_.emplace_back(std::move(planned));
   guard::RoundLedger* ledger = own_.find(round);
   if (kept_here && ledger != nullptr) report(ledger->stay_local(now, round.round));
-  return sent;
+  if (sent) return SubmitStatus::kAccepted;
+  return kept_here ? SubmitStatus::kRefusedByPolicy : SubmitStatus::kNoLink;
 }
 
 Plan Rounds::preview(TimePoint now, const RoundRef& round,

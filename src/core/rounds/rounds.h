@@ -26,8 +26,8 @@ class Rounds {
                std::optional<PeerId> to);
   std::size_t begin_computation(TimePoint now, const RoundRef& round,
                                 std::span<const LevelProfile> levels, std::size_t top);
-  bool submit(TimePoint now, const RoundRef& round, Variants variants, MessageClass message_class,
-              std::optional<PeerId> to);
+  SubmitStatus submit(TimePoint now, const RoundRef& round, Variants variants,
+                      MessageClass message_class, std::optional<PeerId> to);
   void local_result(TimePoint now, const RoundRef& round, Bytes result);
 
   // A message of this peer is complete.

@@ -152,6 +152,13 @@ RoundContext* Stages::context(const RoundRef& round) {
   return it == contexts_.end() ? nullptr : &it->second.context;
 }
 
+bool Stages::has_served(const RoundRef& round) const {
+  const auto it = served_.find({round.origin, round.pipeline});
+  if (it == served_.end()) return false;
+  const Served& slot = it->second[round.round.value % kRing];
+  return slot.used && slot.round == round.round && slot.stages != 0;
+}
+
 void Stages::open(TimePoint now, const RoundRef& round, RoundContext context, Duration deadline) {
   std::erase_if(contexts_, [now](const auto& entry) { return entry.second.expires < now; });
   if (contexts_.size() >= kMaxContexts) contexts_.erase(contexts_.begin());

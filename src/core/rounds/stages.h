@@ -71,6 +71,9 @@ class Stages {
 
   std::optional<TimePoint> next_timeout() const;
   RoundContext* context(const RoundRef& round);
+  // Whether a message of this round was handed to the application here, lately (the last kRing
+  // rounds of its pipeline).
+  bool has_served(const RoundRef& round) const;
   void open(TimePoint now, const RoundRef& round, RoundContext context, Duration deadline);
   void close(const RoundRef& round) { contexts_.erase(round); }
 

@@ -56,8 +56,8 @@ std::size_t Node::begin_computation(RoundRef round, std::span<const LevelProfile
                                     std::size_t top) {
   return impl_->endpoint().begin_computation(io::now(), round, levels, top);
 }
-bool Node::submit(RoundRef round, Variants variants, MessageClass message_class,
-                  std::optional<PeerId> to) {
+SubmitStatus Node::submit(RoundRef round, Variants variants, MessageClass message_class,
+                          std::optional<PeerId> to) {
   return impl_->endpoint().submit(io::now(), round, std::move(variants), message_class, to);
 }
 void Node::local_result(RoundRef round, Bytes result) {

@@ -80,7 +80,7 @@ TEST(Budget, WhatWasPreviewedIsSent) {
   // Variants that the plan does not hold need not be there.
   Variants variants(2);
   for (const Assignment& a : plan.sends) variants[a.variant].resize(sizes[a.variant]);
-  EXPECT_TRUE(vehicle.submit(now, ref, variants, MessageClass::kData));
+  EXPECT_EQ(vehicle.submit(now, ref, variants, MessageClass::kData), SubmitStatus::kAccepted);
   o.pipe.flush(0);
   EXPECT_EQ(o.plans.back().sends, plan.sends);
 }

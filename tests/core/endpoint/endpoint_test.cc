@@ -189,7 +189,7 @@ TEST(Endpoint, ARoundThatItsPolicyKeepsHereIsAnsweredByItsLocalResultAtOnce) {
   pipe.run(1s);
   for (int i = 0; i < 20; ++i) {
     const RoundRef ref = pipe.round(0);
-    EXPECT_FALSE(pipe.submitted);
+    EXPECT_EQ(pipe.submitted, SubmitStatus::kRefusedByPolicy);
     pipe.plan(9ms, [&pipe, ref] {
       pipe.at(0).local_result(pipe.local(0), ref, Bytes(7));
       pipe.flush(0);
@@ -298,7 +298,9 @@ TEST(Endpoint, APipelineThatComputesAtTheEnd) {
   p.pipe.on_event = [&p, inner = p.pipe.on_event](std::size_t host, Event& e) {
     inner(host, e);
     if (auto* d = std::get_if<Delivered>(&e); d != nullptr && host == p.vehicle) {
-      p.pipe.plan(10ms, [&p, ref = d->round] { EXPECT_TRUE(p.pipe.submit(p.vehicle, ref, 77)); });
+      p.pipe.plan(10ms, [&p, ref = d->round] {
+        EXPECT_EQ(p.pipe.submit(p.vehicle, ref, 77), SubmitStatus::kAccepted);
+      });
     }
   };
   p.rounds(1);
@@ -327,7 +329,7 @@ TEST(Endpoint, ARoundThatThePolicyKeepsLocalIsNoMiss) {
   Pair p({config});
   for (int i = 0; i < 3; ++i) {
     const RoundRef ref = p.pipe.round(p.vehicle);
-    EXPECT_FALSE(p.pipe.submitted);
+    EXPECT_EQ(p.pipe.submitted, SubmitStatus::kRefusedByPolicy);
     p.pipe.at(p.vehicle).local_result(p.pipe.local(p.vehicle), ref, Bytes(7));
     p.pipe.run(200ms);
   }
@@ -371,7 +373,7 @@ std::vector<Decision> over_two_nodes(std::array<Duration, 3> clocks) {
       out.push_back({host, d->stage, d->variant, d->degraded, d->verdict, pipe.now()});
       pipe.plan(compute,
                 [&pipe, &a_to_b, host, ref = d->round, next = host == 1 ? b_to_c : c_to_a] {
-                  EXPECT_TRUE(pipe.submit(host, ref, 10'000, next));
+                  EXPECT_EQ(pipe.submit(host, ref, 10'000, next), SubmitStatus::kAccepted);
                 });
     } else if (auto* r = std::get_if<RoundDone>(&e)) {
       out.push_back(
@@ -520,7 +522,8 @@ TEST(Endpoint, AnswersThatMayNotLeaveYetDoNotKeepTheLoopAwake) {
   road.handle_datagram(now, {kFast, address_of(9), data->bytes});
   while (auto event = road.poll_event()) {
     if (auto* d = std::get_if<Delivered>(&*event)) {
-      EXPECT_TRUE(road.submit(now, d->round, {Bytes(4000)}, MessageClass::kResult));
+      EXPECT_EQ(road.submit(now, d->round, {Bytes(4000)}, MessageClass::kResult),
+                SubmitStatus::kAccepted);
     }
   }
   for (int i = 0; i < 100; ++i) {
@@ -538,15 +541,17 @@ TEST(Endpoint, AnswersThatMayNotLeaveYetDoNotKeepTheLoopAwake) {
 
 TEST(Endpoint, ARoundThatIsNotKnownIsNotSubmitted) {
   Pair p;
-  EXPECT_FALSE(p.pipe.submit(p.vehicle, {SessionId{1}, PipelineId{0}, RoundId{5}}, 10));
-  EXPECT_FALSE(p.pipe.submit(p.vehicle, {SessionId{9}, PipelineId{3}, RoundId{5}}, 10));
+  EXPECT_EQ(p.pipe.submit(p.vehicle, {SessionId{1}, PipelineId{0}, RoundId{5}}, 10),
+            SubmitStatus::kUnknownRound);
+  EXPECT_EQ(p.pipe.submit(p.vehicle, {SessionId{9}, PipelineId{3}, RoundId{5}}, 10),
+            SubmitStatus::kUnknownRound);
   const RoundRef ref = p.pipe.round(p.vehicle);
-  EXPECT_FALSE(p.pipe.submit(p.vehicle, ref, 10));  // once
+  EXPECT_EQ(p.pipe.submit(p.vehicle, ref, 10), SubmitStatus::kRoundOver);  // once
   const RoundRef other = p.pipe.at(p.vehicle).begin_round(p.pipe.local(p.vehicle), PipelineId{0});
-  EXPECT_FALSE(p.pipe.submit(p.vehicle, other, 10, PeerId{99}));
+  EXPECT_EQ(p.pipe.submit(p.vehicle, other, 10, PeerId{99}), SubmitStatus::kNoPeer);
   const RoundRef late = p.pipe.at(p.vehicle).begin_round(p.pipe.local(p.vehicle), PipelineId{0});
   p.pipe.run(200ms);
-  EXPECT_FALSE(p.pipe.submit(p.vehicle, late, 10));
+  EXPECT_EQ(p.pipe.submit(p.vehicle, late, 10), SubmitStatus::kRoundOver);
 }
 
 TEST(Endpoint, WrongArgumentsThrowAndChangeNothing) {

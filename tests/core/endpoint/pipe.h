@@ -86,11 +86,12 @@ class Pipe {
     flush(host);
     return ref;
   }
-  bool submit(std::size_t host, const RoundRef& ref, std::size_t bytes,
-              std::optional<PeerId> to = std::nullopt) {
-    const bool ok = at(host).submit(local(host), ref, {Bytes(bytes)}, MessageClass::kResult, to);
+  SubmitStatus submit(std::size_t host, const RoundRef& ref, std::size_t bytes,
+                      std::optional<PeerId> to = std::nullopt) {
+    const SubmitStatus status =
+        at(host).submit(local(host), ref, {Bytes(bytes)}, MessageClass::kResult, to);
     flush(host);
-    return ok;
+    return status;
   }
 
   void run(Duration time) {
@@ -114,7 +115,8 @@ class Pipe {
   std::map<LinkId, Duration> extra_from_0;                        // on top, of what host 0 sends
   std::set<LinkId> cut;
   std::vector<Captured>* capture = nullptr;
-  bool submitted = false;
+  // What submit() answered to the message of the newest round().
+  SubmitStatus submitted = SubmitStatus::kUnknownRound;
 
   void flush(std::size_t id) {
     Host& host = hosts_[id];

@@ -90,7 +90,8 @@ TEST(Node, EveryRoundIsAnsweredRemotelyAcrossWorkersOfTheRoad) {
     EXPECT_EQ(round.round.value, begun);
     Bytes frame(100'000);
     std::copy_n(text("frame no").begin(), 8, frame.begin());
-    EXPECT_TRUE(vehicle.submit(round, {frame, text("frame no, small")}, MessageClass::kData));
+    EXPECT_EQ(vehicle.submit(round, {frame, text("frame no, small")}, MessageClass::kData),
+              SubmitStatus::kAccepted);
     if (++begun < kRounds) vehicle.after(milliseconds(10), next);
   };
   vehicle.on_peer_ready([&](PeerReady ready) {

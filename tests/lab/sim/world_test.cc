@@ -98,8 +98,9 @@ TEST(World, WithoutAPeerTheRoundEndsLocally) {
   });
   const RoundRef ref =
       world.endpoint(vehicle).begin_round(world.local_time(vehicle), PipelineId{0});
-  EXPECT_FALSE(world.endpoint(vehicle).submit(world.local_time(vehicle), ref, {Bytes(1)},
-                                              MessageClass::kData));
+  EXPECT_EQ(world.endpoint(vehicle).submit(world.local_time(vehicle), ref, {Bytes(1)},
+                                           MessageClass::kData),
+            SubmitStatus::kNoPeer);
   world.flush(vehicle);
   world.run_until(1s);
   ASSERT_EQ(done.size(), 1U);
