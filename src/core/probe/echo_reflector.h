@@ -1,8 +1,17 @@
-// Answers echoes (docs/wire_format.md): a stateful Session-Reflector of RFC 8762 §4.3 inside our
-// packets. Every request gets one reply of its size over the path it came by: at once, after the
-// delay it asks for or, in a held train, back to back with the others. Nothing is amplified, and a
-// forged sender address reaches nobody with more than was sent. Whoever asks becomes no peer.
-// Memory is bounded. Pure; thread-compatible.
+// Answers the echo requests of `interneuron probe` (docs/wire_format.md): a stateful
+// Session-Reflector of RFC 8762 §4.3 inside our own packets.
+//
+// Each request gets one reply of the same size, over the NIC and to the address that it came from:
+// at once, after the delay that it asks for or, in a held train, back to back with the train's
+// other replies. Peers feeds it the echoes of every sender, known or not, and polls the replies.
+//
+// Requests are not authenticated, so anybody may send them from a forged address. An attacker gains
+// no amplification, because a reply is as large as its request and there is one per request. He
+// learns this host's monotonic clock and how many of his requests arrived. Asking makes nobody a
+// peer and costs memory only up to the bounds below; a flood of senders pushes out the counts of
+// the paths that were silent for longest, and a flood of requests takes the place of others'.
+//
+// Pure; thread-compatible; never throws.
 #pragma once
 
 #include <cstdint>
@@ -19,37 +28,47 @@ namespace interneuron {
 
 class EchoReflector {
  public:
-  // Whose requests are counted; beyond, the one that was silent for longest is forgotten. Chosen: 8
-  // vehicles with 8 NICs.
+  // Paths whose requests are counted: room for 8 vehicles with 8 NICs each. A further one replaces
+  // the path that was silent for longest, whose numbers begin at 0 when it asks again.
   static constexpr std::size_t kMaxPaths = 64;
-  // Trains that wait for their last request; others are answered at once. Chosen.
+  // Trains that wait at the same time for their last request; requests of further trains are
+  // answered at once, which spoils only their rate of the way back. One per vehicle of kMaxPaths.
   static constexpr std::size_t kMaxHeldTrains = 8;
-  // Replies that wait, held or on their way out; further requests are dropped. Four of the longest
-  // trains; chosen.
+  // Replies that wait, in held trains or for the next poll(); further requests are dropped. Room
+  // for four of the longest trains.
   static constexpr std::size_t kMaxWaiting = 4 * wire::kMaxEchoTrain;
-  // Replies that wait for the delay they were asked for, beside those above; others are sent at
-  // once. Chosen: 8 silences with 2 flows each over 4 NICs.
+  // Replies that wait for the delay that they were asked for, beside those above; further ones are
+  // sent at once. Room for one `interneuron doctor`: 8 silences with 2 flows each over 4 NICs.
   static constexpr std::size_t kMaxDelayed = 64;
-  // A held train leaves this long after its newest request (at 1 Mbit/s one takes 11 ms) and at the
-  // latest so long after its first. Chosen.
+  // A held train whose last request was lost leaves this long after its newest request. At 1 Mbit/s
+  // requests come 11 ms apart, so this outlives a burst of eight lost ones.
   static constexpr Duration kHold = std::chrono::milliseconds(100);
+  // A held train leaves at the latest this long after its first request, so that a sender who
+  // trickles requests cannot keep the memory.
   static constexpr Duration kHoldAtMost = std::chrono::milliseconds(500);
 
   explicit EchoReflector(SessionId self) : self_(self) {}
 
-  // `packet`: an echo that came in as `datagram`. False: it is no request, or there is no room.
+  // Queues the reply to `packet`, an echo that came in as `datagram`. False when it is not
+  // answered: it is a reply, it carries our own session (our packet came back), or there is no
+  // room.
   bool take(TimePoint now, const wire::Packet& packet, const Datagram& datagram);
+  // Forgets the paths of this NIC and the replies that would leave over it.
   void remove_link(LinkId nic);
 
+  // When poll() has something new to give although no request comes; nothing: never.
   std::optional<TimePoint> next_timeout() const;
+  // Writes the next reply that is due into `buffer`, which must hold kMaxDatagramBytes.
   std::optional<Transmit> poll(TimePoint now, std::span<std::byte> buffer);
+  // Replies that have not left yet, of every kind.
   std::size_t waiting() const;
 
  private:
   struct Reply {
     LinkId nic{};
     Address to{};
-    LinkId link{};  // as the prober names the path
+    // The path's name in the request, which the reply repeats.
+    LinkId link{};
     wire::Echo echo;
     std::size_t size = 0;
   };
@@ -58,9 +77,10 @@ class EchoReflector {
     Address from{};
     SessionId session{};
     LinkId link{};
-    std::uint32_t requests = 0;  // that have arrived
+    // Requests that have arrived, dropped ones included; numbers the replies.
+    std::uint32_t requests = 0;
     TimePoint heard{};
-    // The train that is held, in the order of arrival.
+    // The number of the train that is held; its replies, in the order of arrival, are `held`.
     std::uint16_t train = 0;
     TimePoint train_began{};
     std::vector<Reply> held;
@@ -73,7 +93,8 @@ class EchoReflector {
 
   SessionId self_;
   std::vector<Path> paths_;
-  std::multimap<TimePoint, Reply> delayed_;  // by when they leave
+  // By the instant at which they leave.
+  std::multimap<TimePoint, Reply> delayed_;
   std::deque<Reply> ready_;
 };
 

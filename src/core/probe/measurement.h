@@ -1,10 +1,18 @@
-// The measuring machine of one path: which packet leaves when, what its replies say. It pings at a
-// steady interval; once the path is known to answer it also sends a few trains for the rate, and
-// keeps pings away from them; at the end it asks how many packets have arrived, so that losses
-// there and back can be told apart.
+// Measures one path to a reflector: decides which packet leaves when, and keeps what its replies
+// say. `interneuron probe` drives it over one socket.
+//
+// It pings at a steady interval. Once the path has answered, it also sends a few trains for the
+// rate and keeps pings away from them. At the end it asks how many packets have arrived, so that
+// losses there and back can be told apart.
 //
 // Drive it like an Endpoint: handle() what came in, then poll() until it gives nothing, then wait
-// until next_timeout(). Pure; thread-compatible; memory for Options::count packets.
+// until next_timeout(). Pure; thread-compatible; never throws. Memory: about 56 bytes for each of
+// Options::count packets, and the packets of eight trains.
+//
+// Replies are believed only if they repeat the exact send instant of a packet in the log, so an
+// attacker who does not see the packets can only raise foreign(). One on the path, or a lying
+// reflector, can report any delay, loss or rate; nothing but the measurement's own result depends
+// on it.
 #pragma once
 
 #include <cstdint>
@@ -20,37 +28,52 @@
 namespace interneuron::probe {
 
 enum class Format {
-  kEcho,   // our own packets (docs/wire_format.md); a roadside unit's normal port answers
-  kStamp,  // RFC 8762, unauthenticated; any reflector answers. No rate of the way back.
+  // Our own packets (docs/wire_format.md), which a roadside unit answers on its normal port.
+  kEcho,
+  // RFC 8762 without authentication, which any reflector answers; tells no rate of the way back.
+  kStamp,
 };
 
-inline constexpr std::size_t kMaxPings = 1'000'000;  // 60 MB of log; chosen
-// The smallest packet of a format, UDP payload.
+// The log of so many pings takes 60 MB; at the default interval they last 5.5 hours.
+inline constexpr std::size_t kMaxPings = 1'000'000;
+// The smallest packet of a format: bytes of UDP payload.
 constexpr std::size_t smallest(Format format) {
   return format == Format::kEcho ? wire::kEchoBytes : wire::kStampBytes;
 }
 
 struct Options {
   Format format = Format::kEcho;
-  std::size_t count = 100;  // pings, 1 … kMaxPings
+  // Pings to send, 1 … kMaxPings.
+  std::size_t count = 100;
+  // Between two pings, > 0.
   Duration interval = std::chrono::milliseconds(20);
-  Duration timeout = std::chrono::seconds(1);  // later replies are late
-  std::size_t size = 100;                      // of a ping, bytes of UDP payload
+  // A reply that takes longer counts as late; a ping without one is waited for this long.
+  Duration timeout = std::chrono::seconds(1);
+  // Bytes of UDP payload of a ping; raised to smallest(format).
+  std::size_t size = 100;
+  // Whether to send trains, too.
   bool rate = true;
-  std::size_t train_size = 1400;  // of a train's packets, the same
-  std::size_t ip_udp_bytes = 28;  // what IP and UDP add: 28 or 48
-  SessionId session{};            // not 0
-  LinkId link{};                  // echoes name the path by it
-  Duration wall{};                // what makes `now` the time on the wire; not negative then
+  // Bytes of UDP payload of a train's packets; raised to `size`.
+  std::size_t train_size = 1400;
+  // Bytes that IP and UDP add to each packet: 28 over IPv4, 48 over IPv6.
+  std::size_t ip_udp_bytes = 28;
+  // Our session in the echoes' headers; not 0.
+  SessionId session{};
+  // The path's name in the echoes' headers.
+  LinkId link{};
+  // Added to `now` for the time on the wire; the sum must not be negative.
+  Duration wall{};
 };
 
 // The first reply to a ping.
 struct Reply {
-  std::uint32_t sequence = 0;  // as on the wire
+  // The ping's number on the wire.
+  std::uint32_t sequence = 0;
   Duration rtt{};
-  // One-way delays above the least so far.
+  // One-way delays there and back, above the least so far.
   Duration variation_up{};
   Duration variation_down{};
+  // It took longer than Options::timeout.
   bool late = false;
 };
 
@@ -58,9 +81,10 @@ class Measurement {
  public:
   Measurement(const Options& options, TimePoint start);
 
-  // Writes the next packet that is due and returns its size; 0: none is.
+  // Writes the next packet that is due and returns its size in bytes; 0: none is due.
   std::size_t poll(TimePoint now, std::span<std::byte> buffer);
-  // `received`: when the kernel had it. Nothing: no reply to a ping, or not the first one.
+  // A datagram came in; the kernel had it at `received`. Gives the first reply to a ping, and
+  // nothing for every other datagram.
   std::optional<Reply> handle(TimePoint received, ByteView datagram);
   // No more pings; what is under way is waited for.
   void stop(TimePoint now);
@@ -71,7 +95,8 @@ class Measurement {
   Summary summary() const;
   std::size_t pings_sent() const { return pings_; }
   std::size_t pings_answered() const { return pings_answered_; }
-  std::uint64_t foreign() const { return foreign_; }  // datagrams that answer nothing of ours
+  // Datagrams that answer no packet of ours.
+  std::uint64_t foreign() const { return foreign_; }
   const PacketLog& log() const { return log_; }
 
  private:
@@ -101,27 +126,37 @@ class Measurement {
   PacketLog log_;
   std::size_t pings_ = 0;
   std::size_t pings_answered_ = 0;
-  TimePoint next_at_;       // of the next ping, train or closing packet
-  TimePoint last_ping_at_;  // sent
-  Duration slowest_{};      // round trip so far, the reflector's time included
+  // When the next ping, train or closing packet leaves.
+  TimePoint next_at_;
+  // When the newest ping left.
+  TimePoint last_ping_at_;
+  // The longest round trip so far, the reflector's own time included; at most Options::timeout.
+  Duration slowest_{};
   std::uint32_t next_expected_ = 0;
   std::size_t reordered_ = 0;
   std::size_t duplicates_ = 0;
-  std::vector<std::uint32_t> counted_twice_;  // the reflector's numbers of duplicates
+  // The reflector's numbers of duplicates, at most kMaxPings of them.
+  std::vector<std::uint32_t> counted_twice_;
   std::optional<wire::StampTime> reflector_start_;
-  bool differs_ = false;  // the reflector gave a number that was not the request's
-  bool closed_ = false;   // a closing packet was answered
+  // The reflector gave a number that was not the request's, so it counts what it receives.
+  bool differs_ = false;
+  // A closing packet was answered.
+  bool closed_ = false;
   std::uint64_t foreign_ = 0;
   Duration least_up_ = Duration::max();
   Duration least_down_ = Duration::max();
 
-  // The train under way, or the last one.
+  // The train under way, or the last one; trains are numbered from 1.
   std::uint16_t train_ = 0;
-  std::size_t train_first_ = 0;  // index into the log
+  // Its first packet's index into the log.
+  std::size_t train_first_ = 0;
+  // Its packets: all of them, those not sent yet, those answered.
   std::size_t train_count_ = 0;
-  std::size_t train_left_ = 0;  // not sent yet
+  std::size_t train_left_ = 0;
   std::size_t train_answered_ = 0;
-  TimePoint train_heard_{};  // or sent
+  // When its newest packet was sent or its newest reply came in.
+  TimePoint train_heard_{};
+  // The fastest rate that any train seemed to show, however short it was; 0: none yet.
   DataRate rough_{};
   std::vector<DataRate> rates_up_;
   std::vector<DataRate> rates_down_;

@@ -18,12 +18,16 @@ static_assert(kSilences.front() == kShortestSilence && kSilences.back() == kLong
 // stream from a packet on that comes more than 2 s after the first.
 constexpr std::ptrdiff_t kOpenings = 2;
 constexpr Duration kOpeningInterval = std::chrono::milliseconds(1100);
-constexpr std::size_t kOpeningsAtMost = kOpenings + 3;  // chosen: three may be lost
-// Flows of the same silence begin so far apart: a short outage does not hit both; chosen.
+// Echoes sent to open a mapping before it is given up: three of them may be lost.
+constexpr std::size_t kOpeningsAtMost = kOpenings + 3;
+// The two flows of a silence begin this far apart, so that an outage of less than 0.7 s does not
+// hit both.
 constexpr Duration kStagger = std::chrono::milliseconds(700);
-// A reply is waited for so much longer than the silence, and may be so much early by two clocks;
-// chosen.
+// How much longer than the silence its reply is waited for. No measurement behind this value: it
+// only has to be larger than a round trip with full queues.
 constexpr Duration kPatience = std::chrono::seconds(2);
+// How much earlier than asked a reply may seem to come, because two clocks run at different speeds:
+// 100 ms are 400 ppm of the longest silence.
 constexpr Duration kTolerance = std::chrono::milliseconds(100);
 
 }  // namespace
@@ -44,7 +48,8 @@ SilenceTest::SilenceTest(Silence limit, SessionId session, TimePoint start) : se
   add(limit);
 }
 
-// Changes the phase of a flow whose time has come; false: nothing is to be sent then.
+// Changes the phase of a flow whose time has come. False when nothing is to be sent in the new
+// phase.
 bool SilenceTest::advance(TimePoint now, Flow& flow) const {
   if (flow.phase == Phase::kSilent) {
     flow.phase = Phase::kClosed;

@@ -1,9 +1,15 @@
-// How long a silent UDP mapping on the way to a reflector (a carrier's NAT, a firewall) stays open.
-// Each flow, a socket of its own, opens one by two echoes that are answered, asks for a reply after
-// a silence (docs/wire_format.md, "Echo (type 4)", delay), and is silent until that should have
-// come. Two flows per silence, because a packet may be lost.
+// Measures how long a silent UDP mapping on the way to a reflector (a carrier's address
+// translation, a firewall) stays open, for `interneuron doctor`.
 //
-// Drive it like a Measurement. Pure; thread-compatible.
+// Each flow has a socket of its own, and so a mapping of its own. It opens the mapping with two
+// echoes that are answered, asks for a reply after a silence (`delay`, docs/wire_format.md, "Echo
+// (type 4)"), and sends nothing until that reply should have come. Each silence is tried
+// with two flows, because a packet may be lost.
+//
+// Drive it like a Measurement: handle() what came in, poll() until it gives nothing, wait until
+// next_timeout(). Pure; thread-compatible; never throws. At most kFlowsAtMost flows of a few
+// packets each. A reply counts only if it repeats the exact send instant of a request of its flow;
+// whoever can see the packets can still make a mapping seem open.
 #pragma once
 
 #include <cstdint>
@@ -22,10 +28,14 @@ inline constexpr Silence kShortestSilence{5};
 inline constexpr Silence kLongestSilence{240};
 
 struct SilenceResult {
-  bool answered = false;            // the peer, to anything
-  std::optional<Silence> survived;  // the longest
-  std::optional<Silence> closed;    // the shortest that is longer than `survived` and ended it
-  bool refused = false;             // a reply came early: the peer has no room for later ones
+  // The peer answered anything at all.
+  bool answered = false;
+  // The longest silence that a mapping survived.
+  std::optional<Silence> survived;
+  // The shortest silence longer than `survived` after which no reply came.
+  std::optional<Silence> closed;
+  // A reply came early, because the peer had no room to keep it for later.
+  bool refused = false;
 };
 
 class SilenceTest {
@@ -33,8 +43,8 @@ class SilenceTest {
   static constexpr std::size_t kFlowsPerSilence = 2;
   static constexpr std::size_t kFlowsAtMost = 8 * kFlowsPerSilence;
 
-  // Silences up to `limit`, kShortestSilence … kLongestSilence; that is one of them. `session`: not
-  // 0. `start`: not negative, as it goes on the wire.
+  // Tries silences up to and with `limit`, which is within kShortestSilence … kLongestSilence.
+  // `session` must not be 0; `start` must not be negative, because it goes on the wire.
   SilenceTest(Silence limit, SessionId session, TimePoint start);
 
   std::size_t flows() const { return flows_.size(); }
@@ -43,26 +53,32 @@ class SilenceTest {
     std::size_t flow = 0;
     std::size_t size = 0;
   };
-  // Writes the next packet that is due; nothing: none is.
+  // Writes the next packet that is due; nothing when none is.
   std::optional<Sending> poll(TimePoint now, std::span<std::byte> buffer);
-  // `datagram` came to the socket of `flow`; `received`: when the kernel had it.
+  // `datagram` came to the socket of `flow`; the kernel had it at `received`.
   void handle(TimePoint received, std::size_t flow, ByteView datagram);
   // Nothing when it is over.
   std::optional<TimePoint> next_timeout() const;
   bool done() const { return !next_timeout(); }
-  // At the latest, from what is known; the past when it is over.
+  // When the test ends at the latest, as far as is known now; TimePoint::min() when it is over.
   TimePoint ends_at() const;
 
-  // What is known; before it is over that may be less.
+  // What is known so far; complete once done().
   SilenceResult result() const;
 
  private:
   enum class Phase : std::uint8_t {
+    // Sends echoes until enough are answered.
     kOpening,
+    // Has asked for a late reply and waits for it.
     kSilent,
-    kUnanswered,  // could not be opened
+    // Nobody answered the opening echoes.
+    kUnanswered,
+    // The reply came after the silence.
     kSurvived,
+    // The reply did not come.
     kClosed,
+    // The reply came before the silence was over.
     kRefused,
   };
   struct Request {
@@ -73,7 +89,8 @@ class SilenceTest {
     Silence silence{};
     TimePoint next_at;
     Phase phase = Phase::kOpening;
-    std::vector<Request> requests;  // by sequence number
+    // Indexed by sequence number.
+    std::vector<Request> requests;
   };
   static bool is_over(const Flow& flow) {
     return flow.phase != Phase::kOpening && flow.phase != Phase::kSilent;

@@ -1,6 +1,11 @@
-// A Session-Reflector of RFC 8762 §4.3, unauthenticated mode: one answer of the same size for each
-// test packet. Stateful unless asked otherwise: answers are numbered per session, which is whoever
-// asks at one NIC. Pure; thread-compatible; memory is bounded.
+// A Session-Reflector of RFC 8762 §4.3, unauthenticated mode, for `interneuron road --stamp`: one
+// answer of the same size for each test packet that the caller hands to it, so that any STAMP
+// sender can measure a path to this host.
+//
+// Stateful unless asked otherwise: the answers of a session are numbered from 0, and a session is
+// whoever asks from one address at one NIC. An attacker with many forged addresses can push out the
+// sessions of others, whose numbers then begin anew; he gains no amplification and at most
+// kMaxSessions records. Pure; thread-compatible; never throws.
 #pragma once
 
 #include <cstdint>
@@ -14,7 +19,9 @@ namespace interneuron::probe {
 
 class StampReflector {
  public:
-  // Beyond, the session that was silent for longest is forgotten; chosen.
+  // Sessions that are numbered at once; a further one replaces the session that was silent for
+  // longest. No measurement behind this value: it only has to be larger than the number of senders
+  // that measure at the same time. 1,024 records take about 64 KB.
   static constexpr std::size_t kMaxSessions = 1024;
   // A session that was silent for so long is over: the next packet begins a new one. REFWAIT of
   // RFC 5357 §3.1, which STAMP's ancestor has for it: 900 s.
@@ -29,8 +36,10 @@ class StampReflector {
     std::uint8_t ttl = 0;
     TimePoint received{};
   };
-  // Writes the answer and returns its size; 0: it is no test packet, or does not fit. `sent`: the
-  // instant it will leave at. `wall`: what makes both the time on the wire.
+  // Writes the answer into `out` and returns its size in bytes; 0: the request is no test packet,
+  // or the answer does not fit. `sent` is the instant at which the answer will leave. `wall` is
+  // added to both instants and turns this host's monotonic clock into the time since 1900 that the
+  // wire carries.
   std::size_t answer(const Request& request, TimePoint sent, Duration wall,
                      std::span<std::byte> out);
 

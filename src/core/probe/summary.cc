@@ -66,13 +66,14 @@ std::vector<std::uint32_t> unseen_numbers(const PacketLog& log,
   return unseen;
 }
 
-// For each number not seen, the packet that the reflector most probably gave it to: the first
-// unanswered one behind that with the number before. (Which of several does not matter: how many
-// were lost there and back between two answers is exact.)
+// For each number not seen, marks the packet that the reflector most probably gave it to: the first
+// unanswered one behind the packet with the number before. Which one of several is marked does not
+// matter, because how many were lost there and back between two answers stays exact.
 std::vector<bool> lost_on_the_way_back(const PacketLog& log,
                                        const std::vector<std::uint32_t>& unseen) {
   std::vector<bool> back(log.size());
-  std::vector<std::pair<std::uint32_t, std::size_t>> answered;  // by number
+  // The reflector's number and the index into the log.
+  std::vector<std::pair<std::uint32_t, std::size_t>> answered;
   for (std::size_t s = 0; s < log.size(); ++s) {
     if (log[s].answered) answered.emplace_back(log[s].counted, s);
   }
@@ -128,7 +129,8 @@ Distribution distribution_of(std::vector<Duration> samples) {
 std::vector<Fate> fates_of(const PacketLog& log, Duration timeout, bool stateful,
                            const std::vector<std::uint32_t>& counted_twice) {
   std::vector<Fate> fates(log.size(), Fate::kLost);
-  std::size_t known_until = 0;  // sequence numbers below: the reflector's count covers them
+  // The reflector's count covers every sequence number below this one.
+  std::size_t known_until = 0;
   for (std::size_t s = 0; s < log.size(); ++s) {
     if (!log[s].answered) continue;
     known_until = s;

@@ -6,11 +6,14 @@
 namespace interneuron::probe {
 namespace {
 
-// More than the least dispersion, because the rate is only roughly known; chosen.
+// How much longer than kTrainMinDispersion the next train is to take, because the rate that its
+// length follows from is only roughly known. No measurement behind this value: it only has to be
+// larger than the usual error of a short train.
 constexpr double kLengthMargin = 1.6;
+// From which dispersion on a train of kTrainMaxPackets is believed.
 constexpr Duration kLongestTrainDispersion = std::chrono::milliseconds(1);
 
-// Of the packets behind the lead-in; 0 when there is nothing to divide by.
+// The rate of the packets behind the lead-in; 0 when they are too few.
 DataRate rough_rate(const std::vector<std::int64_t>& sorted_ns, std::size_t ip_bytes) {
   if (sorted_ns.size() < kTrainLeadIn + 2) return {};
   const std::int64_t took = sorted_ns.back() - sorted_ns[kTrainLeadIn];

@@ -19,26 +19,32 @@ inline constexpr std::size_t kTrainLeadIn = 2;
 inline constexpr std::size_t kTrainMinPackets = 16;
 // Uplink grants come in bursts of 1 to 10 ms; what took less says nothing.
 inline constexpr Duration kTrainMinDispersion = std::chrono::milliseconds(5);
-inline constexpr std::size_t kTrainMaxPackets = 256;  // = wire::kMaxEchoTrain
+// The most packets of a train that a reflector holds: wire::kMaxEchoTrain.
+inline constexpr std::size_t kTrainMaxPackets = 256;
 
-// The rate at which the packets that arrived at these instants were carried, each of `ip_bytes`;
-// nothing if they are too few or took too little time to tell. The longest train is believed from
-// 1 ms on: nothing longer can be sent.
+// The rate at which packets of `ip_bytes` each were carried that arrived at these instants (ns, any
+// order, one clock). Nothing if more than a tenth of the least train is missing or if they arrived
+// within too little time to tell; a train of kTrainMaxPackets is believed from 1 ms on, because
+// nothing longer can be sent.
 std::optional<DataRate> dispersion_rate(std::vector<std::int64_t> arrivals_ns, std::size_t ip_bytes,
                                         std::size_t train_packets);
 
-// How many packets the next train needs, when the fastest direction seems to carry `rate` (0:
-// not known).
+// How many packets the next train needs so that it takes kTrainMinDispersion to arrive over a path
+// whose faster direction seems to carry `rate` (0: not known).
 std::size_t train_length(DataRate rate, std::size_t ip_bytes);
 
 struct TrainRates {
-  std::optional<DataRate> up;    // by the reflector's receive instants
-  std::optional<DataRate> down;  // by the prober's; only of held trains
-  DataRate rough{};              // the faster one, however short; for the next train's length
+  // By the instants at which the reflector received the packets.
+  std::optional<DataRate> up;
+  // By the instants at which the replies came back; only if the reflector held the replies.
+  std::optional<DataRate> down;
+  // The faster of both, however short the train was; sets the length of the next train.
+  DataRate rough{};
 };
+// What one train tells. `held`: the reflector sent its replies back to back.
 TrainRates rates_of(std::span<const SentPacket> train, std::size_t ip_bytes, bool held);
 
-// The middle one, the lower of two.
+// The middle one; of an even number the lower of the two in the middle.
 std::optional<DataRate> median(std::vector<DataRate> rates);
 
 }  // namespace interneuron::probe
