@@ -1,5 +1,5 @@
-// Bounded big-endian reading and writing. Reading past the end sets a flag and yields zero: check
-// ok() once at the end.
+// Bounded reading and writing of integers in network byte order (big-endian). Neither class throws
+// or allocates; both hold a view, so the bytes must outlive them. Pure; thread-compatible.
 #pragma once
 
 #include <cstring>
@@ -10,6 +10,8 @@
 
 namespace interneuron::wire {
 
+// Writes into a buffer of ours. What does not fit is not written and makes ok() false for good:
+// every caller asserts ok(), because a buffer that is too small is our own bug.
 class Writer {
  public:
   explicit Writer(std::span<std::byte> out) : out_(out) {}
@@ -51,6 +53,9 @@ class Writer {
   bool ok_ = true;
 };
 
+// Reads bytes that a peer sent. A value that would reach past the end is read as 0 and makes ok()
+// false for good, so that a parser may read all its fields first and ask once. The values
+// themselves are not judged: every range is the parser's to check.
 class Reader {
  public:
   explicit Reader(ByteView in) : in_(in) {}

@@ -8,8 +8,10 @@
 namespace interneuron::wire {
 namespace {
 
+// Flags of a link report.
 constexpr std::uint8_t kHasExchange = 0x01;
 constexpr std::uint8_t kMetered = 0x02;
+// Flags of an echo.
 constexpr std::uint8_t kIsReply = 0x01;
 constexpr std::uint8_t kHold = 0x02;
 constexpr std::int64_t kBitsPerKilobit = 1000;

@@ -1,9 +1,13 @@
 // Packets <-> bytes. docs/wire_format.md is the authority.
 //
-// A packet is one UDP payload: header (16 bytes), body, tag (16 bytes). Epoch 0 is the clear: its
-// tag is all zero and anything else is malformed, so that a later authenticated epoch needs no new
-// format. A parsed packet is always valid; parse() returns nothing for any other bytes and never
-// throws. Pure.
+// A packet is one UDP payload: header (16 bytes), body, tag (16 bytes). Epoch 0 means that the
+// packet is not encrypted: its tag is all zero and anything else is malformed, so that a later
+// authenticated epoch needs no new format.
+//
+// parse() is where a peer's bytes enter the core, so everything behind it relies on what it checks:
+// every size and count is within its bound, every enumerator is one that exists, reserved bits are
+// zero. What it cannot check are lies: numbers, times and rates are the sender's word, and in the
+// clear anybody on the path may write them. It never throws and does not allocate. Pure.
 #pragma once
 
 #include <algorithm>
@@ -35,22 +39,29 @@ struct PacketHeader {
   PacketType type{};
   LinkId link{};
   std::uint8_t epoch = kClearEpoch;
-  SessionId session{};       // the sender's
-  std::uint64_t number = 0;  // grows per sender and path; starts anywhere above 0
+  // The sender's session; not 0.
+  SessionId session{};
+  // The packet number: grows by one per packet of a sender on a path; starts anywhere above 0.
+  std::uint64_t number = 0;
   friend bool operator==(const PacketHeader&, const PacketHeader&) = default;
 };
 
-// One piece of a message. Piece i starts at i * chunk; all but the last have `chunk` bytes.
+// One fragment of a message. Fragment `index` of `count` starts at byte index * chunk of the
+// message; all but the last have `chunk` bytes.
 struct FragmentHeader {
   MessageId message{};
   std::uint16_t index = 0;
   std::uint16_t count = 1;
   std::uint16_t chunk = 1;
-  std::uint32_t lifetime_us = 0;  // D_N: how long the receiver may wait for the rest
+  // How long the receiver may wait for the other fragments, in microseconds: the end-to-end
+  // deadline of the round.
+  std::uint32_t lifetime_us = 0;
   friend bool operator==(const FragmentHeader&, const FragmentHeader&) = default;
 };
 
-// Which of the kAckWindow packets before the largest have arrived.
+// How many packets before the largest one an acknowledgement tells of. A receiver reports after 16
+// packets at the latest (src/core/peers/peer.cc), so that 15 reports in a row may be lost before an
+// arrival stays untold.
 inline constexpr std::size_t kAckWindow = 256;
 using AckBitmap = std::array<std::uint64_t, kAckWindow / 64>;
 
@@ -62,19 +73,22 @@ struct LinkReport {
   bool has_exchange = false;
   PeerTime s{};
   Duration h{};
-  // Acknowledgement. largest = 0: nothing has arrived. Bit i of bitmap: packet largest - 1 - i has
-  // arrived.
+  // Acknowledgement: the largest packet number that has arrived, 0 for none, and which of the
+  // packets before it have; bit i stands for packet largest - 1 - i.
   std::uint64_t largest = 0;
   AckBitmap bitmap{};
-  // Dispersion of the newest train of back-to-back packets: it began with packet train_start; the
-  // packets after the first came in at train_rate.
+  // Dispersion of the newest train of back-to-back packets: it began with packet train_start and
+  // has had train_packets so far; those after the first came in at train_rate (IP headers included,
+  // on the wire in kbit/s).
   std::uint64_t train_start = 0;
   std::uint32_t train_packets = 0;
-  DataRate train_rate{};  // on the wire in kbit/s
-  // What the sender of the feedback believes of its own direction on this link.
-  DataRate rate{};         // 0: not known; on the wire in kbit/s
-  std::uint16_t loss = 0;  // share of its packets that are lost, 1/65535
-  bool metered = false;    // it pays per byte on this link: measure it with as few as possible
+  DataRate train_rate{};
+  // What the sender of the feedback believes of its own direction on this link. The rate is 0 while
+  // it is not known (on the wire in kbit/s); the loss is the share of packets lost, in 1/65535.
+  DataRate rate{};
+  std::uint16_t loss = 0;
+  // It pays per byte on this link, so we measure it with as few bytes as possible.
+  bool metered = false;
   friend bool operator==(const LinkReport&, const LinkReport&) = default;
 };
 
@@ -121,16 +135,21 @@ class LinkReports {
   std::size_t size_ = 0;
 };
 
+// What a peer tells regularly over each path: acknowledgements, its half of the clock exchange, and
+// what it has measured. Also the heartbeat of an idle path.
 struct Feedback {
-  std::int64_t u = 0;  // send instant, the sender's clock
-  SessionId echo{};    // the receiver's session as the sender has heard it; 0: not heard yet
+  // When it left, ns on the sender's clock.
+  std::int64_t u = 0;
+  // The receiver's session as the sender has heard it; 0 while it has not.
+  SessionId echo{};
   LinkReports reports;
   friend bool operator==(const Feedback&, const Feedback&) = default;
 };
 
 struct Data {
   FragmentHeader fragment;
-  ByteView bytes;  // into the parsed datagram
+  // Points into the parsed datagram.
+  ByteView bytes;
 };
 
 // What `interneuron probe` measures with: a STAMP test packet (RFC 8762) in our own envelope, so
@@ -143,26 +162,31 @@ struct Echo {
   // The replies of a train wait for each other and leave back to back, so that their dispersion
   // tells the rate of the way back.
   bool hold = false;
-  std::uint8_t delay = 0;   // seconds after which the reply is wanted; 0 in a train
-  std::uint16_t train = 0;  // 0: in no train
-  std::uint16_t index = 0;  // within the train, 0 … count - 1
-  std::uint16_t count = 0;  // of the train, 2 … kMaxEchoTrain; 0: in no train
-  // Exactly the one that is_reply names is meaningful.
+  // Seconds after which the reply is wanted; 0 in a train.
+  std::uint8_t delay = 0;
+  // The train's number, this packet's place in it (0 … count - 1) and its packets
+  // (2 … kMaxEchoTrain); all 0 in no train.
+  std::uint16_t train = 0;
+  std::uint16_t index = 0;
+  std::uint16_t count = 0;
+  // Only the one that is_reply names has a meaning.
   StampRequest request;
   StampReply reply;
 };
 
 struct Packet {
   PacketHeader header;
-  // Exactly the member that header.type names is meaningful.
+  // Only the member that header.type names has a meaning; a probe has none.
   Data data;
   Feedback feedback;
   Echo echo;
 };
 
+// The packet that these bytes are, or nothing if they are malformed.
 std::optional<Packet> parse(ByteView datagram);
 
-// Each writes one datagram and returns its size; the buffer must hold it (asserted: our own bug).
+// Each writes one datagram and returns its size in bytes. The buffer must hold it, which is
+// asserted.
 std::size_t write_data(std::span<std::byte> out, const PacketHeader& header,
                        const FragmentHeader& fragment, ByteView bytes);
 std::size_t write_feedback(std::span<std::byte> out, const PacketHeader& header,

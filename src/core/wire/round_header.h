@@ -25,7 +25,8 @@ inline constexpr std::int64_t kDeadlineSteps = 16384;
 // never.
 inline constexpr std::uint16_t kE2eNever = 65535;
 
-inline constexpr std::uint8_t kNoneUsed = 255;  // of level_used and variant_used
+// level_used and variant_used of a round in which nothing was computed yet.
+inline constexpr std::uint8_t kNoneUsed = 255;
 
 struct RoundHeader {
   RoundRef round;
@@ -70,12 +71,16 @@ struct RoundHeader {
   }
 };
 
-// 32-bit FNV-1a of a policy's name: both ends need only agree on the name.
+// What stands for a policy on the wire: the 32-bit FNV-1a hash of its name, so that both ends need
+// only agree on the name.
 std::uint32_t policy_id(std::string_view name);
 
-// The header of a complete message, if its first kRoundHeaderBytes are one. The payload is what
-// follows.
+// The header that opens a complete message, or nothing if its first kRoundHeaderBytes are no valid
+// header; the payload is what follows. Enumerators, counts and the deadline are checked, so that
+// nothing behind divides by zero or reads beyond an array. t0, alpha_sum and the indicators may
+// still be any value that a peer likes to send.
 std::optional<RoundHeader> parse_round_header(ByteView message);
+// Writes a header that is valid, which is asserted.
 void write_round_header(std::span<std::byte, kRoundHeaderBytes> out, const RoundHeader& header);
 
 }  // namespace interneuron::wire

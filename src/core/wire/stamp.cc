@@ -8,6 +8,7 @@ namespace {
 
 constexpr std::uint64_t kNsPerSecond = 1'000'000'000;
 constexpr std::uint64_t kLowerHalf = 0xffff'ffff;
+// Bytes of a request that must be zero (RFC 8762 §4.2.1).
 constexpr std::size_t kRequestZeros = 30;
 
 bool valid(std::uint16_t error_estimate) { return (error_estimate & 0xff) != 0; }

@@ -1,7 +1,8 @@
-// RFC 8762 (STAMP) test packets of the unauthenticated mode <-> bytes: what a Session-Sender sends
-// (§4.2.1) and what a Session-Reflector answers (§4.3.1), 44 bytes each, larger ones symmetrically.
-// Fields that must be zero are written so and ignored when read, as the RFC says. A parsed packet
-// is always valid; nothing throws. Pure.
+// Test packets of RFC 8762 (STAMP), unauthenticated mode <-> bytes: what a Session-Sender sends
+// (§4.2.1) and what a Session-Reflector answers (§4.3.1), 44 bytes each; a larger request gets an
+// answer of its own size. Fields that must be zero are written so and ignored when read, as the RFC
+// says. A parsed packet is always valid, but its times and numbers are whatever the sender wrote.
+// Nothing throws. Pure.
 #pragma once
 
 #include <cstdint>
@@ -24,7 +25,8 @@ using StampTime = std::uint64_t;
 // An error estimate (RFC 4656 §4.1.2): S (synchronised to UTC), Z (PTPv2 format), 6 bits scale, 8
 // bits multiplier; the error is multiplier * 2^(scale - 32) s. A multiplier of 0 is malformed.
 inline constexpr std::uint16_t kStampPtp = 0x4000;
-// Ours: not synchronised, NTP format, 2^-10 s. Chosen: a wall clock that nobody vouches for.
+// Ours: not synchronised, NTP format, an error of 2^-10 s, about 1 ms. No measurement behind this
+// value: nobody vouches for the wall clock of a host, and every sender may ignore the field.
 inline constexpr std::uint16_t kStampUnsynchronised = 0x1601;
 // From the epoch of UNIX to that of NTP, 1900-01-01.
 inline constexpr Duration kNtpToUnix = std::chrono::seconds(2'208'988'800);
@@ -35,37 +37,44 @@ StampTime to_stamp_time(Duration reading);
 Duration stamp_difference(StampTime a, StampTime b, std::uint16_t error_estimate);
 
 struct StampRequest {
-  std::uint32_t sequence = 0;  // from 0
-  StampTime sent = 0;          // t1
+  // Counts from 0.
+  std::uint32_t sequence = 0;
+  // t1.
+  StampTime sent = 0;
   std::uint16_t error_estimate = kStampUnsynchronised;
   friend bool operator==(const StampRequest&, const StampRequest&) = default;
 };
 
 struct StampReply {
-  // Stateful reflector: counts its replies of this session from 0; stateless: the request's.
+  // A stateful reflector counts its replies of this session from 0; a stateless one repeats the
+  // request's number.
   std::uint32_t sequence = 0;
-  StampTime sent = 0;  // t3
+  // t3.
+  StampTime sent = 0;
   std::uint16_t error_estimate = kStampUnsynchronised;
-  StampTime received = 0;  // t2
+  // t2.
+  StampTime received = 0;
+  // The request's fields as they came: its number, t1, its error estimate.
   std::uint32_t request_sequence = 0;
-  StampTime request_sent = 0;  // t1, as it came
+  StampTime request_sent = 0;
   std::uint16_t request_error_estimate = kStampUnsynchronised;
-  std::uint8_t request_ttl = 0;  // with which the request arrived
+  // The time to live with which the request arrived.
+  std::uint8_t request_ttl = 0;
   friend bool operator==(const StampReply&, const StampReply&) = default;
 };
 
-// The answer to `request` but for the reflector's own sequence and instants.
+// The answer to `request`; the reflector still has to fill in its own number and both instants.
 StampReply stamp_reply_to(const StampRequest& request, std::uint8_t ttl);
 
-// The first 44 bytes; what follows is padding (RFC 8762 §4.2) or TLVs (RFC 8972), not looked at.
+// From the first 44 bytes of a datagram. What follows them is padding (RFC 8762 §4.2) or TLVs
+// (RFC 8972) and is not looked at.
 std::optional<StampRequest> parse_stamp_request(ByteView datagram);
 std::optional<StampReply> parse_stamp_reply(ByteView datagram);
-// Each writes one datagram and returns its size; the buffer must hold it (asserted: our own bug).
-// Padded with zeros to `size`, at least kStampBytes.
+// Each writes one datagram and returns its size in bytes. The buffer must hold it, which is
+// asserted. A request is padded with zeros to `size`, at least kStampBytes.
 std::size_t write_stamp_request(std::span<std::byte> out, const StampRequest& request,
                                 std::size_t size);
-// `beyond`: what the request had behind its first 44 bytes; it is reflected as it came (RFC 8762
-// §4.3).
+// `beyond` is what the request had behind its first 44 bytes; it is reflected as it came (§4.3).
 std::size_t write_stamp_reply(std::span<std::byte> out, const StampReply& reply, ByteView beyond);
 
 // The 44 bytes alone, for packets that carry them inside (docs/wire_format.md, "Echo (type 4)").
