@@ -1,7 +1,8 @@
-// best_link: everything over the one link with the best delay among those that can carry it.
+// best_link: everything over one link, the one with the best delay among those that can carry it.
 //
-// Sender: the best variant, when degraded the smallest. No link meets the variant's rate floor: the
-// link with the best delay all the same, reported. Receiver: whatever comes is delivered at once.
+// Sender: the best variant, or the smallest when the message is degraded. Where no link meets the
+// variant's rate floor, it goes over the link with the best delay all the same, and the plan says
+// that it is under the floor. Receiver: every message is delivered at once.
 #include "policies/builtin.h"
 #include "policies/choice.h"
 

@@ -1,4 +1,5 @@
-// The built-in policies, one per file. Each file says what its policy does.
+// The built-in policies, one per file; the head of each file has its whole rule. They are
+// stateless, so one instance serves any number of endpoints and threads.
 #pragma once
 
 #include <memory>
@@ -14,6 +15,6 @@ std::shared_ptr<const Policy> progressive();
 std::shared_ptr<const Policy> joint();
 std::shared_ptr<const Policy> placement();
 std::shared_ptr<const Policy> split();
-// `secure` is in interneuron/policy.h: it takes a policy of the user's.
+// secure() is declared in interneuron/policy.h, because it takes a policy of the user's.
 
 }  // namespace interneuron::policies

@@ -6,20 +6,20 @@ Links fastest(std::span<const LinkState> links, DataRate floor, std::size_t coun
   return match({.min_rate = floor, .weights = {.delay = 1}, .links = count}, links);
 }
 
-Plan send_over(std::span<const LinkState> chosen, std::uint8_t variant) {
+Plan send_over(std::span<const LinkState> over, std::uint8_t variant) {
   Plan plan;
-  for (const LinkState& link : chosen) plan.sends.push_back({variant, link.id});
+  for (const LinkState& link : over) plan.sends.push_back({variant, link.id});
   return plan;
 }
 
 Plan over_fastest(const Offer& offer, std::span<const LinkState> links, std::uint8_t variant,
                   std::size_t count) {
   const DataRate floor = rate_floor(offer.qos, offer.variant_bytes[variant]);
-  Links chosen = fastest(links, floor, count);
-  const bool none_can = chosen.empty();
-  if (none_can) chosen = fastest(links, {}, count);
-  Plan plan = send_over(chosen, variant);
-  plan.under_floor = none_can && !chosen.empty();
+  Links carriers = fastest(links, floor, count);
+  const bool none_can = carriers.empty();
+  if (none_can) carriers = fastest(links, {}, count);
+  Plan plan = send_over(carriers, variant);
+  plan.under_floor = none_can && !carriers.empty();
   return plan;
 }
 

@@ -1,5 +1,7 @@
-// What the built-in policies share: the fastest links that are fit for a message, and what is sent
-// over them. Against the public headers alone; a policy of your own may copy what it needs.
+// What the built-in policies share: which links are fastest, and what is sent over them. Written
+// against the public headers alone, so that a policy of your own may copy what it needs. "Under the
+// floor" means that no link can carry the variant in time and the plan is best effort
+// (Plan::under_floor). Pure; allocates nothing.
 #pragma once
 
 #include <limits>
@@ -11,20 +13,21 @@ namespace interneuron::policies {
 
 inline constexpr std::size_t kAllLinks = std::numeric_limits<std::size_t>::max();
 
-// The links that meet the floor, at most so many, fastest first.
+// At most `count` of the links that are up and whose rate is at least `floor`, best delay first.
 Links fastest(std::span<const LinkState> links, DataRate floor, std::size_t count);
 
 // One variant over each of these links.
-Plan send_over(std::span<const LinkState> chosen, std::uint8_t variant);
+Plan send_over(std::span<const LinkState> over, std::uint8_t variant);
 
-// A variant over the fastest links that can carry it, at most so many; where none can, over the
-// fastest all the same, reported.
+// One variant over at most `count` of the fastest links that meet its rate floor; where none does,
+// over the fastest all the same, and the plan says that it is under the floor.
 Plan over_fastest(const Offer& offer, std::span<const LinkState> links, std::uint8_t variant,
                   std::size_t count);
 
+// The index of the last variant of an offer, which has at least one.
 std::uint8_t smallest_variant(const Offer& offer);
 
-// Holds what is not the best that was planned, unless it was sent degraded.
+// Holds a variant while a better one was planned too, unless the message was sent degraded.
 Merge hold_for_better(const Arrival& arrival);
 
 }  // namespace interneuron::policies

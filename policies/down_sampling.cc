@@ -19,6 +19,8 @@
 //   no smaller variant    whole over the fastest fit for it   whole over the two fastest fit for it
 //     none fit for it     whole over the fastest, reported    whole over the fastest, reported
 //
+// "Reported": the plan says that it is under the floor (Plan::under_floor).
+//
 // Receiver: raw, or anything degraded, is delivered at once. Sampled is held until the stage
 // deadline if raw was sent too.
 #include "policies/builtin.h"
@@ -27,10 +29,13 @@
 namespace interneuron::policies {
 namespace {
 
+// Indices into the offer's variants.
 constexpr std::uint8_t kRaw = 0;
 constexpr std::uint8_t kSampled = 1;
-constexpr std::size_t kBoth = 2;  // links
+// Links.
+constexpr std::size_t kBoth = 2;
 
+// The variant over the fastest link although none is fit for it.
 Plan best_effort(const Offer& offer, std::span<const LinkState> links, std::uint8_t variant) {
   Plan plan = over_fastest(offer, links, variant, 1);
   plan.under_floor = !plan.sends.empty();
@@ -63,26 +68,27 @@ class DownSampling final : public Policy {
     if (offer.variant_bytes.size() == 1) return whole(offer, links, guidance.degraded);
     const DataRate sampled_floor = rate_floor(offer.qos, offer.variant_bytes[kSampled]);
 
-    Links chosen = raw_and_sampled_link(links, raw_floor, sampled_floor);
+    Links pair = raw_and_sampled_link(links, raw_floor, sampled_floor);
     if (guidance.degraded) {
-      if (chosen.empty()) chosen = fastest(links, sampled_floor, kBoth);
-      if (chosen.empty()) return best_effort(offer, links, kSampled);
-      return send_over(chosen, kSampled);
+      if (pair.empty()) pair = fastest(links, sampled_floor, kBoth);
+      if (pair.empty()) return best_effort(offer, links, kSampled);
+      return send_over(pair, kSampled);
     }
-    if (chosen.empty()) return best_effort(offer, links, kSampled);
+    if (pair.empty()) return best_effort(offer, links, kSampled);
     Plan plan;
-    plan.sends.push_back({kRaw, chosen.front().id});
-    if (chosen.size() == kBoth) plan.sends.push_back({kSampled, chosen.back().id});
+    plan.sends.push_back({kRaw, pair.front().id});
+    if (pair.size() == kBoth) plan.sends.push_back({kSampled, pair.back().id});
     return plan;
   }
 
   Merge merge(const Arrival& arrival) const override { return hold_for_better(arrival); }
 
  private:
+  // A message that has no smaller variant.
   static Plan whole(const Offer& offer, std::span<const LinkState> links, bool degraded) {
     const DataRate floor = rate_floor(offer.qos, offer.variant_bytes[kRaw]);
-    const Links chosen = fastest(links, floor, degraded ? kBoth : 1);
-    return chosen.empty() ? best_effort(offer, links, kRaw) : send_over(chosen, kRaw);
+    const Links carriers = fastest(links, floor, degraded ? kBoth : 1);
+    return carriers.empty() ? best_effort(offer, links, kRaw) : send_over(carriers, kRaw);
   }
 };
 

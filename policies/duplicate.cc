@@ -1,7 +1,8 @@
-// duplicate: the same over every link that can carry it; the first copy wins.
+// duplicate: the same variant over every link that can carry it; the first copy wins.
 //
-// Sender: the best variant, when degraded the smallest, over all links that meet its rate floor;
-// when none does, over all that are up, reported. Receiver: the first copy is delivered at once.
+// Sender: the best variant, or the smallest when the message is degraded, over all links that meet
+// its rate floor. Where none does, it goes over all links that are up, and the plan says that it is
+// under the floor. Receiver: the first copy is delivered at once.
 #include "policies/builtin.h"
 #include "policies/choice.h"
 

@@ -8,11 +8,12 @@
 //   levels and time known    the variant and link of the best (variant, link, level) in time
 //   levels not known         the best variant in time, over the link where it is soonest
 //   nothing in time, or no   the smallest over the fastest link that carries it, else over the
-//     link is measured       fastest, reported
+//     link is measured       fastest, reported as under the floor
 //   degraded                 as above, of the smallest variant alone
 //
-// Beside it the smallest variant over the fastest other link that carries it, as an insurance, when
-// that costs the first nothing: the link is not metered, and the chosen link needs no help of it.
+// Beside it the smallest variant goes over the fastest other link that can carry it, as an
+// insurance against a late or lost first one. A metered link is not used for that, and a plan under
+// the floor gets no insurance, because no link has room for it.
 //
 // Receiver: holds what is not the best that was planned until the stage deadline.
 #include <algorithm>
@@ -24,6 +25,7 @@
 namespace interneuron::policies {
 namespace {
 
+// Adds the insurance to a plan that has one transmission.
 void insure(Plan& plan, const Offer& offer, std::span<const LinkState> links) {
   if (plan.sends.empty() || plan.under_floor) return;
   const std::uint8_t smallest = smallest_variant(offer);

@@ -7,12 +7,14 @@
 namespace interneuron::policies {
 namespace {
 
-// Expected quality of the best level that is in time; nothing when none is.
+// A level that is in time: its expected quality and the time that it takes.
 struct Affordable {
   double quality = 0;
   Duration time{};
 };
 
+// The best of them; nothing when none is in time. Before the levels are known a better variant
+// stands for higher quality, and the computation is taken to need no time.
 std::optional<Affordable> best_level(const LinkState& link, std::size_t bytes, std::size_t variant,
                                      const Guidance& guidance) {
   std::optional<Affordable> best;

@@ -28,11 +28,16 @@
 namespace interneuron::policies {
 namespace {
 
-constexpr int kRecentPeriods = 2;      // chosen: one may be missed
-constexpr double kRoomToReturn = 0.9;  // share of time_left; chosen
+// A link whose rate was measured within so many periods is in use; with two, one round may be
+// missed.
+constexpr int kRecentPeriods = 2;
+// The share of time_left within which a link that is not in use must be. No measurement behind this
+// value: it only has to be below 1 by more than the times of rounds differ, or the choice flaps.
+constexpr double kRoomToReturn = 0.9;
 // Grace and half-life of the confidence in a rate (src/core/link/nature.h).
 constexpr Duration kRateStale = std::chrono::seconds(42);
 
+// Whether nothing is known of a link that could speak against trying it.
 bool stale(const LinkState& link) {
   return link.rate == DataRate{} || link.rate_age > kRateStale || link.confidence < 0.5;
 }
@@ -57,7 +62,7 @@ class Placement final : public Policy {
   Merge merge(const Arrival& arrival) const override { return offloading_->merge(arrival); }
 
  private:
-  // Also where no link is up: then there is nothing to be refused.
+  // True also where no link is up, because then there is nothing to refuse.
   static bool worth_offloading(const Offer& offer, std::span<const LinkState> links,
                                const Guidance& guidance) {
     const Links able = fastest(links, {}, kAllLinks);

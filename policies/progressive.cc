@@ -1,9 +1,10 @@
 // progressive: little first, more where it is asked for (DDS: "Server-Driven Video Streaming for
 // Deep Neural Network Inference", SIGCOMM 2020).
 //
-// For rounds of the kind: uplink of a small picture, detection, request for the regions that are in
-// doubt, uplink of these regions, detection, result. The first transmission is the smallest
-// variant, so that a first result is there early; what time then is left pays for quality.
+// For rounds of seven stages: uplink of a small picture, detection, request for the regions that
+// are in doubt, cutting them out, uplink of these regions, detection, result. The first
+// transmission is the smallest variant, so that a first result is there early; the time that is
+// then left pays for quality.
 //
 //                        normal                                  degraded
 //   first data           smallest over the fastest link          the same
@@ -18,7 +19,7 @@
 //   results              whole over the fastest that carries     smallest, likewise
 //                        it, else over the fastest, reported
 //
-// "Back in time": sent, computed on at the lowest level and answered, as far as links and levels
+// "Reported": the plan says that it is under the floor. "Back in time": sent, computed on at the lowest level and answered, as far as links and levels
 // are measured, in Guidance::time_left; while that is not known, always. When regions are refused,
 // the application keeps the first result: hand it to local_result() when the request comes.
 //
@@ -47,6 +48,7 @@ class Progressive final : public Policy {
   Merge merge(const Arrival&) const override { return Merge::kDeliver; }
 
  private:
+  // Data of a round that has had a communication before: the regions that were asked for.
   static Plan regions(const Offer& offer, std::span<const LinkState> links,
                       const Guidance& guidance) {
     const Duration compute =

@@ -9,7 +9,7 @@
 //
 //   links measured      the soonest over links that can carry it; if that is in time, so the round
 //   none measured       the smallest over the fastest link that carries it, else over the fastest,
-//                       reported
+//                       reported as under the floor
 //   without costs       the same, with all costs 0
 //   degraded            the same: it is the soonest already
 //

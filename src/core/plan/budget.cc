@@ -32,7 +32,8 @@ std::array<std::optional<Duration>, kMaxVariants> forecast_answers(
   if (!back) return out;
   for (const LinkState& link : links) {
     if (!is_measured(link)) continue;
-    std::size_t bytes = 0;  // on this link so far: better variants leave first
+    // What leaves on this link up to and with the variant looked at: better variants leave first.
+    std::size_t bytes = 0;
     for (std::size_t v = 0; v < offer.variant_bytes.size() && v < out.size(); ++v) {
       const bool here = std::ranges::any_of(
           plan.sends, [&](const Assignment& a) { return a.variant == v && a.link == link.id; });

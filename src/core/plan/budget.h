@@ -10,20 +10,22 @@
 
 namespace interneuron {
 
-// What stays unplanned: turns of both loops, a slower run than usual. Chosen.
+// The part of the deadline that stays unplanned, for the turns of both event loops and for a run
+// that is slower than usual. No measurement behind this value: it only has to be larger than a turn
+// of a busy loop.
 inline constexpr Duration kComputeReserve = std::chrono::milliseconds(5);
 
-// D_N less the uplink of the best variant, the downlink of a result and kComputeReserve, over the
-// link that brings the best variant soonest. Links without a measured rate or round trip are passed
-// over; without any, nothing of the deadline can be promised and the answer is zero. Never
-// negative.
+// How long a computation may take: the end-to-end deadline less the uplink of the best variant, the
+// downlink of a result and kComputeReserve, over the link that brings both soonest. Links whose
+// rate or round trip is not measured are passed over; when all are, nothing of the deadline can be
+// promised and the answer is zero. Never negative.
 Duration compute_budget(Duration deadline, std::span<const LinkState> links,
                         std::size_t best_variant_bytes, std::size_t result_bytes);
 
-// Per variant of the offer that the plan holds: how long from now until the answer to it is back if
-// the application on the other side took no time (the result's own bytes are not counted). By the
-// links' queues, rates and round trips; the soonest copy counts. Nothing where no link of a variant
-// has a measured rate and round trip.
+// For each variant of the offer: how long from now until the answer to it is back if the plan is
+// carried out and the application on the other side takes no time. Follows from the links' queues,
+// rates and round trips; the soonest copy of a variant counts, and the result's own bytes do not.
+// Nothing for a variant that the plan does not hold or whose links are not measured.
 std::array<std::optional<Duration>, kMaxVariants> forecast_answers(
     const Plan& plan, const Offer& offer, std::span<const LinkState> links);
 

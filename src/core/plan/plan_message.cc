@@ -33,7 +33,8 @@ Plan plan_message(const Policy& policy, const Offer& offer, std::span<const Link
   if (offer.variant_bytes.empty() || std::ranges::none_of(links, &LinkState::up)) return {};
   if (is_small_result(offer)) {
     Plan everywhere = over_every_link(policy, links);
-    if (!everywhere.sends.empty()) return everywhere;  // else the policy says why not
+    if (!everywhere.sends.empty()) return everywhere;
+    // The policy allows none of the links; its plan() says why.
   }
 
   const Plan answer = policy.plan(offer, links, guidance);

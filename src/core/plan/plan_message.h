@@ -8,15 +8,15 @@
 
 namespace interneuron {
 
-// A result of at most kSmallResultBytes (its best variant) goes over every link that is up and that
-// the policy allows, whichever policy runs; every other message as the policy plans it. The plan
-// returned holds whatever the policy answers:
-// - every variant is an index into offer.variant_bytes, every link is one of `links`, up and
-// allowed;
-// - no (variant, link) twice; the policy's order is kept otherwise;
-// - sends is empty when no link is up, or when the policy names nothing that can be sent;
-// under_floor is false then, and `refused` is the policy's, kNothingPlanned where it plans nothing
-// and does not say why; otherwise `refused` is empty.
+// A result whose best variant has at most kSmallResultBytes goes over every link that is up and
+// that the policy allows, whichever policy runs. Every other message goes as the policy plans it.
+// Whatever the policy answers, the plan returned keeps these promises:
+//
+// - each variant is an index into offer.variant_bytes, each link is one of `links`, up and allowed;
+// - no variant is sent twice over the same link; the policy's order is kept;
+// - `sends` is empty when no link is up or when the policy names nothing that can be sent; then
+//   `under_floor` is false and `refused` is the policy's reason, or kNothingPlanned if it plans
+//   nothing and gives none; otherwise `refused` is empty.
 Plan plan_message(const Policy& policy, const Offer& offer, std::span<const LinkState> links,
                   const Guidance& guidance);
 

@@ -38,7 +38,8 @@ bool is_better(const Candidate& a, const Candidate& b) {
 }  // namespace
 
 Links match(const Requirement& requirement, std::span<const LinkState> links) {
-  Few<Candidate, kMaxLinks> ranked;  // best first
+  // Best first.
+  Few<Candidate, kMaxLinks> ranked;
   const auto take = [&](LinkRole role) {
     for (const LinkState& link : links) {
       if (!link.up || link.traits.role != role || !meets(requirement, link)) continue;

@@ -1,4 +1,4 @@
-// What a message costs on the wire. Pure.
+// What a message costs on the wire: its own bytes plus the headers of its packets. Pure.
 #pragma once
 
 #include <cstddef>
