@@ -19,9 +19,10 @@
 //   results              whole over the fastest that carries     smallest, likewise
 //                        it, else over the fastest, reported
 //
-// "Reported": the plan says that it is under the floor. "Back in time": sent, computed on at the lowest level and answered, as far as links and levels
-// are measured, in Guidance::time_left; while that is not known, always. When regions are refused,
-// the application keeps the first result: hand it to local_result() when the request comes.
+// "Reported": the plan says that it is under the floor. "Back in time": sent, computed on at the
+// lowest level and answered within Guidance::time_left, as far as links and levels are measured;
+// while the time left is not known, always. When regions are refused, the application keeps the
+// first result: hand it to local_result() when the request comes.
 //
 // Receiver: whatever comes is delivered at once.
 #include "policies/builtin.h"

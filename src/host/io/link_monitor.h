@@ -25,7 +25,8 @@ namespace interneuron::io {
 // A change of one NIC's state or of what it is reached at.
 struct NicEvent {
   std::string nic;
-  int index = 0;  // 0: it is not there any more
+  // 0 when it is not there any more.
+  int index = 0;
   NicState from{};
   NicState to{};
   // The socket must be opened anew: another NIC, another first address, another MTU.
@@ -37,8 +38,9 @@ struct NicEvent {
 class LinkMonitor {
  public:
   struct Options {
-    // Of the event socket. Chosen: some thousand events of about 1 KiB each. The kernel grants less
-    // to those without CAP_NET_ADMIN (net.core.rmem_max); then resyncs come sooner.
+    // Of the event socket: room for some thousand events of about 1 KiB each. The kernel grants
+    // less to processes without CAP_NET_ADMIN (net.core.rmem_max); events are then lost sooner, and
+    // everything is read anew more often.
     std::size_t receive_buffer_bytes = 4 * 1024 * 1024;
     // Reads default routes: Nic::gateways, and the state of NICs without require_route(), which
     // otherwise are ready as soon as they have an address. Kernels before 6.10 may hold up a reader
@@ -64,13 +66,15 @@ class LinkMonitor {
   const Nic* find(std::string_view name) const;
   // kAbsent for a name that is not there.
   NicState state(std::string_view name) const;
-  std::string_view reason(std::string_view name) const;  // of the newest change
+  // Why the NIC's state changed the last time, one line.
+  std::string_view reason(std::string_view name) const;
 
   // From now on `name` is ready only if `peer` is routed through it; with an empty `peer`, as soon
   // as it has an address. The state changes at once, without an event. Without this call a NIC is
   // ready if a default route of a family that it has an address of leads through it.
   void require_route(std::string_view name, const Address& peer);
-  void require_nothing(std::string_view name);  // takes require_route() back
+  // Takes require_route() back.
+  void require_nothing(std::string_view name);
   // The address (port 0) that a socket must be bound to for the required peer to be routed through
   // `name`: where only a rule for the source address ("from 10.0.0.2 lookup 101") does so. Empty
   // when any will do.

@@ -12,22 +12,33 @@ namespace interneuron::io {
 
 struct Nic {
   std::string name;
-  int index = 0;       // another one = another incarnation of the NIC
-  std::string kind;    // "ethernet", "wifi", "wwan", "veth", "tun", "loopback", … (docs/links.md)
-  std::string driver;  // empty: the kernel names none
-  std::string mac;     // "02:00:00:00:00:01", empty: none
-  std::string operstate;  // RFC 2863 as the kernel says it: "up", "down", "dormant", "unknown", …
+  // The kernel's number of the NIC. A NIC that was unplugged and came back under the same name has
+  // another one.
+  int index = 0;
+  // "ethernet", "wifi", "wwan", "veth", "tun", "loopback", … (docs/links.md).
+  std::string kind;
+  // Empty when the kernel names none.
+  std::string driver;
+  // "02:00:00:00:00:01"; empty when it has none.
+  std::string mac;
+  // The state of RFC 2863 as the kernel says it: "up", "down", "dormant", "unknown", …
+  std::string operstate;
   bool admin_up = false;
   bool carrier = false;
-  bool up = false;                 // administratively up and with carrier
-  std::size_t mtu = 0;             // of the IP layer, bytes
-  std::vector<Address> addresses;  // port 0; IPv4 first, in the kernel's order
-  std::vector<Address> gateways;   // of the default routes through it, port 0; IPv4 first
+  // Administratively up and with carrier.
+  bool up = false;
+  // Of the IP layer, bytes.
+  std::size_t mtu = 0;
+  // Its own addresses, and the gateways of the default routes through it: port 0, IPv4 first, in
+  // the kernel's order.
+  std::vector<Address> addresses;
+  std::vector<Address> gateways;
 };
 
-// In the kernel's order. Throws IoError when the system refuses.
+// All of this network namespace, in the kernel's order. Throws IoError when the system refuses.
 std::vector<Nic> list_nics();
 
+// The same for one name; nothing when there is no such NIC.
 std::optional<Nic> find_nic(std::string_view name);
 
 // "no network card named eth9; there are lo, eth0"

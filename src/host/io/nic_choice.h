@@ -1,9 +1,9 @@
 // Which network cards (NICs) an operator means.
 //
 //   wwan0                    a name
-//   wwan*, e?h[0-3]          a glob of names (man 7 glob); loopback cards match by name or kind
-//   only kind:wwan                a kind of NIC (io::Nic::kind) mac:02:00:00:00:00:01    a hardware
-//   address, in either case
+//   wwan*, e?h[0-3]          a glob of names (man 7 glob), which matches no loopback card
+//   kind:wwan                a kind of NIC (io::Nic::kind)
+//   mac:02:00:00:00:00:01    a hardware address, in either case
 //
 // Pure values, no system calls. Thread-safe.
 #pragma once
@@ -16,8 +16,8 @@
 
 namespace interneuron::io {
 
-// Is a rule (a glob, a kind, a hardware address) rather than one NIC's name. Only rules may match
-// nothing for now, and NICs that come later.
+// Whether the pattern is a rule (a glob, a kind, a hardware address) and not one NIC's name. Only
+// rules may match nothing for now, and NICs that come later.
 bool is_nic_rule(std::string_view pattern);
 
 // What is wrong with a pattern, one line; empty: nothing.

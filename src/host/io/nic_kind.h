@@ -9,8 +9,9 @@
 namespace interneuron::io {
 
 struct NicOrigin {
-  std::string kind;    // as Nic::kind
-  std::string driver;  // as Nic::driver
+  // As Nic::kind and Nic::driver.
+  std::string kind;
+  std::string driver;
 };
 
 // `nic`: its name, index and hardware address; `virtual_kind`: what the kernel calls a NIC made of

@@ -34,10 +34,10 @@ class NicTable {
   const Nic* find(std::string_view name) const;
   const Nic* find(int index) const;
 
-  // A default route of the family leads through it.
+  // Whether a default route of the family leads through it.
   bool has_default_route(int index, bool ipv6) const;
 
-  // What became of a NIC that vanished; forgotten by forget_departures().
+  // What became of a NIC that vanished, in words; kept until forget_departures() is called.
   std::string_view departure(int index) const;
   void forget_departures() { departures_.clear(); }
 
@@ -54,7 +54,8 @@ class NicTable {
   void apply_address(const nlmsghdr& message);
   void apply_default_route(const nlmsghdr& message);
 
-  std::vector<Nic> nics_;  // by index
+  // Sorted by index.
+  std::vector<Nic> nics_;
   std::vector<DefaultRoute> default_routes_;
   std::map<int, std::string> departures_;
 };

@@ -20,12 +20,13 @@ struct PathMtu {
   std::vector<Probe> probes;
   // A router's word (ICMP) or the NIC's own limit, bytes, if any came.
   std::optional<std::size_t> told;
-  // errno when no echo request may be sent at all (net.ipv4.ping_group_range, CAP_NET_RAW); 0:
-  // fine.
+  // The errno when no echo request may be sent at all (net.ipv4.ping_group_range, CAP_NET_RAW); 0
+  // when they may.
   int error = 0;
 };
 
-// `mtu`: of the NIC; the largest packet that is tried. Never throws.
+// `mtu` is the NIC's, and the size of the largest packet that is tried. Blocks until the answers
+// are there or have timed out. Never throws.
 PathMtu probe_path_mtu(const std::string& nic, std::size_t mtu, const Address& host);
 
 }  // namespace interneuron::io

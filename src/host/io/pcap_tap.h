@@ -22,20 +22,25 @@ namespace interneuron::io {
 class PcapTap {
  public:
   explicit PcapTap(const std::string& file);
-  ~PcapTap();  // stop()s
+  // Calls stop().
+  ~PcapTap();
   PcapTap(const PcapTap&) = delete;
   PcapTap& operator=(const PcapTap&) = delete;
 
   struct Counters {
     struct Nic {
-      std::string name;  // "#7" if it is gone
+      // "#7" when the NIC with that index is gone.
+      std::string name;
       int index = 0;
       std::uint64_t packets = 0;
     };
     std::vector<Nic> nics;
-    std::uint64_t packets = 0;  // written
-    std::uint64_t dropped = 0;  // by the kernel, because we were too slow
-    std::string problem;        // why packets are missing at the end; empty: none are
+    // Packets written.
+    std::uint64_t packets = 0;
+    // Packets that the kernel dropped because we read too slowly.
+    std::uint64_t dropped = 0;
+    // Why packets are missing at the end of the file; empty when none are.
+    std::string problem;
   };
   // Waits for what is on its way, writes it out and closes the file. Harmless when repeated.
   Counters stop();

@@ -18,13 +18,16 @@ class StampedSocket {
 
   struct Received {
     Address from{};
-    ByteView bytes;        // valid until the next call
-    TimePoint at{};        // when the kernel had it; now, where it does not tell
-    std::uint8_t ttl = 0;  // TTL or hop limit; 0: not told
+    // Valid until the next call.
+    ByteView bytes;
+    // When the kernel had it; the time of the call where the kernel does not tell.
+    TimePoint at{};
+    // TTL (IPv4) or hop limit (IPv6); 0 where the kernel does not tell.
+    std::uint8_t ttl = 0;
   };
   // Nothing when nothing is there. Never blocks, never throws.
   std::optional<Received> receive();
-  // 0, or the errno; waits at most 10 ms for room in the socket's buffer.
+  // Sends one datagram: 0, or the errno. Waits at most 10 ms for room in the socket's buffer.
   int send(const Address& to, ByteView bytes);
 
   Address local_address() const { return socket_.local; }

@@ -1,4 +1,4 @@
-// The one clock reader of the library.
+// The one place where the library reads a clock; everything else is told the time.
 #pragma once
 
 #include "interneuron/time.h"

@@ -1,5 +1,6 @@
-// The UDP ports that this process has bound, for the packet capture: whoever opens a socket notes
-// its port. They are not taken back: a port that was ours may still get an answer. Thread-safe.
+// The UDP ports that this process has bound, for the filter of the packet capture: whoever opens a
+// socket notes its port. Ports are never taken back, because one that was ours may still get an
+// answer. Thread-safe; the list lives as long as the process.
 #pragma once
 
 #include <cstdint>

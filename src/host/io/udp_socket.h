@@ -21,9 +21,10 @@ inline constexpr std::size_t kSendBufferBytes = 512 * 1024;
 
 struct UdpOptions {
   std::string nic;
-  std::optional<Nic> card{};  // the same, as known already; empty: the kernel is asked
-  // Where to bind: its family is the socket's; unspecified host = every address of the NIC; port 0
-  // = any free one.
+  // The same NIC, if the caller has it already; else the kernel is asked.
+  std::optional<Nic> card{};
+  // Where to bind. Its family is the socket's; an unspecified host stands for every address of the
+  // NIC, port 0 for any free one.
   Address local{};
   // On an unspecified host: what is sent to an address that was received from leaves from the
   // address that it came to. A NAT drops an answer from another (docs/constants.md,
@@ -35,9 +36,11 @@ struct UdpOptions {
 
 struct UdpSocket {
   FileDescriptor fd;
-  Address local{};  // as bound
+  // As bound, with the port in use.
+  Address local{};
   TransportCaps capabilities;
-  std::vector<std::string> warnings;  // one line each, with the remedy
+  // What could not be had as asked, one line each, with the remedy.
+  std::vector<std::string> warnings;
 };
 
 // Bound to the NIC before it is bound to an address (so that neither can be taken by another NIC's
