@@ -39,7 +39,7 @@ constexpr bool in_net(std::uint32_t ip, std::uint32_t net, int bits) {
   return ((ip ^ net) >> (32 - bits)) == 0;
 }
 
-// "%eth0" or "%3" behind a link-local address; 0 = no such NIC.
+// The index of the NIC in "%eth0" or "%3" behind a link-local address; 0 when there is no such NIC.
 std::uint32_t scope_of(const std::string& zone) {
   std::uint32_t number = 0;
   const char* end = zone.data() + zone.size();
@@ -72,7 +72,7 @@ int family_of(const Address& address) {
 }
 
 Address with_port(const Address& address, std::uint16_t port) {
-  // Both kinds have it at the same place.
+  // sockaddr_in and sockaddr_in6 have the port at the same place.
   static_assert(offsetof(sockaddr_in, sin_port) == offsetof(sockaddr_in6, sin6_port));
   Address out = address;
   const std::uint16_t value = htons(port);

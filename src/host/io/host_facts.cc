@@ -28,7 +28,8 @@ namespace interneuron::io {
 
 namespace {
 
-// For documentation (RFC 5737, RFC 3849): nobody's, so only a default route leads there.
+// Addresses reserved for documentation (RFC 5737, RFC 3849). Nobody has them, so only a default
+// route leads there.
 constexpr const char* kInternet4 = "198.51.100.1";
 constexpr const char* kInternet6 = "2001:db8::1";
 
@@ -68,7 +69,8 @@ void read_socket_options(HostFacts& f) {
   f.error_queue_error = set_error(IPPROTO_IP, IP_RECVERR, 1);
   f.drop_count_error = set_error(SOL_SOCKET, SO_RXQ_OVFL, 1);
   f.priority_error = set_error(SOL_SOCKET, SO_PRIORITY, 6);
-  constexpr int kExpeditedForwarding = 46 << 2;  // RFC 3246, in the TOS byte
+  // The code point of RFC 3246 in the TOS byte.
+  constexpr int kExpeditedForwarding = 46 << 2;
   if (f.priority_error == 0) f.priority_error = set_error(IPPROTO_IP, IP_TOS, kExpeditedForwarding);
   sock_txtime txtime{};
   txtime.clockid = CLOCK_MONOTONIC;
@@ -124,7 +126,8 @@ const nlattr* find(const nlmsghdr& message, int header, int type) {
 }
 
 struct Way {
-  int index = 0;  // 0: there is none
+  // The NIC's index; 0 when there is no route.
+  int index = 0;
   std::optional<std::size_t> mtu;
 };
 
@@ -137,7 +140,7 @@ int put_host(nl_msg* message, int type, const Address& address) {
                  address.raw.data() + offsetof(sockaddr_in, sin_addr));
 }
 
-// The way that a packet takes; `oif` 0: by any NIC.
+// The way that a packet takes when it must leave by the NIC `oif`; 0 stands for any NIC.
 Way way_of(nl_sock* requests, const Address& to, const std::optional<Address>& from, int oif) {
   Way way;
   const netlink::Message request(nlmsg_alloc_simple(RTM_GETROUTE, NLM_F_REQUEST));
@@ -188,7 +191,8 @@ std::vector<SourceFacts> sources_of(nl_sock* requests, int index) {
   return sources;
 }
 
-// Of the default routes in all tables: a source rule's table counts too.
+// The gateway of a default route through the NIC, in any table: a source rule's own table counts
+// too.
 std::optional<Address> gateway_of(nl_sock* requests, int index, int family) {
   std::optional<Address> gateway;
   netlink::list(requests, RTM_GETROUTE, [&](const nlmsghdr& message) {

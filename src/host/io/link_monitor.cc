@@ -43,7 +43,8 @@ std::string address_change(const std::vector<Address>& before, const std::vector
 struct Verdict {
   NicState state{};
   std::string reason;
-  std::optional<Address> source{};  // see required_source()
+  // See required_source().
+  std::optional<Address> source{};
 };
 
 }  // namespace
@@ -62,13 +63,16 @@ class LinkMonitor::Impl {
 
   // What is known of a name. Names without a NIC are kept only if something is required of them.
   struct Record {
-    std::optional<Address> peer;  // required; an empty Address: to have an address is enough
+    // The peer that must be routed. An empty Address: it is enough that the NIC has an address.
+    std::optional<Address> peer;
     NicState state = NicState::kAbsent;
     std::string reason;
-    int index = 0;  // of the newest NIC of this name
+    // The index of the newest NIC of this name.
+    int index = 0;
     std::size_t mtu = 0;
-    std::vector<Address> addresses;  // usable ones
-    Address first{};                 // the one that counts for incarnations; outlives its removal
+    // Those that a socket may be bound to.
+    std::vector<Address> addresses;
+    Address first{};  // the one that counts for incarnations; outlives its removal
     std::optional<Address> source;
   };
   const Record* record(std::string_view name) const {
@@ -119,7 +123,7 @@ std::vector<NicEvent> LinkMonitor::Impl::update() {
   if (!complete || table_stale_) resync();
   table_.refresh_lagging(requests_.get());
   if (std::exchange(routes_stale_, false) && default_routes_) {
-    // Refused (out of memory): tried again at the next call.
+    // The kernel refused (out of memory); the next call tries again.
     routes_stale_ = !table_.read_default_routes(requests_.get());
   }
   return evaluate();
@@ -137,7 +141,7 @@ void LinkMonitor::Impl::take(const nlmsghdr& message) {
     case RTM_DELRULE:
       return;
     default:
-      // When a NIC or an address goes, IPv4 routes go with it without a word.
+      // When a NIC or an address goes, the kernel removes its IPv4 routes without an event.
       routes_stale_ = true;
       table_.apply(message);
   }
@@ -145,13 +149,14 @@ void LinkMonitor::Impl::take(const nlmsghdr& message) {
 
 void LinkMonitor::Impl::resync() {
   if (!std::exchange(table_stale_, true)) ++resyncs_;
-  // What is queued is older than what is read now, except what comes meanwhile, which is still
-  // there to be read.
+  // Events that are queued are older than what is read now and are dropped first; events that come
+  // meanwhile stay queued and are applied afterwards.
   netlink::drain(events_.get(), [](const nlmsghdr&) {});
   NicTable fresh;
   try {
     fresh.read(requests_.get(), default_routes_);
-  } catch (const IoError&) {  // out of memory, or changes without end: at the next call
+  } catch (const IoError&) {
+    // Out of memory, or the table changed during every attempt; the next call tries again.
     return;
   }
   table_ = std::move(fresh);
@@ -164,7 +169,8 @@ void LinkMonitor::Impl::require(std::string_view name, std::optional<Address> pe
   Record& record = it->second;
   record.peer = peer;
   record.source.reset();
-  record.state = NicState::kAbsent;  // judged anew, as if it had come just now
+  // It is judged anew, as if it had come just now.
+  record.state = NicState::kAbsent;
   record.reason = "there is no network card of this name";
   evaluate(it->first, record, {});
 }
@@ -213,7 +219,8 @@ std::optional<NicEvent> LinkMonitor::Impl::evaluate_present(const Nic& nic, Reco
                        [&](const Address& address) { return is_usable(address, record.peer); });
   Verdict verdict = judge(record, nic);
 
-  // The first stays the first while it is there, whatever the kernel's order.
+  // The first address stays the first while it is there, even if the kernel lists another before
+  // it.
   const Address old_first = record.first;
   if (!record.addresses.empty() &&
       std::ranges::find(record.addresses, old_first) == record.addresses.end()) {

@@ -13,7 +13,8 @@ namespace interneuron::io::netlink {
 
 namespace {
 
-// Chosen: a listing is interrupted by each change, and changes come in bursts.
+// How often a listing is tried again that a change has interrupted. Changes come in bursts. No
+// measurement behind this value: it only has to be larger than the changes of one burst.
 constexpr int kListAttempts = 20;
 
 int hand_over(nl_msg* message, void* handler) {
@@ -26,7 +27,8 @@ void set_handler(nl_sock* socket, const Handler& handler) {
                       const_cast<Handler*>(&handler));
 }
 
-// Beyond the system's limit only with CAP_NET_ADMIN in the first user namespace.
+// Asks for a receive buffer beyond the system's limit, which the kernel grants only with
+// CAP_NET_ADMIN in the first user namespace.
 void set_receive_buffer(nl_sock* socket, std::size_t bytes) {
   const int wanted = static_cast<int>(std::min<std::size_t>(bytes, 1 << 30));
   const int fd = nl_socket_get_fd(socket);
@@ -54,7 +56,8 @@ Socket open_socket() {
 Socket open_event_socket(std::initializer_list<int> groups, std::size_t receive_buffer_bytes) {
   static const std::string attempt = "watch the network cards";
   Socket socket = open_socket();
-  nl_socket_disable_seq_check(socket.get());  // nobody asked for events
+  // Events answer no request, so they carry no sequence number to check.
+  nl_socket_disable_seq_check(socket.get());
   check(nl_socket_set_nonblocking(socket.get()), attempt);
   set_receive_buffer(socket.get(), receive_buffer_bytes);
   for (const int group : groups) check(nl_socket_add_membership(socket.get(), group), attempt);
@@ -71,7 +74,7 @@ int list(nl_sock* socket, int type, const Handler& handler) {
   set_handler(socket, handler);
   int result = 0;
   for (int attempt = 0; attempt < kListAttempts; ++attempt) {
-    // Kernels know which message a request of this size is: struct rtgenmsg fits all kinds.
+    // struct rtgenmsg is enough: the kernel accepts it as the header of a listing of every kind.
     result = nl_rtgen_request(socket, type, AF_UNSPEC, NLM_F_DUMP);
     if (result < 0) return result;
     result = nl_recvmsgs_default(socket);
@@ -87,7 +90,8 @@ bool drain(nl_sock* socket, const Handler& handler) {
     const int result = nl_recvmsgs_default(socket);
     if (result == -NLE_AGAIN) return complete;
     if (result == -NLE_NOMEM)
-      complete = false;  // ENOBUFS: the queue was full
+      // ENOBUFS: the queue was full and events were lost.
+      complete = false;
     else if (result < 0)
       return false;
   }

@@ -20,7 +20,8 @@ bool same_letters(std::string_view a, std::string_view b) {
 }
 
 bool is_mac(std::string_view text) {
-  constexpr std::size_t kChars = 17;  // six pairs of digits and five colons
+  // Six pairs of digits and five colons.
+  constexpr std::size_t kChars = 17;
   if (text.size() != kChars) return false;
   for (std::size_t i = 0; i < text.size(); ++i) {
     const auto c = static_cast<unsigned char>(text[i]);

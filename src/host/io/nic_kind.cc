@@ -75,7 +75,8 @@ std::string hardware_kind(const std::string& folder, bool known, const std::stri
     if (type == "wlan" || exists(folder + "/phy80211") || exists(folder + "/wireless")) {
       return "wifi";
     }
-    if (!type.empty()) return type;  // "wwan", "gadget", "bond", …
+    // "wwan", "gadget", "bond", …
+    if (!type.empty()) return type;
   }
   if (std::ranges::find(kModemDrivers, driver) != kModemDrivers.end()) return "wwan";
   return "ethernet";

@@ -22,7 +22,7 @@ namespace interneuron::io {
 
 namespace {
 
-// By the numbers of RFC 2863 as the kernel has them (IF_OPER_UNKNOWN …, linux/if.h).
+// Names of the states of RFC 2863, indexed by the kernel's numbers (IF_OPER_UNKNOWN …, linux/if.h).
 constexpr std::array kOperstates{"unknown", "notpresent", "down", "lowerlayerdown",
                                  "testing", "dormant",    "up"};
 
@@ -34,7 +34,7 @@ const Header* header_of(const nlmsghdr& message) {
   return static_cast<const Header*>(NLMSG_DATA(&message));
 }
 
-// The attributes behind a fixed header; `size` of them are known.
+// The attributes that follow a fixed header, indexed by their type; those above `size` are ignored.
 template <class Header, std::size_t Size>
 bool parse(const nlmsghdr& message, std::array<nlattr*, Size>& out) {
   return nlmsg_parse(const_cast<nlmsghdr*>(&message), sizeof(Header), out.data(),
@@ -57,7 +57,7 @@ std::string mac_of(nlattr* attribute) {
   return text.data();
 }
 
-// "veth", "bridge", …; hardware has none.
+// The kind of a NIC made of software: "veth", "bridge", …; empty for hardware.
 std::string virtual_kind(nlattr* link_info) {
   std::array<nlattr*, IFLA_INFO_MAX + 1> info{};
   if (link_info == nullptr ||
@@ -94,7 +94,7 @@ Address address_of(int family, nlattr* attribute, int index) {
                     index);
 }
 
-// IPv4 first, otherwise at the end.
+// Adds an address: IPv4 before IPv6, otherwise at the end.
 void insert(std::vector<Address>& into, const Address& address) {
   if (address.size == 0 || std::ranges::find(into, address) != into.end()) return;
   const auto place = is_ipv6(address) ? into.end() : std::ranges::find_if(into, is_ipv6);
@@ -224,8 +224,8 @@ void NicTable::apply_address(const nlmsghdr& message) {
   const Address address = address_of(header->ifa_family, local, index);
   const std::uint32_t flags =
       attributes[IFA_FLAGS] != nullptr ? nla_get_u32(attributes[IFA_FLAGS]) : header->ifa_flags;
-  // Not before duplicate address detection is done (RFC 4862, 5.4), unless it is optimistic (RFC
-  // 4429).
+  // An IPv6 address may not be used before duplicate address detection is done (RFC 4862 §5.4),
+  // unless it is optimistic (RFC 4429).
   const bool pending = (flags & IFA_F_TENTATIVE) != 0 && (flags & IFA_F_OPTIMISTIC) == 0;
   const bool usable =
       message.nlmsg_type == RTM_NEWADDR && !pending && (flags & IFA_F_DADFAILED) == 0;

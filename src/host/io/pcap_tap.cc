@@ -23,11 +23,14 @@
 namespace interneuron::io {
 namespace {
 
-constexpr int kSnapshotBytes = 65535;  // whole packets; MTUs of 65,536 are the loopback's only
-// The kernel hands over a block when it is full or this old: few wake-ups, and little is lost when
-// the process is killed. Chosen.
+// Whole packets; only the loopback card has an MTU of 65,536.
+constexpr int kSnapshotBytes = 65535;
+// The kernel hands over a block of packets when it is full or this old. Longer means fewer
+// wake-ups, shorter means that less is lost when the process is killed. No measurement behind this
+// value.
 constexpr int kBlockMs = 50;
-constexpr int kBufferBytes = 16 * 1024 * 1024;  // chosen: 0.4 s at 300 Mbit/s
+// Holds 0.4 s of packets at 300 Mbit/s while the capture thread is away.
+constexpr int kBufferBytes = 16 * 1024 * 1024;
 // LINUX_SLL2: protocol (2), reserved (2), interface index (4), big-endian.
 constexpr std::size_t kIndexAt = 4;
 
@@ -45,7 +48,8 @@ std::string this_program() {
 }
 
 std::string filter_of(const std::vector<std::uint16_t>& ports) {
-  if (ports.empty()) return "udp port 0";  // nothing yet
+  // A filter that passes nothing yet.
+  if (ports.empty()) return "udp port 0";
   std::string text;
   for (const std::uint16_t port : ports) {
     text += (text.empty() ? "udp port " : " or udp port ") + std::to_string(port);
@@ -106,7 +110,7 @@ class PcapTap::Impl {
     const std::uint64_t one = 1;
     [[maybe_unused]] const auto written = ::write(wake_.get(), &one, sizeof one);
     thread_.join();
-    // The block that is not full yet.
+    // The kernel still has a block that is not full.
     pollfd item{::pcap_get_selectable_fd(handle_.get()), POLLIN, 0};
     ::poll(&item, 1, 2 * kBlockMs);
     take();
@@ -125,7 +129,7 @@ class PcapTap::Impl {
     std::uint64_t packets = 0;
   };
 
-  // Signals are for the program's own threads.
+  // The thread takes no signals: they are for the program's own threads.
   void start_thread() {
     sigset_t all;
     sigset_t before;
@@ -135,7 +139,7 @@ class PcapTap::Impl {
     ::pthread_sigmask(SIG_SETMASK, &before, nullptr);
   }
 
-  // A filter that the kernel refuses leaves the one before.
+  // When the kernel refuses a filter, the one before stays.
   void filter(const std::vector<std::uint16_t>& ports) {
     const std::lock_guard lock(mutex_);
     bpf_program program{};
@@ -151,10 +155,12 @@ class PcapTap::Impl {
     std::array<pollfd, 2> items{pollfd{::pcap_get_selectable_fd(handle_.get()), POLLIN, 0},
                                 pollfd{wake_.get(), POLLIN, 0}};
     for (;;) {
-      if (::poll(items.data(), items.size(), -1) < 0) continue;  // no signals here: never
+      // Cannot happen: the thread takes no signals.
+      if (::poll(items.data(), items.size(), -1) < 0) continue;
       take();
       if (items[1].revents != 0) return;
-      if (!counters_.problem.empty()) items[0].fd = -1;  // it would be ready for ever
+      // After an error the handle would be ready for ever.
+      if (!counters_.problem.empty()) items[0].fd = -1;
     }
   }
 
@@ -189,7 +195,8 @@ class PcapTap::Impl {
   Handle handle_;
   std::unique_ptr<pcap_dumper_t, CloseDump> dump_;
   FileDescriptor wake_;
-  std::mutex mutex_;  // of the handle
+  // Guards the handle, which both threads use.
+  std::mutex mutex_;
   std::map<int, Seen> nics_;
   Counters counters_;
   std::thread thread_;

@@ -7,7 +7,8 @@ namespace interneuron::io {
 
 TimePoint now() {
   timespec t{};
-  clock_gettime(CLOCK_MONOTONIC, &t);  // cannot fail: the clock exists and &t is valid
+  // Cannot fail: the clock exists and &t is valid.
+  clock_gettime(CLOCK_MONOTONIC, &t);
   return TimePoint{std::chrono::seconds{t.tv_sec} + Duration{t.tv_nsec}};
 }
 

@@ -6,8 +6,8 @@
 namespace interneuron::io {
 namespace {
 
-// The newest; more do not fit into one packet filter. A NIC that comes and goes takes one each
-// time.
+// Only the newest ports are kept, because more do not fit into one packet filter. A NIC that comes
+// and goes takes a new port each time.
 constexpr std::size_t kMaxPorts = 128;
 
 struct Registry {

@@ -16,7 +16,8 @@ namespace interneuron::io {
 
 namespace {
 
-// UDP over IPv4: 65535 - 20 - 8. IPv6 would allow 20 more; one limit is simpler.
+// The largest UDP payload over IPv4: 65535 - 20 - 8. IPv6 would allow 20 bytes more, but one limit
+// is simpler.
 constexpr std::size_t kMaxUdpPayload = 65507;
 
 [[noreturn]] void fail(const std::string& what, const char* call, int error) {
@@ -71,7 +72,7 @@ std::size_t set_buffer(UdpSocket& socket, const std::string& nic, int option, in
                        std::size_t wanted, const char* sysctl) {
   const int fd = socket.fd.get();
   const int value = static_cast<int>(std::min<std::size_t>(wanted, 1 << 30));
-  // Beyond the system's limit only with CAP_NET_ADMIN.
+  // Beyond the system's limit the kernel grants it only with CAP_NET_ADMIN.
   if (!set_int(fd, SOL_SOCKET, forced_option, value)) set_int(fd, SOL_SOCKET, option, value);
   int doubled = 0;
   socklen_t size = sizeof doubled;
@@ -144,7 +145,8 @@ UdpSocket open_udp_socket(const UdpOptions& options) {
       need_int(socket, options.nic, IPPROTO_IPV6, IPV6_RECVPKTINFO, 1, "IPV6_RECVPKTINFO");
     }
   }
-  set_int(socket.fd.get(), SOL_SOCKET, SO_RXQ_OVFL, 1);  // only a counter is lost without it
+  // A kernel without this option costs only a counter.
+  set_int(socket.fd.get(), SOL_SOCKET, SO_RXQ_OVFL, 1);
   TransportCaps& caps = socket.capabilities;
   caps.receive_buffer_bytes = set_buffer(socket, options.nic, SO_RCVBUF, SO_RCVBUFFORCE,
                                          options.receive_buffer_bytes, "net.core.rmem_max");

@@ -19,27 +19,38 @@ namespace interneuron::io {
 
 namespace {
 
-constexpr std::size_t kSendMessages = 32;  // per sendmmsg; chosen: 32 x 45 datagrams are 2 MB
-constexpr std::size_t kSendVectors =
-    1024;                                 // datagrams per sendmmsg; UIO_MAXIOV per message is 1024
-constexpr std::size_t kMaxSegments = 64;  // per message: UDP_MAX_SEGMENTS of Linux < 6.9
-constexpr std::size_t kMaxSegmentedBytes = 65507;  // of one message, IPv4: 65535 - 20 - 8
-constexpr std::size_t kReceiveMessages = 16;       // per recvmmsg; chosen: up to 1 MiB
-constexpr std::size_t kReceiveBytes = 64 * 1024;   // per message: the most UDP_GRO coalesces
-constexpr std::size_t kMaxCoalesced =
-    128;  // datagrams per message: UDP_MAX_SEGMENTS of Linux >= 6.9
-constexpr std::size_t kRefusalsToGiveUp = 8;  // chosen: then segmentation stays off
+// A "message" of sendmmsg and recvmmsg is several datagrams that the kernel segments or has
+// coalesced.
+//
+// Messages per sendmmsg: 32 of 45 full datagrams are 2 MB, four times the socket's buffer.
+constexpr std::size_t kSendMessages = 32;
+// Datagrams per sendmmsg. UIO_MAXIOV allows as many in each message.
+constexpr std::size_t kSendVectors = 1024;
+// Datagrams per message that is sent: UDP_MAX_SEGMENTS of Linux < 6.9.
+constexpr std::size_t kMaxSegments = 64;
+// Bytes per message that is sent, the UDP payload over IPv4: 65535 - 20 - 8.
+constexpr std::size_t kMaxSegmentedBytes = 65507;
+// Messages per recvmmsg: up to 1 MiB, a quarter of the socket's buffer.
+constexpr std::size_t kReceiveMessages = 16;
+// Bytes per message that is received: the most that UDP_GRO coalesces.
+constexpr std::size_t kReceiveBytes = 64 * 1024;
+// Datagrams per message that is received: UDP_MAX_SEGMENTS of Linux >= 6.9.
+constexpr std::size_t kMaxCoalesced = 128;
+// After so many refusals in a row segmentation stays off, so that a NIC that cannot do it does not
+// cost a failed call per batch. No measurement behind this value: it only has to be larger than the
+// refusals that a passing change of the MTU causes.
+constexpr std::size_t kRefusalsToGiveUp = 8;
 
 bool refuses_segmentation(int error) {
-  // EIO: the NIC computes no checksums; EINVAL, EMSGSIZE: a segment exceeds the MTU; the others: an
-  // old kernel.
+  // EIO: the NIC computes no checksums. EINVAL, EMSGSIZE: a segment exceeds the MTU. The others
+  // come from an old kernel.
   return error == EIO || error == EINVAL || error == EMSGSIZE || error == EOPNOTSUPP ||
          error == ENOPROTOOPT;
 }
 
-// After a failed send: is it because the NIC is gone? The errors of send itself do not tell
-// (ENODEV, ENETUNREACH or EINVAL, depending on how the socket is bound), but a socket cannot name a
-// card that is no more.
+// Whether a send failed because the NIC is gone. Its error does not tell (ENODEV, ENETUNREACH or
+// EINVAL, depending on how the socket is bound), but a socket can no longer name a card that is
+// gone.
 bool nic_vanished(int fd) {
   std::array<char, IFNAMSIZ> name{};
   socklen_t size = name.size();
@@ -56,8 +67,8 @@ struct alignas(cmsghdr) ReceiveControl {
       raw;
 };
 
-// Where an Address carries the note of the address that received: padding in IPv4, the flow label
-// in IPv6, which the kernel ignores unless IPV6_FLOWINFO_SEND is set.
+// Where in an Address the note stands of the NIC's address that received: in the padding (IPv4) or
+// in the flow label (IPv6), which the kernel ignores unless IPV6_FLOWINFO_SEND is set.
 constexpr std::size_t kNote4 = offsetof(sockaddr_in, sin_zero);
 constexpr std::size_t kNote6 = offsetof(sockaddr_in6, sin6_flowinfo);
 
@@ -80,7 +91,8 @@ void append(msghdr& header, SendControl& control, int level, int type, const Val
 
 struct UdpTransport::SendBuffers {
   std::array<mmsghdr, kSendMessages> messages;
-  std::array<std::size_t, kSendMessages> datagrams;  // in each message
+  // How many datagrams each message has.
+  std::array<std::size_t, kSendMessages> datagrams;
   std::array<iovec, kSendVectors> vectors;
   std::array<SendControl, kSendMessages> controls;
 };
@@ -90,8 +102,10 @@ struct UdpTransport::ReceiveBuffers {
   std::array<iovec, kReceiveMessages> vectors;
   std::array<sockaddr_storage, kReceiveMessages> names;
   std::array<ReceiveControl, kReceiveMessages> controls;
-  std::array<std::size_t, kReceiveMessages> segment_bytes;  // 0 = not coalesced
-  std::array<std::uint8_t, kReceiveMessages> notes;         // 0 = none
+  // Per message: the size of its datagrams, 0 when it is a single one; the note of the address that
+  // received it, 0 for none.
+  std::array<std::size_t, kReceiveMessages> segment_bytes;
+  std::array<std::uint8_t, kReceiveMessages> notes;
   std::vector<std::byte> bytes;
   std::vector<Incoming> datagrams;
 };
@@ -108,8 +122,8 @@ UdpTransport::~UdpTransport() = default;
 
 namespace {
 
-// How many leading datagrams can leave as one message: same address, same size, only the last may
-// be shorter.
+// How many leading datagrams can leave as one message: they go to the same address and have the
+// same size; only the last may be shorter.
 std::size_t run_length(std::span<const Outgoing> batch) {
   const std::size_t segment = batch[0].bytes.size();
   std::size_t total = segment;
@@ -151,7 +165,8 @@ std::size_t UdpTransport::fill(std::span<const Outgoing> batch, bool segment) {
     if (vectors + count > kSendVectors) break;
     msghdr& header = out_->messages[messages].msg_hdr;
     header = {};
-    // The kernel only reads both; sendmmsg shares its struct with recvmmsg.
+    // The kernel only reads both; they are not const because sendmmsg shares its struct with
+    // recvmmsg.
     header.msg_name = const_cast<std::byte*>(batch[0].to.raw.data());
     header.msg_namelen = batch[0].to.size;
     header.msg_iov = &out_->vectors[vectors];
@@ -177,7 +192,8 @@ std::size_t UdpTransport::fill(std::span<const Outgoing> batch, bool segment) {
 
 SendResult UdpTransport::send(std::span<const Outgoing> batch) {
   SendResult result;
-  std::size_t unsegmented_until = 0;  // datagrams before this one go one by one
+  // Datagrams before this one go one by one, because the kernel refused to segment them.
+  std::size_t unsegmented_until = 0;
   while (result.taken < batch.size()) {
     const bool segment =
         socket_.capabilities.segmentation_offload && result.taken >= unsegmented_until;
@@ -261,7 +277,8 @@ void UdpTransport::read_control(std::size_t message) {
       std::memcpy(&size, CMSG_DATA(item), sizeof size);
       in_->segment_bytes[message] = static_cast<std::size_t>(std::max(size, 0));
     } else if (item->cmsg_level == SOL_SOCKET && item->cmsg_type == SO_RXQ_OVFL) {
-      std::uint32_t drops = 0;  // since the socket was opened, modulo 2^32
+      // Since the socket was opened, modulo 2^32.
+      std::uint32_t drops = 0;
       std::memcpy(&drops, CMSG_DATA(item), sizeof drops);
       counters_.receive_queue_drops += drops - kernel_drops_;
       kernel_drops_ = drops;
@@ -277,8 +294,8 @@ void UdpTransport::read_control(std::size_t message) {
   }
 }
 
-// Bounded, since a NIC's own addresses are; whoever uses more than a byte can name is answered from
-// the kernel's choice.
+// The note of one of the NIC's own addresses. A note is one byte, so that the 256th address and
+// later ones have none; what came to them is answered from the address that the kernel prefers.
 std::uint8_t UdpTransport::note_of(const void* address, std::size_t size) {
   std::array<std::byte, 16> bytes{};
   std::memcpy(bytes.data(), address, size);

@@ -50,10 +50,11 @@ class UdpTransport final : public Transport {
 
   UdpSocket socket_;
   TransportCounters counters_;
-  std::size_t refusals_ = 0;  // of segmented sends in a row
+  // Segmented sends that the kernel has refused in a row.
+  std::size_t refusals_ = 0;
   std::uint32_t kernel_drops_ = 0;
-  // The NIC's addresses that something came to, as in in_addr or in6_addr; a note is the place of
-  // one, from 1.
+  // The NIC's addresses that datagrams came to, as in in_addr or in6_addr. The note in an Address
+  // is the place of one in this list, counted from 1; at most 255 are kept.
   std::vector<std::array<std::byte, 16>> receivers_;
   std::unique_ptr<SendBuffers> out_;
   std::unique_ptr<ReceiveBuffers> in_;
