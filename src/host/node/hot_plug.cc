@@ -49,7 +49,8 @@ void Node::Impl::link_closing(LinkSet::Link& link) {
   const LinkId id = link.options.id;
   const auto port = std::ranges::find_if(ports_, [id](const auto& p) { return p->link == id; });
   if (port == ports_.end()) return;
-  (*port)->watcher.release();  // the descriptor is the transport's
+  // The descriptor belongs to the transport, which closes it.
+  (*port)->watcher.release();
   (*port)->transport = nullptr;
   ports_.erase(port);
   outbox_.remove(id);
@@ -74,13 +75,14 @@ void Node::Impl::check_nics() {
   if (!next || (recheck_at_ && *recheck_at_ <= *next)) return;
   recheck_at_ = next;
   at(*next, [this, due = *next] {
-    if (recheck_at_ != due) return;  // an earlier one took its place
+    // An earlier check has taken the place of this one.
+    if (recheck_at_ != due) return;
     recheck_at_.reset();
     check_nics();
   });
 }
 
-// A send may know of it before the kernel tells.
+// A send may find a NIC gone before the kernel's event comes.
 bool Node::Impl::lose_gone_links() {
   const auto gone = outbox_.take_gone();
   for (const auto& [id, error] : gone) links_.lost(id, error);
@@ -100,7 +102,7 @@ void Node::Impl::repeat_statistics(TimePoint due) {
   if (!handlers.statistics) return;
   at(due, [this, due] {
     handlers.statistics(statistics());
-    // On time on average, but never twice at once after a long handler.
+    // The interval is kept on average, but a long handler is not followed by two calls at once.
     repeat_statistics(std::max(saturating_add(due, statistics_interval_), io::now()));
   });
 }

@@ -40,7 +40,7 @@ void LinkSet::add_named(const NodeLink& link) {
   add(link, false);
 }
 
-// Nothing, if no rule wants it or it is a link already.
+// Makes a link of the NIC if a rule matches it and it is no link yet; else nullptr.
 LinkSet::Link* LinkSet::add_by_rule(const io::Nic& nic) {
   if (has_link_on(nic.name)) return nullptr;
   for (const NodeNicRule& rule : options_.rules) {
@@ -84,7 +84,7 @@ LinkSet::Link* LinkSet::find(LinkId id) const {
   return it == links_.end() ? nullptr : it->get();
 }
 
-// A node that cannot reach anybody is rather told of it than left waiting.
+// Throws when no link could be opened: the caller should learn that the node reaches nobody.
 void LinkSet::refuse_nothing_open() const {
   if (std::ranges::any_of(links_, [](const auto& link) { return link->transport != nullptr; })) {
     return;
@@ -121,7 +121,8 @@ bool LinkSet::try_open(Link& link) {
   } catch (const std::exception& error) {
     link.reason = error.what();
   }
-  close(link);  // what was half open
+  // Undo what was half open.
+  close(link);
   return false;
 }
 

@@ -20,11 +20,13 @@ namespace interneuron {
 
 // A card whose carrier came back is left alone for so long: the other end attaches its queue a few
 // milliseconds after ours, plugs bounce, and an ARP request that is lost is repeated only after a
-// second (net.ipv4.neigh.*.retrans_time_ms). Chosen: a tenth of that second.
+// second (net.ipv4.neigh.*.retrans_time_ms). No measurement behind this value: it only has to be
+// larger than those milliseconds and small against that second.
 inline constexpr Duration kSettle = std::chrono::milliseconds(100);
 // How soon a ready NIC that could not be opened is tried again, and after how long the NICs are
-// looked at once more after a change, because the kernel removes some routes without a word.
-// Chosen: well within the second in which a link that is back must be used.
+// looked at once more after a change, because the kernel removes some routes without an event. No
+// measurement behind this value: it only has to be well within the second in which a link that is
+// back must be used.
 inline constexpr Duration kRecheck = std::chrono::milliseconds(200);
 
 class LinkSet {
@@ -33,11 +35,15 @@ class LinkSet {
     NodeLink options;
     bool by_rule = false;
     NicState state = NicState::kAbsent;
-    std::string reason;  // of the state, or why a ready NIC is not used
+    // Why the NIC is in this state, or why a ready NIC is not used.
+    std::string reason;
     LinkInfo info;
-    std::unique_ptr<Transport> transport;  // empty while the NIC cannot be used
+    // Empty while the NIC cannot be used.
+    std::unique_ptr<Transport> transport;
     TimePoint carrier_since = TimePoint::min();
-    std::uint16_t port = 0;  // once opened: the same again, so that peers find us
+    // The port that the link had when it was first opened; it is bound again each time, so that
+    // peers find us. 0 before.
+    std::uint16_t port = 0;
   };
 
   // Whom the set tells of what happens to its links.
@@ -45,19 +51,22 @@ class LinkSet {
    public:
     virtual ~User() = default;
     virtual void link_opened(Link& link) = 0;
-    virtual void link_closing(Link& link) = 0;  // its transport still exists
+    // The link's transport still exists during this call.
+    virtual void link_closing(Link& link) = 0;
     virtual void nic_changed(const NicChanged& change) = 0;
   };
 
-  // `user` hears of what happens from update() on; links that are open now are found in links().
+  // Opens the links whose NICs are ready. `user` must outlive the set and is told of what happens
+  // from the first update() on; the links that the constructor opened are found in links().
   LinkSet(const NodeOptions& options, User& user);
 
   // Readable when update() should be called.
   int native_handle() const { return monitor_.native_handle(); }
-  // Takes in what the kernel says of the NICs, opens what is ready, tries again what failed. Says
-  // when there is reason to call it again without a word of the kernel.
+  // Takes in what the kernel says of the NICs, opens links whose NICs have become ready and tries
+  // those again that failed. Returns when there is reason to call it again although the kernel says
+  // nothing.
   std::optional<TimePoint> update(TimePoint now);
-  // A send found the NIC gone (errno); the kernel's word follows.
+  // A send failed with this errno because the NIC is gone; the kernel's event follows later.
   void lost(LinkId link, int error);
 
   const std::vector<std::unique_ptr<Link>>& links() const { return links_; }
@@ -71,8 +80,10 @@ class LinkSet {
   std::optional<LinkId> free_id() const;
   bool has_link_on(std::string_view nic) const;
   void refuse_nothing_open() const;
-  void open(Link& link);      // throws
-  bool try_open(Link& link);  // does not
+  // Throws IoError.
+  void open(Link& link);
+  // The same; a failure becomes the link's reason.
+  bool try_open(Link& link);
   void close(Link& link);
   std::optional<TimePoint> open_ready(TimePoint now);
   void apply(TimePoint now, const io::NicEvent& event);
@@ -81,9 +92,11 @@ class LinkSet {
   NodeOptions options_;
   User& user_;
   io::LinkMonitor monitor_;
-  std::vector<std::unique_ptr<Link>> links_;  // their addresses stay
+  // Pointers, so that a Link stays where it is when others come and go.
+  std::vector<std::unique_ptr<Link>> links_;
   std::vector<std::string> warnings_;
-  bool telling_ = false;  // set-up is over
+  // Whether the user is told of changes: not during the set-up.
+  bool telling_ = false;
 };
 
 }  // namespace interneuron

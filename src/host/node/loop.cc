@@ -16,14 +16,17 @@ namespace {
 using boost::asio::posix::stream_descriptor;
 using boost::system::error_code;
 
-constexpr int kReceivesPerTurn =
-    8;  // chosen: up to 8 MiB; what is left makes the socket readable again
-// The endpoint is asked for output at least this often, because an acknowledgement tells of a
-// bounded number of packets (kAckWindow of src/core/wire/packet.h) while a batch may hold 2000.
-// Chosen: an eighth of it.
+// Batches received per turn, up to 8 MiB; what is left makes the socket readable again.
+constexpr int kReceivesPerTurn = 8;
+// The endpoint is asked for output after so many datagrams, because an acknowledgement tells of a
+// bounded number of packets (kAckWindow of src/core/wire/packet.h) while a batch may hold 2000. An
+// eighth of that window.
 constexpr int kInputsPerCollect = 32;
-constexpr int kPassesPerTurn = 16;  // chosen; a turn that is not done then is followed by another
-// Chosen: how soon what is due is tried again while a full link holds it up.
+// Passes per turn over sending, telling and time-outs; a turn that is not done then is followed by
+// another, so that sockets and tasks get their share.
+constexpr int kPassesPerTurn = 16;
+// How soon what is due is tried again while a full link holds it up. No measurement behind this
+// value: it only has to be short against kStallPatience.
 constexpr Duration kBlockedRetry = std::chrono::microseconds(200);
 
 // TimePoint and steady_clock both read CLOCK_MONOTONIC. Far instants are cut, because the clock
@@ -59,14 +62,15 @@ Node::Impl::Impl(NodeOptions&& options, const EndpointOptions& endpoint)
 
 Node::Impl::~Impl() { shut_down(); }
 
-// Harmless when repeated. Afterwards no thread but the caller's is in this object.
+// Harmless when repeated. Afterwards only the caller's thread uses this object.
 void Node::Impl::shut_down() {
   computation_.stop();
   backup_.stop();
   error_code ignored;
   signals_.cancel(ignored);
   signals_.clear(ignored);
-  for (const SharedPort& port : ports_) {  // the descriptors are the transports'
+  // The descriptors belong to the transports, which close them.
+  for (const SharedPort& port : ports_) {
     if (port->watcher.is_open()) port->watcher.release();
   }
   if (nic_watcher_.is_open()) nic_watcher_.release();
@@ -81,7 +85,8 @@ void Node::Impl::run() {
     repeat_statistics(saturating_add(io::now(), statistics_interval_));
     if (!context_.stopped()) turn();
     context_.run();
-    outbox_.pump(io::now(), *this);  // what can leave at once still does
+    // What can leave at once still does.
+    outbox_.pump(io::now(), *this);
   } catch (...) {
     context_.stop();
     shut_down();
@@ -106,7 +111,8 @@ void Node::Impl::at(TimePoint time, Task task) {
   waiting.async_wait(
       [this, time, task = std::move(task), timer = std::move(timer)](const error_code& error) {
         if (error) return;
-        if (io::now() < time) return at(time, task);  // it was too far away for one wait
+        // The instant was too far away for one wait.
+        if (io::now() < time) return at(time, task);
         enter(task);
       });
 }
@@ -156,7 +162,7 @@ void Node::Impl::on_readable(const SharedPort& port) {
 
 void Node::Impl::on_timer() {
   armed_.reset();
-  // What has arrived comes before what is due at the same instant.
+  // Datagrams that have arrived come before time-outs of the same instant.
   for (const SharedPort& port : ports_) receive(*port);
   turn();
 }
@@ -195,7 +201,8 @@ void Node::Impl::turn() {
   arm(more);
 }
 
-// Until there is nothing to send, to tell or to time out; or the turn's share is used up.
+// Sends, tells events and handles time-outs until there is nothing left to do or the turn's share
+// is used up.
 Outbox::More Node::Impl::settle() {
   for (int pass = 1;; ++pass) {
     const Outbox::More more = outbox_.pump(io::now(), *this);
@@ -251,7 +258,8 @@ void Node::Impl::arm(Outbox::More more) {
   if (const auto unblock = outbox_.next_timeout(now); unblock && (!next || *unblock < *next)) {
     next = unblock;
   }
-  if (!next || (armed_ && *armed_ <= *next)) return;  // an early wake-up is harmless
+  // The timer may stay armed for an earlier instant: an early wake-up is harmless.
+  if (!next || (armed_ && *armed_ <= *next)) return;
   armed_ = next;
   timer_.expires_at(as_expiry(*next));
   timer_.async_wait([this](const error_code& error) {

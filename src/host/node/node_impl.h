@@ -67,7 +67,8 @@ class Node::Impl : private Outbox::Source, private LinkSet::User {
   // because a wait that is over may be handled after the socket was closed.
   struct Port {
     LinkId link{};
-    Transport* transport = nullptr;  // empty once closed
+    // nullptr once closed.
+    Transport* transport = nullptr;
     boost::asio::posix::stream_descriptor watcher;
     bool waits_for_write = false;
   };
@@ -108,7 +109,8 @@ class Node::Impl : private Outbox::Source, private LinkSet::User {
   boost::asio::io_context context_{1};
   boost::asio::executor_work_guard<boost::asio::io_context::executor_type> work_;
   boost::asio::steady_timer timer_;
-  std::optional<TimePoint> armed_;  // when the timer will fire
+  // When the timer will fire; nothing while it is not armed.
+  std::optional<TimePoint> armed_;
   boost::asio::signal_set signals_;
   std::atomic<int> signal_{0};
   SessionId session_;
@@ -122,7 +124,7 @@ class Node::Impl : private Outbox::Source, private LinkSet::User {
   Duration statistics_interval_{};
   bool turn_posted_ = false;
   bool ran_ = false;
-  // Last, so that they end first.
+  // Members are destroyed in reverse order: the workers end before what their jobs refer to.
   Workers computation_;
   Workers backup_;
 };

@@ -26,7 +26,7 @@ const Outbox::Link* Outbox::find(LinkId link) const {
   return const_cast<Outbox*>(this)->find(link);
 }
 
-// Takes over what was written into the spare buffer.
+// Puts the datagram in the spare buffer at the end of the link's queue.
 void Outbox::push(TimePoint now, Link& link, const Transmit& transmit) {
   if (link.full()) {
     link.first = (link.first + 1) % link.slots.size();
@@ -55,7 +55,7 @@ void Outbox::flush(TimePoint now, Link& link) {
   link.blocked = result.would_block;
 }
 
-// Some link is full, and not for so long that it counts as stalled.
+// Whether some link is full, but not yet for so long that it counts as stalled.
 bool Outbox::must_pause(TimePoint now) {
   for (Link& link : links_) {
     if (!link.full()) continue;

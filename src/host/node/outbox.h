@@ -21,11 +21,12 @@
 
 namespace interneuron {
 
-// Per link; chosen: a raw frame of 512 KB is 375 datagrams.
+// Datagrams that wait per link: a raw frame of 512 KB is 375 of them.
 inline constexpr std::size_t kQueueDatagrams = 512;
-// Per pump(), so that receiving is not starved; chosen: about 100 us of sending.
+// Datagrams sent per pump(), so that receiving is not starved: they take about 100 us.
 inline constexpr std::size_t kDatagramsPerTurn = 256;
-// Chosen: short against any deadline, long against the gaps of a busy link.
+// How long a full link may hold up the others. No measurement behind this value: it only has to be
+// short against any deadline and long against the pauses of a busy link.
 inline constexpr Duration kStallPatience = std::chrono::milliseconds(5);
 
 class Outbox {
@@ -38,9 +39,12 @@ class Outbox {
   };
 
   enum class More {
-    kNo,       // the source has nothing for now
-    kNow,      // the turn is used up: call pump() again after receiving
-    kBlocked,  // wait for a link of blocked() to become writable, or for next_timeout()
+    // The source has nothing for now.
+    kNo,
+    // The turn's share is used up: call pump() again after receiving.
+    kNow,
+    // Wait for a link of blocked() to become writable, or for next_timeout().
+    kBlocked,
   };
 
   Outbox() : spare_(std::make_unique<Buffer>()) {}
@@ -51,20 +55,23 @@ class Outbox {
 
   // Takes what the source has, a turn's share of it, and sends what can be sent.
   More pump(TimePoint now, Source& source);
-  // The same without sending, for between two inputs of a batch.
+  // The same without sending, for use between two inputs of a batch.
   More collect(TimePoint now, Source& source);
   // The link's transport is writable again.
   void writable(TimePoint now, LinkId link);
 
-  // Is waiting for its transport to be writable.
+  // Whether the link waits for its transport to become writable.
   bool blocked(LinkId link) const;
-  // When pump() has reason to be called although nothing became writable: after `now`, or never.
+  // When there is reason to call pump() although nothing became writable: an instant after `now`,
+  // or nothing for never.
   std::optional<TimePoint> next_timeout(TimePoint now) const;
   // Links whose NIC vanished (errno), each reported once.
   std::vector<std::pair<LinkId, int>> take_gone();
 
+  // Datagrams that wait.
   std::size_t queued(LinkId link) const;
-  std::uint64_t stalled(LinkId link) const;  // datagrams that gave way to newer ones
+  // Datagrams that were dropped because newer ones took their place.
+  std::uint64_t stalled(LinkId link) const;
 
  private:
   using Buffer = std::array<std::byte, kMaxDatagramBytes>;
@@ -81,7 +88,9 @@ class Outbox {
     std::size_t first = 0;
     std::size_t count = 0;
     bool blocked = false;
-    TimePoint progress_at{};  // when the transport last took something, or the queue began
+    // When the transport last took something or, after that, when the queue began.
+    TimePoint progress_at{};
+    // The errno of a send that found the NIC gone; 0: none.
     int gone = 0;
     std::uint64_t stalled = 0;
 
@@ -96,7 +105,9 @@ class Outbox {
   bool must_pause(TimePoint now);
 
   std::vector<Link> links_;
-  std::unique_ptr<Buffer> spare_;  // what the source writes into before the link is known
+  // The source writes into this buffer, because only then the link is known; it then changes places
+  // with the buffer of the link's next free slot.
+  std::unique_ptr<Buffer> spare_;
   std::array<Outgoing, kQueueDatagrams> batch_;
 };
 

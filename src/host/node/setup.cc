@@ -13,8 +13,9 @@ namespace interneuron {
 
 namespace {
 
-constexpr std::size_t kMaxWorkers =
-    64;  // per queue; chosen: more than any machine we know runs at once
+// Threads per queue. No measurement behind this value: it only has to be larger than the processors
+// of a vehicle or a roadside unit.
+constexpr std::size_t kMaxWorkers = 64;
 
 void check_workers(std::size_t count, const char* name) {
   if (count >= 1 && count <= kMaxWorkers) return;

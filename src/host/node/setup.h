@@ -29,7 +29,8 @@ struct OpenedLink {
 };
 struct Binding {
   std::uint16_t port = 0;
-  std::optional<Address> source{};  // where NodeLink::local_address says nothing
+  // The address to bind where NodeLink::local_address says nothing.
+  std::optional<Address> source{};
 };
 // Opens the socket of one link. If the port is taken and the options name none, it gets another.
 OpenedLink open_link(const NodeOptions& options, const NodeLink& link, const io::Nic& nic,

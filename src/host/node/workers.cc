@@ -23,7 +23,8 @@ void Workers::submit(std::function<void()> job) {
 }
 
 void Workers::stop() {
-  std::deque<std::function<void()>> dropped;  // destroyed without the lock
+  // Destroyed without the lock, because a job's destructor may do anything.
+  std::deque<std::function<void()>> dropped;
   {
     const std::lock_guard lock(mutex_);
     stopping_ = true;

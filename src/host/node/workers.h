@@ -1,6 +1,8 @@
-// A queue of jobs and the threads that run them, first come, first served.
+// A queue of jobs and the threads that run them, in the order in which the jobs came. The queue is
+// not bounded.
 //
-// submit() and stop() belong to one thread. Jobs must not throw.
+// submit() and stop() belong to one thread, the loop thread of a Node. Jobs run on the workers'
+// threads and must not throw: an exception would end the process.
 #pragma once
 
 #include <condition_variable>
@@ -29,8 +31,9 @@ class Workers {
 
   std::mutex mutex_;
   std::condition_variable wake_;
-  std::deque<std::function<void()>> jobs_;  // guarded by mutex_
-  bool stopping_ = false;                   // guarded by mutex_
+  // mutex_ guards both.
+  std::deque<std::function<void()>> jobs_;
+  bool stopping_ = false;
   std::vector<std::thread> threads_;
 };
 

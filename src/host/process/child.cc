@@ -14,8 +14,9 @@ namespace interneuron::cli {
 
 namespace {
 
-constexpr Duration kNap = std::chrono::milliseconds(10);    // chosen
-constexpr Duration kPassOnAfter = std::chrono::seconds(1);  // chosen
+constexpr Duration kNap = std::chrono::milliseconds(10);  // chosen
+// No measurement behind this value: it only has to be larger than what a program takes to tidy up.
+constexpr Duration kPassOnAfter = std::chrono::seconds(1);
 
 }  // namespace
 
@@ -27,7 +28,7 @@ Child& Child::operator=(Child&& other) noexcept {
   return *this;
 }
 
-// A process that was reaped has no number any more: somebody else may have it.
+// A process that was reaped must not be signalled any more: its number may be another process's.
 std::optional<int> Child::ended() {
   if (pid_ <= 0) return code_.value_or(kFine);
   int status = 0;

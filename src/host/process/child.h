@@ -1,4 +1,4 @@
-// A process that we started and reap.
+// A process that this program started and will reap.
 #pragma once
 
 #include <sys/types.h>
@@ -10,8 +10,8 @@
 
 namespace interneuron::cli {
 
-// Ended and reaped at the latest by the destructor. Exit codes are the process's own, or 128 + the
-// signal that ended it. Thread-compatible.
+// Owns a child process: the destructor ends and reaps it at the latest. Exit codes are the
+// process's own, or 128 + the signal that ended it. Thread-compatible.
 class Child {
  public:
   explicit Child(pid_t pid) : pid_(pid) {}
@@ -19,11 +19,12 @@ class Child {
   Child(Child&& other) noexcept;
   Child& operator=(Child&& other) noexcept;
 
-  // Waits for its end, however long it takes. A signal that our SignalWatch notes meanwhile is
-  // passed on as one SIGTERM, a second later: a terminal's Ctrl-C has reached it already, and it
-  // may be tidying up.
+  // Waits for its end, however long it takes, and returns its exit code. A signal that our
+  // SignalWatch notes meanwhile is passed on as one SIGTERM, a second later, because a terminal's
+  // Ctrl-C has reached the child already and it may be tidying up.
   int wait();
-  // Sends the signal; after the grace SIGKILL. Harmless when it has ended.
+  // Sends the signal and, if it has not ended after the grace, SIGKILL; returns its exit code.
+  // Harmless when it has ended.
   int end(int signal = SIGTERM, Duration grace = std::chrono::seconds(10));
   // Its exit code if it has ended by now.
   std::optional<int> ended();

@@ -6,15 +6,16 @@
 
 namespace interneuron::cli {
 
+// Exit codes. kCannotHere: this machine lacks what the command needs (tests count as skipped).
 inline constexpr int kFine = 0;
 inline constexpr int kFailed = 1;
 inline constexpr int kUsage = 2;
 inline constexpr int kConfiguration = 3;
 inline constexpr int kObjectiveMissed = 4;
 inline constexpr int kPrivilege = 5;
-inline constexpr int kCannotHere = 77;  // this machine lacks what it takes
+inline constexpr int kCannotHere = 77;
 
-// what() is one line that names the thing and the remedy.
+// Ends the command with this exit code. what() is one line that names the thing and the remedy.
 class Failure : public std::runtime_error {
  public:
   Failure(int code, const std::string& what) : std::runtime_error(what), code_(code) {}

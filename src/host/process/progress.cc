@@ -17,7 +17,7 @@
 namespace interneuron::cli::eval {
 namespace {
 
-// How often a terminal's line is written again; chosen.
+// How often a terminal's line is written again: often enough to look alive.
 constexpr auto kTick = std::chrono::milliseconds(50);
 
 }  // namespace

@@ -1,4 +1,4 @@
-// Long work on all processors, with a word on stderr of how far it is. Ctrl-C ends it.
+// Long work on all processors, which says on stderr how far it is. Ctrl-C ends it.
 #pragma once
 
 #include <cstddef>

@@ -10,7 +10,8 @@ namespace interneuron::cli {
 
 namespace {
 
-// A signal just before a sleep does not end it, so sleeps are short; chosen.
+// The longest uninterrupted sleep. A signal that comes just before a sleep does not end it, so long
+// sleeps are made of short ones.
 constexpr Duration kNap = std::chrono::milliseconds(20);
 
 volatile std::sig_atomic_t g_last = 0;
@@ -22,10 +23,11 @@ void remember(int signal) { g_last = signal; }
 SignalWatch::SignalWatch() {
   g_last = 0;
   struct sigaction action {};
-  action.sa_handler = remember;  // no SA_RESTART: a sleep ends
+  // Without SA_RESTART a signal ends the sleep that it comes in.
+  action.sa_handler = remember;
   for (std::size_t i = 0; i < kSignals.size(); ++i) {
     ::sigaction(kSignals[i], nullptr, &old_[i]);
-    // `nohup` has it ignored, and means it.
+    // `nohup` starts programs with SIGHUP ignored, and it stays so.
     const bool keep = kSignals[i] == SIGHUP && old_[i].sa_handler == SIG_IGN;
     if (!keep) ::sigaction(kSignals[i], &action, nullptr);
   }

@@ -1,4 +1,4 @@
-// SIGINT, SIGTERM and SIGHUP as a question, for commands with a loop of their own.
+// SIGINT, SIGTERM and SIGHUP for commands with a loop of their own, which ask whether one has come.
 #pragma once
 
 #include <array>
@@ -8,8 +8,9 @@
 
 namespace interneuron::cli {
 
-// While it lives, the signals end nothing but the sleep they come in; last() tells the newest. One
-// at a time.
+// While a SignalWatch lives, these signals do not end the process: they only interrupt sleep(), and
+// last() tells the newest one. At most one may live at a time. sleep() belongs to one thread;
+// last() and check() may be called from any.
 class SignalWatch {
  public:
   SignalWatch();
@@ -17,10 +18,11 @@ class SignalWatch {
   SignalWatch(const SignalWatch&) = delete;
   SignalWatch& operator=(const SignalWatch&) = delete;
 
-  static int last();  // 0: none yet
+  // The number of the newest signal; 0: none has come.
+  static int last();
   // Throws Failure (128 + signal) when there was one.
   static void check();
-  // Sleeps, but not through a signal: then as check().
+  // Sleeps, unless a signal comes: then it throws as check() does.
   static void sleep(Duration length);
 
  private:

@@ -36,7 +36,7 @@ Capture::~Capture() {
 }
 
 std::unique_ptr<Capture> start_capture(const CLI::App& program, const std::string& file) {
-  // Programs that this one starts inherit the environment; each would write the same file.
+  // Programs that this one starts inherit the environment; each of them would write the same file.
   ::unsetenv(kPcapVariable);
   if (file.empty()) return nullptr;
   const auto given = [&program](const char* name) { return program.got_subcommand(name); };

@@ -1,8 +1,7 @@
 // Configuration files: TOML whose keys are the long options of a command, with underscores for
-// dashes
-// (`deadline_ms = 130` is `--deadline-ms 130`), so that each setting is defined, described and
-// checked in one place; links may also be tables (link_options.h). What the command line gives wins
-// over the file.
+// dashes (`deadline_ms = 130` is `--deadline-ms 130`), so that each setting is defined, described
+// and checked in one place; links may also be tables (link_options.h). An option on the command
+// line wins over the file.
 #pragma once
 
 #include <CLI/CLI.hpp>

@@ -15,8 +15,9 @@
 namespace interneuron::cli {
 namespace {
 
-constexpr int kMaxPriority = 255;    // chosen: more than one host has NICs
-constexpr double kMaxCapMbit = 1e6;  // 1 Tbit/s; chosen: beyond any NIC
+constexpr int kMaxPriority = 255;  // chosen: more than one host has NICs
+// 1 Tbit/s, beyond any NIC.
+constexpr double kMaxCapMbit = 1e6;
 
 struct Role {
   std::string_view name;
@@ -25,7 +26,8 @@ struct Role {
 constexpr Role kRoles[] = {
     {"normal", LinkRole::kNormal}, {"backup", LinkRole::kBackup}, {"never", LinkRole::kNever}};
 
-// What an attribute is called, also in the file but for the rate cap, whose key carries its unit.
+// The names of the attributes. The configuration file uses the same, except for the rate cap, whose
+// key carries its unit.
 const std::vector<std::string_view> kAttributes = {"role", "priority", "metered", "rate_cap",
                                                    "trusted"};
 constexpr std::string_view kRoleRange = "give normal, backup or never";
@@ -73,7 +75,7 @@ std::optional<DataRate> rate_of_text(std::string_view text) {
   } else if (number->second != "mbit") {
     return std::nullopt;
   }
-  // Rounded: 0.123 Mbit/s is 123000 bit/s, not 122999.
+  // Rounded, so that 0.123 Mbit/s is 123000 bit/s and not 122999.
   const DataRate rate{std::llround(std::min(mbit, kMaxCapMbit) * 1e6)};
   if (rate.bits_per_second <= 0) return std::nullopt;
   return rate;

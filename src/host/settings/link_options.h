@@ -38,7 +38,8 @@ enum class LinkPeer { kNamed, kNone };
 
 struct LinkOption {
   std::string nic;
-  std::string peer;  // empty with LinkPeer::kNone
+  // Empty with LinkPeer::kNone.
+  std::string peer;
   LinkTraits traits;
   friend bool operator==(const LinkOption&, const LinkOption&) = default;
 };

@@ -8,7 +8,8 @@
 
 namespace interneuron::cli {
 
-inline constexpr std::uint16_t kDefaultPort = 47000;  // of `interneuron road`
+// The port of `interneuron road`.
+inline constexpr std::uint16_t kDefaultPort = 47000;
 
 // 192.0.2.7, 192.0.2.7:47000, 2001:db8::7, [2001:db8::7], [2001:db8::7]:47000, or a name that the
 // host's resolver knows (its first address), with or without a port. Throws Failure (1 unknown

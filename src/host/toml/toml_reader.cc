@@ -78,8 +78,8 @@ std::optional<std::string_view> nearest_word(std::string_view word,
   std::optional<std::string_view> best;
   std::size_t best_distance = 0;
   bool best_beginning = false;
-  // Further than a third of the word is another word, not a slip; unless it is the beginning of
-  // one.
+  // More than a third of the letters changed makes another word and not a slip of the finger,
+  // unless the word is the beginning of the other one.
   const std::size_t limit = std::max<std::size_t>(2, word.size() / 3);
   for (const std::string_view candidate : known) {
     const std::size_t distance = edit_distance(word, candidate);

@@ -1,6 +1,7 @@
 // Reads keys of one TOML document into numbers and strings, and says precisely what is wrong: file,
-// line, column, key and remedy. Thread-compatible; pure. The first error
-// sticks: every function returns false from then on.
+// line, column, key and remedy. The first error stays: every function returns false from then on,
+// so that a reader may read all its keys and ask for error() once. Profiles, scenarios and the
+// configuration file are read with it. Thread-compatible; pure.
 #pragma once
 
 #include <toml++/toml.h>
@@ -18,18 +19,21 @@ namespace interneuron::emu {
 // pure number).
 struct NumberKey {
   std::string_view name;
-  std::string_view meaning;  // for "missing key"
+  // What the key means, for the message that it is missing.
+  std::string_view meaning;
   double min = 0;
   double max = 0;
   std::string_view unit;
-  bool optional = false;  // when absent, the target keeps its value
-  bool whole = false;     // no fractions
+  // The key may be absent; the target then keeps its value.
+  bool optional = false;
+  // Fractions are refused.
+  bool whole = false;
 };
 
 // "0 to 60000 ms".
 std::string range_text(const NumberKey& key);
-// What is wrong with a value, as " = 70000 is out of range, must be 0 to 60000 ms"; nothing if
-// fine.
+// What is wrong with a value, as " = 70000 is out of range, must be 0 to 60000 ms"; nothing when it
+// is within the range.
 std::optional<std::string> range_error(const NumberKey& key, double value);
 
 class TomlReader {
@@ -50,7 +54,7 @@ class TomlReader {
   bool number(const Section& section, const NumberKey& key, double& target);
   bool text(const Section& section, std::string_view key, std::string_view example,
             std::string& target);
-  // 64 bits, which a double cannot hold; optional.
+  // A number of 64 bits, which a double cannot hold; may be absent.
   bool seed(const Section& section, std::string_view key, std::uint64_t& target);
   // [[first, second], …], optional; each number within its key's range.
   bool pairs(const Section& section, std::string_view key, const NumberKey& first,
@@ -77,7 +81,7 @@ class TomlReader {
 // "22", "0.0001": shortest form, for messages.
 std::string number_text(double value);
 
-// The member of `known` most like `word`, if it is like it at all.
+// The member of `known` that is most like `word`, or nothing if none is like it.
 std::optional<std::string_view> nearest_word(std::string_view word,
                                              const std::vector<std::string_view>& known);
 
