@@ -74,7 +74,8 @@ std::optional<StampReply> parse_stamp_reply(ByteView datagram);
 // asserted. A request is padded with zeros to `size`, at least kStampBytes.
 std::size_t write_stamp_request(std::span<std::byte> out, const StampRequest& request,
                                 std::size_t size);
-// `beyond` is what the request had behind its first 44 bytes; it is reflected as it came (§4.3).
+// `beyond` is what the request had behind its first 44 bytes; it is reflected as it came (RFC 8762
+// §4.3).
 std::size_t write_stamp_reply(std::span<std::byte> out, const StampReply& reply, ByteView beyond);
 
 // The 44 bytes alone, for packets that carry them inside (docs/wire_format.md, "Echo (type 4)").
