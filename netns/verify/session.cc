@@ -11,6 +11,7 @@
 #include "host/process/failure.h"
 #include "host/process/signals.h"
 #include "netns/testbed/testbed.h"
+#include "netns/verify/effort.h"
 #include "netns/verify/processes.h"
 #include "netns/verify/testbed_reading.h"
 #include "netns/verify/tools.h"
@@ -23,37 +24,14 @@ using netns::Testbed;
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
-constexpr Duration kToolStart = seconds(5);      // a loaded machine starts tcpdump within one
-constexpr Duration kIperfStart = seconds(10);    // 10 round trips of 1 s at the most
-constexpr Duration kIperfPatience = seconds(2);  // and ten round trips
-constexpr Duration kRateTime = milliseconds(3500);
-constexpr double kOffered = 1.15;           // of the scheduled rate
-constexpr std::size_t kRatePayload = 1400;  // bytes
-constexpr double kMostMbit = 600;  // what namespaces, emulator and tcpdump carry on two CPUs
-constexpr double kMostAtOnceMbit = 500;
-constexpr double kWantedPackets = 52'500;  // per direction: 50,000 and those at the edges
-constexpr double kFewestPerSecond = 300;
-constexpr double kMostPerSecond = 5000;  // of four such flows a busy machine has enough
-constexpr double kSmallShare = 0.25;     // of the rate at most, so that hardly a queue builds up
-// Bursts of five packets make loss vary three times as much as single losses do (chance_of_loss()),
-// and a thousand bursts are wanted: four times as many packets halve the one and make the other.
-constexpr double kBurstyFactor = 4;
-constexpr Duration kShortestWindow = seconds(5);
-constexpr Duration kCaptureFlush = milliseconds(1300);  // tcpdump takes a block after 1 s
-constexpr Duration kLongestDrain = seconds(5);
-constexpr Duration kEdge = milliseconds(200);  // of the window, where flows start and stop
-constexpr std::uint64_t kFlowingPackets = 60;  // more than iperf3 needs to agree with its peer
-constexpr Duration kClockStep = milliseconds(1);
-constexpr Duration kLookBack = seconds(3);  // longer than packets travel
-
-// A flow of iperf3 that runs.
+// A flow of iperf3 that runs, on the link at position `slot` of SessionOptions::links.
 struct Running {
   IperfFlow flow;
-  std::size_t slot = 0;  // which of the session's links
+  std::size_t slot = 0;
   Process server;
   Process client;
 
-  // Sender first, so that it does not complain to a peer that has gone.
+  // Ends the sender first; otherwise it would report an error as its peer has gone.
   void end() {
     Process& sender = flow.direction == Direction::kUp ? client : server;
     sender.end(SIGTERM);
@@ -62,6 +40,9 @@ struct Running {
   }
 };
 
+// One run of verify: starts and ends the tools and collects their output as evidence. All times
+// that leave it are since the epoch of the links. A `slot` is a position in SessionOptions::links.
+// Its processes and its temporary folder end with it, also when an exception is thrown.
 class Session {
  public:
   Session(const netns::State& state, const SessionOptions& options,
@@ -114,7 +95,7 @@ class Session {
     return {state_, host, argv, folder_, name};
   }
 
-  // Returns at once; await_start() before anything is sent.
+  // Starts tcpdump and returns at once; it may miss packets sent before await_start() has returned.
   Process capture(netns::Host host, const netns::TestbedLink& where,
                   const std::vector<std::uint16_t>& ports, bool both_ways) {
     return start(host, tcpdump(where.nic, ports, both_ways), fmt::format("tcpdump{}", ++names_));
@@ -148,7 +129,8 @@ class Session {
   std::vector<LinkEvidence> evidence_;
 };
 
-// Ends tcpdump and reads what it saw, in the time of the links.
+// Ends tcpdump and reads what it captured, with times since the epoch of the links. Adds to `drops`
+// what tcpdump missed.
 std::vector<Datagram> Session::finish(Process& process, std::uint64_t& drops) {
   process.end(SIGINT);
   auto records = parse_capture(process.output());
@@ -163,17 +145,19 @@ std::vector<Datagram> Session::finish(Process& process, std::uint64_t& drops) {
   return std::move(*records);
 }
 
-// Since `from` (of CLOCK_MONOTONIC), and somewhat before.
+// The schedule of a link from kLookBack before `from` (of CLOCK_MONOTONIC) until now.
 Schedule Session::schedule(std::size_t slot, Duration from) const {
   return Schedule(Testbed::schedule(state_, options_.links[slot],
                                     std::max(Duration{}, from - epoch_ - kLookBack),
                                     monotonic() - epoch_));
 }
 
-// Servers first, all at once, as starting a program takes its time on a busy machine.
+// Starts the servers of all flows at once and then their clients, as starting one program after the
+// other takes seconds on a busy machine.
 Session::Flows Session::start_flows(const std::vector<std::pair<std::size_t, IperfFlow>>& wanted,
                                     Duration length) {
-  const auto bound = static_cast<int>(length / seconds(1)) + 60;  // far beyond; it is ended
+  // Clients are ended from here; the bound only ends those that this process leaves when it dies.
+  const auto bound = static_cast<int>(length / seconds(1)) + 60;
   std::vector<Process> servers;
   for (const auto& [slot, flow] : wanted) {
     servers.push_back(
@@ -190,9 +174,9 @@ Session::Flows Session::start_flows(const std::vector<std::pair<std::size_t, Ipe
   return flows;
 }
 
-// Until all flows have packets on their links. iperf3 agrees with its peer by one datagram each way
-// and waits for ever when one is lost, so it is started anew then. What has no packets by the bound
-// fails by itself.
+// Waits until all flows have packets on their links. iperf3 agrees with its peer by one datagram
+// each way and waits for ever when either is lost, so a flow that stays silent is started anew. A
+// flow without packets after kIperfStart is left as it is; failure_of() then says why.
 void Session::await_traffic(Flows& flows, const netns::Snapshot& before) {
   const Duration bound = elapsed() + kIperfStart;
   const Duration patience = kIperfPatience + 20 * longest_delay(state_, options_.links);
@@ -213,7 +197,7 @@ void Session::await_traffic(Flows& flows, const netns::Snapshot& before) {
   }
 }
 
-// Empty when it has come as far as sending.
+// Why a flow has not sent; empty once it has sent kFlowingPackets since `before`.
 std::string Session::failure_of(const Running& running, const netns::Snapshot& before) const {
   const netns::Snapshot now = Testbed::snapshot(state_);
   const std::size_t index = options_.links[running.slot];
@@ -224,7 +208,8 @@ std::string Session::failure_of(const Running& running, const netns::Snapshot& b
   return words.starts_with("iperf3: ") ? words : "iperf3 could not connect in time";
 }
 
-// The links' time begins with the first packet; before it there is no schedule.
+// Sends the first packet and waits until the links' time has begun with it: before that there is
+// no schedule.
 void Session::start_time() {
   const Process first = start(vehicle_of(link(0)), ping(link(0)), "first");
   const Duration bound = elapsed() + kToolStart;
@@ -236,7 +221,7 @@ void Session::start_time() {
   }
 }
 
-// In as few batches as the machine can carry.
+// Saturates direction `d` of all links, as many at once as the machine can carry.
 void Session::measure_rates(Direction d) {
   std::vector<std::size_t> batch;
   double sum = 0;
@@ -284,7 +269,7 @@ void Session::measure_batch(Direction d, const std::vector<std::size_t>& slots) 
     direction(slots[i], d).rate.failure = failure_of(flows[i], before);
     flows[i].end();
   }
-  // What waits for the bottleneck, so that the next measurement finds it idle.
+  // The bottleneck's queue drains, so that the next measurement finds it idle.
   wait(milliseconds(500) + std::min(longest_delay(state_, options_.links), kLongestDrain));
   const std::uint64_t kernel_drops = Testbed::snapshot(state_).kernel_drops - before.kernel_drops;
   for (std::size_t i = 0; i < flows.size(); ++i) {
