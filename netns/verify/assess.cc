@@ -30,11 +30,13 @@ std::vector<Sent> traffic_of(const Flow& flow) {
 
 Delays one_way(const Flow& flow, const Course& course) {
   Delays out;
-  Duration latest{};  // arrival of all before
+  // The latest arrival among the packets sent so far.
+  Duration latest{};
   for (std::size_t i = 0; i < flow.packets.size(); ++i) {
     const Flow::Packet& p = flow.packets[i];
     if (!p.arrived) continue;
-    // One that overtook was not meant to take the link's delay; its order is another figure's.
+    // A packet that overtook others was reordered on purpose and did not take the scheduled delay.
+    // The figure "reordered" judges it, not this one.
     const bool overtook = *p.arrived < latest;
     latest = std::max(latest, *p.arrived);
     if (overtook) continue;
@@ -55,14 +57,16 @@ Delays round_trip(const LinkEvidence& e, const Course& up, const Course& down) {
   return out;
 }
 
-// What a packet needs from NIC to NIC without a link: 20 to 60 us (docs/constants.md, "The testbed
-// on a machine"), and as much again for the roadside's hop. Links with less delay than a hundred
-// times that are not told from it.
+// The time that a packet needs from NIC to NIC where the link adds no delay: 20 to 60 us
+// (docs/constants.md, "The testbed on a machine"), and as much again for the hop to the roadside.
+// Where 1 % of a link's delay is less than this, the mean cannot be judged.
 constexpr double kMachineMs = 0.1;
 
-// `passes`: how often a packet goes through the emulator.
+// Makes delay figures milder where the machine explains their excess. `passes`: how often a packet
+// goes through the emulator (1 one way, 2 for a round trip).
 void excuse_lateness(Figure& mean_figure, Figure& error_figure, const Disturbance& d, int passes) {
-  // The mean is that of all links and directions; one of them may fare twice as badly.
+  // The mean is taken over all links and directions; twice that is allowed for a single one.
+  // No measurement is behind the factor 2: it only has to be larger than 1.
   const double late_ms = 2 * d.late_mean_ms * passes;
   if (mean_figure.verdict == Verdict::kFailed) {
     const double beyond = *mean_figure.measured - *mean_figure.target;
@@ -75,7 +79,8 @@ void excuse_lateness(Figure& mean_figure, Figure& error_figure, const Disturbanc
                    fmt::format("the emulator was {:.2f} ms late in the mean", d.late_mean_ms));
     }
   }
-  // With this mean one packet in a hundred may be as late as the bound (Markov's inequality).
+  // By Markov's inequality a mean lateness of a hundredth of the bound is the least at which one
+  // packet in a hundred can be as late as the bound.
   if (error_figure.verdict == Verdict::kFailed && d.late_max_ms > kDelayErrorP99Ms &&
       late_ms >= kDelayErrorP99Ms / 100) {
     inconclusive(error_figure, fmt::format("the emulator was up to {:.1f} ms late", d.late_max_ms));
@@ -108,14 +113,15 @@ void add_loss(const std::string& name, const LinkEvidence& e, Direction directio
   const std::size_t sent = d.flow.packets.size();
   Figure loss =
       judge_loss(name + " loss", 100 * prescribed / static_cast<double>(sent), percent(lost, sent));
-  // Part of both flows and pings: at worst all of them were this flow's.
+  // The kernel does not tell whose frames it dropped: at worst all of them were of this flow.
   const double dropped = percent(e.disturbance.kernel_drops, sent);
   if (loss.verdict == Verdict::kFailed && *loss.difference > 0 &&
       *loss.difference - dropped <= kLossPoints) {
     inconclusive(loss, fmt::format("the kernel dropped {} frames before the emulator",
                                    e.disturbance.kernel_drops));
   }
-  // A right link can be beyond the bound by chance when it is seen for too short a time.
+  // A link that is right can be beyond the bound by chance when few packets were seen: within three
+  // standard deviations, which chance exceeds in 0.3 % of runs, the loss is inconclusive.
   constexpr double kDeviations = 3;
   const double chance =
       100 * chance_of_loss(prescribed / static_cast<double>(sent), d.asked.gilbert_elliott, sent);
@@ -157,6 +163,7 @@ void add_bursts(const std::string& name, const LinkEvidence& e, Direction direct
   out.push_back(std::move(figure));
 }
 
+// Judges events that must not happen unless the profile asks for them.
 Figure judge_none(std::string name, std::size_t count, bool asked) {
   Figure figure;
   figure.name = std::move(name);
@@ -238,7 +245,8 @@ Figure judge_delay_mean(const std::string& name, const std::vector<double>& expe
   figure.difference_unit = "%";
   figure.target = mean(expected_ms);
   figure.measured = mean(measured_ms);
-  // Of a link without delay what a packet needs for the way through the machine is no error of 1 %.
+  // On a link without delay every measured value is the machine's own overhead, so 1 % of the
+  // target is no bound: no verdict.
   if (*figure.target <= 0) return figure;
   figure.difference = 100 * (*figure.measured / *figure.target - 1);
   figure.verdict =

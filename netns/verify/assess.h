@@ -1,9 +1,14 @@
-// From what the tools saw of a link and what its schedule prescribed to figures with verdicts.
-// Pure; thread-compatible.
+// Judges the links of a testbed: compares what ping, iperf3 and tcpdump measured (LinkEvidence,
+// filled by session.h) with what the links' schedule prescribed, and gives one Figure with a
+// verdict per property: delay, loss, length of loss bursts, rate, order, duplicates.
 //
-// A verdict is only ever made milder by a named cause: tcpdump dropped packets, or the emulator's
-// own lateness, the frames that the kernel dropped before it, or chance account for what is beyond
-// the bound. That makes the figure inconclusive, never ok.
+// A figure beyond its bound has failed, unless a named cause explains the excess: tcpdump missed
+// packets, the emulator sent frames late, the kernel dropped frames before the emulator saw them,
+// iperf3 paused, or the sample is so small that chance makes such a difference. Such a cause turns
+// "failed" into "inconclusive", never into "ok".
+//
+// Pure: no clock, no system call. Thread-compatible. No errors: evidence that is missing or
+// too small gives a figure that says so.
 #pragma once
 
 #include <array>
@@ -18,83 +23,121 @@
 
 namespace interneuron::cli::verify {
 
-// The bounds within which a testbed is right.
+// The bounds within which a testbed counts as right; docs/testbed.md promises them to users.
+// Of the mean delay, relative to the scheduled mean.
 inline constexpr double kMeanDelayPercent = 1;
+// The 99th percentile of |measured - scheduled delay| over single packets, in milliseconds.
 inline constexpr double kDelayErrorP99Ms = 2;
+// Of the share of packets lost, in percentage points.
 inline constexpr double kLossPoints = 0.3;
+// Of the rate of a saturated link, relative to the scheduled rate.
 inline constexpr double kRatePercent = 3;
+// Of the mean number of packets in a loss burst, relative to what the profile prescribes.
 inline constexpr double kBurstPercent = 10;
+// With fewer bursts than this their mean length gets no verdict: the lengths are about
+// geometrically distributed, so the standard error of the mean of 1000 is some 3 %.
 inline constexpr std::size_t kBurstsForVerdict = 1000;
-// 99th percentiles and losses of fewer packets say too little: at 5 % the standard error of 10,000
-// is 0.22 points already.
+// With fewer packets a loss is inconclusive: at 5 % loss the standard error of 10,000 packets is
+// 0.22 points already.
 inline constexpr std::size_t kPacketsForVerdict = 10'000;
+// With fewer answered pings the round trip gets no verdict: its 99th percentile would rest on one
+// or two samples.
 inline constexpr std::size_t kPingsForVerdict = 200;
 
 enum class Verdict : std::uint8_t { kOk, kFailed, kNotMeasured, kInconclusive };
-const char* verdict_name(Verdict verdict);  // "ok", "FAILED", "not measured", "inconclusive"
+// "ok", "FAILED", "not measured" or "inconclusive".
+const char* verdict_name(Verdict verdict);
 
+// One judged property of one link: a row of verify's table.
 struct Figure {
-  std::string name;  // "up loss"
-  std::string unit;  // of target and measured: "ms", "%", "Mbit/s", "packets"
+  // For example "up loss".
+  std::string name;
+  // The unit of target and measured: "ms", "%", "Mbit/s" or "packets".
+  std::string unit;
+  // What the schedule prescribes, or the largest value allowed.
   std::optional<double> target;
   std::optional<double> measured;
-  std::optional<double> difference;  // in difference_unit; may be absent where target is a limit
+  // Measured against target, in difference_unit; empty where the target is a largest value.
+  std::optional<double> difference;
   std::string difference_unit;
   Verdict verdict = Verdict::kNotMeasured;
-  std::string note;  // why not ok; one short line
+  // One short line that says why the verdict is not ok; empty otherwise, but for bursts, where it
+  // is their number.
+  std::string note;
 };
 
+// A figure that has no values, only a verdict and its reason.
 Figure without_verdict(std::string name, std::string note, Verdict verdict);
-// Unless it was not measured.
+// Makes the figure inconclusive for the reason `note`; one that was not measured stays as it is.
 void inconclusive(Figure& figure, std::string note);
 
-// What the profile asks of one direction beyond what a schedule holds.
+// What the profile asks of one direction besides delay, loss and rate, which the schedule holds.
 struct Asked {
   bool reorder = false;
   bool duplicate = false;
+  // The chain that makes losses come in bursts; empty where the profile has none.
   std::optional<emu::GilbertElliott> gilbert_elliott;
 };
 
-// What disturbed the testbed itself during a window.
+// What disturbed the testbed itself during a window, so that the links were not as prescribed.
 struct Disturbance {
-  double late_mean_ms = 0;  // of the emulator's frames
-  double late_max_ms = 0;   // since the testbed is up
+  // How long after they were due the emulator sent frames: the mean over the window, and the
+  // largest value since the testbed came up.
+  double late_mean_ms = 0;
+  double late_max_ms = 0;
+  // Frames that the kernel dropped before the emulator or after it.
   std::uint64_t kernel_drops = 0;
 };
 
-// A saturated bottleneck; times since the epoch.
+// One saturated direction of a link: iperf3 offered more than the scheduled rate. All times are
+// since the epoch of the testbed's links.
 struct RateRun {
   Schedule schedule;
+  // What tcpdump saw at the receiving NIC, in order of time.
   std::vector<Datagram> received;
+  // Packets that tcpdump missed.
   std::uint64_t capture_drops = 0;
+  // As in Disturbance.
   std::uint64_t kernel_drops = 0;
-  std::string not_measured;  // why it was not tried, if so
-  std::string failure;       // why nothing came, if known
+  // Why the rate was not tried; empty when it was.
+  std::string not_measured;
+  // Why nothing was received; empty when something was, or when the reason is not known.
+  std::string failure;
 };
 
 struct DirectionEvidence {
-  Flow flow;                 // trimmed to the window
-  std::string not_measured;  // as in RateRun
+  // The numbered datagrams sent within the window.
+  Flow flow;
+  // As in RateRun, of this flow.
+  std::string not_measured;
   std::string failure;
   Asked asked;
-  emu::DirectionStats counted;  // by the testbed itself, during the window
+  // What the testbed itself counted during the window, of all packets of this direction.
+  emu::DirectionStats counted;
   RateRun rate;
 };
 
+// Everything known of one link during the window [from, to). Times are since the epoch of the
+// testbed's links.
 struct LinkEvidence {
-  Schedule schedule;  // of the window and what was in flight
-  Duration from{};    // the window
+  // Of the window, and of some seconds before it in which packets were already in flight.
+  Schedule schedule;
+  Duration from{};
   Duration to{};
-  PingLog pings;  // sent: since the epoch
+  PingLog pings;
   std::size_t ping_ip_bytes = 84;
-  std::array<DirectionEvidence, 2> directions;  // indexed by Direction
+  // Indexed by Direction.
+  std::array<DirectionEvidence, 2> directions;
+  // Packets that tcpdump missed during the window, at both ends.
   std::uint64_t capture_drops = 0;
   Disturbance disturbance;
 };
 
+// All figures of one link.
 std::vector<Figure> assess(const LinkEvidence& evidence);
 
-// The figures' single judgements, for assess().
+// What assess() is made of, public for tests. In the two of delay, element i of both vectors is
+// the same packet.
 Figure judge_delay_mean(const std::string& name, const std::vector<double>& expected_ms,
                         const std::vector<double>& measured_ms);
 Figure judge_delay_error(const std::string& name, const std::vector<double>& expected_ms,
@@ -102,7 +145,8 @@ Figure judge_delay_error(const std::string& name, const std::vector<double>& exp
 Figure judge_loss(const std::string& name, double target_percent, double measured_percent);
 Figure judge_rate(const std::string& name, const RateRun& run, Direction direction);
 
-// All figures of all links: failed if one is, else inconclusive if one is, else ok.
+// The verdict on all figures of all links: failed if one has failed, else inconclusive if one is,
+// else ok. Figures that were not measured do not count.
 Verdict overall(const std::vector<std::vector<Figure>>& links);
 
 }  // namespace interneuron::cli::verify

@@ -48,7 +48,7 @@ std::string with_unit(const std::optional<double>& value, const std::string& uni
 }
 
 std::string target_of(const Figure& figure) {
-  // Of an error the target is a limit.
+  // The target of a delay error is the largest value allowed, not a value to be met.
   const bool limit = figure.target && !figure.difference && figure.unit == "ms";
   return (limit ? "<= " : "") + with_unit(figure.target, figure.unit);
 }

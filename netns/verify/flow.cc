@@ -11,11 +11,13 @@ namespace {
 
 using Record = std::optional<Datagram>;
 
-// iperf3 counts from 1; a corrupted number must not make a table of 4 * 10^9.
+// A corrupted 32-bit number must not make a table of 4 * 10^9 entries. No measurement is behind
+// this value: it only has to be larger than what verify sends, which is below 10^6 packets a flow.
 constexpr std::uint32_t kMostPackets = 100'000'000;
 
 std::uint32_t highest_number(const std::vector<Datagram>& records) {
-  // Corruption hits single records: a number far above its predecessor's is none.
+  // Corruption hits single records, so a number that is this far above all before it is corrupted.
+  // No run of lost packets is as long: verify sends fewer than that altogether.
   constexpr std::uint32_t kLargestGap = 1'000'000;
   std::uint32_t highest = 0;
   for (const Datagram& record : records) {
@@ -26,7 +28,8 @@ std::uint32_t highest_number(const std::vector<Datagram>& records) {
   return highest;
 }
 
-// By number, from 1; what was sent, as far as it was seen.
+// Entry i is the first record seen of number i + 1 (iperf3 counts from 1); empty where there is
+// none.
 std::vector<Record> table_of(const std::vector<Datagram>& at_sender,
                              const std::vector<Datagram>& at_receiver, SentBy sent_by) {
   std::uint32_t highest = highest_number(at_sender);
@@ -44,7 +47,8 @@ std::vector<Record> table_of(const std::vector<Datagram>& at_sender,
   return table;
 }
 
-// Sent times of all numbers from the first seen on.
+// One packet per number, from number `first` + 1 (the first that was seen) on, with the time at
+// which it was sent.
 std::vector<Flow::Packet> packets_of(const std::vector<Record>& table, std::size_t first,
                                      SentBy sent_by) {
   const auto time = [sent_by](const Datagram& d) {

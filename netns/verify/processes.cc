@@ -28,7 +28,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr Duration kGrace = std::chrono::seconds(2);  // between a signal and SIGKILL
+// Between a signal and SIGKILL. No measurement is behind this value: it only has to be longer than
+// iperf3 needs to write its last report, which is less than a second.
+constexpr Duration kGrace = std::chrono::seconds(2);
+// Between two looks at a tool's output: short against the second that a tool takes to start.
 constexpr Duration kNap = std::chrono::milliseconds(20);
 
 bool on_path(const std::string& program) {
@@ -84,10 +87,12 @@ void allow_setgroups() {
       BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(seccomp_data, nr)),
       BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_setgroups, 1, 0),
       BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ALLOW),
-      BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ERRNO),  // error number 0: success
+      // Without an error number in the lower bits the call returns 0, which is success.
+      BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ERRNO),
   }};
   const sock_fprog program{code.size(), code.data()};
-  // The kernel asks for the former before the latter; if it refuses, tcpdump will say why it fails.
+  // The kernel accepts a filter only from a process without new privileges. Should it refuse either
+  // call, tcpdump does not start and its own message becomes the error.
   if (::prctl(PR_SET_NO_NEW_PRIVS, 1UL, 0UL, 0UL, 0UL) == 0) {
     ::prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, &program);
   }

@@ -1,5 +1,8 @@
-// The tools' processes: found, started inside a testbed, ended; and what they leave on disk.
-// Errors: Failure. Thread-safety: none; one thread.
+// The processes of ping, iperf3 and tcpdump: whether they are installed, how they are started
+// inside a testbed and ended, and where their output goes.
+//
+// Errors: Failure with an exit code and a remedy. Not thread-safe: one thread starts and ends all,
+// as the kernel ends a child with the thread that started it.
 #pragma once
 
 #include <filesystem>
@@ -15,17 +18,20 @@ namespace interneuron::cli::verify {
 
 struct Tool {
   const char* program;
-  const char* package;  // Debian's
+  // The Debian package that has it.
+  const char* package;
 };
-// Throws Failure (77) that names the packages of those missing.
+// Throws Failure (77), which names the missing programs and their packages, unless all are on PATH.
 void require_tools(std::initializer_list<Tool> tools);
 
-// Lets tcpdump start where the testbed has a user namespace of its own: there a process may not
-// call setgroups(), which tcpdump does although it is to stay what it is (-Z root). From now on the
-// call succeeds without effect, in this process and those that it starts.
+// Makes setgroups() succeed without effect, by a seccomp filter that this process and all that it
+// starts keep for life. tcpdump needs it where the testbed has a user namespace of its own: the
+// kernel forbids setgroups() there, and tcpdump calls it and gives up although it is told to stay
+// root (-Z root). Without effect on machines that are neither x86-64 nor arm64.
 void allow_setgroups();
 
-// A folder that only we can read, gone with this object.
+// A temporary folder that only its owner can read; the destructor removes it with all its files.
+// Not for folders in which others may write names: nothing is checked when it is removed.
 class PrivateFolder {
  public:
   PrivateFolder();
@@ -38,18 +44,20 @@ class PrivateFolder {
   std::filesystem::path path_;
 };
 
-// One program inside the testbed, with stdout and stderr in files NAME.out and NAME.err of a
-// folder. Its destructor ends it.
+// One program that runs inside one host of the testbed, with stdout and stderr in the files
+// NAME.out and NAME.err of `folder`, which must outlive it. Owns the process: the destructor ends
+// it. The constructor throws Failure or TestbedError when the program cannot be started.
 class Process {
  public:
   Process(const netns::State& state, netns::Host host, const std::vector<std::string>& argv,
           const PrivateFolder& folder, const std::string& name);
 
-  // Sends the signal and waits for the end; one that has not ended after 2 s is killed.
+  // Sends the signal and waits for the end; kills a process that has not ended after 2 s.
   void end(int signal);
-  std::string output() const;  // so far; binary
+  // All that it has written to stdout and to stderr so far; may hold any bytes.
+  std::string output() const;
   std::string errors() const;
-  // The last line that it wrote to either, without its newline: usually what went wrong.
+  // The last line that is not empty, of stderr or else of stdout: usually it says what went wrong.
   std::string last_words() const;
 
  private:
@@ -57,7 +65,8 @@ class Process {
   Child child_;
 };
 
-// Until a process has written `text` to either file, at most `bound`. False when it did not.
+// Waits until the process has written `text` to stdout or stderr, for `bound` at most. False when
+// it has not.
 bool await_text(const Process& process, const std::string& text, Duration bound);
 
 }  // namespace interneuron::cli::verify

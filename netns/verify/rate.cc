@@ -1,4 +1,5 @@
-// judge_rate(): a saturated bottleneck, as tcpdump saw what came out of it.
+// judge_rate() of assess.h: whether a saturated link is as fast as its schedule says, from what
+// tcpdump saw at the receiver.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -11,26 +12,35 @@ namespace interneuron::cli::verify {
 
 namespace {
 
-// The queue of a bottleneck to which 15 % too much is offered holds 100 ms by then.
+// Nothing is counted before this: with 15 % too much offered, the bottleneck's queue has grown to
+// 100 ms by then.
 constexpr Duration kWarmUp = std::chrono::milliseconds(700);
-// A sender that pauses for longer may let that queue run dry.
+// A sender that pauses for longer may let a queue of 100 ms run dry, as a queue behind a variable
+// rate is not always full.
 constexpr Duration kLongestPause = std::chrono::milliseconds(60);
-// Where an end of the window is looked for, and among how many packets at most.
+// The window's first packet is looked for within this much after kWarmUp, its last packet within
+// this much before the end, among kCandidates packets at most (which bounds the work, not the
+// result).
 constexpr Duration kEndRegion = std::chrono::milliseconds(500);
 constexpr std::size_t kCandidates = 200;
+// A shorter window is not judged: 30 ms of lateness at its ends would be 3 % already.
 constexpr double kShortestSeconds = 1;
 
 using Index = std::size_t;
 
+// What was received, prescribed and offered between the two packets that bound the window.
 struct Reading {
   double seconds = 0;
   double received_bits = 0;
   double prescribed_bits = 0;
   double offered_mbit = 0;
+  // The longest time between the stamps of two consecutive packets: a pause of the sender.
   Duration longest_pause{};
 };
 
-// Bits that should have come since `from` when `record` came, less those that had.
+// How far the receiver is behind the schedule at each packet of a run: the bits that an always busy
+// bottleneck would have delivered since the first packet, less those received. Refers to `run`,
+// which must outlive it and must not be empty.
 class Lag {
  public:
   Lag(const RateRun& run, Direction direction) : run_(run), direction_(direction) {
@@ -46,8 +56,8 @@ class Lag {
   }
   double came(Index i) const { return came_[i]; }
 
-  // A machine that is late delivers later, but not less: of the packets in a region the one with
-  // the least lag tells best how far the bottleneck was.
+  // The packet with the least lag among those in [begin, end). A machine that is late delivers
+  // later, but not less, so this packet tells best how far the bottleneck was.
   Index least(Index begin, Index end) const {
     const Index stride = std::max<Index>(1, (end - begin) / kCandidates);
     Index best = begin;
@@ -109,9 +119,9 @@ Figure unread(const std::string& name, const RateRun& run, Direction direction) 
                          Verdict::kInconclusive);
 }
 
-// What says more of the machine than of the link.
+// Makes the figure inconclusive where the machine or the tools explain the difference.
 void excuse(Figure& figure, const RateRun& run, const Reading& reading, Direction direction) {
-  // A link can only be seen to be as fast as it is when more is offered.
+  // The rate of a link shows only where more than that is offered.
   const double needed_mbit = run.schedule.top_rate(direction).mbit() * (1 + kRatePercent / 100);
   if (reading.offered_mbit < needed_mbit) {
     inconclusive(figure, fmt::format("iperf3 sent {:.1f} Mbit/s only", reading.offered_mbit));

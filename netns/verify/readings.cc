@@ -10,9 +10,12 @@ namespace {
 
 constexpr std::size_t kFileHeader = 24;
 constexpr std::size_t kRecordHeader = 16;
-constexpr std::uint32_t kMagicMicro = 0xa1b2c3d4;  // pcap-savefile(5), written in host order
+// The first four bytes of a capture, in the byte order of the host that wrote it; the magic number
+// tells whether times have microseconds or nanoseconds (pcap-savefile(5)).
+constexpr std::uint32_t kMagicMicro = 0xa1b2c3d4;
 constexpr std::uint32_t kMagicNano = 0xa1b23c4d;
-constexpr std::uint32_t kEthernet = 1;  // LINKTYPE_ETHERNET
+// LINKTYPE_ETHERNET.
+constexpr std::uint32_t kEthernet = 1;
 constexpr std::size_t kEthernetHeader = 14;
 constexpr std::size_t kUdpHeader = 8;
 constexpr std::size_t kIperfHeader = 12;
@@ -78,7 +81,8 @@ std::optional<Datagram> parse_frame(std::string_view frame) {
   if (network_order(ip, 9, 1) != kUdp || ip.size() < payload + kIperfHeader) return std::nullopt;
   Datagram out;
   out.ip_bytes = network_order(ip, 2, 2);
-  if (out.ip_bytes < payload + kIperfHeader) return std::nullopt;  // the rest is padding
+  // What is captured beyond the IP length is padding of a short Ethernet frame, not payload.
+  if (out.ip_bytes < payload + kIperfHeader) return std::nullopt;
   out.from_port = static_cast<std::uint16_t>(network_order(ip, ip_header, 2));
   out.to_port = static_cast<std::uint16_t>(network_order(ip, ip_header + 2, 2));
   out.stamp = std::chrono::seconds(network_order(ip, payload, 4)) +

@@ -1,7 +1,8 @@
-// What a link's schedule prescribes for packets sent at given times: the model's own words, read
-// back after the fact, against which independent tools are held.
+// What the model of a link prescribed while it was measured, and when packets should have arrived
+// under it. The testbed records the model's values every 10 ms; they are read back after the
+// measurement and compared with what independent tools saw.
 //
-// Times are since the epoch of the testbed's links. Pure; thread-compatible.
+// Times are since the epoch of the testbed's links. Pure; thread-compatible; no errors.
 #pragma once
 
 #include <cstddef>
@@ -15,30 +16,34 @@ namespace interneuron::cli::verify {
 
 using emu::Direction;
 
+// Round trip, loss and rate of one link over a span of time, as samples of emu::kDelayStep each.
+// A value; filled by Testbed::schedule(). Only empty() and covers() may be called when it is empty.
 class Schedule {
  public:
   Schedule() = default;
-  // One sample per emu::kDelayStep, rising.
+  // `samples` are consecutive steps of emu::kDelayStep.
   explicit Schedule(std::vector<netns::ScheduleSample> samples) : samples_(std::move(samples)) {}
 
   bool empty() const { return samples_.empty(); }
-  // Both instants lie within the samples.
+  // Whether both instants lie within the samples.
   bool covers(Duration from, Duration to) const;
 
-  // Of the samples; not to be called when empty.
+  // The span of the samples.
   Duration begin() const { return samples_.front().at; }
   Duration end() const { return samples_.back().at + emu::kDelayStep; }
-  // Before the first and after the last sample, these hold. Not to be called when empty.
+  // The values at `t`; outside the span, those of its first or last sample. Loss is from 0 to 1.
   Duration one_way(Duration t) const { return at(t).rtt / 2; }
   double loss(Direction direction, Duration t) const;
   DataRate rate(Direction direction, Duration t) const;
+  // The highest rate in the samples.
   DataRate top_rate(Direction direction) const;
 
-  // More than half of [from, to) without radio.
+  // Whether everything is lost (an outage) during more than half of [from, to).
   bool mostly_out(Direction direction, Duration from, Duration to) const;
-  // Bits that a bottleneck that is never idle sends in [from, to), less those that the radio loses.
+  // The bits that a bottleneck which is never idle delivers in [from, to): those sent less those
+  // lost on the radio.
   double bits_between(Direction direction, Duration from, Duration to) const;
-  // When what arrives at `arrival` left the bottleneck at the latest.
+  // The latest time at which a packet that arrives at `arrival` can have left the bottleneck.
   Duration sent_by(Duration arrival) const;
 
  private:
@@ -54,25 +59,32 @@ struct Sent {
   bool lost = false;
 };
 
-// When packets of one direction should arrive: each waits for those before it at the bottleneck,
-// takes half the scheduled round trip of the instant at which it has left that, and never
-// overtakes.
+// When the packets of one direction should arrive under a schedule: a packet waits at the
+// bottleneck until those before it have been sent, then takes half the scheduled round trip of the
+// instant at which it leaves the bottleneck, and never overtakes one before it. Refers to the
+// schedule, which must outlive it and must not be empty. Memory: one entry per packet.
 class Course {
  public:
-  // `traffic` in order of time; all that used the link in this direction, or nearly.
+  // `traffic`: the packets that used the link in this direction, in order of time. Packets that
+  // are missing from it make no queue, so arrivals behind them are predicted too early.
   Course(const Schedule& schedule, Direction direction, std::span<const Sent> traffic);
 
-  // Of traffic[i].
+  // The arrival time of traffic[i], also where that was lost.
   Duration arrival(std::size_t i) const { return after_[i].due; }
-  // Of a packet beside the traffic.
+  // The arrival time of a packet that is not part of the traffic, sent at `at`.
   Duration arrival(Duration at, std::size_t ip_bytes) const;
 
  private:
-  struct Moment {      // after a packet
-    Duration at{};     // when that entered
-    Duration idle{};   // when the bottleneck has sent it
-    Duration due{};    // when it arrives
-    Duration floor{};  // nothing arrives before
+  // The state of the link after a packet.
+  struct Moment {
+    // When the packet was sent.
+    Duration at{};
+    // When the bottleneck has sent it and is idle.
+    Duration idle{};
+    // When it arrives.
+    Duration due{};
+    // No later packet arrives before this: the latest arrival of a packet that was not lost.
+    Duration floor{};
   };
   Moment follow(const Moment& before, const Sent& packet) const;
 

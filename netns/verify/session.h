@@ -5,8 +5,10 @@
 //   2. the window, until the time is up: ping 100 times a second beside one iperf3 flow of small
 //      packets each way; tcpdump listens at both NICs.
 //
-// The time of both is read from one clock, as all hosts are namespaces of one machine. Errors:
-// Failure, TestbedError. Thread-safety: none.
+// All hosts are namespaces of one machine, so one clock times both ends of a link and one-way
+// delays are exact. Errors: Failure (a tool does not start, the clock was set) and TestbedError
+// (the testbed has gone). Not thread-safe; takes its thread for the whole measurement, and SIGINT
+// ends it within a fraction of a second by an exception of SignalWatch.
 #pragma once
 
 #include <cstddef>
@@ -20,12 +22,14 @@
 namespace interneuron::cli::verify {
 
 struct SessionOptions {
-  std::vector<std::size_t> links;  // indices into State::links
-  Duration length{};               // of the whole, about
+  // Indices into State::links.
+  std::vector<std::size_t> links;
+  // About how long the whole measurement takes.
+  Duration length{};
 };
 
-// The evidence per link, in the order of `links`. `progress` is told the time since the start, a
-// few times a second at most.
+// The evidence per link, in the order of `links`. Calls `progress` with the time since the start,
+// a few times a second.
 std::vector<LinkEvidence> measure(const netns::State& state, const SessionOptions& options,
                                   const std::function<void(Duration)>& progress);
 

@@ -8,9 +8,11 @@ namespace interneuron::cli::verify {
 
 namespace {
 
-// 30,000 packets per second of kCaptureBytes fill a third of it in a second.
+// tcpdump's capture buffer. 30,000 packets a second of kCaptureBytes fill a third of it in a
+// second, the longest time for which tcpdump lets packets wait.
 constexpr int kCaptureBufferKib = 16 * 1024;
-constexpr const char* kPingInterval = "0.01";  // s; Debian's ping lets anyone go down to 2 ms
+// Seconds between echo requests. Debian's ping allows any user 2 ms and more.
+constexpr const char* kPingInterval = "0.01";
 
 }  // namespace
 
@@ -42,7 +44,8 @@ std::vector<std::string> tcpdump(const std::string& nic, const std::vector<std::
   for (const std::uint16_t port : ports) {
     filter += fmt::format("{}port {}", port == ports.front() ? "" : " or ", port);
   }
-  // -Z root: it stays who it is, as it writes nothing but its stdout.
+  // -Z root: tcpdump keeps its user instead of becoming "tcpdump", which may not exist inside the
+  // testbed's user namespace. It writes nothing but its stdout.
   return {"tcpdump",
           "-n",
           "-p",
