@@ -16,7 +16,8 @@ constexpr std::size_t kMinIpv4Header = 20;
 constexpr std::size_t kIpv6Header = 40;
 constexpr unsigned kProtocolTcp = 6;
 constexpr unsigned kProtocolUdp = 17;
-constexpr std::size_t kUdpChecksum = 6;  // offsets of the field in the header
+// Offsets of the checksum in the headers.
+constexpr std::size_t kUdpChecksum = 6;
 constexpr std::size_t kTcpChecksum = 16;
 
 unsigned byte_at(std::span<const std::byte> data, std::size_t i) {
@@ -32,8 +33,9 @@ std::uint16_t fold(std::uint64_t sum) {
   return static_cast<std::uint16_t>(sum);
 }
 
-// One's complement sum of big-endian 16-bit words. It does not depend on the order of bytes (RFC
-// 1071 §2 (B)), so the machine's own words are added, four bytes at a time, and the result swapped.
+// One's complement sum of big-endian 16-bit words. The sum does not depend on the order of bytes
+// (RFC 1071 section 2 (B)), so words in the machine's own order are added, four bytes at a time,
+// and the bytes of the result are swapped.
 std::uint16_t sum_words(std::span<const std::byte> data) {
   std::uint64_t sum = 0;
   std::size_t i = 0;
@@ -49,18 +51,21 @@ std::uint16_t sum_words(std::span<const std::byte> data) {
   return static_cast<std::uint16_t>(folded << 8U | folded >> 8U);
 }
 
-// The parts of a packet that the checksum is about.
+// The parts of a packet that the checksum covers; views into the frame.
 struct Packet {
-  std::span<std::byte> addresses;  // source, destination
+  // Source and destination.
+  std::span<std::byte> addresses;
   unsigned protocol = 0;
-  std::span<std::byte> segment;  // transport header and payload
+  // Transport header and payload.
+  std::span<std::byte> segment;
 };
 
 std::optional<Packet> parse_ipv4(std::span<std::byte> ip) {
   if (ip.size() < kMinIpv4Header) return std::nullopt;
   const std::size_t header = (byte_at(ip, 0) & 0xfU) * 4;
   const std::size_t total = word_at(ip, 2);
-  const bool fragment = (word_at(ip, 6) & 0x3fffU) != 0;  // more fragments, or an offset
+  // The flag "more fragments" or an offset.
+  const bool fragment = (word_at(ip, 6) & 0x3fffU) != 0;
   if (fragment || header < kMinIpv4Header || total < header || total > ip.size()) {
     return std::nullopt;
   }
@@ -95,7 +100,8 @@ bool complete_checksum(std::span<std::byte> frame) {
   const std::uint64_t pseudo_header =
       std::uint64_t{sum_words(addresses)} + protocol + segment.size();
   auto value = static_cast<std::uint16_t>(~fold(pseudo_header + sum_words(segment)));
-  if (value == 0 && protocol == kProtocolUdp) value = 0xffff;  // 0 means "none" (RFC 768)
+  // In UDP 0 would mean that there is no checksum (RFC 768).
+  if (value == 0 && protocol == kProtocolUdp) value = 0xffff;
   segment[field] = static_cast<std::byte>(value >> 8U);
   segment[field + 1] = static_cast<std::byte>(value & 0xffU);
   return true;

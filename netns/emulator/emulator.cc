@@ -29,18 +29,27 @@ constexpr std::size_t kIpv6Destination = kEthernetHeader + 24;
 // How long before a frame is due the emulator stops sleeping: the wake-up of an idle virtual CPU
 // was measured to take 20 to 60 us (docs/constants.md, "The testbed on a machine").
 constexpr Duration kSpin = std::chrono::microseconds(60);
-// Frames that follow each other closer than this are dense: waking for each would burn the CPU that
-// sender and receiver need, so they are taken and sent in groups, kGroup apart, and nobody spins.
-// Arrivals have the kernel's time stamp, so a group costs a frame kGroup/2 in the mean on its way
-// out only.
+// Traffic whose frames follow each other closer than kDense is dense: waking up for each frame
+// would take the CPU time that sender and receiver need. Such frames are received and sent in
+// groups, kGroup apart, without spinning. Arrivals have the kernel's time stamp, so grouping delays
+// a frame only on its way out, by kGroup/2 in the mean.
 constexpr Duration kDense = std::chrono::microseconds(200);
 constexpr Duration kGroup = std::chrono::microseconds(60);
+// How often counters are published and the ring's losses are read: ten times a second is more often
+// than a display shows them.
 constexpr Duration kHousekeeping = std::chrono::milliseconds(100);
-constexpr std::size_t kTakeInAtOnce =
-    256;                                // frames, so that those that are due never wait for a flood
-constexpr std::size_t kClockEvery = 8;  // frames per reading of the clock, which costs 30 ns
+// The most frames received before those that are due are sent, so that a flood cannot delay them:
+// 256 take about a millisecond at the fastest rate measured (docs/constants.md, "The testbed on a
+// machine").
+constexpr std::size_t kTakeInAtOnce = 256;
+// Frames received per reading of the clock, which costs 30 ns.
+constexpr std::size_t kClockEvery = 8;
+// An arrival that seems to be further back than this comes from a step of the wall clock: the ring
+// holds frames for less (60 ms of the fastest sender, see kMaxPlaces of frame_hub.cc).
 constexpr Duration kOldestArrival = std::chrono::seconds(1);
-constexpr Duration kTightClocks = std::chrono::microseconds(2);  // three readings take 0.1 us
+// Three readings of clocks take 0.1 us; with this much between the outer two they were interrupted,
+// and another attempt is made, up to kClockAttempts.
+constexpr Duration kTightClocks = std::chrono::microseconds(2);
 constexpr int kClockAttempts = 10;
 
 Duration read_clock(clockid_t clock) {
@@ -51,9 +60,9 @@ Duration read_clock(clockid_t clock) {
 
 TimePoint now() { return TimePoint{read_clock(CLOCK_MONOTONIC)}; }
 
-// CLOCK_REALTIME minus CLOCK_MONOTONIC, read anew each time, because the wall clock may be set at
-// any time. Being put off the CPU between two readings would make an error of milliseconds, so it
-// is the tightest of a few attempts.
+// CLOCK_REALTIME minus CLOCK_MONOTONIC, read anew for each batch because the wall clock may be set
+// at any time. A thread that loses the CPU between two readings would be wrong by milliseconds, so
+// the attempt with the least time between its readings counts.
 Duration realtime_offset() {
   Duration best{};
   Duration tightest = Duration::max();
@@ -79,7 +88,8 @@ unsigned byte_of(std::span<const std::byte> frame, std::size_t at) {
   return std::to_integer<unsigned>(frame[at]);
 }
 
-// kNone: not to be carried at all. kLink: what stays between a host and its modem.
+// How far a frame goes. kNone: it is dropped. kLink: it stays between a host and its modem, and so
+// is passed on without the model. kGlobal: it crosses the link.
 Scope scope_of(std::span<const std::byte> frame) {
   if (frame.size() < kEthernetHeader) return Scope::kNone;
   switch (ether_type(frame)) {
@@ -105,7 +115,7 @@ Scope scope_of(std::span<const std::byte> frame) {
   }
 }
 
-// In the order of directions_.
+// The emulator's NICs, in the order of Emulator::directions_.
 std::vector<std::string> ports(const State& state) {
   std::vector<std::string> out;
   for (std::size_t i = 0; i < state.links.size(); ++i) {
@@ -117,7 +127,7 @@ std::vector<std::string> ports(const State& state) {
   return out;
 }
 
-// One bit of the payload, another one in each frame.
+// Flips one bit behind the headers: another one in each frame, as `number` rises.
 void corrupt(std::span<std::byte> frame, std::uint64_t number) {
   if (frame.size() <= kEthernetHeader + kIpv6Header) return;
   const std::size_t payload = frame.size() - kEthernetHeader - kIpv6Header;
@@ -160,7 +170,8 @@ std::size_t Emulator::take_in(Duration offset) {
     if (!frame) break;
     Direction& direction = directions_[frame->nic];
     if (taken++ % kClockEvery == 0) present = now();
-    // A step of the wall clock between arrival and now must not become a delay.
+    // If the wall clock was set since the frame arrived, its time of arrival is useless, and the
+    // present takes its place.
     TimePoint arrival{frame->arrival_realtime - offset};
     if (arrival > present || arrival < present - kOldestArrival) arrival = present;
     arrival = std::max(arrival, direction.last_arrival);
@@ -239,7 +250,8 @@ void Emulator::rest() {
   const std::optional<TimePoint> due = next_due();
   TimePoint wake = std::max(next_tick_, present);
   if (due) {
-    if (*due - kSpin <= present) return;  // the caller's loop is the spinning
+    // So close to the next frame run()'s loop goes on without sleeping: it spins.
+    if (*due - kSpin <= present) return;
     wake = std::min(wake, *due - kSpin);
   }
   sleep_until(wake, true);
@@ -253,7 +265,7 @@ void Emulator::sleep_until(TimePoint wake, bool or_frame) {
   if (fds_[1].revents != 0 || fds_[2].revents != 0) next_tick_ = {};
 }
 
-// What is not for a packet: requests, events, losses of the rings, the end.
+// The work that belongs to no packet: requests, events, publishing, the ring's losses, the end.
 void Emulator::tick(TimePoint present) {
   next_tick_ = present + (bearers_.epoch() ? Bearers::kAdvanceInterval : kHousekeeping);
   bearers_.serve(present);

@@ -1,15 +1,22 @@
-// The user-space link emulator: takes frames from one NIC of a pair, passes them through a
-// LinkModel in real time and sends them on from the other, for both directions of every link.
+// The user-space link emulator: receives frames at one NIC of a link, delays or drops them as an
+// emu::LinkModel says, in real time, and sends them out of the other, for both directions of every
+// link of a testbed.
 //
-// Delay counts from the kernel's time of arrival, so that waking late costs nothing on the way in.
-// On the way out it sleeps until shortly before the next frame is due and then spins (kSpin); dense
-// traffic it carries in groups (kGroup).
-// Carried are IPv4 and IPv6; the first such packet on any link is the epoch of all. What belongs to
-// the link itself (ARP, neighbour discovery, multicast of link scope) never crosses the air behind
-// a real modem and is passed on at once, uncounted.
+// A frame's delay counts from the kernel's time of arrival, so that waking up late costs nothing on
+// the way in. On the way out the emulator sleeps until shortly before the next frame is due and
+// then spins (kSpin of emulator.cc); dense traffic is sent in groups (kGroup).
 //
-// Thread-compatible; run() takes the thread. Errors: the constructor throws TestbedError (1);
-// afterwards none.
+// Only IPv4 and IPv6 pass through the model; the first such packet on any link is the epoch of all.
+// ARP, neighbour discovery and multicast of link scope never cross the air behind a real modem:
+// they are passed on at once and not counted. All other frames are dropped.
+//
+// Frames are untrusted bytes from the programs in the testbed: headers are read only within the
+// frame's length. A flood costs its sender frames: the kernel's ring drops what does not fit, the
+// models' queues are bounded, and frames that are due are sent after at most kTakeInAtOnce
+// arrivals.
+//
+// Thread-compatible; run() takes the thread. Errors: the constructor throws TestbedError (1); run()
+// throws none, and counts frames that the kernel refuses.
 #pragma once
 
 #include <poll.h>
@@ -35,13 +42,14 @@ class Emulator {
   // Namespaces::air.
   Emulator(const State& state, Bearers& bearers);
 
-  // Until `stop_fd` becomes readable.
+  // Carries frames until `stop_fd` becomes readable.
   void run(int stop_fd);
 
  private:
-  // Direction 2i is up of link i, 2i + 1 down; a frame of NIC k of the hub enters direction k.
+  // Direction 2i is up of link i, 2i + 1 is down. A frame that comes in at NIC k of the hub enters
+  // direction k and leaves at NIC `to`.
   struct Direction {
-    std::size_t to;  // NIC of the hub
+    std::size_t to;
     emu::LinkModel* model;
     SharedDirection* shared;
     TimePoint last_arrival{};
@@ -62,8 +70,10 @@ class Emulator {
   std::vector<Direction> directions_;
   FrameStore store_;
   std::array<iovec, FrameHub::kBatch> batch_{};
-  std::vector<FrameStore::Handle> sent_;  // to be released after the batch
-  std::array<pollfd, 3> fds_{};           // frames, attention, stop
+  // Frames of the batch that may be released once it has been sent.
+  std::vector<FrameStore::Handle> sent_;
+  // Readable when a frame has come, when the bearers want attention, when it is time to stop.
+  std::array<pollfd, 3> fds_{};
   TimePoint next_tick_{};
   TimePoint next_housekeeping_{};
   TimePoint last_work_{};

@@ -15,7 +15,8 @@ namespace interneuron::netns {
 
 namespace {
 
-// One place holds the ring's header (68 bytes), the Ethernet header and 1500 bytes.
+// A place of the ring: its header of 68 bytes, an Ethernet header and 1500 bytes, rounded up to a
+// power of two as the kernel wants it.
 constexpr std::size_t kPlaceBytes = 2048;
 // 16384 places (32 MB) last for 60 ms of the fastest sender measured, 250 thousand packets a second
 // (docs/constants.md, "The testbed on a machine").
@@ -25,7 +26,7 @@ constexpr std::size_t kRingBlockBytes = std::size_t{128} * 1024;
 constexpr int kSendBufferBytes = 4 << 20;
 
 io::FileDescriptor open_packet_socket() {
-  // Protocol 0: nothing is received until bound.
+  // With protocol 0 the socket receives nothing until it is bound.
   return io::FileDescriptor(
       check(::socket(AF_PACKET, SOCK_RAW | SOCK_CLOEXEC, 0), "open a packet socket"));
 }
@@ -46,8 +47,8 @@ FrameHub::FrameHub(const std::vector<std::string>& nics)
     positions_.emplace(address.sll_ifindex, addresses_.size());
     addresses_.push_back(address);
   }
-  // What is sent out must not come back in. Frames that bypass the queueing disciplines are not
-  // shown to packet sockets anyway, but no manual promises it.
+  // Frames that this process sends must not be received again. Those that bypass the queueing
+  // disciplines are not shown to packet sockets anyway, but no manual promises that.
   set_option(receive_.get(), SOL_PACKET, PACKET_IGNORE_OUTGOING, 1, "ignore outgoing frames");
   make_ring();
   sockaddr_ll all{};
@@ -57,8 +58,8 @@ FrameHub::FrameHub(const std::vector<std::string>& nics)
         "bind a packet socket");
 
   set_option(send_.get(), SOL_PACKET, PACKET_QDISC_BYPASS, 1, "bypass queueing disciplines");
-  // FORCE needs real root; without it the system's limit holds, which is fine for veth: frames are
-  // handed over at once.
+  // SO_SNDBUFFORCE needs real root. Without it the buffer is cut to the system's limit, which
+  // suffices: a veth pair hands frames over at once.
   const int bytes = kSendBufferBytes;
   if (::setsockopt(send_.get(), SOL_SOCKET, SO_SNDBUFFORCE, &bytes, sizeof bytes) != 0) {
     set_option(send_.get(), SOL_SOCKET, SO_SNDBUF, bytes, "set a send buffer");
@@ -71,7 +72,7 @@ FrameHub::~FrameHub() {
 
 void FrameHub::make_ring() {
   set_option(receive_.get(), SOL_PACKET, PACKET_VERSION, TPACKET_V2, "choose TPACKET_V2");
-  // The ring is memory of the kernel; when that is short, a smaller one still works.
+  // The ring is kernel memory. When that is short a smaller ring is tried.
   int result = -1;
   std::size_t places = kMaxPlaces;
   for (; places >= kMinPlaces; places /= 2) {
@@ -137,7 +138,8 @@ std::size_t FrameHub::send(std::size_t nic, std::span<const iovec> frames) {
       done += static_cast<std::size_t>(result);
       sent += static_cast<std::size_t>(result);
     } else {
-      ++done;  // a real NIC would have dropped it as well
+      // The kernel refused this frame: it is dropped, as by a real NIC.
+      ++done;
     }
   }
   return sent;
@@ -147,7 +149,7 @@ std::uint64_t FrameHub::take_losses() {
   tpacket_stats statistics{};
   socklen_t size = sizeof statistics;
   std::uint64_t losses = std::exchange(too_long_, 0);
-  // Reading resets the kernel's counter.
+  // Reading the kernel's counter resets it.
   if (::getsockopt(receive_.get(), SOL_PACKET, PACKET_STATISTICS, &statistics, &size) == 0) {
     losses += statistics.tp_drops;
   }

@@ -1,6 +1,8 @@
-// Frames inside a link, in places of equal size that are reused: no allocation per packet once the
-// link has been full. Thread-compatible. Memory: the most frames that were ever inside, rounded up
-// to blocks.
+// Keeps the bytes of frames that are inside an emulated link, in places of equal size that are
+// reused: no allocation per frame once the most frames have been inside. Memory: 2 KiB for each
+// frame of that peak, rounded up to blocks of 128, never given back; the links' queues bound it.
+// Pure; thread-compatible. A handle is valid from add() to release(); using it otherwise is an
+// error of the caller that is not detected.
 #pragma once
 
 #include <algorithm>
@@ -18,9 +20,10 @@ class FrameStore {
  public:
   using Handle = std::uint64_t;
 
-  static constexpr std::size_t kPlaceBytes = 2048;  // an Ethernet frame of 1500 bytes of IP
+  // More than an Ethernet frame with 1500 bytes of IP has.
+  static constexpr std::size_t kPlaceBytes = 2048;
 
-  // A copy of `frame` (at most kPlaceBytes); it stays until release().
+  // Keeps a copy of `frame` (at most kPlaceBytes) until release().
   Handle add(std::span<const std::byte> frame) {
     assert(frame.size() <= kPlaceBytes);
     if (free_.empty()) add_block();
@@ -39,6 +42,7 @@ class FrameStore {
 
   void release(Handle handle) { free_.push_back(handle); }
 
+  // The number of frames kept.
   std::size_t size() const { return blocks_.size() * kBlockPlaces - free_.size(); }
 
  private:
@@ -57,7 +61,9 @@ class FrameStore {
   }
 
   std::vector<std::unique_ptr<Place[]>> blocks_;
-  std::vector<Handle> free_;  // the last one freed is used first: it is still in the cache
+  // Places that are free. The last one freed is used first, as its memory is still in the CPU
+  // cache.
+  std::vector<Handle> free_;
 };
 
 }  // namespace interneuron::netns

@@ -33,27 +33,28 @@ namespace interneuron::netns {
 
 namespace {
 
-// Making twenty vehicles takes a second or two; the kernel may be slow to free other namespaces
-// first.
+// How long the maker waits for the holder. Making twenty vehicles takes a second or two; it can
+// take longer while the kernel is still freeing other namespaces.
 constexpr int kStartBoundMs = 20'000;
 
-// What the holder tells its maker through a pipe, in one write: "0" when it is ready, else exit
-// code, space, text.
+// The holder answers its maker through a pipe, in one write: "0" when it is ready, else an exit
+// code, a space and a text.
 constexpr const char* kReady = "0";
 
-// False when the maker is gone or has given up waiting.
+// Writes to the pipe. False when the maker has gone or has given up waiting.
 bool report(int pipe, const std::string& text) {
   return ::write(pipe, text.data(), text.size()) == static_cast<ssize_t>(text.size());
 }
 
-// Ends the holder with its maker. The maker may have died before the call, hence the second look.
+// Has the kernel end the holder with its maker. The maker may have died before this call took
+// effect, hence the look at the parent afterwards.
 void die_with(pid_t parent) {
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
   if (::getppid() != parent) ::_exit(1);
 }
 
-// Leaves nothing of the maker's behind: terminal, signals, open files (a pipe kept open would make
-// its reader wait for ever), directory.
+// Gives up what the holder has inherited from its maker: terminal, signal settings, working
+// directory and open files, of which a pipe kept open would make its reader wait for ever.
 void become_daemon(int report_pipe, bool keep_stderr) {
   ::setsid();
   [[maybe_unused]] const int directory = ::chdir("/");
@@ -66,10 +67,11 @@ void become_daemon(int report_pipe, bool keep_stderr) {
   ::close_range(pipe + 1, ~0U, 0);
   for (const int signal : {SIGINT, SIGHUP, SIGPIPE, SIGTSTP}) ::signal(signal, SIG_IGN);
   for (const int signal : {SIGCHLD, SIGABRT, SIGSEGV, SIGALRM}) ::signal(signal, SIG_DFL);
-  ::prctl(PR_SET_NAME, "interneuron-emu");  // at most 15 characters
+  // The kernel keeps 15 characters.
+  ::prctl(PR_SET_NAME, "interneuron-emu");
 }
 
-// SIGTERM as a file descriptor.
+// A descriptor that becomes readable when SIGTERM arrives, which is blocked from then on.
 io::FileDescriptor termination_fd() {
   sigset_t signals;
   ::sigemptyset(&signals);
@@ -94,7 +96,7 @@ Shared make_shared_stats(std::size_t links) {
   return {std::move(fd), SharedStats::construct(memory, links)};
 }
 
-// The first thing in a scenario that tc-netem has no means for; empty: it can do it all.
+// The first thing in a scenario that tc-netem cannot do; empty when it can do everything.
 std::string beyond_netem(const emu::Scenario& scenario) {
   for (const emu::ScenarioLink& link : scenario.links) {
     const auto missing = emu::netem_cannot(link.profile);
@@ -110,8 +112,8 @@ std::string beyond_netem(const emu::Scenario& scenario) {
   return "";
 }
 
-// The caller is in a network namespace of the testbed: in the user's own, root could be without
-// rights (a container) and so learn nothing.
+// Which back end to use; tries netem in the current network namespace, which must be one of the
+// testbed. In the user's own, root may lack the rights (in a container) to find out.
 Backend choose_backend(const TestbedOptions& options) {
   if (options.backend == Backend::kEmulator) return Backend::kEmulator;
   const bool asked = options.backend == Backend::kNetem;
@@ -128,7 +130,7 @@ Backend choose_backend(const TestbedOptions& options) {
   throw TestbedError(3, "tc-netem cannot do " + missing + "; --backend emulator can");
 }
 
-// The file descriptors that others open through /proc.
+// Notes in `state` the holder's process and the descriptors that others open through /proc.
 void name_descriptors(State& state, const Namespaces& namespaces, const Shared& shared) {
   state.holder = ::getpid();
   state.holder_start_ticks = start_ticks(state.holder).value_or(0);
@@ -146,9 +148,10 @@ void hold(const TestbedOptions& options, State state, pid_t maker, int report_pi
   ControlServer control;
   state.control = control.name();
   state.control_token = control.token();
-  ::prctl(PR_SET_DUMPABLE, 1);  // lets the same user open /proc/PID/fd, and us write our uid_map
+  // Lets processes of the same user open /proc/PID/fd, and this one write its own uid_map.
+  ::prctl(PR_SET_DUMPABLE, 1);
   const Namespaces namespaces = make_namespaces(options.vehicles, options.roads);
-  // Again, because a change of credentials (a new user namespace) may clear both.
+  // Both settings again, because a change of credentials (a new user namespace) may clear them.
   ::prctl(PR_SET_DUMPABLE, 1);
   if (!options.detached) die_with(maker);
   state.backend = choose_backend(options);
@@ -168,7 +171,7 @@ void hold(const TestbedOptions& options, State state, pid_t maker, int report_pi
     run = [&stop, backend] { backend->run(stop.get()); };
   }
   write_state(state);
-  // Without a maker nobody knows of this testbed, so it must not live on.
+  // If the maker has gone, nobody knows of this testbed, and it ends.
   const bool wanted = report(report_pipe, kReady);
   ::close(report_pipe);
   if (wanted) run();
@@ -190,7 +193,8 @@ void hold(const TestbedOptions& options, State state, pid_t maker, int report_pi
   ::_exit(1);
 }
 
-// Everything that the holder wrote until it closed the pipe or ended.
+// Everything that the holder wrote until it closed the pipe or ended, or an error text when that
+// takes longer than kStartBoundMs.
 std::string read_report(int pipe) {
   std::string text;
   std::array<char, 1024> buffer{};
@@ -203,7 +207,8 @@ std::string read_report(int pipe) {
   return "1 the testbed was not ready after " + std::to_string(kStartBoundMs / 1000) + " s";
 }
 
-// Forks once, or, detached, twice: then the holder is init's child and can be no zombie of ours.
+// Forks once, or twice for a detached holder: that is then a child of init, which reaps it, and
+// leaves no zombie here.
 pid_t fork_holder(const TestbedOptions& options, const State& state, int report_pipe) {
   const pid_t maker = ::getpid();
   const pid_t child = check(::fork(), "start the holder");
@@ -236,7 +241,8 @@ void start_holder(const TestbedOptions& options, State& state) {
     return;
   }
   if (!options.detached) {
-    ::kill(child, SIGKILL);  // it is ending anyway, or hangs
+    // The holder is ending after its report, or it hangs.
+    ::kill(child, SIGKILL);
     ::waitpid(child, nullptr, 0);
   }
   const std::size_t space = text.find(' ');

@@ -1,4 +1,7 @@
-// The holder: the process that makes the namespaces, keeps them, and is the emulator.
+// The holder: the process that makes the namespaces of a testbed, keeps them alive by holding their
+// file descriptors, and drives the links by either back end until it gets SIGTERM. One per testbed.
+// It reads from others: requests on its control socket (state/control.h says who may send them)
+// and frames of the programs inside (emulator/).
 #pragma once
 
 #include "netns/state/options.h"
@@ -6,9 +9,10 @@
 
 namespace interneuron::netns {
 
-// Forks it and returns when it is ready and its state file is written. `state` has name, seed,
-// links, detached and file. The caller holds the lock of the runtime directory. Throws TestbedError
-// with what the holder could not do; then nothing is left.
+// Forks the holder and returns when it is ready and has written its state file, which `state` then
+// holds. Before the call `state` has name, seed, links, nat, detached and file. The caller holds
+// the lock of the runtime directory. Throws TestbedError with what the holder could not do, or
+// after 20 s without an answer; in either case the holder ends and the kernel frees all it made.
 void start_holder(const TestbedOptions& options, State& state);
 
 }  // namespace interneuron::netns

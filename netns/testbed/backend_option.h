@@ -7,7 +7,7 @@
 
 namespace interneuron::cli {
 
-// --backend auto|netem|emulator; `backend` must live as long as the program parses and runs.
+// Adds --backend auto|netem|emulator, which sets `backend`. The command keeps a reference to it.
 void add_backend_option(CLI::App& command, netns::Backend& backend);
 
 }  // namespace interneuron::cli

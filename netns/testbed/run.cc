@@ -1,4 +1,5 @@
-// Testbed::enter, spawn, run_in: programs inside a testbed.
+// Testbed::enter, spawn and run_in: how programs get into the namespaces of a testbed. The
+// namespaces are opened as /proc/HOLDER/fd/N, the numbers of which the state file has.
 #include <fcntl.h>
 #include <poll.h>
 #include <sched.h>
@@ -29,11 +30,14 @@ namespace {
       1, "testbed '" + state.name + "' is not up any more; `interneuron testbed up` makes one");
 }
 
+// The namespaces of one host.
 struct HostFds {
-  io::FileDescriptor user;  // empty when no change of the user namespace is needed
+  // Empty when the caller is in the right user namespace already.
+  io::FileDescriptor user;
   io::FileDescriptor network;
 };
 
+// Opens again what is open as `number` in the holder.
 io::FileDescriptor open_fd_of(const State& state, int number) {
   const std::string path =
       "/proc/" + std::to_string(state.holder) + "/fd/" + std::to_string(number);
@@ -76,18 +80,18 @@ HostFds open_host(const State& state, Host host) {
   HostFds out;
   if (state.user_ns_fd >= 0) {
     out.user = open_fd_of(state, state.user_ns_fd);
-    // Entering the one we are in is refused (EINVAL).
+    // The kernel refuses (EINVAL) to enter the user namespace in which the caller is.
     if (same_file(out.user.get(), "/proc/self/ns/user")) out.user = io::FileDescriptor();
   }
   out.network = open_fd_of(state, network_fd);
-  // Only now is it certain that the files were the holder's and not of a later process with its
-  // number.
+  // If the holder lives now, the files opened above were its own and not those of a later process
+  // with the same number.
   if (!holder_alive(state)) fail_gone(state);
   return out;
 }
 
-// Makes no allocation: may run in the child of a program with threads. Returns errno, 0 when
-// inside.
+// Returns errno, or 0 when inside. Allocates nothing, so that it may run in the forked child of a
+// program with threads.
 int enter_host(const HostFds& host) {
   if (host.user.get() >= 0 && ::setns(host.user.get(), CLONE_NEWUSER) != 0) return errno;
   return ::setns(host.network.get(), CLONE_NEWNET) != 0 ? errno : 0;
@@ -102,11 +106,13 @@ int enter_host(const HostFds& host) {
   fail_errno(what, error);
 }
 
+// What the child tells its parent through a pipe when it cannot become the program.
 struct Failure {
   enum class Step : int { kEnter, kStdio, kExec } step;
   int error;
 };
 
+// In the child: enters the host and redirects stdio, or reports what failed and ends.
 void set_up_child(const HostFds& host, const SpawnOptions& options, pid_t parent, int report) {
   const auto fail = [report](Failure::Step step) {
     const Failure failure{step, errno};
@@ -115,7 +121,7 @@ void set_up_child(const HostFds& host, const SpawnOptions& options, pid_t parent
   };
   errno = enter_host(host);
   if (errno != 0) fail(Failure::Step::kEnter);
-  // After entering, as a change of credentials clears it.
+  // Only after entering, because a change of credentials clears this setting.
   if (options.die_with_parent) {
     ::prctl(PR_SET_PDEATHSIG, SIGTERM);
     if (::getppid() != parent) ::_exit(127);
@@ -126,6 +132,7 @@ void set_up_child(const HostFds& host, const SpawnOptions& options, pid_t parent
   }
 }
 
+// Starts the program with `mask` as its blocked signals.
 pid_t spawn_with_mask(const State& state, Host host, const std::vector<std::string>& argv,
                       const SpawnOptions& options, const sigset_t& mask) {
   if (argv.empty()) throw TestbedError(1, "no command to run; name one after --");
@@ -150,7 +157,7 @@ pid_t spawn_with_mask(const State& state, Host host, const std::vector<std::stri
   }
   { const io::FileDescriptor closed = std::move(write_end); }
   Failure failure{};
-  // A successful exec closes the pipe without a word.
+  // A successful exec closes the pipe before anything is written to it.
   if (::read(read_end.get(), &failure, sizeof failure) != sizeof failure) return child;
   ::waitpid(child, nullptr, 0);
   if (failure.step == Failure::Step::kEnter) fail_enter(state, host, failure.error);
@@ -184,8 +191,8 @@ class SignalsHeld {
   sigset_t previous_{};
 };
 
-// Passes one pending signal on. What the terminal sent (SI_KERNEL) the child has got as well, being
-// in the same group.
+// Passes one pending signal on to the child. A signal from the terminal (SI_KERNEL) goes to the
+// whole process group, so the child has got it already.
 void forward_signal(int signals, pid_t child) {
   signalfd_siginfo info{};
   if (::read(signals, &info, sizeof info) != sizeof info || info.ssi_code == SI_KERNEL) return;
@@ -212,7 +219,7 @@ int Testbed::run_in(const State& state, Host host, const std::vector<std::string
   const io::FileDescriptor signals(
       check(::signalfd(-1, &forwarded, SFD_CLOEXEC), "make a signalfd"));
   const pid_t child = spawn_with_mask(state, host, argv, {}, held.previous());
-  // By number, as glibc 2.36 is the first with pidfd_open().
+  // By its number, because glibc has pidfd_open() only from 2.36 on.
   const io::FileDescriptor ended(
       check(static_cast<int>(::syscall(SYS_pidfd_open, child, 0)), "watch " + argv[0]));
 

@@ -30,9 +30,14 @@ namespace interneuron::netns {
 
 namespace {
 
-constexpr int kGraceMs = 2000;  // between SIGTERM and SIGKILL
+// Between SIGTERM and SIGKILL: longer than the holder's loop, which looks at its signals every
+// 10 ms, and the removal of its state file take.
+constexpr int kGraceMs = 2000;
+// After SIGKILL the kernel takes away the holder's sockets, which needs tens of milliseconds. No
+// measurement is behind this value: it only has to be longer than that on a loaded machine.
 constexpr int kKillBoundMs = 5000;
-constexpr std::size_t kMaxLinkName = 13;  // "if" + name fits into IFNAMSIZ - 1
+// "if" and the name must fit into IFNAMSIZ - 1 = 15 characters.
+constexpr std::size_t kMaxLinkName = 13;
 
 void check_options(const TestbedOptions& options) {
   check_name(options.name, 64, "the name of a testbed");
@@ -63,7 +68,8 @@ std::optional<State> find_locked(const std::filesystem::path& file) {
   const std::optional<State> state = read_state(file);
   if (!state) return std::nullopt;
   if (holder_alive(*state)) return state;
-  std::error_code ignored;  // another user's: then it stays for that user to find
+  // The file of another user cannot be removed; that user's next call removes it.
+  std::error_code ignored;
   std::filesystem::remove(file, ignored);
   return std::nullopt;
 }
@@ -85,7 +91,8 @@ void send_signal(int pidfd, int signal, const State& state) {
 
 void end_holder(const State& state) {
   const io::FileDescriptor pidfd(static_cast<int>(::syscall(SYS_pidfd_open, state.holder, 0)));
-  // Only after the pidfd is open is it certain whom a signal will reach.
+  // The process number may have been given to another process before the pidfd was opened. From
+  // now on it cannot, so this look decides.
   if (pidfd.get() >= 0 && holder_alive(state)) {
     send_signal(pidfd.get(), SIGTERM, state);
     if (!await_end(pidfd.get(), kGraceMs)) {
@@ -96,11 +103,14 @@ void end_holder(const State& state) {
       }
     }
   }
-  // Reaps it where it is our child. That of another is not ours to wait for, and the call says so
-  // at once.
+  // Reaps the holder where it is our child; otherwise the call returns an error at once.
   ::waitpid(state.holder, nullptr, WNOHANG);
 }
 
+// The holder's shared counters, mapped read-only while this lives. Throws TestbedError when the
+// testbed has gone (1), is another user's (5), or was made by another version of the program, whose
+// layout differs (1). The size is checked before the memory is read, so that a shorter file cannot
+// end the reader with SIGBUS.
 class StatsView {
  public:
   explicit StatsView(const State& state) {
@@ -183,7 +193,8 @@ Testbed Testbed::up(const TestbedOptions& options) {
 std::optional<State> Testbed::find(const std::string& name,
                                    const std::filesystem::path& runtime_dir) {
   const std::filesystem::path file = std::filesystem::absolute(state_path(runtime_dir, name));
-  std::error_code ignored;  // opening it will tell
+  // If this look fails, opening the directory below throws with the reason.
+  std::error_code ignored;
   if (!std::filesystem::exists(runtime_dir, ignored) && !ignored) return std::nullopt;
   const RuntimeDirLock lock(runtime_dir);
   return find_locked(file);
@@ -191,7 +202,8 @@ std::optional<State> Testbed::find(const std::string& name,
 
 std::vector<State> Testbed::list(const std::filesystem::path& runtime_dir) {
   std::vector<State> out;
-  std::error_code ignored;  // opening it will tell
+  // As in find().
+  std::error_code ignored;
   if (!std::filesystem::exists(runtime_dir, ignored) && !ignored) return out;
   const RuntimeDirLock lock(runtime_dir);
   std::vector<std::filesystem::path> files;
@@ -211,7 +223,8 @@ void Testbed::down(const State& state) {
   std::error_code ignored;
   if (!std::filesystem::exists(state.file.parent_path(), ignored)) return;
   const RuntimeDirLock lock(state.file.parent_path());
-  find_locked(state.file);  // removes the file, unless a new testbed has taken the name already
+  // Removes the file, unless a new testbed has taken the name in the meantime.
+  find_locked(state.file);
 }
 
 Snapshot Testbed::snapshot(const State& state) {
@@ -243,7 +256,8 @@ std::vector<ScheduleSample> Testbed::schedule(const State& state, std::size_t in
   const SharedLink& link = view.stats().link(index);
   const std::int64_t made = link.steps.load(std::memory_order_acquire);
   constexpr auto kKept = static_cast<std::int64_t>(SharedLink::kSteps);
-  // The oldest few may be overwritten while they are read.
+  // The oldest samples may be overwritten while they are read: 100 steps are left out, which the
+  // holder writes in one second.
   constexpr std::int64_t kMargin = 100;
   const std::int64_t first =
       std::max<std::int64_t>(from / emu::kDelayStep, made > kKept ? made - kKept + kMargin : 0);
@@ -282,7 +296,7 @@ void Testbed::change(const State& state, const std::string& which,
   Request request;
   request.links = select(state, which);
   for (std::string setting : settings) {
-    // The holder is in another directory.
+    // The holder's working directory is another one, so it gets an absolute path.
     constexpr std::string_view kProfile = "profile=";
     if (setting.starts_with(kProfile) && setting.find('/') != std::string::npos) {
       setting = std::string(kProfile) +
@@ -313,11 +327,12 @@ Testbed& Testbed::operator=(Testbed&& other) noexcept {
 }
 
 Testbed::~Testbed() {
-  // A fork of the owner has a copy of this object, but the testbed is not its own to end.
+  // In a fork of the owner this is a copy of the owner's object; only the owner ends the testbed.
   if (owner_ == 0 || owner_ != ::getpid()) return;
   try {
     down();
-  } catch (const std::exception&) {  // it dies with this process anyway
+  } catch (const std::exception&) {
+    // The holder dies with this process anyway (die_with() of holder.cc).
   }
 }
 

@@ -17,14 +17,17 @@
 // frees everything. As root the namespaces are made directly, otherwise inside a new user namespace
 // in which the caller is root.
 //
-// Time of the links starts with the first packet on any link (the epoch), so that one seed is one
-// and the same drive however long the start took. The first vehicle's links have the seeds of the
-// scenario, those of further ones are derived from them.
+// The time of the links begins with the first packet on any of them (the epoch), so that one seed
+// gives the same drive however long the start took. The first vehicle's links have the seeds of
+// the scenario; the seeds of other vehicles' links are derived from those.
+//
+// Who may use a testbed: its state file and its holder's descriptors can be opened by the user who
+// made it and by root alone; everybody else gets TestbedError (5).
 //
 // Errors: every function throws TestbedError, whose one-line text names the thing and the remedy.
-// Thread-safety: none; up(), spawn() and run_in() fork, so call them from a thread that outlives
-// the testbed (a holder that is not detached dies with that thread) and, best, before other threads
-// start. Ownership: a Testbed owns its holder unless detached.
+// Not thread-safe: up(), spawn() and run_in() fork, so call them from a thread that outlives the
+// testbed (a holder that is not detached dies with that thread) and, if possible, before other
+// threads start. A Testbed owns its holder unless it is detached.
 #pragma once
 
 #include <sys/types.h>
@@ -45,33 +48,35 @@
 namespace interneuron::netns {
 
 struct SpawnOptions {
-  std::array<int, 3> stdio{-1, -1, -1};  // fds for stdin, stdout, stderr; -1 inherits the caller's
-  bool die_with_parent = true;           // SIGTERM when the calling thread ends
+  // File descriptors that become stdin, stdout and stderr; -1 inherits the caller's.
+  std::array<int, 3> stdio{-1, -1, -1};
+  // The kernel sends SIGTERM to the program when the calling thread ends.
+  bool die_with_parent = true;
 };
 
 class Testbed {
  public:
-  // Makes everything and returns when all links are up and the emulator runs.
-  // Refuses when a testbed of this name is up.
+  // Makes everything and returns when all links are up and carry packets.
+  // Throws when a testbed of this name is up already.
   static Testbed up(const TestbedOptions& options);
 
-  // The testbed of this name that is up, if any. A state file left by a dead holder is removed.
+  // The testbed of this name, if it is up. Removes a state file that a dead holder has left.
   static std::optional<State> find(
       const std::string& name, const std::filesystem::path& runtime_dir = default_runtime_dir());
-  // All that are up, by name.
+  // All testbeds that are up, in the order of their names.
   static std::vector<State> list(const std::filesystem::path& runtime_dir = default_runtime_dir());
 
   // Ends the holder (SIGTERM, after 2 s SIGKILL), waits for its end and removes the state file.
-  // Fine if it is gone already. Processes that callers run inside are theirs to end; the kernel
-  // frees namespaces and NICs with the last of them.
+  // Does nothing when the holder has ended already. Does not end the programs that callers run
+  // inside; the kernel frees namespaces and NICs when the last of them has ended.
   static void down(const State& state);
 
-  // Moves the calling process into one host. It must have one thread only; meant for a child after
-  // fork().
+  // Moves the calling process into one host. The process must have one thread; meant for a child
+  // after fork().
   static void enter(const State& state, Host host);
 
-  // Starts a program (found by PATH) inside one host; the caller reaps it. Throws when it cannot be
-  // run.
+  // Starts a program (found by PATH) inside one host and returns its process id, for which the
+  // caller waits. Throws when the program cannot be run.
   static pid_t spawn(const State& state, Host host, const std::vector<std::string>& argv,
                      const SpawnOptions& options = {});
 
@@ -79,21 +84,23 @@ class Testbed {
   // Returns its exit code, or 128 + signal.
   static int run_in(const State& state, Host host, const std::vector<std::string>& argv);
 
+  // The present counters of all links.
   static Snapshot snapshot(const State& state);
 
-  // What the model of link `index` prescribed between `from` and `to` since the epoch; at most the
-  // last 80 s are kept. Empty before the epoch.
+  // What the model of link `index` prescribed between `from` and `to`, both since the epoch. The
+  // last 80 s are kept; before the epoch the result is empty.
   static std::vector<ScheduleSample> schedule(const State& state, std::size_t index, Duration from,
                                               Duration to);
 
-  // Indices into state.links of those called `which`: "5g" (of every vehicle), "vehicle2/5g", "*".
-  // Throws TestbedError (1) when there is none.
+  // Indices into state.links of the links called `which`: "5g" (of every vehicle), "vehicle2/5g",
+  // "vehicle2/*" or "*". Throws TestbedError (1) when there is none.
   static std::vector<std::size_t> select(const State& state, const std::string& which);
 
-  // From now on. `settings`: KEY=VALUE as emu::parse_change reads them; profile=NAME|FILE.toml.
+  // Changes links from now on. `settings`: KEY=VALUE as emu::parse_change reads them, or
+  // profile=NAME or profile=FILE.toml.
   static void change(const State& state, const std::string& which,
                      const std::vector<std::string>& settings);
-  // Nothing passes for this long, from now on.
+  // Lets nothing pass over these links for `length` from now on.
   static void outage(const State& state, const std::string& which, Duration length);
 
   Testbed(Testbed&& other) noexcept;
@@ -109,7 +116,9 @@ class Testbed {
   explicit Testbed(State state);
 
   State state_;
-  pid_t owner_ = 0;  // the process whose death or destructor ends it; 0 when detached or down
+  // The process whose destructor of this object ends the holder; 0 when detached or down. A fork
+  // has a copy of this object with the same owner, and so leaves the holder alone.
+  pid_t owner_ = 0;
 };
 
 }  // namespace interneuron::netns
