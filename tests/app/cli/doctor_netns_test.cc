@@ -17,7 +17,6 @@
 namespace interneuron::cli {
 namespace {
 
-using io::expect;
 using io::shell;
 using nlohmann::json;
 
@@ -67,15 +66,14 @@ bool second_card(const std::string& address) {
 TEST(DoctorNetns, NoRouteIsFoundAndMended) {
   io::in_namespace([] {
     const json before = doctor();
-    int bad = expect(is(before, "route", "va", "problem"), "a problem without a default route");
-    bad |=
-        expect(violations(schema_of("doctor.json"), before).empty(), "output as its schema says");
-    bad |= expect(run("doctor").code == 1, "exit code 1");
-    bad |= expect(follow(before, "route", "va"), "a fix that works");
+    EXPECT_TRUE(is(before, "route", "va", "problem")) << "a problem without a default route";
+    EXPECT_TRUE(violations(schema_of("doctor.json"), before).empty())
+        << "output as its schema says";
+    EXPECT_EQ(run("doctor").code, 1) << "exit code 1";
+    EXPECT_TRUE(follow(before, "route", "va")) << "a fix that works";
     const json after = doctor();
-    bad |= expect(is(after, "route", "va", "ok"), "no problem after the fix");
-    bad |= expect(run("doctor").code == 0, "exit code 0");
-    return bad;
+    EXPECT_TRUE(is(after, "route", "va", "ok")) << "no problem after the fix";
+    EXPECT_EQ(run("doctor").code, 0) << "exit code 0";
   });
 }
 
@@ -84,35 +82,35 @@ TEST(DoctorNetns, AStrictReversePathFilterIsFoundAndMended) {
     if (!second_card("10.98.0.1/24") || !set("all/rp_filter", "0") || !set("va/rp_filter", "1") ||
         !set("vc/rp_filter", "1") || !shell("ip route add default via 10.99.0.2 dev va metric 1") ||
         !shell("ip route add default via 10.98.0.2 dev vc metric 2")) {
-      return io::kSkip;
+      GTEST_SKIP() << "this kernel lacks what the test needs";
     }
     const json before = doctor();
-    int bad = expect(is(before, "rp_filter", "va", "ok"), "va, where packets leave, is fine");
-    bad |= expect(is(before, "rp_filter", "vc", "problem"), "vc is not");
-    bad |= expect(is(before, "source_rule", "vc", "warning"), "vc's address has no rule");
-    bad |= expect(follow(before, "rp_filter", "vc"), "a fix that works");
-    bad |= expect(is(doctor(), "rp_filter", "vc", "ok"), "no problem after the fix");
+    EXPECT_TRUE(is(before, "rp_filter", "va", "ok")) << "va, where packets leave, is fine";
+    EXPECT_TRUE(is(before, "rp_filter", "vc", "problem")) << "vc is not";
+    EXPECT_TRUE(is(before, "source_rule", "vc", "warning")) << "vc's address has no rule";
+    EXPECT_TRUE(follow(before, "rp_filter", "vc")) << "a fix that works";
+    EXPECT_TRUE(is(doctor(), "rp_filter", "vc", "ok")) << "no problem after the fix";
     // The other way to mend it: a rule for the address.
-    bad |= expect(set("vc/rp_filter", "1"), "strict again");
-    bad |= expect(follow(before, "source_rule", "vc"), "a rule that can be made");
+    EXPECT_TRUE(set("vc/rp_filter", "1")) << "strict again";
+    EXPECT_TRUE(follow(before, "source_rule", "vc")) << "a rule that can be made";
     const json after = doctor();
-    bad |= expect(is(after, "source_rule", "vc", "ok"), "the rule is seen");
-    bad |= expect(is(after, "rp_filter", "vc", "ok"), "and makes the filter harmless");
-    return bad;
+    EXPECT_TRUE(is(after, "source_rule", "vc", "ok")) << "the rule is seen";
+    EXPECT_TRUE(is(after, "rp_filter", "vc", "ok")) << "and makes the filter harmless";
   });
 }
 
 TEST(DoctorNetns, TheSameSubnetTwiceIsFoundAndMended) {
   io::in_namespace([] {
-    if (!second_card("10.99.0.7/24") || !set("all/arp_ignore", "0")) return io::kSkip;
+    if (!second_card("10.99.0.7/24") || !set("all/arp_ignore", "0")) {
+      GTEST_SKIP() << "this kernel lacks what the test needs";
+    }
     const json before = doctor();
-    int bad = expect(is(before, "same_subnet", "va", "problem"), "a problem of va");
-    bad |= expect(is(before, "same_subnet", "vc", "problem"), "a problem of vc");
-    bad |= expect(follow(before, "same_subnet", "vc"), "a fix that works");
+    EXPECT_TRUE(is(before, "same_subnet", "va", "problem")) << "a problem of va";
+    EXPECT_TRUE(is(before, "same_subnet", "vc", "problem")) << "a problem of vc";
+    EXPECT_TRUE(follow(before, "same_subnet", "vc")) << "a fix that works";
     const json after = doctor();
-    bad |= expect(is(after, "same_subnet", "va", "ok"), "va is fine");
-    bad |= expect(is(after, "same_subnet", "vc", "ok"), "vc is fine");
-    return bad;
+    EXPECT_TRUE(is(after, "same_subnet", "va", "ok")) << "va is fine";
+    EXPECT_TRUE(is(after, "same_subnet", "vc", "ok")) << "vc is fine";
   });
 }
 
@@ -134,17 +132,19 @@ TEST(DoctorNetns, ItChangesNothing) {
     const std::string before = read();
     doctor("--peer 10.99.0.1");
     const std::string after = read();
-    return expect(before.find("rp_filter") != std::string::npos && before == after,
-                  "addresses, routes and rules as before");
+    EXPECT_THAT(before, testing::HasSubstr("rp_filter")) << "addresses, routes and rules as before";
+    EXPECT_EQ(before, after) << "addresses, routes and rules as before";
   });
 }
 
 TEST(DoctorNetns, PathsAreMeasuredTowardsAPeer) {
   io::in_namespace([] {
     // The loopback card answers everything.
-    if (!io::write_file("/proc/sys/net/ipv4/ping_group_range", "0 0")) return io::kSkip;
+    if (!io::write_file("/proc/sys/net/ipv4/ping_group_range", "0 0")) {
+      GTEST_SKIP() << "this kernel lacks what the test needs";
+    }
     const json report = doctor("--peer 127.0.0.1");
-    return expect(is(report, "path_mtu", "lo", "ok"), "1500 bytes pass");
+    EXPECT_TRUE(is(report, "path_mtu", "lo", "ok")) << "1500 bytes pass";
   });
 }
 
@@ -234,7 +234,8 @@ TEST(DoctorNetns, CtrlCEndsTheSilencesWithWhatIsKnown) {
         " & until grep -q 'silent flows' " + said + "; do sleep 0.02; done; kill -INT $!; wait;");
     std::ifstream in(answer);
     const json f = find(json::parse(in, nullptr, false), "nat_timeout", "lo");
-    return expect(f["verdict"] == "not checked" && f["found"] == "interrupted", "is interrupted");
+    EXPECT_EQ(f["verdict"], "not checked") << "is interrupted";
+    EXPECT_EQ(f["found"], "interrupted") << "is interrupted";
   });
 }
 
@@ -244,8 +245,8 @@ TEST(DoctorNetns, SilencesNeedAPeerThatAnswers) {
       const json f = find(doctor("--peer 127.0.0.1 " + options), "nat_timeout", "lo");
       return f["verdict"] == "not checked" && f.value("found", "").find(text) != std::string::npos;
     };
-    return expect(says("--nat-timeout 5", "interneuron road"), "what it needs") |
-           expect(says("", "--nat-timeout"), "the option");
+    EXPECT_TRUE(says("--nat-timeout 5", "interneuron road")) << "what it needs";
+    EXPECT_TRUE(says("", "--nat-timeout")) << "the option";
   });
 }
 

@@ -151,15 +151,14 @@ TEST(PcapWitness, AnIdleSessionCostsLittle) {
     const TempFolder folder;
     // The first train and what comes of it are over after 3 s.
     const auto idle = idle_session(3, 10, (folder / "idle.pcap").string());
-    int wrong = io::expect(idle.size() == 2, "both directions are heard");
+    EXPECT_EQ(idle.size(), 2) << "both directions are heard";
     for (const auto& [port, sent] : idle) {
       const double trains = sent.kbit.contains(3) ? sent.kbit.at(3) : 0;
       std::printf("from port %u: heartbeats %.1f kbit/s, trains %.1f kbit/s\n", port,
                   sent.all - trains, trains);
-      wrong |= io::expect(sent.all - trains <= kHeartbeatsKbit, "heartbeats of at most 30 kbit/s");
-      wrong |= io::expect(trains <= kTrainsKbit, "trains of at most 150 kbit/s");
+      EXPECT_LE(sent.all - trains, kHeartbeatsKbit) << "heartbeats of at most 30 kbit/s";
+      EXPECT_LE(trains, kTrainsKbit) << "trains of at most 150 kbit/s";
     }
-    return wrong;
   });
 }
 

@@ -19,11 +19,12 @@ TEST(LinkMonitor, LostEventsAreMadeUpForByReadingEverythingAnew) {
     shell("ip link set va down");
     const std::vector<NicEvent> events = monitor.update();
     const auto va = std::ranges::find(events, "va", &NicEvent::nic);
-    return expect(monitor.resyncs() == 1, "everything was read anew") |
-           expect(events.size() >= 21, "what changed is told") |
-           expect(monitor.find("d19") != nullptr, "a new card") |
-           expect(va != events.end() && va->to == NicState::kNoCarrier, "va is down") |
-           expect(monitor.update().empty(), "nothing is told twice");
+    EXPECT_EQ(monitor.resyncs(), 1) << "everything was read anew";
+    EXPECT_GE(events.size(), 21) << "what changed is told";
+    EXPECT_NE(monitor.find("d19"), nullptr) << "a new card";
+    ASSERT_NE(va, events.end()) << "va is down";
+    EXPECT_EQ(va->to, NicState::kNoCarrier) << "va is down";
+    EXPECT_TRUE(monitor.update().empty()) << "nothing is told twice";
   });
 }
 
@@ -41,32 +42,33 @@ TEST(LinkMonitor, AStormLeavesTheTableAsTheKernelHasIt) {
       monitor.update();
     }
     const std::vector<Nic> now = list_nics();
-    int bad = expect(now.size() == monitor.nics().size(), "as many cards");
+    EXPECT_EQ(now.size(), monitor.nics().size()) << "as many cards";
     for (const Nic& nic : now) {
       const Nic* known = monitor.find(nic.name);
-      bad |= expect(known != nullptr && known->index == nic.index && known->up == nic.up &&
-                        known->addresses == nic.addresses,
-                    nic.name.c_str());
+      ASSERT_NE(known, nullptr) << nic.name;
+      EXPECT_EQ(known->index, nic.index) << nic.name;
+      EXPECT_EQ(known->up, nic.up) << nic.name;
+      EXPECT_EQ(known->addresses, nic.addresses) << nic.name;
     }
-    return bad | expect(monitor.resyncs() == 0, "by events alone");
+    EXPECT_EQ(monitor.resyncs(), 0) << "by events alone";
   });
 }
 
 TEST(LinkMonitor, UnansweredQuestionsForNeighboursAreDropped) {
   in_namespace([] {
     Watch watch;
-    if (!wait_until_ready(watch)) return expect(false, "va is ready");
+    ASSERT_TRUE(wait_until_ready(watch)) << "va is ready";
     // Nobody is there to answer for 10.99.0.77.
     UdpTransport sender({.nic = "va", .local = *make_address("10.99.0.1", 0)});
     const Bytes bytes(10);
     const Outgoing datagram{*parse_address("10.99.0.77:9"), bytes};
     sender.send({&datagram, 1});
-    int bad = expect(shell("ip neigh show dev va nud incomplete | grep -q 10.99.0.77"), "asked");
+    EXPECT_TRUE(shell("ip neigh show dev va nud incomplete | grep -q 10.99.0.77")) << "asked";
     watch.monitor.drop_unanswered_neighbours("nosuch0");
     watch.monitor.drop_unanswered_neighbours("va");
-    bad |= expect(!shell("ip neigh show dev va nud incomplete | grep -q 10.99.0.77"), "dropped");
-    return bad | expect(shell("ip neigh show dev va nud permanent | grep -q 10.99.0.2"),
-                        "the others stay");
+    EXPECT_FALSE(shell("ip neigh show dev va nud incomplete | grep -q 10.99.0.77")) << "dropped";
+    EXPECT_TRUE(shell("ip neigh show dev va nud permanent | grep -q 10.99.0.2"))
+        << "the others stay";
   });
 }
 

@@ -15,6 +15,7 @@
 
 #include <cstdio>
 #include <cstdlib>
+#include <exception>
 #include <functional>
 #include <string>
 
@@ -22,7 +23,9 @@
 
 namespace interneuron::io {
 
+// Exit codes of the child: what CTest takes for skipped, and an assertion that failed.
 inline constexpr int kSkip = 77;
+inline constexpr int kFailure = 1;
 
 inline bool write_file(const char* path, const std::string& text) {
   const FileDescriptor file(::open(path, O_WRONLY | O_CLOEXEC));
@@ -45,9 +48,9 @@ inline bool shell(const std::string& command) {
   return std::system(("PATH=$PATH:/sbin:/usr/sbin; " + command + " 2>/dev/null").c_str()) == 0;
 }
 
-// Runs `body` in a child with namespaces of its own, so that nothing is left behind; the child's
-// exit code is 0, 77 to skip, or 1 after it has printed why.
-inline void in_namespace(const std::function<int()>& body) {
+// Runs `body` in a child with namespaces of its own, so that nothing is left behind. GoogleTest's
+// assertions work in it: the child prints them, and the test fails or is skipped as the body was.
+inline void in_namespace(const std::function<void()>& body) {
   std::fflush(nullptr);
   const pid_t child = ::fork();
   ASSERT_GE(child, 0);
@@ -58,15 +61,21 @@ inline void in_namespace(const std::function<int()>& body) {
                        shell("ip link set vb up") &&
                        // No answer to ARP comes from vb, so the neighbour is told.
                        shell("ip neigh add 10.99.0.2 lladdr 02:00:00:00:00:02 dev va");
-    const int code = ready ? body() : kSkip;
+    if (!ready) ::_exit(kSkip);
+    try {
+      body();
+    } catch (const std::exception& error) {
+      ADD_FAILURE() << "threw: " << error.what();
+    }
     std::fflush(nullptr);
-    ::_exit(code);
+    if (testing::Test::HasFailure()) ::_exit(kFailure);
+    ::_exit(testing::Test::IsSkipped() ? kSkip : 0);
   }
   int status = 0;
   ASSERT_EQ(::waitpid(child, &status, 0), child);
   ASSERT_TRUE(WIFEXITED(status));
   if (WEXITSTATUS(status) == kSkip) GTEST_SKIP() << "needs user namespaces, ip and tc";
-  EXPECT_EQ(WEXITSTATUS(status), 0);
+  EXPECT_EQ(WEXITSTATUS(status), 0) << "what failed in the namespace is printed above";
 }
 
 // A second network namespace, for NICs to be moved to. For use inside in_namespace().
@@ -109,11 +118,5 @@ class OtherNamespace {
   pid_t child_ = -1;
   bool made_ = false;
 };
-
-// Says what was expected if it is not so; 0 = it is. To be joined by |.
-inline int expect(bool condition, const char* what) {
-  if (!condition) std::printf("expected: %s\n", what);
-  return condition ? 0 : 1;
-}
 
 }  // namespace interneuron::io

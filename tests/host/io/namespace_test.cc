@@ -20,7 +20,9 @@ const Address kPeer = *parse_address("10.99.0.2:9");
 
 TEST(Namespace, AFullSendBufferIsReportedAndNothingIsLost) {
   in_namespace([] {
-    if (!shell("tc qdisc add dev va root tbf rate 80mbit burst 20kb limit 10mb")) return kSkip;
+    if (!shell("tc qdisc add dev va root tbf rate 80mbit burst 20kb limit 10mb")) {
+      GTEST_SKIP() << "this kernel lacks what the test needs";
+    }
     UdpOptions options = on_va();
     options.send_buffer_bytes = 64 * 1024;
     UdpTransport sender(options);
@@ -33,11 +35,11 @@ TEST(Namespace, AFullSendBufferIsReportedAndNothingIsLost) {
       const SendResult result = sender.send(std::span(batch).subspan(done));
       done += result.taken;
       blocked += result.would_block ? 1 : 0;
-      if (result.would_block && !wait_for(sender, POLLOUT)) return expect(false, "writable again");
+      if (result.would_block && !wait_for(sender, POLLOUT)) FAIL() << "writable again";
     }
-    return expect(blocked > 0, "the buffer was full at least once") |
-           expect(sender.counters().sent_datagrams == 600, "all are sent") |
-           expect(sender.counters().send_errors == 0, "no errors");
+    EXPECT_GT(blocked, 0) << "the buffer was full at least once";
+    EXPECT_EQ(sender.counters().sent_datagrams, 600) << "all are sent";
+    EXPECT_EQ(sender.counters().send_errors, 0) << "no errors";
   });
 }
 
@@ -49,10 +51,10 @@ TEST(Namespace, LargerThanTheMtuIsRefusedNotFragmented) {
     sender.send(to_all(kPeer, {fits, fits, fits}));
     const bool clean = sender.counters().send_errors == 0;
     sender.send(to_all(kPeer, {exceeds, exceeds, fits, fits}));
-    return expect(clean, "1472 bytes fit into 1500") |
-           expect(sender.counters().send_errors == 2, "1473 bytes do not") |
-           expect(sender.counters().last_send_error == EMSGSIZE, "EMSGSIZE") |
-           expect(sender.counters().sent_datagrams == 5, "the others are sent");
+    EXPECT_TRUE(clean) << "1472 bytes fit into 1500";
+    EXPECT_EQ(sender.counters().send_errors, 2) << "1473 bytes do not";
+    EXPECT_EQ(sender.counters().last_send_error, EMSGSIZE) << "EMSGSIZE";
+    EXPECT_EQ(sender.counters().sent_datagrams, 5) << "the others are sent";
   });
 }
 
@@ -60,14 +62,16 @@ TEST(Namespace, ACardThatIsDownCountsErrorsAndWorksWhenItIsBack) {
   in_namespace([] {
     UdpTransport sender(on_va());
     const Bytes bytes = payload(0, 100);
-    if (!shell("ip link set va down")) return kSkip;
+    if (!shell("ip link set va down")) GTEST_SKIP() << "this kernel lacks what the test needs";
     const SendResult down = sender.send(to_all(kPeer, {bytes, bytes}));
     shell("ip link set va up");
     shell("ip neigh replace 10.99.0.2 lladdr 02:00:00:00:00:02 dev va");
     const SendResult up = sender.send(to_all(kPeer, {bytes}));
-    return expect(down.taken == 2 && down.gone == 0, "down is not gone") |
-           expect(sender.counters().send_errors == 2, "two errors") |
-           expect(up.taken == 1 && sender.counters().sent_datagrams == 1, "sent when up again");
+    EXPECT_EQ(down.taken, 2) << "down is not gone";
+    EXPECT_EQ(down.gone, 0) << "down is not gone";
+    EXPECT_EQ(sender.counters().send_errors, 2) << "two errors";
+    EXPECT_EQ(up.taken, 1) << "sent when up again";
+    EXPECT_EQ(sender.counters().sent_datagrams, 1) << "sent when up again";
   });
 }
 
@@ -76,11 +80,12 @@ TEST(Namespace, ACardThatVanishesIsGone) {
     UdpTransport sender(on_va());
     const Bytes bytes = payload(0, 100);
     sender.send(to_all(kPeer, {bytes}));
-    if (!shell("ip link del va")) return kSkip;
+    if (!shell("ip link del va")) GTEST_SKIP() << "this kernel lacks what the test needs";
     const SendResult result = sender.send(to_all(kPeer, {bytes, bytes, bytes}));
     sender.receive();
-    return expect(result.gone == ENODEV, "gone") | expect(result.taken == 3, "all are dropped") |
-           expect(sender.counters().send_errors == 3, "and counted");
+    EXPECT_EQ(result.gone, ENODEV) << "gone";
+    EXPECT_EQ(result.taken, 3) << "all are dropped";
+    EXPECT_EQ(sender.counters().send_errors, 3) << "and counted";
   });
 }
 
@@ -95,8 +100,8 @@ TEST(Namespace, OnlyTheBoundCardsTrafficArrives) {
     UdpTransport sender(options);
     const Bytes bytes = payload(0, 100);
     sender.send(to_all(*parse_address("127.0.0.1:47000"), {bytes}));
-    return expect(receive_all(same_port, 1).size() == 1, "it came to the socket on lo") |
-           expect(bound.receive().empty(), "not to the one on va");
+    EXPECT_EQ(receive_all(same_port, 1).size(), 1) << "it came to the socket on lo";
+    EXPECT_TRUE(bound.receive().empty()) << "not to the one on va";
   });
 }
 
@@ -104,7 +109,7 @@ TEST(Namespace, Ipv6AnswersLeaveFromTheAddressThatWasAsked) {
   in_namespace([] {
     if (!shell("ip -6 addr add fd00::5/128 dev lo nodad") ||
         !shell("ip -6 addr add fd00::6/128 dev lo nodad")) {
-      return kSkip;
+      GTEST_SKIP() << "this kernel lacks what the test needs";
     }
     UdpOptions options;
     options.nic = "lo";
@@ -114,16 +119,14 @@ TEST(Namespace, Ipv6AnswersLeaveFromTheAddressThatWasAsked) {
     options.answer_from_receiver = false;
     UdpTransport client(options);
     const Bytes bytes = payload(0, 100);
-    int bad = 0;
     for (const char* host : {"fd00::6", "fd00::5"}) {
       client.send(to_all(*make_address(host, port_of(server.local_address())), {bytes}));
-      if (!wait_for(server, POLLIN)) return expect(false, "it came");
+      ASSERT_TRUE(wait_for(server, POLLIN)) << "it came";
       server.send(to_all(server.receive().front().from, {bytes}));
-      if (!wait_for(client, POLLIN)) return expect(false, "it was answered");
+      ASSERT_TRUE(wait_for(client, POLLIN)) << "it was answered";
       const std::string from = to_string(client.receive().front().from);
-      bad |= expect(from.starts_with("[" + std::string(host) + "]"), from.c_str());
+      EXPECT_TRUE(from.starts_with("[" + std::string(host) + "]")) << from;
     }
-    return bad;
   });
 }
 

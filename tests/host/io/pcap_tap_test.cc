@@ -65,7 +65,6 @@ void send(UdpTransport& from, const Address& to, std::size_t count) {
 TEST(PcapTap, WritesWhatOurSocketsCarryAndNothingElse) {
   in_namespace([] {
     const std::string file = temporary_file();
-    int wrong = 0;
     UdpTransport early = open_on("lo", "127.0.0.1");
     {
       PcapTap tap(file);
@@ -75,28 +74,28 @@ TEST(PcapTap, WritesWhatOurSocketsCarryAndNothingElse) {
       // Not ours: a socket that nobody noted.
       const FileDescriptor foreign(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
       const Address nobody = *make_address("127.0.0.1", 9);
-      wrong |=
-          expect(::sendto(foreign.get(), "x", 1, 0,
-                          reinterpret_cast<const sockaddr*>(nobody.raw.data()), nobody.size) == 1,
-                 "another program's packet is sent");
+      EXPECT_EQ(::sendto(foreign.get(), "x", 1, 0,
+                         reinterpret_cast<const sockaddr*>(nobody.raw.data()), nobody.size),
+                1)
+          << "another program's packet is sent";
       const PcapTap::Counters counters = tap.stop();
       // What leaves va comes in at vb, which is in the same namespace.
-      wrong |= expect(counters.packets == 80, "80 packets are counted");
-      wrong |= expect(counters.dropped == 0, "none is dropped");
-      wrong |= expect(counters.nics.size() == 3, "on three NICs");
+      EXPECT_EQ(counters.packets, 80) << "80 packets are counted";
+      EXPECT_EQ(counters.dropped, 0) << "none is dropped";
+      EXPECT_EQ(counters.nics.size(), 3) << "on three NICs";
       std::map<std::string, std::uint64_t> by_name;
       for (const auto& nic : counters.nics) by_name[nic.name] = nic.packets;
-      wrong |= expect(by_name["lo"] == 20 && by_name["va"] == 30 && by_name["vb"] == 30,
-                      "each NIC's are counted");
+      EXPECT_EQ(by_name["lo"], 20) << "each NIC's are counted";
+      EXPECT_EQ(by_name["va"], 30) << "each NIC's are counted";
+      EXPECT_EQ(by_name["vb"], 30) << "each NIC's are counted";
     }
     const Captured captured = read_capture(file);
-    wrong |= expect(captured.packets == 80, "80 packets are in the file");
-    wrong |= expect(captured.by_index.size() == 3, "with three interfaces");
-    wrong |= expect(captured.by_index.at(1) == 20, "the loopback's once each");
-    wrong |= expect(captured.nanoseconds, "stamped in nanoseconds");
-    wrong |= expect(captured.link_type == DLT_LINUX_SLL2, "as LINUX_SLL2");
+    EXPECT_EQ(captured.packets, 80) << "80 packets are in the file";
+    EXPECT_EQ(captured.by_index.size(), 3) << "with three interfaces";
+    EXPECT_EQ(captured.by_index.at(1), 20) << "the loopback's once each";
+    EXPECT_TRUE(captured.nanoseconds) << "stamped in nanoseconds";
+    EXPECT_EQ(captured.link_type, DLT_LINUX_SLL2) << "as LINUX_SLL2";
     std::filesystem::remove(file);
-    return wrong;
   });
 }
 
@@ -105,11 +104,10 @@ TEST(PcapTap, WithoutSocketsThereIsAnEmptyCapture) {
     const std::string file = temporary_file();
     PcapTap tap(file);
     const PcapTap::Counters counters = tap.stop();
-    const int wrong = expect(counters.packets == 0, "nothing is captured") |
-                      expect(std::filesystem::file_size(file) == 24, "the file has a header") |
-                      expect(tap.stop().packets == 0, "a second stop is harmless");
+    EXPECT_EQ(counters.packets, 0) << "nothing is captured";
+    EXPECT_EQ(std::filesystem::file_size(file), 24) << "the file has a header";
+    EXPECT_EQ(tap.stop().packets, 0) << "a second stop is harmless";
     std::filesystem::remove(file);
-    return wrong;
   });
 }
 
@@ -117,12 +115,12 @@ TEST(PcapTap, SaysWhichFileItCannotWrite) {
   in_namespace([] {
     try {
       const PcapTap tap("/nowhere/x.pcap");
+      FAIL() << "it throws";
     } catch (const IoError& error) {
-      return expect(std::string(error.what()).find("/nowhere/x.pcap") != std::string::npos,
-                    "the file is named") |
-             expect(error.code() != EPERM, "it is not for want of a privilege");
+      EXPECT_TRUE(std::string(error.what()).find("/nowhere/x.pcap") != std::string::npos)
+          << "the file is named";
+      EXPECT_NE(error.code(), EPERM) << "it is not for want of a privilege";
     }
-    return expect(false, "it throws");
   });
 }
 

@@ -71,14 +71,12 @@ class Watch {
   }
 };
 
-inline int expect_event(const std::optional<NicEvent>& event, NicState from, bool new_incarnation,
-                        const std::string& reason) {
-  if (!event) return expect(false, "an event");
-  if (event->reason != reason) std::printf("reason: %s\n", event->reason.c_str());
-  return expect(event->from == from, ("from " + std::string(to_string(from))).c_str()) |
-         expect(event->new_incarnation == new_incarnation,
-                new_incarnation ? "a new incarnation" : "the same incarnation") |
-         expect(event->reason == reason, reason.c_str());
+inline void expect_event(const std::optional<NicEvent>& event, NicState from, bool new_incarnation,
+                         const std::string& reason) {
+  ASSERT_TRUE(event);
+  EXPECT_EQ(event->from, from) << "from " << to_string(from);
+  EXPECT_EQ(event->new_incarnation, new_incarnation);
+  EXPECT_EQ(event->reason, reason);
 }
 
 // `va` is ready as soon as there is carrier: veth carriers take a moment.

@@ -57,10 +57,6 @@ std::string error_of(const NodeOptions& options) {
   }
 }
 
-int expect_text(const std::string& text, const std::string& wanted) {
-  return io::expect(text == wanted, ("\"" + wanted + "\", not \"" + text + "\"").c_str());
-}
-
 // Until the condition holds; NICs take a moment.
 bool update_until(LinkSet& links, const std::function<bool()>& condition) {
   for (int i = 0; i < 200 && !condition(); ++i) {
@@ -93,35 +89,35 @@ TEST(LinkSet, WhatMatchesNothingIsToldWithTheCardsThatExist) {
 
 TEST(LinkSet, CardsThatCannotBeUsedAreToldWithTheReasons) {
   io::in_namespace([] {
-    if (!io::shell("ip link set va down")) return io::kSkip;
+    if (!io::shell("ip link set va down")) GTEST_SKIP() << "this kernel lacks what the test needs";
     NodeOptions options;
     options.links = {{.id = LinkId{0}, .nic = "va", .peer = "10.99.0.2:9"},
                      {.id = LinkId{1}, .nic = "vb"}};
-    int bad = expect_text(error_of(options),
-                          "no network card can be used: va: administratively down; vb: no carrier");
+    EXPECT_EQ(error_of(options),
+              "no network card can be used: va: administratively down; vb: no carrier");
     options.links = {{.id = LinkId{0}, .nic = "lo", .peer = "198.51.100.1:9"}};
-    return bad | expect_text(error_of(options),
-                             "no network card can be used: lo: nothing routes to 198.51.100.1 "
-                             "through it");
+    EXPECT_EQ(error_of(options),
+              "no network card can be used: lo: nothing routes to 198.51.100.1 "
+              "through it");
   });
 }
 
 TEST(LinkSet, ANamedCardMayBecomeReadyLater) {
   io::in_namespace([] {
-    if (!io::shell("ip link set va down")) return io::kSkip;
+    if (!io::shell("ip link set va down")) GTEST_SKIP() << "this kernel lacks what the test needs";
     NodeOptions options;
     options.links = {{.id = LinkId{4}, .nic = "va", .peer = "10.99.0.2:9"},
                      {.id = LinkId{5}, .nic = "lo"}};
     Notes notes;
     LinkSet links(options, notes);
-    int bad = io::expect(!links.find(LinkId{4})->transport, "va waits") |
-              io::expect(links.find(LinkId{5})->transport != nullptr, "lo is open") |
-              expect_text(notes.take(), "");
+    EXPECT_EQ(links.find(LinkId{4})->transport, nullptr) << "va waits";
+    EXPECT_NE(links.find(LinkId{5})->transport, nullptr) << "lo is open";
+    EXPECT_EQ(notes.take(), "");
     io::shell("ip link set va up");
     if (!update_until(links, [&] { return links.find(LinkId{4})->transport != nullptr; })) {
-      return io::expect(false, "va is opened");
+      FAIL() << "va is opened";
     }
-    return bad | expect_text(notes.take(), "va ready 4; opened 4; ");
+    EXPECT_EQ(notes.take(), "va ready 4; opened 4; ");
   });
 }
 
@@ -137,22 +133,22 @@ TEST(LinkSet, CardsThatMatchARuleComeAndGoWithTheSmallestFreeIds) {
       return link != nullptr && link->transport != nullptr;
     };
     if (!plug("wan0", "10.1.0.1/24") || !update_until(links, [&] { return open(LinkId{0}); })) {
-      return io::expect(false, "wan0 is link 0");
+      FAIL() << "wan0 is link 0";
     }
     if (!plug("wan1", "10.1.1.1/24") || !update_until(links, [&] { return open(LinkId{2}); })) {
-      return io::expect(false, "wan1 is link 2");
+      FAIL() << "wan1 is link 2";
     }
-    int bad = io::expect(links.find(LinkId{0})->info.traits.metered, "the rule's traits");
+    EXPECT_TRUE(links.find(LinkId{0})->info.traits.metered) << "the rule's traits";
     notes.take();
     io::shell("ip link del wan0");
     if (!update_until(links, [&] { return links.find(LinkId{0}) == nullptr; })) {
-      return io::expect(false, "link 0 is gone");
+      FAIL() << "link 0 is gone";
     }
-    bad |= expect_text(notes.take(), "closing 0; wan0 absent 0; ");
+    EXPECT_EQ(notes.take(), "closing 0; wan0 absent 0; ");
     if (!plug("wan7", "10.1.7.1/24") || !update_until(links, [&] { return open(LinkId{0}); })) {
-      return io::expect(false, "wan7 is link 0");
+      FAIL() << "wan7 is link 0";
     }
-    return bad | io::expect(links.links().size() == 3, "three links");
+    EXPECT_EQ(links.links().size(), 3) << "three links";
   });
 }
 
@@ -169,24 +165,25 @@ TEST(LinkSet, ARenamedCardFollowsTheRuleOfItsName) {
       const auto* link = links.find(LinkId{1});
       return link != nullptr && link->transport != nullptr;
     };
-    int bad = io::expect(update_until(links, opened), "wan0 is a link");
+    EXPECT_TRUE(update_until(links, opened)) << "wan0 is a link";
     io::shell("ip link set wan0 down");
     io::shell("ip link set wan0 name va");
-    return bad |
-           io::expect(update_until(links, [&] { return links.links().size() == 1; }), "va is none");
+    EXPECT_TRUE(update_until(links, [&] { return links.links().size() == 1; })) << "va is none";
   });
 }
 
 TEST(LinkSet, ByKindAndByHardwareAddress) {
   io::in_namespace([] {
-    if (!io::shell("ip link set vb address 02:00:00:00:00:0b")) return io::kSkip;
+    if (!io::shell("ip link set vb address 02:00:00:00:00:0b")) {
+      GTEST_SKIP() << "this kernel lacks what the test needs";
+    }
     Notes notes;
     LinkSet by_kind(with_rule("kind:veth"), notes);
     NodeOptions options = with_rule("mac:02:00:00:00:00:0B");
     options.links = {{.id = LinkId{0}, .nic = "lo"}};
     LinkSet by_mac(options, notes);
-    return io::expect(by_kind.links().size() == 2, "both ends") |
-           io::expect(by_mac.find(LinkId{1})->options.nic == "vb", "vb");
+    EXPECT_EQ(by_kind.links().size(), 2) << "both ends";
+    EXPECT_EQ(by_mac.find(LinkId{1})->options.nic, "vb") << "vb";
   });
 }
 
@@ -199,20 +196,20 @@ TEST(LinkSet, ThePortStaysTheSameAcrossIncarnations) {
     auto& va = *links.find(LinkId{0});
     const std::uint16_t port = port_of(va.transport->local_address());
     io::shell("ip link set va down");
-    if (!update_until(links, [&] { return !va.transport; })) return io::expect(false, "closed");
+    ASSERT_TRUE(update_until(links, [&] { return !va.transport; })) << "closed";
     io::shell("ip link set va up");
     if (!update_until(links, [&] { return va.transport != nullptr; })) {
-      return io::expect(false, "opened again");
+      FAIL() << "opened again";
     }
-    int bad = io::expect(port_of(va.transport->local_address()) == port, "the same port");
+    EXPECT_EQ(port_of(va.transport->local_address()), port) << "the same port";
     // Unless somebody else took it meanwhile.
     io::shell("ip link set va down");
     update_until(links, [&] { return !va.transport; });
     const io::UdpTransport other({.nic = "lo", .local = *make_address("0.0.0.0", port)});
     const io::UdpTransport same({.nic = "va", .local = *make_address("0.0.0.0", port)});
     io::shell("ip link set va up");
-    bad |= io::expect(update_until(links, [&] { return va.transport != nullptr; }), "opened");
-    return bad | io::expect(port_of(va.transport->local_address()) != port, "another port");
+    EXPECT_TRUE(update_until(links, [&] { return va.transport != nullptr; })) << "opened";
+    EXPECT_NE(port_of(va.transport->local_address()), port) << "another port";
   });
 }
 
@@ -224,32 +221,33 @@ TEST(LinkSet, APublicAddressThatComesLaterIsNotServed) {
     Notes notes;
     LinkSet links(options, notes);
     auto& va = *links.find(LinkId{0});
-    if (!va.transport) return io::expect(false, "va is open");
+    ASSERT_TRUE(va.transport) << "va is open";
     io::shell("ip addr add 203.0.113.5/24 dev va");
-    if (!update_until(links, [&] { return !va.transport; })) return io::expect(false, "closed");
-    int bad = io::expect(va.reason.starts_with("va has the public address 203.0.113.5"),
-                         va.reason.c_str());
+    ASSERT_TRUE(update_until(links, [&] { return !va.transport; })) << "closed";
+    EXPECT_TRUE(va.reason.starts_with("va has the public address 203.0.113.5")) << va.reason;
     io::shell("ip addr del 203.0.113.5/24 dev va");
-    return bad | io::expect(update_until(links, [&] { return va.transport != nullptr; }),
-                            "open again when it is gone");
+    EXPECT_TRUE(update_until(links, [&] { return va.transport != nullptr; }))
+        << "open again when it is gone";
   });
 }
 
 TEST(LinkSet, ALinkWithALocalAddressWaitsForIt) {
   io::in_namespace([] {
-    if (!io::shell("ip addr add 10.99.0.5/24 dev va")) return io::kSkip;
+    if (!io::shell("ip addr add 10.99.0.5/24 dev va")) {
+      GTEST_SKIP() << "this kernel lacks what the test needs";
+    }
     NodeOptions options;
     options.links = {{.id = LinkId{0}, .nic = "va", .local_address = "10.99.0.5"},
                      {.id = LinkId{1}, .nic = "lo"}};
     Notes notes;
     LinkSet links(options, notes);
     auto& va = *links.find(LinkId{0});
-    if (!va.transport) return io::expect(false, "va is open");
+    ASSERT_TRUE(va.transport) << "va is open";
     io::shell("ip addr del 10.99.0.5/24 dev va");
-    if (!update_until(links, [&] { return !va.transport; })) return io::expect(false, "closed");
-    int bad = io::expect(va.reason.starts_with("10.99.0.5 is no address of va"), va.reason.c_str());
+    ASSERT_TRUE(update_until(links, [&] { return !va.transport; })) << "closed";
+    EXPECT_TRUE(va.reason.starts_with("10.99.0.5 is no address of va")) << va.reason;
     io::shell("ip addr add 10.99.0.5/24 dev va");
-    return bad | io::expect(update_until(links, [&] { return va.transport != nullptr; }), "open");
+    EXPECT_TRUE(update_until(links, [&] { return va.transport != nullptr; })) << "open";
   });
 }
 
@@ -257,7 +255,7 @@ TEST(LinkSet, WhereOnlyARuleForTheSourceRoutesTheSocketIsBoundToIt) {
   io::in_namespace([] {
     if (!io::shell("ip route add default via 10.99.0.2 dev va table 101") ||
         !io::shell("ip rule add from 10.99.0.1 lookup 101")) {
-      return io::kSkip;
+      GTEST_SKIP() << "this kernel lacks what the test needs";
     }
     NodeOptions options;
     options.links = {{.id = LinkId{0}, .nic = "va", .peer = "198.51.100.1:9"},
@@ -265,8 +263,8 @@ TEST(LinkSet, WhereOnlyARuleForTheSourceRoutesTheSocketIsBoundToIt) {
     Notes notes;
     LinkSet links(options, notes);
     const auto& va = *links.find(LinkId{0});
-    if (!va.transport) return io::expect(false, va.reason.c_str());
-    return io::expect(to_string(va.transport->local_address()).starts_with("10.99.0.1:"), "bound");
+    ASSERT_TRUE(va.transport) << va.reason;
+    EXPECT_TRUE(to_string(va.transport->local_address()).starts_with("10.99.0.1:")) << "bound";
   });
 }
 

@@ -314,22 +314,22 @@ TEST(Node, ACardThatVanishesIsReportedAndTheOthersGoOn) {
     try {
       node.run();
     } catch (const std::exception& error) {
-      return io::expect(false, error.what());
+      FAIL() << error.what();
     }
-    return io::expect(reason == "0: absent unplugged", "the reason") |
-           io::expect(!node.local_address(LinkId{0}), "its socket is closed") |
-           io::expect(node.local_address(LinkId{1}).has_value(), "the other is there");
+    EXPECT_EQ(reason, "0: absent unplugged") << "the reason";
+    EXPECT_FALSE(node.local_address(LinkId{0})) << "its socket is closed";
+    EXPECT_TRUE(node.local_address(LinkId{1}).has_value()) << "the other is there";
   });
 }
 
 TEST(Node, TheFirstLinkToThePeerMayComeLater) {
   io::in_namespace([] {
-    if (!io::shell("ip link set va down")) return io::kSkip;
+    if (!io::shell("ip link set va down")) GTEST_SKIP() << "this kernel lacks what the test needs";
     NodeOptions options;
     options.links = {{.id = LinkId{0}, .nic = "va", .peer = "10.99.0.2:9"},
                      {.id = LinkId{1}, .nic = "lo"}};
     Node node(options);
-    int bad = io::expect(!node.peer(), "no peer yet");
+    EXPECT_FALSE(node.peer()) << "no peer yet";
     node.after(milliseconds(1), [] { io::shell("ip link set va up"); });
     std::function<void()> check = [&] {
       if (node.peer() && node.link_counters(LinkId{0}).sent_packets > 0) node.stop();
@@ -340,13 +340,13 @@ TEST(Node, TheFirstLinkToThePeerMayComeLater) {
     try {
       node.run();
     } catch (const std::exception& error) {
-      return io::expect(false, error.what());
+      FAIL() << error.what();
     }
     const Statistics statistics = node.statistics();
-    return bad | io::expect(node.peers().size() == 1, "one peer") |
-           io::expect(statistics.links[0].nic_state == NicState::kReady, "ready") |
-           io::expect(statistics.links[0].transport.sent_datagrams > 0, "sent") |
-           io::expect(statistics.peers.size() == 1, "told of");
+    EXPECT_EQ(node.peers().size(), 1) << "one peer";
+    EXPECT_EQ(statistics.links[0].nic_state, NicState::kReady) << "ready";
+    EXPECT_GT(statistics.links[0].transport.sent_datagrams, 0) << "sent";
+    EXPECT_EQ(statistics.peers.size(), 1) << "told of";
   });
 }
 
