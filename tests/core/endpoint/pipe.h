@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "interneuron/endpoint.h"
+#include "tests/virtual_network.h"
 
 namespace interneuron {
 
@@ -72,10 +73,10 @@ class Pipe {
     return peer;
   }
   Endpoint& at(std::size_t host) { return *hosts_[host].endpoint; }
-  TimePoint local(std::size_t host) const { return TimePoint{now_ + hosts_[host].offset}; }
-  Duration now() const { return now_; }
+  TimePoint local(std::size_t host) const { return network_.now() + hosts_[host].offset; }
+  Duration now() const { return network_.now().time_since_epoch(); }
   void plan(Duration in, std::function<void()> action) {
-    planned_.emplace(now_ + in, std::move(action));
+    network_.plan(network_.now() + in, std::move(action));
   }
 
   // Begins a round and submits its message at once, if it has one.
@@ -95,19 +96,14 @@ class Pipe {
   }
 
   void run(Duration time) {
-    const Duration end = now_ + time;
+    const TimePoint end = network_.now() + time;
     for (;;) {
-      Duration next = end;
-      if (!flying_.empty()) next = std::min(next, flying_.begin()->first);
-      if (!planned_.empty()) next = std::min(next, planned_.begin()->first);
-      for (const Host& h : hosts_) {
-        if (h.wake) next = std::min(next, *h.wake);
-      }
+      TimePoint next = std::min(end, network_.next().value_or(end));
+      for (const Host& h : hosts_) next = std::min(next, h.wake.value_or(end));
       if (next >= end) break;
-      now_ = std::max(now_, next);
-      step();
+      step(next);
     }
-    now_ = end;
+    network_.move_to(end);
   }
 
   std::function<void(std::size_t host, Event&)> on_event;
@@ -131,16 +127,17 @@ class Pipe {
         if (cut.contains(t->link)) continue;
         const Duration extra =
             id == 0 && extra_from_0.contains(t->link) ? extra_from_0.at(t->link) : 0ns;
-        flying_.emplace(now_ + delay.at(t->link) + extra,
-                        Flying{std::to_integer<std::size_t>(t->to.raw[0]), id, t->link, bytes});
+        network_.send(network_.now() + delay.at(t->link) + extra,
+                      {std::to_integer<std::size_t>(t->to.raw[0]), id, t->link, bytes});
       }
     }
     const auto next = host.endpoint->next_timeout();
     host.wake.reset();
     if (next) {
-      host.wake = next->time_since_epoch() - host.offset;
+      host.wake = *next - host.offset;
       // A timer that is due after everything was drained would be a loop that never sleeps.
-      if (*host.wake <= now_ && just_timed_out_) ADD_FAILURE() << "host " << id << " spins";
+      if (*host.wake <= network_.now() && just_timed_out_)
+        ADD_FAILURE() << "host " << id << " spins";
     }
   }
 
@@ -148,30 +145,24 @@ class Pipe {
   struct Host {
     std::unique_ptr<Endpoint> endpoint;
     Duration offset{};
-    std::optional<Duration> wake;
+    std::optional<TimePoint> wake;  // by the network's clock
   };
-  struct Flying {
+  struct InFlight {
     std::size_t to = 0;
     std::size_t from = 0;
     LinkId link{};
     Bytes bytes;
   };
 
-  void step() {
-    while (!flying_.empty() && flying_.begin()->first <= now_) {
-      const Flying f = std::move(flying_.begin()->second);
-      flying_.erase(flying_.begin());
-      if (f.to >= hosts_.size()) continue;
+  void step(TimePoint next) {
+    network_.move_to(next);
+    network_.run([this](const InFlight& f) {
+      if (f.to >= hosts_.size()) return;
       at(f.to).handle_datagram(local(f.to), {f.link, address_of(f.from), f.bytes});
       flush(f.to);
-    }
-    while (!planned_.empty() && planned_.begin()->first <= now_) {
-      const auto action = std::move(planned_.begin()->second);
-      planned_.erase(planned_.begin());
-      action();
-    }
+    });
     for (std::size_t id = 0; id < hosts_.size(); ++id) {
-      if (!hosts_[id].wake || *hosts_[id].wake > now_) continue;
+      if (!hosts_[id].wake || *hosts_[id].wake > network_.now()) continue;
       at(id).handle_timeout(local(id));
       just_timed_out_ = true;
       flush(id);
@@ -180,9 +171,7 @@ class Pipe {
   }
 
   std::vector<Host> hosts_;
-  std::multimap<Duration, Flying> flying_;
-  std::multimap<Duration, std::function<void()>> planned_;
-  Duration now_{1s};
+  VirtualNetwork<InFlight> network_;
   bool just_timed_out_ = false;
 };
 

@@ -12,6 +12,7 @@
 
 #include "core/probe/echo_reflector.h"
 #include "core/probe/measurement.h"
+#include "tests/virtual_network.h"
 
 namespace interneuron::probe {
 
@@ -43,18 +44,19 @@ class VirtualPath {
 
   // To the end, or for so long.
   void run(Duration at_most = 24h) {
-    const TimePoint end = now_ + at_most;
+    const TimePoint end = now() + at_most;
     drain();
     while (!session.done()) {
       std::optional<TimePoint> next = session.next_timeout();
       const auto consider = [&next](TimePoint t) {
         if (!next || t < *next) next = t;
       };
-      if (!flying_.empty()) consider(flying_.begin()->first);
+      if (const auto t = network_.next()) consider(*t);
       if (const auto t = echo_.next_timeout()) consider(to_own(*t));
       if (!next || *next > end) break;
-      now_ = std::max(now_, *next);
-      step();
+      network_.move_to(*next);
+      if (on_step) on_step(*this);
+      deliver();
       drain();
     }
   }
@@ -72,10 +74,10 @@ class VirtualPath {
   Duration offset = 77s;  // of the far clock
   Duration turnaround{};  // of the reflector
   std::function<void(VirtualPath&)> on_step;
-  TimePoint now() const { return now_; }
+  TimePoint now() const { return network_.now(); }
 
  private:
-  struct Flying {
+  struct InFlight {
     Bytes bytes;
     bool is_up = false;
     bool is_ping = false;
@@ -96,12 +98,12 @@ class VirtualPath {
   }
   bool chance(double p) { return std::uniform_real_distribution<>(0, 1)(random_) < p; }
 
-  void carry(Flying packet) {
+  void carry(InFlight packet) {
     Way& way = packet.is_up ? up : down;
     Queue& queue = packet.is_up ? up_queue_ : down_queue_;
     const std::size_t number = queue.packets++;
     // As on a radio: what is lost has used the bottleneck.
-    queue.free = std::max(queue.free, now_);
+    queue.free = std::max(queue.free, now());
     if (way.rate.bits_per_second > 0) {
       queue.free += way.rate.transmit_time(packet.bytes.size() + options_.ip_udp_bytes);
     }
@@ -111,34 +113,31 @@ class VirtualPath {
     }
     TimePoint arrives = queue.free + way.delay;
     if (chance(way.overtaken)) arrives += way.later;
-    if (chance(way.duplicates)) flying_.emplace(arrives + 1us, packet);
-    flying_.emplace(arrives, std::move(packet));
+    if (chance(way.duplicates)) network_.send(arrives + 1us, packet);
+    network_.send(arrives, std::move(packet));
   }
 
-  void step() {
-    if (on_step) on_step(*this);
-    while (!flying_.empty() && flying_.begin()->first <= now_) {
-      const Flying packet = std::move(flying_.begin()->second);
-      flying_.erase(flying_.begin());
+  void deliver() {
+    network_.run([this](const InFlight& packet) {
       if (packet.is_up) {
         reflect(packet);
-      } else if (auto reply = session.handle(now_, packet.bytes)) {
+      } else if (auto reply = session.handle(now(), packet.bytes)) {
         replies.push_back(*reply);
       }
-    }
+    });
   }
 
-  void reflect(const Flying& packet) {
+  void reflect(const InFlight& packet) {
     if (options_.format == Format::kEcho) {
       const auto parsed = wire::parse(packet.bytes);
-      echo_.take(to_far(now_), *parsed, {LinkId{0}, {}, packet.bytes});
+      echo_.take(to_far(now()), *parsed, {LinkId{0}, {}, packet.bytes});
       return;
     }
     const auto request = wire::parse_stamp_request(packet.bytes);
     wire::StampReply reply = wire::stamp_reply_to(*request, 64);
     if (reflector_ == Reflector::kStateful) reply.sequence = counted_++;
-    reply.received = wire::to_stamp_time(to_far(now_).time_since_epoch());
-    reply.sent = wire::to_stamp_time((to_far(now_) + turnaround).time_since_epoch());
+    reply.received = wire::to_stamp_time(to_far(now()).time_since_epoch());
+    reply.sent = wire::to_stamp_time((to_far(now()) + turnaround).time_since_epoch());
     Bytes out(packet.bytes.size());
     wire::write_stamp_reply(out, reply, ByteView(packet.bytes).subspan(wire::kStampBytes));
     carry({out, false, packet.is_ping});
@@ -146,12 +145,12 @@ class VirtualPath {
 
   void drain() {
     std::array<std::byte, 2000> buffer;
-    while (const std::size_t size = session.poll(now_, buffer)) {
+    while (const std::size_t size = session.poll(now(), buffer)) {
       const bool is_ping = session.log().back().purpose == Purpose::kPing;
       carry({Bytes(buffer.begin(), buffer.begin() + static_cast<std::ptrdiff_t>(size)), true,
              is_ping});
     }
-    while (const auto transmit = echo_.poll(to_far(now_), buffer)) {
+    while (const auto transmit = echo_.poll(to_far(now()), buffer)) {
       const ByteView bytes = ByteView(buffer).first(transmit->size);
       const auto sequence = wire::parse(bytes)->echo.reply.request_sequence;
       const bool is_ping = session.log().at(sequence).purpose == Purpose::kPing;
@@ -164,10 +163,9 @@ class VirtualPath {
   Reflector reflector_;
   EchoReflector echo_{SessionId{0xcafe0002}};
   std::uint32_t counted_ = 0;
-  std::multimap<TimePoint, Flying> flying_;
+  VirtualNetwork<InFlight> network_;
   Queue up_queue_;
   Queue down_queue_;
-  TimePoint now_{1s};
 };
 
 inline Options options_of(Format format = Format::kEcho, std::size_t count = 200,
