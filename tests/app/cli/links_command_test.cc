@@ -130,104 +130,105 @@ TEST(LinksCommand, AStreamIsALinePerInterval) {
     for (std::size_t end; (end = ran.output.find('\n', at)) != std::string::npos; at = end + 1) {
       ++lines;
       ASSERT_TRUE(json::accept(ran.output.substr(at, end - at))) << "JSON per line";
-      EXPECT_EQ(ran.code, 0) << "some lines";
-      EXPECT_GE(lines, 2) << "some lines";
-      EXPECT_LE(lines, 6) << "some lines";
-    });
+    }
+    EXPECT_EQ(ran.code, 0) << "some lines";
+    EXPECT_GE(lines, 2) << "some lines";
+    EXPECT_LE(lines, 6) << "some lines";
+  });
 }
 
 TEST(LinksCommand, ASilentPeerIsNamedBesideTheTable) {
-    io::in_namespace([] {
-      const Ran ran = run("links --peer 127.0.0.1:9 --for 0.5");
-      EXPECT_EQ(ran.code, 1) << "exit code 1";
-      EXPECT_THAT(ran.output, testing::HasSubstr("no answer from 127.0.0.1:9")) << "its name";
-      EXPECT_THAT(ran.output, testing::HasSubstr("NIC")) << "the table all the same";
-    });
+  io::in_namespace([] {
+    const Ran ran = run("links --peer 127.0.0.1:9 --for 0.5");
+    EXPECT_EQ(ran.code, 1) << "exit code 1";
+    EXPECT_THAT(ran.output, testing::HasSubstr("no answer from 127.0.0.1:9")) << "its name";
+    EXPECT_THAT(ran.output, testing::HasSubstr("NIC")) << "the table all the same";
+  });
 }
 
 TEST(TopCommand, OneFrameAsText) {
-    io::in_namespace([] {
-      const Ran ran = run("top --once --for 0.1 --width 90");
-      EXPECT_EQ(ran.code, 0) << "exit code 0";
-      EXPECT_THAT(ran.output, testing::HasSubstr("interneuron top")) << "its title";
-      EXPECT_THAT(ran.output, testing::HasSubstr("va")) << "the card";
-    });
+  io::in_namespace([] {
+    const Ran ran = run("top --once --for 0.1 --width 90");
+    EXPECT_EQ(ran.code, 0) << "exit code 0";
+    EXPECT_THAT(ran.output, testing::HasSubstr("interneuron top")) << "its title";
+    EXPECT_THAT(ran.output, testing::HasSubstr("va")) << "the card";
+  });
 }
 
 // On a real terminal: what it drew, how it ended, and whether the terminal is as it was.
 struct Session {
-    std::string screen;
-    int code = -1;
-    bool restored = false;
+  std::string screen;
+  int code = -1;
+  bool restored = false;
 };
 
 Session on_a_terminal(const std::string& key, int signal, bool color) {
-    Session session;
-    winsize size{.ws_row = 24, .ws_col = 90, .ws_xpixel = 0, .ws_ypixel = 0};
-    int master = -1;
-    int slave = -1;
-    if (::openpty(&master, &slave, nullptr, nullptr, &size) != 0) return session;
-    termios before{};
-    ::tcgetattr(slave, &before);
-    const pid_t child = ::fork();
-    if (child == 0) {
-      ::login_tty(slave);
-      ::setenv("TERM", "xterm-256color", 1);
-      ::setenv("LC_ALL", "C.UTF-8", 1);
-      if (!color) ::setenv("NO_COLOR", "1", 1);
-      ::execl(INTERNEURON_PROGRAM, INTERNEURON_PROGRAM, "top", nullptr);
-      ::_exit(127);
+  Session session;
+  winsize size{.ws_row = 24, .ws_col = 90, .ws_xpixel = 0, .ws_ypixel = 0};
+  int master = -1;
+  int slave = -1;
+  if (::openpty(&master, &slave, nullptr, nullptr, &size) != 0) return session;
+  termios before{};
+  ::tcgetattr(slave, &before);
+  const pid_t child = ::fork();
+  if (child == 0) {
+    ::login_tty(slave);
+    ::setenv("TERM", "xterm-256color", 1);
+    ::setenv("LC_ALL", "C.UTF-8", 1);
+    if (!color) ::setenv("NO_COLOR", "1", 1);
+    ::execl(INTERNEURON_PROGRAM, INTERNEURON_PROGRAM, "top", nullptr);
+    ::_exit(127);
+  }
+  const auto read_until = [&](const std::string& text) {
+    const auto end = std::chrono::steady_clock::now() + 20s;
+    while (session.screen.find(text) == std::string::npos &&
+           std::chrono::steady_clock::now() < end) {
+      pollfd item{master, POLLIN, 0};
+      if (::poll(&item, 1, 100) <= 0) continue;
+      char chunk[4096];
+      const ssize_t n = ::read(master, chunk, sizeof chunk);
+      if (n <= 0) return;
+      session.screen.append(chunk, static_cast<std::size_t>(n));
     }
-    const auto read_until = [&](const std::string& text) {
-      const auto end = std::chrono::steady_clock::now() + 20s;
-      while (session.screen.find(text) == std::string::npos &&
-             std::chrono::steady_clock::now() < end) {
-        pollfd item{master, POLLIN, 0};
-        if (::poll(&item, 1, 100) <= 0) continue;
-        char chunk[4096];
-        const ssize_t n = ::read(master, chunk, sizeof chunk);
-        if (n <= 0) return;
-        session.screen.append(chunk, static_cast<std::size_t>(n));
-      }
-    };
-    read_until("newest first");
-    size.ws_col = 60;
-    ::ioctl(master, TIOCSWINSZ, &size);
-    if (!key.empty()) {
-      [[maybe_unused]] const ssize_t done = ::write(master, key.data(), key.size());
-    }
-    if (signal != 0) ::kill(child, signal);
-    read_until("\x1b[?1049l");  // back to the screen that was there before
-    int status = 0;
-    ::waitpid(child, &status, 0);
-    session.code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
-    termios after{};
-    ::tcgetattr(slave, &after);
-    session.restored = before.c_lflag == after.c_lflag && before.c_iflag == after.c_iflag &&
-                       session.screen.find("\x1b[?1049l") != std::string::npos;
-    ::close(master);
-    ::close(slave);
-    return session;
+  };
+  read_until("newest first");
+  size.ws_col = 60;
+  ::ioctl(master, TIOCSWINSZ, &size);
+  if (!key.empty()) {
+    [[maybe_unused]] const ssize_t done = ::write(master, key.data(), key.size());
+  }
+  if (signal != 0) ::kill(child, signal);
+  read_until("\x1b[?1049l");  // back to the screen that was there before
+  int status = 0;
+  ::waitpid(child, &status, 0);
+  session.code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+  termios after{};
+  ::tcgetattr(slave, &after);
+  session.restored = before.c_lflag == after.c_lflag && before.c_iflag == after.c_iflag &&
+                     session.screen.find("\x1b[?1049l") != std::string::npos;
+  ::close(master);
+  ::close(slave);
+  return session;
 }
 
 TEST(TopCommand, DrawsAndLeavesTheTerminalAsItWas) {
-    const Session quit = on_a_terminal("q", 0, true);
-    EXPECT_EQ(quit.code, 0);
-    EXPECT_TRUE(quit.restored);
-    EXPECT_NE(quit.screen.find("interneuron top"), std::string::npos);
-    const Session ended = on_a_terminal("", SIGTERM, true);
-    EXPECT_EQ(ended.code, 128 + SIGTERM);
-    EXPECT_TRUE(ended.restored);
-    const Session interrupted = on_a_terminal("\x03", 0, true);  // Ctrl-C
-    EXPECT_EQ(interrupted.code, 128 + SIGINT);
-    EXPECT_TRUE(interrupted.restored);
+  const Session quit = on_a_terminal("q", 0, true);
+  EXPECT_EQ(quit.code, 0);
+  EXPECT_TRUE(quit.restored);
+  EXPECT_NE(quit.screen.find("interneuron top"), std::string::npos);
+  const Session ended = on_a_terminal("", SIGTERM, true);
+  EXPECT_EQ(ended.code, 128 + SIGTERM);
+  EXPECT_TRUE(ended.restored);
+  const Session interrupted = on_a_terminal("\x03", 0, true);  // Ctrl-C
+  EXPECT_EQ(interrupted.code, 128 + SIGINT);
+  EXPECT_TRUE(interrupted.restored);
 }
 
 TEST(TopCommand, NoColorMeansNone) {
-    EXPECT_NE(on_a_terminal("q", 0, true).screen.find("\x1b[32m"), std::string::npos);
-    const std::string plain = on_a_terminal("q", 0, false).screen;
-    EXPECT_EQ(plain.find("\x1b[32m"), std::string::npos);
-    EXPECT_NE(plain.find("newest first"), std::string::npos);
+  EXPECT_NE(on_a_terminal("q", 0, true).screen.find("\x1b[32m"), std::string::npos);
+  const std::string plain = on_a_terminal("q", 0, false).screen;
+  EXPECT_EQ(plain.find("\x1b[32m"), std::string::npos);
+  EXPECT_NE(plain.find("newest first"), std::string::npos);
 }
 
 }  // namespace

@@ -1,0 +1,286 @@
+// What the Sender takes for lost, and where it sends that again.
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+
+#include <algorithm>
+#include <map>
+#include <random>
+#include <set>
+
+#include "sender_support.h"
+
+namespace interneuron::flow {
+namespace {
+
+// Sends `pieces` on A; returns their numbers.
+std::vector<std::uint64_t> sent_on_a(Paths& p, TimePoint& now) {
+  std::vector<std::uint64_t> numbers;
+  for (const auto& piece : p.drain(kA, now)) numbers.push_back(piece.number);
+  return numbers;
+}
+
+TEST(Sender, ThreeLaterPacketsMakeALoss) {
+  Paths p;
+  p.send(at(0s), kFar, 5, {kA});
+  TimePoint now = at(0s);
+  ASSERT_EQ(sent_on_a(p, now), (std::vector<std::uint64_t>{1, 2, 3, 4, 5}));
+  auto v = p.sender.report(now, report_of(kA, {2, 3}));
+  EXPECT_EQ(v.acknowledged, 2U);
+  EXPECT_EQ(v.lost, 0U);
+  v = p.sender.report(now, report_of(kA, {2, 3, 4}));
+  EXPECT_EQ(v.acknowledged, 1U);
+  EXPECT_EQ(v.lost, 1U);
+  EXPECT_TRUE(p.sender.next_send(kA) || p.sender.next_send(kB));
+  v = p.sender.report(now, report_of(kA, {2, 3, 4}));  // nothing new
+  EXPECT_EQ(v.acknowledged + v.lost, 0U);
+}
+
+TEST(Sender, ReportsOfPacketsNeverSentAreVoid) {
+  Paths p;
+  p.send(at(0s), kFar, 2, {kA});
+  TimePoint now = at(0s);
+  sent_on_a(p, now);
+  for (const auto& r :
+       {report_of(kA, {1, 2, 3}), report_of(kA, {UINT64_MAX}), report_of(LinkId{9}, {1})}) {
+    const auto v = p.sender.report(now, r);
+    EXPECT_EQ(v.acknowledged + v.lost, 0U);
+    EXPECT_TRUE(v.runs.empty());
+    EXPECT_FALSE(v.newest_sent);
+  }
+  EXPECT_EQ(p.sender.report(now, report_of(kA, {1, 2})).acknowledged, 2U);
+}
+
+TEST(Sender, SilenceMakesALossAtTheProbeTimeout) {
+  Paths p;
+  p.send(at(0s), kFar, 1, {kA});
+  ASSERT_TRUE(p.sender.poll(at(0s), kA));
+  EXPECT_EQ(p.sender.next_timeout(), at(50ms));
+  p.sender.handle_timeout(at(50ms - 1ns));
+  EXPECT_EQ(p.sender.lost(kA), 0U);
+  p.sender.handle_timeout(at(50ms));
+  EXPECT_EQ(p.sender.lost(kA), 1U);
+  p.sender.handle_timeout(at(51ms));
+  EXPECT_EQ(p.sender.lost(kA), 1U);
+}
+
+TEST(Sender, RepairsOnTheSoonerPath) {
+  Paths p;
+  p.set(kA, 30ms);
+  p.set(kB, 20ms);
+  p.send(at(0s), kFar, 1, {kA});
+  p.sender.poll(at(0s), kA);
+  p.sender.handle_timeout(at(50ms));
+  EXPECT_FALSE(p.sender.poll(at(50ms), kA));
+  const auto again = p.sender.poll(at(50ms), kB);
+  ASSERT_TRUE(again);
+  EXPECT_EQ(again->fragment.index, 0U);
+  EXPECT_EQ(p.sender.resent(kB), 1U);
+  EXPECT_EQ(p.sender.resent(kA), 0U);
+}
+
+TEST(Sender, AFullQueueMakesAPathLater) {
+  Paths p;
+  p.set(kB, 5ms);
+  p.send(at(0s), kFar, 200, {kB});  // 22 ms of queue
+  p.send(at(0s), kFar, 1, {kA});
+  p.sender.poll(at(0s), kA);
+  p.sender.handle_timeout(at(50ms));
+  ASSERT_TRUE(p.sender.poll(at(50ms), kA));
+}
+
+TEST(Sender, WhatNobodyWaitsForNoLongerCountsAsQueued) {
+  // The same message on both paths: A brings it all while B, polled late, still has it queued. A
+  // repair of another message must not think that B is busy, although something else keeps B's
+  // queue from running empty.
+  Paths p;
+  p.set(kB, 5ms);
+  p.send(at(0s), at(200ms), 50, {kA, kB});
+  TimePoint now = at(0s);
+  std::set<std::uint64_t> all;
+  for (const auto& piece : p.drain(kA, now)) all.insert(piece.number);
+  const MessageId other = p.send(now, kFar, 2, {kB});
+  p.sender.report(now, report_of(kA, all));
+  const MessageId small = p.send(now, kFar, 1, {kA});
+  ASSERT_TRUE(p.sender.poll(now, kA));
+  p.sender.handle_timeout(now + 50ms);
+  // Expected over B: two pieces ahead of it, 5 ms; over A 10 ms.
+  TimePoint then = now + 50ms;
+  std::vector<MessageId> order;
+  for (const auto& piece : p.drain(kB, then)) order.push_back(piece.fragment.message);
+  EXPECT_EQ(order.size(), 3U);
+  EXPECT_EQ(std::ranges::count(order, small), 1);
+  EXPECT_EQ(std::ranges::count(order, other), 2);
+}
+
+TEST(Sender, NothingIsRepairedThatWouldBeTooLate) {
+  Paths p;
+  p.send(at(0s), at(60ms), 1, {kA});
+  p.sender.poll(at(0s), kA);
+  p.sender.handle_timeout(at(50ms));  // 50 + 10 ms and the time on the wire
+  EXPECT_TRUE(p.idle(at(50ms)));
+  EXPECT_EQ(p.sender.cancelled(), 1U);
+}
+
+TEST(Sender, NothingIsRepairedWhileAnotherCopyIsSooner) {
+  Paths p;
+  p.set(kB, 15ms);
+  p.send(at(0s), kFar, 1, {kA, kB});
+  ASSERT_TRUE(p.sender.poll(at(0s), kA));
+  ASSERT_TRUE(p.sender.poll(at(45ms), kB));  // arrives at 60 ms
+  p.sender.handle_timeout(at(50ms));         // A's copy is lost; again over A: later than 60 ms
+  EXPECT_TRUE(p.idle(at(50ms)));
+  EXPECT_EQ(p.sender.cancelled(), 0U);
+  p.sender.handle_timeout(at(95ms));  // and so is B's
+  EXPECT_TRUE(p.sender.poll(at(95ms), kA));
+}
+
+TEST(Sender, WithoutRepairNothingIsSentTwice) {
+  Paths p(false);
+  p.send(at(0s), kFar, 1, {kA});
+  p.sender.poll(at(0s), kA);
+  p.sender.handle_timeout(at(50ms));
+  EXPECT_EQ(p.sender.lost(kA), 1U);
+  EXPECT_TRUE(p.idle(at(50ms)));
+}
+
+TEST(Sender, ADownPathRepairsNothing) {
+  Paths p;
+  p.set(kB, 90ms);
+  p.send(at(0s), kFar, 1, {kA});
+  p.sender.poll(at(0s), kA);
+  p.set(kA, 10ms, 100, false);
+  p.sender.handle_timeout(at(50ms));
+  EXPECT_TRUE(p.sender.poll(at(50ms), kB));
+}
+
+TEST(Sender, APulledPathHandsOverWhatItOwesAtOnce) {
+  Paths p;
+  p.send(at(0s), kFar, 20, {kA});
+  for (int i = 0; i < 5; ++i) p.sender.poll(at(i * 1ms), kA);
+  p.sender.report(at(20ms), report_of(kA, {1, 2}));  // three are in flight, fifteen queued
+  p.sender.pull(at(20ms), kA);
+  EXPECT_FALSE(p.sender.poll(at(20ms), kA));
+  TimePoint now = at(20ms);
+  std::set<std::uint16_t> indices;
+  std::set<std::uint64_t> numbers;
+  for (const auto& piece : p.drain(kB, now)) {
+    indices.insert(piece.fragment.index);
+    numbers.insert(piece.number);
+  }
+  EXPECT_EQ(indices.size(), 18U);
+  EXPECT_FALSE(indices.contains(0) || indices.contains(1));
+  // It was a stall: what was in flight has arrived after all, nothing is sent a third time.
+  p.set(kA, 10ms);
+  EXPECT_EQ(p.sender.report(now, report_of(kA, {1, 2, 3, 4, 5})).acknowledged, 3U);
+  p.sender.report(now, report_of(kB, numbers));
+  EXPECT_TRUE(p.idle(now));
+  EXPECT_FALSE(p.sender.next_timeout());  // the message is complete
+}
+
+TEST(Sender, APulledPathKeepsWhatNobodyElseBringsInTime) {
+  Paths p;
+  p.set(kB, 100ms);
+  p.send(at(0s), at(80ms), 5, {kA});
+  p.sender.pull(at(0s), kA);
+  EXPECT_TRUE(p.idle(at(0s)));
+  p.set(kA, 10ms);
+  TimePoint now = at(1ms);
+  EXPECT_EQ(p.drain(kA, now).size(), 5U);
+}
+
+TEST(Sender, ABackupRepairsOnlyWhatTheOthersBringTooLate) {
+  for (const Duration deadline : {200ms, 120ms}) {
+    Paths p;
+    PathView backup = view(5ms);
+    backup.backup = true;
+    p.sender.set_path(kB, backup);
+    p.set(kA, 90ms);
+    p.send(at(0s), at(deadline), 1, {kA});
+    p.sender.poll(at(0s), kA);
+    p.sender.handle_timeout(at(50ms));
+    EXPECT_EQ(p.sender.poll(at(50ms), kB).has_value(), deadline == 120ms);
+  }
+}
+
+TEST(Sender, OutcomesAreToldInOrderAndLossOnlyWhenItIsCertain) {
+  Paths p;
+  p.send(at(0s), kFar, 10, {kA});
+  TimePoint now = at(0s);
+  sent_on_a(p, now);
+  const auto runs = [](const SentPackets::Verdicts& v) {
+    std::vector<std::pair<bool, int>> out;
+    for (const auto& run : v.runs) out.emplace_back(run.arrived, run.packets);
+    return out;
+  };
+  using Runs = std::vector<std::pair<bool, int>>;
+  // 3 and 6 are missing; 6 comes late.
+  EXPECT_EQ(runs(p.sender.report(at(20ms), report_of(kA, {1, 2, 4, 5, 7, 8, 9, 10}))),
+            (Runs{{true, 2}}));
+  EXPECT_EQ(p.sender.lost(kA), 2U);
+  EXPECT_EQ(runs(p.sender.report(at(30ms), report_of(kA, {1, 2, 4, 5, 6, 7, 8, 9, 10}))), Runs{});
+  EXPECT_EQ(runs(p.sender.report(at(110ms), report_of(kA, {1, 2, 4, 5, 6, 7, 8, 9, 10}))),
+            (Runs{{false, 1}, {true, 7}}));
+}
+
+TEST(Sender, WhatNoReportHasCoveredInTimeIsNoOutcome) {
+  Paths p;
+  for (int i = 0; i < 400; ++i) p.sender.take_number(at(0s), kA);
+  wire::LinkReport r = report_of(kA, {400});
+  r.bitmap.fill(~std::uint64_t{0});
+  const auto v = p.sender.report(at(1s), r);
+  ASSERT_EQ(v.runs.size(), 1U);
+  EXPECT_TRUE(v.runs[0].arrived);
+  EXPECT_EQ(v.runs[0].packets, wire::kAckWindow + 1);
+}
+
+TEST(Sender, ATrainIsToldWithTheRateThatItWasSentAt) {
+  Paths p;
+  p.send(at(0s), kFar, 40, {kA});
+  TimePoint now = at(0s);
+  const auto pieces = p.drain(kA, now, 10us);
+  ASSERT_EQ(pieces.size(), 40U);
+  std::set<std::uint64_t> all;
+  for (const auto& piece : pieces) all.insert(piece.number);
+  wire::LinkReport r = report_of(kA, all);
+  EXPECT_FALSE(p.sender.report(now, r).train_known);
+  r.train_start = 11;  // the ten before left in one burst
+  r.train_packets = 30;
+  const auto v = p.sender.report(now, r);
+  ASSERT_TRUE(v.train_known && v.train_sent_at);
+  EXPECT_NEAR(v.train_sent_at->mbit(), 125, 6);
+}
+
+TEST(Sender, ARemovedPathHandsOverWhatItOwes) {
+  Paths p;
+  p.send(at(0s), kFar, 20, {kA});
+  for (int i = 0; i < 5; ++i) p.sender.poll(at(i * 1ms), kA);
+  p.sender.report(at(20ms), report_of(kA, {1, 2}));  // three are in flight, fifteen queued
+  p.sender.remove_path(at(20ms), kA);
+  TimePoint now = at(20ms);
+  std::set<std::uint16_t> indices;
+  for (const auto& piece : p.drain(kB, now)) indices.insert(piece.fragment.index);
+  EXPECT_EQ(indices.size(), 18U);
+  EXPECT_FALSE(indices.contains(0) || indices.contains(1));
+  EXPECT_FALSE(p.sender.next_send(kA));
+}
+
+TEST(Sender, RepairsGoOverNoPathThatIsForbidden) {
+  for (const bool allowed : {false, true}) {
+    Paths p;
+    PathSet repairs;
+    repairs.set(kB.value, allowed);
+    p.sender.send(at(0s), at(1s), 1s, Bytes(5 * kChunk), {kA}, repairs);
+    TimePoint now = at(0s);
+    EXPECT_EQ(p.drain(kA, now).size(), 5U);
+    p.sender.pull(now, kA);
+    EXPECT_EQ(p.drain(kB, now).size(), allowed ? 5U : 0U);
+    if (allowed) continue;
+    // The path that it was sent on may always carry it again.
+    p.set(kA, 10ms);
+    p.sender.handle_timeout(at(500ms));
+    EXPECT_EQ(p.drain(kA, now).size(), 5U);
+  }
+}
+
+}  // namespace
+}  // namespace interneuron::flow
