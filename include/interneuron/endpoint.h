@@ -1,28 +1,17 @@
-// The pure door: an Endpoint turns (time, bytes) into (bytes, events). Node (real sockets) and
-// sim::World (virtual time) drive the same Endpoint.
-//
-// Four kinds of call: commands and inputs take `now`; outputs are polled: after any call, drain
-// poll_transmit() and poll_event(), then wait until next_timeout() or the next input and call
-// handle_timeout(). Early or spurious calls are harmless. If `now` goes back, the endpoint adds the
-// difference, so that its own time never does (docs/paper.md, "Clock steps").
-//
-// At one instant the order of calls is: arrivals, then timeouts; a result that arrives exactly at
-// D_N is on time. No exceptions but std::invalid_argument for what the programmer passed (a
-// pipeline without stages, an unknown round); the peer's bytes never throw: they are counted and
-// dropped. Thread-compatible.
+// The protocol without input and output: an Endpoint turns (time, bytes) into (bytes, events). Node
+// drives it with real sockets and the real clock, sim::World in virtual time; most applications use
+// Node. pipeline.h says what rounds are.
 #pragma once
 
-#include <array>
-#include <cstring>
 #include <memory>
 #include <optional>
 #include <span>
-#include <string>
 #include <utility>
-#include <variant>
 #include <vector>
 
 #include "interneuron/address.h"
+#include "interneuron/counters.h"
+#include "interneuron/events.h"
 #include "interneuron/link.h"
 #include "interneuron/pipeline.h"
 #include "interneuron/policy.h"
@@ -49,75 +38,39 @@ struct Transmit {
 // (docs/constants.md, "Datagrams and sockets"), and 1400 leaves room for IPv6 and a tunnel.
 inline constexpr std::size_t kMaxDatagramBytes = 1400;
 
-// A peer was heard and has heard us: the round trip works.
-struct PeerReady {
-  PeerId peer{};
-};
-// A known peer began a new life (another session id): all that was learnt of its clock and stages
-// is dropped.
-struct PeerRestarted {
-  PeerId peer{};
-};
-// A peer was silent for kPeerSilence (src/core/peers/peers.h) and is forgotten, unless it was
-// connected to by us.
-struct PeerLost {
-  PeerId peer{};
-};
-// What a policy decided for a message of ours: which variants go over which links, and whether no
-// link met its floor. Links are named as in links().
-struct Planned {
-  RoundRef round;
-  std::uint8_t stage = 0;
-  Plan plan;
-};
-
-// What the traffic of a path says of it has changed. `reason`: a few words with the figures, for
-// people.
-struct PathChanged {
-  PeerId peer{};
-  LinkId link{};
-  PathState from{};
-  PathState to{};
-  std::string reason;
-};
-
-using Event =
-    std::variant<Delivered, RoundDone, PeerReady, PeerRestarted, PeerLost, Planned, PathChanged>;
-
 struct EndpointOptions {
-  SessionId session{};                    // random, not 0, new at every start
-  std::vector<PipelineConfig> pipelines;  // those whose rounds begin here
-  PolicySet policies;                     // must hold every policy that pipelines name
-  bool accept_peers = false;              // true on a roadside unit: peers may come unannounced
-  std::size_t max_peers = 64;             // bound on unannounced peers
-  bool repair = true;                     // lost fragments are sent again while the deadline allows
+  // Names this life of the endpoint: random, not 0, new at every start. No default.
+  SessionId session{};
+  // The pipelines whose rounds begin here. Default: none, as on a roadside unit.
+  std::vector<PipelineConfig> pipelines;
+  // Must hold every policy that the pipelines name, and at least one. No default.
+  PolicySet policies;
+  // Whether peers may come unannounced, as on a roadside unit.
+  bool accept_peers = false;
+  // How many unannounced peers there may be at a time; further ones are refused.
+  std::size_t max_peers = 64;
+  // Whether lost fragments are sent again while the deadline allows.
+  bool repair = true;
 };
 
-// Counters per link over all peers; every received datagram is in exactly one of received,
-// duplicates, malformed, refused.
-struct LinkCounters {
-  std::uint64_t sent_packets = 0;
-  std::uint64_t sent_bytes = 0;
-  std::uint64_t received_packets = 0;
-  std::uint64_t received_bytes = 0;
-  std::uint64_t duplicate_packets = 0;  // a packet number seen before, or too old to tell
-  std::uint64_t malformed_packets = 0;
-  std::uint64_t refused_packets = 0;  // well-formed, from nobody we serve
-  std::uint64_t fragments_resent = 0;
-  std::uint64_t fragments_lost = 0;  // found lost by the peer's feedback or silence
-};
-
-struct EndpointCounters {
-  std::uint64_t messages_completed = 0;
-  std::uint64_t messages_expired = 0;     // incomplete at their deadline
-  std::uint64_t messages_superseded = 0;  // complete, but the round's stage had been served already
-  std::uint64_t messages_late = 0;        // remote results after D_N
-  std::uint64_t fragments_cancelled = 0;  // not (re)sent: could not arrive by the deadline
-  std::uint64_t bad_messages =
-      0;  // complete messages with a malformed or inconsistent round header
-  std::uint64_t reassembly_refused = 0;  // fragments refused because of the memory bound
-};
-
+// One end of all its connections: its peers and their links, the rounds that begin here and those
+// that others began. Single-threaded by design (thread-compatible); owns everything in it; reads no
+// clock and makes no system call.
+//
+// There are four kinds of call. Commands and inputs take `now`. Outputs are polled: after any call,
+// drain poll_transmit() and poll_event(), then wait until next_timeout() or the next input and call
+// handle_timeout(). Early or spurious calls are harmless. At one instant the order of calls is:
+// arrivals, then timeouts; a result that arrives exactly at the end-to-end deadline is on time. If
+// `now` goes back, the endpoint adds the difference, so that its own time never does
+// (docs/paper.md, "Clock steps").
+//
+// Errors: std::invalid_argument for what the programmer passed (a pipeline without stages, a
+// pipeline or link that does not exist); a value for what may happen at run time.
+//
+// What a peer may do: its bytes never throw, whatever is not used is counted and dropped, and
+// memory is bounded per peer and by max_peers. Packets are not authenticated yet, so service is not
+// protected: any packet makes an unannounced peer until there are max_peers of them, and whoever
+// can forge a peer's address can make it seem restarted or answer in its name.
 class Endpoint {
  public:
   // Throws std::invalid_argument naming the option.
@@ -132,26 +85,27 @@ class Endpoint {
   // Starts to talk to a peer that is reached at these addresses, one per link.
   PeerId connect(TimePoint now, std::span<const std::pair<LinkId, Address>> addresses);
   // A link that came (back) joins the paths to a peer we connected to; the same link again only
-  // changes the address. False: no such peer, or the link was not added.
+  // changes the address. False when there is no such peer or the link was not added.
   bool add_path(TimePoint now, PeerId peer, LinkId link, const Address& address);
-  // Measures the rate of a path now instead of when its evidence is old. False: no such path.
+  // Measures the rate of a path now instead of when its evidence is old. False when there is no
+  // such path.
   bool request_train(TimePoint now, PeerId peer, LinkId link);
-  // Stamps t0 = now. If stage 1 is a communication, submit() its message next.
+  // Begins a round: t0 is `now`. If stage 1 is a communication, submit() its message next.
   RoundRef begin_round(TimePoint now, PipelineId pipeline);
-  // Plans the round's next message for variants of these sizes (and costs, if not empty), so that
-  // an application encodes or computes only what will be sent. The plan is kept: a submit() of the
-  // same round with as many variants carries it out, instead of planning anew, while each of its
-  // links is up; variants that it does not hold may then be empty. A second call replaces it. The
-  // first call also settles whether the round's first message is degraded. An empty plan where
+  // Plans the round's next message for variants of these sizes in bytes (and costs, if not empty),
+  // so that an application encodes or computes only what will be sent. The plan is kept: a submit()
+  // of the same round with as many variants carries it out, instead of planning anew, while each of
+  // its links is up; variants that it does not hold may then be empty. A second call replaces it.
+  // The first call also settles whether the round's first message is degraded. An empty plan where
   // submit() would accept nothing.
   Plan preview(TimePoint now, RoundRef round, std::span<const std::size_t> variant_bytes,
                MessageClass message_class, std::span<const VariantCost> costs = {},
                std::optional<PeerId> to = std::nullopt);
-  // The computation of a delivered round begins now; the guard's choice of its level. `levels`:
-  // from the lowest quality to the highest, not empty; `top`: the level otherwise chosen (the guard
-  // kPaper steps down from it, kBudget may choose any of the first 16). `top` when the round is not
-  // known. Call it when the computation really begins: what passes until submit() is learnt as its
-  // run time.
+  // The computation of a delivered round begins now. Gives the level that the guard chooses: an
+  // index into `levels`, which go from the lowest quality to the highest and are not empty. `top`
+  // is the level to take if nothing speaks against it: the guard kPaper steps down from it, kBudget
+  // may choose any of the first 16. Gives `top` when the round is not known. Call it when the
+  // computation really begins, because what passes until submit() is learnt as its run time.
   std::size_t begin_computation(TimePoint now, RoundRef round, std::span<const LevelProfile> levels,
                                 std::size_t top);
   // The application hands over what the next communication of the round is to carry; if a
@@ -161,7 +115,7 @@ class Endpoint {
   // kMaxMessageBytes, else std::invalid_argument.
   SubmitStatus submit(TimePoint now, RoundRef round, Variants variants, MessageClass message_class,
                       std::optional<PeerId> to = std::nullopt);
-  // The local backup of a round that began here is ready; ignored when the round is decided.
+  // The local result of a round that began here is ready; ignored when the round is decided.
   void local_result(TimePoint now, RoundRef round, Bytes result);
 
   // --- inputs
@@ -169,17 +123,20 @@ class Endpoint {
   void handle_timeout(TimePoint now);
 
   // --- outputs
-  // Writes the next datagram that may leave now into `buffer` (>= kMaxDatagramBytes).
+  // Writes the next datagram that may leave now into `buffer`, which must hold kMaxDatagramBytes.
   std::optional<Transmit> poll_transmit(TimePoint now, std::span<std::byte> buffer);
   std::optional<Event> poll_event();
+  // When handle_timeout() or poll_transmit() has something to do; nothing: not before an input.
   std::optional<TimePoint> next_timeout() const;
 
   // --- getters
   std::vector<PeerId> peers() const;
+  // What is believed now of each link towards the peer; empty for a peer that is not known.
   std::vector<LinkState> links(TimePoint now, PeerId peer) const;
   LinkCounters link_counters(LinkId link) const;
   EndpointCounters counters() const;
-  std::size_t reassembly_bytes() const;  // memory held by incomplete messages, all peers
+  // Bytes held by incomplete messages of all peers.
+  std::size_t reassembly_bytes() const;
 
  private:
   class Impl;

@@ -1,5 +1,6 @@
-// A list of at most N values in one block: nothing is allocated, so that a decision costs no call
-// of the heap. What does not fit is left out. T is copied by value. Thread-compatible; pure.
+// A list of at most N values, stored in place: nothing is allocated, so that a decision about a
+// message costs no call of the heap. What does not fit is left out without an error. T must be
+// trivially copyable. An index out of range is asserted. Pure; thread-compatible.
 #pragma once
 
 #include <cassert>
@@ -59,14 +60,14 @@ class Few {
   T& back() { return (*this)[size_ - 1]; }
   const T& back() const { return (*this)[size_ - 1]; }
 
-  // False: there was no room for it.
+  // False when there is no room; the list is then unchanged.
   bool push_back(const T& value) {
     if (size_ == N) return false;
     std::construct_at(values_ + size_, value);
     ++size_;
     return true;
   }
-  // The same, in front of position `at` <= size(); where there is no room, the last one goes.
+  // Inserts in front of position `at` <= size(). When there is no room, the last value is dropped.
   void insert(std::size_t at, const T& value) {
     assert(at <= size_);
     if (at == N) return;
@@ -85,8 +86,9 @@ class Few {
 
  private:
   std::size_t size_ = 0;
+  // A union, so that only the first size_ values are ever constructed.
   union {
-    T values_[N];  // the first size_ of them
+    T values_[N];
   };
 };
 

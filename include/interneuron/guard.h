@@ -12,12 +12,15 @@
 
 namespace interneuron {
 
-// The judgement of one stage of one round: θn against Dn. Contains no clock offset.
+// The judgement of one stage of one round: the time θn that had elapsed when stage n ended, against
+// the deadline Dn of that stage. Contains no offset between the clocks of two hosts.
 struct Verdict {
-  bool late = false;   // θn > Dn: the next module is to be sacrificed
-  Duration overrun{};  // θn - Dn, > 0 exactly when late; Duration::max() = full severity
-  bool released_at_deadline =
-      false;  // a held variant was used at exactly Dn (the paper's white dots)
+  // θn > Dn: the next stage is to give up quality for time.
+  bool late = false;
+  // θn - Dn; positive exactly when late. kFullSeverity: everything is to be given up.
+  Duration overrun{};
+  // A variant that was held in the hope of a better one was delivered at exactly Dn.
+  bool released_at_deadline = false;
   friend bool operator==(const Verdict&, const Verdict&) = default;
 };
 
@@ -31,38 +34,42 @@ enum class GuardKind : std::uint8_t {
   // The highest expected quality subject to P(on time) >= target, from what remaining stages took.
   kBudget = 1,
 };
-std::string_view to_string(GuardKind kind);  // "paper", "budget"
+// "paper", "budget".
+std::string_view to_string(GuardKind kind);
 
-// A quality level of a computation, as its node knows it.
+// A quality level of a computation, as the node that computes knows it.
 struct LevelProfile {
-  Duration median{};  // run time, > 0
-  Duration p95{};     // >= median
-  // Expected quality of the result per variant of the input, in [0, 1] (for detectors: AP); the
-  // last one stands for further variants.
+  // Median of its run time, > 0, and the 95th percentile, which is no smaller.
+  Duration median{};
+  Duration p95{};
+  // Expected quality of the result for each variant of the input, in [0, 1] (for detectors the
+  // average precision); the last value stands for further variants.
   std::vector<double> quality{};
 };
 
-// What an answer without a remote result is worth, in the same units as LevelProfile::quality.
-// Empty: the fresh local result wins whenever it is there.
+// What an answer without a remote result is worth, in the same units as LevelProfile::quality. By
+// default nothing is known of it, and the round's own local result is used whenever it is there.
 struct FallbackQuality {
-  double local = 0;  // this round's own local result
-  // [i]: share of its quality that a remote result still has when it is i + 1 rounds old.
+  // The quality of a round's own local result, in [0, 1].
+  double local = 0;
+  // stale_share[i] is the share of its quality that a remote result still has when it is i + 1
+  // rounds old, in [0, 1].
   std::vector<double> stale_share{};
 };
 
-// Parameters of GuardKind::kBudget. Target and price ride in the headers, in steps of 1/65536 and
-// 1/1000.
+// Parameters of GuardKind::kBudget. Target and price travel in the rounds' headers, in steps of
+// 1/65536 and 1/1000.
 struct BudgetOptions {
-  // P(round on time) that is kept wherever enough rounds were seen to know that some choice keeps
-  // it and the most valuable one does not; in (0, 1).
+  // The share of rounds that are to be on time, in (0, 1). Once enough rounds were seen to know
+  // that the most valuable choice misses it and some other choice keeps it, the other one is taken.
   double target = 0.99;
   // What a missed round costs beyond the quality that it loses, in units of quality; in [0, 65].
   // The default is a little more than the best answer of our detectors is worth. It decides where
-  // no choice keeps the target: a higher price, fewer misses and cheaper answers.
+  // no choice keeps the target: a higher price means fewer misses and cheaper answers.
   double miss_price = 0.5;
   // Share of rounds that may try a mode of transmission not tried for 10 s, while it is expected to
-  // keep the target; every so-many-th round, not at random. In [0, 0.2]. (Levels need none: what
-  // one of them shows of delays holds for all.)
+  // keep the target; in [0, 0.2]. They are evenly spaced, not drawn at random. Levels need no such
+  // trials, because what one of them shows of delays holds for all.
   double exploration = 0.02;
 };
 

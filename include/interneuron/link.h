@@ -1,5 +1,6 @@
 // What an endpoint believes of one link towards one peer, as a value: a snapshot for policies,
-// plots and tables. Also what the operator and the kernel say of a network card (NIC).
+// plots and tables (docs/links.md says how it is measured). Also what the operator and the kernel
+// say of a network card (NIC). Plain values.
 #pragma once
 
 #include <cstdint>
@@ -16,46 +17,69 @@ namespace interneuron {
 
 // What the kernel says of a NIC: each state needs all before it (docs/links.md, "States").
 enum class NicState : std::uint8_t {
-  kAbsent,     // no NIC of that name in this network namespace
-  kNoCarrier,  // administratively down, or nothing at the other end
-  kNoAddress,  // no usable address of the family that is needed
-  kNoRoute,    // nothing routes to the peer (without one: to the Internet) through this NIC
+  // There is no NIC of that name in this network namespace.
+  kAbsent,
+  // It is administratively down, or nothing is at the other end.
+  kNoCarrier,
+  // It has no usable address of the family that is needed.
+  kNoAddress,
+  // Nothing routes to the peer (without a peer: to the Internet) through it.
+  kNoRoute,
+  // It can be used.
   kReady,
 };
-std::string_view to_string(NicState state);  // "absent", "no_carrier", …
+// "absent", "no_carrier", "no_address", "no_route", "ready".
+std::string_view to_string(NicState state);
 
 // What the traffic of a path says of it (docs/links.md, "How a link is measured").
 enum class PathState : std::uint8_t {
-  kOk,       // full share
-  kSuspect,  // loaded and without feedback, or a long queue: still used
-  kPulled,   // loaded and silent: no new data; the first sign of life brings it back
-  kLatched,  // no proof of delivery for seconds: probes only, until proof has lasted
-  kDead,     // the NIC is gone, or nothing was heard for 4 s, longer where heartbeats are rare
+  // Feedback comes, and no long queue has built up: it is fully used.
+  kOk,
+  // Data is in flight and no feedback comes, or a long queue has built up: still used.
+  kSuspect,
+  // Data is in flight and nothing at all is heard: no new data is sent until the peer is heard
+  // again.
+  kPulled,
+  // The peer is heard, but for seconds nothing that was sent was acknowledged: only probes are
+  // sent,
+  // until they have been acknowledged for a while.
+  kLatched,
+  // The NIC is gone, or nothing was heard for 4 s (longer where heartbeats are rare).
+  kDead,
 };
-std::string_view to_string(PathState state);  // "ok", "suspect", …
+// "ok", "suspect", "pulled", "latched", "dead".
+std::string_view to_string(PathState state);
 
 enum class LinkRole : std::uint8_t {
   kNormal,
-  kBackup,  // only where no normal link meets the floors
-  kNever,   // measured, not used
+  // Used only for messages whose floors no normal link meets.
+  kBackup,
+  // Measured, but never used for messages.
+  kNever,
 };
-std::string_view to_string(LinkRole role);  // "normal", "backup", "never"
+// "normal", "backup", "never".
+std::string_view to_string(LinkRole role);
 
 // What the operator says of a link.
 struct LinkTraits {
   LinkRole role = LinkRole::kNormal;
-  int priority = 0;      // smaller first; scores decide among equals
-  bool metered = false;  // pays per byte: no rate trains, the rate is learnt from data
-  std::optional<DataRate> rate_cap{};  // never sent faster
-  bool trusted = false;  // the network is the operator's own: half of the security score
+  // Links with a smaller number are preferred; among equals the scores decide.
+  int priority = 0;
+  // The operator pays per byte: no trains of probes are sent, and the rate is learnt from messages.
+  bool metered = false;
+  // Nothing is sent faster than this. Default: no limit.
+  std::optional<DataRate> rate_cap{};
+  // The network is the operator's own, which is worth 0.5 of the security score.
+  bool trusted = false;
   friend bool operator==(const LinkTraits&, const LinkTraits&) = default;
 };
 
 // A NIC of this host as the endpoint is told of it.
 struct LinkInfo {
-  std::string name;  // the NIC's name
-  std::size_t mtu =
-      1500;  // of the IP layer, bytes; datagrams never exceed it, so that IP never fragments
+  // The NIC's name.
+  std::string name;
+  // The MTU of the IP layer, in bytes. Datagrams never exceed it, so that IP never fragments them.
+  std::size_t mtu = 1500;
   LinkTraits traits{};
 };
 
@@ -63,24 +87,36 @@ struct LinkInfo {
 // to here. Durations are zero and rates 0 while nothing was measured.
 struct LinkState {
   LinkId id{};
-  bool up = false;  // new data may be sent: path is kOk or kSuspect, and the role is not kNever
+  // Messages may be sent: `path` is kOk or kSuspect, and the role is not kNever.
+  bool up = false;
   PathState path = PathState::kDead;
   LinkTraits traits{};
-  Duration rtt_p50{};   // of the last 2 s
-  Duration rtt_p95{};   // of the last 2 s
-  Duration rtt_min{};   // of the last 10 s
-  Duration jitter{};    // RTTVAR of RFC 6298
-  Duration queue_up{};  // one-way queue signal: above the smallest one-way delay of 10 s
+  // Quantiles of the round trips of the last 2 s, and the smallest of the last 10 s.
+  Duration rtt_p50{};
+  Duration rtt_p95{};
+  Duration rtt_min{};
+  // RTTVAR of RFC 6298: how much round trips vary.
+  Duration jitter{};
+  // How long packets wait in queues each way: their one-way delay above the smallest of 10 s.
+  Duration queue_up{};
   Duration queue_down{};
-  DataRate rate{};        // up
-  DataRate rate_down{};   // as the peer reports it
-  double loss = 0;        // up, share of packets, smoothed
-  double loss_down = 0;   // as the peer reports it
-  double loss_burst = 0;  // mean number of packets lost in a row, 0 while none was
-  double outage = 0;      // share of the last 60 s in which the path was not up
-  Duration age{};         // of the newest evidence of any kind; max() = never heard
-  Duration rate_age{};    // of the newest evidence of the rate; max() = none
-  double confidence = 0;  // [0, 1]: 1 = measured now, halves with age (src/core/link/nature.h)
+  // The rate that the link delivers each way; down as the peer reports it.
+  DataRate rate{};
+  DataRate rate_down{};
+  // The smoothed share of packets lost each way, in [0, 1]; down as the peer reports it.
+  double loss = 0;
+  double loss_down = 0;
+  // Mean number of packets lost in a row; 0 while none was.
+  double loss_burst = 0;
+  // Share of the last 60 s in which the path was not up, in [0, 1].
+  double outage = 0;
+  // Since the newest evidence of any kind; Duration::max() when the peer was never heard.
+  Duration age{};
+  // Since the newest evidence of the rate; Duration::max() when there is none.
+  Duration rate_age{};
+  // How much the evidence is worth, in [0, 1]: 1 when it was measured just now; halves with age
+  // (src/core/link/nature.h).
+  double confidence = 0;
   // How much evidence there is: round trips behind the quantiles, packets behind the loss, trains
   // of full length behind the rate (at most three count).
   std::uint32_t rtt_samples = 0;
@@ -89,8 +125,9 @@ struct LinkState {
   Nature nature{};
 };
 
-// The links towards one peer that are weighed against each other; chosen: more NICs than a vehicle
-// has. Further ones are measured, but nothing is planned over them.
+// How many links towards one peer are weighed against each other. No measurement behind this value:
+// it only has to be larger than the number of NICs of a vehicle. Further links are measured, but
+// nothing is planned over them.
 inline constexpr std::size_t kMaxLinks = 16;
 using Links = Few<LinkState, kMaxLinks>;
 

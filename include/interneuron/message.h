@@ -1,4 +1,5 @@
-// What the application knows of a message; nothing here speaks of links.
+// What the application knows of a message: its class, its needs, its variants. Nothing here speaks
+// of links. Plain values.
 #pragma once
 
 #include <cstdint>
@@ -10,27 +11,35 @@
 namespace interneuron {
 
 enum class MessageClass : std::uint8_t {
-  kData = 0,    // input of a computation: frames, point clouds
-  kResult = 1,  // output of a computation: object lists
+  // The input of a computation: frames, point clouds.
+  kData = 0,
+  // The output of a computation: lists of objects.
+  kResult = 1,
 };
 
-// Results of at most this size go over every link, whichever policy runs: the cost is negligible,
-// the first copy wins. The paper's result message has 5 KB.
+// Results of at most this many bytes go over every link, whichever policy runs: they cost little
+// and the first copy wins. The paper's result message has 5 KB.
 inline constexpr std::size_t kSmallResultBytes = 5 * 1024;
 
 // The needs of a message, carried in its header (requirement R1 of the paper).
 struct QoS {
-  Duration deadline{};  // end-to-end, from t0; > 0
-  Duration period{};    // between messages of this kind; 0 for sporadic ones
+  // End-to-end deadline of the round, counted from t0; > 0.
+  Duration deadline{};
+  // Between two messages of this kind; 0 for sporadic ones.
+  Duration period{};
   MessageClass message_class = MessageClass::kData;
-  Nature needs{};  // weight per Nature field, in steps of 1/255
+  // How much each property of a link matters, in steps of 1/255.
+  Nature needs{};
 };
 
 // The forms in which a message can travel, from the best to the smallest: raw, down-sampled, …
 using Variants = std::vector<Bytes>;
 
-inline constexpr std::size_t kMaxVariants = 8;  // chosen; fits a header field
-inline constexpr std::size_t kMaxMessageBytes =
-    8 * 1024 * 1024;  // chosen: an uncompressed 2.5 Mpixel RGB frame
+// Variants of a message. No measurement behind this value: it only has to be larger than the number
+// of forms that an application prepares of one frame, which is two to four.
+inline constexpr std::size_t kMaxVariants = 8;
+// Bytes of one variant: an uncompressed RGB frame of 2.5 million pixels fits. It also bounds the
+// memory that a receiver keeps for the incomplete messages of a peer.
+inline constexpr std::size_t kMaxMessageBytes = 8 * 1024 * 1024;
 
 }  // namespace interneuron

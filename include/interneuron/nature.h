@@ -4,8 +4,8 @@
 
 namespace interneuron {
 
-// Scores in [0, 1] per field; the best link has 1, a link that is down 0 everywhere. Also used for
-// weights.
+// Scores in [0, 1], one per field: the best link has 1, a link that is down has 0 everywhere. Also
+// used for weights: how much each field matters to a message.
 struct Nature {
   double delay = 0;
   double bandwidth = 0;

@@ -1,16 +1,11 @@
-// The application's door: a Node drives an Endpoint with real sockets and the real clock. It owns
-// one UDP socket per network card (NIC), one loop and a few worker threads.
+// The application's door: a Node drives an Endpoint with real sockets and the real clock.
+// pipeline.h says what rounds are, node_options.h what a node is made of.
 //
 //   Node node(options);
 //   node.on_peer_ready([&](PeerReady) { /* begin_round, submit */ });
-//   node.on_round_done([&](RoundDone done) { … });
+//   node.on_round_done([&](RoundDone done) { /* the one answer of a round */ });
 //   node.stop_on_signals();
 //   node.run();  // until stop()
-//
-// Threads. The thread that calls run() is the loop thread: every handler, timer and continuation
-// runs on it, one at a time, and all methods belong to it, except post() and stop(), which any
-// thread may call. Before run() the constructing thread counts as the loop thread; what it commands
-// leaves when run() starts. A handler that computes for long delays every deadline: use compute().
 #pragma once
 
 #include <cstdint>
@@ -19,97 +14,32 @@
 #include <optional>
 #include <span>
 #include <string>
-#include <string_view>
 #include <utility>
 #include <vector>
 
 #include "interneuron/endpoint.h"
+#include "interneuron/node_options.h"
+#include "interneuron/statistics.h"
 #include "interneuron/transport.h"
 
 namespace interneuron {
 
-struct NodeLink {
-  LinkId id{};
-  // "wwan0"; the socket is bound to it and sends and receives nowhere else. The name of a NIC that
-  // is there when the node starts; it need not be ready then, and may come and go.
-  std::string nic;
-  LinkTraits traits = {};
-  // Numeric address to bind, without port. Empty: every address of the NIC, IPv4 if `peer` is IPv4
-  // or (without peer) the NIC has an IPv4 address, else IPv6; answers leave from the address that
-  // was asked.
-  std::string local_address = {};
-  // Where the peer is reached over this link, "10.0.0.2:47000". Empty: this link only answers.
-  std::string peer = {};
-  std::size_t mtu = 0;  // of the IP layer, bytes; 0 = ask the NIC
-};
-
-// Links for NICs that are not named one by one: each NIC that matches, now or when it is plugged
-// in, becomes a link with the smallest free id; the link ends when the NIC goes.
-struct NodeNicRule {
-  // A glob of names ("wwan*"; matches no loopback card), "kind:wwan" (see io::Nic::kind),
-  // "mac:02:00:…": these may match nothing for now. A plain name must be that of a NIC that is
-  // there when the node starts.
-  std::string pattern;
-  LinkTraits traits = {};
-  std::string peer = {};
-};
-
-struct NodeOptions {
-  std::vector<NodeLink> links;     // ids must differ; with `rules` at least one of both
-  std::vector<NodeNicRule> rules;  // the first that matches a NIC wins; named links win over rules
-  std::uint16_t port = 0;          // local UDP port on every link; 0 = any free one, per link
-  std::vector<PipelineConfig> pipelines;  // those whose rounds begin here
-  PolicySet policies;                     // empty = builtin_policies()
-  bool accept_peers = false;              // true on a roadside unit: peers may come unannounced
-  std::size_t max_peers = 64;             // bound on unannounced peers
-  bool repair = true;                     // lost fragments are sent again while the deadline allows
-  // Sessions are not encrypted yet, so a node that accepts peers refuses to listen on addresses
-  // that are not private unless this says so.
-  bool insecure = false;
-  std::size_t computation_workers = 1;  // threads of Queue::kComputation, 1 … 64
-  std::size_t backup_workers = 1;       // threads of Queue::kLocalBackup, 1 … 64
-  // Puts something of the application's between the node and the socket of a link that was opened,
-  // to record or to disturb; called on the loop thread. Empty: nothing. Must not return nullptr.
-  std::function<std::unique_ptr<Transport>(LinkId, std::unique_ptr<Transport>)> wrap_transport = {};
-};
-
-// What the kernel says of a link's NIC has changed. `reason`: one line, for people.
-struct NicChanged {
-  LinkId link{};
-  std::string nic;
-  NicState from{};
-  NicState to{};
-  std::string reason;
-};
-
-// What Node::on_statistics() tells: all that is measured, as values.
-struct Statistics {
-  struct Link {
-    LinkId id{};
-    std::string nic;
-    NicState nic_state{};
-    std::string reason;  // of the newest change of nic_state
-    LinkCounters counters;
-    TransportCounters transport;
-  };
-  struct Peer {
-    PeerId id{};
-    std::vector<LinkState> links;
-  };
-  TimePoint at{};
-  std::vector<Link> links;
-  std::vector<Peer> peers;
-  EndpointCounters counters;
-};
-
-// Jobs of one queue wait for each other, jobs of different queues never do: a local backup does not
-// stand in line behind a detection.
+// Where a job of Node::compute() waits for a thread. Jobs of one queue wait for each other, jobs of
+// different queues never do: a local backup does not stand in line behind a detection.
 enum class Queue : std::uint8_t { kComputation, kLocalBackup };
 
+// Owns one UDP socket per network card (NIC), one event loop and a few worker threads.
+//
+// Threads: the thread that calls run() is the loop thread. Every handler, timer and continuation
+// runs on it, one at a time, and all methods belong to it, except those that say "any thread".
+// Before run() the constructing thread counts as the loop thread; what it commands leaves when
+// run() starts. A handler that computes for long delays every deadline: use compute().
+//
+// Commands have the same meaning, errors and bounds as those of Endpoint.
 class Node {
  public:
   using Task = std::function<void()>;
-  // Runs on a worker thread; what it returns (may be empty) runs on the loop thread.
+  // Runs on a worker thread; the task that it returns (may be empty) runs on the loop thread.
   using Job = std::function<Task()>;
 
   // Opens the sockets of the links whose NICs are ready, at least one, and, if links name peers,
@@ -117,8 +47,8 @@ class Node {
   // IoError (NIC, port, permission; no NIC that can be used) or std::invalid_argument naming the
   // option; nothing stays open then.
   explicit Node(NodeOptions options);
-  // Waits for the jobs that are running; drops those that are queued. Not while another thread is
-  // in run().
+  // Waits for the jobs that are running and drops those that are queued. Must not be called while
+  // another thread is in run().
   ~Node();
   Node(const Node&) = delete;
   Node& operator=(const Node&) = delete;
@@ -138,9 +68,11 @@ class Node {
 
   // --- commands, as in Endpoint, at now()
   PeerId connect(std::span<const std::pair<LinkId, Address>> addresses);
-  // Measures the rate of a path now instead of when its evidence is old; metered ones too.
+  // Measures the rate of a path now instead of when its evidence is old, metered ones too. False
+  // when there is no such path.
   bool request_train(PeerId peer, LinkId link);
   RoundRef begin_round(PipelineId pipeline);
+  // The plan is kept and changes what submit() sends; see Endpoint::preview().
   Plan preview(RoundRef round, std::span<const std::size_t> variant_bytes,
                MessageClass message_class, std::span<const VariantCost> costs = {},
                std::optional<PeerId> to = std::nullopt);
@@ -151,19 +83,23 @@ class Node {
   void local_result(RoundRef round, Bytes result);
 
   // --- time and work
-  TimePoint now() const;  // any thread; CLOCK_MONOTONIC
-  // Runs `task` once on the loop thread, not before the given time; at once if that is past.
+  // CLOCK_MONOTONIC; any thread.
+  TimePoint now() const;
+  // Run `task` once on the loop thread, not before the given time; soon if that is past.
   void after(Duration delay, Task task);
   void at(TimePoint time, Task task);
+  // Runs `job` on a thread of the queue.
   void compute(Queue queue, Job job);
-  void post(Task task);  // any thread: runs `task` on the loop thread
+  // Runs `task` on the loop thread; any thread.
+  void post(Task task);
 
   // --- running
-  // Serves until stop(), once. At the end what can leave without waiting still leaves; rounds that
-  // are undecided get no answer. Throws what a handler, task or job threw, after the workers have
-  // ended.
+  // Serves until stop(); may be called once. At the end what can leave without waiting still
+  // leaves; rounds that are undecided get no answer. Throws what a handler, task or job threw,
+  // after the workers have ended.
   void run();
-  void stop();  // any thread; before run() too
+  // Any thread; before run() too.
+  void stop();
   // SIGINT and SIGTERM call stop() while run() runs.
   void stop_on_signals();
   // The signal that ended run(), 0 if none did.
@@ -174,18 +110,21 @@ class Node {
   // The peer that NodeLink::peer names; nothing while no link to it has been opened.
   std::optional<PeerId> peer() const;
   std::vector<PeerId> peers() const;
-  std::vector<LinkState> links(PeerId peer) const;  // as believed now
+  // As believed now.
+  std::vector<LinkState> links(PeerId peer) const;
   Statistics statistics() const;
   EndpointCounters counters() const;
   LinkCounters link_counters(LinkId link) const;
+  // Bytes held by incomplete messages of all peers.
   std::size_t reassembly_bytes() const;
-  // Zeros and nothing for a link that is not there or waits for its NIC; a new incarnation of the
-  // NIC counts from zero.
+  // The next three give zeros and nothing for a link that is not there or waits for its NIC. A NIC
+  // that comes back counts from zero.
   TransportCounters transport_counters(LinkId link) const;
   TransportCaps transport_capabilities(LinkId link) const;
-  std::optional<Address> local_address(LinkId link) const;  // with the port in use
-  // Datagrams dropped because the NIC took nothing for longer than it may (kStallPatience of
-  // src/host/node/outbox.h).
+  // With the port in use.
+  std::optional<Address> local_address(LinkId link) const;
+  // Datagrams that were dropped because the NIC took nothing for longer than it may (kStallPatience
+  // of src/host/node/outbox.h).
   std::uint64_t stalled_datagrams(LinkId link) const;
   // What the set-up could not get as asked, one line with the remedy each (small socket buffers, a
   // NIC that a rule matches but that cannot be opened).

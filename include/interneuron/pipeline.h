@@ -1,94 +1,77 @@
-// Pipelines and rounds: one round handles one frame through N stages; the application gets exactly
-// one answer per round, by t0 + D_N (docs/paper.md, "Rounds and stages").
+// Pipelines and rounds. Read this header first; then node.h for an application with real sockets
+// (or endpoint.h for the same without input and output), and policy.h to write a policy of your
+// own. examples/hello.cc is a whole program in 40 lines.
+//
+// A vehicle needs a computation for each frame of its camera, and a roadside unit does it better
+// than the vehicle itself, if its result is back in time. One frame is handled by one *round*. A
+// round passes through *stages*, each of them a communication (a message travels to another host)
+// or a computation. The usual pipeline has three:
+//
+//   vehicle    begin_round   submit(frame)                                 RoundDone
+//              at t0             \                                          /
+//                                 \ stage 1, uplink       stage 3, downlink/
+//                                  v                                      /
+//   roadside                   Delivered   begin_computation   submit(result)
+//                                          stage 2, detection
+//
+// 1. begin_round() stamps t0. The round must be answered by t0 + PipelineConfig::deadline.
+// 2. submit() hands over the message in one or more *variants*, from the best (raw) to the smallest
+//    (down-sampled). The pipeline's *policy* decides which variants go over which links.
+// 3. The roadside unit is told of the message by Delivered. begin_computation() lets the *guard*
+//    choose a quality level that fits into the time that is left; submit() hands over the result.
+// 4. Meanwhile the vehicle computes a cheap result of its own and hands it to local_result().
+// 5. The vehicle gets exactly one RoundDone per round, at the latest at the deadline: with the
+//    remote result if that is there in time, else with its own local one, else with the last one.
+//
+// Nothing blocks: what happens comes as events, rounds overlap, and a message that is too late is
+// dropped. The *origin*, the endpoint that begins the rounds, alone configures the pipeline; the
+// headers of its messages tell every other endpoint (docs/paper.md, "Rounds and stages").
 #pragma once
 
-#include <array>
-#include <optional>
 #include <string>
 #include <vector>
 
 #include "interneuron/guard.h"
 #include "interneuron/message.h"
+#include "interneuron/round.h"
 #include "interneuron/units.h"
 
 namespace interneuron {
 
 enum class StageKind : std::uint8_t { kCommunication, kComputation };
 
-inline constexpr std::size_t kMaxStages = 16;  // chosen; the header has a bit per stage
+// Stages of a pipeline; a message's header has one bit for each.
+inline constexpr std::size_t kMaxStages = 16;
 
+// How the rounds of one kind run. Only the endpoint where they begin has this.
 struct PipelineConfig {
+  // Unique within the endpoint.
   PipelineId id{};
-  // 1 … N; the last one ends at the origin. Uplink, detection, downlink is
-  // {kCommunication, kComputation, kCommunication}.
+  // 1 … kMaxStages stages; no default. The last one must end at the origin. Uplink, detection,
+  // downlink is {kCommunication, kComputation, kCommunication}.
   std::vector<StageKind> stages;
-  Duration deadline = std::chrono::milliseconds(130);  // D_N, > 0; default: the paper's
-  Duration period = std::chrono::milliseconds(100);    // between rounds, > 0
+  // From t0 to the answer, > 0. Default: the paper's, 130 ms.
+  Duration deadline = std::chrono::milliseconds(130);
+  // Between two rounds, > 0. Default: 100 ms, a camera of 10 frames per second.
+  Duration period = std::chrono::milliseconds(100);
+  // The name of a registered policy.
   std::string policy = "down_sampling";
-  Nature needs{.delay = 1.0};  // weights in [0, 1], carried in every header
-  // β, added to X, in 1/1000 (docs/paper.md, "X and the timeout handler").
+  // How much each property of a link matters to the messages: weights in [0, 1].
+  Nature needs{.delay = 1.0};
+  // Parameters of GuardKind::kPaper (docs/paper.md, "X and the timeout handler"); the other guard
+  // ignores them. β is added to the tolerance X, in 1/1000.
   std::int16_t beta_permille = 0;
-  bool use_x = true;        // false: X stays 0 (ablation)
-  bool use_handler = true;  // false: a miss changes nothing (ablation)
+  // For experiments: false keeps X at 0; false lets a missed round change nothing.
+  bool use_x = true;
+  bool use_handler = true;
   GuardKind guard = GuardKind::kBudget;
-  BudgetOptions budget{};  // of GuardKind::kBudget
+  // Parameters of GuardKind::kBudget.
+  BudgetOptions budget{};
   // What is known beforehand of the remote computation, from the lowest quality to the highest;
-  // kBudget weighs with it what a transmission is worth. Empty: learnt from the results.
+  // kBudget weighs with it what a transmission is worth. Default: learnt from the results.
   std::vector<LevelProfile> levels{};
+  // What an answer without a remote result is worth. Default: not known.
   FallbackQuality fallback{};
-};
-
-// Names a round anywhere: the endpoint that began it, its pipeline, its number.
-struct RoundRef {
-  SessionId origin{};
-  PipelineId pipeline{};
-  RoundId round{};
-  friend auto operator<=>(const RoundRef&, const RoundRef&) = default;
-};
-
-// What is known of a round's outcome.
-enum class RoundState : std::uint8_t { kUnknown = 0, kOnTime = 1, kMissed = 2 };
-
-// The indicator (docs/paper.md, "Indicator"): the header of round r carries the states of the 16
-// rounds before it; [i] is round r - 1 - i.
-inline constexpr std::size_t kIndicatorRounds = 16;
-using Indicator = std::array<RoundState, kIndicatorRounds>;
-
-enum class Outcome : std::uint8_t {
-  kRemote,  // a remote result was there by D_N: on time
-  kLocal,   // none was: a timeout, answered locally
-};
-
-// The one answer of a round.
-struct RoundDone {
-  RoundRef round;
-  Outcome outcome{};
-  TimePoint t0{};
-  Duration e2e{};  // from t0 to this answer
-  // Remote: the result. Local: the backup's result of this round, or, when it was not ready, the
-  // last result there is.
-  Bytes result;
-  // Of a local answer: it is the last remote result instead of this round's own local one.
-  bool stale_remote = false;
-  std::optional<std::uint32_t>
-      age_rounds;  // of `result`: 0 = this round's; nothing = there is no result at all
-  bool degraded_final = false;  // the last communication was sent degraded (D_{N-1} missed)
-  bool recovering = false;      // the round was begun while the timeout handler recovers
-  std::int16_t x_permille = 0;  // X that the round was sent with
-};
-
-// A message that the guard and the policy hand to the application at the end of a communication
-// stage.
-struct Delivered {
-  RoundRef round;
-  PeerId from{};
-  std::uint8_t stage = 0;  // the stage that ended, 1 … N-1
-  std::uint8_t variant = 0;
-  bool degraded = false;  // it was sent degraded
-  Verdict verdict;
-  Duration deadline{};  // D_N of the pipeline
-  QoS qos;
-  Bytes payload;
 };
 
 }  // namespace interneuron

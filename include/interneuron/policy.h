@@ -2,10 +2,9 @@
 // hands to the application when (docs/paper.md, "Communication policies"). A policy knows neither
 // devices nor applications. Write your own in one file: see policies/.
 //
-// Policies are pure and stateless: the same arguments give the same answer. They run for every
-// message: those that come with Interneuron allocate nothing. The sender's endpoint
-// calls plan(), the receiver's merge(); the message header names the policy, so both ends need it
-// registered under the same name.
+// The sender's endpoint calls plan() for every message, the receiver's merge() for every variant
+// that is complete. The message's header names the policy, so both ends need it registered under
+// the same name.
 #pragma once
 
 #include <cstdint>
@@ -20,52 +19,64 @@
 
 namespace interneuron {
 
-// What the real-time guard asks of the next transmission, and what it knows of the rest.
+// What the real-time guard asks of the next transmission, and what it knows of the rest of the
+// round.
 struct Guidance {
-  bool degraded = false;  // sacrifice quality for time
-  // Until the end-to-end deadline, as the sender's node believes; max() = not known.
+  // Quality is to be given up for time.
+  bool degraded = false;
+  // Until the end-to-end deadline, as the sender's node believes; Duration::max(): not known.
   Duration time_left = Duration::max();
   // The levels of the computation that follows, from the lowest to the highest; empty: not known.
   std::span<const LevelProfile> levels{};
-  double local_quality = 0;  // FallbackQuality::local
+  // What the round's own local result is worth (FallbackQuality::local); 0: not known.
+  double local_quality = 0;
 };
 
 // What a variant costs beside its bytes, when the application computes a part of the work itself
-// (a cut point of a network): before it is sent, and after it has arrived.
+// (a cut point of a neural network): run time before it is sent, and after it has arrived.
 struct VariantCost {
   Duration here{};
   Duration there{};
 };
 
-// A message about to be sent. variant_bytes: from the best variant to the smallest, at least one.
+// A message about to be sent.
 struct Offer {
   QoS qos;
+  // The size of each variant in bytes, from the best variant to the smallest; at least one.
   std::span<const std::size_t> variant_bytes;
-  std::span<const VariantCost> costs{};     // as many, or none
-  std::uint8_t earlier_communications = 0;  // of this round, before this one
+  // The cost of each variant, or none.
+  std::span<const VariantCost> costs{};
+  // Messages that this round has sent before this one.
+  std::uint8_t earlier_communications = 0;
 };
 
+// One transmission: a variant over a link.
 struct Assignment {
-  std::uint8_t variant = 0;  // index into the offer's variants
+  // Index into the offer's variants.
+  std::uint8_t variant = 0;
   LinkId link{};
   friend bool operator==(const Assignment&, const Assignment&) = default;
 };
 
-// What is beyond is not sent; chosen: two variants over each of kMaxLinks.
+// Transmissions of a message: two variants over each of kMaxLinks. Sends beyond this limit are
+// dropped.
 inline constexpr std::size_t kMaxSends = 2 * kMaxLinks;
 using Assignments = Few<Assignment, kMaxSends>;
 
+// What a policy decides for one message.
 struct Plan {
+  // Better variants leave first on a link, whatever their order here.
   Assignments sends;
-  bool under_floor =
-      false;  // no link met the floor: the plan is best effort, and is reported as such
-  // Why nothing is sent although a link is up, for people; refers to a literal. Empty: not refused.
-  // A refused round is answered locally, as soon as its local result is there; that is no miss.
+  // No link meets the floor: the plan is best effort and is reported as such.
+  bool under_floor = false;
+  // Why nothing is sent although a link is up, one line for people that refers to a literal. Empty:
+  // not refused. A refused round is answered locally as soon as its local result is there, and does
+  // not count as missed.
   std::string_view refused{};
 };
 
-// Reasons of the built-in policies; policies of your own may give others. The first is given where
-// a policy gives none.
+// Reasons of the built-in policies; policies of your own may give others. kNothingPlanned stands in
+// when a policy plans nothing and gives no reason.
 inline constexpr std::string_view kNothingPlanned =
     "nothing is sent: the policy plans nothing over the links there are";
 inline constexpr std::string_view kLocalIsBetter =
@@ -76,29 +87,42 @@ inline constexpr std::string_view kInsecure =
     "nothing is sent: no link that is up meets the security floor; declare the network of a link "
     "trusted (see docs/links.md) or wait for one that is";
 
-// One complete variant at the receiver. What is decided obeys the header (what the sender planned),
-// never the receiver's own state.
+// One complete variant at the receiver: what the sender planned, as the header tells it. merge()
+// must decide by this alone and not by what the receiver would have planned.
 struct Arrival {
   std::uint8_t variant = 0;
-  std::uint8_t best_planned = 0;  // the best variant the sender's plan holds
+  // The best variant that the sender's plan holds.
+  std::uint8_t best_planned = 0;
   bool degraded = false;
 };
 
 enum class Merge : std::uint8_t {
-  kDeliver,  // hand it over now; later variants of this message are dropped
-  kHold,     // keep it until the stage deadline in the hope of a better one
+  // Hand it to the application now; later variants of this message are dropped.
+  kDeliver,
+  // Keep it until the stage's deadline in the hope of a better one.
+  kHold,
 };
 
+// A rule. Derived classes must be pure and stateless, because one instance serves every pipeline
+// and may be shared between endpoints on different threads: the same arguments give the same
+// answer, and nothing is kept. They run for every message, so they should not allocate; the
+// built-in ones do not. A peer chooses the values in `arrival` and, through its reports, some of
+// those in `links`, so a policy must be safe for any of them; whatever it answers is made safe to
+// carry out (see policies/README.md).
 class Policy {
  public:
   virtual ~Policy() = default;
-  // Unique; lower-case with underscores.
+  // Unique among the registered policies; lower-case with underscores. The view must stay valid as
+  // long as the policy.
   virtual std::string_view name() const = 0;
+  // Which variants of the offer go over which links. `links` are all links towards the peer, those
+  // that are down included.
   virtual Plan plan(const Offer& offer, std::span<const LinkState> links,
                     const Guidance& guidance) const = 0;
+  // What becomes of a complete variant at the receiver.
   virtual Merge merge(const Arrival& arrival) const = 0;
-  // Whether a link may carry messages of this policy at all. Asked for small results too, which are
-  // sent without plan(), and for what is sent again.
+  // Whether a link may carry messages of this policy at all. Also asked for small results, which
+  // are sent without plan(), and for fragments that are sent again.
   virtual bool allows(const LinkState& /*link*/) const { return true; }
 };
 
@@ -106,14 +130,15 @@ class Policy {
 // the message's period (or, for sporadic messages, arrives by the deadline).
 DataRate rate_floor(const QoS& qos, std::size_t bytes);
 
-// Until a message of this size has arrived over an idle link: half the round trip (p95, which holds
-// the queues) and its fragments at the link's rate. max() while either was not measured.
+// How long until a message of this size has arrived over an idle link: half the round trip (p95,
+// which contains the queues) plus its fragments at the link's rate. Duration::max() while either is
+// not measured.
 Duration arrival_time(const LinkState& link, std::size_t bytes);
 
 using PolicySet = std::vector<std::shared_ptr<const Policy>>;
 
-// best_link, duplicate, down_sampling, progressive, joint, placement, split, secure (down_sampling
-// over trusted networks).
+// Those that come with Interneuron: best_link, duplicate, down_sampling, progressive, joint,
+// placement, split, and secure (down_sampling over trusted networks).
 PolicySet builtin_policies();
 
 // A policy over those links alone whose security score (docs/paper.md, "Nature") is at least

@@ -15,7 +15,8 @@ namespace interneuron {
 
 using Duration = std::chrono::nanoseconds;
 
-// CLOCK_MONOTONIC of this host, ns. A label only: the one reader is src/host/io/steady_clock.cc.
+// CLOCK_MONOTONIC of this host, in nanoseconds. A label only: the one place that reads the clock is
+// src/host/io/steady_clock.cc.
 struct LocalClock {
   using duration = Duration;
   using rep = duration::rep;
@@ -25,7 +26,7 @@ struct LocalClock {
 };
 using TimePoint = LocalClock::time_point;
 
-// CLOCK_MONOTONIC of some other host, ns.
+// CLOCK_MONOTONIC of some other host, in nanoseconds.
 struct PeerClock {
   using duration = Duration;
   using rep = duration::rep;
@@ -35,6 +36,7 @@ struct PeerClock {
 };
 using PeerTime = PeerClock::time_point;
 
+// a - b and a + b modulo 2^64: defined for any values that a peer may send.
 constexpr std::int64_t wrapping_sub(std::int64_t a, std::int64_t b) {
   return static_cast<std::int64_t>(static_cast<std::uint64_t>(a) - static_cast<std::uint64_t>(b));
 }
@@ -49,17 +51,17 @@ constexpr Duration elapsed_across(PeerTime from, TimePoint to) {
   return Duration{wrapping_sub(to.time_since_epoch().count(), from.time_since_epoch().count())};
 }
 
-// The instant on this host's clock at which θ (which contains α) is reached for a round begun at t0
-// on the peer's.
+// The instant on this host's clock at which the elapsed time θ (which contains α) is reached for a
+// round that began at t0 on the peer's clock.
 constexpr TimePoint when_elapsed(PeerTime t0, Duration theta) {
   return TimePoint{Duration{wrapping_add(t0.time_since_epoch().count(), theta.count())}};
 }
 
-// The same instant seen as the peer's, for what goes on the wire and for a host that is its own
-// origin.
+// An instant of this host as others see it: as a value of a peer's clock, for what goes on the wire
+// and for a host that is the origin of the round itself.
 constexpr PeerTime as_wire(TimePoint t) { return PeerTime{t.time_since_epoch()}; }
 
-// t + d, saturating; for deadlines computed from peers' bytes.
+// t + d, saturating at the first and last instant; for deadlines computed from a peer's bytes.
 constexpr TimePoint saturating_add(TimePoint t, Duration d) {
   std::int64_t out = 0;
   if (__builtin_add_overflow(t.time_since_epoch().count(), d.count(), &out)) {

@@ -1,8 +1,6 @@
-// The door to the operating system: a Transport moves datagrams over one network card (NIC). The
-// core never knows which kind it has. Also the one exception of the folders that make system calls.
-//
-// Set-up failures throw IoError; once a transport exists, sending and receiving never throw: what
-// fails is counted.
+// The door to the operating system: a Transport moves datagrams over one network card (NIC). Most
+// applications never see one; NodeOptions::wrap_transport lets an application put its own in
+// between. Also IoError, the one exception of the folders that make system calls.
 #pragma once
 
 #include <cstddef>
@@ -32,7 +30,8 @@ class IoError : public std::runtime_error {
 
 struct Outgoing {
   Address to{};
-  ByteView bytes;  // not empty; read until send() returns
+  // Not empty; read until send() returns.
+  ByteView bytes;
 };
 
 struct Incoming {
@@ -41,52 +40,62 @@ struct Incoming {
 };
 
 struct SendResult {
-  // So many leading datagrams are done with: handed to the kernel, or dropped with an error and
-  // counted.
+  // Leading datagrams not to be offered again: they were handed to the kernel, or dropped with an
+  // error and counted.
   std::size_t taken = 0;
-  // The rest did not fit into the socket's buffer: offer it again when the handle is writable.
+  // The others did not fit into the socket's buffer: offer them again when the handle is writable.
   bool would_block = false;
-  // The NIC is gone for good (errno, usually ENODEV), 0 = it is not. Whatever was offered is
-  // dropped and counted.
+  // The errno, usually ENODEV, when the NIC is gone for good; 0 otherwise. All that was offered is
+  // then dropped and counted.
   int gone = 0;
 };
 
+// What a transport can do.
 struct TransportCaps {
-  bool segmentation_offload =
-      false;  // equal-sized datagrams to one address leave in one call (UDP_SEGMENT)
-  bool receive_offload = false;  // and arrive in one (UDP_GRO)
+  // Equal-sized datagrams to one address leave in one call (UDP_SEGMENT).
+  bool segmentation_offload = false;
+  // Equal-sized datagrams from one address arrive in one call (UDP_GRO).
+  bool receive_offload = false;
   std::size_t max_datagram_bytes = 0;
-  std::size_t send_buffer_bytes = 0;     // as the kernel granted, without its own overhead
-  std::size_t receive_buffer_bytes = 0;  // the same
+  // As the kernel granted them, without its own overhead.
+  std::size_t send_buffer_bytes = 0;
+  std::size_t receive_buffer_bytes = 0;
 };
 
-// Since the transport exists.
+// What a transport has counted since it exists.
 struct TransportCounters {
   std::uint64_t sent_datagrams = 0;
-  std::uint64_t send_calls = 0;   // system calls that sent something
-  std::uint64_t send_errors = 0;  // datagrams dropped because the kernel refused them
-  int last_send_error = 0;        // errno of the newest of these
-  std::uint64_t offload_refused =
-      0;  // batches that the kernel refused to segment; they were sent one by one
+  // System calls that sent something.
+  std::uint64_t send_calls = 0;
+  // Datagrams that were dropped because the kernel refused them, and the errno of the newest one.
+  std::uint64_t send_errors = 0;
+  int last_send_error = 0;
+  // Batches that the kernel refused to segment; they were sent one by one.
+  std::uint64_t offload_refused = 0;
   std::uint64_t received_datagrams = 0;
-  std::uint64_t receive_calls = 0;   // system calls that received something
-  std::uint64_t receive_errors = 0;  // calls that failed, and datagrams larger than the buffers
-  std::uint64_t receive_queue_drops =
-      0;  // datagrams the kernel dropped because the receive buffer was full
+  // System calls that received something.
+  std::uint64_t receive_calls = 0;
+  // Calls that failed, and datagrams that were larger than the buffers.
+  std::uint64_t receive_errors = 0;
+  // Datagrams that the kernel dropped because the receive buffer was full.
+  std::uint64_t receive_queue_drops = 0;
 };
 
-// Thread-compatible. Owns its handle.
+// One socket. Set-up failures throw IoError from the constructors of derived classes; once a
+// transport exists, sending and receiving never throw, and what fails is counted. It owns its
+// handle. Thread-compatible.
 class Transport {
  public:
   virtual ~Transport() = default;
-  // Never blocks, never throws. The order of datagrams to one address is kept.
+  // Hands datagrams to the kernel. Never blocks, never throws. The order of datagrams to one
+  // address is kept.
   virtual SendResult send(std::span<const Outgoing> batch) = 0;
-  // What has arrived, at most one internal batch of it; empty when nothing is there. The views are
-  // valid until the next call. Never blocks, never throws.
+  // Datagrams that have arrived, as many as fit into the transport's own buffers; empty when there
+  // are none. The views are valid until the next call. Never blocks, never throws.
   virtual std::span<const Incoming> receive() = 0;
   virtual TransportCaps capabilities() const = 0;
   virtual TransportCounters counters() const = 0;
-  // Where this transport is bound; the address may be unspecified, the port never is.
+  // Where this transport is bound: the address may be unspecified (0.0.0.0, ::), the port is not.
   virtual Address local_address() const = 0;
   // To be polled for readability and writability; still owned by the transport.
   virtual int native_handle() const = 0;

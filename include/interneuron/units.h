@@ -1,5 +1,5 @@
-// Identifiers and quantities as distinct types, so that a link number can never be passed as a
-// round number.
+// Identifiers and quantities as distinct types, so that a link's number can never be passed as a
+// round's number. Plain values: comparable, hashable, not converted by themselves.
 #pragma once
 
 #include <algorithm>
@@ -18,6 +18,7 @@ namespace interneuron {
 using Bytes = std::vector<std::byte>;
 using ByteView = std::span<const std::byte>;
 
+// An identifier: a number of type Rep that is only comparable with those of the same Tag.
 template <class Tag, class Rep>
 struct Id {
   using rep = Rep;
@@ -25,16 +26,21 @@ struct Id {
   friend constexpr auto operator<=>(const Id&, const Id&) = default;
 };
 
-using LinkId =
-    Id<struct LinkTag, std::uint8_t>;  // a NIC of this host; the same number names its counterpart
-using SessionId =
-    Id<struct SessionTag, std::uint32_t>;          // one life of one endpoint, random, never 0
-using PeerId = Id<struct PeerTag, std::uint32_t>;  // local handle of a peer; never on the wire
-using PipelineId = Id<struct PipelineTag, std::uint8_t>;  // unique within its origin
-using RoundId = Id<struct RoundTag, std::uint32_t>;  // counts from 0 within a session and pipeline
-using MessageId = Id<struct MessageTag, std::uint32_t>;  // counts within a session and direction
+// A link: a network card (NIC) of this host towards a peer. The side that connects chooses the
+// number, and packets carry it, so that both sides name the path between them alike.
+using LinkId = Id<struct LinkTag, std::uint8_t>;
+// One life of one endpoint: drawn at random when it starts; never 0.
+using SessionId = Id<struct SessionTag, std::uint32_t>;
+// This endpoint's own handle of a peer; never on the wire.
+using PeerId = Id<struct PeerTag, std::uint32_t>;
+// Unique within the endpoint that begins the pipeline's rounds.
+using PipelineId = Id<struct PipelineTag, std::uint8_t>;
+// Counts from 0 within a session and pipeline.
+using RoundId = Id<struct RoundTag, std::uint32_t>;
+// Counts within a session and direction.
+using MessageId = Id<struct MessageTag, std::uint32_t>;
 
-// Bits per second.
+// A rate in bits per second; 0 usually stands for "not known".
 struct DataRate {
   std::int64_t bits_per_second{};
   friend constexpr auto operator<=>(const DataRate&, const DataRate&) = default;
@@ -44,8 +50,8 @@ struct DataRate {
   constexpr DataRate scaled(double factor) const {
     return {static_cast<std::int64_t>(static_cast<double>(bits_per_second) * factor)};
   }
-  // Time to put `bytes` on the wire at this rate; a rate of 0 or less means "never"
-  // (Duration::max()).
+  // How long it takes to put `bytes` on the wire at this rate; Duration::max() for a rate of 0 or
+  // less.
   constexpr Duration transmit_time(std::size_t bytes) const {
     if (bits_per_second <= 0) return Duration::max();
     const double ns = static_cast<double>(bytes) * 8e9 / static_cast<double>(bits_per_second);
@@ -53,7 +59,7 @@ struct DataRate {
   }
 };
 
-// The rate at which `bytes` in `time` were carried; 0 when time is not positive.
+// The rate at which `bytes` were carried in `time`; 0 when the time is not positive.
 constexpr DataRate rate_of(std::size_t bytes, Duration time) {
   if (time.count() <= 0) return {};
   const double bps = static_cast<double>(bytes) * 8e9 / static_cast<double>(time.count());

@@ -1,0 +1,47 @@
+// What an endpoint counts since it exists. Everything that a peer sends and that is not used is
+// counted in one of these, never thrown.
+#pragma once
+
+#include <cstdint>
+
+namespace interneuron {
+
+// Of one link, over all peers. Every received datagram is in exactly one of received, duplicate,
+// malformed and refused.
+struct LinkCounters {
+  std::uint64_t sent_packets = 0;
+  // Bytes of UDP payload.
+  std::uint64_t sent_bytes = 0;
+  std::uint64_t received_packets = 0;
+  std::uint64_t received_bytes = 0;
+  // The packet's number was seen before, or is too old to tell.
+  std::uint64_t duplicate_packets = 0;
+  // The bytes are no packet of ours.
+  std::uint64_t malformed_packets = 0;
+  // A packet from somebody whom this endpoint does not serve.
+  std::uint64_t refused_packets = 0;
+  // Fragments of messages that were sent again.
+  std::uint64_t fragments_resent = 0;
+  // Packets that were found lost, by the peer's feedback or its silence.
+  std::uint64_t fragments_lost = 0;
+};
+
+// Of the endpoint.
+struct EndpointCounters {
+  // Complete messages with a valid header, whatever became of them.
+  std::uint64_t messages_completed = 0;
+  // Messages that were incomplete at their deadline.
+  std::uint64_t messages_expired = 0;
+  // Complete messages whose stage had been served already, by another variant or copy.
+  std::uint64_t messages_superseded = 0;
+  // Remote results after the end-to-end deadline.
+  std::uint64_t messages_late = 0;
+  // Fragments that were not sent, or not sent again, because they could not arrive in time.
+  std::uint64_t fragments_cancelled = 0;
+  // Complete messages whose round header is malformed or inconsistent.
+  std::uint64_t bad_messages = 0;
+  // Fragments refused because the peer's incomplete messages hold as much memory as they may.
+  std::uint64_t reassembly_refused = 0;
+};
+
+}  // namespace interneuron

@@ -1,0 +1,55 @@
+// What an endpoint tells the application. Every event is a value; Delivered and RoundDone, which
+// concern rounds, are in round.h.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <variant>
+
+#include "interneuron/link.h"
+#include "interneuron/policy.h"
+#include "interneuron/round.h"
+#include "interneuron/units.h"
+
+namespace interneuron {
+
+// A peer was heard and has heard us: messages can be exchanged.
+struct PeerReady {
+  PeerId peer{};
+};
+
+// A known peer began a new life, with another session: all that was learnt of its clock and stages
+// is dropped.
+struct PeerRestarted {
+  PeerId peer{};
+};
+
+// A peer that we did not connect to was silent for kPeerSilence (src/core/peers/peers.h) and is
+// forgotten.
+struct PeerLost {
+  PeerId peer{};
+};
+
+// What a policy decided for a message that was submitted here: which variants go over which links,
+// whether no link met its floor, or why nothing is sent.
+struct Planned {
+  RoundRef round;
+  // The communication that begins, counted from 1.
+  std::uint8_t stage = 0;
+  Plan plan;
+};
+
+// A link towards a peer has changed its state, as its traffic shows it.
+struct PathChanged {
+  PeerId peer{};
+  LinkId link{};
+  PathState from{};
+  PathState to{};
+  // A few words with the figures, for people.
+  std::string reason;
+};
+
+using Event =
+    std::variant<Delivered, RoundDone, PeerReady, PeerRestarted, PeerLost, Planned, PathChanged>;
+
+}  // namespace interneuron

@@ -1,0 +1,73 @@
+// What a Node is made of: its links, its pipelines, its threads.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "interneuron/endpoint.h"
+#include "interneuron/transport.h"
+
+namespace interneuron {
+
+// A link by the name of its NIC.
+struct NodeLink {
+  // Unique within the node.
+  LinkId id{};
+  // The name of a NIC that is there when the node starts, as "wwan0". It need not be ready then,
+  // and may come and go. The link's socket is bound to it and sends and receives nowhere else.
+  std::string nic;
+  LinkTraits traits = {};
+  // Numeric address to bind, without port. Default: every address of the NIC, IPv4 if `peer` is
+  // IPv4 or (without peer) the NIC has an IPv4 address, else IPv6; answers leave from the address
+  // that was asked.
+  std::string local_address = {};
+  // Where the peer is reached over this link, as "10.0.0.2:47000". Default: this link only answers.
+  std::string peer = {};
+  // The MTU of the IP layer, in bytes. Default: the NIC's.
+  std::size_t mtu = 0;
+};
+
+// Links for NICs that are not named one by one: each NIC that matches, now or when it is plugged
+// in, becomes a link with the smallest free id; the link ends when the NIC goes.
+struct NodeNicRule {
+  // A glob of names ("wwan*", which matches no loopback card), "kind:wwan" (docs/links.md) or
+  // "mac:02:00:…": these may match nothing for now. A plain name must be that of a NIC that is
+  // there when the node starts.
+  std::string pattern;
+  // The next two are as in NodeLink.
+  LinkTraits traits = {};
+  std::string peer = {};
+};
+
+struct NodeOptions {
+  // Named links and rules; at least one of both. A NIC that is named is no link by a rule, and of
+  // the rules the first that matches counts.
+  std::vector<NodeLink> links;
+  std::vector<NodeNicRule> rules;
+  // The local UDP port of every link. Default: any free one, per link.
+  std::uint16_t port = 0;
+  // The pipelines whose rounds begin here. Default: none, as on a roadside unit.
+  std::vector<PipelineConfig> pipelines;
+  // Must hold every policy that the pipelines name. Default: builtin_policies().
+  PolicySet policies;
+  // Whether peers may come unannounced, as on a roadside unit.
+  bool accept_peers = false;
+  // How many unannounced peers there may be at a time; further ones are refused.
+  std::size_t max_peers = 64;
+  // Whether lost fragments are sent again while the deadline allows.
+  bool repair = true;
+  // Sessions are not encrypted yet, so a node that accepts peers refuses to listen on addresses
+  // that are not private unless this is set.
+  bool insecure = false;
+  // Threads of Queue::kComputation and of Queue::kLocalBackup, 1 … 64 each.
+  std::size_t computation_workers = 1;
+  std::size_t backup_workers = 1;
+  // Puts something of the application's between the node and the socket of a link that was opened,
+  // to record or to disturb; called on the loop thread. Must not return nullptr. Default: nothing.
+  std::function<std::unique_ptr<Transport>(LinkId, std::unique_ptr<Transport>)> wrap_transport = {};
+};
+
+}  // namespace interneuron

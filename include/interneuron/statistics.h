@@ -1,0 +1,43 @@
+// What a Node tells of its links: changes of their NICs, and all that is measured. Plain values.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "interneuron/endpoint.h"
+#include "interneuron/transport.h"
+
+namespace interneuron {
+
+// What the kernel says of a link's NIC has changed.
+struct NicChanged {
+  LinkId link{};
+  std::string nic;
+  NicState from{};
+  NicState to{};
+  // One line, for people.
+  std::string reason;
+};
+
+// All that is measured, at one instant.
+struct Statistics {
+  struct Link {
+    LinkId id{};
+    std::string nic;
+    NicState nic_state{};
+    // Why the NIC is in this state, one line.
+    std::string reason;
+    LinkCounters counters;
+    TransportCounters transport;
+  };
+  struct Peer {
+    PeerId id{};
+    std::vector<LinkState> links;
+  };
+  TimePoint at{};
+  std::vector<Link> links;
+  std::vector<Peer> peers;
+  EndpointCounters counters;
+};
+
+}  // namespace interneuron
