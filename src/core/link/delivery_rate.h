@@ -13,15 +13,22 @@
 
 namespace interneuron::link {
 
+// What the sender keeps of a packet in flight.
 struct DeliveryStamp {
   TimePoint sent_at{};
+  // Of the packet that was acknowledged last before this one left: when it left, and when its
+  // acknowledgement came.
   TimePoint first_sent_at{};
   TimePoint delivered_at{};
-  std::uint64_t delivered = 0;  // bytes delivered when this packet left
+  // Bytes that had been acknowledged in all when this packet left.
+  std::uint64_t delivered = 0;
   std::uint32_t bytes = 0;
+  // The application had nothing more to send, so this packet shows no limit of the link.
   bool app_limited = false;
 };
 
+// Takes the samples of one path. SentPackets owns it and feeds it. A peer that acknowledges what
+// has not arrived, or late, shifts the samples; they only raise the estimate of a path to itself.
 class DeliveryRate {
  public:
   // A packet of `bytes` (at IP level) leaves; `idle`: nothing else of this path is in flight.
@@ -31,17 +38,19 @@ class DeliveryRate {
 
   struct Sample {
     DataRate rate;
-    bool app_limited = false;  // bounds the link from below, no more
+    // The application limited the rate: the link delivers at least this much.
+    bool app_limited = false;
   };
-  // Of the packets acknowledged since the last call; nothing when they cover less than `min_rtt`,
-  // where a burst of acknowledgements would look like a rate.
+  // The rate of the packets acknowledged since the last call. Nothing when they cover less than
+  // `min_rtt`, because a burst of acknowledgements would then look like a rate.
   std::optional<Sample> sample(Duration min_rtt);
 
  private:
   std::uint64_t delivered_ = 0;
   TimePoint delivered_at_{};
   TimePoint first_sent_at_{};
-  std::optional<DeliveryStamp> newest_;  // of those acknowledged since the last sample
+  // The stamp of the newest packet acknowledged since the last sample.
+  std::optional<DeliveryStamp> newest_;
 };
 
 }  // namespace interneuron::link

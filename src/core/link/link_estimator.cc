@@ -7,12 +7,15 @@
 namespace interneuron::link {
 namespace {
 
-// Feedback may be this late by itself: its delay (5 ms, src/core/flow/receiver.h) and a turn of
-// either loop; chosen.
+// How late feedback may be by itself: the receiver delays it by up to 5 ms
+// (src/core/peers/peer.cc), and either event loop adds a turn.
 constexpr Duration kFeedbackSlack = std::chrono::milliseconds(10);
-constexpr Duration kUnknownTimeout =
-    std::chrono::milliseconds(200);  // before the first round trip; chosen
-constexpr Duration kMinTimeout = std::chrono::milliseconds(20);  // chosen
+// The timeout before the first round trip. No measurement behind this value: it only has to be
+// larger than a radio's round trip without a queue.
+constexpr Duration kUnknownTimeout = std::chrono::milliseconds(200);
+// The shortest timeout. No measurement behind this value: it only has to be larger than
+// kFeedbackSlack and a stall of the event loop, or every stall looks like a loss.
+constexpr Duration kMinTimeout = std::chrono::milliseconds(20);
 
 }  // namespace
 
@@ -76,7 +79,8 @@ void LinkEstimator::refresh_pace(TimePoint now) {
 }
 
 ProbeSchedule::RateEvidence LinkEstimator::rate_evidence() const {
-  // A dispute leaves one that can be built on; the next follow as at the beginning.
+  // When the newest train disputes the median, only one of them counts, so that the next trains
+  // follow as quickly as on a new path.
   return {rate_.guess(), rate_.measured_at(), rate_.disputed() ? 1 : rate_.trains()};
 }
 

@@ -22,11 +22,14 @@
 
 namespace interneuron::link {
 
+// Owned by the Path that it describes (src/core/peers/path.h). What a peer reports (round trips,
+// rates, losses, acknowledgements) is taken at its word within the ranges that each machine allows:
+// a lying peer spoils the estimates of its own paths and no others.
 class LinkEstimator {
  public:
   // --- settings
   void set_traits(const LinkTraits& traits);
-  // Between two signs of life of the peer on this path when nothing else is sent.
+  // How long the peer is silent on this path at the longest when nothing else is sent.
   void set_heartbeat(TimePoint now, Duration heartbeat);
   // No other path to this peer is usable.
   void set_last_usable(bool last) { machine_.set_last_usable(last); }
@@ -39,7 +42,7 @@ class LinkEstimator {
   // offset in them (docs/paper.md, "Clock offset").
   void one_way_delays(TimePoint now, Duration up, Duration down);
   void clock_stepped();
-  // Outcome of packets sent, runs in the order of their numbers.
+  // What became of packets that were sent: runs of equal outcome, in the order of packet numbers.
   void arrived(TimePoint now, std::uint64_t packets) { loss_.arrived(now, packets); }
   void lost(TimePoint now, std::uint64_t packets) { loss_.lost(now, packets); }
   // See PathMachine::delivered().
@@ -48,14 +51,14 @@ class LinkEstimator {
   void train(TimePoint now, std::uint64_t train, std::uint32_t packets, DataRate measured,
              std::optional<DataRate> sent_at);
   void delivery_sample(TimePoint now, const DeliveryRate::Sample& sample);
-  // What the peer has measured in the other direction.
+  // What the peer believes of its own direction: its rate and the share of its packets lost.
   void peer_sees(DataRate rate_down, double loss_down);
   void removed(TimePoint now) { machine_.removed(now); }
   void handle_timeout(TimePoint now);
 
   // --- outputs
   LinkState state(TimePoint now) const;
-  // New data may be sent: the path is usable, and the operator does not forbid it.
+  // Whether messages may be sent: the path is usable, and the operator does not forbid it.
   bool up() const { return machine_.usable() && traits_.role != LinkRole::kNever; }
   PathState path() const { return machine_.state(); }
   double share(TimePoint now) const { return machine_.share(now); }
@@ -67,7 +70,7 @@ class LinkEstimator {
   std::optional<DataRate> pace() const { return rate_.pace(); }
   double loss() const { return loss_.loss(); }
   ProbeSchedule::RateEvidence rate_evidence() const;
-  // Half the round trip, quickly smoothed, for scheduling; zero while unknown.
+  // Half the round trip, smoothed with a short memory, to plan with; zero while unknown.
   Duration one_way() const { return rtt_.quick() / 2; }
   Duration rtt_min(TimePoint now) const { return rtt_.minimum(now); }
   // After this long without acknowledgement a packet is taken for lost.

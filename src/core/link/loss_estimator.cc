@@ -6,14 +6,18 @@
 namespace interneuron::link {
 namespace {
 
-constexpr double kBurstMemory = 16;  // runs; chosen
-// How many standard errors apart the quick and the slow mean are before it counts as a step; with
-// 20 independent looks in 20,000 packets a false alarm is one in 80,000. Chosen.
+// Runs that the mean length of a run remembers. No measurement behind this value.
+constexpr double kBurstMemory = 16;
+// How many standard errors apart the quick and the slow mean must be to count as a step. The quick
+// mean is independent of itself every 1,000 packets; in 20,000 packets a false alarm happens once
+// in 80,000 times.
 constexpr double kStepSigmas = 5;
-constexpr double kLeastQuick = 200;  // packets before the quick mean is listened to; chosen
+// Packets before the quick mean is listened to, so that it is more than a few losses.
+constexpr double kLeastQuick = 200;
 
-// What is left of a mean over `weight` outcomes after `n` more that are all zero: plain mean up to
-// `memory`, exponential after it.
+// The factor by which a mean over `weight` outcomes shrinks after `n` more that are all zero. Adds
+// them to `weight`: the mean is a plain one up to `memory` outcomes and an exponential one after
+// it.
 double kept(double& weight, double memory, double n) {
   const double plain = std::min(n, memory - weight);
   double left = 1.0;
@@ -69,10 +73,10 @@ void LossEstimator::close_run() {
 
 void LossEstimator::follow_steps() {
   if (quick_weight_ < kLeastQuick || weight_ <= quick_weight_) return;
-  // Between the two: a mean that is near 0 believes in no spread at all.
+  // The mean of both, because by a mean near 0 alone there would be no spread at all.
   const double p = (slow_ + quick_) / 2;
-  // An exponential mean over n is as sure as a plain one over 2n, which it is not yet at the start;
-  // losses in runs are fewer facts.
+  // An exponential mean over n packets is as sure as a plain one over 2n, but not yet at the start.
+  // Losses in runs are not independent, so they count as fewer.
   const double packets = quick_weight_ * (1.0 + quick_weight_ / kQuickMemory);
   const double variance = p * (1.0 - p) / packets * std::max(1.0, 2 * burst() - 1);
   const double off = quick_ - slow_;

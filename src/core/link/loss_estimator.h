@@ -13,13 +13,15 @@
 
 namespace interneuron::link {
 
+// Owned by the LinkEstimator of the path, which feeds it what the peer's reports settle.
 class LossEstimator {
  public:
-  // Standard error at 5 % loss: 0.16 points, so that ±0.5 points are 3 of them; chosen.
-  static constexpr double kMemory = 10'000;  // packets
-  // The watcher of steps: after 1,000 packets it has seen 63 % of a step; chosen.
-  static constexpr double kQuickMemory = 1'000;  // packets
-  // Evidence this old weighs 1/e: the window in which outages are counted; chosen.
+  // Packets that the mean remembers. At 5 % loss its standard error is 0.16 percentage points (an
+  // exponential mean over n is as sure as a plain one over 2n), a third of half a point.
+  static constexpr double kMemory = 10'000;
+  // Packets that the quicker mean remembers: after so many it has seen 63 % of a step.
+  static constexpr double kQuickMemory = 1'000;
+  // Evidence this old weighs 1/e. The window in which outages are counted, too.
   static constexpr Duration kFade = std::chrono::seconds(60);
 
   // Outcomes of packets in the order of their numbers: so many in a row arrived, or were lost.
@@ -27,8 +29,9 @@ class LossEstimator {
   void arrived(TimePoint now, std::uint64_t packets);
   void lost(TimePoint now, std::uint64_t packets);
 
-  double loss() const { return slow_; }  // [0, 1]; 0 while nothing is known
-  // Mean number of packets lost in a row, of about the last 16 runs; 0 while none was.
+  // The share of packets lost, in [0, 1]; 0 while nothing is known.
+  double loss() const { return slow_; }
+  // Mean number of packets lost in a row, over about the last 16 runs; 0 while none was lost.
   double burst() const;
   // Packets that the estimate rests on now; at most kMemory.
   double packets() const { return weight_; }
@@ -44,7 +47,8 @@ class LossEstimator {
   double quick_weight_ = 0;
   double burst_ = 0;
   double runs_ = 0;
-  std::uint64_t run_ = 0;  // losses of the run that is not over yet
+  // Packets lost in the run that is not over yet.
+  std::uint64_t run_ = 0;
   TimePoint faded_at_{};
 };
 

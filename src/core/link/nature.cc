@@ -84,7 +84,7 @@ Reason reason(const LinkState& link, std::span<const LinkState> links, Measure m
   return {value.value_or(0) * unit, best.value_or(0) * unit, confidence, value.has_value()};
 }
 
-// A quantity and the square of its standard error; smaller is better.
+// A quantity of which smaller is better, and the square of its standard error.
 struct Estimate {
   double value = 0;
   double variance = 0;

@@ -17,8 +17,9 @@ constexpr Duration kSuspectFloor = milliseconds(15);
 // floor of a second, and the least that SRT waits before it judges a link (docs/constants.md,
 // "States of a path").
 constexpr Duration kPulledFloor = milliseconds(60);
-// The same while no round trip is known: what is sent first on a path cannot be late yet. The
-// longest round trip of a radio without a queue, and twice that; chosen.
+// The same while no round trip is known: what is sent first on a path cannot be late yet. No
+// measurement behind these values: the first only has to be larger than a radio's round trip
+// without a queue, and the second is twice that.
 constexpr Duration kSuspectUnknown = milliseconds(200);
 constexpr Duration kPulledUnknown = milliseconds(400);
 // A queue is long above kQueueLong and over below kQueueShort. A message bears a queue of a quarter
@@ -26,12 +27,13 @@ constexpr Duration kPulledUnknown = milliseconds(400);
 // bound makes it SUSPECT.
 constexpr Duration kQueueLong = milliseconds(120);
 constexpr Duration kQueueShort = milliseconds(60);
-// Without data: two missing heartbeats and half an interval of jitter, so that the third is not
-// awaited; chosen.
+// Without data in flight a path is SUSPECT after so many heartbeats: two missing ones and half an
+// interval for jitter, so that the third is not awaited.
 constexpr double kSuspectHeartbeats = 2.5;
-// At 20 % loss five in a row are lost once in 3,000; chosen. Not before the longest routine stall
-// of a radio (400 to 800 ms; docs/constants.md, "States of a path") and two idle heartbeats lost
-// around it: nobody waits for data.
+// Without data in flight it is PULLED after so many: at 20 % loss five in a row are lost once in
+// 3,000. Nobody waits for data then, so it is not pulled before the longest routine stall of a
+// radio (400 to 800 ms; docs/constants.md, "States of a path") with two idle heartbeats lost around
+// it.
 constexpr int kPulledHeartbeats = 5;
 constexpr Duration kIdlePulledFloor = milliseconds(1500);
 constexpr double kDeadHeartbeats = 3.5;
@@ -39,16 +41,21 @@ constexpr double kDeadHeartbeats = 3.5;
 // (docs/constants.md, "States of a path").
 constexpr Duration kLeastProof = seconds(1);
 constexpr Duration kMostProof = seconds(3);
-// Data packets without proof before a path is latched: at 20 % loss a ten million to one chance;
-// chosen.
+// Data packets without an acknowledgement before a path is latched: at 20 % loss all ten are lost
+// by chance once in ten million.
 constexpr std::uint32_t kUnproven = 10;
-// Packets this close together are one burst: when one of them is acknowledged, a lost last one is
-// no silence. The delay of feedback; chosen.
+// Packets this close together are one burst: when one of them is acknowledged, the loss of the last
+// one is no silence. As long as a receiver may delay its feedback (src/core/peers/peer.cc).
 constexpr Duration kGroup = milliseconds(5);
-// PULLED that ended within this was a stall, not an outage; chosen.
+// PULLED that ended within this was a stall and not an outage. Routine stalls of a radio take 400
+// to 800 ms (docs/constants.md, "States of a path").
 constexpr Duration kStall = seconds(1);
-constexpr int kMostPatience = 4;  // 16 times: 60 ms become 960, the longest routine stall
-constexpr Duration kForgiven = seconds(60);  // chosen: a pull a minute at most, in the long run
+// Doublings of the silence that pulls a path: 16 times 60 ms are 960 ms, longer than a routine
+// stall.
+constexpr int kMostPatience = 4;
+// One doubling is taken back after this, so that stalls pull a path once a minute at most in the
+// long run.
+constexpr Duration kForgiven = seconds(60);
 
 Duration times(Duration d, double factor) {
   return Duration{static_cast<std::int64_t>(static_cast<double>(d.count()) * factor)};
@@ -309,7 +316,8 @@ std::optional<TimePoint> PathMachine::next_timeout() const {
   if (state_ == PathState::kDead) return std::nullopt;
   TimePoint next = dead_at();
   if (patience_ > 0) next = std::min(next, patience_at_ + kForgiven);
-  if (!usable()) return last_usable_ ? *heard_at_ : next;  // at once
+  // A path that became the last one changes its state at once: that instant is past.
+  if (!usable()) return last_usable_ ? *heard_at_ : next;
   if (state_ == PathState::kOk) next = std::min(next, suspect_at());
   if (!last_usable_) {
     next = std::min(next, pulled_at());
@@ -318,7 +326,7 @@ std::optional<TimePoint> PathMachine::next_timeout() const {
   return next;
 }
 
-// Adds the time since the last call to the seconds it lies in.
+// Adds the time since the last call to the seconds that it lies in, if the path was not usable.
 void PathMachine::count_outage(TimePoint now) {
   if (!born_at_ || now <= counted_to_) return;
   TimePoint from = std::max(counted_to_, now - kOutageWindow);

@@ -1,12 +1,5 @@
-// The state of one path as its traffic shows it (docs/links.md, "How a link is measured"): OK,
-// SUSPECT, PULLED, LATCHED, DEAD, with hysteresis. Pure; thread-compatible; bounded memory;
-// allocates only the reason of a change.
-//
-// Total silence stays PULLED until DEAD, where srtla_send would latch it. Latching it would keep a
-// path out for two windows after each radio stall of a second; LATCHED is for a path that is heard
-// while nothing of ours arrives. And each PULLED that ended by itself doubles the silence that the
-// next one needs (up to 16 times, one step is forgiven every 60 s): a marginal path is not thrown
-// out and taken back with every stall. SUSPECT keeps its threshold.
+// The state of one path as its traffic shows it: OK, SUSPECT, PULLED, LATCHED, DEAD, with
+// hysteresis (docs/links.md, "How a link is measured", has the whole rule).
 #pragma once
 
 #include <array>
@@ -18,22 +11,40 @@
 
 namespace interneuron::link {
 
+// Judges one path to one peer by what is sent on it, heard on it and acknowledged. LinkEstimator
+// feeds it and asks it whether messages may use the path.
+//
+// A path that is silent while data is in flight becomes PULLED and stays so until it is heard again
+// or DEAD. (srtla_send latches it at once, which would keep a path out for two proof windows after
+// each radio stall of a second.) LATCHED is for a path that is heard while nothing of ours arrives.
+// Each PULLED that ended by itself within a second doubles the silence that the next one needs, up
+// to 16 times, and one doubling is taken back every 60 s, so that a marginal path is not thrown out
+// and taken back with every stall. SUSPECT keeps its threshold.
+//
+// A peer that lies about acknowledgements can keep a path in use or out of use, but only its own
+// paths; times from its clock are not used. Pure; thread-compatible; constant memory (about 2 KB);
+// allocates only the reason of a change.
 class PathMachine {
  public:
   // A path is dead after this silence, or after 3.5 heartbeats if that is longer. Other bonding
   // transports take 4 to 5 s (docs/constants.md, "States of a path").
   static constexpr Duration kDeadSilence = std::chrono::seconds(4);
+  // A path that came back from kLatched or kDead gets kLeastShare of its traffic at once, and all
+  // of it after kRamp.
   static constexpr Duration kRamp = std::chrono::seconds(1);
   static constexpr double kLeastShare = 0.1;
+  // Outages older than this are forgotten.
   static constexpr Duration kOutageWindow = std::chrono::seconds(60);
 
-  // What it must know of the path to judge silence; refreshed with the estimates.
+  // What the machine must know of the path to judge silence; refreshed with the estimates.
   struct Pace {
-    Duration srtt{};  // zero while no round trip is known
+    // The smoothed round trip (zero while none is known) and its variation.
+    Duration srtt{};
     Duration rttvar{};
-    Duration queue{};  // one-way queue signal, the larger of both directions
+    // How long packets wait in queues, in the direction where they wait longer.
+    Duration queue{};
     // Between two signs of life of the peer when nothing else is sent. When it becomes shorter,
-    // silence counts from then: the peer had promised no more.
+    // silence counts from then on, because the peer had promised no more before.
     Duration heartbeat = std::chrono::milliseconds(300);
   };
 
@@ -43,33 +54,39 @@ class PathMachine {
   void set_last_usable(bool last) { last_usable_ = last; }
 
   // --- inputs, in the order of time
-  void sent(TimePoint now, bool data);  // `data`: data-sized, its delivery would be proof
-  void heard(TimePoint now);            // any packet of the peer on this path
-  // The peer acknowledged packets sent on this path, the newest of them at `sent_at`; `data`: a
-  // data-sized one is among them.
+  // A packet left on this path; `data` when it is so large that its delivery is proof that the path
+  // carries messages.
+  void sent(TimePoint now, bool data);
+  // Any packet of the peer came in on this path.
+  void heard(TimePoint now);
+  // The peer acknowledged packets sent on this path, the newest of which left at `sent_at`; `data`
+  // when a data-sized one is among them.
   void delivered(TimePoint now, TimePoint sent_at, bool data);
-  void removed(TimePoint now);  // the NIC or the path is gone; hearing it again revives it
+  // The NIC or the path is gone; hearing it again revives it.
+  void removed(TimePoint now);
   void handle_timeout(TimePoint now);
 
   // --- outputs
   PathState state() const { return state_; }
   bool usable() const { return state_ == PathState::kOk || state_ == PathState::kSuspect; }
-  // Rises from 0.1 to 1 in the second after a path came back from kLatched or kDead.
+  // The share of its usual traffic that the path gets, in [0, 1]: 0 while it is not usable, and
+  // rising from kLeastShare to 1 while it ramps up.
   double share(TimePoint now) const;
   struct Change {
     PathState from{};
     PathState to{};
     std::string reason;
   };
-  // Changes in their order; no more than the last four are kept.
+  // The changes since the last call, oldest first; no more than the newest four are kept.
   std::optional<Change> poll_change();
   std::optional<TimePoint> next_timeout() const;
-  // Share of the last 60 s, or of the life since it was first heard, in which the path was not
+  // Share of kOutageWindow, or of the time since the path was first heard, in which it was not
   // usable.
   double outage(TimePoint now) const;
 
  private:
-  // Instants at which data left, at least kGroup apart, that no acknowledgement covers yet.
+  // The instants at which data left that no acknowledgement covers yet, oldest first and at least
+  // kGroup apart. Of more than kSize the oldest are forgotten.
   class Waiting {
    public:
     void sent(TimePoint at);
@@ -113,25 +130,30 @@ class PathMachine {
   bool last_usable_ = false;
   bool long_queue_ = false;
   std::optional<TimePoint> heard_at_;
-  TimePoint quickened_at_ = TimePoint::min();  // heartbeats come more often from then on
-  TimePoint acknowledged_at_ = TimePoint::min() + std::chrono::hours(1);  // sums stay in range
+  // Heartbeats come more often from then on.
+  TimePoint quickened_at_ = TimePoint::min();
+  // Long ago; an hour after the first instant there is, so that differences stay in range.
+  TimePoint acknowledged_at_ = TimePoint::min() + std::chrono::hours(1);
   Waiting waiting_;
   // Data sent since the last proof of delivery.
   std::uint32_t unproven_ = 0;
   TimePoint unproven_since_{};
   TimePoint unproven_newest_{};
-  // In kLatched: since when proof has come without a gap.
+  // In kLatched: since when data was acknowledged without a gap, and when last.
   std::optional<TimePoint> proof_since_;
   TimePoint proof_at_{};
   std::optional<TimePoint> ramp_from_;
-  // How often silence was judged too early, and when that last changed.
+  // How often the silence that pulls the path was doubled, and when that last changed.
   int patience_ = 0;
   TimePoint patience_at_{};
   std::array<Change, 4> changes_{};
   std::size_t changes_first_ = 0;
   std::size_t changes_count_ = 0;
+  // A ring of the seconds of kOutageWindow and the one that is not over.
   std::array<OutageSecond, 61> outage_{};
-  std::optional<TimePoint> born_at_;  // first heard
+  // When the path was first heard.
+  std::optional<TimePoint> born_at_;
+  // Outages up to this instant are in the ring.
   TimePoint counted_to_{};
 };
 

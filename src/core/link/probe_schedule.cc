@@ -7,37 +7,41 @@ namespace interneuron::link {
 namespace {
 
 constexpr double kBitsPerSecond = static_cast<double>(ProbeSchedule::kTrainRate.bits_per_second);
-// The bucket holds a second of its rate, or one train if that is more; chosen.
+// Bits that the token bucket holds: a second of its rate, or one train if that is more, so that a
+// long pause does not end in a burst of trains.
 constexpr double kDepth = kBitsPerSecond;
-// The first trains of a path may use this at once: 32 packets, the 141 that 16 ms take at 100
-// Mbit/s, and some more; chosen.
+// Bits that the first trains of a path may use at once: 32 packets and the 141 that 16 ms take at
+// 100 Mbit/s are 1.98 Mbit.
 constexpr double kStartBudget = 2e6;
 // The first train of a path nobody has used yet: 4 ms at 100 Mbit/s.
 constexpr std::uint32_t kStartTrain = 32;
 constexpr std::uint32_t kLeastTrain = 16;
-// 76 s of the budget at most; long enough for 10 ms at 1.1 Gbit/s; chosen.
+// The longest train takes 10 ms at 1.1 Gbit/s and 79 s of the budget.
 constexpr std::uint32_t kMostTrain = 1'000;
 // Sent at three times the rate known (kHeadroom), and over a link that now carries that, a train
 // must still last the 5 ms that count (RateEstimator::kMinDispersion).
 constexpr Duration kTrainLength = std::chrono::milliseconds(16);
-// A known rate is tried with this much more: a step up to three times is seen at once; chosen.
+// The pace of a train in terms of the known rate: a step up to three times is seen at once.
 constexpr double kHeadroom = 3.0;
-// Pause after a train of which nothing came, while the rate is unknown; chosen.
+// Between two trains while the rate is unknown. No measurement behind this value: it only has to be
+// larger than a round trip, so that the first train is answered before the next one leaves.
 constexpr Duration kPause = std::chrono::milliseconds(300);
-// Until three trains say the same one median, they follow each other like this; chosen.
+// Between two trains until kSettled of them make a median.
 constexpr Duration kSettling = std::chrono::seconds(1);
 constexpr std::size_t kSettled = 3;
-// Evidence older than this is old: a fifth of the budget at 20 Mbit/s, a train of 18 packets per
-// 10 s; chosen.
+// Evidence older than this is measured again. At 20 Mbit/s a train of 29 packets per 10 s takes a
+// quarter of the budget.
 constexpr Duration kOld = std::chrono::seconds(10);
-// The longest train was still too short to trust: the link is faster than 1.2 Gbit/s, and its rate
-// bounds nothing of ours. A loop of such trains would use the whole budget for ever; chosen.
+// Between two trains when the longest one was still too short to trust: the link is faster than 1.2
+// Gbit/s, its rate bounds nothing of ours, and a loop of such trains would use the whole budget for
+// ever.
 constexpr Duration kBeyond = std::chrono::minutes(10);
-// Data flows: its messages measure the rate. Ten periods of a camera at 10 Hz; chosen.
+// While data flows, its messages measure the rate and no train is sent. Ten periods of a camera at
+// 10 Hz.
 constexpr Duration kBusy = std::chrono::seconds(1);
-// While the rate is unknown a train goes into the first pause between messages; chosen.
+// While the rate is unknown, a train goes into the first pause of this length between messages.
 constexpr Duration kPausing = std::chrono::milliseconds(20);
-// Proofs of a latched path: four within the shortest proof window; chosen.
+// Between two proofs of a latched path: four within the shortest proof window.
 constexpr Duration kProof = std::chrono::milliseconds(250);
 
 Duration seconds_of(double bits, DataRate rate) {
@@ -117,7 +121,7 @@ std::uint32_t ProbeSchedule::train_packets() const {
   const double packets =
       std::ceil(static_cast<double>(evidence_.rate->bits_per_second) * length / bits(1)) + 1;
   auto wanted = static_cast<std::uint32_t>(std::clamp<double>(packets, kLeastTrain, kMostTrain));
-  // The last one was too short to trust: what it said of the rate may be far too low as well.
+  // The last train was too short to trust: what it said of the rate may be far too low as well.
   if (evidence_.trains == 0) wanted = std::max(wanted, std::min(2 * last_train_, kMostTrain));
   return wanted;
 }

@@ -2,8 +2,8 @@
 // a clock exchange), rate trains, and single data-sized packets that prove delivery. Decides only;
 // the endpoint makes and sends the packets. Pure; thread-compatible; constant memory.
 //
-// Budgets at IP level, headers included: heartbeats at most kHeartbeatRate per direction, trains
-// and proofs at most kTrainRate on average.
+// Budgets, IP headers included: heartbeats at most kHeartbeatRate per direction, trains and proofs
+// at most kTrainRate on average.
 #pragma once
 
 #include <cstdint>
@@ -13,6 +13,10 @@
 
 namespace interneuron::link {
 
+// Says when heartbeats, trains and proofs are due on one path. Path (src/core/peers) tells it what
+// happened, asks what is due, and reports what it has sent. Nothing in it comes from the peer but
+// the rate evidence, with which a lying peer can only make us send longer trains to itself, within
+// the budget.
 class ProbeSchedule {
  public:
   // While messages flow, a path's round trip is refreshed this often: two samples per round at 10
@@ -22,10 +26,12 @@ class ProbeSchedule {
   // UDP mappings of carriers' address translation may end after 15 s (docs/constants.md, "Silence
   // and address translation").
   static constexpr Duration kMeteredHeartbeat = std::chrono::seconds(12);
-  static constexpr Duration kActive = std::chrono::seconds(5);  // after the last message; chosen
-  // A new path is measured at the active pace for so long: 600 packets tell 1 % loss from 3 %;
-  // chosen.
+  // The active pace goes on for so long after the last message. No measurement behind this value:
+  // it only has to be larger than the pauses of an application that is in use.
+  static constexpr Duration kActive = std::chrono::seconds(5);
+  // A new path is measured at the active pace for so long: its 600 packets tell 1 % loss from 3 %.
   static constexpr Duration kNew = std::chrono::seconds(30);
+  // A heartbeat of one path has 152 bytes, so that 50 ms are 24 kbit/s.
   static constexpr DataRate kHeartbeatRate{30'000};
   // With the start budget and a last train that is not paid for yet, the mean of ten minutes stays
   // within 150 kbit/s, the aim for idle links.
@@ -34,12 +40,15 @@ class ProbeSchedule {
   // What is known of the rate; from the RateEstimator.
   struct RateEvidence {
     std::optional<DataRate> rate;
-    std::optional<TimePoint> at;  // when it was measured; nothing: `rate` is a guess
-    std::size_t trains = 0;       // long ones that it rests on
+    // When it was measured; nothing while `rate` is only a guess.
+    std::optional<TimePoint> at;
+    // Long trains that it rests on.
+    std::size_t trains = 0;
   };
   struct Train {
     std::uint32_t packets = 0;
-    std::optional<DataRate> pace;  // nothing: back to back
+    // How fast the packets leave; nothing: back to back.
+    std::optional<DataRate> pace;
   };
 
   // A metered path gets no trains unless asked, and few heartbeats while idle.
@@ -54,9 +63,12 @@ class ProbeSchedule {
   void request_train(TimePoint now);
 
   // --- what happened
-  void active(TimePoint now);          // a message of ours or for us is under way, on any path
-  void data_sent(TimePoint now);       // a piece of a message left on this path
-  void heartbeat_sent(TimePoint now);  // any feedback on this path counts
+  // A message of ours or for us is under way, on any path.
+  void active(TimePoint now);
+  // A fragment of a message left on this path.
+  void data_sent(TimePoint now);
+  // A feedback packet left on this path, for whatever reason.
+  void heartbeat_sent(TimePoint now);
   void train_sent(TimePoint now, std::uint32_t packets);
   void proof_sent(TimePoint now);
 
@@ -71,7 +83,8 @@ class ProbeSchedule {
 
  private:
   std::uint32_t train_packets() const;
-  double level(TimePoint now) const;  // of the token bucket, bits
+  // What trains and proofs may use now, in bits: the level of a token bucket.
+  double level(TimePoint now) const;
   std::optional<TimePoint> train_at(TimePoint now) const;
   double bits(std::uint32_t packets) const;
   void spend(TimePoint now, std::uint32_t packets);
@@ -83,13 +96,15 @@ class ProbeSchedule {
   std::size_t heartbeat_bytes_ = 152;
   std::size_t full_bytes_ = 1428;
   RateEvidence evidence_;
-  std::optional<TimePoint> begun_at_;  // first active or first heartbeat
+  // When active() or heartbeat_sent() was first called.
+  std::optional<TimePoint> begun_at_;
   std::optional<TimePoint> requested_at_;
   std::optional<TimePoint> active_at_;
   std::optional<TimePoint> data_at_;
   std::optional<TimePoint> heartbeat_at_;
   std::optional<TimePoint> train_at_;
-  std::uint32_t last_train_ = 0;  // packets
+  // Packets of the newest train.
+  std::uint32_t last_train_ = 0;
   std::optional<TimePoint> proof_at_;
   double level_ = 0;
   std::optional<TimePoint> level_at_;

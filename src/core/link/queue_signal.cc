@@ -5,7 +5,8 @@
 namespace interneuron::link {
 namespace {
 
-// A longer queue is a peer's nonsense, or a clock that stepped; keeps sums of it in range.
+// A longer queue counts as this long: it comes from a lying peer or a clock that stepped, and sums
+// of it must stay in range.
 constexpr Duration kLongest = std::chrono::minutes(1);
 
 }  // namespace

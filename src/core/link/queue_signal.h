@@ -10,7 +10,8 @@ namespace interneuron::link {
 
 class QueueSignal {
  public:
-  // A queue drains or fills within this; older samples say nothing; chosen.
+  // Queues fill and drain within this, so that older samples say nothing of now. No measurement
+  // behind this value: it only has to be larger than the interval of idle heartbeats, 300 ms.
   static constexpr Duration kFresh = std::chrono::seconds(2);
 
   // Own or peer's receive instant minus the other's send instant; any int64, wrapping. With the

@@ -5,11 +5,11 @@
 namespace interneuron::link {
 namespace {
 
-// What a packet of a train is on the wire, to tell a train's length from its rate; links with a
-// smaller MTU have shorter trains than this says. Ours are at most kMaxDatagramBytes + 28.
+// Bytes of a train's packet on the wire, kMaxDatagramBytes and the headers of UDP and IPv4, to tell
+// a train's length from its rate. On links with a smaller MTU trains are shorter than this says.
 constexpr std::size_t kPacketBytes = 1428;
 
-// Trains are within ±15 % of the rate; more is another rate.
+// Trains are within ±15 % of the rate; a larger ratio means that the rate has changed.
 constexpr double kDisputed = 1.15;
 
 Duration dispersion(std::uint32_t packets, DataRate measured) {
@@ -38,13 +38,14 @@ void RateEstimator::History::drop(std::uint64_t id) {
   if (count > 0 && trains[count - 1].id == id) --count;
 }
 
-// Of two the lower one.
+// Of two trains the lower one counts.
 DataRate RateEstimator::History::median() const {
   if (count < kTrains) return std::min(trains[0].measured, trains[count - 1].measured);
   return middle(trains[0].measured, trains[1].measured, trains[2].measured);
 }
 
-// `shown`: what it shows of the link, which is less than measured where it was compressed.
+// How far a train is trusted. `shown` is what it shows of the link, which is less than `measured`
+// when the train was compressed on its way.
 RateEstimator::Grade RateEstimator::grade(std::uint32_t packets, DataRate measured,
                                           DataRate shown) {
   if (dispersion(packets, measured) >= kMinDispersion) return kStrong;
@@ -57,8 +58,8 @@ void RateEstimator::train(TimePoint now, std::uint64_t id, std::uint32_t packets
   if (packets < kMinTrainPackets || measured <= DataRate{}) return;
   const bool grown = newest_ && newest_->id == id;
   if (grown && packets <= newest_->packets) return;
-  // A train that arrives faster than it left was compressed on its way: it shows what it was sent
-  // at, no more.
+  // A train that arrives faster than it left was compressed on its way: it shows the rate at which
+  // it was sent and no more.
   const bool limited = sent_at && measured >= sent_at->scaled(kSenderLimited);
   const Train train{id, packets, limited ? std::min(measured, *sent_at) : measured, limited,
                     sent_at.has_value()};
@@ -69,7 +70,7 @@ void RateEstimator::train(TimePoint now, std::uint64_t id, std::uint32_t packets
   if (limited) {
     History others = history;
     others.drop(id);
-    // It bounds the link from below: under the estimate that is no news.
+    // It shows the least that the link carries, which is no news below the estimate.
     if (others.count > 0 && train.measured < others.median()) {
       history = others;
       return;
@@ -94,7 +95,8 @@ void RateEstimator::sample(TimePoint now, const DeliveryRate::Sample& sample) {
   measured_at_ = now;
 }
 
-// A sample alone is no estimate: it would pace a link by what the application happened to send.
+// Delivery rate samples alone make no estimate: they would pace a link by what the application
+// happened to send.
 std::optional<DataRate> RateEstimator::raw(Grade least) const {
   for (std::size_t trust = kGrades; trust-- > least;) {
     if (histories_[trust].count == 0) continue;

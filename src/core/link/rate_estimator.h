@@ -23,46 +23,48 @@ class RateEstimator {
  public:
   static constexpr std::uint32_t kMinTrainPackets = 16;
   static constexpr Duration kMinDispersion = std::chrono::milliseconds(5);
-  // A shorter one may be no more than a batch that the receiver found at once: it tells how fast to
-  // search, but no rate. Ten turns of a busy loop; chosen.
+  // A train shorter than this may be no more than a batch that the receiver found at once: it tells
+  // how fast to search, but no rate. No measurement behind this value: it only has to be larger
+  // than a few turns of a busy loop.
   static constexpr Duration kLeastDispersion = std::chrono::milliseconds(1);
-  // One of so many packets counts however fast it was: at 100 Mbit/s the receiver would have to be
-  // 7 ms late for the whole of it to be a batch. Such a train follows a first one that said little
-  // and is all that a new path may use at once; else nothing would be known of fast links for a
-  // minute; chosen.
+  // A train of so many packets counts however fast it was: at 100 Mbit/s the receiver would have to
+  // be 7 ms late for the whole of it to be a batch. Such a train follows a first one that said
+  // little, and both are all that a new path may send at once; without it nothing would be known of
+  // fast links for a minute.
   static constexpr std::uint32_t kLongTrain = 60;
-  // A train that arrived at this share of the rate it was sent at was limited by us; chosen.
+  // A train that arrived at more than this share of the rate that it was sent at was limited by us
+  // and not by the link: trains are within ±15 % of the rate.
   static constexpr double kSenderLimited = 0.85;
+  // The pace in terms of the rate.
   static constexpr double kHeadroom = 1.25;
-  // Pacing of the train after one that we limited: a step to three times the rate is measured by
-  // it; chosen.
+  // The pace of the train after one that we limited, in terms of its rate: it measures a step up to
+  // three times the rate.
   static constexpr double kSearchHeadroom = 3.0;
 
   // Neither the estimate nor the pace exceeds the cap.
   void set_cap(std::optional<DataRate> cap) { cap_ = cap; }
 
-  // A train as the receiver has measured it so far; may be told again as it grows, `id` names it
-  // (its first packet). `sent_at`: the rate at which these packets left; nothing: back to back,
-  // faster than any link. Fewer than kMinTrainPackets say nothing; a train shorter than
-  // kMinDispersion counts while no longer one is known, one shorter than kLeastDispersion for
-  // searching only.
+  // A train as the receiver has measured it so far; it may be told again as it grows. `id` is the
+  // number of its first packet. `sent_at` is the rate at which its packets left; nothing when they
+  // left back to back, faster than any link. A train of fewer than kMinTrainPackets says nothing;
+  // one shorter than kMinDispersion counts while no longer one is known, and one shorter than
+  // kLeastDispersion only for searching.
   void train(TimePoint now, std::uint64_t id, std::uint32_t packets, DataRate measured,
              std::optional<DataRate> sent_at);
   // Raises the estimate where two of three samples are above it; never lowers it.
   void sample(TimePoint now, const DeliveryRate::Sample& sample);
 
   std::optional<DataRate> rate() const;
-  // The rate, or what the shortest trains say while there is none: to choose the next train by, not
-  // to plan with.
+  // The rate, or what the shortest trains say while there is none: good enough to choose the next
+  // train by, but not to plan messages with.
   std::optional<DataRate> guess() const;
-  // How fast to send the next train; nothing while nothing is known. May change while one is
-  // under way: a train is judged by the rate at which it left, whatever was wanted.
+  // How fast to send data, which is a train to the receiver; nothing while nothing is known. It may
+  // change while a train is under way, because a train is judged by the rate at which it left.
   std::optional<DataRate> pace() const;
   // The estimate rests on trains that are too short to trust.
   bool weak() const { return trains() == 0; }
-  std::size_t trains() const {
-    return histories_[kStrong].count;
-  }  // long ones that the estimate rests on
+  // Long trains that the estimate rests on, at most three.
+  std::size_t trains() const { return histories_[kStrong].count; }
   // The newest long train tells another rate than the median, and the one before it did not: the
   // rate may have made a step, which one more train would settle.
   bool disputed() const;
@@ -81,8 +83,10 @@ class RateEstimator {
   struct History {
     std::array<Train, kTrains> trains{};
     std::size_t count = 0;
-    void put(const Train& train);  // replaces the newest if that has the same id
-    void drop(std::uint64_t id);   // the newest, if it has this id
+    // Replaces the newest train if that has the same id.
+    void put(const Train& train);
+    // Forgets the newest train if that has this id.
+    void drop(std::uint64_t id);
     DataRate median() const;
   };
 
@@ -90,14 +94,16 @@ class RateEstimator {
   enum Grade : std::size_t { kGuess, kWeak, kStrong, kGrades };
   static Grade grade(std::uint32_t packets, DataRate measured, DataRate shown);
 
-  // Of the trains that are trusted most, if they are trusted that much.
+  // The median of the most trusted trains there are, if their grade is at least `least`.
   std::optional<DataRate> raw(Grade least) const;
   std::optional<DataRate> capped(std::optional<DataRate> rate) const;
 
   std::array<History, kGrades> histories_;
-  std::optional<Train> newest_;  // whatever it says
+  // The newest train, whatever its grade.
+  std::optional<Train> newest_;
   std::array<DataRate, kTrains> samples_{};
-  std::optional<DataRate> floor_;  // of delivery rate samples, since the last long train
+  // What delivery rate samples since the newest train that counts show the link to carry at least.
+  std::optional<DataRate> floor_;
   std::optional<DataRate> cap_;
   std::optional<TimePoint> measured_at_;
 };

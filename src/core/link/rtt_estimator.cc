@@ -10,7 +10,8 @@ namespace {
 // A key is the value in ns (44 bits: 4.8 hours) and the low bits of its sequence number.
 constexpr int kSequenceBits = 20;
 constexpr std::uint64_t kSequenceMask = (1U << kSequenceBits) - 1;
-// A longer round trip is a peer's nonsense; keeps sums and multiples of it in range.
+// A longer round trip counts as this long: only a lying peer reports it, and sums and multiples of
+// it must stay in range.
 constexpr Duration kLongest = std::chrono::minutes(1);
 static_assert(kLongest.count() < std::int64_t{1} << (64 - kSequenceBits));
 

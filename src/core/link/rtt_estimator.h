@@ -19,28 +19,32 @@ class RttEstimator {
   // is 200. Faster samples push the oldest out early: the window is then the newest 512.
   static constexpr std::size_t kCapacity = 512;
 
-  // The peer's clock exchange may be anything: below zero counts as zero, above a minute as a
-  // minute.
+  // Round trips follow from what a peer writes and may be anything: one below zero counts as zero,
+  // one above a minute as a minute.
   void add(TimePoint now, Duration rtt);
 
   bool measured() const { return count_ > 0; }
   // All zero while nothing was measured.
-  Duration smoothed() const { return smoothed_; }    // SRTT, gain 1/8
-  Duration variation() const { return variation_; }  // RTTVAR, gain 1/4
-  // Smoothed with gain 1/4: follows a radio's ramp of 0.1 to 0.3 s at 20 samples per second; for
-  // scheduling.
+  // SRTT and RTTVAR, with gains of 1/8 and 1/4.
+  Duration smoothed() const { return smoothed_; }
+  Duration variation() const { return variation_; }
+  // Smoothed with a gain of 1/4, to plan with: at 20 samples per second it follows a radio whose
+  // delay rises within 0.1 to 0.3 s.
   Duration quick() const { return quick_; }
-  // Of the samples that are no older than kQuantileWindow at `now`; when none is left, the newest
-  // sample stands for itself (its age is told elsewhere). q in (0, 1], nearest rank.
+  // The quantile q, in (0, 1], by nearest rank, of the samples that are no older than
+  // kQuantileWindow at `now`. When none is left, the newest sample stands for them; LinkState::age
+  // tells how old it is.
   Duration quantile(TimePoint now, double q) const;
-  // Of the last 9 to 10 s; the newest sample when none is left.
+  // The smallest sample of the last 9 to 10 s; the newest one when none is left.
   Duration minimum(TimePoint now) const;
-  std::size_t samples(TimePoint now) const;  // how many the quantiles rest on
+  // How many samples the quantiles rest on.
+  std::size_t samples(TimePoint now) const;
 
  private:
   struct Sample {
     TimePoint at{};
-    std::uint64_t key = 0;  // value and sequence number: unique, ordered by value
+    // The value and a sequence number, so that keys are unique and ordered by value.
+    std::uint64_t key = 0;
   };
   const Sample& oldest(std::size_t i) const { return ring_[(first_ + i) % kCapacity]; }
   std::size_t expired(TimePoint now) const;
@@ -48,8 +52,9 @@ class RttEstimator {
   void replace(std::uint64_t old_key, std::uint64_t key);
   void erase(std::uint64_t key);
 
-  std::array<Sample, kCapacity> ring_{};           // oldest first, from first_
-  std::array<std::uint64_t, kCapacity> sorted_{};  // the same keys in order
+  // The samples, oldest first from first_ on; and their keys in order.
+  std::array<Sample, kCapacity> ring_{};
+  std::array<std::uint64_t, kCapacity> sorted_{};
   std::size_t first_ = 0;
   std::size_t count_ = 0;
   std::uint64_t sequence_ = 0;

@@ -11,7 +11,7 @@ std::int64_t second_of(TimePoint t) {
 
 void WindowedMinimum::add(TimePoint now, std::int64_t value) {
   const std::int64_t second = second_of(now);
-  // Times before the epoch have a place too.
+  // The remainder is negative for times before the epoch.
   const std::int64_t place = ((second % kBuckets) + kBuckets) % kBuckets;
   Bucket& bucket = buckets_[static_cast<std::size_t>(place)];
   if (bucket.second != second) {

@@ -15,7 +15,7 @@ namespace interneuron::link {
 class WindowedMinimum {
  public:
   void add(TimePoint now, std::int64_t value);
-  // Nothing when no value came within the window.
+  // The smallest value of the window; nothing when no value came within it.
   std::optional<std::int64_t> get(TimePoint now) const;
   void reset() { *this = {}; }
 
