@@ -8,14 +8,15 @@
 namespace interneuron::flow {
 namespace {
 
-// Packets of one message follow each other faster than this on any link worth using (1.2 Mbit/s);
-// between messages there is a pause. Chosen.
+// A pause longer than this ends a train. Full packets of one message follow each other faster on
+// links of 1.2 Mbit/s and more; between messages there is a pause.
 constexpr Duration kTrainGap = std::chrono::milliseconds(10);
-// A train longer than this measures the source, not the link; chosen.
+// A train longer than this measures the source and not the link. No measurement behind this value:
+// it only has to be larger than what a message takes to arrive.
 constexpr Duration kMaxTrain = std::chrono::milliseconds(200);
 // A message expires this much after t0 + hi_min + D_N (docs/paper.md, "Expiry at a receiver").
 constexpr Duration kExpirySlack = std::chrono::milliseconds(2);
-// Messages remembered as done; 16 rounds of 8 variants, four times; chosen.
+// Messages remembered as complete or expired: 16 rounds of 8 variants fit four times.
 constexpr std::size_t kBuried = 512;
 
 void shift_left(wire::AckBitmap& bitmap, std::uint64_t by) {

@@ -18,18 +18,26 @@
 
 namespace interneuron::flow {
 
-// What one path's packets have shown.
+// Which packets have arrived on one path, for the feedback that tells the peer: acknowledgements,
+// our half of the clock exchange, and the dispersion of the newest train. Path (src/core/peers)
+// feeds it every packet whose session is the peer's.
+//
+// A packet is accepted once: its number must be larger than all before, or one of the
+// wire::kAckWindow before the largest that has not arrived. Numbers are not authenticated, so an
+// attacker who writes one packet with a huge number makes all true ones look too old; that is the
+// price of packets in the clear. Constant memory.
 class PathReceiver {
  public:
   explicit PathReceiver(LinkId link) : link_(link) {}
 
-  // False: seen before, or too old to tell.
+  // A packet came in. False when it is a duplicate: its number was seen before or is too old to
+  // tell. `counts_for_train` when it is data-sized, `ip_bytes` its size with IP headers.
   bool accept(TimePoint now, std::uint64_t number, bool counts_for_train, std::size_t ip_bytes);
-  // The newest u of the peer on this path.
+  // A feedback of the peer came in on this path, which left at `u` on the peer's clock.
   void exchange(TimePoint now, PeerTime u);
   // The path's part of a feedback sent at `now`.
   wire::LinkReport report(TimePoint now) const;
-  // A packet number was skipped since the last report.
+  // Whether a packet number was skipped since reported() was called.
   bool gap() const { return gap_; }
   void reported() { gap_ = false; }
 
@@ -38,13 +46,16 @@ class PathReceiver {
 
   LinkId link_;
   std::uint64_t largest_ = 0;
-  wire::AckBitmap bitmap_{};  // as on the wire: bit i = largest_ - 1 - i
+  // As on the wire: bit i stands for packet largest_ - 1 - i.
+  wire::AckBitmap bitmap_{};
   bool gap_ = false;
+  // When the peer sent its newest feedback, by its clock, and when it came in.
   std::optional<PeerTime> u_;
   TimePoint u_at_{};
   std::uint64_t train_start_ = 0;
   std::uint32_t train_packets_ = 0;
-  std::size_t train_bytes_ = 0;  // after the first packet
+  // Of all packets but the first, IP headers included.
+  std::size_t train_bytes_ = 0;
   TimePoint train_first_{};
   TimePoint train_last_{};
 };
@@ -64,35 +75,66 @@ struct ClockBounds {
   }
 };
 
-// Puts the messages of one peer together.
+// Puts the fragments of one peer's messages together, which come in any order, over several paths,
+// and more than once. Peer (src/core/peers) owns one and feeds it every data packet that a
+// PathReceiver has accepted; a message that is complete is handed out at once and forgotten.
+//
+// A message's whole memory is taken when its first fragment arrives: count * chunk bytes, as the
+// fragment says. It is freed when the message is complete, or expires because it can no longer
+// arrive by its deadline. kMaxBytes and kMaxPartials bound what one peer's messages may hold;
+// fragments of further messages are refused and counted, and nothing that is stored makes room.
+//
+// What a hostile peer could try: claim large messages that it never completes, or many small ones;
+// both bounds hold, and only its own messages are refused, though for as long as the lifetime that
+// it claimed (at most 72 minutes). Send fragments of one message that disagree about count or
+// chunk; those that differ from the first are refused. Send a message again after it is complete;
+// the newest 512 identifiers are remembered, and later fragments of these are duplicates. Fragments
+// are not authenticated, so an attacker who knows the peer's session can do all this in its name.
+//
+// Pure; thread-compatible; never throws but std::bad_alloc.
 class Reassembler {
  public:
-  // Incomplete messages of one peer hold at most this much; further ones are refused. Four raw
-  // frames of three pipelined rounds fit six times, and the largest message with its header fits
-  // once; chosen.
+  // Bytes of the peer's incomplete messages. The largest message with its header fits once, and
+  // four raw frames (512 KB) of three pipelined rounds each fit with room to spare.
   static constexpr std::size_t kMaxBytes = kMaxMessageBytes + 64 * 1024;
-  // And they are at most so many: a message may claim two bytes and live for an hour, and what we
-  // keep beside its bytes is far more than that. 16 rounds of 8 variants, twice; chosen.
+  // Incomplete messages of the peer: a message may claim two bytes and live for an hour, and what
+  // is kept beside its bytes is far more than that. 16 rounds of 8 variants fit twice.
   static constexpr std::size_t kMaxPartials = 256;
 
-  enum class Result : std::uint8_t { kStored, kComplete, kDuplicate, kRefused };
+  enum class Result : std::uint8_t {
+    // The message is not complete yet.
+    kStored,
+    // This was its last fragment.
+    kComplete,
+    // The fragment is there already, or its message is complete or expired.
+    kDuplicate,
+    // There is no room, or the fragment contradicts those before.
+    kRefused,
+  };
   struct Outcome {
     Result result{};
-    Bytes message;  // when complete
+    // The whole message when it is complete.
+    Bytes message;
   };
+  // `clocks` bounds the offset of the origin's clock, so that the message's header, once its first
+  // fragment is there, can shorten its life (docs/paper.md, "Expiry at a receiver").
   Outcome add(TimePoint now, const wire::Data& data, const ClockBounds& clocks);
 
-  // Forgets what can no longer arrive by its deadline; returns how many messages.
+  // Forgets the messages that can no longer arrive by their deadline; returns how many there were.
   std::size_t expire(TimePoint now);
   std::optional<TimePoint> next_timeout() const;
+  // Bytes held by incomplete messages.
   std::size_t bytes() const { return bytes_; }
+  // Forgets everything: the peer began a new life.
   void reset();
 
  private:
   struct Partial {
-    std::unique_ptr<std::byte[]> bytes;  // not cleared: only what arrived is ever touched
+    // Not cleared when it is allocated: only bytes that have arrived are ever read.
+    std::unique_ptr<std::byte[]> bytes;
     std::size_t capacity = 0;
-    std::size_t size = 0;  // of the message, once its last piece is there
+    // Of the message, once its last fragment is there.
+    std::size_t size = 0;
     std::uint16_t count = 0;
     std::uint16_t chunk = 0;
     std::uint16_t missing = 0;
@@ -103,7 +145,9 @@ class Reassembler {
   void refine_expiry(Partial& partial, ByteView first_piece, const ClockBounds& clocks);
 
   std::unordered_map<MessageId, Partial> partials_;
-  std::unordered_set<MessageId> buried_;  // complete or expired: further pieces are duplicates
+  // Messages that are complete or expired, whose further fragments are duplicates; and in the order
+  // in which they became so.
+  std::unordered_set<MessageId> buried_;
   std::deque<MessageId> burial_order_;
   std::size_t bytes_ = 0;
 };

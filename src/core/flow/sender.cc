@@ -8,12 +8,13 @@ namespace {
 // A path may catch up with this much time at its rate after idling or a late timer: it makes up for
 // the timer and fills no queue (docs/constants.md, "Rate of a link").
 constexpr Duration kBurst = std::chrono::milliseconds(1);
-// Pieces leave in batches of this much time, so that one system call carries several; chosen.
+// Packets leave in batches of this much time at the pace, so that one system call carries several:
+// 13 packets at 300 Mbit/s.
 constexpr Duration kQuantum = std::chrono::microseconds(500);
-// Acknowledgements of a slow link come this far apart: a packet at 2 Mbit/s and the delay of
-// feedback; chosen.
+// How far apart acknowledgements of a slow link may come: a full packet takes 6 ms at 2 Mbit/s, and
+// the receiver delays feedback by up to 5 ms.
 constexpr Duration kMinBetween = std::chrono::milliseconds(15);
-// The longest deadline there is; keeps sums of times in range.
+// Stands for a time beyond any that is planned with, so that sums stay in range.
 constexpr Duration kNever = std::chrono::hours(1);
 
 SentPackets::Silence silence_of(const PathView& view) {
@@ -60,7 +61,8 @@ void Sender::pull(TimePoint now, LinkId link) {
   if (it == paths_.end()) return;
   Path& path = it->second;
   path.view.up = false;
-  // Not settled: it may have arrived, and then its acknowledgement saves what is queued.
+  // What is in flight is queued again but not settled as lost: it may have arrived, and then its
+  // acknowledgement saves the second copy.
   for (const auto& [piece, arrived, was_open] : path.sent.in_flight()) {
     const auto message = messages_.find(piece.message);
     if (message == messages_.end()) continue;
@@ -76,7 +78,7 @@ void Sender::pull(TimePoint now, LinkId link) {
       Message::PieceState& piece = message->second.pieces[index];
       if (piece.under_way > 0) --piece.under_way;
       if (piece.acknowledged || repair(now, job.message, index)) continue;
-      // Nobody else brings it in time: it waits here for the path to come back.
+      // No other path brings it in time: it waits here for this path to come back.
       ++piece.under_way;
       job.again.push_back(index);
     }
@@ -144,7 +146,7 @@ Sender::Job* Sender::next_job(Path& path, TimePoint now) {
   return nullptr;
 }
 
-// The next piece of a job that nobody has acknowledged yet.
+// The next fragment of a job that is not acknowledged yet.
 std::optional<std::uint16_t> Sender::take_index(Job& job, bool& is_repair) {
   Message& m = messages_.at(job.message);
   for (;;) {
@@ -191,7 +193,7 @@ std::optional<Sender::Piece> Sender::poll(TimePoint now, LinkId path_id) {
   }
 }
 
-// What became of pieces: acknowledged, or to be sent again.
+// Takes in what became of fragments: they are acknowledged, or lost and sent again.
 void Sender::settle(TimePoint now, std::span<const SentPackets::Settled> pieces) {
   for (const auto& [what, arrived, was_open] : pieces) {
     const auto it = messages_.find(what.message);
@@ -225,8 +227,8 @@ bool Sender::is_again(const Job& job, std::uint16_t index) {
   return false;
 }
 
-// When the best copy of a piece that is still queued or in flight should arrive; nothing if there
-// is none.
+// When the soonest copy of a fragment that is queued or in flight should arrive; nothing when there
+// is no such copy.
 std::optional<TimePoint> Sender::expected_arrival(TimePoint now, MessageId id,
                                                   std::uint16_t index) const {
   const Message& m = messages_.at(id);
@@ -250,8 +252,8 @@ std::optional<TimePoint> Sender::expected_arrival(TimePoint now, MessageId id,
   return best;
 }
 
-// Sends a piece again over the path that brings it soonest, unless that is too late or another copy
-// is sooner still.
+// Queues a fragment again on the path that brings it soonest, unless that is too late or another
+// copy is sooner still.
 bool Sender::repair(TimePoint now, MessageId id, std::uint16_t index) {
   if (!options_.repair) return false;
   Message& m = messages_.at(id);
@@ -298,7 +300,8 @@ void Sender::handle_timeout(TimePoint now) {
     settle(now, path.sent.settle_silent(now, silence_of(path.view)));
   }
   std::erase_if(messages_, [now](const auto& entry) { return entry.second.deadline <= now; });
-  // A path that may not send is never polled: what nobody waits for must not pile up on it.
+  // Jobs end in poll(), but a path that may not send is never polled: jobs of messages that nobody
+  // waits for must not pile up on it.
   for (auto& [link, path] : paths_) {
     std::erase_if(path.jobs, [this](const Job& job) { return !messages_.contains(job.message); });
   }

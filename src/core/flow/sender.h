@@ -1,10 +1,6 @@
-// The sending side of one peer: messages cut into pieces that fit the path (IP never fragments),
-// earliest deadline first, paced per path; pieces found lost are sent again over the path that
-// brings them soonest, while the deadline allows. Pure; thread-compatible; allocates per message,
-// not per packet.
-//
-// In the order of use: send() queues a message on paths; poll() yields the next piece that may
-// leave a path now; report() and handle_timeout() tell what arrived or must be taken for lost.
+// The sending side of one peer: messages are cut into fragments that fit the path, so that IP never
+// fragments, and leave paced per path, earliest deadline first. Fragments found lost are sent again
+// over the path that brings them soonest, while the deadline allows.
 #pragma once
 
 #include <bitset>
@@ -24,50 +20,67 @@ namespace interneuron::flow {
 
 // What the sender must know of a path; refreshed by set_path() whenever the estimates move.
 struct PathView {
-  bool up = true;                // else nothing is sent on it
-  bool backup = false;           // repairs prefer the other paths
-  std::optional<DataRate> rate;  // unknown: taken for kBlindRate
-  std::optional<DataRate> pace;  // unknown: kBlindPace
-  Duration one_way{};            // expected, zero while unknown
-  // After this long without any acknowledgement what is in flight is lost.
+  // While it is false nothing is sent on the path.
+  bool up = true;
+  // Retransmissions prefer the other paths.
+  bool backup = false;
+  // The rate that the path delivers, to plan with, and the pace at which packets leave. While they
+  // are not known, kBlindRate and kBlindPace stand in.
+  std::optional<DataRate> rate;
+  std::optional<DataRate> pace;
+  // The expected one-way delay; zero while it is not known.
+  Duration one_way{};
+  // A fragment that has been in flight for so long without any acknowledgement is lost.
   Duration probe_timeout{};
 };
 
-// Paths by LinkId.
+// A set of paths: bit i stands for LinkId i.
 using PathSet = std::bitset<256>;
 inline const PathSet kEveryPath = PathSet{}.set();
 
+// Owned by the Peer that it sends to. In the order of use: send() queues a message on paths; poll()
+// gives the next fragment that may leave a path now; report() and handle_timeout() tell what
+// arrived or must be taken for lost.
+//
+// Memory: every message is kept until it is acknowledged or its deadline passes, so the application
+// bounds it by what it submits. Time per packet grows with the messages under way, which are few.
+// The peer's reports decide what is sent again; a peer that denies everything makes us send again
+// what the deadlines and the pace allow, to itself alone. Pure; thread-compatible; never throws;
+// allocates per message, not per packet.
 class Sender {
  public:
   struct Options {
+    // Whether lost fragments are sent again.
     bool repair = true;
+    // The identifier of the first message; the following ones count up.
     MessageId first_message{};
   };
   explicit Sender(Options options)
       : options_(options), next_message_(options.first_message.value) {}
 
-  // A path that is known already only gets another size; its numbers go on.
+  // Adds a path whose datagrams have at most `max_datagram` bytes of UDP payload. A path that is
+  // known already only gets another size; its packet numbers go on.
   void add_path(LinkId path, std::size_t max_datagram, std::uint64_t first_number = 1);
-  // Gives what it still owed to the other paths.
+  // Removes a path; what it still had to send goes over the other paths.
   void remove_path(TimePoint now, LinkId path);
   void set_path(LinkId path, const PathView& view);
-  // Nothing more goes over this path until set_path() says that it is up again: what it owes and
-  // what is in flight on it goes over the others at once, where that still helps.
+  // Nothing more goes over this path until set_path() says that it is up again. What is queued or
+  // in flight on it goes over the other paths at once, where that still helps.
   void pull(TimePoint now, LinkId path);
 
-  // Queues a message (round header and payload) on these paths; what is lost of it is repaired over
-  // these and those of `repairs` alone. After `deadline` nothing of it is
-  // sent. Nothing is sent either of a message that does not fit into the number of pieces that the
-  // wire allows.
+  // Queues a message (round header and payload) on these paths. What is lost of it is sent again
+  // over these paths and those of `repairs` alone. After `deadline` nothing of it is sent; the
+  // receiver may keep its fragments for `lifetime`. A message of more than 65,535 fragments, an
+  // empty one or one that is late already is not sent at all.
   MessageId send(TimePoint now, TimePoint deadline, Duration lifetime, Bytes message,
                  const std::vector<LinkId>& paths, const PathSet& repairs = kEveryPath);
 
-  // The next packet number of a path, for packets that the endpoint makes itself; they count as
-  // sent. `train_bytes`: size at IP level of those that belong to trains, 0 of all others.
+  // The next packet number of a path, for packets that carry no fragment; they count as sent.
+  // `train_bytes` is the size with IP headers of packets that belong to a train, 0 for all others.
   std::uint64_t take_number(TimePoint now, LinkId path, std::size_t train_bytes = 0);
 
-  // A piece of a message that may leave `path` now; the bytes are valid until the next call.
-  // nullopt: nothing may.
+  // A fragment that may leave `path` now; its bytes are valid until the next call. Nothing when
+  // none may leave.
   struct Piece {
     std::uint64_t number = 0;
     wire::FragmentHeader fragment;
@@ -75,27 +88,33 @@ class Sender {
   };
   std::optional<Piece> poll(TimePoint now, LinkId path);
 
-  // `min_rtt`: of the path, for delivery rate samples.
+  // The peer's report of a path came in; what it says is lost is queued again. See
+  // SentPackets::report().
   SentPackets::Verdicts report(TimePoint now, const wire::LinkReport& report,
                                Duration min_rtt = {});
 
-  // Silence: packets older than their path's probe timeout count as lost. Drops what is past its
-  // deadline.
+  // Fragments in flight for longer than their path's probe timeout count as lost and are queued
+  // again. Forgets messages whose deadline has passed.
   void handle_timeout(TimePoint now);
   std::optional<TimePoint> next_timeout() const;
-  // When poll() should be called for a path that has something queued; the paths that may not send
-  // are the caller's business.
+  // When poll() should be called for a path that has something queued. Whether anything may be sent
+  // on it at all (address validation, budgets) is for the caller to know.
   std::optional<TimePoint> next_send(LinkId path) const;
 
+  // Fragments sent again over a path.
   std::uint64_t resent(LinkId path) const;
-  std::uint64_t lost(LinkId path) const;  // packets, by the peer's feedback or silence
+  // Packets found lost on a path, by the peer's feedback or its silence.
+  std::uint64_t lost(LinkId path) const;
+  // Fragments that were not sent again because they would have been late.
   std::uint64_t cancelled() const { return cancelled_; }
-  void reset(TimePoint now);  // the peer began a new life: everything queued or in flight is void
+  // The peer began a new life: forgets everything that is queued or in flight.
+  void reset(TimePoint now);
 
-  // Before anything is known of a path; a start-up train measures it within a round trip. Chosen: a
-  // weak 4G uplink.
+  // The rate before anything is known of a path, which a start-up train measures within a round
+  // trip: that of a weak 4G uplink. The pace has the same headroom as that of a known rate,
+  // RateEstimator::kHeadroom.
   static constexpr DataRate kBlindRate{20'000'000};
-  static constexpr DataRate kBlindPace{25'000'000};  // headroom as of a known rate
+  static constexpr DataRate kBlindPace{25'000'000};
 
  private:
   struct Message {
@@ -105,18 +124,21 @@ class Sender {
     std::uint16_t count = 0;
     std::uint16_t chunk = 0;
     std::uint16_t unacknowledged = 0;
+    // The paths over which lost fragments may be sent again.
     PathSet repairs;
     struct PieceState {
       bool acknowledged = false;
-      std::uint8_t under_way = 0;  // copies queued or in flight
+      // Copies that are queued or in flight.
+      std::uint8_t under_way = 0;
     };
     std::vector<PieceState> pieces;
   };
-  // What a path still has to send of one message.
+  // What a path still has to send of one message: first copies of the fragments next … count - 1,
+  // and before these the fragments that are sent again.
   struct Job {
     MessageId message{};
     TimePoint deadline{};
-    std::uint32_t next = 0;  // first copies: next … count - 1
+    std::uint32_t next = 0;
     std::uint16_t count = 0;
     std::uint16_t chunk = 0;
     Ring<std::uint16_t> again;
@@ -124,20 +146,23 @@ class Sender {
   struct Path {
     std::size_t max_datagram = 0;
     PathView view;
-    TimePoint free_at = TimePoint::min();  // pacing: when the next packet may leave
-    std::vector<Job> jobs;                 // few: one per message under way
+    // When the pace allows the next packet to leave.
+    TimePoint free_at = TimePoint::min();
+    // One per message under way; few.
+    std::vector<Job> jobs;
     SentPackets sent;
     std::uint64_t resent = 0;
   };
 
   std::optional<std::uint16_t> take_index(Job& job, bool& is_repair);
   Job* next_job(Path& path, TimePoint now);
-  // What a path has to send before a piece that is queued now, of messages that somebody still
-  // waits for.
+  // Bytes that a path has to send before a fragment that is queued now; those of messages that
+  // nobody waits for any more do not count.
   std::size_t queued_bytes(const Path& path) const;
   static std::vector<std::uint16_t> owed(const Job& job);
   static bool is_again(const Job& job, std::uint16_t index);
-  // Whether it was queued on a path.
+  // Queues a lost fragment again. False when no path may carry it in time, or a copy that is under
+  // way will be there sooner.
   bool repair(TimePoint now, MessageId id, std::uint16_t index);
   std::optional<TimePoint> expected_arrival(TimePoint now, MessageId id, std::uint16_t index) const;
   void settle(TimePoint now, std::span<const SentPackets::Settled> pieces);

@@ -7,13 +7,17 @@ namespace {
 
 // A packet is lost when one sent this many later has arrived (RFC 9002 §6.1.1).
 constexpr std::uint64_t kReorderPackets = 3;
-// Records of packets are kept this long for late acknowledgements; chosen.
+// How long the records of packets are kept for late acknowledgements. No measurement behind this
+// value: it only has to be larger than a round trip with full queues.
 constexpr Duration kKeep = std::chrono::seconds(3);
-constexpr std::size_t kMaxKept = 20'000;  // per path: 3 s at 75 Mbit/s; chosen
-// And so many of those settled, in which the beginning of a train is found; chosen.
+// Records per path: 3 s at 75 Mbit/s.
+constexpr std::size_t kMaxKept = 20'000;
+// Records of settled packets that are kept, because the beginning of a train is found in them: the
+// packets of a raw frame and some more.
 constexpr std::size_t kKeepSettled = 512;
-// A packet taken for lost may still arrive: its loss is certain when this many later ones were
-// sent, or after twice the timeout; chosen.
+// A packet taken for lost may still arrive. Its loss is certain when this many later ones were
+// sent, or after twice the timeout. Half the packets that an acknowledgement tells of
+// (wire::kAckWindow).
 constexpr std::uint64_t kLatePackets = 128;
 
 }  // namespace

@@ -1,5 +1,5 @@
 // The packets that one path has sent: what became of each, as reports and silence tell it, and what
-// that says of loss and rate. Pure; thread-compatible; bounded memory; no allocation per packet.
+// that says of loss and rate.
 #pragma once
 
 #include <cstdint>
@@ -14,36 +14,51 @@
 
 namespace interneuron::flow {
 
+// The sender's record of one path: numbers its packets, remembers each for some seconds, and
+// settles it as arrived or lost. Sender owns one per path.
+//
+// A packet is lost when one sent three later has arrived (RFC 9002 §6.1.1), or when no report comes
+// for the path's probe timeout. It may still arrive after that and is then told again. Reports are
+// the peer's word: a report of numbers that were never sent is ignored, and a peer that
+// acknowledges what has not arrived, or denies what has, harms only what is sent to itself.
+//
+// Memory is bounded by 20,000 records of about 80 bytes; nothing is allocated per packet once the
+// ring has grown. Pure; thread-compatible; never throws.
 class SentPackets {
  public:
-  // Of a message; a packet without one is nobody's to repair.
+  // The fragment that a packet carried. Packets without a fragment are never repaired.
   struct Piece {
     MessageId message{};
     std::uint16_t index = 0;
     friend bool operator==(const Piece&, const Piece&) = default;
   };
-  // What became known of a piece.
+  // What became known of a fragment.
   struct Settled {
     Piece piece;
     bool arrived = false;
-    bool was_open = false;  // false: taken for lost before, and arrived after all
+    // False when it was taken for lost before and has arrived after all.
+    bool was_open = false;
   };
-  // Outcomes of packets in the order of their numbers.
+  // Packets of the same outcome in a row, in the order of their numbers.
   struct Run {
     bool arrived = false;
     std::uint32_t packets = 0;
   };
+  // What a report tells. The spans are valid until the next call.
   struct Verdicts {
+    // Packets that became known as arrived, and as lost.
     std::uint64_t acknowledged = 0;
     std::uint64_t lost = 0;
-    std::span<const Settled> pieces;  // valid until the next call
-    // Certain outcomes, late arrivals included; packets that no report has covered in time are not
-    // among them. Valid until the next call.
+    std::span<const Settled> pieces;
+    // Outcomes that are certain, late arrivals included. Packets that no report has covered in time
+    // are not among them.
     std::span<const Run> runs;
-    std::optional<TimePoint> newest_sent;  // of those acknowledged
-    bool data = false;                     // one of them was data-sized
-    // The rate at which the packets of the report's train left here; nothing: back to back.
-    // Without train_known they are forgotten.
+    // When the newest of the acknowledged packets left.
+    std::optional<TimePoint> newest_sent;
+    // One of the acknowledged packets was data-sized.
+    bool data = false;
+    // The rate at which the packets of the report's train left here; nothing when they left back to
+    // back. Means nothing without train_known: the train's packets may be forgotten already.
     std::optional<DataRate> train_sent_at;
     bool train_known = false;
     std::optional<link::DeliveryRate::Sample> delivery;
@@ -53,32 +68,36 @@ class SentPackets {
       : next_(first_number), first_open_(first_number), first_uncertain_(first_number) {}
 
   std::uint64_t next_number() const { return next_; }
-  // A packet leaves; returns its number.
+  // A small packet leaves; returns its number.
   std::uint64_t add_small(TimePoint now);
-  // Data-sized: it counts for trains, rates and proof of delivery. `ip_bytes`: at IP level.
-  // `more_waits`: others wait behind it.
+  // A data-sized packet leaves, which counts for trains, rates and proof of delivery; returns its
+  // number. `ip_bytes` is its size with IP headers; `more_waits` when others wait behind it.
   std::uint64_t add(TimePoint now, std::size_t ip_bytes, bool more_waits,
                     const std::optional<Piece>& piece);
 
-  // A piece is lost after this long in flight, but not while others are acknowledged at most
+  // A fragment is lost after `timeout` in flight, but not while others are acknowledged at most
   // `between` apart: then what is late waits in our own queue.
   struct Silence {
     Duration timeout{};
     Duration between{};
   };
-  // `min_rtt`: of the path, for delivery rate samples.
+  // The peer's report of this path came in. `min_rtt` is the path's smallest round trip, below
+  // which delivery rate samples say nothing.
   Verdicts report(TimePoint now, const wire::LinkReport& report, Duration min_rtt,
                   const Silence& silence);
+  // Fragments that are lost by silence at `now`; valid until the next call.
   std::span<const Settled> settle_silent(TimePoint now, const Silence& silence);
+  // When the oldest fragment in flight will be lost by silence.
   std::optional<TimePoint> silent_at(const Silence& silence) const;
 
-  // The pieces in flight, oldest first; valid until the next call.
+  // The fragments in flight, oldest first; valid until the next call.
   std::span<const Settled> in_flight();
-  // When the newest copy of a piece in flight left.
+  // When the newest copy of a fragment in flight left.
   std::optional<TimePoint> sent_at(const Piece& piece) const;
 
+  // Packets found lost since the path exists.
   std::uint64_t lost() const { return lost_; }
-  // What is in flight is void; the numbers go on.
+  // Forgets what is in flight; the numbers go on.
   void reset();
 
  private:
@@ -87,11 +106,13 @@ class SentPackets {
     std::uint64_t number = 0;
     TimePoint at{};
     link::DeliveryStamp stamp;
-    std::uint64_t train_bytes = 0;  // of all data-sized packets up to and with this one
+    // Bytes of all data-sized packets up to and with this one.
+    std::uint64_t train_bytes = 0;
     Piece piece;
     bool has_piece = false;
     bool data_sized = false;
-    bool covered = false;  // a report has told that it has not arrived
+    // A report has told that it has not arrived.
+    bool covered = false;
     Fate fate = Fate::kOpen;
   };
   Packet& at(std::uint64_t number) { return packets_[number - packets_.front().number]; }
@@ -109,18 +130,24 @@ class SentPackets {
   void tell_certain(TimePoint now, std::uint64_t largest, Duration timeout);
   void find_train(const wire::LinkReport& report, Verdicts& verdicts);
 
-  Ring<Packet> packets_;  // numbers without a gap, oldest first
+  // Oldest first; their numbers have no gap.
+  Ring<Packet> packets_;
   std::uint64_t next_ = 1;
-  std::uint64_t first_open_ = 1;       // all before are settled
-  std::uint64_t first_uncertain_ = 1;  // the outcome of all before has been told
+  // All packets before this number are settled.
+  std::uint64_t first_open_ = 1;
+  // The outcome of all packets before this number has been told in Verdicts::runs.
+  std::uint64_t first_uncertain_ = 1;
+  // Data-sized packets in flight, and bytes of all that were ever sent.
   std::uint64_t open_data_ = 0;
   std::uint64_t train_bytes_ = 0;
-  // The first packet of the newest train that the peer has told of; it may be forgotten above.
+  // The first packet of the newest train that the peer has told of: its number, when it left, and
+  // its train_bytes. The record of the packet itself may be gone.
   std::uint64_t train_number_ = 0;
   TimePoint train_at_{};
-  std::uint64_t train_from_ = 0;  // bytes
+  std::uint64_t train_from_ = 0;
   link::DeliveryRate delivery_;
-  TimePoint progress_at_ = TimePoint::min();  // the newest acknowledgement of a piece
+  // When a fragment was last acknowledged.
+  TimePoint progress_at_ = TimePoint::min();
   std::uint64_t lost_ = 0;
   std::vector<Settled> settled_;
   std::vector<Run> runs_;
