@@ -4,8 +4,10 @@
 //
 // Stateful unless asked otherwise: the answers of a session are numbered from 0, and a session is
 // whoever asks from one address at one NIC. An attacker with many forged addresses can push out the
-// sessions of others, whose numbers then begin anew; he gains no amplification and at most
-// kMaxSessions records. Pure; thread-compatible; never throws.
+// sessions of others, whose numbers then begin anew; he gains no amplification, and memory stays
+// within kMaxSessions records. A reply looks like a request, so one packet forged in the name of
+// another reflector makes the two answer each other: serve STAMP only in a network of your own.
+// Pure; thread-compatible; never throws.
 #pragma once
 
 #include <cstdint>
