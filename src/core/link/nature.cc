@@ -7,11 +7,13 @@
 namespace interneuron::link {
 namespace {
 
-constexpr double kSeconds = 1e-9;         // per ns
-constexpr double kStandardErrors = 1.64;  // chosen: at the edge one in 20 is ordered wrongly
+constexpr double kSeconds = 1e-9;  // per ns
+// How many standard errors tell two links apart: at the edge one pair in 20 is ordered wrongly.
+constexpr double kStandardErrors = 1.64;
 // Standard error of the 95 % quantile of n normal values, in sd / sqrt(n).
 constexpr double kP95Error = 2.1;
-constexpr double kDelayApart = 0.02;  // chosen: nearer than that nobody minds
+// Delays that differ by less than this share are alike to every application.
+constexpr double kDelayApart = 0.02;
 
 // Evidence without any confidence counts as half as good.
 double discount(double confidence) { return kUnmeasured + (1.0 - kUnmeasured) * confidence; }

@@ -95,7 +95,8 @@ void RttEstimator::replace(std::uint64_t old_key, std::uint64_t key) {
     to += to[half - 1] < key ? half : 0;
     n -= half;
   }
-  to += *to < key ? 1 : 0;  // `from` holds the old key
+  // The old key is still at `from`.
+  to += *to < key ? 1 : 0;
   if (key > old_key) {
     std::copy(from + 1, to, from);
     *(to - 1) = key;

@@ -127,12 +127,14 @@ bool SilenceTest::any(Silence silence, Phase phase) const {
 
 SilenceResult SilenceTest::result() const {
   SilenceResult result;
-  for (const Flow& flow : flows_) {  // in rising order of their silences
+  // The flows are in rising order of their silences.
+  for (const Flow& flow : flows_) {
     result.answered |= std::ranges::any_of(flow.requests, &Request::answered);
     result.refused |= flow.phase == Phase::kRefused;
     if (any(flow.silence, Phase::kSurvived)) {
       result.survived = flow.silence;
-      result.closed.reset();  // shorter ones that did not were lost on the way
+      // A shorter silence that seemed to close the mapping did not: its reply was lost on the way.
+      result.closed.reset();
     } else if (!result.closed && any(flow.silence, Phase::kClosed)) {
       result.closed = flow.silence;
     }

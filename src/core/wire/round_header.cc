@@ -39,10 +39,11 @@ bool consistent(const RoundHeader& h) {
 }  // namespace
 
 std::uint32_t policy_id(std::string_view name) {
-  std::uint32_t hash = 2166136261U;  // FNV offset basis
+  // FNV's offset basis and, below, its prime.
+  std::uint32_t hash = 2166136261U;
   for (const char c : name) {
     hash ^= static_cast<std::uint8_t>(c);
-    hash *= 16777619U;  // FNV prime
+    hash *= 16777619U;
   }
   return hash;
 }

@@ -17,45 +17,61 @@ namespace interneuron::wire {
 
 inline constexpr std::size_t kRoundHeaderBytes = 100;
 
-// Times relative to D_N in steps of D_N / 16384; finer than what any decision depends on, and four
-// deadlines fit 16 bits.
+// Times on the wire are relative to the end-to-end deadline D_N, in steps of D_N / 16384: 8 µs of
+// 130 ms, finer than what any decision depends on, while four deadlines fit 16 bits.
 inline constexpr std::int64_t kDeadlineSteps = 16384;
 
-// The end-to-end time of a decided round: 0 = not known, kE2eNever = later than can be told, or
-// never.
+// An end-to-end time that is longer than can be told, or a round that never got a remote result. 0
+// stands for a time that is not known.
 inline constexpr std::uint16_t kE2eNever = 65535;
 
 // level_used and variant_used of a round in which nothing was computed yet.
 inline constexpr std::uint8_t kNoneUsed = 255;
 
+// What a message tells of its round. Every node of a pipeline follows it instead of a configuration
+// of its own.
 struct RoundHeader {
   RoundRef round;
-  std::uint8_t stage = 1;   // the communication stage that carries this message, 1 … stages
-  std::uint8_t stages = 1;  // N
-  std::uint16_t communication = 1;  // bit i: stage i + 1 is a communication
+  // The communication that carries this message, 1 … stages; and all stages of the pipeline.
+  std::uint8_t stage = 1;
+  std::uint8_t stages = 1;
+  // Bit i is set when stage i + 1 is a communication.
+  std::uint16_t communication = 1;
+  // Which variant this is, and the best one that the sender's plan holds.
   std::uint8_t variant = 0;
-  std::uint8_t best_planned = 0;  // the best variant that the sender's plan holds
+  std::uint8_t best_planned = 0;
   bool degraded = false;
   MessageClass message_class = MessageClass::kData;
-  std::array<std::uint8_t, 4> needs{};  // weight per Nature field, 1/255
-  std::uint32_t policy = 0;             // policy_id() of the policy that planned it
-  PeerTime t0{};                        // on the origin's clock
+  // How much each field of Nature matters, in 1/255.
+  std::array<std::uint8_t, 4> needs{};
+  // policy_id() of the policy that planned it.
+  std::uint32_t policy = 0;
+  // When the round began, on the origin's clock.
+  PeerTime t0{};
   // Sum of the estimated clock offsets α̂ of the hops so far; 0 from the origin.
   Duration alpha_sum{};
-  std::int16_t x_permille = 0;    // X
-  std::uint32_t deadline_us = 0;  // D_N
+  // The tolerance X of guard kPaper, in 1/1000.
+  std::int16_t x_permille = 0;
+  // The end-to-end deadline D_N, > 0, and the period of the rounds, in microseconds.
+  std::uint32_t deadline_us = 0;
   std::uint32_t period_us = 0;
   Indicator indicator{};
   GuardKind guard = GuardKind::kPaper;
-  std::uint8_t level_used = kNoneUsed;    // of the last computation
-  std::uint8_t variant_used = kNoneUsed;  // of that computation's input
-  std::uint8_t local_quality = 0;         // of an answer without a remote result, 1/255
-  std::uint16_t target = 0;               // P(on time) that is to be kept, 1/65536
-  std::uint16_t miss_price = 0;           // in quality, 1/1000
-  // What the round had lost when that computation began, against the node's own reference; steps.
+  // The level of the last computation, and the variant of its input.
+  std::uint8_t level_used = kNoneUsed;
+  std::uint8_t variant_used = kNoneUsed;
+  // What an answer without a remote result is worth, in 1/255.
+  std::uint8_t local_quality = 0;
+  // The share of rounds that is to be on time, in 1/65536, and what a missed round costs, in 1/1000
+  // of quality.
+  std::uint16_t target = 0;
+  std::uint16_t miss_price = 0;
+  // How late the round was when that computation began, against the node's own reference; in steps.
   std::int16_t excess = 0;
-  std::uint16_t computed = 0;                         // by all computations so far; steps
-  std::array<std::uint16_t, kIndicatorRounds> e2e{};  // of the rounds before, as indicator; steps
+  // The time that all computations so far took, in steps.
+  std::uint16_t computed = 0;
+  // End-to-end times of the 16 preceding rounds, ordered as `indicator`; in steps.
+  std::array<std::uint16_t, kIndicatorRounds> e2e{};
   friend bool operator==(const RoundHeader&, const RoundHeader&) = default;
 
   bool is_communication(std::size_t stage_number) const {
@@ -64,7 +80,7 @@ struct RoundHeader {
   }
   Duration deadline() const { return std::chrono::microseconds(deadline_us); }
 
-  // Steps of D_N / 16384 and back; to_steps() keeps within [low, high].
+  // From a time to steps, clamped to [low, high], and back. The deadline must be > 0.
   std::int64_t to_steps(Duration d, std::int64_t low, std::int64_t high) const;
   Duration from_steps(std::int64_t steps) const {
     return Duration{deadline().count() * steps / kDeadlineSteps};

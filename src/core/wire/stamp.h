@@ -16,7 +16,8 @@
 namespace interneuron::wire {
 
 inline constexpr std::size_t kStampBytes = 44;
-inline constexpr std::uint16_t kStampPort = 862;  // RFC 8762 §4.1
+// RFC 8762 §4.1.
+inline constexpr std::uint16_t kStampPort = 862;
 
 // A clock's reading as on the wire: seconds in the upper half; in the lower 2^-32 s (NTP, RFC 5905
 // §6) or ns (PTPv2), as the Z bit of the error estimate beside it says.

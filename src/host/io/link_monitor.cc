@@ -72,7 +72,8 @@ class LinkMonitor::Impl {
     std::size_t mtu = 0;
     // Those that a socket may be bound to.
     std::vector<Address> addresses;
-    Address first{};  // the one that counts for incarnations; outlives its removal
+    // The address that counts for incarnations; kept when it is removed.
+    Address first{};
     std::optional<Address> source;
   };
   const Record* record(std::string_view name) const {

@@ -14,7 +14,8 @@ namespace interneuron::cli {
 
 namespace {
 
-constexpr Duration kNap = std::chrono::milliseconds(10);  // chosen
+// How long end() and wait() sleep between two looks at the child.
+constexpr Duration kNap = std::chrono::milliseconds(10);
 // No measurement behind this value: it only has to be larger than what a program takes to tidy up.
 constexpr Duration kPassOnAfter = std::chrono::seconds(1);
 

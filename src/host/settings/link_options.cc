@@ -15,7 +15,8 @@
 namespace interneuron::cli {
 namespace {
 
-constexpr int kMaxPriority = 255;  // chosen: more than one host has NICs
+// More ranks than a host has NICs.
+constexpr int kMaxPriority = 255;
 // 1 Tbit/s, beyond any NIC.
 constexpr double kMaxCapMbit = 1e6;
 
