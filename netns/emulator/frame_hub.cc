@@ -15,8 +15,8 @@ namespace interneuron::netns {
 
 namespace {
 
-// A place of the ring: its header of 68 bytes, an Ethernet header and 1500 bytes, rounded up to a
-// power of two as the kernel wants it.
+// A place of the ring holds its header of 68 bytes, an Ethernet header and 1500 bytes. Rounded up,
+// so that a block (kRingBlockBytes) holds a whole number of places.
 constexpr std::size_t kPlaceBytes = 2048;
 // 16384 places (32 MB) last for 60 ms of the fastest sender measured, 250 thousand packets a second
 // (docs/constants.md, "The testbed on a machine").

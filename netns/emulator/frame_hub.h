@@ -4,9 +4,9 @@
 // grace period (10 ms) or two whenever a packet socket is made or closed: with a pair for each of
 // forty links, taking a testbed down would need seconds.
 //
-// Bounds: a ring of 32 MB at most (1 MB when memory is short) and frames up to kPlaceBytes less
-// their ring header; what does not fit is lost and counted. Needs CAP_NET_RAW. Owns its sockets and
-// the ring. Thread-compatible. Errors: the constructor throws TestbedError (1); afterwards none.
+// Bounds: a ring of 32 MB (1 MB at least, when memory is short) and frames of somewhat less than
+// 2 KiB; what does not fit is lost and counted. Needs CAP_NET_RAW. Owns its sockets and the ring.
+// Thread-compatible. Errors: the constructor throws TestbedError (1); afterwards none.
 #pragma once
 
 #include <linux/if_packet.h>

@@ -1,6 +1,7 @@
 // Keeps the bytes of frames that are inside an emulated link, in places of equal size that are
 // reused: no allocation per frame once the most frames have been inside. Memory: 2 KiB for each
-// frame of that peak, rounded up to blocks of 128, never given back; the links' queues bound it.
+// frame of that peak, rounded up to blocks of 128, never given back. The queues, rates and delays
+// of the links bound how many frames can be inside.
 // Pure; thread-compatible. A handle is valid from add() to release(); using it otherwise is an
 // error of the caller that is not detected.
 #pragma once

@@ -1,7 +1,7 @@
 // The holder: the process that makes the namespaces of a testbed, keeps them alive by holding their
 // file descriptors, and drives the links by either back end until it gets SIGTERM. One per testbed.
-// It reads from others: requests on its control socket (state/control.h says who may send them)
-// and frames of the programs inside (emulator/).
+// It reads bytes of others: requests on its control socket (netns/state/control.h says who may send
+// them) and, as the emulator, the frames of the programs inside.
 #pragma once
 
 #include "netns/state/options.h"

@@ -16,10 +16,10 @@ namespace interneuron::netns {
 namespace {
 
 constexpr Duration kStep = Bearers::kAdvanceInterval;
-// The share of a step that may go into changes: with a real-time priority, more would leave a
-// single processor to nobody else.
+// The part of a step that changes may take. This thread has a real-time priority: on a machine with
+// one processor, a larger part would leave too little to everybody else.
 constexpr Duration kBudget = kStep / 2;
-// Counters are read this often; what displays them cannot tell more.
+// How often counters are read: ten times a second is more often than a display shows them.
 constexpr Duration kPublishInterval = std::chrono::milliseconds(100);
 constexpr std::size_t kStepsPerPublication = kPublishInterval / kStep;
 
@@ -80,18 +80,20 @@ void NetemBackend::run(int stop_fd) {
   while (rest(due)) {
     const bool was_waiting = !bearers_.epoch();
     if (was_waiting) look_for_first_packet(io::now());
-    if (was_waiting) due = bearers_.epoch().value_or(due);  // from then on in step with the model
+    // From the epoch on the steps fall on the model's.
+    if (was_waiting) due = bearers_.epoch().value_or(due);
     step(io::now());
     due += kStep;
     const TimePoint now = io::now();
     if (due > now) continue;
-    const auto gone_by = (now - due) / kStep + 1;  // so that it sleeps, however busy
+    // Steps that have passed are skipped, so that the thread sleeps once per step, however late.
+    const auto gone_by = (now - due) / kStep + 1;
     effort_.skipped += static_cast<std::uint64_t>(gone_by);
     due += gone_by * kStep;
   }
 }
 
-// Sleeps until then, serving who asks; at least looks once. False when it is time to stop.
+// Sleeps until `until` and serves requests meanwhile, at least once. False when it is time to stop.
 bool NetemBackend::rest(TimePoint until) {
   while (true) {
     const Duration wait = std::max(Duration{}, until - io::now());
@@ -105,6 +107,7 @@ bool NetemBackend::rest(TimePoint until) {
   }
 }
 
+// Sets NICs in turn until all are done or the step's budget is spent.
 void NetemBackend::step(TimePoint now) {
   ++effort_.steps;
   bearers_.advance(now);
@@ -121,6 +124,7 @@ void NetemBackend::step(TimePoint now) {
   if (bearers_.epoch()) publish_some();
 }
 
+// Sets one NIC to the conditions of `since_epoch`; returns how many requests that took.
 std::size_t NetemBackend::follow(const End& end, Duration since_epoch) {
   const auto conditions = bearers_.link(end.link).conditions(end.direction, since_epoch);
   try {
@@ -131,7 +135,7 @@ std::size_t NetemBackend::follow(const End& end, Duration since_epoch) {
   }
 }
 
-// Whether any packet has come in so far.
+// Publishes the counters of one site. True when any packet has come in so far.
 bool NetemBackend::read_counters(Site& site) {
   std::vector<EgressCounters> counters;
   try {
@@ -151,14 +155,15 @@ bool NetemBackend::read_counters(Site& site) {
   return any;
 }
 
-// wire() leaves the kernel nothing to say of its own accord, so any packet is a program's.
+// Begins the links' time when a packet has come. wire() leaves the kernel no reason to send packets
+// of its own, so the packet is a program's.
 void NetemBackend::look_for_first_packet(TimePoint now) {
   bool seen = false;
   for (Site& site : sites_) seen = read_counters(site) || seen;
   if (seen) bearers_.start(now);
 }
 
-// A share of the namespaces at each step, so that no step reads all.
+// Reads the counters of a part of the sites: each step another part, so that no step reads all.
 void NetemBackend::publish_some() {
   SharedStats& stats = bearers_.stats();
   stats.netem_skipped.store(effort_.skipped, std::memory_order_relaxed);

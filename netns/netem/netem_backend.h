@@ -1,16 +1,17 @@
-// Makes the links of a testbed out of the kernel's tc-netem: packets go from NIC to NIC without a
-// process in between, and this one sets each end's qdiscs to what the model prescribes, every step
-// of the delay process (emu::kDelayStep), where that differs from the step before. netem gives each
-// packet the delay that holds when it enters.
+// Drives the links of a testbed by the kernel's tc-netem. Packets go from NIC to NIC without a
+// process in between; this class sets the queueing disciplines (qdiscs) of each NIC to what the
+// model prescribes, at every step of the delay process (emu::kDelayStep), as far as that differs
+// from the step before. netem gives each packet the delay that holds when the packet enters.
 //
-// Up acts on what the vehicle's NIC sends, down on what the core's gateway NIC sends.
+// Direction up is set at the vehicle's NIC, which sends it; down at the core's gateway NIC.
 //
-// A change takes the kernel 5 to 200 us. When half a step does not suffice for all NICs, the others
-// have their turn in the next: each is then set less often, and Effort says so.
+// A change takes the kernel 5 to 200 us. When half a step does not suffice for all NICs, the rest
+// is set in the next step: each NIC is then set less often, and Effort counts that.
 //
-// Errors: the constructor throws TestbedError (1 without netem, 5 without the right); run() none. A
-// change that fails, as it does for a NIC that somebody has deleted, is counted and tried again.
-// Thread-compatible; run() takes the thread.
+// Errors: the constructor throws TestbedError (1 without netem, 5 without the right); run() throws
+// none. A change that fails, for example at a NIC that somebody has deleted, is counted and tried
+// again. Thread-compatible; run() takes the thread. Owns the sockets to the kernel; the qdiscs stay
+// until the namespaces go.
 #pragma once
 
 #include <cstddef>
@@ -31,27 +32,32 @@ class NetemBackend {
   struct Egress {
     int network_namespace = -1;
     std::string nic;
-    std::size_t link = 0;  // index into the bearers
+    // Index into the bearers.
+    std::size_t link = 0;
     emu::Direction direction = emu::Direction::kUp;
   };
-  // Of the NICs that wire() makes, in the order of State::links, up before down.
+  // The NICs that wire() has made: in the order of State::links, of each link up before down.
   static std::vector<Egress> egresses(const State& state, const Namespaces& namespaces);
 
-  // Sets all qdiscs, as at the links' time 0. `home` is the network namespace of the caller, who is
-  // there again at the end. `bearers` outlive this.
+  // Sets all qdiscs to what the models prescribe at time 0. `home` is the network namespace of the
+  // caller, who is there again at the end. `bearers` must outlive this.
   NetemBackend(const std::vector<Egress>& egresses, int home, Bearers& bearers);
   NetemBackend(const State& state, const Namespaces& namespaces, Bearers& bearers)
       : NetemBackend(egresses(state, namespaces), namespaces.air.get(), bearers) {}
 
-  // Until `stop_fd` becomes readable.
+  // Sets the qdiscs at every step until `stop_fd` becomes readable.
   void run(int stop_fd);
 
-  // What keeping the NICs up to date has taken.
+  // How much work keeping the NICs up to date has been, and how often there was too much of it.
   struct Effort {
-    std::uint64_t steps = 0;     // done
-    std::uint64_t skipped = 0;   // steps that went by during the one before
-    std::uint64_t requests = 0;  // to the kernel, to change something
-    std::uint64_t put_off = 0;   // NICs that had to wait for the next step, summed over steps
+    // Steps done, and steps that passed while the one before was still at work.
+    std::uint64_t steps = 0;
+    std::uint64_t skipped = 0;
+    // Requests to the kernel to change something.
+    std::uint64_t requests = 0;
+    // NICs that had to wait for the next step, summed over all steps.
+    std::uint64_t put_off = 0;
+    // Requests that the kernel refused.
     std::uint64_t failed = 0;
   };
   const Effort& effort() const { return effort_; }
@@ -61,11 +67,13 @@ class NetemBackend {
   struct Site {
     int network_namespace;
     TrafficControl control;
-    std::vector<std::size_t> ends;  // indices into ends_, in the order of the control's NICs
+    // Indices into ends_, in the order of the control's NICs.
+    std::vector<std::size_t> ends;
   };
+  // One direction of one link: NIC number `nic` of the control of site `site`.
   struct End {
     std::size_t site;
-    std::size_t nic;  // its number in the site's control
+    std::size_t nic;
     std::size_t link;
     emu::Direction direction;
   };
@@ -81,6 +89,7 @@ class NetemBackend {
   Bearers& bearers_;
   std::vector<Site> sites_;
   std::vector<End> ends_;
+  // Where the next step goes on: with setting, and with reading counters.
   std::size_t next_end_ = 0;
   std::size_t next_site_ = 0;
   int stop_fd_ = -1;

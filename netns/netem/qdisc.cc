@@ -19,7 +19,8 @@ struct TrafficControl::Nic {
   std::string name;
   int index = 0;
   qdisc::Settings settings;
-  EgressCounters before;  // of qdiscs that have been replaced
+  // The counters of trees that have been replaced since add().
+  EgressCounters before;
 };
 
 TrafficControl::TrafficControl() : socket_(netlink::open_socket()) {}
@@ -32,7 +33,8 @@ std::size_t TrafficControl::add(const std::string& nic, const emu::Conditions& c
   added.name = nic;
   added.index = rtnl_link_get_ifindex(netlink::find_link(socket_.get(), nic).get());
   added.settings = qdisc::settings_of(conditions);
-  // A root of another kind cannot be replaced; without any there is nothing to remove.
+  // A root qdisc of another kind cannot be replaced, so it is removed first. An error only means
+  // that there is none.
   qdisc::remove(socket_.get(), added.index);
   const int result = qdisc::create(socket_.get(), added.index, added.settings);
   if (result == -NLE_OBJ_NOTFOUND) {
@@ -54,7 +56,8 @@ std::size_t TrafficControl::change(std::size_t number, const emu::Conditions& co
   if (now.layered != before.layered) {
     nic.before = counters()[number];
     nic.before.lost = nic.before.packets_in - nic.before.packets_sent - nic.before.queue_drops;
-    qdisc::remove(socket, nic.index);  // unless an attempt before this has failed halfway
+    // An error only means that there is no tree, as after an attempt that failed halfway.
+    qdisc::remove(socket, nic.index);
     check_nl(qdisc::create(socket, nic.index, now), attempt);
     nic.settings = now;
     return kMostRequests;
@@ -77,7 +80,8 @@ std::size_t TrafficControl::change(std::size_t number, const emu::Conditions& co
     count(qdisc::send_queue(socket, nic.index, same_kind ? 0 : NLM_F_CREATE | NLM_F_REPLACE,
                             now.queue));
   }
-  nic.settings = now;  // not before, so that what has failed is tried again
+  // Only now, so that a change that has thrown above is tried again.
+  nic.settings = now;
   return requests;
 }
 
@@ -88,7 +92,7 @@ void TrafficControl::remove(std::size_t number) {
 
 namespace {
 
-// What the qdiscs of one NIC say; each knows of what those below it have dropped.
+// The counters of one NIC's tree. Those of netem 1: include the drops of the qdiscs below it.
 struct KernelCounters {
   std::uint64_t packets = 0;
   std::uint64_t bytes = 0;
@@ -114,7 +118,7 @@ void read_qdisc(rtnl_tc* qdisc, KernelCounters& out) {
 EgressCounters sum(const EgressCounters& before, const KernelCounters& now) {
   const std::uint64_t queue_drops = std::min(now.queue_drops, now.drops);
   const std::uint64_t seen = now.packets + now.waiting;
-  // Dropped packets are taken to be as long as the others in the mean.
+  // See EgressCounters::bytes_in.
   const std::uint64_t dropped_bytes =
       seen > 0 ? (now.bytes + now.waiting_bytes) / seen * now.drops : 0;
   EgressCounters out = before;

@@ -19,18 +19,23 @@ namespace {
 constexpr std::uint32_t first_class(std::uint32_t major) { return handle(major) | 1U; }
 constexpr std::uint64_t kMost32 = std::numeric_limits<std::uint32_t>::max();
 
-constexpr int kEthernetHeader = 14;  // bytes
-// Bytes per second of netem 1:, 1 ns for 1000 bytes: only there to keep the order.
+// Bytes.
+constexpr int kEthernetHeader = 14;
+// The rate of netem 1:, in bytes per second: 1 ns for 1000 bytes. It delays nothing and only makes
+// netem keep the order.
 constexpr std::uint64_t kOrderingRate = 1'000'000'000'000;
-// Bytes per second of tbf 6:, 120 ns for the largest packet: less than it takes to send one.
+// The rate of tbf 6:, in bytes per second: 120 ns for the largest packet, less than the kernel
+// needs to send one, so that it never delays.
 constexpr std::uint64_t kSegmenterRate = 12'500'000'000;
-constexpr std::uint32_t kLargestPacket = 1500;  // IP bytes; the MTU that wire() gives
-// A shaper sends late by what a timer is late. It makes good for as much as this; and after a pause
-// it lets through at once what takes this long.
+// IP bytes: the MTU that wire() gives to NICs.
+constexpr std::uint32_t kLargestPacket = 1500;
+// The shaper's burst, as time at its rate. A late timer makes the shaper late; it catches up as
+// much as this, and after a pause it sends this much at once.
 constexpr Duration kBurst = std::chrono::milliseconds(1);
 // The unit of time in which htb is told its burst: PSCHED_SHIFT of net/pkt_sched.h.
 constexpr Duration kTick{64};
-constexpr std::uint32_t kHtbVersion = 3;  // of its netlink interface, HTB_VER of sch_htb.c
+// The version of htb's netlink interface: HTB_VER of sch_htb.c.
+constexpr std::uint32_t kHtbVersion = 3;
 
 std::uint32_t fraction(double probability) {
   return static_cast<std::uint32_t>(
@@ -39,7 +44,8 @@ std::uint32_t fraction(double probability) {
 
 [[noreturn]] void out_of_memory() { throw TestbedError(1, "out of memory"); }
 
-// A request about one qdisc or class.
+// A netlink request about one qdisc or class, built attribute by attribute and sent once. Owns its
+// message.
 class Request {
  public:
   struct Place {
@@ -64,8 +70,9 @@ class Request {
   Request(const Request&) = delete;
   Request& operator=(const Request&) = delete;
 
+  // Takes a copy, because libnl accepts no pointer to const.
   template <class T>
-  void append(T structure) {  // by value, because libnl takes no const
+  void append(T structure) {
     if (nlmsg_append(message_, &structure, sizeof structure, NLMSG_ALIGNTO) != 0) out_of_memory();
   }
   template <class T>
@@ -79,7 +86,7 @@ class Request {
   }
   void close(nlattr* nest) { nla_nest_end(message_, nest); }
 
-  // Waits for the answer.
+  // Sends the request and returns the kernel's answer.
   int send(nl_sock* socket) { return nl_send_sync(socket, std::exchange(message_, nullptr)); }
 
  private:
@@ -107,9 +114,11 @@ int send_segmenter(nl_sock* socket, int nic) {
                   "tbf");
   put_header_allowance(request);
   tc_tbf_qopt basic{};
-  basic.rate.linklayer = TC_LINKLAYER_ETHERNET;  // else it looks for a rate table
+  // Without a link layer the kernel would ask for a rate table.
+  basic.rate.linklayer = TC_LINKLAYER_ETHERNET;
   basic.rate.rate = static_cast<std::uint32_t>(kMost32);
-  basic.limit = kLargestPacket;  // of the queue that netem 1: replaces
+  // The limit of tbf's first queue, which netem 1: replaces.
+  basic.limit = kLargestPacket;
   nlattr* options = request.open(TCA_OPTIONS);
   request.put(TCA_TBF_PARMS, basic);
   request.put(TCA_TBF_RATE64, kSegmenterRate);
@@ -123,8 +132,10 @@ int send_shaper(nl_sock* socket, int nic, const Settings& settings) {
   Request request(RTM_NEWQDISC, NLM_F_CREATE | NLM_F_EXCL, {nic, handle(kShaper), parent}, "htb");
   tc_htb_glob global{};
   global.version = kHtbVersion;
-  global.rate2quantum = 10;  // what tc gives; means nothing with one class
-  global.defcls = 1;         // all packets are of class 3:1
+  // The default of the program tc; without effect where there is one class.
+  global.rate2quantum = 10;
+  // All packets belong to class 3:1.
+  global.defcls = 1;
   nlattr* options = request.open(TCA_OPTIONS);
   request.put(TCA_HTB_INIT, global);
   request.close(options);
@@ -142,11 +153,12 @@ Main main_settings(const emu::Conditions& conditions) {
   return out;
 }
 
-// A queue has one limit. That of packets counts where it is always the first to be reached.
+// A fifo has one limit: that in packets where packets of the largest size reach it first, else that
+// in bytes.
 Queue queue_of(const emu::Conditions& conditions) {
   const std::uint64_t packets = conditions.queue_packets;
   const bool in_packets = packets > 0 && packets <= conditions.queue_bytes / kLargestPacket;
-  // An idle bottleneck takes any packet.
+  // One packet of the largest size always fits, since an idle bottleneck accepts any packet.
   const std::uint64_t bytes = std::max<std::uint64_t>(conditions.queue_bytes, kLargestPacket);
   return {in_packets, static_cast<std::uint32_t>(std::min(in_packets ? packets : bytes, kMost32))};
 }
@@ -158,7 +170,8 @@ Settings settings_of(const emu::Conditions& conditions) {
   out.main = main_settings(conditions);
   if (const auto& chain = conditions.gilbert_elliott) {
     out.layered = out.main.duplicate == 0;
-    // One netem draws either from a chain or from `loss`, so then both go into the chain.
+    // A netem takes either a chain or an independent loss. Where there is one netem only, the chain
+    // gets both: `kept` is the probability to survive the independent loss.
     const bool all_lost = out.main.loss == fraction(1);
     const double kept = out.layered ? 1 : all_lost ? 0 : 1 - conditions.loss;
     out.bursts = {fraction(chain->p), fraction(chain->r), fraction((1 - chain->loss_in_bad) * kept),
@@ -178,7 +191,8 @@ int send_main(nl_sock* socket, int nic, int flags, const Settings& settings) {
   basic.limit = kDelayLinePackets;
   basic.loss = main.loss;
   basic.duplicate = main.duplicate;
-  basic.gap = main.reorder > 0 ? 1 : 0;  // 0: none is reordered, 1: any may be
+  // With 0 netem reorders nothing, with 1 any packet may be reordered.
+  basic.gap = main.reorder > 0 ? 1 : 0;
   nlattr* options = request.open(TCA_OPTIONS);
   request.append(basic);
   request.put(TCA_NETEM_LATENCY64, main.latency_ns);
@@ -208,7 +222,8 @@ int send_bursts(nl_sock* socket, int nic, int flags, const Bursts& bursts) {
 int send_rate(nl_sock* socket, int nic, int flags, std::uint64_t bytes_per_second) {
   Request request(RTM_NEWTCLASS, flags, {nic, first_class(kShaper), handle(kShaper)}, "htb");
   tc_htb_opt basic{};
-  basic.rate.linklayer = TC_LINKLAYER_ETHERNET;  // else it looks for a rate table
+  // As in send_segmenter().
+  basic.rate.linklayer = TC_LINKLAYER_ETHERNET;
   basic.rate.rate = static_cast<std::uint32_t>(std::min(bytes_per_second, kMost32));
   basic.ceil = basic.rate;
   basic.buffer = static_cast<std::uint32_t>(kBurst / kTick);
@@ -238,7 +253,8 @@ int create(nl_sock* socket, int nic, const Settings& settings) {
   if (result == 0) result = send_main(socket, nic, kNew, settings);
   if (result == 0 && settings.layered) result = send_bursts(socket, nic, kNew, *settings.bursts);
   if (result == 0) result = send_shaper(socket, nic, settings);
-  // Where nothing is to pass the rate is any, since netem lets nothing through.
+  // A rate of 0 is none that htb takes. Where nothing may pass, netem 1: loses everything, and the
+  // shaper's rate does not matter.
   if (result == 0) {
     result = send_rate(socket, nic, kNew, std::max<std::uint64_t>(1, settings.bytes_per_second));
   }

@@ -1,5 +1,6 @@
-// The requests by which the kernel learns what a NIC's qdiscs are to do, see qdisc.h for their
-// tree. Errors: libnl's codes (0: done), TestbedError when out of memory.
+// Builds and sends the netlink requests that make and change the qdiscs of a NIC (their tree is in
+// qdisc.h). Keeps no state; thread-compatible with its socket. Errors: functions return libnl's
+// codes (0: done) and throw TestbedError when memory runs out.
 #pragma once
 
 #include <cstddef>
@@ -12,8 +13,8 @@ struct nl_sock;
 
 namespace interneuron::netns::qdisc {
 
-// Handles: tbf 6:, netem 1:, netem 2:, htb 3:, bfifo 4: or pfifo 5: (a qdisc cannot change its
-// kind).
+// Major numbers of the qdiscs: netem 1:, netem 2: (bursts), htb 3:, bfifo 4:, pfifo 5:, tbf 6:. The
+// two fifos have different numbers because a qdisc cannot change its kind.
 constexpr std::uint32_t handle(std::uint32_t major) { return major << 16U; }
 inline constexpr std::uint32_t kMain = 1;
 inline constexpr std::uint32_t kBursts = 2;
@@ -22,13 +23,15 @@ inline constexpr std::uint32_t kByteQueue = 4;
 inline constexpr std::uint32_t kPacketQueue = 5;
 inline constexpr std::uint32_t kSegmenter = 6;
 
-// Most packets that a netem holds: one second of 1.1 Gbit/s in packets of 1400 bytes, or of
-// 100 Mbit/s in packets of 125. A flood finds its end here, at some 250 MB of the kernel's.
+// The most packets that a netem delays at a time: one second of 1.1 Gbit/s in packets of 1400
+// bytes, or of 100 Mbit/s in packets of 125. It bounds what a flood takes of the kernel's memory
+// to some 250 MB.
 inline constexpr std::uint32_t kDelayLinePackets = 100'000;
 
-// What each qdisc is told, in the kernel's units: probabilities are fractions of 2^32 - 1.
+// Settings of netem 1:, in the kernel's units: probabilities are fractions of 2^32 - 1.
 struct Main {
-  std::int64_t latency_ns = 0;  // whole microseconds
+  // A whole number of microseconds, so that smaller changes of the delay need no request.
+  std::int64_t latency_ns = 0;
   std::uint32_t loss = 0;
   std::uint32_t duplicate = 0;
   std::uint32_t corrupt = 0;
@@ -36,6 +39,8 @@ struct Main {
   bool operator==(const Main&) const = default;
 };
 
+// A Gilbert-Elliott chain as the kernel takes it: the probabilities to change state, to keep a
+// packet in the bad state, and to lose one in the good state.
 struct Bursts {
   std::uint32_t to_bad = 0;
   std::uint32_t to_good = 0;
@@ -53,26 +58,29 @@ struct Queue {
 struct Settings {
   Main main;
   std::optional<Bursts> bursts;
-  // The bursts have a netem of their own. Not where packets are duplicated: kernels from 6.1.142 to
-  // 6.18 refuse a second netem beside one that does, so the bursts are then the main netem's and
-  // end with each change.
+  // Whether the bursts have a netem of their own. They have not where packets are duplicated:
+  // kernels from 6.1.142 to 6.18 refuse a second netem below one that duplicates. The chain then
+  // belongs to netem 1: and falls back into its good state with each change.
   bool layered = false;
-  std::uint64_t bytes_per_second = 0;  // 0: nothing passes
+  // 0: nothing passes.
+  std::uint64_t bytes_per_second = 0;
   Queue queue;
 };
 
 Settings settings_of(const emu::Conditions& conditions);
 
-// `flags`: NLM_F_CREATE | NLM_F_EXCL, or 0 to change. Each repeats everything, because the kernel
-// forgets what is not named (loss, size table) or keeps it (rate), as it likes.
+// Each makes (`flags` NLM_F_CREATE | NLM_F_EXCL) or changes (0) one qdisc of the tree. Every
+// request names all settings: of those left out the kernel forgets some (loss, size table) and
+// keeps others (rate).
 int send_main(nl_sock* socket, int nic, int flags, const Settings& settings);
 int send_bursts(nl_sock* socket, int nic, int flags, const Bursts& bursts);
 int send_rate(nl_sock* socket, int nic, int flags, std::uint64_t bytes_per_second);
-// With NLM_F_CREATE | NLM_F_REPLACE where the kind is another; what waits is then lost.
+// To change the kind of fifo `flags` are NLM_F_CREATE | NLM_F_REPLACE; the packets that wait are
+// then lost.
 int send_queue(nl_sock* socket, int nic, int flags, Queue queue);
-// The whole tree, where there is none.
+// Makes the whole tree at a NIC that has no root qdisc.
 int create(nl_sock* socket, int nic, const Settings& settings);
-// Whatever the root is.
+// Removes the root qdisc, whatever it is, with all below it.
 int remove(nl_sock* socket, int nic);
 
 }  // namespace interneuron::netns::qdisc
