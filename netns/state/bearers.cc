@@ -23,7 +23,7 @@ std::uint32_t kbit(DataRate rate) {
   return clamp32(static_cast<double>(rate.bits_per_second) / 1e3);
 }
 
-// What the schedule says of a Gilbert-Elliott loss: its long-run mean.
+// The loss that the schedule shows: of a Gilbert-Elliott chain its mean in the long run.
 double mean_loss(const emu::Conditions& c) {
   if (!c.gilbert_elliott) return c.loss;
   const emu::GilbertElliott& ge = *c.gilbert_elliott;
@@ -32,7 +32,7 @@ double mean_loss(const emu::Conditions& c) {
   return 1 - (1 - c.loss) * (1 - burst);
 }
 
-// The same kind of drive for another vehicle.
+// The scenario of another vehicle: the same links and events with seeds of its own.
 emu::Scenario scenario_of(const emu::Scenario& first, std::size_t vehicle) {
   if (vehicle == 0) return first;
   emu::Scenario out = first;
@@ -73,7 +73,7 @@ void Bearers::advance(TimePoint now) {
   const Duration time = since_epoch(now);
   for (const auto& vehicle : vehicles_) vehicle->play(time);
   const std::int64_t due = time / emu::kDelayStep + 1;
-  // After a long sleep (a suspended machine) only what the ring holds.
+  // After a long sleep (a suspended machine) only as many steps are published as the ring holds.
   steps_ = std::max(steps_, due - static_cast<std::int64_t>(SharedLink::kSteps));
   for (; steps_ < due; ++steps_) {
     for (std::size_t i = 0; i < links_.size(); ++i) publish(i, steps_);
@@ -110,7 +110,7 @@ void Bearers::serve(TimePoint now) {
   for (int i = 0; i < count; ++i) attended_[events[static_cast<std::size_t>(i)].data.u64]();
 }
 
-// Empty when done, else what is wrong; then nothing has changed.
+// Carries out a request. Returns an empty text, or what is wrong with it; then nothing has changed.
 std::string Bearers::obey(const Request& request, Duration time) {
   const auto known = [this](std::size_t i) { return i < links_.size(); };
   if (!std::all_of(request.links.begin(), request.links.end(), known)) return "no such link";

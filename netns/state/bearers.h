@@ -1,6 +1,10 @@
-// The links of a running testbed as models, whatever back end carries the packets: made from the
-// options, changed by requests and by events, their schedule and counters published to shared
-// memory. Thread-compatible. Errors: the constructor throws TestbedError.
+// The links of a running testbed as models, for either back end that carries the packets: made from
+// the options, changed by requests (control.h) and by the scenario's events, with their schedule
+// published to shared memory. Lives in the holder, which calls it from its loop.
+//
+// Owns the models. A request comes from another process: it is checked as a whole before anything
+// is changed, and a wrong one is answered with the reason. Thread-compatible. Errors: the
+// constructor throws TestbedError; afterwards none.
 #pragma once
 
 #include <cstddef>
@@ -20,30 +24,33 @@ namespace interneuron::netns {
 
 class Bearers {
  public:
-  // `control` and `stats` outlive this. Requests for what `backend` cannot do are refused.
+  // `control` and `stats` must outlive this. Requests for what `backend` cannot do are refused.
   Bearers(const TestbedOptions& options, Backend backend, ControlServer& control,
           SharedStats& stats);
 
-  // Links in the order of State::links.
+  // The links and their shared counters, in the order of State::links.
   std::size_t size() const { return links_.size(); }
   emu::Link& link(std::size_t index) { return *links_[index]; }
   SharedLink& shared(std::size_t index) { return stats_.link(index); }
   SharedStats& stats() { return stats_; }
 
-  // The first packet has come: the links' time begins.
+  // Begins the links' time: `epoch` is when the first packet came.
   void start(TimePoint epoch);
+  // Empty before the first packet.
   std::optional<TimePoint> epoch() const { return epoch_; }
-  // Time of the links; 0 before the epoch.
+  // The time of the links at `now`; 0 before the epoch.
   Duration since_epoch(TimePoint now) const;
 
-  // Applies the events that are due and publishes the schedule so far. To be called every
-  // kAdvanceInterval or oftener; a call without anything to do costs little.
+  // Applies the events that are due and publishes the schedule up to `now`. To be called at least
+  // every kAdvanceInterval; a call without anything to do costs little.
   void advance(TimePoint now);
   static constexpr Duration kAdvanceInterval = emu::kDelayStep;
 
-  // Has `serve` called, within serve(), when `fd` is readable; both outlive this.
+  // Makes serve() call `serve` whenever `fd` is readable. The caller keeps the descriptor open as
+  // long as this lives.
   void attend(int fd, std::function<void()> serve);
-  // Readable when a request waits or what attend() named; serve() looks after it. Never blocks.
+  // attention_fd() is readable when a request or a descriptor of attend() waits; serve() then
+  // handles all of them without blocking.
   int attention_fd() const { return attention_.get(); }
   void serve(TimePoint now);
 
@@ -53,14 +60,18 @@ class Bearers {
 
   Backend backend_;
   ControlServer& control_;
-  io::FileDescriptor attention_;  // epoll
+  // An epoll descriptor over the control socket and the descriptors of attend().
+  io::FileDescriptor attention_;
   std::vector<std::function<void()>> attended_;
   SharedStats& stats_;
   std::vector<std::unique_ptr<emu::ScenarioPlayer>> vehicles_;
-  std::vector<emu::Link*> links_;  // theirs
+  // The links of all vehicles_, which own them.
+  std::vector<emu::Link*> links_;
   std::optional<TimePoint> epoch_;
-  TimePoint now_{};         // during serve()
-  std::int64_t steps_ = 0;  // published
+  // The argument of serve() while that runs.
+  TimePoint now_{};
+  // How many steps of the schedule have been published.
+  std::int64_t steps_ = 0;
 };
 
 }  // namespace interneuron::netns

@@ -1,5 +1,5 @@
-// System calls that must succeed. Errors: TestbedError (1) that names the attempted call and
-// errno's text.
+// Checks system calls that must succeed. Errors: TestbedError (1), "cannot ATTEMPT: " and the text
+// of errno. Thread-safe.
 #pragma once
 
 #include <cerrno>
@@ -14,7 +14,7 @@ namespace interneuron::netns {
   throw TestbedError(1, "cannot " + attempt + ": " + std::strerror(error));
 }
 
-// Returns `result` unless it is negative.
+// Returns `result`; throws when it is negative.
 inline int check(int result, const std::string& attempt) {
   if (result < 0) fail_errno(attempt);
   return result;

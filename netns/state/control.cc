@@ -17,7 +17,7 @@ namespace interneuron::netns {
 
 namespace {
 
-// A request holds a few settings of at most a path each.
+// The most bytes of a request: some settings, each of which is a path of 4096 bytes at most.
 constexpr std::size_t kMaxMessage = 32768;
 constexpr int kAnswerBoundMs = 5000;
 
@@ -26,7 +26,7 @@ struct Address {
   socklen_t size = 0;
 };
 
-// Abstract: begins with a zero byte and has no place in the file system.
+// An abstract address begins with a zero byte and has no place in the file system.
 Address abstract_address(const std::string& name) {
   Address out;
   out.data.sun_family = AF_UNIX;
@@ -60,7 +60,7 @@ std::string name_of(const sockaddr_un& address, socklen_t size) {
   return size > start ? std::string(address.sun_path + 1, size - start) : std::string();
 }
 
-// What is no UTF-8 is replaced: the holder then names the setting that it does not know.
+// Bytes that are not UTF-8 are replaced; the holder then refuses the setting and names it.
 std::string to_text(const Request& request, const std::string& token) {
   const Json json{{"token", token},
                   {"links", request.links},
@@ -69,7 +69,7 @@ std::string to_text(const Request& request, const std::string& token) {
   return json.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
-// Throws std::exception for what is none of ours.
+// Throws std::exception for anything but a request with the right token.
 Request from_json(const Json& object, const std::string& token) {
   if (object.at("token").get<std::string>() != token) throw std::runtime_error("not authorised");
   Request out;
@@ -103,21 +103,23 @@ std::optional<Request> ControlServer::receive() {
     Request request = from_json(Json::parse(text), token_);
     client_ = name_of(from, from_size);
     return request;
-  } catch (const std::exception&) {  // a stranger's
+  } catch (const std::exception&) {
+    // Not a request of the testbed's owner.
     return std::nullopt;
   }
 }
 
 void ControlServer::reply(const std::string& error) {
   const Address to = abstract_address(client_);
-  // A client that does not wait any more misses it.
+  // The answer is lost when the client no longer waits for it.
   ::sendto(socket_.get(), error.data(), error.size(), MSG_DONTWAIT | MSG_NOSIGNAL,
            reinterpret_cast<const sockaddr*>(&to.data), to.size);
 }
 
 void ask(const State& state, const Request& request) {
   const io::FileDescriptor socket = open_socket(0);
-  const sa_family_t family = AF_UNIX;  // an address of only this: the kernel picks an abstract name
+  // Bound to an address of the family alone, a socket gets an abstract name from the kernel.
+  const sa_family_t family = AF_UNIX;
   check(::bind(socket.get(), reinterpret_cast<const sockaddr*>(&family), sizeof family),
         "bind a control socket");
   const std::string message = to_text(request, state.control_token);

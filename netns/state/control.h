@@ -1,6 +1,13 @@
-// Requests to a running holder: datagrams between abstract Unix sockets, which vanish with their
-// process. A request is believed when it carries the token of the state file, which only the owner
-// and root can read. Errors: TestbedError (1). Thread-compatible.
+// Requests to a running holder: JSON datagrams between abstract Unix sockets, which vanish with
+// their process.
+//
+// Any process in the same network namespace can send to the holder's socket. A request is carried
+// out only when it has the token of the state file, 128 random bits that only the testbed's owner
+// and root can read; all others are dropped without an answer. Datagrams are cut at 32 KiB and
+// parsed as untrusted bytes. A flood of them delays honest requests, never packets for long: the
+// holder reads them one at a time between its steps.
+//
+// Thread-compatible. Errors: TestbedError (1).
 #pragma once
 
 #include <optional>
@@ -13,24 +20,30 @@
 
 namespace interneuron::netns {
 
-// What may be asked of the links `links` (indices into State::links).
+// A change of some links, from now on.
 struct Request {
+  // Indices into State::links.
   std::vector<std::size_t> links;
-  std::vector<std::string> settings;  // KEY=VALUE, see emu::parse_change
-  Duration outage{};                  // > 0: nothing passes for this long
+  // Each KEY=VALUE as emu::parse_change reads it.
+  std::vector<std::string> settings;
+  // When above 0, nothing passes for this long.
+  Duration outage{};
 };
 
+// The holder's end: receives requests and answers each before it receives the next.
 class ControlServer {
  public:
-  // In the namespace of the caller, where clients must be as well.
+  // Binds a socket in the caller's network namespace, where clients must be as well, and draws the
+  // token.
   ControlServer();
 
   const std::string& name() const { return name_; }
   const std::string& token() const { return token_; }
   int fd() const { return socket_.get(); }
 
-  // The next request, if one waits; what is none, or has no token, is dropped. reply() answers it:
-  // empty for done, else what is wrong.
+  // The next request, if one waits. A datagram that is no request, or lacks the token, is dropped
+  // and gives an empty result. reply() answers the request: an empty text for done, else what is
+  // wrong with it.
   std::optional<Request> receive();
   void reply(const std::string& error);
 
@@ -38,11 +51,12 @@ class ControlServer {
   io::FileDescriptor socket_;
   std::string name_;
   std::string token_;
-  std::string client_;  // abstract name of who asked last
+  // The abstract name of the socket that the last request came from.
+  std::string client_;
 };
 
-// Sends a request and waits for the answer (at most 5 s); throws TestbedError (3) with what the
-// holder found wrong in it.
+// Sends a request to the holder and waits for the answer, at most 5 s. Throws TestbedError: (3)
+// with what the holder found wrong with the request, (1) without an answer.
 void ask(const State& state, const Request& request);
 
 }  // namespace interneuron::netns

@@ -1,4 +1,5 @@
-// What goes wrong with a testbed, as one line for its user.
+// The exception of everything that makes, finds or changes a testbed. Its text is one line for the
+// user: what could not be done, why, and where possible the remedy.
 #pragma once
 
 #include <stdexcept>
@@ -6,8 +7,9 @@
 
 namespace interneuron::netns {
 
-// exit_code is what the program should exit with: 3 a bad profile, 5 a privilege is missing,
-// 126/127 a command could not be run / was not found, 1 anything else.
+// exit_code is what the program should end with: 2 a name that is none of a host, 3 a bad profile
+// or setting, 5 a missing privilege, 126 a command that could not be run, 127 one that was not
+// found, 1 anything else.
 class TestbedError : public std::runtime_error {
  public:
   TestbedError(int code, const std::string& what) : std::runtime_error(what), exit_code(code) {}

@@ -1,4 +1,4 @@
-// host_name, parse_host, backend_name: names of what a testbed has.
+// host_name() and parse_host() of hosts.h, backend_name() of state.h.
 #include "netns/state/hosts.h"
 
 #include <charconv>
@@ -15,7 +15,7 @@ constexpr const char* kVehicleName = "vehicle";
 constexpr const char* kRoadName = "road";
 constexpr const char* kCoreName = "core";
 
-// "", "1", "2", ... -> 0, 0, 1, ...
+// The index of a host whose name ends in these digits: 0 for "" and "1", 1 for "2", and so on.
 std::optional<std::size_t> parse_index(const std::string& digits) {
   if (digits.empty()) return 0;
   std::size_t number = 0;

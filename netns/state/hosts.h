@@ -1,5 +1,4 @@
-// The hosts of a testbed and their names. Pure values.
-// Errors: parse_host throws TestbedError (2).
+// The hosts of a testbed and their names. Pure; thread-safe.
 #pragma once
 
 #include <cstddef>
@@ -11,7 +10,8 @@ namespace interneuron::netns {
 // One host of a testbed, which is one network namespace.
 struct Host {
   enum class Kind : std::uint8_t { kVehicle, kRoad, kCore } kind = Kind::kVehicle;
-  std::size_t index = 0;  // from 0; 0 for the core
+  // Counted from 0 among the hosts of its kind. There is one core.
+  std::size_t index = 0;
   bool operator==(const Host&) const = default;
 };
 inline constexpr Host kVehicle{Host::Kind::kVehicle, 0};
@@ -20,7 +20,7 @@ inline constexpr Host kCore{Host::Kind::kCore, 0};
 
 // "vehicle" (or "vehicle1"), "vehicle2", ..., "road", "road2", ..., "core".
 std::string host_name(Host host);
-// Throws TestbedError (2) for anything else.
+// The host of such a name. Throws TestbedError (2) for anything else.
 Host parse_host(const std::string& text);
 
 }  // namespace interneuron::netns

@@ -1,5 +1,6 @@
-// Values out of JSON that another process wrote. All of it may be wrong: what is not as expected is
-// a std::exception, whose text goes into the one line that the user sees.
+// Reads values from JSON that another process wrote (the state file, requests). Any of it may be
+// wrong: what is not as expected throws a std::exception, whose text becomes part of the line that
+// the user sees. Pure; thread-safe.
 #pragma once
 
 #include <cstdint>

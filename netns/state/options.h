@@ -1,4 +1,4 @@
-// What a testbed is to be made of.
+// What Testbed::up() is to make. A value; Testbed::up() checks it.
 #pragma once
 
 #include <cstddef>
@@ -11,21 +11,27 @@
 
 namespace interneuron::netns {
 
-inline constexpr std::size_t kMaxLinks = 16;      // per vehicle
-inline constexpr std::size_t kMaxVehicles = 100;  // 2 namespaces' worth of NICs each
+// The most links of a vehicle, vehicles and roadside units. Addresses allow 255 vehicles and 253
+// roadside units (a byte of 10.x.v.0/24 and of 10.x.0.r); no measurement is behind these values,
+// which only have to be smaller and larger than what experiments use.
+inline constexpr std::size_t kMaxLinks = 16;
+inline constexpr std::size_t kMaxVehicles = 100;
 inline constexpr std::size_t kMaxRoads = 16;
 
 struct TestbedOptions {
-  std::string name = "default";  // 1..64 characters of [A-Za-z0-9_-]
+  // 1 to 64 characters of [A-Za-z0-9_-].
+  std::string name = "default";
   emu::Scenario scenario = default_scenario();
-  std::size_t vehicles = 1;  // 1..kMaxVehicles; each has all links of the scenario
-  std::size_t roads = 1;     // 1..kMaxRoads
+  // 1 to kMaxVehicles; each has all links of the scenario.
+  std::size_t vehicles = 1;
+  // 1 to kMaxRoads.
+  std::size_t roads = 1;
   Backend backend = Backend::kAuto;
-  // The core translates the vehicles' addresses to its own, one per network, and forgets idle
-  // mappings (nftables): what a carrier's gateway does.
+  // Whether the core translates addresses as a carrier's gateway does (netns/wiring/nat.h).
   bool nat = false;
-  std::filesystem::path runtime_dir = default_runtime_dir();  // created with mode 0700
-  // true: the holder outlives the caller until down(); false: it dies with the caller.
+  // Where the state file is; made with mode 0700 if it is not there.
+  std::filesystem::path runtime_dir = default_runtime_dir();
+  // true: the holder lives until down(); false: it ends with the caller.
   bool detached = false;
 };
 

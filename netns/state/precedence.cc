@@ -12,8 +12,10 @@ namespace interneuron::netns {
 namespace {
 
 constexpr unsigned long kTimerSlackNs = 1;
-constexpr std::uint64_t kShortSliceNs = 100'000;  // the shortest that the kernel grants
-constexpr int kPriority = 10;  // SCHED_FIFO; any above 0 is before all ordinary processes
+// The shortest time slice that the kernel grants.
+constexpr std::uint64_t kShortSliceNs = 100'000;
+// Under SCHED_FIFO any priority above 0 comes before all ordinary processes.
+constexpr int kPriority = 10;
 
 // struct sched_attr of linux/sched/types.h, which clashes with <sched.h> of glibc before 2.41.
 struct SchedAttributes {
@@ -38,7 +40,8 @@ void take_precedence() {
   if (::sched_setscheduler(0, SCHED_FIFO, &priority) == 0) return;
   SchedAttributes attributes;
   attributes.runtime_ns = kShortSliceNs;
-  ::syscall(SYS_sched_setattr, 0, &attributes, 0);  // a wish; refusing it harms nothing
+  // Kernels that do not know short slices refuse this; the thread then runs as before.
+  ::syscall(SYS_sched_setattr, 0, &attributes, 0);
 }
 
 }  // namespace interneuron::netns

@@ -1,12 +1,12 @@
-// What a thread asks of the kernel's scheduler in order to be punctual.
+// What a thread asks of the kernel's scheduler in order to wake up on time.
 #pragma once
 
 namespace interneuron::netns {
 
-// For the calling thread, from now on: timers on time (the kernel's default adds 50 us to each),
-// and the processor before ordinary processes. Without the right to the latter it asks for a short
-// slice of time, which the scheduler of kernels from 6.12 on takes as a wish for low latency. Never
-// fails.
+// From now on the calling thread's timers end on time (the kernel's default adds 50 us to each) and
+// it runs before ordinary processes (SCHED_FIFO). Where the right to that is missing it asks for a
+// short time slice, which kernels from 6.12 on take as a wish for low latency. Without either the
+// thread may be late; nothing is reported, as the emulator measures its lateness itself.
 void take_precedence();
 
 }  // namespace interneuron::netns

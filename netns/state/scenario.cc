@@ -1,4 +1,5 @@
-// default_scenario, scenario_of, load_scenario, profile_resolver: which links a testbed has.
+// default_scenario(), scenario_of(), load_scenario(), profile_resolver(): which links a testbed
+// has.
 #include "netns/state/scenario.h"
 
 #include <cerrno>
@@ -34,7 +35,7 @@ emu::FileLoader loader_in(const std::filesystem::path& folder) {
   return [folder](const std::string& name) { return read_file(folder / name); };
 }
 
-// What a parser returned, or its error as an exception.
+// The value that a parser returned; throws its error as a TestbedError.
 template <class Value>
 Value require(std::variant<Value, emu::ProfileError> parsed) {
   if (const auto* error = std::get_if<emu::ProfileError>(&parsed)) {
@@ -89,7 +90,7 @@ emu::Scenario load_scenario(const std::filesystem::path& file, std::optional<std
   emu::Scenario out =
       require(emu::parse_scenario(text, file.string(), profile_resolver(file.parent_path())));
   if (!seed) return out;
-  // Links without a seed of their own follow the scenario's.
+  // Links to which the file gives no seed of their own get one derived from the new seed.
   for (std::size_t i = 0; i < out.links.size(); ++i) {
     if (out.links[i].seed == emu::link_seed(out.seed, i)) {
       out.links[i].seed = emu::link_seed(*seed, i);

@@ -1,5 +1,5 @@
-// Scenarios and profiles by name or file, for users of a testbed.
-// Errors: TestbedError (3) that names file, line, column and key.
+// Finds scenarios and profiles by name or file. Reads files; otherwise without state, thread-safe.
+// Errors: TestbedError (3), which names file, line, column and key of a mistake.
 #pragma once
 
 #include <cstdint>
@@ -17,16 +17,16 @@ namespace interneuron::netns {
 // 15).
 emu::Scenario default_scenario(std::uint64_t seed = 1);
 
-// Links named and conditioned by `links`, each the name of a built-in profile ("5g"), or the path
-// of a TOML file, or NAME=either. Throws TestbedError (3) that names file, line, column and key.
+// A scenario with one link for each entry of `links`: the name of a built-in profile ("5g"), the
+// path of a TOML file, or NAME= and either, which names the link.
 emu::Scenario scenario_of(const std::vector<std::string>& links, std::uint64_t seed);
 
-// The scenario in this file; `seed` instead of the file's, if given. Throws likewise.
+// The scenario in this file, with `seed` in place of the file's if it is given.
 emu::Scenario load_scenario(const std::filesystem::path& file,
                             std::optional<std::uint64_t> seed = std::nullopt);
 
-// Finds a profile by the name of a built-in one or by path, relative to `folder`; for emu's
-// parsers.
+// For emu's parsers: finds a profile by the name of a built-in one or by a path relative to
+// `folder`.
 emu::ProfileResolver profile_resolver(const std::filesystem::path& folder);
 
 }  // namespace interneuron::netns

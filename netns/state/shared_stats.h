@@ -1,7 +1,8 @@
-// What the holder lets others read while it runs: shared memory (memfd), written by the holder
-// alone: one SharedStats, then a SharedLink per link. Each value is atomic; the whole is not, which
-// is fine for a display. The layout is private to one build of the program; kVersion refuses
-// another one's.
+// The shared memory (memfd) by which other processes read a running testbed's counters: one
+// SharedStats, followed by one SharedLink per link. The holder alone writes; readers map it
+// read-only, so they can change nothing. Each value is atomic, but values read one after the other
+// are not of one instant, which suffices for a display. The layout is private to one build of the
+// program: readers refuse memory with another kVersion.
 #pragma once
 
 #include <array>
@@ -14,8 +15,9 @@
 
 namespace interneuron::netns {
 
+// The counters of one direction of a link.
 struct SharedDirection {
-  // In the order of kCounters.
+  // Which field of DirectionStats each element of `values` is.
   static constexpr std::array kCounters{
       &emu::DirectionStats::packets_in, &emu::DirectionStats::bytes_in,
       &emu::DirectionStats::delivered,  &emu::DirectionStats::bytes_delivered,
@@ -40,7 +42,8 @@ struct SharedDirection {
   }
 };
 
-// ScheduleSample of one step.
+// What the model prescribed at one step: the fields of ScheduleSample as integers. Loss is in
+// millionths, rates are in kbit/s.
 struct SharedSample {
   std::atomic<std::uint32_t> rtt_us{};
   std::atomic<std::uint32_t> loss_up_ppm{};
@@ -52,18 +55,22 @@ struct SharedSample {
 struct SharedLink {
   SharedDirection up;
   SharedDirection down;
-  // The newest steps: step n of the process is at n % kSteps.
-  static constexpr std::size_t kSteps = 8192;  // 82 s: `testbed verify` looks back 60 s
-  std::atomic<std::int64_t> steps{};           // made so far
+  // How many steps of 10 ms are kept: 82 s, of which `testbed verify` reads the last 60 s.
+  static constexpr std::size_t kSteps = 8192;
+  // How many steps have been written so far. Step n is at samples[n % kSteps].
+  std::atomic<std::int64_t> steps{};
   std::array<SharedSample, kSteps> samples{};
 };
 
 struct SharedStats {
-  static constexpr std::uint64_t kVersion = 0x696e7465'00000004;  // "inte", 4
+  // The letters "inte" and the number of this layout, 4.
+  static constexpr std::uint64_t kVersion = 0x696e7465'00000004;
 
   std::uint64_t version = kVersion;
   std::uint64_t links = 0;
-  std::atomic<std::int64_t> epoch_ns{};  // CLOCK_MONOTONIC; 0: no packet yet
+  // When the first packet came, in CLOCK_MONOTONIC; 0 before.
+  std::atomic<std::int64_t> epoch_ns{};
+  // The rest is explained at Snapshot (netns/state/snapshot.h).
   std::atomic<std::uint64_t> frames_sent{};
   std::atomic<std::uint64_t> lateness_sum_ns{};
   std::atomic<std::uint64_t> lateness_max_ns{};
@@ -75,12 +82,12 @@ struct SharedStats {
   static std::size_t bytes(std::size_t link_count) {
     return sizeof(SharedStats) + link_count * sizeof(SharedLink);
   }
-  // Behind this struct, in the same memory.
+  // The links lie behind this struct, in the same memory.
   SharedLink& link(std::size_t index) { return reinterpret_cast<SharedLink*>(this + 1)[index]; }
   const SharedLink& link(std::size_t index) const {
     return reinterpret_cast<const SharedLink*>(this + 1)[index];
   }
-  // Puts one into `memory`, which has bytes(link_count) and is zero.
+  // Constructs a SharedStats with its links in `memory`, which has bytes(link_count) zero bytes.
   static SharedStats* construct(void* memory, std::size_t link_count) {
     auto* stats = new (memory) SharedStats;
     stats->links = link_count;

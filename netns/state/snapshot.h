@@ -1,4 +1,5 @@
-// Readings of a running testbed: counters of its links, and what their models prescribed.
+// Values read from a running testbed by Testbed::snapshot() and Testbed::schedule(): counters of
+// its links, and what their models prescribed.
 #pragma once
 
 #include <cstdint>
@@ -15,35 +16,43 @@ namespace interneuron::netns {
 struct LinkSnapshot {
   std::string name;
   std::size_t vehicle = 0;
-  emu::DirectionStats up;    // vehicle -> roadside; IP bytes
-  emu::DirectionStats down;  // roadside -> vehicle
+  // Up is from the vehicle to the roadside. Bytes are IP bytes.
+  emu::DirectionStats up;
+  emu::DirectionStats down;
 };
 
 // What the model prescribed for one link at one of its steps (emu::kDelayStep).
 struct ScheduleSample {
-  Duration at{};   // since the epoch
-  Duration rtt{};  // without queues
+  // Since the epoch.
+  Duration at{};
+  // The round-trip time without queueing.
+  Duration rtt{};
+  // From 0 to 1.
   double loss_up = 0;
   double loss_down = 0;
   DataRate rate_up{};
   DataRate rate_down{};
 };
 
-// A reading of the running links. Counters are each exact but not all of one instant.
+// The counters of all links. Each is exact, but they are not all of one instant.
 struct Snapshot {
-  std::optional<TimePoint> epoch;  // CLOCK_MONOTONIC of the first packet; empty before it
+  // When the first packet came, in CLOCK_MONOTONIC; empty before it.
+  std::optional<TimePoint> epoch;
   std::vector<LinkSnapshot> links;
-  // The emulator's alone, 0 with netem.
-  double lateness_mean_us = 0;  // of frames: when sent minus when due
+
+  // The following four are the emulator's and 0 with netem.
+  // By how much frames were sent later than they were due, in microseconds.
+  double lateness_mean_us = 0;
   double lateness_max_us = 0;
   std::uint64_t frames_sent = 0;
-  // Frames lost between kernel and emulator, in either direction: 0 unless the sender floods or a
-  // NIC was set down.
+  // Frames lost between kernel and emulator, in either direction: 0 unless a sender floods or a NIC
+  // was set down.
   std::uint64_t kernel_drops = 0;
-  // netem's alone, 0 with the emulator.
-  std::uint64_t netem_skipped = 0;  // steps that went by while one before was still at work
-  std::uint64_t netem_put_off = 0;  // NICs that had to wait for the next step, summed over steps
-  std::uint64_t netem_failed = 0;   // requests that the kernel refused
+
+  // The following three are netem's and 0 with the emulator; see NetemBackend::Effort.
+  std::uint64_t netem_skipped = 0;
+  std::uint64_t netem_put_off = 0;
+  std::uint64_t netem_failed = 0;
 };
 
 }  // namespace interneuron::netns

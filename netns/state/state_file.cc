@@ -90,13 +90,13 @@ Backend backend_from(const std::string& name) {
   throw std::runtime_error("no back end '" + name + "'");
 }
 
-// Throws std::exception for whatever is missing or of the wrong type.
+// Throws std::exception when anything is missing or of the wrong type.
 State from_json(const Json& object, const std::filesystem::path& file) {
   if (number_of<int>(object, "schema") != kSchema) throw std::runtime_error("another schema");
   State state;
   state.name = text_of(object, "name");
   state.holder = number_of<pid_t>(object, "pid");
-  // 0 and below mean whole groups of processes to kill(2).
+  // kill(2) takes 0 and negative numbers for whole groups of processes.
   if (state.holder <= 0) throw std::runtime_error("no process");
   state.holder_start_ticks = number_of<std::uint64_t>(object, "pid_start_ticks");
   state.detached = object.at("detached").get<bool>();
@@ -137,7 +137,8 @@ std::filesystem::path state_path(const std::filesystem::path& runtime_dir,
 }
 
 void make_runtime_dir(const std::filesystem::path& runtime_dir) {
-  std::error_code ignored;  // mkdir below reports what matters
+  // If this fails, mkdir() below fails as well and reports it.
+  std::error_code ignored;
   std::filesystem::create_directories(runtime_dir.parent_path(), ignored);
   if (::mkdir(runtime_dir.c_str(), 0700) != 0 && errno != EEXIST) {
     fail_errno("make the directory " + runtime_dir.string());
@@ -159,7 +160,7 @@ RuntimeDirLock::RuntimeDirLock(const std::filesystem::path& runtime_dir)
 void write_state(const State& state) {
   const std::string temporary = state.file.string() + ".new";
   const std::string text = to_json(state).dump() + '\n';
-  // For the owner's eyes only, as whoever has the token may change the links.
+  // Mode 0600: whoever can read the token can change the links.
   ::unlink(temporary.c_str());
   const io::FileDescriptor out(
       ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600));
@@ -196,7 +197,8 @@ std::optional<std::uint64_t> start_ticks(pid_t pid) {
   if (name_end == std::string::npos) return std::nullopt;
   std::istringstream fields(line.substr(name_end + 1));
   std::string field;
-  fields >> field;  // 3, the state
+  // Field 3 is the state of the process.
+  fields >> field;
   if (!fields || field == "Z" || field == "X") return std::nullopt;
   constexpr int kSkipped = 22 - 4;
   for (int i = 0; i < kSkipped; ++i) fields >> field;

@@ -1,5 +1,4 @@
-// Where a testbed is written down: RUNTIME_DIR/NAME.json, one file per testbed that is up, readable
-// with any JSON tool.
+// Reads and writes state files: RUNTIME_DIR/NAME.json, one per testbed that is up.
 //
 //   {"schema": 2, "name": "default", "pid": 4711, "pid_start_ticks": 12345, "detached": true,
 //    "seed": 1, "backend": "netem", "nat": false,
@@ -11,7 +10,9 @@
 //               "road_address": "10.77.0.1", "vehicle_address6": "fd77:0:1:1::2",
 //               "gateway6": "fd77:0:1:1::1", "road_address6": "fd77:0:1::1"}]}
 //
-// Errors: TestbedError (1). Thread-safety: between processes by RuntimeDirLock; within one none.
+// Another program may have written a file of that name, so every field is checked; above all the
+// process number, to which down() sends signals. Errors: TestbedError (1). Processes exclude each
+// other by RuntimeDirLock; within a process these functions are not thread-safe.
 #pragma once
 
 #include <filesystem>
@@ -24,17 +25,19 @@
 
 namespace interneuron::netns {
 
-// Throws unless `name` has 1..max characters of [A-Za-z0-9_-]; `what` says what it names.
+// Throws unless `name` has 1 to `max` characters of [A-Za-z0-9_-]; the error begins with `what`,
+// which is what the name is for.
 void check_name(const std::string& name, std::size_t max, const std::string& what);
 
-// RUNTIME_DIR/NAME.json
+// RUNTIME_DIR/NAME.json. Throws for a bad name.
 std::filesystem::path state_path(const std::filesystem::path& runtime_dir, const std::string& name);
 
-// Makes the directory (mode 0700). One of somebody else is refused: whoever owns it could have us
-// end any process.
+// Makes the directory with mode 0700 unless it is there. Throws when it belongs to another user:
+// that user could write state files by which we end any of our processes.
 void make_runtime_dir(const std::filesystem::path& runtime_dir);
 
-// Excludes other processes from the state files of a directory while it lives.
+// Excludes other processes from the state files of a directory while it lives. The constructor
+// waits for them. Throws when the directory cannot be opened.
 class RuntimeDirLock {
  public:
   explicit RuntimeDirLock(const std::filesystem::path& runtime_dir);
@@ -43,16 +46,18 @@ class RuntimeDirLock {
   io::FileDescriptor directory_;
 };
 
-// All at once: a reader sees the old file or the new one. Readable by its owner (and root) only.
+// Replaces the file in one step, so that a reader sees the old one or the new one. Only its owner
+// and root can read it.
 void write_state(const State& state);
 
-// Empty without the file. Throws when it is not ours to understand.
+// Empty when there is no such file. Throws when it is no state file of this version.
 std::optional<State> read_state(const std::filesystem::path& file);
 
 // Field 22 of /proc/PID/stat, in clock ticks since boot; empty when there is no such process or it
 // is a zombie.
 std::optional<std::uint64_t> start_ticks(pid_t pid);
 
+// Whether the holder that wrote this state still runs.
 bool holder_alive(const State& state);
 
 }  // namespace interneuron::netns

@@ -19,7 +19,7 @@ io::FileDescriptor open_self(const char* path) {
   return io::FileDescriptor(check(::open(path, O_RDONLY | O_CLOEXEC), std::string("open ") + path));
 }
 
-// The number in a file of /proc/sys; -1 without it.
+// The number in a file of /proc/sys; -1 when there is no such file.
 long read_setting(const char* path) {
   std::ifstream file(path);
   long value = -1;
@@ -38,7 +38,8 @@ io::FileDescriptor make_user_namespace() {
   const std::string uid = std::to_string(::geteuid());
   const std::string gid = std::to_string(::getegid());
   if (::unshare(CLONE_NEWUSER) != 0) fail_privilege("make a user namespace", errno);
-  // setgroups must be given up before an ordinary user may map a group (user_namespaces(7)).
+  // An ordinary user may map a group only after setgroups() has been given up
+  // (user_namespaces(7)).
   write_file("/proc/self/setgroups", "deny");
   const int error = write_file("/proc/self/uid_map", "0 " + uid + " 1");
   if (error != 0) fail_privilege("become root of a user namespace", error);
@@ -50,13 +51,13 @@ void unshare_network() {
   if (::unshare(CLONE_NEWNET) != 0) fail_privilege("make a network namespace", errno);
 }
 
-// In some containers /proc/sys is read-only; without IPv6 in the kernel there is no file. Neither
-// keeps a testbed from working, hence no check.
+// Errors are ignored: in some containers /proc/sys is read-only, and without IPv6 in the kernel
+// there are no such files. A testbed works in either case.
 void set_ipv6(bool on) {
   const char* disabled = on ? "0" : "1";
   write_file("/proc/sys/net/ipv6/conf/all/disable_ipv6", disabled);
   write_file("/proc/sys/net/ipv6/conf/default/disable_ipv6", disabled);
-  // Nobody advertises anything here, so nobody need ask or believe.
+  // No router advertises itself here, so hosts need neither ask for routers nor accept any.
   write_file("/proc/sys/net/ipv6/conf/default/accept_ra", "0");
   write_file("/proc/sys/net/ipv6/conf/default/router_solicitations", "0");
 }
@@ -91,8 +92,8 @@ void fail_privilege(const char* attempt, int error) {
 
 Namespaces make_namespaces(std::size_t vehicles, std::size_t roads) {
   Namespaces out;
-  // Root within a container may lack CAP_SYS_ADMIN; then it needs a user namespace like anybody
-  // else.
+  // Root within a container may lack CAP_SYS_ADMIN; it then needs a user namespace as ordinary
+  // users do.
   const bool direct = ::geteuid() == 0 && ::unshare(CLONE_NEWNET) == 0;
   if (!direct) {
     out.user = make_user_namespace();
@@ -120,7 +121,8 @@ int network_of(const Namespaces& namespaces, Host host) {
 }
 
 void enable_forwarding(bool ipv6) {
-  // All modems' networks end here, so a source proves nothing about the NIC it should come from.
+  // A packet may rightly come in by another NIC than the one that leads back to its source, since
+  // the networks of all modems end here. Reverse path filtering would drop it.
   write_file("/proc/sys/net/ipv4/conf/all/rp_filter", "0");
   write_file("/proc/sys/net/ipv4/ip_forward", "1");
   if (!ipv6) return;
@@ -133,8 +135,8 @@ NetworkNamespaceScope::NetworkNamespaceScope(int network_namespace, int home) : 
 }
 
 NetworkNamespaceScope::~NetworkNamespaceScope() {
-  // Cannot fail for a namespace that the process holds and came from; going on in the wrong one
-  // would be worse than ending.
+  // This cannot fail for a namespace that the process holds and came from. If it did, going on in
+  // the wrong namespace would be worse than ending.
   if (::setns(home_, CLONE_NEWNET) != 0) ::_exit(1);
 }
 

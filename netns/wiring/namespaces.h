@@ -1,6 +1,6 @@
-// Making and entering the namespaces of a testbed.
-// Thread-safety: none; these act on the calling thread, and a user namespace needs the process to
-// have but one.
+// Makes and enters the namespaces of a testbed. These functions change the calling thread, and the
+// kernel makes a user namespace only for a process with one thread, so they are meant for the
+// holder. Errors: TestbedError.
 #pragma once
 
 #include <cstddef>
@@ -11,27 +11,33 @@
 
 namespace interneuron::netns {
 
+// The namespaces of one testbed. The descriptors keep them alive.
 struct Namespaces {
-  io::FileDescriptor user;                   // empty when the caller's own sufficed
-  std::vector<io::FileDescriptor> vehicles;  // one per vehicle
-  std::vector<io::FileDescriptor> roads;     // one per roadside unit
-  io::FileDescriptor core;                   // routes between the modems' gateways and the units
-  io::FileDescriptor air;                    // where the emulator sits
+  // Empty when the caller had the right to make network namespaces without one.
+  io::FileDescriptor user;
+  // Network namespaces: one per vehicle, one per roadside unit.
+  std::vector<io::FileDescriptor> vehicles;
+  std::vector<io::FileDescriptor> roads;
+  // The one that routes between the modems' gateways and the roadside units.
+  io::FileDescriptor core;
+  // The one in which the emulator works.
+  io::FileDescriptor air;
 };
 
-// Makes the network namespaces, first a user namespace in which the caller is root if it may not do
-// so otherwise, and leaves the caller in `air`. Throws TestbedError (5) that names the setting in
-// the way.
+// Makes the network namespaces and leaves the caller in `air`. A caller who may not do so first
+// gets a user namespace, in which it is root. Throws TestbedError (5), which names the system
+// setting that forbids it.
 Namespaces make_namespaces(std::size_t vehicles, std::size_t roads);
 
-// Of a host that is there.
+// The descriptor of a host's network namespace; the host must exist.
 int network_of(const Namespaces& namespaces, Host host);
 
-// The core's: packets that are for somebody else are passed on. The NICs' own settings matter as
-// well (set_up() of netns/wiring/nics.h).
+// Makes the current network namespace, the core, forward packets. The settings of its NICs must
+// allow that as well (set_up() of netns/wiring/nics.h).
 void enable_forwarding(bool ipv6);
 
-// In which network namespace the thread is while this lives; it returns to `home` afterwards.
+// While this lives the thread is in `network_namespace`; the destructor takes it back to `home`,
+// and ends the process if the kernel refuses that. The constructor throws TestbedError.
 class NetworkNamespaceScope {
  public:
   NetworkNamespaceScope(int network_namespace, int home);
@@ -43,7 +49,7 @@ class NetworkNamespaceScope {
   int home_;
 };
 
-// Throws TestbedError (5): which setting forbids what was attempted, and how to change it.
+// Throws TestbedError (5), which says what system setting forbids `attempt` and how to change it.
 [[noreturn]] void fail_privilege(const char* attempt, int error);
 
 }  // namespace interneuron::netns

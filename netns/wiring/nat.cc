@@ -17,7 +17,8 @@ struct ContextDeleter {
   void operator()(nft_ctx* context) const { ::nft_ctx_free(context); }
 };
 
-// NICs by their kind, see road_nic() and gateway_nic().
+// Patterns of the core's NICs: those towards roadside units (road_nic()) and towards vehicles
+// (gateway_nic()).
 constexpr const char* kToRoads = "\"r*\"";
 constexpr const char* kToVehicles = "\"g*\"";
 
@@ -27,8 +28,8 @@ std::string rules(std::size_t networks) {
       "  type nat hook postrouting priority 100;\n";
   for (std::size_t n = 0; n < networks; ++n) {
     const Network net(n, AF_INET);
-    // By the sender's network rather than by the NIC it leaves from, as a modem that reaches
-    // another network's address does so through its own carrier.
+    // The sender's network decides, not the NIC by which the packet leaves: a modem that sends to
+    // an address of another network does so through its own carrier.
     text += std::string("  oifname ") + kToRoads + " ip saddr " + net.everything() + " snat to " +
             net.core() + "\n";
   }
@@ -38,8 +39,7 @@ std::string rules(std::size_t networks) {
   return text;
 }
 
-// "Error: Could not process rule: No such file or directory\n..." -> without label and further
-// lines.
+// The first line of an nftables message, without the label "Error: ".
 std::string first_line(std::string text) {
   text = text.substr(0, text.find('\n'));
   const std::size_t label = text.find("Error: ");

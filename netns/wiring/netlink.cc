@@ -12,7 +12,8 @@ namespace interneuron::netns::netlink {
 
 void check_nl(int result, const std::string& attempt) {
   if (result >= 0) return;
-  // Ubuntu's AppArmor lets a user namespace be made, but without rights in it.
+  // With Ubuntu's AppArmor an ordinary user can make a user namespace but has no rights in it, so
+  // that this call is the first to fail.
   if (result == -NLE_PERM) fail_privilege(attempt.c_str(), EPERM);
   throw TestbedError(1, "cannot " + attempt + ": " + nl_geterror(result));
 }

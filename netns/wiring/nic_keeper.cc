@@ -40,7 +40,8 @@ NicKeeper::NicKeeper(const State& state, const TestbedOptions& options,
 NicKeeper::HostNics NicKeeper::watch(const HostPlan& host) {
   HostNics out{netlink::open_socket(), netlink::open_socket(), {}};
   nl_sock* events = out.events.get();
-  nl_socket_disable_seq_check(events);  // nobody asked for events
+  // Events answer no request, so they have no sequence number to be checked.
+  nl_socket_disable_seq_check(events);
   check_nl(nl_socket_set_nonblocking(events), "watch the NICs");
   check_nl(nl_socket_add_membership(events, RTNLGRP_LINK), "watch the NICs");
   for (const NicPlan& plan : host.nics) {
@@ -72,7 +73,8 @@ int NicKeeper::take_event(nl_msg* message, void* host) {
     if (std::exchange(nic.up, up) || !up) continue;
     try {
       configure(requests.get(), nic.plan, nic.index);
-    } catch (const TestbedError&) {  // down again, or taken away: as its user wants it
+    } catch (const TestbedError&) {
+      // The NIC has been set down again or removed meanwhile, which its user may do.
     }
   }
   return NL_OK;

@@ -1,6 +1,7 @@
-// Gives NICs back what the kernel takes from them when somebody sets them down: neighbours, routes
-// and IPv6 addresses. Elsewhere a network manager does that; here whoever tries a NIC's failure
-// expects it to work again once it is up. Thread-compatible.
+// Restores NICs that come up again: the kernel removes neighbours, routes and IPv6 addresses of a
+// NIC that is set down. Elsewhere a network manager restores them; here a test that sets a NIC down
+// and up expects it to work as before. Owns two netlink sockets per host. Thread-compatible; driven
+// by the holder's loop.
 #pragma once
 
 #include <vector>
@@ -14,10 +15,13 @@ namespace interneuron::netns {
 
 class NicKeeper {
  public:
-  // After wire(), with the same arguments and in the same namespace. Throws TestbedError.
+  // To be made after wire(), with the same arguments and in the same namespace. Throws
+  // TestbedError.
   NicKeeper(const State& state, const TestbedOptions& options, const Namespaces& namespaces);
 
-  // Readable when a NIC has changed; serve() looks which. Never blocks for long, never throws.
+  // fd() is readable when a NIC has changed; serve() then restores those that have come up. It
+  // never throws and waits only for the kernel's answers: a NIC that has gone down again, or is
+  // gone, is left as it is.
   int fd() const { return changes_.get(); }
   void serve();
 
@@ -37,7 +41,8 @@ class NicKeeper {
   static void serve(HostNics& host);
   static int take_event(nl_msg* message, void* host);
 
-  io::FileDescriptor changes_;  // epoll, of all hosts' events
+  // An epoll descriptor over the event sockets of all hosts.
+  io::FileDescriptor changes_;
   std::vector<HostNics> hosts_;
 };
 

@@ -11,10 +11,13 @@ namespace interneuron::netns {
 
 namespace {
 
-constexpr std::size_t kFirstNetwork = 77;  // the second byte of network 1's addresses
+// The second byte of the IPv4 addresses of network 1.
+constexpr std::size_t kFirstNetwork = 77;
+// The last byte of the addresses of a vehicle and its gateway, and of the core in 10.x.0.0/24 and
+// in fd77:0:n::/64.
 constexpr unsigned kVehicleHost = 2;
 constexpr unsigned kGatewayHost = 1;
-constexpr unsigned kCoreHost = 254;  // of 10.x.0.0/24
+constexpr unsigned kCoreHost = 254;
 constexpr unsigned kCoreHost6 = 0xfe;
 
 std::string hex(std::size_t number) {
@@ -23,8 +26,8 @@ std::string hex(std::size_t number) {
   return text.data();
 }
 
-// Known and locally administered, so that neighbours can be set without asking: ARP would cross the
-// emulated link and double the delay of the first packets.
+// MAC addresses are derived from what a NIC is, so that neighbours can be entered beforehand:
+// resolving them by ARP would cross the emulated link and double the delay of the first packets.
 enum class End : unsigned { kVehicle = 1, kGateway = 2, kRoad = 3, kCore = 4 };
 std::string mac_of(End end, std::size_t host, std::size_t network) {
   std::array<char, 18> text{};
@@ -46,7 +49,7 @@ struct Planner {
   NicPlan core_end(std::size_t road, std::size_t network) const;
 };
 
-// What is sent from an address leaves by its NIC, wherever it goes.
+// Adds the table and the rule by which packets from `address` leave by this NIC, wherever they go.
 void route_by_source(NicPlan& plan, std::size_t network, const std::string& address,
                      const std::string& subnet, const Network& net, const std::string& gateway) {
   const auto table = kTableBase + static_cast<std::uint32_t>(network) + 1;
@@ -88,7 +91,8 @@ NicPlan Planner::road_end(std::size_t road, std::size_t network) const {
     const std::string address = net.road(road);
     plan.addresses.push_back(address + net.subnet_length());
     plan.neighbours.push_back({net.core(), core_mac});
-    // The other units have wires of their own to the core, which passes packets on.
+    // The other roadside units are reached through the core, to which each has a veth pair of its
+    // own; hence the core's MAC address.
     for (std::size_t other = 0; other < options.roads; ++other) {
       if (other != road) plan.neighbours.push_back({net.road(other), core_mac});
     }
@@ -102,7 +106,8 @@ NicPlan Planner::core_end(std::size_t road, std::size_t network) const {
   NicPlan plan{road_nic(road, network), mac_of(End::kCore, road, network), true};
   for (const int family : families) {
     const Network net(network, family);
-    // One address on the wires to all units, hence no subnet of its own but a route to each.
+    // The core has the same address on its NICs to all roadside units, so each NIC has a route to
+    // its one unit and none to the subnet.
     plan.addresses.push_back(net.core() + net.host_length());
     plan.neighbours.push_back({net.road(road), mac_of(End::kRoad, road, network)});
     plan.routes.push_back({net.road(road) + net.host_length(), "", net.core(), kMainTable});

@@ -1,5 +1,6 @@
-// What the NICs of a testbed are to have, as text, before the kernel hears of it: the addressing of
-// testbed.h worked out for every host. Pure.
+// Works out the addressing that netns/testbed/testbed.h describes: for every NIC of every host its
+// addresses, neighbours, routes and rules, as text. nics.h gives them to the kernel. Pure;
+// thread-compatible; no errors.
 #pragma once
 
 #include <cstdint>
@@ -12,9 +13,11 @@
 
 namespace interneuron::netns {
 
-// Table, preference and metric of network n are one number: 100 + n.
+// Network n (from 1) has the routing table 100 + n; the preference of its rule and the metric of
+// its default route are the same number.
 inline constexpr std::uint32_t kTableBase = 100;
-inline constexpr std::uint32_t kMainTable = 254;  // RT_TABLE_MAIN of linux/rtnetlink.h
+// RT_TABLE_MAIN of linux/rtnetlink.h.
+inline constexpr std::uint32_t kMainTable = 254;
 
 struct NeighbourPlan {
   std::string address;
@@ -22,14 +25,17 @@ struct NeighbourPlan {
 };
 
 struct RoutePlan {
-  std::string destination;  // "10.77.0.0/16", "::/0"
-  std::string gateway;      // empty: the destination is on the NIC's own wire
-  std::string source;       // which address to send from; empty: the kernel's choice
+  // For example "10.77.0.0/16" or "::/0".
+  std::string destination;
+  // Empty when the NIC reaches the destination without a gateway.
+  std::string gateway;
+  // The address from which packets are sent; empty leaves that to the kernel.
+  std::string source;
   std::uint32_t table = kMainTable;
   std::uint32_t metric = 0;
 };
 
-// Packets from `source` are routed by `table`.
+// A rule: packets from `source` are routed by `table`.
 struct RulePlan {
   std::string source;
   std::uint32_t table = 0;
@@ -37,9 +43,12 @@ struct RulePlan {
 
 struct NicPlan {
   std::string nic;
-  std::string mac;  // locally administered
+  // A locally administered address.
+  std::string mac;
+  // Whether packets that come in here are forwarded.
   bool forwards = false;
-  std::vector<std::string> addresses{};  // with their prefix lengths
+  // Each with its prefix length.
+  std::vector<std::string> addresses{};
   std::vector<NeighbourPlan> neighbours{};
   std::vector<RoutePlan> routes{};
   std::vector<RulePlan> rules{};
@@ -50,25 +59,33 @@ struct HostPlan {
   std::vector<NicPlan> nics{};
 };
 
-// Vehicles, roadside units, core. IPv6 is left out where `state` has no IPv6 addresses.
+// The plans of all hosts: vehicles, then roadside units, then the core. They have IPv6 where
+// `state` has IPv6 addresses.
 std::vector<HostPlan> plan_hosts(const State& state, const TestbedOptions& options);
 
-// One family's addresses on one network (position, from 0).
+// The addresses of one family (AF_INET or AF_INET6) on one network, given by its position from 0,
+// as text. The examples are of IPv4 and the first network.
 class Network {
  public:
   Network(std::size_t position, int family);
 
-  // Of vehicle or roadside unit, by position.
+  // Addresses of a vehicle, of its gateway and of a roadside unit, by their index from 0.
   std::string vehicle(std::size_t index) const;
   std::string gateway(std::size_t index) const;
   std::string road(std::size_t index) const;
-  std::string core() const;                             // as the roadside units see it
-  std::string vehicle_subnet(std::size_t index) const;  // "10.77.1.0/24"
-  std::string road_subnet() const;                      // "10.77.0.0/24"
-  std::string everything() const;                       // "10.77.0.0/16"
-  std::string anywhere() const;                         // "0.0.0.0/0"
-  std::string subnet_length() const;                    // "/24"
-  std::string host_length() const;                      // "/32"
+  // The core's address on the side of the roadside units.
+  std::string core() const;
+  // "10.77.1.0/24" of the first vehicle.
+  std::string vehicle_subnet(std::size_t index) const;
+  // "10.77.0.0/24"
+  std::string road_subnet() const;
+  // All addresses of the network: "10.77.0.0/16".
+  std::string everything() const;
+  // All addresses of the family: "0.0.0.0/0".
+  std::string anywhere() const;
+  // Prefix lengths of a subnet and of a single host: "/24", "/32".
+  std::string subnet_length() const;
+  std::string host_length() const;
 
  private:
   std::string in_subnet(std::size_t subnet, unsigned host) const;

@@ -40,7 +40,9 @@ using Neighbour = std::unique_ptr<rtnl_neigh, Deleter<rtnl_neigh_put>>;
 using Route = std::unique_ptr<rtnl_route, Deleter<rtnl_route_put>>;
 using Rule = std::unique_ptr<rtnl_rule, Deleter<rtnl_rule_put>>;
 
-constexpr unsigned kMtu = 1500;  // bytes, Ethernet
+// Ethernet's, in bytes.
+constexpr unsigned kMtu = 1500;
+// await_operational() gives up after this. The kernel may report carriers only once a second.
 constexpr int kOperationalBoundMs = 5000;
 
 void describe(rtnl_link* link, const NicEnd& end) {
@@ -49,10 +51,10 @@ void describe(rtnl_link* link, const NicEnd& end) {
   if (end.index != 0) rtnl_link_set_ifindex(link, end.index);
   rtnl_link_set_ns_fd(link, end.network_namespace);
   if (!end.mac.empty()) rtnl_link_set_addr(link, parse_address(end.mac, AF_LLC).get());
-  // Neighbours are set for good. NOARP also spares IPv6 duplicate address detection and the
-  // multicast groups of its addresses, which would be reported.
+  // Neighbours are permanent entries, so no ARP is needed. NOARP also turns off IPv6's duplicate
+  // address detection and the multicast groups of its addresses, which the kernel would report.
   rtnl_link_set_flags(link, IFF_NOARP);
-  // A router joins, and reports, the group of all routers on NICs that have multicast.
+  // On a NIC with multicast a router would join the group of all routers and report that.
   if (!end.multicast) rtnl_link_unset_flags(link, IFF_MULTICAST);
 }
 
@@ -97,7 +99,8 @@ void add_route(nl_sock* socket, const RoutePlan& plan, const std::string& nic, i
   if (!plan.gateway.empty()) {
     rtnl_route_nh_set_gateway(hop, parse_address(plan.gateway, family).get());
   }
-  rtnl_route_add_nexthop(route.get(), hop);  // which owns it from here on
+  // The route owns the hop from here on.
+  rtnl_route_add_nexthop(route.get(), hop);
   check_nl(rtnl_route_add(socket, route.get(), NLM_F_REPLACE),
            "route " + plan.destination + " through " + nic);
 }
@@ -115,10 +118,11 @@ void add_rule(nl_sock* socket, const RulePlan& plan) {
   if (result != -NLE_EXIST) check_nl(result, "add the routing rule for " + plan.source);
 }
 
-// Whether it is used here or not.
+// Whether the kernel has IPv6 at all, also when the testbed does not use it.
 bool kernel_has_ipv6() { return ::access("/proc/sys/net/ipv6/conf", F_OK) == 0; }
 
-// By the NIC's own settings rather than by /proc/sys, which containers have read-only.
+// Keeps the kernel from sending packets of its own at this NIC. Done by netlink, as /proc/sys is
+// read-only in containers.
 void be_quiet(nl_sock* socket, const std::string& nic, int index, bool forwards) {
   const Link link = require(Link(rtnl_link_alloc()));
   rtnl_link_set_ifindex(link.get(), index);
@@ -132,8 +136,9 @@ void be_quiet(nl_sock* socket, const std::string& nic, int index, bool forwards)
   check_nl(rtnl_link_change(socket, link.get(), change.get(), 0), "configure " + nic);
 }
 
-// Asking for one NIC, unlike listing all, has the kernel (6.8 and later) finish with its carrier
-// first. By itself it does so for a hundred NICs at a time, once a second.
+// Whether all NICs are operational; else `culprit` is one that is not. Asks for each NIC by name,
+// because that makes kernels from 6.8 on process its carrier first, unlike listing all NICs. By
+// itself the kernel processes a hundred NICs at a time, once a second.
 bool operational(nl_sock* socket, const std::vector<NicPlan>& plans, std::string& culprit) {
   for (const NicPlan& plan : plans) {
     if (rtnl_link_get_operstate(netlink::find_link(socket, plan.nic).get()) == IF_OPER_UP) continue;
@@ -143,7 +148,8 @@ bool operational(nl_sock* socket, const std::vector<NicPlan>& plans, std::string
   return true;
 }
 
-// True when packets to one's own address end here.
+// Whether the kernel delivers packets to this own address locally, which it does once the address
+// is complete.
 bool local(nl_sock* socket, const std::string& address) {
   rtnl_route* found = nullptr;
   const Address destination = parse_address(address.substr(0, address.find('/')), AF_INET6);
@@ -167,7 +173,8 @@ bool reachable(nl_sock* socket, const std::vector<NicPlan>& plans, std::string& 
 
 void make_pair(nl_sock* socket, const NicEnd& a, const NicEnd& b) {
   const Veth veth = require(Veth(rtnl_link_veth_alloc()));
-  // Borrowed: belongs to the pair. (It takes a reference, which the second owner gives back.)
+  // The peer belongs to the pair. libnl counts a reference for this second owner, which gives it
+  // back.
   const Link peer(rtnl_link_veth_get_peer(veth.get()));
   describe(veth.get(), a);
   describe(peer.get(), b);
@@ -205,7 +212,8 @@ void configure(nl_sock* socket, const NicPlan& plan, int index) {
 void await_operational(nl_sock* socket, const std::vector<NicPlan>& plans) {
   std::string culprit;
   int waited_ms = 0;
-  // There is nothing to hurry it with but to look again.
+  // Each look makes the kernel process the carriers (see operational()), so it looks every
+  // millisecond; nothing else hurries the kernel.
   while (!operational(socket, plans, culprit) || !reachable(socket, plans, culprit)) {
     if (++waited_ms > kOperationalBoundMs) {
       throw TestbedError(1, culprit + " is not operational after 5 s");

@@ -1,7 +1,8 @@
-// Making NICs and giving them what their plan says, through libnl. The kernel is never left a
-// reason to speak on its own (ARP, neighbour and router discovery, duplicate address detection,
-// multicast reports), because every packet on a link counts, and the first starts its time.
-// Thread-compatible. Errors: TestbedError (1); (5) for what the kernel forbids.
+// Makes NICs and gives them what their plan (nic_plan.h) says, through libnl. All settings that
+// make the kernel send packets of its own (ARP, neighbour and router discovery, duplicate address
+// detection, multicast reports) are turned off: every packet on a link is counted, and the first
+// one begins the links' time. Thread-compatible. Errors: TestbedError (1), or (5) for what the
+// kernel forbids.
 #pragma once
 
 #include <string>
@@ -15,29 +16,31 @@ namespace interneuron::netns {
 // One end of a veth pair.
 struct NicEnd {
   std::string nic;
-  std::string mac;  // empty: the kernel's choice
+  // Empty leaves it to the kernel.
+  std::string mac;
   int network_namespace = -1;
   bool multicast = false;
-  // The kernel reports the carrier of a veth at once, unless both ends have the same number, when
-  // it takes up to a second (linkwatch_urgent_event() of net/core/link_watch.c). 0: any.
+  // The NIC's number; 0 leaves it to the kernel. The two ends need different numbers: with the same
+  // one the kernel reports the carrier up to a second late (linkwatch_urgent_event() of
+  // net/core/link_watch.c).
   int index = 0;
 };
 
-// Both ends are made where they belong, down.
+// Makes both ends in their namespaces, down.
 void make_pair(nl_sock* socket, const NicEnd& a, const NicEnd& b);
 
-// No link-local address; up. Of the socket's and the caller's namespace.
+// Sets a NIC up, without a link-local address. Socket and caller must be in the NIC's namespace.
 void set_up(nl_sock* socket, const std::string& nic, bool forwards = false);
 
-// Segmentation offloads off, up, and `configure`.
+// Turns segmentation offloads off, sets the NIC up and configures it.
 void set_up(nl_sock* socket, const NicPlan& plan);
 
-// Addresses, neighbours, routes and rules of a NIC that is up. What is there already stays.
+// Gives a NIC that is up its addresses, neighbours, routes and rules; those it has already stay.
 void configure(nl_sock* socket, const NicPlan& plan, int index);
 
-// The kernel reports a carrier some time after both ends are up, and finishes IPv6 addresses in the
-// background: waits until all NICs of the socket's namespace are operational, and these addresses
-// reachable, for 5 s at most.
+// Waits until all these NICs of the socket's namespace are operational and their addresses
+// reachable: the kernel reports a carrier some time after both ends are up and finishes IPv6
+// addresses in the background. Throws after 5 s.
 void await_operational(nl_sock* socket, const std::vector<NicPlan>& plans);
 
 }  // namespace interneuron::netns

@@ -18,8 +18,8 @@ namespace interneuron::netns {
 
 namespace {
 
-// The structures of ethtool end in arrays of unknown length, hence raw memory, aligned for the
-// widest member.
+// Memory for a structure of ethtool that ends in an array of a length known at run time; zeroed and
+// aligned for its widest member.
 template <class Header>
 class EthtoolBuffer {
  public:
@@ -44,7 +44,7 @@ class Ethtool {
     check(::ioctl(socket_.get(), SIOCETHTOOL, &request), "set the offloads of " + nic_);
   }
 
-  // Names of all features, in the order of their bits.
+  // The names of all features that the kernel knows, in the order of their bits.
   std::vector<std::string> feature_names() const {
     EthtoolBuffer<ethtool_sset_info> info(sizeof(std::uint32_t));
     info.get()->cmd = ETHTOOL_GSSET_INFO;
@@ -93,7 +93,7 @@ void disable_segmentation_offloads(const std::string& nic) {
   wanted.get()->size = static_cast<std::uint32_t>(blocks);
   for (std::size_t i = 0; i < names.size(); ++i) {
     const std::uint32_t bit = std::uint32_t{1} << (i % 32);
-    // A feature that the driver cannot change would make the whole call fail.
+    // Asking for one feature that the driver cannot change would make the whole call fail.
     const bool changeable = (present.get()->features[i / 32].available & bit) != 0;
     if (changeable && is_segmentation(names[i])) wanted.get()->features[i / 32].valid |= bit;
   }

@@ -11,25 +11,27 @@ namespace interneuron::netns {
 
 namespace {
 
-// Numbers of NICs that no two ends of a pair share; those of vehicles and units are from 2 on.
+// The first numbers of the NICs in the core and in `air`. Those of vehicles and roadside units
+// begin with 2, so that the two ends of a pair never have the same number (NicEnd::index).
 constexpr int kCoreIndices = 100;
 constexpr int kAirIndices = 10'000;
 
-// The kernel takes care of a hundred new carriers at once, but of the next hundred a second later
-// (MAX_DO_DEV_PER_LOOP of net/core/link_watch.c).
+// How many carriers may be new before wire() waits for them. The kernel processes a hundred at
+// once and the next hundred a second later (MAX_DO_DEV_PER_LOOP of net/core/link_watch.c).
 constexpr std::size_t kCarriersAtOnce = 64;
 
 std::string port(char kind, std::size_t host, std::size_t network) {
   return kind + std::to_string(host + 1) + "-" + std::to_string(network + 1);
 }
 
-// Where /proc/sys is read-only (containers) the core could not be told to route IPv6.
+// False where /proc/sys is read-only (containers): the core could not be told to route IPv6.
 bool ipv6_can_be_routed() {
   struct statvfs settings {};
   return ::statvfs("/proc/sys/net/ipv6/conf/all/forwarding", &settings) == 0 &&
          (settings.f_flag & ST_RDONLY) == 0;
 }
 
+// One call of wire(). Refers to its arguments.
 class Wiring {
  public:
   Wiring(const State& state, const TestbedOptions& options, const Namespaces& namespaces)
@@ -55,7 +57,8 @@ class Wiring {
   bool emulated_;
   bool ipv6_;
   int next_air_index_ = kAirIndices;
-  netlink::Socket socket_ = netlink::open_socket();  // of `air`
+  // Acts on the namespace `air`.
+  netlink::Socket socket_ = netlink::open_socket();
 };
 
 NicEnd Wiring::end_of(const HostPlan& host, std::size_t nic) const {
@@ -75,7 +78,8 @@ void Wiring::make_link(const NicEnd& vehicle, const NicEnd& gateway, std::size_t
   make_pair(socket_.get(), {core_port(v, n), "", air, false, next_air_index_++}, gateway);
 }
 
-// The core's NICs are listed in the order of the hosts that they lead to.
+// Makes the veth pairs of all hosts. The plan lists the core's NICs in the order of the hosts to
+// which they lead.
 void Wiring::make_pairs() {
   const HostPlan& core = hosts_.back();
   const std::size_t networks = options_.scenario.links.size();
@@ -112,14 +116,16 @@ void Wiring::await(const HostPlan& host) {
   await_operational(netlink::open_socket().get(), host.nics);
 }
 
-// The core first, where there is no carrier yet, then the other hosts, waiting now and then.
+// Sets up the core's NICs first, which get no carrier yet, then those of the other hosts. Waits
+// whenever kCarriersAtOnce may have come up.
 void Wiring::set_up_all() {
   set_up_host(hosts_.back());
   std::size_t carriers = 0;
   for (std::size_t host = 0; host + 1 < hosts_.size(); ++host) {
     set_up_host(hosts_[host]);
     if (emulated_ && hosts_[host].host.kind == Host::Kind::kVehicle) set_up_ports(host);
-    carriers += 4 * options_.scenario.links.size();  // at most: two pairs per link
+    // Two pairs per link at most.
+    carriers += 4 * options_.scenario.links.size();
     if (carriers < kCarriersAtOnce) continue;
     await(hosts_[host]);
     carriers = 0;
