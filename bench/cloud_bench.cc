@@ -13,10 +13,14 @@ namespace interneuron::perception {
 namespace {
 
 constexpr int kRings = 64;
-constexpr int kPerRing = 1800;         // a point each 0.2°
-constexpr float kSensorHeight = 1.7F;  // m
-constexpr float kWall = 25;            // m, half the side of a square of walls
+// A point every 0.2 degrees.
+constexpr int kPerRing = 1800;
+// Metres above the ground.
+constexpr float kSensorHeight = 1.7F;
+// The walls are the sides of a square; half of a side, in metres.
+constexpr float kWall = 25;
 
+// One turn of the lidar: 115,200 points of x, y, z in metres and an intensity.
 Points sweep() {
   Points points(4, kRings * kPerRing);
   for (int ring = 0; ring < kRings; ++ring) {
@@ -39,7 +43,7 @@ void per_point(benchmark::State& bench, const Points& points) {
   bench.SetItemsProcessed(bench.iterations() * points.cols());
 }
 
-// Argument: side of a voxel, cm.
+// The argument is the side of a voxel, in centimetres.
 void voxels(benchmark::State& bench) {
   const Points points = sweep();
   const double side = static_cast<double>(bench.range(0)) / 100;

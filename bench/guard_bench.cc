@@ -34,7 +34,8 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr Duration kDeadline = 130ms;
-constexpr int kFilled = 600;  // rounds: more than any book holds
+// Rounds before the clock runs: more than any of the guard's histories holds, so that all are full.
+constexpr int kFilled = 600;
 
 std::vector<LevelProfile> ladder(std::size_t levels) {
   std::vector<LevelProfile> out;
@@ -45,11 +46,12 @@ std::vector<LevelProfile> ladder(std::size_t levels) {
   return out;
 }
 
-// 0 to 39 ms, different in each round, every tenth round never answered.
+// The delay that a round suffers: 0 to 39 ms, another one in each round.
 Duration lost(std::uint32_t round, std::uint32_t salt) {
   return std::chrono::milliseconds((round * 2654435761U + salt * 40503U) % 40U);
 }
 
+// Times `decide` and fails the benchmark if it allocates.
 template <class Decision>
 void count_allocations(benchmark::State& bench, const Decision& decide) {
   const std::uint64_t before = allocations;
@@ -59,6 +61,8 @@ void count_allocations(benchmark::State& bench, const Decision& decide) {
   if (more > 0) bench.SkipWithError("it allocates");
 }
 
+// A BudgetObserver in the middle of its work: a round every 100 ms, each tenth of which is never
+// answered. Every benchmark calls one of its steps again and again.
 class Road {
  public:
   explicit Road(std::size_t levels) : levels_(ladder(levels)) {
@@ -106,27 +110,28 @@ class Road {
   std::uint32_t round_ = 0;
 };
 
-// Argument: levels.
+// Choosing a level at the start of a computation. The argument is the number of levels.
 void begin_computation(benchmark::State& bench) {
   Road road(static_cast<std::size_t>(bench.range(0)));
   count_allocations(bench, [&] { benchmark::DoNotOptimize(road.begin()); });
 }
 BENCHMARK(begin_computation)->Arg(3)->Arg(6)->Arg(16);
 
+// Deciding how long to wait for the larger variant. The argument is the number of levels.
 void hold(benchmark::State& bench) {
   Road road(static_cast<std::size_t>(bench.range(0)));
   count_allocations(bench, [&] { benchmark::DoNotOptimize(road.hold()); });
 }
 BENCHMARK(hold)->Arg(3)->Arg(6);
 
-// All of a round at the observing node: arrivals, hold, level, hand-over, outcome.
+// A whole round at the node that observes: arrivals, hold, level, end of the computation, outcome.
 void whole_round(benchmark::State& bench) {
   Road road(3);
   count_allocations(bench, [&] { road.round(); });
 }
 BENCHMARK(whole_round);
 
-// Two links that are measured, trusted and idle.
+// Two idle links with measured round trips and rates, both trusted.
 std::vector<LinkState> two_links() {
   LinkState link;
   link.up = true;
@@ -144,7 +149,7 @@ std::vector<LinkState> two_links() {
   return links;
 }
 
-// What a policy answers for one message, made safe to carry out.
+// A policy's plan for one message, with the checks of plan_message().
 void plan_of(benchmark::State& bench, const Policy& policy) {
   const std::vector<LinkState> links = two_links();
   const std::vector<LevelProfile> levels = ladder(3);
@@ -155,7 +160,8 @@ void plan_of(benchmark::State& bench, const Policy& policy) {
       bench, [&] { benchmark::DoNotOptimize(plan_message(policy, offer, links, guidance)); });
 }
 
-// The mode of the first transmission: the policy's two plans, their forecasts, the guard's choice.
+// The decision which variant is sent first: the policy's plans for both, the forecasts of their
+// answers, and the guard's choice.
 void first_transmission(benchmark::State& bench, const Policy& policy) {
   PipelineConfig config;
   config.guard = GuardKind::kBudget;

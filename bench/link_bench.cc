@@ -16,7 +16,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// Round trips as a radio has them: anything between 20 and 60 ms. Drawn before the clock runs.
+// Random round trips between 20 and 60 ms, drawn before the clock runs.
 class Rtts {
  public:
   Rtts() {
@@ -35,7 +35,7 @@ class Rtts {
   std::size_t next_ = 0;
 };
 
-// Argument: samples per second.
+// The argument is the number of samples per second, which decides how many are in the window.
 void rtt_update(benchmark::State& bench) {
   RttEstimator e;
   TimePoint now{};

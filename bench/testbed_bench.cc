@@ -1,13 +1,14 @@
-// How much and how exactly the testbed carries, beside what the kernel's own veth does on the same
-// machine in the same run:
+// Measures how many packets a second the testbed carries and how exact its delays are, beside the
+// kernel's own veth on the same machine in the same run:
 //
 //   build/release/bench/testbed_bench [--backend emulator|netem] [--seconds S]
 //
 //   veth      core -> roadside unit: one plain veth pair, no link
 //   link      vehicle -> roadside unit over one link of 20 ms and 10 Gbit/s, no loss
 //
-// Throughput: 1400-byte datagrams at rising paces until more than 0.1 % are lost. Precision: 500
-// datagrams a second. Both with one sending and one receiving thread beside the holder.
+// Throughput: datagrams of 1400 bytes at rising paces until more than 0.1 % are lost. Precision:
+// 500 datagrams a second. One process sends and one receives, beside the holder of the testbed.
+// Ends with 0, or with TestbedError's code when the testbed cannot be made.
 #include <arpa/inet.h>
 #include <fmt/format.h>
 #include <netinet/in.h>
@@ -40,12 +41,18 @@
 namespace interneuron::netns {
 namespace {
 
-constexpr std::size_t kDatagram = 1400;  // bytes of UDP payload
+// Bytes of UDP payload, and of the IP packet around it.
+constexpr std::size_t kDatagram = 1400;
 constexpr std::size_t kIpBytes = kDatagram + 28;
+// Datagrams per system call.
 constexpr int kBatch = 32;
+// Socket buffers, in bytes. No measurement is behind this value: it only has to be so large that
+// neither end of the flow is what loses packets.
 constexpr int kBufferBytes = 16 << 20;
 constexpr std::uint16_t kPort = 7400;
+// The one-way delay of kProfile.
 constexpr double kLinkMs = 20;
+// A pace with a larger share of lost packets is not carried.
 constexpr double kBearableLoss = 0.001;
 
 constexpr const char* kProfile = R"(# Source: the benchmark
@@ -67,6 +74,7 @@ std::int64_t now_ns() {
   return std::int64_t{t.tv_sec} * 1'000'000'000 + t.tv_nsec;
 }
 
+// A flow from one host to the first roadside unit. With `from_nic` the sender is bound to that NIC.
 struct Flow {
   Host from;
   std::string from_nic;
@@ -84,7 +92,7 @@ sockaddr_in address(const std::string& text) {
 
 io::FileDescriptor socket_on(const std::string& local) {
   io::FileDescriptor fd(check(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0), "open a socket"));
-  // Real root may exceed the system's limit; else that limit holds.
+  // Only real root may exceed the system's limit; otherwise the kernel cuts the size to that.
   for (const int option : {SO_RCVBUFFORCE, SO_RCVBUF, SO_SNDBUFFORCE, SO_SNDBUF}) {
     ::setsockopt(fd.get(), SOL_SOCKET, option, &kBufferBytes, sizeof kBufferBytes);
   }
@@ -93,12 +101,16 @@ io::FileDescriptor socket_on(const std::string& local) {
   return fd;
 }
 
+// What became of one flow.
 struct Result {
   std::uint64_t sent = 0;
   std::uint64_t received = 0;
+  // Packets that arrived after one with a higher number.
   std::uint64_t out_of_order = 0;
+  // Between the first and the last arrival.
   double seconds = 0;
-  std::vector<double> delay_ms;  // sorted
+  // The one-way delays of all packets that arrived, sorted.
+  std::vector<double> delay_ms;
 
   double loss() const {
     return 1 -
@@ -110,12 +122,14 @@ struct Result {
   }
 };
 
+// The beginning of each payload. Both ends read the same clock, CLOCK_MONOTONIC.
 struct Stamp {
   std::int64_t sent_ns;
   std::uint64_t number;
 };
 
-// Child: sends `pace` datagrams a second for `seconds`; each carries when it was sent. Exit code 0.
+// The sending process: sends `pace` datagrams a second for `seconds`, each with its Stamp. Returns
+// its exit code.
 int send_flow(const Flow& flow, double pace, double seconds) {
   ::prctl(PR_SET_TIMERSLACK, 1UL);
   const io::FileDescriptor fd = socket_on(flow.from_address);
@@ -159,7 +173,8 @@ int send_flow(const Flow& flow, double pace, double seconds) {
   return 0;
 }
 
-// Child: receives until nothing comes for 0.5 s, then writes what it saw to `out`.
+// The receiving process: writes a byte to `ready`, receives until nothing comes for 0.5 s, and
+// writes counts and delays to `out`. Returns its exit code.
 int receive_flow(const Flow& flow, int ready, const std::filesystem::path& out) {
   const io::FileDescriptor fd = socket_on(flow.to_address);
   std::vector<std::array<char, kDatagram>> buffers(kBatch);
@@ -177,7 +192,7 @@ int receive_flow(const Flow& flow, int ready, const std::filesystem::path& out) 
   std::vector<double> delays;
   check(static_cast<int>(::write(ready, "r", 1)), "say ready");
   while (true) {
-    // Generous before the first, short after the last.
+    // Up to 5 s for the first packet, as the sender is only starting; 0.5 s after that.
     timeval patience{result.received == 0 ? 5 : 0, result.received == 0 ? 0 : 500'000};
     ::setsockopt(fd.get(), SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
     const int count = ::recvmmsg(fd.get(), messages.data(), kBatch, MSG_WAITFORONE, nullptr);
@@ -201,6 +216,7 @@ int receive_flow(const Flow& flow, int ready, const std::filesystem::path& out) 
   return file ? 0 : 1;
 }
 
+// Forks a process that enters `host`, runs `body` and ends with what that returns.
 template <class Body>
 pid_t child_in(const State& state, Host host, Body body) {
   const pid_t child = check(::fork(), "fork");
@@ -234,7 +250,8 @@ Result run_flow(const State& state, const Flow& flow, double pace, double second
   return result;
 }
 
-// Rises until too much is lost; returns the most that was carried, in packets per second.
+// Raises the pace until too much is lost, with a row per pace on stdout. Returns the highest rate
+// that was carried, in packets per second.
 double throughput(const State& state, const char* name, const Flow& flow, double seconds) {
   double best = 0;
   fmt::print("{:<6}{:>12}{:>12}{:>10}{:>9}{:>10}{:>10}{:>14}\n", name, "offered/s", "got/s",

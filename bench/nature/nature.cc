@@ -1,5 +1,5 @@
-// How soon the estimates and scores of a link follow steps of its delay, loss and rate, on a
-// testbed of its own.
+// The program `nature_bench`: measures how soon the estimates and scores of a link follow steps of
+// its delay, loss and rate, on a testbed of its own, without load and under load.
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
 #include <unistd.h>
@@ -31,7 +31,8 @@ using netns::Testbed;
 constexpr const char* kTested = "tested";
 constexpr const char* kOther = "reference";
 constexpr std::size_t kTestedLink = 0;
-// For the path to be found again; chosen: a reference second and some more.
+// How long is waited after the outage for the path to be used again. A link that is back must be
+// used within a second; twice that shows by how much the bound is missed, if it is.
 constexpr Duration kAfterOutage = std::chrono::seconds(2);
 
 struct Options {
@@ -40,20 +41,23 @@ struct Options {
   std::string out = "out/nature";
   netns::Backend backend = netns::Backend::kAuto;
   bool json = false;
-  std::string pcap;  // of the vehicle
+  // A capture file of the vehicle's packets; empty: none.
+  std::string pcap;
 };
 
-// Throws when it has ended by itself, after its own word on stderr.
+// Throws when the node has ended by itself; the node has then written the reason to stderr.
 void must_live(Child& node) {
   if (node.ended()) throw Failure(kFailed, "a node ended early");
 }
 
+// The conditions as Testbed::change() takes them.
 std::vector<std::string> settings(const bench::Conditions& c) {
   return {fmt::format("rtt_ms={}", c.rtt_ms), fmt::format("loss={}", c.loss),
           fmt::format("rate_mbit={}", c.rate_mbit)};
 }
 
-// Both links' lines of one instant as one belief.
+// Joins the lines of both links at one instant to one Belief: the vehicle writes the tested link's
+// first.
 std::vector<bench::Belief> beliefs_of(const std::vector<bench::Line>& lines, TimePoint start) {
   std::vector<bench::Belief> out;
   for (const bench::Line& line : lines) {
@@ -67,6 +71,7 @@ std::vector<bench::Belief> beliefs_of(const std::vector<bench::Line>& lines, Tim
   return out;
 }
 
+// Fills `run.convergence` from the beliefs of each phase.
 void judge(bench::Run& run) {
   const auto all = bench::steps();
   for (std::size_t i = 0; i < all.size(); ++i) {
@@ -79,6 +84,7 @@ void judge(bench::Run& run) {
   }
 }
 
+// One run: makes a testbed, starts both nodes, makes all steps and the outage, and judges them.
 bench::Run measure(const Options& o, bool loaded) {
   netns::TestbedOptions options;
   options.name = fmt::format("bench-{}", ::getpid());

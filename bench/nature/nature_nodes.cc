@@ -24,17 +24,20 @@ namespace {
 
 constexpr PipelineId kPipeline{0};
 constexpr Duration kPeriod = std::chrono::milliseconds(100);
-constexpr Duration kDeadline = std::chrono::milliseconds(400);  // above every round trip here
+// Longer than every round trip of the steps, so that messages are never dropped as too late.
+constexpr Duration kDeadline = std::chrono::milliseconds(400);
+// How often the vehicle writes its estimates.
 constexpr Duration kSampling = std::chrono::milliseconds(20);
 
-// `body` in a child that lives in `host` and ends with us.
+// Runs `body` in a child process inside `host`, which the kernel ends with this process.
 pid_t in_host(const netns::State& state, netns::Host host, const std::function<void()>& body) {
   std::fflush(nullptr);
   const pid_t parent = ::getpid();
   const pid_t pid = ::fork();
   if (pid < 0) throw Failure(kFailed, "cannot start a process: fork failed");
   if (pid > 0) return pid;
-  // Ctrl-C is the parent's; it ends us by SIGTERM, also before the node listens for it.
+  // Ctrl-C reaches the parent as well, which then ends this process by SIGTERM; that works also
+  // before the node listens for it.
   ::signal(SIGINT, SIG_IGN);
   ::signal(SIGHUP, SIG_IGN);
   ::signal(SIGTERM, SIG_DFL);
@@ -52,6 +55,7 @@ pid_t in_host(const netns::State& state, netns::Host host, const std::function<v
   ::_exit(code);
 }
 
+// The vehicle has a link and a peer address per network; the roadside unit accepts peers.
 NodeOptions options_of(const netns::State& state, bool vehicle) {
   NodeOptions o;
   for (std::size_t i = 0; i < state.network_count(); ++i) {

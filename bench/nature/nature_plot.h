@@ -1,4 +1,4 @@
-// The picture of The program `nature_bench`.
+// The picture that `nature_bench` draws of its runs, by gnuplot.
 #pragma once
 
 #include <filesystem>
@@ -9,19 +9,24 @@
 
 namespace interneuron::cli::bench {
 
-// One run: a phase at the base conditions, then one per step.
+// One run: a phase at the base conditions, one phase per step, and an outage at the end. Times are
+// since the start of the run.
 struct Run {
   bool loaded = false;
-  std::vector<Duration> began;  // of each step, since the start of the run
+  // When each step was made.
+  std::vector<Duration> began;
+  // When the phase of the last step ended.
   Duration end{};
   std::vector<Belief> beliefs;
-  std::vector<Convergence> convergence;  // one per step
+  // One per step.
+  std::vector<Convergence> convergence;
   Duration outage_began{};
   OutageNotice outage;
 };
 
-// A column per run; below each other round trip, rate, loss and the three scores that move, dashed
-// what the link is set to. False (and a line on stderr) without gnuplot.
+// Draws a column per run with round trip, rate, loss and the three scores that move, one below the
+// other; dashed lines are the conditions that the link was set to. Returns false, with a line on
+// stderr, where gnuplot is missing or fails.
 bool plot_nature(const std::filesystem::path& file, const std::vector<Run>& runs);
 
 }  // namespace interneuron::cli::bench

@@ -30,7 +30,8 @@ double value(const Conditions& conditions, Quantity quantity) {
   return conditions.rate_mbit;
 }
 
-// Since when something holds without a break.
+// Keeps in `since` the time from which something has held without a break; empty while it does not
+// hold.
 void keep_first(std::optional<Duration>& since, bool holds, Duration at) {
   if (!holds) {
     since.reset();
