@@ -54,7 +54,8 @@ constexpr int kClockAttempts = 10;
 
 Duration read_clock(clockid_t clock) {
   timespec t{};
-  ::clock_gettime(clock, &t);  // cannot fail: the clocks exist and &t is valid
+  // This cannot fail: the clocks exist and &t is valid.
+  ::clock_gettime(clock, &t);
   return std::chrono::seconds{t.tv_sec} + Duration{t.tv_nsec};
 }
 
@@ -95,15 +96,17 @@ Scope scope_of(std::span<const std::byte> frame) {
   switch (ether_type(frame)) {
     case kEtherTypeArp:
       return Scope::kLink;
-    case kEtherTypeIpv4: {  // 224.0.0.0/24, RFC 5771
+    case kEtherTypeIpv4: {
       if (frame.size() < kEthernetHeader + kIpv4Header) return Scope::kNone;
+      // Multicast of link scope is 224.0.0.0/24 (RFC 5771).
       const bool local = byte_of(frame, kIpv4Destination) == 224 &&
                          byte_of(frame, kIpv4Destination + 1) == 0 &&
                          byte_of(frame, kIpv4Destination + 2) == 0;
       return local ? Scope::kLink : Scope::kGlobal;
     }
-    case kEtherTypeIpv6: {  // fe80::/10 and ff02::/16, RFC 4291
+    case kEtherTypeIpv6: {
       if (frame.size() < kEthernetHeader + kIpv6Header) return Scope::kNone;
+      // Link scope is fe80::/10 and, for multicast, ff02::/16 (RFC 4291).
       const unsigned first = byte_of(frame, kIpv6Destination);
       const unsigned second = byte_of(frame, kIpv6Destination + 1);
       const bool local =

@@ -88,7 +88,8 @@ Flow match(const std::vector<Datagram>& at_sender, const std::vector<Datagram>& 
   flow.packets = packets_of(table, first, sent_by);
   std::size_t highest = 0;
   for (const Datagram& record : at_receiver) {
-    const std::size_t index = std::size_t{record.number} - 1 - first;  // wraps when below
+    // A number below the first one wraps round to a large index; the check below refuses it.
+    const std::size_t index = std::size_t{record.number} - 1 - first;
     if (record.number <= first || index >= flow.packets.size() ||
         (table[first + index] && table[first + index]->stamp != record.stamp)) {
       ++flow.foreign;

@@ -13,7 +13,8 @@ namespace {
 
 Duration clock_of(clockid_t clock) {
   timespec t{};
-  ::clock_gettime(clock, &t);  // cannot fail: the clocks exist and &t is valid
+  // This cannot fail: the clocks exist and &t is valid.
+  ::clock_gettime(clock, &t);
   return std::chrono::seconds{t.tv_sec} + Duration{t.tv_nsec};
 }
 
