@@ -32,9 +32,12 @@ HASHED = (".py", ".sh", ".toml", ".cmake", ".txt", ".yml")
 # Where a path in a comment may begin, as for the compiler; the citing file's folder comes first.
 PLACES = ("", "src", "include", "tests", "docs")
 TOPS = ("include", "policies", "src", "netns", "bench", "tests", "docs", "scripts", "examples", "cmake", "tc_profiles")
-PLACEHOLDER = re.compile(r"(?:^|/)[A-Z]{2,}(?:/|$)")  # as in tests/GROUP/name_test.cc
+# Paths that stand for others, as tests/GROUP/name_test.cc does.
+PLACEHOLDER = re.compile(r"(?:^|/)[A-Z]{2,}(?:/|$)")
+# Headers of the system and of libraries, which are no files of ours.
 SYSTEM = re.compile(r"(?:arpa|asm|linux|net|netinet|netpacket|sys|bits|boost|opencv2|Eigen|nlohmann|gtest|rapidcheck)/")
 
+# A line break with the comment mark of the next line, in any of the languages used here.
 WRAP = re.compile(r"\n[ \t]*(?:///?|\*(?!/)|#+(?!\w)|--)?[ \t]*")
 STRING_OR_COMMENT = re.compile(r"""R"(\w*)\(.*?\)\1"|"(?:\\.|[^"\\\n])*"|(?<!\w)'(?:\\.|[^'\\\n])+'|//[^\n]*|/\*.*?\*/""",
                                re.S)
@@ -55,25 +58,28 @@ FENCE = re.compile(r"^```.*?^```", re.M | re.S)
 
 
 def keep_length(match):
+    """As many blanks as the match has characters, so that offsets into the text stay right."""
     return " " * len(match.group())
 
 
 def unwrap(text):
-    """Line breaks and comment marks become blanks; offsets stay. Empty lines end a paragraph."""
+    """Joins the lines of each paragraph: line breaks and comment marks become blanks. Offsets stay right."""
     return "\n\n".join(WRAP.sub(keep_length, part) for part in re.split(r"\n\n", text))
 
 
 def plain(heading):
+    """A heading as headings are compared: lower case, without backquotes, single blanks."""
     return re.sub(r"\s+", " ", heading.replace("`", "")).strip().lower()
 
 
 def anchor(heading):
+    """The anchor that GitHub makes of a heading."""
     words = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", heading.replace("`", "")).lower()
     return re.sub(r"[^\w\- ]", "", words).replace(" ", "-")
 
 
 def comments_of(text):
-    """The text with all but comments blanked; offsets stay."""
+    """The text with everything but comments replaced by blanks. Offsets stay right."""
     out, end = [], 0
     for match in STRING_OR_COMMENT.finditer(text):
         out.append(re.sub(r"[^\n]", " ", text[end:match.start()]))
@@ -85,6 +91,11 @@ def comments_of(text):
 
 
 class Checker:
+    """Checks one tree. After run() `problems` has (file, line, what) and `citations` how many were looked at.
+
+    Methods check_... take a file's path, its text (`whole`: unwrapped) and problem(position, what), which reports.
+    """
+
     def __init__(self, root):
         self.root = root
         self.files = set()
@@ -113,6 +124,7 @@ class Checker:
         return self
 
     def read(self, path):
+        """The text of a file; None when it is no text."""
         try:
             with open(os.path.join(self.root, path), "rb") as file:
                 return None if b"\0" in file.peek(4096)[:4096] else file.read().decode("utf-8")
@@ -120,6 +132,7 @@ class Checker:
             return None
 
     def headings(self, path):
+        """The headings of a Markdown document, read once."""
         if path not in self.documents:
             self.documents[path] = HEADING.findall(FENCE.sub("", self.read(path) or ""))
         return self.documents[path]
@@ -152,6 +165,7 @@ class Checker:
                                              for line in text.split("\n")), problem)
 
     def locate(self, path, cited, places=("",)):
+        """The file or folder that `cited` names in the file `path`: below that file's folder or one of `places`."""
         for place in (os.path.dirname(path), *places):
             found = os.path.normpath(os.path.join(place, cited)) if cited else path
             if found in self.files or found in self.folders:
@@ -163,7 +177,8 @@ class Checker:
             self.citations += 1
             cited = match.group(1)
             if cited in self.names and whole[match.start() - 1:match.start()] + whole[match.end():match.end() + 1] == '""':
-                continue  # a whole string of its own is a part of a path in code
+                # A string of code that is a file name and nothing else is a part of a path.
+                continue
             found = self.locate(path, cited)
             if found is None:
                 problem(match.start(), f"{cited} is not in the repository")
@@ -199,7 +214,7 @@ class Checker:
         if re.match(r"[a-z]+:", target):
             return
         found = self.locate(path, target) if target else path
-        # Relative to the folder of the file alone, as a browser reads it.
+        # A browser takes links as relative to the folder of the file, never to the top of the repository.
         if target and os.path.normpath(os.path.join(os.path.dirname(path), target)) != found:
             problem(match.start(), f"link to {target}, which is not there")
         elif wanted and wanted not in map(anchor, self.headings(found)):
@@ -219,10 +234,12 @@ class Checker:
 
 
 def squeeze(match):
+    """The text of a match, or a string, on one line."""
     return re.sub(r"\s+", " ", match if isinstance(match, str) else match.group())
 
 
 def blank_lines(match):
+    """Blanks in place of the match; its line breaks stay."""
     return re.sub(r"[^\n]", " ", match.group())
 
 
@@ -237,7 +254,7 @@ Text. See [below](#the-set-up-now).
 ### 2.1 Numbered
 """
 
-# (file, text, what is found or None): each text is a file of its own.
+# (file, text, problem): each text is a file of its own; None where no problem may be found.
 CASES = [
     ("a.h", '// Late by docs/paper.md, "Reference times".', None),
     ("b.h", '// Late by docs/paper.md, "Reference\n// times" and "The set-up: now".', None),

@@ -74,10 +74,11 @@ INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]*(?:"([^"\n]+)"|<([^>\n]+)>)', 
 
 
 class Folder:
+    """A row of the table and what its folder may include. That of src/core/wire has the name core/wire and the group core."""
     def __init__(self, path, pure):
-        self.path = path            # "src/wire"
-        self.name = "include" if path.startswith("include") else path.removeprefix("src/")  # "core/wire"
-        self.group = self.name.split("/")[0]  # "core"
+        self.path = path
+        self.name = "include" if path.startswith("include") else path.removeprefix("src/")
+        self.group = self.name.split("/")[0]
         self.pure = pure
         self.os = False
         self.folders = set()
@@ -85,7 +86,7 @@ class Folder:
 
 
 def read_table(text):
-    """The rows of the first table whose header starts with `folder`; ([Folder], [problem])."""
+    """Reads the first table whose header starts with `folder`; returns its rows, as {path: Folder}, and [problem]."""
     folders, problems, columns = {}, [], None
     for number, line in enumerate(text.splitlines(), 1):
         if not line.lstrip().startswith("|"):
@@ -142,7 +143,7 @@ def read_table(text):
 
 
 def read_floors(text):
-    """The groups from the lowest floor up, and the line that tells them."""
+    """Returns the groups from the lowest floor up, and the number of the line that names them."""
     for number, line in enumerate(text.splitlines(), 1):
         if line.startswith("Floors: "):
             return [word.strip(" `.") for word in line.removeprefix("Floors: ").split(",")], number
@@ -150,7 +151,7 @@ def read_floors(text):
 
 
 def find_cycles(folders):
-    """The table must be one-way: peel off folders whose needs are all peeled; what stays is on or above a cycle."""
+    """Removes folders that include none of the rest until none is left; if some stay, they are on a cycle or above one."""
     rest = {f.name: set(f.folders) - {f.name} for f in folders.values()}
     while rest:
         free = [name for name, needs in rest.items() if not needs & rest.keys()]
@@ -174,7 +175,7 @@ def blank(match):
 
 
 def bare_code(text):
-    """Comments and the contents of strings blanked, names of headers kept; line numbers stay."""
+    """The text without comments and the contents of strings, but with the names of headers; line numbers stay as they were."""
     return TOKEN.sub(blank, text)
 
 
