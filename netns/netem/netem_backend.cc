@@ -77,7 +77,7 @@ void NetemBackend::run(int stop_fd) {
   stop_fd_ = stop_fd;
   take_precedence();
   TimePoint due = io::now();
-  while (rest(due)) {
+  while (sleep_until(due)) {
     const bool was_waiting = !bearers_.epoch();
     if (was_waiting) look_for_first_packet(io::now());
     // From the epoch on the steps fall on the model's.
@@ -94,7 +94,7 @@ void NetemBackend::run(int stop_fd) {
 }
 
 // Sleeps until `until` and serves requests meanwhile, at least once. False when it is time to stop.
-bool NetemBackend::rest(TimePoint until) {
+bool NetemBackend::sleep_until(TimePoint until) {
   while (true) {
     const Duration wait = std::max(Duration{}, until - io::now());
     const timespec timeout{wait / std::chrono::seconds(1),
@@ -113,7 +113,7 @@ void NetemBackend::step(TimePoint now) {
   bearers_.advance(now);
   const Duration since_epoch = bearers_.since_epoch(now);
   for (std::size_t done = 0; done < ends_.size(); ++done) {
-    const std::size_t requests = follow(ends_[next_end_], since_epoch);
+    const std::size_t requests = set_conditions(ends_[next_end_], since_epoch);
     next_end_ = (next_end_ + 1) % ends_.size();
     effort_.requests += requests;
     if (requests > 0 && io::now() >= now + kBudget) {
@@ -125,7 +125,7 @@ void NetemBackend::step(TimePoint now) {
 }
 
 // Sets one NIC to the conditions of `since_epoch`; returns how many requests that took.
-std::size_t NetemBackend::follow(const End& end, Duration since_epoch) {
+std::size_t NetemBackend::set_conditions(const End& end, Duration since_epoch) {
   const auto conditions = bearers_.link(end.link).conditions(end.direction, since_epoch);
   try {
     return sites_[end.site].control.change(end.nic, conditions);

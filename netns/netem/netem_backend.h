@@ -79,9 +79,9 @@ class NetemBackend {
   };
 
   std::size_t site_of(int network_namespace, int home);
-  bool rest(TimePoint until);
+  bool sleep_until(TimePoint until);
   void step(TimePoint now);
-  std::size_t follow(const End& end, Duration since_epoch);
+  std::size_t set_conditions(const End& end, Duration since_epoch);
   bool read_counters(Site& site);
   void look_for_first_packet(TimePoint now);
   void publish_some();

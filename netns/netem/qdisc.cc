@@ -115,7 +115,8 @@ void read_qdisc(rtnl_tc* qdisc, KernelCounters& out) {
   out.waiting_bytes = rtnl_tc_get_stat(qdisc, RTNL_TC_BACKLOG);
 }
 
-EgressCounters sum(const EgressCounters& before, const KernelCounters& now) {
+// The counters of a NIC since add(): those of trees that have been replaced and of the present one.
+EgressCounters total(const EgressCounters& before, const KernelCounters& now) {
   const std::uint64_t queue_drops = std::min(now.queue_drops, now.drops);
   const std::uint64_t seen = now.packets + now.waiting;
   // See EgressCounters::bytes_in.
@@ -148,7 +149,7 @@ std::vector<EgressCounters> TrafficControl::counters() {
     }
   }
   std::vector<EgressCounters> out;
-  for (std::size_t i = 0; i < nics_.size(); ++i) out.push_back(sum(nics_[i].before, read[i]));
+  for (std::size_t i = 0; i < nics_.size(); ++i) out.push_back(total(nics_[i].before, read[i]));
   return out;
 }
 

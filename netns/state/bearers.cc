@@ -50,7 +50,8 @@ Bearers::Bearers(const TestbedOptions& options, Backend backend, ControlServer& 
       attention_(check(::epoll_create1(EPOLL_CLOEXEC), "make an epoll")),
       stats_(stats) {
   attend(control_.fd(), [this] {
-    if (const auto request = control_.receive()) control_.reply(obey(*request, since_epoch(now_)));
+    if (const auto request = control_.receive())
+      control_.reply(carry_out(*request, since_epoch(now_)));
   });
   for (std::size_t v = 0; v < options.vehicles; ++v) {
     vehicles_.push_back(std::make_unique<emu::ScenarioPlayer>(scenario_of(options.scenario, v)));
@@ -111,7 +112,7 @@ void Bearers::serve(TimePoint now) {
 }
 
 // Carries out a request. Returns an empty text, or what is wrong with it; then nothing has changed.
-std::string Bearers::obey(const Request& request, Duration time) {
+std::string Bearers::carry_out(const Request& request, Duration time) {
   const auto known = [this](std::size_t i) { return i < links_.size(); };
   if (!std::all_of(request.links.begin(), request.links.end(), known)) return "no such link";
   emu::LinkChange change;

@@ -56,7 +56,7 @@ class Bearers {
 
  private:
   void publish(std::size_t index, std::int64_t step);
-  std::string obey(const Request& request, Duration time);
+  std::string carry_out(const Request& request, Duration time);
 
   Backend backend_;
   ControlServer& control_;

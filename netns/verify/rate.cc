@@ -44,28 +44,30 @@ struct Reading {
 class Lag {
  public:
   Lag(const RateRun& run, Direction direction) : run_(run), direction_(direction) {
-    came_.reserve(run.received.size());
+    received_.reserve(run.received.size());
     double bits = 0;
     for (const Datagram& d : run.received)
-      came_.push_back(bits += 8.0 * static_cast<double>(d.ip_bytes));
+      received_.push_back(bits += 8.0 * static_cast<double>(d.ip_bytes));
     origin_ = run.schedule.sent_by(run.received.front().seen);
   }
+  // The bits that a bottleneck which is never idle would have delivered until packet i arrived, and
+  // those that had arrived.
   double prescribed(Index i) const {
     return run_.schedule.bits_between(direction_, origin_,
                                       run_.schedule.sent_by(run_.received[i].seen));
   }
-  double came(Index i) const { return came_[i]; }
+  double received(Index i) const { return received_[i]; }
 
   // The packet with the least lag among those in [begin, end). A machine that is late delivers
   // later, but not less, so this packet tells best how far the bottleneck was.
-  Index least(Index begin, Index end) const {
+  Index least_lag(Index begin, Index end) const {
     const Index stride = std::max<Index>(1, (end - begin) / kCandidates);
     Index best = begin;
-    double least_lag = std::numeric_limits<double>::max();
+    double smallest = std::numeric_limits<double>::max();
     for (Index i = begin; i < end; i += stride) {
-      const double lag = prescribed(i) - came(i);
-      if (lag >= least_lag) continue;
-      least_lag = lag;
+      const double lag = prescribed(i) - received(i);
+      if (lag >= smallest) continue;
+      smallest = lag;
       best = i;
     }
     return best;
@@ -74,7 +76,8 @@ class Lag {
  private:
   const RateRun& run_;
   Direction direction_;
-  std::vector<double> came_;
+  // IP bits up to and including each packet.
+  std::vector<double> received_;
   Duration origin_{};
 };
 
@@ -93,11 +96,11 @@ std::optional<Reading> read(const RateRun& run, Direction direction) {
   const Duration end = all.back().seen - kEndRegion;
   if (end - begin < kEndRegion) return std::nullopt;
   const Lag lag(run, direction);
-  const Index first = lag.least(first_from(all, begin), first_from(all, begin + kEndRegion));
-  const Index last = lag.least(first_from(all, end), all.size());
+  const Index first = lag.least_lag(first_from(all, begin), first_from(all, begin + kEndRegion));
+  const Index last = lag.least_lag(first_from(all, end), all.size());
   Reading out;
   out.seconds = std::chrono::duration<double>(all[last].seen - all[first].seen).count();
-  out.received_bits = lag.came(last) - lag.came(first);
+  out.received_bits = lag.received(last) - lag.received(first);
   out.prescribed_bits = lag.prescribed(last) - lag.prescribed(first);
   const double stamps = std::chrono::duration<double>(all[last].stamp - all[first].stamp).count();
   const double numbers = static_cast<double>(all[last].number) - all[first].number;

@@ -6,7 +6,7 @@ namespace interneuron::cli::verify {
 
 namespace {
 
-double of(Direction direction, const netns::ScheduleSample& sample) {
+double loss_of(Direction direction, const netns::ScheduleSample& sample) {
   return direction == Direction::kUp ? sample.loss_up : sample.loss_down;
 }
 
@@ -22,7 +22,7 @@ bool Schedule::covers(Duration from, Duration to) const {
   return !empty() && samples_.front().at <= from && to < samples_.back().at + emu::kDelayStep;
 }
 
-double Schedule::loss(Direction direction, Duration t) const { return of(direction, at(t)); }
+double Schedule::loss(Direction direction, Duration t) const { return loss_of(direction, at(t)); }
 
 DataRate Schedule::rate(Direction direction, Duration t) const { return rate_of(direction, at(t)); }
 
@@ -48,7 +48,7 @@ double Schedule::bits_between(Direction direction, Duration from, Duration to) c
     const Duration end = std::min(to, sample.at + emu::kDelayStep);
     if (end <= begin) continue;
     bits += seconds(end - begin) * rate_of(direction, sample).mbit() * 1e6 *
-            (1 - of(direction, sample));
+            (1 - loss_of(direction, sample));
   }
   return bits;
 }

@@ -123,7 +123,7 @@ bool kernel_has_ipv6() { return ::access("/proc/sys/net/ipv6/conf", F_OK) == 0; 
 
 // Keeps the kernel from sending packets of its own at this NIC. Done by netlink, as /proc/sys is
 // read-only in containers.
-void be_quiet(nl_sock* socket, const std::string& nic, int index, bool forwards) {
+void forbid_own_packets(nl_sock* socket, const std::string& nic, int index, bool forwards) {
   const Link link = require(Link(rtnl_link_alloc()));
   rtnl_link_set_ifindex(link.get(), index);
   const Link change = require(Link(rtnl_link_alloc()));
@@ -150,7 +150,7 @@ bool operational(nl_sock* socket, const std::vector<NicPlan>& plans, std::string
 
 // Whether the kernel delivers packets to this own address locally, which it does once the address
 // is complete.
-bool local(nl_sock* socket, const std::string& address) {
+bool is_local(nl_sock* socket, const std::string& address) {
   rtnl_route* found = nullptr;
   const Address destination = parse_address(address.substr(0, address.find('/')), AF_INET6);
   if (rtnl_route_lookup(socket, destination.get(), &found) < 0) return false;
@@ -158,10 +158,11 @@ bool local(nl_sock* socket, const std::string& address) {
   return rtnl_route_get_type(found) == RTN_LOCAL;
 }
 
+// Whether all IPv6 addresses are complete; else `culprit` is one that is not.
 bool reachable(nl_sock* socket, const std::vector<NicPlan>& plans, std::string& culprit) {
   for (const NicPlan& plan : plans) {
     for (const std::string& address : plan.addresses) {
-      if (family_of(address) != AF_INET6 || local(socket, address)) continue;
+      if (family_of(address) != AF_INET6 || is_local(socket, address)) continue;
       culprit = address + " of " + plan.nic;
       return false;
     }
@@ -188,7 +189,7 @@ void make_pair(nl_sock* socket, const NicEnd& a, const NicEnd& b) {
 
 void set_up(nl_sock* socket, const std::string& nic, bool forwards) {
   const int index = netlink::nic_index(nic);
-  be_quiet(socket, nic, index, forwards);
+  forbid_own_packets(socket, nic, index, forwards);
   const Link link = require(Link(rtnl_link_alloc()));
   rtnl_link_set_ifindex(link.get(), index);
   const Link change = require(Link(rtnl_link_alloc()));
