@@ -27,6 +27,7 @@ bool is_usable(const Address& address, const std::optional<Address>& peer) {
   return is_ipv6(address) == is_ipv6(*peer) && (!is_link_local(address) || is_link_local(*peer));
 }
 
+// What became of a NIC's addresses, in words; empty when only their order is another.
 std::string address_change(const std::vector<Address>& before, const std::vector<Address>& now) {
   const auto missing_in = [](const std::vector<Address>& where) {
     return [&where](const Address& address) {
@@ -40,6 +41,7 @@ std::string address_change(const std::vector<Address>& before, const std::vector
   return it == before.end() ? "" : "address " + host_of(*it) + " is gone";
 }
 
+// The state that a NIC should be in, and why.
 struct Verdict {
   NicState state{};
   std::string reason;
@@ -82,20 +84,27 @@ class LinkMonitor::Impl {
   }
 
  private:
+  // Takes in one event of the kernel.
   void take(const nlmsghdr& message);
+  // Reads everything anew, after events were lost.
   void resync();
+  // Brings all records up to date with the table and returns what has changed. `former_names` are
+  // the names that NICs had before, by index.
   std::vector<NicEvent> evaluate();
   std::optional<NicEvent> evaluate(const std::string& name, Record& record,
                                    const std::map<int, std::string>& former_names);
   std::optional<NicEvent> evaluate_present(const Nic& nic, Record& record,
                                            const std::string& former_name);
+  // The state of a NIC that is there: from its flags and addresses, then from its routes.
   Verdict judge(const Record& record, const Nic& nic);
   Verdict judge_route(const Record& record, const Nic& nic);
+  // Why a NIC is not there any more.
   std::string absence(const Record& record) const;
   // The one place where a state changes.
   NicEvent set_state(const std::string& name, Record& record, NicState state, std::string reason);
 
   bool default_routes_;
+  // What must be read anew: the default routes, or the whole table after a reading that failed.
   bool routes_stale_ = false;
   bool table_stale_ = false;
   std::uint64_t resyncs_ = 0;
@@ -107,7 +116,7 @@ class LinkMonitor::Impl {
 
 LinkMonitor::Impl::Impl(const Options& options)
     : default_routes_(options.default_routes),
-      // Before the first reading, so that nothing is missed in between.
+      // Opened before the table is read, so that changes during the reading arrive as events.
       events_(netlink::open_event_socket(
           {RTNLGRP_LINK, RTNLGRP_IPV4_IFADDR, RTNLGRP_IPV6_IFADDR, RTNLGRP_IPV4_ROUTE,
            RTNLGRP_IPV6_ROUTE, RTNLGRP_IPV4_RULE, RTNLGRP_IPV6_RULE},

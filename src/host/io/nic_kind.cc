@@ -31,7 +31,8 @@ std::string read_line(const std::string& path) {
   return std::string(all.ends_with('\n') ? all.substr(0, all.size() - 1) : all);
 }
 
-// sysfs shows the network namespace that it was mounted in, which need not be ours.
+// Whether the folder of sysfs describes this NIC: sysfs shows the network namespace in which it was
+// mounted, which may have another NIC of the same name.
 bool shows(const std::string& folder, const Nic& nic) {
   if (read_line(folder + "/ifindex") != std::to_string(nic.index)) return false;
   return nic.mac.empty() || read_line(folder + "/address") == nic.mac;
@@ -39,6 +40,7 @@ bool shows(const std::string& folder, const Nic& nic) {
 
 bool exists(const std::string& path) { return ::access(path.c_str(), F_OK) == 0; }
 
+// The driver's name, as sysfs or as the driver itself says it; empty when unknown.
 std::string driver_by_sysfs(const std::string& folder) {
   std::array<char, 512> target{};
   const ssize_t size =
@@ -59,7 +61,8 @@ std::string driver_by_ioctl(const std::string& name) {
   return std::string(info.driver, ::strnlen(info.driver, sizeof info.driver));
 }
 
-// "DEVTYPE=wlan" among the lines of uevent (linux/netdevice.h, SET_NETDEV_DEVTYPE).
+// The value of DEVTYPE among the lines of uevent, for example "wlan" (linux/netdevice.h,
+// SET_NETDEV_DEVTYPE).
 std::string device_type(const std::string& folder) {
   static constexpr std::string_view kKey = "DEVTYPE=";
   const std::string lines = read_line(folder + "/uevent");
@@ -69,6 +72,7 @@ std::string device_type(const std::string& folder) {
   return rest.substr(0, rest.find('\n'));
 }
 
+// The kind of a NIC that is hardware; `known`: sysfs shows it.
 std::string hardware_kind(const std::string& folder, bool known, const std::string& driver) {
   if (known) {
     const std::string type = device_type(folder);

@@ -28,6 +28,7 @@ constexpr std::array kOperstates{"unknown", "notpresent", "down", "lowerlayerdow
 
 using Attributes = std::array<nlattr*, IFLA_MAX + 1>;
 
+// The fixed header of a message; nullptr when the message is too short for it.
 template <class Header>
 const Header* header_of(const nlmsghdr& message) {
   if (message.nlmsg_len < NLMSG_LENGTH(sizeof(Header))) return nullptr;
@@ -45,6 +46,7 @@ std::string text_of(nlattr* attribute) {
   return attribute == nullptr ? std::string() : std::string(nla_get_string(attribute));
 }
 
+// The hardware address as text; empty when there is none, or when it is all zeros.
 std::string mac_of(nlattr* attribute) {
   constexpr int kMacBytes = 6;
   if (attribute == nullptr || nla_len(attribute) != kMacBytes) return {};

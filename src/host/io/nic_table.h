@@ -1,6 +1,8 @@
 // What the kernel says of this namespace's network cards (NICs), as a table that its messages
-// (listings and events alike) keep current. It knows no states: see link_monitor.h.
-// Thread-compatible.
+// (listings and events alike) keep current. Whether a NIC can be used is not decided here but in
+// link_monitor.h. The messages are the kernel's; their sizes are checked all the same, and one that
+// does not parse is ignored. Size: one entry per NIC, address and default route; departures are
+// kept until forget_departures(). Thread-compatible. Errors: read() throws IoError.
 #pragma once
 
 #include <linux/netlink.h>

@@ -36,6 +36,9 @@ constexpr Duration kWait = 1s;
 
 std::size_t ip_header_bytes(bool ipv6) { return ipv6 ? 40 : 20; }
 
+// A socket for echo requests: an unprivileged one of the kernel's where net.ipv4.ping_group_range
+// allows that, else a raw one, which needs CAP_NET_RAW. The sizes of packets that come in are
+// checked before they are read.
 class Echo {
  public:
   Echo(const std::string& nic, const Address& host) : host_(host), ipv6_(is_ipv6(host)) {

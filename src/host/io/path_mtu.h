@@ -1,5 +1,7 @@
-// How large a packet may be on the way to a host through one network card (NIC): echo requests
-// (ping) of rising size with "don't fragment". Sends some ten packets and waits for their answers.
+// Measures how large a packet may be on the way to a host through one network card (NIC): sends
+// echo requests (ping) of rising size with "don't fragment", some ten packets, and waits for their
+// answers. Anybody can forge answers and the routers' errors (ICMP); the result is shown to people
+// and decides nothing. Thread-safe.
 #pragma once
 
 #include <optional>

@@ -23,7 +23,7 @@
 namespace interneuron::io {
 namespace {
 
-// Whole packets; only the loopback card has an MTU of 65,536.
+// Packets are captured whole; only the loopback card has a larger MTU, 65,536.
 constexpr int kSnapshotBytes = 65535;
 // The kernel hands over a block of packets when it is full or this old. Longer means fewer
 // wake-ups, shorter means that less is lost when the process is killed. No measurement behind this
@@ -110,7 +110,7 @@ class PcapTap::Impl {
     const std::uint64_t one = 1;
     [[maybe_unused]] const auto written = ::write(wake_.get(), &one, sizeof one);
     thread_.join();
-    // The kernel still has a block that is not full.
+    // The kernel hands over its last block, which is not full, when it is kBlockMs old.
     pollfd item{::pcap_get_selectable_fd(handle_.get()), POLLIN, 0};
     ::poll(&item, 1, 2 * kBlockMs);
     take();
@@ -124,6 +124,7 @@ class PcapTap::Impl {
   }
 
  private:
+  // What has been written of one NIC, by its index.
   struct Seen {
     std::string name;
     std::uint64_t packets = 0;

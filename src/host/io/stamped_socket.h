@@ -1,6 +1,8 @@
 // A NIC's UDP socket that says of each datagram when the kernel received it and with which TTL: for
 // measuring, where it matters more than throughput. See UdpTransport for the opposite.
 //
+// Received bytes and addresses are a stranger's and may be forged; the time is the kernel's own,
+// the TTL what the packet says. Buffer: 64 KiB, so that no datagram is cut off. Owns its socket.
 // Set-up failures throw IoError. Thread-compatible.
 #pragma once
 

@@ -10,6 +10,7 @@ namespace {
 // and goes takes a new port each time.
 constexpr std::size_t kMaxPorts = 128;
 
+// The ports of the process; the mutex guards the rest and is held while the listener is called.
 struct Registry {
   std::mutex mutex;
   std::vector<std::uint16_t> ports;

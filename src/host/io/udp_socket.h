@@ -43,9 +43,9 @@ struct UdpSocket {
   std::vector<std::string> warnings;
 };
 
-// Bound to the NIC before it is bound to an address (so that neither can be taken by another NIC's
-// traffic), never blocking, never fragmenting, closed on exec. Needs no privilege on Linux >= 5.7.
-// Throws IoError.
+// Opens a socket that never blocks, never fragments and is closed on exec. It is bound to the NIC
+// before it is bound to an address, so that it receives nothing from other NICs at any time. Needs
+// no privilege from Linux 5.7 on. Throws IoError.
 UdpSocket open_udp_socket(const UdpOptions& options);
 
 }  // namespace interneuron::io

@@ -141,6 +141,7 @@ std::size_t run_length(std::span<const Outgoing> batch) {
   return count;
 }
 
+// Makes the message leave from this address of the NIC.
 void append_source(msghdr& header, SendControl& control, int family,
                    const std::array<std::byte, 16>& address) {
   if (family == AF_INET) {
@@ -267,6 +268,8 @@ std::span<const Incoming> UdpTransport::receive() {
   return in.datagrams;
 }
 
+// Takes from a received message what the kernel says of it: the size of its coalesced datagrams,
+// the address that it came to, and how many datagrams the socket has dropped.
 void UdpTransport::read_control(std::size_t message) {
   msghdr& header = in_->messages[message].msg_hdr;
   in_->segment_bytes[message] = 0;
@@ -307,6 +310,8 @@ std::uint8_t UdpTransport::note_of(const void* address, std::size_t size) {
   return static_cast<std::uint8_t>(it - receivers_.begin() + 1);
 }
 
+// Adds the datagrams of a received message to the result; one that was cut off, or whose sender is
+// neither IPv4 nor IPv6, is counted as an error.
 void UdpTransport::split(std::size_t message) {
   const mmsghdr& received = in_->messages[message];
   Address from = from_sockaddr(reinterpret_cast<const sockaddr*>(&in_->names[message]),

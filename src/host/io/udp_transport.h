@@ -11,7 +11,15 @@
 // that the system ignores, which of the NIC's own addresses it came to; send() takes it from there.
 // Addresses made otherwise carry nothing and leave the choice to the kernel.
 //
-// All buffers are allocated by the constructor. Thread-compatible.
+// What strangers can do: anybody may send to an open port. Datagrams are handed on as they are,
+// with the sender's address as the kernel saw it, which can be forged; the endpoint parses and
+// judges them. The note above is written here, never taken from a packet. A flood fills the
+// socket's receive buffer (kReceiveBufferBytes); what does not fit is dropped by the kernel and
+// counted.
+//
+// Buffers of a fixed size are allocated by the constructor: about 1 MiB for input. receive()'s
+// result is valid until the next call. Owns its socket. Thread-compatible. Errors: the constructor
+// throws IoError; later on errors are counted.
 #pragma once
 
 #include <array>

@@ -75,14 +75,15 @@ void Node::Impl::check_nics() {
   if (!next || (recheck_at_ && *recheck_at_ <= *next)) return;
   recheck_at_ = next;
   at(*next, [this, due = *next] {
-    // An earlier check has taken the place of this one.
+    // A check for an earlier time was asked for meanwhile and has replaced this one.
     if (recheck_at_ != due) return;
     recheck_at_.reset();
     check_nics();
   });
 }
 
-// A send may find a NIC gone before the kernel's event comes.
+// Closes the links whose NIC a send has found gone, which may be before the kernel's event arrives.
+// True when there were any.
 bool Node::Impl::lose_gone_links() {
   const auto gone = outbox_.take_gone();
   for (const auto& [id, error] : gone) links_.lost(id, error);

@@ -52,6 +52,8 @@ LinkSet::Link* LinkSet::add_by_rule(const io::Nic& nic) {
   return nullptr;
 }
 
+// Adds a link without opening it. What its NIC must have to be ready, an address or a route to the
+// peer, is decided by the first link of the NIC that has a peer.
 LinkSet::Link& LinkSet::add(const NodeLink& options, bool by_rule) {
   const auto peer = parse_address(options.peer);
   const bool decided = std::ranges::any_of(links_, [&](const auto& other) {
@@ -121,7 +123,7 @@ bool LinkSet::try_open(Link& link) {
   } catch (const std::exception& error) {
     link.reason = error.what();
   }
-  // Undo what was half open.
+  // The socket may be open although the user's link_opened() has thrown.
   close(link);
   return false;
 }
@@ -140,7 +142,7 @@ std::optional<TimePoint> LinkSet::update(TimePoint now) {
   return next;
 }
 
-// Returns when the next attempt is due.
+// Opens the links whose NICs are ready and have settled. Returns when the next attempt is due.
 std::optional<TimePoint> LinkSet::open_ready(TimePoint now) {
   std::optional<TimePoint> next;
   for (const auto& link : links_) {

@@ -5,8 +5,9 @@
 // a card that went is too late anyway. Links that share a NIC share its state, which then is that
 // for the first of them that has a peer.
 //
-// Thread-compatible. Set-up throws IoError or std::invalid_argument naming the option; later on
-// what fails is a reason, and is tried again.
+// Owns the sockets and the monitor of the NICs. Thread-compatible; driven by the loop of a Node.
+// Set-up throws IoError, or std::invalid_argument that names the option. What fails later on
+// becomes the link's reason and is tried again every kRecheck.
 #pragma once
 
 #include <memory>
@@ -33,6 +34,7 @@ class LinkSet {
  public:
   struct Link {
     NodeLink options;
+    // Made by a NodeNicRule, so that it goes with its NIC; the others stay.
     bool by_rule = false;
     NicState state = NicState::kAbsent;
     // Why the NIC is in this state, or why a ready NIC is not used.
@@ -40,6 +42,7 @@ class LinkSet {
     LinkInfo info;
     // Empty while the NIC cannot be used.
     std::unique_ptr<Transport> transport;
+    // When the NIC's carrier came back; the socket is opened kSettle later.
     TimePoint carrier_since = TimePoint::min();
     // The port that the link had when it was first opened; it is bound again each time, so that
     // peers find us. 0 before.
@@ -80,9 +83,9 @@ class LinkSet {
   std::optional<LinkId> free_id() const;
   bool has_link_on(std::string_view nic) const;
   void refuse_nothing_open() const;
-  // Throws IoError.
+  // Opens the link's socket. Throws IoError.
   void open(Link& link);
-  // The same; a failure becomes the link's reason.
+  // As open(), but a failure becomes the link's reason, and the result is false.
   bool try_open(Link& link);
   void close(Link& link);
   std::optional<TimePoint> open_ready(TimePoint now);

@@ -26,7 +26,8 @@ const Outbox::Link* Outbox::find(LinkId link) const {
   return const_cast<Outbox*>(this)->find(link);
 }
 
-// Puts the datagram in the spare buffer at the end of the link's queue.
+// Puts the datagram, which is in the spare buffer, at the end of the link's queue. In a full queue
+// the oldest one makes room and is counted as stalled.
 void Outbox::push(TimePoint now, Link& link, const Transmit& transmit) {
   if (link.full()) {
     link.first = (link.first + 1) % link.slots.size();
@@ -41,6 +42,7 @@ void Outbox::push(TimePoint now, Link& link, const Transmit& transmit) {
   ++link.count;
 }
 
+// Sends as much of the link's queue as its transport takes.
 void Outbox::flush(TimePoint now, Link& link) {
   if (link.blocked || link.count == 0) return;
   for (std::size_t i = 0; i < link.count; ++i) {
@@ -55,7 +57,7 @@ void Outbox::flush(TimePoint now, Link& link) {
   link.blocked = result.would_block;
 }
 
-// Whether some link is full, but not yet for so long that it counts as stalled.
+// Whether some link's queue is full, but not yet for as long as kStallPatience.
 bool Outbox::must_pause(TimePoint now) {
   for (Link& link : links_) {
     if (!link.full()) continue;

@@ -2,7 +2,8 @@
 // not bounded.
 //
 // submit() and stop() belong to one thread, the loop thread of a Node. Jobs run on the workers'
-// threads and must not throw: an exception would end the process.
+// threads and must not throw: an exception would end the process. Owns its threads. The constructor
+// throws std::system_error when a thread cannot be started.
 #pragma once
 
 #include <condition_variable>

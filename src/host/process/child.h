@@ -10,8 +10,10 @@
 
 namespace interneuron::cli {
 
-// Owns a child process: the destructor ends and reaps it at the latest. Exit codes are the
-// process's own, or 128 + the signal that ended it. Thread-compatible.
+// Owns a child process: the destructor ends and reaps it at the latest. A process that has been
+// reaped is never signalled, as its number may be another process's by then; so nothing else may
+// wait for it. Exit codes are the process's own, or 128 + the signal that ended it.
+// Thread-compatible.
 class Child {
  public:
   explicit Child(pid_t pid) : pid_(pid) {}

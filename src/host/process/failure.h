@@ -6,7 +6,9 @@
 
 namespace interneuron::cli {
 
-// Exit codes. kCannotHere: this machine lacks what the command needs (tests count as skipped).
+// Exit codes of the program; the README lists them. kObjectiveMissed: the command worked, but the
+// objective that it was given was missed. kCannotHere: this machine lacks what the command needs
+// (tests count it as skipped).
 inline constexpr int kFine = 0;
 inline constexpr int kFailed = 1;
 inline constexpr int kUsage = 2;

@@ -7,7 +7,10 @@
 
 namespace interneuron::cli::eval {
 
-// Needs a SignalWatch to be alive.
+// Runs a list of independent jobs on all processors and shows on stderr how many are done: on a
+// terminal as a line that is written again and again. A SignalWatch must be alive, by which Ctrl-C
+// ends the work between two jobs. for_each() takes the calling thread; its jobs run on other
+// threads that end with it. Nothing is shown when `quiet`.
 class Progress {
  public:
   explicit Progress(bool quiet = false) : quiet_(quiet) {}
