@@ -81,6 +81,7 @@ void Bearers::advance(TimePoint now) {
   }
 }
 
+// Writes one step of one link's schedule to shared memory; the step counts once all of it is there.
 void Bearers::publish(std::size_t index, std::int64_t step) {
   const Duration at = step * emu::kDelayStep;
   const emu::Conditions up = link(index).conditions(emu::Direction::kUp, at);

@@ -19,6 +19,8 @@ namespace {
 
 // The most bytes of a request: some settings, each of which is a path of 4096 bytes at most.
 constexpr std::size_t kMaxMessage = 32768;
+// How long ask() waits. The holder answers between two of its steps, which are 10 ms long; no
+// measurement is behind this value, which only has to be larger on a loaded machine.
 constexpr int kAnswerBoundMs = 5000;
 
 struct Address {
@@ -41,6 +43,7 @@ io::FileDescriptor open_socket(int flags) {
       check(::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC | flags, 0), "open a control socket"));
 }
 
+// 128 random bits as 32 hexadecimal digits.
 std::string random_hex() {
   std::array<unsigned char, 16> bytes{};
   if (::getrandom(bytes.data(), bytes.size(), 0) != static_cast<ssize_t>(bytes.size())) {
@@ -55,6 +58,7 @@ std::string random_hex() {
   return out;
 }
 
+// The abstract name in an address; empty when it has none, as of a socket that is not bound.
 std::string name_of(const sockaddr_un& address, socklen_t size) {
   const std::size_t start = offsetof(sockaddr_un, sun_path) + 1;
   return size > start ? std::string(address.sun_path + 1, size - start) : std::string();

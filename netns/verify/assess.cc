@@ -14,6 +14,7 @@ namespace {
 constexpr std::array kDirectionsByName{std::pair{Direction::kUp, "up"},
                                        std::pair{Direction::kDown, "down"}};
 
+// Delays of the packets that arrived: as scheduled and as measured, in the same order.
 struct Delays {
   std::vector<double> expected_ms;
   std::vector<double> measured_ms;
@@ -46,6 +47,7 @@ Delays one_way(const Flow& flow, const Course& course) {
   return out;
 }
 
+// Of the pings within the window. The expected answer leaves when the request should have arrived.
 Delays round_trip(const LinkEvidence& e, const Course& up, const Course& down) {
   Delays out;
   for (const Ping& ping : e.pings.answered) {
@@ -178,6 +180,7 @@ Figure judge_none(std::string name, std::size_t count, bool asked) {
   return figure;
 }
 
+// The figure of a flow of which nothing arrived: a failure, unless that is explained.
 Figure nothing_came(std::string name, const DirectionEvidence& d, bool outage) {
   if (!d.not_measured.empty()) {
     return without_verdict(std::move(name), d.not_measured, Verdict::kNotMeasured);

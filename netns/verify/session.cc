@@ -125,6 +125,7 @@ class Session {
   Duration wall_offset_;
   Duration started_;
   int names_ = 0;
+  // Of the links, in CLOCK_MONOTONIC; read by finish().
   Duration epoch_{};
   std::vector<LinkEvidence> evidence_;
 };
@@ -249,6 +250,7 @@ void Session::measure_rates(Direction d) {
   if (!batch.empty()) measure_batch(d, batch);
 }
 
+// Saturates direction `d` of these links at the same time and captures what comes out of them.
 void Session::measure_batch(Direction d, const std::vector<std::size_t>& slots) {
   const Duration begin = monotonic();
   const netns::Snapshot before = Testbed::snapshot(state_);
@@ -280,6 +282,7 @@ void Session::measure_batch(Direction d, const std::vector<std::size_t>& slots) 
   }
 }
 
+// Starts a flow of small packets over each direction of each link, for a window of `length`.
 Session::Flows Session::start_window_flows(Duration length) {
   std::vector<std::pair<std::size_t, IperfFlow>> flows;
   const double wanted = kWantedPackets / std::chrono::duration<double>(length).count();
@@ -301,6 +304,9 @@ Session::Flows Session::start_window_flows(Duration length) {
   return start_flows(flows, length);
 }
 
+// The second part: flows and pings over all links until the time is up. Counters are read before
+// the flows (idle), at both ends of the window (before, end), and after packets in flight have
+// arrived (after).
 void Session::measure_window() {
   std::vector<Captures> captures;
   for (std::size_t slot = 0; slot < evidence_.size(); ++slot) {
@@ -354,6 +360,7 @@ void Session::measure_window() {
   }
 }
 
+// Matches what tcpdump saw at both ends of one link, and moves pings to the time of the links.
 void Session::collect_window(std::size_t slot, Captures& captures, const PingLog& pings) {
   LinkEvidence& e = evidence_[slot];
   const std::vector<Datagram> vehicle = finish(captures.vehicle, e.capture_drops);

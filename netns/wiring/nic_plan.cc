@@ -37,8 +37,11 @@ std::string mac_of(End end, std::size_t host, std::size_t network) {
   return text.data();
 }
 
+// Plans single NICs: the two ends of a link (vehicle_nic, gateway) and the two ends of the pair
+// between a roadside unit and the core (road_end, core_end).
 struct Planner {
   const TestbedOptions& options;
+  // AF_INET, and AF_INET6 where the testbed has IPv6.
   std::vector<int> families;
 
   std::string nic(std::size_t network) const { return "if" + options.scenario.links[network].name; }

@@ -31,12 +31,14 @@ class EthtoolBuffer {
   std::vector<std::uint64_t> words_;
 };
 
+// The ethtool ioctl of one NIC of the current network namespace. Errors: TestbedError.
 class Ethtool {
  public:
   explicit Ethtool(const std::string& nic)
       : nic_(nic),
         socket_(check(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0), "open a socket")) {}
 
+  // `command` is a structure that begins with the number of the command; the answer is in it.
   void call(void* command) const {
     ifreq request{};
     nic_.copy(request.ifr_name, IFNAMSIZ - 1);

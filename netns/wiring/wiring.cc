@@ -61,6 +61,8 @@ class Wiring {
   netlink::Socket socket_ = netlink::open_socket();
 };
 
+// NIC number `nic` of a host as an end of a veth pair. Only hosts that do not forward have
+// multicast (see describe() of nics.cc).
 NicEnd Wiring::end_of(const HostPlan& host, std::size_t nic) const {
   const NicPlan& plan = host.nics[nic];
   const int base = host.host == kCore ? kCoreIndices : 2;
@@ -68,6 +70,7 @@ NicEnd Wiring::end_of(const HostPlan& host, std::size_t nic) const {
           base + static_cast<int>(nic)};
 }
 
+// Makes the one pair (netem) or the two pairs (emulator) of the link of vehicle v on network n.
 void Wiring::make_link(const NicEnd& vehicle, const NicEnd& gateway, std::size_t v, std::size_t n) {
   if (!emulated_) {
     make_pair(socket_.get(), vehicle, gateway);
@@ -96,6 +99,7 @@ void Wiring::make_pairs() {
   }
 }
 
+// Sets up all NICs of a host, from within its namespace.
 void Wiring::set_up_host(const HostPlan& host) {
   const NetworkNamespaceScope scope(network_of(namespaces_, host.host), namespaces_.air.get());
   const netlink::Socket socket = netlink::open_socket();
@@ -104,6 +108,7 @@ void Wiring::set_up_host(const HostPlan& host) {
   for (const NicPlan& nic : host.nics) set_up(socket.get(), nic);
 }
 
+// Sets up the emulator's NICs of vehicle v.
 void Wiring::set_up_ports(std::size_t v) {
   for (std::size_t n = 0; n < options_.scenario.links.size(); ++n) {
     set_up(socket_.get(), vehicle_port(v, n));

@@ -78,8 +78,8 @@ std::optional<std::string_view> nearest_word(std::string_view word,
   std::optional<std::string_view> best;
   std::size_t best_distance = 0;
   bool best_beginning = false;
-  // More than a third of the letters changed makes another word and not a slip of the finger,
-  // unless the word is the beginning of the other one.
+  // A candidate from which more than a third of the letters differ is another word and no typing
+  // error, unless the word is its beginning.
   const std::size_t limit = std::max<std::size_t>(2, word.size() / 3);
   for (const std::string_view candidate : known) {
     const std::size_t distance = edit_distance(word, candidate);

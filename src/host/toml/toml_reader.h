@@ -36,6 +36,9 @@ std::string range_text(const NumberKey& key);
 // is within the range.
 std::optional<std::string> range_error(const NumberKey& key, double value);
 
+// One document. `origin` names it in errors. Functions that read a key return whether the document
+// is right so far; an absent optional key is right and leaves the target as it is. The text may be
+// anything: toml++ parses it, and every value is checked for its type and range.
 class TomlReader {
  public:
   explicit TomlReader(std::string_view origin) : origin_(origin) {}
@@ -47,11 +50,12 @@ class TomlReader {
     std::string path;
   };
 
-  // Parses; nullptr on a syntax error.
+  // Parses the text; the result belongs to the reader. nullptr on a syntax error.
   const toml::table* parse(std::string_view text);
   // Every key of the section must be one of `known`; the error suggests the nearest.
   bool only(const Section& section, const std::vector<std::string_view>& known);
   bool number(const Section& section, const NumberKey& key, double& target);
+  // A string, which must be there; the error shows `example` as a value.
   bool text(const Section& section, std::string_view key, std::string_view example,
             std::string& target);
   // A number of 64 bits, which a double cannot hold; may be absent.
