@@ -6,7 +6,7 @@
 #
 #   --dry-run       say what would be done, change nothing
 #   --with-checks   also what scripts/check.sh needs
-#   --with-vm       also QEMU, for scripts/vm.sh other than --uml and for scripts/test.sh --full
+#   --with-vm       also QEMU, which scripts/vm.sh takes where user-mode Linux does not start (scripts/test.sh asks for it)
 #
 # Exit codes: 0 everything is there, 1 failed, 2 usage, 5 needs root.
 set -euo pipefail

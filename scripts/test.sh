@@ -11,15 +11,11 @@ set -euo pipefail
 root=$(dirname "$(dirname "$(readlink -f "${BASH_SOURCE[0]}")")")
 
 preset=
-setup=()
 selection=()
 for argument in "$@"; do
   case $argument in
     -h | --help) sed -n '2,/^set /{/^set /d;s/^# \{0,1\}//;p}' "${BASH_SOURCE[0]}"; exit 0 ;;
-    --full)
-      setup=(--with-vm)
-      selection=(-C full)
-      ;;
+    --full) selection=(-C full) ;;
     -*) printf "test: unknown option '%s'; see scripts/test.sh --help\n" "$argument" >&2; exit 2 ;;
     *)
       [[ -z $preset ]] || { echo "test: one preset at a time" >&2; exit 2; }
@@ -43,7 +39,8 @@ trap 'exit 130' INT
 export XDG_CACHE_HOME="$root/build/cache"
 jobs=$(nproc)
 
-bash "$root/scripts/setup.sh" "${setup[@]}"
+# The tests of tc-netem boot a virtual machine where the kernel has none.
+bash "$root/scripts/setup.sh" --with-vm
 cd "$root"
 cmake --preset "$preset" --log-level=WARNING || exit 1
 cmake --build "build/$preset" --parallel "$jobs" || exit 1

@@ -9,20 +9,21 @@
 #                    for throughput (one slow processor); boots in 10 to 15 s
 #   --kvm            QEMU on this processor; needs KVM
 #   --tcg            QEMU, emulated, in real time; boots in 8 s
-#                    without any of these: --kvm where that works, else --uml
+#                    without any of these: the first of --uml, --icount, --tcg that starts on this computer. Each is
+#                    tried once by starting it (a few seconds); one line on stderr says which it became, and why
 #   --timeout S      seconds on this computer's clock, boot included; default 600, 0 for no end
 #   --memory MB      default 1024
 #   --env VAR[=X]    pass an environment variable; repeatable. The others stay behind.
 #   --share DIR      another folder to write to, under the same path; repeatable
-#   --quiet          no word on fetching a kernel
+#   --quiet          no word on fetching a kernel and on the machine taken
 #
 # Inside: the current folder is the same, /tmp, /run and $HOME are empty and vanish, standard input is empty, `lo` is up,
 # $INTERNEURON_VM names the kind of machine, and no network leads out. What the command leaves running ends with it.
 # Needs no root and installs nothing: kernels come from Debian packages, downloaded and unpacked into
 # ${XDG_CACHE_HOME:-~/.cache}/interneuron-vm. All but --uml need qemu-system-x86 (scripts/setup.sh --with-vm).
 #
-# Exit codes: those of the command, but: 77 not possible on this computer (no kernel to be had, no QEMU, no KVM),
-# 124 out of time, 125 usage, or the machine failed; 130 and 143 interrupted.
+# Exit codes: those of the command, but: 77 not possible on this computer (no kernel to be had, no QEMU, no KVM, nothing
+# that starts), 124 out of time, 125 usage, or the machine failed; 130 and 143 interrupted.
 # shellcheck disable=SC2317  # shellcheck does not see the calls by way of `trap` and obtain
 set -euo pipefail
 root=$(dirname "$(dirname "$(readlink -f "${BASH_SOURCE[0]}")")")
@@ -69,21 +70,50 @@ command=("$@")
 
 has_kvm() { [[ -w /dev/kvm && (-d /sys/module/kvm_intel || -d /sys/module/kvm_amd) ]]; }
 qemu=$(command -v qemu-system-x86_64 || true)
-if [[ -z $kind ]]; then
-  kind=uml
-  if [[ -n $qemu ]] && has_kvm; then kind=kvm; fi
-fi
 [[ $(uname -sm) == "Linux x86_64" ]] || fail 77 "the machines are for Linux on x86-64, not for $(uname -sm)"
-if [[ $kind != uml ]]; then
-  [[ -n $qemu ]] || fail 77 "--$kind needs qemu-system-x86_64; install it: scripts/setup.sh --with-vm"
-  [[ $kind != kvm ]] || has_kvm || fail 77 "--kvm: this computer has no KVM that you may use; take --uml or --icount"
-fi
 
 # Kernels, one folder each. The number changes with the layout.
 cache="${XDG_CACHE_HOME:-${HOME:-/tmp}/.cache}/interneuron-vm"
 store="$cache/1"
 { mkdir -p "$store" && [[ -w $store ]]; } 2>/dev/null || fail 125 "cannot write to $cache; set XDG_CACHE_HOME to another folder"
 store=$(readlink -f "$store")
+
+# starts KIND: whether such a machine runs a command here, found out by trying. User-mode Linux, for one, dies at once on
+# processors with AMX, whose floating-point state is larger than it can restore. A verdict is kept for as long as kernel
+# and processor stay the same; a machine that could not be tried (77) or ran out of time (124) is tried again next time.
+# Leaves in $reason why not.
+starts() {
+  local verdict code=0 said
+  verdict="$cache/starts-$1-$({ uname -r; grep -m 2 -E '^(model name|flags)' /proc/cpuinfo || true; } | cksum | tr ' ' -)"
+  if [[ ! -s $verdict ]]; then
+    said=$(bash "${BASH_SOURCE[0]}" "--$1" --quiet --timeout 180 -- true 2>&1 </dev/null) || code=$?
+    case $code in
+      0) echo yes >"$verdict" ;;
+      125) printf '%s\n' no "$said" >"$verdict" ;;
+      *)
+        said=${said##*$'\n'}
+        reason="--$1: ${said#vm: }"
+        return 1
+        ;;
+    esac
+  fi
+  reason="--$1 does not start on this computer (its last words: $verdict)"
+  [[ $(head -n 1 "$verdict") == yes ]]
+}
+
+if [[ -z $kind ]]; then
+  reasons=''
+  for candidate in uml icount tcg; do
+    if starts "$candidate"; then kind=$candidate; break; fi
+    reasons+="${reasons:+; }$reason"
+  done
+  [[ -n $kind ]] || fail 77 "no machine starts here: $reasons"
+  say "taking --$kind, because ${reasons:-it starts here}"
+fi
+if [[ $kind != uml ]]; then
+  [[ -n $qemu ]] || fail 77 "--$kind needs qemu-system-x86_64; install it: scripts/setup.sh --with-vm"
+  [[ $kind != kvm ]] || has_kvm || fail 77 "--kvm: this computer has no KVM that you may use; take --uml or --icount"
+fi
 
 # A folder of this run's own, locked while it lasts; those of runs that were killed have lost their lock.
 find "${TMPDIR:-/tmp}" -maxdepth 1 -type d -name 'interneuron-vm.*' -user "$EUID" -mmin +1 \
