@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <future>
 #include <optional>
 #include <thread>
 
@@ -49,10 +50,15 @@ class NetemBackendTest : public NetemTest {
   void run() {
     thread_ = std::thread([this] { backend_->run(stop_.get()); });
   }
-  // In the backend's thread.
-  void do_there(std::function<void()> task) {
-    task_ = std::move(task);
+  // In the backend's thread; returns when it is done.
+  void do_there(const std::function<void()>& task) {
+    std::promise<void> done;
+    task_ = [&task, &done] {
+      task();
+      done.set_value();
+    };
     signal(task_ready_.get());
+    done.get_future().wait();
   }
   void stop() {
     if (!thread_.joinable()) return;

@@ -156,13 +156,16 @@ def losses(program, folder, quick):
 
 def iperf_rate(bed, offered, reverse):
     """Megabits of UDP payload that arrived per second, with what IP and UDP add."""
-    server = bed.start("road", ["iperf3", "-s", "-1"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    time.sleep(0.5)
+    server = bed.start("road", ["iperf3", "-s", "-1", "--forceflush"], stdout=subprocess.PIPE,
+                       stderr=subprocess.DEVNULL, text=True)
+    if not any(line.startswith("Server listening") for line in server.stdout):
+        raise SystemExit("the iperf3 server ended")
     ran = bed.run("vehicle", ["iperf3", "-c", "10.77.0.1", "-u", "-b", f"{offered}M", "-l", "1372", "-t", "5", "-J",
                               *(["-R"] if reverse else [])])
     with contextlib.suppress(subprocess.TimeoutExpired):
         server.wait(5)
     server.terminate()
+    server.stdout.close()
     end = json.loads(ran.stdout)["end"]["sum"]
     sent = end["bits_per_second"] / 1e6
     return sent * (1 - end["lost_percent"] / 100) * 1400 / 1372

@@ -114,8 +114,23 @@ TEST(DoctorNetns, TheSameSubnetTwiceIsFoundAndMended) {
   });
 }
 
+// Waits until the kernel has finished what it does by itself with new cards: each gets a link-local
+// IPv6 address, which is tentative for one to two seconds, and a local route once it is not.
+bool ipv6_has_settled() {
+  return shell(
+      "for nic in va vb; do"
+      "  test \"$(cat /proc/sys/net/ipv6/conf/$nic/disable_ipv6)\" = 0 || continue;"
+      "  for try in $(seq 200); do"
+      "    test -z \"$(ip -6 address show dev $nic tentative)\" &&"
+      "      ip -6 route show table local dev $nic | grep -q '^local fe80' && continue 2;"
+      "    sleep 0.05;"
+      "  done; exit 1;"
+      "done");
+}
+
 TEST(DoctorNetns, ItChangesNothing) {
   io::in_namespace([] {
+    if (expect(ipv6_has_settled(), "IPv6 addresses that are no longer tentative") != 0) return 1;
     const auto read = [] {
       const std::unique_ptr<std::FILE, int (*)(std::FILE*)> out(
           ::popen("ip -d addr; ip route show table all; ip rule; "
