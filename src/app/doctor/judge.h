@@ -1,6 +1,6 @@
-// From facts of a host to findings: what is as it must be where several network cards (NICs) are
-// used at once, what is not, and the command that changes it. docs/links.md, "The set-up:
-// interneuron doctor", lists the checks. Pure.
+// Judges the facts of a host on which several network cards (NICs) are used at once: what is right,
+// what is wrong, and the commands that mend it. docs/links.md, "The set-up: interneuron doctor",
+// lists the checks. Pure; thread-safe; no errors: a fact that could not be read gives kNotChecked.
 #pragma once
 
 #include <cstdint>
@@ -13,36 +13,46 @@
 
 namespace interneuron::cli::doctor {
 
-// A link that carries nothing else sends a sign of life this often (docs/constants.md, "Silence and
-// address translation"); translations must live longer, with a sign of life lost.
+// The longest time between two packets of an idle link, in seconds (docs/constants.md, "Silence and
+// address translation"). An address translation must keep a mapping for twice that, so that one
+// packet may be lost.
 inline constexpr int kKeepAliveSeconds = 15;
 
 enum class Verdict : std::uint8_t {
   kOk,
-  kWarning,     // works, but not as well as it could
-  kProblem,     // packets will be lost, or a link cannot be used
-  kNotChecked,  // `found` says why, or what it needs
+  // It works, but not as well as it could.
+  kWarning,
+  // Packets will be lost, or a link cannot be used.
+  kProblem,
+  // `found` says why it was not checked, or what the check needs.
+  kNotChecked,
 };
-std::string_view to_string(Verdict verdict);  // "ok", "warning", "problem", "not checked"
+// "ok", "warning", "problem" or "not checked".
+std::string_view to_string(Verdict verdict);
 
 struct Finding {
-  std::string check;    // "rp_filter"; stable
-  std::string subject;  // a NIC, or "host"
+  // The name of the check, for example "rp_filter"; scripts may rely on it.
+  std::string check;
+  // The name of a NIC, or "host".
+  std::string subject;
   Verdict verdict{};
-  std::string found;             // one line
-  std::vector<std::string> fix;  // commands, to be run in this order as root; empty: none is known
+  // One line.
+  std::string found;
+  // Commands that mend it, to be run in this order as root; empty: none is known.
+  std::vector<std::string> fix;
 };
 
-// NIC by NIC, then the host's. Loopback is left out unless the target is there.
+// The findings of each NIC, then those of the host. Loopback is left out unless the target is
+// there.
 std::vector<Finding> judge(const io::HostFacts& facts);
 
-// What a path to the peer was found to carry; see io::probe_path_mtu().
+// Judges how large packets may be on the path to the peer; see io::probe_path_mtu().
 Finding judge_path(const io::PathMtu& path, std::size_t nic_mtu);
 
-// NICs that can be used: those that judge() looks at closely.
+// Whether the NIC can be used; judge() checks only such NICs in detail.
 bool is_usable(const io::HostFacts& facts, const io::NicHostFacts& nic);
 
-// The target is routed through it, for any socket or for one bound to an address.
+// Whether the target is routed through the NIC, for any socket or for one bound to an address.
 bool is_routed(const io::NicHostFacts& nic);
 
 }  // namespace interneuron::cli::doctor

@@ -1,4 +1,5 @@
-// From how long silent flows stayed open (`doctor --nat-timeout`) to a finding; see judge.h. Pure.
+// Judges how long silent flows stayed open (`doctor --nat-timeout`); see judge.h. Pure;
+// thread-safe.
 #pragma once
 
 #include <string>
@@ -10,9 +11,11 @@ namespace interneuron::cli::doctor {
 
 struct NatTimeout {
   std::string nic;
-  probe::Silence limit{};  // the longest that was to be tried; 0: none
+  // The longest silence that was to be tried; 0: none.
+  probe::Silence limit{};
   probe::SilenceResult flows;
-  std::string cut_short;  // one line: why not all was tried; empty: it was
+  // One line that says why not everything was tried; empty: everything was.
+  std::string cut_short;
 };
 
 Finding judge_nat(const NatTimeout& measured);

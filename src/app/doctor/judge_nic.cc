@@ -15,13 +15,16 @@ using io::HostFacts;
 using io::NicHostFacts;
 using io::SourceFacts;
 
-constexpr int kStrict = 1;  // values of rp_filter, Documentation/networking/ip-sysctl
+// Values of rp_filter (Documentation/networking/ip-sysctl of the kernel).
+constexpr int kStrict = 1;
 constexpr int kLoose = 2;
-constexpr std::size_t kSmallestIpv6Mtu = 1280;  // RFC 8200 §5
+// RFC 8200 section 5.
+constexpr std::size_t kSmallestIpv6Mtu = 1280;
 // Our largest datagram with the headers of IPv4 and UDP.
 constexpr std::size_t kFullMtu = kMaxDatagramBytes + 28;
-// Tables and metrics of what is proposed: apart from those of the system's own tools (254, 100 …
-// 700 of NetworkManager); chosen. Behind it the NIC's index, so that no two NICs share one.
+// To this the NIC's index is added for the table and metric of a proposed route, so that no two
+// NICs share one. No measurement is behind this value: it only has to be apart from the numbers of
+// the system's own tools (table 254, metrics 100 to 700 of NetworkManager).
 constexpr int kFirstTable = 1000;
 constexpr int kFirstMetric = 1000;
 
@@ -66,25 +69,31 @@ std::vector<const SourceFacts*> ipv4_sources(const NicHostFacts& nic) {
   return sources;
 }
 
+// A NIC's gateway as commands and people are told of it.
 struct Gateway {
-  std::string via;   // "via 10.0.0.1 ", empty: none is needed
-  std::string note;  // for people, empty: it is known
+  // "via 10.0.0.1 "; empty: none is needed.
+  std::string via;
+  // Says that the gateway is a guess; empty: it is known.
+  std::string note;
 };
 
-// Known from any table, else the first host of the subnet, which is what most routers use.
+// The gateway of a route in any table, else the first address of the subnet, which most routers
+// use.
 Gateway gateway_of(const NicHostFacts& nic) {
   const auto via = [](const Address& a) { return "via " + host_text(a) + " "; };
   if (nic.table_gateway) return {via(*nic.table_gateway), ""};
   if (!nic.nic.gateways.empty()) return {via(nic.nic.gateways.front()), ""};
   const auto sources = global_sources(nic);
   if (sources.empty() || sources.front()->prefix + 1 >= bits_of(sources.front()->address)) {
-    return {};  // point to point
+    // A point-to-point NIC needs no gateway.
+    return {};
   }
   Address first = network_of(*sources.front());
   const std::size_t last = host_offset(first) + static_cast<std::size_t>(bits_of(first) / 8) - 1;
   first.raw[last] |= std::byte{1};
   if (host_text(first) == host_text(sources.front()->address)) {
-    first.raw[last] ^= std::byte{3};  // .2
+    // The host itself has .1, so .2 is the guess.
+    first.raw[last] ^= std::byte{3};
   }
   return {via(first), "; its gateway is not known, " + host_text(first) + " is a guess"};
 }

@@ -38,7 +38,8 @@ class Measurement {
   struct Nic {
     NatTimeout result;
     probe::SilenceTest test;
-    std::vector<std::unique_ptr<io::StampedSocket>> sockets;  // one per flow
+    // One per flow.
+    std::vector<std::unique_ptr<io::StampedSocket>> sockets;
     int send_error = 0;
     bool under_way() const { return result.cut_short.empty() && !test.done(); }
   };
@@ -55,7 +56,8 @@ class Measurement {
   TimePoint start_ = io::now();
   io::LinkMonitor monitor_;
   std::vector<Nic> nics_;
-  std::optional<std::int64_t> shown_;  // s
+  // The seconds that the line on stderr shows at present.
+  std::optional<std::int64_t> shown_;
   std::array<std::byte, 2048> buffer_;
 };
 

@@ -1,5 +1,6 @@
-// The running part of `interneuron doctor --nat-timeout`: a probe::SilenceTest per network card
-// (NIC), all at once, a socket per flow.
+// Measures for `interneuron doctor --nat-timeout` how long address translations keep silent flows
+// open: runs a probe::SilenceTest for each network card (NIC), all at the same time, with a socket
+// per flow. Takes the calling thread.
 #pragma once
 
 #include <string>
@@ -10,9 +11,9 @@
 
 namespace interneuron::cli::doctor {
 
-// Takes some seconds more than `limit`; SIGINT and the like end it before. Says on stderr how long
-// it takes. Over the usable NICs that `facts` says the peer, its target, is routed through; one
-// whose sockets cannot be opened, or that goes away meanwhile, is cut short. Throws IoError only
+// Measures over the usable NICs through which the target of `facts` is routed. Takes some seconds
+// more than `limit` and says on stderr how long; SIGINT, SIGTERM and SIGHUP end it earlier. A NIC
+// whose sockets cannot be opened, or that goes away, is reported as cut short. Throws IoError only
 // when the NICs cannot be watched.
 std::vector<NatTimeout> measure_nat_timeouts(const io::HostFacts& facts, probe::Silence limit);
 

@@ -7,8 +7,11 @@
 namespace interneuron::cli {
 namespace {
 
-constexpr std::size_t kMaxSamples = 240;  // more than a sparkline has columns
-constexpr std::size_t kMaxEvents = 200;   // chosen: some screens of them
+// More than a sparkline has columns.
+constexpr std::size_t kMaxSamples = 240;
+// Some screens of them. No measurement is behind this value: it only has to be larger than what a
+// window shows.
+constexpr std::size_t kMaxEvents = 200;
 
 std::string key_of(const LinkRow& row) {
   return row.facts.nic.name +

@@ -1,4 +1,6 @@
-// What was seen of the links so far: snapshots made into series. Pure.
+// Collects snapshots of the links into series, which `interneuron top` draws. Pure;
+// thread-compatible; no errors. Memory: kMaxSamples values per link and peer, kMaxEvents events
+// (history.cc).
 #pragma once
 
 #include <deque>
@@ -11,19 +13,21 @@ namespace interneuron::cli {
 
 class LinksHistory {
  public:
-  // Of one link towards one peer, the newest at the end; negative: not measured then.
+  // The values of one link towards one peer, the newest at the end. A negative one means that
+  // nothing was measured at that time.
   struct Series {
     std::deque<double> rtt_ms;
     std::deque<double> rate_mbit;
     std::deque<double> loss_percent;
   };
 
-  // In the order of time, at even intervals.
+  // To be called at even intervals, as series have no times.
   void add(LinksSnapshot snapshot);
 
   const LinksSnapshot& newest() const { return newest_; }
   const Series& series(const LinkRow& row) const;
-  const std::deque<LinkEvent>& events() const { return events_; }  // the newest at the end
+  // The newest at the end.
+  const std::deque<LinkEvent>& events() const { return events_; }
 
  private:
   LinksSnapshot newest_;

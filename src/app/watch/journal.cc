@@ -6,7 +6,9 @@ namespace interneuron::cli {
 
 namespace {
 
-constexpr std::size_t kMaxEvents = 50;  // chosen: a screen of them
+// A screen of them. No measurement is behind this value: `top` keeps events itself, so it only has
+// to be larger than the events of the half second between two lines.
+constexpr std::size_t kMaxEvents = 50;
 
 }  // namespace
 

@@ -1,5 +1,6 @@
-// What a node's links went through: their names, their changes with the reasons, and what is
-// measured of them now. Belongs to the node's loop thread.
+// Keeps the history of a node's links, as other programs are shown it (live_state.h): names,
+// changes with their reasons, and the present measurements. Fed by the node's handlers, on the
+// node's loop thread, to which it belongs.
 #pragma once
 
 #include <deque>
@@ -14,8 +15,8 @@ namespace interneuron::cli {
 
 class LinkJournal {
  public:
-  // `program`: its name in LiveLinks. Reads `node`, which must live longer; add() is to be called
-  // from the node's handlers.
+  // `program` is this program's name in LiveLinks. `node` must outlive this; add() is to be called
+  // from its handlers.
   LinkJournal(const Node& node, std::string program) : node_(node), program_(std::move(program)) {}
 
   void add(const NicChanged& change);
@@ -32,7 +33,8 @@ class LinkJournal {
   std::string program_;
   std::map<LinkId, std::string> names_;
   std::map<std::pair<PeerId, LinkId>, std::string> path_reasons_;
-  std::deque<LinkEvent> events_;  // the newest kMaxEvents
+  // The newest kMaxEvents.
+  std::deque<LinkEvent> events_;
 };
 
 }  // namespace interneuron::cli

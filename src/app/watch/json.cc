@@ -220,7 +220,8 @@ std::optional<LiveLinks> live_from_json(const std::string& text) {
                              printable(item.at("reason").get<std::string>())});
     }
     return live;
-  } catch (const std::exception&) {  // no JSON, or not of this version: no live state
+  } catch (const std::exception&) {
+    // The text is no JSON, or of another version of the program.
     return std::nullopt;
   }
 }

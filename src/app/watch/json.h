@@ -15,8 +15,9 @@ using Json = nlohmann::ordered_json;
 // "schema": "interneuron.links/1".
 Json links_json(const LinksSnapshot& snapshot);
 
-// What one program tells of its links to others on the same host: the measured part of the former,
-// and back. Nothing for what is not that; unknown keys are ignored.
+// What one program tells others on the same host of its links: the measured part of the above, as
+// text and back. The text comes from another process and may be anything: what is not of this form
+// gives an empty result, and unknown keys are ignored.
 Json live_json(const LiveLinks& live);
 std::optional<LiveLinks> live_from_json(const std::string& text);
 

@@ -21,14 +21,16 @@ namespace interneuron::cli {
 namespace {
 
 constexpr std::string_view kPrefix = "interneuron.live.";
-// Readers at once; chosen: more than anyone looks with.
+// Readers at the same time. No measurement is behind this value: it only has to be larger than the
+// number of people who look at one program.
 constexpr std::size_t kMaxReaders = 8;
-// Lines that a reader may miss in a row, 10 s of them; one that was stopped must not keep its place
-// for ever. Chosen.
+// Lines that a reader may miss in a row: 10 s of them, so that a reader that was stopped does not
+// keep its place for ever.
 constexpr int kMaxMissed = 20;
-// Programs that a reader listens to; chosen: more than run on one host.
+// Programs that a reader listens to. No measurement is behind this value: it only has to be larger
+// than the number of programs on one host.
 constexpr std::size_t kMaxPrograms = 64;
-// Of one line: 64 NICs towards 64 peers are less; more is not from us. Chosen.
+// The longest line that a reader takes; that of 64 NICs towards 64 peers is shorter.
 constexpr std::size_t kMaxLineBytes = 8 * 1024 * 1024;
 
 struct Name {
@@ -36,7 +38,7 @@ struct Name {
   socklen_t size = 0;
 };
 
-// Abstract: a leading zero byte, no file.
+// An abstract address begins with a zero byte and has no file.
 std::optional<Name> abstract(const std::string& name) {
   Name out;
   if (name.size() + 1 > sizeof out.address.sun_path) return std::nullopt;
@@ -105,8 +107,8 @@ void LiveServer::take_reader() {
   readers_.push_back({std::move(socket), {}});
 }
 
-// As much as the socket takes; a line of many links is more than it holds. False when the reader is
-// gone.
+// Sends as much of the line as the socket takes, which may be less than a line of many links. False
+// when the reader has gone.
 bool LiveServer::send_rest(Reader& reader) {
   while (!reader.unsent.empty()) {
     const ssize_t sent = ::send(reader.socket.get(), reader.unsent.data(), reader.unsent.size(),
@@ -128,7 +130,7 @@ void LiveServer::tell_newest() {
   if (line.empty()) return;
   line += '\n';
   std::erase_if(readers_, [&line](Reader& reader) {
-    // Lines arrive whole or not at all.
+    // A reader gets lines whole or not at all: while one is on its way, it misses the others.
     if (!reader.unsent.empty()) return ++reader.missed > kMaxMissed;
     reader.missed = 0;
     reader.unsent = line;
@@ -185,7 +187,7 @@ void LiveReader::connect(const std::string& name) {
       0) {
     return;
   }
-  // Root may look at everyone's; everyone else believes root and oneself.
+  // Root reads the programs of all users, others only their own and root's.
   if (::geteuid() != 0 && !same_user_or_root(socket.get(), 0)) return;
   connections_.push_back({name, std::move(socket), {}, {}});
 }

@@ -1,7 +1,12 @@
-// What a running `interneuron vehicle` or `road` tells `interneuron links` and `top` on the same
-// host: lines of JSON over an abstract Unix socket, which leaves nothing behind. Abstract sockets
-// belong to a network namespace, as NICs do. Only the same user and root are answered, and
-// believed.
+// How a running `interneuron vehicle` or `road` tells `interneuron links` and `top` on the same
+// host of its links: lines of JSON over an abstract Unix socket, which leaves no file behind.
+// Abstract sockets belong to a network namespace, as NICs do.
+//
+// Any process in the namespace can connect, or offer a socket of such a name. Both sides ask the
+// kernel for the other's user (SO_PEERCRED): a server answers only its own user and root, and a
+// reader believes only these, but root reads the programs of all users; printable() of row.h keeps
+// their text from doing harm on its terminal. Readers, programs and the length of a line are
+// bounded (live_state.cc), and a slow reader never delays the program.
 #pragma once
 
 #include <atomic>
@@ -14,20 +19,22 @@
 
 namespace interneuron::cli {
 
-// Serves the newest line to everyone who connects. One thread; publish() and wanted() are for any
-// other one. A reader that is slow misses lines, one that is much too slow is dropped.
+// Serves the newest line to every reader that connects. Owns a thread; publish() and wanted() may
+// be called from any other. A reader that is slow misses lines; one that has missed 20 in a row is
+// dropped.
 class LiveServer {
  public:
-  // Without an argument the program's own name. Never throws: a program runs without it too;
-  // problem() then says why it does.
+  // Without an argument the name is that of this process. Never throws, because the program works
+  // without a server as well; problem() then says what is wrong.
   explicit LiveServer(const std::string& name = own_name());
   ~LiveServer();
   LiveServer(const LiveServer&) = delete;
   LiveServer& operator=(const LiveServer&) = delete;
 
-  // Whether anyone is connected; what is published for nobody is lost.
+  // Whether a reader is connected; without one, published lines are lost.
   bool wanted() const { return reader_count_.load(std::memory_order_relaxed) > 0; }
-  void publish(std::string line);  // without its newline
+  // `line` has no newline.
+  void publish(std::string line);
   const std::string& problem() const { return problem_; }
 
   static std::string own_name();
@@ -35,8 +42,9 @@ class LiveServer {
  private:
   struct Reader {
     io::FileDescriptor socket;
-    std::string unsent;  // of the line it is being told
-    int missed = 0;      // lines meanwhile
+    // What has not been sent yet of the present line, and how many lines have been missed since.
+    std::string unsent;
+    int missed = 0;
   };
   void serve();
   void take_reader();
@@ -46,7 +54,8 @@ class LiveServer {
   std::string problem_;
   io::FileDescriptor listener_;
   io::FileDescriptor wake_;
-  std::vector<Reader> readers_;  // the thread's own
+  // Used by the thread alone.
+  std::vector<Reader> readers_;
   std::atomic<int> reader_count_{0};
   std::atomic<bool> stop_{false};
   struct Mailbox;
@@ -54,17 +63,17 @@ class LiveServer {
   std::thread thread_;
 };
 
-// The readers' side: connects to every program that is there. Thread-compatible.
+// The readers' side: connects to every program of this network namespace. Thread-compatible.
 class LiveReader {
  public:
   LiveReader();
   ~LiveReader();
-  // The names of sockets that are there now, in this network namespace.
+  // The names of the sockets that exist now in this network namespace.
   static std::vector<std::string> names();
-  // Connects to programs that have come, forgets those that have gone, reads what has arrived: the
-  // newest whole line of each. Never blocks.
+  // Connects to new programs, forgets those that have gone, and returns the newest whole line of
+  // each. Never blocks.
   std::vector<std::string> lines();
-  // Of the programs that are connected, how many have not told a line yet.
+  // How many connected programs have not sent a line yet.
   std::size_t silent() const;
 
  private:

@@ -8,8 +8,8 @@ namespace interneuron::cli {
 
 namespace {
 
-constexpr Duration kInterval =
-    std::chrono::milliseconds(500);  // chosen: two frames of `top` a second
+// How often a line is published: `top` shows two frames a second.
+constexpr Duration kInterval = std::chrono::milliseconds(500);
 
 template <class State>
 void log_change(const std::string& nic, State from, State to, const std::string& reason,

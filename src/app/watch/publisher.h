@@ -1,5 +1,6 @@
-// Makes a node's links visible: changes go to the log, everything to `interneuron links` and `top`
-// (live_state.h). For programs that run for long.
+// Makes a node's links visible to people: writes their changes to the log and publishes all values
+// for `interneuron links` and `top` (live_state.h) twice a second while one of those is looking.
+// Belongs to the node's loop thread.
 #pragma once
 
 #include <string>
@@ -12,8 +13,8 @@ namespace interneuron::cli {
 
 class LinkPublisher {
  public:
-  // Sets the node's on_nic_changed, on_path_changed and on_statistics; must live as long as it
-  // runs.
+  // Sets the node's on_nic_changed, on_path_changed and on_statistics. Must live as long as the
+  // node runs.
   LinkPublisher(Node& node, const std::string& program);
 
   std::string name(LinkId link) { return journal_.name(link); }

@@ -1,5 +1,5 @@
-// What the commands `links` and `top` show: a row per network card (NIC) and peer, and what
-// changed. Values; pure.
+// What the commands `links` and `top` show: a row per network card (NIC) and peer, and the newest
+// changes. Values; pure; no errors.
 #pragma once
 
 #include <cstdint>
@@ -17,16 +17,20 @@ namespace interneuron::cli {
 struct NicFacts {
   io::Nic nic;
   NicState state{};
-  std::string reason;  // of the newest change of `state`
+  // Why `state` changed the last time.
+  std::string reason;
 };
 
 // What a node measured on a NIC towards one of its peers.
 struct Measured {
-  std::string program;  // who measured: "vehicle", "road", "links"
+  // The program that measured: "vehicle", "road" or "links".
+  std::string program;
   std::uint32_t peer = 0;
   LinkState state;
-  std::string path_reason;  // of the newest change of `state.path`; empty: none yet
-  LinkCounters counters;    // of the NIC, over all peers
+  // Why `state.path` changed the last time; empty before the first change.
+  std::string path_reason;
+  // Of the NIC, over all peers.
+  LinkCounters counters;
 };
 
 struct LinkRow {
@@ -37,7 +41,8 @@ struct LinkRow {
 struct LinkEvent {
   TimePoint at{};
   std::string nic;
-  std::string from;  // a NicState or PathState by name
+  // Names of a NicState or of a PathState.
+  std::string from;
   std::string to;
   std::string reason;
   friend bool operator==(const LinkEvent&, const LinkEvent&) = default;
@@ -45,13 +50,16 @@ struct LinkEvent {
 
 struct LinksSnapshot {
   TimePoint at{};
-  std::int64_t unix_ms = 0;  // the same instant on the wall, for people
-  std::string source;        // where the measured part comes from, one line; empty: nowhere
+  // The same instant by the wall clock, for people.
+  std::int64_t unix_ms = 0;
+  // Where the measured part comes from, one line; empty: nothing is measured.
+  std::string source;
   std::vector<LinkRow> rows;
-  std::vector<LinkEvent> events;  // the newest at the end
+  // The newest at the end.
+  std::vector<LinkEvent> events;
 };
 
-// What one program tells of its links, without the kernel's part.
+// What one program tells others of its links, without what the kernel says.
 struct LiveLinks {
   struct Link {
     std::string nic;
@@ -63,13 +71,15 @@ struct LiveLinks {
   std::vector<LinkEvent> events;
 };
 
-// Every NIC, in the kernel's order: a row per peer that it was measured towards, or one without.
+// The rows of all NICs, in the kernel's order: one for each peer towards which a NIC was measured,
+// or one without measurements.
 std::vector<LinkRow> join(const std::vector<NicFacts>& nics, const std::vector<LiveLinks>& live);
 
-// Tables for people leave the loopback card out unless something is measured on it.
+// Whether tables for people show the row: the loopback card only when something is measured on it.
 bool is_of_interest(const LinkRow& row);
 
-// Text of a peer or the kernel on a terminal: control characters become '?'.
+// Makes text of a peer or of the kernel safe for a terminal: control characters, which could move
+// the cursor or change the terminal's settings, become '?'.
 std::string printable(std::string text);
 
 }  // namespace interneuron::cli

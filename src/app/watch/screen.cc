@@ -14,9 +14,12 @@
 namespace interneuron::cli {
 namespace {
 
-constexpr std::size_t kMinLog = 5;  // lines that the log keeps when links fill the screen
+// Lines that the log of events keeps when links fill the screen.
+constexpr std::size_t kMinLog = 5;
 constexpr std::size_t kIndent = 2;
-constexpr std::size_t kMinWidth = 40;  // narrower, lines are cut; chosen
+// Lines are laid out for this many columns at least and cut off at the edge of a narrower window:
+// with fewer, a name and a number do not fit side by side.
+constexpr std::size_t kMinWidth = 40;
 
 Style style_of(NicState state) {
   return state == NicState::kReady                                      ? Style::kGood
@@ -36,7 +39,8 @@ struct Column {
   const char* title;
   std::size_t width;
   bool right;
-  int need;  // columns with the largest are left out first
+  // How dispensable the column is: those with the largest number are left out first.
+  int need;
   std::function<Span(const LinkRow&)> cell;
 };
 
@@ -128,7 +132,8 @@ std::vector<const LinkRow*> in_order(const LinksSnapshot& snapshot) {
 struct Meter {
   const char* title;
   const std::deque<double>& values;
-  double least_top;  // of the scale, so that noise about zero does not look like much
+  // The full height stands for this value at least, so that noise about zero does not look large.
+  double least_top;
   const char* unit;
 };
 
@@ -268,7 +273,8 @@ std::vector<Line> block(const LinkRow& row, const LinksHistory& history, const C
 std::vector<Line> draw(const LinksHistory& history, const Canvas& given) {
   const LinksSnapshot& now = history.newest();
   Canvas canvas = given;
-  canvas.width = std::max(kMinWidth, given.width);  // what is beyond the window is cut off below
+  // Columns beyond the window are cut off below.
+  canvas.width = std::max(kMinWidth, given.width);
   const auto shown = columns_that_fit(canvas.width);
   std::vector<Line> lines{title(now, canvas), {}};
   Line head{{std::string(kIndent, ' ')}};

@@ -167,7 +167,8 @@ class PeerSource : public LinkSource {
   Node node_;
   LinkJournal journal_;
   std::atomic<bool> answered_{false};
-  std::mutex mutex_;  // guards what follows
+  // Guards the members that follow.
+  std::mutex mutex_;
   LiveLinks live_;
   std::exception_ptr failure_;
   std::thread thread_;

@@ -1,5 +1,6 @@
-// Where the figures of `interneuron links` and `top` come from: a node of their own that talks to a
-// roadside unit (--peer), the programs that run on this host, or, with neither, the kernel alone.
+// Where the figures of `interneuron links` and `top` come from: with --peer, from a node of their
+// own that talks to a roadside unit; else from the programs that run on this host (live_state.h);
+// where there are none, from the kernel alone.
 #pragma once
 
 #include <memory>
@@ -11,25 +12,29 @@
 namespace interneuron::cli {
 
 struct LinkSourceOptions {
-  std::string peer;                // HOST[:PORT]; empty: what runs on this host
-  std::vector<std::string> links;  // as --link gives them; replaces `peer` over every usable NIC
+  // HOST[:PORT]; empty: the programs on this host.
+  std::string peer;
+  // Each as --link gives it. Without any, `peer` is reached over every NIC that can be used.
+  std::vector<std::string> links;
 };
 
 // Belongs to one thread.
 class LinkSource {
  public:
   virtual ~LinkSource() = default;
-  // What is known now; does not wait. Throws what ended the source.
+  // What is known now; does not wait. Throws the error that ended the source.
   virtual LinksSnapshot snapshot() = 0;
-  // Whether a program on this host is there that has not told its links yet; as of snapshot().
+  // Whether at the last snapshot() a program ran on this host that had not told of its links yet.
   virtual bool expects_more() const { return false; }
-  // Whether the peer was heard; true for sources without one.
+  // Whether anything was received from the peer; true for sources without one.
   virtual bool answered() const { return true; }
-  // The peer as it is reached, "10.0.0.1:47000 over if4g, if5g"; empty without one.
+  // The peer and the NICs over which it is reached, "10.0.0.1:47000 over if4g, if5g"; empty without
+  // a peer.
   virtual std::string peer_text() const { return {}; }
 };
 
-// Throws Failure (1 no such host or no usable NIC, 2 malformed) or what Node throws.
+// Throws Failure (1 for an unknown host or when no NIC can be used, 2 for a malformed option), or
+// what Node throws.
 std::unique_ptr<LinkSource> make_link_source(const LinkSourceOptions& options);
 
 }  // namespace interneuron::cli

@@ -7,7 +7,8 @@
 namespace interneuron::cli {
 namespace {
 
-constexpr std::size_t kMaxCell = 40;  // of an address or name, columns
+// The columns of an address or name at the most.
+constexpr std::size_t kMaxCell = 40;
 
 // Rows of cells with columns as wide as they need.
 class Table {

@@ -14,7 +14,7 @@ inline constexpr const char* kPcapVariable = "INTERNEURON_PCAP";
 // Adds the option to the program; subcommands added later understand it, too.
 void add_capture_option(CLI::App& program, std::string& file);
 
-// Captures while it lives; says on stderr what was captured.
+// Captures while it lives; the destructor says on stderr what was captured. Thread-compatible.
 class Capture {
  public:
   // Throws IoError.
@@ -28,9 +28,9 @@ class Capture {
   io::PcapTap tap_;
 };
 
-// For the command that was given. Commands that start other programs open no sockets themselves:
-// `testbed run` hands the variable on to the program inside, `demo` the option to its vehicle. Null
-// when this process is to capture nothing.
+// Starts the capture for the command that was given; nullptr when this process is to capture
+// nothing. Commands that start other programs open no sockets themselves: `testbed run` hands the
+// variable on to the program inside, `demo` the option to its vehicle.
 std::unique_ptr<Capture> start_capture(const CLI::App& program, const std::string& file);
 
 }  // namespace interneuron::cli

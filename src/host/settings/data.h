@@ -1,4 +1,5 @@
-// Where videos, models and ground truth are found.
+// Finds the folder of videos, models and ground truth. Looks at the file system and the
+// environment; thread-safe as long as nobody changes the environment. Errors: Failure.
 #pragma once
 
 #include <filesystem>

@@ -45,7 +45,7 @@ struct LinkOption {
 };
 
 LinkOption parse_link_option(std::string_view text, LinkPeer peer);
-// The inverse.
+// The option as text that parse_link_option() reads.
 std::string to_string(const LinkOption& link);
 
 // An option that is given once per NIC; refuses what parse_link_option() does.
