@@ -37,9 +37,13 @@ constexpr double kRoomToReturn = 0.9;
 // Grace and half-life of the confidence in a rate (src/core/link/nature.h).
 constexpr Duration kRateStale = std::chrono::seconds(42);
 
+// Evidence of everything but the rate is stale below this confidence: after one half-life.
+constexpr double kStaleConfidence = 0.5;
+
 // Whether nothing is known of a link that could speak against trying it.
 bool stale(const LinkState& link) {
-  return link.rate == DataRate{} || link.rate_age > kRateStale || link.confidence < 0.5;
+  return link.rate == DataRate{} || link.rate_age > kRateStale ||
+         link.confidence < kStaleConfidence;
 }
 
 class Placement final : public Policy {

@@ -14,12 +14,15 @@ constexpr Duration kQuantum = std::chrono::microseconds(500);
 // How far apart acknowledgements of a slow link may come: a full packet takes 6 ms at 2 Mbit/s, and
 // the receiver delays feedback by up to 5 ms.
 constexpr Duration kMinBetween = std::chrono::milliseconds(15);
+// The longest time that a packet may occupy the path at the pace, so that a wrong pace of almost
+// nothing does not block the path for ever.
+constexpr Duration kLongestAir = std::chrono::seconds(1);
 // Stands for a time beyond any that is planned with, so that sums stay in range.
 constexpr Duration kNever = std::chrono::hours(1);
 
 SentPackets::Silence silence_of(const PathView& view) {
-  // An acknowledgement tells of packets sent a round trip ago: what was sent next to them should be
-  // acknowledged after what the timeout allows beyond the round trip.
+  // An acknowledgement tells of packets sent a round trip ago. The packets sent right after those
+  // should be acknowledged within the time that the timeout allows beyond a round trip.
   return {view.probe_timeout, std::max(view.probe_timeout - 2 * view.one_way, kMinBetween)};
 }
 
@@ -185,8 +188,7 @@ std::optional<Sender::Piece> Sender::poll(TimePoint now, LinkId path_id) {
     if (is_repair) ++path.resent;
 
     const Duration air = path.view.pace.value_or(kBlindPace).transmit_time(ip_bytes);
-    path.free_at =
-        std::max(path.free_at, now - kBurst) + std::min<Duration>(air, std::chrono::seconds(1));
+    path.free_at = std::max(path.free_at, now - kBurst) + std::min<Duration>(air, kLongestAir);
     return Piece{number,
                  {job->message, *index, m.count, m.chunk, m.lifetime_us},
                  ByteView(m.bytes).subspan(offset, size)};

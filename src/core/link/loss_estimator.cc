@@ -12,6 +12,8 @@ constexpr double kBurstMemory = 16;
 // mean is independent of itself every 1,000 packets; in 20,000 packets a false alarm happens once
 // in 80,000 times.
 constexpr double kStepSigmas = 5;
+// How often evidence fades: more often would cost time and change nothing against kFade.
+constexpr Duration kFadeStep = std::chrono::seconds(1);
 // Packets before the quick mean is listened to, so that it is more than a few losses.
 constexpr double kLeastQuick = 200;
 
@@ -56,7 +58,7 @@ double LossEstimator::burst() const { return runs_ > 0 ? burst_ : static_cast<do
 
 void LossEstimator::fade(TimePoint now) {
   const Duration age = now - faded_at_;
-  if (age < std::chrono::seconds(1)) return;
+  if (age < kFadeStep) return;
   faded_at_ = now;
   const double left =
       std::exp(-static_cast<double>(age.count()) / static_cast<double>(kFade.count()));

@@ -10,6 +10,10 @@ namespace {
 constexpr double kSeconds = 1e-9;  // per ns
 // How many standard errors tell two links apart: at the edge one pair in 20 is ordered wrongly.
 constexpr double kStandardErrors = 1.64;
+// The standard deviation of normal values in terms of their mean deviation, which RTTVAR follows.
+constexpr double kSdPerMeanDeviation = 1.25;
+// What the network of a link is worth when the operator trusts it (docs/paper.md, "Nature").
+constexpr double kTrustedSecurity = 0.5;
 // Standard error of the 95 % quantile of n normal values, in sd / sqrt(n).
 constexpr double kP95Error = 2.1;
 // Delays that differ by less than this share are alike to every application.
@@ -95,7 +99,8 @@ struct Estimate {
 std::optional<Estimate> delay_estimate(const LinkState& link) {
   if (link.rtt_p95 <= Duration::zero() || link.rtt_samples == 0) return std::nullopt;
   const double ns = static_cast<double>((link.rtt_p95 / 2 + link.queue_up).count());
-  const double sd = 1.25 * static_cast<double>(link.jitter.count()) / 2;
+  // The delay is half a round trip, and so is its deviation.
+  const double sd = kSdPerMeanDeviation * static_cast<double>(link.jitter.count()) / 2;
   return Estimate{ns, kP95Error * kP95Error * sd * sd / link.rtt_samples};
 }
 
@@ -149,7 +154,9 @@ void score(std::span<LinkState> links) {
   score_field(links, &Nature::delay, delay, Better::kSmaller);
   score_field(links, &Nature::bandwidth, rate, Better::kLarger);
   score_field(links, &Nature::reliability, risk, Better::kSmaller);
-  for (LinkState& link : links) link.nature.security = link.up && link.traits.trusted ? 0.5 : 0.0;
+  for (LinkState& link : links) {
+    link.nature.security = link.up && link.traits.trusted ? kTrustedSecurity : 0.0;
+  }
 }
 
 Evidence explain(const LinkState& link, std::span<const LinkState> links) {

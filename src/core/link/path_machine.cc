@@ -127,7 +127,8 @@ TimePoint PathMachine::silent_since() const { return std::max(*heard_at_, quicke
 TimePoint PathMachine::suspect_at() const {
   const TimePoint idle = silent_since() + idle_suspect_after();
   if (!waiting_.any()) return idle;
-  // While acknowledgements come in, what is late waits in a queue.
+  // While acknowledgements come in, packets that are late wait in a queue and are no sign of
+  // trouble.
   const TimePoint loaded = std::max(waiting_.since() + suspect_after(),
                                     acknowledged_at_ + std::max(kSuspectFloor, pace_.srtt / 2));
   return std::min(idle, loaded);
@@ -192,7 +193,7 @@ void PathMachine::heard(TimePoint now) {
 void PathMachine::take_back(TimePoint now, Duration silence) {
   if (silence < kStall) patience_ = std::min(patience_ + 1, kMostPatience);
   patience_at_ = now;
-  // What was in flight is lost or about to be acknowledged; new data will tell.
+  // Packets that were in flight are lost or about to be acknowledged, so they say nothing any more.
   forget_load();
   change(now, PathState::kOk, text("alive after %.0f ms of silence", silence, {}));
 }

@@ -7,6 +7,11 @@
 namespace interneuron::link {
 namespace {
 
+// What each new sample adds of its difference, as a divisor: gains of 1/8 and 1/4 for SRTT and
+// RTTVAR (RFC 6298 §2), and a quicker one to plan with.
+constexpr int kSmoothedDivisor = 8;
+constexpr int kVariationDivisor = 4;
+constexpr int kQuickDivisor = 4;
 // A key is the value in ns (44 bits: 4.8 hours) and the low bits of its sequence number.
 constexpr int kSequenceBits = 20;
 constexpr std::uint64_t kSequenceMask = (1U << kSequenceBits) - 1;
@@ -39,9 +44,9 @@ void RttEstimator::add(TimePoint now, Duration rtt) {
     variation_ = rtt / 2;
   } else {
     const Duration off = rtt > smoothed_ ? rtt - smoothed_ : smoothed_ - rtt;
-    variation_ += (off - variation_) / 4;
-    smoothed_ += (rtt - smoothed_) / 8;
-    quick_ += (rtt - quick_) / 4;
+    variation_ += (off - variation_) / kVariationDivisor;
+    smoothed_ += (rtt - smoothed_) / kSmoothedDivisor;
+    quick_ += (rtt - quick_) / kQuickDivisor;
   }
   newest_ = rtt;
   minimum_.add(now, rtt.count());
