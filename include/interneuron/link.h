@@ -35,10 +35,10 @@ std::string_view to_string(NicState state);
 enum class PathState : std::uint8_t {
   // Feedback comes, and no long queue has built up: it is fully used.
   kOk,
-  // Data is in flight and no feedback comes, or a long queue has built up: still used.
+  // Feedback or heartbeats are late, or a long queue has built up: still used.
   kSuspect,
-  // Data is in flight and nothing at all is heard: no new data is sent until the peer is heard
-  // again.
+  // The peer is silent for longer than a round trip explains (60 ms at least while data is in
+  // flight, 1.5 s without): no new data is sent until the peer is heard again.
   kPulled,
   // The peer is heard, but for seconds nothing that was sent was acknowledged: only probes are
   // sent,

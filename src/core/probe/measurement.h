@@ -6,8 +6,8 @@
 // losses there and back can be told apart.
 //
 // Drive it like an Endpoint: handle() what came in, then poll() until it gives nothing, then wait
-// until next_timeout(). Pure; thread-compatible; never throws. Memory: about 56 bytes for each of
-// Options::count packets, and the packets of eight trains.
+// until next_timeout(). Pure; thread-compatible; never throws. Memory: 40 bytes for each of
+// Options::count pings and of the packets of eight trains.
 //
 // Replies are believed only if they repeat the exact send instant of a packet in the log, so an
 // attacker who does not see the packets can only raise foreign(). One on the path, or a lying
@@ -34,7 +34,7 @@ enum class Format {
   kStamp,
 };
 
-// The log of so many pings takes 60 MB; at the default interval they last 5.5 hours.
+// The log of so many pings takes 40 MB; at the default interval they last 5.5 hours.
 inline constexpr std::size_t kMaxPings = 1'000'000;
 // The smallest packet of a format: bytes of UDP payload.
 constexpr std::size_t smallest(Format format) {

@@ -23,7 +23,7 @@ class StampReflector {
  public:
   // Sessions that are numbered at once; a further one replaces the session that was silent for
   // longest. No measurement behind this value: it only has to be larger than the number of senders
-  // that measure at the same time. 1,024 records take about 64 KB.
+  // that measure at the same time. 1,024 records take about 50 KB.
   static constexpr std::size_t kMaxSessions = 1024;
   // A session that was silent for so long is over: the next packet begins a new one. REFWAIT of
   // RFC 5357 §3.1, which STAMP's ancestor has for it: 900 s.
