@@ -64,7 +64,11 @@ int offload(const std::vector<std::string>& arguments) {
   int done = 0;
   std::function<void()> round = [&] {
     const in::RoundRef ref = vehicle.begin_round({});
-    vehicle.submit(ref, {in::Bytes(kRawBytes), in::Bytes(kSampledBytes)}, in::MessageClass::kData);
+    const in::SubmitStatus status = vehicle.submit(
+        ref, {in::Bytes(kRawBytes), in::Bytes(kSampledBytes)}, in::MessageClass::kData);
+    if (status != in::SubmitStatus::kAccepted) {  // the local backup will answer the round
+      std::fprintf(stderr, "frame %u not sent: %s\n", ref.round.value, to_string(status).data());
+    }
     vehicle.compute(in::Queue::kLocalBackup, [&vehicle, ref]() -> in::Node::Task {
       std::this_thread::sleep_for(milliseconds(20));  // the lightest level, on a small computer
       return [&vehicle, ref] { vehicle.local_result(ref, to_bytes("level 0, backup")); };
