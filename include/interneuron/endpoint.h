@@ -38,6 +38,7 @@ struct Transmit {
 // (docs/constants.md, "Datagrams and sockets"), and 1400 leaves room for IPv6 and a tunnel.
 inline constexpr std::size_t kMaxDatagramBytes = 1400;
 
+// What an endpoint is made of.
 struct EndpointOptions {
   // Names this life of the endpoint: random, not 0, new at every start. No default.
   SessionId session{};

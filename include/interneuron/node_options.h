@@ -42,6 +42,7 @@ struct NodeNicRule {
   std::string peer = {};
 };
 
+// What a node is made of; only `links` or `rules` must be given.
 struct NodeOptions {
   // Named links and rules; at least one of both. A NIC that is named is no link by a rule, and of
   // the rules the first that matches counts.

@@ -28,17 +28,20 @@ class IoError : public std::runtime_error {
   int code_;
 };
 
+// A datagram to send.
 struct Outgoing {
   Address to{};
   // Not empty; read until send() returns.
   ByteView bytes;
 };
 
+// A datagram that has arrived.
 struct Incoming {
   Address from{};
   ByteView bytes;
 };
 
+// What became of a batch of datagrams.
 struct SendResult {
   // Leading datagrams not to be offered again: they were handed to the kernel, or dropped with an
   // error and counted.

@@ -1,6 +1,6 @@
-// How much longer packets take one way than at best: q = owd - smallest owd of the last 10 s. The
-// one-way delay may contain any clock offset, which cancels; drift of 100 ppm adds 1 ms in 10 s.
-// Pure; thread-compatible; constant memory.
+// How long packets wait in queues one way: their one-way delay above the smallest of the last 10 s.
+// The delay may contain any offset between the two clocks, which cancels; a drift of 100 ppm adds
+// 1 ms in 10 s.
 #pragma once
 
 #include "core/link/windowed_minimum.h"
@@ -8,6 +8,8 @@
 
 namespace interneuron::link {
 
+// One direction of one path; owned and fed by its LinkEstimator. Pure; thread-compatible; constant
+// memory.
 class QueueSignal {
  public:
   // Queues fill and drain within this, so that older samples say nothing of now. No measurement

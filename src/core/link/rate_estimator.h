@@ -1,9 +1,9 @@
 // The rate that one path delivers, for planning and pacing: the median of the last three trains,
 // each measured at the receiver (train dispersion), so that one train compressed or stretched on
-// its way moves nothing and a step is followed by the second one after it. Where no train is there,
-// delivery rate samples bound it from below. A train is trusted by how long it took to arrive: the
-// receiver stamps what it finds in one turn of its loop alike, so that a short train may look ten
-// times as fast as its link. Pure; thread-compatible; constant memory.
+// its way changes nothing and a step is followed with the second train after it. Between trains,
+// delivery rate samples may raise it. A train is trusted by how long it took to arrive: the
+// receiver gives one time to all packets that it finds in one turn of its loop, so that a short
+// train may look ten times as fast as its link.
 //
 // Trains count from 16 packets and 5 ms on, because the uplink of a cellular network is granted in
 // bursts of 1 to 10 ms (docs/constants.md, "Rate of a link"). Delivery rate samples are those of
@@ -19,6 +19,9 @@
 
 namespace interneuron::link {
 
+// Owned and fed by the LinkEstimator of the path. Trains are measured by the peer, who may report
+// any rate: it then plans and paces what is sent to it wrongly. Pure; thread-compatible; constant
+// memory.
 class RateEstimator {
  public:
   static constexpr std::uint32_t kMinTrainPackets = 16;

@@ -35,6 +35,7 @@ inline constexpr std::uint8_t kClearEpoch = 0;
 // What IPv4 and UDP add to a packet; over IPv6 it is 20 bytes more.
 inline constexpr std::size_t kIpUdpOverhead = 28;
 
+// What every packet begins with.
 struct PacketHeader {
   PacketType type{};
   LinkId link{};

@@ -1,4 +1,4 @@
-// Owns a file descriptor.
+// Owns a file descriptor and closes it; -1 stands for none. Can be moved, not copied.
 #pragma once
 
 #include <unistd.h>

@@ -10,6 +10,7 @@
 
 namespace interneuron::io {
 
+// What the kernel says of one NIC.
 struct Nic {
   std::string name;
   // The kernel's number of the NIC. A NIC that was unplugged and came back under the same name has

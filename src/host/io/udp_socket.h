@@ -19,6 +19,7 @@ inline constexpr std::size_t kReceiveBufferBytes = 4 * 1024 * 1024;
 // buffer messages wait behind others that are too late already.
 inline constexpr std::size_t kSendBufferBytes = 512 * 1024;
 
+// How a NIC's socket is opened.
 struct UdpOptions {
   std::string nic;
   // The same NIC, if the caller has it already; else the kernel is asked.
@@ -34,6 +35,7 @@ struct UdpOptions {
   std::size_t send_buffer_bytes = kSendBufferBytes;
 };
 
+// The open socket.
 struct UdpSocket {
   FileDescriptor fd;
   // As bound, with the port in use.
