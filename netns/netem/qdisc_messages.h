@@ -49,12 +49,14 @@ struct Bursts {
   bool operator==(const Bursts&) const = default;
 };
 
+// The fifo behind the shaper: its limit in packets or in bytes.
 struct Queue {
   bool in_packets = false;
   std::uint32_t limit = 0;
   bool operator==(const Queue&) const = default;
 };
 
+// Everything that the tree of one NIC is set to.
 struct Settings {
   Main main;
   std::optional<Bursts> bursts;

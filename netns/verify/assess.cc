@@ -47,7 +47,8 @@ Delays one_way(const Flow& flow, const Course& course) {
   return out;
 }
 
-// Of the pings within the window. The expected answer leaves when the request should have arrived.
+// The delays of the pings within the window. An answer is expected to leave when its request should
+// have arrived.
 Delays round_trip(const LinkEvidence& e, const Course& up, const Course& down) {
   Delays out;
   for (const Ping& ping : e.pings.answered) {

@@ -24,15 +24,17 @@
 namespace interneuron::cli::verify {
 
 // The bounds within which a testbed counts as right; docs/testbed.md promises them to users.
-// Of the mean delay, relative to the scheduled mean.
+// The mean delay may differ from the scheduled mean by this much, in per cent of that.
 inline constexpr double kMeanDelayPercent = 1;
 // The 99th percentile of |measured - scheduled delay| over single packets, in milliseconds.
 inline constexpr double kDelayErrorP99Ms = 2;
-// Of the share of packets lost, in percentage points.
+// The share of lost packets may differ from the scheduled share by this many percentage points.
 inline constexpr double kLossPoints = 0.3;
-// Of the rate of a saturated link, relative to the scheduled rate.
+// The rate of a saturated link may differ from the scheduled rate by this much, in per cent of
+// that.
 inline constexpr double kRatePercent = 3;
-// Of the mean number of packets in a loss burst, relative to what the profile prescribes.
+// The mean number of packets in a loss burst may differ by this much from what the profile
+// prescribes, in per cent of that.
 inline constexpr double kBurstPercent = 10;
 // With fewer bursts than this their mean length gets no verdict: the lengths are about
 // geometrically distributed, so the standard error of the mean of 1000 is some 3 %.
@@ -120,7 +122,7 @@ struct DirectionEvidence {
 // Everything known of one link during the window [from, to). Times are since the epoch of the
 // testbed's links.
 struct LinkEvidence {
-  // Of the window, and of some seconds before it in which packets were already in flight.
+  // Covers the window, and some seconds before it in which packets were already in flight.
   Schedule schedule;
   Duration from{};
   Duration to{};

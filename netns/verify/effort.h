@@ -12,17 +12,19 @@ namespace interneuron::cli::verify {
 
 // --- How long verify waits ---
 
-// For tcpdump and for the first packet. A loaded machine starts tcpdump within one second.
+// How long verify waits for tcpdump to start and for the first packet. A loaded machine starts
+// tcpdump within one second.
 inline constexpr Duration kToolStart = std::chrono::seconds(5);
-// For iperf3 to agree with its peer and to send: ten round trips of 1 s, the longest of a profile.
+// How long verify waits until iperf3 sends. Before that it agrees with its peer, which takes ten
+// round trips at the most; the longest round trip of a profile is 1 s.
 inline constexpr Duration kIperfStart = std::chrono::seconds(10);
 // iperf3 is started anew when it has sent nothing after this and ten round trips.
 inline constexpr Duration kIperfPatience = std::chrono::seconds(2);
-// For captured packets to reach tcpdump's file: the kernel hands a block over after 1 s.
+// How long captured packets need to reach tcpdump's file: the kernel hands a block over after 1 s.
 inline constexpr Duration kCaptureFlush = std::chrono::milliseconds(1300);
-// For packets in flight to arrive, at the most.
+// The longest that verify waits for packets in flight to arrive.
 inline constexpr Duration kLongestDrain = std::chrono::seconds(5);
-// At both edges of the window, where the flows are just starting or stopping.
+// What is left out at both edges of the window, where the flows are just starting or stopping.
 inline constexpr Duration kEdge = std::chrono::milliseconds(200);
 
 // --- How much it measures ---

@@ -125,7 +125,7 @@ class Session {
   Duration wall_offset_;
   Duration started_;
   int names_ = 0;
-  // Of the links, in CLOCK_MONOTONIC; read by finish().
+  // When the links' time began, in CLOCK_MONOTONIC. finish() reads it from the testbed.
   Duration epoch_{};
   std::vector<LinkEvidence> evidence_;
 };

@@ -26,6 +26,7 @@ class NicKeeper {
   void serve();
 
  private:
+  // A NIC as it was planned, and whether it was up when last seen.
   struct Nic {
     NicPlan plan;
     int index = 0;

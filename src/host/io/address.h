@@ -1,4 +1,5 @@
-// Between Address (a value) and the sockaddr of the system.
+// Converts between Address, a value without meaning to the core, and the system's sockaddr.
+// Thread-safe; no errors.
 #pragma once
 
 #include <netinet/in.h>

@@ -8,7 +8,10 @@
 // without a route gets no error but an assumption that the peer is on its wire (docs/constants.md,
 // "NICs and the kernel").
 //
-// Not the traffic: that is src/core/link/. Thread-compatible. Set-up failures throw IoError.
+// It does not look at the traffic; src/core/link/ does. Only the kernel, and processes with
+// CAP_NET_ADMIN, can send to its sockets. Memory is linear in the number of NICs. Owns two netlink
+// sockets. Thread-compatible. Set-up failures throw IoError; what fails later is tried again by the
+// next update().
 #pragma once
 
 #include <memory>

@@ -22,7 +22,8 @@ class NicTable {
  public:
   // Reads everything anew. Throws IoError when the system refuses.
   void read(nl_sock* requests, bool default_routes);
-  // Only the default routes, which the kernel partly removes without a word. False: refused.
+  // Reads the default routes anew, some of which the kernel removes without an event. False when
+  // the kernel refuses.
   bool read_default_routes(nl_sock* requests);
   // The kernel brings a NIC's carrier up to date when it is asked for that NIC (Linux 6.8), while
   // its events may come a second late (MAX_DO_DEV_PER_LOOP and HZ in net/core/link_watch.c).

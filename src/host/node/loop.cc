@@ -62,7 +62,8 @@ Node::Impl::Impl(NodeOptions&& options, const EndpointOptions& endpoint)
 
 Node::Impl::~Impl() { shut_down(); }
 
-// Harmless when repeated. Afterwards only the caller's thread uses this object.
+// Ends the workers and gives up all waits; may be called more than once. Afterwards only the
+// caller's thread uses this object.
 void Node::Impl::shut_down() {
   computation_.stop();
   backup_.stop();

@@ -1,5 +1,5 @@
-// Between the endpoint, which says what leaves next, and the transports, which take it in batches
-// or not at all.
+// Carries datagrams from the endpoint, which decides what leaves next, to the transports, which
+// take them in batches or not at all.
 //
 // Datagrams are collected per link, so that a batch can leave as few segmented sends. What a
 // transport does not take is kept, in order, until it is writable. While one link's queue is full,

@@ -36,7 +36,7 @@ std::optional<Address> peer_of(const NodeLink& link) {
                               " is not like 10.0.0.2:47000 or [2001:db8::2]:47000");
 }
 
-// Where to bind; see NodeLink::local_address.
+// The address to which a link's socket is bound; see NodeLink::local_address.
 Address local_of(const NodeLink& link, const io::Nic& nic, const Binding& binding) {
   const auto peer = peer_of(link);
   if (!link.local_address.empty()) {

@@ -1,5 +1,5 @@
-// From NodeOptions to what a node is made of. Throws IoError, or std::invalid_argument naming the
-// option.
+// Checks NodeOptions and makes what a node consists of: the endpoint's options and the sockets of
+// links. Keeps no state. Throws IoError, or std::invalid_argument that names the option.
 #pragma once
 
 #include <memory>

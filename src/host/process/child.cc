@@ -16,7 +16,8 @@ namespace {
 
 // How long end() and wait() sleep between two looks at the child.
 constexpr Duration kNap = std::chrono::milliseconds(10);
-// No measurement behind this value: it only has to be larger than what a program takes to tidy up.
+// How long a child has after Ctrl-C before it gets SIGTERM. No measurement is behind this value: it
+// only has to be larger than what a program takes to tidy up.
 constexpr Duration kPassOnAfter = std::chrono::seconds(1);
 
 }  // namespace

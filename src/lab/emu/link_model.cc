@@ -84,7 +84,7 @@ bool LinkModel::enqueue(Duration now, std::size_t ip_bytes, std::uint64_t tag) {
   return true;
 }
 
-// Before the queue: the path's MTU and the carrier's NAT.
+// Whether the path's MTU or the carrier's NAT drops the packet, before it reaches the queue.
 bool LinkModel::refused(Duration now, std::size_t ip_bytes) {
   if (params_.mtu > 0 && ip_bytes > params_.mtu) {
     ++stats_.too_big;

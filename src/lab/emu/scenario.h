@@ -37,6 +37,7 @@
 
 namespace interneuron::emu {
 
+// One link of the scenario.
 struct ScenarioLink {
   std::string name;
   LinkProfile profile;
