@@ -123,6 +123,26 @@ Curve summarise(std::vector<Verdict> verdicts, std::size_t truths) {
   return curve;
 }
 
+struct Prepared {
+  std::vector<Overlaps> rounds;
+  std::size_t truths = 0;  // persons to be found, over all rounds
+};
+
+Prepared prepare(const GroundTruth& truth, std::span<const Shown> rounds) {
+  static const std::vector<TrueBox> kNobody;
+  Prepared prepared;
+  for (const Shown& round : rounds) {
+    const auto found = truth.find(round.frame);
+    const std::vector<TrueBox>& boxes = found == truth.end() ? kNobody : found->second;
+    prepared.rounds.push_back(overlaps_of(boxes, round.boxes));
+    prepared.rounds.back().times = round.times;
+    prepared.truths +=
+        round.times * static_cast<std::size_t>(std::count_if(
+                          boxes.begin(), boxes.end(), [](const TrueBox& t) { return !t.ignore; }));
+  }
+  return prepared;
+}
+
 }  // namespace
 
 GroundTruth read_mot_truth(const std::filesystem::path& file) {
@@ -153,23 +173,33 @@ GroundTruth read_mot_truth(const std::filesystem::path& file) {
   return truth;
 }
 
+ShownShare share_shown(const GroundTruth& truth, std::span<const Shown> rounds, float min_score) {
+  const Prepared prepared = prepare(truth, rounds);
+  std::vector<Verdict> verdicts;
+  for (const Overlaps& round : prepared.rounds) match(round, kFirstIou, verdicts);
+  ShownShare result;
+  std::size_t right = 0;
+  for (const Verdict& verdict : verdicts) {
+    if (!(verdict.score >= min_score)) continue;
+    result.boxes += verdict.times;
+    right += verdict.right ? verdict.times : 0;
+  }
+  const auto share = [right](std::size_t of) {
+    return of == 0 ? 0 : static_cast<double>(right) / static_cast<double>(of);
+  };
+  result.precision = share(result.boxes);
+  result.recall = share(prepared.truths);
+  return result;
+}
+
 Accuracy evaluate(const GroundTruth& truth, std::span<const Shown> rounds) {
   Accuracy result;
-  std::vector<Overlaps> prepared;
-  for (const Shown& round : rounds) {
-    static const std::vector<TrueBox> kNobody;
-    const auto found = truth.find(round.frame);
-    const std::vector<TrueBox>& boxes = found == truth.end() ? kNobody : found->second;
-    prepared.push_back(overlaps_of(boxes, round.boxes));
-    prepared.back().times = round.times;
-    result.truths +=
-        round.times * static_cast<std::size_t>(std::count_if(
-                          boxes.begin(), boxes.end(), [](const TrueBox& t) { return !t.ignore; }));
-  }
+  const Prepared prepared = prepare(truth, rounds);
+  result.truths = prepared.truths;
   if (result.truths == 0) return result;
   for (int i = 0; i < kIouThresholds; ++i) {
     std::vector<Verdict> verdicts;
-    for (const Overlaps& round : prepared) match(round, kFirstIou + i * kIouStep, verdicts);
+    for (const Overlaps& round : prepared.rounds) match(round, kFirstIou + i * kIouStep, verdicts);
     const Curve curve = summarise(std::move(verdicts), result.truths);
     if (i == 0) {
       result.ap50 = curve.precision;

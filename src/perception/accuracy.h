@@ -42,6 +42,17 @@ struct Accuracy {
       0;  // persons to be found, over all rounds; all figures are 0 when there are none
 };
 
+// What a viewer gets who is shown the boxes of a score and above: at IoU .50, which share of these
+// boxes shows a person, and which share of the persons has a box.
+struct ShownShare {
+  double precision = 0;   // 0 when no box is shown
+  double recall = 0;      // 0 when there is nobody to be found
+  std::size_t boxes = 0;  // shown over all rounds, without those in ignore regions
+};
+
+// Pure. Requires: as evaluate().
+ShownShare share_shown(const GroundTruth& truth, std::span<const Shown> rounds, float min_score);
+
 // The 100 best-scored boxes of each round count; area "all". Scores must be comparable across
 // rounds: boxes of several levels mixed give what a viewer saw, which is what an effective accuracy
 // is about. Pure.

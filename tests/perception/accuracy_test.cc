@@ -115,6 +115,19 @@ TEST(Accuracy, OnlyTheBestHundredOfARoundCount) {
   EXPECT_EQ(evaluate({{0, {{kPerson}}}}, std::vector<Shown>{{0, boxes}}).recall50, 0);
 }
 
+TEST(ShareShown, CountsTheBoxesOfAScoreAndAbove) {
+  const GroundTruth truth = {{0, {{kPerson}, {kOther}}}};
+  const std::vector<Shown> rounds = {
+      {0, {scored(kPerson, 0.5F), scored({300, 300, 5, 5, 0}, 0.3F)}}};
+  const ShownShare all = share_shown(truth, rounds, 0);
+  EXPECT_EQ(all.boxes, 2U);
+  EXPECT_DOUBLE_EQ(all.precision, 0.5);
+  EXPECT_DOUBLE_EQ(all.recall, 0.5);
+  EXPECT_DOUBLE_EQ(share_shown(truth, rounds, 0.5F).precision, 1);
+  EXPECT_EQ(share_shown(truth, rounds, 0.6F).boxes, 0U);
+  EXPECT_EQ(share_shown(truth, rounds, 0.6F).precision, 0);
+}
+
 TEST(MotTruth, ReadsBoxesFromZeroAndIgnoreRegions) {
   const TempDir dir;
   write_text(dir / "gt.txt",
