@@ -13,14 +13,22 @@ constexpr std::uint16_t kMagic = 0x4458;  // "DX"
 constexpr std::uint8_t kVersion = 1;
 constexpr std::uint8_t kFlagLate = 1;
 constexpr std::uint8_t kFlagReleased = 2;
-constexpr double kSteps = 65535.0;  // of a 16-bit quantity
-constexpr double kOutside = 0.5;    // of a frame, on either side of it
-constexpr double kFullRange = 2.0;  // frames that a coordinate or size can span
+// Steps of a quantity of 16 bits, and of one of 8.
+constexpr double kSteps = 65535.0;
+constexpr double kByteSteps = 255.0;
+// Coordinates reach half a frame beyond the frame on either side, so they span two frames.
+constexpr double kOutside = 0.5;
+constexpr double kFullRange = 2.0;
 
-// `value` as a step of `range`; NaN becomes 0.
+// The step of `steps` that is nearest to `fraction` (0 … 1); NaN becomes 0.
+double step_of(double fraction, double steps) {
+  const double step = std::round(fraction * steps);
+  return step > 0 ? std::min(step, steps) : 0;
+}
+
+// `value` as a step of `range`.
 std::uint16_t quantise(double value, double range) {
-  const double step = std::round(value / range * kSteps);
-  return step > 0 ? static_cast<std::uint16_t>(std::min(step, kSteps)) : std::uint16_t{0};
+  return static_cast<std::uint16_t>(step_of(value / range, kSteps));
 }
 
 float restore(std::uint16_t step, double range, double offset) {
@@ -32,6 +40,14 @@ bool better(const Box& a, const Box& b) {
   if (std::isnan(a.score) || std::isnan(b.score))
     return !std::isnan(a.score) && std::isnan(b.score);
   return a.score > b.score;
+}
+
+double area(const Box& box) { return double{box.w} * box.h; }
+
+double shared_area(const Box& a, const Box& b) {
+  const double width = std::min(double{a.x} + a.w, double{b.x} + b.w) - std::max(a.x, b.x);
+  const double height = std::min(double{a.y} + a.h, double{b.y} + b.h) - std::max(a.y, b.y);
+  return width > 0 && height > 0 ? width * height : 0;
 }
 
 }  // namespace
@@ -50,7 +66,8 @@ Bytes encode_result(const Result& result) {
   append(out, static_cast<std::uint8_t>(result.variant));
   append(out, static_cast<std::uint8_t>((result.stage1_late ? kFlagLate : 0) |
                                         (result.stage1_released ? kFlagReleased : 0)));
-  append(out, static_cast<std::uint16_t>(boxes.size()));
+  append(out, static_cast<std::uint8_t>(step_of(result.draw_score, kByteSteps)));
+  append(out, static_cast<std::uint8_t>(boxes.size()));
   append(out, result.frame);
   append(out, static_cast<std::uint16_t>(result.source.width));
   append(out, static_cast<std::uint16_t>(result.source.height));
@@ -75,7 +92,8 @@ std::optional<Result> decode_result(ByteView bytes) {
   result.level = in.get<std::uint8_t>();
   const auto variant = in.get<std::uint8_t>();
   const auto flags = in.get<std::uint8_t>();
-  const std::size_t count = in.get<std::uint16_t>();
+  result.draw_score = static_cast<float>(in.get<std::uint8_t>() / kByteSteps);
+  const std::size_t count = in.get<std::uint8_t>();
   result.frame = in.get<std::uint32_t>();
   result.source.width = in.get<std::uint16_t>();
   result.source.height = in.get<std::uint16_t>();
@@ -104,11 +122,20 @@ std::optional<Result> decode_result(ByteView bytes) {
 }
 
 double iou(const Box& a, const Box& b) {
-  const double width = std::min(double{a.x} + a.w, double{b.x} + b.w) - std::max(a.x, b.x);
-  const double height = std::min(double{a.y} + a.h, double{b.y} + b.h) - std::max(a.y, b.y);
-  if (!(width > 0 && height > 0)) return 0;
-  const double both = width * height;
-  return both / (double{a.w} * a.h + double{b.w} * b.h - both);
+  const double both = shared_area(a, b);
+  return both > 0 ? both / (area(a) + area(b) - both) : 0;
+}
+
+std::vector<Box> drop_nested(std::vector<Box> boxes, double max_share) {
+  std::stable_sort(boxes.begin(), boxes.end(), better);
+  std::vector<Box> kept;
+  for (const Box& box : boxes) {
+    const bool nested = std::any_of(kept.begin(), kept.end(), [&](const Box& k) {
+      return shared_area(box, k) > max_share * std::min(area(box), area(k));
+    });
+    if (!nested) kept.push_back(box);
+  }
+  return kept;
 }
 
 std::vector<Box> suppress(std::vector<Box> boxes, float max_iou, float min_score,

@@ -8,7 +8,8 @@
 //        3    1 level of the ladder that ran
 //        4    1 variant of the image it ran on: 0 raw, 1 sampled, 2 grey, 3 JPEG
 //        5    1 flags: bit 0 stage 1 was late, bit 1 it was released at its deadline, rest 0
-//        6    2 number of boxes, 0 … 100
+//        6    1 score from which boxes are worth drawing, in units of 1/255
+//        7    1 number of boxes, 0 … 100
 //        8    4 frame: 0-based index in the source
 //       12    2 source width, in pixels, >= 1
 //       14    2 source height, >= 1
@@ -41,25 +42,37 @@ struct Box {
   float y = 0;
   float w = 0;
   float h = 0;
-  float score = 0;  // 0 … 1, comparable only within one level
+  // How sure the detector is, 0 … 1; comparable only within one level.
+  float score = 0;
   friend bool operator==(const Box&, const Box&) = default;
 };
 
-inline constexpr std::size_t kMaxBoxes = 100;         // COCO's maxDets
-inline constexpr std::size_t kMaxResultBytes = 5000;  // the result's bound: a few packets
+// The most boxes of a result; COCO's evaluation counts no more (maxDets).
+inline constexpr std::size_t kMaxBoxes = 100;
+// No result is larger than this, so that it fits into four packets.
+inline constexpr std::size_t kMaxResultBytes = 5000;
 inline constexpr std::size_t kResultHeaderBytes = 32;
 inline constexpr std::size_t kBoxBytes = 10;
 static_assert(kResultHeaderBytes + kMaxBoxes * kBoxBytes <= kMaxResultBytes);
 
+// What one level found in one image, with the roadside's notes for plots.
 struct Result {
-  std::uint32_t frame = 0;  // 0-based index in the source
-  std::uint8_t level = 0;   // of the ladder
+  // 0-based index in the source.
+  std::uint32_t frame = 0;
+  // Of the ladder that ran.
+  std::uint8_t level = 0;
   Variant variant = Variant::kRaw;
-  cv::Size source{768, 576};  // pixels, 1 … 65535 each
-  // The road side's notes, for plots.
-  bool stage1_late = false;                    // the image arrived after D1
-  bool stage1_released = false;                // a degraded variant was released at D1
-  std::chrono::microseconds stage1_overrun{};  // θ1 - D1; negative: early
+  // Boxes scored below this are guesses and are not drawn; 0 … 1, 0 draws all. It is the level's
+  // Level::draw_score, and travels with the result because only the detector's side knows it.
+  float draw_score = 0;
+  // Width and height of the source's frames in pixels, 1 … 65535 each.
+  cv::Size source{768, 576};
+  // Whether the image arrived after D1, the deadline of the first stage.
+  bool stage1_late = false;
+  // Whether a degraded variant was released at D1 because the full one had not arrived.
+  bool stage1_released = false;
+  // How long after D1 the image arrived (θ1 - D1); negative when it was early.
+  std::chrono::microseconds stage1_overrun{};
   std::chrono::microseconds compute_time{};
   std::vector<Box> boxes{};
 };
@@ -78,6 +91,11 @@ std::optional<Result> decode_result(ByteView bytes);
 // better-scored one by more than `max_iou`; returns at most `limit`, best first.
 std::vector<Box> suppress(std::vector<Box> boxes, float max_iou, float min_score,
                           std::size_t limit = kMaxBoxes);
+
+// Drops boxes that lie in or around a better-scored one: those that share more than `max_share` of
+// the smaller box's area with it. Suppression by intersection over union misses them, because the
+// larger box of such a pair is mostly background. Returns the boxes best first.
+std::vector<Box> drop_nested(std::vector<Box> boxes, double max_share);
 
 // Intersection over union, 0 … 1.
 double iou(const Box& a, const Box& b);

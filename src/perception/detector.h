@@ -32,16 +32,29 @@ class Detector {
   virtual void reset() {}
 };
 
+// One way to find persons in an image: more quality takes more time.
 struct Level {
-  std::string name{};  // "yolox-nano 256x192"
+  // What people read, for example "yolox-nano 256x192".
+  std::string name{};
   std::shared_ptr<Detector> detector{};
-  // R[l], how long one image takes: set by Ladder::calibrate(), or known from the start. 0:
-  // unknown.
+  // R[l], the median and the 95th percentile of how long one image takes on this machine: set by
+  // Ladder::calibrate(), or known from the start. 0: unknown.
   Duration r_median{};
   Duration r_p95{};
-  // AP on raw and on sampled images as the data folder's profile.csv tells; empty: unknown.
+  // AP (COCO's, 0 … 1) on raw and on sampled images, measured on the demo video's 795 frames; the
+  // data folder's profile.csv comes first where it knows the level. Empty: unknown.
   std::vector<double> quality{};
+  // Boxes scored below this are not worth drawing: the score that gave the highest F1 (harmonic
+  // mean of precision and recall at IoU .50) on the same frames.
+  float draw_score = 0.3F;
+  // How long one image took where the quality was measured, on one core; kAuto goes by it, before
+  // anything is calibrated. 0: unknown.
+  Duration recorded_median{};
 };
+
+// The most quality on raw images that the levels give within `budget`, by their recorded medians; a
+// budget of 0 bounds nothing. The lowest level runs even where it does not fit, for nothing.
+double expected_quality(std::span<const Level> levels, Duration budget);
 
 // A copy shares the detectors, and the levels may share a background model: use one thread at a
 // time, and make_ladder() again for a second user.
@@ -83,10 +96,16 @@ class Ladder {
 };
 
 enum class LadderKind {
-  kAuto,    // kDnn if its models are there, else kMotion; the description says why
-  kDnn,     // yolo-fastest and yolox-nano on OpenCV's dnn; needs <data>/models
-  kMotion,  // motion and HOG, no file needed, for fixed cameras; full-frame HOG in its top level
-  kReplay,  // recorded boxes of the demo video, needs <data>/detections and <data>/profile.csv
+  // Of kDnn and kMotion the one with the higher expected_quality() in LadderOptions::budget, kDnn
+  // where they differ by less than .01 or no budget is given; kMotion where models are missing. The
+  // description says why.
+  kAuto,
+  // yolo-fastest and yolox-nano on OpenCV's dnn; needs <data>/models.
+  kDnn,
+  // Motion and HOG, for fixed cameras; needs no file. Its top level searches the whole frame.
+  kMotion,
+  // Recorded boxes of the demo video; needs <data>/detections and <data>/profile.csv.
+  kReplay,
 };
 
 // "auto", "dnn", "motion" or "replay".
@@ -94,7 +113,10 @@ std::optional<LadderKind> parse_ladder_kind(std::string_view text);
 
 struct LadderOptions {
   LadderKind kind = LadderKind::kAuto;
-  std::filesystem::path data_dir{};  // unused by kMotion
+  // Where models and recordings are; kMotion needs none.
+  std::filesystem::path data_dir{};
+  // The time that a round leaves for one image; kAuto chooses by it. 0: no bound.
+  Duration budget{};
   // Only so many levels, from the lowest; 1 makes a vehicle's local backup. 0: all.
   std::size_t max_levels = 0;
   // kReplay: lets a level's time R[l] pass; default: sleeps. A simulator advances its virtual time

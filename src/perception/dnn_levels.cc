@@ -1,8 +1,5 @@
 // Neural detectors on OpenCV's dnn module. One net per level, since a net that changes its input
 // size allocates anew.
-//
-// On the demo video (795 frames, raw), AP / AP50: yolo-fastest-1.1 224x224 .14 / .48, yolox-nano
-// 256x192 .35 / .85, yolox-nano 416x320 .40 / .90.
 #include <algorithm>
 #include <cmath>
 #include <opencv2/dnn.hpp>
@@ -16,10 +13,15 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr float kMinScore = 0.02F;  // weaker boxes gain no AP; the recordings' too
-constexpr float kMaxIou = 0.5F;     // of two persons' boxes; the usual value for pedestrians
-constexpr int kValues = 85;         // per candidate: 4 of the box, objectness, 80 classes of COCO
-constexpr int kPerson = 5;          // column of COCO's class 0, person
+// Boxes scored lower are dropped: they gain no AP on the demo video, and its recorded boxes end
+// there too.
+constexpr float kMinScore = 0.02F;
+// Of two boxes that overlap by more, only the better one stays; the usual bound for pedestrians.
+constexpr float kMaxIou = 0.5F;
+// A candidate is a row of values: 4 of the box, the objectness, 80 classes of COCO, of which class
+// 0, person, is in column kPerson.
+constexpr int kValues = 85;
+constexpr int kPerson = 5;
 
 const char* const kYoloFastestCfg = "models/yolo-fastest-1.1.cfg";
 const char* const kYoloFastestWeights = "models/yolo-fastest-1.1.weights";
@@ -35,10 +37,12 @@ std::vector<Box> to_source(std::vector<Box> boxes, cv::Size from, cv::Size sourc
   return boxes;
 }
 
-// What a net wants of a pixel.
+// The pixels that a net was trained on.
 struct Pixels {
-  double scale;  // of values 0 … 255
-  bool rgb;      // else BGR
+  // By which values of 0 … 255 are multiplied.
+  double scale;
+  // Whether red comes first; blue otherwise.
+  bool rgb;
 };
 
 class DnnDetector : public Detector {
@@ -128,7 +132,8 @@ class YoloxNano : public DnnDetector {
                                   static_cast<double>(input().height) / size.height);
     const cv::Size scaled(std::max(1, static_cast<int>(size.width * ratio)),
                           std::max(1, static_cast<int>(size.height * ratio)));
-    constexpr int kPadding = 114;  // grey value YOLOX was trained with
+    // YOLOX was trained with images padded by this grey value.
+    constexpr int kPadding = 114;
     cv::Mat padded(input(), CV_8UC3, cv::Scalar::all(kPadding));
     cv::Mat part = padded(cv::Rect({0, 0}, scaled));
     cv::resize(image.bgr, part, scaled);
@@ -167,6 +172,10 @@ void require(const fs::path& model) {
   throw InputError("model '" + model.string() + "': no such file; run scripts/fetch_data.sh");
 }
 
+std::string sized(const char* name, cv::Size input) {
+  return std::string(name) + " " + std::to_string(input.width) + "x" + std::to_string(input.height);
+}
+
 Level yolo_fastest(const fs::path& data_dir, cv::Size input) {
   const fs::path cfg = data_dir / kYoloFastestCfg;
   const fs::path weights = data_dir / kYoloFastestWeights;
@@ -178,8 +187,7 @@ Level yolo_fastest(const fs::path& data_dir, cv::Size input) {
   } catch (const cv::Exception& e) {
     throw DnnDetector::bad_model(weights, e.err);
   }
-  return {.name = "yolo-fastest-1.1 " + std::to_string(input.width) + "x" +
-                  std::to_string(input.height),
+  return {.name = sized("yolo-fastest-1.1", input),
           .detector = std::make_shared<YoloFastest>(weights, std::move(net), input)};
 }
 
@@ -192,7 +200,7 @@ Level yolox_nano(const fs::path& data_dir, cv::Size input) {
   } catch (const cv::Exception& e) {
     throw DnnDetector::bad_model(model, e.err);
   }
-  return {.name = "yolox-nano " + std::to_string(input.width) + "x" + std::to_string(input.height),
+  return {.name = sized("yolox-nano", input),
           .detector = std::make_shared<YoloxNano>(model, std::move(net), input)};
 }
 
@@ -212,7 +220,7 @@ std::vector<Level> dnn_levels(const fs::path& data_dir, std::size_t max_levels) 
   levels.push_back(yolo_fastest(data_dir, {224, 224}));
   if (max_levels > 1) levels.push_back(yolox_nano(data_dir, {256, 192}));
   if (max_levels > 2) levels.push_back(yolox_nano(data_dir, {416, 320}));
-  for (Level& level : levels) level.quality = recorded_quality(data_dir, level.name);
+  for (Level& level : levels) add_measured(data_dir, level);
   return levels;
 }
 

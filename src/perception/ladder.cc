@@ -13,9 +13,14 @@
 namespace interneuron::perception {
 namespace {
 
-// Chosen: the first forward of a net allocates and is slow, and a background needs some frames.
+// Runs before those that are timed: the first forward of a net allocates memory and is slow, and a
+// background model sees nothing but movement in its first images.
 constexpr int kWarmUpRuns = 10;
-constexpr std::size_t kAllLevels = 256;  // a level travels as one byte
+// The most levels of a ladder, because a level travels as one byte.
+constexpr std::size_t kAllLevels = 256;
+// By how much the motion ladder's AP must be higher for kAuto to take it: APs that are closer
+// differ by the video, and the nets need no fixed camera.
+constexpr double kClearlyBetter = 0.01;
 
 std::string joined(const std::vector<std::filesystem::path>& files) {
   std::string text;
@@ -23,12 +28,31 @@ std::string joined(const std::vector<std::filesystem::path>& files) {
   return text;
 }
 
-Ladder make_dnn_ladder(const LadderOptions& options, std::size_t levels) {
-  return {"dnn (OpenCV)", dnn_levels(options.data_dir, levels)};
-}
+Ladder make_dnn_ladder(std::vector<Level> levels) { return {"dnn (OpenCV)", std::move(levels)}; }
 
+// `why`: nothing, or a clause that begins with "; ".
 Ladder make_motion_ladder(const std::string& why, std::size_t levels) {
   return {"motion (built in, fixed cameras only" + why + ")", motion_levels(levels)};
+}
+
+// By what the ladders are worth as a whole: one that is cut to its lowest level for a vehicle's
+// backup is of the same kind as the roadside's.
+Ladder make_auto_ladder(const LadderOptions& options, std::size_t levels) {
+  const auto missing = missing_models(options.data_dir);
+  if (!missing.empty()) {
+    return make_motion_ladder("; no " + joined(missing) + ", run scripts/fetch_data.sh", levels);
+  }
+  std::vector<Level> nets = dnn_levels(options.data_dir, kAllLevels);
+  const double of_nets = expected_quality(nets, options.budget);
+  const double of_motion = expected_quality(motion_levels(kAllLevels), options.budget);
+  if (options.budget > Duration::zero() && of_motion > of_nets + kClearlyBetter) {
+    char why[96];
+    std::snprintf(why, sizeof why, "; AP %.2f within %.0f ms, dnn %.2f", of_motion,
+                  to_ms(options.budget), of_nets);
+    return make_motion_ladder(why, levels);
+  }
+  if (nets.size() > levels) nets.resize(levels);
+  return make_dnn_ladder(std::move(nets));
 }
 
 Ladder make_replay_ladder(const LadderOptions& options, std::size_t levels) {
@@ -84,6 +108,15 @@ std::size_t Ladder::top_level(Duration budget) const {
   return 0;
 }
 
+double expected_quality(std::span<const Level> levels, Duration budget) {
+  double best = 0;
+  for (const Level& level : levels) {
+    const bool fits = budget <= Duration::zero() || level.recorded_median <= budget;
+    if (fits && !level.quality.empty()) best = std::max(best, level.quality.front());
+  }
+  return best;
+}
+
 std::string Ladder::description() const {
   std::string text = "ladder " + title_ + ":";
   for (std::size_t i = 0; i < levels_.size(); ++i) {
@@ -107,13 +140,13 @@ std::optional<LadderKind> parse_ladder_kind(std::string_view text) {
 }
 
 Ladder make_ladder(const LadderOptions& options) {
-  // Only the first call in a process counts (TBB keeps its first limit), so all ladders agree on
-  // it.
+  // Only the first call of a process takes effect, because TBB keeps its first limit; so every
+  // ladder asks for the same.
   cv::setNumThreads(1);
   const std::size_t levels = options.max_levels == 0 ? kAllLevels : options.max_levels;
   switch (options.kind) {
     case LadderKind::kDnn:
-      return make_dnn_ladder(options, levels);
+      return make_dnn_ladder(dnn_levels(options.data_dir, levels));
     case LadderKind::kMotion:
       return make_motion_ladder("", levels);
     case LadderKind::kReplay:
@@ -121,9 +154,7 @@ Ladder make_ladder(const LadderOptions& options) {
     case LadderKind::kAuto:
       break;
   }
-  const auto missing = missing_models(options.data_dir);
-  if (missing.empty()) return make_dnn_ladder(options, levels);
-  return make_motion_ladder("; no " + joined(missing) + ", run scripts/fetch_data.sh", levels);
+  return make_auto_ladder(options, levels);
 }
 
 }  // namespace interneuron::perception

@@ -4,7 +4,6 @@
 #include <cstddef>
 #include <filesystem>
 #include <functional>
-#include <string_view>
 #include <vector>
 
 #include "perception/detector.h"
@@ -21,8 +20,10 @@ std::vector<Level> motion_levels(std::size_t max_levels);
 std::vector<Level> replay_levels(const std::filesystem::path& data_dir, std::size_t max_levels,
                                  std::function<void(Duration)> spend);
 
-// Level::quality of the level of this name. Empty: the data folder has no profile, or not of it.
-std::vector<double> recorded_quality(const std::filesystem::path& data_dir, std::string_view name);
+// Sets what was measured of a net on the demo video: Level::quality (profile.csv's where the data
+// folder has one), draw_score and recorded_median. Leaves a level of another name alone. Throws
+// InputError for a bad profile.
+void add_measured(const std::filesystem::path& data_dir, Level& level);
 
 // The models that dnn_levels() reads, and that are not there.
 std::vector<std::filesystem::path> missing_models(const std::filesystem::path& data_dir);

@@ -17,6 +17,7 @@ Result example() {
   return {.frame = 794,
           .level = 2,
           .variant = Variant::kSampled,
+          .draw_score = 0.4F,
           .source = {768, 576},
           .stage1_late = true,
           .stage1_released = true,
@@ -57,6 +58,7 @@ TEST(ResultMessage, RoundTrip) {
   EXPECT_EQ(back->level, 2);
   EXPECT_EQ(back->variant, Variant::kSampled);
   EXPECT_EQ(back->source, cv::Size(768, 576));
+  EXPECT_FLOAT_EQ(back->draw_score, 0.4F);
   EXPECT_TRUE(back->stage1_late);
   EXPECT_TRUE(back->stage1_released);
   EXPECT_EQ(back->stage1_overrun.count(), -12'345);
@@ -162,6 +164,18 @@ TEST(Suppress, KeepsTheBestOfEachCluster) {
   EXPECT_EQ(kept[0], boxes[1]);
   EXPECT_EQ(kept[1], boxes[2]);
   EXPECT_EQ(suppress(boxes, 0.5F, 0.02F, 1).size(), 1U);
+}
+
+TEST(DropNested, DropsWhatLiesInOrAroundABetterBox) {
+  const Box person{20, 20, 10, 20, 0.8F};
+  const Box around_two{15, 15, 40, 40, 0.5F};
+  const Box half{20, 20, 10, 10, 0.4F};
+  const Box neighbour{26, 20, 10, 20, 0.3F};
+  EXPECT_EQ(drop_nested({half, around_two, person, neighbour}, 0.7),
+            (std::vector<Box>{person, neighbour}));
+  // The best score wins, whichever box is the larger.
+  EXPECT_EQ(drop_nested({{15, 15, 40, 40, 0.9F}, person}, 0.7).size(), 1U);
+  EXPECT_TRUE(drop_nested({}, 0.7).empty());
 }
 
 }  // namespace

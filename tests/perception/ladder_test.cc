@@ -104,6 +104,30 @@ TEST(Ladder, DescriptionNamesLevelsAndTimes) {
             "ladder test: L0 level 8.0/10.0 ms, L1 level 19.0/24.0 ms (median/p95, 1 thread)");
 }
 
+TEST(Ladder, ExpectedQualityIsOfTheBestLevelThatFits) {
+  const auto level = [](double quality, Duration median) {
+    return Level{.name = "level", .quality = {quality, 0.0}, .recorded_median = median};
+  };
+  const std::vector<Level> nets = {level(0.14, 8ms), level(0.40, 50ms)};
+  const std::vector<Level> motion = {level(0.20, 1ms), level(0.38, 7ms)};
+  EXPECT_EQ(expected_quality(nets, 65ms), 0.40);
+  EXPECT_EQ(expected_quality(nets, 0ms), 0.40);  // no bound
+  EXPECT_EQ(expected_quality(nets, 20ms), 0.14);
+  EXPECT_EQ(expected_quality(motion, 20ms), 0.38);
+  EXPECT_EQ(expected_quality(nets, 5ms), 0);
+}
+
+TEST(MakeLadder, EveryMotionLevelTellsWhatItIsWorth) {
+  const Ladder ladder = make_ladder({.kind = LadderKind::kMotion});
+  for (std::size_t i = 0; i < ladder.size(); ++i) {
+    ASSERT_EQ(ladder.level(i).quality.size(), 2U) << i;
+    EXPECT_GT(ladder.level(i).recorded_median, Duration::zero()) << i;
+    if (i > 0) {
+      EXPECT_GT(ladder.level(i).quality[0], ladder.level(i - 1).quality[0]) << i;
+    }
+  }
+}
+
 TEST(LadderKind, Parses) {
   EXPECT_EQ(parse_ladder_kind("auto"), LadderKind::kAuto);
   EXPECT_EQ(parse_ladder_kind("dnn"), LadderKind::kDnn);

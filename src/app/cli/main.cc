@@ -70,7 +70,10 @@ void add_input_options(CLI::App* c, std::string& video, std::string& data, std::
   c->add_option(
       "--data", data,
       "Folder with models and videos (default: INTERNEURON_DATA, ../shared/data, build/data)");
-  c->add_option("--ladder", ladder, "Detectors")
+  c->add_option(
+       "--ladder", ladder,
+       "Detectors; auto: of dnn (needs models) and motion (needs a fixed camera) those with "
+       "the higher AP in half the deadline")
       ->capture_default_str()
       ->check(CLI::IsMember(ladders));
 }
@@ -168,6 +171,11 @@ void add_road(CLI::App& program, std::function<int()>& run) {
   c->add_option("--port", o->port, "UDP port on every card")->capture_default_str();
   // none: for those who only measure (links, top, probe).
   add_input_options(c, o->video, o->data, o->ladder, {kNoLadder});
+  c->add_option(
+       "--deadline-ms", o->deadline_ms,
+       "End-to-end deadline of the vehicles, milliseconds, for which --ladder auto chooses")
+      ->capture_default_str()
+      ->check(positive());
   c->add_option("--calibration-runs", o->calibration_runs, "Runs per level at start-up")
       ->capture_default_str()
       ->check(CLI::Range(1, 10'000));

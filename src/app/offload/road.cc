@@ -50,6 +50,7 @@ std::optional<perc::Ladder> ladder_of(const RoadOptions& options,
   if (options.ladder == kNoLadder) return std::nullopt;
   return perc::make_ladder({.kind = *perc::parse_ladder_kind(options.ladder),
                             .data_dir = data.value_or(std::filesystem::path()),
+                            .budget = ladder_budget(from_ms(options.deadline_ms)),
                             .max_levels = 0,
                             .spend = {}});
 }
@@ -240,6 +241,7 @@ Node::Task Road::detect(const Job& job) {
   const Duration pause = hooks_.inside_compute(job.delivered.round.round);
   if (pause > Duration{}) std::this_thread::sleep_for(pause);
   result.frame = job.image.frame;
+  result.draw_score = ladder_->level(job.level).draw_score;
   result.level = static_cast<std::uint8_t>(job.level);
   result.variant = job.image.variant;
   result.source = job.image.source;

@@ -19,6 +19,8 @@ struct RoadOptions {
   std::string address;
   std::uint16_t port = kDefaultPort;
   std::string ladder = "auto";
+  // The vehicles' end-to-end deadline, in milliseconds, for which --ladder auto chooses.
+  double deadline_ms = 130;
   std::string data;
   std::string video;  // pictures to calibrate on
   int calibration_runs = 40;

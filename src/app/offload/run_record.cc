@@ -46,7 +46,7 @@ const RoundRow& RunRecord::done(const RoundDone& event, Duration deadline) {
   const auto result = perc::decode_result(event.result);
   if (!result) return row;
   row.boxes = result->boxes.size();
-  shown_[row.round] = result->boxes;
+  shown_[row.round] = {result->boxes, result->draw_score};
   if (event.outcome != Outcome::kRemote) return row;
   ++counts_.on_time;
   const auto full = std::chrono::duration_cast<std::chrono::microseconds>(kFullSeverity);
@@ -77,11 +77,22 @@ double RunRecord::on_time_percent() const {
 
 void RunRecord::compare(const std::filesystem::path& truth, RunInfo& info) const {
   std::vector<perc::Shown> shown;
-  for (std::size_t i = 0; i < rows_.size(); ++i) shown.push_back({rows_[i].frame, shown_[i]});
-  const perc::Accuracy a = perc::evaluate(perc::read_mot_truth(truth), shown);
+  std::vector<perc::Shown> drawn;
+  for (std::size_t i = 0; i < rows_.size(); ++i) {
+    shown.push_back({rows_[i].frame, shown_[i].boxes});
+    drawn.push_back(shown.back());
+    std::erase_if(drawn.back().boxes, [least = shown_[i].draw_score](const perc::Box& box) {
+      return box.score < least;
+    });
+  }
+  const perc::GroundTruth people = perc::read_mot_truth(truth);
+  const perc::Accuracy a = perc::evaluate(people, shown);
+  const perc::ShownShare share = perc::share_shown(people, drawn, 0);
   info.ap = a.ap;
   info.ap50 = a.ap50;
   info.ar = a.ar;
+  info.drawn_precision = share.precision;
+  info.drawn_recall = share.recall;
 }
 
 Json RunRecord::write(const std::filesystem::path& folder, const RunInfo& info) const {
@@ -91,10 +102,11 @@ Json RunRecord::write(const std::filesystem::path& folder, const RunInfo& info) 
   write_json(folder / "summary.json", summary);
   if (picture_round_ && *picture_round_ < rows_.size()) {
     const RoundRow& row = rows_[*picture_round_];
-    const std::string caption =
-        fmt::format("round {}: level {}, image {}, {:.0f} ms", row.round, row.road->level,
-                    row.road->variant == 0 ? "raw" : "sampled", to_ms(row.e2e));
-    perc::write_picture(folder / "frame.png", picture_, shown_[row.round], caption);
+    const Shown& shown = shown_[row.round];
+    const std::string caption = fmt::format(
+        "round {}: answered by the roadside in {:.0f} ms, level {}, {} image", row.round,
+        to_ms(row.e2e), row.road->level, row.road->variant == 0 ? "raw" : "sampled");
+    perc::write_picture(folder / "frame.png", picture_, shown.boxes, caption, shown.draw_score);
   }
   plot_latency(folder / "latency.png", rows_, summary);
   return summary;

@@ -47,7 +47,13 @@ class RunRecord {
   std::string guard_;
   Counts counts_;
   std::vector<RoundRow> rows_;
-  std::vector<std::vector<perception::Box>> shown_;
+  // What the application was shown in each of rows_.
+  struct Shown {
+    std::vector<perception::Box> boxes;
+    // Boxes scored below are not drawn.
+    float draw_score = 0;
+  };
+  std::vector<Shown> shown_;
   cv::Mat picture_;  // the frame of the picture, and its round
   std::optional<std::uint32_t> picture_round_;
 };

@@ -103,6 +103,7 @@ Vehicle::Vehicle(const VehicleOptions& options, VehicleHooks& hooks)
       source_(video_, {.loop = options.rounds > 0}),
       backup_(perc::make_ladder({.kind = *perc::parse_ladder_kind(options.ladder),
                                  .data_dir = data_.value_or(std::filesystem::path()),
+                                 .budget = ladder_budget(from_ms(options.deadline_ms)),
                                  .max_levels = 1,
                                  .spend = {}})),
       node_(node_options()),
@@ -245,6 +246,7 @@ void Vehicle::back_up(const RoundRef& ref, const perc::Image& image) {
     result.boxes = backup_.detect(0, image);
     if (newest_round_ != ref.round.value) return {};
     result.frame = image.frame;
+    result.draw_score = backup_.level(0).draw_score;
     result.source = image.source;
     return [this, ref, bytes = perc::encode_result(result)] { node_.local_result(ref, bytes); };
   });

@@ -1,16 +1,15 @@
-// The bottleneck of one direction of a link: says when a packet has left it, after all packets
-// before. It keeps no packets; LinkModel has the queue. Three kinds of rate, all of IP bytes:
+// The bottleneck of one direction: when a packet that waits for it has left it. Three kinds of
+// rate, all of IP bytes:
 //
-//   constant       exact to a fraction of a nanosecond
-//   stepped        from each of a list of instants on a rate, 0 for none; the list may repeat
+//   constant       to the exact fraction of a nanosecond
+//   stepped        a rate from each of a list of instants on, optionally repeating; 0 = stands
 //   opportunities  Mahimahi's trace format: one integer per line, in ms since the start, each an
 //                  opportunity to send 1500 bytes; an instant may repeat; the last line is also the
-//                  length of the trace, which repeats from there. Packets share an opportunity; one
-//                  larger than what is left of it takes the next as well. An opportunity for which
-//                  no packet waits is lost.
+//                  length of the trace, which repeats from there. Packets share an opportunity, one
+//                  larger than what is left of it takes the next as well; what nobody waits for is
+//                  wasted.
 //
-// Pure; thread-compatible. Times are since the start of the link. Errors: parse_opportunities()
-// returns one line of text; a rate that stays 0 gives a departure of Duration::max().
+// Pure values; thread-compatible. Times are since the start of the link.
 #pragma once
 
 #include <cstddef>
@@ -29,62 +28,57 @@ namespace interneuron::emu {
 inline constexpr std::size_t kOpportunityBytes = 1500;
 
 struct RateStep {
-  // Since the start of the link or of the period.
-  Duration at{};
+  Duration at{};  // since the start of the link or of the period
   DataRate rate{};
 };
 
-// The first step is at 0, instants rise strictly, and some rate is above 0. With period 0 the last
-// rate stays for ever; otherwise the steps repeat after `period`, which is longer than the last
-// instant.
+// The first step is at 0 and instants rise strictly; before the last step of all ends, some rate is
+// above 0. period 0: the last rate stays for ever; otherwise it is beyond the last step's instant.
 struct SteppedRate {
   std::vector<RateStep> steps;
   Duration period{};
 };
 
-// Instants in ms, never falling. There is at least one, and the last is above 0.
+// Instants in ms, not falling, at least one; the last is above 0.
 struct Opportunities {
   std::vector<std::int64_t> at_ms;
 };
 
-// Shared by all copies of a profile, as a trace has thousands of entries.
+// Shared: a trace has thousands of entries and both copies of a profile read the same.
 using RateTrace =
     std::variant<std::shared_ptr<const SteppedRate>, std::shared_ptr<const Opportunities>>;
 
-// Reads Mahimahi's format. The error is "line 7: …", without the file's name. Empty lines and lines
-// that begin with # are skipped.
+// Mahimahi's format. The error is "line 7: …", without the file's name. Empty lines and lines that
+// begin with # are skipped.
 std::variant<Opportunities, std::string> parse_opportunities(std::string_view text);
 
-// The mean rate in the long run, for the size of a queue and for displays.
+// Long-run means, for the size of a queue and for displays.
 DataRate mean_rate(const SteppedRate& rate);
 DataRate mean_rate(const Opportunities& trace);
 
-// Usage: departure() for a packet, then send() if it is really sent.
 class Bottleneck {
  public:
   explicit Bottleneck(DataRate rate);
   // The trace begins at `origin`; before it nothing is sent.
   explicit Bottleneck(const RateTrace& trace, Duration origin = {});
 
-  // When a packet that arrives at `at` would have left, after all packets sent before; or
-  // Duration::max() when it would never. The packet does not count as sent yet.
+  // When a packet that is there at `at` has left, after all that were sent before. Does not yet
+  // send it; Duration::max(): never.
   Duration departure(Duration at, std::size_t ip_bytes);
-  // Sends the packet of the last departure().
+  // Sends the packet that departure() was asked about last.
   void send() { sent_ = asked_; }
-  // Blocks further departures until `t`.
+  // Nothing leaves before `t` but what was sent.
   void busy_until(Duration t);
-  // The mean rate over [at, at + span).
+  // The mean over [at, at + span).
   DataRate mean(Duration at, Duration span) const;
 
  private:
-  // After a packet.
   struct State {
     Duration busy_until{};
-    // For constant and stepped rates: the part of a nanosecond beyond busy_until, in 1/rate ns.
+    // constant, stepped: the part of a nanosecond beyond busy_until, in 1/rate ns.
     std::int64_t remainder = 0;
-    // For opportunities: the number of the present one, counted over all repetitions of the trace,
-    // and the bytes left of it.
-    std::uint64_t opportunity = 0;
+    // opportunities: of the present one, what is left.
+    std::uint64_t opportunity = 0;  // counted over all laps
     std::size_t left = 0;
   };
 
@@ -96,8 +90,7 @@ class Bottleneck {
   RateTrace trace_;
   bool traced_ = false;
   Duration origin_{};
-  // After the packet sent last, and after the one of the last departure(). Times are since origin_.
-  State sent_;
+  State sent_;  // in time since the origin
   State asked_;
 };
 

@@ -9,8 +9,7 @@ namespace interneuron::emu {
 
 namespace {
 
-// The step of the process, kDelayStep.
-constexpr double kMinStepSeconds = 0.01;
+constexpr double kMinStepSeconds = 0.01;  // the step of the process
 constexpr double kMaxStepSeconds = 3600;
 constexpr double kMaxRttMs = 60'000;
 constexpr double kUnavailable = -1;

@@ -22,7 +22,7 @@
 
 namespace interneuron::emu {
 
-// The fields that are set replace those of DirectionParams, in the same units; the others stay.
+// Only what is set changes. Units as in DirectionParams.
 struct DirectionChange {
   std::optional<double> loss;
   std::optional<DataRate> rate;
@@ -38,11 +38,9 @@ struct DirectionChange {
 };
 
 struct LinkChange {
-  // nullptr leaves the profile as it is.
-  std::shared_ptr<const LinkProfile> profile;
+  std::shared_ptr<const LinkProfile> profile;  // null: stays
   std::optional<Duration> rtt;
-  // Indexed by Direction.
-  std::array<DirectionChange, kDirections> directions;
+  std::array<DirectionChange, kDirections> directions;  // indexed by Direction
 
   DirectionChange& direction(Direction d) { return directions[static_cast<std::size_t>(d)]; }
   const DirectionChange& direction(Direction d) const {
@@ -50,8 +48,8 @@ struct LinkChange {
   }
 };
 
-// Reads settings, each KEY=VALUE. `resolver` finds the profile of "profile=" (see profile.h). The
-// error is one line that names the key, what is wrong and the remedy.
+// "profile=" is looked up by `resolver` (see profile.h). The error is one line that names key, what
+// is wrong and the remedy; no file, since there is none.
 std::variant<LinkChange, ProfileError> parse_change(
     std::span<const std::string> key_value, const ProfileResolver& resolver = built_in_resolver());
 

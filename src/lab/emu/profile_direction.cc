@@ -27,8 +27,7 @@ constexpr NumberKey kNatReorder{"reorder", "", 0, 1, "", true};
 constexpr NumberKey kNatReorderMs{"reorder_ms", "", 0.01, kMaxRttMs, "ms", true};
 constexpr NumberKey kIdle{"idle_timeout_s", "", 0.001, kMaxSeconds, "s", true};
 
-// Assumed: the report of reordering by a carrier (quic-go/quic-go issue 5768) gives no delay.
-constexpr double kDefaultNatReorderMs = 5;
+constexpr double kDefaultNatReorderMs = 5;  // assumed
 
 Duration seconds(double s) { return from_ms(s * 1e3); }
 
@@ -80,8 +79,7 @@ bool read_rate(TomlReader& reader, const Section& section, const TraceFiles& fil
   if (steps) return read_steps(reader, section, out);
   if (!trace) {
     double mbit = 0;
-    // Reports that the key is missing.
-    return reader.number(section, kRateKey, mbit);
+    return reader.number(section, kRateKey, mbit);  // says that it is missing
   }
   std::shared_ptr<const Opportunities> opportunities;
   if (!files.read(reader, section, "rate_trace", parse_opportunities, opportunities)) return false;

@@ -41,26 +41,18 @@ namespace interneuron::emu {
 struct ScenarioLink {
   std::string name;
   LinkProfile profile;
-  // Of the link's delay process.
-  std::uint64_t seed = 0;
+  std::uint64_t seed = 0;  // of its delay process
 };
 
-// Something that happens to one link or to all: an outage, a change, or both.
 struct ScenarioEvent {
-  // Since the first packet.
   Duration at{};
-  // The index of a link; empty: all links.
-  std::optional<std::size_t> link;
-  // 0: none.
-  Duration outage{};
-  // Changes nothing when it is empty.
-  LinkChange change;
+  std::optional<std::size_t> link;  // index; empty: all
+  Duration outage{};                // 0: none
+  LinkChange change;                // may be empty
 };
 
-// Random times at which no link has radio; gaps and lengths are exponentially distributed.
 struct CoverageHoles {
-  // From the end of one to the beginning of the next; 0: there are none.
-  Duration mean_gap{};
+  Duration mean_gap{};  // from the end of one to the next; 0: there are none
   Duration mean_length{};
 };
 
@@ -71,14 +63,12 @@ struct Scenario {
   std::vector<ScenarioLink> links;
   double common_fading = 0;
   CoverageHoles holes;
-  // In order of time; those of one instant in the order of the file.
-  std::vector<ScenarioEvent> events;
+  std::vector<ScenarioEvent> events;  // by time; those of one instant in the order of the file
 };
 
 inline constexpr std::size_t kMaxScenarioLinks = 16;
 
-// Reads a scenario; `origin` names it in errors. The error is one line with file, line, column, key
-// and remedy.
+// The error is one line with file, line, column, key and remedy.
 std::variant<Scenario, ProfileError> parse_scenario(
     std::string_view toml_text, std::string_view origin,
     const ProfileResolver& resolver = built_in_resolver());

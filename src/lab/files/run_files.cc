@@ -115,9 +115,14 @@ Json summarise(const std::vector<RoundRow>& rows, const RunInfo& info) {
   s["best_possible"] = judged ? Json(possible) : Json(nullptr);
   s["e2e_ms"] = quantiles(on_time_ms);
   s["e2e_all_ms"] = quantiles(all_ms);
-  s["ap"] = info.ap ? Json(rounded(*info.ap)) : Json(nullptr);
-  s["ap50"] = info.ap50 ? Json(rounded(*info.ap50)) : Json(nullptr);
-  s["ar"] = info.ar ? Json(rounded(*info.ar)) : Json(nullptr);
+  const auto known = [](const std::optional<double>& value) {
+    return value ? Json(rounded(*value)) : Json(nullptr);
+  };
+  s["ap"] = known(info.ap);
+  s["ap50"] = known(info.ap50);
+  s["ar"] = known(info.ar);
+  s["drawn_precision"] = known(info.drawn_precision);
+  s["drawn_recall"] = known(info.drawn_recall);
   s["levels"] = count_levels(rows, info);
   s["used"] = count_by(rows, "local", [](const RoundRow& r) -> std::string {
     if (!r.road) return "";

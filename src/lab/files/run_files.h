@@ -69,6 +69,10 @@ struct RunInfo {
   std::optional<double> ap;  // with ground truth and a detector with models only
   std::optional<double> ar;
   std::optional<double> ap50;
+  // Of the boxes that are drawn, the share that shows a person, and of the persons the share that
+  // has such a box (IoU .50); known where ap is.
+  std::optional<double> drawn_precision;
+  std::optional<double> drawn_recall;
 };
 
 using Json = nlohmann::ordered_json;
