@@ -14,8 +14,10 @@
 namespace interneuron::perception {
 
 struct TrueBox {
-  Box box{};            // score unused
-  bool ignore = false;  // a region where a detection counts neither for nor against
+  // Where the person is; its score is not used.
+  Box box{};
+  // Whether this is a region where a detection counts neither for nor against.
+  bool ignore = false;
 };
 
 // By 0-based index of the frame in the video.
@@ -28,26 +30,33 @@ GroundTruth read_mot_truth(const std::filesystem::path& file);
 // What was on the screen for one frame. A round without a result has no boxes, and its persons are
 // missed.
 struct Shown {
-  int frame = 0;  // 0-based; the same frame may come again when a video loops, and counts again
+  // 0-based; the same frame may come again when a video loops, and counts again.
+  int frame = 0;
   std::vector<Box> boxes{};
-  std::size_t times = 1;  // in so many rounds
+  // In how many rounds just this was shown.
+  std::size_t times = 1;
 };
 
 struct Accuracy {
-  double ap = 0;        // mean over IoU .50 … .95 of the precision at 101 recalls
-  double ap50 = 0;      // at IoU .50
-  double ar = 0;        // AR@100: mean over IoU .50 … .95 of the recall reached
-  double recall50 = 0;  // at IoU .50
-  std::size_t truths =
-      0;  // persons to be found, over all rounds; all figures are 0 when there are none
+  // The mean over IoU .50 … .95 of the precision at 101 recalls, and the same at IoU .50.
+  double ap = 0;
+  double ap50 = 0;
+  // AR@100, the mean over IoU .50 … .95 of the recall reached, and the recall at IoU .50.
+  double ar = 0;
+  double recall50 = 0;
+  // Persons to be found, over all rounds; all figures are 0 when there are none.
+  std::size_t truths = 0;
 };
 
 // What a viewer gets who is shown the boxes of a score and above: at IoU .50, which share of these
 // boxes shows a person, and which share of the persons has a box.
 struct ShownShare {
-  double precision = 0;   // 0 when no box is shown
-  double recall = 0;      // 0 when there is nobody to be found
-  std::size_t boxes = 0;  // shown over all rounds, without those in ignore regions
+  // 0 when no box is shown.
+  double precision = 0;
+  // 0 when there is nobody to be found.
+  double recall = 0;
+  // Boxes shown over all rounds, without those in ignore regions.
+  std::size_t boxes = 0;
 };
 
 // Pure. Requires: as evaluate().

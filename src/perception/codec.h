@@ -44,7 +44,7 @@ inline constexpr std::size_t kImageHeaderBytes = 16;
 // detectors").
 inline constexpr int kJpegQuality = 80;
 // Pixels of a JPEG: larger frames are made smaller, larger messages refused before they are
-// decompressed. 3840 x 2160; chosen.
+// decompressed. The size of a 4K camera.
 inline constexpr int kMaxJpegPixels = 3840 * 2160;
 
 // Bytes of the whole message; 0 for JPEG, whose size depends on the frame.

@@ -14,7 +14,8 @@ namespace interneuron::perception {
 // A connected area that moves, in pixels of the mask.
 struct Blob {
   cv::Rect rect;
-  int area = 0;  // pixels that move, of the rectangle
+  // How many pixels of the rectangle move.
+  int area = 0;
 };
 
 // One thread at a time.
@@ -31,8 +32,10 @@ class MotionModel {
  private:
   cv::Ptr<cv::BackgroundSubtractorMOG2> subtractor_;
   cv::Mat mask_;
-  std::optional<std::uint32_t> frame_;  // that mask_ is of
-  int learnt_ = 0;                      // frames
+  // The number of the frame that mask_ is of.
+  std::optional<std::uint32_t> frame_;
+  // Frames learnt from since the last reset, at most as many as make a background.
+  int learnt_ = 0;
 };
 
 // The connected areas of a mask after closing holes up to `close`, and growing by `grow` (both in

@@ -31,7 +31,8 @@ namespace interneuron::perception {
 // coordinate beyond kMaxCoordinate.
 using Points = Eigen::Matrix<float, 4, Eigen::Dynamic>;
 
-inline constexpr float kMaxCoordinate = 10'000;  // m; chosen: far beyond any lidar
+// Coordinates reach this far, in metres, which no lidar does.
+inline constexpr float kMaxCoordinate = 10'000;
 inline constexpr std::size_t kPointBytes = 4 * sizeof(float);
 inline constexpr std::size_t kCloudHeaderBytes = 12;
 inline constexpr std::size_t kMaxPoints = (kMaxMessageBytes - kCloudHeaderBytes) / kPointBytes;
