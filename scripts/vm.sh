@@ -280,7 +280,7 @@ name it in TMPDIR (docker run --tmpfs /dev/shm:exec,size=2g), or take --icount"
 else
   run=("$qemu" -m "$memory" -nodefaults -no-user-config -display none -serial stdio -no-reboot
     -kernel "$kernel/vmlinuz" -initrd "$kernel/initrd"
-    -append "console=ttyS0 quiet loglevel=3 panic=-1 mitigations=off tsc=reliable vmguest=\"$work/guest\""
+    -append "console=ttyS0 quiet loglevel=3 panic=-1 mitigations=off tsc=reliable no_timer_check vmguest=\"$work/guest\""
     -fsdev "local,id=vmroot,path=/,security_model=none,readonly=on,multidevs=remap"
     -device "virtio-9p-pci,fsdev=vmroot,mount_tag=vmroot")
   for i in "${!shares[@]}"; do

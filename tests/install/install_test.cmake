@@ -16,6 +16,14 @@ function(run)
   set(output "${output}" PARENT_SCOPE)
 endfunction()
 
+# A build of the program alone, as scripts/demo.sh makes it, must leave everything that is installed.
+if(GENERATOR STREQUAL "Ninja" AND EXISTS ${BINARY_DIR}/interneuron)
+  run(${CMAKE_COMMAND} --build ${BINARY_DIR} --target interneuron -- -t query interneuron)
+  if(NOT output MATCHES "libinterneuron.a")
+    message(FATAL_ERROR "the program does not depend on the library:\n${output}")
+  endif()
+endif()
+
 file(REMOVE_RECURSE ${work})
 run(${CMAKE_COMMAND} --install ${BINARY_DIR} --prefix ${prefix})
 # The examples are copied, so that no header of the source tree can be found by accident.
