@@ -7,16 +7,17 @@
 #   shell    shellcheck over the scripts
 #   layers   the checker's self-test, then every #include against ARCHITECTURE.md
 #   citations  the checker's self-test, then that what code and documents cite is in the repository
-#   clang    library and program compile with clang
 #   tsan     the tests of node under ThreadSanitizer
-#   asan     every test under AddressSanitizer and UBSan
+#   asan     every test under AddressSanitizer and UBSan, all of it compiled with clang
 #
 # Exit codes: 0 all passed, 1 a step failed, 2 usage, 5 needs root to install packages.
 set -euo pipefail
 root=$(dirname "$(dirname "$(readlink -f "${BASH_SOURCE[0]}")")")
 cd "$root"
+# shellcheck source=scripts/phase.sh
+. scripts/phase.sh
 
-steps=(format shell layers citations clang tsan asan)
+steps=(format shell layers citations tsan asan)
 if (($# > 0)); then
   if [[ $1 == -h || $1 == --help ]]; then
     sed -n '2,/^set /{/^set /d;s/^# \{0,1\}//;p}' "${BASH_SOURCE[0]}"
@@ -36,16 +37,10 @@ trap 'exit 130' INT
 
 export XDG_CACHE_HOME="$root/build/cache"
 jobs=$(nproc)
-bash scripts/setup.sh --with-checks
+phase "install packages for checks" bash scripts/setup.sh --with-checks
 
 # Files of the project, tracked or new, ignoring what .gitignore names.
 project_files() { git -c "safe.directory=$root" ls-files --cached --others --exclude-standard -- "$@"; }
-
-build() {
-  local preset=$1
-  shift
-  cmake --preset "$preset" --log-level=WARNING && cmake --build "build/$preset" --parallel "$jobs" "$@"
-}
 
 # The sanitizers of these compilers expect the usual memory layout.
 sanitized() {
@@ -74,12 +69,11 @@ run_layers() { python3 scripts/check_layers.py --self-test && python3 scripts/ch
 
 run_citations() { python3 scripts/check_citations.py --self-test && python3 scripts/check_citations.py; }
 
-run_clang() { build clang --target libinterneuron.a interneuron; }
-
 run_tsan() {
-  build tsan --target node_test &&
-    TSAN_OPTIONS="${TSAN_OPTIONS:-second_deadlock_stack=1}" \
-      sanitized ctest --test-dir build/tsan -R '^node\.' --output-on-failure --no-tests=error --timeout 600 -j 2
+  phase "tsan: configure" cmake --preset tsan --log-level=WARNING &&
+    phase "tsan: build" cmake --build build/tsan --parallel "$jobs" --target host_node_test &&
+    TSAN_OPTIONS="${TSAN_OPTIONS:-second_deadlock_stack=1}" phase "tsan: tests" \
+      sanitized ctest --test-dir build/tsan -R '^node$' --output-on-failure --no-tests=error --timeout 600
 }
 
 run_asan() { bash scripts/test.sh asan; }
@@ -90,7 +84,10 @@ for step in "${steps[@]}"; do
   printf 'check: %s ...\n' "$step"
   began=$SECONDS
   verdict=passed
-  "run_$step" || { verdict=FAILED; failed+=("$step"); }
+  case $step in
+    tsan | asan) "run_$step" ;;  # these tell their parts
+    *) phase "check: $step" "run_$step" ;;
+  esac || { verdict=FAILED; failed+=("$step"); }
   line=$(printf 'check: %-9s %s in %d s' "$step" "$verdict" $((SECONDS - began)))
   echo "$line"
   summary+=("$line")

@@ -21,7 +21,7 @@ packages=(
   tshark                                                             # test of the Wireshark dissector
   curl ca-certificates                                               # scripts/fetch_data.sh
 )
-check_packages=(git clang clang-format-14 shellcheck)                # scripts/check.sh
+check_packages=(git clang libclang-rt-14-dev clang-format-14 shellcheck)  # scripts/check.sh
 vm_packages=(qemu-system-x86)                                        # scripts/vm.sh --icount, --tcg, --kvm
 
 say() { printf 'setup: %s\n' "$*"; }
