@@ -39,9 +39,7 @@ std::vector<in::PipelineConfig> pipelines() {
   using enum in::StageKind;
   return {{.id = kCamera,
            .stages = {kCommunication, kComputation, kCommunication, kComputation, kCommunication}},
-          {.id = kLidar,
-           .stages = {kCommunication, kComputation, kCommunication},
-           .policy = "best_link"}};
+          {.id = kLidar, .stages = in::offload_stages(), .policy = "best_link"}};
 }
 
 int serve_both(const std::vector<std::string>&) {

@@ -23,8 +23,7 @@ int main() {
   std::thread road_loop([&] { road.run(); });
 
   options.links[0].peer = to_string(*road.local_address({1}));
-  using enum in::StageKind;
-  options.pipelines = {{.stages = {kCommunication, kComputation, kCommunication}}};
+  options.pipelines = {{.stages = in::offload_stages()}};
   in::Node vehicle(options);
   vehicle.on_peer_ready([&](in::PeerReady) {
     vehicle.submit(vehicle.begin_round({}), {to_bytes("hello")}, in::MessageClass::kData);

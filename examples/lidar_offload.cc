@@ -40,9 +40,7 @@ int offload(const std::vector<std::string>& arguments) {
   for (in::NodeLink& link : options.links) {
     link.peer = to_string(road.reached_over(link.id).second);
   }
-  using enum in::StageKind;
-  options.pipelines = {
-      {.stages = {kCommunication, kComputation, kCommunication}, .policy = "joint"}};
+  options.pipelines = {{.stages = in::offload_stages(), .policy = "joint"}};
   in::Node vehicle(options);
   int done = 0;
   std::function<void()> round = [&] {

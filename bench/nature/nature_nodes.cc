@@ -72,7 +72,7 @@ NodeOptions options_of(const netns::State& state, bool vehicle) {
   }
   PipelineConfig pipeline;
   pipeline.id = kPipeline;
-  pipeline.stages = {StageKind::kCommunication, StageKind::kComputation, StageKind::kCommunication};
+  pipeline.stages = offload_stages();
   pipeline.deadline = kDeadline;
   pipeline.period = kPeriod;
   pipeline.policy = "duplicate";

@@ -40,6 +40,12 @@ namespace interneuron {
 
 enum class StageKind : std::uint8_t { kCommunication, kComputation };
 
+// The stages of an offloaded computation: its input goes to a peer, the peer computes, the result
+// comes back.
+inline std::vector<StageKind> offload_stages() {
+  return {StageKind::kCommunication, StageKind::kComputation, StageKind::kCommunication};
+}
+
 // Stages of a pipeline; a message's header has one bit for each.
 inline constexpr std::size_t kMaxStages = 16;
 
@@ -47,8 +53,8 @@ inline constexpr std::size_t kMaxStages = 16;
 struct PipelineConfig {
   // Unique within the endpoint.
   PipelineId id{};
-  // 1 … kMaxStages stages; no default. The last one must end at the origin. Uplink, detection,
-  // downlink is {kCommunication, kComputation, kCommunication}.
+  // 1 … kMaxStages stages; no default. The last one must end at the origin. offload_stages() has
+  // the usual three: uplink, detection, downlink.
   std::vector<StageKind> stages;
   // From t0 to the answer, > 0. Default: the paper's, 130 ms.
   Duration deadline = std::chrono::milliseconds(130);

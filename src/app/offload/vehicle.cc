@@ -113,7 +113,7 @@ Vehicle::Vehicle(const VehicleOptions& options, VehicleHooks& hooks)
 PipelineConfig Vehicle::pipeline() const {
   PipelineConfig p;
   p.id = kCamera;
-  p.stages = {StageKind::kCommunication, StageKind::kComputation, StageKind::kCommunication};
+  p.stages = offload_stages();
   p.deadline = from_ms(o_.deadline_ms);
   p.period = from_ms(o_.period_ms);
   p.policy = o_.policy;

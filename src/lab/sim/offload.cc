@@ -83,7 +83,7 @@ class Offload {
 PipelineConfig Offload::pipeline() const {
   PipelineConfig pipeline;
   pipeline.id = kCamera;
-  pipeline.stages = {StageKind::kCommunication, StageKind::kComputation, StageKind::kCommunication};
+  pipeline.stages = offload_stages();
   pipeline.deadline = o_.deadline;
   pipeline.period = o_.period;
   pipeline.policy = o_.policy;

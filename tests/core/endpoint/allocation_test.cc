@@ -54,8 +54,7 @@ class TwoHosts {
  public:
   explicit TwoHosts(GuardKind guard = GuardKind::kPaper, const char* policy = "best_link") {
     PipelineConfig pipeline;
-    pipeline.stages = {StageKind::kCommunication, StageKind::kComputation,
-                       StageKind::kCommunication};
+    pipeline.stages = offload_stages();
     pipeline.policy = policy;
     pipeline.guard = guard;
     pipeline.levels = levels_;

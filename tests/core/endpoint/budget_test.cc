@@ -15,7 +15,7 @@ std::vector<LevelProfile> ladder() {
 class Offloading {
  public:
   explicit Offloading(Duration road_offset) {
-    PipelineConfig pipeline = pipeline_of({kComm, kComp, kComm});
+    PipelineConfig pipeline = pipeline_of(offload_stages());
     pipeline.guard = GuardKind::kBudget;
     pipeline.levels = ladder();
     pipeline.fallback.local = 0.14;

@@ -7,7 +7,7 @@
 
 namespace interneuron {
 
-inline const std::vector<StageKind> kOffload{kComm, kComp, kComm};
+inline const std::vector<StageKind> kOffload = offload_stages();
 
 // A vehicle (host 0) and a roadside (host 1) that answers after a computation.
 struct Pair {

@@ -16,7 +16,7 @@ using testing::HasSubstr;
 
 TEST(Submit, WithoutALinkThatIsUpThereIsNoLink) {
   Pipe pipe;
-  pipe.add_host(options_of(1, {pipeline_of({kComm, kComp, kComm})}, false));
+  pipe.add_host(options_of(1, {pipeline_of(offload_stages())}, false));
   pipe.add_host(options_of(2));
   pipe.connect(0, 1);
   pipe.run(1s);
@@ -65,7 +65,7 @@ TEST(Submit, EveryReasonHasALineOfItsOwn) {
 }
 
 TEST(Submit, APolicyThatIsNotRegisteredIsNamedBesideThoseThatAre) {
-  EndpointOptions options = options_of(1, {pipeline_of({kComm, kComp, kComm})});
+  EndpointOptions options = options_of(1, {pipeline_of(offload_stages())});
   options.pipelines[0].policy = "down_sampel";
   try {
     Endpoint endpoint(std::move(options), TimePoint{});

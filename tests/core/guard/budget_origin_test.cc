@@ -12,7 +12,7 @@ constexpr Duration kUnderWay = 1ms;  // from t0 to the choice
 
 PipelineConfig camera() {
   PipelineConfig c;
-  c.stages = {StageKind::kCommunication, StageKind::kComputation, StageKind::kCommunication};
+  c.stages = offload_stages();
   c.guard = GuardKind::kBudget;
   c.levels = {{8ms, 10ms, {0.14, 0.13}}, {19ms, 24ms, {0.35, 0.33}}, {44ms, 46ms, {0.40, 0.38}}};
   c.fallback.local = 0.14;

@@ -12,7 +12,7 @@ using namespace std::chrono_literals;
 PipelineConfig camera() {
   PipelineConfig c;
   c.guard = GuardKind::kPaper;
-  c.stages = {StageKind::kCommunication, StageKind::kComputation, StageKind::kCommunication};
+  c.stages = offload_stages();
   return c;
 }
 

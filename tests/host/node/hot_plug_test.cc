@@ -47,7 +47,7 @@ NodeOptions vehicle_options() {
   options.links = {{.id = LinkId{0}, .nic = "va", .peer = "10.99.0.2:47000"},
                    {.id = LinkId{1}, .nic = "wa", .peer = "10.98.0.2:47000"}};
   PipelineConfig pipeline;
-  pipeline.stages = {StageKind::kCommunication, StageKind::kComputation, StageKind::kCommunication};
+  pipeline.stages = offload_stages();
   pipeline.deadline = milliseconds(500);
   pipeline.period = milliseconds(20);
   options.pipelines = {pipeline};

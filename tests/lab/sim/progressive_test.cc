@@ -39,8 +39,8 @@ class Offloading {
     constexpr auto kComm = StageKind::kCommunication;
     constexpr auto kComp = StageKind::kComputation;
     PipelineConfig pipeline;
-    pipeline.stages = asks_ ? std::vector{kComm, kComp, kComm, kComp, kComm, kComp, kComm}
-                            : std::vector{kComm, kComp, kComm};
+    pipeline.stages =
+        asks_ ? std::vector{kComm, kComp, kComm, kComp, kComm, kComp, kComm} : offload_stages();
     pipeline.deadline = deadline;
     pipeline.policy = "progressive";
     EndpointOptions o;
