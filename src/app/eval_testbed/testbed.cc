@@ -1,6 +1,5 @@
-// table-erdos on the testbed: the same seeds, delays and systems with real sockets, images and
-// detection over emulated links, and beside them the simulation with the run times that this
-// machine had.
+#include "app/eval_testbed/testbed.h"
+
 #include <fmt/format.h>
 
 #include <algorithm>

@@ -3,8 +3,8 @@
 #include <fstream>
 #include <iterator>
 
+#include "app/cli/eval/experiments.h"
 #include "lab/eval/experiments/document.h"
-#include "lab/eval/experiments/experiment.h"
 #include "lab/eval/experiments/findings.h"
 #include "lab/eval/experiments/scorer.h"
 #include "lab/eval/system.h"

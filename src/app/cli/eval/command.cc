@@ -6,11 +6,11 @@
 #include <memory>
 #include <optional>
 
+#include "app/cli/eval/experiments.h"
 #include "host/process/failure.h"
 #include "host/process/signals.h"
 #include "host/settings/data.h"
 #include "lab/eval/experiments/document.h"
-#include "lab/eval/experiments/experiment.h"
 #include "lab/eval/experiments/findings.h"
 #include "lab/files/staging.h"
 
@@ -34,24 +34,9 @@ struct Options {
   bool json = false;
 };
 
-constexpr Experiment kExperiments[] = {
-    {"table-network", "Delay of 4G and 5G while driving", 36'000, 30, false, run_table_network},
-    {"fig-adjust", "What the adjustable qualities cost and are worth", 60, 10, true,
-     run_fig_adjust},
-    {"fig-rt", "The guard on the paper's scripted sequence", 13, 1, false, run_fig_rt},
-    {"table-erdos", "Timeouts and accuracy under injected delays", 300, 30, true, run_table_erdos,
-     run_table_erdos_on_testbed},
-    {"timeout-handler", "Consecutive timeouts with and without the handler", 300, 30, true,
-     run_timeout_handler},
-    {"ladder", "Which part earns what: baselines and ablations, paired", 300, 30, false,
-     run_ladder},
-    {"clock", "Wrong clocks: offset, drift, step", 300, 10, false, run_clock},
-    {"sweep", "Deadlines from 60 to 200 ms and delays from none to twice", 300, 5, true,
-     run_sweep}};
-
 std::string names() {
   std::string out;
-  for (const Experiment& e : kExperiments) out += fmt::format("{}, ", e.name);
+  for (const Experiment& e : experiments()) out += fmt::format("{}, ", e.name);
   return out + kAll;
 }
 
@@ -124,7 +109,7 @@ void refuse_testbed(const std::string& experiment) {
   const Experiment* found = find_experiment(experiment);
   if (found != nullptr && found->run_on_testbed != nullptr) return;
   std::string able;
-  for (const Experiment& e : kExperiments) {
+  for (const Experiment& e : experiments()) {
     if (e.run_on_testbed != nullptr) able += (able.empty() ? "" : ", ") + std::string(e.name);
   }
   throw Failure(kUsage,
@@ -147,7 +132,7 @@ int run_eval(const Options& o) {
   const Scorer scorer = scorer_of(o);
   Progress progress;
   Json documents = Json::array();
-  for (const Experiment& experiment : kExperiments) {
+  for (const Experiment& experiment : experiments()) {
     if (o.experiment != kAll && o.experiment != experiment.name) continue;
     const std::filesystem::path scratch = staging / ".testbed";
     documents.push_back(run_one(experiment, o, scorer, scratch, progress));
@@ -165,15 +150,6 @@ int run_eval(const Options& o) {
 }
 
 }  // namespace
-
-std::span<const Experiment> experiments() { return kExperiments; }
-
-const Experiment* find_experiment(const std::string& name) {
-  for (const Experiment& e : kExperiments) {
-    if (e.name == name) return &e;
-  }
-  return nullptr;
-}
 
 }  // namespace eval
 
@@ -201,7 +177,7 @@ void add_eval(CLI::App& program, std::function<int()>& run) {
                 "../shared/data, build/data; without any, AP and AR are left out)");
   c->add_flag("--json", o->json, "The documents as JSON on stdout (docs/schema/eval.json)");
   std::string footer = "Experiments, with their rounds and seeds:\n";
-  for (const eval::Experiment& e : eval::kExperiments) {
+  for (const eval::Experiment& e : eval::experiments()) {
     footer += fmt::format("  {:16} {} ({} x {})\n", e.name, e.title, e.seeds, e.rounds);
   }
   c->footer(footer +

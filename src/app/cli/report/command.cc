@@ -5,12 +5,12 @@
 #include <fstream>
 #include <memory>
 
+#include "app/cli/eval/experiments.h"
 #include "host/process/failure.h"
 #include "host/process/progress.h"
 #include "host/process/signals.h"
 #include "host/settings/data.h"
 #include "lab/eval/experiments/document.h"
-#include "lab/eval/experiments/experiment.h"
 #include "lab/files/staging.h"
 #include "lab/report/figure.h"
 #include "lab/report/page.h"

@@ -1,10 +1,9 @@
-// The experiments of `interneuron eval`, by name.
+// What an experiment of `interneuron eval` is, and those that run in virtual time.
 #pragma once
 
 #include <cstdint>
 #include <filesystem>
 #include <optional>
-#include <span>
 #include <string>
 
 #include "host/process/progress.h"
@@ -39,16 +38,11 @@ struct Experiment {
   void (*run_on_testbed)(const Request& request, Json& document) = nullptr;
 };
 
-// In the order in which `all` runs them.
-std::span<const Experiment> experiments();
-const Experiment* find_experiment(const std::string& name);
-
 // One file of an experiment group each.
 void run_table_network(const Request& request, Json& document);
 void run_fig_adjust(const Request& request, Json& document);
 void run_fig_rt(const Request& request, Json& document);
 void run_table_erdos(const Request& request, Json& document);
-void run_table_erdos_on_testbed(const Request& request, Json& document);
 void run_timeout_handler(const Request& request, Json& document);
 void run_ladder(const Request& request, Json& document);
 void run_clock(const Request& request, Json& document);

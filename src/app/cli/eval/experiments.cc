@@ -1,0 +1,34 @@
+#include "app/cli/eval/experiments.h"
+
+#include "app/eval_testbed/testbed.h"
+
+namespace interneuron::cli::eval {
+namespace {
+
+constexpr Experiment kExperiments[] = {
+    {"table-network", "Delay of 4G and 5G while driving", 36'000, 30, false, run_table_network},
+    {"fig-adjust", "What the adjustable qualities cost and are worth", 60, 10, true,
+     run_fig_adjust},
+    {"fig-rt", "The guard on the paper's scripted sequence", 13, 1, false, run_fig_rt},
+    {"table-erdos", "Timeouts and accuracy under injected delays", 300, 30, true, run_table_erdos,
+     run_table_erdos_on_testbed},
+    {"timeout-handler", "Consecutive timeouts with and without the handler", 300, 30, true,
+     run_timeout_handler},
+    {"ladder", "Which part earns what: baselines and ablations, paired", 300, 30, false,
+     run_ladder},
+    {"clock", "Wrong clocks: offset, drift, step", 300, 10, false, run_clock},
+    {"sweep", "Deadlines from 60 to 200 ms and delays from none to twice", 300, 5, true,
+     run_sweep}};
+
+}  // namespace
+
+std::span<const Experiment> experiments() { return kExperiments; }
+
+const Experiment* find_experiment(const std::string& name) {
+  for (const Experiment& e : kExperiments) {
+    if (e.name == name) return &e;
+  }
+  return nullptr;
+}
+
+}  // namespace interneuron::cli::eval

@@ -1,0 +1,17 @@
+// The table of the experiments of `interneuron eval`: what the lab runs in virtual time, and beside
+// it what the testbed runs. Constant data, so any thread may read it.
+#pragma once
+
+#include <span>
+#include <string>
+
+#include "lab/eval/experiments/experiment.h"
+
+namespace interneuron::cli::eval {
+
+// In the order in which `eval all` runs them and the report shows them.
+std::span<const Experiment> experiments();
+// The experiment of that name; nullptr when there is none.
+const Experiment* find_experiment(const std::string& name);
+
+}  // namespace interneuron::cli::eval
