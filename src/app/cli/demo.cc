@@ -12,7 +12,7 @@
 #include "host/process/signals.h"
 #include "host/settings/data.h"
 #include "lab/files/run_files.h"
-#include "lab/sim/offload.h"
+#include "lab/sim/feasibility.h"
 #include "netns/state/hosts.h"
 #include "netns/state/options.h"
 #include "netns/state/scenario.h"

@@ -1,13 +1,12 @@
 #include "app/eval_testbed/testbed_run.h"
 
-#include <map>
 #include <optional>
 #include <utility>
 
 #include "app/eval_testbed/delayed_transport.h"
 #include "core/wire/packet.h"
-#include "core/wire/round_header.h"
 #include "host/process/failure.h"
+#include "lab/sim/round_of_packet.h"
 #include "perception/detection.h"
 
 namespace interneuron::cli::eval {
@@ -27,39 +26,16 @@ Json levels_json(std::span<const LevelProfile> levels) {
   return out;
 }
 
-// How much later the packets of a program leave: data packets of a round into which something is
-// injected. The first piece of a message opens with its round's header, and the pieces of a message
-// leave in order.
-class PacketDelays {
- public:
-  PacketDelays(TestbedRun run, Module module) : run_(std::move(run)), module_(module) {}
-
-  Duration of(ByteView datagram) {
-    const auto type = static_cast<wire::PacketType>(std::to_integer<std::uint8_t>(datagram[0]));
-    if (type != wire::PacketType::kData) return {};
-    const auto packet = wire::parse(datagram);
-    if (!packet) return {};
-    const wire::FragmentHeader& fragment = packet->data.fragment;
-    if (fragment.index == 0) {
-      const auto header = wire::parse_round_header(packet->data.bytes);
-      if (header) delays_[fragment.message] = run_.in(module_, header->round.round);
-    }
-    const auto known = delays_.find(fragment.message);
-    return known == delays_.end() ? Duration{} : known->second;
-  }
-
- private:
-  TestbedRun run_;
-  Module module_;
-  std::map<MessageId, Duration> delays_;
-};
-
-// All links share the delays: a lost piece may be sent again on another one.
+// Delays the data packets of the rounds into which something is injected. All links share one
+// RoundOfPacket: a lost piece may be sent again on another one.
 void inject(NodeOptions& node, const TestbedRun& run, Module module) {
-  auto delays = std::make_shared<PacketDelays>(run, module);
-  node.wrap_transport = [delays](LinkId, std::unique_ptr<Transport> inner) {
-    return std::make_unique<DelayedTransport>(
-        std::move(inner), [delays](ByteView datagram) { return delays->of(datagram); });
+  auto rounds = std::make_shared<sim::RoundOfPacket>();
+  const auto delay_of = [rounds, run, module](ByteView datagram) {
+    const auto round = rounds->of(datagram);
+    return round ? run.in(module, *round) : Duration{};
+  };
+  node.wrap_transport = [delay_of](LinkId, std::unique_ptr<Transport> inner) {
+    return std::make_unique<DelayedTransport>(std::move(inner), delay_of);
   };
 }
 
@@ -221,8 +197,8 @@ std::optional<std::size_t> TestbedRoad::level(std::span<const LevelProfile> leve
   return std::nullopt;
 }
 
-void TestbedRoad::computed(const Computed& c) {
-  rounds_.push_back({{"round", c.round.value},
+void TestbedRoad::computed(const offload::Computed& c) {
+  rounds_.push_back({{"round", c.round.round.value},
                      {"variant", c.variant},
                      {"level", c.level},
                      {"degraded", c.degraded},

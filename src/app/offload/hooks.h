@@ -1,6 +1,7 @@
-// What somebody else than the user may add to the programs `vehicle` and `road`: an evaluation that
-// runs them derives from these classes and overrides what it needs. Without hooks the programs use
-// the base classes, which change nothing.
+// What an evaluation may add to the programs `vehicle` and `road`, so that these know nothing of
+// it: it derives from these classes, overrides what it needs and passes the object to run_vehicle()
+// or run_road(), which calls the hooks while it runs. The base classes change nothing; a program
+// that was given no hooks uses them.
 //
 // Ownership: the caller of run_vehicle() or run_road() keeps the hooks alive until that returns.
 // Thread-safety: called on the node's thread, except where a function says otherwise.
@@ -13,6 +14,7 @@
 #include <string>
 #include <vector>
 
+#include "core/offload/roadside_unit.h"
 #include "interneuron/node.h"
 #include "lab/files/run_files.h"
 
@@ -23,12 +25,12 @@ class VehicleHooks {
  public:
   virtual ~VehicleHooks() = default;
 
-  // Called once each, before the node is made, on what the options asked for.
+  // Change what the options asked for. Called once each, before the node is made.
   virtual void configure(PipelineConfig&) const {}
   virtual void configure(NodeOptions&) const {}
-  // The variants that are submitted, of those that were encoded (raw first).
+  // Returns the variants that are submitted, of those that were encoded (raw first).
   virtual Variants submitted(Variants variants) const { return variants; }
-  // Whether a local result is computed beside the remote one.
+  // Returns whether a local result is computed beside the remote one.
   virtual bool local_backup() const { return true; }
   // A round has its outcome.
   virtual void done(const RoundDone&, const RoundRow&) {}
@@ -36,38 +38,28 @@ class VehicleHooks {
   virtual void finished(const std::vector<Statistics::Link>& /*links*/) {}
 };
 
-// One computation of the roadside unit. Instants are of its node's clock.
-struct Computed {
-  RoundId round{};
-  std::uint8_t variant = 0;
-  std::size_t level = 0;
-  bool degraded = false;
-  TimePoint delivered{};  // the image was handed over
-  TimePoint began{};
-  TimePoint ended{};
-};
-
 // Hooks of the roadside unit.
 class RoadHooks {
  public:
   virtual ~RoadHooks() = default;
 
-  // Called once, before the node is made.
+  // Changes what the options asked for. Called once, before the node is made.
   virtual void configure(NodeOptions&) const {}
-  // What is known of the levels' run times; not empty: the ladder is not calibrated, and run times
-  // in operation are not learnt.
+  // Returns what is known of the levels' run times. If that is not empty, the ladder is neither
+  // calibrated nor are run times learnt in operation.
   virtual std::span<const LevelProfile> levels() const { return {}; }
   // Pauses between the hand-over of an image and its computation, and inside the computation. The
   // second is asked for on the worker's thread.
   virtual Duration before_compute(RoundId) const { return {}; }
   virtual Duration inside_compute(RoundId) const { return {}; }
-  // The level for an image delivered at `delivered` whose computation begins `now`; nothing: the
-  // guard is asked.
+  // Returns the level, one of `levels`, for an image delivered at `delivered` whose computation
+  // begins `now`; nothing to ask the guard.
   virtual std::optional<std::size_t> level(std::span<const LevelProfile> /*levels*/,
                                            TimePoint /*delivered*/, TimePoint /*now*/) const {
     return std::nullopt;
   }
-  virtual void computed(const Computed&) {}
+  // The computation of a round has ended; its result is submitted next.
+  virtual void computed(const offload::Computed&) {}
   // The unit was told to end.
   virtual void finished(const std::string& /*ladder*/, const std::vector<std::string>& /*names*/,
                         std::span<const LevelProfile> /*levels*/) {}

@@ -3,57 +3,26 @@
 #include <spdlog/spdlog.h>
 
 #include <cstdio>
-#include <deque>
 #include <map>
 #include <memory>
 #include <optional>
 #include <thread>
 
 #include "app/offload/offload_request.h"
+#include "app/offload/road_ladder.h"
 #include "app/watch/publisher.h"
-#include "core/base/statistics.h"
+#include "core/offload/roadside_unit.h"
 #include "host/process/failure.h"
 #include "host/settings/data.h"
 #include "host/settings/link_options.h"
 #include "interneuron/node.h"
+#include "perception/codec.h"
 #include "perception/detector.h"
-#include "perception/frame_source.h"
 
 namespace interneuron::cli {
 namespace {
 
 namespace perc = perception;
-
-// Pictures of the calibration: enough for the background models to settle; chosen.
-constexpr int kCalibrationPictures = 30;
-// Between two runs of the calibration, as between two images of a camera; chosen.
-constexpr Duration kCalibrationPause = std::chrono::milliseconds(40);
-// Run times in operation that are remembered per level, and how many make a percentile; chosen.
-constexpr std::size_t kObserved = 40;
-constexpr std::size_t kEnoughObserved = 3;
-
-std::vector<perc::Image> calibration_pictures(const RoadOptions& options,
-                                              const std::optional<std::filesystem::path>& data) {
-  perc::FrameSource source(options.video.empty() ? default_video(data) : options.video);
-  std::vector<perc::Image> pictures;
-  while (pictures.size() < kCalibrationPictures) {
-    const auto frame = source.next();
-    if (!frame) break;
-    pictures.push_back(perc::make_variant(frame->bgr, static_cast<std::uint32_t>(frame->index),
-                                          perc::Variant::kRaw));
-  }
-  return pictures;
-}
-
-std::optional<perc::Ladder> ladder_of(const RoadOptions& options,
-                                      const std::optional<std::filesystem::path>& data) {
-  if (options.ladder == kNoLadder) return std::nullopt;
-  return perc::make_ladder({.kind = *perc::parse_ladder_kind(options.ladder),
-                            .data_dir = data.value_or(std::filesystem::path()),
-                            .budget = ladder_budget(from_ms(options.deadline_ms)),
-                            .max_levels = 0,
-                            .spend = {}});
-}
 
 class Road {
  public:
@@ -61,53 +30,39 @@ class Road {
   int run();
 
  private:
-  // An image that waits for the one worker. Its level is chosen when that takes it: what it waited
-  // counts.
-  struct Job {
-    Delivered delivered;  // without its payload
-    perc::Image image;
-    std::size_t top = 0;
-    std::size_t level = 0;
-    TimePoint arrived{};
-    TimePoint began{};
-
-    Job without_image() const { return {delivered, {}, top, level, arrived, began}; }
-  };
+  using Unit = offload::RoadsideUnit<perc::Image>;
 
   NodeOptions node_options() const;
   void tell_ready() const;
   std::unique_ptr<StampService> serve_stamp() const;
-  void calibrate();
+  void prepare();
   void serve(Delivered delivered);
-  void start_next();
-  void enqueue(Job job);
-  std::size_t choose_level(const Job& job);
   std::size_t top_level(PeerId peer, Duration budget);
-  Duration p95(std::size_t level) const;
-  void observe(std::size_t level, Duration time);
-  Node::Task detect(const Job& job);
-  void detected(const Job& job, Duration took, Bytes result);
+  void enqueue(Unit::Job job);
+  void start_next();
+  std::size_t level_of(const Unit::Job& job);
+  Node::Task detect(const Unit::Job& job, std::size_t level);
+  void detected(Duration took, Bytes result);
 
   const RoadOptions& options_;
   RoadHooks& hooks_;
   std::optional<std::filesystem::path> data_;
-  std::optional<perc::Ladder> ladder_;            // nothing: only answers those who measure
-  std::vector<LevelProfile> levels_;              // of ladder_, as calibrated
-  std::vector<std::vector<double>> observed_ms_;  // per level, the newest kObserved
-  std::deque<Job> waiting_;
-  bool computing_ = false;
+  // Nothing when the unit only answers those who measure; then there is no unit_ either.
+  std::optional<perc::Ladder> ladder_;
+  std::vector<LevelProfile> levels_;
+  std::optional<Unit> unit_;
   Node node_;
   LinkPublisher links_;
+  // The newest top level of each vehicle, to log its changes.
   std::map<PeerId, std::size_t> top_;
   std::uint64_t malformed_ = 0;
-  std::uint64_t served_ = 0;
 };
 
 Road::Road(const RoadOptions& options, RoadHooks& hooks)
     : options_(options),
       hooks_(hooks),
       data_(find_data(options.data)),
-      ladder_(ladder_of(options, data_)),
+      ladder_(road_ladder(options, data_)),
       node_(node_options()),
       links_(node_, "road") {}
 
@@ -134,55 +89,24 @@ std::unique_ptr<StampService> Road::serve_stamp() const {
   return std::make_unique<StampService>(stamp, nics, options_.address);
 }
 
-void Road::calibrate() {
-  observed_ms_.resize(ladder_->size());
-  if (const auto known = hooks_.levels(); known.size() == ladder_->size()) {
+// What the hooks know of the levels is taken as it is and not measured.
+void Road::prepare() {
+  const auto known = hooks_.levels();
+  if (known.size() == ladder_->size()) {
     levels_.assign(known.begin(), known.end());
-    return;
+  } else {
+    levels_ = calibrated(*ladder_, options_, data_);
   }
-  const auto pictures = calibration_pictures(options_, data_);
-  spdlog::info("calibrating on {} pictures, {} runs per level", pictures.size(),
-               options_.calibration_runs);
-  ladder_->calibrate(
-      pictures, options_.calibration_runs,
-      [](const perc::Level& level, std::size_t done, std::size_t total) {
-        spdlog::info("level {} of {}: {}: median {:.1f} ms, p95 {:.1f} ms", done, total, level.name,
-                     to_ms(level.r_median), to_ms(level.r_p95));
-      },
-      kCalibrationPause);
-  spdlog::info("{}", ladder_->description());
-  for (std::size_t i = 0; i < ladder_->size(); ++i) {
-    const perc::Level& level = ladder_->level(i);
-    levels_.push_back({level.r_median, level.r_p95, level.quality});
-  }
+  std::optional<std::size_t> top_level;
+  if (options_.top_level >= 0) top_level = static_cast<std::size_t>(options_.top_level);
+  unit_.emplace(levels_, top_level);
 }
 
-// The calibration's, or that of the newest images if those took longer: in operation other programs
-// share the processor.
-Duration Road::p95(std::size_t level) const {
-  const std::vector<double>& times = observed_ms_[level];
-  Duration worst = levels_[level].p95;
-  if (times.size() >= kEnoughObserved) worst = std::max(worst, from_ms(percentile(times, 0.95)));
-  return worst;
-}
-
-void Road::observe(std::size_t level, Duration time) {
-  std::vector<double>& times = observed_ms_[level];
-  times.push_back(to_ms(time));
-  if (times.size() > kObserved) times.erase(times.begin());
-}
-
-// The highest level that fits what the vehicle can afford; it refines that during its first rounds.
+// By what the vehicle can afford, which it refines during its first rounds.
 std::size_t Road::top_level(PeerId peer, Duration budget) {
-  if (options_.top_level >= 0) {
-    return std::min(static_cast<std::size_t>(options_.top_level), ladder_->size() - 1);
-  }
-  std::size_t level = 0;
-  for (std::size_t i = 0; i < ladder_->size(); ++i) {
-    if (p95(i) <= budget) level = i;
-  }
+  const std::size_t level = unit_->top_level(budget);
   const auto known = top_.find(peer);
-  if (known != top_.end() && known->second == level) return level;
+  if (options_.top_level >= 0 || (known != top_.end() && known->second == level)) return level;
   spdlog::info("vehicle {}: {:.1f} ms for the computation, top level {} ({})", peer.value,
                to_ms(budget), level, ladder_->level(level).name);
   top_[peer] = level;
@@ -198,72 +122,61 @@ void Road::serve(Delivered delivered) {
     return;
   }
   const std::size_t top = top_level(delivered.from, request->first);
-  delivered.payload.clear();
-  Job job{std::move(delivered), std::move(*image), top, 0, node_.now(), {}};
-  const Duration pause = hooks_.before_compute(job.delivered.round.round);
+  delivered.payload = {};
+  Unit::Job job{std::move(delivered), node_.now(), top, std::move(*image)};
+  const Duration pause = hooks_.before_compute(job.message.round.round);
   if (pause <= Duration{}) return enqueue(std::move(job));
   node_.after(pause, [this, job = std::move(job)] { enqueue(job); });
 }
 
-void Road::enqueue(Job job) {
-  waiting_.push_back(std::move(job));
+void Road::enqueue(Unit::Job job) {
+  unit_->add(std::move(job));
   start_next();
 }
 
-// The one detector of a level is used by one job at a time.
 void Road::start_next() {
-  // Behind a backlog this long nobody waits for the answer any more.
-  std::erase_if(waiting_, [now = node_.now()](const Job& job) {
-    return now - job.arrived > job.delivered.deadline;
-  });
-  if (computing_ || waiting_.empty()) return;
-  computing_ = true;
-  Job job = std::move(waiting_.front());
-  waiting_.pop_front();
-  job.level = choose_level(job);
-  job.began = node_.now();
-  node_.compute(Queue::kComputation, [this, job = std::move(job)] { return detect(job); });
+  const TimePoint now = node_.now();
+  const Unit::Job* next = unit_->next(now);
+  if (next == nullptr) return;
+  const std::size_t level = level_of(*next);
+  node_.compute(Queue::kComputation,
+                [this, level, job = unit_->begin(now, level)] { return detect(job, level); });
 }
 
-// By the guard that the round asks for; a --top-level binds every guard.
-std::size_t Road::choose_level(const Job& job) {
-  std::span<const LevelProfile> levels = levels_;
-  if (options_.top_level >= 0) levels = levels.first(job.top + 1);
-  if (const auto level = hooks_.level(levels, job.arrived, node_.now())) return *level;
-  return node_.begin_computation(job.delivered.round, levels, job.top);
+// By the hooks' rule, else by the guard that the round asks for.
+std::size_t Road::level_of(const Unit::Job& job) {
+  const auto levels = unit_->levels();
+  if (const auto level = hooks_.level(levels, job.delivered, node_.now())) return *level;
+  return node_.begin_computation(job.message.round, levels, job.top);
 }
 
-// On the worker.
-Node::Task Road::detect(const Job& job) {
+// Runs on the worker.
+Node::Task Road::detect(const Unit::Job& job, std::size_t level) {
   const TimePoint start = node_.now();
   perc::Result result;
-  result.boxes = ladder_->detect(job.level, job.image);
-  const Duration pause = hooks_.inside_compute(job.delivered.round.round);
+  result.boxes = ladder_->detect(level, job.input);
+  const Duration pause = hooks_.inside_compute(job.message.round.round);
   if (pause > Duration{}) std::this_thread::sleep_for(pause);
-  result.frame = job.image.frame;
-  result.draw_score = ladder_->level(job.level).draw_score;
-  result.level = static_cast<std::uint8_t>(job.level);
-  result.variant = job.image.variant;
-  result.source = job.image.source;
-  const Verdict& verdict = job.delivered.verdict;
+  result.frame = job.input.frame;
+  result.draw_score = ladder_->level(level).draw_score;
+  result.level = static_cast<std::uint8_t>(level);
+  result.variant = job.input.variant;
+  result.source = job.input.source;
+  const Verdict& verdict = job.message.verdict;
   result.stage1_late = verdict.late;
   result.stage1_released = verdict.released_at_deadline;
   result.stage1_overrun = std::chrono::duration_cast<std::chrono::microseconds>(verdict.overrun);
   const Duration took = node_.now() - start;
   result.compute_time = std::chrono::duration_cast<std::chrono::microseconds>(took);
-  return [this, took, done = job.without_image(), bytes = perc::encode_result(result)] {
-    detected(done, took, bytes);
-  };
+  return [this, took, bytes = perc::encode_result(result)] { detected(took, bytes); };
 }
 
-void Road::detected(const Job& job, Duration took, Bytes result) {
-  ++served_;
-  const Delivered& delivered = job.delivered;
-  hooks_.computed({delivered.round.round, delivered.variant, job.level, delivered.degraded,
-                   job.arrived, job.began, node_.now()});
-  if (hooks_.levels().empty()) observe(job.level, took);
-  node_.submit(delivered.round, {std::move(result)}, MessageClass::kResult, delivered.from);
-  computing_ = false;
+void Road::detected(Duration took, Bytes result) {
+  const bool learns = hooks_.levels().empty();
+  const offload::Computed computed =
+      unit_->end(node_.now(), learns ? std::optional(took) : std::nullopt);
+  hooks_.computed(computed);
+  node_.submit(computed.round, {std::move(result)}, MessageClass::kResult, computed.from);
   start_next();
 }
 
@@ -271,7 +184,7 @@ int Road::run() {
   for (const std::string& warning : node_.warnings()) spdlog::warn("{}", warning);
   const auto stamp = serve_stamp();
   if (ladder_) {
-    calibrate();
+    prepare();
     node_.on_delivered([this](Delivered d) { serve(std::move(d)); });
   }
   node_.on_peer_ready([](PeerReady e) { spdlog::info("vehicle {}: here", e.peer.value); });
@@ -287,7 +200,7 @@ int Road::run() {
     for (std::size_t i = 0; i < ladder_->size(); ++i) names.push_back(ladder_->level(i).name);
     hooks_.finished(ladder_->description(), names, levels_);
   }
-  spdlog::info("served {} images{}", served_,
+  spdlog::info("served {} images{}", unit_ ? unit_->computed() : 0,
                malformed_ > 0 ? ", dropped " + std::to_string(malformed_) + " that were none" : "");
   return kFine;
 }

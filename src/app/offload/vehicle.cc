@@ -11,14 +11,14 @@
 #include "app/offload/offload_request.h"
 #include "app/offload/run_record.h"
 #include "app/watch/publisher.h"
-#include "core/base/statistics.h"
-#include "core/plan/budget.h"
+#include "core/offload/computation_budget.h"
 #include "host/io/steady_clock.h"
 #include "host/process/failure.h"
 #include "host/process/signals.h"
 #include "host/settings/data.h"
 #include "host/settings/link_options.h"
 #include "interneuron/node.h"
+#include "lab/files/run_files.h"
 #include "perception/detector.h"
 #include "perception/frame_source.h"
 
@@ -33,8 +33,6 @@ constexpr PipelineId kCamera{0};
 constexpr Duration kSettle = 2s;
 constexpr Duration kSettlePoll = 20ms;
 constexpr Duration kProgress = 500ms;
-// So many rounds with a raw image measure what everything but the computation takes; chosen.
-constexpr std::size_t kBudgetRounds = 10;
 
 // What it takes to make the variants of a frame of the demo video's size: the slowest of a few.
 Duration encode_time() {
@@ -67,7 +65,6 @@ class Vehicle {
   void planned(const Planned& event);
   void refused(const Planned& event);
   void done(const RoundDone& event);
-  void learn_budget(const RoundRow& row);
   void finish();
   void progress(bool last);
   RunInfo info() const;
@@ -86,8 +83,7 @@ class Vehicle {
   Node node_;
   LinkPublisher links_;
   std::atomic<std::uint32_t> newest_round_{0};
-  Duration budget_{};
-  std::vector<double> overheads_ms_;  // of the first rounds with a raw image
+  offload::ComputationBudget budget_;
   bool started_ = false;
   bool all_begun_ = false;
   RunRecord record_;
@@ -108,6 +104,7 @@ Vehicle::Vehicle(const VehicleOptions& options, VehicleHooks& hooks)
                                  .spend = {}})),
       node_(node_options()),
       links_(node_, "vehicle"),
+      budget_(from_ms(options.deadline_ms)),
       record_(options.rounds, options.guard) {}
 
 PipelineConfig Vehicle::pipeline() const {
@@ -172,16 +169,15 @@ void Vehicle::settle(TimePoint until) {
                  l.up ? "up" : "silent", to_ms(l.rtt_p50), l.rate.mbit());
   }
   // The frame is resized and copied before it can leave; that is part of the round too.
-  const Duration encode = encode_time();
-  budget_ = compute_budget(from_ms(o_.deadline_ms) - encode, links,
-                           perc::encoded_size(perc::Variant::kRaw), perc::kMaxResultBytes);
+  budget_.estimate(links, encode_time(), perc::encoded_size(perc::Variant::kRaw),
+                   perc::kMaxResultBytes);
   start();
 }
 
 void Vehicle::start() {
   started_ = true;
   spdlog::info("deadline {:.0f} ms, {:.1f} ms of it for the computation", o_.deadline_ms,
-               to_ms(budget_));
+               to_ms(budget_.value()));
   fetch_frame();
   const TimePoint first = node_.now() + from_ms(o_.period_ms);
   node_.at(first, [this, first] { begin_round(first); });
@@ -226,8 +222,8 @@ void Vehicle::begin_round(TimePoint planned_at) {
   perc::Image sampled = raw;
   sampled.variant = perc::Variant::kSampled;
   sampled.bgr = perc::every_second_pixel(raw.bgr);
-  Variants variants{with_request(budget_, perc::encode_image(raw)),
-                    with_request(budget_, perc::encode_image(sampled))};
+  Variants variants{with_request(budget_.value(), perc::encode_image(raw)),
+                    with_request(budget_.value(), perc::encode_image(sampled))};
   node_.submit(ref, hooks_.submitted(std::move(variants)), MessageClass::kData, node_.peer());
   back_up(ref, raw);
 
@@ -276,21 +272,9 @@ void Vehicle::refused(const Planned& event) {
 
 void Vehicle::done(const RoundDone& event) {
   const RoundRow& row = record_.done(event, from_ms(o_.deadline_ms));
-  learn_budget(row);
+  if (row.road && row.road->variant == 0) budget_.learn(row.e2e - row.road->compute);
   hooks_.done(event, row);
   finish();
-}
-
-// The first rounds tell what everything but the computation takes here; the estimate from the links
-// knows neither the copies on both hosts nor their schedulers. Then the budget stays: what comes
-// later is the guard's business.
-void Vehicle::learn_budget(const RoundRow& row) {
-  if (!row.road || row.road->variant != 0 || overheads_ms_.size() >= kBudgetRounds) return;
-  overheads_ms_.push_back(to_ms(row.e2e - row.road->compute));
-  if (overheads_ms_.size() < kBudgetRounds / 3) return;
-  const Duration measured =
-      from_ms(o_.deadline_ms - percentile(overheads_ms_, 0.5)) - kComputeReserve;
-  budget_ = std::clamp(measured, Duration{}, budget_);
 }
 
 void Vehicle::finish() {

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "lab/sim/offload.h"
+#include "lab/sim/feasibility.h"
 
 namespace interneuron::eval {
 namespace {

@@ -5,13 +5,11 @@ namespace {
 
 using std::chrono::milliseconds;
 
-// Of the links that carry the raw and the sampled image. Chosen, so that each phase of the paper's
-// figure comes about.
-constexpr int kExtraMs[kFigRtRounds][2] = {{0, 0},   {0, 0},   {0, 0},     // normal
-                                           {4, 0},   {4, 0},               // slower, within D1
-                                           {60, 0},  {60, 0},  {60, 0},    // raw misses D1
-                                           {90, 22}, {90, 27},             // both slow
-                                           {90, 44}, {90, 66}, {90, 65}};  // seriously
+// Extra delays by round, in ms, of the links that carry the raw and the sampled image. They are
+// just so large that each phase of the paper's figure comes about on the links below.
+constexpr int kExtraMs[kFigRtRounds][2] = {{0, 0},   {0, 0},   {0, 0},  {4, 0},   {4, 0},
+                                           {60, 0},  {60, 0},  {60, 0}, {90, 22}, {90, 27},
+                                           {90, 44}, {90, 66}, {90, 65}};
 
 emu::LinkProfile constant_link(const char* name, double rtt_ms, double up_mbit, double down_mbit) {
   emu::LinkProfile p;

@@ -1,10 +1,10 @@
-// The scripted sequence of the paper's figure of its real-time guarantee (docs/paper.md, "The
-// scripted sequence") through the production endpoints: guard kPaper, constant links, scripted
-// extra delays. Pure.
+// The scripted sequence behind the paper's figure of its real-time guarantee (docs/paper.md, "The
+// scripted sequence"), with the production endpoints, guard kPaper, constant links and extra
+// delays. Pure.
 //
-// Rounds 0-2 normal; 3-4 the raw image is slower but within D1; 5-7 it misses D1 and the sampled
-// image is used at exactly D1; 8-12 both are slow, D1 is missed: a lighter model (8-9), the
-// lightest (10-12); 11-12 D2 is missed too.
+// Rounds 0-2 are normal. In 3-4 the raw image is slower but within D1. In 5-7 it misses D1 and the
+// sampled image is used at exactly D1. In 8-12 both are slow and D1 is missed, so a lighter model
+// detects (8-9), then the lightest (10-12). In 11-12 D2 is missed too.
 #pragma once
 
 #include <cstdint>
@@ -16,7 +16,7 @@ namespace interneuron::sim {
 
 inline constexpr std::uint32_t kFigRtRounds = 13;
 
-// `prepare` sees the world before it begins, as run_offload()'s. The vehicle is host 0.
+// `prepare` sees the world before its first packet, as that of run_offload().
 OffloadResult run_fig_rt_guarantee(const std::function<void(World&)>& prepare = nullptr);
 
 }  // namespace interneuron::sim

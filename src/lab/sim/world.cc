@@ -28,7 +28,7 @@ TimePoint World::local(const Host& host, Duration t) {
                             t.count() % kMillion * host.clock.drift_ppm / kMillion}};
 }
 
-// The first world instant at which the host's clock has reached `t`.
+// The first instant of world time at which the host's clock has reached `t`.
 Duration World::world(const Host& host, TimePoint t) {
   const std::int64_t elapsed = (t.time_since_epoch() - host.clock.offset).count();
   const auto guess =
@@ -157,7 +157,8 @@ void World::put(Wire& wire, bool up, std::uint64_t tag) {
 
 // A packet has come through the link.
 void World::leave(Wire& wire, bool up, emu::LinkModel::Packet packet) {
-  if (packet.lost || packet.corrupt) {  // the receiving host's checksum sees the flipped bit
+  // A corrupt packet is lost too, since the receiving host's checksum sees the flipped bit.
+  if (packet.lost || packet.corrupt) {
     if (packet.last) forget(packet.tag);
     return;
   }

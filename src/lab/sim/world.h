@@ -1,9 +1,10 @@
-// Virtual time: hosts with their own clocks, joined by emulated links, each driving the same
-// Endpoint as production.
+// Hosts in virtual time: each has a clock of its own and drives the same Endpoint as production,
+// and emulated links join them.
 //
-// World time starts at 0 and moves only from event to event, so an hour passes in seconds and the
-// same seed gives the same run. At one instant the order is: arrivals, what was planned by at(),
-// timeouts. Pure; single-threaded.
+// World time starts at 0 and moves only from event to event, so an hour passes in seconds, and the
+// same seed and the same calls give the same run. At one instant the order is: arrivals, what was
+// planned by at(), timeouts. Memory grows with the packets that are on their way at once. Handlers
+// are called from within run_until() and flush(). Thread-compatible; pure.
 #pragma once
 
 #include <array>
@@ -23,20 +24,23 @@ namespace interneuron::sim {
 
 using HostId = std::size_t;
 
-// A host's clock: local = offset + t + t * drift. Offsets of different hosts differ by anything in
-// reality.
+// A host's clock shows offset + t + t * drift at world time t. In reality the offsets of two hosts
+// may differ by any amount, and quartz drifts by some 20 ppm.
 struct ClockError {
   Duration offset{};
   std::int64_t drift_ppm = 0;
 };
 
-// Faults beside those of the LinkModel, for property tests; probabilities per packet and direction.
+// Faults of a link beside those of its LinkModel, for property tests. Probabilities are per packet
+// and direction.
 struct Faults {
   double loss = 0;
   double duplicate = 0;
-  double reorder = 0;  // the packet is delivered up to reorder_by later, past its successors
+  // The packet is delivered up to reorder_by later, so that later ones overtake it.
+  double reorder = 0;
   Duration reorder_by{};
-  bool cut = false;  // nothing passes
+  // Nothing passes.
+  bool cut = false;
 };
 
 class World {
@@ -44,41 +48,42 @@ class World {
   explicit World(std::uint64_t seed) : rng_(seed) {}
 
   HostId add_host(EndpointOptions options, const ClockError& clock = {});
-  // Joins `a` (the side that profiles call the vehicle: a -> b is "up") and `b`. Both know the link
-  // by `link`; `traits` are those of a's NIC.
+  // Joins two hosts. `a` is the side that profiles call the vehicle: packets from a to b go up.
+  // Both hosts know the link by `link`; `traits` are those of a's NIC.
   void add_link(HostId a, HostId b, LinkId link, const std::string& name, emu::Link model,
                 const LinkTraits& traits = {});
   // Host `from` connects to `to` over every link between them.
   PeerId connect(HostId from, HostId to);
   Faults& faults(LinkId link);
-  // The emulated link itself, to change it or cut its radio while it runs.
+  // The emulated link itself, to change it or to cut its radio during a run.
   emu::Link& model(LinkId link);
   const emu::DirectionStats& stats(LinkId link, bool up) const;
-  // From now on `host` is seen on `link` with another address, as after a carrier's NAT has
-  // forgotten it: what is sent to the old one is lost.
+  // Gives `host` another address on `link`, as a carrier's NAT does that has forgotten the old one.
+  // Packets to the old address are lost from now on.
   void rebind(HostId host, LinkId link);
 
   Endpoint& endpoint(HostId host) { return *hosts_[host].endpoint; }
   TimePoint local_time(HostId host) const { return local(hosts_[host], now_); }
-  // Must be called after commands to an endpoint from outside at() and on_event: sends what they
-  // queued.
+  // Handles the events of the host's endpoint and sends what it has queued. Must be called after
+  // commands to an endpoint, except from within on_event().
   void flush(HostId host);
 
   Duration now() const { return now_; }
   void at(Duration when, std::function<void()> action);
   void on_event(std::function<void(HostId, Event&&)> handler) { on_event_ = std::move(handler); }
-  // Every datagram that an endpoint hands over, before anything happens to it.
+  // Shows every datagram that an endpoint hands over, before anything happens to it.
   void on_sent(std::function<void(HostId, LinkId, ByteView)> handler) {
     on_sent_ = std::move(handler);
   }
-  // A further delay of each datagram behind its link, asked when an endpoint hands it over. Links
-  // stay in order: what follows on the same link and direction waits for it.
+  // Delays datagrams further, behind their link. `delay` is asked when an endpoint hands a datagram
+  // over. Links stay in order: later datagrams of the same link and direction wait for a delayed
+  // one.
   void delay_with(std::function<Duration(HostId, LinkId, ByteView)> delay) {
     delay_ = std::move(delay);
   }
-  // From now on the host's clock shows so much more.
+  // Sets the host's clock forward by so much from now on, or back if negative.
   void step_clock(HostId host, Duration by);
-  // Runs until world time `end`; everything that happens at `end` is included.
+  // Runs until world time `end`, including everything that happens at that instant.
   void run_until(Duration end);
 
   static Address address_of(HostId host, LinkId link, std::uint8_t mapping = 0);
@@ -87,7 +92,8 @@ class World {
   struct Host {
     std::unique_ptr<Endpoint> endpoint;
     ClockError clock;
-    std::optional<Duration> wake;  // world time of the endpoint's next timeout
+    // World time of the endpoint's next timeout.
+    std::optional<Duration> wake;
   };
   struct Wire {
     HostId a = 0;
@@ -95,16 +101,19 @@ class World {
     LinkId link{};
     emu::Link model;
     Faults faults;
-    std::uint8_t mapping_a = 0;  // how often the host was rebound
+    // How often each host was rebound.
+    std::uint8_t mapping_a = 0;
     std::uint8_t mapping_b = 0;
-    std::array<Duration, 2> held_until{};  // by delay_with(), per direction: down, up
+    // Until when delay_with() holds back packets that go down (0) and up (1).
+    std::array<Duration, 2> held_until{};
   };
   struct InFlight {
     Bytes bytes;
     HostId to = 0;
     Address from{};
     LinkId link{};
-    Duration delay{};  // of delay_with()
+    // What delay_with() asked for.
+    Duration delay{};
   };
 
   static TimePoint local(const Host& host, Duration t);
@@ -125,10 +134,12 @@ class World {
   std::mt19937_64 rng_;
   std::vector<Host> hosts_;
   std::vector<Wire> wires_;
-  std::vector<InFlight> in_flight_;  // by tag; those of free tags keep their memory
+  // By tag. Entries of free tags keep their memory for the next packet.
+  std::vector<InFlight> in_flight_;
   std::vector<std::uint64_t> free_tags_;
   std::multimap<Duration, std::function<void()>> planned_;
-  std::multimap<Duration, std::uint64_t> late_;  // reordered packets
+  // Tags of packets that were delayed or reordered behind their link.
+  std::multimap<Duration, std::uint64_t> late_;
   std::function<void(HostId, Event&&)> on_event_;
   std::function<void(HostId, LinkId, ByteView)> on_sent_;
   std::function<Duration(HostId, LinkId, ByteView)> delay_;

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cstdio>
 
+#include "lab/sim/feasibility.h"
 #include "support.h"
 
 namespace interneuron::eval {

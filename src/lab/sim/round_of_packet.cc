@@ -1,0 +1,23 @@
+#include "lab/sim/round_of_packet.h"
+
+#include "core/wire/packet.h"
+#include "core/wire/round_header.h"
+
+namespace interneuron::sim {
+
+std::optional<RoundId> RoundOfPacket::of(ByteView datagram) {
+  const auto type = static_cast<wire::PacketType>(std::to_integer<std::uint8_t>(datagram[0]));
+  if (type != wire::PacketType::kData) return std::nullopt;
+  const auto packet = wire::parse(datagram);
+  if (!packet) return std::nullopt;
+  const wire::FragmentHeader& fragment = packet->data.fragment;
+  if (fragment.index == 0) {
+    const auto header = wire::parse_round_header(packet->data.bytes);
+    if (header) rounds_[fragment.message] = header->round.round;
+  }
+  const auto known = rounds_.find(fragment.message);
+  if (known == rounds_.end()) return std::nullopt;
+  return known->second;
+}
+
+}  // namespace interneuron::sim
