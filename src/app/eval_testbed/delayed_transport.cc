@@ -10,7 +10,8 @@
 namespace interneuron::cli::eval {
 namespace {
 
-// How soon a full socket is tried again; chosen.
+// How soon a full socket is tried again. A packet of 1,500 bytes leaves a link of 60 Mbit/s in this
+// time.
 constexpr Duration kRetry = std::chrono::microseconds(200);
 
 }  // namespace

@@ -1,6 +1,6 @@
 // A transport that sends some datagrams later: how experiments on the testbed inject delays into
-// the real programs. Links stay in order, as in sim::World::delay_with(): what follows a delayed
-// datagram on the same link waits for it.
+// the real programs. Links stay in order, as in sim::World::delay_with(): later datagrams on the
+// same link wait for a delayed one.
 #pragma once
 
 #include <condition_variable>
@@ -14,11 +14,14 @@
 
 namespace interneuron::cli::eval {
 
-// Thread-compatible; a thread of its own sends what waits. Holds what is delayed without a bound:
-// the sender's pacing and the deadline bound it.
+// Wraps the transport of one link, which it owns. While nothing is delayed it passes everything on
+// at once; delayed datagrams are copied and sent by a thread of its own. Their number has no bound
+// here: the sender's pacing and the deadline of rounds bound what it hands over. Errors of the
+// inner transport end the link as they would without this class. The calls are thread-compatible.
 class DelayedTransport final : public Transport {
  public:
-  // `delay_of` is asked by send(), on its caller's thread, again for what send() did not take.
+  // `delay_of` tells how much later a datagram is sent. It is asked by send(), on its caller's
+  // thread, and asked again for datagrams that send() did not take.
   DelayedTransport(std::unique_ptr<Transport> inner, std::function<Duration(ByteView)> delay_of);
 
   SendResult send(std::span<const Outgoing> batch) override;
@@ -39,12 +42,15 @@ class DelayedTransport final : public Transport {
 
   mutable std::mutex mutex_;
   std::condition_variable_any wake_;
-  std::unique_ptr<Transport> inner_;  // guarded by mutex_, as all below
+  // Guarded by mutex_, as are waiting_, blocked_ and gone_.
+  std::unique_ptr<Transport> inner_;
   std::function<Duration(ByteView)> delay_of_;
-  std::deque<Waiting> waiting_;  // `due` grows
+  // In the order of `due`.
+  std::deque<Waiting> waiting_;
   bool blocked_ = false;
   int gone_ = 0;
-  std::jthread thread_;  // last: it ends first
+  // Declared last, so that it has ended before the others are destroyed.
+  std::jthread thread_;
 };
 
 }  // namespace interneuron::cli::eval

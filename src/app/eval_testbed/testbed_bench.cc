@@ -23,7 +23,8 @@ namespace fs = std::filesystem;
 using netns::Testbed;
 
 constexpr std::uint16_t kPort = 47000;
-// Runs of a level that tell its median and 95th percentile; chosen.
+// Fewest runs of a level that tell its 95th percentile: two of 40 lie above it, so that one stray
+// run does not decide.
 constexpr std::size_t kEnoughRuns = 40;
 
 // Constant links draw nothing, so one testbed serves every seed.
@@ -38,7 +39,7 @@ Testbed up(const core::Scenario& scenario, const fs::path& scratch) {
   return Testbed::up(options);
 }
 
-// stderr of a program; closed with it.
+// A file that takes the stderr of a program; closed with this object.
 class Log {
  public:
   explicit Log(fs::path file)
@@ -85,7 +86,8 @@ core::Round round_of(const Json& json) {
   return round;
 }
 
-// Both programs read this host's one clock.
+// Adds what the roadside unit saw. Both programs read the one clock of this host, so their instants
+// can be compared.
 void add_road(const Json& json, core::Round& round) {
   round.delivered = Duration{json.at("delivered_ns")} - round.t0;
   round.compute_began = Duration{json.at("began_ns")} - round.t0;

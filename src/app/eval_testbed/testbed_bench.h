@@ -1,5 +1,6 @@
-// Runs systems for real: the programs `vehicle` and `road` in network namespaces, joined by
-// emulated links, with real sockets, images and detection.
+// Runs systems with the programs `vehicle` and `road` in network namespaces, joined by emulated
+// links, with real sockets, images and detection. Rounds take their time: 300 rounds at 10 Hz take
+// half a minute.
 #pragma once
 
 #include <filesystem>
@@ -17,20 +18,24 @@ namespace interneuron::cli::eval {
 // What one run left.
 struct BenchRun {
   interneuron::eval::Run run;
-  std::vector<perception::Shown> boxes;  // by round: what the application really got
+  // By round: the boxes that the application got.
+  std::vector<perception::Shown> boxes;
 };
 
+// One testbed for all runs of an experiment; it is taken down with the bench. Thread-compatible.
 class Bench {
  public:
-  // `ladder`: as the programs' --ladder. `scratch`: a folder for what the programs read and write,
-  // private to this bench. Throws netns::TestbedError where namespaces are forbidden.
+  // `ladder` is the --ladder of the programs. `scratch` is a folder for what the programs read and
+  // write, private to this bench; it is made if it is not there. The scenario must outlive the
+  // bench. Throws netns::TestbedError where namespaces are forbidden.
   Bench(const interneuron::eval::Scenario& scenario, std::optional<std::filesystem::path> data,
         std::string ladder, std::filesystem::path scratch);
 
-  // Rounds without injection, the best image over the primary link: calibrates the roadside's
-  // ladder and the times that erdos_like freezes. Once, before run().
+  // Runs rounds without injection, with the best image over the primary link, to learn the run
+  // times of the roadside's ladder and the times that erdos_like freezes. Call it once, before
+  // run(). Throws Failure, also when no round was on time.
   void calibrate(std::uint32_t rounds);
-  // As many rounds as the trace has. Throws Failure.
+  // Runs as many rounds as the trace has, with its delays. Throws Failure.
   BenchRun run(const interneuron::eval::System& system, const interneuron::eval::Trace& trace,
                std::uint64_t seed);
 
@@ -49,7 +54,8 @@ class Bench {
 
   const interneuron::eval::Scenario& scenario_;
   std::optional<std::filesystem::path> data_;
-  std::string kind_;  // of the ladder
+  // As the programs' --ladder.
+  std::string kind_;
   std::filesystem::path scratch_;
   std::string video_;
   netns::Testbed testbed_;
@@ -58,8 +64,8 @@ class Bench {
   std::string ladder_;
 };
 
-// Run times of the levels in operation, without what was injected: measured where a level ran often
-// enough to tell, else as calibrated.
+// The profile with the run times that the levels had in operation, less what was injected. A level
+// that ran too rarely to tell keeps its calibrated times.
 interneuron::eval::Profile measured(const interneuron::eval::Profile& calibrated,
                                     const std::vector<std::vector<BenchRun>>& runs);
 

@@ -190,7 +190,8 @@ std::optional<std::size_t> TestbedRoad::level(std::span<const LevelProfile> leve
     case core::LevelRule::kErdos:
       return core::erdos_rule(run_.erdos, core::Scenario{}.deadline, false)(Duration{},
                                                                             now - delivered);
-    case core::LevelRule::kErdosE2e:  // needs t0, which no roadside unit is told
+    // This rule needs t0, which no roadside unit is told.
+    case core::LevelRule::kErdosE2e:
     case core::LevelRule::kGuard:
       break;
   }

@@ -1,6 +1,6 @@
-// One run of one system on the testbed, as `eval --testbed` tells it to the programs `vehicle` and
-// `road` by their option --testbed-run FILE, which no help shows. Each leaves its record beside
-// that file: vehicle.json and road.json.
+// One run of one system on the testbed. `eval --testbed` writes it to a file and passes that to the
+// programs `vehicle` and `road` with --testbed-run FILE, which no help shows. Each program acts by
+// it through its hooks and leaves its record beside that file: vehicle.json and road.json.
 #pragma once
 
 #include <filesystem>
@@ -22,35 +22,41 @@ namespace interneuron::cli::eval {
 
 struct TestbedRun {
   interneuron::eval::System system;
-  std::vector<interneuron::eval::Injected> injected;  // by round; further rounds have none
-  interneuron::eval::ErdosTimes erdos;                // for LevelRule::kErdos
-  std::vector<LevelProfile> levels;  // of the roadside's ladder; empty: it calibrates
+  // By round; further rounds have none.
+  std::vector<interneuron::eval::Injected> injected;
+  // For LevelRule::kErdos.
+  interneuron::eval::ErdosTimes erdos;
+  // Of the roadside's ladder. If empty, the roadside calibrates it.
+  std::vector<LevelProfile> levels;
   FallbackQuality fallback;
-  std::filesystem::path file;  // where it was read from
+  // Where it was read from.
+  std::filesystem::path file;
 
-  // What is injected into this module of the round.
+  // The delay that is injected into this module of the round; zero if none is.
   Duration in(interneuron::eval::Module module, RoundId round) const;
 };
 
-// Throw Failure (1, 3) naming the file.
+// They throw Failure naming the file: 1 when it cannot be written or read, 3 when it is no such
+// run.
 void write_testbed_run(const std::filesystem::path& file, const TestbedRun& run);
 TestbedRun read_testbed_run(const std::filesystem::path& file);
 
-// The roadside's levels in its record; quality by rank where the ladder knows none.
+// The levels as the roadside's record has them. A level of unknown quality gets one by its rank.
 std::vector<LevelProfile> levels_of(const Json& levels);
 
-// The hooks of the vehicle. Thread-compatible.
+// Makes the vehicle run the system of a TestbedRun, injects into its uplink and records its rounds.
+// Thread-compatible.
 class TestbedVehicle : public VehicleHooks {
  public:
   explicit TestbedVehicle(TestbedRun run) : run_(std::move(run)) {}
 
   void configure(PipelineConfig& pipeline) const override;
-  void configure(NodeOptions& node) const override;  // injects into the uplink
-  // Those that the system submits.
+  void configure(NodeOptions& node) const override;
+  // The variants that the system submits.
   Variants submitted(Variants variants) const override;
   bool local_backup() const override { return run_.system.local_backup; }
   void done(const RoundDone& event, const RoundRow& row) override;
-  // Leaves vehicle.json.
+  // Writes vehicle.json.
   void finished(const std::vector<Statistics::Link>& links) override;
 
  private:
@@ -58,21 +64,22 @@ class TestbedVehicle : public VehicleHooks {
   Json rounds_ = Json::array();
 };
 
-// The hooks of the roadside unit. Thread-compatible, but inside_compute() may be asked by any
-// thread.
+// Makes the roadside unit run the system of a TestbedRun, injects into its computation and its
+// downlink and records its computations. Thread-compatible, but inside_compute() may be called by
+// any thread.
 class TestbedRoad : public RoadHooks {
  public:
   explicit TestbedRoad(TestbedRun run) : run_(std::move(run)) {}
 
-  void configure(NodeOptions& node) const override;  // injects into the downlink
+  void configure(NodeOptions& node) const override;
   std::span<const LevelProfile> levels() const override { return run_.levels; }
   Duration before_compute(RoundId round) const override;
   Duration inside_compute(RoundId round) const override;
-  // The level of systems that do not ask the guard.
+  // The level of systems that do not ask the guard; nothing for the others.
   std::optional<std::size_t> level(std::span<const LevelProfile> levels, TimePoint delivered,
                                    TimePoint now) const override;
   void computed(const offload::Computed& computed) override;
-  // Leaves road.json.
+  // Writes road.json.
   void finished(const std::string& ladder, const std::vector<std::string>& names,
                 std::span<const LevelProfile> levels) override;
 

@@ -11,27 +11,31 @@
 
 namespace interneuron::cli {
 
-// --ladder: detects nothing, answers only those who measure.
+// The --ladder of a unit that detects nothing and answers only those who measure.
 inline constexpr const char* kNoLadder = "none";
 
 struct RoadOptions {
-  std::vector<std::string> nics;  // as link_options.h reads them, without a peer
+  // As link_options.h reads them, without a peer.
+  std::vector<std::string> nics;
   std::string address;
   std::uint16_t port = kDefaultPort;
   std::string ladder = "auto";
   // The vehicles' end-to-end deadline, in milliseconds, for which --ladder auto chooses.
   double deadline_ms = 130;
   std::string data;
-  std::string video;  // pictures to calibrate on
+  // Where the pictures come from that the detectors are calibrated on.
+  std::string video;
   int calibration_runs = 40;
-  int top_level = -1;  // -1: by the vehicle's budget
+  // No computation is above this level; -1: the budget of each vehicle decides.
+  int top_level = -1;
   std::size_t max_peers = 16;
   bool insecure = false;
   StampOptions stamp;
 };
 
-// `hooks`: what an evaluation adds, if any (hooks.h).
-// Serves until SIGINT or SIGTERM. Prints "ready …" on stdout when vehicles may come.
+// Prints the ladder and a line "ready" with the addresses on stdout when vehicles may come, then
+// serves until SIGINT or SIGTERM. Returns the program's exit code. `hooks`: what an evaluation adds
+// (hooks.h), or nullptr. Throws Failure, IoError and perception::InputError.
 int run_road(const RoadOptions& options, RoadHooks* hooks = nullptr);
 
 }  // namespace interneuron::cli

@@ -10,20 +10,22 @@
 
 namespace interneuron::cli {
 
-// The path of this very program. Throws Failure (1).
+// The path of the program that is running. Throws Failure (1).
 std::string own_program();
 
-// Ended and reaped at the latest by the destructor. Thread-compatible.
+// A running roadside unit. It is ended and reaped by the destructor if not before.
+// Thread-compatible.
 class RoadChild {
  public:
-  // Starts `argv` in the roadside's namespace and returns when vehicles may come. `stderr_fd`: -1
-  // inherits ours. Throws Failure (1; 128 + signal).
+  // Starts `argv` in the roadside's namespace and returns when vehicles may come. Its stderr goes
+  // to `stderr_fd`; -1 inherits ours. Throws Failure: 1 when it does not get ready, 128 + signal
+  // when we are interrupted.
   RoadChild(const netns::State& state, const std::vector<std::string>& argv, int stderr_fd = -1);
   ~RoadChild();
   RoadChild(const RoadChild&) = delete;
   RoadChild& operator=(const RoadChild&) = delete;
 
-  // As it told when it was ready.
+  // What it said of its detectors when it was ready.
   struct Ladder {
     std::string description;
     std::vector<std::string> names;
@@ -33,7 +35,8 @@ class RoadChild {
   void end();
 
  private:
-  int fd_ = -1;  // of its stdout
+  // Reads its stdout.
+  int fd_ = -1;
   std::optional<Child> child_;
   Ladder ladder_;
 };

@@ -1,5 +1,6 @@
-// The rounds of a vehicle's run as they happen, and what is left of them at the end: the files of
-// src/lab/files/run_files.h, and one picture. Thread-compatible.
+// Records the rounds of a vehicle's run as they happen and writes them at its end: rounds.csv,
+// summary.json, a plot of the latencies and one picture with the boxes of its round. Memory grows
+// with the rounds and their boxes. Thread-compatible.
 #pragma once
 
 #include <cstdint>
@@ -18,14 +19,17 @@ namespace interneuron::cli {
 
 class RunRecord {
  public:
-  // `rounds`: how many there will be, 0 = nobody knows; the picture is of the middle.
+  // `rounds` is how many there will be, 0 if nobody knows. The picture is of a round in the middle,
+  // or of an early one.
   RunRecord(std::uint32_t rounds, std::string guard) : rounds_(rounds), guard_(std::move(guard)) {}
 
-  // Rounds begin in the order of their numbers, from 0. The others need one that has begun.
+  // Rounds begin in the order of their numbers, from 0; planned() and done() are called for rounds
+  // that have begun.
   void begun(std::uint32_t round, const perception::Frame& frame);
   void planned(std::uint32_t round, const std::string& plan);
   const RoundRow& done(const RoundDone& event, Duration deadline);
-  void drop_undecided();  // the rounds at the end that have no answer
+  // Forgets the rounds at the end that have no answer.
+  void drop_undecided();
 
   struct Counts {
     std::uint32_t begun = 0;
@@ -37,9 +41,10 @@ class RunRecord {
   std::uint32_t decided() const { return counts_.decided; }
   double on_time_percent() const;
 
-  // Accuracy against a ground truth (MOT15 gt.txt), into `info`.
+  // Writes the accuracy against a ground truth (a gt.txt of MOT15) into `info`.
   void compare(const std::filesystem::path& truth, RunInfo& info) const;
-  // The summary; with a folder also its files.
+  // Returns the summary, and writes the files if a folder is given. Throws Failure (1) naming the
+  // file.
   Json write(const std::filesystem::path& folder, const RunInfo& info) const;
 
  private:
@@ -54,7 +59,8 @@ class RunRecord {
     float draw_score = 0;
   };
   std::vector<Shown> shown_;
-  cv::Mat picture_;  // the frame of the picture, and its round
+  // The frame of the picture, and the round that it is of once that was answered.
+  cv::Mat picture_;
   std::optional<std::uint32_t> picture_round_;
 };
 

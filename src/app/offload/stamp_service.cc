@@ -18,11 +18,13 @@
 namespace interneuron::cli {
 namespace {
 
-constexpr int kReopenMs = 1000;  // how often a NIC that is gone is looked for; chosen
+// How often NICs that came or went are looked for, in ms.
+constexpr int kReopenMs = 1000;
 
 struct Port {
   std::string nic;
-  int index = 0;  // of the incarnation that the socket is bound to
+  // Of the incarnation of the NIC that the socket is bound to.
+  int index = 0;
   std::unique_ptr<io::StampedSocket> socket;
 };
 

@@ -1,5 +1,7 @@
-// A STAMP reflector (RFC 8762, unauthenticated) on some NICs, on a thread of its own: `road
-// --stamp`.
+// Answers STAMP test packets (RFC 8762, unauthenticated) on some NICs, on a thread of its own: what
+// `road --stamp` does, so that others can measure the paths to it. Anybody who reaches the port is
+// answered with one packet of the same size, so it amplifies nothing; on public addresses it must
+// be asked for (`insecure`).
 #pragma once
 
 #include <cstdint>
@@ -12,17 +14,20 @@
 namespace interneuron::cli {
 
 struct StampOptions {
-  std::uint16_t port = 0;  // 0: no reflector
+  // 0: no reflector.
+  std::uint16_t port = 0;
   bool stateless = false;
-  bool insecure = false;  // on public addresses too
+  // Also on public addresses.
+  bool insecure = false;
 };
-// --stamp [PORT], --stamp-stateless.
+// Adds --stamp [PORT] and --stamp-stateless.
 void add_stamp_options(CLI::App& command, StampOptions& options);
 
 class StampService {
  public:
-  // Opens a socket on every NIC, for the address given or all of the NIC's. A NIC that goes and
-  // comes back is served again within a second. Throws IoError or Failure.
+  // Opens a socket on every NIC that matches a pattern, on the address given or, if that is empty,
+  // on all addresses of the NIC. A NIC that goes and comes back is served again within a second.
+  // Throws IoError or Failure.
   StampService(const StampOptions& options, const std::vector<std::string>& patterns,
                const std::string& address);
   ~StampService();

@@ -1,15 +1,15 @@
 #include "app/offload/vehicle.h"
 
 #include <spdlog/spdlog.h>
-#include <unistd.h>
 
 #include <atomic>
-#include <csignal>
 #include <cstdio>
 #include <optional>
 
+#include "app/offload/camera.h"
 #include "app/offload/offload_request.h"
 #include "app/offload/run_record.h"
+#include "app/offload/vehicle_report.h"
 #include "app/watch/publisher.h"
 #include "core/offload/computation_budget.h"
 #include "host/io/steady_clock.h"
@@ -20,7 +20,6 @@
 #include "interneuron/node.h"
 #include "lab/files/run_files.h"
 #include "perception/detector.h"
-#include "perception/frame_source.h"
 
 namespace interneuron::cli {
 namespace {
@@ -29,12 +28,15 @@ namespace perc = perception;
 using namespace std::chrono_literals;
 
 constexpr PipelineId kCamera{0};
-// After the roadside has answered, links are measured for at most this long before the first round.
+// After the roadside unit has answered, links are measured for at most this long before the first
+// round, and looked at so often.
 constexpr Duration kSettle = 2s;
 constexpr Duration kSettlePoll = 20ms;
+// Time between two progress lines.
 constexpr Duration kProgress = 500ms;
 
-// What it takes to make the variants of a frame of the demo video's size: the slowest of a few.
+// What it takes to make the variants of a frame of the demo video's size: the slowest of a few
+// runs, since a budget that is too small costs less than one that is too large.
 Duration encode_time() {
   constexpr int kRuns = 5;
   const cv::Mat frame(576, 768, CV_8UC3, cv::Scalar(90, 120, 60));
@@ -59,26 +61,19 @@ class Vehicle {
   void wait_for_roadside();
   void settle(TimePoint until);
   void start();
-  void fetch_frame();
   void begin_round(TimePoint planned_at);
   void back_up(const RoundRef& ref, const perc::Image& image);
   void planned(const Planned& event);
   void refused(const Planned& event);
   void done(const RoundDone& event);
   void finish();
-  void progress(bool last);
-  RunInfo info() const;
-  std::optional<std::filesystem::path> truth() const;
-  int report();
+  void progress();
 
   const VehicleOptions& o_;
   VehicleHooks& hooks_;
   std::optional<std::filesystem::path> data_;
   std::string video_;
-  perc::FrameSource source_;
-  std::optional<perc::Frame> next_frame_;
-  bool fetching_ = false;
-  std::optional<TimePoint> late_round_;  // a round whose frame is still being decoded
+  Camera camera_;
   perc::Ladder backup_;
   Node node_;
   LinkPublisher links_;
@@ -87,7 +82,8 @@ class Vehicle {
   bool started_ = false;
   bool all_begun_ = false;
   RunRecord record_;
-  std::string refusal_;  // the newest
+  // The newest reason for which the policy sent nothing.
+  std::string refusal_;
   std::string failure_;
 };
 
@@ -96,7 +92,7 @@ Vehicle::Vehicle(const VehicleOptions& options, VehicleHooks& hooks)
       hooks_(hooks),
       data_(find_data(options.data)),
       video_(options.video.empty() ? default_video(data_) : options.video),
-      source_(video_, {.loop = options.rounds > 0}),
+      camera_(video_, options.rounds > 0),
       backup_(perc::make_ladder({.kind = *perc::parse_ladder_kind(options.ladder),
                                  .data_dir = data_.value_or(std::filesystem::path()),
                                  .budget = ladder_budget(from_ms(options.deadline_ms)),
@@ -121,7 +117,7 @@ PipelineConfig Vehicle::pipeline() const {
   return p;
 }
 
-// Of its lowest level on raw; 0 where nobody knows.
+// The quality of the backup's level on a raw image; 0 where nobody knows it.
 double Vehicle::backup_quality() const {
   const std::vector<double>& quality = backup_.level(0).quality;
   return quality.empty() ? 0 : quality.front();
@@ -178,47 +174,32 @@ void Vehicle::start() {
   started_ = true;
   spdlog::info("deadline {:.0f} ms, {:.1f} ms of it for the computation", o_.deadline_ms,
                to_ms(budget_.value()));
-  fetch_frame();
+  camera_.fetch(node_);
   const TimePoint first = node_.now() + from_ms(o_.period_ms);
   node_.at(first, [this, first] { begin_round(first); });
-  node_.after(kProgress, [this] { progress(false); });
+  node_.after(kProgress, [this] { progress(); });
 }
 
 // --- rounds
 
-// Decoding takes milliseconds: on a worker, behind the backup of the round before.
-void Vehicle::fetch_frame() {
-  fetching_ = true;
-  node_.compute(Queue::kLocalBackup, [this]() -> Node::Task {
-    return [this, frame = source_.next()] {
-      next_frame_ = frame;
-      fetching_ = false;
-      if (late_round_) {
-        const TimePoint planned_at = *late_round_;
-        late_round_.reset();
-        begin_round(planned_at);
-      }
-    };
-  });
-}
-
 void Vehicle::begin_round(TimePoint planned_at) {
-  if (fetching_) {  // a slow source: the round begins when its frame is there
-    late_round_ = planned_at;
+  // The round of a slow source begins when its frame is there.
+  if (camera_.fetching()) {
+    camera_.when_fetched([this, planned_at] { begin_round(planned_at); });
     return;
   }
-  if (!next_frame_ || (o_.rounds > 0 && record_.begun() >= o_.rounds)) {
+  const auto frame = camera_.take();
+  if (!frame || (o_.rounds > 0 && record_.begun() >= o_.rounds)) {
     all_begun_ = true;
     finish();
     return;
   }
   const RoundRef ref = node_.begin_round(kCamera);
-  const perc::Frame frame = std::move(*next_frame_);
   newest_round_ = ref.round.value;
-  record_.begun(ref.round.value, frame);
+  record_.begun(ref.round.value, *frame);
 
-  const auto index = static_cast<std::uint32_t>(frame.index);
-  const perc::Image raw = perc::make_variant(frame.bgr, index, perc::Variant::kRaw);
+  const auto index = static_cast<std::uint32_t>(frame->index);
+  const perc::Image raw = perc::make_variant(frame->bgr, index, perc::Variant::kRaw);
   perc::Image sampled = raw;
   sampled.variant = perc::Variant::kSampled;
   sampled.bgr = perc::every_second_pixel(raw.bgr);
@@ -227,13 +208,13 @@ void Vehicle::begin_round(TimePoint planned_at) {
   node_.submit(ref, hooks_.submitted(std::move(variants)), MessageClass::kData, node_.peer());
   back_up(ref, raw);
 
-  fetch_frame();
+  camera_.fetch(node_);
   const TimePoint next = planned_at + from_ms(o_.period_ms);
   node_.at(next, [this, next] { begin_round(next); });
 }
 
-// The lowest level on this host, beside the remote one. A backup that is still waiting or running
-// when the next round begins is abandoned.
+// Computes the lowest level on this host, beside the remote computation. A backup that still waits
+// or runs when the next round begins is abandoned.
 void Vehicle::back_up(const RoundRef& ref, const perc::Image& image) {
   if (!hooks_.local_backup()) return;
   node_.compute(Queue::kLocalBackup, [this, ref, image]() -> Node::Task {
@@ -263,7 +244,7 @@ void Vehicle::planned(const Planned& event) {
   record_.planned(event.round.round.value, text);
 }
 
-// Once per reason in a row: a policy may refuse every round for the same one.
+// Warns once per reason in a row, since a policy may refuse every round for the same one.
 void Vehicle::refused(const Planned& event) {
   if (event.plan.refused == refusal_) return;
   refusal_ = event.plan.refused;
@@ -281,65 +262,9 @@ void Vehicle::finish() {
   if (all_begun_ && record_.decided() == record_.begun()) node_.stop();
 }
 
-void Vehicle::progress(bool last) {
-  if (!o_.quiet) {
-    const bool terminal = ::isatty(STDERR_FILENO) != 0;
-    const auto [begun, decided, on_time] = record_.counts();
-    if (terminal || last || decided % 50 < 5) {
-      std::fprintf(stderr, "%sround %u%s: %u on time, %u answered locally%s",
-                   terminal ? "\r\x1b[K" : "", begun,
-                   o_.rounds > 0 ? (" of " + std::to_string(o_.rounds)).c_str() : "", on_time,
-                   decided - on_time, terminal && !last ? "" : "\n");
-      std::fflush(stderr);
-    }
-  }
-  if (!last) node_.after(kProgress, [this] { progress(false); });
-}
-
-// --- report
-
-RunInfo Vehicle::info() const {
-  RunInfo info;
-  info.seeded = o_.seed >= 0;
-  if (info.seeded) info.seed = static_cast<std::uint64_t>(o_.seed);
-  info.deadline = from_ms(o_.deadline_ms);
-  info.period = from_ms(o_.period_ms);
-  info.policy = o_.policy;
-  info.guard = o_.guard;
-  info.backup = backup_.description();
-  info.profiles = o_.profiles;
-  for (const Statistics::Link& link : node_.statistics().links) {
-    const LinkCounters& c = link.counters;
-    info.links.push_back(
-        {link.nic, c.sent_bytes, c.received_bytes, c.fragments_resent, c.fragments_lost});
-  }
-  return info;
-}
-
-std::optional<std::filesystem::path> Vehicle::truth() const {
-  if (o_.truth == "none") return std::nullopt;
-  if (!o_.truth.empty()) return o_.truth;
-  const bool demo_video = data_ && video_ == (*data_ / "pets/vtest.avi").string();
-  return demo_video ? default_truth(data_) : std::nullopt;
-}
-
-int Vehicle::report() {
-  RunInfo run = info();
-  if (const auto file = truth()) record_.compare(*file, run);
-  const Json summary = record_.write(o_.out, run);
-  if (o_.json) {
-    std::printf("%s\n", summary.dump(2).c_str());
-  } else if (o_.table && !o_.quiet) {
-    print_table(summary);
-  }
-  const double share = record_.on_time_percent();
-  if (o_.objective > 0 && share < o_.objective) {
-    std::fprintf(stderr,
-                 "interneuron: %.1f %% of the rounds on time, less than the objective of %.1f %%\n",
-                 share, o_.objective);
-    return kObjectiveMissed;
-  }
-  return kFine;
+void Vehicle::progress() {
+  if (!o_.quiet) print_progress(record_.counts(), o_.rounds, false);
+  node_.after(kProgress, [this] { progress(); });
 }
 
 int Vehicle::run() {
@@ -352,14 +277,16 @@ int Vehicle::run() {
   node_.stop_on_signals();
   wait_for_roadside();
   node_.run();
-  const SignalWatch undisturbed;  // what was measured is written, even after a second Ctrl-C
-  if (started_) progress(true);
+  // What was measured is written, even after a second Ctrl-C.
+  const SignalWatch undisturbed;
+  if (started_ && !o_.quiet) print_progress(record_.counts(), o_.rounds, true);
   if (!failure_.empty()) throw Failure(kFailed, failure_);
   const int signal = node_.stopped_by_signal();
   // Rounds that the signal cut off are no rounds of the run.
   if (signal != 0) record_.drop_undecided();
   hooks_.finished(node_.statistics().links);
-  const int code = started_ ? report() : kFine;
+  const VehicleRun run{data_, video_, backup_.description()};
+  const int code = started_ ? report_run(o_, run, record_, node_.statistics()) : kFine;
   return signal != 0 ? 128 + signal : code;
 }
 
@@ -372,8 +299,9 @@ int run_vehicle(const VehicleOptions& options, VehicleHooks* hooks) {
   if (options.links.empty()) {
     throw Failure(kUsage, "no link: give --link NIC=ADDRESS:PORT, once per card");
   }
+  // Mistakes in the links are found before anything is opened.
   NodeOptions checked;
-  append_links(options.links, LinkPeer::kNamed, checked);  // before anything is opened
+  append_links(options.links, LinkPeer::kNamed, checked);
   VehicleHooks none;
   return Vehicle(options, hooks != nullptr ? *hooks : none).run();
 }

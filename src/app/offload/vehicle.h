@@ -11,31 +11,40 @@
 namespace interneuron::cli {
 
 struct VehicleOptions {
-  // As link_options.h reads them: the roadside unit as reached over each card.
+  // The roadside unit as reached over each card, as link_options.h reads it.
   std::vector<std::string> links;
   std::uint16_t port = 0;
   std::string video;
   std::string data;
-  std::string ladder = "auto";  // of the local backup: its lowest level
-  std::string truth;            // "none": no accuracy even when there is ground truth
-  std::uint32_t rounds = 0;     // 0: to the end of the video, or SIGINT
+  // Of the local backup, which runs its lowest level.
+  std::string ladder = "auto";
+  // A file, or "none": then no accuracy is told even where there is ground truth.
+  std::string truth;
+  // 0: to the end of the video, or SIGINT.
+  std::uint32_t rounds = 0;
   double deadline_ms = 130;
   double period_ms = 100;
   std::string policy = "down_sampling";
   std::string guard = "budget";
   double beta = 0;
-  double wait_s = 30;    // for the roadside unit to answer
-  double objective = 0;  // per cent of rounds on time; less ends with exit code 4
-  std::string out;       // folder; empty: nothing is written
+  // For how long the roadside unit is waited for, in seconds.
+  double wait_s = 30;
+  // With fewer rounds on time, in per cent, the program ends with exit code 4.
+  double objective = 0;
+  // Folder of the results; if empty, nothing is written.
+  std::string out;
   bool json = false;
   bool table = true;
   bool quiet = false;
-  // Set by the demo: where the testbed is described, to be told in the summary.
+  // Set by the demo for the summary: the profiles and the seed of its testbed; a negative seed
+  // means none.
   std::vector<std::string> profiles;
   std::int64_t seed = -1;
 };
 
-// `hooks`: what an evaluation adds, if any (hooks.h).
+// Begins rounds until the source ends, the number of rounds is reached or SIGINT or SIGTERM comes,
+// and returns the program's exit code. `hooks`: what an evaluation adds (hooks.h), or nullptr.
+// Throws Failure, IoError and perception::InputError.
 int run_vehicle(const VehicleOptions& options, VehicleHooks* hooks = nullptr);
 
 }  // namespace interneuron::cli

@@ -1,0 +1,39 @@
+// The frames of a source, decoded one ahead of the rounds. Decoding takes milliseconds, so it is
+// done on a worker of the node, behind the local backup of the round before.
+//
+// Holds at most one decoded frame. Used on the node's thread; it must outlive the node, whose
+// worker may be decoding.
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "interneuron/node.h"
+#include "perception/frame_source.h"
+
+namespace interneuron::cli {
+
+class Camera {
+ public:
+  // `source` as FrameSource takes it; with `loop`, a file begins again at its end. Throws
+  // InputError.
+  Camera(const std::string& source, bool loop) : source_(source, {.loop = loop}) {}
+
+  // Begins to decode the next frame. Not while one is being decoded.
+  void fetch(Node& node);
+  bool fetching() const { return fetching_; }
+  // Calls `then` once, as soon as the frame that is being decoded is there.
+  void when_fetched(std::function<void()> then) { then_ = std::move(then); }
+  // The frame that was fetched last; nothing after the end of the source.
+  std::optional<perception::Frame> take() { return std::exchange(next_, std::nullopt); }
+
+ private:
+  perception::FrameSource source_;
+  std::optional<perception::Frame> next_;
+  bool fetching_ = false;
+  std::function<void()> then_;
+};
+
+}  // namespace interneuron::cli

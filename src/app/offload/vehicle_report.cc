@@ -1,0 +1,74 @@
+#include "app/offload/vehicle_report.h"
+
+#include <unistd.h>
+
+#include <cstdio>
+
+#include "host/process/failure.h"
+#include "host/settings/data.h"
+#include "lab/files/run_files.h"
+
+namespace interneuron::cli {
+namespace {
+
+RunInfo info_of(const VehicleOptions& options, const VehicleRun& run,
+                const Statistics& statistics) {
+  RunInfo info;
+  info.seeded = options.seed >= 0;
+  if (info.seeded) info.seed = static_cast<std::uint64_t>(options.seed);
+  info.deadline = from_ms(options.deadline_ms);
+  info.period = from_ms(options.period_ms);
+  info.policy = options.policy;
+  info.guard = options.guard;
+  info.backup = run.backup;
+  info.profiles = options.profiles;
+  for (const Statistics::Link& link : statistics.links) {
+    const LinkCounters& c = link.counters;
+    info.links.push_back(
+        {link.nic, c.sent_bytes, c.received_bytes, c.fragments_resent, c.fragments_lost});
+  }
+  return info;
+}
+
+// The ground truth that the answers are compared with; nothing when there is none for the video.
+std::optional<std::filesystem::path> truth_of(const VehicleOptions& options,
+                                              const VehicleRun& run) {
+  if (options.truth == "none") return std::nullopt;
+  if (!options.truth.empty()) return options.truth;
+  const bool demo_video = run.data && run.video == (*run.data / "pets/vtest.avi").string();
+  return demo_video ? default_truth(run.data) : std::nullopt;
+}
+
+}  // namespace
+
+void print_progress(const RunRecord::Counts& counts, std::uint32_t rounds, bool last) {
+  const bool terminal = ::isatty(STDERR_FILENO) != 0;
+  if (!terminal && !last && counts.decided % 50 >= 5) return;
+  std::fprintf(stderr, "%sround %u%s: %u on time, %u answered locally%s",
+               terminal ? "\r\x1b[K" : "", counts.begun,
+               rounds > 0 ? (" of " + std::to_string(rounds)).c_str() : "", counts.on_time,
+               counts.decided - counts.on_time, terminal && !last ? "" : "\n");
+  std::fflush(stderr);
+}
+
+int report_run(const VehicleOptions& options, const VehicleRun& run, const RunRecord& record,
+               const Statistics& statistics) {
+  RunInfo info = info_of(options, run, statistics);
+  if (const auto file = truth_of(options, run)) record.compare(*file, info);
+  const Json summary = record.write(options.out, info);
+  if (options.json) {
+    std::printf("%s\n", summary.dump(2).c_str());
+  } else if (options.table && !options.quiet) {
+    print_table(summary);
+  }
+  const double share = record.on_time_percent();
+  if (options.objective > 0 && share < options.objective) {
+    std::fprintf(stderr,
+                 "interneuron: %.1f %% of the rounds on time, less than the objective of %.1f %%\n",
+                 share, options.objective);
+    return kObjectiveMissed;
+  }
+  return kFine;
+}
+
+}  // namespace interneuron::cli

@@ -1,0 +1,32 @@
+// What the program `vehicle` says of its run: a line while it goes on, a summary and files at its
+// end.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+
+#include "app/offload/run_record.h"
+#include "app/offload/vehicle.h"
+#include "interneuron/node.h"
+
+namespace interneuron::cli {
+
+// What a run was made with, beside its options.
+struct VehicleRun {
+  std::optional<std::filesystem::path> data;
+  std::string video;
+  // The local backup in one line.
+  std::string backup;
+};
+
+// Says on stderr how many rounds there were and how they ended: in place on a terminal, else every
+// 50 rounds or so. `last`: the run is over.
+void print_progress(const RunRecord::Counts& counts, std::uint32_t rounds, bool last);
+
+// Writes the files of the run and prints its summary, as the options ask for. Returns the exit
+// code: kObjectiveMissed when too few rounds were on time. Throws Failure (1) naming a file.
+int report_run(const VehicleOptions& options, const VehicleRun& run, const RunRecord& record,
+               const Statistics& statistics);
+
+}  // namespace interneuron::cli
