@@ -12,11 +12,14 @@ namespace interneuron::perception {
 namespace {
 
 // COCO's evaluation parameters (pycocotools, Params.setDetParams).
-constexpr int kIouThresholds = 10;  // .50, .55 … .95
+// COCO averages over the IoU thresholds .50, .55 … .95.
+constexpr int kIouThresholds = 10;
 constexpr double kFirstIou = 0.5;
 constexpr double kIouStep = 0.05;
-constexpr int kRecallPoints = 101;      // 0, .01 … 1
-constexpr double kIouTolerance = 1e-9;  // a box of exactly the threshold matches
+// COCO interpolates precision at the recalls 0, .01 … 1.
+constexpr int kRecallPoints = 101;
+// Absorbs rounding, so that a box of exactly the threshold matches.
+constexpr double kIouTolerance = 1e-9;
 
 constexpr std::size_t kMotFields = 7;
 

@@ -12,9 +12,11 @@
 namespace interneuron::perception {
 namespace {
 
-constexpr std::uint16_t kMagic = 0x494D;  // "IM"
+// "IM", the first two bytes of an image message.
+constexpr std::uint16_t kMagic = 0x494D;
 constexpr std::uint8_t kVersion = 1;
-constexpr int kMaxSide = 0xFFFF;  // pixels; the source's sides travel as 16 bits
+// The longest side in pixels, because the sides of the source travel as 16 bits.
+constexpr int kMaxSide = 0xFFFF;
 
 // Of the variants that have one size.
 cv::Size size_of(Variant variant) {

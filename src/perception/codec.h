@@ -35,9 +35,11 @@ namespace interneuron::perception {
 enum class Variant : std::uint8_t { kRaw = 0, kSampled = 1, kGrey = 2, kJpeg = 3 };
 inline constexpr std::size_t kVariants = 4;
 
-inline constexpr int kRawWidth = 484;   // pixels; 484 x 361 x 3 B = 524,172 B, the paper's "512 KB"
-inline constexpr int kRawHeight = 361;  // pixels; same
-inline constexpr int kSampledWidth = 242;  // pixels; every second of the raw's: 131,406 B, "128 KB"
+// The raw image in pixels: 484 x 361 x 3 bytes are 524,172 bytes, the paper's "512 KB".
+inline constexpr int kRawWidth = 484;
+inline constexpr int kRawHeight = 361;
+// The sampled image has every second pixel of the raw one: 131,406 bytes, the paper's "128 KB".
+inline constexpr int kSampledWidth = 242;
 inline constexpr int kSampledHeight = 181;
 inline constexpr std::size_t kImageHeaderBytes = 16;
 // A frame of the demo's video has 76 KB at this quality (docs/constants.md, "Images and
@@ -66,10 +68,14 @@ constexpr std::size_t encoded_size(Variant variant) {
 
 // One variant of one frame.
 struct Image {
-  cv::Mat bgr{};  // 8 bits, 3 channels (grey: all equal); shared: do not write to it
+  // 8 bits and 3 channels, which are equal in a grey image. Copies share the pixels: nobody writes
+  // to them.
+  cv::Mat bgr{};
   Variant variant = Variant::kRaw;
-  std::uint32_t frame = 0;    // 0-based index in the source
-  cv::Size source{768, 576};  // pixels, 1 … 65535 each
+  // The index in the source, from 0.
+  std::uint32_t frame = 0;
+  // The sides of the frame that the image was made of, in pixels: 1 … 65535 each.
+  cv::Size source{768, 576};
 };
 
 // The variant of a frame: raw is the frame resized by area to 484 x 361, whatever its aspect;

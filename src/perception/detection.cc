@@ -9,7 +9,8 @@
 namespace interneuron::perception {
 namespace {
 
-constexpr std::uint16_t kMagic = 0x4458;  // "DX"
+// "DX", the first two bytes of a result message.
+constexpr std::uint16_t kMagic = 0x4458;
 constexpr std::uint8_t kVersion = 1;
 constexpr std::uint8_t kFlagLate = 1;
 constexpr std::uint8_t kFlagReleased = 2;

@@ -30,7 +30,8 @@ namespace {
 
 constexpr std::string_view kRemedy =
     "give --video FILE, FOLDER or camera:N, or run scripts/fetch_data.sh";
-constexpr int kMaxSide = 65535;  // pixels; what the messages can say (codec.h)
+// The longest side in pixels that a message can say (codec.h).
+constexpr int kMaxSide = 65535;
 constexpr std::array<std::string_view, 9> kPictureSuffixes = {
     ".bmp", ".jpeg", ".jpg", ".pgm", ".png", ".ppm", ".tif", ".tiff", ".webp"};
 

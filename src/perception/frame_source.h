@@ -12,13 +12,15 @@
 namespace interneuron::perception {
 
 struct Frame {
-  cv::Mat bgr{};  // 8 bits, 3 channels, not empty; owned by the frame
-  int index = 0;  // 0-based position in the source; begins again at 0 when a source loops
+  // 8 bits and 3 channels, not empty; the frame owns it.
+  cv::Mat bgr{};
+  // The position in the source, from 0; it begins again at 0 when a source loops.
+  int index = 0;
 };
 
 struct FrameSourceOptions {
-  bool loop = false;  // at the end of a file or folder begin again; a camera or stream has no end
-                      // to loop at
+  // Whether a file or folder begins again at its end; a camera or stream has none.
+  bool loop = false;
 };
 
 // Move-only; one thread at a time.
@@ -48,7 +50,8 @@ class FrameSource {
 
   std::unique_ptr<Reader> reader_;
   FrameSourceOptions options_;
-  std::optional<cv::Mat> pending_;  // the frame read by the constructor
+  // The constructor reads the first frame, to fail early; next() hands it out.
+  std::optional<cv::Mat> pending_;
   int next_index_ = 0;
 };
 

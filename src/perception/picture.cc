@@ -10,14 +10,17 @@
 namespace interneuron::perception {
 namespace {
 
-const cv::Scalar kBoxColour(60, 220, 60);     // BGR; green shows on asphalt
-const cv::Scalar kTextColour(255, 255, 255);  // BGR
-const cv::Scalar kStripColour(40, 40, 40);    // BGR
+// Colours are blue, green, red. Green shows on asphalt.
+const cv::Scalar kBoxColour(60, 220, 60);
+const cv::Scalar kTextColour(255, 255, 255);
+const cv::Scalar kStripColour(40, 40, 40);
 constexpr int kFont = cv::FONT_HERSHEY_SIMPLEX;
-constexpr double kScoreScale = 0.4;  // of the font's 22 pixels
+// The size of scores, as a share of the font's 22 pixels.
+constexpr double kScoreScale = 0.4;
 constexpr double kCaptionScale = 0.5;
-constexpr int kLineHeight = 22;  // pixels, of the caption
-constexpr int kMargin = 6;       // pixels
+// The caption's line height and margin, in pixels.
+constexpr int kLineHeight = 22;
+constexpr int kMargin = 6;
 
 // Cuts the caption into lines that fit.
 std::vector<std::string> wrap(const std::string& caption, int width) {

@@ -15,7 +15,8 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little, "points travel as they lie in memory");
 
-constexpr std::uint16_t kMagic = 0x5043;  // "PC"
+// "PC", the first two bytes of a point cloud message.
+constexpr std::uint16_t kMagic = 0x5043;
 constexpr std::uint8_t kVersion = 1;
 constexpr int kKittiFields = 4;
 constexpr int kNuScenesFields = 5;

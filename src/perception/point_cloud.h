@@ -62,7 +62,8 @@ inline constexpr std::size_t kCloudVariants = 3;
 struct Cloud {
   Points points{};
   CloudVariant variant = CloudVariant::kRaw;
-  std::uint32_t frame = 0;  // 0-based index in the source
+  // The index in the source, from 0.
+  std::uint32_t frame = 0;
 };
 
 // Requires at most kMaxPoints points.
