@@ -29,6 +29,7 @@
 #include <vector>
 
 #include "host/io/file_descriptor.h"
+#include "interneuron/sizes.h"
 #include "netns/state/check.h"
 #include "netns/state/error.h"
 #include "netns/state/hosts.h"
@@ -42,8 +43,8 @@ namespace interneuron::netns {
 namespace {
 
 // Bytes of UDP payload, and of the IP packet around it.
-constexpr std::size_t kDatagram = 1400;
-constexpr std::size_t kIpBytes = kDatagram + 28;
+constexpr std::size_t kDatagram = kMaxDatagramBytes;
+constexpr std::size_t kIpBytes = kDatagram + kIpv4UdpBytes;
 // Datagrams per system call.
 constexpr int kBatch = 32;
 // Socket buffers, in bytes. No measurement is behind this value: it only has to be so large that

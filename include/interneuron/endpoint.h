@@ -15,6 +15,7 @@
 #include "interneuron/link.h"
 #include "interneuron/pipeline.h"
 #include "interneuron/policy.h"
+#include "interneuron/sizes.h"
 #include "interneuron/submit_status.h"
 #include "interneuron/units.h"
 
@@ -34,9 +35,6 @@ struct Transmit {
   std::size_t size = 0;
 };
 
-// The largest UDP payload, in bytes: a carrier is known to reorder IP packets above 1440 bytes
-// (docs/constants.md, "Datagrams and sockets"), and 1400 leaves room for IPv6 and a tunnel.
-inline constexpr std::size_t kMaxDatagramBytes = 1400;
 
 // What an endpoint is made of.
 struct EndpointOptions {

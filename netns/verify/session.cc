@@ -10,6 +10,7 @@
 
 #include "host/process/failure.h"
 #include "host/process/signals.h"
+#include "interneuron/sizes.h"
 #include "netns/testbed/testbed.h"
 #include "netns/verify/effort.h"
 #include "netns/verify/processes.h"
@@ -259,7 +260,7 @@ void Session::measure_batch(Direction d, const std::vector<std::size_t>& slots) 
   for (const std::size_t slot : slots) {
     IperfFlow flow{link(slot), d, port_of(kFirstRatePort, slot, d), kRatePayload, 0};
     flow.payload_bits_per_second = present_mbit(state_, options_.links[slot], d) * 1e6 * kOffered *
-                                   kRatePayload / (kRatePayload + kUdpIpHeaders);
+                                   kRatePayload / (kRatePayload + kIpv4UdpBytes);
     captures.push_back(capture(receiver_of(flow.link, d), flow.link, {flow.port}, false));
     wanted.emplace_back(slot, flow);
   }
@@ -291,7 +292,7 @@ Session::Flows Session::start_window_flows(Duration length) {
     for (const Direction d : {Direction::kUp, Direction::kDown}) {
       IperfFlow flow{link(slot), d, port_of(kFirstPort, slot, d), kSmallPayload, 0};
       const double most = kSmallShare * present_mbit(state_, options_.links[slot], d) * 1e6 / 8 /
-                          static_cast<double>(kSmallPayload + kUdpIpHeaders);
+                          static_cast<double>(kSmallPayload + kIpv4UdpBytes);
       const bool bursty = asked_of(flow.link, d, {}, 0).gilbert_elliott.has_value();
       const double per_second =
           std::max(1.0, std::min(std::clamp(bursty ? kBurstyFactor * wanted : wanted,
@@ -350,7 +351,7 @@ void Session::measure_window() {
       const std::size_t index = options_.links[slot];
       direction(slot, d).counted = difference(counters(before, index, d), counters(end, index, d));
       direction(slot, d).asked =
-          asked_of(link(slot), d, direction(slot, d).counted, kSmallPayload + kUdpIpHeaders);
+          asked_of(link(slot), d, direction(slot, d).counted, kSmallPayload + kIpv4UdpBytes);
     }
     collect_window(slot, captures[slot], parse_ping(pings[slot].output()));
     e.from = from - epoch_;

@@ -12,8 +12,6 @@
 
 namespace interneuron::cli::verify {
 
-// Bytes of the IPv4 header without options and of the UDP header.
-inline constexpr std::size_t kUdpIpHeaders = 28;
 // Bytes of UDP payload in the flows of the window: small, so that they hardly make a queue.
 inline constexpr std::size_t kSmallPayload = 100;
 // IP bytes of an echo request: ping's 56 bytes of data with the headers of ICMP and IPv4.

@@ -31,8 +31,6 @@ constexpr double kMaxTimeoutMs = 60'000;
 constexpr Duration kLiveEvery = std::chrono::milliseconds(200);
 constexpr Duration kFarewell =
     std::chrono::seconds(2);  // chosen: after Ctrl-C people wait no longer
-constexpr std::size_t kIpv4Udp = 28;
-constexpr std::size_t kIpv6Udp = 48;
 
 Address peer_address(const ProbeOptions& options, const std::string& text, const char* option) {
   return resolve_peer(text, option, options.stamp.value_or(kDefaultPort));
@@ -137,7 +135,7 @@ probe::Options Prober::session_options(const io::Nic& nic, const Address& peer) 
   o.timeout = from_ms(options_.timeout_ms);
   o.size = options_.size;
   o.rate = !options_.no_rate;
-  o.ip_udp_bytes = is_ipv6(peer) ? kIpv6Udp : kIpv4Udp;
+  o.ip_udp_bytes = is_ipv6(peer) ? kIpv6UdpBytes : kIpv4UdpBytes;
   const std::size_t room = nic.mtu - std::min(nic.mtu, o.ip_udp_bytes);
   o.train_size = std::min(room, kMaxDatagramBytes);
   if (o.size > o.train_size) {

@@ -8,7 +8,7 @@
 
 #include "app/doctor/judge_nic.h"
 #include "host/io/udp_socket.h"
-#include "interneuron/endpoint.h"
+#include "interneuron/sizes.h"
 
 namespace interneuron::cli::doctor {
 namespace {
@@ -208,7 +208,7 @@ Finding judge_path(const io::PathMtu& path, std::size_t nic_mtu) {
     finding.found = "the peer does not answer echo requests of any size";
     return finding;
   }
-  const std::size_t largest = kMaxDatagramBytes + 28;
+  const std::size_t largest = kMaxPacketBytes;
   const std::size_t used = std::min(largest, nic_mtu);
   if (fails == 0 || passes >= used) {
     finding.verdict = Verdict::kOk;

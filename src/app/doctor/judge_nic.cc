@@ -6,7 +6,7 @@
 #include <cerrno>
 #include <cstring>
 
-#include "interneuron/endpoint.h"
+#include "interneuron/sizes.h"
 
 namespace interneuron::cli::doctor {
 namespace {
@@ -20,8 +20,8 @@ constexpr int kStrict = 1;
 constexpr int kLoose = 2;
 // RFC 8200 section 5.
 constexpr std::size_t kSmallestIpv6Mtu = 1280;
-// Our largest datagram with the headers of IPv4 and UDP.
-constexpr std::size_t kFullMtu = kMaxDatagramBytes + 28;
+// Carries our largest datagram over IPv4.
+constexpr std::size_t kFullMtu = kMaxDatagramBytes + kIpv4UdpBytes;
 // To this the NIC's index is added for the table and metric of a proposed route, so that no two
 // NICs share one. No measurement is behind this value: it only has to be apart from the numbers of
 // the system's own tools (table 254, metrics 100 to 700 of NetworkManager).

@@ -161,7 +161,7 @@ void TestbedVehicle::done(const RoundDone& event, const RoundRow& row) {
 void TestbedVehicle::finished(const std::vector<Statistics::Link>& links) {
   Json bytes = Json::array();
   const auto ip = [](std::uint64_t packets, std::uint64_t payload) {
-    return payload + packets * wire::kIpUdpOverhead;
+    return payload + packets * kIpUdpBytes;
   };
   for (const Statistics::Link& link : links) {
     const LinkCounters& c = link.counters;

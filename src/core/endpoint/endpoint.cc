@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <deque>
 
+#include "core/base/earliest.h"
 #include "core/endpoint/own_time.h"
 #include "core/peers/peers.h"
 #include "core/rounds/rounds.h"
@@ -79,9 +80,7 @@ class Endpoint::Impl {
 
   std::optional<TimePoint> next_timeout() const {
     const TimePoint now = time_.now();
-    std::optional<TimePoint> next = rounds_.next_timeout();
-    const std::optional<TimePoint> of_peers = peers_.next_timeout(now);
-    if (of_peers && (!next || *of_peers < *next)) next = of_peers;
+    std::optional<TimePoint> next = earliest(rounds_.next_timeout(), peers_.next_timeout(now));
     // What is due already is due now: the peer's bytes may make an instant of any value.
     if (next) *next = time_.host(std::max(*next, now));
     return next;

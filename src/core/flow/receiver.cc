@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "core/base/earliest.h"
 #include "core/wire/round_header.h"
 
 namespace interneuron::flow {
@@ -163,9 +164,7 @@ std::size_t Reassembler::expire(TimePoint now) {
 
 std::optional<TimePoint> Reassembler::next_timeout() const {
   std::optional<TimePoint> next;
-  for (const auto& [message, partial] : partials_) {
-    if (!next || partial.expires < *next) next = partial.expires;
-  }
+  for (const auto& [message, partial] : partials_) next = earliest(next, partial.expires);
   return next;
 }
 

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "core/base/earliest.h"
+
 namespace interneuron::flow {
 namespace {
 
@@ -102,7 +104,7 @@ MessageId Sender::send(TimePoint now, TimePoint deadline, Duration lifetime, Byt
   if (paths.empty() || bytes.empty() || deadline <= now) return id;
 
   Message m;
-  const std::size_t chunk = max_datagram - wire::kFragmentOverhead;
+  const std::size_t chunk = max_datagram - kPieceOverheadBytes;
   const std::size_t count = (bytes.size() + chunk - 1) / chunk;
   if (count > UINT16_MAX) return id;
   m.chunk = static_cast<std::uint16_t>(chunk);
@@ -181,7 +183,7 @@ std::optional<Sender::Piece> Sender::poll(TimePoint now, LinkId path_id) {
     Message& m = messages_.at(job->message);
     const std::size_t offset = std::size_t{*index} * m.chunk;
     const std::size_t size = std::min<std::size_t>(m.chunk, m.bytes.size() - offset);
-    const std::size_t ip_bytes = size + wire::kFragmentOverhead + wire::kIpUdpOverhead;
+    const std::size_t ip_bytes = size + kPieceOverheadBytes + kIpUdpBytes;
     const bool more_waits = job->next < m.count || !job->again.empty() || path.jobs.size() > 1;
     const std::uint64_t number =
         path.sent.add(now, ip_bytes, more_waits, SentPackets::Piece{job->message, *index});
@@ -236,20 +238,17 @@ std::optional<TimePoint> Sender::expected_arrival(TimePoint now, MessageId id,
   const Message& m = messages_.at(id);
   if (m.pieces[index].under_way == 0) return std::nullopt;
   std::optional<TimePoint> best;
-  const auto consider = [&best](TimePoint t) {
-    if (!best || t < *best) best = t;
-  };
   for (const auto& [link, path] : paths_) {
     if (!path.view.up) continue;
     const auto job = std::ranges::find(path.jobs, id, &Job::message);
     if (job != path.jobs.end() && (index >= job->next || is_again(*job, index))) {
       const std::size_t ahead = index >= job->next ? index - job->next + 1U : job->again.size();
       const DataRate rate = path.view.rate.value_or(kBlindRate);
-      consider(now + std::min<Duration>(rate.transmit_time(ahead * m.chunk), kNever) +
-               path.view.one_way);
+      const Duration air = std::min<Duration>(rate.transmit_time(ahead * m.chunk), kNever);
+      best = earliest(best, now + air + path.view.one_way);
     }
     const auto sent_at = path.sent.sent_at({id, index});
-    if (sent_at) consider(*sent_at + path.view.one_way);
+    if (sent_at) best = earliest(best, *sent_at + path.view.one_way);
   }
   return best;
 }
@@ -263,7 +262,7 @@ bool Sender::repair(TimePoint now, MessageId id, std::uint16_t index) {
   TimePoint best_arrival = TimePoint::max();
   for (auto& [link, path] : paths_) {
     const bool may_carry =
-        m.repairs.test(link.value) && path.max_datagram >= m.chunk + wire::kFragmentOverhead;
+        m.repairs.test(link.value) && path.max_datagram >= m.chunk + kPieceOverheadBytes;
     if (!path.view.up || !may_carry) continue;
     const DataRate rate = path.view.rate.value_or(kBlindRate);
     const Duration queue =
@@ -311,14 +310,10 @@ void Sender::handle_timeout(TimePoint now) {
 
 std::optional<TimePoint> Sender::next_timeout() const {
   std::optional<TimePoint> next;
-  const auto consider = [&next](TimePoint t) {
-    if (!next || t < *next) next = t;
-  };
   for (const auto& [link, path] : paths_) {
-    const auto silent_at = path.sent.silent_at(silence_of(path.view));
-    if (silent_at) consider(*silent_at);
+    next = earliest(next, path.sent.silent_at(silence_of(path.view)));
   }
-  for (const auto& [id, message] : messages_) consider(message.deadline);
+  for (const auto& [id, message] : messages_) next = earliest(next, message.deadline);
   return next;
 }
 

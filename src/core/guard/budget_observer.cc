@@ -43,8 +43,6 @@ void add(Worth& to, const Worth& w, double share) {
   to.value += w.value * share;
 }
 
-bool older(RoundId a, RoundId b) { return static_cast<std::int32_t>(b.value - a.value) > 0; }
-
 }  // namespace
 
 BudgetObserver::Computation& BudgetObserver::after(std::size_t stage) {
@@ -57,15 +55,9 @@ BudgetObserver::Computation* BudgetObserver::before(const StageEnd& end) {
   for (std::size_t stage = end.stage; stage-- > 0;) {
     Computation* c = after_[stage].get();
     if (c == nullptr) continue;
-    const Entry* entry = find(*c, end.round);
-    if (entry != nullptr && entry->begun) return c;
+    if (c->rounds.find(end.round) != nullptr) return c;
   }
   return nullptr;
-}
-
-BudgetObserver::Entry* BudgetObserver::find(Computation& c, RoundId round) {
-  Entry& entry = c.ring[round.value % kRing];
-  return entry.used && entry.round == round ? &entry : nullptr;
 }
 
 void BudgetObserver::learn(TimePoint now, RoundId current, const Indicator& indicator,
@@ -84,8 +76,8 @@ void BudgetObserver::settle(TimePoint now, RoundId round, RoundState state, E2e 
 
 void BudgetObserver::settle(Computation& c, TimePoint now, RoundId round, RoundState state,
                             E2e e2e) {
-  Entry* entry = find(c, round);
-  if (entry == nullptr || !entry->begun || !entry->ended || entry->known) return;
+  Entry* entry = c.rounds.find(round);
+  if (entry == nullptr || !entry->ended || entry->known) return;
   ResidualLaw::Sample sample;
   sample.round = round;
   sample.at = now;
@@ -110,12 +102,14 @@ void BudgetObserver::settle(Computation& c, TimePoint now, RoundId round, RoundS
 
 void BudgetObserver::note_arrival(TimePoint now, const StageEnd& end) {
   if (end.is_computation || end.degraded) return;
-  Better& b = after(end.stage).better[end.round.value % kRing];
-  if (!b.used || b.round != end.round) {
-    if (b.used && older(end.round, b.round)) return;
-    b = {end.round, true, now, std::nullopt};
+  RoundRing<Better>& rounds = after(end.stage).better;
+  Better* b = rounds.find(end.round);
+  if (b == nullptr) {
+    b = rounds.enter(end.round);
+    if (b == nullptr) return;
+    b->at = now;
   }
-  if (end.variant == end.best_planned && !b.theta) b.theta = elapsed_across(end.t0, now);
+  if (end.variant == end.best_planned && !b->theta) b->theta = elapsed_across(end.t0, now);
 }
 
 BudgetObserver::Chances BudgetObserver::chances(const Computation& c, const ResidualLaw::Near& law,
@@ -143,18 +137,18 @@ StageGuard::Hold BudgetObserver::hold(TimePoint now, const StageEnd& end,
   const Duration theta = elapsed_across(end.t0, now);
   // When the better variant may still come, judged by the rounds in which it was not there either
   // after so long. One round more in which it never came is assumed.
-  std::array<Duration, kRing> ahead;
+  std::array<Duration, kRoundSlots> ahead;
   std::size_t coming = 0;
   std::size_t rounds = 1;
-  for (const Better& b : c.better) {
-    if (!b.used || b.round == end.round || now - b.at > kRecent) continue;
+  c.better.for_each([&](RoundId round, const Better& b) {
+    if (round == end.round || now - b.at > kRecent) return;
     if (!b.theta) {
       if (now - b.at > end.deadline) ++rounds;
     } else if (wrapping_sub(b.theta->count(), theta.count()) > 0) {
       ++rounds;
       ahead[coming++] = difference(*b.theta, theta);
     }
-  }
+  });
   std::sort(ahead.begin(), ahead.begin() + static_cast<std::ptrdiff_t>(coming));
   Hold out{now, false, true};
   const Duration margin = end.deadline / kMargin;
@@ -213,7 +207,7 @@ Verdict BudgetObserver::finish(TimePoint now, const StageEnd& end, Duration thet
   if (!end.is_computation) return verdict;
   Computation* c = before(end);
   if (c == nullptr) return verdict;
-  Entry& entry = *find(*c, end.round);
+  Entry& entry = *c->rounds.find(end.round);
   const bool first = !entry.ended;
   entry.end = theta;
   entry.ended = true;
@@ -256,17 +250,15 @@ LevelChoice BudgetObserver::begin_computation(TimePoint now, const StageEnd& end
     c.has_chosen = true;
     c.last_level = choice.level;
   }
-  Entry& entry = c.ring[end.round.value % kRing];
-  if (entry.used && older(end.round, entry.round)) return choice;
-  entry = Entry{};
-  entry.round = end.round;
-  entry.used = entry.begun = true;
-  entry.level = choice.level;
-  entry.start = theta;
-  entry.before = before.value_or(Duration::zero());
-  entry.median = levels[choice.level].median;
-  entry.expected = c.speed.expected(choice.level, entry.median);
-  entry.deadline = end.deadline;
+  Entry* entry = c.rounds.enter(end.round);
+  if (entry == nullptr) return choice;
+  *entry = Entry{};
+  entry->level = choice.level;
+  entry->start = theta;
+  entry->before = before.value_or(Duration::zero());
+  entry->median = levels[choice.level].median;
+  entry->expected = c.speed.expected(choice.level, entry->median);
+  entry->deadline = end.deadline;
   return choice;
 }
 
@@ -275,8 +267,8 @@ void BudgetObserver::reset() {
     if (!c) continue;
     c->law.drop_bases();
     c->starts.clear();
-    c->ring = {};
-    c->better = {};
+    c->rounds.clear();
+    c->better.clear();
   }
 }
 

@@ -10,6 +10,7 @@
 #include <array>
 #include <memory>
 
+#include "core/base/round_ring.h"
 #include "core/guard/choice.h"
 #include "core/guard/residual_law.h"
 #include "core/guard/stage_guard.h"
@@ -38,14 +39,8 @@ class BudgetObserver final : public StageGuard {
   void reset() override;
 
  private:
-  // Rounds in flight or whose outcome was not told yet: four times what an indicator tells.
-  static constexpr std::size_t kRing = 64;
-
   // A round at the computation after one communication.
   struct Entry {
-    RoundId round{};
-    bool used = false;
-    bool begun = false;  // by begin_computation()
     bool ended = false;
     bool known = false;  // its end-to-end time was learnt
     bool beyond = false;
@@ -59,8 +54,6 @@ class BudgetObserver final : public StageGuard {
   };
   // When the better of a message's variants came; what holding one of the others is judged by.
   struct Better {
-    RoundId round{};
-    bool used = false;
     TimePoint at{};
     std::optional<Duration> theta;
   };
@@ -69,8 +62,8 @@ class BudgetObserver final : public StageGuard {
     ResidualLaw law;
     Recent starts;  // θ by variant and mode
     Speed speed;
-    std::array<Entry, kRing> ring{};
-    std::array<Better, kRing> better{};
+    RoundRing<Entry> rounds;
+    RoundRing<Better> better;
     std::vector<LevelProfile> levels;  // as last told
     std::size_t last_level = 0;
     bool has_chosen = false;
@@ -79,7 +72,6 @@ class BudgetObserver final : public StageGuard {
   Computation& after(std::size_t stage);
   // The computation that a computation stage of this round belongs to.
   Computation* before(const StageEnd& end);
-  static Entry* find(Computation& c, RoundId round);
   static void settle(Computation& c, TimePoint now, RoundId round, RoundState state, E2e e2e);
   static void remember(Computation& c, std::span<const LevelProfile> levels);
   // P(on time) per level, of c.levels, when so much is left.

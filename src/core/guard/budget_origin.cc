@@ -34,11 +34,6 @@ std::span<const LevelProfile> BudgetOrigin::levels() const {
   return configured_.empty() ? learnt_ : configured_;
 }
 
-BudgetOrigin::Entry* BudgetOrigin::find(RoundId round) {
-  Entry& entry = ring_[round.value % kRing];
-  return entry.used && entry.round == round ? &entry : nullptr;
-}
-
 Duration BudgetOrigin::bias(TimePoint now, std::uint8_t key, bool as_forecast) const {
   // What all modes have in common, by the one tried last.
   std::uint8_t last = key;
@@ -155,20 +150,17 @@ bool BudgetOrigin::choose_degraded(TimePoint now, RoundId round, const Sent&, Du
     choice = !choice;
   }
   tried_[choice ? 1 : 0] = now;
-  Entry& entry = ring_[round.value % kRing];
-  entry = Entry{};
-  entry.round = round;
-  entry.used = true;
-  entry.degraded = choice;
-  entry.forecast = choice ? degraded : normal;
-  for (auto& at : entry.forecast) {
+  Entry* entry = chosen_.enter(round);
+  if (entry == nullptr) return choice;
+  *entry = {.known = false, .degraded = choice, .forecast = choice ? degraded : normal};
+  for (auto& at : entry->forecast) {
     if (at) *at += since;
   }
   return choice;
 }
 
 void BudgetOrigin::result(TimePoint now, RoundId round, Duration e2e, const Spent& spent) {
-  Entry* entry = find(round);
+  Entry* entry = chosen_.find(round);
   if (entry == nullptr || entry->known || !spent.variant || *spent.variant >= kMaxVariants ||
       !spent.computed) {
     return;
@@ -197,7 +189,7 @@ void BudgetOrigin::result(TimePoint now, RoundId round, Duration e2e, const Spen
 }
 
 void BudgetOrigin::missed(TimePoint now, RoundId round) {
-  const Entry* entry = find(round);
+  const Entry* entry = chosen_.find(round);
   if (entry == nullptr || entry->known) return;
   const auto planned = std::ranges::find_if(entry->forecast, [](const auto& f) { return !!f; });
   const auto computed = computed_.median_of_all(now);

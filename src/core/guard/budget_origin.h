@@ -8,6 +8,7 @@
 // thread-compatible; bounded.
 #pragma once
 
+#include "core/base/round_ring.h"
 #include "core/guard/choice.h"
 #include "core/guard/residual_law.h"
 #include "core/guard/round_guard.h"
@@ -32,11 +33,7 @@ class BudgetOrigin final : public RoundGuard {
                                 const Forecast& forecast, bool as_forecast = false) const;
 
  private:
-  // Rounds in flight: four times what an indicator tells.
-  static constexpr std::size_t kRing = 64;
   struct Entry {
-    RoundId round{};
-    bool used = false;
     bool known = false;  // its end-to-end time was learnt
     bool degraded = false;
     Forecast forecast{};  // from t0
@@ -50,7 +47,6 @@ class BudgetOrigin final : public RoundGuard {
     bool beyond = false;     // it lost more than that
   };
 
-  Entry* find(RoundId round);
   Duration bias(TimePoint now, std::uint8_t key, bool as_forecast) const;
   Worth worth_at(Duration clean, std::uint8_t variant) const;
   void learn(TimePoint now, const ResidualLaw::Sample& sample);
@@ -68,7 +64,7 @@ class BudgetOrigin final : public RoundGuard {
   std::array<double, kClasses> rounds_{};            // per class
   Speed speed_;
   Recent computed_;
-  std::array<Entry, kRing> ring_{};
+  RoundRing<Entry> chosen_;
   std::array<std::optional<TimePoint>, 2> tried_{};  // by mode
   double exploration_ = 0;                           // rounds that may be spent
 };

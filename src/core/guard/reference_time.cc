@@ -18,22 +18,9 @@ Duration smoothed(Duration base, Duration theta) {
       wrapping_add(theta.count(), difference / kPermille * k + (rest + half) / kPermille)};
 }
 
-ReferenceTime::Entry& ReferenceTime::entry(RoundId round) {
-  Entry& e = ring_[round.value % kRing];
-  if (!e.used || e.round != round) {
-    e = Entry{};
-    e.round = round;
-    e.used = true;
-  }
-  return e;
-}
-
 void ReferenceTime::observe(RoundId round, std::size_t stage, Duration theta) {
-  Entry& slot = ring_[round.value % kRing];
-  // A straggler from more than kRing rounds ago must not push out a younger round.
-  if (slot.used && static_cast<std::int32_t>(slot.round.value - round.value) > 0) return;
-  Entry& e = entry(round);
-  if (!e.settled) e.theta[stage - 1] = theta;
+  Entry* e = rounds_.enter(round);
+  if (e != nullptr && !e->settled) e->theta[stage - 1] = theta;
 }
 
 void ReferenceTime::learn(TimePoint now, RoundId current, const Indicator& indicator) {
@@ -44,13 +31,13 @@ void ReferenceTime::learn(TimePoint now, RoundId current, const Indicator& indic
 }
 
 void ReferenceTime::settle(TimePoint now, RoundId round, RoundState state) {
-  Entry& e = ring_[round.value % kRing];
-  if (!e.used || e.round != round || e.settled || state == RoundState::kUnknown) return;
-  e.settled = true;
+  Entry* e = rounds_.find(round);
+  if (e == nullptr || e->settled || state == RoundState::kUnknown) return;
+  e->settled = true;
   if (state != RoundState::kOnTime) return;
   for (std::size_t stage = 0; stage < kMaxStages; ++stage) {
-    if (!e.theta[stage]) continue;
-    base_[stage] = base_[stage] ? smoothed(*base_[stage], *e.theta[stage]) : *e.theta[stage];
+    if (!e->theta[stage]) continue;
+    base_[stage] = base_[stage] ? smoothed(*base_[stage], *e->theta[stage]) : *e->theta[stage];
     accepted_at_ = now;
   }
 }
@@ -61,7 +48,7 @@ std::optional<Duration> ReferenceTime::base(TimePoint now, std::size_t stage) {
 }
 
 void ReferenceTime::reset() {
-  ring_ = {};
+  rounds_.clear();
   base_ = {};
   accepted_at_.reset();
 }

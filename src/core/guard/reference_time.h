@@ -10,6 +10,7 @@
 #include <cstdint>
 #include <optional>
 
+#include "core/base/round_ring.h"
 #include "interneuron/pipeline.h"
 #include "interneuron/time.h"
 
@@ -19,8 +20,6 @@ class ReferenceTime {
  public:
   // k, the weight of the old base, in 1/1000; the paper's evaluation has 0.3.
   static constexpr std::int64_t kSmoothingPermille = 300;
-  // Rounds remembered: four times what an indicator tells.
-  static constexpr std::size_t kRing = 64;
   // Bases are dropped after so long without a new history (docs/paper.md, "Clock steps").
   static constexpr Duration kForget = std::chrono::seconds(60);
 
@@ -37,14 +36,11 @@ class ReferenceTime {
 
  private:
   struct Entry {
-    RoundId round{};
-    bool used = false;
     bool settled = false;
     std::array<std::optional<Duration>, kMaxStages> theta{};
   };
-  Entry& entry(RoundId round);
 
-  std::array<Entry, kRing> ring_{};
+  RoundRing<Entry> rounds_;
   std::array<std::optional<Duration>, kMaxStages> base_{};
   std::optional<TimePoint> accepted_at_;
 };

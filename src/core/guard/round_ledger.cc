@@ -62,7 +62,7 @@ RoundLedger::Begun RoundLedger::begin(TimePoint now) {
   Begun begun{{self_, config_.id, round},
               now,
               guard_->begin(observer_->base(now, config_.stages.size()), config_.deadline)};
-  past_[round.value % kRing] = {round, RoundState::kUnknown, now, std::nullopt};
+  past_.enter(round)->t0 = now;
   open_.push_back({begun, std::nullopt, false});
   return begun;
 }
@@ -70,7 +70,7 @@ RoundLedger::Begun RoundLedger::begin(TimePoint now) {
 Indicator RoundLedger::indicator(RoundId round) const {
   Indicator out{};
   for (std::uint32_t i = 0; i < out.size() && i < round.value; ++i) {
-    out[i] = past_[(round.value - 1 - i) % kRing].state;
+    if (const Past* past = past_.find(RoundId{round.value - 1 - i})) out[i] = past->state;
   }
   return out;
 }
@@ -78,7 +78,7 @@ Indicator RoundLedger::indicator(RoundId round) const {
 RecentE2e RoundLedger::recent_e2e(RoundId round) const {
   RecentE2e out{};
   for (std::uint32_t i = 0; i < out.size() && i < round.value; ++i) {
-    out[i] = past_[(round.value - 1 - i) % kRing].e2e;
+    if (const Past* past = past_.find(RoundId{round.value - 1 - i})) out[i] = past->e2e;
   }
   return out;
 }
@@ -127,12 +127,12 @@ std::optional<RoundDone> RoundLedger::remote_result(TimePoint now, RoundId round
 }
 
 void RoundLedger::learn_late(TimePoint now, RoundId round, Bytes result, const Spent& spent) {
-  Past& past = past_[round.value % kRing];
-  if (past.round != round || past.state == RoundState::kOnTime) return;
-  const Duration e2e = now - past.t0;
+  Past* past = past_.find(round);
+  if (past == nullptr || past->state == RoundState::kOnTime) return;
+  const Duration e2e = now - past->t0;
   // Further copies come later still.
-  if (past.e2e && *past.e2e != kNever) return;
-  past.e2e = e2e;
+  if (past->e2e && *past->e2e != kNever) return;
+  past->e2e = e2e;
   guard_->result(now, round, e2e, spent);
   keep_remote(round, result, spent);
 }
@@ -199,14 +199,7 @@ RoundDone RoundLedger::decide(TimePoint now, RoundId round, Outcome outcome) {
   const RoundState state = on_time  ? RoundState::kOnTime
                            : missed ? RoundState::kMissed
                                     : RoundState::kUnknown;
-  Past& past = past_[round.value % kRing];
-  past.state = state;
-  if (on_time) {
-    past.e2e = now - begun.t0;
-  } else if (missed && !past.e2e) {
-    past.e2e = kNever;
-  }
-  observer_->settle(now, round, state, past.e2e);
+  observer_->settle(now, round, state, remember(now, begun, state));
   if (on_time) {
     guard_->on_time(begun.sent);
   } else if (missed) {
@@ -220,6 +213,19 @@ RoundDone RoundLedger::decide(TimePoint now, RoundId round, Outcome outcome) {
   done.recovering = begun.sent.recovering;
   done.x_permille = begun.sent.x_permille;
   return done;
+}
+
+// Returns the round's end-to-end time. One that is so old that it is forgotten is not told of.
+E2e RoundLedger::remember(TimePoint now, const Begun& begun, RoundState state) {
+  Past* past = past_.find(begun.ref.round);
+  if (past == nullptr) return std::nullopt;
+  past->state = state;
+  if (state == RoundState::kOnTime) {
+    past->e2e = now - begun.t0;
+  } else if (state == RoundState::kMissed && !past->e2e) {
+    past->e2e = kNever;
+  }
+  return past->e2e;
 }
 
 void RoundLedger::keep_last(RoundId round, const Bytes& result) {

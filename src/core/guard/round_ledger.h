@@ -9,6 +9,7 @@
 #include <optional>
 #include <vector>
 
+#include "core/base/round_ring.h"
 #include "core/guard/round_guard.h"
 #include "interneuron/pipeline.h"
 
@@ -56,8 +57,6 @@ class RoundLedger {
   StageGuard& observer() { return *observer_; }
 
  private:
-  // Rounds remembered: four times what an indicator tells.
-  static constexpr std::size_t kRing = 64;
   struct Open {
     Begun begun;
     std::optional<Bytes> local;
@@ -70,7 +69,6 @@ class RoundLedger {
   };
   // What is remembered of a round once it is open no more.
   struct Past {
-    RoundId round{};
     RoundState state{};
     TimePoint t0{};
     E2e e2e;
@@ -78,6 +76,7 @@ class RoundLedger {
   Open* find(RoundId round);
   RoundDone decide(TimePoint now, RoundId round, Outcome outcome);
   RoundDone decide_locally(TimePoint now, Open& open);
+  E2e remember(TimePoint now, const Begun& begun, RoundState state);
   void learn_late(TimePoint now, RoundId round, Bytes result, const Spent& spent);
   void keep_last(RoundId round, const Bytes& result);
   void keep_remote(RoundId round, const Bytes& result, const Spent& spent);
@@ -88,8 +87,8 @@ class RoundLedger {
   std::unique_ptr<RoundGuard> guard_;
   std::unique_ptr<StageGuard> observer_;
   std::uint32_t next_round_ = 0;
-  std::deque<Open> open_;            // oldest first
-  std::array<Past, kRing> past_{};   // by round % kRing
+  std::deque<Open> open_;  // oldest first
+  RoundRing<Past> past_;
   std::optional<Last> last_;         // local or remote
   std::optional<Last> last_remote_;  // only where FallbackQuality says what it is worth
 };

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstdio>
 
+#include "core/base/earliest.h"
+
 namespace interneuron::link {
 namespace {
 
@@ -320,11 +322,7 @@ std::optional<TimePoint> PathMachine::next_timeout() const {
   // A path that became the last one changes its state at once: that instant is past.
   if (!usable()) return last_usable_ ? *heard_at_ : next;
   if (state_ == PathState::kOk) next = std::min(next, suspect_at());
-  if (!last_usable_) {
-    next = std::min(next, pulled_at());
-    if (const auto latched = latched_at()) next = std::min(next, *latched);
-  }
-  return next;
+  return last_usable_ ? next : earliest(latched_at(), next, pulled_at());
 }
 
 // Adds the time since the last call to the seconds that it lies in, if the path was not usable.

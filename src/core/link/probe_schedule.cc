@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/base/earliest.h"
+
 namespace interneuron::link {
 namespace {
 
@@ -173,10 +175,7 @@ bool ProbeSchedule::proof_due(TimePoint now) const {
 }
 
 TimePoint ProbeSchedule::next_timeout(TimePoint now) const {
-  TimePoint next = heartbeat_at(now);
-  if (const auto at = train_at(now)) next = std::min(next, *at);
-  if (const auto at = proof_time(now)) next = std::min(next, *at);
-  return next;
+  return *earliest(train_at(now), proof_time(now), heartbeat_at(now));
 }
 
 }  // namespace interneuron::link

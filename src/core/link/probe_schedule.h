@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <optional>
 
+#include "interneuron/sizes.h"
 #include "interneuron/units.h"
 
 namespace interneuron::link {
@@ -94,7 +95,7 @@ class ProbeSchedule {
   bool latched_ = false;
   bool ready_ = false;
   std::size_t heartbeat_bytes_ = 152;
-  std::size_t full_bytes_ = 1428;
+  std::size_t full_bytes_ = kMaxPacketBytes;
   RateEvidence evidence_;
   // When active() or heartbeat_sent() was first called.
   std::optional<TimePoint> begun_at_;

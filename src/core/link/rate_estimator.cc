@@ -2,12 +2,14 @@
 
 #include <algorithm>
 
+#include "interneuron/sizes.h"
+
 namespace interneuron::link {
 namespace {
 
-// Bytes of a train's packet on the wire, kMaxDatagramBytes and the headers of UDP and IPv4, to tell
-// a train's length from its rate. On links with a smaller MTU trains are shorter than this says.
-constexpr std::size_t kPacketBytes = 1428;
+// Bytes of a train's packet on the wire, to tell a train's length from its rate. On links with a
+// smaller MTU trains are shorter than this says.
+constexpr std::size_t kPacketBytes = kMaxPacketBytes;
 
 // Trains are within ±15 % of the rate; a larger ratio means that the rate has changed.
 constexpr double kDisputed = 1.15;

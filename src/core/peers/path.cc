@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/base/earliest.h"
+
 namespace interneuron {
 namespace {
 
@@ -23,8 +25,7 @@ Path::Path(TimePoint now, LinkId id, const Nic& nic, const Address& address, boo
 void Path::begin(TimePoint now) {
   estimator.set_traits(nic_.traits);
   probes.set_metered(nic_.traits.metered || peer_is_metered_);
-  probes.set_sizes(wire::feedback_bytes(1) + wire::kIpUdpOverhead,
-                   nic_.max_datagram + wire::kIpUdpOverhead);
+  probes.set_sizes(wire::feedback_bytes(1) + kIpUdpBytes, nic_.max_datagram + kIpUdpBytes);
   probes.active(now);
   train_left_ = 0;
 }
@@ -133,7 +134,7 @@ bool Path::probe_due(TimePoint now) {
   if (train_next_ > now) return false;
   --train_left_;
   if (train_pace_) {
-    const Duration air = train_pace_->transmit_time(nic_.max_datagram + wire::kIpUdpOverhead);
+    const Duration air = train_pace_->transmit_time(nic_.max_datagram + kIpUdpBytes);
     train_next_ = std::max(train_next_, now - kBurst) + std::min<Duration>(air, kLongest);
   }
   return true;
@@ -141,10 +142,9 @@ bool Path::probe_due(TimePoint now) {
 
 TimePoint Path::next_timeout(TimePoint now) const {
   // Other probes wait for the end of a train, however slow it is and however long they are due.
-  TimePoint next =
+  const TimePoint next =
       train_left_ > 0 ? std::min(probes.heartbeat_at(now), train_next_) : probes.next_timeout(now);
-  if (const auto at = estimator.next_timeout()) next = std::min(next, *at);
-  return next;
+  return *earliest(estimator.next_timeout(), next);
 }
 
 wire::LinkReport Path::report(TimePoint now) const {

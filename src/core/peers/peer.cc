@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "core/base/earliest.h"
 #include "core/link/nature.h"
 
 namespace interneuron {
@@ -105,7 +106,7 @@ Peer::Input Peer::handle(TimePoint now, const wire::Packet& packet, std::size_t 
   path.received(datagram_bytes);
   const bool is_feedback = packet.header.type == wire::PacketType::kFeedback;
   if (!path.receiver.accept(now, packet.header.number, !is_feedback,
-                            datagram_bytes + wire::kIpUdpOverhead)) {
+                            datagram_bytes + kIpUdpBytes)) {
     input.duplicate = true;
     return input;
   }
@@ -239,16 +240,10 @@ std::size_t Peer::handle_timeout(TimePoint now) {
 }
 
 std::optional<TimePoint> Peer::next_timeout(TimePoint now) const {
-  std::optional<TimePoint> next;
-  const auto consider = [&next](std::optional<TimePoint> t) {
-    if (t && (!next || *t < *next)) next = t;
-  };
-  consider(sender_.next_timeout());
-  consider(reassembler_.next_timeout());
-  consider(feedback_at_);
+  auto next = earliest(sender_.next_timeout(), reassembler_.next_timeout(), feedback_at_);
   for (const Path& path : paths_) {
-    consider(path.next_timeout(now));
-    if (path.may_send(kMaxDatagramBytes)) consider(sender_.next_send(path.id()));
+    next = earliest(next, path.next_timeout(now));
+    if (path.may_send(kMaxDatagramBytes)) next = earliest(next, sender_.next_send(path.id()));
   }
   return next;
 }
@@ -306,7 +301,7 @@ std::optional<Transmit> Peer::poll_feedback(TimePoint now, std::span<std::byte> 
 
 Transmit Peer::send_probe(TimePoint now, Path& path, std::span<std::byte> buffer) {
   const std::size_t size = path.nic().max_datagram;
-  const std::uint64_t number = sender_.take_number(now, path.id(), size + wire::kIpUdpOverhead);
+  const std::uint64_t number = sender_.take_number(now, path.id(), size + kIpUdpBytes);
   wire::write_probe(buffer, header(path, wire::PacketType::kProbe, number), size);
   path.sent_probe(now, size);
   return {path.nic().link, path.address(), size};

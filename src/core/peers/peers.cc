@@ -4,15 +4,16 @@
 #include <stdexcept>
 #include <string>
 
+#include "core/base/earliest.h"
+
 namespace interneuron {
 namespace {
 
 // Sessions that a restarted peer had before; stragglers of theirs must not bring them back.
 constexpr std::size_t kRetired = 64;
-constexpr std::size_t kIpv6UdpOverhead = 48;  // the larger one
 // Links with a smaller MTU than IPv6 allows (1280) are not served better by smaller datagrams:
 // eight reports of feedback and the piece count of the largest message fit from here on.
-constexpr std::size_t kMinDatagramBytes = 1280 - kIpv6UdpOverhead;
+constexpr std::size_t kMinDatagramBytes = 1280 - kIpv6UdpBytes;
 
 }  // namespace
 
@@ -71,7 +72,7 @@ PeerId Peers::add(TimePoint now, SessionId session, bool connected) {
 
 Path::Nic Peers::nic(LinkId link) const {
   const LinkInfo& info = links_.at(link).info;
-  const std::size_t payload = info.mtu - std::min(info.mtu, kIpv6UdpOverhead);
+  const std::size_t payload = info.mtu - std::min(info.mtu, kIpv6UdpBytes);
   return {link, std::clamp(payload, kMinDatagramBytes, kMaxDatagramBytes), info.traits};
 }
 
@@ -152,14 +153,10 @@ Peers::Expired Peers::handle_timeout(TimePoint now) {
 }
 
 std::optional<TimePoint> Peers::next_timeout(TimePoint now) const {
-  std::optional<TimePoint> next;
-  const auto consider = [&next](std::optional<TimePoint> t) {
-    if (t && (!next || *t < *next)) next = t;
-  };
-  consider(reflector_.next_timeout());
+  std::optional<TimePoint> next = reflector_.next_timeout();
   for (const auto& [id, peer] : peers_) {
-    consider(peer.next_timeout(now));
-    if (!peer.identity().connected) consider(peer.heard_at() + kPeerSilence);
+    next = earliest(next, peer.next_timeout(now));
+    if (!peer.identity().connected) next = earliest(next, peer.heard_at() + kPeerSilence);
   }
   return next;
 }

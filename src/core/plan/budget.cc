@@ -2,7 +2,8 @@
 
 #include <algorithm>
 
-#include "core/plan/wire_size.h"
+#include "core/base/earliest.h"
+#include "interneuron/sizes.h"
 
 namespace interneuron {
 Duration compute_budget(Duration deadline, std::span<const LinkState> links,
@@ -26,7 +27,7 @@ std::array<std::optional<Duration>, kMaxVariants> forecast_answers(
   for (const LinkState& link : links) {
     if (!is_measured(link)) continue;
     const Duration way = link.rtt_p50 / 2 + link.queue_down;
-    back = back ? std::min(*back, way) : way;
+    back = earliest(back, way);
   }
   std::array<std::optional<Duration>, kMaxVariants> out{};
   if (!back) return out;
@@ -38,13 +39,11 @@ std::array<std::optional<Duration>, kMaxVariants> forecast_answers(
       const bool here = std::ranges::any_of(
           plan.sends, [&](const Assignment& a) { return a.variant == v && a.link == link.id; });
       if (!here) continue;
-      bytes +=
-          static_cast<std::size_t>(static_cast<double>(offer.variant_bytes[v]) * kWireOverhead);
+      bytes += wire_size(offer.variant_bytes[v]);
       Duration there = link.queue_up + link.rtt_p50 / 2 +
                        std::min<Duration>(link.rate.transmit_time(bytes), std::chrono::hours(1));
       if (v < offer.costs.size()) there += offer.costs[v].here + offer.costs[v].there;
-      const Duration answered = there + *back;
-      out[v] = out[v] ? std::min(*out[v], answered) : answered;
+      out[v] = earliest(out[v], there + *back);
     }
   }
   return out;

@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
-#include "core/plan/wire_size.h"
 #include "interneuron/policy.h"
+#include "interneuron/sizes.h"
 
 namespace interneuron {
 namespace {

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "core/base/earliest.h"
+
 namespace interneuron {
 namespace {
 
@@ -98,9 +100,7 @@ std::optional<TimePoint> EchoReflector::next_timeout() const {
   std::optional<TimePoint> next;
   if (!delayed_.empty()) next = delayed_.begin()->first;
   for (const Path& path : paths_) {
-    if (path.held.empty()) continue;
-    const TimePoint due = release_at(path);
-    if (!next || due < *next) next = due;
+    if (!path.held.empty()) next = earliest(next, release_at(path));
   }
   return next;
 }

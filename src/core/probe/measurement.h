@@ -23,6 +23,7 @@
 #include "core/probe/packet_log.h"
 #include "core/probe/summary.h"
 #include "core/wire/packet.h"
+#include "interneuron/sizes.h"
 #include "interneuron/units.h"
 
 namespace interneuron::probe {
@@ -54,9 +55,9 @@ struct Options {
   // Whether to send trains, too.
   bool rate = true;
   // Bytes of UDP payload of a train's packets; raised to `size`.
-  std::size_t train_size = 1400;
-  // Bytes that IP and UDP add to each packet: 28 over IPv4, 48 over IPv6.
-  std::size_t ip_udp_bytes = 28;
+  std::size_t train_size = kMaxDatagramBytes;
+  // Bytes that IP and UDP add to each packet: kIpv4UdpBytes or kIpv6UdpBytes.
+  std::size_t ip_udp_bytes = kIpv4UdpBytes;
   // Our session in the echoes' headers; not 0.
   SessionId session{};
   // The path's name in the echoes' headers.

@@ -4,6 +4,7 @@
 #include <array>
 #include <cassert>
 
+#include "core/base/earliest.h"
 #include "core/wire/packet.h"
 
 namespace interneuron::probe {
@@ -100,7 +101,7 @@ void SilenceTest::handle(TimePoint received, std::size_t index, ByteView datagra
 std::optional<TimePoint> SilenceTest::next_timeout() const {
   std::optional<TimePoint> next;
   for (const Flow& flow : flows_) {
-    if (!is_over(flow) && (!next || flow.next_at < *next)) next = flow.next_at;
+    if (!is_over(flow)) next = earliest(next, flow.next_at);
   }
   return next;
 }

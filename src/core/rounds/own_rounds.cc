@@ -5,6 +5,8 @@
 #include <stdexcept>
 #include <string>
 
+#include "core/base/earliest.h"
+
 namespace interneuron {
 namespace {
 
@@ -99,8 +101,7 @@ std::vector<RoundDone> OwnRounds::expire(TimePoint now) {
 std::optional<TimePoint> OwnRounds::next_timeout() const {
   std::optional<TimePoint> next;
   for (const auto& [id, pipeline] : pipelines_) {
-    const auto t = pipeline.ledger.next_timeout();
-    if (t && (!next || *t < *next)) next = t;
+    next = earliest(next, pipeline.ledger.next_timeout());
   }
   return next;
 }

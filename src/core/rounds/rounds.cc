@@ -4,6 +4,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "core/base/earliest.h"
 #include "core/plan/budget.h"
 #include "core/rounds/round_terms.h"
 
@@ -130,9 +131,7 @@ void Rounds::expire(TimePoint now) {
 }
 
 std::optional<TimePoint> Rounds::next_timeout() const {
-  const auto held = stages_.next_timeout();
-  const auto open = own_.next_timeout();
-  return held && open ? std::min(*held, *open) : held ? held : open;
+  return earliest(stages_.next_timeout(), own_.next_timeout());
 }
 
 void Rounds::complete(TimePoint now, Peer& peer, const Bytes& message) {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "core/base/earliest.h"
 #include "core/rounds/round_terms.h"
 
 namespace interneuron {
@@ -44,25 +45,17 @@ void Stages::forget_clock(PeerId via) {
   }
 }
 
-// The round's slot, or nothing when a younger round has taken it: then the message is far too old.
-Stages::Served* Stages::served_slot(const wire::RoundHeader& header) {
-  ServedRing& ring = served_[{header.round.origin, header.round.pipeline}];
-  Served& slot = ring[header.round.round.value % ring.size()];
-  if (slot.used && slot.round != header.round.round) {
-    if (static_cast<std::int32_t>(slot.round.value - header.round.round.value) > 0) return nullptr;
-    slot = {};
-  }
-  slot.used = true;
-  slot.round = header.round.round;
-  return &slot;
+// Nothing when the round is so old that its slot belongs to a younger one.
+Stages::Served* Stages::served(const wire::RoundHeader& header) {
+  return served_[{header.round.origin, header.round.pipeline}].enter(header.round.round);
 }
 
 Stages::Action Stages::arrive(TimePoint now, Arrived& arrived, const Policy* policy,
                               const ClockOf& clock, guard::StageGuard& observer) {
   const wire::RoundHeader& h = arrived.header;
   observer.note_arrival(now, stage_end(h, h.stage));
-  const Served* slot = served_slot(h);
-  if (slot == nullptr || ((slot->stages >> h.stage) & 1U) != 0) return Action::kDrop;
+  const Served* stages = served(h);
+  if (stages == nullptr || ((*stages >> h.stage) & 1U) != 0) return Action::kDrop;
   const auto held = std::ranges::find_if(
       held_, [&h](const Released& r) { return same_stage(r.arrived.header, h); });
   if (held != held_.end() && held->arrived.header.variant <= h.variant) return Action::kDrop;
@@ -85,7 +78,7 @@ bool Stages::held_is_full(std::size_t further_bytes) const {
 }
 
 void Stages::finish(const wire::RoundHeader& header) {
-  if (Served* slot = served_slot(header)) slot->stages |= 1U << header.stage;
+  if (Served* stages = served(header)) *stages |= 1U << header.stage;
   drop_held(header);
 }
 
@@ -141,9 +134,7 @@ std::vector<Stages::Released> Stages::release(TimePoint now) {
 
 std::optional<TimePoint> Stages::next_timeout() const {
   std::optional<TimePoint> next;
-  for (const Released& r : held_) {
-    if (!next || r.hold.until < *next) next = r.hold.until;
-  }
+  for (const Released& r : held_) next = earliest(next, r.hold.until);
   return next;
 }
 

@@ -3,13 +3,13 @@
 // merge() for every delivery. Pure; thread-compatible; bounded.
 #pragma once
 
-#include <array>
 #include <map>
 #include <memory>
 #include <optional>
 #include <span>
 #include <vector>
 
+#include "core/base/round_ring.h"
 #include "core/guard/stage_guard.h"
 #include "core/wire/round_header.h"
 #include "interneuron/endpoint.h"
@@ -83,8 +83,6 @@ class Stages {
   void forget_clock(PeerId via);
 
  private:
-  // Rounds remembered per observer: four times what an indicator tells.
-  static constexpr std::size_t kRing = 64;
   static constexpr std::size_t kMaxObservers = 64;  // vehicles times pipelines at once; chosen
   static constexpr std::size_t kMaxContexts = 1024;
   static constexpr std::size_t kMaxHeld = 64;
@@ -102,25 +100,20 @@ class Stages {
     PeerId via{};
     std::uint64_t used = 0;
   };
-  // Which stages of a round were served, for the last kRing rounds of an origin's pipeline.
-  struct Served {
-    RoundId round{};
-    bool used = false;
-    std::uint32_t stages = 0;
-  };
-  using ServedRing = std::array<Served, kRing>;
+  // Which stages of a round were served: bit n stands for stage n.
+  using Served = std::uint32_t;
   struct Opened {
     RoundContext context;
     TimePoint expires{};
   };
 
-  Served* served_slot(const wire::RoundHeader& header);
+  Served* served(const wire::RoundHeader& header);
   Delivered deliver(TimePoint now, Arrived arrived, const Verdict& verdict);
   void drop_held(const wire::RoundHeader& header);
   bool held_is_full(std::size_t further_bytes) const;
 
   std::map<Key, Observed> observers_;
-  std::map<Key, ServedRing> served_;
+  std::map<Key, RoundRing<Served>> served_;
   std::map<RoundRef, Opened> contexts_;
   std::vector<Released> held_;
   std::uint64_t uses_ = 0;

@@ -109,9 +109,10 @@ bool get_feedback(Reader& r, Feedback& f) {
   f.echo = SessionId{r.get<std::uint32_t>()};
   const auto count = r.get<std::uint32_t>();
   if (!r.ok() || count > kMaxReports) return false;
-  f.reports.resize(count);
-  for (LinkReport& report : f.reports) {
+  for (std::uint32_t i = 0; i < count; ++i) {
+    LinkReport report;
     if (!get_report(r, report)) return false;
+    f.reports.push_back(report);
   }
   return r.at_end();
 }

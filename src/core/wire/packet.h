@@ -10,15 +10,14 @@
 // clear anybody on the path may write them. It never throws and does not allocate. Pure.
 #pragma once
 
-#include <algorithm>
 #include <array>
-#include <cassert>
 #include <cstdint>
-#include <initializer_list>
 #include <optional>
 #include <span>
 
 #include "core/wire/stamp.h"
+#include "interneuron/few.h"
+#include "interneuron/sizes.h"
 #include "interneuron/time.h"
 #include "interneuron/units.h"
 
@@ -30,10 +29,8 @@ inline constexpr std::size_t kHeaderBytes = 16;
 inline constexpr std::size_t kTagBytes = 16;
 inline constexpr std::size_t kFragmentHeaderBytes = 16;
 inline constexpr std::size_t kPacketOverhead = kHeaderBytes + kTagBytes;
-inline constexpr std::size_t kFragmentOverhead = kPacketOverhead + kFragmentHeaderBytes;
+static_assert(kPieceOverheadBytes == kPacketOverhead + kFragmentHeaderBytes);
 inline constexpr std::uint8_t kClearEpoch = 0;
-// What IPv4 and UDP add to a packet; over IPv6 it is 20 bytes more.
-inline constexpr std::size_t kIpUdpOverhead = 28;
 
 // What every packet begins with.
 struct PacketHeader {
@@ -100,41 +97,8 @@ constexpr std::size_t feedback_bytes(std::size_t reports) {
   return kPacketOverhead + 16 + reports * kReportBytes;
 }
 
-// Up to kMaxReports of them, held in place: feedback is written and parsed without allocating.
-class LinkReports {
- public:
-  LinkReports() = default;
-  LinkReports(std::initializer_list<LinkReport> reports) {
-    for (const LinkReport& report : reports) push_back(report);
-  }
-  void push_back(const LinkReport& report) {
-    assert(size_ < kMaxReports);
-    reports_[size_++] = report;
-  }
-  void resize(std::size_t size, const LinkReport& fresh = {}) {
-    assert(size <= kMaxReports);
-    const LinkReport value = fresh;  // may be one of ours
-    while (size_ < size) reports_[size_++] = value;
-    size_ = size;
-  }
-  std::size_t size() const { return size_; }
-  bool empty() const { return size_ == 0; }
-  LinkReport& front() { return reports_[0]; }
-  const LinkReport& front() const { return reports_[0]; }
-  LinkReport& operator[](std::size_t i) { return reports_[i]; }
-  const LinkReport& operator[](std::size_t i) const { return reports_[i]; }
-  LinkReport* begin() { return reports_.data(); }
-  LinkReport* end() { return reports_.data() + size_; }
-  const LinkReport* begin() const { return reports_.data(); }
-  const LinkReport* end() const { return reports_.data() + size_; }
-  friend bool operator==(const LinkReports& a, const LinkReports& b) {
-    return std::equal(a.begin(), a.end(), b.begin(), b.end());
-  }
-
- private:
-  std::array<LinkReport, kMaxReports> reports_;
-  std::size_t size_ = 0;
-};
+// Held in place, so that feedback is written and parsed without allocating.
+using LinkReports = Few<LinkReport, kMaxReports>;
 
 // What a peer tells regularly over each path: acknowledgements, its half of the clock exchange, and
 // what it has measured. Also the heartbeat of an idle path.

@@ -16,6 +16,7 @@
 #include "host/io/address.h"
 #include "host/io/file_descriptor.h"
 #include "host/io/steady_clock.h"
+#include "interneuron/sizes.h"
 
 namespace interneuron::io {
 
@@ -25,7 +26,7 @@ using namespace std::chrono_literals;
 
 // UDP payloads that are tried: 1200 must always pass; 1280, 1358, 1428, 1472 are what tunnels and
 // carriers are known to leave; 1400 is our largest.
-constexpr std::array<std::size_t, 6> kPayloads = {1200, 1280, 1358, 1400, 1428, 1472};
+constexpr std::array<std::size_t, 6> kPayloads = {1200, 1280, 1358, kMaxDatagramBytes, 1428, 1472};
 constexpr std::size_t kUdpHeaderBytes = 8;
 constexpr std::size_t kIcmpHeaderBytes = 8;
 // A size counts as unanswered after so many requests: at 5 % loss all three are lost once in 8,000.

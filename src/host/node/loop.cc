@@ -5,6 +5,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "core/base/earliest.h"
 #include "host/io/steady_clock.h"
 #include "host/node/node_impl.h"
 #include "host/node/setup.h"
@@ -256,9 +257,7 @@ void Node::Impl::arm(Outbox::More more) {
   const TimePoint now = io::now();
   auto next = endpoint_.next_timeout();
   if (next && more == Outbox::More::kBlocked) next = std::max(*next, now + kBlockedRetry);
-  if (const auto unblock = outbox_.next_timeout(now); unblock && (!next || *unblock < *next)) {
-    next = unblock;
-  }
+  next = earliest(next, outbox_.next_timeout(now));
   // The timer may stay armed for an earlier instant: an early wake-up is harmless.
   if (!next || (armed_ && *armed_ <= *next)) return;
   armed_ = next;

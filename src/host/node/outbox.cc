@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "core/base/earliest.h"
+
 namespace interneuron {
 
 void Outbox::add(LinkId link, Transport& transport) {
@@ -98,8 +100,7 @@ bool Outbox::blocked(LinkId id) const {
 std::optional<TimePoint> Outbox::next_timeout(TimePoint now) const {
   std::optional<TimePoint> next;
   for (const Link& link : links_) {
-    if (!link.full() || link.patience_ends() <= now) continue;
-    if (!next || link.patience_ends() < *next) next = link.patience_ends();
+    if (link.full() && link.patience_ends() > now) next = earliest(next, link.patience_ends());
   }
   return next;
 }

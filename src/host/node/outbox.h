@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "interneuron/endpoint.h"
+#include "interneuron/sizes.h"
 #include "interneuron/transport.h"
 
 namespace interneuron {

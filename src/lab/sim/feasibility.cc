@@ -9,10 +9,9 @@
 namespace interneuron::sim {
 
 std::size_t bytes_on_wire(std::size_t message_bytes) {
-  constexpr std::size_t kChunk = kMaxDatagramBytes - wire::kFragmentOverhead;
   const std::size_t bytes = message_bytes + wire::kRoundHeaderBytes;
-  const std::size_t packets = (bytes + kChunk - 1) / kChunk;
-  return bytes + packets * (wire::kFragmentOverhead + wire::kIpUdpOverhead);
+  const std::size_t packets = (bytes + kMaxPieceBytes - 1) / kMaxPieceBytes;
+  return bytes + packets * (kPieceOverheadBytes + kIpUdpBytes);
 }
 
 bool clairvoyant_feasible(const std::vector<emu::LinkProfile>& profiles,

@@ -150,7 +150,7 @@ std::uint64_t World::copy_of(std::uint64_t tag) {
 
 void World::put(Wire& wire, bool up, std::uint64_t tag) {
   emu::LinkModel& model = up ? wire.model.up() : wire.model.down();
-  const std::size_t ip_bytes = in_flight_[tag].bytes.size() + wire::kIpUdpOverhead;
+  const std::size_t ip_bytes = in_flight_[tag].bytes.size() + kIpUdpBytes;
   const bool vanishes = wire.faults.cut || chance(wire.faults.loss);
   if (vanishes || !model.enqueue(now_, ip_bytes, tag)) forget(tag);
 }

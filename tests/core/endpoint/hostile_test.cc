@@ -202,7 +202,7 @@ std::size_t any_packet(std::mt19937_64& rng, TimePoint now, std::span<std::byte>
       wire::Feedback f;
       f.u = any_time(rng, now);
       f.echo = SessionId{any_of<std::uint32_t>(rng, {kVehicleSession, kRoadSession})};
-      f.reports.resize(rng() % (wire::kMaxReports + 1));
+      for (auto n = rng() % (wire::kMaxReports + 1); n > 0; --n) f.reports.push_back({});
       for (wire::LinkReport& r : f.reports) {
         r.link = LinkId{any_of<std::uint8_t>(rng, {0, 1})};
         r.has_exchange = rng() % 2 == 0;

@@ -13,7 +13,7 @@ using namespace std::chrono_literals;
 inline constexpr LinkId kA{0};
 inline constexpr LinkId kB{1};
 inline constexpr std::size_t kDatagram = 1400;
-inline constexpr std::size_t kChunk = kDatagram - wire::kFragmentOverhead;
+inline constexpr std::size_t kChunk = kDatagram - kPieceOverheadBytes;
 inline constexpr TimePoint kFar{1h};
 
 inline TimePoint at(Duration d) { return TimePoint{d}; }

@@ -25,7 +25,7 @@ RC_GTEST_PROP(Sender, PiecesFitThePathAndMakeUpTheMessage, ()) {
   TimePoint now = at(0s);
   for (int i = 0; i < 100'000 && p.sender.next_send(kA); ++i, now += 100us) {
     while (const auto piece = p.sender.poll(now, kA)) {
-      RC_ASSERT(piece->bytes.size() + wire::kFragmentOverhead <= narrow);
+      RC_ASSERT(piece->bytes.size() + kPieceOverheadBytes <= narrow);
       RC_ASSERT(piece->fragment.index * std::size_t{piece->fragment.chunk} == joined.size());
       RC_ASSERT(piece->fragment.lifetime_us == 130'000U);
       joined.insert(joined.end(), piece->bytes.begin(), piece->bytes.end());
@@ -53,7 +53,7 @@ TEST(Sender, PacesAQuarterAboveTheRateWhateverTheTimer) {
     std::size_t bytes = 0;
     while (now < at(200ms)) {
       while (const auto piece = p.sender.poll(now, kA))
-        bytes += piece->bytes.size() + wire::kFragmentOverhead + 28;
+        bytes += piece->bytes.size() + kPieceOverheadBytes + 28;
       now += step;
     }
     EXPECT_NEAR(rate_of(bytes, 200ms).mbit(), 100, 5) << step.count();
@@ -69,7 +69,7 @@ TEST(Sender, AnUnknownRateIsPacedBlindly) {
   std::size_t bytes = 0;
   for (TimePoint now = at(0s); now < at(400ms); now += 300us) {
     while (const auto piece = p.sender.poll(now, kA))
-      bytes += piece->bytes.size() + wire::kFragmentOverhead + 28;
+      bytes += piece->bytes.size() + kPieceOverheadBytes + 28;
   }
   EXPECT_NEAR(rate_of(bytes, 400ms).mbit(), 25, 1.25);
 }
@@ -112,7 +112,7 @@ TEST(Sender, NothingLeavesAtOrAfterTheDeadline) {
 
 TEST(Sender, AMessageOfMorePiecesThanCanBeCountedIsNotSent) {
   Sender sender({});
-  sender.add_path(kA, wire::kFragmentOverhead + 64);
+  sender.add_path(kA, kPieceOverheadBytes + 64);
   sender.send(at(0s), kFar, 1s, Bytes(64 * 65'536), {kA});
   EXPECT_FALSE(sender.next_send(kA));
   sender.send(at(0s), kFar, 1s, Bytes(64 * 65'535), {kA});

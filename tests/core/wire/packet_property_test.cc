@@ -48,7 +48,8 @@ Feedback any_feedback() {
   Feedback f;
   f.u = any<std::int64_t>();
   f.echo = SessionId{any<std::uint32_t>()};
-  f.reports.resize(*rc::gen::inRange<std::size_t>(0, kMaxReports + 1));
+  const auto count = *rc::gen::inRange<std::size_t>(0, kMaxReports + 1);
+  for (std::size_t i = 0; i < count; ++i) f.reports.push_back({});
   for (LinkReport& report : f.reports) {
     report.link = LinkId{any<std::uint8_t>()};
     report.has_exchange = any<bool>();
@@ -156,7 +157,7 @@ RC_GTEST_PROP(PacketProperty, DataComesBack, ()) {
   const Piece piece;
   Bytes out(kRoom);
   out.resize(write_data(out, header, piece.fragment, piece.bytes));
-  RC_ASSERT(out.size() == kFragmentOverhead + piece.bytes.size());
+  RC_ASSERT(out.size() == kPieceOverheadBytes + piece.bytes.size());
   const auto packet = parse(out);
   RC_ASSERT(packet.has_value());
   RC_ASSERT(packet->header == header);

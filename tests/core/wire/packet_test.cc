@@ -255,7 +255,9 @@ TEST(Packet, APieceMustFitItsMessage) {
 
 Bytes feedback_with(std::size_t reports) {
   Feedback feedback = example_feedback();
-  feedback.reports.resize(reports, feedback.reports.front());
+  const LinkReport report = feedback.reports.front();
+  feedback.reports = {};
+  for (std::size_t i = 0; i < reports; ++i) feedback.reports.push_back(report);
   Bytes out(kRoom);
   out.resize(write_feedback(out, example_header(PacketType::kFeedback, LinkId{1}, 300), feedback));
   return out;
