@@ -4,7 +4,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <span>
 #include <string_view>
 #include <vector>
 
@@ -72,12 +71,5 @@ struct BudgetOptions {
   // trials, because what one of them shows of delays holds for all.
   double exploration = 0.02;
 };
-
-// The level of a computation (docs/paper.md, "Sacrifice"). `runtimes`: median run time per level,
-// from the lowest quality to the highest; `chosen`: the level otherwise chosen. When late: the best
-// level at least one step below `chosen` whose run time makes up for the overrun, R[level] <=
-// R[chosen] - overrun; else the lowest.
-std::size_t sacrificed_level(std::span<const Duration> runtimes, std::size_t chosen,
-                             const Verdict& verdict);
 
 }  // namespace interneuron

@@ -82,7 +82,6 @@ void SentPackets::arrive(TimePoint now, Packet& packet, Verdicts& verdicts) {
   verdicts.data = verdicts.data || packet.data_sized;
   verdicts.newest_sent = std::max(verdicts.newest_sent.value_or(packet.at), packet.at);
   if (!was_open) return;
-  ++verdicts.acknowledged;
   if (!packet.data_sized) return;
   --open_data_;
   delivery_.acknowledged(now, packet.stamp);
@@ -108,7 +107,6 @@ SentPackets::Verdicts SentPackets::report(TimePoint now, const wire::LinkReport&
       packet.covered = packet.covered || in_window;
       if (packet.fate != Fate::kOpen) continue;
       lose(packet);
-      ++verdicts.lost;
     }
   }
   find_train(report, verdicts);

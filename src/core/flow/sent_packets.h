@@ -46,9 +46,6 @@ class SentPackets {
   };
   // What a report tells. The spans are valid until the next call.
   struct Verdicts {
-    // Packets that became known as arrived, and as lost.
-    std::uint64_t acknowledged = 0;
-    std::uint64_t lost = 0;
     std::span<const Settled> pieces;
     // Outcomes that are certain, late arrivals included. Packets that no report has covered in time
     // are not among them.
@@ -67,7 +64,6 @@ class SentPackets {
   explicit SentPackets(std::uint64_t first_number = 1)
       : next_(first_number), first_open_(first_number), first_uncertain_(first_number) {}
 
-  std::uint64_t next_number() const { return next_; }
   // A small packet leaves; returns its number.
   std::uint64_t add_small(TimePoint now);
   // A data-sized packet leaves, which counts for trains, rates and proof of delivery; returns its

@@ -54,8 +54,12 @@ class Best {
   std::optional<std::pair<Id, Worth>> kept_;
 };
 
-// interneuron::sacrificed_level() by the levels' medians.
-std::size_t sacrificed_level(std::span<const LevelProfile> levels, std::size_t chosen,
+// The level of a computation after a stage that ended with this verdict (docs/paper.md,
+// "Sacrifice"). `levels`: from the lowest
+// quality to the highest; `top`: the level that would be taken otherwise. When the stage was late:
+// the best level at least one step below `top` whose median run time makes up for the overrun,
+// R[level] <= R[top] - overrun; where none is so short, the lowest.
+std::size_t sacrificed_level(std::span<const LevelProfile> levels, std::size_t top,
                              const Verdict& verdict);
 
 // The quality of a level's result on a variant; a level that says nothing counts by its rank.

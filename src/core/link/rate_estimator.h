@@ -64,9 +64,8 @@ class RateEstimator {
   // How fast to send data, which is a train to the receiver; nothing while nothing is known. It may
   // change while a train is under way, because a train is judged by the rate at which it left.
   std::optional<DataRate> pace() const;
-  // The estimate rests on trains that are too short to trust.
-  bool weak() const { return trains() == 0; }
-  // Long trains that the estimate rests on, at most three.
+  // How many long trains the estimate rests on, at most three; 0 where it rests on none but those
+  // that are too short to trust.
   std::size_t trains() const { return histories_[kStrong].count; }
   // The newest long train tells another rate than the median, and the one before it did not: the
   // rate may have made a step, which one more train would settle.

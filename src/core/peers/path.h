@@ -35,7 +35,6 @@ class Path {
   LinkId id() const { return id_; }
   const Nic& nic() const { return nic_; }
   const Address& address() const { return address_; }
-  bool validated() const { return validated_; }
   bool may_send(std::size_t size) const;
   bool usable() const;  // as far as its traffic shows
 

@@ -40,10 +40,6 @@ class Link {
 
   Conditions conditions(Direction direction, Duration now) const;
 
-  // Makes the process up to `now`, so that a packet after an idle hour need not make an hour of
-  // steps first; call it a few times a second.
-  void keep_up(Duration now) { channel_->at(now); }
-
  private:
   LinkModel* model(Direction d) { return &models_[static_cast<std::size_t>(d)]; }
 

@@ -1,34 +1,36 @@
 #include <gtest/gtest.h>
 
-#include "interneuron/guard.h"
+#include <vector>
 
-namespace interneuron {
+#include "core/guard/choice.h"
+
+namespace interneuron::guard {
 namespace {
 
 using namespace std::chrono_literals;
 
-const std::vector<Duration> kRuntimes{8ms, 19ms, 44ms};
+const std::vector<LevelProfile> kLevels{{8ms, 8ms}, {19ms, 19ms}, {44ms, 44ms}};
 
 Verdict late(Duration overrun) { return {.late = true, .overrun = overrun}; }
 
 TEST(SacrificedLevel, WithinTheStageDeadlineNothingIsSacrificed) {
-  EXPECT_EQ(sacrificed_level(kRuntimes, 2, {}), 2U);
+  EXPECT_EQ(sacrificed_level(kLevels, 2, {}), 2U);
 }
 
 TEST(SacrificedLevel, LateIsAtLeastOneStepDown) {
-  EXPECT_EQ(sacrificed_level(kRuntimes, 2, late(1ns)), 1U);
-  EXPECT_EQ(sacrificed_level(kRuntimes, 1, late(1ns)), 0U);
+  EXPECT_EQ(sacrificed_level(kLevels, 2, late(1ns)), 1U);
+  EXPECT_EQ(sacrificed_level(kLevels, 1, late(1ns)), 0U);
 }
 
 TEST(SacrificedLevel, MakesUpForTheOverrun) {
-  EXPECT_EQ(sacrificed_level(kRuntimes, 2, late(25ms)), 1U);
-  EXPECT_EQ(sacrificed_level(kRuntimes, 2, late(25ms + 1ns)), 0U);
+  EXPECT_EQ(sacrificed_level(kLevels, 2, late(25ms)), 1U);
+  EXPECT_EQ(sacrificed_level(kLevels, 2, late(25ms + 1ns)), 0U);
 }
 
 TEST(SacrificedLevel, TheLowestWhenNothingSuffices) {
-  EXPECT_EQ(sacrificed_level(kRuntimes, 2, late(10s)), 0U);
-  EXPECT_EQ(sacrificed_level(kRuntimes, 2, late(kFullSeverity)), 0U);
-  EXPECT_EQ(sacrificed_level(kRuntimes, 0, late(kFullSeverity)), 0U);
+  EXPECT_EQ(sacrificed_level(kLevels, 2, late(10s)), 0U);
+  EXPECT_EQ(sacrificed_level(kLevels, 2, late(kFullSeverity)), 0U);
+  EXPECT_EQ(sacrificed_level(kLevels, 0, late(kFullSeverity)), 0U);
 }
 
 TEST(SacrificedLevel, WithoutLevelsThereIsNothingToChoose) {
@@ -36,4 +38,4 @@ TEST(SacrificedLevel, WithoutLevelsThereIsNothingToChoose) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::guard
