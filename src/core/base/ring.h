@@ -1,6 +1,9 @@
-// A queue in one block of memory that grows by doubling and never shrinks: no allocation in the
-// steady state, unlike std::deque, which takes and frees a block every few hundred bytes.
-// Thread-compatible; pure. T is copied by value.
+// A queue in one block of memory that grows by doubling and never shrinks: nothing is allocated in
+// the steady state, unlike by std::deque, which takes and frees a block every few hundred bytes.
+//
+// The queue itself has no bound; whoever uses it bounds it. T is default-constructible and copied
+// by value; what was popped is overwritten later, not destroyed. References are valid until the
+// next push_back(). Thread-compatible; pure.
 #pragma once
 
 #include <cassert>
@@ -15,7 +18,7 @@ class Ring {
   bool empty() const { return size_ == 0; }
   std::size_t size() const { return size_; }
 
-  // The i-th oldest, i < size().
+  // The i-th oldest value, i < size().
   T& operator[](std::size_t i) {
     assert(i < size_);
     return slots_[(head_ + i) & mask()];
@@ -41,7 +44,8 @@ class Ring {
   }
 
  private:
-  static constexpr std::size_t kFirstSlots = 16;  // a power of two, as all sizes
+  // A power of two, as every number of slots, so that the remainder is a mask.
+  static constexpr std::size_t kFirstSlots = 16;
 
   std::size_t mask() const { return slots_.size() - 1; }
   void grow() {

@@ -5,17 +5,13 @@
 namespace interneuron::guard {
 namespace {
 
-// Rounds that had lost as much before, to within this share of the deadline, are alike; chosen.
-constexpr int kAlike = 16;
-// The smoothing tail's scale as a share of the deadline; chosen: 20 ms of 130 ms.
-constexpr int kTail = 6;
 // Without a way to weigh it, a hold lasts a quarter of the deadline at most, as in guard kPaper
 // (docs/paper.md, "Holds").
 constexpr int kBlindHold = 4;
-// How far beyond the time at which a better variant came once it is waited for; chosen: 1 ms of
-// 130.
+// A better variant is waited for a little beyond the time at which one came once, by this fraction
+// of the deadline: 1 ms of 130 ms.
 constexpr int kMargin = 128;
-// Candidates of a hold; chosen: each costs an evaluation.
+// How many lengths of a hold are weighed against each other. Each costs two evaluations of the law.
 constexpr std::size_t kCandidates = 4;
 
 constexpr std::uint8_t key_of(const StageEnd& end) {
@@ -23,19 +19,19 @@ constexpr std::uint8_t key_of(const StageEnd& end) {
                                    (end.degraded ? kMaxVariants : std::size_t{0}));
 }
 
-// Peers' bytes may make a difference of any size; beyond an hour it means nothing.
+// Peers' bytes may make a difference of any size. One of more than an hour, in ns, means nothing.
 constexpr std::int64_t kBound = 3'600'000'000'000;
 
 Duration difference(Duration a, Duration b) {
   return Duration{std::clamp(wrapping_sub(a.count(), b.count()), -kBound, kBound)};
 }
 
-// Until D_N, when nothing goes wrong in what comes after.
+// How much time is left until D_N when the rest of the round takes as long as its base.
 Duration left_of(const StageEnd& end, Duration theta, Duration base) {
   return difference(end.deadline, Duration{wrapping_add(theta.count(), base.count())});
 }
 
-// To a mixture of what may happen.
+// Adds `w`, weighted by the probability `share` of its case.
 void add(Worth& to, const Worth& w, double share) {
   to.on_time.least += w.on_time.least * share;
   to.on_time.most += w.on_time.most * share;
@@ -135,8 +131,8 @@ StageGuard::Hold BudgetObserver::hold(TimePoint now, const StageEnd& end,
                                       const std::optional<ClockView>&, bool last_stage) {
   Computation& c = after(end.stage);
   const Duration theta = elapsed_across(end.t0, now);
-  // When the better variant may still come, judged by the rounds in which it was not there either
-  // after so long. One round more in which it never came is assumed.
+  // In how long the better variant may still come, by the rounds in which it was not there either
+  // after so long; one round more in which it never came is assumed.
   std::array<Duration, kRoundSlots> ahead;
   std::size_t coming = 0;
   std::size_t rounds = 1;
@@ -167,9 +163,10 @@ StageGuard::Hold BudgetObserver::hold(TimePoint now, const StageEnd& end,
   if (start) before = difference(theta, Duration{*start});
   const ResidualLaw::Near law = c.law.near(before, end.deadline / kAlike);
   const Duration left = left_of(end, theta, *base);
-  Best<Duration> best(end.terms.target);  // wait
+  Best<Duration> best(end.terms.target);
   best.consider({}, best_level(c, chances(c, law, left), end.variant, end.terms).second);
-  Worth came;  // summed over the rounds in which it came by the candidate
+  // Summed over the rounds in which the better variant had come by then.
+  Worth came;
   std::size_t counted = 0;
   for (std::size_t i = 1; i <= kCandidates; ++i) {
     const std::size_t by = (coming * i + kCandidates - 1) / kCandidates;
@@ -242,12 +239,12 @@ LevelChoice BudgetObserver::begin_computation(TimePoint now, const StageEnd& end
   std::optional<Duration> before;
   if (reference) before = difference(theta, Duration{*reference});
   choice.excess = before;
-  choice.level = c.has_chosen ? std::min(c.last_level, levels.size() - 1) : top;
+  choice.level = c.has_decided ? std::min(c.last_level, levels.size() - 1) : top;
   if (const auto base = c.law.base(now, 0)) {
     const ResidualLaw::Near law = c.law.near(before, end.deadline / kAlike);
     const Chances now_begun = chances(c, law, left_of(end, theta, *base));
     choice.level = best_level(c, now_begun, end.variant, end.terms).first;
-    c.has_chosen = true;
+    c.has_decided = true;
     c.last_level = choice.level;
   }
   Entry* entry = c.rounds.enter(end.round);

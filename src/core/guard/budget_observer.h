@@ -1,10 +1,12 @@
-// GuardKind::kBudget at an observing node: levels and holds that maximise the expected quality
-// subject to P(round on time) >= target.
+// GuardKind::kBudget at an observing node: takes the level and the hold that maximise the expected
+// quality subject to P(round on time) >= target.
 //
 // The end-to-end times that come back in headers tell how long the rest of each round took after
-// this node handed it over, R = θ_N - θ. θ contains the clock offset α and R contains -α, so
-// θ + computation + R is free of it: no estimate of α is needed, and decisions are bit-identical
-// for any constant offset. Pure; thread-compatible; bounded.
+// this node handed it over: rest = θ_N - θ, where θ is the time that had elapsed at the hand-over.
+// θ contains the clock offset α and the rest contains -α, so the sum of θ, the computation and the
+// rest is free of it. No estimate of α is needed, and decisions are bit-identical for any constant
+// offset. As StageGuard in all else; 54 KB per computation of the pipeline, allocated when
+// it is met first.
 #pragma once
 
 #include <array>
@@ -25,56 +27,71 @@ class BudgetObserver final : public StageGuard {
              const RecentE2e& e2e) override;
   void settle(TimePoint now, RoundId round, RoundState state, E2e e2e) override;
   void note_arrival(TimePoint now, const StageEnd& end) override;
-  // Until the instant of the highest expected value, of now and the times at which better variants
-  // came lately; at once where none came.
+  // Until the instant of the highest expected value, out of now and the times by which better
+  // variants came lately; not at all where none came.
   Hold hold(TimePoint now, const StageEnd& end, const std::optional<ClockView>& clock,
             bool last_stage) override;
-  // Late: the computation ended, and P(on time) is below the target.
+  // Late where a computation ends and P(on time) is below the target; never after a communication.
   Verdict end_stage(TimePoint now, const StageEnd& end,
                     const std::optional<ClockView>& clock) override;
   Verdict end_stage_held(const StageEnd& end, const Hold& hold) override;
+  // `top` until an end-to-end time has come back.
   LevelChoice begin_computation(TimePoint now, const StageEnd& end,
                                 std::span<const LevelProfile> levels, std::size_t top,
                                 const Verdict& verdict) override;
   void reset() override;
 
  private:
-  // A round at the computation after one communication.
+  // A round at the computation after one communication, from begin_computation() on. Elapsed times
+  // contain the clock offset.
   struct Entry {
+    // The computation has ended.
     bool ended = false;
-    bool known = false;  // its end-to-end time was learnt
+    // The end-to-end time was learnt, or only that the round was missed.
+    bool known = false;
     bool beyond = false;
     std::size_t level = 0;
-    Duration start{};     // θ
-    Duration end{};       // θ
-    Duration before{};    // start beyond its reference
-    Duration median{};    // of its level, by the profile
-    Duration expected{};  // the same as it was expected
+    // The elapsed times at which the computation began and ended.
+    Duration start{};
+    Duration end{};
+    // By how much it began later than its reference.
+    Duration before{};
+    // The run time of the level by its profile, and as it was expected.
+    Duration median{};
+    Duration expected{};
     Duration deadline{};
   };
-  // When the better of a message's variants came; what holding one of the others is judged by.
+  // When the variants of a message came, by which holding one of the others is judged.
   struct Better {
+    // The first one of any.
     TimePoint at{};
+    // The elapsed time at which the best one came.
     std::optional<Duration> theta;
   };
-  // The computation after one communication stage.
+  // What is learnt of the computation after one communication.
   struct Computation {
     ResidualLaw law;
-    Recent starts;  // θ by variant and mode
+    // The elapsed times at which it began, by variant and mode.
+    Recent starts;
     Speed speed;
     RoundRing<Entry> rounds;
     RoundRing<Better> better;
-    std::vector<LevelProfile> levels;  // as last told
+    // As they were told last.
+    std::vector<LevelProfile> levels;
+    // What was decided last, which holds while nothing is known (any more).
     std::size_t last_level = 0;
-    bool has_chosen = false;
+    bool has_decided = false;
   };
 
+  // What is learnt of the computation after this stage; 0: of one that begins at the origin.
   Computation& after(std::size_t stage);
-  // The computation that a computation stage of this round belongs to.
+  // The computation that a computation stage of this round belongs to; nullptr where it did not
+  // begin here.
   Computation* before(const StageEnd& end);
   static void settle(Computation& c, TimePoint now, RoundId round, RoundState state, E2e e2e);
   static void remember(Computation& c, std::span<const LevelProfile> levels);
-  // P(on time) per level, of c.levels, when so much is left.
+  // P(on time) by level of c.levels, when `left` is left for the computation and what it and the
+  // rest may lose.
   using Chances = std::array<Chance, kMaxLevels>;
   static Chances chances(const Computation& c, const ResidualLaw::Near& law, Duration left);
   static std::pair<std::size_t, Worth> best_level(const Computation& c, const Chances& chances,
@@ -82,7 +99,8 @@ class BudgetObserver final : public StageGuard {
   Verdict finish(TimePoint now, const StageEnd& end, Duration theta);
 
   bool at_origin_;
-  std::array<std::unique_ptr<Computation>, kMaxStages + 1> after_;  // by stage; 0: at the origin
+  // By the number of the stage before.
+  std::array<std::unique_ptr<Computation>, kMaxStages + 1> after_;
 };
 
 }  // namespace interneuron::guard

@@ -5,11 +5,8 @@
 namespace interneuron::guard {
 namespace {
 
-// As budget_observer.cc.
-constexpr int kAlike = 16;
-constexpr int kTail = 6;
-
-// An error of forecasts that is not renewed has half its weight after so long; chosen.
+// What was learnt of a mode that is not tried any more has half its weight after so long: the
+// quality of a cell changes in tens of seconds.
 constexpr Duration kFade = std::chrono::seconds(30);
 // The quality of a smaller variant relative to the best one, where the levels do not say: the paper
 // measured a loss of 4 to 8 % (docs/paper.md, "Adjusting quality and size").
@@ -35,7 +32,7 @@ std::span<const LevelProfile> BudgetOrigin::levels() const {
 }
 
 Duration BudgetOrigin::bias(TimePoint now, std::uint8_t key, bool as_forecast) const {
-  // What all modes have in common, by the one tried last.
+  // What forecasts of all modes err by, as the mode that was tried last tells.
   std::uint8_t last = key;
   for (std::uint8_t k = 0; k < ResidualLaw::kKeys; ++k) {
     const auto at = law_.newest(k);
@@ -57,18 +54,18 @@ void BudgetOrigin::learn(TimePoint now, const ResidualLaw::Sample& sample) {
   law_.add(now, sample);
   law_.reconsider(speed_);
   const std::int64_t width = std::max<std::int64_t>(1, deadline_.count() / kAlike);
-  rounds_ = {};
+  rounds_in_class_ = {};
   for (std::size_t i = 0; i < law_.size(); ++i) {
     const ResidualLaw::Pair p = law_.pair(i);
     const std::int64_t before = p.beyond ? 0 : p.before;
     const auto which =
         static_cast<std::size_t>(std::clamp<std::int64_t>(before / width, 0, kClasses - 1));
     losses_[i] = {p.beyond ? p.after : p.before + p.after, which, p.beyond};
-    rounds_[which] += 1;
+    rounds_in_class_[which] += 1;
   }
 }
 
-// Within each class, the level is chosen that the observing node would choose.
+// Within each class of rounds the level is taken that the observing node would take.
 Worth BudgetOrigin::worth_at(Duration clean, std::uint8_t variant) const {
   const auto ladder = levels();
   const std::size_t count = std::min(ladder.size(), kMaxLevels);
@@ -86,19 +83,21 @@ Worth BudgetOrigin::worth_at(Duration clean, std::uint8_t variant) const {
     }
   }
   const bool blind = law_.size() == 0;
-  double on_time = 0;  // rounds
+  // How many rounds of the law would have been on time.
+  double on_time = 0;
   Worth total{};
   for (std::size_t which = 0; which < kClasses; ++which) {
     // The smoothing tail weighs one round over all classes.
-    const double share =
-        blind ? (which == 0 ? 1.0 : 0.0) : rounds_[which] / static_cast<double>(law_.size());
+    const double share = blind ? (which == 0 ? 1.0 : 0.0)
+                               : rounds_in_class_[which] / static_cast<double>(law_.size());
     if (share == 0) continue;
     const Duration typical{deadline_.count() / kAlike * static_cast<std::int64_t>(which)};
     Best<std::size_t> level(terms_.target);
     for (std::size_t l = 0; l < count; ++l) {
       const double tail = law_.tail(slack[l] - typical);
-      const Chance c = chance(hits[l][which], rounds_[which],
-                              (hits[l][which] + share * (1.0 - tail)) / (rounds_[which] + share));
+      const Chance c =
+          chance(hits[l][which], rounds_in_class_[which],
+                 (hits[l][which] + share * (1.0 - tail)) / (rounds_in_class_[which] + share));
       level.consider(l, worth(c, quality_of(ladder, l, variant), terms_));
     }
     const auto& [l, best] = *level.get();
@@ -122,8 +121,8 @@ std::optional<Worth> BudgetOrigin::worth_of(TimePoint now, bool degraded, Durati
   return found ? std::optional(found->second) : std::nullopt;
 }
 
-// A mode that was not tried for a while, is expected to keep the target and would be the better one
-// if its forecast were right; every so-many-th round.
+// True for a mode that was not tried for a while, is not known to miss the target, and would be the
+// better one if its forecast were right; at most in every so-many-th round.
 bool BudgetOrigin::explores(TimePoint now, bool degraded, Duration since, const Forecast& forecast,
                             const std::optional<Worth>& chosen) {
   const auto& at = tried_[degraded ? 1 : 0];
@@ -150,7 +149,7 @@ bool BudgetOrigin::choose_degraded(TimePoint now, RoundId round, const Sent&, Du
     choice = !choice;
   }
   tried_[choice ? 1 : 0] = now;
-  Entry* entry = chosen_.enter(round);
+  Entry* entry = sent_.enter(round);
   if (entry == nullptr) return choice;
   *entry = {.known = false, .degraded = choice, .forecast = choice ? degraded : normal};
   for (auto& at : entry->forecast) {
@@ -160,7 +159,7 @@ bool BudgetOrigin::choose_degraded(TimePoint now, RoundId round, const Sent&, Du
 }
 
 void BudgetOrigin::result(TimePoint now, RoundId round, Duration e2e, const Spent& spent) {
-  Entry* entry = chosen_.find(round);
+  Entry* entry = sent_.find(round);
   if (entry == nullptr || entry->known || !spent.variant || *spent.variant >= kMaxVariants ||
       !spent.computed) {
     return;
@@ -189,7 +188,7 @@ void BudgetOrigin::result(TimePoint now, RoundId round, Duration e2e, const Spen
 }
 
 void BudgetOrigin::missed(TimePoint now, RoundId round) {
-  const Entry* entry = chosen_.find(round);
+  const Entry* entry = sent_.find(round);
   if (entry == nullptr || entry->known) return;
   const auto planned = std::ranges::find_if(entry->forecast, [](const auto& f) { return !!f; });
   const auto computed = computed_.median_of_all(now);

@@ -3,9 +3,9 @@
 namespace interneuron::guard {
 namespace {
 
-// Longer than any link whose answer could still matter; chosen.
+// A longer round trip than this is stale: a path is taken for dead after 4 s of silence.
 constexpr Duration kMaxRoundTrip = std::chrono::seconds(60);
-// Bound on memory: 10 s at 100 exchanges per second; chosen. The oldest go first.
+// Bounds the memory, 32 KB: 10 s at 100 exchanges per second. The oldest go first.
 constexpr std::size_t kMaxExchanges = 1000;
 
 constexpr std::int64_t kMillion = 1'000'000;
@@ -46,7 +46,8 @@ std::optional<ClockView> ClockOffset::view(TimePoint now) {
   if (exchanges_.empty()) return std::nullopt;
   const Exchange* best = &exchanges_.front();
   for (std::size_t i = 1; i < exchanges_.size(); ++i) {
-    if (exchanges_[i].rtt <= best->rtt) best = &exchanges_[i];  // ties: the newest
+    // The newest one of equals.
+    if (exchanges_[i].rtt <= best->rtt) best = &exchanges_[i];
   }
   return ClockView{wrapping_sub(best->hi, best->rtt / 2), Duration{best->rtt}};
 }

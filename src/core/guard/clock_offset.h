@@ -1,10 +1,15 @@
 // The clock offset to one peer, α = own clock - peer clock, from exchanges that ride in feedback
 // (docs/paper.md, "Clock offset").
 //
-// Each exchange bounds α: lo <= α <= hi, hi - lo = RTT. The estimate is the middle of the exchange
-// with the smallest round trip of the last 10 s; its error is at most RTT_min / 2. A constant added
-// to either clock adds itself to α̂, hi and lo and to nothing else: everything here is differences,
-// in integers that wrap. Pure; thread-compatible.
+// Each exchange bounds α: lo <= α <= hi, and hi - lo is its round trip. The estimate is the middle
+// of the exchange with the smallest round trip of the last kWindow; its error is at most half that
+// round trip. A constant added to either clock adds itself to the estimate, to hi and to lo, and to
+// nothing else: everything here is differences, in integers that wrap.
+//
+// The instants of an exchange are the peer's bytes and may be anything. Exchanges that are
+// impossible are rejected. A peer that lies consistently moves its own estimate only, and one whose
+// exchanges contradict each other is taken for one whose clock has stepped. At most 1000 exchanges
+// are kept. Pure; thread-compatible.
 #pragma once
 
 #include <cstdint>
@@ -15,10 +20,12 @@
 
 namespace interneuron::guard {
 
-// What a stage observer needs of the clocks between the origin and itself.
+// The clocks between the origin of a round and this node.
 struct ClockView {
-  std::int64_t alpha = 0;  // α̂, ns
-  Duration rtt_min{};      // of the last hop; half of it bounds the error
+  // The estimate of α, in ns: the sum over the hops in between.
+  std::int64_t alpha = 0;
+  // The smallest round trip of the last hop. Half of it bounds the error of that hop's estimate.
+  Duration rtt_min{};
 };
 
 class ClockOffset {
@@ -30,17 +37,19 @@ class ClockOffset {
 
   enum class Update : std::uint8_t {
     kAccepted,
-    kRejected,  // impossible (negative or absurd round trip): stale or hostile, ignored
-    kStepped,   // a clock stepped: everything learnt before this exchange is dropped
+    // The round trip would be negative or absurd: the exchange is stale or hostile, and ignored.
+    kRejected,
+    // A clock has stepped: all exchanges before this one are dropped.
+    kStepped,
   };
 
-  // An exchange received at `r` (own clock): the peer sent it at `u` (its clock); it had received
-  // our send instant `s` (own clock) `h` earlier.
+  // An exchange that was received at `r` on our clock. The peer sent it at `u` on its clock; `s` is
+  // the instant of ours that it answers, which the peer had received `h` before `u`.
   Update add(TimePoint r, PeerTime u, TimePoint s, Duration h);
 
-  // Nothing while no exchange of the last kWindow is there.
+  // Nothing while there is no exchange of the last kWindow.
   std::optional<ClockView> view(TimePoint now);
-  // The smallest hi of the last kWindow: own clock - peer clock is never more.
+  // The smallest hi of the last kWindow, which α never exceeds.
   std::optional<Duration> hi_min(TimePoint now);
 
   void reset() { exchanges_.clear(); }
@@ -55,7 +64,8 @@ class ClockOffset {
   void prune(TimePoint now);
   bool contradicts(const Exchange& fresh) const;
 
-  Ring<Exchange> exchanges_;  // oldest first
+  // Oldest first.
+  Ring<Exchange> exchanges_;
 };
 
 }  // namespace interneuron::guard

@@ -1,5 +1,7 @@
-// GuardKind::kPaper at an observing node: records θn, derives Dn and judges (docs/paper.md, "Stage
-// deadlines"). Pure; thread-compatible; bounded.
+// GuardKind::kPaper at an observing node, the paper's rule to the letter (docs/paper.md, "Stage
+// deadlines"): compares the elapsed time θ of a stage with a deadline that is derived from the
+// reference times of rounds before and from the tolerance X of the header. What is late makes the
+// next module cheaper. As StageGuard in all else.
 #pragma once
 
 #include <cstdint>
@@ -25,17 +27,19 @@ class PaperObserver final : public StageGuard {
     return times_.base(now, stage);
   }
 
-  // Stage deadline D_n as θ (it contains the offset, like θ): base_n + X·b_n. Nothing without base
-  // or clock.
+  // The stage deadline D_n as an elapsed time: base_n + X * b_n. It contains the clock offset, as θ
+  // does. Nothing without a base or, except at the origin, without a clock.
   std::optional<Duration> stage_deadline(TimePoint now, const StageEnd& end,
                                          const std::optional<ClockView>& clock);
 
+  // Until D_n; without one, for a quarter of the end-to-end deadline.
   Hold hold(TimePoint now, const StageEnd& end, const std::optional<ClockView>& clock,
             bool last_stage) override;
+  // Late where θ exceeds D_n. Without a D_n: late at full severity where X < 0, else not.
   Verdict end_stage(TimePoint now, const StageEnd& end,
                     const std::optional<ClockView>& clock) override;
   Verdict end_stage_held(const StageEnd& end, const Hold& hold) override;
-  // The level that takes the place of `top` by the verdict (docs/paper.md, "Sacrifice").
+  // sacrificed_level() of `top`.
   LevelChoice begin_computation(TimePoint now, const StageEnd& end,
                                 std::span<const LevelProfile> levels, std::size_t top,
                                 const Verdict& verdict) override;

@@ -1,5 +1,6 @@
 // Medians of what was seen lately: the last kSlots values of the last 10 s, by key. Values may
-// contain the clock offset: only differences are compared. Pure; thread-compatible; no allocation.
+// contain the clock offset, since only their differences are compared; they must lie within half of
+// the range of 64-bit integers. Nothing is allocated. Pure; thread-compatible.
 #pragma once
 
 #include <array>
@@ -14,29 +15,28 @@ namespace interneuron::guard {
 // ms at 100 ppm.
 inline constexpr Duration kRecent = std::chrono::seconds(10);
 
-// The median (the lower of two) of values that lie within half of the number range; `values` is
-// reordered. Not empty.
+// The median (the lower of two) of values that lie within half of the range of 64-bit integers.
+// `count` > 0; `values` is reordered.
 std::int64_t wrapping_median(std::int64_t* values, std::size_t count);
 
 class Recent {
  public:
-  static constexpr std::size_t kSlots = 64;  // chosen; 6.4 s at 10 rounds per second
+  // Values of all keys together: 6.4 s at 10 rounds per second, so that the number and not the age
+  // bounds the memory.
+  static constexpr std::size_t kSlots = 64;
 
   void add(TimePoint now, std::uint8_t key, std::int64_t value);
-  // Of the values with this key; nothing when they are fewer than `least`.
+  // The median of the values with this key; nothing where they are fewer than `least`.
   std::optional<std::int64_t> median(TimePoint now, std::uint8_t key, std::size_t least = 1) const;
   std::optional<std::int64_t> median_of_all(TimePoint now, std::size_t least = 1) const;
   void clear() { used_ = next_ = 0; }
 
+ private:
   struct Value {
     TimePoint at{};
     std::int64_t value = 0;
     std::uint8_t key = 0;
   };
-  std::size_t size() const { return used_; }
-  const Value& operator[](std::size_t i) const { return ring_[i]; }  // in no order
-
- private:
   template <class Wanted>
   std::optional<std::int64_t> median_where(TimePoint now, std::size_t least,
                                            const Wanted& wanted) const;

@@ -1,9 +1,11 @@
-// Reference times of one pipeline at one node (docs/paper.md, "Reference times"): θ per round and
-// stage, kept until the indicator tells that the round ended on time, then folded into the stage's
-// base. A missed or never decided round leaves no trace.
+// Reference times of one pipeline at one node (docs/paper.md, "Reference times"): the elapsed time
+// θ per round and stage is remembered until the indicator tells that the round ended on time, and
+// is then folded into the base of the stage. A round that was missed or never decided leaves no
+// trace.
 //
-// θ and base contain the clock offset; nothing here depends on its value. Pure; thread-compatible;
-// bounded.
+// θ and base contain the clock offset, and nothing here depends on its value. They come from t0 of
+// headers, which may be any 64-bit value: all arithmetic wraps. The memory is constant; a straggler
+// of an old round is not recorded. Pure; thread-compatible.
 #pragma once
 
 #include <array>
@@ -23,13 +25,15 @@ class ReferenceTime {
   // Bases are dropped after so long without a new history (docs/paper.md, "Clock steps").
   static constexpr Duration kForget = std::chrono::seconds(60);
 
-  // Stage numbers are 1 … kMaxStages throughout.
+  // Stage `stage` (1 … kMaxStages, here and below) of a round ended after θ. Nothing is recorded
+  // for rounds that are settled.
   void observe(RoundId round, std::size_t stage, Duration theta);
-  // Applies what the header of `current` tells of the rounds before, each once, oldest first.
+  // Settles the rounds before `current` by the indicator of its header, oldest first.
   void learn(TimePoint now, RoundId current, const Indicator& indicator);
+  // The round was decided. Only the first call for a round counts.
   void settle(TimePoint now, RoundId round, RoundState state);
 
-  // base_n, unless there is none (yet, or any more).
+  // base_n. Nothing before the first round on time, and after kForget without one.
   std::optional<Duration> base(TimePoint now, std::size_t stage);
 
   void reset();
@@ -37,15 +41,18 @@ class ReferenceTime {
  private:
   struct Entry {
     bool settled = false;
+    // By stage - 1.
     std::array<std::optional<Duration>, kMaxStages> theta{};
   };
 
   RoundRing<Entry> rounds_;
+  // By stage - 1.
   std::array<std::optional<Duration>, kMaxStages> base_{};
+  // When a base changed last.
   std::optional<TimePoint> accepted_at_;
 };
 
-// base + k·(own - base) in the paper's direction: θn + round(k·(base_n - θn)).
+// The next base: theta + k * (base - theta), rounded to the nearest ns.
 Duration smoothed(Duration base, Duration theta);
 
 }  // namespace interneuron::guard

@@ -10,9 +10,10 @@ namespace {
 
 // What was learnt is dropped after so long without news, as the bases of guard kPaper are.
 constexpr Duration kForget = std::chrono::seconds(60);
-// How far back a round may be told of again: the header speaks of 16.
+// How many of the newest samples are looked through for one of the same round: a header tells of 16
+// rounds, and some of them may be learnt out of order.
 constexpr std::size_t kRetold = 32;
-// Peers' bytes may make a difference of any size; beyond an hour it means nothing.
+// Peers' bytes may make a difference of any size. One of more than an hour, in ns, means nothing.
 constexpr std::int64_t kBound = 3'600'000'000'000;
 
 std::int64_t bounded(std::int64_t ns) { return std::clamp(ns, -kBound, kBound); }
@@ -23,7 +24,8 @@ void ResidualLaw::add(TimePoint now, const Sample& sample) {
   for (std::size_t i = 0; i < std::min(kRetold, size_); ++i) {
     Entry& known = back(i);
     if (known.sample.round != sample.round) continue;
-    if (i >= fresh_) return;  // too old to compare
+    // The old one is a difference by now, to which this one cannot be compared.
+    if (i >= fresh_) return;
     const std::uint8_t key = known.sample.key;
     known = {sample, true};
     renew(key);

@@ -1,6 +1,7 @@
-// The guard's side of the origin: what a round sets out with, and what its outcome teaches. One
-// rule per GuardKind behind one interface; one instance per pipeline. Pure; thread-compatible;
-// bounded.
+// The guard at the origin: what a round sets out with, and what its outcome teaches. RoundGuard is
+// the interface that RoundLedger uses; PaperOrigin and BudgetOrigin are the two rules behind it,
+// one per GuardKind. There is one instance per pipeline, owned by its ledger. Pure;
+// thread-compatible; bounded.
 #pragma once
 
 #include <array>
@@ -13,42 +14,50 @@
 
 namespace interneuron::guard {
 
-// What a mode of the first transmission promises: per variant, when its answer would be there if
-// its computation took no time, from the instant of the forecast on. Nothing: the plan does not
-// hold it, or nothing is known.
+// What a mode of the first transmission promises: per variant, how long from the instant of the
+// forecast until its answer would be back if the computation took no time. Nothing for variants
+// that the plan does not hold or of which nothing is known.
 using Forecast = std::array<std::optional<Duration>, kMaxVariants>;
 
-// What the header of a result says of its round.
+// What the header of a result says of its round. A peer wrote it; nothing where it was not told.
 struct Spent {
-  std::optional<std::uint8_t> level;    // computed last
-  std::optional<std::uint8_t> variant;  // of the input
-  std::optional<Duration> excess;       // see LevelChoice
-  std::optional<Duration> computed;     // all computations
+  // The level of the last computation.
+  std::optional<std::uint8_t> level;
+  // The variant of the input that was computed on.
+  std::optional<std::uint8_t> variant;
+  // As in LevelChoice.
+  std::optional<Duration> excess;
+  // How long all computations of the round took together.
+  std::optional<Duration> computed;
 };
 
 class RoundGuard {
  public:
   virtual ~RoundGuard() = default;
 
+  // What a round sets out with.
   struct Sent {
+    // The tolerance X in 1/1000.
     std::int16_t x_permille = 0;
+    // A round was missed lately, and X has not recovered from it.
     bool recovering = false;
-    bool degraded = false;  // the first transmission is sacrificed
+    // The first transmission is sacrificed.
+    bool degraded = false;
   };
-  // A round begins; base_n: the reference of the whole pipeline, if there is one.
+  // A round begins. `base_n`: the reference time of the whole pipeline, if there is one.
   virtual Sent begin(std::optional<Duration> base_n, Duration deadline) = 0;
 
-  // Whether choose_degraded() weighs forecasts: else it need not be given any.
+  // Whether choose_degraded() looks at its forecasts. Where it does not, they need not be made.
   virtual bool weighs() const { return false; }
-  // The mode of the first transmission, `since` after t0.
+  // The mode of the first transmission, which leaves `since` after t0: true for the degraded one.
   virtual bool choose_degraded(TimePoint, RoundId, const Sent& sent, Duration /*since*/,
                                const Forecast& /*normal*/, const Forecast& /*degraded*/) {
     return sent.degraded;
   }
 
-  // A result came, on time or not.
+  // A remote result has come back, on time or not, `e2e` after t0.
   virtual void result(TimePoint, RoundId, Duration /*e2e*/, const Spent&) {}
-  // The round was decided.
+  // The round was decided: on time, or answered locally although it was sent out.
   virtual void on_time(const Sent& sent) = 0;
   virtual void missed(TimePoint now, RoundId round) = 0;
 };

@@ -1,6 +1,11 @@
-// The origin's side of one pipeline: begins rounds, gives each exactly one outcome by t0 + D_N, and
-// tells the guard of the outcomes (docs/paper.md, "One answer per round"). Pure; thread-compatible;
-// bounded (rounds older than their deadline are always decided).
+// The rounds of one pipeline at their origin: begins them, gives each exactly one outcome by
+// t0 + D_N, picks the answer that the application gets, and tells both guards of the outcomes
+// (docs/paper.md, "One answer per round").
+//
+// Owned by OwnRounds, which feeds it. Bounds: open rounds are those of the last D_N, decided ones
+// are remembered for 64 rounds, and at most two results are kept for rounds to come. What a peer
+// can do is to answer: a result for a round that is decided or was forgotten is dropped, and
+// `Spent` is only believed as statistics. Pure; thread-compatible.
 #pragma once
 
 #include <cstdint>
@@ -28,32 +33,35 @@ class RoundLedger {
     RoundGuard::Sent sent;
   };
   Begun begin(TimePoint now);
-  // The header's indicator for a message of `round` sent now.
+  // The outcomes and the end-to-end times of the 16 rounds before `round`, for its header.
   Indicator indicator(RoundId round) const;
   RecentE2e recent_e2e(RoundId round) const;
 
-  // Whether the first transmission of an open round is to be degraded, for a guard that weighs the
-  // modes; asked once, the answer stays.
+  // Whether choose_degraded() looks at its forecasts.
   bool weighs() const { return guard_->weighs(); }
+  // Whether the first transmission of an open round is to be degraded. Ask once per round.
   bool choose_degraded(TimePoint now, RoundId round, const Forecast& normal,
                        const Forecast& degraded);
 
-  // A remote result is there. Nothing when it is late or the round is decided: it is dropped, but
-  // its time is learnt, and it may yet answer a later round that is missed.
+  // A remote result is there. Nothing where it is late or the round is decided: then it is dropped,
+  // but its time is learnt, and it may still answer a later round that is missed.
   std::optional<RoundDone> remote_result(TimePoint now, RoundId round, Bytes result, bool degraded,
                                          const Spent& spent = {});
-  // This round's own local result is there: the answer of a round that stays here, else kept.
+  // The local backup of the round is ready. It decides a round that stays here; else it is kept
+  // until the deadline.
   std::optional<RoundDone> local_result(TimePoint now, RoundId round, Bytes result);
-  // The policy decided that the round stays here: that is no miss, and the answer is given as soon
-  // as the local result is there.
+  // The policy has decided that the round stays here. That is no miss, and the answer is given as
+  // soon as the local result is there.
   std::optional<RoundDone> stay_local(TimePoint now, RoundId round);
-  // Rounds whose deadline has passed at `now` (t0 + D_N <= now) are answered locally: by the local
-  // result or the last remote one, whichever is worth more (FallbackQuality).
+  // Decides the rounds whose deadline has passed (t0 + D_N <= now). They are answered by the local
+  // result or by the last remote one, whichever is worth more (FallbackQuality).
   std::vector<RoundDone> expire(TimePoint now);
 
+  // A round that is not decided yet, else nullptr.
   const Begun* open(RoundId round) const;
   std::optional<TimePoint> next_timeout() const;
   const PipelineConfig& config() const { return config_; }
+  // The guard of the stages that end here.
   StageGuard& observer() { return *observer_; }
 
  private:
@@ -65,9 +73,10 @@ class RoundLedger {
   struct Last {
     RoundId round{};
     Bytes result;
-    double quality = 0;  // expected, of a remote one
+    // Of a remote result: the quality to be expected of it.
+    double quality = 0;
   };
-  // What is remembered of a round once it is open no more.
+  // What is remembered of a round, whether it is open or decided.
   struct Past {
     RoundState state{};
     TimePoint t0{};
@@ -87,10 +96,13 @@ class RoundLedger {
   std::unique_ptr<RoundGuard> guard_;
   std::unique_ptr<StageGuard> observer_;
   std::uint32_t next_round_ = 0;
-  std::deque<Open> open_;  // oldest first
+  // Oldest first.
+  std::deque<Open> open_;
   RoundRing<Past> past_;
-  std::optional<Last> last_;         // local or remote
-  std::optional<Last> last_remote_;  // only where FallbackQuality says what it is worth
+  // The newest result of any kind.
+  std::optional<Last> last_;
+  // The newest remote one; kept only where FallbackQuality tells what it is worth.
+  std::optional<Last> last_remote_;
 };
 
 }  // namespace interneuron::guard

@@ -1,7 +1,21 @@
-// The guard's side of an observing node: what it learns of a pipeline's stages, how long it holds a
-// smaller variant, which level a computation gets. One rule per GuardKind behind one interface; one
-// instance per (origin session, pipeline): state is never shared between vehicles. Pure;
-// thread-compatible; bounded.
+// The guard at an observing node: what it learns of the stages of a pipeline, how long it holds a
+// smaller variant, which level a computation gets. StageGuard is the interface that rounds use;
+// PaperObserver and BudgetObserver are the two rules behind it, one per GuardKind.
+//
+// An observing node is any node at which stages end: the roadside unit, and the origin itself for
+// the last stage. There is one instance per origin session and pipeline, so that vehicles never
+// share what was learnt of one of them. Rounds feeds it in this order:
+//
+//   learn()              at each message, with what its header tells of the rounds before
+//   note_arrival()       at each variant, whatever becomes of it
+//   hold()               for a smaller variant that could give way to a better one
+//   end_stage()          when the message is handed over, or the application hands its result over
+//   begin_computation()  when the application begins to compute
+//   settle()             at the origin only, when a round is decided
+//
+// Everything in StageEnd, Indicator and RecentE2e is a peer's bytes and may be false:
+// implementations use bounded memory, never fail, and compute with integers that wrap. A hostile
+// origin can spoil only what is learnt of its own pipelines. Pure; thread-compatible.
 #pragma once
 
 #include <array>
@@ -16,38 +30,48 @@
 
 namespace interneuron::guard {
 
-// What the origin asks of every node of its pipeline; rides in the headers.
+// What the origin asks of every node of its pipeline. Each round's header carries it.
 struct Terms {
   GuardKind kind = GuardKind::kPaper;
+  // As in BudgetOptions.
   double target = BudgetOptions{}.target;
   double miss_price = BudgetOptions{}.miss_price;
-  double local_quality = 0;  // of an answer without a remote result
+  // Expected quality of an answer without a remote result.
+  double local_quality = 0;
 };
 
-// A round at the end of stage `stage`, as its header tells.
+// A round at the end of one of its stages, as its header tells.
 struct StageEnd {
   RoundId round{};
+  // The stage that ends, from 1 on.
   std::size_t stage = 1;
+  // When the round began, on the origin's clock.
   PeerTime t0{};
+  // The tolerance X in 1/1000.
   std::int16_t x_permille = 0;
-  Duration deadline{};  // D_N
+  // The end-to-end deadline D_N.
+  Duration deadline{};
+  // The variant of the message, and the best one that its sender planned. 0 is the best there is.
   std::uint8_t variant = 0;
   std::uint8_t best_planned = 0;
+  // The communication was sacrificed: it carries smaller variants only.
   bool degraded = false;
   bool is_computation = false;
   Terms terms{};
 };
 
-// The end-to-end time of a decided round: nothing = not known; kNever = later than can be told, or
-// never.
+// The end-to-end time of a decided round. Nothing where it is not known; kNever where the round was
+// not answered, or later than a header can tell.
 using E2e = std::optional<Duration>;
 inline constexpr Duration kNever = Duration::max();
-using RecentE2e = std::array<E2e, kIndicatorRounds>;  // [i]: round r - 1 - i, as in Indicator
+// Entry [i] is about round r - 1 - i, as in Indicator.
+using RecentE2e = std::array<E2e, kIndicatorRounds>;
 
-// A computation's level, and what its round had lost before it, against this node's own reference
-// for the same variant and mode; offset-free. Nothing while there is no reference.
+// The level of a computation, as begin_computation() answers.
 struct LevelChoice {
   std::size_t level = 0;
+  // How much later than usual the computation begins, compared with the rounds that came here in
+  // the same variant and mode. Free of the clock offset. Nothing while there is no such round.
   std::optional<Duration> excess;
 };
 
@@ -55,45 +79,54 @@ class StageGuard {
  public:
   virtual ~StageGuard() = default;
 
-  // What the header of round `current` tells of the rounds before.
+  // Applies the outcomes and the end-to-end times of the rounds before `current`. They may be told
+  // again with every header; each counts once.
   virtual void learn(TimePoint now, RoundId current, const Indicator& indicator,
                      const RecentE2e& e2e) = 0;
+  // Applies the outcome of one round.
   virtual void settle(TimePoint now, RoundId round, RoundState state, E2e e2e) = 0;
 
-  // base_n, the reference time of a stage, if there is one (kBudget has none).
+  // The reference time base_n of a stage. Nothing where there is none (yet); kBudget has none.
   virtual std::optional<Duration> base(TimePoint, std::size_t /*stage*/) { return std::nullopt; }
 
-  // A variant came in, whatever becomes of it; before hold() or end_stage().
+  // A variant has come in. Call it before hold() and end_stage().
   virtual void note_arrival(TimePoint, const StageEnd&) {}
 
-  // Until when a smaller variant that arrived now may be held for a better one; at or before `now`
-  // = not at all.
   struct Hold {
+    // How long the variant may be held; at or before `now`: not at all.
     TimePoint until{};
-    bool is_stage_deadline = false;  // false: a bound ended the hold before D_n, or there is no D_n
-    bool has_reference = false;      // there is a D_n
+    // `until` is the stage deadline D_n. False where another bound ends the hold before D_n, and
+    // where there is no D_n.
+    bool is_stage_deadline = false;
+    // There is a D_n, or what stands for it.
+    bool has_reference = false;
   };
+  // How long a smaller variant that arrived now may wait for a better one. `clock`: between the
+  // origin and this node, nothing while it is not known; `last_stage`: the round ends with it.
   virtual Hold hold(TimePoint now, const StageEnd& end, const std::optional<ClockView>& clock,
                     bool last_stage) = 0;
 
-  // The stage ends now: records θn and judges it.
+  // The stage ends now: records the elapsed time θ and judges it.
   virtual Verdict end_stage(TimePoint now, const StageEnd& end,
                             const std::optional<ClockView>& clock) = 0;
-  // A held variant is handed over by the timer: θn is exactly the instant of release, and timer
-  // lateness never counts.
+  // The stage ends because a hold is over. Recorded is the instant at which the hold was to end, so
+  // that the lateness of the timer never counts.
   virtual Verdict end_stage_held(const StageEnd& end, const Hold& hold) = 0;
 
-  // The computation after stage `end` begins now. `levels`: not empty; `top`: the one otherwise
-  // chosen, < levels.size(); `verdict`: of the stage.
+  // The computation after stage `end` begins now. `levels`: from the lowest quality to the highest,
+  // not empty; `top`: the level that would be taken otherwise, < levels.size(); `verdict`: of the
+  // stage that ended.
   virtual LevelChoice begin_computation(TimePoint now, const StageEnd& end,
                                         std::span<const LevelProfile> levels, std::size_t top,
                                         const Verdict& verdict) = 0;
 
-  // A clock stepped or the session is new: nothing that contains the clock offset holds.
+  // A clock has stepped, or the peer has begun a new session: what contains the clock offset is
+  // dropped.
   virtual void reset() = 0;
 };
 
-// `at_origin`: this node stamped t0, so α = 0 and the configured D_N bounds the last stage.
+// `at_origin`: this node stamped t0. Its clock has no offset to itself, and the configured D_N
+// bounds the last stage.
 std::unique_ptr<StageGuard> make_stage_guard(GuardKind kind, bool at_origin);
 
 }  // namespace interneuron::guard

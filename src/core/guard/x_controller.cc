@@ -7,7 +7,8 @@
 namespace interneuron::guard {
 namespace {
 
-constexpr std::int32_t kOne = 1000;  // 1 in permille
+// 1 in units of 1/1000.
+constexpr std::int32_t kOne = 1000;
 // X ← X - 1 at a miss, the paper's, in 1/1000.
 constexpr std::int32_t kPenalty = 1000;
 // X ← X + 0.2 when a round sent while recovering was on time, the paper's, in 1/1000.

@@ -1,5 +1,6 @@
-// X, the guard's tolerance, and the timeout handler, at the origin (docs/paper.md, "X and the
-// timeout handler"). Integers in 1/1000. Pure.
+// X, the tolerance of the paper's guard, and the timeout handler, at the origin (docs/paper.md, "X
+// and the timeout handler"). X is relative to the reference times: 0 allows what is usual, -1
+// allows nothing. It is kept in integers of 1/1000. Pure; thread-compatible.
 #pragma once
 
 #include <cstdint>
@@ -12,15 +13,17 @@ namespace interneuron::guard {
 class XController {
  public:
   struct Options {
+    // β, added to X, in 1/1000.
     std::int16_t beta_permille = 0;
+    // Without it X stays 0 until a round is missed.
     bool use_x = true;
+    // Without it misses change nothing.
     bool use_handler = true;
   };
   explicit XController(Options options) : options_(options) {}
 
-  // What a round is sent with; degraded: one round per miss.
   using Sent = RoundGuard::Sent;
-  // A round begins; base_n: the reference of the whole pipeline, if there is one.
+  // A round begins: as RoundGuard::begin(). One round per miss is sent degraded.
   Sent begin(std::optional<Duration> base_n, Duration deadline);
   // A round was decided.
   void on_time(bool sent_while_recovering);
@@ -28,8 +31,10 @@ class XController {
 
  private:
   Options options_;
+  // X in 1/1000.
   std::int32_t x_ = 0;
   bool recovering_ = false;
+  // How many rounds are still to be sent degraded.
   std::uint32_t degrade_next_ = 0;
 };
 

@@ -18,14 +18,15 @@ Bytes joined(const wire::RoundHeader& header, const Bytes& payload) {
   return message;
 }
 
-// Lost pieces go over no link that the policy forbids.
+// The links that the policy allows: lost pieces go over no other.
 flow::PathSet allowed_of(const Policy& policy, std::span<const LinkState> links) {
   flow::PathSet allowed;
   for (const LinkState& link : links) allowed.set(link.id.value, policy.allows(link));
   return allowed;
 }
 
-// header.stage: the communication that is about to begin.
+// How many stages before the communication header.stage, which is about to begin, were
+// communications.
 std::uint8_t earlier_communications(const wire::RoundHeader& header) {
   std::uint8_t count = 0;
   for (std::size_t stage = 1; stage < header.stage; ++stage) {
@@ -69,8 +70,8 @@ Dispatch::Sizes Dispatch::sizes_of(const Variants& variants) {
   return sizes;
 }
 
-// Without the policy that the origin names, any built-in rule serves; the first registered one
-// stands in.
+// The policy that the origin names, or the first registered one: without the right policy any
+// delivers the message.
 const Policy& Dispatch::rule(const wire::RoundHeader& header) const {
   const Policy* named = policy(header.policy);
   return named != nullptr ? *named : *stand_in_;
@@ -91,7 +92,7 @@ Planned Dispatch::send(TimePoint now, Peer& peer, const RoundContext& context, c
   header.message_class = message_class;
   header.degraded = context.verdict.late;
   if (clock) header.alpha_sum = Duration{clock->alpha};
-  // A round that passes its origin starts over: the origin's own clock has no offset.
+  // The origin's own clock has no offset, so the sum starts over where a round passes its origin.
   if (header.round.origin == self_) header.alpha_sum = Duration::zero();
 
   const Links links = peer.links(now);
@@ -119,7 +120,7 @@ Planned Dispatch::send(TimePoint now, Peer& peer, const RoundContext& context, c
   return planned;
 }
 
-// t0 + D_N on this host's clock; as late as possible while the origin's clock is not known.
+// t0 + D_N on this host's clock. While the origin's clock is not known, the latest that it can be.
 TimePoint Dispatch::deadline_of(TimePoint now, const wire::RoundHeader& header,
                                 const ClockOf& clock) const {
   if (header.round.origin == self_) return when_elapsed(header.t0, header.deadline());

@@ -1,5 +1,6 @@
-// How a message sets out: from its variants, by the policy that its round names, to one message per
-// variant on the paths that the plan gives it. Pure; thread-compatible.
+// How a message sets out: the policy that its round names plans which of its variants go over which
+// paths, and each of those is queued at the peer with a header of its own. Dispatch holds the
+// policies and nothing that changes; used by Rounds. Pure; thread-compatible.
 #pragma once
 
 #include <cstdint>
@@ -15,27 +16,28 @@ namespace interneuron {
 
 class Dispatch {
  public:
+  // The clock between the origin of a round and here.
   using ClockOf = std::optional<guard::ClockView>;
 
   // Throws std::invalid_argument when there is no policy, or one is null.
   Dispatch(SessionId self, const PolicySet& policies);
 
-  // Registered under this wire id, or nothing.
+  // The policy that is registered under this id of headers, else nullptr.
   const Policy* policy(std::uint32_t id) const;
 
-  // Throws std::invalid_argument naming what is wrong with them.
+  // Throws std::invalid_argument where there are none, too many, or one is too large.
   static void check(const Variants& variants);
 
   using Sizes = Few<std::size_t, kMaxVariants>;
   static Sizes sizes_of(const Variants& variants);
 
-  // The plan that was carried out; without sends nothing was sent. `clock`: between the origin of
-  // the round and here.
+  // Plans and queues the message after the last stage of this context. The answer is the plan that
+  // was carried out; where it holds no sends, nothing was sent.
   Planned send(TimePoint now, Peer& peer, const RoundContext& context, const ClockOf& clock,
                const Variants& variants, MessageClass message_class,
                const Guidance& guidance) const;
 
-  // The plan of a message with this header, for such an offer.
+  // The plan for a message with this header and offer.
   Plan plan(std::span<const LinkState> links, const wire::RoundHeader& header, const Offer& offer,
             const Guidance& guidance) const;
 
@@ -44,8 +46,10 @@ class Dispatch {
   TimePoint deadline_of(TimePoint now, const wire::RoundHeader& header, const ClockOf& clock) const;
 
   SessionId self_;
-  std::map<std::uint32_t, std::shared_ptr<const Policy>> policies_;  // by wire id
-  std::shared_ptr<const Policy> stand_in_;  // the first one, for those that are not registered
+  // By the id that headers carry.
+  std::map<std::uint32_t, std::shared_ptr<const Policy>> policies_;
+  // Plans for rounds whose policy is not registered here: the first one of all.
+  std::shared_ptr<const Policy> stand_in_;
 };
 
 }  // namespace interneuron

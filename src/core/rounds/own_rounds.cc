@@ -73,7 +73,8 @@ RoundContext OwnRounds::begin(TimePoint now, PipelineId pipeline) {
                    : static_cast<std::uint16_t>(h.to_steps(*recent[i], 1, wire::kE2eNever));
   }
   context.began = now;
-  // The guard's order for the first transmission speaks the language of a verdict.
+  // The guard's decision on the first transmission takes the place of the verdict of a stage
+  // before.
   context.verdict.late = begun.sent.degraded;
   return context;
 }

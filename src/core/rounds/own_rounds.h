@@ -1,5 +1,6 @@
 // The rounds that begin at this endpoint: a guard::RoundLedger per pipeline, and the header with
-// which each round's messages set out. Pure; thread-compatible.
+// which the messages of each round set out. Owned and fed by Rounds. Peers name rounds in the
+// headers of their results, so every lookup may fail. Pure; thread-compatible.
 #pragma once
 
 #include <cstdint>
@@ -15,27 +16,28 @@ namespace interneuron {
 
 class OwnRounds {
  public:
-  // Throws std::invalid_argument naming the pipeline.
+  // Throws std::invalid_argument naming the pipeline that is given twice or configured wrongly.
   OwnRounds(SessionId self, const std::vector<PipelineConfig>& pipelines);
 
-  // Throws std::invalid_argument when there is no such pipeline.
+  // Begins a round. Throws std::invalid_argument when there is no such pipeline.
   RoundContext begin(TimePoint now, PipelineId pipeline);
 
   bool is_mine(const RoundRef& round) const { return round.origin == self_; }
-  // Whether a round of ours has begun. One that has not would push those under way out of the
-  // books.
+  // Whether this is a round of ours that has begun. A result for one that has not is forged.
   bool has_begun(const RoundRef& round) const;
-  // The pipeline of a round that is_mine(); nothing when there is no such pipeline.
+  // The ledger of the round's pipeline; nullptr where the round is not ours or there is no such
+  // pipeline.
   guard::RoundLedger* find(const RoundRef& round);
 
-  // Rounds whose deadline has passed.
+  // Decides the rounds whose deadline has passed.
   std::vector<RoundDone> expire(TimePoint now);
   std::optional<TimePoint> next_timeout() const;
 
  private:
   struct Pipeline {
     guard::RoundLedger ledger;
-    std::uint32_t begun = 0;  // rounds so far
+    // How many rounds have begun so far.
+    std::uint32_t begun = 0;
   };
   SessionId self_;
   std::map<PipelineId, Pipeline> pipelines_;

@@ -1,4 +1,5 @@
-// What a round's header says, in the terms of guards and policies. Pure.
+// What a round's header says, in the terms of guards and policies. The header is a peer's bytes
+// that parse_round_header() found to be well-formed. Pure.
 #pragma once
 
 #include "core/guard/round_guard.h"
@@ -8,19 +9,20 @@
 
 namespace interneuron {
 
-// Of its message's quality of service.
+// The quality of service that this header asks for.
 QoS qos_of(const wire::RoundHeader& header);
 
-// Of the rounds before.
+// The end-to-end times of the 16 rounds before.
 guard::RecentE2e recent_e2e(const wire::RoundHeader& header);
 
-// Of a stage of its round.
+// The end of a stage of this round.
 guard::StageEnd stage_end(const wire::RoundHeader& header, std::size_t stage);
 
-// Of its round's computation; note_level() and note_computed() write what it reads.
+// What the header says of the computations of its round.
 guard::Spent spent_of(const wire::RoundHeader& header);
+// Writes that a computation has begun at this level.
 void note_level(wire::RoundHeader& header, const guard::LevelChoice& choice);
-// A computation that took so long has ended.
+// Writes that a computation on the header's variant has ended after `took`.
 void note_computed(wire::RoundHeader& header, Duration took);
 
 }  // namespace interneuron

@@ -118,7 +118,7 @@ void Rounds::local_result(TimePoint now, const RoundRef& round, Bytes result) {
   }
 }
 
-// The round has its answer.
+// Hands the answer of a round to the application, if there is one.
 void Rounds::report(std::optional<RoundDone> done) {
   if (!done) return;
   stages_.close(done->round);
@@ -175,7 +175,7 @@ void Rounds::release(Stages::Released released) {
   events_.emplace_back(stages_.serve_held(std::move(released), observer));
 }
 
-// The last stage ends: a result for a round that began here.
+// The last stage has ended: this is a result for a round that began here. False: it is late.
 bool Rounds::finish(TimePoint now, const wire::RoundHeader& header, Bytes result) {
   stages_.finish(header);
   auto done = own_.find(header.round)
@@ -194,7 +194,8 @@ guard::StageGuard& Rounds::observer_of(const wire::RoundHeader& header, PeerId v
   return stages_.observer(header, via);
 }
 
-// The clock between the origin of a round and here: the hops so far plus the last one.
+// The clock between the origin of a round and here: the sum over the hops so far, which the header
+// carries, plus the last hop.
 Rounds::ClockOf Rounds::clock_of(TimePoint now, const wire::RoundHeader& header, Peer* peer) {
   if (own_.is_mine(header.round) || peer == nullptr) return std::nullopt;
   auto view = peer->clock(now);
@@ -208,7 +209,7 @@ Peer* Rounds::destination(const RoundContext& context, std::optional<PeerId> to)
   return peers_.only();
 }
 
-// submit() is the hand-over of the application's result: computations up to the next
+// The application hands its result over with submit(), so the computations up to the next
 // communication end now.
 void Rounds::end_computations(TimePoint now, RoundContext& context) {
   const std::size_t before = context.stage;
@@ -241,7 +242,8 @@ Guidance Rounds::guidance(TimePoint now, const RoundContext& context, const Cloc
   return out;
 }
 
-// The first transmission of a round that began here, under a guard that weighs its modes.
+// Decides the mode of the first transmission of a round that began here, where its guard weighs the
+// modes.
 void Rounds::choose_mode(TimePoint now, RoundContext& context, const Peer& peer,
                          MessageClass message_class, std::span<const std::size_t> variant_bytes,
                          std::span<const VariantCost> costs) {

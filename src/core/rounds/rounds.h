@@ -1,6 +1,11 @@
 // The rounds that pass an endpoint, whoever began them: from the message that comes in (or the
-// frame that begins one) to the message that sets out, or the answer. Joins Stages (what goes on
-// here), OwnRounds (what began here) and Dispatch (what leaves). Pure; thread-compatible; bounded.
+// frame that begins a round) to the message that sets out, or the answer. Joins OwnRounds (the
+// rounds that began here), Stages (those in progress here) and Dispatch (the messages that leave).
+//
+// Owned by Endpoint, which feeds it the application's commands and the complete messages of peers.
+// Messages are any bytes: one with a malformed header, with a round of ours that never began, or
+// with a last stage that does not end here is counted and dropped. Memory is bounded by Stages and
+// by the ledgers. Pure; thread-compatible.
 #pragma once
 
 #include <deque>
@@ -16,10 +21,11 @@ namespace interneuron {
 
 class Rounds {
  public:
-  // Throws std::invalid_argument naming the option. What happens is appended to `events`.
+  // Throws std::invalid_argument naming the option that is wrong. What happens is appended to
+  // `events`; it and `peers` must outlive this.
   Rounds(const EndpointOptions& options, Peers& peers, std::deque<Event>& events);
 
-  // Endpoint's commands, in the endpoint's own time.
+  // The commands of Endpoint, in its own time.
   RoundRef begin(TimePoint now, PipelineId pipeline);
   Plan preview(TimePoint now, const RoundRef& round, std::span<const std::size_t> variant_bytes,
                MessageClass message_class, std::span<const VariantCost> costs,
@@ -36,10 +42,11 @@ class Rounds {
   void expire(TimePoint now);
   std::optional<TimePoint> next_timeout() const;
 
-  // A clock stepped or the peer is new: nothing that contains its offset holds.
+  // The clock of this peer has stepped, or it has begun a new session: what was learnt with its
+  // clock is dropped.
   void forget_clock(PeerId peer) { stages_.forget_clock(peer); }
 
-  // Of messages that are complete.
+  // Those about complete messages; the others are 0.
   const EndpointCounters& counters() const { return counters_; }
 
  private:
@@ -52,7 +59,8 @@ class Rounds {
   guard::StageGuard& observer_of(const wire::RoundHeader& header, PeerId via);
   ClockOf clock_of(TimePoint now, const wire::RoundHeader& header, Peer* peer);
 
-  // The next transmission of a round.
+  // What a round's next transmission needs: where it goes, what the guard tells the policy, and in
+  // which mode it leaves.
   Peer* destination(const RoundContext& context, std::optional<PeerId> to);
   Guidance guidance(TimePoint now, const RoundContext& context, const ClockOf& clock);
   void choose_mode(TimePoint now, RoundContext& context, const Peer& peer,

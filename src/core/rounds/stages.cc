@@ -59,7 +59,7 @@ Stages::Action Stages::arrive(TimePoint now, Arrived& arrived, const Policy* pol
   const auto held = std::ranges::find_if(
       held_, [&h](const Released& r) { return same_stage(r.arrived.header, h); });
   if (held != held_.end() && held->arrived.header.variant <= h.variant) return Action::kDrop;
-  // A policy that is not registered here can still be served: the first copy wins.
+  // A round whose policy is not registered here can still be served: the first copy wins.
   const Merge merge =
       policy == nullptr ? Merge::kDeliver : policy->merge({h.variant, h.best_planned, h.degraded});
   if (merge == Merge::kDeliver || held_is_full(arrived.payload.size())) return Action::kServe;
@@ -146,14 +146,14 @@ RoundContext* Stages::context(const RoundRef& round) {
 bool Stages::has_served(const RoundRef& round) const {
   const auto it = served_.find({round.origin, round.pipeline});
   if (it == served_.end()) return false;
-  const Served& slot = it->second[round.round.value % kRing];
-  return slot.used && slot.round == round.round && slot.stages != 0;
+  const Served* stages = it->second.find(round.round);
+  return stages != nullptr && *stages != 0;
 }
 
 void Stages::open(TimePoint now, const RoundRef& round, RoundContext context, Duration deadline) {
   std::erase_if(contexts_, [now](const auto& entry) { return entry.second.expires < now; });
   if (contexts_.size() >= kMaxContexts) contexts_.erase(contexts_.begin());
-  // Twice the deadline: the computation may hand over late, and its verdict still teaches the base.
+  // What hands over late is still learnt from.
   contexts_[round] = {std::move(context), now + 2 * deadline};
 }
 

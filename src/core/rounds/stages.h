@@ -1,6 +1,14 @@
-// The remote side of rounds at one endpoint: which stages were served, what the application is
-// working on, which variants are held. Uses guard::StageGuard for every judgement and the policies'
-// merge() for every delivery. Pure; thread-compatible; bounded.
+// The rounds in progress at one endpoint: which stages were served, which variants are held for a
+// better one, and which rounds the application works on. Stages asks the policy of a round
+// (merge()) and the guard of its pipeline (guard::StageGuard) about each message, and carries out
+// what they answer; it judges nothing itself.
+//
+// Owned and fed by Rounds. Headers come from peers and may name any origin, pipeline and round. All
+// that is kept is bounded: guards and served stages of kMaxObservers pipelines (the one that was
+// least recently used makes room), kMaxContexts rounds that the application works on, and held
+// variants up to kMaxHeld and kMaxHeldBytes. A message beyond these bounds is served at once
+// instead of held, and a message of a round that is too old to be remembered is dropped. Pure;
+// thread-compatible.
 #pragma once
 
 #include <map>
@@ -16,23 +24,31 @@
 
 namespace interneuron {
 
-// What preview() answered: submit() carries it out.
+// The plan that preview() has answered, which submit() carries out.
 struct Previewed {
   Plan plan;
+  // How many variants it was made for.
   std::size_t variants = 0;
 
-  // Whether a message of so many variants can still be sent so.
+  // Whether a message of `count` variants can still be sent by this plan.
   bool fits(std::size_t count, std::span<const LinkState> links) const;
 };
 
 // A round that the application works on here, between two communications.
 struct RoundContext {
-  wire::RoundHeader header;  // as it came in; at the origin: as it will go out
+  // As it came in; at the origin, as it will go out.
+  wire::RoundHeader header;
+  // Where it came from; nothing at the origin.
   std::optional<PeerId> from;
-  std::size_t stage = 0;     // the last stage that ended
-  Verdict verdict;           // of that stage
-  TimePoint began{};         // the computation that goes on; until it is told of: the hand-over
-  bool mode_chosen = false;  // verdict.late is the guard's choice for the next transmission
+  // The last stage that ended; 0 before the first.
+  std::size_t stage = 0;
+  // The judgement of that stage.
+  Verdict verdict;
+  // When the computation in progress began; until begin_computation() tells, when the message was
+  // handed over.
+  TimePoint began{};
+  // verdict.late is what the guard has decided for the next transmission, and stays.
+  bool mode_chosen = false;
   std::optional<Previewed> previewed;
 };
 
@@ -45,49 +61,67 @@ struct Arrived {
 
 class Stages {
  public:
+  // The clock between the origin of a round and here; nothing at the origin and while it is not
+  // known.
   using ClockOf = std::optional<guard::ClockView>;
 
   // What is to become of an arrived message.
-  enum class Action : std::uint8_t { kServe, kHold, kDrop };
+  enum class Action : std::uint8_t {
+    // Serve it now, by serve() or, after the last stage, by finish().
+    kServe,
+    // It was taken and is held; release() returns it when its time is over.
+    kHold,
+    // The stage was served already, or a variant at least as good is held.
+    kDrop,
+  };
+  // `policy`: of the round, nullptr where it is not registered here; then the first variant that
+  // comes is served.
   Action arrive(TimePoint now, Arrived& arrived, const Policy* policy, const ClockOf& clock,
                 guard::StageGuard& observer);
 
-  // A message is served: marks the stage, records θ, opens the round's context, drops what is held
-  // of it.
+  // Serves a message: ends the stage before the guard, drops what is held of the stage, and opens
+  // the round's context for the application.
   Delivered serve(TimePoint now, Arrived arrived, const ClockOf& clock,
                   guard::StageGuard& observer);
 
-  // Held variants whose time is over at `now`, in the order of their time.
   struct Released {
     Arrived arrived;
     guard::StageGuard::Hold hold;
   };
+  // Takes the held variants whose time is over at `now`, in the order of their time.
   std::vector<Released> release(TimePoint now);
+  // The same as serve(), at the instant at which the hold was to end.
   Delivered serve_held(Released released, guard::StageGuard& observer);
 
-  // The last stage of a round that began here is over, whatever became of it: further copies are
-  // dropped.
+  // The stage of this header is over, whatever became of it: further copies are dropped.
   void finish(const wire::RoundHeader& header);
 
+  // When the next hold ends.
   std::optional<TimePoint> next_timeout() const;
+
+  // The context of a round that the application works on; nullptr where there is none (any more).
   RoundContext* context(const RoundRef& round);
-  // Whether a message of this round was handed to the application here, lately (the last kRing
-  // rounds of its pipeline).
+  // Whether a message of this round was handed to the application here lately: of the last 64 rounds
+  // of its pipeline.
   bool has_served(const RoundRef& round) const;
+  // Opens a context. It is kept for twice the deadline, since a computation may hand over late.
   void open(TimePoint now, const RoundRef& round, RoundContext context, Duration deadline);
   void close(const RoundRef& round) { contexts_.erase(round); }
 
-  // The guard of an origin's pipeline, of the kind that its header asks for; the least recently
-  // used one makes room.
+  // The guard of the pipeline that this header belongs to, of the kind that the header asks for.
+  // `via`: the peer whose clock it learns with. Valid until the next call.
   guard::StageGuard& observer(const wire::RoundHeader& header, PeerId via);
+  // The clock of this peer has stepped, or it has begun a new session.
   void forget_clock(PeerId via);
 
  private:
-  static constexpr std::size_t kMaxObservers = 64;  // vehicles times pipelines at once; chosen
+  // Vehicles times pipelines that are served at once; a roadside unit accepts 64 peers by default.
+  static constexpr std::size_t kMaxObservers = 64;
+  // Room for 16 rounds of each of those pipelines.
   static constexpr std::size_t kMaxContexts = 1024;
+  // Room for one held message of each.
   static constexpr std::size_t kMaxHeld = 64;
-  static constexpr std::size_t kMaxHeldBytes =
-      64 * 1024 * 1024;  // beyond it, what could be held is served
+  static constexpr std::size_t kMaxHeldBytes = 64 * 1024 * 1024;
 
   struct Key {
     SessionId origin;
@@ -98,6 +132,7 @@ class Stages {
     std::unique_ptr<guard::StageGuard> guard;
     GuardKind kind{};
     PeerId via{};
+    // The number of the use that was the last one.
     std::uint64_t used = 0;
   };
   // Which stages of a round were served: bit n stands for stage n.

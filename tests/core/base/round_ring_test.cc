@@ -43,7 +43,7 @@ TEST(RoundRing, AStragglerDoesNotPushOutAYoungerRound) {
 TEST(RoundRing, NumbersWrap) {
   RoundRing<int> ring;
   const RoundId last{UINT32_MAX};
-  const RoundId next{last.value + kRoundSlots};
+  const RoundId next{static_cast<std::uint32_t>(last.value + kRoundSlots)};
   ASSERT_LT(next.value, last.value);
   *ring.enter(last) = 1;
   *ring.enter(next) = 2;
