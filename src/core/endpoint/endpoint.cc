@@ -10,7 +10,9 @@
 
 namespace interneuron {
 
-// The peers and their packets, the rounds and their messages, one queue of events, one time.
+// Joins the peers (packets) and the rounds (messages), with one queue of events and one time. It
+// has no logic of its own: it hands inputs on, merges timeouts and counters, and keeps the order in
+// which things happen at one instant.
 class Endpoint::Impl {
  public:
   Impl(const EndpointOptions& options, TimePoint now)
@@ -18,7 +20,7 @@ class Endpoint::Impl {
         rounds_(options, peers_, events_),
         time_(now) {}
 
-  // Every call tells the time; those that look at rounds do what is due first.
+  // Every call tells the time. Those that look at rounds first do what is due.
   TimePoint tick(TimePoint host) { return time_.tick(host); }
   TimePoint advance(TimePoint host) {
     const TimePoint now = tick(host);
@@ -37,38 +39,16 @@ class Endpoint::Impl {
   }
 
   void handle_datagram(TimePoint now, const Datagram& datagram) {
-    // What was due before this instant happened before; what is due at it happens after (arrivals
-    // first).
+    // What was due before this instant is done before; what is due at it is done after, because
+    // arrivals come first.
     run_timers(now - Duration{1});
-    LinkCounters& counters = peers_.counters(datagram.link);
-    const auto packet = wire::parse(datagram.bytes);
-    if (!packet) {
-      ++counters.malformed_packets;
-      return;
+    const Peers::Received received = peers_.receive(now, datagram);
+    if (received.peer == nullptr) return;
+    if (received.restarted) {
+      rounds_.forget_clock(received.peer->identity().id);
+      events_.emplace_back(PeerRestarted{received.peer->identity().id});
     }
-    if (packet->header.type == wire::PacketType::kEcho) {
-      const bool answered = peers_.reflect(now, *packet, datagram);
-      ++(answered ? counters.received_packets : counters.refused_packets);
-      if (answered) counters.received_bytes += datagram.bytes.size();
-      return;
-    }
-    const auto [peer, restarted] = peers_.whose(now, packet->header, datagram);
-    if (peer == nullptr) {
-      ++counters.refused_packets;
-      return;
-    }
-    if (restarted) {
-      rounds_.forget_clock(peer->identity().id);
-      events_.emplace_back(PeerRestarted{peer->identity().id});
-    }
-    const Peer::Input input = peer->handle(now, *packet, datagram.bytes.size());
-    if (input.duplicate) {
-      ++counters.duplicate_packets;
-      return;
-    }
-    ++counters.received_packets;
-    counters.received_bytes += datagram.bytes.size();
-    react(now, *peer, input);
+    if (!received.input.duplicate) react(now, *received.peer, received.input);
   }
 
   std::optional<Event> poll_event() {
@@ -81,7 +61,7 @@ class Endpoint::Impl {
   std::optional<TimePoint> next_timeout() const {
     const TimePoint now = time_.now();
     std::optional<TimePoint> next = earliest(rounds_.next_timeout(), peers_.next_timeout(now));
-    // What is due already is due now: the peer's bytes may make an instant of any value.
+    // What should have been done before is due now. Peers' bytes may make an instant of any value.
     if (next) *next = time_.host(std::max(*next, now));
     return next;
   }
@@ -95,7 +75,7 @@ class Endpoint::Impl {
   }
 
  private:
-  // Everything due at or before `now`: the rounds' business first, then the peers'.
+  // Does everything that is due at or before `now`: the rounds first, then the peers.
   void run_timers(TimePoint now) {
     rounds_.expire(now);
     Peers::Expired expired = peers_.handle_timeout(now);
@@ -175,7 +155,7 @@ std::vector<PeerId> Endpoint::peers() const { return impl_->peers().ids(); }
 std::vector<LinkState> Endpoint::links(TimePoint now, PeerId peer) const {
   return impl_->peers().links(impl_->time().own(now), peer);
 }
-LinkCounters Endpoint::link_counters(LinkId link) const { return impl_->peers().totals(link); }
+LinkCounters Endpoint::link_counters(LinkId link) const { return impl_->peers().counters(link); }
 EndpointCounters Endpoint::counters() const { return impl_->counters(); }
 std::size_t Endpoint::reassembly_bytes() const { return impl_->peers().reassembly_bytes(); }
 

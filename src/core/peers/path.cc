@@ -8,12 +8,16 @@
 namespace interneuron {
 namespace {
 
-constexpr std::uint64_t kAmplification = 3;  // RFC 9000 §8.1
+// How many times what it has sent an address gets before it is trusted (RFC 9000 §8.1).
+constexpr std::uint64_t kAmplification = 3;
 // A train may catch up with this much time at its rate after a late timer (docs/constants.md, "Rate
 // of a link").
 constexpr Duration kBurst = std::chrono::milliseconds(1);
-constexpr Duration kLongest = std::chrono::seconds(1);  // between two packets of a train; chosen
-constexpr double kLossUnit = 65535;                     // docs/wire_format.md
+// The longest time between two packets of a train: at the lowest rates a train would last for
+// minutes, and other probes wait for its end.
+constexpr Duration kLongest = std::chrono::seconds(1);
+// The loss of a report is in 1/65535 (docs/wire_format.md).
+constexpr double kLossUnit = 65535;
 
 }  // namespace
 
@@ -83,7 +87,7 @@ void Path::learn(TimePoint now, const wire::LinkReport& report,
   if (v.newest_sent) estimator.delivered(now, *v.newest_sent, v.data);
   if (v.delivery) estimator.delivery_sample(now, *v.delivery);
   if (v.train_known) {
-    // Of no more packets than left since its first, whatever the peer says.
+    // A train has no more packets than left since its first, whatever the peer says.
     const std::uint64_t left = report.largest - report.train_start + 1;
     const auto packets =
         static_cast<std::uint32_t>(std::min<std::uint64_t>(report.train_packets, left));
@@ -114,7 +118,8 @@ void Path::refresh(TimePoint now, bool ready) {
 bool Path::heartbeat_due(TimePoint now) {
   if (!probes.heartbeat_due(now)) return false;
   if (may_send(wire::feedback_bytes(1))) return true;
-  probes.heartbeat_sent(now);  // the next one may
+  // This one is left out; the next one may be allowed.
+  probes.heartbeat_sent(now);
   return false;
 }
 
@@ -123,7 +128,8 @@ bool Path::probe_due(TimePoint now) {
     const auto train = probes.train_due(now);
     if (!train) {
       if (!probes.proof_due(now)) return false;
-      probes.proof_sent(now);  // also when it may not leave: the next one may
+      // It counts as sent also where it may not leave; the next one may be allowed.
+      probes.proof_sent(now);
       return may_send(nic_.max_datagram);
     }
     probes.train_sent(now, train->packets);
@@ -156,7 +162,7 @@ wire::LinkReport Path::report(TimePoint now) const {
   return report;
 }
 
-// What the operator allows; the estimates heed it themselves once there are any.
+// At most what the operator allows. Estimates keep to that themselves once there are any.
 std::optional<DataRate> Path::capped(std::optional<DataRate> rate) const {
   const std::optional<DataRate> cap = nic_.traits.rate_cap;
   return rate && cap ? std::min(*rate, *cap) : rate ? rate : cap;
@@ -171,7 +177,7 @@ flow::PathView Path::view(TimePoint now) const {
   flow::PathView view;
   view.up = estimator.up();
   view.backup = nic_.traits.role == LinkRole::kBackup;
-  // When a piece arrives is guessed anyhow: a guess of the rate is nearer than none.
+  // The arrival of a piece is a guess anyhow: with a guess of the rate it is a better one.
   view.rate = shared(estimator.rate_guess());
   view.pace = shared(capped(estimator.pace().value_or(flow::Sender::kBlindPace)));
   view.one_way = estimator.one_way();

@@ -1,6 +1,14 @@
-// One path to a peer: where it leads, what is believed of it, what is measured on it when nothing
-// else is sent. A path is named by the link id of the side that connected; this side may reach
-// several paths over one NIC. Pure; thread-compatible.
+// One path to a peer: where it leads, what is believed of it, how much may be sent on it, and which
+// packets that carry no message are due on it. A path is named by the link id of the side that
+// connected; this side may reach several paths over one NIC.
+//
+// Path decides when a packet may and should leave, and Peer writes and sends it. What is worth
+// measuring is decided by link::ProbeSchedule; Path spaces the packets of a train that was decided
+// on, because that needs the size of datagrams and the operator's rate cap, which it alone knows.
+//
+// The peer's reports are not trusted: the estimators bound what they say, and an address that the
+// peer was not connected at gets no more than three times what came from it. Constant memory. Pure;
+// thread-compatible.
 #pragma once
 
 #include <cstdint>
@@ -20,46 +28,55 @@ class Path {
   // What a path must know of the NIC on this side.
   struct Nic {
     LinkId link{};
+    // The largest UDP payload it carries, in bytes.
     std::size_t max_datagram = 0;
     LinkTraits traits{};
   };
 
-  // `trusted`: the peer's address was given to us. Any other gets no more than three times what it
-  // has sent, until it has echoed our session (RFC 9000 §8.1).
+  // `trusted`: the peer's address was given to us. Any other address gets no more than three times
+  // what it has sent until it has echoed our session (RFC 9000 §8.1).
   Path(TimePoint now, LinkId id, const Nic& nic, const Address& address, bool trusted);
-  // The same path over another NIC or to another address. What is known of it stays.
+  // The same path over another NIC or to another address. What was learnt of it stays.
   void move_to(TimePoint now, const Nic& nic, const Address& address, bool trusted);
-  // The peer began a new life.
+  // The peer has begun a new session: nothing that was learnt stays.
   void reset(TimePoint now);
 
   LinkId id() const { return id_; }
   const Nic& nic() const { return nic_; }
   const Address& address() const { return address_; }
+  // Whether a UDP payload of this size may leave, as far as the peer's address is trusted.
   bool may_send(std::size_t size) const;
-  bool usable() const;  // as far as its traffic shows
+  // Whether messages may be sent on it, as far as its traffic shows.
+  bool usable() const;
 
   // --- what happened
   void received(std::size_t bytes) { bytes_in_ += bytes; }
-  void echoed() { validated_ = true; }  // the peer has heard us on it
+  // The peer has heard us on this path: its address is trusted from now on.
+  void echoed() { validated_ = true; }
   void sent_feedback(TimePoint now, std::size_t bytes);
   void sent_data(TimePoint now, std::size_t bytes);
   void sent_probe(TimePoint now, std::size_t bytes);
-  // `verdicts`: on the report, from the sender; `report` is about this path.
+  // The peer's report about this path, and what the sender has concluded from it.
   void learn(TimePoint now, const wire::LinkReport& report, const flow::SentPackets::Verdicts& v);
-  // An exchange of feedback that came over this path: sent by the peer at `u`, received now.
+  // An exchange of clocks in feedback that came over this path now and that the peer sent at `u`.
   void learn_exchange(TimePoint now, PeerTime u, const wire::LinkReport& report);
-  // After anything that may have changed what is believed. `ready`: the peer has echoed us.
+  // Tells the schedule of probes what is believed now. Call it after anything that may have changed
+  // that. `ready`: the peer has echoed our session on some path.
   void refresh(TimePoint now, bool ready);
 
   // --- what is due
-  // Nothing may be sent before it is asked again.
+  // Whether a heartbeat is due; send it before the next call.
   bool heartbeat_due(TimePoint now);
-  // A full-size probe should leave now, of a train or as proof of delivery.
+  // Whether a data-sized probe is due, be it of a train or to prove that the path delivers; send it
+  // before the next call.
   bool probe_due(TimePoint now);
   TimePoint next_timeout(TimePoint now) const;
 
+  // The part of feedback that is about this path.
   wire::LinkReport report(TimePoint now) const;
+  // What the sender must know of the path.
   flow::PathView view(TimePoint now) const;
+  // What policies and people see of the path.
   LinkState state(TimePoint now) const;
 
   flow::PathReceiver receiver;
@@ -73,11 +90,14 @@ class Path {
   LinkId id_{};
   Nic nic_;
   Address address_;
+  // The peer's address is trusted.
   bool validated_ = false;
   bool peer_is_metered_ = false;
+  // UDP payloads to and from this address.
   std::uint64_t bytes_in_ = 0;
   std::uint64_t bytes_out_ = 0;
-  // The train under way.
+  // The train under way: how many packets are left of it, how fast they leave (nothing: back to
+  // back), and when the next one may.
   std::uint32_t train_left_ = 0;
   std::optional<DataRate> train_pace_;
   TimePoint train_next_{};

@@ -13,9 +13,11 @@ namespace {
 // (docs/constants.md, "Feedback and round trips").
 constexpr std::uint32_t kFeedbackPackets = 16;
 constexpr Duration kFeedbackDelay = std::chrono::milliseconds(5);
-// A gap is reported at once, but not more often than this; chosen.
+// A gap in the numbers of packets is reported at once, but not more often than this: a burst of
+// losses needs one report.
 constexpr Duration kFeedbackSpacing = std::chrono::milliseconds(1);
-// What only time changes is looked at again after this long: this runs for every packet; chosen.
+// What only time changes is looked at again after this long and not for every packet, because it
+// means to look at every path.
 constexpr Duration kRefresh = std::chrono::milliseconds(1);
 
 }  // namespace
@@ -44,7 +46,8 @@ void Peer::add_path(TimePoint now, LinkId id, const Path::Nic& nic, const Addres
   if (Path* known = find(id)) {
     if (known->address() == address && known->nic().link == nic.link) return;
     known->move_to(now, nic, address, identity_.connected);
-    sender_.add_path(id, nic.max_datagram);  // the other NIC may carry less
+    // The other NIC may carry less.
+    sender_.add_path(id, nic.max_datagram);
   } else {
     if (paths_.size() >= wire::kMaxReports) return;
     paths_.emplace_back(now, id, nic, address, identity_.connected);
@@ -142,8 +145,8 @@ void Peer::note_arrival(TimePoint now, bool gap) {
 void Peer::handle_feedback(TimePoint now, Path& path, const wire::Feedback& feedback,
                            Input& input) {
   path.receiver.exchange(now, PeerTime{Duration{feedback.u}});
-  if (feedback.echo != identity_.self)
-    return;  // meant for an earlier life of ours, or it has not heard us
+  // Else it is meant for an earlier session of ours, or the peer has not heard us.
+  if (feedback.echo != identity_.self) return;
   path.echoed();
   if (!ready_) input.became_ready = ready_ = true;
   for (const wire::LinkReport& report : feedback.reports) {
@@ -168,7 +171,8 @@ void Peer::learn_report(TimePoint now, const wire::LinkReport& report) {
   collect_changes(now, *path);
 }
 
-// What the traffic of a path says of it has changed: tell, and rescue what is under way on it.
+// Collects what the traffic of a path says of it. Where the path is no longer usable, what is under
+// way on it goes over the others.
 void Peer::collect_changes(TimePoint now, Path& path) {
   if (!take_changes(path)) return;
   refresh(now);
@@ -192,8 +196,8 @@ std::optional<PathChanged> Peer::poll_change() {
   return change;
 }
 
-// A path may change by being looked at, at whatever occasion; and what becomes of one decides
-// whether another is the last.
+// Looks at the paths until nothing changes: the state of a path may change by being looked at, and
+// with that another one may become the last usable one.
 void Peer::refresh(TimePoint now) {
   refreshed_at_ = now;
   std::vector<LinkId> unusable;
@@ -204,7 +208,7 @@ void Peer::refresh(TimePoint now) {
   }
 }
 
-// Returns whether a path has changed; those that became unusable are added.
+// Returns whether the state of a path has changed, and adds the paths that became unusable.
 bool Peer::look_again(TimePoint now, std::vector<LinkId>& unusable) {
   for (Path& path : paths_) {
     path.estimator.set_last_usable(std::ranges::none_of(
@@ -257,7 +261,8 @@ wire::PacketHeader Peer::header(const Path& path, wire::PacketType type,
 
 Path* Peer::fastest() {
   Path* best = nullptr;
-  // A path whose delay is not known yet is behind those that were measured, and so is one in doubt.
+  // A path whose delay is not known yet ranks behind those that were measured, and so does one that
+  // is suspected.
   const auto rank = [](const Path& p) {
     const Duration d = p.estimator.one_way();
     return std::pair(p.estimator.path() != PathState::kOk,

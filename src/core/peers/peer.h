@@ -1,6 +1,12 @@
-// One peer of an endpoint: its paths, what is believed of them, its clock, what is under way in
-// both directions. Joins the machines of flow, link and guard for one peer and keeps no logic of
-// theirs. Pure; thread-compatible.
+// One peer of an endpoint: its paths, its clock, and what is under way in both directions. Joins
+// the machines of flow, link and guard for one peer: it hands them what comes in, asks them what is
+// due, and writes the packets.
+//
+// Owned and fed by Peers: handle() with packets of this peer's session that came over one of its
+// paths, handle_timeout() and poll() when next_timeout() is reached. What the peer says is not
+// trusted: duplicates are dropped per path, incomplete messages are held in bounded memory, and
+// reports can only be about packets that were sent. At most wire::kMaxReports paths. Pure;
+// thread-compatible.
 #pragma once
 
 #include <deque>
@@ -21,43 +27,61 @@ class Peer {
  public:
   struct Identity {
     PeerId id{};
+    // Our session.
     SessionId self{};
-    SessionId session{};     // the peer's; 0 until heard
-    bool connected = false;  // we asked for it: its addresses are trusted
+    // The peer's session; 0 until it is heard.
+    SessionId session{};
+    // We have asked for this peer: its addresses were given to us and are trusted.
+    bool connected = false;
+    // Lost pieces are sent again.
     bool repair = true;
-    TimePoint started{};  // when the endpoint began its life
+    // When this endpoint began its session.
+    TimePoint started{};
   };
   Peer(const Identity& identity, TimePoint now);
 
-  // A path not known yet is added; a known one follows its peer to a new address (carrier NATs
-  // rebind).
+  // Adds a path. A known one follows its peer to a new address, since translators of carriers
+  // change the port that a peer is seen at.
   void add_path(TimePoint now, LinkId path, const Path::Nic& nic, const Address& address);
+  // Measures the rate of a path now. False: there is no such path.
   bool request_train(TimePoint now, LinkId path);
+  // Forgets the paths over this NIC; what they owed goes over the others.
   void remove_nic(TimePoint now, LinkId nic);
   bool has_path(LinkId path) const { return find(path) != nullptr; }
   bool reached_at(LinkId nic, const Address& address) const;
+  // No path is left.
   bool gone() const { return paths_.empty(); }
 
-  // The peer began a new life: nothing learnt from its old one holds.
+  // The peer has begun a new session: nothing that was learnt in the old one holds.
   void restart(TimePoint now, SessionId session);
 
   struct Input {
+    // The packet had come before, or is too old to tell; it was dropped.
     bool duplicate = false;
-    bool became_ready = false;  // it has heard us: the round trip works
+    // The peer has heard us for the first time: the round trip works.
+    bool became_ready = false;
     bool clock_stepped = false;
-    bool refused = false;  // no memory for it
+    // A piece of a message was dropped for want of memory.
+    bool refused = false;
+    // The message that this packet completed.
     std::optional<Bytes> message;
   };
   Input handle(TimePoint now, const wire::Packet& packet, std::size_t datagram_bytes);
-  // Returns how many messages were given up.
+  // Returns how many incomplete messages were given up.
   std::size_t handle_timeout(TimePoint now);
   std::optional<TimePoint> next_timeout(TimePoint now) const;
+  // What the traffic of a path says of it has changed; ask until nothing comes.
   std::optional<PathChanged> poll_change();
+  // Writes the next packet that may leave now into `buffer` of at least kMaxDatagramBytes: feedback
+  // first, then what the paths have to send.
   std::optional<Transmit> poll(TimePoint now, std::span<std::byte> buffer);
 
+  // Queues a message on these paths; lost pieces go over these and over those of `repairs`. Nothing
+  // of it is sent after `deadline`; the receiver waits for the rest for `lifetime` at most.
   void send(TimePoint now, TimePoint deadline, Duration lifetime, Bytes message,
             const std::vector<LinkId>& paths, const flow::PathSet& repairs);
 
+  // The state of each path, with scores relative to the others.
   Links links(TimePoint now) const;
   std::optional<guard::ClockView> clock(TimePoint now) { return clock_.view(now); }
   const Identity& identity() const { return identity_; }
@@ -65,7 +89,7 @@ class Peer {
   TimePoint heard_at() const { return heard_at_; }
   std::size_t reassembly_bytes() const { return reassembler_.bytes(); }
   std::uint64_t cancelled() const { return sender_.cancelled(); }
-  // Pieces sent again and packets found lost on paths over this NIC.
+  // How many pieces were sent again and how many packets were found lost on paths over this NIC.
   std::pair<std::uint64_t, std::uint64_t> repairs(LinkId nic) const;
 
  private:
@@ -95,6 +119,7 @@ class Peer {
   guard::ClockOffset clock_;
   bool ready_ = false;
   TimePoint heard_at_;
+  // Packets that no feedback has reported yet, and when that is due.
   std::uint32_t unreported_ = 0;
   std::optional<TimePoint> feedback_at_;
   TimePoint feedback_sent_at_;

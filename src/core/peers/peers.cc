@@ -9,7 +9,8 @@
 namespace interneuron {
 namespace {
 
-// Sessions that a restarted peer had before; stragglers of theirs must not bring them back.
+// How many sessions that restarted peers had before are remembered: packets of theirs that come
+// late must not bring them back.
 constexpr std::size_t kRetired = 64;
 // Links with a smaller MTU than IPv6 allows (1280) are not served better by smaller datagrams:
 // eight reports of feedback and the piece count of the largest message fit from here on.
@@ -80,6 +81,34 @@ void Peers::retire(SessionId session) {
   if (session.value == 0) return;
   retired_.push_back(session);
   if (retired_.size() > kRetired) retired_.pop_front();
+}
+
+Peers::Received Peers::receive(TimePoint now, const Datagram& datagram) {
+  LinkCounters& counters = links_[datagram.link].counters;
+  const auto packet = wire::parse(datagram.bytes);
+  if (!packet) {
+    ++counters.malformed_packets;
+    return {};
+  }
+  const bool is_echo = packet->header.type == wire::PacketType::kEcho;
+  Received out;
+  if (!is_echo) {
+    const Found found = whose(now, packet->header, datagram);
+    out.peer = found.peer;
+    out.restarted = found.restarted;
+  }
+  if (is_echo ? !reflect(now, *packet, datagram) : out.peer == nullptr) {
+    ++counters.refused_packets;
+    return out;
+  }
+  if (!is_echo) out.input = out.peer->handle(now, *packet, datagram.bytes.size());
+  if (out.input.duplicate) {
+    ++counters.duplicate_packets;
+    return out;
+  }
+  ++counters.received_packets;
+  counters.received_bytes += datagram.bytes.size();
+  return out;
 }
 
 Peers::Found Peers::whose(TimePoint now, const wire::PacketHeader& header,
@@ -170,7 +199,7 @@ std::optional<Transmit> Peers::poll(TimePoint now, std::span<std::byte> buffer) 
 }
 
 Transmit Peers::count(const Transmit& transmit) {
-  LinkCounters& sent = counters(transmit.link);
+  LinkCounters& sent = links_[transmit.link].counters;
   ++sent.sent_packets;
   sent.sent_bytes += transmit.size;
   return transmit;
@@ -189,7 +218,7 @@ std::vector<LinkState> Peers::links(TimePoint now, PeerId id) const {
   return {all.begin(), all.end()};
 }
 
-LinkCounters Peers::totals(LinkId link) const {
+LinkCounters Peers::counters(LinkId link) const {
   const auto it = links_.find(link);
   if (it == links_.end()) return {};
   LinkCounters out = it->second.counters;
