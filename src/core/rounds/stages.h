@@ -101,8 +101,8 @@ class Stages {
 
   // The context of a round that the application works on; nullptr where there is none (any more).
   RoundContext* context(const RoundRef& round);
-  // Whether a message of this round was handed to the application here lately: of the last 64 rounds
-  // of its pipeline.
+  // Whether a message of this round was handed to the application here lately: of the last 64
+  // rounds of its pipeline.
   bool has_served(const RoundRef& round) const;
   // Opens a context. It is kept for twice the deadline, since a computation may hand over late.
   void open(TimePoint now, const RoundRef& round, RoundContext context, Duration deadline);
