@@ -90,18 +90,21 @@ Peers::Received Peers::receive(TimePoint now, const Datagram& datagram) {
     ++counters.malformed_packets;
     return {};
   }
-  const bool is_echo = packet->header.type == wire::PacketType::kEcho;
   Received out;
-  if (!is_echo) {
+  bool is_served = false;
+  if (packet->header.type == wire::PacketType::kEcho) {
+    is_served = reflect(now, *packet, datagram);
+  } else {
     const Found found = whose(now, packet->header, datagram);
     out.peer = found.peer;
     out.restarted = found.restarted;
+    is_served = found.peer != nullptr;
   }
-  if (is_echo ? !reflect(now, *packet, datagram) : out.peer == nullptr) {
+  if (!is_served) {
     ++counters.refused_packets;
     return out;
   }
-  if (!is_echo) out.input = out.peer->handle(now, *packet, datagram.bytes.size());
+  if (out.peer != nullptr) out.input = out.peer->handle(now, *packet, datagram.bytes.size());
   if (out.input.duplicate) {
     ++counters.duplicate_packets;
     return out;
