@@ -35,7 +35,6 @@ struct Transmit {
   std::size_t size = 0;
 };
 
-
 // What an endpoint is made of.
 struct EndpointOptions {
   // Names this life of the endpoint: random, not 0, new at every start. No default.
