@@ -20,6 +20,7 @@
 #include "host/process/failure.h"
 #include "host/process/signals.h"
 #include "host/settings/peer_address.h"
+#include "interneuron/endpoint.h"
 
 namespace interneuron::cli {
 namespace {
