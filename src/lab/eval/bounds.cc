@@ -89,7 +89,7 @@ std::optional<Shown> Oracle::best(std::size_t round) {
 
 // --- causal
 
-// Quantiles that the law is cut into; chosen: 1 ms apart or less for the uniform law.
+// Quantiles that the law is cut into: those of the uniform law are 1 ms apart or less.
 constexpr int kCuts = 64;
 
 class Causal {
@@ -112,7 +112,8 @@ class Causal {
 
   const Profile& profile_;
   double miss_price_;
-  std::vector<Duration> slack_;  // per variant: for the computation and every delay
+  // By variant: what is left for the computation and every delay.
+  std::vector<Duration> slack_;
   std::vector<Duration> cuts_;
 };
 

@@ -13,16 +13,20 @@ namespace interneuron::eval {
 
 // What is measured before the run and then frozen.
 struct ErdosTimes {
-  Duration uplink{};              // T1, median: t0 to the hand-over of the best variant
-  Duration downlink{};            // T3, median: end of the computation to the answer
-  std::vector<Duration> runtime;  // R, p99 per level
+  // T1: the median time from t0 to the hand-over of the best variant.
+  Duration uplink{};
+  // T3: the median time from the end of the computation to the answer.
+  Duration downlink{};
+  // R: the 99th percentile of the run time, by level.
+  std::vector<Duration> runtime;
 };
+// The undisturbed rounds that are measured.
 inline constexpr std::uint32_t kErdosRounds = 100;
 
 // R of these levels, by their measured quantiles.
 std::vector<Duration> erdos_runtimes(std::span<const LevelProfile> levels);
 
-// From undisturbed rounds on the links of `options`, at the highest level.
+// Measures undisturbed rounds on the links of `options`, at the highest level.
 ErdosTimes erdos_times(sim::OffloadOptions options);
 
 // The level that step 6 of the baseline takes, as OffloadOptions::level_rule. `end_to_end`: the

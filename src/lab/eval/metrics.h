@@ -1,4 +1,4 @@
-// Figures of pooled runs. Pure.
+// Figures of the rounds of all seeds together. Pure.
 #pragma once
 
 #include <cstdint>
@@ -13,15 +13,20 @@ namespace interneuron::eval {
 struct Figures {
   std::uint64_t rounds = 0;
   std::uint64_t timeouts = 0;
-  Interval timeouts_ci95{};       // shares
-  std::uint64_t consecutive = 0;  // rounds missed right after a missed round
-  double e2e_mean_ms = 0;         // over rounds on time, as the quantiles
+  // Shares of the rounds.
+  Interval timeouts_ci95{};
+  // Rounds missed right after a missed round.
+  std::uint64_t consecutive = 0;
+  // Over rounds on time; 0 without any.
+  double e2e_mean_ms = 0;
   double e2e_p50_ms = 0;
   double e2e_p95_ms = 0;
   double e2e_p99_ms = 0;
-  double quality = 0;                   // mean per round, what the application really got
-  double quality_on_time = 0;           // mean over rounds on time
-  std::vector<double> bytes_per_round;  // per link, both directions, IP; with the warm-up
+  // Means of what the application really got, over all rounds and over those on time.
+  double quality = 0;
+  double quality_on_time = 0;
+  // Bytes of IP by link, both directions together, those of the warm-up included.
+  std::vector<double> bytes_per_round;
 };
 Figures figures(std::span<const Run> runs, const Profile& profile);
 

@@ -13,15 +13,19 @@ namespace interneuron::eval {
 
 // Names a variant of the frame as the profile does: bytes of the message, and per level its AP.
 struct VariantProfile {
-  std::string name;  // "raw", "sampled", "jpeg"
+  // "raw", "sampled" or "jpeg".
+  std::string name;
   std::size_t bytes = 0;
 };
 
 struct Profile {
-  std::vector<VariantProfile> variants;  // best first, as they are submitted
+  // The best one first, as they are submitted.
+  std::vector<VariantProfile> variants;
   std::vector<std::string> level_names;
-  std::vector<LevelProfile> levels;  // quality by variant
-  FallbackQuality fallback;          // local: level 0 on raw
+  // Each with its quality by variant.
+  std::vector<LevelProfile> levels;
+  // The local backup is level 0 on the raw image.
+  FallbackQuality fallback;
 };
 
 // The three-level ladder on raw 484x361 and sampled 242x181 RGB (512 and 128 KB with the image
@@ -32,12 +36,14 @@ Profile default_profile(bool jpeg = false);
 // What the application really got in one round.
 struct Shown {
   enum class Kind : std::uint8_t { kNothing, kRemote, kLocal, kStale } kind = Kind::kNothing;
-  std::size_t level = 0;  // of the (possibly old) remote result
+  // Of the remote result, which may be an old one.
+  std::size_t level = 0;
   std::uint8_t variant = 0;
-  std::uint32_t age = 0;  // rounds; 0 unless kStale. Older than FallbackQuality tells is worth 0
+  // In rounds; 0 unless kStale. A result older than FallbackQuality tells is worth nothing.
+  std::uint32_t age = 0;
   friend bool operator==(const Shown&, const Shown&) = default;
 };
-// Of a fresh remote result.
+// What a fresh remote result is worth.
 double remote_quality(const Profile& profile, std::size_t level, std::size_t variant);
 double quality_of(const Profile& profile, const Shown& shown);
 

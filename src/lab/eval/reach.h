@@ -1,5 +1,5 @@
-// How soon messages can come through the links of a scenario, if nothing else uses them. Private to
-// src/lab/eval. Pure.
+// How soon messages can come through the links of a scenario, if nothing else uses them: for the
+// oracle, which may send each message over the best link at the best moment. Pure.
 #pragma once
 
 #include <cstdint>
@@ -14,9 +14,9 @@ class Reach {
  public:
   Reach(const Scenario& scenario, std::uint64_t seed);
 
-  // The soonest arrival, over the best link, of a message that is ready at `ready` (world time,
-  // which goes back by at most DelayProcess::kMemory between calls): it may wait for a better
-  // moment. Duration::max(): never.
+  // The soonest arrival, over the best link, of a message that can be sent from `ready` on; it may
+  // wait for a better moment. Duration::max() when it never arrives. `ready` is world time, and
+  // goes back by at most DelayProcess::kMemory between calls.
   Duration soonest(emu::Direction direction, Duration ready, std::size_t bytes);
 
  private:
@@ -31,7 +31,7 @@ class Reach {
   std::vector<OneLink> links_;
 };
 
-// Every round on these links has the same times.
+// Whether every round on these links takes the same times.
 bool has_constant_links(const Scenario& scenario);
 
 }  // namespace interneuron::eval

@@ -106,7 +106,8 @@ Shown shown_of(const RoundDone& done, bool local_backup, const std::vector<Round
   if (!done.age_rounds) return {};
   if (*done.age_rounds == 0) return {Shown::Kind::kLocal, 0, 0, 0};
   const std::uint32_t age = *done.age_rounds;
-  if (!done.stale_remote && local_backup) return {Shown::Kind::kStale, 0, 0, age};  // an old local
+  // The old result may be a local one.
+  if (!done.stale_remote && local_backup) return {Shown::Kind::kStale, 0, 0, age};
   const Round& then = rounds.at(rounds.size() - 1 - age);
   return {Shown::Kind::kStale, then.level, then.variant, age};
 }

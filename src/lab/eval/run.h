@@ -17,15 +17,17 @@ namespace interneuron::eval {
 
 struct Scenario {
   std::string name;
-  std::vector<emu::LinkProfile> links;  // [0]: the primary one of single-link systems
+  // The first one is the only one of systems with a single link.
+  std::vector<emu::LinkProfile> links;
   DelayLaw law;
   Duration deadline = std::chrono::milliseconds(130);
   Duration period = std::chrono::milliseconds(100);
   Profile profile = default_profile();
-  std::optional<ErdosTimes> erdos;  // frozen elsewhere; nothing: measured here, see erdos_times()
+  // What erdos_like froze elsewhere; empty: it is measured here, see erdos_times().
+  std::optional<ErdosTimes> erdos;
   sim::ClockError road_clock;
-  std::optional<std::pair<std::uint32_t, Duration>>
-      clock_step;  // of the road, when this round begins
+  // By how much the roadside's clock steps when this round begins.
+  std::optional<std::pair<std::uint32_t, Duration>> clock_step;
 };
 // Constant clean links of 100 and 30 Mbit/s, round trips 22 and 45 ms, with the uniform law of
 // docs/evaluation.md.
@@ -33,20 +35,26 @@ Scenario table_erdos_scenario();
 
 struct Round {
   std::uint32_t round = 0;
-  Duration t0{};  // world time
+  // World time.
+  Duration t0{};
   bool on_time = false;
-  Duration e2e{};  // of the answer
+  // The end-to-end time of the answer.
+  Duration e2e{};
   Shown shown;
-  // As decided; for waterfalls and scripted sequences. Elapsed since t0 in world time; nothing:
-  // did not come so far.
-  std::string plan;                   // "raw:5g sampled:4g"
-  std::optional<Duration> delivered;  // θ1: the frame handed over at the roadside
-  std::optional<Duration> d1;         // D1 - α, where the verdict tells it: late, or held until D1
+  // The links that the frame was planned on: "raw:5g sampled:4g".
+  std::string plan;
+  // Since t0 in world time, empty for a round that did not come so far: when the frame was handed
+  // over at the roadside (θ1), what its deadline was (D1 - α, where the verdict tells it: late, or
+  // held until D1), and when the computation began and ended.
+  std::optional<Duration> delivered;
+  std::optional<Duration> d1;
   std::optional<Duration> compute_began;
   std::optional<Duration> compute_ended;
-  std::uint8_t variant = 0;  // used, as the profile counts them
-  std::size_t level = 0;     // computed
-  Verdict verdict;           // of stage 1
+  // The variant that was used, as the profile counts them, and the level that was computed.
+  std::uint8_t variant = 0;
+  std::size_t level = 0;
+  // Of stage 1.
+  Verdict verdict;
   bool degraded_first = false;
   bool degraded_final = false;
   std::int16_t x_permille = 0;
@@ -59,11 +67,12 @@ struct Run {
   std::string system;
   std::uint64_t seed = 0;
   std::vector<Round> rounds;
-  std::vector<std::uint64_t> bytes_up;  // per link of the scenario, IP, with the warm-up
+  // Bytes of IP by link of the scenario, those of the warm-up included.
+  std::vector<std::uint64_t> bytes_up;
   std::vector<std::uint64_t> bytes_down;
 };
 
-// As many rounds as the trace has. `seed`: of links and endpoints.
+// Runs as many rounds as the trace has. `seed` is that of links and endpoints.
 Run run(const System& system, const Scenario& scenario, const Trace& trace, std::uint64_t seed);
 
 }  // namespace interneuron::eval

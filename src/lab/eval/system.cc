@@ -5,9 +5,11 @@
 namespace interneuron::eval {
 namespace {
 
-constexpr std::size_t kPrimary = 0;    // link
-constexpr std::uint8_t kBest = 0;      // variant: raw, or its JPEG
-constexpr std::uint8_t kSmallest = 1;  // variant: sampled
+// A link.
+constexpr std::size_t kPrimary = 0;
+// Variants: raw or its JPEG, and sampled.
+constexpr std::uint8_t kBest = 0;
+constexpr std::uint8_t kSmallest = 1;
 
 System ours(std::string name, std::string about) {
   System s;

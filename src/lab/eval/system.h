@@ -15,8 +15,10 @@ namespace interneuron::eval {
 
 // How the roadside chooses the level.
 enum class LevelRule : std::uint8_t {
-  kGuard,     // Endpoint::begin_computation()
-  kFixedTop,  // always the highest of the profile
+  // The guard chooses, by Endpoint::begin_computation().
+  kGuard,
+  // Always the highest one of the profile.
+  kFixedTop,
   // The deadline of the computation is D_N - T1 - T3, counted from the arrival of its input
   // (docs/paper.md, "The baseline after ERDOS").
   kErdos,
@@ -25,18 +27,25 @@ enum class LevelRule : std::uint8_t {
 };
 
 struct System {
-  std::string name;   // "ours", "erdos_like", "no_handler", …; stable, in every table
-  std::string about;  // one line for tables and reports
+  // "ours", "erdos_like", "no_handler" and so on: the same in every table and version.
+  std::string name;
+  // One line for tables and reports.
+  std::string about;
   GuardKind guard = GuardKind::kPaper;
   std::string policy = "down_sampling";
   LevelRule level = LevelRule::kGuard;
-  std::optional<std::uint8_t> only_variant;  // submits this one alone
-  std::optional<std::size_t> only_link;      // has this link alone
+  // Submits this variant alone.
+  std::optional<std::uint8_t> only_variant;
+  // Has this link alone.
+  std::optional<std::size_t> only_link;
   bool use_x = true;
   bool use_handler = true;
-  bool local_backup = true;  // false: a missed round shows the last remote result
-  bool needs_jpeg = false;   // makes sense only where the best variant is a JPEG
-  bool is_baseline = false;  // not a form of ours
+  // Without it, a missed round shows the last remote result.
+  bool local_backup = true;
+  // Whether it makes sense only where the best variant is a JPEG.
+  bool needs_jpeg = false;
+  // Whether it is no form of ours.
+  bool is_baseline = false;
 };
 
 // All, in the order of the tables: ours (budget), paper, ablations no_x and no_handler (of paper,

@@ -15,35 +15,45 @@
 namespace interneuron::eval {
 
 enum class Module : std::uint8_t {
-  kUplink,         // every packet of the frame, whichever link
-  kBeforeCompute,  // between the hand-over at the roadside and the computation
-  kInsideCompute,  // the computation takes so much longer
-  kDownlink,       // every packet of the result, whichever link
+  // Every packet of the frame is delayed, whichever link it takes.
+  kUplink,
+  // The computation begins later after the hand-over at the roadside.
+  kBeforeCompute,
+  // The computation takes longer.
+  kInsideCompute,
+  // Every packet of the result is delayed, whichever link it takes.
+  kDownlink,
 };
 inline constexpr std::size_t kModules = 4;
-std::string_view to_string(Module module);  // "uplink", "before_compute", …
+// "uplink", "before_compute", "inside_compute" or "downlink".
+std::string_view to_string(Module module);
 
-// Of rounds, with the uniform law on table_erdos_scenario(): erdos_like then misses half of them,
-// as in the paper (152 of 300). Calibrated once, on seeds 1001-1030 of 300 rounds: 50.1
-// %.
+// The share of rounds that are injected. With the uniform law on table_erdos_scenario(), erdos_like
+// then misses half of the rounds, as in the paper (152 of 300): it missed 50.1 % of seeds 1001 to
+// 1030, 300 rounds each, on which the share was calibrated.
 inline constexpr double kCalibratedShare = 0.75;
 
 struct DelayLaw {
   enum class Shape : std::uint8_t { kNone, kUniform, kExponential };
   Shape shape = Shape::kUniform;
-  Duration low = std::chrono::milliseconds(15);   // kUniform
-  Duration high = std::chrono::milliseconds(50);  // kUniform
-  Duration mean = std::chrono::milliseconds(40);  // kExponential
-  double share = kCalibratedShare;                // of rounds, in [0, 1]
-  // Rounds, mean, >= 1. Where a share above burst / (burst + 1) leaves no room between bursts, they
-  // grow longer.
+  // The bounds of kUniform.
+  Duration low = std::chrono::milliseconds(15);
+  Duration high = std::chrono::milliseconds(50);
+  // Of kExponential.
+  Duration mean = std::chrono::milliseconds(40);
+  // The share of rounds that are injected, in [0, 1].
+  double share = kCalibratedShare;
+  // The mean length of a burst in rounds, at least 1. Where a share above burst / (burst + 1)
+  // leaves no room between bursts, they grow longer.
   double burst = 4;
 };
 
 // Whether rounds are injected, as a chain of two states.
 struct BurstChain {
-  double begins = 0;  // probability after a round that is not injected
-  double ends = 1;    // after one that is
+  // The probability that a burst begins after a round that is not injected.
+  double begins = 0;
+  // The probability that it ends after one that is.
+  double ends = 1;
 };
 BurstChain burst_chain(const DelayLaw& law);
 
