@@ -143,12 +143,15 @@ std::string precise(const std::optional<Duration>& d) {
   return d ? fmt::format("{:.3f}", to_ms(*d) / 1e3) : "-";
 }
 
-Json number(const std::optional<Duration>& d) { return d ? Json(to_ms(*d) / 1e3) : Json(); }
+lab::Json number(const std::optional<Duration>& d) {
+  return d ? lab::Json(to_ms(*d) / 1e3) : lab::Json();
+}
 
-Json as_json(const std::vector<bench::Run>& runs, const Options& o) {
+lab::Json as_json(const std::vector<bench::Run>& runs, const Options& o) {
   const auto all = bench::steps();
-  Json out{
-      {"schema", "interneuron.bench.nature/1"}, {"phase_s", o.phase_s}, {"steps", Json::array()}};
+  lab::Json out{{"schema", "interneuron.bench.nature/1"},
+                {"phase_s", o.phase_s},
+                {"steps", lab::Json::array()}};
   for (const bench::Run& run : runs) {
     for (std::size_t i = 0; i < all.size(); ++i) {
       const bench::Convergence& c = run.convergence[i];
@@ -205,13 +208,13 @@ int run_nature(const Options& o) {
   if (!o.pcap.empty() && o.load == "both") {
     throw Failure(kUsage, "--pcap: give --load idle or --load loaded, each makes a capture");
   }
-  make_directory(o.out);
+  lab::make_directory(o.out);
   const SignalWatch signals;
   std::vector<bench::Run> runs;
   if (o.load != "loaded") runs.push_back(measure(o, false));
   if (o.load != "idle") runs.push_back(measure(o, true));
-  const Json json = as_json(runs, o);
-  write_json(fs::path(o.out) / "nature.json", json);
+  const lab::Json json = as_json(runs, o);
+  lab::write_json(fs::path(o.out) / "nature.json", json);
   plot_nature(fs::path(o.out) / "nature.png", runs);
   std::error_code ignored;
   fs::remove(fs::path(o.out) / ".testbed", ignored);

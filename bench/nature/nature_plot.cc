@@ -78,7 +78,7 @@ bool plot_nature(const std::filesystem::path& file, const std::vector<Run>& runs
   }
   const std::string head =
       fmt::format(fmt::runtime(kHead), 720 * runs.size(), file.string(), runs.size());
-  return draw(file, data + head + plots + "unset multiplot\n");
+  return lab::draw(file, data + head + plots + "unset multiplot\n");
 }
 
 }  // namespace interneuron::cli::bench

@@ -48,7 +48,7 @@ class Demo {
  private:
   std::vector<std::string> road_command() const;
   std::vector<std::string> vehicle_command() const;
-  void judge(std::vector<RoundRow>& rows, const netns::Snapshot& snapshot,
+  void judge(std::vector<lab::RoundRow>& rows, const netns::Snapshot& snapshot,
              const Ladder& ladder) const;
   int conclude(int vehicle_code, const Ladder& ladder);
 
@@ -101,7 +101,7 @@ std::vector<std::string> Demo::vehicle_command() const {
 }
 
 // What a clairvoyant could have answered on time over the very links of this run.
-void Demo::judge(std::vector<RoundRow>& rows, const netns::Snapshot& snapshot,
+void Demo::judge(std::vector<lab::RoundRow>& rows, const netns::Snapshot& snapshot,
                  const Ladder& ladder) const {
   if (!snapshot.epoch || ladder.medians.empty()) return;
   std::vector<emu::LinkProfile> profiles;
@@ -112,7 +112,7 @@ void Demo::judge(std::vector<RoundRow>& rows, const netns::Snapshot& snapshot,
     links.emplace_back(link.profile, link.seed);
     processes.push_back(links.back().process().get());
   }
-  for (RoundRow& row : rows) {
+  for (lab::RoundRow& row : rows) {
     row.possible = sim::clairvoyant_feasible(
         profiles, processes, row.t0 - *snapshot.epoch, from_ms(o_.deadline_ms),
         perception::encoded_size(perception::Variant::kSampled), perception::kMaxResultBytes,
@@ -122,14 +122,14 @@ void Demo::judge(std::vector<RoundRow>& rows, const netns::Snapshot& snapshot,
 
 int Demo::conclude(int vehicle_code, const Ladder& ladder) {
   const fs::path out = o_.out;
-  std::vector<RoundRow> rows = read_csv(out / "rounds.csv");
+  std::vector<lab::RoundRow> rows = lab::read_csv(out / "rounds.csv");
   judge(rows, testbed_->snapshot(), ladder);
-  Json summary = read_json(out / "summary.json");
+  lab::Json summary = lab::read_json(out / "summary.json");
   std::uint32_t possible = 0;
-  for (const RoundRow& row : rows) possible += row.possible.value_or(false) ? 1 : 0;
+  for (const lab::RoundRow& row : rows) possible += row.possible.value_or(false) ? 1 : 0;
   summary["best_possible"] = possible;
   summary["ladder"] = ladder.description;
-  for (Json& level : summary["levels"]) {
+  for (lab::Json& level : summary["levels"]) {
     const auto number = level["level"].get<std::size_t>();
     if (number < ladder.names.size()) level["name"] = ladder.names[number];
   }
@@ -137,12 +137,12 @@ int Demo::conclude(int vehicle_code, const Ladder& ladder) {
   summary["emulator"] = {{"lateness_mean_us", snapshot.lateness_mean_us},
                          {"lateness_max_us", snapshot.lateness_max_us},
                          {"kernel_drops", snapshot.kernel_drops}};
-  write_csv(out / "rounds.csv", rows);
-  write_json(out / "summary.json", summary);
+  lab::write_csv(out / "rounds.csv", rows);
+  lab::write_json(out / "summary.json", summary);
   if (o_.json) {
     fmt::print("{}\n", summary.dump(2));
   } else {
-    print_table(summary);
+    lab::print_table(summary);
     fmt::print("\nwritten to {}: rounds.csv, summary.json, latency.png, frame.png\n", out.string());
   }
   const double share =
@@ -153,7 +153,7 @@ int Demo::conclude(int vehicle_code, const Ladder& ladder) {
 }
 
 int Demo::run() {
-  make_directory(o_.out);
+  lab::make_directory(o_.out);
   for (const char* old : {"rounds.csv", "summary.json", "latency.png", "frame.png"}) {
     std::error_code ignored;
     fs::remove(fs::path(o_.out) / old, ignored);

@@ -78,7 +78,7 @@ int print_schedule(const emu::Scenario& scenario, Duration length, const std::st
     print_csv(player, length);
     return kFine;
   }
-  return draw(plot, script(player, length, plot)) ? kFine : kFailed;
+  return lab::draw(plot, script(player, length, plot)) ? kFine : kFailed;
 }
 
 }  // namespace interneuron::cli

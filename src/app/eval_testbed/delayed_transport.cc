@@ -7,7 +7,7 @@
 
 #include "host/io/steady_clock.h"
 
-namespace interneuron::cli::eval {
+namespace interneuron::cli {
 namespace {
 
 // How soon a full socket is tried again. A packet of 1,500 bytes leaves a link of 60 Mbit/s in this
@@ -93,4 +93,4 @@ int DelayedTransport::native_handle() const {
   return inner_->native_handle();
 }
 
-}  // namespace interneuron::cli::eval
+}  // namespace interneuron::cli

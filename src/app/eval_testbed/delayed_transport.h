@@ -12,7 +12,7 @@
 
 #include "interneuron/transport.h"
 
-namespace interneuron::cli::eval {
+namespace interneuron::cli {
 
 // Wraps the transport of one link, which it owns. While nothing is delayed it passes everything on
 // at once; delayed datagrams are copied and sent by a thread of its own. Their number has no bound
@@ -53,4 +53,4 @@ class DelayedTransport final : public Transport {
   std::jthread thread_;
 };
 
-}  // namespace interneuron::cli::eval
+}  // namespace interneuron::cli

@@ -12,10 +12,9 @@
 #include "host/settings/data.h"
 #include "lab/eval/experiments/compare.h"
 
-namespace interneuron::cli::eval {
+namespace interneuron::cli {
 namespace {
 
-namespace core = interneuron::eval;
 namespace fs = std::filesystem;
 
 constexpr const char* kSystems[] = {"ours", "paper", "erdos_like"};
@@ -30,14 +29,14 @@ constexpr std::uint32_t kFewestUndisturbed = 20;
 // [system][seed].
 using BenchRuns = std::vector<std::vector<BenchRun>>;
 
-BenchRuns run_all(const Request& request, const core::Scenario& scenario,
-                  const std::vector<core::System>& systems, Bench& bench) {
+BenchRuns run_all(const experiments::Request& request, const eval::Scenario& scenario,
+                  const std::vector<eval::System>& systems, Bench& bench) {
   BenchRuns out(systems.size());
   const std::size_t count = systems.size() * request.seeds();
   const double seconds = request.rounds * to_ms(scenario.period) / 1e3;
   std::size_t done = 0;
   for (std::uint64_t seed = request.first_seed; seed <= request.last_seed; ++seed) {
-    const core::Trace trace = core::make_trace(scenario.law, seed, request.rounds);
+    const eval::Trace trace = eval::make_trace(scenario.law, seed, request.rounds);
     for (std::size_t i = 0; i < systems.size(); ++i) {
       fmt::print(stderr, "testbed: run {} of {}: {}, seed {}, {:.0f} s\n", ++done, count,
                  systems[i].name, seed, seconds);
@@ -47,7 +46,7 @@ BenchRuns run_all(const Request& request, const core::Scenario& scenario,
   return out;
 }
 
-std::optional<perception::GroundTruth> truth_of(const Request& request) {
+std::optional<perception::GroundTruth> truth_of(const experiments::Request& request) {
   const auto file = default_truth(request.data);
   if (!file) return std::nullopt;
   return perception::read_mot_truth(*file);
@@ -56,8 +55,8 @@ std::optional<perception::GroundTruth> truth_of(const Request& request) {
 // Adds the accuracy of the boxes that the application got to a system's row; null without a ground
 // truth.
 void add_boxes(const std::optional<perception::GroundTruth>& truth,
-               const std::vector<BenchRun>& runs, Json& row) {
-  for (const char* key : {"ap", "ar", "effective_ap", "effective_ar"}) row[key] = nullptr;
+               const std::vector<BenchRun>& runs, experiments::SystemRow& row) {
+  row.ap = row.ar = row.effective_ap = row.effective_ar = std::nullopt;
   if (!truth) return;
   std::vector<perception::Shown> every;
   std::vector<perception::Shown> on_time;
@@ -68,12 +67,12 @@ void add_boxes(const std::optional<perception::GroundTruth>& truth,
     }
   }
   const perception::Accuracy effective = perception::evaluate(*truth, every);
-  row["effective_ap"] = effective.ap;
-  row["effective_ar"] = effective.ar;
+  row.effective_ap = effective.ap;
+  row.effective_ar = effective.ar;
   if (on_time.empty()) return;
   const perception::Accuracy paper = perception::evaluate(*truth, on_time);
-  row["ap"] = paper.ap;
-  row["ar"] = paper.ar;
+  row.ap = paper.ap;
+  row.ar = paper.ar;
 }
 
 // Medians of what undisturbed rounds with one image took, by part.
@@ -83,12 +82,12 @@ struct Parts {
   double compute_ms = 0;
   double downlink_ms = 0;
 };
-Parts parts_of(const std::vector<core::Run>& runs, std::size_t variant) {
+Parts parts_of(const std::vector<eval::Run>& runs, std::size_t variant) {
   std::vector<double> uplink;
   std::vector<double> compute;
   std::vector<double> downlink;
-  for (const core::Run& run : runs) {
-    for (const core::Round& r : run.rounds) {
+  for (const eval::Run& run : runs) {
+    for (const eval::Round& r : run.rounds) {
       if (r.injected.any || !r.on_time || r.variant != variant || !r.compute_ended) continue;
       uplink.push_back(to_ms(*r.delivered));
       compute.push_back(to_ms(*r.compute_ended - *r.delivered));
@@ -100,7 +99,7 @@ Parts parts_of(const std::vector<core::Run>& runs, std::size_t variant) {
 }
 
 // The variant that most of the undisturbed rounds used.
-std::size_t usual_variant(const core::Profile& profile, const std::vector<core::Run>& runs) {
+std::size_t usual_variant(const eval::Profile& profile, const std::vector<eval::Run>& runs) {
   std::size_t usual = 0;
   for (std::size_t v = 1; v < profile.variants.size(); ++v) {
     if (parts_of(runs, v).rounds > parts_of(runs, usual).rounds) usual = v;
@@ -108,11 +107,12 @@ std::size_t usual_variant(const core::Profile& profile, const std::vector<core::
   return usual;
 }
 
-Json agreement_row(const std::string& name, const core::Profile& profile,
-                   const std::vector<core::Run>& testbed, const std::vector<core::Run>& sim) {
-  const core::Figures real = core::figures(testbed, profile);
-  const core::Figures virtual_time = core::figures(sim, profile);
-  const auto on_time = [](const core::Figures& f) {
+experiments::AgreementRow agreement_row(const std::string& name, const eval::Profile& profile,
+                                        const std::vector<eval::Run>& testbed,
+                                        const std::vector<eval::Run>& sim) {
+  const eval::Figures real = eval::figures(testbed, profile);
+  const eval::Figures virtual_time = eval::figures(sim, profile);
+  const auto on_time = [](const eval::Figures& f) {
     return 1 - static_cast<double>(f.timeouts) / static_cast<double>(f.rounds);
   };
   const double points = on_time(real) - on_time(virtual_time);
@@ -123,68 +123,67 @@ Json agreement_row(const std::string& name, const core::Profile& profile,
   const Parts simulated = parts_of(sim, variant);
   const auto part = [&](double Parts::*which) {
     const auto value = [which](const Parts& p) {
-      return p.rounds > 0 ? Json(p.*which) : Json(nullptr);
+      return p.rounds > 0 ? std::optional(p.*which) : std::nullopt;
     };
-    return Json{{"testbed", value(parts)}, {"sim", value(simulated)}};
+    return experiments::Sides{value(parts), value(simulated)};
   };
-  return {
-      {"name", name},
-      {"image", profile.variants[variant].name},
-      {"on_time", {{"testbed", on_time(real)}, {"sim", on_time(virtual_time)}, {"points", points}}},
-      {"e2e_p50_ms",
-       {{"testbed", real.e2e_p50_ms}, {"sim", virtual_time.e2e_p50_ms}, {"change", change}}},
-      {"uplink_ms", part(&Parts::uplink_ms)},
-      {"compute_ms", part(&Parts::compute_ms)},
-      {"downlink_ms", part(&Parts::downlink_ms)},
-      {"on_time_agrees", std::abs(points) <= kOnTimePoints},
-      {"e2e_agrees", std::abs(change) <= kE2eShare}};
+  return {.name = name,
+          .image = profile.variants[variant].name,
+          .on_time = {on_time(real), on_time(virtual_time), points},
+          .e2e_p50_ms = {real.e2e_p50_ms, virtual_time.e2e_p50_ms, change},
+          .uplink_ms = part(&Parts::uplink_ms),
+          .compute_ms = part(&Parts::compute_ms),
+          .downlink_ms = part(&Parts::downlink_ms),
+          .on_time_agrees = std::abs(points) <= kOnTimePoints,
+          .e2e_agrees = std::abs(change) <= kE2eShare};
 }
 
-Json agreement(const Compared& testbed, const Compared& sim) {
-  Json rows = Json::array();
+experiments::Table agreement(const experiments::Compared& testbed,
+                             const experiments::Compared& sim) {
+  std::vector<experiments::AgreementRow> rows;
   for (std::size_t i = 0; i < testbed.systems.size(); ++i) {
     rows.push_back(agreement_row(testbed.systems[i].name, testbed.scenario.profile, testbed.runs[i],
                                  sim.runs[i]));
   }
-  return table("agreement", "Testbed and simulation",
-               "The same seeds, delays and systems; the simulation has the run times that the "
-               "levels had on the testbed. Parts: medians of undisturbed rounds on time with the "
-               "image that most of them used.",
-               {{"/name", "system"},
-                {"/on_time/testbed", "on time, testbed, %", 2, true},
-                {"/on_time/sim", "simulation, %", 2, true},
-                {"/on_time_agrees", "within 2 points"},
-                {"/e2e_p50_ms/testbed", "e2e p50, testbed, ms", 1},
-                {"/e2e_p50_ms/sim", "simulation, ms", 1},
-                {"/e2e_agrees", "within 5 %"},
-                {"/image", "parts with"},
-                {"/uplink_ms/testbed", "uplink, testbed, ms", 1},
-                {"/uplink_ms/sim", "simulation, ms", 1},
-                {"/compute_ms/testbed", "computation, testbed, ms", 1},
-                {"/compute_ms/sim", "simulation, ms", 1},
-                {"/downlink_ms/testbed", "downlink, testbed, ms", 1},
-                {"/downlink_ms/sim", "simulation, ms", 1}},
-               rows);
+  return {"agreement",
+          "Testbed and simulation",
+          "The same seeds, delays and systems; the simulation has the run times that the "
+          "levels had on the testbed. Parts: medians of undisturbed rounds on time with the "
+          "image that most of them used.",
+          {{"/name", "system"},
+           {"/on_time/testbed", "on time, testbed, %", 2, true},
+           {"/on_time/sim", "simulation, %", 2, true},
+           {"/on_time_agrees", "within 2 points"},
+           {"/e2e_p50_ms/testbed", "e2e p50, testbed, ms", 1},
+           {"/e2e_p50_ms/sim", "simulation, ms", 1},
+           {"/e2e_agrees", "within 5 %"},
+           {"/image", "parts with"},
+           {"/uplink_ms/testbed", "uplink, testbed, ms", 1},
+           {"/uplink_ms/sim", "simulation, ms", 1},
+           {"/compute_ms/testbed", "computation, testbed, ms", 1},
+           {"/compute_ms/sim", "simulation, ms", 1},
+           {"/downlink_ms/testbed", "downlink, testbed, ms", 1},
+           {"/downlink_ms/sim", "simulation, ms", 1}},
+          std::move(rows)};
 }
 
-Json level_table(const core::Profile& calibrated, const core::Profile& measured) {
-  Json rows = Json::array();
+experiments::Table level_table(const eval::Profile& calibrated, const eval::Profile& measured) {
+  std::vector<experiments::LevelTimesRow> rows;
   for (std::size_t i = 0; i < measured.levels.size(); ++i) {
-    rows.push_back({{"name", measured.level_names[i]},
-                    {"calibrated_ms", to_ms(calibrated.levels[i].median)},
-                    {"calibrated_p95_ms", to_ms(calibrated.levels[i].p95)},
-                    {"measured_ms", to_ms(measured.levels[i].median)},
-                    {"measured_p95_ms", to_ms(measured.levels[i].p95)}});
+    rows.push_back({measured.level_names[i], to_ms(calibrated.levels[i].median),
+                    to_ms(calibrated.levels[i].p95), to_ms(measured.levels[i].median),
+                    to_ms(measured.levels[i].p95)});
   }
-  return table("levels", "Run times of the levels on this machine",
-               "Calibrated before the first run, and in operation, without what was injected; a "
-               "level that hardly ran in operation keeps its calibrated times.",
-               {{"/name", "level"},
-                {"/calibrated_ms", "calibrated p50, ms", 1},
-                {"/calibrated_p95_ms", "p95", 1},
-                {"/measured_ms", "in operation p50, ms", 1},
-                {"/measured_p95_ms", "p95", 1}},
-               rows);
+  return {"levels",
+          "Run times of the levels on this machine",
+          "Calibrated before the first run, and in operation, without what was injected; a "
+          "level that hardly ran in operation keeps its calibrated times.",
+          {{"/name", "level"},
+           {"/calibrated_ms", "calibrated p50, ms", 1},
+           {"/calibrated_p95_ms", "p95", 1},
+           {"/measured_ms", "in operation p50, ms", 1},
+           {"/measured_p95_ms", "p95", 1}},
+          std::move(rows)};
 }
 
 std::string load() {
@@ -195,19 +194,20 @@ std::string load() {
 
 // Whether the recorded boxes are of these levels: they are of the nets of the dnn and replay
 // ladders, and worth nothing for the motion ladder's.
-bool is_recorded(const core::Profile& profile) {
+bool is_recorded(const eval::Profile& profile) {
   return profile.level_names.front().starts_with("yolo");
 }
 
 }  // namespace
 
-void run_table_erdos_on_testbed(const Request& request, Json& document) {
-  core::Scenario scenario = core::table_erdos_scenario();
-  const std::vector<core::System> systems = some_systems(kSystems);
+void run_table_erdos_on_testbed(const experiments::Request& request,
+                                experiments::Document& document) {
+  eval::Scenario scenario = eval::table_erdos_scenario();
+  const std::vector<eval::System> systems = experiments::some_systems(kSystems);
   const std::string load_before = load();
   Bench bench(scenario, request.data, request.ladder, request.scratch);
   const std::uint32_t undisturbed =
-      std::clamp(request.rounds, kFewestUndisturbed, core::kErdosRounds);
+      std::clamp(request.rounds, kFewestUndisturbed, eval::kErdosRounds);
   fmt::print(stderr, "testbed: calibrating the detectors, {} undisturbed rounds\n", undisturbed);
   bench.calibrate(undisturbed);
   fmt::print(stderr, "testbed: {}\n", bench.ladder());
@@ -215,35 +215,38 @@ void run_table_erdos_on_testbed(const Request& request, Json& document) {
 
   scenario.profile = measured(bench.profile(), runs);
   scenario.erdos = bench.erdos();
-  const Scorer nothing(std::nullopt, false);
-  const Request scored{request.rounds,    request.first_seed,
-                       request.last_seed, is_recorded(scenario.profile) ? request.scorer : nothing,
-                       request.progress,  request.data,
-                       request.scratch,   request.ladder};
-  const Compared sim = compare(scored, "the same in virtual time", scenario, systems);
-  Compared testbed{scenario, systems, {}, sim.oracle, sim.causal};
+  const experiments::Scorer nothing(std::nullopt, false);
+  const experiments::Request scored{
+      request.rounds,    request.first_seed,
+      request.last_seed, is_recorded(scenario.profile) ? request.scorer : nothing,
+      request.progress,  request.data,
+      request.scratch,   request.ladder};
+  const experiments::Compared sim = compare(scored, "the same in virtual time", scenario, systems);
+  experiments::Compared testbed{scenario, systems, {}, sim.oracle, sim.causal};
   for (const std::vector<BenchRun>& of_system : runs) {
     auto& of = testbed.runs.emplace_back();
     for (const BenchRun& bench_run : of_system) of.push_back(bench_run.run);
   }
-  Json rows = rows_of(scored, testbed);
+  std::vector<experiments::SystemRow> rows = system_rows(scored, testbed);
   const auto truth = truth_of(request);
   for (std::size_t i = 0; i < systems.size(); ++i) add_boxes(truth, runs[i], rows[i]);
-  document["tables"].push_back(table("uniform", "On the testbed, uniform law, raw images",
-                                     describe(scenario), system_columns(), rows));
-  document["tables"].push_back(table("uniform-sim", "The same in virtual time", describe(scenario),
-                                     system_columns(), rows_of(scored, sim)));
-  document["tables"].push_back(agreement(testbed, sim));
-  document["tables"].push_back(level_table(bench.profile(), scenario.profile));
+  document.tables.push_back({"uniform", "On the testbed, uniform law, raw images",
+                             experiments::describe(scenario), experiments::system_columns(),
+                             std::move(rows)});
+  document.tables.push_back({"uniform-sim", "The same in virtual time",
+                             experiments::describe(scenario), experiments::system_columns(),
+                             system_rows(scored, sim)});
+  document.tables.push_back(agreement(testbed, sim));
+  document.tables.push_back(level_table(bench.profile(), scenario.profile));
   for (const char* name : {"ours", "erdos_like"}) add_example(document, testbed, name);
-  document["notes"].push_back(
+  document.notes.push_back(
       fmt::format("Real sockets in network namespaces, links by the emulator, {}. AP and AR of "
                   "the testbed's rows are of the boxes that the application got{}.",
                   bench.ladder(), truth ? "" : ", and are not known without the ground truth"));
-  document["notes"].push_back(
+  document.notes.push_back(
       fmt::format("Load average of this machine (1 min) before: {}, after: {}. The oracle has the "
                   "run times of the simulation.",
                   load_before, load()));
 }
 
-}  // namespace interneuron::cli::eval
+}  // namespace interneuron::cli

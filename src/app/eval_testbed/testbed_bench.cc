@@ -15,10 +15,9 @@
 #include "host/settings/data.h"
 #include "lab/sim/offload.h"
 
-namespace interneuron::cli::eval {
+namespace interneuron::cli {
 namespace {
 
-namespace core = interneuron::eval;
 namespace fs = std::filesystem;
 using netns::Testbed;
 
@@ -28,7 +27,7 @@ constexpr std::uint16_t kPort = 47000;
 constexpr std::size_t kEnoughRuns = 40;
 
 // Constant links draw nothing, so one testbed serves every seed.
-Testbed up(const core::Scenario& scenario, const fs::path& scratch) {
+Testbed up(const eval::Scenario& scenario, const fs::path& scratch) {
   std::vector<emu::ScenarioLink> links;
   for (const emu::LinkProfile& link : scenario.links) links.push_back({link.name, link, 1});
   netns::TestbedOptions options;
@@ -61,10 +60,10 @@ class Log {
   int fd_;
 };
 
-core::Shown shown_of(const Json& round) {
-  using Kind = core::Shown::Kind;
+eval::Shown shown_of(const lab::Json& round) {
+  using Kind = eval::Shown::Kind;
   const std::string kind = round.at("shown");
-  const core::Shown remote{Kind::kRemote, round.at("level"), round.at("variant"), 0};
+  const eval::Shown remote{Kind::kRemote, round.at("level"), round.at("variant"), 0};
   if (kind == "remote") return remote;
   if (kind == "local") return {Kind::kLocal, 0, 0, 0};
   if (kind == "stale") return {Kind::kStale, remote.level, remote.variant, round.at("age")};
@@ -72,13 +71,13 @@ core::Shown shown_of(const Json& round) {
   return {};
 }
 
-core::Round round_of(const Json& json) {
-  core::Round round;
+eval::Round round_of(const lab::Json& json) {
+  eval::Round round;
   round.round = json.at("round");
   round.t0 = Duration{json.at("t0_ns")};
   round.e2e = Duration{json.at("e2e_ns")};
   round.shown = shown_of(json);
-  round.on_time = round.shown.kind == core::Shown::Kind::kRemote;
+  round.on_time = round.shown.kind == eval::Shown::Kind::kRemote;
   round.plan = json.at("plan");
   round.degraded_final = json.at("degraded_final");
   round.x_permille = json.at("x_permille");
@@ -88,7 +87,7 @@ core::Round round_of(const Json& json) {
 
 // Adds what the roadside unit saw. Both programs read the one clock of this host, so their instants
 // can be compared.
-void add_road(const Json& json, core::Round& round) {
+void add_road(const lab::Json& json, eval::Round& round) {
   round.delivered = Duration{json.at("delivered_ns")} - round.t0;
   round.compute_began = Duration{json.at("began_ns")} - round.t0;
   round.compute_ended = Duration{json.at("ended_ns")} - round.t0;
@@ -97,21 +96,21 @@ void add_road(const Json& json, core::Round& round) {
   round.degraded_first = json.at("degraded");
 }
 
-perception::Shown boxes_of(const Json& json) {
+perception::Shown boxes_of(const lab::Json& json) {
   perception::Shown shown;
   shown.frame = json.at("frame");
-  for (const Json& b : json.at("boxes")) shown.boxes.push_back({b[0], b[1], b[2], b[3], b[4]});
+  for (const lab::Json& b : json.at("boxes")) shown.boxes.push_back({b[0], b[1], b[2], b[3], b[4]});
   return shown;
 }
 
-Duration inside(const core::Injected& injected) {
-  return injected.any && injected.module == core::Module::kInsideCompute ? injected.delay
+Duration inside(const eval::Injected& injected) {
+  return injected.any && injected.module == eval::Module::kInsideCompute ? injected.delay
                                                                          : Duration{};
 }
 
 }  // namespace
 
-Bench::Bench(const core::Scenario& scenario, std::optional<fs::path> data, std::string ladder,
+Bench::Bench(const eval::Scenario& scenario, std::optional<fs::path> data, std::string ladder,
              fs::path scratch)
     : scenario_(scenario),
       data_(std::move(data)),
@@ -132,7 +131,7 @@ std::vector<std::string> Bench::road_command() const {
   return argv;
 }
 
-std::vector<std::string> Bench::vehicle_command(const core::System& system,
+std::vector<std::string> Bench::vehicle_command(const eval::System& system,
                                                 std::uint32_t rounds) const {
   std::vector<std::string> argv{own_program(),
                                 "vehicle",
@@ -182,22 +181,22 @@ void Bench::start_programs(const TestbedRun& orders, std::uint32_t rounds) {
 }
 
 BenchRun Bench::collect(const TestbedRun& orders) const {
-  const Json vehicle = read_json(scratch_ / "vehicle.json");
-  const Json road = read_json(scratch_ / "road.json");
+  const lab::Json vehicle = lab::read_json(scratch_ / "vehicle.json");
+  const lab::Json road = lab::read_json(scratch_ / "road.json");
   BenchRun out;
   out.run.system = orders.system.name;
-  for (const Json& json : vehicle.at("rounds")) {
-    core::Round& round = out.run.rounds.emplace_back(round_of(json));
+  for (const lab::Json& json : vehicle.at("rounds")) {
+    eval::Round& round = out.run.rounds.emplace_back(round_of(json));
     if (round.round < orders.injected.size()) round.injected = orders.injected[round.round];
     out.boxes.push_back(boxes_of(json));
   }
-  for (const Json& json : road.at("rounds")) {
+  for (const lab::Json& json : road.at("rounds")) {
     const std::size_t number = json.at("round");
     if (number < out.run.rounds.size()) add_road(json, out.run.rounds[number]);
   }
   out.run.bytes_up.resize(scenario_.links.size());
   out.run.bytes_down.resize(scenario_.links.size());
-  const Json& links = vehicle.at("links");
+  const lab::Json& links = vehicle.at("links");
   const std::size_t first = orders.system.only_link.value_or(0);
   for (std::size_t i = 0; i < links.size(); ++i) {
     out.run.bytes_up.at(first + i) = links[i].at("up");
@@ -215,18 +214,18 @@ void Bench::calibrate(std::uint32_t rounds) {
   TestbedRun orders;
   // The transmissions take as long at every level; without run times it takes the lowest, which a
   // slow machine computes in time too.
-  orders.system = *core::find_system("erdos_like");
+  orders.system = *eval::find_system("erdos_like");
   const BenchRun undisturbed = start(orders, rounds);
-  const Json road = read_json(scratch_ / "road.json");
+  const lab::Json road = lab::read_json(scratch_ / "road.json");
   ladder_ = road.at("ladder");
-  profile_ = core::default_profile();
+  profile_ = eval::default_profile();
   profile_.level_names = road.at("names").get<std::vector<std::string>>();
   profile_.levels = levels_of(road.at("levels"));
-  profile_.fallback.local = core::remote_quality(profile_, 0, 0);
+  profile_.fallback.local = eval::remote_quality(profile_, 0, 0);
 
   std::vector<double> uplink;
   std::vector<double> downlink;
-  for (const core::Round& round : undisturbed.run.rounds) {
+  for (const eval::Round& round : undisturbed.run.rounds) {
     if (round.delivered) uplink.push_back(to_ms(*round.delivered));
     if (round.on_time && round.compute_ended) {
       downlink.push_back(to_ms(round.e2e - *round.compute_ended));
@@ -238,10 +237,10 @@ void Bench::calibrate(std::uint32_t rounds) {
                                        ladder_, to_ms(scenario_.deadline)));
   }
   erdos_ = {from_ms(percentile(uplink, 0.5)), from_ms(percentile(downlink, 0.5)),
-            core::erdos_runtimes(profile_.levels)};
+            eval::erdos_runtimes(profile_.levels)};
 }
 
-BenchRun Bench::run(const core::System& system, const core::Trace& trace, std::uint64_t seed) {
+BenchRun Bench::run(const eval::System& system, const eval::Trace& trace, std::uint64_t seed) {
   TestbedRun orders;
   orders.system = system;
   orders.injected = trace.rounds;
@@ -253,14 +252,14 @@ BenchRun Bench::run(const core::System& system, const core::Trace& trace, std::u
   return out;
 }
 
-core::Profile measured(const core::Profile& calibrated,
+eval::Profile measured(const eval::Profile& calibrated,
                        const std::vector<std::vector<BenchRun>>& runs) {
-  core::Profile out = calibrated;
+  eval::Profile out = calibrated;
   for (std::size_t level = 0; level < out.levels.size(); ++level) {
     std::vector<double> times;
     for (const std::vector<BenchRun>& of_system : runs) {
       for (const BenchRun& bench : of_system) {
-        for (const core::Round& r : bench.run.rounds) {
+        for (const eval::Round& r : bench.run.rounds) {
           if (!r.compute_ended || r.level != level) continue;
           times.push_back(to_ms(*r.compute_ended - *r.compute_began - inside(r.injected)));
         }
@@ -273,4 +272,4 @@ core::Profile measured(const core::Profile& calibrated,
   return out;
 }
 
-}  // namespace interneuron::cli::eval
+}  // namespace interneuron::cli

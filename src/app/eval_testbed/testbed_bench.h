@@ -13,11 +13,11 @@
 #include "netns/testbed/testbed.h"
 #include "perception/accuracy.h"
 
-namespace interneuron::cli::eval {
+namespace interneuron::cli {
 
 // What one run left.
 struct BenchRun {
-  interneuron::eval::Run run;
+  eval::Run run;
   // By round: the boxes that the application got.
   std::vector<perception::Shown> boxes;
 };
@@ -28,7 +28,7 @@ class Bench {
   // `ladder` is the --ladder of the programs. `scratch` is a folder for what the programs read and
   // write, private to this bench; it is made if it is not there. The scenario must outlive the
   // bench. Throws netns::TestbedError where namespaces are forbidden.
-  Bench(const interneuron::eval::Scenario& scenario, std::optional<std::filesystem::path> data,
+  Bench(const eval::Scenario& scenario, std::optional<std::filesystem::path> data,
         std::string ladder, std::filesystem::path scratch);
 
   // Runs rounds without injection, with the best image over the primary link, to learn the run
@@ -36,37 +36,35 @@ class Bench {
   // run(). Throws Failure, also when no round was on time.
   void calibrate(std::uint32_t rounds);
   // Runs as many rounds as the trace has, with its delays. Throws Failure.
-  BenchRun run(const interneuron::eval::System& system, const interneuron::eval::Trace& trace,
-               std::uint64_t seed);
+  BenchRun run(const eval::System& system, const eval::Trace& trace, std::uint64_t seed);
 
   // The roadside's ladder as calibrated, with the profile's accuracies.
-  const interneuron::eval::Profile& profile() const { return profile_; }
-  const interneuron::eval::ErdosTimes& erdos() const { return erdos_; }
+  const eval::Profile& profile() const { return profile_; }
+  const eval::ErdosTimes& erdos() const { return erdos_; }
   const std::string& ladder() const { return ladder_; }
 
  private:
   BenchRun start(const TestbedRun& orders, std::uint32_t rounds);
   void start_programs(const TestbedRun& orders, std::uint32_t rounds);
   std::vector<std::string> road_command() const;
-  std::vector<std::string> vehicle_command(const interneuron::eval::System& system,
-                                           std::uint32_t rounds) const;
+  std::vector<std::string> vehicle_command(const eval::System& system, std::uint32_t rounds) const;
   BenchRun collect(const TestbedRun& orders) const;
 
-  const interneuron::eval::Scenario& scenario_;
+  const eval::Scenario& scenario_;
   std::optional<std::filesystem::path> data_;
   // As the programs' --ladder.
   std::string kind_;
   std::filesystem::path scratch_;
   std::string video_;
   netns::Testbed testbed_;
-  interneuron::eval::Profile profile_;
-  interneuron::eval::ErdosTimes erdos_;
+  eval::Profile profile_;
+  eval::ErdosTimes erdos_;
   std::string ladder_;
 };
 
 // The profile with the run times that the levels had in operation, less what was injected. A level
 // that ran too rarely to tell keeps its calibrated times.
-interneuron::eval::Profile measured(const interneuron::eval::Profile& calibrated,
-                                    const std::vector<std::vector<BenchRun>>& runs);
+eval::Profile measured(const eval::Profile& calibrated,
+                       const std::vector<std::vector<BenchRun>>& runs);
 
-}  // namespace interneuron::cli::eval
+}  // namespace interneuron::cli

@@ -9,15 +9,14 @@
 #include "lab/sim/round_of_packet.h"
 #include "perception/detection.h"
 
-namespace interneuron::cli::eval {
+namespace interneuron::cli {
 namespace {
 
-namespace core = interneuron::eval;
 namespace fs = std::filesystem;
-using core::Module;
+using eval::Module;
 
-Json levels_json(std::span<const LevelProfile> levels) {
-  Json out = Json::array();
+lab::Json levels_json(std::span<const LevelProfile> levels) {
+  lab::Json out = lab::Json::array();
   for (const LevelProfile& level : levels) {
     out.push_back({{"median_ns", level.median.count()},
                    {"p95_ns", level.p95.count()},
@@ -48,9 +47,9 @@ const char* kind_of(const RoundDone& done, bool local_backup) {
 
 }  // namespace
 
-std::vector<LevelProfile> levels_of(const Json& levels) {
+std::vector<LevelProfile> levels_of(const lab::Json& levels) {
   std::vector<LevelProfile> out;
-  for (const Json& level : levels) {
+  for (const lab::Json& level : levels) {
     out.push_back({Duration{level.at("median_ns")}, Duration{level.at("p95_ns")},
                    level.at("quality").get<std::vector<double>>()});
     if (out.back().quality.empty()) {
@@ -62,27 +61,28 @@ std::vector<LevelProfile> levels_of(const Json& levels) {
 
 Duration TestbedRun::in(Module module, RoundId round) const {
   if (round.value >= injected.size()) return {};
-  const core::Injected& i = injected[round.value];
+  const eval::Injected& i = injected[round.value];
   return i.any && i.module == module ? i.delay : Duration{};
 }
 
 void write_testbed_run(const fs::path& file, const TestbedRun& run) {
-  Json injected = Json::array();
-  for (const core::Injected& i : run.injected) {
-    injected.push_back(i.any ? Json{{"module", to_string(i.module)}, {"delay_ns", i.delay.count()}}
-                             : Json(nullptr));
+  lab::Json injected = lab::Json::array();
+  for (const eval::Injected& i : run.injected) {
+    injected.push_back(
+        i.any ? lab::Json{{"module", to_string(i.module)}, {"delay_ns", i.delay.count()}}
+              : lab::Json(nullptr));
   }
   std::vector<std::int64_t> runtime_ns;
   for (const Duration d : run.erdos.runtime) runtime_ns.push_back(d.count());
-  write_json(file, {{"system", run.system.name},
-                    {"injected", injected},
-                    {"erdos",
-                     {{"uplink_ns", run.erdos.uplink.count()},
-                      {"downlink_ns", run.erdos.downlink.count()},
-                      {"runtime_ns", runtime_ns}}},
-                    {"levels", levels_json(run.levels)},
-                    {"local_quality", run.fallback.local},
-                    {"stale_share", run.fallback.stale_share}});
+  lab::write_json(file, {{"system", run.system.name},
+                         {"injected", injected},
+                         {"erdos",
+                          {{"uplink_ns", run.erdos.uplink.count()},
+                           {"downlink_ns", run.erdos.downlink.count()},
+                           {"runtime_ns", runtime_ns}}},
+                         {"levels", levels_json(run.levels)},
+                         {"local_quality", run.fallback.local},
+                         {"stale_share", run.fallback.stale_share}});
 }
 
 TestbedRun read_testbed_run(const fs::path& file) {
@@ -90,30 +90,30 @@ TestbedRun read_testbed_run(const fs::path& file) {
     return Failure(kConfiguration, "'" + file.string() + "': not a run of the testbed: " + why);
   };
   try {
-    const Json json = read_json(file);
+    const lab::Json json = lab::read_json(file);
     TestbedRun run;
-    const core::System* system = core::find_system(json.at("system"));
+    const eval::System* system = eval::find_system(json.at("system"));
     if (system == nullptr) throw bad("no such system");
     run.system = *system;
-    for (const Json& i : json.at("injected")) {
-      core::Injected& injected = run.injected.emplace_back();
+    for (const lab::Json& i : json.at("injected")) {
+      eval::Injected& injected = run.injected.emplace_back();
       if (i.is_null()) continue;
       injected.any = true;
       injected.delay = Duration{i.at("delay_ns")};
-      for (std::size_t m = 0; m < core::kModules; ++m) {
+      for (std::size_t m = 0; m < eval::kModules; ++m) {
         if (i.at("module") == to_string(static_cast<Module>(m))) {
           injected.module = static_cast<Module>(m);
         }
       }
     }
-    const Json& erdos = json.at("erdos");
+    const lab::Json& erdos = json.at("erdos");
     run.erdos = {Duration{erdos.at("uplink_ns")}, Duration{erdos.at("downlink_ns")}, {}};
     for (const std::int64_t ns : erdos.at("runtime_ns")) run.erdos.runtime.emplace_back(ns);
     run.levels = levels_of(json.at("levels"));
     run.fallback = {json.at("local_quality"), json.at("stale_share").get<std::vector<double>>()};
     run.file = file;
     return run;
-  } catch (const Json::exception& error) {
+  } catch (const lab::Json::exception& error) {
     throw bad(error.what());
   }
 }
@@ -121,7 +121,7 @@ TestbedRun read_testbed_run(const fs::path& file) {
 // --- vehicle
 
 void TestbedVehicle::configure(PipelineConfig& pipeline) const {
-  const core::System& system = run_.system;
+  const eval::System& system = run_.system;
   pipeline.policy = system.policy;
   pipeline.guard = system.guard;
   pipeline.use_x = system.use_x;
@@ -137,9 +137,9 @@ Variants TestbedVehicle::submitted(Variants variants) const {
   return {std::move(variants.at(*run_.system.only_variant))};
 }
 
-void TestbedVehicle::done(const RoundDone& event, const RoundRow& row) {
+void TestbedVehicle::done(const RoundDone& event, const lab::RoundRow& row) {
   const auto result = perception::decode_result(event.result);
-  Json boxes = Json::array();
+  lab::Json boxes = lab::Json::array();
   if (result) {
     for (const perception::Box& b : result->boxes) boxes.push_back({b.x, b.y, b.w, b.h, b.score});
   }
@@ -159,7 +159,7 @@ void TestbedVehicle::done(const RoundDone& event, const RoundRow& row) {
 }
 
 void TestbedVehicle::finished(const std::vector<Statistics::Link>& links) {
-  Json bytes = Json::array();
+  lab::Json bytes = lab::Json::array();
   const auto ip = [](std::uint64_t packets, std::uint64_t payload) {
     return payload + packets * kIpUdpBytes;
   };
@@ -168,7 +168,8 @@ void TestbedVehicle::finished(const std::vector<Statistics::Link>& links) {
     bytes.push_back({{"up", ip(c.sent_packets, c.sent_bytes)},
                      {"down", ip(c.received_packets, c.received_bytes)}});
   }
-  write_json(run_.file.parent_path() / "vehicle.json", {{"links", bytes}, {"rounds", rounds_}});
+  lab::write_json(run_.file.parent_path() / "vehicle.json",
+                  {{"links", bytes}, {"rounds", rounds_}});
 }
 
 // --- roadside
@@ -185,14 +186,14 @@ Duration TestbedRoad::inside_compute(RoundId round) const {
 std::optional<std::size_t> TestbedRoad::level(std::span<const LevelProfile> levels,
                                               TimePoint delivered, TimePoint now) const {
   switch (run_.system.level) {
-    case core::LevelRule::kFixedTop:
+    case eval::LevelRule::kFixedTop:
       return levels.size() - 1;
-    case core::LevelRule::kErdos:
-      return core::erdos_rule(run_.erdos, core::Scenario{}.deadline, false)(Duration{},
+    case eval::LevelRule::kErdos:
+      return eval::erdos_rule(run_.erdos, eval::Scenario{}.deadline, false)(Duration{},
                                                                             now - delivered);
     // This rule needs t0, which no roadside unit is told.
-    case core::LevelRule::kErdosE2e:
-    case core::LevelRule::kGuard:
+    case eval::LevelRule::kErdosE2e:
+    case eval::LevelRule::kGuard:
       break;
   }
   return std::nullopt;
@@ -210,9 +211,9 @@ void TestbedRoad::computed(const offload::Computed& c) {
 
 void TestbedRoad::finished(const std::string& ladder, const std::vector<std::string>& names,
                            std::span<const LevelProfile> levels) {
-  write_json(
+  lab::write_json(
       run_.file.parent_path() / "road.json",
       {{"ladder", ladder}, {"names", names}, {"levels", levels_json(levels)}, {"rounds", rounds_}});
 }
 
-}  // namespace interneuron::cli::eval
+}  // namespace interneuron::cli

@@ -18,14 +18,14 @@
 #include "lab/eval/trace.h"
 #include "lab/files/run_files.h"
 
-namespace interneuron::cli::eval {
+namespace interneuron::cli {
 
 struct TestbedRun {
-  interneuron::eval::System system;
+  eval::System system;
   // By round; further rounds have none.
-  std::vector<interneuron::eval::Injected> injected;
+  std::vector<eval::Injected> injected;
   // For LevelRule::kErdos.
-  interneuron::eval::ErdosTimes erdos;
+  eval::ErdosTimes erdos;
   // Of the roadside's ladder. If empty, the roadside calibrates it.
   std::vector<LevelProfile> levels;
   FallbackQuality fallback;
@@ -33,7 +33,7 @@ struct TestbedRun {
   std::filesystem::path file;
 
   // The delay that is injected into this module of the round; zero if none is.
-  Duration in(interneuron::eval::Module module, RoundId round) const;
+  Duration in(eval::Module module, RoundId round) const;
 };
 
 // They throw Failure naming the file: 1 when it cannot be written or read, 3 when it is no such
@@ -42,7 +42,7 @@ void write_testbed_run(const std::filesystem::path& file, const TestbedRun& run)
 TestbedRun read_testbed_run(const std::filesystem::path& file);
 
 // The levels as the roadside's record has them. A level of unknown quality gets one by its rank.
-std::vector<LevelProfile> levels_of(const Json& levels);
+std::vector<LevelProfile> levels_of(const lab::Json& levels);
 
 // Makes the vehicle run the system of a TestbedRun, injects into its uplink and records its rounds.
 // Thread-compatible.
@@ -55,13 +55,13 @@ class TestbedVehicle : public VehicleHooks {
   // The variants that the system submits.
   Variants submitted(Variants variants) const override;
   bool local_backup() const override { return run_.system.local_backup; }
-  void done(const RoundDone& event, const RoundRow& row) override;
+  void done(const RoundDone& event, const lab::RoundRow& row) override;
   // Writes vehicle.json.
   void finished(const std::vector<Statistics::Link>& links) override;
 
  private:
   TestbedRun run_;
-  Json rounds_ = Json::array();
+  lab::Json rounds_ = lab::Json::array();
 };
 
 // Makes the roadside unit run the system of a TestbedRun, injects into its computation and its
@@ -85,7 +85,7 @@ class TestbedRoad : public RoadHooks {
 
  private:
   TestbedRun run_;
-  Json rounds_ = Json::array();
+  lab::Json rounds_ = lab::Json::array();
 };
 
-}  // namespace interneuron::cli::eval
+}  // namespace interneuron::cli

@@ -33,7 +33,7 @@ class VehicleHooks {
   // Returns whether a local result is computed beside the remote one.
   virtual bool local_backup() const { return true; }
   // A round has its outcome.
-  virtual void done(const RoundDone&, const RoundRow&) {}
+  virtual void done(const RoundDone&, const lab::RoundRow&) {}
   // The run is over; `links` has the final counters.
   virtual void finished(const std::vector<Statistics::Link>& /*links*/) {}
 };

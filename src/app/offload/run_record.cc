@@ -16,7 +16,7 @@ namespace perc = perception;
 
 void RunRecord::begun(std::uint32_t round, const perc::Frame& frame) {
   ++counts_.begun;
-  RoundRow row;
+  lab::RoundRow row;
   row.round = round;
   row.frame = frame.index;
   row.guard = guard_;
@@ -32,8 +32,8 @@ void RunRecord::planned(std::uint32_t round, const std::string& plan) {
   text += plan;
 }
 
-const RoundRow& RunRecord::done(const RoundDone& event, Duration deadline) {
-  RoundRow& row = rows_[event.round.round.value];
+const lab::RoundRow& RunRecord::done(const RoundDone& event, Duration deadline) {
+  lab::RoundRow& row = rows_[event.round.round.value];
   row.t0 = event.t0;
   row.answered = true;
   row.outcome = event.outcome;
@@ -50,13 +50,13 @@ const RoundRow& RunRecord::done(const RoundDone& event, Duration deadline) {
   if (event.outcome != Outcome::kRemote) return row;
   ++counts_.on_time;
   const auto full = std::chrono::duration_cast<std::chrono::microseconds>(kFullSeverity);
-  row.road =
-      RoundRow::Road{static_cast<int>(result->variant),
-                     result->level,
-                     result->stage1_late,
-                     result->stage1_released,
-                     result->stage1_overrun == full ? deadline : Duration(result->stage1_overrun),
-                     Duration(result->compute_time)};
+  row.road = lab::RoundRow::Road{
+      static_cast<int>(result->variant),
+      result->level,
+      result->stage1_late,
+      result->stage1_released,
+      result->stage1_overrun == full ? deadline : Duration(result->stage1_overrun),
+      Duration(result->compute_time)};
   const bool newest = row.round + 1 == counts_.begun;
   if (!picture_round_ && !picture_.empty() && newest) picture_round_ = row.round;
   return row;
@@ -70,12 +70,13 @@ void RunRecord::drop_undecided() {
 
 double RunRecord::on_time_percent() const {
   if (rows_.empty()) return 0;
-  const auto on_time = std::ranges::count_if(
-      rows_, [](const RoundRow& row) { return row.answered && row.outcome == Outcome::kRemote; });
+  const auto on_time = std::ranges::count_if(rows_, [](const lab::RoundRow& row) {
+    return row.answered && row.outcome == Outcome::kRemote;
+  });
   return 100.0 * static_cast<double>(on_time) / static_cast<double>(rows_.size());
 }
 
-void RunRecord::compare(const std::filesystem::path& truth, RunInfo& info) const {
+void RunRecord::compare(const std::filesystem::path& truth, lab::RunInfo& info) const {
   std::vector<perc::Shown> shown;
   std::vector<perc::Shown> drawn;
   for (std::size_t i = 0; i < rows_.size(); ++i) {
@@ -95,20 +96,20 @@ void RunRecord::compare(const std::filesystem::path& truth, RunInfo& info) const
   info.drawn_recall = share.recall;
 }
 
-Json RunRecord::write(const std::filesystem::path& folder, const RunInfo& info) const {
-  const Json summary = summarise(rows_, info);
+lab::Json RunRecord::write(const std::filesystem::path& folder, const lab::RunInfo& info) const {
+  const lab::Json summary = lab::summarise(rows_, info);
   if (folder.empty()) return summary;
-  write_csv(folder / "rounds.csv", rows_);
-  write_json(folder / "summary.json", summary);
+  lab::write_csv(folder / "rounds.csv", rows_);
+  lab::write_json(folder / "summary.json", summary);
   if (picture_round_ && *picture_round_ < rows_.size()) {
-    const RoundRow& row = rows_[*picture_round_];
+    const lab::RoundRow& row = rows_[*picture_round_];
     const Shown& shown = shown_[row.round];
     const std::string caption = fmt::format(
         "round {}: answered by the roadside in {:.0f} ms, level {}, {} image", row.round,
         to_ms(row.e2e), row.road->level, row.road->variant == 0 ? "raw" : "sampled");
     perc::write_picture(folder / "frame.png", picture_, shown.boxes, caption, shown.draw_score);
   }
-  plot_latency(folder / "latency.png", rows_, summary);
+  lab::plot_latency(folder / "latency.png", rows_, summary);
   return summary;
 }
 

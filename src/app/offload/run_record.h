@@ -27,7 +27,7 @@ class RunRecord {
   // that have begun.
   void begun(std::uint32_t round, const perception::Frame& frame);
   void planned(std::uint32_t round, const std::string& plan);
-  const RoundRow& done(const RoundDone& event, Duration deadline);
+  const lab::RoundRow& done(const RoundDone& event, Duration deadline);
   // Forgets the rounds at the end that have no answer.
   void drop_undecided();
 
@@ -42,16 +42,16 @@ class RunRecord {
   double on_time_percent() const;
 
   // Writes the accuracy against a ground truth (a gt.txt of MOT15) into `info`.
-  void compare(const std::filesystem::path& truth, RunInfo& info) const;
+  void compare(const std::filesystem::path& truth, lab::RunInfo& info) const;
   // Returns the summary, and writes the files if a folder is given. Throws Failure (1) naming the
   // file.
-  Json write(const std::filesystem::path& folder, const RunInfo& info) const;
+  lab::Json write(const std::filesystem::path& folder, const lab::RunInfo& info) const;
 
  private:
   std::uint32_t rounds_;
   std::string guard_;
   Counts counts_;
-  std::vector<RoundRow> rows_;
+  std::vector<lab::RoundRow> rows_;
   // What the application was shown in each of rows_.
   struct Shown {
     std::vector<perception::Box> boxes;

@@ -238,7 +238,7 @@ void Vehicle::planned(const Planned& event) {
   }
   if (event.plan.under_floor) text += " (under floor)";
   if (!event.plan.refused.empty()) {
-    text = kRefusedPlan;
+    text = lab::kRefusedPlan;
     refused(event);
   }
   record_.planned(event.round.round.value, text);
@@ -252,7 +252,7 @@ void Vehicle::refused(const Planned& event) {
 }
 
 void Vehicle::done(const RoundDone& event) {
-  const RoundRow& row = record_.done(event, from_ms(o_.deadline_ms));
+  const lab::RoundRow& row = record_.done(event, from_ms(o_.deadline_ms));
   if (row.road && row.road->variant == 0) budget_.learn(row.e2e - row.road->compute);
   hooks_.done(event, row);
   finish();
@@ -269,7 +269,7 @@ void Vehicle::progress() {
 
 int Vehicle::run() {
   for (const std::string& warning : node_.warnings()) spdlog::warn("{}", warning);
-  if (!o_.out.empty()) make_directory(o_.out);
+  if (!o_.out.empty()) lab::make_directory(o_.out);
   spdlog::info("local backup: {}", backup_.description());
   node_.on_planned([this](Planned e) { planned(e); });
   node_.on_round_done([this](RoundDone e) { done(e); });

@@ -11,9 +11,9 @@
 namespace interneuron::cli {
 namespace {
 
-RunInfo info_of(const VehicleOptions& options, const VehicleRun& run,
-                const Statistics& statistics) {
-  RunInfo info;
+lab::RunInfo info_of(const VehicleOptions& options, const VehicleRun& run,
+                     const Statistics& statistics) {
+  lab::RunInfo info;
   info.seeded = options.seed >= 0;
   if (info.seeded) info.seed = static_cast<std::uint64_t>(options.seed);
   info.deadline = from_ms(options.deadline_ms);
@@ -53,13 +53,13 @@ void print_progress(const RunRecord::Counts& counts, std::uint32_t rounds, bool 
 
 int report_run(const VehicleOptions& options, const VehicleRun& run, const RunRecord& record,
                const Statistics& statistics) {
-  RunInfo info = info_of(options, run, statistics);
+  lab::RunInfo info = info_of(options, run, statistics);
   if (const auto file = truth_of(options, run)) record.compare(*file, info);
-  const Json summary = record.write(options.out, info);
+  const lab::Json summary = record.write(options.out, info);
   if (options.json) {
     std::printf("%s\n", summary.dump(2).c_str());
   } else if (options.table && !options.quiet) {
-    print_table(summary);
+    lab::print_table(summary);
   }
   const double share = record.on_time_percent();
   if (options.objective > 0 && share < options.objective) {

@@ -5,7 +5,7 @@
 #include <functional>
 #include <string>
 
-namespace interneuron::cli::eval {
+namespace interneuron::cli {
 
 // Runs a list of independent jobs on all processors and shows on stderr how many are done: on a
 // terminal as a line that is written again and again. A SignalWatch must be alive, by which Ctrl-C
@@ -26,4 +26,4 @@ class Progress {
   bool quiet_;
 };
 
-}  // namespace interneuron::cli::eval
+}  // namespace interneuron::cli

@@ -12,7 +12,7 @@
 #include "host/process/failure.h"
 #include "lab/files/run_files.h"
 
-namespace interneuron::cli {
+namespace interneuron::lab {
 namespace {
 
 // '+' in the figure: θ1 ≫ D1. Here: later by more than a fifth of the end-to-end deadline.
@@ -97,21 +97,22 @@ bool draw(const std::filesystem::path& file, const std::string& gnuplot_script) 
   // A file for the script: a pipe would raise SIGPIPE should gnuplot die.
   std::string name = (folder / ".plot-XXXXXX").string();
   const int fd = ::mkstemp(name.data());
-  if (fd < 0) throw Failure(kFailed, "cannot write in '" + folder.string() + "'");
+  if (fd < 0) throw cli::Failure(cli::kFailed, "cannot write in '" + folder.string() + "'");
   write_all(fd, gnuplot_script);
   ::close(fd);
   std::string program = "gnuplot";
   std::array<char*, 3> argv{program.data(), name.data(), nullptr};
   pid_t pid = 0;
   const int rc = ::posix_spawnp(&pid, "gnuplot", nullptr, nullptr, argv.data(), environ);
-  const int code = rc == 0 ? Child(pid).wait() : kFailed;
+  const int code = rc == 0 ? cli::Child(pid).wait() : cli::kFailed;
   ::unlink(name.c_str());
   if (rc != 0) {
     fmt::print(stderr, "no plot: gnuplot: {}; install the package gnuplot-nox\n",
                std::strerror(rc));
     return false;
   }
-  if (code != kFine) throw Failure(kFailed, "gnuplot could not draw '" + file.string() + "'");
+  if (code != cli::kFine)
+    throw cli::Failure(cli::kFailed, "gnuplot could not draw '" + file.string() + "'");
   return true;
 }
 
@@ -120,4 +121,4 @@ bool plot_latency(const std::filesystem::path& file, const std::vector<RoundRow>
   return draw(file, script(file, rows, summary));
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::lab

@@ -3,25 +3,14 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
-#include <charconv>
 #include <cmath>
-#include <fstream>
 #include <map>
-#include <sstream>
 
 #include "core/base/statistics.h"
 #include "host/process/failure.h"
 
-namespace interneuron::cli {
+namespace interneuron::lab {
 namespace {
-
-constexpr const char* kCsvHeader =
-    "round,frame,t0_ns,outcome,e2e_ms,age_rounds,x,recovering,d2_missed,boxes,variant,level,"
-    "d1_missed,at_d1,overrun_ms,compute_ms,plan,possible,guard";
-
-// Milliseconds with microseconds, the unit of every time in our files.
-std::string ms(Duration d) { return fmt::format("{:.3f}", to_ms(d)); }
 
 double rounded(double v) { return std::round(v * 1000.0) / 1000.0; }
 
@@ -58,17 +47,6 @@ Json count_by(const std::vector<RoundRow>& rows, const std::string& none,
   for (const auto& [name, rounds] : counts) out[name] = rounds;
   return out;
 }
-
-// The fields of one CSV line; none of ours holds a comma or a quote.
-std::vector<std::string> fields(const std::string& line) {
-  std::vector<std::string> out;
-  std::stringstream stream(line);
-  for (std::string field; std::getline(stream, field, ',');) out.push_back(field);
-  if (!line.empty() && line.back() == ',') out.emplace_back();
-  return out;
-}
-
-double number(const std::string& text) { return text.empty() ? 0.0 : std::stod(text); }
 
 }  // namespace
 
@@ -199,82 +177,9 @@ void make_directory(const std::filesystem::path& directory) {
   std::error_code error;
   std::filesystem::create_directories(directory, error);
   if (error) {
-    throw Failure(kFailed, "output folder '" + directory.string() + "': " + error.message() +
-                               "; give another with --out DIR");
+    throw cli::Failure(cli::kFailed, "output folder '" + directory.string() +
+                                         "': " + error.message() + "; give another with --out DIR");
   }
 }
 
-void write_csv(const std::filesystem::path& file, const std::vector<RoundRow>& rows) {
-  std::ofstream out(file);
-  out << kCsvHeader << '\n';
-  for (const RoundRow& r : rows) {
-    out << fmt::format("{},{},{},{},{},{},{:.3f},{:d},{:d},{}", r.round, r.frame,
-                       r.t0.time_since_epoch().count(),
-                       !r.answered                     ? "none"
-                       : r.outcome == Outcome::kRemote ? "remote"
-                                                       : "local",
-                       ms(r.e2e), r.age_rounds ? std::to_string(*r.age_rounds) : "",
-                       r.x_permille / 1000.0, r.recovering, r.degraded_final, r.boxes);
-    if (r.road) {
-      out << fmt::format(",{},{},{:d},{:d},{},{}", r.road->variant == 0 ? "raw" : "sampled",
-                         r.road->level, r.road->late, r.road->released, ms(r.road->overrun),
-                         ms(r.road->compute));
-    } else {
-      out << ",,,,,,";
-    }
-    out << fmt::format(",{},{},{}\n", r.plan, r.possible ? (*r.possible ? "1" : "0") : "", r.guard);
-  }
-  out.close();
-  if (!out) throw Failure(kFailed, "cannot write '" + file.string() + "'; is the disk full?");
-}
-
-std::vector<RoundRow> read_csv(const std::filesystem::path& file) {
-  std::ifstream in(file);
-  std::string line;
-  if (!std::getline(in, line) || line != kCsvHeader) {
-    throw Failure(kFailed, "'" + file.string() + "': not a rounds.csv of this version");
-  }
-  std::vector<RoundRow> rows;
-  while (std::getline(in, line)) {
-    const auto f = fields(line);
-    if (f.size() != 19) throw Failure(kFailed, "'" + file.string() + "': bad line '" + line + "'");
-    RoundRow r;
-    r.round = static_cast<std::uint32_t>(std::stoul(f[0]));
-    r.frame = std::stoi(f[1]);
-    r.t0 = TimePoint{Duration{std::stoll(f[2])}};
-    r.answered = f[3] != "none";
-    r.outcome = f[3] == "remote" ? Outcome::kRemote : Outcome::kLocal;
-    r.e2e = from_ms(number(f[4]));
-    if (!f[5].empty()) r.age_rounds = static_cast<std::uint32_t>(std::stoul(f[5]));
-    r.x_permille = static_cast<std::int16_t>(std::lround(number(f[6]) * 1000));
-    r.recovering = f[7] == "1";
-    r.degraded_final = f[8] == "1";
-    r.boxes = std::stoul(f[9]);
-    if (!f[10].empty()) {
-      r.road =
-          RoundRow::Road{f[10] == "raw" ? 0 : 1, std::stoi(f[11]),       f[12] == "1",
-                         f[13] == "1",           from_ms(number(f[14])), from_ms(number(f[15]))};
-    }
-    r.plan = f[16];
-    if (!f[17].empty()) r.possible = f[17] == "1";
-    r.guard = f[18];
-    rows.push_back(std::move(r));
-  }
-  return rows;
-}
-
-void write_json(const std::filesystem::path& file, const Json& json) {
-  std::ofstream out(file);
-  out << json.dump(2) << '\n';
-  out.close();
-  if (!out) throw Failure(kFailed, "cannot write '" + file.string() + "'; is the disk full?");
-}
-
-Json read_json(const std::filesystem::path& file) {
-  std::ifstream in(file);
-  Json json = Json::parse(in, nullptr, false);
-  if (json.is_discarded()) throw Failure(kFailed, "'" + file.string() + "': not valid JSON");
-  return json;
-}
-
-}  // namespace interneuron::cli
+}  // namespace interneuron::lab

@@ -5,20 +5,21 @@
 
 #include <cstdint>
 #include <filesystem>
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "interneuron/pipeline.h"
+#include "lab/files/json_file.h"
 
-namespace interneuron::cli {
+namespace interneuron::lab {
 
 // One round as the vehicle saw it; what the roadside saw of it came back with the result.
 struct RoundRow {
   std::uint32_t round = 0;
   int frame = -1;
-  std::string guard;  // "paper" or "budget"
+  // "paper" or "budget".
+  std::string guard;
   TimePoint t0{};
   bool answered = false;
   Outcome outcome = Outcome::kLocal;
@@ -26,21 +27,26 @@ struct RoundRow {
   std::optional<std::uint32_t> age_rounds;
   std::int16_t x_permille = 0;
   bool recovering = false;
-  bool degraded_final = false;  // D_{N-1} missed: the result was sent degraded
+  // D_{N-1} was missed, so the result was sent degraded.
+  bool degraded_final = false;
   std::size_t boxes = 0;
-  // From the result; only of rounds on time.
+  // What the result told of the roadside; only rounds on time have it.
   struct Road {
     int variant = 0;
     int level = 0;
-    bool late = false;      // θ1 > D1
-    bool released = false;  // the sampled image was used at exactly D1
-    Duration overrun{};     // θ1 - D1 when late
+    // θ1 > D1.
+    bool late = false;
+    // The sampled image was used at exactly D1.
+    bool released = false;
+    // θ1 - D1 when late.
+    Duration overrun{};
     Duration compute{};
   };
   std::optional<Road> road;
-  // Links that the frame was planned on: "raw:if5g sampled:if4g"; kRefusedPlan.
+  // The links that the frame was planned on, as "raw:if5g sampled:if4g", or kRefusedPlan.
   std::string plan;
-  std::optional<bool> possible;  // the clairvoyant best of the same links would have been on time
+  // Whether a policy that knows the delays of the same links would have been on time.
+  std::optional<bool> possible;
 };
 
 // The policy sent nothing although a link was up: the round was answered locally.
@@ -56,17 +62,21 @@ struct LinkUse {
 
 struct RunInfo {
   std::uint64_t seed = 0;
-  bool seeded = false;  // false: real links, there is no seed
+  // Real links have no seed.
+  bool seeded = false;
   Duration deadline{};
   Duration period{};
   std::string policy;
-  std::string guard;   // "paper" or "budget"
-  std::string ladder;  // what detects at the roadside, one line
+  // "paper" or "budget".
+  std::string guard;
+  // What detects at the roadside, in one line.
+  std::string ladder;
   std::string backup;
   std::vector<std::string> level_names;
   std::vector<std::string> profiles;
   std::vector<LinkUse> links;
-  std::optional<double> ap;  // with ground truth and a detector with models only
+  // Known with ground truth and a detector with models alone.
+  std::optional<double> ap;
   std::optional<double> ar;
   std::optional<double> ap50;
   // Of the boxes that are drawn, the share that shows a person, and of the persons the share that
@@ -75,17 +85,13 @@ struct RunInfo {
   std::optional<double> drawn_recall;
 };
 
-using Json = nlohmann::ordered_json;
-
 Json summarise(const std::vector<RoundRow>& rows, const RunInfo& info);
 // The summary as a table on stdout.
 void print_table(const Json& summary);
 
-// These throw Failure(1) naming the file.
+// These throw cli::Failure (1) that names the file.
 void write_csv(const std::filesystem::path& file, const std::vector<RoundRow>& rows);
 std::vector<RoundRow> read_csv(const std::filesystem::path& file);
-void write_json(const std::filesystem::path& file, const Json& json);
-Json read_json(const std::filesystem::path& file);
 // Runs a script of gnuplot that writes `file`; false (and a line on stderr) when that is not
 // installed.
 bool draw(const std::filesystem::path& file, const std::string& gnuplot_script);
@@ -93,4 +99,4 @@ bool plot_latency(const std::filesystem::path& file, const std::vector<RoundRow>
                   const Json& summary);
 void make_directory(const std::filesystem::path& directory);
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::lab

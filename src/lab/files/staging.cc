@@ -6,7 +6,7 @@
 #include "host/process/failure.h"
 #include "lab/files/run_files.h"
 
-namespace interneuron::cli::eval {
+namespace interneuron::lab {
 namespace fs = std::filesystem;
 
 Staging::Staging(const fs::path& directory) : directory_(fs::absolute(directory)) {
@@ -14,9 +14,9 @@ Staging::Staging(const fs::path& directory) : directory_(fs::absolute(directory)
   make_directory(directory_);
   std::string name = (directory_ / ".partial-XXXXXX").string();
   if (::mkdtemp(name.data()) == nullptr) {
-    throw Failure(kFailed, "output folder '" + directory.string() +
-                               "': " + std::generic_category().message(errno) +
-                               "; give another with --out DIR");
+    throw cli::Failure(cli::kFailed, "output folder '" + directory.string() +
+                                         "': " + std::generic_category().message(errno) +
+                                         "; give another with --out DIR");
   }
   partial_ = name;
 }
@@ -32,11 +32,12 @@ void Staging::publish() {
     std::error_code error;
     fs::rename(file.path(), directory_ / file.path().filename(), error);
     if (error) {
-      throw Failure(kFailed, "cannot write '" + (directory_ / file.path().filename()).string() +
-                                 "': " + error.message());
+      throw cli::Failure(cli::kFailed, "cannot write '" +
+                                           (directory_ / file.path().filename()).string() +
+                                           "': " + error.message());
     }
   }
   made_.clear();
 }
 
-}  // namespace interneuron::cli::eval
+}  // namespace interneuron::lab

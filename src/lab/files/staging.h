@@ -4,26 +4,27 @@
 #include <filesystem>
 #include <string>
 
-namespace interneuron::cli::eval {
+namespace interneuron::lab {
 
 // Makes `directory` when it is not there, and in it a folder for what is being written. The
 // destructor removes that and, when nothing was published, the directories that it has made.
 class Staging {
  public:
-  // Throws Failure (1) naming the folder when it cannot be written to.
+  // Throws cli::Failure (1) naming the folder when it cannot be written to.
   explicit Staging(const std::filesystem::path& directory);
   ~Staging();
   Staging(const Staging&) = delete;
   Staging& operator=(const Staging&) = delete;
 
   std::filesystem::path operator/(const std::string& name) const { return partial_ / name; }
-  // Moves all files to the directory, in place of those of the same name. Throws Failure (1).
+  // Moves all files to the directory, in place of those of the same name. Throws cli::Failure (1).
   void publish();
 
  private:
   std::filesystem::path directory_;
-  std::filesystem::path made_;  // the topmost directory that was not there; empty: none
+  // The topmost directory that was not there; empty when all were.
+  std::filesystem::path made_;
   std::filesystem::path partial_;
 };
 
-}  // namespace interneuron::cli::eval
+}  // namespace interneuron::lab

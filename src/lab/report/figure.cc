@@ -7,8 +7,9 @@
 #include <sstream>
 
 #include "host/process/failure.h"
+#include "lab/files/run_files.h"
 
-namespace interneuron::cli::report {
+namespace interneuron::report {
 namespace {
 
 namespace fs = std::filesystem;
@@ -16,12 +17,17 @@ namespace fs = std::filesystem;
 constexpr const char* kStyle =
     "set border 3\nset tics nomirror out\nset grid xtics ytics lc rgb '#70888888'\n"
     "set key samplen 1\n";
-constexpr int kRowHeight = 22;    // pixels
-constexpr int kAroundRows = 110;  // pixels: title, axis, key
-// Chosen: as wide as the longest name in the tables.
+// Pixels of one row of dots, and of title, axis and key around them.
+constexpr int kRowHeight = 22;
+constexpr int kAroundRows = 110;
+// The longest name in the tables needs this share of the width.
 constexpr double kLabelShare = 0.19;
 constexpr double kRightMargin = 0.98;
-constexpr double kGap = 0.05;  // between panels
+// The share of the width between two panels.
+constexpr double kGap = 0.05;
+// Points. A headline is half as wide as the page, and all of a telephone.
+constexpr int kFont = 12;
+constexpr int kHeadlineFont = 14;
 
 void replace_all(std::string& text, const std::string& from, const std::string& to) {
   for (std::size_t at = text.find(from); at != std::string::npos;
@@ -60,7 +66,7 @@ std::string dots_block(const std::string& name, const std::vector<std::optional<
   return out + "EOD\n";
 }
 
-bool empty(const Series& series) {
+bool empty(const Dots& series) {
   return std::ranges::none_of(series.dots, [](const auto& d) { return d.has_value(); });
 }
 
@@ -77,7 +83,8 @@ int dots_height(std::size_t labels) { return kAroundRows + kRowHeight * static_c
 std::string dot_panels(const std::vector<std::string>& labels, const std::vector<Panel>& panels) {
   std::string out = fmt::format("set multiplot\nset yrange [{}:-0.6]\n",
                                 static_cast<double>(labels.size()) - 0.4);
-  std::string tics;  // named in the first panel only
+  // The first panel names the rows, the others have bare tics.
+  std::string tics;
   std::string bare;
   for (std::size_t i = 0; i < labels.size(); ++i) {
     tics += fmt::format("{}{} {}", i == 0 ? "" : ", ", gnuplot_text(labels[i]), i);
@@ -99,7 +106,7 @@ std::string dot_panels(const std::vector<std::string>& labels, const std::vector
                : "unset arrow 1\n";
     std::string plots;
     for (std::size_t s = 0; s < panel.series.size(); ++s) {
-      const Series& series = panel.series[s];
+      const Dots& series = panel.series[s];
       if (empty(series)) continue;
       const std::string name = fmt::format("p{}s{}", p, s);
       out += dots_block(name, series.dots);
@@ -118,15 +125,15 @@ void draw_figure(const fs::path& folder, const Figure& figure) {
     const fs::path file = folder / (figure.name + "." + kind);
     const std::string head =
         std::string(kind) == "svg"
-            ? fmt::format("set terminal svg size {},{} noenhanced font 'sans-serif,12'\n",
-                          figure.width, figure.height)
+            ? fmt::format("set terminal svg size {},{} noenhanced font 'sans-serif,{}'\n",
+                          figure.width, figure.height, figure.is_headline ? kHeadlineFont : kFont)
             : fmt::format(
                   "set terminal pngcairo size {},{} noenhanced font 'sans,10' background "
                   "rgb 'white'\n",
                   figure.width, figure.height);
-    if (!draw(file, head + fmt::format("set output {}\n", gnuplot_text(file.string())) + kStyle +
-                        figure.script)) {
-      throw Failure(kFailed, "a report needs gnuplot; install the package gnuplot-nox");
+    if (!lab::draw(file, head + fmt::format("set output {}\n", gnuplot_text(file.string())) +
+                             kStyle + figure.script)) {
+      throw cli::Failure(cli::kFailed, "a report needs gnuplot; install the package gnuplot-nox");
     }
     return file;
   };
@@ -152,8 +159,8 @@ std::string inline_svg(const fs::path& folder, const Figure& figure) {
   return svg;
 }
 
-std::vector<Figure> figures_of(const Json& document) {
-  const std::string experiment = document["experiment"];
+std::vector<Figure> figures_of(const Document& document) {
+  const std::string& experiment = document.experiment;
   if (experiment == "table-network") return network_figures(document);
   if (experiment == "fig-adjust") return adjust_figures(document);
   if (experiment == "fig-rt") return rt_figures(document);
@@ -161,4 +168,4 @@ std::vector<Figure> figures_of(const Json& document) {
   return system_figures(document);
 }
 
-}  // namespace interneuron::cli::report
+}  // namespace interneuron::report

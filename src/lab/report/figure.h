@@ -7,43 +7,54 @@
 #include <string>
 #include <vector>
 
-#include "lab/files/run_files.h"
+#include "lab/eval/experiments/document.h"
 
-namespace interneuron::cli::report {
+namespace interneuron::report {
+
+using experiments::Document;
 
 struct Figure {
-  std::string name;  // of its files: "table-erdos-uniform"
+  // The name of its files: "table-erdos-uniform".
+  std::string name;
   std::string caption;
-  int width = 980;  // pixels
+  // Pixels.
+  int width = 980;
   int height = 360;
-  std::string script;  // without terminal and output
+  // For gnuplot, without terminal and output.
+  std::string script;
+  // Whether the page shows it first, with letters that can be read on a telephone.
+  bool is_headline = false;
 };
 
 // All of one document, in order.
-std::vector<Figure> figures_of(const Json& document);
+std::vector<Figure> figures_of(const Document& document);
 
 // The kinds of documents, one file each.
-std::vector<Figure> system_figures(const Json& document);  // table-erdos, ladder, timeout-handler
-std::vector<Figure> sweep_figures(const Json& document);
-std::vector<Figure> adjust_figures(const Json& document);
-std::vector<Figure> network_figures(const Json& document);
-std::vector<Figure> rt_figures(const Json& document);
+// Of table-erdos, ladder and timeout-handler.
+std::vector<Figure> system_figures(const Document& document);
+std::vector<Figure> sweep_figures(const Document& document);
+std::vector<Figure> adjust_figures(const Document& document);
+std::vector<Figure> network_figures(const Document& document);
+std::vector<Figure> rt_figures(const Document& document);
 
 // Dots with intervals, one row per label, panels side by side.
 struct Dot {
   double value = 0;
-  double low = 0;  // = value: no interval
+  // Both are the value itself where there is no interval.
+  double low = 0;
   double high = 0;
 };
-struct Series {
-  std::string title;  // empty: not in the key
+struct Dots {
+  // Empty: not in the key.
+  std::string title;
   std::string colour;
-  std::vector<std::optional<Dot>> dots;  // by label
+  // By label.
+  std::vector<std::optional<Dot>> dots;
   bool hollow = false;
 };
 struct Panel {
   std::string title;
-  std::vector<Series> series;
+  std::vector<Dots> series;
   bool logarithmic = false;
   bool zero_line = false;
 };
@@ -58,7 +69,7 @@ inline constexpr const char* kRed = "#d0384a";
 inline constexpr const char* kGrey = "#8a8f98";
 
 // Writes FOLDER/NAME.svg and .png. The SVG's ink is currentColor, so that it shows on light and
-// dark pages. Throws Failure (1), also without gnuplot.
+// dark pages. Throws cli::Failure (1), also without gnuplot.
 void draw_figure(const std::filesystem::path& folder, const Figure& figure);
 
 // That SVG to be put into a page: without prologue and addresses, its ids made the figure's own.
@@ -67,4 +78,4 @@ std::string inline_svg(const std::filesystem::path& folder, const Figure& figure
 // Text in a gnuplot string in single quotes.
 std::string gnuplot_text(const std::string& text);
 
-}  // namespace interneuron::cli::report
+}  // namespace interneuron::report

@@ -4,39 +4,41 @@
 #include "lab/eval/experiments/document.h"
 #include "lab/report/figure.h"
 
-namespace interneuron::cli::report {
+namespace interneuron::report {
 namespace {
 
-using eval::find_table;
+using experiments::ScriptRow;
+using experiments::Waterfall;
 
-std::optional<Dot> dot(const Json& v) {
-  if (!v.is_number()) return std::nullopt;
-  return Dot{v, v, v};
+std::optional<Dot> dot(const std::optional<double>& v) {
+  if (!v) return std::nullopt;
+  return Dot{*v, *v, *v};
 }
 
 Figure dots_figure(const std::string& name, const std::string& caption,
                    const std::vector<std::string>& labels, const std::vector<Panel>& panels) {
-  return {name, caption, 980, dots_height(labels.size()), dot_panels(labels, panels)};
+  return {.name = name,
+          .caption = caption,
+          .height = dots_height(labels.size()),
+          .script = dot_panels(labels, panels)};
 }
 
 // Uplink, computation and downlink of each round on top of each other.
-std::string stages_script(const Json& rows, double deadline) {
+std::string stages_script(const std::vector<ScriptRow>& rows, double deadline) {
   std::string stages = "$stages << EOD\n";
   std::string at_d1 = "$atd1 << EOD\n";
   std::string late = "$late << EOD\n";
   std::string far = "$far << EOD\n";
   std::string x = "$x << EOD\n";
-  for (const Json& r : rows) {
-    const int round = r.at("round");
-    x += fmt::format("{} {}\n", round, r.at("x").get<double>());
-    if (!r.contains("theta1_ms") || r.at("theta2_ms").is_null()) continue;
-    const double theta1 = r.at("theta1_ms");
-    stages += fmt::format("{} {} {} {}\n", round, theta1, r.at("theta2_ms").get<double>(),
-                          r.at("theta3_ms").get<double>());
-    if (r.at("at_d1").get<bool>()) at_d1 += fmt::format("{} {}\n", round, theta1);
-    if (!r.at("d1_missed").get<bool>()) continue;
-    const bool very = r.at("marks").get<std::string>().find("≫") != std::string::npos;
-    (very ? far : late) += fmt::format("{} {}\n", round, theta1);
+  for (const ScriptRow& r : rows) {
+    x += fmt::format("{} {}\n", r.round, r.x);
+    if (!r.road || !r.road->theta2_ms) continue;
+    const double theta1 = r.road->theta1_ms;
+    stages += fmt::format("{} {} {} {}\n", r.round, theta1, *r.road->theta2_ms, r.theta3_ms);
+    if (r.road->at_d1) at_d1 += fmt::format("{} {}\n", r.round, theta1);
+    if (!r.road->d1_missed) continue;
+    const bool very = r.road->marks.find("≫") != std::string::npos;
+    (very ? far : late) += fmt::format("{} {}\n", r.round, theta1);
   }
   std::string s = stages + "EOD\n" + at_d1 + "-9 NaN\nEOD\n" + late + "-9 NaN\nEOD\n" + far +
                   "-9 NaN\nEOD\n" + x + "EOD\n";
@@ -70,9 +72,9 @@ std::string stages_script(const Json& rows, double deadline) {
              kPurple);
 }
 
-Figure waterfall(const Json& w) {
-  const Json& stages = w.at("stages");
-  const double deadline = w.at("deadline_ms");
+Figure waterfall(const Waterfall& w) {
+  const ScriptRow::Road stages = w.stages.road.value();
+  const double deadline = w.deadline_ms;
   std::vector<std::string> labels;
   std::string data;
   std::string plots;
@@ -83,22 +85,19 @@ Figure waterfall(const Json& w) {
     plots += fmt::format("{}$row{} {} notitle", plots.empty() ? "plot " : ", ", i, how);
   };
   const auto sends = [&](const char* direction) {
-    for (const Json& send : w.at("sends")) {
-      if (send.at("direction") != direction) continue;
+    for (const Waterfall::Send& send : w.sends) {
+      if (send.direction != direction) continue;
       std::string block;
-      for (const Json& at : send.at("sent_ms"))
-        block += fmt::format("{} {}\n", at.get<double>(), labels.size());
-      add(fmt::format("{} over {}: {} fragments", send.at("what").get<std::string>(),
-                      send.at("link").get<std::string>(), send.at("fragments").get<int>()),
-          block,
+      for (const double at : send.sent_ms) block += fmt::format("{} {}\n", at, labels.size());
+      add(fmt::format("{} over {}: {} fragments", send.what, send.link, send.fragments), block,
           fmt::format("using 1:2:(0):(0.3) with boxxyerror lc rgb '{}'",
-                      send.at("link") == "5g" ? kBlue : kPurple));
+                      send.link == "5g" ? kBlue : kPurple));
     }
   };
   sends("up");
-  const double theta1 = stages.at("theta1_ms");
-  const double theta2 = stages.at("theta2_ms");
-  add(fmt::format("computation, level {}", stages.at("level").get<int>()),
+  const double theta1 = stages.theta1_ms;
+  const double theta2 = stages.theta2_ms.value();
+  add(fmt::format("computation, level {}", stages.level),
       fmt::format("{} {} {} {}\n", theta1, theta2, labels.size(), 0.3),
       fmt::format("using (($1+$2)/2):3:(($2-$1)/2):4 with boxxyerror fs solid 0.7 lc rgb '{}'",
                   kOrange));
@@ -112,15 +111,13 @@ Figure waterfall(const Json& w) {
         "set label {3} at {0}, graph 1 offset 0.3,{4} tc rgb '{2}'\n",
         at, dash, colour, gnuplot_text(text), 4.5 - static_cast<double>(line++));
   };
-  const bool at_d1 = stages.at("at_d1");
-  if (!at_d1 && stages.at("d1_ms").is_number()) {
-    mark(stages.at("d1_ms"), fmt::format("D1 = {:.1f}", stages.at("d1_ms").get<double>()), kOrange,
-         2);
+  const bool at_d1 = stages.at_d1;
+  if (!at_d1 && stages.d1_ms) {
+    mark(*stages.d1_ms, fmt::format("D1 = {:.1f}", *stages.d1_ms), kOrange, 2);
   }
   mark(theta1, fmt::format("θ1 = {}{:.1f}", at_d1 ? "D1 = " : "", theta1), "black", 1);
   mark(theta2, fmt::format("θ2 = {:.1f}", theta2), "black", 1);
-  mark(stages.at("theta3_ms"), fmt::format("θ3 = {:.1f}", stages.at("theta3_ms").get<double>()),
-       "black", 1);
+  mark(w.stages.theta3_ms, fmt::format("θ3 = {:.1f}", w.stages.theta3_ms), "black", 1);
   mark(deadline, fmt::format("D_N = {:.0f}", deadline), kRed, 2);
   std::string tics;
   for (std::size_t i = 0; i < labels.size(); ++i) {
@@ -133,70 +130,69 @@ Figure waterfall(const Json& w) {
                                  "set lmargin at screen 0.26\nset rmargin at screen 0.93\n",
                                  static_cast<double>(labels.size()) - 0.4, deadline * 1.08, tics) +
                              plots + "\n";
-  return {
-      fmt::format("fig-rt-waterfall-{}", w.at("round").get<int>()),
-      fmt::format("Where the time of round {} went: each fragment as it was sent, and when each "
-                  "stage ended against its deadline",
-                  w.at("round").get<int>()),
-      980, 190 + 34 * static_cast<int>(labels.size()), script};
+  return {.name = fmt::format("fig-rt-waterfall-{}", w.round),
+          .caption = fmt::format("Where the time of round {} went: each fragment as it was sent, "
+                                 "and when each stage ended against its deadline",
+                                 w.round),
+          .height = 190 + 34 * static_cast<int>(labels.size()),
+          .script = script};
 }
 
 }  // namespace
 
-std::vector<Figure> network_figures(const Json& document) {
-  const Json& rows = document.at("tables").at(0).at("rows");
-  std::string script = fmt::format("set multiplot layout {},1\n", document.at("series").size());
-  for (std::size_t i = 0; i < document.at("series").size(); ++i) {
-    const Json& series = document.at("series")[i];
+std::vector<Figure> network_figures(const Document& document) {
+  const auto& rows = experiments::rows_as<experiments::NetworkRow>(document.tables.at(0));
+  std::string script = fmt::format("set multiplot layout {},1\n", document.series.size());
+  for (std::size_t i = 0; i < document.series.size(); ++i) {
+    const experiments::Series& series = document.series[i];
     script += "$d << EOD\n";
-    for (const Json& p : series.at("points")) {
-      script += fmt::format("{} {}\n", p.at(0).get<double>(), p.at(1).get<double>());
-    }
-    const double avg = rows[i].at("paper_rtt_ms").at("avg");
+    for (const experiments::Point& p : series.points) script += fmt::format("{} {}\n", p.x, p.y);
     script += fmt::format(
         "EOD\nset title {}\nset xlabel 'time, s'\nset ylabel 'round trip, ms'\nset yrange [0:*]\n"
         "set key outside right top\nplot $d with steps lw 1.2 lc rgb '{}' title 'one drive', {} "
         "with lines dt 2 "
         "lc rgb '{}' title 'paper, avg'\n",
-        gnuplot_text(series.at("name").get<std::string>()), kBlue, avg, kRed);
+        gnuplot_text(series.name), kBlue, rows.at(i).paper_rtt_ms.avg, kRed);
   }
-  return {{"table-network", "One drive of each network; dashed: the paper's average", 980, 520,
-           script + "unset multiplot\n"}};
+  return {{.name = "table-network",
+           .caption = "One drive of each network; dashed: the paper's average",
+           .height = 520,
+           .script = script + "unset multiplot\n"}};
 }
 
-std::vector<Figure> adjust_figures(const Json& document) {
-  const Json& levels = (*find_table(document, "levels")).at("rows");
-  const Json& sent = (*find_table(document, "transmission")).at("rows");
+std::vector<Figure> adjust_figures(const Document& document) {
+  const auto& levels = experiments::rows_as<experiments::LevelRow>(*find_table(document, "levels"));
+  const auto& sent =
+      experiments::rows_as<experiments::TransmissionRow>(*find_table(document, "transmission"));
   std::vector<std::string> names;
-  Series ap{"AP", kBlue, {}};
-  Series ar{"AR", kOrange, {}};
-  Series sampled{"AP, sampled", kBlue, {}, true};
-  Series raw{"AP, raw", kBlue, {}};
-  Series time{"median to p95", kBlue, {}};
-  for (const Json& r : levels) {
-    names.push_back(
-        fmt::format("level {}, {}", r.at("level").get<int>(), r.at("name").get<std::string>()));
-    ap.dots.push_back(dot(r.at("raw").at("ap")));
-    ar.dots.push_back(dot(r.at("raw").at("ar")));
-    raw.dots.push_back(dot(r.at("raw").at("ap")));
-    sampled.dots.push_back(dot(r.at("sampled").at("ap")));
-    time.dots.push_back(Dot{r.at("median_ms"), r.at("median_ms"), r.at("p95_ms")});
+  Dots ap{"AP", kBlue, {}};
+  Dots ar{"AR", kOrange, {}};
+  Dots sampled{"AP, sampled", kBlue, {}, true};
+  Dots raw{"AP, raw", kBlue, {}};
+  Dots time{"median to p95", kBlue, {}};
+  for (const experiments::LevelRow& r : levels) {
+    names.push_back(fmt::format("level {}, {}", r.level, r.name));
+    ap.dots.push_back(dot(r.raw.ap));
+    ar.dots.push_back(dot(r.raw.ar));
+    raw.dots.push_back(dot(r.raw.ap));
+    sampled.dots.push_back(dot(r.sampled.ap));
+    time.dots.push_back(Dot{r.median_ms, r.median_ms, r.p95_ms});
   }
   std::vector<std::string> messages;
-  Series took{"median to p95", kBlue, {}};
-  for (const Json& r : sent) {
-    messages.push_back(fmt::format("{} KB over {}", r.at("kilobytes").get<int>(),
-                                   r.at("network").get<std::string>()));
-    took.dots.push_back(Dot{r.at("ms").at("p50"), r.at("ms").at("p50"), r.at("ms").at("p95")});
+  Dots took{"median to p95", kBlue, {}};
+  for (const experiments::TransmissionRow& r : sent) {
+    messages.push_back(fmt::format("{} KB over {}", r.kilobytes, r.network));
+    took.dots.push_back(Dot{r.ms.p50, r.ms.p50, r.ms.p95});
   }
   std::vector<Figure> out;
-  if (levels.at(0).at("raw").at("ap").is_number()) {
+  const bool scored = levels.at(0).raw.ap.has_value();
+  if (scored) {
     out.push_back(dots_figure("fig-adjust-a", "(a) Accuracy of the levels on raw images", names,
                               {{"COCO AP and AR", {ap, ar}}}));
   }
   out.push_back(dots_figure("fig-adjust-b", "(b) Run time of the levels", names,
                             {{"one thread, ms", {time}}}));
-  if (levels.at(0).at("raw").at("ap").is_number()) {
+  if (scored) {
     out.push_back(dots_figure("fig-adjust-c", "(c) Accuracy on raw and sampled images", names,
                               {{"COCO AP", {raw, sampled}}}));
   }
@@ -205,17 +201,18 @@ std::vector<Figure> adjust_figures(const Json& document) {
   return out;
 }
 
-std::vector<Figure> rt_figures(const Json& document) {
-  const double deadline = document.at("waterfalls").empty()
-                              ? 130.0
-                              : document.at("waterfalls").at(0).at("deadline_ms").get<double>();
-  std::vector<Figure> out{{"fig-rt",
-                           "The paper's sequence: uplink, computation and downlink of each round, "
-                           "the guard's marks, and X below",
-                           980, 520,
-                           stages_script(document.at("tables").at(0).at("rows"), deadline)}};
-  for (const Json& w : document.at("waterfalls")) out.push_back(waterfall(w));
+std::vector<Figure> rt_figures(const Document& document) {
+  constexpr double kUsualDeadlineMs = 130;
+  const double deadline =
+      document.waterfalls.empty() ? kUsualDeadlineMs : document.waterfalls[0].deadline_ms;
+  const auto& rows = experiments::rows_as<ScriptRow>(document.tables.at(0));
+  std::vector<Figure> out{{.name = "fig-rt",
+                           .caption = "The paper's sequence: uplink, computation and downlink of "
+                                      "each round, the guard's marks, and X below",
+                           .height = 520,
+                           .script = stages_script(rows, deadline)}};
+  for (const Waterfall& w : document.waterfalls) out.push_back(waterfall(w));
   return out;
 }
 
-}  // namespace interneuron::cli::report
+}  // namespace interneuron::report

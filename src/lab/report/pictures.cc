@@ -1,7 +1,6 @@
 #include "lab/report/pictures.h"
 
 #include <opencv2/imgcodecs.hpp>
-#include <opencv2/imgproc.hpp>
 
 #include "host/process/failure.h"
 #include "host/settings/data.h"
@@ -9,11 +8,16 @@
 #include "perception/frame_source.h"
 #include "perception/picture.h"
 
-namespace interneuron::cli::report {
+namespace interneuron::report {
 namespace {
 
-constexpr std::uint32_t kFrame = 150;  // chosen: many people, some hidden
-constexpr double kScale = 0.6;         // of the video's 768 x 576, to keep the page small
+// This frame shows many people, some of them hidden.
+constexpr std::uint32_t kFrame = 150;
+// Most of its people are here, so that their boxes can be told apart on a small screen.
+constexpr int kLeft = 290;
+constexpr int kTop = 40;
+constexpr int kWidth = 470;
+constexpr int kHeight = 320;
 
 struct Shot {
   const char* caption;
@@ -27,10 +31,10 @@ constexpr Shot kShots[] = {{"on time: remote result, best level, raw image", 2, 
                            {"missed: last remote result, two rounds old", 2, false, 2}};
 
 std::string png_of(const cv::Mat& picture) {
-  cv::Mat small;
-  cv::resize(picture, small, {}, kScale, kScale, cv::INTER_AREA);
+  const cv::Rect whole(0, 0, picture.cols, picture.rows);
+  const cv::Mat shown = picture(cv::Rect(kLeft, kTop, kWidth, kHeight) & whole);
   std::vector<unsigned char> png;
-  cv::imencode(".png", small, png);
+  cv::imencode(".png", shown, png);
   return {png.begin(), png.end()};
 }
 
@@ -38,12 +42,12 @@ std::string png_of(const cv::Mat& picture) {
 
 std::vector<Picture> pictures(const std::optional<std::filesystem::path>& data, bool named,
                               std::string& missing) {
-  const eval::Scorer scorer(data, named);
+  const experiments::Scorer scorer(data, named);
   missing = scorer.missing();
   if (!missing.empty()) return {};
   std::vector<Picture> out;
   try {
-    perception::FrameSource source(default_video(data));
+    perception::FrameSource source(cli::default_video(data));
     std::optional<perception::Frame> frame;
     for (std::uint32_t i = 0; i <= kFrame; ++i) frame = source.next();
     if (!frame) {
@@ -55,7 +59,7 @@ std::vector<Picture> pictures(const std::optional<std::filesystem::path>& data, 
       out.push_back(
           {shot.caption, png_of(perception::draw_boxes(frame->bgr, boxes, shot.caption))});
     }
-  } catch (const Failure& error) {
+  } catch (const cli::Failure& error) {
     missing = error.what();
   } catch (const perception::InputError& error) {
     missing = error.what();
@@ -63,4 +67,4 @@ std::vector<Picture> pictures(const std::optional<std::filesystem::path>& data, 
   return out;
 }
 
-}  // namespace interneuron::cli::report
+}  // namespace interneuron::report

@@ -8,11 +8,11 @@
 
 #include "lab/report/page.h"
 
-namespace interneuron::cli::report {
+namespace interneuron::report {
 
 // Empty, with the reason in `missing`, when video, recordings or ground truth are not there. Throws
-// Failure (1) when a folder that the user named lacks them, or files are damaged.
+// cli::Failure (1) when a folder that the user named lacks them, or files are damaged.
 std::vector<Picture> pictures(const std::optional<std::filesystem::path>& data, bool named,
                               std::string& missing);
 
-}  // namespace interneuron::cli::report
+}  // namespace interneuron::report

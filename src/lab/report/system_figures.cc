@@ -2,167 +2,170 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <functional>
 #include <map>
-#include <tuple>
 
 #include "lab/eval/experiments/document.h"
 #include "lab/report/figure.h"
 
-namespace interneuron::cli::report {
+namespace interneuron::report {
 namespace {
 
-const char* colour_of(const Json& row) {
-  if (row.at("name") == "oracle" || row.at("name") == "causal") return kGreen;
-  return row.value("baseline", false) ? kOrange : kBlue;
+using experiments::LadderRow;
+using experiments::SystemRow;
+using experiments::Table;
+
+template <class Row>
+const char* colour_of(const Row& row) {
+  if (row.name == "oracle" || row.name == "causal") return kGreen;
+  return row.baseline ? kOrange : kBlue;
 }
 
-std::optional<Dot> dot_at(const Json& row, const char* value, const char* interval, double scale) {
-  const Json::json_pointer at(value);
-  if (!row.contains(at) || !row[at].is_number()) return std::nullopt;
-  const double v = row[at].get<double>() * scale;
-  const Json::json_pointer ci(interval);
-  if (*interval == '\0' || !row.contains(ci) || row[ci].is_null()) return Dot{v, v, v};
-  return Dot{v, row[ci].at(0).get<double>() * scale, row[ci].at(1).get<double>() * scale};
+Dot dot(double value) { return {value, value, value}; }
+
+Dot share_missed(const SystemRow& r) {
+  return {100 * r.timeouts_share, 100 * r.timeouts_ci95[0], 100 * r.timeouts_ci95[1]};
+}
+
+std::optional<Dot> quality(const SystemRow& r) { return dot(r.quality); }
+
+Dot dot(const eval::Paired& p) {
+  return p.ci95 ? Dot{p.mean, (*p.ci95)[0], (*p.ci95)[1]} : dot(p.mean);
 }
 
 // One series per colour, so that the key tells them apart.
-std::vector<Series> by_kind(const Json& rows, const char* value, const char* interval,
-                            double scale = 1) {
-  std::vector<Series> out{{"ours", kBlue, {}}, {"baselines", kOrange, {}}, {"bounds", kGreen, {}}};
-  for (Series& series : out) {
-    for (const Json& row : rows) {
-      series.dots.push_back(series.colour == colour_of(row) ? dot_at(row, value, interval, scale)
-                                                            : std::nullopt);
+template <class Row>
+std::vector<Dots> by_kind(const std::vector<Row>& rows,
+                          const std::function<std::optional<Dot>(const Row&)>& value) {
+  std::vector<Dots> out{{"ours", kBlue, {}}, {"baselines", kOrange, {}}, {"bounds", kGreen, {}}};
+  for (Dots& series : out) {
+    for (const Row& row : rows) {
+      series.dots.push_back(series.colour == colour_of(row) ? value(row) : std::nullopt);
     }
   }
   return out;
 }
 
-bool any(const Json& rows, const char* key) {
-  return std::ranges::any_of(
-      rows, [key](const Json& r) { return r.contains(key) && r.at(key).is_number(); });
+template <class Row>
+Figure dots_of(const Document& document, const Table& table, const std::vector<Row>& rows,
+               const std::string& caption, const std::vector<Panel>& panels) {
+  std::vector<std::string> names;
+  for (const Row& row : rows) names.push_back(row.name);
+  return {.name = document.experiment + "-" + table.name,
+          .caption = table.title + caption,
+          .height = dots_height(names.size()),
+          .script = dot_panels(names, panels)};
 }
 
-std::vector<std::string> names_of(const Json& rows) {
-  std::vector<std::string> out;
-  for (const Json& row : rows) out.push_back(row.at("name"));
-  return out;
-}
-
-Figure of_systems(const Json& document, const Json& table) {
-  const Json& rows = table.at("rows");
-  std::vector<Panel> panels{
-      {"rounds missed, %", by_kind(rows, "/timeouts_share", "/timeouts_ci95", 100)}};
-  if (any(rows, "effective_ap")) {
-    panels.push_back({"effective AP", by_kind(rows, "/effective_ap", "")});
+Figure of_systems(const Document& document, const Table& table,
+                  const std::vector<SystemRow>& rows) {
+  std::vector<Panel> panels{{"rounds missed, %", by_kind<SystemRow>(rows, share_missed)}};
+  if (std::ranges::any_of(rows, [](const SystemRow& r) { return r.effective_ap.has_value(); })) {
+    panels.push_back({"effective AP", by_kind<SystemRow>(rows, [](const SystemRow& r) {
+                        return r.effective_ap ? std::optional(dot(*r.effective_ap)) : std::nullopt;
+                      })});
   }
-  panels.push_back({"quality", by_kind(rows, "/quality", "")});
-  const std::vector<std::string> names = names_of(rows);
-  return {fmt::format("{}-{}", document.at("experiment").get<std::string>(),
-                      table.at("name").get<std::string>()),
-          table.at("title").get<std::string>() +
-              ": rounds missed (95 % intervals) and what the "
-              "application really got",
-          980, dots_height(names.size()), dot_panels(names, panels)};
+  panels.push_back({"quality", by_kind<SystemRow>(rows, quality)});
+  return dots_of(document, table, rows,
+                 ": rounds missed (95 % intervals) and what the application really got", panels);
 }
 
-Figure of_ladder(const Json& document, const Json& table) {
-  const Json& rows = table.at("rows");
-  std::vector<Panel> panels{
-      {"timeouts more than ours, of 300",
-       by_kind(rows, "/more_timeouts_per_300/mean", "/more_timeouts_per_300/ci95"), false, true},
-      {"quality more than ours", by_kind(rows, "/more_quality/mean", "/more_quality/ci95"), false,
-       true}};
-  const std::vector<std::string> names = names_of(rows);
-  return {fmt::format("{}-{}", document.at("experiment").get<std::string>(),
-                      table.at("name").get<std::string>()),
-          table.at("title").get<std::string>(), 980, dots_height(names.size()),
-          dot_panels(names, panels)};
+Figure of_ladder(const Document& document, const Table& table) {
+  const auto& rows = experiments::rows_as<LadderRow>(table);
+  return dots_of(
+      document, table, rows, "",
+      {{"timeouts more than ours, of 300",
+        by_kind<LadderRow>(rows, [](const LadderRow& r) { return dot(r.more_timeouts_per_300); }),
+        false, true},
+       {"quality more than ours",
+        by_kind<LadderRow>(rows, [](const LadderRow& r) { return dot(r.more_quality); }), false,
+        true}});
 }
 
-Figure of_handler(const Json& document, const Json& table) {
-  const Json& rows = table.at("rows");
-  std::vector<Panel> panels{
-      {"rounds missed, %", {{"", kBlue, {}}}},
-      {"rounds missed right after a miss, %", {{"", kBlue, {}}}},
-  };
-  for (const Json& row : rows) {
-    panels[0].series[0].dots.push_back(dot_at(row, "/timeouts_share", "/timeouts_ci95", 100));
-    panels[1].series[0].dots.push_back(
-        dot_at(row, "/consecutive", "", 100.0 / row.at("rounds").get<double>()));
+Figure of_handler(const Document& document, const Table& table) {
+  const auto& rows = experiments::rows_as<SystemRow>(table);
+  Dots missed{"", kBlue, {}};
+  Dots after_a_miss{"", kBlue, {}};
+  for (const SystemRow& r : rows) {
+    missed.dots.emplace_back(share_missed(r));
+    const auto consecutive = static_cast<double>(r.consecutive.value_or(0));
+    after_a_miss.dots.emplace_back(dot(100 * consecutive / static_cast<double>(r.rounds)));
   }
-  const std::vector<std::string> names = names_of(rows);
-  return {fmt::format("{}-{}", document.at("experiment").get<std::string>(),
-                      table.at("name").get<std::string>()),
-          table.at("title").get<std::string>() + ": with and without the timeout handler", 980,
-          dots_height(names.size()), dot_panels(names, panels)};
+  return dots_of(
+      document, table, rows, ": with and without the timeout handler",
+      {{"rounds missed, %", {missed}}, {"rounds missed right after a miss, %", {after_a_miss}}});
 }
+
+// The deadline of every scenario of table-erdos.
+constexpr double kDeadlineMs = 130;
 
 // The rounds of one seed, ours above erdos_like.
-Figure of_rounds(const Json& document) {
-  const double deadline = document.value("deadline_ms", 130.0);
-  std::string script = "set multiplot layout 2,1\nset yrange [0:*]\n";
-  for (const Json& series : document.at("series")) {
+Figure of_rounds(const Document& document) {
+  std::string script =
+      "set multiplot layout 2,1\nset ytics 50\nset tmargin 2.2\nset bmargin 2.6\nset rmargin 2\n"
+      "unset key\n";
+  for (const experiments::Series& series : document.series) {
     std::string on_time = "$on << EOD\n";
     std::string missed = "$missed << EOD\n";
-    for (const Json& p : series.at("points")) {
-      (p.at(2) == 1 ? on_time : missed) +=
-          fmt::format("{} {}\n", p.at(0).get<int>(), p.at(1).get<double>());
+    std::size_t misses = 0;
+    for (const experiments::Point& p : series.points) {
+      const bool good = p.on_time.value_or(false);
+      (good ? on_time : missed) += fmt::format("{} {}\n", p.x, p.y);
+      if (!good) ++misses;
     }
     script += on_time + "EOD\n" + missed + "-1 NaN\nEOD\n";
     script += fmt::format(
         "set title {}\nset ylabel 'e2e, ms'\nset xrange [-1:{}]\nset yrange [0:{}]\n"
         "set arrow 1 from graph 0, first {} to graph 1, first {} nohead dt 2 lc rgb '{}'\n"
-        "set key outside right top\n"
         "plot $on with points pt 7 ps 0.45 lc rgb '{}' title 'on time', "
         "$missed with points pt 9 ps 0.9 lc rgb '{}' title 'missed'\n",
-        gnuplot_text(series.at("name").get<std::string>()), series.at("points").size(),
-        deadline * 1.1, deadline, deadline, kRed, kBlue, kRed);
+        gnuplot_text(
+            fmt::format("{}: {} of {} rounds missed", series.name, misses, series.points.size())),
+        series.points.size(), kDeadlineMs * 1.1, kDeadlineMs, kDeadlineMs, kRed, kBlue, kRed);
   }
-  return {fmt::format("{}-rounds", document.at("experiment").get<std::string>()),
-          fmt::format("End-to-end time of each round of seed {}, uniform law, raw images; dashed: "
-                      "the deadline",
-                      document.at("seeds").at(0).get<std::uint64_t>()),
-          980, 480, script + "unset multiplot\n"};
+  const std::uint64_t seed = document.seeds ? document.seeds->first : 0;
+  return {.name = document.experiment + "-rounds",
+          .caption = fmt::format("End-to-end time of each round of seed {}, uniform law, raw "
+                                 "images. Blue: on time; red: missed; dashed: the deadline.",
+                                 seed),
+          .width = 480,
+          .height = 400,
+          .script = script + "unset multiplot\n",
+          .is_headline = true};
 }
 
 }  // namespace
 
-std::vector<Figure> system_figures(const Json& document) {
+std::vector<Figure> system_figures(const Document& document) {
   std::vector<Figure> out;
-  const std::string experiment = document.at("experiment");
-  for (const Json& table : document.at("tables")) {
-    if (experiment == "ladder") {
+  for (const Table& table : document.tables) {
+    if (document.experiment == "ladder") {
       out.push_back(of_ladder(document, table));
-    } else if (experiment == "timeout-handler") {
+    } else if (document.experiment == "timeout-handler") {
       out.push_back(of_handler(document, table));
-    } else if (experiment == "table-erdos" && table.at("name") != "paper" &&
-               table.at("rows").at(0).contains("quality")) {
-      out.push_back(of_systems(document, table));
+    } else if (const auto* rows = std::get_if<std::vector<SystemRow>>(&table.rows)) {
+      out.push_back(of_systems(document, table, *rows));
     }
   }
-  if (experiment == "table-erdos" && !document.at("series").empty())
-    out.push_back(of_rounds(document));
+  if (!document.series.empty()) out.push_back(of_rounds(document));
   return out;
 }
 
-std::vector<Figure> sweep_figures(const Json& document) {
+std::vector<Figure> sweep_figures(const Document& document) {
   constexpr const char* kColours[] = {kBlue, kPurple, kOrange, kRed, kGrey, kGreen, "#2aa3a3"};
   constexpr int kDashes[] = {1, 1, 1, 1, 2, 1, 2};
-  const std::size_t columns = document.at("tables").size();
+  const std::size_t columns = document.tables.size();
   std::string script = fmt::format(
       "set multiplot layout 2,{}\nset xrange [50:210]\nset xtics (60, 100, 130, 160, 200)\n",
       columns);
-  for (const auto& [key, label, scale] : {std::tuple{"timeouts_share", "rounds missed, %", 100.0},
-                                          std::tuple{"quality", "quality", 1.0}}) {
-    for (const Json& table : document.at("tables")) {
+  for (const bool missed : {true, false}) {
+    for (const Table& table : document.tables) {
       std::map<std::string, std::string> blocks;
       std::vector<std::string> order;
-      for (const Json& row : table.at("rows")) {
-        const std::string name = row.at("name");
-        if (!blocks.contains(name)) order.push_back(name);
-        blocks[name] += fmt::format("{} {}\n", row.at("deadline_ms").get<int>(),
-                                    row.at(key).template get<double>() * scale);
+      for (const SystemRow& row : experiments::rows_as<SystemRow>(table)) {
+        if (!blocks.contains(row.name)) order.push_back(row.name);
+        blocks[row.name] += fmt::format("{} {}\n", row.sweep.value().deadline_ms,
+                                        missed ? 100 * row.timeouts_share : row.quality);
       }
       std::string plot;
       for (std::size_t i = 0; i < order.size(); ++i) {
@@ -173,15 +176,19 @@ std::vector<Figure> sweep_figures(const Json& document) {
                             kColours[i % std::size(kColours)], gnuplot_text(order[i]));
       }
       // Where nothing is injected, hardly anything is missed: there is room.
-      const bool key_here = &table == &document.at("tables").front() && scale != 1.0;
+      const bool key_here = &table == &document.tables.front() && missed;
       script += fmt::format(
           "set title {}\nset xlabel 'deadline, ms'\nset ylabel '{}'\nset yrange [0:*]\n{}\n{}\n",
-          gnuplot_text(table.at("title").get<std::string>()), label,
+          gnuplot_text(table.title), missed ? "rounds missed, %" : "quality",
           key_here ? "set key top right" : "unset key", plot);
     }
   }
-  return {{"sweep", "Rounds missed and quality by deadline, for injected delays from none to twice",
-           1180, 620, script + "unset multiplot\n"}};
+  return {
+      {.name = "sweep",
+       .caption = "Rounds missed and quality by deadline, for injected delays from none to twice",
+       .width = 1180,
+       .height = 620,
+       .script = script + "unset multiplot\n"}};
 }
 
-}  // namespace interneuron::cli::report
+}  // namespace interneuron::report

@@ -54,15 +54,15 @@ TEST_F(Demo, AnswersEveryRoundAndItsFilesAgree) {
   for (const char* file : {"rounds.csv", "summary.json", "latency.png"}) {
     EXPECT_TRUE(std::filesystem::exists(folder_ / "out" / file)) << file;
   }
-  const Json s = read_json(folder_ / "out" / "summary.json");
+  const lab::Json s = lab::read_json(folder_ / "out" / "summary.json");
   EXPECT_EQ(s["rounds"], 20);
   EXPECT_EQ(s["answers"], 20);
   EXPECT_EQ(s["on_time"].get<int>() + s["local"].get<int>(), 20);
   // Recomputed from the CSV by other means than the program's.
-  const auto rows = read_csv(folder_ / "out" / "rounds.csv");
+  const auto rows = lab::read_csv(folder_ / "out" / "rounds.csv");
   int on_time = 0;
   double sum = 0;
-  for (const RoundRow& r : rows) {
+  for (const lab::RoundRow& r : rows) {
     if (r.outcome != Outcome::kRemote) continue;
     ++on_time;
     sum += to_ms(r.e2e);
@@ -77,7 +77,7 @@ TEST_F(Demo, AnswersEveryRoundAndItsFilesAgree) {
 TEST_F(Demo, JsonIsAllThatStdoutHolds) {
   const Ran ran = run(arguments(5) + " --json", false);
   ASSERT_EQ(ran.code, 0) << ran.output;
-  const Json s = Json::parse(ran.output, nullptr, false);
+  const lab::Json s = lab::Json::parse(ran.output, nullptr, false);
   ASSERT_FALSE(s.is_discarded()) << ran.output;
   EXPECT_EQ(s["schema"], "interneuron.run/1");
 }
@@ -85,8 +85,8 @@ TEST_F(Demo, JsonIsAllThatStdoutHolds) {
 TEST_F(Demo, ObeysTheGuardThatIsAskedFor) {
   const Ran ran = run(arguments(10) + " --guard paper");
   ASSERT_EQ(ran.code, 0) << ran.output;
-  EXPECT_EQ(read_json(folder_ / "out" / "summary.json")["guard"], "paper");
-  EXPECT_EQ(read_csv(folder_ / "out" / "rounds.csv").front().guard, "paper");
+  EXPECT_EQ(lab::read_json(folder_ / "out" / "summary.json")["guard"], "paper");
+  EXPECT_EQ(lab::read_csv(folder_ / "out" / "rounds.csv").front().guard, "paper");
 }
 
 TEST_F(Demo, TellsOnceWhatThePolicyRefusesAndAnswersLocally) {
@@ -95,7 +95,7 @@ TEST_F(Demo, TellsOnceWhatThePolicyRefusesAndAnswersLocally) {
   const std::size_t first = ran.output.find("nothing is sent: no link");
   EXPECT_NE(first, std::string::npos) << ran.output;
   EXPECT_EQ(ran.output.find("nothing is sent: no link", first + 1), std::string::npos);
-  const Json s = read_json(folder_ / "out" / "summary.json");
+  const lab::Json s = lab::read_json(folder_ / "out" / "summary.json");
   EXPECT_EQ(s["refused"], 5);
   EXPECT_EQ(s["local"], 5);
 }

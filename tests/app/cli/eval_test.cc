@@ -9,11 +9,22 @@
 #include "lab/eval/experiments/scorer.h"
 #include "lab/eval/system.h"
 #include "lab/files/staging.h"
+#include "lab/report/headline.h"
 #include "support.h"
 #include "tests/app/watch/json_schema.h"
 
-namespace interneuron::cli::eval {
+namespace interneuron::cli {
 namespace {
+
+using experiments::Column;
+using experiments::Document;
+using experiments::Experiment;
+using experiments::Finding;
+using experiments::kVideoFrames;
+using experiments::Scorer;
+using experiments::ShownRound;
+using experiments::SystemRow;
+using lab::Staging;
 
 namespace fs = std::filesystem;
 
@@ -130,11 +141,11 @@ TEST(Eval, AFolderWithoutDetectionsThatWasNamedIsAnError) {
 TEST(Eval, TheUsersPageNamesEveryExperiment) {
   std::ifstream file(INTERNEURON_SOURCE_DIR "/docs/evaluation.md");
   const std::string page{std::istreambuf_iterator<char>(file), {}};
-  for (const Experiment& experiment : experiments()) {
+  for (const Experiment& experiment : all_experiments()) {
     const std::string row = std::string("| `") + experiment.name + "` |";
     EXPECT_NE(page.find(row), std::string::npos) << experiment.name;
   }
-  for (const auto& system : interneuron::eval::systems()) {
+  for (const auto& system : eval::systems()) {
     EXPECT_NE(page.find("`" + system.name + "`"), std::string::npos) << system.name;
   }
 }
@@ -157,10 +168,9 @@ TEST(EvalStaging, PublishesAllOrNothing) {
 }
 
 TEST(EvalDocument, CellsAsPeopleReadThem) {
-  const Json row{{"share", 0.0512}, {"ci", {0.01, 0.25}}, {"n", 7}, {"none", nullptr}, {"b", true}};
-  const auto text = [&row](const Column& column) {
-    return cell_text(row, table("", "", "", {column}, {})["columns"][0]);
-  };
+  const lab::Json row{
+      {"share", 0.0512}, {"ci", {0.01, 0.25}}, {"n", 7}, {"none", nullptr}, {"b", true}};
+  const auto text = [&row](const Column& column) { return experiments::cell_text(row, column); };
   EXPECT_EQ(text({"/share", "", 1, true}), "5.1");
   EXPECT_EQ(text({"/ci", "", 1, true}), "1.0 to 25.0");
   EXPECT_EQ(text({"/n", "", 2}), "7");
@@ -169,11 +179,17 @@ TEST(EvalDocument, CellsAsPeopleReadThem) {
   EXPECT_EQ(text({"/b", ""}), "yes");
 }
 
-Json system_row(const std::string& name, int timeouts, double low, double high, double quality) {
-  return {{"name", name},           {"baseline", name != "ours" && name != "oracle"},
-          {"rounds", 3000},         {"timeouts", timeouts},
-          {"quality", quality},     {"timeouts_ci95", {low, high}},
-          {"effective_ap", nullptr}};
+SystemRow system_row(const std::string& name, std::uint64_t timeouts, double low, double high,
+                     double quality) {
+  SystemRow row;
+  row.name = name;
+  row.baseline = name != "ours" && name != "oracle";
+  row.rounds = 3000;
+  row.timeouts = timeouts;
+  row.timeouts_ci95 = {low, high};
+  row.timeouts_share = static_cast<double>(timeouts) / 3000;
+  row.quality = quality;
+  return row;
 }
 
 std::size_t count(const std::vector<Finding>& all, Finding::Kind kind) {
@@ -181,9 +197,44 @@ std::size_t count(const std::vector<Finding>& all, Finding::Kind kind) {
       std::ranges::count_if(all, [kind](const Finding& f) { return f.kind == kind; }));
 }
 
-Json erdos_document(const Json& rows) {
-  return {{"experiment", "table-erdos"},
-          {"tables", Json::array({table("uniform", "Uniform", "", {}, rows)})}};
+Document erdos_document(std::vector<SystemRow> rows) {
+  Document document;
+  document.experiment = "table-erdos";
+  document.mode = "sim";
+  document.tables.push_back({"uniform", "Uniform", "", {}, std::move(rows)});
+  return document;
+}
+
+TEST(EvalDocument, IsReadAsItWasWritten) {
+  Document document = erdos_document({system_row("ours", 10, 0.002, 0.006, 0.39)});
+  document.seeds = {3, 4};
+  SystemRow& row = std::get<std::vector<SystemRow>>(document.tables[0].rows)[0];
+  row.guard = "budget";
+  row.oracle = {1, 0.4, std::nullopt};
+  row.bytes = {1500, 1.5, {{"5g", 1000}, {"4g", 500}}};
+  document.series.push_back({"ours", "ms", {{0, 98.25, true}, {1, 130, false}}});
+  document.series.push_back({"4g", "ms", {{0.5, 98.25, {}}}});
+  const lab::Json json = to_json(document);
+  EXPECT_EQ(json["tables"][0]["rows"][0]["policy"], nullptr);
+  EXPECT_FALSE(json["tables"][0]["rows"][0].contains("deadline_ms"));
+  EXPECT_EQ(json["series"][0]["points"].dump(), "[[0,98.25,1],[1,130.0,0]]");
+  EXPECT_EQ(to_json(experiments::document_from(json)).dump(), json.dump());
+  lab::Json other = json;
+  other["tables"][0]["rows"][0].erase("timeouts");
+  EXPECT_ANY_THROW(experiments::document_from(other));
+}
+
+TEST(EvalHeadline, SaysWhoWinsByHowMuch) {
+  const auto says = report::headline(erdos_document(
+      {system_row("ours", 30, 0.005, 0.015, 0.36), system_row("erdos_like", 1500, 0.48, 0.52, 0.2),
+       system_row("b0", 1600, 0.5, 0.56, 0.3), system_row("oracle", 0, 0, 0.001, 0.4)}));
+  ASSERT_EQ(says.size(), 3U);
+  EXPECT_NE(says[0].find("3000 rounds"), std::string::npos) << says[0];
+  EXPECT_EQ(says[1], "Ours misses 1.0 % of the rounds, erdos_like 50.0 %: 98 % fewer.");
+  EXPECT_EQ(says[2],
+            "Its answers have quality (expected AP) 0.360, 20 % more than those of the best "
+            "baseline, b0 (0.300); an oracle that knows every delay beforehand reaches 0.400.");
+  EXPECT_TRUE(report::headline(erdos_document({})).empty());
 }
 
 TEST(EvalFindings, SayWhereTheAimsAreMet) {
@@ -230,16 +281,16 @@ TEST(EvalScorer, ScoresWhatWasShown) {
   EXPECT_NEAR(scorer.score(0, true)->ap, 0.128, 0.002);
   std::vector<ShownRound> one_old;
   for (std::uint32_t i = 1; i < kVideoFrames; ++i) {
-    one_old.push_back({i, {interneuron::eval::Shown::Kind::kStale, 2, 0, 1}});
+    one_old.push_back({i, {eval::Shown::Kind::kStale, 2, 0, 1}});
   }
   EXPECT_NEAR(scorer.score(one_old)->ap, 0.250, 0.003);
   EXPECT_EQ(Scorer(std::nullopt, false).score(one_old), std::nullopt);
   // Nothing, remote, local and stale in turn; AP and AR by the scorer that comes with the data.
-  using Kind = interneuron::eval::Shown::Kind;
-  constexpr interneuron::eval::Shown kInTurn[] = {{Kind::kNothing, 0, 0, 0},
-                                                  {Kind::kRemote, 2, 1, 0},
-                                                  {Kind::kLocal, 0, 0, 0},
-                                                  {Kind::kStale, 1, 0, 2}};
+  using Kind = eval::Shown::Kind;
+  constexpr eval::Shown kInTurn[] = {{Kind::kNothing, 0, 0, 0},
+                                     {Kind::kRemote, 2, 1, 0},
+                                     {Kind::kLocal, 0, 0, 0},
+                                     {Kind::kStale, 1, 0, 2}};
   std::vector<ShownRound> mixed;
   for (std::uint32_t i = 0; i < kVideoFrames; ++i) mixed.push_back({i, kInTurn[i % 4]});
   EXPECT_NEAR(scorer.score(mixed)->ap, 0.149594, 1e-6);
@@ -247,4 +298,4 @@ TEST(EvalScorer, ScoresWhatWasShown) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli::eval
+}  // namespace interneuron::cli

@@ -9,7 +9,7 @@
 #include "tests/app/cli/support.h"
 #include "tests/app/watch/json_schema.h"
 
-namespace interneuron::cli::eval {
+namespace interneuron::cli {
 namespace {
 
 using namespace std::chrono_literals;
@@ -130,4 +130,4 @@ TEST(EvalTestbed, RunsTheSystemsForReal) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli::eval
+}  // namespace interneuron::cli

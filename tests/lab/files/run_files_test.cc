@@ -8,10 +8,10 @@ namespace {
 
 using namespace std::chrono_literals;
 
-std::vector<RoundRow> rows() {
-  std::vector<RoundRow> out;
+std::vector<lab::RoundRow> rows() {
+  std::vector<lab::RoundRow> out;
   for (std::uint32_t i = 0; i < 10; ++i) {
-    RoundRow r;
+    lab::RoundRow r;
     r.round = i;
     r.frame = static_cast<int>(i);
     r.t0 = TimePoint{i * 100ms};
@@ -21,16 +21,17 @@ std::vector<RoundRow> rows() {
     r.age_rounds = i == 9 ? std::optional<std::uint32_t>(1) : std::optional<std::uint32_t>(0);
     r.x_permille = -1000;
     if (i < 8)
-      r.road = RoundRow::Road{i % 2 == 0 ? 0 : 1, static_cast<int>(i % 3), true, false, 5ms, 40ms};
-    r.plan = i == 9 ? kRefusedPlan : "raw:a sampled:b";
+      r.road =
+          lab::RoundRow::Road{i % 2 == 0 ? 0 : 1, static_cast<int>(i % 3), true, false, 5ms, 40ms};
+    r.plan = i == 9 ? lab::kRefusedPlan : "raw:a sampled:b";
     r.guard = "budget";
     out.push_back(r);
   }
   return out;
 }
 
-RunInfo info() {
-  RunInfo i;
+lab::RunInfo info() {
+  lab::RunInfo i;
   i.seeded = true;
   i.seed = 7;
   i.deadline = 130ms;
@@ -48,7 +49,7 @@ TEST(Percentile, IsTheNearestRank) {
 }
 
 TEST(Report, CountsAddUp) {
-  const Json s = summarise(rows(), info());
+  const lab::Json s = lab::summarise(rows(), info());
   EXPECT_EQ(s["rounds"], 10);
   EXPECT_EQ(s["answers"], 10);
   EXPECT_EQ(s["on_time"], 8);
@@ -65,16 +66,16 @@ TEST(Report, CountsAddUp) {
 
 TEST(Report, TheSummaryOfTheFileIsTheSummaryOfTheRun) {
   const TempFolder folder;
-  write_csv(folder / "rounds.csv", rows());
-  const auto back = read_csv(folder / "rounds.csv");
-  EXPECT_EQ(summarise(back, info()).dump(), summarise(rows(), info()).dump());
+  lab::write_csv(folder / "rounds.csv", rows());
+  const auto back = lab::read_csv(folder / "rounds.csv");
+  EXPECT_EQ(lab::summarise(back, info()).dump(), lab::summarise(rows(), info()).dump());
   EXPECT_EQ(back.front().guard, "budget");
 }
 
 TEST(Report, DrawsThePlot) {
   const TempFolder folder;
-  const Json s = summarise(rows(), info());
-  ASSERT_TRUE(plot_latency(folder / "latency.png", rows(), s));
+  const lab::Json s = lab::summarise(rows(), info());
+  ASSERT_TRUE(lab::plot_latency(folder / "latency.png", rows(), s));
   EXPECT_GT(std::filesystem::file_size(folder / "latency.png"), 5'000U);
   EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.string()),
                           std::filesystem::directory_iterator()),

@@ -2,16 +2,21 @@
 #include <fstream>
 #include <vector>
 
-#include "lab/report/page.h"
+#include "lab/report/template.h"
+#include "lab/report/text.h"
 #include "tests/app/cli/support.h"
 #include "tests/lab/sim/support.h"
 
-namespace interneuron::cli::report {
+namespace interneuron::report {
 namespace {
 
 namespace fs = std::filesystem;
+using cli::Ran;
+using cli::run;
+using cli::TempFolder;
 
-constexpr const char* kLook = "python3 '" INTERNEURON_SOURCE_DIR "/tests/lab/report/report_page.py' '";
+constexpr const char* kLook =
+    "python3 '" INTERNEURON_SOURCE_DIR "/tests/lab/report/report_page.py' '";
 
 // Run once for all tests of this file.
 class ReportPage : public testing::Test {
@@ -113,5 +118,12 @@ TEST(Report, TextIsEscapedAndBytesAreEncoded) {
   EXPECT_EQ(base64("foobar"), "Zm9vYmFy");
 }
 
+TEST(ReportTemplate, FillsKeysAndEscapesTexts) {
+  EXPECT_EQ(filled("sentence", {{"text", "a<b"}}), "<p>a&lt;b</p>\n");
+  EXPECT_EQ(filled("row", {{"cells", "<td>1</td>"}}), "<tr><td>1</td></tr>\n");
+  EXPECT_THROW(filled("sentence", {}), std::logic_error);
+  EXPECT_THROW(filled("nowhere", {}), std::logic_error);
+}
+
 }  // namespace
-}  // namespace interneuron::cli::report
+}  // namespace interneuron::report

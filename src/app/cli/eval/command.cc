@@ -15,12 +15,16 @@
 #include "lab/files/staging.h"
 
 namespace interneuron::cli {
-namespace eval {
 namespace {
 
+using experiments::Document;
+using experiments::Experiment;
+
 constexpr const char* kAll = "all";
-constexpr std::uint64_t kMostSeeds = 10'000;  // chosen; more are a slip of the pen
-constexpr std::uint64_t kTestbedSeeds = 3;    // by default: rounds take their time there
+// More seeds than this are a slip of the pen.
+constexpr std::uint64_t kMostSeeds = 10'000;
+// By default: rounds take their time there.
+constexpr std::uint64_t kTestbedSeeds = 3;
 
 struct Options {
   std::string experiment;
@@ -36,7 +40,7 @@ struct Options {
 
 std::string names() {
   std::string out;
-  for (const Experiment& e : experiments()) out += fmt::format("{}, ", e.name);
+  for (const Experiment& e : all_experiments()) out += fmt::format("{}, ", e.name);
   return out + kAll;
 }
 
@@ -61,45 +65,44 @@ std::pair<std::uint64_t, std::uint64_t> parse_seeds(const std::string& text) {
 // The testbed's documents have the simulation's names, so they have a folder of their own.
 std::string default_out(bool testbed) { return testbed ? "out/eval-testbed" : "out/eval"; }
 
-Json run_one(const Experiment& experiment, const Options& o, const Scorer& scorer,
-             const std::filesystem::path& scratch, Progress& progress) {
+Document run_one(const Experiment& experiment, const Options& o, const experiments::Scorer& scorer,
+                 const std::filesystem::path& scratch, Progress& progress) {
   std::pair<std::uint64_t, std::uint64_t> seeds{1, o.testbed ? kTestbedSeeds : experiment.seeds};
   if (!o.seeds.empty()) seeds = parse_seeds(o.seeds);
-  const Request request{.rounds = o.rounds.value_or(experiment.rounds),
-                        .first_seed = seeds.first,
-                        .last_seed = seeds.second,
-                        .scorer = scorer,
-                        .progress = progress,
-                        .data = find_data(o.data),
-                        .scratch = scratch,
-                        .ladder = o.ladder};
-  Json document{{"schema", kSchema},
-                {"experiment", experiment.name},
-                {"title", experiment.title},
-                {"mode", o.testbed ? "testbed" : "sim"},
-                {"seeds", {request.first_seed, request.last_seed}},
-                {"rounds_per_seed", request.rounds},
-                {"tables", Json::array()},
-                {"series", Json::array()},
-                {"waterfalls", Json::array()},
-                {"notes", Json::array()}};
+  const experiments::Request request{.rounds = o.rounds.value_or(experiment.rounds),
+                                     .first_seed = seeds.first,
+                                     .last_seed = seeds.second,
+                                     .scorer = scorer,
+                                     .progress = progress,
+                                     .data = find_data(o.data),
+                                     .scratch = scratch,
+                                     .ladder = o.ladder};
+  Document document{.experiment = experiment.name,
+                    .title = experiment.title,
+                    .mode = o.testbed ? "testbed" : "sim",
+                    .seeds = {{request.first_seed, request.last_seed}},
+                    .rounds_per_seed = request.rounds,
+                    .tables = {},
+                    .series = {},
+                    .waterfalls = {},
+                    .notes = {}};
   (o.testbed ? experiment.run_on_testbed : experiment.run)(request, document);
   if (experiment.scored && !scorer.missing().empty()) {
-    document["notes"].push_back("AP and AR are not known: " + scorer.missing() + ".");
+    document.notes.push_back("AP and AR are not known: " + scorer.missing() + ".");
   }
   return document;
 }
 
-void say(const Json& document) {
+void say(const Document& document) {
   print_document(document);
-  for (const Finding& finding : findings(document)) {
-    fmt::print("{} {}\n", mark(finding.kind), finding.text);
+  for (const experiments::Finding& finding : experiments::findings(document)) {
+    fmt::print("{} {}\n", experiments::mark(finding.kind), finding.text);
   }
 }
 
-Scorer scorer_of(const Options& o) {
+experiments::Scorer scorer_of(const Options& o) {
   try {
-    return Scorer(find_data(o.data), !o.data.empty());
+    return experiments::Scorer(find_data(o.data), !o.data.empty());
   } catch (const Failure& error) {
     throw Failure(kFailed, error.what());
   }
@@ -109,7 +112,7 @@ void refuse_testbed(const std::string& experiment) {
   const Experiment* found = find_experiment(experiment);
   if (found != nullptr && found->run_on_testbed != nullptr) return;
   std::string able;
-  for (const Experiment& e : experiments()) {
+  for (const Experiment& e : all_experiments()) {
     if (e.run_on_testbed != nullptr) able += (able.empty() ? "" : ", ") + std::string(e.name);
   }
   throw Failure(kUsage,
@@ -128,17 +131,18 @@ int run_eval(const Options& o) {
   if (!o.seeds.empty()) parse_seeds(o.seeds);
   const SignalWatch signals;
   const std::string out = o.out.empty() ? default_out(o.testbed) : o.out;
-  Staging staging(out);
-  const Scorer scorer = scorer_of(o);
+  lab::Staging staging(out);
+  const experiments::Scorer scorer = scorer_of(o);
   Progress progress;
-  Json documents = Json::array();
-  for (const Experiment& experiment : experiments()) {
+  lab::Json documents = lab::Json::array();
+  for (const Experiment& experiment : all_experiments()) {
     if (o.experiment != kAll && o.experiment != experiment.name) continue;
     const std::filesystem::path scratch = staging / ".testbed";
-    documents.push_back(run_one(experiment, o, scorer, scratch, progress));
+    const Document document = run_one(experiment, o, scorer, scratch, progress);
+    documents.push_back(to_json(document));
     std::filesystem::remove_all(scratch);
-    write_json(staging / (std::string(experiment.name) + ".json"), documents.back());
-    if (!o.json) say(documents.back());
+    lab::write_json(staging / (std::string(experiment.name) + ".json"), documents.back());
+    if (!o.json) say(document);
   }
   staging.publish();
   if (o.json) {
@@ -151,13 +155,11 @@ int run_eval(const Options& o) {
 
 }  // namespace
 
-}  // namespace eval
-
 void add_eval(CLI::App& program, std::function<int()>& run) {
-  auto o = std::make_shared<eval::Options>();
+  auto o = std::make_shared<Options>();
   CLI::App* c = program.add_subcommand(
       "eval", "The paper's experiments and more, ours beside baselines and bounds");
-  c->add_option("EXPERIMENT", o->experiment, eval::names())->required();
+  c->add_option("EXPERIMENT", o->experiment, names())->required();
   c->add_option("--rounds", o->rounds, "Rounds per seed (default: the experiment's)");
   c->add_option("--seeds", o->seeds, "FIRST..LAST (default: the experiment's, from 1)");
   CLI::Option* sim = c->add_flag("--sim", o->sim, "In virtual time; the default");
@@ -177,14 +179,14 @@ void add_eval(CLI::App& program, std::function<int()>& run) {
                 "../shared/data, build/data; without any, AP and AR are left out)");
   c->add_flag("--json", o->json, "The documents as JSON on stdout (docs/schema/eval.json)");
   std::string footer = "Experiments, with their rounds and seeds:\n";
-  for (const eval::Experiment& e : eval::experiments()) {
+  for (const Experiment& e : all_experiments()) {
     footer += fmt::format("  {:16} {} ({} x {})\n", e.name, e.title, e.seeds, e.rounds);
   }
   c->footer(footer +
             "Examples:\n  interneuron eval fig-rt\n  interneuron eval table-erdos --seeds 1..5\n"
             "  interneuron eval table-erdos --testbed --seeds 1..1\n"
             "  interneuron eval all && interneuron report out/eval");
-  c->callback([&run, o] { run = [o] { return eval::run_eval(*o); }; });
+  c->callback([&run, o] { run = [o] { return run_eval(*o); }; });
 }
 
 }  // namespace interneuron::cli

@@ -2,27 +2,30 @@
 
 #include "app/eval_testbed/testbed.h"
 
-namespace interneuron::cli::eval {
+namespace interneuron::cli {
 namespace {
 
+using experiments::Experiment;
+
 constexpr Experiment kExperiments[] = {
-    {"table-network", "Delay of 4G and 5G while driving", 36'000, 30, false, run_table_network},
+    {"table-network", "Delay of 4G and 5G while driving", 36'000, 30, false,
+     experiments::run_table_network},
     {"fig-adjust", "What the adjustable qualities cost and are worth", 60, 10, true,
-     run_fig_adjust},
-    {"fig-rt", "The guard on the paper's scripted sequence", 13, 1, false, run_fig_rt},
-    {"table-erdos", "Timeouts and accuracy under injected delays", 300, 30, true, run_table_erdos,
-     run_table_erdos_on_testbed},
+     experiments::run_fig_adjust},
+    {"fig-rt", "The guard on the paper's scripted sequence", 13, 1, false, experiments::run_fig_rt},
+    {"table-erdos", "Timeouts and accuracy under injected delays", 300, 30, true,
+     experiments::run_table_erdos, run_table_erdos_on_testbed},
     {"timeout-handler", "Consecutive timeouts with and without the handler", 300, 30, true,
-     run_timeout_handler},
+     experiments::run_timeout_handler},
     {"ladder", "Which part earns what: baselines and ablations, paired", 300, 30, false,
-     run_ladder},
-    {"clock", "Wrong clocks: offset, drift, step", 300, 10, false, run_clock},
+     experiments::run_ladder},
+    {"clock", "Wrong clocks: offset, drift, step", 300, 10, false, experiments::run_clock},
     {"sweep", "Deadlines from 60 to 200 ms and delays from none to twice", 300, 5, true,
-     run_sweep}};
+     experiments::run_sweep}};
 
 }  // namespace
 
-std::span<const Experiment> experiments() { return kExperiments; }
+std::span<const Experiment> all_experiments() { return kExperiments; }
 
 const Experiment* find_experiment(const std::string& name) {
   for (const Experiment& e : kExperiments) {
@@ -31,4 +34,4 @@ const Experiment* find_experiment(const std::string& name) {
   return nullptr;
 }
 
-}  // namespace interneuron::cli::eval
+}  // namespace interneuron::cli

@@ -7,11 +7,11 @@
 
 #include "lab/eval/experiments/experiment.h"
 
-namespace interneuron::cli::eval {
+namespace interneuron::cli {
 
 // In the order in which `eval all` runs them and the report shows them.
-std::span<const Experiment> experiments();
+std::span<const experiments::Experiment> all_experiments();
 // The experiment of that name; nullptr when there is none.
-const Experiment* find_experiment(const std::string& name);
+const experiments::Experiment* find_experiment(const std::string& name);
 
-}  // namespace interneuron::cli::eval
+}  // namespace interneuron::cli

@@ -17,8 +17,9 @@
 #include "lab/report/pictures.h"
 
 namespace interneuron::cli {
-namespace report {
 namespace {
+
+using report::Section;
 
 namespace fs = std::filesystem;
 
@@ -30,13 +31,12 @@ struct Options {
 Section section_of(const fs::path& file) {
   try {
     Section section;
-    section.document = read_json(file);
-    if (section.document.at("schema") != eval::kSchema) throw Failure(kFailed, "another schema");
-    if (section.document.at("experiment") != file.stem().string()) {
+    section.document = experiments::document_from(lab::read_json(file));
+    if (section.document.experiment != file.stem().string()) {
       throw Failure(kFailed, "another experiment");
     }
-    section.findings = eval::findings(section.document);
-    section.figures = figures_of(section.document);
+    section.findings = experiments::findings(section.document);
+    section.figures = report::figures_of(section.document);
     section.svgs.resize(section.figures.size());
     return section;
   } catch (const std::exception& error) {
@@ -52,7 +52,7 @@ std::vector<Section> sections_of(const fs::path& folder) {
                               "out/eval");
   }
   std::vector<Section> out;
-  for (const eval::Experiment& experiment : eval::experiments()) {
+  for (const experiments::Experiment& experiment : all_experiments()) {
     const fs::path file = folder / (std::string(experiment.name) + ".json");
     if (fs::exists(file)) out.push_back(section_of(file));
   }
@@ -67,23 +67,24 @@ std::vector<Section> sections_of(const fs::path& folder) {
 int run_report(const Options& o) {
   std::vector<Section> sections = sections_of(o.folder);
   const SignalWatch signals;
-  eval::Staging staging(o.folder);
-  std::vector<std::pair<std::size_t, std::size_t>> all;  // section, figure
+  lab::Staging staging(o.folder);
+  // By section and figure.
+  std::vector<std::pair<std::size_t, std::size_t>> all;
   for (std::size_t s = 0; s < sections.size(); ++s) {
     for (std::size_t i = 0; i < sections[s].figures.size(); ++i) all.emplace_back(s, i);
   }
-  eval::Progress progress;
+  Progress progress;
   progress.for_each("figures", all.size(), [&](std::size_t i) {
     Section& section = sections[all[i].first];
-    const Figure& figure = section.figures[all[i].second];
-    draw_figure(staging / "", figure);
-    section.svgs[all[i].second] = inline_svg(staging / "", figure);
+    const report::Figure& figure = section.figures[all[i].second];
+    report::draw_figure(staging / "", figure);
+    section.svgs[all[i].second] = report::inline_svg(staging / "", figure);
   });
   std::string missing;
-  const auto shots = pictures(find_data(o.data), !o.data.empty(), missing);
+  const auto shots = report::pictures(find_data(o.data), !o.data.empty(), missing);
   const fs::path file = staging / "report.html";
   std::ofstream out(file);
-  out << page(sections, shots, missing);
+  out << report::page(sections, shots, missing);
   out.close();
   if (!out) throw Failure(kFailed, "cannot write '" + file.string() + "'; is the disk full?");
   staging.publish();
@@ -92,10 +93,9 @@ int run_report(const Options& o) {
 }
 
 }  // namespace
-}  // namespace report
 
 void add_report(CLI::App& program, std::function<int()>& run) {
-  auto o = std::make_shared<report::Options>();
+  auto o = std::make_shared<Options>();
   CLI::App* c = program.add_subcommand(
       "report",
       "One self-contained HTML page of an evaluation's folder, every figure as SVG and PNG");
@@ -104,7 +104,7 @@ void add_report(CLI::App& program, std::function<int()>& run) {
                 "Folder with the demo video and recorded detections, for the pictures (default: "
                 "INTERNEURON_DATA, ../shared/data, build/data)");
   c->footer("Example:\n  interneuron eval all && interneuron report out/eval");
-  c->callback([&run, o] { run = [o] { return report::run_report(*o); }; });
+  c->callback([&run, o] { run = [o] { return run_report(*o); }; });
 }
 
 }  // namespace interneuron::cli

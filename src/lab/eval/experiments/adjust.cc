@@ -8,14 +8,15 @@
 #include "lab/eval/quality.h"
 #include "lab/sim/world.h"
 
-namespace interneuron::cli::eval {
+namespace interneuron::experiments {
 namespace {
 
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
 constexpr PipelineId kMessages{0};
-constexpr std::size_t kKilobytes[] = {5, 128, 512};  // the paper's messages, 1024 bytes each
+// The sizes of the paper's messages, in units of 1024 bytes.
+constexpr std::size_t kKilobytes[] = {5, 128, 512};
 constexpr const char* kNetworks[] = {"4g", "5g"};
 // Links are measured before the first message; a message has gone, or is given up, before the next.
 constexpr Duration kWarmUp = seconds(1);
@@ -72,7 +73,8 @@ Sent transmit(const std::string& network, std::size_t bytes, std::uint64_t seed,
   return out;
 }
 
-Json transmission_row(const Request& request, const char* network, std::size_t kilobytes) {
+TransmissionRow transmission_row(const Request& request, const char* network,
+                                 std::size_t kilobytes) {
   std::vector<Sent> all(request.seeds());
   request.progress.for_each(
       fmt::format("fig-adjust {} KB over {}", kilobytes, network), all.size(), [&](std::size_t i) {
@@ -84,34 +86,32 @@ Json transmission_row(const Request& request, const char* network, std::size_t k
     ms.insert(ms.end(), sent.ms.begin(), sent.ms.end());
     undelivered += sent.undelivered;
   }
-  return {
-      {"network", network},
-      {"kilobytes", kilobytes},
-      {"seeds", {request.first_seed, request.last_seed}},
-      {"messages", ms.size() + undelivered},
-      {"undelivered", undelivered},
-      {"ms", {{"mean", mean(ms)}, {"p50", percentile(ms, 0.5)}, {"p95", percentile(ms, 0.95)}}}};
+  return {.network = network,
+          .kilobytes = kilobytes,
+          .seeds = {request.first_seed, request.last_seed},
+          .messages = ms.size() + undelivered,
+          .undelivered = undelivered,
+          .ms = {mean(ms), percentile(ms, 0.5), percentile(ms, 0.95)}};
 }
 
-Json accuracy_of(const Scorer& scorer, std::size_t level, bool sampled) {
+ApAr accuracy_of(const Scorer& scorer, std::size_t level, bool sampled) {
   const auto a = scorer.score(level, sampled);
-  if (!a) return {{"ap", nullptr}, {"ar", nullptr}};
-  return {{"ap", a->ap}, {"ar", a->ar}};
+  if (!a) return {};
+  return {a->ap, a->ar};
 }
 
-Json level_rows(const Request& request) {
-  const interneuron::eval::Profile profile = interneuron::eval::default_profile();
-  Json rows = Json::array();
+std::vector<LevelRow> level_rows(const Request& request) {
+  const eval::Profile profile = eval::default_profile();
+  std::vector<LevelRow> rows;
   for (std::size_t level = 0; level < profile.levels.size(); ++level) {
-    Json row{{"level", level}, {"name", profile.level_names[level]}};
-    row["raw"] = accuracy_of(request.scorer, level, false);
-    row["sampled"] = accuracy_of(request.scorer, level, true);
-    row["lost_by_sampling"] =
-        row["raw"]["ap"].is_null()
-            ? Json(nullptr)
-            : Json(1 - row["sampled"]["ap"].get<double>() / row["raw"]["ap"].get<double>());
-    row["median_ms"] = to_ms(profile.levels[level].median);
-    row["p95_ms"] = to_ms(profile.levels[level].p95);
+    LevelRow row{.level = level,
+                 .name = profile.level_names[level],
+                 .raw = accuracy_of(request.scorer, level, false),
+                 .sampled = accuracy_of(request.scorer, level, true),
+                 .lost_by_sampling = {},
+                 .median_ms = to_ms(profile.levels[level].median),
+                 .p95_ms = to_ms(profile.levels[level].p95)};
+    if (row.raw.ap && row.sampled.ap) row.lost_by_sampling = 1 - *row.sampled.ap / *row.raw.ap;
     rows.push_back(std::move(row));
   }
   return rows;
@@ -119,49 +119,51 @@ Json level_rows(const Request& request) {
 
 }  // namespace
 
-void run_fig_adjust(const Request& request, Json& document) {
-  const Json levels = level_rows(request);
-  document["tables"].push_back(table(
-      "levels", "(a) Accuracy and (b) time of the levels, on raw images",
-      "COCO AP and AR (IoU .50:.95, area all, maxDets 100) over the 795 frames of the demo video; "
-      "run times as recorded, one thread. L0: yolo-fastest 1.1 at 224x224, L2 and L4: yolox-nano "
-      "at "
-      "256x192 and 416x320.",
-      {{"/level", "level"},
-       {"/name", "model"},
-       {"/raw/ap", "AP", 3},
-       {"/raw/ar", "AR", 3},
-       {"/median_ms", "median, ms", 1},
-       {"/p95_ms", "p95, ms", 1}},
-      levels));
-  document["tables"].push_back(table("inputs", "(c) Accuracy on raw and sampled images",
-                                     "Raw: 512 KB; sampled: every second pixel per axis, 128 KB. "
-                                     "The paper loses 4 to 8 %.",
-                                     {{"/level", "level"},
-                                      {"/name", "model"},
-                                      {"/raw/ap", "AP raw", 3},
-                                      {"/sampled/ap", "AP sampled", 3},
-                                      {"/lost_by_sampling", "lost, %", 1, true},
-                                      {"/raw/ar", "AR raw", 3},
-                                      {"/sampled/ar", "AR sampled", 3}},
-                                     levels));
-  Json rows = Json::array();
+void run_fig_adjust(const Request& request, Document& document) {
+  const std::vector<LevelRow> levels = level_rows(request);
+  document.tables.push_back(
+      {"levels",
+       "(a) Accuracy and (b) time of the levels, on raw images",
+       "COCO AP and AR (IoU .50:.95, area all, maxDets 100) over the 795 frames of the demo video; "
+       "run times as recorded, one thread. L0: yolo-fastest 1.1 at 224x224, L2 and L4: yolox-nano "
+       "at 256x192 and 416x320.",
+       {{"/level", "level"},
+        {"/name", "model"},
+        {"/raw/ap", "AP", 3},
+        {"/raw/ar", "AR", 3},
+        {"/median_ms", "median, ms", 1},
+        {"/p95_ms", "p95, ms", 1}},
+       levels});
+  document.tables.push_back({"inputs",
+                             "(c) Accuracy on raw and sampled images",
+                             "Raw: 512 KB; sampled: every second pixel per axis, 128 KB. "
+                             "The paper loses 4 to 8 %.",
+                             {{"/level", "level"},
+                              {"/name", "model"},
+                              {"/raw/ap", "AP raw", 3},
+                              {"/sampled/ap", "AP sampled", 3},
+                              {"/lost_by_sampling", "lost, %", 1, true},
+                              {"/raw/ar", "AR raw", 3},
+                              {"/sampled/ar", "AR sampled", 3}},
+                             levels});
+  std::vector<TransmissionRow> rows;
   for (const char* network : kNetworks) {
     for (const std::size_t kilobytes : kKilobytes) {
       rows.push_back(transmission_row(request, network, kilobytes));
     }
   }
-  document["tables"].push_back(
-      table("transmission", "(d) Transmission time of a message, uplink, while driving",
-            "One message every 2 s through the production endpoints, alone on its link.",
-            {{"/network", "network"},
-             {"/kilobytes", "KB"},
-             {"/ms/p50", "p50, ms", 1},
-             {"/ms/mean", "mean, ms", 1},
-             {"/ms/p95", "p95, ms", 1},
-             {"/messages", "messages"},
-             {"/undelivered", "not within 2 s"}},
-            rows));
+  document.tables.push_back(
+      {"transmission",
+       "(d) Transmission time of a message, uplink, while driving",
+       "One message every 2 s through the production endpoints, alone on its link.",
+       {{"/network", "network"},
+        {"/kilobytes", "KB"},
+        {"/ms/p50", "p50, ms", 1},
+        {"/ms/mean", "mean, ms", 1},
+        {"/ms/p95", "p95, ms", 1},
+        {"/messages", "messages"},
+        {"/undelivered", "not within 2 s"}},
+       std::move(rows)});
 }
 
-}  // namespace interneuron::cli::eval
+}  // namespace interneuron::experiments

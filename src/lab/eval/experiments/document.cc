@@ -4,12 +4,14 @@
 
 #include <algorithm>
 
-namespace interneuron::cli::eval {
+namespace interneuron::experiments {
 namespace {
+
+using lab::Json;
 
 constexpr const char* kNothing = "–";
 
-// Of UTF-8 text: bytes that begin a character.
+// The characters of UTF-8 text: its bytes that begin one.
 std::size_t width(const std::string& text) {
   return static_cast<std::size_t>(
       std::ranges::count_if(text, [](char c) { return (c & 0xc0) != 0x80; }));
@@ -20,55 +22,38 @@ std::string padded(const std::string& text, std::size_t to, bool left) {
   return left ? text + fill : fill + text;
 }
 
-std::string number_text(const Json& value, const Json& column) {
+std::string number_text(const Json& value, const Column& column) {
   if (value.is_null()) return kNothing;
-  if (value.is_number_integer() && !column.value("percent", false)) {
+  if (value.is_number_integer() && !column.percent)
     return std::to_string(value.get<std::int64_t>());
-  }
-  const double scale = column.value("percent", false) ? 100 : 1;
-  return fmt::format("{:.{}f}", value.get<double>() * scale, column.value("decimals", 0));
+  const double scale = column.percent ? 100 : 1;
+  return fmt::format("{:.{}f}", value.get<double>() * scale, column.decimals);
 }
 
-void print_table_of(const Json& table) {
-  fmt::print("\n{}\n", table["title"].get<std::string>());
-  std::vector<std::vector<std::string>> lines(table["rows"].size());
-  std::vector<std::string> texts;
-  for (const Json& column : table["columns"]) {
-    const bool left = is_text(table["rows"], column);
-    const std::string title = column["title"].get<std::string>();
-    std::size_t widest = width(title);
-    for (std::size_t i = 0; i < lines.size(); ++i) {
-      lines[i].push_back(cell_text(table["rows"][i], column));
-      widest = std::max(widest, width(lines[i].back()));
+void print_table_of(const Table& table) {
+  fmt::print("\n{}\n", table.title);
+  const Grid grid = grid_of(table);
+  std::vector<std::vector<std::string>> lines(grid.lines.size() + 1);
+  for (std::size_t c = 0; c < table.columns.size(); ++c) {
+    lines.front().push_back(table.columns[c].title);
+    std::size_t widest = width(table.columns[c].title);
+    for (std::size_t i = 0; i < grid.lines.size(); ++i) {
+      lines[i + 1].push_back(grid.lines[i].cells[c]);
+      widest = std::max(widest, width(grid.lines[i].cells[c]));
     }
-    texts.push_back(padded(title, widest, left));
-    for (auto& line : lines) line.back() = padded(line.back(), widest, left);
+    for (auto& line : lines) line.back() = padded(line.back(), widest, grid.is_text[c]);
   }
-  const auto print_line = [](const std::vector<std::string>& cells) {
+  for (const auto& cells : lines) {
     std::string line = fmt::format("  {}", fmt::join(cells, "  "));
     line.erase(line.find_last_not_of(' ') + 1);
     fmt::print("{}\n", line);
-  };
-  print_line(texts);
-  for (const auto& line : lines) print_line(line);
+  }
 }
 
 }  // namespace
 
-Json table(const std::string& name, const std::string& title, const std::string& about,
-           const std::vector<Column>& columns, const Json& rows) {
-  Json out{{"name", name}, {"title", title}, {"about", about}, {"columns", Json::array()}};
-  for (const Column& c : columns) {
-    Json column{{"key", c.key}, {"title", c.title}, {"decimals", c.decimals}};
-    if (c.percent) column["percent"] = true;
-    out["columns"].push_back(std::move(column));
-  }
-  out["rows"] = rows;
-  return out;
-}
-
-std::string cell_text(const Json& row, const Json& column) {
-  const Json::json_pointer at(column["key"].get<std::string>());
+std::string cell_text(const Json& row, const Column& column) {
+  const Json::json_pointer at(column.key);
   if (!row.contains(at)) return kNothing;
   const Json& value = row[at];
   if (value.is_string()) return value.get<std::string>();
@@ -79,24 +64,30 @@ std::string cell_text(const Json& row, const Json& column) {
   return number_text(value, column);
 }
 
-bool is_text(const Json& rows, const Json& column) {
-  const Json::json_pointer at(column["key"].get<std::string>());
-  return std::ranges::any_of(
-      rows, [&at](const Json& row) { return row.contains(at) && row[at].is_string(); });
-}
-
-void print_document(const Json& document) {
-  fmt::print("\n{}: {}\n", document["experiment"].get<std::string>(),
-             document["title"].get<std::string>());
-  for (const Json& table : document["tables"]) print_table_of(table);
-  for (const Json& note : document["notes"]) fmt::print("note: {}\n", note.get<std::string>());
-}
-
-const Json* find_table(const Json& document, const std::string& name) {
-  for (const Json& table : document["tables"]) {
-    if (table["name"] == name) return &table;
+Grid grid_of(const Table& table) {
+  const Json rows = rows_json(table.rows);
+  Grid out;
+  for (const Json& row : rows) out.lines.push_back({row.value("name", ""), {}});
+  for (const Column& column : table.columns) {
+    const Json::json_pointer at(column.key);
+    out.is_text.push_back(std::ranges::any_of(
+        rows, [&at](const Json& row) { return row.contains(at) && row[at].is_string(); }));
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      out.lines[i].cells.push_back(cell_text(rows[i], column));
+    }
   }
-  return nullptr;
+  return out;
 }
 
-}  // namespace interneuron::cli::eval
+void print_document(const Document& document) {
+  fmt::print("\n{}: {}\n", document.experiment, document.title);
+  for (const Table& table : document.tables) print_table_of(table);
+  for (const std::string& note : document.notes) fmt::print("note: {}\n", note);
+}
+
+const Table* find_table(const Document& document, const std::string& name) {
+  const auto found = std::ranges::find(document.tables, name, &Table::name);
+  return found == document.tables.end() ? nullptr : &*found;
+}
+
+}  // namespace interneuron::experiments

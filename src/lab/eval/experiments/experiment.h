@@ -7,17 +7,19 @@
 #include <string>
 
 #include "host/process/progress.h"
+#include "lab/eval/experiments/document.h"
 #include "lab/eval/experiments/scorer.h"
-#include "lab/files/run_files.h"
 
-namespace interneuron::cli::eval {
+namespace interneuron::experiments {
 
 struct Request {
-  std::uint32_t rounds = 300;  // per seed, >= 1
+  // Per seed, at least 1.
+  std::uint32_t rounds = 300;
+  // Both are run, and all between them.
   std::uint64_t first_seed = 1;
-  std::uint64_t last_seed = 30;  // >= first_seed
+  std::uint64_t last_seed = 30;
   const Scorer& scorer;
-  Progress& progress;
+  cli::Progress& progress;
   std::optional<std::filesystem::path> data{};
   // Of the testbed: a folder that may be made, and what detects.
   std::filesystem::path scratch{};
@@ -29,23 +31,25 @@ struct Request {
 struct Experiment {
   const char* name;
   const char* title;
-  std::uint32_t rounds;  // by default
-  std::uint64_t seeds;   // by default 1 … seeds
-  bool scored;           // tells AP and AR
-  // Fills in tables, series and notes. Throws Failure.
-  void (*run)(const Request& request, Json& document);
-  // The same on real sockets; nullptr: makes no sense there.
-  void (*run_on_testbed)(const Request& request, Json& document) = nullptr;
+  // By default: so many rounds on each of the seeds 1 to `seeds`.
+  std::uint32_t rounds;
+  std::uint64_t seeds;
+  // Whether it tells AP and AR.
+  bool scored;
+  // Fills in tables, series and notes. Throws cli::Failure.
+  void (*run)(const Request& request, Document& document);
+  // The same on real sockets; nullptr where that makes no sense.
+  void (*run_on_testbed)(const Request& request, Document& document) = nullptr;
 };
 
 // One file of an experiment group each.
-void run_table_network(const Request& request, Json& document);
-void run_fig_adjust(const Request& request, Json& document);
-void run_fig_rt(const Request& request, Json& document);
-void run_table_erdos(const Request& request, Json& document);
-void run_timeout_handler(const Request& request, Json& document);
-void run_ladder(const Request& request, Json& document);
-void run_clock(const Request& request, Json& document);
-void run_sweep(const Request& request, Json& document);
+void run_table_network(const Request& request, Document& document);
+void run_fig_adjust(const Request& request, Document& document);
+void run_fig_rt(const Request& request, Document& document);
+void run_table_erdos(const Request& request, Document& document);
+void run_timeout_handler(const Request& request, Document& document);
+void run_ladder(const Request& request, Document& document);
+void run_clock(const Request& request, Document& document);
+void run_sweep(const Request& request, Document& document);
 
-}  // namespace interneuron::cli::eval
+}  // namespace interneuron::experiments

@@ -2,55 +2,64 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "lab/eval/experiments/judged.h"
 
-namespace interneuron::cli::eval {
+namespace interneuron::experiments {
 namespace {
 
 // The aims of the evaluation (docs/evaluation.md).
-constexpr std::uint64_t kMostDisturbed = 2;  // rounds, by a step of the clock
+// Rounds of one seed that a step of the clock may cost.
+constexpr std::uint64_t kMostDisturbed = 2;
+// The share of the rounds that a drift of the clock may move.
 constexpr double kOnTimeDrift = 0.01;
-constexpr double kMomentTolerance = 0.05;  // of the network table; chosen, as its test
+// The share by which a moment of the network table may differ from the paper's, as its test has it.
+constexpr double kMomentTolerance = 0.05;
 
-void of_clock(const Json& document, Findings& out) {
-  for (const Json& r : document.at("tables").at(0).at("rows")) {
-    const std::string what =
-        fmt::format("{}, {}", r.at("name").get<std::string>(), r.at("system").get<std::string>());
-    if (r.at("kind") == "offset") {
-      out.push_back(judged(r.at("differ_at_all") == 0,
-                           fmt::format("{}: {} rounds differ, to the nanosecond.", what,
-                                       r.at("differ_at_all").get<std::uint64_t>())));
-    } else if (r.at("kind") == "drift") {
-      const double moved = std::abs(number(r, "timeouts") - number(r, "timeouts_at_offset_0"));
-      out.push_back(judged(moved <= kOnTimeDrift * number(r, "rounds"),
-                           fmt::format("{}: {} rounds more or fewer on time, of {}.", what, moved,
-                                       number(r, "rounds"))));
-    } else {
-      out.push_back(
-          judged(r.at("most_disturbed").get<std::uint64_t>() <= kMostDisturbed,
-                 fmt::format("{}: at most {} rounds of a seed are missed that the right clock "
-                             "makes; {} timeouts in all, against {}.",
-                             what, r.at("most_disturbed").get<std::uint64_t>(),
-                             number(r, "timeouts"), number(r, "timeouts_at_offset_0"))));
+void of_clock(const Document& document, Findings& out) {
+  for (const ClockRow& r : rows_as<ClockRow>(document.tables.at(0))) {
+    const std::string what = fmt::format("{}, {}", r.name, r.system);
+    const auto timeouts = static_cast<double>(r.timeouts);
+    const auto with_right_clock = static_cast<double>(r.timeouts_at_offset_0);
+    const auto rounds = static_cast<double>(r.rounds);
+    switch (r.kind) {
+      case ClockFault::kOffset:
+        out.push_back(
+            judged(r.differ_at_all == 0,
+                   fmt::format("{}: {} rounds differ, to the nanosecond.", what, r.differ_at_all)));
+        break;
+      case ClockFault::kDrift: {
+        const double moved = std::abs(timeouts - with_right_clock);
+        out.push_back(judged(
+            moved <= kOnTimeDrift * rounds,
+            fmt::format("{}: {} rounds more or fewer on time, of {}.", what, moved, rounds)));
+        break;
+      }
+      case ClockFault::kStep:
+        out.push_back(
+            judged(r.most_disturbed <= kMostDisturbed,
+                   fmt::format("{}: at most {} rounds of a seed are missed that the right clock "
+                               "makes; {} timeouts in all, against {}.",
+                               what, r.most_disturbed, timeouts, with_right_clock)));
+        break;
     }
   }
 }
 
-void of_network(const Json& document, Findings& out) {
-  for (const Json& r : document.at("tables").at(0).at("rows")) {
-    if (r.at("rtt_ms").is_null()) continue;
-    bool met = true;
-    for (const char* moment : {"avg", "min", "max", "std"}) {
-      const double paper = number(r.at("paper_rtt_ms"), moment);
-      met = met && std::abs(number(r.at("rtt_ms"), moment) - paper) <= kMomentTolerance * paper;
-    }
-    out.push_back(
-        judged(met, fmt::format("{}: avg, min, max and std of {} pings are {}within 5 % "
-                                "of the paper's.",
-                                r.at("name").get<std::string>(), r.at("pings").get<std::uint64_t>(),
-                                met ? "" : "not all ")));
+void of_network(const Document& document, Findings& out) {
+  for (const NetworkRow& r : rows_as<NetworkRow>(document.tables.at(0))) {
+    if (!r.rtt_ms) continue;
+    const bool met = std::ranges::all_of(
+        std::array{&Moments::avg, &Moments::min, &Moments::max, &Moments::std}, [&r](auto moment) {
+          const double paper = r.paper_rtt_ms.*moment;
+          return std::abs((*r.rtt_ms).*moment - paper) <= kMomentTolerance * paper;
+        });
+    out.push_back(judged(met, fmt::format("{}: avg, min, max and std of {} pings are {}within 5 % "
+                                          "of the paper's.",
+                                          r.name, r.pings, met ? "" : "not all ")));
   }
 }
 
@@ -59,45 +68,43 @@ struct Phase {
   std::size_t first;
   std::size_t last;
   const char* says;
-  bool (*holds)(const Json& row, const Json& rows);
+  bool (*holds)(const ScriptRow& row, const std::vector<ScriptRow>& rows);
 };
+using Script = std::vector<ScriptRow>;
 constexpr Phase kPhases[] = {
     {0, 2, "normal, the raw image and the best model",
-     [](const Json& r, const Json& rows) {
-       return r.at("image") == "raw" && r.at("level") == rows.at(0).at("level") &&
-              !r.at("d1_missed").get<bool>();
+     [](const ScriptRow& r, const Script& rows) {
+       return r.road->image == "raw" && rows[0].road && r.road->level == rows[0].road->level &&
+              !r.road->d1_missed;
      }},
     {3, 4, "raw comes later than before, but within D1",
-     [](const Json& r, const Json& rows) {
-       return r.at("image") == "raw" && !r.at("d1_missed").get<bool>() &&
-              number(r, "theta1_ms") > number(rows.at(2), "theta1_ms");
+     [](const ScriptRow& r, const Script& rows) {
+       return r.road->image == "raw" && !r.road->d1_missed && rows[2].road &&
+              r.road->theta1_ms > rows[2].road->theta1_ms;
      }},
     {5, 7, "X has fallen; raw misses D1, the sampled image is used at exactly D1",
-     [](const Json& r, const Json& rows) {
-       return r.at("at_d1").get<bool>() && r.at("image") == "sampled" &&
-              number(r, "x") < number(rows.at(3), "x");
+     [](const ScriptRow& r, const Script& rows) {
+       return r.road->at_d1 && r.road->image == "sampled" && r.x < rows[3].x;
      }},
     {8, 9, "D1 is missed, a lighter model",
-     [](const Json& r, const Json& rows) {
-       return r.at("d1_missed").get<bool>() && r.at("level") > 0 &&
-              r.at("level") < rows.at(0).at("level");
+     [](const ScriptRow& r, const Script& rows) {
+       return r.road->d1_missed && r.road->level > 0 && rows[0].road &&
+              r.road->level < rows[0].road->level;
      }},
     {10, 12, "D1 is missed, the lightest model",
-     [](const Json& r, const Json&) {
-       return r.at("d1_missed").get<bool>() && r.at("level") == 0;
-     }},
+     [](const ScriptRow& r, const Script&) { return r.road->d1_missed && r.road->level == 0; }},
     {11, 12, "D2 is missed too, the third module is sacrificed",
-     [](const Json& r, const Json&) { return r.at("d2_missed").get<bool>(); }},
+     [](const ScriptRow& r, const Script&) { return r.road->d2_missed; }},
     {0, 12, "answered remotely by the deadline",
-     [](const Json& r, const Json&) { return r.at("on_time").get<bool>(); }}};
+     [](const ScriptRow& r, const Script&) { return r.on_time; }}};
 
-void of_fig_rt(const Json& document, Findings& out) {
-  const Json& rows = document.at("tables").at(0).at("rows");
+void of_fig_rt(const Document& document, Findings& out) {
+  const Script& rows = rows_as<ScriptRow>(document.tables.at(0));
   for (const Phase& phase : kPhases) {
     bool met = true;
     for (std::size_t i = phase.first; i <= phase.last; ++i) {
-      // A round that the roadside never saw has no such keys.
-      met = met && rows.at(i).contains("theta1_ms") && phase.holds(rows.at(i), rows);
+      // A phase does not hold with a round that the roadside never saw.
+      met = met && rows.at(i).road && phase.holds(rows.at(i), rows);
     }
     out.push_back(judged(met, fmt::format("rounds {}-{}: {}{}.", phase.first, phase.last,
                                           met ? "" : "not all as in the paper, ", phase.says)));
@@ -106,9 +113,9 @@ void of_fig_rt(const Json& document, Findings& out) {
 
 }  // namespace
 
-std::vector<Finding> findings(const Json& document) {
+std::vector<Finding> findings(const Document& document) {
   Findings out;
-  const std::string experiment = document.at("experiment");
+  const std::string& experiment = document.experiment;
   if (experiment == "table-erdos") of_erdos(document, out);
   if (experiment == "fig-rt") of_fig_rt(document, out);
   if (experiment == "sweep") of_sweep(document, out);
@@ -131,4 +138,4 @@ const char* mark(Finding::Kind kind) {
   return "";
 }
 
-}  // namespace interneuron::cli::eval
+}  // namespace interneuron::experiments

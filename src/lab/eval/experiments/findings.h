@@ -5,16 +5,18 @@
 #include <string>
 #include <vector>
 
-#include "lab/files/run_files.h"
+#include "lab/eval/experiments/document.h"
 
-namespace interneuron::cli::eval {
+namespace interneuron::experiments {
 
 struct Finding {
   enum class Kind { kMet, kMissed, kNotice } kind = Kind::kNotice;
-  std::string text;  // one sentence
+  // One sentence.
+  std::string text;
 };
 
-std::vector<Finding> findings(const Json& document);
-const char* mark(Finding::Kind kind);  // "met:", "MISSED:", "note:", padded
+std::vector<Finding> findings(const Document& document);
+// "met:", "MISSED:" or "note:", all of one width.
+const char* mark(Finding::Kind kind);
 
-}  // namespace interneuron::cli::eval
+}  // namespace interneuron::experiments

@@ -7,34 +7,38 @@
 
 #include "lab/eval/experiments/judged.h"
 
-namespace interneuron::cli::eval {
+namespace interneuron::experiments {
 namespace {
 
 // The aims of the evaluation (docs/evaluation.md).
-constexpr double kFewerTimeouts = 0.95;  // than erdos_like; the paper: 0.947
-constexpr double kMostApLost = 0.071;    // of erdos_like's AP on time; the paper's loss
-constexpr double kOracleFactor = 1.1;    // timeouts
-constexpr double kOracleSlack = 3.0;     // timeouts per 300 rounds
+// The share of erdos_like's timeouts that ours avoids; the paper has 0.947.
+constexpr double kFewerTimeouts = 0.95;
+// The share of erdos_like's AP on time that ours may lose; the paper loses as much.
+constexpr double kMostApLost = 0.071;
+// At most so many times the oracle's timeouts, and so many more per 300 rounds.
+constexpr double kOracleFactor = 1.1;
+constexpr double kOracleSlack = 3.0;
+// The share of the oracle's quality that ours reaches.
 constexpr double kOracleQuality = 0.95;
-constexpr double kOracleMayMiss = 0.005;  // of the rounds, under the uniform law
-constexpr double kFewerInARow = 0.78;     // the paper's handler
-constexpr double kClose = 0.05;           // of ours, below it; chosen
+// The share of the rounds that the oracle itself may miss under the uniform law.
+constexpr double kOracleMayMiss = 0.005;
+// The share of consecutive timeouts that the paper's handler avoids.
+constexpr double kFewerInARow = 0.78;
+// A baseline is close when it has at least all but this share of what ours has.
+constexpr double kClose = 0.05;
 constexpr const char* kOurs = "ours";
 
-const Json* row(const Json& rows, const std::string& name) {
-  const auto found =
-      std::ranges::find_if(rows, [&](const Json& r) { return r.at("name") == name; });
+const SystemRow* find(const std::vector<SystemRow>& rows, const char* name) {
+  const auto found = std::ranges::find(rows, name, &SystemRow::name);
   return found == rows.end() ? nullptr : &*found;
 }
 
-// The metric that tells what the application really got: with recordings, AP.
-const char* worth(const Json& ours) {
-  return known(ours, "effective_ap") ? "effective_ap" : "quality";
-}
+double timeouts_of(const SystemRow& row) { return static_cast<double>(row.timeouts); }
 
-void against_erdos(const std::string& where, const Json& ours, const Json& erdos, Findings& out) {
-  const double mine = number(ours, "timeouts");
-  const double theirs = number(erdos, "timeouts");
+void against_erdos(const std::string& where, const SystemRow& ours, const SystemRow& erdos,
+                   Findings& out) {
+  const double mine = timeouts_of(ours);
+  const double theirs = timeouts_of(erdos);
   if (theirs > 0) {
     out.push_back(
         judged(mine <= (1 - kFewerTimeouts) * theirs,
@@ -42,8 +46,8 @@ void against_erdos(const std::string& where, const Json& ours, const Json& erdos
                            "against {}); the aim is {:.0f} %, the paper has 94.7 %.",
                            where, 100 * (1 - mine / theirs), mine, theirs, 100 * kFewerTimeouts)));
   }
-  if (known(ours, "ap") && known(erdos, "ap") && number(erdos, "ap") > 0) {
-    const double lost = 1 - number(ours, "ap") / number(erdos, "ap");
+  if (ours.ap && erdos.ap && *erdos.ap > 0) {
+    const double lost = 1 - *ours.ap / *erdos.ap;
     out.push_back(judged(
         lost <= kMostApLost,
         fmt::format("{}: AP over rounds on time is {:.1f} % {} erdos_like's; "
@@ -53,25 +57,25 @@ void against_erdos(const std::string& where, const Json& ours, const Json& erdos
 }
 
 // What the paper's own mechanism reaches here.
-void of_paper(const std::string& where, const Json& paper, const Json& erdos, Findings& out) {
-  if (number(erdos, "timeouts") <= 0) return;
-  const double share = number(paper, "timeouts") / number(erdos, "timeouts");
+void of_paper(const std::string& where, const SystemRow& paper, const SystemRow& erdos,
+              Findings& out) {
+  if (erdos.timeouts == 0) return;
+  const double share = timeouts_of(paper) / timeouts_of(erdos);
   out.push_back({Finding::Kind::kNotice,
                  fmt::format("{}: the paper's guard, to the letter, has {:.1f} % fewer timeouts "
                              "than erdos_like ({} against {}); the paper measured 94.7 %.",
-                             where, 100 * (1 - share), number(paper, "timeouts"),
-                             number(erdos, "timeouts"))});
+                             where, 100 * (1 - share), paper.timeouts, erdos.timeouts)});
 }
 
-void against_oracle(const std::string& where, const Json& ours, const Json& oracle, Findings& out) {
-  const double rounds = number(ours, "rounds");
-  const double bound = kOracleFactor * number(oracle, "timeouts") + kOracleSlack * rounds / 300;
-  out.push_back(
-      judged(number(ours, "timeouts") <= bound,
-             fmt::format("{}: {} timeouts of ours against the oracle's {}; the aim is at "
-                         "most {:.0f}.",
-                         where, number(ours, "timeouts"), number(oracle, "timeouts"), bound)));
-  const double share = number(ours, "quality") / number(oracle, "quality");
+void against_oracle(const std::string& where, const SystemRow& ours, const SystemRow& oracle,
+                    Findings& out) {
+  const auto rounds = static_cast<double>(ours.rounds);
+  const double bound = kOracleFactor * timeouts_of(oracle) + kOracleSlack * rounds / 300;
+  out.push_back(judged(timeouts_of(ours) <= bound,
+                       fmt::format("{}: {} timeouts of ours against the oracle's {}; the aim is at "
+                                   "most {:.0f}.",
+                                   where, ours.timeouts, oracle.timeouts, bound)));
+  const double share = ours.quality / oracle.quality;
   out.push_back(judged(share >= kOracleQuality,
                        fmt::format("{}: ours gets {:.1f} % of the oracle's quality; the aim is "
                                    "{:.0f} %.",
@@ -79,217 +83,226 @@ void against_oracle(const std::string& where, const Json& ours, const Json& orac
 }
 
 // "b0 (0.35), duplicate (0.36)".
-void add_to(std::string& list, const Json& row, const std::string& figure) {
-  list +=
-      fmt::format("{}{} ({})", list.empty() ? "" : ", ", row.at("name").get<std::string>(), figure);
+void add_to(std::string& list, const std::string& name, const std::string& figure) {
+  list += fmt::format("{}{} ({})", list.empty() ? "" : ", ", name, figure);
 }
 
-// Which baselines of the table are as good as ours, or better.
-void against_others(const std::string& where, const Json& rows, const Json& ours, Findings& out) {
-  const char* metric = worth(ours);
-  const char* spoken = std::string(metric) == "quality" ? "quality" : "effective AP";
+// Which baselines of a table are as good as ours, or better: names with their figures.
+struct Rivals {
+  // No less of what the application really got, or nearly as much.
   std::string better;
+  std::string close;
+  // Fewer timeouts, or as many as far as the rounds can tell.
   std::string fewer;
-  std::string near;   // in timeouts
-  std::string close;  // in the metric
-  for (const Json& other : rows) {
-    if (!other.value("baseline", false) || !known(other, metric)) continue;
-    const std::string figure = fmt::format("{:.4f}", number(other, metric));
-    if (number(other, metric) >= number(ours, metric)) {
-      add_to(better, other, figure);
-    } else if (number(other, metric) >= (1 - kClose) * number(ours, metric)) {
-      add_to(close, other, figure);
+  std::string near;
+};
+
+// `worth`: what the application really got.
+Rivals rivals_of(const std::vector<SystemRow>& rows, const SystemRow& ours,
+                 std::optional<double> (*worth)(const SystemRow&)) {
+  Rivals out;
+  const double mine = *worth(ours);
+  for (const SystemRow& other : rows) {
+    const std::optional<double> theirs = worth(other);
+    if (!other.baseline || !theirs) continue;
+    const std::string figure = fmt::format("{:.4f}", *theirs);
+    if (*theirs >= mine) {
+      add_to(out.better, other.name, figure);
+    } else if (*theirs >= (1 - kClose) * mine) {
+      add_to(out.close, other.name, figure);
     }
-    const Json& interval = other.at("timeouts_ci95");
-    const Json& own = ours.at("timeouts_ci95");
-    const std::string timeouts = fmt::format("{}", number(other, "timeouts"));
-    if (interval.at(1) < own.at(0)) {
-      add_to(fewer, other, timeouts);
-    } else if (interval.at(0) <= own.at(1)) {
-      add_to(near, other, timeouts);
+    const std::string timeouts = fmt::format("{}", other.timeouts);
+    if (other.timeouts_ci95[1] < ours.timeouts_ci95[0]) {
+      add_to(out.fewer, other.name, timeouts);
+    } else if (other.timeouts_ci95[0] <= ours.timeouts_ci95[1]) {
+      add_to(out.near, other.name, timeouts);
     }
   }
-  out.push_back(judged(better.empty(),
-                       better.empty()
+  return out;
+}
+
+void against_others(const std::string& where, const std::vector<SystemRow>& rows,
+                    const SystemRow& ours, Findings& out) {
+  // With recordings, AP tells what the application really got.
+  const bool by_ap = ours.effective_ap.has_value();
+  const char* spoken = by_ap ? "effective AP" : "quality";
+  const auto worth = by_ap ? [](const SystemRow& r) { return r.effective_ap; }
+                           : [](const SystemRow& r) { return std::optional(r.quality); };
+  const double mine = *worth(ours);
+  const Rivals rivals = rivals_of(rows, ours, worth);
+  out.push_back(judged(rivals.better.empty(),
+                       rivals.better.empty()
                            ? fmt::format("{}: ours has more {} than every baseline.", where, spoken)
                            : fmt::format("{}: with no less {} than ours ({:.4f}): {}.", where,
-                                         spoken, number(ours, metric), better)));
-  if (!close.empty()) {
+                                         spoken, mine, rivals.better)));
+  if (!rivals.close.empty()) {
     out.push_back({Finding::Kind::kNotice,
                    fmt::format("{}: less {} than ours ({:.4f}), but within {:.0f} %: {}.", where,
-                               spoken, number(ours, metric), 100 * kClose, close)});
+                               spoken, mine, 100 * kClose, rivals.close)});
   }
-  const double timeouts = number(ours, "timeouts");
-  if (!fewer.empty()) {
+  if (!rivals.fewer.empty()) {
     out.push_back(
-        {Finding::Kind::kMissed,
-         fmt::format("{}: with fewer timeouts than ours ({}): {}.", where, timeouts, fewer)});
+        {Finding::Kind::kMissed, fmt::format("{}: with fewer timeouts than ours ({}): {}.", where,
+                                             ours.timeouts, rivals.fewer)});
   }
-  if (!near.empty()) {
+  if (!rivals.near.empty()) {
     out.push_back(
         {Finding::Kind::kNotice,
          fmt::format("{}: these rounds cannot tell the timeouts of ours ({}) from those of "
                      "{}: the 95 % intervals overlap.",
-                     where, timeouts, near)});
+                     where, ours.timeouts, rivals.near)});
   }
 }
 
-// Whether the simulation tells what happens for real; what differs, by part.
-void of_agreement(const Json& rows, Findings& out) {
-  for (const Json& r : rows) {
-    const std::string name = r.at("name");
-    const Json& on_time = r.at("on_time");
+// By which parts undisturbed rounds of the testbed differ from the simulation's; empty when that is
+// not known.
+std::string parts_of(const AgreementRow& r) {
+  if (!r.uplink_ms.testbed || !r.uplink_ms.sim) return "";
+  const auto by = [](const Sides& s) { return *s.testbed - *s.sim; };
+  return fmt::format(
+      " Undisturbed rounds differ by {:+.1f} ms in the uplink, {:+.1f} ms from the hand-over to "
+      "the "
+      "computation's end, {:+.1f} ms in the downlink.",
+      by(r.uplink_ms), by(r.compute_ms), by(r.downlink_ms));
+}
+
+// Whether the simulation tells what happens for real.
+void of_agreement(const std::vector<AgreementRow>& rows, Findings& out) {
+  for (const AgreementRow& r : rows) {
     out.push_back(judged(
-        r.at("on_time_agrees").get<bool>(),
+        r.on_time_agrees,
         fmt::format("Testbed and simulation, {}: {:.1f} % and {:.1f} % on time ({:+.1f} points); "
                     "the aim is 2 points.{}",
-                    name, 100 * number(on_time, "testbed"), 100 * number(on_time, "sim"),
-                    100 * number(on_time, "points"),
-                    r.at("on_time_agrees").get<bool>()
+                    r.name, 100 * r.on_time.testbed, 100 * r.on_time.sim, 100 * r.on_time.points,
+                    r.on_time_agrees
                         ? ""
                         : " The simulation knows the median and 95th percentile of run times, "
                           "not the bursts of a busy machine.")));
-    const Json& e2e = r.at("e2e_p50_ms");
-    std::string text = fmt::format(
-        "Testbed and simulation, {}: e2e p50 {:.1f} and {:.1f} ms ({:+.1f} %); the aim is 5 %.",
-        name, number(e2e, "testbed"), number(e2e, "sim"), 100 * number(e2e, "change"));
-    const auto parts_known = [&r](const char* side) { return known(r.at("uplink_ms"), side); };
-    if (!r.at("e2e_agrees").get<bool>() && parts_known("testbed") && parts_known("sim")) {
-      text += " Undisturbed rounds differ by";
-      for (const char* part : {"uplink_ms", "compute_ms", "downlink_ms"}) {
-        const Json& p = r.at(part);
-        text += fmt::format(" {:+.1f} ms {}{}", number(p, "testbed") - number(p, "sim"),
-                            part == std::string("uplink_ms")    ? "in the uplink"
-                            : part == std::string("compute_ms") ? "from the hand-over to the "
-                                                                  "computation's end"
-                                                                : "in the downlink",
-                            part == std::string("downlink_ms") ? "." : ",");
-      }
-    }
-    out.push_back(judged(r.at("e2e_agrees").get<bool>(), text));
+    out.push_back(judged(r.e2e_agrees,
+                         fmt::format("Testbed and simulation, {}: e2e p50 {:.1f} and {:.1f} ms "
+                                     "({:+.1f} %); the aim is 5 %.{}",
+                                     r.name, r.e2e_p50_ms.testbed, r.e2e_p50_ms.sim,
+                                     100 * r.e2e_p50_ms.change, r.e2e_agrees ? "" : parts_of(r))));
   }
 }
 
 }  // namespace
 
-void of_erdos(const Json& document, Findings& out) {
-  for (const Json& table : document.at("tables")) {
-    const Json& rows = table.at("rows");
-    if (table.at("name") == "agreement") {
-      of_agreement(rows, out);
-      continue;
+void of_erdos(const Document& document, Findings& out) {
+  for (const Table& table : document.tables) {
+    if (const auto* agreement = std::get_if<std::vector<AgreementRow>>(&table.rows)) {
+      of_agreement(*agreement, out);
     }
-    const Json* ours = row(rows, kOurs);
-    const Json* erdos = row(rows, "erdos_like");
-    const Json* oracle = row(rows, "oracle");
+    const auto* rows = std::get_if<std::vector<SystemRow>>(&table.rows);
+    const SystemRow* ours = rows == nullptr ? nullptr : find(*rows, kOurs);
     if (ours == nullptr) continue;
-    const std::string where = table.at("title");
+    const SystemRow* erdos = find(*rows, "erdos_like");
+    const SystemRow* oracle = find(*rows, "oracle");
     // The law that is calibrated to the paper's figures.
-    const bool as_in_the_paper = table.at("name") == "uniform";
+    const bool as_in_the_paper = table.name == "uniform";
     if (erdos != nullptr && as_in_the_paper) {
-      against_erdos(where, *ours, *erdos, out);
-      if (const Json* paper = row(rows, "paper")) of_paper(where, *paper, *erdos, out);
+      against_erdos(table.title, *ours, *erdos, out);
+      if (const SystemRow* paper = find(*rows, "paper")) of_paper(table.title, *paper, *erdos, out);
     }
-    if (oracle != nullptr) against_oracle(where, *ours, *oracle, out);
+    if (oracle != nullptr) against_oracle(table.title, *ours, *oracle, out);
     if (oracle != nullptr && as_in_the_paper) {
-      const double share = number(*oracle, "timeouts") / number(*oracle, "rounds");
+      const double share = timeouts_of(*oracle) / static_cast<double>(oracle->rounds);
       out.push_back(judged(share <= kOracleMayMiss,
                            fmt::format("{}: the oracle misses {:.2f} % of the rounds; the law is "
                                        "fair up to {:.1f} %.",
-                                       where, 100 * share, 100 * kOracleMayMiss)));
+                                       table.title, 100 * share, 100 * kOracleMayMiss)));
     }
-    against_others(where, rows, *ours, out);
+    against_others(table.title, *rows, *ours, out);
   }
 }
 
 // One sentence per severity, and one per deadline at which a baseline is ahead.
-void of_sweep(const Json& document, Findings& out) {
-  for (const Json& table : document.at("tables")) {
-    std::map<int, std::pair<const Json*, const Json*>> best;  // ours, best baseline; by deadline
-    for (const Json& r : table.at("rows")) {
-      auto& [mine, theirs] = best[r.at("deadline_ms").get<int>()];
-      if (r.at("name") == kOurs) mine = &r;
-      if (!r.value("baseline", false)) continue;
-      if (theirs == nullptr || number(r, "quality") > number(*theirs, "quality")) theirs = &r;
+void of_sweep(const Document& document, Findings& out) {
+  for (const Table& table : document.tables) {
+    // Ours and the best baseline, by deadline.
+    std::map<int, std::pair<const SystemRow*, const SystemRow*>> best;
+    for (const SystemRow& r : rows_as<SystemRow>(table)) {
+      auto& [mine, theirs] = best[r.sweep.value().deadline_ms];
+      if (r.name == kOurs) mine = &r;
+      if (!r.baseline) continue;
+      if (theirs == nullptr || r.quality > theirs->quality) theirs = &r;
     }
     std::size_t ahead = 0;
     for (const auto& [deadline, rows] : best) {
       const auto& [mine, theirs] = rows;
       if (mine == nullptr || theirs == nullptr) continue;
-      if (number(*mine, "quality") > number(*theirs, "quality")) {
+      if (mine->quality > theirs->quality) {
         ++ahead;
         continue;
       }
-      out.push_back({Finding::Kind::kNotice,
-                     fmt::format("{}, {} ms: {} has no less quality than ours ({:.4f} against "
-                                 "{:.4f}).",
-                                 table.at("title").get<std::string>(), deadline,
-                                 (*theirs).at("name").get<std::string>(),
-                                 number(*theirs, "quality"), number(*mine, "quality"))});
+      out.push_back(
+          {Finding::Kind::kNotice,
+           fmt::format("{}, {} ms: {} has no less quality than ours ({:.4f} against "
+                       "{:.4f}).",
+                       table.title, deadline, theirs->name, theirs->quality, mine->quality)});
     }
     out.push_back({Finding::Kind::kNotice,
                    fmt::format("{}: ours has more quality than every baseline at {} of {} "
                                "deadlines.",
-                               table.at("title").get<std::string>(), ahead, best.size())});
+                               table.title, ahead, best.size())});
   }
 }
 
 namespace {
 
 // Which side of 0 an interval lies on: -1, 0 (it holds 0, or there is none), 1.
-int side(const Json& paired) {
-  const Json& ci = paired.at("ci95");
-  if (ci.is_null()) return 0;
-  return ci.at(0).get<double>() > 0 ? 1 : ci.at(1).get<double>() < 0 ? -1 : 0;
+int side(const eval::Paired& paired) {
+  if (!paired.ci95) return 0;
+  return (*paired.ci95)[0] > 0 ? 1 : (*paired.ci95)[1] < 0 ? -1 : 0;
 }
 
 }  // namespace
 
-void of_ladder(const Json& document, Findings& out) {
-  for (const Json& table : document.at("tables")) {
-    std::string better;    // baselines
-    std::string worthier;  // forms of ours
+void of_ladder(const Document& document, Findings& out) {
+  for (const Table& table : document.tables) {
+    // Baselines, and forms of ours, with more quality.
+    std::string better;
+    std::string worthier;
     std::string fewer;
     std::string near;
-    for (const Json& r : table.at("rows")) {
-      if (r.at("name") == kOurs) continue;
-      const Json& timeouts = r.at("more_timeouts_per_300");
-      const Json& quality = r.at("more_quality");
-      const std::string figure = fmt::format("{:+.4f}", number(quality, "mean"));
-      if (side(quality) > 0) add_to(r.at("baseline").get<bool>() ? better : worthier, r, figure);
-      if (side(timeouts) < 0) add_to(fewer, r, fmt::format("{:+.2f}", number(timeouts, "mean")));
-      if (side(quality) == 0 && side(timeouts) == 0) add_to(near, r, figure);
+    for (const LadderRow& r : rows_as<LadderRow>(table)) {
+      if (r.name == kOurs) continue;
+      const int quality = side(r.more_quality);
+      const int timeouts = side(r.more_timeouts_per_300);
+      const std::string figure = fmt::format("{:+.4f}", r.more_quality.mean);
+      if (quality > 0) add_to(r.baseline ? better : worthier, r.name, figure);
+      if (timeouts < 0) add_to(fewer, r.name, fmt::format("{:+.2f}", r.more_timeouts_per_300.mean));
+      if (quality == 0 && timeouts == 0) add_to(near, r.name, figure);
     }
     const auto say = [&](bool missed, const char* what, const std::string& list) {
       if (list.empty()) return;
       out.push_back({missed ? Finding::Kind::kMissed : Finding::Kind::kNotice,
-                     fmt::format("{}: {}: {}.", table.at("title").get<std::string>(), what, list)});
+                     fmt::format("{}: {}: {}.", table.title, what, list)});
     };
     say(true, "baselines with more quality than ours", better);
     say(false, "forms of ours with more quality", worthier);
     say(false, "with fewer timeouts of 300 than ours", fewer);
     say(false, "within noise of ours, in timeouts and quality", near);
     if (better.empty()) {
-      out.push_back(judged(true, fmt::format("{}: no baseline has more quality than ours.",
-                                             table.at("title").get<std::string>())));
+      out.push_back(
+          judged(true, fmt::format("{}: no baseline has more quality than ours.", table.title)));
     }
   }
 }
 
-void of_handler(const Json& document, Findings& out) {
-  for (const Json& table : document.at("tables")) {
-    for (const Json& r : table.at("rows")) {
-      if (!known(r, "consecutive_change")) continue;
-      const double change = number(r, "consecutive_change");
+void of_handler(const Document& document, Findings& out) {
+  for (const Table& table : document.tables) {
+    for (const SystemRow& r : rows_as<SystemRow>(table)) {
+      if (!r.handler || !r.handler->consecutive_change) continue;
+      const double change = *r.handler->consecutive_change;
       out.push_back(
           judged(change <= -kFewerInARow,
                  fmt::format(
                      "{}: {} misses {:+.1f} % rounds right after a miss, against the paper's guard "
                      "without its handler; the aim, and the paper's figure, is {:+.0f} %.",
-                     table.at("title").get<std::string>(), r.at("name").get<std::string>(),
-                     100 * change, -100 * kFewerInARow)));
+                     table.title, r.name, 100 * change, -100 * kFewerInARow)));
     }
   }
 }
 
-}  // namespace interneuron::cli::eval
+}  // namespace interneuron::experiments

@@ -6,7 +6,7 @@
 
 #include "lab/eval/experiments/findings.h"
 
-namespace interneuron::cli::eval {
+namespace interneuron::experiments {
 
 using Findings = std::vector<Finding>;
 
@@ -14,15 +14,10 @@ inline Finding judged(bool met, const std::string& text) {
   return {met ? Finding::Kind::kMet : Finding::Kind::kMissed, text};
 }
 
-inline double number(const Json& row, const char* key) { return row.at(key).get<double>(); }
-inline bool known(const Json& row, const char* key) {
-  return row.contains(key) && row.at(key).is_number();
-}
-
 // One kind of document each.
-void of_erdos(const Json& document, Findings& out);
-void of_sweep(const Json& document, Findings& out);
-void of_ladder(const Json& document, Findings& out);
-void of_handler(const Json& document, Findings& out);
+void of_erdos(const Document& document, Findings& out);
+void of_sweep(const Document& document, Findings& out);
+void of_ladder(const Document& document, Findings& out);
+void of_handler(const Document& document, Findings& out);
 
-}  // namespace interneuron::cli::eval
+}  // namespace interneuron::experiments

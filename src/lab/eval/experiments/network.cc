@@ -10,25 +10,29 @@
 #include "lab/eval/experiments/document.h"
 #include "lab/eval/experiments/experiment.h"
 
-namespace interneuron::cli::eval {
+namespace interneuron::experiments {
 namespace {
 
-constexpr std::size_t kPingBytes = 84;  // of IP, as `ping` sends by default
+// Bytes of IP, as `ping` sends by default.
+constexpr std::size_t kPingBytes = 84;
 constexpr Duration kPingPeriod = std::chrono::milliseconds(100);
 // For the last answers: the longest delay of the profiles and some more.
 constexpr Duration kTail = std::chrono::seconds(2);
 // What the figure shows of the first drive.
 constexpr Duration kShown = std::chrono::seconds(300);
-constexpr std::size_t kShownEvery = 5;  // pings
+// The figure shows every fifth ping.
+constexpr std::size_t kShownEvery = 5;
 
-struct PaperRow {
+// What the paper measured.
+struct PaperNetwork {
   const char* profile;
-  double avg, min, max, std;  // ms
+  Moments rtt_ms;
 };
-constexpr PaperRow kPaper[] = {{"4g", 173, 23, 994, 258}, {"5g", 26, 19, 96, 12}};
+constexpr PaperNetwork kPaper[] = {{"4g", {173, 23, 994, 258}}, {"5g", {26, 19, 96, 12}}};
 
 struct Drive {
-  std::vector<std::pair<Duration, double>> rtt_ms;  // by send instant
+  // Round trips in ms, each with the instant at which its ping was sent.
+  std::vector<std::pair<Duration, double>> rtt_ms;
   std::uint32_t lost = 0;
 };
 
@@ -57,30 +61,29 @@ Drive drive(const emu::LinkProfile& profile, std::uint64_t seed, std::uint32_t p
   return out;
 }
 
-Json moments(const std::vector<double>& values) {
-  if (values.empty()) return nullptr;
-  const auto n = static_cast<double>(values.size());
+std::optional<Moments> moments(const std::vector<double>& values) {
+  if (values.empty()) return std::nullopt;
   const double average = mean(values);
   double squares = 0;
   for (const double v : values) squares += (v - average) * (v - average);
   const auto [min, max] = std::ranges::minmax(values);
-  return {{"avg", average}, {"min", min}, {"max", max}, {"std", std::sqrt(squares / n)}};
+  return Moments{average, min, max, std::sqrt(squares / static_cast<double>(values.size()))};
 }
 
-Json series_of(const std::string& name, const Drive& drive) {
-  Json points = Json::array();
+Series series_of(const std::string& name, const Drive& drive) {
+  Series out{name, "ms", {}};
   for (std::size_t i = 0; i < drive.rtt_ms.size(); i += kShownEvery) {
     const auto& [at, rtt] = drive.rtt_ms[i];
-    if (at <= kShown) points.push_back({to_ms(at) / 1e3, std::round(rtt * 100) / 100});
+    if (at <= kShown) out.points.push_back({to_ms(at) / 1e3, std::round(rtt * 100) / 100, {}});
   }
-  return {{"name", name}, {"unit", "ms"}, {"points", points}};
+  return out;
 }
 
 }  // namespace
 
-void run_table_network(const Request& request, Json& document) {
-  Json rows = Json::array();
-  for (const PaperRow& paper : kPaper) {
+void run_table_network(const Request& request, Document& document) {
+  std::vector<NetworkRow> rows;
+  for (const PaperNetwork& paper : kPaper) {
     const emu::LinkProfile profile = *emu::built_in_profile(paper.profile);
     std::vector<Drive> drives(request.seeds());
     request.progress.for_each(
@@ -93,39 +96,39 @@ void run_table_network(const Request& request, Json& document) {
       std::vector<double> own;
       for (const auto& [at, rtt] : d.rtt_ms) own.push_back(rtt);
       all.insert(all.end(), own.begin(), own.end());
-      if (!own.empty()) means.push_back(moments(own)["avg"].get<double>());
+      if (!own.empty()) means.push_back(moments(own)->avg);
       lost += d.lost;
     }
-    rows.push_back(
-        {{"name", paper.profile},
-         {"seeds", {request.first_seed, request.last_seed}},
-         {"pings", all.size() + lost},
-         {"lost", lost},
-         {"rtt_ms", moments(all)},
-         {"drive_mean_sd_ms", means.empty() ? Json(nullptr) : moments(means)["std"]},
-         {"paper_rtt_ms",
-          {{"avg", paper.avg}, {"min", paper.min}, {"max", paper.max}, {"std", paper.std}}}});
-    document["series"].push_back(series_of(paper.profile, drives.front()));
+    const std::optional<Moments> of_drives = moments(means);
+    rows.push_back({.name = paper.profile,
+                    .seeds = {request.first_seed, request.last_seed},
+                    .pings = all.size() + lost,
+                    .lost = lost,
+                    .rtt_ms = moments(all),
+                    .drive_mean_sd_ms = of_drives ? std::optional(of_drives->std) : std::nullopt,
+                    .paper_rtt_ms = paper.rtt_ms});
+    document.series.push_back(series_of(paper.profile, drives.front()));
   }
-  document["tables"].push_back(
-      table("network", "Delay while driving at 50 km/h (round trip), ours and the paper's",
-            "Pings of 84 bytes every 100 ms over the emulated links 4g and 5g, all drives pooled.",
-            {{"/name", "network"},
-             {"/rtt_ms/avg", "avg, ms", 1},
-             {"/paper_rtt_ms/avg", "paper", 0},
-             {"/rtt_ms/min", "min, ms", 1},
-             {"/paper_rtt_ms/min", "paper", 0},
-             {"/rtt_ms/max", "max, ms", 1},
-             {"/paper_rtt_ms/max", "paper", 0},
-             {"/rtt_ms/std", "std, ms", 1},
-             {"/paper_rtt_ms/std", "paper", 0},
-             {"/drive_mean_sd_ms", "sd of the drives' means, ms", 1},
-             {"/pings", "pings"},
-             {"/lost", "lost"}},
-            rows));
-  document["notes"].push_back(
+  document.tables.push_back(
+      {"network",
+       "Delay while driving at 50 km/h (round trip), ours and the paper's",
+       "Pings of 84 bytes every 100 ms over the emulated links 4g and 5g, all drives pooled.",
+       {{"/name", "network"},
+        {"/rtt_ms/avg", "avg, ms", 1},
+        {"/paper_rtt_ms/avg", "paper", 0},
+        {"/rtt_ms/min", "min, ms", 1},
+        {"/paper_rtt_ms/min", "paper", 0},
+        {"/rtt_ms/max", "max, ms", 1},
+        {"/paper_rtt_ms/max", "paper", 0},
+        {"/rtt_ms/std", "std, ms", 1},
+        {"/paper_rtt_ms/std", "paper", 0},
+        {"/drive_mean_sd_ms", "sd of the drives' means, ms", 1},
+        {"/pings", "pings"},
+        {"/lost", "lost"}},
+       std::move(rows)});
+  document.notes.push_back(
       "The profiles are models fitted to the paper's table, so the long run agrees by design; one "
       "drive differs much, and a lost ping has no delay.");
 }
 
-}  // namespace interneuron::cli::eval
+}  // namespace interneuron::experiments

@@ -10,11 +10,11 @@
 #include "perception/codec.h"
 #include "perception/detector.h"
 
-namespace interneuron::cli::eval {
+namespace interneuron::experiments {
 namespace {
 
 namespace fs = std::filesystem;
-using interneuron::eval::Shown;
+using eval::Shown;
 using perception::Variant;
 
 // Boxes of one frame, by level and variant.
@@ -45,12 +45,13 @@ struct Scorer::Recordings {
     }
   }
 
-  std::vector<std::array<Frames, 2>> levels;  // [level][sampled][frame]
+  // By level, then whether the image is sampled, then by frame.
+  std::vector<std::array<Frames, 2>> levels;
   perception::GroundTruth truth;
 };
 
 Scorer::Scorer(const std::optional<fs::path>& data, bool named) {
-  const std::optional<fs::path> truth = default_truth(data);
+  const std::optional<fs::path> truth = cli::default_truth(data);
   if (!data) {
     missing_ = "no recorded detections";
   } else if (!fs::is_directory(*data / "detections")) {
@@ -61,13 +62,13 @@ Scorer::Scorer(const std::optional<fs::path>& data, bool named) {
   if (!missing_.empty()) {
     missing_ +=
         "; fetch the data with scripts/fetch_data.sh --ground-truth or name them with --data";
-    if (named) throw Failure(kFailed, missing_);
+    if (named) throw cli::Failure(cli::kFailed, missing_);
     return;
   }
   try {
     recordings_ = std::make_unique<Recordings>(*data, *truth);
   } catch (const perception::InputError& error) {
-    throw Failure(kFailed, error.what());
+    throw cli::Failure(cli::kFailed, error.what());
   }
 }
 
@@ -109,4 +110,4 @@ std::optional<perception::Accuracy> Scorer::score(std::size_t level, bool sample
   return score(rounds);
 }
 
-}  // namespace interneuron::cli::eval
+}  // namespace interneuron::experiments

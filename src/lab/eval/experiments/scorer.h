@@ -16,14 +16,15 @@
 #include "perception/accuracy.h"
 #include "perception/detection.h"
 
-namespace interneuron::cli::eval {
+namespace interneuron::experiments {
 
-inline constexpr std::uint32_t kVideoFrames = 795;  // of the demo video
+// Frames of the demo video.
+inline constexpr std::uint32_t kVideoFrames = 795;
 
 // What was shown in a round, and of which system's round.
 struct ShownRound {
   std::uint32_t round = 0;
-  interneuron::eval::Shown shown;
+  eval::Shown shown;
 };
 
 // Thread-safe once made.
@@ -31,7 +32,7 @@ class Scorer {
  public:
   // From <data>/detections, <data>/profile.csv and <data>/pets/gt.txt. Without a folder, recordings
   // or ground truth it scores nothing, and missing() says why. `named`: the user named the folder,
-  // so that its absence is an error. Throws Failure (1) then, and for damaged files.
+  // so that its absence is an error. Throws cli::Failure (1) then, and for damaged files.
   Scorer(const std::optional<std::filesystem::path>& data, bool named);
   ~Scorer();
 
@@ -52,4 +53,4 @@ class Scorer {
   std::string missing_;
 };
 
-}  // namespace interneuron::cli::eval
+}  // namespace interneuron::experiments
