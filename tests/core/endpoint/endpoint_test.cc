@@ -79,7 +79,7 @@ std::ptrdiff_t sent_over_the_other_link(const char* policy, std::size_t host) {
   Pipe pipe;
   pipe.add_host(options_of(1, {config}));
   pipe.add_host(options_of(2));
-  for (const std::size_t h : {0, 1}) {
+  for (const std::size_t h : {0U, 1U}) {
     pipe.at(h).add_link(pipe.local(h), kFast, {"nic", 1500, {.trusted = true}});
   }
   std::size_t done = 0;
@@ -108,7 +108,7 @@ std::ptrdiff_t sent_over_the_other_link(const char* policy, std::size_t host) {
 }
 
 TEST(Endpoint, WhatIsLostOfASecureMessageIsNotSentAgainOverAForeignLink) {
-  for (const std::size_t host : {0, 1}) {
+  for (const std::size_t host : {0U, 1U}) {
     EXPECT_GT(sent_over_the_other_link("best_link", host), 0);
     EXPECT_EQ(sent_over_the_other_link("secure", host), 0);
   }
