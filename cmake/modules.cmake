@@ -2,6 +2,7 @@
 # interneuron_module(GROUP/NAME [SOURCES ...] [USES group/name ...] [LIBRARIES external ...]): one folder, one target
 # interneuron_GROUP_NAME. Modules are object libraries, so that the installed library is their union; USES carries both
 # include paths and objects. A folder of headers alone has no SOURCES.
+# interneuron_test_headers(): once, before the first interneuron_test().
 # interneuron_test(GROUP/NAME [PROGRAM] [LABEL label] [TIMEOUT seconds] SOURCES ... [USES ...]): the tests of one folder, one
 # executable GROUP_NAME_test, which CTest runs as the one test NAME; with LABEL netns as a test NAME.Suite.Case for each
 # case. PROGRAM: they run the program `interneuron`.
@@ -14,6 +15,9 @@ if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
   # bug 105651) that are not there; clang and the sanitizers look instead.
   list(APPEND INTERNEURON_WARNINGS -Wno-maybe-uninitialized -Wno-restrict)
 endif()
+
+# What is tested is optimised as users run it; the tests themselves would take a third longer to compile with -O3.
+set(INTERNEURON_TEST_OPTIONS $<$<CONFIG:Release>:-O1>)
 
 # A folder by its name as a module: below src/ where it is there, else below the root.
 function(interneuron_folder name)
@@ -100,6 +104,19 @@ function(interneuron_link target)
   target_compile_options(${target} PRIVATE ${INTERNEURON_WARNINGS})
 endfunction()
 
+# What nearly every test includes, compiled once for all of them: a third to a half of what they take otherwise.
+# Built with -fPIE as executables are, or GCC would not accept it there.
+function(interneuron_test_headers)
+  file(CONFIGURE OUTPUT ${CMAKE_CURRENT_BINARY_DIR}/test_headers.cc CONTENT "")
+  add_library(interneuron_test_headers OBJECT ${CMAKE_CURRENT_BINARY_DIR}/test_headers.cc)
+  set_target_properties(interneuron_test_headers PROPERTIES POSITION_INDEPENDENT_CODE OFF)
+  target_compile_options(interneuron_test_headers PRIVATE ${INTERNEURON_WARNINGS} ${INTERNEURON_TEST_OPTIONS} -fPIE)
+  target_link_libraries(interneuron_test_headers PRIVATE GTest::gmock GTest::gtest)
+  target_precompile_headers(interneuron_test_headers PRIVATE <gmock/gmock.h> <gtest/gtest.h> <algorithm> <array> <chrono>
+    <cstdio> <fstream> <functional> <map> <memory> <optional> <random> <set> <span> <sstream> <string> <thread> <variant>
+    <vector>)
+endfunction()
+
 function(interneuron_test module)
   cmake_parse_arguments(ARG "PROGRAM" "LABEL;TIMEOUT" "SOURCES;USES;LIBRARIES" ${ARGN})
   string(REPLACE "/" "_" target ${module}_test)
@@ -107,6 +124,8 @@ function(interneuron_test module)
   add_executable(${target} ${ARG_SOURCES})
   set_target_properties(${target} PROPERTIES OUTPUT_NAME ${name}_test)
   interneuron_link(${target} ${ARG_USES})
+  target_compile_options(${target} PRIVATE ${INTERNEURON_TEST_OPTIONS})
+  target_precompile_headers(${target} REUSE_FROM interneuron_test_headers)
   target_link_libraries(${target} PRIVATE ${ARG_LIBRARIES} rapidcheck rapidcheck_gtest GTest::gmock GTest::gtest GTest::gtest_main)
   target_compile_definitions(${target} PRIVATE INTERNEURON_SOURCE_DIR="${PROJECT_SOURCE_DIR}"
     INTERNEURON_BINARY_DIR="${PROJECT_BINARY_DIR}")
