@@ -36,10 +36,9 @@ std::vector<Decision> over_two_nodes(std::array<Duration, 3> clocks) {
   pipe.on_event = [&](std::size_t host, Event& e) {
     if (auto* d = std::get_if<Delivered>(&e)) {
       out.push_back({host, d->stage, d->variant, d->degraded, d->verdict, pipe.now()});
-      pipe.plan(compute,
-                [&pipe, &a_to_b, host, ref = d->round, next = host == 1 ? b_to_c : c_to_a] {
-                  EXPECT_EQ(pipe.submit(host, ref, 10'000, next), SubmitStatus::kAccepted);
-                });
+      pipe.plan(compute, [&pipe, host, ref = d->round, next = host == 1 ? b_to_c : c_to_a] {
+        EXPECT_EQ(pipe.submit(host, ref, 10'000, next), SubmitStatus::kAccepted);
+      });
     } else if (auto* r = std::get_if<RoundDone>(&e)) {
       out.push_back(
           {host, 5, static_cast<std::uint8_t>(r->outcome), r->degraded_final, {}, pipe.now()});

@@ -34,7 +34,7 @@ Flaps drive_marginal(std::uint64_t seed, double loss, Duration length, bool load
   b.accept_peers = true;
   const HostId vehicle = world.add_host(std::move(a));
   const HostId road = world.add_host(std::move(b));
-  constexpr LinkId kMarginal{0};
+  static constexpr LinkId kMarginal{0};
   world.add_link(vehicle, road, kMarginal, "marginal",
                  emu::Link(constant_link("m", 60, 20, 20, loss), seed));
   world.add_link(vehicle, road, LinkId{1}, "good", emu::Link(constant_link("g", 30, 50, 50), seed));
