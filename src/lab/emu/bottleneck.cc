@@ -9,13 +9,14 @@ namespace {
 
 constexpr std::int64_t kNsPerSecond = 1'000'000'000;
 constexpr std::int64_t kNsPerMs = 1'000'000;
-constexpr std::int64_t kMaxTraceMs = 10'000'000'000;  // 116 days
+// 116 days, so that times in nanoseconds cannot overflow.
+constexpr std::int64_t kMaxTraceMs = 10'000'000'000;
 
 std::string at_line(std::size_t line, const std::string& what) {
   return "line " + std::to_string(line) + ": " + what;
 }
 
-// Of the step that holds at `in_period`.
+// The index of the step that holds at `in_period`, which is since the start of a period.
 std::size_t step_at(const SteppedRate& rate, Duration in_period) {
   const auto after = std::partition_point(rate.steps.begin(), rate.steps.end(),
                                           [&](const RateStep& s) { return s.at <= in_period; });
@@ -188,7 +189,8 @@ void Bottleneck::send_opportunities(State& state, const Opportunities& trace,
   state.left -= ip_bytes;
   state.busy_until = std::max(state.busy_until, opportunity_time(trace, state.opportunity));
   if (state.left > 0) return;
-  ++state.opportunity;  // used up; the next packet begins with `left` == 0
+  // The opportunity is used up; the next packet begins with `left` == 0.
+  ++state.opportunity;
 }
 
 DataRate Bottleneck::mean(Duration at, Duration span) const {

@@ -1,15 +1,16 @@
-// The bottleneck of one direction: when a packet that waits for it has left it. Three kinds of
-// rate, all of IP bytes:
+// The bottleneck of one direction of a link: says when a packet has left it, after all packets
+// before. It keeps no packets; LinkModel has the queue. Three kinds of rate, all of IP bytes:
 //
-//   constant       to the exact fraction of a nanosecond
-//   stepped        a rate from each of a list of instants on, optionally repeating; 0 = stands
+//   constant       exact to a fraction of a nanosecond
+//   stepped        from each of a list of instants on a rate, 0 for none; the list may repeat
 //   opportunities  Mahimahi's trace format: one integer per line, in ms since the start, each an
 //                  opportunity to send 1500 bytes; an instant may repeat; the last line is also the
-//                  length of the trace, which repeats from there. Packets share an opportunity, one
-//                  larger than what is left of it takes the next as well; what nobody waits for is
-//                  wasted.
+//                  length of the trace, which repeats from there. Packets share an opportunity; one
+//                  larger than what is left of it takes the next as well. An opportunity for which
+//                  no packet waits is lost.
 //
-// Pure values; thread-compatible. Times are since the start of the link.
+// Pure; thread-compatible. Times are since the start of the link. Errors: parse_opportunities()
+// returns one line of text; a rate that stays 0 gives a departure of Duration::max().
 #pragma once
 
 #include <cstddef>
@@ -28,57 +29,62 @@ namespace interneuron::emu {
 inline constexpr std::size_t kOpportunityBytes = 1500;
 
 struct RateStep {
-  Duration at{};  // since the start of the link or of the period
+  // Since the start of the link or of the period.
+  Duration at{};
   DataRate rate{};
 };
 
-// The first step is at 0 and instants rise strictly; before the last step of all ends, some rate is
-// above 0. period 0: the last rate stays for ever; otherwise it is beyond the last step's instant.
+// The first step is at 0, instants rise strictly, and some rate is above 0. With period 0 the last
+// rate stays for ever; otherwise the steps repeat after `period`, which is longer than the last
+// instant.
 struct SteppedRate {
   std::vector<RateStep> steps;
   Duration period{};
 };
 
-// Instants in ms, not falling, at least one; the last is above 0.
+// Instants in ms, never falling. There is at least one, and the last is above 0.
 struct Opportunities {
   std::vector<std::int64_t> at_ms;
 };
 
-// Shared: a trace has thousands of entries and both copies of a profile read the same.
+// Shared by all copies of a profile, as a trace has thousands of entries.
 using RateTrace =
     std::variant<std::shared_ptr<const SteppedRate>, std::shared_ptr<const Opportunities>>;
 
-// Mahimahi's format. The error is "line 7: …", without the file's name. Empty lines and lines that
-// begin with # are skipped.
+// Reads Mahimahi's format. The error is "line 7: …", without the file's name. Empty lines and lines
+// that begin with # are skipped.
 std::variant<Opportunities, std::string> parse_opportunities(std::string_view text);
 
-// Long-run means, for the size of a queue and for displays.
+// The mean rate in the long run, for the size of a queue and for displays.
 DataRate mean_rate(const SteppedRate& rate);
 DataRate mean_rate(const Opportunities& trace);
 
+// Usage: departure() for a packet, then send() if it is really sent.
 class Bottleneck {
  public:
   explicit Bottleneck(DataRate rate);
   // The trace begins at `origin`; before it nothing is sent.
   explicit Bottleneck(const RateTrace& trace, Duration origin = {});
 
-  // When a packet that is there at `at` has left, after all that were sent before. Does not yet
-  // send it; Duration::max(): never.
+  // When a packet that arrives at `at` would have left, after all packets sent before; or
+  // Duration::max() when it would never. The packet does not count as sent yet.
   Duration departure(Duration at, std::size_t ip_bytes);
-  // Sends the packet that departure() was asked about last.
+  // Sends the packet of the last departure().
   void send() { sent_ = asked_; }
-  // Nothing leaves before `t` but what was sent.
+  // Blocks further departures until `t`.
   void busy_until(Duration t);
-  // The mean over [at, at + span).
+  // The mean rate over [at, at + span).
   DataRate mean(Duration at, Duration span) const;
 
  private:
+  // After a packet.
   struct State {
     Duration busy_until{};
-    // constant, stepped: the part of a nanosecond beyond busy_until, in 1/rate ns.
+    // For constant and stepped rates: the part of a nanosecond beyond busy_until, in 1/rate ns.
     std::int64_t remainder = 0;
-    // opportunities: of the present one, what is left.
-    std::uint64_t opportunity = 0;  // counted over all laps
+    // For opportunities: the number of the present one, counted over all repetitions of the trace,
+    // and the bytes left of it.
+    std::uint64_t opportunity = 0;
     std::size_t left = 0;
   };
 
@@ -90,7 +96,8 @@ class Bottleneck {
   RateTrace trace_;
   bool traced_ = false;
   Duration origin_{};
-  State sent_;  // in time since the origin
+  // After the packet sent last, and after the one of the last departure(). Times are since origin_.
+  State sent_;
   State asked_;
 };
 

@@ -1,5 +1,6 @@
-// What both directions of one link share: the delay process, the times without radio and the
-// carrier's NAT. Thread-compatible; pure; times are since the start of the link.
+// What both directions of one link share: the delay process, the outages (times without radio) and
+// the carrier's NAT. Owned by both LinkModels of a Link. Thread-compatible; pure; no errors; times
+// are since the start of the link.
 #pragma once
 
 #include <cstddef>
@@ -19,23 +20,26 @@ class Channel {
 
   struct Sample {
     Duration one_way{};
+    // Probability per packet.
     double loss = 0;
+    // There is no radio: every packet is lost.
     bool out = false;
   };
-  // As DelayProcess::at(): may go back by kMemory.
+  // The conditions at `t`. Calls may go back by up to DelayProcess::kMemory.
   Sample at(Duration t);
 
-  // From `now` on another process, other outages and another NAT, whose time begins there.
+  // Takes another process, other outages and another NAT; their time begins at `now`.
   void replace(Duration now, std::shared_ptr<DelayProcess> process, const PeriodicOutage& outages,
                const NatParams& nat);
-  // From now on this round-trip time instead of the process's, until replace().
+  // Uses this round-trip time instead of the process's from now on, until replace().
   void fix_rtt(Duration rtt) { fixed_rtt_ = rtt; }
-  // No radio in [from, from + length); overlapping ones unite.
+  // Adds an outage [from, from + length); overlapping ones are joined.
   void add_outage(Duration from, Duration length);
 
   const NatParams& nat() const { return nat_; }
-  // A packet went up: the NAT's mapping is fresh.
+  // A packet has gone up, which makes or renews the NAT's mapping.
   void touch_mapping(Duration now) { last_up_ = now; }
+  // Whether the NAT has no mapping, so that packets down are dropped.
   bool mapping_lost(Duration now) const;
 
   const std::shared_ptr<DelayProcess>& process() const { return process_; }
@@ -48,11 +52,14 @@ class Channel {
   bool in_outage(Duration t) const;
 
   std::shared_ptr<DelayProcess> process_;
-  Duration origin_{};  // of the process and the periodic outages
+  // When the time of the process and of the periodic outages began.
+  Duration origin_{};
   std::optional<Duration> fixed_rtt_;
   PeriodicOutage periodic_;
   NatParams nat_;
-  std::vector<Interval> outages_;  // disjoint, in order
+  // Disjoint and in order of time.
+  std::vector<Interval> outages_;
+  // When the last packet went up; empty: none has.
   std::optional<Duration> last_up_;
 };
 

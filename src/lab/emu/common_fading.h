@@ -1,13 +1,14 @@
-// Common fading of several links: with probability c an EDGE entry on one link
-// triggers an EDGE entry on each other that is STABLE, as if both modems drove behind the same
-// hill. c = 0: independent, as in town; in the country bad times were seen together four times as
-// often as by chance (docs/constants.md, "Three-state model").
+// Common fading of several links: when one link enters EDGE, each other that is STABLE enters EDGE
+// as well with probability c, as if both modems drove behind the same hill. With c = 0 links are
+// independent, as was measured in town; in the country bad times came together four times as often
+// as by chance (docs/constants.md, "Three-state model").
 //
-// Coupled processes are made in lockstep, step by step in the order given, so that they do not
-// depend on who is read first and how far. A trigger makes EDGE more frequent than the profile
-// says, so the long-run figures of a coupled link are worse than its own. A triggered entry
-// triggers no further one in the same step. Thread-compatible as a whole: one thread for all
-// coupled links. Pure.
+// Coupled processes make their steps together, in the order given, so that their values do not
+// depend on which is read first and how far. Coupling makes EDGE more frequent than the profile
+// says, so the long-run figures of a coupled link are worse than the profile's. An entry caused by
+// another link causes no further ones in the same step. Pure. Thread-compatible as a whole: one
+// thread uses all coupled links. A group lives as long as one of its processes, and none owns
+// another.
 #pragma once
 
 #include <cstdint>
@@ -37,8 +38,10 @@ class CommonFading {
  private:
   double c_;
   RandomStream stream_;
-  std::vector<DelayProcess*> members_;  // null: gone
-  std::vector<bool> entered_;           // EDGE, in this step
+  // nullptr for a process that has been destroyed.
+  std::vector<DelayProcess*> members_;
+  // Which members have entered EDGE in the present step.
+  std::vector<bool> entered_;
 };
 
 }  // namespace interneuron::emu

@@ -1,5 +1,5 @@
-// What one link and one direction of it are like, as values: the vocabulary of profiles, changes
-// and back ends. Pure.
+// The properties of a link and of one direction of it, as values: the vocabulary that profiles,
+// changes and back ends share. Sizes are in IP bytes, probabilities from 0 to 1. Pure.
 #pragma once
 
 #include <chrono>
@@ -16,72 +16,92 @@ namespace interneuron::emu {
 enum class Direction : std::uint8_t { kUp, kDown };
 inline constexpr std::size_t kDirections = 2;
 
-// Loss in bursts (Gilbert 1960, Elliott 1963), per packet, as `netem loss gemodel p r 1-h 1-k`: in
-// the good state a packet is lost with probability loss_in_good and the state turns bad with p; in
-// the bad one loss_in_bad and r. With the defaults a burst has 1/r packets in the mean.
+// Loss in bursts (Gilbert 1960, Elliott 1963): a chain with a good and a bad state that makes a
+// step per packet. In the good state a packet is lost with probability loss_in_good and the state
+// turns bad with p; in the bad state these are loss_in_bad and r. With the defaults a burst has 1/r
+// packets in the mean. In `netem loss gemodel p r 1-h 1-k`, 1-k is loss_in_good and 1-h
+// loss_in_bad.
 struct GilbertElliott {
   double p = 0;
   double r = 1;
-  double loss_in_good = 0;  // 1 - k
-  double loss_in_bad = 1;   // 1 - h
+  double loss_in_good = 0;
+  double loss_in_bad = 1;
   friend bool operator==(const GilbertElliott&, const GilbertElliott&) = default;
 };
 
+// One direction of a link as its profile describes it.
 struct DirectionParams {
-  // Of the bottleneck; IP bytes count. <= 0: nothing passes. With `trace` its long-run mean.
+  // The rate of the bottleneck; with 0 or less nothing passes. Where there is a `trace`, the
+  // trace's mean in the long run.
   DataRate rate{};
-  // Drop-tail limits of what waits for the bottleneck, see LinkModel::enqueue().
+  // The most bytes and packets that may wait for the bottleneck, see LinkModel::enqueue(). With 0
+  // packets only the bytes are limited.
   std::size_t queue_bytes = 0;
-  std::size_t queue_packets = 0;     // 0: only bytes count
-  std::optional<RateTrace> trace{};  // the rate in time, instead of `rate`
-  // Probabilities per packet.
-  std::optional<double> loss{};                     // instead of that of the radio state
-  std::optional<GilbertElliott> gilbert_elliott{};  // beside `loss`
+  std::size_t queue_packets = 0;
+  // A rate that changes with time, in place of `rate`.
+  std::optional<RateTrace> trace{};
+  // The following are probabilities per packet. `loss` takes the place of the radio state's;
+  // gilbert_elliott is a further cause of loss.
+  std::optional<double> loss{};
+  std::optional<GilbertElliott> gilbert_elliott{};
   double duplicate = 0;
-  double corrupt = 0;  // one bit flipped; the checksum then lets the receiver drop it
-  // A packet overtakes: it arrives reorder_by earlier than in order, at the soonest when it has
-  // left the bottleneck. netem's `reorder` is the case of a reorder_by of the whole delay.
+  // One bit of the packet is flipped; the receiver's checksum then drops it.
+  double corrupt = 0;
+  // The packet arrives reorder_by earlier than in order, but not before it has left the bottleneck.
+  // netem's `reorder` is the case in which reorder_by is the whole delay.
   double reorder = 0;
   Duration reorder_by = kWholeDelay;
-  std::size_t mtu = 0;  // IP bytes; larger packets vanish (a path MTU black hole); 0: none
+  // Larger packets are lost without an error (a path MTU black hole); 0: there is no limit.
+  std::size_t mtu = 0;
 
+  // Longer than any delay.
   static constexpr Duration kWholeDelay = std::chrono::minutes(1);
 };
 
-// What carrier-grade NATs and tunnels are known to do to packets. 0 switches each off.
+// What carrier-grade NATs and tunnels are known to do to packets. 0 turns each off.
 struct NatParams {
-  std::size_t drop_below = 0;     // IP bytes; smaller packets vanish
-  std::size_t reorder_above = 0;  // IP bytes; larger ones arrive `reorder_delay` late, others pass
-  double reorder = 0;             // probability of that, per packet larger than reorder_above
+  // Smaller packets are dropped.
+  std::size_t drop_below = 0;
+  // A packet larger than reorder_above arrives reorder_delay late with probability `reorder`, so
+  // that others overtake it.
+  std::size_t reorder_above = 0;
+  double reorder = 0;
   Duration reorder_delay{};
-  // Packets down vanish once no packet up has come through for this long, or ever.
+  // Packets down are dropped when no packet has gone up for this long, or none ever.
   Duration idle_timeout{};
 };
 
-// No radio in [first + k * every, + length), k = 0, 1, …; every 0: once; length 0: never.
+// Outages of `length` at `first` and then after every `every`. With every 0 there is one outage,
+// with length 0 there is none.
 struct PeriodicOutage {
   Duration first{};
   Duration length{};
   Duration every{};
 };
 
-// What one direction is like at one instant, for a back end that can only set parameters.
+// The properties of one direction at one instant, for a back end that can only set parameters.
 struct Conditions {
-  Duration one_way{};  // half the round trip, without the bottleneck
-  double loss = 0;     // 1 in an outage; without gilbert_elliott's
+  // Half the round trip, without waiting for the bottleneck.
+  Duration one_way{};
+  // Without the loss of gilbert_elliott. 1 in an outage.
+  double loss = 0;
   std::optional<GilbertElliott> gilbert_elliott{};
-  DataRate rate{};  // of a trace: the mean over the next kConditionsSpan
+  // Of a trace the mean over the next kConditionsSpan.
+  DataRate rate{};
+  // As in DirectionParams.
   std::size_t queue_bytes = 0;
-  std::size_t queue_packets = 0;  // 0: only bytes count
+  std::size_t queue_packets = 0;
   double duplicate = 0;
   double corrupt = 0;
   double reorder = 0;
-  Duration reorder_by{};  // at most one_way
-  std::size_t mtu = 0;    // 0: none
+  // At most one_way.
+  Duration reorder_by{};
+  // As in DirectionParams.
+  std::size_t mtu = 0;
 };
 
-// How often a back end that follows Conditions should ask: netem is changed in 10 us
-// (docs/constants.md, "The testbed on a machine"), so 50 times a second cost nothing.
+// The span over which Conditions have one rate. A change of netem takes 10 us (docs/constants.md,
+// "The testbed on a machine"), so that 50 changes a second of each NIC cost next to nothing.
 inline constexpr Duration kConditionsSpan = std::chrono::milliseconds(20);
 
 }  // namespace interneuron::emu

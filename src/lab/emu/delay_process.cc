@@ -25,7 +25,8 @@ DelayParams constant_delay(double rtt_ms, double loss) {
   DelayParams params;
   RadioStateParams only_state;
   only_state.level_ms = rtt_ms;
-  only_state.sojourn_mean_s = 86'400;  // any; all states are alike
+  // Any value would do, as all states are alike.
+  only_state.sojourn_mean_s = 86'400;
   only_state.loss = loss;
   params.states.fill(only_state);
   params.min_ms = params.max_ms = rtt_ms;

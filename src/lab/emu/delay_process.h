@@ -1,16 +1,17 @@
 // The round-trip time of one cellular link while driving, as a process in time. Two models:
 //
-//   three-state (docs/constants.md, "Three-state model"): a semi-Markov chain STABLE -> EDGE ->
-//   {BAD
-//     with probability q | STABLE}, BAD -> STABLE, with Gamma sojourns, a level per episode, an
-//     AR(1) wander within it, a first-order ramp between episodes and a half-normal jitter per
-//     step. Its long-run mean, minimum, maximum and standard deviation equal the paper's network
-//     table.
-//   delay-trace: measured round-trip times, see delay_trace.h. Always in state STABLE.
+//   three-state: a semi-Markov chain. From STABLE it goes to EDGE, from EDGE with probability q to
+//     BAD and else back to STABLE, from BAD to STABLE. A stay (an episode) lasts a time with a
+//     Gamma distribution and draws a level; within it an AR(1) process varies around the level;
+//     from one level to the next leads a first-order ramp; each step adds half-normal jitter. With
+//     the parameters of 4g.toml and 5g.toml the mean, minimum, maximum and standard deviation in
+//     the long run are those of the paper's network table (docs/constants.md, "Three-state model").
+//   delay-trace: measured round-trip times, see delay_trace.h. Always in the state STABLE.
 //
-// Both directions of a link read the same process, half of it each, since the table has round
-// trips. Thread-compatible; pure. The same parameters and seed give the same process, whoever reads
-// it and how often. Processes may share their fading: see common_fading.h.
+// Both directions of a link read the same process and take half of it each, since the table has
+// round trips. The same parameters and seed give the same values, whoever reads them and how often.
+// Several processes may share their fading: see common_fading.h. Memory: the last 10 s, 1000
+// samples. Pure; thread-compatible; no errors.
 #pragma once
 
 #include <array>
@@ -31,50 +32,63 @@ enum class RadioState : std::uint8_t { kStable, kEdge, kBad };
 inline constexpr std::size_t kRadioStates = 3;
 
 struct RadioStateParams {
-  double level_ms = 0;      // mean of the episode's level
-  double level_sd_ms = 0;   // its spread over episodes
-  double ar_sd_ms = 0;      // stationary sd of the wander within an episode
-  double ar_tau_s = 1;      // its correlation time, > 0
-  double jitter_sd_ms = 0;  // half-normal, per step
+  // The level of an episode: its mean and its standard deviation over episodes.
+  double level_ms = 0;
+  double level_sd_ms = 0;
+  // The AR(1) process within an episode: its stationary standard deviation and its correlation
+  // time, which is above 0.
+  double ar_sd_ms = 0;
+  double ar_tau_s = 1;
+  // The standard deviation of the normal distribution whose absolute values are the jitter.
+  double jitter_sd_ms = 0;
+  // The length of an episode: mean and shape of the Gamma distribution.
   double sojourn_mean_s = 1;
-  double sojourn_shape = 2;  // of the Gamma distribution
-  double loss = 0;           // probability per packet and direction
+  double sojourn_shape = 2;
+  // Probability per packet and direction.
+  double loss = 0;
 };
 
 struct DelayParams {
-  std::array<RadioStateParams, kRadioStates> states{};  // indexed by RadioState
-  double bad_after_edge = 0;                            // q
-  double ramp_tau_s = 0.1;                              // > 0
-  double min_ms = 0;  // the process is clipped to [min_ms, max_ms]
+  // Indexed by RadioState.
+  std::array<RadioStateParams, kRadioStates> states{};
+  // q, the probability that BAD follows EDGE.
+  double bad_after_edge = 0;
+  // The time constant of the ramp between levels, above 0.
+  double ramp_tau_s = 0.1;
+  // Values are clipped to [min_ms, max_ms].
+  double min_ms = 0;
   double max_ms = 0;
-  // Set: the model is delay-trace; of the above only states[kStable].loss counts.
+  // When set, the model is delay-trace, and of the fields above only states[kStable].loss counts.
   std::shared_ptr<const DelayTrace> trace;
-  bool random_start = false;  // begin somewhere in the trace, which the seed chooses
+  // The trace begins at a place that the seed decides, instead of at its beginning.
+  bool random_start = false;
 };
 
 // A round-trip time that never changes.
 DelayParams constant_delay(double rtt_ms, double loss);
 
-// Steps of the process; between two steps the value holds.
+// The length of a step of the process. Within a step its value stays the same.
 inline constexpr Duration kDelayStep = std::chrono::milliseconds(10);
 
 class DelayProcess {
  public:
   DelayProcess(const DelayParams& params, std::uint64_t seed);
   ~DelayProcess();
-  DelayProcess(const DelayProcess&) = delete;  // others may be coupled to it
+  // Coupled processes know each other by address.
+  DelayProcess(const DelayProcess&) = delete;
   DelayProcess& operator=(const DelayProcess&) = delete;
 
   struct Sample {
     Duration rtt{};
     RadioState state{};
-    bool out = false;  // no network
+    // The trace had no network at this time.
+    bool out = false;
     double loss = 0;
   };
 
-  // The process at `t` since its start (negative t reads as 0). Calls may go back by up to kMemory;
-  // older instants read the oldest sample still kept. Constant time for what is already made; a
-  // jump ahead makes every step between.
+  // The process at `t` since its start; a negative `t` counts as 0. Calls may go back by up to
+  // kMemory; for older instants the result is the oldest sample kept. A call beyond the newest
+  // step makes all steps up to `t`; others take constant time.
   Sample at(Duration t);
 
   static constexpr Duration kMemory = std::chrono::seconds(10);
@@ -82,15 +96,17 @@ class DelayProcess {
  private:
   friend class CommonFading;
 
-  // RadioStateParams in units of one step.
+  // The AR(1) process per step: the factor that keeps a part of its value, and the standard
+  // deviation of what is added.
   struct Coefficients {
-    double keep = 0;           // of the wander, over one step
-    double innovation_ms = 0;  // sd of what is added to it
+    double keep = 0;
+    double innovation_ms = 0;
   };
 
   std::int64_t made() const { return first_index_ + static_cast<std::int64_t>(samples_.size()); }
   void make_step();
-  bool end_episode();  // true: EDGE begins now
+  // True when EDGE begins with this step.
+  bool end_episode();
   void append_sample();
   Sample trace_sample() const;
   Sample state_sample();
@@ -106,13 +122,17 @@ class DelayProcess {
   std::mt19937_64 rng_;
   std::normal_distribution<double> unit_normal_{0.0, 1.0};
   RadioState state_ = RadioState::kStable;
-  std::int64_t steps_left_ = 0;  // of the present episode
+  // Of the present episode.
+  std::int64_t steps_left_ = 0;
   double level_ms_ = 0;
   double wander_ms_ = 0;
   double ramped_ms_ = 0;
   Duration last_rtt_{};
-  std::int64_t first_index_ = 0;  // index of samples_.front()
-  Ring<Sample> samples_;          // at most kMemory + one step
+  // The number of the step that samples_.front() is of.
+  std::int64_t first_index_ = 0;
+  // At most kMemory and one step.
+  Ring<Sample> samples_;
+  // Empty unless coupled.
   std::shared_ptr<CommonFading> fading_;
 };
 

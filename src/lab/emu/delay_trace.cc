@@ -9,7 +9,8 @@ namespace interneuron::emu {
 
 namespace {
 
-constexpr double kMinStepSeconds = 0.01;  // the step of the process
+// The step of the process, kDelayStep.
+constexpr double kMinStepSeconds = 0.01;
 constexpr double kMaxStepSeconds = 3600;
 constexpr double kMaxRttMs = 60'000;
 constexpr double kUnavailable = -1;

@@ -21,13 +21,15 @@ namespace interneuron::emu {
 struct DelayTrace {
   std::string source;
   Duration step = std::chrono::seconds(1);
-  std::vector<double> rtt_ms;  // at least two, one of them not below 0; negative: unavailable
+  // At least two samples, of which one is not negative. A negative one means that there was no
+  // network.
+  std::vector<double> rtt_ms;
 
   struct Sample {
     double rtt_ms = 0;
     bool out = false;
   };
-  // At `t` >= 0 since its beginning.
+  // The value at `t`, which is since the beginning of the trace and not negative.
   Sample at(Duration t) const;
   Duration length() const { return step * static_cast<std::int64_t>(rtt_ms.size()); }
 };

@@ -79,7 +79,8 @@ std::vector<std::string> netem_cannot(const LinkProfile& profile) {
 
 std::vector<std::string> netem_cannot(const LinkChange& change) {
   LinkProfile after;
-  after.up.reorder = after.down.reorder = 1;  // so that reorder_ms alone counts, too
+  // So that a change of reorder_ms alone is noticed as well.
+  after.up.reorder = after.down.reorder = 1;
   if (change.profile) after = *change.profile;
   change.direction(Direction::kUp).apply_to(after.up);
   change.direction(Direction::kDown).apply_to(after.down);

@@ -1,9 +1,9 @@
-// One emulated full-duplex link: a delay process, outages and a NAT that both directions share, and
-// a LinkModel for each. What the simulator and the user-space emulator run, and what a back end
-// that can only set parameters (tc-netem) follows by conditions().
+// One emulated full-duplex link: a Channel that both directions share (delay process, outages, NAT)
+// and a LinkModel for each direction. The simulator and the user-space emulator pass packets
+// through it; a back end that can only set parameters (tc-netem) follows conditions().
 //
-// Pure; times are "since the start of the link". Thread-compatible. Movable: references to up() and
-// down() move with it.
+// Pure; thread-compatible; no errors. Times are since the start of the link. Owns its models;
+// moving a Link makes references to up() and down() invalid.
 #pragma once
 
 #include <array>
@@ -20,7 +20,8 @@ namespace interneuron::emu {
 
 class Link {
  public:
-  // `seed` is that of the delay process itself: the same as DelayProcess(profile.delay, seed).
+  // `seed` is the seed of the delay process, as of DelayProcess(profile.delay, seed); those of the
+  // other random features are derived from it.
   Link(const LinkProfile& profile, std::uint64_t seed);
 
   LinkModel& up() { return *model(Direction::kUp); }
@@ -28,28 +29,30 @@ class Link {
   const LinkModel& up() const { return models_[0]; }
   const LinkModel& down() const { return models_[1]; }
 
-  // The delay process, for coupling before the first packet and for who wants to know the truth.
-  // Another one, coupled to none, after a change of the profile.
+  // The delay process: to couple it before the first packet, and to compare estimates with the
+  // truth. A change of the profile replaces it by one that is coupled to none.
   const std::shared_ptr<DelayProcess>& process() const { return channel_->process(); }
 
-  // From `now` on. Packets that still wait for a bottleneck follow the change.
+  // Changes the link from `now` on. Packets that still wait for a bottleneck follow the change.
   void change(Duration now, const LinkChange& change);
-  // No radio in [from, from + length), which may lie ahead: packets that leave a bottleneck in it
-  // are lost.
+  // Adds an outage [from, from + length), which may lie ahead. Packets that leave a bottleneck
+  // within it are lost.
   void outage(Duration from, Duration length);
 
+  // The present properties of one direction.
   Conditions conditions(Direction direction, Duration now) const;
 
  private:
   LinkModel* model(Direction d) { return &models_[static_cast<std::size_t>(d)]; }
 
   std::uint64_t seed_;
-  std::uint64_t changes_ = 0;  // of the process; each has a seed of its own
+  // How often the process was replaced; each process gets a seed of its own.
+  std::uint64_t changes_ = 0;
   std::shared_ptr<Channel> channel_;
   std::array<LinkModel, kDirections> models_;
 };
 
-// What of a profile tc-netem has no means for, one short line each; empty: it can do it all.
+// What tc-netem cannot do of a profile or a change, one short line each; empty: it can do it all.
 std::vector<std::string> netem_cannot(const LinkProfile& profile);
 std::vector<std::string> netem_cannot(const LinkChange& change);
 

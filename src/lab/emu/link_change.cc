@@ -177,7 +177,8 @@ std::variant<LinkChange, ProfileError> parse_change(std::span<const std::string>
     }
     if (key_value.empty()) return ProfileError{"no change given; write KEY=VALUE, as rtt_ms=80"};
     return change;
-  } catch (const std::exception& error) {  // the resolver's
+  } catch (const std::exception& error) {
+    // The resolver has thrown.
     return ProfileError{error.what()};
   }
 }

@@ -22,7 +22,7 @@
 
 namespace interneuron::emu {
 
-// Only what is set changes. Units as in DirectionParams.
+// The fields that are set replace those of DirectionParams, in the same units; the others stay.
 struct DirectionChange {
   std::optional<double> loss;
   std::optional<DataRate> rate;
@@ -38,9 +38,11 @@ struct DirectionChange {
 };
 
 struct LinkChange {
-  std::shared_ptr<const LinkProfile> profile;  // null: stays
+  // nullptr leaves the profile as it is.
+  std::shared_ptr<const LinkProfile> profile;
   std::optional<Duration> rtt;
-  std::array<DirectionChange, kDirections> directions;  // indexed by Direction
+  // Indexed by Direction.
+  std::array<DirectionChange, kDirections> directions;
 
   DirectionChange& direction(Direction d) { return directions[static_cast<std::size_t>(d)]; }
   const DirectionChange& direction(Direction d) const {
@@ -48,8 +50,8 @@ struct LinkChange {
   }
 };
 
-// "profile=" is looked up by `resolver` (see profile.h). The error is one line that names key, what
-// is wrong and the remedy; no file, since there is none.
+// Reads settings, each KEY=VALUE. `resolver` finds the profile of "profile=" (see profile.h). The
+// error is one line that names the key, what is wrong and the remedy.
 std::variant<LinkChange, ProfileError> parse_change(
     std::span<const std::string> key_value, const ProfileResolver& resolver = built_in_resolver());
 

@@ -9,8 +9,8 @@
 
 namespace interneuron::emu {
 
-// The keys of a change in `section`, which may have `others` as well. False: the reader has an
-// error.
+// Reads the keys of a change from `section`, in which the keys `others` may stand as well. Returns
+// false when the reader has an error.
 bool read_change(TomlReader& reader, const TomlReader::Section& section,
                  const std::vector<std::string_view>& others, const ProfileResolver& resolver,
                  LinkChange& out);

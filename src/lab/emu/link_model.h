@@ -1,17 +1,18 @@
-// One direction of an emulated link: a bottleneck (rate, drop-tail queue) followed by a delay line
-// fed by a DelayProcess, in order (a radio bearer is FIFO), with loss and the other faults of
-// DirectionParams. Used by sim::World in virtual time and by the user-space emulator on real
-// packets, so that both see the same link.
+// One direction of an emulated link: a bottleneck with a drop-tail queue, then a delay line that
+// keeps the order (a radio bearer is first in, first out), with loss and the other faults of
+// DirectionParams. sim::World uses it in virtual time and the user-space emulator on real packets,
+// so that both have the same link. It keeps handles of packets (tags), never their bytes.
 //
 //   enqueue -> MTU, NAT -> [ drop-tail queue -> bottleneck ] -> outage, loss -> [ delay line ] ->
 //   dequeue
 //
-// Delay, loss and outage are those at the instant at which the packet has left the bottleneck.
-// Each random feature draws from a stream of its own. A packet costs about 100 ns and, once the
-// link has been as full, no allocation.
+// Delay, loss and outage are those at the instant at which the packet leaves the bottleneck. Each
+// random feature draws from a stream of its own, so that turning one on does not change another. A
+// packet costs about 100 ns, and no allocation unless more packets are inside than ever before.
 //
-// Pure; times are "since the start of the link". Thread-compatible, together with all that share
-// its Channel.
+// Bounds: what waits for the bottleneck by queue_bytes, queue_packets and kLongestWait; what is in
+// the delay line by the rate and the delay. Pure; no errors; times are since the start of the link.
+// Thread-compatible, together with all that share its Channel.
 #pragma once
 
 #include <cstddef>
@@ -29,21 +30,31 @@
 
 namespace interneuron::emu {
 
-// packets_in + duplicated = delivered + lost + queue_drops + outage_lost + too_big + nat_drops
-//                           + still inside (a duplicated packet twice)
+// Counters of one direction since its start; bytes are IP bytes. Always
+//   packets_in + duplicated = delivered + lost + queue_drops + outage_lost + too_big + nat_drops
+//                             + packets inside (a duplicated packet twice)
 struct DirectionStats {
   std::uint64_t packets_in = 0;
   std::uint64_t bytes_in = 0;
-  std::uint64_t delivered = 0;  // with duplicates and corrupt ones
+  // With duplicates and corrupted packets.
+  std::uint64_t delivered = 0;
   std::uint64_t bytes_delivered = 0;
-  std::uint64_t lost = 0;         // by the radio
-  std::uint64_t queue_drops = 0;  // at the tail of the queue
-  std::uint64_t duplicated = 0;   // extra copies made
-  std::uint64_t corrupted = 0;    // of `delivered`
-  std::uint64_t reordered = 0;    // moved out of order, whether or not another was there to pass
-  std::uint64_t outage_lost = 0;  // left the bottleneck while there was no radio
-  std::uint64_t too_big = 0;      // larger than the path MTU
-  std::uint64_t nat_drops = 0;    // too small, or without a mapping
+  // Lost by the radio.
+  std::uint64_t lost = 0;
+  // Dropped at the tail of the queue.
+  std::uint64_t queue_drops = 0;
+  // Extra copies made.
+  std::uint64_t duplicated = 0;
+  // Of those delivered.
+  std::uint64_t corrupted = 0;
+  // Moved out of order, also when there was no packet to overtake.
+  std::uint64_t reordered = 0;
+  // Left the bottleneck in an outage.
+  std::uint64_t outage_lost = 0;
+  // Larger than the path MTU.
+  std::uint64_t too_big = 0;
+  // Dropped by the NAT: too small, or without a mapping.
+  std::uint64_t nat_drops = 0;
 };
 
 class LinkModel {
@@ -52,61 +63,74 @@ class LinkModel {
             std::uint64_t seed);
 
   struct Packet {
-    std::uint64_t tag = 0;  // the caller's handle of the packet
+    // The caller's handle of the packet.
+    std::uint64_t tag = 0;
     std::size_t ip_bytes = 0;
-    Duration due{};        // when it leaves the link
-    bool corrupt = false;  // flip one bit of it
-    bool last = true;      // no further copy of this tag comes: the caller frees its bytes
-    // An outage or a change, told after it had entered, took it from the queue: only to be freed.
+    // When it leaves the link.
+    Duration due{};
+    // The caller is to flip one bit of it.
+    bool corrupt = false;
+    // No further copy of this tag comes, so the caller may free its bytes.
+    bool last = true;
+    // The packet was lost after it had entered, by an outage or a change made later: the caller
+    // only frees it.
     bool lost = false;
   };
 
-  // A packet enters at `now`, which never goes back. False when it was lost or dropped (and
-  // counted); the caller may then forget it. True: the tag comes out of dequeue() until `last`.
-  // Dropped at the tail of the queue: while packets wait for the bottleneck (the one on its way
-  // through it included, whole), when this one would make them more than queue_bytes or
-  // queue_packets; an idle bottleneck takes any packet. Dropped there, too: what would have to wait
-  // longer than kLongestWait. Lost packets have used the bottleneck.
+  // A packet enters at `now`, which never goes back. Returns false when it was lost or dropped (and
+  // counted), and the caller may forget it; else the tag comes out of dequeue() until `last`.
+  //
+  // A packet is dropped at the tail of the queue when it would make the packets that wait for the
+  // bottleneck (with the whole of the one that is leaving it) more than queue_bytes or
+  // queue_packets, or would have to wait longer than kLongestWait. An idle bottleneck takes any
+  // packet. Packets that the radio loses use the bottleneck like others.
   bool enqueue(Duration now, std::size_t ip_bytes, std::uint64_t tag);
   // When the next packet leaves, if any is inside.
   std::optional<Duration> next_delivery() const;
   // The next packet that is due at `now`, if any: in the order of entry but for those reordered.
   std::optional<Packet> dequeue(Duration now);
 
-  // From `now` on these parameters, and whatever has changed in the channel. What still waits for
-  // the bottleneck gets the new rate and delay; it keeps its draws (loss, corruption, …), so a
-  // packet lost or duplicated stays so.
+  // Uses these parameters from `now` on, and what has changed in the channel. Packets that still
+  // wait for the bottleneck get the new rate and delay but keep what was drawn for them (loss,
+  // corruption, duplication).
   void change(Duration now, const DirectionParams& params);
-  // An outage in [from, to) was added to the channel.
+  // To be called when an outage [from, to) was added to the channel.
   void outage_added(Duration from, Duration to);
 
   Conditions conditions(Duration now) const;
 
   const DirectionParams& params() const { return params_; }
   const DirectionStats& stats() const { return stats_; }
-  std::size_t waiting_bytes(Duration now);  // for the bottleneck
+  // The bytes that wait for the bottleneck.
+  std::size_t waiting_bytes(Duration now);
 
-  // What a delay process remembers: a packet's delay is read when it leaves the queue.
+  // A packet's delay is read when it leaves the queue, from a process that remembers this long.
   static constexpr Duration kLongestWait = DelayProcess::kMemory;
 
  private:
-  struct Waiting {  // for the bottleneck, lost packets too
+  // A packet that waits for the bottleneck, also one that the radio will lose.
+  struct Waiting {
     Duration departure{};
     std::size_t bytes = 0;
-    bool dropped = false;  // a change made it too late
+    // A change has made it wait too long.
+    bool dropped = false;
   };
+  // A packet inside the link.
   struct Entry {
     Duration due{};
     Duration departure{};
-    Duration shift{};  // of a packet out of order, against its turn
+    // By how much a reordered packet is due later than its turn (negative: earlier).
+    Duration shift{};
     std::uint64_t tag = 0;
-    std::uint64_t serial = 0;  // of all that have used the bottleneck
+    // Counts all packets that have used the bottleneck.
+    std::uint64_t serial = 0;
     std::size_t bytes = 0;
     std::uint8_t copies = 1;
     bool corrupt = false;
     bool lost = false;
   };
-  struct Later;  // orders the heap: earliest due first, then by serial
+  // Orders the heap: earliest due first, then by serial.
+  struct Later;
 
   bool refused(Duration now, std::size_t ip_bytes);
   bool admitted(std::size_t ip_bytes) const;
@@ -133,14 +157,19 @@ class LinkModel {
   RandomStream corrupt_stream_;
   RandomStream reorder_stream_;
   RandomStream nat_stream_;
-  bool burst_ = false;  // Gilbert-Elliott's bad state
+  // The Gilbert-Elliott chain is in its bad state.
+  bool burst_ = false;
   Ring<Waiting> waiting_;
   std::size_t waiting_bytes_ = 0;
   std::uint64_t next_serial_ = 0;
-  Duration last_due_{};        // keeps the order
-  Duration delivered_due_{};   // of the last in order that left
-  Ring<Entry> line_;           // in order of entry and of due
-  std::vector<Entry> strays_;  // a heap: those out of order
+  // No packet in order is due before this.
+  Duration last_due_{};
+  // When the last packet in order that left was due.
+  Duration delivered_due_{};
+  // Packets in order, by entry and by due time.
+  Ring<Entry> line_;
+  // Packets out of order, as a heap.
+  std::vector<Entry> strays_;
   DirectionStats stats_;
 };
 

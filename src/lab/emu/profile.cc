@@ -99,7 +99,8 @@ std::variant<LinkProfile, ProfileError> parse_profile(std::string_view toml_text
     profile.source = source_of(toml_text);
     if (read_profile(reader, toml_text, TraceFiles(loader), profile)) return profile;
     return ProfileError{reader.error().value_or(std::string(origin) + ": cannot be read")};
-  } catch (const std::exception& error) {  // out of memory in toml++, or the loader's
+  } catch (const std::exception& error) {
+    // toml++ is out of memory, or the loader has thrown.
     return ProfileError{std::string(origin) + ": cannot be read: " + error.what()};
   }
 }

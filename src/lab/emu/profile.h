@@ -72,12 +72,15 @@
 namespace interneuron::emu {
 
 struct LinkProfile {
-  std::string name;         // "5g"
-  std::string description;  // one line
-  std::string source;       // from line 1 of the file; empty when that is no comment
+  // For example "5g".
+  std::string name;
+  // One line each; the source is from line 1 of the file and empty when that is no comment.
+  std::string description;
+  std::string source;
   DelayParams delay;
-  DirectionParams up;    // vehicle -> roadside
-  DirectionParams down;  // roadside -> vehicle
+  // Up is from the vehicle to the roadside.
+  DirectionParams up;
+  DirectionParams down;
   PeriodicOutage outages;
   NatParams nat;
 
@@ -111,14 +114,18 @@ std::variant<LinkProfile, ProfileError> parse_profile(std::string_view toml_text
 
 // The files of tc_profiles/, compiled in, so that a program finds them wherever it is installed.
 struct BuiltInProfile {
-  std::string_view name;    // "5g": the name of its file
-  std::string_view origin;  // "tc_profiles/5g.toml"
+  // The name of its file without the ending: "5g".
+  std::string_view name;
+  // "tc_profiles/5g.toml", for errors.
+  std::string_view origin;
   std::string_view text;
 };
-std::span<const BuiltInProfile> built_in_profiles();  // by name
+// In the order of their names.
+std::span<const BuiltInProfile> built_in_profiles();
 
 struct BuiltInTrace {
-  std::string_view name;  // "traces/lte-sprint-highway.rtt", as profiles name it
+  // As profiles name it: "traces/lte-sprint-highway.rtt".
+  std::string_view name;
   std::string_view text;
 };
 std::span<const BuiltInTrace> built_in_traces();
@@ -132,8 +139,8 @@ using ProfileResolver =
 // Knows the built-in ones; the error lists them.
 ProfileResolver built_in_resolver();
 
-// Seed of one link's process from the testbed's seed and the link's position, so that links are
-// independent and each keeps its process when another is added.
+// The seed of one link's process, derived from the testbed's seed and the link's position, so that
+// links are independent and each keeps its process when another is added.
 std::uint64_t link_seed(std::uint64_t testbed_seed, std::size_t link_index);
 
 }  // namespace interneuron::emu

@@ -27,7 +27,8 @@ constexpr NumberKey kNatReorder{"reorder", "", 0, 1, "", true};
 constexpr NumberKey kNatReorderMs{"reorder_ms", "", 0.01, kMaxRttMs, "ms", true};
 constexpr NumberKey kIdle{"idle_timeout_s", "", 0.001, kMaxSeconds, "s", true};
 
-constexpr double kDefaultNatReorderMs = 5;  // assumed
+// Assumed: the report of reordering by a carrier (quic-go/quic-go issue 5768) gives no delay.
+constexpr double kDefaultNatReorderMs = 5;
 
 Duration seconds(double s) { return from_ms(s * 1e3); }
 
@@ -79,7 +80,8 @@ bool read_rate(TomlReader& reader, const Section& section, const TraceFiles& fil
   if (steps) return read_steps(reader, section, out);
   if (!trace) {
     double mbit = 0;
-    return reader.number(section, kRateKey, mbit);  // says that it is missing
+    // Reports that the key is missing.
+    return reader.number(section, kRateKey, mbit);
   }
   std::shared_ptr<const Opportunities> opportunities;
   if (!files.read(reader, section, "rate_trace", parse_opportunities, opportunities)) return false;

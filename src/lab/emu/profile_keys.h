@@ -9,11 +9,13 @@
 
 namespace interneuron::emu {
 
-// Ranges are wide: they catch slips of the pen and of units, not unlikely networks.
-inline constexpr double kMaxRttMs = 60'000;    // a minute
-inline constexpr double kMaxSeconds = 86'400;  // a day, for what lasts
-inline constexpr double kMaxInstantS = 1e7;    // 116 days, for when
-inline constexpr double kMinQueueKbyte = 1.5;  // one Ethernet packet
+// Ranges are wide: they are to catch typing errors and wrong units, not unlikely networks. A round
+// trip is a minute at most, a length of time a day, an instant 116 days from the start, and a queue
+// holds one Ethernet packet at least.
+inline constexpr double kMaxRttMs = 60'000;
+inline constexpr double kMaxSeconds = 86'400;
+inline constexpr double kMaxInstantS = 1e7;
+inline constexpr double kMinQueueKbyte = 1.5;
 inline constexpr double kMinRateMbit = 0.001;
 inline constexpr double kMaxRateMbit = 100'000;
 

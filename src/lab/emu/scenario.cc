@@ -14,7 +14,8 @@ namespace {
 
 using Section = TomlReader::Section;
 
-constexpr std::size_t kLongestName = 13;  // "if" + name is a NIC's name, 15 characters at most
+// "if" and the name are a NIC's name, which has 15 characters at most.
+constexpr std::size_t kLongestName = 13;
 
 constexpr NumberKey kFading{"common_fading", "probability that EDGE is shared", 0, 1, ""};
 constexpr NumberKey kMeanGap{"mean_gap_s", "mean time between holes", 0.1, kMaxSeconds, "s"};
@@ -99,7 +100,8 @@ bool read_event(TomlReader& reader, const Section& section, const ProfileResolve
       !reader.number(section, kOutage, outage_s)) {
     return false;
   }
-  constexpr std::size_t kAddress = 2;  // at_s and link, without which it is no event
+  // at_s and link; an event must have a further key.
+  constexpr std::size_t kAddress = 2;
   if (section.table->size() <= kAddress) {
     return reader.fail_at(section, "at_s",
                           "nothing happens in this [[event]]: add outage_s or a change, as rtt_ms");
@@ -161,7 +163,8 @@ std::variant<Scenario, ProfileError> parse_scenario(std::string_view toml_text,
     scenario.source = source_of(toml_text);
     if (read_scenario(reader, toml_text, resolver, scenario)) return scenario;
     return ProfileError{reader.error().value_or(std::string(origin) + ": cannot be read")};
-  } catch (const std::exception& error) {  // out of memory in toml++, or the resolver's
+  } catch (const std::exception& error) {
+    // toml++ is out of memory, or the resolver has thrown.
     return ProfileError{std::string(origin) + ": cannot be read: " + error.what()};
   }
 }

@@ -41,18 +41,26 @@ namespace interneuron::emu {
 struct ScenarioLink {
   std::string name;
   LinkProfile profile;
-  std::uint64_t seed = 0;  // of its delay process
+  // Of the link's delay process.
+  std::uint64_t seed = 0;
 };
 
+// Something that happens to one link or to all: an outage, a change, or both.
 struct ScenarioEvent {
+  // Since the first packet.
   Duration at{};
-  std::optional<std::size_t> link;  // index; empty: all
-  Duration outage{};                // 0: none
-  LinkChange change;                // may be empty
+  // The index of a link; empty: all links.
+  std::optional<std::size_t> link;
+  // 0: none.
+  Duration outage{};
+  // Changes nothing when it is empty.
+  LinkChange change;
 };
 
+// Random times at which no link has radio; gaps and lengths are exponentially distributed.
 struct CoverageHoles {
-  Duration mean_gap{};  // from the end of one to the next; 0: there are none
+  // From the end of one to the beginning of the next; 0: there are none.
+  Duration mean_gap{};
   Duration mean_length{};
 };
 
@@ -63,12 +71,14 @@ struct Scenario {
   std::vector<ScenarioLink> links;
   double common_fading = 0;
   CoverageHoles holes;
-  std::vector<ScenarioEvent> events;  // by time; those of one instant in the order of the file
+  // In order of time; those of one instant in the order of the file.
+  std::vector<ScenarioEvent> events;
 };
 
 inline constexpr std::size_t kMaxScenarioLinks = 16;
 
-// The error is one line with file, line, column, key and remedy.
+// Reads a scenario; `origin` names it in errors. The error is one line with file, line, column, key
+// and remedy.
 std::variant<Scenario, ProfileError> parse_scenario(
     std::string_view toml_text, std::string_view origin,
     const ProfileResolver& resolver = built_in_resolver());

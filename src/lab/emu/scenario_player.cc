@@ -9,9 +9,10 @@ namespace interneuron::emu {
 
 namespace {
 
-// Streams of their own, beside those of the links.
-constexpr std::uint64_t kFadingStream = 0x66616465;  // "fade"
-constexpr std::uint64_t kHoleStream = 0x686f6c65;    // "hole"
+// Numbers from which the seeds of two random streams are derived, the letters "fade" and "hole", so
+// that these streams differ from those of the links.
+constexpr std::uint64_t kFadingStream = 0x66616465;
+constexpr std::uint64_t kHoleStream = 0x686f6c65;
 
 // Holes are told to the links this long before they begin, so that packets that will leave a queue
 // within one are lost at once.

@@ -1,7 +1,8 @@
-// Plays a scenario: makes its links and does to them what happens, in time. The simulator and every
-// back end of the testbed call the same player, so that a scenario means the same in all.
+// Plays a scenario: makes its links and applies its events and coverage holes to them as time goes
+// on. The simulator and both back ends of the testbed use the same player, so that a scenario means
+// the same in all.
 //
-// Pure; thread-compatible; owns the links, whose addresses stay.
+// Pure; thread-compatible; no errors. Owns the links, whose addresses never change.
 #pragma once
 
 #include <memory>
@@ -22,7 +23,7 @@ class ScenarioPlayer {
   Link& link(std::size_t i) { return *links_[i]; }
   const Scenario& scenario() const { return scenario_; }
 
-  // Does all that is due at `now`, which never goes back.
+  // Applies everything that is due at `now`, which never goes back.
   void play(Duration now);
   // When play() has something to do next; empty: never again.
   std::optional<Duration> next() const;
@@ -34,7 +35,8 @@ class ScenarioPlayer {
   std::vector<std::unique_ptr<Link>> links_;
   std::size_t next_event_ = 0;
   RandomStream hole_stream_;
-  Duration hole_from_ = Duration::max();  // the next that is not announced yet
+  // The beginning of the next coverage hole of which the links have not been told yet.
+  Duration hole_from_ = Duration::max();
 };
 
 }  // namespace interneuron::emu
