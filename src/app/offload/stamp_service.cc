@@ -84,6 +84,7 @@ class StampService::Impl {
       io::UdpOptions udp;
       udp.nic = nic.name;
       udp.local = *local;
+      udp.answer_from_receiver = true;
       ports_.push_back({nic.name, nic.index, std::make_unique<io::StampedSocket>(udp)});
     } catch (const IoError& error) {
       if (error.code() == EACCES) {
@@ -145,7 +146,7 @@ class StampService::Impl {
     while (const auto request = port.socket->receive()) {
       const std::size_t size = reflector_.answer(
           {id, request->from, request->bytes, request->ttl, request->at}, io::now(), wall_, out_);
-      if (size > 0) port.socket->send(request->from, ByteView(out_).first(size));
+      if (size > 0) port.socket->send(request->from, ByteView(out_).first(size), request->to);
     }
   }
 

@@ -20,17 +20,23 @@ class StampedSocket {
 
   struct Received {
     Address from{};
+    // The local address that it was sent to, port 0. Only with UdpOptions::answer_from_receiver on
+    // a socket that is bound to no address; else of size 0.
+    Address to{};
     // Valid until the next call.
     ByteView bytes;
-    // When the kernel had it; the time of the call where the kernel does not tell.
+    // When the kernel had it; the time of the call, where the kernel does not tell.
     TimePoint at{};
-    // TTL (IPv4) or hop limit (IPv6); 0 where the kernel does not tell.
+    // TTL or hop limit; 0 where the kernel does not tell.
     std::uint8_t ttl = 0;
   };
   // Nothing when nothing is there. Never blocks, never throws.
   std::optional<Received> receive();
-  // Sends one datagram: 0, or the errno. Waits at most 10 ms for room in the socket's buffer.
-  int send(const Address& to, ByteView bytes);
+  // Returns 0, or the errno; waits at most 10 ms for room in the socket's buffer. `source`: the
+  // local address to send from, as Received::to tells it; of size 0: the kernel chooses. On a host
+  // with several NICs that choice decides which routes count, so whoever answers should name the
+  // address that was asked.
+  int send(const Address& to, ByteView bytes, const Address& source = {});
 
   Address local_address() const { return socket_.local; }
   int native_handle() const { return socket_.fd.get(); }

@@ -79,6 +79,29 @@ TEST(StampedSocket, EachDatagramComesByItself) {
   EXPECT_FALSE(socket.receive());
 }
 
+TEST(StampedSocket, AnAnswerLeavesFromTheAddressThatWasAsked) {
+  for (const auto& [any, asked] : {std::pair{"0.0.0.0", "127.0.0.2"}, std::pair{"::", "::1"}}) {
+    UdpOptions options;
+    options.nic = "lo";
+    options.local = *make_address(any, 0);
+    options.answer_from_receiver = true;
+    StampedSocket reflector(options);
+    StampedSocket asking = on_loopback(asked == std::string("::1") ? "::1" : "127.0.0.1");
+    const Address to = *make_address(asked, port_of(reflector.local_address()));
+    ASSERT_EQ(asking.send(to, payload(1, 10)), 0);
+    ASSERT_TRUE(readable(reflector));
+    const auto request = reflector.receive();
+    ASSERT_TRUE(request);
+    EXPECT_EQ(request->to, *make_address(asked, 0));
+    ASSERT_EQ(reflector.send(request->from, payload(2, 10), request->to), 0);
+    ASSERT_TRUE(readable(asking));
+    const auto answer = asking.receive();
+    ASSERT_TRUE(answer);
+    EXPECT_EQ(answer->from, to);
+    EXPECT_EQ(answer->to.size, 0) << "not asked for";
+  }
+}
+
 TEST(StampedSocket, AnErrorOfSendingIsToldByItsNumber) {
   StampedSocket socket = on_loopback("127.0.0.1");
   EXPECT_NE(socket.send(*make_address("127.0.0.1", 9), Bytes(70'000)), 0);
