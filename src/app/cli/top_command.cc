@@ -8,9 +8,9 @@
 #include <memory>
 #include <thread>
 
-#include "app/cli/terminal.h"
 #include "app/watch/screen.h"
 #include "app/watch/source.h"
+#include "app/watch/terminal.h"
 #include "host/io/steady_clock.h"
 #include "host/process/failure.h"
 #include "host/process/signals.h"
@@ -22,8 +22,10 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr Duration kSample = 500ms;  // one column of a sparkline
-constexpr int kKeyWaitMs = 100;      // a key, a new size of the window and a signal wait so long
+// The time of one column of a sparkline.
+constexpr Duration kSample = 500ms;
+// A key, a new size of the window and a signal wait at most so long.
+constexpr int kKeyWaitMs = 100;
 
 struct Options {
   LinkSourceOptions source;
@@ -35,7 +37,8 @@ struct Options {
 };
 
 bool colored(const Options& o) {
-  const char* no_color = std::getenv("NO_COLOR");  // https://no-color.org
+  // Any value turns colours off (https://no-color.org).
+  const char* no_color = std::getenv("NO_COLOR");
   return !o.no_color && (no_color == nullptr || *no_color == '\0');
 }
 

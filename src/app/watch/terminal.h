@@ -1,5 +1,6 @@
-// A full-screen terminal: ncurses, and nothing that knows what is shown. It is as it was before
-// when this object is gone, however that comes about.
+// A full-screen terminal, by ncurses: shows lines of styled text and reads keys, and knows nothing
+// of what is shown. The destructor puts the terminal back as it was, also when an exception ends
+// the view. ncurses keeps global state, so there may be one Terminal at a time, used by one thread.
 #pragma once
 
 #include <memory>
@@ -9,7 +10,6 @@
 
 namespace interneuron::cli {
 
-// One at a time.
 class Terminal {
  public:
   // Throws Failure (2) when the terminal cannot be drawn on (TERM unknown).
@@ -22,7 +22,8 @@ class Terminal {
   std::size_t height() const;
   bool unicode() const { return unicode_; }
   void show(const std::vector<Line>& lines);
-  // Waits for a key for so long; 0: none came, a signal did, or the window has another size.
+  // Waits up to `wait_ms` milliseconds for a key. 0 when none came, when a signal did, or when the
+  // window has another size now.
   int key(int wait_ms);
 
  private:

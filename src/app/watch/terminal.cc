@@ -1,4 +1,4 @@
-#include "app/cli/terminal.h"
+#include "app/watch/terminal.h"
 
 #include <langinfo.h>
 
