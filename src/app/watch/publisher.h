@@ -3,6 +3,8 @@
 // Belongs to the node's loop thread.
 #pragma once
 
+#include <spdlog/spdlog.h>
+
 #include <string>
 
 #include "app/watch/journal.h"
@@ -11,6 +13,12 @@
 
 namespace interneuron::cli {
 
+// How loud a path's change of state is in the log. A path that is suspect still carries data, and a
+// loaded one may become suspect and ok again every second: that is for debugging. A path that takes
+// no data any more is a warning, and its return is information.
+spdlog::level::level_enum log_level(PathState from, PathState to);
+
+// Belongs to the thread of the node's loop, on which the node calls it.
 class LinkPublisher {
  public:
   // Sets the node's on_nic_changed, on_path_changed and on_statistics. Must live as long as the
