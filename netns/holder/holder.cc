@@ -11,6 +11,7 @@
 #include <unistd.h>
 
 #include <array>
+#include <cerrno>
 #include <cstdio>
 #include <functional>
 #include <memory>
@@ -194,13 +195,18 @@ void hold(const TestbedOptions& options, State state, pid_t maker, int report_pi
 }
 
 // Everything that the holder wrote until it closed the pipe or ended, or an error text when that
-// takes longer than kStartBoundMs.
+// takes longer than kStartBoundMs. A signal that the maker catches does not cut this short: the
+// maker can only obey it when it knows what there is to take down.
 std::string read_report(int pipe) {
   std::string text;
   std::array<char, 1024> buffer{};
   pollfd readable{pipe, POLLIN, 0};
-  while (::poll(&readable, 1, kStartBoundMs) > 0) {
+  for (;;) {
+    const int ready = ::poll(&readable, 1, kStartBoundMs);
+    if (ready < 0 && errno == EINTR) continue;
+    if (ready <= 0) break;
     const ssize_t count = ::read(pipe, buffer.data(), buffer.size());
+    if (count < 0 && errno == EINTR) continue;
     if (count <= 0) return text;
     text.append(buffer.data(), static_cast<std::size_t>(count));
   }

@@ -88,6 +88,7 @@ class Ladder {
 
   // One line that says which ladder runs, its levels, and their times once known.
   std::string description() const;
+  const std::string& title() const { return title_; }
 
  private:
   std::string title_;

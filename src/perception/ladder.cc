@@ -24,7 +24,7 @@ constexpr double kClearlyBetter = 0.01;
 
 std::string joined(const std::vector<std::filesystem::path>& files) {
   std::string text;
-  for (const auto& file : files) text += (text.empty() ? "" : ", ") + file.string();
+  for (const auto& file : files) text += (text.empty() ? "" : ", ") + file.filename().string();
   return text;
 }
 

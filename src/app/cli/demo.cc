@@ -4,6 +4,7 @@
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
+#include <cstdio>
 #include <filesystem>
 
 #include "app/offload/road_child.h"
@@ -12,6 +13,7 @@
 #include "host/process/signals.h"
 #include "host/settings/data.h"
 #include "lab/files/run_files.h"
+#include "lab/files/verdict.h"
 #include "lab/sim/feasibility.h"
 #include "netns/state/hosts.h"
 #include "netns/state/options.h"
@@ -38,7 +40,8 @@ class Demo {
   explicit Demo(const DemoOptions& options);
   ~Demo() {
     testbed_.reset();
-    std::error_code ignored;  // somebody else's if it is not empty
+    // A folder that is not empty is somebody else's, and stays.
+    std::error_code ignored;
     fs::remove(testbed_options_.runtime_dir, ignored);
   }
   Demo(const Demo&) = delete;
@@ -67,7 +70,8 @@ Demo::Demo(const DemoOptions& options) : o_(options), data_(find_data(options.da
   // Private to this run and gone with it; nothing is written outside the output folder.
   testbed_options_.runtime_dir = fs::absolute(options.out) / ".testbed";
   video_ = options.video.empty() ? default_video(data_) : options.video;
-  const perception::FrameSource readable(video_);  // found out here, not in two programs
+  // A video that cannot be read is told once, here, and not by both programs.
+  const perception::FrameSource readable(video_);
 }
 
 std::vector<std::string> Demo::road_command() const {
@@ -143,13 +147,14 @@ int Demo::conclude(int vehicle_code, const Ladder& ladder) {
     fmt::print("{}\n", summary.dump(2));
   } else {
     lab::print_table(summary);
-    fmt::print("\nwritten to {}: rounds.csv, summary.json, latency.png, frame.png\n", out.string());
+    std::string files = "rounds.csv, summary.json";
+    for (const char* picture : {"latency.png", "frame.png"}) {
+      if (fs::exists(out / picture)) files += std::string(", ") + picture;
+    }
+    fmt::print("\nwritten to {}: {}\n\n{}\n", out.string(), files, lab::verdict(summary));
   }
-  const double share =
-      rows.empty() ? 0
-                   : 100.0 * summary["on_time"].get<double>() / static_cast<double>(rows.size());
-  if (vehicle_code == kFine && o_.objective > 0 && share < o_.objective) return kObjectiveMissed;
-  return vehicle_code;
+  std::fflush(stdout);
+  return vehicle_code == kFine ? lab::judge_objective(summary, o_.objective) : vehicle_code;
 }
 
 int Demo::run() {
@@ -160,6 +165,7 @@ int Demo::run() {
   }
   const SignalWatch signals;
   testbed_.emplace(Testbed::up(testbed_options_));
+  SignalWatch::check();
   std::string names;
   for (const emu::ScenarioLink& link : testbed_options_.scenario.links)
     names += (names.empty() ? "" : ", ") + link.profile.name;
@@ -167,7 +173,8 @@ int Demo::run() {
 
   RoadChild road(testbed_->state(), road_command());
   netns::SpawnOptions spawn;
-  spawn.stdio[1] = STDERR_FILENO;  // its table; ours says more
+  // Stdout is for our own table, which says more than the vehicle's.
+  spawn.stdio[1] = STDERR_FILENO;
   std::vector<std::string> command = vehicle_command();
   command.emplace_back("--no-table");
   Child vehicle(Testbed::spawn(testbed_->state(), netns::kVehicle, command, spawn));

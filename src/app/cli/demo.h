@@ -12,7 +12,8 @@ struct DemoOptions {
   std::uint32_t rounds = 300;
   std::uint64_t seed = 1;
   std::string out = "out/demo";
-  std::vector<std::string> links;  // profiles, default 5g and 4g
+  // Profiles by name or file; none: 5g and 4g.
+  std::vector<std::string> links;
   std::string video;
   std::string data;
   std::string ladder = "auto";
@@ -21,9 +22,13 @@ struct DemoOptions {
   double deadline_ms = 130;
   double objective = 0;
   bool json = false;
-  std::string pcap;  // capture of the vehicle's packets; empty: none
+  // The file that captures the vehicle's packets; empty: none.
+  std::string pcap;
 };
 
+// Makes a testbed, runs both programs in it and returns the exit code. A signal ends all of it:
+// then the code is 128 + the signal, the rounds that were measured are written, and without a round
+// no file is. Throws Failure or netns::TestbedError.
 int run_demo(const DemoOptions& options);
 
 }  // namespace interneuron::cli

@@ -7,6 +7,7 @@
 
 #include <array>
 #include <cerrno>
+#include <csignal>
 #include <cstring>
 #include <filesystem>
 
@@ -18,11 +19,21 @@
 namespace interneuron::cli {
 namespace {
 
-// The slowest ladder (full-frame HOG) calibrates in half of this on a busy machine.
+// A busy machine calibrates the slowest ladder of detectors in half of this.
 constexpr int kReadySeconds = 120;
 
+// Why the unit ended before it was ready. A terminal's Ctrl-C reaches it as it reaches us, and may
+// reach it first: then it is an interruption of ours, too, and no failure.
+Failure early_end(Child& child) {
+  const int code = child.wait();
+  if (code == 128 + SIGINT || code == 128 + SIGTERM || code == 128 + SIGHUP) {
+    return {code, "interrupted"};
+  }
+  return {kFailed, "the roadside unit ended before it was ready; its log says why"};
+}
+
 // Reads the roadside's lines until "ready".
-RoadChild::Ladder await_ready(int fd) {
+RoadChild::Ladder await_ready(int fd, Child& child) {
   RoadChild::Ladder ladder;
   std::string buffer;
   for (int waited_ms = 0; waited_ms < kReadySeconds * 1000;) {
@@ -36,8 +47,7 @@ RoadChild::Ladder await_ready(int fd) {
     std::array<char, 4096> chunk;
     const ssize_t got = ::read(fd, chunk.data(), chunk.size());
     if (got < 0 && errno == EINTR) continue;
-    if (got <= 0)
-      throw Failure(kFailed, "the roadside unit ended before it was ready; its log says why");
+    if (got <= 0) throw early_end(child);
     buffer.append(chunk.data(), static_cast<std::size_t>(got));
     for (std::size_t end; (end = buffer.find('\n')) != std::string::npos;
          buffer.erase(0, end + 1)) {
@@ -78,7 +88,7 @@ RoadChild::RoadChild(const netns::State& state, const std::vector<std::string>& 
     spawn.stdio = {-1, ends[1], stderr_fd};
     child_.emplace(netns::Testbed::spawn(state, netns::kRoad, argv, spawn));
     ::close(ends[1]);
-    ladder_ = await_ready(fd_);
+    ladder_ = await_ready(fd_, *child_);
   } catch (...) {
     ::close(fd_);
     throw;

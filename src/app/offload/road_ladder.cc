@@ -45,8 +45,8 @@ std::optional<perc::Ladder> road_ladder(const RoadOptions& options,
 std::vector<LevelProfile> calibrated(perc::Ladder& ladder, const RoadOptions& options,
                                      const std::optional<std::filesystem::path>& data) {
   const auto pictures = pictures_of(options, data);
-  spdlog::info("calibrating on {} pictures, {} runs per level", pictures.size(),
-               options.calibration_runs);
+  spdlog::info("detectors: {}; calibrating on {} pictures, {} runs per level", ladder.title(),
+               pictures.size(), options.calibration_runs);
   ladder.calibrate(
       pictures, options.calibration_runs,
       [](const perc::Level& level, std::size_t done, std::size_t total) {
@@ -54,7 +54,6 @@ std::vector<LevelProfile> calibrated(perc::Ladder& ladder, const RoadOptions& op
                      to_ms(level.r_median), to_ms(level.r_p95));
       },
       kPause);
-  spdlog::info("{}", ladder.description());
   std::vector<LevelProfile> levels;
   for (std::size_t i = 0; i < ladder.size(); ++i) {
     const perc::Level& level = ladder.level(i);

@@ -68,14 +68,6 @@ void RunRecord::drop_undecided() {
   shown_.resize(counts_.decided);
 }
 
-double RunRecord::on_time_percent() const {
-  if (rows_.empty()) return 0;
-  const auto on_time = std::ranges::count_if(rows_, [](const lab::RoundRow& row) {
-    return row.answered && row.outcome == Outcome::kRemote;
-  });
-  return 100.0 * static_cast<double>(on_time) / static_cast<double>(rows_.size());
-}
-
 void RunRecord::compare(const std::filesystem::path& truth, lab::RunInfo& info) const {
   std::vector<perc::Shown> shown;
   std::vector<perc::Shown> drawn;

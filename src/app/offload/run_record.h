@@ -39,7 +39,6 @@ class RunRecord {
   Counts counts() const { return counts_; }
   std::uint32_t begun() const { return counts_.begun; }
   std::uint32_t decided() const { return counts_.decided; }
-  double on_time_percent() const;
 
   // Writes the accuracy against a ground truth (a gt.txt of MOT15) into `info`.
   void compare(const std::filesystem::path& truth, lab::RunInfo& info) const;

@@ -270,7 +270,7 @@ void Vehicle::progress() {
 int Vehicle::run() {
   for (const std::string& warning : node_.warnings()) spdlog::warn("{}", warning);
   if (!o_.out.empty()) lab::make_directory(o_.out);
-  spdlog::info("local backup: {}", backup_.description());
+  spdlog::info("local backup: {}", backup_.level(0).name);
   node_.on_planned([this](Planned e) { planned(e); });
   node_.on_round_done([this](RoundDone e) { done(e); });
   node_.on_peer_restarted([](PeerRestarted) { spdlog::warn("the roadside unit restarted"); });
@@ -286,7 +286,9 @@ int Vehicle::run() {
   if (signal != 0) record_.drop_undecided();
   hooks_.finished(node_.statistics().links);
   const VehicleRun run{data_, video_, backup_.description()};
-  const int code = started_ ? report_run(o_, run, record_, node_.statistics()) : kFine;
+  // Without a round there is nothing to tell, and a picture of nothing helps nobody.
+  const bool told = started_ && (signal == 0 || record_.decided() > 0);
+  const int code = told ? report_run(o_, run, record_, node_.statistics()) : kFine;
   return signal != 0 ? 128 + signal : code;
 }
 

@@ -4,9 +4,9 @@
 
 #include <cstdio>
 
-#include "host/process/failure.h"
 #include "host/settings/data.h"
 #include "lab/files/run_files.h"
+#include "lab/files/verdict.h"
 
 namespace interneuron::cli {
 namespace {
@@ -44,7 +44,7 @@ std::optional<std::filesystem::path> truth_of(const VehicleOptions& options,
 void print_progress(const RunRecord::Counts& counts, std::uint32_t rounds, bool last) {
   const bool terminal = ::isatty(STDERR_FILENO) != 0;
   if (!terminal && !last && counts.decided % 50 >= 5) return;
-  std::fprintf(stderr, "%sround %u%s: %u on time, %u answered locally%s",
+  std::fprintf(stderr, "%svehicle: round %u%s: %u on time, %u answered locally%s",
                terminal ? "\r\x1b[K" : "", counts.begun,
                rounds > 0 ? (" of " + std::to_string(rounds)).c_str() : "", counts.on_time,
                counts.decided - counts.on_time, terminal && !last ? "" : "\n");
@@ -60,15 +60,9 @@ int report_run(const VehicleOptions& options, const VehicleRun& run, const RunRe
     std::printf("%s\n", summary.dump(2).c_str());
   } else if (options.table && !options.quiet) {
     lab::print_table(summary);
+    std::printf("\n%s\n", lab::verdict(summary).c_str());
   }
-  const double share = record.on_time_percent();
-  if (options.objective > 0 && share < options.objective) {
-    std::fprintf(stderr,
-                 "interneuron: %.1f %% of the rounds on time, less than the objective of %.1f %%\n",
-                 share, options.objective);
-    return kObjectiveMissed;
-  }
-  return kFine;
+  return lab::judge_objective(summary, options.objective);
 }
 
 }  // namespace interneuron::cli

@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <array>
+#include <csignal>
 #include <cstring>
 
 #include "host/process/child.h"
@@ -111,9 +112,13 @@ bool draw(const std::filesystem::path& file, const std::string& gnuplot_script) 
                std::strerror(rc));
     return false;
   }
-  if (code != cli::kFine)
-    throw cli::Failure(cli::kFailed, "gnuplot could not draw '" + file.string() + "'");
-  return true;
+  if (code == cli::kFine) return true;
+  // What it has begun is no picture.
+  std::error_code ignored;
+  std::filesystem::remove(file, ignored);
+  // A terminal's Ctrl-C reaches gnuplot, too.
+  if (code == 128 + SIGINT || code == 128 + SIGTERM) throw cli::Failure(code, "interrupted");
+  throw cli::Failure(cli::kFailed, "gnuplot could not draw '" + file.string() + "'");
 }
 
 bool plot_latency(const std::filesystem::path& file, const std::vector<RoundRow>& rows,

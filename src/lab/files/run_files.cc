@@ -148,7 +148,9 @@ void print_table(const Json& s) {
   fmt::print("{:<28}{}, {}\n", "guard, policy", s["guard"].get<std::string>(),
              s["policy"].get<std::string>());
   if (!s["ladder"].get<std::string>().empty()) {
-    fmt::print("{:<28}{}\n", "detectors", s["ladder"].get<std::string>());
+    // Without the levels, which follow with what each was used for.
+    const std::string ladder = s["ladder"];
+    fmt::print("{:<28}{}\n", "detectors", ladder.substr(0, ladder.find(": L0")));
   }
   fmt::print("quality levels used at the roadside\n");
   for (const Json& level : s["levels"]) {

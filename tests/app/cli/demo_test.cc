@@ -34,6 +34,39 @@ void make_pictures(const std::filesystem::path& folder) {
   }
 }
 
+// Processes of a group that still run. Those that ended and wait for init to reap them do not
+// count: the leak sanitizer leaves one.
+int running_in_group(pid_t group) {
+  int running = 0;
+  for (const auto& entry : std::filesystem::directory_iterator("/proc")) {
+    if (std::isdigit(static_cast<unsigned char>(entry.path().filename().native()[0])) == 0)
+      continue;
+    std::ifstream in(entry.path() / "stat");
+    const std::string text(std::istreambuf_iterator<char>(in), {});
+    // "PID (NAME) STATE PARENT GROUP …"
+    char state = 'Z';
+    int its_group = 0;
+    const std::size_t name_end = text.rfind(')');
+    if (name_end == std::string::npos) continue;
+    if (std::sscanf(text.c_str() + name_end + 1, " %c %*d %d", &state, &its_group) != 2) continue;
+    running += its_group == group && state != 'Z' ? 1 : 0;
+  }
+  return running;
+}
+
+// The first child of a process that has this name (/proc/PID/comm); 0: there is none.
+pid_t child_named(pid_t parent, const std::string& name) {
+  const std::string number = std::to_string(parent);
+  std::ifstream children("/proc/" + number + "/task/" + number + "/children");
+  for (pid_t child = 0; children >> child;) {
+    std::ifstream comm("/proc/" + std::to_string(child) + "/comm");
+    std::string found;
+    std::getline(comm, found);
+    if (found == name) return child;
+  }
+  return 0;
+}
+
 class Demo : public testing::Test {
  protected:
   void SetUp() override {
@@ -45,8 +78,51 @@ class Demo : public testing::Test {
     return "demo --ladder motion --rounds " + std::to_string(rounds) + " --video '" +
            (folder_ / "pictures").string() + "' --out '" + (folder_ / "out").string() + "'";
   }
+  bool wrote(const std::string& file) const {
+    return std::filesystem::exists(folder_ / "out" / file);
+  }
+  void interrupt(const std::string& when);
   TempFolder folder_;
 };
+
+// Starts the demo in a process group of its own, as a terminal does, and sends that Ctrl-C when its
+// log says `when`. Expects exit code 130, and that no process and no namespace is left.
+void Demo::interrupt(const std::string& when) {
+  const std::filesystem::path log = folder_ / "log";
+  std::filesystem::remove(log);
+  const pid_t pid = ::fork();
+  ASSERT_GE(pid, 0);
+  if (pid == 0) {
+    ::setpgid(0, 0);
+    const int fd = ::open(log.c_str(), O_CREAT | O_WRONLY, 0600);
+    ::dup2(fd, 1);
+    ::dup2(fd, 2);
+    const std::string command = "exec '" INTERNEURON_PROGRAM "' " + arguments(1000);
+    ::execl("/bin/sh", "sh", "-c", command.c_str(), nullptr);
+    ::_exit(127);
+  }
+  const auto contents = [&log] {
+    std::ifstream in(log);
+    return std::string(std::istreambuf_iterator<char>(in), {});
+  };
+  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+  while (contents().find(when) == std::string::npos &&
+         std::chrono::steady_clock::now() < deadline) {
+    ::poll(nullptr, 0, 20);
+  }
+  EXPECT_NE(contents().find(when), std::string::npos) << contents();
+  const pid_t holder = child_named(pid, "interneuron-emu");
+  EXPECT_NE(holder, 0) << "no process holds the testbed";
+  ::kill(-pid, SIGINT);
+  int status = 0;
+  ASSERT_EQ(::waitpid(pid, &status, 0), pid);
+  ASSERT_TRUE(WIFEXITED(status)) << contents();
+  EXPECT_EQ(WEXITSTATUS(status), 130) << contents();
+  EXPECT_EQ(running_in_group(pid), 0) << "a process of the demo is still there";
+  EXPECT_FALSE(std::filesystem::exists("/proc/" + std::to_string(holder)))
+      << "the holder is still there, and with it the namespaces";
+  EXPECT_FALSE(wrote(".testbed"));
+}
 
 TEST_F(Demo, AnswersEveryRoundAndItsFilesAgree) {
   const Ran ran = run(arguments(20));
@@ -103,59 +179,52 @@ TEST_F(Demo, TellsOnceWhatThePolicyRefusesAndAnswersLocally) {
 TEST_F(Demo, AMissedObjectiveHasItsExitCode) {
   const Ran ran = run(arguments(3) + " --deadline-ms 1 --objective 99");
   EXPECT_EQ(ran.code, 4) << ran.output;
+  EXPECT_NE(ran.output.find("interneuron: objective missed: "), std::string::npos) << ran.output;
 }
 
-// Processes of a group that still run. Those that ended and wait for init to reap them do not
-// count: the leak sanitizer leaves one.
-int running_in_group(pid_t group) {
-  int running = 0;
-  for (const auto& entry : std::filesystem::directory_iterator("/proc")) {
-    if (std::isdigit(static_cast<unsigned char>(entry.path().filename().native()[0])) == 0)
+TEST_F(Demo, EndsWithAVerdictAndSaysWhoseLineItIs) {
+  const Ran ran = run(arguments(5));
+  ASSERT_EQ(ran.code, 0) << ran.output;
+  const lab::Json s = lab::read_json(folder_ / "out" / "summary.json");
+  const std::string verdict = std::to_string(s["on_time"].get<int>()) +
+                              " of 5 rounds answered by the roadside unit within 130 ms";
+  EXPECT_NE(ran.output.find("\n" + verdict), std::string::npos) << ran.output;
+  std::istringstream lines(ran.output);
+  for (std::string line; std::getline(lines, line);) {
+    EXPECT_LE(line.size(), 160U) << line;
+    // Log lines begin with the time of day.
+    if (line.size() < 3 || std::isdigit(static_cast<unsigned char>(line[0])) == 0 ||
+        line[2] != ':') {
       continue;
-    std::ifstream in(entry.path() / "stat");
-    const std::string text(std::istreambuf_iterator<char>(in), {});
-    // "PID (NAME) STATE PARENT GROUP …"
-    char state = 'Z';
-    int its_group = 0;
-    const std::size_t name_end = text.rfind(')');
-    if (name_end == std::string::npos) continue;
-    if (std::sscanf(text.c_str() + name_end + 1, " %c %*d %d", &state, &its_group) != 2) continue;
-    running += its_group == group && state != 'Z' ? 1 : 0;
+    }
+    const bool named = line.find(" vehicle: ") != std::string::npos ||
+                       line.find(" road: ") != std::string::npos ||
+                       line.find(" demo: ") != std::string::npos;
+    EXPECT_TRUE(named) << line;
   }
-  return running;
 }
 
 TEST_F(Demo, InterruptedItLeavesNothingBehind) {
-  const std::filesystem::path log = folder_ / "log";
-  const pid_t pid = ::fork();
-  ASSERT_GE(pid, 0);
-  if (pid == 0) {
-    ::setpgid(0, 0);  // a terminal's foreground group
-    const int fd = ::open(log.c_str(), O_CREAT | O_WRONLY, 0600);
-    ::dup2(fd, 1);
-    ::dup2(fd, 2);
-    ::execl("/bin/sh", "sh", "-c", ("exec '" INTERNEURON_PROGRAM "' " + arguments(1000)).c_str(),
-            nullptr);
-    ::_exit(127);
-  }
-  const auto contents = [&log] {
-    std::ifstream in(log);
-    return std::string(std::istreambuf_iterator<char>(in), {});
-  };
-  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(60);
-  while (contents().find("on time") == std::string::npos &&
-         std::chrono::steady_clock::now() < deadline) {
-    ::poll(nullptr, 0, 20);
-  }
-  ASSERT_NE(contents().find("on time"), std::string::npos) << contents();
-  ::kill(-pid, SIGINT);
-  int status = 0;
-  ASSERT_EQ(::waitpid(pid, &status, 0), pid);
-  ASSERT_TRUE(WIFEXITED(status));
-  EXPECT_EQ(WEXITSTATUS(status), 130) << contents();
-  EXPECT_EQ(running_in_group(pid), 0) << "a process of the demo is still there";
+  interrupt("on time");
   // The rounds so far are reported all the same.
-  EXPECT_TRUE(std::filesystem::exists(folder_ / "out" / "summary.json")) << contents();
+  EXPECT_TRUE(wrote("summary.json"));
+}
+
+TEST_F(Demo, InterruptedBeforeTheFirstRoundItWritesNothing) {
+  for (const char* when : {"demo: testbed", "road: detectors", "road: level 1", "vehicle: local"}) {
+    interrupt(when);
+    for (const char* file : {"rounds.csv", "summary.json", "latency.png", "frame.png"}) {
+      EXPECT_FALSE(wrote(file)) << file << ", interrupted at " << when;
+    }
+  }
+}
+
+// At the start of the rounds there may be one or none: there is a picture if there is a round.
+TEST_F(Demo, InterruptedAtTheFirstRoundItDrawsNoEmptyPicture) {
+  interrupt("for the computation");
+  const bool any = wrote("rounds.csv") && !lab::read_csv(folder_ / "out" / "rounds.csv").empty();
+  EXPECT_EQ(wrote("rounds.csv"), any);
+  EXPECT_TRUE(any || !wrote("latency.png"));
 }
 
 }  // namespace
