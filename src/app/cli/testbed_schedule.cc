@@ -42,6 +42,13 @@ void print_csv(emu::ScenarioPlayer& player, Duration length) {
   });
 }
 
+// gnuplot's terminal for the format that the file's suffix names.
+const char* terminal_for(const std::string& file) {
+  if (file.ends_with(".png")) return "pngcairo";
+  if (file.ends_with(".svg")) return "svg";
+  throw Failure(kUsage, "--plot '" + file + "': give a file that ends in .png or .svg");
+}
+
 // Round-trip times on a logarithmic scale, with a gap where there is no radio.
 std::string script(emu::ScenarioPlayer& player, Duration length, const std::string& file) {
   std::vector<std::string> points(player.size());
@@ -59,7 +66,7 @@ std::string script(emu::ScenarioPlayer& player, Duration length, const std::stri
                         i > 0 ? ", " : "plot ", i, link.name, link.profile.name);
   }
   return s + fmt::format(
-                 "set terminal pngcairo size 1100,420 font 'sans,11' background rgb 'white'\n"
+                 "set terminal {} size 1100,420 font 'sans,11' background rgb 'white'\n"
                  "set output '{}'\n"
                  "set title 'Round-trip times that the links prescribe, seed {}'\n"
                  "set xlabel 'time, s'\nset ylabel 'round-trip time, ms'\nset logscale y\n"
@@ -67,7 +74,7 @@ std::string script(emu::ScenarioPlayer& player, Duration length, const std::stri
                  "set linetype 1 lc rgb '#2f6db3'\nset linetype 2 lc rgb '#e08a00'\n"
                  "set linetype 3 lc rgb '#7b3fa0'\nset linetype 4 lc rgb '#3a8f5c'\n"
                  "set tics nomirror out\nset grid ytics lc rgb '#dddddd'\n{}\n",
-                 file, player.scenario().seed, to_ms(length) / 1e3, plot);
+                 terminal_for(file), file, player.scenario().seed, to_ms(length) / 1e3, plot);
 }
 
 }  // namespace

@@ -7,7 +7,8 @@
 
 namespace interneuron::cli {
 
-// As CSV on stdout, or, when `plot` names one, drawn into a PNG file. Returns the exit code.
+// As CSV on stdout, or, when `plot` names one, drawn into that file, as PNG or SVG by its suffix.
+// Returns the exit code.
 int print_schedule(const emu::Scenario& scenario, Duration length, const std::string& plot);
 
 }  // namespace interneuron::cli
