@@ -7,9 +7,9 @@
 
 namespace interneuron::netns {
 
-// exit_code is what the program should end with: 2 a name that is none of a host, 3 a bad profile
-// or setting, 5 a missing privilege, 126 a command that could not be run, 127 one that was not
-// found, 1 anything else.
+// exit_code is what the program should exit with: 2 a name or number that the user gave does not
+// exist or is out of range, 3 a file is missing or wrong, 5 a privilege is missing, 126 or 127 a
+// command could not be run or was not found, 1 anything else.
 class TestbedError : public std::runtime_error {
  public:
   TestbedError(int code, const std::string& what) : std::runtime_error(what), exit_code(code) {}

@@ -47,17 +47,25 @@ Value require(std::variant<Value, emu::ProfileError> parsed) {
 emu::ScenarioLink load_link(const std::string& what) {
   const std::size_t equals = what.find('=');
   const bool named = equals != std::string::npos && what.find('/') > equals;
-  emu::LinkProfile profile = require(profile_resolver(".")(named ? what.substr(equals + 1) : what));
+  const std::string source = named ? what.substr(equals + 1) : what;
+  auto found = profile_resolver(".")(source);
+  if (const auto* error = std::get_if<emu::ProfileError>(&found)) {
+    throw TestbedError(is_profile_file(source) ? 3 : 2, error->what);
+  }
+  auto profile = std::get<emu::LinkProfile>(std::move(found));
   std::string name = named ? what.substr(0, equals) : profile.name;
   return {std::move(name), std::move(profile), 0};
 }
 
 }  // namespace
 
+bool is_profile_file(const std::string& what) {
+  return what.find('/') != std::string::npos || what.ends_with(".toml");
+}
+
 emu::ProfileResolver profile_resolver(const std::filesystem::path& folder) {
   return [folder](const std::string& what) -> std::variant<emu::LinkProfile, emu::ProfileError> {
-    const bool is_path = what.find('/') != std::string::npos || what.ends_with(".toml");
-    if (!is_path) {
+    if (!is_profile_file(what)) {
       auto found = emu::built_in_resolver()(what);
       if (auto* error = std::get_if<emu::ProfileError>(&found)) {
         error->what += ", or name a file (./" + what + ".toml)";

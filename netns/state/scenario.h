@@ -1,5 +1,6 @@
 // Finds scenarios and profiles by name or file. Reads files; otherwise without state, thread-safe.
-// Errors: TestbedError (3), which names file, line, column and key of a mistake.
+// Errors: TestbedError, 3 with file, line, column and key for a mistake in a file, 2 for a name of
+// the caller's that is no profile.
 #pragma once
 
 #include <cstdint>
@@ -24,6 +25,9 @@ emu::Scenario scenario_of(const std::vector<std::string>& links, std::uint64_t s
 // The scenario in this file, with `seed` in place of the file's if it is given.
 emu::Scenario load_scenario(const std::filesystem::path& file,
                             std::optional<std::uint64_t> seed = std::nullopt);
+
+// Whether this means a file (it has a slash, or ends in .toml) rather than a built-in profile.
+bool is_profile_file(const std::string& what);
 
 // For emu's parsers: finds a profile by the name of a built-in one or by a path relative to
 // `folder`.

@@ -126,7 +126,7 @@ void check_name(const std::string& name, std::size_t max, const std::string& wha
                c == '_' || c == '-';
       });
   if (fine) return;
-  throw TestbedError(1, what + " '" + name + "' must have 1 to " + std::to_string(max) +
+  throw TestbedError(2, what + " '" + name + "' must have 1 to " + std::to_string(max) +
                             " characters of A-Z a-z 0-9 _ -");
 }
 

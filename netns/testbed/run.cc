@@ -70,7 +70,7 @@ int network_fd_of(const State& state, Host host) {
   const bool vehicle = host.kind == Host::Kind::kVehicle;
   const std::vector<int>& fds = vehicle ? state.vehicle_ns_fds : state.road_ns_fds;
   if (host.index < fds.size()) return fds[host.index];
-  throw TestbedError(1, "testbed '" + state.name + "' has no " + host_name(host) + "; it has " +
+  throw TestbedError(2, "testbed '" + state.name + "' has no " + host_name(host) + "; it has " +
                             list_hosts(kVehicle, state.vehicle_ns_fds.size()) + ", " +
                             list_hosts(kRoad, state.road_ns_fds.size()) + ", core");
 }
@@ -135,7 +135,7 @@ void set_up_child(const HostFds& host, const SpawnOptions& options, pid_t parent
 // Starts the program with `mask` as its blocked signals.
 pid_t spawn_with_mask(const State& state, Host host, const std::vector<std::string>& argv,
                       const SpawnOptions& options, const sigset_t& mask) {
-  if (argv.empty()) throw TestbedError(1, "no command to run; name one after --");
+  if (argv.empty()) throw TestbedError(2, "no command to run; name one after --");
   const HostFds fds = open_host(state, host);
   std::vector<char*> arguments;
   for (const std::string& argument : argv) arguments.push_back(const_cast<char*>(argument.c_str()));

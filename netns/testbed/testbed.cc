@@ -42,23 +42,23 @@ constexpr std::size_t kMaxLinkName = 13;
 void check_options(const TestbedOptions& options) {
   check_name(options.name, 64, "the name of a testbed");
   if (options.vehicles < 1 || options.vehicles > kMaxVehicles) {
-    throw TestbedError(1, "a testbed has 1 to " + std::to_string(kMaxVehicles) + " vehicles, not " +
+    throw TestbedError(2, "a testbed has 1 to " + std::to_string(kMaxVehicles) + " vehicles, not " +
                               std::to_string(options.vehicles));
   }
   if (options.roads < 1 || options.roads > kMaxRoads) {
-    throw TestbedError(1, "a testbed has 1 to " + std::to_string(kMaxRoads) +
+    throw TestbedError(2, "a testbed has 1 to " + std::to_string(kMaxRoads) +
                               " roadside units, not " + std::to_string(options.roads));
   }
   const auto& links = options.scenario.links;
   if (links.empty() || links.size() > kMaxLinks) {
-    throw TestbedError(1, "a vehicle has 1 to " + std::to_string(kMaxLinks) + " links, not " +
+    throw TestbedError(2, "a vehicle has 1 to " + std::to_string(kMaxLinks) + " links, not " +
                               std::to_string(links.size()));
   }
   std::set<std::string> names;
   for (const emu::ScenarioLink& link : links) {
     check_name(link.name, kMaxLinkName, "the name of a link");
     if (!names.insert(link.name).second) {
-      throw TestbedError(1, "two links are called '" + link.name + "'; name one NAME=PROFILE");
+      throw TestbedError(2, "two links are called '" + link.name + "'; name one NAME=PROFILE");
     }
   }
 }
@@ -287,7 +287,7 @@ std::vector<std::size_t> Testbed::select(const State& state, const std::string& 
     if (state.links[i].vehicle == 0) known += ", " + state.links[i].name;
   }
   if (!out.empty()) return out;
-  throw TestbedError(1, "testbed '" + state.name + "' has no link '" + which + "'; there are *" +
+  throw TestbedError(2, "testbed '" + state.name + "' has no link '" + which + "'; there are *" +
                             known + ", also of one vehicle: vehicle1/" + state.links.front().name);
 }
 

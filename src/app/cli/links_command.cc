@@ -17,6 +17,7 @@
 #include "host/io/steady_clock.h"
 #include "host/process/failure.h"
 #include "host/process/signals.h"
+#include "host/settings/command_line.h"
 #include "host/settings/config_file.h"
 #include "host/settings/link_options.h"
 
@@ -25,7 +26,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// The rates of links are known after a train or two; chosen.
+// After these seconds one train or two have measured the rates of all links.
 constexpr double kMeasureSeconds = 3;
 // A program on this host tells its links twice a second; for one that does not, nobody waits long.
 constexpr Duration kLocalWait = 1200ms;
@@ -128,7 +129,7 @@ void add_links(CLI::App& program, std::function<int()>& run) {
                 "route (default: what a vehicle or road that runs here measures)");
   add_link_option(*c, "--link", o->source.links, LinkPeer::kNamed)->excludes("--peer");
   c->add_option("--for", o->seconds, "Seconds to measure (default: 3; a stream: until Ctrl-C)")
-      ->check(CLI::PositiveNumber);
+      ->check(positive_number());
   c->add_option("--interval", o->interval_s, "Seconds between two lines of a stream")
       ->capture_default_str()
       ->check(CLI::Range(0.1, 3600.0));

@@ -18,8 +18,10 @@
 #include "app/eval_testbed/testbed_run.h"
 #include "app/offload/road.h"
 #include "app/offload/vehicle.h"
+#include "host/io/nic.h"
 #include "host/process/failure.h"
 #include "host/settings/capture.h"
+#include "host/settings/command_line.h"
 #include "host/settings/config_file.h"
 #include "host/settings/link_options.h"
 #include "interneuron/policy.h"
@@ -36,8 +38,6 @@ constexpr const char* kExitCodes =
     "Exit codes: 0 fine, 1 failed, 2 usage, 3 configuration or input, 4 deadline objective missed, "
     "5 needs a privilege.";
 
-CLI::Validator positive() { return CLI::PositiveNumber; }
-
 std::vector<std::string> policy_names() {
   std::vector<std::string> names;
   for (const auto& policy : builtin_policies()) names.emplace_back(policy->name());
@@ -48,7 +48,7 @@ void add_deadline_options(CLI::App* c, double& deadline_ms, std::string& guard, 
                           double& objective) {
   c->add_option("--deadline-ms", deadline_ms, "End-to-end deadline D_N, milliseconds")
       ->capture_default_str()
-      ->check(positive());
+      ->check(positive_number());
   c->add_option("--guard", guard,
                 "The rule that trades quality for time: the paper's, or by what is left of the "
                 "deadline")
@@ -104,7 +104,8 @@ void add_demo(CLI::App& program, std::function<int()>& run) {
   });
 }
 
-// The order file of `eval --testbed`, which starts these programs; no help shows it.
+// The order file of `eval --testbed`, which starts these programs. An empty group hides the option
+// from the help.
 std::shared_ptr<std::string> add_testbed_run_option(CLI::App& command) {
   auto file = std::make_shared<std::string>();
   command.add_option("--testbed-run", *file, "What eval --testbed asks for")->group("");
@@ -124,14 +125,14 @@ void add_vehicle(CLI::App& program, std::function<int()>& run) {
       ->capture_default_str();
   c->add_option("--period-ms", o->period_ms, "Between two frames, milliseconds")
       ->capture_default_str()
-      ->check(positive());
+      ->check(positive_number());
   add_deadline_options(c, o->deadline_ms, o->guard, o->policy, o->objective);
   c->add_option("--beta", o->beta, "β of the guard's tolerance X")
       ->capture_default_str()
       ->check(CLI::Range(-1.0, 30.0));
   c->add_option("--wait-s", o->wait_s, "For the roadside unit to answer, seconds")
       ->capture_default_str()
-      ->check(positive());
+      ->check(positive_number());
   add_input_options(c, o->video, o->data, o->ladder);
   c->add_option("--truth", o->truth, "Ground truth (MOT15 gt.txt) of the video, or none");
   c->add_option(
@@ -175,7 +176,7 @@ void add_road(CLI::App& program, std::function<int()>& run) {
        "--deadline-ms", o->deadline_ms,
        "End-to-end deadline of the vehicles, milliseconds, for which --ladder auto chooses")
       ->capture_default_str()
-      ->check(positive());
+      ->check(positive_number());
   c->add_option("--calibration-runs", o->calibration_runs, "Runs per level at start-up")
       ->capture_default_str()
       ->check(CLI::Range(1, 10'000));
@@ -202,15 +203,38 @@ void add_road(CLI::App& program, std::function<int()>& run) {
   });
 }
 
-int fail(int code, const char* what) {
-  std::fprintf(stderr, "interneuron: %s\n", what);
+bool is_command(const CLI::App& program, const std::string& name) {
+  return !program.get_subcommands([&name](const CLI::App* c) { return c->get_name() == name; })
+              .empty();
+}
+
+int fail(int code, const std::string& what) {
+  std::fprintf(stderr, "interneuron: %s\n", what.c_str());
   return code;
+}
+
+// Vehicle and roadside unit often share a terminal, so each line says whose it is.
+void name_log_lines(const CLI::App& program) {
+  const std::string command = program.get_subcommands().front()->get_name();
+  spdlog::set_pattern("%H:%M:%S.%e %^%l%$ " + command + ": %v");
+}
+
+// Names on the command line are usage, those of a configuration file are configuration. Asked
+// before the file is applied: then options that only the file gives have no value yet.
+int code_of_unknown_nic(const CLI::App& program) {
+  const CLI::App* command = program.get_subcommands().front();
+  const auto given = [command](const char* name) {
+    const CLI::Option* option = command->get_option_no_throw(name);
+    return option != nullptr && option->count() > 0;
+  };
+  return given("--config") && !given("--link") && !given("--nic") ? kConfiguration : kUsage;
 }
 
 int run_program(int argc, char** argv) {
   CLI::App program{"Interneuron: deadline-bound messages over several network cards at once"};
   program.footer(kExitCodes);
   program.require_subcommand(1);
+  program.set_version_flag("--version", std::string("interneuron ") + kVersion, "The version");
   std::function<int()> run;
   std::string pcap;
   add_capture_option(program, pcap);
@@ -231,19 +255,23 @@ int run_program(int argc, char** argv) {
     };
   });
   const std::string first = argc > 1 ? argv[1] : "";
-  if (!first.empty() && first.front() != '-' &&
-      program.get_subcommands([&first](const CLI::App* c) { return c->get_name() == first; })
-          .empty()) {
-    return fail(kUsage,
-                ("unknown command '" + first + "'; `interneuron --help` lists them").c_str());
+  if (!first.empty() && first.front() != '-' && !is_command(program, first)) {
+    return fail(kUsage, unknown_command(program, first));
   }
   try {
     program.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    return program.exit(error) == 0 ? kFine : kUsage;
+    if (error.get_exit_code() == 0) return program.exit(error);
+    return fail(kUsage, mistake_in(program, error));
   }
+  name_log_lines(program);
+  const int unknown_nic = code_of_unknown_nic(program);
   const auto capture = start_capture(program, pcap);
-  return run();
+  try {
+    return run();
+  } catch (const io::UnknownNic& error) {
+    return fail(unknown_nic, error.what());
+  }
 }
 
 }  // namespace

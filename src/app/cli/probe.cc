@@ -25,13 +25,13 @@
 namespace interneuron::cli {
 namespace {
 
-// More often is a flood, and what this host's own scheduling adds would be measured; chosen.
+// Packets closer than this are a flood, and would measure what this host's own scheduling adds.
 constexpr double kMinIntervalMs = 1;
 constexpr double kMaxIntervalMs = 60'000;
 constexpr double kMaxTimeoutMs = 60'000;
 constexpr Duration kLiveEvery = std::chrono::milliseconds(200);
-constexpr Duration kFarewell =
-    std::chrono::seconds(2);  // chosen: after Ctrl-C people wait no longer
+// After Ctrl-C people wait no longer for what is under way.
+constexpr Duration kFarewell = std::chrono::seconds(2);
 
 Address peer_address(const ProbeOptions& options, const std::string& text, const char* option) {
   return resolve_peer(text, option, options.stamp.value_or(kDefaultPort));
@@ -83,7 +83,7 @@ std::vector<Choice> choose_nics(const ProbeOptions& options, io::LinkMonitor& mo
       if (std::ranges::find(chosen, nic.name, &Choice::nic) != chosen.end()) continue;
       chosen.push_back({nic.name, peer});
     }
-    if (!any) throw IoError(io::no_match_text(pattern, monitor.nics()), ENODEV);
+    if (!any) throw io::UnknownNic(io::no_match_text(pattern, monitor.nics()));
   }
   return chosen;
 }
@@ -152,7 +152,7 @@ probe::Options Prober::session_options(const io::Nic& nic, const Address& peer) 
 
 void Prober::open(const Choice& choice, io::LinkMonitor& monitor) {
   const io::Nic* nic = monitor.find(choice.nic);
-  if (nic == nullptr) throw IoError(io::unknown_nic_text(choice.nic), ENODEV);
+  if (nic == nullptr) throw io::UnknownNic(io::unknown_nic_text(choice.nic));
   monitor.require_route(choice.nic, choice.peer);
   io::UdpOptions udp;
   udp.nic = choice.nic;
@@ -253,7 +253,8 @@ std::string Prober::problem_of(const Nic& nic) const {
 }
 
 int Prober::conclude() {
-  if (shown_) fmt::print(stderr, "\x1b[{}A\x1b[J", nics_.size());  // the table says it all
+  // The table says all that the live lines said.
+  if (shown_) fmt::print(stderr, "\x1b[{}A\x1b[J", nics_.size());
   std::vector<ProbedNic> results;
   for (const Nic& nic : nics_) {
     results.push_back({nic.name, to_string(nic.peer), to_string(nic.socket->local_address()),

@@ -1,5 +1,7 @@
 #include "host/io/nic.h"
 
+#include <cerrno>
+
 #include "host/io/netlink.h"
 #include "host/io/nic_choice.h"
 #include "host/io/nic_table.h"
@@ -20,6 +22,8 @@ std::optional<Nic> find_nic(std::string_view name) {
   }
   return std::nullopt;
 }
+
+UnknownNic::UnknownNic(const std::string& what) : IoError(what, ENODEV) {}
 
 std::string unknown_nic_text(std::string_view name) { return no_match_text(name, list_nics()); }
 

@@ -42,6 +42,13 @@ std::vector<Nic> list_nics();
 // The same for one name; nothing when there is no such NIC.
 std::optional<Nic> find_nic(std::string_view name);
 
+// The user named a network card, or a pattern of them, that this host does not have. A class of its
+// own because programs answer it as they answer any unknown name. Its code is ENODEV.
+class UnknownNic : public IoError {
+ public:
+  explicit UnknownNic(const std::string& what);
+};
+
 // "no network card named eth9; there are lo, eth0"
 std::string unknown_nic_text(std::string_view name);
 

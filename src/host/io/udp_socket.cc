@@ -42,13 +42,13 @@ void need_int(const UdpSocket& socket, const std::string& nic, int level, int op
 }
 
 void bind_to_nic(const UdpSocket& socket, const std::string& nic) {
-  if (nic.empty() || nic.size() >= IFNAMSIZ) throw IoError(unknown_nic_text(nic), ENODEV);
+  if (nic.empty() || nic.size() >= IFNAMSIZ) throw UnknownNic(unknown_nic_text(nic));
   if (::setsockopt(socket.fd.get(), SOL_SOCKET, SO_BINDTODEVICE, nic.c_str(),
                    static_cast<socklen_t>(nic.size() + 1)) == 0) {
     return;
   }
   const int error = errno;
-  if (error == ENODEV) throw IoError(unknown_nic_text(nic), error);
+  if (error == ENODEV) throw UnknownNic(unknown_nic_text(nic));
   if (error == EPERM) {
     fail("not permitted to bind a socket to " + nic + "; use Linux 5.7 or newer, or run as root",
          "setsockopt SO_BINDTODEVICE", error);
@@ -135,7 +135,7 @@ UdpSocket open_udp_socket(const UdpOptions& options) {
   bind_to_nic(socket, options.nic);
 
   const auto nic = options.card ? options.card : find_nic(options.nic);
-  if (!nic) throw IoError(unknown_nic_text(options.nic), ENODEV);
+  if (!nic) throw UnknownNic(unknown_nic_text(options.nic));
   check_owner(options.local, *nic);
   never_fragment(socket, options.nic, family == AF_INET6);
   if (options.answer_from_receiver && is_unspecified(options.local)) {

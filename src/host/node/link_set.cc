@@ -17,7 +17,7 @@ LinkSet::LinkSet(const NodeOptions& options, User& user)
   for (const NodeLink& link : options.links) add_named(link);
   for (const NodeNicRule& rule : options.rules) {
     if (!io::is_nic_rule(rule.pattern) && monitor_.find(rule.pattern) == nullptr) {
-      throw IoError(io::no_match_text(rule.pattern, monitor_.nics()), ENODEV);
+      throw io::UnknownNic(io::no_match_text(rule.pattern, monitor_.nics()));
     }
   }
   for (const io::Nic& nic : monitor_.nics()) add_by_rule(nic);
@@ -35,7 +35,7 @@ LinkSet::LinkSet(const NodeOptions& options, User& user)
 
 void LinkSet::add_named(const NodeLink& link) {
   const io::Nic* nic = monitor_.find(link.nic);
-  if (nic == nullptr) throw IoError(io::no_match_text(link.nic, monitor_.nics()), ENODEV);
+  if (nic == nullptr) throw io::UnknownNic(io::no_match_text(link.nic, monitor_.nics()));
   check_link(options_, link, *nic);
   add(link, false);
 }
@@ -92,7 +92,7 @@ void LinkSet::refuse_nothing_open() const {
     return;
   }
   if (links_.empty()) {
-    throw IoError(io::no_match_text(options_.rules.front().pattern, monitor_.nics()), ENODEV);
+    throw io::UnknownNic(io::no_match_text(options_.rules.front().pattern, monitor_.nics()));
   }
   std::string text = "no network card can be used: ";
   std::string separator;

@@ -10,8 +10,12 @@ namespace interneuron::cli {
 // objective that it was given was missed. kCannotHere: this machine lacks what the command needs
 // (tests count it as skipped).
 inline constexpr int kFine = 0;
+// What the command set out to do did not succeed.
 inline constexpr int kFailed = 1;
+// The command line is wrong: a command, an option or a name on it does not exist, or a value is out
+// of range. Names are of policies, profiles, experiments, network cards, links and hosts.
 inline constexpr int kUsage = 2;
+// A file or folder that was named is missing, or what it says is wrong.
 inline constexpr int kConfiguration = 3;
 inline constexpr int kObjectiveMissed = 4;
 inline constexpr int kPrivilege = 5;

@@ -69,7 +69,11 @@ void apply(CLI::App& command, const std::string& file, const std::string& key,
     option->add_result(values);
     option->run_callback();
   } catch (const CLI::Error& error) {
-    throw Failure(kConfiguration, where + ": " + key + ": " + error.what());
+    // The error names the option, which the user of a file has not written.
+    std::string what = error.what();
+    const std::string named = option->get_name() + ": ";
+    if (what.starts_with(named)) what.erase(0, named.size());
+    throw Failure(kConfiguration, where + ": " + key + ": " + what);
   }
 }
 

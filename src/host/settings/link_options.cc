@@ -50,6 +50,21 @@ std::string did_you_mean(std::string_view word, const std::vector<std::string_vi
   throw Failure(kUsage, "--link " + in_quotes(text) + ": " + what);
 }
 
+constexpr std::string_view kPeerForm = "give NIC=ADDRESS:PORT, for example wwan0=192.0.2.7:47000";
+
+// What is wrong with the peer's address, and the remedy. A name is not looked up: the answer would
+// depend on the card that the question leaves through, and each card may need another address.
+std::string peer_error(std::string_view peer, std::string_view form) {
+  const std::size_t colon = peer.rfind(':');
+  const std::string_view host = peer.substr(0, colon);
+  const bool letters = std::ranges::any_of(
+      host, [](char c) { return (c >= 'g' && c <= 'z') || (c >= 'G' && c <= 'Z'); });
+  const bool name = letters && host.find_first_of("[]:%") == std::string_view::npos;
+  if (!name || colon == std::string_view::npos) return std::string(form);
+  return in_quotes(host) + " is a name, and a link needs an address: " + std::string(form) +
+         "; `getent ahosts " + std::string(host) + "` tells the addresses of a name";
+}
+
 std::optional<LinkRole> role_of(std::string_view name) {
   for (const Role& role : kRoles) {
     if (role.name == name) return role.role;
@@ -126,7 +141,7 @@ LinkOption parse_link_option(std::string_view text, LinkPeer peer) {
   if (peer == LinkPeer::kNamed) {
     if (at != std::string_view::npos) link.peer = head.substr(at + 1);
     if (link.nic.empty() || !parse_address(link.peer)) {
-      refuse(text, "give NIC=ADDRESS:PORT, for example wwan0=192.0.2.7:47000");
+      refuse(text, link.nic.empty() ? std::string(kPeerForm) : peer_error(link.peer, kPeerForm));
     }
   } else if (link.nic.empty() || at != std::string_view::npos) {
     refuse(text, "give NIC, for example eth0 or eth0,trusted");
@@ -244,8 +259,8 @@ void LinkTable::read(const std::string& key, const toml::node& node) {
   } else if (key == "peer") {
     link_.peer = value<std::string>(key, node, "give ADDRESS:PORT in quotes");
     if (!parse_address(link_.peer)) {
-      fail(node,
-           "peer " + in_quotes(link_.peer) + ": give ADDRESS:PORT, for example 192.0.2.7:47000");
+      fail(node, "peer " + in_quotes(link_.peer) + ": " +
+                     peer_error(link_.peer, "give ADDRESS:PORT, for example 192.0.2.7:47000"));
     }
   } else if (key == "role") {
     const auto role = role_of(value<std::string>(key, node, kRoleRange));

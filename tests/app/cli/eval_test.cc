@@ -131,7 +131,7 @@ TEST(Eval, AFolderWithoutDetectionsThatWasNamedIsAnError) {
     fs::create_directories(folder / "empty");
     const Ran ran = run("eval fig-rt --data '" + (folder / data).string() + "' --out '" +
                         (folder / "out").string() + "'");
-    EXPECT_EQ(ran.code, 1) << ran.output;
+    EXPECT_EQ(ran.code, 3) << ran.output;
     EXPECT_NE(ran.output.find(data), std::string::npos) << ran.output;
     EXPECT_EQ(std::ranges::count(ran.output, '\n'), 1) << ran.output;
     EXPECT_FALSE(fs::exists(folder / "out"));

@@ -1,8 +1,12 @@
 #include "host/settings/config_file.h"
 
+#include <algorithm>
 #include <fstream>
+#include <regex>
+#include <set>
 
 #include "host/process/failure.h"
+#include "host/settings/command_line.h"
 #include "tests/app/cli/support.h"
 
 namespace interneuron::cli {
@@ -18,7 +22,7 @@ struct Command {
 
   Command() {
     app.add_option("--link", links)->take_all();
-    app.add_option("--deadline-ms", deadline_ms)->check(CLI::PositiveNumber);
+    app.add_option("--deadline-ms", deadline_ms)->check(positive_number());
     app.add_option("--rounds", rounds);
     app.add_flag("--quiet", quiet);
     add_config_option(app, config);
@@ -65,6 +69,8 @@ TEST(ConfigFile, AnUnknownKeyIsNamedWithItsPlaceAndTheNearest) {
 
 TEST(ConfigFile, ABadValueIsNamedWithItsPlace) {
   EXPECT_NE(Command().apply("deadline_ms = -1\n").find("c.toml:1:"), std::string::npos);
+  EXPECT_EQ(Command().apply("deadline_ms = 'x'\n"),
+            "c.toml:1:15: deadline_ms: 'x': give a number above 0");
   EXPECT_NE(Command().apply("rounds = 'many'\n").find("rounds"), std::string::npos);
   EXPECT_NE(Command().apply("rounds = { a = 1 }\n").find("rounds"), std::string::npos);
 }
@@ -77,13 +83,55 @@ TEST(ConfigFile, MalformedTomlIsNamedWithItsPlace) {
 TEST(ConfigFile, TheExamplesAreAccepted) {
   const std::string examples = INTERNEURON_SOURCE_DIR "/examples/";
   const Ran road = run("road --ladder motion --config '" + examples + "road.toml' --nic wwan77");
-  EXPECT_EQ(road.code, 1) << road.output;
+  EXPECT_EQ(road.code, 2) << road.output;
   EXPECT_NE(road.output.find("wwan77"), std::string::npos) << road.output;
   const Ran vehicle = run("vehicle --ladder motion --video '" INTERNEURON_SOURCE_DIR
                           "/docs/latency.png' --config '" +
                           examples + "vehicle.toml' --link wwan77=192.0.2.7:1");
-  EXPECT_EQ(vehicle.code, 1) << vehicle.output;
+  EXPECT_EQ(vehicle.code, 2) << vehicle.output;
   EXPECT_NE(vehicle.output.find("wwan77"), std::string::npos) << vehicle.output;
+}
+
+TEST(ConfigFile, AnUnknownCardIsUsageOnTheCommandLineAndConfigurationInTheFile) {
+  const TempFolder folder;
+  const std::string file = folder / "c.toml";
+  std::ofstream(file) << "nic = ['wwan77']\nladder = 'none'\n";
+  EXPECT_EQ(run("road --config '" + file + "'").code, kConfiguration);
+  EXPECT_EQ(run("road --config '" + file + "' --nic wwan78").code, kUsage);
+}
+
+// The long options that a command's help shows, as keys of a configuration file. `--nic,--link` are
+// two names of one option, of which the first is the key.
+std::set<std::string> keys_of(const std::string& command) {
+  const Ran help = run(command + " --help");
+  std::set<std::string> keys;
+  const std::regex option("\n  (?:-[a-zA-Z],)?--([a-z-]+)");
+  for (auto it = std::sregex_iterator(help.output.begin(), help.output.end(), option);
+       it != std::sregex_iterator(); ++it) {
+    std::string key = (*it)[1];
+    std::ranges::replace(key, '-', '_');
+    if (key != "help" && key != "config") keys.insert(key);
+  }
+  return keys;
+}
+
+// "key = value" at the beginning of a line, or commented out by "# ". Not the keys of [[link]].
+std::set<std::string> keys_in(const std::string& example) {
+  std::ifstream in(INTERNEURON_SOURCE_DIR "/examples/" + example);
+  std::set<std::string> keys;
+  const std::regex key("^(?:# )?([a-z_]+) = .*");
+  for (std::string line; std::getline(in, line);) {
+    std::smatch found;
+    if (std::regex_match(line, found, key)) keys.insert(found[1]);
+  }
+  return keys;
+}
+
+TEST(ConfigFile, TheExamplesNameEveryOption) {
+  for (const std::string command : {"vehicle", "road"}) {
+    EXPECT_GT(keys_of(command).size(), 10U) << command;
+    EXPECT_EQ(keys_in(command + ".toml"), keys_of(command));
+  }
 }
 
 }  // namespace

@@ -13,6 +13,7 @@ namespace interneuron::cli {
 namespace {
 
 using testing::HasSubstr;
+using testing::Not;
 
 // What `text` is refused with; empty when it is accepted.
 std::string refused(const std::string& text, LinkPeer peer = LinkPeer::kNamed) {
@@ -62,6 +63,9 @@ TEST(LinkOptions, MistakesAreNamedWithTheRemedy) {
   EXPECT_THAT(refused("wwan0"), HasSubstr("NIC=ADDRESS:PORT"));
   EXPECT_THAT(refused("=192.0.2.7:1"), HasSubstr("NIC=ADDRESS:PORT"));
   EXPECT_THAT(refused("wwan0=road.example:1"), HasSubstr("NIC=ADDRESS:PORT"));
+  EXPECT_THAT(refused("wwan0=road.example:1"), HasSubstr("'road.example' is a name"));
+  EXPECT_THAT(refused("wwan0=[2001:db8::7:1"), Not(HasSubstr("is a name")));
+  EXPECT_THAT(refused("wwan0=localhost"), HasSubstr("NIC=ADDRESS:PORT"));
   EXPECT_THAT(refused("kind:=192.0.2.7:1"), HasSubstr("kind:wwan"));
   EXPECT_THAT(refused("w=1.2.3.4:5,rol=backup"), HasSubstr("did you mean 'role'"));
   EXPECT_THAT(refused("w=1.2.3.4:5,role=spare"), HasSubstr("normal, backup or never"));
@@ -172,6 +176,8 @@ TEST(LinkTables, AreRefusedWithThePlace) {
   EXPECT_THAT(Command().apply("[[link]]\npeer = '1.2.3.4:5'\n"), HasSubstr("c.toml:1:"));
   EXPECT_THAT(Command().apply("[[link]]\nnic = 'w'\n"), HasSubstr("c.toml:1:"));
   EXPECT_THAT(Command().apply("[[link]]\nnic = 'w'\npeer = 'x'\n"), HasSubstr("c.toml:3:"));
+  EXPECT_THAT(Command().apply("[[link]]\nnic = 'w'\npeer = 'road.example:1'\n"),
+              HasSubstr("'road.example' is a name"));
   EXPECT_THAT(Command().apply("link = ['w']\n"), HasSubstr("NIC=ADDRESS:PORT"));
 }
 

@@ -81,7 +81,7 @@ TEST_F(ReportPage, IsDrawnByABrowser) {
 TEST(Report, AFolderWithoutExperimentsIsNamed) {
   const TempFolder folder;
   const Ran ran = run("report '" + folder.string() + "'");
-  EXPECT_EQ(ran.code, 1) << ran.output;
+  EXPECT_EQ(ran.code, 3) << ran.output;
   EXPECT_NE(ran.output.find(folder.string()), std::string::npos) << ran.output;
   EXPECT_EQ(std::ranges::count(ran.output, '\n'), 1) << ran.output;
   EXPECT_TRUE(fs::is_empty(folder.string()));
@@ -93,7 +93,7 @@ TEST(Report, ADamagedFileIsNamed) {
        {"{", "{}", R"({"schema": "interneuron.eval/1", "experiment": "sweep"})"}) {
     std::ofstream(folder / "sweep.json") << text;
     const Ran ran = run("report '" + folder.string() + "'");
-    EXPECT_EQ(ran.code, 1) << ran.output;
+    EXPECT_EQ(ran.code, 3) << ran.output;
     EXPECT_NE(ran.output.find("sweep"), std::string::npos) << ran.output;
     EXPECT_EQ(std::ranges::count(ran.output, '\n'), 1) << ran.output;
     EXPECT_FALSE(fs::exists(folder / "report.html"));
@@ -105,7 +105,7 @@ TEST(Report, AFileUnderAnothersNameIsNamed) {
   ASSERT_EQ(run("eval fig-rt --out '" + folder.string() + "'").code, 0);
   fs::rename(folder / "fig-rt.json", folder / "clock.json");
   const Ran ran = run("report '" + folder.string() + "'");
-  EXPECT_EQ(ran.code, 1) << ran.output;
+  EXPECT_EQ(ran.code, 3) << ran.output;
   EXPECT_NE(ran.output.find("clock.json"), std::string::npos) << ran.output;
 }
 

@@ -30,7 +30,8 @@ struct Options {
   std::string experiment;
   std::optional<std::uint32_t> rounds;
   std::string seeds;
-  std::string out;  // empty: by default_out()
+  // Empty: default_out() says where.
+  std::string out;
   bool sim = false;
   bool testbed = false;
   std::string ladder = "auto";
@@ -100,14 +101,6 @@ void say(const Document& document) {
   }
 }
 
-experiments::Scorer scorer_of(const Options& o) {
-  try {
-    return experiments::Scorer(find_data(o.data), !o.data.empty());
-  } catch (const Failure& error) {
-    throw Failure(kFailed, error.what());
-  }
-}
-
 void refuse_testbed(const std::string& experiment) {
   const Experiment* found = find_experiment(experiment);
   if (found != nullptr && found->run_on_testbed != nullptr) return;
@@ -132,7 +125,7 @@ int run_eval(const Options& o) {
   const SignalWatch signals;
   const std::string out = o.out.empty() ? default_out(o.testbed) : o.out;
   lab::Staging staging(out);
-  const experiments::Scorer scorer = scorer_of(o);
+  const experiments::Scorer scorer(find_data(o.data), !o.data.empty());
   Progress progress;
   lab::Json documents = lab::Json::array();
   for (const Experiment& experiment : all_experiments()) {

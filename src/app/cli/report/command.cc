@@ -33,23 +33,23 @@ Section section_of(const fs::path& file) {
     Section section;
     section.document = experiments::document_from(lab::read_json(file));
     if (section.document.experiment != file.stem().string()) {
-      throw Failure(kFailed, "another experiment");
+      throw Failure(kConfiguration, "another experiment");
     }
     section.findings = experiments::findings(section.document);
     section.figures = report::figures_of(section.document);
     section.svgs.resize(section.figures.size());
     return section;
   } catch (const std::exception& error) {
-    throw Failure(kFailed, "'" + file.string() + "': not an evaluation of this version (" +
-                               error.what() + "); run `interneuron eval` again");
+    throw Failure(kConfiguration, "'" + file.string() + "': not an evaluation of this version (" +
+                                      error.what() + "); run `interneuron eval` again");
   }
 }
 
 // In the order of the experiments.
 std::vector<Section> sections_of(const fs::path& folder) {
   if (!fs::is_directory(folder)) {
-    throw Failure(kUsage, "'" + folder.string() + "' is no folder; `interneuron eval all` makes " +
-                              "out/eval");
+    throw Failure(kConfiguration, "'" + folder.string() +
+                                      "' is no folder; `interneuron eval all` makes " + "out/eval");
   }
   std::vector<Section> out;
   for (const experiments::Experiment& experiment : all_experiments()) {
@@ -57,9 +57,9 @@ std::vector<Section> sections_of(const fs::path& folder) {
     if (fs::exists(file)) out.push_back(section_of(file));
   }
   if (out.empty()) {
-    throw Failure(kFailed, "no experiment in '" + folder.string() +
-                               "'; run `interneuron eval EXPERIMENT --out " + folder.string() +
-                               "` first");
+    throw Failure(kConfiguration, "no experiment in '" + folder.string() +
+                                      "'; run `interneuron eval EXPERIMENT --out " +
+                                      folder.string() + "` first");
   }
   return out;
 }

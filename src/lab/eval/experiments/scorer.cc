@@ -62,13 +62,13 @@ Scorer::Scorer(const std::optional<fs::path>& data, bool named) {
   if (!missing_.empty()) {
     missing_ +=
         "; fetch the data with scripts/fetch_data.sh --ground-truth or name them with --data";
-    if (named) throw cli::Failure(cli::kFailed, missing_);
+    if (named) throw cli::Failure(cli::kConfiguration, missing_);
     return;
   }
   try {
     recordings_ = std::make_unique<Recordings>(*data, *truth);
   } catch (const perception::InputError& error) {
-    throw cli::Failure(cli::kFailed, error.what());
+    throw cli::Failure(cli::kConfiguration, error.what());
   }
 }
 
