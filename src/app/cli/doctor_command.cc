@@ -19,12 +19,13 @@ using doctor::Finding;
 using doctor::Verdict;
 using Json = nlohmann::ordered_json;
 
-// Twice what an idle link needs at most (2 * doctor::kKeepAliveSeconds); chosen.
+// Twice what an idle link needs at most (2 * doctor::kKeepAliveSeconds), seconds.
 constexpr int kDefaultNatTimeoutS = 60;
 
 struct Options {
   std::string peer;
-  int nat_timeout_s = 0;  // 0: not to be measured
+  // The longest silence to be tried, seconds; 0: none.
+  int nat_timeout_s = 0;
   bool json = false;
 };
 

@@ -7,7 +7,7 @@
 
 namespace interneuron::cli {
 
-// Adds the command; `run` is set to what is to be done when it was chosen.
+// Adds the command. When the arguments name it, parsing sets `run` to what is to be done.
 void add_links(CLI::App& program, std::function<int()>& run);
 
 }  // namespace interneuron::cli

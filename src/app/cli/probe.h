@@ -12,20 +12,26 @@
 namespace interneuron::cli {
 
 struct ProbeOptions {
-  std::string peer;  // HOST[:PORT]; of every NIC that names none itself
+  // HOST[:PORT], the peer of every NIC that names none itself.
+  std::string peer;
   // NIC[=HOST[:PORT]], a name or a pattern (host/io/nic_choice.h); none: every one that is ready.
   std::vector<std::string> nics;
-  std::size_t count = 250;  // 0: until interrupted
+  // Packets per NIC; 0: until interrupted.
+  std::size_t count = 250;
   double interval_ms = 20;
   double timeout_ms = 1000;
-  std::size_t size = 100;  // UDP payload, bytes
+  // UDP payload, bytes.
+  std::size_t size = 100;
   bool no_rate = false;
-  std::optional<std::uint16_t> stamp;  // port of a STAMP reflector; without: our own packets
+  // The port of a STAMP reflector; without, our own packets are sent.
+  std::optional<std::uint16_t> stamp;
   bool json = false;
   bool json_stream = false;
 };
 
+// Adds the command. When the arguments name it, parsing sets `run` to what is to be done.
 void add_probe(CLI::App& program, std::function<int()>& run);
+// Measures, prints and returns the exit code: 1 when a NIC got no reply. Throws Failure or IoError.
 int run_probe(const ProbeOptions& options);
 
 }  // namespace interneuron::cli

@@ -15,7 +15,8 @@ struct ProbedNic {
   std::string peer;
   std::string local;
   probe::Summary summary;
-  std::string problem;  // one line; empty: it answered
+  // Why the NIC measured nothing, one line with the remedy; empty when the peer answered.
+  std::string problem;
 };
 
 // schema interneuron.probe/1

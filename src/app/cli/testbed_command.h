@@ -13,7 +13,7 @@ namespace interneuron::cli {
 // The testbed of this name; throws Failure (1) when it is not up.
 netns::State found_testbed(const std::string& name);
 
-// Adds the command; `run` is set to what is to be done when it was chosen.
+// Adds the command. When the arguments name it, parsing sets `run` to what is to be done.
 void add_testbed(CLI::App& program, std::function<int()>& run);
 
 }  // namespace interneuron::cli

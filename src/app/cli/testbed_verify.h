@@ -7,7 +7,8 @@
 
 namespace interneuron::cli {
 
-// Adds the command to `testbed`; `run` is set to what is to be done when it was chosen.
+// Adds the command to `testbed`. When the arguments name it, parsing sets `run` to what is to be
+// done.
 void add_testbed_verify(CLI::App& testbed, std::function<int()>& run);
 
 }  // namespace interneuron::cli
