@@ -155,7 +155,7 @@ void add_vehicle(CLI::App& program, std::function<int()>& run) {
       apply_config(*c, *config);
       o->table = !*no_table;
       if (testbed_run->empty()) return run_vehicle(*o);
-      eval::TestbedVehicle hooks(eval::read_testbed_run(*testbed_run));
+      TestbedVehicle hooks(read_testbed_run(*testbed_run));
       return run_vehicle(*o, &hooks);
     };
   });
@@ -197,7 +197,7 @@ void add_road(CLI::App& program, std::function<int()>& run) {
     run = [o, config, testbed_run, c] {
       apply_config(*c, *config);
       if (testbed_run->empty()) return run_road(*o);
-      eval::TestbedRoad hooks(eval::read_testbed_run(*testbed_run));
+      TestbedRoad hooks(read_testbed_run(*testbed_run));
       return run_road(*o, &hooks);
     };
   });
