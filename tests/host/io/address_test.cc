@@ -43,7 +43,9 @@ TEST(Address, EveryOtherTextIsRefused) {
                            "[::g]:1"}) {
     EXPECT_FALSE(parse_address(text)) << text;
   }
-  EXPECT_FALSE(parse_address(std::string(10000, '1') + ":1"));
+  std::string longest(10000, '1');
+  longest += ":1";
+  EXPECT_FALSE(parse_address(longest));
   EXPECT_EQ(to_string(Address{}), "?");
   EXPECT_EQ(port_of(Address{}), 0);
 }
