@@ -191,6 +191,10 @@ void Offload::on_event(HostId host, Event&& event) {
 
 void Offload::delivered(Delivered message) {
   message.payload = {};
+  // The simulated unit computes late jobs too. Under sustained overload (heavy-tailed delays) every
+  // system then pays for its own backlog, and results stay comparable with those of erdos_like,
+  // which drops nothing.
+  message.deadline = Duration::max();
   const std::uint32_t number = message.round.round.value;
   // clang takes a nested class for not default-constructible within its own class.
   auto& road = result_.rounds[number].at_road.emplace(OffloadRound::AtRoad{});
