@@ -71,9 +71,9 @@ TEST_F(RunTest, AHostThatIsNotThereIsNamed) {
     return std::string("none");
   };
   EXPECT_EQ(refusal({Host::Kind::kVehicle, 2}),
-            "1 testbed 'default' has no vehicle3; it has vehicle, road, core");
+            "2 testbed 'default' has no vehicle3; it has vehicle, road, core");
   EXPECT_EQ(refusal({Host::Kind::kRoad, 1}),
-            "1 testbed 'default' has no road2; it has vehicle, road, core");
+            "2 testbed 'default' has no road2; it has vehicle, road, core");
   EXPECT_EQ(refusal(kCore), "none");
 }
 
@@ -90,7 +90,7 @@ TEST_F(RunTest, WhatCannotBeRunIsNamed) {
   EXPECT_EQ(refusal({"./no-such-program"}),
             "127 cannot run './no-such-program': No such file or directory");
   EXPECT_EQ(refusal({"/etc"}), "126 cannot run '/etc': Permission denied");
-  EXPECT_THAT(refusal({}), HasSubstr("1 no command to run"));
+  EXPECT_THAT(refusal({}), HasSubstr("2 no command to run"));
 }
 
 TEST_F(RunTest, ForwardsSignals) {

@@ -13,19 +13,20 @@ using testing::HasSubstr;
 
 emu::ScenarioLink load(const std::string& what) { return scenario_of({what}, 1).links.at(0); }
 
-std::string refusal_of(const std::function<void()>& attempt) {
+// A missing or wrong file is an error of configuration (3), an unknown name one of usage (2).
+std::string refusal_of(const std::function<void()>& attempt, int exit_code = 3) {
   try {
     attempt();
   } catch (const TestbedError& error) {
-    EXPECT_EQ(error.exit_code, 3);
+    EXPECT_EQ(error.exit_code, exit_code);
     EXPECT_THAT(error.what(), testing::Not(HasSubstr("\n")));
     return error.what();
   }
   return "none";
 }
 
-std::string refusal(const std::string& link) {
-  return refusal_of([&] { load(link); });
+std::string refusal(const std::string& link, int exit_code = 3) {
+  return refusal_of([&] { load(link); }, exit_code);
 }
 
 TEST(Scenario, DefaultIs5gThen4g) {
@@ -47,7 +48,7 @@ TEST(Scenario, NamesABuiltInProfileOrAFileOrBoth) {
 }
 
 TEST(Scenario, SaysWhatIsWrong) {
-  EXPECT_THAT(refusal("6g"), HasSubstr("6g"));
+  EXPECT_THAT(refusal("6g", 2), HasSubstr("6g"));
   EXPECT_THAT(refusal("./nowhere.toml"), HasSubstr("./nowhere.toml"));
   const RuntimeDir dir;
   const std::string file = dir.path() / "bad.toml";

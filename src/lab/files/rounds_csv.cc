@@ -24,7 +24,7 @@ std::string outcome_of(const RoundRow& r) {
 }
 
 RoundRow::Road& road_of(RoundRow& r) {
-  if (!r.road) r.road.emplace();
+  if (!r.road) r.road = RoundRow::Road{};
   return *r.road;
 }
 

@@ -148,8 +148,8 @@ std::string page(const std::vector<Section>& sections, const std::vector<Picture
   links += filled("link", {{"to", "glossary"}, {"text", "glossary"}});
   // The notices stand in their sections.
   std::erase_if(all, [](const Finding& f) { return f.kind == Finding::Kind::kNotice; });
-  std::ranges::stable_partition(all,
-                                [](const Finding& f) { return f.kind == Finding::Kind::kMissed; });
+  std::stable_partition(all.begin(), all.end(),
+                        [](const Finding& f) { return f.kind == Finding::Kind::kMissed; });
   return filled("page", {{"links", links},
                          {"lead", lead_html(sections)},
                          {"figures", figures},

@@ -55,7 +55,7 @@ struct Reader {
   void flag(const char* key, bool& value) const { value = in.value(key, false); }
   template <class T>
   void part(const char* first_key, std::optional<T>& value) const {
-    if (in.contains(first_key)) fields(*this, value.emplace());
+    if (in.contains(first_key)) fields(*this, value.emplace(T{}));
   }
 };
 

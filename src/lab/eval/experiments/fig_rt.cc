@@ -94,7 +94,7 @@ ScriptRow row_of(const sim::OffloadRound& r, Duration deadline) {
   const auto& road = *r.at_road;
   const Verdict& verdict = road.verdict;
   const Duration theta1 = road.delivered - r.t0;
-  ScriptRow::Road& at = row.road.emplace();
+  ScriptRow::Road& at = row.road.emplace(ScriptRow::Road{});
   at.theta1_ms = to_ms(theta1);
   if (road.ended) at.theta2_ms = to_ms(*road.ended - r.t0);
   // Both clocks of the script agree, so θ1 - D1 tells D1.
