@@ -19,7 +19,7 @@
 namespace interneuron::cli::doctor {
 namespace {
 
-// A signal just before a wait does not end it, so waits are short; chosen.
+// A signal just before a wait does not end it, so waits are so short that nobody notices.
 constexpr Duration kWaitAtMost = std::chrono::milliseconds(200);
 
 SessionId any_session() {

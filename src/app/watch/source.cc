@@ -24,7 +24,8 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// Between two looks at a node's figures; chosen: faster than anyone reads.
+// Between two looks at a node's figures. No measurement behind this value: it only has to be
+// shorter than anyone can read.
 constexpr Duration kRefresh = 250ms;
 
 // The kernel's part, and what the monitor says of changes.
