@@ -1,24 +1,11 @@
 // A decision of a policy costs no allocation: its plan, made safe to carry out, and the forecast of
 // its answers.
-#include <cstdlib>
-#include <new>
 
 #include "core/plan/budget.h"
 #include "core/plan/plan_message.h"
 #include "interneuron/requirement.h"
+#include "tests/counted_heap.h"
 #include "tests/policies/support.h"
-
-namespace {
-std::uint64_t allocations = 0;
-}  // namespace
-
-[[gnu::noinline]] void* operator new(std::size_t size) {
-  ++allocations;
-  if (void* p = std::malloc(size == 0 ? 1 : size)) return p;
-  throw std::bad_alloc();
-}
-[[gnu::noinline]] void operator delete(void* p) noexcept { std::free(p); }
-[[gnu::noinline]] void operator delete(void* p, std::size_t) noexcept { std::free(p); }
 
 namespace interneuron::policy_test {
 namespace {
