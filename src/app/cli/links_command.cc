@@ -1,7 +1,6 @@
 #include "app/cli/links_command.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
@@ -17,6 +16,7 @@
 #include "host/io/steady_clock.h"
 #include "host/process/failure.h"
 #include "host/process/signals.h"
+#include "host/process/status_line.h"
 #include "host/settings/command_line.h"
 #include "host/settings/config_file.h"
 #include "host/settings/link_options.h"
@@ -42,17 +42,6 @@ struct Options {
 };
 
 bool measures(const Options& o) { return !o.source.peer.empty() || !o.source.links.empty(); }
-
-void progress(const Options& o, const LinkSource& source, Duration left) {
-  if (!measures(o) || ::isatty(STDERR_FILENO) == 0) return;
-  fmt::print(stderr, "\r\x1b[Kmeasuring towards {}: {:.0f} s", source.peer_text(),
-             std::max(0.0, to_ms(left) / 1000));
-  std::fflush(stderr);
-}
-
-void end_progress(const Options& o) {
-  if (measures(o) && ::isatty(STDERR_FILENO) != 0) fmt::print(stderr, "\r\x1b[K");
-}
 
 int no_answer(const LinkSource& source) {
   fmt::print(stderr,
@@ -99,15 +88,20 @@ int once(const Options& o, LinkSource& source) {
   const TimePoint start = io::now();
   const Duration patience =
       measures(o) ? from_ms(o.seconds.value_or(kMeasureSeconds) * 1000) : kLocalWait;
+  StatusLine progress;
   LinksSnapshot s = source.snapshot();
   while (SignalWatch::last() == 0 && io::now() < start + patience) {
     // Programs on this host tell soon; without any there is nothing to wait for.
     if (!measures(o) && !source.expects_more()) break;
-    progress(o, source, start + patience - io::now());
+    if (measures(o)) {
+      const Duration left = std::max(start + patience - io::now(), Duration::zero());
+      progress.show(
+          fmt::format("measuring towards {}: {:.0f} s", source.peer_text(), to_ms(left) / 1000));
+    }
     std::this_thread::sleep_for(kPoll);
     s = source.snapshot();
   }
-  end_progress(o);
+  progress.clear();
   if (o.json) {
     fmt::print("{}\n", links_json(s).dump(2));
   } else {

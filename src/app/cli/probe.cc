@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 #include <poll.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <array>
@@ -19,6 +18,7 @@
 #include "host/io/steady_clock.h"
 #include "host/process/failure.h"
 #include "host/process/signals.h"
+#include "host/process/status_line.h"
 #include "host/settings/peer_address.h"
 #include "interneuron/endpoint.h"
 
@@ -30,7 +30,7 @@ constexpr double kMinIntervalMs = 1;
 constexpr double kMaxIntervalMs = 60'000;
 constexpr double kMaxTimeoutMs = 60'000;
 constexpr Duration kLiveEvery = std::chrono::milliseconds(200);
-// After Ctrl-C people wait no longer for what is under way.
+// How long replies are still awaited after Ctrl-C.
 constexpr Duration kFarewell = std::chrono::seconds(2);
 
 Address peer_address(const ProbeOptions& options, const std::string& text, const char* option) {
@@ -88,6 +88,9 @@ std::vector<Choice> choose_nics(const ProbeOptions& options, io::LinkMonitor& mo
   return chosen;
 }
 
+// One run of the command: a Measurement for each NIC, whose packets it sends, receives and waits
+// for on the calling thread until all have ended or a signal comes. It owns the sockets. What they
+// receive may be anybody's bytes: a Measurement takes only replies to what it sent.
 class Prober {
  public:
   explicit Prober(const ProbeOptions& options);
@@ -96,15 +99,18 @@ class Prober {
  private:
   struct Nic {
     std::string name;
+    // Who answers on this NIC's network.
     Address peer{};
     std::unique_ptr<io::StampedSocket> socket;
-    std::unique_ptr<probe::Measurement> session;
+    std::unique_ptr<probe::Measurement> measurement;
+    // The error number of the last packet that could not be sent, and how many there were.
     int send_error = 0;
     std::uint64_t send_errors = 0;
+    // The NIC was taken away during the run.
     bool gone = false;
   };
   void open(const Choice& choice, io::LinkMonitor& monitor);
-  probe::Options session_options(const io::Nic& nic, const Address& peer) const;
+  probe::Options measurement_options(const io::Nic& nic, const Address& peer) const;
   void send_due(Nic& nic);
   void receive(Nic& nic);
   void wait();
@@ -116,19 +122,17 @@ class Prober {
 
   const ProbeOptions& options_;
   std::vector<Nic> nics_;
-  bool live_;
-  bool shown_ = false;
-  TimePoint shown_at_{};
+  StatusLine line_;
+  std::optional<TimePoint> shown_at_;
   std::array<std::byte, 2048> buffer_;
 };
 
-Prober::Prober(const ProbeOptions& options)
-    : options_(options), live_(::isatty(STDERR_FILENO) == 1 && !options.json_stream) {
+Prober::Prober(const ProbeOptions& options) : options_(options) {
   io::LinkMonitor monitor;
   for (const Choice& choice : choose_nics(options, monitor)) open(choice, monitor);
 }
 
-probe::Options Prober::session_options(const io::Nic& nic, const Address& peer) const {
+probe::Options Prober::measurement_options(const io::Nic& nic, const Address& peer) const {
   probe::Options o;
   o.format = options_.stamp ? probe::Format::kStamp : probe::Format::kEcho;
   o.count = options_.count == 0 ? probe::kMaxPings : options_.count;
@@ -163,20 +167,20 @@ void Prober::open(const Choice& choice, io::LinkMonitor& monitor) {
   added.name = choice.nic;
   added.peer = choice.peer;
   added.socket = std::make_unique<io::StampedSocket>(udp);
-  added.session =
-      std::make_unique<probe::Measurement>(session_options(*nic, choice.peer), io::now());
+  added.measurement =
+      std::make_unique<probe::Measurement>(measurement_options(*nic, choice.peer), io::now());
   nics_.push_back(std::move(added));
 }
 
 void Prober::send_due(Nic& nic) {
-  while (const std::size_t size = nic.session->poll(io::now(), buffer_)) {
+  while (const std::size_t size = nic.measurement->poll(io::now(), buffer_)) {
     const int error = nic.socket->send(nic.peer, ByteView(buffer_).first(size));
     if (error == 0) continue;
     nic.send_error = error;
     ++nic.send_errors;
     if (error == ENODEV || error == ENXIO) {
       nic.gone = true;
-      nic.session->stop(io::now());
+      nic.measurement->stop(io::now());
       return;
     }
   }
@@ -185,7 +189,7 @@ void Prober::send_due(Nic& nic) {
 void Prober::receive(Nic& nic) {
   while (const auto datagram = nic.socket->receive()) {
     if (datagram->from != nic.peer) continue;
-    const auto reply = nic.session->handle(datagram->at, datagram->bytes);
+    const auto reply = nic.measurement->handle(datagram->at, datagram->bytes);
     if (reply && options_.json_stream) {
       fmt::print("{}\n", reply_json(nic.name, *reply).dump());
     }
@@ -197,7 +201,7 @@ void Prober::wait() {
   TimePoint next = io::now() + kLiveEvery;
   for (const Nic& nic : nics_) {
     sockets.push_back({nic.socket->native_handle(), POLLIN, 0});
-    if (const auto due = nic.session->next_timeout()) next = std::min(next, *due);
+    if (const auto due = nic.measurement->next_timeout()) next = std::min(next, *due);
   }
   const Duration left = std::max(next - io::now(), Duration::zero());
   const timespec time{.tv_sec = static_cast<time_t>(left / std::chrono::seconds(1)),
@@ -207,38 +211,37 @@ void Prober::wait() {
 }
 
 bool Prober::done() const {
-  return std::ranges::all_of(nics_, [](const Nic& nic) { return nic.session->done(); });
+  return std::ranges::all_of(nics_, [](const Nic& nic) { return nic.measurement->done(); });
 }
 
 void Prober::stop() {
-  for (Nic& nic : nics_) nic.session->stop(io::now());
+  for (Nic& nic : nics_) nic.measurement->stop(io::now());
 }
 
 void Prober::show_live() {
   const TimePoint now = io::now();
-  if (!live_ || (shown_ && now - shown_at_ < kLiveEvery)) return;
+  if (options_.json_stream || !line_.live()) return;
+  if (shown_at_ && now - *shown_at_ < kLiveEvery) return;
   shown_at_ = now;
-  std::string text = shown_ ? fmt::format("\x1b[{}A", nics_.size()) : "";
+  std::string text;
   for (const Nic& nic : nics_) {
-    const auto& log = nic.session->log();
+    const auto& log = nic.measurement->log();
     const auto newest = std::find_if(log.rbegin(), log.rend(), [](const probe::SentPacket& p) {
       return p.answered && p.purpose == probe::Purpose::kPing;
     });
-    text += fmt::format("\r\x1b[K{:<12} {} of {} answered", nic.name, nic.session->pings_answered(),
-                        nic.session->pings_sent());
+    text += fmt::format("{}{:<12} {} of {} answered", text.empty() ? "" : "\n", nic.name,
+                        nic.measurement->pings_answered(), nic.measurement->pings_sent());
     if (newest != log.rend()) text += fmt::format(", rtt {:.2f} ms", to_ms(newest->rtt()));
-    text += "\n";
   }
-  shown_ = true;
-  std::fputs(text.c_str(), stderr);
+  line_.show(text);
 }
 
 std::string Prober::problem_of(const Nic& nic) const {
   if (nic.gone) {
     return fmt::format("{}: went away during the probe, after {} packets", nic.name,
-                       nic.session->pings_sent());
+                       nic.measurement->pings_sent());
   }
-  if (nic.session->pings_answered() > 0) return "";
+  if (nic.measurement->pings_answered() > 0) return "";
   if (nic.send_error != 0) {
     return fmt::format(
         "{}: nothing could be sent to {}: {}; `interneuron links` says what it lacks", nic.name,
@@ -254,11 +257,11 @@ std::string Prober::problem_of(const Nic& nic) const {
 
 int Prober::conclude() {
   // The table says all that the live lines said.
-  if (shown_) fmt::print(stderr, "\x1b[{}A\x1b[J", nics_.size());
+  line_.clear();
   std::vector<ProbedNic> results;
   for (const Nic& nic : nics_) {
     results.push_back({nic.name, to_string(nic.peer), to_string(nic.socket->local_address()),
-                       nic.session->summary(), problem_of(nic)});
+                       nic.measurement->summary(), problem_of(nic)});
   }
   if (options_.json_stream) {
     fmt::print("{}\n", probe_json(options_, results).dump());

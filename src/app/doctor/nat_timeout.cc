@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 #include <poll.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <array>
@@ -15,6 +14,7 @@
 #include "host/io/stamped_socket.h"
 #include "host/io/steady_clock.h"
 #include "host/process/signals.h"
+#include "host/process/status_line.h"
 
 namespace interneuron::cli::doctor {
 namespace {
@@ -57,6 +57,7 @@ class Measurement {
   io::LinkMonitor monitor_;
   std::vector<Nic> nics_;
   // The seconds that the line on stderr shows at present.
+  StatusLine line_;
   std::optional<std::int64_t> shown_;
   std::array<std::byte, 2048> buffer_;
 };
@@ -131,8 +132,7 @@ void Measurement::wait() {
 
 // A line in a terminal counts down; elsewhere one says it all.
 void Measurement::show_left(bool first) {
-  static const bool live = ::isatty(STDERR_FILENO) == 1;
-  if (!first && !live) return;
+  if (!first && !line_.live()) return;
   TimePoint end = io::now();
   std::string names;
   for (const Nic& nic : nics_) {
@@ -143,9 +143,10 @@ void Measurement::show_left(bool first) {
   const auto left = std::chrono::ceil<std::chrono::seconds>(end - io::now()).count();
   if (names.empty() || shown_ == left) return;
   shown_ = left;
-  fmt::print(stderr, "{}{}: silent flows to {}, {} s left …{}", live ? "\r\x1b[K" : "", names,
-             to_string(peer_), left, live ? "" : "\n");
-  std::fflush(stderr);
+  const std::string text =
+      fmt::format("{}: silent flows to {}, {} s left …", names, to_string(peer_), left);
+  line_.show(text);
+  if (!line_.live()) fmt::print(stderr, "{}\n", text);
 }
 
 std::vector<NatTimeout> Measurement::run() {
@@ -162,7 +163,7 @@ std::vector<NatTimeout> Measurement::run() {
       if (nic.under_way()) receive(nic);
     }
   }
-  if (shown_ && ::isatty(STDERR_FILENO) == 1) fmt::print(stderr, "\n");
+  line_.keep();
   std::vector<NatTimeout> results;
   for (Nic& nic : nics_) {
     nic.result.flows = nic.test.result();

@@ -1,7 +1,5 @@
 #include "app/offload/vehicle_report.h"
 
-#include <unistd.h>
-
 #include <cstdio>
 
 #include "host/settings/data.h"
@@ -41,14 +39,16 @@ std::optional<std::filesystem::path> truth_of(const VehicleOptions& options,
 
 }  // namespace
 
-void print_progress(const RunRecord::Counts& counts, std::uint32_t rounds, bool last) {
-  const bool terminal = ::isatty(STDERR_FILENO) != 0;
-  if (!terminal && !last && counts.decided % 50 >= 5) return;
-  std::fprintf(stderr, "%svehicle: round %u%s: %u on time, %u answered locally%s",
-               terminal ? "\r\x1b[K" : "", counts.begun,
-               rounds > 0 ? (" of " + std::to_string(rounds)).c_str() : "", counts.on_time,
-               counts.decided - counts.on_time, terminal && !last ? "" : "\n");
-  std::fflush(stderr);
+void show_progress(StatusLine& line, const RunRecord::Counts& counts, std::uint32_t rounds,
+                   bool last) {
+  if (!line.live() && !last && counts.decided % 50 >= 5) return;
+  const std::string text = "vehicle: round " + std::to_string(counts.begun) +
+                           (rounds > 0 ? " of " + std::to_string(rounds) : "") + ": " +
+                           std::to_string(counts.on_time) + " on time, " +
+                           std::to_string(counts.decided - counts.on_time) + " answered locally";
+  line.show(text);
+  if (last) line.keep();
+  if (!line.live()) std::fprintf(stderr, "%s\n", text.c_str());
 }
 
 int report_run(const VehicleOptions& options, const VehicleRun& run, const RunRecord& record,

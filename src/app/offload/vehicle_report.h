@@ -8,6 +8,7 @@
 
 #include "app/offload/run_record.h"
 #include "app/offload/vehicle.h"
+#include "host/process/status_line.h"
 #include "interneuron/node.h"
 
 namespace interneuron::cli {
@@ -20,9 +21,10 @@ struct VehicleRun {
   std::string backup;
 };
 
-// Says on stderr how many rounds there were and how they ended: in place on a terminal, else every
-// 50 rounds or so. `last`: the run is over.
-void print_progress(const RunRecord::Counts& counts, std::uint32_t rounds, bool last);
+// Says how many rounds there were and how they ended: in the line of a terminal, else on stderr
+// every 50 rounds or so. `last`: the run is over.
+void show_progress(StatusLine& line, const RunRecord::Counts& counts, std::uint32_t rounds,
+                   bool last);
 
 // Writes the files of the run and prints its summary, as the options ask for. Returns the exit
 // code: kObjectiveMissed when too few rounds were on time. Throws Failure (1) naming a file.

@@ -13,7 +13,8 @@ inline constexpr int kFine = 0;
 // What the command set out to do did not succeed.
 inline constexpr int kFailed = 1;
 // The command line is wrong: a command, an option or a name on it does not exist, or a value is out
-// of range. Names are of policies, profiles, experiments, network cards, links and hosts.
+// of range. Names are of policies, profiles, experiments, network cards, links and the hosts of a
+// testbed.
 inline constexpr int kUsage = 2;
 // A file or folder that was named is missing, or what it says is wrong.
 inline constexpr int kConfiguration = 3;

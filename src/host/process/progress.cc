@@ -1,7 +1,6 @@
 #include "host/process/progress.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <atomic>
@@ -22,13 +21,14 @@ constexpr auto kTick = std::chrono::milliseconds(50);
 
 }  // namespace
 
-void Progress::tell(const std::string& what, std::size_t done, std::size_t count) const {
+void Progress::tell(const std::string& what, std::size_t done, std::size_t count) {
   if (quiet_) return;
-  const bool terminal = ::isatty(STDERR_FILENO) == 1;
-  if (terminal) fmt::print(stderr, "\r\x1b[K{}: {} of {} runs", what, done, count);
-  if (terminal && done == count) fmt::print(stderr, "\r\x1b[K");
-  if (!terminal && done == 0) fmt::print(stderr, "{}: {} runs\n", what, count);
-  std::fflush(stderr);
+  if (done == count) {
+    line_.clear();
+  } else {
+    line_.show(fmt::format("{}: {} of {} runs", what, done, count));
+  }
+  if (!line_.live() && done == 0) fmt::print(stderr, "{}: {} runs\n", what, count);
 }
 
 void Progress::for_each(const std::string& what, std::size_t count,

@@ -5,6 +5,8 @@
 #include <functional>
 #include <string>
 
+#include "host/process/status_line.h"
+
 namespace interneuron::cli {
 
 // Runs a list of independent jobs on all processors and shows on stderr how many are done: on a
@@ -21,9 +23,10 @@ class Progress {
                 const std::function<void(std::size_t)>& work);
 
  private:
-  void tell(const std::string& what, std::size_t done, std::size_t count) const;
+  void tell(const std::string& what, std::size_t done, std::size_t count);
 
   bool quiet_;
+  StatusLine line_;
 };
 
 }  // namespace interneuron::cli
