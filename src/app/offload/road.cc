@@ -10,6 +10,7 @@
 
 #include "app/offload/offload_request.h"
 #include "app/offload/road_ladder.h"
+#include "app/offload/submit_log.h"
 #include "app/watch/publisher.h"
 #include "core/offload/roadside_unit.h"
 #include "host/process/failure.h"
@@ -24,6 +25,10 @@ namespace {
 
 namespace perc = perception;
 
+// The program `road`: one Node that serves every vehicle that comes, and the detectors. The Node's
+// thread runs everything but detect(), whose task runs on a worker; while it runs nothing else
+// touches the detectors. What arrives was sent by anybody: an image that cannot be decoded is
+// counted and dropped. run() returns after a signal.
 class Road {
  public:
   Road(const RoadOptions& options, RoadHooks& hooks);
@@ -53,6 +58,7 @@ class Road {
   std::optional<Unit> unit_;
   Node node_;
   LinkPublisher links_;
+  SubmitLog results_{"result"};
   // The newest top level of each vehicle, to log its changes.
   std::map<PeerId, std::size_t> top_;
   std::uint64_t malformed_ = 0;
@@ -176,7 +182,8 @@ void Road::detected(Duration took, Bytes result) {
   const offload::Computed computed =
       unit_->end(node_.now(), learns ? std::optional(took) : std::nullopt);
   hooks_.computed(computed);
-  node_.submit(computed.round, {std::move(result)}, MessageClass::kResult, computed.from);
+  results_.submitted(computed.round, node_.submit(computed.round, {std::move(result)},
+                                                  MessageClass::kResult, computed.from));
   start_next();
 }
 
@@ -200,8 +207,12 @@ int Road::run() {
     for (std::size_t i = 0; i < ladder_->size(); ++i) names.push_back(ladder_->level(i).name);
     hooks_.finished(ladder_->description(), names, levels_);
   }
-  spdlog::info("served {} images{}", unit_ ? unit_->computed() : 0,
-               malformed_ > 0 ? ", dropped " + std::to_string(malformed_) + " that were none" : "");
+  std::string served = "served " + std::to_string(unit_ ? unit_->computed() : 0) + " images";
+  if (unit_ && unit_->dropped() > 0) {
+    served += ", dropped " + std::to_string(unit_->dropped()) + " that came too fast or too late";
+  }
+  if (malformed_ > 0) served += ", refused " + std::to_string(malformed_) + " that were none";
+  spdlog::info("{}", served);
   return kFine;
 }
 
@@ -230,6 +241,10 @@ int run_road(const RoadOptions& options, RoadHooks* hooks) {
                   "--ladder '" + options.ladder + "': give auto, dnn, motion, replay or none");
   }
   if (options.nics.empty()) throw Failure(kUsage, "no NIC: give --nic NAME, once per card");
+  if (!options.address.empty() && !make_address(options.address, 0)) {
+    throw Failure(kUsage,
+                  "--address '" + options.address + "' is no numeric address like 10.0.0.1");
+  }
   RoadHooks none;
   return Road(options, hooks != nullptr ? *hooks : none).run();
 }

@@ -9,12 +9,14 @@
 #include "app/offload/camera.h"
 #include "app/offload/offload_request.h"
 #include "app/offload/run_record.h"
+#include "app/offload/submit_log.h"
 #include "app/offload/vehicle_report.h"
 #include "app/watch/publisher.h"
 #include "core/offload/computation_budget.h"
 #include "host/io/steady_clock.h"
 #include "host/process/failure.h"
 #include "host/process/signals.h"
+#include "host/process/status_line.h"
 #include "host/settings/data.h"
 #include "host/settings/link_options.h"
 #include "interneuron/node.h"
@@ -49,6 +51,9 @@ Duration encode_time() {
   return slowest;
 }
 
+// The program `vehicle`: a camera, a Node, the local backup and the record of the rounds. A round
+// begins every period; its image goes out, the backup computes on a worker, and the first answer
+// ends it. All else runs on the Node's thread. run() returns after the last round or a signal.
 class Vehicle {
  public:
   Vehicle(const VehicleOptions& options, VehicleHooks& hooks);
@@ -81,9 +86,11 @@ class Vehicle {
   offload::ComputationBudget budget_;
   bool started_ = false;
   bool all_begun_ = false;
+  StatusLine line_;
   RunRecord record_;
   // The newest reason for which the policy sent nothing.
   std::string refusal_;
+  SubmitLog images_{"image"};
   std::string failure_;
 };
 
@@ -205,7 +212,8 @@ void Vehicle::begin_round(TimePoint planned_at) {
   sampled.bgr = perc::every_second_pixel(raw.bgr);
   Variants variants{with_request(budget_.value(), perc::encode_image(raw)),
                     with_request(budget_.value(), perc::encode_image(sampled))};
-  node_.submit(ref, hooks_.submitted(std::move(variants)), MessageClass::kData, node_.peer());
+  images_.submitted(ref, node_.submit(ref, hooks_.submitted(std::move(variants)),
+                                      MessageClass::kData, node_.peer()));
   back_up(ref, raw);
 
   camera_.fetch(node_);
@@ -263,7 +271,7 @@ void Vehicle::finish() {
 }
 
 void Vehicle::progress() {
-  if (!o_.quiet) print_progress(record_.counts(), o_.rounds, false);
+  if (!o_.quiet) show_progress(line_, record_.counts(), o_.rounds, false);
   node_.after(kProgress, [this] { progress(); });
 }
 
@@ -279,7 +287,7 @@ int Vehicle::run() {
   node_.run();
   // What was measured is written, even after a second Ctrl-C.
   const SignalWatch undisturbed;
-  if (started_ && !o_.quiet) print_progress(record_.counts(), o_.rounds, true);
+  if (started_ && !o_.quiet) show_progress(line_, record_.counts(), o_.rounds, true);
   if (!failure_.empty()) throw Failure(kFailed, failure_);
   const int signal = node_.stopped_by_signal();
   // Rounds that the signal cut off are no rounds of the run.
