@@ -75,9 +75,18 @@ Demo::Demo(const DemoOptions& options) : o_(options), data_(find_data(options.da
 }
 
 std::vector<std::string> Demo::road_command() const {
-  std::vector<std::string> argv{
-      own_program(), "road",    "--port", std::to_string(kPort), "--ladder",
-      o_.ladder,     "--video", video_,   "--deadline-ms",       fmt::format("{}", o_.deadline_ms)};
+  std::vector<std::string> argv{own_program(),
+                                "road",
+                                "--port",
+                                std::to_string(kPort),
+                                "--ladder",
+                                o_.ladder,
+                                "--video",
+                                video_,
+                                "--deadline-ms",
+                                fmt::format("{}", o_.deadline_ms),
+                                "--calibration-runs",
+                                std::to_string(o_.calibration_runs)};
   if (data_) argv.insert(argv.end(), {"--data", data_->string()});
   for (const netns::TestbedLink& link : testbed_->state().links)
     argv.insert(argv.end(), {"--nic", link.nic});

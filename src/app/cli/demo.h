@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "app/offload/road.h"
+
 namespace interneuron::cli {
 
 struct DemoOptions {
@@ -17,6 +19,8 @@ struct DemoOptions {
   std::string video;
   std::string data;
   std::string ladder = "auto";
+  // Runs per level in which the roadside unit measures its detectors before the first round.
+  int calibration_runs = RoadOptions{}.calibration_runs;
   std::string policy = "down_sampling";
   std::string guard = "budget";
   double deadline_ms = 130;

@@ -36,7 +36,7 @@ constexpr const char* kVersion = INTERNEURON_VERSION;
 
 constexpr const char* kExitCodes =
     "Exit codes: 0 fine, 1 failed, 2 usage, 3 configuration or input, 4 deadline objective missed, "
-    "5 needs a privilege.";
+    "5 needs a privilege, 77 this system cannot do it.";
 
 std::vector<std::string> policy_names() {
   std::vector<std::string> names;
@@ -78,6 +78,12 @@ void add_input_options(CLI::App* c, std::string& video, std::string& data, std::
       ->check(CLI::IsMember(ladders));
 }
 
+void add_calibration_option(CLI::App* c, int& runs) {
+  c->add_option("--calibration-runs", runs, "Runs per level at start-up")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 10'000));
+}
+
 void add_demo(CLI::App& program, std::function<int()>& run) {
   auto o = std::make_shared<DemoOptions>();
   CLI::App* c = program.add_subcommand(
@@ -93,6 +99,7 @@ void add_demo(CLI::App& program, std::function<int()>& run) {
       ->take_all();
   add_deadline_options(c, o->deadline_ms, o->guard, o->policy, o->objective);
   add_input_options(c, o->video, o->data, o->ladder);
+  add_calibration_option(c, o->calibration_runs);
   c->add_flag("--json", o->json, "The summary as JSON on stdout");
   c->footer(
       "Examples:\n  interneuron demo\n  interneuron demo --rounds 100 --seed 2 --json\n"
@@ -177,9 +184,7 @@ void add_road(CLI::App& program, std::function<int()>& run) {
        "End-to-end deadline of the vehicles, milliseconds, for which --ladder auto chooses")
       ->capture_default_str()
       ->check(positive_number());
-  c->add_option("--calibration-runs", o->calibration_runs, "Runs per level at start-up")
-      ->capture_default_str()
-      ->check(CLI::Range(1, 10'000));
+  add_calibration_option(c, o->calibration_runs);
   c->add_option("--top-level", o->top_level, "Highest level used; -1: by the vehicle's budget")
       ->capture_default_str()
       ->check(CLI::Range(-1, 255));
