@@ -52,7 +52,7 @@ std::vector<std::string> command_names(const CLI::App& parent) {
 std::string suggestion(const std::string& word, const std::vector<std::string>& known,
                        const std::string& command) {
   const std::vector<std::string_view> views(known.begin(), known.end());
-  if (const auto nearest = emu::nearest_word(word, views)) {
+  if (const auto nearest = nearest_word(word, views)) {
     return "; did you mean '" + std::string(*nearest) + "'?";
   }
   return "; `" + command + " --help` lists them";

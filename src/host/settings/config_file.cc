@@ -30,7 +30,7 @@ std::string scalar(const toml::node& node, const std::string& file, const std::s
   if (const auto s = node.value_exact<std::string>()) return *s;
   if (const auto i = node.value_exact<std::int64_t>()) return std::to_string(*i);
   if (const auto b = node.value_exact<bool>()) return *b ? "true" : "false";
-  if (const auto d = node.value_exact<double>()) return emu::number_text(*d);
+  if (const auto d = node.value_exact<double>()) return number_text(*d);
   throw Failure(kConfiguration, where + ": " + key + ": give a string, a number, true or false");
 }
 
@@ -47,7 +47,7 @@ CLI::Option* find_option(CLI::App& command, const std::string& key, const std::s
     }
   }
   const std::vector<std::string_view> known(names.begin(), names.end());
-  const auto nearest = emu::nearest_word(key, known);
+  const auto nearest = nearest_word(key, known);
   throw Failure(kConfiguration,
                 where + ": unknown key '" + key + "'" +
                     (nearest ? "; did you mean '" + std::string(*nearest) + "'?"

@@ -38,7 +38,7 @@ constexpr std::string_view kCapRange = "give a rate above 0, for example 20mbit 
 std::string in_quotes(std::string_view text) { return "'" + std::string(text) + "'"; }
 
 std::string did_you_mean(std::string_view word, const std::vector<std::string_view>& known) {
-  if (const auto nearest = emu::nearest_word(word, known)) {
+  if (const auto nearest = nearest_word(word, known)) {
     return "; did you mean " + in_quotes(*nearest) + "?";
   }
   std::string text = "; there are";
@@ -168,7 +168,7 @@ std::string to_string(const LinkOption& link) {
   }
   if (t.priority != 0) text += ",priority=" + std::to_string(t.priority);
   if (t.metered) text += ",metered";
-  if (t.rate_cap) text += ",rate_cap=" + emu::number_text(t.rate_cap->mbit()) + "mbit";
+  if (t.rate_cap) text += ",rate_cap=" + number_text(t.rate_cap->mbit()) + "mbit";
   if (t.trusted) text += ",trusted";
   return text;
 }
@@ -275,7 +275,7 @@ void LinkTable::read(const std::string& key, const toml::node& node) {
         value<bool>(key, node, "give true or false");
   } else if (key == "rate_cap_mbit") {
     const auto mbit = node.value<double>();
-    traits.rate_cap = mbit ? rate_of_text(emu::number_text(*mbit) + "mbit") : std::nullopt;
+    traits.rate_cap = mbit ? rate_of_text(number_text(*mbit) + "mbit") : std::nullopt;
     if (!traits.rate_cap) fail(node, "rate_cap_mbit: give a number above 0");
   } else {
     fail(node, "unknown key '" + key + "' of [[link]]" +

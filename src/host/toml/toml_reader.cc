@@ -7,7 +7,7 @@
 #include <numeric>
 #include <sstream>
 
-namespace interneuron::emu {
+namespace interneuron {
 
 namespace {
 
@@ -254,4 +254,4 @@ bool TomlReader::fail(const toml::source_region& where, const std::string& what)
   return false;
 }
 
-}  // namespace interneuron::emu
+}  // namespace interneuron

@@ -13,7 +13,7 @@
 #include <utility>
 #include <vector>
 
-namespace interneuron::emu {
+namespace interneuron {
 
 // A key whose value is a number within [min, max], in `unit` (part of the key's name; empty for a
 // pure number).
@@ -89,4 +89,4 @@ std::string number_text(double value);
 std::optional<std::string_view> nearest_word(std::string_view word,
                                              const std::vector<std::string_view>& known);
 
-}  // namespace interneuron::emu
+}  // namespace interneuron
