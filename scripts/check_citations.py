@@ -12,7 +12,7 @@ Lines that a comment or a paragraph was wrapped over are read as one. What is ch
   §4.2, section 4.2            an RFC, another standard or a draft is named before it in the paragraph; of a document of
                                ours it must be a numbered heading
   issue 5, pull request 5      somebody else's: `owner/repository issue 5`; numbers of ours mean nothing to a reader
-  NOTES                        a private document
+  NOTES, ../shared             what only some of us have
   a/b.h, src/core/link/, b.cc  in comments and Markdown: the file or folder exists
   `kName`, `Type::kName`       in Markdown: code has a constant of this name
 
@@ -28,7 +28,7 @@ import tempfile
 SKIPPED_FOLDERS = {".git", "build", "out", "__pycache__"}
 SKIPPED_FILES = {"LICENSE", "scripts/check_citations.py"}
 CODE = (".h", ".cc", ".in")
-HASHED = (".py", ".sh", ".toml", ".cmake", ".txt", ".yml")
+HASHED = (".py", ".sh", ".toml", ".cmake", ".txt", ".yml", "/run")
 # Where a path in a comment may begin, as for the compiler; the citing file's folder comes first.
 PLACES = ("", "src", "include", "tests", "docs")
 TOPS = ("include", "policies", "src", "netns", "bench", "tests", "docs", "scripts", "examples", "cmake", "tc_profiles")
@@ -46,14 +46,16 @@ MD = re.compile(r"(?<![\w/.])((?:[\w.-]+/)*[\w.-]+\.md)\b(?:#([\w-]+))?")
 HEADINGS = re.compile(r"""(?:,|:)?\s+(?:and\s+|,\s*)?["“]([^"”]{2,90})["”]""")
 SECTION = re.compile(r"§+\s*(\d[\d.]*\d|\d)|\b[Ss]ections?\s+(\d+(?:\.\d+)*)")
 STANDARD = re.compile(r"RFC\s*\d+|\bdraft-[\w-]+|ITU-T|3GPP|\bTS\s\d|IEEE|ISO|ETSI|SMPTE")
-ISSUE = re.compile(r"\b(?:[Ii]ssue|[Pp]ull request|PR)s?\s+#?\d+|\bthe issue\s+(?:asks|says|wants|requires|demands)\b")
-FOREIGN = re.compile(r"[\w.-]+/[\w.-]+\s+\Z")
-NOTES = re.compile(r"\bNOTES\b")
+ISSUE = re.compile(r"\b(?:[Ii]ssue|[Pp]ull request|PR)s?\s+(?:#|[Nn]o\.?\s*|[Nn]umber\s+)?\d+|\bGH-\d+|\bthe issue\s+(?:asks|says|wants|requires|demands)\b")
+FOREIGN = re.compile(r"(?<![\w./-])(?!(?:and/or|%s)\b)[\w.-]+/[\w.-]+\s+\Z" % "|".join(f"{top}/" for top in TOPS))
+PRIVATE = re.compile(r"\bNOTES\b|\.\./shared/(?!data\b)[\w./-]*")
 LINK = re.compile(r"\[[^\]\[]*(?:\[[^\]]*\][^\]\[]*)?\]\(([^)\s]+)\)")
 PATH = re.compile(r"(?<![\w/.~$<{*@:-])((?:[\w.-]+/)*[\w-]+\.(?:h|cc|py|sh|lua|cmake)|(?:%s)(?:/[\w.-]+)+/?)"
                   r"(?![\w/*{<…-])" % "|".join(TOPS))
 CONSTANT = re.compile(r"\bk[A-Z]\w+")
 HEADING = re.compile(r"^#{1,6} +(.+?) *#*$", re.M)
+# What stands before the comment of a line in a language whose comments begin with #: the whole line when it has none.
+TRAILING = re.compile(r"^(?:(?!(?:^|[ \t])#[ \t!]).)*", re.M)
 FENCE = re.compile(r"^```.*?^```", re.M | re.S)
 
 
@@ -148,8 +150,8 @@ class Checker:
             self.citations += 1
             if not FOREIGN.search(whole, max(0, match.start() - 80), match.start()):
                 problem(match.start(), f"`{squeeze(match)}`: say what it is; another project's is `owner/repository {squeeze(match)}`")
-        for match in NOTES.finditer(whole):
-            problem(match.start(), "`NOTES` is not in the repository")
+        for match in PRIVATE.finditer(whole):
+            problem(match.start(), f"`{match.group()}` is not in the repository")
         if markdown:
             for match in LINK.finditer(URL.sub(keep_length, FENCE.sub(blank_lines, text))):
                 self.check_link(path, match, problem)
@@ -161,8 +163,7 @@ class Checker:
         elif path.endswith(CODE):
             self.check_paths(path, unwrap(comments_of(text)), problem)
         elif path.endswith(HASHED):
-            self.check_paths(path, "\n".join(line if line.lstrip().startswith("#") else re.sub(r".", " ", line)
-                                             for line in text.split("\n")), problem)
+            self.check_paths(path, TRAILING.sub(keep_length, text), problem)
 
     def locate(self, path, cited, places=("",)):
         """The file or folder that `cited` names in the file `path`: below that file's folder or one of `places`."""
@@ -290,6 +291,15 @@ CASES = [
     ("a.toml", "# Fitted in realtime.md section 9", "realtime.md is not"),
     ("b.toml", "# As issue\n# 7 wants", "`issue 7`"),
     ("a.py", "# see scripts/gone.sh", "scripts/gone.sh is not"),
+    ("c.py", "x = 1  # see scripts/gone.sh", "scripts/gone.sh is not"),
+    ("d.py", 'x = "scripts/gone.sh"', None),
+    (".ci/run", "# see scripts/gone.sh", "scripts/gone.sh is not"),
+    ("y.h", "// As measured, and/or issue 5.", "`issue 5`"),
+    ("z.h", "// In src/core issue 5.", "`issue 5`"),
+    ("aa.h", "// By issue no. 5.", "`issue no. 5`"),
+    ("ab.h", "// By GH-12.", "`GH-12`"),
+    ("ac.h", "// See ../shared/reference/style for why.", "../shared/reference/style"),
+    ("g.md", "Data are in `../shared/data`.", None),
     ("b.py", 'x = open("paper.md")  # a part of a path', None),
 ]
 
