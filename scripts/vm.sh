@@ -78,18 +78,21 @@ store="$cache/1"
 { mkdir -p "$store" && [[ -w $store ]]; } 2>/dev/null || fail 125 "cannot write to $cache; set XDG_CACHE_HOME to another folder"
 store=$(readlink -f "$store")
 
+# How the message of a machine that died itself ends.
+died="its last words are above"
+
 # starts KIND: whether such a machine runs a command here, found out by trying. User-mode Linux, for one, dies at once on
 # processors with AMX, whose floating-point state is larger than it can restore. A verdict is kept for as long as kernel
-# and processor stay the same; a machine that could not be tried (77) or ran out of time (124) is tried again next time.
-# Leaves in $reason why not.
+# and processor stay the same. It is one of the machine: where that could not be tried, was ended from outside or ran out of
+# time, it is tried again next time. Leaves in $reason why not.
 starts() {
   local verdict code=0 said
   verdict="$cache/starts-$1-$({ uname -r; grep -m 2 -E '^(model name|flags)' /proc/cpuinfo || true; } | cksum | tr ' ' -)"
   if [[ ! -s $verdict ]]; then
     said=$(bash "${BASH_SOURCE[0]}" "--$1" --quiet --timeout 180 -- true 2>&1 </dev/null) || code=$?
-    case $code in
-      0) echo yes >"$verdict" ;;
-      125) printf '%s\n' no "$said" >"$verdict" ;;
+    case $code:$said in
+      0:*) echo yes >"$verdict" ;;
+      125:*"$died"*) printf '%s\n' no "$said" >"$verdict" ;;
       *)
         said=${said##*$'\n'}
         reason="--$1: ${said#vm: }"
@@ -317,5 +320,5 @@ pumps=()
 if [[ -s $work/code ]]; then exit "$(<"$work/code")"; fi
 if ((ended == 124 || ended == 137)); then fail 124 "out of time after $timeout s; see --timeout"; fi
 tail -n 15 "$work/console" | sed 's/\r$//' >&2
-if [[ -e $work/started ]]; then fail 125 "the machine stopped before the command ended; its last words are above"; fi
-fail 125 "the machine did not start; its last words are above"
+if [[ -e $work/started ]]; then fail 125 "the machine stopped before the command ended; $died"; fi
+fail 125 "the machine did not start; $died"
