@@ -20,7 +20,8 @@
 namespace interneuron::perception {
 namespace {
 
-constexpr double kScoreStep = 0.05;  // between two thresholds of the table
+// The distance between two thresholds of the table.
+constexpr double kScoreStep = 0.05;
 
 double cpu_ms() {
   timespec t{};

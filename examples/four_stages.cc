@@ -43,8 +43,9 @@ std::vector<in::PipelineConfig> pipelines() {
 }
 
 int serve_both(const std::vector<std::string>&) {
-  examples::Served tracker;   // roadside B
-  examples::Served detector;  // roadside A
+  // The tracker is roadside unit B, the detector roadside unit A.
+  examples::Served tracker;
+  examples::Served detector;
   examples::Served vehicle(pipelines());
   const in::PeerId detector_to_tracker = connect(detector.node, tracker);
   const in::PeerId vehicle_to_detector = connect(vehicle.node, detector);

@@ -18,7 +18,8 @@ constexpr const char* kHelp =
     "Prints each of 10 rounds: its time, where it was answered, and how many points arrived.\n";
 
 constexpr int kRounds = 10;
-constexpr float kVoxel = 0.4F;  // m
+// The edge of a voxel, metres.
+constexpr float kVoxel = 0.4F;
 
 int offload(const std::vector<std::string>& arguments) {
   const examples::Sweep sweep =

@@ -17,7 +17,8 @@
 
 namespace examples {
 
-using Point = std::array<float, 4>;  // x, y, z in m, intensity: KITTI's layout
+// x, y and z in metres, then the intensity, as the files of the KITTI data set have them.
+using Point = std::array<float, 4>;
 using Sweep = std::vector<Point>;
 
 inline Sweep read_kitti(const std::string& file) {

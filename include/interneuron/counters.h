@@ -26,7 +26,7 @@ struct LinkCounters {
   std::uint64_t fragments_lost = 0;
 };
 
-// Of the endpoint.
+// What an endpoint has counted since it was made, over all of its peers.
 struct EndpointCounters {
   // Complete messages with a valid header, whatever became of them.
   std::uint64_t messages_completed = 0;

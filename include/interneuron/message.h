@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <span>
+#include <vector>
 
 #include "interneuron/nature.h"
 #include "interneuron/units.h"

@@ -110,7 +110,7 @@ class Node {
   // The peer that NodeLink::peer names; nothing while no link to it has been opened.
   std::optional<PeerId> peer() const;
   std::vector<PeerId> peers() const;
-  // As believed now.
+  // What is believed of the links to this peer at this instant.
   std::vector<LinkState> links(PeerId peer) const;
   Statistics statistics() const;
   EndpointCounters counters() const;

@@ -70,7 +70,7 @@ class FrameHub {
 
   io::FileDescriptor receive_;
   io::FileDescriptor send_;
-  // By position: where to send for a NIC.
+  // Element [i] is the address by which frames are sent to the NIC at position i.
   std::vector<sockaddr_ll> addresses_;
   // The position of a NIC by the kernel's number.
   std::unordered_map<int, std::size_t> positions_;

@@ -7,7 +7,8 @@
 // parsed as untrusted bytes. A flood of them delays honest requests, never packets for long: the
 // holder reads them one at a time between its steps.
 //
-// Thread-compatible. Errors: TestbedError (1).
+// Thread-compatible. Errors: TestbedError (1), or (3) for a
+// testbed that refuses what ask() was given.
 #pragma once
 
 #include <optional>

@@ -55,7 +55,7 @@ struct SharedSample {
 struct SharedLink {
   SharedDirection up;
   SharedDirection down;
-  // How many steps of 10 ms are kept: 82 s, of which `testbed verify` reads the last 60 s.
+  // How many steps of 10 ms are kept: 82 s.
   static constexpr std::size_t kSteps = 8192;
   // How many steps have been written so far. Step n is at samples[n % kSteps].
   std::atomic<std::int64_t> steps{};

@@ -2,6 +2,7 @@
 // (schema "interneuron.verify/1"). Pure; thread-compatible; no errors.
 #pragma once
 
+#include <array>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>

@@ -50,8 +50,10 @@ struct Verdict {
 struct Overlaps {
   std::size_t times = 1;
   std::vector<float> scores;
-  std::vector<bool> ignored;             // per truth
-  std::vector<std::vector<double>> iou;  // [detection][truth]
+  // Element t: truth t is ignored.
+  std::vector<bool> ignored;
+  // Element [d][t]: the intersection over union of detection d and truth t.
+  std::vector<std::vector<double>> iou;
 };
 
 Overlaps overlaps_of(const std::vector<TrueBox>& truth, const std::vector<Box>& shown) {
@@ -94,8 +96,10 @@ void match(const Overlaps& round, double threshold, std::vector<Verdict>& out) {
 }
 
 struct Curve {
-  double precision = 0;  // mean over the recall points
-  double recall = 0;     // the last
+  // The mean over the recall points.
+  double precision = 0;
+  // At the last point, which is the highest.
+  double recall = 0;
 };
 
 Curve summarise(std::vector<Verdict> verdicts, std::size_t truths) {
@@ -128,7 +132,8 @@ Curve summarise(std::vector<Verdict> verdicts, std::size_t truths) {
 
 struct Prepared {
   std::vector<Overlaps> rounds;
-  std::size_t truths = 0;  // persons to be found, over all rounds
+  // The persons to be found in all rounds.
+  std::size_t truths = 0;
 };
 
 Prepared prepare(const GroundTruth& truth, std::span<const Shown> rounds) {

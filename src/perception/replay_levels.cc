@@ -94,7 +94,8 @@ Recording read_recording(const fs::path& file) {
   Recording recording;
   for (int number = 2; !rest.empty(); ++number) {
     std::string_view line = cut(rest, '\n');
-    std::size_t frame = 0;  // 1-based in the file
+    // The file counts frames from 1.
+    std::size_t frame = 0;
     Box box;
     const bool good = parse(cut(line, ','), frame) && parse(cut(line, ','), box.x) &&
                       parse(cut(line, ','), box.y) && parse(cut(line, ','), box.w) &&

@@ -21,7 +21,8 @@ namespace {
 
 using netns::Testbed;
 
-// Rates take 13 s of it for two links; the testbed remembers 80 s of schedule.
+// Seconds. Rates take 13 s of it for two links; the testbed remembers its schedule for 82 s
+// (SharedLink::kSteps), less what passes until it is read.
 constexpr int kShortest = 20;
 constexpr int kLongest = 80;
 

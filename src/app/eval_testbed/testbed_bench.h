@@ -52,7 +52,7 @@ class Bench {
 
   const eval::Scenario& scenario_;
   std::optional<std::filesystem::path> data_;
-  // As the programs' --ladder.
+  // What the programs are given as --ladder.
   std::string kind_;
   std::filesystem::path scratch_;
   std::string video_;

@@ -7,7 +7,7 @@
 namespace interneuron::cli {
 namespace {
 
-// More than a sparkline has columns.
+// How many samples are kept: more than a sparkline has columns.
 constexpr std::size_t kMaxSamples = 240;
 // Some screens of them. No measurement is behind this value: it only has to be larger than what a
 // window shows.

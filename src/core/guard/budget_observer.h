@@ -76,7 +76,7 @@ class BudgetObserver final : public StageGuard {
     Speed speed;
     RoundRing<Entry> rounds;
     RoundRing<Better> better;
-    // As they were told last.
+    // The levels of the computation, as the application named them last.
     std::vector<LevelProfile> levels;
     // What was decided last, which holds while nothing is known (any more).
     std::size_t last_level = 0;

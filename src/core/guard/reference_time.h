@@ -41,12 +41,12 @@ class ReferenceTime {
  private:
   struct Entry {
     bool settled = false;
-    // By stage - 1.
+    // Element [i] is the time at which stage i + 1 ended, since the round began.
     std::array<std::optional<Duration>, kMaxStages> theta{};
   };
 
   RoundRing<Entry> rounds_;
-  // By stage - 1.
+  // Element [i] belongs to stage i + 1.
   std::array<std::optional<Duration>, kMaxStages> base_{};
   // When a base changed last.
   std::optional<TimePoint> accepted_at_;

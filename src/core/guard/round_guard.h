@@ -25,7 +25,7 @@ struct Spent {
   std::optional<std::uint8_t> level;
   // The variant of the input that was computed on.
   std::optional<std::uint8_t> variant;
-  // As in LevelChoice.
+  // LevelChoice says what it means.
   std::optional<Duration> excess;
   // How long all computations of the round took together.
   std::optional<Duration> computed;

@@ -33,7 +33,7 @@ namespace interneuron::guard {
 // What the origin asks of every node of its pipeline. Each round's header carries it.
 struct Terms {
   GuardKind kind = GuardKind::kPaper;
-  // As in BudgetOptions.
+  // BudgetOptions says what both mean.
   double target = BudgetOptions{}.target;
   double miss_price = BudgetOptions{}.miss_price;
   // Expected quality of an answer without a remote result.

@@ -7,7 +7,8 @@
 namespace interneuron::link {
 namespace {
 
-constexpr double kSeconds = 1e-9;  // per ns
+// Seconds per nanosecond.
+constexpr double kSeconds = 1e-9;
 // How many standard errors tell two links apart: at the edge one pair in 20 is ordered wrongly.
 constexpr double kStandardErrors = 1.64;
 // The standard deviation of normal values in terms of their mean deviation, which RTTVAR follows.

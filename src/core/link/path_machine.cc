@@ -12,8 +12,9 @@ namespace {
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
-// A path is SUSPECT after max(this, 1.5 SRTT) without acknowledgement: three intervals of feedback,
-// or half a round trip beyond the usual (docs/constants.md, "States of a path").
+// A path is SUSPECT after max(this, 1.5 SRTT, SRTT + 2 RTTVAR) without acknowledgement: three
+// intervals of feedback, half a round trip beyond the usual, or what its jitter explains
+// (docs/constants.md, "States of a path").
 constexpr Duration kSuspectFloor = milliseconds(15);
 // A path is PULLED after max(this, SRTT + 4 RTTVAR) of silence: RFC 6298's timeout without its
 // floor of a second, and the least that SRT waits before it judges a link (docs/constants.md,

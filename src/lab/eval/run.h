@@ -53,7 +53,7 @@ struct Round {
   // The variant that was used, as the profile counts them, and the level that was computed.
   std::uint8_t variant = 0;
   std::size_t level = 0;
-  // Of stage 1.
+  // The verdict on stage 1, the transmission of the frame.
   Verdict verdict;
   bool degraded_first = false;
   bool degraded_final = false;

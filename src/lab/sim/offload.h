@@ -95,13 +95,13 @@ struct OffloadRound {
   std::uint32_t answers = 0;
   bool answered() const { return answers > 0; }
   RoundDone done;
-  // Of the frame.
+  // The plan of the frame's transmission.
   Plan plan;
   // As the roadside unit saw the round; nothing when no frame was handed over there.
   struct AtRoad {
     // Index among the variants that were submitted.
     std::uint8_t variant = 0;
-    // Of stage 1.
+    // The verdict on stage 1, the transmission of the frame.
     Verdict verdict;
     bool degraded = false;
     Duration delivered{};

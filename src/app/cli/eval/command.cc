@@ -21,9 +21,9 @@ using experiments::Document;
 using experiments::Experiment;
 
 constexpr const char* kAll = "all";
-// More seeds than this are a slip of the pen.
+// The most seeds of one run, so that a mistyped range is refused and not computed for days.
 constexpr std::uint64_t kMostSeeds = 10'000;
-// By default: rounds take their time there.
+// The default number of seeds with --testbed, where 300 rounds of a system take half a minute.
 constexpr std::uint64_t kTestbedSeeds = 3;
 
 struct Options {

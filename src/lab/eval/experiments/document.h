@@ -101,7 +101,7 @@ struct Grid {
   // By column: whether it has words, which are set to the left.
   std::vector<bool> is_text;
   struct Line {
-    // Of the row; empty: it has none.
+    // The name of the row; empty when it has none.
     std::string name;
     std::vector<std::string> cells;
   };

@@ -13,9 +13,9 @@
 namespace interneuron::experiments {
 
 struct Request {
-  // Per seed, at least 1.
+  // The rounds of each seed, at least 1.
   std::uint32_t rounds = 300;
-  // Both are run, and all between them.
+  // Every seed from the first to the last, both included, is run.
   std::uint64_t first_seed = 1;
   std::uint64_t last_seed = 30;
   const Scorer& scorer;
