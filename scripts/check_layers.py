@@ -2,7 +2,8 @@
 """Checks every #include against the layer table of ARCHITECTURE.md, and that pure folders stay pure.
 
     scripts/check_layers.py [--root DIR]     check the tree; part of every build
-    scripts/check_layers.py --self-test      check the checker, with made-up violations
+
+scripts/check_layers_test.py checks the checker.
 
 A row of the table reads `| folder | what lives there | may include | pure |`. "may include" lists folders by their path
 below `src/` (`core/wire`, `include`), whole groups by their name (`core`: every folder `core/...`), header patterns in
@@ -18,7 +19,6 @@ import fnmatch
 import os
 import re
 import sys
-import tempfile
 
 ROOTS = ("include", "policies", "src", "netns", "bench", "examples")
 SUFFIXES = (".h", ".cc", ".in", ".inc", ".hpp")
@@ -292,116 +292,7 @@ class Checker:
         return f"{folder.path} may not include <{header}>; its row in ARCHITECTURE.md does not list it"
 
 
-TABLE = """
-Floors: include, policies, core, host, lab, app
-
-| folder | what | may include | pure |
-|---|---|---|---|
-| `include/interneuron/` | vocabulary | std only | yes |
-| `policies/` | policies | include | yes |
-| `src/core/wire/` | bytes | include | yes |
-| `src/core/flow/` | messages | include, core/wire | yes |
-| `src/lab/emu/` | links | include, `<toml++/*>` | yes |
-| `src/host/io/` | system | include, OS | no |
-| `src/app/cli/` | program | include, core, host/io, `<CLI/*>` | no |
-"""
-
-# (file, line, rule or None): one file per line of code, None where nothing may be found.
-CASES = [
-    ("include/interneuron/a.h", "#include <vector>", None),
-    ("include/interneuron/b.h", '#include "interneuron/a.h"', None),
-    ("include/interneuron/c.h", '#include "core/wire/header.h"', "may not include src/core/wire"),
-    ("include/interneuron/d.h", "#include <sys/socket.h>", "does not list it"),
-    ("include/interneuron/e.h", "#include <thread>", "pure"),
-    ("include/interneuron/f.h", "#include <functional>  // std::thread, system_clock::now() in a comment", None),
-    ("src/core/wire/header.h", '#include "core/wire/other.h"', None),
-    ("src/core/wire/other.h", "#include <interneuron/a.h>", None),
-    ("src/core/wire/c.cc", '#include "lab/emu/profile.h"', "may not include src/lab/emu"),
-    ("src/core/wire/d.cc", '#include "host/io/socket.h"', "may not include src/host/io"),
-    ("src/core/wire/e.cc", "#include <boost/asio.hpp>", "does not list it"),
-    ("src/core/wire/f.cc", "#include <toml++/toml.h>", "does not list it"),
-    ("src/core/wire/g.cc", '/* a\n b */ #include "nowhere/x.h"', "lies in no folder"),
-    ("src/core/wire/h.cc", "auto t = LocalClock::now();", "reads a clock"),
-    ("src/core/wire/i.cc", "auto t = pacer.now() + guard->now(); auto s = now(3);", None),
-    ("src/core/wire/j.cc", "timespec t; clock_gettime(CLOCK_MONOTONIC, &t);", "reads a clock"),
-    ("src/core/wire/k.cc", "auto t = time(nullptr);", "reads a clock"),
-    ("src/core/wire/l.cc", "auto t = rate.transmit_time(0) + link.time(0) + std::max(time, 0);", None),
-    ("src/core/wire/m.cc", "::usleep(3);", "waits"),
-    ("src/core/wire/n.cc", 'const char* s = "std::cout << system_clock::now()";', None),
-    ("src/core/wire/o.cc", "std::lock_guard lock(m);", "locks"),
-    ("src/core/wire/p.cc", 'std::printf("x");', "prints"),
-    ("src/core/wire/q.cc", 'std::snprintf(out, 3, "x");', None),
-    ("src/core/wire/aa.cc", "int s = ::socket(AF_INET, SOCK_DGRAM, 0);", "calls the system"),
-    ("src/core/wire/ab.cc", 'std::system("ls");', "calls the system"),
-    ("src/core/wire/ac.cc", 'std::ifstream in("x");', "calls the system"),
-    ("src/core/wire/ad.cc", "reader.read(3); std::error_code system(int); writer->write(4); Sender::send(5);", None),
-    ("src/core/wire/ae.cc", '#define HEADER "app/cli/main.h"\n#include HEADER', "cannot be checked"),
-    ("src/core/wire/af.cc", '#include_next "app/cli/main.h"', "cannot be checked"),
-    ("src/core/wire/ag.cc", '#include/* why */"app/cli/main.h"', "cannot be checked"),
-    ("src/core/wire/ah.cc.in", '#include "app/cli/main.h"', "may not include src/app/cli"),
-    ("src/core/wire/r.cc", "std::random_device seed;", "hidden input"),
-    ("src/core/wire/s.cc", "auto big = 1'000'000; auto t = std::chrono::steady_clock::now(); auto c = 'x';", "clock"),
-    ("src/core/wire/t.cc", "#include <unistd.h>", "does not list it"),
-    ("src/core/wire/u.cc", "#include <iostream>", "pure"),
-    ("src/core/wire/v.cc", "#include <spdlog/spdlog.h>", "does not list it"),
-    ("src/core/wire/w.cc", 'auto s = R"(std::time(nullptr); ")"; auto t = gettimeofday(&a, 0);', "reads a clock"),
-    ("src/core/wire/y.cc", '// "quoted\n#include "host/io/socket.h"  // why\n', "may not include src/host/io"),
-    ("src/core/wire/z.cc", 'const char* s = "\\"#include <thread>"; // \\\n#include <thread>', None),
-    ("src/core/wire/x.cc", "// sleep(1)\nint a = 1; // time(0)\n/* ::now() */", None),
-    ("src/lab/emu/profile.cc", "#include <toml++/toml.h>", None),
-    ("policies/best.cc", '#include "core/wire/header.h"', "may not include src/core/wire"),
-    ("src/host/io/socket.cc", "#include <sys/socket.h>\n#include <mutex>\nauto t = std::time(nullptr);", None),
-    ("src/host/io/b.cc", '#include "app/cli/main.h"', "may not include src/app/cli"),
-    ("src/app/cli/main.cc", '#include "host/io/socket.h"\n#include "core/flow/a.h"', None),
-    ("src/app/cli/other.cc", "#include <opencv2/core.hpp>", "does not list it"),
-    ("src/app/cli/emu.cc", '#include "lab/emu/link.h"', "may not include src/lab/emu"),
-    ("src/core/flow/a.h", '#include "core/wire/other.h"', None),
-    ("src/stray/a.cc", "int a;", "no row"),
-]
-
-
-def self_test():
-    failures = []
-    with tempfile.TemporaryDirectory() as root:
-        def write(path, text):
-            path = os.path.join(root, path)
-            os.makedirs(os.path.dirname(path), exist_ok=True)
-            with open(path, "w", encoding="utf-8") as file:
-                file.write(text + "\n")
-        write("ARCHITECTURE.md", TABLE)
-        for path, text, _ in CASES:
-            write(path, text)
-        checker = Checker(root).run()
-        for path, text, rule in CASES:
-            found = [problem for problem in checker.problems if problem.startswith(path + ":")]
-            if (rule is None) != (not found) or (rule and not any(rule in problem for problem in found)):
-                failures.append(f"{path}: {text!r}: expected {rule!r}, found {found}")
-        line = next(p for p in checker.problems if p.startswith("src/core/wire/g.cc"))
-        if not line.startswith("src/core/wire/g.cc:2:"):
-            failures.append(f"wrong line number: {line}")
-    for text, rule in (
-            (TABLE.replace("| include, OS |", "| include, nonsense |"), "no folder and no group of the table"),
-            (TABLE.replace("| include, OS |", "| everything |"), "no folder and no group of the table"),
-            (TABLE.replace("| include, OS |", "| lab/emu |"), "of a later floor"),
-            (TABLE.replace("| include, core/wire |", "| include, core |"), "its own group"),
-            (TABLE.replace("| bytes | include |", "| bytes | core/flow |"), "not one-way"),
-            (TABLE.replace("| bytes | include |", "| bytes | include, OS |"), "is pure and may include OS"),
-            (TABLE.replace("| links | include,", "| links | include, host/io,"), "is pure and may include host/io, which is not"),
-            (TABLE.replace("Floors: ", "Layers: "), "no line `Floors"),
-            (TABLE.replace("host, lab", "lab"), "of no floor"),
-            ("no table here", "no table")):
-        problems = read_table(text)[1]
-        if not any(rule in problem for problem in problems):
-            failures.append(f"table: expected {rule!r}, found {problems}")
-    for failure in failures:
-        print(f"self-test: {failure}", file=sys.stderr)
-    print(f"layers: self-test of {len(CASES) + 11} cases: {'failed' if failures else 'passed'}")
-    return 1 if failures else 0
-
-
 def main(arguments):
-    if arguments == ["--self-test"]:
-        return self_test()
     root = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
     if len(arguments) == 2 and arguments[0] == "--root":
         root = arguments[1]
