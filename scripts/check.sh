@@ -6,7 +6,7 @@
 #   format   clang-format 14 over every .h and .cc
 #   shell    shellcheck over the scripts
 #   layers   the checker's own test, then every #include against ARCHITECTURE.md
-#   citations  the checker's self-test, then that what code and documents cite is in the repository
+#   citations  the checker's own test, then that what code and documents cite is in the repository
 #   tsan     the tests of node under ThreadSanitizer
 #   asan     every test under AddressSanitizer and UBSan, all of it compiled with clang
 #
@@ -67,7 +67,7 @@ run_shell() {
 
 run_layers() { PYTHONDONTWRITEBYTECODE=1 python3 scripts/check_layers_test.py && python3 scripts/check_layers.py; }
 
-run_citations() { python3 scripts/check_citations.py --self-test && python3 scripts/check_citations.py; }
+run_citations() { PYTHONDONTWRITEBYTECODE=1 python3 scripts/check_citations_test.py && python3 scripts/check_citations.py; }
 
 run_tsan() {
   phase "tsan: configure" cmake --preset tsan --log-level=WARNING &&

@@ -2,7 +2,8 @@
 """Checks that what code and documents cite is in the repository.
 
     scripts/check_citations.py [--root DIR]     check the tree
-    scripts/check_citations.py --self-test      check the checker, with planted citations
+
+scripts/check_citations_test.py checks the checker.
 
 Lines that a comment or a paragraph was wrapped over are read as one. What is checked, in every text file of the tree:
 
@@ -17,16 +18,15 @@ Lines that a comment or a paragraph was wrapped over are read as one. What is ch
   `kName`, `Type::kName`       in Markdown: code has a constant of this name
 
 RFCs and papers, by number or title, are cited freely. Each violation is one line `file:line: what`; the exit code is 1.
-This file is left out: its self-test plants what the others must not have.
+The checker's test is left out, since it plants what the others must not have.
 """
 
 import os
 import re
 import sys
-import tempfile
 
 SKIPPED_FOLDERS = {".git", "build", "out", "__pycache__"}
-SKIPPED_FILES = {"LICENSE", "scripts/check_citations.py"}
+SKIPPED_FILES = {"LICENSE", "scripts/check_citations.py", "scripts/check_citations_test.py"}
 CODE = (".h", ".cc", ".in")
 HASHED = (".py", ".sh", ".toml", ".cmake", ".txt", ".yml", "/run")
 # Where a path in a comment may begin, as for the compiler; the citing file's folder comes first.
@@ -244,96 +244,7 @@ def blank_lines(match):
     return re.sub(r"[^\n]", " ", match.group())
 
 
-
-DOCUMENT = """# Title
-
-## Reference times
-Text. See [below](#the-set-up-now).
-
-## The set-up: `now`
-
-### 2.1 Numbered
-"""
-
-# (file, text, problem): each text is a file of its own; None where no problem may be found.
-CASES = [
-    ("a.h", '// Late by docs/paper.md, "Reference times".', None),
-    ("b.h", '// Late by docs/paper.md, "Reference\n// times" and "The set-up: now".', None),
-    ("c.h", '// Late by docs/paper.md, "Reference\n// clocks".', 'no heading "Reference clocks"'),
-    ("d.h", '// Late by docs/paper.md, "Reference times" and\n// "Nothing".', 'no heading "Nothing"'),
-    ("e.h", "// As transport.md says.", "transport.md is not in the repository"),
-    ("f.h", "// As measured (testbed.md\n// §2.2).", "testbed.md is not in the repository"),
-    ("g.h", "// As in NOTES\n// §4.2.", "`NOTES` is not"),
-    ("h.h", "// As in the notes (§4.2).", "`§4.2`: of which document?"),
-    ("i.h", "// Gains of RFC 6298\n// §2, and RFC 9000 section 14.", None),
-    ("j.h", "// Bounded by section 3.\nint a;", "of which document?"),
-    ("k.h", "// docs/paper.md §2.1", None),
-    ("l.h", "// docs/paper.md\n// §7", "docs/paper.md has no section 7"),
-    ("m.h", "// Criterion (issue 5): fast.", "`issue 5`"),
-    ("n.h", "// Criterion of issue\n// 12: fast.", "`issue 12`"),
-    ("o.h", "// Reported in quic-go/quic-go issue 5768\n// and OpenIRL/srtla pull request 5.", None),
-    ("p.h", "// As the issue asks.", "`the issue asks`"),
-    ("q.h", "// See src/link/nature.h.", "src/link/nature.h is not"),
-    ("r.h", "/* See\n * link/nature.h. */", "link/nature.h is not"),
-    ("s.h", "// See core/link/nature.h, nature.h, src/core/link/ and <sys/socket.h>, linux/if_link.h.", None),
-    ("t.h", "// As observer.cc.", "observer.cc is not"),
-    ("u.h", 'const char* s = "see docs/nothing.md";', "docs/nothing.md is not"),
-    ("v.h", 'const char* s = "made/up.h"; // tests/GROUP/name_test.cc, https://a.org/b.md', None),
-    ("w.h", "// By docs/paper.md#reference-times.", None),
-    ("x.h", "// By docs/paper.md#nothing.", "no anchor #nothing"),
-    ("a.md", "[text](docs/paper.md#reference-times) and [that](docs/paper.md#the-set-up-now).", None),
-    ("b.md", "[text](docs/paper.md#old)", "no such heading"),
-    ("c.md", "[text](paper.md)", "paper.md"),
-    ("d.md", "[a link\nover lines](nowhere.png)", "link to nowhere.png"),
-    ("e.md", "Lies in `src/eval/run.h`.", "src/eval/run.h is not"),
-    ("f.md", "`Type::kLimit` is `kLimt`.", "kLimt is not in the code"),
-    ("docs/f.md", "[text](paper.md), [src](../src/core/link/nature.h), [web](https://a.org/x.md#y)", None),
-    ("a.toml", "# Fitted in realtime.md section 9", "realtime.md is not"),
-    ("b.toml", "# As issue\n# 7 wants", "`issue 7`"),
-    ("a.py", "# see scripts/gone.sh", "scripts/gone.sh is not"),
-    ("c.py", "x = 1  # see scripts/gone.sh", "scripts/gone.sh is not"),
-    ("d.py", 'x = "scripts/gone.sh"', None),
-    (".ci/run", "# see scripts/gone.sh", "scripts/gone.sh is not"),
-    ("y.h", "// As measured, and/or issue 5.", "`issue 5`"),
-    ("z.h", "// In src/core issue 5.", "`issue 5`"),
-    ("aa.h", "// By issue no. 5.", "`issue no. 5`"),
-    ("ab.h", "// By GH-12.", "`GH-12`"),
-    ("ac.h", "// See ../shared/reference/style for why.", "../shared/reference/style"),
-    ("g.md", "Data are in `../shared/data`.", None),
-    ("b.py", 'x = open("paper.md")  # a part of a path', None),
-]
-
-
-def self_test():
-    failures = []
-    with tempfile.TemporaryDirectory() as root:
-        def write(path, text):
-            path = os.path.join(root, path)
-            os.makedirs(os.path.dirname(path), exist_ok=True)
-            with open(path, "w", encoding="utf-8") as file:
-                file.write(text + "\n")
-        write("docs/paper.md", DOCUMENT)
-        write("src/core/link/nature.h", "int kLimit;")
-        for path, text, _ in CASES:
-            write(path, text)
-        problems = Checker(root).run().problems
-    for path, text, what in CASES:
-        found = [f"{line}: {found}" for where, line, found in problems if where == path]
-        if (what is None) != (not found) or (what and not any(what in one for one in found)):
-            failures.append(f"{path}: {text!r}: expected {what!r}, found {found}")
-    lines = {where: line for where, line, _ in problems}
-    if lines.get("r.h") != 2:
-        failures.append(f"wrong line number: {lines.get('r.h')}")
-    failures += [f"docs/paper.md:{line}: {what}" for where, line, what in problems if where == "docs/paper.md"]
-    for failure in failures:
-        print(f"self-test: {failure}", file=sys.stderr)
-    print(f"citations: self-test of {len(CASES) + 2} cases: {'failed' if failures else 'passed'}")
-    return 1 if failures else 0
-
-
 def main(arguments):
-    if arguments == ["--self-test"]:
-        return self_test()
     root = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
     if len(arguments) == 2 and arguments[0] == "--root":
         root = arguments[1]
