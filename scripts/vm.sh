@@ -83,8 +83,8 @@ died="its last words are above"
 
 # starts KIND: whether such a machine runs a command here, found out by trying. User-mode Linux, for one, dies at once on
 # processors with AMX, whose floating-point state is larger than it can restore. A verdict is kept for as long as kernel
-# and processor stay the same. It is one of the machine: where that could not be tried, was ended from outside or ran out of
-# time, it is tried again next time. Leaves in $reason why not.
+# and processor stay the same. It is one of the machine: where that could not be tried (77), or was killed or ran out of time
+# (124), it is tried again next time. Leaves in $reason why not.
 starts() {
   local verdict code=0 said
   verdict="$cache/starts-$1-$({ uname -r; grep -m 2 -E '^(model name|flags)' /proc/cpuinfo || true; } | cksum | tr ' ' -)"

@@ -66,3 +66,9 @@ rm "$XDG_CACHE_HOME"/interneuron-vm/starts-*
 program "$work/bin/qemu-system-x86_64" "if [[ \" \$* \" == *' -icount '* ]]; then $dies; else $runs; fi"
 take 0
 says '^vm: taking --tcg, because --uml does not .*; --icount does not '
+rm "$XDG_CACHE_HOME"/interneuron-vm/starts-*
+
+# What kept us from trying says nothing of the machine, and is no verdict.
+TMPDIR="$work/none" take 77
+says 'cannot make a folder in .*/none'
+if compgen -G "$XDG_CACHE_HOME/interneuron-vm/starts-*" >/dev/null; then fail "a verdict was kept of a machine that was not tried"; fi

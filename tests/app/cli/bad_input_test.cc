@@ -76,6 +76,7 @@ INSTANTIATE_TEST_SUITE_P(
                 "--nat-timeout"},
         Mistake{"NoNic", "road", 2, "--nic"},
         Mistake{"UnknownNic", "road --nic wwan77 --ladder motion", 2, "wwan77"},
+        Mistake{"RoadAddress", "road --nic lo --address nope", 2, "nope"},
         Mistake{"ProbeOfNobody", "probe", 2, "--peer"},
         Mistake{"ProbeOfABadPort", "probe --peer roadside.example:port", 2, "HOST:PORT"},
         Mistake{"ProbeOfABadNicPeer", "probe --nic lo=[::1", 2, "--nic '[::1'"},
