@@ -124,7 +124,7 @@ class Speed {
   std::array<Run, kRuns> runs_{};
   std::size_t used_ = 0;
   std::size_t next_ = 0;
-  // Element [l]: by how much level l ran longer or shorter than its profile says.
+  // Element [l]: the factor by which level l takes longer than its profile says; 1 when as long.
   std::array<double, kMaxLevels> factor_ = filled();
 };
 

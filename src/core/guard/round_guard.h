@@ -25,7 +25,7 @@ struct Spent {
   std::optional<std::uint8_t> level;
   // The variant of the input that was computed on.
   std::optional<std::uint8_t> variant;
-  // LevelChoice says what it means.
+  // How much later than usual the computation began (LevelChoice::excess, stage_guard.h).
   std::optional<Duration> excess;
   // How long all computations of the round took together.
   std::optional<Duration> computed;
