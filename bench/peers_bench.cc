@@ -1,0 +1,305 @@
+// What a peer costs the Endpoint that serves it: processor time per packet that comes in, and
+// memory. Vehicles and the endpoint under test (the road) are Endpoints alone, without sockets, in
+// virtual time; every vehicle sends messages at a steady rate, interleaved with all others.
+//
+// Time runs in slices of one link delay: first every vehicle runs through the slice by itself, then
+// the road. Nothing that one sends in a slice reaches the other before the next one, so the order
+// of events is that of a real network, and the road's caches are not shared with the vehicles'.
+//
+// The time of a packet is all that the road does in a slice (inputs, timers, polls, answers)
+// divided by the packets that came in. The memory of a peer is what the road holds on the heap,
+// without the bytes of incomplete messages, divided by the number of peers.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <cstdlib>
+#include <cstring>
+#include <memory>
+#include <new>
+#include <vector>
+
+#include "interneuron/endpoint.h"
+
+namespace {
+
+// Bytes that were allocated less those that were freed while is_counting.
+bool is_counting = false;
+std::int64_t held_bytes = 0;
+// Every block begins with its size, and glibc keeps 8 bytes of its own beside it.
+constexpr std::size_t kPrefix = alignof(std::max_align_t);
+constexpr std::size_t kOfTheAllocator = 8;
+
+}  // namespace
+
+[[gnu::noinline]] void* operator new(std::size_t size) {
+  auto* block = static_cast<std::byte*>(std::malloc(size + kPrefix));
+  if (block == nullptr) throw std::bad_alloc();
+  std::memcpy(block, &size, sizeof(size));
+  if (is_counting) held_bytes += static_cast<std::int64_t>(size + kOfTheAllocator);
+  return block + kPrefix;
+}
+[[gnu::noinline]] void operator delete(void* p) noexcept {
+  if (p == nullptr) return;
+  std::byte* block = static_cast<std::byte*>(p) - kPrefix;
+  std::size_t size = 0;
+  std::memcpy(&size, block, sizeof(size));
+  if (is_counting) held_bytes -= static_cast<std::int64_t>(size + kOfTheAllocator);
+  std::free(block);
+}
+[[gnu::noinline]] void operator delete(void* p, std::size_t) noexcept { operator delete(p); }
+
+namespace interneuron {
+namespace {
+
+using namespace std::chrono_literals;
+using Clock = std::chrono::steady_clock;
+
+// The one-way delay of every link, and so the length of a slice.
+constexpr Duration kSlice = 10ms;
+constexpr std::uint32_t kRoadSession = 1U << 31U;
+
+struct Options {
+  std::vector<std::size_t> peers{1, 10, 100, 1000};
+  std::uint8_t links = 2;
+  std::size_t message_bytes = 5000;
+  std::size_t answer_bytes = 0;
+  double hertz = 10;
+  // Before the first message peers meet and measure their links.
+  double meet_s = 2;
+  double warm_up_s = 0.5;
+  double seconds = 1;
+};
+
+struct Packet {
+  TimePoint at{};
+  LinkId link{};
+  // The number of the vehicle that sent it or that it goes to.
+  std::uint32_t vehicle = 0;
+  std::uint16_t size = 0;
+  std::array<std::byte, kMaxDatagramBytes> bytes;
+};
+
+Duration seconds(double s) { return Duration{static_cast<std::int64_t>(s * 1e9)}; }
+
+Address address_of(std::uint32_t host) {
+  Address a;
+  std::memcpy(a.raw.data(), &host, sizeof(host));
+  a.size = sizeof(host);
+  return a;
+}
+
+std::uint32_t host_of(const Address& address) {
+  std::uint32_t host = 0;
+  std::memcpy(&host, address.raw.data(), sizeof(host));
+  return host;
+}
+
+EndpointOptions options_of(std::uint32_t session) {
+  EndpointOptions o;
+  o.session = SessionId{session};
+  o.policies = builtin_policies();
+  return o;
+}
+
+// What has left a host in a slice.
+using Outbox = std::vector<Packet>;
+
+void drain(Endpoint& endpoint, TimePoint now, std::uint32_t self, Outbox& out) {
+  std::array<std::byte, kMaxDatagramBytes> buffer;
+  while (const auto t = endpoint.poll_transmit(now, buffer)) {
+    Packet& packet = out.emplace_back();
+    packet.at = now + kSlice;
+    packet.link = t->link;
+    packet.vehicle = self == kRoadSession ? host_of(t->to) : self;
+    packet.size = static_cast<std::uint16_t>(t->size);
+    std::memcpy(packet.bytes.data(), buffer.data(), t->size);
+  }
+}
+
+TimePoint wake_of(const Endpoint& endpoint, TimePoint now) {
+  return std::max(endpoint.next_timeout().value_or(TimePoint::max()), now + Duration{1});
+}
+
+class Vehicle {
+ public:
+  Vehicle(const Options& options, TimePoint now, std::uint32_t number, TimePoint first_message)
+      : options_(options), number_(number), next_message_(first_message) {
+    EndpointOptions o = options_of(number);
+    PipelineConfig pipeline;
+    pipeline.stages = {StageKind::kCommunication, StageKind::kCommunication};
+    pipeline.policy = "best_link";
+    o.pipelines = {pipeline};
+    endpoint_ = std::make_unique<Endpoint>(std::move(o), now);
+    std::vector<std::pair<LinkId, Address>> addresses;
+    for (std::uint8_t i = 0; i < options.links; ++i) {
+      endpoint_->add_link(now, LinkId{i}, {"nic", 1500, {}});
+      addresses.emplace_back(LinkId{i}, address_of(kRoadSession));
+    }
+    peer_ = endpoint_->connect(now, addresses);
+    wake_ = now;
+  }
+
+  void run(TimePoint end, Outbox& out) {
+    for (std::size_t next = 0;;) {
+      const TimePoint arrival = next < inbox.size() ? inbox[next].at : TimePoint::max();
+      const TimePoint now = std::min({arrival, wake_, next_message_});
+      if (now >= end) break;
+      if (arrival == now) {
+        const Packet& p = inbox[next++];
+        endpoint_->handle_datagram(
+            now, {p.link, address_of(kRoadSession), ByteView(p.bytes).first(p.size)});
+      } else if (next_message_ == now) {
+        next_message_ += seconds(1 / options_.hertz);
+        const RoundRef round = endpoint_->begin_round(now, PipelineId{0});
+        endpoint_->submit(now, round, {Bytes(options_.message_bytes)}, MessageClass::kData, peer_);
+      } else {
+        endpoint_->handle_timeout(now);
+      }
+      while (endpoint_->poll_event()) {
+      }
+      drain(*endpoint_, now, number_, out);
+      wake_ = wake_of(*endpoint_, now);
+    }
+    inbox.clear();
+  }
+
+  // What arrives in the next slice, in the order of time.
+  std::vector<Packet> inbox;
+
+ private:
+  const Options& options_;
+  std::uint32_t number_;
+  std::unique_ptr<Endpoint> endpoint_;
+  PeerId peer_{};
+  TimePoint wake_{};
+  TimePoint next_message_{};
+};
+
+class Road {
+ public:
+  Road(const Options& options, TimePoint now, std::size_t peers) : options_(options) {
+    EndpointOptions o = options_of(kRoadSession);
+    o.accept_peers = true;
+    o.max_peers = peers;
+    is_counting = true;
+    endpoint_ = std::make_unique<Endpoint>(std::move(o), now);
+    for (std::uint8_t i = 0; i < options.links; ++i) {
+      endpoint_->add_link(now, LinkId{i}, {"nic", 1500, {}});
+    }
+    is_counting = false;
+    wake_ = now;
+  }
+
+  void run(TimePoint end, const std::vector<Packet>& inbox, Outbox& out) {
+    is_counting = true;
+    const auto begin = Clock::now();
+    for (std::size_t next = 0;;) {
+      const TimePoint arrival = next < inbox.size() ? inbox[next].at : TimePoint::max();
+      const TimePoint now = std::min(arrival, wake_);
+      if (now >= end) break;
+      if (arrival == now) {
+        const Packet& p = inbox[next++];
+        endpoint_->handle_datagram(
+            now, {p.link, address_of(p.vehicle), ByteView(p.bytes).first(p.size)});
+      } else {
+        endpoint_->handle_timeout(now);
+      }
+      while (auto event = endpoint_->poll_event()) {
+        const auto* delivered = std::get_if<Delivered>(&*event);
+        if (delivered == nullptr) continue;
+        ++messages;
+        if (options_.answer_bytes == 0) continue;
+        endpoint_->submit(now, delivered->round, {Bytes(options_.answer_bytes)},
+                          MessageClass::kResult);
+      }
+      drain(*endpoint_, now, kRoadSession, out);
+      wake_ = wake_of(*endpoint_, now);
+    }
+    spent += Clock::now() - begin;
+    is_counting = false;
+    packets_in += inbox.size();
+    packets_out += out.size();
+  }
+
+  void begin_measuring() {
+    spent = {};
+    packets_in = packets_out = messages = 0;
+  }
+  const Endpoint& endpoint() const { return *endpoint_; }
+
+  Clock::duration spent{};
+  std::uint64_t packets_in = 0;
+  std::uint64_t packets_out = 0;
+  std::uint64_t messages = 0;
+
+ private:
+  const Options& options_;
+  std::unique_ptr<Endpoint> endpoint_;
+  TimePoint wake_{};
+};
+
+void measure(const Options& options, std::size_t peers) {
+  held_bytes = 0;
+  TimePoint now{1s};
+  Road road(options, now, peers);
+  std::vector<Vehicle> vehicles;
+  vehicles.reserve(peers);
+  const double between_s = 1 / options.hertz / static_cast<double>(peers);
+  for (std::size_t i = 0; i < peers; ++i) {
+    const Duration turn = seconds(static_cast<double>(i) * between_s);
+    vehicles.emplace_back(options, now, static_cast<std::uint32_t>(i + 1),
+                          now + seconds(options.meet_s) + turn);
+  }
+  std::vector<Packet> up;
+  std::vector<Packet> arriving;
+  Outbox down;
+  const auto run_for = [&](Duration time) {
+    for (const TimePoint end = now + time; now < end; now += kSlice) {
+      up.clear();
+      for (Vehicle& vehicle : vehicles) vehicle.run(now + kSlice, up);
+      down.clear();
+      road.run(now + kSlice, arriving, down);
+      for (const Packet& packet : down) vehicles[packet.vehicle - 1].inbox.push_back(packet);
+      std::ranges::stable_sort(up, {}, &Packet::at);
+      arriving.swap(up);
+    }
+  };
+  run_for(seconds(options.meet_s + options.warm_up_s));
+  road.begin_measuring();
+  run_for(seconds(options.seconds));
+  const double us = std::chrono::duration<double, std::micro>(road.spent).count();
+  const double kib = static_cast<double>(held_bytes - static_cast<std::int64_t>(
+                                                          road.endpoint().reassembly_bytes())) /
+                     1024;
+  fmt::print("{:5} peers: {:7.2f} µs a packet in, {:6.1f} % of a core, {:6.1f} KiB a peer; ",
+             road.endpoint().peers().size(), us / static_cast<double>(road.packets_in),
+             us / options.seconds / 1e4, kib / static_cast<double>(peers));
+  fmt::print("{:.0f} packets in, {:.0f} out, {:.0f} messages a second\n",
+             static_cast<double>(road.packets_in) / options.seconds,
+             static_cast<double>(road.packets_out) / options.seconds,
+             static_cast<double>(road.messages) / options.seconds);
+}
+
+}  // namespace
+}  // namespace interneuron
+
+int main(int argc, char** argv) {
+  interneuron::Options options;
+  CLI::App app("What a peer costs an endpoint: time per packet in, and memory.");
+  app.add_option("--peers", options.peers, "How many peers; a line for each number");
+  app.add_option("--links", options.links, "Links of every peer")->check(CLI::Range(1, 8));
+  app.add_option("--bytes", options.message_bytes, "Bytes of a message");
+  app.add_option("--answer", options.answer_bytes, "Bytes of its answer; 0: there is none");
+  app.add_option("--hertz", options.hertz, "Messages of each peer a second");
+  app.add_option("--meet", options.meet_s, "Seconds before the first message");
+  app.add_option("--warm-up", options.warm_up_s, "Seconds of messages before the measurement");
+  app.add_option("--seconds", options.seconds, "Seconds measured");
+  CLI11_PARSE(app, argc, argv);
+  for (const std::size_t peers : options.peers) interneuron::measure(options, peers);
+  return 0;
+}
