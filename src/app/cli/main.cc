@@ -7,6 +7,7 @@
 #include <functional>
 #include <stdexcept>
 
+#include "app/cli/bench/command.h"
 #include "app/cli/demo.h"
 #include "app/cli/doctor_command.h"
 #include "app/cli/eval/command.h"
@@ -253,6 +254,7 @@ int run_program(int argc, char** argv) {
   add_testbed(program, run);
   add_eval(program, run);
   add_report(program, run);
+  add_bench(program, run);
   program.add_subcommand("version", "The version")->callback([&run] {
     run = [] {
       std::printf("interneuron %s\n", kVersion);

@@ -1,0 +1,132 @@
+#include "app/cli/bench/command.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <memory>
+
+#include "app/cli/bench/load_report.h"
+#include "host/process/failure.h"
+#include "host/process/progress.h"
+#include "host/process/signals.h"
+#include "lab/load/run.h"
+
+namespace interneuron::cli {
+namespace {
+
+// Offered loads, seconds: wide, they catch slips of pen.
+constexpr double kLeastLoad = 0.01;
+constexpr double kMostLoad = 20;
+constexpr double kLeastSeconds = 1;
+constexpr double kMostSeconds = 3600;
+
+struct Options {
+  std::vector<std::string> groups;
+  std::vector<std::string> peers;
+  std::vector<double> loads;
+  double seconds = 30;
+  std::uint64_t seed = 1;
+  bool json = false;
+  std::string plot;
+};
+
+std::vector<std::string> group_names() {
+  std::vector<std::string> out;
+  for (const load::Group& group : load::groups()) out.emplace_back(group.name);
+  return out;
+}
+
+bool takes_loads(const std::string& name) {
+  return std::ranges::any_of(load::groups(),
+                             [&](const load::Group& g) { return g.name == name && g.takes_loads; });
+}
+
+std::vector<load::Scenario> chosen(const Options& o) {
+  load::Choice choice;
+  for (const std::string& name : o.peers) choice.peers.push_back(*load::peer_of(name));
+  choice.loads = o.loads;
+  choice.length = from_ms(o.seconds * 1000);
+  choice.seed = o.seed;
+  std::vector<std::string> names = o.groups.empty() ? group_names() : o.groups;
+  if (!o.loads.empty()) {
+    // Groups that are named and have loads of their own are a mistake, others are left out.
+    for (const std::string& name : o.groups) {
+      if (takes_loads(name)) continue;
+      throw Failure(kUsage, "--load: the group " + name + " has loads of its own; leave it out");
+    }
+    std::erase_if(names, [](const std::string& name) { return !takes_loads(name); });
+  }
+  std::vector<load::Scenario> out;
+  for (const std::string& name : names) {
+    for (load::Scenario& s : load::scenarios(name, choice)) out.push_back(std::move(s));
+  }
+  return out;
+}
+
+int run_load(const Options& o) {
+  const std::vector<load::Scenario> scenarios = chosen(o);
+  const bool drawable = std::ranges::any_of(
+      scenarios, [](const load::Scenario& s) { return s.group == "rate" || s.group == "size"; });
+  if (!o.plot.empty() && !is_picture(o.plot)) {
+    throw Failure(kUsage, "--plot '" + o.plot + "': name a file that ends in .svg or .png");
+  }
+  if (!o.plot.empty() && !drawable) {
+    throw Failure(kUsage, "--plot: only the groups rate and size are drawn; name one of them");
+  }
+  const SignalWatch signals;
+  std::vector<load::Row> rows(scenarios.size());
+  Progress progress;
+  progress.for_each("bench load", scenarios.size(),
+                    [&](std::size_t i) { rows[i] = load::run(scenarios[i]); });
+  if (o.json) {
+    fmt::print("{}\n", load_json(rows).dump(2));
+  } else {
+    print_load(rows);
+  }
+  if (!o.plot.empty()) plot_load(o.plot, rows);
+  if (!o.plot.empty() && !o.json) fmt::print("\nwritten to {}\n", o.plot);
+  return kFine;
+}
+
+void add_load(CLI::App& bench, std::function<int()>& run) {
+  auto o = std::make_shared<Options>();
+  CLI::App* c = bench.add_subcommand(
+      "load", "On-time goodput against offered load through one bottleneck, in virtual time");
+  c->add_option("GROUP", o->groups, "What is run (default: everything)")
+      ->check(CLI::IsMember(group_names()));
+  std::vector<std::string> peers(load::peer_names().begin(), load::peer_names().end());
+  c->add_option("--peer", o->peers, "A transport; once per transport (default: all)")
+      ->take_all()
+      ->check(CLI::IsMember(peers));
+  c->add_option("--load", o->loads,
+                "Offered load, IP bytes over the bottleneck's rate; once per load (default: the "
+                "group's)")
+      ->take_all()
+      ->check(CLI::Range(kLeastLoad, kMostLoad));
+  c->add_option("--seed", o->seed, "Seed of the vehicles' phases and of the links")
+      ->capture_default_str();
+  c->add_option("--seconds", o->seconds, "How long messages begin, in virtual time")
+      ->capture_default_str()
+      ->check(CLI::Range(kLeastSeconds, kMostSeconds));
+  c->add_flag("--json", o->json, "The rows as JSON on stdout (docs/schema/load.json)");
+  c->add_option("--plot", o->plot, "Draws rate and size into this file, .svg or .png");
+  std::string footer = "Groups:\n";
+  for (const load::Group& g : load::groups()) {
+    footer += fmt::format("  {:10} {}\n", g.name, g.about);
+  }
+  c->footer(footer +
+            "Examples:\n  interneuron bench load\n  interneuron bench load rate --peer ours "
+            "--load 1.05 --load 1.5\n"
+            "  interneuron bench load rate size --plot load.svg");
+  c->callback([&run, o] { run = [o] { return run_load(*o); }; });
+}
+
+}  // namespace
+
+void add_bench(CLI::App& program, std::function<int()>& run) {
+  CLI::App* bench = program.add_subcommand("bench", "Measures Interneuron beside other transports");
+  bench->require_subcommand(1);
+  add_load(*bench, run);
+}
+
+}  // namespace interneuron::cli

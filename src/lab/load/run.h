@@ -1,0 +1,42 @@
+// One scenario under load, run in virtual time, and the row of figures that it comes to.
+//
+// Pure; the same scenario gives the same row on any machine. Thread-safe: runs share nothing.
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <optional>
+
+#include "lab/load/scenario.h"
+#include "lab/sim/world.h"
+
+namespace interneuron::load {
+
+struct Row {
+  Scenario scenario;
+  std::size_t messages = 0;
+  // Without any variant by the deadline.
+  std::size_t missed = 0;
+  // On time in the smaller variant.
+  std::size_t degraded = 0;
+  // Of messages that arrived on time.
+  double age_p50_ms = 0;
+  double age_p99_ms = 0;
+  double on_time_goodput_mbit = 0;
+  // On-time payload over the lesser of what was offered and what the bottleneck could have carried.
+  double of_possible = 0;
+  // At the bottleneck, weighted by time, from the first message on until the last one ends.
+  double queue_p99_ms = 0;
+  // The share of the bottleneck's capacity, dips included, that was used.
+  double utilisation = 0;
+  // Of the vehicles' on-time payload; nothing for one vehicle alone.
+  std::optional<double> jain{};
+  // Of a dip: from the return of the rate until the first whole message that is on time is handed
+  // over; nothing when there is none.
+  std::optional<double> whole_after_ms{};
+};
+
+// `prepare` may look at the world, or change it, before the run begins.
+Row run(const Scenario& scenario, const std::function<void(sim::World&)>& prepare = nullptr);
+
+}  // namespace interneuron::load

@@ -1,0 +1,99 @@
+// What is measured under load: a bottleneck, how many vehicles send messages with deadlines through
+// it, how much they offer, and by which transport. Groups are families of such scenarios
+// (docs/load.md has them all with their reasons).
+//
+// Offered load is IP bytes over the rate of the bottleneck, by Interneuron's own framing, so that
+// every transport gets the same messages at the same instants. Plain values; pure; thread-safe.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "interneuron/units.h"
+
+namespace interneuron::load {
+
+enum class Peer : std::uint8_t {
+  // Endpoints with the policy best_link: every message has one variant.
+  kOurs,
+  // Endpoints with the policy down_sampling: every message has a smaller variant, too.
+  kOursVariants,
+};
+
+inline constexpr std::size_t kPeers = 2;
+
+// The names as users write them, by Peer: "ours", "ours_variants".
+std::span<const std::string_view> peer_names();
+std::string_view name_of(Peer peer);
+// The peer of that name, if there is one.
+std::optional<Peer> peer_of(std::string_view name);
+
+// The rate of the bottleneck falls to `rate` for `length` and is what it was again.
+struct Dip {
+  // Since the first message.
+  Duration at{};
+  Duration length{};
+  DataRate rate{};
+};
+
+// One run.
+struct Scenario {
+  std::string group;
+  // Tells the scenarios of a group apart: "20mbit-30ms".
+  std::string name;
+  Peer peer{};
+  // Of the bottleneck; 1 is all that it carries.
+  double load = 1;
+  std::size_t vehicles = 1;
+  DataRate capacity{};
+  // How long a full queue takes to drain.
+  Duration queue{};
+  // Without any queue.
+  Duration one_way{};
+  // From the instant at which a message is handed over.
+  Duration deadline{};
+  // Between two messages of a vehicle.
+  Duration period{};
+  std::size_t message_bytes = 0;
+  // The size of the smaller variant, for those peers that have one.
+  std::size_t small_bytes = 0;
+  // Messages begin for this long.
+  Duration length{};
+  std::optional<Dip> dip{};
+  std::uint64_t seed = 1;
+};
+
+// What a message takes on the wire, in IP bytes, by Interneuron's framing.
+std::size_t ip_bytes_of(std::size_t message_bytes);
+
+// The share of the wire that is left for messages of this size.
+double payload_share(std::size_t message_bytes);
+
+struct Group {
+  std::string_view name;
+  // One line for people.
+  std::string_view about;
+  // Whether `loads` of a Choice applies to it.
+  bool takes_loads = false;
+};
+// In the order in which they are shown.
+std::span<const Group> groups();
+
+// What a user chose. Empty lists stand for the defaults: every peer, the group's own loads.
+struct Choice {
+  std::vector<Peer> peers;
+  std::vector<double> loads;
+  // How long messages begin.
+  Duration length = std::chrono::seconds(30);
+  std::uint64_t seed = 1;
+};
+
+// The runs of a group; none for a name that is no group's.
+std::vector<Scenario> scenarios(std::string_view group, const Choice& choice);
+
+}  // namespace interneuron::load
