@@ -9,12 +9,31 @@
 namespace interneuron::flow {
 namespace {
 
-// A pause longer than this ends a train. Full packets of one message follow each other faster on
-// links of 1.2 Mbit/s and more; between messages there is a pause.
+// A pause of this or less never ends a train: uplinks of cellular networks are granted in bursts of
+// 1 to 10 ms (docs/constants.md, "Rate of a link").
 constexpr Duration kTrainGap = std::chrono::milliseconds(10);
-// A train longer than this measures the source and not the link. No measurement behind this value:
-// it only has to be larger than what a message takes to arrive.
+// A pause longer than this many mean gaps of the train ends it. No measurement behind this value:
+// it only has to be larger than gaps differ that are not of the sender's making.
+constexpr int kPauseGaps = 4;
+// A pause longer than this always ends a train: a full packet takes 114 ms at 0.1 Mbit/s, and one
+// in between may be lost.
+constexpr Duration kLongestGap = std::chrono::milliseconds(300);
+// A train longer than this measures the source and not the link, or an average over a change of the
+// rate. No measurement behind this value: it only has to be larger than what a message takes to
+// arrive.
 constexpr Duration kMaxTrain = std::chrono::milliseconds(200);
+// A slow link may take longer for so many packets, but not longer than kMaxSlowTrain.
+constexpr std::uint32_t kSlowTrainPackets = 8;
+constexpr Duration kMaxSlowTrain = std::chrono::seconds(1);
+// A train that is shorter than both says nothing yet (RateEstimator): it goes on whatever pause
+// follows.
+constexpr std::uint32_t kToldPackets = 16;
+constexpr Duration kTold = std::chrono::milliseconds(5);
+// When so many packets behind the longest gap came within a quarter of it, that gap was a pause
+// before a train and no part of one. No measurement behind this value: it only has to be more than
+// what a slow link may bring at once.
+constexpr std::uint32_t kTailPackets = 4;
+
 // A message expires this much after t0 + hi_min + D_N (docs/paper.md, "Expiry at a receiver").
 constexpr Duration kExpirySlack = std::chrono::milliseconds(2);
 // Messages remembered as complete or expired: 16 rounds of 8 variants fit four times.
@@ -56,19 +75,48 @@ bool PathReceiver::accept(TimePoint now, std::uint64_t number, bool counts_for_t
   return true;
 }
 
+void PathReceiver::Train::begin(TimePoint now, std::uint64_t number) {
+  *this = {.start = number, .packets = 1, .bytes = 0, .first = now, .last = now, .longest_gap = {}};
+}
+
+void PathReceiver::Train::add(TimePoint now, std::size_t ip_bytes) {
+  ++packets;
+  bytes += ip_bytes;
+  longest_gap = std::max<Duration>(longest_gap, now - last);
+  last = now;
+}
+
+bool PathReceiver::Train::ends(TimePoint now) const {
+  if (packets == 0) return true;
+  const Duration gap = now - last;
+  if (gap > kLongestGap) return true;
+  const Duration length = now - first;
+  if (length > kMaxSlowTrain || (length > kMaxTrain && packets >= kSlowTrainPackets)) return true;
+  const bool pause = gap > std::max<Duration>(kTrainGap, kPauseGaps * mean_gap());
+  const bool told = packets >= kToldPackets || last - first >= kTold;
+  return pause && told;
+}
+
+bool PathReceiver::Train::even() const {
+  return packets >= kToldPackets || 3 * longest_gap <= 2 * (last - first);
+}
+
 void PathReceiver::extend_train(TimePoint now, std::uint64_t number, std::size_t ip_bytes) {
-  const bool fresh =
-      train_packets_ == 0 || now - train_last_ > kTrainGap || now - train_first_ > kMaxTrain;
-  if (fresh) {
-    train_start_ = number;
-    train_packets_ = 1;
-    train_bytes_ = 0;
-    train_first_ = now;
-  } else {
-    ++train_packets_;
-    train_bytes_ += ip_bytes;
+  if (train_.ends(now)) {
+    train_.begin(now, number);
+    tail_ = train_;
+    return;
   }
-  train_last_ = now;
+  const Duration longest = train_.longest_gap;
+  train_.add(now, ip_bytes);
+  if (train_.longest_gap > longest) {
+    tail_.begin(now, number);
+    return;
+  }
+  tail_.add(now, ip_bytes);
+  if (longest > kTrainGap && tail_.packets >= kTailPackets && now - tail_.first < longest / 4) {
+    train_ = tail_;
+  }
 }
 
 void PathReceiver::exchange(TimePoint now, PeerTime u) {
@@ -87,9 +135,11 @@ wire::LinkReport PathReceiver::report(TimePoint now) const {
   }
   report.largest = largest_;
   report.bitmap = bitmap_;
-  report.train_start = train_start_;
-  report.train_packets = train_packets_;
-  report.train_rate = rate_of(train_bytes_, train_last_ - train_first_);
+  report.train_start = train_.start;
+  if (train_.even()) {
+    report.train_packets = train_.packets;
+    report.train_rate = rate_of(train_.bytes, train_.last - train_.first);
+  }
   return report;
 }
 

@@ -26,6 +26,11 @@ namespace interneuron::flow {
 // wire::kAckWindow before the largest that has not arrived. Numbers are not authenticated, so an
 // attacker who writes one packet with a huge number makes all true ones look too old; that is the
 // price of packets in the clear. Constant memory.
+//
+// A train ends with a pause that is long beside the gaps that it has had, so that one of a slow
+// link, whose packets are tens of milliseconds apart, is measured like one of a fast link. What
+// came too closely together to say anything waits for what follows. Whether a pause was the link's
+// or the sender's own the receiver cannot know; the sender does (SentPackets).
 class PathReceiver {
  public:
   explicit PathReceiver(LinkId link) : link_(link) {}
@@ -42,6 +47,23 @@ class PathReceiver {
   void reported() { gap_ = false; }
 
  private:
+  struct Train {
+    // The number of its first packet, and how many packets it has had.
+    std::uint64_t start = 0;
+    std::uint32_t packets = 0;
+    // Of all packets but the first, IP headers included.
+    std::size_t bytes = 0;
+    TimePoint first{};
+    TimePoint last{};
+    Duration longest_gap{};
+    void begin(TimePoint now, std::uint64_t number);
+    void add(TimePoint now, std::size_t ip_bytes);
+    Duration mean_gap() const { return packets > 1 ? (last - first) / (packets - 1) : Duration{}; }
+    // Whether a packet that comes now begins another train.
+    bool ends(TimePoint now) const;
+    // Whether it tells a rate: no single gap makes up most of it.
+    bool even() const;
+  };
   void extend_train(TimePoint now, std::uint64_t number, std::size_t ip_bytes);
 
   LinkId link_;
@@ -52,12 +74,9 @@ class PathReceiver {
   // When the peer sent its newest feedback, by its clock, and when it came in.
   std::optional<PeerTime> u_;
   TimePoint u_at_{};
-  std::uint64_t train_start_ = 0;
-  std::uint32_t train_packets_ = 0;
-  // Of all packets but the first, IP headers included.
-  std::size_t train_bytes_ = 0;
-  TimePoint train_first_{};
-  TimePoint train_last_{};
+  Train train_;
+  // What has come since the longest gap of the train.
+  Train tail_;
 };
 
 // Upper bounds of own clock - origin clock, to tell when a message has expired (docs/paper.md,

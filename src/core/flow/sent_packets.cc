@@ -15,6 +15,9 @@ constexpr std::size_t kMaxKept = 20'000;
 // Records of settled packets that are kept, because the beginning of a train is found in them: the
 // packets of a raw frame and some more.
 constexpr std::size_t kKeepSettled = 512;
+// Probes of a train are this far apart at most; others were not sent as one train. A full packet
+// takes so long at 0.23 Mbit/s.
+constexpr Duration kProbeGap = std::chrono::milliseconds(50);
 // A packet taken for lost may still arrive. Its loss is certain when this many later ones were
 // sent, or after twice the timeout. Half the packets that an acknowledgement tells of
 // (wire::kAckWindow).
@@ -130,22 +133,52 @@ void SentPackets::tell_certain(TimePoint now, std::uint64_t largest, Duration ti
   }
 }
 
+// Follows the packets of the train up to `last` for times in which nothing was there to be sent.
+// The probes of a train wait for their pace, whatever waits behind them.
+void SentPackets::find_pause(std::uint64_t last) {
+  for (std::uint64_t n = std::max(train_.seen, packets_.front().number - 1) + 1; n <= last; ++n) {
+    const Packet& packet = at(n);
+    if (!packet.data_sized) continue;
+    const Duration gap = packet.at - train_.last_at;
+    const bool one_train = train_.last_is_probe && !packet.has_piece && gap <= kProbeGap;
+    if (!train_.last_waited && !one_train) train_.pause = std::max<Duration>(train_.pause, gap);
+    ++train_.left;
+    train_.last_at = packet.at;
+    train_.last_waited = !packet.stamp.app_limited;
+    train_.last_is_probe = !packet.has_piece;
+  }
+  train_.seen = std::max(train_.seen, last);
+}
+
 void SentPackets::find_train(const wire::LinkReport& report, Verdicts& verdicts) {
   if (report.train_packets == 0 || report.train_start == 0) return;
-  if (train_number_ != report.train_start) {
+  if (train_.number != report.train_start) {
     if (!keeps(report.train_start)) return;
     const Packet& first = at(report.train_start);
-    train_number_ = first.number;
-    train_at_ = first.at;
-    train_from_ = first.train_bytes;
+    train_ = {.number = first.number,
+              .at = first.at,
+              .from = first.train_bytes,
+              .seen = first.number,
+              .left = 1,
+              .last_at = first.at,
+              .last_waited = !first.stamp.app_limited,
+              .last_is_probe = !first.has_piece,
+              .pause = {}};
   }
-  for (std::uint64_t n = report.largest; n > train_number_ && keeps(n); --n) {
+  for (std::uint64_t n = report.largest; n > train_.number && keeps(n); --n) {
     const Packet& last = at(n);
     if (!last.data_sized || last.fate != Fate::kArrived) continue;
-    verdicts.train_known = true;
-    if (last.at > train_at_) {
-      verdicts.train_sent_at = rate_of(last.train_bytes - train_from_, last.at - train_at_);
-    }
+    find_pause(n);
+    link::Train train;
+    train.id = train_.number;
+    // A train has no more packets than left since its first, whatever the peer says.
+    train.packets = std::min(report.train_packets, train_.left);
+    train.left = train_.left;
+    train.bytes = last.train_bytes - train_.from;
+    train.measured = report.train_rate;
+    if (last.at > train_.at) train.sent_at = rate_of(train.bytes, last.at - train_.at);
+    train.pause = train_.pause;
+    verdicts.train = train;
     return;
   }
 }

@@ -9,6 +9,7 @@
 
 #include "core/base/ring.h"
 #include "core/link/delivery_rate.h"
+#include "core/link/rate_estimator.h"
 #include "core/wire/packet.h"
 #include "interneuron/units.h"
 
@@ -54,10 +55,8 @@ class SentPackets {
     std::optional<TimePoint> newest_sent;
     // One of the acknowledged packets was data-sized.
     bool data = false;
-    // The rate at which the packets of the report's train left here; nothing when they left back to
-    // back. Means nothing without train_known: the train's packets may be forgotten already.
-    std::optional<DataRate> train_sent_at;
-    bool train_known = false;
+    // The report's train; nothing when its packets are forgotten already.
+    std::optional<link::Train> train;
     std::optional<link::DeliveryRate::Sample> delivery;
   };
 
@@ -136,11 +135,23 @@ class SentPackets {
   // Data-sized packets in flight, and bytes of all that were ever sent.
   std::uint64_t open_data_ = 0;
   std::uint64_t train_bytes_ = 0;
-  // The first packet of the newest train that the peer has told of: its number, when it left, and
-  // its train_bytes. The record of the packet itself may be gone.
-  std::uint64_t train_number_ = 0;
-  TimePoint train_at_{};
-  std::uint64_t train_from_ = 0;
+  // The newest train that the peer has told of. The records of its packets may be gone.
+  struct TrainSent {
+    // Its first packet: its number, when it left, and its train_bytes.
+    std::uint64_t number = 0;
+    TimePoint at{};
+    std::uint64_t from = 0;
+    // The packets up to this one were looked at; how many of them are data-sized, and what counts
+    // of the last of these.
+    std::uint64_t seen = 0;
+    std::uint32_t left = 1;
+    TimePoint last_at{};
+    bool last_waited = false;
+    bool last_is_probe = false;
+    Duration pause{};
+  };
+  void find_pause(std::uint64_t last);
+  TrainSent train_;
   link::DeliveryRate delivery_;
   // When a fragment was last acknowledged.
   TimePoint progress_at_ = TimePoint::min();

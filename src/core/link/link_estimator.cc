@@ -57,11 +57,6 @@ void LinkEstimator::delivered(TimePoint now, TimePoint sent_at, bool data) {
   machine_.delivered(now, sent_at, data);
 }
 
-void LinkEstimator::train(TimePoint now, std::uint64_t train, std::uint32_t packets,
-                          DataRate measured, std::optional<DataRate> sent_at) {
-  rate_.train(now, train, packets, measured, sent_at);
-}
-
 void LinkEstimator::delivery_sample(TimePoint now, const DeliveryRate::Sample& sample) {
   rate_.sample(now, sample);
 }

@@ -48,8 +48,7 @@ class LinkEstimator {
   // See PathMachine::delivered().
   void delivered(TimePoint now, TimePoint sent_at, bool data);
   // See RateEstimator::train().
-  void train(TimePoint now, std::uint64_t train, std::uint32_t packets, DataRate measured,
-             std::optional<DataRate> sent_at);
+  void train(TimePoint now, const Train& train) { rate_.train(now, train); }
   void delivery_sample(TimePoint now, const DeliveryRate::Sample& sample);
   // What the peer believes of its own direction: its rate and the share of its packets lost.
   void peer_sees(DataRate rate_down, double loss_down);

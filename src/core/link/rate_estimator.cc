@@ -2,20 +2,21 @@
 
 #include <algorithm>
 
-#include "interneuron/sizes.h"
-
 namespace interneuron::link {
 namespace {
-
-// Bytes of a train's packet on the wire, to tell a train's length from its rate. On links with a
-// smaller MTU trains are shorter than this says.
-constexpr std::size_t kPacketBytes = kMaxPacketBytes;
 
 // Trains are within ±15 % of the rate; a larger ratio means that the rate has changed.
 constexpr double kDisputed = 1.15;
 
-Duration dispersion(std::uint32_t packets, DataRate measured) {
-  return measured.transmit_time((packets - 1) * kPacketBytes);
+// The share of the packets after the first that arrived.
+double share_arrived(const Train& train) {
+  return static_cast<double>(train.packets - 1) / (std::max(train.left, train.packets) - 1);
+}
+
+// How long the train took to arrive.
+Duration dispersion(const Train& train) {
+  const double bytes = share_arrived(train) * static_cast<double>(train.bytes);
+  return train.measured.transmit_time(static_cast<std::size_t>(bytes));
 }
 
 DataRate middle(DataRate a, DataRate b, DataRate c) {
@@ -24,7 +25,7 @@ DataRate middle(DataRate a, DataRate b, DataRate c) {
 
 }  // namespace
 
-void RateEstimator::History::put(const Train& train) {
+void RateEstimator::History::put(const Seen& train) {
   if (count > 0 && trains[count - 1].id == train.id) {
     trains[count - 1] = train;
     return;
@@ -42,38 +43,58 @@ void RateEstimator::History::drop(std::uint64_t id) {
 
 // Of two trains the lower one counts.
 DataRate RateEstimator::History::median() const {
-  if (count < kTrains) return std::min(trains[0].measured, trains[count - 1].measured);
-  return middle(trains[0].measured, trains[1].measured, trains[2].measured);
+  if (count < kTrains) return std::min(trains[0].shown, trains[count - 1].shown);
+  return middle(trains[0].shown, trains[1].shown, trains[2].shown);
 }
 
-// How far a train is trusted. `shown` is what it shows of the link, which is less than `measured`
-// when the train was compressed on its way.
-RateEstimator::Grade RateEstimator::grade(std::uint32_t packets, DataRate measured,
-                                          DataRate shown) {
-  if (dispersion(packets, measured) >= kMinDispersion) return kStrong;
-  const bool told = dispersion(packets, shown) >= kLeastDispersion || packets >= kLongTrain;
+// How far a train is trusted. `shown` is what it shows of the link, which is less than what was
+// measured when the train was compressed on its way.
+std::optional<RateEstimator::Grade> RateEstimator::grade(const Train& train, DataRate shown) {
+  const Duration few = kMinPacketTime / train.packets;
+  if (dispersion(train) >= std::max<Duration>(kMinDispersion, few)) return kStrong;
+  if (train.packets < kMinTrainPackets) return std::nullopt;
+  const bool told =
+      shown.transmit_time(train.bytes) >= kLeastDispersion || train.packets >= kLongTrain;
   return told ? kWeak : kGuess;
 }
 
-void RateEstimator::train(TimePoint now, std::uint64_t id, std::uint32_t packets, DataRate measured,
-                          std::optional<DataRate> sent_at) {
-  if (packets < kMinTrainPackets || measured <= DataRate{}) return;
-  const bool grown = newest_ && newest_->id == id;
-  if (grown && packets <= newest_->packets) return;
+// Whether we paused within the train for longer than half the time that its packets are apart, so
+// that the link may have been idle.
+bool RateEstimator::paused(const Train& train) {
+  const Duration apart = dispersion(train) / (std::max(train.left, 2U) - 1);
+  return train.pause > std::max<Duration>(kLeastDispersion, apart / 2);
+}
+
+// Packets of a full queue are lost because the link is slow, and others by chance: where we paused
+// there was no queue to be full, so that the rate of those that arrived is compared.
+bool RateEstimator::limited_by_us(const Train& train) {
+  if (!train.sent_at) return false;
+  if (!paused(train)) return train.measured >= train.sent_at->scaled(kSenderLimited);
+  return train.measured >= train.sent_at->scaled(kPausedLimited * share_arrived(train));
+}
+
+void RateEstimator::train(TimePoint now, const Train& told) {
+  if (told.packets < 2 || told.measured <= DataRate{}) return;
+  const bool grown = newest_ && newest_->id == told.id;
+  if (grown && told.packets <= newest_->packets) return;
   // A train that arrives faster than it left was compressed on its way: it shows the rate at which
   // it was sent and no more.
-  const bool limited = sent_at && measured >= sent_at->scaled(kSenderLimited);
-  const Train train{id, packets, limited ? std::min(measured, *sent_at) : measured, limited,
-                    sent_at.has_value()};
+  const bool limited = limited_by_us(told);
+  const DataRate shown = limited ? std::min(told.measured, *told.sent_at) : told.measured;
+  const std::optional<Grade> grade_or_none = grade(told, shown);
+  if (!grade_or_none) return;
+  const std::optional<DataRate> known = raw(kGuess);
+  if (limited && paused(told) && known && shown <= *known) return;
+  const Grade trust = *grade_or_none;
+  const Seen train{told.id, told.packets, shown, limited, told.sent_at.has_value()};
   newest_ = train;
 
-  const Grade trust = grade(packets, measured, train.measured);
   History& history = histories_[trust];
   if (limited) {
     History others = history;
-    others.drop(id);
+    others.drop(train.id);
     // It shows the least that the link carries, which is no news below the estimate.
-    if (others.count > 0 && train.measured < others.median()) {
+    if (others.count > 0 && train.shown < others.median()) {
       history = others;
       return;
     }
@@ -112,8 +133,8 @@ bool RateEstimator::disputed() const {
   const History& history = histories_[kStrong];
   if (history.count < kTrains) return false;
   const DataRate median = history.median();
-  const auto differs = [median](const Train& train) {
-    return train.measured.scaled(kDisputed) < median || median.scaled(kDisputed) < train.measured;
+  const auto differs = [median](const Seen& train) {
+    return train.shown.scaled(kDisputed) < median || median.scaled(kDisputed) < train.shown;
   };
   return differs(history.trains[kTrains - 1]) && !differs(history.trains[kTrains - 2]);
 }
@@ -131,7 +152,7 @@ std::optional<DataRate> RateEstimator::pace() const {
   if (!known) return std::nullopt;
   if (!newest_ || !newest_->paced) return capped(known->scaled(kHeadroom));
   // A faster train that the median does not believe yet needs room to be confirmed.
-  const DataRate base = std::max(*known, newest_->measured);
+  const DataRate base = std::max(*known, newest_->shown);
   return capped(base.scaled(newest_->limited_by_us ? kSearchHeadroom : kHeadroom));
 }
 

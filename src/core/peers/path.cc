@@ -86,13 +86,7 @@ void Path::learn(TimePoint now, const wire::LinkReport& report,
   }
   if (v.newest_sent) estimator.delivered(now, *v.newest_sent, v.data);
   if (v.delivery) estimator.delivery_sample(now, *v.delivery);
-  if (v.train_known) {
-    // A train has no more packets than left since its first, whatever the peer says.
-    const std::uint64_t left = report.largest - report.train_start + 1;
-    const auto packets =
-        static_cast<std::uint32_t>(std::min<std::uint64_t>(report.train_packets, left));
-    estimator.train(now, report.train_start, packets, report.train_rate, v.train_sent_at);
-  }
+  if (v.train) estimator.train(now, *v.train);
   estimator.peer_sees(report.rate, report.loss / kLossUnit);
   peer_is_metered_ = report.metered;
 }

@@ -22,7 +22,7 @@ Path heard_path(bool trusted) {
 // after which the next one is due.
 TEST(Path, ASlowTrainDoesNotKeepTheLoopAwake) {
   Path path = heard_path(true);
-  path.estimator.train(at(0s), 1, 16, DataRate{1000}, std::nullopt);
+  path.estimator.train(at(0s), {1, 16, 16, 15 * 1428, DataRate{1000}, std::nullopt, {}});
   int packets = 0;
   for (TimePoint now = at(1s); now < at(60s);) {
     path.estimator.heard(now);
@@ -38,22 +38,6 @@ TEST(Path, ASlowTrainDoesNotKeepTheLoopAwake) {
     now = next;
   }
   EXPECT_GE(packets, 16);
-}
-
-// A train is trusted by its length: the peer cannot make one longer than what was sent.
-TEST(Path, ATrainIsNoLongerThanWhatLeft) {
-  Path path = heard_path(true);
-  wire::LinkReport report;
-  report.link = LinkId{1};
-  report.train_start = 1;
-  report.largest = 20;
-  report.train_packets = UINT32_MAX;
-  report.train_rate = DataRate{std::int64_t{UINT32_MAX} * 1000};
-  flow::SentPackets::Verdicts verdicts;
-  verdicts.train_known = true;
-  path.learn(at(1s), report, verdicts);
-  EXPECT_FALSE(path.estimator.rate());
-  EXPECT_TRUE(path.estimator.rate_guess());
 }
 
 // RFC 9000 §8.1: whoever has not echoed us may be somebody else's address.

@@ -101,16 +101,68 @@ TEST(PathReceiver, ATrainIsMeasuredFromItsSecondPacketOn) {
   EXPECT_NEAR(report.train_rate.mbit(), 100, 0.01);
 }
 
+// Packets of one train, `step` apart, beginning with `number`; returns when the next one is due.
+TimePoint arrive(PathReceiver& r, TimePoint now, Duration step, std::uint64_t number,
+                 std::uint32_t packets) {
+  for (std::uint32_t i = 0; i < packets; ++i, now += step) r.accept(now, number + i, true, kPacket);
+  return now;
+}
+
 TEST(PathReceiver, APauseOrTooLongATrainBeginsAnother) {
   PathReceiver r(kLink);
-  r.accept(at(0ms), 1, true, kPacket);
-  r.accept(at(10ms), 2, true, kPacket);
+  TimePoint now = arrive(r, at(0ms), 2ms, 1, 4);  // 6 ms long
+  r.accept(now + 8ms, 5, true, kPacket);
   EXPECT_EQ(r.report(at(1s)).train_start, 1U);
-  r.accept(at(20ms + 1ns), 3, true, kPacket);
-  EXPECT_EQ(r.report(at(1s)).train_start, 3U);
+  r.accept(now + 24ms + 1ns, 6, true, kPacket);
+  EXPECT_EQ(r.report(at(1s)).train_start, 6U);
   EXPECT_EQ(r.report(at(1s)).train_rate, DataRate{});
-  for (std::uint64_t i = 0; i < 50; ++i) r.accept(at(20ms + i * 5ms), 4 + i, true, kPacket);
-  EXPECT_EQ(r.report(at(1s)).train_start, 45U);  // the first more than 200 ms after packet 3
+  arrive(r, at(1s), 5ms, 7, 50);
+  EXPECT_EQ(r.report(at(2s)).train_start, 48U);  // the first more than 200 ms after packet 7
+}
+
+TEST(PathReceiver, ASlowLinkIsMeasuredFromThePacketsOfOneMessage) {
+  for (const double mbit : {0.1, 0.2, 0.5, 1.0, 1.2}) {
+    PathReceiver r(kLink);
+    const Duration step = DataRate::mbit(mbit).transmit_time(kPacket);
+    arrive(r, at(0s), step, 1, 6);
+    const wire::LinkReport report = r.report(at(2s));
+    EXPECT_EQ(report.train_start, 1U) << mbit;
+    EXPECT_EQ(report.train_packets, 6U) << mbit;
+    EXPECT_NEAR(report.train_rate.mbit(), mbit, 0.01 * mbit);
+  }
+}
+
+TEST(PathReceiver, ATrainOfASlowLinkEndsWithinASecond) {
+  PathReceiver r(kLink);
+  const TimePoint end = arrive(r, at(0s), 114ms, 1, 60);
+  EXPECT_GE(r.report(end).train_start, 60U - 10);
+  PathReceiver faster(kLink);
+  arrive(faster, at(0s), 23ms, 1, 60);
+  EXPECT_GE(faster.report(end).train_start, 60U - 10);
+}
+
+// A message of one packet, and 90 ms later one of many.
+TEST(PathReceiver, WhatComesAloneIsNoPartOfTheTrainAfterIt) {
+  for (const std::uint32_t alone : {1U, 2U, 3U, 9U}) {
+    PathReceiver r(kLink);
+    arrive(r, at(0s), 200us, 1, alone);
+    arrive(r, at(90ms), 200us, 1 + alone, 40);
+    const wire::LinkReport report = r.report(at(1s));
+    EXPECT_EQ(report.train_start, 1U + alone);
+    EXPECT_NEAR(report.train_rate.mbit(), kPacket * 8.0 / 200, 0.1);
+  }
+}
+
+// A radio that holds up packets once is no slow link, and one that delivers two at once is.
+TEST(PathReceiver, OneLongGapMakesNoRate) {
+  PathReceiver r(kLink);
+  TimePoint now = arrive(r, at(0s), 200us, 1, 3);
+  arrive(r, now + 30ms, 200us, 4, 3);
+  EXPECT_EQ(r.report(at(1s)).train_rate, DataRate{});
+  PathReceiver pairs(kLink);
+  now = at(0s);
+  for (std::uint64_t n = 1; n < 9; n += 2, now += 24ms) arrive(pairs, now, 0ms, n, 2);
+  EXPECT_NEAR(pairs.report(at(1s)).train_rate.mbit(), kPacket * 8 * 7 / 72e3, 0.01);
 }
 
 TEST(PathReceiver, FeedbackIsNoPartOfATrain) {

@@ -237,23 +237,6 @@ TEST(Sender, WhatNoReportHasCoveredInTimeIsNoOutcome) {
   EXPECT_EQ(v.runs[0].packets, wire::kAckWindow + 1);
 }
 
-TEST(Sender, ATrainIsToldWithTheRateThatItWasSentAt) {
-  Paths p;
-  p.send(at(0s), kFar, 40, {kA});
-  TimePoint now = at(0s);
-  const auto pieces = p.drain(kA, now, 10us);
-  ASSERT_EQ(pieces.size(), 40U);
-  std::set<std::uint64_t> all;
-  for (const auto& piece : pieces) all.insert(piece.number);
-  wire::LinkReport r = report_of(kA, all);
-  EXPECT_FALSE(p.sender.report(now, r).train_known);
-  r.train_start = 11;  // the ten before left in one burst
-  r.train_packets = 30;
-  const auto v = p.sender.report(now, r);
-  ASSERT_TRUE(v.train_known && v.train_sent_at);
-  EXPECT_NEAR(v.train_sent_at->mbit(), 125, 6);
-}
-
 TEST(Sender, ARemovedPathHandsOverWhatItOwes) {
   Paths p;
   p.send(at(0s), kFar, 20, {kA});

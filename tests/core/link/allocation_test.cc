@@ -40,8 +40,14 @@ TEST(Allocation, NoneWhileAPathWorks) {
     e.arrived(now, 15);
     if (i % 9 == 0) e.lost(now, 1);
     e.delivered(now, now - 1ms, true);
-    e.train(now, static_cast<std::uint64_t>(i / 8) + 1, static_cast<std::uint32_t>(16 + i % 8 * 16),
-            DataRate::mbit(20), DataRate::mbit(25));
+    const auto packets = static_cast<std::uint32_t>(16 + i % 8 * 16);
+    e.train(now, {static_cast<std::uint64_t>(i / 8) + 1,
+                  packets,
+                  packets,
+                  (packets - 1) * 1428,
+                  DataRate::mbit(20),
+                  DataRate::mbit(25),
+                  {}});
     delivery.acknowledged(now, stamp);
     if (const auto sample = delivery.sample(1ms)) e.delivery_sample(now, *sample);
     prober.set_rate(e.rate_evidence());

@@ -60,7 +60,7 @@ TEST(LinkEstimator, CollectsWhatTheMachinesSay) {
   e.one_way_delays(at(1100ms), -1h + 8ms, 1h + 4ms);
   e.arrived(at(1s), 98);
   e.lost(at(1s), 2);
-  e.train(at(1s), 1, 100, DataRate::mbit(10), std::nullopt);
+  e.train(at(1s), {1, 100, 100, 99 * 1428, DataRate::mbit(10), std::nullopt, {}});
   e.peer_sees(DataRate::mbit(3), 0.5);
   const LinkState s = e.state(at(1100ms));
   EXPECT_EQ(s.rtt_p50, 40ms);
