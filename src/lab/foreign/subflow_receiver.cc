@@ -1,0 +1,67 @@
+#include "lab/foreign/subflow_receiver.h"
+
+#include <algorithm>
+
+namespace interneuron::foreign {
+namespace {
+
+// RFC 5681, section 4.2.
+constexpr int kSegmentsPerAck = 2;
+
+}  // namespace
+
+void SubflowReceiver::segment(Duration now, const DataSegment& segment, bool marked) {
+  if (segment.window_reduced) congestion_seen_ = false;
+  if (marked) congestion_seen_ = true;
+  const Range range{segment.sequence, segment.sequence + segment.piece.bytes};
+  const bool in_order = range.from == next_ && gaps_beyond_.empty();
+  // The stamp of the earliest segment that the acknowledgement covers; out of order that of the
+  // segment itself.
+  if (held_ == 0 || !in_order) echo_ = segment.sent;
+  if (range.to > next_) add(range);
+  advance();
+  if (!in_order || ++held_ >= kSegmentsPerAck) {
+    due_ = true;
+  } else if (!timer_) {
+    timer_ = now + kAckDelay;
+  }
+}
+
+// Joins the range with those that it touches, and puts it first.
+void SubflowReceiver::add(const Range& range) {
+  Range whole = range;
+  std::erase_if(gaps_beyond_, [&whole](const Range& other) {
+    if (other.to < whole.from || other.from > whole.to) return false;
+    whole = {std::min(whole.from, other.from), std::max(whole.to, other.to)};
+    return true;
+  });
+  gaps_beyond_.insert(gaps_beyond_.begin(), whole);
+}
+
+void SubflowReceiver::advance() {
+  const auto it =
+      std::ranges::find_if(gaps_beyond_, [this](const Range& r) { return r.from <= next_; });
+  if (it == gaps_beyond_.end()) return;
+  next_ = std::max(next_, it->to);
+  gaps_beyond_.erase(it);
+}
+
+void SubflowReceiver::handle_timeout(Duration now) {
+  if (timer_ && now >= *timer_) due_ = true;
+}
+
+std::optional<AckSegment> SubflowReceiver::poll() {
+  if (!due_) return std::nullopt;
+  due_ = false;
+  held_ = 0;
+  timer_.reset();
+  AckSegment ack;
+  ack.acknowledged = next_;
+  ack.sack_count = std::min(kMostSackBlocks, gaps_beyond_.size());
+  std::copy_n(gaps_beyond_.begin(), ack.sack_count, ack.sacks.begin());
+  ack.echo = echo_;
+  ack.congestion_seen = congestion_seen_;
+  return ack;
+}
+
+}  // namespace interneuron::foreign
