@@ -3,6 +3,7 @@
 // Node. pipeline.h says what rounds are.
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <optional>
 #include <span>
@@ -49,6 +50,10 @@ struct EndpointOptions {
   std::size_t max_peers = 64;
   // Whether lost fragments are sent again while the deadline allows.
   bool repair = true;
+  // Random, and told to nobody, so that no peer can choose sessions whose lookup takes long; Node
+  // draws it. Default: taken from the session, which every peer knows; without hostile peers that
+  // is enough, and with them a lookup is still bounded by max_peers.
+  std::uint64_t hash_seed = 0;
 };
 
 // One end of all its connections: its peers and their links, the rounds that begin here and those

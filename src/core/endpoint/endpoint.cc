@@ -16,7 +16,8 @@ namespace interneuron {
 class Endpoint::Impl {
  public:
   Impl(const EndpointOptions& options, TimePoint now)
-      : peers_({options.session, options.accept_peers, options.max_peers, options.repair, now}),
+      : peers_({options.session, options.accept_peers, options.max_peers, options.repair, now,
+                options.hash_seed != 0 ? options.hash_seed : options.session.value}),
         rounds_(options, peers_, events_),
         time_(now) {}
 

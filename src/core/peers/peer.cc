@@ -83,12 +83,6 @@ void Peer::remove_nic(TimePoint now, LinkId nic) {
   refresh(now);
 }
 
-bool Peer::reached_at(LinkId nic, const Address& address) const {
-  return std::ranges::any_of(paths_, [&](const Path& path) {
-    return path.nic().link == nic && path.address() == address;
-  });
-}
-
 void Peer::restart(TimePoint now, SessionId session) {
   identity_.session = session;
   ready_ = false;
@@ -196,6 +190,10 @@ std::optional<PathChanged> Peer::poll_change() {
   return change;
 }
 
+void Peer::look(TimePoint now) {
+  if (now - refreshed_at_ >= kRefresh) refresh(now);
+}
+
 // Looks at the paths until nothing changes: the state of a path may change by being looked at, and
 // with that another one may become the last usable one.
 void Peer::refresh(TimePoint now) {
@@ -238,7 +236,7 @@ std::size_t Peer::handle_timeout(TimePoint now) {
     path.estimator.handle_timeout(now);
     collect_changes(now, path);
   }
-  if (now - refreshed_at_ >= kRefresh) refresh(now);
+  look(now);
   sender_.handle_timeout(now);
   return reassembler_.expire(now);
 }
@@ -322,9 +320,9 @@ std::optional<Transmit> Peer::poll_data(TimePoint now, Path& path, std::span<std
   return Transmit{path.nic().link, path.address(), size};
 }
 
-std::optional<Transmit> Peer::poll(TimePoint now, std::span<std::byte> buffer) {
-  if (auto transmit = poll_feedback(now, buffer)) return transmit;
+std::optional<Transmit> Peer::poll(TimePoint now, LinkId nic, std::span<std::byte> buffer) {
   for (Path& path : paths_) {
+    if (path.nic().link != nic) continue;
     if (path.probe_due(now)) return send_probe(now, path, buffer);
     if (auto transmit = poll_data(now, path, buffer)) return transmit;
   }

@@ -48,7 +48,7 @@ class Peer {
   // Forgets the paths over this NIC; what they owed goes over the others.
   void remove_nic(TimePoint now, LinkId nic);
   bool has_path(LinkId path) const { return find(path) != nullptr; }
-  bool reached_at(LinkId nic, const Address& address) const;
+  std::span<const Path> paths() const { return paths_; }
   // No path is left.
   bool gone() const { return paths_.empty(); }
 
@@ -66,15 +66,19 @@ class Peer {
     // The message that this packet completed.
     std::optional<Bytes> message;
   };
+  // What only time changes is looked at again, if that is some time ago. Call it before anything
+  // that rests on the state of the paths.
+  void look(TimePoint now);
   Input handle(TimePoint now, const wire::Packet& packet, std::size_t datagram_bytes);
   // Returns how many incomplete messages were given up.
   std::size_t handle_timeout(TimePoint now);
   std::optional<TimePoint> next_timeout(TimePoint now) const;
   // What the traffic of a path says of it has changed; ask until nothing comes.
   std::optional<PathChanged> poll_change();
-  // Writes the next packet that may leave now into `buffer` of at least kMaxDatagramBytes: feedback
-  // first, then what the paths have to send.
-  std::optional<Transmit> poll(TimePoint now, std::span<std::byte> buffer);
+  // Write the next packet that may leave now into `buffer` of at least kMaxDatagramBytes: feedback,
+  // over whichever NIC is best; or a probe or data over this NIC.
+  std::optional<Transmit> poll_feedback(TimePoint now, std::span<std::byte> buffer);
+  std::optional<Transmit> poll(TimePoint now, LinkId nic, std::span<std::byte> buffer);
 
   // Queues a message on these paths; lost pieces go over these and over those of `repairs`. Nothing
   // of it is sent after `deadline`; the receiver waits for the rest for `lifetime` at most.
@@ -106,7 +110,6 @@ class Peer {
   void note_activity(TimePoint now);
   Path* fastest();
   wire::PacketHeader header(const Path& path, wire::PacketType type, std::uint64_t number) const;
-  std::optional<Transmit> poll_feedback(TimePoint now, std::span<std::byte> buffer);
   Transmit send_feedback(TimePoint now, Path& path, std::span<const Path> about,
                          std::span<std::byte> buffer);
   Transmit send_probe(TimePoint now, Path& path, std::span<std::byte> buffer);

@@ -9,14 +9,14 @@
 namespace interneuron {
 namespace {
 
-// How many sessions that restarted peers had before are remembered: packets of theirs that come
-// late must not bring them back.
-constexpr std::size_t kRetired = 64;
 // Links with a smaller MTU than IPv6 allows (1280) are not served better by smaller datagrams:
 // eight reports of feedback and the piece count of the largest message fit from here on.
 constexpr std::size_t kMinDatagramBytes = 1280 - kIpv6UdpBytes;
 
 }  // namespace
+
+Peers::Peers(const Options& options)
+    : options_(options), directory_(options.seed), reflector_(options.self) {}
 
 void Peers::add_link(LinkId link, const LinkInfo& info) {
   links_[link].info = info;
@@ -27,9 +27,13 @@ std::vector<PathChanged> Peers::remove_link(TimePoint now, LinkId link) {
   links_[link].present = false;
   reflector_.remove_link(link);
   std::vector<PathChanged> changes;
-  for (auto& [id, peer] : peers_) {
-    peer.remove_nic(now, link);
-    while (auto change = peer.poll_change()) changes.push_back(std::move(*change));
+  for (const PeerId id : ids()) {
+    Entry& entry = *entries_[by_id_.at(id)];
+    unlist_addresses(entry);
+    entry.peer.remove_nic(now, link);
+    list_addresses(entry);
+    touch(entry);
+    while (auto change = entry.peer.poll_change()) changes.push_back(std::move(*change));
   }
   return changes;
 }
@@ -41,46 +45,81 @@ PeerId Peers::connect(TimePoint now, std::span<const std::pair<LinkId, Address>>
       throw std::invalid_argument("connect: link " + std::to_string(link.value) + " was not added");
     }
   }
-  const PeerId id = add(now, SessionId{}, true);
+  Entry& entry = add(now, SessionId{}, true);
   for (const auto& [link, address] : addresses) {
-    peers_.at(id).add_path(now, link, nic(link), address);
+    entry.peer.add_path(now, link, nic(link), address);
   }
-  return id;
+  list_addresses(entry);
+  touch(entry);
+  return entry.peer.identity().id;
 }
 
 bool Peers::add_path(TimePoint now, PeerId id, LinkId link, const Address& address) {
-  Peer* peer = find(id);
+  Peer* peer = find(now, id);
   const auto it = links_.find(link);
   if (peer == nullptr || !peer->identity().connected || it == links_.end() || !it->second.present) {
     return false;
   }
+  const Entry& entry = *entries_[by_id_.at(id)];
+  unlist_addresses(entry);
   peer->add_path(now, link, nic(link), address);
+  list_addresses(entry);
   return peer->has_path(link);
 }
 
 bool Peers::request_train(TimePoint now, PeerId id, LinkId link) {
-  Peer* peer = find(id);
+  Peer* peer = find(now, id);
   return peer != nullptr && peer->request_train(now, link);
 }
 
-PeerId Peers::add(TimePoint now, SessionId session, bool connected) {
+Peers::Entry& Peers::add(TimePoint now, SessionId session, bool connected) {
+  if (free_.empty()) {
+    free_.push_back(static_cast<Key>(entries_.size()));
+    entries_.emplace_back();
+  }
+  const Key key = free_.back();
+  free_.pop_back();
   const PeerId id{next_++};
-  peers_.try_emplace(
-      id, Peer::Identity{id, options_.self, session, connected, options_.repair, options_.started},
+  entries_[key] = std::make_unique<Entry>(
+      key, Peer::Identity{id, options_.self, session, connected, options_.repair, options_.started},
       now);
-  return id;
+  by_id_.emplace(id, key);
+  directory_.add_session(session, key);
+  if (!connected) ++unannounced_;
+  return *entries_[key];
+}
+
+// Only unannounced peers are ever forgotten, and their addresses are not listed.
+void Peers::forget(Entry& entry) {
+  const Key key = entry.key;
+  --unannounced_;
+  directory_.remove_session(entry.peer.identity().session, key);
+  by_id_.erase(entry.peer.identity().id);
+  alarms_.remove(key);
+  turns_.forget(key);
+  if (entry.touched) std::erase(touched_, key);
+  entries_[key].reset();
+  free_.push_back(key);
+}
+
+void Peers::list_addresses(const Entry& entry) {
+  if (!entry.peer.identity().connected) return;
+  for (const Path& path : entry.peer.paths()) {
+    directory_.add_address(path.nic().link, path.address(), entry.key);
+  }
+}
+
+void Peers::unlist_addresses(const Entry& entry) {
+  if (!entry.peer.identity().connected) return;
+  for (const Path& path : entry.peer.paths()) {
+    directory_.remove_address(path.nic().link, path.address(), entry.key);
+  }
 }
 
 Path::Nic Peers::nic(LinkId link) const {
   const LinkInfo& info = links_.at(link).info;
   const std::size_t payload = info.mtu - std::min(info.mtu, kIpv6UdpBytes);
   return {link, std::clamp(payload, kMinDatagramBytes, kMaxDatagramBytes), info.traits};
-}
-
-void Peers::retire(SessionId session) {
-  if (session.value == 0) return;
-  retired_.push_back(session);
-  if (retired_.size() > kRetired) retired_.pop_front();
 }
 
 Peers::Received Peers::receive(TimePoint now, const Datagram& datagram) {
@@ -96,9 +135,13 @@ Peers::Received Peers::receive(TimePoint now, const Datagram& datagram) {
     is_served = reflect(now, *packet, datagram);
   } else {
     const Found found = whose(now, packet->header, datagram);
-    out.peer = found.peer;
     out.restarted = found.restarted;
-    is_served = found.peer != nullptr;
+    is_served = found.entry != nullptr;
+    if (is_served) {
+      found.entry->peer.look(now - Duration{1});
+      touch(*found.entry);
+      out.peer = &found.entry->peer;
+    }
   }
   if (!is_served) {
     ++counters.refused_packets;
@@ -118,40 +161,57 @@ Peers::Found Peers::whose(TimePoint now, const wire::PacketHeader& header,
                           const Datagram& datagram) {
   const auto link = links_.find(datagram.link);
   if (link == links_.end() || !link->second.present || header.session == options_.self ||
-      std::ranges::find(retired_, header.session) != retired_.end()) {
+      directory_.is_retired(header.session)) {
     return {};
   }
-  for (auto& [id, peer] : peers_) {
-    if (peer.identity().session != header.session) continue;
-    if (!peer.identity().connected) {
-      peer.add_path(now, header.link, nic(datagram.link), datagram.from);
+  if (Entry* entry = by_session(header)) {
+    if (!entry->peer.identity().connected) {
+      entry->peer.add_path(now, header.link, nic(datagram.link), datagram.from);
     }
-    if (peer.has_path(header.link)) return {&peer, false};
-    // We may have connected again to a peer whose links we had lost.
-    if (!peer.identity().connected) return {};
+    return {entry->peer.has_path(header.link) ? entry : nullptr, false};
   }
-  for (auto& [id, peer] : peers_) {
-    const SessionId before = peer.identity().session;
-    if (!peer.identity().connected || before == header.session ||
-        !peer.reached_at(datagram.link, datagram.from) || !peer.has_path(header.link)) {
-      continue;
-    }
-    retire(before);
-    peer.restart(now, header.session);
-    return {&peer, before.value != 0};
+  if (Entry* entry = by_address(header, datagram)) {
+    const SessionId before = entry->peer.identity().session;
+    directory_.retire(before);
+    directory_.remove_session(before, entry->key);
+    directory_.add_session(header.session, entry->key);
+    entry->peer.restart(now, header.session);
+    return {entry, before.value != 0};
   }
   return {accept(now, header, datagram), false};
 }
 
-Peer* Peers::accept(TimePoint now, const wire::PacketHeader& header, const Datagram& datagram) {
-  const auto unannounced = std::ranges::count_if(
-      peers_, [](const auto& entry) { return !entry.second.identity().connected; });
-  if (!options_.accept || std::cmp_greater_equal(unannounced, options_.max_unannounced)) {
-    return nullptr;
-  }
-  Peer& peer = peers_.at(add(now, header.session, false));
-  peer.add_path(now, header.link, nic(datagram.link), datagram.from);
-  return &peer;
+// The peer of this session. Of several it is the first that came unannounced or has the path: we
+// may have connected again to a peer whose links we had lost.
+Peers::Entry* Peers::by_session(const wire::PacketHeader& header) {
+  Entry* found = nullptr;
+  directory_.for_each(header.session, [&](Key key) {
+    Entry& entry = *entries_[key];
+    const Peer::Identity& identity = entry.peer.identity();
+    if (identity.connected && !entry.peer.has_path(header.link)) return;
+    if (found == nullptr || identity.id < found->peer.identity().id) found = &entry;
+  });
+  return found;
+}
+
+// The first peer that we connected to at the address that this packet came from.
+Peers::Entry* Peers::by_address(const wire::PacketHeader& header, const Datagram& datagram) {
+  Entry* found = nullptr;
+  directory_.for_each(datagram.link, datagram.from, [&](Key key) {
+    Entry& entry = *entries_[key];
+    const Peer::Identity& identity = entry.peer.identity();
+    if (identity.session == header.session || !entry.peer.has_path(header.link)) return;
+    if (found == nullptr || identity.id < found->peer.identity().id) found = &entry;
+  });
+  return found;
+}
+
+Peers::Entry* Peers::accept(TimePoint now, const wire::PacketHeader& header,
+                            const Datagram& datagram) {
+  if (!options_.accept || unannounced_ >= options_.max_unannounced) return nullptr;
+  Entry& entry = add(now, header.session, false);
+  entry.peer.add_path(now, header.link, nic(datagram.link), datagram.from);
+  return &entry;
 }
 
 bool Peers::reflect(TimePoint now, const wire::Packet& packet, const Datagram& datagram) {
@@ -160,44 +220,96 @@ bool Peers::reflect(TimePoint now, const wire::Packet& packet, const Datagram& d
          reflector_.take(now, packet, datagram);
 }
 
-Peer* Peers::find(std::optional<PeerId> id) {
+Peer* Peers::find(TimePoint now, std::optional<PeerId> id) {
   if (!id) return nullptr;
-  const auto it = peers_.find(*id);
-  return it == peers_.end() ? nullptr : &it->second;
+  const auto it = by_id_.find(*id);
+  if (it == by_id_.end()) return nullptr;
+  Entry& entry = *entries_[it->second];
+  touch(entry);
+  entry.peer.look(now);
+  return &entry.peer;
+}
+
+Peer* Peers::only(TimePoint now) { return by_id_.size() == 1 ? find(now, by_id_.begin()->first) : nullptr; }
+
+// --- what is due, and whose turn it is
+
+void Peers::touch(Entry& entry) {
+  mark(entry);
+  turns_.add(entry.key);
+}
+
+void Peers::mark(Entry& entry) {
+  if (entry.touched) return;
+  entry.touched = true;
+  touched_.push_back(entry.key);
+}
+
+TimePoint Peers::due_at(TimePoint now, const Entry& entry) {
+  TimePoint due = entry.peer.next_timeout(now).value_or(TimePoint::max());
+  if (entry.peer.identity().connected) return due;
+  return entry.peer.gone() ? now : std::min(due, entry.peer.heard_at() + kPeerSilence);
+}
+
+void Peers::set_alarms(TimePoint now) {
+  for (const Key key : touched_) {
+    Entry& entry = *entries_[key];
+    entry.touched = false;
+    alarms_.set(key, due_at(now, entry));
+  }
+  touched_.clear();
 }
 
 Peers::Expired Peers::handle_timeout(TimePoint now) {
   Expired expired;
-  for (auto it = peers_.begin(); it != peers_.end();) {
-    expired.messages += it->second.handle_timeout(now);
-    while (auto change = it->second.poll_change()) expired.changes.push_back(std::move(*change));
-    const bool silent = !it->second.identity().connected &&
-                        (now - it->second.heard_at() >= kPeerSilence || it->second.gone());
+  set_alarms(now);
+  due_.clear();
+  while (const auto key = alarms_.pop_due(now)) due_.push_back(*key);
+  for (const Key key : due_) {
+    Entry& entry = *entries_[key];
+    Peer& peer = entry.peer;
+    expired.messages += peer.handle_timeout(now);
+    while (auto change = peer.poll_change()) expired.changes.push_back(std::move(*change));
+    const bool silent =
+        !peer.identity().connected && (now - peer.heard_at() >= kPeerSilence || peer.gone());
     if (silent) {
       // Not retired: a vehicle that was out of reach for long comes back with the same session.
-      expired.lost.push_back(it->first);
-      it = peers_.erase(it);
+      expired.lost.push_back(peer.identity().id);
+      forget(entry);
     } else {
-      ++it;
+      touch(entry);
     }
   }
   return expired;
 }
 
 std::optional<TimePoint> Peers::next_timeout(TimePoint now) const {
-  std::optional<TimePoint> next = reflector_.next_timeout();
-  for (const auto& [id, peer] : peers_) {
-    next = earliest(next, peer.next_timeout(now));
-    if (!peer.identity().connected) next = earliest(next, peer.heard_at() + kPeerSilence);
-  }
+  std::optional<TimePoint> next = earliest(reflector_.next_timeout(), alarms_.earliest());
+  for (const Key key : touched_) next = earliest(next, due_at(now, *entries_[key]));
   return next;
 }
 
 std::optional<Transmit> Peers::poll(TimePoint now, std::span<std::byte> buffer) {
   if (const auto echo = reflector_.poll(now, buffer)) return count(*echo);
-  for (auto& [id, peer] : peers_) {
-    if (const auto transmit = peer.poll(now, buffer)) return count(*transmit);
+  while (const auto key = turns_.feedback()) {
+    Entry& entry = *entries_[*key];
+    if (const auto transmit = entry.peer.poll_feedback(now, buffer)) {
+      mark(entry);
+      return count(*transmit);
+    }
+    turns_.feedback_done();
+    for (const Path& path : entry.peer.paths()) turns_.add(*key, path.nic().link);
   }
+  while (const auto turn = turns_.data()) {
+    Entry& entry = *entries_[turn->peer];
+    if (const auto transmit = entry.peer.poll(now, turn->nic, buffer)) {
+      mark(entry);
+      turns_.sent(transmit->size + kIpUdpBytes);
+      return count(*transmit);
+    }
+    turns_.done();
+  }
+  set_alarms(now);
   return std::nullopt;
 }
 
@@ -210,14 +322,15 @@ Transmit Peers::count(const Transmit& transmit) {
 
 std::vector<PeerId> Peers::ids() const {
   std::vector<PeerId> out;
-  for (const auto& [id, peer] : peers_) out.push_back(id);
+  for (const auto& [id, key] : by_id_) out.push_back(id);
+  std::ranges::sort(out);
   return out;
 }
 
 std::vector<LinkState> Peers::links(TimePoint now, PeerId id) const {
-  const auto it = peers_.find(id);
-  if (it == peers_.end()) return {};
-  const Links all = it->second.links(now);
+  const auto it = by_id_.find(id);
+  if (it == by_id_.end()) return {};
+  const Links all = entries_[it->second]->peer.links(now);
   return {all.begin(), all.end()};
 }
 
@@ -225,8 +338,8 @@ LinkCounters Peers::counters(LinkId link) const {
   const auto it = links_.find(link);
   if (it == links_.end()) return {};
   LinkCounters out = it->second.counters;
-  for (const auto& [id, peer] : peers_) {
-    const auto [resent, lost] = peer.repairs(link);
+  for (const auto& [id, key] : by_id_) {
+    const auto [resent, lost] = entries_[key]->peer.repairs(link);
     out.fragments_resent += resent;
     out.fragments_lost += lost;
   }
@@ -235,13 +348,13 @@ LinkCounters Peers::counters(LinkId link) const {
 
 std::uint64_t Peers::cancelled() const {
   std::uint64_t sum = 0;
-  for (const auto& [id, peer] : peers_) sum += peer.cancelled();
+  for (const auto& [id, key] : by_id_) sum += entries_[key]->peer.cancelled();
   return sum;
 }
 
 std::size_t Peers::reassembly_bytes() const {
   std::size_t sum = 0;
-  for (const auto& [id, peer] : peers_) sum += peer.reassembly_bytes();
+  for (const auto& [id, key] : by_id_) sum += entries_[key]->peer.reassembly_bytes();
   return sum;
 }
 

@@ -64,10 +64,10 @@ SubmitStatus Rounds::submit(TimePoint now, const RoundRef& round, Variants varia
     const bool answered = finish(now, context.header, std::move(variants.front()));
     return answered ? SubmitStatus::kAccepted : SubmitStatus::kRoundOver;
   }
-  Peer* peer = destination(context, to);
+  Peer* peer = destination(now, context, to);
   if (peer == nullptr) return SubmitStatus::kNoPeer;
   choose_mode(now, context, *peer, message_class, Dispatch::sizes_of(variants), {});
-  const auto clock = clock_of(now, context.header, peers_.find(context.from));
+  const auto clock = clock_of(now, context.header, peers_.find(now, context.from));
   Planned planned = dispatch_.send(now, *peer, context, clock, variants, message_class,
                                    guidance(now, context, clock));
   const bool sent = !planned.plan.sends.empty();
@@ -84,13 +84,13 @@ Plan Rounds::preview(TimePoint now, const RoundRef& round,
                      std::span<const VariantCost> costs, std::optional<PeerId> to) {
   RoundContext* found = stages_.context(round);
   if (found == nullptr || found->stage == found->header.stages) return {};
-  Peer* peer = destination(*found, to);
+  Peer* peer = destination(now, *found, to);
   if (peer == nullptr) return {};
   choose_mode(now, *found, *peer, message_class, variant_bytes, costs);
   wire::RoundHeader header = found->header;
   header.stage = static_cast<std::uint8_t>(found->stage + 1);
   header.message_class = message_class;
-  const auto clock = clock_of(now, header, peers_.find(found->from));
+  const auto clock = clock_of(now, header, peers_.find(now, found->from));
   found->previewed =
       Previewed{dispatch_.plan(peer->links(now), header, {qos_of(header), variant_bytes, costs},
                                guidance(now, *found, clock)),
@@ -203,10 +203,10 @@ Rounds::ClockOf Rounds::clock_of(TimePoint now, const wire::RoundHeader& header,
   return view;
 }
 
-Peer* Rounds::destination(const RoundContext& context, std::optional<PeerId> to) {
-  if (to) return peers_.find(to);
-  if (context.from) return peers_.find(context.from);
-  return peers_.only();
+Peer* Rounds::destination(TimePoint now, const RoundContext& context, std::optional<PeerId> to) {
+  if (to) return peers_.find(now, to);
+  if (context.from) return peers_.find(now, context.from);
+  return peers_.only(now);
 }
 
 // The application hands its result over with submit(), so the computations up to the next
@@ -217,8 +217,9 @@ void Rounds::end_computations(TimePoint now, RoundContext& context) {
          !context.header.is_communication(context.stage + 1)) {
     ++context.stage;
     guard::StageGuard& observer = observer_of(context.header, context.from.value_or(PeerId{}));
-    context.verdict = observer.end_stage(now, stage_end(context.header, context.stage),
-                                         clock_of(now, context.header, peers_.find(context.from)));
+    context.verdict =
+        observer.end_stage(now, stage_end(context.header, context.stage),
+                           clock_of(now, context.header, peers_.find(now, context.from)));
   }
   if (context.stage > before) note_computed(context.header, now - context.began);
 }

@@ -61,7 +61,7 @@ class Rounds {
 
   // What a round's next transmission needs: where it goes, what the guard tells the policy, and in
   // which mode it leaves.
-  Peer* destination(const RoundContext& context, std::optional<PeerId> to);
+  Peer* destination(TimePoint now, const RoundContext& context, std::optional<PeerId> to);
   Guidance guidance(TimePoint now, const RoundContext& context, const ClockOf& clock);
   void choose_mode(TimePoint now, RoundContext& context, const Peer& peer,
                    MessageClass message_class, std::span<const std::size_t> variant_bytes,
