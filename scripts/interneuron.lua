@@ -1,5 +1,5 @@
--- Wireshark dissector of Interneuron's packets (docs/wire_format.md): data with the round header of a message's first
--- piece, feedback with its reports, probes, echoes with the STAMP packet (RFC 8762) inside.
+-- Wireshark dissector of Interneuron's packets (docs/wire_format.md): data with the plain or round header of a message's
+-- first piece, feedback with its reports, probes, echoes with the STAMP packet (RFC 8762) inside.
 --
 --   wireshark -X lua_script:scripts/interneuron.lua capture.pcap
 --   tshark    -X lua_script:scripts/interneuron.lua -r capture.pcap -Y 'interneuron.type == 2'
@@ -9,14 +9,19 @@
 
 local interneuron = Proto("interneuron", "Interneuron")
 
-local HEADER_BYTES = 16
+local VERSION = 2
+local HEADER_BYTES = 20
 local TAG_BYTES = 16
-local PIECE_BYTES = 16
+local PIECE_BYTES = 17
+local SYMBOL_BYTES = 4
+local PLAIN_HEADER_BYTES = 20
 local ROUND_HEADER_BYTES = 100
-local REPORT_BYTES = 80
+local FEEDBACK_BYTES = 17
+local REPORT_BYTES = 105
 local STAMP_BYTES = 44
 
-local TYPES = { [1] = "data", [2] = "feedback", [3] = "probe", [4] = "echo" }
+local TYPES = { [1] = "data", [2] = "feedback", [3] = "probe", [4] = "echo", [5] = "handshake" }
+local KINDS = { [0] = "round", [1] = "plain" }
 local CLASSES = { [0] = "data", [1] = "result" }
 local GUARDS = { [0] = "paper", [1] = "budget" }
 local STATES = { [0] = "unknown", [1] = "on time", [2] = "missed", [3] = "malformed" }
@@ -26,20 +31,36 @@ local function field(name, make, title, ...)
   f[name] = make("interneuron." .. name, title, ...)
 end
 
-field("type", ProtoField.uint8, "Type", base.DEC, TYPES)
-field("link", ProtoField.uint8, "Link", base.DEC, nil, nil, "The path: the number that the side which connected gives to it")
+field("version", ProtoField.uint8, "Version", base.DEC, nil, 0xf0)
+field("type", ProtoField.uint8, "Type", base.DEC, TYPES, 0x0f)
+field("link", ProtoField.uint16, "Link", base.DEC, nil, nil, "The path: the number that the side which connected gives to it")
 field("epoch", ProtoField.uint8, "Epoch", base.DEC, nil, nil, "Which key made the tag; 0: in the clear")
 field("session", ProtoField.uint32, "Session", base.HEX, nil, nil, "The sender's")
 field("number", ProtoField.uint64, "Number", base.DEC, nil, nil, "Counts the sender's packets on this path")
+field("stamp_us", ProtoField.uint32, "Stamp (us)", base.DEC, nil, nil, "The sender's clock, modulo 2^32")
+field("body", ProtoField.bytes, "Body")
 field("tag", ProtoField.bytes, "Tag")
 field("padding", ProtoField.bytes, "Padding")
 
 field("message", ProtoField.uint32, "Message", base.DEC)
 field("index", ProtoField.uint16, "Piece", base.DEC)
-field("count", ProtoField.uint16, "Pieces", base.DEC)
+field("size", ProtoField.uint32, "Bytes of the message", base.DEC)
+field("count", ProtoField.uint32, "Pieces", base.DEC)
 field("chunk", ProtoField.uint16, "Chunk", base.DEC, nil, nil, "Size of every piece but the last, bytes")
 field("lifetime_us", ProtoField.uint32, "Lifetime (us)", base.DEC)
+field("kind", ProtoField.uint8, "Kind", base.DEC, KINDS)
+field("repair.block", ProtoField.uint16, "First piece covered", base.DEC)
+field("repair.window", ProtoField.uint16, "Pieces covered", base.DEC)
+field("repair.symbol", ProtoField.bytes, "Repair symbol")
 field("payload", ProtoField.bytes, "Payload")
+
+field("plain.id", ProtoField.uint32, "Message of the application", base.DEC)
+field("plain.deadline_us", ProtoField.uint32, "Deadline (us)", base.DEC)
+field("plain.t0", ProtoField.int64, "t0 (ns, the sender's clock)", base.DEC)
+field("plain.channel", ProtoField.uint16, "Channel", base.DEC)
+field("plain.importance", ProtoField.uint8, "Importance", base.DEC)
+field("plain.variant", ProtoField.uint8, "Variant", base.DEC, nil, 0x07)
+field("plain.newest_only", ProtoField.bool, "Newest only", 8, nil, 0x08)
 
 field("round.version", ProtoField.uint8, "Version", base.DEC)
 field("round.degraded", ProtoField.bool, "Degraded", 8, nil, 0x01)
@@ -75,8 +96,15 @@ field("round.e2e", ProtoField.bytes, "End-to-end times of the 16 rounds before")
 
 field("u", ProtoField.int64, "u (ns, the sender's clock)", base.DEC)
 field("echo_session", ProtoField.uint32, "Echo", base.HEX, nil, nil, "The receiver's session as the sender has heard it")
-field("reports", ProtoField.uint32, "Reports", base.DEC)
-field("report.link", ProtoField.uint8, "Link", base.DEC)
+field("features", ProtoField.uint16, "Features", base.HEX)
+field("reports", ProtoField.uint8, "Reports", base.DEC)
+field("completes", ProtoField.uint8, "Complete messages", base.DEC)
+field("refuseds", ProtoField.uint8, "Refused messages", base.DEC)
+field("complete.message", ProtoField.uint32, "Complete message", base.DEC)
+field("complete.ago_us", ProtoField.uint32, "Complete for (us)", base.DEC, nil, 0x7fffffff)
+field("complete.late", ProtoField.bool, "Late", 32, nil, 0x80000000)
+field("refused.message", ProtoField.uint32, "Refused message", base.DEC)
+field("report.link", ProtoField.uint16, "Link", base.DEC)
 field("report.has_exchange", ProtoField.bool, "s and h are there", 8, nil, 0x01)
 field("report.loss", ProtoField.uint16, "Own loss (1/65535)", base.DEC)
 field("report.train_packets", ProtoField.uint32, "Packets of the newest train", base.DEC)
@@ -88,6 +116,13 @@ field("report.missing", ProtoField.uint32, "Missing of the 256 before", base.DEC
 field("report.train_start", ProtoField.uint64, "First packet of the train", base.DEC)
 field("report.train_rate", ProtoField.uint32, "Rate of the train (kbit/s)", base.DEC)
 field("report.rate", ProtoField.uint32, "Own rate (kbit/s)", base.DEC)
+field("report.metered", ProtoField.bool, "Metered", 8, nil, 0x02)
+field("report.has_delays", ProtoField.bool, "Delays are there", 8, nil, 0x04)
+field("report.newest_delay_us", ProtoField.uint32, "Newest delay (us, modulo 2^32)", base.DEC)
+field("report.largest_delay_us", ProtoField.uint32, "Largest delay (us, modulo 2^32)", base.DEC)
+field("report.ect", ProtoField.uint32, "Packets marked ECT", base.DEC)
+field("report.ce", ProtoField.uint32, "Packets marked CE", base.DEC)
+field("report.received_bytes", ProtoField.uint64, "Bytes received", base.DEC)
 
 field("echo.reply", ProtoField.bool, "Reply", 8, nil, 0x01)
 field("echo.hold", ProtoField.bool, "Hold", 8, nil, 0x02)
@@ -141,7 +176,8 @@ end
 local function looks_like_ours(buffer)
   local size = buffer:len()
   if size < HEADER_BYTES + TAG_BYTES or size ~= buffer:reported_len() then return false end
-  return TYPES[buffer(0, 1):uint()] ~= nil and buffer(2, 2):uint() == 0 and buffer(4, 4):uint() ~= 0
+  local first = buffer(0, 1):uint()
+  return math.floor(first / 16) == VERSION and first % 16 > 0 and buffer(1, 1):uint() == 0 and buffer(4, 4):uint() ~= 0
     and not all_zero(buffer(8, 8)) and all_zero(buffer(size - TAG_BYTES, TAG_BYTES))
 end
 
@@ -179,54 +215,91 @@ local function add_round_header(tree, buffer)
   if buffer(0, 1):uint() ~= 2 then round:add_proto_expert_info(malformed) end
 end
 
+local function add_plain_header(tree, buffer)
+  local plain = tree:add(interneuron, buffer(0, PLAIN_HEADER_BYTES), "Plain header")
+  add_all(plain, buffer, 0, { { "plain.id", 4 }, { "plain.deadline_us", 4 }, { "plain.t0", 8 }, { "plain.channel", 2 },
+    { "plain.importance", 1 } })
+  plain:add(f["plain.variant"], buffer(19, 1))
+  plain:add(f["plain.newest_only"], buffer(19, 1))
+  plain:append_text(string.format(": message %d on channel %d", buffer(0, 4):uint(), buffer(16, 2):uint()))
+  if buffer(19, 1):uint() >= 16 or buffer(4, 4):uint() == 0 then plain:add_proto_expert_info(malformed) end
+end
+
 local function add_data(tree, buffer)
   if buffer:len() < PIECE_BYTES then return nil end
   add_all(tree, buffer, 0,
-    { { "message", 4 }, { "index", 2 }, { "count", 2 }, { "chunk", 2 }, { nil, 2 }, { "lifetime_us", 4 } })
-  local index, count, chunk = buffer(4, 2):uint(), buffer(6, 2):uint(), buffer(8, 2):uint()
+    { { "message", 4 }, { "size", 4 }, { "chunk", 2 }, { "index", 2 }, { "lifetime_us", 4 }, { "kind", 1 } })
+  local message, total, chunk, index = buffer(0, 4):uint(), buffer(4, 4):uint(), buffer(8, 2):uint(), buffer(10, 2):uint()
+  local kind = buffer(16, 1):uint()
+  if chunk == 0 or total == 0 or kind > 1 then return nil end
+  local count = math.ceil(total / chunk)
+  tree:add(f.count, buffer(4, 6), count):set_generated()
   local size = buffer:len() - PIECE_BYTES
-  local fits = size == chunk or (index + 1 == count and size > 0 and size < chunk)
-  if index >= count or chunk == 0 or not fits then tree:add_proto_expert_info(malformed) end
   local at = PIECE_BYTES
-  if index == 0 and size >= ROUND_HEADER_BYTES then
+  if index >= count then
+    if size < SYMBOL_BYTES then return nil end
+    add_all(tree, buffer, at, { { "repair.block", 2 }, { "repair.window", 2 } })
+    local block, window = buffer(at, 2):uint(), buffer(at + 2, 2):uint()
+    if window == 0 or block + window > count or size ~= SYMBOL_BYTES + chunk then
+      tree:add_proto_expert_info(malformed)
+    end
+    if size > SYMBOL_BYTES then tree:add(f["repair.symbol"], buffer(at + SYMBOL_BYTES)) end
+    return string.format("message %d, repair symbol %d of pieces %d to %d", message, index, block + 1, block + window)
+  end
+  if count > 65535 or size ~= math.min(chunk, total - index * chunk) then tree:add_proto_expert_info(malformed) end
+  if index == 0 and kind == 0 and size >= ROUND_HEADER_BYTES then
     add_round_header(tree, buffer(at):tvb())
     at = at + ROUND_HEADER_BYTES
+  elseif index == 0 and kind == 1 and size >= PLAIN_HEADER_BYTES then
+    add_plain_header(tree, buffer(at):tvb())
+    at = at + PLAIN_HEADER_BYTES
   end
   if buffer:len() > at then tree:add(f.payload, buffer(at)) end
-  return string.format("message %d, piece %d of %d", buffer(0, 4):uint(), index + 1, count)
+  return string.format("message %d, piece %d of %d", message, index + 1, count)
 end
 
 local function add_report(tree, buffer)
-  local link = buffer(0, 1):uint()
+  local link = buffer(0, 2):uint()
   local report = tree:add(interneuron, buffer(), string.format("Report of link %d", link))
-  report:add(f["report.link"], buffer(0, 1))
-  report:add(f["report.has_exchange"], buffer(1, 1))
-  add_all(report, buffer, 2, {
+  report:add(f["report.link"], buffer(0, 2))
+  report:add(f["report.has_exchange"], buffer(2, 1))
+  report:add(f["report.metered"], buffer(2, 1))
+  report:add(f["report.has_delays"], buffer(2, 1))
+  add_all(report, buffer, 3, {
     { "report.loss", 2 }, { "report.train_packets", 4 }, { "report.s", 8 }, { "report.h", 8 },
     { "report.largest", 8 }, { "report.bitmap", 32 }, { "report.train_start", 8 }, { "report.train_rate", 4 },
-    { "report.rate", 4 } })
+    { "report.rate", 4 }, { "report.newest_delay_us", 4 }, { "report.largest_delay_us", 4 }, { "report.ect", 4 },
+    { "report.ce", 4 }, { "report.received_bytes", 8 } })
   -- Bit b of word w: packet largest - 1 - (64 w + b); packets before the first say nothing.
-  local largest = buffer(24, 8):uint64()
+  local largest = buffer(25, 8):uint64()
   local known = largest > UInt64(256) and 256 or math.max(largest:tonumber() - 1, 0)
   local missing = 0
   for i = 0, known - 1 do
-    local byte = buffer(32 + 8 * math.floor(i / 64) + 7 - math.floor(i % 64 / 8), 1):uint()
+    local byte = buffer(33 + 8 * math.floor(i / 64) + 7 - math.floor(i % 64 / 8), 1):uint()
     if math.floor(byte / 2 ^ (i % 8)) % 2 == 0 then missing = missing + 1 end
   end
-  report:add(f["report.missing"], buffer(32, 32), missing):set_generated()
-  if buffer(16, 1):uint() >= 0x80 then report:add_proto_expert_info(malformed) end
+  report:add(f["report.missing"], buffer(33, 32), missing):set_generated()
+  if buffer(17, 1):uint() >= 0x80 or buffer(2, 1):uint() >= 8 then report:add_proto_expert_info(malformed) end
 end
 
 local function add_feedback(tree, buffer)
-  if buffer:len() < 16 then return nil end
-  add_all(tree, buffer, 0, { { "u", 8 }, { "echo_session", 4 }, { "reports", 4 } })
-  local count = buffer(12, 4):uint()
-  if count > 8 or buffer:len() ~= 16 + count * REPORT_BYTES then
-    tree:add_proto_expert_info(malformed)
-    return "malformed"
+  if buffer:len() < FEEDBACK_BYTES then return nil end
+  add_all(tree, buffer, 0,
+    { { "u", 8 }, { "echo_session", 4 }, { "features", 2 }, { "reports", 1 }, { "completes", 1 }, { "refuseds", 1 } })
+  local reports, complete, refused = buffer(14, 1):uint(), buffer(15, 1):uint(), buffer(16, 1):uint()
+  local fits = buffer:len() == FEEDBACK_BYTES + reports * REPORT_BYTES + complete * 8 + refused * 4
+  if reports > 8 or complete > 32 or refused > 16 or not fits then return nil end
+  local at = FEEDBACK_BYTES
+  for _ = 1, reports do
+    add_report(tree, buffer(at, REPORT_BYTES):tvb())
+    at = at + REPORT_BYTES
   end
-  for i = 0, count - 1 do add_report(tree, buffer(16 + i * REPORT_BYTES, REPORT_BYTES):tvb()) end
-  return string.format("%d reports", count)
+  for _ = 1, complete do
+    at = add_all(tree, buffer, at, { { "complete.message", 4 }, { "complete.ago_us", 4 } })
+    tree:add(f["complete.late"], buffer(at - 4, 4))
+  end
+  for _ = 1, refused do at = add_all(tree, buffer, at, { { "refused.message", 4 } }) end
+  return string.format("%d reports, %d complete, %d refused", reports, complete, refused)
 end
 
 local function add_stamp(tree, buffer, is_reply)
@@ -260,21 +333,29 @@ local function add_probe(tree, buffer)
   return string.format("%d bytes", buffer:len() + HEADER_BYTES + TAG_BYTES)
 end
 
+-- The body of a type that is not used.
+local function add_unknown(tree, buffer)
+  if buffer:len() > 0 then tree:add(f.body, buffer()) end
+  return string.format("%d bytes", buffer:len() + HEADER_BYTES + TAG_BYTES)
+end
+
 local BODIES = { [1] = add_data, [2] = add_feedback, [3] = add_probe, [4] = add_echo }
 
 function interneuron.dissector(buffer, pinfo, root)
   if not looks_like_ours(buffer) then return 0 end
   local size = buffer:len()
-  local kind = buffer(0, 1):uint()
+  local kind = buffer(0, 1):uint() % 16
+  local name = TYPES[kind] or string.format("type %d", kind)
   pinfo.cols.protocol = "INTERNEURON"
-  local tree = root:add(interneuron, buffer(), "Interneuron " .. TYPES[kind])
+  local tree = root:add(interneuron, buffer(), "Interneuron " .. name)
+  tree:add(f.version, buffer(0, 1))
   add_all(tree, buffer, 0,
-    { { "type", 1 }, { "link", 1 }, { "epoch", 1 }, { nil, 1 }, { "session", 4 }, { "number", 8 } })
+    { { "type", 1 }, { "epoch", 1 }, { "link", 2 }, { "session", 4 }, { "number", 8 }, { "stamp_us", 4 } })
   local body = size - HEADER_BYTES - TAG_BYTES
   local said
   if body > 0 then
-    said = BODIES[kind](tree, buffer(HEADER_BYTES, body):tvb())
-  elseif kind == 3 then
+    said = (BODIES[kind] or add_unknown)(tree, buffer(HEADER_BYTES, body):tvb())
+  elseif kind == 3 or not BODIES[kind] then
     said = string.format("%d bytes", size)
   end
   if not said then
@@ -282,8 +363,7 @@ function interneuron.dissector(buffer, pinfo, root)
     said = "malformed"
   end
   tree:add(f.tag, buffer(size - TAG_BYTES, TAG_BYTES))
-  local text = string.format("%s, link %d, #%s: %s", TYPES[kind], buffer(1, 1):uint(),
-    tostring(buffer(8, 8):uint64()), said)
+  local text = string.format("%s, link %d, #%s: %s", name, buffer(2, 2):uint(), tostring(buffer(8, 8):uint64()), said)
   pinfo.cols.info = text
   tree:append_text(", " .. text)
   return size

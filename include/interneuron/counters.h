@@ -7,7 +7,7 @@
 namespace interneuron {
 
 // Of one link, over all peers. Every received datagram is in exactly one of received, duplicate,
-// malformed and refused.
+// malformed, other_version, other and refused.
 struct LinkCounters {
   std::uint64_t sent_packets = 0;
   // Bytes of UDP payload.
@@ -18,6 +18,10 @@ struct LinkCounters {
   std::uint64_t duplicate_packets = 0;
   // The bytes are no packet of ours.
   std::uint64_t malformed_packets = 0;
+  // The bytes look like a packet of another version of the protocol.
+  std::uint64_t other_version_packets = 0;
+  // A packet of a peer whose type this version does not use; it is acknowledged and not read.
+  std::uint64_t other_packets = 0;
   // A packet from somebody whom this endpoint does not serve.
   std::uint64_t refused_packets = 0;
   // Fragments of messages that were sent again.

@@ -6,6 +6,7 @@
 #include <string>
 #include <variant>
 
+#include "interneuron/address.h"
 #include "interneuron/link.h"
 #include "interneuron/policy.h"
 #include "interneuron/round.h"
@@ -49,7 +50,15 @@ struct PathChanged {
   std::string reason;
 };
 
-using Event =
-    std::variant<Delivered, RoundDone, PeerReady, PeerRestarted, PeerLost, Planned, PathChanged>;
+// Somebody sends packets of another version of the protocol here: it is not served before both
+// sides run the same one. Told at most once in ten seconds; LinkCounters counts all.
+struct OtherVersion {
+  LinkId link{};
+  Address from{};
+  std::uint8_t version = 0;
+};
+
+using Event = std::variant<Delivered, RoundDone, PeerReady, PeerRestarted, PeerLost, Planned,
+                           PathChanged, OtherVersion>;
 
 }  // namespace interneuron

@@ -63,6 +63,7 @@ class Node {
   // A link is used while its NIC is kReady; it is closed before this is told, and opened after.
   void on_nic_changed(std::function<void(NicChanged)> handler);
   void on_path_changed(std::function<void(PathChanged)> handler);
+  void on_other_version(std::function<void(OtherVersion)> handler);
   // Every `interval` (> 0) while run() runs.
   void on_statistics(Duration interval, std::function<void(const Statistics&)> handler);
 

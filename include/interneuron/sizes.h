@@ -24,7 +24,7 @@ inline constexpr std::size_t kIpUdpBytes = kIpv4UdpBytes;
 inline constexpr std::size_t kMaxPacketBytes = kMaxDatagramBytes + kIpUdpBytes;
 
 // Our own headers around each piece of a message: packet header, fragment header and tag.
-inline constexpr std::size_t kPieceOverheadBytes = 48;
+inline constexpr std::size_t kPieceOverheadBytes = 53;
 // What is left for the message in a full datagram.
 inline constexpr std::size_t kMaxPieceBytes = kMaxDatagramBytes - kPieceOverheadBytes;
 

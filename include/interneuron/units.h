@@ -28,7 +28,7 @@ struct Id {
 
 // A link: a network card (NIC) of this host towards a peer. The side that connects chooses the
 // number, and packets carry it, so that both sides name the path between them alike.
-using LinkId = Id<struct LinkTag, std::uint8_t>;
+using LinkId = Id<struct LinkTag, std::uint16_t>;
 // One life of one endpoint: drawn at random when it starts; never 0.
 using SessionId = Id<struct SessionTag, std::uint32_t>;
 // This endpoint's own handle of a peer; never on the wire.

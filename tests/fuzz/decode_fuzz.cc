@@ -14,6 +14,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   }
   const auto packet = wire::parse(bytes);
   const bool opens_a_message = packet && packet->header.type == wire::PacketType::kData;
-  if (opens_a_message && !wire::refused_or_consistent_message(packet->data.bytes)) std::abort();
+  if (opens_a_message && (!wire::refused_or_consistent_message(packet->data.bytes) ||
+                          !wire::refused_or_consistent_plain(packet->data.bytes))) {
+    std::abort();
+  }
+  if (packet && wire::other_version(bytes)) std::abort();
   return 0;
 }

@@ -21,8 +21,9 @@ constexpr std::uint64_t kSeed = 1;
 class Mutator {
  public:
   explicit Mutator(std::uint64_t seed) : random_(seed) {
-    seeds_ = {from_hex(kDataExample),        from_hex(kFeedbackExample),  from_hex(kProbeExample),
-              from_hex(kEchoRequestExample), from_hex(kEchoReplyExample), example_message()};
+    seeds_ = {from_hex(kDataExample),      from_hex(kPlainExample), from_hex(kRepairExample),
+              from_hex(kFeedbackExample),  from_hex(kProbeExample), from_hex(kEchoRequestExample),
+              from_hex(kEchoReplyExample), example_message()};
   }
 
   Bytes next() {
@@ -81,6 +82,8 @@ Bytes file(const std::string& name) {
 
 TEST(Decode, TheFuzzerBeginsWithTheDocumentedExamples) {
   EXPECT_EQ(file("data"), from_hex(kDataExample));
+  EXPECT_EQ(file("plain"), from_hex(kPlainExample));
+  EXPECT_EQ(file("repair"), from_hex(kRepairExample));
   EXPECT_EQ(file("feedback"), from_hex(kFeedbackExample));
   EXPECT_EQ(file("probe"), from_hex(kProbeExample));
   EXPECT_EQ(file("echo_request"), from_hex(kEchoRequestExample));

@@ -9,6 +9,13 @@
 #include "core/rounds/rounds.h"
 
 namespace interneuron {
+namespace {
+
+// How far apart packets of other versions are told of. No measurement behind this value: it only
+// has to be short for a person who waits, and long for a log.
+constexpr Duration kBetweenVersions = std::chrono::seconds(10);
+
+}  // namespace
 
 // Joins the peers (packets) and the rounds (messages), with one queue of events and one time. It
 // has no logic of its own: it hands inputs on, merges timeouts and counters, and keeps the order in
@@ -44,6 +51,10 @@ class Endpoint::Impl {
     // arrivals come first.
     run_timers(now - Duration{1});
     const Peers::Received received = peers_.receive(now, datagram);
+    if (received.other_version && now >= tell_version_at_) {
+      tell_version_at_ = now + kBetweenVersions;
+      events_.emplace_back(OtherVersion{datagram.link, datagram.from, *received.other_version});
+    }
     if (received.peer == nullptr) return;
     if (received.restarted) {
       rounds_.forget_clock(received.peer->identity().id);
@@ -91,7 +102,8 @@ class Endpoint::Impl {
     if (input.clock_stepped) rounds_.forget_clock(id);
     if (input.refused) ++reassembly_refused_;
     while (auto change = peer.poll_change()) events_.emplace_back(std::move(*change));
-    if (input.message) rounds_.complete(now, peer, *input.message);
+    if (input.message && input.kind == wire::MessageKind::kRound)
+      rounds_.complete(now, peer, *input.message);
   }
 
   std::deque<Event> events_;
@@ -100,6 +112,8 @@ class Endpoint::Impl {
   OwnTime time_;
   std::uint64_t messages_expired_ = 0;
   std::uint64_t reassembly_refused_ = 0;
+  // When the next packet of another version is told of.
+  TimePoint tell_version_at_ = TimePoint::min();
 };
 
 Endpoint::Endpoint(EndpointOptions options, TimePoint now)

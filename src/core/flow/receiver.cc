@@ -4,6 +4,7 @@
 #include <cstring>
 
 #include "core/base/earliest.h"
+#include "core/wire/plain_header.h"
 #include "core/wire/round_header.h"
 
 namespace interneuron::flow {
@@ -71,6 +72,7 @@ bool PathReceiver::accept(TimePoint now, std::uint64_t number, bool counts_for_t
     if ((word & bit) != 0) return false;
     word |= bit;
   }
+  received_bytes_ += ip_bytes;
   if (counts_for_train) extend_train(now, number, ip_bytes);
   return true;
 }
@@ -99,6 +101,15 @@ bool PathReceiver::Train::ends(TimePoint now) const {
 
 bool PathReceiver::Train::even() const {
   return packets >= kToldPackets || 3 * longest_gap <= 2 * (last - first);
+}
+
+void PathReceiver::note_delay(TimePoint now, std::uint32_t stamp_us) {
+  // Stamps wrap, and so do delays: only their differences mean anything.
+  const std::uint32_t delay = wire::send_stamp(now) - stamp_us;
+  const auto above = static_cast<std::int32_t>(delay - largest_delay_);
+  if (!largest_is_fresh_ || above > 0) largest_delay_ = delay;
+  largest_is_fresh_ = true;
+  newest_delay_ = delay;
 }
 
 void PathReceiver::extend_train(TimePoint now, std::uint64_t number, std::size_t ip_bytes) {
@@ -140,6 +151,10 @@ wire::LinkReport PathReceiver::report(TimePoint now) const {
     report.train_packets = train_.packets;
     report.train_rate = rate_of(train_.bytes, train_.last - train_.first);
   }
+  report.has_delays = newest_delay_.has_value();
+  report.newest_delay_us = newest_delay_.value_or(0);
+  report.largest_delay_us = largest_delay_;
+  report.received_bytes = received_bytes_;
   return report;
 }
 
@@ -149,30 +164,27 @@ Reassembler::Outcome Reassembler::add(TimePoint now, const wire::Data& data,
   if (buried_.contains(f.message)) return {Result::kDuplicate, {}};
   auto it = partials_.find(f.message);
   if (it == partials_.end()) {
-    const std::size_t capacity = std::size_t{f.count} * f.chunk;
-    if (bytes_ + capacity > kMaxBytes || partials_.size() >= kMaxPartials) {
+    if (bytes_ + f.size > kMaxBytes || partials_.size() >= kMaxPartials) {
       return {Result::kRefused, {}};
     }
     Partial fresh;
-    fresh.bytes.reset(new std::byte[capacity]);
-    fresh.capacity = capacity;
-    fresh.count = f.count;
+    fresh.bytes.reset(new std::byte[f.size]);
+    fresh.size = f.size;
     fresh.chunk = f.chunk;
-    fresh.missing = f.count;
-    fresh.have.resize(f.count);
+    fresh.missing = f.count();
+    fresh.have.resize(f.count());
     fresh.expires = saturating_add(now, std::chrono::microseconds(f.lifetime_us));
-    bytes_ += capacity;
+    bytes_ += f.size;
     it = partials_.emplace(f.message, std::move(fresh)).first;
   }
   Partial& p = it->second;
-  if (p.count != f.count || p.chunk != f.chunk) return {Result::kRefused, {}};
+  if (p.size != f.size || p.chunk != f.chunk) return {Result::kRefused, {}};
   if (p.have[f.index]) return {Result::kDuplicate, {}};
   p.have[f.index] = true;
   --p.missing;
   const std::size_t offset = std::size_t{f.index} * f.chunk;
   std::memcpy(p.bytes.get() + offset, data.bytes.data(), data.bytes.size());
-  if (f.index + 1 == f.count) p.size = offset + data.bytes.size();
-  if (f.index == 0) refine_expiry(p, data.bytes, clocks);
+  if (f.index == 0) refine_expiry(p, data, clocks);
   if (p.missing > 0) return {Result::kStored, {}};
   Outcome done{Result::kComplete, Bytes(p.bytes.get(), p.bytes.get() + p.size)};
   bury(f.message);
@@ -180,20 +192,33 @@ Reassembler::Outcome Reassembler::add(TimePoint now, const wire::Data& data,
 }
 
 // The refined expiry is never early, since the true clock offset is at most `hi`.
-void Reassembler::refine_expiry(Partial& partial, ByteView first_piece, const ClockBounds& clocks) {
-  const auto header = wire::parse_round_header(first_piece);
-  if (!header) return;
-  const auto hi = clocks.above(header->round.origin);
+void Reassembler::refine_expiry(Partial& partial, const wire::Data& first,
+                                const ClockBounds& clocks) {
+  PeerTime t0{};
+  Duration deadline{};
+  SessionId origin = clocks.peer;
+  if (first.fragment.kind == wire::MessageKind::kPlain) {
+    const auto header = wire::parse_plain_header(first.bytes);
+    if (!header) return;
+    t0 = header->t0;
+    deadline = header->deadline();
+  } else {
+    const auto header = wire::parse_round_header(first.bytes);
+    if (!header) return;
+    t0 = header->t0;
+    deadline = header->deadline();
+    origin = header->round.origin;
+  }
+  const auto hi = clocks.above(origin);
   if (!hi) return;
-  const Duration allowed = header->deadline() + kExpirySlack;
-  const TimePoint by_clock =
-      when_elapsed(header->t0, Duration{wrapping_add(hi->count(), allowed.count())});
+  const Duration allowed = deadline + kExpirySlack;
+  const TimePoint by_clock = when_elapsed(t0, Duration{wrapping_add(hi->count(), allowed.count())});
   partial.expires = std::min(partial.expires, by_clock);
 }
 
 void Reassembler::bury(MessageId message) {
   const auto it = partials_.find(message);
-  bytes_ -= it->second.capacity;
+  bytes_ -= it->second.size;
   partials_.erase(it);
   buried_.insert(message);
   burial_order_.push_back(message);

@@ -42,9 +42,11 @@ class PathReceiver {
   void exchange(TimePoint now, PeerTime u);
   // The path's part of a feedback sent at `now`.
   wire::LinkReport report(TimePoint now) const;
+  // A packet with data or padding was accepted that carried this stamp.
+  void note_delay(TimePoint now, std::uint32_t stamp_us);
   // Whether a packet number was skipped since reported() was called.
   bool gap() const { return gap_; }
-  void reported() { gap_ = false; }
+  void reported() { gap_ = largest_is_fresh_ = false; }
 
  private:
   struct Train {
@@ -77,6 +79,13 @@ class PathReceiver {
   Train train_;
   // What has come since the longest gap of the train.
   Train tail_;
+  // With IP headers.
+  std::uint64_t received_bytes_ = 0;
+  // Microseconds modulo 2^32: of the newest packet, and the largest since reported() was called; if
+  // there was none since, the one from before.
+  std::optional<std::uint32_t> newest_delay_;
+  std::uint32_t largest_delay_ = 0;
+  bool largest_is_fresh_ = false;
 };
 
 // Upper bounds of own clock - origin clock, to tell when a message has expired (docs/paper.md,
@@ -98,14 +107,14 @@ struct ClockBounds {
 // and more than once. Peer (src/core/peers) owns one and feeds it every data packet that a
 // PathReceiver has accepted; a message that is complete is handed out at once and forgotten.
 //
-// A message's whole memory is taken when its first fragment arrives: count * chunk bytes, as the
-// fragment says. It is freed when the message is complete, or expires because it can no longer
+// A message's whole memory is taken when its first fragment arrives, since each says how large the
+// message is. It is freed when the message is complete, or expires because it can no longer
 // arrive by its deadline. kMaxBytes and kMaxPartials bound what one peer's messages may hold;
 // fragments of further messages are refused and counted, and nothing that is stored makes room.
 //
 // What a hostile peer could try: claim large messages that it never completes, or many small ones;
 // both bounds hold, and only its own messages are refused, though for as long as the lifetime that
-// it claimed (at most 72 minutes). Send fragments of one message that disagree about count or
+// it claimed (at most 72 minutes). Send fragments of one message that disagree about its size or
 // chunk; those that differ from the first are refused. Send a message again after it is complete;
 // the newest 512 identifiers are remembered, and later fragments of these are duplicates. Fragments
 // are not authenticated, so an attacker who knows the peer's session can do all this in its name.
@@ -151,17 +160,14 @@ class Reassembler {
   struct Partial {
     // Not cleared when it is allocated: only bytes that have arrived are ever read.
     std::unique_ptr<std::byte[]> bytes;
-    std::size_t capacity = 0;
-    // Of the message, once its last fragment is there.
     std::size_t size = 0;
-    std::uint16_t count = 0;
     std::uint16_t chunk = 0;
     std::uint16_t missing = 0;
     std::vector<bool> have;
     TimePoint expires{};
   };
   void bury(MessageId message);
-  void refine_expiry(Partial& partial, ByteView first_piece, const ClockBounds& clocks);
+  void refine_expiry(Partial& partial, const wire::Data& first, const ClockBounds& clocks);
 
   std::unordered_map<MessageId, Partial> partials_;
   // Messages that are complete or expired, whose further fragments are duplicates; and in the order

@@ -96,7 +96,8 @@ void Sender::set_path(LinkId path, const PathView& view) {
 }
 
 MessageId Sender::send(TimePoint now, TimePoint deadline, Duration lifetime, Bytes bytes,
-                       const std::vector<LinkId>& paths, const PathSet& repairs) {
+                       const std::vector<LinkId>& paths, const PathSet& repairs,
+                       wire::MessageKind kind) {
   const MessageId id{next_message_++};
   std::size_t max_datagram = SIZE_MAX;
   for (const LinkId path : paths)
@@ -115,11 +116,12 @@ MessageId Sender::send(TimePoint now, TimePoint deadline, Duration lifetime, Byt
       std::chrono::duration_cast<std::chrono::microseconds>(lifetime).count(), 1, UINT32_MAX));
   m.bytes = std::move(bytes);
   m.repairs = repairs;
+  m.kind = kind;
   m.pieces.resize(count, {false, static_cast<std::uint8_t>(paths.size())});
   for (const LinkId path : paths) {
     Path& p = paths_.at(path);
     p.jobs.push_back({id, deadline, 0, m.count, m.chunk, {}});
-    m.repairs.set(path.value);
+    m.repairs.add(path);
   }
   messages_.emplace(id, std::move(m));
   return id;
@@ -192,7 +194,8 @@ std::optional<Sender::Piece> Sender::poll(TimePoint now, LinkId path_id) {
     const Duration air = path.view.pace.value_or(kBlindPace).transmit_time(ip_bytes);
     path.free_at = std::max(path.free_at, now - kBurst) + std::min<Duration>(air, kLongestAir);
     return Piece{number,
-                 {job->message, *index, m.count, m.chunk, m.lifetime_us},
+                 {job->message, *index, m.chunk, static_cast<std::uint32_t>(m.bytes.size()),
+                  m.lifetime_us, m.kind},
                  ByteView(m.bytes).subspan(offset, size)};
   }
 }
@@ -262,7 +265,7 @@ bool Sender::repair(TimePoint now, MessageId id, std::uint16_t index) {
   TimePoint best_arrival = TimePoint::max();
   for (auto& [link, path] : paths_) {
     const bool may_carry =
-        m.repairs.test(link.value) && path.max_datagram >= m.chunk + kPieceOverheadBytes;
+        m.repairs.contains(link) && path.max_datagram >= m.chunk + kPieceOverheadBytes;
     if (!path.view.up || !may_carry) continue;
     const DataRate rate = path.view.rate.value_or(kBlindRate);
     const Duration queue =

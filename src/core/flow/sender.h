@@ -3,7 +3,6 @@
 // over the path that brings them soonest, while the deadline allows.
 #pragma once
 
-#include <bitset>
 #include <cstdint>
 #include <map>
 #include <optional>
@@ -12,6 +11,7 @@
 #include <vector>
 
 #include "core/base/ring.h"
+#include "core/flow/path_set.h"
 #include "core/flow/sent_packets.h"
 #include "core/wire/packet.h"
 #include "interneuron/units.h"
@@ -33,10 +33,6 @@ struct PathView {
   // A fragment that has been in flight for so long without any acknowledgement is lost.
   Duration probe_timeout{};
 };
-
-// A set of paths: bit i stands for LinkId i.
-using PathSet = std::bitset<256>;
-inline const PathSet kEveryPath = PathSet{}.set();
 
 // Owned by the Peer that it sends to. In the order of use: send() queues a message on paths; poll()
 // gives the next fragment that may leave a path now; report() and handle_timeout() tell what
@@ -68,12 +64,13 @@ class Sender {
   // in flight on it goes over the other paths at once, where that still helps.
   void pull(TimePoint now, LinkId path);
 
-  // Queues a message (round header and payload) on these paths. What is lost of it is sent again
+  // Queues a message (its header and payload) on these paths. What is lost of it is sent again
   // over these paths and those of `repairs` alone. After `deadline` nothing of it is sent; the
   // receiver may keep its fragments for `lifetime`. A message of more than 65,535 fragments, an
   // empty one or one that is late already is not sent at all.
   MessageId send(TimePoint now, TimePoint deadline, Duration lifetime, Bytes message,
-                 const std::vector<LinkId>& paths, const PathSet& repairs = kEveryPath);
+                 const std::vector<LinkId>& paths, const PathSet& repairs = kEveryPath,
+                 wire::MessageKind kind = wire::MessageKind::kRound);
 
   // The next packet number of a path, for packets that carry no fragment; they count as sent.
   // `train_bytes` is the size with IP headers of packets that belong to a train, 0 for all others.
@@ -121,6 +118,7 @@ class Sender {
     Bytes bytes;
     TimePoint deadline{};
     std::uint32_t lifetime_us = 0;
+    wire::MessageKind kind{};
     std::uint16_t count = 0;
     std::uint16_t chunk = 0;
     std::uint16_t unacknowledged = 0;

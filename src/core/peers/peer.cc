@@ -88,6 +88,7 @@ void Peer::restart(TimePoint now, SessionId session) {
   ready_ = false;
   sender_.reset(now);
   reassembler_.reset();
+  receipts_.reset();
   clock_.reset();
   unreported_ = 0;
   feedback_at_.reset();
@@ -115,14 +116,25 @@ Peer::Input Peer::handle(TimePoint now, const wire::Packet& packet, std::size_t 
     return input;
   }
   note_arrival(now, path.receiver.gap());
-  if (packet.header.type != wire::PacketType::kData) return input;
+  if (!wire::is_used(packet.header.type)) return input;
+  path.receiver.note_delay(now, packet.header.stamp_us);
+  // Nothing is made of repair symbols: they only count as packets that have arrived.
+  if (packet.header.type != wire::PacketType::kData || packet.data.fragment.is_repair()) {
+    return input;
+  }
 
   flow::ClockBounds clocks{identity_.self, identity_.session, std::nullopt};
   if (packet.data.fragment.index == 0) clocks.peer_hi_min = clock_.hi_min(now);
   flow::Reassembler::Outcome outcome = reassembler_.add(now, packet.data, clocks);
-  if (outcome.result == flow::Reassembler::Result::kRefused) input.refused = true;
+  const MessageId message = packet.data.fragment.message;
+  if (outcome.result == flow::Reassembler::Result::kRefused) {
+    input.refused = true;
+    receipts_.refuse(now, message);
+  }
   if (outcome.result == flow::Reassembler::Result::kComplete) {
     note_activity(now);
+    receipts_.complete(now, message);
+    input.kind = packet.data.fragment.kind;
     input.message = std::move(outcome.message);
   }
   return input;
@@ -252,9 +264,9 @@ std::optional<TimePoint> Peer::next_timeout(TimePoint now) const {
 
 // --- output
 
-wire::PacketHeader Peer::header(const Path& path, wire::PacketType type,
+wire::PacketHeader Peer::header(TimePoint now, const Path& path, wire::PacketType type,
                                 std::uint64_t number) const {
-  return {type, path.id(), wire::kClearEpoch, identity_.self, number};
+  return {type, path.id(), wire::kClearEpoch, identity_.self, number, wire::send_stamp(now)};
 }
 
 Path* Peer::fastest() {
@@ -278,9 +290,15 @@ Transmit Peer::send_feedback(TimePoint now, Path& path, std::span<const Path> ab
   feedback.u = now.time_since_epoch().count();
   feedback.echo = identity_.session;
   for (const Path& p : about) feedback.reports.push_back(p.report(now));
+  // Heartbeats stay small. An address that is not trusted yet may have room for the reports alone.
+  const bool all = about.size() == paths_.size();
+  if (all &&
+      path.may_send(wire::feedback_bytes(about.size(), wire::kMaxComplete, wire::kMaxRefused))) {
+    receipts_.tell(now, feedback);
+  }
   const std::uint64_t number = sender_.take_number(now, path.id());
-  const std::size_t size =
-      wire::write_feedback(buffer, header(path, wire::PacketType::kFeedback, number), feedback);
+  const std::size_t size = wire::write_feedback(
+      buffer, header(now, path, wire::PacketType::kFeedback, number), feedback);
   path.sent_feedback(now, size);
   return {path.nic().link, path.address(), size};
 }
@@ -305,7 +323,7 @@ std::optional<Transmit> Peer::poll_feedback(TimePoint now, std::span<std::byte> 
 Transmit Peer::send_probe(TimePoint now, Path& path, std::span<std::byte> buffer) {
   const std::size_t size = path.nic().max_datagram;
   const std::uint64_t number = sender_.take_number(now, path.id(), size + kIpUdpBytes);
-  wire::write_probe(buffer, header(path, wire::PacketType::kProbe, number), size);
+  wire::write_probe(buffer, header(now, path, wire::PacketType::kProbe, number), size);
   path.sent_probe(now, size);
   return {path.nic().link, path.address(), size};
 }
@@ -314,8 +332,9 @@ std::optional<Transmit> Peer::poll_data(TimePoint now, Path& path, std::span<std
   if (!path.may_send(kMaxDatagramBytes)) return std::nullopt;
   const auto piece = sender_.poll(now, path.id());
   if (!piece) return std::nullopt;
-  const std::size_t size = wire::write_data(
-      buffer, header(path, wire::PacketType::kData, piece->number), piece->fragment, piece->bytes);
+  const std::size_t size =
+      wire::write_data(buffer, header(now, path, wire::PacketType::kData, piece->number),
+                       piece->fragment, piece->bytes);
   path.sent_data(now, size);
   return Transmit{path.nic().link, path.address(), size};
 }

@@ -14,6 +14,7 @@
 #include <span>
 #include <vector>
 
+#include "core/flow/receipts.h"
 #include "core/flow/receiver.h"
 #include "core/flow/sender.h"
 #include "core/guard/clock_offset.h"
@@ -63,8 +64,9 @@ class Peer {
     bool clock_stepped = false;
     // A piece of a message was dropped for want of memory.
     bool refused = false;
-    // The message that this packet completed.
+    // The message that this packet completed, and what it begins with.
     std::optional<Bytes> message;
+    wire::MessageKind kind{};
   };
   // What only time changes is looked at again, if that is some time ago. Call it before anything
   // that rests on the state of the paths.
@@ -109,7 +111,8 @@ class Peer {
   void note_arrival(TimePoint now, bool gap);
   void note_activity(TimePoint now);
   Path* fastest();
-  wire::PacketHeader header(const Path& path, wire::PacketType type, std::uint64_t number) const;
+  wire::PacketHeader header(TimePoint now, const Path& path, wire::PacketType type,
+                            std::uint64_t number) const;
   Transmit send_feedback(TimePoint now, Path& path, std::span<const Path> about,
                          std::span<std::byte> buffer);
   Transmit send_probe(TimePoint now, Path& path, std::span<std::byte> buffer);
@@ -119,6 +122,7 @@ class Peer {
   std::vector<Path> paths_;
   flow::Sender sender_;
   flow::Reassembler reassembler_;
+  flow::Receipts receipts_;
   guard::ClockOffset clock_;
   bool ready_ = false;
   TimePoint heard_at_;

@@ -125,11 +125,12 @@ Path::Nic Peers::nic(LinkId link) const {
 Peers::Received Peers::receive(TimePoint now, const Datagram& datagram) {
   LinkCounters& counters = links_[datagram.link].counters;
   const auto packet = wire::parse(datagram.bytes);
-  if (!packet) {
-    ++counters.malformed_packets;
-    return {};
-  }
   Received out;
+  if (!packet) {
+    out.other_version = wire::other_version(datagram.bytes);
+    ++(out.other_version ? counters.other_version_packets : counters.malformed_packets);
+    return out;
+  }
   bool is_served = false;
   if (packet->header.type == wire::PacketType::kEcho) {
     is_served = reflect(now, *packet, datagram);
@@ -152,7 +153,7 @@ Peers::Received Peers::receive(TimePoint now, const Datagram& datagram) {
     ++counters.duplicate_packets;
     return out;
   }
-  ++counters.received_packets;
+  ++(wire::is_used(packet->header.type) ? counters.received_packets : counters.other_packets);
   counters.received_bytes += datagram.bytes.size();
   return out;
 }
@@ -170,6 +171,8 @@ Peers::Found Peers::whose(TimePoint now, const wire::PacketHeader& header,
     }
     return {entry->peer.has_path(header.link) ? entry : nullptr, false};
   }
+  // A new session begins with a packet that means something.
+  if (!wire::is_used(header.type)) return {};
   if (Entry* entry = by_address(header, datagram)) {
     const SessionId before = entry->peer.identity().session;
     directory_.retire(before);

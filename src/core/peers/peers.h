@@ -65,6 +65,8 @@ class Peers {
     // nullptr where there is nothing more to do: the datagram was malformed, was refused, or was an
     // echo, which is answered by the next poll().
     Peer* peer = nullptr;
+    // The datagram follows this other version of the format.
+    std::optional<std::uint8_t> other_version;
     // A known peer has begun a new session with this packet.
     bool restarted = false;
     Peer::Input input;

@@ -21,7 +21,9 @@ Bytes joined(const wire::RoundHeader& header, const Bytes& payload) {
 // The links that the policy allows: lost pieces go over no other.
 flow::PathSet allowed_of(const Policy& policy, std::span<const LinkState> links) {
   flow::PathSet allowed;
-  for (const LinkState& link : links) allowed.set(link.id.value, policy.allows(link));
+  for (const LinkState& link : links) {
+    if (policy.allows(link)) allowed.add(link.id);
+  }
   return allowed;
 }
 

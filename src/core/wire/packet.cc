@@ -8,58 +8,83 @@
 namespace interneuron::wire {
 namespace {
 
+// Where the version begins in a packet's first byte, and which bits of it are the type.
+constexpr unsigned kVersionShift = 4;
+constexpr std::uint8_t kTypeMask = 0x0f;
+// The smallest packet of version 1, and so of all versions.
+constexpr std::size_t kFewestBytes = 32;
+// The largest number of pieces that an index of 16 bits allows.
+constexpr std::uint64_t kMaxPieces = UINT16_MAX;
 // Flags of a link report.
 constexpr std::uint8_t kHasExchange = 0x01;
 constexpr std::uint8_t kMetered = 0x02;
+constexpr std::uint8_t kHasDelays = 0x04;
+// Of a complete message, beside the time since then.
+constexpr std::uint32_t kLate = ~kLongestAgo;
 // Flags of an echo.
 constexpr std::uint8_t kIsReply = 0x01;
 constexpr std::uint8_t kHold = 0x02;
 constexpr std::int64_t kBitsPerKilobit = 1000;
 
 void put_header(Writer& w, const PacketHeader& h) {
-  w.put(static_cast<std::uint8_t>(h.type));
-  w.put(h.link.value);
+  w.put(static_cast<std::uint8_t>(kVersion << kVersionShift | static_cast<std::uint8_t>(h.type)));
   w.put(h.epoch);
-  w.put(std::uint8_t{0});
+  w.put(h.link.value);
   w.put(h.session.value);
   w.put(h.number);
+  w.put(h.stamp_us);
 }
 
 std::optional<PacketHeader> get_header(Reader& r) {
   PacketHeader h;
-  const auto type = r.get<std::uint8_t>();
-  h.link = LinkId{r.get<std::uint8_t>()};
+  const auto first = r.get<std::uint8_t>();
   h.epoch = r.get<std::uint8_t>();
-  const auto reserved = r.get<std::uint8_t>();
+  h.link = LinkId{r.get<std::uint16_t>()};
   h.session = SessionId{r.get<std::uint32_t>()};
   h.number = r.get<std::uint64_t>();
-  if (!r.ok() || reserved != 0 || h.epoch != kClearEpoch || h.session.value == 0 || h.number == 0) {
-    return std::nullopt;
-  }
-  if (type < static_cast<std::uint8_t>(PacketType::kData) ||
-      type > static_cast<std::uint8_t>(PacketType::kEcho)) {
+  h.stamp_us = r.get<std::uint32_t>();
+  const auto type = static_cast<std::uint8_t>(first & kTypeMask);
+  if (!r.ok() || first >> kVersionShift != kVersion || type == 0 || h.epoch != kClearEpoch ||
+      h.session.value == 0 || h.number == 0) {
     return std::nullopt;
   }
   h.type = static_cast<PacketType>(type);
   return h;
 }
 
+void put_fragment(Writer& w, const FragmentHeader& f) {
+  w.put(f.message.value);
+  w.put(f.size);
+  w.put(f.chunk);
+  w.put(f.index);
+  w.put(f.lifetime_us);
+  w.put(static_cast<std::uint8_t>(f.kind));
+  if (!f.is_repair()) return;
+  w.put(f.block);
+  w.put(f.window);
+}
+
 std::optional<Data> get_data(Reader& r) {
   Data d;
-  d.fragment.message = MessageId{r.get<std::uint32_t>()};
-  d.fragment.index = r.get<std::uint16_t>();
-  d.fragment.count = r.get<std::uint16_t>();
-  d.fragment.chunk = r.get<std::uint16_t>();
-  const auto reserved = r.get<std::uint16_t>();
-  d.fragment.lifetime_us = r.get<std::uint32_t>();
-  d.bytes = r.rest();
-  const FragmentHeader& f = d.fragment;
-  const bool last = f.index + 1 == f.count;
-  const bool size_ok =
-      last ? !d.bytes.empty() && d.bytes.size() <= f.chunk : d.bytes.size() == f.chunk;
-  if (!r.ok() || reserved != 0 || f.chunk == 0 || f.index >= f.count || !size_ok) {
+  FragmentHeader& f = d.fragment;
+  f.message = MessageId{r.get<std::uint32_t>()};
+  f.size = r.get<std::uint32_t>();
+  f.chunk = r.get<std::uint16_t>();
+  f.index = r.get<std::uint16_t>();
+  f.lifetime_us = r.get<std::uint32_t>();
+  const auto kind = r.get<std::uint8_t>();
+  if (!r.ok() || f.size == 0 || f.chunk == 0 || f.size > kMaxPieces * f.chunk ||
+      kind > static_cast<std::uint8_t>(MessageKind::kPlain)) {
     return std::nullopt;
   }
+  f.kind = static_cast<MessageKind>(kind);
+  if (f.is_repair()) {
+    f.block = r.get<std::uint16_t>();
+    f.window = r.get<std::uint16_t>();
+    if (!r.ok() || f.window == 0 || f.block + f.window > f.count()) return std::nullopt;
+  }
+  d.bytes = r.rest();
+  if (d.bytes.size() != f.bytes()) return std::nullopt;
   return d;
 }
 
@@ -75,7 +100,8 @@ DataRate get_rate(Reader& r) {
 void put_report(Writer& w, const LinkReport& report) {
   w.put(report.link.value);
   w.put(static_cast<std::uint8_t>((report.has_exchange ? kHasExchange : 0) |
-                                  (report.metered ? kMetered : 0)));
+                                  (report.metered ? kMetered : 0) |
+                                  (report.has_delays ? kHasDelays : 0)));
   w.put(report.loss);
   w.put(report.train_packets);
   w.put(report.s.time_since_epoch().count());
@@ -85,10 +111,15 @@ void put_report(Writer& w, const LinkReport& report) {
   w.put(report.train_start);
   put_rate(w, report.train_rate);
   put_rate(w, report.rate);
+  w.put(report.newest_delay_us);
+  w.put(report.largest_delay_us);
+  w.put(report.ect_packets);
+  w.put(report.ce_packets);
+  w.put(report.received_bytes);
 }
 
 bool get_report(Reader& r, LinkReport& report) {
-  report.link = LinkId{r.get<std::uint8_t>()};
+  report.link = LinkId{r.get<std::uint16_t>()};
   const auto flags = r.get<std::uint8_t>();
   report.loss = r.get<std::uint16_t>();
   report.train_packets = r.get<std::uint32_t>();
@@ -99,22 +130,39 @@ bool get_report(Reader& r, LinkReport& report) {
   report.train_start = r.get<std::uint64_t>();
   report.train_rate = get_rate(r);
   report.rate = get_rate(r);
+  report.newest_delay_us = r.get<std::uint32_t>();
+  report.largest_delay_us = r.get<std::uint32_t>();
+  report.ect_packets = r.get<std::uint32_t>();
+  report.ce_packets = r.get<std::uint32_t>();
+  report.received_bytes = r.get<std::uint64_t>();
   report.has_exchange = (flags & kHasExchange) != 0;
   report.metered = (flags & kMetered) != 0;
-  return r.ok() && (flags & ~(kHasExchange | kMetered)) == 0 && report.h.count() >= 0;
+  report.has_delays = (flags & kHasDelays) != 0;
+  return r.ok() && (flags & ~(kHasExchange | kMetered | kHasDelays)) == 0 && report.h.count() >= 0;
 }
 
 bool get_feedback(Reader& r, Feedback& f) {
   f.u = r.get<std::int64_t>();
   f.echo = SessionId{r.get<std::uint32_t>()};
-  const auto count = r.get<std::uint32_t>();
-  if (!r.ok() || count > kMaxReports) return false;
-  for (std::uint32_t i = 0; i < count; ++i) {
+  f.features = r.get<std::uint16_t>();
+  const auto reports = r.get<std::uint8_t>();
+  const auto complete = r.get<std::uint8_t>();
+  const auto refused = r.get<std::uint8_t>();
+  if (!r.ok() || reports > kMaxReports || complete > kMaxComplete || refused > kMaxRefused) {
+    return false;
+  }
+  for (std::uint8_t i = 0; i < reports; ++i) {
     LinkReport report;
     if (!get_report(r, report)) return false;
     f.reports.push_back(report);
   }
-  return r.at_end();
+  for (std::uint8_t i = 0; i < complete; ++i) {
+    const MessageId message{r.get<std::uint32_t>()};
+    const auto when = r.get<std::uint32_t>();
+    f.complete.push_back({message, when & kLongestAgo, (when & kLate) != 0});
+  }
+  for (std::uint8_t i = 0; i < refused; ++i) f.refused.push_back({r.get<std::uint32_t>()});
+  return r.ok() && r.at_end();
 }
 
 std::optional<Echo> get_echo(Reader& r) {
@@ -144,6 +192,10 @@ std::optional<Echo> get_echo(Reader& r) {
   return e;
 }
 
+bool is_zero(ByteView bytes) {
+  return std::ranges::all_of(bytes, [](std::byte b) { return b == std::byte{0}; });
+}
+
 std::size_t finish(Writer& w) {
   w.put_zeros(kTagBytes);
   assert(w.ok());
@@ -154,9 +206,7 @@ std::size_t finish(Writer& w) {
 
 std::optional<Packet> parse(ByteView datagram) {
   if (datagram.size() < kPacketOverhead) return std::nullopt;
-  const ByteView tag = datagram.last(kTagBytes);
-  if (!std::ranges::all_of(tag, [](std::byte b) { return b == std::byte{0}; })) return std::nullopt;
-
+  if (!is_zero(datagram.last(kTagBytes))) return std::nullopt;
   Reader r(datagram.first(datagram.size() - kTagBytes));
   const auto header = get_header(r);
   if (!header) return std::nullopt;
@@ -173,28 +223,38 @@ std::optional<Packet> parse(ByteView datagram) {
     case PacketType::kFeedback:
       if (!get_feedback(r, packet.feedback)) return std::nullopt;
       return parsed;
-    case PacketType::kProbe:
-      return parsed;
     case PacketType::kEcho: {
       const auto echo = get_echo(r);
       if (!echo) return std::nullopt;
       packet.echo = *echo;
       return parsed;
     }
+    // What pads a probe, and the body of a type that is not used, is not read.
+    case PacketType::kProbe:
+    case PacketType::kHandshake:
+      break;
   }
-  return std::nullopt;
+  return parsed;
+}
+
+std::optional<std::uint8_t> other_version(ByteView datagram) {
+  // Every version has the session, which is not 0, at bytes 4 … 7.
+  if (datagram.size() < kFewestBytes || is_zero(datagram.subspan(4, 4))) return std::nullopt;
+  const auto first = std::to_integer<std::uint8_t>(datagram.front());
+  const auto version = static_cast<std::uint8_t>(first >> kVersionShift);
+  if (version > kVersion) return version;
+  // Version 1: the type, the path, two bytes of 0, session and number, and the tag is all zero.
+  const bool looks_like_1 = version == 0 && first >= 1 && first <= 4 &&
+                            is_zero(datagram.subspan(2, 2)) && !is_zero(datagram.subspan(8, 8)) &&
+                            is_zero(datagram.last(kTagBytes));
+  return looks_like_1 ? std::optional<std::uint8_t>(1) : std::nullopt;
 }
 
 std::size_t write_data(std::span<std::byte> out, const PacketHeader& header,
                        const FragmentHeader& fragment, ByteView bytes) {
   Writer w(out);
   put_header(w, header);
-  w.put(fragment.message.value);
-  w.put(fragment.index);
-  w.put(fragment.count);
-  w.put(fragment.chunk);
-  w.put(std::uint16_t{0});
-  w.put(fragment.lifetime_us);
+  put_fragment(w, fragment);
   w.put_bytes(bytes);
   return finish(w);
 }
@@ -205,9 +265,16 @@ std::size_t write_feedback(std::span<std::byte> out, const PacketHeader& header,
   put_header(w, header);
   w.put(feedback.u);
   w.put(feedback.echo.value);
-  assert(feedback.reports.size() <= kMaxReports);
-  w.put(static_cast<std::uint32_t>(feedback.reports.size()));
+  w.put(feedback.features);
+  w.put(static_cast<std::uint8_t>(feedback.reports.size()));
+  w.put(static_cast<std::uint8_t>(feedback.complete.size()));
+  w.put(static_cast<std::uint8_t>(feedback.refused.size()));
   for (const LinkReport& report : feedback.reports) put_report(w, report);
+  for (const auto& [message, ago_us, late] : feedback.complete) {
+    w.put(message.value);
+    w.put(std::min(ago_us, kLongestAgo) | (late ? kLate : 0));
+  }
+  for (const MessageId message : feedback.refused) w.put(message.value);
   return finish(w);
 }
 

@@ -1,15 +1,18 @@
 // Packets <-> bytes. docs/wire_format.md is the authority.
 //
-// A packet is one UDP payload: header (16 bytes), body, tag (16 bytes). Epoch 0 means that the
+// A packet is one UDP payload: header (20 bytes), body, tag (16 bytes). Epoch 0 means that the
 // packet is not encrypted: its tag is all zero and anything else is malformed, so that a later
 // authenticated epoch needs no new format.
 //
 // parse() is where a peer's bytes enter the core, so everything behind it relies on what it checks:
 // every size and count is within its bound, every enumerator is one that exists, reserved bits are
-// zero. What it cannot check are lies: numbers, times and rates are the sender's word, and in the
-// clear anybody on the path may write them. It never throws and does not allocate. Pure.
+// zero. Only the packet's type may be one that this version does not use: such a packet counts as
+// arrived, and nothing of its body is read. What parse() cannot check are lies: numbers, times and
+// rates are the sender's word, and in the clear anybody on the path may write them. It never throws
+// and does not allocate. Pure.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <optional>
@@ -23,11 +26,29 @@
 
 namespace interneuron::wire {
 
-enum class PacketType : std::uint8_t { kData = 1, kFeedback = 2, kProbe = 3, kEcho = 4 };
+// The version of this format, in the upper half of a packet's first byte. Version 1 had the type
+// alone there.
+inline constexpr std::uint8_t kVersion = 2;
 
-inline constexpr std::size_t kHeaderBytes = 16;
+// Types 6 … 15 are not used.
+enum class PacketType : std::uint8_t {
+  kData = 1,
+  kFeedback = 2,
+  kProbe = 3,
+  kEcho = 4,
+  // Kept for the agreement on keys.
+  kHandshake = 5,
+};
+// Whether packets of this type mean something to this version.
+constexpr bool is_used(PacketType type) {
+  return type >= PacketType::kData && type <= PacketType::kEcho;
+}
+
+inline constexpr std::size_t kHeaderBytes = 20;
 inline constexpr std::size_t kTagBytes = 16;
-inline constexpr std::size_t kFragmentHeaderBytes = 16;
+inline constexpr std::size_t kFragmentHeaderBytes = 17;
+// What a repair symbol has between the fragment header and its bytes.
+inline constexpr std::size_t kRepairHeaderBytes = 4;
 inline constexpr std::size_t kPacketOverhead = kHeaderBytes + kTagBytes;
 static_assert(kPieceOverheadBytes == kPacketOverhead + kFragmentHeaderBytes);
 inline constexpr std::uint8_t kClearEpoch = 0;
@@ -41,19 +62,50 @@ struct PacketHeader {
   SessionId session{};
   // The packet number: grows by one per packet of a sender on a path; starts anywhere above 0.
   std::uint64_t number = 0;
+  // When the packet was made; send_stamp() of the sender's time.
+  std::uint32_t stamp_us = 0;
   friend bool operator==(const PacketHeader&, const PacketHeader&) = default;
 };
 
-// One fragment of a message. Fragment `index` of `count` starts at byte index * chunk of the
-// message; all but the last have `chunk` bytes.
+// An instant as packets carry it: microseconds modulo 2^32, which is 71.6 minutes.
+constexpr std::uint32_t send_stamp(TimePoint t) {
+  return static_cast<std::uint32_t>(
+      std::chrono::floor<std::chrono::microseconds>(t.time_since_epoch()).count());
+}
+
+enum class MessageKind : std::uint8_t {
+  // The message begins with a round header (round_header.h).
+  kRound = 0,
+  // The message begins with a plain header (plain_header.h).
+  kPlain = 1,
+};
+
+// One fragment of a message of `size` bytes, which is cut into count() pieces: piece `index` starts
+// at byte index * chunk of the message; all but the last have `chunk` bytes. An index from count()
+// on is that of a repair symbol: `chunk` bytes that were computed from pieces.
 struct FragmentHeader {
   MessageId message{};
   std::uint16_t index = 0;
-  std::uint16_t count = 1;
   std::uint16_t chunk = 1;
+  std::uint32_t size = 1;
   // How long the receiver may wait for the other fragments, in microseconds: the end-to-end
   // deadline of the round.
   std::uint32_t lifetime_us = 0;
+  MessageKind kind = MessageKind::kRound;
+  // Of a repair symbol alone: it was computed from the `window` pieces from piece `block` on.
+  std::uint16_t block = 0;
+  std::uint16_t window = 0;
+
+  // Of a fragment that parse() gave, 1 … 65,535.
+  constexpr std::uint16_t count() const {
+    return static_cast<std::uint16_t>((size + chunk - std::uint64_t{1}) / chunk);
+  }
+  constexpr bool is_repair() const { return index >= count(); }
+  // How many bytes follow the header.
+  constexpr std::size_t bytes() const {
+    const std::uint64_t begin = std::uint64_t{index} * chunk;
+    return is_repair() ? chunk : std::min<std::uint64_t>(chunk, size - begin);
+  }
   friend bool operator==(const FragmentHeader&, const FragmentHeader&) = default;
 };
 
@@ -87,14 +139,47 @@ struct LinkReport {
   std::uint16_t loss = 0;
   // It pays per byte on this link, so we measure it with as few bytes as possible.
   bool metered = false;
+  // The delays of packets with data or padding: receive instant by its clock less the packet's
+  // stamp, in microseconds modulo 2^32, so that only differences of two delays mean anything.
+  // Of the newest such packet, and the largest since the report before.
+  bool has_delays = false;
+  std::uint32_t newest_delay_us = 0;
+  std::uint32_t largest_delay_us = 0;
+  // What has arrived on this path so far: packets marked ECT(0) or ECT(1) and packets marked CE
+  // (RFC 3168), both modulo 2^32, and bytes with IP and UDP headers.
+  std::uint32_t ect_packets = 0;
+  std::uint32_t ce_packets = 0;
+  std::uint64_t received_bytes = 0;
   friend bool operator==(const LinkReport&, const LinkReport&) = default;
 };
 
 inline constexpr std::size_t kMaxReports = 8;
-inline constexpr std::size_t kReportBytes = 80;
+inline constexpr std::size_t kReportBytes = 105;
+
+// A message that is complete at the sender of the feedback.
+struct CompleteMessage {
+  MessageId message{};
+  // How long before `u` it became so, in microseconds; kLongestAgo: that long or longer.
+  std::uint32_t ago_us = 0;
+  // It was too late to be of use, and was dropped.
+  bool late = false;
+  friend bool operator==(const CompleteMessage&, const CompleteMessage&) = default;
+};
+// The largest value of 31 bits, 35.8 minutes.
+inline constexpr std::uint32_t kLongestAgo = 0x7fff'ffff;
+// As many as fit beside kMaxReports reports into the smallest datagram (kMinDatagramBytes of
+// src/core/peers/peers.cc).
+inline constexpr std::size_t kMaxComplete = 32;
+inline constexpr std::size_t kMaxRefused = 16;
+inline constexpr std::size_t kCompleteBytes = 8;
+inline constexpr std::size_t kRefusedBytes = 4;
+
+inline constexpr std::size_t kFeedbackBodyBytes = 17;
 // The size of a feedback packet.
-constexpr std::size_t feedback_bytes(std::size_t reports) {
-  return kPacketOverhead + 16 + reports * kReportBytes;
+constexpr std::size_t feedback_bytes(std::size_t reports, std::size_t complete = 0,
+                                     std::size_t refused = 0) {
+  return kPacketOverhead + kFeedbackBodyBytes + reports * kReportBytes + complete * kCompleteBytes +
+         refused * kRefusedBytes;
 }
 
 // Held in place, so that feedback is written and parsed without allocating.
@@ -107,7 +192,14 @@ struct Feedback {
   std::int64_t u = 0;
   // The receiver's session as the sender has heard it; 0 while it has not.
   SessionId echo{};
+  // What the sender of the feedback can do beyond this version's least; bits that are not known
+  // are ignored.
+  std::uint16_t features = 0;
   LinkReports reports;
+  // Messages that became complete lately, of which nothing more need be sent, and messages of which
+  // a piece came lately for which there was no room.
+  Few<CompleteMessage, kMaxComplete> complete;
+  Few<MessageId, kMaxRefused> refused;
   friend bool operator==(const Feedback&, const Feedback&) = default;
 };
 
@@ -141,7 +233,8 @@ struct Echo {
 
 struct Packet {
   PacketHeader header;
-  // Only the member that header.type names has a meaning; a probe has none.
+  // Only the member that header.type names has a meaning; a probe and a packet of a type that is
+  // not used have none.
   Data data;
   Feedback feedback;
   Echo echo;
@@ -149,6 +242,11 @@ struct Packet {
 
 // The packet that these bytes are, or nothing if they are malformed.
 std::optional<Packet> parse(ByteView datagram);
+
+// The version of the format that a datagram seems to follow where it is not ours: of any bytes that
+// parse() refuses. Only a guess, to tell people why nothing works. Nothing: no version is known
+// that looks like this.
+std::optional<std::uint8_t> other_version(ByteView datagram);
 
 // Each writes one datagram and returns its size in bytes. The buffer must hold it, which is
 // asserted.

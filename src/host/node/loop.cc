@@ -249,6 +249,7 @@ void Node::Impl::tell(Event&& event) {
     void operator()(PeerLost&& e) const { with(to.peer_lost, e); }
     void operator()(Planned&& e) const { with(to.planned, std::move(e)); }
     void operator()(PathChanged&& e) const { with(to.path_changed, std::move(e)); }
+    void operator()(OtherVersion&& e) const { with(to.other_version, std::move(e)); }
   };
   std::visit(Visitor{handlers, call}, std::move(event));
 }

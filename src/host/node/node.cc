@@ -34,6 +34,9 @@ void Node::on_nic_changed(std::function<void(NicChanged)> handler) {
 void Node::on_path_changed(std::function<void(PathChanged)> handler) {
   impl_->handlers.path_changed = std::move(handler);
 }
+void Node::on_other_version(std::function<void(OtherVersion)> handler) {
+  impl_->handlers.other_version = std::move(handler);
+}
 void Node::on_statistics(Duration interval, std::function<void(const Statistics&)> handler) {
   impl_->set_statistics(interval, std::move(handler));
 }

@@ -39,6 +39,7 @@ class Node::Impl : private Outbox::Source, private LinkSet::User {
     std::function<void(PeerLost)> peer_lost;
     std::function<void(Planned)> planned;
     std::function<void(PathChanged)> path_changed;
+    std::function<void(OtherVersion)> other_version;
     std::function<void(NicChanged)> nic_changed;
     std::function<void(const Statistics&)> statistics;
   };

@@ -199,8 +199,8 @@ CLI::Option* add_link_option(CLI::App& command, const std::string& names,
 }
 
 void append_links(const std::vector<std::string>& texts, LinkPeer peer, NodeOptions& options) {
-  std::set<std::uint8_t> taken;
-  for (const NodeLink& link : options.links) taken.insert(link.id.value);
+  std::set<LinkId> taken;
+  for (const NodeLink& link : options.links) taken.insert(link.id);
   for (const std::string& text : texts) {
     const LinkOption link = parse_link_option(text, peer);
     if (io::is_nic_rule(link.nic)) {
@@ -208,8 +208,8 @@ void append_links(const std::vector<std::string>& texts, LinkPeer peer, NodeOpti
       continue;
     }
     NodeLink named;
-    while (taken.contains(named.id.value)) ++named.id.value;
-    taken.insert(named.id.value);
+    while (taken.contains(named.id)) ++named.id.value;
+    taken.insert(named.id);
     named.nic = link.nic;
     named.traits = link.traits;
     named.peer = link.peer;

@@ -6,10 +6,8 @@
 namespace interneuron::sim {
 
 std::optional<RoundId> RoundOfPacket::of(ByteView datagram) {
-  const auto type = static_cast<wire::PacketType>(std::to_integer<std::uint8_t>(datagram[0]));
-  if (type != wire::PacketType::kData) return std::nullopt;
   const auto packet = wire::parse(datagram);
-  if (!packet) return std::nullopt;
+  if (!packet || packet->header.type != wire::PacketType::kData) return std::nullopt;
   const wire::FragmentHeader& fragment = packet->data.fragment;
   if (fragment.index == 0) {
     const auto header = wire::parse_round_header(packet->data.bytes);

@@ -38,8 +38,7 @@ TEST(Endpoint, ASmallResultGoesOverEveryLinkAndTheFirstCopyCounts) {
   for (const LinkId link : {kFast, kSlow}) {
     EXPECT_EQ(std::ranges::count_if(captured,
                                     [&p, link](const Pipe::Captured& c) {
-                                      return c.from == p.road && c.link == link &&
-                                             c.bytes[0] == std::byte{1};
+                                      return c.from == p.road && c.link == link && c.is_data();
                                     }),
               1);
   }
@@ -103,7 +102,7 @@ std::ptrdiff_t sent_over_the_other_link(const char* policy, std::size_t host) {
   pipe.run(500ms);
   EXPECT_EQ(done, 1U);
   return std::ranges::count_if(captured, [host](const Pipe::Captured& c) {
-    return c.link == kSlow && c.from == host && c.bytes[0] == std::byte{1};
+    return c.link == kSlow && c.from == host && c.is_data();
   });
 }
 

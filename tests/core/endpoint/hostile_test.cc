@@ -94,7 +94,8 @@ struct Target {
     std::uint64_t sum = 0;
     for (int link = 0; link < 256; ++link) {
       const LinkCounters c = endpoint.link_counters(LinkId{static_cast<std::uint8_t>(link)});
-      sum += c.received_packets + c.duplicate_packets + c.malformed_packets + c.refused_packets;
+      sum += c.received_packets + c.duplicate_packets + c.malformed_packets + c.refused_packets +
+             c.other_version_packets + c.other_packets;
     }
     return sum;
   }
@@ -223,9 +224,9 @@ std::size_t any_packet(std::mt19937_64& rng, TimePoint now, std::span<std::byte>
       h.type = wire::PacketType::kData;
       wire::FragmentHeader f;
       f.message = MessageId{static_cast<std::uint32_t>(rng())};
-      f.count = static_cast<std::uint16_t>(2 + rng() % 65'000);
-      f.index = static_cast<std::uint16_t>(rng() % (f.count - 1U));
       f.chunk = static_cast<std::uint16_t>(1 + rng() % 1300);
+      f.size = static_cast<std::uint32_t>((2 + rng() % 65'000) * f.chunk);
+      f.index = static_cast<std::uint16_t>(rng() % (f.count() - 1U));
       f.lifetime_us = any_of<std::uint32_t>(rng, {0, 1000, UINT32_MAX});
       Bytes piece = any_message(rng, now);
       piece.resize(f.chunk);
@@ -237,6 +238,7 @@ std::size_t any_packet(std::mt19937_64& rng, TimePoint now, std::span<std::byte>
       wire::FragmentHeader f;
       f.message = MessageId{static_cast<std::uint32_t>(rng())};
       f.chunk = static_cast<std::uint16_t>(message.size());
+      f.size = f.chunk;
       f.lifetime_us = 130'000;
       return wire::write_data(out, h, f, message);
     }
@@ -284,9 +286,11 @@ TEST(HostileRounds, ResultsOfRoundsThatNeverBeganAreBad) {
     Bytes bytes(wire::kRoundHeaderBytes + 5);
     wire::write_round_header(std::span(bytes).first<wire::kRoundHeaderBytes>(), h);
     std::array<std::byte, 200> out;
-    const std::size_t size = wire::write_data(
-        out, {wire::PacketType::kData, kFast, 0, SessionId{kRoadSession}, number},
-        {MessageId{message}, 0, 1, static_cast<std::uint16_t>(bytes.size()), 130'000}, bytes);
+    const std::size_t size =
+        wire::write_data(out, {wire::PacketType::kData, kFast, 0, SessionId{kRoadSession}, number},
+                         {MessageId{message}, 0, static_cast<std::uint16_t>(bytes.size()),
+                          static_cast<std::uint32_t>(bytes.size()), 130'000},
+                         bytes);
     t.endpoint.handle_datagram(t.now, {kFast, address_of(1), std::span(out).first(size)});
   };
   t.endpoint.begin_round(t.now, PipelineId{0});

@@ -151,7 +151,7 @@ TEST_F(Paths, ARateCapBoundsWhatIsBelievedAndSent) {
   pipe.capture = nullptr;
   std::map<LinkId, std::size_t> bytes;
   for (const auto& packet : captured) {
-    if (packet.from == vehicle && packet.bytes[0] == std::byte{1}) {
+    if (packet.from == vehicle && packet.is_data()) {
       bytes[packet.link] += packet.bytes.size() + 28;
     }
   }

@@ -114,7 +114,7 @@ TEST(Endpoint, AnswersThatMayNotLeaveYetDoNotKeepTheLoopAwake) {
   pipe.capture = &captured;
   pipe.round(vehicle, PipelineId{0}, {Bytes(100)});
   const auto data = std::ranges::find_if(
-      captured, [](const Pipe::Captured& c) { return c.from == 0 && c.bytes[0] == std::byte{1}; });
+      captured, [](const Pipe::Captured& c) { return c.from == 0 && c.is_data(); });
   ASSERT_NE(data, captured.end());
 
   Endpoint road(options_of(3), TimePoint{});

@@ -11,6 +11,7 @@
 #include <set>
 #include <vector>
 
+#include "core/wire/packet.h"
 #include "interneuron/endpoint.h"
 #include "tests/virtual_network.h"
 
@@ -54,6 +55,12 @@ class Pipe {
     std::size_t from = 0;
     LinkId link{};
     Bytes bytes;
+
+    // A piece of a message.
+    bool is_data() const {
+      const auto packet = wire::parse(bytes);
+      return packet && packet->header.type == wire::PacketType::kData;
+    }
   };
 
   std::size_t add_host(EndpointOptions options, Duration clock_offset = {}) {

@@ -198,7 +198,8 @@ struct Cut {
   }
   wire::Data piece(std::size_t index) const {
     wire::Data d;
-    d.fragment = {id, static_cast<std::uint16_t>(index), count(), kChunk, lifetime_us};
+    d.fragment = {id, static_cast<std::uint16_t>(index), kChunk,
+                  static_cast<std::uint32_t>(bytes.size()), lifetime_us};
     d.bytes = ByteView(bytes).subspan(index * kChunk,
                                       std::min<std::size_t>(kChunk, bytes.size() - index * kChunk));
     return d;
@@ -242,7 +243,7 @@ TEST(Reassembler, PiecesThatContradictTheFirstAreRefused) {
   const Cut cut{noise(250, 1), MessageId{1}};
   r.add(at(0ms), cut.piece(0), kNoClocks);
   wire::Data other = cut.piece(1);
-  other.fragment.count = 4;
+  other.fragment.size = 251;
   EXPECT_EQ(r.add(at(0ms), other, kNoClocks).result, Result::kRefused);
   other = cut.piece(1);
   other.fragment.chunk = 50;
@@ -257,7 +258,7 @@ TEST(Reassembler, HoldsNoMoreThanItsBound) {
   const Bytes piece(1352);
   for (std::uint32_t id = 0; id < 1000; ++id) {
     wire::Data d;
-    d.fragment = {MessageId{id}, 1, 1000, 1352, UINT32_MAX};
+    d.fragment = {MessageId{id}, 1, 1352, 1000 * 1352, UINT32_MAX};
     d.bytes = piece;
     const Result result = r.add(at(0ms), d, kNoClocks).result;
     EXPECT_EQ(result, id < Reassembler::kMaxBytes / 1'352'000 ? Result::kStored : Result::kRefused);
@@ -273,7 +274,7 @@ TEST(Reassembler, ManySmallPromisesAreBoundedToo) {
   std::size_t stored = 0;
   for (std::uint32_t id = 0; id < 100'000; ++id) {
     wire::Data d;
-    d.fragment = {MessageId{id}, 0, 2, 1, UINT32_MAX};
+    d.fragment = {MessageId{id}, 0, 1, 2, UINT32_MAX};
     d.bytes = piece;
     if (r.add(at(0ms), d, kNoClocks).result == Result::kStored) ++stored;
   }
@@ -285,7 +286,7 @@ TEST(Reassembler, TheLargestMessageFits) {
   wire::Data d;
   const Bytes piece(1352);
   const std::size_t size = kMaxMessageBytes + wire::kRoundHeaderBytes;
-  d.fragment = {MessageId{1}, 0, static_cast<std::uint16_t>(size / 1352 + 1), 1352, 1000};
+  d.fragment = {MessageId{1}, 0, 1352, static_cast<std::uint32_t>(size), 1000};
   d.bytes = piece;
   EXPECT_EQ(r.add(at(0ms), d, kNoClocks).result, Result::kStored);
 }
@@ -294,7 +295,7 @@ TEST(Reassembler, ALargeClaimIsRefusedWithoutOverflow) {
   Reassembler r;
   const Bytes piece(UINT16_MAX);
   wire::Data d;
-  d.fragment = {MessageId{1}, 0, UINT16_MAX, UINT16_MAX, 1};
+  d.fragment = {MessageId{1}, 0, UINT16_MAX, UINT32_MAX, 1};
   d.bytes = piece;
   EXPECT_EQ(r.add(at(0ms), d, kNoClocks).result, Result::kRefused);
   EXPECT_EQ(r.bytes(), 0U);

@@ -6,6 +6,7 @@
 #include <algorithm>
 
 #include "core/wire/packet.h"
+#include "core/wire/plain_header.h"
 #include "core/wire/round_header.h"
 
 namespace interneuron::wire {
@@ -29,16 +30,22 @@ inline Bytes written(const Packet& packet, std::size_t size) {
 
 inline bool is_consistent(const Data& data, ByteView datagram) {
   const FragmentHeader& f = data.fragment;
+  const std::uint64_t count = (std::uint64_t{f.size} + f.chunk - 1) / f.chunk;
   const bool inside = data.bytes.data() >= datagram.data() &&
                       data.bytes.data() + data.bytes.size() <= datagram.data() + datagram.size();
-  const bool is_last = f.index + 1 == f.count;
+  const bool is_repair = f.index >= count;
+  const std::uint64_t end = std::uint64_t{f.index} * f.chunk + data.bytes.size();
   const bool fits =
-      is_last ? !data.bytes.empty() && data.bytes.size() <= f.chunk : data.bytes.size() == f.chunk;
-  return inside && fits && f.index < f.count && f.chunk > 0;
+      is_repair || f.index + 1U < count ? data.bytes.size() == f.chunk : end == f.size;
+  const bool window_fits = is_repair ? f.window > 0 && f.block + f.window <= static_cast<int>(count)
+                                     : f.block == 0 && f.window == 0;
+  return inside && fits && window_fits && f.size > 0 && f.chunk > 0 && count <= UINT16_MAX &&
+         !data.bytes.empty() && f.kind <= MessageKind::kPlain;
 }
 
 inline bool is_consistent(const Feedback& feedback) {
-  return feedback.reports.size() <= kMaxReports &&
+  return feedback.reports.size() <= kMaxReports && feedback.complete.size() <= kMaxComplete &&
+         feedback.refused.size() <= kMaxRefused &&
          std::ranges::all_of(feedback.reports, [](const LinkReport& report) {
            return report.h >= Duration::zero() && report.train_rate >= DataRate{} &&
                   report.rate >= DataRate{};
@@ -62,21 +69,24 @@ inline bool is_consistent(const Echo& echo, ByteView again) {
 // `packet` as parse(datagram) gave it.
 inline bool is_consistent(const Packet& packet, ByteView datagram) {
   const PacketHeader& h = packet.header;
-  if (h.epoch != kClearEpoch || h.session.value == 0 || h.number == 0) return false;
+  if (static_cast<std::uint8_t>(h.type) == 0 || h.epoch != kClearEpoch || h.session.value == 0 ||
+      h.number == 0)
+    return false;
   const Bytes again = written(packet, datagram.size());
   switch (h.type) {
     case PacketType::kData:
       return is_consistent(packet.data, datagram) && std::ranges::equal(again, datagram);
     case PacketType::kFeedback:
       return is_consistent(packet.feedback) && std::ranges::equal(again, datagram);
-    case PacketType::kProbe:  // the padding is ignored
+    case PacketType::kProbe:  // the padding is ignored, and so are the bodies of unused types
+    case PacketType::kHandshake:
+    default:
       return again.size() == datagram.size() &&
              std::ranges::equal(ByteView(again).first(kHeaderBytes), datagram.first(kHeaderBytes));
     case PacketType::kEcho:
       return again.size() == datagram.size() && is_consistent(packet.echo, again) &&
              std::ranges::equal(ByteView(again).first(kHeaderBytes), datagram.first(kHeaderBytes));
   }
-  return false;
 }
 
 // `header` as parse_round_header(message) gave it.
@@ -105,6 +115,15 @@ inline bool refused_or_consistent(ByteView datagram) {
 inline bool refused_or_consistent_message(ByteView message) {
   const auto header = parse_round_header(message);
   return !header || is_consistent(*header, message);
+}
+
+inline bool refused_or_consistent_plain(ByteView message) {
+  const auto header = parse_plain_header(message);
+  if (!header) return true;
+  if (header->deadline_us == 0 || header->variant >= kMaxVariants) return false;
+  std::array<std::byte, kPlainHeaderBytes> again{};
+  write_plain_header(again, *header);
+  return std::ranges::equal(again, message.first(kPlainHeaderBytes));
 }
 
 }  // namespace interneuron::wire

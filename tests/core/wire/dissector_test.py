@@ -17,7 +17,7 @@ OTHER_PORT = 50123
 
 
 def examples():
-    """The code blocks of bytes, in the document's order: data, feedback, probe, echo request, echo reply."""
+    """The code blocks of bytes, in the document's order: data, plain, repair symbol, feedback, probe, echo request, echo reply."""
     blocks, inside = [], False
     with open(os.path.join(SOURCE, "docs", "wire_format.md"), encoding="utf-8") as document:
         for line in document:
@@ -67,8 +67,9 @@ class Dissector(unittest.TestCase):
 
     def test_data_with_its_round_header(self):
         self.expect(examples()[0], {
-            "type": "1", "link": "2", "epoch": "0", "session": "0x5eed0001", "number": "7", "message": "9",
-            "index": "0", "count": "1", "chunk": "1352", "lifetime_us": "130000", "payload": "6672616d65",
+            "version": "2", "type": "1", "link": "2", "epoch": "0", "session": "0x5eed0001", "number": "7",
+            "stamp_us": "1234567890", "message": "9", "size": "105", "kind": "0",
+            "index": "0", "count": "1", "chunk": "1347", "lifetime_us": "130000", "payload": "6672616d65",
             "round.version": "2", "round.degraded": "0", "round.class": "0", "round.pipeline": "1",
             "round.stage": "1", "round.stages": "3", "round.communication": "0x0005", "round.variant": "1",
             "round.best_planned": "0", "round.x": "123", "round.need.delay": "255", "round.need.bandwidth": "64",
@@ -81,67 +82,88 @@ class Dissector(unittest.TestCase):
 
     def test_a_later_piece_has_no_round_header(self):
         data = bytearray(examples()[0])
-        data[20:24] = struct.pack(">HH", 1, 2)
+        data[24:32] = struct.pack(">IHH", 210, 105, 1)
         self.expect(bytes(data), {"index": "1", "count": "2", "round.number": "", "malformed": ""})
 
-    def test_feedback_with_its_report(self):
+    def test_plain_message(self):
         self.expect(examples()[1], {
+            "type": "1", "message": "10", "size": "25", "kind": "1", "plain.id": "5", "plain.deadline_us": "100000",
+            "plain.t0": "1234567890123", "plain.channel": "7", "plain.importance": "200", "plain.variant": "1",
+            "plain.newest_only": "1", "payload": "68656c6c6f", "round.version": "", "malformed": ""})
+
+    def test_repair_symbol(self):
+        self.expect(examples()[2], {
+            "type": "1", "index": "3", "count": "3", "repair.block": "1", "repair.window": "2",
+            "repair.symbol": "0123456789abcdef", "payload": "", "malformed": ""})
+
+    def test_types_that_are_not_used(self):
+        probe = examples()[4]
+        self.expect(b"\x25" + probe[1:], {"type": "5", "number": "301", "body": "00" * 8, "malformed": ""})
+        self.expect(b"\x2f" + probe[1:], {"type": "15", "malformed": ""})
+
+    def test_feedback_with_its_report(self):
+        self.expect(examples()[3], {
             "type": "2", "link": "1", "number": "300", "u": "1234600000000", "echo_session": "0xcafe0002",
             "reports": "1", "report.link": "2", "report.has_exchange": "1", "report.train_packets": "31",
             "report.s": "987654321", "report.h": "5000000", "report.largest": "100", "report.missing": "1",
-            "report.train_start": "69", "report.train_rate": "30000", "malformed": ""})
+            "report.train_start": "69", "report.train_rate": "30000", "report.metered": "0", "report.has_delays": "1",
+            "report.newest_delay_us": "5372842", "report.largest_delay_us": "5374218", "report.ect": "90",
+            "report.ce": "3", "report.received_bytes": "123456", "complete.message": "9,10",
+            "complete.ago_us": "1500,200", "complete.late": "0,1", "refused.message": "8", "malformed": ""})
 
     def test_every_report_is_shown(self):
-        feedback = examples()[1]
-        report = feedback[32:-16]
-        second = b"\x07" + report[1:]
-        both = feedback[:28] + struct.pack(">I", 2) + report + second + feedback[-16:]
-        self.expect(both, {"reports": "2", "report.link": "2,7", "malformed": ""})
+        feedback = examples()[3]
+        report = feedback[37:37 + 105]
+        second = b"\x01\x07" + report[2:]
+        both = feedback[:34] + bytes([2, 0, 0]) + report + second + feedback[-16:]
+        self.expect(both, {"reports": "2", "report.link": "2,263", "malformed": ""})
 
     def test_probe(self):
-        self.expect(examples()[2], {"type": "3", "link": "1", "number": "301", "padding": "00" * 8, "malformed": ""})
-        smallest = examples()[2][:16] + bytes(16)
+        self.expect(examples()[4], {"type": "3", "link": "1", "number": "301", "padding": "00" * 8, "malformed": ""})
+        smallest = examples()[4][:20] + bytes(16)
         self.expect(smallest, {"type": "3", "padding": "", "malformed": ""})
 
     def test_echo_request(self):
-        self.expect(examples()[3], {
+        self.expect(examples()[5], {
             "type": "4", "echo.reply": "0", "echo.hold": "1", "echo.delay": "0", "echo.train": "3", "echo.index": "4",
             "echo.count": "18", "stamp.sequence": "21", "stamp.timestamp": "3909091328.500000000",
             "stamp.error": "0x1601", "stamp.received": "", "malformed": ""})
 
     def test_echo_reply(self):
-        self.expect(examples()[4], {
+        self.expect(examples()[6], {
             "type": "4", "session": "0xcafe0002", "echo.reply": "1", "echo.hold": "1", "stamp.sequence": "20",
             "stamp.timestamp": "3909091328.503906250", "stamp.received": "3909091328.501953125",
             "stamp.request_sequence": "21", "stamp.request_timestamp": "3909091328.500000000",
             "stamp.request_error": "0x1601", "stamp.request_ttl": "0", "malformed": ""})
 
     def test_echo_with_a_delay(self):
-        request = examples()[3]
-        delayed = request[:16] + bytes([0, 240, 0, 0, 0, 0, 0, 0]) + request[24:]
+        request = examples()[5]
+        delayed = request[:20] + bytes([0, 240, 0, 0, 0, 0, 0, 0]) + request[28:]
         self.expect(delayed, {"type": "4", "echo.delay": "240", "echo.train": "0", "malformed": ""})
 
     def test_other_ports_by_their_looks_or_by_preference(self):
-        self.expect(examples()[2], {"type": "3"}, port=OTHER_PORT)
+        self.expect(examples()[4], {"type": "3"}, port=OTHER_PORT)
         off = ("-o", "interneuron.heuristic:FALSE")
-        self.expect(examples()[2], {"type": ""}, port=OTHER_PORT, options=off)
-        self.expect(examples()[2], {"type": "3"}, port=OTHER_PORT,
+        self.expect(examples()[4], {"type": ""}, port=OTHER_PORT, options=off)
+        self.expect(examples()[4], {"type": "3"}, port=OTHER_PORT,
                     options=(*off, "-o", f"interneuron.port:{OTHER_PORT}"))
 
     def test_what_is_not_ours_is_left_alone(self):
-        probe = bytearray(examples()[2])
-        for at, value in ((0, 5), (0, 0), (2, 1), (3, 1), (len(probe) - 1, 1)):
+        probe = bytearray(examples()[4])
+        for at, value in ((0, 0x03), (0, 0x20), (0, 0x33), (1, 1), (len(probe) - 1, 1)):
             other = bytearray(probe)
             other[at] = value
             self.expect(bytes(other), {"type": ""})
-        self.expect(bytes(31), {"type": ""})
+        self.expect(bytes(35), {"type": ""})
 
     def test_malformed_bodies_are_marked(self):
-        data, feedback, _, request, _ = examples()
-        for broken in (data[:20] + struct.pack(">HH", 1, 1) + data[24:],      # piece 2 of 1
-                       feedback[:28] + struct.pack(">I", 2) + feedback[32:],  # one report too few
-                       feedback[:24] + feedback[-16:],
-                       request[:60] + request[-16:]):
+        data, plain, repair, feedback, _, request, _ = examples()
+        for broken in (data[:24] + struct.pack(">I", 106) + data[28:],      # a byte too few
+                       plain[:36] + b"\x02" + plain[37:],                   # no such kind
+                       repair[:39] + struct.pack(">H", 3) + repair[41:],    # covers a piece that is not
+                       feedback[:34] + b"\x02" + feedback[35:],             # one report too few
+                       feedback[:28] + feedback[-16:],
+                       request[:64] + request[-16:]):
             rows = dissect([broken], ["interneuron.type", "_ws.expert.message"])
             self.assertIn("docs/wire_format.md", rows[0]["_ws.expert.message"])
 

@@ -5,6 +5,7 @@
 #include <string_view>
 
 #include "core/wire/packet.h"
+#include "core/wire/plain_header.h"
 #include "core/wire/round_header.h"
 
 namespace interneuron::wire {
@@ -27,8 +28,10 @@ inline Bytes from_hex(std::string_view text) {
 }
 
 inline constexpr std::string_view kDataExample =
-    "01 02 00 00 5e ed 00 01 00 00 00 00 00 00 00 07"
-    "00 00 00 09 00 00 00 01 05 48 00 00 00 01 fb d0"
+    "21 00 00 02 5e ed 00 01 00 00 00 00 00 00 00 07"
+    "49 96 02 d2"
+    "00 00 00 09 00 00 00 69 05 43 00 00 00 01 fb d0"
+    "00"
     "02 00 00 01 01 03 00 05 01 00 00 7b ff 40 80 00"
     "5e ed 00 01 00 00 00 2a cd 5b d4 bf 00 01 fb d0"
     "00 01 86 a0 00 00 00 64 00 00 01 1f 71 fb 04 cb"
@@ -39,23 +42,51 @@ inline constexpr std::string_view kDataExample =
     "66 72 61 6d 65"
     "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00";
 
+inline constexpr std::string_view kPlainExample =
+    "21 00 00 02 5e ed 00 01 00 00 00 00 00 00 00 08"
+    "49 96 02 d2"
+    "00 00 00 0a 00 00 00 19 05 43 00 00 00 01 86 a0"
+    "01"
+    "00 00 00 05 00 01 86 a0 00 00 01 1f 71 fb 04 cb"
+    "00 07 c8 09"
+    "68 65 6c 6c 6f"
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00";
+
+inline constexpr std::string_view kRepairExample =
+    "21 00 00 02 5e ed 00 01 00 00 00 00 00 00 00 09"
+    "49 96 02 d2"
+    "00 00 00 0b 00 00 00 16 00 08 00 03 00 01 86 a0"
+    "01"
+    "00 01 00 02"
+    "01 23 45 67 89 ab cd ef"
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00";
+
 inline constexpr std::string_view kFeedbackExample =
-    "02 01 00 00 5e ed 00 01 00 00 00 00 00 00 01 2c"
-    "00 00 01 1f 73 e4 fa 00 ca fe 00 02 00 00 00 01"
-    "02 01 05 1f 00 00 00 1f 00 00 00 00 3a de 68 b1"
-    "00 00 00 00 00 4c 4b 40 00 00 00 00 00 00 00 64"
+    "22 00 00 01 5e ed 00 01 00 00 00 00 00 00 01 2c"
+    "49 96 80 40"
+    "00 00 01 1f 73 e4 fa 00 ca fe 00 02 00 00 01 02"
+    "01"
+    "00 02 05 05 1f 00 00 00 1f"
+    "00 00 00 00 3a de 68 b1 00 00 00 00 00 4c 4b 40"
+    "00 00 00 00 00 00 00 64"
     "ff ff ff ff ff ff ff fb 00 00 00 07 ff ff ff ff"
     "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00"
     "00 00 00 00 00 00 00 45 00 00 75 30 00 00 c3 50"
+    "00 51 fb aa 00 52 01 0a"
+    "00 00 00 5a 00 00 00 03 00 00 00 00 00 01 e2 40"
+    "00 00 00 09 00 00 05 dc 00 00 00 0a 80 00 00 c8"
+    "00 00 00 08"
     "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00";
 
 inline constexpr std::string_view kProbeExample =
-    "03 01 00 00 5e ed 00 01 00 00 00 00 00 00 01 2d"
+    "23 00 00 01 5e ed 00 01 00 00 00 00 00 00 01 2d"
+    "49 96 80 a4"
     "00 00 00 00 00 00 00 00"
     "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00";
 
 inline constexpr std::string_view kEchoRequestExample =
-    "04 01 00 00 5e ed 00 01 00 00 00 00 00 00 01 2e"
+    "24 00 00 01 5e ed 00 01 00 00 00 00 00 00 01 2e"
+    "00 00 00 00"
     "02 00 00 03 00 04 00 12"
     "00 00 00 15 e9 00 00 00 80 00 00 00 16 01 00 00"
     "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00"
@@ -64,7 +95,8 @@ inline constexpr std::string_view kEchoRequestExample =
     "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00";
 
 inline constexpr std::string_view kEchoReplyExample =
-    "04 01 00 00 ca fe 00 02 00 00 00 00 00 00 00 15"
+    "24 00 00 01 ca fe 00 02 00 00 00 00 00 00 00 15"
+    "00 00 00 00"
     "03 00 00 03 00 04 00 12"
     "00 00 00 14 e9 00 00 00 81 00 00 00 16 01 00 00"
     "e9 00 00 00 80 80 00 00 00 00 00 15 e9 00 00 00"
@@ -110,11 +142,39 @@ inline Bytes example_message() {
   return message;
 }
 
-inline PacketHeader example_header(PacketType type, LinkId link, std::uint64_t number) {
-  return {type, link, kClearEpoch, SessionId{0x5eed0001}, number};
+inline Bytes example_plain_message() {
+  PlainHeader h;
+  h.id = 5;
+  h.deadline_us = 100'000;
+  h.t0 = PeerTime{Duration{1'234'567'890'123}};
+  h.channel = 7;
+  h.importance = 200;
+  h.variant = 1;
+  h.newest_only = true;
+  Bytes message(kPlainHeaderBytes);
+  write_plain_header(std::span(message).first<kPlainHeaderBytes>(), h);
+  for (const char c : std::string_view("hello")) message.push_back(static_cast<std::byte>(c));
+  return message;
 }
 
-inline FragmentHeader example_fragment() { return {MessageId{9}, 0, 1, 1352, 130'000}; }
+inline PacketHeader example_header(PacketType type, LinkId link, std::uint64_t number,
+                                   std::uint32_t stamp_us = 0) {
+  return {type, link, kClearEpoch, SessionId{0x5eed0001}, number, stamp_us};
+}
+
+inline constexpr std::uint32_t kExampleStamp = 1'234'567'890;
+
+inline FragmentHeader example_fragment() {
+  return {MessageId{9}, 0, 1347, 105, 130'000, MessageKind::kRound};
+}
+
+inline FragmentHeader example_plain_fragment() {
+  return {MessageId{10}, 0, 1347, 25, 100'000, MessageKind::kPlain};
+}
+
+inline FragmentHeader example_repair_fragment() {
+  return {MessageId{11}, 3, 8, 22, 100'000, MessageKind::kPlain, 1, 2};
+}
 
 inline Echo example_echo_request() {
   Echo echo;
@@ -150,7 +210,19 @@ inline Feedback example_feedback() {
   report.train_rate = DataRate::mbit(30);
   report.rate = DataRate::mbit(50);
   report.loss = 1311;
-  return {1'234'600'000'000, SessionId{0xcafe0002}, {report}};
+  report.has_delays = true;
+  report.newest_delay_us = 0x0051fbaa;
+  report.largest_delay_us = 0x0052010a;
+  report.ect_packets = 90;
+  report.ce_packets = 3;
+  report.received_bytes = 123'456;
+  Feedback feedback;
+  feedback.u = 1'234'600'000'000;
+  feedback.echo = SessionId{0xcafe0002};
+  feedback.reports = {report};
+  feedback.complete = {{MessageId{9}, 1500}, {MessageId{10}, 200, true}};
+  feedback.refused = {MessageId{8}};
+  return feedback;
 }
 
 }  // namespace interneuron::wire

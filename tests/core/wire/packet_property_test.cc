@@ -20,8 +20,12 @@ T any_but_zero() {
 }
 
 PacketHeader any_header(PacketType type) {
-  return {type, LinkId{any<std::uint8_t>()}, kClearEpoch, SessionId{any_but_zero<std::uint32_t>()},
-          any_but_zero<std::uint64_t>()};
+  return {type,
+          LinkId{any<std::uint16_t>()},
+          kClearEpoch,
+          SessionId{any_but_zero<std::uint32_t>()},
+          any_but_zero<std::uint64_t>(),
+          any<std::uint32_t>()};
 }
 
 struct Piece {
@@ -30,15 +34,21 @@ struct Piece {
 
   Piece() {
     fragment.message = MessageId{any<std::uint32_t>()};
-    fragment.count = any_but_zero<std::uint16_t>();
-    const bool is_last = *rc::gen::arbitrary<bool>();
-    fragment.index = static_cast<std::uint16_t>(
-        is_last ? fragment.count - 1 : *rc::gen::inRange<int>(0, fragment.count));
     fragment.chunk = *rc::gen::inRange<std::uint16_t>(1, 1400);
+    const auto count = *rc::gen::inRange<std::uint32_t>(1, 65536);
+    const auto last = *rc::gen::inRange<std::uint32_t>(1, fragment.chunk + 1U);
+    fragment.size = (count - 1) * fragment.chunk + last;
     fragment.lifetime_us = any<std::uint32_t>();
-    const bool may_be_short = fragment.index + 1 == fragment.count;
-    const std::size_t size =
-        may_be_short ? *rc::gen::inRange<std::size_t>(1, fragment.chunk + 1U) : fragment.chunk;
+    if (any<bool>()) fragment.kind = MessageKind::kPlain;
+    const bool is_last = any<bool>();
+    fragment.index = static_cast<std::uint16_t>(
+        is_last ? count - 1 : *rc::gen::inRange<std::uint32_t>(0, 65536));
+    if (fragment.index >= count) {
+      fragment.block = static_cast<std::uint16_t>(*rc::gen::inRange<std::uint32_t>(0, count));
+      fragment.window = static_cast<std::uint16_t>(
+          *rc::gen::inRange<std::uint32_t>(1, count - fragment.block + 1));
+    }
+    const std::size_t size = fragment.bytes();
     const auto fill = any<std::uint8_t>();
     for (std::size_t i = 0; i < size; ++i) bytes.push_back(static_cast<std::byte>(fill + 31 * i));
   }
@@ -51,7 +61,7 @@ Feedback any_feedback() {
   const auto count = *rc::gen::inRange<std::size_t>(0, kMaxReports + 1);
   for (std::size_t i = 0; i < count; ++i) f.reports.push_back({});
   for (LinkReport& report : f.reports) {
-    report.link = LinkId{any<std::uint8_t>()};
+    report.link = LinkId{any<std::uint16_t>()};
     report.has_exchange = any<bool>();
     report.s = PeerTime{Duration{any<std::int64_t>()}};
     report.h = Duration{any<std::int64_t>() & INT64_MAX};
@@ -63,6 +73,20 @@ Feedback any_feedback() {
     report.rate = {std::int64_t{any<std::uint32_t>()} * 1000};
     report.loss = any<std::uint16_t>();
     report.metered = any<bool>();
+    report.has_delays = any<bool>();
+    report.newest_delay_us = any<std::uint32_t>();
+    report.largest_delay_us = any<std::uint32_t>();
+    report.ect_packets = any<std::uint32_t>();
+    report.ce_packets = any<std::uint32_t>();
+    report.received_bytes = any<std::uint64_t>();
+  }
+  f.features = any<std::uint16_t>();
+  for (auto n = *rc::gen::inRange<std::size_t>(0, kMaxComplete + 1); n > 0; --n) {
+    f.complete.push_back(
+        {MessageId{any<std::uint32_t>()}, any<std::uint32_t>() & kLongestAgo, any<bool>()});
+  }
+  for (auto n = *rc::gen::inRange<std::size_t>(0, kMaxRefused + 1); n > 0; --n) {
+    f.refused.push_back({any<std::uint32_t>()});
   }
   return f;
 }
@@ -135,7 +159,7 @@ Echo any_echo() {
 
 Bytes any_packet() {
   Bytes out(kRoom);
-  const auto type = static_cast<PacketType>(*rc::gen::inRange<int>(1, 5));
+  const auto type = static_cast<PacketType>(*rc::gen::inRange<int>(1, 16));
   const PacketHeader header = any_header(type);
   std::size_t size = 0;
   if (type == PacketType::kData) {
@@ -157,7 +181,8 @@ RC_GTEST_PROP(PacketProperty, DataComesBack, ()) {
   const Piece piece;
   Bytes out(kRoom);
   out.resize(write_data(out, header, piece.fragment, piece.bytes));
-  RC_ASSERT(out.size() == kPieceOverheadBytes + piece.bytes.size());
+  const std::size_t repair = piece.fragment.is_repair() ? kRepairHeaderBytes : 0;
+  RC_ASSERT(out.size() == kPieceOverheadBytes + repair + piece.bytes.size());
   const auto packet = parse(out);
   RC_ASSERT(packet.has_value());
   RC_ASSERT(packet->header == header);
@@ -211,6 +236,46 @@ RC_GTEST_PROP(PacketProperty, ARoundHeaderComesBack, ()) {
   RC_ASSERT(*parsed == header);
 }
 
+PlainHeader any_plain_header() {
+  PlainHeader h;
+  h.id = any<std::uint32_t>();
+  h.deadline_us = any_but_zero<std::uint32_t>();
+  h.t0 = PeerTime{Duration{any<std::int64_t>()}};
+  h.channel = any<std::uint16_t>();
+  h.importance = any<std::uint8_t>();
+  h.variant = *rc::gen::inRange<std::uint8_t>(0, kMaxVariants);
+  h.newest_only = any<bool>();
+  return h;
+}
+
+RC_GTEST_PROP(PacketProperty, APlainHeaderComesBack, ()) {
+  const PlainHeader header = any_plain_header();
+  std::array<std::byte, kPlainHeaderBytes> out{};
+  write_plain_header(out, header);
+  const auto parsed = parse_plain_header(out);
+  RC_ASSERT(parsed.has_value());
+  RC_ASSERT(*parsed == header);
+  RC_ASSERT(!parse_plain_header(std::span(out).first(kPlainHeaderBytes - 1)));
+}
+
+RC_GTEST_PROP(PacketProperty, EveryChangeOfOneByteOfAPlainHeaderIsRefusedOrValid, ()) {
+  std::array<std::byte, kPlainHeaderBytes> bytes{};
+  write_plain_header(bytes, any_plain_header());
+  const std::byte change{any_but_zero<std::uint8_t>()};
+  for (std::byte& b : bytes) {
+    b ^= change;
+    RC_ASSERT(refused_or_consistent_plain(bytes));
+    b ^= change;
+  }
+}
+
+RC_GTEST_PROP(PacketProperty, OtherVersionsAreNeverOurs, (std::vector<std::uint8_t> bytes)) {
+  const auto datagram = std::as_bytes(std::span(bytes));
+  RC_ASSERT(!parse(datagram) || !other_version(datagram));
+  const Bytes ours = any_packet();
+  RC_ASSERT(!other_version(ours));
+}
+
 RC_GTEST_PROP(PacketProperty, EveryTruncationIsRefusedOrValid, ()) {
   const Bytes bytes = any_packet();
   for (std::size_t n = 0; n < bytes.size(); ++n) {
@@ -242,6 +307,7 @@ RC_GTEST_PROP(PacketProperty, EveryChangeOfOneByteOfARoundHeaderIsRefusedOrValid
 RC_GTEST_PROP(PacketProperty, AnyBytesAreRefusedOrValid, (std::vector<std::uint8_t> bytes)) {
   RC_ASSERT(refused_or_consistent(std::as_bytes(std::span(bytes))));
   RC_ASSERT(refused_or_consistent_message(std::as_bytes(std::span(bytes))));
+  RC_ASSERT(refused_or_consistent_plain(std::as_bytes(std::span(bytes))));
 }
 
 }  // namespace

@@ -283,10 +283,11 @@ TEST(Node, GarbageIsCountedAndDropped) {
 
   const LinkCounters counters = road.link_counters(LinkId{0});
   const TransportCounters transport = road.transport_counters(LinkId{0});
-  EXPECT_EQ(counters.malformed_packets + counters.refused_packets, kGarbage);
-  EXPECT_EQ(transport.received_datagrams, counters.received_packets + counters.duplicate_packets +
-                                              counters.malformed_packets +
-                                              counters.refused_packets);
+  EXPECT_EQ(counters.malformed_packets + counters.other_version_packets + counters.refused_packets,
+            kGarbage);
+  EXPECT_EQ(transport.received_datagrams,
+            counters.received_packets + counters.duplicate_packets + counters.malformed_packets +
+                counters.other_version_packets + counters.other_packets + counters.refused_packets);
   EXPECT_EQ(road.peers().size(), 1u);
 }
 

@@ -42,8 +42,8 @@ class Duo {
     }
     world.on_event([this](HostId host, Event&& event) { handle(host, std::move(event)); });
     world.on_sent([this](HostId host, LinkId link, ByteView bytes) {
-      const auto type = static_cast<wire::PacketType>(std::to_integer<int>(bytes[0]));
-      sent[{host, link, type}] += bytes.size() + kIpUdpBytes;
+      const auto packet = wire::parse(bytes);
+      if (packet) sent[{host, link, packet->header.type}] += bytes.size() + kIpUdpBytes;
     });
     peer = world.connect(vehicle, road);
   }

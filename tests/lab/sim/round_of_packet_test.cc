@@ -21,11 +21,9 @@ void watch(const std::function<void(HostId, ByteView)>& look) {
 }
 
 std::optional<wire::Packet> data_packet(ByteView datagram) {
-  if (std::to_integer<std::uint8_t>(datagram[0]) !=
-      static_cast<std::uint8_t>(wire::PacketType::kData)) {
-    return std::nullopt;
-  }
-  return wire::parse(datagram);
+  auto packet = wire::parse(datagram);
+  if (packet && packet->header.type != wire::PacketType::kData) packet.reset();
+  return packet;
 }
 
 TEST(RoundOfPacket, KnowsTheRoundOfEveryDataPacketAndOfNoOther) {

@@ -203,7 +203,7 @@ TEST(World, GarbageIsCountedAndDropped) {
   p.world.run_until(1s);
   Endpoint& road = p.world.endpoint(p.road);
   const auto before = road.link_counters(LinkId{0});
-  Bytes noise(100, std::byte{0x5a});
+  Bytes noise(100, std::byte{0x0a});
   road.handle_datagram(p.world.local_time(p.road),
                        {LinkId{0}, World::address_of(0, LinkId{0}), noise});
   road.handle_datagram(p.world.local_time(p.road),

@@ -39,7 +39,7 @@ class Journal {
       const wire::Data& data = packet->data;
       Journey& journey = journeys_[{host, link, data.fragment.message}];
       journey.up = host == 0;
-      journey.fragments = data.fragment.count;
+      journey.fragments = data.fragment.count();
       journey.sent.push_back(world.now());
       if (data.fragment.index == 0) journey.header = wire::parse_round_header(data.bytes);
     });

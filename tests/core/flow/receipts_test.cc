@@ -1,0 +1,79 @@
+#include "core/flow/receipts.h"
+
+#include <gtest/gtest.h>
+
+namespace interneuron::flow {
+namespace {
+
+using namespace std::chrono_literals;
+
+TimePoint at(Duration d) { return TimePoint{d}; }
+
+wire::Feedback told(Receipts& receipts, Duration now) {
+  wire::Feedback feedback;
+  receipts.tell(at(now), feedback);
+  return feedback;
+}
+
+TEST(Receipts, EachMessageIsToldInThreePackets) {
+  Receipts receipts;
+  receipts.complete(at(1s), MessageId{7});
+  receipts.refuse(at(1s), MessageId{8});
+  for (int i = 1; i <= 3; ++i) {
+    const wire::Feedback feedback = told(receipts, 1s + i * 5ms);
+    ASSERT_EQ(feedback.complete.size(), 1U);
+    EXPECT_EQ(feedback.complete[0].message, MessageId{7});
+    EXPECT_EQ(feedback.complete[0].ago_us, static_cast<std::uint32_t>(i) * 5000U);
+    ASSERT_EQ(feedback.refused.size(), 1U);
+    EXPECT_EQ(feedback.refused[0], MessageId{8});
+  }
+  EXPECT_EQ(told(receipts, 2s), wire::Feedback{});
+}
+
+TEST(Receipts, SayWhichMessagesWereLate) {
+  Receipts receipts;
+  receipts.complete(at(1s), MessageId{7});
+  receipts.complete(at(1s), MessageId{8});
+  receipts.mark_late(MessageId{7});
+  receipts.mark_late(MessageId{9});  // is not there
+  const wire::Feedback feedback = told(receipts, 1s);
+  ASSERT_EQ(feedback.complete.size(), 2U);
+  EXPECT_TRUE(feedback.complete[0].late);
+  EXPECT_FALSE(feedback.complete[1].late);
+}
+
+TEST(Receipts, AMessageIsRefusedOnceHoweverManyPiecesItHas) {
+  Receipts receipts;
+  for (int i = 0; i < 100; ++i) receipts.refuse(at(1s), MessageId{8});
+  EXPECT_EQ(told(receipts, 1s).refused.size(), 1U);
+}
+
+TEST(Receipts, WhatDoesNotFitIsTheOldest) {
+  Receipts receipts;
+  for (std::uint32_t i = 0; i < 100; ++i) {
+    receipts.complete(at(1s), MessageId{i});
+    receipts.refuse(at(1s), MessageId{i});
+  }
+  const wire::Feedback feedback = told(receipts, 1s);
+  ASSERT_EQ(feedback.complete.size(), wire::kMaxComplete);
+  ASSERT_EQ(feedback.refused.size(), wire::kMaxRefused);
+  EXPECT_EQ(feedback.complete.front().message, MessageId{100 - wire::kMaxComplete});
+  EXPECT_EQ(feedback.refused.back(), MessageId{99});
+}
+
+TEST(Receipts, ALongTimeAgoIsTheLongestThatCanBeTold) {
+  Receipts receipts;
+  receipts.complete(at(0s), MessageId{7});
+  EXPECT_EQ(told(receipts, 100h).complete[0].ago_us, wire::kLongestAgo);
+}
+
+TEST(Receipts, ResetForgetsEverything) {
+  Receipts receipts;
+  receipts.complete(at(1s), MessageId{7});
+  receipts.refuse(at(1s), MessageId{8});
+  receipts.reset();
+  EXPECT_EQ(told(receipts, 1s), wire::Feedback{});
+}
+
+}  // namespace
+}  // namespace interneuron::flow
