@@ -30,9 +30,9 @@ constexpr Duration kMaxSlowTrain = std::chrono::seconds(1);
 // follows.
 constexpr std::uint32_t kToldPackets = 16;
 constexpr Duration kTold = std::chrono::milliseconds(5);
-// When so many packets behind the longest gap came within a quarter of it, that gap was a pause
-// before a train and no part of one. No measurement behind this value: it only has to be more than
-// what a slow link may bring at once.
+// When so many packets behind a gap came within half of it, that gap was a pause before a train and
+// no part of one. No measurement behind this value: it only has to be more than what a slow link
+// may bring at once.
 constexpr std::uint32_t kTailPackets = 4;
 
 // A message expires this much after t0 + hi_min + D_N (docs/paper.md, "Expiry at a receiver").
@@ -118,14 +118,16 @@ void PathReceiver::extend_train(TimePoint now, std::uint64_t number, std::size_t
     tail_ = train_;
     return;
   }
-  const Duration longest = train_.longest_gap;
+  const Duration gap = now - train_.last;
   train_.add(now, ip_bytes);
-  if (train_.longest_gap > longest) {
+  if (gap > kTrainGap) {
     tail_.begin(now, number);
+    gap_before_tail_ = gap;
     return;
   }
   tail_.add(now, ip_bytes);
-  if (longest > kTrainGap && tail_.packets >= kTailPackets && now - tail_.first < longest / 4) {
+  if (tail_.start != train_.start && tail_.packets >= kTailPackets &&
+      now - tail_.first < gap_before_tail_ / 2) {
     train_ = tail_;
   }
 }

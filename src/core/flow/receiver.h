@@ -77,8 +77,9 @@ class PathReceiver {
   std::optional<PeerTime> u_;
   TimePoint u_at_{};
   Train train_;
-  // What has come since the longest gap of the train.
+  // What has come since the newest long gap of the train, and that gap.
   Train tail_;
+  Duration gap_before_tail_{};
   // With IP headers.
   std::uint64_t received_bytes_ = 0;
   // Microseconds modulo 2^32: of the newest packet, and the largest since reported() was called; if

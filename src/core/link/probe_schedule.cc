@@ -17,14 +17,23 @@ constexpr double kDepth = kBitsPerSecond;
 constexpr double kStartBudget = 2e6;
 // The first train of a path nobody has used yet: 4 ms at 100 Mbit/s.
 constexpr std::uint32_t kStartTrain = 32;
-constexpr std::uint32_t kLeastTrain = 16;
+// Fewer packets are no train (src/core/flow/receiver.cc).
+constexpr std::uint32_t kLeastTrain = 3;
 // The longest train takes 10 ms at 1.1 Gbit/s and 79 s of the budget.
 constexpr std::uint32_t kMostTrain = 1'000;
-// Sent at three times the rate known (kHeadroom), and over a link that now carries that, a train
-// must still last the 5 ms that count (RateEstimator::kMinDispersion).
-constexpr Duration kTrainLength = std::chrono::milliseconds(16);
+// What a train lasts at least at its pace, over a link that carries that, with a little more than
+// the dispersion that counts (RateEstimator::kMinDispersion), and so lasts 16 ms at the rate known;
+// and what it lasts times its packets (RateEstimator::kMinPacketTime).
+constexpr Duration kTrainLength = std::chrono::microseconds(5'334);
+constexpr Duration kPacketTime = std::chrono::milliseconds(42);
+// So many packets last long enough by kTrainLength.
+constexpr std::uint32_t kFewPackets = 8;
+static_assert(kPacketTime / kFewPackets <= kTrainLength);
 // The pace of a train in terms of the known rate: a step up to three times is seen at once.
 constexpr double kHeadroom = 3.0;
+// The pace of a wanted train in terms of the rate that is wanted: what arrives at it is enough,
+// with the 15 % that trains are off.
+constexpr double kEnough = 1.25;
 // Between two trains while the rate is unknown. No measurement behind this value: it only has to be
 // larger than a round trip, so that the first train is answered before the next one leaves.
 constexpr Duration kPause = std::chrono::milliseconds(300);
@@ -38,11 +47,18 @@ constexpr Duration kOld = std::chrono::seconds(10);
 // Gbit/s, its rate bounds nothing of ours, and a loop of such trains would use the whole budget for
 // ever.
 constexpr Duration kBeyond = std::chrono::minutes(10);
-// While data flows, its messages measure the rate and no train is sent. Ten periods of a camera at
-// 10 Hz.
+// While messages measure the rate no train is sent. Ten periods of a camera at 10 Hz.
 constexpr Duration kBusy = std::chrono::seconds(1);
-// While the rate is unknown, a train goes into the first pause of this length between messages.
+// Else a train goes into the first pause of this length between messages, so that it is told from
+// them.
 constexpr Duration kPausing = std::chrono::milliseconds(20);
+// A want holds for so long after the last message that was withheld. Ten periods of a camera at 10
+// Hz.
+constexpr Duration kWanted = std::chrono::seconds(1);
+// A rate this much higher is another one: trains are within ±15 % of the rate.
+constexpr double kFound = 1.15;
+// The longest interval of wanted trains is that of the usual ones, kOld: doublings until then.
+constexpr int kMostDoublings = 5;
 // Between two proofs of a latched path: four within the shortest proof window.
 constexpr Duration kProof = std::chrono::milliseconds(250);
 
@@ -59,6 +75,11 @@ void ProbeSchedule::set_sizes(std::size_t heartbeat, std::size_t full) {
 }
 
 void ProbeSchedule::request_train(TimePoint now) { requested_at_ = now; }
+
+void ProbeSchedule::want(TimePoint now, DataRate rate) {
+  wanted_at_ = now;
+  wanted_rate_ = rate;
+}
 
 void ProbeSchedule::active(TimePoint now) {
   if (!begun_at_) begun_at_ = now;
@@ -95,7 +116,7 @@ bool ProbeSchedule::heartbeat_due(TimePoint now) const { return now >= heartbeat
 double ProbeSchedule::level(TimePoint now) const {
   if (!level_at_) return kStartBudget;
   const double since = static_cast<double>((now - *level_at_).count()) / 1e9;
-  const double depth = std::max(kDepth, bits(train_packets()));
+  const double depth = std::max(kDepth, bits(train_packets(now)));
   return std::max(level_, std::min(depth, level_ + kBitsPerSecond * since));
 }
 
@@ -108,28 +129,61 @@ double ProbeSchedule::bits(std::uint32_t packets) const {
   return 8.0 * packets * static_cast<double>(full_bytes_);
 }
 
+// A train that is due for both reasons is a wanted one.
 void ProbeSchedule::train_sent(TimePoint now, std::uint32_t packets) {
-  spend(now, packets);
+  const auto wanted = wanted_train_at(now);
+  if (wanted && *wanted <= now) {
+    const bool found = *evidence_.rate >= wanted_from_.scaled(kFound);
+    fruitless_ = found ? 0 : fruitless_ + 1;
+    wanted_from_ = *evidence_.rate;
+    const DataRate budget = std::min(evidence_.rate->scaled(kWantedShare), kWantedRate);
+    const Duration paid = seconds_of(bits(packets), std::max(budget, DataRate{1}));
+    const int doublings = std::clamp(fruitless_ - kPatience, 0, kMostDoublings);
+    wanted_next_ = now + std::max(paid, kPause) * (1 << doublings);
+  } else {
+    spend(now, packets);
+  }
   train_at_ = now;
   last_train_ = packets;
   requested_at_.reset();
 }
 
-std::uint32_t ProbeSchedule::train_packets() const {
+bool ProbeSchedule::is_wanted(TimePoint now) const {
+  return wanted_at_ && now - *wanted_at_ <= kWanted && !metered_ && evidence_.rate &&
+         *evidence_.rate > DataRate{} && *evidence_.rate < wanted_rate_;
+}
+
+// Nobody waits for more than is wanted.
+DataRate ProbeSchedule::train_pace(TimePoint now) const {
+  const DataRate search = evidence_.rate->scaled(kHeadroom);
+  if (!is_wanted(now)) return search;
+  return std::clamp(wanted_rate_.scaled(kEnough), evidence_.rate->scaled(kEnough), search);
+}
+
+std::uint32_t ProbeSchedule::train_packets(TimePoint now) const {
   if (!evidence_.rate || *evidence_.rate <= DataRate{}) return kStartTrain;
   // A guess may be ten times too high; a train as long as it asks for would wait for the budget.
   if (!evidence_.at) return std::clamp(2 * last_train_, kStartTrain, kMostTrain);
+  const double air = bits(1) / static_cast<double>(train_pace(now).bits_per_second);
   const double length = static_cast<double>(kTrainLength.count()) / 1e9;
-  const double packets =
-      std::ceil(static_cast<double>(evidence_.rate->bits_per_second) * length / bits(1)) + 1;
-  auto wanted = static_cast<std::uint32_t>(std::clamp<double>(packets, kLeastTrain, kMostTrain));
+  const double most = std::min<double>(std::ceil(length / air) + 1, kMostTrain);
+  auto wanted = std::max(static_cast<std::uint32_t>(most), kLeastTrain);
+  const double packet_time = static_cast<double>(kPacketTime.count()) / 1e9;
+  while (wanted < kFewPackets && (wanted - 1) * air * wanted < packet_time) ++wanted;
   // The last train was too short to trust: what it said of the rate may be far too low as well.
   if (evidence_.trains == 0) wanted = std::max(wanted, std::min(2 * last_train_, kMostTrain));
   return wanted;
 }
 
-std::optional<TimePoint> ProbeSchedule::train_at(TimePoint now) const {
-  if (!ready_ || latched_ || (metered_ && !requested_at_)) return std::nullopt;
+// A train that is due at `at` waits for a pause between messages.
+TimePoint ProbeSchedule::in_a_pause(TimePoint now, TimePoint at) const {
+  if (!data_at_) return at;
+  const bool measured = evidence_.at && now - *evidence_.at < kBusy;
+  return std::max(at, *data_at_ + (measured ? kBusy : kPausing));
+}
+
+std::optional<TimePoint> ProbeSchedule::usual_train_at(TimePoint now) const {
+  if (metered_ && !requested_at_) return std::nullopt;
   TimePoint at = requested_at_.value_or(now);
   if (!requested_at_ && train_at_) {
     const bool fresh = evidence_.at && *evidence_.at >= *train_at_;
@@ -143,17 +197,27 @@ std::optional<TimePoint> ProbeSchedule::train_at(TimePoint now) const {
   } else if (!requested_at_ && evidence_.trains >= kSettled && evidence_.at) {
     at = *evidence_.at + kOld;
   }
-  if (data_at_) at = std::max(at, *data_at_ + (evidence_.rate ? kBusy : kPausing));
-  const double missing = bits(train_packets()) - level(now);
-  if (missing > 0) at = std::max(at, now + seconds_of(missing, kTrainRate));
-  return at;
+  at = in_a_pause(now, at);
+  const double missing = bits(train_packets(now)) - level(now);
+  return missing > 0 ? std::max(at, now + seconds_of(missing, kTrainRate)) : at;
+}
+
+std::optional<TimePoint> ProbeSchedule::wanted_train_at(TimePoint now) const {
+  if (!is_wanted(now) || !evidence_.at) return std::nullopt;
+  const TimePoint at = std::max(now, wanted_next_);
+  return data_at_ ? std::max(at, *data_at_ + kPausing) : at;
+}
+
+std::optional<TimePoint> ProbeSchedule::train_at(TimePoint now) const {
+  if (!ready_ || latched_) return std::nullopt;
+  return earliest(usual_train_at(now), wanted_train_at(now));
 }
 
 std::optional<ProbeSchedule::Train> ProbeSchedule::train_due(TimePoint now) const {
   const auto at = train_at(now);
   if (!at || *at > now) return std::nullopt;
-  Train train{train_packets(), std::nullopt};
-  if (evidence_.rate) train.pace = evidence_.rate->scaled(kHeadroom);
+  Train train{train_packets(now), std::nullopt};
+  if (evidence_.rate) train.pace = train_pace(now);
   return train;
 }
 

@@ -3,7 +3,9 @@
 // the endpoint makes and sends the packets. Pure; thread-compatible; constant memory.
 //
 // Budgets, IP headers included: heartbeats at most kHeartbeatRate per direction, trains and proofs
-// at most kTrainRate on average.
+// at most kTrainRate on average. Trains that a withheld variant asks for have a budget of their
+// own: at most kWantedShare of the believed rate and kWantedRate, and almost nothing once kPatience
+// of them have found no higher rate.
 #pragma once
 
 #include <cstdint>
@@ -17,7 +19,7 @@ namespace interneuron::link {
 // Says when heartbeats, trains and proofs are due on one path. Path (src/core/peers) tells it what
 // happened, asks what is due, and reports what it has sent. Nothing in it comes from the peer but
 // the rate evidence, with which a lying peer can only make us send longer trains to itself, within
-// the budget.
+// the budgets, which hold whatever it says.
 class ProbeSchedule {
  public:
   // While messages flow, a path's round trip is refreshed this often: two samples per round at 10
@@ -37,6 +39,13 @@ class ProbeSchedule {
   // With the start budget and a last train that is not paid for yet, the mean of ten minutes stays
   // within 150 kbit/s, the aim for idle links.
   static constexpr DataRate kTrainRate{145'000};
+  // What wanted trains may use: a train of 16 ms every 320 ms, so that three or four of them, which
+  // show a link that is back at nine times its rate, leave within 1.5 s. No measurement behind
+  // these values: they only have to be small beside the messages that wait for the result.
+  static constexpr double kWantedShare = 0.05;
+  static constexpr DataRate kWantedRate{1'000'000};
+  // Wanted trains that find nothing before their interval begins to double: 10 s of them.
+  static constexpr int kPatience = 30;
 
   // What is known of the rate; from the RateEstimator.
   struct RateEvidence {
@@ -62,6 +71,9 @@ class ProbeSchedule {
   // Trains make sense: the peer has echoed us and the path is usable.
   void set_ready(bool ready) { ready_ = ready; }
   void request_train(TimePoint now);
+  // A better variant would have been sent on this path if it carried `rate`, which it is not
+  // believed to do. Repeat it with every such message.
+  void want(TimePoint now, DataRate rate);
 
   // --- what happened
   // A message of ours or for us is under way, on any path.
@@ -83,9 +95,15 @@ class ProbeSchedule {
   TimePoint next_timeout(TimePoint now) const;
 
  private:
-  std::uint32_t train_packets() const;
+  bool is_wanted(TimePoint now) const;
+  // The pace and the length of the next train; the rate must be known for the first.
+  DataRate train_pace(TimePoint now) const;
+  std::uint32_t train_packets(TimePoint now) const;
   // What trains and proofs may use now, in bits: the level of a token bucket.
   double level(TimePoint now) const;
+  TimePoint in_a_pause(TimePoint now, TimePoint at) const;
+  std::optional<TimePoint> usual_train_at(TimePoint now) const;
+  std::optional<TimePoint> wanted_train_at(TimePoint now) const;
   std::optional<TimePoint> train_at(TimePoint now) const;
   double bits(std::uint32_t packets) const;
   void spend(TimePoint now, std::uint32_t packets);
@@ -106,6 +124,13 @@ class ProbeSchedule {
   std::optional<TimePoint> train_at_;
   // Packets of the newest train.
   std::uint32_t last_train_ = 0;
+  // The newest want(), when the budget allows the next wanted train, the rate believed when the
+  // last one left, and how many in a row have found no higher one.
+  std::optional<TimePoint> wanted_at_;
+  DataRate wanted_rate_{};
+  TimePoint wanted_next_ = TimePoint::min();
+  DataRate wanted_from_{};
+  int fruitless_ = 0;
   std::optional<TimePoint> proof_at_;
   double level_ = 0;
   std::optional<TimePoint> level_at_;

@@ -355,6 +355,10 @@ void Peer::send(TimePoint now, TimePoint deadline, Duration lifetime, Bytes mess
   sender_.send(now, deadline, lifetime, std::move(message), paths, repairs);
 }
 
+void Peer::want(TimePoint now, DataRate rate) {
+  for (Path& path : paths_) path.probes.want(now, rate);
+}
+
 // --- getters
 
 Links Peer::links(TimePoint now) const {

@@ -87,6 +87,9 @@ class Peer {
   void send(TimePoint now, TimePoint deadline, Duration lifetime, Bytes message,
             const std::vector<LinkId>& paths, const flow::PathSet& repairs);
 
+  // A better variant was withheld that a path with this rate could have carried.
+  void want(TimePoint now, DataRate rate);
+
   // The state of each path, with scores relative to the others.
   Links links(TimePoint now) const;
   std::optional<guard::ClockView> clock(TimePoint now) { return clock_.view(now); }

@@ -27,6 +27,12 @@ flow::PathSet allowed_of(const Policy& policy, std::span<const LinkState> links)
   return allowed;
 }
 
+// The rate of a link that could carry a message of so many bytes: the floor that policies ask for,
+// or what brings it within half the deadline, since the other half may go by on the way and back.
+DataRate rate_wanted(const QoS& qos, std::size_t bytes) {
+  return std::max(rate_floor(qos, bytes), rate_of(wire_size(bytes), qos.deadline / 2));
+}
+
 // How many stages before the communication header.stage, which is about to begin, were
 // communications.
 std::uint8_t earlier_communications(const wire::RoundHeader& header) {
@@ -105,6 +111,10 @@ Planned Dispatch::send(TimePoint now, Peer& peer, const RoundContext& context, c
     planned.plan = plan(links, header, {qos_of(header), sizes_of(variants)}, guidance);
   }
   const auto& sends = planned.plan.sends;
+  const bool best_is_sent = std::ranges::find(sends, 0, &Assignment::variant) != sends.end();
+  if (!best_is_sent || planned.plan.under_floor) {
+    peer.want(now, rate_wanted(qos_of(header), variants.front().size()));
+  }
   if (sends.empty()) return planned;
 
   header.best_planned = std::ranges::min(sends, {}, &Assignment::variant).variant;

@@ -153,6 +153,13 @@ TEST(PathReceiver, WhatComesAloneIsNoPartOfTheTrainAfterIt) {
   }
 }
 
+TEST(PathReceiver, WhatComesNowAndThenIsNoPartOfTheTrainAfterIt) {
+  PathReceiver r(kLink);
+  const TimePoint now = arrive(r, at(0s), 50ms, 1, 4);
+  arrive(r, now - 30ms, 640us, 5, 10);
+  EXPECT_EQ(r.report(at(1s)).train_start, 5U);
+}
+
 // A radio that holds up packets once is no slow link, and one that delivers two at once is.
 TEST(PathReceiver, OneLongGapMakesNoRate) {
   PathReceiver r(kLink);

@@ -1,6 +1,7 @@
 #include "core/link/probe_schedule.h"
 
 #include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
 
 namespace interneuron::link {
 namespace {
@@ -18,10 +19,10 @@ struct Alone {
   std::size_t proofs = 0;
   std::uint64_t train_bits = 0;
   TimePoint now = at(0s);
+  std::size_t long_trains = 0;
+  std::optional<TimePoint> report;
 
   void until(Duration end, Duration message_period = {}) {
-    std::size_t long_trains = 0;
-    std::optional<TimePoint> report;
     TimePoint message = now;
     while (now < at(end)) {
       if (message_period > 0ns && message <= now) {
@@ -111,7 +112,8 @@ TEST(Prober, TrainsAreLongEnoughAndKeepTheBudget) {
     const double mean = static_cast<double>(run.train_bits) / 300;
     EXPECT_LE(mean, 150'000 + 2e6 / 300) << mbit;  // with the start-up budget
     const std::uint32_t last = run.trains.back().second;
-    EXPECT_GE(last, 16U);
+    EXPECT_GE(last, 3U);
+    EXPECT_LE(run.rate.transmit_time(last * 1428), mbit < 1 ? 120ms : 50ms) << mbit;
     EXPECT_GE(to_ms(run.rate.transmit_time((last - 1) * 1428)), 10 * 0.99) << mbit;
     // Three trains settle it soon where the budget allows, then one per 10 s.
     if (mbit <= 20) {
@@ -142,15 +144,130 @@ TEST(Prober, AGuessOnlyDoublesTheNextTrain) {
   EXPECT_EQ(train->packets, 64U);
 }
 
-TEST(Prober, NothingIsProbedUnderLoad) {
+TEST(Prober, NothingIsProbedWhileMessagesMeasure) {
   Alone run;
   run.rate = DataRate::mbit(20);
   run.prober.set_ready(true);
-  run.prober.set_rate({DataRate::mbit(20), at(0s), 3});
-  run.until(120s, 100ms);
+  for (Duration t = 1s; t <= 120s; t += 1s) {
+    run.prober.set_rate({run.rate, run.now, 3});
+    run.until(t, 100ms);
+  }
   EXPECT_TRUE(run.trains.empty());
-  run.until(140s);
-  EXPECT_GE(run.trains.size(), 1U) << "the evidence is old, the path idle";
+}
+
+// Messages of one packet never do.
+TEST(Prober, OldEvidenceIsRefreshedInThePausesOfMessages) {
+  Alone run;
+  run.rate = DataRate::mbit(20);
+  run.prober.set_ready(true);
+  run.until(30s, 10ms);
+  EXPECT_TRUE(run.trains.empty()) << "no pause";
+  run.prober.set_rate({run.rate, run.now, 3});
+  run.until(120s, 100ms);
+  EXPECT_GE(run.trains.size(), 8U);
+  EXPECT_LE(run.trains.size(), 10U);
+}
+
+// --- wanted trains
+
+// Every 100 ms a message is withheld for want of `wanted`, of a path of `rate`.
+struct Wanted {
+  Alone run;
+  DataRate wanted;
+  explicit Wanted(double rate, double want) : wanted(DataRate::mbit(want)) {
+    run.rate = DataRate::mbit(rate);
+    run.long_trains = 3;
+    run.prober.set_ready(true);
+    run.prober.set_rate({run.rate, run.now, 3});
+    run.prober.data_sent(run.now);
+  }
+  void until(Duration end) {
+    for (Duration t = run.now.time_since_epoch(); t < end; t += 100ms) {
+      run.prober.want(run.now, wanted);
+      run.until(t + 100ms, 100ms);
+    }
+  }
+};
+
+TEST(Prober, AWithheldVariantIsTriedForSoonAndWithFewBytes) {
+  for (const double mbit : {1.0, 2.0, 6.0, 18.0}) {
+    Wanted w(mbit, mbit * 5);
+    w.until(3s);
+    EXPECT_GE(w.run.trains.size(), 3U) << mbit;
+    EXPECT_LE(static_cast<double>(w.run.train_bits), (0.05 * 3 + 0.05) * mbit * 1e6) << mbit;
+  }
+}
+
+TEST(Prober, ATrainIsPacedByWhatIsWanted) {
+  for (const auto& [wanted, pace] : {std::pair{7.0, 8.75}, {100.0, 18.0}, {6.1, 7.625}}) {
+    ProbeSchedule p;
+    p.set_ready(true);
+    p.set_rate({DataRate::mbit(6), at(0s), 3});
+    p.want(at(1s), DataRate::mbit(wanted));
+    const auto train = p.train_due(at(1s));
+    ASSERT_TRUE(train && train->pace);
+    EXPECT_NEAR(train->pace->mbit(), pace, 1e-6) << wanted;
+    EXPECT_GE(train->pace->transmit_time((train->packets - 1) * 1428), 5ms);
+  }
+}
+
+TEST(Prober, NothingIsTriedForThatIsNotWantedOrThere) {
+  Wanted there(60, 20);
+  there.until(5s);
+  EXPECT_TRUE(there.run.trains.empty());
+  Wanted metered(6, 20);
+  metered.run.prober.set_metered(true);
+  metered.until(5s);
+  EXPECT_TRUE(metered.run.trains.empty());
+}
+
+TEST(Prober, WantedTrainsThatFindNothingBecomeRare) {
+  Wanted w(6, 60);
+  w.until(60s);
+  w.run.trains.clear();
+  w.until(160s);
+  EXPECT_LE(w.run.trains.size(), 20U) << "as the usual ones, every 10 s";
+  // A real change ends that.
+  w.run.rate = DataRate::mbit(12);
+  w.until(172s);
+  w.run.trains.clear();
+  w.until(177s);
+  EXPECT_GE(w.run.trains.size(), 10U);
+}
+
+// Whatever a peer reports and whatever is wanted, probes stay within the budgets.
+RC_GTEST_PROP(Prober, NoReportsDrawMoreThanTheBudgets, ()) {
+  ProbeSchedule p;
+  p.set_ready(true);
+  TimePoint now = at(0s);
+  double sent = 0;
+  const int steps = *rc::gen::inRange(100, 2'000);
+  for (int i = 0; i < steps; ++i) {
+    const int what = *rc::gen::inRange(0, 6);
+    if (what == 0) p.want(now, DataRate{*rc::gen::inRange<std::int64_t>(1, 5'000'000'000'000)});
+    if (what == 1) p.data_sent(now);
+    if (what == 2 || what == 3) {
+      const std::int64_t rate = *rc::gen::element<std::int64_t>(1, 1'000, 100'000, 9'000'000,
+                                                                1'000'000'000, 4'000'000'000'000);
+      const std::size_t trains = *rc::gen::inRange<std::size_t>(0, 4);
+      std::optional<TimePoint> when;
+      if (*rc::gen::arbitrary<bool>()) when = now;
+      p.set_rate({DataRate{rate}, when, trains});
+    }
+    if (what == 4) p.request_train(now);
+    while (const auto train = p.train_due(now)) {
+      RC_ASSERT(train->packets <= 1'000U);
+      RC_ASSERT(train->packets >= 2U);
+      sent += 8.0 * 1428 * train->packets;
+      p.train_sent(now, train->packets);
+    }
+    const double seconds = static_cast<double>(now.time_since_epoch().count()) / 1e9;
+    // The start budget, and the last train of each kind, which is paid for afterwards.
+    const double allowed = 2e6 + 2 * 8.0 * 1428 * 1'000;
+    RC_ASSERT(sent <= allowed + (145e3 + 1e6) * seconds);
+    RC_ASSERT(p.next_timeout(now) >= now);
+    now += *rc::gen::element<Duration>(1ms, 10ms, 30ms, 100ms, 300ms);
+  }
 }
 
 TEST(Prober, NothingIsProbedBeforeThePathIsReady) {

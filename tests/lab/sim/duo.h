@@ -20,12 +20,17 @@ class Duo {
     PathChanged what;
   };
 
-  explicit Duo(const std::vector<emu::LinkProfile>& profiles, std::uint64_t seed = 1,
-               const std::vector<LinkTraits>& traits = {})
-      : world(seed) {
+  static PipelineConfig best_link() {
     PipelineConfig pipeline;
     pipeline.stages = {StageKind::kCommunication, StageKind::kCommunication};
     pipeline.policy = "best_link";
+    return pipeline;
+  }
+
+  explicit Duo(const std::vector<emu::LinkProfile>& profiles, std::uint64_t seed = 1,
+               const std::vector<LinkTraits>& traits = {},
+               const PipelineConfig& pipeline = best_link())
+      : world(seed) {
     EndpointOptions o;
     o.session = SessionId{1};
     o.policies = builtin_policies();
@@ -49,10 +54,11 @@ class Duo {
   }
 
   // One message now; the road answers it.
-  void round(std::size_t bytes) {
+  void round(std::size_t bytes) { round(Variants{Bytes(bytes)}); }
+  void round(Variants variants) {
     Endpoint& e = world.endpoint(vehicle);
     const RoundRef ref = e.begin_round(world.local_time(vehicle), PipelineId{0});
-    e.submit(world.local_time(vehicle), ref, {Bytes(bytes)}, MessageClass::kData, peer);
+    e.submit(world.local_time(vehicle), ref, std::move(variants), MessageClass::kData, peer);
     world.flush(vehicle);
   }
   // `count` messages from `from` on.
@@ -111,14 +117,17 @@ class Duo {
   HostId road = 0;
   PeerId peer{};
   std::vector<RoundDone> done;
+  // What the road was given: when, and which variant.
+  std::vector<std::pair<Duration, std::uint8_t>> delivered;
   std::vector<Change> changes;
   std::vector<std::pair<Duration, Planned>> planned;                           // by the vehicle
   std::map<std::tuple<HostId, LinkId, wire::PacketType>, std::uint64_t> sent;  // bytes at IP level
 
  private:
   void handle(HostId host, Event&& event) {
-    if (auto* delivered = std::get_if<Delivered>(&event)) {
-      world.endpoint(host).submit(world.local_time(host), delivered->round, {Bytes(kResultBytes)},
+    if (auto* message = std::get_if<Delivered>(&event)) {
+      if (host == road) delivered.emplace_back(world.now(), message->variant);
+      world.endpoint(host).submit(world.local_time(host), message->round, {Bytes(kResultBytes)},
                                   MessageClass::kResult);
     } else if (auto* round = std::get_if<RoundDone>(&event)) {
       done.push_back(std::move(*round));
