@@ -181,9 +181,12 @@ void LinkModel::settle(Duration now) {
   }
 }
 
-std::size_t LinkModel::waiting_bytes(Duration now) {
-  settle(now);
-  return waiting_bytes_;
+std::size_t LinkModel::waiting_bytes(Duration now) const {
+  std::size_t bytes = waiting_bytes_;
+  for (std::size_t i = 0; i < waiting_.size() && waiting_[i].departure <= now; ++i) {
+    bytes -= waiting_[i].bytes;
+  }
+  return bytes;
 }
 
 void LinkModel::change(Duration now, const DirectionParams& params) {

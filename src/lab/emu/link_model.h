@@ -102,7 +102,7 @@ class LinkModel {
   const DirectionParams& params() const { return params_; }
   const DirectionStats& stats() const { return stats_; }
   // The bytes that wait for the bottleneck.
-  std::size_t waiting_bytes(Duration now);
+  std::size_t waiting_bytes(Duration now) const;
 
   // A packet's delay is read when it leaves the queue, from a process that remembers this long.
   static constexpr Duration kLongestWait = DelayProcess::kMemory;

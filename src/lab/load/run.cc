@@ -128,7 +128,7 @@ void Run::plan_dip() {
     world_.at(at, [this, rate] {
       emu::LinkChange c;
       c.direction(emu::Direction::kUp).rate = rate;
-      world_.model(kLink).change(world_.now(), c);
+      world_.change(world_.wire_of(kLink), c);
     });
   };
   change(begin() + s_.dip->at, s_.dip->rate);
@@ -136,7 +136,7 @@ void Run::plan_dip() {
 }
 
 void Run::look() {
-  emu::LinkModel& up = world_.model(kLink).up();
+  const emu::LinkModel& up = world_.model(world_.wire_of(kLink)).up();
   const DataRate rate = up.params().rate;
   queue_ms_.push_back(to_ms(rate.transmit_time(up.waiting_bytes(world_.now()))));
   if (world_.now() + kLook < end()) world_.at(world_.now() + kLook, [this] { look(); });

@@ -1,71 +1,93 @@
-// Hosts in virtual time: each has a clock of its own and drives the same Endpoint as production,
-// and emulated links join them.
+// Hosts in virtual time: each has a clock of its own and drives the same Endpoint as production, or
+// is a ForeignHost, and emulated links join them, which may share cells.
+//
+// A packet's way from one host to another, the same in both directions:
+//
+//   MTU of the sender's NIC -> loss and duplication of Faults -> the link's own LinkModel (MTU,
+//   NAT, queue, bottleneck, loss, delay) -> the cells of this direction, one after the other ->
+//   delays of delay_with() and Faults -> the receiver
+//
+// What the LinkModel loses therefore does not use the cells, and what a LinkModel spreads in time
+// enters them so spread. A link whose own bottleneck is to play no part has a rate far above that
+// of its cells.
 //
 // World time starts at 0 and moves only from event to event, so an hour passes in seconds, and the
-// same seed and the same calls give the same run. At one instant the order is: arrivals, what was
-// planned by at(), timeouts. Memory grows with the packets that are on their way at once. Handlers
-// are called from within run_until() and flush(). Thread-compatible; pure.
+// same seed and the same calls give the same run. At one instant the order is: arrivals (from links
+// in the order of add_link(), up before down, then from cells, then what was delayed), what was
+// planned by at(), timeouts in the order of hosts. An event costs O(log n) with n hosts and links.
+// Memory grows with the packets that are on their way at once. Handlers are called from within
+// run_until() and flush(). Errors: std::invalid_argument for a host, link or cell that does not
+// exist, and for a second link between two hosts with the same LinkId. Thread-compatible; pure.
 #pragma once
 
 #include <array>
 #include <cstdint>
+#include <deque>
 #include <functional>
 #include <map>
 #include <memory>
-#include <optional>
 #include <random>
 #include <string>
+#include <unordered_map>
 #include <vector>
 
 #include "interneuron/endpoint.h"
+#include "lab/emu/cell.h"
 #include "lab/emu/link.h"
+#include "lab/sim/agenda.h"
+#include "lab/sim/clock_error.h"
+#include "lab/sim/foreign_host.h"
+#include "lab/sim/packets.h"
+#include "lab/sim/world_vocabulary.h"
 
 namespace interneuron::sim {
 
-using HostId = std::size_t;
-
-// A host's clock shows offset + t + t * drift at world time t. In reality the offsets of two hosts
-// may differ by any amount, and quartz drifts by some 20 ppm.
-struct ClockError {
-  Duration offset{};
-  std::int64_t drift_ppm = 0;
-};
-
-// Faults of a link beside those of its LinkModel, for property tests. Probabilities are per packet
-// and direction.
-struct Faults {
-  double loss = 0;
-  double duplicate = 0;
-  // The packet is delivered up to reorder_by later, so that later ones overtake it.
-  double reorder = 0;
-  Duration reorder_by{};
-  // Nothing passes.
-  bool cut = false;
-};
-
 class World {
  public:
-  explicit World(std::uint64_t seed) : rng_(seed) {}
-
+  explicit World(std::uint64_t seed);
   HostId add_host(EndpointOptions options, const ClockError& clock = {});
+  HostId add_foreign(std::unique_ptr<ForeignHost> host);
+  // A NIC, if it differs from those of add_link(). Packets larger than its MTU do not leave it.
+  void add_nic(HostId host, LinkId link, const LinkInfo& info);
   // Joins two hosts. `a` is the side that profiles call the vehicle: packets from a to b go up.
-  // Both hosts know the link by `link`; `traits` are those of a's NIC.
-  void add_link(HostId a, HostId b, LinkId link, const std::string& name, emu::Link model,
-                const LinkTraits& traits = {});
+  // Both hosts know it by `link`, the number of a NIC of each, which may have links to several
+  // hosts; a NIC that is not there yet is added, with 1500 bytes and, at a, `traits`.
+  WireId add_link(HostId a, HostId b, LinkId link, const std::string& name, emu::Link model,
+                  const LinkTraits& traits = {});
+  // A bottleneck that links may share, in one direction or both.
+  CellId add_cell(const emu::CellParams& params);
+  // Packets of this link and direction go through the cell too, after those named before.
+  void pass_through(WireId wire, bool up, CellId cell);
   // Host `from` connects to `to` over every link between them.
   PeerId connect(HostId from, HostId to);
-  Faults& faults(LinkId link);
-  // The emulated link itself, to change it or to cut its radio during a run.
-  emu::Link& model(LinkId link);
+
+  // The first link that hosts know by this number; most worlds have one.
+  WireId wire_of(LinkId link) const;
+  Faults& faults(WireId wire) { return wire_at(wire).faults; }
+  Faults& faults(LinkId link) { return faults(wire_of(link)); }
+  const emu::Link& model(WireId wire) const {
+    return wires_[checked(wire.value, wires_.size())].model;
+  }
   const emu::DirectionStats& stats(LinkId link, bool up) const;
+  // Changes an emulated link, or cuts its radio in [from, from + length), which may lie ahead.
+  void change(WireId wire, const emu::LinkChange& change);
+  void outage(WireId wire, Duration from, Duration length);
+  const emu::Cell& cell(CellId cell) const {
+    return cells_[checked(cell.value, cells_.size())].model;
+  }
+  // The time of queues and the utilisation of all cells begin anew: what was before is a warm-up.
+  void measure_cells();
+  // Packets that were larger than the MTU of the NIC that was to send them, of all hosts.
+  std::uint64_t above_nic_mtu() const { return above_nic_mtu_; }
   // Gives `host` another address on `link`, as a carrier's NAT does that has forgotten the old one.
   // Packets to the old address are lost from now on.
   void rebind(HostId host, LinkId link);
 
+  // Not of a foreign host.
   Endpoint& endpoint(HostId host) { return *hosts_[host].endpoint; }
-  TimePoint local_time(HostId host) const { return local(hosts_[host], now_); }
+  TimePoint local_time(HostId host) const { return hosts_[host].clock.local(now_); }
   // Handles the events of the host's endpoint and sends what it has queued. Must be called after
-  // commands to an endpoint, except from within on_event().
+  // commands to an endpoint, except from within on_event(), and to a foreign host.
   void flush(HostId host);
 
   Duration now() const { return now_; }
@@ -75,9 +97,8 @@ class World {
   void on_sent(std::function<void(HostId, LinkId, ByteView)> handler) {
     on_sent_ = std::move(handler);
   }
-  // Delays datagrams further, behind their link. `delay` is asked when an endpoint hands a datagram
-  // over. Links stay in order: later datagrams of the same link and direction wait for a delayed
-  // one.
+  // Delays datagrams behind their link; `delay` is asked when an endpoint hands one over. Links
+  // stay in order: later datagrams of the same link and direction wait for a delayed one.
   void delay_with(std::function<Duration(HostId, LinkId, ByteView)> delay) {
     delay_ = std::move(delay);
   }
@@ -89,11 +110,28 @@ class World {
   static Address address_of(HostId host, LinkId link, std::uint8_t mapping = 0);
 
  private:
+  struct Nic {
+    LinkId link{};
+    std::size_t mtu = 0;
+    // How often the NIC was rebound.
+    std::uint8_t mapping = 0;
+  };
   struct Host {
+    // Either of the two.
     std::unique_ptr<Endpoint> endpoint;
+    std::unique_ptr<ForeignHost> foreign;
     ClockError clock;
-    // World time of the endpoint's next timeout.
-    std::optional<Duration> wake;
+    std::vector<Nic> nics;
+    // Links of which it is an end, in the order of their numbers.
+    std::vector<std::uint32_t> wires;
+    Agenda::Source source = 0;
+  };
+  // One direction of a wire.
+  struct Lane {
+    Agenda::Source source = 0;
+    std::vector<std::uint32_t> cells;
+    // Until when delay_with() holds back packets.
+    Duration held_until{-1};
   };
   struct Wire {
     HostId a = 0;
@@ -101,48 +139,58 @@ class World {
     LinkId link{};
     emu::Link model;
     Faults faults;
-    // How often each host was rebound.
-    std::uint8_t mapping_a = 0;
-    std::uint8_t mapping_b = 0;
-    // Until when delay_with() holds back packets that go down (0) and up (1).
-    std::array<Duration, 2> held_until{};
+    // Down (0) and up (1).
+    std::array<Lane, 2> lanes{};
   };
-  struct InFlight {
-    Bytes bytes;
-    HostId to = 0;
-    Address from{};
-    LinkId link{};
-    // What delay_with() asked for.
-    Duration delay{};
+  struct SharedCell {
+    emu::Cell model;
+    Agenda::Source source = 0;
   };
+  // What may happen at an instant, in the order in which it does.
+  enum class Kind : std::uint8_t { kLane, kCell, kLate, kPlanned, kHost };
 
-  static TimePoint local(const Host& host, Duration t);
-  static Duration world(const Host& host, TimePoint t);
-  Wire& wire(LinkId link);
-  void carry(HostId from, const Transmit& transmit, ByteView bytes);
-  void put(Wire& wire, bool up, std::uint64_t tag);
-  std::uint64_t new_tag();
-  std::uint64_t copy_of(std::uint64_t tag);
-  void leave(Wire& wire, bool up, emu::LinkModel::Packet packet);
-  void deliver(std::uint64_t tag);
-  void forget(std::uint64_t tag) { free_tags_.push_back(tag); }
+  HostId add(Host host);
+  static std::size_t checked(std::size_t index, std::size_t count);
+  Host& host_at(HostId host) { return hosts_[checked(host, hosts_.size())]; }
+  Wire& wire_at(WireId wire) { return wires_[checked(wire.value, wires_.size())]; }
+  Agenda::Source add_source(Kind kind, std::size_t index);
+  static Nic* nic(Host& host, LinkId link);
+  void plan_lane(Wire& wire, bool up);
   void plan_wake(Host& host);
+  void poll_endpoint(HostId id);
+  void carry(HostId from, const LeavingPacket& out);
+  void put(Wire& wire, bool up, std::uint64_t tag);
+  void leave_link(emu::LinkModel::Packet packet);
+  void leave_hop(std::uint64_t tag);
+  void deliver(std::uint64_t tag);
   bool chance(double p) { return p > 0 && std::uniform_real_distribution<double>(0, 1)(rng_) < p; }
-  Duration next_instant() const;
-  void step();
+  void serve(Kind kind, std::uint32_t index);
+  void serve_lane(Wire& wire, bool up);
+  void serve_cell(SharedCell& cell);
+  void serve_late();
+  void serve_planned();
+  void serve_host(HostId id);
 
   std::mt19937_64 rng_;
-  std::vector<Host> hosts_;
-  std::vector<Wire> wires_;
-  // By tag. Entries of free tags keep their memory for the next packet.
-  std::vector<InFlight> in_flight_;
-  std::vector<std::uint64_t> free_tags_;
+  // Their members stay where they are when a handler adds one.
+  std::deque<Host> hosts_;
+  std::deque<Wire> wires_;
+  std::deque<SharedCell> cells_;
+  // The wire by sender, LinkId and receiver.
+  std::unordered_map<std::uint64_t, std::uint32_t> routes_;
+  Agenda agenda_;
+  Agenda::Source late_source_;
+  Agenda::Source planned_source_;
+  Packets packets_;
+  // What a foreign host is shown.
+  ForeignPacket shown_;
   std::multimap<Duration, std::function<void()>> planned_;
   // Tags of packets that were delayed or reordered behind their link.
   std::multimap<Duration, std::uint64_t> late_;
   std::function<void(HostId, Event&&)> on_event_;
   std::function<void(HostId, LinkId, ByteView)> on_sent_;
   std::function<Duration(HostId, LinkId, ByteView)> delay_;
+  std::uint64_t above_nic_mtu_ = 0;
   Duration now_{};
 };
 

@@ -79,7 +79,7 @@ class Duo {
     world.at(at, [this, link, keys] {
       const auto parsed = emu::parse_change(keys);
       ASSERT_TRUE(std::holds_alternative<emu::LinkChange>(parsed));
-      world.model(LinkId{link}).change(world.now(), std::get<emu::LinkChange>(parsed));
+      world.change(world.wire_of(LinkId{link}), std::get<emu::LinkChange>(parsed));
     });
   }
   void cut(Duration at, std::uint8_t link, bool is_cut = true) {
