@@ -1,6 +1,7 @@
 #include "lab/foreign/tcp.h"
 
 #include <algorithm>
+#include <utility>
 
 namespace interneuron::foreign {
 namespace {
@@ -24,7 +25,7 @@ TcpSource::TcpSource(ConnectionId connection, const std::vector<Path>& paths,
   }
 }
 
-void TcpSource::send(Duration, const Message& message) { waiting_.push_back(message); }
+void TcpSource::send(Duration, const Message& message) { newest_ = message; }
 
 void TcpSource::handle_packet(Duration now, const sim::ForeignPacket& packet) {
   const auto it =
@@ -43,20 +44,20 @@ void TcpSource::handle_timeout(Duration now) {
 }
 
 void TcpSource::drop_expired(Duration now) {
-  while (has_new() && written_ == 0 && waiting_.front().deadline <= now) waiting_.pop_front();
+  if (newest_ && newest_->deadline <= now) newest_.reset();
 }
 
 Piece TcpSource::next_piece() {
-  const Message& message = waiting_.front();
+  if (!begun_) begun_ = std::exchange(newest_, std::nullopt);
   Piece piece;
   piece.offset = offset_;
-  piece.bytes = static_cast<std::uint32_t>(std::min<std::uint64_t>(kMss, message.bytes - written_));
-  piece.message = message.number;
+  piece.bytes = static_cast<std::uint32_t>(std::min<std::uint64_t>(kMss, begun_->bytes - written_));
+  piece.message = begun_->number;
   written_ += piece.bytes;
   offset_ += piece.bytes;
-  piece.ends_message = written_ == message.bytes;
+  piece.ends_message = written_ == begun_->bytes;
   if (piece.ends_message) {
-    waiting_.pop_front();
+    begun_.reset();
     written_ = 0;
   }
   return piece;

@@ -4,10 +4,10 @@
 // subflow whose retransmission timeout ran out go over others, too (RFC 8684, section 3.3.6).
 // Subflows have a congestion control each, uncoupled, as upstream Linux has them.
 //
-// The source is a careful application: it writes no further ahead than the window allows, and drops
-// a message whose deadline has passed before the first byte of it was written. One that was begun
-// is carried to its end, since a stream cannot be cut. Demand is unbounded: what waits takes 24
-// bytes per message. Pure; thread-compatible; no errors.
+// The source is a careful application of live data: it writes no further ahead than the window
+// allows, and of the messages that wait for that it keeps the newest, while its deadline has not
+// passed. One that was begun is carried to its end, since a stream cannot be cut. Memory: two
+// messages and what is in flight. Pure; thread-compatible; no errors.
 #pragma once
 
 #include <deque>
@@ -52,7 +52,7 @@ class TcpSource final : public MessageSource {
   };
 
   void drop_expired(Duration now);
-  bool has_new() const { return !waiting_.empty(); }
+  bool has_new() const { return begun_ || newest_; }
   Subflow* best_with_room(Duration now);
   Piece next_piece();
   sim::ForeignPacket packet(const Subflow& subflow, DataSegment segment) const;
@@ -60,8 +60,9 @@ class TcpSource final : public MessageSource {
   ConnectionId connection_;
   sim::Ecn ecn_;
   std::vector<Subflow> subflows_;
-  Ring<Message> waiting_;
-  // Of the message in front, the bytes written.
+  // The message of which `written_` bytes are in the stream, and the one that comes next.
+  std::optional<Message> begun_;
+  std::optional<Message> newest_;
   std::uint64_t written_ = 0;
   std::uint64_t offset_ = 0;
 };

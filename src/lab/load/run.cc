@@ -1,10 +1,10 @@
 #include "lab/load/run.h"
 
 #include <algorithm>
-#include <numeric>
 
-#include "core/base/statistics.h"
 #include "lab/emu/random.h"
+#include "lab/foreign/segment.h"
+#include "lab/load/fleet.h"
 #include "lab/load/meter.h"
 
 namespace interneuron::load {
@@ -12,16 +12,24 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr LinkId kLink{0};
-constexpr PipelineId kPipeline{0};
-// For everybody to get to know each other and to measure the link.
+// For everybody to get to know each other and to measure the link; cross traffic begins a second
+// before the messages.
 constexpr Duration kWarmUp = 2s;
-// The queue is looked at once in this time. No measurement behind this value: it only has to be
-// short against the time that a message takes.
-constexpr Duration kLook = 1ms;
-// The way back is not under test: its rate only has to be far above what answers need.
-constexpr DataRate kRateBack = DataRate::mbit(1000);
-constexpr std::uint32_t kRoadSession = 0x524f4144;
+constexpr Duration kCrossBegins = 1s;
+// A late vehicle has its share when it had this part of it over such a window, which is looked at
+// in such steps. No measurement behind the window: it only has to hold some ten messages.
+constexpr double kEnoughShare = 0.8;
+constexpr Duration kShareWindow = 500ms;
+constexpr Duration kShareStep = 10ms;
+
+double bytes_in(DataRate rate, Duration time) {
+  return static_cast<double>(rate.bits_per_second) / 8 *
+         std::chrono::duration<double>(time).count();
+}
+
+double mbit_of(double bytes, Duration time) {
+  return bytes * 8e-6 / std::chrono::duration<double>(time).count();
+}
 
 class Run {
  public:
@@ -29,84 +37,47 @@ class Run {
   Row run(const std::function<void(sim::World&)>& prepare);
 
  private:
-  emu::LinkProfile profile() const;
-  std::vector<std::size_t> variant_bytes() const;
-  EndpointOptions vehicle_options(std::size_t vehicle) const;
+  emu::CellParams cell() const;
   void plan_messages();
-  void plan_dip();
-  void send(std::size_t vehicle);
-  void look();
   Duration begin() const { return kWarmUp; }
   Duration end() const { return kWarmUp + s_.length; }
   double capacity_bytes() const;
+  // What the bottleneck could have carried of messages like these.
+  double payload_capacity() const { return capacity_bytes() * payload_share(s_.message_bytes); }
   std::optional<double> whole_after_ms() const;
-  Row row() const;
+  std::optional<double> share_after_ms() const;
+  void read_bottleneck(Row& row) const;
+  void read_cross_traffic(Row& row, std::uint64_t bytes) const;
+  void read_messages(Row& row) const;
 
   const Scenario& s_;
   sim::World world_;
   Meter meter_;
-  std::vector<sim::HostId> vehicles_;
-  std::vector<PeerId> peers_;
-  sim::HostId road_ = 0;
-  // What the queue would have taken to drain, at each look.
-  std::vector<double> queue_ms_;
-  std::uint64_t delivered_before_ = 0;
-  std::uint64_t delivered_ = 0;
+  sim::CellId cell_;
+  std::unique_ptr<Fleet> fleet_;
+  CrossTraffic cross_;
 };
 
 Run::Run(const Scenario& scenario)
     : s_(scenario),
       world_(scenario.seed),
-      meter_(scenario.vehicles, scenario.deadline, variant_bytes()) {}
+      meter_(scenario.vehicles, scenario.deadline, variant_bytes(scenario)),
+      cell_(world_.add_cell(cell())),
+      fleet_(make_fleet(scenario, world_, cell_, meter_)),
+      cross_(scenario, world_, cell_) {}
 
-std::vector<std::size_t> Run::variant_bytes() const {
-  if (s_.peer == Peer::kOursVariants) return {s_.message_bytes, s_.small_bytes};
-  return {s_.message_bytes};
-}
-
-emu::LinkProfile Run::profile() const {
-  emu::LinkProfile profile;
-  profile.name = "bottleneck";
-  profile.delay = emu::constant_delay(to_ms(2 * s_.one_way), 0);
-  const auto bytes_in = [](DataRate rate, Duration time) {
-    return static_cast<std::size_t>(static_cast<double>(rate.bits_per_second) / 8 *
-                                    std::chrono::duration<double>(time).count());
-  };
-  profile.up.rate = s_.capacity;
-  profile.up.queue_bytes = bytes_in(s_.capacity, s_.queue);
-  profile.down.rate = kRateBack;
-  profile.down.queue_bytes = bytes_in(kRateBack, s_.queue);
-  return profile;
-}
-
-// Messages go one way: a round of them ends with the delivery, and nobody answers.
-EndpointOptions Run::vehicle_options(std::size_t vehicle) const {
-  PipelineConfig pipeline;
-  pipeline.id = kPipeline;
-  pipeline.stages = {StageKind::kCommunication, StageKind::kCommunication};
-  pipeline.deadline = s_.deadline;
-  pipeline.period = s_.period;
-  pipeline.policy = s_.peer == Peer::kOursVariants ? "down_sampling" : "best_link";
-  pipeline.guard = GuardKind::kPaper;
-  pipeline.use_x = false;
-  pipeline.use_handler = false;
-  EndpointOptions options;
-  options.session = SessionId{static_cast<std::uint32_t>(vehicle + 1)};
-  options.pipelines = {pipeline};
-  options.policies = builtin_policies();
-  return options;
-}
-
-void Run::send(std::size_t vehicle) {
-  meter_.begin(vehicle, world_.now());
-  const sim::HostId host = vehicles_[vehicle];
-  Endpoint& endpoint = world_.endpoint(host);
-  const RoundRef round = endpoint.begin_round(world_.local_time(host), kPipeline);
-  Variants variants;
-  for (const std::size_t bytes : variant_bytes()) variants.emplace_back(bytes);
-  endpoint.submit(world_.local_time(host), round, std::move(variants), MessageClass::kData,
-                  peers_[vehicle]);
-  world_.flush(host);
+emu::CellParams Run::cell() const {
+  emu::CellParams cell;
+  cell.rate = s_.capacity;
+  cell.queue_bytes = emu::queue_bytes_of(s_.capacity, s_.queue);
+  if (s_.codel) cell.codel.emplace();
+  if (s_.dip) {
+    const Duration falls = begin() + s_.dip->at;
+    const emu::SteppedRate steps{
+        {{{}, s_.capacity}, {falls, s_.dip->rate}, {falls + s_.dip->length, s_.capacity}}, {}};
+    cell.trace = std::make_shared<const emu::SteppedRate>(steps);
+  }
+  return cell;
 }
 
 // Each vehicle begins at a phase of its own, for no transport is made for vehicles that all send at
@@ -116,39 +87,17 @@ void Run::plan_messages() {
   for (std::size_t v = 0; v < s_.vehicles; ++v) {
     const Duration phase{
         static_cast<std::int64_t>(random.uniform() * static_cast<double>(s_.period.count()))};
-    for (Duration at = begin() + phase; at < end(); at += s_.period) {
-      world_.at(at, [this, v] { send(v); });
+    const bool is_late = s_.late && v + 1 == s_.vehicles;
+    const Duration first = begin() + phase + (is_late ? *s_.late : Duration{});
+    for (Duration at = first; at < end(); at += s_.period) {
+      world_.at(at, [this, v] { fleet_->send(v, meter_.begin(v, world_.now())); });
     }
   }
 }
 
-void Run::plan_dip() {
-  if (!s_.dip) return;
-  const auto change = [this](Duration at, DataRate rate) {
-    world_.at(at, [this, rate] {
-      emu::LinkChange c;
-      c.direction(emu::Direction::kUp).rate = rate;
-      world_.change(world_.wire_of(kLink), c);
-    });
-  };
-  change(begin() + s_.dip->at, s_.dip->rate);
-  change(begin() + s_.dip->at + s_.dip->length, s_.capacity);
-}
-
-void Run::look() {
-  const emu::LinkModel& up = world_.model(world_.wire_of(kLink)).up();
-  const DataRate rate = up.params().rate;
-  queue_ms_.push_back(to_ms(rate.transmit_time(up.waiting_bytes(world_.now()))));
-  if (world_.now() + kLook < end()) world_.at(world_.now() + kLook, [this] { look(); });
-}
-
 double Run::capacity_bytes() const {
-  const auto carried = [](DataRate rate, Duration time) {
-    return static_cast<double>(rate.bits_per_second) / 8 *
-           std::chrono::duration<double>(time).count();
-  };
-  if (!s_.dip) return carried(s_.capacity, s_.length);
-  return carried(s_.capacity, s_.length - s_.dip->length) + carried(s_.dip->rate, s_.dip->length);
+  if (!s_.dip) return bytes_in(s_.capacity, s_.length);
+  return bytes_in(s_.capacity, s_.length - s_.dip->length) + bytes_in(s_.dip->rate, s_.dip->length);
 }
 
 std::optional<double> Run::whole_after_ms() const {
@@ -160,52 +109,66 @@ std::optional<double> Run::whole_after_ms() const {
   return std::nullopt;
 }
 
-Row Run::row() const {
-  Row row;
-  row.scenario = s_;
+std::optional<double> Run::share_after_ms() const {
+  const std::size_t last = s_.vehicles - 1;
+  if (!s_.late || meter_.messages(last).empty()) return std::nullopt;
+  const Duration first = meter_.messages(last).front().begun;
+  const double share = bytes_in(s_.capacity, kShareWindow) * payload_share(s_.message_bytes) /
+                       static_cast<double>(s_.vehicles);
+  for (Duration at = first; at <= end(); at += kShareStep) {
+    const auto had = static_cast<double>(meter_.on_time_bytes(last, at - kShareWindow, at));
+    if (had >= kEnoughShare * share) return to_ms(at - first);
+  }
+  return std::nullopt;
+}
+
+void Run::read_bottleneck(Row& row) const {
+  row.queue_p99_ms = to_ms(world_.cell(cell_).queue_time().quantile(0.99));
+  row.utilisation = world_.cell(cell_).utilisation(world_.now());
+}
+
+void Run::read_cross_traffic(Row& row, std::uint64_t bytes) const {
+  if (s_.cross_flows == 0) return;
+  const auto parties = static_cast<double>(s_.vehicles + s_.cross_flows);
+  const double own = payload_capacity() * static_cast<double>(s_.vehicles) / parties;
+  const double cross = capacity_bytes() * foreign::kMss / (foreign::kMss + foreign::kTcpIpBytes) *
+                       static_cast<double>(s_.cross_flows) / parties;
+  row.own_share = static_cast<double>(meter_.on_time_bytes()) / own;
+  row.cross_share = static_cast<double>(bytes) / cross;
+}
+
+void Run::read_messages(Row& row) const {
   row.messages = meter_.count();
   row.missed = meter_.missed();
   row.degraded = meter_.degraded();
   row.age_p50_ms = to_ms(meter_.age(0.50));
   row.age_p99_ms = to_ms(meter_.age(0.99));
   const auto on_time = static_cast<double>(meter_.on_time_bytes());
-  row.on_time_goodput_mbit = on_time * 8e-6 / std::chrono::duration<double>(s_.length).count();
-  const double offered = static_cast<double>(row.messages * s_.message_bytes);
-  const double carried = capacity_bytes() * payload_share(s_.message_bytes);
-  row.of_possible = on_time / std::min(offered, carried);
-  row.queue_p99_ms = percentile(queue_ms_, 0.99);
-  row.utilisation = static_cast<double>(delivered_ - delivered_before_) / capacity_bytes();
+  row.on_time_goodput_mbit = mbit_of(on_time, s_.length);
+  const auto offered = static_cast<double>(row.messages * s_.message_bytes);
+  row.of_possible = on_time / std::min(offered, payload_capacity());
   if (s_.vehicles > 1) row.jain = meter_.jain();
   row.whole_after_ms = whole_after_ms();
-  return row;
+  row.share_after_ms = share_after_ms();
 }
 
 Row Run::run(const std::function<void(sim::World&)>& prepare) {
-  EndpointOptions road;
-  road.session = SessionId{kRoadSession};
-  road.policies = builtin_policies();
-  road.accept_peers = true;
-  road_ = world_.add_host(std::move(road));
-  vehicles_.push_back(world_.add_host(vehicle_options(0)));
-  world_.add_link(vehicles_[0], road_, kLink, "bottleneck", emu::Link(profile(), s_.seed));
-  world_.on_event([this](sim::HostId host, Event&& event) {
-    const auto* message = std::get_if<Delivered>(&event);
-    if (message == nullptr || host != road_) return;
-    meter_.arrived(message->round.origin.value - 1, message->round.round.value, message->variant,
-                   world_.now());
-  });
   if (prepare) prepare(world_);
-  peers_.push_back(world_.connect(vehicles_[0], road_));
   plan_messages();
-  plan_dip();
-  world_.at(begin(), [this] {
-    delivered_before_ = world_.stats(kLink, true).bytes_delivered;
-    look();
-  });
+  world_.at(begin() - kCrossBegins, [this] { cross_.start(); });
+  world_.run_until(begin());
+  world_.measure_cells();
+  const std::uint64_t cross_before = cross_.readable_bytes();
   world_.run_until(end());
-  delivered_ = world_.stats(kLink, true).bytes_delivered;
+  Row row;
+  row.scenario = s_;
+  read_bottleneck(row);
+  const std::uint64_t cross_bytes = cross_.readable_bytes() - cross_before;
   world_.run_until(end() + s_.deadline);
-  return row();
+  fleet_->collect();
+  read_messages(row);
+  read_cross_traffic(row, cross_bytes);
+  return row;
 }
 
 }  // namespace

@@ -34,6 +34,13 @@ struct Row {
   // Of a dip: from the return of the rate until the first whole message that is on time is handed
   // over; nothing when there is none.
   std::optional<double> whole_after_ms{};
+  // Of a late vehicle: from its first message until it has had 80 % of its fair share for half a
+  // second; nothing when that never was.
+  std::optional<double> share_after_ms{};
+  // Beside cross traffic: the on-time payload, and what the applications of the cross traffic could
+  // read, each over its fair share of what the bottleneck could have carried.
+  std::optional<double> own_share{};
+  std::optional<double> cross_share{};
 };
 
 // `prepare` may look at the world, or change it, before the run begins.

@@ -22,11 +22,15 @@ constexpr std::array<Duration, 2> kQueues{30ms, 300ms};
 // The smaller variant has a quarter of the bytes.
 constexpr std::size_t kSmaller = 4;
 
-constexpr std::array<std::string_view, kPeers> kPeerNames{"ours", "ours_variants"};
+constexpr std::array<std::string_view, kPeers> kPeerNames{"ours",  "ours_variants", "udp",
+                                                          "cubic", "bbr_like",      "mptcp_like"};
 
-constexpr std::array<Group, 3> kGroups{{
+constexpr std::array<Group, 6> kGroups{{
     {"rate", "One vehicle, messages that take a third of the deadline, ever more often", true},
     {"size", "One vehicle, 10 messages a second, ever larger", true},
+    {"vehicles", "Many vehicles in one cell of 60 Mbit/s, each with its share of the load", true},
+    {"late", "Ten vehicles offer twice the rate of a cell, the last one begins later", false},
+    {"cubic", "One vehicle with three times the rate of a cell beside one flow of CUBIC", false},
     {"dip", "60 Mbit/s fall to 6 for 3 s and come back", false},
 }};
 
@@ -39,6 +43,16 @@ constexpr std::array<Bottleneck, 2> kBottlenecks{{{20, 48 * 1024}, {60, 128 * 10
 
 constexpr std::array kRateLoads{0.5, 0.8, 0.95, 1.05, 1.2, 1.5, 2.0, 3.0};
 constexpr std::array kSizeLoads{0.95, 1.0, 1.05, 1.1, 1.2};
+
+// So many vehicles share a cell of kCellMbit. A message takes 46 ms at a vehicle's fair share, less
+// than half of the deadline: 32 KiB where there are ten.
+constexpr double kCellMbit = 60;
+constexpr std::size_t kSharedBytes = std::size_t{320} * 1024;
+struct Crowd {
+  std::size_t vehicles;
+  double load;
+};
+constexpr std::array<Crowd, 4> kCrowds{{{2, 2.0}, {10, 1.06}, {10, 2.0}, {50, 2.0}}};
 
 std::vector<double> or_default(const std::vector<double>& chosen, std::span<const double> own) {
   return chosen.empty() ? std::vector<double>(own.begin(), own.end()) : chosen;
@@ -106,16 +120,65 @@ std::vector<Scenario> size(const Choice& choice) {
   return out;
 }
 
+Scenario crowd(const Choice& choice, std::string_view group, const Crowd& crowd) {
+  Scenario s = base(choice, group, kCellMbit, kQueues[1]);
+  s.name = std::to_string(crowd.vehicles) + "-vehicles";
+  s.vehicles = crowd.vehicles;
+  s.load = crowd.load;
+  s.message_bytes = kSharedBytes / crowd.vehicles;
+  s.period = period_for(s);
+  return s;
+}
+
+std::vector<Scenario> vehicles(const Choice& choice) {
+  std::vector<Scenario> out;
+  if (choice.loads.empty()) {
+    for (const Crowd& c : kCrowds) out.push_back(crowd(choice, "vehicles", c));
+    return out;
+  }
+  for (const std::size_t n : {std::size_t{2}, std::size_t{10}, std::size_t{50}}) {
+    for (const double load : choice.loads) out.push_back(crowd(choice, "vehicles", {n, load}));
+  }
+  return out;
+}
+
+std::vector<Scenario> late(const Choice& choice) {
+  Scenario s = crowd(choice, "late", {10, 2.0});
+  // Long enough for the others to have settled, and as long again to see it through.
+  s.late = choice.length / 3;
+  return {s};
+}
+
+std::vector<Scenario> cubic(const Choice& choice) {
+  constexpr double kUnlimited = 3;
+  std::vector<Scenario> out;
+  for (const bool codel : {false, true}) {
+    for (const Duration queue : kQueues) {
+      if (codel && queue != kQueues[1]) continue;
+      Scenario s = base(choice, "cubic", kCellMbit, queue);
+      if (codel) s.name = "60mbit-codel";
+      s.codel = codel;
+      s.load = kUnlimited;
+      s.message_bytes = kBottlenecks[1].message_bytes;
+      s.period = period_for(s);
+      s.cross_flows = 1;
+      out.push_back(std::move(s));
+    }
+  }
+  return out;
+}
+
 std::vector<Scenario> dip(const Choice& choice) {
-  constexpr double kMbit = 60;
   constexpr std::size_t kWhole = 128 * 1024;
+  constexpr std::size_t kSmall = 16 * 1024;
+  constexpr std::size_t kTiny = 1024;
   constexpr Dip kDip{.at = 3s, .length = 3s, .rate = DataRate::mbit(6)};
   // Long enough to see what becomes of the vehicle after the dip.
   constexpr Duration kAfter = 6s;
   std::vector<Scenario> out;
-  for (const std::size_t small : {std::size_t{16 * 1024}, std::size_t{1024}}) {
-    Scenario s = base(choice, "dip", kMbit, kQueues[1]);
-    s.name += "-" + std::to_string(small / 1024) + "kib";
+  for (const std::size_t small : {kSmall, kTiny}) {
+    Scenario s = base(choice, "dip", kCellMbit, kQueues[1]);
+    s.name = "small-" + std::to_string(small / 1024) + "kib";
     s.message_bytes = kWhole;
     s.small_bytes = small;
     s.period = kFrame;
@@ -153,10 +216,12 @@ double payload_share(std::size_t message_bytes) {
 }
 
 std::vector<Scenario> scenarios(std::string_view group, const Choice& choice) {
-  std::vector<Scenario> family;
-  if (group == "rate") family = rate(choice);
-  if (group == "size") family = size(choice);
-  if (group == "dip") family = dip(choice);
+  using Family = std::vector<Scenario> (*)(const Choice&);
+  constexpr std::array<Family, kGroups.size()> kFamilies{rate, size, vehicles, late, cubic, dip};
+  const auto found = std::ranges::find(kGroups, group, &Group::name);
+  if (found == kGroups.end()) return {};
+  const std::vector<Scenario> family =
+      kFamilies[static_cast<std::size_t>(found - kGroups.begin())](choice);
   std::vector<Peer> peers = choice.peers;
   if (peers.empty()) {
     for (std::size_t i = 0; i < kPeers; ++i) peers.push_back(static_cast<Peer>(i));
@@ -166,7 +231,11 @@ std::vector<Scenario> scenarios(std::string_view group, const Choice& choice) {
     for (Scenario s : family) {
       s.peer = peer;
       if (s.small_bytes == 0) s.small_bytes = s.message_bytes / kSmaller;
-      out.push_back(std::move(s));
+      if (peer != Peer::kOursVariants) s.small_bytes = 0;
+      // Without variants, those that differ by them alone are one.
+      const bool is_twin = s.dip && s.small_bytes == 0 && !out.empty() && out.back().peer == peer;
+      if (s.dip && s.small_bytes == 0) s.name = "no-variants";
+      if (!is_twin) out.push_back(std::move(s));
     }
   }
   return out;

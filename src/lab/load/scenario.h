@@ -23,9 +23,16 @@ enum class Peer : std::uint8_t {
   kOurs,
   // Endpoints with the policy down_sampling: every message has a smaller variant, too.
   kOursVariants,
+  // Each message at once in plain datagrams, without repair (src/lab/foreign/udp.h).
+  kUdp,
+  // TCP with CUBIC; with a rate-based control after BBR; MPTCP with CUBIC over two modems in the
+  // same cell (src/lab/foreign/tcp.h).
+  kCubic,
+  kBbrLike,
+  kMptcpLike,
 };
 
-inline constexpr std::size_t kPeers = 2;
+inline constexpr std::size_t kPeers = 6;
 
 // The names as users write them, by Peer: "ours", "ours_variants".
 std::span<const std::string_view> peer_names();
@@ -51,8 +58,10 @@ struct Scenario {
   double load = 1;
   std::size_t vehicles = 1;
   DataRate capacity{};
-  // How long a full queue takes to drain.
+  // How long a full queue takes to drain at this rate.
   Duration queue{};
+  // The queue is managed by CoDel; else packets are dropped at its tail.
+  bool codel = false;
   // Without any queue.
   Duration one_way{};
   // From the instant at which a message is handed over.
@@ -65,6 +74,10 @@ struct Scenario {
   // Messages begin for this long.
   Duration length{};
   std::optional<Dip> dip{};
+  // The last vehicle begins so long after the others; else all begin together.
+  std::optional<Duration> late{};
+  // CUBIC flows with unlimited demand through the same bottleneck.
+  std::size_t cross_flows = 0;
   std::uint64_t seed = 1;
 };
 
@@ -89,7 +102,7 @@ struct Choice {
   std::vector<Peer> peers;
   std::vector<double> loads;
   // How long messages begin.
-  Duration length = std::chrono::seconds(30);
+  Duration length = std::chrono::seconds(20);
   std::uint64_t seed = 1;
 };
 

@@ -45,5 +45,68 @@ TEST(Run, ADipIsSeenInTheFiguresOfTheBottleneck) {
   EXPECT_GE(*row.whole_after_ms, 0);
 }
 
+// Every transport, in conditions in which none of them misses much.
+class RunOf : public testing::TestWithParam<Peer> {};
+
+TEST_P(RunOf, BelowCapacityHardlyAnythingIsMissed) {
+  const Row row = run_first("rate", GetParam(), 0.5, 5s);
+  EXPECT_LE(row.missed, row.messages / 20);
+  EXPECT_GT(row.of_possible, 0.95);
+  EXPECT_NEAR(row.utilisation, 0.5, 0.05);
+}
+
+TEST_P(RunOf, AboveCapacityTheLinkIsFullOrTheMessagesSmaller) {
+  const Row row = run_first("rate", GetParam(), 2, 5s);
+  EXPECT_TRUE(row.utilisation > 0.9 || row.degraded > row.messages / 2) << row.utilisation;
+  EXPECT_LE(row.of_possible, 1.06);
+  EXPECT_LE(row.queue_p99_ms, 31);
+}
+
+INSTANTIATE_TEST_SUITE_P(Peers, RunOf,
+                         testing::Values(Peer::kOurs, Peer::kOursVariants, Peer::kUdp, Peer::kCubic,
+                                         Peer::kBbrLike, Peer::kMptcpLike),
+                         [](const auto& test) { return std::string(name_of(test.param)); });
+
+TEST(Run, UdpAtTwiceTheRateLosesHalfOfItsPackets) {
+  Choice choice;
+  choice.peers = {Peer::kUdp};
+  choice.loads = {2.0};
+  choice.length = 5s;
+  Scenario s = scenarios("vehicles", choice).front();
+  // Messages of one datagram, so that each packet that is carried counts.
+  s.message_bytes = 1400;
+  s.period = Duration{s.capacity.transmit_time(1428).count() * std::int64_t(s.vehicles) / 2};
+  s.queue = 30ms;
+  const Row row = run(s);
+  EXPECT_NEAR(static_cast<double>(row.missed) / static_cast<double>(row.messages), 0.5, 0.02);
+}
+
+TEST(Run, ALateVehicleIsSeenToGetItsShare) {
+  // Far below capacity it has all that it offers at once, and its share is what it is entitled to.
+  Choice choice;
+  choice.peers = {Peer::kUdp};
+  choice.length = 6s;
+  Scenario s = scenarios("late", choice).front();
+  s.load = 0.95;
+  s.period = s.period * 200 / 95;
+  const Row row = run(s);
+  ASSERT_TRUE(row.share_after_ms.has_value());
+  EXPECT_GT(*row.share_after_ms, 100);
+  EXPECT_LT(*row.share_after_ms, 1000);
+}
+
+TEST(Run, TwoFlowsOfCubicShareABottleneck) {
+  Choice choice;
+  choice.peers = {Peer::kCubic};
+  choice.length = 20s;
+  for (const Scenario& s : scenarios("cubic", choice)) {
+    const Row row = run(s);
+    ASSERT_TRUE(row.cross_share && row.own_share) << s.name;
+    // Of the payload of the vehicle only what is on time counts.
+    EXPECT_GT(*row.cross_share, 0.5) << s.name;
+    EXPECT_LT(*row.cross_share + *row.own_share, 2.01) << s.name;
+  }
+}
+
 }  // namespace
 }  // namespace interneuron::load

@@ -3,6 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <set>
+#include <tuple>
+
 namespace interneuron::load {
 namespace {
 
@@ -15,6 +18,8 @@ TEST(Scenario, EveryGroupOffersTheLoadItNames) {
                              std::chrono::duration<double>(s.period).count();
       const double capacity = static_cast<double>(s.capacity.bits_per_second);
       EXPECT_NEAR(offered / capacity, s.load, 0.005) << group.name << " " << s.name;
+      const bool has_variants = s.peer == Peer::kOursVariants;
+      EXPECT_EQ(s.small_bytes > 0, has_variants) << group.name << " " << s.name;
       EXPECT_LT(s.small_bytes, s.message_bytes) << group.name << " " << s.name;
     }
   }
@@ -29,6 +34,16 @@ TEST(Scenario, WhatIsChosenIsRunAndNothingElse) {
     EXPECT_TRUE(s.load == 1.05 || s.load == 2.5) << s.load;
   }
   EXPECT_TRUE(scenarios("nothing", choice).empty());
+}
+
+TEST(Scenario, NoRunIsMadeTwice) {
+  std::set<std::tuple<std::string, std::string, Peer, double>> seen;
+  for (const Group& group : groups()) {
+    for (const Scenario& s : scenarios(group.name, {})) {
+      EXPECT_TRUE(seen.insert({s.group, s.name, s.peer, s.load}).second)
+          << s.group << " " << s.name << " " << name_of(s.peer) << " " << s.load;
+    }
+  }
 }
 
 TEST(Scenario, PeersAreFoundByTheirNames) {

@@ -24,7 +24,7 @@ struct Options {
   std::vector<std::string> groups;
   std::vector<std::string> peers;
   std::vector<double> loads;
-  double seconds = 30;
+  double seconds = 20;
   std::uint64_t seed = 1;
   bool json = false;
   std::string plot;
