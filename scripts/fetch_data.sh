@@ -3,10 +3,11 @@
 # detection models from their public origins. Every file is verified against scripts/data.sha256; a file that is already
 # there and right is kept. Needs no root.
 #
-#   scripts/fetch_data.sh [--dest DIR] [--ground-truth]
+#   scripts/fetch_data.sh [--dest DIR] [--ground-truth] [--traces]
 #
 #   --dest DIR       where to; default build/data
 #   --ground-truth   also the MOTChallenge ground truth of the video, which is licensed CC BY-NC-SA 3.0
+#   --traces         also measured rates of two LTE networks, which are part of Mahimahi and under the GPL 3
 #
 # Exit codes: 0 all there, 1 a file could not be had (the others were still fetched), 2 usage.
 set -euo pipefail
@@ -15,6 +16,7 @@ sums="$root/scripts/data.sha256"
 
 dest="$root/build/data"
 ground_truth=false
+traces=false
 while (($# > 0)); do
   case $1 in
     --dest)
@@ -24,6 +26,7 @@ while (($# > 0)); do
       ;;
     --dest=?*) dest=${1#--dest=} ;;
     --ground-truth) ground_truth=true ;;
+    --traces) traces=true ;;
     -h | --help) sed -n '2,/^set /{/^set /d;s/^# \{0,1\}//;p}' "${BASH_SOURCE[0]}"; exit 0 ;;
     *) printf "fetch_data: unknown argument '%s'; see scripts/fetch_data.sh --help\n" "$1" >&2; exit 2 ;;
   esac
@@ -42,6 +45,7 @@ sources=(
 )
 video="pets/vtest.avi"
 video_url="$github/opencv/opencv/4.6.0/samples/data/vtest.avi"
+mahimahi="$github/ravinet/mahimahi/ae477d437615b972217498ba52be07db17a15618/traces"
 truth="$github/gonzalocarreteroh/MASA-OA/ff2036c/benchmarks/MOT15/PETS09-S2L1"
 
 say() { printf 'fetch_data: %s\n' "$*"; }
@@ -149,6 +153,13 @@ if $ground_truth; then
   say "the ground truth is MOTChallenge data, licensed CC BY-NC-SA 3.0: attribution, no commercial use, share alike"
   fetch pets/gt.txt "$truth/gt/gt.txt" "$truth/gt.txt"
   fetch pets/seqinfo.ini "$truth/seqinfo.ini"
+fi
+
+if $traces; then
+  say "the traces are part of Mahimahi, licensed GPL 3"
+  for name in TMobile-LTE-short.up TMobile-LTE-short.down Verizon-LTE-short.up Verizon-LTE-short.down; do
+    fetch "traces/mahimahi/$name" "$mahimahi/$name"
+  done
 fi
 
 ((kept == 0)) || say "$kept already there"

@@ -124,7 +124,7 @@ struct BuiltInProfile {
 std::span<const BuiltInProfile> built_in_profiles();
 
 struct BuiltInTrace {
-  // As profiles name it: "traces/lte-sprint-highway.rtt".
+  // As profiles name it: "traces/lte-sprint-highway.rtt", "traces/generated-cellular-up.mahi".
   std::string_view name;
   std::string_view text;
 };

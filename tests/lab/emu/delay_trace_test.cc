@@ -105,12 +105,15 @@ TEST(DelayTrace, StartsAtTheBeginningUnlessToldOtherwise) {
 // The figures of the measurement's own summary: 5 % of Sprint's highway drive were bad or
 // unavailable.
 TEST(DelayTrace, MeasuredDrivesAreBuiltIn) {
-  ASSERT_EQ(built_in_traces().size(), 4U);
+  int drives = 0;
   for (const BuiltInTrace& built_in : built_in_traces()) {
+    if (!built_in.name.ends_with(".rtt")) continue;
+    ++drives;
     const auto result = parse_delay_trace(built_in.text);
     ASSERT_TRUE(std::holds_alternative<DelayTrace>(result)) << built_in.name;
     EXPECT_GT(std::get<DelayTrace>(result).length(), std::chrono::minutes(50)) << built_in.name;
   }
+  EXPECT_EQ(drives, 4);
   const auto sprint = profile_of("lte-sprint-highway").delay.trace;
   ASSERT_NE(sprint, nullptr);
   const auto gone = std::count_if(sprint->rtt_ms.begin(), sprint->rtt_ms.end(),

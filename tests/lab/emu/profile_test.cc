@@ -60,6 +60,16 @@ TEST(Profile, ReadsAConstantOne) {
   EXPECT_EQ(profile->down.queue_bytes, 64'000U);
 }
 
+// Its long-run rates are those that scripts/generate_rates.py was asked for.
+TEST(Profile, GeneratedRatesHaveTheirMean) {
+  const LinkProfile profile = profile_of("generated-cellular");
+  ASSERT_TRUE(profile.up.trace && profile.down.trace);
+  EXPECT_NEAR(profile.up.rate.mbit(), 6, 0.01);
+  EXPECT_NEAR(profile.down.rate.mbit(), 12, 0.01);
+  const auto& up = *std::get<std::shared_ptr<const Opportunities>>(*profile.up.trace);
+  EXPECT_EQ(up.at_ms.back(), 60'000);
+}
+
 TEST(Profile, BuiltInOnesAreTheFilesAndAreValid) {
   std::set<std::string> names;
   for (const BuiltInProfile& built_in : built_in_profiles()) {
