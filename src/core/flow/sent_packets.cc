@@ -7,6 +7,18 @@ namespace {
 
 // A packet is lost when one sent this many later has arrived (RFC 9002 §6.1.1).
 constexpr std::uint64_t kReorderPackets = 3;
+// The reordering window is a quarter of the smallest round trip (RFC 8985 §6.2), but not less than
+// this: what arrives late is reported up to 5 ms later (src/core/peers/peer.cc).
+constexpr int kWindowDivisor = 4;
+constexpr Duration kLeastWindow = std::chrono::milliseconds(6);
+// However late packets come, more than this or a round trip is not waited for. No measurement
+// behind this value: it only has to leave most deadlines time for a second copy.
+constexpr Duration kMostWindow = std::chrono::milliseconds(30);
+// So many losses without reordering end what was learnt of it: 16 recoveries in RFC 8985 §6.2.
+constexpr std::uint64_t kForgetReordering = 16;
+// What a report does not tell of so long after it left is lost: the longest routine stall of a
+// radio is 800 ms (docs/constants.md, "States of a path").
+constexpr Duration kUntold = std::chrono::seconds(1);
 // How long the records of packets are kept for late acknowledgements. No measurement behind this
 // value: it only has to be larger than a round trip with full queues.
 constexpr Duration kKeep = std::chrono::seconds(3);
@@ -71,11 +83,28 @@ std::uint64_t SentPackets::add(TimePoint now, std::size_t ip_bytes, bool more_wa
 void SentPackets::lose(Packet& packet) {
   packet.fate = Fate::kLost;
   ++lost_;
+  if (++lost_since_ > kForgetReordering) {
+    reordering_ = false;
+    lateness_ = {};
+  }
   if (packet.data_sized) --open_data_;
   if (packet.has_piece) settled_.push_back({packet.piece, false, true});
 }
 
+// A packet that an earlier report has missed was overtaken.
+void SentPackets::note_reordering(TimePoint now, const Packet& packet) {
+  reordering_ = true;
+  lost_since_ = 0;
+  const Duration late = now - packet.at - newest_rtt_;
+  lateness_ = std::max<Duration>(lateness_, late + late / kWindowDivisor);
+}
+
 void SentPackets::arrive(TimePoint now, Packet& packet, Verdicts& verdicts) {
+  if (packet.covered && packet.number < largest_) note_reordering(now, packet);
+  if (packet.at > newest_at_) {
+    newest_at_ = packet.at;
+    newest_rtt_ = now - packet.at;
+  }
   const bool was_open = packet.fate == Fate::kOpen;
   packet.fate = Fate::kArrived;
   if (packet.has_piece) {
@@ -99,19 +128,20 @@ SentPackets::Verdicts SentPackets::report(TimePoint now, const wire::LinkReport&
   const auto arrived = [&report](std::uint64_t back) {
     return back == 0 || (report.bitmap[(back - 1) / 64] >> ((back - 1) % 64) & 1U) != 0;
   };
+  min_rtt_ = min_rtt;
   for (std::uint64_t n = first_uncertain_; n <= report.largest && keeps(n); ++n) {
     Packet& packet = at(n);
     const std::uint64_t back = report.largest - n;
-    if (packet.fate == Fate::kArrived) continue;
-    const bool in_window = back <= wire::kAckWindow;
-    if (in_window && arrived(back)) {
+    if (packet.fate == Fate::kArrived || back > wire::kAckWindow) continue;
+    if (arrived(back)) {
       arrive(now, packet, verdicts);
-    } else if (back >= kReorderPackets) {
-      packet.covered = packet.covered || in_window;
-      if (packet.fate != Fate::kOpen) continue;
-      lose(packet);
+    } else {
+      packet.covered = true;
     }
   }
+  largest_ = std::max(largest_, report.largest);
+  lose_overdue(now, report);
+  if (report.largest == largest_) lose_untold(now, report.largest, silence.timeout);
   find_train(report, verdicts);
   verdicts.delivery = delivery_.sample(min_rtt);
   tell_certain(now, report.largest, silence.timeout);
@@ -121,12 +151,39 @@ SentPackets::Verdicts SentPackets::report(TimePoint now, const wire::LinkReport&
   return verdicts;
 }
 
+void SentPackets::lose_overdue(TimePoint now, const wire::LinkReport& report) {
+  const std::uint64_t reorder = reordering_ ? wire::kAckWindow + 1 : kReorderPackets;
+  for (std::uint64_t n = first_uncertain_; n < report.largest && keeps(n); ++n) {
+    Packet& packet = at(n);
+    if (packet.fate != Fate::kOpen) continue;
+    if (report.largest - n >= reorder || overdue_at(packet) <= now) lose(packet);
+  }
+}
+
+// The peer still speaks of the path, and has not heard of what left long ago.
+void SentPackets::lose_untold(TimePoint now, std::uint64_t largest, Duration timeout) {
+  const TimePoint before = now - std::max<Duration>(kUntold, 2 * timeout);
+  for (std::uint64_t n = std::max(largest + 1, first_uncertain_); keeps(n); ++n) {
+    Packet& packet = at(n);
+    if (packet.at > before) return;
+    packet.covered = true;
+    if (packet.fate == Fate::kOpen) lose(packet);
+  }
+}
+
+// Whether the outcome of a settled packet will not change any more.
+bool SentPackets::is_certain(TimePoint now, const Packet& packet, std::uint64_t largest,
+                             Duration timeout) const {
+  if (packet.fate == Fate::kArrived) return true;
+  if (packet.number > largest) return packet.covered;
+  return largest - packet.number >= kLatePackets || now - packet.at >= 2 * timeout;
+}
+
 void SentPackets::tell_certain(TimePoint now, std::uint64_t largest, Duration timeout) {
-  for (; first_uncertain_ <= largest && keeps(first_uncertain_); ++first_uncertain_) {
+  for (; keeps(first_uncertain_); ++first_uncertain_) {
     const Packet& packet = at(first_uncertain_);
-    if (packet.fate == Fate::kOpen) return;
+    if (packet.fate == Fate::kOpen || !is_certain(now, packet, largest, timeout)) return;
     const bool arrived = packet.fate == Fate::kArrived;
-    if (!arrived && largest - packet.number < kLatePackets && now - packet.at < 2 * timeout) return;
     if (!arrived && !packet.covered) continue;
     if (runs_.empty() || runs_.back().arrived != arrived) runs_.push_back({arrived, 0});
     ++runs_.back().packets;
@@ -187,12 +244,23 @@ TimePoint SentPackets::silent_at(const Packet& oldest, const Silence& silence) c
   return std::max(oldest.at + silence.timeout, saturating_add(progress_at_, silence.between));
 }
 
+TimePoint SentPackets::overdue_at(const Packet& packet) const {
+  const Duration least = std::max<Duration>(min_rtt_ / kWindowDivisor, kLeastWindow);
+  const Duration most = std::max<Duration>(least, std::min<Duration>(kMostWindow, newest_rtt_));
+  return packet.at + newest_rtt_ + std::clamp<Duration>(lateness_, least, most);
+}
+
+TimePoint SentPackets::lost_at(const Packet& packet, const Silence& silence) const {
+  const TimePoint silent = silent_at(packet, silence);
+  return packet.number < largest_ ? std::min(silent, overdue_at(packet)) : silent;
+}
+
 std::span<const SentPackets::Settled> SentPackets::settle_silent(TimePoint now,
                                                                  const Silence& silence) {
   settled_.clear();
   for (std::uint64_t n = first_open_; keeps(n); ++n) {
     Packet& packet = at(n);
-    if (silent_at(packet, silence) > now) break;
+    if (lost_at(packet, silence) > now) break;
     if (packet.fate == Fate::kOpen && packet.has_piece) lose(packet);
   }
   return settled_;
@@ -201,7 +269,7 @@ std::span<const SentPackets::Settled> SentPackets::settle_silent(TimePoint now,
 std::optional<TimePoint> SentPackets::silent_at(const Silence& silence) const {
   for (std::uint64_t n = first_open_; keeps(n); ++n) {
     const Packet& packet = at(n);
-    if (packet.fate == Fate::kOpen && packet.has_piece) return silent_at(packet, silence);
+    if (packet.fate == Fate::kOpen && packet.has_piece) return lost_at(packet, silence);
   }
   return std::nullopt;
 }

@@ -18,10 +18,13 @@ namespace interneuron::flow {
 // The sender's record of one path: numbers its packets, remembers each for some seconds, and
 // settles it as arrived or lost. Sender owns one per path.
 //
-// A packet is lost when one sent three later has arrived (RFC 9002 §6.1.1), or when no report comes
-// for the path's probe timeout. It may still arrive after that and is then told again. Reports are
-// the peer's word: a report of numbers that were never sent is ignored, and a peer that
-// acknowledges what has not arrived, or denies what has, harms only what is sent to itself.
+// A packet is lost when one sent after it has arrived and it is overdue: a round trip and the
+// reordering window have passed since it left (RACK, RFC 8985). While no packet has been overtaken
+// on its way, one is also lost when one sent three later has arrived (RFC 9002 §6.1.1), and else
+// when no report comes for the path's probe timeout. It may still arrive after that and is then
+// told again; what is late in that way widens the window. Reports are the peer's word: a report of
+// numbers that were never sent is ignored, and a peer that acknowledges what has not arrived, or
+// denies what has, harms only what is sent to itself.
 //
 // Memory is bounded by 20,000 records of about 80 bytes; nothing is allocated per packet once the
 // ring has grown. Pure; thread-compatible; never throws.
@@ -48,8 +51,8 @@ class SentPackets {
   // What a report tells. The spans are valid until the next call.
   struct Verdicts {
     std::span<const Settled> pieces;
-    // Outcomes that are certain, late arrivals included. Packets that no report has covered in time
-    // are not among them.
+    // Outcomes that are certain, late arrivals included. What is lost by silence is among them once
+    // a report has come that would tell of it; packets whose reports were lost are not.
     std::span<const Run> runs;
     // When the newest of the acknowledged packets left.
     std::optional<TimePoint> newest_sent;
@@ -80,9 +83,10 @@ class SentPackets {
   // which delivery rate samples say nothing.
   Verdicts report(TimePoint now, const wire::LinkReport& report, Duration min_rtt,
                   const Silence& silence);
-  // Fragments that are lost by silence at `now`; valid until the next call.
+  // Fragments that are lost at `now` by silence or because they are overdue; valid until the next
+  // call.
   std::span<const Settled> settle_silent(TimePoint now, const Silence& silence);
-  // When the oldest fragment in flight will be lost by silence.
+  // When the oldest fragment in flight will be lost so.
   std::optional<TimePoint> silent_at(const Silence& silence) const;
 
   // The fragments in flight, oldest first; valid until the next call.
@@ -117,11 +121,19 @@ class SentPackets {
   bool keeps(std::uint64_t number) const {
     return !packets_.empty() && number >= packets_.front().number && number < next_;
   }
+  // When an open packet is overdue by the reordering window, or silent; the sooner of both counts.
+  TimePoint overdue_at(const Packet& packet) const;
   TimePoint silent_at(const Packet& oldest, const Silence& silence) const;
+  TimePoint lost_at(const Packet& packet, const Silence& silence) const;
+  void note_reordering(TimePoint now, const Packet& packet);
+  void lose_overdue(TimePoint now, const wire::LinkReport& report);
+  void lose_untold(TimePoint now, std::uint64_t largest, Duration timeout);
   Packet& record(TimePoint now);
   void trim(TimePoint now);
   void lose(Packet& packet);
   void arrive(TimePoint now, Packet& packet, Verdicts& verdicts);
+  bool is_certain(TimePoint now, const Packet& packet, std::uint64_t largest,
+                  Duration timeout) const;
   void tell_certain(TimePoint now, std::uint64_t largest, Duration timeout);
   void find_train(const wire::LinkReport& report, Verdicts& verdicts);
 
@@ -153,6 +165,17 @@ class SentPackets {
   void find_pause(std::uint64_t last);
   TrainSent train_;
   link::DeliveryRate delivery_;
+  // The largest number that has arrived; of the packet that left last of all that have arrived,
+  // when it left and its round trip; and the path's smallest one.
+  std::uint64_t largest_ = 0;
+  TimePoint newest_at_ = TimePoint::min();
+  Duration newest_rtt_{};
+  Duration min_rtt_{};
+  // A packet was overtaken on its way; how late the latest of them were, with some room; and how
+  // many packets were lost since.
+  bool reordering_ = false;
+  Duration lateness_{};
+  std::uint64_t lost_since_ = 0;
   // When a fragment was last acknowledged.
   TimePoint progress_at_ = TimePoint::min();
   std::uint64_t lost_ = 0;
