@@ -37,8 +37,6 @@ constexpr std::uint32_t kTailPackets = 4;
 
 // A message expires this much after t0 + hi_min + D_N (docs/paper.md, "Expiry at a receiver").
 constexpr Duration kExpirySlack = std::chrono::milliseconds(2);
-// Messages remembered as complete or expired: 16 rounds of 8 variants fit four times.
-constexpr std::size_t kBuried = 512;
 
 void shift_left(wire::AckBitmap& bitmap, std::uint64_t by) {
   if (by >= wire::kAckWindow) {
@@ -161,12 +159,12 @@ wire::LinkReport PathReceiver::report(TimePoint now) const {
 }
 
 Reassembler::Outcome Reassembler::add(TimePoint now, const wire::Data& data,
-                                      const ClockBounds& clocks) {
+                                      const ClockBounds& clocks, std::size_t room) {
   const wire::FragmentHeader& f = data.fragment;
   if (buried_.contains(f.message)) return {Result::kDuplicate, {}};
   auto it = partials_.find(f.message);
   if (it == partials_.end()) {
-    if (bytes_ + f.size > kMaxBytes || partials_.size() >= kMaxPartials) {
+    if (f.size > room || bytes_ + f.size > kMaxBytes || partials_.size() >= kMaxPartials) {
       return {Result::kRefused, {}};
     }
     Partial fresh;
@@ -223,11 +221,6 @@ void Reassembler::bury(MessageId message) {
   bytes_ -= it->second.size;
   partials_.erase(it);
   buried_.insert(message);
-  burial_order_.push_back(message);
-  if (burial_order_.size() > kBuried) {
-    buried_.erase(burial_order_.front());
-    burial_order_.pop_front();
-  }
 }
 
 std::size_t Reassembler::expire(TimePoint now) {
@@ -248,7 +241,6 @@ std::optional<TimePoint> Reassembler::next_timeout() const {
 void Reassembler::reset() {
   partials_.clear();
   buried_.clear();
-  burial_order_.clear();
   bytes_ = 0;
 }
 

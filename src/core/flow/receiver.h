@@ -5,13 +5,12 @@
 
 #include <array>
 #include <cstdint>
-#include <deque>
 #include <memory>
 #include <optional>
 #include <unordered_map>
-#include <unordered_set>
 #include <vector>
 
+#include "core/base/recent_set.h"
 #include "core/wire/packet.h"
 #include "interneuron/message.h"
 #include "interneuron/units.h"
@@ -44,6 +43,8 @@ class PathReceiver {
   wire::LinkReport report(TimePoint now) const;
   // A packet with data or padding was accepted that carried this stamp.
   void note_delay(TimePoint now, std::uint32_t stamp_us);
+  // The largest number that has come in; 0 before the first.
+  std::uint64_t largest() const { return largest_; }
   // Whether a packet number was skipped since reported() was called.
   bool gap() const { return gap_; }
   void reported() { gap_ = largest_is_fresh_ = false; }
@@ -129,6 +130,8 @@ class Reassembler {
   // Incomplete messages of the peer: a message may claim two bytes and live for an hour, and what
   // is kept beside its bytes is far more than that. 16 rounds of 8 variants fit twice.
   static constexpr std::size_t kMaxPartials = 256;
+  // Messages remembered as complete or expired: 16 rounds of 8 variants fit four times.
+  static constexpr std::size_t kBuried = 512;
 
   enum class Result : std::uint8_t {
     // The message is not complete yet.
@@ -146,8 +149,10 @@ class Reassembler {
     Bytes message;
   };
   // `clocks` bounds the offset of the origin's clock, so that the message's header, once its first
-  // fragment is there, can shorten its life (docs/paper.md, "Expiry at a receiver").
-  Outcome add(TimePoint now, const wire::Data& data, const ClockBounds& clocks);
+  // fragment is there, can shorten its life (docs/paper.md, "Expiry at a receiver"). `room`: how
+  // many bytes a message that begins with this fragment may take, beside the bounds above.
+  Outcome add(TimePoint now, const wire::Data& data, const ClockBounds& clocks,
+              std::size_t room = SIZE_MAX);
 
   // Forgets the messages that can no longer arrive by their deadline; returns how many there were.
   std::size_t expire(TimePoint now);
@@ -171,10 +176,8 @@ class Reassembler {
   void refine_expiry(Partial& partial, const wire::Data& first, const ClockBounds& clocks);
 
   std::unordered_map<MessageId, Partial> partials_;
-  // Messages that are complete or expired, whose further fragments are duplicates; and in the order
-  // in which they became so.
-  std::unordered_set<MessageId> buried_;
-  std::deque<MessageId> burial_order_;
+  // Messages that are complete or expired, whose further fragments are duplicates.
+  RecentSet<MessageId, kBuried> buried_;
   std::size_t bytes_ = 0;
 };
 

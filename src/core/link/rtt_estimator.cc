@@ -20,6 +20,10 @@ constexpr std::uint64_t kSequenceMask = (1U << kSequenceBits) - 1;
 constexpr Duration kLongest = std::chrono::minutes(1);
 static_assert(kLongest.count() < std::int64_t{1} << (64 - kSequenceBits));
 
+// Room for the first second of a path with a heartbeat every 50 ms; a power of two, as kCapacity.
+constexpr std::size_t kFirstCapacity = 32;
+static_assert((RttEstimator::kCapacity & (RttEstimator::kCapacity - 1)) == 0);
+
 Duration value_of(std::uint64_t key) {
   return Duration{static_cast<std::int64_t>(key >> kSequenceBits)};
 }
@@ -55,20 +59,32 @@ void RttEstimator::add(TimePoint now, Duration rtt) {
   if (gone == 0 && count_ == kCapacity) gone = 1;
   for (; gone > 1; --gone) {
     erase(oldest(0).key);
-    first_ = (first_ + 1) % kCapacity;
-    --count_;
+    pop_oldest();
   }
+  if (gone == 0 && count_ == ring_.size()) grow();
   const auto value = static_cast<std::uint64_t>(rtt.count());
   const std::uint64_t key = value << kSequenceBits | (sequence_++ & kSequenceMask);
   if (gone == 1) {
     replace(oldest(0).key, key);
-    first_ = (first_ + 1) % kCapacity;
-    --count_;
+    pop_oldest();
   } else {
     insert(key);
   }
-  ring_[(first_ + count_) % kCapacity] = {now, key};
+  slot(count_) = {now, key};
   ++count_;
+}
+
+void RttEstimator::pop_oldest() {
+  first_ = (first_ + 1) & (ring_.size() - 1);
+  --count_;
+}
+
+void RttEstimator::grow() {
+  std::vector<Sample> larger(ring_.empty() ? kFirstCapacity : 2 * ring_.size());
+  for (std::size_t i = 0; i < count_; ++i) larger[i] = oldest(i);
+  ring_.swap(larger);
+  sorted_.resize(ring_.size());
+  first_ = 0;
 }
 
 std::size_t RttEstimator::expired(TimePoint now) const {

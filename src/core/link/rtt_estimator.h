@@ -2,16 +2,18 @@
 // last 2 s, minimum of the last 10 s.
 #pragma once
 
-#include <array>
+#include <cstddef>
 #include <cstdint>
+#include <vector>
 
 #include "core/link/windowed_minimum.h"
 #include "interneuron/time.h"
 
 namespace interneuron::link {
 
-// Owned and fed by the LinkEstimator of the path, at most a few hundred times a second. Pure;
-// thread-compatible; 12 KB in place, nothing is allocated.
+// Owned and fed by the LinkEstimator of the path, at most a few hundred times a second. Memory
+// doubles with the samples that a window has had so far: 2 KB for 20 a second, 12 KB at most. Pure;
+// thread-compatible; nothing is allocated once a window has been as full as it gets.
 class RttEstimator {
  public:
   // Round trips older than this say nothing of now: a radio's bad episodes begin within a second
@@ -48,15 +50,19 @@ class RttEstimator {
     // The value and a sequence number, so that keys are unique and ordered by value.
     std::uint64_t key = 0;
   };
-  const Sample& oldest(std::size_t i) const { return ring_[(first_ + i) % kCapacity]; }
+  // The number of slots is a power of two.
+  Sample& slot(std::size_t i) { return ring_[(first_ + i) & (ring_.size() - 1)]; }
+  const Sample& oldest(std::size_t i) const { return ring_[(first_ + i) & (ring_.size() - 1)]; }
+  void pop_oldest();
+  void grow();
   std::size_t expired(TimePoint now) const;
   void insert(std::uint64_t key);
   void replace(std::uint64_t old_key, std::uint64_t key);
   void erase(std::uint64_t key);
 
-  // The samples, oldest first from first_ on; and their keys in order.
-  std::array<Sample, kCapacity> ring_{};
-  std::array<std::uint64_t, kCapacity> sorted_{};
+  // The samples, oldest first from first_ on; and their keys in order, in as many slots.
+  std::vector<Sample> ring_;
+  std::vector<std::uint64_t> sorted_;
   std::size_t first_ = 0;
   std::size_t count_ = 0;
   std::uint64_t sequence_ = 0;
