@@ -106,7 +106,7 @@ EndpointOptions options_of(std::uint32_t session) {
   return o;
 }
 
-// What has left a host in a slice.
+// What has left a host in a slice; only the bytes that are used are copied.
 using Outbox = std::vector<Packet>;
 
 void drain(Endpoint& endpoint, TimePoint now, std::uint32_t self, Outbox& out) {
@@ -133,6 +133,8 @@ class Vehicle {
     PipelineConfig pipeline;
     pipeline.stages = {StageKind::kCommunication, StageKind::kCommunication};
     pipeline.policy = "best_link";
+    // The books of the other guard are kept per pipeline and not per peer.
+    pipeline.guard = GuardKind::kPaper;
     o.pipelines = {pipeline};
     endpoint_ = std::make_unique<Endpoint>(std::move(o), now);
     std::vector<std::pair<LinkId, Address>> addresses;
@@ -257,7 +259,9 @@ void measure(const Options& options, std::size_t peers) {
   }
   std::vector<Packet> up;
   std::vector<Packet> arriving;
+  // More than leave in a slice, so that it does not grow while the road is measured.
   Outbox down;
+  down.reserve(64 * (options.links + std::size_t{1}) * peers);
   const auto run_for = [&](Duration time) {
     for (const TimePoint end = now + time; now < end; now += kSlice) {
       up.clear();

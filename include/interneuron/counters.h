@@ -44,7 +44,8 @@ struct EndpointCounters {
   std::uint64_t fragments_cancelled = 0;
   // Complete messages whose round header is malformed or inconsistent.
   std::uint64_t bad_messages = 0;
-  // Fragments refused because the peer's incomplete messages hold as much memory as they may.
+  // Fragments refused because the incomplete messages of the peer, or of all peers, hold as much
+  // memory as they may.
   std::uint64_t reassembly_refused = 0;
 };
 

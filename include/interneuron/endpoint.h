@@ -54,6 +54,12 @@ struct EndpointOptions {
   // draws it. Default: taken from the session, which every peer knows; without hostile peers that
   // is enough, and with them a lookup is still bounded by max_peers.
   std::uint64_t hash_seed = 0;
+  // What the incomplete messages of all peers may hold together, in bytes. A peer may take more as
+  // long as it then holds no more than what is left free: one alone gets half of it (and never more
+  // than one of the largest messages), n greedy ones a part of n + 1 each, and whoever holds little
+  // finds room however greedy the others are. A message that finds none is refused piece by piece
+  // and counted in EndpointCounters::reassembly_refused.
+  std::size_t reassembly_budget_bytes = 64 * 1024 * 1024;
 };
 
 // One end of all its connections: its peers and their links, the rounds that begin here and those

@@ -23,8 +23,13 @@ constexpr Duration kBetweenVersions = std::chrono::seconds(10);
 class Endpoint::Impl {
  public:
   Impl(const EndpointOptions& options, TimePoint now)
-      : peers_({options.session, options.accept_peers, options.max_peers, options.repair, now,
-                options.hash_seed != 0 ? options.hash_seed : options.session.value}),
+      : peers_({.self = options.session,
+                .accept = options.accept_peers,
+                .max_unannounced = options.max_peers,
+                .repair = options.repair,
+                .started = now,
+                .seed = options.hash_seed != 0 ? options.hash_seed : options.session.value,
+                .reassembly_budget_bytes = options.reassembly_budget_bytes}),
         rounds_(options, peers_, events_),
         time_(now) {}
 

@@ -56,6 +56,13 @@ void Peer::add_path(TimePoint now, LinkId id, const Path::Nic& nic, const Addres
   refresh(now);
 }
 
+void Peer::follow(TimePoint now, const wire::PacketHeader& header, const Path::Nic& nic,
+                  const Address& address) {
+  const Path* known = find(header.link);
+  if (known != nullptr && header.number <= known->receiver.largest()) return;
+  add_path(now, header.link, nic, address);
+}
+
 bool Peer::request_train(TimePoint now, LinkId id) {
   Path* path = find(id);
   if (path == nullptr) return false;
@@ -98,13 +105,15 @@ void Peer::restart(TimePoint now, SessionId session) {
 
 // --- input
 
-Peer::Input Peer::handle(TimePoint now, const wire::Packet& packet, std::size_t datagram_bytes) {
+Peer::Input Peer::handle(TimePoint now, const wire::Packet& packet, const Datagram& datagram,
+                         std::size_t room) {
   Input input;
   Path& path = *find(packet.header.link);
-  path.received(datagram_bytes);
+  // What others send in its name gives an address nothing.
+  if (path.address() == datagram.from) path.received(datagram.bytes.size());
   const bool is_feedback = packet.header.type == wire::PacketType::kFeedback;
   if (!path.receiver.accept(now, packet.header.number, !is_feedback,
-                            datagram_bytes + kIpUdpBytes)) {
+                            datagram.bytes.size() + kIpUdpBytes)) {
     input.duplicate = true;
     return input;
   }
@@ -125,7 +134,7 @@ Peer::Input Peer::handle(TimePoint now, const wire::Packet& packet, std::size_t 
 
   flow::ClockBounds clocks{identity_.self, identity_.session, std::nullopt};
   if (packet.data.fragment.index == 0) clocks.peer_hi_min = clock_.hi_min(now);
-  flow::Reassembler::Outcome outcome = reassembler_.add(now, packet.data, clocks);
+  flow::Reassembler::Outcome outcome = reassembler_.add(now, packet.data, clocks, room);
   const MessageId message = packet.data.fragment.message;
   if (outcome.result == flow::Reassembler::Result::kRefused) {
     input.refused = true;

@@ -41,9 +41,13 @@ class Peer {
   };
   Peer(const Identity& identity, TimePoint now);
 
-  // Adds a path. A known one follows its peer to a new address, since translators of carriers
-  // change the port that a peer is seen at.
+  // Adds a path, or moves a known one there.
   void add_path(TimePoint now, LinkId path, const Path::Nic& nic, const Address& address);
+  // A packet of this path came in from there. The path is new, or it follows its peer, since
+  // translators of carriers change the port that a peer is seen at; but only for a packet that is
+  // newer than all before: one that was recorded and sent again from elsewhere moves nothing.
+  void follow(TimePoint now, const wire::PacketHeader& header, const Path::Nic& nic,
+              const Address& address);
   // Measures the rate of a path now. False: there is no such path.
   bool request_train(TimePoint now, LinkId path);
   // Forgets the paths over this NIC; what they owed goes over the others.
@@ -71,7 +75,10 @@ class Peer {
   // What only time changes is looked at again, if that is some time ago. Call it before anything
   // that rests on the state of the paths.
   void look(TimePoint now);
-  Input handle(TimePoint now, const wire::Packet& packet, std::size_t datagram_bytes);
+  // `datagram`: what the packet was parsed from. `room`: how many bytes a message that begins with
+  // it may take.
+  Input handle(TimePoint now, const wire::Packet& packet, const Datagram& datagram,
+               std::size_t room);
   // Returns how many incomplete messages were given up.
   std::size_t handle_timeout(TimePoint now);
   std::optional<TimePoint> next_timeout(TimePoint now) const;

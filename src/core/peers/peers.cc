@@ -16,7 +16,10 @@ constexpr std::size_t kMinDatagramBytes = 1280 - kIpv6UdpBytes;
 }  // namespace
 
 Peers::Peers(const Options& options)
-    : options_(options), directory_(options.seed), reflector_(options.self) {}
+    : options_(options),
+      directory_(options.seed),
+      reassembly_(options.reassembly_budget_bytes),
+      reflector_(options.self) {}
 
 void Peers::add_link(LinkId link, const LinkInfo& info) {
   links_[link].info = info;
@@ -97,6 +100,7 @@ void Peers::forget(Entry& entry) {
   by_id_.erase(entry.peer.identity().id);
   alarms_.remove(key);
   turns_.forget(key);
+  reassembly_.change(entry.reassembly_bytes, 0);
   if (entry.touched) std::erase(touched_, key);
   entries_[key].reset();
   free_.push_back(key);
@@ -138,17 +142,12 @@ Peers::Received Peers::receive(TimePoint now, const Datagram& datagram) {
     const Found found = whose(now, packet->header, datagram);
     out.restarted = found.restarted;
     is_served = found.entry != nullptr;
-    if (is_served) {
-      found.entry->peer.look(now - Duration{1});
-      touch(*found.entry);
-      out.peer = &found.entry->peer;
-    }
+    if (is_served) hand_over(now, *found.entry, *packet, datagram, out);
   }
   if (!is_served) {
     ++counters.refused_packets;
     return out;
   }
-  if (out.peer != nullptr) out.input = out.peer->handle(now, *packet, datagram.bytes.size());
   if (out.input.duplicate) {
     ++counters.duplicate_packets;
     return out;
@@ -156,6 +155,17 @@ Peers::Received Peers::receive(TimePoint now, const Datagram& datagram) {
   ++(wire::is_used(packet->header.type) ? counters.received_packets : counters.other_packets);
   counters.received_bytes += datagram.bytes.size();
   return out;
+}
+
+void Peers::hand_over(TimePoint now, Entry& entry, const wire::Packet& packet,
+                      const Datagram& datagram, Received& out) {
+  // As of the instant before, since arrivals come first.
+  entry.peer.look(now - Duration{1});
+  touch(entry);
+  out.peer = &entry.peer;
+  out.input =
+      entry.peer.handle(now, packet, datagram, reassembly_.room(entry.peer.reassembly_bytes()));
+  account(entry);
 }
 
 Peers::Found Peers::whose(TimePoint now, const wire::PacketHeader& header,
@@ -167,7 +177,7 @@ Peers::Found Peers::whose(TimePoint now, const wire::PacketHeader& header,
   }
   if (Entry* entry = by_session(header)) {
     if (!entry->peer.identity().connected) {
-      entry->peer.add_path(now, header.link, nic(datagram.link), datagram.from);
+      entry->peer.follow(now, header, nic(datagram.link), datagram.from);
     }
     return {entry->peer.has_path(header.link) ? entry : nullptr, false};
   }
@@ -179,6 +189,7 @@ Peers::Found Peers::whose(TimePoint now, const wire::PacketHeader& header,
     directory_.remove_session(before, entry->key);
     directory_.add_session(header.session, entry->key);
     entry->peer.restart(now, header.session);
+    account(*entry);
     return {entry, before.value != 0};
   }
   return {accept(now, header, datagram), false};
@@ -233,7 +244,9 @@ Peer* Peers::find(TimePoint now, std::optional<PeerId> id) {
   return &entry.peer;
 }
 
-Peer* Peers::only(TimePoint now) { return by_id_.size() == 1 ? find(now, by_id_.begin()->first) : nullptr; }
+Peer* Peers::only(TimePoint now) {
+  return by_id_.size() == 1 ? find(now, by_id_.begin()->first) : nullptr;
+}
 
 // --- what is due, and whose turn it is
 
@@ -246,6 +259,12 @@ void Peers::mark(Entry& entry) {
   if (entry.touched) return;
   entry.touched = true;
   touched_.push_back(entry.key);
+}
+
+void Peers::account(Entry& entry) {
+  const std::size_t held = entry.peer.reassembly_bytes();
+  reassembly_.change(entry.reassembly_bytes, held);
+  entry.reassembly_bytes = held;
 }
 
 TimePoint Peers::due_at(TimePoint now, const Entry& entry) {
@@ -272,6 +291,7 @@ Peers::Expired Peers::handle_timeout(TimePoint now) {
     Entry& entry = *entries_[key];
     Peer& peer = entry.peer;
     expired.messages += peer.handle_timeout(now);
+    account(entry);
     while (auto change = peer.poll_change()) expired.changes.push_back(std::move(*change));
     const bool silent =
         !peer.identity().connected && (now - peer.heard_at() >= kPeerSilence || peer.gone());
@@ -352,12 +372,6 @@ LinkCounters Peers::counters(LinkId link) const {
 std::uint64_t Peers::cancelled() const {
   std::uint64_t sum = 0;
   for (const auto& [id, key] : by_id_) sum += entries_[key]->peer.cancelled();
-  return sum;
-}
-
-std::size_t Peers::reassembly_bytes() const {
-  std::size_t sum = 0;
-  for (const auto& [id, key] : by_id_) sum += entries_[key]->peer.reassembly_bytes();
   return sum;
 }
 

@@ -10,7 +10,8 @@
 // that are malformed or of nobody that is served are counted and dropped. Unannounced peers are
 // accepted only where the options say so, and at most max_unannounced of them; an address that was
 // not given to us gets at most three times what it sends (Path). Sessions are not authenticated:
-// who knows the session of a peer can send in its name. Pure; thread-compatible.
+// who knows the session of a peer can send in its name, but not move its paths with what the peer
+// itself has sent before. Pure; thread-compatible.
 #pragma once
 
 #include <map>
@@ -24,6 +25,7 @@
 #include "core/base/alarms.h"
 #include "core/peers/directory.h"
 #include "core/peers/peer.h"
+#include "core/peers/shared_memory.h"
 #include "core/peers/turns.h"
 #include "core/probe/echo_reflector.h"
 #include "interneuron/endpoint.h"
@@ -48,6 +50,8 @@ class Peers {
     TimePoint started{};
     // Drawn at random and told to nobody; see Directory.
     std::uint64_t seed = 0;
+    // What incomplete messages of all peers may hold, in bytes.
+    std::size_t reassembly_budget_bytes = 0;
   };
   explicit Peers(const Options& options);
 
@@ -75,8 +79,8 @@ class Peers {
   // to that peer, and counts it. Any bytes may come.
   Received receive(TimePoint now, const Datagram& datagram);
 
-  // The peer with its state as of `now`; nullptr: there is no such peer. Whoever asks may change the
-  // peer until the next poll() or handle_timeout().
+  // The peer with its state as of `now`; nullptr: there is no such peer. Whoever asks may change
+  // the peer until the next poll() or handle_timeout().
   Peer* find(TimePoint now, std::optional<PeerId> id);
   // The only peer there is, else nullptr.
   Peer* only(TimePoint now);
@@ -100,7 +104,7 @@ class Peers {
   // Over all peers. Pieces sent again and found lost are counted of those that are still known.
   LinkCounters counters(LinkId link) const;
   std::uint64_t cancelled() const;
-  std::size_t reassembly_bytes() const;
+  std::size_t reassembly_bytes() const { return reassembly_.used(); }
 
  private:
   struct Link {
@@ -115,12 +119,16 @@ class Peers {
     Key key = 0;
     // Something has happened since the peer's alarm was set.
     bool touched = false;
+    // What reassembly_ knows that the peer holds.
+    std::size_t reassembly_bytes = 0;
     Peer peer;
   };
   struct Found {
     Entry* entry = nullptr;
     bool restarted = false;
   };
+  void hand_over(TimePoint now, Entry& entry, const wire::Packet& packet, const Datagram& datagram,
+                 Received& out);
   // Whose packet this is; nobody's where it is to be refused.
   Found whose(TimePoint now, const wire::PacketHeader& header, const Datagram& datagram);
   Entry* by_session(const wire::PacketHeader& header);
@@ -139,6 +147,8 @@ class Peers {
   // Something has happened to this peer: its alarm may be wrong, and it may have something to send.
   void touch(Entry& entry);
   void mark(Entry& entry);
+  // What this peer holds may have changed.
+  void account(Entry& entry);
   void set_alarms(TimePoint now);
   // When something is due at this peer.
   static TimePoint due_at(TimePoint now, const Entry& entry);
@@ -152,6 +162,7 @@ class Peers {
   Directory directory_;
   // How many peers came unannounced.
   std::size_t unannounced_ = 0;
+  SharedMemory reassembly_;
   Alarms alarms_;
   Turns turns_;
   // The peers that are marked as touched, each once; and those of which something is due, while

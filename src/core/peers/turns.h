@@ -72,7 +72,7 @@ class Turns {
   Ring<Key> feedback_;
   // By peer: whether it is in feedback_.
   std::vector<bool> waits_for_feedback_;
-  // In the order in which they were first used; at most 256.
+  // In the order in which they were first used; few.
   std::vector<Nic> nics_;
   // The place of the NIC whose turn it is.
   std::size_t turn_ = 0;

@@ -165,5 +165,48 @@ TEST_F(Paths, TrainsAreRequestedOfPathsThatAreThere) {
   EXPECT_FALSE(endpoint().request_train(now(), PeerId{99}, kSlow));
 }
 
+// A packet of the vehicle that somebody recorded and sends again from elsewhere is a duplicate; the
+// road goes on to send where the vehicle is. A new packet from elsewhere moves the path.
+TEST_F(Paths, ReplayDoesNotMoveThePath) {
+  constexpr std::size_t kElsewhere = 77;
+  std::vector<Pipe::Captured> captured;
+  pipe.capture = &captured;
+  pipe.run(1s);
+  pipe.capture = nullptr;
+  const auto is_vehicles = [this](const Pipe::Captured& c) {
+    return c.from == vehicle && c.link == kFast;
+  };
+  const auto old = std::ranges::find_if(captured, is_vehicles);
+  ASSERT_NE(old, captured.end());
+  int strayed = 0;
+  int sent = 0;
+  pipe.on_transmit = [&](std::size_t from, std::size_t to, LinkId, const Bytes&) {
+    strayed += from == road && to == kElsewhere;
+    sent += from == road && to == vehicle;
+  };
+  const auto hear_from_elsewhere = [&](const Bytes& bytes) {
+    pipe.at(road).handle_datagram(pipe.local(road), {kFast, address_of(kElsewhere), bytes});
+    pipe.flush(road);
+  };
+  const std::uint64_t before = pipe.at(road).link_counters(kFast).duplicate_packets;
+  hear_from_elsewhere(old->bytes);
+  EXPECT_EQ(pipe.at(road).link_counters(kFast).duplicate_packets, before + 1);
+  pipe.run(1s);
+  EXPECT_EQ(strayed, 0);
+  EXPECT_GT(sent, 0);
+
+  // The vehicle's next packet is seen to come from there, as behind a translator of addresses.
+  std::vector<Pipe::Captured> next;
+  pipe.cut = {kFast};
+  pipe.capture = &next;
+  pipe.run(500ms);
+  pipe.capture = nullptr;
+  const auto fresh = std::ranges::find_if(next, is_vehicles);
+  ASSERT_NE(fresh, next.end());
+  hear_from_elsewhere(fresh->bytes);
+  pipe.run(500ms);
+  EXPECT_GT(strayed, 0);
+}
+
 }  // namespace
 }  // namespace interneuron

@@ -114,6 +114,7 @@ class Pipe {
   }
 
   std::function<void(std::size_t host, Event&)> on_event;
+  std::function<void(std::size_t from, std::size_t to, LinkId, const Bytes&)> on_transmit;
   std::map<LinkId, Duration> delay{{kFast, 5ms}, {kSlow, 10ms}};  // one way
   std::map<LinkId, Duration> extra_from_0;                        // on top, of what host 0 sends
   std::set<LinkId> cut;
@@ -131,6 +132,8 @@ class Pipe {
       while (const auto t = host.endpoint->poll_transmit(local(id), buffer)) {
         const Bytes bytes(buffer.begin(), buffer.begin() + static_cast<std::ptrdiff_t>(t->size));
         if (capture != nullptr) capture->push_back({id, t->link, bytes});
+        if (on_transmit)
+          on_transmit(id, std::to_integer<std::size_t>(t->to.raw[0]), t->link, bytes);
         if (cut.contains(t->link)) continue;
         const Duration extra =
             id == 0 && extra_from_0.contains(t->link) ? extra_from_0.at(t->link) : 0ns;
