@@ -10,6 +10,7 @@
 #include <algorithm>
 
 #include "netns/emulator/checksum.h"
+#include "netns/emulator/ecn_bits.h"
 #include "netns/state/precedence.h"
 #include "netns/wiring/wiring.h"
 
@@ -142,8 +143,10 @@ void corrupt(std::span<std::byte> frame, std::uint64_t number) {
 Emulator::Emulator(const State& state, Bearers& bearers)
     : bearers_(bearers), stats_(bearers.stats()), hub_(ports(state)) {
   for (std::size_t i = 0; i < bearers.size(); ++i) {
-    directions_.push_back({2 * i + 1, &bearers.link(i).up(), &bearers.shared(i).up});
-    directions_.push_back({2 * i, &bearers.link(i).down(), &bearers.shared(i).down});
+    directions_.push_back({2 * i + 1, &bearers.link(i).up(), &bearers.shared(i).up,
+                           bearers.cell(i, emu::Direction::kUp)});
+    directions_.push_back({2 * i, &bearers.link(i).down(), &bearers.shared(i).down,
+                           bearers.cell(i, emu::Direction::kDown)});
   }
   sent_.reserve(FrameHub::kBatch);
 }
@@ -154,7 +157,8 @@ void Emulator::run(int stop_fd) {
 
   while (!stopped_) {
     std::size_t work = take_in(realtime_offset());
-    for (Direction& direction : directions_) work += send_due(direction);
+    for (std::size_t i = 0; i < directions_.size(); ++i) work += send_due(i);
+    work += send_from_cells();
     const TimePoint present = now();
     if (present >= next_tick_) tick(present);
     if (work > 0) {
@@ -203,14 +207,22 @@ void Emulator::enter(Direction& direction, const FrameHub::Frame& frame, TimePoi
   if (frame.checksum_missing) complete_checksum(store_[handle]);
 }
 
-std::size_t Emulator::send_due(Direction& direction) {
+// What has come through the model: into its cell, or out of the link.
+std::size_t Emulator::send_due(std::size_t index) {
+  Direction& direction = directions_[index];
   if (!bearers_.epoch()) return 0;
   const TimePoint present = now();
   const Duration time = bearers_.since_epoch(present);
   std::size_t count = 0;
+  std::size_t passed_on = 0;
   while (count < batch_.size()) {
     const auto packet = direction.model->dequeue(time);
     if (!packet) break;
+    if (direction.cell != nullptr && !packet->lost) {
+      enter_cell(index, *packet, time);
+      ++passed_on;
+      continue;
+    }
     const std::span<std::byte> frame = store_[packet->tag];
     if (packet->last) sent_.push_back(packet->tag);
     if (packet->lost) continue;
@@ -221,10 +233,43 @@ std::size_t Emulator::send_due(Direction& direction) {
   const std::size_t sent = count > 0 ? hub_.send(direction.to, {batch_.data(), count}) : 0;
   for (const FrameStore::Handle handle : sent_) store_.release(handle);
   sent_.clear();
-  if (count == 0) return 0;
+  if (count == 0) return passed_on;
   stats_.frames_sent.fetch_add(sent, std::memory_order_relaxed);
   stats_.kernel_drops.fetch_add(count - sent, std::memory_order_relaxed);
   direction.shared->store(direction.model->stats());
+  return count;
+}
+
+void Emulator::enter_cell(std::size_t direction, const emu::LinkModel::Packet& packet,
+                          Duration time) {
+  const FrameStore::Handle handle = packet.last ? packet.tag : store_.add(store_[packet.tag]);
+  const std::span<std::byte> frame = store_[handle];
+  if (packet.corrupt) corrupt(frame, stats_.frames_sent.load(std::memory_order_relaxed));
+  const emu::Cell::Packet entering{handle, static_cast<std::uint32_t>(direction), packet.ip_bytes,
+                                   ecn_of(frame.subspan(kEthernetHeader))};
+  if (!directions_[direction].cell->enqueue(time, entering)) store_.release(handle);
+}
+
+std::size_t Emulator::send_from_cells() {
+  if (!bearers_.epoch()) return 0;
+  const Duration time = bearers_.since_epoch(now());
+  std::size_t count = 0;
+  for (emu::Cell& cell : bearers_.cells()) {
+    while (const auto departed = cell.dequeue(time)) {
+      const emu::Cell::Packet& packet = departed->packet;
+      if (!departed->dropped) {
+        const std::span<std::byte> frame = store_[packet.tag];
+        if (packet.ecn == emu::Ecn::kCe) mark_congestion(frame.subspan(kEthernetHeader));
+        const iovec one{frame.data(), frame.size()};
+        const std::size_t sent = hub_.send(directions_[packet.flow].to, {&one, 1});
+        stats_.frames_sent.fetch_add(sent, std::memory_order_relaxed);
+        stats_.kernel_drops.fetch_add(1 - sent, std::memory_order_relaxed);
+        count_lateness(time - departed->at);
+      }
+      store_.release(packet.tag);
+      ++count;
+    }
+  }
   return count;
 }
 
@@ -240,6 +285,10 @@ std::optional<TimePoint> Emulator::next_due() const {
   std::optional<Duration> next;
   for (const Direction& direction : directions_) {
     const auto due = direction.model->next_delivery();
+    if (due && (!next || *due < *next)) next = due;
+  }
+  for (const emu::Cell& cell : bearers_.cells()) {
+    const auto due = cell.next_departure();
     if (due && (!next || *due < *next)) next = due;
   }
   if (!next) return std::nullopt;

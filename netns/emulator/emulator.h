@@ -6,6 +6,9 @@
 // the way in. On the way out the emulator sleeps until shortly before the next frame is due and
 // then spins (kSpin of emulator.cc); dense traffic is sent in groups (kGroup).
 //
+// A frame of a link that shares a cell passes that cell behind its model, where it may get a mark
+// of ECN; the counters of links do not hold what cells drop.
+//
 // Only IPv4 and IPv6 pass through the model; the first such packet on any link is the epoch of all.
 // ARP, neighbour discovery and multicast of link scope never cross the air behind a real modem:
 // they are passed on at once and not counted. All other frames are dropped.
@@ -28,6 +31,7 @@
 #include <optional>
 #include <vector>
 
+#include "lab/emu/cell.h"
 #include "lab/emu/link_model.h"
 #include "netns/emulator/frame_hub.h"
 #include "netns/emulator/frame_store.h"
@@ -52,12 +56,16 @@ class Emulator {
     std::size_t to;
     emu::LinkModel* model;
     SharedDirection* shared;
+    // What its frames pass behind the model; nullptr: nothing.
+    emu::Cell* cell;
     TimePoint last_arrival{};
   };
 
   std::size_t take_in(Duration realtime_offset);
   void enter(Direction& direction, const FrameHub::Frame& frame, TimePoint arrival);
-  std::size_t send_due(Direction& direction);
+  std::size_t send_due(std::size_t index);
+  void enter_cell(std::size_t direction, const emu::LinkModel::Packet& packet, Duration time);
+  std::size_t send_from_cells();
   void count_lateness(Duration lateness);
   std::optional<TimePoint> next_due() const;
   void rest();

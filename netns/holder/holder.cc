@@ -104,6 +104,7 @@ std::string beyond_netem(const emu::Scenario& scenario) {
     if (!missing.empty())
       return "what profile '" + link.profile.name + "' asks for: " + missing.front();
   }
+  if (!scenario.cells.empty()) return "cells that links share";
   for (const emu::ScenarioEvent& event : scenario.events) {
     const auto missing = emu::netem_cannot(event.change);
     if (!missing.empty()) {

@@ -53,11 +53,21 @@ Bearers::Bearers(const TestbedOptions& options, Backend backend, ControlServer& 
     if (const auto request = control_.receive())
       control_.reply(carry_out(*request, since_epoch(now_)));
   });
+  for (const emu::ScenarioCell& cell : options.scenario.cells) {
+    cells_.emplace_back(cell.up);
+    cells_.emplace_back(cell.down);
+  }
   for (std::size_t v = 0; v < options.vehicles; ++v) {
     vehicles_.push_back(std::make_unique<emu::ScenarioPlayer>(scenario_of(options.scenario, v)));
     emu::ScenarioPlayer& player = *vehicles_.back();
     for (std::size_t i = 0; i < player.size(); ++i) links_.push_back(&player.link(i));
   }
+}
+
+emu::Cell* Bearers::cell(std::size_t index, emu::Direction direction) {
+  const std::vector<emu::ScenarioLink>& links = vehicles_.front()->scenario().links;
+  const std::optional<std::size_t> cell = links[index % links.size()].cell;
+  return cell ? &cells_[emu::kDirections * *cell + static_cast<std::size_t>(direction)] : nullptr;
 }
 
 void Bearers::start(TimePoint epoch) {

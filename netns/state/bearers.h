@@ -11,6 +11,7 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "interneuron/time.h"
@@ -31,6 +32,11 @@ class Bearers {
   // The links and their shared counters, in the order of State::links.
   std::size_t size() const { return links_.size(); }
   emu::Link& link(std::size_t index) { return *links_[index]; }
+  // The cell that the link's packets pass behind it, shared with other links and vehicles; nullptr:
+  // none.
+  emu::Cell* cell(std::size_t index, emu::Direction direction);
+  // All cells: first up, then down, of each of the scenario.
+  std::span<emu::Cell> cells() { return cells_; }
   SharedLink& shared(std::size_t index) { return stats_.link(index); }
   SharedStats& stats() { return stats_; }
 
@@ -70,6 +76,7 @@ class Bearers {
   std::optional<TimePoint> epoch_;
   // The argument of serve() while that runs.
   TimePoint now_{};
+  std::vector<emu::Cell> cells_;
   // How many steps of the schedule have been published.
   std::int64_t steps_ = 0;
 };

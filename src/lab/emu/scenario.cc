@@ -23,31 +23,100 @@ constexpr NumberKey kMeanLength{"mean_length_s", "mean length of a hole", 0.01, 
 constexpr NumberKey kAt{"at_s", "time since the first packet", 0, kMaxInstantS, "s"};
 constexpr NumberKey kOutage{"outage_s", "length of the outage", 0.001, kMaxSeconds, "s", true};
 
+constexpr NumberKey kCoDelTarget{
+    "codel_target_ms", "how long packets may wait for good", 0.1, 1000, "ms", true};
+constexpr NumberKey kMarkAbove{
+    "mark_above_ms", "wait above which L4S packets are marked", 0, 1000, "ms", true};
+
 Duration seconds(double s) { return from_ms(s * 1e3); }
+
+// Reads the name of a link or cell, which no other one of `all` may have.
+template <class Named>
+bool read_own_name(TomlReader& reader, const Section& section, const char* what,
+                   const std::vector<Named>& all, std::string& out) {
+  if (!read_name(reader, section, kLongestName, out)) return false;
+  const bool taken = std::ranges::find(all, out, &Named::name) != all.end();
+  return !taken || reader.fail_at(section, "name",
+                                  "'name' = \"" + out + "\" is another " + what +
+                                      "'s already; choose another");
+}
+
+bool read_found_profile(TomlReader& reader, const Section& section, const ProfileResolver& resolver,
+                        LinkProfile& out) {
+  std::string name;
+  if (!reader.text(section, "profile", "5g", name)) return false;
+  auto found = resolver(name);
+  if (const auto* error = std::get_if<ProfileError>(&found)) {
+    return reader.fail_at(section, "profile", error->what);
+  }
+  out = std::get<LinkProfile>(std::move(found));
+  return true;
+}
+
+bool read_cell(TomlReader& reader, const Section& section, const ProfileResolver& resolver,
+               Scenario& out) {
+  ScenarioCell cell;
+  LinkProfile profile;
+  double target_ms = 0;
+  double mark_ms = 0;
+  if (!reader.only(section, {"name", "profile", "codel_target_ms", "mark_above_ms"}) ||
+      !read_own_name(reader, section, "cell", out.cells, cell.name) ||
+      !read_found_profile(reader, section, resolver, profile) ||
+      !reader.number(section, kCoDelTarget, target_ms) ||
+      !reader.number(section, kMarkAbove, mark_ms)) {
+    return false;
+  }
+  const auto params = [&](const DirectionParams& direction) {
+    CellParams p{direction.rate, direction.trace, direction.queue_bytes, direction.mtu, {}, {}};
+    if (target_ms > 0) p.codel = CoDelParams{.target = from_ms(target_ms)};
+    if (reader.has(section, kMarkAbove.name)) p.mark_above = from_ms(mark_ms);
+    return p;
+  };
+  cell.up = params(profile.up);
+  cell.down = params(profile.down);
+  out.cells.push_back(std::move(cell));
+  return true;
+}
+
+bool read_cells(TomlReader& reader, const Section& root, const ProfileResolver& resolver,
+                Scenario& out) {
+  const std::vector<Section> sections = reader.sections(root, "cell");
+  if (sections.size() > kMaxScenarioCells) {
+    return reader.fail_at(root, "cell",
+                          std::to_string(sections.size()) + " sections [[cell]]; at most " +
+                              std::to_string(kMaxScenarioCells));
+  }
+  for (const Section& section : sections) {
+    if (!read_cell(reader, section, resolver, out)) return false;
+  }
+  return !reader.error();
+}
+
+// The cell that a link names, if it names one.
+bool read_shared(TomlReader& reader, const Section& section, const Scenario& scenario,
+                 std::optional<std::size_t>& out) {
+  if (!reader.has(section, "cell")) return true;
+  std::string name;
+  if (!reader.text(section, "cell", "town", name)) return false;
+  const auto cell = std::ranges::find(scenario.cells, name, &ScenarioCell::name);
+  if (cell == scenario.cells.end()) {
+    return reader.fail_at(section, "cell",
+                          "'cell' = \"" + name + "\" is no [[cell]] of this scenario; add one");
+  }
+  out = static_cast<std::size_t>(cell - scenario.cells.begin());
+  return true;
+}
 
 bool read_link(TomlReader& reader, const Section& section, const ProfileResolver& resolver,
                Scenario& out) {
   ScenarioLink link;
-  std::string profile;
   link.seed = link_seed(out.seed, out.links.size());
-  if (!reader.only(section, {"name", "profile", "seed"}) ||
-      !read_name(reader, section, kLongestName, link.name) ||
-      !reader.text(section, "profile", "5g", profile) || !reader.seed(section, "seed", link.seed)) {
+  if (!reader.only(section, {"name", "profile", "seed", "cell"}) ||
+      !read_own_name(reader, section, "link", out.links, link.name) ||
+      !read_found_profile(reader, section, resolver, link.profile) ||
+      !reader.seed(section, "seed", link.seed) || !read_shared(reader, section, out, link.cell)) {
     return false;
   }
-  const bool taken =
-      std::any_of(out.links.begin(), out.links.end(),
-                  [&](const ScenarioLink& other) { return other.name == link.name; });
-  if (taken) {
-    return reader.fail_at(
-        section, "name",
-        "'name' = \"" + link.name + "\" is another link's already; choose another");
-  }
-  auto found = resolver(profile);
-  if (const auto* error = std::get_if<ProfileError>(&found)) {
-    return reader.fail_at(section, "profile", error->what);
-  }
-  link.profile = std::get<LinkProfile>(std::move(found));
   out.links.push_back(std::move(link));
   return true;
 }
@@ -135,12 +204,13 @@ bool read_optional_parts(TomlReader& reader, const Section& root, Scenario& out)
 bool read_scenario(TomlReader& reader, std::string_view text, const ProfileResolver& resolver,
                    Scenario& out) {
   const Section root{reader.parse(text), ""};
-  if (!reader.only(root, {"schema", "description", "seed", "link", "coupling", "holes", "event"}) ||
+  if (!reader.only(
+          root, {"schema", "description", "seed", "cell", "link", "coupling", "holes", "event"}) ||
       !read_schema(reader, root) ||
       (reader.has(root, "description") &&
        !reader.text(root, "description", "a tunnel", out.description)) ||
-      !reader.seed(root, "seed", out.seed) || !read_links(reader, root, resolver, out) ||
-      !read_optional_parts(reader, root, out)) {
+      !reader.seed(root, "seed", out.seed) || !read_cells(reader, root, resolver, out) ||
+      !read_links(reader, root, resolver, out) || !read_optional_parts(reader, root, out)) {
     return false;
   }
   for (const Section& section : reader.sections(root, "event")) {

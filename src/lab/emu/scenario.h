@@ -10,6 +10,13 @@
 //     profile = "5g"                                     found by the caller's resolver
 //     seed = 1154                                        of its delay process; default
 //                                                        link_seed(scenario's, position)
+//     cell = "town"                                      a cell's name; default: none is shared
+//   [[cell]]                                             0 .. 16: what links share, see cell.h
+//     name = "town"                                      as a link's, unique among cells
+//     profile = "generated-cellular"                     its rates, queues and MTUs are the cell's;
+//                                                        the rest of it is not used
+//     codel_target_ms = 5                                0.1 .. 1000; default: drop-tail only
+//     mark_above_ms = 1                                  0 .. 1000; default: no step of marks
 //   [coupling]                                           optional, see common_fading.h
 //     common_fading = 0.3                                0 .. 1
 //   [holes]                                              optional: no link has radio
@@ -32,6 +39,7 @@
 #include <variant>
 #include <vector>
 
+#include "lab/emu/cell.h"
 #include "lab/emu/link_change.h"
 #include "lab/emu/profile.h"
 
@@ -43,6 +51,15 @@ struct ScenarioLink {
   LinkProfile profile;
   // Of the link's delay process.
   std::uint64_t seed = 0;
+  // The index of the cell that its packets pass, each way, behind the link.
+  std::optional<std::size_t> cell{};
+};
+
+// A bottleneck that links share, for each direction.
+struct ScenarioCell {
+  std::string name;
+  CellParams up;
+  CellParams down;
 };
 
 // Something that happens to one link or to all: an outage, a change, or both.
@@ -68,6 +85,7 @@ struct Scenario {
   std::string source;
   std::string description;
   std::uint64_t seed = 1;
+  std::vector<ScenarioCell> cells;
   std::vector<ScenarioLink> links;
   double common_fading = 0;
   CoverageHoles holes;
@@ -76,6 +94,7 @@ struct Scenario {
 };
 
 inline constexpr std::size_t kMaxScenarioLinks = 16;
+inline constexpr std::size_t kMaxScenarioCells = 16;
 
 // Reads a scenario; `origin` names it in errors. The error is one line with file, line, column, key
 // and remedy.

@@ -155,5 +155,40 @@ RC_GTEST_PROP(ScenarioErrors, NeverThrows, ()) {
   }
 }
 
+TEST(Scenario, LinksShareACell) {
+  const std::string cells = R"([[cell]]
+name = "town"
+profile = "generated-cellular"
+codel_target_ms = 5
+mark_above_ms = 0
+[[cell]]
+name = "other"
+profile = "clean"
+)";
+  const Scenario scenario =
+      value_of(parse_scenario(with("seed = 1154", "cell = \"town\"") + cells, "s.toml"));
+  ASSERT_EQ(scenario.cells.size(), 2U);
+  EXPECT_EQ(scenario.links[0].cell, 0U);
+  EXPECT_FALSE(scenario.links[1].cell);
+  const CellParams& up = scenario.cells[0].up;
+  ASSERT_TRUE(up.codel && up.mark_above && up.trace);
+  EXPECT_EQ(up.codel->target, milliseconds(5));
+  EXPECT_EQ(up.mark_above, Duration{});
+  EXPECT_EQ(up.queue_bytes, profile_of("generated-cellular").up.queue_bytes);
+  EXPECT_NE(up.rate, scenario.cells[0].down.rate);
+  EXPECT_FALSE(scenario.cells[1].up.codel || scenario.cells[1].up.mark_above);
+}
+
+TEST(Scenario, ErrorsOfCells) {
+  EXPECT_EQ(error_of(with("seed = 1154", "cell = \"town\"")),
+            "s.toml:8:8: 'cell' = \"town\" is no [[cell]] of this scenario; add one");
+  const std::string cell = "[[cell]]\nname = \"town\"\nprofile = \"clean\"\n";
+  EXPECT_EQ(error_of(kLinks + cell + cell),
+            "s.toml:16:8: 'name' = \"town\" is another cell's already; choose another");
+  EXPECT_THAT(error_of(kLinks + cell + "codel_target_ms = 0\n"),
+              HasSubstr("is out of range, must be 0.1 to 1000 ms"));
+  EXPECT_THAT(error_of(kLinks + "[[cell]]\nname = \"town\"\n"), HasSubstr("missing key"));
+}
+
 }  // namespace
 }  // namespace interneuron::emu
