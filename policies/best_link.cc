@@ -1,8 +1,9 @@
-// best_link: everything over one link, the one with the best delay among those that can carry it.
+// best_link: everything over one link, the one that brings it soonest of those that can carry it.
 //
-// Sender: the best variant, or the smallest when the message is degraded. Where no link meets the
-// variant's rate floor, it goes over the link with the best delay all the same, and the plan says
-// that it is under the floor. Receiver: every message is delivered at once.
+// Sender: the best variant, or the smallest when the message is degraded. A large message may be
+// there sooner over a link of more delay and more rate. Where no link meets the variant's rate
+// floor, it goes over the link with the best delay all the same, and the plan says that it is under
+// the floor. Receiver: every message is delivered at once.
 #include "policies/builtin.h"
 #include "policies/choice.h"
 

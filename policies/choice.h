@@ -16,11 +16,17 @@ inline constexpr std::size_t kAllLinks = std::numeric_limits<std::size_t>::max()
 // At most `count` of the links that are up and whose rate is at least `floor`, best delay first.
 Links fastest(std::span<const LinkState> links, DataRate floor, std::size_t count);
 
+// At most `count` of the same links, soonest arrival of `bytes` first among those of equal
+// priority. A link on which that is not measured comes last, in the order of fastest().
+Links soonest(std::span<const LinkState> links, DataRate floor, std::size_t count,
+              std::size_t bytes);
+
 // One variant over each of these links.
 Plan send_over(std::span<const LinkState> over, std::uint8_t variant);
 
-// One variant over at most `count` of the fastest links that meet its rate floor; where none does,
-// over the fastest all the same, and the plan says that it is under the floor.
+// One variant over at most `count` of the links that bring it soonest of those that meet its rate
+// floor; where none does, over the fastest all the same, and the plan says that it is under the
+// floor.
 Plan over_fastest(const Offer& offer, std::span<const LinkState> links, std::uint8_t variant,
                   std::size_t count);
 
