@@ -6,8 +6,9 @@
 // the road. Nothing that one sends in a slice reaches the other before the next one, so the order
 // of events is that of a real network, and the road's caches are not shared with the vehicles'.
 //
-// The time of a packet is all that the road does in a slice (inputs, timers, polls, answers)
-// divided by the packets that came in. The memory of a peer is what the road holds on the heap,
+// The time of a packet is what the processor spends on all that the road does in a slice (inputs,
+// timers, polls, answers) divided by the packets that came in; time in which others have the
+// processor does not count. The memory of a peer is what the road holds on the heap,
 // without the bytes of incomplete messages, divided by the number of peers.
 #include <fmt/format.h>
 
@@ -19,6 +20,7 @@
 #include <cstdint>
 #include <cstdlib>
 #include <cstring>
+#include <ctime>
 #include <memory>
 #include <new>
 #include <vector>
@@ -57,7 +59,6 @@ namespace interneuron {
 namespace {
 
 using namespace std::chrono_literals;
-using Clock = std::chrono::steady_clock;
 
 // The one-way delay of every link, and so the length of a slice.
 constexpr Duration kSlice = 10ms;
@@ -199,7 +200,7 @@ class Road {
 
   void run(TimePoint end, const std::vector<Packet>& inbox, Outbox& out) {
     is_counting = true;
-    const auto begin = Clock::now();
+    const std::clock_t begin = std::clock();
     for (std::size_t next = 0;;) {
       const TimePoint arrival = next < inbox.size() ? inbox[next].at : TimePoint::max();
       const TimePoint now = std::min(arrival, wake_);
@@ -222,19 +223,19 @@ class Road {
       drain(*endpoint_, now, kRoadSession, out);
       wake_ = wake_of(*endpoint_, now);
     }
-    spent += Clock::now() - begin;
+    spent += std::clock() - begin;
     is_counting = false;
     packets_in += inbox.size();
     packets_out += out.size();
   }
 
   void begin_measuring() {
-    spent = {};
+    spent = 0;
     packets_in = packets_out = messages = 0;
   }
   const Endpoint& endpoint() const { return *endpoint_; }
 
-  Clock::duration spent{};
+  std::clock_t spent = 0;
   std::uint64_t packets_in = 0;
   std::uint64_t packets_out = 0;
   std::uint64_t messages = 0;
@@ -276,7 +277,7 @@ void measure(const Options& options, std::size_t peers) {
   run_for(seconds(options.meet_s + options.warm_up_s));
   road.begin_measuring();
   run_for(seconds(options.seconds));
-  const double us = std::chrono::duration<double, std::micro>(road.spent).count();
+  const double us = static_cast<double>(road.spent) * 1e6 / CLOCKS_PER_SEC;
   const double kib = static_cast<double>(held_bytes - static_cast<std::int64_t>(
                                                           road.endpoint().reassembly_bytes())) /
                      1024;

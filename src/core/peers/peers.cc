@@ -159,8 +159,6 @@ Peers::Received Peers::receive(TimePoint now, const Datagram& datagram) {
 
 void Peers::hand_over(TimePoint now, Entry& entry, const wire::Packet& packet,
                       const Datagram& datagram, Received& out) {
-  // As of the instant before, since arrivals come first.
-  entry.peer.look(now - Duration{1});
   touch(entry);
   out.peer = &entry.peer;
   out.input =

@@ -151,7 +151,10 @@ bool Stages::has_served(const RoundRef& round) const {
 }
 
 void Stages::open(TimePoint now, const RoundRef& round, RoundContext context, Duration deadline) {
-  std::erase_if(contexts_, [now](const auto& entry) { return entry.second.expires < now; });
+  if (now >= sweep_at_) {
+    std::erase_if(contexts_, [now](const auto& entry) { return entry.second.expires < now; });
+    sweep_at_ = now + kSweep;
+  }
   if (contexts_.size() >= kMaxContexts) contexts_.erase(contexts_.begin());
   // What hands over late is still learnt from.
   contexts_[round] = {std::move(context), now + 2 * deadline};

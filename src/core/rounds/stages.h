@@ -11,6 +11,7 @@
 // thread-compatible.
 #pragma once
 
+#include <chrono>
 #include <map>
 #include <memory>
 #include <optional>
@@ -119,6 +120,10 @@ class Stages {
   static constexpr std::size_t kMaxObservers = 64;
   // Room for 16 rounds of each of those pipelines.
   static constexpr std::size_t kMaxContexts = 1024;
+  // Contexts whose time is over are looked for this often at the most, since it means to look at
+  // all. No measurement behind this value: it only has to be shorter than rounds are apart and
+  // longer than messages are where there are many peers.
+  static constexpr Duration kSweep = std::chrono::milliseconds(5);
   // Room for one held message of each.
   static constexpr std::size_t kMaxHeld = 64;
   static constexpr std::size_t kMaxHeldBytes = 64 * 1024 * 1024;
@@ -150,6 +155,7 @@ class Stages {
   std::map<Key, Observed> observers_;
   std::map<Key, RoundRing<Served>> served_;
   std::map<RoundRef, Opened> contexts_;
+  TimePoint sweep_at_ = TimePoint::min();
   std::vector<Released> held_;
   std::uint64_t uses_ = 0;
 };
