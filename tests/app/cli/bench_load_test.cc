@@ -24,7 +24,7 @@ TEST(BenchLoad, WritesRowsOfItsSchema) {
 }
 
 TEST(BenchLoad, ShowsATableForEachGroup) {
-  const Ran ran = run("bench load rate dip --peer ours --seconds 1", false);
+  const Ran ran = run("bench load --peer ours rate dip --seconds 1", false);
   EXPECT_EQ(ran.code, 0) << ran.output;
   for (const char* text : {"rate:", "dip:", "20mbit-30ms", "queue p99"}) {
     EXPECT_NE(ran.output.find(text), std::string::npos) << text << "\n" << ran.output;

@@ -97,11 +97,13 @@ void add_load(CLI::App& bench, std::function<int()>& run) {
   std::vector<std::string> peers(load::peer_names().begin(), load::peer_names().end());
   c->add_option("--peer", o->peers, "A transport; once per transport (default: all)")
       ->take_all()
+      ->allow_extra_args(false)
       ->check(CLI::IsMember(peers));
   c->add_option("--load", o->loads,
                 "Offered load, IP bytes over the bottleneck's rate; once per load (default: the "
                 "group's)")
       ->take_all()
+      ->allow_extra_args(false)
       ->check(CLI::Range(kLeastLoad, kMostLoad));
   c->add_option("--seed", o->seed, "Seed of the vehicles' phases and of the links")
       ->capture_default_str();
