@@ -1,5 +1,5 @@
-// A message with a deadline goes from a vehicle to a roadside unit, and its answer comes back, on
-// the loopback card.
+// A message with a deadline goes from one node to another, on the loopback card, and the sender
+// learns what became of it.
 #include <interneuron/node.h>
 
 #include <cstdio>
@@ -7,30 +7,26 @@
 
 namespace in = interneuron;
 
-in::Bytes to_bytes(std::string_view text) {
-  const auto bytes = std::as_bytes(std::span(text));
-  return {bytes.begin(), bytes.end()};
-}
-
 int main() {
   in::NodeOptions options;
   options.links = {{.id = {1}, .nic = "lo", .local_address = "127.0.0.1"}};
   options.accept_peers = true;
   in::Node road(options);
-  road.on_delivered([&](in::Delivered m) {
-    road.submit(m.round, {to_bytes("hello, vehicle")}, in::MessageClass::kResult);
+  road.on_message([](const in::Message& m) {
+    const char* text = reinterpret_cast<const char*>(m.bytes.data());
+    std::printf("road: %.*s\n", static_cast<int>(m.bytes.size()), text);
   });
   std::thread road_loop([&] { road.run(); });
 
   options.links[0].peer = to_string(*road.local_address({1}));
-  options.pipelines = {{.stages = in::offload_stages()}};
   in::Node vehicle(options);
-  vehicle.on_peer_ready([&](in::PeerReady) {
-    vehicle.submit(vehicle.begin_round({}), {to_bytes("hello")}, in::MessageClass::kData);
+  vehicle.on_peer_ready([&](in::PeerReady p) {
+    const auto hello = std::as_bytes(std::span("hello", 5));
+    vehicle.send(p.peer, in::Bytes(hello.begin(), hello.end()),
+                 {.deadline = std::chrono::milliseconds(100)});
   });
-  vehicle.on_round_done([&](in::RoundDone done) {  // by the deadline, answered or not
-    const char* text = reinterpret_cast<const char*>(done.result.data());
-    std::printf("%.2f ms: %.*s\n", in::to_ms(done.e2e), static_cast<int>(done.result.size()), text);
+  vehicle.on_fate([&](const in::MessageFate& fate) {  // exactly one per message
+    std::printf("vehicle: %s after %.2f ms\n", to_string(fate.fate).data(), in::to_ms(fate.age));
     vehicle.stop();
   });
   vehicle.run();

@@ -102,7 +102,7 @@ field("completes", ProtoField.uint8, "Complete messages", base.DEC)
 field("refuseds", ProtoField.uint8, "Refused messages", base.DEC)
 field("complete.message", ProtoField.uint32, "Complete message", base.DEC)
 field("complete.ago_us", ProtoField.uint32, "Complete for (us)", base.DEC, nil, 0x7fffffff)
-field("complete.late", ProtoField.bool, "Late", 32, nil, 0x80000000)
+field("complete.dropped", ProtoField.bool, "Dropped there", 32, nil, 0x80000000)
 field("refused.message", ProtoField.uint32, "Refused message", base.DEC)
 field("report.link", ProtoField.uint16, "Link", base.DEC)
 field("report.has_exchange", ProtoField.bool, "s and h are there", 8, nil, 0x01)
@@ -296,7 +296,7 @@ local function add_feedback(tree, buffer)
   end
   for _ = 1, complete do
     at = add_all(tree, buffer, at, { { "complete.message", 4 }, { "complete.ago_us", 4 } })
-    tree:add(f["complete.late"], buffer(at - 4, 4))
+    tree:add(f["complete.dropped"], buffer(at - 4, 4))
   end
   for _ = 1, refused do at = add_all(tree, buffer, at, { { "refused.message", 4 } }) end
   return string.format("%d reports, %d complete, %d refused", reports, complete, refused)

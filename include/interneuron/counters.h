@@ -36,13 +36,14 @@ struct EndpointCounters {
   std::uint64_t messages_completed = 0;
   // Messages that were incomplete at their deadline.
   std::uint64_t messages_expired = 0;
-  // Complete messages whose stage had been served already, by another variant or copy.
+  // Complete messages whose stage had been served already, by another variant or copy, and plain
+  // ones of which another variant, or a newer one of the channel, was delivered.
   std::uint64_t messages_superseded = 0;
-  // Remote results after the end-to-end deadline.
+  // Remote results after the end-to-end deadline, and plain messages after theirs.
   std::uint64_t messages_late = 0;
   // Fragments that were not sent, or not sent again, because they could not arrive in time.
   std::uint64_t fragments_cancelled = 0;
-  // Complete messages whose round header is malformed or inconsistent.
+  // Complete messages whose round header or plain header is malformed or inconsistent.
   std::uint64_t bad_messages = 0;
   // Fragments refused because the incomplete messages of the peer, or of all peers, hold as much
   // memory as they may.

@@ -1,5 +1,5 @@
 // What an endpoint tells the application. Every event is a value; Delivered and RoundDone, which
-// concern rounds, are in round.h.
+// concern rounds, are in round.h; Message, MessageFate and CanSend in send.h.
 #pragma once
 
 #include <cstdint>
@@ -10,6 +10,7 @@
 #include "interneuron/link.h"
 #include "interneuron/policy.h"
 #include "interneuron/round.h"
+#include "interneuron/send.h"
 #include "interneuron/units.h"
 
 namespace interneuron {
@@ -59,6 +60,6 @@ struct OtherVersion {
 };
 
 using Event = std::variant<Delivered, RoundDone, PeerReady, PeerRestarted, PeerLost, Planned,
-                           PathChanged, OtherVersion>;
+                           PathChanged, OtherVersion, Message, MessageFate, CanSend>;
 
 }  // namespace interneuron

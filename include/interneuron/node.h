@@ -1,9 +1,11 @@
 // The application's door: a Node drives an Endpoint with real sockets and the real clock.
-// pipeline.h says what rounds are, node_options.h what a node is made of.
+// send.h says what a message and its fate are, pipeline.h what rounds are, node_options.h what a
+// node is made of.
 //
 //   Node node(options);
-//   node.on_peer_ready([&](PeerReady) { /* begin_round, submit */ });
-//   node.on_round_done([&](RoundDone done) { /* the one answer of a round */ });
+//   node.on_peer_ready([&](PeerReady p) { node.send(p.peer, bytes, {.deadline = 100ms}); });
+//   node.on_fate([&](MessageFate fate) { /* what became of a message */ });
+//   node.on_message([&](Message message) { /* one that the peer has sent */ });
 //   node.stop_on_signals();
 //   node.run();  // until stop()
 #pragma once
@@ -63,6 +65,9 @@ class Node {
   // A link is used while its NIC is kReady; it is closed before this is told, and opened after.
   void on_nic_changed(std::function<void(NicChanged)> handler);
   void on_path_changed(std::function<void(PathChanged)> handler);
+  void on_message(std::function<void(Message)> handler);
+  void on_fate(std::function<void(MessageFate)> handler);
+  void on_can_send(std::function<void(CanSend)> handler);
   void on_other_version(std::function<void(OtherVersion)> handler);
   // Every `interval` (> 0) while run() runs.
   void on_statistics(Duration interval, std::function<void(const Statistics&)> handler);
@@ -72,6 +77,10 @@ class Node {
   // Measures the rate of a path now instead of when its evidence is old, metered ones too. False
   // when there is no such path.
   bool request_train(PeerId peer, LinkId link);
+  // Takes the bytes. The message leaves with the end of this turn of the loop.
+  SendResult send(PeerId peer, Bytes message, const SendOptions& options = {});
+  SendResult send(PeerId peer, Variants variants, const SendOptions& options = {});
+  bool cancel(SendId message);
   RoundRef begin_round(PipelineId pipeline);
   // The plan is kept and changes what submit() sends; see Endpoint::preview().
   Plan preview(RoundRef round, std::span<const std::size_t> variant_bytes,

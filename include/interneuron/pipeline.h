@@ -1,6 +1,7 @@
-// Pipelines and rounds. Read this header first; then node.h for an application with real sockets
-// (or endpoint.h for the same without input and output), and policy.h to write a policy of your
-// own. examples/hello.cc is a whole program in 40 lines.
+// Pipelines and rounds: messages whose answer is wanted by a deadline, a layer beside the plain
+// messages of send.h, which go one way. node.h is for an application with real sockets (or
+// endpoint.h for the same without input and output), policy.h to write a policy of your own.
+// examples/camera_offload.cc is a whole program.
 //
 // A vehicle needs a computation for each frame of its camera, and a roadside unit does it better
 // than the vehicle itself, if its result is back in time. One frame is handled by one *round*. A

@@ -42,7 +42,7 @@ struct Incoming {
 };
 
 // What became of a batch of datagrams.
-struct SendResult {
+struct BatchResult {
   // Leading datagrams not to be offered again: they were handed to the kernel, or dropped with an
   // error and counted.
   std::size_t taken = 0;
@@ -92,7 +92,7 @@ class Transport {
   virtual ~Transport() = default;
   // Hands datagrams to the kernel. Never blocks, never throws. The order of datagrams to one
   // address is kept.
-  virtual SendResult send(std::span<const Outgoing> batch) = 0;
+  virtual BatchResult send(std::span<const Outgoing> batch) = 0;
   // Datagrams that have arrived, as many as fit into the transport's own buffers; empty when there
   // are none. The views are valid until the next call. Never blocks, never throws.
   virtual std::span<const Incoming> receive() = 0;

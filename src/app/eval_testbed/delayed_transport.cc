@@ -22,7 +22,7 @@ DelayedTransport::DelayedTransport(std::unique_ptr<Transport> inner,
       delay_of_(std::move(delay_of)),
       thread_([this](const std::stop_token& stop) { send_waiting(stop); }) {}
 
-SendResult DelayedTransport::send(std::span<const Outgoing> batch) {
+BatchResult DelayedTransport::send(std::span<const Outgoing> batch) {
   std::vector<Duration> delays;
   for (const Outgoing& datagram : batch) delays.push_back(delay_of_(datagram.bytes));
   const std::scoped_lock lock(mutex_);
@@ -61,7 +61,7 @@ void DelayedTransport::send_due(TimePoint now) {
     if (w.due > now) break;
     batch.push_back({w.to, w.bytes});
   }
-  const SendResult result = inner_->send(batch);
+  const BatchResult result = inner_->send(batch);
   waiting_.erase(waiting_.begin(), waiting_.begin() + static_cast<std::ptrdiff_t>(result.taken));
   blocked_ = result.would_block;
   gone_ = result.gone;

@@ -24,7 +24,7 @@ class DelayedTransport final : public Transport {
   // thread, and asked again for datagrams that send() did not take.
   DelayedTransport(std::unique_ptr<Transport> inner, std::function<Duration(ByteView)> delay_of);
 
-  SendResult send(std::span<const Outgoing> batch) override;
+  BatchResult send(std::span<const Outgoing> batch) override;
   std::span<const Incoming> receive() override;
   TransportCaps capabilities() const override;
   TransportCounters counters() const override;

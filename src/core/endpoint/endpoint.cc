@@ -5,6 +5,7 @@
 
 #include "core/base/earliest.h"
 #include "core/endpoint/own_time.h"
+#include "core/messages/messages.h"
 #include "core/peers/peers.h"
 #include "core/rounds/rounds.h"
 
@@ -17,9 +18,9 @@ constexpr Duration kBetweenVersions = std::chrono::seconds(10);
 
 }  // namespace
 
-// Joins the peers (packets) and the rounds (messages), with one queue of events and one time. It
-// has no logic of its own: it hands inputs on, merges timeouts and counters, and keeps the order in
-// which things happen at one instant.
+// Joins the peers (packets), the rounds and the plain messages, with one queue of events and one
+// time. It has no logic of its own: it hands inputs on, merges timeouts and counters, and keeps the
+// order in which things happen at one instant.
 class Endpoint::Impl {
  public:
   Impl(const EndpointOptions& options, TimePoint now)
@@ -31,6 +32,7 @@ class Endpoint::Impl {
                 .seed = options.hash_seed != 0 ? options.hash_seed : options.session.value,
                 .reassembly_budget_bytes = options.reassembly_budget_bytes}),
         rounds_(options, peers_, events_),
+        messages_(options.policies, peers_, events_),
         time_(now) {}
 
   // Every call tells the time. Those that look at rounds first do what is due.
@@ -43,6 +45,7 @@ class Endpoint::Impl {
 
   Peers& peers() { return peers_; }
   Rounds& rounds() { return rounds_; }
+  Messages& messages() { return messages_; }
   const OwnTime& time() const { return time_; }
 
   void remove_link(TimePoint now, LinkId link) {
@@ -63,6 +66,7 @@ class Endpoint::Impl {
     if (received.peer == nullptr) return;
     if (received.restarted) {
       rounds_.forget_clock(received.peer->identity().id);
+      messages_.forget(received.peer->identity().id);
       events_.emplace_back(PeerRestarted{received.peer->identity().id});
     }
     if (!received.input.duplicate) react(now, *received.peer, received.input);
@@ -77,7 +81,8 @@ class Endpoint::Impl {
 
   std::optional<TimePoint> next_timeout() const {
     const TimePoint now = time_.now();
-    std::optional<TimePoint> next = earliest(rounds_.next_timeout(), peers_.next_timeout(now));
+    std::optional<TimePoint> next =
+        earliest(rounds_.next_timeout(), messages_.next_timeout(), peers_.next_timeout(now));
     // What should have been done before is due now. Peers' bytes may make an instant of any value.
     if (next) *next = time_.host(std::max(*next, now));
     return next;
@@ -85,6 +90,11 @@ class Endpoint::Impl {
 
   EndpointCounters counters() const {
     EndpointCounters out = rounds_.counters();
+    const EndpointCounters& plain = messages_.counters();
+    out.messages_completed += plain.messages_completed;
+    out.messages_superseded += plain.messages_superseded;
+    out.messages_late += plain.messages_late;
+    out.bad_messages += plain.bad_messages;
     out.messages_expired = messages_expired_;
     out.reassembly_refused = reassembly_refused_;
     out.fragments_cancelled = peers_.cancelled();
@@ -92,13 +102,17 @@ class Endpoint::Impl {
   }
 
  private:
-  // Does everything that is due at or before `now`: the rounds first, then the peers.
+  // Does everything that is due at or before `now`: the rounds and messages first, then the peers.
   void run_timers(TimePoint now) {
     rounds_.expire(now);
+    messages_.expire(now);
     Peers::Expired expired = peers_.handle_timeout(now);
     messages_expired_ += expired.messages;
     for (PathChanged& change : expired.changes) events_.emplace_back(std::move(change));
-    for (const PeerId id : expired.lost) events_.emplace_back(PeerLost{id});
+    for (const PeerId id : expired.lost) {
+      messages_.forget(id);
+      events_.emplace_back(PeerLost{id});
+    }
   }
 
   void react(TimePoint now, Peer& peer, const Peer::Input& input) {
@@ -107,13 +121,18 @@ class Endpoint::Impl {
     if (input.clock_stepped) rounds_.forget_clock(id);
     if (input.refused) ++reassembly_refused_;
     while (auto change = peer.poll_change()) events_.emplace_back(std::move(*change));
-    if (input.message && input.kind == wire::MessageKind::kRound)
+    if (input.message && input.kind == wire::MessageKind::kRound) {
       rounds_.complete(now, peer, *input.message);
+    } else if (input.message) {
+      messages_.complete(now, peer, input.message_id, *input.message);
+    }
+    messages_.collect(now, peer);
   }
 
   std::deque<Event> events_;
   Peers peers_;
   Rounds rounds_;
+  Messages messages_;
   OwnTime time_;
   std::uint64_t messages_expired_ = 0;
   std::uint64_t reassembly_refused_ = 0;
@@ -135,6 +154,13 @@ void Endpoint::remove_link(TimePoint now, LinkId link) {
 }
 PeerId Endpoint::connect(TimePoint now, std::span<const std::pair<LinkId, Address>> addresses) {
   return impl_->peers().connect(impl_->tick(now), addresses);
+}
+SendResult Endpoint::send(TimePoint now, PeerId peer, Variants variants,
+                          const SendOptions& options) {
+  return impl_->messages().send(impl_->advance(now), peer, std::move(variants), options);
+}
+bool Endpoint::cancel(TimePoint now, SendId message) {
+  return impl_->messages().cancel(impl_->advance(now), message);
 }
 RoundRef Endpoint::begin_round(TimePoint now, PipelineId pipeline) {
   return impl_->rounds().begin(impl_->advance(now), pipeline);

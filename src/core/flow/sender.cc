@@ -213,7 +213,9 @@ void Sender::settle(TimePoint now, std::span<const SentPackets::Settled> pieces)
       continue;
     }
     piece.acknowledged = true;
-    if (--it->second.unacknowledged == 0) messages_.erase(it);
+    if (--it->second.unacknowledged > 0) continue;
+    if (it->second.kind == wire::MessageKind::kPlain) acknowledged_.push_back(it->first);
+    messages_.erase(it);
   }
 }
 
@@ -326,6 +328,34 @@ std::optional<TimePoint> Sender::next_send(LinkId path) const {
   return saturating_add(it->second.free_at, kQuantum);
 }
 
+std::optional<MessageId> Sender::poll_acknowledged() {
+  if (acknowledged_.empty()) return std::nullopt;
+  const MessageId message = acknowledged_.front();
+  acknowledged_.pop_front();
+  return message;
+}
+
+bool Sender::is_queued(MessageId message) const {
+  if (!messages_.contains(message)) return false;
+  return std::ranges::any_of(paths_, [message](const auto& entry) {
+    return std::ranges::any_of(entry.second.jobs, [message](const Job& job) {
+      return job.message == message && job.next < job.count;
+    });
+  });
+}
+
+std::size_t Sender::queued_before(LinkId link, TimePoint deadline) const {
+  const auto it = paths_.find(link);
+  if (it == paths_.end()) return 0;
+  std::size_t bytes = 0;
+  for (const Job& job : it->second.jobs) {
+    if (job.deadline > deadline || !messages_.contains(job.message)) continue;
+    bytes +=
+        (job.count - std::min<std::size_t>(job.next, job.count) + job.again.size()) * job.chunk;
+  }
+  return bytes;
+}
+
 std::uint64_t Sender::resent(LinkId path) const {
   const auto it = paths_.find(path);
   return it == paths_.end() ? 0 : it->second.resent;
@@ -338,6 +368,7 @@ std::uint64_t Sender::lost(LinkId path) const {
 
 void Sender::reset(TimePoint now) {
   messages_.clear();
+  acknowledged_.clear();
   for (auto& [link, path] : paths_) {
     path.jobs.clear();
     path.sent.reset();

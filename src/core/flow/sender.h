@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <map>
 #include <optional>
 #include <span>
@@ -71,6 +72,15 @@ class Sender {
   MessageId send(TimePoint now, TimePoint deadline, Duration lifetime, Bytes message,
                  const std::vector<LinkId>& paths, const PathSet& repairs = kEveryPath,
                  wire::MessageKind kind = wire::MessageKind::kRound);
+
+  // Forgets a message: nothing more of it is sent. It is complete at the peer, or nobody wants it.
+  void cancel(MessageId message) { messages_.erase(message); }
+  // Messages whose pieces are all acknowledged, each once, of those of kind kPlain alone.
+  std::optional<MessageId> poll_acknowledged();
+  // Whether a piece of this message has not left yet.
+  bool is_queued(MessageId message) const;
+  // Bytes that this path has to send of messages whose deadline is not after this one.
+  std::size_t queued_before(LinkId path, TimePoint deadline) const;
 
   // The next packet number of a path, for packets that carry no fragment; they count as sent.
   // `train_bytes` is the size with IP headers of packets that belong to a train, 0 for all others.
@@ -168,6 +178,7 @@ class Sender {
   Options options_;
   std::map<LinkId, Path> paths_;
   std::unordered_map<MessageId, Message> messages_;
+  std::deque<MessageId> acknowledged_;
   std::uint32_t next_message_;
   std::uint64_t cancelled_ = 0;
 };

@@ -96,6 +96,7 @@ void Peer::restart(TimePoint now, SessionId session) {
   sender_.reset(now);
   reassembler_.reset();
   receipts_.reset();
+  settlements_.reset();
   clock_.reset();
   unreported_ = 0;
   feedback_at_.reset();
@@ -143,6 +144,7 @@ Peer::Input Peer::handle(TimePoint now, const wire::Packet& packet, const Datagr
   if (outcome.result == flow::Reassembler::Result::kComplete) {
     note_activity(now);
     receipts_.complete(now, message);
+    input.message_id = message;
     input.kind = packet.data.fragment.kind;
     input.message = std::move(outcome.message);
   }
@@ -164,6 +166,11 @@ void Peer::handle_feedback(TimePoint now, Path& path, const wire::Feedback& feed
   if (feedback.echo != identity_.self) return;
   path.echoed();
   if (!ready_) input.became_ready = ready_ = true;
+  const auto clock = clock_.view(now);
+  std::optional<TimePoint> left;
+  if (clock) left = TimePoint{Duration{wrapping_add(feedback.u, clock->alpha)}};
+  settlements_.learn(feedback, left, paths_);
+  for (const wire::CompleteMessage& complete : feedback.complete) sender_.cancel(complete.message);
   for (const wire::LinkReport& report : feedback.reports) {
     if (report.has_exchange && report.link == path.id()) {
       const PeerTime u{Duration{feedback.u}};
@@ -177,6 +184,13 @@ void Peer::handle_feedback(TimePoint now, Path& path, const wire::Feedback& feed
     learn_report(now, report);
   }
   refresh(now);
+}
+
+std::optional<Settled> Peer::poll_settled() {
+  if (const auto settled = settlements_.poll()) return settled;
+  const auto message = sender_.poll_acknowledged();
+  if (!message) return std::nullopt;
+  return Settled{Settled::Kind::kAcknowledged, *message};
 }
 
 void Peer::learn_report(TimePoint now, const wire::LinkReport& report) {
@@ -299,11 +313,9 @@ Transmit Peer::send_feedback(TimePoint now, Path& path, std::span<const Path> ab
   feedback.u = now.time_since_epoch().count();
   feedback.echo = identity_.session;
   for (const Path& p : about) feedback.reports.push_back(p.report(now));
-  // Heartbeats stay small. An address that is not trusted yet may have room for the reports alone.
-  const bool all = about.size() == paths_.size();
-  if (all &&
-      path.may_send(wire::feedback_bytes(about.size(), wire::kMaxComplete, wire::kMaxRefused))) {
-    receipts_.tell(now, feedback);
+  // An address that is not trusted yet may have room for the reports alone.
+  if (path.may_send(wire::feedback_bytes(about.size(), wire::kMaxComplete, wire::kMaxRefused))) {
+    receipts_.tell(now, about.size() == paths_.size(), feedback);
   }
   const std::uint64_t number = sender_.take_number(now, path.id());
   const std::size_t size = wire::write_feedback(
@@ -357,11 +369,13 @@ std::optional<Transmit> Peer::poll(TimePoint now, LinkId nic, std::span<std::byt
   return std::nullopt;
 }
 
-void Peer::send(TimePoint now, TimePoint deadline, Duration lifetime, Bytes message,
-                const std::vector<LinkId>& paths, const flow::PathSet& repairs) {
+MessageId Peer::send(TimePoint now, TimePoint deadline, Duration lifetime, Bytes message,
+                     const std::vector<LinkId>& paths, const flow::PathSet& repairs,
+                     wire::MessageKind kind) {
   note_activity(now);
   refresh(now);
-  sender_.send(now, deadline, lifetime, std::move(message), paths, repairs);
+  if (kind == wire::MessageKind::kPlain) settlements_.open();
+  return sender_.send(now, deadline, lifetime, std::move(message), paths, repairs, kind);
 }
 
 void Peer::want(TimePoint now, DataRate rate) {

@@ -19,6 +19,7 @@
 #include "core/flow/sender.h"
 #include "core/guard/clock_offset.h"
 #include "core/peers/path.h"
+#include "core/peers/settlements.h"
 #include "core/wire/packet.h"
 #include "interneuron/endpoint.h"
 
@@ -70,6 +71,7 @@ class Peer {
     bool refused = false;
     // The message that this packet completed, and what it begins with.
     std::optional<Bytes> message;
+    MessageId message_id{};
     wire::MessageKind kind{};
   };
   // What only time changes is looked at again, if that is some time ago. Call it before anything
@@ -91,8 +93,25 @@ class Peer {
 
   // Queues a message on these paths; lost pieces go over these and over those of `repairs`. Nothing
   // of it is sent after `deadline`; the receiver waits for the rest for `lifetime` at most.
-  void send(TimePoint now, TimePoint deadline, Duration lifetime, Bytes message,
-            const std::vector<LinkId>& paths, const flow::PathSet& repairs);
+  MessageId send(TimePoint now, TimePoint deadline, Duration lifetime, Bytes message,
+                 const std::vector<LinkId>& paths, const flow::PathSet& repairs,
+                 wire::MessageKind kind = wire::MessageKind::kRound);
+  // Nothing more of this message is sent.
+  void cancel(MessageId message) { sender_.cancel(message); }
+  // Whether a piece of this message has not left yet.
+  bool is_queued(MessageId message) const { return sender_.is_queued(message); }
+  // Bytes that this path has to send of messages whose deadline is not after this one.
+  std::size_t queued_before(LinkId path, TimePoint deadline) const {
+    return sender_.queued_before(path, deadline);
+  }
+
+  // What the peer says of messages that were sent to it. Told only once a plain message was sent;
+  // ask until nothing comes after handle() and from time to time.
+  std::optional<Settled> poll_settled();
+  // See Settlements.
+  TimePoint told_until() const { return settlements_.told_until(paths_); }
+  // A message that handle() gave is dropped here: tells the peer.
+  void mark_dropped(MessageId message) { receipts_.mark_dropped(message); }
 
   // A better variant was withheld that a path with this rate could have carried.
   void want(TimePoint now, DataRate rate);
@@ -142,6 +161,7 @@ class Peer {
   TimePoint feedback_sent_at_;
   TimePoint refreshed_at_;
   std::deque<PathChanged> changes_;
+  Settlements settlements_;
 };
 
 }  // namespace interneuron

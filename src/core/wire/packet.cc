@@ -20,7 +20,7 @@ constexpr std::uint8_t kHasExchange = 0x01;
 constexpr std::uint8_t kMetered = 0x02;
 constexpr std::uint8_t kHasDelays = 0x04;
 // Of a complete message, beside the time since then.
-constexpr std::uint32_t kLate = ~kLongestAgo;
+constexpr std::uint32_t kDropped = ~kLongestAgo;
 // Flags of an echo.
 constexpr std::uint8_t kIsReply = 0x01;
 constexpr std::uint8_t kHold = 0x02;
@@ -159,7 +159,7 @@ bool get_feedback(Reader& r, Feedback& f) {
   for (std::uint8_t i = 0; i < complete; ++i) {
     const MessageId message{r.get<std::uint32_t>()};
     const auto when = r.get<std::uint32_t>();
-    f.complete.push_back({message, when & kLongestAgo, (when & kLate) != 0});
+    f.complete.push_back({message, when & kLongestAgo, (when & kDropped) != 0});
   }
   for (std::uint8_t i = 0; i < refused; ++i) f.refused.push_back({r.get<std::uint32_t>()});
   return r.ok() && r.at_end();
@@ -270,9 +270,9 @@ std::size_t write_feedback(std::span<std::byte> out, const PacketHeader& header,
   w.put(static_cast<std::uint8_t>(feedback.complete.size()));
   w.put(static_cast<std::uint8_t>(feedback.refused.size()));
   for (const LinkReport& report : feedback.reports) put_report(w, report);
-  for (const auto& [message, ago_us, late] : feedback.complete) {
+  for (const auto& [message, ago_us, dropped] : feedback.complete) {
     w.put(message.value);
-    w.put(std::min(ago_us, kLongestAgo) | (late ? kLate : 0));
+    w.put(std::min(ago_us, kLongestAgo) | (dropped ? kDropped : 0));
   }
   for (const MessageId message : feedback.refused) w.put(message.value);
   return finish(w);

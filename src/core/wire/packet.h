@@ -161,8 +161,8 @@ struct CompleteMessage {
   MessageId message{};
   // How long before `u` it became so, in microseconds; kLongestAgo: that long or longer.
   std::uint32_t ago_us = 0;
-  // It was too late to be of use, and was dropped.
-  bool late = false;
+  // It was dropped there: it was too late, or of a channel on which a newer one was delivered.
+  bool dropped = false;
   friend bool operator==(const CompleteMessage&, const CompleteMessage&) = default;
 };
 // The largest value of 31 bits, 35.8 minutes.

@@ -191,8 +191,8 @@ std::size_t UdpTransport::fill(std::span<const Outgoing> batch, bool segment) {
   return messages;
 }
 
-SendResult UdpTransport::send(std::span<const Outgoing> batch) {
-  SendResult result;
+BatchResult UdpTransport::send(std::span<const Outgoing> batch) {
+  BatchResult result;
   // Datagrams before this one go one by one, because the kernel refused to segment them.
   std::size_t unsegmented_until = 0;
   while (result.taken < batch.size()) {

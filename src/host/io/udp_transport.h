@@ -38,7 +38,7 @@ class UdpTransport final : public Transport {
   explicit UdpTransport(const UdpOptions& options);
   ~UdpTransport() override;
 
-  SendResult send(std::span<const Outgoing> batch) override;
+  BatchResult send(std::span<const Outgoing> batch) override;
   std::span<const Incoming> receive() override;
   TransportCaps capabilities() const override { return socket_.capabilities; }
   TransportCounters counters() const override { return counters_; }

@@ -37,6 +37,15 @@ void Node::on_path_changed(std::function<void(PathChanged)> handler) {
 void Node::on_other_version(std::function<void(OtherVersion)> handler) {
   impl_->handlers.other_version = std::move(handler);
 }
+void Node::on_message(std::function<void(Message)> handler) {
+  impl_->handlers.message = std::move(handler);
+}
+void Node::on_fate(std::function<void(MessageFate)> handler) {
+  impl_->handlers.fate = std::move(handler);
+}
+void Node::on_can_send(std::function<void(CanSend)> handler) {
+  impl_->handlers.can_send = std::move(handler);
+}
 void Node::on_statistics(Duration interval, std::function<void(const Statistics&)> handler) {
   impl_->set_statistics(interval, std::move(handler));
 }
@@ -47,6 +56,15 @@ PeerId Node::connect(std::span<const std::pair<LinkId, Address>> addresses) {
 bool Node::request_train(PeerId peer, LinkId link) {
   return impl_->endpoint().request_train(io::now(), peer, link);
 }
+SendResult Node::send(PeerId peer, Bytes message, const SendOptions& options) {
+  Variants variants;
+  variants.push_back(std::move(message));
+  return send(peer, std::move(variants), options);
+}
+SendResult Node::send(PeerId peer, Variants variants, const SendOptions& options) {
+  return impl_->endpoint().send(io::now(), peer, std::move(variants), options);
+}
+bool Node::cancel(SendId message) { return impl_->endpoint().cancel(io::now(), message); }
 RoundRef Node::begin_round(PipelineId pipeline) {
   return impl_->endpoint().begin_round(io::now(), pipeline);
 }

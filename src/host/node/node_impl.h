@@ -40,6 +40,9 @@ class Node::Impl : private Outbox::Source, private LinkSet::User {
     std::function<void(Planned)> planned;
     std::function<void(PathChanged)> path_changed;
     std::function<void(OtherVersion)> other_version;
+    std::function<void(Message)> message;
+    std::function<void(MessageFate)> fate;
+    std::function<void(CanSend)> can_send;
     std::function<void(NicChanged)> nic_changed;
     std::function<void(const Statistics&)> statistics;
   };

@@ -51,7 +51,7 @@ void Outbox::flush(TimePoint now, Link& link) {
     const Slot& slot = link.slots[(link.first + i) % link.slots.size()];
     batch_[i] = {slot.to, ByteView(slot.buffer->data(), slot.size)};
   }
-  const SendResult result = link.transport->send(std::span(batch_).first(link.count));
+  const BatchResult result = link.transport->send(std::span(batch_).first(link.count));
   link.first = (link.first + result.taken) % link.slots.size();
   link.count -= result.taken;
   if (result.gone != 0) link.gone = result.gone;

@@ -36,7 +36,7 @@ struct Wire {
 class FakeTransport final : public Transport {
  public:
   explicit FakeTransport(Wire& wire) : wire_(wire) {}
-  SendResult send(std::span<const Outgoing> batch) override {
+  BatchResult send(std::span<const Outgoing> batch) override {
     const std::scoped_lock lock(wire_.mutex);
     for (const Outgoing& o : batch) {
       wire_.packets.push_back({static_cast<char>(o.bytes[0]), io::now()});

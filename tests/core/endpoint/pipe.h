@@ -64,7 +64,7 @@ class Pipe {
   };
 
   std::size_t add_host(EndpointOptions options, Duration clock_offset = {}) {
-    hosts_.push_back({nullptr, clock_offset, std::nullopt});
+    hosts_.push_back({nullptr, clock_offset, std::nullopt, 0});
     restart(hosts_.size() - 1, std::move(options));
     return hosts_.size() - 1;
   }
@@ -78,6 +78,12 @@ class Pipe {
     const PeerId peer = at(from).connect(local(from), addresses);
     flush(from);
     return peer;
+  }
+  // The host's clock goes forward at once.
+  void jump(std::size_t host, Duration by) {
+    hosts_[host].offset += by;
+    at(host).handle_timeout(local(host));
+    flush(host);
   }
   Endpoint& at(std::size_t host) { return *hosts_[host].endpoint; }
   TimePoint local(std::size_t host) const { return network_.now() + hosts_[host].offset; }
@@ -118,6 +124,12 @@ class Pipe {
   std::map<LinkId, Duration> delay{{kFast, 5ms}, {kSlow, 10ms}};  // one way
   std::map<LinkId, Duration> extra_from_0;                        // on top, of what host 0 sends
   std::set<LinkId> cut;
+  // Whether a packet is lost, and how much longer than `delay` it takes, on top.
+  std::function<bool(std::size_t from, LinkId link, ByteView bytes)> drop;
+  std::function<Duration()> jitter;
+  // How many times in a row a timer may be due again at its own instant: where round trips vary, a
+  // path's time-out may move into the past while another one is handled.
+  int spins_allowed = 0;
   std::vector<Captured>* capture = nullptr;
   // What submit() answered to the message of the newest round().
   SubmitStatus submitted = SubmitStatus::kUnknownRound;
@@ -134,10 +146,11 @@ class Pipe {
         if (capture != nullptr) capture->push_back({id, t->link, bytes});
         if (on_transmit)
           on_transmit(id, std::to_integer<std::size_t>(t->to.raw[0]), t->link, bytes);
-        if (cut.contains(t->link)) continue;
+        if (cut.contains(t->link) || (drop && drop(id, t->link, bytes))) continue;
         const Duration extra =
             id == 0 && extra_from_0.contains(t->link) ? extra_from_0.at(t->link) : 0ns;
-        network_.send(network_.now() + delay.at(t->link) + extra,
+        const Duration late = jitter ? jitter() : 0ns;
+        network_.send(network_.now() + delay.at(t->link) + extra + late,
                       {std::to_integer<std::size_t>(t->to.raw[0]), id, t->link, bytes});
       }
     }
@@ -146,8 +159,9 @@ class Pipe {
     if (next) {
       host.wake = *next - host.offset;
       // A timer that is due after everything was drained would be a loop that never sleeps.
-      if (*host.wake <= network_.now() && just_timed_out_)
-        ADD_FAILURE() << "host " << id << " spins";
+      const bool again = *host.wake <= network_.now() && just_timed_out_;
+      host.spins = again ? host.spins + 1 : 0;
+      if (host.spins > spins_allowed) ADD_FAILURE() << "host " << id << " spins";
     }
   }
 
@@ -156,6 +170,7 @@ class Pipe {
     std::unique_ptr<Endpoint> endpoint;
     Duration offset{};
     std::optional<TimePoint> wake;  // by the network's clock
+    int spins = 0;
   };
   struct InFlight {
     std::size_t to = 0;

@@ -9,9 +9,9 @@ using namespace std::chrono_literals;
 
 TimePoint at(Duration d) { return TimePoint{d}; }
 
-wire::Feedback told(Receipts& receipts, Duration now) {
+wire::Feedback told(Receipts& receipts, Duration now, bool all_paths = true) {
   wire::Feedback feedback;
-  receipts.tell(at(now), feedback);
+  receipts.tell(at(now), all_paths, feedback);
   return feedback;
 }
 
@@ -30,16 +30,16 @@ TEST(Receipts, EachMessageIsToldInThreePackets) {
   EXPECT_EQ(told(receipts, 2s), wire::Feedback{});
 }
 
-TEST(Receipts, SayWhichMessagesWereLate) {
+TEST(Receipts, SayWhichMessagesWereDropped) {
   Receipts receipts;
   receipts.complete(at(1s), MessageId{7});
   receipts.complete(at(1s), MessageId{8});
-  receipts.mark_late(MessageId{7});
-  receipts.mark_late(MessageId{9});  // is not there
+  receipts.mark_dropped(MessageId{7});
+  receipts.mark_dropped(MessageId{9});  // is not there
   const wire::Feedback feedback = told(receipts, 1s);
   ASSERT_EQ(feedback.complete.size(), 2U);
-  EXPECT_TRUE(feedback.complete[0].late);
-  EXPECT_FALSE(feedback.complete[1].late);
+  EXPECT_TRUE(feedback.complete[0].dropped);
+  EXPECT_FALSE(feedback.complete[1].dropped);
 }
 
 TEST(Receipts, AMessageIsRefusedOnceHoweverManyPiecesItHas) {
@@ -65,6 +65,16 @@ TEST(Receipts, ALongTimeAgoIsTheLongestThatCanBeTold) {
   Receipts receipts;
   receipts.complete(at(0s), MessageId{7});
   EXPECT_EQ(told(receipts, 100h).complete[0].ago_us, wire::kLongestAgo);
+}
+
+TEST(Receipts, FeedbackAboutOnePathTellsOnlyWhatTheOthersHaveLeft) {
+  Receipts receipts;
+  receipts.complete(at(1s), MessageId{7});
+  receipts.refuse(at(1s), MessageId{8});
+  EXPECT_EQ(told(receipts, 1s + Receipts::kLeftOver - 1ns, false), wire::Feedback{});
+  const wire::Feedback feedback = told(receipts, 1s + Receipts::kLeftOver, false);
+  EXPECT_EQ(feedback.complete.size(), 1U);
+  EXPECT_EQ(feedback.refused.size(), 1U);
 }
 
 TEST(Receipts, ResetForgetsEverything) {

@@ -109,7 +109,7 @@ class Dissector(unittest.TestCase):
             "report.train_start": "69", "report.train_rate": "30000", "report.metered": "0", "report.has_delays": "1",
             "report.newest_delay_us": "5372842", "report.largest_delay_us": "5374218", "report.ect": "90",
             "report.ce": "3", "report.received_bytes": "123456", "complete.message": "9,10",
-            "complete.ago_us": "1500,200", "complete.late": "0,1", "refused.message": "8", "malformed": ""})
+            "complete.ago_us": "1500,200", "complete.dropped": "0,1", "refused.message": "8", "malformed": ""})
 
     def test_every_report_is_shown(self):
         feedback = examples()[3]

@@ -32,7 +32,7 @@ TEST(Namespace, AFullSendBufferIsReportedAndNothingIsLost) {
     std::size_t done = 0;
     std::size_t blocked = 0;
     while (done < batch.size()) {
-      const SendResult result = sender.send(std::span(batch).subspan(done));
+      const BatchResult result = sender.send(std::span(batch).subspan(done));
       done += result.taken;
       blocked += result.would_block ? 1 : 0;
       if (result.would_block && !wait_for(sender, POLLOUT)) FAIL() << "writable again";
@@ -63,10 +63,10 @@ TEST(Namespace, ACardThatIsDownCountsErrorsAndWorksWhenItIsBack) {
     UdpTransport sender(on_va());
     const Bytes bytes = payload(0, 100);
     if (!shell("ip link set va down")) GTEST_SKIP() << "this kernel lacks what the test needs";
-    const SendResult down = sender.send(to_all(kPeer, {bytes, bytes}));
+    const BatchResult down = sender.send(to_all(kPeer, {bytes, bytes}));
     shell("ip link set va up");
     shell("ip neigh replace 10.99.0.2 lladdr 02:00:00:00:00:02 dev va");
-    const SendResult up = sender.send(to_all(kPeer, {bytes}));
+    const BatchResult up = sender.send(to_all(kPeer, {bytes}));
     EXPECT_EQ(down.taken, 2) << "down is not gone";
     EXPECT_EQ(down.gone, 0) << "down is not gone";
     EXPECT_EQ(sender.counters().send_errors, 2) << "two errors";
@@ -81,7 +81,7 @@ TEST(Namespace, ACardThatVanishesIsGone) {
     const Bytes bytes = payload(0, 100);
     sender.send(to_all(kPeer, {bytes}));
     if (!shell("ip link del va")) GTEST_SKIP() << "this kernel lacks what the test needs";
-    const SendResult result = sender.send(to_all(kPeer, {bytes, bytes, bytes}));
+    const BatchResult result = sender.send(to_all(kPeer, {bytes, bytes, bytes}));
     sender.receive();
     EXPECT_EQ(result.gone, ENODEV) << "gone";
     EXPECT_EQ(result.taken, 3) << "all are dropped";

@@ -30,7 +30,7 @@ std::string error_of(const UdpOptions& options, int code) {
 void expect_round_trip(UdpTransport& sender, UdpTransport& receiver,
                        const std::vector<Bytes>& payloads) {
   const auto batch = to_all(receiver.local_address(), payloads);
-  const SendResult result = sender.send(batch);
+  const BatchResult result = sender.send(batch);
   ASSERT_EQ(result.taken, batch.size());
   EXPECT_FALSE(result.would_block);
   EXPECT_EQ(result.gone, 0);

@@ -37,9 +37,9 @@ class Numbers final : public Outbox::Source {
 // Takes as many datagrams as it has room for.
 class Bottle final : public Transport {
  public:
-  SendResult send(std::span<const Outgoing> batch) override {
+  BatchResult send(std::span<const Outgoing> batch) override {
     ++calls;
-    SendResult result;
+    BatchResult result;
     if (gone != 0) return {batch.size(), false, gone};
     for (const Outgoing& datagram : batch) {
       if (room == 0) {

@@ -1,0 +1,353 @@
+#include "core/messages/messages.h"
+
+#include <algorithm>
+#include <stdexcept>
+#include <utility>
+
+#include "core/base/earliest.h"
+#include "core/messages/arrival_forecast.h"
+#include "core/plan/plan_message.h"
+#include "core/wire/plain_header.h"
+
+namespace interneuron {
+namespace {
+
+// How long beyond a round trip after the deadline a fate is waited for (send.h). Feedback comes
+// 5 ms after a message at the latest (src/core/peers/peer.cc), so that several may be lost.
+constexpr Duration kGrace = std::chrono::milliseconds(50);
+// How often channels that were refused are looked at again, and senders asked what they have given
+// up. No measurement behind this value: it only has to be short against the deadlines of messages.
+constexpr Duration kLookAgain = std::chrono::milliseconds(10);
+// A channel that could not send again for so long is not told any more. No measurement behind this
+// value: an application that still wants to send has asked again long since.
+constexpr Duration kLongestWait = std::chrono::seconds(10);
+
+Bytes joined(const wire::PlainHeader& header, const Bytes& payload) {
+  Bytes message(wire::kPlainHeaderBytes + payload.size());
+  wire::write_plain_header(std::span(message).first<wire::kPlainHeaderBytes>(), header);
+  std::ranges::copy(payload, message.begin() + wire::kPlainHeaderBytes);
+  return message;
+}
+
+std::uint32_t to_us(Duration d) {
+  return static_cast<std::uint32_t>(
+      std::chrono::ceil<std::chrono::microseconds>(std::min(d, kLongestDeadline)).count());
+}
+
+flow::PathSet allowed_of(const Policy& policy, std::span<const LinkState> links) {
+  flow::PathSet allowed;
+  for (const LinkState& link : links) {
+    if (policy.allows(link)) allowed.add(link.id);
+  }
+  return allowed;
+}
+
+// What is wrong with a message by itself.
+std::optional<SendStatus> fault(const Variants& variants, const SendOptions& options) {
+  if (options.deadline <= Duration::zero()) return SendStatus::kDeadlinePast;
+  if (variants.empty() || std::ranges::any_of(variants, &Bytes::empty)) return SendStatus::kEmpty;
+  const auto too_large = [](const Bytes& b) { return b.size() > kMaxMessageBytes; };
+  if (variants.size() > kMaxVariants || std::ranges::any_of(variants, too_large)) {
+    return SendStatus::kTooLarge;
+  }
+  return std::nullopt;
+}
+
+const LinkState& find(std::span<const LinkState> links, LinkId id) {
+  return *std::ranges::find(links, id, &LinkState::id);
+}
+
+}  // namespace
+
+Messages::Messages(const PolicySet& policies, Peers& peers, std::deque<Event>& events)
+    : peers_(peers), events_(events) {
+  for (const auto& policy : policies) policies_.emplace(policy->name(), policy);
+}
+
+const Policy& Messages::rule(const std::string& name) const {
+  const auto it = policies_.find(name);
+  if (it == policies_.end()) {
+    throw std::invalid_argument("send: policy '" + name + "' is not registered");
+  }
+  return *it->second;
+}
+
+// --- sending
+
+SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const SendOptions& options) {
+  const Policy& policy = rule(options.policy);
+  if (const auto wrong = fault(variants, options)) return {*wrong};
+  Peer* peer = peers_.find(now, to);
+  if (peer == nullptr) return {SendStatus::kNoPeer};
+  std::vector<Route> routes;
+  SendResult result = plan(now, *peer, variants, options, routes);
+  const auto may_change = {SendStatus::kNoLink, SendStatus::kCannotArrive, SendStatus::kOverBudget};
+  if (std::ranges::find(may_change, result.status) != may_change.end()) {
+    wait(now, to, variants, options);
+  }
+  if (!result.accepted()) return result;
+
+  if (options.newest_only) supersede(now, to, options.channel);
+  const Duration deadline = std::min(options.deadline, kLongestDeadline);
+  wire::PlainHeader header;
+  header.id = static_cast<std::uint32_t>(sent_.next().value);
+  header.deadline_us = to_us(deadline);
+  header.t0 = as_wire(now);
+  header.channel = options.channel;
+  header.importance = options.importance;
+  header.newest_only = options.newest_only;
+  const Links links = peer->links(now);
+  SentMessages::Entry entry{.peer = to,
+                            .channel = options.channel,
+                            .newest_only = options.newest_only,
+                            .t0 = now,
+                            .deadline = now + deadline,
+                            .ends = now + deadline + kGrace};
+  Duration round_trip{};
+  for (const Route& route : routes) {
+    const Bytes& payload = variants[route.variant];
+    header.variant = route.variant;
+    const MessageId message =
+        peer->send(now, entry.deadline, deadline, joined(header, payload), route.links,
+                   allowed_of(policy, links), wire::MessageKind::kPlain);
+    entry.variants.push_back({message, route.variant});
+    entry.bytes += payload.size();
+    for (const LinkId id : route.links) {
+      round_trip = std::max(round_trip, find(links, id).rtt_p50);
+    }
+  }
+  entry.ends += round_trip;
+  result.id = sent_.add(entry);
+  if (!collect_at_) collect_at_ = now + kLookAgain;
+  return result;
+}
+
+// Whether the message may be sent, and by which routes.
+SendResult Messages::plan(TimePoint now, Peer& peer, const Variants& variants,
+                          const SendOptions& options, std::vector<Route>& routes) const {
+  const Policy& policy = rule(options.policy);
+  const Links links = peer.links(now);
+  if (std::ranges::none_of(links, &LinkState::up)) return {SendStatus::kNoLink};
+  Few<std::size_t, kMaxVariants> sizes;
+  for (const Bytes& variant : variants) sizes.push_back(variant.size());
+  QoS qos{.deadline = options.deadline};
+  qos.needs.delay = 1.0;
+  const Plan plan = plan_message(policy, {qos, {sizes.data(), sizes.size()}}, links,
+                                 {.time_left = options.deadline});
+  if (plan.sends.empty()) {
+    const bool allowed = std::ranges::any_of(
+        links, [&policy](const LinkState& l) { return l.up && policy.allows(l); });
+    return {.status = allowed ? SendStatus::kPolicyRefuses : SendStatus::kLinkRestricted,
+            .reason = plan.refused};
+  }
+  Plotted plotted = plot(now, peer, plan, links, variants, options.deadline);
+  if (plotted.routes.empty()) {
+    return {.status = SendStatus::kCannotArrive, .expected = plotted.expected};
+  }
+  std::size_t bytes = 0;
+  for (const Route& route : plotted.routes) bytes += variants[route.variant].size();
+  if (!sent_.has_room(bytes)) return {SendStatus::kOverBudget};
+  routes = std::move(plotted.routes);
+  return {.status = SendStatus::kAccepted, .expected = plotted.expected};
+}
+
+// The routes of a plan that can still be in time. Variants leave in their order, so that each waits
+// for those before it on the same link.
+Messages::Plotted Messages::plot(TimePoint now, const Peer& peer, const Plan& plan,
+                                 std::span<const LinkState> links, const Variants& variants,
+                                 Duration deadline) const {
+  Plotted out;
+  std::map<LinkId, std::size_t> ahead;
+  std::optional<Duration> soonest;
+  for (std::uint8_t v = 0; v < variants.size(); ++v) {
+    Route route{v, {}};
+    for (const Assignment& send : plan.sends) {
+      if (send.variant != v) continue;
+      const LinkState& link = find(links, send.link);
+      const auto [it, fresh] = ahead.try_emplace(send.link, 0);
+      if (fresh) it->second = peer.queued_before(send.link, now + deadline);
+      const auto expected = arrival_forecast(link, it->second, variants[v].size());
+      soonest = earliest(soonest, expected);
+      if (cannot_arrive(link, expected, deadline)) continue;
+      out.expected = earliest(out.expected, expected);
+      it->second += variants[v].size();
+      route.links.push_back(send.link);
+    }
+    if (!route.links.empty()) out.routes.push_back(std::move(route));
+  }
+  if (out.routes.empty()) out.expected = soonest;
+  return out;
+}
+
+// A newer message of the channel is about to be sent: what has not left of the others need not.
+void Messages::supersede(TimePoint now, PeerId to, std::uint16_t channel) {
+  Peer* peer = peers_.find(now, to);
+  for (const SendId id : sent_.to(to)) {
+    const SentMessages::Entry& entry = *sent_.find(id);
+    if (!entry.newest_only || entry.channel != channel) continue;
+    const bool left = std::ranges::any_of(
+        entry.variants, [peer](const auto& v) { return !peer->is_queued(v.message); });
+    if (left) continue;
+    stop(*peer, entry);
+    tell(sent_.end(id, Fate::kDropped, FateReason::kSuperseded));
+  }
+}
+
+bool Messages::cancel(TimePoint now, SendId id) {
+  const SentMessages::Entry* entry = sent_.find(id);
+  if (entry == nullptr) return false;
+  if (Peer* peer = peers_.find(now, entry->peer)) stop(*peer, *entry);
+  tell(sent_.end(id, Fate::kDropped, FateReason::kCancelled));
+  return true;
+}
+
+void Messages::stop(Peer& peer, const SentMessages::Entry& entry) {
+  for (const SentMessages::Variant& v : entry.variants) peer.cancel(v.message);
+}
+
+// --- what can send again
+
+void Messages::wait(TimePoint now, PeerId peer, const Variants& variants,
+                    const SendOptions& options) {
+  const std::size_t bytes =
+      std::ranges::min(variants, {}, [](const Bytes& b) { return b.size(); }).size();
+  std::erase_if(waiting_,
+                [&](const Waiting& w) { return w.peer == peer && w.channel == options.channel; });
+  if (waiting_.size() >= kMaxWaiting) waiting_.erase(waiting_.begin());
+  waiting_.push_back({peer, options.channel, bytes, options.deadline, now});
+  if (!look_at_) look_at_ = now + kLookAgain;
+}
+
+bool Messages::would_accept(TimePoint now, const Waiting& w) {
+  Peer* peer = peers_.find(now, w.peer);
+  if (peer == nullptr || !sent_.has_room(w.bytes)) return false;
+  const Links links = peer->links(now);
+  return std::ranges::any_of(links, [&](const LinkState& link) {
+    if (!link.up) return false;
+    const std::size_t ahead = peer->queued_before(link.id, now + w.deadline);
+    return !cannot_arrive(link, arrival_forecast(link, ahead, w.bytes), w.deadline);
+  });
+}
+
+// --- receiving
+
+void Messages::complete(TimePoint now, Peer& peer, MessageId message, const Bytes& bytes) {
+  const auto header = wire::parse_plain_header(bytes);
+  if (!header || bytes.size() == wire::kPlainHeaderBytes) {
+    ++counters_.bad_messages;
+    return;
+  }
+  ++counters_.messages_completed;
+  const PeerId from = peer.identity().id;
+  std::optional<Duration> age;
+  Duration error{};
+  if (const auto clock = peer.clock(now)) {
+    const Duration theta = elapsed_across(header->t0, now);
+    age = Duration{wrapping_sub(theta.count(), clock->alpha)};
+    error = clock->rtt_min / 2;
+  }
+  switch (received_.judge(from, *header, age)) {
+    case ReceivedMessages::Verdict::kLate:
+      ++counters_.messages_late;
+      peer.mark_dropped(message);
+      return;
+    case ReceivedMessages::Verdict::kSuperseded:
+      ++counters_.messages_superseded;
+      peer.mark_dropped(message);
+      return;
+    case ReceivedMessages::Verdict::kRepeated:
+      ++counters_.messages_superseded;
+      return;
+    case ReceivedMessages::Verdict::kDeliver:
+      events_.emplace_back(Message{from, header->channel, header->importance, header->variant, age,
+                                   error,
+                                   Bytes(bytes.begin() + wire::kPlainHeaderBytes, bytes.end())});
+  }
+}
+
+// --- fates
+
+void Messages::collect(TimePoint now, Peer& peer) {
+  while (const auto settled = peer.poll_settled()) settle(now, peer, *settled);
+}
+
+void Messages::settle(TimePoint now, Peer& peer, const Settled& settled) {
+  const PeerId id = peer.identity().id;
+  const SentMessages::Entry* entry = sent_.find(id, settled.message);
+  if (entry == nullptr) return;
+  using Kind = Settled::Kind;
+  // Without the peer's clock it may have been complete at any time since it left.
+  SentMessages::When when{now - entry->t0, now - entry->t0};
+  const auto clock = peer.clock(now);
+  if (clock && settled.complete_at) {
+    const std::int64_t at =
+        wrapping_add(settled.complete_at->time_since_epoch().count(), clock->alpha);
+    when.age = Duration{wrapping_sub(at, entry->t0.time_since_epoch().count())};
+    when.error = clock->rtt_min / 2;
+  }
+  switch (settled.kind) {
+    case Kind::kAcknowledged:
+      // Whether it was handed over there is sure only while it still is in time and nothing may
+      // have taken its place; else the peer has to say so.
+      if (now > entry->deadline || entry->newest_only) return;
+      [[fallthrough]];
+    case Kind::kComplete:
+      return tell(sent_.delivered(id, settled.message, when));
+    case Kind::kDroppedThere:
+      // Only one of a channel of which the newest counts is dropped while it is in time.
+      if (entry->newest_only && when.age + when.error <= entry->deadline - entry->t0) {
+        return tell(sent_.dropped(id, settled.message, FateReason::kSuperseded));
+      }
+      return tell(sent_.late(id, settled.message, when));
+    case Kind::kRefused:
+      peer.cancel(settled.message);
+      return tell(sent_.dropped(id, settled.message, FateReason::kRefusedByPeer));
+  }
+}
+
+void Messages::tell(std::optional<MessageFate> fate) {
+  if (fate) events_.emplace_back(*fate);
+}
+
+void Messages::expire(TimePoint now) {
+  if (collect_at_ && *collect_at_ <= now) {
+    for (const PeerId id : sent_.peers()) {
+      if (Peer* peer = peers_.find(now, id)) collect(now, *peer);
+    }
+    collect_at_ = now + kLookAgain;
+  }
+  if (!sent_.first_end()) collect_at_.reset();
+  for (const SendId id : sent_.past_deadline(now)) {
+    const SentMessages::Entry& entry = *sent_.find(id);
+    const Peer* peer = peers_.find(now, entry.peer);
+    // The peer has told of every packet that it had at the deadline, so this message was not
+    // complete.
+    const bool incomplete = peer != nullptr && peer->told_until() >= entry.deadline;
+    if (incomplete) {
+      tell(sent_.end(id, Fate::kDropped, FateReason::kExpired));
+    } else if (entry.ends <= now) {
+      tell(sent_.end(id, Fate::kUnknown, FateReason::kExpired));
+    }
+  }
+  if (!look_at_ || *look_at_ > now) return;
+  std::erase_if(waiting_, [this, now](const Waiting& w) {
+    const bool again = would_accept(now, w);
+    if (again) events_.emplace_back(CanSend{w.peer, w.channel});
+    return again || now - w.since >= kLongestWait || peers_.find(now, w.peer) == nullptr;
+  });
+  look_at_.reset();
+  if (!waiting_.empty()) look_at_ = now + kLookAgain;
+}
+
+std::optional<TimePoint> Messages::next_timeout() const {
+  return earliest(sent_.first_end(), look_at_, collect_at_);
+}
+
+void Messages::forget(PeerId peer) {
+  received_.forget(peer);
+  for (const SendId id : sent_.to(peer)) {
+    tell(sent_.end(id, Fate::kUnknown, FateReason::kPeerGone));
+  }
+}
+
+}  // namespace interneuron

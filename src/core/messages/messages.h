@@ -1,0 +1,95 @@
+// The plain messages of an endpoint, both ways: from send() to the fate, and from a peer's complete
+// message to the application. Joins SentMessages (what was sent) and ReceivedMessages (what has
+// come) with the policies and the peers.
+//
+// Owned by Endpoint, which feeds it the application's commands, the complete messages of peers and
+// the passing of time. Messages are any bytes: one with a malformed header is counted and dropped.
+// Memory is bounded by SentMessages, ReceivedMessages and kMaxWaiting. Pure; thread-compatible.
+#pragma once
+
+#include <deque>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/messages/received_messages.h"
+#include "core/messages/sent_messages.h"
+#include "core/peers/peers.h"
+#include "interneuron/endpoint.h"
+
+namespace interneuron {
+
+class Messages {
+ public:
+  // What happens is appended to `events`; it and `peers` must outlive this.
+  Messages(const PolicySet& policies, Peers& peers, std::deque<Event>& events);
+
+  // The commands of Endpoint, in its own time. Throws std::invalid_argument when there is no such
+  // policy.
+  SendResult send(TimePoint now, PeerId to, Variants variants, const SendOptions& options);
+  bool cancel(TimePoint now, SendId id);
+
+  // A message of this peer is complete.
+  void complete(TimePoint now, Peer& peer, MessageId message, const Bytes& bytes);
+  // Takes in what this peer, or the sender to it, has to say of messages.
+  void collect(TimePoint now, Peer& peer);
+  // What is due at or before `now`.
+  void expire(TimePoint now);
+  std::optional<TimePoint> next_timeout() const;
+  // The peer has begun a new life, or is gone: nothing that was sent to it will be told of.
+  void forget(PeerId peer);
+
+  // Those about complete messages; the others are 0.
+  const EndpointCounters& counters() const { return counters_; }
+
+ private:
+  // A variant on its way: over which links, and what is expected of it.
+  struct Route {
+    std::uint8_t variant = 0;
+    std::vector<LinkId> links;
+  };
+  struct Plotted {
+    std::vector<Route> routes;
+    // When the first of the variants should be there.
+    std::optional<Duration> expected;
+  };
+  // A channel that was refused.
+  struct Waiting {
+    PeerId peer{};
+    std::uint16_t channel = 0;
+    std::size_t bytes = 0;
+    Duration deadline{};
+    TimePoint since{};
+  };
+  // Channels that are told when they can send again. No measurement behind this value: it only has
+  // to bound what is looked at every kLookAgain.
+  static constexpr std::size_t kMaxWaiting = 64;
+
+  const Policy& rule(const std::string& name) const;
+  SendResult plan(TimePoint now, Peer& peer, const Variants& variants, const SendOptions& options,
+                  std::vector<Route>& routes) const;
+  Plotted plot(TimePoint now, const Peer& peer, const Plan& plan, std::span<const LinkState> links,
+               const Variants& variants, Duration deadline) const;
+  void supersede(TimePoint now, PeerId peer, std::uint16_t channel);
+  void wait(TimePoint now, PeerId peer, const Variants& variants, const SendOptions& options);
+  bool would_accept(TimePoint now, const Waiting& waiting);
+  void settle(TimePoint now, Peer& peer, const Settled& settled);
+  void tell(std::optional<MessageFate> fate);
+  void stop(Peer& peer, const SentMessages::Entry& entry);
+
+  Peers& peers_;
+  std::deque<Event>& events_;
+  std::map<std::string, std::shared_ptr<const Policy>, std::less<>> policies_;
+  SentMessages sent_;
+  ReceivedMessages received_;
+  std::vector<Waiting> waiting_;
+  // When the channels that wait are looked at again; nothing while none waits.
+  std::optional<TimePoint> look_at_;
+  // When the senders are asked what they have given up; nothing while no message is open.
+  std::optional<TimePoint> collect_at_;
+  EndpointCounters counters_;
+};
+
+}  // namespace interneuron

@@ -1,0 +1,126 @@
+#include "core/messages/sent_messages.h"
+
+#include <algorithm>
+#include <cassert>
+
+namespace interneuron {
+
+SendId SentMessages::add(const Entry& entry) {
+  const SendId id = next_;
+  ++next_.value;
+  for (const Variant& v : entry.variants) by_message_.emplace(Key{entry.peer, v.message}, id);
+  by_deadline_.emplace(entry.deadline, id);
+  by_end_.emplace(entry.ends, id);
+  ++peers_[entry.peer];
+  bytes_ += entry.bytes;
+  entries_.emplace(id, Open{entry, std::nullopt});
+  return id;
+}
+
+SentMessages::Entries::iterator SentMessages::at(PeerId peer, MessageId message) {
+  const auto it = by_message_.find({peer, message});
+  return it == by_message_.end() ? entries_.end() : entries_.find(it->second);
+}
+
+const SentMessages::Entry* SentMessages::find(SendId id) const {
+  const auto it = entries_.find(id);
+  return it == entries_.end() ? nullptr : &it->second.entry;
+}
+
+const SentMessages::Entry* SentMessages::find(PeerId peer, MessageId message) const {
+  const auto it = by_message_.find({peer, message});
+  return it == by_message_.end() ? nullptr : find(it->second);
+}
+
+SentMessages::Variant& SentMessages::variant_of(Open& open, MessageId message) {
+  const auto it = std::ranges::find(open.entry.variants, message, &Variant::message);
+  assert(it != open.entry.variants.end());
+  return *it;
+}
+
+MessageFate SentMessages::remove(Entries::iterator it, MessageFate fate) {
+  const Entry& entry = it->second.entry;
+  fate.id = it->first;
+  fate.peer = entry.peer;
+  fate.channel = entry.channel;
+  for (const Variant& v : entry.variants) by_message_.erase({entry.peer, v.message});
+  by_deadline_.erase({entry.deadline, it->first});
+  by_end_.erase({entry.ends, it->first});
+  if (--peers_.at(entry.peer) == 0) peers_.erase(entry.peer);
+  bytes_ -= entry.bytes;
+  entries_.erase(it);
+  return fate;
+}
+
+std::optional<MessageFate> SentMessages::delivered(PeerId peer, MessageId message, When when) {
+  const auto it = at(peer, message);
+  if (it == entries_.end()) return std::nullopt;
+  return remove(it, {.fate = Fate::kDelivered,
+                     .variant = variant_of(it->second, message).variant,
+                     .age = when.age,
+                     .age_error = when.error});
+}
+
+std::optional<MessageFate> SentMessages::late(PeerId peer, MessageId message, When when) {
+  const auto it = at(peer, message);
+  if (it == entries_.end()) return std::nullopt;
+  if (!it->second.late) {
+    it->second.late = MessageFate{.fate = Fate::kLate,
+                                  .variant = variant_of(it->second, message).variant,
+                                  .age = when.age,
+                                  .age_error = when.error};
+  }
+  return end_variant(it, message, FateReason::kNone);
+}
+
+std::optional<MessageFate> SentMessages::dropped(PeerId peer, MessageId message,
+                                                 FateReason reason) {
+  const auto it = at(peer, message);
+  if (it == entries_.end()) return std::nullopt;
+  return end_variant(it, message, reason);
+}
+
+std::optional<MessageFate> SentMessages::end_variant(Entries::iterator it, MessageId message,
+                                                     FateReason reason) {
+  variant_of(it->second, message).over = true;
+  if (!std::ranges::all_of(it->second.entry.variants, &Variant::over)) return std::nullopt;
+  return end(it->first, Fate::kDropped, reason);
+}
+
+std::optional<MessageFate> SentMessages::end(SendId id, Fate fate, FateReason reason) {
+  const auto it = entries_.find(id);
+  if (it == entries_.end()) return std::nullopt;
+  // A variant that was late says more than the others that came not at all.
+  if (it->second.late) return remove(it, *it->second.late);
+  return remove(it, {.fate = fate, .reason = reason});
+}
+
+std::vector<SendId> SentMessages::to(PeerId peer) const {
+  std::vector<SendId> out;
+  for (const auto& [id, open] : entries_) {
+    if (open.entry.peer == peer) out.push_back(id);
+  }
+  return out;
+}
+
+std::vector<SendId> SentMessages::past_deadline(TimePoint now) const {
+  std::vector<SendId> out;
+  for (const auto& [deadline, id] : by_deadline_) {
+    if (deadline > now) break;
+    out.push_back(id);
+  }
+  return out;
+}
+
+std::optional<TimePoint> SentMessages::first_end() const {
+  if (by_end_.empty()) return std::nullopt;
+  return by_end_.begin()->first;
+}
+
+std::vector<PeerId> SentMessages::peers() const {
+  std::vector<PeerId> out;
+  for (const auto& [peer, messages] : peers_) out.push_back(peer);
+  return out;
+}
+
+}  // namespace interneuron

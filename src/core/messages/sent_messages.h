@@ -1,0 +1,111 @@
+// The plain messages that were accepted and whose fate is not known yet.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <set>
+#include <utility>
+#include <vector>
+
+#include "interneuron/few.h"
+#include "interneuron/send.h"
+
+namespace interneuron {
+
+// Keeps the books: every message that add() takes leaves by exactly one MessageFate. Messages
+// (src/core/messages/messages.h) owns one, and tells it what peers and the own sender say.
+//
+// A message may travel in several variants, each a message of its own to flow. It is delivered when
+// one of them is; dropped when the last of them is given up; late when one came late and none in
+// time. What is still open when its time is over is settled by expire().
+//
+// Memory is bounded by kMaxBytes of payload (which the sender holds, not this class) and
+// kMaxMessages. Each call takes logarithmic time. Pure; thread-compatible; never throws but
+// std::bad_alloc.
+class SentMessages {
+ public:
+  // Payload of all messages that are accepted and not settled: eight of the largest.
+  static constexpr std::size_t kMaxBytes = 8 * kMaxMessageBytes;
+  // No measurement behind this value: it only has to be more than what many peers are sent within
+  // a deadline (1,000 peers at 10 Hz, 100 ms), and to bound the books.
+  static constexpr std::size_t kMaxMessages = 16'384;
+
+  struct Variant {
+    MessageId message{};
+    std::uint8_t variant = 0;
+    // Nothing more is to come of it.
+    bool over = false;
+  };
+  struct Entry {
+    PeerId peer{};
+    std::uint16_t channel = 0;
+    bool newest_only = false;
+    TimePoint t0{};
+    TimePoint deadline{};
+    // When a message of which nothing was heard is given up.
+    TimePoint ends{};
+    // Payload of all variants.
+    std::size_t bytes = 0;
+    Few<Variant, kMaxVariants> variants{};
+  };
+
+  bool has_room(std::size_t bytes) const {
+    return bytes_ + bytes <= kMaxBytes && entries_.size() < kMaxMessages;
+  }
+  // The identifier that the next add() gives.
+  SendId next() const { return next_; }
+  SendId add(const Entry& entry);
+
+  // What happened to a variant, which travelled as this message. Messages that are not in the books
+  // (any more) are ignored.
+  struct When {
+    // From t0; the error of that.
+    Duration age{};
+    Duration error{};
+  };
+  std::optional<MessageFate> delivered(PeerId peer, MessageId message, When when);
+  std::optional<MessageFate> late(PeerId peer, MessageId message, When when);
+  std::optional<MessageFate> dropped(PeerId peer, MessageId message, FateReason reason);
+
+  // Ends a message whatever its variants do; nothing when it is not in the books.
+  std::optional<MessageFate> end(SendId id, Fate fate, FateReason reason);
+  // nullptr where it is not in the books.
+  const Entry* find(SendId id) const;
+  const Entry* find(PeerId peer, MessageId message) const;
+  // All messages to this peer, oldest first.
+  std::vector<SendId> to(PeerId peer) const;
+
+  // Messages whose deadline has passed, oldest first.
+  std::vector<SendId> past_deadline(TimePoint now) const;
+  // The smallest Entry::ends; nothing while there is no message.
+  std::optional<TimePoint> first_end() const;
+  // The peers that have messages here.
+  std::vector<PeerId> peers() const;
+  std::size_t bytes() const { return bytes_; }
+
+ private:
+  using Key = std::pair<PeerId, MessageId>;
+  struct Open {
+    Entry entry;
+    // The first variant that was late.
+    std::optional<MessageFate> late;
+  };
+  using Entries = std::map<SendId, Open>;
+  Entries::iterator at(PeerId peer, MessageId message);
+  static Variant& variant_of(Open& open, MessageId message);
+  MessageFate remove(Entries::iterator it, MessageFate fate);
+  std::optional<MessageFate> end_variant(Entries::iterator it, MessageId message,
+                                         FateReason reason);
+
+  Entries entries_;
+  std::map<Key, SendId> by_message_;
+  std::set<std::pair<TimePoint, SendId>> by_deadline_;
+  std::set<std::pair<TimePoint, SendId>> by_end_;
+  // How many messages each peer has here.
+  std::map<PeerId, std::size_t> peers_;
+  std::size_t bytes_ = 0;
+  SendId next_{1};
+};
+
+}  // namespace interneuron

@@ -1,0 +1,112 @@
+#include "core/messages/sent_messages.h"
+
+#include <gtest/gtest.h>
+
+namespace interneuron {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr PeerId kPeer{1};
+
+TimePoint at(Duration d) { return TimePoint{d}; }
+
+SentMessages::Entry entry(std::initializer_list<std::uint32_t> messages, std::size_t bytes = 100) {
+  SentMessages::Entry e{.peer = kPeer,
+                        .channel = 7,
+                        .newest_only = false,
+                        .t0 = at(1s),
+                        .deadline = at(1100ms),
+                        .ends = at(1170ms),
+                        .bytes = bytes,
+                        .variants = {}};
+  for (const std::uint32_t m : messages) {
+    e.variants.push_back({MessageId{m}, static_cast<std::uint8_t>(e.variants.size())});
+  }
+  return e;
+}
+
+TEST(SentMessages, TheFirstVariantThatIsDeliveredIsTheFate) {
+  SentMessages out;
+  const SendId id = out.add(entry({10, 11}));
+  const auto fate = out.delivered(kPeer, MessageId{11}, {30ms, 5ms});
+  ASSERT_TRUE(fate);
+  EXPECT_EQ(fate->id, id);
+  EXPECT_EQ(fate->peer, kPeer);
+  EXPECT_EQ(fate->channel, 7);
+  EXPECT_EQ(fate->fate, Fate::kDelivered);
+  EXPECT_EQ(fate->variant, 1);
+  EXPECT_EQ(fate->age, 30ms);
+  EXPECT_EQ(fate->age_error, 5ms);
+  EXPECT_FALSE(out.delivered(kPeer, MessageId{10}, {}));
+  EXPECT_FALSE(out.end(id, Fate::kUnknown, FateReason::kExpired));
+  EXPECT_EQ(out.bytes(), 0U);
+  EXPECT_EQ(out.first_end(), std::nullopt);
+  EXPECT_TRUE(out.peers().empty());
+}
+
+TEST(SentMessages, AMessageIsDroppedWithTheLastOfItsVariants) {
+  SentMessages out;
+  out.add(entry({10, 11}));
+  EXPECT_FALSE(out.dropped(kPeer, MessageId{10}, FateReason::kRefusedByPeer));
+  EXPECT_FALSE(out.dropped(kPeer, MessageId{10}, FateReason::kRefusedByPeer));
+  const auto fate = out.dropped(kPeer, MessageId{11}, FateReason::kCannotArrive);
+  ASSERT_TRUE(fate);
+  EXPECT_EQ(fate->fate, Fate::kDropped);
+  EXPECT_EQ(fate->reason, FateReason::kCannotArrive);
+}
+
+TEST(SentMessages, LateSaysMoreThanDroppedAndLessThanDelivered) {
+  SentMessages out;
+  const SendId first = out.add(entry({10, 11}));
+  EXPECT_FALSE(out.late(kPeer, MessageId{10}, {105ms, 5ms}));
+  const auto late = out.end(first, Fate::kDropped, FateReason::kExpired);
+  ASSERT_TRUE(late);
+  EXPECT_EQ(late->fate, Fate::kLate);
+  EXPECT_EQ(late->variant, 0);
+  EXPECT_EQ(late->age, 105ms);
+  out.add(entry({20, 21}));
+  EXPECT_FALSE(out.late(kPeer, MessageId{20}, {105ms, 5ms}));
+  EXPECT_EQ(out.delivered(kPeer, MessageId{21}, {90ms, 5ms})->fate, Fate::kDelivered);
+}
+
+TEST(SentMessages, WhatIsNotInTheBooksIsIgnored) {
+  SentMessages out;
+  const SendId id = out.add(entry({10}));
+  EXPECT_FALSE(out.delivered(PeerId{2}, MessageId{10}, {}));
+  EXPECT_FALSE(out.late(kPeer, MessageId{11}, {}));
+  EXPECT_FALSE(out.dropped(kPeer, MessageId{12}, FateReason::kExpired));
+  EXPECT_EQ(out.find(SendId{id.value + 1}), nullptr);
+  EXPECT_NE(out.find(kPeer, MessageId{10}), nullptr);
+}
+
+TEST(SentMessages, BytesAndMessagesAreBounded) {
+  SentMessages out;
+  for (std::uint32_t i = 0; i < 8; ++i) {
+    EXPECT_TRUE(out.has_room(kMaxMessageBytes));
+    out.add(entry({i}, kMaxMessageBytes));
+  }
+  EXPECT_FALSE(out.has_room(1));
+  EXPECT_TRUE(out.dropped(kPeer, MessageId{3}, FateReason::kExpired));
+  EXPECT_TRUE(out.has_room(kMaxMessageBytes));
+  SentMessages many;
+  for (std::uint32_t i = 0; i < SentMessages::kMaxMessages; ++i) many.add(entry({i}, 1));
+  EXPECT_FALSE(many.has_room(1));
+}
+
+TEST(SentMessages, TellsWhoseTimeIsOver) {
+  SentMessages out;
+  SentMessages::Entry later = entry({1});
+  later.deadline = at(2s);
+  later.ends = at(3s);
+  const SendId second = out.add(later);
+  const SendId first = out.add(entry({2}));
+  EXPECT_EQ(out.first_end(), at(1170ms));
+  EXPECT_TRUE(out.past_deadline(at(1100ms - 1ns)).empty());
+  EXPECT_EQ(out.past_deadline(at(1100ms)), std::vector<SendId>{first});
+  EXPECT_EQ(out.to(kPeer), (std::vector<SendId>{second, first}));
+  EXPECT_EQ(out.peers(), std::vector<PeerId>{kPeer});
+}
+
+}  // namespace
+}  // namespace interneuron
