@@ -54,9 +54,9 @@ inline constexpr std::size_t kMaxStages = 16;
 struct PipelineConfig {
   // Unique within the endpoint.
   PipelineId id{};
-  // 1 … kMaxStages stages; no default. The last one must end at the origin. offload_stages() has
-  // the usual three: uplink, detection, downlink.
-  std::vector<StageKind> stages;
+  // 1 … kMaxStages stages. The last one must end at the origin, so a lone communication is refused.
+  // Default: the usual three, uplink, detection, downlink.
+  std::vector<StageKind> stages = offload_stages();
   // From t0 to the answer, > 0. Default: the paper's, 130 ms.
   Duration deadline = std::chrono::milliseconds(130);
   // Between two rounds, > 0. Default: 100 ms, a camera of 10 frames per second.

@@ -14,6 +14,11 @@ void check(const PipelineConfig& c) {
                                 std::to_string(c.stages.size()) + " stages; give 1 to " +
                                 std::to_string(kMaxStages));
   }
+  if (c.stages.size() == 1 && c.stages.front() == StageKind::kCommunication) {
+    throw std::invalid_argument("pipeline " + std::to_string(c.id.value) +
+                                ": a lone communication never ends at its origin, so that no round "
+                                "could be answered; send() sends a message one way");
+  }
   if (c.deadline <= Duration::zero() || c.deadline > std::chrono::hours(1)) {
     throw std::invalid_argument("pipeline " + std::to_string(c.id.value) +
                                 ": the deadline must be more than 0 and at most one hour");

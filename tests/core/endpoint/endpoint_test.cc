@@ -312,6 +312,7 @@ TEST(Endpoint, WrongArgumentsThrowAndChangeNothing) {
   const auto make = [](EndpointOptions o) { return Endpoint(std::move(o), TimePoint{}); };
   EXPECT_THROW(make(options_of(0)), std::invalid_argument);
   EXPECT_THROW(make(options_of(1, {pipeline_of({})})), std::invalid_argument);
+  EXPECT_THROW(make(options_of(1, {pipeline_of({kComm})})), std::invalid_argument);
   EXPECT_THROW(make(options_of(1, {pipeline_of(kOffload), pipeline_of(kOffload)})),
                std::invalid_argument);
   EXPECT_THROW(make(options_of(1, {pipeline_of(std::vector<StageKind>(17, kComm))})),
