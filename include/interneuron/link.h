@@ -3,6 +3,7 @@
 // say of a network card (NIC). Plain values.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <limits>
 #include <optional>
@@ -102,6 +103,8 @@ struct LinkState {
   Duration queue_down{};
   // The rate that the link delivers each way; down as the peer reports it.
   DataRate rate{};
+  // What congestion control leaves us of `rate`, which others may need as well; 0 while `rate` is.
+  DataRate share{};
   DataRate rate_down{};
   // The smoothed share of packets lost each way, in [0, 1]; down as the peer reports it.
   double loss = 0;
@@ -123,6 +126,9 @@ struct LinkState {
   std::uint32_t loss_packets = 0;
   std::uint32_t rate_trains = 0;
   Nature nature{};
+
+  // The rate to plan with: our share where it is known.
+  DataRate usable_rate() const { return share > DataRate{} ? std::min(share, rate) : rate; }
 };
 
 // How many links towards one peer are weighed against each other. No measurement behind this value:

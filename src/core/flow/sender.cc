@@ -45,20 +45,12 @@ void Sender::remove_path(TimePoint now, LinkId path) {
   for (Job& job : gone.jobs) {
     const auto message = messages_.find(job.message);
     if (message == messages_.end()) continue;
-    for (const std::uint16_t index : owed(job)) {
+    for (const std::uint16_t index : job.owed()) {
       Message::PieceState& piece = message->second.pieces[index];
       if (piece.under_way > 0) --piece.under_way;
       if (!piece.acknowledged && piece.under_way == 0) repair(now, job.message, index);
     }
   }
-}
-
-// The pieces that a path still has to send of a message.
-std::vector<std::uint16_t> Sender::owed(const Job& job) {
-  std::vector<std::uint16_t> out;
-  for (std::size_t i = 0; i < job.again.size(); ++i) out.push_back(job.again[i]);
-  for (std::uint32_t i = job.next; i < job.count; ++i) out.push_back(static_cast<std::uint16_t>(i));
-  return out;
 }
 
 void Sender::pull(TimePoint now, LinkId link) {
@@ -76,7 +68,7 @@ void Sender::pull(TimePoint now, LinkId link) {
   for (Job& job : path.jobs) {
     const auto message = messages_.find(job.message);
     if (message == messages_.end()) continue;
-    const std::vector<std::uint16_t> indices = owed(job);
+    const std::vector<std::uint16_t> indices = job.owed();
     job.again.clear();
     job.next = job.count;
     for (const std::uint16_t index : indices) {
@@ -95,14 +87,14 @@ void Sender::set_path(LinkId path, const PathView& view) {
   if (it != paths_.end()) it->second.view = view;
 }
 
-MessageId Sender::send(TimePoint now, TimePoint deadline, Duration lifetime, Bytes bytes,
+MessageId Sender::send(TimePoint now, const Times& times, Bytes bytes,
                        const std::vector<LinkId>& paths, const PathSet& repairs,
                        wire::MessageKind kind) {
   const MessageId id{next_message_++};
   std::size_t max_datagram = SIZE_MAX;
   for (const LinkId path : paths)
     max_datagram = std::min(max_datagram, paths_.at(path).max_datagram);
-  if (paths.empty() || bytes.empty() || deadline <= now) return id;
+  if (paths.empty() || bytes.empty() || times.deadline <= now) return id;
 
   Message m;
   const std::size_t chunk = max_datagram - kPieceOverheadBytes;
@@ -111,16 +103,19 @@ MessageId Sender::send(TimePoint now, TimePoint deadline, Duration lifetime, Byt
   m.chunk = static_cast<std::uint16_t>(chunk);
   m.count = static_cast<std::uint16_t>(count);
   m.unacknowledged = m.count;
-  m.deadline = deadline;
+  m.deadline = times.deadline;
+  m.doubt = times.doubt;
   m.lifetime_us = static_cast<std::uint32_t>(std::clamp<std::int64_t>(
-      std::chrono::duration_cast<std::chrono::microseconds>(lifetime).count(), 1, UINT32_MAX));
+      std::chrono::duration_cast<std::chrono::microseconds>(times.lifetime).count(), 1,
+      UINT32_MAX));
   m.bytes = std::move(bytes);
   m.repairs = repairs;
   m.kind = kind;
   m.pieces.resize(count, {false, static_cast<std::uint8_t>(paths.size())});
   for (const LinkId path : paths) {
     Path& p = paths_.at(path);
-    p.jobs.push_back({id, deadline, 0, m.count, m.chunk, {}});
+    p.use.message(now, m.bytes.size(), m.deadline - now);
+    p.add(m, id, 0);
     m.repairs.add(path);
   }
   messages_.emplace(id, std::move(m));
@@ -132,25 +127,40 @@ std::uint64_t Sender::take_number(TimePoint now, LinkId link, std::size_t train_
   return train_bytes > 0 ? sent.add(now, train_bytes, false, std::nullopt) : sent.add_small(now);
 }
 
-std::size_t Sender::queued_bytes(const Path& path) const {
+std::size_t Sender::queued_bytes(const Path& path, TimePoint deadline) const {
   std::size_t bytes = 0;
   for (const Job& job : path.jobs) {
-    if (!messages_.contains(job.message)) continue;
-    bytes +=
-        (job.count - std::min<std::size_t>(job.next, job.count) + job.again.size()) * job.chunk;
+    if (job.deadline <= deadline && messages_.contains(job.message)) bytes += job.bytes();
   }
   return bytes;
 }
 
-Sender::Job* Sender::next_job(Path& path, TimePoint now) {
+Job* Sender::next_job(Path& path, TimePoint now) {
   while (!path.jobs.empty()) {
     Job& job = *std::ranges::min_element(path.jobs, {}, &Job::deadline);
     const auto it = messages_.find(job.message);
     const bool done = it == messages_.end() || (job.again.empty() && job.next >= it->second.count);
-    if (!done && now < job.deadline) return &job;
-    path.jobs.erase(path.jobs.begin() + (&job - path.jobs.data()));
+    if (!done && now < job.deadline) {
+      if (can_arrive(now, path, job, it->second)) return &job;
+      give_up(job, it->second);
+    }
+    path.remove(job);
   }
   return nullptr;
+}
+
+bool Sender::can_arrive(TimePoint now, const Path& path, const Job& job, const Message& message) {
+  const Duration least =
+      least_time(path.view, job.ip_bytes(), path.sent.bytes_in_flight(), job.next > 0);
+  return now + least <= message.deadline + message.doubt;
+}
+
+void Sender::give_up(const Job& job, Message& message) {
+  job.for_each([this, &message](std::uint16_t index) {
+    Message::PieceState& piece = message.pieces[index];
+    if (piece.under_way > 0) --piece.under_way;
+    if (!piece.acknowledged) ++cancelled_;
+  });
 }
 
 // The next fragment of a job that is not acknowledged yet.
@@ -174,10 +184,17 @@ std::optional<std::uint16_t> Sender::take_index(Job& job, bool& is_repair) {
 
 std::optional<Sender::Piece> Sender::poll(TimePoint now, LinkId path_id) {
   Path& path = paths_.at(path_id);
-  if (!path.view.up || now < path.free_at) return std::nullopt;
+  if (!path.view.up) return std::nullopt;
+  if (now < path.free_at || is_full(path)) {
+    if (!path.jobs.empty()) path.use.held_back();
+    return std::nullopt;
+  }
   for (;;) {
     Job* job = next_job(path, now);
-    if (job == nullptr) return std::nullopt;
+    if (job == nullptr) {
+      path.use.emptied(now);
+      return std::nullopt;
+    }
     bool is_repair = false;
     const auto index = take_index(*job, is_repair);
     if (!index) continue;
@@ -229,11 +246,9 @@ SentPackets::Verdicts Sender::report(TimePoint now, const wire::LinkReport& repo
   return verdicts;
 }
 
-bool Sender::is_again(const Job& job, std::uint16_t index) {
-  for (std::size_t i = 0; i < job.again.size(); ++i) {
-    if (job.again[i] == index) return true;
-  }
-  return false;
+PathUse::Told Sender::take_use(TimePoint now, LinkId link) {
+  const auto it = paths_.find(link);
+  return it == paths_.end() ? PathUse::Told{} : it->second.use.take(now);
 }
 
 // When the soonest copy of a fragment that is queued or in flight should arrive; nothing when there
@@ -246,7 +261,7 @@ std::optional<TimePoint> Sender::expected_arrival(TimePoint now, MessageId id,
   for (const auto& [link, path] : paths_) {
     if (!path.view.up) continue;
     const auto job = std::ranges::find(path.jobs, id, &Job::message);
-    if (job != path.jobs.end() && (index >= job->next || is_again(*job, index))) {
+    if (job != path.jobs.end() && (index >= job->next || job->is_again(index))) {
       const std::size_t ahead = index >= job->next ? index - job->next + 1U : job->again.size();
       const DataRate rate = path.view.rate.value_or(kBlindRate);
       const Duration air = std::min<Duration>(rate.transmit_time(ahead * m.chunk), kNever);
@@ -291,12 +306,12 @@ bool Sender::repair(TimePoint now, MessageId id, std::uint16_t index) {
     return false;
   }
   ++m.pieces[index].under_way;
+  best->use.queued(now);
   const auto job = std::ranges::find(best->jobs, id, &Job::message);
   if (job != best->jobs.end()) {
     job->again.push_back(index);
   } else {
-    best->jobs.push_back({id, m.deadline, m.count, m.count, m.chunk, {}});
-    best->jobs.back().again.push_back(index);
+    best->add(m, id, m.count).again.push_back(index);
   }
   return true;
 }
@@ -325,6 +340,8 @@ std::optional<TimePoint> Sender::next_timeout() const {
 std::optional<TimePoint> Sender::next_send(LinkId path) const {
   const auto it = paths_.find(path);
   if (it == paths_.end() || it->second.jobs.empty() || !it->second.view.up) return std::nullopt;
+  // A report or a timeout makes room.
+  if (is_full(it->second)) return std::nullopt;
   return saturating_add(it->second.free_at, kQuantum);
 }
 
@@ -346,14 +363,7 @@ bool Sender::is_queued(MessageId message) const {
 
 std::size_t Sender::queued_before(LinkId link, TimePoint deadline) const {
   const auto it = paths_.find(link);
-  if (it == paths_.end()) return 0;
-  std::size_t bytes = 0;
-  for (const Job& job : it->second.jobs) {
-    if (job.deadline > deadline || !messages_.contains(job.message)) continue;
-    bytes +=
-        (job.count - std::min<std::size_t>(job.next, job.count) + job.again.size()) * job.chunk;
-  }
-  return bytes;
+  return it == paths_.end() ? 0 : queued_bytes(it->second, deadline);
 }
 
 std::uint64_t Sender::resent(LinkId path) const {

@@ -12,28 +12,15 @@
 #include <vector>
 
 #include "core/base/ring.h"
+#include "core/flow/job.h"
 #include "core/flow/path_set.h"
+#include "core/flow/path_use.h"
+#include "core/flow/path_view.h"
 #include "core/flow/sent_packets.h"
 #include "core/wire/packet.h"
 #include "interneuron/units.h"
 
 namespace interneuron::flow {
-
-// What the sender must know of a path; refreshed by set_path() whenever the estimates move.
-struct PathView {
-  // While it is false nothing is sent on the path.
-  bool up = true;
-  // Retransmissions prefer the other paths.
-  bool backup = false;
-  // The rate that the path delivers, to plan with, and the pace at which packets leave. While they
-  // are not known, kBlindRate and kBlindPace stand in.
-  std::optional<DataRate> rate;
-  std::optional<DataRate> pace;
-  // The expected one-way delay; zero while it is not known.
-  Duration one_way{};
-  // A fragment that has been in flight for so long without any acknowledgement is lost.
-  Duration probe_timeout{};
-};
 
 // Owned by the Peer that it sends to. In the order of use: send() queues a message on paths; poll()
 // gives the next fragment that may leave a path now; report() and handle_timeout() tell what
@@ -65,12 +52,20 @@ class Sender {
   // in flight on it goes over the other paths at once, where that still helps.
   void pull(TimePoint now, LinkId path);
 
+  // When a message is of use, and for how long the receiver may keep fragments of it.
+  struct Times {
+    TimePoint deadline{};
+    // The deadline may be so much later than believed: it is another host's, and clocks differ.
+    Duration doubt{};
+    Duration lifetime{};
+  };
   // Queues a message (its header and payload) on these paths. What is lost of it is sent again
-  // over these paths and those of `repairs` alone. After `deadline` nothing of it is sent; the
-  // receiver may keep its fragments for `lifetime`. A message of more than 65,535 fragments, an
-  // empty one or one that is late already is not sent at all.
-  MessageId send(TimePoint now, TimePoint deadline, Duration lifetime, Bytes message,
-                 const std::vector<LinkId>& paths, const PathSet& repairs = kEveryPath,
+  // over these paths and those of `repairs` alone. After its deadline nothing of it is sent, and a
+  // loaded path gives it up as soon as the rest of it cannot arrive in time over that path, so that
+  // others can. A message of more than 65,535 fragments, an empty one or one that is late
+  // already is not sent at all.
+  MessageId send(TimePoint now, const Times& times, Bytes message, const std::vector<LinkId>& paths,
+                 const PathSet& repairs = kEveryPath,
                  wire::MessageKind kind = wire::MessageKind::kRound);
 
   // Forgets a message: nothing more of it is sent. It is complete at the peer, or nobody wants it.
@@ -100,6 +95,9 @@ class Sender {
   SentPackets::Verdicts report(TimePoint now, const wire::LinkReport& report,
                                Duration min_rtt = {});
 
+  // How the path was used since the last call.
+  PathUse::Told take_use(TimePoint now, LinkId path);
+
   // Fragments in flight for longer than their path's probe timeout count as lost and are queued
   // again. Forgets messages whose deadline has passed.
   void handle_timeout(TimePoint now);
@@ -112,21 +110,17 @@ class Sender {
   std::uint64_t resent(LinkId path) const;
   // Packets found lost on a path, by the peer's feedback or its silence.
   std::uint64_t lost(LinkId path) const;
-  // Fragments that were not sent again because they would have been late.
+  // Fragments that were not sent, or not sent again, because they would have been late.
   std::uint64_t cancelled() const { return cancelled_; }
   // The peer began a new life: forgets everything that is queued or in flight.
   void reset(TimePoint now);
-
-  // The rate before anything is known of a path, which a start-up train measures within a round
-  // trip: that of a weak 4G uplink. The pace has the same headroom as that of a known rate,
-  // RateEstimator::kHeadroom.
-  static constexpr DataRate kBlindRate{20'000'000};
-  static constexpr DataRate kBlindPace{25'000'000};
 
  private:
   struct Message {
     Bytes bytes;
     TimePoint deadline{};
+    // See Times.
+    Duration doubt{};
     std::uint32_t lifetime_us = 0;
     wire::MessageKind kind{};
     std::uint16_t count = 0;
@@ -141,16 +135,8 @@ class Sender {
     };
     std::vector<PieceState> pieces;
   };
-  // What a path still has to send of one message: first copies of the fragments next … count - 1,
-  // and before these the fragments that are sent again.
-  struct Job {
-    MessageId message{};
-    TimePoint deadline{};
-    std::uint32_t next = 0;
-    std::uint16_t count = 0;
-    std::uint16_t chunk = 0;
-    Ring<std::uint16_t> again;
-  };
+  // Lists that a path keeps for jobs to come: more messages are seldom repaired at once.
+  static constexpr std::size_t kMostSpare = 4;
   struct Path {
     std::size_t max_datagram = 0;
     PathView view;
@@ -158,17 +144,38 @@ class Sender {
     TimePoint free_at = TimePoint::min();
     // One per message under way; few.
     std::vector<Job> jobs;
+    // Lists of jobs that have ended, for the next ones, so that losses allocate nothing.
+    std::vector<Ring<std::uint16_t>> spare;
+    Job& add(const Message& message, MessageId id, std::uint32_t next) {
+      jobs.push_back({id, message.deadline, next, message.count, message.chunk, {}});
+      if (!spare.empty()) {
+        jobs.back().again = std::move(spare.back());
+        spare.pop_back();
+      }
+      return jobs.back();
+    }
+    void remove(Job& job) {
+      job.again.clear();
+      if (job.again.has_memory() && spare.size() < kMostSpare) {
+        spare.push_back(std::move(job.again));
+      }
+      jobs.erase(jobs.begin() + (&job - jobs.data()));
+    }
     SentPackets sent;
+    PathUse use;
     std::uint64_t resent = 0;
   };
 
   std::optional<std::uint16_t> take_index(Job& job, bool& is_repair);
   Job* next_job(Path& path, TimePoint now);
+  // Whether what is left of a job can arrive in time.
+  static bool can_arrive(TimePoint now, const Path& path, const Job& job, const Message& message);
+  // The path sends no more of this job's message.
+  void give_up(const Job& job, Message& message);
+  static bool is_full(const Path& path) { return path.sent.bytes_in_flight() >= path.view.window; }
   // Bytes that a path has to send before a fragment that is queued now; those of messages that
   // nobody waits for any more do not count.
-  std::size_t queued_bytes(const Path& path) const;
-  static std::vector<std::uint16_t> owed(const Job& job);
-  static bool is_again(const Job& job, std::uint16_t index);
+  std::size_t queued_bytes(const Path& path, TimePoint deadline = TimePoint::max()) const;
   // Queues a lost fragment again. False when no path may carry it in time, or a copy that is under
   // way will be there sooner.
   bool repair(TimePoint now, MessageId id, std::uint16_t index);

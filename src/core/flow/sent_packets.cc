@@ -47,7 +47,7 @@ void SentPackets::trim(TimePoint now) {
   };
   while (!packets_.empty() && may_go()) {
     const Packet& front = packets_.front();
-    if (front.fate == Fate::kOpen && front.data_sized) --open_data_;
+    if (front.fate == Fate::kOpen && front.data_sized) close(front);
     packets_.pop_front();
   }
   const std::uint64_t kept = packets_.empty() ? next_ : packets_.front().number;
@@ -77,7 +77,13 @@ std::uint64_t SentPackets::add(TimePoint now, std::size_t ip_bytes, bool more_wa
   packet.stamp =
       delivery_.sent(now, static_cast<std::uint32_t>(ip_bytes), open_data_ == 0, more_waits);
   ++open_data_;
+  if (packet.has_piece) open_bytes_ += ip_bytes;
   return packet.number;
+}
+
+void SentPackets::close(const Packet& packet) {
+  --open_data_;
+  if (packet.has_piece) open_bytes_ -= packet.stamp.bytes;
 }
 
 void SentPackets::lose(Packet& packet) {
@@ -87,7 +93,7 @@ void SentPackets::lose(Packet& packet) {
     reordering_ = false;
     lateness_ = {};
   }
-  if (packet.data_sized) --open_data_;
+  if (packet.data_sized) close(packet);
   if (packet.has_piece) settled_.push_back({packet.piece, false, true});
 }
 
@@ -115,7 +121,7 @@ void SentPackets::arrive(TimePoint now, Packet& packet, Verdicts& verdicts) {
   verdicts.newest_sent = std::max(verdicts.newest_sent.value_or(packet.at), packet.at);
   if (!was_open) return;
   if (!packet.data_sized) return;
-  --open_data_;
+  close(packet);
   delivery_.acknowledged(now, packet.stamp);
 }
 

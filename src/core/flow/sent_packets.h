@@ -94,6 +94,9 @@ class SentPackets {
   // When the newest copy of a fragment in flight left.
   std::optional<TimePoint> sent_at(const Piece& piece) const;
 
+  // Bytes of the fragments in flight, IP headers included.
+  std::size_t bytes_in_flight() const { return open_bytes_; }
+
   // Packets found lost since the path exists.
   std::uint64_t lost() const { return lost_; }
   // Forgets what is in flight; the numbers go on.
@@ -130,6 +133,8 @@ class SentPackets {
   void lose_untold(TimePoint now, std::uint64_t largest, Duration timeout);
   Packet& record(TimePoint now);
   void trim(TimePoint now);
+  // A data-sized packet is no longer in flight.
+  void close(const Packet& packet);
   void lose(Packet& packet);
   void arrive(TimePoint now, Packet& packet, Verdicts& verdicts);
   bool is_certain(TimePoint now, const Packet& packet, std::uint64_t largest,
@@ -146,6 +151,8 @@ class SentPackets {
   std::uint64_t first_uncertain_ = 1;
   // Data-sized packets in flight, and bytes of all that were ever sent.
   std::uint64_t open_data_ = 0;
+  // Of fragments in flight.
+  std::size_t open_bytes_ = 0;
   std::uint64_t train_bytes_ = 0;
   // The newest train that the peer has told of. The records of its packets may be gone.
   struct TrainSent {

@@ -17,7 +17,7 @@ std::optional<Duration> arrival_forecast(const LinkState& link, std::size_t ahea
   if (link.rtt_min <= Duration::zero()) return std::nullopt;
   Duration air{};
   if (link.rate.bits_per_second > 0) {
-    air = link.rate.transmit_time(wire_size(ahead) + wire_size(bytes));
+    air = link.usable_rate().transmit_time(wire_size(ahead) + wire_size(bytes));
   }
   return link.rtt_min / 2 + link.queue_up + std::min<Duration>(air, kNever);
 }

@@ -11,8 +11,8 @@ namespace interneuron {
 
 // From now until the last byte of a message is at the other end of this link, by what is believed
 // of it: half the smallest round trip, the queue in the network, what our own sender sends before
-// it (`ahead`, bytes of messages) and its own bytes at the link's rate. Without a rate the bytes
-// take no time; nothing while the delay was not measured.
+// it (`ahead`, bytes of messages) and its own bytes at our share of the link's rate. Without a rate
+// the bytes take no time; nothing while the delay was not measured.
 std::optional<Duration> arrival_forecast(const LinkState& link, std::size_t ahead,
                                          std::size_t bytes);
 

@@ -108,8 +108,8 @@ SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const Sen
     const Bytes& payload = variants[route.variant];
     header.variant = route.variant;
     const MessageId message =
-        peer->send(now, entry.deadline, deadline, joined(header, payload), route.links,
-                   allowed_of(policy, links), wire::MessageKind::kPlain);
+        peer->send(now, {.deadline = entry.deadline, .lifetime = deadline}, joined(header, payload),
+                   route.links, allowed_of(policy, links), wire::MessageKind::kPlain);
     entry.variants.push_back({message, route.variant});
     entry.bytes += payload.size();
     for (const LinkId id : route.links) {

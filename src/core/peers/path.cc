@@ -46,6 +46,7 @@ void Path::move_to(TimePoint now, const Nic& nic, const Address& address, bool t
 void Path::reset(TimePoint now) {
   receiver = flow::PathReceiver(id_);
   estimator = {};
+  share_ = {};
   probes = {};
   begin(now);
 }
@@ -76,7 +77,7 @@ void Path::sent_probe(TimePoint now, std::size_t bytes) {
 }
 
 void Path::learn(TimePoint now, const wire::LinkReport& report,
-                 const flow::SentPackets::Verdicts& v) {
+                 const flow::SentPackets::Verdicts& v, const flow::PathUse::Told& use) {
   for (const auto& [arrived, packets] : v.runs) {
     if (arrived) {
       estimator.arrived(now, packets);
@@ -87,8 +88,30 @@ void Path::learn(TimePoint now, const wire::LinkReport& report,
   if (v.newest_sent) estimator.delivered(now, *v.newest_sent, v.data);
   if (v.delivery) estimator.delivery_sample(now, *v.delivery);
   if (v.train) estimator.train(now, *v.train);
+  control(now, report, v, use);
   estimator.peer_sees(report.rate, report.loss / kLossUnit);
   peer_is_metered_ = report.metered;
+}
+
+void Path::control(TimePoint now, const wire::LinkReport& report,
+                   const flow::SentPackets::Verdicts& v, const flow::PathUse::Told& use) {
+  cc::ShareControl::Report told;
+  if (v.newest_sent && v.data) told.round_trip = now - *v.newest_sent;
+  if (v.data && report.has_delays) told.one_way_us = report.newest_delay_us;
+  for (const auto& [piece, arrived, was_open] : v.pieces) {
+    if (!arrived && was_open) ++told.lost;
+  }
+  if (v.train) told.train = {v.train->packets, v.train->measured, v.train->sent_at};
+  told.capacity = estimator.rate_guess();
+  told.held_back = use.held_back;
+  told.backlog = use.backlog;
+  told.needed = use.needed;
+  share_.report(now, told);
+}
+
+void Path::clock_stepped() {
+  estimator.clock_stepped();
+  share_.clock_stepped();
 }
 
 void Path::learn_exchange(TimePoint now, PeerTime u, const wire::LinkReport& report) {
@@ -163,6 +186,8 @@ std::optional<DataRate> Path::capped(std::optional<DataRate> rate) const {
 }
 
 flow::PathView Path::view(TimePoint now) const {
+  // What may be planned with is our share of the pipe.
+  const std::optional<DataRate> pace = share_.pace() ? share_.pace() : estimator.pace();
   // A path that came back is loaded little by little.
   const double share = estimator.share(now);
   const auto shared = [share](std::optional<DataRate> rate) {
@@ -172,9 +197,12 @@ flow::PathView Path::view(TimePoint now) const {
   view.up = estimator.up();
   view.backup = nic_.traits.role == LinkRole::kBackup;
   // The arrival of a piece is a guess anyhow: with a guess of the rate it is a better one.
-  view.rate = shared(estimator.rate_guess());
-  view.pace = shared(capped(estimator.pace().value_or(flow::Sender::kBlindPace)));
+  view.rate = shared(share_.rate() ? share_.rate() : estimator.rate_guess());
+  view.pace = shared(capped(pace.value_or(flow::kBlindPace)));
+  view.window = share_.window();
+  view.loaded = share_.loaded(now);
   view.one_way = estimator.one_way();
+  view.least_one_way = estimator.rtt_min(now) / 2;
   view.probe_timeout = estimator.probe_timeout(now);
   return view;
 }
@@ -182,6 +210,7 @@ flow::PathView Path::view(TimePoint now) const {
 LinkState Path::state(TimePoint now) const {
   LinkState state = estimator.state(now);
   state.id = id_;
+  state.share = std::min(state.rate, share_.rate().value_or(state.rate));
   return state;
 }
 

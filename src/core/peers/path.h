@@ -14,6 +14,7 @@
 #include <cstdint>
 #include <optional>
 
+#include "core/cc/share_control.h"
 #include "core/flow/receiver.h"
 #include "core/flow/sender.h"
 #include "core/link/link_estimator.h"
@@ -56,8 +57,12 @@ class Path {
   void sent_feedback(TimePoint now, std::size_t bytes);
   void sent_data(TimePoint now, std::size_t bytes);
   void sent_probe(TimePoint now, std::size_t bytes);
-  // The peer's report about this path, and what the sender has concluded from it.
-  void learn(TimePoint now, const wire::LinkReport& report, const flow::SentPackets::Verdicts& v);
+  // The peer's report about this path, what the sender has concluded from it, and how the path was
+  // used since the report before.
+  void learn(TimePoint now, const wire::LinkReport& report, const flow::SentPackets::Verdicts& v,
+             const flow::PathUse::Told& use);
+  // The peer's clock stepped.
+  void clock_stepped();
   // An exchange of clocks in feedback that came over this path now and that the peer sent at `u`.
   void learn_exchange(TimePoint now, PeerTime u, const wire::LinkReport& report);
   // Tells the schedule of probes what is believed now. Call it after anything that may have changed
@@ -85,9 +90,12 @@ class Path {
 
  private:
   void begin(TimePoint now);
+  void control(TimePoint now, const wire::LinkReport& report, const flow::SentPackets::Verdicts& v,
+               const flow::PathUse::Told& use);
   std::optional<DataRate> capped(std::optional<DataRate> rate) const;
 
   LinkId id_{};
+  cc::ShareControl share_;
   Nic nic_;
   Address address_;
   // The peer's address is trusted.

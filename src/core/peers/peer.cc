@@ -127,7 +127,7 @@ Peer::Input Peer::handle(TimePoint now, const wire::Packet& packet, const Datagr
   }
   note_arrival(now, path.receiver.gap());
   if (!wire::is_used(packet.header.type)) return input;
-  path.receiver.note_delay(now, packet.header.stamp_us);
+  path.receiver.note_delay(session_time(now), packet.header.stamp_us);
   // Nothing is made of repair symbols: they only count as packets that have arrived.
   if (packet.header.type != wire::PacketType::kData || packet.data.fragment.is_repair()) {
     return input;
@@ -177,7 +177,7 @@ void Peer::handle_feedback(TimePoint now, Path& path, const wire::Feedback& feed
       const auto update = clock_.add(now, u, TimePoint{report.s.time_since_epoch()}, report.h);
       if (update == guard::ClockOffset::Update::kStepped) {
         input.clock_stepped = true;
-        for (Path& p : paths_) p.estimator.clock_stepped();
+        for (Path& p : paths_) p.clock_stepped();
       }
       if (update != guard::ClockOffset::Update::kRejected) path.learn_exchange(now, u, report);
     }
@@ -196,7 +196,8 @@ std::optional<Settled> Peer::poll_settled() {
 void Peer::learn_report(TimePoint now, const wire::LinkReport& report) {
   Path* path = find(report.link);
   if (path == nullptr) return;
-  path->learn(now, report, sender_.report(now, report, path->estimator.rtt_min(now)));
+  const auto verdicts = sender_.report(now, report, path->estimator.rtt_min(now));
+  path->learn(now, report, verdicts, sender_.take_use(now, path->id()));
   collect_changes(now, *path);
 }
 
@@ -289,7 +290,8 @@ std::optional<TimePoint> Peer::next_timeout(TimePoint now) const {
 
 wire::PacketHeader Peer::header(TimePoint now, const Path& path, wire::PacketType type,
                                 std::uint64_t number) const {
-  return {type, path.id(), wire::kClearEpoch, identity_.self, number, wire::send_stamp(now)};
+  return {type,           path.id(), wire::kClearEpoch,
+          identity_.self, number,    wire::send_stamp(session_time(now))};
 }
 
 Path* Peer::fastest() {
@@ -369,13 +371,13 @@ std::optional<Transmit> Peer::poll(TimePoint now, LinkId nic, std::span<std::byt
   return std::nullopt;
 }
 
-MessageId Peer::send(TimePoint now, TimePoint deadline, Duration lifetime, Bytes message,
+MessageId Peer::send(TimePoint now, const flow::Sender::Times& times, Bytes message,
                      const std::vector<LinkId>& paths, const flow::PathSet& repairs,
                      wire::MessageKind kind) {
   note_activity(now);
   refresh(now);
   if (kind == wire::MessageKind::kPlain) settlements_.open();
-  return sender_.send(now, deadline, lifetime, std::move(message), paths, repairs, kind);
+  return sender_.send(now, times, std::move(message), paths, repairs, kind);
 }
 
 void Peer::want(TimePoint now, DataRate rate) {

@@ -91,9 +91,9 @@ class Peer {
   std::optional<Transmit> poll_feedback(TimePoint now, std::span<std::byte> buffer);
   std::optional<Transmit> poll(TimePoint now, LinkId nic, std::span<std::byte> buffer);
 
-  // Queues a message on these paths; lost pieces go over these and over those of `repairs`. Nothing
-  // of it is sent after `deadline`; the receiver waits for the rest for `lifetime` at most.
-  MessageId send(TimePoint now, TimePoint deadline, Duration lifetime, Bytes message,
+  // Queues a message on these paths; lost pieces go over these and over those of `repairs`. See
+  // flow::Sender::send().
+  MessageId send(TimePoint now, const flow::Sender::Times& times, Bytes message,
                  const std::vector<LinkId>& paths, const flow::PathSet& repairs,
                  wire::MessageKind kind = wire::MessageKind::kRound);
   // Nothing more of this message is sent.
@@ -139,6 +139,9 @@ class Peer {
   std::uint64_t first_number(TimePoint now) const;
   void note_arrival(TimePoint now, bool gap);
   void note_activity(TimePoint now);
+  // Stamps count from the beginning of a session: rounded to microseconds they would otherwise
+  // depend on where a clock stands.
+  TimePoint session_time(TimePoint now) const { return TimePoint{now - identity_.started}; }
   Path* fastest();
   wire::PacketHeader header(TimePoint now, const Path& path, wire::PacketType type,
                             std::uint64_t number) const;

@@ -11,7 +11,8 @@ Duration compute_budget(Duration deadline, std::span<const LinkState> links,
   Duration best = Duration::max();
   for (const LinkState& link : links) {
     if (!link.up || link.rate.bits_per_second <= 0 || link.rtt_p50 <= Duration::zero()) continue;
-    const Duration transfer = link.rate.transmit_time(wire_size(best_variant_bytes + result_bytes));
+    const Duration transfer =
+        link.usable_rate().transmit_time(wire_size(best_variant_bytes + result_bytes));
     best = std::min(best, std::min<Duration>(transfer, std::chrono::hours(1)) + link.rtt_p50);
   }
   if (best == Duration::max()) return Duration::zero();
@@ -40,8 +41,9 @@ std::array<std::optional<Duration>, kMaxVariants> forecast_answers(
           plan.sends, [&](const Assignment& a) { return a.variant == v && a.link == link.id; });
       if (!here) continue;
       bytes += wire_size(offer.variant_bytes[v]);
-      Duration there = link.queue_up + link.rtt_p50 / 2 +
-                       std::min<Duration>(link.rate.transmit_time(bytes), std::chrono::hours(1));
+      Duration there =
+          link.queue_up + link.rtt_p50 / 2 +
+          std::min<Duration>(link.usable_rate().transmit_time(bytes), std::chrono::hours(1));
       if (v < offer.costs.size()) there += offer.costs[v].here + offer.costs[v].there;
       out[v] = earliest(out[v], there + *back);
     }

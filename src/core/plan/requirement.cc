@@ -12,7 +12,7 @@ bool meets(const Requirement& r, const LinkState& link) {
   const bool delay_measured = link.rtt_p95 > Duration::zero();
   const bool rate_measured = link.rate > DataRate{};
   return !(delay_measured && link.rtt_p95 > r.max_rtt) &&
-         !(rate_measured && link.rate < r.min_rate) && !(link.loss > r.max_loss) &&
+         !(rate_measured && link.usable_rate() < r.min_rate) && !(link.loss > r.max_loss) &&
          !(link.nature.security < r.min_security);
 }
 
@@ -66,8 +66,8 @@ Duration arrival_time(const LinkState& link, std::size_t bytes) {
   const bool measured = link.rtt_p95 > Duration::zero() && link.rate > DataRate{};
   if (!measured) return Duration::max();
   // Bounded, so that sums of such times stay representable.
-  return link.rtt_p95 / 2 +
-         std::min<Duration>(link.rate.transmit_time(wire_size(bytes)), std::chrono::hours(1));
+  return link.rtt_p95 / 2 + std::min<Duration>(link.usable_rate().transmit_time(wire_size(bytes)),
+                                               std::chrono::hours(1));
 }
 
 }  // namespace interneuron

@@ -118,7 +118,8 @@ Planned Dispatch::send(TimePoint now, Peer& peer, const RoundContext& context, c
   if (sends.empty()) return planned;
 
   header.best_planned = std::ranges::min(sends, {}, &Assignment::variant).variant;
-  const TimePoint deadline = deadline_of(now, header, clock);
+  flow::Sender::Times times{deadline_of(now, header, clock), Duration::zero(), header.deadline()};
+  if (header.round.origin != self_ && clock) times.doubt = clock->rtt_min / 2;
   const flow::PathSet repairs = allowed_of(rule(header), links);
   for (std::size_t v = 0; v < variants.size(); ++v) {
     std::vector<LinkId> paths;
@@ -127,7 +128,7 @@ Planned Dispatch::send(TimePoint now, Peer& peer, const RoundContext& context, c
     }
     if (paths.empty()) continue;
     header.variant = static_cast<std::uint8_t>(v);
-    peer.send(now, deadline, header.deadline(), joined(header, variants[v]), paths, repairs);
+    peer.send(now, times, joined(header, variants[v]), paths, repairs);
   }
   return planned;
 }

@@ -62,7 +62,7 @@ struct PacketHeader {
   SessionId session{};
   // The packet number: grows by one per packet of a sender on a path; starts anywhere above 0.
   std::uint64_t number = 0;
-  // When the packet was made; send_stamp() of the sender's time.
+  // When the packet was made; send_stamp() of the time of the sender's session.
   std::uint32_t stamp_us = 0;
   friend bool operator==(const PacketHeader&, const PacketHeader&) = default;
 };

@@ -256,7 +256,7 @@ TEST(Sender, RepairsGoOverNoPathThatIsForbidden) {
     Paths p;
     PathSet repairs;
     if (allowed) repairs.add(kB);
-    p.sender.send(at(0s), at(1s), 1s, Bytes(5 * kChunk), {kA}, repairs);
+    p.sender.send(at(0s), {.deadline = at(1s), .lifetime = 1s}, Bytes(5 * kChunk), {kA}, repairs);
     TimePoint now = at(0s);
     EXPECT_EQ(p.drain(kA, now).size(), 5U);
     p.sender.pull(now, kA);

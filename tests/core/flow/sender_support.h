@@ -41,7 +41,8 @@ struct Paths {
     sender.set_path(link, view(one_way, mbit, up));
   }
   MessageId send(TimePoint now, TimePoint deadline, std::size_t pieces, std::vector<LinkId> on) {
-    return sender.send(now, deadline, deadline - now, Bytes(pieces * kChunk), on);
+    return sender.send(now, {.deadline = deadline, .lifetime = deadline - now},
+                       Bytes(pieces * kChunk), on);
   }
   // Nothing more may leave, now or later.
   bool idle(TimePoint now) {

@@ -20,7 +20,7 @@ RC_GTEST_PROP(Sender, PiecesFitThePathAndMakeUpTheMessage, ()) {
   p.sender.add_path(kB, narrow);
   Bytes message(size);
   for (std::size_t i = 0; i < size; ++i) message[i] = static_cast<std::byte>(i * 31 + i / 256);
-  p.sender.send(at(0s), kFar, 130ms, message, {kA, kB});
+  p.sender.send(at(0s), {.deadline = kFar, .lifetime = 130ms}, message, {kA, kB});
   Bytes joined;
   TimePoint now = at(0s);
   for (int i = 0; i < 100'000 && p.sender.next_send(kA); ++i, now += 100us) {
@@ -113,9 +113,9 @@ TEST(Sender, NothingLeavesAtOrAfterTheDeadline) {
 TEST(Sender, AMessageOfMorePiecesThanCanBeCountedIsNotSent) {
   Sender sender({});
   sender.add_path(kA, kPieceOverheadBytes + 64);
-  sender.send(at(0s), kFar, 1s, Bytes(64 * 65'536), {kA});
+  sender.send(at(0s), {.deadline = kFar, .lifetime = 1s}, Bytes(64 * 65'536), {kA});
   EXPECT_FALSE(sender.next_send(kA));
-  sender.send(at(0s), kFar, 1s, Bytes(64 * 65'535), {kA});
+  sender.send(at(0s), {.deadline = kFar, .lifetime = 1s}, Bytes(64 * 65'535), {kA});
   EXPECT_TRUE(sender.next_send(kA));
 }
 
@@ -130,7 +130,7 @@ TEST(Sender, APathThatIsNeverPolledKeepsNothingPastItsDeadline) {
 TEST(Sender, NumbersAndMessagesBeginWhereTheyAreTold) {
   Sender sender({.repair = true, .first_message = MessageId{7}});
   sender.add_path(kA, kDatagram, 1000);
-  EXPECT_EQ(sender.send(at(0s), kFar, 1s, Bytes(1), {kA}), MessageId{7});
+  EXPECT_EQ(sender.send(at(0s), {.deadline = kFar, .lifetime = 1s}, Bytes(1), {kA}), MessageId{7});
   EXPECT_EQ(sender.poll(at(0s), kA)->number, 1000U);
   sender.add_path(kA, 1200, 1);  // another size: the numbers go on
   EXPECT_EQ(sender.take_number(at(0s), kA), 1001U);

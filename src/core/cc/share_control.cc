@@ -1,0 +1,196 @@
+#include "core/cc/share_control.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "interneuron/sizes.h"
+
+namespace interneuron::cc {
+namespace {
+
+// The rate falls by this share of it when the queue is twice the target, and less below: SCReAM and
+// GCC fall by 0.2 to 0.3 at most, once per round trip.
+constexpr double kDelayFall = 0.3;
+// What is left of the rate after a round trip with losses: SCReAM's is 0.7 to 0.8 and CUBIC's 0.7;
+// a message of our kind has few round trips to recover in.
+constexpr double kLossFall = 0.8;
+// Of a train's arrival rate: what is left when the rate would fall below it.
+constexpr double kArrivedShare = 0.9;
+// A train that arrives at less than this of what it could was stretched; dispersion errs by a tenth
+// (docs/constants.md, "Rate of a link").
+constexpr double kStretched = 0.9;
+// Losses count only with a queue above this: CoDel's target (RFC 8289), the shortest queue at which
+// a router drops.
+constexpr Duration kLeastQueue = std::chrono::milliseconds(5);
+// A shorter train may pass between two packets of others, so that nothing of them is seen in it.
+constexpr std::uint32_t kLongTrain = 16;
+// While trains are short their rate bounds ours this loosely: a short one shows the share that it
+// met rather than the pipe.
+constexpr double kShortTrainRoom = 2.0;
+// After so many decisions without a queue the rate rises by kQuickRise of it, as TIMELY's
+// hyperactive increase does after five.
+constexpr int kCalm = 5;
+constexpr double kQuickRise = 0.1;
+// The pace in terms of the rate without a queue, and where the queue is half as much again as the
+// target; in between in proportion. The first is RateEstimator::kHeadroom.
+constexpr double kPaceGain = 1.25;
+constexpr double kDrainGain = 0.8;
+// Memory of the duty. No measurement behind this value: two periods of a camera at 10 Hz and some.
+constexpr Duration kDutyMemory = std::chrono::milliseconds(250);
+// Above this duty we are overloaded.
+constexpr double kOverload = 0.9;
+// How long a fall is remembered. No measurement behind this value: it only has to be longer than
+// the pauses between frames.
+constexpr Duration kMemory = std::chrono::seconds(1);
+// A round trip this little above the least one counts as without a queue.
+constexpr Duration kNearBase = ShareControl::kTarget / 8;
+// A sender that never pauses sees its own queue in every round trip and would take it for the
+// path's length once the window of the minimum is over. So where no round trip was near the minimum
+// for so long, it lets the path run empty once, as BBR does every 10 s.
+constexpr Duration kDrainEvery = std::chrono::seconds(4);
+// The shortest time between two decisions: two feedbacks (src/core/peers/peer.cc).
+constexpr Duration kLeastRound = std::chrono::milliseconds(10);
+// A longer pause says no more of the duty than this.
+constexpr Duration kLongestPause = std::chrono::seconds(1);
+// Two packets leave while the acknowledgement of two others is on its way.
+constexpr std::size_t kLeastWindow = 4 * kMaxPacketBytes;
+
+double seconds(Duration d) { return static_cast<double>(d.count()) / 1e9; }
+
+DataRate plus(DataRate rate, double bits_per_second) {
+  return DataRate{rate.bits_per_second + static_cast<std::int64_t>(bits_per_second)};
+}
+
+}  // namespace
+
+void ShareControl::report(TimePoint now, const Report& report) {
+  if (report.capacity) note_capacity(now, *report.capacity);
+  if (report.round_trip) note_round_trip(now, *report.round_trip);
+  if (report.one_way_us) note_one_way(now, *report.one_way_us);
+  note_duty(now, report.backlog);
+  if (report.train) note_train(*report.train);
+  needed_ = report.needed;
+  seen_.lost += report.lost;
+  seen_.held_back = seen_.held_back || report.held_back;
+  if (!rate_) return;
+  if (seen_.held_back && now - near_base_at_ > kDrainEvery) {
+    drain_until_ = now + round_trip_ + base_ / 2;
+    near_base_at_ = now;
+  }
+  draining_ = now < drain_until_;
+  rate_ = std::min(*rate_, most());
+  if (now >= decide_at_ && seen_.queue != Duration::max()) decide(now);
+}
+
+void ShareControl::note_capacity(TimePoint now, DataRate capacity) {
+  const bool is_new = capacity != capacity_;
+  capacity_ = capacity;
+  // The first measurement, and one that was made while nobody was in the way, is all ours.
+  const bool alone = queue_ < kTarget / 4 && duty_ < 0.5 && !gave_way(now);
+  if (!rate_ || (is_new && alone && capacity > *rate_)) rate_ = capacity;
+}
+
+void ShareControl::note_round_trip(TimePoint now, Duration round_trip) {
+  least_round_trip_.add(now, round_trip.count());
+  round_trip_ = round_trip;
+  base_ = Duration{least_round_trip_.get(now).value_or(round_trip.count())};
+}
+
+void ShareControl::note_one_way(TimePoint now, std::uint32_t one_way_us) {
+  // The difference of two delays is far less than half of what wraps.
+  one_way_ += static_cast<std::int32_t>(one_way_us - one_way_us_.value_or(one_way_us));
+  one_way_us_ = one_way_us;
+  least_one_way_.add(now, one_way_);
+  queue_ = std::chrono::microseconds(one_way_ - least_one_way_.get(now).value_or(one_way_));
+  seen_.queue = std::min(seen_.queue, queue_);
+  if (queue_ <= kNearBase) near_base_at_ = now;
+}
+
+void ShareControl::clock_stepped() {
+  least_one_way_ = {};
+  one_way_us_.reset();
+  seen_.queue = Duration::max();
+}
+
+void ShareControl::note_duty(TimePoint now, Duration backlog) {
+  const Duration since = std::min<Duration>(now - reported_at_.value_or(now), kLongestPause);
+  reported_at_ = now;
+  if (since <= Duration::zero()) return;
+  const double share = std::clamp(seconds(backlog) / seconds(since), 0.0, 1.0);
+  duty_ = share + (duty_ - share) * std::exp(-seconds(since) / seconds(kDutyMemory));
+}
+
+void ShareControl::note_train(const Train& train) {
+  // What the train could have arrived at.
+  const DataRate possible = train.sent_at ? std::min(*train.sent_at, capacity_) : capacity_;
+  if (train.packets < 2 || possible <= DataRate{}) return;
+  long_trains_ = train.packets >= kLongTrain;
+  seen_.long_train = seen_.long_train || long_trains_;
+  seen_.stretched = train.arrived_at < possible.scaled(kStretched);
+  seen_.arrived_at = train.arrived_at;
+}
+
+// The most that the rate may be.
+DataRate ShareControl::most() const {
+  return overloaded() && !long_trains_ ? capacity_.scaled(kShortTrainRoom) : capacity_;
+}
+
+void ShareControl::decide(TimePoint now) {
+  const double over = std::min(1.0, seconds(seen_.queue - kTarget) / seconds(kTarget));
+  const double factor = 1 - kDelayFall * std::max(over, 0.0);
+  const bool is_queue = seen_.stretched || overloaded();
+  // Small messages that leave at once show no stretch. They may slow down without harm, but not
+  // below the rate that brings them in time.
+  const bool may_be_queue = !seen_.long_train && seen_.lost == 0;
+  if (over > 0 && is_queue) {
+    fall(now, factor, overloaded() ? DataRate{} : seen_.arrived_at.scaled(kArrivedShare));
+  } else if (over > 0 && may_be_queue) {
+    fall(now, factor, needed_);
+  } else if (seen_.lost > 0 && seen_.queue > kLeastQueue && (is_queue || !seen_.long_train)) {
+    fall(now, kLossFall, seen_.arrived_at.scaled(kArrivedShare));
+  } else if (seen_.held_back && seen_.queue < kTarget) {
+    rise();
+  }
+  gain_ = kPaceGain;
+  if (gave_way(now)) {
+    const double queue = std::clamp(seconds(seen_.queue) / seconds(kTarget), 0.5, 1.5);
+    gain_ = kPaceGain - (kPaceGain - kDrainGain) * (queue - 0.5);
+  }
+  seen_ = {};
+  decide_at_ = now + std::max(round_trip_, kLeastRound);
+}
+
+void ShareControl::fall(TimePoint now, double factor, DataRate floor) {
+  rate_ = std::max(rate_->scaled(factor), std::min(*rate_, floor));
+  fell_at_ = now;
+  calm_ = 0;
+}
+
+void ShareControl::rise() {
+  ++calm_;
+  double more =
+      8 * static_cast<double>(kMaxPacketBytes) / seconds(std::max(round_trip_, kLeastRound));
+  if (seen_.queue < kTarget / 4 && calm_ > kCalm) {
+    more = std::max(more, kQuickRise * static_cast<double>(rate_->bits_per_second));
+  }
+  rate_ = std::min(most(), plus(*rate_, more));
+}
+
+bool ShareControl::overloaded() const { return duty_ > kOverload; }
+
+bool ShareControl::gave_way(TimePoint now) const { return fell_at_ && now - *fell_at_ < kMemory; }
+
+std::optional<DataRate> ShareControl::pace() const {
+  const bool all_ours = rate_ && *rate_ >= capacity_ && gain_ >= kPaceGain;
+  if (!rate_ || all_ours || gain_ == 0) return std::nullopt;
+  return rate_->scaled(gain_);
+}
+
+std::size_t ShareControl::window() const {
+  if (!rate_) return SIZE_MAX;
+  const Duration span = draining_ ? base_ / 2 : base_ + kTarget;
+  const double bytes = static_cast<double>(rate_->bits_per_second) * seconds(span) / 8;
+  return std::max(kLeastWindow, static_cast<std::size_t>(bytes));
+}
+
+}  // namespace interneuron::cc

@@ -1,0 +1,136 @@
+// Congestion control of one path: which share of its bottleneck this sender may use, how fast
+// packets leave, and how many bytes may be in flight.
+//
+// The traffic is that of frames: a burst every 100 ms and nothing in between, so the application
+// and not the network limits it most of the time. What is known of the pipe is its capacity, from
+// the dispersion of trains (link::RateEstimator); what others leave of it is learnt here, once per
+// round trip, from three signs:
+//
+//   queue      the least one-way delay of the last round trip's packets above the least of the last
+//              10 s. Radio adds delay that no sender can drain, so delay alone convicts nobody.
+//   stretch    trains arrive more slowly than they left and than the pipe carries: others' packets
+//              lie between ours. A pipe that only got longer stretches nothing.
+//   duty       the share of time in which something waited here. At a duty of one we are
+//              overloaded, and the queue is ours to drain.
+//
+// The rate falls in proportion to how far the queue is above the target where the stretch or the
+// duty says that it is a queue, and by a fixed factor for losses with a queue; never below what
+// arrived, unless we are overloaded. It rises by one packet per round trip, which is the same for
+// everyone and so makes shares equal (Chiu and Jain, Analysis of the Increase and Decrease
+// Algorithms for Congestion Avoidance in Computer Networks, 1989), and faster where no queue was
+// seen for several round trips. The target bears a CUBIC flow on a buffer of 30 ms beside it.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "core/link/windowed_minimum.h"
+#include "interneuron/units.h"
+
+namespace interneuron::cc {
+
+// Owned and fed by the Path whose reports it is told of (src/core/peers). All of a report is the
+// peer's word: one that lies slows down what is sent to itself, or makes us fill its own link as
+// fast as the estimated capacity, which is what happened without congestion control. Constant
+// memory. Pure; thread-compatible; never throws.
+class ShareControl {
+ public:
+  // The queue that is aimed at: a fifth of a deadline of 150 ms, and as long as the shortest buffer
+  // on which shares with a CUBIC flow are to be fair.
+  static constexpr Duration kTarget = std::chrono::milliseconds(30);
+
+  // A train as the receiver measured it.
+  struct Train {
+    std::uint32_t packets = 0;
+    DataRate arrived_at{};
+    // Nothing: it left back to back, faster than any link.
+    std::optional<DataRate> sent_at;
+  };
+  // What one report of the peer tells, and how the path was used since the last one.
+  struct Report {
+    // From when the newest packet that it acknowledges left until now.
+    std::optional<Duration> round_trip;
+    // The one-way delay of the newest data-sized packet, in microseconds modulo 2^32 and with the
+    // offset between the two clocks in it.
+    std::optional<std::uint32_t> one_way_us;
+    // Data-sized packets newly found lost.
+    std::uint32_t lost = 0;
+    std::optional<Train> train;
+    // The rate of the pipe; nothing while it is not known.
+    std::optional<DataRate> capacity;
+    // Something had to wait for the pace or the window.
+    bool held_back = false;
+    // For how long something was queued.
+    Duration backlog{};
+    // The rate at which the newest message is sent within a third of its time.
+    DataRate needed{};
+  };
+  void report(TimePoint now, const Report& report);
+  // A clock stepped: old and new one-way delays cannot be compared.
+  void clock_stepped();
+
+  // What may be planned with; nothing while the capacity is not known.
+  std::optional<DataRate> rate() const { return rate_; }
+  // How fast packets leave; nothing while it is for the search of the capacity to say.
+  std::optional<DataRate> pace() const;
+  // Bytes with IP headers that may be in flight.
+  std::size_t window() const;
+  // We are overloaded, or had to give way within the last second: what is in flight beyond an empty
+  // path waits in a queue.
+  bool loaded(TimePoint now) const { return overloaded() || gave_way(now); }
+
+ private:
+  // What was seen since the last decision.
+  struct Seen {
+    Duration queue = Duration::max();
+    std::uint32_t lost = 0;
+    bool held_back = false;
+    bool stretched = false;
+    // A train was long enough for packets of others to lie within it.
+    bool long_train = false;
+    DataRate arrived_at{};
+  };
+  void note_round_trip(TimePoint now, Duration round_trip);
+  void note_one_way(TimePoint now, std::uint32_t one_way_us);
+  void note_duty(TimePoint now, Duration backlog);
+  void note_capacity(TimePoint now, DataRate capacity);
+  void note_train(const Train& train);
+  void decide(TimePoint now);
+  void fall(TimePoint now, double factor, DataRate floor);
+  void rise();
+  DataRate most() const;
+  bool overloaded() const;
+  bool gave_way(TimePoint now) const;
+
+  std::optional<DataRate> rate_;
+  DataRate capacity_{};
+  link::WindowedMinimum least_round_trip_;
+  Duration base_{};
+  // One-way delays in microseconds since the first one, so that they do not wrap, and the newest as
+  // it came.
+  link::WindowedMinimum least_one_way_;
+  std::int64_t one_way_ = 0;
+  std::optional<std::uint32_t> one_way_us_;
+  Duration round_trip_{};
+  Duration queue_{};
+  double duty_ = 0;
+  // Trains of late were long ones.
+  bool long_trains_ = true;
+  DataRate needed_{};
+  std::optional<TimePoint> reported_at_;
+  Seen seen_;
+  // When the next decision is due.
+  TimePoint decide_at_ = TimePoint::min();
+  std::optional<TimePoint> fell_at_;
+  // Decisions in a row that let the rate rise.
+  int calm_ = 0;
+  // The pace in terms of the rate.
+  double gain_ = 0;
+  // When the round trip was last near its minimum, or the window was last held low to see it.
+  TimePoint near_base_at_{};
+  // The window is held low.
+  bool draining_ = false;
+  TimePoint drain_until_ = TimePoint::min();
+};
+
+}  // namespace interneuron::cc

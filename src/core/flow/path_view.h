@@ -1,0 +1,45 @@
+// What the sender knows of a path, and when something that is queued now would arrive over it.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+
+#include "interneuron/units.h"
+
+namespace interneuron::flow {
+
+// What the sender must know of a path; refreshed by set_path() whenever the estimates move.
+struct PathView {
+  // While it is false nothing is sent on the path.
+  bool up = true;
+  // Retransmissions prefer the other paths.
+  bool backup = false;
+  // The rate that the path delivers, to plan with, and the pace at which packets leave. While they
+  // are not known, kBlindRate and kBlindPace stand in.
+  std::optional<DataRate> rate;
+  std::optional<DataRate> pace;
+  // The expected one-way delay, and the least one of late; zero while they are not known.
+  Duration one_way{};
+  Duration least_one_way{};
+  // Bytes that may be in flight, with IP headers.
+  std::size_t window = SIZE_MAX;
+  // The path carries all it can: what is in flight beyond an empty path waits in a queue.
+  bool loaded = false;
+  // A fragment that has been in flight for so long without any acknowledgement is lost.
+  Duration probe_timeout{};
+};
+
+// The rate before anything is known of a path, which a start-up train measures within a round
+// trip: that of a weak 4G uplink. The pace has the same headroom as that of a known rate,
+// RateEstimator::kHeadroom.
+inline constexpr DataRate kBlindRate{20'000'000};
+inline constexpr DataRate kBlindPace{25'000'000};
+
+// From now until the last of so many bytes (with IP headers) is there that are sent next over a
+// loaded path, with a margin for a message of which nothing has left yet. `in_flight` are the bytes
+// in flight before them. Zero while the path is not loaded: what comes too late then takes nothing
+// from anybody, and tells the guard at the other end how late it was.
+Duration least_time(const PathView& view, std::size_t bytes, std::size_t in_flight, bool begun);
+
+}  // namespace interneuron::flow
