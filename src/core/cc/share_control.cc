@@ -11,8 +11,7 @@ namespace {
 // The rate falls by this share of it when the queue is twice the target, and less below: SCReAM and
 // GCC fall by 0.2 to 0.3 at most, once per round trip.
 constexpr double kDelayFall = 0.3;
-// What is left of the rate after a round trip with losses: SCReAM's is 0.7 to 0.8 and CUBIC's 0.7;
-// a message of our kind has few round trips to recover in.
+// What is left of the rate after a round trip with losses: SCReAM's is 0.7 to 0.8 and CUBIC's 0.7.
 constexpr double kLossFall = 0.8;
 // Of a train's arrival rate: what is left when the rate would fall below it.
 constexpr double kArrivedShare = 0.9;
@@ -31,6 +30,10 @@ constexpr double kShortTrainRoom = 2.0;
 // hyperactive increase does after five.
 constexpr int kCalm = 5;
 constexpr double kQuickRise = 0.1;
+// But not so soon after a fall: whoever was in the way then would be overrun. A CUBIC flow at 30
+// Mbit/s and 50 ms is back where it was after some 4 s (RFC 9438); half of that keeps shares with
+// one fair in `interneuron bench load cubic`, a second does not.
+constexpr Duration kQuickAfter = std::chrono::seconds(2);
 // The pace in terms of the rate without a queue, and where the queue is half as much again as the
 // target; in between in proportion. The first is RateEstimator::kHeadroom.
 constexpr double kPaceGain = 1.25;
@@ -147,9 +150,9 @@ void ShareControl::decide(TimePoint now) {
   } else if (over > 0 && may_be_queue) {
     fall(now, factor, needed_);
   } else if (seen_.lost > 0 && seen_.queue > kLeastQueue && (is_queue || !seen_.long_train)) {
-    fall(now, kLossFall, seen_.arrived_at.scaled(kArrivedShare));
+    fall(now, kLossFall, overloaded() ? DataRate{} : seen_.arrived_at.scaled(kArrivedShare));
   } else if (seen_.held_back && seen_.queue < kTarget) {
-    rise();
+    rise(now);
   }
   gain_ = kPaceGain;
   if (gave_way(now)) {
@@ -166,11 +169,12 @@ void ShareControl::fall(TimePoint now, double factor, DataRate floor) {
   calm_ = 0;
 }
 
-void ShareControl::rise() {
+void ShareControl::rise(TimePoint now) {
+  const bool undisturbed = !fell_at_ || now - *fell_at_ > kQuickAfter;
   ++calm_;
   double more =
       8 * static_cast<double>(kMaxPacketBytes) / seconds(std::max(round_trip_, kLeastRound));
-  if (seen_.queue < kTarget / 4 && calm_ > kCalm) {
+  if (seen_.queue < kTarget / 4 && calm_ > kCalm && undisturbed) {
     more = std::max(more, kQuickRise * static_cast<double>(rate_->bits_per_second));
   }
   rate_ = std::min(most(), plus(*rate_, more));

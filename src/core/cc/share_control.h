@@ -97,7 +97,7 @@ class ShareControl {
   void note_train(const Train& train);
   void decide(TimePoint now);
   void fall(TimePoint now, double factor, DataRate floor);
-  void rise();
+  void rise(TimePoint now);
   DataRate most() const;
   bool overloaded() const;
   bool gave_way(TimePoint now) const;

@@ -152,7 +152,7 @@ TEST(ShareControl, WhatWasGivenUpComesBackWhereNobodyIsInTheWay) {
   path.overload(100);
   ASSERT_LT(path.mbit(), 30);
   path.queue = 0ms;
-  path.overload(400);
+  path.overload(800);
   EXPECT_GT(path.mbit(), 55);
 }
 
