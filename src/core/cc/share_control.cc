@@ -51,6 +51,14 @@ constexpr Duration kNearBase = ShareControl::kTarget / 8;
 // path's length once the window of the minimum is over. So where no round trip was near the minimum
 // for so long, it lets the path run empty once, as BBR does every 10 s.
 constexpr Duration kDrainEvery = std::chrono::seconds(4);
+// The target stays this far below a queue that lost packets, as a divisor of it, and is no shorter
+// than kLeastTarget: a loss of the radio's must not take it away. It comes back by kTargetRise per
+// decision, which is 1 ms a second at a round trip of 50 ms. No measurement behind these values;
+// with them a lone sender loses next to nothing on a buffer of 30 ms, and shares it with a CUBIC
+// flow (`interneuron bench load`).
+constexpr int kRoomDivisor = 10;
+constexpr Duration kLeastTarget = ShareControl::kTarget / 3;
+constexpr Duration kTargetRise = std::chrono::microseconds(50);
 // The shortest time between two decisions: two feedbacks (src/core/peers/peer.cc).
 constexpr Duration kLeastRound = std::chrono::milliseconds(10);
 // A longer pause says no more of the duty than this.
@@ -139,7 +147,8 @@ DataRate ShareControl::most() const {
 }
 
 void ShareControl::decide(TimePoint now) {
-  const double over = std::min(1.0, seconds(seen_.queue - kTarget) / seconds(kTarget));
+  adapt_target();
+  const double over = std::min(1.0, seconds(seen_.queue - target_) / seconds(target_));
   const double factor = 1 - kDelayFall * std::max(over, 0.0);
   const bool is_queue = seen_.stretched || overloaded();
   // Small messages that leave at once show no stretch. They may slow down without harm, but not
@@ -151,7 +160,7 @@ void ShareControl::decide(TimePoint now) {
     fall(now, factor, needed_);
   } else if (seen_.lost > 0 && seen_.queue > kLeastQueue && (is_queue || !seen_.long_train)) {
     fall(now, kLossFall, overloaded() ? DataRate{} : seen_.arrived_at.scaled(kArrivedShare));
-  } else if (seen_.held_back && seen_.queue < kTarget) {
+  } else if (seen_.held_back && seen_.queue < target_) {
     rise(now);
   }
   gain_ = kPaceGain;
@@ -161,6 +170,17 @@ void ShareControl::decide(TimePoint now) {
   }
   seen_ = {};
   decide_at_ = now + std::max(round_trip_, kLeastRound);
+}
+
+// Where packets are lost in a queue that is shorter than the target, the buffer is: aiming beyond
+// it only loses more.
+void ShareControl::adapt_target() {
+  const bool overflows = seen_.lost > 0 && seen_.queue > kLeastQueue && seen_.queue < kTarget;
+  if (overflows && overloaded()) {
+    target_ = std::clamp<Duration>(seen_.queue - seen_.queue / kRoomDivisor, kLeastTarget, target_);
+  } else {
+    target_ = std::min(kTarget, target_ + kTargetRise);
+  }
 }
 
 void ShareControl::fall(TimePoint now, double factor, DataRate floor) {
@@ -192,7 +212,7 @@ std::optional<DataRate> ShareControl::pace() const {
 
 std::size_t ShareControl::window() const {
   if (!rate_) return SIZE_MAX;
-  const Duration span = draining_ ? base_ / 2 : base_ + kTarget;
+  const Duration span = draining_ ? base_ / 2 : base_ + target_;
   const double bytes = static_cast<double>(rate_->bits_per_second) * seconds(span) / 8;
   return std::max(kLeastWindow, static_cast<std::size_t>(bytes));
 }

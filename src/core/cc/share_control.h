@@ -96,6 +96,7 @@ class ShareControl {
   void note_capacity(TimePoint now, DataRate capacity);
   void note_train(const Train& train);
   void decide(TimePoint now);
+  void adapt_target();
   void fall(TimePoint now, double factor, DataRate floor);
   void rise(TimePoint now);
   DataRate most() const;
@@ -124,6 +125,8 @@ class ShareControl {
   std::optional<TimePoint> fell_at_;
   // Decisions in a row that let the rate rise.
   int calm_ = 0;
+  // The queue that is aimed at now: kTarget, or less where a shorter one loses packets.
+  Duration target_ = kTarget;
   // The pace in terms of the rate.
   double gain_ = 0;
   // When the round trip was last near its minimum, or the window was last held low to see it.

@@ -125,9 +125,28 @@ TEST(ShareControl, LossesCountOnlyWithAQueue) {
     if (queue == 0ms) {
       EXPECT_DOUBLE_EQ(path.mbit(), 60);
     } else {
-      EXPECT_LT(path.mbit(), 20);
+      EXPECT_LT(path.mbit(), 50);
     }
   }
+}
+
+// What is aimed at must fit the buffer, or every round trip ends in losses.
+TEST(ShareControl, ABufferShorterThanTheTargetIsNotOverflowedForEver) {
+  Path path;
+  path.overload(200);
+  const std::size_t usual = path.control.window();
+  path.queue = 20ms;
+  path.overload(20);
+  ShareControl::Report report = path.next();
+  report.lost = 3;
+  report.held_back = true;
+  report.backlog = 5ms;
+  path.control.report(path.now += 5ms, report);
+  path.overload(20);
+  const double rate = path.mbit() / 60;
+  const double seconds = static_cast<double>(path.control.window()) / (60e6 * rate / 8);
+  EXPECT_LT(seconds, 0.060) << "a round trip of 40 ms and less than 20 ms of queue";
+  EXPECT_LT(path.control.window(), usual);
 }
 
 // Messages of a few packets leave at once and show no stretch.
