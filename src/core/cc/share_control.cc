@@ -52,12 +52,13 @@ constexpr Duration kNearBase = ShareControl::kTarget / 8;
 // for so long, it lets the path run empty once, as BBR does every 10 s.
 constexpr Duration kDrainEvery = std::chrono::seconds(4);
 // The target stays this far below a queue that lost packets, as a divisor of it, and is no shorter
-// than kLeastTarget: a loss of the radio's must not take it away. It comes back by kTargetRise per
+// than kLeastTarget: neither a loss of the radio's nor a flow that fills the buffer may take it
+// away. It comes back by kTargetRise per
 // decision, which is 1 ms a second at a round trip of 50 ms. No measurement behind these values;
 // with them a lone sender loses next to nothing on a buffer of 30 ms, and shares it with a CUBIC
 // flow (`interneuron bench load`).
 constexpr int kRoomDivisor = 10;
-constexpr Duration kLeastTarget = ShareControl::kTarget / 3;
+constexpr Duration kLeastTarget = 3 * ShareControl::kTarget / 4;
 constexpr Duration kTargetRise = std::chrono::microseconds(50);
 // The shortest time between two decisions: two feedbacks (src/core/peers/peer.cc).
 constexpr Duration kLeastRound = std::chrono::milliseconds(10);
@@ -203,6 +204,10 @@ void ShareControl::rise(TimePoint now) {
 bool ShareControl::overloaded() const { return duty_ > kOverload; }
 
 bool ShareControl::gave_way(TimePoint now) const { return fell_at_ && now - *fell_at_ < kMemory; }
+
+std::optional<DataRate> ShareControl::soon(TimePoint now) const {
+  return rate_ && queue_ < kTarget / 2 && !gave_way(now) ? capacity_ : rate_;
+}
 
 std::optional<DataRate> ShareControl::pace() const {
   const bool all_ours = rate_ && *rate_ >= capacity_ && gain_ >= kPaceGain;

@@ -71,6 +71,9 @@ class ShareControl {
 
   // What may be planned with; nothing while the capacity is not known.
   std::optional<DataRate> rate() const { return rate_; }
+  // What the path may carry soon: the whole pipe where nothing is in the way now and the rate is
+  // about to rise; nothing while the capacity is not known.
+  std::optional<DataRate> soon(TimePoint now) const;
   // How fast packets leave; nothing while it is for the search of the capacity to say.
   std::optional<DataRate> pace() const;
   // Bytes with IP headers that may be in flight.

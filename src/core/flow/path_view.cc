@@ -19,11 +19,11 @@ constexpr Duration kNever = std::chrono::hours(1);
 }  // namespace
 
 Duration least_time(const PathView& view, std::size_t bytes, std::size_t in_flight, bool begun) {
-  if (!view.rate || !view.loaded) return Duration::zero();
-  const Duration air = std::min<Duration>(view.rate->transmit_time(bytes), kNever);
+  if (!view.soon || !view.loaded) return Duration::zero();
+  const Duration air = std::min<Duration>(view.soon->transmit_time(bytes), kNever);
   // What is in flight beyond an empty path waits before it.
   const Duration queue =
-      std::clamp<Duration>(view.rate->transmit_time(in_flight) - 2 * view.least_one_way,
+      std::clamp<Duration>(view.soon->transmit_time(in_flight) - 2 * view.least_one_way,
                            Duration::zero(), kLongestQueue);
   const Duration margin =
       begun ? Duration::zero() : std::max<Duration>(kLeastMargin, air / kMarginDivisor);

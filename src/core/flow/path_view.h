@@ -19,6 +19,8 @@ struct PathView {
   // are not known, kBlindRate and kBlindPace stand in.
   std::optional<DataRate> rate;
   std::optional<DataRate> pace;
+  // What the path may carry soon: what cannot arrive even so is given up.
+  std::optional<DataRate> soon;
   // The expected one-way delay, and the least one of late; zero while they are not known.
   Duration one_way{};
   Duration least_one_way{};

@@ -164,6 +164,8 @@ Reassembler::Outcome Reassembler::add(TimePoint now, const wire::Data& data,
   if (buried_.contains(f.message)) return {Result::kDuplicate, {}};
   auto it = partials_.find(f.message);
   if (it == partials_.end()) {
+    const TimePoint expires = saturating_add(now, std::chrono::microseconds(f.lifetime_us));
+    if (f.size <= room && f.size <= kMaxBytes) make_room(f.size, expires);
     if (f.size > room || bytes_ + f.size > kMaxBytes || partials_.size() >= kMaxPartials) {
       return {Result::kRefused, {}};
     }
@@ -173,7 +175,7 @@ Reassembler::Outcome Reassembler::add(TimePoint now, const wire::Data& data,
     fresh.chunk = f.chunk;
     fresh.missing = f.count();
     fresh.have.resize(f.count());
-    fresh.expires = saturating_add(now, std::chrono::microseconds(f.lifetime_us));
+    fresh.expires = expires;
     bytes_ += f.size;
     it = partials_.emplace(f.message, std::move(fresh)).first;
   }
@@ -214,6 +216,20 @@ void Reassembler::refine_expiry(Partial& partial, const wire::Data& first,
   const Duration allowed = deadline + kExpirySlack;
   const TimePoint by_clock = when_elapsed(t0, Duration{wrapping_add(hi->count(), allowed.count())});
   partial.expires = std::min(partial.expires, by_clock);
+}
+
+void Reassembler::make_room(std::size_t size, TimePoint expires) {
+  std::size_t older = 0;
+  for (const auto& [id, partial] : partials_) {
+    if (partial.expires < expires) older += partial.size;
+  }
+  // Nothing goes where it would not suffice.
+  if (bytes_ - older + size > kMaxBytes) return;
+  while (bytes_ + size > kMaxBytes) {
+    const auto next = std::ranges::min_element(
+        partials_, {}, [](const auto& entry) { return entry.second.expires; });
+    bury(MessageId{next->first});
+  }
 }
 
 void Reassembler::bury(MessageId message) {

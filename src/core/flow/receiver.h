@@ -111,8 +111,10 @@ struct ClockBounds {
 //
 // A message's whole memory is taken when its first fragment arrives, since each says how large the
 // message is. It is freed when the message is complete, or expires because it can no longer
-// arrive by its deadline. kMaxBytes and kMaxPartials bound what one peer's messages may hold;
-// fragments of further messages are refused and counted, and nothing that is stored makes room.
+// arrive by its deadline. kMaxBytes and kMaxPartials bound what one peer's messages may hold. Where
+// the bytes do not suffice, messages that expire before the new one make room, the next to expire
+// first: else one that nobody sends any more could keep out the first fragments of the next, which
+// then could not be completed either, and so on. Other fragments are refused and counted.
 //
 // What a hostile peer could try: claim large messages that it never completes, or many small ones;
 // both bounds hold, and only its own messages are refused, though for as long as the lifetime that
@@ -172,6 +174,8 @@ class Reassembler {
     std::vector<bool> have;
     TimePoint expires{};
   };
+  // Makes room for so many bytes that are kept until `expires`, if there can be room.
+  void make_room(std::size_t size, TimePoint expires);
   void bury(MessageId message);
   void refine_expiry(Partial& partial, const wire::Data& first, const ClockBounds& clocks);
 

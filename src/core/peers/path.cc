@@ -199,6 +199,7 @@ flow::PathView Path::view(TimePoint now) const {
   // The arrival of a piece is a guess anyhow: with a guess of the rate it is a better one.
   view.rate = shared(share_.rate() ? share_.rate() : estimator.rate_guess());
   view.pace = shared(capped(pace.value_or(flow::kBlindPace)));
+  view.soon = shared(share_.soon(now));
   view.window = share_.window();
   view.loaded = share_.loaded(now);
   view.one_way = estimator.one_way();

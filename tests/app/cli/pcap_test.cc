@@ -48,7 +48,7 @@ std::vector<Packet> read_capture(const std::string& file) {
     p.outgoing = bytes[10] == 4;
     p.ip_bytes = header->len - kSll2Bytes;
     p.source_port = static_cast<unsigned>(ip[20] << 8 | ip[21]);
-    p.type = ip[kIpUdpBytes];
+    p.type = ip[kIpUdpBytes] & 0x0f;  // the upper half is the version
     out.push_back(p);
   }
   ::pcap_close(handle);

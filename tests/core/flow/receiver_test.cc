@@ -273,6 +273,23 @@ TEST(Reassembler, HoldsNoMoreThanItsBound) {
   }
 }
 
+// A message that its sender has given up must not keep out the first fragments of the next one.
+TEST(Reassembler, WhatExpiresSoonerMakesRoom) {
+  Reassembler r;
+  const Bytes piece(1352);
+  const auto begin = [&](std::uint32_t id, Duration now) {
+    wire::Data d;
+    d.fragment = {MessageId{id}, 1, 1352, 4000 * 1352, 1'000'000};
+    d.bytes = piece;
+    return r.add(at(now), d, kNoClocks).result;
+  };
+  EXPECT_EQ(begin(1, 0ms), Result::kStored);
+  EXPECT_EQ(begin(2, 900ms), Result::kStored);
+  EXPECT_EQ(begin(1, 900ms), Result::kDuplicate) << "it has gone";
+  EXPECT_EQ(begin(3, 900ms), Result::kRefused) << "it expires no later than the one there is";
+  EXPECT_LE(r.bytes(), Reassembler::kMaxBytes);
+}
+
 TEST(Reassembler, ManySmallPromisesAreBoundedToo) {
   // Two bytes each, for more than an hour: what is kept beside the bytes must not grow without
   // bound.

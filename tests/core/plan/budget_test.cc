@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include "interneuron/sizes.h"
+
 namespace interneuron {
 namespace {
 
@@ -15,17 +17,19 @@ LinkState link(bool up, Duration rtt, double mbit) {
   return s;
 }
 
+constexpr std::size_t kBytesUp = 1000 * kMaxPieceBytes - 100'000;
+
 TEST(ComputeBudget, IsTheDeadlineLessTheTransfersAndTheReserve) {
-  // 1,352 kB up and down are 1,428 kB on the wire: 14.28 ms at 800 Mbit/s; round trip 20 ms;
-  // reserve 5 ms.
+  // What fills 1,000 packets up and down is 1,428 kB on the wire: 14.28 ms at 800 Mbit/s; round
+  // trip 20 ms; reserve 5 ms.
   const LinkState links[] = {link(true, 20ms, 800)};
-  EXPECT_NEAR(to_ms(compute_budget(130ms, links, 1'252'000, 100'000)), 90.72, 0.01);
+  EXPECT_NEAR(to_ms(compute_budget(130ms, links, kBytesUp, 100'000)), 90.72, 0.01);
 }
 
 TEST(ComputeBudget, TakesTheSoonestLinkThatIsMeasured) {
   const LinkState links[] = {link(true, 20ms, 80), link(true, 30ms, 800), link(false, 1ms, 8000),
                              link(true, 0ms, 8000), link(true, 1ms, 0)};
-  EXPECT_NEAR(to_ms(compute_budget(130ms, links, 1'252'000, 100'000)), 80.72, 0.01);
+  EXPECT_NEAR(to_ms(compute_budget(130ms, links, kBytesUp, 100'000)), 80.72, 0.01);
 }
 
 TEST(ComputeBudget, IsZeroWhenNothingCanBePromised) {

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "interneuron/policy.h"
+#include "interneuron/sizes.h"
 
 namespace interneuron {
 namespace {
@@ -145,8 +146,8 @@ TEST(ArrivalTime, IsHalfTheRoundTripAndTheFragmentsAtTheRate) {
   link.rtt_p95 = std::chrono::milliseconds(40);
   link.rate = DataRate::mbit(8);
   EXPECT_EQ(arrival_time(link, 0), std::chrono::milliseconds(20));
-  // 1,352 bytes are one packet of 1,428: 1.428 ms at 1 byte per µs.
-  EXPECT_EQ(arrival_time(link, 1352), std::chrono::microseconds(21'428));
+  // What fills a packet takes 1,428 bytes on the wire: 1.428 ms at 1 byte per µs.
+  EXPECT_EQ(arrival_time(link, kMaxPieceBytes), std::chrono::microseconds(21'428));
   EXPECT_GT(arrival_time(link, kMaxMessageBytes), std::chrono::seconds(8));
 }
 
