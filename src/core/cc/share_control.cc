@@ -64,6 +64,12 @@ constexpr Duration kTargetRise = std::chrono::microseconds(50);
 constexpr Duration kLeastRound = std::chrono::milliseconds(10);
 // A longer pause says no more of the duty than this.
 constexpr Duration kLongestPause = std::chrono::seconds(1);
+// A share that nothing was sent with for so long is forgotten. No measurement behind this value: it
+// is longer than the pauses of an application that is in use, and than kQuickAfter.
+constexpr Duration kForget = std::chrono::seconds(3);
+// The rate falls no further: a full packet every 100 ms, or several would be on their way before
+// the next sign of the queue.
+constexpr DataRate kLeastRate{8 * 10 * static_cast<std::int64_t>(kMaxPacketBytes)};
 // Two packets leave while the acknowledgement of two others is on its way.
 constexpr std::size_t kLeastWindow = 4 * kMaxPacketBytes;
 
@@ -77,7 +83,10 @@ DataRate plus(DataRate rate, double bits_per_second) {
 
 void ShareControl::report(TimePoint now, const Report& report) {
   if (report.capacity) note_capacity(now, *report.capacity);
-  if (report.round_trip) note_round_trip(now, *report.round_trip);
+  if (report.round_trip) {
+    note_round_trip(now, *report.round_trip);
+    used_at_ = now;
+  }
   if (report.one_way_us) note_one_way(now, *report.one_way_us);
   note_duty(now, report.backlog);
   if (report.train) note_train(*report.train);
@@ -90,6 +99,7 @@ void ShareControl::report(TimePoint now, const Report& report) {
     near_base_at_ = now;
   }
   draining_ = now < drain_until_;
+  forget_unused(now);
   rate_ = std::min(*rate_, most());
   if (now >= decide_at_ && seen_.queue != Duration::max()) decide(now);
 }
@@ -161,7 +171,7 @@ void ShareControl::decide(TimePoint now) {
     fall(now, factor, needed_);
   } else if (seen_.lost > 0 && seen_.queue > kLeastQueue && (is_queue || !seen_.long_train)) {
     fall(now, kLossFall, overloaded() ? DataRate{} : seen_.arrived_at.scaled(kArrivedShare));
-  } else if (seen_.held_back && seen_.queue < target_) {
+  } else if ((seen_.held_back || seen_.queue < kTarget / 4) && seen_.queue < target_) {
     rise(now);
   }
   gain_ = kPaceGain;
@@ -184,8 +194,14 @@ void ShareControl::adapt_target() {
   }
 }
 
+// What was learnt while something was sent says nothing of now; and where a message is withheld
+// because the share is too small for it, nothing would ever be learnt again.
+void ShareControl::forget_unused(TimePoint now) {
+  if (now - used_at_ > kForget) rate_ = capacity_;
+}
+
 void ShareControl::fall(TimePoint now, double factor, DataRate floor) {
-  rate_ = std::max(rate_->scaled(factor), std::min(*rate_, floor));
+  rate_ = std::max({rate_->scaled(factor), std::min(*rate_, floor), std::min(*rate_, kLeastRate)});
   fell_at_ = now;
   calm_ = 0;
 }

@@ -100,6 +100,7 @@ class ShareControl {
   void note_train(const Train& train);
   void decide(TimePoint now);
   void adapt_target();
+  void forget_unused(TimePoint now);
   void fall(TimePoint now, double factor, DataRate floor);
   void rise(TimePoint now);
   DataRate most() const;
@@ -123,6 +124,8 @@ class ShareControl {
   DataRate needed_{};
   std::optional<TimePoint> reported_at_;
   Seen seen_;
+  // When something was last acknowledged.
+  TimePoint used_at_{};
   // When the next decision is due.
   TimePoint decide_at_ = TimePoint::min();
   std::optional<TimePoint> fell_at_;

@@ -2,6 +2,7 @@
 // for how long something was queued.
 #pragma once
 
+#include <cstdint>
 #include <utility>
 
 #include "interneuron/units.h"
@@ -17,6 +18,8 @@ class PathUse {
     bool held_back = false;
     // For how long something was queued.
     Duration backlog{};
+    // Packets found lost by silence.
+    std::uint32_t lost = 0;
     // The rate at which the newest message is sent within kOwnPart of its time.
     DataRate needed{};
   };
@@ -36,6 +39,8 @@ class PathUse {
     if (queued_) told_.backlog += now - since_;
     queued_ = false;
   }
+  // So many packets are lost that no report has told of.
+  void lost(std::uint32_t packets) { told_.lost += packets; }
   // Something is queued that may not leave yet.
   void held_back() { told_.held_back = true; }
 
@@ -44,7 +49,7 @@ class PathUse {
       told_.backlog += now - since_;
       since_ = now;
     }
-    return std::exchange(told_, Told{false, {}, told_.needed});
+    return std::exchange(told_, Told{.needed = told_.needed});
   }
 
  private:

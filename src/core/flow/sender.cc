@@ -111,6 +111,7 @@ MessageId Sender::send(TimePoint now, const Times& times, Bytes bytes,
   m.bytes = std::move(bytes);
   m.repairs = repairs;
   m.kind = kind;
+  m.paths = static_cast<std::uint8_t>(paths.size());
   m.pieces.resize(count, {false, static_cast<std::uint8_t>(paths.size())});
   for (const LinkId path : paths) {
     Path& p = paths_.at(path);
@@ -143,6 +144,8 @@ Job* Sender::next_job(Path& path, TimePoint now) {
     if (!done && now < job.deadline) {
       if (can_arrive(now, path, job, it->second)) return &job;
       give_up(job, it->second);
+      // Nobody else completes it, so nothing of it is sent again.
+      if (it->second.paths == 1) messages_.erase(it);
     }
     path.remove(job);
   }
@@ -210,10 +213,13 @@ std::optional<Sender::Piece> Sender::poll(TimePoint now, LinkId path_id) {
 
     const Duration air = path.view.pace.value_or(kBlindPace).transmit_time(ip_bytes);
     path.free_at = std::max(path.free_at, now - kBurst) + std::min<Duration>(air, kLongestAir);
-    return Piece{number,
-                 {job->message, *index, m.chunk, static_cast<std::uint32_t>(m.bytes.size()),
-                  m.lifetime_us, m.kind},
-                 ByteView(m.bytes).subspan(offset, size)};
+    const Piece piece{number,
+                      {job->message, *index, m.chunk, static_cast<std::uint32_t>(m.bytes.size()),
+                       m.lifetime_us, m.kind},
+                      ByteView(m.bytes).subspan(offset, size)};
+    if (job->pieces() == 0) path.remove(*job);
+    if (path.jobs.empty()) path.use.emptied(now);
+    return piece;
   }
 }
 
@@ -318,7 +324,9 @@ bool Sender::repair(TimePoint now, MessageId id, std::uint16_t index) {
 
 void Sender::handle_timeout(TimePoint now) {
   for (auto& [link, path] : paths_) {
-    settle(now, path.sent.settle_silent(now, silence_of(path.view)));
+    const auto silent = path.sent.settle_silent(now, silence_of(path.view));
+    path.use.lost(static_cast<std::uint32_t>(silent.size()));
+    settle(now, silent);
   }
   std::erase_if(messages_, [now](const auto& entry) { return entry.second.deadline <= now; });
   // Jobs end in poll(), but a path that may not send is never polled: jobs of messages that nobody

@@ -126,6 +126,8 @@ class Sender {
     std::uint16_t count = 0;
     std::uint16_t chunk = 0;
     std::uint16_t unacknowledged = 0;
+    // How many paths it was queued on.
+    std::uint8_t paths = 0;
     // The paths over which lost fragments may be sent again.
     PathSet repairs;
     struct PieceState {

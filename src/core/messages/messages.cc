@@ -74,7 +74,9 @@ const Policy& Messages::rule(const std::string& name) const {
 
 // --- sending
 
-SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const SendOptions& options) {
+SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const SendOptions& asked) {
+  SendOptions options = asked;
+  options.deadline = std::min(options.deadline, kLongestDeadline);
   const Policy& policy = rule(options.policy);
   if (const auto wrong = fault(variants, options)) return {*wrong};
   Peer* peer = peers_.find(now, to);
@@ -88,7 +90,7 @@ SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const Sen
   if (!result.accepted()) return result;
 
   if (options.newest_only) supersede(now, to, options.channel);
-  const Duration deadline = std::min(options.deadline, kLongestDeadline);
+  const Duration deadline = options.deadline;
   wire::PlainHeader header;
   header.id = static_cast<std::uint32_t>(sent_.next().value);
   header.deadline_us = to_us(deadline);

@@ -101,6 +101,7 @@ void Path::control(TimePoint now, const wire::LinkReport& report,
   for (const auto& [piece, arrived, was_open] : v.pieces) {
     if (!arrived && was_open) ++told.lost;
   }
+  told.lost += use.lost;
   if (v.train) told.train = {v.train->packets, v.train->measured, v.train->sent_at};
   told.capacity = estimator.rate_guess();
   told.held_back = use.held_back;

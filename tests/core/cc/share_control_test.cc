@@ -175,6 +175,31 @@ TEST(ShareControl, WhatWasGivenUpComesBackWhereNobodyIsInTheWay) {
   EXPECT_GT(path.mbit(), 55);
 }
 
+// Where a message is withheld because the share is too small for it, nothing is sent that could
+// show otherwise.
+TEST(ShareControl, AnUnusedShareIsForgotten) {
+  Path path;
+  path.overload(200);
+  path.queue = 70ms;
+  path.overload(200);
+  ASSERT_LT(path.mbit(), 30);
+  for (int i = 0; i < 80; ++i) {
+    ShareControl::Report nothing;
+    nothing.capacity = kPipe;
+    path.control.report(path.now += 50ms, nothing);
+  }
+  EXPECT_DOUBLE_EQ(path.mbit(), 60);
+}
+
+TEST(ShareControl, TheShareNeverFallsToNothing) {
+  Path path;
+  path.queue = 0ms;
+  path.overload(200);
+  path.queue = 300ms;
+  path.overload(1500);
+  EXPECT_GE(path.mbit(), 0.1);
+}
+
 // The same queue is seen by all; from any shares, equal increases and proportional decreases lead
 // to equal shares (Chiu and Jain).
 TEST(ShareControl, SharesOfOnePipeBecomeEqual) {
