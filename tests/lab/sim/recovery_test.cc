@@ -54,7 +54,8 @@ class RateDip : public testing::TestWithParam<std::tuple<Dip, const char*>> {};
 
 // 60 Mbit/s, 6 for three seconds, 60 again: what is sent two seconds later is whole.
 TEST_P(RateDip, QualityIsBackTwoSecondsAfterADip) {
-  const auto& [dip, policy] = GetParam();
+  const Dip& dip = std::get<0>(GetParam());
+  const char* const policy = std::get<1>(GetParam());
   PipelineConfig pipeline = Duo::best_link();
   pipeline.policy = policy;
   pipeline.deadline = pipeline.period = dip.deadline;
