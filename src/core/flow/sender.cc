@@ -145,7 +145,10 @@ Job* Sender::next_job(Path& path, TimePoint now) {
       if (can_arrive(now, path, job, it->second)) return &job;
       give_up(job, it->second);
       // Nobody else completes it, so nothing of it is sent again.
-      if (it->second.paths == 1) messages_.erase(it);
+      if (it->second.paths == 1) {
+        if (it->second.kind == wire::MessageKind::kPlain) given_up_.push_back(it->first);
+        messages_.erase(it);
+      }
     }
     path.remove(job);
   }
@@ -353,13 +356,6 @@ std::optional<TimePoint> Sender::next_send(LinkId path) const {
   return saturating_add(it->second.free_at, kQuantum);
 }
 
-std::optional<MessageId> Sender::poll_acknowledged() {
-  if (acknowledged_.empty()) return std::nullopt;
-  const MessageId message = acknowledged_.front();
-  acknowledged_.pop_front();
-  return message;
-}
-
 bool Sender::is_queued(MessageId message) const {
   if (!messages_.contains(message)) return false;
   return std::ranges::any_of(paths_, [message](const auto& entry) {
@@ -387,6 +383,7 @@ std::uint64_t Sender::lost(LinkId path) const {
 void Sender::reset(TimePoint now) {
   messages_.clear();
   acknowledged_.clear();
+  given_up_.clear();
   for (auto& [link, path] : paths_) {
     path.jobs.clear();
     path.sent.reset();

@@ -70,8 +70,10 @@ class Sender {
 
   // Forgets a message: nothing more of it is sent. It is complete at the peer, or nobody wants it.
   void cancel(MessageId message) { messages_.erase(message); }
-  // Messages whose pieces are all acknowledged, each once, of those of kind kPlain alone.
-  std::optional<MessageId> poll_acknowledged();
+  // Messages whose pieces are all acknowledged, and those that their only path has given up before
+  // their deadline; each once, of those of kind kPlain alone.
+  std::optional<MessageId> poll_acknowledged() { return take(acknowledged_); }
+  std::optional<MessageId> poll_given_up() { return take(given_up_); }
   // Whether a piece of this message has not left yet.
   bool is_queued(MessageId message) const;
   // Bytes that this path has to send of messages whose deadline is not after this one.
@@ -174,6 +176,12 @@ class Sender {
   static bool can_arrive(TimePoint now, const Path& path, const Job& job, const Message& message);
   // The path sends no more of this job's message.
   void give_up(const Job& job, Message& message);
+  static std::optional<MessageId> take(std::deque<MessageId>& messages) {
+    if (messages.empty()) return std::nullopt;
+    const MessageId message = messages.front();
+    messages.pop_front();
+    return message;
+  }
   static bool is_full(const Path& path) { return path.sent.bytes_in_flight() >= path.view.window; }
   // Bytes that a path has to send before a fragment that is queued now; those of messages that
   // nobody waits for any more do not count.
@@ -188,6 +196,7 @@ class Sender {
   std::map<LinkId, Path> paths_;
   std::unordered_map<MessageId, Message> messages_;
   std::deque<MessageId> acknowledged_;
+  std::deque<MessageId> given_up_;
   std::uint32_t next_message_;
   std::uint64_t cancelled_ = 0;
 };

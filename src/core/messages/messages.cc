@@ -294,7 +294,11 @@ void Messages::settle(TimePoint now, Peer& peer, const Settled& settled) {
       if (now > entry->deadline || entry->newest_only) return;
       [[fallthrough]];
     case Kind::kComplete:
+      // The other variants would only take room from messages that still count.
+      stop(peer, *entry);
       return tell(sent_.delivered(id, settled.message, when));
+    case Kind::kGivenUp:
+      return tell(sent_.dropped(id, settled.message, FateReason::kCannotArrive));
     case Kind::kDroppedThere:
       // Only one of a channel of which the newest counts is dropped while it is in time.
       if (entry->newest_only && when.age + when.error <= entry->deadline - entry->t0) {

@@ -186,13 +186,6 @@ void Peer::handle_feedback(TimePoint now, Path& path, const wire::Feedback& feed
   refresh(now);
 }
 
-std::optional<Settled> Peer::poll_settled() {
-  if (const auto settled = settlements_.poll()) return settled;
-  const auto message = sender_.poll_acknowledged();
-  if (!message) return std::nullopt;
-  return Settled{Settled::Kind::kAcknowledged, *message};
-}
-
 void Peer::learn_report(TimePoint now, const wire::LinkReport& report) {
   Path* path = find(report.link);
   if (path == nullptr) return;

@@ -105,9 +105,18 @@ class Peer {
     return sender_.queued_before(path, deadline);
   }
 
-  // What the peer says of messages that were sent to it. Told only once a plain message was sent;
+  // What the peer and the own sender say of messages that were sent to it. Told only once a plain message was sent;
   // ask until nothing comes after handle() and from time to time.
-  std::optional<Settled> poll_settled();
+  std::optional<Settled> poll_settled() {
+    if (const auto settled = settlements_.poll()) return settled;
+    if (const auto message = sender_.poll_acknowledged()) {
+      return Settled{Settled::Kind::kAcknowledged, *message};
+    }
+    if (const auto message = sender_.poll_given_up()) {
+      return Settled{Settled::Kind::kGivenUp, *message};
+    }
+    return std::nullopt;
+  }
   // See Settlements.
   TimePoint told_until() const { return settlements_.told_until(paths_); }
   // A message that handle() gave is dropped here: tells the peer.

@@ -17,6 +17,8 @@ struct Settled {
   enum class Kind : std::uint8_t {
     // All of its pieces are acknowledged.
     kAcknowledged,
+    // The own sender gave it up: what is left of it cannot arrive in time.
+    kGivenUp,
     // It is complete.
     kComplete,
     // It was complete, and dropped there: late, or not the newest of its channel.
@@ -32,7 +34,7 @@ struct Settled {
 
 // Keeps what feedback tells until it is asked for. Peer owns one and feeds it every feedback that
 // is meant for this session. The peer may name any message; those that were never sent, or are
-// settled already, are nobody's. Holds what one packet tells, if it is emptied after each. Pure;
+// settled already, are nobody's. Grows until it is asked: by 48 messages per feedback at most. Pure;
 // thread-compatible; never throws but std::bad_alloc.
 class Settlements {
  public:

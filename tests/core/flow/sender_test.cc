@@ -149,6 +149,29 @@ TEST(Sender, RecordsOfPacketsAreBounded) {
   EXPECT_EQ(p.sender.lost(kA), 20'000U - 3);
 }
 
+TEST(Sender, ALoadedPathGivesUpWhatCannotArriveAndSaysSo) {
+  for (const bool loaded : {true, false}) {
+    Paths p;
+    PathView v = view(10ms, 10);
+    v.soon = v.rate;
+    v.least_one_way = 10ms;
+    v.loaded = loaded;
+    p.sender.set_path(kA, v);
+    // 100 pieces take 115 ms at 10 Mbit/s and 10 of them 12 ms.
+    const auto send = [&p](Duration deadline, std::size_t pieces) {
+      return p.sender.send(at(0s), {.deadline = at(deadline), .lifetime = deadline},
+                           Bytes(pieces * kChunk), {kA}, {}, wire::MessageKind::kPlain);
+    };
+    const MessageId large = send(100ms, 100);
+    const MessageId small = send(110ms, 10);
+    const auto first = p.sender.poll(at(0s), kA);
+    ASSERT_TRUE(first);
+    EXPECT_EQ(first->fragment.message, loaded ? small : large);
+    EXPECT_EQ(p.sender.poll_given_up(), loaded ? std::optional(large) : std::nullopt);
+    EXPECT_FALSE(p.sender.poll_given_up());
+  }
+}
+
 TEST(Sender, ANewLifeOfThePeerVoidsEverything) {
   Paths p;
   p.send(at(0s), kFar, 10, {kA, kB});
