@@ -105,8 +105,8 @@ class Peer {
     return sender_.queued_before(path, deadline);
   }
 
-  // What the peer and the own sender say of messages that were sent to it. Told only once a plain message was sent;
-  // ask until nothing comes after handle() and from time to time.
+  // What the peer and the own sender say of messages that were sent to it. Told only once a plain
+  // message was sent; ask until nothing comes after handle() and from time to time.
   std::optional<Settled> poll_settled() {
     if (const auto settled = settlements_.poll()) return settled;
     if (const auto message = sender_.poll_acknowledged()) {

@@ -34,8 +34,8 @@ struct Settled {
 
 // Keeps what feedback tells until it is asked for. Peer owns one and feeds it every feedback that
 // is meant for this session. The peer may name any message; those that were never sent, or are
-// settled already, are nobody's. Grows until it is asked: by 48 messages per feedback at most. Pure;
-// thread-compatible; never throws but std::bad_alloc.
+// settled already, are nobody's. Grows until it is asked: by 48 messages per feedback at most.
+// Pure; thread-compatible; never throws but std::bad_alloc.
 class Settlements {
  public:
   // Someone asks for what is told; before that nothing is kept.
