@@ -216,7 +216,8 @@ class Checker:
         return self
 
     def folder_of(self, path):
-        while path:
+        # The folder of the root is the root.
+        while path and path != os.path.dirname(path):
             path = os.path.dirname(path)
             if path in self.folders:
                 return self.folders[path]

@@ -53,6 +53,7 @@ CASES = [
     ("src/core/wire/af.cc", '#include_next "app/cli/main.h"', "cannot be checked"),
     ("src/core/wire/ag.cc", '#include/* why */"app/cli/main.h"', "cannot be checked"),
     ("src/core/wire/ah.cc.in", '#include "app/cli/main.h"', "may not include src/app/cli"),
+    ("src/core/wire/ai.cc", '#include "/etc/header.h"', "lies in no folder"),
     ("src/core/wire/r.cc", "std::random_device seed;", "hidden input"),
     ("src/core/wire/s.cc", "auto big = 1'000'000; auto t = std::chrono::steady_clock::now(); auto c = 'x';", "clock"),
     ("src/core/wire/t.cc", "#include <unistd.h>", "does not list it"),
