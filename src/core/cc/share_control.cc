@@ -60,7 +60,7 @@ constexpr Duration kDrainEvery = std::chrono::seconds(4);
 constexpr int kRoomDivisor = 10;
 constexpr Duration kLeastTarget = 3 * ShareControl::kTarget / 4;
 constexpr Duration kTargetRise = std::chrono::microseconds(50);
-// The shortest time between two decisions: two feedbacks (src/core/peers/peer.cc).
+// The shortest time between two decisions: two feedbacks (src/core/peers/feedback_due.h).
 constexpr Duration kLeastRound = std::chrono::milliseconds(10);
 // A longer pause says no more of the duty than this.
 constexpr Duration kLongestPause = std::chrono::seconds(1);

@@ -17,8 +17,8 @@ namespace interneuron::flow {
 // many that are refused, only loses tellings of its own. Constant memory. Pure; thread-compatible.
 class Receipts {
  public:
-  // Feedback about all paths comes 5 ms after a packet at the latest (src/core/peers/peer.cc), so
-  // that this is the time of three.
+  // Feedback about all paths comes 5 ms after a packet at the latest
+  // (src/core/peers/feedback_due.h), so that this is the time of three.
   static constexpr Duration kLeftOver = std::chrono::milliseconds(20);
 
   void complete(TimePoint now, MessageId message) {

@@ -8,7 +8,7 @@ namespace interneuron::link {
 namespace {
 
 // How late feedback may be by itself: the receiver delays it by up to 5 ms
-// (src/core/peers/peer.cc), and either event loop adds a turn.
+// (src/core/peers/feedback_due.h), and either event loop adds a turn.
 constexpr Duration kFeedbackSlack = std::chrono::milliseconds(10);
 // The timeout before the first round trip. No measurement behind this value: it only has to be
 // larger than a radio's round trip without a queue.

@@ -48,7 +48,7 @@ constexpr Duration kMostProof = seconds(3);
 // by chance once in ten million.
 constexpr std::uint32_t kUnproven = 10;
 // Packets this close together are one burst: when one of them is acknowledged, the loss of the last
-// one is no silence. As long as a receiver may delay its feedback (src/core/peers/peer.cc).
+// one is no silence. As long as a receiver may delay its feedback (src/core/peers/feedback_due.h).
 constexpr Duration kGroup = milliseconds(5);
 // PULLED that ended within this was a stall and not an outage. Routine stalls of a radio take 400
 // to 800 ms (docs/constants.md, "States of a path").

@@ -13,7 +13,7 @@ namespace interneuron {
 namespace {
 
 // How long beyond a round trip after the deadline a fate is waited for (send.h). Feedback comes
-// 5 ms after a message at the latest (src/core/peers/peer.cc), so that several may be lost.
+// 5 ms after a message at the latest (src/core/peers/feedback_due.h), so that several may be lost.
 constexpr Duration kGrace = std::chrono::milliseconds(50);
 // How often channels that were refused are looked at again, and senders asked what they have given
 // up. No measurement behind this value: it only has to be short against the deadlines of messages.

@@ -9,13 +9,6 @@
 namespace interneuron {
 namespace {
 
-// Feedback is due after this many packets or this long, whichever is first: at most 200 a second
-// (docs/constants.md, "Feedback and round trips").
-constexpr std::uint32_t kFeedbackPackets = 16;
-constexpr Duration kFeedbackDelay = std::chrono::milliseconds(5);
-// A gap in the numbers of packets is reported at once, but not more often than this: a burst of
-// losses needs one report.
-constexpr Duration kFeedbackSpacing = std::chrono::milliseconds(1);
 // What only time changes is looked at again after this long and not for every packet, because it
 // means to look at every path.
 constexpr Duration kRefresh = std::chrono::milliseconds(1);
@@ -29,7 +22,7 @@ Peer::Peer(const Identity& identity, TimePoint now)
            .first_message = MessageId{static_cast<std::uint32_t>(
                std::chrono::floor<std::chrono::milliseconds>(now - identity.started).count())}}),
       heard_at_(now),
-      feedback_sent_at_(now),
+      feedback_(now),
       refreshed_at_(now) {}
 
 Path* Peer::find(LinkId path) {
@@ -98,8 +91,7 @@ void Peer::restart(TimePoint now, SessionId session) {
   receipts_.reset();
   settlements_.reset();
   clock_.reset();
-  unreported_ = 0;
-  feedback_at_.reset();
+  feedback_.forget();
   for (Path& path : paths_) path.reset(now);
   refresh(now);
 }
@@ -125,7 +117,7 @@ Peer::Input Peer::handle(TimePoint now, const wire::Packet& packet, const Datagr
     handle_feedback(now, path, packet.feedback, input);
     return input;
   }
-  note_arrival(now, path.receiver.gap());
+  feedback_.arrived(now, path.receiver.gap());
   if (!wire::is_used(packet.header.type)) return input;
   path.receiver.note_delay(session_time(now), packet.header.stamp_us);
   // Nothing is made of repair symbols: they only count as packets that have arrived.
@@ -149,14 +141,6 @@ Peer::Input Peer::handle(TimePoint now, const wire::Packet& packet, const Datagr
     input.message = std::move(outcome.message);
   }
   return input;
-}
-
-void Peer::note_arrival(TimePoint now, bool gap) {
-  ++unreported_;
-  TimePoint due = now + kFeedbackDelay;
-  if (unreported_ >= kFeedbackPackets) due = now;
-  if (gap) due = std::min(due, std::max(now, feedback_sent_at_ + kFeedbackSpacing));
-  if (!feedback_at_ || due < *feedback_at_) feedback_at_ = due;
 }
 
 void Peer::handle_feedback(TimePoint now, Path& path, const wire::Feedback& feedback,
@@ -271,7 +255,9 @@ std::size_t Peer::handle_timeout(TimePoint now) {
 }
 
 std::optional<TimePoint> Peer::next_timeout(TimePoint now) const {
-  auto next = earliest(sender_.next_timeout(), reassembler_.next_timeout(), feedback_at_);
+  auto next = earliest(sender_.next_timeout(), reassembler_.next_timeout());
+  // Where it may not leave, only a packet of the peer or a path that comes back changes that.
+  if (feedback_.at() && reporter()) next = earliest(next, feedback_.at());
   for (const Path& path : paths_) {
     next = earliest(next, path.next_timeout(now));
     if (path.may_send(kMaxDatagramBytes)) next = earliest(next, sender_.next_send(path.id()));
@@ -287,8 +273,10 @@ wire::PacketHeader Peer::header(TimePoint now, const Path& path, wire::PacketTyp
           identity_.self, number,    wire::send_stamp(session_time(now))};
 }
 
-Path* Peer::fastest() {
-  Path* best = nullptr;
+// The fastest path that may carry feedback about all paths.
+const Path* Peer::reporter() const {
+  const std::size_t size = wire::feedback_bytes(paths_.size());
+  const Path* best = nullptr;
   // A path whose delay is not known yet ranks behind those that were measured, and so does one that
   // is suspected.
   const auto rank = [](const Path& p) {
@@ -296,8 +284,9 @@ Path* Peer::fastest() {
     return std::pair(p.estimator.path() != PathState::kOk,
                      d > Duration::zero() ? d : Duration::max());
   };
-  for (Path& path : paths_) {
-    if (path.estimator.up() && (best == nullptr || rank(path) < rank(*best))) best = &path;
+  for (const Path& path : paths_) {
+    if (!path.estimator.up() || !path.may_send(size)) continue;
+    if (best == nullptr || rank(path) < rank(*best)) best = &path;
   }
   return best;
 }
@@ -320,15 +309,11 @@ Transmit Peer::send_feedback(TimePoint now, Path& path, std::span<const Path> ab
 }
 
 std::optional<Transmit> Peer::poll_feedback(TimePoint now, std::span<std::byte> buffer) {
-  if (feedback_at_ && *feedback_at_ <= now) {
-    feedback_at_.reset();
-    unreported_ = 0;
-    feedback_sent_at_ = now;
+  const Path* over = feedback_.is_due(now) ? reporter() : nullptr;
+  if (over != nullptr) {
+    feedback_.sent(now);
     for (Path& p : paths_) p.receiver.reported();
-    Path* path = fastest();
-    if (path != nullptr && path->may_send(wire::feedback_bytes(paths_.size()))) {
-      return send_feedback(now, *path, paths_, buffer);
-    }
+    return send_feedback(now, *find(over->id()), paths_, buffer);
   }
   for (Path& path : paths_) {
     if (path.heartbeat_due(now)) return send_feedback(now, path, {&path, 1}, buffer);

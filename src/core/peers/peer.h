@@ -18,6 +18,7 @@
 #include "core/flow/receiver.h"
 #include "core/flow/sender.h"
 #include "core/guard/clock_offset.h"
+#include "core/peers/feedback_due.h"
 #include "core/peers/path.h"
 #include "core/peers/settlements.h"
 #include "core/wire/packet.h"
@@ -146,12 +147,11 @@ class Peer {
   bool take_changes(Path& path);
   bool look_again(TimePoint now, std::vector<LinkId>& unusable);
   std::uint64_t first_number(TimePoint now) const;
-  void note_arrival(TimePoint now, bool gap);
   void note_activity(TimePoint now);
   // Stamps count from the beginning of a session: rounded to microseconds they would otherwise
   // depend on where a clock stands.
   TimePoint session_time(TimePoint now) const { return TimePoint{now - identity_.started}; }
-  Path* fastest();
+  const Path* reporter() const;
   wire::PacketHeader header(TimePoint now, const Path& path, wire::PacketType type,
                             std::uint64_t number) const;
   Transmit send_feedback(TimePoint now, Path& path, std::span<const Path> about,
@@ -167,10 +167,7 @@ class Peer {
   guard::ClockOffset clock_;
   bool ready_ = false;
   TimePoint heard_at_;
-  // Packets that no feedback has reported yet, and when that is due.
-  std::uint32_t unreported_ = 0;
-  std::optional<TimePoint> feedback_at_;
-  TimePoint feedback_sent_at_;
+  FeedbackDue feedback_;
   TimePoint refreshed_at_;
   std::deque<PathChanged> changes_;
   Settlements settlements_;

@@ -110,8 +110,8 @@ struct FragmentHeader {
 };
 
 // How many packets before the largest one an acknowledgement tells of. A receiver reports after 16
-// packets at the latest (src/core/peers/peer.cc), so that 15 reports in a row may be lost before an
-// arrival stays untold.
+// packets at the latest (src/core/peers/feedback_due.h), so that 15 reports in a row may be lost
+// before an arrival stays untold.
 inline constexpr std::size_t kAckWindow = 256;
 using AckBitmap = std::array<std::uint64_t, kAckWindow / 64>;
 

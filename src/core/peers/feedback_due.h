@@ -1,0 +1,54 @@
+// When the packets that a peer has sent are reported to it. Header only.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <optional>
+
+#include "interneuron/time.h"
+
+namespace interneuron {
+
+// Told of every packet that asks for feedback, and of every feedback that tells of all paths, by
+// the Peer that owns it. Feedback that may not leave stays due: the Peer says sent() only once it
+// has written one. Pure; thread-compatible; constant memory.
+class FeedbackDue {
+ public:
+  // Feedback is due after this many packets or this long, whichever is first: at most 200 a second
+  // (docs/constants.md, "Feedback and round trips").
+  static constexpr std::uint32_t kPackets = 16;
+  static constexpr Duration kDelay = std::chrono::milliseconds(5);
+  // A gap in the numbers of packets is reported at once, but not more often than this: a burst of
+  // losses needs one report.
+  static constexpr Duration kSpacing = std::chrono::milliseconds(1);
+
+  explicit FeedbackDue(TimePoint now) : sent_at_(now) {}
+
+  // A packet has arrived; `gap` when a number before it was skipped.
+  void arrived(TimePoint now, bool gap) {
+    TimePoint due = now + kDelay;
+    if (++unreported_ >= kPackets) due = now;
+    if (gap) due = std::min(due, std::max(now, sent_at_ + kSpacing));
+    if (!at_ || due < *at_) at_ = due;
+  }
+  void sent(TimePoint now) {
+    forget();
+    sent_at_ = now;
+  }
+  // Nothing of what has arrived so far is reported.
+  void forget() {
+    unreported_ = 0;
+    at_.reset();
+  }
+  bool is_due(TimePoint now) const { return at_ && *at_ <= now; }
+  // Nothing while there is nothing to report.
+  std::optional<TimePoint> at() const { return at_; }
+
+ private:
+  // Packets that no feedback has reported yet.
+  std::uint32_t unreported_ = 0;
+  std::optional<TimePoint> at_;
+  TimePoint sent_at_;
+};
+
+}  // namespace interneuron
