@@ -32,8 +32,9 @@ SentPackets::Silence silence_of(const PathView& view) {
 
 void Sender::add_path(LinkId path, std::size_t max_datagram, std::uint64_t first_number) {
   const auto [it, fresh] = paths_.try_emplace(path);
+  if (!fresh) return;
   it->second.max_datagram = max_datagram;
-  if (fresh) it->second.sent = SentPackets(first_number);
+  it->second.sent = SentPackets(first_number);
 }
 
 void Sender::remove_path(TimePoint now, LinkId path) {
@@ -42,15 +43,7 @@ void Sender::remove_path(TimePoint now, LinkId path) {
   Path gone = std::move(it->second);
   paths_.erase(it);
   settle(now, gone.sent.in_flight());
-  for (Job& job : gone.jobs) {
-    const auto message = messages_.find(job.message);
-    if (message == messages_.end()) continue;
-    for (const std::uint16_t index : job.owed()) {
-      Message::PieceState& piece = message->second.pieces[index];
-      if (piece.under_way > 0) --piece.under_way;
-      if (!piece.acknowledged && piece.under_way == 0) repair(now, job.message, index);
-    }
-  }
+  for (const Job& job : gone.jobs) hand_on(now, job);
 }
 
 void Sender::pull(TimePoint now, LinkId link) {
@@ -91,13 +84,10 @@ MessageId Sender::send(TimePoint now, const Times& times, Bytes bytes,
                        const std::vector<LinkId>& paths, const PathSet& repairs,
                        wire::MessageKind kind) {
   const MessageId id{next_message_++};
-  std::size_t max_datagram = SIZE_MAX;
-  for (const LinkId path : paths)
-    max_datagram = std::min(max_datagram, paths_.at(path).max_datagram);
   if (paths.empty() || bytes.empty() || times.deadline <= now) return id;
 
   Message m;
-  const std::size_t chunk = max_datagram - kPieceOverheadBytes;
+  const std::size_t chunk = piece_bytes(paths, repairs);
   const std::size_t count = (bytes.size() + chunk - 1) / chunk;
   if (count > UINT16_MAX) return id;
   m.chunk = static_cast<std::uint16_t>(chunk);

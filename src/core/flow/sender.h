@@ -42,9 +42,12 @@ class Sender {
   explicit Sender(Options options)
       : options_(options), next_message_(options.first_message.value) {}
 
-  // Adds a path whose datagrams have at most `max_datagram` bytes of UDP payload. A path that is
-  // known already only gets another size; its packet numbers go on.
+  // Adds a path whose datagrams have at most `max_datagram` bytes of UDP payload, unless it is
+  // known already.
   void add_path(LinkId path, std::size_t max_datagram, std::uint64_t first_number = 1);
+  // The path's datagrams may have so many bytes from now on. What was cut for larger ones leaves
+  // over other paths or not at all; what has left already may have arrived.
+  void resize(TimePoint now, LinkId path, std::size_t max_datagram);
   // Removes a path; what it still had to send goes over the other paths.
   void remove_path(TimePoint now, LinkId path);
   void set_path(LinkId path, const PathView& view);
@@ -59,7 +62,8 @@ class Sender {
     Duration doubt{};
     Duration lifetime{};
   };
-  // Queues a message (its header and payload) on these paths. What is lost of it is sent again
+  // Queues a message (its header and payload) on these paths, in pieces that all of them carry, and
+  // all that may repair as well where that is worthwhile. What is lost of it is sent again
   // over these paths and those of `repairs` alone. After its deadline nothing of it is sent, and a
   // loaded path gives it up as soon as the rest of it cannot arrive in time over that path, so that
   // others can. A message of more than 65,535 fragments, an empty one or one that is late
@@ -170,6 +174,8 @@ class Sender {
     std::uint64_t resent = 0;
   };
 
+  std::size_t piece_bytes(const std::vector<LinkId>& paths, const PathSet& repairs) const;
+  void hand_on(TimePoint now, const Job& job);
   std::optional<std::uint16_t> take_index(Job& job, bool& is_repair);
   Job* next_job(Path& path, TimePoint now);
   // Whether what is left of a job can arrive in time.

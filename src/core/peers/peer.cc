@@ -40,7 +40,7 @@ void Peer::add_path(TimePoint now, LinkId id, const Path::Nic& nic, const Addres
     if (known->address() == address && known->nic().link == nic.link) return;
     known->move_to(now, nic, address, identity_.connected);
     // The other NIC may carry less.
-    sender_.add_path(id, nic.max_datagram);
+    sender_.resize(now, id, nic.max_datagram);
   } else {
     if (paths_.size() >= wire::kMaxReports) return;
     paths_.emplace_back(now, id, nic, address, identity_.connected);

@@ -17,7 +17,7 @@ RC_GTEST_PROP(Sender, PiecesFitThePathAndMakeUpTheMessage, ()) {
   const auto size = *rc::gen::inRange<std::size_t>(1, 40'000);
   const auto narrow = *rc::gen::inRange<std::size_t>(400, 1400);
   Paths p;
-  p.sender.add_path(kB, narrow);
+  p.sender.resize(at(0s), kB, narrow);
   Bytes message(size);
   for (std::size_t i = 0; i < size; ++i) message[i] = static_cast<std::byte>(i * 31 + i / 256);
   p.sender.send(at(0s), {.deadline = kFar, .lifetime = 130ms}, message, {kA, kB});
@@ -132,7 +132,7 @@ TEST(Sender, NumbersAndMessagesBeginWhereTheyAreTold) {
   sender.add_path(kA, kDatagram, 1000);
   EXPECT_EQ(sender.send(at(0s), {.deadline = kFar, .lifetime = 1s}, Bytes(1), {kA}), MessageId{7});
   EXPECT_EQ(sender.poll(at(0s), kA)->number, 1000U);
-  sender.add_path(kA, 1200, 1);  // another size: the numbers go on
+  sender.resize(at(0s), kA, 1200);  // another size: the numbers go on
   EXPECT_EQ(sender.take_number(at(0s), kA), 1001U);
 }
 

@@ -1,0 +1,59 @@
+// How large the pieces of a message are, and what becomes of those that a path no longer carries.
+#include <algorithm>
+
+#include "core/flow/sender.h"
+
+namespace interneuron::flow {
+namespace {
+
+// A path that is only to repair has its say in the size of pieces where it carries at least 3/4 of
+// what the paths of the plan carry: a message takes a third more packets then, and 2 % more bytes
+// on the wire. No measurement behind this value.
+constexpr std::size_t kWorthwhileParts = 3;
+constexpr std::size_t kOfParts = 4;
+
+}  // namespace
+
+// The largest piece that all the paths of a plan carry, and those that may repair what they lose,
+// as far as they are up and carry enough.
+std::size_t Sender::piece_bytes(const std::vector<LinkId>& paths, const PathSet& repairs) const {
+  std::size_t plan = SIZE_MAX;
+  for (const LinkId path : paths) plan = std::min(plan, paths_.at(path).max_datagram);
+  std::size_t datagram = plan;
+  for (const auto& [link, path] : paths_) {
+    const bool may_repair = options_.repair && path.view.up && repairs.contains(link);
+    const bool worthwhile = path.max_datagram >= plan / kOfParts * kWorthwhileParts;
+    if (may_repair && worthwhile) datagram = std::min(datagram, path.max_datagram);
+  }
+  return datagram - kPieceOverheadBytes;
+}
+
+void Sender::resize(TimePoint now, LinkId link, std::size_t max_datagram) {
+  const auto it = paths_.find(link);
+  if (it == paths_.end() || it->second.max_datagram == max_datagram) return;
+  Path& path = it->second;
+  path.max_datagram = max_datagram;
+  const auto fits = [max_datagram](const Job& job) {
+    return job.chunk + kPieceOverheadBytes <= max_datagram;
+  };
+  std::vector<Job> gone;
+  for (std::size_t i = path.jobs.size(); i-- > 0;) {
+    if (fits(path.jobs[i])) continue;
+    gone.push_back(std::move(path.jobs[i]));
+    path.jobs.erase(path.jobs.begin() + static_cast<std::ptrdiff_t>(i));
+  }
+  for (const Job& job : gone) hand_on(now, job);
+}
+
+// A path sends no more of this job: what is still to be sent goes over the others.
+void Sender::hand_on(TimePoint now, const Job& job) {
+  const auto message = messages_.find(job.message);
+  if (message == messages_.end()) return;
+  job.for_each([&](std::uint16_t index) {
+    Message::PieceState& piece = message->second.pieces[index];
+    if (piece.under_way > 0) --piece.under_way;
+    if (!piece.acknowledged && piece.under_way == 0) repair(now, job.message, index);
+  });
+}
+
+}  // namespace interneuron::flow
