@@ -47,11 +47,15 @@ class Alarms {
     return heap_.empty() ? std::nullopt : std::optional(heap_.front().at);
   }
 
-  // Takes the earliest deadline if it is at or before `now`; nothing when none is.
-  std::optional<Key> pop_due(TimePoint now) {
+  // The key of the earliest deadline if that is at or before `now`; nothing when none is.
+  std::optional<Key> due(TimePoint now) const {
     if (heap_.empty() || heap_.front().at > now) return std::nullopt;
-    const Key key = heap_.front().key;
-    remove(key);
+    return heap_.front().key;
+  }
+  // The same, and takes that deadline.
+  std::optional<Key> pop_due(TimePoint now) {
+    const std::optional<Key> key = due(now);
+    if (key) remove(*key);
     return key;
   }
 

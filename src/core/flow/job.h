@@ -12,36 +12,64 @@
 
 namespace interneuron::flow {
 
+// Fragments that are to be sent again, in the order in which they were found lost. Whether one is
+// among them is told in O(1). Part of a Job. Pure; thread-compatible.
+class AgainList {
+ public:
+  bool empty() const { return order_.empty(); }
+  std::size_t size() const { return order_.size(); }
+  std::uint16_t front() const { return order_.front(); }
+  std::uint16_t operator[](std::size_t i) const { return order_[i]; }
+  bool contains(std::uint16_t index) const { return index < times_.size() && times_[index] > 0; }
+
+  void push_back(std::uint16_t index) {
+    if (index >= times_.size()) times_.resize(std::size_t{index} + 1);
+    ++times_[index];
+    order_.push_back(index);
+  }
+  void pop_front() {
+    --times_[order_.front()];
+    order_.pop_front();
+  }
+  // Keeps its memory for the next job, so that losses allocate nothing, unless it is large.
+  void clear() {
+    if (times_.size() > kMostKept) {
+      *this = {};
+    } else {
+      while (!empty()) pop_front();
+    }
+  }
+
+ private:
+  // Fragments for which the memory is kept: those of a message of 1.4 MB. No measurement behind
+  // this value: it only has to be more than common messages have.
+  static constexpr std::size_t kMostKept = 1024;
+
+  Ring<std::uint16_t> order_;
+  // How many times each fragment is in order_.
+  std::vector<std::uint16_t> times_;
+};
+
 // First copies of the fragments next … count - 1, and before these the fragments that are sent
-// again. Owned by the Sender, one per message and path. Plain values; thread-compatible.
+// again. Owned by a JobQueue, one per message and path, which alone takes fragments from it. Plain
+// values; thread-compatible.
 struct Job {
   MessageId message{};
   TimePoint deadline{};
   std::uint32_t next = 0;
   std::uint16_t count = 0;
   std::uint16_t chunk = 0;
-  Ring<std::uint16_t> again;
+  AgainList again;
 
   std::size_t pieces() const { return count - std::min<std::size_t>(next, count) + again.size(); }
   // Of fragments, and of packets with IP headers.
   std::size_t bytes() const { return pieces() * chunk; }
   std::size_t ip_bytes() const { return pieces() * (chunk + kPieceOverheadBytes + kIpUdpBytes); }
-  bool is_again(std::uint16_t index) const {
-    for (std::size_t i = 0; i < again.size(); ++i) {
-      if (again[i] == index) return true;
-    }
-    return false;
-  }
   // Calls `what` with the index of each fragment that is still to be sent.
   template <class What>
   void for_each(const What& what) const {
     for (std::size_t i = 0; i < again.size(); ++i) what(again[i]);
     for (std::uint32_t i = next; i < count; ++i) what(static_cast<std::uint16_t>(i));
-  }
-  std::vector<std::uint16_t> owed() const {
-    std::vector<std::uint16_t> out;
-    for_each([&out](std::uint16_t index) { out.push_back(index); });
-    return out;
   }
 };
 

@@ -43,7 +43,7 @@ void Sender::remove_path(TimePoint now, LinkId path) {
   Path gone = std::move(it->second);
   paths_.erase(it);
   settle(now, gone.sent.in_flight());
-  for (const Job& job : gone.jobs) hand_on(now, job);
+  for (const MessageId id : gone.jobs.messages()) hand_on(now, gone.jobs, id);
 }
 
 void Sender::pull(TimePoint now, LinkId link) {
@@ -54,23 +54,21 @@ void Sender::pull(TimePoint now, LinkId link) {
   // What is in flight is queued again but not settled as lost: it may have arrived, and then its
   // acknowledgement saves the second copy.
   for (const auto& [piece, arrived, was_open] : path.sent.in_flight()) {
-    const auto message = messages_.find(piece.message);
-    if (message == messages_.end()) continue;
-    if (!message->second.pieces[piece.index].acknowledged) repair(now, piece.message, piece.index);
+    const Message* message = messages_.find(piece.message);
+    if (message == nullptr) continue;
+    if (!message->pieces[piece.index].acknowledged) repair(now, piece.message, piece.index);
   }
-  for (Job& job : path.jobs) {
-    const auto message = messages_.find(job.message);
-    if (message == messages_.end()) continue;
-    const std::vector<std::uint16_t> indices = job.owed();
-    job.again.clear();
-    job.next = job.count;
-    for (const std::uint16_t index : indices) {
-      Message::PieceState& piece = message->second.pieces[index];
+  for (const MessageId id : path.jobs.messages()) {
+    Message& message = *messages_.find(id);
+    // No other job is added to this path meanwhile, because it is not up.
+    Job& job = *path.jobs.find(id);
+    for (const std::uint16_t index : path.jobs.take_all(job)) {
+      Message::PieceState& piece = message.pieces[index];
       if (piece.under_way > 0) --piece.under_way;
-      if (piece.acknowledged || repair(now, job.message, index)) continue;
+      if (piece.acknowledged || repair(now, id, index)) continue;
       // No other path brings it in time: it waits here for this path to come back.
       ++piece.under_way;
-      job.again.push_back(index);
+      path.jobs.push_again(job, index);
     }
   }
 }
@@ -86,14 +84,12 @@ MessageId Sender::send(TimePoint now, const Times& times, Bytes bytes,
   const MessageId id{next_message_++};
   if (paths.empty() || bytes.empty() || times.deadline <= now) return id;
 
-  Message m;
   const std::size_t chunk = piece_bytes(paths, repairs);
   const std::size_t count = (bytes.size() + chunk - 1) / chunk;
   if (count > UINT16_MAX) return id;
+  Message& m = messages_.add(id, times.deadline, static_cast<std::uint16_t>(count),
+                             static_cast<std::uint8_t>(paths.size()));
   m.chunk = static_cast<std::uint16_t>(chunk);
-  m.count = static_cast<std::uint16_t>(count);
-  m.unacknowledged = m.count;
-  m.deadline = times.deadline;
   m.doubt = times.doubt;
   m.lifetime_us = static_cast<std::uint32_t>(std::clamp<std::int64_t>(
       std::chrono::duration_cast<std::chrono::microseconds>(times.lifetime).count(), 1,
@@ -101,15 +97,12 @@ MessageId Sender::send(TimePoint now, const Times& times, Bytes bytes,
   m.bytes = std::move(bytes);
   m.repairs = repairs;
   m.kind = kind;
-  m.paths = static_cast<std::uint8_t>(paths.size());
-  m.pieces.resize(count, {false, static_cast<std::uint8_t>(paths.size())});
   for (const LinkId path : paths) {
     Path& p = paths_.at(path);
     p.use.message(now, m.bytes.size(), m.deadline - now);
-    p.add(m, id, 0);
+    p.jobs.add(id, m.deadline, 0, m.count, m.chunk);
     m.repairs.add(path);
   }
-  messages_.emplace(id, std::move(m));
   return id;
 }
 
@@ -118,29 +111,26 @@ std::uint64_t Sender::take_number(TimePoint now, LinkId link, std::size_t train_
   return train_bytes > 0 ? sent.add(now, train_bytes, false, std::nullopt) : sent.add_small(now);
 }
 
-std::size_t Sender::queued_bytes(const Path& path, TimePoint deadline) const {
-  std::size_t bytes = 0;
-  for (const Job& job : path.jobs) {
-    if (job.deadline <= deadline && messages_.contains(job.message)) bytes += job.bytes();
-  }
-  return bytes;
+void Sender::forget(MessageId message) {
+  for (auto& [link, path] : paths_) path.jobs.remove(message);
+  messages_.erase(message);
 }
 
 Job* Sender::next_job(Path& path, TimePoint now) {
-  while (!path.jobs.empty()) {
-    Job& job = *std::ranges::min_element(path.jobs, {}, &Job::deadline);
-    const auto it = messages_.find(job.message);
-    const bool done = it == messages_.end() || (job.again.empty() && job.next >= it->second.count);
-    if (!done && now < job.deadline) {
-      if (can_arrive(now, path, job, it->second)) return &job;
-      give_up(job, it->second);
+  while (Job* job = path.jobs.first()) {
+    const MessageId id = job->message;
+    Message& message = *messages_.find(id);
+    if (job->pieces() > 0 && now < job->deadline) {
+      if (can_arrive(now, path, *job, message)) return job;
+      give_up(*job, message);
       // Nobody else completes it, so nothing of it is sent again.
-      if (it->second.paths == 1) {
-        if (it->second.kind == wire::MessageKind::kPlain) given_up_.push_back(it->first);
-        messages_.erase(it);
+      if (message.paths == 1) {
+        if (message.kind == wire::MessageKind::kPlain) given_up_.push_back(id);
+        forget(id);
+        continue;
       }
     }
-    path.remove(job);
+    path.jobs.remove(id);
   }
   return nullptr;
 }
@@ -159,30 +149,25 @@ void Sender::give_up(const Job& job, Message& message) {
   });
 }
 
-// The next fragment of a job that is not acknowledged yet.
-std::optional<std::uint16_t> Sender::take_index(Job& job, bool& is_repair) {
-  Message& m = messages_.at(job.message);
-  for (;;) {
-    std::uint16_t index = 0;
-    is_repair = !job.again.empty();
-    if (is_repair) {
-      index = job.again.front();
-      job.again.pop_front();
-    } else if (job.next < m.count) {
-      index = static_cast<std::uint16_t>(job.next++);
-    } else {
-      return std::nullopt;
-    }
-    if (!m.pieces[index].acknowledged) return index;
-    if (m.pieces[index].under_way > 0) --m.pieces[index].under_way;
+std::optional<JobQueue::Taken> Sender::take(Path& path, Job& job) {
+  Message& m = *messages_.find(job.message);
+  while (const auto taken = path.jobs.take(job)) {
+    Message::PieceState& piece = m.pieces[taken->index];
+    if (!piece.acknowledged) return taken;
+    if (piece.under_way > 0) --piece.under_way;
   }
+  return std::nullopt;
 }
 
 std::optional<Sender::Piece> Sender::poll(TimePoint now, LinkId path_id) {
   Path& path = paths_.at(path_id);
   if (!path.view.up) return std::nullopt;
+  if (path.jobs.empty()) {
+    path.use.emptied(now);
+    return std::nullopt;
+  }
   if (now < path.free_at || is_full(path)) {
-    if (!path.jobs.empty()) path.use.held_back();
+    path.use.held_back();
     return std::nullopt;
   }
   for (;;) {
@@ -191,37 +176,35 @@ std::optional<Sender::Piece> Sender::poll(TimePoint now, LinkId path_id) {
       path.use.emptied(now);
       return std::nullopt;
     }
-    bool is_repair = false;
-    const auto index = take_index(*job, is_repair);
-    if (!index) continue;
+    const auto taken = take(path, *job);
+    if (!taken) continue;
 
-    Message& m = messages_.at(job->message);
-    const std::size_t offset = std::size_t{*index} * m.chunk;
+    const Message& m = *messages_.find(job->message);
+    const std::size_t offset = std::size_t{taken->index} * m.chunk;
     const std::size_t size = std::min<std::size_t>(m.chunk, m.bytes.size() - offset);
     const std::size_t ip_bytes = size + kPieceOverheadBytes + kIpUdpBytes;
-    const bool more_waits = job->next < m.count || !job->again.empty() || path.jobs.size() > 1;
+    const bool more_waits = job->pieces() > 0 || path.jobs.size() > 1;
     const std::uint64_t number =
-        path.sent.add(now, ip_bytes, more_waits, SentPackets::Piece{job->message, *index});
-    if (is_repair) ++path.resent;
+        path.sent.add(now, ip_bytes, more_waits, SentPackets::Piece{m.id, taken->index});
+    if (taken->is_again) ++path.resent;
 
     const Duration air = path.view.pace.value_or(kBlindPace).transmit_time(ip_bytes);
     path.free_at = std::max(path.free_at, now - kBurst) + std::min<Duration>(air, kLongestAir);
-    const Piece piece{number,
-                      {job->message, *index, m.chunk, static_cast<std::uint32_t>(m.bytes.size()),
-                       m.lifetime_us, m.kind},
-                      ByteView(m.bytes).subspan(offset, size)};
-    if (job->pieces() == 0) path.remove(*job);
+    if (job->pieces() == 0) path.jobs.remove(m.id);
     if (path.jobs.empty()) path.use.emptied(now);
-    return piece;
+    return Piece{number,
+                 {m.id, taken->index, m.chunk, static_cast<std::uint32_t>(m.bytes.size()),
+                  m.lifetime_us, m.kind},
+                 ByteView(m.bytes).subspan(offset, size)};
   }
 }
 
 // Takes in what became of fragments: they are acknowledged, or lost and sent again.
 void Sender::settle(TimePoint now, std::span<const SentPackets::Settled> pieces) {
   for (const auto& [what, arrived, was_open] : pieces) {
-    const auto it = messages_.find(what.message);
-    if (it == messages_.end()) continue;
-    Message::PieceState& piece = it->second.pieces[what.index];
+    Message* message = messages_.find(what.message);
+    if (message == nullptr) continue;
+    Message::PieceState& piece = message->pieces[what.index];
     if (was_open && piece.under_way > 0) --piece.under_way;
     if (piece.acknowledged) continue;
     if (!arrived) {
@@ -229,9 +212,9 @@ void Sender::settle(TimePoint now, std::span<const SentPackets::Settled> pieces)
       continue;
     }
     piece.acknowledged = true;
-    if (--it->second.unacknowledged > 0) continue;
-    if (it->second.kind == wire::MessageKind::kPlain) acknowledged_.push_back(it->first);
-    messages_.erase(it);
+    if (--message->unacknowledged > 0) continue;
+    if (message->kind == wire::MessageKind::kPlain) acknowledged_.push_back(message->id);
+    forget(message->id);
   }
 }
 
@@ -253,14 +236,14 @@ PathUse::Told Sender::take_use(TimePoint now, LinkId link) {
 // When the soonest copy of a fragment that is queued or in flight should arrive; nothing when there
 // is no such copy.
 std::optional<TimePoint> Sender::expected_arrival(TimePoint now, MessageId id,
-                                                  std::uint16_t index) const {
-  const Message& m = messages_.at(id);
+                                                  std::uint16_t index) {
+  const Message& m = *messages_.find(id);
   if (m.pieces[index].under_way == 0) return std::nullopt;
   std::optional<TimePoint> best;
-  for (const auto& [link, path] : paths_) {
+  for (auto& [link, path] : paths_) {
     if (!path.view.up) continue;
-    const auto job = std::ranges::find(path.jobs, id, &Job::message);
-    if (job != path.jobs.end() && (index >= job->next || job->is_again(index))) {
+    const Job* job = path.jobs.find(id);
+    if (job != nullptr && (index >= job->next || job->again.contains(index))) {
       const std::size_t ahead = index >= job->next ? index - job->next + 1U : job->again.size();
       const DataRate rate = path.view.rate.value_or(kBlindRate);
       const Duration air = std::min<Duration>(rate.transmit_time(ahead * m.chunk), kNever);
@@ -276,7 +259,7 @@ std::optional<TimePoint> Sender::expected_arrival(TimePoint now, MessageId id,
 // copy is sooner still.
 bool Sender::repair(TimePoint now, MessageId id, std::uint16_t index) {
   if (!options_.repair) return false;
-  Message& m = messages_.at(id);
+  Message& m = *messages_.find(id);
   Path* best = nullptr;
   TimePoint best_arrival = TimePoint::max();
   for (auto& [link, path] : paths_) {
@@ -285,7 +268,7 @@ bool Sender::repair(TimePoint now, MessageId id, std::uint16_t index) {
     if (!path.view.up || !may_carry) continue;
     const DataRate rate = path.view.rate.value_or(kBlindRate);
     const Duration queue =
-        std::min<Duration>(rate.transmit_time(queued_bytes(path) + m.chunk), kNever);
+        std::min<Duration>(rate.transmit_time(path.jobs.bytes() + m.chunk), kNever);
     const TimePoint arrival = now + queue + path.view.one_way;
     const bool in_time = arrival <= m.deadline;
     // A backup only where no other path is in time.
@@ -306,12 +289,9 @@ bool Sender::repair(TimePoint now, MessageId id, std::uint16_t index) {
   }
   ++m.pieces[index].under_way;
   best->use.queued(now);
-  const auto job = std::ranges::find(best->jobs, id, &Job::message);
-  if (job != best->jobs.end()) {
-    job->again.push_back(index);
-  } else {
-    best->add(m, id, m.count).again.push_back(index);
-  }
+  Job* job = best->jobs.find(id);
+  if (job == nullptr) job = &best->jobs.add(id, m.deadline, m.count, m.count, m.chunk);
+  best->jobs.push_again(*job, index);
   return true;
 }
 
@@ -321,20 +301,14 @@ void Sender::handle_timeout(TimePoint now) {
     path.use.lost(static_cast<std::uint32_t>(silent.size()));
     settle(now, silent);
   }
-  std::erase_if(messages_, [now](const auto& entry) { return entry.second.deadline <= now; });
-  // Jobs end in poll(), but a path that may not send is never polled: jobs of messages that nobody
-  // waits for must not pile up on it.
-  for (auto& [link, path] : paths_) {
-    std::erase_if(path.jobs, [this](const Job& job) { return !messages_.contains(job.message); });
-  }
+  while (const auto late = messages_.due(now)) forget(*late);
 }
 
 std::optional<TimePoint> Sender::next_timeout() const {
-  std::optional<TimePoint> next;
+  std::optional<TimePoint> next = messages_.next_deadline();
   for (const auto& [link, path] : paths_) {
     next = earliest(next, path.sent.silent_at(silence_of(path.view)));
   }
-  for (const auto& [id, message] : messages_) next = earliest(next, message.deadline);
   return next;
 }
 
@@ -347,17 +321,15 @@ std::optional<TimePoint> Sender::next_send(LinkId path) const {
 }
 
 bool Sender::is_queued(MessageId message) const {
-  if (!messages_.contains(message)) return false;
   return std::ranges::any_of(paths_, [message](const auto& entry) {
-    return std::ranges::any_of(entry.second.jobs, [message](const Job& job) {
-      return job.message == message && job.next < job.count;
-    });
+    const Job* job = entry.second.jobs.find(message);
+    return job != nullptr && job->next < job->count;
   });
 }
 
 std::size_t Sender::queued_before(LinkId link, TimePoint deadline) const {
   const auto it = paths_.find(link);
-  return it == paths_.end() ? 0 : queued_bytes(it->second, deadline);
+  return it == paths_.end() ? 0 : it->second.jobs.bytes_before(deadline);
 }
 
 std::uint64_t Sender::resent(LinkId path) const {

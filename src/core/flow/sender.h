@@ -8,11 +8,10 @@
 #include <map>
 #include <optional>
 #include <span>
-#include <unordered_map>
 #include <vector>
 
-#include "core/base/ring.h"
-#include "core/flow/job.h"
+#include "core/flow/job_queue.h"
+#include "core/flow/message_store.h"
 #include "core/flow/path_set.h"
 #include "core/flow/path_use.h"
 #include "core/flow/path_view.h"
@@ -27,7 +26,8 @@ namespace interneuron::flow {
 // arrived or must be taken for lost.
 //
 // Memory: every message is kept until it is acknowledged or its deadline passes, so the application
-// bounds it by what it submits. Time per packet grows with the messages under way, which are few.
+// bounds it by what it submits. The time of a call does not grow with the messages under way, but
+// for a logarithm, and that of queued_before() with those of other deadlines.
 // The peer's reports decide what is sent again; a peer that denies everything makes us send again
 // what the deadlines and the pace allow, to itself alone. Pure; thread-compatible; never throws;
 // allocates per message, not per packet.
@@ -73,7 +73,7 @@ class Sender {
                  wire::MessageKind kind = wire::MessageKind::kRound);
 
   // Forgets a message: nothing more of it is sent. It is complete at the peer, or nobody wants it.
-  void cancel(MessageId message) { messages_.erase(message); }
+  void cancel(MessageId message) { forget(message); }
   // Messages whose pieces are all acknowledged, and those that their only path has given up before
   // their deadline; each once, of those of kind kPlain alone.
   std::optional<MessageId> poll_acknowledged() { return take(acknowledged_); }
@@ -122,61 +122,23 @@ class Sender {
   void reset(TimePoint now);
 
  private:
-  struct Message {
-    Bytes bytes;
-    TimePoint deadline{};
-    // See Times.
-    Duration doubt{};
-    std::uint32_t lifetime_us = 0;
-    wire::MessageKind kind{};
-    std::uint16_t count = 0;
-    std::uint16_t chunk = 0;
-    std::uint16_t unacknowledged = 0;
-    // How many paths it was queued on.
-    std::uint8_t paths = 0;
-    // The paths over which lost fragments may be sent again.
-    PathSet repairs;
-    struct PieceState {
-      bool acknowledged = false;
-      // Copies that are queued or in flight.
-      std::uint8_t under_way = 0;
-    };
-    std::vector<PieceState> pieces;
-  };
-  // Lists that a path keeps for jobs to come: more messages are seldom repaired at once.
-  static constexpr std::size_t kMostSpare = 4;
+  using Message = OutgoingMessage;
   struct Path {
     std::size_t max_datagram = 0;
     PathView view;
     // When the pace allows the next packet to leave.
     TimePoint free_at = TimePoint::min();
-    // One per message under way; few.
-    std::vector<Job> jobs;
-    // Lists of jobs that have ended, for the next ones, so that losses allocate nothing.
-    std::vector<Ring<std::uint16_t>> spare;
-    Job& add(const Message& message, MessageId id, std::uint32_t next) {
-      jobs.push_back({id, message.deadline, next, message.count, message.chunk, {}});
-      if (!spare.empty()) {
-        jobs.back().again = std::move(spare.back());
-        spare.pop_back();
-      }
-      return jobs.back();
-    }
-    void remove(Job& job) {
-      job.again.clear();
-      if (job.again.has_memory() && spare.size() < kMostSpare) {
-        spare.push_back(std::move(job.again));
-      }
-      jobs.erase(jobs.begin() + (&job - jobs.data()));
-    }
+    // Of messages that are in messages_ alone.
+    JobQueue jobs;
     SentPackets sent;
     PathUse use;
     std::uint64_t resent = 0;
   };
 
   std::size_t piece_bytes(const std::vector<LinkId>& paths, const PathSet& repairs) const;
-  void hand_on(TimePoint now, const Job& job);
-  std::optional<std::uint16_t> take_index(Job& job, bool& is_repair);
+  void hand_on(TimePoint now, JobQueue& jobs, MessageId id);
+  // The next fragment of a job that is not acknowledged yet.
+  std::optional<JobQueue::Taken> take(Path& path, Job& job);
   Job* next_job(Path& path, TimePoint now);
   // Whether what is left of a job can arrive in time.
   static bool can_arrive(TimePoint now, const Path& path, const Job& job, const Message& message);
@@ -189,18 +151,17 @@ class Sender {
     return message;
   }
   static bool is_full(const Path& path) { return path.sent.bytes_in_flight() >= path.view.window; }
-  // Bytes that a path has to send before a fragment that is queued now; those of messages that
-  // nobody waits for any more do not count.
-  std::size_t queued_bytes(const Path& path, TimePoint deadline = TimePoint::max()) const;
+  // Nothing more of this message is sent.
+  void forget(MessageId message);
   // Queues a lost fragment again. False when no path may carry it in time, or a copy that is under
   // way will be there sooner.
   bool repair(TimePoint now, MessageId id, std::uint16_t index);
-  std::optional<TimePoint> expected_arrival(TimePoint now, MessageId id, std::uint16_t index) const;
+  std::optional<TimePoint> expected_arrival(TimePoint now, MessageId id, std::uint16_t index);
   void settle(TimePoint now, std::span<const SentPackets::Settled> pieces);
 
   Options options_;
   std::map<LinkId, Path> paths_;
-  std::unordered_map<MessageId, Message> messages_;
+  MessageStore messages_;
   std::deque<MessageId> acknowledged_;
   std::deque<MessageId> given_up_;
   std::uint32_t next_message_;

@@ -33,27 +33,23 @@ void Sender::resize(TimePoint now, LinkId link, std::size_t max_datagram) {
   if (it == paths_.end() || it->second.max_datagram == max_datagram) return;
   Path& path = it->second;
   path.max_datagram = max_datagram;
-  const auto fits = [max_datagram](const Job& job) {
-    return job.chunk + kPieceOverheadBytes <= max_datagram;
-  };
-  std::vector<Job> gone;
-  for (std::size_t i = path.jobs.size(); i-- > 0;) {
-    if (fits(path.jobs[i])) continue;
-    gone.push_back(std::move(path.jobs[i]));
-    path.jobs.erase(path.jobs.begin() + static_cast<std::ptrdiff_t>(i));
+  for (const MessageId id : path.jobs.messages()) {
+    if (path.jobs.find(id)->chunk + kPieceOverheadBytes > max_datagram) {
+      hand_on(now, path.jobs, id);
+    }
   }
-  for (const Job& job : gone) hand_on(now, job);
 }
 
-// A path sends no more of this job: what is still to be sent goes over the others.
-void Sender::hand_on(TimePoint now, const Job& job) {
-  const auto message = messages_.find(job.message);
-  if (message == messages_.end()) return;
-  job.for_each([&](std::uint16_t index) {
-    Message::PieceState& piece = message->second.pieces[index];
+// A path sends no more of this message: what it still had to send goes over the others.
+void Sender::hand_on(TimePoint now, JobQueue& jobs, MessageId id) {
+  const std::vector<std::uint16_t> indices = jobs.take_all(*jobs.find(id));
+  jobs.remove(id);
+  Message& message = *messages_.find(id);
+  for (const std::uint16_t index : indices) {
+    Message::PieceState& piece = message.pieces[index];
     if (piece.under_way > 0) --piece.under_way;
-    if (!piece.acknowledged && piece.under_way == 0) repair(now, job.message, index);
-  });
+    if (!piece.acknowledged && piece.under_way == 0) repair(now, id, index);
+  }
 }
 
 }  // namespace interneuron::flow

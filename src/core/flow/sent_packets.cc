@@ -34,6 +34,9 @@ constexpr Duration kProbeGap = std::chrono::milliseconds(50);
 // sent, or after twice the timeout. Half the packets that an acknowledgement tells of
 // (wire::kAckWindow).
 constexpr std::uint64_t kLatePackets = 128;
+// So many lookups of fragments in flight look at all of them before they are ordered for the next
+// ones. No measurement behind this value: ordering n of them takes about log n looks at each.
+constexpr std::uint32_t kLookupsToIndex = 8;
 
 }  // namespace
 
@@ -77,12 +80,14 @@ std::uint64_t SentPackets::add(TimePoint now, std::size_t ip_bytes, bool more_wa
   packet.stamp =
       delivery_.sent(now, static_cast<std::uint32_t>(ip_bytes), open_data_ == 0, more_waits);
   ++open_data_;
+  lookups_ = 0;
   if (packet.has_piece) open_bytes_ += ip_bytes;
   return packet.number;
 }
 
 void SentPackets::close(const Packet& packet) {
   --open_data_;
+  lookups_ = 0;
   if (packet.has_piece) open_bytes_ -= packet.stamp.bytes;
 }
 
@@ -291,12 +296,34 @@ std::span<const SentPackets::Settled> SentPackets::in_flight() {
   return settled_;
 }
 
-std::optional<TimePoint> SentPackets::sent_at(const Piece& piece) const {
-  for (std::uint64_t n = next_; n-- > first_open_ && keeps(n);) {
+// All fragments in flight, ordered; of the same fragment the newest copy last.
+void SentPackets::index_copies() {
+  copies_.clear();
+  for (std::uint64_t n = first_open_; keeps(n); ++n) {
     const Packet& packet = at(n);
-    if (packet.fate == Fate::kOpen && packet.has_piece && packet.piece == piece) return packet.at;
+    if (packet.fate == Fate::kOpen && packet.has_piece) {
+      copies_.push_back({packet.piece, packet.at});
+    }
   }
-  return std::nullopt;
+  std::ranges::stable_sort(copies_, {}, &Copy::piece);
+}
+
+std::optional<TimePoint> SentPackets::sent_at(const Piece& piece) {
+  if (lookups_ < kLookupsToIndex) {
+    ++lookups_;
+    for (std::uint64_t n = next_; n-- > first_open_ && keeps(n);) {
+      const Packet& packet = at(n);
+      if (packet.fate == Fate::kOpen && packet.has_piece && packet.piece == piece) return packet.at;
+    }
+    return std::nullopt;
+  }
+  if (lookups_ == kLookupsToIndex) {
+    ++lookups_;
+    index_copies();
+  }
+  const auto behind = std::ranges::upper_bound(copies_, piece, {}, &Copy::piece);
+  if (behind == copies_.begin() || std::prev(behind)->piece != piece) return std::nullopt;
+  return std::prev(behind)->at;
 }
 
 void SentPackets::reset() {

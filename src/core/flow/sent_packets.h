@@ -34,7 +34,7 @@ class SentPackets {
   struct Piece {
     MessageId message{};
     std::uint16_t index = 0;
-    friend bool operator==(const Piece&, const Piece&) = default;
+    friend auto operator<=>(const Piece&, const Piece&) = default;
   };
   // What became known of a fragment.
   struct Settled {
@@ -91,8 +91,9 @@ class SentPackets {
 
   // The fragments in flight, oldest first; valid until the next call.
   std::span<const Settled> in_flight();
-  // When the newest copy of a fragment in flight left.
-  std::optional<TimePoint> sent_at(const Piece& piece) const;
+  // When the newest copy of a fragment in flight left. Where many are asked for and nothing happens
+  // in between, as when a path is pulled, each takes logarithmic time.
+  std::optional<TimePoint> sent_at(const Piece& piece);
 
   // Bytes of the fragments in flight, IP headers included.
   std::size_t bytes_in_flight() const { return open_bytes_; }
@@ -133,6 +134,7 @@ class SentPackets {
   void lose_untold(TimePoint now, std::uint64_t largest, Duration timeout);
   Packet& record(TimePoint now);
   void trim(TimePoint now);
+  void index_copies();
   // A data-sized packet is no longer in flight.
   void close(const Packet& packet);
   void lose(Packet& packet);
@@ -186,6 +188,14 @@ class SentPackets {
   // When a fragment was last acknowledged.
   TimePoint progress_at_ = TimePoint::min();
   std::uint64_t lost_ = 0;
+  // How often sent_at() was asked since anything happened to a fragment; and from the
+  // kLookupsToIndex-th time on the fragments in flight, ordered, of each the newest copy last.
+  struct Copy {
+    Piece piece;
+    TimePoint at{};
+  };
+  std::uint32_t lookups_ = 0;
+  std::vector<Copy> copies_;
   std::vector<Settled> settled_;
   std::vector<Run> runs_;
 };

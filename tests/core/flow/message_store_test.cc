@@ -1,0 +1,51 @@
+#include "core/flow/message_store.h"
+
+#include <gtest/gtest.h>
+
+namespace interneuron::flow {
+namespace {
+
+using namespace std::chrono_literals;
+
+TimePoint at(Duration d) { return TimePoint{d}; }
+
+TEST(MessageStore, TellsWhoseDeadlineIsNext) {
+  MessageStore store;
+  EXPECT_FALSE(store.next_deadline());
+  store.add(MessageId{1}, at(3s), 1, 1);
+  store.add(MessageId{2}, at(1s), 1, 1);
+  store.add(MessageId{3}, at(2s), 1, 1);
+  EXPECT_EQ(store.next_deadline(), at(1s));
+  EXPECT_FALSE(store.due(at(1s) - 1ns));
+  EXPECT_EQ(store.due(at(1s)), MessageId{2});
+  store.erase(MessageId{2});
+  EXPECT_EQ(store.next_deadline(), at(2s));
+  store.erase(MessageId{3});
+  store.erase(MessageId{3});
+  EXPECT_EQ(store.due(at(5s)), MessageId{1});
+  store.clear();
+  EXPECT_FALSE(store.contains(MessageId{1}));
+  EXPECT_FALSE(store.next_deadline());
+}
+
+TEST(MessageStore, APlaceThatIsUsedAgainKnowsNothingOfBefore) {
+  MessageStore store;
+  OutgoingMessage& first = store.add(MessageId{1}, at(1s), 2000, 2);
+  first.bytes.resize(5);
+  first.pieces[7].acknowledged = true;
+  first.repairs.add(LinkId{3});
+  store.erase(MessageId{1});
+  EXPECT_EQ(store.find(MessageId{1}), nullptr);
+  const OutgoingMessage& second = store.add(MessageId{2}, at(2s), 8, 1);
+  EXPECT_EQ(store.find(MessageId{2}), &second);
+  EXPECT_TRUE(second.bytes.empty());
+  EXPECT_FALSE(second.repairs.contains(LinkId{3}));
+  ASSERT_EQ(second.pieces.size(), 8U);
+  for (const auto& piece : second.pieces) {
+    EXPECT_FALSE(piece.acknowledged);
+    EXPECT_EQ(piece.under_way, 1);
+  }
+}
+
+}  // namespace
+}  // namespace interneuron::flow
