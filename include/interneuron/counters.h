@@ -48,6 +48,9 @@ struct EndpointCounters {
   // Fragments refused because the incomplete messages of the peer, or of all peers, hold as much
   // memory as they may.
   std::uint64_t reassembly_refused = 0;
+  // Fragments that contradict those of their message that came before: they are dropped, and the
+  // message goes on.
+  std::uint64_t bad_fragments = 0;
 };
 
 }  // namespace interneuron

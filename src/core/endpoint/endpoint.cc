@@ -97,6 +97,7 @@ class Endpoint::Impl {
     out.bad_messages += plain.bad_messages;
     out.messages_expired = messages_expired_;
     out.reassembly_refused = reassembly_refused_;
+    out.bad_fragments = bad_fragments_;
     out.fragments_cancelled = peers_.cancelled();
     return out;
   }
@@ -120,6 +121,7 @@ class Endpoint::Impl {
     if (input.became_ready) events_.emplace_back(PeerReady{id});
     if (input.clock_stepped) rounds_.forget_clock(id);
     if (input.refused) ++reassembly_refused_;
+    if (input.bad_piece) ++bad_fragments_;
     while (auto change = peer.poll_change()) events_.emplace_back(std::move(*change));
     if (input.message && input.kind == wire::MessageKind::kRound) {
       rounds_.complete(now, peer, *input.message);
@@ -136,6 +138,7 @@ class Endpoint::Impl {
   OwnTime time_;
   std::uint64_t messages_expired_ = 0;
   std::uint64_t reassembly_refused_ = 0;
+  std::uint64_t bad_fragments_ = 0;
   // When the next packet of another version is told of.
   TimePoint tell_version_at_ = TimePoint::min();
 };

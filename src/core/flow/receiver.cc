@@ -180,7 +180,7 @@ Reassembler::Outcome Reassembler::add(TimePoint now, const wire::Data& data,
     it = partials_.emplace(f.message, std::move(fresh)).first;
   }
   Partial& p = it->second;
-  if (p.size != f.size || p.chunk != f.chunk) return {Result::kRefused, {}};
+  if (p.size != f.size || p.chunk != f.chunk) return {Result::kBad, {}};
   if (p.have[f.index]) return {Result::kDuplicate, {}};
   p.have[f.index] = true;
   --p.missing;

@@ -119,7 +119,7 @@ struct ClockBounds {
 // What a hostile peer could try: claim large messages that it never completes, or many small ones;
 // both bounds hold, and only its own messages are refused, though for as long as the lifetime that
 // it claimed (at most 72 minutes). Send fragments of one message that disagree about its size or
-// chunk; those that differ from the first are refused. Send a message again after it is complete;
+// chunk; those that differ from the first are dropped. Send a message again after it is complete;
 // the newest 512 identifiers are remembered, and later fragments of these are duplicates. Fragments
 // are not authenticated, so an attacker who knows the peer's session can do all this in its name.
 //
@@ -142,8 +142,10 @@ class Reassembler {
     kComplete,
     // The fragment is there already, or its message is complete or expired.
     kDuplicate,
-    // There is no room, or the fragment contradicts those before.
+    // There is no room.
     kRefused,
+    // The fragment contradicts those before, which stay.
+    kBad,
   };
   struct Outcome {
     Result result{};

@@ -129,6 +129,7 @@ Peer::Input Peer::handle(TimePoint now, const wire::Packet& packet, const Datagr
   if (packet.data.fragment.index == 0) clocks.peer_hi_min = clock_.hi_min(now);
   flow::Reassembler::Outcome outcome = reassembler_.add(now, packet.data, clocks, room);
   const MessageId message = packet.data.fragment.message;
+  input.bad_piece = outcome.result == flow::Reassembler::Result::kBad;
   if (outcome.result == flow::Reassembler::Result::kRefused) {
     input.refused = true;
     receipts_.refuse(now, message);

@@ -70,6 +70,8 @@ class Peer {
     bool clock_stepped = false;
     // A piece of a message was dropped for want of memory.
     bool refused = false;
+    // A piece was dropped that contradicts others of its message.
+    bool bad_piece = false;
     // The message that this packet completed, and what it begins with.
     std::optional<Bytes> message;
     MessageId message_id{};

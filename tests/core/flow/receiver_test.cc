@@ -245,17 +245,17 @@ RC_GTEST_PROP(Reassembler, PutsPiecesTogetherInAnyOrder, ()) {
   RC_ASSERT(r.add(at(0ms), cut.piece(0), kNoClocks).result == Result::kDuplicate);
 }
 
-TEST(Reassembler, PiecesThatContradictTheFirstAreRefused) {
+TEST(Reassembler, PiecesThatContradictTheFirstAreBadAndItIsCompletedWithoutThem) {
   Reassembler r;
   const Cut cut{noise(250, 1), MessageId{1}};
   r.add(at(0ms), cut.piece(0), kNoClocks);
   wire::Data other = cut.piece(1);
   other.fragment.size = 251;
-  EXPECT_EQ(r.add(at(0ms), other, kNoClocks).result, Result::kRefused);
+  EXPECT_EQ(r.add(at(0ms), other, kNoClocks).result, Result::kBad);
   other = cut.piece(1);
   other.fragment.chunk = 50;
   other.bytes = other.bytes.first(50);
-  EXPECT_EQ(r.add(at(0ms), other, kNoClocks).result, Result::kRefused);
+  EXPECT_EQ(r.add(at(0ms), other, kNoClocks).result, Result::kBad);
   r.add(at(0ms), cut.piece(1), kNoClocks);
   EXPECT_EQ(r.add(at(0ms), cut.piece(2), kNoClocks).message, cut.bytes);
 }

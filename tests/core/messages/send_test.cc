@@ -207,5 +207,29 @@ TEST(Send, AMalformedHeaderIsCounted) {
   EXPECT_EQ(d.pipe.at(d.road).counters().bad_messages, 1U);
 }
 
+TEST(Send, APieceThatContradictsOthersIsCountedAndItsMessageDelivered) {
+  Door d;
+  std::vector<Pipe::Captured> sent;
+  d.pipe.capture = &sent;
+  const SendResult result = d.send({Bytes(200'000)});
+  ASSERT_TRUE(result.accepted());
+  d.pipe.run(12ms);
+  std::erase_if(sent, [](const Pipe::Captured& c) { return c.from != 0 || !c.is_data(); });
+  ASSERT_FALSE(sent.empty());
+  auto packet = *wire::parse(sent.back().bytes);
+  wire::FragmentHeader forged = packet.data.fragment;
+  forged.size += 1;
+  forged.index = 0;
+  packet.header.number += 200;
+  std::array<std::byte, kMaxDatagramBytes> out;
+  const std::size_t size = wire::write_data(out, packet.header, forged, Bytes(forged.chunk));
+  d.pipe.at(d.road).handle_datagram(d.pipe.local(d.road),
+                                    {sent.back().link, address_of(0), std::span(out).first(size)});
+  d.pipe.run(1s);
+  EXPECT_EQ(d.pipe.at(d.road).counters().bad_fragments, 1U);
+  EXPECT_EQ(d.pipe.at(d.road).counters().reassembly_refused, 0U);
+  EXPECT_EQ(d.fate(result.id).fate, Fate::kDelivered);
+}
+
 }  // namespace
 }  // namespace interneuron
