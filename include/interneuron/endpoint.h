@@ -61,6 +61,11 @@ struct EndpointOptions {
   // finds room however greedy the others are. A message that finds none is refused piece by piece
   // and counted in EndpointCounters::reassembly_refused.
   std::size_t reassembly_budget_bytes = 64 * 1024 * 1024;
+  // What messages under way to all peers (plain ones and those of rounds, with their headers) may
+  // hold together, in bytes, by the same rule: those to one peer alone get half of it. What finds
+  // no room is not accepted: SendStatus::kOverBudget, SubmitStatus::kOverBudget. Default: to one
+  // peer alone eight of the largest messages.
+  std::size_t send_budget_bytes = std::size_t{16} * (kMaxMessageBytes + 1024);
 };
 
 // One end of all its connections: its peers and their links, the rounds that begin here and those
@@ -155,6 +160,8 @@ class Endpoint {
   EndpointCounters counters() const;
   // Bytes held by incomplete messages of all peers.
   std::size_t reassembly_bytes() const;
+  // Bytes held by messages under way to all peers.
+  std::size_t sending_bytes() const;
 
  private:
   class Impl;

@@ -24,6 +24,8 @@ enum class SubmitStatus : std::uint8_t {
   kNoPeer,
   // No link to the peer is up, or the policy named only links that are not.
   kNoLink,
+  // The messages under way hold as many bytes as they may (EndpointOptions::send_budget_bytes).
+  kOverBudget,
   // The policy decided to send nothing although a link is up; Plan::refused of the event Planned
   // says why. The round ends locally and does not count as missed.
   kRefusedByPolicy,

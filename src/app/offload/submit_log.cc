@@ -16,6 +16,7 @@ void SubmitLog::submitted(const RoundRef& round, SubmitStatus status) {
     case SubmitStatus::kNoWayToOrigin:
     case SubmitStatus::kNoPeer:
     case SubmitStatus::kNoLink:
+    case SubmitStatus::kOverBudget:
       spdlog::warn("round {}: the {} is not sent: {}", round.round.value, what_, to_string(status));
   }
 }

@@ -30,7 +30,8 @@ class Endpoint::Impl {
                 .repair = options.repair,
                 .started = now,
                 .seed = options.hash_seed != 0 ? options.hash_seed : options.session.value,
-                .reassembly_budget_bytes = options.reassembly_budget_bytes}),
+                .reassembly_budget_bytes = options.reassembly_budget_bytes,
+                .send_budget_bytes = options.send_budget_bytes}),
         rounds_(options, peers_, events_),
         messages_(options.policies, peers_, events_),
         time_(now) {}
@@ -207,6 +208,7 @@ std::vector<LinkState> Endpoint::links(TimePoint now, PeerId peer) const {
 LinkCounters Endpoint::link_counters(LinkId link) const { return impl_->peers().counters(link); }
 EndpointCounters Endpoint::counters() const { return impl_->counters(); }
 std::size_t Endpoint::reassembly_bytes() const { return impl_->peers().reassembly_bytes(); }
+std::size_t Endpoint::sending_bytes() const { return impl_->peers().sending_bytes(); }
 
 std::string_view to_string(SubmitStatus status) {
   switch (status) {
@@ -222,6 +224,8 @@ std::string_view to_string(SubmitStatus status) {
       return "no peer: the one named is not known, or none was named and there is not exactly one";
     case SubmitStatus::kNoLink:
       return "no link: none to the peer is up, or the policy named only links that are not";
+    case SubmitStatus::kOverBudget:
+      return "over budget: the messages under way hold as many bytes as they may";
     case SubmitStatus::kRefusedByPolicy:
       return "refused by the policy: see the reason in the plan";
   }

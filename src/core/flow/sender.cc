@@ -103,6 +103,7 @@ MessageId Sender::send(TimePoint now, const Times& times, Bytes bytes,
     p.jobs.add(id, m.deadline, 0, m.count, m.chunk);
     m.repairs.add(path);
   }
+  bytes_ += m.bytes.size();
   return id;
 }
 
@@ -113,6 +114,7 @@ std::uint64_t Sender::take_number(TimePoint now, LinkId link, std::size_t train_
 
 void Sender::forget(MessageId message) {
   for (auto& [link, path] : paths_) path.jobs.remove(message);
+  if (const Message* known = messages_.find(message)) bytes_ -= known->bytes.size();
   messages_.erase(message);
 }
 
@@ -344,6 +346,7 @@ std::uint64_t Sender::lost(LinkId path) const {
 
 void Sender::reset(TimePoint now) {
   messages_.clear();
+  bytes_ = 0;
   acknowledged_.clear();
   given_up_.clear();
   for (auto& [link, path] : paths_) {

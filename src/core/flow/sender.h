@@ -74,6 +74,8 @@ class Sender {
 
   // Forgets a message: nothing more of it is sent. It is complete at the peer, or nobody wants it.
   void cancel(MessageId message) { forget(message); }
+  // Bytes of the messages that are under way.
+  std::size_t bytes() const { return bytes_; }
   // Messages whose pieces are all acknowledged, and those that their only path has given up before
   // their deadline; each once, of those of kind kPlain alone.
   std::optional<MessageId> poll_acknowledged() { return take(acknowledged_); }
@@ -162,6 +164,7 @@ class Sender {
   Options options_;
   std::map<LinkId, Path> paths_;
   MessageStore messages_;
+  std::size_t bytes_ = 0;
   std::deque<MessageId> acknowledged_;
   std::deque<MessageId> given_up_;
   std::uint32_t next_message_;

@@ -113,7 +113,6 @@ SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const Sen
         peer->send(now, {.deadline = entry.deadline, .lifetime = deadline}, joined(header, payload),
                    route.links, allowed_of(policy, links), wire::MessageKind::kPlain);
     entry.variants.push_back({message, route.variant});
-    entry.bytes += payload.size();
     for (const LinkId id : route.links) {
       round_trip = std::max(round_trip, find(links, id).rtt_p50);
     }
@@ -147,8 +146,12 @@ SendResult Messages::plan(TimePoint now, Peer& peer, const Variants& variants,
     return {.status = SendStatus::kCannotArrive, .expected = plotted.expected};
   }
   std::size_t bytes = 0;
-  for (const Route& route : plotted.routes) bytes += variants[route.variant].size();
-  if (!sent_.has_room(bytes)) return {SendStatus::kOverBudget};
+  for (const Route& route : plotted.routes) {
+    bytes += wire::kPlainHeaderBytes + variants[route.variant].size();
+  }
+  if (!sent_.has_room() || bytes > peers_.send_room(peer.identity().id)) {
+    return {SendStatus::kOverBudget};
+  }
   routes = std::move(plotted.routes);
   return {.status = SendStatus::kAccepted, .expected = plotted.expected};
 }
@@ -222,7 +225,8 @@ void Messages::wait(TimePoint now, PeerId peer, const Variants& variants,
 
 bool Messages::would_accept(TimePoint now, const Waiting& w) {
   Peer* peer = peers_.find(now, w.peer);
-  if (peer == nullptr || !sent_.has_room(w.bytes)) return false;
+  const bool room = peer != nullptr && sent_.has_room() && w.bytes <= peers_.send_room(w.peer);
+  if (!room) return false;
   const Links links = peer->links(now);
   return std::ranges::any_of(links, [&](const LinkState& link) {
     if (!link.up) return false;

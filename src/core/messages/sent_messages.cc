@@ -12,7 +12,6 @@ SendId SentMessages::add(const Entry& entry) {
   by_deadline_.emplace(entry.deadline, id);
   by_end_.emplace(entry.ends, id);
   ++peers_[entry.peer];
-  bytes_ += entry.bytes;
   entries_.emplace(id, Open{entry, std::nullopt});
   return id;
 }
@@ -47,7 +46,6 @@ MessageFate SentMessages::remove(Entries::iterator it, MessageFate fate) {
   by_deadline_.erase({entry.deadline, it->first});
   by_end_.erase({entry.ends, it->first});
   if (--peers_.at(entry.peer) == 0) peers_.erase(entry.peer);
-  bytes_ -= entry.bytes;
   entries_.erase(it);
   return fate;
 }

@@ -20,13 +20,10 @@ namespace interneuron {
 // one of them is; dropped when the last of them is given up; late when one came late and none in
 // time. What is still open when its time is over is settled by expire().
 //
-// Memory is bounded by kMaxBytes of payload (which the sender holds, not this class) and
-// kMaxMessages. Each call takes logarithmic time. Pure; thread-compatible; never throws but
-// std::bad_alloc.
+// Memory is bounded by kMaxMessages; the bytes of messages are held, and bounded, elsewhere. Each
+// call takes logarithmic time. Pure; thread-compatible; never throws but std::bad_alloc.
 class SentMessages {
  public:
-  // Payload of all messages that are accepted and not settled: eight of the largest.
-  static constexpr std::size_t kMaxBytes = 8 * kMaxMessageBytes;
   // No measurement behind this value: it only has to be more than what many peers are sent within
   // a deadline (1,000 peers at 10 Hz, 100 ms), and to bound the books.
   static constexpr std::size_t kMaxMessages = 16'384;
@@ -45,14 +42,10 @@ class SentMessages {
     TimePoint deadline{};
     // When a message of which nothing was heard is given up.
     TimePoint ends{};
-    // Payload of all variants.
-    std::size_t bytes = 0;
     Few<Variant, kMaxVariants> variants{};
   };
 
-  bool has_room(std::size_t bytes) const {
-    return bytes_ + bytes <= kMaxBytes && entries_.size() < kMaxMessages;
-  }
+  bool has_room() const { return entries_.size() < kMaxMessages; }
   // The identifier that the next add() gives.
   SendId next() const { return next_; }
   SendId add(const Entry& entry);
@@ -82,7 +75,6 @@ class SentMessages {
   std::optional<TimePoint> first_end() const;
   // The peers that have messages here.
   std::vector<PeerId> peers() const;
-  std::size_t bytes() const { return bytes_; }
 
  private:
   using Key = std::pair<PeerId, MessageId>;
@@ -104,7 +96,6 @@ class SentMessages {
   std::set<std::pair<TimePoint, SendId>> by_end_;
   // How many messages each peer has here.
   std::map<PeerId, std::size_t> peers_;
-  std::size_t bytes_ = 0;
   SendId next_{1};
 };
 

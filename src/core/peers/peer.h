@@ -135,6 +135,7 @@ class Peer {
   bool ready() const { return ready_; }
   TimePoint heard_at() const { return heard_at_; }
   std::size_t reassembly_bytes() const { return reassembler_.bytes(); }
+  std::size_t sending_bytes() const { return sender_.bytes(); }
   std::uint64_t cancelled() const { return sender_.cancelled(); }
   // How many pieces were sent again and how many packets were found lost on paths over this NIC.
   std::pair<std::uint64_t, std::uint64_t> repairs(LinkId nic) const;

@@ -19,6 +19,7 @@ Peers::Peers(const Options& options)
     : options_(options),
       directory_(options.seed),
       reassembly_(options.reassembly_budget_bytes),
+      sending_(options.send_budget_bytes),
       reflector_(options.self) {}
 
 void Peers::add_link(LinkId link, const LinkInfo& info) {
@@ -101,6 +102,7 @@ void Peers::forget(Entry& entry) {
   alarms_.remove(key);
   turns_.forget(key);
   reassembly_.change(entry.reassembly_bytes, 0);
+  sending_.change(entry.sending_bytes, 0);
   if (entry.touched) std::erase(touched_, key);
   entries_[key].reset();
   free_.push_back(key);
@@ -260,9 +262,23 @@ void Peers::mark(Entry& entry) {
 }
 
 void Peers::account(Entry& entry) {
-  const std::size_t held = entry.peer.reassembly_bytes();
-  reassembly_.change(entry.reassembly_bytes, held);
-  entry.reassembly_bytes = held;
+  const auto note = [](SharedMemory& memory, std::size_t& known, std::size_t held) {
+    memory.change(known, held);
+    known = held;
+  };
+  note(reassembly_, entry.reassembly_bytes, entry.peer.reassembly_bytes());
+  note(sending_, entry.sending_bytes, entry.peer.sending_bytes());
+}
+
+// Whatever changes what a peer sends marks that peer.
+std::size_t Peers::sending_bytes() {
+  for (const Key key : touched_) account(*entries_[key]);
+  return sending_.used();
+}
+
+std::size_t Peers::send_room(PeerId id) {
+  sending_bytes();
+  return sending_.room(entries_[by_id_.at(id)]->sending_bytes);
 }
 
 TimePoint Peers::due_at(TimePoint now, const Entry& entry) {
@@ -275,6 +291,7 @@ void Peers::set_alarms(TimePoint now) {
   for (const Key key : touched_) {
     Entry& entry = *entries_[key];
     entry.touched = false;
+    account(entry);
     alarms_.set(key, due_at(now, entry));
   }
   touched_.clear();

@@ -52,6 +52,8 @@ class Peers {
     std::uint64_t seed = 0;
     // What incomplete messages of all peers may hold, in bytes.
     std::size_t reassembly_budget_bytes = 0;
+    // What messages under way to all peers may hold, in bytes.
+    std::size_t send_budget_bytes = 0;
   };
   explicit Peers(const Options& options);
 
@@ -105,6 +107,9 @@ class Peers {
   LinkCounters counters(LinkId link) const;
   std::uint64_t cancelled() const;
   std::size_t reassembly_bytes() const { return reassembly_.used(); }
+  // How many bytes more messages to this peer may hold that find() gave; what messages hold.
+  std::size_t send_room(PeerId id);
+  std::size_t sending_bytes();
 
  private:
   struct Link {
@@ -119,8 +124,9 @@ class Peers {
     Key key = 0;
     // Something has happened since the peer's alarm was set.
     bool touched = false;
-    // What reassembly_ knows that the peer holds.
+    // What reassembly_ and sending_ know that the peer holds.
     std::size_t reassembly_bytes = 0;
+    std::size_t sending_bytes = 0;
     Peer peer;
   };
   struct Found {
@@ -163,6 +169,7 @@ class Peers {
   // How many peers came unannounced.
   std::size_t unannounced_ = 0;
   SharedMemory reassembly_;
+  SharedMemory sending_;
   Alarms alarms_;
   Turns turns_;
   // The peers that are marked as touched, each once; and those of which something is due, while

@@ -33,6 +33,17 @@ DataRate rate_wanted(const QoS& qos, std::size_t bytes) {
   return std::max(rate_floor(qos, bytes), rate_of(wire_size(bytes), qos.deadline / 2));
 }
 
+// What the variants that a plan sends take, with their headers; each once, over however many links.
+std::size_t bytes_of(const Plan& plan, const Variants& variants) {
+  std::size_t bytes = 0;
+  for (std::size_t v = 0; v < variants.size(); ++v) {
+    const bool is_sent =
+        std::ranges::any_of(plan.sends, [v](const Assignment& a) { return a.variant == v; });
+    if (is_sent) bytes += wire::kRoundHeaderBytes + variants[v].size();
+  }
+  return bytes;
+}
+
 // How many stages before the communication header.stage, which is about to begin, were
 // communications.
 std::uint8_t earlier_communications(const wire::RoundHeader& header) {
@@ -92,9 +103,10 @@ Plan Dispatch::plan(std::span<const LinkState> links, const wire::RoundHeader& h
   return plan_message(rule(header), complete, links, guidance);
 }
 
-Planned Dispatch::send(TimePoint now, Peer& peer, const RoundContext& context, const ClockOf& clock,
-                       const Variants& variants, MessageClass message_class,
-                       const Guidance& guidance) const {
+std::optional<Planned> Dispatch::send(TimePoint now, Peer& peer, std::size_t room,
+                                      const RoundContext& context, const ClockOf& clock,
+                                      const Variants& variants, MessageClass message_class,
+                                      const Guidance& guidance) const {
   wire::RoundHeader header = context.header;
   header.stage = static_cast<std::uint8_t>(context.stage + 1);
   header.message_class = message_class;
@@ -116,6 +128,7 @@ Planned Dispatch::send(TimePoint now, Peer& peer, const RoundContext& context, c
     peer.want(now, rate_wanted(qos_of(header), variants.front().size()));
   }
   if (sends.empty()) return planned;
+  if (bytes_of(planned.plan, variants) > room) return std::nullopt;
 
   header.best_planned = std::ranges::min(sends, {}, &Assignment::variant).variant;
   flow::Sender::Times times{deadline_of(now, header, clock), Duration::zero(), header.deadline()};

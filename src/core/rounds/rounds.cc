@@ -68,11 +68,12 @@ SubmitStatus Rounds::submit(TimePoint now, const RoundRef& round, Variants varia
   if (peer == nullptr) return SubmitStatus::kNoPeer;
   choose_mode(now, context, *peer, message_class, Dispatch::sizes_of(variants), {});
   const auto clock = clock_of(now, context.header, peers_.find(now, context.from));
-  Planned planned = dispatch_.send(now, *peer, context, clock, variants, message_class,
-                                   guidance(now, context, clock));
-  const bool sent = !planned.plan.sends.empty();
-  const bool kept_here = !planned.plan.refused.empty();
-  events_.emplace_back(std::move(planned));
+  auto planned = dispatch_.send(now, *peer, peers_.send_room(peer->identity().id), context, clock,
+                                variants, message_class, guidance(now, context, clock));
+  if (!planned) return SubmitStatus::kOverBudget;
+  const bool sent = !planned->plan.sends.empty();
+  const bool kept_here = !planned->plan.refused.empty();
+  events_.emplace_back(std::move(*planned));
   guard::RoundLedger* ledger = own_.find(round);
   if (kept_here && ledger != nullptr) report(ledger->stay_local(now, round.round));
   if (sent) return SubmitStatus::kAccepted;

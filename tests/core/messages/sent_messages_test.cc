@@ -11,14 +11,13 @@ constexpr PeerId kPeer{1};
 
 TimePoint at(Duration d) { return TimePoint{d}; }
 
-SentMessages::Entry entry(std::initializer_list<std::uint32_t> messages, std::size_t bytes = 100) {
+SentMessages::Entry entry(std::initializer_list<std::uint32_t> messages) {
   SentMessages::Entry e{.peer = kPeer,
                         .channel = 7,
                         .newest_only = false,
                         .t0 = at(1s),
                         .deadline = at(1100ms),
                         .ends = at(1170ms),
-                        .bytes = bytes,
                         .variants = {}};
   for (const std::uint32_t m : messages) {
     e.variants.push_back({MessageId{m}, static_cast<std::uint8_t>(e.variants.size())});
@@ -40,7 +39,6 @@ TEST(SentMessages, TheFirstVariantThatIsDeliveredIsTheFate) {
   EXPECT_EQ(fate->age_error, 5ms);
   EXPECT_FALSE(out.delivered(kPeer, MessageId{10}, {}));
   EXPECT_FALSE(out.end(id, Fate::kUnknown, FateReason::kExpired));
-  EXPECT_EQ(out.bytes(), 0U);
   EXPECT_EQ(out.first_end(), std::nullopt);
   EXPECT_TRUE(out.peers().empty());
 }
@@ -80,18 +78,15 @@ TEST(SentMessages, WhatIsNotInTheBooksIsIgnored) {
   EXPECT_NE(out.find(kPeer, MessageId{10}), nullptr);
 }
 
-TEST(SentMessages, BytesAndMessagesAreBounded) {
-  SentMessages out;
-  for (std::uint32_t i = 0; i < 8; ++i) {
-    EXPECT_TRUE(out.has_room(kMaxMessageBytes));
-    out.add(entry({i}, kMaxMessageBytes));
-  }
-  EXPECT_FALSE(out.has_room(1));
-  EXPECT_TRUE(out.dropped(kPeer, MessageId{3}, FateReason::kExpired));
-  EXPECT_TRUE(out.has_room(kMaxMessageBytes));
+TEST(SentMessages, AreBounded) {
   SentMessages many;
-  for (std::uint32_t i = 0; i < SentMessages::kMaxMessages; ++i) many.add(entry({i}, 1));
-  EXPECT_FALSE(many.has_room(1));
+  for (std::uint32_t i = 0; i < SentMessages::kMaxMessages; ++i) {
+    EXPECT_TRUE(many.has_room());
+    many.add(entry({i}));
+  }
+  EXPECT_FALSE(many.has_room());
+  EXPECT_TRUE(many.dropped(kPeer, MessageId{3}, FateReason::kExpired));
+  EXPECT_TRUE(many.has_room());
 }
 
 TEST(SentMessages, TellsWhoseTimeIsOver) {
