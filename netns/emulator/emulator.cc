@@ -149,6 +149,7 @@ Emulator::Emulator(const State& state, Bearers& bearers)
                            bearers.cell(i, emu::Direction::kDown)});
   }
   sent_.reserve(FrameHub::kBatch);
+  cell_times_.resize(bearers.cells().size());
 }
 
 void Emulator::run(int stop_fd) {
@@ -219,7 +220,7 @@ std::size_t Emulator::send_due(std::size_t index) {
     const auto packet = direction.model->dequeue(time);
     if (!packet) break;
     if (direction.cell != nullptr && !packet->lost) {
-      enter_cell(index, *packet, time);
+      enter_cell(index, *packet);
       ++passed_on;
       continue;
     }
@@ -240,22 +241,28 @@ std::size_t Emulator::send_due(std::size_t index) {
   return count;
 }
 
-void Emulator::enter_cell(std::size_t direction, const emu::LinkModel::Packet& packet,
-                          Duration time) {
+void Emulator::enter_cell(std::size_t direction, const emu::LinkModel::Packet& packet) {
   const FrameStore::Handle handle = packet.last ? packet.tag : store_.add(store_[packet.tag]);
   const std::span<std::byte> frame = store_[handle];
   if (packet.corrupt) corrupt(frame, stats_.frames_sent.load(std::memory_order_relaxed));
   const emu::Cell::Packet entering{handle, static_cast<std::uint32_t>(direction), packet.ip_bytes,
                                    ecn_of(frame.subspan(kEthernetHeader))};
-  if (!directions_[direction].cell->enqueue(time, entering)) store_.release(handle);
+  emu::Cell& cell = *directions_[direction].cell;
+  // It enters when it was due, not when we woke up, or the cell would stand idle for as long as we
+  // were late. Frames of other links may have entered since.
+  Duration& entered = cell_times_[static_cast<std::size_t>(&cell - bearers_.cells().data())];
+  entered = std::max(entered, packet.due);
+  if (!cell.enqueue(entered, entering)) store_.release(handle);
 }
 
 std::size_t Emulator::send_from_cells() {
   if (!bearers_.epoch()) return 0;
   const Duration time = bearers_.since_epoch(now());
   std::size_t count = 0;
-  for (emu::Cell& cell : bearers_.cells()) {
-    while (const auto departed = cell.dequeue(time)) {
+  for (std::size_t i = 0; i < cell_times_.size(); ++i) {
+    emu::Cell& cell = bearers_.cells()[i];
+    cell_times_[i] = std::max(cell_times_[i], time);
+    while (const auto departed = cell.dequeue(cell_times_[i])) {
       const emu::Cell::Packet& packet = departed->packet;
       if (!departed->dropped) {
         const std::span<std::byte> frame = store_[packet.tag];
@@ -329,6 +336,7 @@ void Emulator::tick(TimePoint present) {
   const std::uint64_t losses = hub_.take_losses();
   if (losses > 0) stats_.kernel_drops.fetch_add(losses, std::memory_order_relaxed);
   for (Direction& direction : directions_) direction.shared->store(direction.model->stats());
+  bearers_.publish_cells(present);
 }
 
 }  // namespace interneuron::netns

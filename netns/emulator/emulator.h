@@ -64,7 +64,7 @@ class Emulator {
   std::size_t take_in(Duration realtime_offset);
   void enter(Direction& direction, const FrameHub::Frame& frame, TimePoint arrival);
   std::size_t send_due(std::size_t index);
-  void enter_cell(std::size_t direction, const emu::LinkModel::Packet& packet, Duration time);
+  void enter_cell(std::size_t direction, const emu::LinkModel::Packet& packet);
   std::size_t send_from_cells();
   void count_lateness(Duration lateness);
   std::optional<TimePoint> next_due() const;
@@ -76,6 +76,8 @@ class Emulator {
   SharedStats& stats_;
   FrameHub hub_;
   std::vector<Direction> directions_;
+  // The time that each of the bearers' cells has been told of: it never goes back.
+  std::vector<Duration> cell_times_;
   FrameStore store_;
   std::array<iovec, FrameHub::kBatch> batch_{};
   // Frames of the batch that may be released once it has been sent.

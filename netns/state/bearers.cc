@@ -57,6 +57,7 @@ Bearers::Bearers(const TestbedOptions& options, Backend backend, ControlServer& 
     cells_.emplace_back(cell.up);
     cells_.emplace_back(cell.down);
   }
+  stats_.cells = cells_.size();
   for (std::size_t v = 0; v < options.vehicles; ++v) {
     vehicles_.push_back(std::make_unique<emu::ScenarioPlayer>(scenario_of(options.scenario, v)));
     emu::ScenarioPlayer& player = *vehicles_.back();
@@ -68,6 +69,24 @@ emu::Cell* Bearers::cell(std::size_t index, emu::Direction direction) {
   const std::vector<emu::ScenarioLink>& links = vehicles_.front()->scenario().links;
   const std::optional<std::size_t> cell = links[index % links.size()].cell;
   return cell ? &cells_[emu::kDirections * *cell + static_cast<std::size_t>(direction)] : nullptr;
+}
+
+void Bearers::publish_cells(TimePoint now) {
+  // Of an idle cell the queue is known up to its newest packet.
+  const Duration time = since_epoch(now);
+  for (std::size_t i = 0; i < cells_.size(); ++i) {
+    const emu::CellStats& stats = cells_[i].stats();
+    const emu::QueueTime& queue = cells_[i].queue_time();
+    SharedCell& out = stats_.cell[i];
+    const auto store = [](auto& to, auto value) { to.store(value, std::memory_order_relaxed); };
+    store(out.packets_in, stats.packets_in);
+    store(out.bytes_delivered, stats.bytes_delivered);
+    store(out.dropped, stats.queue_drops + stats.codel_drops + stats.too_big);
+    store(out.marked, stats.marked);
+    store(out.queue_p99_ns, queue.quantile(0.99).count());
+    store(out.queue_mean_ns, queue.mean().count());
+    store(out.utilisation, cells_[i].utilisation(time));
+  }
 }
 
 void Bearers::start(TimePoint epoch) {
@@ -140,6 +159,9 @@ std::string Bearers::carry_out(const Request& request, Duration time) {
   for (const std::size_t i : request.links) {
     if (!request.settings.empty()) link(i).change(time, change);
     if (request.outage > Duration{}) link(i).outage(time, request.outage);
+  }
+  if (request.measure_cells) {
+    for (emu::Cell& cell : cells_) cell.measure_from(time);
   }
   return "";
 }

@@ -37,6 +37,8 @@ class Bearers {
   emu::Cell* cell(std::size_t index, emu::Direction direction);
   // All cells: first up, then down, of each of the scenario.
   std::span<emu::Cell> cells() { return cells_; }
+  // Writes what the cells have carried to shared memory.
+  void publish_cells(TimePoint now);
   SharedLink& shared(std::size_t index) { return stats_.link(index); }
   SharedStats& stats() { return stats_; }
 

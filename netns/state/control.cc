@@ -69,7 +69,8 @@ std::string to_text(const Request& request, const std::string& token) {
   const Json json{{"token", token},
                   {"links", request.links},
                   {"settings", request.settings},
-                  {"outage_ns", request.outage.count()}};
+                  {"outage_ns", request.outage.count()},
+                  {"measure_cells", request.measure_cells}};
   return json.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
@@ -81,6 +82,7 @@ Request from_json(const Json& object, const std::string& token) {
     out.links.push_back(integer<std::size_t>(link));
   out.settings = object.at("settings").get<std::vector<std::string>>();
   out.outage = Duration{integer<std::int64_t>(object.at("outage_ns"))};
+  out.measure_cells = object.at("measure_cells").get<bool>();
   return out;
 }
 

@@ -21,7 +21,7 @@
 
 namespace interneuron::netns {
 
-// A change of some links, from now on.
+// A change of some links, or what cells measure, from now on.
 struct Request {
   // Indices into State::links.
   std::vector<std::size_t> links;
@@ -29,6 +29,8 @@ struct Request {
   std::vector<std::string> settings;
   // When above 0, nothing passes for this long.
   Duration outage{};
+  // What cells measure of their queues begins anew.
+  bool measure_cells = false;
 };
 
 // The holder's end: receives requests and answers each before it receives the next.

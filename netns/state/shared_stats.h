@@ -11,7 +11,9 @@
 #include <cstdint>
 #include <new>
 
+#include "lab/emu/conditions.h"
 #include "lab/emu/link_model.h"
+#include "lab/emu/scenario.h"
 
 namespace interneuron::netns {
 
@@ -42,6 +44,17 @@ struct SharedDirection {
   }
 };
 
+// What one direction of a cell has carried; the fields of CellDirection (netns/state/snapshot.h).
+struct SharedCell {
+  std::atomic<std::uint64_t> packets_in{};
+  std::atomic<std::uint64_t> bytes_delivered{};
+  std::atomic<std::uint64_t> dropped{};
+  std::atomic<std::uint64_t> marked{};
+  std::atomic<std::int64_t> queue_p99_ns{};
+  std::atomic<std::int64_t> queue_mean_ns{};
+  std::atomic<double> utilisation{};
+};
+
 // What the model prescribed at one step: the fields of ScheduleSample as integers. Loss is in
 // millionths, rates are in kbit/s.
 struct SharedSample {
@@ -63,8 +76,8 @@ struct SharedLink {
 };
 
 struct SharedStats {
-  // The letters "inte" and the number of this layout, 4.
-  static constexpr std::uint64_t kVersion = 0x696e7465'00000004;
+  // The letters "inte" and the number of this layout, 5.
+  static constexpr std::uint64_t kVersion = 0x696e7465'00000005;
 
   std::uint64_t version = kVersion;
   std::uint64_t links = 0;
@@ -78,6 +91,9 @@ struct SharedStats {
   std::atomic<std::uint64_t> netem_skipped{};
   std::atomic<std::uint64_t> netem_put_off{};
   std::atomic<std::uint64_t> netem_failed{};
+  // First up, then down, of each cell of the scenario.
+  std::uint64_t cells = 0;
+  std::array<SharedCell, emu::kDirections * emu::kMaxScenarioCells> cell{};
 
   static std::size_t bytes(std::size_t link_count) {
     return sizeof(SharedStats) + link_count * sizeof(SharedLink);

@@ -21,6 +21,27 @@ struct LinkSnapshot {
   emu::DirectionStats down;
 };
 
+// One direction of a cell. The counters are since the start; the other figures are since
+// Testbed::measure_cells(), if that was called, and at most 0.1 s old.
+struct CellDirection {
+  std::uint64_t packets_in = 0;
+  // IP bytes.
+  std::uint64_t bytes_delivered = 0;
+  // At the tail of the queue, by CoDel, or larger than the MTU.
+  std::uint64_t dropped = 0;
+  std::uint64_t marked = 0;
+  // How long a packet would have had to wait, weighted by time (emu::QueueTime).
+  Duration queue_p99{};
+  Duration queue_mean{};
+  // The share of what the bottleneck could carry that it has delivered.
+  double utilisation = 0;
+};
+
+struct CellSnapshot {
+  CellDirection up;
+  CellDirection down;
+};
+
 // What the model prescribed for one link at one of its steps (emu::kDelayStep).
 struct ScheduleSample {
   // Since the epoch.
@@ -39,6 +60,8 @@ struct Snapshot {
   // When the first packet came, in CLOCK_MONOTONIC; empty before it.
   std::optional<TimePoint> epoch;
   std::vector<LinkSnapshot> links;
+  // In the order of the scenario's cells.
+  std::vector<CellSnapshot> cells;
 
   // The following four are the emulator's and 0 with netem.
   // By how much frames were sent later than they were due, in microseconds.

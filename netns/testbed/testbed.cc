@@ -147,6 +147,17 @@ class StatsView {
   std::size_t bytes_ = 0;
 };
 
+CellDirection read(const SharedCell& cell) {
+  constexpr auto kRelaxed = std::memory_order_relaxed;
+  return {cell.packets_in.load(kRelaxed),
+          cell.bytes_delivered.load(kRelaxed),
+          cell.dropped.load(kRelaxed),
+          cell.marked.load(kRelaxed),
+          Duration{cell.queue_p99_ns.load(kRelaxed)},
+          Duration{cell.queue_mean_ns.load(kRelaxed)},
+          cell.utilisation.load(kRelaxed)};
+}
+
 // "5g", "vehicle2/5g", "*", "vehicle2/*".
 bool matches(const TestbedLink& link, const std::string& which) {
   const std::size_t slash = which.find('/');
@@ -237,6 +248,9 @@ Snapshot Testbed::snapshot(const State& state) {
     out.links.push_back({state.links[i].name, state.links[i].vehicle, stats.link(i).up.load(),
                          stats.link(i).down.load()});
   }
+  for (std::size_t i = 0; i < stats.cells; i += emu::kDirections) {
+    out.cells.push_back({read(stats.cell[i]), read(stats.cell[i + 1])});
+  }
   out.frames_sent = stats.frames_sent.load(std::memory_order_relaxed);
   out.kernel_drops = stats.kernel_drops.load(std::memory_order_relaxed);
   out.netem_skipped = stats.netem_skipped.load(std::memory_order_relaxed);
@@ -311,6 +325,12 @@ void Testbed::outage(const State& state, const std::string& which, Duration leng
   Request request;
   request.links = select(state, which);
   request.outage = length;
+  ask(state, request);
+}
+
+void Testbed::measure_cells(const State& state) {
+  Request request;
+  request.measure_cells = true;
   ask(state, request);
 }
 

@@ -100,6 +100,8 @@ class Testbed {
   // profile=NAME or profile=FILE.toml.
   static void change(const State& state, const std::string& which,
                      const std::vector<std::string>& settings);
+  // Begins anew what cells measure of their queues (CellDirection): what came before was a warm-up.
+  static void measure_cells(const State& state);
   // Lets nothing pass over these links for `length` from now on.
   static void outage(const State& state, const std::string& which, Duration length);
 

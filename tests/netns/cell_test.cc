@@ -86,5 +86,32 @@ TEST_F(CellTest, LinksShareItsRateAndAreMarked) {
   EXPECT_LT(marked, 2 * kPackets);
 }
 
+TEST_F(CellTest, TellsWhatItCarriedAndHowLongItsQueueWas) {
+  const Testbed testbed = Testbed::up(shared_options(dir_));
+  ASSERT_EQ(testbed.snapshot().cells.size(), 1U);
+  Testbed::measure_cells(testbed.state());
+  const UdpPair link = udp_pair(testbed.state(), 0);
+  const std::vector<char> payload(kPayload);
+  for (int i = 0; i < kPackets; ++i) {
+    ASSERT_EQ(::send(link.vehicle.get(), payload.data(), payload.size(), 0),
+              static_cast<ssize_t>(payload.size()));
+  }
+  constexpr std::uint64_t kIpBytes = kPackets * (kPayload + 28);
+  ASSERT_TRUE(
+      eventually([&] { return testbed.snapshot().cells[0].up.bytes_delivered == kIpBytes; }));
+  const CellSnapshot cell = testbed.snapshot().cells[0];
+  EXPECT_EQ(cell.up.packets_in, static_cast<std::uint64_t>(kPackets));
+  EXPECT_EQ(cell.up.dropped, 0U);
+  EXPECT_EQ(cell.up.marked, 0U);
+  // All came at once and leave within 123 ms.
+  EXPECT_GT(cell.up.queue_p99, milliseconds(90));
+  EXPECT_LT(cell.up.queue_p99, milliseconds(130));
+  EXPECT_GT(cell.up.utilisation, 0);
+  EXPECT_EQ(cell.down.packets_in, 0U);
+  // From now on there was no queue.
+  Testbed::measure_cells(testbed.state());
+  EXPECT_TRUE(eventually([&] { return testbed.snapshot().cells[0].up.utilisation == 0; }));
+}
+
 }  // namespace
 }  // namespace interneuron::netns

@@ -26,9 +26,6 @@ class Fleet {
   virtual void collect() {}
 };
 
-// Sizes of the variants that the transport of this scenario offers.
-std::vector<std::size_t> variant_bytes(const Scenario& scenario);
-
 std::unique_ptr<Fleet> make_fleet(const Scenario& scenario, sim::World& world, sim::CellId cell,
                                   Meter& meter);
 

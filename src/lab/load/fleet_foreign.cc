@@ -1,4 +1,7 @@
 // Fleets of other transports, and cross traffic.
+#include <algorithm>
+#include <cassert>
+
 #include "lab/foreign/bbr_like.h"
 #include "lab/foreign/cubic.h"
 #include "lab/foreign/tcp.h"
@@ -88,13 +91,9 @@ std::unique_ptr<Fleet> foreigners(const Scenario& scenario, sim::World& world, s
   return std::make_unique<Foreigners>(scenario, world, cell, meter);
 }
 
-std::vector<std::size_t> variant_bytes(const Scenario& scenario) {
-  if (scenario.peer != Peer::kOursVariants) return {scenario.message_bytes};
-  return {scenario.message_bytes, scenario.small_bytes};
-}
-
 std::unique_ptr<Fleet> make_fleet(const Scenario& scenario, sim::World& world, sim::CellId cell,
                                   Meter& meter) {
+  assert(std::ranges::find(modelled_peers(), scenario.peer) != modelled_peers().end());
   const bool is_ours = scenario.peer == Peer::kOurs || scenario.peer == Peer::kOursVariants;
   return (is_ours ? ours : foreigners)(scenario, world, cell, meter);
 }

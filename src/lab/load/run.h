@@ -1,47 +1,14 @@
-// One scenario under load, run in virtual time, and the row of figures that it comes to.
+// One scenario under load, run in virtual time.
 //
 // Pure; the same scenario gives the same row on any machine. Thread-safe: runs share nothing.
 #pragma once
 
-#include <cstddef>
 #include <functional>
-#include <optional>
 
-#include "lab/load/scenario.h"
+#include "lab/load/figures.h"
 #include "lab/sim/world.h"
 
 namespace interneuron::load {
-
-struct Row {
-  Scenario scenario;
-  std::size_t messages = 0;
-  // Without any variant by the deadline.
-  std::size_t missed = 0;
-  // On time in the smaller variant.
-  std::size_t degraded = 0;
-  // Of messages that arrived on time.
-  double age_p50_ms = 0;
-  double age_p99_ms = 0;
-  double on_time_goodput_mbit = 0;
-  // On-time payload over the lesser of what was offered and what the bottleneck could have carried.
-  double of_possible = 0;
-  // At the bottleneck, weighted by time, from the first message on until the last one ends.
-  double queue_p99_ms = 0;
-  // The share of the bottleneck's capacity, dips included, that was used.
-  double utilisation = 0;
-  // Of the vehicles' on-time payload; nothing for one vehicle alone.
-  std::optional<double> jain{};
-  // Of a dip: from the return of the rate until the first whole message that is on time is handed
-  // over; nothing when there is none.
-  std::optional<double> whole_after_ms{};
-  // Of a late vehicle: from its first message until it has had 80 % of its fair share for half a
-  // second; nothing when that never was.
-  std::optional<double> share_after_ms{};
-  // Beside cross traffic: the on-time payload, and what the applications of the cross traffic could
-  // read, each over its fair share of what the bottleneck could have carried.
-  std::optional<double> own_share{};
-  std::optional<double> cross_share{};
-};
 
 // `prepare` may look at the world, or change it, before the run begins.
 Row run(const Scenario& scenario, const std::function<void(sim::World&)>& prepare = nullptr);

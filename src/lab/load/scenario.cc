@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "interneuron/sizes.h"
+#include "lab/emu/random.h"
 
 namespace interneuron::load {
 namespace {
@@ -22,16 +23,23 @@ constexpr std::array<Duration, 2> kQueues{30ms, 300ms};
 // The smaller variant has a quarter of the bytes.
 constexpr std::size_t kSmaller = 4;
 
-constexpr std::array<std::string_view, kPeers> kPeerNames{"ours",  "ours_variants", "udp",
-                                                          "cubic", "bbr_like",      "mptcp_like"};
+constexpr std::array<std::string_view, kPeers> kPeerNames{
+    "ours",       "ours_variants", "udp",     "cubic", "bbr_like",
+    "mptcp_like", "tcp_cubic",     "tcp_bbr", "mptcp"};
+constexpr std::array kModelled{Peer::kOurs,  Peer::kOursVariants, Peer::kUdp,
+                               Peer::kCubic, Peer::kBbrLike,      Peer::kMptcpLike};
+constexpr std::array kReal{Peer::kOurs,     Peer::kOursVariants, Peer::kUdp,
+                           Peer::kTcpCubic, Peer::kTcpBbr,       Peer::kMptcp};
 
-constexpr std::array<Group, 6> kGroups{{
+constexpr std::array<Group, 7> kGroups{{
     {"rate", "One vehicle, messages that take a third of the deadline, ever more often", true},
     {"size", "One vehicle, 10 messages a second, ever larger", true},
     {"vehicles", "Many vehicles in one cell of 60 Mbit/s, each with its share of the load", true},
     {"late", "Ten vehicles offer twice the rate of a cell, the last one begins later", false},
     {"cubic", "One vehicle with three times the rate of a cell beside one flow of CUBIC", false},
     {"dip", "60 Mbit/s fall to 6 for 3 s and come back", false},
+    {"fleet", "200 vehicles with 10 messages of 5 KB a second each, in a cell that has room",
+     false},
 }};
 
 // A link and the messages that take about a third of the deadline on it.
@@ -191,6 +199,23 @@ std::vector<Scenario> dip(const Choice& choice) {
   return out;
 }
 
+std::vector<Scenario> fleet(const Choice& choice) {
+  // Two and a half times what 200 vehicles offer.
+  constexpr double kMbit = 200;
+  constexpr std::size_t kVehicles = 200;
+  constexpr std::size_t kBytes = 5000;
+  Scenario s = base(choice, "fleet", kMbit, kQueues[1]);
+  s.name = std::to_string(kVehicles) + "-vehicles";
+  s.vehicles = kVehicles;
+  s.deadline = kFrame;
+  s.period = kFrame;
+  s.message_bytes = kBytes;
+  const Duration on_wire = s.capacity.transmit_time(ip_bytes_of(kBytes));
+  s.load = static_cast<double>(on_wire.count() * std::int64_t{kVehicles}) /
+           static_cast<double>(kFrame.count());
+  return {s};
+}
+
 }  // namespace
 
 std::span<const std::string_view> peer_names() { return kPeerNames; }
@@ -203,7 +228,26 @@ std::optional<Peer> peer_of(std::string_view name) {
   return static_cast<Peer>(it - kPeerNames.begin());
 }
 
+std::span<const Peer> modelled_peers() { return kModelled; }
+std::span<const Peer> real_peers() { return kReal; }
+
 std::span<const Group> groups() { return kGroups; }
+
+std::vector<std::size_t> variant_bytes(const Scenario& scenario) {
+  if (scenario.peer != Peer::kOursVariants) return {scenario.message_bytes};
+  return {scenario.message_bytes, scenario.small_bytes};
+}
+
+std::vector<Duration> first_messages(const Scenario& s) {
+  emu::RandomStream random(s.seed);
+  std::vector<Duration> out;
+  for (std::size_t v = 0; v < s.vehicles; ++v) {
+    const auto phase = random.uniform() * static_cast<double>(s.period.count());
+    const bool is_late = s.late && v + 1 == s.vehicles;
+    out.push_back(Duration{static_cast<std::int64_t>(phase)} + (is_late ? *s.late : Duration{}));
+  }
+  return out;
+}
 
 std::size_t ip_bytes_of(std::size_t message_bytes) {
   const std::size_t pieces =
@@ -217,15 +261,14 @@ double payload_share(std::size_t message_bytes) {
 
 std::vector<Scenario> scenarios(std::string_view group, const Choice& choice) {
   using Family = std::vector<Scenario> (*)(const Choice&);
-  constexpr std::array<Family, kGroups.size()> kFamilies{rate, size, vehicles, late, cubic, dip};
+  constexpr std::array<Family, kGroups.size()> kFamilies{rate,  size, vehicles, late,
+                                                         cubic, dip,  fleet};
   const auto found = std::ranges::find(kGroups, group, &Group::name);
   if (found == kGroups.end()) return {};
   const std::vector<Scenario> family =
       kFamilies[static_cast<std::size_t>(found - kGroups.begin())](choice);
   std::vector<Peer> peers = choice.peers;
-  if (peers.empty()) {
-    for (std::size_t i = 0; i < kPeers; ++i) peers.push_back(static_cast<Peer>(i));
-  }
+  if (peers.empty()) peers.assign(kModelled.begin(), kModelled.end());
   std::vector<Scenario> out;
   for (const Peer peer : peers) {
     for (Scenario s : family) {

@@ -30,9 +30,17 @@ enum class Peer : std::uint8_t {
   kCubic,
   kBbrLike,
   kMptcpLike,
+  // The kernel's own, on the testbed alone: TCP with CUBIC and with BBR, and MPTCP with CUBIC over
+  // two modems in the same cell.
+  kTcpCubic,
+  kTcpBbr,
+  kMptcp,
 };
 
-inline constexpr std::size_t kPeers = 6;
+inline constexpr std::size_t kPeers = 9;
+// In virtual time, and on real sockets.
+std::span<const Peer> modelled_peers();
+std::span<const Peer> real_peers();
 
 // The names as users write them, by Peer: "ours", "ours_variants".
 std::span<const std::string_view> peer_names();
@@ -81,6 +89,13 @@ struct Scenario {
   std::uint64_t seed = 1;
 };
 
+// Sizes of the variants that the transport of this scenario offers.
+std::vector<std::size_t> variant_bytes(const Scenario& scenario);
+
+// When the first message of each vehicle begins, since the first of all may. Each vehicle has a
+// phase of its own, for no transport is made for vehicles that all send at one instant.
+std::vector<Duration> first_messages(const Scenario& scenario);
+
 // What a message takes on the wire, in IP bytes, by Interneuron's framing.
 std::size_t ip_bytes_of(std::size_t message_bytes);
 
@@ -97,7 +112,7 @@ struct Group {
 // In the order in which they are shown.
 std::span<const Group> groups();
 
-// What a user chose. Empty lists stand for the defaults: every peer, the group's own loads.
+// What a user chose. Empty lists stand for the defaults: all modelled peers, the group's own loads.
 struct Choice {
   std::vector<Peer> peers;
   std::vector<double> loads;

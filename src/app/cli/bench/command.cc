@@ -6,6 +6,8 @@
 #include <memory>
 
 #include "app/cli/bench/load_report.h"
+#include "app/load_testbed/programs.h"
+#include "app/load_testbed/series.h"
 #include "host/process/failure.h"
 #include "host/process/progress.h"
 #include "host/process/signals.h"
@@ -26,8 +28,12 @@ struct Options {
   std::vector<double> loads;
   double seconds = 20;
   std::uint64_t seed = 1;
+  bool testbed = false;
   bool json = false;
   std::string plot;
+  // What the testbed's own programs are given.
+  std::string order;
+  std::string end;
 };
 
 std::vector<std::string> group_names() {
@@ -41,10 +47,30 @@ bool takes_loads(const std::string& name) {
                              [&](const load::Group& g) { return g.name == name && g.takes_loads; });
 }
 
+std::string names_of(std::span<const load::Peer> peers) {
+  std::string out;
+  for (const load::Peer peer : peers) {
+    out += (out.empty() ? "" : ", ") + std::string(load::name_of(peer));
+  }
+  return out;
+}
+
 std::vector<load::Scenario> chosen(const Options& o) {
   load::Choice choice;
-  for (const std::string& name : o.peers) choice.peers.push_back(*load::peer_of(name));
+  const std::span<const load::Peer> able = o.testbed ? load::real_peers() : load::modelled_peers();
+  for (const std::string& name : o.peers) {
+    choice.peers.push_back(*load::peer_of(name));
+    if (std::ranges::find(able, choice.peers.back()) != able.end()) continue;
+    throw Failure(kUsage, fmt::format("--peer {}: {}; there are {}", name,
+                                      o.testbed ? "a model, for virtual time alone"
+                                                : "the kernel's own, with --testbed alone",
+                                      names_of(able)));
+  }
+  if (choice.peers.empty()) choice.peers.assign(able.begin(), able.end());
   choice.loads = o.loads;
+  if (o.testbed && o.loads.empty()) {
+    choice.loads.assign(std::begin(kTestbedLoads), std::end(kTestbedLoads));
+  }
   choice.length = from_ms(o.seconds * 1000);
   choice.seed = o.seed;
   std::vector<std::string> names = o.groups.empty() ? group_names() : o.groups;
@@ -63,7 +89,16 @@ std::vector<load::Scenario> chosen(const Options& o) {
   return out;
 }
 
+std::vector<load::Row> run_in_virtual_time(const std::vector<load::Scenario>& scenarios) {
+  std::vector<load::Row> rows(scenarios.size());
+  Progress progress;
+  progress.for_each("bench load", scenarios.size(),
+                    [&](std::size_t i) { rows[i] = load::run(scenarios[i]); });
+  return rows;
+}
+
 int run_load(const Options& o) {
+  if (!o.order.empty()) return run_load_end(o.order, o.end);
   const std::vector<load::Scenario> scenarios = chosen(o);
   const bool drawable = std::ranges::any_of(
       scenarios, [](const load::Scenario& s) { return s.group == "rate" || s.group == "size"; });
@@ -74,12 +109,10 @@ int run_load(const Options& o) {
     throw Failure(kUsage, "--plot: only the groups rate and size are drawn; name one of them");
   }
   const SignalWatch signals;
-  std::vector<load::Row> rows(scenarios.size());
-  Progress progress;
-  progress.for_each("bench load", scenarios.size(),
-                    [&](std::size_t i) { rows[i] = load::run(scenarios[i]); });
+  const std::vector<load::Row> rows =
+      o.testbed ? run_series(scenarios) : run_in_virtual_time(scenarios);
   if (o.json) {
-    fmt::print("{}\n", load_json(rows).dump(2));
+    fmt::print("{}\n", load_json(rows, o.testbed).dump(2));
   } else {
     print_load(rows);
   }
@@ -90,35 +123,47 @@ int run_load(const Options& o) {
 
 void add_load(CLI::App& bench, std::function<int()>& run) {
   auto o = std::make_shared<Options>();
-  CLI::App* c = bench.add_subcommand(
-      "load", "On-time goodput against offered load through one bottleneck, in virtual time");
+  CLI::App* c =
+      bench.add_subcommand("load", "On-time goodput against offered load through one bottleneck");
   c->add_option("GROUP", o->groups, "What is run (default: everything)")
       ->check(CLI::IsMember(group_names()));
   std::vector<std::string> peers(load::peer_names().begin(), load::peer_names().end());
-  c->add_option("--peer", o->peers, "A transport; once per transport (default: all)")
+  c->add_option("--peer", o->peers,
+                "A transport; once per transport, or with commas (default: all)")
+      ->delimiter(',')
       ->take_all()
       ->allow_extra_args(false)
       ->check(CLI::IsMember(peers));
   c->add_option("--load", o->loads,
-                "Offered load, IP bytes over the bottleneck's rate; once per load (default: the "
-                "group's)")
+                "Offered load, IP bytes over the bottleneck's rate; once per load, or with commas "
+                "(default: the group's; with --testbed 1.05 and 1.5)")
+      ->delimiter(',')
       ->take_all()
       ->allow_extra_args(false)
       ->check(CLI::Range(kLeastLoad, kMostLoad));
   c->add_option("--seed", o->seed, "Seed of the vehicles' phases and of the links")
       ->capture_default_str();
-  c->add_option("--seconds", o->seconds, "How long messages begin, in virtual time")
+  c->add_flag("--testbed", o->testbed,
+              "On real sockets and emulated links instead of in virtual time, with the kernel's "
+              "TCP and MPTCP (docs/load.md)");
+  c->add_option("--seconds,--duration", o->seconds, "How long messages begin")
       ->capture_default_str()
       ->check(CLI::Range(kLeastSeconds, kMostSeconds));
   c->add_flag("--json", o->json, "The rows as JSON on stdout (docs/schema/load.json)");
   c->add_option("--plot", o->plot, "Draws rate and size into this file, .svg or .png");
+  // An empty group hides an option from the help.
+  c->add_option("--order", o->order, "What --testbed tells its programs")->group("");
+  c->add_option("--end", o->end, "Which of them this is")
+      ->group("")
+      ->check(CLI::IsMember({kVehiclesEnd, kRoadEnd}));
   std::string footer = "Groups:\n";
   for (const load::Group& g : load::groups()) {
     footer += fmt::format("  {:10} {}\n", g.name, g.about);
   }
   c->footer(footer +
             "Examples:\n  interneuron bench load\n  interneuron bench load rate --peer ours "
-            "--load 1.05 --load 1.5\n"
+            "--load 1.05,1.5\n"
+            "  interneuron bench load rate --testbed --peer ours,tcp_cubic\n"
             "  interneuron bench load rate size --plot load.svg");
   c->callback([&run, o] { run = [o] { return run_load(*o); }; });
 }

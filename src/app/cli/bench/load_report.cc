@@ -47,6 +47,7 @@ lab::Json row_json(const Row& r) {
           {"share_after_ms", known(r.share_after_ms)},
           {"own_share", known(r.own_share)},
           {"cross_share", known(r.cross_share)},
+          {"road_cpu_percent", known(r.road_cpu_percent)},
           {"seed", s.seed}};
 }
 
@@ -67,6 +68,7 @@ constexpr std::array kExtras{
     Extra{"own share", "", &Row::own_share, 2},
     Extra{"cross share", "", &Row::cross_share, 2},
     Extra{"whole after", "ms", &Row::whole_after_ms, 0},
+    Extra{"road's CPU", "%", &Row::road_cpu_percent, 1},
 };
 
 // Those that any of the rows has.
@@ -111,7 +113,8 @@ std::string column_of(const Row& r) { return r.scenario.group + " " + r.scenario
 
 // Of ours and of the others, by Peer.
 constexpr std::array<const char*, load::kPeers> kColours{
-    report::kBlue, report::kGreen, report::kGrey, report::kOrange, report::kRed, report::kPurple};
+    report::kBlue,   report::kGreen,  report::kGrey, report::kOrange, report::kRed,
+    report::kPurple, report::kOrange, report::kRed,  report::kPurple};
 
 // In the order in which they first occur.
 template <class Key>
@@ -209,8 +212,9 @@ std::string script(const std::vector<Row>& rows, std::size_t columns) {
 
 }  // namespace
 
-lab::Json load_json(const std::vector<Row>& rows) {
-  lab::Json out{{"schema", kLoadSchema}, {"rows", lab::Json::array()}};
+lab::Json load_json(const std::vector<Row>& rows, bool testbed) {
+  lab::Json out{
+      {"schema", kLoadSchema}, {"mode", testbed ? "testbed" : "sim"}, {"rows", lab::Json::array()}};
   for (const Row& r : rows) out["rows"].push_back(row_json(r));
   return out;
 }

@@ -11,7 +11,7 @@ namespace interneuron::cli {
 
 inline constexpr const char* kLoadSchema = "interneuron.load/1";
 
-lab::Json load_json(const std::vector<load::Row>& rows);
+lab::Json load_json(const std::vector<load::Row>& rows, bool testbed);
 // A table for each group, on stdout.
 void print_load(const std::vector<load::Row>& rows);
 

@@ -1,0 +1,39 @@
+// One scenario under load on real sockets, and the row of figures that it comes to.
+//
+// A testbed is made for the run: a host with the vehicles, one with the roadside unit, between them
+// modems that share a cell. Its emulator measures the queue of that cell. Two programs of ours play
+// the ends. Real time and a shared machine: figures differ from run to run.
+//
+// Errors: netns::TestbedError where namespaces are forbidden (5 or 77, as those commands have
+// them); Failure when a program fails or a signal comes, for which a SignalWatch must be alive.
+// Whatever way it ends, programs, namespaces and the files in `scratch` are gone.
+// Thread-compatible.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+
+#include "lab/load/figures.h"
+
+namespace interneuron::cli {
+
+// Why a run with this transport cannot be made on this machine, one line; nothing: it can.
+std::optional<std::string> lacks(load::Peer peer);
+
+// Why a scenario cannot be played on the testbed; nothing: it can.
+std::optional<std::string> cannot_play(const load::Scenario& scenario);
+
+struct TestbedRow {
+  load::Row row;
+  // What makes the figures doubtful, one line; empty: nothing was seen.
+  std::string doubt;
+};
+
+// `scratch` is a folder for the run's files, private to it; it is made if it is not there.
+TestbedRow run_on_testbed(const load::Scenario& scenario, const std::filesystem::path& scratch);
+
+// How long a run takes, about.
+Duration time_of_run(const load::Scenario& scenario);
+
+}  // namespace interneuron::cli

@@ -1,0 +1,59 @@
+// What a run under load comes to: a row of figures. Those that follow from the fates of the
+// messages are the same in virtual time and on real sockets.
+//
+// Pure; thread-safe; no errors.
+#pragma once
+
+#include <cstddef>
+#include <optional>
+
+#include "lab/load/meter.h"
+#include "lab/load/scenario.h"
+
+namespace interneuron::load {
+
+struct Row {
+  Scenario scenario;
+  std::size_t messages = 0;
+  // Without any variant by the deadline.
+  std::size_t missed = 0;
+  // On time in the smaller variant.
+  std::size_t degraded = 0;
+  // Of messages that arrived on time.
+  double age_p50_ms = 0;
+  double age_p99_ms = 0;
+  double on_time_goodput_mbit = 0;
+  // On-time payload over the lesser of what was offered and what the bottleneck could have carried.
+  double of_possible = 0;
+  // At the bottleneck, weighted by time, from the first message on until the last one ends.
+  double queue_p99_ms = 0;
+  // The share of the bottleneck's capacity, dips included, that was used.
+  double utilisation = 0;
+  // Of the vehicles' on-time payload; nothing for one vehicle alone.
+  std::optional<double> jain{};
+  // Of a dip: from the return of the rate until the first whole message that is on time is handed
+  // over; nothing when there is none.
+  std::optional<double> whole_after_ms{};
+  // Of a late vehicle: from its first message until it has had 80 % of its fair share for half a
+  // second; nothing when that never was.
+  std::optional<double> share_after_ms{};
+  // Beside cross traffic: the on-time payload, and what the applications of the cross traffic could
+  // read, each over its fair share of what the bottleneck could have carried.
+  std::optional<double> own_share{};
+  std::optional<double> cross_share{};
+  // On the testbed: the processor time of the receiving program over the time that went by, from
+  // the first message to the last one; 100 is all of one processor.
+  std::optional<double> road_cpu_percent{};
+};
+
+// What the bottleneck could have carried while messages began, dips included: bytes, and the
+// payload of messages like these.
+double capacity_bytes(const Scenario& scenario);
+double payload_capacity(const Scenario& scenario);
+
+// Fills in what follows from the messages; `begin` is when the first of them might begin.
+void read_messages(const Scenario& scenario, const Meter& meter, Duration begin, Row& row);
+// The same of cross traffic, whose applications could read so many bytes meanwhile.
+void read_cross_traffic(const Scenario& scenario, const Meter& meter, double bytes, Row& row);
+
+}  // namespace interneuron::load

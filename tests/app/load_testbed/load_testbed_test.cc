@@ -1,0 +1,128 @@
+// `interneuron bench load --testbed`: what it tells its programs, a short run with each transport,
+// and that nothing is left when it is interrupted.
+#include <fstream>
+#include <iterator>
+
+#include "app/load_testbed/message_head.h"
+#include "app/load_testbed/order.h"
+#include "app/load_testbed/run.h"
+#include "app/load_testbed/timetable.h"
+#include "tests/app/cli/support.h"
+#include "tests/app/watch/json_schema.h"
+
+namespace interneuron::cli {
+namespace {
+
+using namespace std::chrono_literals;
+using load::Peer;
+
+TEST(LoadTestbed, ItsOrdersAreReadAsTheyWereWritten) {
+  const TempFolder folder;
+  load::Choice choice;
+  choice.peers = {Peer::kMptcp};
+  choice.seed = 7;
+  const load::Scenario scenario = load::scenarios("late", choice).front();
+  const Order written{scenario,
+                      {{"ifa", "10.77.1.2", "10.77.0.1"}, {"ifb", "10.78.1.2", "10.78.0.1"}},
+                      folder.string()};
+  const Order read = read_order(write_order(written));
+  EXPECT_EQ(read.scenario.peer, Peer::kMptcp);
+  EXPECT_EQ(read.scenario.vehicles, scenario.vehicles);
+  EXPECT_EQ(read.scenario.message_bytes, scenario.message_bytes);
+  EXPECT_EQ(read.scenario.deadline, scenario.deadline);
+  EXPECT_EQ(load::first_messages(read.scenario), load::first_messages(scenario));
+  ASSERT_EQ(read.modems.size(), 2U);
+  EXPECT_EQ(read.modems[1].vehicle_address, "10.78.1.2");
+  EXPECT_EQ(timetable(read.scenario).size(), timetable(scenario).size());
+}
+
+TEST(LoadTestbed, ItsRecordsAreReadAsTheyWereWritten) {
+  const TempFolder folder;
+  const Order order{{}, {}, folder.string()};
+  write_record(order, VehiclesRecord{{{TimePoint{1s}, TimePoint{2s}}, {TimePoint{3s}}}});
+  write_record(order, RoadRecord{{{1, 0, 1, TimePoint{4s}}}, 0.25, {{TimePoint{5s}, 6}}});
+  const VehiclesRecord vehicles = read_vehicles(order);
+  ASSERT_EQ(vehicles.begun.size(), 2U);
+  EXPECT_EQ(vehicles.begun[0][1], TimePoint{2s});
+  const RoadRecord road = read_road(order);
+  ASSERT_EQ(road.arrivals.size(), 1U);
+  EXPECT_EQ(road.arrivals[0].vehicle, 1U);
+  EXPECT_EQ(road.arrivals[0].variant, 1U);
+  EXPECT_EQ(road.arrivals[0].at, TimePoint{4s});
+  EXPECT_EQ(road.cpu, 0.25);
+  EXPECT_EQ(road.cross.at(0).bytes, 6U);
+}
+
+TEST(LoadTestbed, AMessageTellsWhichItIs) {
+  const Bytes message = message_of(200, 70'000, 48 * 1024);
+  EXPECT_EQ(message.size(), 48U * 1024);
+  const auto head = read_head(message);
+  ASSERT_TRUE(head);
+  EXPECT_EQ(head->vehicle, 200U);
+  EXPECT_EQ(head->number, 70'000U);
+  EXPECT_EQ(head->bytes, 48U * 1024);
+  EXPECT_FALSE(read_head(ByteView(message).first(kMessageHeadBytes - 1)));
+}
+
+TEST(LoadTestbed, SaysWhichPeersItHas) {
+  const Ran model = run("bench load rate --testbed --peer cubic");
+  EXPECT_EQ(model.code, 2) << model.output;
+  EXPECT_NE(model.output.find("tcp_cubic"), std::string::npos) << model.output;
+  EXPECT_EQ(run("bench load rate --peer tcp_cubic").code, 2);
+}
+
+// How many processes have this in their command line.
+int processes_with(const std::string& text) {
+  int count = 0;
+  for (const auto& entry : std::filesystem::directory_iterator("/proc")) {
+    std::ifstream file(entry.path() / "cmdline");
+    const std::string line{std::istreambuf_iterator<char>(file), {}};
+    if (line.find(text) != std::string::npos) ++count;
+  }
+  return count;
+}
+
+class LoadTestbedRun : public testing::TestWithParam<Peer> {};
+
+TEST_P(LoadTestbedRun, GivesARowOfTheSchema) {
+  if (const std::string reason = no_testbed(); !reason.empty()) GTEST_SKIP() << reason;
+  if (const auto reason = lacks(GetParam())) GTEST_SKIP() << *reason;
+  const Ran ran = run("bench load late --testbed --seconds 1 --json --peer " +
+                          std::string(load::name_of(GetParam())),
+                      false);
+  ASSERT_EQ(ran.code, 0) << ran.output;
+  const auto document = nlohmann::json::parse(ran.output, nullptr, false);
+  ASSERT_FALSE(document.is_discarded()) << ran.output.substr(0, 200);
+  for (const auto& violation : violations(schema_of("load.json"), document)) {
+    ADD_FAILURE() << violation;
+  }
+  EXPECT_EQ(document["mode"], "testbed");
+  ASSERT_EQ(document["rows"].size(), 1U);
+  const auto& row = document["rows"][0];
+  // Nine vehicles begin at once, the tenth later; twice what the cell carries.
+  EXPECT_GT(row["messages"], 200);
+  EXPECT_GT(row["utilisation"], 0.5);
+  EXPECT_GT(row["road_cpu_percent"], 0);
+  // The queue cannot be longer than its bytes take.
+  EXPECT_LE(row["queue_p99_ms"], row["queue_ms"].get<double>() + 1);
+  EXPECT_GT(row["queue_p99_ms"], 0);
+}
+
+INSTANTIATE_TEST_SUITE_P(Peers, LoadTestbedRun,
+                         testing::Values(Peer::kOurs, Peer::kUdp, Peer::kTcpCubic, Peer::kMptcp),
+                         [](const auto& test) { return std::string(load::name_of(test.param)); });
+
+TEST(LoadTestbed, LeavesNothingWhenItIsInterrupted) {
+  if (const std::string reason = no_testbed(); !reason.empty()) GTEST_SKIP() << reason;
+  const TempFolder folder;
+  const Ran ran = run_program(
+      "env", "TMPDIR='" + folder.string() + "' timeout --preserve-status -s INT 3 '" +
+                 INTERNEURON_PROGRAM + "' bench load late --testbed --peer ours --seconds 60");
+  EXPECT_EQ(ran.code, 130) << ran.output;
+  EXPECT_TRUE(std::filesystem::is_empty(folder.string())) << ran.output;
+  // The programs of a run have its folder on their command line.
+  EXPECT_EQ(processes_with(folder.string()), 0);
+}
+
+}  // namespace
+}  // namespace interneuron::cli
