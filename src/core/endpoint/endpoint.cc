@@ -59,7 +59,7 @@ class Endpoint::Impl {
     // What was due before this instant is done before; what is due at it is done after, because
     // arrivals come first.
     run_timers(now - Duration{1});
-    const Peers::Received received = peers_.receive(now, datagram);
+    Peers::Received received = peers_.receive(now, datagram);
     if (received.other_version && now >= tell_version_at_) {
       tell_version_at_ = now + kBetweenVersions;
       events_.emplace_back(OtherVersion{datagram.link, datagram.from, *received.other_version});
@@ -117,7 +117,7 @@ class Endpoint::Impl {
     }
   }
 
-  void react(TimePoint now, Peer& peer, const Peer::Input& input) {
+  void react(TimePoint now, Peer& peer, Peer::Input& input) {
     const PeerId id = peer.identity().id;
     if (input.became_ready) events_.emplace_back(PeerReady{id});
     if (input.clock_stepped) rounds_.forget_clock(id);
@@ -125,9 +125,9 @@ class Endpoint::Impl {
     if (input.bad_piece) ++bad_fragments_;
     while (auto change = peer.poll_change()) events_.emplace_back(std::move(*change));
     if (input.message && input.kind == wire::MessageKind::kRound) {
-      rounds_.complete(now, peer, *input.message);
+      rounds_.complete(now, peer, std::move(*input.message));
     } else if (input.message) {
-      messages_.complete(now, peer, input.message_id, *input.message);
+      messages_.complete(now, peer, input.message_id, std::move(*input.message));
     }
     messages_.collect(now, peer);
   }

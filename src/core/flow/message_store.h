@@ -10,7 +10,7 @@
 #include "core/base/alarms.h"
 #include "core/base/id_map.h"
 #include "core/flow/path_set.h"
-#include "core/wire/packet.h"
+#include "core/wire/message_bytes.h"
 #include "interneuron/units.h"
 
 namespace interneuron::flow {
@@ -18,7 +18,7 @@ namespace interneuron::flow {
 // A message under way; a plain value of MessageStore's.
 struct OutgoingMessage {
   MessageId id{};
-  Bytes bytes;
+  wire::MessageBytes bytes;
   TimePoint deadline{};
   // See Sender::Times.
   Duration doubt{};

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cstring>
 
-#include "core/base/earliest.h"
 #include "core/wire/plain_header.h"
 #include "core/wire/round_header.h"
 
@@ -162,39 +161,76 @@ Reassembler::Outcome Reassembler::add(TimePoint now, const wire::Data& data,
                                       const ClockBounds& clocks, std::size_t room) {
   const wire::FragmentHeader& f = data.fragment;
   if (buried_.contains(f.message)) return {Result::kDuplicate, {}};
-  auto it = partials_.find(f.message);
-  if (it == partials_.end()) {
+  auto place = by_id_.find(f.message);
+  if (!place) {
     const TimePoint expires = saturating_add(now, std::chrono::microseconds(f.lifetime_us));
     if (f.size <= room && f.size <= kMaxBytes) make_room(f.size, expires);
-    if (f.size > room || bytes_ + f.size > kMaxBytes || partials_.size() >= kMaxPartials) {
+    if (f.size > room || bytes_ + f.size > kMaxBytes || by_id_.size() >= kMaxPartials) {
       return {Result::kRefused, {}};
     }
-    Partial fresh;
-    fresh.bytes.reset(new std::byte[f.size]);
-    fresh.size = f.size;
-    fresh.chunk = f.chunk;
-    fresh.missing = f.count();
-    fresh.have.resize(f.count());
-    fresh.expires = expires;
-    bytes_ += f.size;
-    it = partials_.emplace(f.message, std::move(fresh)).first;
+    place = open(f, expires);
   }
-  Partial& p = it->second;
-  if (p.size != f.size || p.chunk != f.chunk) return {Result::kBad, {}};
+  Partial& p = partials_[*place];
+  if (p.size != f.size || p.chunk != f.chunk || p.kind != f.kind) return {Result::kBad, {}};
   if (p.have[f.index]) return {Result::kDuplicate, {}};
   p.have[f.index] = true;
   --p.missing;
-  const std::size_t offset = std::size_t{f.index} * f.chunk;
-  std::memcpy(p.bytes.get() + offset, data.bytes.data(), data.bytes.size());
-  if (f.index == 0) refine_expiry(p, data, clocks);
+  store(p, std::size_t{f.index} * f.chunk, data.bytes);
+  if (f.index == 0) refine_expiry(*place, data, clocks);
   if (p.missing > 0) return {Result::kStored, {}};
-  Outcome done{Result::kComplete, Bytes(p.bytes.get(), p.bytes.get() + p.size)};
+  Outcome done{Result::kComplete, std::move(p.bytes)};
   bury(f.message);
   return done;
 }
 
+// The place of a message that begins with this fragment.
+std::uint32_t Reassembler::open(const wire::FragmentHeader& f, TimePoint expires) {
+  if (free_.empty()) {
+    free_.push_back(static_cast<std::uint32_t>(partials_.size()));
+    partials_.emplace_back();
+  }
+  const std::uint32_t place = free_.back();
+  free_.pop_back();
+  Partial& p = partials_[place];
+  p.id = f.message;
+  p.kind = f.kind;
+  p.size = f.size;
+  p.chunk = f.chunk;
+  p.missing = f.count();
+  p.have.assign(f.count(), false);
+  p.expires = expires;
+  const std::size_t header = std::min<std::size_t>(f.size, wire::header_bytes(f.kind));
+  p.bytes.header = {};
+  for (std::size_t i = 0; i < header; ++i) p.bytes.header.push_back(std::byte{0});
+  p.bytes.payload.reserve(f.size - header);
+  bytes_ += f.size;
+  by_id_.insert(f.message, place);
+  expiries_.set(place, expires);
+  return place;
+}
+
+// Only what no fragment has brought yet is ever written, and nothing is read before all is there.
+void Reassembler::store(Partial& partial, std::size_t offset, ByteView bytes) {
+  wire::MessageBytes::Header& header = partial.bytes.header;
+  if (offset < header.size()) {
+    const std::size_t first = std::min(bytes.size(), header.size() - offset);
+    std::memcpy(header.data() + offset, bytes.data(), first);
+    bytes = bytes.subspan(first);
+    offset += first;
+  }
+  if (bytes.empty()) return;
+  Bytes& payload = partial.bytes.payload;
+  const std::size_t at = offset - header.size();
+  if (payload.size() < at) payload.resize(at);
+  if (payload.size() == at) {
+    payload.insert(payload.end(), bytes.begin(), bytes.end());
+  } else {
+    std::memcpy(payload.data() + at, bytes.data(), bytes.size());
+  }
+}
+
 // The refined expiry is never early, since the true clock offset is at most `hi`.
-void Reassembler::refine_expiry(Partial& partial, const wire::Data& first,
+void Reassembler::refine_expiry(std::uint32_t place, const wire::Data& first,
                                 const ClockBounds& clocks) {
   PeerTime t0{};
   Duration deadline{};
@@ -215,49 +251,44 @@ void Reassembler::refine_expiry(Partial& partial, const wire::Data& first,
   if (!hi) return;
   const Duration allowed = deadline + kExpirySlack;
   const TimePoint by_clock = when_elapsed(t0, Duration{wrapping_add(hi->count(), allowed.count())});
-  partial.expires = std::min(partial.expires, by_clock);
+  TimePoint& expires = partials_[place].expires;
+  expires = std::min(expires, by_clock);
+  expiries_.set(place, expires);
 }
 
 void Reassembler::make_room(std::size_t size, TimePoint expires) {
+  if (bytes_ + size <= kMaxBytes) return;
   std::size_t older = 0;
-  for (const auto& [id, partial] : partials_) {
-    if (partial.expires < expires) older += partial.size;
+  for (const Partial& partial : partials_) {
+    if (partial.size > 0 && partial.expires < expires) older += partial.size;
   }
   // Nothing goes where it would not suffice.
   if (bytes_ - older + size > kMaxBytes) return;
-  while (bytes_ + size > kMaxBytes) {
-    const auto next = std::ranges::min_element(
-        partials_, {}, [](const auto& entry) { return entry.second.expires; });
-    bury(MessageId{next->first});
-  }
+  while (bytes_ + size > kMaxBytes) bury(partials_[*expiries_.due(expires)].id);
 }
 
 void Reassembler::bury(MessageId message) {
-  const auto it = partials_.find(message);
-  bytes_ -= it->second.size;
-  partials_.erase(it);
+  const auto place = by_id_.find(message);
+  if (!place) return;
+  Partial& partial = partials_[*place];
+  bytes_ -= partial.size;
+  partial.size = 0;
+  partial.bytes = {};
+  if (partial.have.size() > kMostKept) partial.have = {};
+  expiries_.remove(*place);
+  by_id_.erase(message);
+  free_.push_back(*place);
   buried_.insert(message);
 }
 
 std::size_t Reassembler::expire(TimePoint now) {
-  std::vector<MessageId> gone;
-  for (const auto& [message, partial] : partials_) {
-    if (partial.expires <= now) gone.push_back(message);
-  }
-  for (const MessageId message : gone) bury(message);
-  return gone.size();
+  std::size_t gone = 0;
+  for (; const auto place = expiries_.due(now); ++gone) bury(partials_[*place].id);
+  return gone;
 }
 
-std::optional<TimePoint> Reassembler::next_timeout() const {
-  std::optional<TimePoint> next;
-  for (const auto& [message, partial] : partials_) next = earliest(next, partial.expires);
-  return next;
-}
+std::optional<TimePoint> Reassembler::next_timeout() const { return expiries_.earliest(); }
 
-void Reassembler::reset() {
-  partials_.clear();
-  buried_.clear();
-  bytes_ = 0;
-}
+void Reassembler::reset() { *this = {}; }
 
 }  // namespace interneuron::flow

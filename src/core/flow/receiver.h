@@ -5,13 +5,13 @@
 
 #include <array>
 #include <cstdint>
-#include <memory>
 #include <optional>
-#include <unordered_map>
 #include <vector>
 
+#include "core/base/alarms.h"
+#include "core/base/id_map.h"
 #include "core/base/recent_set.h"
-#include "core/wire/packet.h"
+#include "core/wire/message_bytes.h"
 #include "interneuron/message.h"
 #include "interneuron/units.h"
 
@@ -150,7 +150,7 @@ class Reassembler {
   struct Outcome {
     Result result{};
     // The whole message when it is complete.
-    Bytes message;
+    wire::MessageBytes message;
   };
   // `clocks` bounds the offset of the origin's clock, so that the message's header, once its first
   // fragment is there, can shorten its life (docs/paper.md, "Expiry at a receiver"). `room`: how
@@ -167,21 +167,36 @@ class Reassembler {
   void reset();
 
  private:
+  // Fragments for which a free place keeps its memory. No measurement behind this value: it only
+  // has to be more than common messages have.
+  static constexpr std::size_t kMostKept = 8192;
+
+  // Its size is 0 in a free place.
   struct Partial {
-    // Not cleared when it is allocated: only bytes that have arrived are ever read.
-    std::unique_ptr<std::byte[]> bytes;
+    MessageId id{};
+    wire::MessageKind kind{};
+    // Grows with what has come, so that what comes in its order is neither cleared nor copied
+    // again; its memory is there from the first fragment on.
+    wire::MessageBytes bytes;
     std::size_t size = 0;
     std::uint16_t chunk = 0;
     std::uint16_t missing = 0;
     std::vector<bool> have;
     TimePoint expires{};
   };
+  std::uint32_t open(const wire::FragmentHeader& fragment, TimePoint expires);
+  static void store(Partial& partial, std::size_t offset, ByteView bytes);
   // Makes room for so many bytes that are kept until `expires`, if there can be room.
   void make_room(std::size_t size, TimePoint expires);
   void bury(MessageId message);
-  void refine_expiry(Partial& partial, const wire::Data& first, const ClockBounds& clocks);
+  void refine_expiry(std::uint32_t place, const wire::Data& first, const ClockBounds& clocks);
 
-  std::unordered_map<MessageId, Partial> partials_;
+  // Places of messages that are complete or expired are empty and listed in free_.
+  std::vector<Partial> partials_;
+  std::vector<std::uint32_t> free_;
+  IdMap<MessageId> by_id_;
+  // When each place expires.
+  Alarms expiries_;
   // Messages that are complete or expired, whose further fragments are duplicates.
   RecentSet<MessageId, kBuried> buried_;
   std::size_t bytes_ = 0;

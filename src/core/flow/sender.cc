@@ -78,7 +78,7 @@ void Sender::set_path(LinkId path, const PathView& view) {
   if (it != paths_.end()) it->second.view = view;
 }
 
-MessageId Sender::send(TimePoint now, const Times& times, Bytes bytes,
+MessageId Sender::send(TimePoint now, const Times& times, wire::MessageBytes bytes,
                        const std::vector<LinkId>& paths, const PathSet& repairs,
                        wire::MessageKind kind) {
   const MessageId id{next_message_++};
@@ -197,7 +197,7 @@ std::optional<Sender::Piece> Sender::poll(TimePoint now, LinkId path_id) {
     return Piece{number,
                  {m.id, taken->index, m.chunk, static_cast<std::uint32_t>(m.bytes.size()),
                   m.lifetime_us, m.kind},
-                 ByteView(m.bytes).subspan(offset, size)};
+                 m.bytes.part(offset, size)};
   }
 }
 

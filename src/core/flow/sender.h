@@ -68,8 +68,8 @@ class Sender {
   // loaded path gives it up as soon as the rest of it cannot arrive in time over that path, so that
   // others can. A message of more than 65,535 fragments, an empty one or one that is late
   // already is not sent at all.
-  MessageId send(TimePoint now, const Times& times, Bytes message, const std::vector<LinkId>& paths,
-                 const PathSet& repairs = kEveryPath,
+  MessageId send(TimePoint now, const Times& times, wire::MessageBytes message,
+                 const std::vector<LinkId>& paths, const PathSet& repairs = kEveryPath,
                  wire::MessageKind kind = wire::MessageKind::kRound);
 
   // Forgets a message: nothing more of it is sent. It is complete at the peer, or nobody wants it.
@@ -94,7 +94,7 @@ class Sender {
   struct Piece {
     std::uint64_t number = 0;
     wire::FragmentHeader fragment;
-    ByteView bytes;
+    wire::MessageBytes::Part bytes;
   };
   std::optional<Piece> poll(TimePoint now, LinkId path);
 

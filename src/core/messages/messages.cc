@@ -22,11 +22,10 @@ constexpr Duration kLookAgain = std::chrono::milliseconds(10);
 // value: an application that still wants to send has asked again long since.
 constexpr Duration kLongestWait = std::chrono::seconds(10);
 
-Bytes joined(const wire::PlainHeader& header, const Bytes& payload) {
-  Bytes message(wire::kPlainHeaderBytes + payload.size());
-  wire::write_plain_header(std::span(message).first<wire::kPlainHeaderBytes>(), header);
-  std::ranges::copy(payload, message.begin() + wire::kPlainHeaderBytes);
-  return message;
+wire::MessageBytes with(const wire::PlainHeader& header, Bytes payload) {
+  std::array<std::byte, wire::kPlainHeaderBytes> bytes;
+  wire::write_plain_header(bytes, header);
+  return {bytes, std::move(payload)};
 }
 
 std::uint32_t to_us(Duration d) {
@@ -107,11 +106,11 @@ SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const Sen
                             .ends = now + deadline + kGrace};
   Duration round_trip{};
   for (const Route& route : routes) {
-    const Bytes& payload = variants[route.variant];
     header.variant = route.variant;
     const MessageId message =
-        peer->send(now, {.deadline = entry.deadline, .lifetime = deadline}, joined(header, payload),
-                   route.links, allowed_of(policy, links), wire::MessageKind::kPlain);
+        peer->send(now, {.deadline = entry.deadline, .lifetime = deadline},
+                   with(header, std::move(variants[route.variant])), route.links,
+                   allowed_of(policy, links), wire::MessageKind::kPlain);
     entry.variants.push_back({message, route.variant});
     for (const LinkId id : route.links) {
       round_trip = std::max(round_trip, find(links, id).rtt_p50);
@@ -237,9 +236,9 @@ bool Messages::would_accept(TimePoint now, const Waiting& w) {
 
 // --- receiving
 
-void Messages::complete(TimePoint now, Peer& peer, MessageId message, const Bytes& bytes) {
-  const auto header = wire::parse_plain_header(bytes);
-  if (!header || bytes.size() == wire::kPlainHeaderBytes) {
+void Messages::complete(TimePoint now, Peer& peer, MessageId message, wire::MessageBytes bytes) {
+  const auto header = wire::parse_plain_header(bytes.header_view());
+  if (!header || bytes.payload.empty()) {
     ++counters_.bad_messages;
     return;
   }
@@ -266,8 +265,7 @@ void Messages::complete(TimePoint now, Peer& peer, MessageId message, const Byte
       return;
     case ReceivedMessages::Verdict::kDeliver:
       events_.emplace_back(Message{from, header->channel, header->importance, header->variant, age,
-                                   error,
-                                   Bytes(bytes.begin() + wire::kPlainHeaderBytes, bytes.end())});
+                                   error, std::move(bytes.payload)});
   }
 }
 

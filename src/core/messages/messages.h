@@ -32,7 +32,7 @@ class Messages {
   bool cancel(TimePoint now, SendId id);
 
   // A message of this peer is complete.
-  void complete(TimePoint now, Peer& peer, MessageId message, const Bytes& bytes);
+  void complete(TimePoint now, Peer& peer, MessageId message, wire::MessageBytes bytes);
   // Takes in what this peer, or the sender to it, has to say of messages.
   void collect(TimePoint now, Peer& peer);
   // What is due at or before `now`.

@@ -336,7 +336,7 @@ std::optional<Transmit> Peer::poll_data(TimePoint now, Path& path, std::span<std
   if (!piece) return std::nullopt;
   const std::size_t size =
       wire::write_data(buffer, header(now, path, wire::PacketType::kData, piece->number),
-                       piece->fragment, piece->bytes);
+                       piece->fragment, piece->bytes.header, piece->bytes.payload);
   path.sent_data(now, size);
   return Transmit{path.nic().link, path.address(), size};
 }
@@ -350,7 +350,7 @@ std::optional<Transmit> Peer::poll(TimePoint now, LinkId nic, std::span<std::byt
   return std::nullopt;
 }
 
-MessageId Peer::send(TimePoint now, const flow::Sender::Times& times, Bytes message,
+MessageId Peer::send(TimePoint now, const flow::Sender::Times& times, wire::MessageBytes message,
                      const std::vector<LinkId>& paths, const flow::PathSet& repairs,
                      wire::MessageKind kind) {
   note_activity(now);

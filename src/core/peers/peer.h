@@ -73,7 +73,7 @@ class Peer {
     // A piece was dropped that contradicts others of its message.
     bool bad_piece = false;
     // The message that this packet completed, and what it begins with.
-    std::optional<Bytes> message;
+    std::optional<wire::MessageBytes> message;
     MessageId message_id{};
     wire::MessageKind kind{};
   };
@@ -96,7 +96,7 @@ class Peer {
 
   // Queues a message on these paths; lost pieces go over these and over those of `repairs`. See
   // flow::Sender::send().
-  MessageId send(TimePoint now, const flow::Sender::Times& times, Bytes message,
+  MessageId send(TimePoint now, const flow::Sender::Times& times, wire::MessageBytes message,
                  const std::vector<LinkId>& paths, const flow::PathSet& repairs,
                  wire::MessageKind kind = wire::MessageKind::kRound);
   // Nothing more of this message is sent.

@@ -11,11 +11,10 @@
 namespace interneuron {
 namespace {
 
-Bytes joined(const wire::RoundHeader& header, const Bytes& payload) {
-  Bytes message(wire::kRoundHeaderBytes + payload.size());
-  wire::write_round_header(std::span(message).first<wire::kRoundHeaderBytes>(), header);
-  std::ranges::copy(payload, message.begin() + wire::kRoundHeaderBytes);
-  return message;
+wire::MessageBytes with(const wire::RoundHeader& header, Bytes payload) {
+  std::array<std::byte, wire::kRoundHeaderBytes> bytes;
+  wire::write_round_header(bytes, header);
+  return {bytes, std::move(payload)};
 }
 
 // The links that the policy allows: lost pieces go over no other.
@@ -105,7 +104,7 @@ Plan Dispatch::plan(std::span<const LinkState> links, const wire::RoundHeader& h
 
 std::optional<Planned> Dispatch::send(TimePoint now, Peer& peer, std::size_t room,
                                       const RoundContext& context, const ClockOf& clock,
-                                      const Variants& variants, MessageClass message_class,
+                                      Variants& variants, MessageClass message_class,
                                       const Guidance& guidance) const {
   wire::RoundHeader header = context.header;
   header.stage = static_cast<std::uint8_t>(context.stage + 1);
@@ -141,7 +140,7 @@ std::optional<Planned> Dispatch::send(TimePoint now, Peer& peer, std::size_t roo
     }
     if (paths.empty()) continue;
     header.variant = static_cast<std::uint8_t>(v);
-    peer.send(now, times, joined(header, variants[v]), paths, repairs);
+    peer.send(now, times, with(header, std::move(variants[v])), paths, repairs);
   }
   return planned;
 }

@@ -33,11 +33,10 @@ class Dispatch {
 
   // Plans and queues the message after the last stage of this context. The answer is the plan that
   // was carried out; where it holds no sends, nothing was sent. Nothing: what was planned takes
-  // more than `room` bytes, so nothing was sent.
+  // more than `room` bytes, so nothing was sent. The bytes of the variants that are sent are taken.
   std::optional<Planned> send(TimePoint now, Peer& peer, std::size_t room,
-                              const RoundContext& context, const ClockOf& clock,
-                              const Variants& variants, MessageClass message_class,
-                              const Guidance& guidance) const;
+                              const RoundContext& context, const ClockOf& clock, Variants& variants,
+                              MessageClass message_class, const Guidance& guidance) const;
 
   // The plan for a message with this header and offer.
   Plan plan(std::span<const LinkState> links, const wire::RoundHeader& header, const Offer& offer,

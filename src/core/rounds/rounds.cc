@@ -135,8 +135,8 @@ std::optional<TimePoint> Rounds::next_timeout() const {
   return earliest(stages_.next_timeout(), own_.next_timeout());
 }
 
-void Rounds::complete(TimePoint now, Peer& peer, const Bytes& message) {
-  const auto header = wire::parse_round_header(message);
+void Rounds::complete(TimePoint now, Peer& peer, wire::MessageBytes message) {
+  const auto header = wire::parse_round_header(message.header_view());
   const bool mine = header && own_.is_mine(header->round);
   if (!header || (mine && !own_.has_begun(header->round)) ||
       (!mine && header->stage == header->stages)) {
@@ -144,8 +144,7 @@ void Rounds::complete(TimePoint now, Peer& peer, const Bytes& message) {
     return;
   }
   ++counters_.messages_completed;
-  Arrived arrived{*header, Bytes(message.begin() + wire::kRoundHeaderBytes, message.end()),
-                  peer.identity().id};
+  Arrived arrived{*header, std::move(message.payload), peer.identity().id};
   guard::StageGuard& observer = observer_of(*header, arrived.from);
   if (!mine) {
     observer.learn(now, header->round.round, header->indicator, recent_e2e(*header));

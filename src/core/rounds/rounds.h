@@ -37,7 +37,7 @@ class Rounds {
   void local_result(TimePoint now, const RoundRef& round, Bytes result);
 
   // A message of this peer is complete.
-  void complete(TimePoint now, Peer& peer, const Bytes& message);
+  void complete(TimePoint now, Peer& peer, wire::MessageBytes message);
   // What is due at or before `now`: held variants first, then the rounds' deadlines.
   void expire(TimePoint now);
   std::optional<TimePoint> next_timeout() const;

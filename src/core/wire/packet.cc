@@ -251,11 +251,12 @@ std::optional<std::uint8_t> other_version(ByteView datagram) {
 }
 
 std::size_t write_data(std::span<std::byte> out, const PacketHeader& header,
-                       const FragmentHeader& fragment, ByteView bytes) {
+                       const FragmentHeader& fragment, ByteView bytes, ByteView more) {
   Writer w(out);
   put_header(w, header);
   put_fragment(w, fragment);
   w.put_bytes(bytes);
+  w.put_bytes(more);
   return finish(w);
 }
 

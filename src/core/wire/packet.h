@@ -249,9 +249,9 @@ std::optional<Packet> parse(ByteView datagram);
 std::optional<std::uint8_t> other_version(ByteView datagram);
 
 // Each writes one datagram and returns its size in bytes. The buffer must hold it, which is
-// asserted.
+// asserted. The bytes of a fragment may come in two parts.
 std::size_t write_data(std::span<std::byte> out, const PacketHeader& header,
-                       const FragmentHeader& fragment, ByteView bytes);
+                       const FragmentHeader& fragment, ByteView bytes, ByteView more = {});
 std::size_t write_feedback(std::span<std::byte> out, const PacketHeader& header,
                            const Feedback& feedback);
 // Padded to `size` bytes, at least kPacketOverhead.

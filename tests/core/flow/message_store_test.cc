@@ -31,7 +31,7 @@ TEST(MessageStore, TellsWhoseDeadlineIsNext) {
 TEST(MessageStore, APlaceThatIsUsedAgainKnowsNothingOfBefore) {
   MessageStore store;
   OutgoingMessage& first = store.add(MessageId{1}, at(1s), 2000, 2);
-  first.bytes.resize(5);
+  first.bytes.payload.resize(5);
   first.pieces[7].acknowledged = true;
   first.repairs.add(LinkId{3});
   store.erase(MessageId{1});

@@ -20,7 +20,12 @@ RC_GTEST_PROP(Sender, PiecesFitThePathAndMakeUpTheMessage, ()) {
   p.sender.resize(at(0s), kB, narrow);
   Bytes message(size);
   for (std::size_t i = 0; i < size; ++i) message[i] = static_cast<std::byte>(i * 31 + i / 256);
-  p.sender.send(at(0s), {.deadline = kFar, .lifetime = 130ms}, message, {kA, kB});
+  const auto of_header =
+      *rc::gen::inRange<std::size_t>(0, std::min(size, wire::MessageBytes::kMostHeaderBytes) + 1);
+  const ByteView all(message);
+  const ByteView payload = all.subspan(of_header);
+  p.sender.send(at(0s), {.deadline = kFar, .lifetime = 130ms},
+                {all.first(of_header), Bytes(payload.begin(), payload.end())}, {kA, kB});
   Bytes joined;
   TimePoint now = at(0s);
   for (int i = 0; i < 100'000 && p.sender.next_send(kA); ++i, now += 100us) {
@@ -28,7 +33,9 @@ RC_GTEST_PROP(Sender, PiecesFitThePathAndMakeUpTheMessage, ()) {
       RC_ASSERT(piece->bytes.size() + kPieceOverheadBytes <= narrow);
       RC_ASSERT(piece->fragment.index * std::size_t{piece->fragment.chunk} == joined.size());
       RC_ASSERT(piece->fragment.lifetime_us == 130'000U);
-      joined.insert(joined.end(), piece->bytes.begin(), piece->bytes.end());
+      for (const ByteView bytes : {piece->bytes.header, piece->bytes.payload}) {
+        joined.insert(joined.end(), bytes.begin(), bytes.end());
+      }
     }
   }
   RC_ASSERT(joined == message);
