@@ -27,6 +27,8 @@ struct OutgoingMessage {
   std::uint16_t count = 0;
   std::uint16_t chunk = 0;
   std::uint16_t unacknowledged = 0;
+  // No fragment from this one on has left yet.
+  std::uint32_t sent = 0;
   // How many paths it was queued on.
   std::uint8_t paths = 0;
   // The paths over which lost fragments may be sent again.
@@ -67,6 +69,7 @@ class MessageStore {
     message.id = id;
     message.deadline = deadline;
     message.count = message.unacknowledged = count;
+    message.sent = 0;
     message.paths = paths;
     message.repairs = {};
     message.pieces.assign(count, {false, paths});

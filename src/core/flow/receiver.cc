@@ -166,6 +166,7 @@ Reassembler::Outcome Reassembler::add(TimePoint now, const wire::Data& data,
     const TimePoint expires = saturating_add(now, std::chrono::microseconds(f.lifetime_us));
     if (f.size <= room && f.size <= kMaxBytes) make_room(f.size, expires);
     if (f.size > room || bytes_ + f.size > kMaxBytes || by_id_.size() >= kMaxPartials) {
+      if (f.kind == wire::MessageKind::kPlain) buried_.insert(f.message);
       return {Result::kRefused, {}};
     }
     place = open(f, expires);
@@ -264,7 +265,11 @@ void Reassembler::make_room(std::size_t size, TimePoint expires) {
   }
   // Nothing goes where it would not suffice.
   if (bytes_ - older + size > kMaxBytes) return;
-  while (bytes_ + size > kMaxBytes) bury(partials_[*expiries_.due(expires)].id);
+  while (bytes_ + size > kMaxBytes) {
+    const MessageId evicted = partials_[*expiries_.due(expires)].id;
+    bury(evicted);
+    evicted_.push_back(evicted);
+  }
 }
 
 void Reassembler::bury(MessageId message) {
@@ -279,6 +284,13 @@ void Reassembler::bury(MessageId message) {
   by_id_.erase(message);
   free_.push_back(*place);
   buried_.insert(message);
+}
+
+std::optional<MessageId> Reassembler::poll_evicted() {
+  if (evicted_.empty()) return std::nullopt;
+  const MessageId message = evicted_.back();
+  evicted_.pop_back();
+  return message;
 }
 
 std::size_t Reassembler::expire(TimePoint now) {

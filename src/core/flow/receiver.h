@@ -142,7 +142,8 @@ class Reassembler {
     kComplete,
     // The fragment is there already, or its message is complete or expired.
     kDuplicate,
-    // There is no room.
+    // There is no room. Of a plain message that is final: its sender is told, so that no further
+    // fragment of it is taken.
     kRefused,
     // The fragment contradicts those before, which stay.
     kBad,
@@ -158,6 +159,8 @@ class Reassembler {
   Outcome add(TimePoint now, const wire::Data& data, const ClockBounds& clocks,
               std::size_t room = SIZE_MAX);
 
+  // Messages that had to make room for another one, each once.
+  std::optional<MessageId> poll_evicted();
   // Forgets the messages that can no longer arrive by their deadline; returns how many there were.
   std::size_t expire(TimePoint now);
   std::optional<TimePoint> next_timeout() const;
@@ -199,6 +202,7 @@ class Reassembler {
   Alarms expiries_;
   // Messages that are complete or expired, whose further fragments are duplicates.
   RecentSet<MessageId, kBuried> buried_;
+  std::vector<MessageId> evicted_;
   std::size_t bytes_ = 0;
 };
 

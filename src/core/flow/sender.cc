@@ -42,6 +42,9 @@ void Sender::remove_path(TimePoint now, LinkId path) {
   if (it == paths_.end()) return;
   Path gone = std::move(it->second);
   paths_.erase(it);
+  // Of what left over it nobody will tell.
+  overdue_.remove_path(path);
+  removed_at_ = now;
   settle(now, gone.sent.in_flight());
   for (const MessageId id : gone.jobs.messages()) hand_on(now, gone.jobs, id);
 }
@@ -125,8 +128,9 @@ Job* Sender::next_job(Path& path, TimePoint now) {
     if (job->pieces() > 0 && now < job->deadline) {
       if (can_arrive(now, path, *job, message)) return job;
       give_up(*job, message);
-      // Nobody else completes it, so nothing of it is sent again.
-      if (message.paths == 1) {
+      // Nobody else completes it, so nothing of it is sent again. Where all of it has left, what
+      // was to be sent again may be there after all.
+      if (message.paths == 1 && job->next < job->count) {
         if (message.kind == wire::MessageKind::kPlain) given_up_.push_back(id);
         forget(id);
         continue;
@@ -181,7 +185,8 @@ std::optional<Sender::Piece> Sender::poll(TimePoint now, LinkId path_id) {
     const auto taken = take(path, *job);
     if (!taken) continue;
 
-    const Message& m = *messages_.find(job->message);
+    Message& m = *messages_.find(job->message);
+    m.sent = std::max<std::uint32_t>(m.sent, taken->index + 1U);
     const std::size_t offset = std::size_t{taken->index} * m.chunk;
     const std::size_t size = std::min<std::size_t>(m.chunk, m.bytes.size() - offset);
     const std::size_t ip_bytes = size + kPieceOverheadBytes + kIpUdpBytes;
@@ -205,6 +210,7 @@ std::optional<Sender::Piece> Sender::poll(TimePoint now, LinkId path_id) {
 void Sender::settle(TimePoint now, std::span<const SentPackets::Settled> pieces) {
   for (const auto& [what, arrived, was_open] : pieces) {
     Message* message = messages_.find(what.message);
+    if (message == nullptr && arrived) overdue_.arrived(what);
     if (message == nullptr) continue;
     Message::PieceState& piece = message->pieces[what.index];
     if (was_open && piece.under_way > 0) --piece.under_way;
@@ -214,9 +220,7 @@ void Sender::settle(TimePoint now, std::span<const SentPackets::Settled> pieces)
       continue;
     }
     piece.acknowledged = true;
-    if (--message->unacknowledged > 0) continue;
-    if (message->kind == wire::MessageKind::kPlain) acknowledged_.push_back(message->id);
-    forget(message->id);
+    if (--message->unacknowledged == 0) forget(message->id);
   }
 }
 
@@ -303,7 +307,26 @@ void Sender::handle_timeout(TimePoint now) {
     path.use.lost(static_cast<std::uint32_t>(silent.size()));
     settle(now, silent);
   }
-  while (const auto late = messages_.due(now)) forget(*late);
+  while (const auto late = messages_.due(now)) {
+    note_overdue(now, *messages_.find(*late));
+    forget(*late);
+  }
+}
+
+void Sender::note_overdue(TimePoint now, const Message& message) {
+  const TimePoint began = message.deadline - std::chrono::microseconds(message.lifetime_us);
+  if (message.kind != wire::MessageKind::kPlain || began <= removed_at_) return;
+  SentPackets::Piece missing{message.id, message.count};
+  while (message.pieces[--missing.index].acknowledged) {
+  }
+  Overdue::Paths copies;
+  for (const auto& [link, path] : paths_) {
+    if (missing.index >= message.sent) break;
+    // The lifetime is rounded to microseconds.
+    const auto known = path.sent.copies(missing, began - std::chrono::microseconds(1));
+    if (known) copies.push_back({link, known->first, known->second});
+  }
+  overdue_.add(now, missing, message.deadline, copies);
 }
 
 std::optional<TimePoint> Sender::next_timeout() const {
@@ -322,11 +345,19 @@ std::optional<TimePoint> Sender::next_send(LinkId path) const {
   return saturating_add(it->second.free_at, kQuantum);
 }
 
+std::optional<MessageId> Sender::poll_given_up() {
+  if (given_up_.empty()) return std::nullopt;
+  const MessageId message = given_up_.front();
+  given_up_.pop_front();
+  return message;
+}
+
 bool Sender::is_queued(MessageId message) const {
-  return std::ranges::any_of(paths_, [message](const auto& entry) {
-    const Job* job = entry.second.jobs.find(message);
-    return job != nullptr && job->next < job->count;
-  });
+  const Message* known = messages_.find(message);
+  return known != nullptr && std::ranges::count_if(paths_, [message](const auto& entry) {
+                               const Job* job = entry.second.jobs.find(message);
+                               return job != nullptr && job->next < job->count;
+                             }) == known->paths;
 }
 
 std::size_t Sender::queued_before(LinkId link, TimePoint deadline) const {
@@ -347,7 +378,7 @@ std::uint64_t Sender::lost(LinkId path) const {
 void Sender::reset(TimePoint now) {
   messages_.clear();
   bytes_ = 0;
-  acknowledged_.clear();
+  overdue_.clear();
   given_up_.clear();
   for (auto& [link, path] : paths_) {
     path.jobs.clear();

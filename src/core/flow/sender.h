@@ -12,6 +12,7 @@
 
 #include "core/flow/job_queue.h"
 #include "core/flow/message_store.h"
+#include "core/flow/overdue.h"
 #include "core/flow/path_set.h"
 #include "core/flow/path_use.h"
 #include "core/flow/path_view.h"
@@ -76,11 +77,16 @@ class Sender {
   void cancel(MessageId message) { forget(message); }
   // Bytes of the messages that are under way.
   std::size_t bytes() const { return bytes_; }
-  // Messages whose pieces are all acknowledged, and those that their only path has given up before
-  // their deadline; each once, of those of kind kPlain alone.
-  std::optional<MessageId> poll_acknowledged() { return take(acknowledged_); }
-  std::optional<MessageId> poll_given_up() { return take(given_up_); }
-  // Whether a piece of this message has not left yet.
+  // Messages that cannot be complete at the peer: those that their only path has given up before
+  // all of them had left, and those that were incomplete at their deadline (Overdue). Each once, of
+  // those of kind kPlain alone.
+  std::optional<MessageId> poll_given_up();
+  std::optional<MessageId> poll_incomplete() { return overdue_.poll(); }
+  // The peer's reports of one feedback, which it sent at `left` or later; nothing: not known when.
+  void settle_overdue(std::span<const wire::LinkReport> reports, std::optional<TimePoint> left) {
+    for (const wire::LinkReport& report : reports) overdue_.report(report, left);
+  }
+  // Whether on each path that it goes over a piece of this message has not left yet.
   bool is_queued(MessageId message) const;
   // Bytes that this path has to send of messages whose deadline is not after this one.
   std::size_t queued_before(LinkId path, TimePoint deadline) const;
@@ -146,12 +152,8 @@ class Sender {
   static bool can_arrive(TimePoint now, const Path& path, const Job& job, const Message& message);
   // The path sends no more of this job's message.
   void give_up(const Job& job, Message& message);
-  static std::optional<MessageId> take(std::deque<MessageId>& messages) {
-    if (messages.empty()) return std::nullopt;
-    const MessageId message = messages.front();
-    messages.pop_front();
-    return message;
-  }
+  // The deadline of a message has passed before it was acknowledged.
+  void note_overdue(TimePoint now, const Message& message);
   static bool is_full(const Path& path) { return path.sent.bytes_in_flight() >= path.view.window; }
   // Nothing more of this message is sent.
   void forget(MessageId message);
@@ -165,7 +167,9 @@ class Sender {
   std::map<LinkId, Path> paths_;
   MessageStore messages_;
   std::size_t bytes_ = 0;
-  std::deque<MessageId> acknowledged_;
+  Overdue overdue_;
+  // When a path was removed last.
+  TimePoint removed_at_ = TimePoint::min();
   std::deque<MessageId> given_up_;
   std::uint32_t next_message_;
   std::uint64_t cancelled_ = 0;

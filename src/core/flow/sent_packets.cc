@@ -30,10 +30,6 @@ constexpr std::size_t kKeepSettled = 512;
 // Probes of a train are this far apart at most; others were not sent as one train. A full packet
 // takes so long at 0.23 Mbit/s.
 constexpr Duration kProbeGap = std::chrono::milliseconds(50);
-// A packet taken for lost may still arrive. Its loss is certain when this many later ones were
-// sent, or after twice the timeout. Half the packets that an acknowledgement tells of
-// (wire::kAckWindow).
-constexpr std::uint64_t kLatePackets = 128;
 // So many lookups of fragments in flight look at all of them before they are ordered for the next
 // ones. No measurement behind this value: ordering n of them takes about log n looks at each.
 constexpr std::uint32_t kLookupsToIndex = 8;
@@ -324,6 +320,18 @@ std::optional<TimePoint> SentPackets::sent_at(const Piece& piece) {
   const auto behind = std::ranges::upper_bound(copies_, piece, {}, &Copy::piece);
   if (behind == copies_.begin() || std::prev(behind)->piece != piece) return std::nullopt;
   return std::prev(behind)->at;
+}
+
+std::optional<std::pair<std::uint64_t, std::uint64_t>> SentPackets::copies(const Piece& piece,
+                                                                           TimePoint since) const {
+  std::optional<std::pair<std::uint64_t, std::uint64_t>> out;
+  for (std::uint64_t n = next_ - 1; keeps(n) && at(n).at >= since; --n) {
+    const Packet& packet = at(n);
+    if (!packet.has_piece || packet.piece != piece) continue;
+    if (packet.covered && largest_ >= n + kLatePackets) continue;
+    out = {n, out ? out->second : n};
+  }
+  return out;
 }
 
 void SentPackets::reset() {

@@ -290,17 +290,14 @@ void Messages::settle(TimePoint now, Peer& peer, const Settled& settled) {
     when.error = clock->rtt_min / 2;
   }
   switch (settled.kind) {
-    case Kind::kAcknowledged:
-      // Whether it was handed over there is sure only while it still is in time and nothing may
-      // have taken its place; else the peer has to say so.
-      if (now > entry->deadline || entry->newest_only) return;
-      [[fallthrough]];
     case Kind::kComplete:
       // The other variants would only take room from messages that still count.
       stop(peer, *entry);
       return tell(sent_.delivered(id, settled.message, when));
     case Kind::kGivenUp:
       return tell(sent_.dropped(id, settled.message, FateReason::kCannotArrive));
+    case Kind::kIncomplete:
+      return tell(sent_.dropped(id, settled.message, FateReason::kExpired));
     case Kind::kDroppedThere:
       // Only one of a channel of which the newest counts is dropped while it is in time.
       if (entry->newest_only && when.age + when.error <= entry->deadline - entry->t0) {
@@ -325,17 +322,8 @@ void Messages::expire(TimePoint now) {
     collect_at_ = now + kLookAgain;
   }
   if (!sent_.first_end()) collect_at_.reset();
-  for (const SendId id : sent_.past_deadline(now)) {
-    const SentMessages::Entry& entry = *sent_.find(id);
-    const Peer* peer = peers_.find(now, entry.peer);
-    // The peer has told of every packet that it had at the deadline, so this message was not
-    // complete.
-    const bool incomplete = peer != nullptr && peer->told_until() >= entry.deadline;
-    if (incomplete) {
-      tell(sent_.end(id, Fate::kDropped, FateReason::kExpired));
-    } else if (entry.ends <= now) {
-      tell(sent_.end(id, Fate::kUnknown, FateReason::kExpired));
-    }
+  while (const auto id = sent_.ended(now)) {
+    tell(sent_.end(*id, Fate::kUnknown, FateReason::kExpired));
   }
   if (!look_at_ || *look_at_ > now) return;
   std::erase_if(waiting_, [this, now](const Waiting& w) {

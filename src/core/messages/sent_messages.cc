@@ -9,7 +9,6 @@ SendId SentMessages::add(const Entry& entry) {
   const SendId id = next_;
   ++next_.value;
   for (const Variant& v : entry.variants) by_message_.emplace(Key{entry.peer, v.message}, id);
-  by_deadline_.emplace(entry.deadline, id);
   by_end_.emplace(entry.ends, id);
   ++peers_[entry.peer];
   entries_.emplace(id, Open{entry, std::nullopt});
@@ -43,7 +42,6 @@ MessageFate SentMessages::remove(Entries::iterator it, MessageFate fate) {
   fate.peer = entry.peer;
   fate.channel = entry.channel;
   for (const Variant& v : entry.variants) by_message_.erase({entry.peer, v.message});
-  by_deadline_.erase({entry.deadline, it->first});
   by_end_.erase({entry.ends, it->first});
   if (--peers_.at(entry.peer) == 0) peers_.erase(entry.peer);
   entries_.erase(it);
@@ -101,13 +99,9 @@ std::vector<SendId> SentMessages::to(PeerId peer) const {
   return out;
 }
 
-std::vector<SendId> SentMessages::past_deadline(TimePoint now) const {
-  std::vector<SendId> out;
-  for (const auto& [deadline, id] : by_deadline_) {
-    if (deadline > now) break;
-    out.push_back(id);
-  }
-  return out;
+std::optional<SendId> SentMessages::ended(TimePoint now) const {
+  if (by_end_.empty() || by_end_.begin()->first > now) return std::nullopt;
+  return by_end_.begin()->second;
 }
 
 std::optional<TimePoint> SentMessages::first_end() const {

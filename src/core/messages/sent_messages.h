@@ -69,8 +69,8 @@ class SentMessages {
   // All messages to this peer, oldest first.
   std::vector<SendId> to(PeerId peer) const;
 
-  // Messages whose deadline has passed, oldest first.
-  std::vector<SendId> past_deadline(TimePoint now) const;
+  // A message whose Entry::ends has come.
+  std::optional<SendId> ended(TimePoint now) const;
   // The smallest Entry::ends; nothing while there is no message.
   std::optional<TimePoint> first_end() const;
   // The peers that have messages here.
@@ -92,7 +92,6 @@ class SentMessages {
 
   Entries entries_;
   std::map<Key, SendId> by_message_;
-  std::set<std::pair<TimePoint, SendId>> by_deadline_;
   std::set<std::pair<TimePoint, SendId>> by_end_;
   // How many messages each peer has here.
   std::map<PeerId, std::size_t> peers_;

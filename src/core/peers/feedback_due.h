@@ -35,6 +35,8 @@ class FeedbackDue {
     forget();
     sent_at_ = now;
   }
+  // Not everything that is to be told found room in what was sent.
+  void again(TimePoint now) { at_ = now; }
   // Nothing of what has arrived so far is reported.
   void forget() {
     unreported_ = 0;

@@ -12,6 +12,9 @@ namespace {
 // What only time changes is looked at again after this long and not for every packet, because it
 // means to look at every path.
 constexpr Duration kRefresh = std::chrono::milliseconds(1);
+// Feedback that left so long ago tells nothing of when it did: the longest round trip that is
+// believed (src/core/guard/clock_offset.cc).
+constexpr Duration kStale = std::chrono::seconds(60);
 
 }  // namespace
 
@@ -134,6 +137,7 @@ Peer::Input Peer::handle(TimePoint now, const wire::Packet& packet, const Datagr
     input.refused = true;
     receipts_.refuse(now, message);
   }
+  while (const auto evicted = reassembler_.poll_evicted()) receipts_.refuse(now, *evicted);
   if (outcome.result == flow::Reassembler::Result::kComplete) {
     note_activity(now);
     receipts_.complete(now, message);
@@ -151,10 +155,7 @@ void Peer::handle_feedback(TimePoint now, Path& path, const wire::Feedback& feed
   if (feedback.echo != identity_.self) return;
   path.echoed();
   if (!ready_) input.became_ready = ready_ = true;
-  const auto clock = clock_.view(now);
-  std::optional<TimePoint> left;
-  if (clock) left = TimePoint{Duration{wrapping_add(feedback.u, clock->alpha)}};
-  settlements_.learn(feedback, left, paths_);
+  settlements_.learn(feedback);
   for (const wire::CompleteMessage& complete : feedback.complete) sender_.cancel(complete.message);
   for (const wire::LinkReport& report : feedback.reports) {
     if (report.has_exchange && report.link == path.id()) {
@@ -168,7 +169,18 @@ void Peer::handle_feedback(TimePoint now, Path& path, const wire::Feedback& feed
     }
     learn_report(now, report);
   }
+  sender_.settle_overdue(feedback.reports, left_at(now, feedback));
   refresh(now);
+}
+
+// The clock may be half a round trip wrong here, and as much at the peer, which judges by its own
+// estimate whether a message is in time.
+std::optional<TimePoint> Peer::left_at(TimePoint now, const wire::Feedback& feedback) {
+  const auto clock = clock_.view(now);
+  if (!clock) return std::nullopt;
+  const TimePoint left{Duration{wrapping_add(feedback.u, clock->alpha)}};
+  if (left < now - kStale) return std::nullopt;
+  return std::min(left, now) - clock->rtt_min;
 }
 
 void Peer::learn_report(TimePoint now, const wire::LinkReport& report) {
@@ -300,7 +312,9 @@ Transmit Peer::send_feedback(TimePoint now, Path& path, std::span<const Path> ab
   for (const Path& p : about) feedback.reports.push_back(p.report(now));
   // An address that is not trusted yet may have room for the reports alone.
   if (path.may_send(wire::feedback_bytes(about.size(), wire::kMaxComplete, wire::kMaxRefused))) {
-    receipts_.tell(now, about.size() == paths_.size(), feedback);
+    const bool about_all = about.size() == paths_.size();
+    receipts_.tell(now, about_all, feedback);
+    if (about_all && receipts_.has_untold()) feedback_.again(now);
   }
   const std::uint64_t number = sender_.take_number(now, path.id());
   const std::size_t size = wire::write_feedback(

@@ -101,7 +101,7 @@ class Peer {
                  wire::MessageKind kind = wire::MessageKind::kRound);
   // Nothing more of this message is sent.
   void cancel(MessageId message) { sender_.cancel(message); }
-  // Whether a piece of this message has not left yet.
+  // Whether on each path that it goes over a piece of this message has not left yet.
   bool is_queued(MessageId message) const { return sender_.is_queued(message); }
   // Bytes that this path has to send of messages whose deadline is not after this one.
   std::size_t queued_before(LinkId path, TimePoint deadline) const {
@@ -112,16 +112,14 @@ class Peer {
   // message was sent; ask until nothing comes after handle() and from time to time.
   std::optional<Settled> poll_settled() {
     if (const auto settled = settlements_.poll()) return settled;
-    if (const auto message = sender_.poll_acknowledged()) {
-      return Settled{Settled::Kind::kAcknowledged, *message};
-    }
     if (const auto message = sender_.poll_given_up()) {
       return Settled{Settled::Kind::kGivenUp, *message};
     }
+    if (const auto message = sender_.poll_incomplete()) {
+      return Settled{Settled::Kind::kIncomplete, *message};
+    }
     return std::nullopt;
   }
-  // See Settlements.
-  TimePoint told_until() const { return settlements_.told_until(paths_); }
   // A message that handle() gave is dropped here: tells the peer.
   void mark_dropped(MessageId message) { receipts_.mark_dropped(message); }
 
@@ -145,6 +143,8 @@ class Peer {
   const Path* find(LinkId path) const;
   void handle_feedback(TimePoint now, Path& path, const wire::Feedback& feedback, Input& input);
   void learn_report(TimePoint now, const wire::LinkReport& report);
+  // An instant that is not after the one at which a feedback of now left the peer.
+  std::optional<TimePoint> left_at(TimePoint now, const wire::Feedback& feedback);
   void refresh(TimePoint now);
   void collect_changes(TimePoint now, Path& path);
   bool take_changes(Path& path);

@@ -2,11 +2,8 @@
 #pragma once
 
 #include <deque>
-#include <map>
 #include <optional>
-#include <span>
 
-#include "core/peers/path.h"
 #include "core/wire/packet.h"
 #include "interneuron/time.h"
 #include "interneuron/units.h"
@@ -15,15 +12,15 @@ namespace interneuron {
 
 struct Settled {
   enum class Kind : std::uint8_t {
-    // All of its pieces are acknowledged.
-    kAcknowledged,
     // The own sender gave it up: what is left of it cannot arrive in time.
     kGivenUp,
+    // It was not complete at its deadline.
+    kIncomplete,
     // It is complete.
     kComplete,
     // It was complete, and dropped there: late, or not the newest of its channel.
     kDroppedThere,
-    // There was no room for a piece of it.
+    // There was no room for it. That is final: it is never complete.
     kRefused,
   };
   Kind kind{};
@@ -34,29 +31,22 @@ struct Settled {
 
 // Keeps what feedback tells until it is asked for. Peer owns one and feeds it every feedback that
 // is meant for this session. The peer may name any message; those that were never sent, or are
-// settled already, are nobody's. Grows until it is asked: by 48 messages per feedback at most.
-// Pure; thread-compatible; never throws but std::bad_alloc.
+// settled already, are nobody's. That all pieces of a message are acknowledged says nothing here:
+// they arrived, and what became of them only the peer knows. Grows until it is asked: by 48
+// messages per feedback at most. Pure; thread-compatible; never throws but std::bad_alloc.
 class Settlements {
  public:
   // Someone asks for what is told; before that nothing is kept.
   void open() { open_ = true; }
-  // A feedback came that left the peer at `left` by the own clock; nothing where the peer's clock
-  // is not known. `paths`: those to the peer.
-  void learn(const wire::Feedback& feedback, std::optional<TimePoint> left,
-             std::span<const Path> paths);
+  void learn(const wire::Feedback& feedback);
+  // What became complete sooner comes first, of each feedback.
   std::optional<Settled> poll();
-  // The peer has told of every message that was complete there by this instant, unless all tellings
-  // of it were lost.
-  TimePoint told_until(std::span<const Path> paths) const;
   // The peer began a new life.
-  void reset();
+  void reset() { settled_.clear(); }
 
  private:
   bool open_ = false;
   std::deque<Settled> settled_;
-  // When the newest feedback about all paths left the peer, and the newest about each.
-  TimePoint told_all_ = TimePoint::min();
-  std::map<LinkId, TimePoint> told_;
 };
 
 }  // namespace interneuron

@@ -48,17 +48,36 @@ TEST(Receipts, AMessageIsRefusedOnceHoweverManyPiecesItHas) {
   EXPECT_EQ(told(receipts, 1s).refused.size(), 1U);
 }
 
-TEST(Receipts, WhatDoesNotFitIsTheOldest) {
+TEST(Receipts, WhatDoesNotFitIsToldByTheNextPacket) {
   Receipts receipts;
   for (std::uint32_t i = 0; i < 100; ++i) {
     receipts.complete(at(1s), MessageId{i});
     receipts.refuse(at(1s), MessageId{i});
   }
-  const wire::Feedback feedback = told(receipts, 1s);
-  ASSERT_EQ(feedback.complete.size(), wire::kMaxComplete);
-  ASSERT_EQ(feedback.refused.size(), wire::kMaxRefused);
-  EXPECT_EQ(feedback.complete.front().message, MessageId{100 - wire::kMaxComplete});
-  EXPECT_EQ(feedback.refused.back(), MessageId{99});
+  std::uint32_t complete = 0;
+  std::uint32_t refused = 0;
+  for (int packets = 0; receipts.has_untold(); ++packets) {
+    ASSERT_LT(packets, 7);
+    const wire::Feedback feedback = told(receipts, 1s);
+    EXPECT_EQ(feedback.complete.size(), wire::kMaxComplete);
+    EXPECT_EQ(feedback.refused.size(), wire::kMaxRefused);
+    for (const auto& c : feedback.complete) complete += c.message == MessageId{complete} ? 1 : 0;
+    for (const MessageId r : feedback.refused) refused += r == MessageId{refused} ? 1 : 0;
+  }
+  EXPECT_EQ(complete, 100U);
+  EXPECT_EQ(refused, 100U);
+}
+
+TEST(Receipts, OfMoreThanMayWaitTheOldestAreNotTold) {
+  Receipts receipts;
+  for (std::uint32_t i = 0; i < 1000; ++i) receipts.complete(at(1s), MessageId{i});
+  std::size_t told_of = 0;
+  while (receipts.has_untold()) {
+    const wire::Feedback feedback = told(receipts, 1s);
+    EXPECT_TRUE(told_of > 0 || feedback.complete.front().message == MessageId{1000 - 256});
+    told_of += feedback.complete.size();
+  }
+  EXPECT_EQ(told_of, 256U);
 }
 
 TEST(Receipts, ALongTimeAgoIsTheLongestThatCanBeTold) {

@@ -296,6 +296,33 @@ TEST(Reassembler, WhatExpiresSoonerMakesRoom) {
   EXPECT_LE(r.bytes(), Reassembler::kMaxBytes);
 }
 
+TEST(Reassembler, WhatMakesRoomIsToldOf) {
+  Reassembler r;
+  const Bytes piece(1000);
+  const auto begin = [&](std::uint32_t id, Duration lifetime) {
+    wire::Data d{{MessageId{id}, 0, 1000, 5'000'000}, piece};
+    d.fragment.lifetime_us = static_cast<std::uint32_t>(lifetime / 1us);
+    return r.add(at(0ms), d, kNoClocks).result;
+  };
+  EXPECT_EQ(begin(1, 100ms), Result::kStored);
+  EXPECT_FALSE(r.poll_evicted());
+  EXPECT_EQ(begin(2, 900ms), Result::kStored);
+  EXPECT_EQ(r.poll_evicted(), MessageId{1});
+  EXPECT_FALSE(r.poll_evicted());
+}
+
+TEST(Reassembler, APlainMessageThatWasRefusedIsNeverComplete) {
+  for (const auto kind : {wire::MessageKind::kPlain, wire::MessageKind::kRound}) {
+    Reassembler r;
+    const Bytes piece(1000);
+    wire::Data d{{MessageId{1}, 0, 1000, 1'000}, piece};
+    d.fragment.kind = kind;
+    EXPECT_EQ(r.add(at(0ms), d, kNoClocks, 999).result, Result::kRefused);
+    EXPECT_EQ(r.add(at(1ms), d, kNoClocks).result,
+              kind == wire::MessageKind::kPlain ? Result::kDuplicate : Result::kComplete);
+  }
+}
+
 TEST(Reassembler, ManySmallPromisesAreBoundedToo) {
   // Two bytes each, for more than an hour: what is kept beside the bytes must not grow without
   // bound.

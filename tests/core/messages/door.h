@@ -37,9 +37,9 @@ struct Door {
   std::vector<CanSend> can_send;
   int lives = 0;
 
-  explicit Door(Duration road_clock = 1h) {
+  explicit Door(Duration road_clock = 1h, EndpointOptions road_options = options_of(2)) {
     vehicle = pipe.add_host(options_of(1, {}, false));
-    road = pipe.add_host(options_of(2), road_clock);
+    road = pipe.add_host(std::move(road_options), road_clock);
     pipe.on_event = [this](std::size_t host, Event& e) {
       if (auto* fate = std::get_if<MessageFate>(&e)) {
         if (host == vehicle) fates[fate->id].push_back({*fate, pipe.now()});

@@ -97,8 +97,8 @@ TEST(SentMessages, TellsWhoseTimeIsOver) {
   const SendId second = out.add(later);
   const SendId first = out.add(entry({2}));
   EXPECT_EQ(out.first_end(), at(1170ms));
-  EXPECT_TRUE(out.past_deadline(at(1100ms - 1ns)).empty());
-  EXPECT_EQ(out.past_deadline(at(1100ms)), std::vector<SendId>{first});
+  EXPECT_FALSE(out.ended(at(1170ms - 1ns)));
+  EXPECT_EQ(out.ended(at(1170ms)), first);
   EXPECT_EQ(out.to(kPeer), (std::vector<SendId>{second, first}));
   EXPECT_EQ(out.peers(), std::vector<PeerId>{kPeer});
 }

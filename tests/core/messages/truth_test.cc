@@ -1,0 +1,132 @@
+// What a fate says happened at the other end, also where what the peer tells is lost.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "door.h"
+
+namespace interneuron {
+namespace {
+
+EndpointOptions small_road() {
+  EndpointOptions options = options_of(2);
+  options.reassembly_budget_bytes = 200'000;
+  return options;
+}
+
+std::optional<wire::Feedback> feedback_of(ByteView bytes) {
+  const auto packet = wire::parse(bytes);
+  if (!packet || packet->header.type != wire::PacketType::kFeedback) return std::nullopt;
+  return packet->feedback;
+}
+
+TEST(Truth, AMessageThatThePeerRefusedIsDropped) {
+  Door d(1h, small_road());
+  const SendResult result = d.send({Bytes(150'000)});
+  ASSERT_TRUE(result.accepted());
+  d.pipe.run(1s);
+  EXPECT_TRUE(d.came.empty());
+  EXPECT_EQ(d.fate(result.id).fate, Fate::kDropped);
+  EXPECT_EQ(d.fate(result.id).reason, FateReason::kRefusedByPeer);
+  EXPECT_GT(d.pipe.at(d.road).counters().reassembly_refused, 0U);
+}
+
+TEST(Truth, AndIsNotDeliveredWhereThatIsNotHeardThoughItsPiecesAreAcknowledged) {
+  Door d(1h, small_road());
+  int lost = 0;
+  d.pipe.drop = [&](std::size_t from, LinkId, ByteView bytes) {
+    const auto feedback = from == d.road ? feedback_of(bytes) : std::nullopt;
+    const bool drops = feedback && !feedback->refused.empty();
+    lost += drops ? 1 : 0;
+    return drops;
+  };
+  SendOptions options;
+  options.deadline = 500ms;
+  const SendResult result = d.send({Bytes(150'000)}, options);
+  ASSERT_TRUE(result.accepted());
+  d.pipe.run(2s);
+  EXPECT_GT(lost, 0);
+  EXPECT_TRUE(d.came.empty());
+  EXPECT_EQ(d.fate(result.id).fate, Fate::kUnknown);
+}
+
+// The road is not heard from just after it has a message until after its deadline.
+void silence_after_delivery(Door& d) {
+  d.pipe.drop = [&d](std::size_t from, LinkId, ByteView) {
+    return from == d.road && !d.came.empty() && d.pipe.now() < d.came[0].at + 300ms;
+  };
+  SendOptions options;
+  options.deadline = 100ms;
+  const SendResult result = d.send({Bytes(20'000)}, options);
+  ASSERT_TRUE(result.accepted());
+  d.pipe.run(50ms);
+  ASSERT_EQ(d.came.size(), 1U);
+}
+
+TEST(Truth, WhatWasDeliveredIsNotDroppedThoughAllThatTellsOfItIsLost) {
+  Door d;
+  silence_after_delivery(d);
+  for (int i = 0; i < 40; ++i) {
+    d.send({Bytes(100)});
+    d.pipe.run(10ms);
+  }
+  d.pipe.run(1s);
+  EXPECT_NE(d.fates[SendId{1}][0].what.fate, Fate::kDropped);
+}
+
+TEST(Truth, NorWhereALinkIsUnpluggedOrTheClockOfThePeerJumps) {
+  for (const bool jumps : {false, true}) {
+    for (const Duration by : {Duration(10min), Duration(-10min)}) {
+      Door d;
+      silence_after_delivery(d);
+      if (jumps) {
+        d.pipe.jump(d.road, by);
+      } else {
+        d.pipe.at(d.vehicle).remove_link(d.pipe.local(d.vehicle), kFast);
+        d.pipe.flush(d.vehicle);
+      }
+      for (int i = 0; i < 40; ++i) {
+        d.send({Bytes(100)});
+        d.pipe.run(10ms);
+      }
+      d.pipe.run(1s);
+      ASSERT_EQ(d.fates[SendId{1}].size(), 1U);
+      EXPECT_NE(d.fates[SendId{1}][0].what.fate, Fate::kDropped) << jumps;
+    }
+  }
+}
+
+TEST(Truth, ManySmallMessagesAtOnceAreAllToldOf) {
+  Door d;
+  SendOptions options;
+  options.deadline = 1s;
+  for (int i = 0; i < 150; ++i) ASSERT_TRUE(d.send({Bytes(100)}, options).accepted());
+  d.pipe.run(2s);
+  EXPECT_EQ(d.came.size(), 150U);
+  for (const auto& [id, told] : d.fates) {
+    ASSERT_EQ(told.size(), 1U);
+    EXPECT_EQ(told[0].what.fate, Fate::kDelivered);
+  }
+}
+
+TEST(Truth, WhatWasLostIsDroppedWhileAnotherLinkIsDark) {
+  Door d;
+  d.pipe.drop = [&d](std::size_t from, LinkId link, ByteView bytes) {
+    return link == kSlow || (from == d.vehicle && bytes.size() > 1'000);
+  };
+  d.pipe.run(5s);
+  SendOptions options;
+  options.deadline = 100ms;
+  const SendResult result = d.send({Bytes(20'000)}, options);
+  ASSERT_TRUE(result.accepted());
+  for (int i = 0; i < 40; ++i) {
+    options.deadline = 50ms;
+    d.send({Bytes(100)}, options);
+    d.pipe.run(5ms);
+  }
+  EXPECT_EQ(d.fate(result.id).fate, Fate::kDropped);
+  EXPECT_EQ(d.fate(result.id).reason, FateReason::kExpired);
+}
+
+}  // namespace
+}  // namespace interneuron
