@@ -11,7 +11,7 @@ namespace {
 constexpr std::size_t kEthernetMtu = 1500;
 // An address holds three bytes of the host's number.
 constexpr HostId kMaxHosts = HostId{1} << 24U;
-constexpr std::uint8_t kAddressBytes = 5;
+constexpr std::uint8_t kAddressBytes = 6;
 
 HostId host_of(const Address& address) {
   const auto byte = [&](std::size_t i) { return std::to_integer<HostId>(address.raw[i]); };
@@ -19,7 +19,7 @@ HostId host_of(const Address& address) {
 }
 
 constexpr std::uint64_t route_of(HostId from, LinkId link, HostId to) {
-  return std::uint64_t{from} << 32U | std::uint64_t{link.value} << 24U | to;
+  return std::uint64_t{from} << 40U | std::uint64_t{link.value} << 24U | to;
 }
 
 }  // namespace
@@ -31,6 +31,7 @@ Address World::address_of(HostId host, LinkId link, std::uint8_t mapping) {
   a.raw[2] = static_cast<std::byte>(mapping);
   a.raw[3] = static_cast<std::byte>(host >> 8U);
   a.raw[4] = static_cast<std::byte>(host >> 16U);
+  a.raw[5] = static_cast<std::byte>(link.value >> 8U);
   a.size = kAddressBytes;
   return a;
 }

@@ -92,6 +92,17 @@ TEST(WorldCells, ForeignHostsTalkOverALink) {
   EXPECT_EQ(packet.bytes, Bytes{std::byte{1}});
 }
 
+TEST(WorldCells, LinksMayHaveAnyNumber) {
+  World world(1);
+  const HostId a = world.add_foreign(std::make_unique<Talker>(Talker::Plan{}));
+  const HostId b = world.add_foreign(std::make_unique<Talker>(Talker::Plan{}));
+  const HostId c = world.add_foreign(std::make_unique<Talker>(Talker::Plan{}));
+  const WireId first = world.add_link(b, c, LinkId{0}, "l", access());
+  const WireId second = world.add_link(a, c, LinkId{256}, "l", access());
+  EXPECT_NE(first, second);
+  EXPECT_NE(World::address_of(c, LinkId{0}), World::address_of(c, LinkId{256}));
+}
+
 TEST(WorldCells, LinksShareACell) {
   // Twice 1000 bytes each 1.25 ms: 160 % of the cell.
   Three three({.ip_bytes = 1000, .gap = 1250us, .count = 4000});
