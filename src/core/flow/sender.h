@@ -95,6 +95,9 @@ class Sender {
   // `train_bytes` is the size with IP headers of packets that belong to a train, 0 for all others.
   std::uint64_t take_number(TimePoint now, LinkId path, std::size_t train_bytes = 0);
 
+  // The same for a probe of the path's MTU.
+  std::uint64_t take_mtu_probe_number(TimePoint now, LinkId path, std::size_t ip_bytes);
+
   // A fragment that may leave `path` now; its bytes are valid until the next call. Nothing when
   // none may leave.
   struct Piece {

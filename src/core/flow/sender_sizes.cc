@@ -40,6 +40,10 @@ void Sender::resize(TimePoint now, LinkId link, std::size_t max_datagram) {
   }
 }
 
+std::uint64_t Sender::take_mtu_probe_number(TimePoint now, LinkId link, std::size_t ip_bytes) {
+  return paths_.at(link).sent.add_mtu_probe(now, ip_bytes);
+}
+
 // A path sends no more of this message: what it still had to send goes over the others.
 void Sender::hand_on(TimePoint now, JobQueue& jobs, MessageId id) {
   const std::vector<std::uint16_t> indices = jobs.take_all(*jobs.find(id));

@@ -1,6 +1,7 @@
 #include "core/flow/sent_packets.h"
 
 #include <algorithm>
+#include <utility>
 
 namespace interneuron::flow {
 namespace {
@@ -81,6 +82,17 @@ std::uint64_t SentPackets::add(TimePoint now, std::size_t ip_bytes, bool more_wa
   return packet.number;
 }
 
+std::uint64_t SentPackets::add_mtu_probe(TimePoint now, std::size_t ip_bytes) {
+  const std::uint64_t number = add(now, ip_bytes, false, std::nullopt);
+  at(number).mtu_probe = true;
+  return number;
+}
+
+// Whether not every path carries it.
+bool SentPackets::is_large(const Packet& packet) {
+  return packet.data_sized && packet.stamp.bytes > link::PathMtu::kBase + kIpUdpBytes;
+}
+
 void SentPackets::close(const Packet& packet) {
   --open_data_;
   lookups_ = 0;
@@ -89,7 +101,9 @@ void SentPackets::close(const Packet& packet) {
 
 void SentPackets::lose(Packet& packet) {
   packet.fate = Fate::kLost;
+  if (packet.mtu_probe) return close(packet);
   ++lost_;
+  if (is_large(packet)) sizes_.lost(packet.at);
   if (++lost_since_ > kForgetReordering) {
     reordering_ = false;
     lateness_ = {};
@@ -114,6 +128,7 @@ void SentPackets::arrive(TimePoint now, Packet& packet, Verdicts& verdicts) {
   }
   const bool was_open = packet.fate == Fate::kOpen;
   packet.fate = Fate::kArrived;
+  if (!packet.mtu_probe) sizes_.arrived(packet.at, is_large(packet));
   if (packet.has_piece) {
     progress_at_ = now;
     settled_.push_back({packet.piece, true, was_open});
@@ -151,6 +166,7 @@ SentPackets::Verdicts SentPackets::report(TimePoint now, const wire::LinkReport&
   if (report.largest == largest_) lose_untold(now, report.largest, silence.timeout);
   find_train(report, verdicts);
   verdicts.delivery = delivery_.sample(min_rtt);
+  verdicts.sizes = std::exchange(sizes_, {});
   tell_certain(now, report.largest, silence.timeout);
   trim(now);
   verdicts.pieces = settled_;
@@ -191,7 +207,7 @@ void SentPackets::tell_certain(TimePoint now, std::uint64_t largest, Duration ti
     const Packet& packet = at(first_uncertain_);
     if (packet.fate == Fate::kOpen || !is_certain(now, packet, largest, timeout)) return;
     const bool arrived = packet.fate == Fate::kArrived;
-    if (!arrived && !packet.covered) continue;
+    if ((!arrived && !packet.covered) || packet.mtu_probe) continue;
     if (runs_.empty() || runs_.back().arrived != arrived) runs_.push_back({arrived, 0});
     ++runs_.back().packets;
   }

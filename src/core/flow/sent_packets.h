@@ -10,6 +10,7 @@
 
 #include "core/base/ring.h"
 #include "core/link/delivery_rate.h"
+#include "core/link/path_mtu.h"
 #include "core/link/rate_estimator.h"
 #include "core/wire/packet.h"
 #include "interneuron/units.h"
@@ -67,6 +68,8 @@ class SentPackets {
     // The report's train; nothing when its packets are forgotten already.
     std::optional<link::Train> train;
     std::optional<link::DeliveryRate::Sample> delivery;
+    // What became of large and of small packets since the report before.
+    link::PathMtu::Told sizes;
   };
 
   explicit SentPackets(std::uint64_t first_number = 1)
@@ -78,6 +81,8 @@ class SentPackets {
   // number. `ip_bytes` is its size with IP headers; `more_waits` when others wait behind it.
   std::uint64_t add(TimePoint now, std::size_t ip_bytes, bool more_waits,
                     const std::optional<Piece>& piece);
+  // A probe of the path's MTU leaves, which is expected to be lost: that says nothing of the path.
+  std::uint64_t add_mtu_probe(TimePoint now, std::size_t ip_bytes);
 
   // A fragment is lost after `timeout` in flight, but not while others are acknowledged at most
   // `between` apart: then what is late waits in our own queue.
@@ -126,6 +131,7 @@ class SentPackets {
     Piece piece;
     bool has_piece = false;
     bool data_sized = false;
+    bool mtu_probe = false;
     // A report has told that it has not arrived.
     bool covered = false;
     Fate fate = Fate::kOpen;
@@ -150,6 +156,7 @@ class SentPackets {
   // A data-sized packet is no longer in flight.
   void close(const Packet& packet);
   void lose(Packet& packet);
+  static bool is_large(const Packet& packet);
   void arrive(TimePoint now, Packet& packet, Verdicts& verdicts);
   bool is_certain(TimePoint now, const Packet& packet, std::uint64_t largest,
                   Duration timeout) const;
@@ -208,6 +215,7 @@ class SentPackets {
   };
   std::uint32_t lookups_ = 0;
   std::vector<Copy> copies_;
+  link::PathMtu::Told sizes_;
   std::vector<Settled> settled_;
   std::vector<Run> runs_;
 };

@@ -19,22 +19,39 @@ constexpr Duration kLongest = std::chrono::seconds(1);
 // The loss of a report is in 1/65535 (docs/wire_format.md).
 constexpr double kLossUnit = 65535;
 
+// Whether a report tells that this packet has arrived, whose number is not above its largest.
+bool has_arrived(const wire::LinkReport& report, std::uint64_t number) {
+  const std::uint64_t back = report.largest - number;
+  if (back == 0) return true;
+  return back <= wire::kAckWindow &&
+         (report.bitmap[(back - 1) / 64] >> ((back - 1) % 64) & 1U) != 0;
+}
+
 }  // namespace
 
 Path::Path(TimePoint now, LinkId id, const Nic& nic, const Address& address, bool trusted)
-    : receiver(id), id_(id), nic_(nic), address_(address), validated_(trusted) {
+    : receiver(id),
+      id_(id),
+      mtu_(nic.max_datagram),
+      nic_(nic),
+      address_(address),
+      validated_(trusted) {
   begin(now);
 }
 
 void Path::begin(TimePoint now) {
   estimator.set_traits(nic_.traits);
   probes.set_metered(nic_.traits.metered || peer_is_metered_);
-  probes.set_sizes(wire::feedback_bytes(1) + kIpUdpBytes, nic_.max_datagram + kIpUdpBytes);
+  probes.set_sizes(wire::feedback_bytes(1) + kIpUdpBytes, datagram() + kIpUdpBytes);
   probes.active(now);
   train_left_ = 0;
 }
 
 void Path::move_to(TimePoint now, const Nic& nic, const Address& address, bool trusted) {
+  // Another address of the same NIC is nearly always the same way.
+  if (nic.link != nic_.link || nic.max_datagram != nic_.max_datagram) {
+    mtu_ = link::PathMtu(nic.max_datagram);
+  }
   nic_ = nic;
   address_ = address;
   validated_ = trusted;
@@ -47,6 +64,7 @@ void Path::reset(TimePoint now) {
   receiver = flow::PathReceiver(id_);
   estimator = {};
   share_ = {};
+  mtu_ = link::PathMtu(nic_.max_datagram);
   probes = {};
   begin(now);
 }
@@ -67,6 +85,7 @@ void Path::sent_feedback(TimePoint now, std::size_t bytes) {
 
 void Path::sent_data(TimePoint now, std::size_t bytes) {
   bytes_out_ += bytes;
+  used_ = true;
   estimator.sent(now, true);
   probes.data_sent(now);
 }
@@ -74,6 +93,12 @@ void Path::sent_data(TimePoint now, std::size_t bytes) {
 void Path::sent_probe(TimePoint now, std::size_t bytes) {
   bytes_out_ += bytes;
   estimator.sent(now, true);
+}
+
+void Path::sent_mtu_probe(TimePoint now, std::size_t bytes, std::uint64_t number) {
+  bytes_out_ += bytes;
+  estimator.sent(now, false);
+  mtu_.probe_sent(now, number);
 }
 
 void Path::learn(TimePoint now, const wire::LinkReport& report,
@@ -89,6 +114,9 @@ void Path::learn(TimePoint now, const wire::LinkReport& report,
   if (v.delivery) estimator.delivery_sample(now, *v.delivery);
   if (v.train) estimator.train(now, *v.train);
   control(now, report, v, use);
+  const auto probe = mtu_.waits_for();
+  if (probe && report.largest >= *probe) mtu_.probe_told(has_arrived(report, *probe));
+  mtu_.packets_told(v.sizes);
   estimator.peer_sees(report.rate, report.loss / kLossUnit);
   peer_is_metered_ = report.metered;
 }
@@ -129,7 +157,9 @@ void Path::refresh(TimePoint now, bool ready) {
   probes.set_metered(nic_.traits.metered || peer_is_metered_);
   probes.set_rate(estimator.rate_evidence());
   probes.set_latched(estimator.path() == PathState::kLatched);
-  probes.set_ready(ready && validated_ && usable());
+  mtu_.set_ready(now, ready && validated_ && usable());
+  probes.set_ready(ready && validated_ && usable() && !mtu_.answer_is_near(now));
+  probes.set_sizes(wire::feedback_bytes(1) + kIpUdpBytes, datagram() + kIpUdpBytes);
   estimator.set_heartbeat(now, probes.heartbeat_interval(now));
 }
 
@@ -148,7 +178,7 @@ bool Path::probe_due(TimePoint now) {
       if (!probes.proof_due(now)) return false;
       // It counts as sent also where it may not leave; the next one may be allowed.
       probes.proof_sent(now);
-      return may_send(nic_.max_datagram);
+      return may_send(datagram());
     }
     probes.train_sent(now, train->packets);
     train_left_ = train->packets;
@@ -158,17 +188,24 @@ bool Path::probe_due(TimePoint now) {
   if (train_next_ > now) return false;
   --train_left_;
   if (train_pace_) {
-    const Duration air = train_pace_->transmit_time(nic_.max_datagram + kIpUdpBytes);
+    const Duration air = train_pace_->transmit_time(datagram() + kIpUdpBytes);
     train_next_ = std::max(train_next_, now - kBurst) + std::min<Duration>(air, kLongest);
   }
   return true;
+}
+
+std::optional<std::size_t> Path::mtu_probe_due() const {
+  // Where bytes are paid for, nobody searches for messages that may never come.
+  const bool worthwhile = used_ || !(nic_.traits.metered || peer_is_metered_);
+  if (!worthwhile || !mtu_.probe_due() || !may_send(mtu_.probe_size())) return std::nullopt;
+  return mtu_.probe_size();
 }
 
 TimePoint Path::next_timeout(TimePoint now) const {
   // Other probes wait for the end of a train, however slow it is and however long they are due.
   const TimePoint next =
       train_left_ > 0 ? std::min(probes.heartbeat_at(now), train_next_) : probes.next_timeout(now);
-  return *earliest(estimator.next_timeout(), next);
+  return *earliest(estimator.next_timeout(), mtu_.next_timeout(), next);
 }
 
 wire::LinkReport Path::report(TimePoint now) const {

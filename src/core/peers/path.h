@@ -18,6 +18,7 @@
 #include "core/flow/receiver.h"
 #include "core/flow/sender.h"
 #include "core/link/link_estimator.h"
+#include "core/link/path_mtu.h"
 #include "core/link/probe_schedule.h"
 #include "core/wire/packet.h"
 #include "interneuron/endpoint.h"
@@ -45,6 +46,8 @@ class Path {
   LinkId id() const { return id_; }
   const Nic& nic() const { return nic_; }
   const Address& address() const { return address_; }
+  // The largest UDP payload that a message may use, in bytes.
+  std::size_t datagram() const { return mtu_.datagram(); }
   // Whether a UDP payload of this size may leave, as far as the peer's address is trusted.
   bool may_send(std::size_t size) const;
   // Whether messages may be sent on it, as far as its traffic shows.
@@ -57,6 +60,7 @@ class Path {
   void sent_feedback(TimePoint now, std::size_t bytes);
   void sent_data(TimePoint now, std::size_t bytes);
   void sent_probe(TimePoint now, std::size_t bytes);
+  void sent_mtu_probe(TimePoint now, std::size_t bytes, std::uint64_t number);
   // The peer's report about this path, what the sender has concluded from it, and how the path was
   // used since the report before.
   void learn(TimePoint now, const wire::LinkReport& report, const flow::SentPackets::Verdicts& v,
@@ -75,6 +79,10 @@ class Path {
   // Whether a data-sized probe is due, be it of a train or to prove that the path delivers; send it
   // before the next call.
   bool probe_due(TimePoint now);
+  // The size of the probe of the path's MTU that is due.
+  std::optional<std::size_t> mtu_probe_due() const;
+  // Call it at next_timeout().
+  void handle_timeout(TimePoint now) { mtu_.handle_timeout(now); }
   TimePoint next_timeout(TimePoint now) const;
 
   // The part of feedback that is about this path.
@@ -96,6 +104,7 @@ class Path {
 
   LinkId id_{};
   cc::ShareControl share_;
+  link::PathMtu mtu_;
   Nic nic_;
   Address address_;
   // The peer's address is trusted.
@@ -104,6 +113,8 @@ class Path {
   // UDP payloads to and from this address.
   std::uint64_t bytes_in_ = 0;
   std::uint64_t bytes_out_ = 0;
+  // A message was sent on it.
+  bool used_ = false;
   // The train under way: how many packets are left of it, how fast they leave (nothing: back to
   // back), and when the next one may.
   std::uint32_t train_left_ = 0;

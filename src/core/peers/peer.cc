@@ -42,12 +42,10 @@ void Peer::add_path(TimePoint now, LinkId id, const Path::Nic& nic, const Addres
   if (Path* known = find(id)) {
     if (known->address() == address && known->nic().link == nic.link) return;
     known->move_to(now, nic, address, identity_.connected);
-    // The other NIC may carry less.
-    sender_.resize(now, id, nic.max_datagram);
   } else {
     if (paths_.size() >= wire::kMaxReports) return;
     paths_.emplace_back(now, id, nic, address, identity_.connected);
-    sender_.add_path(id, nic.max_datagram, first_number(now));
+    sender_.add_path(id, paths_.back().datagram(), first_number(now));
   }
   refresh(now);
 }
@@ -239,6 +237,7 @@ bool Peer::look_again(TimePoint now, std::vector<LinkId>& unusable) {
         paths_, [&path](const Path& p) { return p.id() != path.id() && p.estimator.up(); }));
     path.refresh(now, ready_);
     sender_.set_path(path.id(), path.view(now));
+    sender_.resize(now, path.id(), path.datagram());
   }
   bool changed = false;
   for (Path& path : paths_) {
@@ -257,6 +256,7 @@ void Peer::note_activity(TimePoint now) {
 
 std::size_t Peer::handle_timeout(TimePoint now) {
   for (Path& path : paths_) {
+    path.handle_timeout(now);
     const auto due = path.estimator.next_timeout();
     if (!due || *due > now) continue;
     path.estimator.handle_timeout(now);
@@ -337,10 +337,18 @@ std::optional<Transmit> Peer::poll_feedback(TimePoint now, std::span<std::byte> 
 }
 
 Transmit Peer::send_probe(TimePoint now, Path& path, std::span<std::byte> buffer) {
-  const std::size_t size = path.nic().max_datagram;
+  const std::size_t size = path.datagram();
   const std::uint64_t number = sender_.take_number(now, path.id(), size + kIpUdpBytes);
   wire::write_probe(buffer, header(now, path, wire::PacketType::kProbe, number), size);
   path.sent_probe(now, size);
+  return {path.nic().link, path.address(), size};
+}
+
+Transmit Peer::send_mtu_probe(TimePoint now, Path& path, std::size_t size,
+                              std::span<std::byte> buffer) {
+  const std::uint64_t number = sender_.take_mtu_probe_number(now, path.id(), size + kIpUdpBytes);
+  wire::write_probe(buffer, header(now, path, wire::PacketType::kProbe, number), size);
+  path.sent_mtu_probe(now, size, number);
   return {path.nic().link, path.address(), size};
 }
 
@@ -358,6 +366,7 @@ std::optional<Transmit> Peer::poll_data(TimePoint now, Path& path, std::span<std
 std::optional<Transmit> Peer::poll(TimePoint now, LinkId nic, std::span<std::byte> buffer) {
   for (Path& path : paths_) {
     if (path.nic().link != nic) continue;
+    if (const auto size = path.mtu_probe_due()) return send_mtu_probe(now, path, *size, buffer);
     if (path.probe_due(now)) return send_probe(now, path, buffer);
     if (auto transmit = poll_data(now, path, buffer)) return transmit;
   }

@@ -160,6 +160,7 @@ class Peer {
   Transmit send_feedback(TimePoint now, Path& path, std::span<const Path> about,
                          std::span<std::byte> buffer);
   Transmit send_probe(TimePoint now, Path& path, std::span<std::byte> buffer);
+  Transmit send_mtu_probe(TimePoint now, Path& path, std::size_t size, std::span<std::byte> buffer);
   std::optional<Transmit> poll_data(TimePoint now, Path& path, std::span<std::byte> buffer);
 
   Identity identity_;
