@@ -33,6 +33,10 @@ struct OutgoingMessage {
   std::uint8_t paths = 0;
   // The paths over which lost fragments may be sent again.
   PathSet repairs;
+  // What takes its place when it is given up (Sender::add_alternative()), and whether it may take
+  // another's.
+  std::optional<MessageId> alternative;
+  bool is_alternative = false;
   struct PieceState {
     bool acknowledged = false;
     // Copies that are queued or in flight.
@@ -72,6 +76,8 @@ class MessageStore {
     message.sent = 0;
     message.paths = paths;
     message.repairs = {};
+    message.alternative.reset();
+    message.is_alternative = false;
     message.pieces.assign(count, {false, paths});
     by_id_.insert(id, slot);
     deadlines_.set(slot, deadline);

@@ -19,7 +19,7 @@ constexpr Duration kNever = std::chrono::hours(1);
 }  // namespace
 
 Duration least_time(const PathView& view, std::size_t bytes, std::size_t in_flight, bool begun) {
-  if (!view.soon || !view.loaded) return Duration::zero();
+  if (!view.soon) return Duration::zero();
   const Duration air = std::min<Duration>(view.soon->transmit_time(bytes), kNever);
   // What is in flight beyond an empty path waits before it.
   const Duration queue =

@@ -40,8 +40,7 @@ inline constexpr DataRate kBlindPace{25'000'000};
 
 // From now until the last of so many bytes (with IP headers) is there that are sent next over a
 // loaded path, with a margin for a message of which nothing has left yet. `in_flight` are the bytes
-// in flight before them. Zero while the path is not loaded: what comes too late then takes nothing
-// from anybody, and tells the guard at the other end how late it was.
+// in flight before them. Zero while no rate is known.
 Duration least_time(const PathView& view, std::size_t bytes, std::size_t in_flight, bool begun);
 
 }  // namespace interneuron::flow

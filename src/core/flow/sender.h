@@ -73,6 +73,11 @@ class Sender {
                  const std::vector<LinkId>& paths, const PathSet& repairs = kEveryPath,
                  wire::MessageKind kind = wire::MessageKind::kRound);
 
+  // A smaller variant of `first` that takes its place when its path gives it up before its deadline
+  // and this one can still arrive; told of like any other message. `first` was queued on one path;
+  // else, or where it is gone already, the alternative is never sent.
+  MessageId add_alternative(MessageId first, wire::MessageBytes message);
+
   // Forgets a message: nothing more of it is sent. It is complete at the peer, or nobody wants it.
   void cancel(MessageId message) { forget(message); }
   // Bytes of the messages that are under way.
@@ -90,6 +95,10 @@ class Sender {
   bool is_queued(MessageId message) const;
   // Bytes that this path has to send of messages whose deadline is not after this one.
   std::size_t queued_before(LinkId path, TimePoint deadline) const;
+
+  // From now until so many bytes (with IP headers) could be there that are sent next over this
+  // path; nothing while it is not loaded, then nothing is given up.
+  std::optional<Duration> least_time(LinkId path, std::size_t ip_bytes) const;
 
   // The next packet number of a path, for packets that carry no fragment; they count as sent.
   // `train_bytes` is the size with IP headers of packets that belong to a train, 0 for all others.
@@ -153,8 +162,8 @@ class Sender {
   Job* next_job(Path& path, TimePoint now);
   // Whether what is left of a job can arrive in time.
   static bool can_arrive(TimePoint now, const Path& path, const Job& job, const Message& message);
-  // The path sends no more of this job's message.
-  void give_up(const Job& job, Message& message);
+  // The path sends no more of this job's message, but its alternative if there is one.
+  void give_up(Path& path, Job& job);
   // The deadline of a message has passed before it was acknowledged.
   void note_overdue(TimePoint now, const Message& message);
   static bool is_full(const Path& path) { return path.sent.bytes_in_flight() >= path.view.window; }

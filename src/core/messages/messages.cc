@@ -5,9 +5,10 @@
 #include <utility>
 
 #include "core/base/earliest.h"
-#include "core/messages/arrival_forecast.h"
+#include "core/messages/routes.h"
 #include "core/plan/plan_message.h"
 #include "core/wire/plain_header.h"
+#include "interneuron/sizes.h"
 
 namespace interneuron {
 namespace {
@@ -52,6 +53,12 @@ std::optional<SendStatus> fault(const Variants& variants, const SendOptions& opt
   return std::nullopt;
 }
 
+// The rate that brings the best variant within half of its time; the other half is for the way and
+// for queues.
+DataRate rate_wanted(const Variants& variants, Duration deadline) {
+  return rate_of(wire_size(variants.front().size()), deadline / 2);
+}
+
 const LinkState& find(std::span<const LinkState> links, LinkId id) {
   return *std::ranges::find(links, id, &LinkState::id);
 }
@@ -80,7 +87,8 @@ SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const Sen
   if (const auto wrong = fault(variants, options)) return {*wrong};
   Peer* peer = peers_.find(now, to);
   if (peer == nullptr) return {SendStatus::kNoPeer};
-  std::vector<Route> routes;
+  const DataRate wanted = rate_wanted(variants, options.deadline);
+  Routes routes;
   SendResult result = plan(now, *peer, variants, options, routes);
   const auto may_change = {SendStatus::kNoLink, SendStatus::kCannotArrive, SendStatus::kOverBudget};
   if (std::ranges::find(may_change, result.status) != may_change.end()) {
@@ -103,9 +111,10 @@ SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const Sen
                             .newest_only = options.newest_only,
                             .t0 = now,
                             .deadline = now + deadline,
-                            .ends = now + deadline + kGrace};
+                            .ends = now + deadline + kGrace,
+                            .wanted = wanted};
   Duration round_trip{};
-  for (const Route& route : routes) {
+  for (const Route& route : routes.routes) {
     header.variant = route.variant;
     const MessageId message =
         peer->send(now, {.deadline = entry.deadline, .lifetime = deadline},
@@ -116,6 +125,13 @@ SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const Sen
       round_trip = std::max(round_trip, find(links, id).rtt_p50);
     }
   }
+  for (std::size_t v = 0; v < variants.size(); ++v) {
+    if (!routes.standing_by(v)) continue;
+    header.variant = static_cast<std::uint8_t>(v);
+    const MessageId message =
+        peer->add_alternative(entry.variants.back().message, with(header, std::move(variants[v])));
+    entry.variants.push_back({message, header.variant});
+  }
   entry.ends += round_trip;
   result.id = sent_.add(entry);
   if (!collect_at_) collect_at_ = now + kLookAgain;
@@ -124,7 +140,7 @@ SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const Sen
 
 // Whether the message may be sent, and by which routes.
 SendResult Messages::plan(TimePoint now, Peer& peer, const Variants& variants,
-                          const SendOptions& options, std::vector<Route>& routes) const {
+                          const SendOptions& options, Routes& routes) const {
   const Policy& policy = rule(options.policy);
   const Links links = peer.links(now);
   if (std::ranges::none_of(links, &LinkState::up)) return {SendStatus::kNoLink};
@@ -134,53 +150,25 @@ SendResult Messages::plan(TimePoint now, Peer& peer, const Variants& variants,
   qos.needs.delay = 1.0;
   const Plan plan = plan_message(policy, {qos, {sizes.data(), sizes.size()}}, links,
                                  {.time_left = options.deadline});
+  const bool best_is_sent =
+      std::ranges::find(plan.sends, 0, &Assignment::variant) != plan.sends.end();
+  if (!best_is_sent || plan.under_floor) peer.want(now, rate_wanted(variants, options.deadline));
   if (plan.sends.empty()) {
     const bool allowed = std::ranges::any_of(
         links, [&policy](const LinkState& l) { return l.up && policy.allows(l); });
     return {.status = allowed ? SendStatus::kPolicyRefuses : SendStatus::kLinkRestricted,
             .reason = plan.refused};
   }
-  Plotted plotted = plot(now, peer, plan, links, variants, options.deadline);
-  if (plotted.routes.empty()) {
-    return {.status = SendStatus::kCannotArrive, .expected = plotted.expected};
+  routes = routes_of(now, peer, plan, links, variants, options.deadline);
+  if (routes.routes.empty()) {
+    peer.want(now, rate_wanted(variants, options.deadline));
+    return {.status = SendStatus::kCannotArrive, .expected = routes.expected};
   }
-  std::size_t bytes = 0;
-  for (const Route& route : plotted.routes) {
-    bytes += wire::kPlainHeaderBytes + variants[route.variant].size();
-  }
+  const std::size_t bytes = routes.bytes(variants);
   if (!sent_.has_room() || bytes > peers_.send_room(peer.identity().id)) {
     return {SendStatus::kOverBudget};
   }
-  routes = std::move(plotted.routes);
-  return {.status = SendStatus::kAccepted, .expected = plotted.expected};
-}
-
-// The routes of a plan that can still be in time. Variants leave in their order, so that each waits
-// for those before it on the same link.
-Messages::Plotted Messages::plot(TimePoint now, const Peer& peer, const Plan& plan,
-                                 std::span<const LinkState> links, const Variants& variants,
-                                 Duration deadline) const {
-  Plotted out;
-  std::map<LinkId, std::size_t> ahead;
-  std::optional<Duration> soonest;
-  for (std::uint8_t v = 0; v < variants.size(); ++v) {
-    Route route{v, {}};
-    for (const Assignment& send : plan.sends) {
-      if (send.variant != v) continue;
-      const LinkState& link = find(links, send.link);
-      const auto [it, fresh] = ahead.try_emplace(send.link, 0);
-      if (fresh) it->second = peer.queued_before(send.link, now + deadline);
-      const auto expected = arrival_forecast(link, it->second, variants[v].size());
-      soonest = earliest(soonest, expected);
-      if (cannot_arrive(link, expected, deadline)) continue;
-      out.expected = earliest(out.expected, expected);
-      it->second += variants[v].size();
-      route.links.push_back(send.link);
-    }
-    if (!route.links.empty()) out.routes.push_back(std::move(route));
-  }
-  if (out.routes.empty()) out.expected = soonest;
-  return out;
+  return {.status = SendStatus::kAccepted, .expected = routes.expected};
 }
 
 // A newer message of the channel is about to be sent: what has not left of the others need not.
@@ -230,7 +218,7 @@ bool Messages::would_accept(TimePoint now, const Waiting& w) {
   return std::ranges::any_of(links, [&](const LinkState& link) {
     if (!link.up) return false;
     const std::size_t ahead = peer->queued_before(link.id, now + w.deadline);
-    return !cannot_arrive(link, arrival_forecast(link, ahead, w.bytes), w.deadline);
+    return !is_hopeless(*peer, link, ahead, w.bytes, w.deadline);
   });
 }
 
@@ -295,6 +283,7 @@ void Messages::settle(TimePoint now, Peer& peer, const Settled& settled) {
       stop(peer, *entry);
       return tell(sent_.delivered(id, settled.message, when));
     case Kind::kGivenUp:
+      peer.want(now, entry->wanted);
       return tell(sent_.dropped(id, settled.message, FateReason::kCannotArrive));
     case Kind::kIncomplete:
       return tell(sent_.dropped(id, settled.message, FateReason::kExpired));

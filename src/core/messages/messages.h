@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "core/messages/received_messages.h"
+#include "core/messages/routes.h"
 #include "core/messages/sent_messages.h"
 #include "core/peers/peers.h"
 #include "interneuron/endpoint.h"
@@ -45,16 +46,6 @@ class Messages {
   const EndpointCounters& counters() const { return counters_; }
 
  private:
-  // A variant on its way: over which links, and what is expected of it.
-  struct Route {
-    std::uint8_t variant = 0;
-    std::vector<LinkId> links;
-  };
-  struct Plotted {
-    std::vector<Route> routes;
-    // When the first of the variants should be there.
-    std::optional<Duration> expected;
-  };
   // A channel that was refused.
   struct Waiting {
     PeerId peer{};
@@ -69,9 +60,7 @@ class Messages {
 
   const Policy& rule(const std::string& name) const;
   SendResult plan(TimePoint now, Peer& peer, const Variants& variants, const SendOptions& options,
-                  std::vector<Route>& routes) const;
-  Plotted plot(TimePoint now, const Peer& peer, const Plan& plan, std::span<const LinkState> links,
-               const Variants& variants, Duration deadline) const;
+                  Routes& routes) const;
   void supersede(TimePoint now, PeerId peer, std::uint16_t channel);
   void wait(TimePoint now, PeerId peer, const Variants& variants, const SendOptions& options);
   bool would_accept(TimePoint now, const Waiting& waiting);

@@ -42,6 +42,8 @@ class SentMessages {
     TimePoint deadline{};
     // When a message of which nothing was heard is given up.
     TimePoint ends{};
+    // The rate of a path that is looked for when a variant is given up.
+    DataRate wanted{};
     Few<Variant, kMaxVariants> variants{};
   };
 

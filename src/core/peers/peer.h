@@ -99,6 +99,10 @@ class Peer {
   MessageId send(TimePoint now, const flow::Sender::Times& times, wire::MessageBytes message,
                  const std::vector<LinkId>& paths, const flow::PathSet& repairs,
                  wire::MessageKind kind = wire::MessageKind::kRound);
+  // See flow::Sender::add_alternative().
+  MessageId add_alternative(MessageId first, wire::MessageBytes message) {
+    return sender_.add_alternative(first, std::move(message));
+  }
   // Nothing more of this message is sent.
   void cancel(MessageId message) { sender_.cancel(message); }
   // Whether on each path that it goes over a piece of this message has not left yet.
@@ -106,6 +110,11 @@ class Peer {
   // Bytes that this path has to send of messages whose deadline is not after this one.
   std::size_t queued_before(LinkId path, TimePoint deadline) const {
     return sender_.queued_before(path, deadline);
+  }
+
+  // See flow::Sender::least_time().
+  std::optional<Duration> least_time(LinkId path, std::size_t ip_bytes) const {
+    return sender_.least_time(path, ip_bytes);
   }
 
   // What the peer and the own sender say of messages that were sent to it. Told only once a plain

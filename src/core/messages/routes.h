@@ -1,0 +1,51 @@
+// Which variants of a plain message set out over which links, which stand by, and when the first
+// should be there. Pure.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "core/peers/peer.h"
+#include "interneuron/link.h"
+#include "interneuron/policy.h"
+
+namespace interneuron {
+
+// A variant that sets out, and over which links; at least one.
+struct Route {
+  std::uint8_t variant = 0;
+  std::vector<LinkId> links;
+};
+
+// What is left of a plan when the transmissions are taken out that cannot arrive. Plain values.
+struct Routes {
+  // In the order of variants; empty where nothing can arrive in time.
+  std::vector<Route> routes;
+  // The variants after that of the last route up to this one stand by: the next of them takes the
+  // place of one that its link gives up. None does where the last route has several links.
+  std::uint8_t last = 0;
+  // When the first of the variants should be there, from now; nothing where no link is measured.
+  std::optional<Duration> expected;
+
+  // What the variants that set out or stand by take, with their headers.
+  std::size_t bytes(const Variants& variants) const;
+  bool standing_by(std::size_t variant) const {
+    return variant > routes.back().variant && variant <= last;
+  }
+};
+
+// The links of the plan are among `links`. Variants leave in their order, so that each waits for
+// those before it on the same link.
+Routes routes_of(TimePoint now, const Peer& peer, const Plan& plan,
+                 std::span<const LinkState> links, const Variants& variants, Duration deadline);
+
+// Whether so many bytes that are sent over this link now, behind `ahead` others, are sure to be
+// late. Over a path that is loaded the sender knows that better, by what is in flight and by the
+// share that it may come to soon: what it would send must not be refused.
+bool is_hopeless(const Peer& peer, const LinkState& link, std::size_t ahead, std::size_t bytes,
+                 Duration deadline);
+
+}  // namespace interneuron

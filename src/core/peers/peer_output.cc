@@ -1,0 +1,115 @@
+// What a peer is sent: feedback over whichever path is fastest, and probes and data path by path.
+#include <algorithm>
+#include <utility>
+
+#include "core/peers/peer.h"
+
+namespace interneuron {
+
+wire::PacketHeader Peer::header(TimePoint now, const Path& path, wire::PacketType type,
+                                std::uint64_t number) const {
+  return {type,           path.id(), wire::kClearEpoch,
+          identity_.self, number,    wire::send_stamp(session_time(now))};
+}
+
+// The fastest path that may carry feedback about all paths.
+const Path* Peer::reporter() const {
+  const std::size_t size = wire::feedback_bytes(paths_.size());
+  const Path* best = nullptr;
+  // A path whose delay is not known yet ranks behind those that were measured, and so does one that
+  // is suspected.
+  const auto rank = [](const Path& p) {
+    const Duration d = p.estimator.one_way();
+    return std::pair(p.estimator.path() != PathState::kOk,
+                     d > Duration::zero() ? d : Duration::max());
+  };
+  for (const Path& path : paths_) {
+    if (!path.estimator.up() || !path.may_send(size)) continue;
+    if (best == nullptr || rank(path) < rank(*best)) best = &path;
+  }
+  return best;
+}
+
+Transmit Peer::send_feedback(TimePoint now, Path& path, std::span<const Path> about,
+                             std::span<std::byte> buffer) {
+  wire::Feedback feedback;
+  feedback.u = now.time_since_epoch().count();
+  feedback.echo = identity_.session;
+  for (const Path& p : about) feedback.reports.push_back(p.report(now));
+  // An address that is not trusted yet may have room for the reports alone.
+  if (path.may_send(wire::feedback_bytes(about.size(), wire::kMaxComplete, wire::kMaxRefused))) {
+    const bool about_all = about.size() == paths_.size();
+    receipts_.tell(now, about_all, feedback);
+    if (about_all && receipts_.has_untold()) feedback_.again(now);
+  }
+  const std::uint64_t number = sender_.take_number(now, path.id());
+  const std::size_t size = wire::write_feedback(
+      buffer, header(now, path, wire::PacketType::kFeedback, number), feedback);
+  path.sent_feedback(now, size);
+  return {path.nic().link, path.address(), size};
+}
+
+std::optional<Transmit> Peer::poll_feedback(TimePoint now, std::span<std::byte> buffer) {
+  const Path* over = feedback_.is_due(now) ? reporter() : nullptr;
+  if (over != nullptr) {
+    feedback_.sent(now);
+    for (Path& p : paths_) p.receiver.reported();
+    return send_feedback(now, *find(over->id()), paths_, buffer);
+  }
+  for (Path& path : paths_) {
+    if (path.heartbeat_due(now)) return send_feedback(now, path, {&path, 1}, buffer);
+  }
+  return std::nullopt;
+}
+
+Transmit Peer::send_probe(TimePoint now, Path& path, std::span<std::byte> buffer) {
+  const std::size_t size = path.datagram();
+  const std::uint64_t number = sender_.take_number(now, path.id(), size + kIpUdpBytes);
+  wire::write_probe(buffer, header(now, path, wire::PacketType::kProbe, number), size);
+  path.sent_probe(now, size);
+  return {path.nic().link, path.address(), size};
+}
+
+Transmit Peer::send_mtu_probe(TimePoint now, Path& path, std::size_t size,
+                              std::span<std::byte> buffer) {
+  const std::uint64_t number = sender_.take_mtu_probe_number(now, path.id(), size + kIpUdpBytes);
+  wire::write_probe(buffer, header(now, path, wire::PacketType::kProbe, number), size);
+  path.sent_mtu_probe(now, size, number);
+  return {path.nic().link, path.address(), size};
+}
+
+std::optional<Transmit> Peer::poll_data(TimePoint now, Path& path, std::span<std::byte> buffer) {
+  if (!path.may_send(kMaxDatagramBytes)) return std::nullopt;
+  const auto piece = sender_.poll(now, path.id());
+  if (!piece) return std::nullopt;
+  const std::size_t size =
+      wire::write_data(buffer, header(now, path, wire::PacketType::kData, piece->number),
+                       piece->fragment, piece->bytes.header, piece->bytes.payload);
+  path.sent_data(now, size);
+  return Transmit{path.nic().link, path.address(), size};
+}
+
+std::optional<Transmit> Peer::poll(TimePoint now, LinkId nic, std::span<std::byte> buffer) {
+  for (Path& path : paths_) {
+    if (path.nic().link != nic) continue;
+    if (const auto size = path.mtu_probe_due()) return send_mtu_probe(now, path, *size, buffer);
+    if (path.probe_due(now)) return send_probe(now, path, buffer);
+    if (auto transmit = poll_data(now, path, buffer)) return transmit;
+  }
+  return std::nullopt;
+}
+
+MessageId Peer::send(TimePoint now, const flow::Sender::Times& times, wire::MessageBytes message,
+                     const std::vector<LinkId>& paths, const flow::PathSet& repairs,
+                     wire::MessageKind kind) {
+  note_activity(now);
+  refresh(now);
+  if (kind == wire::MessageKind::kPlain) settlements_.open();
+  return sender_.send(now, times, std::move(message), paths, repairs, kind);
+}
+
+void Peer::want(TimePoint now, DataRate rate) {
+  for (Path& path : paths_) path.probes.want(now, rate);
+}
+
+}  // namespace interneuron
