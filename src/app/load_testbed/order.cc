@@ -37,7 +37,6 @@ Json scenario_json(const load::Scenario& s) {
           {"period_ns", s.period.count()},
           {"length_ns", s.length.count()},
           {"late_ns", s.late ? Json(s.late->count()) : Json(nullptr)},
-          {"cross_flows", s.cross_flows},
           {"seed", s.seed}};
 }
 
@@ -53,7 +52,6 @@ load::Scenario scenario_of(const Json& json) {
   s.period = Duration{json.at("period_ns").get<std::int64_t>()};
   s.length = Duration{json.at("length_ns").get<std::int64_t>()};
   if (!json.at("late_ns").is_null()) s.late = Duration{json.at("late_ns").get<std::int64_t>()};
-  s.cross_flows = json.at("cross_flows");
   s.seed = json.at("seed");
   return s;
 }
@@ -96,10 +94,7 @@ void write_record(const Order& order, const RoadRecord& record) {
   for (const Arrival& a : record.arrivals) {
     arrivals.push_back(Json::array({a.vehicle, a.number, a.variant, ns(a.at)}));
   }
-  Json cross = Json::array();
-  for (const CrossSample& c : record.cross) cross.push_back(Json::array({ns(c.at), c.bytes}));
-  lab::write_json(order.folder / kRoad,
-                  {{"cpu", record.cpu}, {"arrivals", arrivals}, {"cross", cross}});
+  lab::write_json(order.folder / kRoad, {{"cpu", record.cpu}, {"arrivals", arrivals}});
 }
 
 VehiclesRecord read_vehicles(const Order& order) {
@@ -120,7 +115,6 @@ RoadRecord read_road(const Order& order) {
     for (const Json& a : json.at("arrivals")) {
       out.arrivals.push_back({a.at(0), a.at(1), a.at(2), instant(a.at(3))});
     }
-    for (const Json& c : json.at("cross")) out.cross.push_back({instant(c.at(0)), c.at(1)});
     return out;
   });
 }

@@ -23,17 +23,15 @@ struct Modem {
 };
 
 struct Order {
-  // What the programs need of it: the peer, the vehicles and their messages, cross traffic.
+  // What the programs need of it: the peer, the vehicles and their messages.
   load::Scenario scenario;
   std::vector<Modem> modems;
   // The folder of the order's file, where records go.
   std::filesystem::path folder;
 };
 
-// Where the roadside unit waits for messages; cross traffic has the next port.
+// Where the roadside unit waits for messages.
 inline constexpr std::uint16_t kLoadPort = 47000;
-// Cross traffic begins so long before the messages.
-inline constexpr Duration kCrossBegins = std::chrono::seconds(1);
 
 // Of the program that plays the vehicles: when each message was handed over, by vehicle and number.
 struct VehiclesRecord {
@@ -47,19 +45,12 @@ struct Arrival {
   TimePoint at{};
 };
 
-// Bytes that the applications of the cross traffic had read by then.
-struct CrossSample {
-  TimePoint at{};
-  std::uint64_t bytes = 0;
-};
-
 // Of the roadside unit.
 struct RoadRecord {
   // In the order of arrival.
   std::vector<Arrival> arrivals;
   // Processor time over time, from the first arrival to the last one; 0 with fewer than two.
   double cpu = 0;
-  std::vector<CrossSample> cross;
 };
 
 // They throw Failure (1) that names the file when it cannot be written or read, or is none.

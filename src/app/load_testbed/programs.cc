@@ -58,7 +58,7 @@ void play_road(const Order& order) {
   Reception reception;
   receive(
       order, [] { tell("ready"); }, reception);
-  write_record(order, RoadRecord{reception.arrivals(), reception.cpu(), {}});
+  write_record(order, RoadRecord{reception.arrivals(), reception.cpu()});
 }
 
 int open_log(const fs::path& file) {
