@@ -34,10 +34,15 @@ constexpr double kQuickRise = 0.1;
 // Mbit/s and 50 ms is back where it was after some 4 s (RFC 9438); half of that keeps shares with
 // one fair in `interneuron bench load cubic`, a second does not.
 constexpr Duration kQuickAfter = std::chrono::seconds(2);
-// The pace in terms of the rate without a queue, and where the queue is half as much again as the
-// target; in between in proportion. The first is RateEstimator::kHeadroom.
+// The pace in terms of the rate where there is room: RateEstimator::kHeadroom. And where the queue
+// is half as much again as the target; below half of the target the first holds, in between in
+// proportion.
 constexpr double kPaceGain = 1.25;
 constexpr double kDrainGain = 0.8;
+// The pace while we are overloaded: what leaves sooner than the path carries it only waits there,
+// and a short buffer loses it. BBRv2 cruises at 1.0; a little more keeps a path full whose rate is
+// underestimated.
+constexpr double kLoadedGain = 1.05;
 // Memory of the duty. No measurement behind this value: two periods of a camera at 10 Hz and some.
 constexpr Duration kDutyMemory = std::chrono::milliseconds(250);
 // Above this duty we are overloaded.
@@ -174,10 +179,11 @@ void ShareControl::decide(TimePoint now) {
   } else if ((seen_.held_back || seen_.queue < kTarget / 4) && seen_.queue < target_) {
     rise(now);
   }
-  gain_ = kPaceGain;
+  // Without a queue the path may carry more than we know: whoever hurries finds that out.
+  gain_ = overloaded() && seen_.queue > kTarget / 4 ? kLoadedGain : kPaceGain;
   if (gave_way(now)) {
     const double queue = std::clamp(seconds(seen_.queue) / seconds(kTarget), 0.5, 1.5);
-    gain_ = kPaceGain - (kPaceGain - kDrainGain) * (queue - 0.5);
+    gain_ = std::min(gain_, kPaceGain - (kPaceGain - kDrainGain) * (queue - 0.5));
   }
   seen_ = {};
   decide_at_ = now + std::max(round_trip_, kLeastRound);
