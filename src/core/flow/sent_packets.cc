@@ -42,44 +42,44 @@ void SentPackets::trim(TimePoint now) {
   const auto may_go = [this, now] {
     const Packet& front = packets_.front();
     return packets_.size() >= kMaxKept || front.at < now - kKeep ||
-           (packets_.size() > kKeepSettled &&
-            front.number < std::min(first_open_, first_uncertain_));
+           (packets_.size() > kKeepSettled && oldest() < std::min(first_open_, first_uncertain_));
   };
   while (!packets_.empty() && may_go()) {
     const Packet& front = packets_.front();
     if (front.fate == Fate::kOpen && front.data_sized) close(front);
+    if (front.data_sized) data_.pop_front();
     packets_.pop_front();
   }
-  const std::uint64_t kept = packets_.empty() ? next_ : packets_.front().number;
-  first_open_ = std::max(first_open_, kept);
-  first_uncertain_ = std::max(first_uncertain_, kept);
+  first_open_ = std::max(first_open_, oldest());
+  first_uncertain_ = std::max(first_uncertain_, oldest());
 }
 
 SentPackets::Packet& SentPackets::record(TimePoint now) {
   trim(now);
-  Packet packet;
-  packet.number = next_++;
-  packet.at = now;
-  packets_.push_back(packet);
+  ++next_;
+  packets_.push_back({.at = now});
   return packets_.back();
 }
 
-std::uint64_t SentPackets::add_small(TimePoint now) { return record(now).number; }
+std::uint64_t SentPackets::add_small(TimePoint now) {
+  record(now);
+  return next_ - 1;
+}
 
 std::uint64_t SentPackets::add(TimePoint now, std::size_t ip_bytes, bool more_waits,
                                const std::optional<Piece>& piece) {
   Packet& packet = record(now);
   packet.data_sized = true;
+  packet.data = next_data_++;
   packet.has_piece = piece.has_value();
-  if (piece) packet.piece = *piece;
   train_bytes_ += ip_bytes;
-  packet.train_bytes = train_bytes_;
-  packet.stamp =
-      delivery_.sent(now, static_cast<std::uint32_t>(ip_bytes), open_data_ == 0, more_waits);
+  data_.push_back(
+      {delivery_.sent(now, static_cast<std::uint32_t>(ip_bytes), open_data_ == 0, more_waits),
+       train_bytes_, piece.value_or(Piece{})});
   ++open_data_;
   lookups_ = 0;
   if (packet.has_piece) open_bytes_ += ip_bytes;
-  return packet.number;
+  return next_ - 1;
 }
 
 std::uint64_t SentPackets::add_mtu_probe(TimePoint now, std::size_t ip_bytes) {
@@ -89,14 +89,14 @@ std::uint64_t SentPackets::add_mtu_probe(TimePoint now, std::size_t ip_bytes) {
 }
 
 // Whether not every path carries it.
-bool SentPackets::is_large(const Packet& packet) {
-  return packet.data_sized && packet.stamp.bytes > link::PathMtu::kBase + kIpUdpBytes;
+bool SentPackets::is_large(const Packet& packet) const {
+  return packet.data_sized && data_of(packet).stamp.bytes > link::PathMtu::kBase + kIpUdpBytes;
 }
 
 void SentPackets::close(const Packet& packet) {
   --open_data_;
   lookups_ = 0;
-  if (packet.has_piece) open_bytes_ -= packet.stamp.bytes;
+  if (packet.has_piece) open_bytes_ -= data_of(packet).stamp.bytes;
 }
 
 void SentPackets::lose(Packet& packet) {
@@ -109,7 +109,7 @@ void SentPackets::lose(Packet& packet) {
     lateness_ = {};
   }
   if (packet.data_sized) close(packet);
-  if (packet.has_piece) settled_.push_back({packet.piece, false, true});
+  if (packet.has_piece) settled_.push_back({data_of(packet).piece, false, true});
 }
 
 // A packet that an earlier report has missed was overtaken.
@@ -120,8 +120,9 @@ void SentPackets::note_reordering(TimePoint now, const Packet& packet) {
   lateness_ = std::max<Duration>(lateness_, late + late / kWindowDivisor);
 }
 
-void SentPackets::arrive(TimePoint now, Packet& packet, Verdicts& verdicts) {
-  if (packet.covered && packet.number < largest_) note_reordering(now, packet);
+void SentPackets::arrive(TimePoint now, std::uint64_t number, Verdicts& verdicts) {
+  Packet& packet = at(number);
+  if (packet.covered && number < largest_) note_reordering(now, packet);
   if (packet.at > newest_at_) {
     newest_at_ = packet.at;
     newest_rtt_ = now - packet.at;
@@ -131,14 +132,14 @@ void SentPackets::arrive(TimePoint now, Packet& packet, Verdicts& verdicts) {
   if (!packet.mtu_probe) sizes_.arrived(packet.at, is_large(packet));
   if (packet.has_piece) {
     progress_at_ = now;
-    settled_.push_back({packet.piece, true, was_open});
+    settled_.push_back({data_of(packet).piece, true, was_open});
   }
   verdicts.data = verdicts.data || packet.data_sized;
   verdicts.newest_sent = std::max(verdicts.newest_sent.value_or(packet.at), packet.at);
   if (!was_open) return;
   if (!packet.data_sized) return;
   close(packet);
-  delivery_.acknowledged(now, packet.stamp);
+  delivery_.acknowledged(now, data_of(packet).stamp);
 }
 
 SentPackets::Verdicts SentPackets::report(TimePoint now, const wire::LinkReport& report,
@@ -156,7 +157,7 @@ SentPackets::Verdicts SentPackets::report(TimePoint now, const wire::LinkReport&
     const std::uint64_t back = report.largest - n;
     if (packet.fate == Fate::kArrived || back > wire::kAckWindow) continue;
     if (arrived(back)) {
-      arrive(now, packet, verdicts);
+      arrive(now, n, verdicts);
     } else {
       packet.covered = true;
     }
@@ -195,17 +196,18 @@ void SentPackets::lose_untold(TimePoint now, std::uint64_t largest, Duration tim
 }
 
 // Whether the outcome of a settled packet will not change any more.
-bool SentPackets::is_certain(TimePoint now, const Packet& packet, std::uint64_t largest,
+bool SentPackets::is_certain(TimePoint now, std::uint64_t number, std::uint64_t largest,
                              Duration timeout) const {
+  const Packet& packet = at(number);
   if (packet.fate == Fate::kArrived) return true;
-  if (packet.number > largest) return packet.covered;
-  return largest - packet.number >= kLatePackets || now - packet.at >= 2 * timeout;
+  if (number > largest) return packet.covered;
+  return largest - number >= kLatePackets || now - packet.at >= 2 * timeout;
 }
 
 void SentPackets::tell_certain(TimePoint now, std::uint64_t largest, Duration timeout) {
   for (; keeps(first_uncertain_); ++first_uncertain_) {
     const Packet& packet = at(first_uncertain_);
-    if (packet.fate == Fate::kOpen || !is_certain(now, packet, largest, timeout)) return;
+    if (packet.fate == Fate::kOpen || !is_certain(now, first_uncertain_, largest, timeout)) return;
     const bool arrived = packet.fate == Fate::kArrived;
     if ((!arrived && !packet.covered) || packet.mtu_probe) continue;
     if (runs_.empty() || runs_.back().arrived != arrived) runs_.push_back({arrived, 0});
@@ -216,7 +218,7 @@ void SentPackets::tell_certain(TimePoint now, std::uint64_t largest, Duration ti
 // Follows the packets of the train up to `last` for times in which nothing was there to be sent.
 // The probes of a train wait for their pace, whatever waits behind them.
 void SentPackets::find_pause(std::uint64_t last) {
-  for (std::uint64_t n = std::max(train_.seen, packets_.front().number - 1) + 1; n <= last; ++n) {
+  for (std::uint64_t n = std::max(train_.seen, oldest() - 1) + 1; n <= last; ++n) {
     const Packet& packet = at(n);
     if (!packet.data_sized) continue;
     const Duration gap = packet.at - train_.last_at;
@@ -224,7 +226,7 @@ void SentPackets::find_pause(std::uint64_t last) {
     if (!train_.last_waited && !one_train) train_.pause = std::max<Duration>(train_.pause, gap);
     ++train_.left;
     train_.last_at = packet.at;
-    train_.last_waited = !packet.stamp.app_limited;
+    train_.last_waited = !data_of(packet).stamp.app_limited;
     train_.last_is_probe = !packet.has_piece;
   }
   train_.seen = std::max(train_.seen, last);
@@ -235,13 +237,14 @@ void SentPackets::find_train(const wire::LinkReport& report, Verdicts& verdicts)
   if (train_.number != report.train_start) {
     if (!keeps(report.train_start)) return;
     const Packet& first = at(report.train_start);
-    train_ = {.number = first.number,
+    if (!first.data_sized) return;
+    train_ = {.number = report.train_start,
               .at = first.at,
-              .from = first.train_bytes,
-              .seen = first.number,
+              .from = data_of(first).train_bytes,
+              .seen = report.train_start,
               .left = 1,
               .last_at = first.at,
-              .last_waited = !first.stamp.app_limited,
+              .last_waited = !data_of(first).stamp.app_limited,
               .last_is_probe = !first.has_piece,
               .pause = {}};
   }
@@ -254,7 +257,7 @@ void SentPackets::find_train(const wire::LinkReport& report, Verdicts& verdicts)
     // A train has no more packets than left since its first, whatever the peer says.
     train.packets = std::min(report.train_packets, train_.left);
     train.left = train_.left;
-    train.bytes = last.train_bytes - train_.from;
+    train.bytes = data_of(last).train_bytes - train_.from;
     train.measured = report.train_rate;
     if (last.at > train_.at) train.sent_at = rate_of(train.bytes, last.at - train_.at);
     train.pause = train_.pause;
@@ -273,9 +276,10 @@ TimePoint SentPackets::overdue_at(const Packet& packet) const {
   return packet.at + newest_rtt_ + std::clamp<Duration>(lateness_, least, most);
 }
 
-TimePoint SentPackets::lost_at(const Packet& packet, const Silence& silence) const {
+TimePoint SentPackets::lost_at(std::uint64_t number, const Silence& silence) const {
+  const Packet& packet = at(number);
   const TimePoint silent = silent_at(packet, silence);
-  return packet.number < largest_ ? std::min(silent, overdue_at(packet)) : silent;
+  return number < largest_ ? std::min(silent, overdue_at(packet)) : silent;
 }
 
 std::span<const SentPackets::Settled> SentPackets::settle_silent(TimePoint now,
@@ -283,7 +287,7 @@ std::span<const SentPackets::Settled> SentPackets::settle_silent(TimePoint now,
   settled_.clear();
   for (std::uint64_t n = first_open_; keeps(n); ++n) {
     Packet& packet = at(n);
-    if (lost_at(packet, silence) > now) break;
+    if (lost_at(n, silence) > now) break;
     if (packet.fate == Fate::kOpen && packet.has_piece) lose(packet);
   }
   return settled_;
@@ -292,7 +296,7 @@ std::span<const SentPackets::Settled> SentPackets::settle_silent(TimePoint now,
 std::optional<TimePoint> SentPackets::silent_at(const Silence& silence) const {
   for (std::uint64_t n = first_open_; keeps(n); ++n) {
     const Packet& packet = at(n);
-    if (packet.fate == Fate::kOpen && packet.has_piece) return lost_at(packet, silence);
+    if (packet.fate == Fate::kOpen && packet.has_piece) return lost_at(n, silence);
   }
   return std::nullopt;
 }
@@ -302,7 +306,7 @@ std::span<const SentPackets::Settled> SentPackets::in_flight() {
   for (std::uint64_t n = first_open_; keeps(n); ++n) {
     const Packet& packet = at(n);
     if (packet.fate == Fate::kOpen && packet.has_piece) {
-      settled_.push_back({packet.piece, false, true});
+      settled_.push_back({data_of(packet).piece, false, true});
     }
   }
   return settled_;
@@ -314,7 +318,7 @@ void SentPackets::index_copies() {
   for (std::uint64_t n = first_open_; keeps(n); ++n) {
     const Packet& packet = at(n);
     if (packet.fate == Fate::kOpen && packet.has_piece) {
-      copies_.push_back({packet.piece, packet.at});
+      copies_.push_back({data_of(packet).piece, packet.at});
     }
   }
   std::ranges::stable_sort(copies_, {}, &Copy::piece);
@@ -325,7 +329,9 @@ std::optional<TimePoint> SentPackets::sent_at(const Piece& piece) {
     ++lookups_;
     for (std::uint64_t n = next_; n-- > first_open_ && keeps(n);) {
       const Packet& packet = at(n);
-      if (packet.fate == Fate::kOpen && packet.has_piece && packet.piece == piece) return packet.at;
+      if (packet.fate == Fate::kOpen && packet.has_piece && data_of(packet).piece == piece) {
+        return packet.at;
+      }
     }
     return std::nullopt;
   }
@@ -343,7 +349,7 @@ std::optional<std::pair<std::uint64_t, std::uint64_t>> SentPackets::copies(const
   std::optional<std::pair<std::uint64_t, std::uint64_t>> out;
   for (std::uint64_t n = next_ - 1; keeps(n) && at(n).at >= since; --n) {
     const Packet& packet = at(n);
-    if (!packet.has_piece || packet.piece != piece) continue;
+    if (!packet.has_piece || data_of(packet).piece != piece) continue;
     if (packet.covered && largest_ >= n + kLatePackets) continue;
     out = {n, out ? out->second : n};
   }

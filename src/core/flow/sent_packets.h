@@ -28,8 +28,8 @@ namespace interneuron::flow {
 // numbers that were never sent is ignored, and a peer that acknowledges what has not arrived, or
 // denies what has, harms only what is sent to itself.
 //
-// Memory is bounded by 20,000 records of about 80 bytes; nothing is allocated per packet once the
-// ring has grown. Pure; thread-compatible; never throws.
+// Memory is bounded by 20,000 records, of 16 bytes for a small packet and 64 for one of data;
+// nothing is allocated per packet once the rings have grown. Pure; thread-compatible; never throws.
 class SentPackets {
  public:
   // A packet taken for lost may still arrive. Its loss is certain when this many later ones were
@@ -123,30 +123,35 @@ class SentPackets {
  private:
   enum class Fate : std::uint8_t { kOpen, kArrived, kLost };
   struct Packet {
-    std::uint64_t number = 0;
     TimePoint at{};
+    // Of a data-sized packet: which one it is, modulo 2^32.
+    std::uint32_t data = 0;
+    bool has_piece : 1 = false;
+    bool data_sized : 1 = false;
+    bool mtu_probe : 1 = false;
+    // A report has told that it has not arrived.
+    bool covered : 1 = false;
+    Fate fate = Fate::kOpen;
+  };
+  // What is kept of a data-sized packet alone.
+  struct Data {
     link::DeliveryStamp stamp;
     // Bytes of all data-sized packets up to and with this one.
     std::uint64_t train_bytes = 0;
     Piece piece;
-    bool has_piece = false;
-    bool data_sized = false;
-    bool mtu_probe = false;
-    // A report has told that it has not arrived.
-    bool covered = false;
-    Fate fate = Fate::kOpen;
   };
-  Packet& at(std::uint64_t number) { return packets_[number - packets_.front().number]; }
-  const Packet& at(std::uint64_t number) const {
-    return packets_[number - packets_.front().number];
+  // The number of the oldest packet that is kept; next_ while there is none.
+  std::uint64_t oldest() const { return next_ - packets_.size(); }
+  Packet& at(std::uint64_t number) { return packets_[number - oldest()]; }
+  const Packet& at(std::uint64_t number) const { return packets_[number - oldest()]; }
+  const Data& data_of(const Packet& packet) const {
+    return data_[packet.data - (next_data_ - static_cast<std::uint32_t>(data_.size()))];
   }
-  bool keeps(std::uint64_t number) const {
-    return !packets_.empty() && number >= packets_.front().number && number < next_;
-  }
+  bool keeps(std::uint64_t number) const { return number >= oldest() && number < next_; }
   // When an open packet is overdue by the reordering window, or silent; the sooner of both counts.
   TimePoint overdue_at(const Packet& packet) const;
   TimePoint silent_at(const Packet& oldest, const Silence& silence) const;
-  TimePoint lost_at(const Packet& packet, const Silence& silence) const;
+  TimePoint lost_at(std::uint64_t number, const Silence& silence) const;
   void note_reordering(TimePoint now, const Packet& packet);
   void lose_overdue(TimePoint now, const wire::LinkReport& report);
   void lose_untold(TimePoint now, std::uint64_t largest, Duration timeout);
@@ -156,15 +161,17 @@ class SentPackets {
   // A data-sized packet is no longer in flight.
   void close(const Packet& packet);
   void lose(Packet& packet);
-  static bool is_large(const Packet& packet);
-  void arrive(TimePoint now, Packet& packet, Verdicts& verdicts);
-  bool is_certain(TimePoint now, const Packet& packet, std::uint64_t largest,
+  bool is_large(const Packet& packet) const;
+  void arrive(TimePoint now, std::uint64_t number, Verdicts& verdicts);
+  bool is_certain(TimePoint now, std::uint64_t number, std::uint64_t largest,
                   Duration timeout) const;
   void tell_certain(TimePoint now, std::uint64_t largest, Duration timeout);
   void find_train(const wire::LinkReport& report, Verdicts& verdicts);
 
   // Oldest first; their numbers have no gap.
   Ring<Packet> packets_;
+  Ring<Data> data_;
+  std::uint32_t next_data_ = 0;
   std::uint64_t next_ = 1;
   // All packets before this number are settled.
   std::uint64_t first_open_ = 1;

@@ -8,14 +8,17 @@
 //
 // The instants of an exchange are the peer's bytes and may be anything. Exchanges that are
 // impossible are rejected. A peer that lies consistently moves its own estimate only, and one whose
-// exchanges contradict each other is taken for one whose clock has stepped. At most 1000 exchanges
-// are kept. Pure; thread-compatible.
+// exchanges contradict each other is taken for one whose clock has stepped.
+//
+// An exchange is kept for kWindow, or until a newer one tells at least as much: that bounds α from
+// no further away on both sides. Where round trips vary some tens are kept, of thousands; at most
+// kMaxExchanges. Time grows with them. Pure; thread-compatible.
 #pragma once
 
 #include <cstdint>
 #include <optional>
+#include <vector>
 
-#include "core/base/ring.h"
 #include "interneuron/time.h"
 
 namespace interneuron::guard {
@@ -65,7 +68,7 @@ class ClockOffset {
   bool contradicts(const Exchange& fresh) const;
 
   // Oldest first.
-  Ring<Exchange> exchanges_;
+  std::vector<Exchange> exchanges_;
 };
 
 }  // namespace interneuron::guard
