@@ -285,6 +285,7 @@ TimePoint SentPackets::lost_at(std::uint64_t number, const Silence& silence) con
 std::span<const SentPackets::Settled> SentPackets::settle_silent(TimePoint now,
                                                                  const Silence& silence) {
   settled_.clear();
+  if (open_bytes_ == 0) return settled_;
   for (std::uint64_t n = first_open_; keeps(n); ++n) {
     Packet& packet = at(n);
     if (lost_at(n, silence) > now) break;
@@ -294,6 +295,7 @@ std::span<const SentPackets::Settled> SentPackets::settle_silent(TimePoint now,
 }
 
 std::optional<TimePoint> SentPackets::silent_at(const Silence& silence) const {
+  if (open_bytes_ == 0) return std::nullopt;
   for (std::uint64_t n = first_open_; keeps(n); ++n) {
     const Packet& packet = at(n);
     if (packet.fate == Fate::kOpen && packet.has_piece) return lost_at(n, silence);

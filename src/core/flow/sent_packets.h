@@ -28,7 +28,7 @@ namespace interneuron::flow {
 // numbers that were never sent is ignored, and a peer that acknowledges what has not arrived, or
 // denies what has, harms only what is sent to itself.
 //
-// Memory is bounded by 20,000 records, of 16 bytes for a small packet and 64 for one of data;
+// Memory is bounded by 20,000 records, of 16 bytes for a small packet and 72 for one of data;
 // nothing is allocated per packet once the rings have grown. Pure; thread-compatible; never throws.
 class SentPackets {
  public:
