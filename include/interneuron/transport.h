@@ -51,6 +51,9 @@ struct BatchResult {
   // The errno, usually ENODEV, when the NIC is gone for good; 0 otherwise. All that was offered is
   // then dropped and counted.
   int gone = 0;
+  // The kernel has no room for the others just now, or forbids them, whatever the handle says:
+  // offer them again a little later.
+  bool refused = false;
 };
 
 // What a transport can do.
@@ -73,6 +76,9 @@ struct TransportCounters {
   // Datagrams that were dropped because the kernel refused them, and the errno of the newest one.
   std::uint64_t send_errors = 0;
   int last_send_error = 0;
+  // How often the kernel took nothing for now (ENOBUFS: a queue behind the socket is full; EPERM: a
+  // rule of the firewall or a full table of connections). What it refused so is no error.
+  std::uint64_t send_refusals = 0;
   // Batches that the kernel refused to segment; they were sent one by one.
   std::uint64_t offload_refused = 0;
   std::uint64_t received_datagrams = 0;

@@ -48,6 +48,9 @@ bool refuses_segmentation(int error) {
          error == ENOPROTOOPT;
 }
 
+// Whether a send failed only for now: see TransportCounters::send_refusals.
+bool refuses_for_now(int error) { return error == ENOBUFS || error == EPERM; }
+
 // Whether a send failed because the NIC is gone. Its error does not tell (ENODEV, ENETUNREACH or
 // EINVAL, depending on how the socket is bound), but a socket can no longer name a card that is
 // gone.
@@ -228,6 +231,12 @@ BatchResult UdpTransport::send(std::span<const Outgoing> batch) {
       continue;
     }
     result.gone = nic_vanished(native_handle()) ? ENODEV : 0;
+    if (result.gone == 0 && refuses_for_now(error)) {
+      ++counters_.send_refusals;
+      counters_.last_send_error = error;
+      result.refused = true;
+      return result;
+    }
     const std::size_t dropped = result.gone != 0 ? batch.size() - result.taken : first;
     result.taken += dropped;
     counters_.send_errors += dropped;

@@ -31,11 +31,7 @@ const Outbox::Link* Outbox::find(LinkId link) const {
 // Puts the datagram, which is in the spare buffer, at the end of the link's queue. In a full queue
 // the oldest one makes room and is counted as stalled.
 void Outbox::push(TimePoint now, Link& link, const Transmit& transmit) {
-  if (link.full()) {
-    link.first = (link.first + 1) % link.slots.size();
-    --link.count;
-    ++link.stalled;
-  }
+  if (link.full()) drop_oldest(link);
   if (link.count == 0) link.progress_at = now;
   Slot& slot = link.slots[(link.first + link.count) % link.slots.size()];
   slot.buffer.swap(spare_);
@@ -46,17 +42,38 @@ void Outbox::push(TimePoint now, Link& link, const Transmit& transmit) {
 
 // Sends as much of the link's queue as its transport takes.
 void Outbox::flush(TimePoint now, Link& link) {
-  if (link.blocked || link.count == 0) return;
+  while (!link.blocked && link.count > 0 && now >= link.retry_at) {
+    const BatchResult result = offer(link);
+    link.first = (link.first + result.taken) % link.slots.size();
+    link.count -= result.taken;
+    if (result.gone != 0) link.gone = result.gone;
+    link.blocked = result.would_block;
+    if (result.taken > 0) {
+      link.progress_at = now;
+      link.refused_since.reset();
+    }
+    if (!result.refused || link.count == 0) return;
+    if (!link.refused_since) link.refused_since = now;
+    if (now - *link.refused_since < kStallPatience) {
+      link.retry_at = now + kRefusedRetry;
+      return;
+    }
+    drop_oldest(link);
+  }
+}
+
+BatchResult Outbox::offer(const Link& link) {
   for (std::size_t i = 0; i < link.count; ++i) {
     const Slot& slot = link.slots[(link.first + i) % link.slots.size()];
     batch_[i] = {slot.to, ByteView(slot.buffer->data(), slot.size)};
   }
-  const BatchResult result = link.transport->send(std::span(batch_).first(link.count));
-  link.first = (link.first + result.taken) % link.slots.size();
-  link.count -= result.taken;
-  if (result.gone != 0) link.gone = result.gone;
-  if (result.taken > 0) link.progress_at = now;
-  link.blocked = result.would_block;
+  return link.transport->send(std::span(batch_).first(link.count));
+}
+
+void Outbox::drop_oldest(Link& link) {
+  link.first = (link.first + 1) % link.slots.size();
+  --link.count;
+  ++link.stalled;
 }
 
 // Whether some link's queue is full, but not yet for as long as kStallPatience.
@@ -101,6 +118,7 @@ std::optional<TimePoint> Outbox::next_timeout(TimePoint now) const {
   std::optional<TimePoint> next;
   for (const Link& link : links_) {
     if (link.full() && link.patience_ends() > now) next = earliest(next, link.patience_ends());
+    if (link.count > 0 && link.retry_at > now) next = earliest(next, link.retry_at);
   }
   return next;
 }

@@ -6,7 +6,9 @@
 // nothing more is asked of the endpoint (which may still choose another link or drop what is too
 // late), but not for longer than kStallPatience: a modem that takes nothing must not hold up the
 // others. After that the oldest datagrams of the stalled link make room for new ones, and are
-// counted.
+// counted. What the kernel refuses although the handle is writable is kept and offered again every
+// kRefusedRetry; what it has refused for kStallPatience is dropped and counted the same way, so
+// that one peer behind a rule of the firewall does not hold up the others.
 //
 // Buffers are allocated by add(). Thread-compatible.
 #pragma once
@@ -29,6 +31,10 @@ inline constexpr std::size_t kDatagramsPerTurn = 256;
 // How long a full link may hold up the others. No measurement behind this value: it only has to be
 // short against any deadline and long against the pauses of a busy link.
 inline constexpr Duration kStallPatience = std::chrono::milliseconds(5);
+
+// How soon what the kernel refused for now is offered again. No measurement behind this value: a
+// queue of a NIC that is full has room for 12 full packets after it at 150 Mbit/s.
+inline constexpr Duration kRefusedRetry = std::chrono::milliseconds(1);
 
 class Outbox {
  public:
@@ -71,7 +77,8 @@ class Outbox {
 
   // Datagrams that wait.
   std::size_t queued(LinkId link) const;
-  // Datagrams that were dropped because newer ones took their place.
+  // Datagrams that were dropped because newer ones took their place, or the kernel refused them for
+  // too long.
   std::uint64_t stalled(LinkId link) const;
 
  private:
@@ -91,6 +98,9 @@ class Outbox {
     bool blocked = false;
     // When the transport last took something or, after that, when the queue began.
     TimePoint progress_at{};
+    // The kernel takes nothing for now since then, and it is asked again then.
+    std::optional<TimePoint> refused_since;
+    TimePoint retry_at = TimePoint::min();
     // The errno of a send that found the NIC gone; 0: none.
     int gone = 0;
     std::uint64_t stalled = 0;
@@ -103,6 +113,8 @@ class Outbox {
   const Link* find(LinkId link) const;
   void push(TimePoint now, Link& link, const Transmit& transmit);
   void flush(TimePoint now, Link& link);
+  BatchResult offer(const Link& link);
+  static void drop_oldest(Link& link);
   bool must_pause(TimePoint now);
 
   std::vector<Link> links_;

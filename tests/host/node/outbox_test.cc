@@ -42,6 +42,10 @@ class Bottle final : public Transport {
     BatchResult result;
     if (gone != 0) return {batch.size(), false, gone};
     for (const Outgoing& datagram : batch) {
+      if (number_of(datagram.bytes) == forbidden || refusing) {
+        result.refused = true;
+        break;
+      }
       if (room == 0) {
         result.would_block = true;
         break;
@@ -60,6 +64,8 @@ class Bottle final : public Transport {
 
   std::size_t room = static_cast<std::size_t>(-1);
   int gone = 0;
+  bool refusing = false;
+  std::uint32_t forbidden = UINT32_MAX;
   int calls = 0;
   std::vector<std::uint32_t> sent;
 };
@@ -142,6 +148,61 @@ TEST(Outbox, AStalledLinkHoldsUpTheOtherOnlyForThePatience) {
   const auto odd = count_to(4000, 1, 2);
   EXPECT_EQ(stuck.sent, std::vector(odd.end() - std::ptrdiff_t{kQueueDatagrams}, odd.end()));
   EXPECT_FALSE(outbox.blocked(LinkId{1}));
+}
+
+TEST(Outbox, WhatTheKernelRefusesForNowIsKeptAndOfferedAgain) {
+  Bottle transport;
+  Numbers source;
+  Outbox outbox;
+  outbox.add(LinkId{0}, transport);
+  source.end = 10;
+  transport.refusing = true;
+  EXPECT_EQ(outbox.pump(kStart, source), Outbox::More::kNo);
+  EXPECT_EQ(outbox.queued(LinkId{0}), 10U);
+  EXPECT_FALSE(outbox.blocked(LinkId{0}));
+  EXPECT_EQ(outbox.next_timeout(kStart), kStart + kRefusedRetry);
+  const int calls = transport.calls;
+  outbox.pump(kStart + kRefusedRetry - Duration{1}, source);
+  EXPECT_EQ(transport.calls, calls) << "not before its time";
+  transport.refusing = false;
+  outbox.pump(kStart + kRefusedRetry, source);
+  EXPECT_EQ(transport.sent, count_to(10));
+  EXPECT_FALSE(outbox.next_timeout(kStart + kRefusedRetry));
+  EXPECT_EQ(outbox.stalled(LinkId{0}), 0U);
+}
+
+TEST(Outbox, WhatIsRefusedForTooLongMakesWayForTheOthers) {
+  Bottle transport;
+  Numbers source;
+  Outbox outbox;
+  outbox.add(LinkId{0}, transport);
+  source.end = 10;
+  transport.forbidden = 3;
+  TimePoint now = kStart;
+  outbox.pump(now, source);
+  EXPECT_EQ(outbox.queued(LinkId{0}), 7U);
+  while (const auto next = outbox.next_timeout(now)) {
+    now = *next;
+    outbox.pump(now, source);
+    ASSERT_LE(now, kStart + kStallPatience);
+  }
+  EXPECT_EQ(now, kStart + kStallPatience);
+  EXPECT_EQ(transport.sent, (std::vector<std::uint32_t>{0, 1, 2, 4, 5, 6, 7, 8, 9}));
+  EXPECT_EQ(outbox.stalled(LinkId{0}), 1U);
+}
+
+TEST(Outbox, ALinkThatTakesNothingAnyMoreKeepsNothing) {
+  Bottle transport;
+  Numbers source;
+  Outbox outbox;
+  outbox.add(LinkId{0}, transport);
+  source.end = 5;
+  transport.refusing = true;
+  outbox.pump(kStart, source);
+  outbox.pump(kStart + kStallPatience, source);
+  EXPECT_EQ(outbox.queued(LinkId{0}), 0U);
+  EXPECT_EQ(outbox.stalled(LinkId{0}), 5U);
+  EXPECT_FALSE(outbox.next_timeout(kStart + kStallPatience));
 }
 
 TEST(Outbox, AVanishedLinkIsReportedOnceAndItsDatagramsAreDropped) {
