@@ -39,6 +39,8 @@ struct Outgoing {
 struct Incoming {
   Address from{};
   ByteView bytes;
+  // When, by the clock of Node::now() and as the kernel says; TimePoint::min() where it does not.
+  TimePoint at = TimePoint::min();
 };
 
 // What became of a batch of datagrams.

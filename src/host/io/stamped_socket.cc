@@ -21,15 +21,10 @@ namespace {
 // 300 Mbit/s on.
 constexpr int kRoomWaitMs = 10;
 
-// The kernel stamps with CLOCK_REALTIME; only the age of the stamp is used, so that a step of that
-// clock spoils one datagram and no more.
 TimePoint instant_of(const timespec& stamp) {
-  const TimePoint at = now();
   const Duration wall =
       std::chrono::seconds(stamp.tv_sec) + std::chrono::nanoseconds(stamp.tv_nsec);
-  const Duration age = at.time_since_epoch() + wall_offset() - wall;
-  // A stamp that is older than any time-out or from the future means that the clock was set.
-  return age < Duration::zero() || age > std::chrono::seconds(10) ? at : at - age;
+  return instant_of_stamp(wall, now(), wall_offset());
 }
 
 struct alignas(cmsghdr) Control {

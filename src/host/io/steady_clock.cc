@@ -18,6 +18,11 @@ Duration wall_offset() {
   return std::chrono::seconds{t.tv_sec} + Duration{t.tv_nsec} - now().time_since_epoch();
 }
 
+TimePoint instant_of_stamp(Duration stamp, TimePoint now, Duration wall_offset) {
+  const Duration age = now.time_since_epoch() + wall_offset - stamp;
+  return age < Duration::zero() || age > std::chrono::seconds(10) ? now : now - age;
+}
+
 PreciseTimers::PreciseTimers() : previous_ns_(prctl(PR_GET_TIMERSLACK)) {
   prctl(PR_SET_TIMERSLACK, 1UL);
 }

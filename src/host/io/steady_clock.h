@@ -14,6 +14,11 @@ TimePoint now();
 // Thread-safe.
 Duration wall_offset();
 
+// When something happened that the kernel has stamped with CLOCK_REALTIME so long ago; `now`, and
+// what wall_offset() was then. Only the age of the stamp counts, so that a step of that clock
+// spoils few instants: `now` stands for a stamp from the future or of more than 10 s ago.
+TimePoint instant_of_stamp(Duration stamp, TimePoint now, Duration wall_offset);
+
 // While it lives, timers of the calling thread fire at most 1 ns late by the kernel's choice
 // instead of the default 50 us (man 2 prctl, PR_SET_TIMERSLACK). Create and destroy it on the same
 // thread.

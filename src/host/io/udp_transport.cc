@@ -5,6 +5,7 @@
 #include <netinet/udp.h>
 #include <sys/socket.h>
 #include <sys/uio.h>
+#include <time.h>
 
 #include <algorithm>
 #include <array>
@@ -14,6 +15,7 @@
 #include <limits>
 
 #include "host/io/address.h"
+#include "host/io/steady_clock.h"
 
 namespace interneuron::io {
 
@@ -66,7 +68,7 @@ struct alignas(cmsghdr) SendControl {
 
 struct alignas(cmsghdr) ReceiveControl {
   std::array<std::byte, CMSG_SPACE(sizeof(int)) + CMSG_SPACE(sizeof(std::uint32_t)) +
-                            CMSG_SPACE(sizeof(in6_pktinfo))>
+                            CMSG_SPACE(sizeof(in6_pktinfo)) + CMSG_SPACE(sizeof(timespec))>
       raw;
 };
 
@@ -109,6 +111,8 @@ struct UdpTransport::ReceiveBuffers {
   // received it, 0 for none.
   std::array<std::size_t, kReceiveMessages> segment_bytes;
   std::array<std::uint8_t, kReceiveMessages> notes;
+  // When it arrived: the time of day by the kernel, zero for none.
+  std::array<Duration, kReceiveMessages> stamps;
   std::vector<std::byte> bytes;
   std::vector<Incoming> datagrams;
 };
@@ -119,6 +123,9 @@ UdpTransport::UdpTransport(const UdpOptions& options)
       in_(std::make_unique<ReceiveBuffers>()) {
   in_->bytes.resize(kReceiveMessages * kReceiveBytes);
   in_->datagrams.reserve(kReceiveMessages * kMaxCoalesced);
+  // A kernel that does not stamp costs precision only.
+  const int on = 1;
+  ::setsockopt(native_handle(), SOL_SOCKET, SO_TIMESTAMPNS, &on, sizeof on);
 }
 
 UdpTransport::~UdpTransport() = default;
@@ -269,20 +276,24 @@ std::span<const Incoming> UdpTransport::receive() {
     return {};
   }
   ++counters_.receive_calls;
+  const TimePoint now = io::now();
+  const Duration offset = wall_offset();
   for (std::size_t i = 0; i < static_cast<std::size_t>(count); ++i) {
     read_control(i);
-    split(i);
+    const Duration stamp = in.stamps[i];
+    split(i, stamp > Duration::zero() ? instant_of_stamp(stamp, now, offset) : TimePoint::min());
   }
   counters_.received_datagrams += in.datagrams.size();
   return in.datagrams;
 }
 
 // Takes from a received message what the kernel says of it: the size of its coalesced datagrams,
-// the address that it came to, and how many datagrams the socket has dropped.
+// the address that it came to, when, and how many datagrams the socket has dropped.
 void UdpTransport::read_control(std::size_t message) {
   msghdr& header = in_->messages[message].msg_hdr;
   in_->segment_bytes[message] = 0;
   in_->notes[message] = 0;
+  in_->stamps[message] = {};
   for (cmsghdr* item = CMSG_FIRSTHDR(&header); item != nullptr; item = CMSG_NXTHDR(&header, item)) {
     if (item->cmsg_level == SOL_UDP && item->cmsg_type == UDP_GRO) {
       int size = 0;
@@ -294,6 +305,10 @@ void UdpTransport::read_control(std::size_t message) {
       std::memcpy(&drops, CMSG_DATA(item), sizeof drops);
       counters_.receive_queue_drops += drops - kernel_drops_;
       kernel_drops_ = drops;
+    } else if (item->cmsg_level == SOL_SOCKET && item->cmsg_type == SO_TIMESTAMPNS) {
+      timespec stamp{};
+      std::memcpy(&stamp, CMSG_DATA(item), sizeof stamp);
+      in_->stamps[message] = std::chrono::seconds(stamp.tv_sec) + Duration{stamp.tv_nsec};
     } else if (item->cmsg_level == IPPROTO_IP && item->cmsg_type == IP_PKTINFO) {
       in_pktinfo info{};
       std::memcpy(&info, CMSG_DATA(item), sizeof info);
@@ -321,7 +336,7 @@ std::uint8_t UdpTransport::note_of(const void* address, std::size_t size) {
 
 // Adds the datagrams of a received message to the result; one that was cut off, or whose sender is
 // neither IPv4 nor IPv6, is counted as an error.
-void UdpTransport::split(std::size_t message) {
+void UdpTransport::split(std::size_t message, TimePoint at) {
   const mmsghdr& received = in_->messages[message];
   Address from = from_sockaddr(reinterpret_cast<const sockaddr*>(&in_->names[message]),
                                received.msg_hdr.msg_namelen);
@@ -333,10 +348,10 @@ void UdpTransport::split(std::size_t message) {
   ByteView rest(&in_->bytes[message * kReceiveBytes], received.msg_len);
   const std::size_t segment = in_->segment_bytes[message];
   while (segment > 0 && rest.size() > segment) {
-    in_->datagrams.push_back({from, rest.first(segment)});
+    in_->datagrams.push_back({from, rest.first(segment), at});
     rest = rest.subspan(segment);
   }
-  in_->datagrams.push_back({from, rest});
+  in_->datagrams.push_back({from, rest, at});
 }
 
 }  // namespace interneuron::io

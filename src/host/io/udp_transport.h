@@ -4,8 +4,9 @@
 // call (sendmmsg), and arrive coalesced (UDP_GRO), many per call (recvmmsg): 26 times the rate of
 // plain sends (docs/constants.md, "Datagrams and sockets"). A batch that the kernel refuses to
 // segment is sent one by one. The errors of the network that a socket may report (a host that
-// cannot be reached, a firewall) drop the datagram they hit and are counted: ICMP is a hint that
-// anybody can forge.
+// cannot be reached) drop the datagram they hit and are counted: ICMP is a hint that anybody can
+// forge. What the kernel takes not just now (ENOBUFS, EPERM) is left to be offered again. Datagrams
+// that arrive bear the kernel's stamps; those that it has coalesced have one.
 //
 // With UdpOptions::answer_from_receiver an Address that comes from receive() carries, in a byte
 // that the system ignores, which of the NIC's own addresses it came to; send() takes it from there.
@@ -54,7 +55,7 @@ class UdpTransport final : public Transport {
   std::size_t fill(std::span<const Outgoing> batch, bool segment);
   std::uint8_t note_of(const void* address, std::size_t size);
   void read_control(std::size_t message);
-  void split(std::size_t message);
+  void split(std::size_t message, TimePoint at);
 
   UdpSocket socket_;
   TransportCounters counters_;

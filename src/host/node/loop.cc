@@ -169,6 +169,8 @@ void Node::Impl::on_timer() {
   turn();
 }
 
+// Datagrams arrive when the kernel says that they did, but not before what the endpoint was told
+// already.
 void Node::Impl::receive(const Port& port) {
   for (int i = 0; i < kReceivesPerTurn && port.transport != nullptr; ++i) {
     const auto batch = port.transport->receive();
@@ -176,10 +178,14 @@ void Node::Impl::receive(const Port& port) {
     const TimePoint now = io::now();
     int inputs = 0;
     for (const Incoming& datagram : batch) {
-      endpoint_.handle_datagram(now, {port.link, datagram.from, datagram.bytes});
-      if (++inputs % kInputsPerCollect == 0) outbox_.collect(now, *this);
+      // The endpoint's time never goes back.
+      const bool stamped = datagram.at != TimePoint::min();
+      told_ = stamped ? std::clamp(datagram.at, told_, now) : now;
+      endpoint_.handle_datagram(told_, {port.link, datagram.from, datagram.bytes});
+      if (++inputs % kInputsPerCollect == 0) outbox_.collect(told_, *this);
     }
     tell_events();
+    told_ = io::now();
   }
 }
 
@@ -201,6 +207,7 @@ void Node::Impl::turn() {
     });
   }
   arm(more);
+  told_ = io::now();
 }
 
 // Sends, tells events and handles time-outs until there is nothing left to do or the turn's share

@@ -126,6 +126,8 @@ class Node::Impl : private Outbox::Source, private LinkSet::User {
   std::vector<SharedPort> ports_;
   Outbox outbox_;
   Duration statistics_interval_{};
+  // The endpoint was told no later time than this when the loop waits.
+  TimePoint told_ = TimePoint::min();
   bool turn_posted_ = false;
   bool ran_ = false;
   // Members are destroyed in reverse order: the workers end before what their jobs refer to.

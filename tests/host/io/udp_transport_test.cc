@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <sys/socket.h>
 
+#include "host/io/steady_clock.h"
 #include "support.h"
 
 namespace interneuron::io {
@@ -46,6 +47,26 @@ TEST(UdpTransport, EqualDatagramsLeaveInOneCallAndArriveInOrder) {
   EXPECT_EQ(sender.counters().sent_datagrams, 200u);
   EXPECT_EQ(receiver.counters().received_datagrams, 200u);
   EXPECT_EQ(sender.counters().send_calls, sender.capabilities().segmentation_offload ? 1u : 7u);
+}
+
+TEST(UdpTransport, TellsWhenTheKernelReceived) {
+  UdpTransport sender(on_lo());
+  UdpTransport receiver(on_lo());
+  const std::vector<Bytes> payloads{payload(0, 100), payload(1, 200)};
+  // Both clocks are read one after the other.
+  const Duration slack = std::chrono::milliseconds(1);
+  const TimePoint before = now() - slack;
+  ASSERT_EQ(sender.send(to_all(receiver.local_address(), payloads)).taken, 2u);
+  for (std::size_t count = 0; count < 2;) {
+    ASSERT_TRUE(wait_for(receiver, POLLIN));
+    const auto batch = receiver.receive();
+    const TimePoint after = now() + slack;
+    for (const Incoming& datagram : batch) {
+      EXPECT_GE(datagram.at, before);
+      EXPECT_LE(datagram.at, after);
+    }
+    count += batch.size();
+  }
 }
 
 TEST(UdpTransport, MixedSizesAndTwoReceivers) {
