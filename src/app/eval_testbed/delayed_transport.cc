@@ -63,7 +63,7 @@ void DelayedTransport::send_due(TimePoint now) {
   }
   const BatchResult result = inner_->send(batch);
   waiting_.erase(waiting_.begin(), waiting_.begin() + static_cast<std::ptrdiff_t>(result.taken));
-  blocked_ = result.would_block;
+  blocked_ = result.would_block || result.refused;
   gone_ = result.gone;
   if (gone_ != 0) waiting_.clear();
 }
