@@ -13,6 +13,8 @@ namespace interneuron::flow {
 struct PathView {
   // While it is false nothing is sent on the path.
   bool up = true;
+  // It may have fallen silent: see Sender::doubt().
+  bool suspect = false;
   // Retransmissions prefer the other paths.
   bool backup = false;
   // The rate that the path delivers, to plan with, and the pace at which packets leave. While they

@@ -54,33 +54,6 @@ void Sender::remove_path(TimePoint now, LinkId path) {
   for (const MessageId id : gone.jobs.messages()) hand_on(now, gone.jobs, id);
 }
 
-void Sender::pull(TimePoint now, LinkId link) {
-  const auto it = paths_.find(link);
-  if (it == paths_.end()) return;
-  Path& path = it->second;
-  path.view.up = false;
-  // What is in flight is queued again but not settled as lost: it may have arrived, and then its
-  // acknowledgement saves the second copy.
-  for (const auto& [piece, arrived, was_open] : path.sent.in_flight()) {
-    const Message* message = messages_.find(piece.message);
-    if (message == nullptr) continue;
-    if (!message->pieces[piece.index].acknowledged) repair(now, piece.message, piece.index);
-  }
-  for (const MessageId id : path.jobs.messages()) {
-    Message& message = *messages_.find(id);
-    // No other job is added to this path meanwhile, because it is not up.
-    Job& job = *path.jobs.find(id);
-    for (const std::uint16_t index : path.jobs.take_all(job)) {
-      Message::PieceState& piece = message.pieces[index];
-      if (piece.under_way > 0) --piece.under_way;
-      if (piece.acknowledged || repair(now, id, index)) continue;
-      // No other path brings it in time: it waits here for this path to come back.
-      ++piece.under_way;
-      path.jobs.push_again(job, index);
-    }
-  }
-}
-
 void Sender::set_path(LinkId path, const PathView& view) {
   const auto it = paths_.find(path);
   if (it != paths_.end()) it->second.view = view;
@@ -243,8 +216,10 @@ std::optional<TimePoint> Sender::expected_arrival(TimePoint now, MessageId id,
   const Message& m = *messages_.find(id);
   if (m.pieces[index].under_way == 0) return std::nullopt;
   std::optional<TimePoint> best;
+  const bool sound = any_is_sound();
   for (auto& [link, path] : paths_) {
-    if (!path.view.up) continue;
+    // Nobody knows when a path that is suspected brings anything.
+    if (!path.view.up || (path.view.suspect && sound)) continue;
     const Job* job = path.jobs.find(id);
     if (job != nullptr && (index >= job->next || job->again.contains(index))) {
       const std::size_t ahead = index >= job->next ? index - job->next + 1U : job->again.size();
@@ -265,10 +240,11 @@ bool Sender::repair(TimePoint now, MessageId id, std::uint16_t index) {
   Message& m = *messages_.find(id);
   Path* best = nullptr;
   TimePoint best_arrival = TimePoint::max();
+  const bool sound = any_is_sound();
   for (auto& [link, path] : paths_) {
     const bool may_carry =
         m.repairs.contains(link) && path.max_datagram >= m.chunk + kPieceOverheadBytes;
-    if (!path.view.up || !may_carry) continue;
+    if (!path.view.up || (path.view.suspect && sound) || !may_carry) continue;
     const DataRate rate = path.view.rate.value_or(kBlindRate);
     const Duration queue =
         std::min<Duration>(rate.transmit_time(path.jobs.bytes() + m.chunk), kNever);

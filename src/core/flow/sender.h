@@ -55,6 +55,10 @@ class Sender {
   // Nothing more goes over this path until set_path() says that it is up again. What is queued or
   // in flight on it goes over the other paths at once, where that still helps.
   void pull(TimePoint now, LinkId path);
+  // Nobody knows when the path brings what it was given, until set_path() says otherwise. A
+  // message that is queued or in flight on it goes over another one at once, where that brings all
+  // of it in time; the others stay. Repairs use it only where no other path is up.
+  void doubt(TimePoint now, LinkId path);
 
   // When a message is of use, and for how long the receiver may keep fragments of it.
   struct Times {
@@ -156,6 +160,9 @@ class Sender {
   };
 
   std::size_t piece_bytes(const std::vector<LinkId>& paths, const PathSet& repairs) const;
+  bool any_is_sound() const;
+  std::vector<MessageId> fitting_elsewhere(TimePoint now, Path& path);
+  void send_elsewhere(TimePoint now, Path& path, const std::vector<MessageId>* only);
   void hand_on(TimePoint now, JobQueue& jobs, MessageId id);
   // The next fragment of a job that is not acknowledged yet.
   std::optional<JobQueue::Taken> take(Path& path, Job& job);

@@ -233,6 +233,7 @@ flow::PathView Path::view(TimePoint now) const {
   };
   flow::PathView view;
   view.up = estimator.up();
+  view.suspect = estimator.path() == PathState::kSuspect;
   view.backup = nic_.traits.role == LinkRole::kBackup;
   // The arrival of a piece is a guess anyhow: with a guess of the rate it is a better one.
   view.rate = shared(share_.rate() ? share_.rate() : estimator.rate_guess());

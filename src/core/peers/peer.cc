@@ -189,12 +189,20 @@ void Peer::learn_report(TimePoint now, const wire::LinkReport& report) {
   collect_changes(now, *path);
 }
 
-// Collects what the traffic of a path says of it. Where the path is no longer usable, what is under
-// way on it goes over the others.
+// Collects what the traffic of a path says of it.
 void Peer::collect_changes(TimePoint now, Path& path) {
   if (!take_changes(path)) return;
   refresh(now);
-  if (!path.usable()) sender_.pull(now, path.id());
+  relieve(now, path);
+}
+
+// What is under way on a path that fell goes over the others.
+void Peer::relieve(TimePoint now, const Path& path) {
+  if (!path.usable()) {
+    sender_.pull(now, path.id());
+  } else if (path.estimator.path() == PathState::kSuspect) {
+    sender_.doubt(now, path.id());
+  }
 }
 
 bool Peer::take_changes(Path& path) {
@@ -222,16 +230,14 @@ void Peer::look(TimePoint now) {
 // with that another one may become the last usable one.
 void Peer::refresh(TimePoint now) {
   refreshed_at_ = now;
-  std::vector<LinkId> unusable;
-  while (look_again(now, unusable)) {
+  std::vector<LinkId> changed;
+  while (look_again(now, changed)) {
   }
-  for (const LinkId id : unusable) {
-    if (!find(id)->usable()) sender_.pull(now, id);
-  }
+  for (const LinkId id : changed) relieve(now, *find(id));
 }
 
-// Returns whether the state of a path has changed, and adds the paths that became unusable.
-bool Peer::look_again(TimePoint now, std::vector<LinkId>& unusable) {
+// Returns whether the state of a path has changed, and adds those paths.
+bool Peer::look_again(TimePoint now, std::vector<LinkId>& changed) {
   for (Path& path : paths_) {
     path.estimator.set_last_usable(std::ranges::none_of(
         paths_, [&path](const Path& p) { return p.id() != path.id() && p.estimator.up(); }));
@@ -239,13 +245,11 @@ bool Peer::look_again(TimePoint now, std::vector<LinkId>& unusable) {
     sender_.set_path(path.id(), path.view(now));
     sender_.resize(now, path.id(), path.datagram());
   }
-  bool changed = false;
+  const std::size_t before = changed.size();
   for (Path& path : paths_) {
-    if (!take_changes(path)) continue;
-    changed = true;
-    if (!path.usable()) unusable.push_back(path.id());
+    if (take_changes(path)) changed.push_back(path.id());
   }
-  return changed;
+  return changed.size() > before;
 }
 
 // --- time

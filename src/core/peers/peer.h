@@ -157,7 +157,8 @@ class Peer {
   void refresh(TimePoint now);
   void collect_changes(TimePoint now, Path& path);
   bool take_changes(Path& path);
-  bool look_again(TimePoint now, std::vector<LinkId>& unusable);
+  void relieve(TimePoint now, const Path& path);
+  bool look_again(TimePoint now, std::vector<LinkId>& changed);
   std::uint64_t first_number(TimePoint now) const;
   void note_activity(TimePoint now);
   // Stamps count from the beginning of a session: rounded to microseconds they would otherwise

@@ -26,6 +26,48 @@ bool can_be_sent(const Policy& policy, const Assignment& send, const Offer& offe
          });
 }
 
+bool is_suspected(const LinkState& link) { return link.up && link.path == PathState::kSuspect; }
+bool is_sound(const LinkState& link) { return link.up && !is_suspected(link); }
+
+std::uint8_t best_of(const Plan& plan) {
+  return std::ranges::min(plan.sends, {}, &Assignment::variant).variant;
+}
+
+// Whether a plan brings a variant that is as good as the other's best one in time, over these
+// links.
+bool is_as_good(const Plan& plan, const Plan& other, const Offer& offer,
+                std::span<const LinkState> links, const Guidance& guidance) {
+  if (plan.sends.empty() || plan.under_floor || best_of(plan) > best_of(other)) return false;
+  const Duration most = std::min(guidance.time_left, offer.qos.deadline);
+  return std::ranges::any_of(plan.sends, [&](const Assignment& send) {
+    const auto link = std::ranges::find(links, send.link, &LinkState::id);
+    return send.variant <= best_of(other) && link != links.end() && link->up &&
+           send.variant < offer.variant_bytes.size() &&
+           arrival_time(*link, offer.variant_bytes[send.variant]) <= most;
+  });
+}
+
+// What the policy plans, or what it plans without the links that are suspected: where its plan
+// rests on these, and the other one is as good.
+Plan plan_around(const Policy& policy, const Offer& offer, std::span<const LinkState> links,
+                 const Guidance& guidance) {
+  Plan with = policy.plan(offer, links, guidance);
+  Links sound;
+  bool any_suspected = false;
+  for (const LinkState& link : links) {
+    LinkState seen = link;
+    seen.up = is_sound(link);
+    sound.push_back(seen);
+    any_suspected = any_suspected || is_suspected(link);
+  }
+  // The guard of a round weighs time and quality itself, and suspicion is often wrong.
+  const bool is_of_a_round = offer.qos.period > Duration::zero();
+  if (with.sends.empty() || !any_suspected || is_of_a_round) return with;
+  if (is_as_good(with, with, offer, sound, guidance)) return with;
+  Plan without = policy.plan(offer, sound, guidance);
+  return is_as_good(without, with, offer, sound, guidance) ? without : with;
+}
+
 }  // namespace
 
 Plan plan_message(const Policy& policy, const Offer& offer, std::span<const LinkState> links,
@@ -37,7 +79,7 @@ Plan plan_message(const Policy& policy, const Offer& offer, std::span<const Link
     // The policy allows none of the links; its plan() says why.
   }
 
-  const Plan answer = policy.plan(offer, links, guidance);
+  const Plan answer = plan_around(policy, offer, links, guidance);
   Plan plan;
   for (const Assignment& send : answer.sends) {
     const bool repeated = std::ranges::find(plan.sends, send) != plan.sends.end();

@@ -17,6 +17,10 @@ namespace interneuron {
 // - `sends` is empty when no link is up or when the policy names nothing that can be sent; then
 //   `under_floor` is false and `refused` is the policy's reason, or kNothingPlanned if it plans
 //   nothing and gives none; otherwise `refused` is empty.
+//
+// Where the plan of a plain message (one without a period) rests on links that are suspected of
+// having fallen silent, and the policy plans as good a variant without them that is there in time,
+// that plan is carried out instead.
 Plan plan_message(const Policy& policy, const Offer& offer, std::span<const LinkState> links,
                   const Guidance& guidance);
 

@@ -144,5 +144,81 @@ TEST(PlanMessage, NothingIsSentWithoutALinkOrWithoutAVariant) {
   }
 }
 
+// --- links that are suspected
+
+// Everything over the first link that is up, and the smallest variant over the
+// last one.
+class FirstAndLast final : public Policy {
+ public:
+  std::string_view name() const override { return "first_and_last"; }
+  Plan plan(const Offer& offer, std::span<const LinkState> links, const Guidance&) const override {
+    std::vector<LinkId> up;
+    for (const LinkState& link : links) {
+      if (link.up) up.push_back(link.id);
+    }
+    Plan plan;
+    if (up.empty()) return plan;
+    plan.sends.push_back({0, up.front()});
+    const auto smallest = static_cast<std::uint8_t>(offer.variant_bytes.size() - 1);
+    if (up.size() > 1 && smallest > 0) plan.sends.push_back({smallest, up.back()});
+    return plan;
+  }
+  Merge merge(const Arrival&) const override { return Merge::kDeliver; }
+};
+
+// The first one is suspected; the last one has the rate given.
+Plan plan_in_doubt(double mbit, std::span<const std::size_t> variant_bytes,
+                   milliseconds period = {}) {
+  std::vector<LinkState> links = three_links();
+  for (LinkState& link : links) {
+    link.path = link.up ? PathState::kOk : PathState::kDead;
+    link.rtt_p95 = milliseconds(40);
+    link.rate = DataRate::mbit(mbit);
+  }
+  links[0].path = PathState::kSuspect;
+  const QoS qos{.deadline = milliseconds(100), .period = period};
+  return plan_message(FirstAndLast(), {qos, variant_bytes}, links, {});
+}
+
+constexpr std::array<std::size_t, 2> kTwoSmall{128 * 1024, 32 * 1024};
+
+TEST(PlanMessage, GoesRoundALinkThatIsSuspected) {
+  EXPECT_THAT(plan_in_doubt(20, std::span(kTwoSmall).first(1)).sends,
+              ElementsAre(Assignment{0, kAlsoUp}));
+}
+
+TEST(PlanMessage, SendsNothingLessOverASuspectedLink) {
+  EXPECT_THAT(plan_in_doubt(20, kTwoSmall).sends, ElementsAre(Assignment{0, kAlsoUp}));
+}
+
+TEST(PlanMessage, KeepsAPlanThatDoesNotRestOnASuspectedLink) {
+  std::vector<LinkState> links = three_links();
+  links[2].path = PathState::kOk;
+  links[2].rtt_p95 = milliseconds(40);
+  links[2].rate = DataRate::mbit(20);
+  links[0].path = PathState::kSuspect;
+  const QoS qos{.deadline = milliseconds(100)};
+  const Scripted policy({.sends = {{0, kUp}, {0, kAlsoUp}}});
+  EXPECT_THAT(plan_message(policy, {qos, kTwoSmall}, links, {}).sends,
+              ElementsAre(Assignment{0, kUp}, Assignment{0, kAlsoUp}));
+}
+
+TEST(PlanMessage, KeepsToASuspectedLinkWhereTheOthersAreTooLate) {
+  // 128 KiB take 56 ms at 20 Mbit/s and 111 ms at 10.
+  EXPECT_THAT(plan_in_doubt(10, kTwoSmall).sends,
+              ElementsAre(Assignment{0, kUp}, Assignment{1, kAlsoUp}));
+  // A round's guard weighs that itself.
+  EXPECT_THAT(plan_in_doubt(20, kTwoSmall, milliseconds(100)).sends,
+              ElementsAre(Assignment{0, kUp}, Assignment{1, kAlsoUp}));
+}
+
+TEST(PlanMessage, UsesSuspectedLinksWhereThereAreNoOthers) {
+  std::vector<LinkState> links = three_links();
+  links[0].path = links[2].path = PathState::kSuspect;
+  const QoS qos{.deadline = milliseconds(100)};
+  EXPECT_THAT(plan_message(FirstAndLast(), {qos, kTwoSmall}, links, {}).sends,
+              ElementsAre(Assignment{0, kUp}, Assignment{1, kAlsoUp}));
+}
+
 }  // namespace
 }  // namespace interneuron

@@ -49,7 +49,8 @@ class Stream {
     world.on_event([this](HostId host, Event&& event) {
       if (const auto* message = std::get_if<Message>(&event); message != nullptr && host == road) {
         got.at(index_of(message->bytes)) = message->variant;
-      } else if (const auto* change = std::get_if<PathChanged>(&event)) {
+      } else if (const auto* change = std::get_if<PathChanged>(&event);
+                 change != nullptr && host == vehicle) {
         changes.emplace_back(world.now(), *change);
       }
     });
@@ -81,7 +82,7 @@ class Stream {
   PeerId peer{};
   // The variant of each message that was delivered in time.
   std::vector<std::optional<std::uint8_t>> got;
-  // Of both hosts.
+  // What the vehicle was told.
   std::vector<std::pair<Duration, PathChanged>> changes;
 
  private:

@@ -1,0 +1,60 @@
+// What becomes of messages on a path that is suspected of having fallen silent.
+#include <gtest/gtest.h>
+
+#include "sender_support.h"
+
+namespace interneuron::flow {
+namespace {
+
+// As long as a path is suspected, its view says so, too.
+void doubt(Paths& p, TimePoint now, LinkId link) {
+  PathView v = view(10ms);
+  v.suspect = true;
+  p.sender.set_path(link, v);
+  p.sender.doubt(now, link);
+}
+
+TEST(SenderDoubt, SendsWhatIsUnderWayOverTheOther) {
+  Paths p;
+  p.send(at(0s), at(100ms), 5, {kA});
+  ASSERT_TRUE(p.sender.poll(at(0s), kA));
+  doubt(p, at(20ms), kA);
+  TimePoint now = at(20ms);
+  EXPECT_EQ(p.drain(kB, now).size(), 5U);
+  EXPECT_FALSE(p.sender.poll(now, kA));
+}
+
+TEST(SenderDoubt, LeavesWhatTheOtherCannotBringInTime) {
+  Paths p;
+  p.set(kB, 200ms);
+  p.send(at(0s), at(100ms), 5, {kA});
+  doubt(p, at(20ms), kA);
+  TimePoint now = at(20ms);
+  EXPECT_TRUE(p.drain(kB, now).empty());
+  EXPECT_EQ(p.drain(kA, now).size(), 5U);
+}
+
+TEST(SenderDoubt, AnAcknowledgementSavesTheSecondCopy) {
+  Paths p;
+  p.send(at(0s), at(100ms), 5, {kA});
+  TimePoint now = at(0s);
+  std::set<std::uint64_t> numbers;
+  for (const auto& piece : p.drain(kA, now)) numbers.insert(piece.number);
+  doubt(p, at(20ms), kA);
+  p.sender.report(at(21ms), report_of(kA, numbers));
+  now = at(21ms);
+  EXPECT_TRUE(p.drain(kB, now).empty());
+}
+
+TEST(SenderDoubt, RepairsUseItWhereNoOtherPathIsUp) {
+  Paths p;
+  p.set(kB, 10ms, 100, false);
+  p.send(at(0s), at(200ms), 1, {kA});
+  ASSERT_TRUE(p.sender.poll(at(0s), kA));
+  doubt(p, at(20ms), kA);
+  p.sender.handle_timeout(at(60ms));
+  EXPECT_TRUE(p.sender.poll(at(60ms), kA));
+}
+
+}  // namespace
+}  // namespace interneuron::flow
