@@ -5,6 +5,7 @@
 
 #include "core/wire/plain_header.h"
 #include "core/wire/round_header.h"
+#include "interneuron/send.h"
 
 namespace interneuron::flow {
 namespace {
@@ -163,7 +164,9 @@ Reassembler::Outcome Reassembler::add(TimePoint now, const wire::Data& data,
   if (buried_.contains(f.message)) return {Result::kDuplicate, {}};
   auto place = by_id_.find(f.message);
   if (!place) {
-    const TimePoint expires = saturating_add(now, std::chrono::microseconds(f.lifetime_us));
+    const Duration lifetime = std::chrono::microseconds(f.lifetime_us);
+    const TimePoint expires =
+        saturating_add(now, std::min<Duration>(lifetime, kLongestDeadline + kExpirySlack));
     if (f.size <= room && f.size <= kMaxBytes) make_room(f.size, expires);
     if (f.size > room || bytes_ + f.size > kMaxBytes || by_id_.size() >= kMaxPartials) {
       if (f.kind == wire::MessageKind::kPlain) buried_.insert(f.message);

@@ -118,10 +118,11 @@ struct ClockBounds {
 //
 // What a hostile peer could try: claim large messages that it never completes, or many small ones;
 // both bounds hold, and only its own messages are refused, though for as long as the lifetime that
-// it claimed (at most 72 minutes). Send fragments of one message that disagree about its size or
-// chunk; those that differ from the first are dropped. Send a message again after it is complete;
-// the newest 512 identifiers are remembered, and later fragments of these are duplicates. Fragments
-// are not authenticated, so an attacker who knows the peer's session can do all this in its name.
+// it claimed (at most an hour, the longest deadline). Send fragments of one message that disagree
+// about its size or chunk; those that differ from the first are dropped. Send a message again after
+// it is complete; the newest 512 identifiers are remembered, and later fragments of these are
+// duplicates. Fragments are not authenticated, so an attacker who knows the peer's session can do
+// all this in its name.
 //
 // Pure; thread-compatible; never throws but std::bad_alloc.
 class Reassembler {

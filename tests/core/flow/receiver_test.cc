@@ -323,6 +323,14 @@ TEST(Reassembler, APlainMessageThatWasRefusedIsNeverComplete) {
   }
 }
 
+TEST(Reassembler, NoLifetimeIsLongerThanADeadlineCanBe) {
+  Reassembler r;
+  const Bytes piece(1000);
+  wire::Data d{{MessageId{1}, 0, 1000, 2'000, UINT32_MAX}, piece};
+  EXPECT_EQ(r.add(at(0ms), d, kNoClocks).result, Result::kStored);
+  EXPECT_EQ(r.expire(at(1h + 10ms)), 1U);
+}
+
 TEST(Reassembler, ManySmallPromisesAreBoundedToo) {
   // Two bytes each, for more than an hour: what is kept beside the bytes must not grow without
   // bound.
