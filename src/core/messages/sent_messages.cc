@@ -93,9 +93,13 @@ std::optional<MessageFate> SentMessages::end(SendId id, Fate fate, FateReason re
 
 std::vector<SendId> SentMessages::to(PeerId peer) const {
   std::vector<SendId> out;
-  for (const auto& [id, open] : entries_) {
-    if (open.entry.peer == peer) out.push_back(id);
+  for (auto it = by_message_.lower_bound({peer, MessageId{}});
+       it != by_message_.end() && it->first.first == peer; ++it) {
+    out.push_back(it->second);
   }
+  std::ranges::sort(out);
+  const auto [twice, end] = std::ranges::unique(out);
+  out.erase(twice, end);
   return out;
 }
 

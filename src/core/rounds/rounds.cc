@@ -27,7 +27,8 @@ Rounds::Rounds(const EndpointOptions& options, Peers& peers, std::deque<Event>& 
     : peers_(peers),
       events_(events),
       dispatch_(options.session, options.policies),
-      own_(options.session, options.pipelines) {
+      own_(options.session, options.pipelines),
+      stages_(options.max_peers) {
   if (options.session.value == 0) {
     throw std::invalid_argument("endpoint: the session must not be 0; draw it at random");
   }

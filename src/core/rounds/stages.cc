@@ -23,7 +23,7 @@ bool Previewed::fits(std::size_t count, std::span<const LinkState> links) const 
 
 guard::StageGuard& Stages::observer(const wire::RoundHeader& header, PeerId via) {
   const Key key{header.round.origin, header.round.pipeline};
-  if (!observers_.contains(key) && observers_.size() >= kMaxObservers) {
+  if (!observers_.contains(key) && observers_.size() >= most_) {
     const auto oldest = std::ranges::min_element(
         observers_, {}, [](const auto& entry) { return entry.second.used; });
     served_.erase(oldest->first);
@@ -74,7 +74,7 @@ Stages::Action Stages::arrive(TimePoint now, Arrived& arrived, const Policy* pol
 bool Stages::held_is_full(std::size_t further_bytes) const {
   std::size_t bytes = further_bytes;
   for (const Released& r : held_) bytes += r.arrived.payload.size();
-  return held_.size() >= kMaxHeld || bytes > kMaxHeldBytes;
+  return held_.size() >= most_ || bytes > kMaxHeldBytes;
 }
 
 void Stages::finish(const wire::RoundHeader& header) {
@@ -155,7 +155,7 @@ void Stages::open(TimePoint now, const RoundRef& round, RoundContext context, Du
     std::erase_if(contexts_, [now](const auto& entry) { return entry.second.expires < now; });
     sweep_at_ = now + kSweep;
   }
-  if (contexts_.size() >= kMaxContexts) contexts_.erase(contexts_.begin());
+  if (contexts_.size() >= kContexts * most_) contexts_.erase(contexts_.begin());
   // What hands over late is still learnt from.
   contexts_[round] = {std::move(context), now + 2 * deadline};
 }

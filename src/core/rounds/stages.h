@@ -4,13 +4,14 @@
 // what they answer; it judges nothing itself.
 //
 // Owned and fed by Rounds. Headers come from peers and may name any origin, pipeline and round. All
-// that is kept is bounded: guards and served stages of kMaxObservers pipelines (the one that was
-// least recently used makes room), kMaxContexts rounds that the application works on, and held
-// variants up to kMaxHeld and kMaxHeldBytes. A message beyond these bounds is served at once
-// instead of held, and a message of a round that is too old to be remembered is dropped. Pure;
-// thread-compatible.
+// that is kept is bounded: guards and served stages of as many pipelines as there may be peers, but
+// kFewObservers at least (the one that was least recently used makes room), kContexts rounds of
+// each that the application works on, and a held variant of each up to kMaxHeldBytes. A message
+// beyond these bounds is served at once instead of held, and a message of a round that is too old
+// to be remembered is dropped. Pure; thread-compatible.
 #pragma once
 
+#include <algorithm>
 #include <chrono>
 #include <map>
 #include <memory>
@@ -62,6 +63,9 @@ struct Arrived {
 
 class Stages {
  public:
+  // `peers`: how many peers there may be.
+  explicit Stages(std::size_t peers) : most_(std::max(kFewObservers, peers)) {}
+
   // The clock between the origin of a round and here; nothing at the origin and while it is not
   // known.
   using ClockOf = std::optional<guard::ClockView>;
@@ -116,16 +120,14 @@ class Stages {
   void forget_clock(PeerId via);
 
  private:
-  // Vehicles times pipelines that are served at once; a roadside unit accepts 64 peers by default.
-  static constexpr std::size_t kMaxObservers = 64;
-  // Room for 16 rounds of each of those pipelines.
-  static constexpr std::size_t kMaxContexts = 1024;
+  // Vehicles times pipelines that are served at once, where there may be few peers.
+  static constexpr std::size_t kFewObservers = 64;
+  // Rounds of each of those pipelines that the application may work on.
+  static constexpr std::size_t kContexts = 16;
   // Contexts whose time is over are looked for this often at the most, since it means to look at
   // all. No measurement behind this value: it only has to be shorter than rounds are apart and
   // longer than messages are where there are many peers.
   static constexpr Duration kSweep = std::chrono::milliseconds(5);
-  // Room for one held message of each.
-  static constexpr std::size_t kMaxHeld = 64;
   static constexpr std::size_t kMaxHeldBytes = 64 * 1024 * 1024;
 
   struct Key {
@@ -152,6 +154,8 @@ class Stages {
   void drop_held(const wire::RoundHeader& header);
   bool held_is_full(std::size_t further_bytes) const;
 
+  // How many pipelines are kept, and for how many of them a message may be held.
+  std::size_t most_ = kFewObservers;
   std::map<Key, Observed> observers_;
   std::map<Key, RoundRing<Served>> served_;
   std::map<RoundRef, Opened> contexts_;

@@ -107,6 +107,30 @@ TEST(SharedMemory, OneAloneGetsHalf) {
   EXPECT_EQ(memory.room(0), 250U);
 }
 
+// However many vehicles an endpoint may have, it remembers the rounds of each.
+TEST(ManyPeers, ACopyOfARoundIsRecognisedWithAHundredVehicles) {
+  constexpr std::uint32_t kVehicles = 100;
+  Pipe pipe;
+  PipelineConfig pipeline = pipeline_of({kComm, kComm});
+  pipeline.policy = "duplicate";
+  for (std::uint32_t session = 1; session <= kVehicles; ++session) {
+    pipe.add_host(options_of(session, {pipeline}, false));
+  }
+  EndpointOptions options = options_of(1000);
+  options.max_peers = kVehicles;
+  const std::size_t road = pipe.add_host(std::move(options));
+  std::size_t delivered = 0;
+  pipe.on_event = [&](std::size_t host, Event& e) {
+    delivered += host == road && std::holds_alternative<Delivered>(e) ? 1 : 0;
+  };
+  for (std::size_t vehicle = 0; vehicle < kVehicles; ++vehicle) pipe.connect(vehicle, road);
+  pipe.run(2s);
+  for (std::size_t vehicle = 0; vehicle < kVehicles; ++vehicle) pipe.round(vehicle);
+  pipe.run(1s);
+  EXPECT_EQ(delivered, kVehicles);
+  EXPECT_GE(pipe.at(road).counters().messages_superseded, kVehicles);
+}
+
 // The endpoint's budget holds over all peers, and what is refused is counted and told.
 TEST(ManyPeers, ShareOneBudgetForIncompleteMessages) {
   Pipe pipe;
