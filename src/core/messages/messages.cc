@@ -55,8 +55,14 @@ std::optional<SendStatus> fault(const Variants& variants, const SendOptions& opt
 
 // The rate that brings the best variant within half of its time; the other half is for the way and
 // for queues.
-DataRate rate_wanted(const Variants& variants, Duration deadline) {
-  return rate_of(wire_size(variants.front().size()), deadline / 2);
+DataRate rate_wanted(std::span<const std::size_t> sizes, Duration deadline) {
+  return rate_of(wire_size(sizes.front()), deadline / 2);
+}
+
+Few<std::size_t, kMaxVariants> sizes_of(const Variants& variants) {
+  Few<std::size_t, kMaxVariants> sizes;
+  for (const Bytes& variant : variants) sizes.push_back(variant.size());
+  return sizes;
 }
 
 const LinkState& find(std::span<const LinkState> links, LinkId id) {
@@ -87,19 +93,19 @@ SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const Sen
   if (const auto wrong = fault(variants, options)) return {*wrong};
   Peer* peer = peers_.find(now, to);
   if (peer == nullptr) return {SendStatus::kNoPeer};
-  const DataRate wanted = rate_wanted(variants, options.deadline);
+  const Sizes sizes = sizes_of(variants);
   Routes routes;
-  SendResult result = plan(now, *peer, variants, options, routes);
+  SendResult result = plan(now, *peer, sizes, options, routes);
   const auto may_change = {SendStatus::kNoLink, SendStatus::kCannotArrive, SendStatus::kOverBudget};
   if (std::ranges::find(may_change, result.status) != may_change.end()) {
-    wait(now, to, variants, options);
+    wait({to, sizes, options, now});
   }
   if (!result.accepted()) return result;
 
   if (options.newest_only) supersede(now, to, options.channel);
   const Duration deadline = options.deadline;
   wire::PlainHeader header;
-  header.id = static_cast<std::uint32_t>(sent_.next().value);
+  header.id = next_id(now, *peer);
   header.deadline_us = to_us(deadline);
   header.t0 = as_wire(now);
   header.channel = options.channel;
@@ -112,7 +118,7 @@ SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const Sen
                             .t0 = now,
                             .deadline = now + deadline,
                             .ends = now + deadline + kGrace,
-                            .wanted = wanted};
+                            .wanted = rate_wanted({sizes.data(), sizes.size()}, deadline)};
   Duration round_trip{};
   for (const Route& route : routes.routes) {
     header.variant = route.variant;
@@ -138,33 +144,41 @@ SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const Sen
   return result;
 }
 
+// The peer may remember identifiers of this session from before it was forgotten here, and would
+// take smaller ones for old: so they begin at the milliseconds of our life so far, and more than
+// that are not sent to one peer on average.
+std::uint32_t Messages::next_id(TimePoint now, const Peer& peer) {
+  const Duration life = now - peer.identity().started;
+  const auto begin = std::chrono::floor<std::chrono::milliseconds>(life).count();
+  return next_ids_.try_emplace(peer.identity().id, static_cast<std::uint32_t>(begin))
+      .first->second++;
+}
+
 // Whether the message may be sent, and by which routes.
-SendResult Messages::plan(TimePoint now, Peer& peer, const Variants& variants,
-                          const SendOptions& options, Routes& routes) const {
+SendResult Messages::plan(TimePoint now, Peer& peer, const Sizes& sizes, const SendOptions& options,
+                          Routes& routes) const {
   const Policy& policy = rule(options.policy);
   const Links links = peer.links(now);
   if (std::ranges::none_of(links, &LinkState::up)) return {SendStatus::kNoLink};
-  Few<std::size_t, kMaxVariants> sizes;
-  for (const Bytes& variant : variants) sizes.push_back(variant.size());
   QoS qos{.deadline = options.deadline};
   qos.needs.delay = 1.0;
-  const Plan plan = plan_message(policy, {qos, {sizes.data(), sizes.size()}}, links,
-                                 {.time_left = options.deadline});
+  const std::span<const std::size_t> span(sizes.data(), sizes.size());
+  const Plan plan = plan_message(policy, {qos, span}, links, {.time_left = options.deadline});
   const bool best_is_sent =
       std::ranges::find(plan.sends, 0, &Assignment::variant) != plan.sends.end();
-  if (!best_is_sent || plan.under_floor) peer.want(now, rate_wanted(variants, options.deadline));
+  if (!best_is_sent || plan.under_floor) peer.want(now, rate_wanted(span, options.deadline));
   if (plan.sends.empty()) {
     const bool allowed = std::ranges::any_of(
         links, [&policy](const LinkState& l) { return l.up && policy.allows(l); });
     return {.status = allowed ? SendStatus::kPolicyRefuses : SendStatus::kLinkRestricted,
             .reason = plan.refused};
   }
-  routes = routes_of(now, peer, plan, links, variants, options.deadline);
+  routes = routes_of(now, peer, plan, links, span, options.deadline);
   if (routes.routes.empty()) {
-    peer.want(now, rate_wanted(variants, options.deadline));
+    peer.want(now, rate_wanted(span, options.deadline));
     return {.status = SendStatus::kCannotArrive, .expected = routes.expected};
   }
-  const std::size_t bytes = routes.bytes(variants);
+  const std::size_t bytes = routes.bytes(span);
   if (!sent_.has_room() || bytes > peers_.send_room(peer.identity().id)) {
     return {SendStatus::kOverBudget};
   }
@@ -199,27 +213,20 @@ void Messages::stop(Peer& peer, const SentMessages::Entry& entry) {
 
 // --- what can send again
 
-void Messages::wait(TimePoint now, PeerId peer, const Variants& variants,
-                    const SendOptions& options) {
-  const std::size_t bytes =
-      std::ranges::min(variants, {}, [](const Bytes& b) { return b.size(); }).size();
-  std::erase_if(waiting_,
-                [&](const Waiting& w) { return w.peer == peer && w.channel == options.channel; });
+void Messages::wait(const Waiting& channel) {
+  std::erase_if(waiting_, [&channel](const Waiting& w) {
+    return w.peer == channel.peer && w.options.channel == channel.options.channel;
+  });
   if (waiting_.size() >= kMaxWaiting) waiting_.erase(waiting_.begin());
-  waiting_.push_back({peer, options.channel, bytes, options.deadline, now});
-  if (!look_at_) look_at_ = now + kLookAgain;
+  waiting_.push_back(channel);
+  if (!look_at_) look_at_ = channel.since + kLookAgain;
 }
 
-bool Messages::would_accept(TimePoint now, const Waiting& w) {
-  Peer* peer = peers_.find(now, w.peer);
-  const bool room = peer != nullptr && sent_.has_room() && w.bytes <= peers_.send_room(w.peer);
-  if (!room) return false;
-  const Links links = peer->links(now);
-  return std::ranges::any_of(links, [&](const LinkState& link) {
-    if (!link.up) return false;
-    const std::size_t ahead = peer->queued_before(link.id, now + w.deadline);
-    return !is_hopeless(*peer, link, ahead, w.bytes, w.deadline);
-  });
+// By the same decision as send().
+bool Messages::would_accept(TimePoint now, const Waiting& waiting) {
+  Peer* peer = peers_.find(now, waiting.peer);
+  Routes routes;
+  return peer != nullptr && plan(now, *peer, waiting.sizes, waiting.options, routes).accepted();
 }
 
 // --- receiving
@@ -245,6 +252,7 @@ void Messages::complete(TimePoint now, Peer& peer, MessageId message, wire::Mess
       peer.mark_dropped(message);
       return;
     case ReceivedMessages::Verdict::kSuperseded:
+    case ReceivedMessages::Verdict::kTooOld:
       ++counters_.messages_superseded;
       peer.mark_dropped(message);
       return;
@@ -317,7 +325,7 @@ void Messages::expire(TimePoint now) {
   if (!look_at_ || *look_at_ > now) return;
   std::erase_if(waiting_, [this, now](const Waiting& w) {
     const bool again = would_accept(now, w);
-    if (again) events_.emplace_back(CanSend{w.peer, w.channel});
+    if (again) events_.emplace_back(CanSend{w.peer, w.options.channel});
     return again || now - w.since >= kLongestWait || peers_.find(now, w.peer) == nullptr;
   });
   look_at_.reset();
@@ -329,6 +337,7 @@ std::optional<TimePoint> Messages::next_timeout() const {
 }
 
 void Messages::forget(PeerId peer) {
+  next_ids_.erase(peer);
   received_.forget(peer);
   for (const SendId id : sent_.to(peer)) {
     tell(sent_.end(id, Fate::kUnknown, FateReason::kPeerGone));

@@ -46,12 +46,13 @@ class Messages {
   const EndpointCounters& counters() const { return counters_; }
 
  private:
-  // A channel that was refused.
+  // Of the variants of a message.
+  using Sizes = Few<std::size_t, kMaxVariants>;
+  // The channel of a message that was refused, which `options` name.
   struct Waiting {
     PeerId peer{};
-    std::uint16_t channel = 0;
-    std::size_t bytes = 0;
-    Duration deadline{};
+    Sizes sizes;
+    SendOptions options;
     TimePoint since{};
   };
   // Channels that are told when they can send again. No measurement behind this value: it only has
@@ -59,10 +60,11 @@ class Messages {
   static constexpr std::size_t kMaxWaiting = 64;
 
   const Policy& rule(const std::string& name) const;
-  SendResult plan(TimePoint now, Peer& peer, const Variants& variants, const SendOptions& options,
+  std::uint32_t next_id(TimePoint now, const Peer& peer);
+  SendResult plan(TimePoint now, Peer& peer, const Sizes& sizes, const SendOptions& options,
                   Routes& routes) const;
   void supersede(TimePoint now, PeerId peer, std::uint16_t channel);
-  void wait(TimePoint now, PeerId peer, const Variants& variants, const SendOptions& options);
+  void wait(const Waiting& channel);
   bool would_accept(TimePoint now, const Waiting& waiting);
   void settle(TimePoint now, Peer& peer, const Settled& settled);
   void tell(std::optional<MessageFate> fate);
@@ -74,6 +76,8 @@ class Messages {
   SentMessages sent_;
   ReceivedMessages received_;
   std::vector<Waiting> waiting_;
+  // What the next message to each peer is called on its way.
+  std::map<PeerId, std::uint32_t> next_ids_;
   // When the channels that wait are looked at again; nothing while none waits.
   std::optional<TimePoint> look_at_;
   // When the senders are asked what they have given up; nothing while no message is open.

@@ -10,10 +10,8 @@ std::int32_t ahead(std::uint32_t a, std::uint32_t b) { return static_cast<std::i
 
 }  // namespace
 
-bool ReceivedMessages::Seen::was_delivered(std::uint32_t id) const {
-  if (!largest || ahead(id, *largest) > 0) return false;
-  const std::uint32_t back = *largest - id;
-  return back >= kWindow || delivered.test(back);
+std::uint32_t ReceivedMessages::Seen::back(std::uint32_t id) const {
+  return largest && ahead(id, *largest) <= 0 ? *largest - id : 0;
 }
 
 void ReceivedMessages::Seen::deliver(const wire::PlainHeader& header) {
@@ -34,7 +32,11 @@ ReceivedMessages::Verdict ReceivedMessages::judge(PeerId peer, const wire::Plain
                                                   std::optional<Duration> age) {
   if (age && *age > header.deadline()) return Verdict::kLate;
   Seen& seen = peers_[peer];
-  if (seen.was_delivered(header.id)) return Verdict::kRepeated;
+  const std::uint32_t back = seen.back(header.id);
+  if (back >= kWindow) return Verdict::kTooOld;
+  if (seen.largest && ahead(header.id, *seen.largest) <= 0 && seen.delivered.test(back)) {
+    return Verdict::kRepeated;
+  }
   if (header.newest_only) {
     const auto channel = seen.channels.find(header.channel);
     if (channel != seen.channels.end() && ahead(channel->second.newest, header.id) > 0) {

@@ -15,18 +15,17 @@ namespace interneuron {
 // feeds it every complete plain message.
 //
 // A message is delivered once, in the first variant that comes in time: the identifiers of each
-// peer are remembered in a window of kWindow, and one that is older than that is taken for
-// delivered. Of a channel where only the newest counts, a message that is older than one delivered
-// is superseded; kMaxChannels channels of a peer are remembered, and the one that was delivered on
-// longest ago makes room.
+// peer are remembered in a window of kWindow, and one that is older than that is not delivered. Of
+// a channel where only the newest counts, a message that is older than one delivered is superseded;
+// kMaxChannels channels of a peer are remembered, and the one that was delivered on longest ago
+// makes room.
 //
 // Headers are a peer's bytes. One that jumps ahead in its identifiers loses messages of its own
 // only. Memory: about 4 KB for each peer that sends plain messages, until forget(). Pure;
 // thread-compatible; never throws but std::bad_alloc.
 class ReceivedMessages {
  public:
-  // A sender at 10 Hz for 1,000 peers hands over 1,000 messages within a deadline of 100 ms, all of
-  // one count: four times that.
+  // Senders count per peer: what 1,000 messages a second are within four seconds.
   static constexpr std::uint32_t kWindow = 4096;
   // No measurement behind this value: it only has to be more than the channels of an application
   // on which only the newest message counts.
@@ -38,6 +37,8 @@ class ReceivedMessages {
     kLate,
     // Another variant of it was delivered.
     kRepeated,
+    // It is so much older than another one that nobody knows whether it was.
+    kTooOld,
     // A newer message of its channel was delivered.
     kSuperseded,
   };
@@ -62,7 +63,8 @@ class ReceivedMessages {
     std::map<std::uint16_t, Channel> channels;
     std::uint64_t deliveries = 0;
 
-    bool was_delivered(std::uint32_t id) const;
+    // How far behind the largest identifier this one is.
+    std::uint32_t back(std::uint32_t id) const;
     void deliver(const wire::PlainHeader& header);
   };
   std::map<PeerId, Seen> peers_;

@@ -10,40 +10,41 @@
 
 namespace interneuron {
 
-std::size_t Routes::bytes(const Variants& variants) const {
+std::size_t Routes::bytes(std::span<const std::size_t> sizes) const {
   std::size_t sum = 0;
-  for (const Route& route : routes) sum += wire::kPlainHeaderBytes + variants[route.variant].size();
-  for (std::size_t v = 0; v < variants.size(); ++v) {
-    if (standing_by(v)) sum += wire::kPlainHeaderBytes + variants[v].size();
+  for (const Route& route : routes) sum += wire::kPlainHeaderBytes + sizes[route.variant];
+  for (std::size_t v = 0; v < sizes.size(); ++v) {
+    if (standing_by(v)) sum += wire::kPlainHeaderBytes + sizes[v];
   }
   return sum;
 }
 
 Routes routes_of(TimePoint now, const Peer& peer, const Plan& plan,
-                 std::span<const LinkState> links, const Variants& variants, Duration deadline) {
+                 std::span<const LinkState> links, std::span<const std::size_t> sizes,
+                 Duration deadline) {
   Routes out;
   const std::uint8_t planned = std::ranges::max(plan.sends, {}, &Assignment::variant).variant;
   const bool one_link = std::ranges::count(plan.sends, planned, &Assignment::variant) == 1;
   std::map<LinkId, std::size_t> ahead;
   std::optional<Duration> soonest;
-  for (std::uint8_t v = 0; v < variants.size(); ++v) {
+  for (std::uint8_t v = 0; v < sizes.size(); ++v) {
     // Where smaller variants stand by, so do those of the messages before it: they may all give
     // way.
-    const bool gives_way = v == planned && one_link && v + 1U < variants.size();
+    const bool gives_way = v == planned && one_link && v + 1U < sizes.size();
     Route route{v, {}};
     for (const Assignment& send : plan.sends) {
       if (send.variant != v) continue;
       const LinkState& link = *std::ranges::find(links, send.link, &LinkState::id);
       const auto [it, fresh] = ahead.try_emplace(send.link, 0);
       if (fresh) it->second = peer.queued_before(send.link, now + deadline);
-      const auto expected = arrival_forecast(link, it->second, variants[v].size());
+      const auto expected = arrival_forecast(link, it->second, sizes[v]);
       soonest = earliest(soonest, expected);
-      if (is_hopeless(peer, link, gives_way ? 0 : it->second,
-                      (gives_way ? variants.back() : variants[v]).size(), deadline)) {
+      if (is_hopeless(peer, link, gives_way ? 0 : it->second, gives_way ? sizes.back() : sizes[v],
+                      deadline)) {
         continue;
       }
       out.expected = earliest(out.expected, expected);
-      it->second += variants[v].size();
+      it->second += sizes[v];
       route.links.push_back(send.link);
     }
     if (!route.links.empty()) out.routes.push_back(std::move(route));
@@ -53,8 +54,8 @@ Routes routes_of(TimePoint now, const Peer& peer, const Plan& plan,
     return out;
   }
   const Route& smallest = out.routes.back();
-  out.last = smallest.links.size() == 1 ? static_cast<std::uint8_t>(variants.size() - 1)
-                                        : smallest.variant;
+  out.last =
+      smallest.links.size() == 1 ? static_cast<std::uint8_t>(sizes.size() - 1) : smallest.variant;
   return out;
 }
 

@@ -31,16 +31,17 @@ struct Routes {
   std::optional<Duration> expected;
 
   // What the variants that set out or stand by take, with their headers.
-  std::size_t bytes(const Variants& variants) const;
+  std::size_t bytes(std::span<const std::size_t> sizes) const;
   bool standing_by(std::size_t variant) const {
     return variant > routes.back().variant && variant <= last;
   }
 };
 
-// The links of the plan are among `links`. Variants leave in their order, so that each waits for
-// those before it on the same link.
+// The links of the plan are among `links`; `sizes` are those of the variants, in bytes. Variants
+// leave in their order, so that each waits for those before it on the same link.
 Routes routes_of(TimePoint now, const Peer& peer, const Plan& plan,
-                 std::span<const LinkState> links, const Variants& variants, Duration deadline);
+                 std::span<const LinkState> links, std::span<const std::size_t> sizes,
+                 Duration deadline);
 
 // Whether so many bytes that are sent over this link now, behind `ahead` others, are sure to be
 // late. Over a path that is loaded the sender knows that better, by what is in flight and by the

@@ -86,8 +86,9 @@ std::optional<MessageFate> SentMessages::end_variant(Entries::iterator it, Messa
 std::optional<MessageFate> SentMessages::end(SendId id, Fate fate, FateReason reason) {
   const auto it = entries_.find(id);
   if (it == entries_.end()) return std::nullopt;
-  // A variant that was late says more than the others that came not at all.
-  if (it->second.late) return remove(it, *it->second.late);
+  // A variant that was late says more than the others that came not at all; but not where one may
+  // have come of which nothing was heard.
+  if (it->second.late && fate != Fate::kUnknown) return remove(it, *it->second.late);
   return remove(it, {.fate = fate, .reason = reason});
 }
 

@@ -48,8 +48,6 @@ class SentMessages {
   };
 
   bool has_room() const { return entries_.size() < kMaxMessages; }
-  // The identifier that the next add() gives.
-  SendId next() const { return next_; }
   SendId add(const Entry& entry);
 
   // What happened to a variant, which travelled as this message. Messages that are not in the books

@@ -32,6 +32,7 @@ struct Narrow {
       return false;
     };
     pipe.jitter = [this] { return waits; };
+    pipe.spins_allowed = 3;
     for (const std::uint32_t session : {2U, 3U}) {
       peers.push_back(pipe.connect(0, pipe.add_host(options_of(session))));
     }
@@ -75,6 +76,32 @@ TEST(Budget, OnePeerGetsHalfOfItAndAnotherHalfOfTheRest) {
   EXPECT_EQ(n.send(0, kLarge, 1h), SendStatus::kOverBudget);
   EXPECT_EQ(n.send(1, kLarge, 1h), SendStatus::kAccepted);
   EXPECT_LE(n.pipe.at(0).sending_bytes(), kBudget);
+}
+
+// The event says what send() would say, of all variants that the policy sends.
+TEST(Budget, AChannelIsToldOnceThatItCanSendAgain) {
+  Narrow n;
+  EXPECT_EQ(n.send(0, kLarge, 1h), SendStatus::kAccepted);
+  SendOptions options;
+  options.deadline = 1h;
+  options.policy = "duplicate";
+  options.channel = 9;
+  std::vector<SendStatus> answers;
+  const auto send = [&] {
+    Variants variants{Bytes(kLarge), Bytes(100)};
+    answers.push_back(
+        n.pipe.at(0).send(n.pipe.local(0), n.peers[0], std::move(variants), options).status);
+  };
+  n.pipe.on_event = [&](std::size_t, Event& e) {
+    if (const auto* can = std::get_if<CanSend>(&e)) {
+      EXPECT_EQ(can->channel, 9);
+      n.pipe.plan(0ns, send);
+    }
+  };
+  send();
+  n.pipe.flush(0);
+  n.pipe.run(9s);
+  EXPECT_EQ(answers, (std::vector{SendStatus::kOverBudget, SendStatus::kAccepted}));
 }
 
 TEST(Budget, RoundsAreRefusedByItToo) {

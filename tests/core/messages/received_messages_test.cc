@@ -64,6 +64,14 @@ TEST(ReceivedMessages, OfManyChannelsTheLeastRecentlyDeliveredIsForgotten) {
   EXPECT_EQ(in.judge(kPeer, newest(101, 0), 1ms), Verdict::kDeliver);
 }
 
+TEST(ReceivedMessages, WhatIsTooOldToTellIsNotTakenForDelivered) {
+  ReceivedMessages in;
+  EXPECT_EQ(in.judge(kPeer, message(10'000), 1ms), Verdict::kDeliver);
+  EXPECT_EQ(in.judge(kPeer, message(10'000 - 4096), 1ms), Verdict::kTooOld);
+  EXPECT_EQ(in.judge(kPeer, message(10'000 - 4095), 1ms), Verdict::kDeliver);
+  EXPECT_EQ(in.judge(kPeer, message(10'000 - 4095), 1ms), Verdict::kRepeated);
+}
+
 TEST(ReceivedMessages, IdentifiersWrap) {
   ReceivedMessages in;
   EXPECT_EQ(in.judge(kPeer, newest(UINT32_MAX, 1), 1ms), Verdict::kDeliver);

@@ -68,6 +68,16 @@ TEST(SentMessages, LateSaysMoreThanDroppedAndLessThanDelivered) {
   EXPECT_EQ(out.delivered(kPeer, MessageId{21}, {90ms, 5ms})->fate, Fate::kDelivered);
 }
 
+TEST(SentMessages, WhereNothingWasHeardOfAVariantAnotherThatWasLateSaysNothing) {
+  SentMessages out;
+  const SendId id = out.add(entry({10, 11}));
+  EXPECT_FALSE(out.late(kPeer, MessageId{10}, {105ms, 5ms}));
+  EXPECT_EQ(out.end(id, Fate::kUnknown, FateReason::kExpired)->fate, Fate::kUnknown);
+  out.add(entry({20, 21}));
+  EXPECT_FALSE(out.late(kPeer, MessageId{20}, {105ms, 5ms}));
+  EXPECT_EQ(out.dropped(kPeer, MessageId{21}, FateReason::kExpired)->fate, Fate::kLate);
+}
+
 TEST(SentMessages, WhatIsNotInTheBooksIsIgnored) {
   SentMessages out;
   const SendId id = out.add(entry({10}));

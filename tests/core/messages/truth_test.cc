@@ -128,5 +128,47 @@ TEST(Truth, WhatWasLostIsDroppedWhileAnotherLinkIsDark) {
   EXPECT_EQ(d.fate(result.id).reason, FateReason::kExpired);
 }
 
+// What many messages to others lie between must not look old to a peer.
+TEST(Truth, MessagesToOthersMakeNoneOld) {
+  Pipe pipe;
+  pipe.add_host(options_of(1, {}, false));
+  std::vector<PeerId> peers;
+  for (const std::uint32_t session : {2U, 3U}) {
+    peers.push_back(pipe.connect(0, pipe.add_host(options_of(session))));
+  }
+  std::vector<std::size_t> came;
+  std::map<Fate, int> fates;
+  pipe.on_event = [&](std::size_t host, Event& e) {
+    if (const auto* m = std::get_if<Message>(&e); m != nullptr && host == 1) {
+      came.push_back(m->bytes.size());
+    }
+    if (const auto* fate = std::get_if<MessageFate>(&e)) ++fates[fate->fate];
+  };
+  pipe.run(3s);
+  bool blocked = true;
+  pipe.drop = [&blocked](std::size_t from, LinkId, ByteView bytes) {
+    const auto packet = wire::parse(bytes);
+    return blocked && from == 0 && packet && packet->data.fragment.size > 1'000;
+  };
+  SendOptions options;
+  options.deadline = 20s;
+  const auto send = [&](std::size_t peer, std::size_t bytes) {
+    EXPECT_TRUE(pipe.at(0).send(pipe.local(0), peers[peer], {Bytes(bytes)}, options).accepted());
+    pipe.flush(0);
+  };
+  send(0, 1'200);
+  for (int i = 0; i < 5'000; ++i) {
+    send(1, 1);
+    if (i % 10 == 0) pipe.run(1ms);
+  }
+  send(0, 10);
+  pipe.run(100ms);
+  EXPECT_EQ(came, std::vector<std::size_t>{10});
+  blocked = false;
+  pipe.run(20s);
+  EXPECT_EQ(came, (std::vector<std::size_t>{10, 1'200}));
+  EXPECT_EQ(fates[Fate::kDelivered], 5'002);
+}
+
 }  // namespace
 }  // namespace interneuron
