@@ -15,6 +15,10 @@ constexpr Duration kRefresh = std::chrono::milliseconds(1);
 // Feedback that left so long ago tells nothing of when it did: the longest round trip that is
 // believed (src/core/guard/clock_offset.cc).
 constexpr Duration kStale = std::chrono::seconds(60);
+// After so long both sides have seen a round trip that is about the smallest one; until then either
+// may judge by one that is far longer. No measurement behind this value: it only has to be several
+// heartbeats.
+constexpr Duration kClockSettles = std::chrono::seconds(1);
 
 }  // namespace
 
@@ -154,6 +158,7 @@ void Peer::handle_feedback(TimePoint now, Path& path, const wire::Feedback& feed
   path.echoed();
   if (!ready_) input.became_ready = ready_ = true;
   settlements_.learn(feedback);
+  if (!clock_.view(now)) clock_since_ = now;
   for (const wire::CompleteMessage& complete : feedback.complete) sender_.cancel(complete.message);
   for (const wire::LinkReport& report : feedback.reports) {
     if (report.has_exchange && report.link == path.id()) {
@@ -161,6 +166,7 @@ void Peer::handle_feedback(TimePoint now, Path& path, const wire::Feedback& feed
       const auto update = clock_.add(now, u, TimePoint{report.s.time_since_epoch()}, report.h);
       if (update == guard::ClockOffset::Update::kStepped) {
         input.clock_stepped = true;
+        clock_since_ = now;
         for (Path& p : paths_) p.clock_stepped();
       }
       if (update != guard::ClockOffset::Update::kRejected) path.learn_exchange(now, u, report);
@@ -177,7 +183,7 @@ std::optional<TimePoint> Peer::left_at(TimePoint now, const wire::Feedback& feed
   const auto clock = clock_.view(now);
   if (!clock) return std::nullopt;
   const TimePoint left{Duration{wrapping_add(feedback.u, clock->alpha)}};
-  if (left < now - kStale) return std::nullopt;
+  if (left < now - kStale || now < clock_since_ + kClockSettles) return std::nullopt;
   return std::min(left, now) - clock->rtt_min;
 }
 

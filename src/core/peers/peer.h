@@ -179,6 +179,8 @@ class Peer {
   flow::Reassembler reassembler_;
   flow::Receipts receipts_;
   guard::ClockOffset clock_;
+  // Since when it is known without a step.
+  TimePoint clock_since_ = TimePoint::min();
   bool ready_ = false;
   TimePoint heard_at_;
   FeedbackDue feedback_;
