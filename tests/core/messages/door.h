@@ -37,8 +37,9 @@ struct Door {
   std::vector<CanSend> can_send;
   int lives = 0;
 
-  explicit Door(Duration road_clock = 1h, EndpointOptions road_options = options_of(2)) {
-    vehicle = pipe.add_host(options_of(1, {}, false));
+  explicit Door(Duration road_clock = 1h, EndpointOptions road_options = options_of(2),
+                EndpointOptions vehicle_options = options_of(1, {}, false)) {
+    vehicle = pipe.add_host(std::move(vehicle_options));
     road = pipe.add_host(std::move(road_options), road_clock);
     pipe.on_event = [this](std::size_t host, Event& e) {
       if (auto* fate = std::get_if<MessageFate>(&e)) {
