@@ -15,7 +15,8 @@ inline constexpr std::size_t kPlainHeaderBytes = 20;
 // What a message that belongs to no round begins with. Each variant of the message is a message of
 // its own to flow, with a header that differs in `variant` alone.
 struct PlainHeader {
-  // Counts the sender's plain messages to this peer, from anywhere; all variants of a message have the same.
+  // Counts the sender's plain messages to this peer, from anywhere; all variants of a message have
+  // the same.
   std::uint32_t id = 0;
   // From t0, in microseconds; not 0. After that nobody wants the message any more.
   std::uint32_t deadline_us = 0;
