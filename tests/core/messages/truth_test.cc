@@ -146,6 +146,7 @@ TEST(Truth, MessagesToOthersMakeNoneOld) {
   };
   pipe.run(3s);
   bool blocked = true;
+  pipe.spins_allowed = 3;
   pipe.drop = [&blocked](std::size_t from, LinkId, ByteView bytes) {
     const auto packet = wire::parse(bytes);
     return blocked && from == 0 && packet && packet->data.fragment.size > 1'000;
