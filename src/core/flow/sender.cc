@@ -19,10 +19,10 @@ constexpr Duration kMinBetween = std::chrono::milliseconds(15);
 // The longest time that a packet may occupy the path at the pace, so that a wrong pace of almost
 // nothing does not block the path for ever.
 constexpr Duration kLongestAir = std::chrono::seconds(1);
-// So much sooner a message gives way to its alternative than it would be given up: by then several
-// may be queued whose time is as short. No measurement behind this value: with a third of it some
-// of their alternatives are late, with twice as much messages give way that would have arrived
-// (`interneuron bench load rate size`).
+// So much sooner a message gives way to its alternative than it would be given up, where others
+// wait: by then the time of several of them may be as short. No measurement behind this value: with
+// a third of it some of their alternatives are late, with twice as much messages give way that
+// would have arrived (`interneuron bench load rate size`).
 constexpr Duration kForAlternative = std::chrono::milliseconds(15);
 // Stands for a time beyond any that is planned with, so that sums stay in range.
 constexpr Duration kNever = std::chrono::hours(1);
@@ -120,8 +120,9 @@ bool Sender::can_arrive(TimePoint now, const Path& path, const Job& job, const M
   const bool begun = job.next > 0 || message.is_alternative;
   const Duration least =
       flow::least_time(path.view, job.ip_bytes(), path.sent.bytes_in_flight(), begun);
-  // What still has an alternative makes way for it while that can arrive.
-  const Duration early = message.alternative && !begun ? kForAlternative : Duration::zero();
+  // What still has an alternative makes way for it while that can arrive, and those behind it.
+  const bool makes_way = message.alternative && !begun && path.jobs.size() > 1;
+  const Duration early = makes_way ? kForAlternative : Duration::zero();
   return now + least + early <= message.deadline + message.doubt;
 }
 

@@ -39,7 +39,10 @@ TEST_P(Stall, LosesOneMessageAtMost) {
   for (std::size_t i = 0; i < kStalls; ++i) {
     const auto first = static_cast<std::size_t>((stall_at(i) - kFirst) / 100ms);
     const auto next = static_cast<std::size_t>((stall_at(i + 1) - kFirst) / 100ms);
-    const std::size_t bad = s.missed(first, next);
+    // Of down_sampling the smaller variant is under way already, over the other link, and stands
+    // for a message or two more after each stall; that is shown and not judged here.
+    const bool samples = std::string(GetParam()) == "down_sampling";
+    const std::size_t bad = s.missed(first, next) + (samples ? 0 : s.degraded(first, next));
     worst = std::max(worst, bad);
     ++histogram[bad];
   }
@@ -47,8 +50,6 @@ TEST_P(Stall, LosesOneMessageAtMost) {
               s.degraded(), messages, kStalls);
   for (const auto& [bad, stalls] : histogram) std::printf(" %d stalls with %zu", stalls, bad);
   std::printf("\n");
-  // After a stall congestion control takes what waited in it for a queue, so that smaller variants
-  // are sent where there is a better one; that is shown and not judged here.
   EXPECT_LE(worst, 1U);
 }
 
