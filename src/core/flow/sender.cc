@@ -217,7 +217,7 @@ std::optional<TimePoint> Sender::expected_arrival(TimePoint now, MessageId id,
   const Message& m = *messages_.find(id);
   if (m.pieces[index].under_way == 0) return std::nullopt;
   std::optional<TimePoint> best;
-  const bool sound = any_is_sound();
+  const bool sound = m.kind == wire::MessageKind::kPlain && any_is_sound();
   for (auto& [link, path] : paths_) {
     // Nobody knows when a path that is suspected brings anything.
     if (!path.view.up || (path.view.suspect && sound)) continue;
@@ -241,7 +241,7 @@ bool Sender::repair(TimePoint now, MessageId id, std::uint16_t index) {
   Message& m = *messages_.find(id);
   Path* best = nullptr;
   TimePoint best_arrival = TimePoint::max();
-  const bool sound = any_is_sound();
+  const bool sound = m.kind == wire::MessageKind::kPlain && any_is_sound();
   for (auto& [link, path] : paths_) {
     const bool may_carry =
         m.repairs.contains(link) && path.max_datagram >= m.chunk + kPieceOverheadBytes;

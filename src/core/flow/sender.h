@@ -56,8 +56,8 @@ class Sender {
   // in flight on it goes over the other paths at once, where that still helps.
   void pull(TimePoint now, LinkId path);
   // Nobody knows when the path brings what it was given, until set_path() says otherwise. A
-  // message that is queued or in flight on it goes over another one at once, where that brings all
-  // of it in time; the others stay. Repairs use it only where no other path is up.
+  // plain message that is queued or in flight on it goes over another one at once, where that
+  // brings all of it in time; the others stay. Repairs use it only where no other path is up.
   void doubt(TimePoint now, LinkId path);
 
   // When a message is of use, and for how long the receiver may keep fragments of it.

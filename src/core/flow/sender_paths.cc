@@ -36,7 +36,8 @@ void Sender::doubt(TimePoint now, LinkId link) {
 }
 
 // The messages of which another path brings all that this one still owes, in time. A part of one
-// would be of no use, and in the way of what the other path carries itself.
+// would be of no use, and in the way of what the other path carries itself. Rounds have a guard
+// that counts on the links of their plans: what moves falsely costs them more than a stall does.
 std::vector<MessageId> Sender::fitting_elsewhere(TimePoint now, Path& path) {
   std::map<MessageId, std::size_t> owed;
   for (const auto& [piece, arrived, was_open] : path.sent.in_flight()) {
@@ -47,6 +48,7 @@ std::vector<MessageId> Sender::fitting_elsewhere(TimePoint now, Path& path) {
   std::vector<MessageId> out;
   for (const auto& entry : owed) {
     const Message& m = *messages_.find(entry.first);
+    if (m.kind != wire::MessageKind::kPlain) continue;
     const std::size_t bytes = entry.second * m.chunk;
     const bool fits = std::ranges::any_of(paths_, [&](const auto& other) {
       const Path& p = other.second;

@@ -6,6 +6,12 @@
 namespace interneuron::flow {
 namespace {
 
+// A plain message of so many pieces on path A; rounds stay where they are.
+void send(Paths& p, TimePoint deadline, std::size_t pieces) {
+  p.sender.send(at(0s), {.deadline = deadline, .lifetime = deadline - at(0s)},
+                Bytes(pieces * kChunk), {kA}, kEveryPath, wire::MessageKind::kPlain);
+}
+
 // As long as a path is suspected, its view says so, too.
 void doubt(Paths& p, TimePoint now, LinkId link) {
   PathView v = view(10ms);
@@ -16,7 +22,7 @@ void doubt(Paths& p, TimePoint now, LinkId link) {
 
 TEST(SenderDoubt, SendsWhatIsUnderWayOverTheOther) {
   Paths p;
-  p.send(at(0s), at(100ms), 5, {kA});
+  send(p, at(100ms), 5);
   ASSERT_TRUE(p.sender.poll(at(0s), kA));
   doubt(p, at(20ms), kA);
   TimePoint now = at(20ms);
@@ -27,7 +33,7 @@ TEST(SenderDoubt, SendsWhatIsUnderWayOverTheOther) {
 TEST(SenderDoubt, LeavesWhatTheOtherCannotBringInTime) {
   Paths p;
   p.set(kB, 200ms);
-  p.send(at(0s), at(100ms), 5, {kA});
+  send(p, at(100ms), 5);
   doubt(p, at(20ms), kA);
   TimePoint now = at(20ms);
   EXPECT_TRUE(p.drain(kB, now).empty());
@@ -36,7 +42,7 @@ TEST(SenderDoubt, LeavesWhatTheOtherCannotBringInTime) {
 
 TEST(SenderDoubt, AnAcknowledgementSavesTheSecondCopy) {
   Paths p;
-  p.send(at(0s), at(100ms), 5, {kA});
+  send(p, at(100ms), 5);
   TimePoint now = at(0s);
   std::set<std::uint64_t> numbers;
   for (const auto& piece : p.drain(kA, now)) numbers.insert(piece.number);
@@ -46,10 +52,19 @@ TEST(SenderDoubt, AnAcknowledgementSavesTheSecondCopy) {
   EXPECT_TRUE(p.drain(kB, now).empty());
 }
 
+TEST(SenderDoubt, RoundsStayOnTheLinksOfTheirPlan) {
+  Paths p;
+  p.send(at(0s), at(100ms), 5, {kA});
+  doubt(p, at(20ms), kA);
+  TimePoint now = at(20ms);
+  EXPECT_TRUE(p.drain(kB, now).empty());
+  EXPECT_EQ(p.drain(kA, now).size(), 5U);
+}
+
 TEST(SenderDoubt, RepairsUseItWhereNoOtherPathIsUp) {
   Paths p;
   p.set(kB, 10ms, 100, false);
-  p.send(at(0s), at(200ms), 1, {kA});
+  send(p, at(200ms), 1);
   ASSERT_TRUE(p.sender.poll(at(0s), kA));
   doubt(p, at(20ms), kA);
   p.sender.handle_timeout(at(60ms));
