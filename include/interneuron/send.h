@@ -67,6 +67,10 @@ struct SendResult {
   // How long from now until the first variant should be at the other end, by what is believed of
   // the links; also told with kCannotArrive. Nothing: not known.
   std::optional<Duration> expected{};
+  // With kAccepted: how likely it is, in [0, 1], that a variant will be at the other end by the
+  // deadline, as far as what became of earlier messages to this peer tells. With kCannotArrive: how
+  // likely it would be if it was sent nevertheless. Nothing with any other status.
+  std::optional<double> on_time{};
   // Why the policy refuses, one line for people; empty otherwise. Refers to a literal.
   std::string_view reason{};
 

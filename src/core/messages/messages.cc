@@ -140,6 +140,7 @@ SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const Sen
   }
   entry.ends += round_trip;
   result.id = sent_.add(entry);
+  forecasts_.sent(result.id, routes.outlook, *result.on_time);
   if (!collect_at_) collect_at_ = now + kLookAgain;
   return result;
 }
@@ -174,15 +175,16 @@ SendResult Messages::plan(TimePoint now, Peer& peer, const Sizes& sizes, const S
             .reason = plan.refused};
   }
   routes = routes_of(now, peer, plan, links, span, options.deadline);
+  const double on_time = forecasts_.predict(routes.outlook);
   if (routes.routes.empty()) {
     peer.want(now, rate_wanted(span, options.deadline));
-    return {.status = SendStatus::kCannotArrive, .expected = routes.expected};
+    return {.status = SendStatus::kCannotArrive, .expected = routes.expected, .on_time = on_time};
   }
   const std::size_t bytes = routes.bytes(span);
   if (!sent_.has_room() || bytes > peers_.send_room(peer.identity().id)) {
     return {SendStatus::kOverBudget};
   }
-  return {.status = SendStatus::kAccepted, .expected = routes.expected};
+  return {.status = SendStatus::kAccepted, .expected = routes.expected, .on_time = on_time};
 }
 
 // A newer message of the channel is about to be sent: what has not left of the others need not.
@@ -308,7 +310,9 @@ void Messages::settle(TimePoint now, Peer& peer, const Settled& settled) {
 }
 
 void Messages::tell(std::optional<MessageFate> fate) {
-  if (fate) events_.emplace_back(*fate);
+  if (!fate) return;
+  forecasts_.settled(*fate);
+  events_.emplace_back(*fate);
 }
 
 void Messages::expire(TimePoint now) {
@@ -342,6 +346,7 @@ void Messages::forget(PeerId peer) {
   for (const SendId id : sent_.to(peer)) {
     tell(sent_.end(id, Fate::kUnknown, FateReason::kPeerGone));
   }
+  forecasts_.forget(peer);
 }
 
 }  // namespace interneuron

@@ -14,6 +14,7 @@
 #include <string>
 #include <vector>
 
+#include "core/messages/on_time_forecast.h"
 #include "core/messages/received_messages.h"
 #include "core/messages/routes.h"
 #include "core/messages/sent_messages.h"
@@ -75,6 +76,7 @@ class Messages {
   std::map<std::string, std::shared_ptr<const Policy>, std::less<>> policies_;
   SentMessages sent_;
   ReceivedMessages received_;
+  OnTimeForecasts forecasts_;
   std::vector<Waiting> waiting_;
   // What the next message to each peer is called on its way.
   std::map<PeerId, std::uint32_t> next_ids_;

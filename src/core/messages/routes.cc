@@ -23,6 +23,7 @@ Routes routes_of(TimePoint now, const Peer& peer, const Plan& plan,
                  std::span<const LinkState> links, std::span<const std::size_t> sizes,
                  Duration deadline) {
   Routes out;
+  out.outlook = {.peer = peer.identity().id, .at = now, .deadline = deadline};
   const std::uint8_t planned = std::ranges::max(plan.sends, {}, &Assignment::variant).variant;
   const bool one_link = std::ranges::count(plan.sends, planned, &Assignment::variant) == 1;
   std::map<LinkId, std::size_t> ahead;
@@ -39,10 +40,10 @@ Routes routes_of(TimePoint now, const Peer& peer, const Plan& plan,
       if (fresh) it->second = peer.queued_before(send.link, now + deadline);
       const auto expected = arrival_forecast(link, it->second, sizes[v]);
       soonest = earliest(soonest, expected);
-      if (is_hopeless(peer, link, gives_way ? 0 : it->second, gives_way ? sizes.back() : sizes[v],
-                      deadline)) {
-        continue;
-      }
+      const bool hopeless = is_hopeless(peer, link, gives_way ? 0 : it->second,
+                                        gives_way ? sizes.back() : sizes[v], deadline);
+      out.outlook.consider(link, expected, it->second, sizes[v], hopeless);
+      if (hopeless) continue;
       out.expected = earliest(out.expected, expected);
       it->second += sizes[v];
       route.links.push_back(send.link);

@@ -8,6 +8,7 @@
 #include <span>
 #include <vector>
 
+#include "core/messages/on_time_forecast.h"
 #include "core/peers/peer.h"
 #include "interneuron/link.h"
 #include "interneuron/policy.h"
@@ -29,6 +30,8 @@ struct Routes {
   std::uint8_t last = 0;
   // When the first of the variants should be there, from now; nothing where no link is measured.
   std::optional<Duration> expected;
+  // What its chances are judged by.
+  Outlook outlook;
 
   // What the variants that set out or stand by take, with their headers.
   std::size_t bytes(std::span<const std::size_t> sizes) const;

@@ -1,0 +1,134 @@
+// What send() predicts: what the record of a peer does to it, and that nothing a peer says takes it
+// out of range. Whether predictions are kept is measured by `interneuron bench forecast`.
+#include "core/messages/on_time_forecast.h"
+
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+
+#include "tests/core/messages/door.h"
+
+namespace interneuron {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr PeerId kPeer{1};
+constexpr PeerId kOther{2};
+
+// A message to a link of 40 ms and 20 Mbit/s that nobody else uses.
+Outlook outlook(Duration expected, PeerId peer = kPeer, TimePoint at = TimePoint{1s}) {
+  Outlook o{.peer = peer, .at = at, .deadline = 150ms, .expected = expected, .bytes = 30'000};
+  o.refused = false;
+  o.link.up = true;
+  o.link.path = PathState::kOk;
+  o.link.rtt_min = 40ms;
+  o.link.rtt_p95 = 44ms;
+  o.link.jitter = 1ms;
+  o.link.rate = DataRate::mbit(20);
+  return o;
+}
+
+// So many messages, one after the other, all with this fate.
+void live(OnTimeForecasts& forecasts, int messages, const MessageFate& fate, PeerId peer = kPeer) {
+  static std::uint64_t next = 1;
+  for (int i = 0; i < messages; ++i) {
+    const SendId id{next++};
+    const Outlook o = outlook(35ms, peer);
+    forecasts.sent(id, o, forecasts.predict(o));
+    MessageFate told = fate;
+    told.id = id;
+    forecasts.settled(told);
+  }
+}
+
+constexpr MessageFate kGood{.fate = Fate::kDelivered, .age = 35ms};
+constexpr MessageFate kMissed{.fate = Fate::kDropped, .reason = FateReason::kExpired};
+
+TEST(OnTimeForecasts, AMessageWithTimeToSpareIsLikelierThanOneWithout) {
+  const OnTimeForecasts forecasts;
+  EXPECT_GT(forecasts.predict(outlook(35ms)), 0.9);
+  EXPECT_LT(forecasts.predict(outlook(149ms)), forecasts.predict(outlook(35ms)));
+}
+
+TEST(OnTimeForecasts, MissesOfAPeerAreRememberedAndForgotten) {
+  OnTimeForecasts forecasts;
+  live(forecasts, 50, kGood);
+  const double good = forecasts.predict(outlook(35ms));
+  live(forecasts, 50, kMissed);
+  const double bad = forecasts.predict(outlook(35ms));
+  live(forecasts, 300, kGood);
+  const double again = forecasts.predict(outlook(35ms));
+  EXPECT_LT(bad, good - 0.1);
+  EXPECT_NEAR(again, good, 0.02);
+}
+
+TEST(OnTimeForecasts, APeerSpoilsWhatIsPredictedOfItselfAlone) {
+  OnTimeForecasts forecasts;
+  const double fresh = forecasts.predict(outlook(35ms, kOther));
+  live(forecasts, 50, kMissed);
+  EXPECT_EQ(forecasts.predict(outlook(35ms, kOther)), fresh);
+}
+
+TEST(OnTimeForecasts, WhatTheApplicationGaveUpTeachesNothing) {
+  OnTimeForecasts forecasts;
+  const double fresh = forecasts.predict(outlook(35ms));
+  for (const FateReason reason : {FateReason::kCancelled, FateReason::kSuperseded}) {
+    live(forecasts, 50, {.fate = Fate::kDropped, .reason = reason});
+  }
+  EXPECT_EQ(forecasts.predict(outlook(35ms)), fresh);
+}
+
+TEST(OnTimeForecasts, APeerThatIsForgottenBeginsAnew) {
+  OnTimeForecasts forecasts;
+  const double fresh = forecasts.predict(outlook(35ms));
+  live(forecasts, 50, kMissed);
+  forecasts.forget(kPeer);
+  EXPECT_EQ(forecasts.predict(outlook(35ms)), fresh);
+}
+
+TEST(OnTimeForecasts, OverdueMessagesMakeTheNextOneLessLikely) {
+  OnTimeForecasts forecasts;
+  live(forecasts, 50, kGood);
+  const double before = forecasts.predict(outlook(35ms, kPeer, TimePoint{1s}));
+  forecasts.sent(SendId{1'000'000}, outlook(35ms, kPeer, TimePoint{1s}), before);
+  EXPECT_LT(forecasts.predict(outlook(35ms, kPeer, TimePoint{1s + 200ms})), before);
+}
+
+// Nothing that a peer or a link says leaves (0, 1), not even ages of hours.
+RC_GTEST_PROP(OnTimeForecasts, APredictionIsAProbability, ()) {
+  OnTimeForecasts forecasts;
+  const auto ms = [](int from, int to) { return *rc::gen::inRange(from, to) * 1ms; };
+  for (int i = *rc::gen::inRange(0, 40); i > 0; --i) {
+    live(forecasts, 1,
+         {.fate = static_cast<Fate>(*rc::gen::inRange(0, 4)), .age = ms(-7'200'000, 7'200'000)});
+  }
+  Outlook o = outlook(ms(0, 7'200'000));
+  o.deadline = ms(1, 3'600'000);
+  o.refused = *rc::gen::arbitrary<bool>();
+  o.ahead = static_cast<std::size_t>(*rc::gen::inRange(0, 100'000'000));
+  o.bytes = static_cast<std::size_t>(*rc::gen::inRange(1, 8'000'000));
+  o.link.rtt_min = ms(0, 10'000);
+  o.link.rtt_p95 = ms(0, 10'000);
+  o.link.jitter = ms(0, 10'000);
+  o.link.queue_up = ms(0, 10'000);
+  o.link.loss = *rc::gen::inRange(0, 101) / 100.0;
+  o.link.share = DataRate::mbit(*rc::gen::inRange(0, 1000));
+  if (*rc::gen::arbitrary<bool>()) o.expected.reset();
+  const double p = forecasts.predict(o);
+  RC_ASSERT(p > 0 && p < 1);
+}
+
+TEST(SendOnTime, IsToldOfWhatIsAcceptedOrCannotArrive) {
+  Door door;
+  const SendResult fine = door.send({Bytes(1000)}, {.deadline = 200ms});
+  ASSERT_TRUE(fine.accepted());
+  ASSERT_TRUE(fine.on_time.has_value());
+  EXPECT_GT(*fine.on_time, 0.8);
+  const SendResult late = door.send({Bytes(1000)}, {.deadline = 1ns});
+  ASSERT_EQ(late.status, SendStatus::kCannotArrive);
+  EXPECT_TRUE(late.on_time.has_value());
+  EXPECT_FALSE(door.send({Bytes()}).on_time.has_value());
+}
+
+}  // namespace
+}  // namespace interneuron
