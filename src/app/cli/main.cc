@@ -7,7 +7,7 @@
 #include <functional>
 #include <stdexcept>
 
-#include "app/cli/bench/command.h"
+#include "app/bench/command.h"
 #include "app/cli/demo.h"
 #include "app/cli/doctor_command.h"
 #include "app/cli/eval/command.h"

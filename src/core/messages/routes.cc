@@ -42,7 +42,10 @@ Routes routes_of(TimePoint now, const Peer& peer, const Plan& plan,
       soonest = earliest(soonest, expected);
       const bool hopeless = is_hopeless(peer, link, gives_way ? 0 : it->second,
                                         gives_way ? sizes.back() : sizes[v], deadline);
-      out.outlook.consider(link, expected, it->second, sizes[v], hopeless);
+      // It counts as on time in any variant.
+      out.outlook.consider(link, gives_way ? arrival_forecast(link, 0, sizes.back()) : expected,
+                           gives_way ? 0 : it->second, gives_way ? sizes.back() : sizes[v],
+                           hopeless);
       if (hopeless) continue;
       out.expected = earliest(out.expected, expected);
       it->second += sizes[v];

@@ -1,4 +1,4 @@
-#include "app/cli/bench/load_report.h"
+#include "app/bench/load_report.h"
 
 #include <fmt/format.h>
 

@@ -1,11 +1,12 @@
-#include "app/cli/bench/command.h"
+#include "app/bench/command.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <memory>
 
-#include "app/cli/bench/load_report.h"
+#include "app/bench/forecast_command.h"
+#include "app/bench/load_report.h"
 #include "app/load_testbed/programs.h"
 #include "app/load_testbed/series.h"
 #include "host/process/failure.h"
@@ -174,6 +175,7 @@ void add_bench(CLI::App& program, std::function<int()>& run) {
   CLI::App* bench = program.add_subcommand("bench", "Measures Interneuron beside other transports");
   bench->require_subcommand(1);
   add_load(*bench, run);
+  add_forecast(*bench, run);
 }
 
 }  // namespace interneuron::cli

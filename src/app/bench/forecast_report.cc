@@ -1,0 +1,87 @@
+#include "app/bench/forecast_report.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "host/process/failure.h"
+#include "lab/files/run_files.h"
+#include "lab/report/figure.h"
+
+namespace interneuron::cli {
+namespace {
+
+// Pixels of a panel.
+constexpr int kWidth = 330;
+constexpr int kHeight = 360;
+constexpr std::size_t kColumns = 3;
+
+double rounded(double v) { return std::round(v * 10000.0) / 10000.0; }
+
+const char* verdict(const load::Bin& bin) {
+  if (bin.messages < load::kLeastInBin) return "too few";
+  return bin.kept() ? "kept" : "broken";
+}
+
+std::string panel(const Judged& j, std::size_t number) {
+  std::string out = fmt::format("$bins{} << EOD\n", number);
+  for (const load::Bin& b : j.bins) {
+    out += fmt::format("{:.4f} {:.4f} {:.4f}\n", b.predicted, b.happened, 3 * b.standard_error);
+  }
+  return out + fmt::format(
+                   "EOD\nset title {}\nplot x with lines dt 2 lc rgb 'black', $bins{} with "
+                   "yerrorbars pt 7 ps 0.6 lc rgb '{}'\n",
+                   report::gnuplot_text(j.scenario), number, report::kBlue);
+}
+
+}  // namespace
+
+lab::Json forecast_json(const std::vector<Judged>& judged, std::uint64_t first_seed,
+                        std::uint64_t seeds) {
+  lab::Json out{{"schema", kForecastSchema},
+                {"first_seed", first_seed},
+                {"seeds", seeds},
+                {"rows", lab::Json::array()}};
+  for (const Judged& j : judged) {
+    for (const load::Bin& b : j.bins) {
+      out["rows"].push_back({{"scenario", j.scenario},
+                             {"predicted", rounded(b.predicted)},
+                             {"happened", rounded(b.happened)},
+                             {"messages", b.messages},
+                             {"standard_error", rounded(b.standard_error)},
+                             {"verdict", verdict(b)}});
+    }
+  }
+  return out;
+}
+
+void print_forecast(const std::vector<Judged>& judged) {
+  for (const Judged& j : judged) {
+    fmt::print("\n{}\n{:>10}{:>10}{:>8}{:>8}{:>10}  {}\n", j.scenario, "predicted", "happened",
+               "gap", "error", "messages", "verdict");
+    for (const load::Bin& b : j.bins) {
+      fmt::print("{:>10.3f}{:>10.3f}{:>+8.3f}{:>8.3f}{:>10}  {}\n", b.predicted, b.happened,
+                 b.gap(), b.standard_error, b.messages, verdict(b));
+    }
+  }
+}
+
+void plot_forecast(const std::filesystem::path& file, const std::vector<Judged>& judged) {
+  const std::size_t columns = std::min(kColumns, judged.size());
+  const std::size_t lines = (judged.size() + columns - 1) / columns;
+  const bool svg = file.extension() == ".svg";
+  std::string script = fmt::format(
+      "set terminal {} size {},{} noenhanced font 'sans{},11' background rgb 'white'\n"
+      "set output {}\nset multiplot layout {},{}\nset xrange [0:1]\nset yrange [0:1]\n"
+      "set size square\nset grid lc rgb '#70888888'\nunset key\n"
+      "set xlabel 'predicted'\nset ylabel 'on time'\n",
+      svg ? "svg" : "pngcairo", kWidth * static_cast<int>(columns),
+      kHeight * static_cast<int>(lines), svg ? "-serif" : "", report::gnuplot_text(file.string()),
+      lines, columns);
+  for (std::size_t i = 0; i < judged.size(); ++i) script += panel(judged[i], i);
+  if (!lab::draw(file, script + "unset multiplot\n")) {
+    throw Failure(kFailed, "--plot needs gnuplot; install the package gnuplot-nox");
+  }
+}
+
+}  // namespace interneuron::cli
