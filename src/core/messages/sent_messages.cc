@@ -99,8 +99,7 @@ std::vector<SendId> SentMessages::to(PeerId peer) const {
     out.push_back(it->second);
   }
   std::ranges::sort(out);
-  const auto [twice, end] = std::ranges::unique(out);
-  out.erase(twice, end);
+  out.erase(std::unique(out.begin(), out.end()), out.end());
   return out;
 }
 

@@ -1,4 +1,5 @@
 // Links and paths of different MTUs.
+#include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
 #include <cstdio>
