@@ -1,4 +1,5 @@
 // What holds for every built-in policy, whatever the links, the message and the guidance.
+#include "policies/builtin.h"
 #include "tests/policies/any.h"
 
 namespace interneuron::policy_test {
@@ -63,9 +64,15 @@ RC_GTEST_PROP(PolicyProperty, HoldsOnlyWhatABetterPlannedVariantMayReplace, ()) 
   }
 }
 
-// Of the policies that rank links by their scores; the others weigh times against the deadline.
+// Of the policies that rank links; the others weigh times against the deadline. The links that are
+// measured carry a message equally fast here: where they do not, its size counts beside the delays.
 RC_GTEST_PROP(PolicyProperty, ScalingAllDelaysChangesNothing, (bool larger)) {
-  const auto links = any_links();
+  auto links = any_links();
+  const DataRate rate{*rc::gen::inRange<std::int64_t>(1, 200'000'000)};
+  for (LinkState& link : links) {
+    if (link.rate > DataRate{}) link.rate = rate;
+  }
+  link::score(links);
   AnyMessage message;
   message.guidance.time_left = Duration::max();
   std::vector<LinkState> scaled = links;
@@ -79,6 +86,22 @@ RC_GTEST_PROP(PolicyProperty, ScalingAllDelaysChangesNothing, (bool larger)) {
     const Plan b = policy->plan(message.offer(), scaled, message.guidance);
     RC_ASSERT(a.sends == b.sends);
     RC_ASSERT(a.under_floor == b.under_floor);
+  }
+}
+
+// Of the links that can carry the message, best_link takes the one that brings it soonest.
+RC_GTEST_PROP(PolicyProperty, BestLinkTakesTheSoonestOfTheLinksThatCanCarryIt, ()) {
+  const auto links = any_links();
+  const AnyMessage message;
+  const Plan plan = policies::best_link()->plan(message.offer(), links, message.guidance);
+  if (plan.sends.empty() || plan.under_floor) return;
+  const Assignment sent = plan.sends.front();
+  const std::size_t bytes = message.variant_bytes[sent.variant];
+  const LinkState& chosen = link_of(links, sent.link);
+  for (const LinkState& link : links) {
+    const bool can =
+        link.up && (link.rate == DataRate{} || link.rate >= rate_floor(message.qos, bytes));
+    if (can) RC_ASSERT(arrival_time(chosen, bytes) <= arrival_time(link, bytes));
   }
 }
 
