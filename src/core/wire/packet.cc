@@ -238,15 +238,22 @@ std::optional<Packet> parse(ByteView datagram) {
 }
 
 std::optional<std::uint8_t> other_version(ByteView datagram) {
-  // Every version has the session, which is not 0, at bytes 4 … 7.
-  if (datagram.size() < kFewestBytes || is_zero(datagram.subspan(4, 4))) return std::nullopt;
+  // Every version has the session, which is not 0, at bytes 4 … 7 and the number, which is not 0,
+  // at 8 … 15, and speaks in the clear until it was answered: then the tag is all zero.
+  const bool is_clear = datagram.size() >= kFewestBytes && !is_zero(datagram.subspan(4, 4)) &&
+                        !is_zero(datagram.subspan(8, 8)) && is_zero(datagram.last(kTagBytes));
+  if (!is_clear) return std::nullopt;
   const auto first = std::to_integer<std::uint8_t>(datagram.front());
   const auto version = static_cast<std::uint8_t>(first >> kVersionShift);
-  if (version > kVersion) return version;
-  // Version 1: the type, the path, two bytes of 0, session and number, and the tag is all zero.
-  const bool looks_like_1 = version == 0 && first >= 1 && first <= 4 &&
-                            is_zero(datagram.subspan(2, 2)) && !is_zero(datagram.subspan(8, 8)) &&
-                            is_zero(datagram.last(kTagBytes));
+  const auto type = static_cast<std::uint8_t>(first & kTypeMask);
+  if (version > kVersion) {
+    const bool is_plausible =
+        datagram.size() >= kPacketOverhead && type != 0 && is_zero(datagram.subspan(1, 1));
+    return is_plausible ? std::optional(version) : std::nullopt;
+  }
+  // Version 1: the type, the path, two bytes of 0.
+  const bool looks_like_1 =
+      version == 0 && type >= 1 && type <= 4 && is_zero(datagram.subspan(2, 2));
   return looks_like_1 ? std::optional<std::uint8_t>(1) : std::nullopt;
 }
 

@@ -94,7 +94,9 @@ TEST(OtherVersions, AreCountedAndToldOfOnceInTenSeconds) {
   };
   Bytes version_1(60);
   version_1[0] = version_1[1] = version_1[7] = version_1[15] = std::byte{1};
-  Bytes version_3(60, std::byte{0x35});
+  Bytes version_3(60);
+  version_3[0] = std::byte{0x35};
+  version_3[7] = version_3[15] = std::byte{1};
   for (int i = 0; i < 100; ++i) {
     EXPECT_EQ(fed(pair, version_1, 9).other_version_packets, 1U);
     EXPECT_EQ(fed(pair, version_3, 9).other_version_packets, 1U);
@@ -110,6 +112,19 @@ TEST(OtherVersions, AreCountedAndToldOfOnceInTenSeconds) {
   ASSERT_EQ(told.size(), 2U);
   EXPECT_EQ(told[1].version, 3);
   EXPECT_EQ(pair.pipe.at(pair.road).peers().size(), 1U);
+}
+
+TEST(OtherVersions, GarbageIsNone) {
+  Pair pair;
+  int told = 0;
+  pair.pipe.on_event = [&told](std::size_t, Event& e) {
+    told += std::holds_alternative<OtherVersion>(e) ? 1 : 0;
+  };
+  for (int byte = 0; byte < 256; ++byte) {
+    EXPECT_EQ(fed(pair, Bytes(60, std::byte(byte)), 9).malformed_packets, 1U) << byte;
+  }
+  pair.pipe.flush(pair.road);
+  EXPECT_EQ(told, 0);
 }
 
 TEST(Receipts, ReachTheSenderOfAMessage) {

@@ -1,6 +1,8 @@
 // Packets of other versions are told from bytes that are none, and never taken for ours.
 #include <gtest/gtest.h>
 
+#include <random>
+
 #include "core/wire/packet.h"
 #include "tests/core/wire/examples.h"
 
@@ -37,8 +39,27 @@ TEST(Version, OfLaterVersionsItIsSaidSo) {
     EXPECT_FALSE(parse(later));
     EXPECT_EQ(other_version(later), version);
   }
-  std::fill_n(bytes.begin() + 4, 4, std::byte{0});
-  EXPECT_EQ(other_version(with(bytes, 0, 0x30)), std::nullopt);
+}
+
+// Whoever looks at a log should not be sent to look for another version because of noise.
+TEST(Version, BytesWithoutTheHeaderOfAnyVersionAreOfNone) {
+  const Bytes later = with(from_hex(kProbeExample), 0, 0x37);
+  ASSERT_EQ(other_version(later), 3);
+  EXPECT_EQ(other_version(with(later, 0, 0x30)), std::nullopt) << "no type";
+  EXPECT_EQ(other_version(with(later, 1, 1)), std::nullopt) << "an epoch nobody agreed on";
+  EXPECT_EQ(other_version(with(later, later.size() - 1, 1)), std::nullopt) << "a tag";
+  for (const std::ptrdiff_t at : {4, 8}) {
+    Bytes without = later;
+    std::fill_n(without.begin() + at, at, std::byte{0});
+    EXPECT_EQ(other_version(without), std::nullopt) << "no session, or no number";
+  }
+  EXPECT_EQ(other_version(Bytes(later.begin(), later.begin() + 19)), std::nullopt);
+  std::mt19937 random(1);
+  for (int i = 0; i < 100'000; ++i) {
+    Bytes noise(static_cast<std::size_t>(36 + i % 100));
+    for (std::byte& b : noise) b = static_cast<std::byte>(random());
+    EXPECT_EQ(other_version(noise), std::nullopt);
+  }
 }
 
 TEST(Version, AStampCountsMicrosecondsAndWraps) {
