@@ -97,9 +97,10 @@ void ProbeSchedule::heartbeat_sent(TimePoint now) {
 
 Duration ProbeSchedule::heartbeat_interval(TimePoint now) const {
   const bool is_new = !metered_ && begun_at_ && now - *begun_at_ < kNew;
-  const bool is_active = is_new || (active_at_ && now - *active_at_ < kActive);
+  const bool is_active = active_at_ && now - *active_at_ < kActive;
   // A peer that has not answered yet is looked for at the usual pace.
   const Duration wanted = is_active            ? kActiveHeartbeat
+                          : is_new             ? kNewHeartbeat
                           : metered_ && ready_ ? kMeteredHeartbeat
                                                : kIdleHeartbeat;
   return std::max(wanted, kHeartbeatRate.transmit_time(heartbeat_bytes_));
