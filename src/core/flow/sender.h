@@ -179,7 +179,14 @@ class Sender {
   // Queues a lost fragment again. False when no path may carry it in time, or a copy that is under
   // way will be there sooner.
   bool repair(TimePoint now, MessageId id, std::uint16_t index);
-  std::optional<TimePoint> expected_arrival(TimePoint now, MessageId id, std::uint16_t index);
+  void queue_again(TimePoint now, Path& path, MessageId id, std::uint16_t index);
+  // A copy of a fragment that is or could be under way.
+  struct Copy {
+    Path* path = nullptr;
+    TimePoint arrival{};
+  };
+  std::optional<Copy> best_repair(TimePoint now, const Message& m, const Path* except);
+  std::optional<Copy> soonest_copy(TimePoint now, MessageId id, std::uint16_t index);
   void settle(TimePoint now, std::span<const SentPackets::Settled> pieces);
 
   Options options_;

@@ -138,6 +138,60 @@ TEST(Sender, NothingIsRepairedWhileAnotherCopyIsSooner) {
   EXPECT_TRUE(p.sender.poll(at(95ms), kA));
 }
 
+// Paths on which a loss is known within two round trips.
+void make_steady(Paths& p, LinkId link, Duration one_way, bool loaded = false) {
+  PathView v = view(one_way);
+  v.probe_timeout = 3 * one_way;
+  v.loaded = loaded;
+  p.sender.set_path(link, v);
+}
+
+TEST(Sender, TwoCopiesGoWhereTheLossOfOneWouldBeKnownTooLate) {
+  Paths p;
+  make_steady(p, kA, 15ms);
+  make_steady(p, kB, 20ms);
+  p.send(at(0s), at(100ms), 1, {kA});
+  p.sender.poll(at(0s), kA);
+  p.sender.handle_timeout(at(45ms));  // there at 60 ms; known to be lost at 90 ms, too late for B
+  EXPECT_TRUE(p.sender.poll(at(45ms), kA));
+  EXPECT_TRUE(p.sender.poll(at(45ms), kB));
+  EXPECT_TRUE(p.idle(at(45ms)));
+}
+
+TEST(Sender, OneCopyGoesWhereItsLossIsKnownInTime) {
+  Paths p;
+  make_steady(p, kA, 15ms);
+  make_steady(p, kB, 20ms);
+  p.send(at(0s), at(150ms), 1, {kA});
+  p.sender.poll(at(0s), kA);
+  p.sender.handle_timeout(at(45ms));
+  EXPECT_TRUE(p.sender.poll(at(45ms), kA));
+  EXPECT_TRUE(p.idle(at(45ms)));
+}
+
+TEST(Sender, OneCopyGoesOverALoadedPath) {
+  Paths p;
+  make_steady(p, kA, 15ms, true);
+  make_steady(p, kB, 20ms);
+  p.send(at(0s), at(100ms), 1, {kA});
+  p.sender.poll(at(0s), kA);
+  p.sender.handle_timeout(at(45ms));
+  EXPECT_TRUE(p.sender.poll(at(45ms), kA));
+  EXPECT_TRUE(p.idle(at(45ms)));
+}
+
+TEST(Sender, ACopyThatIsSoonerIsOneOfTheTwo) {
+  Paths p;
+  make_steady(p, kA, 15ms);
+  make_steady(p, kB, 40ms);
+  p.send(at(0s), at(90ms), 1, {kA, kB});
+  p.sender.poll(at(0s), kA);
+  p.sender.poll(at(10ms), kB);  // there at 50 ms
+  p.sender.handle_timeout(at(45ms));
+  EXPECT_TRUE(p.sender.poll(at(45ms), kA));
+  EXPECT_TRUE(p.idle(at(45ms)));
+}
+
 TEST(Sender, WithoutRepairNothingIsSentTwice) {
   Paths p(false);
   p.send(at(0s), kFar, 1, {kA});
