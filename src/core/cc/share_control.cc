@@ -47,7 +47,7 @@ constexpr double kLoadedGain = 1.05;
 constexpr Duration kDutyMemory = std::chrono::milliseconds(250);
 // Above this duty we are overloaded.
 constexpr double kOverload = 0.9;
-// How long a fall is remembered. No measurement behind this value: it only has to be longer than
+// How long a fall and a loss are remembered. No measurement behind this value: it only has to be longer than
 // the pauses between frames.
 constexpr Duration kMemory = std::chrono::seconds(1);
 // A round trip this little above the least one counts as without a queue.
@@ -179,6 +179,8 @@ void ShareControl::decide(TimePoint now) {
   } else if ((seen_.held_back || seen_.queue < kTarget / 4) && seen_.queue < target_) {
     rise(now);
   }
+  if (seen_.lost > 0) lost_at_ = now;
+  lost_lately_ = lost_at_ && now - *lost_at_ < kMemory;
   // Without a queue the path may carry more than we know: whoever hurries finds that out.
   gain_ = overloaded() && seen_.queue > kTarget / 4 ? kLoadedGain : kPaceGain;
   if (gave_way(now)) {
@@ -193,7 +195,7 @@ void ShareControl::decide(TimePoint now) {
 // it only loses more.
 void ShareControl::adapt_target() {
   const bool overflows = seen_.lost > 0 && seen_.queue > kLeastQueue && seen_.queue < kTarget;
-  if (overflows && overloaded()) {
+  if (overflows) {
     target_ = std::clamp<Duration>(seen_.queue - seen_.queue / kRoomDivisor, kLeastTarget, target_);
   } else {
     target_ = std::min(kTarget, target_ + kTargetRise);
@@ -232,7 +234,7 @@ std::optional<DataRate> ShareControl::soon(TimePoint now) const {
 }
 
 std::optional<DataRate> ShareControl::pace() const {
-  const bool all_ours = rate_ && *rate_ >= capacity_ && gain_ >= kPaceGain;
+  const bool all_ours = rate_ && *rate_ >= capacity_ && gain_ >= kPaceGain && !lost_lately_;
   if (!rate_ || all_ours || gain_ == 0) return std::nullopt;
   return rate_->scaled(gain_);
 }

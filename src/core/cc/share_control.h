@@ -129,6 +129,9 @@ class ShareControl {
   // When the next decision is due.
   TimePoint decide_at_ = TimePoint::min();
   std::optional<TimePoint> fell_at_;
+  // Packets were lost within the last second: a search for more capacity would lose more.
+  std::optional<TimePoint> lost_at_;
+  bool lost_lately_ = false;
   // Decisions in a row that let the rate rise.
   int calm_ = 0;
   // The queue that is aimed at now: kTarget, or less where a shorter one loses packets.
