@@ -178,7 +178,8 @@ std::optional<Sender::Piece> Sender::poll(TimePoint now, LinkId path_id) {
 }
 
 // Takes in what became of fragments: they are acknowledged, or lost and sent again.
-void Sender::settle(TimePoint now, std::span<const SentPackets::Settled> pieces) {
+void Sender::settle(TimePoint now, std::span<const SentPackets::Settled> pieces,
+                    Evidence evidence) {
   for (const auto& [what, arrived, was_open] : pieces) {
     Message* message = messages_.find(what.message);
     if (message == nullptr && arrived) overdue_.arrived(what);
@@ -187,7 +188,7 @@ void Sender::settle(TimePoint now, std::span<const SentPackets::Settled> pieces)
     if (was_open && piece.under_way > 0) --piece.under_way;
     if (piece.acknowledged) continue;
     if (!arrived) {
-      repair(now, what.message, what.index);
+      repair(now, what.message, what.index, evidence);
       continue;
     }
     piece.acknowledged = true;
@@ -201,7 +202,7 @@ SentPackets::Verdicts Sender::report(TimePoint now, const wire::LinkReport& repo
   if (it == paths_.end()) return {};
   Path& path = it->second;
   const auto verdicts = path.sent.report(now, report, min_rtt, silence_of(path.view));
-  settle(now, verdicts.pieces);
+  settle(now, verdicts.pieces, Evidence::kReport);
   return verdicts;
 }
 

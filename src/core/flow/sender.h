@@ -176,9 +176,12 @@ class Sender {
   static bool is_full(const Path& path) { return path.sent.bytes_in_flight() >= path.view.window; }
   // Nothing more of this message is sent.
   void forget(MessageId message);
+  // What tells of a loss: the peer's report of later packets, or that it reports nothing.
+  enum class Evidence : std::uint8_t { kReport, kSilence };
   // Queues a lost fragment again. False when no path may carry it in time, or a copy that is under
   // way will be there sooner.
-  bool repair(TimePoint now, MessageId id, std::uint16_t index);
+  bool repair(TimePoint now, MessageId id, std::uint16_t index,
+              Evidence evidence = Evidence::kSilence);
   void queue_again(TimePoint now, Path& path, MessageId id, std::uint16_t index);
   // A copy of a fragment that is or could be under way.
   struct Copy {
@@ -187,7 +190,8 @@ class Sender {
   };
   std::optional<Copy> best_repair(TimePoint now, const Message& m, const Path* except);
   std::optional<Copy> soonest_copy(TimePoint now, MessageId id, std::uint16_t index);
-  void settle(TimePoint now, std::span<const SentPackets::Settled> pieces);
+  void settle(TimePoint now, std::span<const SentPackets::Settled> pieces,
+              Evidence evidence = Evidence::kSilence);
 
   Options options_;
   std::map<LinkId, Path> paths_;

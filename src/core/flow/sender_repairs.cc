@@ -51,16 +51,18 @@ std::optional<Sender::Copy> Sender::soonest_copy(TimePoint now, MessageId id, st
 // Queues a fragment again on the path that brings it soonest, unless that is too late or another
 // copy is sooner still. Where the loss of the soonest copy would be known too late for another one,
 // two are under way, on different paths: with 1 % of loss one message of a hundred fragments in a
-// hundred needs the second.
-bool Sender::repair(TimePoint now, MessageId id, std::uint16_t index) {
+// hundred needs the second. Not after silence, in which a whole message seems lost and is mostly
+// late.
+bool Sender::repair(TimePoint now, MessageId id, std::uint16_t index, Evidence evidence) {
   if (!options_.repair) return false;
   const Message& m = *messages_.find(id);
   const auto best = best_repair(now, m, nullptr);
   const bool in_time = best && best->arrival <= m.deadline;
   const auto other = soonest_copy(now, id, index);
   const bool other_is_sooner = other && (!best || other->arrival <= best->arrival);
-  const auto is_last = [&m](const Copy& copy) {
-    return may_double(copy.path->view) && copy.arrival + copy.path->view.probe_timeout > m.deadline;
+  const auto is_last = [&m, evidence](const Copy& copy) {
+    return evidence == Evidence::kReport && may_double(copy.path->view) &&
+           copy.arrival + copy.path->view.probe_timeout > m.deadline;
   };
   if (other_is_sooner && (!in_time || other->path == best->path || !is_last(*other))) return false;
   if (!in_time) {

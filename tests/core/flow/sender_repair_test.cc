@@ -146,13 +146,19 @@ void make_steady(Paths& p, LinkId link, Duration one_way, bool loaded = false) {
   p.sender.set_path(link, v);
 }
 
+// Sends a message of five fragments over A, of which the first is reported lost after 45 ms.
+void lose_the_first(Paths& p, TimePoint deadline) {
+  p.send(at(0s), deadline, 5, {kA});
+  TimePoint now = at(0s);
+  const auto numbers = sent_on_a(p, now);
+  p.sender.report(at(45ms), report_of(kA, {numbers.begin() + 1, numbers.end()}));
+}
+
 TEST(Sender, TwoCopiesGoWhereTheLossOfOneWouldBeKnownTooLate) {
   Paths p;
   make_steady(p, kA, 15ms);
   make_steady(p, kB, 20ms);
-  p.send(at(0s), at(100ms), 1, {kA});
-  p.sender.poll(at(0s), kA);
-  p.sender.handle_timeout(at(45ms));  // there at 60 ms; known to be lost at 90 ms, too late for B
+  lose_the_first(p, at(100ms));  // there at 60 ms; known to be lost at 105 ms
   EXPECT_TRUE(p.sender.poll(at(45ms), kA));
   EXPECT_TRUE(p.sender.poll(at(45ms), kB));
   EXPECT_TRUE(p.idle(at(45ms)));
@@ -162,9 +168,7 @@ TEST(Sender, OneCopyGoesWhereItsLossIsKnownInTime) {
   Paths p;
   make_steady(p, kA, 15ms);
   make_steady(p, kB, 20ms);
-  p.send(at(0s), at(150ms), 1, {kA});
-  p.sender.poll(at(0s), kA);
-  p.sender.handle_timeout(at(45ms));
+  lose_the_first(p, at(150ms));
   EXPECT_TRUE(p.sender.poll(at(45ms), kA));
   EXPECT_TRUE(p.idle(at(45ms)));
 }
@@ -172,6 +176,15 @@ TEST(Sender, OneCopyGoesWhereItsLossIsKnownInTime) {
 TEST(Sender, OneCopyGoesOverALoadedPath) {
   Paths p;
   make_steady(p, kA, 15ms, true);
+  make_steady(p, kB, 20ms);
+  lose_the_first(p, at(100ms));
+  EXPECT_TRUE(p.sender.poll(at(45ms), kA));
+  EXPECT_TRUE(p.idle(at(45ms)));
+}
+
+TEST(Sender, OneCopyGoesAfterSilence) {
+  Paths p;
+  make_steady(p, kA, 15ms);
   make_steady(p, kB, 20ms);
   p.send(at(0s), at(100ms), 1, {kA});
   p.sender.poll(at(0s), kA);
@@ -184,10 +197,12 @@ TEST(Sender, ACopyThatIsSoonerIsOneOfTheTwo) {
   Paths p;
   make_steady(p, kA, 15ms);
   make_steady(p, kB, 40ms);
-  p.send(at(0s), at(90ms), 1, {kA, kB});
-  p.sender.poll(at(0s), kA);
-  p.sender.poll(at(10ms), kB);  // there at 50 ms
-  p.sender.handle_timeout(at(45ms));
+  p.send(at(0s), at(90ms), 5, {kA, kB});
+  TimePoint now = at(0s);
+  const auto numbers = sent_on_a(p, now);
+  now = at(10ms);
+  ASSERT_EQ(p.drain(kB, now).size(), 5U);  // there at 50 ms
+  p.sender.report(at(45ms), report_of(kA, {numbers.begin() + 1, numbers.end()}));
   EXPECT_TRUE(p.sender.poll(at(45ms), kA));
   EXPECT_TRUE(p.idle(at(45ms)));
 }
