@@ -37,6 +37,8 @@ struct Transmit {
   std::size_t size = 0;
 };
 
+struct Ablation;
+
 // What an endpoint is made of.
 struct EndpointOptions {
   // Names this life of the endpoint: random, not 0, new at every start. No default.
@@ -49,8 +51,6 @@ struct EndpointOptions {
   bool accept_peers = false;
   // How many unannounced peers there may be at a time; further ones are refused.
   std::size_t max_peers = 64;
-  // Whether lost fragments are sent again while the deadline allows.
-  bool repair = true;
   // Random, and told to nobody, so that no peer can choose sessions whose lookup takes long; Node
   // draws it. Default: taken from the session, which every peer knows; without hostile peers that
   // is enough, and with them a lookup is still bounded by max_peers.
@@ -66,6 +66,9 @@ struct EndpointOptions {
   // no room is not accepted: SendStatus::kOverBudget, SubmitStatus::kOverBudget. Default: to one
   // peer alone eight of the largest messages.
   std::size_t send_budget_bytes = std::size_t{16} * (kMaxMessageBytes + 1024);
+  // For the experiments that ship with the project; its type is no part of the interface. Nothing:
+  // every mechanism is there.
+  std::shared_ptr<const Ablation> ablation{};
 };
 
 // One end of all its connections: its peers and their links, the rounds that begin here and those

@@ -58,12 +58,12 @@ struct NodeOptions {
   bool accept_peers = false;
   // How many unannounced peers there may be at a time; further ones are refused.
   std::size_t max_peers = 64;
-  // Whether lost fragments are sent again while the deadline allows.
-  bool repair = true;
   // What incomplete messages of all peers, and messages under way to all peers, may hold, in bytes;
   // see EndpointOptions.
   std::size_t reassembly_budget_bytes = EndpointOptions{}.reassembly_budget_bytes;
   std::size_t send_budget_bytes = EndpointOptions{}.send_budget_bytes;
+  // For the experiments that ship with the project; see EndpointOptions.
+  std::shared_ptr<const Ablation> ablation{};
   // Sessions are not encrypted yet, so a node that accepts peers refuses to listen on addresses
   // that are not private unless this is set.
   bool insecure = false;

@@ -68,9 +68,6 @@ struct PipelineConfig {
   // Parameters of GuardKind::kPaper (docs/paper.md, "X and the timeout handler"); the other guard
   // ignores them. β is added to the tolerance X, in 1/1000.
   std::int16_t beta_permille = 0;
-  // For experiments: false keeps X at 0; false lets a missed round change nothing.
-  bool use_x = true;
-  bool use_handler = true;
   GuardKind guard = GuardKind::kBudget;
   // Parameters of GuardKind::kBudget.
   BudgetOptions budget{};

@@ -1,5 +1,6 @@
 #include "app/eval_testbed/testbed_run.h"
 
+#include <memory>
 #include <optional>
 #include <utility>
 
@@ -124,13 +125,14 @@ void TestbedVehicle::configure(PipelineConfig& pipeline) const {
   const eval::System& system = run_.system;
   pipeline.policy = system.policy;
   pipeline.guard = system.guard;
-  pipeline.use_x = system.use_x;
-  pipeline.use_handler = system.use_handler;
   pipeline.levels = run_.levels;
   pipeline.fallback = run_.fallback;
 }
 
-void TestbedVehicle::configure(NodeOptions& node) const { inject(node, run_, Module::kUplink); }
+void TestbedVehicle::configure(NodeOptions& node) const {
+  node.ablation = std::make_shared<const Ablation>(run_.system.ablation);
+  inject(node, run_, Module::kUplink);
+}
 
 Variants TestbedVehicle::submitted(Variants variants) const {
   if (!run_.system.only_variant) return variants;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <deque>
 
+#include "core/base/ablation.h"
 #include "core/base/earliest.h"
 #include "core/endpoint/own_time.h"
 #include "core/messages/messages.h"
@@ -27,7 +28,7 @@ class Endpoint::Impl {
       : peers_({.self = options.session,
                 .accept = options.accept_peers,
                 .max_unannounced = options.max_peers,
-                .repair = options.repair,
+                .repair = !options.ablation || options.ablation->repair,
                 .started = now,
                 .seed = options.hash_seed != 0 ? options.hash_seed : options.session.value,
                 .reassembly_budget_bytes = options.reassembly_budget_bytes,

@@ -9,6 +9,7 @@
 #include <memory>
 #include <optional>
 
+#include "core/base/ablation.h"
 #include "core/guard/stage_guard.h"
 #include "interneuron/pipeline.h"
 
@@ -62,6 +63,7 @@ class RoundGuard {
   virtual void missed(TimePoint now, RoundId round) = 0;
 };
 
-std::unique_ptr<RoundGuard> make_round_guard(const PipelineConfig& config);
+std::unique_ptr<RoundGuard> make_round_guard(const PipelineConfig& config,
+                                             const Ablation& ablation);
 
 }  // namespace interneuron::guard

@@ -54,11 +54,11 @@ void check_budget(const PipelineConfig& c) {
 
 }  // namespace
 
-RoundLedger::RoundLedger(PipelineConfig config, SessionId self)
+RoundLedger::RoundLedger(PipelineConfig config, SessionId self, const Ablation& ablation)
     : config_(std::move(config)), self_(self) {
   check(config_);
   check_budget(config_);
-  guard_ = make_round_guard(config_);
+  guard_ = make_round_guard(config_, ablation);
   observer_ = make_stage_guard(config_.guard, true);
 }
 

@@ -24,7 +24,7 @@ class RoundLedger {
  public:
   // Throws std::invalid_argument when the configuration has no stage, too many, a deadline or
   // period <= 0, or budget options, levels or fallback qualities out of their ranges.
-  RoundLedger(PipelineConfig config, SessionId self);
+  RoundLedger(PipelineConfig config, SessionId self, const Ablation& ablation = {});
 
   // What the header of a round carries.
   struct Begun {

@@ -19,7 +19,7 @@ constexpr std::int32_t kReward = 200;
 XController::Sent XController::begin(std::optional<Duration> base_n, Duration deadline) {
   if (!recovering_) {
     x_ = 0;
-    if (base_n && options_.use_x) {
+    if (base_n && options_.ablation.use_x) {
       // base_N <= D_N <= one hour, so the product fits.
       const std::int64_t used = base_n->count() * kOne / deadline.count();
       x_ = static_cast<std::int32_t>(
@@ -38,16 +38,16 @@ void XController::on_time(bool sent_while_recovering) {
 }
 
 void XController::missed() {
-  if (!options_.use_handler) return;
+  if (!options_.ablation.use_handler) return;
   x_ = std::max(x_ - kPenalty, -kOne);
   recovering_ = true;
   ++degrade_next_;
 }
 
-std::unique_ptr<RoundGuard> make_round_guard(const PipelineConfig& config) {
+std::unique_ptr<RoundGuard> make_round_guard(const PipelineConfig& config,
+                                             const Ablation& ablation) {
   if (config.guard == GuardKind::kBudget) return std::make_unique<BudgetOrigin>(config);
-  return std::make_unique<PaperOrigin>(
-      XController::Options{config.beta_permille, config.use_x, config.use_handler});
+  return std::make_unique<PaperOrigin>(XController::Options{config.beta_permille, ablation});
 }
 
 }  // namespace interneuron::guard

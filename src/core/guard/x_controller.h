@@ -15,10 +15,7 @@ class XController {
   struct Options {
     // β, added to X, in 1/1000.
     std::int16_t beta_permille = 0;
-    // Without it X stays 0 until a round is missed.
-    bool use_x = true;
-    // Without it misses change nothing.
-    bool use_handler = true;
+    Ablation ablation{};
   };
   explicit XController(Options options) : options_(options) {}
 

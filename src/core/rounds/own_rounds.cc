@@ -42,9 +42,12 @@ void describe(wire::RoundHeader& h, const PipelineConfig& config) {
 
 }  // namespace
 
-OwnRounds::OwnRounds(SessionId self, const std::vector<PipelineConfig>& pipelines) : self_(self) {
+OwnRounds::OwnRounds(SessionId self, const std::vector<PipelineConfig>& pipelines,
+                     const Ablation& ablation)
+    : self_(self) {
   for (const PipelineConfig& config : pipelines) {
-    if (!pipelines_.try_emplace(config.id, Pipeline{guard::RoundLedger(config, self)}).second) {
+    if (!pipelines_.try_emplace(config.id, Pipeline{guard::RoundLedger(config, self, ablation)})
+             .second) {
       throw std::invalid_argument("pipeline " + std::to_string(config.id.value) + ": given twice");
     }
   }

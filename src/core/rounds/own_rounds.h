@@ -17,7 +17,7 @@ namespace interneuron {
 class OwnRounds {
  public:
   // Throws std::invalid_argument naming the pipeline that is given twice or configured wrongly.
-  OwnRounds(SessionId self, const std::vector<PipelineConfig>& pipelines);
+  OwnRounds(SessionId self, const std::vector<PipelineConfig>& pipelines, const Ablation& ablation);
 
   // Begins a round. Throws std::invalid_argument when there is no such pipeline.
   RoundContext begin(TimePoint now, PipelineId pipeline);

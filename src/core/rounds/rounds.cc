@@ -4,6 +4,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "core/base/ablation.h"
 #include "core/base/earliest.h"
 #include "core/plan/budget.h"
 #include "core/rounds/round_terms.h"
@@ -27,7 +28,7 @@ Rounds::Rounds(const EndpointOptions& options, Peers& peers, std::deque<Event>& 
     : peers_(peers),
       events_(events),
       dispatch_(options.session, options.policies),
-      own_(options.session, options.pipelines),
+      own_(options.session, options.pipelines, options.ablation ? *options.ablation : Ablation{}),
       stages_(options.max_peers) {
   if (options.session.value == 0) {
     throw std::invalid_argument("endpoint: the session must not be 0; draw it at random");

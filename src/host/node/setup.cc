@@ -109,7 +109,7 @@ EndpointOptions endpoint_options(const NodeOptions& options) {
   out.policies = options.policies.empty() ? builtin_policies() : options.policies;
   out.accept_peers = options.accept_peers;
   out.max_peers = options.max_peers;
-  out.repair = options.repair;
+  out.ablation = options.ablation;
   out.reassembly_budget_bytes = options.reassembly_budget_bytes;
   out.send_budget_bytes = options.send_budget_bytes;
   return out;

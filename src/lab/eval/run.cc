@@ -61,8 +61,7 @@ sim::OffloadOptions options_of(const System& system, const Scenario& scenario, c
     o.variant_bytes.push_back(variant.bytes);
   }
   o.only_variant = system.only_variant;
-  o.use_x = system.use_x;
-  o.use_handler = system.use_handler;
+  o.ablation = system.ablation;
   o.local_backup = system.local_backup;
   o.road_clock = scenario.road_clock;
   o.road_step = scenario.clock_step;

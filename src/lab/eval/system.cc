@@ -26,7 +26,8 @@ System baseline(std::string name, std::string about, LevelRule level) {
   s.policy = "best_link";
   s.level = level;
   s.only_variant = kBest;
-  s.use_x = s.use_handler = s.local_backup = false;
+  s.ablation = {.use_x = false, .use_handler = false};
+  s.local_backup = false;
   s.is_baseline = true;
   return s;
 }
@@ -39,10 +40,10 @@ std::vector<System> all() {
   // The ablations of the mechanisms that the paper's guard has.
   out.push_back(ours("no_x", "paper with X = 0"));
   out.back().guard = GuardKind::kPaper;
-  out.back().use_x = false;
+  out.back().ablation.use_x = false;
   out.push_back(ours("no_handler", "paper without the timeout handler"));
   out.back().guard = GuardKind::kPaper;
-  out.back().use_handler = false;
+  out.back().ablation.use_handler = false;
   out.push_back(ours("no_backup", "ours without the local backup"));
   out.back().local_backup = false;
   out.push_back(ours("one_link", "ours on the primary link alone"));

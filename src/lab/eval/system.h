@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "core/base/ablation.h"
 #include "interneuron/pipeline.h"
 
 namespace interneuron::eval {
@@ -38,8 +39,7 @@ struct System {
   std::optional<std::uint8_t> only_variant;
   // Has this link alone.
   std::optional<std::size_t> only_link;
-  bool use_x = true;
-  bool use_handler = true;
+  Ablation ablation{};
   // Without it, a missed round shows the last remote result.
   bool local_backup = true;
   // Whether it makes sense only where the best variant is a JPEG.

@@ -4,6 +4,7 @@
 #include <memory>
 #include <stdexcept>
 
+#include "core/base/ablation.h"
 #include "lab/emu/random.h"
 #include "lab/load/bottleneck.h"
 #include "lab/load/fleet.h"
@@ -127,11 +128,11 @@ EndpointOptions Trial::vehicle_options(std::size_t vehicle) const {
   pipeline.period = s_.period;
   pipeline.policy = "at_once";
   pipeline.guard = GuardKind::kPaper;
-  pipeline.use_x = false;
-  pipeline.use_handler = false;
   EndpointOptions options;
   options.session = SessionId{static_cast<std::uint32_t>(vehicle + 1)};
   options.pipelines = {pipeline};
+  options.ablation =
+      std::make_shared<const Ablation>(Ablation{.use_x = false, .use_handler = false});
   options.policies = policies_of(s_.peer);
   return options;
 }

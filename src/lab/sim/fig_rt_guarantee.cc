@@ -32,7 +32,7 @@ OffloadResult run_fig_rt_guarantee(const std::function<void(World&)>& prepare) {
               {"x6", milliseconds(44), milliseconds(44)}};
   o.top_level = 2;
   o.compute_noise = false;
-  o.repair = false;
+  o.ablation.repair = false;
   for (const auto& [raw, sampled] : kExtraMs) {
     o.disturbances.emplace_back().uplink = {milliseconds(raw), milliseconds(sampled)};
   }

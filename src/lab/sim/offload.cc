@@ -74,8 +74,6 @@ PipelineConfig Offload::pipeline() const {
   pipeline.period = o_.period;
   pipeline.policy = o_.policy;
   pipeline.beta_permille = o_.beta_permille;
-  pipeline.use_x = o_.use_x;
-  pipeline.use_handler = o_.use_handler;
   pipeline.guard = o_.guard;
   pipeline.levels = profiles_of(o_.ladder);
   pipeline.fallback = o_.fallback;
@@ -87,12 +85,12 @@ void Offload::build() {
   vehicle.session = SessionId{0x56454831};
   vehicle.pipelines = {pipeline()};
   vehicle.policies = builtin_policies();
-  vehicle.repair = o_.repair;
+  vehicle.ablation = std::make_shared<const Ablation>(o_.ablation);
   EndpointOptions road;
   road.session = SessionId{0x524f4144};
   road.policies = builtin_policies();
   road.accept_peers = true;
-  road.repair = o_.repair;
+  road.ablation = vehicle.ablation;
   vehicle_ = world_.add_host(std::move(vehicle), o_.vehicle_clock);
   road_ = world_.add_host(std::move(road), o_.road_clock);
   for (std::size_t i = 0; i < o_.profiles.size(); ++i) {

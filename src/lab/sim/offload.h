@@ -14,6 +14,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/base/ablation.h"
 #include "interneuron/endpoint.h"
 #include "lab/emu/link.h"
 #include "lab/sim/ladder.h"
@@ -69,9 +70,7 @@ struct OffloadOptions {
   std::optional<std::size_t> only_variant;
   std::size_t result_bytes = kResultBytes;
   std::int16_t beta_permille = 0;
-  bool repair = true;
-  bool use_x = true;
-  bool use_handler = true;
+  Ablation ablation{};
   bool local_backup = true;
   // Run times vary around the median; without it each run takes the median.
   bool compute_noise = true;

@@ -20,7 +20,7 @@ TEST(XController, IsZeroUntilThereIsABase) {
 TEST(XController, IsTheSlackOfTheReferencePlusBeta) {
   EXPECT_EQ(XController({}).begin(104ms, kDeadline).x_permille, 200);
   EXPECT_EQ(XController({.beta_permille = 50}).begin(104ms, kDeadline).x_permille, 250);
-  EXPECT_EQ(XController({.use_x = false}).begin(104ms, kDeadline).x_permille, 0);
+  EXPECT_EQ(XController({.ablation = {.use_x = false}}).begin(104ms, kDeadline).x_permille, 0);
 }
 
 TEST(XController, AMissTakesOneAndDegradesExactlyOneRound) {
@@ -63,7 +63,7 @@ TEST(XController, RecoversByTheRoundsSentWhileRecoveringOnly) {
 }
 
 TEST(XController, WithoutTheHandlerAMissChangesNothing) {
-  XController x({.use_handler = false});
+  XController x({.ablation = {.use_handler = false}});
   x.begin(104ms, kDeadline);
   x.missed();
   const auto sent = x.begin(104ms, kDeadline);

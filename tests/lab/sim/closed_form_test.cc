@@ -18,7 +18,7 @@ std::uint32_t fallbacks(const std::string& policy, std::uint64_t seed) {
   o.rounds = kRounds;
   o.profiles = {constant_link("a", 20, 100, 100, kLossA), constant_link("b", 30, 100, 100, kLossB)};
   o.policy = policy;
-  o.repair = false;
+  o.ablation.repair = false;
   o.variant_bytes = {600, 600};
   o.result_bytes = 600;
   o.top_level = 0;

@@ -4,6 +4,7 @@
 #include <map>
 #include <vector>
 
+#include "core/base/ablation.h"
 #include "core/wire/packet.h"
 #include "lab/sim/world.h"
 #include "support.h"
@@ -29,12 +30,13 @@ class Duo {
 
   explicit Duo(const std::vector<emu::LinkProfile>& profiles, std::uint64_t seed = 1,
                const std::vector<LinkTraits>& traits = {},
-               const PipelineConfig& pipeline = best_link())
+               const PipelineConfig& pipeline = best_link(), const Ablation& ablation = {})
       : world(seed) {
     EndpointOptions o;
     o.session = SessionId{1};
     o.policies = builtin_policies();
     o.pipelines = {pipeline};
+    o.ablation = std::make_shared<const Ablation>(ablation);
     vehicle = world.add_host(o);
     o.session = SessionId{2};
     o.pipelines.clear();

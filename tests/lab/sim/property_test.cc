@@ -33,7 +33,7 @@ RC_GTEST_PROP(Rounds, HaveExactlyOneOutcomeByTheDeadlineWhateverTheLinksDo, ()) 
   o.rounds = 30;
   o.profiles = {profile("5g"), profile("4g")};
   o.policy = *rc::gen::element<std::string>("best_link", "duplicate", "down_sampling");
-  o.repair = *rc::gen::arbitrary<bool>();
+  o.ablation.repair = *rc::gen::arbitrary<bool>();
   o.local_backup = *rc::gen::arbitrary<bool>();
   const auto raw = *rc::gen::inRange<std::size_t>(1, 300'000);
   o.variant_bytes = {raw, raw / 4 + 1};

@@ -33,7 +33,8 @@ INSTANTIATE_TEST_SUITE_P(Measure, SlowLink, testing::Values(1.0, 0.5, 0.2), [](c
 TEST(Measure, ALargeMessageTakesTheLinkThatBringsItSoonest) {
   PipelineConfig pipeline = Duo::best_link();
   pipeline.deadline = 130ms;
-  Duo duo({constant_link("a", 30, 60, 60), constant_link("b", 40, 50, 50)}, 1, {}, pipeline);
+  Duo duo({constant_link("a", 30, 60, 60), constant_link("b", 40, 50, 50)}, 1, {}, pipeline,
+          {.use_x = false, .use_handler = false});
   duo.stream(2s, 100, 512 * 1024);
   duo.world.run_until(13s);
   int over_first = 0;
@@ -60,7 +61,6 @@ TEST_P(RateDip, QualityIsBackTwoSecondsAfterADip) {
   pipeline.policy = policy;
   pipeline.deadline = pipeline.period = dip.deadline;
   pipeline.guard = GuardKind::kPaper;
-  pipeline.use_x = pipeline.use_handler = false;
   Duo duo({constant_link("a", 30, 60, 60)}, 1, {}, pipeline);
   const Duration fall = 2s + 10 * dip.deadline;
   const Duration back = fall + 3s;
