@@ -151,13 +151,20 @@ bool Stages::has_served(const RoundRef& round) const {
 }
 
 void Stages::open(TimePoint now, const RoundRef& round, RoundContext context, Duration deadline) {
-  if (now >= sweep_at_) {
-    std::erase_if(contexts_, [now](const auto& entry) { return entry.second.expires < now; });
-    sweep_at_ = now + kSweep;
-  }
-  if (contexts_.size() >= kContexts * most_) contexts_.erase(contexts_.begin());
+  while (!expiries_.empty() && expiries_.begin()->first < now) close(expiries_.begin()->second);
+  if (contexts_.size() >= kContexts * most_) close(contexts_.begin()->first);
+  close(round);
   // What hands over late is still learnt from.
-  contexts_[round] = {std::move(context), now + 2 * deadline};
+  const TimePoint expires = now + 2 * deadline;
+  contexts_.emplace(round, Opened{std::move(context), expires});
+  expiries_.emplace(expires, round);
+}
+
+void Stages::close(RoundRef round) {
+  const auto it = contexts_.find(round);
+  if (it == contexts_.end()) return;
+  expiries_.erase({it->second.expires, round});
+  contexts_.erase(it);
 }
 
 }  // namespace interneuron

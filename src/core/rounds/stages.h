@@ -12,11 +12,12 @@
 #pragma once
 
 #include <algorithm>
-#include <chrono>
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "core/base/round_ring.h"
@@ -111,7 +112,7 @@ class Stages {
   bool has_served(const RoundRef& round) const;
   // Opens a context. It is kept for twice the deadline, since a computation may hand over late.
   void open(TimePoint now, const RoundRef& round, RoundContext context, Duration deadline);
-  void close(const RoundRef& round) { contexts_.erase(round); }
+  void close(RoundRef round);
 
   // The guard of the pipeline that this header belongs to, of the kind that the header asks for.
   // `via`: the peer whose clock it learns with. Valid until the next call.
@@ -124,10 +125,6 @@ class Stages {
   static constexpr std::size_t kFewObservers = 64;
   // Rounds of each of those pipelines that the application may work on.
   static constexpr std::size_t kContexts = 16;
-  // Contexts whose time is over are looked for this often at the most, since it means to look at
-  // all. No measurement behind this value: it only has to be shorter than rounds are apart and
-  // longer than messages are where there are many peers.
-  static constexpr Duration kSweep = std::chrono::milliseconds(5);
   static constexpr std::size_t kMaxHeldBytes = 64 * 1024 * 1024;
 
   struct Key {
@@ -159,7 +156,8 @@ class Stages {
   std::map<Key, Observed> observers_;
   std::map<Key, RoundRing<Served>> served_;
   std::map<RoundRef, Opened> contexts_;
-  TimePoint sweep_at_ = TimePoint::min();
+  // When the time of each context is over.
+  std::set<std::pair<TimePoint, RoundRef>> expiries_;
   std::vector<Released> held_;
   std::uint64_t uses_ = 0;
 };
