@@ -1,6 +1,7 @@
 #include "core/flow/sent_packets.h"
 
 #include <algorithm>
+#include <cassert>
 #include <utility>
 
 namespace interneuron::flow {
@@ -72,10 +73,15 @@ std::uint64_t SentPackets::add(TimePoint now, std::size_t ip_bytes, bool more_wa
   packet.data_sized = true;
   packet.data = next_data_++;
   packet.has_piece = piece.has_value();
-  train_bytes_ += ip_bytes;
-  data_.push_back(
-      {delivery_.sent(now, static_cast<std::uint32_t>(ip_bytes), open_data_ == 0, more_waits),
-       train_bytes_, piece.value_or(Piece{})});
+  assert(ip_bytes <= UINT16_MAX);
+  const auto bytes = static_cast<std::uint16_t>(ip_bytes);
+  train_bytes_ += bytes;
+  const link::DeliveryStamp stamp = delivery_.sent(now, bytes, open_data_ == 0, more_waits);
+  packet.app_limited = stamp.app_limited;
+  const Piece carried = piece.value_or(Piece{});
+  data_.push_back({stamp.first_sent_at, stamp.delivered_at,
+                   static_cast<std::uint32_t>(stamp.delivered), train_bytes_, carried.message,
+                   carried.index, bytes});
   ++open_data_;
   lookups_ = 0;
   if (packet.has_piece) open_bytes_ += ip_bytes;
@@ -90,13 +96,20 @@ std::uint64_t SentPackets::add_mtu_probe(TimePoint now, std::size_t ip_bytes) {
 
 // Whether not every path carries it.
 bool SentPackets::is_large(const Packet& packet) const {
-  return packet.data_sized && data_of(packet).stamp.bytes > link::PathMtu::kBase + kIpUdpBytes;
+  return packet.data_sized && data_of(packet).bytes > link::PathMtu::kBase + kIpUdpBytes;
+}
+
+link::DeliveryStamp SentPackets::stamp_of(const Packet& packet) const {
+  const Data& data = data_of(packet);
+  const std::uint64_t since = static_cast<std::uint32_t>(delivery_.delivered()) - data.delivered;
+  return {packet.at,  data.first_sent_at, data.delivered_at, delivery_.delivered() - since,
+          data.bytes, packet.app_limited};
 }
 
 void SentPackets::close(const Packet& packet) {
   --open_data_;
   lookups_ = 0;
-  if (packet.has_piece) open_bytes_ -= data_of(packet).stamp.bytes;
+  if (packet.has_piece) open_bytes_ -= data_of(packet).bytes;
 }
 
 void SentPackets::lose(Packet& packet) {
@@ -109,7 +122,7 @@ void SentPackets::lose(Packet& packet) {
     lateness_ = {};
   }
   if (packet.data_sized) close(packet);
-  if (packet.has_piece) settled_.push_back({data_of(packet).piece, false, true});
+  if (packet.has_piece) settled_.push_back({data_of(packet).piece(), false, true});
 }
 
 // A packet that an earlier report has missed was overtaken.
@@ -132,14 +145,14 @@ void SentPackets::arrive(TimePoint now, std::uint64_t number, Verdicts& verdicts
   if (!packet.mtu_probe) sizes_.arrived(packet.at, is_large(packet));
   if (packet.has_piece) {
     progress_at_ = now;
-    settled_.push_back({data_of(packet).piece, true, was_open});
+    settled_.push_back({data_of(packet).piece(), true, was_open});
   }
   verdicts.data = verdicts.data || packet.data_sized;
   verdicts.newest_sent = std::max(verdicts.newest_sent.value_or(packet.at), packet.at);
   if (!was_open) return;
   if (!packet.data_sized) return;
   close(packet);
-  delivery_.acknowledged(now, data_of(packet).stamp);
+  delivery_.acknowledged(now, stamp_of(packet));
 }
 
 SentPackets::Verdicts SentPackets::report(TimePoint now, const wire::LinkReport& report,
@@ -226,7 +239,7 @@ void SentPackets::find_pause(std::uint64_t last) {
     if (!train_.last_waited && !one_train) train_.pause = std::max<Duration>(train_.pause, gap);
     ++train_.left;
     train_.last_at = packet.at;
-    train_.last_waited = !data_of(packet).stamp.app_limited;
+    train_.last_waited = !packet.app_limited;
     train_.last_is_probe = !packet.has_piece;
   }
   train_.seen = std::max(train_.seen, last);
@@ -244,7 +257,7 @@ void SentPackets::find_train(const wire::LinkReport& report, Verdicts& verdicts)
               .seen = report.train_start,
               .left = 1,
               .last_at = first.at,
-              .last_waited = !data_of(first).stamp.app_limited,
+              .last_waited = !first.app_limited,
               .last_is_probe = !first.has_piece,
               .pause = {}};
   }
@@ -308,7 +321,7 @@ std::span<const SentPackets::Settled> SentPackets::in_flight() {
   for (std::uint64_t n = first_open_; keeps(n); ++n) {
     const Packet& packet = at(n);
     if (packet.fate == Fate::kOpen && packet.has_piece) {
-      settled_.push_back({data_of(packet).piece, false, true});
+      settled_.push_back({data_of(packet).piece(), false, true});
     }
   }
   return settled_;
@@ -320,7 +333,7 @@ void SentPackets::index_copies() {
   for (std::uint64_t n = first_open_; keeps(n); ++n) {
     const Packet& packet = at(n);
     if (packet.fate == Fate::kOpen && packet.has_piece) {
-      copies_.push_back({data_of(packet).piece, packet.at});
+      copies_.push_back({data_of(packet).piece(), packet.at});
     }
   }
   std::ranges::stable_sort(copies_, {}, &Copy::piece);
@@ -331,7 +344,7 @@ std::optional<TimePoint> SentPackets::sent_at(const Piece& piece) {
     ++lookups_;
     for (std::uint64_t n = next_; n-- > first_open_ && keeps(n);) {
       const Packet& packet = at(n);
-      if (packet.fate == Fate::kOpen && packet.has_piece && data_of(packet).piece == piece) {
+      if (packet.fate == Fate::kOpen && packet.has_piece && data_of(packet).piece() == piece) {
         return packet.at;
       }
     }
@@ -351,7 +364,7 @@ std::optional<std::pair<std::uint64_t, std::uint64_t>> SentPackets::copies(const
   std::optional<std::pair<std::uint64_t, std::uint64_t>> out;
   for (std::uint64_t n = next_ - 1; keeps(n) && at(n).at >= since; --n) {
     const Packet& packet = at(n);
-    if (!packet.has_piece || data_of(packet).piece != piece) continue;
+    if (!packet.has_piece || data_of(packet).piece() != piece) continue;
     if (packet.covered && largest_ >= n + kLatePackets) continue;
     out = {n, out ? out->second : n};
   }

@@ -28,7 +28,7 @@ namespace interneuron::flow {
 // numbers that were never sent is ignored, and a peer that acknowledges what has not arrived, or
 // denies what has, harms only what is sent to itself.
 //
-// Memory is bounded by 20,000 records, of 16 bytes for a small packet and 72 for one of data;
+// Memory is bounded by 20,000 records, of 16 bytes for a small packet and 48 for one of data;
 // nothing is allocated per packet once the rings have grown. Pure; thread-compatible; never throws.
 class SentPackets {
  public:
@@ -131,14 +131,24 @@ class SentPackets {
     bool mtu_probe : 1 = false;
     // A report has told that it has not arrived.
     bool covered : 1 = false;
+    // See link::DeliveryStamp.
+    bool app_limited : 1 = false;
     Fate fate = Fate::kOpen;
   };
-  // What is kept of a data-sized packet alone.
+  // What is kept of a data-sized packet alone. Counts of bytes are modulo 2^32: what is kept lies
+  // less than that apart.
   struct Data {
-    link::DeliveryStamp stamp;
+    // Of its link::DeliveryStamp, beside what Packet holds.
+    TimePoint first_sent_at{};
+    TimePoint delivered_at{};
+    std::uint32_t delivered = 0;
     // Bytes of all data-sized packets up to and with this one.
-    std::uint64_t train_bytes = 0;
-    Piece piece;
+    std::uint32_t train_bytes = 0;
+    MessageId message{};
+    std::uint16_t index = 0;
+    // With IP headers.
+    std::uint16_t bytes = 0;
+    Piece piece() const { return {message, index}; }
   };
   // The number of the oldest packet that is kept; next_ while there is none.
   std::uint64_t oldest() const { return next_ - packets_.size(); }
@@ -162,6 +172,7 @@ class SentPackets {
   void close(const Packet& packet);
   void lose(Packet& packet);
   bool is_large(const Packet& packet) const;
+  link::DeliveryStamp stamp_of(const Packet& packet) const;
   void arrive(TimePoint now, std::uint64_t number, Verdicts& verdicts);
   bool is_certain(TimePoint now, std::uint64_t number, std::uint64_t largest,
                   Duration timeout) const;
@@ -181,13 +192,13 @@ class SentPackets {
   std::uint64_t open_data_ = 0;
   // Of fragments in flight.
   std::size_t open_bytes_ = 0;
-  std::uint64_t train_bytes_ = 0;
+  std::uint32_t train_bytes_ = 0;
   // The newest train that the peer has told of. The records of its packets may be gone.
   struct TrainSent {
     // Its first packet: its number, when it left, and its train_bytes.
     std::uint64_t number = 0;
     TimePoint at{};
-    std::uint64_t from = 0;
+    std::uint32_t from = 0;
     // The packets up to this one were looked at; how many of them are data-sized, and what counts
     // of the last of these.
     std::uint64_t seen = 0;

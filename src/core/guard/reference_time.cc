@@ -20,7 +20,9 @@ Duration smoothed(Duration base, Duration theta) {
 
 void ReferenceTime::observe(RoundId round, std::size_t stage, Duration theta) {
   Entry* e = rounds_.enter(round);
-  if (e != nullptr && !e->settled) e->theta[stage - 1] = theta;
+  if (e == nullptr || e->settled) return;
+  e->theta[stage - 1] = theta;
+  e->known = static_cast<std::uint16_t>(e->known | 1U << (stage - 1));
 }
 
 void ReferenceTime::learn(TimePoint now, RoundId current, const Indicator& indicator) {
@@ -36,8 +38,9 @@ void ReferenceTime::settle(TimePoint now, RoundId round, RoundState state) {
   e->settled = true;
   if (state != RoundState::kOnTime) return;
   for (std::size_t stage = 0; stage < kMaxStages; ++stage) {
-    if (!e->theta[stage]) continue;
-    base_[stage] = base_[stage] ? smoothed(*base_[stage], *e->theta[stage]) : *e->theta[stage];
+    if ((e->known >> stage & 1U) == 0) continue;
+    const Duration theta = e->theta[stage];
+    base_[stage] = base_[stage] ? smoothed(*base_[stage], theta) : theta;
     accepted_at_ = now;
   }
 }

@@ -41,9 +41,11 @@ class ReferenceTime {
  private:
   struct Entry {
     bool settled = false;
-    // Element [i] is the time at which stage i + 1 ended, since the round began.
-    std::array<std::optional<Duration>, kMaxStages> theta{};
+    // Element [i] is the time at which stage i + 1 ended, since the round began, if bit i is set.
+    std::uint16_t known = 0;
+    std::array<Duration, kMaxStages> theta{};
   };
+  static_assert(kMaxStages <= 16);
 
   RoundRing<Entry> rounds_;
   // Element [i] belongs to stage i + 1.

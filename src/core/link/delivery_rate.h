@@ -36,6 +36,9 @@ class DeliveryRate {
   DeliveryStamp sent(TimePoint now, std::uint32_t bytes, bool idle, bool more_waits);
   void acknowledged(TimePoint now, const DeliveryStamp& stamp);
 
+  // Bytes that were acknowledged in all.
+  std::uint64_t delivered() const { return delivered_; }
+
   struct Sample {
     DataRate rate;
     // The application limited the rate: the link delivers at least this much.
