@@ -94,33 +94,29 @@ void PathMachine::Waiting::covered(TimePoint sent_at) {
 
 // --- thresholds
 
-Duration PathMachine::suspect_after() const {
-  if (!knows_round_trip()) return kSuspectUnknown;
+PathMachine::PathMachine() { set_thresholds(); }
+
+void PathMachine::set_thresholds() {
+  const Duration srtt = pace_.srtt;
+  const Duration rttvar = pace_.rttvar;
+  const Duration heartbeat = pace_.heartbeat;
+  const bool known = knows_round_trip();
   // The variation keeps a jittery path from being suspected every round.
-  return std::max({kSuspectFloor, pace_.srtt * 3 / 2, pace_.srtt + 2 * pace_.rttvar});
+  after_.suspect =
+      known ? std::max({kSuspectFloor, srtt * 3 / 2, srtt + 2 * rttvar}) : kSuspectUnknown;
+  after_.pulled =
+      (known ? std::max(kPulledFloor, srtt + 4 * rttvar) : kPulledUnknown) * (1 << patience_);
+  after_.idle_suspect =
+      std::max(times(heartbeat, kSuspectHeartbeats), heartbeat + srtt / 2 + 4 * rttvar);
+  after_.idle_pulled = std::max({kIdlePulledFloor, heartbeat * kPulledHeartbeats, after_.pulled});
+  after_.dead = std::max(kDeadSilence, times(heartbeat, kDeadHeartbeats));
+  after_.proof = std::clamp<Duration>(4 * srtt, kLeastProof, kMostProof);
 }
 
-Duration PathMachine::pulled_after() const {
-  const Duration once =
-      knows_round_trip() ? std::max(kPulledFloor, pace_.srtt + 4 * pace_.rttvar) : kPulledUnknown;
-  return once * (1 << patience_);
-}
-
-Duration PathMachine::idle_suspect_after() const {
-  return std::max(times(pace_.heartbeat, kSuspectHeartbeats),
-                  pace_.heartbeat + pace_.srtt / 2 + 4 * pace_.rttvar);
-}
-
-Duration PathMachine::idle_pulled_after() const {
-  return std::max({kIdlePulledFloor, pace_.heartbeat * kPulledHeartbeats, pulled_after()});
-}
-
-Duration PathMachine::dead_after() const {
-  return std::max(kDeadSilence, times(pace_.heartbeat, kDeadHeartbeats));
-}
-
-Duration PathMachine::proof_window() const {
-  return std::clamp<Duration>(4 * pace_.srtt, kLeastProof, kMostProof);
+void PathMachine::set_patience(TimePoint now, int patience) {
+  patience_ = patience;
+  patience_at_ = now;
+  set_thresholds();
 }
 
 // --- when silence becomes what; only while the path was heard once
@@ -128,23 +124,23 @@ Duration PathMachine::proof_window() const {
 TimePoint PathMachine::silent_since() const { return std::max(*heard_at_, quickened_at_); }
 
 TimePoint PathMachine::suspect_at() const {
-  const TimePoint idle = silent_since() + idle_suspect_after();
+  const TimePoint idle = silent_since() + after_.idle_suspect;
   if (!waiting_.any()) return idle;
   // While acknowledgements come in, packets that are late wait in a queue and are no sign of
   // trouble.
-  const TimePoint loaded = std::max(waiting_.since() + suspect_after(),
+  const TimePoint loaded = std::max(waiting_.since() + after_.suspect,
                                     acknowledged_at_ + std::max(kSuspectFloor, pace_.srtt / 2));
   return std::min(idle, loaded);
 }
 
 TimePoint PathMachine::pulled_at() const {
-  const TimePoint idle = silent_since() + idle_pulled_after();
+  const TimePoint idle = silent_since() + after_.idle_pulled;
   if (!waiting_.any()) return idle;
-  return std::min(idle, std::max(*heard_at_, waiting_.since()) + pulled_after());
+  return std::min(idle, std::max(*heard_at_, waiting_.since()) + after_.pulled);
 }
 
 std::optional<TimePoint> PathMachine::latched_at() const {
-  const Duration window = proof_window();
+  const Duration window = after_.proof;
   // Data must have been sent, and the peer heard, through half a window at least.
   if (unproven_ < kUnproven || unproven_newest_ - unproven_since_ < window / 2 ||
       *heard_at_ - unproven_since_ < window / 2) {
@@ -153,13 +149,16 @@ std::optional<TimePoint> PathMachine::latched_at() const {
   return unproven_since_ + window;
 }
 
-TimePoint PathMachine::dead_at() const { return silent_since() + dead_after(); }
+TimePoint PathMachine::dead_at() const { return silent_since() + after_.dead; }
 
 // --- inputs
 
 void PathMachine::set_pace(TimePoint now, const Pace& pace) {
   if (pace.heartbeat < pace_.heartbeat) quickened_at_ = now;
-  pace_ = pace;
+  if (pace != pace_) {
+    pace_ = pace;
+    set_thresholds();
+  }
   if (pace_.queue > kQueueLong) long_queue_ = true;
   if (pace_.queue < kQueueShort) long_queue_ = false;
   reconsider(now);
@@ -194,8 +193,7 @@ void PathMachine::heard(TimePoint now) {
 }
 
 void PathMachine::take_back(TimePoint now, Duration silence) {
-  if (silence < kStall) patience_ = std::min(patience_ + 1, kMostPatience);
-  patience_at_ = now;
+  set_patience(now, silence < kStall ? std::min(patience_ + 1, kMostPatience) : patience_);
   // Packets that were in flight are lost or about to be acknowledged, so they say nothing any more.
   forget_load();
   change(now, PathState::kOk, text("alive after %.0f ms of silence", silence, {}));
@@ -219,9 +217,9 @@ void PathMachine::delivered(TimePoint now, TimePoint sent_at, bool data) {
   if (data) {
     unproven_ = 0;
     if (state_ == PathState::kLatched) {
-      if (!proof_since_ || now - proof_at_ > proof_window()) proof_since_ = now;
+      if (!proof_since_ || now - proof_at_ > after_.proof) proof_since_ = now;
       proof_at_ = now;
-      if (now - *proof_since_ >= 2 * proof_window()) {
+      if (now - *proof_since_ >= 2 * after_.proof) {
         ramp_from_ = now;
         const Duration proven = now - *proof_since_;
         proof_since_.reset();
@@ -239,10 +237,7 @@ void PathMachine::removed(TimePoint now) {
 
 void PathMachine::handle_timeout(TimePoint now) {
   count_outage(now);
-  if (patience_ > 0 && now - patience_at_ >= kForgiven) {
-    --patience_;
-    patience_at_ = now;
-  }
+  if (patience_ > 0 && now - patience_at_ >= kForgiven) set_patience(now, patience_ - 1);
   reconsider(now);
 }
 
@@ -252,7 +247,7 @@ void PathMachine::reconsider(TimePoint now) {
   if (state_ == PathState::kDead) return;
   if (now >= dead_at()) {
     change(now, PathState::kDead,
-           text("silent for %.0f ms (limit %.0f ms)", now - *heard_at_, dead_after()));
+           text("silent for %.0f ms (limit %.0f ms)", now - *heard_at_, after_.dead));
     return;
   }
   if (!usable()) {
@@ -267,7 +262,7 @@ void PathMachine::reconsider(TimePoint now) {
     proof_since_.reset();
     change(now, PathState::kLatched,
            text("no data delivered for %.0f ms, though the peer is heard (limit %.0f ms)",
-                now - unproven_since_, proof_window()));
+                now - unproven_since_, after_.proof));
     return;
   }
   const bool late = now >= suspect_at();
@@ -332,6 +327,7 @@ void PathMachine::count_outage(TimePoint now) {
   TimePoint from = std::max(counted_to_, now - kOutageWindow);
   counted_to_ = now;
   if (usable()) return;
+  if (outage_.empty()) outage_.resize(kOutageSeconds);
   while (from < now) {
     const std::int64_t second = second_of(from);
     const TimePoint end = std::min(now, TimePoint{seconds(second + 1)});

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "interneuron/link.h"
 
@@ -22,8 +23,8 @@ namespace interneuron::link {
 // and taken back with every stall. SUSPECT keeps its threshold.
 //
 // A peer that lies about acknowledgements can keep a path in use or out of use, but only its own
-// paths; times from its clock are not used. Pure; thread-compatible; constant memory (about 2 KB);
-// allocates only the reason of a change.
+// paths; times from its clock are not used. Pure; thread-compatible; constant memory (1 KB, and
+// another one once there was an outage); allocates that and the reason of a change.
 class PathMachine {
  public:
   // A path is dead after this silence, or after 3.5 heartbeats if that is longer. Other bonding
@@ -46,7 +47,10 @@ class PathMachine {
     // Between two signs of life of the peer when nothing else is sent. When it becomes shorter,
     // silence counts from then on, because the peer had promised no more before.
     Duration heartbeat = std::chrono::milliseconds(300);
+    friend bool operator==(const Pace&, const Pace&) = default;
   };
+
+  PathMachine();
 
   void set_pace(TimePoint now, const Pace& pace);
   // The last link must not be taken away: with `last_usable` the machine stays at kSuspect where
@@ -104,14 +108,11 @@ class PathMachine {
     std::int64_t second = INT64_MIN;
     Duration out{};
   };
+  static constexpr std::size_t kOutageSeconds = 61;
 
   bool knows_round_trip() const { return pace_.srtt > Duration::zero(); }
-  Duration suspect_after() const;
-  Duration pulled_after() const;
-  Duration idle_suspect_after() const;
-  Duration idle_pulled_after() const;
-  Duration dead_after() const;
-  Duration proof_window() const;
+  void set_thresholds();
+  void set_patience(TimePoint now, int patience);
   TimePoint silent_since() const;
   TimePoint suspect_at() const;
   TimePoint pulled_at() const;
@@ -125,6 +126,17 @@ class PathMachine {
   void count_outage(TimePoint now);
 
   Pace pace_{};
+  // After how long something follows, by pace_ and patience_: from silence while data is in flight,
+  // from silence without data, and from silence in the end; and how long delivery is to be proved.
+  struct After {
+    Duration suspect{};
+    Duration pulled{};
+    Duration idle_suspect{};
+    Duration idle_pulled{};
+    Duration dead{};
+    Duration proof{};
+  };
+  After after_{};
   PathState state_ = PathState::kDead;
   TimePoint changed_at_{};
   bool last_usable_ = false;
@@ -149,8 +161,9 @@ class PathMachine {
   std::array<Change, 4> changes_{};
   std::size_t changes_first_ = 0;
   std::size_t changes_count_ = 0;
-  // A ring of the seconds of kOutageWindow and the one that is not over.
-  std::array<OutageSecond, 61> outage_{};
+  // A ring of the seconds of kOutageWindow and the one that is not over; empty before the first
+  // outage.
+  std::vector<OutageSecond> outage_;
   // When the path was first heard.
   std::optional<TimePoint> born_at_;
   // Outages up to this instant are in the ring.
