@@ -114,15 +114,16 @@ bool ProbeSchedule::heartbeat_due(TimePoint now) const { return now >= heartbeat
 
 // --- trains
 
-double ProbeSchedule::level(TimePoint now) const {
+// `train`: the bits of the train that comes next.
+double ProbeSchedule::level(TimePoint now, double train) const {
   if (!level_at_) return kStartBudget;
   const double since = static_cast<double>((now - *level_at_).count()) / 1e9;
-  const double depth = std::max(kDepth, bits(train_packets(now)));
+  const double depth = std::max(kDepth, train);
   return std::max(level_, std::min(depth, level_ + kBitsPerSecond * since));
 }
 
 void ProbeSchedule::spend(TimePoint now, std::uint32_t packets) {
-  level_ = level(now) - bits(packets);
+  level_ = level(now, bits(train_packets(now))) - bits(packets);
   level_at_ = now;
 }
 
@@ -183,7 +184,8 @@ TimePoint ProbeSchedule::in_a_pause(TimePoint now, TimePoint at) const {
   return std::max(at, *data_at_ + (measured ? kBusy : kPausing));
 }
 
-std::optional<TimePoint> ProbeSchedule::usual_train_at(TimePoint now) const {
+// When a train is due, as far as there is budget for it.
+std::optional<TimePoint> ProbeSchedule::usual_train_wish(TimePoint now) const {
   if (metered_ && !requested_at_) return std::nullopt;
   TimePoint at = requested_at_.value_or(now);
   if (!requested_at_ && train_at_) {
@@ -198,9 +200,15 @@ std::optional<TimePoint> ProbeSchedule::usual_train_at(TimePoint now) const {
   } else if (!requested_at_ && evidence_.trains >= kSettled && evidence_.at) {
     at = *evidence_.at + kOld;
   }
-  at = in_a_pause(now, at);
-  const double missing = bits(train_packets(now)) - level(now);
-  return missing > 0 ? std::max(at, now + seconds_of(missing, kTrainRate)) : at;
+  return in_a_pause(now, at);
+}
+
+std::optional<TimePoint> ProbeSchedule::usual_train_at(TimePoint now) const {
+  const auto at = usual_train_wish(now);
+  if (!at) return std::nullopt;
+  const double train = bits(train_packets(now));
+  const double missing = train - level(now, train);
+  return missing > 0 ? std::max(*at, now + seconds_of(missing, kTrainRate)) : at;
 }
 
 std::optional<TimePoint> ProbeSchedule::wanted_train_at(TimePoint now) const {
@@ -209,13 +217,16 @@ std::optional<TimePoint> ProbeSchedule::wanted_train_at(TimePoint now) const {
   return data_at_ ? std::max(at, *data_at_ + kPausing) : at;
 }
 
-std::optional<TimePoint> ProbeSchedule::train_at(TimePoint now) const {
+// When a train is due, if that may be before `end`. The budget is looked at only then: it can only
+// delay a train.
+std::optional<TimePoint> ProbeSchedule::train_before(TimePoint now, TimePoint end) const {
   if (!ready_ || latched_) return std::nullopt;
-  return earliest(usual_train_at(now), wanted_train_at(now));
+  const auto wish = usual_train_wish(now);
+  return earliest(wish && *wish < end ? usual_train_at(now) : std::nullopt, wanted_train_at(now));
 }
 
 std::optional<ProbeSchedule::Train> ProbeSchedule::train_due(TimePoint now) const {
-  const auto at = train_at(now);
+  const auto at = train_before(now, now + Duration{1});
   if (!at || *at > now) return std::nullopt;
   Train train{train_packets(now), std::nullopt};
   if (evidence_.rate) train.pace = train_pace(now);
@@ -240,7 +251,8 @@ bool ProbeSchedule::proof_due(TimePoint now) const {
 }
 
 TimePoint ProbeSchedule::next_timeout(TimePoint now) const {
-  return *earliest(train_at(now), proof_time(now), heartbeat_at(now));
+  const TimePoint other = *earliest(proof_time(now), heartbeat_at(now));
+  return *earliest(train_before(now, other), other);
 }
 
 }  // namespace interneuron::link

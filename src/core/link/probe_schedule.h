@@ -104,11 +104,12 @@ class ProbeSchedule {
   DataRate train_pace(TimePoint now) const;
   std::uint32_t train_packets(TimePoint now) const;
   // What trains and proofs may use now, in bits: the level of a token bucket.
-  double level(TimePoint now) const;
+  double level(TimePoint now, double train) const;
   TimePoint in_a_pause(TimePoint now, TimePoint at) const;
+  std::optional<TimePoint> usual_train_wish(TimePoint now) const;
   std::optional<TimePoint> usual_train_at(TimePoint now) const;
   std::optional<TimePoint> wanted_train_at(TimePoint now) const;
-  std::optional<TimePoint> train_at(TimePoint now) const;
+  std::optional<TimePoint> train_before(TimePoint now, TimePoint end) const;
   double bits(std::uint32_t packets) const;
   void spend(TimePoint now, std::uint32_t packets);
   std::optional<TimePoint> proof_time(TimePoint now) const;
