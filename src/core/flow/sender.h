@@ -5,11 +5,11 @@
 
 #include <cstdint>
 #include <deque>
-#include <map>
 #include <optional>
 #include <span>
 #include <vector>
 
+#include "core/base/flat_map.h"
 #include "core/flow/job_queue.h"
 #include "core/flow/message_store.h"
 #include "core/flow/overdue.h"
@@ -194,7 +194,7 @@ class Sender {
               Evidence evidence = Evidence::kSilence);
 
   Options options_;
-  std::map<LinkId, Path> paths_;
+  FlatMap<LinkId, Path> paths_;
   MessageStore messages_;
   std::size_t bytes_ = 0;
   Overdue overdue_;
