@@ -58,8 +58,8 @@ class Endpoint::Impl {
 
   void handle_datagram(TimePoint now, const Datagram& datagram) {
     // What was due before this instant is done before; what is due at it is done after, because
-    // arrivals come first.
-    run_timers(now - Duration{1});
+    // arrivals come first. Of several datagrams that come at once only the first finds something.
+    if (ran_to_ < now - Duration{1}) run_timers(now - Duration{1});
     Peers::Received received = peers_.receive(now, datagram);
     if (received.other_version && now >= tell_version_at_) {
       tell_version_at_ = now + kBetweenVersions;
@@ -107,6 +107,7 @@ class Endpoint::Impl {
  private:
   // Does everything that is due at or before `now`: the rounds and messages first, then the peers.
   void run_timers(TimePoint now) {
+    ran_to_ = now;
     rounds_.expire(now);
     messages_.expire(now);
     Peers::Expired expired = peers_.handle_timeout(now);
@@ -138,6 +139,8 @@ class Endpoint::Impl {
   Rounds rounds_;
   Messages messages_;
   OwnTime time_;
+  // What was due until then has been done.
+  TimePoint ran_to_ = TimePoint::min();
   std::uint64_t messages_expired_ = 0;
   std::uint64_t reassembly_refused_ = 0;
   std::uint64_t bad_fragments_ = 0;
