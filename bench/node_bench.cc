@@ -1,0 +1,422 @@
+// What a message of 256 KiB costs a pair of Nodes, beside a pair of programs that send and receive
+// as many bytes at the same pace by UDP with segmentation offload and nothing else:
+//
+//   build/release/bench/node_bench [--pace HZ ...] [--seconds S] [--rounds N]
+//
+// Both over one unshaped veth pair between two network namespaces, each program on a processor of
+// its own if there are two; raw and Node take turns, and the median of the rounds is told. The cost
+// is the processor time of a process, in its own code and in the kernel, per message; the kernel
+// charges what it does to receive from a veth to the sender. A Node's includes making a message of
+// zeros, since a Node takes the bytes that it sends. Only the ratios of one run mean something.
+//
+// Needs user namespaces and `ip`; ends with 77 where they are not there.
+#include <arpa/inet.h>
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <netinet/in.h>
+#include <netinet/udp.h>
+#include <sched.h>
+#include <signal.h>
+#include <sys/resource.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <time.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <array>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <exception>
+#include <functional>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "host/io/file_descriptor.h"
+#include "interneuron/node.h"
+#include "interneuron/sizes.h"
+
+namespace interneuron {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr std::size_t kMessageBytes = 256 * 1024;
+constexpr const char* kRoadAddress = "10.97.0.2";
+constexpr std::uint16_t kRawPort = 47'001;
+constexpr std::uint16_t kNodePort = 47'002;
+// Socket buffers of the raw programs: a Node's own.
+constexpr int kBufferBytes = 4 << 20;
+constexpr int kSkip = 77;
+
+struct Options {
+  std::vector<int> paces{100, 300};
+  double seconds = 3;
+  int rounds = 3;
+};
+
+// What one process has spent.
+struct Cost {
+  double us = 0;
+  double messages = 0;
+  double faults = 0;
+};
+
+struct Usage {
+  double us = 0;
+  double faults = 0;
+};
+
+Usage usage() {
+  rusage r{};
+  ::getrusage(RUSAGE_SELF, &r);
+  const auto us = [](const timeval& t) {
+    return static_cast<double>(t.tv_sec) * 1e6 + static_cast<double>(t.tv_usec);
+  };
+  return {us(r.ru_utime) + us(r.ru_stime), static_cast<double>(r.ru_minflt)};
+}
+
+Cost cost_since(const Usage& before, std::size_t messages) {
+  const Usage now = usage();
+  const auto n = static_cast<double>(std::max<std::size_t>(messages, 1));
+  return {(now.us - before.us) / n, static_cast<double>(messages),
+          (now.faults - before.faults) / n};
+}
+
+bool shell(const std::string& command) {
+  return std::system(("PATH=$PATH:/sbin:/usr/sbin; " + command + " 2>/dev/null").c_str()) == 0;
+}
+
+bool write_file(const char* path, const std::string& text) {
+  const io::FileDescriptor file(::open(path, O_WRONLY | O_CLOEXEC));
+  return ::write(file.get(), text.data(), text.size()) == static_cast<ssize_t>(text.size());
+}
+
+// --- the two namespaces
+
+class Namespaces {
+ public:
+  // This process moves to a namespace with the NIC "va"; road() names the one with "vb".
+  bool make() {
+    const std::string uid = std::to_string(::getuid());
+    const std::string gid = std::to_string(::getgid());
+    if (::getuid() == 0) {
+      if (::unshare(CLONE_NEWNET) != 0) return false;
+    } else {
+      if (::unshare(CLONE_NEWUSER | CLONE_NEWNET) != 0) return false;
+      write_file("/proc/self/setgroups", "deny");
+      if (!write_file("/proc/self/uid_map", "0 " + uid + " 1")) return false;
+      if (!write_file("/proc/self/gid_map", "0 " + gid + " 1")) return false;
+    }
+    std::array<int, 2> ready{};
+    if (::pipe(ready.data()) != 0) return false;
+    holder_ = ::fork();
+    if (holder_ == 0) {
+      const char done = ::unshare(CLONE_NEWNET) == 0 ? 'y' : 'n';
+      if (::write(ready[1], &done, 1) == 1) ::pause();
+      ::_exit(0);
+    }
+    char done = 'n';
+    if (::read(ready[0], &done, 1) != 1 || done != 'y') return false;
+    const std::string road = "nsenter -t " + std::to_string(holder_) + " -n ip ";
+    road_ = io::FileDescriptor(
+        ::open(("/proc/" + std::to_string(holder_) + "/ns/net").c_str(), O_RDONLY));
+    return shell("ip link set lo up") && shell("ip link add va type veth peer name vb") &&
+           shell("ip link set vb netns " + std::to_string(holder_)) &&
+           shell("ip addr add 10.97.0.1/24 dev va") && shell("ip link set va up") &&
+           shell(road + "link set lo up") &&
+           shell(road + "addr add " + kRoadAddress + "/24 dev vb") &&
+           shell(road + "link set vb up");
+  }
+  ~Namespaces() {
+    if (holder_ <= 0) return;
+    ::kill(holder_, SIGKILL);
+    ::waitpid(holder_, nullptr, 0);
+  }
+  Namespaces() = default;
+  Namespaces(const Namespaces&) = delete;
+  Namespaces& operator=(const Namespaces&) = delete;
+  int road() const { return road_.get(); }
+
+ private:
+  pid_t holder_ = -1;
+  io::FileDescriptor road_;
+};
+
+// --- processes
+
+// A child that tells its cost through a pipe.
+class Process {
+ public:
+  Process(int processor, int network_namespace, const std::function<Cost()>& body) {
+    std::array<int, 2> ends{};
+    if (::pipe(ends.data()) != 0) throw std::runtime_error("pipe failed");
+    std::fflush(nullptr);
+    pid_ = ::fork();
+    if (pid_ == 0) {
+      cpu_set_t set;
+      CPU_ZERO(&set);
+      CPU_SET(static_cast<std::size_t>(processor), &set);
+      ::sched_setaffinity(0, sizeof set, &set);
+      Cost cost;
+      try {
+        if (network_namespace < 0 || ::setns(network_namespace, CLONE_NEWNET) == 0) cost = body();
+      } catch (const std::exception& error) {
+        fmt::print(stderr, "{}\n", error.what());
+      }
+      const bool told = ::write(ends[1], &cost, sizeof cost) == sizeof cost;
+      ::_exit(told ? 0 : 1);
+    }
+    ::close(ends[1]);
+    result_ = io::FileDescriptor(ends[0]);
+  }
+  // Waits for its end.
+  Cost cost() {
+    Cost cost;
+    if (::read(result_.get(), &cost, sizeof cost) != sizeof cost) cost = {};
+    ::waitpid(pid_, nullptr, 0);
+    return cost;
+  }
+
+ private:
+  pid_t pid_ = -1;
+  io::FileDescriptor result_;
+};
+
+// --- raw
+
+sockaddr_in raw_address() {
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_port = htons(kRawPort);
+  ::inet_pton(AF_INET, kRoadAddress, &address.sin_addr);
+  return address;
+}
+
+io::FileDescriptor raw_socket() {
+  io::FileDescriptor fd(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+  for (const int option : {SO_RCVBUFFORCE, SO_SNDBUFFORCE, SO_RCVBUF, SO_SNDBUF}) {
+    ::setsockopt(fd.get(), SOL_SOCKET, option, &kBufferBytes, sizeof kBufferBytes);
+  }
+  return fd;
+}
+
+Cost raw_send(int hertz, std::size_t messages) {
+  const io::FileDescriptor fd = raw_socket();
+  const sockaddr_in to = raw_address();
+  const int segment = kMaxDatagramBytes;
+  ::setsockopt(fd.get(), SOL_UDP, UDP_SEGMENT, &segment, sizeof segment);
+  const Bytes message(kMessageBytes);
+  constexpr std::size_t kOneCall = 46 * kMaxDatagramBytes;
+  timespec next{};
+  ::clock_gettime(CLOCK_MONOTONIC, &next);
+  const Usage before = usage();
+  for (std::size_t i = 0; i < messages; ++i) {
+    next.tv_nsec += 1'000'000'000 / hertz;
+    if (next.tv_nsec >= 1'000'000'000) {
+      next.tv_nsec -= 1'000'000'000;
+      ++next.tv_sec;
+    }
+    ::clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &next, nullptr);
+    for (std::size_t at = 0; at < message.size(); at += kOneCall) {
+      ::sendto(fd.get(), &message[at], std::min(kOneCall, message.size() - at), 0,
+               reinterpret_cast<const sockaddr*>(&to), sizeof to);
+    }
+  }
+  return cost_since(before, messages);
+}
+
+// Until nothing has come for half a second.
+Cost raw_receive() {
+  const io::FileDescriptor fd = raw_socket();
+  const sockaddr_in own = raw_address();
+  const int on = 1;
+  ::setsockopt(fd.get(), SOL_UDP, UDP_GRO, &on, sizeof on);
+  timeval patience{5, 0};
+  ::setsockopt(fd.get(), SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
+  if (::bind(fd.get(), reinterpret_cast<const sockaddr*>(&own), sizeof own) != 0) return {};
+  std::vector<std::byte> buffer(64 * 1024);
+  std::size_t bytes = 0;
+  const Usage before = usage();
+  for (;;) {
+    const ssize_t size = ::recv(fd.get(), buffer.data(), buffer.size(), 0);
+    if (size <= 0) return cost_since(before, bytes / kMessageBytes);
+    if (bytes == 0) {
+      patience = {0, 500'000};
+      ::setsockopt(fd.get(), SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
+    }
+    bytes += static_cast<std::size_t>(size);
+  }
+}
+
+// --- nodes
+
+// Messages before those that are measured: a second of them, while the estimates settle.
+std::size_t warm_up(int hertz) { return static_cast<std::size_t>(hertz); }
+
+class Sender {
+ public:
+  Sender(int hertz, std::size_t messages)
+      : period_(1'000'000'000 / hertz), first_(warm_up(hertz)), last_(first_ + messages) {}
+
+  Cost run() {
+    NodeOptions options;
+    options.links.push_back({.id = LinkId{0},
+                             .nic = "va",
+                             .peer = std::string(kRoadAddress) + ":" + std::to_string(kNodePort)});
+    options.insecure = true;
+    Node node(std::move(options));
+    // After what a new path is measured with.
+    node.on_peer_ready([&](const PeerReady& ready) {
+      node.after(2s, [&, peer = ready.peer] { send(node, peer, node.now()); });
+    });
+    node.on_fate([&](const MessageFate& fate) {
+      if (counting_ && fate.fate == Fate::kDelivered) ++delivered_;
+    });
+    node.after(60s, [&] { node.stop(); });
+    node.run();
+    return cost_;
+  }
+
+ private:
+  void send(Node& node, PeerId peer, TimePoint at) {
+    if (sent_ == first_) {
+      counting_ = true;
+      before_ = usage();
+    }
+    if (sent_ == last_) {
+      cost_ = cost_since(before_, last_ - first_);
+      cost_.messages = static_cast<double>(delivered_);
+      node.after(300ms, [&node] { node.stop(); });
+      return;
+    }
+    ++sent_;
+    node.send(peer, Bytes(kMessageBytes), {.deadline = 200ms});
+    node.at(at + period_, [this, &node, peer, at] { send(node, peer, at + period_); });
+  }
+
+  Duration period_;
+  std::size_t first_ = 0;
+  std::size_t last_ = 0;
+  std::size_t sent_ = 0;
+  std::size_t delivered_ = 0;
+  bool counting_ = false;
+  Usage before_;
+  Cost cost_;
+};
+
+Cost node_receive(int hertz, std::size_t messages) {
+  NodeOptions options;
+  options.links.push_back({.id = LinkId{0}, .nic = "vb"});
+  options.accept_peers = true;
+  options.insecure = true;
+  options.port = kNodePort;
+  Node node(std::move(options));
+  const std::size_t first = warm_up(hertz);
+  std::size_t got = 0;
+  Usage before;
+  Cost cost;
+  TimePoint newest = TimePoint::max();
+  node.on_message([&](const Message&) {
+    if (got == first) before = usage();
+    if (got > first) cost = cost_since(before, got - first);
+    newest = node.now();
+    if (++got == first + messages) node.after(300ms, [&] { node.stop(); });
+  });
+  const std::function<void()> look = [&] {
+    if (newest != TimePoint::max() && node.now() - newest > 1s) return node.stop();
+    node.after(100ms, look);
+  };
+  node.after(100ms, look);
+  node.after(60s, [&] { node.stop(); });
+  node.run();
+  return cost;
+}
+
+// --- both beside each other
+
+struct Pair {
+  Cost send;
+  Cost receive;
+};
+
+Pair run_pair(int road, const std::function<Cost()>& send, const std::function<Cost()>& receive) {
+  const long processors = ::sysconf(_SC_NPROCESSORS_ONLN);
+  Process receiver(processors > 1 ? 1 : 0, road, receive);
+  ::usleep(300'000);
+  Process sender(0, -1, send);
+  Pair pair;
+  pair.send = sender.cost();
+  pair.receive = receiver.cost();
+  return pair;
+}
+
+double median(std::vector<double> values) {
+  std::ranges::sort(values);
+  return values[values.size() / 2];
+}
+
+void report(const char* name, int hertz, std::size_t messages, const std::vector<Pair>& rounds) {
+  const auto of = [&rounds](auto value) {
+    std::vector<double> values;
+    for (const Pair& pair : rounds) values.push_back(value(pair));
+    return median(values);
+  };
+  fmt::print(
+      "{:4} {:3} a second: send {:6.1f} µs, receive {:6.1f} µs a message; page faults {:.0f} and "
+      "{:.0f}; {:.0f} of {} arrived\n",
+      name, hertz, of([](const Pair& p) { return p.send.us; }),
+      of([](const Pair& p) { return p.receive.us; }),
+      of([](const Pair& p) { return p.send.faults; }),
+      of([](const Pair& p) { return p.receive.faults; }),
+      of([](const Pair& p) { return p.receive.messages; }), messages);
+}
+
+void measure(const Options& options, int road, int hertz) {
+  const auto messages = static_cast<std::size_t>(options.seconds * hertz);
+  std::vector<Pair> raw;
+  std::vector<Pair> nodes;
+  for (int i = 0; i < options.rounds; ++i) {
+    raw.push_back(run_pair(
+        road, [=] { return raw_send(hertz, messages); }, [] { return raw_receive(); }));
+    nodes.push_back(run_pair(
+        road, [=] { return Sender(hertz, messages).run(); },
+        [=] { return node_receive(hertz, messages); }));
+  }
+  report("raw", hertz, messages, raw);
+  report("Node", hertz, messages, nodes);
+  const auto sum = [](const std::vector<Pair>& rounds) {
+    std::vector<double> sums;
+    for (const Pair& pair : rounds) sums.push_back(pair.send.us + pair.receive.us);
+    return median(sums);
+  };
+  fmt::print(
+      "     {:3} a second: both ends {:.1f} and {:.1f} µs, {:.2f} times raw, raw + {:.0f} µs\n",
+      hertz, sum(raw), sum(nodes), sum(nodes) / sum(raw), sum(nodes) - sum(raw));
+}
+
+int run(const Options& options) {
+  Namespaces namespaces;
+  if (!namespaces.make()) {
+    fmt::print(stderr, "node_bench: cannot make two network namespaces with a veth pair\n");
+    return kSkip;
+  }
+  for (const int hertz : options.paces) measure(options, namespaces.road(), hertz);
+  return 0;
+}
+
+}  // namespace
+}  // namespace interneuron
+
+int main(int argc, char** argv) {
+  interneuron::Options options;
+  CLI::App app("What a message of 256 KiB costs two Nodes, beside raw UDP at the same pace.");
+  app.add_option("--pace", options.paces, "Messages a second")->check(CLI::Range(1, 1000));
+  app.add_option("--seconds", options.seconds, "Seconds measured in each round");
+  app.add_option("--rounds", options.rounds, "Rounds")->check(CLI::Range(1, 100));
+  CLI11_PARSE(app, argc, argv);
+  return interneuron::run(options);
+}
