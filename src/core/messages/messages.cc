@@ -317,7 +317,8 @@ void Messages::tell(std::optional<MessageFate> fate) {
 
 void Messages::expire(TimePoint now) {
   if (collect_at_ && *collect_at_ <= now) {
-    for (const PeerId id : sent_.peers()) {
+    sent_.peers(asked_);
+    for (const PeerId id : asked_) {
       if (Peer* peer = peers_.find(now, id)) collect(now, *peer);
     }
     collect_at_ = now + kLookAgain;

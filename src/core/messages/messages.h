@@ -84,6 +84,8 @@ class Messages {
   std::optional<TimePoint> look_at_;
   // When the senders are asked what they have given up; nothing while no message is open.
   std::optional<TimePoint> collect_at_;
+  // The peers that are asked, while expire() runs.
+  std::vector<PeerId> asked_;
   EndpointCounters counters_;
 };
 

@@ -1,7 +1,6 @@
 #include "core/messages/routes.h"
 
 #include <algorithm>
-#include <map>
 
 #include "core/base/earliest.h"
 #include "core/messages/arrival_forecast.h"
@@ -26,7 +25,12 @@ Routes routes_of(TimePoint now, const Peer& peer, const Plan& plan,
   out.outlook = {.peer = peer.identity().id, .at = now, .deadline = deadline};
   const std::uint8_t planned = std::ranges::max(plan.sends, {}, &Assignment::variant).variant;
   const bool one_link = std::ranges::count(plan.sends, planned, &Assignment::variant) == 1;
-  std::map<LinkId, std::size_t> ahead;
+  // Bytes that go before this message over each link that it may take.
+  struct Ahead {
+    LinkId link{};
+    std::size_t bytes = 0;
+  };
+  Few<Ahead, kMaxLinks> queues;
   std::optional<Duration> soonest;
   for (std::uint8_t v = 0; v < sizes.size(); ++v) {
     // Where smaller variants stand by, so do those of the messages before it: they may all give
@@ -36,19 +40,20 @@ Routes routes_of(TimePoint now, const Peer& peer, const Plan& plan,
     for (const Assignment& send : plan.sends) {
       if (send.variant != v) continue;
       const LinkState& link = *std::ranges::find(links, send.link, &LinkState::id);
-      const auto [it, fresh] = ahead.try_emplace(send.link, 0);
-      if (fresh) it->second = peer.queued_before(send.link, now + deadline);
-      const auto expected = arrival_forecast(link, it->second, sizes[v]);
+      if (std::ranges::find(queues, send.link, &Ahead::link) == queues.end()) {
+        queues.push_back({send.link, peer.queued_before(send.link, now + deadline)});
+      }
+      std::size_t& ahead = std::ranges::find(queues, send.link, &Ahead::link)->bytes;
+      const auto expected = arrival_forecast(link, ahead, sizes[v]);
       soonest = earliest(soonest, expected);
-      const bool hopeless = is_hopeless(peer, link, gives_way ? 0 : it->second,
+      const bool hopeless = is_hopeless(peer, link, gives_way ? 0 : ahead,
                                         gives_way ? sizes.back() : sizes[v], deadline);
       // It counts as on time in any variant.
       out.outlook.consider(link, gives_way ? arrival_forecast(link, 0, sizes.back()) : expected,
-                           gives_way ? 0 : it->second, gives_way ? sizes.back() : sizes[v],
-                           hopeless);
+                           gives_way ? 0 : ahead, gives_way ? sizes.back() : sizes[v], hopeless);
       if (hopeless) continue;
       out.expected = earliest(out.expected, expected);
-      it->second += sizes[v];
+      ahead += sizes[v];
       route.links.push_back(send.link);
     }
     if (!route.links.empty()) out.routes.push_back(std::move(route));

@@ -10,6 +10,7 @@
 
 #include "core/messages/on_time_forecast.h"
 #include "core/peers/peer.h"
+#include "interneuron/few.h"
 #include "interneuron/link.h"
 #include "interneuron/policy.h"
 
@@ -18,7 +19,7 @@ namespace interneuron {
 // A variant that sets out, and over which links; at least one.
 struct Route {
   std::uint8_t variant = 0;
-  std::vector<LinkId> links;
+  Few<LinkId, kMaxLinks> links;
 };
 
 // What is left of a plan when the transmissions are taken out that cannot arrive. Plain values.

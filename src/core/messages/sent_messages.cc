@@ -8,10 +8,17 @@ namespace interneuron {
 SendId SentMessages::add(const Entry& entry) {
   const SendId id = next_;
   ++next_.value;
-  for (const Variant& v : entry.variants) by_message_.emplace(Key{entry.peer, v.message}, id);
-  by_end_.emplace(entry.ends, id);
-  ++peers_[entry.peer];
-  entries_.emplace(id, Open{entry, std::nullopt});
+  for (const Variant& v : entry.variants) {
+    spare_by_message_.insert(by_message_, {entry.peer, v.message}, id);
+  }
+  spare_by_end_.insert(by_end_, {entry.ends, id});
+  const auto known = peers_.find(entry.peer);
+  if (known == peers_.end()) {
+    spare_peers_.insert(peers_, entry.peer, 1);
+  } else {
+    ++known->second;
+  }
+  spare_entries_.insert(entries_, id, Open{entry, std::nullopt});
   return id;
 }
 
@@ -41,10 +48,13 @@ MessageFate SentMessages::remove(Entries::iterator it, MessageFate fate) {
   fate.id = it->first;
   fate.peer = entry.peer;
   fate.channel = entry.channel;
-  for (const Variant& v : entry.variants) by_message_.erase({entry.peer, v.message});
-  by_end_.erase({entry.ends, it->first});
-  if (--peers_.at(entry.peer) == 0) peers_.erase(entry.peer);
-  entries_.erase(it);
+  for (const Variant& v : entry.variants) {
+    spare_by_message_.erase(by_message_, {entry.peer, v.message});
+  }
+  spare_by_end_.erase(by_end_, {entry.ends, it->first});
+  const auto peer = peers_.find(entry.peer);
+  if (--peer->second == 0) spare_peers_.erase(peers_, peer);
+  spare_entries_.erase(entries_, it);
   return fate;
 }
 
@@ -113,10 +123,9 @@ std::optional<TimePoint> SentMessages::first_end() const {
   return by_end_.begin()->first;
 }
 
-std::vector<PeerId> SentMessages::peers() const {
-  std::vector<PeerId> out;
+void SentMessages::peers(std::vector<PeerId>& out) const {
+  out.clear();
   for (const auto& [peer, messages] : peers_) out.push_back(peer);
-  return out;
 }
 
 }  // namespace interneuron

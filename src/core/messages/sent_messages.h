@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/base/spare_nodes.h"
 #include "interneuron/few.h"
 #include "interneuron/send.h"
 
@@ -20,8 +21,9 @@ namespace interneuron {
 // one of them is; dropped when the last of them is given up; late when one came late and none in
 // time. What is still open when its time is over is settled by expire().
 //
-// Memory is bounded by kMaxMessages; the bytes of messages are held, and bounded, elsewhere. Each
-// call takes logarithmic time. Pure; thread-compatible; never throws but std::bad_alloc.
+// Memory is bounded by kMaxMessages and used again; the bytes of messages are held, and bounded,
+// elsewhere. Each call takes logarithmic time. Pure; thread-compatible; never throws but
+// std::bad_alloc.
 class SentMessages {
  public:
   // No measurement behind this value: it only has to be more than what many peers are sent within
@@ -73,8 +75,8 @@ class SentMessages {
   std::optional<SendId> ended(TimePoint now) const;
   // The smallest Entry::ends; nothing while there is no message.
   std::optional<TimePoint> first_end() const;
-  // The peers that have messages here.
-  std::vector<PeerId> peers() const;
+  // Puts the peers that have messages here in place of what `out` holds.
+  void peers(std::vector<PeerId>& out) const;
 
  private:
   using Key = std::pair<PeerId, MessageId>;
@@ -90,11 +92,20 @@ class SentMessages {
   std::optional<MessageFate> end_variant(Entries::iterator it, MessageId message,
                                          FateReason reason);
 
-  Entries entries_;
-  std::map<Key, SendId> by_message_;
-  std::set<std::pair<TimePoint, SendId>> by_end_;
+  using ByMessage = std::map<Key, SendId>;
+  using ByEnd = std::set<std::pair<TimePoint, SendId>>;
   // How many messages each peer has here.
-  std::map<PeerId, std::size_t> peers_;
+  using Counts = std::map<PeerId, std::size_t>;
+
+  Entries entries_;
+  ByMessage by_message_;
+  ByEnd by_end_;
+  Counts peers_;
+  // So that a message allocates nothing here.
+  SpareNodes<Entries> spare_entries_;
+  SpareNodes<ByMessage> spare_by_message_;
+  SpareNodes<ByEnd> spare_by_end_;
+  SpareNodes<Counts> spare_peers_;
   SendId next_{1};
 };
 

@@ -97,7 +97,7 @@ class Peer {
   // Queues a message on these paths; lost pieces go over these and over those of `repairs`. See
   // flow::Sender::send().
   MessageId send(TimePoint now, const flow::Sender::Times& times, wire::MessageBytes message,
-                 const std::vector<LinkId>& paths, const flow::PathSet& repairs,
+                 std::span<const LinkId> paths, const flow::PathSet& repairs,
                  wire::MessageKind kind = wire::MessageKind::kRound);
   // See flow::Sender::add_alternative().
   MessageId add_alternative(MessageId first, wire::MessageBytes message) {
@@ -176,6 +176,8 @@ class Peer {
   Identity identity_;
   std::vector<Path> paths_;
   flow::Sender sender_;
+  // What the sender is given by send(); a member so that a message allocates nothing.
+  std::vector<LinkId> over_;
   flow::Reassembler reassembler_;
   flow::Receipts receipts_;
   guard::ClockOffset clock_;

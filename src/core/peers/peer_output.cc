@@ -100,12 +100,13 @@ std::optional<Transmit> Peer::poll(TimePoint now, LinkId nic, std::span<std::byt
 }
 
 MessageId Peer::send(TimePoint now, const flow::Sender::Times& times, wire::MessageBytes message,
-                     const std::vector<LinkId>& paths, const flow::PathSet& repairs,
+                     std::span<const LinkId> paths, const flow::PathSet& repairs,
                      wire::MessageKind kind) {
   note_activity(now);
   refresh(now);
   if (kind == wire::MessageKind::kPlain) settlements_.open();
-  return sender_.send(now, times, std::move(message), paths, repairs, kind);
+  over_.assign(paths.begin(), paths.end());
+  return sender_.send(now, times, std::move(message), over_, repairs, kind);
 }
 
 void Peer::want(TimePoint now, DataRate rate) {

@@ -7,7 +7,12 @@ namespace interneuron {
 void Settlements::learn(const wire::Feedback& feedback) {
   if (!open_) return;
   auto complete = feedback.complete;
-  std::ranges::stable_sort(complete, std::ranges::greater{}, &wire::CompleteMessage::ago_us);
+  // They are few, and come nearly in order; std::stable_sort would ask the heap for memory.
+  for (auto* it = complete.begin(); it != complete.end(); ++it) {
+    auto* const place = std::ranges::upper_bound(
+        complete.begin(), it, it->ago_us, std::ranges::greater{}, &wire::CompleteMessage::ago_us);
+    std::rotate(place, it, it + 1);
+  }
   for (const auto& [message, ago_us, dropped] : complete) {
     const Duration ago = std::chrono::microseconds(ago_us);
     settled_.push_back({dropped ? Settled::Kind::kDroppedThere : Settled::Kind::kComplete, message,

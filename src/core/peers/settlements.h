@@ -1,9 +1,9 @@
 // What a peer says of whole messages that were sent to it.
 #pragma once
 
-#include <deque>
 #include <optional>
 
+#include "core/base/ring.h"
 #include "core/wire/packet.h"
 #include "interneuron/time.h"
 #include "interneuron/units.h"
@@ -46,7 +46,7 @@ class Settlements {
 
  private:
   bool open_ = false;
-  std::deque<Settled> settled_;
+  Ring<Settled> settled_;
 };
 
 }  // namespace interneuron

@@ -5,6 +5,7 @@
 #include <array>
 #include <cstdio>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "interneuron/endpoint.h"
@@ -61,8 +62,7 @@ class TwoHosts {
       for (std::size_t i = 0; i < lines_.size(); ++i) deliver(i);
       if (pieces > 0 && now_ >= next_message) {
         next_message += period;
-        const RoundRef round = hosts_[0]->begin_round(now_, PipelineId{0});
-        hosts_[0]->submit(now_, round, {Bytes(pieces * kPiece - 100)}, MessageClass::kData, peer_);
+        send(pieces);
         ++messages;
       }
       for (std::size_t host = 0; host < 2; ++host) {
@@ -88,6 +88,7 @@ class TwoHosts {
   std::uint64_t messages = 0;
   std::uint64_t answered = 0;
   std::uint64_t lose_each = 0;  // 0: nothing is lost
+  bool plain = false;           // messages instead of rounds, which nobody answers
 
  private:
   static constexpr std::size_t kLine = 8192;
@@ -114,6 +115,18 @@ class TwoHosts {
   }
   Line& line(std::size_t from, LinkId link) { return lines_[from * 2 + link.value]; }
 
+  void send(std::size_t pieces) {
+    Bytes message(pieces * kPiece - 100);
+    if (plain) {
+      Variants variants;
+      variants.push_back(std::move(message));
+      hosts_[0]->send(now_, peer_, std::move(variants), {.deadline = 90ms});
+      return;
+    }
+    const RoundRef round = hosts_[0]->begin_round(now_, PipelineId{0});
+    hosts_[0]->submit(now_, round, {std::move(message)}, MessageClass::kData, peer_);
+  }
+
   void deliver(std::size_t which) {
     Line& l = lines_[which];
     const std::size_t from = which / 2;
@@ -134,7 +147,8 @@ class TwoHosts {
         level_allocations = allocations - before;
         ++levels_chosen;
         hosts_[host]->submit(now_, delivered->round, {Bytes(kPiece - 100)}, MessageClass::kResult);
-      } else if (std::holds_alternative<RoundDone>(*event)) {
+      } else if (std::holds_alternative<RoundDone>(*event) ||
+                 std::holds_alternative<Message>(*event)) {
         ++answered;
       }
     }
@@ -210,6 +224,18 @@ TEST(Allocation, DataAndFeedbackNeedNonePerPacket) {
   // What a message needs (its bytes, its plan, its reassembly) does not depend on its size.
   EXPECT_NEAR(large.per_message(), small.per_message(), 0.5);
   EXPECT_LE(large.per_message(), 80);
+}
+
+// The application takes two, for the bytes and for the list of variants; both ends take the rest.
+TEST(Allocation, PlainMessagesNeedFew) {
+  TwoHosts hosts;
+  hosts.plain = true;
+  hosts.run(30s, 40);
+  const Cost cost = cost_of(hosts, 30s, 40);
+  // The first one finds no link yet, and the last one is under way.
+  EXPECT_GE(hosts.answered + 2, hosts.messages);
+  std::printf("allocations per plain message: %.1f\n", cost.per_message());
+  EXPECT_LE(cost.per_message(), 2 + 4 + 2);
 }
 
 TEST(Allocation, LossesNeedNonePerPacket) {
