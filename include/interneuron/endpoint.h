@@ -37,6 +37,22 @@ struct Transmit {
   std::size_t size = 0;
 };
 
+// The same in parts that nobody has joined: the first `head` bytes of the buffer given to
+// poll_transmit_parts(), then `payload`, then the `tail` bytes of the buffer that follow the first.
+struct TransmitParts {
+  LinkId link{};
+  Address to{};
+  std::size_t head = 0;
+  // Bytes of a message; empty in packets that carry none. Valid until the next call of the endpoint
+  // that is no output (see Endpoint).
+  ByteView payload{};
+  std::size_t tail = 0;
+
+  std::size_t size() const { return head + payload.size() + tail; }
+  // Puts the payload where it belongs in that buffer.
+  Transmit join(std::span<std::byte> buffer) const;
+};
+
 struct Ablation;
 
 // What an endpoint is made of.
@@ -151,6 +167,8 @@ class Endpoint {
   // --- outputs
   // Writes the next datagram that may leave now into `buffer`, which must hold kMaxDatagramBytes.
   std::optional<Transmit> poll_transmit(TimePoint now, std::span<std::byte> buffer);
+  // The same, but leaves the bytes of a message where they are.
+  std::optional<TransmitParts> poll_transmit_parts(TimePoint now, std::span<std::byte> buffer);
   std::optional<Event> poll_event();
   // When handle_timeout() or poll_transmit() has something to do; nothing: not before an input.
   std::optional<TimePoint> next_timeout() const;

@@ -28,11 +28,25 @@ class IoError : public std::runtime_error {
   int code_;
 };
 
-// A datagram to send.
+// A datagram to send: three parts that follow each other on the wire, so that nobody has to join
+// them. All are read until send() returns.
 struct Outgoing {
   Address to{};
-  // Not empty; read until send() returns.
-  ByteView bytes;
+  // Not empty; the others may be.
+  ByteView head;
+  ByteView payload{};
+  ByteView tail{};
+  // The ECN bits of its IP header (RFC 3168 §5), 0 … 3.
+  std::uint8_t ecn = 0;
+
+  std::size_t size() const { return head.size() + payload.size() + tail.size(); }
+  // A copy of the parts in one piece, for transports that keep or change what they send.
+  Bytes joined() const {
+    Bytes out(head.begin(), head.end());
+    out.insert(out.end(), payload.begin(), payload.end());
+    out.insert(out.end(), tail.begin(), tail.end());
+    return out;
+  }
 };
 
 // A datagram that has arrived.
@@ -41,6 +55,8 @@ struct Incoming {
   ByteView bytes;
   // When, by the clock of Node::now() and as the kernel says; TimePoint::min() where it does not.
   TimePoint at = TimePoint::min();
+  // The ECN bits of its IP header; 0 where the kernel does not tell.
+  std::uint8_t ecn = 0;
 };
 
 // What became of a batch of datagrams.

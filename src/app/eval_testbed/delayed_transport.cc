@@ -24,7 +24,7 @@ DelayedTransport::DelayedTransport(std::unique_ptr<Transport> inner,
 
 BatchResult DelayedTransport::send(std::span<const Outgoing> batch) {
   std::vector<Duration> delays;
-  for (const Outgoing& datagram : batch) delays.push_back(delay_of_(datagram.bytes));
+  for (const Outgoing& datagram : batch) delays.push_back(delay_of_(datagram.joined()));
   const std::scoped_lock lock(mutex_);
   if (gone_ != 0) return {batch.size(), false, gone_};
   const bool none = std::ranges::all_of(delays, [](Duration d) { return d <= Duration{}; });
@@ -33,7 +33,7 @@ BatchResult DelayedTransport::send(std::span<const Outgoing> batch) {
   const TimePoint now = io::now();
   for (std::size_t i = 0; i < batch.size(); ++i) {
     due = std::max(due, now + delays[i]);
-    waiting_.push_back({due, batch[i].to, Bytes(batch[i].bytes.begin(), batch[i].bytes.end())});
+    waiting_.push_back({due, batch[i].to, batch[i].joined(), batch[i].ecn});
   }
   wake_.notify_one();
   return {batch.size(), false, 0};
@@ -59,7 +59,7 @@ void DelayedTransport::send_due(TimePoint now) {
   std::vector<Outgoing> batch;
   for (const Waiting& w : waiting_) {
     if (w.due > now) break;
-    batch.push_back({w.to, w.bytes});
+    batch.push_back({.to = w.to, .head = w.bytes, .ecn = w.ecn});
   }
   const BatchResult result = inner_->send(batch);
   waiting_.erase(waiting_.begin(), waiting_.begin() + static_cast<std::ptrdiff_t>(result.taken));

@@ -36,6 +36,7 @@ class DelayedTransport final : public Transport {
     TimePoint due{};
     Address to{};
     Bytes bytes;
+    std::uint8_t ecn = 0;
   };
   void send_waiting(const std::stop_token& stop);
   void send_due(TimePoint now);

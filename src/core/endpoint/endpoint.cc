@@ -1,6 +1,8 @@
 #include "interneuron/endpoint.h"
 
 #include <algorithm>
+#include <cassert>
+#include <cstring>
 #include <deque>
 
 #include "core/base/ablation.h"
@@ -148,6 +150,15 @@ class Endpoint::Impl {
   TimePoint tell_version_at_ = TimePoint::min();
 };
 
+Transmit TransmitParts::join(std::span<std::byte> buffer) const {
+  if (!payload.empty()) {
+    assert(size() <= buffer.size());
+    std::memmove(&buffer[head + payload.size()], &buffer[head], tail);
+    std::memcpy(&buffer[head], payload.data(), payload.size());
+  }
+  return {link, to, size()};
+}
+
 Endpoint::Endpoint(EndpointOptions options, TimePoint now)
     : impl_(std::make_unique<Impl>(options, now)) {}
 Endpoint::~Endpoint() = default;
@@ -201,6 +212,11 @@ void Endpoint::handle_datagram(TimePoint now, const Datagram& datagram) {
 }
 void Endpoint::handle_timeout(TimePoint now) { impl_->advance(now); }
 std::optional<Transmit> Endpoint::poll_transmit(TimePoint now, std::span<std::byte> buffer) {
+  const auto parts = poll_transmit_parts(now, buffer);
+  return parts ? std::optional(parts->join(buffer)) : std::nullopt;
+}
+std::optional<TransmitParts> Endpoint::poll_transmit_parts(TimePoint now,
+                                                           std::span<std::byte> buffer) {
   return impl_->peers().poll(impl_->tick(now), buffer);
 }
 std::optional<Event> Endpoint::poll_event() { return impl_->poll_event(); }

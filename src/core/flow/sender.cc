@@ -62,6 +62,7 @@ void Sender::set_path(LinkId path, const PathView& view) {
 MessageId Sender::send(TimePoint now, const Times& times, wire::MessageBytes bytes,
                        const std::vector<LinkId>& paths, const PathSet& repairs,
                        wire::MessageKind kind) {
+  parting_.clear();
   const MessageId id{next_message_++};
   if (paths.empty() || bytes.empty() || times.deadline <= now) return id;
 
@@ -198,6 +199,7 @@ void Sender::settle(TimePoint now, std::span<const SentPackets::Settled> pieces,
 
 SentPackets::Verdicts Sender::report(TimePoint now, const wire::LinkReport& report,
                                      Duration min_rtt) {
+  parting_.clear();
   const auto it = paths_.find(report.link);
   if (it == paths_.end()) return {};
   Path& path = it->second;
@@ -212,6 +214,7 @@ PathUse::Told Sender::take_use(TimePoint now, LinkId link) {
 }
 
 void Sender::handle_timeout(TimePoint now) {
+  parting_.clear();
   for (auto& [link, path] : paths_) {
     const auto silent = path.sent.settle_silent(now, silence_of(path.view));
     path.use.lost(static_cast<std::uint32_t>(silent.size()));
@@ -286,6 +289,7 @@ std::uint64_t Sender::lost(LinkId path) const {
 }
 
 void Sender::reset(TimePoint now) {
+  parting_.clear();
   messages_.clear();
   bytes_ = 0;
   overdue_.clear();

@@ -111,8 +111,8 @@ class Sender {
   // The same for a probe of the path's MTU.
   std::uint64_t take_mtu_probe_number(TimePoint now, LinkId path, std::size_t ip_bytes);
 
-  // A fragment that may leave `path` now; its bytes are valid until the next call. Nothing when
-  // none may leave.
+  // A fragment that may leave `path` now; its payload is valid until the next call of another
+  // method, its header only until the next call. Nothing when none may leave.
   struct Piece {
     std::uint64_t number = 0;
     wire::FragmentHeader fragment;
@@ -201,6 +201,8 @@ class Sender {
   // When a path was removed last.
   TimePoint removed_at_ = TimePoint::min();
   std::deque<MessageId> given_up_;
+  // Payloads of messages that poll() has given up, of which it may have handed out pieces before.
+  std::vector<Bytes> parting_;
   std::uint32_t next_message_;
   std::uint64_t cancelled_ = 0;
 };

@@ -1,5 +1,7 @@
 // What becomes of a message that its path gives up: nothing more of it is sent there, and a smaller
 // variant may take its place.
+#include <utility>
+
 #include "core/flow/sender.h"
 
 namespace interneuron::flow {
@@ -48,6 +50,8 @@ void Sender::give_up(Path& path, Job& job) {
   // Nobody else completes it, so nothing of it is sent again.
   if (message.kind == wire::MessageKind::kPlain) given_up_.push_back(id);
   const auto alternative = message.alternative;
+  bytes_ -= message.bytes.size();
+  parting_.push_back(std::exchange(message.bytes, {}).payload);
   forget(id);
   Message* next = alternative ? messages_.find(*alternative) : nullptr;
   if (next == nullptr) return;

@@ -91,8 +91,8 @@ class Peer {
   std::optional<PathChanged> poll_change();
   // Write the next packet that may leave now into `buffer` of at least kMaxDatagramBytes: feedback,
   // over whichever NIC is best; or a probe or data over this NIC.
-  std::optional<Transmit> poll_feedback(TimePoint now, std::span<std::byte> buffer);
-  std::optional<Transmit> poll(TimePoint now, LinkId nic, std::span<std::byte> buffer);
+  std::optional<TransmitParts> poll_feedback(TimePoint now, std::span<std::byte> buffer);
+  std::optional<TransmitParts> poll(TimePoint now, LinkId nic, std::span<std::byte> buffer);
 
   // Queues a message on these paths; lost pieces go over these and over those of `repairs`. See
   // flow::Sender::send().
@@ -167,11 +167,12 @@ class Peer {
   const Path* reporter() const;
   wire::PacketHeader header(TimePoint now, const Path& path, wire::PacketType type,
                             std::uint64_t number) const;
-  Transmit send_feedback(TimePoint now, Path& path, std::span<const Path> about,
-                         std::span<std::byte> buffer);
-  Transmit send_probe(TimePoint now, Path& path, std::span<std::byte> buffer);
-  Transmit send_mtu_probe(TimePoint now, Path& path, std::size_t size, std::span<std::byte> buffer);
-  std::optional<Transmit> poll_data(TimePoint now, Path& path, std::span<std::byte> buffer);
+  TransmitParts send_feedback(TimePoint now, Path& path, std::span<const Path> about,
+                              std::span<std::byte> buffer);
+  TransmitParts send_probe(TimePoint now, Path& path, std::span<std::byte> buffer);
+  TransmitParts send_mtu_probe(TimePoint now, Path& path, std::size_t size,
+                               std::span<std::byte> buffer);
+  std::optional<TransmitParts> poll_data(TimePoint now, Path& path, std::span<std::byte> buffer);
 
   Identity identity_;
   std::vector<Path> paths_;

@@ -30,8 +30,8 @@ const Path* Peer::reporter() const {
   return best;
 }
 
-Transmit Peer::send_feedback(TimePoint now, Path& path, std::span<const Path> about,
-                             std::span<std::byte> buffer) {
+TransmitParts Peer::send_feedback(TimePoint now, Path& path, std::span<const Path> about,
+                                  std::span<std::byte> buffer) {
   wire::Feedback feedback;
   feedback.u = now.time_since_epoch().count();
   feedback.echo = identity_.session;
@@ -49,7 +49,7 @@ Transmit Peer::send_feedback(TimePoint now, Path& path, std::span<const Path> ab
   return {path.nic().link, path.address(), size};
 }
 
-std::optional<Transmit> Peer::poll_feedback(TimePoint now, std::span<std::byte> buffer) {
+std::optional<TransmitParts> Peer::poll_feedback(TimePoint now, std::span<std::byte> buffer) {
   const Path* over = feedback_.is_due(now) ? reporter() : nullptr;
   if (over != nullptr) {
     feedback_.sent(now);
@@ -62,7 +62,7 @@ std::optional<Transmit> Peer::poll_feedback(TimePoint now, std::span<std::byte> 
   return std::nullopt;
 }
 
-Transmit Peer::send_probe(TimePoint now, Path& path, std::span<std::byte> buffer) {
+TransmitParts Peer::send_probe(TimePoint now, Path& path, std::span<std::byte> buffer) {
   const std::size_t size = path.datagram();
   const std::uint64_t number = sender_.take_number(now, path.id(), size + kIpUdpBytes);
   wire::write_probe(buffer, header(now, path, wire::PacketType::kProbe, number), size);
@@ -70,26 +70,29 @@ Transmit Peer::send_probe(TimePoint now, Path& path, std::span<std::byte> buffer
   return {path.nic().link, path.address(), size};
 }
 
-Transmit Peer::send_mtu_probe(TimePoint now, Path& path, std::size_t size,
-                              std::span<std::byte> buffer) {
+TransmitParts Peer::send_mtu_probe(TimePoint now, Path& path, std::size_t size,
+                                   std::span<std::byte> buffer) {
   const std::uint64_t number = sender_.take_mtu_probe_number(now, path.id(), size + kIpUdpBytes);
   wire::write_probe(buffer, header(now, path, wire::PacketType::kProbe, number), size);
   path.sent_mtu_probe(now, size, number);
   return {path.nic().link, path.address(), size};
 }
 
-std::optional<Transmit> Peer::poll_data(TimePoint now, Path& path, std::span<std::byte> buffer) {
+std::optional<TransmitParts> Peer::poll_data(TimePoint now, Path& path,
+                                             std::span<std::byte> buffer) {
   if (!path.may_send(kMaxDatagramBytes)) return std::nullopt;
   const auto piece = sender_.poll(now, path.id());
   if (!piece) return std::nullopt;
-  const std::size_t size =
-      wire::write_data(buffer, header(now, path, wire::PacketType::kData, piece->number),
-                       piece->fragment, piece->bytes.header, piece->bytes.payload);
-  path.sent_data(now, size);
-  return Transmit{path.nic().link, path.address(), size};
+  const wire::DataEnds ends =
+      wire::write_data_ends(buffer, header(now, path, wire::PacketType::kData, piece->number),
+                            piece->fragment, piece->bytes.header);
+  const TransmitParts parts{path.nic().link, path.address(), ends.head, piece->bytes.payload,
+                            ends.tail};
+  path.sent_data(now, parts.size());
+  return parts;
 }
 
-std::optional<Transmit> Peer::poll(TimePoint now, LinkId nic, std::span<std::byte> buffer) {
+std::optional<TransmitParts> Peer::poll(TimePoint now, LinkId nic, std::span<std::byte> buffer) {
   for (Path& path : paths_) {
     if (path.nic().link != nic) continue;
     if (const auto size = path.mtu_probe_due()) return send_mtu_probe(now, path, *size, buffer);

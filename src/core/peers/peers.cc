@@ -327,8 +327,10 @@ std::optional<TimePoint> Peers::next_timeout(TimePoint now) const {
   return next;
 }
 
-std::optional<Transmit> Peers::poll(TimePoint now, std::span<std::byte> buffer) {
-  if (const auto echo = reflector_.poll(now, buffer)) return count(*echo);
+std::optional<TransmitParts> Peers::poll(TimePoint now, std::span<std::byte> buffer) {
+  if (const auto echo = reflector_.poll(now, buffer)) {
+    return count({echo->link, echo->to, echo->size});
+  }
   while (const auto key = turns_.feedback()) {
     Entry& entry = *entries_[*key];
     if (const auto transmit = entry.peer.poll_feedback(now, buffer)) {
@@ -342,7 +344,7 @@ std::optional<Transmit> Peers::poll(TimePoint now, std::span<std::byte> buffer) 
     Entry& entry = *entries_[turn->peer];
     if (const auto transmit = entry.peer.poll(now, turn->nic, buffer)) {
       mark(entry);
-      turns_.sent(transmit->size + kIpUdpBytes);
+      turns_.sent(transmit->size() + kIpUdpBytes);
       return count(*transmit);
     }
     turns_.done();
@@ -351,10 +353,10 @@ std::optional<Transmit> Peers::poll(TimePoint now, std::span<std::byte> buffer) 
   return std::nullopt;
 }
 
-Transmit Peers::count(const Transmit& transmit) {
+TransmitParts Peers::count(const TransmitParts& transmit) {
   LinkCounters& sent = links_[transmit.link].counters;
   ++sent.sent_packets;
-  sent.sent_bytes += transmit.size;
+  sent.sent_bytes += transmit.size();
   return transmit;
 }
 

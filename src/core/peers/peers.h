@@ -99,7 +99,7 @@ class Peers {
   std::optional<TimePoint> next_timeout(TimePoint now) const;
   // Writes the next datagram that may leave now into `buffer` of at least kMaxDatagramBytes: what
   // answers echoes, then feedback, then data and probes in turns.
-  std::optional<Transmit> poll(TimePoint now, std::span<std::byte> buffer);
+  std::optional<TransmitParts> poll(TimePoint now, std::span<std::byte> buffer);
 
   std::vector<PeerId> ids() const;
   std::vector<LinkState> links(TimePoint now, PeerId id) const;
@@ -148,7 +148,7 @@ class Peers {
   void list_addresses(const Entry& entry);
   void unlist_addresses(const Entry& entry);
   Path::Nic nic(LinkId link) const;
-  Transmit count(const Transmit& transmit);
+  TransmitParts count(const TransmitParts& transmit);
 
   // Something has happened to this peer: its alarm may be wrong, and it may have something to send.
   void touch(Entry& entry);

@@ -270,6 +270,16 @@ std::size_t write_data(std::span<std::byte> out, const PacketHeader& header,
   return finish(w);
 }
 
+DataEnds write_data_ends(std::span<std::byte> out, const PacketHeader& header,
+                         const FragmentHeader& fragment, ByteView bytes) {
+  Writer w(out);
+  put_header(w, header);
+  put_fragment(w, fragment);
+  w.put_bytes(bytes);
+  const std::size_t head = w.size();
+  return {head, finish(w) - head};
+}
+
 std::size_t write_feedback(std::span<std::byte> out, const PacketHeader& header,
                            const Feedback& feedback) {
   Writer w(out);

@@ -252,6 +252,14 @@ std::optional<std::uint8_t> other_version(ByteView datagram);
 // asserted. The bytes of a fragment may come in two parts.
 std::size_t write_data(std::span<std::byte> out, const PacketHeader& header,
                        const FragmentHeader& fragment, ByteView bytes, ByteView more = {});
+// What stands before the bytes of a message's payload and, right behind it in the buffer, what
+// stands after them: a data packet whose payload is not copied. `bytes`: of the message's header.
+struct DataEnds {
+  std::size_t head = 0;
+  std::size_t tail = 0;
+};
+DataEnds write_data_ends(std::span<std::byte> out, const PacketHeader& header,
+                         const FragmentHeader& fragment, ByteView bytes);
 std::size_t write_feedback(std::span<std::byte> out, const PacketHeader& header,
                            const Feedback& feedback);
 // Padded to `size` bytes, at least kPacketOverhead.

@@ -26,8 +26,10 @@ namespace {
 //
 // Messages per sendmmsg: 32 of 45 full datagrams are 2 MB, four times the socket's buffer.
 constexpr std::size_t kSendMessages = 32;
-// Datagrams per sendmmsg. UIO_MAXIOV allows as many in each message.
-constexpr std::size_t kSendVectors = 1024;
+// Parts of datagrams per sendmmsg: 682 datagrams of three parts. UIO_MAXIOV allows 1024 in each
+// message.
+constexpr std::size_t kMostParts = 3;
+constexpr std::size_t kSendVectors = 2048;
 // Datagrams per message that is sent: UDP_MAX_SEGMENTS of Linux < 6.9.
 constexpr std::size_t kMaxSegments = 64;
 // Bytes per message that is sent, the UDP payload over IPv4: 65535 - 20 - 8.
@@ -63,14 +65,20 @@ bool nic_vanished(int fd) {
 }
 
 struct alignas(cmsghdr) SendControl {
-  std::array<std::byte, CMSG_SPACE(sizeof(std::uint16_t)) + CMSG_SPACE(sizeof(in6_pktinfo))> raw;
+  std::array<std::byte, CMSG_SPACE(sizeof(std::uint16_t)) + CMSG_SPACE(sizeof(in6_pktinfo)) +
+                            CMSG_SPACE(sizeof(int))>
+      raw;
 };
 
 struct alignas(cmsghdr) ReceiveControl {
   std::array<std::byte, CMSG_SPACE(sizeof(int)) + CMSG_SPACE(sizeof(std::uint32_t)) +
-                            CMSG_SPACE(sizeof(in6_pktinfo)) + CMSG_SPACE(sizeof(timespec))>
+                            CMSG_SPACE(sizeof(in6_pktinfo)) + CMSG_SPACE(sizeof(timespec)) +
+                            CMSG_SPACE(sizeof(int))>
       raw;
 };
+
+// The ECN bits of the byte that IPv4 calls type of service and IPv6 traffic class (RFC 3168 §5).
+constexpr std::uint8_t kEcnMask = 3;
 
 // Where in an Address the note stands of the NIC's address that received: in the padding (IPv4) or
 // in the flow label (IPv6), which the kernel ignores unless IPV6_FLOWINFO_SEND is set.
@@ -92,6 +100,13 @@ void append(msghdr& header, SendControl& control, int level, int type, const Val
   std::memcpy(CMSG_DATA(item), &value, sizeof value);
 }
 
+template <class Value>
+Value value_of(cmsghdr* item) {
+  Value value{};
+  std::memcpy(&value, CMSG_DATA(item), sizeof value);
+  return value;
+}
+
 }  // namespace
 
 struct UdpTransport::SendBuffers {
@@ -111,6 +126,8 @@ struct UdpTransport::ReceiveBuffers {
   // received it, 0 for none.
   std::array<std::size_t, kReceiveMessages> segment_bytes;
   std::array<std::uint8_t, kReceiveMessages> notes;
+  // The ECN bits of its datagrams.
+  std::array<std::uint8_t, kReceiveMessages> ecn;
   // When it arrived: the time of day by the kernel, zero for none.
   std::array<Duration, kReceiveMessages> stamps;
   std::vector<std::byte> bytes;
@@ -123,32 +140,46 @@ UdpTransport::UdpTransport(const UdpOptions& options)
       in_(std::make_unique<ReceiveBuffers>()) {
   in_->bytes.resize(kReceiveMessages * kReceiveBytes);
   in_->datagrams.reserve(kReceiveMessages * kMaxCoalesced);
-  // A kernel that does not stamp costs precision only.
+  // A kernel that does not stamp costs precision only, and one that does not tell of ECN the
+  // signal.
   const int on = 1;
   ::setsockopt(native_handle(), SOL_SOCKET, SO_TIMESTAMPNS, &on, sizeof on);
+  const bool ipv6 = family_of(socket_.local) == AF_INET6;
+  ::setsockopt(native_handle(), ipv6 ? IPPROTO_IPV6 : IPPROTO_IP,
+               ipv6 ? IPV6_RECVTCLASS : IP_RECVTOS, &on, sizeof on);
 }
 
 UdpTransport::~UdpTransport() = default;
 
 namespace {
 
-// How many leading datagrams can leave as one message: they go to the same address and have the
-// same size; only the last may be shorter.
+// How many leading datagrams can leave as one message: they go to the same address with the same
+// ECN bits and have the same size; only the last may be shorter.
 std::size_t run_length(std::span<const Outgoing> batch) {
-  const std::size_t segment = batch[0].bytes.size();
+  const std::size_t segment = batch[0].size();
   std::size_t total = segment;
   std::size_t count = 1;
   while (count < std::min(batch.size(), kMaxSegments)) {
     const Outgoing& next = batch[count];
-    total += next.bytes.size();
-    if (next.bytes.empty() || next.bytes.size() > segment || total > kMaxSegmentedBytes ||
-        next.to != batch[0].to) {
+    const std::size_t size = next.size();
+    total += size;
+    if (size == 0 || size > segment || total > kMaxSegmentedBytes || next.to != batch[0].to ||
+        next.ecn != batch[0].ecn) {
       break;
     }
     ++count;
-    if (next.bytes.size() < segment) break;
+    if (size < segment) break;
   }
   return count;
+}
+
+void append_ecn(msghdr& header, SendControl& control, int family, std::uint8_t ecn) {
+  const int traffic_class = ecn & kEcnMask;
+  if (family == AF_INET) {
+    append(header, control, IPPROTO_IP, IP_TOS, traffic_class);
+  } else {
+    append(header, control, IPPROTO_IPV6, IPV6_TCLASS, traffic_class);
+  }
 }
 
 // Makes the message leave from this address of the NIC.
@@ -173,7 +204,7 @@ std::size_t UdpTransport::fill(std::span<const Outgoing> batch, bool segment) {
   std::size_t vectors = 0;
   while (!batch.empty() && messages < kSendMessages) {
     const std::size_t count = segment ? run_length(batch) : 1;
-    if (vectors + count > kSendVectors) break;
+    if (vectors + kMostParts * count > kSendVectors) break;
     msghdr& header = out_->messages[messages].msg_hdr;
     header = {};
     // The kernel only reads both; they are not const because sendmmsg shares its struct with
@@ -181,16 +212,19 @@ std::size_t UdpTransport::fill(std::span<const Outgoing> batch, bool segment) {
     header.msg_name = const_cast<std::byte*>(batch[0].to.raw.data());
     header.msg_namelen = batch[0].to.size;
     header.msg_iov = &out_->vectors[vectors];
-    header.msg_iovlen = count;
+    const std::size_t first = vectors;
     for (const Outgoing& datagram : batch.first(count)) {
-      out_->vectors[vectors++] = {const_cast<std::byte*>(datagram.bytes.data()),
-                                  datagram.bytes.size()};
+      for (const ByteView part : {datagram.head, datagram.payload, datagram.tail}) {
+        if (part.empty()) continue;
+        out_->vectors[vectors++] = {const_cast<std::byte*>(part.data()), part.size()};
+      }
     }
+    header.msg_iovlen = vectors - first;
     SendControl& control = out_->controls[messages];
     if (count > 1) {
-      append(header, control, SOL_UDP, UDP_SEGMENT,
-             static_cast<std::uint16_t>(batch[0].bytes.size()));
+      append(header, control, SOL_UDP, UDP_SEGMENT, static_cast<std::uint16_t>(batch[0].size()));
     }
+    if (batch[0].ecn != 0) append_ecn(header, control, family_of(batch[0].to), batch[0].ecn);
     const auto note = std::to_integer<std::size_t>(note_in(batch[0].to));
     if (note > 0 && note <= receivers_.size()) {
       append_source(header, control, family_of(batch[0].to), receivers_[note - 1]);
@@ -288,35 +322,37 @@ std::span<const Incoming> UdpTransport::receive() {
 }
 
 // Takes from a received message what the kernel says of it: the size of its coalesced datagrams,
-// the address that it came to, when, and how many datagrams the socket has dropped.
+// the address that it came to, when, its ECN bits, and how many datagrams the socket has dropped.
 void UdpTransport::read_control(std::size_t message) {
-  msghdr& header = in_->messages[message].msg_hdr;
-  in_->segment_bytes[message] = 0;
-  in_->notes[message] = 0;
-  in_->stamps[message] = {};
+  ReceiveBuffers& in = *in_;
+  msghdr& header = in.messages[message].msg_hdr;
+  in.segment_bytes[message] = 0;
+  in.notes[message] = in.ecn[message] = 0;
+  in.stamps[message] = {};
   for (cmsghdr* item = CMSG_FIRSTHDR(&header); item != nullptr; item = CMSG_NXTHDR(&header, item)) {
-    if (item->cmsg_level == SOL_UDP && item->cmsg_type == UDP_GRO) {
-      int size = 0;
-      std::memcpy(&size, CMSG_DATA(item), sizeof size);
-      in_->segment_bytes[message] = static_cast<std::size_t>(std::max(size, 0));
-    } else if (item->cmsg_level == SOL_SOCKET && item->cmsg_type == SO_RXQ_OVFL) {
+    const auto is = [item](int level, int type) {
+      return item->cmsg_level == level && item->cmsg_type == type;
+    };
+    if (is(SOL_UDP, UDP_GRO)) {
+      in.segment_bytes[message] = static_cast<std::size_t>(std::max(value_of<int>(item), 0));
+    } else if (is(SOL_SOCKET, SO_RXQ_OVFL)) {
       // Since the socket was opened, modulo 2^32.
-      std::uint32_t drops = 0;
-      std::memcpy(&drops, CMSG_DATA(item), sizeof drops);
+      const auto drops = value_of<std::uint32_t>(item);
       counters_.receive_queue_drops += drops - kernel_drops_;
       kernel_drops_ = drops;
-    } else if (item->cmsg_level == SOL_SOCKET && item->cmsg_type == SO_TIMESTAMPNS) {
-      timespec stamp{};
-      std::memcpy(&stamp, CMSG_DATA(item), sizeof stamp);
-      in_->stamps[message] = std::chrono::seconds(stamp.tv_sec) + Duration{stamp.tv_nsec};
-    } else if (item->cmsg_level == IPPROTO_IP && item->cmsg_type == IP_PKTINFO) {
-      in_pktinfo info{};
-      std::memcpy(&info, CMSG_DATA(item), sizeof info);
-      in_->notes[message] = note_of(&info.ipi_spec_dst, sizeof info.ipi_spec_dst);
-    } else if (item->cmsg_level == IPPROTO_IPV6 && item->cmsg_type == IPV6_PKTINFO) {
-      in6_pktinfo info{};
-      std::memcpy(&info, CMSG_DATA(item), sizeof info);
-      in_->notes[message] = note_of(&info.ipi6_addr, sizeof info.ipi6_addr);
+    } else if (is(SOL_SOCKET, SO_TIMESTAMPNS)) {
+      const auto stamp = value_of<timespec>(item);
+      in.stamps[message] = std::chrono::seconds(stamp.tv_sec) + Duration{stamp.tv_nsec};
+    } else if (is(IPPROTO_IP, IP_TOS)) {
+      in.ecn[message] = value_of<std::uint8_t>(item) & kEcnMask;
+    } else if (is(IPPROTO_IPV6, IPV6_TCLASS)) {
+      in.ecn[message] = static_cast<std::uint8_t>(value_of<int>(item) & kEcnMask);
+    } else if (is(IPPROTO_IP, IP_PKTINFO)) {
+      const auto info = value_of<in_pktinfo>(item);
+      in.notes[message] = note_of(&info.ipi_spec_dst, sizeof info.ipi_spec_dst);
+    } else if (is(IPPROTO_IPV6, IPV6_PKTINFO)) {
+      const auto info = value_of<in6_pktinfo>(item);
+      in.notes[message] = note_of(&info.ipi6_addr, sizeof info.ipi6_addr);
     }
   }
 }
@@ -348,10 +384,10 @@ void UdpTransport::split(std::size_t message, TimePoint at) {
   ByteView rest(&in_->bytes[message * kReceiveBytes], received.msg_len);
   const std::size_t segment = in_->segment_bytes[message];
   while (segment > 0 && rest.size() > segment) {
-    in_->datagrams.push_back({from, rest.first(segment), at});
+    in_->datagrams.push_back({from, rest.first(segment), at, in_->ecn[message]});
     rest = rest.subspan(segment);
   }
-  in_->datagrams.push_back({from, rest, at});
+  in_->datagrams.push_back({from, rest, at, in_->ecn[message]});
 }
 
 }  // namespace interneuron::io

@@ -1,12 +1,13 @@
 // One NIC's UDP socket as a Transport.
 //
 // Datagrams of equal size to one address leave as one segmented send (UDP_SEGMENT), many sends per
-// call (sendmmsg), and arrive coalesced (UDP_GRO), many per call (recvmmsg): 26 times the rate of
-// plain sends (docs/constants.md, "Datagrams and sockets"). A batch that the kernel refuses to
-// segment is sent one by one. The errors of the network that a socket may report (a host that
-// cannot be reached) drop the datagram they hit and are counted: ICMP is a hint that anybody can
-// forge. What the kernel takes not just now (ENOBUFS, EPERM) is left to be offered again. Datagrams
-// that arrive bear the kernel's stamps; those that it has coalesced have one.
+// call (sendmmsg), in the parts that they are given in, and arrive coalesced (UDP_GRO), many per
+// call (recvmmsg): 26 times the rate of plain sends (docs/constants.md, "Datagrams and sockets"). A
+// batch that the kernel refuses to segment is sent one by one. The errors of the network that a
+// socket may report (a host that cannot be reached) drop the datagram they hit and are counted:
+// ICMP is a hint that anybody can forge. What the kernel takes not just now (ENOBUFS, EPERM) is
+// left to be offered again. Datagrams that arrive bear the kernel's stamps; those that it has
+// coalesced have one.
 //
 // With UdpOptions::answer_from_receiver an Address that comes from receive() carries, in a byte
 // that the system ignores, which of the NIC's own addresses it came to; send() takes it from there.

@@ -189,8 +189,8 @@ void Node::Impl::receive(const Port& port) {
   }
 }
 
-std::optional<Transmit> Node::Impl::poll(TimePoint now, std::span<std::byte> buffer) {
-  return endpoint_.poll_transmit(now, buffer);
+std::optional<TransmitParts> Node::Impl::poll(TimePoint now, std::span<std::byte> buffer) {
+  return endpoint_.poll_transmit_parts(now, buffer);
 }
 
 void Node::Impl::turn() {

@@ -78,7 +78,7 @@ class Node::Impl : private Outbox::Source, private LinkSet::User {
   };
   using SharedPort = std::shared_ptr<Port>;
 
-  std::optional<Transmit> poll(TimePoint now, std::span<std::byte> buffer) override;
+  std::optional<TransmitParts> poll(TimePoint now, std::span<std::byte> buffer) override;
 
   Impl(NodeOptions&& options, const EndpointOptions& endpoint);
   void connect();

@@ -30,12 +30,14 @@ const Outbox::Link* Outbox::find(LinkId link) const {
 
 // Puts the datagram, which is in the spare buffer, at the end of the link's queue. In a full queue
 // the oldest one makes room and is counted as stalled.
-void Outbox::push(TimePoint now, Link& link, const Transmit& transmit) {
+void Outbox::push(TimePoint now, Link& link, const TransmitParts& transmit) {
   if (link.full()) drop_oldest(link);
   if (link.count == 0) link.progress_at = now;
   Slot& slot = link.slots[(link.first + link.count) % link.slots.size()];
   slot.buffer.swap(spare_);
-  slot.size = transmit.size;
+  slot.head = transmit.head;
+  slot.payload = transmit.payload;
+  slot.tail = transmit.tail;
   slot.to = transmit.to;
   ++link.count;
 }
@@ -65,7 +67,8 @@ void Outbox::flush(TimePoint now, Link& link) {
 BatchResult Outbox::offer(const Link& link) {
   for (std::size_t i = 0; i < link.count; ++i) {
     const Slot& slot = link.slots[(link.first + i) % link.slots.size()];
-    batch_[i] = {slot.to, ByteView(slot.buffer->data(), slot.size)};
+    const ByteView own(*slot.buffer);
+    batch_[i] = {slot.to, own.first(slot.head), slot.payload, own.subspan(slot.head, slot.tail)};
   }
   return link.transport->send(std::span(batch_).first(link.count));
 }
@@ -87,12 +90,33 @@ bool Outbox::must_pause(TimePoint now) {
 }
 
 Outbox::More Outbox::pump(TimePoint now, Source& source) {
-  const More more = collect(now, source);
+  const More more = gather(now, source);
   for (Link& link : links_) flush(now, link);
+  keep_payloads();
   return more;
 }
 
 Outbox::More Outbox::collect(TimePoint now, Source& source) {
+  const More more = gather(now, source);
+  keep_payloads();
+  return more;
+}
+
+// What has not left outlives the messages that it is part of.
+void Outbox::keep_payloads() {
+  for (Link& link : links_) {
+    for (std::size_t i = 0; i < link.count; ++i) {
+      Slot& slot = link.slots[(link.first + i) % link.slots.size()];
+      if (slot.payload.empty()) continue;
+      const TransmitParts parts{link.id, slot.to, slot.head, slot.payload, slot.tail};
+      slot.head = parts.join(*slot.buffer).size;
+      slot.payload = {};
+      slot.tail = 0;
+    }
+  }
+}
+
+Outbox::More Outbox::gather(TimePoint now, Source& source) {
   for (std::size_t budget = kDatagramsPerTurn; budget > 0; --budget) {
     if (must_pause(now)) return More::kBlocked;
     const auto transmit = source.poll(now, *spare_);

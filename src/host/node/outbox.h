@@ -10,6 +10,9 @@
 // kRefusedRetry; what it has refused for kStallPatience is dropped and counted the same way, so
 // that one peer behind a rule of the firewall does not hold up the others.
 //
+// The bytes of messages are not copied on their way to the kernel: a datagram that leaves within
+// the pump() that took it from the endpoint is given in parts. What has to wait is put together.
+//
 // Buffers are allocated by add(). Thread-compatible.
 #pragma once
 
@@ -38,11 +41,12 @@ inline constexpr Duration kRefusedRetry = std::chrono::milliseconds(1);
 
 class Outbox {
  public:
-  // Where datagrams come from: Endpoint::poll_transmit().
+  // Where datagrams come from: Endpoint::poll_transmit_parts().
   class Source {
    public:
     virtual ~Source() = default;
-    virtual std::optional<Transmit> poll(TimePoint now, std::span<std::byte> buffer) = 0;
+    // The payload stays valid as long as nothing but poll() is called.
+    virtual std::optional<TransmitParts> poll(TimePoint now, std::span<std::byte> buffer) = 0;
   };
 
   enum class More {
@@ -85,7 +89,10 @@ class Outbox {
   using Buffer = std::array<std::byte, kMaxDatagramBytes>;
   struct Slot {
     std::unique_ptr<Buffer> buffer;
-    std::size_t size = 0;
+    // As in TransmitParts; after pump() and collect() all of a datagram is in the buffer.
+    std::size_t head = 0;
+    ByteView payload;
+    std::size_t tail = 0;
     Address to{};
   };
   // A ring of kQueueDatagrams slots.
@@ -111,7 +118,9 @@ class Outbox {
 
   Link* find(LinkId link);
   const Link* find(LinkId link) const;
-  void push(TimePoint now, Link& link, const Transmit& transmit);
+  More gather(TimePoint now, Source& source);
+  void push(TimePoint now, Link& link, const TransmitParts& transmit);
+  void keep_payloads();
   void flush(TimePoint now, Link& link);
   BatchResult offer(const Link& link);
   static void drop_oldest(Link& link);

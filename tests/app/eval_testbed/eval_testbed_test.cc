@@ -39,7 +39,7 @@ class FakeTransport final : public Transport {
   BatchResult send(std::span<const Outgoing> batch) override {
     const std::scoped_lock lock(wire_.mutex);
     for (const Outgoing& o : batch) {
-      wire_.packets.push_back({static_cast<char>(o.bytes[0]), io::now()});
+      wire_.packets.push_back({static_cast<char>(o.head[0]), io::now()});
     }
     wire_.changed.notify_all();
     return {batch.size(), false, 0};

@@ -63,6 +63,21 @@ TEST(SenderAlternatives, TheNextStandsByForTheOneBefore) {
   EXPECT_EQ(p.given_up(), (std::vector{large, medium}));
 }
 
+TEST(SenderAlternatives, PiecesHandedOutOutliveAMessageThatIsGivenUp) {
+  Slow p(true);
+  const std::byte mark{7};
+  p.sender.send(at(0s), {.deadline = at(120ms), .lifetime = 120ms}, Bytes(90 * kChunk, mark), {kA},
+                {}, wire::MessageKind::kPlain);
+  const auto piece = p.sender.poll(at(0s), kA);
+  ASSERT_TRUE(piece);
+  // The rest cannot arrive any more.
+  EXPECT_FALSE(p.sender.poll(at(60ms), kA));
+  EXPECT_EQ(p.given_up().size(), 1U);
+  EXPECT_EQ(p.sender.bytes(), 0U);
+  EXPECT_TRUE(std::ranges::all_of(piece->bytes.payload, [=](std::byte b) { return b == mark; }));
+  p.sender.handle_timeout(at(61ms));
+}
+
 TEST(SenderAlternatives, WhereNoneCanArriveOverALoadedPathAllAreGivenUp) {
   Slow p(true);
   const MessageId large = p.plain(100, 15ms);

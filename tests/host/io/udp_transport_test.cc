@@ -92,6 +92,65 @@ TEST(UdpTransport, MixedSizesAndTwoReceivers) {
   EXPECT_EQ(sender.counters().send_errors, 0u);
 }
 
+TEST(UdpTransport, PartsArriveAsOneDatagram) {
+  UdpTransport sender(on_lo());
+  UdpTransport receiver(on_lo());
+  // More than fit into one call, some of them of another size, some without one of the parts.
+  std::vector<Bytes> whole;
+  for (std::size_t i = 0; i < 1500; ++i) whole.push_back(payload(i, i % 100 == 99 ? 60 : 300));
+  std::vector<Outgoing> batch;
+  for (std::size_t i = 0; i < whole.size(); ++i) {
+    const ByteView bytes(whole[i]);
+    const std::size_t head = i % 3 == 0 ? 1 : 37;
+    const std::size_t tail = i % 5 == 0 ? 0 : 16;
+    batch.push_back({.to = receiver.local_address(),
+                     .head = bytes.first(head),
+                     .payload = bytes.subspan(head, bytes.size() - head - tail),
+                     .tail = bytes.last(tail)});
+  }
+  EXPECT_EQ(batch[7].joined(), whole[7]);
+  std::vector<Bytes> got;
+  for (std::size_t sent = 0; sent < batch.size();) {
+    const std::size_t some = std::min<std::size_t>(500, batch.size() - sent);
+    ASSERT_EQ(sender.send(std::span(batch).subspan(sent, some)).taken, some);
+    for (Bytes& bytes : receive_all(receiver, some)) got.push_back(std::move(bytes));
+    sent += some;
+  }
+  EXPECT_EQ(got, whole);
+  EXPECT_EQ(sender.counters().send_errors, 0U);
+}
+
+TEST(UdpTransport, EcnBitsTravelWithTheirDatagrams) {
+  for (const char* host : {"127.0.0.1", "::1"}) {
+    std::unique_ptr<UdpTransport> sender;
+    std::unique_ptr<UdpTransport> receiver;
+    try {
+      sender = std::make_unique<UdpTransport>(on_lo(host));
+      receiver = std::make_unique<UdpTransport>(on_lo(host));
+    } catch (const IoError& error) {
+      GTEST_SKIP() << error.what();
+    }
+    // Runs of equal ones, which leave as one segmented send each.
+    std::vector<Bytes> payloads;
+    std::vector<Outgoing> batch;
+    for (std::size_t i = 0; i < 40; ++i) payloads.push_back(payload(i, 200));
+    for (std::size_t i = 0; i < payloads.size(); ++i) {
+      batch.push_back({.to = receiver->local_address(),
+                       .head = payloads[i],
+                       .ecn = static_cast<std::uint8_t>(i / 10)});
+    }
+    ASSERT_EQ(sender->send(batch).taken, batch.size());
+    std::size_t count = 0;
+    while (count < batch.size() && wait_for(*receiver, POLLIN)) {
+      for (const Incoming& datagram : receiver->receive()) {
+        EXPECT_EQ(datagram.ecn, batch[count].ecn) << host << " " << count;
+        ++count;
+      }
+    }
+    EXPECT_EQ(count, batch.size()) << host;
+  }
+}
+
 TEST(UdpTransport, FromIsWhereAnAnswerGoes) {
   UdpTransport a(on_lo());
   UdpTransport b(on_lo("127.0.0.2"));

@@ -22,12 +22,12 @@ std::uint32_t number_of(ByteView bytes) {
 // Gives numbered datagrams, as many as it was told to, each to a link that a rule chooses.
 class Numbers final : public Outbox::Source {
  public:
-  std::optional<Transmit> poll(TimePoint, std::span<std::byte> buffer) override {
+  std::optional<TransmitParts> poll(TimePoint, std::span<std::byte> buffer) override {
     if (next == end) return std::nullopt;
     std::memcpy(buffer.data(), &next, sizeof next);
     const LinkId link{static_cast<std::uint8_t>(links == 1 ? 0 : next % links)};
     ++next;
-    return Transmit{link, {}, sizeof next};
+    return TransmitParts{link, {}, sizeof next};
   }
   std::uint32_t next = 0;
   std::uint32_t end = 0;
@@ -42,7 +42,7 @@ class Bottle final : public Transport {
     BatchResult result;
     if (gone != 0) return {batch.size(), false, gone};
     for (const Outgoing& datagram : batch) {
-      if (number_of(datagram.bytes) == forbidden || refusing) {
+      if (number_of(datagram.head) == forbidden || refusing) {
         result.refused = true;
         break;
       }
@@ -52,7 +52,7 @@ class Bottle final : public Transport {
       }
       --room;
       ++result.taken;
-      sent.push_back(number_of(datagram.bytes));
+      sent.push_back(number_of(datagram.head));
     }
     return result;
   }
@@ -203,6 +203,70 @@ TEST(Outbox, ALinkThatTakesNothingAnyMoreKeepsNothing) {
   EXPECT_EQ(outbox.queued(LinkId{0}), 0U);
   EXPECT_EQ(outbox.stalled(LinkId{0}), 5U);
   EXPECT_FALSE(outbox.next_timeout(kStart + kStallPatience));
+}
+
+// Gives datagrams whose payload is its own, and may be overwritten once pump() is over.
+class Borrowed final : public Outbox::Source {
+ public:
+  std::optional<TransmitParts> poll(TimePoint, std::span<std::byte> buffer) override {
+    if (left == 0) return std::nullopt;
+    --left;
+    buffer[0] = std::byte{1};
+    buffer[1] = std::byte{3};
+    return TransmitParts{LinkId{0}, {}, 1, payload, 1};
+  }
+  Bytes payload = Bytes(100, std::byte{2});
+  std::size_t left = 0;
+};
+
+class Recorder final : public Transport {
+ public:
+  BatchResult send(std::span<const Outgoing> batch) override {
+    BatchResult result;
+    result.would_block = blocked;
+    if (blocked) return result;
+    for (const Outgoing& datagram : batch) {
+      parts += datagram.payload.empty() ? 0U : 1U;
+      sent.push_back(datagram.joined());
+    }
+    result.taken = batch.size();
+    return result;
+  }
+  std::span<const Incoming> receive() override { return {}; }
+  TransportCaps capabilities() const override { return {}; }
+  TransportCounters counters() const override { return {}; }
+  Address local_address() const override { return {}; }
+  int native_handle() const override { return -1; }
+
+  bool blocked = false;
+  std::size_t parts = 0;
+  std::vector<Bytes> sent;
+};
+
+TEST(Outbox, PayloadsLeaveWhereTheyAreAndWhatWaitsIsKept) {
+  Recorder transport;
+  Borrowed source;
+  Outbox outbox;
+  outbox.add(LinkId{0}, transport);
+  Bytes expected(1, std::byte{1});
+  expected.insert(expected.end(), source.payload.begin(), source.payload.end());
+  expected.push_back(std::byte{3});
+
+  source.left = 3;
+  outbox.pump(kStart, source);
+  EXPECT_EQ(transport.sent, std::vector(3, expected));
+  EXPECT_EQ(transport.parts, 3U) << "nobody has copied them";
+
+  transport.sent.clear();
+  transport.blocked = true;
+  source.left = 2;
+  outbox.pump(kStart, source);
+  source.left = 1;
+  outbox.collect(kStart, source);
+  source.payload.assign(100, std::byte{9});
+  transport.blocked = false;
+  outbox.writable(kStart, LinkId{0});
+  EXPECT_EQ(transport.sent, std::vector(3, expected)) << "the message may be gone by then";
 }
 
 TEST(Outbox, AVanishedLinkIsReportedOnceAndItsDatagramsAreDropped) {
