@@ -24,8 +24,6 @@ constexpr Duration kLongestAir = std::chrono::seconds(1);
 // a third of it some of their alternatives are late, with twice as much messages give way that
 // would have arrived (`interneuron bench load rate size`).
 constexpr Duration kForAlternative = std::chrono::milliseconds(15);
-// Stands for a time beyond any that is planned with, so that sums stay in range.
-constexpr Duration kNever = std::chrono::hours(1);
 
 SentPackets::Silence silence_of(const PathView& view) {
   // An acknowledgement tells of packets sent a round trip ago. The packets sent right after those
