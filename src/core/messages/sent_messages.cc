@@ -14,7 +14,7 @@ SendId SentMessages::add(const Entry& entry) {
   spare_by_end_.insert(by_end_, {entry.ends, id});
   const auto known = peers_.find(entry.peer);
   if (known == peers_.end()) {
-    spare_peers_.insert(peers_, entry.peer, 1);
+    spare_peers_.insert(peers_, entry.peer, std::size_t{1});
   } else {
     ++known->second;
   }
