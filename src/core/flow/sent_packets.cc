@@ -165,7 +165,7 @@ SentPackets::Verdicts SentPackets::report(TimePoint now, const wire::LinkReport&
     return back == 0 || (report.bitmap[(back - 1) / 64] >> ((back - 1) % 64) & 1U) != 0;
   };
   min_rtt_ = min_rtt;
-  for (std::uint64_t n = first_uncertain_; n <= report.largest && keeps(n); ++n) {
+  for (std::uint64_t n = first_of_interest(report.largest); n <= report.largest && keeps(n); ++n) {
     Packet& packet = at(n);
     const std::uint64_t back = report.largest - n;
     if (packet.fate == Fate::kArrived || back > wire::kAckWindow) continue;
@@ -186,6 +186,16 @@ SentPackets::Verdicts SentPackets::report(TimePoint now, const wire::LinkReport&
   verdicts.pieces = settled_;
   verdicts.runs = runs_;
   return verdicts;
+}
+
+// The first packet of which a report with this largest number may tell something new.
+std::uint64_t SentPackets::first_of_interest(std::uint64_t largest) {
+  const std::uint64_t told_from = largest - std::min<std::uint64_t>(largest, wire::kAckWindow);
+  first_missed_ = std::max({first_missed_, told_from, oldest()});
+  while (first_missed_ < first_uncertain_ && at(first_missed_).fate == Fate::kArrived) {
+    ++first_missed_;
+  }
+  return std::min(first_missed_, first_uncertain_);
 }
 
 void SentPackets::lose_overdue(TimePoint now, const wire::LinkReport& report) {

@@ -73,7 +73,10 @@ class SentPackets {
   };
 
   explicit SentPackets(std::uint64_t first_number = 1)
-      : next_(first_number), first_open_(first_number), first_uncertain_(first_number) {}
+      : next_(first_number),
+        first_open_(first_number),
+        first_uncertain_(first_number),
+        first_missed_(first_number) {}
 
   // A small packet leaves; returns its number.
   std::uint64_t add_small(TimePoint now);
@@ -176,6 +179,7 @@ class SentPackets {
   void arrive(TimePoint now, std::uint64_t number, Verdicts& verdicts);
   bool is_certain(TimePoint now, std::uint64_t number, std::uint64_t largest,
                   Duration timeout) const;
+  std::uint64_t first_of_interest(std::uint64_t largest);
   void tell_certain(TimePoint now, std::uint64_t largest, Duration timeout);
   void find_train(const wire::LinkReport& report, Verdicts& verdicts);
 
@@ -188,6 +192,9 @@ class SentPackets {
   std::uint64_t first_open_ = 1;
   // The outcome of all packets before this number has been told in Verdicts::runs.
   std::uint64_t first_uncertain_ = 1;
+  // All packets before this number have arrived, or reports tell no more of them: one that is
+  // certainly lost as losses are counted may still arrive, and its fragment then counts.
+  std::uint64_t first_missed_ = 1;
   // Data-sized packets in flight, and bytes of all that were ever sent.
   std::uint64_t open_data_ = 0;
   // Of fragments in flight.

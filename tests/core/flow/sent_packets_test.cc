@@ -203,5 +203,24 @@ TEST(SentPackets, LostReportsAreNoLossOfThePath) {
   EXPECT_TRUE(runs[0].arrived);
 }
 
+// It was overtaken, and what tells of its arrival is late as well: whoever waits for the fragment
+// wants to know nevertheless.
+TEST(SentPackets, AFragmentThatArrivesAfterItsLossWasCertainIsToldOf) {
+  Record r;
+  r.message(at(0s), 3, 1ms);
+  r.arrived.erase(2);
+  for (const Duration now : {20ms, 500ms}) {
+    for (const auto& p : r.sent.report(at(now), report_of(kA, r.arrived), 10ms, kSilence).pieces) {
+      EXPECT_NE(p.arrived, p.piece == piece(1));
+    }
+  }
+  r.arrived.insert(2);
+  const auto verdicts = r.sent.report(at(600ms), report_of(kA, r.arrived), 10ms, kSilence);
+  ASSERT_EQ(verdicts.pieces.size(), 1U);
+  EXPECT_EQ(verdicts.pieces[0].piece, piece(1));
+  EXPECT_TRUE(verdicts.pieces[0].arrived);
+  EXPECT_TRUE(verdicts.runs.empty()) << "as a loss it was told of already";
+}
+
 }  // namespace
 }  // namespace interneuron::flow
