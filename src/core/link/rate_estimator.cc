@@ -83,8 +83,9 @@ void RateEstimator::train(TimePoint now, const Train& told) {
   const DataRate shown = limited ? std::min(told.measured, *told.sent_at) : told.measured;
   const std::optional<Grade> grade_or_none = grade(told, shown);
   if (!grade_or_none) return;
+  // With pauses of ours in it, that is what the application happened to send.
   const std::optional<DataRate> known = raw(kGuess);
-  if (limited && paused(told) && known && shown <= *known) return;
+  if (limited && paused(told) && (!known || shown <= *known)) return;
   const Grade trust = *grade_or_none;
   const Seen train{told.id, told.packets, shown, limited, told.sent_at.has_value()};
   newest_ = train;

@@ -178,6 +178,19 @@ TEST(RateEstimator, WhatWasSentNowAndThenIsNoSlowLink) {
 }
 
 // 32 packets that a late receiver found and stamped at once look like 2.5 to 3.9 Gbit/s.
+// Messages of three packets, ten a second, on a link of which nothing is known: they were no slower
+// than they were sent.
+TEST(RateEstimator, WhatAnApplicationHappensToSendIsNoRateByItself) {
+  RateEstimator estimator;
+  for (std::uint64_t i = 0; i < 20; ++i) {
+    estimator.train(at(std::int64_t(i) * 100ms), train_of(1 + i, 3, mbit(0.1), mbit(0.1), 100ms));
+    EXPECT_FALSE(estimator.rate());
+    EXPECT_FALSE(estimator.pace());
+  }
+  estimator.train(at(3s), train_of(30, 100, mbit(50), mbit(400)));
+  EXPECT_NEAR(estimator.rate()->mbit(), 50, 0.1);
+}
+
 TEST(RateEstimator, ABatchIsNoRateButHowFastToSearch) {
   RateEstimator e;
   e.train(at(1s), train_of(1, 32, mbit(3'900), std::nullopt));
