@@ -47,8 +47,8 @@ constexpr double kLoadedGain = 1.05;
 constexpr Duration kDutyMemory = std::chrono::milliseconds(250);
 // Above this duty we are overloaded.
 constexpr double kOverload = 0.9;
-// How long a fall and a loss are remembered. No measurement behind this value: it only has to be longer than
-// the pauses between frames.
+// How long a fall and a loss are remembered. No measurement behind this value: it only has to be
+// longer than the pauses between frames.
 constexpr Duration kMemory = std::chrono::seconds(1);
 // A round trip this little above the least one counts as without a queue.
 constexpr Duration kNearBase = ShareControl::kTarget / 8;
@@ -125,7 +125,12 @@ void ShareControl::note_round_trip(TimePoint now, Duration round_trip) {
 
 void ShareControl::note_one_way(TimePoint now, std::uint32_t one_way_us) {
   // The difference of two delays is far less than half of what wraps.
-  one_way_ += static_cast<std::int32_t>(one_way_us - one_way_us_.value_or(one_way_us));
+  const auto more = static_cast<std::int32_t>(one_way_us - one_way_us_.value_or(one_way_us));
+  // A queue grows no faster than time goes by, from when the packet left that was told of last; a
+  // round trip more is for what overtakes.
+  if (std::chrono::microseconds(more) > now - one_way_sent_at_ + round_trip_) clock_stepped();
+  one_way_sent_at_ = now - round_trip_;
+  one_way_ += more;
   one_way_us_ = one_way_us;
   least_one_way_.add(now, one_way_);
   queue_ = std::chrono::microseconds(one_way_ - least_one_way_.get(now).value_or(one_way_));

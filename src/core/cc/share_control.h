@@ -66,7 +66,8 @@ class ShareControl {
     DataRate needed{};
   };
   void report(TimePoint now, const Report& report);
-  // A clock stepped: old and new one-way delays cannot be compared.
+  // A clock stepped: old and new one-way delays cannot be compared. A step that no queue could make
+  // is noticed without it.
   void clock_stepped();
 
   // What may be planned with; nothing while the capacity is not known.
@@ -111,11 +112,12 @@ class ShareControl {
   DataRate capacity_{};
   link::WindowedMinimum least_round_trip_;
   Duration base_{};
-  // One-way delays in microseconds since the first one, so that they do not wrap, and the newest as
-  // it came.
+  // One-way delays in microseconds since the first one, so that they do not wrap, the newest as it
+  // came, and when its packet left.
   link::WindowedMinimum least_one_way_;
   std::int64_t one_way_ = 0;
   std::optional<std::uint32_t> one_way_us_;
+  TimePoint one_way_sent_at_{};
   Duration round_trip_{};
   Duration queue_{};
   double duty_ = 0;

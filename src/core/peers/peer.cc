@@ -19,6 +19,10 @@ constexpr Duration kStale = std::chrono::seconds(60);
 // may judge by one that is far longer. No measurement behind this value: it only has to be several
 // heartbeats.
 constexpr Duration kClockSettles = std::chrono::seconds(1);
+// So much shorter than any before a round trip may be by itself; one that is shorter still may have
+// become so by a step of the peer's clock. No measurement behind this value: it only has to be what
+// event loops add by chance.
+constexpr Duration kRoundTripError = std::chrono::microseconds(500);
 
 }  // namespace
 
@@ -158,7 +162,9 @@ void Peer::handle_feedback(TimePoint now, Path& path, const wire::Feedback& feed
   path.echoed();
   if (!ready_) input.became_ready = ready_ = true;
   settlements_.learn(feedback);
-  if (!clock_.view(now)) clock_since_ = now;
+  const auto clock = clock_.view(now);
+  if (!clock) clock_since_ = now;
+  std::optional<TimePoint> left;
   for (const wire::CompleteMessage& complete : feedback.complete) sender_.cancel(complete.message);
   for (const wire::LinkReport& report : feedback.reports) {
     if (report.has_exchange && report.link == path.id()) {
@@ -170,21 +176,25 @@ void Peer::handle_feedback(TimePoint now, Path& path, const wire::Feedback& feed
         for (Path& p : paths_) p.clock_stepped();
       }
       if (update != guard::ClockOffset::Update::kRejected) path.learn_exchange(now, u, report);
+      if (clock) left = left_at(now, report, clock->rtt_min);
     }
     learn_report(now, report);
   }
-  sender_.settle_overdue(feedback.reports, left_at(now, feedback));
+  sender_.settle_overdue(feedback.reports, left);
   refresh(now);
 }
 
-// The clock may be half a round trip wrong here, and as much at the peer, which judges by its own
-// estimate whether a message is in time.
-std::optional<TimePoint> Peer::left_at(TimePoint now, const wire::Feedback& feedback) {
-  const auto clock = clock_.view(now);
-  if (!clock) return std::nullopt;
-  const TimePoint left{Duration{wrapping_add(feedback.u, clock->alpha)}};
-  if (left < now - kStale || now < clock_since_ + kClockSettles) return std::nullopt;
-  return std::min(left, now) - clock->rtt_min;
+// What we had sent at `s` was there before the feedback left, and the peer had held it for `h`: no
+// offset of clocks is needed for that, so that none from before a step can be wrong. Where the
+// peer's clock goes forward while it holds it, the round trip seems too short. The peer judges by
+// its own estimate whether a message is in time, which may be half a round trip wrong.
+std::optional<TimePoint> Peer::left_at(TimePoint now, const wire::LinkReport& report,
+                                       Duration rtt_min) {
+  const std::int64_t left = wrapping_add(report.s.time_since_epoch().count(), report.h.count());
+  const Duration round_trip{wrapping_sub(now.time_since_epoch().count(), left)};
+  if (round_trip > kStale || round_trip < rtt_min - kRoundTripError) return std::nullopt;
+  if (now < clock_since_ + kClockSettles) return std::nullopt;
+  return now - round_trip - rtt_min / 2;
 }
 
 void Peer::learn_report(TimePoint now, const wire::LinkReport& report) {

@@ -152,8 +152,9 @@ class Peer {
   const Path* find(LinkId path) const;
   void handle_feedback(TimePoint now, Path& path, const wire::Feedback& feedback, Input& input);
   void learn_report(TimePoint now, const wire::LinkReport& report);
-  // An instant that is not after the one at which a feedback of now left the peer.
-  std::optional<TimePoint> left_at(TimePoint now, const wire::Feedback& feedback);
+  // An instant that is not after the one at which the peer sent a feedback that came in now with
+  // this report of the path that it came over; nothing where its clock may have stepped meanwhile.
+  std::optional<TimePoint> left_at(TimePoint now, const wire::LinkReport& report, Duration rtt_min);
   void refresh(TimePoint now);
   void collect_changes(TimePoint now, Path& path);
   bool take_changes(Path& path);

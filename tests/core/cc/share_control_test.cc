@@ -255,6 +255,20 @@ TEST(ShareControl, AClockThatSteppedIsNoQueue) {
   EXPECT_DOUBLE_EQ(path.mbit(), 60);
 }
 
+TEST(ShareControl, NorIsAStepThatNobodyHasSaidWasOne) {
+  Path path;
+  path.overload(100);
+  for (int i = 0; i < 20; ++i) {
+    path.now += 5ms;
+    ShareControl::Report report = path.next();
+    *report.one_way_us += 600'000'000U;
+    report.held_back = true;
+    report.backlog = 5ms;
+    path.control.report(path.now, report);
+  }
+  EXPECT_DOUBLE_EQ(path.mbit(), 60);
+}
+
 RC_GTEST_PROP(ShareControl, AnyReportLeavesARateWithinThePipe, ()) {
   ShareControl control;
   TimePoint now{1s};

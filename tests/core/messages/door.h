@@ -36,6 +36,8 @@ struct Door {
   std::vector<Came> came;
   std::vector<CanSend> can_send;
   int lives = 0;
+  // When the road forgot the vehicle, which is as much as a new life of its own.
+  std::vector<Duration> forgotten;
 
   explicit Door(Duration road_clock = 1h, EndpointOptions road_options = options_of(2),
                 EndpointOptions vehicle_options = options_of(1, {}, false)) {
@@ -48,6 +50,9 @@ struct Door {
         if (host == road) came.push_back({*message, pipe.now(), lives});
       } else if (auto* can = std::get_if<CanSend>(&e)) {
         can_send.push_back(*can);
+      } else if (std::holds_alternative<PeerLost>(e) && host == road) {
+        ++lives;
+        forgotten.push_back(pipe.now());
       }
     };
     peer = pipe.connect(vehicle, road);

@@ -96,6 +96,25 @@ TEST(Truth, NorWhereALinkIsUnpluggedOrTheClockOfThePeerJumps) {
   }
 }
 
+// A report that left before a message had come says nothing of its deadline, whatever the peer's
+// clock makes of the instant.
+TEST(Truth, AReportFromBeforeTheDeadlineDropsNothingWhenTheClockOfThePeerJumps) {
+  for (const Duration by : {Duration(30ms), Duration(1s), Duration(10min), Duration(5h)}) {
+    for (int step = 0; step < 10; ++step) {
+      Door d;
+      d.pipe.run(step * 5ms);
+      d.pipe.delay = {{kFast, 70ms}, {kSlow, 70ms}};
+      const SendResult result = d.send({Bytes(100)});
+      ASSERT_TRUE(result.accepted());
+      d.pipe.run(45ms);
+      d.pipe.jump(d.road, by);
+      d.pipe.run(2s);
+      ASSERT_EQ(d.fates[result.id].size(), 1U);
+      EXPECT_TRUE(d.came.empty() || d.fates[result.id][0].what.fate != Fate::kDropped) << step;
+    }
+  }
+}
+
 TEST(Truth, ManySmallMessagesAtOnceAreAllToldOf) {
   Door d;
   SendOptions options;
