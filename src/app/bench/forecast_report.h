@@ -7,6 +7,7 @@
 
 #include "lab/files/json_file.h"
 #include "lab/load/calibration.h"
+#include "lab/load/on_time_fit.h"
 
 namespace interneuron::cli {
 
@@ -25,5 +26,9 @@ void print_forecast(const std::vector<Judged>& judged);
 // What happened against what was predicted, a panel for each, with three standard errors. Throws
 // Failure (1) that names the file, also without gnuplot.
 void plot_forecast(const std::filesystem::path& file, const std::vector<Judged>& judged);
+
+// The text of src/core/messages/on_time_weights.h, fitted to runs of these seeds.
+std::string on_time_weights(const load::OnTimeFit& fit, std::uint64_t first_seed,
+                            std::uint64_t seeds);
 
 }  // namespace interneuron::cli

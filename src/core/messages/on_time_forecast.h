@@ -1,56 +1,39 @@
 // How likely it is that a message is at the other end by its deadline. Pure.
 #pragma once
 
-#include <array>
-#include <cstddef>
+#include <cstdint>
 #include <map>
-#include <optional>
-#include <set>
 
-#include "interneuron/link.h"
+#include "core/messages/on_time_record.h"
+#include "core/messages/on_time_weights.h"
+#include "core/messages/outlook.h"
 #include "interneuron/send.h"
 
 namespace interneuron {
 
-// What is known of a message when send() is called.
-struct Outlook {
-  PeerId peer{};
-  TimePoint at{};
-  Duration deadline{};
-  // When it should be there over the link that brings it soonest; nothing: not known.
-  std::optional<Duration> expected{};
-  // Of the variant that goes over that link, and what our own sender sends before it.
-  std::size_t bytes = 0;
-  std::size_t ahead = 0;
-  // It will not be sent, because it is expected too late.
-  bool refused = true;
-  // That link.
-  LinkState link{};
+// Which of the laws (src/core/messages/on_time_law.h) a message is judged by.
+enum class OnTimeCase : std::uint8_t { kIdle, kLoaded, kRefused };
 
-  // Takes this way instead of the one before if it is sooner: of those that are not refused, or of
-  // all while all are.
-  void consider(const LinkState& way, std::optional<Duration> arrival, std::size_t bytes_ahead,
-                std::size_t own_bytes, bool is_refused);
-};
-
-// Predicts P(on time) of messages to the peers of an endpoint, by a logistic regression on what is
-// expected of the message, on the state of its link, and on what became of earlier messages to the
-// same peer; what the regression says is then bent to the shares that were seen of it. Messages
-// that are refused, that compete with others for the link, and all others each have a regression of
-// their own. Their weights are fixed (src/core/messages/on_time_weights.h); what is learnt while
-// running is the record of a peer: the share of messages that were on time, how far ages were from
-// what was expected, which messages are overdue, and by how much predictions were too high or too
-// low, which shifts the next ones. Records forget: they have the weight of some tens of messages. A
-// refused message leaves no record, and the shift says nothing of it, because it was learnt of
-// others.
+// Predicts P(on time) of messages to the peers of an endpoint, in three steps:
+//
+// 1. A law, fixed and fitted offline, weighs what is expected of the message, the state of its link
+//    and the record of earlier messages to the same peer (a logistic regression).
+// 2. Its knots put what it says right, by what was seen offline (a monotone recalibration).
+// 3. The bias of the peer puts that right, by what became of its messages since (OnTimeBias). So
+//    predictions come right again where the transport, or the network, is not what the laws were
+//    fitted to.
+//
+// A refused message has no fate: for it there are the first two steps alone, and no record. What is
+// predicted decides nothing, so it cannot feed back.
 //
 // Owned by Messages, which tells it of every message that is judged, accepted and settled, each
-// once. Memory: 100 bytes per peer until forget(), and some 150 per message under way, which
-// SentMessages bounds. Logarithmic time per call. A peer decides by its reports what its own record
-// holds, and so spoils what is predicted of messages to itself alone. Pure; thread-compatible;
-// never throws but std::bad_alloc.
+// once. Memory: some 200 bytes per peer until forget(), and some 200 per message under way, which
+// SentMessages bounds; predict() allocates nothing. Logarithmic time per call. A peer decides by
+// its reports what its own record holds, and so spoils what is predicted of messages to itself
+// alone. Pure; thread-compatible; never throws but std::bad_alloc.
 class OnTimeForecasts {
  public:
+  explicit OnTimeForecasts(const OnTimeLaws& laws = kOnTimeLaws) : laws_(laws) {}
   // In (0, 1).
   double predict(const Outlook& outlook) const;
   // The message, of which predict() said this, was accepted under this identifier.
@@ -61,30 +44,23 @@ class OnTimeForecasts {
   // The peer has begun a new life, or is gone. Its messages are settled first.
   void forget(PeerId peer) { records_.erase(peer); }
 
+  // What predict() weighs, and by which law: for those that fit the laws.
+  OnTimeFeatures features(const Outlook& outlook) const;
+  OnTimeCase case_of(const Outlook& outlook) const;
+
  private:
-  // Seconds.
-  struct Record {
-    // Sums that forget, of messages and of those on time.
-    double messages = 0;
-    double on_time = 0;
-    // By how much ages exceed what is expected, and how far from that they are.
-    double excess = 0;
-    double spread = 0.01;
-    // Added to the log-odds of messages that are not refused.
-    double shift = 0;
-    // When the messages under way should be there.
-    std::multiset<TimePoint> due;
-  };
   struct UnderWay {
     PeerId peer{};
-    TimePoint due{};
-    Duration deadline{};
-    Duration expected{};
-    double predicted = 0;
+    OnTimeRecord::Message message;
   };
-  static void learn(Record& record, const UnderWay& message, const MessageFate& fate);
+  const OnTimeRecord& record(PeerId peer) const;
+  // After the second step.
+  double log_odds(const Outlook& outlook) const;
 
-  std::map<PeerId, Record> records_;
+  OnTimeLaws laws_;
+  // Of a peer that nothing was sent to.
+  OnTimeRecord fresh_;
+  std::map<PeerId, OnTimeRecord> records_;
   std::map<SendId, UnderWay> under_way_;
 };
 

@@ -22,7 +22,8 @@ Routes routes_of(TimePoint now, const Peer& peer, const Plan& plan,
                  std::span<const LinkState> links, std::span<const std::size_t> sizes,
                  Duration deadline) {
   Routes out;
-  out.outlook = {.peer = peer.identity().id, .at = now, .deadline = deadline};
+  out.outlook = {
+      .peer = peer.identity().id, .at = now, .deadline = deadline, .bytes = sizes.front()};
   const std::uint8_t planned = std::ranges::max(plan.sends, {}, &Assignment::variant).variant;
   const bool one_link = std::ranges::count(plan.sends, planned, &Assignment::variant) == 1;
   // Bytes that go before this message over each link that it may take.
@@ -48,9 +49,7 @@ Routes routes_of(TimePoint now, const Peer& peer, const Plan& plan,
       soonest = earliest(soonest, expected);
       const bool hopeless = is_hopeless(peer, link, gives_way ? 0 : ahead,
                                         gives_way ? sizes.back() : sizes[v], deadline);
-      // It counts as on time in any variant.
-      out.outlook.consider(link, gives_way ? arrival_forecast(link, 0, sizes.back()) : expected,
-                           gives_way ? 0 : ahead, gives_way ? sizes.back() : sizes[v], hopeless);
+      out.outlook.consider(link, expected, arrival_forecast(link, 0, sizes.back()), hopeless);
       if (hopeless) continue;
       out.expected = earliest(out.expected, expected);
       ahead += sizes[v];

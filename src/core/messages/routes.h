@@ -8,7 +8,7 @@
 #include <span>
 #include <vector>
 
-#include "core/messages/on_time_forecast.h"
+#include "core/messages/outlook.h"
 #include "core/peers/peer.h"
 #include "interneuron/few.h"
 #include "interneuron/link.h"

@@ -5,6 +5,8 @@
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
+#include <cmath>
+
 #include "tests/core/messages/door.h"
 
 namespace interneuron {
@@ -17,14 +19,14 @@ constexpr PeerId kOther{2};
 
 // A message to a link of 40 ms and 20 Mbit/s that nobody else uses.
 Outlook outlook(Duration expected, PeerId peer = kPeer, TimePoint at = TimePoint{1s}) {
-  Outlook o{.peer = peer, .at = at, .deadline = 150ms, .expected = expected, .bytes = 30'000};
+  Outlook o{.peer = peer, .at = at, .deadline = 150ms, .bytes = 30'000};
   o.refused = false;
-  o.link.up = true;
-  o.link.path = PathState::kOk;
-  o.link.rtt_min = 40ms;
-  o.link.rtt_p95 = 44ms;
-  o.link.jitter = 1ms;
-  o.link.rate = DataRate::mbit(20);
+  o.expected = expected;
+  o.least = expected;
+  o.rtt_min = 40ms;
+  o.rtt_p95 = 44ms;
+  o.jitter = 1ms;
+  o.rate = DataRate::mbit(20);
   return o;
 }
 
@@ -71,6 +73,8 @@ TEST(OnTimeForecasts, APeerSpoilsWhatIsPredictedOfItselfAlone) {
 
 TEST(OnTimeForecasts, WhatTheApplicationGaveUpTeachesNothing) {
   OnTimeForecasts forecasts;
+  // How much is sent is known of the first one, whatever becomes of it.
+  live(forecasts, 1, {.fate = Fate::kDropped, .reason = FateReason::kCancelled});
   const double fresh = forecasts.predict(outlook(35ms));
   for (const FateReason reason : {FateReason::kCancelled, FateReason::kSuperseded}) {
     live(forecasts, 50, {.fate = Fate::kDropped, .reason = reason});
@@ -105,17 +109,48 @@ RC_GTEST_PROP(OnTimeForecasts, APredictionIsAProbability, ()) {
   Outlook o = outlook(ms(0, 7'200'000));
   o.deadline = ms(1, 3'600'000);
   o.refused = *rc::gen::arbitrary<bool>();
-  o.ahead = static_cast<std::size_t>(*rc::gen::inRange(0, 100'000'000));
   o.bytes = static_cast<std::size_t>(*rc::gen::inRange(1, 8'000'000));
-  o.link.rtt_min = ms(0, 10'000);
-  o.link.rtt_p95 = ms(0, 10'000);
-  o.link.jitter = ms(0, 10'000);
-  o.link.queue_up = ms(0, 10'000);
-  o.link.loss = *rc::gen::inRange(0, 101) / 100.0;
-  o.link.share = DataRate::mbit(*rc::gen::inRange(0, 1000));
+  o.rtt_min = ms(0, 10'000);
+  o.rtt_p95 = ms(0, 10'000);
+  o.jitter = ms(0, 10'000);
+  o.queue = ms(0, 10'000);
+  o.loss = *rc::gen::inRange(0, 101) / 100.0;
+  o.share = DataRate::mbit(*rc::gen::inRange(0, 1000));
   if (*rc::gen::arbitrary<bool>()) o.expected.reset();
+  if (*rc::gen::arbitrary<bool>()) o.least.reset();
   const double p = forecasts.predict(o);
   RC_ASSERT(p > 0 && p < 1);
+}
+
+// Laws that say the same of every message that is not refused, however wrong that is.
+OnTimeLaws laws_that_say(double log_odds) {
+  OnTimeLaws laws{};
+  for (OnTimeLaw* law : {&laws.idle, &laws.loaded}) {
+    for (std::size_t k = 0; k < law->knots.size(); ++k) {
+      law->knots[k] = {static_cast<double>(k), log_odds + static_cast<double>(k)};
+    }
+  }
+  return laws;
+}
+
+// The mean prediction of the last `judged` of so many messages, of which this share is on time.
+double mean_prediction(OnTimeForecasts& forecasts, double share, int messages, int judged) {
+  double sum = 0;
+  double owed = 0;
+  for (int i = 0; i < messages; ++i) {
+    if (i >= messages - judged) sum += forecasts.predict(outlook(35ms)) / judged;
+    owed += share;
+    live(forecasts, 1, owed >= 1 ? kGood : kMissed);
+    if (owed >= 1) owed -= 1;
+  }
+  return sum;
+}
+
+// Whatever the law says, and whatever happens: the fates of earlier messages put it right.
+RC_GTEST_PROP(OnTimeForecasts, FatesPutALawRightThatIsWrong, ()) {
+  OnTimeForecasts forecasts(laws_that_say(*rc::gen::inRange(-30, 31) / 10.0));
+  const double share = *rc::gen::inRange(10, 91) / 100.0;
+  RC_ASSERT(std::abs(mean_prediction(forecasts, share, 1500, 500) - share) < 0.03);
 }
 
 TEST(SendOnTime, IsToldOfWhatIsAcceptedOrCannotArrive) {
