@@ -29,7 +29,7 @@ struct SendOptions {
   std::string policy = "down_sampling";
   // The application's own numbering.
   std::uint16_t channel = 0;
-  // How much the message matters, 0 the least; travels with it.
+  // 0 matters least; over a loaded link what matters more leaves first. Travels with the message.
   std::uint8_t importance = 128;
   // Of this channel only the newest message counts: one that was sent before another one that has
   // been delivered is not delivered any more, and what has not left of it is dropped.

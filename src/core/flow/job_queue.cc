@@ -23,18 +23,18 @@ std::vector<MessageId> JobQueue::messages() const {
   return out;
 }
 
-Job& JobQueue::add(MessageId message, TimePoint deadline, std::uint32_t next, std::uint16_t count,
+Job& JobQueue::add(MessageId message, const Turn& turn, std::uint32_t next, std::uint16_t count,
                    std::uint16_t chunk) {
   if (free_.empty()) {
     free_.push_back(static_cast<std::uint32_t>(slots_.size()));
     slots_.emplace_back();
   }
-  const Place place{deadline, added_++, free_.back()};
+  const Place place{turn, added_++, free_.back()};
   free_.pop_back();
   Slot& slot = slots_[place.slot];
   Job& job = slot.job;
   job.message = message;
-  job.deadline = deadline;
+  job.deadline = turn.deadline;
   job.next = next;
   job.count = count;
   job.chunk = chunk;
@@ -85,17 +85,17 @@ std::vector<std::uint16_t> JobQueue::take_all(Job& job) {
   return out;
 }
 
-std::size_t JobQueue::bytes_before(TimePoint deadline) const {
+std::size_t JobQueue::bytes_before(const Turn& turn) const {
   std::size_t before = 0;
   std::size_t all_but_after = bytes_;
   auto from = order_.begin();
   auto to = order_.end();
   while (from != to) {
-    if (from->deadline > deadline) return before;
+    if (from->turn > turn) return before;
     before += slots_[from->slot].job.bytes();
     if (++from == to) break;
     --to;
-    if (to->deadline <= deadline) return all_but_after;
+    if (to->turn <= turn) return all_but_after;
     all_but_after -= slots_[to->slot].job.bytes();
   }
   return before;

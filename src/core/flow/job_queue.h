@@ -1,5 +1,5 @@
-// What one path still has to send: a job for each message, the one with the earliest deadline
-// first.
+// What one path still has to send: a job for each message, those of the lowest rank first and of
+// these the one with the earliest deadline.
 #pragma once
 
 #include <cstdint>
@@ -14,16 +14,23 @@
 namespace interneuron::flow {
 
 // Sender owns one per path and adds a job for each message that it queues on the path; a job stays
-// until remove(), also when nothing of it is left. Of equal deadlines the job that was added first
-// is served first.
+// until remove(), also when nothing of it is left. Of equal ranks and deadlines the job that was
+// added first is served first.
 //
 // The first job and the sum of all bytes are read in O(1), a job is found in O(1), added and
-// removed in O(log n); bytes_before() looks at the jobs on one side of the deadline, whichever are
+// removed in O(log n); bytes_before() looks at the jobs on one side of the turn, whichever are
 // fewer. Memory grows with the largest number of jobs at a time and is used again; nothing is
 // allocated while there are no more jobs than before. Jobs stay where they are until the next
 // add(). Pure; thread-compatible.
 class JobQueue {
  public:
+  // When a job is served among the others.
+  struct Turn {
+    std::uint8_t rank = 0;
+    TimePoint deadline{};
+    friend auto operator<=>(const Turn&, const Turn&) = default;
+  };
+
   bool empty() const { return order_.empty(); }
   std::size_t size() const { return order_.size(); }
 
@@ -35,7 +42,7 @@ class JobQueue {
   std::vector<MessageId> messages() const;
 
   // A job for a message that has none, of the fragments next … count - 1 of `chunk` bytes each.
-  Job& add(MessageId message, TimePoint deadline, std::uint32_t next, std::uint16_t count,
+  Job& add(MessageId message, const Turn& turn, std::uint32_t next, std::uint16_t count,
            std::uint16_t chunk);
   void remove(MessageId message);
   void clear();
@@ -54,13 +61,13 @@ class JobQueue {
   // Takes all of them.
   std::vector<std::uint16_t> take_all(Job& job);
 
-  // Bytes of all fragments, and of those of jobs whose deadline is not after this one.
+  // Bytes of all fragments, and of those of jobs whose turn is not after this one.
   std::size_t bytes() const { return bytes_; }
-  std::size_t bytes_before(TimePoint deadline) const;
+  std::size_t bytes_before(const Turn& turn) const;
 
  private:
   struct Place {
-    TimePoint deadline{};
+    Turn turn;
     // Counts the jobs that were added.
     std::uint64_t number = 0;
     std::uint32_t slot = 0;

@@ -15,6 +15,9 @@
 
 namespace interneuron::flow {
 
+// The importance of messages that do not say otherwise (SendOptions::importance), and of rounds.
+inline constexpr std::uint8_t kUsualImportance = 128;
+
 // A message under way; a plain value of MessageStore's.
 struct OutgoingMessage {
   MessageId id{};
@@ -23,6 +26,7 @@ struct OutgoingMessage {
   // See Sender::Times.
   Duration doubt{};
   std::uint32_t lifetime_us = 0;
+  std::uint8_t importance = kUsualImportance;
   wire::MessageKind kind{};
   std::uint16_t count = 0;
   std::uint16_t chunk = 0;

@@ -71,6 +71,7 @@ MessageId Sender::send(TimePoint now, const Times& times, wire::MessageBytes byt
                              static_cast<std::uint8_t>(paths.size()));
   m.chunk = static_cast<std::uint16_t>(chunk);
   m.doubt = times.doubt;
+  m.importance = times.importance;
   m.lifetime_us = static_cast<std::uint32_t>(std::clamp<std::int64_t>(
       std::chrono::duration_cast<std::chrono::microseconds>(times.lifetime).count(), 1,
       UINT32_MAX));
@@ -80,7 +81,7 @@ MessageId Sender::send(TimePoint now, const Times& times, wire::MessageBytes byt
   for (const LinkId path : paths) {
     Path& p = paths_.at(path);
     p.use.message(now, m.bytes.size(), m.deadline - now);
-    p.jobs.add(id, m.deadline, 0, m.count, m.chunk);
+    p.jobs.add(id, turn_of(p, m.deadline, m.importance), 0, m.count, m.chunk);
     m.repairs.add(path);
   }
   bytes_ += m.bytes.size();
@@ -271,9 +272,17 @@ bool Sender::is_queued(MessageId message) const {
                              }) == known->paths;
 }
 
-std::size_t Sender::queued_before(LinkId link, TimePoint deadline) const {
+// Where there is room for everything, the earliest deadline first is best for everything. Where
+// there is not, it would serve what is due soonest and let the most important wait for it.
+JobQueue::Turn Sender::turn_of(const Path& path, TimePoint deadline, std::uint8_t importance) {
+  const std::uint8_t counts = path.view.loaded ? importance : kUsualImportance;
+  return {static_cast<std::uint8_t>(UINT8_MAX - counts), deadline};
+}
+
+std::size_t Sender::queued_before(LinkId link, TimePoint deadline, std::uint8_t importance) const {
   const auto it = paths_.find(link);
-  return it == paths_.end() ? 0 : it->second.jobs.bytes_before(deadline);
+  if (it == paths_.end()) return 0;
+  return it->second.jobs.bytes_before(turn_of(it->second, deadline, importance));
 }
 
 std::uint64_t Sender::resent(LinkId path) const {

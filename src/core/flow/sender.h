@@ -66,6 +66,8 @@ class Sender {
     // The deadline may be so much later than believed: it is another host's, and clocks differ.
     Duration doubt{};
     Duration lifetime{};
+    // 0 the least. Over a loaded path what matters more leaves first; else it makes no difference.
+    std::uint8_t importance = kUsualImportance;
   };
   // Queues a message (its header and payload) on these paths, in pieces that all of them carry, and
   // all that may repair as well where that is worthwhile. What is lost of it is sent again
@@ -97,8 +99,8 @@ class Sender {
   }
   // Whether on each path that it goes over a piece of this message has not left yet.
   bool is_queued(MessageId message) const;
-  // Bytes that this path has to send of messages whose deadline is not after this one.
-  std::size_t queued_before(LinkId path, TimePoint deadline) const;
+  // Bytes that this path has to send before a message of this deadline and importance.
+  std::size_t queued_before(LinkId path, TimePoint deadline, std::uint8_t importance) const;
 
   // From now until so many bytes (with IP headers) could be there that are sent next over this
   // path; nothing while it is not loaded, then nothing is given up.
@@ -167,6 +169,8 @@ class Sender {
   // The next fragment of a job that is not acknowledged yet.
   std::optional<JobQueue::Taken> take(Path& path, Job& job);
   Job* next_job(Path& path, TimePoint now);
+  // When a message of this deadline and importance that is queued now is served.
+  static JobQueue::Turn turn_of(const Path& path, TimePoint deadline, std::uint8_t importance);
   // Whether what is left of a job can arrive in time.
   static bool can_arrive(TimePoint now, const Path& path, const Job& job, const Message& message);
   // The path sends no more of this job's message, but its alternative if there is one.

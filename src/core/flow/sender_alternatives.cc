@@ -19,6 +19,7 @@ MessageId Sender::add_alternative(MessageId first, wire::MessageBytes bytes) {
   other = messages_.find(first);
   m.chunk = other->chunk;
   m.doubt = other->doubt;
+  m.importance = other->importance;
   m.lifetime_us = other->lifetime_us;
   m.repairs = other->repairs;
   m.kind = other->kind;
@@ -57,7 +58,8 @@ void Sender::give_up(Path& path, Job& job) {
   if (next == nullptr) return;
   next->paths = 1;
   for (Message::PieceState& piece : next->pieces) piece.under_way = 1;
-  path.jobs.add(next->id, next->deadline, 0, next->count, next->chunk);
+  path.jobs.add(next->id, turn_of(path, next->deadline, next->importance), 0, next->count,
+                next->chunk);
 }
 
 }  // namespace interneuron::flow

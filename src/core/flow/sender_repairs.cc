@@ -83,7 +83,8 @@ void Sender::queue_again(TimePoint now, Path& path, MessageId id, std::uint16_t 
   ++m.pieces[index].under_way;
   path.use.queued(now);
   Job* job = path.jobs.find(id);
-  if (job == nullptr) job = &path.jobs.add(id, m.deadline, m.count, m.count, m.chunk);
+  if (job == nullptr)
+    job = &path.jobs.add(id, turn_of(path, m.deadline, m.importance), m.count, m.count, m.chunk);
   path.jobs.push_again(*job, index);
 }
 

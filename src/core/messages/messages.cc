@@ -122,10 +122,10 @@ SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const Sen
   Duration round_trip{};
   for (const Route& route : routes.routes) {
     header.variant = route.variant;
-    const MessageId message =
-        peer->send(now, {.deadline = entry.deadline, .lifetime = deadline},
-                   with(header, std::move(variants[route.variant])), route.links,
-                   allowed_of(policy, links), wire::MessageKind::kPlain);
+    const MessageId message = peer->send(
+        now, {.deadline = entry.deadline, .lifetime = deadline, .importance = options.importance},
+        with(header, std::move(variants[route.variant])), route.links, allowed_of(policy, links),
+        wire::MessageKind::kPlain);
     entry.variants.push_back({message, route.variant});
     for (const LinkId id : route.links) {
       round_trip = std::max(round_trip, find(links, id).rtt_p50);
@@ -174,7 +174,7 @@ SendResult Messages::plan(TimePoint now, Peer& peer, const Sizes& sizes, const S
     return {.status = allowed ? SendStatus::kPolicyRefuses : SendStatus::kLinkRestricted,
             .reason = plan.refused};
   }
-  routes = routes_of(now, peer, plan, links, span, options.deadline);
+  routes = routes_of(now, peer, plan, links, span, options.deadline, options.importance);
   const double on_time = forecasts_.predict(routes.outlook);
   if (routes.routes.empty()) {
     peer.want(now, rate_wanted(span, options.deadline));

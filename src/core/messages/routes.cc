@@ -20,7 +20,7 @@ std::size_t Routes::bytes(std::span<const std::size_t> sizes) const {
 
 Routes routes_of(TimePoint now, const Peer& peer, const Plan& plan,
                  std::span<const LinkState> links, std::span<const std::size_t> sizes,
-                 Duration deadline) {
+                 Duration deadline, std::uint8_t importance) {
   Routes out;
   out.outlook = {
       .peer = peer.identity().id, .at = now, .deadline = deadline, .bytes = sizes.front()};
@@ -42,7 +42,7 @@ Routes routes_of(TimePoint now, const Peer& peer, const Plan& plan,
       if (send.variant != v) continue;
       const LinkState& link = *std::ranges::find(links, send.link, &LinkState::id);
       if (std::ranges::find(queues, send.link, &Ahead::link) == queues.end()) {
-        queues.push_back({send.link, peer.queued_before(send.link, now + deadline)});
+        queues.push_back({send.link, peer.queued_before(send.link, now + deadline, importance)});
       }
       std::size_t& ahead = std::ranges::find(queues, send.link, &Ahead::link)->bytes;
       const auto expected = arrival_forecast(link, ahead, sizes[v]);

@@ -45,7 +45,7 @@ struct Routes {
 // leave in their order, so that each waits for those before it on the same link.
 Routes routes_of(TimePoint now, const Peer& peer, const Plan& plan,
                  std::span<const LinkState> links, std::span<const std::size_t> sizes,
-                 Duration deadline);
+                 Duration deadline, std::uint8_t importance);
 
 // Whether so many bytes that are sent over this link now, behind `ahead` others, are sure to be
 // late. Over a path that is loaded the sender knows that better, by what is in flight and by the

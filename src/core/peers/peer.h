@@ -108,8 +108,8 @@ class Peer {
   // Whether on each path that it goes over a piece of this message has not left yet.
   bool is_queued(MessageId message) const { return sender_.is_queued(message); }
   // Bytes that this path has to send of messages whose deadline is not after this one.
-  std::size_t queued_before(LinkId path, TimePoint deadline) const {
-    return sender_.queued_before(path, deadline);
+  std::size_t queued_before(LinkId path, TimePoint deadline, std::uint8_t importance) const {
+    return sender_.queued_before(path, deadline, importance);
   }
 
   // See flow::Sender::least_time().

@@ -179,6 +179,31 @@ TEST(Sender, ALoadedPathGivesUpWhatCannotArriveAndSaysSo) {
   }
 }
 
+TEST(Sender, OverALoadedPathWhatMattersMoreGoesFirst) {
+  for (const bool loaded : {true, false}) {
+    Paths p;
+    PathView v = view(10ms);
+    v.loaded = loaded;
+    p.sender.set_path(kA, v);
+    const auto send = [&p](Duration deadline, std::uint8_t importance) {
+      return p.sender.send(
+          at(0s), {.deadline = at(deadline), .lifetime = deadline, .importance = importance},
+          Bytes(kChunk), {kA});
+    };
+    const MessageId usual = send(100ms, kUsualImportance);
+    const MessageId important = send(200ms, 200);
+    const MessageId less = send(50ms, 0);
+    EXPECT_EQ(p.sender.queued_before(kA, at(150ms), kUsualImportance), 2 * kChunk);
+    EXPECT_EQ(p.sender.queued_before(kA, at(150ms), 255), loaded ? 0 : 2 * kChunk);
+    const auto expected =
+        loaded ? std::vector{important, usual, less} : std::vector{less, usual, important};
+    TimePoint now = at(0s);
+    std::vector<MessageId> order;
+    for (const auto& piece : p.drain(kA, now)) order.push_back(piece.fragment.message);
+    EXPECT_EQ(order, expected);
+  }
+}
+
 TEST(Sender, ANewLifeOfThePeerVoidsEverything) {
   Paths p;
   p.send(at(0s), kFar, 10, {kA, kB});
