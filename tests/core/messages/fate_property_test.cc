@@ -164,7 +164,7 @@ class Storm {
   // The clock of the receiver goes forward by anything from a millisecond to hours. Back it only
   // goes for the host: the endpoint's own time does not.
   void jump() {
-    const std::int64_t most = std::int64_t{1} << uniform(0, 24);
+    const std::uint64_t most = std::uint64_t{1} << uniform(0, 24);
     const std::chrono::milliseconds by(1 + static_cast<std::int64_t>(rng_() % most));
     door_.pipe.jump(door_.road, by);
   }
