@@ -107,6 +107,7 @@ void ShareControl::report(TimePoint now, const Report& report) {
   forget_unused(now);
   rate_ = std::min(*rate_, most());
   if (now >= decide_at_ && seen_.queue != Duration::max()) decide(now);
+  lost_lately_ = lost_at_ && now - *lost_at_ < kMemory;
 }
 
 void ShareControl::note_capacity(TimePoint now, DataRate capacity) {
@@ -185,7 +186,6 @@ void ShareControl::decide(TimePoint now) {
     rise(now);
   }
   if (seen_.lost > 0) lost_at_ = now;
-  lost_lately_ = lost_at_ && now - *lost_at_ < kMemory;
   // Without a queue the path may carry more than we know: whoever hurries finds that out.
   gain_ = overloaded() && seen_.queue > kTarget / 4 ? kLoadedGain : kPaceGain;
   if (gave_way(now)) {

@@ -1,6 +1,7 @@
 // The sending side of one peer: messages are cut into fragments that fit the path, so that IP never
-// fragments, and leave paced per path, earliest deadline first. Fragments found lost are sent again
-// over the path that brings them soonest, while the deadline allows.
+// fragments, and leave paced per path, earliest deadline first and over a loaded path what matters
+// more before that. Fragments found lost are sent again over the path that brings them soonest,
+// while the deadline allows.
 #pragma once
 
 #include <cstdint>
@@ -28,7 +29,7 @@ namespace interneuron::flow {
 //
 // Memory: every message is kept until it is acknowledged or its deadline passes, so the application
 // bounds it by what it submits. The time of a call does not grow with the messages under way, but
-// for a logarithm, and that of queued_before() with those of other deadlines.
+// for a logarithm, and that of queued_before() with those of other turns.
 // The peer's reports decide what is sent again; a peer that denies everything makes us send again
 // what the deadlines and the pace allow, to itself alone. Pure; thread-compatible; never throws;
 // allocates per message, not per packet.
@@ -113,8 +114,9 @@ class Sender {
   // The same for a probe of the path's MTU.
   std::uint64_t take_mtu_probe_number(TimePoint now, LinkId path, std::size_t ip_bytes);
 
-  // A fragment that may leave `path` now; its payload is valid until the next call of another
-  // method, its header only until the next call. Nothing when none may leave.
+  // A fragment that may leave `path` now; its payload is valid until something is
+  // taken in (send(), cancel(), report(), handle_timeout(), a path that goes), its header only
+  // until the next call. Nothing when none may leave.
   struct Piece {
     std::uint64_t number = 0;
     wire::FragmentHeader fragment;

@@ -60,11 +60,18 @@ bool Sender::repair(TimePoint now, MessageId id, std::uint16_t index, Evidence e
   const bool in_time = best && best->arrival <= m.deadline;
   const auto other = soonest_copy(now, id, index);
   const bool other_is_sooner = other && (!best || other->arrival <= best->arrival);
+  // A second copy is not worth a backup.
+  const auto is_dearer = [](const Path& a, const Path& b) {
+    return a.view.backup && !b.view.backup;
+  };
   const auto is_last = [&m, evidence](const Copy& copy) {
     return evidence == Evidence::kReport && may_double(copy.path->view) &&
            copy.arrival + copy.path->view.probe_timeout > m.deadline;
   };
-  if (other_is_sooner && (!in_time || other->path == best->path || !is_last(*other))) return false;
+  if (other_is_sooner && (!in_time || other->path == best->path || !is_last(*other) ||
+                          is_dearer(*best->path, *other->path))) {
+    return false;
+  }
   if (!in_time) {
     ++cancelled_;
     return false;
@@ -72,7 +79,8 @@ bool Sender::repair(TimePoint now, MessageId id, std::uint16_t index, Evidence e
   queue_again(now, *best->path, id, index);
   if ((other && other->arrival <= m.deadline) || !is_last(*best)) return true;
   const auto second = best_repair(now, m, best->path);
-  if (second && second->arrival <= m.deadline && may_double(second->path->view)) {
+  if (second && second->arrival <= m.deadline && may_double(second->path->view) &&
+      !is_dearer(*second->path, *best->path)) {
     queue_again(now, *second->path, id, index);
   }
   return true;
@@ -83,8 +91,9 @@ void Sender::queue_again(TimePoint now, Path& path, MessageId id, std::uint16_t 
   ++m.pieces[index].under_way;
   path.use.queued(now);
   Job* job = path.jobs.find(id);
-  if (job == nullptr)
+  if (job == nullptr) {
     job = &path.jobs.add(id, turn_of(path, m.deadline, m.importance), m.count, m.count, m.chunk);
+  }
   path.jobs.push_again(*job, index);
 }
 
@@ -98,8 +107,11 @@ std::optional<Sender::Copy> Sender::best_repair(TimePoint now, const Message& m,
                            path.max_datagram >= m.chunk + kPieceOverheadBytes;
     if (!path.view.up || (path.view.suspect && sound) || !may_carry) continue;
     const DataRate rate = path.view.rate.value_or(kBlindRate);
-    const Duration queue =
-        std::min<Duration>(rate.transmit_time(path.jobs.bytes() + m.chunk), kNever);
+    // What matters more than usual waits for nothing else.
+    const auto turn = turn_of(path, m.deadline, m.importance);
+    const bool first = turn < turn_of(path, m.deadline, kUsualImportance);
+    const std::size_t ahead = first ? path.jobs.bytes_before(turn) : path.jobs.bytes();
+    const Duration queue = std::min<Duration>(rate.transmit_time(ahead + m.chunk), kNever);
     const TimePoint arrival = now + queue + path.view.one_way;
     const bool in_time = arrival <= m.deadline;
     // A backup only where no other path is in time.

@@ -135,7 +135,9 @@ void SentPackets::note_reordering(TimePoint now, const Packet& packet) {
 
 void SentPackets::arrive(TimePoint now, std::uint64_t number, Verdicts& verdicts) {
   Packet& packet = at(number);
-  if (packet.covered && number < largest_) note_reordering(now, packet);
+  // What comes long after its loss was certain tells of its message, and of nothing else.
+  const bool is_straggler = number < first_uncertain_;
+  if (packet.covered && number < largest_ && !is_straggler) note_reordering(now, packet);
   if (packet.at > newest_at_) {
     newest_at_ = packet.at;
     newest_rtt_ = now - packet.at;
@@ -147,6 +149,7 @@ void SentPackets::arrive(TimePoint now, std::uint64_t number, Verdicts& verdicts
     progress_at_ = now;
     settled_.push_back({data_of(packet).piece(), true, was_open});
   }
+  if (is_straggler) return;
   verdicts.data = verdicts.data || packet.data_sized;
   verdicts.newest_sent = std::max(verdicts.newest_sent.value_or(packet.at), packet.at);
   if (!was_open) return;

@@ -284,7 +284,9 @@ void Messages::settle(TimePoint now, Peer& peer, const Settled& settled) {
   if (clock && settled.complete_at) {
     const std::int64_t at =
         wrapping_add(settled.complete_at->time_since_epoch().count(), clock->alpha);
-    when.age = Duration{wrapping_sub(at, entry->t0.time_since_epoch().count())};
+    // The peer's word, and whatever it says it cannot have been there sooner or later than this.
+    when.age = std::clamp(Duration{wrapping_sub(at, entry->t0.time_since_epoch().count())},
+                          Duration::zero(), now - entry->t0);
     when.error = clock->rtt_min / 2;
   }
   switch (settled.kind) {

@@ -107,7 +107,7 @@ class Peer {
   void cancel(MessageId message) { sender_.cancel(message); }
   // Whether on each path that it goes over a piece of this message has not left yet.
   bool is_queued(MessageId message) const { return sender_.is_queued(message); }
-  // Bytes that this path has to send of messages whose deadline is not after this one.
+  // Bytes that this path has to send before a message of this deadline and importance.
   std::size_t queued_before(LinkId path, TimePoint deadline, std::uint8_t importance) const {
     return sender_.queued_before(path, deadline, importance);
   }

@@ -182,6 +182,36 @@ TEST(Sender, OneCopyGoesOverALoadedPath) {
   EXPECT_TRUE(p.idle(at(45ms)));
 }
 
+TEST(Sender, NoSecondCopyGoesOverABackup) {
+  Paths p;
+  make_steady(p, kA, 15ms);
+  PathView backup = view(20ms);
+  backup.probe_timeout = 60ms;
+  backup.backup = true;
+  p.sender.set_path(kB, backup);
+  lose_the_first(p, at(100ms));
+  EXPECT_TRUE(p.sender.poll(at(45ms), kA));
+  EXPECT_TRUE(p.idle(at(45ms)));
+}
+
+TEST(Sender, ARepairOfWhatMattersMoreWaitsForNothingElse) {
+  for (const std::uint8_t importance : {kUsualImportance, std::uint8_t{200}}) {
+    Paths p;
+    make_steady(p, kA, 15ms, true);
+    p.set(kB, 10ms, 100, false);
+    const MessageId first =
+        p.sender.send(at(0s), {.deadline = at(100ms), .lifetime = 100ms, .importance = importance},
+                      Bytes(5 * kChunk), {kA});
+    TimePoint now = at(0s);
+    const auto numbers = sent_on_a(p, now);
+    p.send(at(40ms), kFar, 700, {kA});  // 77 ms of queue
+    p.sender.report(at(45ms), report_of(kA, {numbers.begin() + 1, numbers.end()}));
+    const auto piece = p.sender.poll(at(45ms), kA);
+    ASSERT_TRUE(piece);
+    EXPECT_EQ(piece->fragment.message == first, importance > kUsualImportance);
+  }
+}
+
 TEST(Sender, OneCopyGoesAfterSilence) {
   Paths p;
   make_steady(p, kA, 15ms);
