@@ -86,7 +86,7 @@ double queued(std::size_t outstanding, std::size_t messages) {
   double begin = 0;
   for (std::size_t i = 0; i < outstanding + messages; ++i, now += 1us) {
     if (i == outstanding) begin = now_us();
-    bytes += s.queued_before(kA, now + kDeadline);
+    bytes += s.queued_before(kA, now + kDeadline, kUsualImportance);
     waiting.push_back(
         s.send(now, {.deadline = now + kDeadline, .lifetime = kDeadline}, Bytes(kSmall), {kA}));
     (void)s.poll(now, kA);
