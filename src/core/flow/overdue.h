@@ -19,8 +19,9 @@ namespace interneuron::flow {
 // incomplete. Else it was where every path that carried a copy reports, of an instant after the
 // deadline, that none has arrived: the receiver of a packet tells of it in each report until
 // wire::kAckWindow later ones have come. A copy that was overtaken by kLatePackets others is taken
-// for lost by any report. Whatever is not certain is never told: a report that tells no more of a
-// copy, a path that was removed, or one that the peer has forgotten meanwhile, which shows in
+// for lost by any report, which is wrong where a link holds a packet back for longer than that and
+// it still comes in time. Whatever else is not certain is never told: a report that tells no more
+// of a copy, a path that was removed, or one that the peer has forgotten meanwhile, which shows in
 // counting its bytes anew.
 //
 // The peer may lie, and harms only what is sent to itself. Memory: kMost messages at most, for

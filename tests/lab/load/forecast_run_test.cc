@@ -5,20 +5,12 @@
 
 #include <algorithm>
 
+#include "support.h"
+
 namespace interneuron::load {
 namespace {
 
 using namespace std::chrono_literals;
-
-// The first run of this name at this load, or of any where it is 0.
-ForecastScenario first(const std::string& name, double load, Duration length) {
-  for (ForecastScenario s : forecast_scenarios(name, 1)) {
-    if (load > 0 && s.run.load != load) continue;
-    s.run.length = length;
-    return s;
-  }
-  return {};
-}
 
 std::ptrdiff_t refused(const std::vector<Forecast>& all) {
   return std::ranges::count(all, true, &Forecast::refused);

@@ -6,21 +6,12 @@
 #include <cmath>
 
 #include "core/messages/on_time_weights.h"
+#include "support.h"
 
 namespace interneuron::load {
 namespace {
 
 using namespace std::chrono_literals;
-
-// The first run of this name at this load, or of any where it is 0.
-ForecastScenario first(const std::string& name, double load, Duration length) {
-  for (ForecastScenario s : forecast_scenarios(name, 1)) {
-    if (load > 0 && s.run.load != load) continue;
-    s.run.length = length;
-    return s;
-  }
-  return {};
-}
 
 // So many messages with this time to spare, one after the other, of which this share is on time.
 void append(std::vector<ForecastStep>& steps, Duration spare, double share, int messages) {
