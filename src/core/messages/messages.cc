@@ -140,7 +140,7 @@ SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const Sen
   }
   entry.ends += round_trip;
   result.id = sent_.add(entry);
-  forecasts_.sent(result.id, routes.outlook, *result.on_time);
+  forecasts_.sent(result.id, routes.outlook, routes.prediction);
   if (!collect_at_) collect_at_ = now + kLookAgain;
   return result;
 }
@@ -175,7 +175,8 @@ SendResult Messages::plan(TimePoint now, Peer& peer, const Sizes& sizes, const S
             .reason = plan.refused};
   }
   routes = routes_of(now, peer, plan, links, span, options.deadline, options.importance);
-  const double on_time = forecasts_.predict(routes.outlook);
+  routes.prediction = forecasts_.predict(routes.outlook);
+  const double on_time = routes.prediction.probability;
   if (routes.routes.empty()) {
     peer.want(now, rate_wanted(span, options.deadline));
     return {.status = SendStatus::kCannotArrive, .expected = routes.expected, .on_time = on_time};

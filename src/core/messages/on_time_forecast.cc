@@ -52,20 +52,20 @@ double OnTimeForecasts::log_odds(const Outlook& o) const {
   return std::clamp(bent(law, sum), -kMostLogOdds, kMostLogOdds);
 }
 
-double OnTimeForecasts::predict(const Outlook& o) const {
+OnTimePrediction OnTimeForecasts::predict(const Outlook& o) const {
   const double raw = log_odds(o);
   const double shift = o.refused ? 0 : record(o.peer).correction(raw);
-  return 1 / (1 + std::exp(-raw - shift));
+  return {.probability = 1 / (1 + std::exp(-raw - shift)), .unbiased = raw};
 }
 
-void OnTimeForecasts::sent(SendId id, const Outlook& o, double predicted) {
+void OnTimeForecasts::sent(SendId id, const Outlook& o, const OnTimePrediction& predicted) {
   const Duration expected = o.expected.value_or(Duration::zero());
   const OnTimeRecord::Message message{.due = o.at + expected,
                                       .deadline = o.deadline,
                                       .expected = expected,
                                       .bytes = o.bytes,
-                                      .raw = log_odds(o),
-                                      .predicted = predicted};
+                                      .raw = predicted.unbiased,
+                                      .predicted = predicted.probability};
   if (under_way_.emplace(id, UnderWay{o.peer, message}).second) records_[o.peer].sent(o, message);
 }
 

@@ -14,6 +14,14 @@ namespace interneuron {
 // Which of the laws (src/core/messages/on_time_law.h) a message is judged by.
 enum class OnTimeCase : std::uint8_t { kIdle, kLoaded, kRefused };
 
+// What is predicted of a message; a plain value.
+struct OnTimePrediction {
+  // P(on time), in (0, 1).
+  double probability = 0;
+  // The log odds before the bias of the peer, beside which what becomes of the message is learnt.
+  double unbiased = 0;
+};
+
 // Predicts P(on time) of messages to the peers of an endpoint, in three steps:
 //
 // 1. A law, fixed and fitted offline, weighs what is expected of the message, the state of its link
@@ -34,10 +42,10 @@ enum class OnTimeCase : std::uint8_t { kIdle, kLoaded, kRefused };
 class OnTimeForecasts {
  public:
   explicit OnTimeForecasts(const OnTimeLaws& laws = kOnTimeLaws) : laws_(laws) {}
-  // In (0, 1).
-  double predict(const Outlook& outlook) const;
-  // The message, of which predict() said this, was accepted under this identifier.
-  void sent(SendId id, const Outlook& outlook, double predicted);
+  OnTimePrediction predict(const Outlook& outlook) const;
+  // The message, of which predict() said this, was accepted under this identifier. Others may have
+  // been settled in between: those that it takes the place of.
+  void sent(SendId id, const Outlook& outlook, const OnTimePrediction& predicted);
   // Its one fate. Nothing is learnt of messages that were cancelled or superseded, or whose peer is
   // gone. Fates of messages that sent() was not told of are ignored.
   void settled(const MessageFate& fate);

@@ -8,6 +8,7 @@
 #include <span>
 #include <vector>
 
+#include "core/messages/on_time_forecast.h"
 #include "core/messages/outlook.h"
 #include "core/peers/peer.h"
 #include "interneuron/few.h"
@@ -31,8 +32,9 @@ struct Routes {
   std::uint8_t last = 0;
   // When the first of the variants should be there, from now; nothing where no link is measured.
   std::optional<Duration> expected;
-  // What its chances are judged by.
+  // What its chances are judged by, and what they are.
   Outlook outlook;
+  OnTimePrediction prediction;
 
   // What the variants that set out or stand by take, with their headers.
   std::size_t bytes(std::span<const std::size_t> sizes) const;

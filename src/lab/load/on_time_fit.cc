@@ -154,10 +154,10 @@ std::vector<Forecast> replayed(std::span<const ForecastStep> steps, const OnTime
       forecasts.settled(step.fate);
       continue;
     }
-    const double predicted = forecasts.predict(step.outlook);
+    const OnTimePrediction predicted = forecasts.predict(step.outlook);
     if (step.judged) {
       out.push_back(step.forecast);
-      out.back().predicted = predicted;
+      out.back().predicted = predicted.probability;
     }
     if (step.id != SendId{}) forecasts.sent(step.id, step.outlook, predicted);
   }

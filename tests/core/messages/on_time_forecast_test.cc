@@ -48,54 +48,56 @@ constexpr MessageFate kMissed{.fate = Fate::kDropped, .reason = FateReason::kExp
 
 TEST(OnTimeForecasts, AMessageWithTimeToSpareIsLikelierThanOneWithout) {
   const OnTimeForecasts forecasts;
-  EXPECT_GT(forecasts.predict(outlook(35ms)), 0.9);
-  EXPECT_LT(forecasts.predict(outlook(149ms)), forecasts.predict(outlook(35ms)));
+  EXPECT_GT(forecasts.predict(outlook(35ms)).probability, 0.9);
+  EXPECT_LT(forecasts.predict(outlook(149ms)).probability,
+            forecasts.predict(outlook(35ms)).probability);
 }
 
 TEST(OnTimeForecasts, MissesOfAPeerAreRememberedAndForgotten) {
   OnTimeForecasts forecasts;
   live(forecasts, 50, kGood);
-  const double good = forecasts.predict(outlook(35ms));
+  const double good = forecasts.predict(outlook(35ms)).probability;
   live(forecasts, 50, kMissed);
-  const double bad = forecasts.predict(outlook(35ms));
+  const double bad = forecasts.predict(outlook(35ms)).probability;
   live(forecasts, 300, kGood);
-  const double again = forecasts.predict(outlook(35ms));
+  const double again = forecasts.predict(outlook(35ms)).probability;
   EXPECT_LT(bad, good - 0.1);
   EXPECT_NEAR(again, good, 0.02);
 }
 
 TEST(OnTimeForecasts, APeerSpoilsWhatIsPredictedOfItselfAlone) {
   OnTimeForecasts forecasts;
-  const double fresh = forecasts.predict(outlook(35ms, kOther));
+  const double fresh = forecasts.predict(outlook(35ms, kOther)).probability;
   live(forecasts, 50, kMissed);
-  EXPECT_EQ(forecasts.predict(outlook(35ms, kOther)), fresh);
+  EXPECT_EQ(forecasts.predict(outlook(35ms, kOther)).probability, fresh);
 }
 
 TEST(OnTimeForecasts, WhatTheApplicationGaveUpTeachesNothing) {
   OnTimeForecasts forecasts;
   // How much is sent is known of the first one, whatever becomes of it.
   live(forecasts, 1, {.fate = Fate::kDropped, .reason = FateReason::kCancelled});
-  const double fresh = forecasts.predict(outlook(35ms));
+  const double fresh = forecasts.predict(outlook(35ms)).probability;
   for (const FateReason reason : {FateReason::kCancelled, FateReason::kSuperseded}) {
     live(forecasts, 50, {.fate = Fate::kDropped, .reason = reason});
   }
-  EXPECT_EQ(forecasts.predict(outlook(35ms)), fresh);
+  EXPECT_EQ(forecasts.predict(outlook(35ms)).probability, fresh);
 }
 
 TEST(OnTimeForecasts, APeerThatIsForgottenBeginsAnew) {
   OnTimeForecasts forecasts;
-  const double fresh = forecasts.predict(outlook(35ms));
+  const double fresh = forecasts.predict(outlook(35ms)).probability;
   live(forecasts, 50, kMissed);
   forecasts.forget(kPeer);
-  EXPECT_EQ(forecasts.predict(outlook(35ms)), fresh);
+  EXPECT_EQ(forecasts.predict(outlook(35ms)).probability, fresh);
 }
 
 TEST(OnTimeForecasts, OverdueMessagesMakeTheNextOneLessLikely) {
   OnTimeForecasts forecasts;
   live(forecasts, 50, kGood);
-  const double before = forecasts.predict(outlook(35ms, kPeer, TimePoint{1s}));
+  const OnTimePrediction before = forecasts.predict(outlook(35ms, kPeer, TimePoint{1s}));
   forecasts.sent(SendId{1'000'000}, outlook(35ms, kPeer, TimePoint{1s}), before);
-  EXPECT_LT(forecasts.predict(outlook(35ms, kPeer, TimePoint{1s + 200ms})), before);
+  EXPECT_LT(forecasts.predict(outlook(35ms, kPeer, TimePoint{1s + 200ms})).probability,
+            before.probability);
 }
 
 // Nothing that a peer or a link says leaves (0, 1), not even ages of hours.
@@ -118,7 +120,7 @@ RC_GTEST_PROP(OnTimeForecasts, APredictionIsAProbability, ()) {
   o.share = DataRate::mbit(*rc::gen::inRange(0, 1000));
   if (*rc::gen::arbitrary<bool>()) o.expected.reset();
   if (*rc::gen::arbitrary<bool>()) o.least.reset();
-  const double p = forecasts.predict(o);
+  const double p = forecasts.predict(o).probability;
   RC_ASSERT(p > 0 && p < 1);
 }
 
@@ -138,7 +140,7 @@ double mean_prediction(OnTimeForecasts& forecasts, double share, int messages, i
   double sum = 0;
   double owed = 0;
   for (int i = 0; i < messages; ++i) {
-    if (i >= messages - judged) sum += forecasts.predict(outlook(35ms)) / judged;
+    if (i >= messages - judged) sum += forecasts.predict(outlook(35ms)).probability / judged;
     owed += share;
     live(forecasts, 1, owed >= 1 ? kGood : kMissed);
     if (owed >= 1) owed -= 1;
