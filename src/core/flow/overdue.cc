@@ -24,8 +24,7 @@ Overdue::Answer Overdue::answer(const Copies& copies, const Told& told, bool is_
   if (copies.first < told.from || told.largest > copies.first + wire::kAckWindow) {
     return Answer::kUnsure;
   }
-  const bool is_lost = told.largest >= copies.last + SentPackets::kLatePackets;
-  return is_after || is_lost ? Answer::kNotThere : Answer::kWaits;
+  return is_after ? Answer::kNotThere : Answer::kWaits;
 }
 
 void Overdue::report(const wire::LinkReport& report, std::optional<TimePoint> left) {

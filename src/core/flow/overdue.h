@@ -18,21 +18,19 @@ namespace interneuron::flow {
 // acknowledged, with one piece that was not. Where no copy of that piece ever left, the message was
 // incomplete. Else it was where every path that carried a copy reports, of an instant after the
 // deadline, that none has arrived: the receiver of a packet tells of it in each report until
-// wire::kAckWindow later ones have come. A copy that was overtaken by kLatePackets others is taken
-// for lost by any report, which is wrong where a link holds a packet back for longer than that and
-// it still comes in time. Whatever else is not certain is never told: a report that tells no more
-// of a copy, a path that was removed, or one that the peer has forgotten meanwhile, which shows in
-// counting its bytes anew.
+// wire::kAckWindow later ones have come. What is not certain is never told: a report that tells no
+// more of a copy, however many packets have overtaken it, a path that was removed, or one that the
+// peer has forgotten meanwhile, which shows in counting its bytes anew. A peer that has a part of
+// the message tells by itself that it never became complete (Receipts).
 //
 // The peer may lie, and harms only what is sent to itself. Memory: kMost messages at most, for
 // kKept. Pure; thread-compatible.
 class Overdue {
  public:
-  // Copies of the piece: the path, and the smallest and the largest number of their packets there.
+  // Copies of the piece: the path, and the smallest number of their packets there.
   struct Copies {
     LinkId path{};
     std::uint64_t first = 0;
-    std::uint64_t last = 0;
   };
   using Paths = Few<Copies, wire::kMaxReports>;
 

@@ -269,9 +269,9 @@ void Reassembler::make_room(std::size_t size, TimePoint expires) {
   // Nothing goes where it would not suffice.
   if (bytes_ - older + size > kMaxBytes) return;
   while (bytes_ + size > kMaxBytes) {
-    const MessageId evicted = partials_[*expiries_.due(expires)].id;
-    bury(evicted);
-    evicted_.push_back(evicted);
+    const MessageId next = partials_[*expiries_.due(expires)].id;
+    bury(next);
+    forgotten_.push_back(next);
   }
 }
 
@@ -289,16 +289,21 @@ void Reassembler::bury(MessageId message) {
   buried_.insert(message);
 }
 
-std::optional<MessageId> Reassembler::poll_evicted() {
-  if (evicted_.empty()) return std::nullopt;
-  const MessageId message = evicted_.back();
-  evicted_.pop_back();
+std::optional<MessageId> Reassembler::poll_forgotten() {
+  if (forgotten_.empty()) return std::nullopt;
+  const MessageId message = forgotten_.back();
+  forgotten_.pop_back();
   return message;
 }
 
 std::size_t Reassembler::expire(TimePoint now) {
   std::size_t gone = 0;
-  for (; const auto place = expiries_.due(now); ++gone) bury(partials_[*place].id);
+  for (; const auto place = expiries_.due(now); ++gone) {
+    const Partial& partial = partials_[*place];
+    const MessageId message = partial.id;
+    if (partial.kind == wire::MessageKind::kPlain) forgotten_.push_back(message);
+    bury(message);
+  }
   return gone;
 }
 

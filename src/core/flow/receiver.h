@@ -160,8 +160,9 @@ class Reassembler {
   Outcome add(TimePoint now, const wire::Data& data, const ClockBounds& clocks,
               std::size_t room = SIZE_MAX);
 
-  // Messages that had to make room for another one, each once.
-  std::optional<MessageId> poll_evicted();
+  // Messages that were forgotten incomplete and never will be complete: those that had to make room
+  // for another one, and plain ones whose time was over. Each once.
+  std::optional<MessageId> poll_forgotten();
   // Forgets the messages that can no longer arrive by their deadline; returns how many there were.
   std::size_t expire(TimePoint now);
   std::optional<TimePoint> next_timeout() const;
@@ -203,7 +204,7 @@ class Reassembler {
   Alarms expiries_;
   // Messages that are complete or expired, whose further fragments are duplicates.
   RecentSet<MessageId, kBuried> buried_;
-  std::vector<MessageId> evicted_;
+  std::vector<MessageId> forgotten_;
   std::size_t bytes_ = 0;
 };
 

@@ -235,8 +235,8 @@ void Sender::note_overdue(TimePoint now, const Message& message) {
   for (const auto& [link, path] : paths_) {
     if (missing.index >= message.sent) break;
     // The lifetime is rounded to microseconds.
-    const auto known = path.sent.copies(missing, began - std::chrono::microseconds(1));
-    if (known) copies.push_back({link, known->first, known->second});
+    const auto first = path.sent.first_copy(missing, began - std::chrono::microseconds(1));
+    if (first) copies.push_back({link, *first});
   }
   overdue_.add(now, missing, message.deadline, copies);
 }

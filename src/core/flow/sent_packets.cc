@@ -21,6 +21,10 @@ constexpr std::uint64_t kForgetReordering = 16;
 // What a report does not tell of so long after it left is lost: the longest routine stall of a
 // radio is 800 ms (docs/constants.md, "States of a path").
 constexpr Duration kUntold = std::chrono::seconds(1);
+// A packet taken for lost may still arrive. As losses are counted, its loss is certain when this
+// many later ones were sent, or after twice the timeout. Half the packets that an acknowledgement
+// tells of (wire::kAckWindow).
+constexpr std::uint64_t kLatePackets = 128;
 // How long the records of packets are kept for late acknowledgements. No measurement behind this
 // value: it only has to be larger than a round trip with full queues.
 constexpr Duration kKeep = std::chrono::seconds(3);
@@ -372,14 +376,11 @@ std::optional<TimePoint> SentPackets::sent_at(const Piece& piece) {
   return std::prev(behind)->at;
 }
 
-std::optional<std::pair<std::uint64_t, std::uint64_t>> SentPackets::copies(const Piece& piece,
-                                                                           TimePoint since) const {
-  std::optional<std::pair<std::uint64_t, std::uint64_t>> out;
+std::optional<std::uint64_t> SentPackets::first_copy(const Piece& piece, TimePoint since) const {
+  std::optional<std::uint64_t> out;
   for (std::uint64_t n = next_ - 1; keeps(n) && at(n).at >= since; --n) {
     const Packet& packet = at(n);
-    if (!packet.has_piece || data_of(packet).piece() != piece) continue;
-    if (packet.covered && largest_ >= n + kLatePackets) continue;
-    out = {n, out ? out->second : n};
+    if (packet.has_piece && data_of(packet).piece() == piece) out = n;
   }
   return out;
 }

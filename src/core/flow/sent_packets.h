@@ -32,11 +32,6 @@ namespace interneuron::flow {
 // nothing is allocated per packet once the rings have grown. Pure; thread-compatible; never throws.
 class SentPackets {
  public:
-  // A packet taken for lost may still arrive. Its loss is certain when this many later ones were
-  // sent, or after twice the timeout. Half the packets that an acknowledgement tells of
-  // (wire::kAckWindow).
-  static constexpr std::uint64_t kLatePackets = 128;
-
   // The fragment that a packet carried. Packets without a fragment are never repaired.
   struct Piece {
     MessageId message{};
@@ -109,11 +104,9 @@ class SentPackets {
   // in between, as when a path is pulled, each takes logarithmic time.
   std::optional<TimePoint> sent_at(const Piece& piece);
 
-  // The smallest and the largest number of a copy of this fragment that left at `since` or later
-  // and may have arrived, as far as reports tell; nothing: none may. Looks at all packets since
-  // then.
-  std::optional<std::pair<std::uint64_t, std::uint64_t>> copies(const Piece& piece,
-                                                                TimePoint since) const;
+  // The number of the first copy of this fragment that left at `since` or later. Looks at all
+  // packets since then.
+  std::optional<std::uint64_t> first_copy(const Piece& piece, TimePoint since) const;
 
   // Bytes of the fragments in flight, IP headers included.
   std::size_t bytes_in_flight() const { return open_bytes_; }

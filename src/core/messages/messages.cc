@@ -306,9 +306,13 @@ void Messages::settle(TimePoint now, Peer& peer, const Settled& settled) {
         return tell(sent_.dropped(id, settled.message, FateReason::kSuperseded));
       }
       return tell(sent_.late(id, settled.message, when));
-    case Kind::kRefused:
+    case Kind::kRefused: {
       peer.cancel(settled.message);
-      return tell(sent_.dropped(id, settled.message, FateReason::kRefusedByPeer));
+      // The peer names in one list what found no room and what it has waited for in vain.
+      const bool is_over = now >= entry->deadline;
+      return tell(sent_.dropped(id, settled.message,
+                                is_over ? FateReason::kExpired : FateReason::kRefusedByPeer));
+    }
   }
 }
 

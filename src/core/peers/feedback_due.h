@@ -35,6 +35,11 @@ class FeedbackDue {
     forget();
     sent_at_ = now;
   }
+  // There is something to tell that no packet has brought about.
+  void has_news(TimePoint now) {
+    const TimePoint due = now + kDelay;
+    if (!at_ || due < *at_) at_ = due;
+  }
   // Not everything that is to be told found room in what was sent.
   void again(TimePoint now) { at_ = now; }
   // Nothing of what has arrived so far is reported.

@@ -143,7 +143,7 @@ Peer::Input Peer::handle(TimePoint now, const wire::Packet& packet, const Datagr
     input.refused = true;
     receipts_.refuse(now, message);
   }
-  while (const auto evicted = reassembler_.poll_evicted()) receipts_.refuse(now, *evicted);
+  tell_forgotten(now);
   if (outcome.result == flow::Reassembler::Result::kComplete) {
     note_activity(now);
     receipts_.complete(now, message);
@@ -284,7 +284,18 @@ std::size_t Peer::handle_timeout(TimePoint now) {
   }
   look(now);
   sender_.handle_timeout(now);
-  return reassembler_.expire(now);
+  const std::size_t expired = reassembler_.expire(now);
+  tell_forgotten(now);
+  return expired;
+}
+
+// Acknowledgements tell of packets for a short time only, so that the sender of many would not know
+// whether what was late has arrived in the end.
+void Peer::tell_forgotten(TimePoint now) {
+  while (const auto message = reassembler_.poll_forgotten()) {
+    receipts_.refuse(now, *message);
+    feedback_.has_news(now);
+  }
 }
 
 std::optional<TimePoint> Peer::next_timeout(TimePoint now) const {

@@ -159,6 +159,8 @@ class Peer {
   void collect_changes(TimePoint now, Path& path);
   bool take_changes(Path& path);
   void relieve(TimePoint now, const Path& path);
+  // Messages that the reassembler has forgotten incomplete are to be told of.
+  void tell_forgotten(TimePoint now);
   bool look_again(TimePoint now, std::vector<LinkId>& changed);
   std::uint64_t first_number(TimePoint now) const;
   void note_activity(TimePoint now);

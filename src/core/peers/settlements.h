@@ -20,7 +20,8 @@ struct Settled {
     kComplete,
     // It was complete, and dropped there: late, or not the newest of its channel.
     kDroppedThere,
-    // There was no room for it. That is final: it is never complete.
+    // There was no room for it, or its time was over before all of it was there. That is final: it
+    // is never complete.
     kRefused,
   };
   Kind kind{};

@@ -305,10 +305,10 @@ TEST(Reassembler, WhatMakesRoomIsToldOf) {
     return r.add(at(0ms), d, kNoClocks).result;
   };
   EXPECT_EQ(begin(1, 100ms), Result::kStored);
-  EXPECT_FALSE(r.poll_evicted());
+  EXPECT_FALSE(r.poll_forgotten());
   EXPECT_EQ(begin(2, 900ms), Result::kStored);
-  EXPECT_EQ(r.poll_evicted(), MessageId{1});
-  EXPECT_FALSE(r.poll_evicted());
+  EXPECT_EQ(r.poll_forgotten(), MessageId{1});
+  EXPECT_FALSE(r.poll_forgotten());
 }
 
 TEST(Reassembler, APlainMessageThatWasRefusedIsNeverComplete) {
