@@ -44,6 +44,7 @@ class PathUse {
   // Something is queued that may not leave yet.
   void held_back() { told_.held_back = true; }
 
+  DataRate needed() const { return told_.needed; }
   Told take(TimePoint now) {
     if (queued_) {
       told_.backlog += now - since_;

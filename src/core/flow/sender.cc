@@ -212,6 +212,12 @@ PathUse::Told Sender::take_use(TimePoint now, LinkId link) {
   return it == paths_.end() ? PathUse::Told{} : it->second.use.take(now);
 }
 
+DataRate Sender::needed() const {
+  DataRate most{};
+  for (const auto& [link, path] : paths_) most = std::max(most, path.use.needed());
+  return most;
+}
+
 void Sender::handle_timeout(TimePoint now) {
   parting_.clear();
   for (auto& [link, path] : paths_) {

@@ -132,6 +132,10 @@ class Sender {
   // How the path was used since the last call.
   PathUse::Told take_use(TimePoint now, LinkId path);
 
+  // The rate at which the newest messages are sent early enough (PathUse::Told), of the path that
+  // needs most; zero before the first one.
+  DataRate needed() const;
+
   // Fragments in flight for longer than their path's probe timeout count as lost and are queued
   // again. Forgets messages whose deadline has passed.
   void handle_timeout(TimePoint now);

@@ -37,6 +37,9 @@ constexpr double kEnough = 1.25;
 // Between two trains while the rate is unknown. No measurement behind this value: it only has to be
 // larger than a round trip, so that the first train is answered before the next one leaves.
 constexpr Duration kPause = std::chrono::milliseconds(300);
+// A train that nothing is told of for so long is lost, or its path is dead
+// (PathMachine::kDeadSilence).
+constexpr Duration kVanished = std::chrono::seconds(4);
 // Between two trains until kSettled of them make a median.
 constexpr Duration kSettling = std::chrono::seconds(1);
 constexpr std::size_t kSettled = 3;
@@ -59,6 +62,10 @@ constexpr Duration kWanted = std::chrono::seconds(1);
 constexpr double kFound = 1.15;
 // The longest interval of wanted trains is that of the usual ones, kOld: doublings until then.
 constexpr int kMostDoublings = 5;
+// A path that carries this many times what messages need has plenty: they need what sends them
+// within a third of their time (src/core/flow/path_use.h), so that it sends them within a twelfth,
+// and a faster path would save them nothing that counts.
+constexpr double kPlenty = 4.0;
 // Between two proofs of a latched path: four within the shortest proof window.
 constexpr Duration kProof = std::chrono::milliseconds(250);
 
@@ -146,6 +153,7 @@ void ProbeSchedule::train_sent(TimePoint now, std::uint32_t packets) {
     spend(now, packets);
   }
   train_at_ = now;
+  awaits_train_ = true;
   last_train_ = packets;
   requested_at_.reset();
 }
@@ -153,6 +161,13 @@ void ProbeSchedule::train_sent(TimePoint now, std::uint32_t packets) {
 bool ProbeSchedule::is_wanted(TimePoint now) const {
   return wanted_at_ && now - *wanted_at_ <= kWanted && !metered_ && evidence_.rate &&
          *evidence_.rate > DataRate{} && *evidence_.rate < wanted_rate_;
+}
+
+// Whether the path is in use and carries far more than its users need.
+bool ProbeSchedule::is_plenty(TimePoint now) const {
+  const bool in_use = active_at_ && now - *active_at_ < kActive;
+  return in_use && needed_ > DataRate{} && evidence_.at &&
+         *evidence_.rate >= needed_.scaled(kPlenty);
 }
 
 // Nobody waits for more than is wanted.
@@ -184,9 +199,14 @@ TimePoint ProbeSchedule::in_a_pause(TimePoint now, TimePoint at) const {
   return std::max(at, *data_at_ + (measured ? kBusy : kPausing));
 }
 
+// The next one of any kind leaves then at the earliest.
+TimePoint ProbeSchedule::next_train() const {
+  return awaits_train_ ? *train_at_ + kVanished : TimePoint::min();
+}
+
 // When a train is due, as far as there is budget for it.
 std::optional<TimePoint> ProbeSchedule::usual_train_wish(TimePoint now) const {
-  if (metered_ && !requested_at_) return std::nullopt;
+  if (!requested_at_ && (metered_ || is_plenty(now))) return std::nullopt;
   TimePoint at = requested_at_.value_or(now);
   if (!requested_at_ && train_at_) {
     const bool fresh = evidence_.at && *evidence_.at >= *train_at_;
@@ -200,7 +220,7 @@ std::optional<TimePoint> ProbeSchedule::usual_train_wish(TimePoint now) const {
   } else if (!requested_at_ && evidence_.trains >= kSettled && evidence_.at) {
     at = *evidence_.at + kOld;
   }
-  return in_a_pause(now, at);
+  return in_a_pause(now, std::max(at, next_train()));
 }
 
 std::optional<TimePoint> ProbeSchedule::usual_train_at(TimePoint now) const {
@@ -213,7 +233,7 @@ std::optional<TimePoint> ProbeSchedule::usual_train_at(TimePoint now) const {
 
 std::optional<TimePoint> ProbeSchedule::wanted_train_at(TimePoint now) const {
   if (!is_wanted(now) || !evidence_.at) return std::nullopt;
-  const TimePoint at = std::max(now, wanted_next_);
+  const TimePoint at = std::max({now, wanted_next_, next_train()});
   return data_at_ ? std::max(at, *data_at_ + kPausing) : at;
 }
 

@@ -5,7 +5,11 @@
 // Budgets, IP headers included: heartbeats at most kHeartbeatRate per direction, trains and proofs
 // at most kTrainRate on average. Trains that a withheld variant asks for have a budget of their
 // own: at most kWantedShare of the believed rate and kWantedRate, and almost nothing once kPatience
-// of them have found no higher rate.
+// of them have found no higher rate. A train leaves only once the one before has been told of, or
+// is lost: else the first ones fill the queue of a slow link for a minute. While messages flow that
+// need little of what the path is believed to carry, nothing but a request makes a train: whatever
+// more it found would help no message, and where many senders share a cell their trains together
+// would fill it.
 #pragma once
 
 #include <cstdint>
@@ -65,6 +69,9 @@ class ProbeSchedule {
     std::optional<DataRate> pace;
   };
 
+  // The rate at which the newest messages to this peer, on whatever path, are sent early enough;
+  // zero: nothing is known of any.
+  void set_needed(DataRate needed) { needed_ = needed; }
   // A metered path gets no trains unless asked, and few heartbeats while idle.
   void set_metered(bool metered) { metered_ = metered; }
   // Size of a heartbeat and of a full packet at IP level, bytes.
@@ -87,6 +94,8 @@ class ProbeSchedule {
   // A feedback packet left on this path, for whatever reason.
   void heartbeat_sent(TimePoint now);
   void train_sent(TimePoint now, std::uint32_t packets);
+  // The peer has told of the end of the newest train, or of what was sent after it.
+  void train_told() { awaits_train_ = false; }
   void proof_sent(TimePoint now);
 
   // --- what is due
@@ -100,12 +109,14 @@ class ProbeSchedule {
 
  private:
   bool is_wanted(TimePoint now) const;
+  bool is_plenty(TimePoint now) const;
   // The pace and the length of the next train; the rate must be known for the first.
   DataRate train_pace(TimePoint now) const;
   std::uint32_t train_packets(TimePoint now) const;
   // What trains and proofs may use now, in bits: the level of a token bucket.
   double level(TimePoint now, double train) const;
   TimePoint in_a_pause(TimePoint now, TimePoint at) const;
+  TimePoint next_train() const;
   std::optional<TimePoint> usual_train_wish(TimePoint now) const;
   std::optional<TimePoint> usual_train_at(TimePoint now) const;
   std::optional<TimePoint> wanted_train_at(TimePoint now) const;
@@ -120,6 +131,7 @@ class ProbeSchedule {
   std::size_t heartbeat_bytes_ = 152;
   std::size_t full_bytes_ = kMaxPacketBytes;
   RateEvidence evidence_;
+  DataRate needed_{};
   // When active() or heartbeat_sent() was first called.
   std::optional<TimePoint> begun_at_;
   std::optional<TimePoint> requested_at_;
@@ -129,6 +141,8 @@ class ProbeSchedule {
   std::optional<TimePoint> train_at_;
   // Packets of the newest train.
   std::uint32_t last_train_ = 0;
+  // Its end has not been told of.
+  bool awaits_train_ = false;
   // The newest want(), when the budget allows the next wanted train, the rate believed when the
   // last one left, and how many in a row have found no higher one.
   std::optional<TimePoint> wanted_at_;

@@ -90,7 +90,8 @@ void Path::sent_data(TimePoint now, std::size_t bytes) {
   probes.data_sent(now);
 }
 
-void Path::sent_probe(TimePoint now, std::size_t bytes) {
+void Path::sent_probe(TimePoint now, std::size_t bytes, std::uint64_t number) {
+  train_newest_ = number;
   bytes_out_ += bytes;
   estimator.sent(now, true);
 }
@@ -112,6 +113,7 @@ void Path::learn(TimePoint now, const wire::LinkReport& report,
   }
   if (v.newest_sent) estimator.delivered(now, *v.newest_sent, v.data);
   if (v.delivery) estimator.delivery_sample(now, *v.delivery);
+  if (train_left_ == 0 && report.largest >= train_newest_) probes.train_told();
   if (v.train) estimator.train(now, *v.train);
   control(now, report, v, use);
   const auto probe = mtu_.waits_for();
@@ -153,7 +155,8 @@ void Path::learn_exchange(TimePoint now, PeerTime u, const wire::LinkReport& rep
                            Duration{wrapping_sub(r, u_ns)});
 }
 
-void Path::refresh(TimePoint now, bool ready) {
+void Path::refresh(TimePoint now, bool ready, DataRate needed) {
+  probes.set_needed(needed);
   probes.set_metered(nic_.traits.metered || peer_is_metered_);
   probes.set_rate(estimator.rate_evidence());
   probes.set_latched(estimator.path() == PathState::kLatched);

@@ -59,7 +59,7 @@ class Path {
   void echoed() { validated_ = true; }
   void sent_feedback(TimePoint now, std::size_t bytes);
   void sent_data(TimePoint now, std::size_t bytes);
-  void sent_probe(TimePoint now, std::size_t bytes);
+  void sent_probe(TimePoint now, std::size_t bytes, std::uint64_t number);
   void sent_mtu_probe(TimePoint now, std::size_t bytes, std::uint64_t number);
   // The peer's report about this path, what the sender has concluded from it, and how the path was
   // used since the report before.
@@ -70,8 +70,9 @@ class Path {
   // An exchange of clocks in feedback that came over this path now and that the peer sent at `u`.
   void learn_exchange(TimePoint now, PeerTime u, const wire::LinkReport& report);
   // Tells the schedule of probes what is believed now. Call it after anything that may have changed
-  // that. `ready`: the peer has echoed our session on some path.
-  void refresh(TimePoint now, bool ready);
+  // that. `ready`: the peer has echoed our session on some path. `needed`: see
+  // link::ProbeSchedule::set_needed().
+  void refresh(TimePoint now, bool ready, DataRate needed);
 
   // --- what is due
   // Whether a heartbeat is due; send it before the next call.
@@ -120,6 +121,8 @@ class Path {
   std::uint32_t train_left_ = 0;
   std::optional<DataRate> train_pace_;
   TimePoint train_next_{};
+  // The number of the newest packet of a train.
+  std::uint64_t train_newest_ = 0;
 };
 
 }  // namespace interneuron

@@ -254,10 +254,11 @@ void Peer::refresh(TimePoint now) {
 
 // Returns whether the state of a path has changed, and adds those paths.
 bool Peer::look_again(TimePoint now, std::vector<LinkId>& changed) {
+  const DataRate needed = sender_.needed();
   for (Path& path : paths_) {
     path.estimator.set_last_usable(std::ranges::none_of(
         paths_, [&path](const Path& p) { return p.id() != path.id() && p.estimator.up(); }));
-    path.refresh(now, ready_);
+    path.refresh(now, ready_, needed);
     sender_.set_path(path.id(), path.view(now));
     sender_.resize(now, path.id(), path.datagram());
   }

@@ -66,7 +66,7 @@ TransmitParts Peer::send_probe(TimePoint now, Path& path, std::span<std::byte> b
   const std::size_t size = path.datagram();
   const std::uint64_t number = sender_.take_number(now, path.id(), size + kIpUdpBytes);
   wire::write_probe(buffer, header(now, path, wire::PacketType::kProbe, number), size);
-  path.sent_probe(now, size);
+  path.sent_probe(now, size, number);
   return {path.nic().link, path.address(), size};
 }
 

@@ -26,10 +26,10 @@ TEST(Path, ASlowTrainDoesNotKeepTheLoopAwake) {
   int packets = 0;
   for (TimePoint now = at(1s); now < at(60s);) {
     path.estimator.heard(now);
-    path.refresh(now, true);
+    path.refresh(now, true, {});
     while (path.heartbeat_due(now)) path.sent_feedback(now, 100);
     while (path.probe_due(now)) {
-      path.sent_probe(now, kMaxDatagram);
+      path.sent_probe(now, kMaxDatagram, 1);
       ++packets;
     }
     path.estimator.handle_timeout(now);
@@ -55,9 +55,9 @@ TEST(Path, ProofsRespectWhatAnUnknownAddressMayGet) {
   int packets = 0;
   for (const TimePoint end = now + 10s; now < end; now += 10ms) {
     path.estimator.heard(now);
-    path.refresh(now, true);
+    path.refresh(now, true, {});
     while (path.probe_due(now)) {
-      path.sent_probe(now, kMaxDatagram);
+      path.sent_probe(now, kMaxDatagram, 1);
       ++packets;
     }
     if (path.estimator.path() != PathState::kLatched) break;

@@ -45,6 +45,7 @@ struct Alone {
         prober.proof_sent(now);
       }
       if (report && *report <= now) {
+        if (rate > DataRate{}) prober.train_told();
         if (rate > DataRate{}) prober.set_rate({rate, now, std::min<std::size_t>(long_trains, 3)});
         report.reset();
       }
@@ -147,6 +148,8 @@ TEST(Prober, AGuessOnlyDoublesTheNextTrain) {
   p.active(TimePoint{});
   p.train_sent(TimePoint{}, 32);
   p.set_rate({DataRate::mbit(3'900), std::nullopt, 0});
+  EXPECT_FALSE(p.train_due(TimePoint{3'900ms})) << "it is still on its way";
+  p.train_told();
   const auto train = p.train_due(TimePoint{300ms});
   ASSERT_TRUE(train);
   EXPECT_EQ(train->packets, 64U);
@@ -174,6 +177,39 @@ TEST(Prober, OldEvidenceIsRefreshedInThePausesOfMessages) {
   run.until(120s, 100ms);
   EXPECT_GE(run.trains.size(), 8U);
   EXPECT_LE(run.trains.size(), 10U);
+}
+
+TEST(Prober, APathInUseThatCarriesFarMoreThanIsNeededGetsNoTrains) {
+  Alone run;
+  run.rate = DataRate::mbit(20);
+  run.prober.set_ready(true);
+  run.prober.set_rate({run.rate, run.now, 1});
+  run.prober.set_needed(DataRate::mbit(5));
+  run.until(60s, 100ms);
+  EXPECT_TRUE(run.trains.empty());
+  run.prober.request_train(run.now);
+  run.until(61s, 100ms);
+  EXPECT_EQ(run.trains.size(), 1U);
+  // Nobody uses it any more.
+  run.until(90s);
+  EXPECT_GE(run.trains.size(), 3U);
+}
+
+TEST(Prober, ItGetsThemWhereMoreWouldHelpOrNothingIsKnown) {
+  Alone slow;
+  slow.rate = DataRate::mbit(19);
+  slow.prober.set_ready(true);
+  slow.prober.set_rate({slow.rate, slow.now, 1});
+  slow.prober.set_needed(DataRate::mbit(5));
+  slow.until(60s, 100ms);
+  EXPECT_GE(slow.trains.size(), 4U);
+  Alone guess;
+  guess.rate = DataRate::mbit(20);
+  guess.prober.set_ready(true);
+  guess.prober.set_rate({guess.rate, std::nullopt, 0});
+  guess.prober.set_needed(DataRate::mbit(5));
+  guess.until(1s, 100ms);
+  EXPECT_FALSE(guess.trains.empty());
 }
 
 // --- wanted trains
@@ -289,7 +325,7 @@ TEST(Prober, ATrainThatVanishedIsTriedAgainWithinTheBudget) {
   Alone run;  // rate 0: nothing comes back
   run.prober.set_ready(true);
   run.until(60s);
-  EXPECT_GE(run.trains.size(), 20U);
+  EXPECT_GE(run.trains.size(), 14U);  // one in 4 s
   EXPECT_LE(static_cast<double>(run.train_bits) / 60, 150'000 + 2e6 / 60);
 }
 

@@ -3,6 +3,7 @@
 #include <cstdio>
 
 #include "duo.h"
+#include "stream.h"
 
 namespace interneuron::sim {
 namespace {
@@ -24,9 +25,47 @@ TEST_P(IdleRate, IsFoundWithin15Percent) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Measure, IdleRate, testing::Values(5, 10, 20, 50, 100, 200, 300),
+INSTANTIATE_TEST_SUITE_P(Measure, IdleRate,
+                         testing::Values(1, 2, 5, 10, 20, 50, 100, 200, 300, 500, 1'000),
                          [](const auto& p) {
                            return std::to_string(static_cast<int>(p.param)) + "Mbit";
+                         });
+
+struct Load {
+  double mbit;
+  double load;
+};
+
+class LoadedRate : public testing::TestWithParam<Load> {};
+
+// Messages take a third of their time. A link of 0.1 Mbit/s needs 3 s for the first train alone,
+// and loses a third of its rate to heartbeats.
+TEST_P(LoadedRate, IsFoundWithin20Percent) {
+  const auto [mbit, load] = GetParam();
+  Stream::Options o;
+  o.deadline = 150ms;
+  o.variants = {static_cast<std::size_t>(mbit * 1e6 / 8 * 0.15 / 3)};
+  o.period = Duration{
+      static_cast<std::int64_t>(static_cast<double>(o.variants[0] + 90) * 8e3 / (mbit * load))};
+  Stream stream({constant_link("a", 40, mbit, mbit)}, o);
+  const Duration end = mbit < 100 ? 30s : 6s;
+  stream.send(2s, static_cast<std::size_t>((end - 2s) / o.period));
+  for (Duration at = 5s; at <= end; at += 1s) {
+    stream.world.run_until(at);
+    const TimePoint now = stream.world.local_time(stream.vehicle);
+    const auto links = stream.world.endpoint(stream.vehicle).links(now, stream.peer);
+    EXPECT_NEAR(links.at(0).rate.mbit() / mbit, 1, 0.2) << to_ms(at) / 1e3 << " s";
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Measure, LoadedRate,
+                         testing::Values(Load{0.1, 0.9}, Load{0.1, 2}, Load{0.2, 0.9},
+                                         Load{0.5, 0.9}, Load{1, 0.9}, Load{1, 2}, Load{5, 0.9},
+                                         Load{20, 0.9}, Load{60, 2}, Load{100, 0.9}, Load{300, 0.9},
+                                         Load{1'000, 0.9}),
+                         [](const auto& p) {
+                           return std::to_string(std::lround(p.param.mbit * 10)) + "00kbitAt" +
+                                  std::to_string(std::lround(p.param.load * 100)) + "percent";
                          });
 
 // Trains come every 10 s; one that tells another rate is followed by one that settles it.
