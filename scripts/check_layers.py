@@ -41,7 +41,7 @@ OS_PATTERNS = """
 arpa/* asm/* linux/* net/* netinet/* netpacket/* sys/* dirent.h dlfcn.h endian.h err.h errno.h fcntl.h features.h fnmatch.h
 getopt.h glob.h grp.h ifaddrs.h libgen.h limits.h mntent.h netdb.h poll.h pthread.h pty.h pwd.h sched.h semaphore.h
 signal.h spawn.h stdint.h stdio.h stdlib.h string.h syscall.h syslog.h termios.h time.h ucontext.h unistd.h
-wait.h""".split()
+wait.h malloc.h""".split()
 
 # What a pure folder may not say, whatever it includes. Applied to code without comments and string contents; the words
 # are a quick test, since nearly every file has none of them.

@@ -61,13 +61,6 @@ void Overdue::remove_path(LinkId path) {
   });
 }
 
-std::optional<MessageId> Overdue::poll() {
-  if (incomplete_.empty()) return std::nullopt;
-  const MessageId message = incomplete_.front();
-  incomplete_.pop_front();
-  return message;
-}
-
 void Overdue::clear() { *this = {}; }
 
 }  // namespace interneuron::flow

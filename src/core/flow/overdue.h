@@ -42,7 +42,12 @@ class Overdue {
   void report(const wire::LinkReport& report, std::optional<TimePoint> left);
   void remove_path(LinkId path);
   // Messages that were not complete, each once.
-  std::optional<MessageId> poll();
+  std::optional<MessageId> poll() {
+    if (incomplete_.empty()) return std::nullopt;
+    const MessageId message = incomplete_.front();
+    incomplete_.pop_front();
+    return message;
+  }
   void clear();
 
  private:

@@ -289,13 +289,6 @@ void Reassembler::bury(MessageId message) {
   buried_.insert(message);
 }
 
-std::optional<MessageId> Reassembler::poll_forgotten() {
-  if (forgotten_.empty()) return std::nullopt;
-  const MessageId message = forgotten_.back();
-  forgotten_.pop_back();
-  return message;
-}
-
 std::size_t Reassembler::expire(TimePoint now) {
   std::size_t gone = 0;
   for (; const auto place = expiries_.due(now); ++gone) {

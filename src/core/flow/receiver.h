@@ -162,7 +162,12 @@ class Reassembler {
 
   // Messages that were forgotten incomplete and never will be complete: those that had to make room
   // for another one, and plain ones whose time was over. Each once.
-  std::optional<MessageId> poll_forgotten();
+  std::optional<MessageId> poll_forgotten() {
+    if (forgotten_.empty()) return std::nullopt;
+    const MessageId message = forgotten_.back();
+    forgotten_.pop_back();
+    return message;
+  }
   // Forgets the messages that can no longer arrive by their deadline; returns how many there were.
   std::size_t expire(TimePoint now);
   std::optional<TimePoint> next_timeout() const;

@@ -263,13 +263,6 @@ std::optional<TimePoint> Sender::next_send(LinkId path) const {
   return saturating_add(it->second.free_at, kQuantum);
 }
 
-std::optional<MessageId> Sender::poll_given_up() {
-  if (given_up_.empty()) return std::nullopt;
-  const MessageId message = given_up_.front();
-  given_up_.pop_front();
-  return message;
-}
-
 bool Sender::is_queued(MessageId message) const {
   const Message* known = messages_.find(message);
   return known != nullptr && std::ranges::count_if(paths_, [message](const auto& entry) {

@@ -92,7 +92,12 @@ class Sender {
   // Messages that cannot be complete at the peer: those that their only path has given up before
   // all of them had left, and those that were incomplete at their deadline (Overdue). Each once, of
   // those of kind kPlain alone.
-  std::optional<MessageId> poll_given_up();
+  std::optional<MessageId> poll_given_up() {
+    if (given_up_.empty()) return std::nullopt;
+    const MessageId message = given_up_.front();
+    given_up_.pop_front();
+    return message;
+  }
   std::optional<MessageId> poll_incomplete() { return overdue_.poll(); }
   // The peer's reports of one feedback, which it sent at `left` or later; nothing: not known when.
   void settle_overdue(std::span<const wire::LinkReport> reports, std::optional<TimePoint> left) {

@@ -1,7 +1,6 @@
 #include "core/peers/peer.h"
 
 #include <algorithm>
-#include <utility>
 
 #include "core/base/earliest.h"
 #include "core/link/nature.h"
@@ -147,6 +146,7 @@ Peer::Input Peer::handle(TimePoint now, const wire::Packet& packet, const Datagr
   if (outcome.result == flow::Reassembler::Result::kComplete) {
     note_activity(now);
     receipts_.complete(now, message);
+    feedback_.completed(now);
     input.message_id = message;
     input.kind = packet.data.fragment.kind;
     input.message = std::move(outcome.message);

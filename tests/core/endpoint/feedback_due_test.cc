@@ -36,6 +36,25 @@ TEST(FeedbackDue, AGapAtOnceButNotTwiceInAMillisecond) {
   EXPECT_EQ(due.at(), at(11ms));
 }
 
+// One feedback for a burst of a fast link, and not one for every 16 packets of it.
+TEST(FeedbackDue, WaitsForTheRestOfABurst) {
+  FeedbackDue due(at(0s));
+  for (int i = 0; i < 127; ++i) due.arrived(at(i * 6us), false);
+  EXPECT_EQ(due.at(), at(1ms));
+  due.arrived(at(127 * 6us), false);
+  EXPECT_TRUE(due.is_due(at(127 * 6us))) << "half of what one feedback can tell of";
+}
+
+TEST(FeedbackDue, AtOnceWhenABurstCompletesAMessage) {
+  FeedbackDue due(at(0s));
+  for (int i = 0; i < 15; ++i) due.arrived(at(0s), false);
+  due.completed(at(0s));
+  EXPECT_EQ(due.at(), at(5ms)) << "messages of few packets may be many";
+  due.arrived(at(0s), false);
+  due.completed(at(0s));
+  EXPECT_TRUE(due.is_due(at(0s)));
+}
+
 // The smallest packet that is served: three of them pay for a feedback to an address that is not
 // trusted yet, and one does not.
 TEST(FeedbackDue, StaysDueWhileTheAddressMayNotGetIt) {
