@@ -115,6 +115,33 @@ TEST(Truth, AReportFromBeforeTheDeadlineDropsNothingWhenTheClockOfThePeerJumps) 
   }
 }
 
+// So many packets follow that no acknowledgement tells of the lost piece any more when its deadline
+// comes: the receiver says that it has waited for it in vain.
+TEST(Truth, WhatIsIncompleteIsDroppedHoweverManyPacketsFollow) {
+  Door d;
+  std::optional<std::uint32_t> first;
+  d.pipe.drop = [&](std::size_t from, LinkId, ByteView bytes) {
+    const auto packet = wire::parse(bytes);
+    if (from != d.vehicle || !packet || packet->header.type != wire::PacketType::kData)
+      return false;
+    const wire::FragmentHeader& piece = packet->data.fragment;
+    if (piece.size > 10'000 && !first) first = piece.message.value;
+    return first == piece.message.value && piece.index == 2;
+  };
+  SendOptions options;
+  options.deadline = 100ms;
+  const SendResult result = d.send({Bytes(20'000)}, options);
+  ASSERT_TRUE(result.accepted());
+  for (int i = 0; i < 100; ++i) {
+    for (int j = 0; j < 10; ++j) d.send({Bytes(100)});
+    d.pipe.run(2ms);
+  }
+  d.pipe.run(1s);
+  EXPECT_EQ(d.fate(result.id).fate, Fate::kDropped);
+  EXPECT_EQ(d.fate(result.id).reason, FateReason::kExpired);
+  EXPECT_EQ(d.came.size(), d.fates.size() - 1);
+}
+
 TEST(Truth, ManySmallMessagesAtOnceAreAllToldOf) {
   Door d;
   SendOptions options;
