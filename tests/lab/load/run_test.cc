@@ -67,6 +67,58 @@ INSTANTIATE_TEST_SUITE_P(Peers, RunOf,
                                          Peer::kBbrLike, Peer::kMptcpLike),
                          [](const auto& test) { return std::string(name_of(test.param)); });
 
+// A queue of 300 ms that is full makes every message late, and stays full.
+TEST(Run, FivePercentTooMuchDoesNotMakeEveryMessageLate) {
+  Choice choice;
+  choice.peers = {Peer::kOurs};
+  choice.loads = {1.05, 2.0};
+  choice.length = 5s;
+  int runs = 0;
+  for (const Scenario& s : scenarios("rate", choice)) {
+    if (s.queue < s.deadline) continue;
+    const Row row = run(s);
+    EXPECT_GT(row.of_possible, 0.9) << s.name << " " << s.load;
+    EXPECT_LT(row.queue_p99_ms, 60) << s.name << " " << s.load;
+    ++runs;
+  }
+  EXPECT_EQ(runs, 4);
+}
+
+// What a train of packets shows is the rate of the cell and not a vehicle's share of it.
+TEST(Run, TenVehiclesThatWantMoreThanTheirCellHasShareIt) {
+  for (const double load : {1.06, 2.0}) {
+    Choice choice;
+    choice.peers = {Peer::kOurs};
+    choice.loads = {load};
+    choice.length = 5s;
+    for (const Scenario& s : scenarios("vehicles", choice)) {
+      if (s.vehicles != 10) continue;
+      const Row row = run(s);
+      EXPECT_GT(row.of_possible, 0.85) << load;
+      EXPECT_LT(row.queue_p99_ms, 100) << load;
+      ASSERT_TRUE(row.jain.has_value());
+      EXPECT_GT(*row.jain, 0.9) << load;
+    }
+  }
+}
+
+// Where the queue is not so long that everything in it is late.
+TEST(Run, BesideOneFlowOfCubicAVehicleGetsItsShareAndLeavesTheRest) {
+  Choice choice;
+  choice.peers = {Peer::kOurs};
+  choice.length = 8s;
+  int runs = 0;
+  for (const Scenario& s : scenarios("cubic", choice)) {
+    if (s.queue > s.deadline && !s.codel) continue;
+    const Row row = run(s);
+    ASSERT_TRUE(row.cross_share && row.own_share) << s.name;
+    EXPECT_GT(*row.own_share, 0.7) << s.name;
+    EXPECT_GT(*row.cross_share, 0.4) << s.name;
+    ++runs;
+  }
+  EXPECT_EQ(runs, 2);
+}
+
 TEST(Run, UdpAtTwiceTheRateLosesHalfOfItsPackets) {
   Choice choice;
   choice.peers = {Peer::kUdp};
