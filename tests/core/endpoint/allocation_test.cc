@@ -82,6 +82,13 @@ class TwoHosts {
     return allocations - before;
   }
 
+  // What the road holds on the heap; it is gone then.
+  std::int64_t heap_of_road() {
+    const std::int64_t before = held_bytes;
+    hosts_[1].reset();
+    return before - held_bytes;
+  }
+
   std::uint64_t level_allocations = 0;  // of the last choice
   std::uint64_t levels_chosen = 0;
   std::uint64_t packets = 0;
@@ -249,6 +256,20 @@ TEST(Allocation, LossesNeedNonePerPacket) {
               large.per_message());
   // The list of pieces to be sent again may grow a few times per message.
   EXPECT_LE(large.per_message(), small.per_message() + 8);
+}
+
+// A roadside unit has hundreds of peers. What rounds leave behind does not grow with their number.
+TEST(Memory, APeerOverTwoLinksTakesLessThan75KiB) {
+  for (const std::size_t pieces : {std::size_t{0}, std::size_t{4}, std::size_t{195}}) {
+    TwoHosts hosts;
+    hosts.run(30s, pieces);
+    // Whatever is incomplete is complete by then, or forgotten.
+    hosts.run(5s);
+    const std::int64_t kib = hosts.heap_of_road() / 1024;
+    std::printf("after messages of %zu pieces: %lld KiB\n", pieces, static_cast<long long>(kib));
+    EXPECT_GT(kib, 0);
+    EXPECT_LT(kib, 75);
+  }
 }
 
 }  // namespace
