@@ -73,6 +73,29 @@ TEST(Outage, AStallIsOverWithTheFirstSignOfLife) {
   EXPECT_EQ(duo.on_time(), 40);
 }
 
+// Both variants are together larger than the largest message, and both are incomplete at once.
+TEST(Outage, OfTheLinkOfAHugeMessageLeavesTheSmallerVariant) {
+  PipelineConfig pipeline = Duo::best_link();
+  pipeline.policy = "down_sampling";
+  pipeline.deadline = 300ms;
+  pipeline.period = 1s;
+  pipeline.guard = GuardKind::kPaper;
+  Duo duo({constant_link("a", 10, 1000, 1000), constant_link("b", 16, 100, 100)}, 1, {}, pipeline);
+  for (int i = 0; i < 20; ++i) {
+    duo.world.at(2s + i * 100ms, [&duo] { duo.round({Bytes(200'000), Bytes(100'000)}); });
+  }
+  duo.world.run_until(5s);
+  const std::size_t answered = duo.done.size();
+  EXPECT_EQ(duo.on_time(), static_cast<int>(answered));
+  duo.world.at(6s, [&duo] { duo.round({Bytes(7'600'000), Bytes(1'000'000)}); });
+  duo.cut(6s + 20ms, 0);
+  duo.world.run_until(7s);
+  ASSERT_EQ(duo.done.size(), answered + 1);
+  EXPECT_EQ(duo.done.back().outcome, Outcome::kRemote);
+  EXPECT_EQ(duo.delivered.back().second, 1) << "of the larger variant most was lost";
+  EXPECT_EQ(duo.world.endpoint(duo.road).counters().reassembly_refused, 0U);
+}
+
 struct Return {
   const char* name;
   Duration absence;
