@@ -64,7 +64,7 @@ double in_flight(std::size_t outstanding, std::size_t messages) {
     s.send(now, {.deadline = now + kDeadline, .lifetime = kDeadline}, Bytes(kSmall), {kA});
     while (const auto piece = s.poll(now, kA)) flying.push_back(piece->number);
     while (flying.size() > outstanding) {
-      receiver.accept(now, flying.front(), true, kIpBytes);
+      receiver.accept(now, flying.front(), flow::PathReceiver::Role::kData, kIpBytes);
       flying.pop_front();
       if (i % 8 == 0) s.report(now, receiver.report(now), 100ms);
       s.handle_timeout(now);

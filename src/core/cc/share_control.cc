@@ -87,6 +87,8 @@ DataRate plus(DataRate rate, double bits_per_second) {
 }  // namespace
 
 void ShareControl::report(TimePoint now, const Report& report) {
+  // A sender that paused has let the path run empty: its next burst is not to be held low for that.
+  if (now - used_at_ > kMemory) near_base_at_ = now;
   if (report.capacity) note_capacity(now, *report.capacity);
   if (report.round_trip) {
     note_round_trip(now, *report.round_trip);

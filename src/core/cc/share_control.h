@@ -140,7 +140,8 @@ class ShareControl {
   Duration target_ = kTarget;
   // The pace in terms of the rate.
   double gain_ = 0;
-  // When the round trip was last near its minimum, or the window was last held low to see it.
+  // When the round trip was last near its minimum, nothing had been sent for a while, or the window
+  // was last held low to see it.
   TimePoint near_base_at_{};
   // The window is held low.
   bool draining_ = false;

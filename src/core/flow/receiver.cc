@@ -30,6 +30,9 @@ constexpr Duration kMaxSlowTrain = std::chrono::seconds(1);
 // follows.
 constexpr std::uint32_t kToldPackets = 16;
 constexpr Duration kTold = std::chrono::milliseconds(5);
+// Data that come so long after the last packet of a train of probes are no part of it: messages may
+// wait in the same queue as probes, but a sender that is not held up is done with both at once.
+constexpr Duration kProbePause = std::chrono::milliseconds(1);
 // When so many packets behind a gap came within half of it, that gap was a pause before a train and
 // no part of one. No measurement behind this value: it only has to be more than what a slow link
 // may bring at once.
@@ -54,8 +57,7 @@ void shift_left(wire::AckBitmap& bitmap, std::uint64_t by) {
 
 }  // namespace
 
-bool PathReceiver::accept(TimePoint now, std::uint64_t number, bool counts_for_train,
-                          std::size_t ip_bytes) {
+bool PathReceiver::accept(TimePoint now, std::uint64_t number, Role role, std::size_t ip_bytes) {
   if (number > largest_) {
     const std::uint64_t by = number - largest_;
     if (largest_ != 0 && by > 1) gap_ = true;
@@ -71,7 +73,7 @@ bool PathReceiver::accept(TimePoint now, std::uint64_t number, bool counts_for_t
     word |= bit;
   }
   received_bytes_ += ip_bytes;
-  if (counts_for_train) extend_train(now, number, ip_bytes);
+  if (role != Role::kNone) extend_train(now, number, role, ip_bytes);
   return true;
 }
 
@@ -110,10 +112,18 @@ void PathReceiver::note_delay(TimePoint now, std::uint32_t stamp_us) {
   newest_delay_ = delay;
 }
 
-void PathReceiver::extend_train(TimePoint now, std::uint64_t number, std::size_t ip_bytes) {
-  if (train_.ends(now)) {
+bool PathReceiver::ends_train(TimePoint now, Role role) const {
+  if (train_.ends(now) || (role == Role::kProbe && !probing_)) return true;
+  const Duration pause = std::max<Duration>(kProbePause, kPauseGaps * train_.mean_gap());
+  return probing_ && role == Role::kData && now - train_.last > pause;
+}
+
+void PathReceiver::extend_train(TimePoint now, std::uint64_t number, Role role,
+                                std::size_t ip_bytes) {
+  if (ends_train(now, role)) {
     train_.begin(now, number);
     tail_ = train_;
+    probing_ = role == Role::kProbe;
     return;
   }
   const Duration gap = now - train_.last;

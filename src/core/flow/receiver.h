@@ -28,15 +28,19 @@ namespace interneuron::flow {
 //
 // A train ends with a pause that is long beside the gaps that it has had, so that one of a slow
 // link, whose packets are tens of milliseconds apart, is measured like one of a fast link. What
-// came too closely together to say anything waits for what follows. Whether a pause was the link's
+// came too closely together to say anything waits for what follows. Probes begin a train of their
+// own, in which data may lie: messages every 10 ms leave no pause that would tell it from them.
+// Whether a pause was the link's
 // or the sender's own the receiver cannot know; the sender does (SentPackets).
 class PathReceiver {
  public:
   explicit PathReceiver(LinkId link) : link_(link) {}
 
+  // What a packet is to a train: nothing; data, or a probe of the path.
+  enum class Role : std::uint8_t { kNone, kData, kProbe };
   // A packet came in. False when it is a duplicate: its number was seen before or is too old to
-  // tell. `counts_for_train` when it is data-sized, `ip_bytes` its size with IP headers.
-  bool accept(TimePoint now, std::uint64_t number, bool counts_for_train, std::size_t ip_bytes);
+  // tell. `ip_bytes`: its size with IP headers.
+  bool accept(TimePoint now, std::uint64_t number, Role role, std::size_t ip_bytes);
   // A feedback of the peer came in on this path, which left at `u` on the peer's clock.
   void exchange(TimePoint now, PeerTime u);
   // The path's part of a feedback sent at `now`.
@@ -67,7 +71,8 @@ class PathReceiver {
     // Whether it tells a rate: no single gap makes up most of it.
     bool even() const;
   };
-  void extend_train(TimePoint now, std::uint64_t number, std::size_t ip_bytes);
+  void extend_train(TimePoint now, std::uint64_t number, Role role, std::size_t ip_bytes);
+  bool ends_train(TimePoint now, Role role) const;
 
   LinkId link_;
   std::uint64_t largest_ = 0;
@@ -78,6 +83,8 @@ class PathReceiver {
   std::optional<PeerTime> u_;
   TimePoint u_at_{};
   Train train_;
+  // It began with a probe.
+  bool probing_ = false;
   // What has come since the newest long gap of the train, and that gap.
   Train tail_;
   Duration gap_before_tail_{};

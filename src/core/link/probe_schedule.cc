@@ -53,8 +53,10 @@ constexpr Duration kBeyond = std::chrono::minutes(10);
 // While messages measure the rate no train is sent. Ten periods of a camera at 10 Hz.
 constexpr Duration kBusy = std::chrono::seconds(1);
 // Else a train goes into the first pause of this length between messages, so that it is told from
-// them.
+// them; or among them where none came for so long. No measurement behind the second value: it only
+// has to leave time for the pauses of common periods.
 constexpr Duration kPausing = std::chrono::milliseconds(20);
+constexpr Duration kNoPause = std::chrono::seconds(1);
 // A want holds for so long after the last message that was withheld. Ten periods of a camera at 10
 // Hz.
 constexpr Duration kWanted = std::chrono::seconds(1);
@@ -93,7 +95,10 @@ void ProbeSchedule::active(TimePoint now) {
   active_at_ = now;
 }
 
-void ProbeSchedule::data_sent(TimePoint now) { active_at_ = data_at_ = now; }
+void ProbeSchedule::data_sent(TimePoint now) {
+  if (!data_at_ || now - *data_at_ >= kPausing) paused_at_ = now;
+  active_at_ = data_at_ = now;
+}
 
 void ProbeSchedule::heartbeat_sent(TimePoint now) {
   if (!begun_at_) begun_at_ = now;
@@ -195,8 +200,10 @@ std::uint32_t ProbeSchedule::train_packets(TimePoint now) const {
 // A train that is due at `at` waits for a pause between messages.
 TimePoint ProbeSchedule::in_a_pause(TimePoint now, TimePoint at) const {
   if (!data_at_) return at;
-  const bool measured = evidence_.at && now - *evidence_.at < kBusy;
-  return std::max(at, *data_at_ + (measured ? kBusy : kPausing));
+  if (evidence_.at && now - *evidence_.at < kBusy) return std::max(at, *data_at_ + kBusy);
+  const TimePoint pause = *data_at_ + kPausing;
+  // Where a rate is known, it is not worth more packets in front of those that wait.
+  return std::max(at, evidence_.at ? pause : std::min(pause, paused_at_ + kNoPause));
 }
 
 // The next one of any kind leaves then at the earliest.

@@ -137,6 +137,8 @@ class ProbeSchedule {
   std::optional<TimePoint> requested_at_;
   std::optional<TimePoint> active_at_;
   std::optional<TimePoint> data_at_;
+  // The end of the last pause between messages.
+  TimePoint paused_at_{};
   std::optional<TimePoint> heartbeat_at_;
   std::optional<TimePoint> train_at_;
   // Packets of the newest train.

@@ -113,8 +113,11 @@ Peer::Input Peer::handle(TimePoint now, const wire::Packet& packet, const Datagr
   // What others send in its name gives an address nothing.
   if (path.address() == datagram.from) path.received(datagram.bytes.size());
   const bool is_feedback = packet.header.type == wire::PacketType::kFeedback;
-  if (!path.receiver.accept(now, packet.header.number, !is_feedback,
-                            datagram.bytes.size() + kIpUdpBytes)) {
+  using Role = flow::PathReceiver::Role;
+  const Role role = is_feedback                                      ? Role::kNone
+                    : packet.header.type == wire::PacketType::kProbe ? Role::kProbe
+                                                                     : Role::kData;
+  if (!path.receiver.accept(now, packet.header.number, role, datagram.bytes.size() + kIpUdpBytes)) {
     input.duplicate = true;
     return input;
   }

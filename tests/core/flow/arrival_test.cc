@@ -48,9 +48,9 @@ TEST(PathReceiver, DelaysWrapWithTheStamps) {
 
 TEST(PathReceiver, CountsTheBytesThatItAccepts) {
   PathReceiver r(kLink);
-  r.accept(at(0s), 1, true, 1428);
-  r.accept(at(0s), 1, true, 1428);
-  r.accept(at(0s), 2, false, 100);
+  r.accept(at(0s), 1, PathReceiver::Role::kData, 1428);
+  r.accept(at(0s), 1, PathReceiver::Role::kData, 1428);
+  r.accept(at(0s), 2, PathReceiver::Role::kNone, 100);
   EXPECT_EQ(r.report(at(0s)).received_bytes, 1528U);
 }
 

@@ -20,8 +20,10 @@ constexpr std::size_t kPacket = 1428;
 
 TimePoint at(Duration d) { return TimePoint{d}; }
 
+constexpr PathReceiver::Role kData = PathReceiver::Role::kData;
+
 bool accept(PathReceiver& r, std::uint64_t number) {
-  return r.accept(at(1s), number, true, kPacket);
+  return r.accept(at(1s), number, kData, kPacket);
 }
 
 // --- PathReceiver
@@ -93,8 +95,9 @@ TEST(PathReceiver, ASkippedNumberIsAGapUntilItIsReported) {
 TEST(PathReceiver, ATrainIsMeasuredFromItsSecondPacketOn) {
   PathReceiver r(kLink);
   const Duration step = 114'240ns;  // 1428 bytes at 100 Mbit/s
-  for (int i = 0; i < 20; ++i)
-    r.accept(at(1s + i * step), 50 + static_cast<std::uint64_t>(i), true, kPacket);
+  for (int i = 0; i < 20; ++i) {
+    r.accept(at(1s + i * step), 50 + static_cast<std::uint64_t>(i), kData, kPacket);
+  }
   const wire::LinkReport report = r.report(at(2s));
   EXPECT_EQ(report.train_start, 50U);
   EXPECT_EQ(report.train_packets, 20U);
@@ -103,17 +106,17 @@ TEST(PathReceiver, ATrainIsMeasuredFromItsSecondPacketOn) {
 
 // Packets of one train, `step` apart, beginning with `number`; returns when the next one is due.
 TimePoint arrive(PathReceiver& r, TimePoint now, Duration step, std::uint64_t number,
-                 std::uint32_t packets) {
-  for (std::uint32_t i = 0; i < packets; ++i, now += step) r.accept(now, number + i, true, kPacket);
+                 std::uint32_t packets, PathReceiver::Role role = kData) {
+  for (std::uint32_t i = 0; i < packets; ++i, now += step) r.accept(now, number + i, role, kPacket);
   return now;
 }
 
 TEST(PathReceiver, APauseOrTooLongATrainBeginsAnother) {
   PathReceiver r(kLink);
   TimePoint now = arrive(r, at(0ms), 2ms, 1, 4);  // 6 ms long
-  r.accept(now + 8ms, 5, true, kPacket);
+  r.accept(now + 8ms, 5, kData, kPacket);
   EXPECT_EQ(r.report(at(1s)).train_start, 1U);
-  r.accept(now + 24ms + 1ns, 6, true, kPacket);
+  r.accept(now + 24ms + 1ns, 6, kData, kPacket);
   EXPECT_EQ(r.report(at(1s)).train_start, 6U);
   EXPECT_EQ(r.report(at(1s)).train_rate, DataRate{});
   arrive(r, at(1s), 5ms, 7, 50);
@@ -172,9 +175,26 @@ TEST(PathReceiver, OneLongGapMakesNoRate) {
   EXPECT_NEAR(pairs.report(at(1s)).train_rate.mbit(), kPacket * 8 * 7 / 72e3, 0.01);
 }
 
+// A train at 1 Gbit/s among messages of four packets every 10 ms.
+TEST(PathReceiver, ProbesAmongMessagesAreATrainOfTheirOwn) {
+  PathReceiver r(kLink);
+  const Duration step = 11'424ns;
+  for (std::uint32_t i = 0; i < 10; ++i) arrive(r, at(i * 10ms), step, 1 + 4 * i, 4);
+  TimePoint now = arrive(r, at(100ms), step, 41, 4);
+  now = arrive(r, now, step, 45, 32, PathReceiver::Role::kProbe);
+  // A message may lie within it.
+  now = arrive(r, now, step, 77, 4);
+  arrive(r, now, step, 81, 32, PathReceiver::Role::kProbe);
+  EXPECT_EQ(r.report(at(101ms)).train_start, 45U);
+  EXPECT_EQ(r.report(at(101ms)).train_packets, 68U);
+  EXPECT_NEAR(r.report(at(101ms)).train_rate.mbit(), 1000, 1);
+  arrive(r, at(110ms), step, 113, 4);
+  EXPECT_EQ(r.report(at(111ms)).train_start, 113U);
+}
+
 TEST(PathReceiver, FeedbackIsNoPartOfATrain) {
   PathReceiver r(kLink);
-  r.accept(at(0ms), 1, false, kPacket);
+  r.accept(at(0ms), 1, PathReceiver::Role::kNone, kPacket);
   EXPECT_EQ(r.report(at(1s)).train_packets, 0U);
   EXPECT_EQ(r.report(at(1s)).largest, 1U);
 }

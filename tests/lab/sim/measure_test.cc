@@ -90,6 +90,21 @@ TEST(Measure, AFastLinkIsMeasuredWithinTwoSeconds) {
   }
 }
 
+// Small messages that come so often that no pause is as long as within a train.
+TEST(Measure, SmallMessagesDoNotHideAFastLink) {
+  for (const Duration start : {0ms, 50ms, 300ms, 2'000ms}) {
+    Stream::Options o;
+    o.variants = {5'000};
+    o.period = 10ms;
+    Stream stream({constant_link("a", 20, 1'000, 1'000)}, o);
+    stream.send(start, 1'000);
+    stream.world.run_until(3s);
+    const TimePoint now = stream.world.local_time(stream.vehicle);
+    const auto links = stream.world.endpoint(stream.vehicle).links(now, stream.peer);
+    EXPECT_NEAR(links.at(0).rate.mbit(), 1'000, 200) << to_ms(start);
+  }
+}
+
 struct Step {
   const char* name;
   double from;

@@ -2,6 +2,7 @@
 #include <cstdio>
 
 #include "duo.h"
+#include "stream.h"
 
 namespace interneuron::sim {
 namespace {
@@ -153,6 +154,22 @@ INSTANTIATE_TEST_SUITE_P(Outage, ComesBack,
                                          Return{"after_long", 20s, false},
                                          Return{"rebound_after_long", 20s, true}),
                          [](const auto& p) { return std::string(p.param.name); });
+
+// What comes after it has the other link to itself, which carried nothing for seconds.
+TEST(Outage, OfTheFastestLinkBetweenTwoMessagesLosesNone) {
+  for (int step = 0; step < 20; ++step) {
+    Stream stream({constant_link("a", 30, 60, 60), constant_link("b", 60, 20, 20)}, {});
+    stream.send(2s, 60);
+    stream.world.at(7s + 22ms + step * 3'900us, [&stream] {
+      World& world = stream.world;
+      world.endpoint(stream.vehicle).remove_link(world.local_time(stream.vehicle), LinkId{0});
+      world.faults(LinkId{0}).cut = true;
+      world.flush(stream.vehicle);
+    });
+    stream.run();
+    EXPECT_EQ(stream.missed(), 0U) << step;
+  }
+}
 
 TEST(Outage, ANatThatForgetsTheMappingIsFollowed) {
   Duo duo(pair_of(30, 50));
