@@ -31,6 +31,7 @@ lab::Json row_json(const Row& r) {
           {"capacity_mbit", rounded(s.capacity.mbit())},
           {"queue_ms", to_ms(s.queue)},
           {"codel", s.codel},
+          {"l4s", s.l4s},
           {"message_bytes", s.message_bytes},
           {"deadline_ms", to_ms(s.deadline)},
           {"messages", r.messages},

@@ -28,6 +28,7 @@ emu::CellParams cell_of(const Scenario& s, Duration begin) {
   cell.rate = s.capacity;
   cell.queue_bytes = emu::queue_bytes_of(s.capacity, s.queue);
   if (s.codel) cell.codel.emplace();
+  if (s.l4s) cell.mark_above = kL4sStep;
   if (s.dip) {
     const Duration falls = begin + s.dip->at;
     const emu::SteppedRate steps{

@@ -31,12 +31,13 @@ constexpr std::array kModelled{Peer::kOurs,  Peer::kOursVariants, Peer::kUdp,
 constexpr std::array kReal{Peer::kOurs,     Peer::kOursVariants, Peer::kUdp,
                            Peer::kTcpCubic, Peer::kTcpBbr,       Peer::kMptcp};
 
-constexpr std::array<Group, 7> kGroups{{
+constexpr std::array<Group, 8> kGroups{{
     {"rate", "One vehicle, messages that take a third of the deadline, ever more often", true},
     {"size", "One vehicle, 10 messages a second, ever larger", true},
     {"vehicles", "Many vehicles in one cell of 60 Mbit/s, each with its share of the load", true},
     {"late", "Ten vehicles offer twice the rate of a cell, the last one begins later", false},
     {"cubic", "One vehicle with three times the rate of a cell beside one flow of CUBIC", false},
+    {"ecn", "One vehicle and many in a cell that marks packets: CoDel, and a step for L4S", false},
     {"dip", "60 Mbit/s fall to 6 for 3 s and come back", false},
     {"fleet", "200 vehicles with 10 messages of 5 KB a second each, in a cell that has room",
      false},
@@ -176,6 +177,25 @@ std::vector<Scenario> cubic(const Choice& choice) {
   return out;
 }
 
+std::vector<Scenario> ecn(const Choice& choice) {
+  constexpr std::array<Crowd, 4> kMarked{{{1, 1.5}, {2, 2.0}, {10, 2.0}, {50, 2.0}}};
+  std::vector<Scenario> out;
+  for (const Crowd& c : kMarked) {
+    for (const bool l4s : {false, true}) {
+      Scenario s = crowd(choice, "ecn", c);
+      if (c.vehicles == 1) {
+        s.message_bytes = kBottlenecks[1].message_bytes;
+        s.period = period_for(s);
+      }
+      s.name = (l4s ? "l4s-" : "codel-") + std::to_string(c.vehicles);
+      s.codel = !l4s;
+      s.l4s = l4s;
+      out.push_back(std::move(s));
+    }
+  }
+  return out;
+}
+
 std::vector<Scenario> dip(const Choice& choice) {
   constexpr std::size_t kWhole = 128 * 1024;
   constexpr std::size_t kSmall = 16 * 1024;
@@ -262,7 +282,7 @@ double payload_share(std::size_t message_bytes) {
 std::vector<Scenario> scenarios(std::string_view group, const Choice& choice) {
   using Family = std::vector<Scenario> (*)(const Choice&);
   constexpr std::array<Family, kGroups.size()> kFamilies{rate,  size, vehicles, late,
-                                                         cubic, dip,  fleet};
+                                                         cubic, ecn,  dip,      fleet};
   const auto found = std::ranges::find(kGroups, group, &Group::name);
   if (found == kGroups.end()) return {};
   const std::vector<Scenario> family =

@@ -56,6 +56,9 @@ struct Dip {
   DataRate rate{};
 };
 
+// Where a queue for L4S begins to mark: 1 ms, as in the AQM of RFC 9332, appendix A.1.
+inline constexpr Duration kL4sStep = std::chrono::milliseconds(1);
+
 // One run.
 struct Scenario {
   std::string group;
@@ -70,6 +73,8 @@ struct Scenario {
   Duration queue{};
   // The queue is managed by CoDel; else packets are dropped at its tail.
   bool codel = false;
+  // Packets of L4S that wait longer than kL4sStep are marked.
+  bool l4s = false;
   // Without any queue.
   Duration one_way{};
   // From the instant at which a message is handed over.
