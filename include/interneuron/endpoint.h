@@ -28,6 +28,8 @@ struct Datagram {
   LinkId link{};
   Address from{};
   ByteView bytes;
+  // The ECN bits of its IP header (RFC 3168 §5), 0 … 3; 0 where nobody knows.
+  std::uint8_t ecn = 0;
 };
 
 // A UDP payload to send: the first `size` bytes of the buffer given to poll_transmit().
@@ -35,6 +37,8 @@ struct Transmit {
   LinkId link{};
   Address to{};
   std::size_t size = 0;
+  // The ECN bits for its IP header.
+  std::uint8_t ecn = 0;
 };
 
 // The same in parts that nobody has joined: the first `head` bytes of the buffer given to
@@ -47,6 +51,8 @@ struct TransmitParts {
   // that is no output (see Endpoint).
   ByteView payload{};
   std::size_t tail = 0;
+  // The ECN bits for its IP header.
+  std::uint8_t ecn = 0;
 
   std::size_t size() const { return head + payload.size() + tail; }
   // Puts the payload where it belongs in that buffer.

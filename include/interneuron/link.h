@@ -51,6 +51,21 @@ enum class PathState : std::uint8_t {
 // "ok", "suspect", "pulled", "latched", "dead".
 std::string_view to_string(PathState state);
 
+// Whether queues on a path may mark our packets instead of dropping them (ECN, RFC 3168).
+enum class EcnState : std::uint8_t {
+  // Too few packets have arrived to tell; they are sent as if it worked.
+  kTesting,
+  kWorks,
+  // Something on the way clears the bits, or the peer's kernel does not show them.
+  kBleached,
+  // Every packet comes marked, however slowly they are sent.
+  kMangled,
+  // Packets that may be marked do not get through.
+  kDropped,
+};
+// "testing", "works", "bleached", "mangled", "dropped".
+std::string_view to_string(EcnState state);
+
 enum class LinkRole : std::uint8_t {
   kNormal,
   // Used only for messages whose floors no normal link meets.
@@ -111,6 +126,7 @@ struct LinkState {
   double loss_down = 0;
   // Mean number of packets lost in a row; 0 while none was.
   double loss_burst = 0;
+  EcnState ecn = EcnState::kTesting;
   // Share of the last 60 s in which the path was not up, in [0, 1].
   double outage = 0;
   // Since the newest evidence of any kind; Duration::max() when the peer was never heard.

@@ -32,6 +32,7 @@ Json evidence_json(const Measured& m) {
       {"loss_down", rounded(s.loss_down, 1e6)},
       {"loss_burst_packets", rounded(s.loss_burst)},
       {"outage", rounded(s.outage, 1e6)},
+      {"ecn", to_string(s.ecn)},
       {"rate_age_s", seconds(s.rate_age)},
       {"sent_packets", m.counters.sent_packets},
       {"received_packets", m.counters.received_packets},
@@ -153,6 +154,9 @@ LinkState state_of(const Json& j) {
   s.loss_down = e.at("loss_down").get<double>();
   s.loss_burst = e.at("loss_burst_packets").get<double>();
   s.outage = e.at("outage").get<double>();
+  s.ecn = enum_of(e.at("ecn").get<std::string>(),
+                  {EcnState::kTesting, EcnState::kWorks, EcnState::kBleached, EcnState::kMangled,
+                   EcnState::kDropped});
   s.age = age_of(j.at("age_s"));
   s.rate_age = age_of(e.at("rate_age_s"));
   s.confidence = j.at("confidence").get<double>();

@@ -11,7 +11,8 @@ namespace {
 // The rate falls by this share of it when the queue is twice the target, and less below: SCReAM and
 // GCC fall by 0.2 to 0.3 at most, once per round trip.
 constexpr double kDelayFall = 0.3;
-// What is left of the rate after a round trip with losses: SCReAM's is 0.7 to 0.8 and CUBIC's 0.7.
+// What is left of the rate after a round trip with losses, or marks in their place: SCReAM's is 0.7
+// to 0.8 and CUBIC's 0.7.
 constexpr double kLossFall = 0.8;
 // Of a train's arrival rate: what is left when the rate would fall below it.
 constexpr double kArrivedShare = 0.9;
@@ -26,6 +27,10 @@ constexpr std::uint32_t kLongTrain = 16;
 // While trains are short their rate bounds ours this loosely: a short one shows the share that it
 // met rather than the pipe.
 constexpr double kShortTrainRoom = 2.0;
+// Gain of the share of marked packets, and the part of it that the rate falls by: RFC 8257,
+// sections 3.3 and 4.2. It begins with one there as well, so that the first marks halve the rate.
+constexpr double kMarkGain = 1.0 / 16;
+constexpr double kMarkFall = 0.5;
 // After so many decisions without a queue the rate rises by kQuickRise of it, as TIMELY's
 // hyperactive increase does after five.
 constexpr int kCalm = 5;
@@ -99,6 +104,10 @@ void ShareControl::report(TimePoint now, const Report& report) {
   if (report.train) note_train(*report.train);
   needed_ = report.needed;
   seen_.lost += report.lost;
+  seen_.ect += report.ect;
+  seen_.marked += report.marked;
+  // What left before the rate fell was marked by the same queue.
+  if (now - round_trip_ >= answered_marks_at_) seen_.newly_marked += report.marked;
   seen_.held_back = seen_.held_back || report.held_back;
   if (!rate_) return;
   if (seen_.held_back && now - near_base_at_ > kDrainEvery) {
@@ -147,6 +156,12 @@ void ShareControl::clock_stepped() {
   seen_.queue = Duration::max();
 }
 
+void ShareControl::marks_were_false() {
+  if (rate_) rate_ = capacity_;
+  fell_at_.reset();
+  seen_.marked = 0;
+}
+
 void ShareControl::note_duty(TimePoint now, Duration backlog) {
   const Duration since = std::min<Duration>(now - reported_at_.value_or(now), kLongestPause);
   reported_at_ = now;
@@ -172,6 +187,7 @@ DataRate ShareControl::most() const {
 
 void ShareControl::decide(TimePoint now) {
   adapt_target();
+  note_marks();
   const double over = std::min(1.0, seconds(seen_.queue - target_) / seconds(target_));
   const double factor = 1 - kDelayFall * std::max(over, 0.0);
   const bool is_queue = seen_.stretched || overloaded();
@@ -179,23 +195,52 @@ void ShareControl::decide(TimePoint now) {
   // below the rate that brings them in time.
   const bool may_be_queue = !seen_.long_train && seen_.lost == 0;
   if (over > 0 && is_queue) {
-    fall(now, factor, overloaded() ? DataRate{} : seen_.arrived_at.scaled(kArrivedShare));
+    fall(now, factor, floor());
   } else if (over > 0 && may_be_queue) {
     fall(now, factor, needed_);
   } else if (seen_.lost > 0 && seen_.queue > kLeastQueue && (is_queue || !seen_.long_train)) {
-    fall(now, kLossFall, overloaded() ? DataRate{} : seen_.arrived_at.scaled(kArrivedShare));
-  } else if ((seen_.held_back || seen_.queue < kTarget / 4) && seen_.queue < target_) {
+    fall(now, kLossFall, floor());
+  } else if (seen_.marked == 0 && (seen_.held_back || seen_.queue < kTarget / 4) &&
+             seen_.queue < target_) {
     rise(now);
   }
+  if (seen_.newly_marked > 0) answer_marks(now);
   if (seen_.lost > 0) lost_at_ = now;
   // Without a queue the path may carry more than we know: whoever hurries finds that out.
   gain_ = overloaded() && seen_.queue > kTarget / 4 ? kLoadedGain : kPaceGain;
+  // A queue for L4S is no longer than what hurries for one round trip adds to it.
+  if (seen_.marked > 0) marked_at_ = now;
+  if (marked_at_ && now - *marked_at_ < kMemory) gain_ = std::min(gain_, kLoadedGain);
   if (gave_way(now)) {
     const double queue = std::clamp(seconds(seen_.queue) / seconds(kTarget), 0.5, 1.5);
     gain_ = std::min(gain_, kPaceGain - (kPaceGain - kDrainGain) * (queue - 0.5));
   }
   seen_ = {};
   decide_at_ = now + std::max(round_trip_, kLeastRound);
+}
+
+// The rate falls no further for a queue, unless it is ours to drain.
+DataRate ShareControl::floor() const {
+  return overloaded() ? DataRate{} : seen_.arrived_at.scaled(kArrivedShare);
+}
+
+void ShareControl::note_marks() {
+  if (seen_.ect == 0) return;
+  const double share = static_cast<double>(seen_.marked) / static_cast<double>(seen_.ect);
+  marked_ += kMarkGain * (share - marked_);
+}
+
+// A queue for L4S marks all that waits for a millisecond or so, which is answered in proportion
+// (RFC 9331, section 4.3), and is empty as soon as we send less than what arrives. A longer queue
+// is a classic one, which marks a packet where it would have dropped it (RFC 3168, section 5).
+void ShareControl::answer_marks(TimePoint now) {
+  if (seen_.queue > kLeastQueue) {
+    fall(now, kLossFall, seen_.long_train ? floor() : needed_);
+  } else {
+    fall(now, 1 - kMarkFall * marked_,
+         seen_.long_train ? seen_.arrived_at.scaled(kArrivedShare) : needed_);
+  }
+  answered_marks_at_ = now;
 }
 
 // Where packets are lost in a queue that is shorter than the target, the buffer is: aiming beyond

@@ -4,21 +4,24 @@
 // The traffic is that of frames: a burst every 100 ms and nothing in between, so the application
 // and not the network limits it most of the time. What is known of the pipe is its capacity, from
 // the dispersion of trains (link::RateEstimator); what others leave of it is learnt here, once per
-// round trip, from three signs:
+// round trip, from four signs:
 //
 //   queue      the least one-way delay of the last round trip's packets above the least of the last
 //              10 s. Radio adds delay that no sender can drain, so delay alone convicts nobody.
 //   stretch    trains arrive more slowly than they left and than the pipe carries: others' packets
 //              lie between ours. A pipe that only got longer stretches nothing.
+//   marks      of ECN, wherever packets come with them: a queue says of itself that it is one.
 //   duty       the share of time in which something waited here. At a duty of one we are
 //              overloaded, and the queue is ours to drain.
 //
 // The rate falls in proportion to how far the queue is above the target where the stretch or the
-// duty says that it is a queue, and by a fixed factor for losses with a queue; never below what
-// arrived, unless we are overloaded. It rises by one packet per round trip, which is the same for
-// everyone and so makes shares equal (Chiu and Jain, Analysis of the Increase and Decrease
-// Algorithms for Congestion Avoidance in Computer Networks, 1989), and faster where no queue was
-// seen for several round trips. The target bears a CUBIC flow on a buffer of 30 ms beside it.
+// duty says that it is a queue, by a fixed factor for losses with a queue, and for marks by a fixed
+// factor where the queue is a long one and in proportion to how many packets are marked where it is
+// a short one of L4S; never below what arrived, unless we are overloaded. It rises by one packet
+// per round trip, which is the same for everyone and so makes shares equal (Chiu and Jain, Analysis
+// of the Increase and Decrease Algorithms for Congestion Avoidance in Computer Networks, 1989), and
+// faster where no queue was seen for several round trips. The target bears a CUBIC flow on a buffer
+// of 30 ms beside it.
 #pragma once
 
 #include <cstdint>
@@ -55,6 +58,9 @@ class ShareControl {
     std::optional<std::uint32_t> one_way_us;
     // Data-sized packets newly found lost.
     std::uint32_t lost = 0;
+    // Packets that came with ECT or a mark of ECN, and the marked ones of these.
+    std::uint32_t ect = 0;
+    std::uint32_t marked = 0;
     std::optional<Train> train;
     // The rate of the pipe; nothing while it is not known.
     std::optional<DataRate> capacity;
@@ -69,6 +75,8 @@ class ShareControl {
   // A clock stepped: old and new one-way delays cannot be compared. A step that no queue could make
   // is noticed without it.
   void clock_stepped();
+  // The marks that were told of were nobody's queue: what they took is given back.
+  void marks_were_false();
 
   // What may be planned with; nothing while the capacity is not known.
   std::optional<DataRate> rate() const { return rate_; }
@@ -88,6 +96,10 @@ class ShareControl {
   struct Seen {
     Duration queue = Duration::max();
     std::uint32_t lost = 0;
+    std::uint32_t ect = 0;
+    std::uint32_t marked = 0;
+    // Of packets that left after the rate last fell for marks.
+    std::uint32_t newly_marked = 0;
     bool held_back = false;
     bool stretched = false;
     // A train was long enough for packets of others to lie within it.
@@ -101,6 +113,9 @@ class ShareControl {
   void note_train(const Train& train);
   void decide(TimePoint now);
   void adapt_target();
+  void note_marks();
+  DataRate floor() const;
+  void answer_marks(TimePoint now);
   void forget_unused(TimePoint now);
   void fall(TimePoint now, double factor, DataRate floor);
   void rise(TimePoint now);
@@ -131,9 +146,14 @@ class ShareControl {
   // When the next decision is due.
   TimePoint decide_at_ = TimePoint::min();
   std::optional<TimePoint> fell_at_;
+  std::optional<TimePoint> marked_at_;
+  // When the rate last fell for marks.
+  TimePoint answered_marks_at_ = TimePoint::min();
   // Packets were lost within the last second: a search for more capacity would lose more.
   std::optional<TimePoint> lost_at_;
   bool lost_lately_ = false;
+  // The smoothed share of packets that are marked: alpha of DCTCP (RFC 8257).
+  double marked_ = 1;
   // Decisions in a row that let the rate rise.
   int calm_ = 0;
   // The queue that is aimed at now: kTarget, or less where a shorter one loses packets.

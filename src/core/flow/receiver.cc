@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "core/link/path_ecn.h"
 #include "core/wire/plain_header.h"
 #include "core/wire/round_header.h"
 #include "interneuron/send.h"
@@ -57,7 +58,8 @@ void shift_left(wire::AckBitmap& bitmap, std::uint64_t by) {
 
 }  // namespace
 
-bool PathReceiver::accept(TimePoint now, std::uint64_t number, Role role, std::size_t ip_bytes) {
+bool PathReceiver::accept(TimePoint now, std::uint64_t number, Role role, std::size_t ip_bytes,
+                          std::uint8_t ecn) {
   if (number > largest_) {
     const std::uint64_t by = number - largest_;
     if (largest_ != 0 && by > 1) gap_ = true;
@@ -73,6 +75,11 @@ bool PathReceiver::accept(TimePoint now, std::uint64_t number, Role role, std::s
     word |= bit;
   }
   received_bytes_ += ip_bytes;
+  if (ecn == link::kCe) {
+    ++ce_;
+  } else if (ecn != link::kNotEct) {
+    ++ect_;
+  }
   if (role != Role::kNone) extend_train(now, number, role, ip_bytes);
   return true;
 }
@@ -164,6 +171,8 @@ wire::LinkReport PathReceiver::report(TimePoint now) const {
   report.has_delays = newest_delay_.has_value();
   report.newest_delay_us = newest_delay_.value_or(0);
   report.largest_delay_us = largest_delay_;
+  report.ect_packets = ect_;
+  report.ce_packets = ce_;
   report.received_bytes = received_bytes_;
   return report;
 }

@@ -39,8 +39,9 @@ class PathReceiver {
   // What a packet is to a train: nothing; data, or a probe of the path.
   enum class Role : std::uint8_t { kNone, kData, kProbe };
   // A packet came in. False when it is a duplicate: its number was seen before or is too old to
-  // tell. `ip_bytes`: its size with IP headers.
-  bool accept(TimePoint now, std::uint64_t number, Role role, std::size_t ip_bytes);
+  // tell. `ip_bytes`: its size with IP headers; `ecn`: its ECN bits.
+  bool accept(TimePoint now, std::uint64_t number, Role role, std::size_t ip_bytes,
+              std::uint8_t ecn = 0);
   // A feedback of the peer came in on this path, which left at `u` on the peer's clock.
   void exchange(TimePoint now, PeerTime u);
   // The path's part of a feedback sent at `now`.
@@ -90,6 +91,9 @@ class PathReceiver {
   Duration gap_before_tail_{};
   // With IP headers.
   std::uint64_t received_bytes_ = 0;
+  // Packets that said that their sender understands marks and were not marked, and marked ones.
+  std::uint32_t ect_ = 0;
+  std::uint32_t ce_ = 0;
   // Microseconds modulo 2^32: of the newest packet, and the largest since reported() was called; if
   // there was none since, the one from before.
   std::optional<std::uint32_t> newest_delay_;

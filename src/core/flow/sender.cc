@@ -54,7 +54,9 @@ void Sender::remove_path(TimePoint now, LinkId path) {
 
 void Sender::set_path(LinkId path, const PathView& view) {
   const auto it = paths_.find(path);
-  if (it != paths_.end()) it->second.view = view;
+  if (it == paths_.end()) return;
+  it->second.view = view;
+  it->second.sent.set_ect(view.ect);
 }
 
 MessageId Sender::send(TimePoint now, const Times& times, wire::MessageBytes bytes,

@@ -79,6 +79,7 @@ std::uint64_t SentPackets::add(TimePoint now, std::size_t ip_bytes, bool more_wa
                                const std::optional<Piece>& piece) {
   Packet& packet = record(now);
   packet.data_sized = true;
+  packet.ect = ect_;
   packet.data = next_data_++;
   packet.has_piece = piece.has_value();
   assert(ip_bytes <= UINT16_MAX);
@@ -152,6 +153,7 @@ void SentPackets::arrive(TimePoint now, std::uint64_t number, Verdicts& verdicts
   }
   const bool was_open = packet.fate == Fate::kOpen;
   packet.fate = Fate::kArrived;
+  if (packet.ect) ++verdicts.ect_arrived;
   if (!packet.mtu_probe) sizes_.arrived(packet.at, is_large(packet));
   if (packet.has_piece) {
     progress_at_ = now;

@@ -65,6 +65,8 @@ class SentPackets {
     std::optional<link::DeliveryRate::Sample> delivery;
     // What became of large and of small packets since the report before.
     link::PathMtu::Told sizes;
+    // Packets that left with ECT and have arrived.
+    std::uint32_t ect_arrived = 0;
   };
 
   explicit SentPackets(std::uint64_t first_number = 1)
@@ -72,6 +74,9 @@ class SentPackets {
         first_open_(first_number),
         first_uncertain_(first_number),
         first_missed_(first_number) {}
+
+  // Whether data-sized packets leave with ECT from now on (link::PathEcn).
+  void set_ect(bool ect) { ect_ = ect; }
 
   // A small packet leaves; returns its number.
   std::uint64_t add_small(TimePoint now);
@@ -127,6 +132,8 @@ class SentPackets {
     bool mtu_probe : 1 = false;
     // A report has told that it has not arrived.
     bool covered : 1 = false;
+    // It left with ECT.
+    bool ect : 1 = false;
     // See link::DeliveryStamp.
     bool app_limited : 1 = false;
     Fate fate = Fate::kOpen;
@@ -225,6 +232,7 @@ class SentPackets {
   // When a fragment was last acknowledged.
   TimePoint progress_at_ = TimePoint::min();
   std::uint64_t lost_ = 0;
+  bool ect_ = false;
   // How often sent_at() was asked since anything happened to a fragment; and from the
   // kLookupsToIndex-th time on the fragments in flight, ordered, of each the newest copy last.
   struct Copy {

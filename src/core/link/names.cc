@@ -34,6 +34,22 @@ std::string_view to_string(PathState state) {
   return "unknown";
 }
 
+std::string_view to_string(EcnState state) {
+  switch (state) {
+    case EcnState::kTesting:
+      return "testing";
+    case EcnState::kWorks:
+      return "works";
+    case EcnState::kBleached:
+      return "bleached";
+    case EcnState::kMangled:
+      return "mangled";
+    case EcnState::kDropped:
+      return "dropped";
+  }
+  return "unknown";
+}
+
 std::string_view to_string(LinkRole role) {
   switch (role) {
     case LinkRole::kNormal:

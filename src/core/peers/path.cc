@@ -52,6 +52,7 @@ void Path::move_to(TimePoint now, const Nic& nic, const Address& address, bool t
   if (nic.link != nic_.link || nic.max_datagram != nic_.max_datagram) {
     mtu_ = link::PathMtu(nic.max_datagram);
   }
+  ecn_ = {};
   nic_ = nic;
   address_ = address;
   validated_ = trusted;
@@ -65,6 +66,7 @@ void Path::reset(TimePoint now) {
   estimator = {};
   share_ = {};
   mtu_ = link::PathMtu(nic_.max_datagram);
+  ecn_ = {};
   probes = {};
   begin(now);
 }
@@ -86,6 +88,7 @@ void Path::sent_feedback(TimePoint now, std::size_t bytes) {
 void Path::sent_data(TimePoint now, std::size_t bytes) {
   bytes_out_ += bytes;
   used_ = true;
+  ecn_.sent(now);
   estimator.sent(now, true);
   probes.data_sent(now);
 }
@@ -93,11 +96,13 @@ void Path::sent_data(TimePoint now, std::size_t bytes) {
 void Path::sent_probe(TimePoint now, std::size_t bytes, std::uint64_t number) {
   train_newest_ = number;
   bytes_out_ += bytes;
+  ecn_.sent(now);
   estimator.sent(now, true);
 }
 
 void Path::sent_mtu_probe(TimePoint now, std::size_t bytes, std::uint64_t number) {
   bytes_out_ += bytes;
+  ecn_.sent(now);
   estimator.sent(now, false);
   mtu_.probe_sent(now, number);
 }
@@ -137,6 +142,12 @@ void Path::control(TimePoint now, const wire::LinkReport& report,
   told.held_back = use.held_back;
   told.backlog = use.backlog;
   told.needed = use.needed;
+  const bool heeded = ecn_.bits() != link::kNotEct;
+  const auto marks = ecn_.report(
+      now, {report.largest, report.ect_packets, report.ce_packets, v.ect_arrived, v.newest_sent});
+  if (heeded && ecn_.bits() == link::kNotEct) share_.marks_were_false();
+  told.ect = marks.arrived;
+  told.marked = marks.marked;
   share_.report(now, told);
 }
 
@@ -246,6 +257,7 @@ flow::PathView Path::view(TimePoint now) const {
   view.loaded = share_.loaded(now);
   view.one_way = estimator.one_way();
   view.least_one_way = estimator.rtt_min(now) / 2;
+  view.ect = ecn_.bits() != link::kNotEct;
   view.probe_timeout = estimator.probe_timeout(now);
   return view;
 }
@@ -253,6 +265,7 @@ flow::PathView Path::view(TimePoint now) const {
 LinkState Path::state(TimePoint now) const {
   LinkState state = estimator.state(now);
   state.id = id_;
+  state.ecn = ecn_.state();
   state.share = std::min(state.rate, share_.rate().value_or(state.rate));
   return state;
 }

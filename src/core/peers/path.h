@@ -18,6 +18,7 @@
 #include "core/flow/receiver.h"
 #include "core/flow/sender.h"
 #include "core/link/link_estimator.h"
+#include "core/link/path_ecn.h"
 #include "core/link/path_mtu.h"
 #include "core/link/probe_schedule.h"
 #include "core/wire/packet.h"
@@ -48,6 +49,8 @@ class Path {
   const Address& address() const { return address_; }
   // The largest UDP payload that a message may use, in bytes.
   std::size_t datagram() const { return mtu_.datagram(); }
+  // The ECN bits of what is data-sized.
+  std::uint8_t ecn_bits() const { return ecn_.bits(); }
   // Whether a UDP payload of this size may leave, as far as the peer's address is trusted.
   bool may_send(std::size_t size) const;
   // Whether messages may be sent on it, as far as its traffic shows.
@@ -106,6 +109,7 @@ class Path {
   LinkId id_{};
   cc::ShareControl share_;
   link::PathMtu mtu_;
+  link::PathEcn ecn_;
   Nic nic_;
   Address address_;
   // The peer's address is trusted.

@@ -117,7 +117,8 @@ Peer::Input Peer::handle(TimePoint now, const wire::Packet& packet, const Datagr
   const Role role = is_feedback                                      ? Role::kNone
                     : packet.header.type == wire::PacketType::kProbe ? Role::kProbe
                                                                      : Role::kData;
-  if (!path.receiver.accept(now, packet.header.number, role, datagram.bytes.size() + kIpUdpBytes)) {
+  if (!path.receiver.accept(now, packet.header.number, role, datagram.bytes.size() + kIpUdpBytes,
+                            datagram.ecn)) {
     input.duplicate = true;
     return input;
   }

@@ -67,7 +67,7 @@ TransmitParts Peer::send_probe(TimePoint now, Path& path, std::span<std::byte> b
   const std::uint64_t number = sender_.take_number(now, path.id(), size + kIpUdpBytes);
   wire::write_probe(buffer, header(now, path, wire::PacketType::kProbe, number), size);
   path.sent_probe(now, size, number);
-  return {path.nic().link, path.address(), size};
+  return {path.nic().link, path.address(), size, {}, 0, path.ecn_bits()};
 }
 
 TransmitParts Peer::send_mtu_probe(TimePoint now, Path& path, std::size_t size,
@@ -75,7 +75,7 @@ TransmitParts Peer::send_mtu_probe(TimePoint now, Path& path, std::size_t size,
   const std::uint64_t number = sender_.take_mtu_probe_number(now, path.id(), size + kIpUdpBytes);
   wire::write_probe(buffer, header(now, path, wire::PacketType::kProbe, number), size);
   path.sent_mtu_probe(now, size, number);
-  return {path.nic().link, path.address(), size};
+  return {path.nic().link, path.address(), size, {}, 0, path.ecn_bits()};
 }
 
 std::optional<TransmitParts> Peer::poll_data(TimePoint now, Path& path,
@@ -86,8 +86,8 @@ std::optional<TransmitParts> Peer::poll_data(TimePoint now, Path& path,
   const wire::DataEnds ends =
       wire::write_data_ends(buffer, header(now, path, wire::PacketType::kData, piece->number),
                             piece->fragment, piece->bytes.header);
-  const TransmitParts parts{path.nic().link, path.address(), ends.head, piece->bytes.payload,
-                            ends.tail};
+  const TransmitParts parts{path.nic().link,      path.address(), ends.head,
+                            piece->bytes.payload, ends.tail,      path.ecn_bits()};
   path.sent_data(now, parts.size());
   return parts;
 }

@@ -181,7 +181,7 @@ void Node::Impl::receive(const Port& port) {
       // The endpoint's time never goes back.
       const bool stamped = datagram.at != TimePoint::min();
       told_ = stamped ? std::clamp(datagram.at, told_, now) : now;
-      endpoint_.handle_datagram(told_, {port.link, datagram.from, datagram.bytes});
+      endpoint_.handle_datagram(told_, {port.link, datagram.from, datagram.bytes, datagram.ecn});
       if (++inputs % kInputsPerCollect == 0) outbox_.collect(told_, *this);
     }
     tell_events();

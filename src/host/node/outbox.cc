@@ -39,6 +39,7 @@ void Outbox::push(TimePoint now, Link& link, const TransmitParts& transmit) {
   slot.payload = transmit.payload;
   slot.tail = transmit.tail;
   slot.to = transmit.to;
+  slot.ecn = transmit.ecn;
   ++link.count;
 }
 
@@ -68,7 +69,8 @@ BatchResult Outbox::offer(const Link& link) {
   for (std::size_t i = 0; i < link.count; ++i) {
     const Slot& slot = link.slots[(link.first + i) % link.slots.size()];
     const ByteView own(*slot.buffer);
-    batch_[i] = {slot.to, own.first(slot.head), slot.payload, own.subspan(slot.head, slot.tail)};
+    batch_[i] = {slot.to, own.first(slot.head), slot.payload, own.subspan(slot.head, slot.tail),
+                 slot.ecn};
   }
   return link.transport->send(std::span(batch_).first(link.count));
 }

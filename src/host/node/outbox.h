@@ -94,6 +94,7 @@ class Outbox {
     ByteView payload;
     std::size_t tail = 0;
     Address to{};
+    std::uint8_t ecn = 0;
   };
   // A ring of kQueueDatagrams slots.
   struct Link {

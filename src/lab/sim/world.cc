@@ -190,7 +190,7 @@ void World::poll_endpoint(HostId id) {
   }
   std::array<std::byte, kMaxDatagramBytes> buffer;
   while (const auto transmit = host.endpoint->poll_transmit(host.clock.local(now_), buffer)) {
-    carry(id, {transmit->link, transmit->to, transmit->size + kIpUdpBytes, Ecn::kNotEct,
+    carry(id, {transmit->link, transmit->to, transmit->size + kIpUdpBytes, Ecn{transmit->ecn},
                std::span(buffer).first(transmit->size)});
   }
 }
@@ -246,7 +246,10 @@ void World::carry(HostId from, const LeavingPacket& out) {
 
 void World::put(Wire& wire, bool up, std::uint64_t tag) {
   emu::LinkModel& model = up ? wire.model.up() : wire.model.down();
-  const bool vanishes = wire.faults.cut || chance(wire.faults.loss);
+  Ecn& ecn = packets_[tag].ecn;
+  const bool is_dropped = wire.faults.drops_ect && emu::is_ect(ecn);
+  if (wire.faults.ecn && emu::is_ect(ecn)) ecn = *wire.faults.ecn;
+  const bool vanishes = wire.faults.cut || is_dropped || chance(wire.faults.loss);
   if (vanishes || !model.enqueue(now_, packets_[tag].ip_bytes, tag)) packets_.release(tag);
   plan_lane(wire, up);
 }
@@ -295,7 +298,8 @@ void World::deliver(std::uint64_t tag) {
   const HostId to = packet.up ? wire.b : wire.a;
   Host& host = hosts_[to];
   if (host.endpoint) {
-    host.endpoint->handle_datagram(host.clock.local(now_), {wire.link, packet.from, packet.bytes});
+    host.endpoint->handle_datagram(host.clock.local(now_), {wire.link, packet.from, packet.bytes,
+                                                            static_cast<std::uint8_t>(packet.ecn)});
   } else {
     shown_.link = wire.link;
     shown_.peer = packet.from;

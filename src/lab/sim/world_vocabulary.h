@@ -4,8 +4,10 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 
 #include "interneuron/units.h"
+#include "lab/emu/ecn.h"
 
 namespace interneuron::sim {
 
@@ -28,6 +30,10 @@ struct Faults {
   Duration reorder_by{};
   // Nothing passes.
   bool cut = false;
+  // What the ECN bits of packets that have any become.
+  std::optional<emu::Ecn> ecn{};
+  // Packets with any do not pass.
+  bool drops_ect = false;
 };
 
 }  // namespace interneuron::sim

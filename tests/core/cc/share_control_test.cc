@@ -4,6 +4,7 @@
 #include <rapidcheck/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <vector>
 
@@ -128,6 +129,82 @@ TEST(ShareControl, LossesCountOnlyWithAQueue) {
       EXPECT_LT(path.mbit(), 50);
     }
   }
+}
+
+// So many reports, 50 ms apart, each with a long train that arrives at the pipe's rate and with
+// this share of its packets marked.
+void mark(Path& path, int reports, double share, Duration backlog) {
+  for (int i = 0; i < reports; ++i) {
+    path.now += 50ms;
+    ShareControl::Report report = path.next();
+    report.train = train(60, 75);
+    report.ect = 100;
+    report.marked = static_cast<std::uint32_t>(std::lround(share * 100));
+    report.backlog = backlog;
+    report.held_back = true;
+    path.control.report(path.now, report);
+  }
+}
+
+// A queue for L4S is short, and tells of itself in every packet that waits.
+TEST(ShareControl, MarksOfAShortQueueAreAnsweredInProportion) {
+  double left[2];
+  for (const int many : {0, 1}) {
+    Path path;
+    path.overload(100);
+    mark(path, 100, 0, 50ms);
+    path.queue = 1ms;
+    mark(path, 1, many == 1 ? 1.0 : 0.1, 50ms);
+    left[many] = path.mbit() / 60;
+  }
+  EXPECT_GT(left[0], left[1]);
+  EXPECT_GT(left[0], 0.99);
+  EXPECT_LT(left[1], 0.98);
+}
+
+TEST(ShareControl, MarksOfAShortQueueLeaveWhatArrives) {
+  Path path;
+  path.overload(100);
+  path.queue = 1ms;
+  mark(path, 100, 1, 50ms);
+  EXPECT_NEAR(path.mbit(), 54, 1);
+}
+
+TEST(ShareControl, AMarkOfALongQueueCountsAsALoss) {
+  Path path;
+  path.overload(200);
+  path.queue = 10ms;
+  mark(path, 1, 0, 50ms);
+  mark(path, 1, 0.01, 50ms);
+  EXPECT_NEAR(path.mbit(), 48, 1);
+}
+
+// All that left before the rate fell was marked by the same queue.
+TEST(ShareControl, OneQueueIsAnsweredOnce) {
+  Path path;
+  path.overload(200);
+  path.queue = 10ms;
+  mark(path, 1, 0, 50ms);
+  mark(path, 1, 0.5, 50ms);
+  const double once = path.mbit();
+  ShareControl::Report report = path.next();
+  report.ect = report.marked = 20;
+  path.control.report(path.now += 49ms, report);
+  path.control.report(path.now += 30ms, path.next());
+  EXPECT_GE(path.mbit(), once);
+}
+
+TEST(ShareControl, WhatFalseMarksTookIsGivenBack) {
+  Path path;
+  path.overload(200);
+  path.queue = 10ms;
+  mark(path, 40, 1, 50ms);
+  ASSERT_LT(path.mbit(), 30);
+  path.control.marks_were_false();
+  EXPECT_DOUBLE_EQ(path.mbit(), 60);
+  ShareControl nothing;
+  nothing.marks_were_false();
+  EXPECT_FALSE(nothing.rate());
 }
 
 // What is aimed at must fit the buffer, or every round trip ends in losses.
@@ -286,6 +363,8 @@ RC_GTEST_PROP(ShareControl, AnyReportLeavesARateWithinThePipe, ()) {
     }
     report.capacity = DataRate{*rc::gen::inRange<std::int64_t>(1000, 2'000'000'000)};
     report.lost = *rc::gen::inRange<std::uint32_t>(0, 100);
+    report.ect = *rc::gen::inRange<std::uint32_t>(0, 100);
+    report.marked = *rc::gen::inRange<std::uint32_t>(0, report.ect + 1);
     report.held_back = *rc::gen::arbitrary<bool>();
     report.backlog = std::chrono::microseconds(*rc::gen::inRange(0, 200'000));
     control.report(now, report);

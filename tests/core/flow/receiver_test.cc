@@ -38,6 +38,18 @@ TEST(PathReceiver, AcceptsEachNumberOnce) {
   EXPECT_FALSE(accept(r, 5));
 }
 
+// ECN (RFC 3168): ECT(0) is 2, ECT(1) 1, a mark 3.
+TEST(PathReceiver, CountsMarksOfWhatItAccepts) {
+  PathReceiver r(kLink);
+  std::uint64_t number = 0;
+  for (const int ecn : {0, 1, 2, 3, 3, 0}) {
+    r.accept(at(1s), ++number, kData, kPacket, static_cast<std::uint8_t>(ecn));
+  }
+  r.accept(at(1s), 4, kData, kPacket, 3);
+  EXPECT_EQ(r.report(at(1s)).ect_packets, 2U);
+  EXPECT_EQ(r.report(at(1s)).ce_packets, 2U);
+}
+
 TEST(PathReceiver, WhatIsOlderThanItsWindowIsRefused) {
   PathReceiver r(kLink);
   accept(r, 1000);

@@ -222,5 +222,21 @@ TEST(SentPackets, AFragmentThatArrivesAfterItsLossWasCertainIsToldOf) {
   EXPECT_TRUE(verdicts.runs.empty()) << "as a loss it was told of already";
 }
 
+TEST(SentPackets, WhatLeftWithEctIsToldOfOnce) {
+  Record r;
+  r.message(at(0s), 3, 1ms);
+  r.sent.set_ect(true);
+  r.message(at(5ms), 4, 1ms);
+  r.arrived.erase(6);
+  const auto told = [&r](Duration now) {
+    return r.sent.report(at(now), report_of(kA, r.arrived), 10ms, kSilence).ect_arrived;
+  };
+  EXPECT_EQ(told(20ms), 3U);
+  EXPECT_EQ(told(25ms), 0U);
+  // Also what arrives after its loss was certain.
+  r.arrived.insert(6);
+  EXPECT_EQ(told(600ms), 1U);
+}
+
 }  // namespace
 }  // namespace interneuron::flow

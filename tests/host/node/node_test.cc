@@ -117,6 +117,12 @@ TEST(Node, EveryRoundIsAnsweredRemotelyAcrossWorkersOfTheRoad) {
     EXPECT_EQ(vehicle.link_counters(link).malformed_packets, 0u);
   }
   EXPECT_GE(sent, kRounds);
+  // The kernel carries the ECN bits of segmented sends and shows them again.
+  const auto states = vehicle.links(*vehicle.peer());
+  EXPECT_TRUE(
+      std::ranges::any_of(states, [](const LinkState& s) { return s.ecn == EcnState::kWorks; }));
+  EXPECT_TRUE(std::ranges::none_of(
+      states, [](const LinkState& s) { return s.ecn == EcnState::kBleached; }));
   EXPECT_EQ(vehicle.stalled_datagrams(LinkId{0}), 0u);
 }
 
