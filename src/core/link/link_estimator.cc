@@ -66,6 +66,12 @@ void LinkEstimator::peer_sees(DataRate rate_down, double loss_down) {
   loss_down_ = loss_down;
 }
 
+DataRate LinkEstimator::slower_rate() const {
+  const DataRate up = rate().value_or(DataRate{});
+  if (up <= DataRate{} || rate_down_ <= DataRate{}) return std::max(up, rate_down_);
+  return std::min(up, rate_down_);
+}
+
 void LinkEstimator::handle_timeout(TimePoint now) {
   refresh_pace(now);
   machine_.handle_timeout(now);

@@ -64,6 +64,9 @@ class LinkEstimator {
   std::optional<PathMachine::Change> poll_change() { return machine_.poll_change(); }
   std::optional<TimePoint> next_timeout() const { return machine_.next_timeout(); }
   std::optional<DataRate> rate() const { return rate_.rate(); }
+  // The slower of the rates of both directions that were measured, one of them by the peer; zero:
+  // of none. The peer knows it as well, but for what is just being told.
+  DataRate slower_rate() const;
   // See RateEstimator::guess().
   std::optional<DataRate> rate_guess() const { return rate_.guess(); }
   std::optional<DataRate> pace() const { return rate_.pace(); }

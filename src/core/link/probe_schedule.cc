@@ -115,7 +115,11 @@ Duration ProbeSchedule::heartbeat_interval(TimePoint now) const {
                           : is_new             ? kNewHeartbeat
                           : metered_ && ready_ ? kMeteredHeartbeat
                                                : kIdleHeartbeat;
-  return std::max(wanted, kHeartbeatRate.transmit_time(heartbeat_bytes_));
+  const Duration bearable = slower_ > DataRate{}
+                                ? slower_.scaled(kHeartbeatShare).transmit_time(heartbeat_bytes_)
+                                : Duration{};
+  return std::max(
+      {wanted, kHeartbeatRate.transmit_time(heartbeat_bytes_), std::min(kIdleHeartbeat, bearable)});
 }
 
 TimePoint ProbeSchedule::heartbeat_at(TimePoint now) const {

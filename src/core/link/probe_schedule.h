@@ -44,6 +44,9 @@ class ProbeSchedule {
   // A heartbeat about one path has 186 bytes with its IP header, which are 29 kbit/s every 51 ms;
   // with the feedback on trains it stays below 30.
   static constexpr DataRate kHeartbeatRate{29'000};
+  // Nor do they take more than this share of a slow path, as far as the idle pace allows: messages
+  // need the rest. No measurement behind this value; at 1.45 Mbit/s it is kHeartbeatRate.
+  static constexpr double kHeartbeatShare = 0.02;
   // With the start budget and a last train that is not paid for yet, the mean of ten minutes stays
   // within 150 kbit/s, the aim for idle links.
   static constexpr DataRate kTrainRate{145'000};
@@ -72,6 +75,9 @@ class ProbeSchedule {
   // The rate at which the newest messages to this peer, on whatever path, are sent early enough;
   // zero: nothing is known of any.
   void set_needed(DataRate needed) { needed_ = needed; }
+  // The slower of the path's two directions. Both ends must name the same, because each expects to
+  // hear the other as often as it sends itself; zero: not known.
+  void set_slower(DataRate slower) { slower_ = slower; }
   // A metered path gets no trains unless asked, and few heartbeats while idle.
   void set_metered(bool metered) { metered_ = metered; }
   // Size of a heartbeat and of a full packet at IP level, bytes.
@@ -132,6 +138,7 @@ class ProbeSchedule {
   std::size_t full_bytes_ = kMaxPacketBytes;
   RateEvidence evidence_;
   DataRate needed_{};
+  DataRate slower_{};
   // When active() or heartbeat_sent() was first called.
   std::optional<TimePoint> begun_at_;
   std::optional<TimePoint> requested_at_;

@@ -168,6 +168,7 @@ void Path::learn_exchange(TimePoint now, PeerTime u, const wire::LinkReport& rep
 
 void Path::refresh(TimePoint now, bool ready, DataRate needed) {
   probes.set_needed(needed);
+  probes.set_slower(estimator.slower_rate());
   probes.set_metered(nic_.traits.metered || peer_is_metered_);
   probes.set_rate(estimator.rate_evidence());
   probes.set_latched(estimator.path() == PathState::kLatched);

@@ -82,6 +82,18 @@ TEST(Prober, HeartbeatsKeepTheirBudgetWhateverTheirSize) {
   }
 }
 
+TEST(Prober, HeartbeatsLeaveASlowPathToMessages) {
+  for (const double mbit : {0.02, 0.1, 0.5, 1.0, 1.5, 100.0}) {
+    Alone run;
+    run.prober.set_sizes(186, 1428);
+    run.prober.set_slower(DataRate::mbit(mbit));
+    run.until(60s, 100ms);
+    const double kbit = static_cast<double>(run.heartbeats * 186 * 8) / 60 / 1000;
+    EXPECT_LE(kbit, std::max(5.1, 20.5 * mbit)) << mbit;
+    EXPECT_GE(kbit, std::min(28.0, std::max(4.9, 19.5 * mbit))) << mbit;
+  }
+}
+
 // An idle path may cost 30 kbit/s, and the feedback on the other side's trains is not planned with.
 TEST(Prober, HeartbeatsOfAnIdlePathLeaveRoomForFeedback) {
   Alone run;
