@@ -8,6 +8,14 @@ bool went_back(std::uint32_t by) { return static_cast<std::int32_t>(by) < 0; }
 
 }  // namespace
 
+void PathEcn::moved() {
+  PathEcn anew;
+  anew.largest_ = largest_;
+  anew.ect_ = ect_;
+  anew.ce_ = ce_;
+  *this = anew;
+}
+
 // What left after the tested packets has arrived, and none of them.
 bool PathEcn::is_dropped(TimePoint now, const Report& report) const {
   return acknowledged_ == 0 && unheard_ >= kTestPackets && report.newest_sent > tested_ &&

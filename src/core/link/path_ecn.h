@@ -27,7 +27,7 @@ inline constexpr std::uint8_t kCe = 3;
 //             way takes the bits for a fault
 //
 // After any of these packets leave without ECT and marks count for nothing, until the path leads
-// elsewhere and a new PathEcn begins.
+// elsewhere.
 //
 // Owned and fed by the Path (src/core/peers). Counts are the peer's word: one that invents marks
 // slows down what is sent to itself, one that hides them gets what a sender without ECN would send,
@@ -56,6 +56,8 @@ class PathEcn {
     return state_ == EcnState::kTesting || state_ == EcnState::kWorks ? kEct1 : kNotEct;
   }
 
+  // The path leads elsewhere: it is tested anew. What the peer has counted so far was before.
+  void moved();
   // A packet leaves with these bits.
   void sent(TimePoint now) {
     if (acknowledged_ > 0 || ++unheard_ > kTestPackets) return;

@@ -52,7 +52,7 @@ void Path::move_to(TimePoint now, const Nic& nic, const Address& address, bool t
   if (nic.link != nic_.link || nic.max_datagram != nic_.max_datagram) {
     mtu_ = link::PathMtu(nic.max_datagram);
   }
-  ecn_ = {};
+  ecn_.moved();
   nic_ = nic;
   address_ = address;
   validated_ = trusted;
@@ -142,10 +142,10 @@ void Path::control(TimePoint now, const wire::LinkReport& report,
   told.held_back = use.held_back;
   told.backlog = use.backlog;
   told.needed = use.needed;
-  const bool heeded = ecn_.bits() != link::kNotEct;
+  const bool was_mangled = ecn_.state() == EcnState::kMangled;
   const auto marks = ecn_.report(
       now, {report.largest, report.ect_packets, report.ce_packets, v.ect_arrived, v.newest_sent});
-  if (heeded && ecn_.bits() == link::kNotEct) share_.marks_were_false();
+  if (!was_mangled && ecn_.state() == EcnState::kMangled) share_.marks_were_false();
   told.ect = marks.arrived;
   told.marked = marks.marked;
   share_.report(now, told);

@@ -78,6 +78,19 @@ TEST(PathEcn, APeerThatCountsAnewIsNotBleaching) {
   EXPECT_EQ(t.ecn.bits(), kEct1);
 }
 
+TEST(PathEcn, APathThatMovedIsTestedAnewAndOldMarksAreNotToldAgain) {
+  Told t;
+  t.arrive(50, 20);
+  t.arrive(0, 0, 5);
+  ASSERT_EQ(t.ecn.state(), EcnState::kBleached);
+  t.ecn.moved();
+  EXPECT_EQ(t.ecn.state(), EcnState::kTesting);
+  const auto told = t.arrive(10, 1);
+  EXPECT_EQ(told.arrived, 11U);
+  EXPECT_EQ(told.marked, 1U);
+  EXPECT_EQ(t.ecn.state(), EcnState::kWorks);
+}
+
 TEST(PathEcn, CountsGoRoundAt32Bits) {
   Told t;
   t.ecn.report(t.now, {1, 0x7fff'ffff, 0, 1, t.now});
