@@ -10,10 +10,21 @@ constexpr double kTrusted = 0.5;
 
 PolicySet builtin_policies() {
   using namespace policies;
-  return {policies::best_link(),     policies::duplicate(),
-          policies::down_sampling(), policies::progressive(),
-          policies::joint(),         policies::placement(),
-          policies::split(),         secure(policies::down_sampling(), kTrusted, "secure")};
+  return {policies::best_link(),
+          policies::duplicate(),
+          policies::down_sampling(),
+          policies::progressive(),
+          policies::joint(),
+          policies::placement(),
+          policies::split(),
+          policies::coded(),
+          policies::stripe(),
+          policies::shadow(),
+          policies::failover(),
+          policies::min_rtt(),
+          policies::lowest_latency(),
+          policies::reinject(),
+          secure(policies::down_sampling(), kTrusted, "secure")};
 }
 
 }  // namespace interneuron

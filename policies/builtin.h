@@ -15,6 +15,13 @@ std::shared_ptr<const Policy> progressive();
 std::shared_ptr<const Policy> joint();
 std::shared_ptr<const Policy> placement();
 std::shared_ptr<const Policy> split();
+std::shared_ptr<const Policy> coded();
+std::shared_ptr<const Policy> stripe();
+std::shared_ptr<const Policy> shadow();
+std::shared_ptr<const Policy> failover();
+std::shared_ptr<const Policy> min_rtt();
+std::shared_ptr<const Policy> lowest_latency();
+std::shared_ptr<const Policy> reinject();
 // secure() is declared in interneuron/policy.h, because it takes a policy of the user's.
 
 }  // namespace interneuron::policies

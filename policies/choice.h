@@ -21,6 +21,42 @@ Links fastest(std::span<const LinkState> links, DataRate floor, std::size_t coun
 Links soonest(std::span<const LinkState> links, DataRate floor, std::size_t count,
               std::size_t bytes);
 
+// At most `count` of the links that may be used, those with the least `cost` (a Duration) first
+// among those of equal priority.
+template <class Cost>
+Links ranked(std::span<const LinkState> links, std::size_t count, const Cost& cost) {
+  Links order;
+  // By insertion, which keeps the order of equals.
+  for (const LinkState& link : fastest(links, {}, kAllLinks)) {
+    std::size_t at = order.size();
+    while (at > 0 && order[at - 1].traits.priority == link.traits.priority &&
+           cost(link) < cost(order[at - 1])) {
+      --at;
+    }
+    order.insert(at, link);
+  }
+  Links out;
+  for (const LinkState& link : order) {
+    if (out.size() < count) out.push_back(link);
+  }
+  return out;
+}
+
+// The same by the median round trip; a link on which that is not measured comes last.
+Links smallest_round_trips(std::span<const LinkState> links, std::size_t count);
+
+// Lets a plan's best variant, and the one after it, stand by (SendRole::kShadow) over the soonest
+// of the links that do not carry it. A metered link or a backup is not used for that.
+void add_shadows(Plan& plan, const Offer& offer, std::span<const LinkState> links);
+
+// Lets every link that may be used carry repair symbols of the plan's best variant. A metered link
+// or a backup does so only if it carries the variant.
+void add_parity(Plan& plan, std::span<const LinkState> links);
+
+// Says of a plan of one variant that it is under the floor where none of the links that carry all
+// of it, and the shares together not, meet the variant's rate floor, as far as they are measured.
+void report_floor(Plan& plan, const Offer& offer, std::span<const LinkState> links);
+
 // One variant over each of these links.
 Plan send_over(std::span<const LinkState> over, std::uint8_t variant);
 

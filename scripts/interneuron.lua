@@ -13,7 +13,9 @@ local VERSION = 2
 local HEADER_BYTES = 20
 local TAG_BYTES = 16
 local PIECE_BYTES = 17
-local SYMBOL_BYTES = 4
+-- Pieces and repair symbols of one block.
+local MOST_PIECES = 200
+local MOST_ROWS = 55
 local PLAIN_HEADER_BYTES = 20
 local ROUND_HEADER_BYTES = 100
 local FEEDBACK_BYTES = 17
@@ -49,8 +51,8 @@ field("count", ProtoField.uint32, "Pieces", base.DEC)
 field("chunk", ProtoField.uint16, "Chunk", base.DEC, nil, nil, "Size of every piece but the last, bytes")
 field("lifetime_us", ProtoField.uint32, "Lifetime (us)", base.DEC)
 field("kind", ProtoField.uint8, "Kind", base.DEC, KINDS)
-field("repair.block", ProtoField.uint16, "First piece covered", base.DEC)
-field("repair.window", ProtoField.uint16, "Pieces covered", base.DEC)
+field("repair.block", ProtoField.uint16, "Block", base.DEC)
+field("repair.row", ProtoField.uint16, "Row", base.DEC)
 field("repair.symbol", ProtoField.bytes, "Repair symbol")
 field("payload", ProtoField.bytes, "Payload")
 
@@ -237,14 +239,13 @@ local function add_data(tree, buffer)
   local size = buffer:len() - PIECE_BYTES
   local at = PIECE_BYTES
   if index >= count then
-    if size < SYMBOL_BYTES then return nil end
-    add_all(tree, buffer, at, { { "repair.block", 2 }, { "repair.window", 2 } })
-    local block, window = buffer(at, 2):uint(), buffer(at + 2, 2):uint()
-    if window == 0 or block + window > count or size ~= SYMBOL_BYTES + chunk then
-      tree:add_proto_expert_info(malformed)
-    end
-    if size > SYMBOL_BYTES then tree:add(f["repair.symbol"], buffer(at + SYMBOL_BYTES)) end
-    return string.format("message %d, repair symbol %d of pieces %d to %d", message, index, block + 1, block + window)
+    local blocks = math.ceil(count / MOST_PIECES)
+    local block, row = (index - count) % blocks, math.floor((index - count) / blocks)
+    if row >= MOST_ROWS or size ~= chunk then tree:add_proto_expert_info(malformed) end
+    tree:add(f["repair.block"], block):set_generated()
+    tree:add(f["repair.row"], row):set_generated()
+    if buffer:len() > at then tree:add(f["repair.symbol"], buffer(at)) end
+    return string.format("message %d, repair symbol %d of block %d of %d", message, row + 1, block + 1, blocks)
   end
   if count > 65535 or size ~= math.min(chunk, total - index * chunk) then tree:add_proto_expert_info(malformed) end
   if index == 0 and kind == 0 and size >= ROUND_HEADER_BYTES then

@@ -50,16 +50,35 @@ struct Offer {
   std::uint8_t earlier_communications = 0;
 };
 
+// What a link does for a variant.
+enum class SendRole : std::uint8_t {
+  // It carries all of it.
+  kWhole,
+  // It carries a part of it: the links with this role divide the variant among them, so that the
+  // last part is there as soon as possible. A link that would only delay it gets nothing.
+  kShare,
+  // It may carry repair symbols of the variant, which other links carry: as many as are worth their
+  // bytes, for what could not be sent again in time if it was lost.
+  kParity,
+  // It stands by: once the message is likely to be late over the links that carry it, and this is
+  // the last moment at which that helps, it carries what is missing of the variant, or all of a
+  // variant that no other link carries.
+  kShadow,
+};
+// "whole", "share", "parity", "shadow".
+std::string_view to_string(SendRole role);
+
 // One transmission: a variant over a link.
 struct Assignment {
   // Index into the offer's variants.
   std::uint8_t variant = 0;
   LinkId link{};
+  SendRole role = SendRole::kWhole;
   friend bool operator==(const Assignment&, const Assignment&) = default;
 };
 
-// Transmissions of a message: two variants over each of kMaxLinks. Sends beyond this limit are
-// dropped.
+// Transmissions of a message: two over each of kMaxLinks, or four over each of the eight links that
+// a peer has at most. Sends beyond this limit are dropped.
 inline constexpr std::size_t kMaxSends = 2 * kMaxLinks;
 using Assignments = Few<Assignment, kMaxSends>;
 
@@ -138,7 +157,8 @@ Duration arrival_time(const LinkState& link, std::size_t bytes);
 using PolicySet = std::vector<std::shared_ptr<const Policy>>;
 
 // Those that come with Interneuron: best_link, duplicate, down_sampling, progressive, joint,
-// placement, split, and secure (down_sampling over trusted networks).
+// placement, split, coded, stripe, shadow, failover, those of other systems for comparisons
+// (min_rtt, lowest_latency, reinject), and secure (down_sampling over trusted networks).
 PolicySet builtin_policies();
 
 // A policy over those links alone whose security score (docs/paper.md, "Nature") is at least

@@ -10,13 +10,13 @@ RC_GTEST_PROP(PolicyProperty, PlansOnlyWhatCanBeSent, ()) {
   const AnyMessage message;
   for (const auto& policy : builtin_policies()) {
     const Plan plan = policy->plan(message.offer(), links, message.guidance);
-    std::set<std::pair<std::uint8_t, LinkId>> seen;
+    std::set<std::tuple<std::uint8_t, LinkId, SendRole>> seen;
     for (const Assignment& send : plan.sends) {
       RC_ASSERT(send.variant < message.variant_bytes.size());
       const auto link = std::ranges::find(links, send.link, &LinkState::id);
       RC_ASSERT(link != links.end());
       RC_ASSERT(link->up);
-      RC_ASSERT(seen.emplace(send.variant, send.link).second);
+      RC_ASSERT(seen.emplace(send.variant, send.link, send.role).second);
     }
   }
 }
@@ -40,10 +40,22 @@ RC_GTEST_PROP(PolicyProperty, MeetsTheFloorOrReports, ()) {
   for (const auto& policy : builtin_policies()) {
     const Plan plan = policy->plan(message.offer(), links, message.guidance);
     if (plan.under_floor) continue;
+    // Shares, together.
+    std::map<std::uint8_t, std::int64_t> shares;
+    bool all_measured = true;
     for (const Assignment& send : plan.sends) {
       const auto link = std::ranges::find(links, send.link, &LinkState::id);
       const DataRate floor = rate_floor(message.qos, message.variant_bytes[send.variant]);
-      RC_ASSERT(link->rate == DataRate{} || link->rate >= floor);
+      if (send.role == SendRole::kWhole) {
+        RC_ASSERT(link->rate == DataRate{} || link->rate >= floor);
+      } else if (send.role == SendRole::kShare) {
+        shares[send.variant] += link->rate.bits_per_second;
+        all_measured = all_measured && link->rate > DataRate{};
+      }
+    }
+    for (const auto& [variant, sum] : shares) {
+      const DataRate floor = rate_floor(message.qos, message.variant_bytes[variant]);
+      RC_ASSERT(!all_measured || sum >= floor.bits_per_second);
     }
   }
 }

@@ -61,6 +61,8 @@ struct Job {
   std::uint16_t chunk = 0;
   AgainList again;
 
+  // Whether the first copy of this fragment has not left yet.
+  bool awaits(std::uint16_t index) const { return index >= next && index < count; }
   std::size_t pieces() const { return count - std::min<std::size_t>(next, count) + again.size(); }
   // Of fragments, and of packets with IP headers.
   std::size_t bytes() const { return pieces() * chunk; }

@@ -1,5 +1,5 @@
 // The messages that a sender keeps until they are acknowledged or their time is over: their bytes,
-// once, however many paths they go over, and what became of their fragments.
+// once, however many paths they go over, their repair symbols, and what became of each.
 #pragma once
 
 #include <cstdint>
@@ -9,6 +9,7 @@
 
 #include "core/base/alarms.h"
 #include "core/base/id_map.h"
+#include "core/code/blocks.h"
 #include "core/flow/path_set.h"
 #include "core/wire/message_bytes.h"
 #include "interneuron/units.h"
@@ -18,7 +19,9 @@ namespace interneuron::flow {
 // The importance of messages that do not say otherwise (SendOptions::importance), and of rounds.
 inline constexpr std::uint8_t kUsualImportance = 128;
 
-// A message under way; a plain value of MessageStore's.
+// A message under way; a plain value of MessageStore's. An index is that of a fragment or, from
+// `count` on, of a repair symbol (code::Blocks); a block is complete at the peer once as many of
+// either have arrived as it has fragments.
 struct OutgoingMessage {
   MessageId id{};
   wire::MessageBytes bytes;
@@ -30,23 +33,88 @@ struct OutgoingMessage {
   wire::MessageKind kind{};
   std::uint16_t count = 0;
   std::uint16_t chunk = 0;
+  // Fragments or symbols that have to arrive yet, of all blocks.
   std::uint16_t unacknowledged = 0;
   // No fragment from this one on has left yet.
   std::uint32_t sent = 0;
+  // First copies that have not left yet, over all paths.
+  std::uint32_t to_leave = 0;
   // How many paths it was queued on.
   std::uint8_t paths = 0;
+  // The paths that it was queued on.
+  PathSet taken;
   // The paths over which lost fragments may be sent again.
   PathSet repairs;
   // What takes its place when it is given up (Sender::add_alternative()), and whether it may take
   // another's.
   std::optional<MessageId> alternative;
   bool is_alternative = false;
+  // The paths over which it, or what is missing of it, goes when it or what it is to stand in for
+  // seems late (sender_rescue.cc).
+  PathSet rescue;
+  // The paths that may carry repair symbols of it; none: it is not coded.
+  PathSet symbol_paths;
   struct PieceState {
     bool acknowledged = false;
+    // It is too late to send it once more when its loss is known. Of those under way alone.
+    bool last = false;
     // Copies that are queued or in flight.
     std::uint8_t under_way = 0;
   };
+  // By index; symbols that were not made yet have no place here.
   std::vector<PieceState> pieces;
+  // By index - count; empty where there is none.
+  std::vector<Bytes> symbols;
+  struct Block {
+    std::uint16_t acknowledged = 0;
+    // Not acknowledged, and at least one copy is under way; and those of them that are last.
+    std::uint16_t under_way = 0;
+    std::uint16_t last = 0;
+    std::uint8_t rows = 0;
+  };
+  std::vector<Block> blocks;
+
+  code::Blocks division() const { return code::Blocks(count); }
+  Block& block_of(std::size_t index) { return blocks[division().block_of(index)]; }
+  // How many more of a block have arrived or are under way than the peer needs.
+  int spare(std::size_t block) const {
+    return blocks[block].acknowledged + blocks[block].under_way -
+           static_cast<int>(division().pieces(block));
+  }
+  // What it holds of memory.
+  std::size_t held() const {
+    std::size_t sum = bytes.size();
+    for (const Bytes& symbol : symbols) sum += symbol.size();
+    return sum;
+  }
+
+  void copy_added(std::size_t index) {
+    PieceState& piece = pieces[index];
+    if (piece.under_way++ == 0 && !piece.acknowledged) ++block_of(index).under_way;
+  }
+  void copy_gone(std::size_t index) {
+    PieceState& piece = pieces[index];
+    if (piece.under_way == 0 || --piece.under_way > 0 || piece.acknowledged) return;
+    --block_of(index).under_way;
+    set_last(index, false);
+  }
+  // It cannot be sent again, or it can after all.
+  void set_last(std::size_t index, bool last) {
+    PieceState& piece = pieces[index];
+    if (piece.last == last) return;
+    piece.last = last;
+    Block& block = block_of(index);
+    block.last = static_cast<std::uint16_t>(block.last + (last ? 1 : -1));
+  }
+  // It has arrived; told once for each index.
+  void acknowledge(std::size_t index) {
+    PieceState& piece = pieces[index];
+    Block& block = block_of(index);
+    set_last(index, false);
+    if (piece.under_way > 0) --block.under_way;
+    piece.acknowledged = true;
+    if (block.acknowledged++ < division().pieces(division().block_of(index))) --unacknowledged;
+  }
 };
 
 // Sender owns one. A message is found in O(1), added and erased in O(log n), and so is the one
@@ -77,12 +145,20 @@ class MessageStore {
     message.id = id;
     message.deadline = deadline;
     message.count = message.unacknowledged = count;
-    message.sent = 0;
+    message.sent = message.to_leave = 0;
     message.paths = paths;
+    message.taken = {};
     message.repairs = {};
     message.alternative.reset();
     message.is_alternative = false;
-    message.pieces.assign(count, {false, paths});
+    message.rescue = {};
+    message.symbol_paths = {};
+    message.pieces.assign(count, {false, false, paths});
+    message.symbols.clear();
+    message.blocks.assign(message.division().blocks(), {});
+    for (std::size_t b = 0; paths > 0 && b < message.blocks.size(); ++b) {
+      message.blocks[b].under_way = static_cast<std::uint16_t>(message.division().pieces(b));
+    }
     by_id_.insert(id, slot);
     deadlines_.set(slot, deadline);
     return message;
@@ -93,10 +169,28 @@ class MessageStore {
     if (!slot) return;
     OutgoingMessage& message = slots_[*slot];
     message.bytes = {};
+    message.symbols.clear();
     if (message.count > kMostKept) message.pieces = {};
     deadlines_.remove(*slot);
+    looks_.remove(*slot);
     by_id_.erase(id);
     free_.push_back(*slot);
+  }
+
+  // When a message is to be looked at, whatever for; nothing: not at all.
+  void look_at(MessageId id, std::optional<TimePoint> when) {
+    const auto slot = by_id_.find(id);
+    if (!slot) return;
+    if (when) {
+      looks_.set(*slot, *when);
+    } else {
+      looks_.remove(*slot);
+    }
+  }
+  std::optional<TimePoint> next_look() const { return looks_.earliest(); }
+  std::optional<MessageId> look_due(TimePoint now) const {
+    const auto slot = looks_.due(now);
+    return slot ? std::optional(slots_[*slot].id) : std::nullopt;
   }
 
   std::optional<TimePoint> next_deadline() const { return deadlines_.earliest(); }
@@ -116,6 +210,7 @@ class MessageStore {
   std::vector<std::uint32_t> free_;
   IdMap<MessageId> by_id_;
   Alarms deadlines_;
+  Alarms looks_;
 };
 
 }  // namespace interneuron::flow

@@ -19,9 +19,16 @@ class PathSet {
     set.every_ = true;
     return set;
   }
+  template <class Paths>
+  static PathSet of(const Paths& paths) {
+    PathSet set;
+    for (const LinkId path : paths) set.add(path);
+    return set;
+  }
   void add(LinkId path) {
     if (!contains(path)) paths_.push_back(path);
   }
+  bool empty() const { return !every_ && paths_.empty(); }
   bool contains(LinkId path) const {
     return every_ || std::find(paths_.begin(), paths_.end(), path) != paths_.end();
   }

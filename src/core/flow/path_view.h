@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <optional>
 
+#include "core/code/redundancy.h"
 #include "interneuron/units.h"
 
 namespace interneuron::flow {
@@ -26,6 +27,8 @@ struct PathView {
   // The expected one-way delay, and the least one of late; zero while they are not known.
   Duration one_way{};
   Duration least_one_way{};
+  // How much the delay varies: RTTVAR of RFC 6298.
+  Duration jitter{};
   // Bytes that may be in flight, with IP headers.
   std::size_t window = SIZE_MAX;
   // The path carries all it can: what is in flight beyond an empty path waits in a queue.
@@ -34,6 +37,8 @@ struct PathView {
   bool ect = false;
   // A fragment that has been in flight for so long without any acknowledgement is lost.
   Duration probe_timeout{};
+  // What is expected of losses.
+  code::Losses losses{};
 };
 
 // The rate before anything is known of a path, which a start-up train measures within a round

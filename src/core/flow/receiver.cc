@@ -193,15 +193,17 @@ Reassembler::Outcome Reassembler::add(TimePoint now, const wire::Data& data,
     }
     place = open(f, expires);
   }
-  Partial& p = partials_[*place];
-  if (p.size != f.size || p.chunk != f.chunk || p.kind != f.kind) return {Result::kBad, {}};
-  if (p.have[f.index]) return {Result::kDuplicate, {}};
-  p.have[f.index] = true;
-  --p.missing;
-  store(p, std::size_t{f.index} * f.chunk, data.bytes);
+  Partial& p = places_[*place].partial;
+  if (!p.fits(f)) return {Result::kBad, {}};
+  // A symbol for which there is no room is no loss: what it stands for may come itself.
+  const bool fits = !f.is_repair() || (f.chunk <= room && bytes_ + f.chunk <= kMaxBytes);
+  if (p.has(f.index) || !fits) return {Result::kDuplicate, {}};
+  const std::size_t before = p.held();
+  p.add(f.index, data.bytes);
+  bytes_ += p.held() - before;
   if (f.index == 0) refine_expiry(*place, data, clocks);
-  if (p.missing > 0) return {Result::kStored, {}};
-  Outcome done{Result::kComplete, std::move(p.bytes)};
+  if (!p.complete()) return {Result::kStored, {}};
+  Outcome done{Result::kComplete, p.take()};
   bury(f.message);
   return done;
 }
@@ -209,47 +211,19 @@ Reassembler::Outcome Reassembler::add(TimePoint now, const wire::Data& data,
 // The place of a message that begins with this fragment.
 std::uint32_t Reassembler::open(const wire::FragmentHeader& f, TimePoint expires) {
   if (free_.empty()) {
-    free_.push_back(static_cast<std::uint32_t>(partials_.size()));
-    partials_.emplace_back();
+    free_.push_back(static_cast<std::uint32_t>(places_.size()));
+    places_.emplace_back();
   }
   const std::uint32_t place = free_.back();
   free_.pop_back();
-  Partial& p = partials_[place];
+  Place& p = places_[place];
   p.id = f.message;
-  p.kind = f.kind;
-  p.size = f.size;
-  p.chunk = f.chunk;
-  p.missing = f.count();
-  p.have.assign(f.count(), false);
+  p.partial.begin(f);
   p.expires = expires;
-  const std::size_t header = std::min<std::size_t>(f.size, wire::header_bytes(f.kind));
-  p.bytes.header = {};
-  for (std::size_t i = 0; i < header; ++i) p.bytes.header.push_back(std::byte{0});
-  p.bytes.payload.reserve(f.size - header);
   bytes_ += f.size;
   by_id_.insert(f.message, place);
   expiries_.set(place, expires);
   return place;
-}
-
-// Only what no fragment has brought yet is ever written, and nothing is read before all is there.
-void Reassembler::store(Partial& partial, std::size_t offset, ByteView bytes) {
-  wire::MessageBytes::Header& header = partial.bytes.header;
-  if (offset < header.size()) {
-    const std::size_t first = std::min(bytes.size(), header.size() - offset);
-    std::memcpy(header.data() + offset, bytes.data(), first);
-    bytes = bytes.subspan(first);
-    offset += first;
-  }
-  if (bytes.empty()) return;
-  Bytes& payload = partial.bytes.payload;
-  const std::size_t at = offset - header.size();
-  if (payload.size() < at) payload.resize(at);
-  if (payload.size() == at) {
-    payload.insert(payload.end(), bytes.begin(), bytes.end());
-  } else {
-    std::memcpy(payload.data() + at, bytes.data(), bytes.size());
-  }
 }
 
 // The refined expiry is never early, since the true clock offset is at most `hi`.
@@ -274,7 +248,7 @@ void Reassembler::refine_expiry(std::uint32_t place, const wire::Data& first,
   if (!hi) return;
   const Duration allowed = deadline + kExpirySlack;
   const TimePoint by_clock = when_elapsed(t0, Duration{wrapping_add(hi->count(), allowed.count())});
-  TimePoint& expires = partials_[place].expires;
+  TimePoint& expires = places_[place].expires;
   expires = std::min(expires, by_clock);
   expiries_.set(place, expires);
 }
@@ -282,13 +256,13 @@ void Reassembler::refine_expiry(std::uint32_t place, const wire::Data& first,
 void Reassembler::make_room(std::size_t size, TimePoint expires) {
   if (bytes_ + size <= kMaxBytes) return;
   std::size_t older = 0;
-  for (const Partial& partial : partials_) {
-    if (partial.size > 0 && partial.expires < expires) older += partial.size;
+  for (const Place& place : places_) {
+    if (place.partial.is_open() && place.expires < expires) older += place.partial.held();
   }
   // Nothing goes where it would not suffice.
   if (bytes_ - older + size > kMaxBytes) return;
   while (bytes_ + size > kMaxBytes) {
-    const MessageId next = partials_[*expiries_.due(expires)].id;
+    const MessageId next = places_[*expiries_.due(expires)].id;
     bury(next);
     forgotten_.push_back(next);
   }
@@ -297,11 +271,9 @@ void Reassembler::make_room(std::size_t size, TimePoint expires) {
 void Reassembler::bury(MessageId message) {
   const auto place = by_id_.find(message);
   if (!place) return;
-  Partial& partial = partials_[*place];
-  bytes_ -= partial.size;
-  partial.size = 0;
-  partial.bytes = {};
-  if (partial.have.size() > kMostKept) partial.have = {};
+  Partial& partial = places_[*place].partial;
+  bytes_ -= partial.held();
+  partial.end();
   expiries_.remove(*place);
   by_id_.erase(message);
   free_.push_back(*place);
@@ -311,9 +283,8 @@ void Reassembler::bury(MessageId message) {
 std::size_t Reassembler::expire(TimePoint now) {
   std::size_t gone = 0;
   for (; const auto place = expiries_.due(now); ++gone) {
-    const Partial& partial = partials_[*place];
-    const MessageId message = partial.id;
-    if (partial.kind == wire::MessageKind::kPlain) forgotten_.push_back(message);
+    const MessageId message = places_[*place].id;
+    if (places_[*place].partial.kind() == wire::MessageKind::kPlain) forgotten_.push_back(message);
     bury(message);
   }
   return gone;

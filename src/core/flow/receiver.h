@@ -11,6 +11,7 @@
 #include "core/base/alarms.h"
 #include "core/base/id_map.h"
 #include "core/base/recent_set.h"
+#include "core/flow/partial.h"
 #include "core/wire/message_bytes.h"
 #include "interneuron/message.h"
 #include "interneuron/units.h"
@@ -121,11 +122,12 @@ struct ClockBounds {
 // PathReceiver has accepted; a message that is complete is handed out at once and forgotten.
 //
 // A message's whole memory is taken when its first fragment arrives, since each says how large the
-// message is. It is freed when the message is complete, or expires because it can no longer
-// arrive by its deadline. kMaxBytes and kMaxPartials bound what one peer's messages may hold. Where
-// the bytes do not suffice, messages that expire before the new one make room, the next to expire
-// first: else one that nobody sends any more could keep out the first fragments of the next, which
-// then could not be completed either, and so on. Other fragments are refused and counted.
+// message is; repair symbols take more as they come (Partial). It is freed when the message is
+// complete, or expires because it can no longer arrive by its deadline. kMaxBytes and kMaxPartials
+// bound what one peer's messages may hold. Where the bytes do not suffice, messages that expire
+// before the new one make room, the next to expire first: else one that nobody sends any more could
+// keep out the first fragments of the next, which then could not be completed either, and so on.
+// Other fragments are refused and counted.
 //
 // What a hostile peer could try: claim large messages that it never completes, or many small ones;
 // both bounds hold, and only its own messages are refused, though for as long as the lifetime that
@@ -188,32 +190,19 @@ class Reassembler {
   void reset();
 
  private:
-  // Fragments for which a free place keeps its memory. No measurement behind this value: it only
-  // has to be more than common messages have.
-  static constexpr std::size_t kMostKept = 8192;
-
-  // Its size is 0 in a free place.
-  struct Partial {
+  struct Place {
     MessageId id{};
-    wire::MessageKind kind{};
-    // Grows with what has come, so that what comes in its order is neither cleared nor copied
-    // again; its memory is there from the first fragment on.
-    wire::MessageBytes bytes;
-    std::size_t size = 0;
-    std::uint16_t chunk = 0;
-    std::uint16_t missing = 0;
-    std::vector<bool> have;
+    Partial partial;
     TimePoint expires{};
   };
   std::uint32_t open(const wire::FragmentHeader& fragment, TimePoint expires);
-  static void store(Partial& partial, std::size_t offset, ByteView bytes);
   // Makes room for so many bytes that are kept until `expires`, if there can be room.
   void make_room(std::size_t size, TimePoint expires);
   void bury(MessageId message);
   void refine_expiry(std::uint32_t place, const wire::Data& first, const ClockBounds& clocks);
 
   // Places of messages that are complete or expired are empty and listed in free_.
-  std::vector<Partial> partials_;
+  std::vector<Place> places_;
   std::vector<std::uint32_t> free_;
   IdMap<MessageId> by_id_;
   // When each place expires.

@@ -61,7 +61,7 @@ void Sender::set_path(LinkId path, const PathView& view) {
 
 MessageId Sender::send(TimePoint now, const Times& times, wire::MessageBytes bytes,
                        const std::vector<LinkId>& paths, const PathSet& repairs,
-                       wire::MessageKind kind) {
+                       wire::MessageKind kind, const Helpers& helpers) {
   parting_.clear();
   const MessageId id{next_message_++};
   if (paths.empty() || bytes.empty() || times.deadline <= now) return id;
@@ -70,7 +70,7 @@ MessageId Sender::send(TimePoint now, const Times& times, wire::MessageBytes byt
   const std::size_t count = (bytes.size() + chunk - 1) / chunk;
   if (count > UINT16_MAX) return id;
   Message& m = messages_.add(id, times.deadline, static_cast<std::uint16_t>(count),
-                             static_cast<std::uint8_t>(paths.size()));
+                             static_cast<std::uint8_t>(helpers.divided ? 1 : paths.size()));
   m.chunk = static_cast<std::uint16_t>(chunk);
   m.doubt = times.doubt;
   m.importance = times.importance;
@@ -80,14 +80,33 @@ MessageId Sender::send(TimePoint now, const Times& times, wire::MessageBytes byt
   m.bytes = std::move(bytes);
   m.repairs = repairs;
   m.kind = kind;
-  for (const LinkId path : paths) {
-    Path& p = paths_.at(path);
-    p.use.message(now, m.bytes.size(), m.deadline - now);
-    p.jobs.add(id, turn_of(p, m.deadline, m.importance), 0, m.count, m.chunk);
-    m.repairs.add(path);
-  }
+  m.symbol_paths = helpers.symbols;
+  m.rescue = helpers.rescue;
+  for (const LinkId path : paths) m.repairs.add(path);
   bytes_ += m.bytes.size();
+  enqueue(now, m, paths, helpers.divided);
+  if (!helpers.symbols.empty() && !can_wait(now, m)) protect(now, m, Protect::kAll);
+  plan_rescue(now, m);
   return id;
+}
+
+// Queues all of a message on each of these paths, or shares of it.
+void Sender::enqueue(TimePoint now, Message& m, const std::vector<LinkId>& paths, bool divided) {
+  Shares parts;
+  parts.fill(m.count);
+  if (divided) parts = shares(now, m, paths);
+  std::uint32_t next = 0;
+  for (std::size_t i = 0; i < std::min(paths.size(), kMaxLinks); ++i) {
+    if (parts[i] == 0) continue;
+    const std::uint32_t from = divided ? next : 0;
+    next = from + parts[i];
+    Path& path = paths_.at(paths[i]);
+    path.use.message(now, parts[i] * std::size_t{m.chunk}, m.deadline - now);
+    path.jobs.add(m.id, turn_of(path, m.deadline, m.importance), from,
+                  static_cast<std::uint16_t>(next), m.chunk);
+    m.taken.add(paths[i]);
+    m.to_leave += parts[i];
+  }
 }
 
 std::uint64_t Sender::take_number(TimePoint now, LinkId link, std::size_t train_bytes) {
@@ -97,8 +116,17 @@ std::uint64_t Sender::take_number(TimePoint now, LinkId link, std::size_t train_
 
 void Sender::forget(MessageId message) {
   for (auto& [link, path] : paths_) path.jobs.remove(message);
-  if (const Message* known = messages_.find(message)) bytes_ -= known->bytes.size();
+  const Message* known = messages_.find(message);
+  if (known == nullptr) return;
+  bytes_ -= known->held();
+  const auto alternative = known->alternative;
   messages_.erase(message);
+  // What was to stand in for it and has not begun never does. A plain message keeps it: each of its
+  // variants is told of.
+  const Message* other = alternative ? messages_.find(*alternative) : nullptr;
+  if (other != nullptr && other->paths == 0 && other->kind == wire::MessageKind::kRound) {
+    forget(other->id);
+  }
 }
 
 Job* Sender::next_job(Path& path, TimePoint now) {
@@ -131,9 +159,8 @@ bool Sender::can_arrive(TimePoint now, const Path& path, const Job& job, const M
 std::optional<JobQueue::Taken> Sender::take(Path& path, Job& job) {
   Message& m = *messages_.find(job.message);
   while (const auto taken = path.jobs.take(job)) {
-    Message::PieceState& piece = m.pieces[taken->index];
-    if (!piece.acknowledged) return taken;
-    if (piece.under_way > 0) --piece.under_way;
+    if (!m.pieces[taken->index].acknowledged) return taken;
+    m.copy_gone(taken->index);
   }
   return std::nullopt;
 }
@@ -159,14 +186,17 @@ std::optional<Sender::Piece> Sender::poll(TimePoint now, LinkId path_id) {
     if (!taken) continue;
 
     Message& m = *messages_.find(job->message);
-    m.sent = std::max<std::uint32_t>(m.sent, taken->index + 1U);
-    const std::size_t offset = std::size_t{taken->index} * m.chunk;
-    const std::size_t size = std::min<std::size_t>(m.chunk, m.bytes.size() - offset);
-    const std::size_t ip_bytes = size + kPieceOverheadBytes + kIpUdpBytes;
+    const wire::MessageBytes::Part part = part_of(m, taken->index);
+    const std::size_t ip_bytes = part.size() + kPieceOverheadBytes + kIpUdpBytes;
     const bool more_waits = job->pieces() > 0 || path.jobs.size() > 1;
     const std::uint64_t number =
         path.sent.add(now, ip_bytes, more_waits, SentPackets::Piece{m.id, taken->index});
-    if (taken->is_again) ++path.resent;
+    if (taken->index >= m.count) {
+      ++path.symbols;
+    } else if (taken->is_again) {
+      ++path.resent;
+    }
+    note_leaving(now, path, m, *taken);
 
     const Duration air = path.view.pace.value_or(kBlindPace).transmit_time(ip_bytes);
     path.free_at = std::max(path.free_at, now - kBurst) + std::min<Duration>(air, kLongestAir);
@@ -175,7 +205,7 @@ std::optional<Sender::Piece> Sender::poll(TimePoint now, LinkId path_id) {
     return Piece{number,
                  {m.id, taken->index, m.chunk, static_cast<std::uint32_t>(m.bytes.size()),
                   m.lifetime_us, m.kind},
-                 m.bytes.part(offset, size)};
+                 part};
   }
 }
 
@@ -186,16 +216,16 @@ void Sender::settle(TimePoint now, std::span<const SentPackets::Settled> pieces,
     Message* message = messages_.find(what.message);
     if (message == nullptr && arrived) overdue_.arrived(what);
     if (message == nullptr) continue;
-    Message::PieceState& piece = message->pieces[what.index];
-    if (was_open && piece.under_way > 0) --piece.under_way;
-    if (piece.acknowledged) continue;
+    if (was_open) message->copy_gone(what.index);
+    if (message->pieces[what.index].acknowledged) continue;
     if (!arrived) {
-      repair(now, what.message, what.index, evidence);
+      lose(now, *message, what.index, evidence);
       continue;
     }
-    piece.acknowledged = true;
-    if (--message->unacknowledged == 0) forget(message->id);
+    message->acknowledge(what.index);
+    if (message->unacknowledged == 0) forget(message->id);
   }
+  protect_touched(now);
 }
 
 SentPackets::Verdicts Sender::report(TimePoint now, const wire::LinkReport& report,
@@ -227,6 +257,10 @@ void Sender::handle_timeout(TimePoint now) {
     path.use.lost(static_cast<std::uint32_t>(silent.size()));
     settle(now, silent);
   }
+  while (const auto look = messages_.look_due(now)) {
+    messages_.look_at(*look, std::nullopt);
+    look_after(now, *messages_.find(*look));
+  }
   while (const auto late = messages_.due(now)) {
     note_overdue(now, *messages_.find(*late));
     forget(*late);
@@ -236,6 +270,8 @@ void Sender::handle_timeout(TimePoint now) {
 void Sender::note_overdue(TimePoint now, const Message& message) {
   const TimePoint began = message.deadline - std::chrono::microseconds(message.lifetime_us);
   if (message.kind != wire::MessageKind::kPlain || began <= removed_at_) return;
+  // A piece that has not arrived is no loss where symbols may stand for it; the peer tells.
+  if (!message.symbols.empty()) return;
   SentPackets::Piece missing{message.id, message.count};
   while (message.pieces[--missing.index].acknowledged) {
   }
@@ -250,7 +286,7 @@ void Sender::note_overdue(TimePoint now, const Message& message) {
 }
 
 std::optional<TimePoint> Sender::next_timeout() const {
-  std::optional<TimePoint> next = messages_.next_deadline();
+  std::optional<TimePoint> next = earliest(messages_.next_deadline(), messages_.next_look());
   for (const auto& [link, path] : paths_) {
     next = earliest(next, path.sent.silent_at(silence_of(path.view)));
   }
@@ -289,6 +325,11 @@ std::size_t Sender::queued_before(LinkId link, TimePoint deadline, std::uint8_t 
 std::uint64_t Sender::resent(LinkId path) const {
   const auto it = paths_.find(path);
   return it == paths_.end() ? 0 : it->second.resent;
+}
+
+std::uint64_t Sender::symbols(LinkId path) const {
+  const auto it = paths_.find(path);
+  return it == paths_.end() ? 0 : it->second.symbols;
 }
 
 std::uint64_t Sender::lost(LinkId path) const {

@@ -4,6 +4,7 @@
 // while the deadline allows.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <deque>
 #include <optional>
@@ -22,6 +23,18 @@
 #include "interneuron/units.h"
 
 namespace interneuron::flow {
+
+// What else may be done for a message.
+struct Helpers {
+  // Its paths divide it among them, so that the last part is there as soon as possible.
+  bool divided = false;
+  // Paths that may carry repair symbols of it: as many as are worth it
+  // (src/core/code/redundancy.h) for what nobody can ask for again. They leave when all of the
+  // message has left, or at once where that would be too late for them.
+  PathSet symbols{};
+  // Paths over which what is missing of it goes when it seems late (sender_rescue.cc).
+  PathSet rescue{};
+};
 
 // Owned by the Peer that it sends to. In the order of use: send() queues a message on paths; poll()
 // gives the next fragment that may leave a path now; report() and handle_timeout() tell what
@@ -78,12 +91,14 @@ class Sender {
   // already is not sent at all.
   MessageId send(TimePoint now, const Times& times, wire::MessageBytes message,
                  const std::vector<LinkId>& paths, const PathSet& repairs = kEveryPath,
-                 wire::MessageKind kind = wire::MessageKind::kRound);
+                 wire::MessageKind kind = wire::MessageKind::kRound, const Helpers& helpers = {});
 
   // A smaller variant of `first` that takes its place when its path gives it up before its deadline
   // and this one can still arrive; told of like any other message. `first` was queued on one path;
-  // else, or where it is gone already, the alternative is never sent.
-  MessageId add_alternative(MessageId first, wire::MessageBytes message);
+  // else, or where it is gone already, the alternative does not take its place. Over one of the
+  // paths `rescue` it goes beside `first` when that seems late.
+  MessageId add_alternative(TimePoint now, MessageId first, wire::MessageBytes message,
+                            const PathSet& rescue = {});
 
   // Forgets a message: nothing more of it is sent. It is complete at the peer, or nobody wants it.
   void cancel(MessageId message) { forget(message); }
@@ -149,8 +164,9 @@ class Sender {
   // on it at all (address validation, budgets) is for the caller to know.
   std::optional<TimePoint> next_send(LinkId path) const;
 
-  // Fragments sent again over a path.
+  // Fragments sent again over a path, and repair symbols.
   std::uint64_t resent(LinkId path) const;
+  std::uint64_t symbols(LinkId path) const;
   // Packets found lost on a path, by the peer's feedback or its silence.
   std::uint64_t lost(LinkId path) const;
   // Fragments that were not sent, or not sent again, because they would have been late.
@@ -170,6 +186,7 @@ class Sender {
     SentPackets sent;
     PathUse use;
     std::uint64_t resent = 0;
+    std::uint64_t symbols = 0;
   };
 
   std::size_t piece_bytes(const std::vector<LinkId>& paths, const PathSet& repairs) const;
@@ -186,6 +203,7 @@ class Sender {
   static bool can_arrive(TimePoint now, const Path& path, const Job& job, const Message& message);
   // The path sends no more of this job's message, but its alternative if there is one.
   void give_up(Path& path, Job& job);
+  void begin_alternative(Path& path, Message& message);
   // The deadline of a message has passed before it was acknowledged.
   void note_overdue(TimePoint now, const Message& message);
   static bool is_full(const Path& path) { return path.sent.bytes_in_flight() >= path.view.window; }
@@ -208,6 +226,41 @@ class Sender {
   void settle(TimePoint now, std::span<const SentPackets::Settled> pieces,
               Evidence evidence = Evidence::kSilence);
 
+  // --- repair symbols (sender_coding.cc)
+  // The bytes of a fragment or symbol.
+  static wire::MessageBytes::Part part_of(const Message& message, std::size_t index);
+  // Whether what is queued or leaves on this path now could not be sent again in time if it is
+  // lost.
+  bool is_last(TimePoint now, const Path& path, const Message& message) const;
+  // Whether symbols are in time if they wait for all of the message to leave.
+  bool can_wait(TimePoint now, const Message& message);
+  void note_leaving(TimePoint now, Path& path, Message& message, const JobQueue::Taken& taken);
+  void lose(TimePoint now, Message& message, std::uint16_t index, Evidence evidence);
+  // For what symbols are sent: for what is under way and last, or for all that is under way.
+  enum class Protect : std::uint8_t { kLast, kAll };
+  void protect(TimePoint now, Message& message, Protect what);
+  bool makes_way(TimePoint now, const Message& message, Evidence evidence);
+  void protect_touched(TimePoint now);
+  Path* symbol_path(TimePoint now, const Message& message, std::size_t bytes);
+  void add_symbols(TimePoint now, Message& message, Path& path, std::size_t block,
+                   std::size_t count);
+
+  // --- rescue (sender_rescue.cc)
+  double chance_late(TimePoint now, const Path& path, const Message& message) const;
+  std::optional<Copy> last_chance(const Message& message, const PathSet& over, const Path* except,
+                                  std::size_t bytes);
+  static std::size_t missing_bytes(const Message& message);
+  void plan_rescue(TimePoint now, Message& message);
+  void look_after(TimePoint now, Message& message);
+  void rescue(TimePoint now, Path& path, Message& message);
+  void begin_rescue(TimePoint now, Path& path, Message& message);
+
+  // --- shares (sender_striping.cc)
+  void enqueue(TimePoint now, Message& message, const std::vector<LinkId>& paths, bool divided);
+  // Pieces for each of a message's paths, of which there are at most kMaxLinks.
+  using Shares = std::array<std::uint16_t, kMaxLinks>;
+  Shares shares(TimePoint now, const Message& message, const std::vector<LinkId>& paths) const;
+
   Options options_;
   FlatMap<LinkId, Path> paths_;
   MessageStore messages_;
@@ -218,6 +271,10 @@ class Sender {
   std::deque<MessageId> given_up_;
   // Payloads of messages that poll() has given up, of which it may have handed out pieces before.
   std::vector<Bytes> parting_;
+  // Copies of pieces that do not lie in a payload as a whole, while symbols are made.
+  Bytes scratch_;
+  // Coded messages of which something was lost in the report that is taken in.
+  std::vector<MessageId> touched_;
   std::uint32_t next_message_;
   std::uint64_t cancelled_ = 0;
 };

@@ -6,13 +6,14 @@
 
 namespace interneuron::flow {
 
-MessageId Sender::add_alternative(MessageId first, wire::MessageBytes bytes) {
+MessageId Sender::add_alternative(TimePoint now, MessageId first, wire::MessageBytes bytes,
+                                  const PathSet& rescue) {
   const MessageId id{next_message_++};
   Message* other = messages_.find(first);
   if (other == nullptr || bytes.empty()) return id;
   const std::size_t count = (bytes.size() + other->chunk - 1) / other->chunk;
   if (count > UINT16_MAX) return id;
-  if (other->paths > 1) return id;
+  if (other->paths > 1 && rescue.empty()) return id;
   other->alternative = id;
   Message& m = messages_.add(id, other->deadline, static_cast<std::uint16_t>(count), 0);
   // add() may have moved it.
@@ -26,6 +27,8 @@ MessageId Sender::add_alternative(MessageId first, wire::MessageBytes bytes) {
   m.bytes = std::move(bytes);
   bytes_ += m.bytes.size();
   m.is_alternative = true;
+  m.rescue = rescue;
+  plan_rescue(now, *other);
   return id;
 }
 
@@ -40,9 +43,8 @@ void Sender::give_up(Path& path, Job& job) {
   const MessageId id = job.message;
   Message& message = *messages_.find(id);
   job.for_each([this, &message](std::uint16_t index) {
-    Message::PieceState& piece = message.pieces[index];
-    if (piece.under_way > 0) --piece.under_way;
-    if (!piece.acknowledged) ++cancelled_;
+    message.copy_gone(index);
+    if (!message.pieces[index].acknowledged) ++cancelled_;
   });
   const bool all_left = job.next >= job.count;
   path.jobs.remove(id);
@@ -50,16 +52,26 @@ void Sender::give_up(Path& path, Job& job) {
   if (message.paths > 1 || all_left) return;
   // Nobody else completes it, so nothing of it is sent again.
   if (message.kind == wire::MessageKind::kPlain) given_up_.push_back(id);
-  const auto alternative = message.alternative;
-  bytes_ -= message.bytes.size();
+  const auto alternative = std::exchange(message.alternative, std::nullopt);
+  bytes_ -= message.held();
   parting_.push_back(std::exchange(message.bytes, {}).payload);
+  for (Bytes& symbol : std::exchange(message.symbols, {})) parting_.push_back(std::move(symbol));
   forget(id);
   Message* next = alternative ? messages_.find(*alternative) : nullptr;
   if (next == nullptr) return;
-  next->paths = 1;
-  for (Message::PieceState& piece : next->pieces) piece.under_way = 1;
-  path.jobs.add(next->id, turn_of(path, next->deadline, next->importance), 0, next->count,
-                next->chunk);
+  begin_alternative(path, *next);
+}
+
+// An alternative sets out over this path.
+void Sender::begin_alternative(Path& path, Message& m) {
+  m.paths = 1;
+  for (std::uint16_t i = 0; i < m.count; ++i) m.copy_added(i);
+  m.taken = {};
+  for (const auto& [link, other] : paths_) {
+    if (&other == &path) m.taken.add(link);
+  }
+  m.to_leave = m.count;
+  path.jobs.add(m.id, turn_of(path, m.deadline, m.importance), 0, m.count, m.chunk);
 }
 
 }  // namespace interneuron::flow

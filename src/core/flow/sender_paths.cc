@@ -47,7 +47,13 @@ std::vector<MessageId> Sender::fitting_elsewhere(TimePoint now, Path& path) {
   for (const MessageId id : path.jobs.messages()) owed[id] += path.jobs.find(id)->pieces();
   std::vector<MessageId> out;
   for (const auto& entry : owed) {
-    const Message& m = *messages_.find(entry.first);
+    Message& m = *messages_.find(entry.first);
+    if (!m.rescue.empty()) {
+      // It stays where it is, too: suspicion is often wrong, and this one has a way out for it.
+      const auto chance = last_chance(m, m.rescue, &path, missing_bytes(m));
+      if (chance && chance->arrival >= now) rescue(now, *chance->path, m);
+      continue;
+    }
     if (m.kind != wire::MessageKind::kPlain) continue;
     const std::size_t bytes = entry.second * m.chunk;
     const bool fits = std::ranges::any_of(paths_, [&](const auto& other) {
@@ -83,11 +89,10 @@ void Sender::send_elsewhere(TimePoint now, Path& path, const std::vector<Message
     // No other job is added to this path meanwhile, because nothing is repaired over it.
     Job& job = *path.jobs.find(id);
     for (const std::uint16_t index : path.jobs.take_all(job)) {
-      Message::PieceState& piece = message.pieces[index];
-      if (piece.under_way > 0) --piece.under_way;
-      if (piece.acknowledged || repair(now, id, index)) continue;
+      message.copy_gone(index);
+      if (message.pieces[index].acknowledged || repair(now, id, index)) continue;
       // No other path brings it in time: it waits here for this path to come back.
-      ++piece.under_way;
+      message.copy_added(index);
       path.jobs.push_again(job, index);
     }
   }

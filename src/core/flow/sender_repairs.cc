@@ -33,8 +33,8 @@ std::optional<Sender::Copy> Sender::soonest_copy(TimePoint now, MessageId id, st
     // Nobody knows when a path that is suspected brings anything.
     if (!path.view.up || (path.view.suspect && sound)) continue;
     const Job* job = path.jobs.find(id);
-    if (job != nullptr && (index >= job->next || job->again.contains(index))) {
-      const std::size_t ahead = index >= job->next ? index - job->next + 1U : job->again.size();
+    if (job != nullptr && (job->awaits(index) || job->again.contains(index))) {
+      const std::size_t ahead = job->awaits(index) ? index - job->next + 1U : job->again.size();
       const DataRate rate = path.view.rate.value_or(kBlindRate);
       const Duration air = std::min<Duration>(rate.transmit_time(ahead * m.chunk), kNever);
       const TimePoint arrival = now + air + path.view.one_way;
@@ -88,7 +88,8 @@ bool Sender::repair(TimePoint now, MessageId id, std::uint16_t index, Evidence e
 
 void Sender::queue_again(TimePoint now, Path& path, MessageId id, std::uint16_t index) {
   Message& m = *messages_.find(id);
-  ++m.pieces[index].under_way;
+  m.copy_added(index);
+  if (is_last(now, path, m)) m.set_last(index, true);
   path.use.queued(now);
   Job* job = path.jobs.find(id);
   if (job == nullptr) {

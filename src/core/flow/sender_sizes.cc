@@ -50,8 +50,8 @@ void Sender::hand_on(TimePoint now, JobQueue& jobs, MessageId id) {
   jobs.remove(id);
   Message& message = *messages_.find(id);
   for (const std::uint16_t index : indices) {
-    Message::PieceState& piece = message.pieces[index];
-    if (piece.under_way > 0) --piece.under_way;
+    message.copy_gone(index);
+    const Message::PieceState& piece = message.pieces[index];
     if (!piece.acknowledged && piece.under_way == 0) repair(now, id, index);
   }
 }

@@ -339,6 +339,17 @@ std::optional<TimePoint> SentPackets::silent_at(const Silence& silence) const {
   return std::nullopt;
 }
 
+std::optional<TimePoint> SentPackets::awaited_since(MessageId message) const {
+  if (open_bytes_ == 0) return std::nullopt;
+  for (std::uint64_t n = std::max(oldest(), largest_ + 1); keeps(n); ++n) {
+    const Packet& packet = at(n);
+    const bool counts =
+        packet.has_piece && (packet.fate == Fate::kOpen || data_of(packet).message == message);
+    if (counts) return packet.at;
+  }
+  return std::nullopt;
+}
+
 std::span<const SentPackets::Settled> SentPackets::in_flight() {
   settled_.clear();
   for (std::uint64_t n = first_open_; keeps(n); ++n) {

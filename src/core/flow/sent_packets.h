@@ -113,6 +113,14 @@ class SentPackets {
   // packets since then.
   std::optional<std::uint64_t> first_copy(const Piece& piece, TimePoint since) const;
 
+  // When the oldest of the fragments left that were sent after all that is acknowledged and are in
+  // flight, or are of this message, which the peer may not have told of; nothing when none was.
+  std::optional<TimePoint> awaited_since(MessageId message) const;
+  // When the newest packet left, of whatever kind.
+  TimePoint newest_left() const {
+    return packets_.empty() ? TimePoint::min() : packets_[packets_.size() - 1].at;
+  }
+
   // Bytes of the fragments in flight, IP headers included.
   std::size_t bytes_in_flight() const { return open_bytes_; }
 

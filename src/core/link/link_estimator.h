@@ -71,6 +71,10 @@ class LinkEstimator {
   std::optional<DataRate> rate_guess() const { return rate_.guess(); }
   std::optional<DataRate> pace() const { return rate_.pace(); }
   double loss() const { return loss_.loss(); }
+  Duration jitter() const { return rtt_.variation(); }
+  double loss_burst() const { return loss_.burst(); }
+  double loss_burst_deviation() const { return loss_.burst_deviation(); }
+  double loss_packets() const { return loss_.packets(); }
   ProbeSchedule::RateEvidence rate_evidence() const;
   // Half the round trip, smoothed with a short memory, to plan with; zero while unknown.
   Duration one_way() const { return rtt_.quick() / 2; }

@@ -7,7 +7,10 @@ namespace interneuron::link {
 namespace {
 
 // Runs that the mean length of a run remembers. No measurement behind this value.
-constexpr double kBurstMemory = 16;
+constexpr double kBurstMemory = 32;
+// Runs before their spread is believed. No measurement behind this value: fewer may be alike by
+// chance.
+constexpr double kLeastRuns = 8;
 // How many standard errors apart the quick and the slow mean must be to count as a step. The quick
 // mean is independent of itself every 1,000 packets; in 20,000 packets a false alarm happens once
 // in 80,000 times.
@@ -56,6 +59,10 @@ void LossEstimator::lost(TimePoint now, std::uint64_t packets) {
 
 double LossEstimator::burst() const { return runs_ > 0 ? burst_ : static_cast<double>(run_); }
 
+double LossEstimator::burst_deviation() const {
+  return runs_ < kLeastRuns ? -1 : std::sqrt(burst_variance_);
+}
+
 void LossEstimator::fade(TimePoint now) {
   const Duration age = now - faded_at_;
   if (age < kFadeStep) return;
@@ -69,7 +76,9 @@ void LossEstimator::fade(TimePoint now) {
 void LossEstimator::close_run() {
   if (run_ == 0) return;
   runs_ = std::min(runs_ + 1, kBurstMemory);
-  burst_ += (static_cast<double>(run_) - burst_) / runs_;
+  const double off = static_cast<double>(run_) - burst_;
+  burst_ += off / runs_;
+  burst_variance_ = (1 - 1 / runs_) * (burst_variance_ + off * off / runs_);
   run_ = 0;
 }
 

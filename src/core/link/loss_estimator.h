@@ -31,8 +31,10 @@ class LossEstimator {
 
   // The share of packets lost, in [0, 1]; 0 while nothing is known.
   double loss() const { return slow_; }
-  // Mean number of packets lost in a row, over about the last 16 runs; 0 while none was lost.
+  // Mean number of packets lost in a row, over about the last 32 runs; 0 while none was lost.
   double burst() const;
+  // How much the length of runs varies (standard deviation); negative while few runs are known.
+  double burst_deviation() const;
   // Packets that the estimate rests on now; at most kMemory.
   double packets() const { return weight_; }
 
@@ -46,6 +48,7 @@ class LossEstimator {
   double weight_ = 0;
   double quick_weight_ = 0;
   double burst_ = 0;
+  double burst_variance_ = 0;
   double runs_ = 0;
   // Packets lost in the run that is not over yet.
   std::uint64_t run_ = 0;

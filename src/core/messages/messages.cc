@@ -6,6 +6,7 @@
 
 #include "core/base/earliest.h"
 #include "core/messages/routes.h"
+#include "core/plan/carriers.h"
 #include "core/plan/plan_message.h"
 #include "core/wire/plain_header.h"
 #include "interneuron/sizes.h"
@@ -125,7 +126,8 @@ SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const Sen
     const MessageId message = peer->send(
         now, {.deadline = entry.deadline, .lifetime = deadline, .importance = options.importance},
         with(header, std::move(variants[route.variant])), route.links, allowed_of(policy, links),
-        wire::MessageKind::kPlain);
+        wire::MessageKind::kPlain,
+        {route.divided, flow::PathSet::of(route.parity), flow::PathSet::of(route.shadow)});
     entry.variants.push_back({message, route.variant});
     for (const LinkId id : route.links) {
       round_trip = std::max(round_trip, find(links, id).rtt_p50);
@@ -135,7 +137,8 @@ SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const Sen
     if (!routes.standing_by(v)) continue;
     header.variant = static_cast<std::uint8_t>(v);
     const MessageId message =
-        peer->add_alternative(entry.variants.back().message, with(header, std::move(variants[v])));
+        peer->add_alternative(now, entry.variants.back().message,
+                              with(header, std::move(variants[v])), routes.shadow_of(v));
     entry.variants.push_back({message, header.variant});
   }
   entry.ends += round_trip;
@@ -165,8 +168,7 @@ SendResult Messages::plan(TimePoint now, Peer& peer, const Sizes& sizes, const S
   qos.needs.delay = 1.0;
   const std::span<const std::size_t> span(sizes.data(), sizes.size());
   const Plan plan = plan_message(policy, {qos, span}, links, {.time_left = options.deadline});
-  const bool best_is_sent =
-      std::ranges::find(plan.sends, 0, &Assignment::variant) != plan.sends.end();
+  const bool best_is_sent = !plan.sends.empty() && best_planned(plan) == 0;
   if (!best_is_sent || plan.under_floor) peer.want(now, rate_wanted(span, options.deadline));
   if (plan.sends.empty()) {
     const bool allowed = std::ranges::any_of(

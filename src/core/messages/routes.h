@@ -2,6 +2,7 @@
 // should be there. Pure.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -11,16 +12,21 @@
 #include "core/messages/on_time_forecast.h"
 #include "core/messages/outlook.h"
 #include "core/peers/peer.h"
+#include "core/plan/carriers.h"
 #include "interneuron/few.h"
 #include "interneuron/link.h"
 #include "interneuron/policy.h"
 
 namespace interneuron {
 
-// A variant that sets out, and over which links; at least one.
+// A variant that sets out, and over which links; at least one. The roles of the others are those of
+// Carriers.
 struct Route {
   std::uint8_t variant = 0;
-  Few<LinkId, kMaxLinks> links;
+  Few<LinkId, kMaxLinks> links{};
+  bool divided = false;
+  Few<LinkId, kMaxLinks> parity{};
+  Few<LinkId, kMaxLinks> shadow{};
 };
 
 // What is left of a plan when the transmissions are taken out that cannot arrive. Plain values.
@@ -30,6 +36,8 @@ struct Routes {
   // The variants after that of the last route up to this one stand by: the next of them takes the
   // place of one that its link gives up. None does where the last route has several links.
   std::uint8_t last = 0;
+  // The variants that the plan has stand by over links of their own (SendRole::kShadow).
+  std::vector<Carriers> shadows;
   // When the first of the variants should be there, from now; nothing where no link is measured.
   std::optional<Duration> expected;
   // What its chances are judged by, and what they are.
@@ -39,7 +47,13 @@ struct Routes {
   // What the variants that set out or stand by take, with their headers.
   std::size_t bytes(std::span<const std::size_t> sizes) const;
   bool standing_by(std::size_t variant) const {
-    return variant > routes.back().variant && variant <= last;
+    return variant > routes.back().variant &&
+           (variant <= last ||
+            std::ranges::find(shadows, variant, &Carriers::variant) != shadows.end());
+  }
+  flow::PathSet shadow_of(std::size_t variant) const {
+    const auto it = std::ranges::find(shadows, variant, &Carriers::variant);
+    return it == shadows.end() ? flow::PathSet{} : flow::PathSet::of(it->shadow);
   }
 };
 

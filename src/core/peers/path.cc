@@ -18,6 +18,10 @@ constexpr Duration kBurst = std::chrono::milliseconds(1);
 constexpr Duration kLongest = std::chrono::seconds(1);
 // The loss of a report is in 1/65535 (docs/wire_format.md).
 constexpr double kLossUnit = 65535;
+// While little has been seen of a path it is supposed to lose one packet in a
+// hundred, with the weight of that many. No measurement behind these values.
+constexpr double kSupposedLoss = 0.01;
+constexpr double kSupposedPackets = 100;
 
 // Whether a report tells that this packet has arrived, whose number is not above its largest.
 bool has_arrived(const wire::LinkReport& report, std::uint64_t number) {
@@ -238,6 +242,14 @@ std::optional<DataRate> Path::capped(std::optional<DataRate> rate) const {
   return rate && cap ? std::min(*rate, *cap) : rate ? rate : cap;
 }
 
+// What may be lost: what was, and while little has been seen, a little more.
+code::Losses Path::losses() const {
+  const double seen = estimator.loss_packets();
+  const double share =
+      (estimator.loss() * seen + kSupposedLoss * kSupposedPackets) / (seen + kSupposedPackets);
+  return {share, estimator.loss_burst(), estimator.loss_burst_deviation()};
+}
+
 flow::PathView Path::view(TimePoint now) const {
   // What may be planned with is our share of the pipe.
   const std::optional<DataRate> pace = share_.pace() ? share_.pace() : estimator.pace();
@@ -260,6 +272,8 @@ flow::PathView Path::view(TimePoint now) const {
   view.least_one_way = estimator.rtt_min(now) / 2;
   view.ect = ecn_.bits() != link::kNotEct;
   view.probe_timeout = estimator.probe_timeout(now);
+  view.jitter = estimator.jitter();
+  view.losses = losses();
   return view;
 }
 
@@ -267,7 +281,9 @@ LinkState Path::state(TimePoint now) const {
   LinkState state = estimator.state(now);
   state.id = id_;
   state.ecn = ecn_.state();
-  state.share = std::min(state.rate, share_.rate().value_or(state.rate));
+  // A path that came back is loaded little by little.
+  state.share =
+      std::min(state.rate, share_.rate().value_or(state.rate)).scaled(estimator.share(now));
   return state;
 }
 

@@ -104,6 +104,7 @@ class Path {
   void begin(TimePoint now);
   void control(TimePoint now, const wire::LinkReport& report, const flow::SentPackets::Verdicts& v,
                const flow::PathUse::Told& use);
+  code::Losses losses() const;
   std::optional<DataRate> capped(std::optional<DataRate> rate) const;
 
   LinkId id_{};

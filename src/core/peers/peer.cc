@@ -132,10 +132,7 @@ Peer::Input Peer::handle(TimePoint now, const wire::Packet& packet, const Datagr
   feedback_.arrived(now, path.receiver.gap());
   if (!wire::is_used(packet.header.type)) return input;
   path.receiver.note_delay(session_time(now), packet.header.stamp_us);
-  // Nothing is made of repair symbols: they only count as packets that have arrived.
-  if (packet.header.type != wire::PacketType::kData || packet.data.fragment.is_repair()) {
-    return input;
-  }
+  if (packet.header.type != wire::PacketType::kData) return input;
 
   flow::ClockBounds clocks{identity_.self, identity_.session, std::nullopt};
   if (packet.data.fragment.index == 0) clocks.peer_hi_min = clock_.hi_min(now);

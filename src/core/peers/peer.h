@@ -98,10 +98,12 @@ class Peer {
   // flow::Sender::send().
   MessageId send(TimePoint now, const flow::Sender::Times& times, wire::MessageBytes message,
                  std::span<const LinkId> paths, const flow::PathSet& repairs,
-                 wire::MessageKind kind = wire::MessageKind::kRound);
+                 wire::MessageKind kind = wire::MessageKind::kRound,
+                 const flow::Helpers& helpers = {});
   // See flow::Sender::add_alternative().
-  MessageId add_alternative(MessageId first, wire::MessageBytes message) {
-    return sender_.add_alternative(first, std::move(message));
+  MessageId add_alternative(TimePoint now, MessageId first, wire::MessageBytes message,
+                            const flow::PathSet& rescue = {}) {
+    return sender_.add_alternative(now, first, std::move(message), rescue);
   }
   // Nothing more of this message is sent.
   void cancel(MessageId message) { sender_.cancel(message); }

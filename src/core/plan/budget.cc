@@ -37,8 +37,10 @@ std::array<std::optional<Duration>, kMaxVariants> forecast_answers(
     // What leaves on this link up to and with the variant looked at: better variants leave first.
     std::size_t bytes = 0;
     for (std::size_t v = 0; v < offer.variant_bytes.size() && v < out.size(); ++v) {
-      const bool here = std::ranges::any_of(
-          plan.sends, [&](const Assignment& a) { return a.variant == v && a.link == link.id; });
+      const bool here = std::ranges::any_of(plan.sends, [&](const Assignment& a) {
+        return a.variant == v && a.link == link.id &&
+               (a.role == SendRole::kWhole || a.role == SendRole::kShare);
+      });
       if (!here) continue;
       bytes += wire_size(offer.variant_bytes[v]);
       Duration there =

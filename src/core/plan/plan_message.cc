@@ -29,8 +29,39 @@ bool can_be_sent(const Policy& policy, const Assignment& send, const Offer& offe
 bool is_suspected(const LinkState& link) { return link.up && link.path == PathState::kSuspect; }
 bool is_sound(const LinkState& link) { return link.up && !is_suspected(link); }
 
+bool sets_out(const Assignment& send) {
+  return send.role == SendRole::kWhole || send.role == SendRole::kShare;
+}
+
+bool sets_out(const Plan& plan, std::uint8_t variant, SendRole role) {
+  return std::ranges::any_of(plan.sends, [variant, role](const Assignment& send) {
+    return send.variant == variant && send.role == role;
+  });
+}
+
+// The best variant that sets out.
 std::uint8_t best_of(const Plan& plan) {
-  return std::ranges::min(plan.sends, {}, &Assignment::variant).variant;
+  std::uint8_t best = UINT8_MAX;
+  for (const Assignment& send : plan.sends) {
+    if (sets_out(send)) best = std::min(best, send.variant);
+  }
+  return best;
+}
+
+// Takes out what has no meaning beside the rest.
+void settle_roles(Plan& plan) {
+  const Plan all = plan;
+  const bool any_sets_out =
+      std::ranges::any_of(all.sends, [](const Assignment& send) { return sets_out(send); });
+  plan.sends = {};
+  for (const Assignment& send : all.sends) {
+    const bool whole = sets_out(all, send.variant, SendRole::kWhole);
+    const bool makes_sense = send.role == SendRole::kShare ? !whole
+                             : send.role == SendRole::kParity
+                                 ? whole || sets_out(all, send.variant, SendRole::kShare)
+                                 : true;
+    if (any_sets_out && makes_sense) plan.sends.push_back(send);
+  }
 }
 
 // Whether a plan brings a variant that is as good as the other's best one in time, over these
@@ -41,7 +72,7 @@ bool is_as_good(const Plan& plan, const Plan& other, const Offer& offer,
   const Duration most = std::min(guidance.time_left, offer.qos.deadline);
   return std::ranges::any_of(plan.sends, [&](const Assignment& send) {
     const auto link = std::ranges::find(links, send.link, &LinkState::id);
-    return send.variant <= best_of(other) && link != links.end() && link->up &&
+    return sets_out(send) && send.variant <= best_of(other) && link != links.end() && link->up &&
            send.variant < offer.variant_bytes.size() &&
            arrival_time(*link, offer.variant_bytes[send.variant]) <= most;
   });
@@ -85,6 +116,7 @@ Plan plan_message(const Policy& policy, const Offer& offer, std::span<const Link
     const bool repeated = std::ranges::find(plan.sends, send) != plan.sends.end();
     if (!repeated && can_be_sent(policy, send, offer, links)) plan.sends.push_back(send);
   }
+  settle_roles(plan);
   plan.under_floor = answer.under_floor && !plan.sends.empty();
   if (plan.sends.empty()) plan.refused = answer.refused;
   if (answer.sends.empty() && plan.refused.empty()) plan.refused = kNothingPlanned;

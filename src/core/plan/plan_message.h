@@ -13,7 +13,9 @@ namespace interneuron {
 // Whatever the policy answers, the plan returned keeps these promises:
 //
 // - each variant is an index into offer.variant_bytes, each link is one of `links`, up and allowed;
-// - no variant is sent twice over the same link; the policy's order is kept;
+// - no variant is sent twice over the same link in one role; the policy's order is kept. A variant
+//   has whole copies or shares: shares beside whole copies are left out;
+// - repair symbols are those of variants that set out, and some variant sets out;
 // - `sends` is empty when no link is up or when the policy names nothing that can be sent; then
 //   `under_floor` is false and `refused` is the policy's reason, or kNothingPlanned if it plans
 //   nothing and gives none; otherwise `refused` is empty.

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "core/plan/carriers.h"
 #include "core/plan/plan_message.h"
 #include "core/rounds/round_terms.h"
 
@@ -122,25 +123,30 @@ std::optional<Planned> Dispatch::send(TimePoint now, Peer& peer, std::size_t roo
     planned.plan = plan(links, header, {qos_of(header), sizes_of(variants)}, guidance);
   }
   const auto& sends = planned.plan.sends;
-  const bool best_is_sent = std::ranges::find(sends, 0, &Assignment::variant) != sends.end();
+  const bool best_is_sent = !sends.empty() && best_planned(planned.plan) == 0;
   if (!best_is_sent || planned.plan.under_floor) {
     peer.want(now, rate_wanted(qos_of(header), variants.front().size()));
   }
   if (sends.empty()) return planned;
   if (bytes_of(planned.plan, variants) > room) return std::nullopt;
 
-  header.best_planned = std::ranges::min(sends, {}, &Assignment::variant).variant;
+  header.best_planned = best_planned(planned.plan);
   flow::Sender::Times times{deadline_of(now, header, clock), Duration::zero(), header.deadline()};
   if (header.round.origin != self_ && clock) times.doubt = clock->rtt_min / 2;
   const flow::PathSet repairs = allowed_of(rule(header), links);
-  for (std::size_t v = 0; v < variants.size(); ++v) {
-    std::vector<LinkId> paths;
-    for (const Assignment& a : sends) {
-      if (a.variant == v) paths.push_back(a.link);
+  MessageId first{};
+  for (const Carriers& c : carriers_of(planned.plan)) {
+    header.variant = c.variant;
+    // It is sent once the better ones are given up, so the receiver need not wait for these.
+    header.degraded = context.verdict.late || !c.sets_out();
+    const flow::PathSet shadow = flow::PathSet::of(c.shadow);
+    wire::MessageBytes message = with(header, std::move(variants[c.variant]));
+    if (!c.sets_out()) {
+      peer.add_alternative(now, first, std::move(message), shadow);
+      continue;
     }
-    if (paths.empty()) continue;
-    header.variant = static_cast<std::uint8_t>(v);
-    peer.send(now, times, with(header, std::move(variants[v])), paths, repairs);
+    first = peer.send(now, times, std::move(message), std::span(c.links), repairs,
+                      wire::MessageKind::kRound, {c.divided, flow::PathSet::of(c.parity), shadow});
   }
   return planned;
 }

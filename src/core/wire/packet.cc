@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cassert>
 
+#include "core/code/blocks.h"
 #include "core/wire/bytes.h"
 
 namespace interneuron::wire {
@@ -59,9 +60,6 @@ void put_fragment(Writer& w, const FragmentHeader& f) {
   w.put(f.index);
   w.put(f.lifetime_us);
   w.put(static_cast<std::uint8_t>(f.kind));
-  if (!f.is_repair()) return;
-  w.put(f.block);
-  w.put(f.window);
 }
 
 std::optional<Data> get_data(Reader& r) {
@@ -78,11 +76,7 @@ std::optional<Data> get_data(Reader& r) {
     return std::nullopt;
   }
   f.kind = static_cast<MessageKind>(kind);
-  if (f.is_repair()) {
-    f.block = r.get<std::uint16_t>();
-    f.window = r.get<std::uint16_t>();
-    if (!r.ok() || f.window == 0 || f.block + f.window > f.count()) return std::nullopt;
-  }
+  if (f.index >= code::Blocks(f.count()).end()) return std::nullopt;
   d.bytes = r.rest();
   if (d.bytes.size() != f.bytes()) return std::nullopt;
   return d;

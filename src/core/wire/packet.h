@@ -47,8 +47,6 @@ constexpr bool is_used(PacketType type) {
 inline constexpr std::size_t kHeaderBytes = 20;
 inline constexpr std::size_t kTagBytes = 16;
 inline constexpr std::size_t kFragmentHeaderBytes = 17;
-// What a repair symbol has between the fragment header and its bytes.
-inline constexpr std::size_t kRepairHeaderBytes = 4;
 inline constexpr std::size_t kPacketOverhead = kHeaderBytes + kTagBytes;
 static_assert(kPieceOverheadBytes == kPacketOverhead + kFragmentHeaderBytes);
 inline constexpr std::uint8_t kClearEpoch = 0;
@@ -82,7 +80,8 @@ enum class MessageKind : std::uint8_t {
 
 // One fragment of a message of `size` bytes, which is cut into count() pieces: piece `index` starts
 // at byte index * chunk of the message; all but the last have `chunk` bytes. An index from count()
-// on is that of a repair symbol: `chunk` bytes that were computed from pieces.
+// on is that of a repair symbol: `chunk` bytes that were computed from the pieces of a block, both
+// of which follow from the index (code::Blocks).
 struct FragmentHeader {
   MessageId message{};
   std::uint16_t index = 0;
@@ -92,9 +91,6 @@ struct FragmentHeader {
   // deadline of the round.
   std::uint32_t lifetime_us = 0;
   MessageKind kind = MessageKind::kRound;
-  // Of a repair symbol alone: it was computed from the `window` pieces from piece `block` on.
-  std::uint16_t block = 0;
-  std::uint16_t window = 0;
 
   // Of a fragment that parse() gave, 1 … 65,535.
   constexpr std::uint16_t count() const {

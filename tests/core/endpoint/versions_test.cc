@@ -74,16 +74,16 @@ TEST(UnusedTypes, MakeNoPeerAndRestartNone) {
   EXPECT_EQ(pair.restarted, 0);
 }
 
-TEST(RepairSymbols, CountAsArrivedAndDoNoHarm) {
+// It may be the first of its message that comes.
+TEST(RepairSymbols, AreKeptUntilTheirMessageIsComplete) {
   Pair pair;
-  wire::FragmentHeader fragment{MessageId{5}, 3, 100, 250, 1000};
-  fragment.window = 3;
+  const wire::FragmentHeader fragment{MessageId{5}, 3, 100, 250, 1000};
   Written out;
   const wire::PacketHeader header{wire::PacketType::kData, kFast, wire::kClearEpoch, kVehicle,
                                   10'000'000};
   out.size = wire::write_data(out.buffer, header, fragment, Bytes(100));
   EXPECT_EQ(fed(pair, out.bytes()).received_packets, 1U);
-  EXPECT_EQ(pair.pipe.at(pair.road).reassembly_bytes(), 0U);
+  EXPECT_EQ(pair.pipe.at(pair.road).reassembly_bytes(), 250U + 100U);
 }
 
 TEST(OtherVersions, AreCountedAndToldOfOnceInTenSeconds) {

@@ -29,7 +29,7 @@ TEST(SenderAlternatives, OneTakesThePlaceOfWhatCannotArriveOverAnyPath) {
   for (const bool loaded : {true, false}) {
     Slow p(loaded);
     const MessageId large = p.plain(100, 100ms);
-    const MessageId small = p.sender.add_alternative(large, Bytes(10 * kChunk));
+    const MessageId small = p.sender.add_alternative(at(0s), large, Bytes(10 * kChunk));
     TimePoint now = at(0s);
     std::size_t pieces = 0;
     for (const auto& piece : p.drain(kA, now)) {
@@ -44,7 +44,7 @@ TEST(SenderAlternatives, OneTakesThePlaceOfWhatCannotArriveOverAnyPath) {
 TEST(SenderAlternatives, NoneIsSentWhereTheFirstCanArrive) {
   Slow p(true);
   const MessageId large = p.plain(100, 250ms);
-  p.sender.add_alternative(large, Bytes(10 * kChunk));
+  p.sender.add_alternative(at(0s), large, Bytes(10 * kChunk));
   TimePoint now = at(0s);
   for (const auto& piece : p.drain(kA, now)) EXPECT_EQ(piece.fragment.message, large);
   EXPECT_TRUE(p.given_up().empty());
@@ -55,8 +55,8 @@ TEST(SenderAlternatives, NoneIsSentWhereTheFirstCanArrive) {
 TEST(SenderAlternatives, TheNextStandsByForTheOneBefore) {
   Slow p(true);
   const MessageId large = p.plain(100, 40ms);
-  const MessageId medium = p.sender.add_alternative(large, Bytes(50 * kChunk));
-  const MessageId small = p.sender.add_alternative(medium, Bytes(10 * kChunk));
+  const MessageId medium = p.sender.add_alternative(at(0s), large, Bytes(50 * kChunk));
+  const MessageId small = p.sender.add_alternative(at(0s), medium, Bytes(10 * kChunk));
   const auto piece = p.sender.poll(at(0s), kA);
   ASSERT_TRUE(piece);
   EXPECT_EQ(piece->fragment.message, small);
@@ -81,7 +81,7 @@ TEST(SenderAlternatives, PiecesHandedOutOutliveAMessageThatIsGivenUp) {
 TEST(SenderAlternatives, WhereNoneCanArriveOverALoadedPathAllAreGivenUp) {
   Slow p(true);
   const MessageId large = p.plain(100, 15ms);
-  const MessageId small = p.sender.add_alternative(large, Bytes(10 * kChunk));
+  const MessageId small = p.sender.add_alternative(at(0s), large, Bytes(10 * kChunk));
   EXPECT_FALSE(p.sender.poll(at(0s), kA));
   EXPECT_EQ(p.given_up(), (std::vector{large, small}));
   EXPECT_EQ(p.sender.bytes(), 0U);
@@ -91,10 +91,10 @@ TEST(SenderAlternatives, NothingTakesThePlaceOfWhatIsGoneOrGoesOverSeveralPaths)
   Slow p(true);
   const MessageId gone = p.plain(100, 100ms);
   p.sender.cancel(gone);
-  p.sender.add_alternative(gone, Bytes(kChunk));
+  p.sender.add_alternative(at(0s), gone, Bytes(kChunk));
   EXPECT_TRUE(p.idle(at(0s)));
   const MessageId both = p.plain(100, 100ms, {kA, kB});
-  p.sender.add_alternative(both, Bytes(kChunk));
+  p.sender.add_alternative(at(0s), both, Bytes(kChunk));
   EXPECT_FALSE(p.sender.poll(at(0s), kA));
   EXPECT_TRUE(p.given_up().empty());
   EXPECT_EQ(p.sender.poll(at(0s), kB)->fragment.message, both);

@@ -37,9 +37,9 @@ inline bool is_consistent(const Data& data, ByteView datagram) {
   const std::uint64_t end = std::uint64_t{f.index} * f.chunk + data.bytes.size();
   const bool fits =
       is_repair || f.index + 1U < count ? data.bytes.size() == f.chunk : end == f.size;
-  const bool window_fits = is_repair ? f.window > 0 && f.block + f.window <= static_cast<int>(count)
-                                     : f.block == 0 && f.window == 0;
-  return inside && fits && window_fits && f.size > 0 && f.chunk > 0 && count <= UINT16_MAX &&
+  const std::uint64_t blocks = (count + 199) / 200;
+  const bool has_row = f.index < count + 55 * blocks;
+  return inside && fits && has_row && f.size > 0 && f.chunk > 0 && count <= UINT16_MAX &&
          !data.bytes.empty() && f.kind <= MessageKind::kPlain;
 }
 

@@ -93,8 +93,8 @@ class Dissector(unittest.TestCase):
 
     def test_repair_symbol(self):
         self.expect(examples()[2], {
-            "type": "1", "index": "3", "count": "3", "repair.block": "1", "repair.window": "2",
-            "repair.symbol": "0123456789abcdef", "payload": "", "malformed": ""})
+            "type": "1", "index": "3", "count": "3", "repair.block": "0", "repair.row": "0",
+            "repair.symbol": "00c786794c94aefb", "payload": "", "malformed": ""})
 
     def test_types_that_are_not_used(self):
         probe = examples()[4]
@@ -160,7 +160,7 @@ class Dissector(unittest.TestCase):
         data, plain, repair, feedback, _, request, _ = examples()
         for broken in (data[:24] + struct.pack(">I", 106) + data[28:],      # a byte too few
                        plain[:36] + b"\x02" + plain[37:],                   # no such kind
-                       repair[:39] + struct.pack(">H", 3) + repair[41:],    # covers a piece that is not
+                       repair[:30] + struct.pack(">H", 58) + repair[32:],   # a row that no block has
                        feedback[:34] + b"\x02" + feedback[35:],             # one report too few
                        feedback[:28] + feedback[-16:],
                        request[:64] + request[-16:]):

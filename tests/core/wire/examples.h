@@ -57,8 +57,7 @@ inline constexpr std::string_view kRepairExample =
     "49 96 02 d2"
     "00 00 00 0b 00 00 00 16 00 08 00 03 00 01 86 a0"
     "01"
-    "00 01 00 02"
-    "01 23 45 67 89 ab cd ef"
+    "00 c7 86 79 4c 94 ae fb"
     "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00";
 
 inline constexpr std::string_view kFeedbackExample =
@@ -173,7 +172,7 @@ inline FragmentHeader example_plain_fragment() {
 }
 
 inline FragmentHeader example_repair_fragment() {
-  return {MessageId{11}, 3, 8, 22, 100'000, MessageKind::kPlain, 1, 2};
+  return {MessageId{11}, 3, 8, 22, 100'000, MessageKind::kPlain};
 }
 
 inline Echo example_echo_request() {

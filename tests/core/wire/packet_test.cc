@@ -47,7 +47,7 @@ TEST(Packet, APlainMessageIsTheDocumentedExample) {
 
 TEST(Packet, ARepairSymbolIsTheDocumentedExample) {
   ASSERT_TRUE(example_repair_fragment().is_repair());
-  expect_data(kRepairExample, 9, example_repair_fragment(), from_hex("0123456789abcdef"));
+  expect_data(kRepairExample, 9, example_repair_fragment(), from_hex("00c786794c94aefb"));
 }
 
 TEST(Packet, FeedbackIsTheDocumentedExample) {
@@ -267,11 +267,13 @@ TEST(Packet, APieceMustFitItsMessage) {
            PieceCase{"one piece too many", {kId, 0, 10, kMost + 1, 1}, 10, false},
            PieceCase{"largest claim", {kId, 0, 10, UINT32_MAX, 1}, 10, false},
            PieceCase{"no lifetime", {kId, 0, 10, 10, 0}, 10, true},
-           PieceCase{"repair of all", {kId, 3, 10, 21, 1, kPlain, 0, 3}, 10, true},
-           PieceCase{"repair, short", {kId, 3, 10, 21, 1, kPlain, 0, 3}, 9, false},
-           PieceCase{"repair of none", {kId, 3, 10, 21, 1, kPlain, 0, 0}, 10, false},
-           PieceCase{"repair of the last", {kId, 65535, 10, 21, 1, kPlain, 2, 1}, 10, true},
-           PieceCase{"repair of what is not", {kId, 3, 10, 21, 1, kPlain, 2, 2}, 10, false},
+           PieceCase{"repair", {kId, 3, 10, 21, 1, kPlain}, 10, true},
+           PieceCase{"repair, short", {kId, 3, 10, 21, 1, kPlain}, 9, false},
+           PieceCase{"repair of the last row", {kId, 57, 10, 21, 1, kPlain}, 10, true},
+           PieceCase{"repair of no row", {kId, 58, 10, 21, 1, kPlain}, 10, false},
+           PieceCase{"repair of the second block", {kId, 310, 10, 2010, 1, kPlain}, 10, true},
+           PieceCase{
+               "repair of no row of the second block", {kId, 311, 10, 2010, 1, kPlain}, 10, false},
            PieceCase{"no such kind", {kId, 0, 10, 10, 1, MessageKind{2}}, 10, false},
        }) {
     Bytes out(kRoom);

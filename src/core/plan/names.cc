@@ -1,0 +1,19 @@
+#include "interneuron/policy.h"
+
+namespace interneuron {
+
+std::string_view to_string(SendRole role) {
+  switch (role) {
+    case SendRole::kWhole:
+      return "whole";
+    case SendRole::kShare:
+      return "share";
+    case SendRole::kParity:
+      return "parity";
+    case SendRole::kShadow:
+      return "shadow";
+  }
+  return "";
+}
+
+}  // namespace interneuron

@@ -1,0 +1,258 @@
+// Repair symbols, shares and rescues of a Sender.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <map>
+
+#include "sender_support.h"
+
+namespace interneuron::flow {
+namespace {
+
+// Two paths of 100 Mbit/s and 39 ms one way, of which 1 % of the packets are lost.
+struct Far : Paths {
+  Far() {
+    for (const LinkId link : {kA, kB}) far(link);
+  }
+  void far(LinkId link, double loss = 0.01, Duration one_way = 39ms) {
+    PathView v = view(one_way);
+    v.losses = {loss, 1, -1};
+    sender.set_path(link, v);
+  }
+  MessageId coded(std::size_t pieces, Duration deadline,
+                  std::uint8_t importance = kUsualImportance) {
+    return sender.send(at(0s),
+                       {.deadline = at(deadline), .lifetime = deadline, .importance = importance},
+                       Bytes(pieces * kChunk), {kA}, kEveryPath, wire::MessageKind::kPlain,
+                       {.symbols = kEveryPath});
+  }
+  // How many pieces and symbols leave each path by then.
+  std::map<LinkId, std::pair<int, int>> leave(Duration until) {
+    std::map<LinkId, std::pair<int, int>> out;
+    for (; now <= at(until); now += 100us) {
+      for (const LinkId link : {kA, kB}) {
+        while (const auto piece = sender.poll(now, link)) {
+          auto& [pieces, symbols] = out[link];
+          ++(piece->fragment.is_repair() ? symbols : pieces);
+          numbers[link].push_back({piece->number, piece->fragment.index});
+        }
+      }
+    }
+    return out;
+  }
+  // The peer reports that all of a path has arrived but these indices.
+  void report(Duration when, LinkId link, const std::set<std::uint16_t>& lost) {
+    std::set<std::uint64_t> arrived;
+    for (const auto& [number, index] : numbers[link]) {
+      if (!lost.contains(index)) arrived.insert(number);
+    }
+    sender.report(at(when), report_of(link, arrived), 78ms);
+  }
+  TimePoint now = at(0s);
+  std::map<LinkId, std::vector<std::pair<std::uint64_t, std::uint16_t>>> numbers;
+};
+
+TEST(SenderCoding, SymbolsFollowOverTheOtherPathWhereNothingCouldBeAskedForAgain) {
+  Far p;
+  p.coded(98, 100ms);
+  const auto left = p.leave(20ms);
+  EXPECT_EQ(left.at(kA), (std::pair{98, 0}));
+  EXPECT_EQ(left.at(kB).first, 0);
+  EXPECT_GE(left.at(kB).second, 4);
+  EXPECT_LE(left.at(kB).second, 8);
+}
+
+TEST(SenderCoding, NoneAreSentWhereThereIsTimeToAskAgain) {
+  Far p;
+  p.coded(98, 300ms);
+  EXPECT_EQ(p.leave(20ms).count(kB), 0U);
+}
+
+TEST(SenderCoding, NoneAreSentWithoutLossOrOverALoadedPath) {
+  Far clean;
+  clean.far(kA, 0);
+  clean.coded(98, 100ms);
+  EXPECT_EQ(clean.leave(20ms).count(kB), 0U);
+  Far loaded;
+  for (const LinkId link : {kA, kB}) {
+    PathView v = view(39ms);
+    v.losses = {0.01, 1, -1};
+    v.loaded = true;
+    loaded.sender.set_path(link, v);
+  }
+  loaded.coded(98, 100ms);
+  EXPECT_EQ(loaded.leave(20ms).count(kB), 0U);
+}
+
+TEST(SenderCoding, WhatMattersMoreGetsMore) {
+  const auto symbols = [](std::uint8_t importance) {
+    Far p;
+    p.coded(98, 100ms, importance);
+    return p.leave(20ms)[kB].second;
+  };
+  EXPECT_LT(symbols(10), symbols(128));
+  EXPECT_LE(symbols(128), symbols(255));
+}
+
+TEST(SenderCoding, WhatSymbolsStandForIsNotSentAgain) {
+  Far p;
+  p.coded(98, 130ms);
+  const auto first = p.leave(20ms);
+  ASSERT_GE(first.at(kB).second, 3);
+  // Two pieces are lost: the symbols under way suffice. Then their loss is weighed anew.
+  p.report(100ms, kA, {60, 61});
+  p.now = at(100ms);
+  const auto then = p.leave(101ms);
+  for (const auto& [link, left] : then) EXPECT_EQ(left.first, 0);
+}
+
+TEST(SenderCoding, WhatIsLostBeyondTheSymbolsIsSentAgain) {
+  Far p;
+  p.coded(98, 160ms);
+  p.leave(20ms);
+  std::set<std::uint16_t> lost;
+  for (std::uint16_t i = 0; i < 20; ++i) lost.insert(i);
+  p.report(90ms, kA, lost);
+  p.now = at(90ms);
+  int again = 0;
+  for (const auto& [link, left] : p.leave(110ms)) again += left.first + left.second;
+  EXPECT_GE(again, 10);
+}
+
+TEST(SenderCoding, SymbolsAcknowledgedEndTheMessageAsPiecesDo) {
+  Far p;
+  p.coded(98, 100ms);
+  const int symbols = p.leave(20ms).at(kB).second;
+  std::set<std::uint16_t> lost;
+  for (int i = 0; i < symbols; ++i) lost.insert(static_cast<std::uint16_t>(50 + i));
+  EXPECT_GT(p.sender.bytes(), 0U);
+  p.report(60ms, kA, lost);
+  EXPECT_GT(p.sender.bytes(), 0U);
+  p.report(60ms, kB, {});
+  EXPECT_EQ(p.sender.bytes(), 0U);
+}
+
+TEST(SenderCoding, SymbolsLeaveAtOnceWhereTheyCouldNotWait) {
+  Far p;
+  // All of it has left after 10.6 ms; what leaves then is there after 41 ms more at the soonest.
+  p.coded(98, 50ms);
+  const auto left = p.leave(1ms);
+  EXPECT_GT(left.at(kB).second, 0);
+}
+
+TEST(SenderCoding, HugeMessagesHaveSymbolsInEachBlock) {
+  Far p;
+  p.coded(1000, 200ms);
+  std::map<std::size_t, int> blocks;
+  p.leave(120ms);
+  const code::Blocks division(1000);
+  for (const auto& [number, index] : p.numbers[kB]) ++blocks[division.block_of(index)];
+  EXPECT_EQ(blocks.size(), 5U);
+}
+
+// --- shares
+
+TEST(SenderStriping, PathsDivideAMessageByWhatTheyBringInTime) {
+  Paths p;
+  p.set(kA, 10ms, 60);
+  p.set(kB, 10ms, 30);
+  p.sender.send(at(0s), {.deadline = at(60ms), .lifetime = 60ms}, Bytes(300 * kChunk), {kA, kB},
+                kEveryPath, wire::MessageKind::kRound, {.divided = true});
+  TimePoint now = at(0s);
+  std::set<std::uint16_t> seen;
+  const auto over_a = p.drain(kA, now);
+  now = at(0s);
+  const auto over_b = p.drain(kB, now);
+  for (const auto& piece : over_a) seen.insert(piece.fragment.index);
+  for (const auto& piece : over_b) EXPECT_TRUE(seen.insert(piece.fragment.index).second);
+  EXPECT_EQ(seen.size(), 300U);
+  EXPECT_NEAR(static_cast<double>(over_a.size()), 200, 5);
+}
+
+TEST(SenderStriping, ASlowPathGetsNothingWhereItWouldOnlyAddRisk) {
+  Paths p;
+  p.set(kA, 10ms, 100);
+  p.set(kB, 50ms, 2);
+  p.sender.send(at(0s), {.deadline = at(100ms), .lifetime = 100ms}, Bytes(98 * kChunk), {kA, kB},
+                kEveryPath, wire::MessageKind::kRound, {.divided = true});
+  EXPECT_FALSE(p.sender.poll(at(0s), kB));
+  TimePoint now = at(0s);
+  EXPECT_EQ(p.drain(kA, now).size(), 98U);
+}
+
+// --- rescue
+
+// 100 Mbit/s and 10 ms over kA; kB stands by.
+struct Standby : Paths {
+  MessageId send(std::size_t pieces, Duration deadline, const PathSet& rescue) {
+    return sender.send(at(0s), {.deadline = at(deadline), .lifetime = deadline},
+                       Bytes(pieces * kChunk), {kA}, {}, wire::MessageKind::kRound,
+                       {.rescue = rescue});
+  }
+  static PathSet over_b() { return PathSet::of(std::vector{kB}); }
+  // Lets time go by until then, with what is due.
+  int run(Duration until) {
+    int over_b = 0;
+    for (; now <= at(until); now += 500us) {
+      sender.handle_timeout(now);
+      while (const auto piece = sender.poll(now, kA)) sent.push_back(piece->number);
+      while (sender.poll(now, kB)) ++over_b;
+    }
+    return over_b;
+  }
+  void all_arrived(Duration when) {
+    sender.report(at(when), report_of(kA, {sent.begin(), sent.end()}), 20ms);
+  }
+  std::vector<std::uint64_t> sent;
+  TimePoint now = at(0s);
+};
+
+TEST(SenderRescue, WhatIsMissingGoesOverTheOtherPathAtTheLastMoment) {
+  Standby p;
+  p.send(50, 80ms, Standby::over_b());
+  // 50 pieces take 5.7 ms over kB and 10 ms on the way: they have to leave after 62 ms.
+  EXPECT_EQ(p.run(60ms), 0);
+  EXPECT_EQ(p.run(79ms), 50);
+}
+
+TEST(SenderRescue, NothingWhereItHasArrived) {
+  Standby p;
+  p.send(50, 80ms, Standby::over_b());
+  EXPECT_EQ(p.run(30ms), 0);
+  p.all_arrived(30ms);
+  EXPECT_EQ(p.run(100ms), 0);
+}
+
+TEST(SenderRescue, OnlyWhatIsMissing) {
+  Standby p;
+  p.send(50, 80ms, Standby::over_b());
+  EXPECT_EQ(p.run(30ms), 0);
+  std::set<std::uint64_t> some(p.sent.begin(), p.sent.begin() + 30);
+  p.sender.report(at(30ms), report_of(kA, some), 20ms);
+  EXPECT_EQ(p.run(79ms), 20);
+}
+
+TEST(SenderRescue, ASmallerVariantWhereTheRestHasNoTime) {
+  Standby p;
+  // 600 pieces take 68 ms over kB: too long from the beginning.
+  const MessageId large = p.send(600, 75ms, Standby::over_b());
+  p.sender.add_alternative(at(0s), large, Bytes(40 * kChunk), Standby::over_b());
+  EXPECT_EQ(p.run(58ms), 0);
+  EXPECT_EQ(p.run(74ms), 40);
+}
+
+TEST(SenderRescue, NotOverAPathThatIsSuspectedOrGone) {
+  Standby p;
+  p.send(50, 80ms, Standby::over_b());
+  PathView v = view(10ms);
+  v.suspect = true;
+  p.sender.set_path(kB, v);
+  EXPECT_EQ(p.run(100ms), 0);
+  Standby gone;
+  gone.send(50, 80ms, Standby::over_b());
+  gone.sender.remove_path(at(1ms), kB);
+  EXPECT_EQ(gone.run(20ms), 0);
+}
+
+}  // namespace
+}  // namespace interneuron::flow
