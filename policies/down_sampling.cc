@@ -21,6 +21,10 @@
 //
 // "Reported": the plan says that it is under the floor (Plan::under_floor).
 //
+// What could not be sent again in time if it was lost is covered by repair symbols of the best
+// variant that is sent, over either link. When raw seems late, what is missing of it goes over the
+// other link at the last moment at which that helps.
+//
 // Receiver: raw, or anything degraded, is delivered at once. Sampled is held until the stage
 // deadline if raw was sent too.
 #include "policies/builtin.h"
@@ -64,6 +68,16 @@ class DownSampling final : public Policy {
 
   Plan plan(const Offer& offer, std::span<const LinkState> links,
             const Guidance& guidance) const override {
+    Plan plan = copies(offer, links, guidance);
+    add_parity(plan, links);
+    return plan;
+  }
+
+  Merge merge(const Arrival& arrival) const override { return hold_for_better(arrival); }
+
+ private:
+  static Plan copies(const Offer& offer, std::span<const LinkState> links,
+                     const Guidance& guidance) {
     const DataRate raw_floor = rate_floor(offer.qos, offer.variant_bytes[kRaw]);
     if (offer.variant_bytes.size() == 1) return whole(offer, links, guidance.degraded);
     const DataRate sampled_floor = rate_floor(offer.qos, offer.variant_bytes[kSampled]);
@@ -77,13 +91,13 @@ class DownSampling final : public Policy {
     if (pair.empty()) return best_effort(offer, links, kSampled);
     Plan plan;
     plan.sends.push_back({kRaw, pair.front().id});
-    if (pair.size() == kBoth) plan.sends.push_back({kSampled, pair.back().id});
+    if (pair.size() == kBoth) {
+      plan.sends.push_back({kSampled, pair.back().id});
+      plan.sends.push_back({kRaw, pair.back().id, SendRole::kShadow});
+    }
     return plan;
   }
 
-  Merge merge(const Arrival& arrival) const override { return hold_for_better(arrival); }
-
- private:
   // A message that has no smaller variant.
   static Plan whole(const Offer& offer, std::span<const LinkState> links, bool degraded) {
     const DataRate floor = rate_floor(offer.qos, offer.variant_bytes[kRaw]);

@@ -25,8 +25,8 @@ std::vector<LinkState> links_trusting(std::uint8_t trusted) {
 TEST(Secure, UsesTrustedNetworksAlone) {
   const Policy& policy = *find_policy(policies(), "secure");
   const Offer offer{frames_at_10_hz(), kRawAndSampled};
-  EXPECT_THAT(policy.plan(offer, links_trusting(1), {}).sends, ElementsAre(send(0, 1)));
-  EXPECT_THAT(policy.plan(offer, links_trusting(2), {}).sends, ElementsAre(send(0, 2)));
+  EXPECT_THAT(setting_out(policy.plan(offer, links_trusting(1), {})), ElementsAre(send(0, 1)));
+  EXPECT_THAT(setting_out(policy.plan(offer, links_trusting(2), {})), ElementsAre(send(0, 2)));
 }
 
 TEST(Secure, RefusesAndSaysWhy) {

@@ -73,6 +73,15 @@ struct Case {
   bool under_floor;
 };
 
+// What leaves at once; roles_test.cc looks at what helps.
+inline Assignments setting_out(const Plan& plan) {
+  Assignments out;
+  for (const Assignment& a : plan.sends) {
+    if (a.role == SendRole::kWhole || a.role == SendRole::kShare) out.push_back(a);
+  }
+  return out;
+}
+
 inline void check(std::string_view policy_name, const std::vector<Case>& cases) {
   const PolicySet policies = builtin_policies();
   const Policy* policy = find_policy(policies, policy_name);
@@ -80,7 +89,7 @@ inline void check(std::string_view policy_name, const std::vector<Case>& cases) 
   for (const Case& c : cases) {
     SCOPED_TRACE(c.name);
     const Plan plan = policy->plan({frames_at_10_hz(), c.variant_bytes}, c.links, {c.degraded});
-    EXPECT_EQ(plan.sends, c.sends);
+    EXPECT_EQ(setting_out(plan), c.sends);
     EXPECT_EQ(plan.under_floor, c.under_floor);
   }
 }
@@ -94,7 +103,8 @@ inline Assignment send(int variant, int link) {
 namespace interneuron {
 
 inline void PrintTo(const Assignment& a, std::ostream* out) {
-  *out << "variant " << int{a.variant} << " over link " << int{a.link.value};
+  *out << "variant " << int{a.variant} << " over link " << int{a.link.value} << " ("
+       << to_string(a.role) << ")";
 }
 
 }  // namespace interneuron

@@ -26,7 +26,8 @@ struct OutgoingMessage {
   MessageId id{};
   wire::MessageBytes bytes;
   TimePoint deadline{};
-  // See Sender::Times.
+  // See Sender::Times; not after the deadline.
+  TimePoint aim{};
   Duration doubt{};
   std::uint32_t lifetime_us = 0;
   std::uint8_t importance = kUsualImportance;
@@ -35,8 +36,6 @@ struct OutgoingMessage {
   std::uint16_t chunk = 0;
   // Fragments or symbols that have to arrive yet, of all blocks.
   std::uint16_t unacknowledged = 0;
-  // No fragment from this one on has left yet.
-  std::uint32_t sent = 0;
   // First copies that have not left yet, over all paths.
   std::uint32_t to_leave = 0;
   // How many paths it was queued on.
@@ -54,10 +53,23 @@ struct OutgoingMessage {
   PathSet rescue;
   // The paths that may carry repair symbols of it; none: it is not coded.
   PathSet symbol_paths;
+  // What each path was given at first: the fragments from … to - 1, how many of them nothing is
+  // known of yet, and when they should be there, after so long on the air.
+  struct Share {
+    LinkId path{};
+    std::uint32_t from = 0;
+    std::uint32_t to = 0;
+    std::uint32_t open = 0;
+    TimePoint eta{};
+    Duration air{};
+  };
+  std::vector<Share> shares;
   struct PieceState {
     bool acknowledged = false;
     // It is too late to send it once more when its loss is known. Of those under way alone.
     bool last = false;
+    // A copy has left.
+    bool left = false;
     // Copies that are queued or in flight.
     std::uint8_t under_way = 0;
   };
@@ -71,6 +83,8 @@ struct OutgoingMessage {
     std::uint16_t under_way = 0;
     std::uint16_t last = 0;
     std::uint8_t rows = 0;
+    // Of which a copy has left.
+    std::uint16_t left = 0;
   };
   std::vector<Block> blocks;
 
@@ -88,6 +102,17 @@ struct OutgoingMessage {
     return sum;
   }
 
+  void copy_left(std::size_t index) {
+    if (!pieces[index].left) ++block_of(index).left;
+    pieces[index].left = true;
+  }
+  // Whether so little has left that the peer cannot have all of it.
+  bool is_surely_incomplete() const {
+    for (std::size_t b = 0; b < blocks.size(); ++b) {
+      if (blocks[b].left < division().pieces(b)) return true;
+    }
+    return false;
+  }
   void copy_added(std::size_t index) {
     PieceState& piece = pieces[index];
     if (piece.under_way++ == 0 && !piece.acknowledged) ++block_of(index).under_way;
@@ -145,7 +170,7 @@ class MessageStore {
     message.id = id;
     message.deadline = deadline;
     message.count = message.unacknowledged = count;
-    message.sent = message.to_leave = 0;
+    message.to_leave = 0;
     message.paths = paths;
     message.taken = {};
     message.repairs = {};
@@ -153,8 +178,9 @@ class MessageStore {
     message.is_alternative = false;
     message.rescue = {};
     message.symbol_paths = {};
-    message.pieces.assign(count, {false, false, paths});
+    message.pieces.assign(count, {false, false, false, paths});
     message.symbols.clear();
+    message.shares.clear();
     message.blocks.assign(message.division().blocks(), {});
     for (std::size_t b = 0; paths > 0 && b < message.blocks.size(); ++b) {
       message.blocks[b].under_way = static_cast<std::uint16_t>(message.division().pieces(b));

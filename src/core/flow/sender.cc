@@ -25,6 +25,9 @@ constexpr Duration kLongestAir = std::chrono::seconds(1);
 // would have arrived (`interneuron bench load rate size`).
 constexpr Duration kForAlternative = std::chrono::milliseconds(15);
 
+// A path that is idle is tried with what takes at most so many halves of the time that there is.
+constexpr int kHopedFor = 3;
+
 SentPackets::Silence silence_of(const PathView& view) {
   // An acknowledgement tells of packets sent a round trip ago. The packets sent right after those
   // should be acknowledged within the time that the timeout allows beyond a round trip.
@@ -48,7 +51,7 @@ void Sender::remove_path(TimePoint now, LinkId path) {
   // Of what left over it nobody will tell.
   overdue_.remove_path(path);
   removed_at_ = now;
-  settle(now, gone.sent.in_flight());
+  settle(now, path, gone.sent.in_flight());
   for (const MessageId id : gone.jobs.messages()) hand_on(now, gone.jobs, id);
 }
 
@@ -70,8 +73,9 @@ MessageId Sender::send(TimePoint now, const Times& times, wire::MessageBytes byt
   const std::size_t count = (bytes.size() + chunk - 1) / chunk;
   if (count > UINT16_MAX) return id;
   Message& m = messages_.add(id, times.deadline, static_cast<std::uint16_t>(count),
-                             static_cast<std::uint8_t>(helpers.divided ? 1 : paths.size()));
+                             static_cast<std::uint8_t>(helpers.divided ? 0 : paths.size()));
   m.chunk = static_cast<std::uint16_t>(chunk);
+  m.aim = std::min(times.aim, times.deadline);
   m.doubt = times.doubt;
   m.importance = times.importance;
   m.lifetime_us = static_cast<std::uint32_t>(std::clamp<std::int64_t>(
@@ -90,28 +94,16 @@ MessageId Sender::send(TimePoint now, const Times& times, wire::MessageBytes byt
   return id;
 }
 
-// Queues all of a message on each of these paths, or shares of it.
-void Sender::enqueue(TimePoint now, Message& m, const std::vector<LinkId>& paths, bool divided) {
-  Shares parts;
-  parts.fill(m.count);
-  if (divided) parts = shares(now, m, paths);
-  std::uint32_t next = 0;
-  for (std::size_t i = 0; i < std::min(paths.size(), kMaxLinks); ++i) {
-    if (parts[i] == 0) continue;
-    const std::uint32_t from = divided ? next : 0;
-    next = from + parts[i];
-    Path& path = paths_.at(paths[i]);
-    path.use.message(now, parts[i] * std::size_t{m.chunk}, m.deadline - now);
-    path.jobs.add(m.id, turn_of(path, m.deadline, m.importance), from,
-                  static_cast<std::uint16_t>(next), m.chunk);
-    m.taken.add(paths[i]);
-    m.to_leave += parts[i];
-  }
-}
-
 std::uint64_t Sender::take_number(TimePoint now, LinkId link, std::size_t train_bytes) {
   SentPackets& sent = paths_.at(link).sent;
   return train_bytes > 0 ? sent.add(now, train_bytes, false, std::nullopt) : sent.add_small(now);
+}
+
+void Sender::complete(TimePoint now, MessageId message) {
+  const Message* known = messages_.find(message);
+  // Of copies nobody knows when the others would have been there.
+  if (known != nullptr && known->paths == 1) note_not_brought(now, *known);
+  forget(message);
 }
 
 void Sender::forget(MessageId message) {
@@ -153,7 +145,11 @@ bool Sender::can_arrive(TimePoint now, const Path& path, const Job& job, const M
   // What still has an alternative makes way for it while that can arrive, and those behind it.
   const bool makes_way = message.alternative && !begun && path.jobs.size() > 1;
   const Duration early = makes_way ? kForAlternative : Duration::zero();
-  return now + least + early <= message.deadline + message.doubt;
+  // A path on which nothing is under way may have become faster since; only what it is given tells.
+  const bool is_idle = path.sent.bytes_in_flight() == 0 && path.jobs.size() == 1;
+  const bool tries = is_idle && !message.alternative && !message.symbol_paths.empty();
+  const Duration hoped = tries ? least / kHopedFor * 2 : least;
+  return now + hoped + early <= message.deadline + message.doubt;
 }
 
 std::optional<JobQueue::Taken> Sender::take(Path& path, Job& job) {
@@ -210,13 +206,16 @@ std::optional<Sender::Piece> Sender::poll(TimePoint now, LinkId path_id) {
 }
 
 // Takes in what became of fragments: they are acknowledged, or lost and sent again.
-void Sender::settle(TimePoint now, std::span<const SentPackets::Settled> pieces,
+void Sender::settle(TimePoint now, LinkId link, std::span<const SentPackets::Settled> pieces,
                     Evidence evidence) {
   for (const auto& [what, arrived, was_open] : pieces) {
     Message* message = messages_.find(what.message);
     if (message == nullptr && arrived) overdue_.arrived(what);
     if (message == nullptr) continue;
-    if (was_open) message->copy_gone(what.index);
+    if (was_open) {
+      message->copy_gone(what.index);
+      note_brought(now, link, *message, what.index);
+    }
     if (message->pieces[what.index].acknowledged) continue;
     if (!arrived) {
       lose(now, *message, what.index, evidence);
@@ -235,7 +234,7 @@ SentPackets::Verdicts Sender::report(TimePoint now, const wire::LinkReport& repo
   if (it == paths_.end()) return {};
   Path& path = it->second;
   const auto verdicts = path.sent.report(now, report, min_rtt, silence_of(path.view));
-  settle(now, verdicts.pieces, Evidence::kReport);
+  settle(now, report.link, verdicts.pieces, Evidence::kReport);
   return verdicts;
 }
 
@@ -255,13 +254,14 @@ void Sender::handle_timeout(TimePoint now) {
   for (auto& [link, path] : paths_) {
     const auto silent = path.sent.settle_silent(now, silence_of(path.view));
     path.use.lost(static_cast<std::uint32_t>(silent.size()));
-    settle(now, silent);
+    settle(now, link, silent);
   }
   while (const auto look = messages_.look_due(now)) {
     messages_.look_at(*look, std::nullopt);
     look_after(now, *messages_.find(*look));
   }
   while (const auto late = messages_.due(now)) {
+    note_not_brought(now, *messages_.find(*late));
     note_overdue(now, *messages_.find(*late));
     forget(*late);
   }
@@ -270,14 +270,14 @@ void Sender::handle_timeout(TimePoint now) {
 void Sender::note_overdue(TimePoint now, const Message& message) {
   const TimePoint began = message.deadline - std::chrono::microseconds(message.lifetime_us);
   if (message.kind != wire::MessageKind::kPlain || began <= removed_at_) return;
-  // A piece that has not arrived is no loss where symbols may stand for it; the peer tells.
-  if (!message.symbols.empty()) return;
+  // Symbols may stand for a piece that has not arrived: then the peer tells.
+  if (!message.symbols.empty() && !message.is_surely_incomplete()) return;
   SentPackets::Piece missing{message.id, message.count};
   while (message.pieces[--missing.index].acknowledged) {
   }
   Overdue::Paths copies;
   for (const auto& [link, path] : paths_) {
-    if (missing.index >= message.sent) break;
+    if (message.is_surely_incomplete()) break;
     // The lifetime is rounded to microseconds.
     const auto first = path.sent.first_copy(missing, began - std::chrono::microseconds(1));
     if (first) copies.push_back({link, *first});

@@ -12,6 +12,8 @@
 #include <vector>
 
 #include "core/base/flat_map.h"
+#include "core/base/water_filling.h"
+#include "core/flow/completion_law.h"
 #include "core/flow/job_queue.h"
 #include "core/flow/message_store.h"
 #include "core/flow/overdue.h"
@@ -80,6 +82,9 @@ class Sender {
     // The deadline may be so much later than believed: it is another host's, and clocks differ.
     Duration doubt{};
     Duration lifetime{};
+    // When it should be there to be of full use, if that is before the deadline: symbols, shares
+    // and rescues are planned for this instant.
+    TimePoint aim = TimePoint::max();
     // 0 the least. Over a loaded path what matters more leaves first; else it makes no difference.
     std::uint8_t importance = kUsualImportance;
   };
@@ -100,7 +105,8 @@ class Sender {
   MessageId add_alternative(TimePoint now, MessageId first, wire::MessageBytes message,
                             const PathSet& rescue = {});
 
-  // Forgets a message: nothing more of it is sent. It is complete at the peer, or nobody wants it.
+  // Forget a message: nothing more of it is sent. It is complete at the peer, or nobody wants it.
+  void complete(TimePoint now, MessageId message);
   void cancel(MessageId message) { forget(message); }
   // Bytes of the messages that are under way.
   std::size_t bytes() const { return bytes_; }
@@ -185,6 +191,7 @@ class Sender {
     JobQueue jobs;
     SentPackets sent;
     PathUse use;
+    CompletionLaw law;
     std::uint64_t resent = 0;
     std::uint64_t symbols = 0;
   };
@@ -223,7 +230,7 @@ class Sender {
   };
   std::optional<Copy> best_repair(TimePoint now, const Message& m, const Path* except);
   std::optional<Copy> soonest_copy(TimePoint now, MessageId id, std::uint16_t index);
-  void settle(TimePoint now, std::span<const SentPackets::Settled> pieces,
+  void settle(TimePoint now, LinkId link, std::span<const SentPackets::Settled> pieces,
               Evidence evidence = Evidence::kSilence);
 
   // --- repair symbols (sender_coding.cc)
@@ -241,14 +248,17 @@ class Sender {
   void protect(TimePoint now, Message& message, Protect what);
   bool makes_way(TimePoint now, const Message& message, Evidence evidence);
   void protect_touched(TimePoint now);
-  Path* symbol_path(TimePoint now, const Message& message, std::size_t bytes);
+  static bool has_room(const Path& path, const Message& message);
+  Path* symbol_path(TimePoint when, const Message& message, std::size_t bytes, TimePoint target);
   void add_symbols(TimePoint now, Message& message, Path& path, std::size_t block,
                    std::size_t count);
 
   // --- rescue (sender_rescue.cc)
-  double chance_late(TimePoint now, const Path& path, const Message& message) const;
+  double chance_late(TimePoint now, const Path& path, const Message& message,
+                     TimePoint target) const;
   std::optional<Copy> last_chance(const Message& message, const PathSet& over, const Path* except,
-                                  std::size_t bytes);
+                                  std::size_t bytes, TimePoint target);
+  bool rescued_for(TimePoint now, Message& message, TimePoint target);
   static std::size_t missing_bytes(const Message& message);
   void plan_rescue(TimePoint now, Message& message);
   void look_after(TimePoint now, Message& message);
@@ -259,7 +269,13 @@ class Sender {
   void enqueue(TimePoint now, Message& message, const std::vector<LinkId>& paths, bool divided);
   // Pieces for each of a message's paths, of which there are at most kMaxLinks.
   using Shares = std::array<std::uint16_t, kMaxLinks>;
-  Shares shares(TimePoint now, const Message& message, const std::vector<LinkId>& paths) const;
+  static std::size_t ip_bytes_of_piece(const Message& message);
+  static Way way_of(const Path& path, const Message& message);
+  bool shares(TimePoint now, const Message& message, const std::vector<LinkId>& paths,
+              Shares& out) const;
+  void note_brought(TimePoint now, LinkId link, Message& message, std::size_t index);
+  void note_not_brought(TimePoint now, const Message& message);
+  void learn(TimePoint now, const Message::Share& share);
 
   Options options_;
   FlatMap<LinkId, Path> paths_;

@@ -1,5 +1,6 @@
 // What becomes of a message that its path gives up: nothing more of it is sent there, and a smaller
 // variant may take its place.
+#include <algorithm>
 #include <utility>
 
 #include "core/flow/sender.h"
@@ -19,6 +20,7 @@ MessageId Sender::add_alternative(TimePoint now, MessageId first, wire::MessageB
   // add() may have moved it.
   other = messages_.find(first);
   m.chunk = other->chunk;
+  m.aim = other->aim;
   m.doubt = other->doubt;
   m.importance = other->importance;
   m.lifetime_us = other->lifetime_us;
@@ -49,7 +51,11 @@ void Sender::give_up(Path& path, Job& job) {
   const bool all_left = job.next >= job.count;
   path.jobs.remove(id);
   // Where all of it has left, what was to be sent again may be there after all.
-  if (message.paths > 1 || all_left) return;
+  if (message.paths > 1 || all_left || !message.is_surely_incomplete()) return;
+  // What another path has of it may complete it.
+  const bool waits_elsewhere = std::ranges::any_of(
+      paths_, [id](const auto& entry) { return entry.second.jobs.find(id) != nullptr; });
+  if (waits_elsewhere) return;
   // Nobody else completes it, so nothing of it is sent again.
   if (message.kind == wire::MessageKind::kPlain) given_up_.push_back(id);
   const auto alternative = std::exchange(message.alternative, std::nullopt);

@@ -29,6 +29,9 @@ constexpr double kPriceOfBytes = 0.02;
 // Proactive symbols take at most this part of a message, and one more: bursts are geometric at
 // best, and what covers nearly all of them costs more bytes than a copy on another path is worth.
 constexpr std::size_t kMostPart = 7;
+// By how many times what its delay varies another path must be sooner than symbols are needed: as
+// in the timeouts of RFC 6298.
+constexpr int kDeviations = 4;
 // Stands for a time beyond any deadline, so that sums stay in range.
 constexpr Duration kNever = std::chrono::hours(1);
 
@@ -47,7 +50,7 @@ bool Sender::is_last(TimePoint now, const Path& path, const Message& m) const {
   for (const auto& [link, other] : paths_) {
     if (other.view.up && m.repairs.contains(link)) back = std::min(back, other.view.one_way);
   }
-  return now + 2 * path.view.one_way + kReportDelay + back + kMargin > m.deadline;
+  return now + 2 * path.view.one_way + kReportDelay + back + kMargin > m.aim;
 }
 
 bool Sender::can_wait(TimePoint now, const Message& m) {
@@ -61,17 +64,25 @@ bool Sender::can_wait(TimePoint now, const Message& m) {
     all_left =
         std::max(all_left, now + std::min<Duration>(pace.transmit_time(path.jobs.bytes()), kNever));
   }
-  return symbol_path(all_left, m, own / kMostPart) != nullptr;
+  return symbol_path(all_left, m, own / kMostPart, m.aim) != nullptr;
+}
+
+// Whether symbols take nothing from other messages: the path carries less than it can, or no other
+// message waits for it.
+bool Sender::has_room(const Path& path, const Message& m) {
+  const std::size_t own = path.jobs.find(m.id) == nullptr ? 0 : 1;
+  return !path.view.loaded || path.jobs.size() <= own;
 }
 
 // The path that brings so many bytes of symbols in time if they are queued at `when`, of those that
 // the message itself does not take if there is one.
-Sender::Path* Sender::symbol_path(TimePoint when, const Message& m, std::size_t bytes) {
+Sender::Path* Sender::symbol_path(TimePoint when, const Message& m, std::size_t bytes,
+                                  TimePoint target) {
   Path* best = nullptr;
   TimePoint soonest{};
   bool best_is_own = false;
   for (auto& [link, path] : paths_) {
-    const bool may_carry = m.symbol_paths.contains(link) && path.view.up && !path.view.loaded &&
+    const bool may_carry = m.symbol_paths.contains(link) && path.view.up && has_room(path, m) &&
                            path.max_datagram >= m.chunk + kPieceOverheadBytes;
     if (!may_carry) continue;
     const DataRate rate = path.view.rate.value_or(kBlindRate);
@@ -79,7 +90,9 @@ Sender::Path* Sender::symbol_path(TimePoint when, const Message& m, std::size_t 
     const std::size_t ahead = is_own ? 0 : path.jobs.bytes();
     const TimePoint arrival =
         when + std::min<Duration>(rate.transmit_time(ahead + bytes), kNever) + path.view.one_way;
-    if (arrival + kMargin > m.deadline) continue;
+    // Another path has to be in time surely: one of its own is known to deliver just now.
+    const Duration doubt = is_own ? Duration::zero() : kDeviations * path.view.jitter;
+    if (arrival + doubt + kMargin > target || (path.view.suspect && !is_own)) continue;
     if (best == nullptr || std::pair(is_own, arrival) < std::pair(best_is_own, soonest)) {
       best = &path;
       soonest = arrival;
@@ -91,7 +104,7 @@ Sender::Path* Sender::symbol_path(TimePoint when, const Message& m, std::size_t 
 
 // A copy leaves. When it was the last first copy of its message, symbols follow.
 void Sender::note_leaving(TimePoint now, Path& path, Message& m, const JobQueue::Taken& taken) {
-  if (taken.index < m.count) m.sent = std::max<std::uint32_t>(m.sent, taken.index + 1U);
+  m.copy_left(taken.index);
   if (!taken.is_again && m.to_leave > 0) --m.to_leave;
   if (m.symbol_paths.empty()) return;
   m.set_last(taken.index, is_last(now, path, m));
@@ -116,7 +129,7 @@ bool Sender::makes_way(TimePoint now, const Message& m, Evidence evidence) {
   if (evidence == Evidence::kReport || !m.alternative) return false;
   const Message* other = messages_.find(*m.alternative);
   if (other == nullptr || other->rescue.empty()) return false;
-  const auto chance = last_chance(m, m.repairs, nullptr, missing_bytes(m));
+  const auto chance = last_chance(m, m.repairs, nullptr, missing_bytes(m), m.deadline);
   return !chance || chance->arrival < now;
 }
 
@@ -147,7 +160,9 @@ void Sender::protect(TimePoint now, Message& m, Protect what) {
     const std::size_t more = code::symbols_for(at_risk, static_cast<std::size_t>(m.spare(b)),
                                                losses, price, most - block.rows);
     if (more == 0) continue;
-    if (Path* path = symbol_path(now, m, more * m.chunk)) add_symbols(now, m, *path, b, more);
+    Path* path = symbol_path(now, m, more * m.chunk, m.aim);
+    if (path == nullptr) path = symbol_path(now, m, more * m.chunk, m.deadline);
+    if (path != nullptr) add_symbols(now, m, *path, b, more);
   }
 }
 

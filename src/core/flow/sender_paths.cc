@@ -50,7 +50,7 @@ std::vector<MessageId> Sender::fitting_elsewhere(TimePoint now, Path& path) {
     Message& m = *messages_.find(entry.first);
     if (!m.rescue.empty()) {
       // It stays where it is, too: suspicion is often wrong, and this one has a way out for it.
-      const auto chance = last_chance(m, m.rescue, &path, missing_bytes(m));
+      const auto chance = last_chance(m, m.rescue, &path, missing_bytes(m), m.deadline);
       if (chance && chance->arrival >= now) rescue(now, *chance->path, m);
       continue;
     }

@@ -8,7 +8,9 @@
 // lasted for t goes on for longer than t' more with the probability t / (t + t'), which is what
 // heavy-tailed silences do.
 #include <algorithm>
+#include <array>
 
+#include "core/base/earliest.h"
 #include "core/flow/sender.h"
 
 namespace interneuron::flow {
@@ -30,8 +32,9 @@ double seconds(Duration d) { return std::chrono::duration<double>(d).count(); }
 
 }  // namespace
 
-// How likely it is that a path brings what it has of this message too late.
-double Sender::chance_late(TimePoint now, const Path& path, const Message& m) const {
+// How likely it is that a path brings what it has of this message after `target`.
+double Sender::chance_late(TimePoint now, const Path& path, const Message& m,
+                           TimePoint target) const {
   const Job* job = path.jobs.find(m.id);
   const DataRate rate = path.view.rate.value_or(kBlindRate);
   const std::size_t queued =
@@ -43,18 +46,22 @@ double Sender::chance_late(TimePoint now, const Path& path, const Message& m) co
   const Duration silence =
       awaited ? now - (*awaited + 2 * path.view.one_way + kLate) : Duration{-1};
   if (silence <= Duration::zero()) {
+    // What is behind already will not be sooner at the end.
+    const Duration behind = std::max<Duration>(silence + kLate, Duration::zero());
     const TimePoint left = job == nullptr ? path.sent.newest_left() : now + air(queued);
-    return left + path.view.one_way > m.deadline ? 1 : 0;
+    return left + path.view.one_way + (awaited ? behind : Duration::zero()) > target ? 1 : 0;
   }
-  const Duration spare = m.deadline - now - air(queued + path.sent.bytes_in_flight()) -
+  const Duration spare = target - now - air(queued + path.sent.bytes_in_flight()) -
                          (job == nullptr ? Duration::zero() : path.view.one_way);
   if (spare <= Duration::zero()) return 1;
   return seconds(silence) / seconds(silence + spare);
 }
 
-// The path of these that may begin latest to bring so many bytes in time, and until when it may.
+// The path of these that may begin latest to bring so many bytes by `target`, and until when it
+// may.
 std::optional<Sender::Copy> Sender::last_chance(const Message& m, const PathSet& over,
-                                                const Path* except, std::size_t bytes) {
+                                                const Path* except, std::size_t bytes,
+                                                TimePoint target) {
   std::optional<Copy> best;
   for (auto& [link, path] : paths_) {
     const bool may_carry = over.contains(link) && &path != except && path.view.up &&
@@ -64,7 +71,7 @@ std::optional<Sender::Copy> Sender::last_chance(const Message& m, const PathSet&
     const Duration takes =
         std::min<Duration>(rate.transmit_time(path.jobs.bytes() + bytes), kNever) +
         path.view.one_way + kMargin;
-    const TimePoint latest = m.deadline - takes;
+    const TimePoint latest = target - takes;
     if (!best || latest > best->arrival) best = {&path, latest};
   }
   return best;
@@ -74,14 +81,21 @@ std::size_t Sender::missing_bytes(const Message& m) {
   return std::size_t{m.unacknowledged} * (m.chunk + kPieceOverheadBytes + kIpUdpBytes);
 }
 
-// Sets when the message is looked at next: at the first moment that will be too late for something.
+// Sets when the message is looked at next: at the first moment that will be too late for something,
+// be it for its aim or for its deadline.
 void Sender::plan_rescue(TimePoint now, Message& m) {
   std::optional<TimePoint> look;
   const auto consider = [&](const Message& what, const PathSet& over) {
     if (over.empty()) return;
-    const auto chance = last_chance(m, over, nullptr, missing_bytes(what));
-    if (!chance || chance->arrival <= now) return;
-    if (!look || chance->arrival < *look) look = chance->arrival;
+    // Over whichever path: the one that is soonest may be the one that fails.
+    for (const auto& [link, path] : paths_) {
+      if (!over.contains(link)) continue;
+      const PathSet one = PathSet::of(std::array{link});
+      for (const TimePoint target : {m.aim, m.deadline}) {
+        const auto chance = last_chance(m, one, nullptr, missing_bytes(what), target);
+        if (chance && chance->arrival > now) look = earliest(look, std::optional(chance->arrival));
+      }
+    }
   };
   consider(m, m.rescue);
   if (const Message* other = m.alternative ? messages_.find(*m.alternative) : nullptr) {
@@ -90,35 +104,41 @@ void Sender::plan_rescue(TimePoint now, Message& m) {
   messages_.look_at(m.id, look);
 }
 
-void Sender::look_after(TimePoint now, Message& m) {
+// Whether a message is rescued for this instant, at the last moment for that.
+bool Sender::rescued_for(TimePoint now, Message& m, TimePoint target) {
   Path* laggard = nullptr;
   double late = 0;
   for (auto& [link, path] : paths_) {
     if (!m.taken.contains(link)) continue;
-    const double chance = path.view.up ? chance_late(now, path, m) : 1;
+    const double chance = path.view.up ? chance_late(now, path, m, target) : 1;
     if (laggard == nullptr || chance > late) laggard = &path;
     late = std::max(late, chance);
   }
-  Message* other = m.alternative ? messages_.find(*m.alternative) : nullptr;
   const double all = static_cast<double>(m.bytes.size());
   const auto worth = [late, all](std::size_t bytes) {
     return late > kWorthwhile * std::min(1.0, static_cast<double>(bytes) / all);
   };
-  const auto own = last_chance(m, m.rescue, laggard, missing_bytes(m));
   // A look comes at the last moment, give or take what the rate has changed since it was planned.
   const auto is_now = [now](const std::optional<Copy>& chance) {
     return chance && chance->arrival + kMargin >= now && chance->arrival <= now + kMargin;
   };
+  const auto own = last_chance(m, m.rescue, laggard, missing_bytes(m), target);
   if (is_now(own) && worth(missing_bytes(m))) {
-    return rescue(now, *own->path, m);
+    rescue(now, *own->path, m);
+    return true;
   }
-  if (other != nullptr) {
-    const auto smaller = last_chance(*other, other->rescue, laggard, missing_bytes(*other));
-    if (is_now(smaller) && worth(missing_bytes(*other))) {
-      m.alternative.reset();
-      return begin_rescue(now, *smaller->path, *other);
-    }
-  }
+  Message* other = m.alternative ? messages_.find(*m.alternative) : nullptr;
+  if (other == nullptr) return false;
+  const auto smaller = last_chance(*other, other->rescue, laggard, missing_bytes(*other), target);
+  if (!is_now(smaller) || !worth(missing_bytes(*other))) return false;
+  m.alternative.reset();
+  begin_rescue(now, *smaller->path, *other);
+  return true;
+}
+
+void Sender::look_after(TimePoint now, Message& m) {
+  if (rescued_for(now, m, m.aim)) return;
+  if (m.aim < m.deadline && rescued_for(now, m, m.deadline)) return;
   plan_rescue(now + kMargin, m);
 }
 

@@ -74,7 +74,8 @@ class LinkEstimator {
   Duration jitter() const { return rtt_.variation(); }
   double loss_burst() const { return loss_.burst(); }
   double loss_burst_deviation() const { return loss_.burst_deviation(); }
-  double loss_packets() const { return loss_.packets(); }
+  double quick_loss() const { return loss_.quick_loss(); }
+  double quick_loss_packets() const { return loss_.quick_packets(); }
   ProbeSchedule::RateEvidence rate_evidence() const;
   // Half the round trip, smoothed with a short memory, to plan with; zero while unknown.
   Duration one_way() const { return rtt_.quick() / 2; }

@@ -31,6 +31,9 @@ class LossEstimator {
 
   // The share of packets lost, in [0, 1]; 0 while nothing is known.
   double loss() const { return slow_; }
+  // The same over the newest packets alone: about kQuickMemory, at most.
+  double quick_loss() const { return quick_; }
+  double quick_packets() const { return quick_weight_; }
   // Mean number of packets lost in a row, over about the last 32 runs; 0 while none was lost.
   double burst() const;
   // How much the length of runs varies (standard deviation); negative while few runs are known.

@@ -166,7 +166,9 @@ void Peer::handle_feedback(TimePoint now, Path& path, const wire::Feedback& feed
   const auto clock = clock_.view(now);
   if (!clock) clock_since_ = now;
   std::optional<TimePoint> left;
-  for (const wire::CompleteMessage& complete : feedback.complete) sender_.cancel(complete.message);
+  for (const wire::CompleteMessage& complete : feedback.complete) {
+    sender_.complete(now, complete.message);
+  }
   for (const wire::LinkReport& report : feedback.reports) {
     if (report.has_exchange && report.link == path.id()) {
       const PeerTime u{Duration{feedback.u}};

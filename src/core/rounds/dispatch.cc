@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "core/base/earliest.h"
+#include "core/plan/budget.h"
 #include "core/plan/carriers.h"
 #include "core/plan/plan_message.h"
 #include "core/rounds/round_terms.h"
@@ -42,6 +44,18 @@ std::size_t bytes_of(const Plan& plan, const Variants& variants) {
     if (is_sent) bytes += wire::kRoundHeaderBytes + variants[v].size();
   }
   return bytes;
+}
+
+// What follows a message that is computed on, at the least: the lowest level, if it is known, and
+// the way back over the link that is soonest.
+Duration rest_of_round(std::span<const LinkState> links, const Guidance& guidance) {
+  Duration rest = guidance.levels.empty() ? Duration::zero() : guidance.levels.front().p95;
+  std::optional<Duration> back;
+  for (const LinkState& link : links) {
+    if (!link.up || link.rtt_p50 == Duration::zero()) continue;
+    back = earliest(back, link.rtt_p50 / 2 + link.queue_down);
+  }
+  return rest + back.value_or(Duration::zero()) + kComputeReserve;
 }
 
 // How many stages before the communication header.stage, which is about to begin, were
@@ -133,6 +147,9 @@ std::optional<Planned> Dispatch::send(TimePoint now, Peer& peer, std::size_t roo
   header.best_planned = best_planned(planned.plan);
   flow::Sender::Times times{deadline_of(now, header, clock), Duration::zero(), header.deadline()};
   if (header.round.origin != self_ && clock) times.doubt = clock->rtt_min / 2;
+  if (message_class == MessageClass::kData) {
+    times.aim = times.deadline - rest_of_round(links, guidance);
+  }
   const flow::PathSet repairs = allowed_of(rule(header), links);
   MessageId first{};
   for (const Carriers& c : carriers_of(planned.plan)) {
