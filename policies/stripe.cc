@@ -3,11 +3,12 @@
 //
 // Sender: each link that is up and neither a backup nor metered gets a share; the sender decides
 // how large, and gives nothing to a link that would only add risk. So one link alone carries what
-// it brings in time surely enough. Repair symbols may go over any of them. Where the operator's
-// roles leave one link, or none is measured, as best_link.
+// it brings in time surely enough, and a link that has nothing to send takes over what another one
+// is too slow for. Repair symbols may go over any of them. Where the operator's roles leave no
+// link, as best_link.
 //
-//   two links or more    shares of the best variant; degraded: of the smallest
-//   one                  whole over it
+//   some link            shares of the best variant; degraded: of the smallest
+//   none                 whole over the fastest
 //
 // Receiver: every message is delivered at once.
 #include <algorithm>
@@ -30,7 +31,7 @@ class Stripe final : public Policy {
       const bool helps = link.traits.role == LinkRole::kNormal && !link.traits.metered;
       if (helps) plan.sends.push_back({variant, link.id, SendRole::kShare});
     }
-    if (plan.sends.size() < 2) plan = over_fastest(offer, links, variant, 1);
+    if (plan.sends.empty()) plan = over_fastest(offer, links, variant, 1);
     report_floor(plan, offer, links);
     add_shadows(plan, offer, links);
     add_parity(plan, links);

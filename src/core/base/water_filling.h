@@ -37,16 +37,9 @@ struct Division {
   Duration time{};
   // The probability that all of them are there in time.
   double on_time = 0;
-  // Each way with bytes has all of them: a copy.
-  bool copies = false;
 };
 
 namespace water_filling {
-
-// How much more likely being in time a copy of everything has to make a message. No measurement
-// behind this value: at a tenth, a link that fails a message in ten is insured, one that fails one
-// in twenty is not.
-inline constexpr double kWorthCopying = 0.1;
 
 inline double in_time(double seconds, double expected, double deviation) {
   const double sigma = std::max(deviation, 1e-6);
@@ -101,25 +94,7 @@ inline Division divide(std::span<const Way> ways, std::size_t bytes, Duration de
       left -= best.bytes[order[i]];
     }
   }
-  // Or copies, over those ways that make it so much more likely.
-  double none = 1;
-  double promised = 0;
-  Division copied;
-  copied.copies = true;
-  for (std::size_t i = 0; i < count; ++i) {
-    const Way& way = ways[order[i]];
-    const double air = static_cast<double>(bytes) / rate_of_way(way);
-    const double in_time = wf::in_time(seconds(deadline), alone(order[i]),
-                                       std::hypot(seconds(way.deviation), way.rate_error * air));
-    const double together = 1 - none * (1 - in_time);
-    if (i > 0 && together < promised + wf::kWorthCopying) continue;
-    none *= 1 - in_time;
-    promised = together;
-    copied.bytes[order[i]] = bytes;
-    if (i == 0) copied.time = Duration{static_cast<std::int64_t>(alone(order[i]) * 1e9)};
-  }
-  copied.on_time = promised;
-  return copied.on_time >= best.on_time + wf::kWorthCopying ? copied : best;
+  return best;
 }
 
 }  // namespace interneuron

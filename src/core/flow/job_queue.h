@@ -58,6 +58,11 @@ class JobQueue {
     bool is_again = false;
   };
   std::optional<Taken> take(Job& job);
+  // Takes the last of those that have not left yet, of which there is one.
+  std::uint16_t take_last(Job& job) {
+    bytes_ -= job.chunk;
+    return --job.count;
+  }
   // Takes all of them.
   std::vector<std::uint16_t> take_all(Job& job);
 

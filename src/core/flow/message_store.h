@@ -42,6 +42,9 @@ struct OutgoingMessage {
   std::uint8_t paths = 0;
   // The paths that it was queued on.
   PathSet taken;
+  // The paths that it is divided among, also those that have no share of it at first; none when
+  // each path that it was queued on carries all of it.
+  PathSet divided;
   // The paths over which lost fragments may be sent again.
   PathSet repairs;
   // What takes its place when it is given up (Sender::add_alternative()), and whether it may take
@@ -102,6 +105,14 @@ struct OutgoingMessage {
     return sum;
   }
 
+  // A piece is no longer this path's, which learns from the others alone.
+  void leave_out(LinkId path, std::uint32_t index) {
+    for (Share& share : shares) {
+      if (share.path != path || index < share.from || index >= share.to) continue;
+      share.to = index;
+      if (share.open > 0) --share.open;
+    }
+  }
   void copy_left(std::size_t index) {
     if (!pieces[index].left) ++block_of(index).left;
     pieces[index].left = true;
@@ -173,6 +184,7 @@ class MessageStore {
     message.to_leave = 0;
     message.paths = paths;
     message.taken = {};
+    message.divided = {};
     message.repairs = {};
     message.alternative.reset();
     message.is_alternative = false;

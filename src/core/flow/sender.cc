@@ -135,10 +135,12 @@ Job* Sender::next_job(Path& path, TimePoint now) {
   return nullptr;
 }
 
-bool Sender::can_arrive(TimePoint now, const Path& path, const Job& job, const Message& message) {
+bool Sender::can_arrive(TimePoint now, const Path& path, const Job& job,
+                        const Message& message) const {
   // What comes too late over a path with room takes nothing from anybody, and tells the guard at
   // the other end how late it was.
   if (!path.view.loaded && !message.alternative) return true;
+  if (!message.divided.empty() && !message.alternative) return together_can_arrive(now, message);
   const bool begun = job.next > 0 || message.is_alternative;
   const Duration least =
       flow::least_time(path.view, job.ip_bytes(), path.sent.bytes_in_flight(), begun);
@@ -164,16 +166,15 @@ std::optional<JobQueue::Taken> Sender::take(Path& path, Job& job) {
 std::optional<Sender::Piece> Sender::poll(TimePoint now, LinkId path_id) {
   Path& path = paths_.at(path_id);
   if (!path.view.up) return std::nullopt;
-  if (path.jobs.empty()) {
-    path.use.emptied(now);
-    return std::nullopt;
-  }
+  const bool idle = path.jobs.empty();
+  if (idle) path.use.emptied(now);
   if (now < path.free_at || is_full(path)) {
-    path.use.held_back();
+    if (!idle) path.use.held_back();
     return std::nullopt;
   }
   for (;;) {
     Job* job = next_job(path, now);
+    if (job == nullptr && take_over(now, path_id, path)) job = next_job(path, now);
     if (job == nullptr) {
       path.use.emptied(now);
       return std::nullopt;

@@ -207,7 +207,7 @@ class Sender {
   // When a message of this deadline and importance that is queued now is served.
   static JobQueue::Turn turn_of(const Path& path, TimePoint deadline, std::uint8_t importance);
   // Whether what is left of a job can arrive in time.
-  static bool can_arrive(TimePoint now, const Path& path, const Job& job, const Message& message);
+  bool can_arrive(TimePoint now, const Path& path, const Job& job, const Message& message) const;
   // The path sends no more of this job's message, but its alternative if there is one.
   void give_up(Path& path, Job& job);
   void begin_alternative(Path& path, Message& message);
@@ -271,8 +271,11 @@ class Sender {
   using Shares = std::array<std::uint16_t, kMaxLinks>;
   static std::size_t ip_bytes_of_piece(const Message& message);
   static Way way_of(const Path& path, const Message& message);
-  bool shares(TimePoint now, const Message& message, const std::vector<LinkId>& paths,
-              Shares& out) const;
+  static Duration queue_of(const Path& path, DataRate rate);
+  static Duration time_to_bring(const Path& path, std::size_t ip_bytes);
+  Shares shares(TimePoint now, const Message& message, const std::vector<LinkId>& paths) const;
+  bool take_over(TimePoint now, LinkId link, Path& path);
+  bool together_can_arrive(TimePoint now, const Message& message) const;
   void note_brought(TimePoint now, LinkId link, Message& message, std::size_t index);
   void note_not_brought(TimePoint now, const Message& message);
   void learn(TimePoint now, const Message::Share& share);

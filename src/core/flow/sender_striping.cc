@@ -12,9 +12,12 @@ namespace {
 
 // Stands for a time beyond any deadline, so that sums stay in range.
 constexpr Duration kNever = std::chrono::hours(1);
-// A message that is less likely to be in time goes over all paths that are idle. No measurement
-// behind this value.
-constexpr double kDoubtful = 0.5;
+// What cannot arrive even if paths carry so much more than is believed is given up. Rates of radio
+// double within a second, and only what is sent tells. No measurement behind this value.
+constexpr double kMayRise = 2;
+// A piece moves to another path only where it is there so much sooner. No measurement behind this
+// value: it is a turn of an event loop.
+constexpr Duration kSooner = std::chrono::milliseconds(2);
 // Nothing is slower: a rate of zero would divide by it.
 constexpr DataRate kLeastRate{1000};
 
@@ -24,27 +27,31 @@ std::size_t Sender::ip_bytes_of_piece(const Message& m) {
   return m.chunk + kPieceOverheadBytes + kIpUdpBytes;
 }
 
+// How long what is in flight beyond an empty path of this rate waits in a queue.
+Duration Sender::queue_of(const Path& path, DataRate rate) {
+  return std::max<Duration>(
+      rate.transmit_time(path.sent.bytes_in_flight()) - 2 * path.view.least_one_way,
+      Duration::zero());
+}
+
 // A path as it would carry a message that is queued on it now.
 Way Sender::way_of(const Path& path, const Message& m) {
   const DataRate believed = std::max(path.view.rate.value_or(kBlindRate), kLeastRate);
   const DataRate rate = believed.scaled(1 / (1 + std::max(0.0, path.law.mean())));
   const std::size_t ahead = path.jobs.bytes_before(turn_of(path, m.deadline, m.importance));
-  // What is in flight beyond an empty path waits in a queue.
-  const Duration queue = std::max<Duration>(
-      rate.transmit_time(path.sent.bytes_in_flight()) - 2 * path.view.least_one_way,
-      Duration::zero());
-  return {rate, std::min<Duration>(rate.transmit_time(ahead) + queue, kNever) + path.view.one_way,
-          path.view.jitter, path.law.deviation()};
+  const Duration wait = rate.transmit_time(ahead) + queue_of(path, rate);
+  return {rate, std::min<Duration>(wait, kNever) + path.view.one_way, path.view.jitter,
+          path.law.deviation()};
 }
 
 // The pieces that each of these paths carries, in their order; 0 for those that would only delay
-// it. Returns whether each carries a copy of all of them.
-bool Sender::shares(TimePoint now, const Message& m, const std::vector<LinkId>& paths,
-                    Shares& out) const {
+// it.
+Sender::Shares Sender::shares(TimePoint now, const Message& m,
+                              const std::vector<LinkId>& paths) const {
   std::array<Way, kMaxLinks> ways;
   std::array<std::size_t, kMaxLinks> places{};
   std::size_t used = 0;
-  out = {};
+  Shares out{};
   const bool sound = std::ranges::any_of(paths, [this](LinkId link) {
     const PathView& view = paths_.at(link).view;
     return view.up && !view.suspect;
@@ -57,44 +64,31 @@ bool Sender::shares(TimePoint now, const Message& m, const std::vector<LinkId>& 
   }
   if (used == 0) {
     out.front() = m.count;
-    return false;
+    return out;
   }
   const std::size_t piece = ip_bytes_of_piece(m);
   const Division division = divide(std::span(ways).first(used), m.count * piece, m.aim - now);
-  // What would be late anyhow costs nothing by going over a path that has nothing else to do, and
-  // tells what it carries by now.
-  const bool copies = division.copies || division.on_time < kDoubtful;
   std::size_t left = m.count;
   std::size_t largest = 0;
   for (std::size_t w = 0; w < used; ++w) {
-    if (copies) {
-      const Path& path = paths_.at(paths[places[w]]);
-      const bool is_idle = path.sent.bytes_in_flight() == 0 && path.jobs.empty();
-      out[places[w]] = division.bytes[w] > 0 || is_idle ? m.count : std::uint16_t{0};
-      continue;
-    }
     const std::size_t pieces = std::min(left, division.bytes[w] / piece);
     out[places[w]] = static_cast<std::uint16_t>(pieces);
     left -= pieces;
     if (division.bytes[w] > division.bytes[largest]) largest = w;
   }
-  if (!copies) {
-    out[places[largest]] = static_cast<std::uint16_t>(out[places[largest]] + left);
-  }
-  return copies;
+  out[places[largest]] = static_cast<std::uint16_t>(out[places[largest]] + left);
+  return out;
 }
 
 // Queues all of a message on each of these paths, or shares of it.
 void Sender::enqueue(TimePoint now, Message& m, const std::vector<LinkId>& paths, bool divided) {
   Shares parts;
   parts.fill(m.count);
-  bool copies = true;
-  if (divided) copies = shares(now, m, paths, parts);
-  std::uint8_t used = 0;
+  if (divided) parts = shares(now, m, paths);
   std::uint32_t next = 0;
   for (std::size_t i = 0; i < std::min(paths.size(), kMaxLinks); ++i) {
     if (parts[i] == 0) continue;
-    const std::uint32_t from = copies ? 0 : next;
+    const std::uint32_t from = divided ? next : 0;
     next = from + parts[i];
     Path& path = paths_.at(paths[i]);
     const Way way = way_of(path, m);
@@ -108,9 +102,56 @@ void Sender::enqueue(TimePoint now, Message& m, const std::vector<LinkId>& paths
       for (std::uint32_t p = from; p < next; ++p) m.copy_added(p);
     }
     m.to_leave += parts[i];
-    used += 1;
   }
-  if (divided) m.paths = copies ? used : std::uint8_t{1};
+  if (!divided) return;
+  m.paths = 1;
+  m.divided = PathSet::of(paths);
+}
+
+// A path that has nothing to send takes the last piece of a divided message from a path that would
+// bring it later: what was believed of their rates when it was divided may be wrong by now. Returns
+// whether there was one.
+bool Sender::take_over(TimePoint now, LinkId link, Path& path) {
+  if (path.view.suspect) return false;
+  for (auto& [other_link, other] : paths_) {
+    Job* job = &other == &path ? nullptr : other.jobs.first();
+    if (job == nullptr || job->next >= job->count) continue;
+    Message& m = *messages_.find(job->message);
+    if (!m.divided.contains(link) || path.max_datagram < m.chunk + kPieceOverheadBytes) continue;
+    const Duration here = time_to_bring(path, ip_bytes_of_piece(m));
+    if (other.view.up && here + kSooner > time_to_bring(other, job->ip_bytes())) continue;
+    const std::uint16_t index = other.jobs.take_last(*job);
+    m.leave_out(other_link, index);
+    path.use.queued(now);
+    path.jobs.add(m.id, turn_of(path, m.deadline, m.importance), index,
+                  static_cast<std::uint16_t>(index + 1), m.chunk);
+    m.taken.add(link);
+    return true;
+  }
+  return false;
+}
+
+// From now until so many bytes are there that a path sends next.
+Duration Sender::time_to_bring(const Path& path, std::size_t ip_bytes) {
+  const DataRate rate = std::max(path.view.rate.value_or(kBlindRate), kLeastRate);
+  return std::min<Duration>(rate.transmit_time(ip_bytes), kNever) + queue_of(path, rate) +
+         path.view.one_way;
+}
+
+// Whether the paths of a divided message may bring together what has not left yet.
+bool Sender::together_can_arrive(TimePoint now, const Message& m) const {
+  double left = 0;
+  double can = 0;
+  for (const auto& [link, path] : paths_) {
+    if (const Job* job = path.jobs.find(m.id)) left += static_cast<double>(job->ip_bytes());
+    if (!m.divided.contains(link) || !path.view.up) continue;
+    if (!path.view.loaded || !path.view.soon) return true;
+    const Duration time = m.deadline + m.doubt - now -
+                          flow::least_time(path.view, 0, path.sent.bytes_in_flight(), true);
+    const double seconds = std::max(0.0, std::chrono::duration<double>(time).count());
+    can += seconds * static_cast<double>(path.view.soon->bits_per_second) / 8;
+  }
+  return left <= can * kMayRise;
 }
 
 // Something is known of a fragment that a path was given at first: it learns from its last one how

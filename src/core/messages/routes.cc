@@ -73,15 +73,21 @@ Routes routes_of(TimePoint now, const Peer& peer, const Plan& plan,
     std::optional<Duration> slowest;
     const auto parts = parts_of(c, links, sizes[v], deadline);
     for (std::size_t i = 0; i < c.links.size(); ++i) {
-      if (parts[i] == 0) continue;
+      if (parts[i] == 0) {
+        // It gets nothing at first, and may take over what another one is too slow for.
+        route.links.push_back(c.links[i]);
+        continue;
+      }
       const LinkState& link = *std::ranges::find(links, c.links[i], &LinkState::id);
       if (std::ranges::find(queues, link.id, &Ahead::link) == queues.end()) {
         queues.push_back({link.id, peer.queued_before(link.id, now + deadline, importance)});
       }
       std::size_t& ahead = std::ranges::find(queues, link.id, &Ahead::link)->bytes;
       const auto expected = arrival_forecast(link, ahead, parts[i]);
-      const bool hopeless = is_hopeless(peer, link, gives_way ? 0 : ahead,
-                                        gives_way ? sizes.back() : parts[i], deadline);
+      // The paths of a divided message help each other: the sender judges them together.
+      const bool hopeless =
+          !c.divided && is_hopeless(peer, link, gives_way ? 0 : ahead,
+                                    gives_way ? sizes.back() : parts[i], deadline);
       soonest = earliest(soonest, expected);
       out.outlook.consider(link, expected, arrival_forecast(link, 0, sizes.back()), hopeless);
       if (hopeless) continue;

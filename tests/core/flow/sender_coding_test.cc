@@ -182,6 +182,78 @@ TEST(SenderStriping, ASlowPathGetsNothingWhereItWouldOnlyAddRisk) {
   EXPECT_EQ(p.drain(kA, now).size(), 98U);
 }
 
+// Two paths, 60 and 30 Mbit/s, that a message is divided between.
+struct Divided : Paths {
+  MessageId message = send_divided();
+  std::map<LinkId, std::set<std::uint16_t>> left;
+  std::size_t twice = 0;
+
+  MessageId send_divided() {
+    set(kA, 10ms, 60);
+    set(kB, 10ms, 30);
+    return sender.send(at(0s), {.deadline = at(80ms), .lifetime = 80ms}, Bytes(300 * kChunk),
+                       {kA, kB}, kEveryPath, wire::MessageKind::kPlain, {.divided = true});
+  }
+  // The rate of a path that carries all it can.
+  void fall(LinkId link, double mbit) {
+    PathView v = view(10ms, mbit);
+    v.loaded = true;
+    v.soon = v.rate;
+    sender.set_path(link, v);
+  }
+  void run(Duration from, Duration until) {
+    for (TimePoint now = at(from); now <= at(until); now += 100us) {
+      for (const LinkId link : {kA, kB}) {
+        while (const auto piece = sender.poll(now, link)) {
+          const bool again =
+              left[kA].contains(piece->fragment.index) || left[kB].contains(piece->fragment.index);
+          twice += again ? 1 : 0;
+          left[link].insert(piece->fragment.index);
+        }
+      }
+    }
+  }
+};
+
+TEST(SenderStriping, APathThatIsDoneTakesOverWhatAnotherIsTooSlowFor) {
+  Divided p;
+  p.fall(kA, 10);
+  p.run(0ms, 79ms);
+  // kA has 200 pieces at first, of which it brings 70 in time.
+  EXPECT_EQ(p.left[kA].size() + p.left[kB].size(), 300U);
+  EXPECT_GT(p.left[kB].size(), 200U);
+  EXPECT_EQ(p.twice, 0U);
+}
+
+TEST(SenderStriping, ASuspectPathTakesNothingOver) {
+  Divided p;
+  p.fall(kA, 10);
+  PathView v = view(10ms, 30);
+  v.suspect = true;
+  p.sender.set_path(kB, v);
+  p.run(0ms, 79ms);
+  EXPECT_LE(p.left[kB].size(), 100U);
+}
+
+TEST(SenderStriping, WhatPathsMayBringTogetherIsNotGivenUp) {
+  Divided p;
+  p.fall(kA, 10);
+  p.fall(kB, 30);
+  p.run(0ms, 20ms);
+  EXPECT_TRUE(p.sender.next_send(kA));
+  EXPECT_FALSE(p.sender.poll_given_up());
+}
+
+TEST(SenderStriping, WhatTheyCannotBringTogetherIsGivenUp) {
+  Divided p;
+  p.run(0ms, 5ms);
+  p.fall(kA, 1);
+  p.fall(kB, 1);
+  p.run(5ms, 20ms);
+  EXPECT_EQ(p.sender.poll_given_up(), p.message);
+  EXPECT_FALSE(p.sender.next_send(kA) || p.sender.next_send(kB));
+}
+
 // --- rescue
 
 // 100 Mbit/s and 10 ms over kA; kB stands by.
