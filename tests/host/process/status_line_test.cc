@@ -1,7 +1,6 @@
 // What a StatusLine writes to a terminal, and that it writes nothing elsewhere.
 #include "host/process/status_line.h"
 
-#include <fcntl.h>
 #include <gtest/gtest.h>
 #include <pty.h>
 #include <termios.h>
@@ -28,12 +27,16 @@ class Stderr {
   int saved_;
 };
 
-// What `fd` has to read now.
+// All that was written to the other end of `fd`, which is closed by now: a terminal hands it over
+// in several parts, and when it likes.
 std::string read_all(int fd) {
-  ::fcntl(fd, F_SETFL, O_NONBLOCK);
+  std::string all;
   std::array<char, 4096> buffer{};
-  const ssize_t size = ::read(fd, buffer.data(), buffer.size());
-  return {buffer.data(), size > 0 ? static_cast<std::size_t>(size) : 0};
+  for (;;) {
+    const ssize_t size = ::read(fd, buffer.data(), buffer.size());
+    if (size <= 0) return all;
+    all.append(buffer.data(), static_cast<std::size_t>(size));
+  }
 }
 
 TEST(StatusLine, WritesOverWhatATerminalShowed) {
@@ -55,13 +58,13 @@ TEST(StatusLine, WritesOverWhatATerminalShowed) {
     line.clear();
     line.clear();
   }
+  ::close(screen);
   EXPECT_EQ(read_all(terminal),
             "\r\x1b[Jone\ntwo"
             "\x1b[1A\r\x1b[Jthree"
             "\n"
             "\r\x1b[Jfour"
             "\r\x1b[J");
-  ::close(screen);
   ::close(terminal);
 }
 
@@ -77,9 +80,9 @@ TEST(StatusLine, WritesNothingIntoALog) {
     line.show("two");
     line.clear();
   }
+  ::close(ends[1]);
   EXPECT_EQ(read_all(ends[0]), "");
   ::close(ends[0]);
-  ::close(ends[1]);
 }
 
 }  // namespace
