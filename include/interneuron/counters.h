@@ -26,6 +26,8 @@ struct LinkCounters {
   std::uint64_t refused_packets = 0;
   // Fragments of messages that were sent again.
   std::uint64_t fragments_resent = 0;
+  // Repair symbols that were sent beside the fragments of messages.
+  std::uint64_t symbols_sent = 0;
   // Packets that were found lost, by the peer's feedback or its silence.
   std::uint64_t fragments_lost = 0;
 };

@@ -22,8 +22,8 @@ lab::RunInfo info_of(const VehicleOptions& options, const VehicleRun& run,
   info.profiles = options.profiles;
   for (const Statistics::Link& link : statistics.links) {
     const LinkCounters& c = link.counters;
-    info.links.push_back(
-        {link.nic, c.sent_bytes, c.received_bytes, c.fragments_resent, c.fragments_lost});
+    info.links.push_back({link.nic, c.sent_bytes, c.received_bytes, c.fragments_resent,
+                          c.symbols_sent, c.fragments_lost});
   }
   return info;
 }

@@ -322,12 +322,13 @@ Links Peer::links(TimePoint now) const {
   return out;
 }
 
-std::pair<std::uint64_t, std::uint64_t> Peer::repairs(LinkId nic) const {
-  std::pair<std::uint64_t, std::uint64_t> sum{0, 0};
+Peer::Repairs Peer::repairs(LinkId nic) const {
+  Repairs sum;
   for (const Path& path : paths_) {
     if (path.nic().link != nic) continue;
-    sum.first += sender_.resent(path.id());
-    sum.second += sender_.lost(path.id());
+    sum.resent += sender_.resent(path.id());
+    sum.symbols += sender_.symbols(path.id());
+    sum.lost += sender_.lost(path.id());
   }
   return sum;
 }

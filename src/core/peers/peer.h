@@ -146,8 +146,14 @@ class Peer {
   std::size_t reassembly_bytes() const { return reassembler_.bytes(); }
   std::size_t sending_bytes() const { return sender_.bytes(); }
   std::uint64_t cancelled() const { return sender_.cancelled(); }
-  // How many pieces were sent again and how many packets were found lost on paths over this NIC.
-  std::pair<std::uint64_t, std::uint64_t> repairs(LinkId nic) const;
+  // How many pieces were sent again, how many repair symbols were sent and how many packets were
+  // found lost on paths over this NIC.
+  struct Repairs {
+    std::uint64_t resent = 0;
+    std::uint64_t symbols = 0;
+    std::uint64_t lost = 0;
+  };
+  Repairs repairs(LinkId nic) const;
 
  private:
   Path* find(LinkId path);

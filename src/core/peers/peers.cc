@@ -379,9 +379,10 @@ LinkCounters Peers::counters(LinkId link) const {
   if (it == links_.end()) return {};
   LinkCounters out = it->second.counters;
   for (const auto& [id, key] : by_id_) {
-    const auto [resent, lost] = entries_[key]->peer.repairs(link);
-    out.fragments_resent += resent;
-    out.fragments_lost += lost;
+    const Peer::Repairs repairs = entries_[key]->peer.repairs(link);
+    out.fragments_resent += repairs.resent;
+    out.symbols_sent += repairs.symbols;
+    out.fragments_lost += repairs.lost;
   }
   return out;
 }

@@ -112,6 +112,7 @@ Json summarise(const std::vector<RoundRow>& rows, const RunInfo& info) {
     s["bytes"][link.name] = {{"sent", link.sent_bytes},
                              {"received", link.received_bytes},
                              {"fragments_resent", link.resent_fragments},
+                             {"symbols_sent", link.sent_symbols},
                              {"packets_lost", link.lost_packets}};
   }
   return s;
@@ -166,11 +167,12 @@ void print_table(const Json& s) {
   for (const auto& [plan, count] : s["plans"].items()) {
     fmt::print("  {:<26}{:>10}\n", plan, count.get<std::size_t>());
   }
-  fmt::print("{:<28}{:>10}{:>12}{:>10}{:>10}\n", "link", "sent MB", "received MB", "resent",
-             "lost");
+  fmt::print("{:<28}{:>10}{:>12}{:>10}{:>10}{:>10}\n", "link", "sent MB", "received MB", "resent",
+             "symbols", "lost");
   for (const auto& [name, link] : s["bytes"].items()) {
-    fmt::print("  {:<26}{:>10.2f}{:>12.2f}{:>10}{:>10}\n", name, link["sent"].get<double>() / 1e6,
-               link["received"].get<double>() / 1e6, link["fragments_resent"].get<std::size_t>(),
+    fmt::print("  {:<26}{:>10.2f}{:>12.2f}{:>10}{:>10}{:>10}\n", name,
+               link["sent"].get<double>() / 1e6, link["received"].get<double>() / 1e6,
+               link["fragments_resent"].get<std::size_t>(), link["symbols_sent"].get<std::size_t>(),
                link["packets_lost"].get<std::size_t>());
   }
 }

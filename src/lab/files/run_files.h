@@ -57,6 +57,7 @@ struct LinkUse {
   std::uint64_t sent_bytes = 0;
   std::uint64_t received_bytes = 0;
   std::uint64_t resent_fragments = 0;
+  std::uint64_t sent_symbols = 0;
   std::uint64_t lost_packets = 0;
 };
 
