@@ -7,8 +7,8 @@
 
 #include "app/bench/forecast_command.h"
 #include "app/bench/load_report.h"
-#include "app/load_testbed/programs.h"
 #include "app/load_testbed/series.h"
+#include "app/transports/programs.h"
 #include "host/process/failure.h"
 #include "host/process/progress.h"
 #include "host/process/signals.h"
@@ -32,9 +32,6 @@ struct Options {
   bool testbed = false;
   bool json = false;
   std::string plot;
-  // What the testbed's own programs are given.
-  std::string order;
-  std::string end;
 };
 
 std::vector<std::string> group_names() {
@@ -99,7 +96,6 @@ std::vector<load::Row> run_in_virtual_time(const std::vector<load::Scenario>& sc
 }
 
 int run_load(const Options& o) {
-  if (!o.order.empty()) return run_load_end(o.order, o.end);
   const std::vector<load::Scenario> scenarios = chosen(o);
   const bool drawable = std::ranges::any_of(
       scenarios, [](const load::Scenario& s) { return s.group == "rate" || s.group == "size"; });
@@ -152,11 +148,6 @@ void add_load(CLI::App& bench, std::function<int()>& run) {
       ->check(CLI::Range(kLeastSeconds, kMostSeconds));
   c->add_flag("--json", o->json, "The rows as JSON on stdout (docs/schema/load.json)");
   c->add_option("--plot", o->plot, "Draws rate and size into this file, .svg or .png");
-  // An empty group hides an option from the help.
-  c->add_option("--order", o->order, "What --testbed tells its programs")->group("");
-  c->add_option("--end", o->end, "Which of them this is")
-      ->group("")
-      ->check(CLI::IsMember({kVehiclesEnd, kRoadEnd}));
   std::string footer = "Groups:\n";
   for (const load::Group& g : load::groups()) {
     footer += fmt::format("  {:10} {}\n", g.name, g.about);
@@ -169,6 +160,21 @@ void add_load(CLI::App& bench, std::function<int()>& run) {
   c->callback([&run, o] { run = [o] { return run_load(*o); }; });
 }
 
+// What runs on a testbed start in its hosts. An empty group hides it from the help.
+void add_play(CLI::App& bench, std::function<int()>& run) {
+  struct Play {
+    std::string order;
+    std::string end;
+  };
+  auto o = std::make_shared<Play>();
+  CLI::App* c = bench.add_subcommand("play", "One end of a run")->group("");
+  c->add_option("--order", o->order, "What is played")->required();
+  c->add_option("--end", o->end, "Which end this is")
+      ->required()
+      ->check(CLI::IsMember({kVehiclesEnd, kRoadEnd}));
+  c->callback([&run, o] { run = [o] { return play_end(o->order, o->end); }; });
+}
+
 }  // namespace
 
 void add_bench(CLI::App& program, std::function<int()>& run) {
@@ -176,6 +182,7 @@ void add_bench(CLI::App& program, std::function<int()>& run) {
   bench->require_subcommand(1);
   add_load(*bench, run);
   add_forecast(*bench, run);
+  add_play(*bench, run);
 }
 
 }  // namespace interneuron::cli

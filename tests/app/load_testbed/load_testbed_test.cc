@@ -1,67 +1,16 @@
-// `interneuron bench load --testbed`: what it tells its programs, a short run with each transport,
-// and that nothing is left when it is interrupted.
+// `interneuron bench load --testbed`: a short run with each transport, and that nothing is left
+// when it is interrupted.
 #include <fstream>
 #include <iterator>
 
-#include "app/load_testbed/message_head.h"
-#include "app/load_testbed/order.h"
 #include "app/load_testbed/run.h"
-#include "app/load_testbed/timetable.h"
 #include "tests/app/cli/support.h"
 #include "tests/app/watch/json_schema.h"
 
 namespace interneuron::cli {
 namespace {
 
-using namespace std::chrono_literals;
 using load::Peer;
-
-TEST(LoadTestbed, ItsOrdersAreReadAsTheyWereWritten) {
-  const TempFolder folder;
-  load::Choice choice;
-  choice.peers = {Peer::kMptcp};
-  choice.seed = 7;
-  const load::Scenario scenario = load::scenarios("late", choice).front();
-  const Order written{scenario,
-                      {{"ifa", "10.77.1.2", "10.77.0.1"}, {"ifb", "10.78.1.2", "10.78.0.1"}},
-                      folder.string()};
-  const Order read = read_order(write_order(written));
-  EXPECT_EQ(read.scenario.peer, Peer::kMptcp);
-  EXPECT_EQ(read.scenario.vehicles, scenario.vehicles);
-  EXPECT_EQ(read.scenario.message_bytes, scenario.message_bytes);
-  EXPECT_EQ(read.scenario.deadline, scenario.deadline);
-  EXPECT_EQ(load::first_messages(read.scenario), load::first_messages(scenario));
-  ASSERT_EQ(read.modems.size(), 2U);
-  EXPECT_EQ(read.modems[1].vehicle_address, "10.78.1.2");
-  EXPECT_EQ(timetable(read.scenario).size(), timetable(scenario).size());
-}
-
-TEST(LoadTestbed, ItsRecordsAreReadAsTheyWereWritten) {
-  const TempFolder folder;
-  const Order order{{}, {}, folder.string()};
-  write_record(order, VehiclesRecord{{{TimePoint{1s}, TimePoint{2s}}, {TimePoint{3s}}}});
-  write_record(order, RoadRecord{{{1, 0, 1, TimePoint{4s}}}, 0.25});
-  const VehiclesRecord vehicles = read_vehicles(order);
-  ASSERT_EQ(vehicles.begun.size(), 2U);
-  EXPECT_EQ(vehicles.begun[0][1], TimePoint{2s});
-  const RoadRecord road = read_road(order);
-  ASSERT_EQ(road.arrivals.size(), 1U);
-  EXPECT_EQ(road.arrivals[0].vehicle, 1U);
-  EXPECT_EQ(road.arrivals[0].variant, 1U);
-  EXPECT_EQ(road.arrivals[0].at, TimePoint{4s});
-  EXPECT_EQ(road.cpu, 0.25);
-}
-
-TEST(LoadTestbed, AMessageTellsWhichItIs) {
-  const Bytes message = message_of(200, 70'000, 48 * 1024);
-  EXPECT_EQ(message.size(), 48U * 1024);
-  const auto head = read_head(message);
-  ASSERT_TRUE(head);
-  EXPECT_EQ(head->vehicle, 200U);
-  EXPECT_EQ(head->number, 70'000U);
-  EXPECT_EQ(head->bytes, 48U * 1024);
-  EXPECT_FALSE(read_head(ByteView(message).first(kMessageHeadBytes - 1)));
-}
 
 TEST(LoadTestbed, SaysWhichPeersItHas) {
   const Ran model = run("bench load rate --testbed --peer cubic");

@@ -1,4 +1,7 @@
-#include "app/load_testbed/order.h"
+#include "app/transports/order.h"
+
+#include <algorithm>
+#include <array>
 
 #include "host/process/failure.h"
 #include "lab/files/json_file.h"
@@ -13,6 +16,15 @@ constexpr const char* kOrder = "order.json";
 constexpr const char* kVehicles = "vehicles.json";
 constexpr const char* kRoad = "road.json";
 
+// By Kind.
+constexpr std::array<std::string_view, 4> kKinds{"ours", "udp", "tcp", "mptcp"};
+
+Kind kind_of(const std::string& name) {
+  const auto it = std::ranges::find(kKinds, name);
+  if (it != kKinds.end()) return static_cast<Kind>(it - kKinds.begin());
+  throw Failure(kFailed, "an order names no transport that there is");
+}
+
 // Reads a file by `parse`, which throws Json::exception when something is missing.
 template <class Parse>
 auto read(const fs::path& file, const Parse& parse) {
@@ -26,52 +38,50 @@ auto read(const fs::path& file, const Parse& parse) {
 
 std::int64_t ns(TimePoint at) { return at.time_since_epoch().count(); }
 
-TimePoint instant(const Json& json) { return TimePoint{Duration{json.get<std::int64_t>()}}; }
+Duration duration(const Json& json) { return Duration{json.get<std::int64_t>()}; }
+TimePoint instant(const Json& json) { return TimePoint{duration(json)}; }
 
-Json scenario_json(const load::Scenario& s) {
-  return {{"peer", load::name_of(s.peer)},
-          {"vehicles", s.vehicles},
-          {"message_bytes", s.message_bytes},
-          {"small_bytes", s.small_bytes},
-          {"deadline_ns", s.deadline.count()},
-          {"period_ns", s.period.count()},
-          {"length_ns", s.length.count()},
-          {"late_ns", s.late ? Json(s.late->count()) : Json(nullptr)},
-          {"seed", s.seed}};
+Json traffic_json(const Traffic& traffic) {
+  Json first = Json::array();
+  for (const Duration at : traffic.first) first.push_back(at.count());
+  return {{"variant_bytes", traffic.variant_bytes},
+          {"deadline_ns", traffic.deadline.count()},
+          {"period_ns", traffic.period.count()},
+          {"length_ns", traffic.length.count()},
+          {"first_ns", first}};
 }
 
-load::Scenario scenario_of(const Json& json) {
-  load::Scenario s;
-  const auto peer = load::peer_of(json.at("peer").get<std::string>());
-  if (!peer) throw Failure(kFailed, "an order names no transport that there is");
-  s.peer = *peer;
-  s.vehicles = json.at("vehicles");
-  s.message_bytes = json.at("message_bytes");
-  s.small_bytes = json.at("small_bytes");
-  s.deadline = Duration{json.at("deadline_ns").get<std::int64_t>()};
-  s.period = Duration{json.at("period_ns").get<std::int64_t>()};
-  s.length = Duration{json.at("length_ns").get<std::int64_t>()};
-  if (!json.at("late_ns").is_null()) s.late = Duration{json.at("late_ns").get<std::int64_t>()};
-  s.seed = json.at("seed");
-  return s;
+Traffic traffic_of(const Json& json) {
+  Traffic traffic;
+  traffic.variant_bytes = json.at("variant_bytes").get<std::vector<std::size_t>>();
+  traffic.deadline = duration(json.at("deadline_ns"));
+  traffic.period = duration(json.at("period_ns"));
+  traffic.length = duration(json.at("length_ns"));
+  for (const Json& at : json.at("first_ns")) traffic.first.push_back(duration(at));
+  return traffic;
 }
 
 }  // namespace
+
+std::string_view name_of(Kind kind) { return kKinds[static_cast<std::size_t>(kind)]; }
 
 fs::path write_order(const Order& order) {
   Json modems = Json::array();
   for (const Modem& m : order.modems) {
     modems.push_back({{"nic", m.nic}, {"vehicle", m.vehicle_address}, {"road", m.road_address}});
   }
-  lab::write_json(order.folder / kOrder,
-                  {{"scenario", scenario_json(order.scenario)}, {"modems", modems}});
+  lab::write_json(order.folder / kOrder, {{"transport", name_of(order.transport.kind)},
+                                          {"mode", order.transport.mode},
+                                          {"traffic", traffic_json(order.traffic)},
+                                          {"modems", modems}});
   return order.folder / kOrder;
 }
 
 Order read_order(const fs::path& file) {
   return read(file, [&file](const Json& json) {
     Order order;
-    order.scenario = scenario_of(json.at("scenario"));
+    order.transport = {kind_of(json.at("transport")), json.at("mode")};
+    order.traffic = traffic_of(json.at("traffic"));
     for (const Json& m : json.at("modems")) {
       order.modems.push_back({m.at("nic"), m.at("vehicle"), m.at("road")});
     }
@@ -86,7 +96,9 @@ void write_record(const Order& order, const VehiclesRecord& record) {
     Json& row = begun.emplace_back(Json::array());
     for (const TimePoint at : of_vehicle) row.push_back(ns(at));
   }
-  lab::write_json(order.folder / kVehicles, {{"begun_ns", begun}});
+  lab::write_json(
+      order.folder / kVehicles,
+      {{"cpu_ns", record.cpu.count()}, {"wire_bytes", record.wire_bytes}, {"begun_ns", begun}});
 }
 
 void write_record(const Order& order, const RoadRecord& record) {
@@ -100,6 +112,8 @@ void write_record(const Order& order, const RoadRecord& record) {
 VehiclesRecord read_vehicles(const Order& order) {
   return read(order.folder / kVehicles, [](const Json& json) {
     VehiclesRecord out;
+    out.cpu = duration(json.at("cpu_ns"));
+    out.wire_bytes = json.at("wire_bytes");
     for (const Json& row : json.at("begun_ns")) {
       std::vector<TimePoint>& of_vehicle = out.begun.emplace_back();
       for (const Json& at : row) of_vehicle.push_back(instant(at));

@@ -1,4 +1,4 @@
-#include "app/load_testbed/sockets.h"
+#include "app/transports/sockets.h"
 
 #include <arpa/inet.h>
 #include <fcntl.h>

@@ -4,8 +4,8 @@
 #include <optional>
 #include <vector>
 
-#include "app/load_testbed/message_head.h"
-#include "app/load_testbed/order.h"
+#include "app/transports/message_head.h"
+#include "app/transports/order.h"
 
 namespace interneuron::cli {
 

@@ -5,7 +5,7 @@
 #include <optional>
 #include <thread>
 
-#include "app/load_testbed/ends.h"
+#include "app/transports/ends.h"
 #include "host/io/steady_clock.h"
 #include "host/process/failure.h"
 #include "host/process/signals.h"
@@ -25,7 +25,7 @@ constexpr Duration kLook = 10ms;
 class Vehicle {
  public:
   Vehicle(const Order& order, std::uint32_t number)
-      : s_(order.scenario), number_(number), node_(options(order)) {
+      : order_(order), number_(number), node_(options(order)) {
     node_.on_peer_ready([this](PeerReady) { heard_ = true; });
     loop_ = std::thread([this] { run(); });
   }
@@ -78,7 +78,7 @@ class Vehicle {
     if (at >= end) return;
     node_.at(at, [this, at, end] {
       send();
-      send_at(at + s_.period, end);
+      send_at(at + order_.traffic.period, end);
     });
   }
 
@@ -86,17 +86,17 @@ class Vehicle {
   void send() {
     Variants variants;
     const auto number = static_cast<std::uint32_t>(begun_.size());
-    for (const std::size_t bytes : load::variant_bytes(s_)) {
+    for (const std::size_t bytes : order_.traffic.variant_bytes) {
       variants.push_back(message_of(number_, number, bytes));
     }
     SendOptions options;
-    options.deadline = s_.deadline;
-    options.policy = s_.peer == load::Peer::kOursVariants ? "down_sampling" : "best_link";
+    options.deadline = order_.traffic.deadline;
+    options.policy = order_.transport.mode;
     begun_.push_back(node_.now());
     if (const auto peer = node_.peer()) node_.send(*peer, std::move(variants), options);
   }
 
-  const load::Scenario& s_;
+  const Order& order_;
   std::uint32_t number_;
   Node node_;
   std::atomic<bool> heard_ = false;
@@ -127,19 +127,18 @@ void await(const Vehicles& vehicles) {
 }  // namespace
 
 VehiclesRecord send_ours(const Order& order, const Begin& ready) {
-  const load::Scenario& s = order.scenario;
+  const Traffic& traffic = order.traffic;
   Vehicles vehicles;
-  for (std::size_t v = 0; v < s.vehicles; ++v) {
+  for (std::size_t v = 0; v < traffic.vehicles(); ++v) {
     vehicles.push_back(std::make_unique<Vehicle>(order, static_cast<std::uint32_t>(v)));
     SignalWatch::check();
   }
   await(vehicles);
   const TimePoint begin = ready();
-  const std::vector<Duration> first = load::first_messages(s);
-  for (std::size_t v = 0; v < s.vehicles; ++v) {
-    vehicles[v]->begin(begin + first[v], begin + s.length);
+  for (std::size_t v = 0; v < traffic.vehicles(); ++v) {
+    vehicles[v]->begin(begin + traffic.first[v], begin + traffic.length);
   }
-  SignalWatch::sleep(begin + s.length + s.deadline - io::now());
+  SignalWatch::sleep(begin + traffic.length + traffic.deadline - io::now());
   VehiclesRecord record;
   for (const auto& vehicle : vehicles) record.begun.push_back(vehicle->end());
   return record;
@@ -155,7 +154,7 @@ void receive_ours(const Order& order, const Ready& ready, Reception& reception) 
   }
   options.port = kLoadPort;
   options.accept_peers = true;
-  options.max_peers = order.scenario.vehicles;
+  options.max_peers = order.traffic.vehicles();
   Node node(options);
   node.on_message([&](const Message& message) {
     if (const auto head = read_head(message.bytes)) {

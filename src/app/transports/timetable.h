@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "lab/load/scenario.h"
+#include "app/transports/order.h"
 
 namespace interneuron::cli {
 
@@ -16,11 +16,10 @@ struct Due {
 };
 
 // In the order of time.
-inline std::vector<Due> timetable(const load::Scenario& scenario) {
-  const std::vector<Duration> first = load::first_messages(scenario);
+inline std::vector<Due> timetable(const Traffic& traffic) {
   std::vector<Due> out;
-  for (std::size_t v = 0; v < first.size(); ++v) {
-    for (Duration at = first[v]; at < scenario.length; at += scenario.period) {
+  for (std::size_t v = 0; v < traffic.vehicles(); ++v) {
+    for (Duration at = traffic.first[v]; at < traffic.length; at += traffic.period) {
       out.push_back({at, v});
     }
   }

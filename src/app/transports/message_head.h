@@ -1,4 +1,4 @@
-// The first bytes of every message of `bench load --testbed`, whatever transport carries it: which
+// The first bytes of every message that two programs exchange, whatever transport carries it: which
 // message it is, and how long, which a stream needs to find its end. Big-endian. The reader checks
 // the size; both ends are this program. Pure.
 #pragma once

@@ -1,23 +1,8 @@
-#include "app/load_testbed/reception.h"
+#include "app/transports/reception.h"
 
-#include <sys/resource.h>
+#include "app/transports/outlay.h"
 
 namespace interneuron::cli {
-namespace {
-
-Duration time_of(const timeval& t) {
-  return std::chrono::seconds(t.tv_sec) + std::chrono::microseconds(t.tv_usec);
-}
-
-// This cannot fail: the argument is valid.
-Duration processor_time() {
-  rusage usage{};
-  ::getrusage(RUSAGE_SELF, &usage);
-  return time_of(usage.ru_utime) + time_of(usage.ru_stime);
-}
-
-}  // namespace
-
 void Reception::arrived(const MessageHead& head, std::uint32_t variant, TimePoint now) {
   if (arrivals_.empty()) cpu_at_first_ = processor_time();
   arrivals_.push_back({head.vehicle, head.number, variant, now});

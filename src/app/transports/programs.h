@@ -1,4 +1,4 @@
-// The programs of a run, as `bench load --order FILE --end WHICH` runs them, which no help shows,
+// The programs of a run, as `bench play --order FILE --end WHICH` runs them, which no help shows,
 // and as the command sees them: children in the hosts of a testbed.
 #pragma once
 
@@ -19,14 +19,14 @@ inline constexpr const char* kRoadEnd = "road";
 // Plays one end of the order in this file to its end and leaves its record. Says on stdout "ready"
 // when it is, the vehicles with the instant at which messages begin. Returns an exit code; throws
 // Failure.
-int run_load_end(const std::filesystem::path& order, const std::string& end);
+int play_end(const std::filesystem::path& order, const std::string& end);
 
 // One of them, as our child. It is ended and reaped by the destructor if not before. Its stderr
 // goes to a file beside the order. Thread-compatible.
-class LoadProgram {
+class EndProgram {
  public:
-  LoadProgram(const netns::State& state, netns::Host host, const std::filesystem::path& order,
-              const std::string& end);
+  EndProgram(const netns::State& state, netns::Host host, const std::filesystem::path& order,
+             const std::string& end);
 
   // What it says behind "ready". Throws Failure: 1 with its last words when it ends before, or
   // takes too long, 128 + signal when we are interrupted.

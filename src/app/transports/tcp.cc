@@ -11,9 +11,9 @@
 #include <limits>
 #include <optional>
 
-#include "app/load_testbed/ends.h"
-#include "app/load_testbed/sockets.h"
-#include "app/load_testbed/timetable.h"
+#include "app/transports/ends.h"
+#include "app/transports/sockets.h"
+#include "app/transports/timetable.h"
 #include "host/io/steady_clock.h"
 #include "host/process/failure.h"
 #include "host/process/signals.h"
@@ -22,7 +22,6 @@ namespace interneuron::cli {
 namespace {
 
 using namespace std::chrono_literals;
-using load::Peer;
 
 constexpr Duration kPatience = 30s;
 constexpr Duration kLook = 100ms;
@@ -33,14 +32,16 @@ constexpr int kUnsentBytes = 8 * 1024;
 // data have crossed the first one.
 constexpr std::uint32_t kGreeting = std::numeric_limits<std::uint32_t>::max();
 
-int protocol_of(Peer peer) { return peer == Peer::kMptcp ? IPPROTO_MPTCP : IPPROTO_TCP; }
+int protocol_of(const Order& order) {
+  return order.transport.kind == Kind::kMptcp ? IPPROTO_MPTCP : IPPROTO_TCP;
+}
 
 // One vehicle's end of its connection.
 class Source {
  public:
   Source(const Order& order, std::uint32_t vehicle)
-      : s_(order.scenario), vehicle_(vehicle), socket_(open_socket(protocol_of(s_.peer))) {
-    control_congestion(socket_, s_.peer == Peer::kTcpBbr ? "bbr" : "cubic");
+      : traffic_(order.traffic), vehicle_(vehicle), socket_(open_socket(protocol_of(order))) {
+    control_congestion(socket_, order.transport.mode);
     const int on = 1;
     ::setsockopt(socket_.get(), IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
     ::setsockopt(socket_.get(), IPPROTO_TCP, TCP_NOTSENT_LOWAT, &kUnsentBytes, sizeof kUnsentBytes);
@@ -59,7 +60,7 @@ class Source {
 
   // Takes the place of a message that waits.
   void hand_over(std::uint32_t number, TimePoint now) {
-    waiting_ = Waiting{number, now + s_.deadline};
+    waiting_ = Waiting{number, now + traffic_.deadline};
   }
 
   // The socket takes more. Throws Failure when the connection has ended.
@@ -90,12 +91,12 @@ class Source {
   bool begin_next(TimePoint now) {
     const std::optional<Waiting> next = std::exchange(waiting_, std::nullopt);
     if (!next || next->deadline < now) return false;
-    current_ = message_of(vehicle_, next->number, s_.message_bytes);
+    current_ = message_of(vehicle_, next->number, traffic_.variant_bytes.front());
     offset_ = 0;
     return true;
   }
 
-  const load::Scenario& s_;
+  const Traffic& traffic_;
   std::uint32_t vehicle_;
   io::FileDescriptor socket_;
   // What is being written, and how much of it was.
@@ -191,33 +192,34 @@ void accept_all(int listener, std::vector<Sink>& sinks) {
 }  // namespace
 
 VehiclesRecord send_tcp(const Order& order, const Begin& ready) {
-  const load::Scenario& s = order.scenario;
+  const Traffic& traffic = order.traffic;
   const io::PreciseTimers precise;
   std::vector<Source> sources;
-  for (std::size_t v = 0; v < s.vehicles; ++v) {
+  for (std::size_t v = 0; v < traffic.vehicles(); ++v) {
     sources.emplace_back(order, static_cast<std::uint32_t>(v));
   }
   await(sources);
   const TimePoint begin = ready();
   write_until(sources, begin);
-  if (s.peer == Peer::kMptcp && !std::ranges::all_of(sources, &Source::has_more_subflows)) {
+  if (order.transport.kind == Kind::kMptcp &&
+      !std::ranges::all_of(sources, &Source::has_more_subflows)) {
     throw Failure(kFailed, "MPTCP has opened no second subflow");
   }
   VehiclesRecord record;
-  record.begun.resize(s.vehicles);
-  for (const Due& due : timetable(s)) {
+  record.begun.resize(traffic.vehicles());
+  for (const Due& due : timetable(traffic)) {
     write_until(sources, begin + due.at);
     std::vector<TimePoint>& begun = record.begun[due.vehicle];
     const auto number = static_cast<std::uint32_t>(begun.size());
     begun.push_back(io::now());
     sources[due.vehicle].hand_over(number, begun.back());
   }
-  write_until(sources, begin + s.length + s.deadline);
+  write_until(sources, begin + traffic.length + traffic.deadline);
   return record;
 }
 
 void receive_tcp(const Order& order, const Ready& ready, Reception& reception) {
-  const io::FileDescriptor listener = open_socket(protocol_of(order.scenario.peer));
+  const io::FileDescriptor listener = open_socket(protocol_of(order));
   bind_to(listener, "0.0.0.0", kLoadPort);
   if (::listen(listener.get(), SOMAXCONN) != 0) throw Failure(kFailed, "listen failed");
   ready();

@@ -1,4 +1,4 @@
-#include "app/load_testbed/programs.h"
+#include "app/transports/programs.h"
 
 #include <fcntl.h>
 #include <poll.h>
@@ -9,9 +9,11 @@
 #include <cstdio>
 #include <cstring>
 #include <fstream>
+#include <optional>
 
-#include "app/load_testbed/ends.h"
 #include "app/offload/road_child.h"
+#include "app/transports/ends.h"
+#include "app/transports/outlay.h"
 #include "host/io/steady_clock.h"
 #include "host/process/failure.h"
 #include "host/process/signals.h"
@@ -26,6 +28,8 @@ using namespace std::chrono_literals;
 // From when everybody has met until messages begin: links are measured meanwhile, as in virtual
 // time.
 constexpr Duration kWarmUp = 2s;
+// How long before messages begin a sender goes on: enough to be on time on a busy machine.
+constexpr Duration kHeadStart = 10ms;
 // For a program to be ready. No measurement behind this value: 200 vehicles need a few seconds.
 constexpr Duration kPatience = 60s;
 constexpr int kLookMs = 100;
@@ -35,29 +39,44 @@ void tell(const std::string& line) {
   std::fflush(stdout);
 }
 
-bool is_ours(load::Peer peer) {
-  return peer == load::Peer::kOurs || peer == load::Peer::kOursVariants;
+struct Ends {
+  VehiclesRecord (*send)(const Order&, const Begin&);
+  void (*receive)(const Order&, const Ready&, Reception&);
+};
+
+Ends ends_of(Kind kind) {
+  switch (kind) {
+    case Kind::kOurs:
+      return {send_ours, receive_ours};
+    case Kind::kUdp:
+      return {send_udp, receive_udp};
+    case Kind::kTcp:
+    case Kind::kMptcp:
+      return {send_tcp, receive_tcp};
+  }
+  throw Failure(kFailed, "a transport has no ends");
 }
 
 void play_vehicles(const Order& order) {
-  const Begin ready = [] {
+  std::optional<Outlay> outlay;
+  const Begin ready = [&outlay] {
     const TimePoint begin = io::now() + kWarmUp;
     tell("ready " + std::to_string(begin.time_since_epoch().count()));
+    SignalWatch::sleep(begin - kHeadStart - io::now());
+    outlay.emplace();
     return begin;
   };
-  const load::Peer peer = order.scenario.peer;
-  const auto send = is_ours(peer) ? send_ours : peer == load::Peer::kUdp ? send_udp : send_tcp;
-  write_record(order, send(order, ready));
+  VehiclesRecord record = ends_of(order.transport.kind).send(order, ready);
+  record.cpu = outlay->cpu();
+  record.wire_bytes = outlay->wire_bytes();
+  write_record(order, record);
 }
 
 void play_road(const Order& order) {
-  const load::Peer peer = order.scenario.peer;
-  const auto receive = is_ours(peer)              ? receive_ours
-                       : peer == load::Peer::kUdp ? receive_udp
-                                                  : receive_tcp;
   Reception reception;
-  receive(
-      order, [] { tell("ready"); }, reception);
+  ends_of(order.transport.kind)
+      .receive(
+          order, [] { tell("ready"); }, reception);
   write_record(order, RoadRecord{reception.arrivals(), reception.cpu()});
 }
 
@@ -84,7 +103,7 @@ pid_t start(const netns::State& state, netns::Host host, const std::vector<std::
 
 }  // namespace
 
-int run_load_end(const fs::path& file, const std::string& end) {
+int play_end(const fs::path& file, const std::string& end) {
   const Order order = read_order(file);
   // Interneuron's roadside unit ends by its own watch of signals, which a second one would shadow.
   const SignalWatch signals;
@@ -92,15 +111,15 @@ int run_load_end(const fs::path& file, const std::string& end) {
   return kFine;
 }
 
-LoadProgram::LoadProgram(const netns::State& state, netns::Host host, const fs::path& order,
-                         const std::string& end)
+EndProgram::EndProgram(const netns::State& state, netns::Host host, const fs::path& order,
+                       const std::string& end)
     : end_(end),
       log_(order.parent_path() / (end + ".log")),
       child_(start(state, host,
-                   {own_program(), "bench", "load", "--order", order.string(), "--end", end}, log_,
+                   {own_program(), "bench", "play", "--order", order.string(), "--end", end}, log_,
                    stdout_)) {}
 
-std::string LoadProgram::await_ready() {
+std::string EndProgram::await_ready() {
   std::string said;
   const TimePoint patience = io::now() + kPatience;
   while (io::now() < patience) {
@@ -123,12 +142,12 @@ std::string LoadProgram::await_ready() {
   throw Failure(kFailed, "the " + end_ + " of a run were not ready in time: " + last_words());
 }
 
-void LoadProgram::finish() { judge(child_.wait()); }
+void EndProgram::finish() { judge(child_.wait()); }
 
-void LoadProgram::end() { judge(child_.end()); }
+void EndProgram::end() { judge(child_.end()); }
 
 // A terminal's Ctrl-C reaches the program as it reaches us, and may reach it first.
-void LoadProgram::judge(int code) const {
+void EndProgram::judge(int code) const {
   SignalWatch::check();
   if (code == kFine) return;
   if (code == 128 + SIGINT || code == 128 + SIGTERM || code == 128 + SIGHUP) {
@@ -137,7 +156,7 @@ void LoadProgram::judge(int code) const {
   throw Failure(kFailed, "the " + end_ + " of a run failed: " + last_words());
 }
 
-std::string LoadProgram::last_words() const {
+std::string EndProgram::last_words() const {
   std::ifstream in(log_);
   std::string last = "they said nothing";
   for (std::string line; std::getline(in, line);) last = line.empty() ? last : line;

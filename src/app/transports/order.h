@@ -1,0 +1,100 @@
+// One run of two programs that carry messages over a transport: what they are told of it, and what
+// they leave. Whoever makes the run writes the order to a file and starts this program once more in
+// each host of a testbed (programs.h); each of the two leaves its record beside that file.
+//
+// All instants are of CLOCK_MONOTONIC, which both programs read on one machine. Plain values.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "interneuron/time.h"
+
+namespace interneuron::cli {
+
+// What carries the messages: kTcp and kMptcp are the kernel's.
+enum class Kind : std::uint8_t { kOurs, kUdp, kTcp, kMptcp };
+// "ours", "udp", "tcp", "mptcp".
+std::string_view name_of(Kind kind);
+
+struct Transport {
+  Kind kind{};
+  // How it does that, which is another thing for each kind: the name of a policy of Interneuron, of
+  // a congestion control of TCP and MPTCP. Empty for UDP.
+  std::string mode;
+  friend bool operator==(const Transport&, const Transport&) = default;
+};
+
+// The messages of a run.
+struct Traffic {
+  // Sizes of the variants of a message, from the whole one on; at least one. A transport that knows
+  // no variants sends the first.
+  std::vector<std::size_t> variant_bytes;
+  // From the instant at which a message is handed over.
+  Duration deadline{};
+  // Between two messages of a vehicle.
+  Duration period{};
+  // Messages begin for this long.
+  Duration length{};
+  // When each vehicle hands over its first message, since messages begin; there are as many
+  // vehicles.
+  std::vector<Duration> first;
+
+  std::size_t vehicles() const { return first.size(); }
+};
+
+// How a vehicle reaches the roadside unit: numeric addresses, and the NIC of both.
+struct Modem {
+  std::string nic;
+  std::string vehicle_address;
+  std::string road_address;
+};
+
+struct Order {
+  Transport transport;
+  Traffic traffic;
+  // Those that the transport may use; at least one.
+  std::vector<Modem> modems;
+  // The folder of the order's file, where records go.
+  std::filesystem::path folder;
+};
+
+// Where the roadside unit waits for messages.
+inline constexpr std::uint16_t kLoadPort = 47000;
+
+// Of the program that plays the vehicles.
+struct VehiclesRecord {
+  // When each message was handed over, by vehicle and number.
+  std::vector<std::vector<TimePoint>> begun;
+  // While messages began, and a deadline longer (outlay.h).
+  Duration cpu{};
+  std::uint64_t wire_bytes = 0;
+};
+
+struct Arrival {
+  std::uint32_t vehicle = 0;
+  std::uint32_t number = 0;
+  std::uint32_t variant = 0;
+  TimePoint at{};
+};
+
+// Of the roadside unit.
+struct RoadRecord {
+  // In the order of arrival.
+  std::vector<Arrival> arrivals;
+  // Processor time over time, from the first arrival to the last one; 0 with fewer than two.
+  double cpu = 0;
+};
+
+// They throw Failure (1) that names the file when it cannot be written or read, or is none.
+std::filesystem::path write_order(const Order& order);
+Order read_order(const std::filesystem::path& file);
+void write_record(const Order& order, const VehiclesRecord& record);
+void write_record(const Order& order, const RoadRecord& record);
+VehiclesRecord read_vehicles(const Order& order);
+RoadRecord read_road(const Order& order);
+
+}  // namespace interneuron::cli

@@ -1,0 +1,126 @@
+// What the programs of a run are told and leave, and what they note.
+#include <unistd.h>
+
+#include <filesystem>
+
+#include "app/transports/message_head.h"
+#include "app/transports/order.h"
+#include "app/transports/outlay.h"
+#include "app/transports/play.h"
+#include "app/transports/reception.h"
+#include "app/transports/timetable.h"
+#include "host/process/failure.h"
+
+namespace interneuron::cli {
+namespace {
+
+using namespace std::chrono_literals;
+
+// A folder for the files of a test, private to it.
+std::filesystem::path folder_of(const std::string& name) {
+  return std::filesystem::temp_directory_path() /
+         ("interneuron-" + name + "-" + std::to_string(::getpid()));
+}
+
+Order order_in(const std::filesystem::path& folder) {
+  return {{Kind::kMptcp, "cubic"},
+          {{48 * 1024, 12 * 1024}, 150ms, 100ms, 350ms, {0ms, 70ms}},
+          {{"ifa", "10.77.1.2", "10.77.0.1"}, {"ifb", "10.78.1.2", "10.78.0.1"}},
+          folder};
+}
+
+TEST(Transports, OrdersAreReadAsTheyWereWritten) {
+  const auto folder = folder_of("orders");
+  const Scratch scratch(folder);
+  const Order written = order_in(folder);
+  const Order read = read_order(write_order(written));
+  EXPECT_EQ(read.transport, written.transport);
+  EXPECT_EQ(read.traffic.variant_bytes, written.traffic.variant_bytes);
+  EXPECT_EQ(read.traffic.deadline, 150ms);
+  EXPECT_EQ(read.traffic.period, 100ms);
+  EXPECT_EQ(read.traffic.length, 350ms);
+  EXPECT_EQ(read.traffic.first, written.traffic.first);
+  EXPECT_EQ(read.folder, folder);
+  ASSERT_EQ(read.modems.size(), 2U);
+  EXPECT_EQ(read.modems[1].nic, "ifb");
+  EXPECT_EQ(read.modems[1].vehicle_address, "10.78.1.2");
+}
+
+TEST(Transports, AnOrderThatMakesNoSenseIsRefused) {
+  const auto folder = folder_of("nonsense");
+  const Scratch scratch(folder);
+  EXPECT_THROW(read_order(folder / "order.json"), Failure);
+  std::ofstream(folder / "order.json") << R"({"transport": "pigeon", "mode": ""})";
+  EXPECT_THROW(read_order(folder / "order.json"), Failure);
+}
+
+TEST(Transports, RecordsAreReadAsTheyWereWritten) {
+  const auto folder = folder_of("records");
+  const Scratch scratch(folder);
+  const Order order = order_in(folder);
+  write_record(order,
+               VehiclesRecord{{{TimePoint{1s}, TimePoint{2s}}, {TimePoint{3s}}}, 70ms, 1'000'000});
+  write_record(order, RoadRecord{{{1, 0, 1, TimePoint{4s}}}, 0.25});
+  const VehiclesRecord vehicles = read_vehicles(order);
+  ASSERT_EQ(vehicles.begun.size(), 2U);
+  EXPECT_EQ(vehicles.begun[0][1], TimePoint{2s});
+  EXPECT_EQ(vehicles.cpu, 70ms);
+  EXPECT_EQ(vehicles.wire_bytes, 1'000'000U);
+  const RoadRecord road = read_road(order);
+  ASSERT_EQ(road.arrivals.size(), 1U);
+  EXPECT_EQ(road.arrivals[0].vehicle, 1U);
+  EXPECT_EQ(road.arrivals[0].variant, 1U);
+  EXPECT_EQ(road.arrivals[0].at, TimePoint{4s});
+  EXPECT_EQ(road.cpu, 0.25);
+}
+
+TEST(Transports, AMessageTellsWhichItIs) {
+  const Bytes message = message_of(200, 70'000, 48 * 1024);
+  EXPECT_EQ(message.size(), 48U * 1024);
+  const auto head = read_head(message);
+  ASSERT_TRUE(head);
+  EXPECT_EQ(head->vehicle, 200U);
+  EXPECT_EQ(head->number, 70'000U);
+  EXPECT_EQ(head->bytes, 48U * 1024);
+  EXPECT_FALSE(read_head(ByteView(message).first(kMessageHeadBytes - 1)));
+}
+
+TEST(Transports, ATimetableHasTheMessagesOfAllVehiclesInOrder) {
+  const std::vector<Due> due = timetable(order_in({}).traffic);
+  ASSERT_EQ(due.size(), 7U);
+  EXPECT_EQ(due[0].at, 0ms);
+  EXPECT_EQ(due[1].at, 70ms);
+  EXPECT_EQ(due[1].vehicle, 1U);
+  EXPECT_EQ(due.back().at, 300ms);
+  EXPECT_EQ(due.back().vehicle, 0U);
+}
+
+TEST(Transports, AReceptionTellsTheShareOfAProcessor) {
+  Reception reception;
+  EXPECT_EQ(reception.cpu(), 0);
+  reception.arrived({0, 0, 100}, 0, TimePoint{1s});
+  EXPECT_EQ(reception.cpu(), 0);
+  const Duration before = processor_time();
+  while (processor_time() - before < 5ms) continue;
+  reception.arrived({0, 1, 100}, 0, TimePoint{2s});
+  EXPECT_GE(reception.cpu(), 0.004);
+}
+
+TEST(Transports, AnOutlayCountsOnlyWhatIsSpentSince) {
+  const Duration before = processor_time();
+  while (processor_time() - before < 5ms) continue;
+  const Outlay outlay;
+  const Duration at_first = outlay.cpu();
+  EXPECT_LT(at_first, 5ms);
+  while (processor_time() - before < 15ms) continue;
+  EXPECT_GE(outlay.cpu(), at_first + 4ms);
+}
+
+TEST(Transports, LacksNamesAControlThatThereIsNot) {
+  EXPECT_TRUE(lacks({Kind::kTcp, "nonesuch"}));
+  EXPECT_FALSE(lacks({Kind::kUdp, ""}));
+  EXPECT_FALSE(lacks({Kind::kOurs, "best_link"}));
+}
+
+}  // namespace
+}  // namespace interneuron::cli
