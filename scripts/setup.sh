@@ -2,11 +2,12 @@
 # Installs the Debian packages that a build, the tests and the demo need. Names what is missing; installs it as root,
 # else prints the line to run. Never removes a package and never calls sudo.
 #
-#   scripts/setup.sh [--dry-run] [--with-checks] [--with-vm]
+#   scripts/setup.sh [--dry-run] [--with-checks] [--with-vm] [--with-peers]
 #
 #   --dry-run       say what would be done, change nothing
 #   --with-checks   also what scripts/check.sh needs
 #   --with-vm       also QEMU, which scripts/vm.sh takes where user-mode Linux does not start (scripts/test.sh asks for it)
+#   --with-peers    also Fast DDS, which `interneuron bench peers` compares with (SRT: scripts/build_srt.sh)
 #
 # Exit codes: 0 everything is there, 1 failed, 2 usage, 5 needs root.
 set -euo pipefail
@@ -23,6 +24,7 @@ packages=(
 )
 check_packages=(git clang libclang-rt-14-dev clang-format-14 shellcheck)  # scripts/check.sh
 vm_packages=(qemu-system-x86)                                        # scripts/vm.sh --icount, --tcg, --kvm
+peer_packages=(libfastrtps-dev dpkg-dev)                             # bench peers, scripts/build_srt.sh
 
 say() { printf 'setup: %s\n' "$*"; }
 fail() { printf 'setup: %s\n' "$2" >&2; exit "$1"; }
@@ -33,6 +35,7 @@ for argument in "$@"; do
     --dry-run) dry_run=true ;;
     --with-checks) packages+=("${check_packages[@]}") ;;
     --with-vm) packages+=("${vm_packages[@]}") ;;
+    --with-peers) packages+=("${peer_packages[@]}") ;;
     -h | --help) sed -n '2,/^set /{/^set /d;s/^# \{0,1\}//;p}' "${BASH_SOURCE[0]}"; exit 0 ;;
     *) fail 2 "unknown argument '$argument'; see scripts/setup.sh --help" ;;
   esac

@@ -7,6 +7,7 @@
 
 #include "app/bench/forecast_command.h"
 #include "app/bench/load_report.h"
+#include "app/bench/peers_command.h"
 #include "app/load_testbed/series.h"
 #include "app/transports/programs.h"
 #include "host/process/failure.h"
@@ -182,6 +183,7 @@ void add_bench(CLI::App& program, std::function<int()>& run) {
   bench->require_subcommand(1);
   add_load(*bench, run);
   add_forecast(*bench, run);
+  add_peers(*bench, run);
   add_play(*bench, run);
 }
 

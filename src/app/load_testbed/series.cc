@@ -3,14 +3,13 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <set>
 
 #include "app/load_testbed/run.h"
+#include "app/transports/series_line.h"
 #include "host/process/failure.h"
-#include "host/process/status_line.h"
 
 namespace interneuron::cli {
 namespace {
@@ -37,20 +36,6 @@ std::string name_of(const Scenario& s) {
   return fmt::format("{} {}, {}, load {:.3g}", s.group, s.name, load::name_of(s.peer), s.load);
 }
 
-// On a terminal a line that is written again and again, else a line for each run.
-void tell(StatusLine& line, const std::vector<Scenario>& scenarios, std::size_t index) {
-  Duration left{};
-  for (std::size_t i = index; i < scenarios.size(); ++i) left += time_of_run(scenarios[i]);
-  const std::string text =
-      fmt::format("bench load: run {} of {}: {}, {:.0f} s left", index + 1, scenarios.size(),
-                  name_of(scenarios[index]), to_ms(left) / 1e3);
-  if (line.live()) {
-    line.show(text);
-  } else {
-    fmt::print(stderr, "{}\n", text);
-  }
-}
-
 }  // namespace
 
 std::vector<load::Row> run_series(const std::vector<Scenario>& scenarios) {
@@ -58,18 +43,16 @@ std::vector<load::Row> run_series(const std::vector<Scenario>& scenarios) {
   if (list.empty()) throw Failure(kCannotHere, "nothing of this can be run on the testbed here");
   const std::filesystem::path scratch =
       std::filesystem::temp_directory_path() / fmt::format("interneuron-load-{}", ::getpid());
-  StatusLine line;
+  std::vector<Duration> times;
+  for (const Scenario& s : list) times.push_back(time_of_run(s));
+  SeriesLine line("bench load", std::move(times));
   std::vector<load::Row> out;
-  for (std::size_t i = 0; i < list.size(); ++i) {
-    tell(line, list, i);
-    TestbedRow run = run_on_testbed(list[i], scratch);
-    if (!run.doubt.empty()) {
-      line.clear();
-      fmt::print(stderr, "interneuron: doubtful: {}: {}\n", name_of(list[i]), run.doubt);
-    }
+  for (const Scenario& s : list) {
+    line.next(name_of(s));
+    TestbedRow run = run_on_testbed(s, scratch);
+    line.doubt(run.doubt);
     out.push_back(std::move(run.row));
   }
-  line.clear();
   return out;
 }
 

@@ -9,6 +9,8 @@
 #pragma once
 
 #include <functional>
+#include <optional>
+#include <string>
 
 #include "app/transports/order.h"
 #include "app/transports/reception.h"
@@ -33,5 +35,20 @@ void receive_udp(const Order& order, const Ready& ready, Reception& reception);
 // allows, of the messages that wait it keeps the newest, and drops one whose deadline has passed.
 VehiclesRecord send_tcp(const Order& order, const Begin& ready);
 void receive_tcp(const Order& order, const Ready& ready, Reception& reception);
+
+// The following two need libraries that not every build has: why this one cannot, one line;
+// nothing: it can. Without them the programs throw Failure (77) with that line.
+std::optional<std::string> lacks_fastdds();
+std::optional<std::string> lacks_srt();
+
+// Fast DDS, a sample for each message over every modem of the order, best effort: with the defaults
+// (mode "stock", datagrams of 64 KiB) or "tuned" (datagrams of 1400 bytes, large buffers).
+VehiclesRecord send_fastdds(const Order& order, const Begin& ready);
+void receive_fastdds(const Order& order, const Ready& ready, Reception& reception);
+
+// SRT with a bonded group over all modems of the order, of the kind "broadcast" or "backup". Its
+// latency is what the deadline leaves; messages are cut into its packets.
+VehiclesRecord send_srt(const Order& order, const Begin& ready);
+void receive_srt(const Order& order, const Ready& ready, Reception& reception);
 
 }  // namespace interneuron::cli

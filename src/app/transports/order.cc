@@ -17,7 +17,7 @@ constexpr const char* kVehicles = "vehicles.json";
 constexpr const char* kRoad = "road.json";
 
 // By Kind.
-constexpr std::array<std::string_view, 4> kKinds{"ours", "udp", "tcp", "mptcp"};
+constexpr std::array<std::string_view, 6> kKinds{"ours", "udp", "tcp", "mptcp", "fastdds", "srt"};
 
 Kind kind_of(const std::string& name) {
   const auto it = std::ranges::find(kKinds, name);

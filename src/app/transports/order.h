@@ -16,14 +16,15 @@
 namespace interneuron::cli {
 
 // What carries the messages: kTcp and kMptcp are the kernel's.
-enum class Kind : std::uint8_t { kOurs, kUdp, kTcp, kMptcp };
-// "ours", "udp", "tcp", "mptcp".
+enum class Kind : std::uint8_t { kOurs, kUdp, kTcp, kMptcp, kFastDds, kSrt };
+// "ours", "udp", "tcp", "mptcp", "fastdds", "srt".
 std::string_view name_of(Kind kind);
 
 struct Transport {
   Kind kind{};
   // How it does that, which is another thing for each kind: the name of a policy of Interneuron, of
-  // a congestion control of TCP and MPTCP. Empty for UDP.
+  // a congestion control of TCP and MPTCP, "stock" or "tuned" Fast DDS, the kind of a group of SRT.
+  // Empty for UDP.
   std::string mode;
   friend bool operator==(const Transport&, const Transport&) = default;
 };

@@ -8,6 +8,7 @@
 #include <cerrno>
 #include <charconv>
 
+#include "app/transports/ends.h"
 #include "app/transports/programs.h"
 #include "host/io/steady_clock.h"
 #include "host/process/failure.h"
@@ -27,7 +28,7 @@ constexpr double kLateUs = 500;
 // Runs a tool in a host; throws Failure when it fails.
 void in_host(const netns::State& state, netns::Host host, const std::vector<std::string>& argv) {
   if (Testbed::run_in(state, host, argv) == 0) return;
-  throw Failure(kFailed, fmt::format("`{}` failed; MPTCP needs it", fmt::join(argv, " ")));
+  throw Failure(kFailed, fmt::format("`{}` failed; this transport needs it", fmt::join(argv, " ")));
 }
 
 // The kernel's path manager opens a subflow from the second modem, too.
@@ -39,6 +40,15 @@ void allow_subflows(const netns::State& state) {
   const netns::TestbedLink& second = state.links.at(1);
   in_host(state, netns::kVehicle,
           {"ip", "mptcp", "endpoint", "add", second.vehicle_address, "dev", second.nic, "subflow"});
+}
+
+// Each address of the roadside unit is reached over a modem of its own, for programs that name
+// neither a source address nor a NIC: else all that they send would leave by the first one.
+void route_by_destination(const netns::State& state) {
+  for (const netns::TestbedLink& link : state.links) {
+    in_host(state, netns::kVehicle,
+            {"ip", "route", "add", link.road_address, "via", link.gateway, "dev", link.nic});
+  }
 }
 
 std::string doubt_of(const netns::Snapshot& before, const netns::Snapshot& after) {
@@ -72,6 +82,8 @@ bool has_control(const std::string& name) {
 }  // namespace
 
 std::optional<std::string> lacks(const Transport& transport) {
+  if (transport.kind == Kind::kFastDds) return lacks_fastdds();
+  if (transport.kind == Kind::kSrt) return lacks_srt();
   const bool is_tcp = transport.kind == Kind::kTcp || transport.kind == Kind::kMptcp;
   if (is_tcp && !has_control(transport.mode)) {
     return "this kernel has no congestion control '" + transport.mode +
@@ -93,6 +105,7 @@ std::vector<Modem> modems_of(const netns::State& state) {
 
 Played play(const netns::State& state, const Order& order, const Meanwhile& meanwhile) {
   if (order.transport.kind == Kind::kMptcp) allow_subflows(state);
+  if (order.transport.kind == Kind::kFastDds) route_by_destination(state);
   const fs::path file = write_order(order);
   EndProgram road(state, netns::kRoad, file, kRoadEnd);
   road.await_ready();

@@ -53,6 +53,10 @@ Ends ends_of(Kind kind) {
     case Kind::kTcp:
     case Kind::kMptcp:
       return {send_tcp, receive_tcp};
+    case Kind::kFastDds:
+      return {send_fastdds, receive_fastdds};
+    case Kind::kSrt:
+      return {send_srt, receive_srt};
   }
   throw Failure(kFailed, "a transport has no ends");
 }

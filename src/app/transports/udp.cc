@@ -5,9 +5,9 @@
 #include <array>
 #include <chrono>
 #include <thread>
-#include <unordered_map>
 
 #include "app/transports/ends.h"
+#include "app/transports/pieces.h"
 #include "app/transports/sockets.h"
 #include "app/transports/timetable.h"
 #include "host/io/steady_clock.h"
@@ -19,31 +19,20 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// Datagrams fill the MTU of an Ethernet; each begins with the head of its message and its own place
-// in it, with the number of datagrams that the message has in the lower half.
+// Datagrams fill the MTU of an Ethernet.
 constexpr std::size_t kDatagram = 1500 - kIpUdpBytes;
-constexpr std::size_t kPieceHead = kMessageHeadBytes + 4;
-constexpr std::size_t kShare = kDatagram - kPieceHead;
-constexpr std::uint32_t kHalf = 16;
-constexpr std::uint32_t kLowerHalf = 0xffff;
-static_assert(kMaxMessageBytes / kShare < kLowerHalf);
 // How often a receiver looks whether a signal has come.
 constexpr Duration kLook = 100ms;
 
 // Over one modem after the other, as an application would: a copy of 128 KiB is handed to the
 // kernel in less than a millisecond.
 void send_pieces(std::span<const io::FileDescriptor> sockets, const MessageHead& head) {
-  const auto pieces = static_cast<std::uint32_t>((head.bytes + kShare - 1) / kShare);
-  std::array<std::byte, kDatagram> datagram{};
-  write_head(datagram.data(), head);
+  Pieces pieces(head, kDatagram);
   for (const io::FileDescriptor& socket : sockets) {
-    std::size_t left = head.bytes;
-    for (std::uint32_t piece = 0; piece < pieces; ++piece) {
-      const std::size_t share = std::min(left, kShare);
-      head_detail::put(datagram.data() + kMessageHeadBytes, piece << kHalf | pieces);
+    for (std::uint32_t place = 0; place < pieces.count(); ++place) {
+      const ByteView piece = pieces.piece(place);
       // What the kernel does not take is lost, as it would be in the network.
-      ::send(socket.get(), datagram.data(), kPieceHead + share, MSG_NOSIGNAL);
-      left -= share;
+      ::send(socket.get(), piece.data(), piece.size(), MSG_NOSIGNAL);
     }
   }
 }
@@ -58,31 +47,6 @@ std::vector<io::FileDescriptor> connected(const Order& order) {
   }
   return out;
 }
-
-// A message of which datagrams are there. A whole one stays until the end of the run, so that
-// copies over other modems are known: one bit for each of its datagrams.
-struct Partial {
-  std::vector<bool> there;
-  std::size_t count = 0;
-};
-
-class Assembly {
- public:
-  // Takes a datagram; true when its message is whole by it.
-  bool take(const MessageHead& head, std::uint32_t place) {
-    const std::uint32_t pieces = place & kLowerHalf;
-    const std::uint32_t piece = place >> kHalf;
-    Partial& partial = messages_[std::uint64_t{head.vehicle} << 32U | head.number];
-    if (partial.there.empty()) partial.there.resize(pieces);
-    if (piece >= partial.there.size() || partial.there[piece]) return false;
-    partial.there[piece] = true;
-    return ++partial.count == partial.there.size();
-  }
-
- private:
-  // By vehicle and number.
-  std::unordered_map<std::uint64_t, Partial> messages_;
-};
 
 }  // namespace
 
@@ -120,10 +84,9 @@ void receive_udp(const Order& /*order*/, const Ready& ready, Reception& receptio
     if (!wait_for(polled, io::now() + kLook)) continue;
     for (;;) {
       const ssize_t size = ::recv(socket.get(), datagram.data(), datagram.size(), 0);
-      if (size < static_cast<ssize_t>(kPieceHead)) break;
-      const auto head = read_head(datagram);
-      const std::uint32_t place = head_detail::get(datagram.data() + kMessageHeadBytes);
-      if (assembly.take(*head, place)) reception.arrived(*head, 0, io::now());
+      if (size < 0) break;
+      const ByteView piece = ByteView(datagram).first(static_cast<std::size_t>(size));
+      if (const auto whole = assembly.take(piece)) reception.arrived(*whole, 0, io::now());
     }
   }
 }

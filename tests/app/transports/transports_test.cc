@@ -6,6 +6,7 @@
 #include "app/transports/message_head.h"
 #include "app/transports/order.h"
 #include "app/transports/outlay.h"
+#include "app/transports/pieces.h"
 #include "app/transports/play.h"
 #include "app/transports/reception.h"
 #include "app/transports/timetable.h"
@@ -83,6 +84,40 @@ TEST(Transports, AMessageTellsWhichItIs) {
   EXPECT_EQ(head->number, 70'000U);
   EXPECT_EQ(head->bytes, 48U * 1024);
   EXPECT_FALSE(read_head(ByteView(message).first(kMessageHeadBytes - 1)));
+}
+
+TEST(Transports, APieceHasItsPlaceAndItsShareOfTheMessage) {
+  Pieces pieces({1, 7, 2000}, 1000);
+  ASSERT_EQ(pieces.count(), 3U);
+  EXPECT_EQ(pieces.piece(0).size(), 1000U);
+  EXPECT_EQ(pieces.piece(1).size(), 1000U);
+  EXPECT_EQ(pieces.piece(2).size(), 2000 - 2 * (1000 - kPieceHeadBytes) + kPieceHeadBytes);
+  EXPECT_EQ(read_head(pieces.piece(2))->number, 7U);
+}
+
+TEST(Transports, AMessageIsWholeWhenEachOfItsPiecesHasCome) {
+  Pieces pieces({0, 7, 2000}, 1000);
+  Assembly assembly;
+  EXPECT_FALSE(assembly.take(pieces.piece(2)));
+  EXPECT_FALSE(assembly.take(pieces.piece(2)));
+  EXPECT_FALSE(assembly.take(pieces.piece(0)));
+  const auto whole = assembly.take(pieces.piece(1));
+  ASSERT_TRUE(whole);
+  EXPECT_EQ(whole->number, 7U);
+  EXPECT_EQ(whole->bytes, 2000U);
+  // Copies of it by another way are no message again.
+  for (const std::uint32_t place : {0U, 1U, 2U}) EXPECT_FALSE(assembly.take(pieces.piece(place)));
+}
+
+TEST(Transports, APieceThatMakesNoSenseIsDropped) {
+  Pieces pieces({0, 7, 2000}, 1000);
+  Assembly assembly;
+  EXPECT_FALSE(assembly.take(pieces.piece(0).first(kPieceHeadBytes - 1)));
+  // The seventh of three.
+  EXPECT_FALSE(assembly.take(pieces.piece(0)));
+  Bytes odd(pieces.piece(1).begin(), pieces.piece(1).end());
+  head_detail::put(odd.data() + kMessageHeadBytes, 6U << 16U | 3U);
+  EXPECT_FALSE(assembly.take(odd));
 }
 
 TEST(Transports, ATimetableHasTheMessagesOfAllVehiclesInOrder) {

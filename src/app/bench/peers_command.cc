@@ -1,0 +1,112 @@
+#include "app/bench/peers_command.h"
+
+#include <fmt/format.h>
+
+#include <memory>
+
+#include "app/bench/load_report.h"
+#include "app/bench/peers_report.h"
+#include "app/peers_testbed/series.h"
+#include "host/process/failure.h"
+#include "host/process/signals.h"
+#include "interneuron/message.h"
+
+namespace interneuron::cli {
+namespace {
+
+// Bytes of a message: at least one that holds its own head and has a quarter that does.
+constexpr std::size_t kLeastBytes = 64;
+// Milliseconds; wide, they catch slips of pen.
+constexpr double kLeastDeadline = 1;
+constexpr double kMostDeadline = 60'000;
+constexpr std::size_t kMostMessages = 100'000;
+
+struct Options {
+  std::vector<std::string> scenarios;
+  std::vector<std::string> peers;
+  std::vector<std::size_t> sizes;
+  std::vector<double> deadlines;
+  std::size_t messages = 100;
+  std::uint64_t seed = 1;
+  bool json = false;
+  std::string plot;
+};
+
+template <class T>
+std::vector<std::string> names_of(std::span<const T> all) {
+  std::vector<std::string> out;
+  for (const T& one : all) out.emplace_back(one.name);
+  return out;
+}
+
+peers::Choice choice_of(const Options& o) {
+  peers::Choice choice;
+  for (const std::string& name : o.scenarios) choice.scenarios.push_back(peers::scenario_of(name));
+  for (const std::string& name : o.peers) choice.peers.push_back(peers::peer_of(name));
+  choice.sizes = o.sizes;
+  for (const double ms : o.deadlines) choice.deadlines.push_back(from_ms(ms));
+  choice.messages = o.messages;
+  choice.seed = o.seed;
+  return choice;
+}
+
+int run_peers(const Options& o) {
+  if (!o.plot.empty() && !is_picture(o.plot)) {
+    throw Failure(kUsage, "--plot '" + o.plot + "': name a file that ends in .svg or .png");
+  }
+  const SignalWatch signals;
+  const peers::Compared compared = peers::compare(peers::runs_of(choice_of(o)));
+  if (o.json) {
+    fmt::print("{}\n", peers_json(compared).dump(2));
+  } else {
+    print_peers(compared);
+  }
+  if (!o.plot.empty()) plot_peers(o.plot, compared.rows);
+  if (!o.plot.empty() && !o.json) fmt::print("\nwritten to {}\n", o.plot);
+  return kFine;
+}
+
+std::string footer() {
+  std::string out = "Scenarios:\n";
+  for (const peers::Scenario& s : peers::all_scenarios()) {
+    out += fmt::format("  {:18} {}\n", s.name, s.about);
+  }
+  out += "Peers:\n";
+  for (const peers::Peer& p : peers::all_peers())
+    out += fmt::format("  {:18} {}\n", p.name, p.about);
+  return out +
+         "Examples:\n  interneuron bench peers clean loss hole --size 128KiB --messages 600\n"
+         "  interneuron bench peers hole --peer ours_duplicate,mptcp --deadline 100\n"
+         "  interneuron bench peers drive-5g-4g --json > peers.json\n"
+         "  interneuron bench peers clean loss --size 5KB,128KiB --plot peers.svg";
+}
+
+}  // namespace
+
+void add_peers(CLI::App& bench, std::function<int()>& run) {
+  auto o = std::make_shared<Options>();
+  CLI::App* c = bench.add_subcommand(
+      "peers", "Misses, bytes and processor time beside UDP, TCP, MPTCP and more, on the testbed");
+  c->add_option("SCENARIO", o->scenarios, "Under which conditions (default: all)")
+      ->check(CLI::IsMember(names_of(peers::all_scenarios())));
+  const auto list = [c](const char* name, auto& into, const char* about) {
+    return c->add_option(name, into, about)->delimiter(',')->take_all()->allow_extra_args(false);
+  };
+  list("--peer", o->peers, "What is compared; once per peer, or with commas (default: all)")
+      ->check(CLI::IsMember(names_of(peers::all_peers())));
+  list("--size", o->sizes, "Bytes of a message, or 5KB, 128KiB (default: 5KB, 128KiB, 1MB)")
+      ->transform(CLI::AsSizeValue(true))
+      ->check(CLI::Range(kLeastBytes, kMaxMessageBytes));
+  list("--deadline", o->deadlines, "Milliseconds (default: 100, 150, 300)")
+      ->check(CLI::Range(kLeastDeadline, kMostDeadline));
+  c->add_option("--messages", o->messages, "How many, of each run")
+      ->capture_default_str()
+      ->check(CLI::Range(std::size_t{1}, kMostMessages));
+  c->add_option("--seed", o->seed, "Seed of the links")->capture_default_str();
+  c->add_flag("--json", o->json, "The rows as JSON on stdout (docs/schema/peers.json)");
+  c->add_option("--plot", o->plot, "Draws misses and bytes of every peer, .svg or .png");
+  c->footer(footer());
+  c->callback([&run, o] { run = [o] { return run_peers(*o); }; });
+}
+
+}  // namespace interneuron::cli

@@ -1,0 +1,223 @@
+// The picture of `bench peers`: a script for gnuplot, panel by panel.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+
+#include "app/bench/peers_report.h"
+#include "host/process/failure.h"
+#include "lab/files/run_files.h"
+#include "lab/report/figure.h"
+
+namespace interneuron::cli {
+namespace {
+
+using peers::Row;
+
+// Pixels.
+constexpr int kNames = 150;
+constexpr int kColumn = 172;
+constexpr int kGap = 32;
+constexpr int kPeerHeight = 19;
+constexpr int kTitle = 34;
+constexpr int kAxis = 62;
+constexpr int kKey = 34;
+
+// Shares are drawn on a logarithmic axis, in percent; none stands at its left end.
+constexpr double kNone = 0.1;
+constexpr double kLeastShown = 0.14;
+
+constexpr std::array<const char*, 3> kDeadlineColours{report::kBlue, report::kGreen,
+                                                      report::kOrange};
+
+// In the order in which they first occur.
+template <class Key>
+auto distinct(const std::vector<Row>& rows, Key key) {
+  std::vector<decltype(key(rows.front()))> out;
+  for (const Row& r : rows) {
+    if (std::ranges::find(out, key(r)) == out.end()) out.push_back(key(r));
+  }
+  return out;
+}
+
+// Where things are, and what there is.
+struct Layout {
+  std::vector<std::size_t> sizes;
+  std::vector<const peers::Scenario*> scenarios;
+  std::vector<const peers::Peer*> peers;
+  std::vector<Duration> deadlines;
+
+  explicit Layout(const std::vector<Row>& rows)
+      : sizes(distinct(rows, [](const Row& r) { return r.message_bytes; })),
+        scenarios(distinct(rows, [](const Row& r) { return r.scenario; })),
+        peers(distinct(rows, [](const Row& r) { return r.peer; })),
+        deadlines(distinct(rows, [](const Row& r) { return r.deadline; })) {}
+
+  // Misses for each scenario, then bytes, then processor time.
+  std::size_t columns() const { return scenarios.size() + 2; }
+  int width() const { return kNames + kColumn * static_cast<int>(columns()) + kGap; }
+  int panel_height() const { return kPeerHeight * static_cast<int>(peers.size()); }
+  int row_height() const { return kTitle + panel_height() + kAxis; }
+  int height() const { return kKey + row_height() * static_cast<int>(sizes.size()); }
+
+  std::size_t place_of(const peers::Peer* peer) const {
+    return static_cast<std::size_t>(std::ranges::find(peers, peer) - peers.begin());
+  }
+  const char* colour_of(Duration deadline) const {
+    const auto place =
+        static_cast<std::size_t>(std::ranges::find(deadlines, deadline) - deadlines.begin());
+    return kDeadlineColours[place % kDeadlineColours.size()];
+  }
+};
+
+struct Series {
+  std::string colour;
+  // A value and the place of its peer.
+  std::vector<std::pair<double, double>> dots;
+};
+
+// What a panel says of its axis.
+struct Axis {
+  std::string title;
+  std::string label;
+  // In gnuplot's words.
+  std::string range;
+};
+
+std::string panel(const Layout& l, std::size_t row, std::size_t column, const Axis& axis,
+                  const std::vector<Series>& series) {
+  const double width = l.width();
+  const double height = l.height();
+  const double left = kNames + kColumn * static_cast<double>(column) + kGap / 2.0;
+  const double top =
+      height - kKey - static_cast<double>(l.row_height()) * static_cast<double>(row) - kTitle;
+  std::string out = fmt::format(
+      "set lmargin at screen {:.4f}\nset rmargin at screen {:.4f}\nset tmargin at screen {:.4f}\n"
+      "set bmargin at screen {:.4f}\nset title {}\nset xlabel {}\n{}\n",
+      left / width, (left + kColumn - kGap) / width, top / height,
+      (top - l.panel_height()) / height, report::gnuplot_text(axis.title),
+      report::gnuplot_text(axis.label), axis.range);
+  std::string tics;
+  for (std::size_t i = 0; i < l.peers.size(); ++i) {
+    const std::string name = column == 0 ? std::string(l.peers[i]->name) : "";
+    tics += fmt::format("{}'{}' {}", i == 0 ? "" : ", ", name, i);
+  }
+  out += fmt::format("set ytics ({})\n", tics);
+  std::string plots;
+  for (std::size_t s = 0; s < series.size(); ++s) {
+    if (series[s].dots.empty()) continue;
+    const std::string name = fmt::format("r{}c{}s{}", row, column, s);
+    out += "$" + name + " << EOD\n";
+    for (const auto& [value, place] : series[s].dots)
+      out += fmt::format("{:.5g} {}\n", value, place);
+    out += "EOD\n";
+    plots += fmt::format("{}${} with points pt 7 ps 0.8 lc rgb '{}'",
+                         plots.empty() ? "plot " : ", ", name, series[s].colour);
+  }
+  return out + (plots.empty() ? "plot NaN" : plots) + "\n";
+}
+
+// A little apart, so that equal ones can be told.
+double place_of(const Layout& l, const Row& r, std::size_t which, std::size_t of) {
+  constexpr double kSpread = 0.44;
+  const double step = of > 1 ? kSpread / static_cast<double>(of - 1) : 0;
+  return static_cast<double>(l.place_of(r.peer)) +
+         (of > 1 ? step * static_cast<double>(which) - kSpread / 2 : 0);
+}
+
+std::vector<Series> misses(const Layout& l, const std::vector<const Row*>& rows) {
+  std::vector<Series> out;
+  for (std::size_t d = 0; d < l.deadlines.size(); ++d) {
+    Series series{l.colour_of(l.deadlines[d]), {}};
+    for (const Row* r : rows) {
+      if (r->deadline != l.deadlines[d] || r->messages == 0) continue;
+      const double share = 100 * static_cast<double>(r->missed) / static_cast<double>(r->messages);
+      series.dots.emplace_back(r->missed == 0 ? kNone : std::max(kLeastShown, share),
+                               place_of(l, *r, d, l.deadlines.size()));
+    }
+    out.push_back(std::move(series));
+  }
+  return out;
+}
+
+// Of one size.
+std::string row_of_panels(const Layout& l, std::size_t row, const std::vector<Row>& rows) {
+  std::vector<const Row*> here;
+  std::vector<Series> bytes{{report::kGrey, {}}};
+  std::vector<Series> time{{report::kRed, {}}, {report::kPurple, {}}};
+  for (const Row& r : rows) {
+    if (r.message_bytes != l.sizes[row]) continue;
+    here.push_back(&r);
+    if (r.deadline != l.deadlines.front()) continue;
+    bytes[0].dots.emplace_back(r.wire_ratio, place_of(l, r, 0, 1));
+    time[0].dots.emplace_back(r.cpu_us_send, place_of(l, r, 0, 2));
+    if (r.cpu_us_receive) time[1].dots.emplace_back(*r.cpu_us_receive, place_of(l, r, 1, 2));
+  }
+  const std::string shares = fmt::format(
+      "set logscale x\nset xrange [{}:130]\nset xtics ('0' {}, '1' 1, '10' 10, '100' 100)", 0.08,
+      kNone);
+  // The name of the row, left of the titles of its panels.
+  const double top = kKey + static_cast<double>(l.row_height()) * static_cast<double>(row);
+  std::string out =
+      fmt::format("set label '{} bytes' at screen {:.4f},{:.4f} right\n", l.sizes[row],
+                  static_cast<double>(kNames) / l.width(), 1 - (top + kTitle * 0.5) / l.height());
+  for (std::size_t s = 0; s < l.scenarios.size(); ++s) {
+    std::vector<const Row*> of_scenario;
+    for (const Row* r : here) {
+      if (r->scenario == l.scenarios[s]) of_scenario.push_back(r);
+    }
+    out += panel(l, row, s, {std::string(l.scenarios[s]->name), "missed, %", shares},
+                 misses(l, of_scenario));
+    // Every panel draws all labels that there are; once is enough.
+    out += "unset label\n";
+  }
+  out +=
+      panel(l, row, l.scenarios.size(),
+            {"bytes", "IP bytes / payload", "unset logscale\nset xrange [0:*]\nset xtics autofreq"},
+            bytes);
+  return out + panel(l, row, l.scenarios.size() + 1,
+                     {"processor", "us / message",
+                      "set logscale x\nset xrange [*:*]\nset xtics autofreq"},
+                     time);
+}
+
+// What the colours mean, in a line above all panels.
+std::string key(const Layout& l) {
+  std::vector<std::pair<std::string, std::string>> entries;
+  for (const Duration d : l.deadlines) {
+    entries.emplace_back(fmt::format("missed by {:.0f} ms", to_ms(d)), l.colour_of(d));
+  }
+  entries.emplace_back("to send", report::kRed);
+  entries.emplace_back("to receive", report::kPurple);
+  std::string out;
+  double at = kNames + kGap;
+  for (const auto& [text, colour] : entries) {
+    constexpr double kEntryGap = 34;
+    constexpr double kLetter = 8;
+    out += fmt::format(
+        "set label '{}' at screen {:.4f},{:.4f} left point pt 7 lc rgb '{}' offset 0.7,0\n", text,
+        at / l.width(), 1 - 0.5 * kKey / l.height(), colour);
+    at += kEntryGap + kLetter * static_cast<double>(text.size());
+  }
+  return out;
+}
+
+}  // namespace
+
+void plot_peers(const std::filesystem::path& file, const std::vector<Row>& rows) {
+  const Layout l(rows);
+  const bool svg = file.extension() == ".svg";
+  std::string script = fmt::format(
+      "set terminal {} size {},{} noenhanced font 'sans{},11' background rgb 'white'\n"
+      "set output {}\nset border 3\nset tics nomirror out\n"
+      "set grid xtics ytics lc rgb '#70888888'\nunset key\nset multiplot\nset yrange [{}:-0.6]\n",
+      svg ? "svg" : "pngcairo", l.width(), l.height(), svg ? "-serif" : "",
+      report::gnuplot_text(file.string()), static_cast<double>(l.peers.size()) - 0.4);
+  script += key(l);
+  for (std::size_t row = 0; row < l.sizes.size(); ++row) script += row_of_panels(l, row, rows);
+  if (!lab::draw(file, script + "unset multiplot\n")) {
+    throw Failure(kFailed, "--plot needs gnuplot; install the package gnuplot-nox");
+  }
+}
+
+}  // namespace interneuron::cli

@@ -1,0 +1,22 @@
+// What `bench peers` shows of its rows: JSON (docs/schema/peers.json), tables and a picture.
+#pragma once
+
+#include <filesystem>
+#include <vector>
+
+#include "app/peers_testbed/series.h"
+#include "lab/files/json_file.h"
+
+namespace interneuron::cli {
+
+inline constexpr const char* kPeersSchema = "interneuron.peers/1";
+
+lab::Json peers_json(const peers::Compared& compared);
+// A table for each scenario and size, on stdout: a line for each peer.
+void print_peers(const peers::Compared& compared);
+
+// Misses of every peer at each deadline, a panel for each scenario, and the bytes that it took: a
+// row of panels for each size. Throws Failure (1) that names the file, also without gnuplot.
+void plot_peers(const std::filesystem::path& file, const std::vector<peers::Row>& rows);
+
+}  // namespace interneuron::cli

@@ -1,0 +1,71 @@
+#include "app/peers_testbed/run.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+
+#include "app/transports/play.h"
+#include "host/io/steady_clock.h"
+#include "host/process/signals.h"
+#include "netns/testbed/testbed.h"
+
+namespace interneuron::peers {
+namespace {
+
+namespace fs = std::filesystem;
+using netns::Testbed;
+
+constexpr std::array<const char*, kLinks> kModems{"a", "b"};
+
+netns::TestbedOptions options_of(const Run& run, const fs::path& scratch) {
+  netns::TestbedOptions out;
+  out.name = fmt::format("peers-{}", ::getpid());
+  out.backend = netns::Backend::kEmulator;
+  out.runtime_dir = scratch;
+  std::array<emu::LinkProfile, kLinks> profiles = run.scenario->links();
+  std::vector<emu::ScenarioLink> links;
+  for (std::size_t i = 0; i < kLinks; ++i) {
+    links.push_back({kModems[i], std::move(profiles[i]), emu::link_seed(run.seed, i)});
+  }
+  out.scenario = emu::plain_scenario(std::move(links), run.seed);
+  return out;
+}
+
+Duration longest_deadline(const Run& run) { return std::ranges::max(run.deadlines); }
+
+cli::Order order_of(const Run& run, const netns::State& state, const fs::path& scratch) {
+  cli::Order order{transport_of(*run.peer),
+                   {variant_bytes(*run.peer, run.message_bytes),
+                    longest_deadline(run),
+                    run.period(),
+                    run.length(),
+                    {Duration{}}},
+                   cli::modems_of(state),
+                   scratch};
+  if (!run.peer->all_modems) order.modems.resize(1);
+  return order;
+}
+
+}  // namespace
+
+cli::Transport transport_of(const Peer& peer) { return {peer.kind, std::string(peer.mode)}; }
+
+Ran play_run(const Run& run, const fs::path& folder) {
+  const cli::Scratch scratch(folder);
+  const Testbed testbed = Testbed::up(options_of(run, folder));
+  const auto hole = [&](TimePoint begin) {
+    if (run.scenario->hole == Duration{}) return;
+    cli::SignalWatch::sleep(begin + run.length() / 2 - io::now());
+    Testbed::outage(testbed.state(), kModems.front(), run.scenario->hole);
+  };
+  const cli::Played played =
+      cli::play(testbed.state(), order_of(run, testbed.state(), folder), hole);
+  return {rows_of(run, played.vehicles, played.road), played.doubt};
+}
+
+Duration time_of_run(const Run& run) {
+  return run.length() + longest_deadline(run) + cli::kRunOverhead;
+}
+
+}  // namespace interneuron::peers

@@ -1,0 +1,27 @@
+// All runs of `bench peers`, one after the other.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "app/peers_testbed/figures.h"
+
+namespace interneuron::peers {
+
+// A peer that this machine cannot run, and why, one line that does not name it.
+struct Skipped {
+  std::string peer;
+  std::string reason;
+};
+
+struct Compared {
+  std::vector<Row> rows;
+  std::vector<Skipped> skipped;
+};
+
+// Runs what this machine can and tells on stderr which peers are left out and why, how far it is,
+// and what makes a row doubtful. A SignalWatch must be alive. Throws Failure (77) when nothing is
+// left, and what play_run() throws.
+Compared compare(const std::vector<Run>& runs);
+
+}  // namespace interneuron::peers

@@ -1,0 +1,129 @@
+// `interneuron bench peers`: short runs on a testbed, their JSON and their table, and that nothing
+// is left when it is interrupted.
+#include "support.h"
+#include "tests/app/watch/json_schema.h"
+
+namespace interneuron::cli {
+namespace {
+
+using nlohmann::json;
+
+// A document of the schema.
+json checked(const std::string& output) {
+  json document = json::parse(output, nullptr, false);
+  EXPECT_FALSE(document.is_discarded()) << output.substr(0, 200);
+  for (const auto& violation : violations(schema_of("peers.json"), document)) {
+    ADD_FAILURE() << violation;
+  }
+  return document;
+}
+
+json compared(const std::string& arguments) {
+  const Ran ran = run("bench peers " + arguments + " --json", false);
+  EXPECT_EQ(ran.code, 0) << ran.output;
+  return checked(ran.output);
+}
+
+TEST(BenchPeers, RefusesWhatThereIsNot) {
+  for (const char* arguments : {"nowhere", "clean --peer nobody", "clean --size 10",
+                                "clean --plot x.gif", "clean --deadline 0", "clean --messages 0"}) {
+    EXPECT_EQ(run(std::string("bench peers ") + arguments).code, 2) << arguments;
+  }
+}
+
+TEST(BenchPeers, ItsHelpNamesScenariosAndPeers) {
+  const Ran help = run("bench peers --help");
+  EXPECT_EQ(help.code, 0);
+  for (const char* text : {"drive-lte-highway", "ours_down_sampling", "mptcp", "Examples:"}) {
+    EXPECT_NE(help.output.find(text), std::string::npos) << text << "\n" << help.output;
+  }
+  EXPECT_EQ(run("bench --help").output.find("play"), std::string::npos);
+}
+
+TEST(BenchPeers, WritesARowForEachDeadline) {
+  if (const std::string reason = no_testbed(); !reason.empty()) GTEST_SKIP() << reason;
+  const json document =
+      compared("clean --size 5KB --messages 5 --seed 3 --peer udp --deadline 150,300");
+  ASSERT_EQ(document["rows"].size(), 2U);
+  for (const json& row : document["rows"]) {
+    EXPECT_EQ(row["messages"], 5);
+    EXPECT_EQ(row["message_bytes"], 5000);
+    EXPECT_EQ(row["seed"], 3);
+  }
+  EXPECT_EQ(document["rows"][0]["deadline_ms"], 150);
+  EXPECT_EQ(document["rows"][1]["deadline_ms"], 300);
+}
+
+class BenchPeersRun : public testing::TestWithParam<const char*> {};
+
+// Few messages over links without faults, and a deadline that leaves time: what a peer is worth is
+// for the bench to say.
+TEST_P(BenchPeersRun, GivesARowOfTheSchema) {
+  if (const std::string reason = no_testbed(); !reason.empty()) GTEST_SKIP() << reason;
+  const Ran ran =
+      run(std::string("bench peers clean --size 5KB --messages 10 --deadline 300 --json --peer ") +
+              GetParam(),
+          false);
+  if (ran.code == 77) GTEST_SKIP() << "this build or this machine lacks it";
+  ASSERT_EQ(ran.code, 0) << ran.output;
+  const json document = checked(ran.output);
+  ASSERT_EQ(document["rows"].size(), 1U);
+  const json& row = document["rows"][0];
+  EXPECT_EQ(row["peer"], GetParam());
+  EXPECT_EQ(row["messages"], 10);
+  EXPECT_LT(row["missed"], 5);
+  EXPECT_GT(row["cpu_us_send"], 0);
+  EXPECT_GT(row["cpu_us_receive"], 0);
+  // One way takes 15 ms over the faster link.
+  EXPECT_GE(row["p50_ms"], 15);
+  EXPECT_GT(row["wire_ratio"], 1);
+  EXPECT_LT(row["wire_ratio"], 4);
+}
+
+INSTANTIATE_TEST_SUITE_P(Peers, BenchPeersRun,
+                         testing::Values("ours_best_link", "ours_duplicate", "ours_down_sampling",
+                                         "udp", "udp_duplicate", "tcp", "mptcp", "srt_backup",
+                                         "srt_broadcast", "fastdds_stock", "fastdds_tuned"),
+                         [](const auto& test) { return std::string(test.param); });
+
+TEST(BenchPeers, ShowsATable) {
+  if (const std::string reason = no_testbed(); !reason.empty()) GTEST_SKIP() << reason;
+  const Ran ran = run("bench peers clean --size 5KB --messages 5 --peer tcp --deadline 200", false);
+  EXPECT_EQ(ran.code, 0) << ran.output;
+  for (const char* text : {"clean:", "5 messages of 5000 bytes", "missed 200 ms", "tcp", "wire"}) {
+    EXPECT_NE(ran.output.find(text), std::string::npos) << text << "\n" << ran.output;
+  }
+}
+
+TEST(BenchPeers, DrawsItsPicture) {
+  if (const std::string reason = no_testbed(); !reason.empty()) GTEST_SKIP() << reason;
+  const TempFolder folder;
+  const std::string file = (folder / "peers.svg").string();
+  const Ran ran = run("bench peers clean --size 5KB --messages 5 --peer udp --plot '" + file + "'");
+  EXPECT_EQ(ran.code, 0) << ran.output;
+  EXPECT_GT(std::filesystem::file_size(file), 1000U);
+}
+
+TEST(BenchPeers, AHoleStopsTheFirstLinkInMidRun) {
+  if (const std::string reason = no_testbed(); !reason.empty()) GTEST_SKIP() << reason;
+  // It lasts longer than what is left of the run.
+  const json document =
+      compared("hole --size 5KB --messages 20 --peer udp,udp_duplicate --deadline 300");
+  ASSERT_EQ(document["rows"].size(), 2U);
+  EXPECT_GE(document["rows"][0]["missed"], 8);
+  EXPECT_LE(document["rows"][0]["missed"], 12);
+  EXPECT_LT(document["rows"][1]["missed"], 8);
+}
+
+TEST(BenchPeers, LeavesNothingWhenItIsInterrupted) {
+  if (const std::string reason = no_testbed(); !reason.empty()) GTEST_SKIP() << reason;
+  const TempFolder folder;
+  const Ran ran =
+      run_program("env", "TMPDIR='" + folder.string() + "' timeout --preserve-status -s INT 3 '" +
+                             INTERNEURON_PROGRAM + "' bench peers clean --peer ours_duplicate");
+  EXPECT_EQ(ran.code, 130) << ran.output;
+  EXPECT_TRUE(std::filesystem::is_empty(folder.string())) << ran.output;
+}
+
+}  // namespace
+}  // namespace interneuron::cli
