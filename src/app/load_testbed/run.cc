@@ -70,7 +70,8 @@ Order order_of(const Scenario& s, const netns::State& state, const fs::path& scr
   return {transport_of(s.peer),
           {load::variant_bytes(s), s.deadline, s.period, s.length, load::first_messages(s)},
           modems_of(state),
-          scratch};
+          scratch,
+          s.one_way};
 }
 
 // --- figures

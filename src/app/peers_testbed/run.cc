@@ -6,6 +6,7 @@
 #include <algorithm>
 
 #include "app/transports/play.h"
+#include "core/base/statistics.h"
 #include "host/io/steady_clock.h"
 #include "host/process/signals.h"
 #include "netns/testbed/testbed.h"
@@ -32,6 +33,16 @@ netns::TestbedOptions options_of(const Run& run, const fs::path& scratch) {
   return out;
 }
 
+// What half a round trip over the first link takes in the median of this run, without any queue.
+Duration way_of(const Run& run) {
+  emu::DelayProcess process(run.scenario->links()[0].delay, emu::link_seed(run.seed, 0));
+  std::vector<Duration> ways;
+  for (Duration at{}; at <= run.length(); at += emu::kDelayStep) {
+    ways.push_back(process.at(at).rtt / 2);
+  }
+  return percentile(std::move(ways), 0.5);
+}
+
 Duration longest_deadline(const Run& run) { return std::ranges::max(run.deadlines); }
 
 cli::Order order_of(const Run& run, const netns::State& state, const fs::path& scratch) {
@@ -42,7 +53,8 @@ cli::Order order_of(const Run& run, const netns::State& state, const fs::path& s
                     run.length(),
                     {Duration{}}},
                    cli::modems_of(state),
-                   scratch};
+                   scratch,
+                   way_of(run)};
   if (!run.peer->all_modems) order.modems.resize(1);
   return order;
 }

@@ -26,7 +26,7 @@ namespace interneuron::cli {
 namespace {
 
 using namespace std::chrono_literals;
-using namespace eprosima::fastdds::dds;
+namespace dds = eprosima::fastdds::dds;
 namespace rtps = eprosima::fastdds::rtps;
 using eprosima::fastrtps::rtps::IPLocator;
 using eprosima::fastrtps::rtps::Locator_t;
@@ -38,7 +38,7 @@ constexpr Duration kLook = 10ms;
 constexpr Duration kLookForSignals = 100ms;
 
 constexpr const char* kTopic = "messages";
-// Where the first participant of domain 0 of a host is found (OMG DDSI-RTPS 2.2, 9.6.1.1).
+// Where the first participant of domain 0 of a host is found by the defaults of RTPS: 7400 and 10.
 constexpr std::uint32_t kDiscoveryPort = 7410;
 // In front of every sample: how it is encoded.
 constexpr std::uint32_t kEncapsulation = 4;
@@ -52,7 +52,7 @@ constexpr std::uint32_t kTunedDatagram = 1400;
 constexpr std::uint32_t kTunedBuffers = kBufferBytes;
 
 // A message as a type of DDS: its bytes as they are, without a key.
-class MessageType : public TopicDataType {
+class MessageType : public dds::TopicDataType {
  public:
   MessageType() {
     setName("Message");
@@ -100,7 +100,7 @@ T* made(T* object, const char* what) {
 class Participant {
  public:
   explicit Participant(const Order& order) {
-    DomainParticipantQos qos;
+    dds::DomainParticipantQos qos;
     qos.name("interneuron");
     // By UDP alone: shared memory would carry samples past the links of the testbed.
     qos.transport().use_builtin_transports = false;
@@ -119,36 +119,37 @@ class Participant {
       IPLocator::setPhysicalPort(locator, static_cast<std::uint16_t>(kDiscoveryPort));
       qos.wire_protocol().builtin.initialPeersList.push_back(locator);
     }
-    participant_ =
-        made(DomainParticipantFactory::get_instance()->create_participant(0, qos), "participant");
-    const TypeSupport type(new MessageType);
+    participant_ = made(dds::DomainParticipantFactory::get_instance()->create_participant(0, qos),
+                        "participant");
+    const dds::TypeSupport type(new MessageType);
     type.register_type(participant_);
-    topic_ =
-        made(participant_->create_topic(kTopic, type.get_type_name(), TOPIC_QOS_DEFAULT), "topic");
+    topic_ = made(participant_->create_topic(kTopic, type.get_type_name(), dds::TOPIC_QOS_DEFAULT),
+                  "topic");
   }
   ~Participant() {
     participant_->delete_contained_entities();
-    DomainParticipantFactory::get_instance()->delete_participant(participant_);
+    dds::DomainParticipantFactory::get_instance()->delete_participant(participant_);
   }
   Participant(const Participant&) = delete;
   Participant& operator=(const Participant&) = delete;
 
-  DataWriter* writer() {
-    DataWriterQos qos;
+  dds::DataWriter* writer() {
+    dds::DataWriterQos qos;
     // A message of several datagrams is sent by a thread of Fast DDS.
-    qos.publish_mode().kind = ASYNCHRONOUS_PUBLISH_MODE;
+    qos.publish_mode().kind = dds::ASYNCHRONOUS_PUBLISH_MODE;
     // The default of a writer alone is reliable; that of a reader is not, and the pair is what both
     // can do. No bytes are spent on it so.
-    qos.reliability().kind = BEST_EFFORT_RELIABILITY_QOS;
+    qos.reliability().kind = dds::BEST_EFFORT_RELIABILITY_QOS;
     set(qos);
-    Publisher* publisher = made(participant_->create_publisher(PUBLISHER_QOS_DEFAULT), "publisher");
+    dds::Publisher* publisher =
+        made(participant_->create_publisher(dds::PUBLISHER_QOS_DEFAULT), "publisher");
     return made(publisher->create_datawriter(topic_, qos), "writer");
   }
-  DataReader* reader(DataReaderListener* listener) {
-    DataReaderQos qos;
+  dds::DataReader* reader(dds::DataReaderListener* listener) {
+    dds::DataReaderQos qos;
     set(qos);
-    Subscriber* subscriber =
-        made(participant_->create_subscriber(SUBSCRIBER_QOS_DEFAULT), "subscriber");
+    dds::Subscriber* subscriber =
+        made(participant_->create_subscriber(dds::SUBSCRIBER_QOS_DEFAULT), "subscriber");
     return made(subscriber->create_datareader(topic_, qos, listener), "reader");
   }
 
@@ -161,14 +162,14 @@ class Participant {
   }
 
   // Owned by Fast DDS.
-  DomainParticipant* participant_ = nullptr;
-  Topic* topic_ = nullptr;
+  dds::DomainParticipant* participant_ = nullptr;
+  dds::Topic* topic_ = nullptr;
 };
 
-void await_reader(DataWriter& writer) {
+void await_reader(dds::DataWriter& writer) {
   const TimePoint patience = io::now() + kPatience;
   for (;;) {
-    PublicationMatchedStatus status;
+    dds::PublicationMatchedStatus status;
     writer.get_publication_matched_status(status);
     if (status.current_count > 0) return;
     if (io::now() > patience) throw Failure(kFailed, "Fast DDS does not find the roadside unit");
@@ -177,13 +178,14 @@ void await_reader(DataWriter& writer) {
 }
 
 // Notes what comes, on threads of Fast DDS.
-class Listener : public DataReaderListener {
+class Listener : public dds::DataReaderListener {
  public:
   explicit Listener(Reception& reception) : reception_(reception) {}
-  void on_data_available(DataReader* reader) override {
+  void on_data_available(dds::DataReader* reader) override {
     const std::lock_guard lock(mutex_);
-    SampleInfo info;
-    while (reader->take_next_sample(&bytes_, &info) == ReturnCode_t::RETCODE_OK) {
+    dds::SampleInfo info;
+    while (reader->take_next_sample(&bytes_, &info) ==
+           eprosima::fastrtps::types::ReturnCode_t::RETCODE_OK) {
       if (!info.valid_data) continue;
       if (const auto head = read_head(bytes_)) reception_.arrived(*head, 0, io::now());
     }
@@ -202,7 +204,7 @@ std::optional<std::string> lacks_fastdds() { return std::nullopt; }
 VehiclesRecord send_fastdds(const Order& order, const Begin& ready) {
   const Traffic& traffic = order.traffic;
   Participant participant(order);
-  DataWriter& writer = *participant.writer();
+  dds::DataWriter& writer = *participant.writer();
   await_reader(writer);
   const io::PreciseTimers precise;
   VehiclesRecord record;

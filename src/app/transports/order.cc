@@ -73,7 +73,8 @@ fs::path write_order(const Order& order) {
   lab::write_json(order.folder / kOrder, {{"transport", name_of(order.transport.kind)},
                                           {"mode", order.transport.mode},
                                           {"traffic", traffic_json(order.traffic)},
-                                          {"modems", modems}});
+                                          {"modems", modems},
+                                          {"way_ns", order.way.count()}});
   return order.folder / kOrder;
 }
 
@@ -86,6 +87,7 @@ Order read_order(const fs::path& file) {
       order.modems.push_back({m.at("nic"), m.at("vehicle"), m.at("road")});
     }
     order.folder = file.parent_path();
+    order.way = duration(json.at("way_ns"));
     return order;
   });
 }

@@ -61,6 +61,9 @@ struct Order {
   std::vector<Modem> modems;
   // The folder of the order's file, where records go.
   std::filesystem::path folder;
+  // How long one way takes over the first modem without any queue, about; for transports that have
+  // to be told how long to hold packets back.
+  Duration way{};
 };
 
 // Where the roadside unit waits for messages.

@@ -26,9 +26,10 @@ constexpr int kLookForSignalsMs = 100;
 
 // The live mode, the only one with groups, takes at most 1456 bytes at once; 1316 are its default.
 constexpr std::size_t kPayload = SRT_LIVE_DEF_PLSIZE;
-// SRT delivers every packet a fixed latency after the way itself has taken its time. What a
-// deadline leaves for that way and for the packets in front of it; a latency of 0 repairs nothing.
-constexpr Duration kWay = 40ms;
+// SRT delivers every packet at one latency after the way itself, by the clock of the link that was
+// connected first. The more of the deadline that is, the more can be repaired; so much is left for
+// what varies. A latency of 0 repairs nothing.
+constexpr Duration kMargin = 10ms;
 constexpr Duration kLeastLatency = 20ms;
 
 [[noreturn]] void fail(const std::string& call) {
@@ -79,7 +80,8 @@ class Socket {
 };
 
 int latency_ms(const Order& order) {
-  return static_cast<int>(to_ms(std::max(kLeastLatency, order.traffic.deadline - kWay)));
+  return static_cast<int>(
+      to_ms(std::max(kLeastLatency, order.traffic.deadline - order.way - kMargin)));
 }
 
 // Connects a group over all modems, the first of which is preferred, and waits until each of them

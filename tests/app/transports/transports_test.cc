@@ -27,7 +27,8 @@ Order order_in(const std::filesystem::path& folder) {
   return {{Kind::kMptcp, "cubic"},
           {{48 * 1024, 12 * 1024}, 150ms, 100ms, 350ms, {0ms, 70ms}},
           {{"ifa", "10.77.1.2", "10.77.0.1"}, {"ifb", "10.78.1.2", "10.78.0.1"}},
-          folder};
+          folder,
+          15ms};
 }
 
 TEST(Transports, OrdersAreReadAsTheyWereWritten) {
@@ -42,6 +43,7 @@ TEST(Transports, OrdersAreReadAsTheyWereWritten) {
   EXPECT_EQ(read.traffic.length, 350ms);
   EXPECT_EQ(read.traffic.first, written.traffic.first);
   EXPECT_EQ(read.folder, folder);
+  EXPECT_EQ(read.way, 15ms);
   ASSERT_EQ(read.modems.size(), 2U);
   EXPECT_EQ(read.modems[1].nic, "ifb");
   EXPECT_EQ(read.modems[1].vehicle_address, "10.78.1.2");
