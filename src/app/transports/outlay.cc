@@ -32,7 +32,8 @@ std::uint64_t ip_bytes_sent() {
   std::uint64_t sum = 0;
   while (std::getline(file, line)) {
     const std::size_t colon = line.find(':');
-    if (colon == std::string::npos || line.substr(0, colon).ends_with("lo")) continue;
+    const std::size_t name = line.find_first_not_of(' ');
+    if (colon == std::string::npos || line.substr(name, colon - name) == "lo") continue;
     std::istringstream counters(line.substr(colon + 1));
     std::uint64_t value = 0;
     for (int i = 0; i < kCountersReceived; ++i) counters >> value;
