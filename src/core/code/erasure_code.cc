@@ -7,6 +7,8 @@
 #include <cassert>
 #include <functional>
 
+#include "core/code/field.h"
+
 namespace interneuron::code {
 namespace {
 
@@ -14,32 +16,6 @@ namespace {
 constexpr std::size_t kRowsAtOnce = 6;
 // What ISA-L keeps for one coefficient.
 constexpr std::size_t kTableBytes = 32;
-
-// Log and antilog of the field, for the scalar kernel and the inverse of single elements.
-struct Field {
-  std::array<std::uint8_t, 510> exp{};
-  std::array<std::uint8_t, 256> log{};
-  constexpr Field() {
-    constexpr unsigned kPolynomial = 0x11d;
-    unsigned x = 1;
-    for (unsigned i = 0; i < 255; ++i) {
-      exp[i] = exp[i + 255] = static_cast<std::uint8_t>(x);
-      log[x] = static_cast<std::uint8_t>(i);
-      x <<= 1U;
-      if (x > 255) x ^= kPolynomial;
-    }
-  }
-  constexpr std::uint8_t times(std::uint8_t a, std::uint8_t b) const {
-    return a == 0 || b == 0 ? std::uint8_t{0} : exp[std::size_t{log[a]} + log[b]];
-  }
-  constexpr std::uint8_t inverse(std::uint8_t a) const { return exp[255U - log[a]]; }
-};
-constexpr Field kField;
-
-// Columns count from 0 up and rows from 255 down, so that they never meet.
-std::uint8_t coefficient(std::size_t row, std::size_t column) {
-  return kField.inverse(static_cast<std::uint8_t>((255U - row) ^ column));
-}
 
 using Byte = unsigned char;
 Byte* raw(const std::byte* bytes) {
