@@ -1,5 +1,5 @@
 -- Wireshark dissector of Interneuron's packets (docs/wire_format.md): data with the plain or round header of a message's
--- first piece, feedback with its reports, probes, echoes with the STAMP packet (RFC 8762) inside.
+-- first piece, feedback with its reports, windows, probes, echoes with the STAMP packet (RFC 8762) inside.
 --
 --   wireshark -X lua_script:scripts/interneuron.lua capture.pcap
 --   tshark    -X lua_script:scripts/interneuron.lua -r capture.pcap -Y 'interneuron.type == 2'
@@ -21,8 +21,14 @@ local ROUND_HEADER_BYTES = 100
 local FEEDBACK_BYTES = 17
 local REPORT_BYTES = 105
 local STAMP_BYTES = 44
+-- Of a window: its fields with one message, what it covers at most, and the shortest symbol.
+local WINDOW_BYTES = 7
+local MOST_MESSAGES = 16
+local MOST_SOURCES = 32
+local FEWEST_CODED = 12
+local MOST_CODED = 1411
 
-local TYPES = { [1] = "data", [2] = "feedback", [3] = "probe", [4] = "echo", [5] = "handshake" }
+local TYPES = { [1] = "data", [2] = "feedback", [3] = "probe", [4] = "echo", [5] = "handshake", [6] = "window" }
 local KINDS = { [0] = "round", [1] = "plain" }
 local CLASSES = { [0] = "data", [1] = "result" }
 local GUARDS = { [0] = "paper", [1] = "budget" }
@@ -55,6 +61,11 @@ field("repair.block", ProtoField.uint16, "Block", base.DEC)
 field("repair.row", ProtoField.uint16, "Row", base.DEC)
 field("repair.symbol", ProtoField.bytes, "Repair symbol")
 field("payload", ProtoField.bytes, "Payload")
+field("window.row", ProtoField.uint8, "Row", base.DEC)
+field("window.messages", ProtoField.uint8, "Messages covered", base.DEC)
+field("window.message", ProtoField.uint32, "Message covered", base.DEC)
+field("window.pieces", ProtoField.uint8, "Pieces covered", base.HEX, nil, nil, "Bit i: piece i")
+field("window.symbol", ProtoField.bytes, "Symbol")
 
 field("plain.id", ProtoField.uint32, "Message of the application", base.DEC)
 field("plain.deadline_us", ProtoField.uint32, "Deadline (us)", base.DEC)
@@ -329,6 +340,40 @@ local function add_echo(tree, buffer)
     buffer(is_reply and 32 or 8, 4):uint(), train > 0 and string.format(", train %d", train) or "")
 end
 
+local function bits_of(byte)
+  local bits = 0
+  while byte > 0 do
+    bits = bits + byte % 2
+    byte = math.floor(byte / 2)
+  end
+  return bits
+end
+
+local function add_window(tree, buffer)
+  if buffer:len() < WINDOW_BYTES then return nil end
+  tree:add(f["window.row"], buffer(0, 1))
+  tree:add(f["window.messages"], buffer(1, 1))
+  local row, count = buffer(0, 1):uint(), buffer(1, 1):uint()
+  local symbol = WINDOW_BYTES + 2 * (count - 1)
+  if row >= MOST_ROWS or count == 0 or count > MOST_MESSAGES or buffer:len() < symbol then return nil end
+  local message, sources = buffer(2, 4):uint(), 0
+  for i = 0, count - 1 do
+    local at = WINDOW_BYTES - 1 + 2 * i
+    local ahead = i == 0 and 0 or buffer(at - 1, 1):uint()
+    local pieces = buffer(at, 1):uint()
+    if (i > 0 and ahead == 0) or pieces == 0 then return nil end
+    message = (message + ahead) % 2 ^ 32
+    sources = sources + bits_of(pieces)
+    local where = i == 0 and buffer(2, 4) or buffer(at - 1, 1)
+    tree:add(f["window.message"], where, message)
+    tree:add(f["window.pieces"], buffer(at, 1))
+  end
+  local size = buffer:len() - symbol
+  if sources > MOST_SOURCES or size < FEWEST_CODED or size > MOST_CODED then return nil end
+  tree:add(f["window.symbol"], buffer(symbol))
+  return string.format("row %d of %d pieces of %d messages", row, sources, count)
+end
+
 local function add_probe(tree, buffer)
   if buffer:len() > 0 then tree:add(f.padding, buffer()) end
   return string.format("%d bytes", buffer:len() + HEADER_BYTES + TAG_BYTES)
@@ -340,7 +385,7 @@ local function add_unknown(tree, buffer)
   return string.format("%d bytes", buffer:len() + HEADER_BYTES + TAG_BYTES)
 end
 
-local BODIES = { [1] = add_data, [2] = add_feedback, [3] = add_probe, [4] = add_echo }
+local BODIES = { [1] = add_data, [2] = add_feedback, [3] = add_probe, [4] = add_echo, [6] = add_window }
 
 function interneuron.dissector(buffer, pinfo, root)
   if not looks_like_ours(buffer) then return 0 end

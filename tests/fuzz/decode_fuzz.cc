@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <cstdlib>
 
+#include "core/wire/source.h"
 #include "tests/core/wire/consistent.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
@@ -16,6 +17,13 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const bool opens_a_message = packet && packet->header.type == wire::PacketType::kData;
   if (opens_a_message && (!wire::refused_or_consistent_message(packet->data.bytes) ||
                           !wire::refused_or_consistent_plain(packet->data.bytes))) {
+    std::abort();
+  }
+  // What is decoded from a window is what a packet could have brought.
+  const auto index = static_cast<std::uint8_t>(size % wire::kMostWindowPieces);
+  const auto source = wire::get_source(interneuron::MessageId{1}, index, bytes);
+  if (source && (source->bytes.size() != source->fragment.bytes() || source->bytes.empty() ||
+                 source->fragment.is_repair())) {
     std::abort();
   }
   if (packet && wire::other_version(bytes)) std::abort();

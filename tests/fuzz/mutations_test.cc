@@ -21,9 +21,9 @@ constexpr std::uint64_t kSeed = 1;
 class Mutator {
  public:
   explicit Mutator(std::uint64_t seed) : random_(seed) {
-    seeds_ = {from_hex(kDataExample),      from_hex(kPlainExample), from_hex(kRepairExample),
-              from_hex(kFeedbackExample),  from_hex(kProbeExample), from_hex(kEchoRequestExample),
-              from_hex(kEchoReplyExample), example_message()};
+    seeds_ = {from_hex(kDataExample),      from_hex(kPlainExample),  from_hex(kRepairExample),
+              from_hex(kFeedbackExample),  from_hex(kProbeExample),  from_hex(kEchoRequestExample),
+              from_hex(kEchoReplyExample), from_hex(kWindowExample), example_message()};
   }
 
   Bytes next() {
@@ -88,6 +88,7 @@ TEST(Decode, TheFuzzerBeginsWithTheDocumentedExamples) {
   EXPECT_EQ(file("probe"), from_hex(kProbeExample));
   EXPECT_EQ(file("echo_request"), from_hex(kEchoRequestExample));
   EXPECT_EQ(file("echo_reply"), from_hex(kEchoReplyExample));
+  EXPECT_EQ(file("window"), from_hex(kWindowExample));
   EXPECT_EQ(file("message"), example_message());
 }
 

@@ -226,6 +226,12 @@ std::optional<Packet> parse(ByteView datagram) {
       packet.echo = *echo;
       return parsed;
     }
+    case PacketType::kWindow: {
+      const auto window = get_window(r);
+      if (!window) return std::nullopt;
+      packet.window = *window;
+      return parsed;
+    }
     // What pads a probe, and the body of a type that is not used, is not read.
     case PacketType::kProbe:
     case PacketType::kHandshake:
@@ -272,6 +278,15 @@ DataEnds write_data_ends(std::span<std::byte> out, const PacketHeader& header,
   w.put_bytes(bytes);
   const std::size_t head = w.size();
   return {head, finish(w) - head};
+}
+
+std::size_t write_window(std::span<std::byte> out, const PacketHeader& header,
+                         const WindowHeader& window, ByteView bytes) {
+  Writer w(out);
+  put_header(w, header);
+  put_window(w, window);
+  w.put_bytes(bytes);
+  return finish(w);
 }
 
 std::size_t write_feedback(std::span<std::byte> out, const PacketHeader& header,

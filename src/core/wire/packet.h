@@ -19,6 +19,7 @@
 #include <span>
 
 #include "core/wire/stamp.h"
+#include "core/wire/window.h"
 #include "interneuron/few.h"
 #include "interneuron/sizes.h"
 #include "interneuron/time.h"
@@ -30,7 +31,7 @@ namespace interneuron::wire {
 // alone there.
 inline constexpr std::uint8_t kVersion = 2;
 
-// Types 6 … 15 are not used.
+// Types 7 … 15 are not used.
 enum class PacketType : std::uint8_t {
   kData = 1,
   kFeedback = 2,
@@ -38,10 +39,11 @@ enum class PacketType : std::uint8_t {
   kEcho = 4,
   // Kept for the agreement on keys.
   kHandshake = 5,
+  kWindow = 6,
 };
 // Whether packets of this type mean something to this version.
 constexpr bool is_used(PacketType type) {
-  return type >= PacketType::kData && type <= PacketType::kEcho;
+  return type >= PacketType::kData && type <= PacketType::kWindow && type != PacketType::kHandshake;
 }
 
 inline constexpr std::size_t kHeaderBytes = 20;
@@ -178,6 +180,9 @@ constexpr std::size_t feedback_bytes(std::size_t reports, std::size_t complete =
          refused * kRefusedBytes;
 }
 
+// What the sender of a feedback can do: decode the symbols of windows.
+inline constexpr std::uint16_t kDecodesWindows = 0x0001;
+
 // Held in place, so that feedback is written and parsed without allocating.
 using LinkReports = Few<LinkReport, kMaxReports>;
 
@@ -234,6 +239,7 @@ struct Packet {
   Data data;
   Feedback feedback;
   Echo echo;
+  Window window;
 };
 
 // The packet that these bytes are, or nothing if they are malformed.
@@ -256,6 +262,8 @@ struct DataEnds {
 };
 DataEnds write_data_ends(std::span<std::byte> out, const PacketHeader& header,
                          const FragmentHeader& fragment, ByteView bytes);
+std::size_t write_window(std::span<std::byte> out, const PacketHeader& header,
+                         const WindowHeader& window, ByteView bytes);
 std::size_t write_feedback(std::span<std::byte> out, const PacketHeader& header,
                            const Feedback& feedback);
 // Padded to `size` bytes, at least kPacketOverhead.

@@ -44,6 +44,7 @@ TEST(UnusedTypes, CountAsArrivedAndAreAcknowledged) {
   Pair pair;
   std::uint64_t number = 10'000'000;
   for (int type = 5; type < 16; ++type) {
+    if (wire::is_used(static_cast<wire::PacketType>(type))) continue;
     const Written other = packet(type, kVehicle, ++number);
     EXPECT_EQ(fed(pair, other.bytes()).other_packets, 1U) << type;
     EXPECT_EQ(fed(pair, other.bytes()).duplicate_packets, 1U) << type;

@@ -19,6 +19,8 @@ inline Bytes written(const Packet& packet, std::size_t size) {
     used = write_data(out, header, packet.data.fragment, packet.data.bytes);
   } else if (header.type == PacketType::kFeedback) {
     used = write_feedback(out, header, packet.feedback);
+  } else if (header.type == PacketType::kWindow) {
+    used = write_window(out, header, packet.window.header, packet.window.bytes);
   } else if (header.type == PacketType::kEcho) {
     used = write_echo(out, header, packet.echo, size);
   } else {
@@ -52,6 +54,14 @@ inline bool is_consistent(const Feedback& feedback) {
          });
 }
 
+inline bool is_consistent(const Window& window) {
+  const WindowHeader& h = window.header;
+  const std::size_t bytes = window.bytes.size();
+  return h.row < 55 && !h.messages.empty() && h.messages.size() <= kMostWindowMessages &&
+         h.sources() <= 32 && bytes >= 12 && bytes <= 1411 &&
+         std::ranges::all_of(h.messages, [](const auto& covered) { return covered.pieces != 0; });
+}
+
 // What must be zero inside a STAMP packet, and what pads it, is ignored when read: what was read
 // must come back.
 inline bool is_consistent(const Echo& echo, ByteView again) {
@@ -78,6 +88,8 @@ inline bool is_consistent(const Packet& packet, ByteView datagram) {
       return is_consistent(packet.data, datagram) && std::ranges::equal(again, datagram);
     case PacketType::kFeedback:
       return is_consistent(packet.feedback) && std::ranges::equal(again, datagram);
+    case PacketType::kWindow:
+      return is_consistent(packet.window) && std::ranges::equal(again, datagram);
     case PacketType::kProbe:  // the padding is ignored, and so are the bodies of unused types
     case PacketType::kHandshake:
     default:

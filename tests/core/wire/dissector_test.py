@@ -17,7 +17,7 @@ OTHER_PORT = 50123
 
 
 def examples():
-    """The code blocks of bytes, in the document's order: data, plain, repair symbol, feedback, probe, echo request, echo reply."""
+    """The code blocks of bytes, in the document's order: data, plain, repair symbol, feedback, probe, echo request, echo reply, window."""
     blocks, inside = [], False
     with open(os.path.join(SOURCE, "docs", "wire_format.md"), encoding="utf-8") as document:
         for line in document:
@@ -96,6 +96,11 @@ class Dissector(unittest.TestCase):
             "type": "1", "index": "3", "count": "3", "repair.block": "0", "repair.row": "0",
             "repair.symbol": "00c786794c94aefb", "payload": "", "malformed": ""})
 
+    def test_window_symbol(self):
+        self.expect(examples()[7], {
+            "type": "6", "number": "10", "window.row": "1", "window.messages": "2", "window.message": "10,11",
+            "window.pieces": "0x01,0x06", "window.symbol": examples()[7][29:-16].hex(), "malformed": ""})
+
     def test_types_that_are_not_used(self):
         probe = examples()[4]
         self.expect(b"\x25" + probe[1:], {"type": "5", "number": "301", "body": "00" * 8, "malformed": ""})
@@ -157,12 +162,15 @@ class Dissector(unittest.TestCase):
         self.expect(bytes(35), {"type": ""})
 
     def test_malformed_bodies_are_marked(self):
-        data, plain, repair, feedback, _, request, _ = examples()
+        data, plain, repair, feedback, _, request, _, window = examples()
         for broken in (data[:24] + struct.pack(">I", 106) + data[28:],      # a byte too few
                        plain[:36] + b"\x02" + plain[37:],                   # no such kind
                        repair[:30] + struct.pack(">H", 58) + repair[32:],   # a row that no block has
                        feedback[:34] + b"\x02" + feedback[35:],             # one report too few
                        feedback[:28] + feedback[-16:],
+                       window[:20] + b"\x37" + window[21:],                 # a row that no window has
+                       window[:27] + b"\x00" + window[28:],                 # the same message twice
+                       window[:36] + window[-16:],
                        request[:64] + request[-16:]):
             rows = dissect([broken], ["interneuron.type", "_ws.expert.message"])
             self.assertIn("docs/wire_format.md", rows[0]["_ws.expert.message"])

@@ -33,10 +33,10 @@ std::vector<Bytes> examples_of_the_document() {
 }
 
 TEST(WireDocument, ShowsOnePacketOfEachKind) {
-  const std::vector<Bytes> expected{from_hex(kDataExample),     from_hex(kPlainExample),
-                                    from_hex(kRepairExample),   from_hex(kFeedbackExample),
-                                    from_hex(kProbeExample),    from_hex(kEchoRequestExample),
-                                    from_hex(kEchoReplyExample)};
+  const std::vector<Bytes> expected{from_hex(kDataExample),      from_hex(kPlainExample),
+                                    from_hex(kRepairExample),    from_hex(kFeedbackExample),
+                                    from_hex(kProbeExample),     from_hex(kEchoRequestExample),
+                                    from_hex(kEchoReplyExample), from_hex(kWindowExample)};
   EXPECT_EQ(examples_of_the_document(), expected);
 }
 

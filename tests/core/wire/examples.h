@@ -60,6 +60,15 @@ inline constexpr std::string_view kRepairExample =
     "00 c7 86 79 4c 94 ae fb"
     "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00";
 
+inline constexpr std::string_view kWindowExample =
+    "26 00 00 02 5e ed 00 01 00 00 00 00 00 00 00 0a"
+    "49 96 02 d2"
+    "01 02 00 00 00 0a 01 01 06"
+    "00 00 00 99 7c f6 00 8f c5 f0 8f 00 8c 26 96 5a"
+    "48 d2 fb 00 00 be ab 73 ee c2 9f 00 1d 40 27 7b"
+    "9e b9 b9 66"
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00";
+
 inline constexpr std::string_view kFeedbackExample =
     "22 00 00 01 5e ed 00 01 00 00 00 00 00 00 01 2c"
     "49 96 80 40"
@@ -173,6 +182,13 @@ inline FragmentHeader example_plain_fragment() {
 
 inline FragmentHeader example_repair_fragment() {
   return {MessageId{11}, 3, 8, 22, 100'000, MessageKind::kPlain};
+}
+
+inline WindowHeader example_window() {
+  WindowHeader window;
+  window.row = 1;
+  window.messages = {{MessageId{10}, 0b1}, {MessageId{11}, 0b110}};
+  return window;
 }
 
 inline Echo example_echo_request() {

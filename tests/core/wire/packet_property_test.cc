@@ -157,6 +157,28 @@ Echo any_echo() {
   return echo;
 }
 
+struct Symbol {
+  WindowHeader header;
+  Bytes bytes;
+
+  Symbol() {
+    header.row = *rc::gen::inRange<std::uint8_t>(0, code::kMostRows);
+    auto message = any<std::uint32_t>();
+    const auto messages = *rc::gen::inRange<int>(1, kMostWindowMessages + 1);
+    const int most = static_cast<int>(code::kMostSources) / messages;
+    for (int i = 0; i < messages; ++i) {
+      // At most so many bits as each may have.
+      const int bits = std::min<int>(most, kMostWindowPieces);
+      header.messages.push_back(
+          {MessageId{message}, static_cast<std::uint8_t>(*rc::gen::inRange<int>(1, 1 << bits))});
+      message += *rc::gen::inRange<std::uint32_t>(1, kMostAhead + 1);
+    }
+    bytes.resize(*rc::gen::inRange<std::size_t>(kSourceHeaderBytes + 1, 1400));
+    const auto fill = any<std::uint8_t>();
+    for (std::size_t i = 0; i < bytes.size(); ++i) bytes[i] = static_cast<std::byte>(fill + 7 * i);
+  }
+};
+
 Bytes any_packet() {
   Bytes out(kRoom);
   const auto type = static_cast<PacketType>(*rc::gen::inRange<int>(1, 16));
@@ -167,6 +189,9 @@ Bytes any_packet() {
     size = write_data(out, header, piece.fragment, piece.bytes);
   } else if (type == PacketType::kFeedback) {
     size = write_feedback(out, header, any_feedback());
+  } else if (type == PacketType::kWindow) {
+    const Symbol symbol;
+    size = write_window(out, header, symbol.header, symbol.bytes);
   } else if (type == PacketType::kEcho) {
     size = write_echo(out, header, any_echo(), *rc::gen::inRange<std::size_t>(0, 1400));
   } else {
@@ -198,6 +223,20 @@ RC_GTEST_PROP(PacketProperty, FeedbackComesBack, ()) {
   RC_ASSERT(packet.has_value());
   RC_ASSERT(packet->header == header);
   RC_ASSERT(packet->feedback == feedback);
+}
+
+RC_GTEST_PROP(PacketProperty, AWindowComesBack, ()) {
+  const PacketHeader header = any_header(PacketType::kWindow);
+  const Symbol symbol;
+  Bytes out(kRoom);
+  out.resize(write_window(out, header, symbol.header, symbol.bytes));
+  RC_ASSERT(out.size() == kPacketOverhead + window_header_bytes(symbol.header.messages.size()) +
+                              symbol.bytes.size());
+  const auto packet = parse(out);
+  RC_ASSERT(packet.has_value());
+  RC_ASSERT(packet->header == header);
+  RC_ASSERT(packet->window.header == symbol.header);
+  RC_ASSERT(std::ranges::equal(packet->window.bytes, symbol.bytes));
 }
 
 RC_GTEST_PROP(PacketProperty, AProbeComesBack, ()) {
