@@ -73,7 +73,11 @@ class Endpoint::Impl {
       messages_.forget(received.peer->identity().id);
       events_.emplace_back(PeerRestarted{received.peer->identity().id});
     }
-    if (!received.input.duplicate) react(now, *received.peer, received.input);
+    if (received.input.duplicate) return;
+    react(now, *received.peer, received.input);
+    while (auto computed = peers_.receive_computed(now, *received.peer)) {
+      react(now, *received.peer, *computed);
+    }
   }
 
   std::optional<Event> poll_event() {

@@ -96,6 +96,7 @@ void Peer::restart(TimePoint now, SessionId session) {
   ready_ = false;
   sender_.reset(now);
   reassembler_.reset();
+  windows_.reset();
   receipts_.reset();
   settlements_.reset();
   clock_.reset();
@@ -132,12 +133,25 @@ Peer::Input Peer::handle(TimePoint now, const wire::Packet& packet, const Datagr
   feedback_.arrived(now, path.receiver.gap());
   if (!wire::is_used(packet.header.type)) return input;
   path.receiver.note_delay(session_time(now), packet.header.stamp_us);
+  if (packet.header.type == wire::PacketType::kWindow) windows_.symbol(now, packet.window, room);
   if (packet.header.type != wire::PacketType::kData) return input;
+  if (take_piece(now, packet.data, room, input)) windows_.piece(packet.data);
+  return input;
+}
 
+std::optional<Peer::Input> Peer::handle_computed(TimePoint now, std::size_t room) {
+  const auto data = windows_.poll();
+  if (!data) return std::nullopt;
+  Input input;
+  take_piece(now, *data, room, input);
+  return input;
+}
+
+bool Peer::take_piece(TimePoint now, const wire::Data& data, std::size_t room, Input& input) {
   flow::ClockBounds clocks{identity_.self, identity_.session, std::nullopt};
-  if (packet.data.fragment.index == 0) clocks.peer_hi_min = clock_.hi_min(now);
-  flow::Reassembler::Outcome outcome = reassembler_.add(now, packet.data, clocks, room);
-  const MessageId message = packet.data.fragment.message;
+  if (data.fragment.index == 0) clocks.peer_hi_min = clock_.hi_min(now);
+  flow::Reassembler::Outcome outcome = reassembler_.add(now, data, clocks, room);
+  const MessageId message = data.fragment.message;
   input.bad_piece = outcome.result == flow::Reassembler::Result::kBad;
   if (outcome.result == flow::Reassembler::Result::kRefused) {
     input.refused = true;
@@ -149,10 +163,10 @@ Peer::Input Peer::handle(TimePoint now, const wire::Packet& packet, const Datagr
     receipts_.complete(now, message);
     feedback_.completed(now);
     input.message_id = message;
-    input.kind = packet.data.fragment.kind;
+    input.kind = data.fragment.kind;
     input.message = std::move(outcome.message);
   }
-  return input;
+  return !input.bad_piece && !input.refused;
 }
 
 void Peer::handle_feedback(TimePoint now, Path& path, const wire::Feedback& feedback,
@@ -288,6 +302,7 @@ std::size_t Peer::handle_timeout(TimePoint now) {
   }
   look(now);
   sender_.handle_timeout(now);
+  windows_.handle_timeout(now);
   const std::size_t expired = reassembler_.expire(now);
   tell_forgotten(now);
   return expired;
@@ -303,7 +318,8 @@ void Peer::tell_forgotten(TimePoint now) {
 }
 
 std::optional<TimePoint> Peer::next_timeout(TimePoint now) const {
-  auto next = earliest(sender_.next_timeout(), reassembler_.next_timeout());
+  auto next =
+      earliest(sender_.next_timeout(), reassembler_.next_timeout(), windows_.next_timeout());
   // Where it may not leave, only a packet of the peer or a path that comes back changes that.
   if (feedback_.at() && reporter()) next = earliest(next, feedback_.at());
   for (const Path& path : paths_) {

@@ -17,6 +17,7 @@
 #include "core/flow/receipts.h"
 #include "core/flow/receiver.h"
 #include "core/flow/sender.h"
+#include "core/flow/window_receiver.h"
 #include "core/guard/clock_offset.h"
 #include "core/peers/feedback_due.h"
 #include "core/peers/path.h"
@@ -84,6 +85,10 @@ class Peer {
   // it may take.
   Input handle(TimePoint now, const wire::Packet& packet, const Datagram& datagram,
                std::size_t room);
+  // A piece that never came, computed from window symbols by what handle() took in; ask until
+  // nothing comes. Whether there may be one.
+  std::optional<Input> handle_computed(TimePoint now, std::size_t room);
+  bool has_computed() const { return windows_.has_computed(); }
   // Returns how many incomplete messages were given up.
   std::size_t handle_timeout(TimePoint now);
   std::optional<TimePoint> next_timeout(TimePoint now) const;
@@ -143,7 +148,7 @@ class Peer {
   const Identity& identity() const { return identity_; }
   bool ready() const { return ready_; }
   TimePoint heard_at() const { return heard_at_; }
-  std::size_t reassembly_bytes() const { return reassembler_.bytes(); }
+  std::size_t reassembly_bytes() const { return reassembler_.bytes() + windows_.bytes(); }
   std::size_t sending_bytes() const { return sender_.bytes(); }
   std::uint64_t cancelled() const { return sender_.cancelled(); }
   // How many pieces were sent again, how many repair symbols were sent and how many packets were
@@ -159,6 +164,8 @@ class Peer {
   Path* find(LinkId path);
   const Path* find(LinkId path) const;
   void handle_feedback(TimePoint now, Path& path, const wire::Feedback& feedback, Input& input);
+  // Puts a piece into its message. False where it is not wanted.
+  bool take_piece(TimePoint now, const wire::Data& data, std::size_t room, Input& input);
   void learn_report(TimePoint now, const wire::LinkReport& report);
   // An instant that is not after the one at which the peer sent a feedback that came in now with
   // this report of the path that it came over; nothing where its clock may have stepped meanwhile.
@@ -191,6 +198,7 @@ class Peer {
   // What the sender is given by send(); a member so that a message allocates nothing.
   std::vector<LinkId> over_;
   flow::Reassembler reassembler_;
+  flow::WindowReceiver windows_;
   flow::Receipts receipts_;
   guard::ClockOffset clock_;
   // Since when it is known without a step.

@@ -35,6 +35,7 @@ TransmitParts Peer::send_feedback(TimePoint now, Path& path, std::span<const Pat
   wire::Feedback feedback;
   feedback.u = now.time_since_epoch().count();
   feedback.echo = identity_.session;
+  feedback.features = wire::kDecodesWindows;
   for (const Path& p : about) feedback.reports.push_back(p.report(now));
   // An address that is not trusted yet may have room for the reports alone.
   if (path.may_send(wire::feedback_bytes(about.size(), wire::kMaxComplete, wire::kMaxRefused))) {

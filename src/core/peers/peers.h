@@ -81,6 +81,17 @@ class Peers {
   // to that peer, and counts it. Any bytes may come.
   Received receive(TimePoint now, const Datagram& datagram);
 
+  // What pieces that receive() has given to this peer's windows tell of others; ask until nothing
+  // comes.
+  std::optional<Peer::Input> receive_computed(TimePoint now, Peer& peer) {
+    if (!peer.has_computed()) return std::nullopt;
+    Entry& entry = *entries_[by_id_.at(peer.identity().id)];
+    touch(entry);
+    auto input = peer.handle_computed(now, reassembly_.room(peer.reassembly_bytes()));
+    account(entry);
+    return input;
+  }
+
   // The peer with its state as of `now`; nullptr: there is no such peer. Whoever asks may change
   // the peer until the next poll() or handle_timeout().
   Peer* find(TimePoint now, std::optional<PeerId> id);

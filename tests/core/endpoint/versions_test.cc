@@ -2,7 +2,11 @@
 // of other versions are told of, and neither changes who is served.
 #include <gtest/gtest.h>
 
+#include "core/code/field.h"
+#include "core/code/window.h"
 #include "core/wire/packet.h"
+#include "core/wire/plain_header.h"
+#include "core/wire/source.h"
 #include "pair.h"
 
 namespace interneuron {
@@ -85,6 +89,57 @@ TEST(RepairSymbols, AreKeptUntilTheirMessageIsComplete) {
   out.size = wire::write_data(out.buffer, header, fragment, Bytes(100));
   EXPECT_EQ(fed(pair, out.bytes()).received_packets, 1U);
   EXPECT_EQ(pair.pipe.at(pair.road).reassembly_bytes(), 250U + 100U);
+}
+
+// Of a message whose only packet is lost.
+TEST(Windows, BringBackMessagesThatAreDeliveredAndToldOf) {
+  Pair pair;
+  wire::PlainHeader plain;
+  plain.id = 1;
+  plain.deadline_us = 1'000'000;
+  plain.t0 = PeerTime{pair.pipe.local(pair.vehicle).time_since_epoch()};
+  Bytes message(wire::kPlainHeaderBytes);
+  wire::write_plain_header(std::span(message).first<wire::kPlainHeaderBytes>(), plain);
+  message.resize(message.size() + 100, std::byte{42});
+  const wire::FragmentHeader fragment{
+      MessageId{100'000},       0, 1347, static_cast<std::uint32_t>(message.size()), 1'000'000,
+      wire::MessageKind::kPlain};
+  const wire::SourceHeader head = wire::source_header(fragment);
+  Bytes source(head.begin(), head.end());
+  source.insert(source.end(), message.begin(), message.end());
+  wire::WindowHeader window;
+  window.messages.push_back({fragment.message, 1});
+  Bytes symbol(source.size());
+  window.for_each([&](std::size_t column, MessageId, std::uint8_t) {
+    code::add_multiple(symbol, source, code::coefficient(window.row, column));
+  });
+  std::vector<Bytes> delivered;
+  pair.pipe.on_event = [&delivered](std::size_t, Event& e) {
+    if (auto* m = std::get_if<Message>(&e)) delivered.push_back(std::move(m->bytes));
+  };
+  std::vector<Pipe::Captured> sent;
+  pair.pipe.capture = &sent;
+  Written out;
+  const wire::PacketHeader header{wire::PacketType::kWindow, kFast, wire::kClearEpoch, kVehicle,
+                                  10'000'000};
+  out.size = wire::write_window(out.buffer, header, window, symbol);
+  EXPECT_EQ(fed(pair, out.bytes()).received_packets, 1U);
+  EXPECT_EQ(fed(pair, out.bytes()).duplicate_packets, 1U);
+  pair.pipe.flush(pair.road);
+  pair.pipe.run(20ms);
+  EXPECT_EQ(delivered, (std::vector<Bytes>{Bytes(100, std::byte{42})}));
+  int told = 0;
+  for (const Pipe::Captured& c : sent) {
+    const auto parsed = wire::parse(c.bytes);
+    if (!parsed || c.from != pair.road || parsed->header.type != wire::PacketType::kFeedback) {
+      continue;
+    }
+    EXPECT_EQ(parsed->feedback.features, wire::kDecodesWindows);
+    for (const auto& complete : parsed->feedback.complete) {
+      told += complete.message == fragment.message ? 1 : 0;
+    }
+  }
+  EXPECT_GE(told, 1);
 }
 
 TEST(OtherVersions, AreCountedAndToldOfOnceInTenSeconds) {
