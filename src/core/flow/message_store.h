@@ -56,6 +56,8 @@ struct OutgoingMessage {
   PathSet rescue;
   // The paths that may carry repair symbols of it; none: it is not coded.
   PathSet symbol_paths;
+  // Window symbols cover it, in place of its own (sender_window.cc).
+  bool in_window = false;
   // What each path was given at first: the fragments from … to - 1, how many of them nothing is
   // known of yet, and when they should be there, after so long on the air.
   struct Share {
@@ -190,6 +192,7 @@ class MessageStore {
     message.is_alternative = false;
     message.rescue = {};
     message.symbol_paths = {};
+    message.in_window = false;
     message.pieces.assign(count, {false, false, false, paths});
     message.symbols.clear();
     message.shares.clear();

@@ -50,6 +50,7 @@ void Sender::remove_path(TimePoint now, LinkId path) {
   paths_.erase(it);
   // Of what left over it nobody will tell.
   overdue_.remove_path(path);
+  window_.remove_path(path);
   removed_at_ = now;
   settle(now, path, gone.sent.in_flight());
   for (const MessageId id : gone.jobs.messages()) hand_on(now, gone.jobs, id);
@@ -69,7 +70,7 @@ MessageId Sender::send(TimePoint now, const Times& times, wire::MessageBytes byt
   const MessageId id{next_message_++};
   if (paths.empty() || bytes.empty() || times.deadline <= now) return id;
 
-  const std::size_t chunk = piece_bytes(paths, repairs);
+  const std::size_t chunk = even_chunk(bytes.size(), piece_bytes(paths, repairs), helpers);
   const std::size_t count = (bytes.size() + chunk - 1) / chunk;
   if (count > UINT16_MAX) return id;
   Message& m = messages_.add(id, times.deadline, static_cast<std::uint16_t>(count),
@@ -166,12 +167,13 @@ std::optional<JobQueue::Taken> Sender::take(Path& path, Job& job) {
 std::optional<Sender::Piece> Sender::poll(TimePoint now, LinkId path_id) {
   Path& path = paths_.at(path_id);
   if (!path.view.up) return std::nullopt;
-  const bool idle = path.jobs.empty();
+  const bool idle = path.jobs.empty() && !window_.waits(path_id);
   if (idle) path.use.emptied(now);
   if (now < path.free_at || is_full(path)) {
     if (!idle) path.use.held_back();
     return std::nullopt;
   }
+  if (const auto symbol = take_window_symbol(now, path_id, path)) return symbol;
   for (;;) {
     Job* job = next_job(path, now);
     if (job == nullptr && take_over(now, path_id, path)) job = next_job(path, now);
@@ -194,16 +196,22 @@ std::optional<Sender::Piece> Sender::poll(TimePoint now, LinkId path_id) {
       ++path.resent;
     }
     note_leaving(now, path, m, *taken);
-
-    const Duration air = path.view.pace.value_or(kBlindPace).transmit_time(ip_bytes);
-    path.free_at = std::max(path.free_at, now - kBurst) + std::min<Duration>(air, kLongestAir);
+    occupy(now, path, ip_bytes);
     if (job->pieces() == 0) path.jobs.remove(m.id);
-    if (path.jobs.empty()) path.use.emptied(now);
-    return Piece{number,
-                 {m.id, taken->index, m.chunk, static_cast<std::uint32_t>(m.bytes.size()),
-                  m.lifetime_us, m.kind},
-                 part};
+    if (path.jobs.empty() && !window_.waits(path_id)) path.use.emptied(now);
+    return Piece{number, fragment_of(m, taken->index), part};
   }
+}
+
+void Sender::occupy(TimePoint now, Path& path, std::size_t ip_bytes) {
+  const Duration air = path.view.pace.value_or(kBlindPace).transmit_time(ip_bytes);
+  path.free_at = std::max(path.free_at, now - kBurst) + std::min<Duration>(air, kLongestAir);
+}
+
+wire::FragmentHeader Sender::fragment_of(const Message& m, std::size_t index) {
+  return {m.id,          static_cast<std::uint16_t>(index),
+          m.chunk,       static_cast<std::uint32_t>(m.bytes.size()),
+          m.lifetime_us, m.kind};
 }
 
 // Takes in what became of fragments: they are acknowledged, or lost and sent again.
@@ -261,6 +269,7 @@ void Sender::handle_timeout(TimePoint now) {
     messages_.look_at(*look, std::nullopt);
     look_after(now, *messages_.find(*look));
   }
+  if (window_.due() && *window_.due() <= now) send_window(now);
   while (const auto late = messages_.due(now)) {
     note_not_brought(now, *messages_.find(*late));
     note_overdue(now, *messages_.find(*late));
@@ -272,7 +281,8 @@ void Sender::note_overdue(TimePoint now, const Message& message) {
   const TimePoint began = message.deadline - std::chrono::microseconds(message.lifetime_us);
   if (message.kind != wire::MessageKind::kPlain || began <= removed_at_) return;
   // Symbols may stand for a piece that has not arrived: then the peer tells.
-  if (!message.symbols.empty() && !message.is_surely_incomplete()) return;
+  const bool is_coded = !message.symbols.empty() || message.in_window;
+  if (is_coded && !message.is_surely_incomplete()) return;
   SentPackets::Piece missing{message.id, message.count};
   while (message.pieces[--missing.index].acknowledged) {
   }
@@ -287,7 +297,8 @@ void Sender::note_overdue(TimePoint now, const Message& message) {
 }
 
 std::optional<TimePoint> Sender::next_timeout() const {
-  std::optional<TimePoint> next = earliest(messages_.next_deadline(), messages_.next_look());
+  std::optional<TimePoint> next =
+      earliest(messages_.next_deadline(), messages_.next_look(), window_.due());
   for (const auto& [link, path] : paths_) {
     next = earliest(next, path.sent.silent_at(silence_of(path.view)));
   }
@@ -296,7 +307,8 @@ std::optional<TimePoint> Sender::next_timeout() const {
 
 std::optional<TimePoint> Sender::next_send(LinkId path) const {
   const auto it = paths_.find(path);
-  if (it == paths_.end() || it->second.jobs.empty() || !it->second.view.up) return std::nullopt;
+  if (it == paths_.end() || !it->second.view.up) return std::nullopt;
+  if (it->second.jobs.empty() && !window_.waits(path)) return std::nullopt;
   // A report or a timeout makes room.
   if (is_full(it->second)) return std::nullopt;
   return saturating_add(it->second.free_at, kQuantum);
@@ -343,6 +355,7 @@ void Sender::reset(TimePoint now) {
   messages_.clear();
   bytes_ = 0;
   overdue_.clear();
+  window_.reset();
   given_up_.clear();
   for (auto& [link, path] : paths_) {
     path.jobs.clear();

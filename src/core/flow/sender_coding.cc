@@ -22,10 +22,6 @@ constexpr Duration kReportDelay = std::chrono::milliseconds(5);
 // Symbols have to be there so much before the deadline. No measurement behind this value: it only
 // has to be more than a batch of packets takes.
 constexpr Duration kMargin = std::chrono::milliseconds(2);
-// What doubling the bytes of a message of usual importance is worth in messages lost: symbols are
-// added as long as a share x of the bytes saves more than x times this many. With 1 % of loss that
-// is five symbols for the last 60 of 98 pieces.
-constexpr double kPriceOfBytes = 0.02;
 // Proactive symbols take at most this part of a message, and one more: bursts are geometric at
 // best, and what covers nearly all of them costs more bytes than a copy on another path is worth.
 constexpr std::size_t kMostPart = 7;
@@ -108,7 +104,8 @@ void Sender::note_leaving(TimePoint now, Path& path, Message& m, const JobQueue:
   if (!taken.is_again && m.to_leave > 0) --m.to_leave;
   if (m.symbol_paths.empty()) return;
   m.set_last(taken.index, is_last(now, path, m));
-  if (!taken.is_again && m.to_leave == 0) protect(now, m, Protect::kLast);
+  if (taken.is_again || m.to_leave > 0 || join_window(now, m)) return;
+  protect(now, m, Protect::kLast);
 }
 
 // A copy is lost. Where as many others are under way as the peer needs, nothing is sent for it;
@@ -135,7 +132,8 @@ bool Sender::makes_way(TimePoint now, const Message& m, Evidence evidence) {
 
 void Sender::protect_touched(TimePoint now) {
   for (const MessageId id : touched_) {
-    if (Message* m = messages_.find(id)) protect(now, *m, Protect::kLast);
+    Message* m = messages_.find(id);
+    if (m != nullptr && !m->in_window) protect(now, *m, Protect::kLast);
   }
   touched_.clear();
 }

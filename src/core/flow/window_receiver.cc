@@ -148,13 +148,15 @@ bool WindowReceiver::solve() {
 }
 
 std::optional<wire::Data> WindowReceiver::poll() {
-  while (handed_out_ < computed_.size()) {
-    const Name& name = computed_[handed_out_++];
+  while (has_computed()) {
+    const Name name = computed_[handed_out_++];
+    if (!has_computed()) {
+      computed_ = {};
+      handed_out_ = 0;
+    }
     const Source* source = find(name);
     if (source != nullptr) return wire::get_source(name.message, name.index, source->bytes);
   }
-  computed_ = {};
-  handed_out_ = 0;
   return std::nullopt;
 }
 

@@ -177,6 +177,7 @@ void Peer::handle_feedback(TimePoint now, Path& path, const wire::Feedback& feed
   path.echoed();
   if (!ready_) input.became_ready = ready_ = true;
   settlements_.learn(feedback);
+  sender_.set_windows((feedback.features & wire::kDecodesWindows) != 0);
   const auto clock = clock_.view(now);
   if (!clock) clock_since_ = now;
   std::optional<TimePoint> left;

@@ -84,6 +84,13 @@ std::optional<TransmitParts> Peer::poll_data(TimePoint now, Path& path,
   if (!path.may_send(kMaxDatagramBytes)) return std::nullopt;
   const auto piece = sender_.poll(now, path.id());
   if (!piece) return std::nullopt;
+  if (piece->window != nullptr) {
+    const std::size_t size =
+        wire::write_window(buffer, header(now, path, wire::PacketType::kWindow, piece->number),
+                           *piece->window, piece->bytes.payload);
+    path.sent_data(now, size);
+    return TransmitParts{path.nic().link, path.address(), size, {}, 0, path.ecn_bits()};
+  }
   const wire::DataEnds ends =
       wire::write_data_ends(buffer, header(now, path, wire::PacketType::kData, piece->number),
                             piece->fragment, piece->bytes.header);

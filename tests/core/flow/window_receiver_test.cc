@@ -167,6 +167,20 @@ TEST(WindowReceiver, KeepsNothingBeforeTheFirstSymbolAndForgetsAfterThePause) {
   EXPECT_FALSE(f.receiver.next_timeout());
 }
 
+// Whoever asks stops when there is nothing more.
+TEST(WindowReceiver, ComputesAnyNumberOneAfterTheOther) {
+  Flow f(200, 500);
+  f.begin();
+  for (std::size_t m = 1; m < 199; ++m) {
+    f.bring(m - 1);
+    const auto [header, bytes] = f.symbol(m - 1, m + 1, static_cast<std::uint8_t>(m % 55));
+    EXPECT_FALSE(f.receiver.has_computed());
+    f.receiver.symbol(kStart, {header, bytes});
+    ASSERT_TRUE(f.receiver.has_computed());
+    ASSERT_TRUE(f.receiver.poll());
+  }
+}
+
 TEST(WindowReceiver, WithoutRoomNothingBegins) {
   Flow f(4);
   const auto [header, bytes] = f.symbol(0, 1, 0);
