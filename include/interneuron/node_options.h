@@ -12,6 +12,15 @@
 
 namespace interneuron {
 
+// How datagrams pass between a node and its NICs (docs/transports.md).
+enum class TransportKind : std::uint8_t {
+  // A UDP socket of the kernel for each link; needs no privilege.
+  kUdp,
+  // A packet socket with a ring of packets for each link: needs CAP_NET_RAW, and bypasses nftables
+  // and NAT of this host.
+  kRing,
+};
+
 // A link by the name of its NIC.
 struct NodeLink {
   // Unique within the node.
@@ -50,6 +59,8 @@ struct NodeOptions {
   std::vector<NodeNicRule> rules;
   // The local UDP port of every link. Default: any free one, per link.
   std::uint16_t port = 0;
+  // Of every link.
+  TransportKind transport = TransportKind::kUdp;
   // The pipelines whose rounds begin here. Default: none, as on a roadside unit.
   std::vector<PipelineConfig> pipelines;
   // Must hold every policy that the pipelines name. Default: builtin_policies().

@@ -129,6 +129,7 @@ void add_vehicle(CLI::App& program, std::function<int()>& run) {
   add_config_option(*c, *config);
   add_link_option(*c, "--link", o->links, LinkPeer::kNamed);
   c->add_option("--port", o->port, "Local UDP port on every card; 0: any")->capture_default_str();
+  add_transport_option(*c, o->transport);
   c->add_option("--rounds", o->rounds, "Rounds; 0: to the end of the video or Ctrl-C")
       ->capture_default_str();
   c->add_option("--period-ms", o->period_ms, "Between two frames, milliseconds")
@@ -178,6 +179,7 @@ void add_road(CLI::App& program, std::function<int()>& run) {
   add_link_option(*c, "--nic,--link", o->nics, LinkPeer::kNone);
   c->add_option("--address", o->address, "Local address (default: all of the card)");
   c->add_option("--port", o->port, "UDP port on every card")->capture_default_str();
+  add_transport_option(*c, o->transport);
   // none: for those who only measure (links, top, probe).
   add_input_options(c, o->video, o->data, o->ladder, {kNoLadder});
   c->add_option(

@@ -77,6 +77,7 @@ NodeOptions Road::node_options() const {
   append_links(options_.nics, LinkPeer::kNone, o);
   for (NodeLink& link : o.links) link.local_address = options_.address;
   o.port = options_.port;
+  o.transport = transport_kind(options_.transport);
   o.accept_peers = true;
   o.max_peers = options_.max_peers;
   o.insecure = options_.insecure;

@@ -19,6 +19,8 @@ struct RoadOptions {
   std::vector<std::string> nics;
   std::string address;
   std::uint16_t port = kDefaultPort;
+  // auto, udp or ring.
+  std::string transport = "auto";
   std::string ladder = "auto";
   // The vehicles' end-to-end deadline, in milliseconds, for which --ladder auto chooses.
   double deadline_ms = 130;

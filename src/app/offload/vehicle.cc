@@ -134,6 +134,7 @@ NodeOptions Vehicle::node_options() {
   NodeOptions n;
   append_links(o_.links, LinkPeer::kNamed, n);
   n.port = o_.port;
+  n.transport = transport_kind(o_.transport);
   n.pipelines = {pipeline()};
   hooks_.configure(n);
   return n;

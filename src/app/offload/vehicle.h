@@ -14,6 +14,8 @@ struct VehicleOptions {
   // The roadside unit as reached over each card, as link_options.h reads it.
   std::vector<std::string> links;
   std::uint16_t port = 0;
+  // auto, udp or ring.
+  std::string transport = "auto";
   std::string video;
   std::string data;
   // Of the local backup, which runs its lowest level.

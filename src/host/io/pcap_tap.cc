@@ -17,6 +17,7 @@
 #include <thread>
 
 #include "host/io/file_descriptor.h"
+#include "host/io/this_program.h"
 #include "host/io/udp_ports.h"
 #include "interneuron/transport.h"
 
@@ -40,12 +41,6 @@ struct CloseHandle {
 struct CloseDump {
   void operator()(pcap_dumper_t* dump) const { ::pcap_dump_close(dump); }
 };
-
-std::string this_program() {
-  std::array<char, 4096> path{};
-  const ssize_t size = ::readlink("/proc/self/exe", path.data(), path.size());
-  return size > 0 ? std::string(path.data(), static_cast<std::size_t>(size)) : "interneuron";
-}
 
 std::string filter_of(const std::vector<std::uint16_t>& ports) {
   // A filter that passes nothing yet.

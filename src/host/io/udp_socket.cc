@@ -6,6 +6,7 @@
 #include <sys/socket.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <cstring>
 
@@ -125,6 +126,12 @@ void bind_address(UdpSocket& socket, const UdpOptions& options) {
 }
 
 }  // namespace
+
+bool nic_vanished(int fd) {
+  std::array<char, IFNAMSIZ> name{};
+  socklen_t size = name.size();
+  return ::getsockopt(fd, SOL_SOCKET, SO_BINDTODEVICE, name.data(), &size) != 0 && errno == ENODEV;
+}
 
 UdpSocket open_udp_socket(const UdpOptions& options) {
   const int family = family_of(options.local);

@@ -50,4 +50,9 @@ struct UdpSocket {
 // no privilege from Linux 5.7 on. Throws IoError.
 UdpSocket open_udp_socket(const UdpOptions& options);
 
+// Whether the NIC that a socket is bound to is gone for good. The error of a send does not tell
+// (ENODEV, ENETUNREACH or EINVAL, depending on how the socket is bound), but a socket can no longer
+// name a card that is gone.
+bool nic_vanished(int fd);
+
 }  // namespace interneuron::io

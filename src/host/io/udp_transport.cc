@@ -10,11 +10,10 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <cstddef>
 #include <cstring>
-#include <limits>
 
 #include "host/io/address.h"
+#include "host/io/segment_run.h"
 #include "host/io/steady_clock.h"
 
 namespace interneuron::io {
@@ -30,10 +29,6 @@ constexpr std::size_t kSendMessages = 32;
 // message.
 constexpr std::size_t kMostParts = 3;
 constexpr std::size_t kSendVectors = 2048;
-// Datagrams per message that is sent: UDP_MAX_SEGMENTS of Linux < 6.9.
-constexpr std::size_t kMaxSegments = 64;
-// Bytes per message that is sent, the UDP payload over IPv4: 65535 - 20 - 8.
-constexpr std::size_t kMaxSegmentedBytes = 65507;
 // Messages per recvmmsg: up to 1 MiB, a quarter of the socket's buffer.
 constexpr std::size_t kReceiveMessages = 16;
 // Bytes per message that is received: the most that UDP_GRO coalesces.
@@ -55,15 +50,6 @@ bool refuses_segmentation(int error) {
 // Whether a send failed only for now: see TransportCounters::send_refusals.
 bool refuses_for_now(int error) { return error == ENOBUFS || error == EPERM; }
 
-// Whether a send failed because the NIC is gone. Its error does not tell (ENODEV, ENETUNREACH or
-// EINVAL, depending on how the socket is bound), but a socket can no longer name a card that is
-// gone.
-bool nic_vanished(int fd) {
-  std::array<char, IFNAMSIZ> name{};
-  socklen_t size = name.size();
-  return ::getsockopt(fd, SOL_SOCKET, SO_BINDTODEVICE, name.data(), &size) != 0 && errno == ENODEV;
-}
-
 struct alignas(cmsghdr) SendControl {
   std::array<std::byte, CMSG_SPACE(sizeof(std::uint16_t)) + CMSG_SPACE(sizeof(in6_pktinfo)) +
                             CMSG_SPACE(sizeof(int))>
@@ -79,15 +65,6 @@ struct alignas(cmsghdr) ReceiveControl {
 
 // The ECN bits of the byte that IPv4 calls type of service and IPv6 traffic class (RFC 3168 §5).
 constexpr std::uint8_t kEcnMask = 3;
-
-// Where in an Address the note stands of the NIC's address that received: in the padding (IPv4) or
-// in the flow label (IPv6), which the kernel ignores unless IPV6_FLOWINFO_SEND is set.
-constexpr std::size_t kNote4 = offsetof(sockaddr_in, sin_zero);
-constexpr std::size_t kNote6 = offsetof(sockaddr_in6, sin6_flowinfo);
-
-std::byte note_in(const Address& address) {
-  return address.raw[family_of(address) == AF_INET ? kNote4 : kNote6];
-}
 
 template <class Value>
 void append(msghdr& header, SendControl& control, int level, int type, const Value& value) {
@@ -153,26 +130,6 @@ UdpTransport::~UdpTransport() = default;
 
 namespace {
 
-// How many leading datagrams can leave as one message: they go to the same address with the same
-// ECN bits and have the same size; only the last may be shorter.
-std::size_t run_length(std::span<const Outgoing> batch) {
-  const std::size_t segment = batch[0].size();
-  std::size_t total = segment;
-  std::size_t count = 1;
-  while (count < std::min(batch.size(), kMaxSegments)) {
-    const Outgoing& next = batch[count];
-    const std::size_t size = next.size();
-    total += size;
-    if (size == 0 || size > segment || total > kMaxSegmentedBytes || next.to != batch[0].to ||
-        next.ecn != batch[0].ecn) {
-      break;
-    }
-    ++count;
-    if (size < segment) break;
-  }
-  return count;
-}
-
 void append_ecn(msghdr& header, SendControl& control, int family, std::uint8_t ecn) {
   const int traffic_class = ecn & kEcnMask;
   if (family == AF_INET) {
@@ -184,7 +141,7 @@ void append_ecn(msghdr& header, SendControl& control, int family, std::uint8_t e
 
 // Makes the message leave from this address of the NIC.
 void append_source(msghdr& header, SendControl& control, int family,
-                   const std::array<std::byte, 16>& address) {
+                   const ReceiverNotes::Host& address) {
   if (family == AF_INET) {
     in_pktinfo source{};
     std::memcpy(&source.ipi_spec_dst, address.data(), sizeof source.ipi_spec_dst);
@@ -225,9 +182,8 @@ std::size_t UdpTransport::fill(std::span<const Outgoing> batch, bool segment) {
       append(header, control, SOL_UDP, UDP_SEGMENT, static_cast<std::uint16_t>(batch[0].size()));
     }
     if (batch[0].ecn != 0) append_ecn(header, control, family_of(batch[0].to), batch[0].ecn);
-    const auto note = std::to_integer<std::size_t>(note_in(batch[0].to));
-    if (note > 0 && note <= receivers_.size()) {
-      append_source(header, control, family_of(batch[0].to), receivers_[note - 1]);
+    if (const auto* source = notes_.find(batch[0].to)) {
+      append_source(header, control, family_of(batch[0].to), *source);
     }
     out_->datagrams[messages++] = count;
     batch = batch.subspan(count);
@@ -349,25 +305,12 @@ void UdpTransport::read_control(std::size_t message) {
       in.ecn[message] = static_cast<std::uint8_t>(value_of<int>(item) & kEcnMask);
     } else if (is(IPPROTO_IP, IP_PKTINFO)) {
       const auto info = value_of<in_pktinfo>(item);
-      in.notes[message] = note_of(&info.ipi_spec_dst, sizeof info.ipi_spec_dst);
+      in.notes[message] = notes_.note_of(&info.ipi_spec_dst, sizeof info.ipi_spec_dst);
     } else if (is(IPPROTO_IPV6, IPV6_PKTINFO)) {
       const auto info = value_of<in6_pktinfo>(item);
-      in.notes[message] = note_of(&info.ipi6_addr, sizeof info.ipi6_addr);
+      in.notes[message] = notes_.note_of(&info.ipi6_addr, sizeof info.ipi6_addr);
     }
   }
-}
-
-// The note of one of the NIC's own addresses. A note is one byte, so that the 256th address and
-// later ones have none; what came to them is answered from the address that the kernel prefers.
-std::uint8_t UdpTransport::note_of(const void* address, std::size_t size) {
-  std::array<std::byte, 16> bytes{};
-  std::memcpy(bytes.data(), address, size);
-  auto it = std::ranges::find(receivers_, bytes);
-  if (it == receivers_.end()) {
-    if (receivers_.size() >= std::numeric_limits<std::uint8_t>::max()) return 0;
-    it = receivers_.insert(it, bytes);
-  }
-  return static_cast<std::uint8_t>(it - receivers_.begin() + 1);
 }
 
 // Adds the datagrams of a received message to the result; one that was cut off, or whose sender is
@@ -380,7 +323,7 @@ void UdpTransport::split(std::size_t message, TimePoint at) {
     ++counters_.receive_errors;
     return;
   }
-  from.raw[is_ipv6(from) ? kNote6 : kNote4] = static_cast<std::byte>(in_->notes[message]);
+  ReceiverNotes::put(from, in_->notes[message]);
   ByteView rest(&in_->bytes[message * kReceiveBytes], received.msg_len);
   const std::size_t segment = in_->segment_bytes[message];
   while (segment > 0 && rest.size() > segment) {

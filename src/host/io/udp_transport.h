@@ -24,11 +24,11 @@
 // throws IoError; later on errors are counted.
 #pragma once
 
-#include <array>
 #include <memory>
 #include <string>
 #include <vector>
 
+#include "host/io/receiver_notes.h"
 #include "host/io/udp_socket.h"
 #include "interneuron/transport.h"
 
@@ -54,7 +54,6 @@ class UdpTransport final : public Transport {
   struct ReceiveBuffers;
 
   std::size_t fill(std::span<const Outgoing> batch, bool segment);
-  std::uint8_t note_of(const void* address, std::size_t size);
   void read_control(std::size_t message);
   void split(std::size_t message, TimePoint at);
 
@@ -63,9 +62,8 @@ class UdpTransport final : public Transport {
   // Segmented sends that the kernel has refused in a row.
   std::size_t refusals_ = 0;
   std::uint32_t kernel_drops_ = 0;
-  // The NIC's addresses that datagrams came to, as in in_addr or in6_addr. The note in an Address
-  // is the place of one in this list, counted from 1; at most 255 are kept.
-  std::vector<std::array<std::byte, 16>> receivers_;
+  // Which of the NIC's addresses datagrams came to.
+  ReceiverNotes notes_;
   std::unique_ptr<SendBuffers> out_;
   std::unique_ptr<ReceiveBuffers> in_;
 };

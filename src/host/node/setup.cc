@@ -7,6 +7,7 @@
 
 #include "host/io/address.h"
 #include "host/io/nic_choice.h"
+#include "host/io/ring_transport.h"
 #include "host/io/udp_transport.h"
 
 namespace interneuron {
@@ -122,6 +123,25 @@ void check_link(const NodeOptions& options, const NodeLink& link, const io::Nic&
   }
 }
 
+namespace {
+
+template <class Kind>
+void open_as(const io::UdpOptions& udp, OpenedLink& out) {
+  auto transport = std::make_unique<Kind>(udp);
+  out.warnings = transport->warnings();
+  out.transport = std::move(transport);
+}
+
+void open_transport(TransportKind kind, const io::UdpOptions& udp, OpenedLink& out) {
+  if (kind == TransportKind::kRing) {
+    open_as<io::RingTransport>(udp, out);
+  } else {
+    open_as<io::UdpTransport>(udp, out);
+  }
+}
+
+}  // namespace
+
 OpenedLink open_link(const NodeOptions& options, const NodeLink& link, const io::Nic& nic,
                      const Binding& binding) {
   io::UdpOptions udp;
@@ -130,20 +150,15 @@ OpenedLink open_link(const NodeOptions& options, const NodeLink& link, const io:
   udp.answer_from_receiver = link.peer.empty();
   udp.local = local_of(link, nic, binding);
   if (options.accept_peers && !options.insecure) refuse_public(link, udp.local, nic);
-  const auto open = [&] {
-    try {
-      return std::make_unique<io::UdpTransport>(udp);
-    } catch (const IoError& error) {
-      if (error.code() != EADDRINUSE || options.port == binding.port) throw;
-    }
-    udp.local = io::with_port(udp.local, options.port);
-    return std::make_unique<io::UdpTransport>(udp);
-  };
-  auto transport = open();
   OpenedLink out;
   out.info = {link.nic, link.mtu != 0 ? link.mtu : nic.mtu, link.traits};
-  out.warnings = transport->warnings();
-  out.transport = std::move(transport);
+  try {
+    open_transport(options.transport, udp, out);
+  } catch (const IoError& error) {
+    if (error.code() != EADDRINUSE || options.port == binding.port) throw;
+    udp.local = io::with_port(udp.local, options.port);
+    open_transport(options.transport, udp, out);
+  }
   if (options.wrap_transport) {
     out.transport = options.wrap_transport(link.id, std::move(out.transport));
   }

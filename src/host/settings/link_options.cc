@@ -198,6 +198,19 @@ CLI::Option* add_link_option(CLI::App& command, const std::string& names,
   return option;
 }
 
+CLI::Option* add_transport_option(CLI::App& command, std::string& text) {
+  return command
+      .add_option("--transport", text,
+                  "auto, udp, or ring: a ring of packets beside the kernel's IP layer, which "
+                  "bypasses nftables and NAT of this host and needs CAP_NET_RAW")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"auto", "udp", "ring"}));
+}
+
+TransportKind transport_kind(std::string_view text) {
+  return text == "ring" ? TransportKind::kRing : TransportKind::kUdp;
+}
+
 void append_links(const std::vector<std::string>& texts, LinkPeer peer, NodeOptions& options) {
   std::set<LinkId> taken;
   for (const NodeLink& link : options.links) taken.insert(link.id);

@@ -103,6 +103,8 @@ class OtherNamespace {
   OtherNamespace& operator=(const OtherNamespace&) = delete;
 
   bool made() const { return made_; }
+  // A process in it.
+  pid_t process() const { return child_; }
   // Runs a command in it.
   bool shell(const std::string& command) const {
     return io::shell("nsenter -t " + std::to_string(child_) + " -n " + command);
