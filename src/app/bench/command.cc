@@ -8,6 +8,7 @@
 #include "app/bench/forecast_command.h"
 #include "app/bench/load_report.h"
 #include "app/bench/peers_command.h"
+#include "app/bench/transports_command.h"
 #include "app/load_testbed/series.h"
 #include "app/transports/programs.h"
 #include "host/process/failure.h"
@@ -184,6 +185,7 @@ void add_bench(CLI::App& program, std::function<int()>& run) {
   add_load(*bench, run);
   add_forecast(*bench, run);
   add_peers(*bench, run);
+  add_transports(*bench, run);
   add_play(*bench, run);
 }
 
