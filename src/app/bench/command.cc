@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <memory>
 
+#include "app/bench/coding_command.h"
 #include "app/bench/forecast_command.h"
 #include "app/bench/load_report.h"
 #include "app/bench/peers_command.h"
@@ -184,6 +185,7 @@ void add_bench(CLI::App& program, std::function<int()>& run) {
   bench->require_subcommand(1);
   add_load(*bench, run);
   add_forecast(*bench, run);
+  add_coding(*bench, run);
   add_peers(*bench, run);
   add_transports(*bench, run);
   add_play(*bench, run);
