@@ -74,7 +74,7 @@ struct Windows {
 
 TEST(Window, KernelsAgree) {
   std::mt19937_64 rng(1);
-  for (const std::size_t size : {1, 2, 15, 16, 31, 33, 64, 127, 1400}) {
+  for (const std::size_t size : {1U, 2U, 15U, 16U, 31U, 33U, 64U, 127U, 1400U}) {
     for (int i = 0; i < 50; ++i) {
       const auto pieces = random_pieces(2, size, rng);
       Piece a(size);
