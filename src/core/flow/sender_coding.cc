@@ -39,12 +39,16 @@ wire::MessageBytes::Part Sender::part_of(const Message& m, std::size_t index) {
   return m.bytes.part(offset, std::min<std::size_t>(m.chunk, m.bytes.size() - offset));
 }
 
-// A loss is known a round trip and a report later; the copy then takes one way more.
+// A loss is known a round trip and a report later; the copy then takes one way more, and its own
+// time on the air, which is long on a slow path.
 bool Sender::is_last(TimePoint now, const Path& path, const Message& m) const {
   if (m.symbol_paths.empty()) return false;
   Duration back = kNever;
   for (const auto& [link, other] : paths_) {
-    if (other.view.up && m.repairs.contains(link)) back = std::min(back, other.view.one_way);
+    if (!other.view.up || !m.repairs.contains(link)) continue;
+    const DataRate rate = other.view.rate.value_or(kBlindRate);
+    const Duration air = std::min<Duration>(rate.transmit_time(ip_bytes_of_piece(m)), kNever);
+    back = std::min<Duration>(back, other.view.one_way + air);
   }
   return now + 2 * path.view.one_way + kReportDelay + back + kMargin > m.aim;
 }
