@@ -141,7 +141,7 @@ TEST(WindowReceiver, WindowsThatOverlapAreCombined) {
 TEST(WindowReceiver, WhatWasComputedHelpsWithOthers) {
   Flow f(7);
   f.begin();
-  for (const std::size_t m : {0, 2, 3}) f.bring(m);
+  for (const std::size_t m : {0U, 2U, 3U}) f.bring(m);
   f.bring(1, {0});
   // Of a message of which nothing has come, one piece comes late.
   f.take(1, 6, 1);
