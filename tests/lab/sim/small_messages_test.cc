@@ -49,7 +49,7 @@ Figures run(const char* policy, std::size_t links, double loss, Duration period 
 }
 
 TEST(SmallMessages, OneSymbolForSomeMakesLossesGood) {
-  for (const std::size_t links : {1, 2}) {
+  for (const std::size_t links : {1U, 2U}) {
     const Figures plain = run("best_link", links, 0.01);
     const Figures coded = run("coded", links, 0.01);
     EXPECT_GE(plain.missed, kMessages / 50);
