@@ -57,6 +57,11 @@ std::size_t set_send_buffer(int fd, std::size_t wanted) {
 
 }  // namespace
 
+void PacketRing::require_privilege() {
+  const FileDescriptor socket(::socket(AF_PACKET, SOCK_RAW | SOCK_CLOEXEC, 0));
+  if (socket.get() < 0) fail("--transport ring", "socket AF_PACKET", errno);
+}
+
 PacketRing::PacketRing(int index, const std::string& nic, std::size_t send_buffer_bytes)
     : index_(index),
       nic_(nic),

@@ -77,6 +77,9 @@ class PacketRing {
     bool cut = false;
   };
 
+  // Throws IoError (EPERM) with the remedy when this process has no CAP_NET_RAW.
+  static void require_privilege();
+
   // Opens a socket for the frames of the NIC `index` that `filter` passes; `nic`: its name, for
   // errors. Needs CAP_NET_RAW. What this host itself sends is not seen.
   PacketRing(int index, const std::string& nic, std::size_t send_buffer_bytes);

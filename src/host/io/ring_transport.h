@@ -10,7 +10,9 @@
 // address of a peer is being asked for, send() refuses (BatchResult::refused); nothing is queued.
 // An unreachable peer, a datagram larger than the NIC's MTU or an address of the other family drops
 // the datagram and is counted. Devices without Ethernet headers (tun, modems in raw IP mode) and
-// the loopback card work too; others are refused by the constructor.
+// the loopback card work too; others are refused by the constructor. On the loopback card a ring
+// reaches only other rings: the kernel takes a frame from 127.0.0.0/8 that it did not send itself
+// for a forgery (RFC 1122 §3.2.1.3).
 //
 // A UDP socket on the same address holds the port, so that others cannot have it and the kernel
 // answers no datagram with "port unreachable"; a filter drops all that it would receive.

@@ -7,6 +7,7 @@
 
 #include "host/io/address.h"
 #include "host/io/nic_choice.h"
+#include "host/io/packet_ring.h"
 #include "host/io/ring_transport.h"
 #include "host/io/udp_transport.h"
 
@@ -99,6 +100,8 @@ void check_options(const NodeOptions& options) {
   }
   check_workers(options.computation_workers, "computation_workers");
   check_workers(options.backup_workers, "backup_workers");
+  // A NIC that a rule matches and that cannot be opened is only told of; this is true of them all.
+  if (options.transport == TransportKind::kRing) io::PacketRing::require_privilege();
 }
 
 EndpointOptions endpoint_options(const NodeOptions& options) {

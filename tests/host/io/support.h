@@ -26,7 +26,7 @@ inline Bytes payload(std::size_t number, std::size_t size) {
   Bytes out(size);
   for (std::size_t i = 0; i < size; ++i) out[i] = static_cast<std::byte>((number * 31 + i) & 0xff);
   const auto tag = static_cast<std::uint32_t>(number);
-  std::memcpy(out.data(), &tag, std::min(size, sizeof tag));
+  if (size > 0) std::memcpy(out.data(), &tag, std::min(size, sizeof tag));
   return out;
 }
 

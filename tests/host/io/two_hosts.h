@@ -19,8 +19,10 @@
 #include "host/io/file_descriptor.h"
 #include "host/io/frame.h"
 #include "host/io/nic.h"
-#include "host/io/udp_socket.h"
+#include "host/io/steady_clock.h"
+#include "host/io/udp_transport.h"
 #include "namespace.h"
+#include "support.h"
 
 namespace interneuron::io {
 
@@ -35,6 +37,12 @@ class TwoHosts {
             there_.shell("ip link set vb up");
   }
   bool made() const { return made_; }
+  // Joins them by another link: vc 10.98.0.1/24 here, vd 10.98.0.2/24 there.
+  bool add_second_link() const {
+    return shell("ip link add vc type veth peer name vd") && there_.take("vd") &&
+           shell("ip addr add 10.98.0.1/24 dev vc") && shell("ip link set vc up") &&
+           there_.shell("ip addr add 10.98.0.2/24 dev vd") && there_.shell("ip link set vd up");
+  }
   bool shell_there(const std::string& command) const { return there_.shell(command); }
 
   // Does something in the other namespace: sockets that it opens stay there.
@@ -57,7 +65,25 @@ class TwoHosts {
     return out;
   }
 
+  // Waits until the kernels of both know each other's address of IPv6; false when they never do.
+  bool meet() const {
+    UdpTransport one(options("va", "fd99::1"));
+    const auto other =
+        there([] { return std::make_unique<UdpTransport>(options("vb", "fd99::2")); });
+    return reaches(one, *other) && reaches(*other, one);
+  }
+
  private:
+  static bool reaches(Transport& from, Transport& to) {
+    const TimePoint end = now() + kPatience;
+    while (now() < end) {
+      from.send(to_all(to.local_address(), {payload(1, 10)}));
+      pollfd item{.fd = to.native_handle(), .events = POLLIN, .revents = 0};
+      if (::poll(&item, 1, 20) == 1 && !to.receive().empty()) return true;
+    }
+    return false;
+  }
+
   OtherNamespace there_;
   bool made_ = false;
 };

@@ -1,0 +1,123 @@
+// What the two conformance suites share: two hosts with a transport of a chosen kind each. A new
+// kind of transport joins both suites by its line in make() and all_kinds().
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <tuple>
+#include <vector>
+
+#include "host/io/ring_transport.h"
+#include "host/io/steady_clock.h"
+#include "host/io/udp_transport.h"
+#include "support.h"
+#include "two_hosts.h"
+
+namespace interneuron::io {
+
+enum class Kind { kUdp, kRing };
+
+inline std::unique_ptr<Transport> make(Kind kind, const UdpOptions& options) {
+  if (kind == Kind::kUdp) return std::make_unique<UdpTransport>(options);
+  return std::make_unique<RingTransport>(options);
+}
+
+// The kinds of the transports here and there.
+using Kinds = std::tuple<Kind, Kind>;
+
+// Two hosts, each with a transport.
+struct Pair {
+  TwoHosts hosts;
+  std::unique_ptr<Transport> here;
+  std::unique_ptr<Transport> there;
+  Address to_there;
+  Address to_here;
+
+  // False when this machine cannot do it.
+  bool open(const Kinds& kinds, bool ipv6 = false) {
+    if (!hosts.made()) return false;
+    // A NIC that has just come up answers no neighbour of IPv6 for up to a second.
+    if (ipv6 && !hosts.meet()) return false;
+    const auto [kind_here, kind_there] = kinds;
+    here = make(kind_here, TwoHosts::options("va", ipv6 ? "fd99::1" : "10.99.0.1"));
+    there = hosts.there([&, kind = kind_there] {
+      return make(kind, TwoHosts::options("vb", ipv6 ? "fd99::2" : "10.99.0.2"));
+    });
+    to_there = there->local_address();
+    to_here = here->local_address();
+    return true;
+  }
+};
+
+// Offers again what is refused, as an Outbox does, until all is taken.
+inline bool send_all(Transport& transport, std::span<const Outgoing> batch) {
+  const TimePoint end = now() + kPatience;
+  while (!batch.empty() && now() < end) {
+    const BatchResult result = transport.send(batch);
+    if (result.gone != 0) return false;
+    batch = batch.subspan(result.taken);
+    if (result.would_block) wait_for(transport, POLLOUT);
+  }
+  return batch.empty();
+}
+
+inline bool send_all(Transport& transport, const Address& to, const std::vector<Bytes>& payloads) {
+  return send_all(transport, to_all(to, payloads));
+}
+
+// Whether something can be received within so many milliseconds.
+inline bool readable(const Transport& transport, int milliseconds) {
+  pollfd item{.fd = transport.native_handle(), .events = POLLIN, .revents = 0};
+  return ::poll(&item, 1, milliseconds) == 1;
+}
+
+// Who sent the next datagram. A transport may be readable without one, such as a ring of which a
+// block was handed back.
+inline Address next_sender(Transport& transport) {
+  const TimePoint end = now() + kPatience;
+  while (now() < end && wait_for(transport, POLLIN)) {
+    const auto batch = transport.receive();
+    if (!batch.empty()) return batch.front().from;
+  }
+  return {};
+}
+
+// Sends a datagram again and again until one arrives; false when none does.
+inline bool gets_through(Transport& sender, const Address& to, Transport& receiver) {
+  const TimePoint end = now() + kPatience;
+  const Bytes bytes = payload(99, 100);
+  while (now() < end) {
+    sender.send(to_all(to, {bytes}));
+    if (readable(receiver, 10) && !receiver.receive().empty()) return true;
+  }
+  return false;
+}
+
+class TransportConformance : public testing::TestWithParam<Kinds> {
+ protected:
+  // Runs a test in a namespace, with both transports.
+  static void run(const std::function<void(Pair&)>& body, bool ipv6 = false) {
+    in_namespace([&] {
+      Pair pair;
+      if (!pair.open(GetParam(), ipv6)) GTEST_SKIP();
+      body(pair);
+    });
+  }
+};
+
+// "UdpToRing"
+inline std::string name_of(const Kinds& kinds) {
+  const auto name = [](Kind kind) { return kind == Kind::kUdp ? "Udp" : "Ring"; };
+  return std::string(name(std::get<0>(kinds))) + "To" + name(std::get<1>(kinds));
+}
+
+// Each combination of sender and receiver.
+inline auto all_kinds() {
+  return testing::Combine(testing::Values(Kind::kUdp, Kind::kRing),
+                          testing::Values(Kind::kUdp, Kind::kRing));
+}
+
+}  // namespace interneuron::io
