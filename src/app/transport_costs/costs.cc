@@ -2,6 +2,7 @@
 
 #include <net/if.h>
 #include <poll.h>
+#include <sched.h>
 #include <sys/resource.h>
 
 #include <algorithm>
@@ -90,11 +91,34 @@ bool wait_for(const interneuron::Transport& transport, short events, int millise
   return ::poll(&item, 1, milliseconds) == 1;
 }
 
-// Receives in a thread of its own, until its end is asked for and nothing comes any more.
+// Gives the calling thread a processor of its own, the one of this number among those that the
+// process may use; nothing changes where there is only one. Left to itself the scheduler puts both
+// ends on one processor in some runs and apart in others, which changes a cost twofold.
+void stay_on_processor(int number, const cpu_set_t& allowed) {
+  if (CPU_COUNT(&allowed) < 2) return;
+  for (std::size_t cpu = 0; cpu < CPU_SETSIZE; ++cpu) {
+    if (!CPU_ISSET(cpu, &allowed) || number-- > 0) continue;
+    cpu_set_t one;
+    CPU_ZERO(&one);
+    CPU_SET(cpu, &one);
+    ::sched_setaffinity(0, sizeof one, &one);
+    return;
+  }
+}
+
+cpu_set_t allowed_processors() {
+  cpu_set_t out;
+  CPU_ZERO(&out);
+  ::sched_getaffinity(0, sizeof out, &out);
+  return out;
+}
+
+// Receives in a thread of its own on the second processor, as a Node does: when something is
+// there it takes all of it. Until its end is asked for and nothing comes any more.
 class Receiver {
  public:
-  explicit Receiver(interneuron::Transport& transport)
-      : thread_([this, &transport] { run(transport); }) {}
+  Receiver(interneuron::Transport& transport, const cpu_set_t& allowed)
+      : thread_([this, &transport, &allowed] { run(transport, allowed); }) {}
   ~Receiver() {
     if (thread_.joinable()) finish();
   }
@@ -110,12 +134,15 @@ class Receiver {
   double us() const { return us_; }
 
  private:
-  void run(interneuron::Transport& transport) {
+  void run(interneuron::Transport& transport, const cpu_set_t& allowed) {
+    stay_on_processor(1, allowed);
     const double before = processor_us();
     for (;;) {
       const bool last = ended_;
       if (!wait_for(transport, POLLIN, kQuietMs) && last) break;
-      received_ += transport.receive().size();
+      for (auto batch = transport.receive(); !batch.empty(); batch = transport.receive()) {
+        received_ += batch.size();
+      }
     }
     us_ = processor_us() - before;
   }
@@ -144,7 +171,8 @@ struct Outcome {
   double receive_us = 0;
 };
 
-Outcome run(const Wire& wire, const Load& load, TransportKind kind, Duration length) {
+Outcome run(const Wire& wire, const Load& load, TransportKind kind, Duration length,
+            const cpu_set_t& allowed) {
   const TransportOwner there = wire.open(1, kind);
   const TransportOwner here = wire.open(0, kind);
   const Bytes payload(load.bytes);
@@ -153,7 +181,7 @@ Outcome run(const Wire& wire, const Load& load, TransportKind kind, Duration len
   // What is done once, as learning the other end's hardware address, is no part of it.
   send_all(*here, burst);
   while (wait_for(*there, POLLIN, kQuietMs)) there->receive();
-  Receiver receiver(*there);
+  Receiver receiver(*there, allowed);
   Outcome out;
   const double before = processor_us();
   const TimePoint begin = io::now();
@@ -181,6 +209,8 @@ double median(std::vector<double> values) {
 std::vector<Row> measure(Duration length,
                          const std::function<void(std::size_t, std::size_t)>& progress) {
   const Wire wire;
+  const cpu_set_t allowed = allowed_processors();
+  stay_on_processor(0, allowed);
   std::vector<Row> rows;
   for (const Load& load : kLoads) {
     for (const Transport& transport : kTransports) {
@@ -194,7 +224,7 @@ std::vector<Row> measure(Duration length,
       progress(done++, rows.size() * kRepetitions);
       if (!rows[i].failure.empty()) continue;
       try {
-        outcomes[i].push_back(run(wire, *rows[i].load, rows[i].transport->kind, length));
+        outcomes[i].push_back(run(wire, *rows[i].load, rows[i].transport->kind, length, allowed));
       } catch (const IoError& error) {
         rows[i].failure = error.what();
       }

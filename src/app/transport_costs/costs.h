@@ -1,5 +1,6 @@
 // What the transports of a NIC cost: processor time per datagram of one that sends and of one that
-// receives, at the same pace, over a veth pair between two network namespaces.
+// receives, at the same pace, over a veth pair between two network namespaces, each on a processor
+// of its own if there are two.
 //
 // measure() moves the calling process into namespaces of its own, which end with it: it must have
 // one thread and do nothing else afterwards. Root, or a user namespace. Each load is measured over

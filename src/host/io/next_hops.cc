@@ -94,6 +94,8 @@ NextHops::Hop NextHops::find(const Address& to, const Address& source, TimePoint
   if (!entry.routed) return {};
   if (entry.resolved) return {State::kKnown, entry.source, entry.mac};
   const bool patient = entry.asked && now - *entry.asked < kPatience;
+  // The answer is looked for with the next datagram.
+  if (patient) next_look_ = now;
   return {patient ? State::kAsking : State::kUnreachable, entry.source, {}};
 }
 

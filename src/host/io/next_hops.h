@@ -32,9 +32,10 @@ namespace interneuron::io {
 
 class NextHops {
  public:
-  // How often events are looked at. No measurement behind this value: it is well below the time in
-  // which a peer that moved would be missed, and a thousand looks a second cost nothing.
-  static constexpr Duration kEventInterval = std::chrono::milliseconds(1);
+  // How often events are looked at while no answer is awaited. No measurement behind this value: it
+  // is well below the time in which a peer that moved would be missed, and a look takes
+  // microseconds, which would count if it were as frequent as datagrams.
+  static constexpr Duration kEventInterval = std::chrono::milliseconds(10);
   // How often what is known is asked anew, and how often at most a neighbour is asked for: the
   // kernel repeats its questions as often (RFC 4861 §10, RETRANS_TIMER).
   static constexpr Duration kRefresh = std::chrono::seconds(1);

@@ -103,6 +103,8 @@ class PacketRing {
   // Gives back the block that was handed over last and takes the next one; false when there is
   // none. Frames and their bytes are valid until then.
   bool next_block();
+  // Whether a block is handed over.
+  bool holds_block() const { return block_ != nullptr; }
   // The next frame of the block; nothing at its end.
   std::optional<Frame> next_frame();
   // How many frames the kernel has dropped since the last call, because the ring was full.

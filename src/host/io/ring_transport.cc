@@ -317,14 +317,15 @@ std::span<const Incoming> RingTransport::receive() {
   const TimePoint now = io::now();
   follow_changes(now);
   const Duration offset = wall_offset();
+  const bool was_idle = !ring_.holds_block();
   // A block of which nothing is ours is no reason to stop, but a flood of such must not keep us.
   for (std::size_t i = 0; i < PacketRing::kBlocks && datagrams_.empty(); ++i) {
     if (!ring_.next_block()) {
       // A card that goes down leaves an error at the socket, which would be reported as readable
-      // until somebody takes it.
+      // until somebody takes it. Whoever gives a block back comes again if there is one.
       int error = 0;
       socklen_t size = sizeof error;
-      ::getsockopt(native_handle(), SOL_SOCKET, SO_ERROR, &error, &size);
+      if (was_idle) ::getsockopt(native_handle(), SOL_SOCKET, SO_ERROR, &error, &size);
       break;
     }
     ++counters_.receive_calls;
