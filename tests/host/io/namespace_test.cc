@@ -125,7 +125,8 @@ TEST(Namespace, Ipv6AnswersLeaveFromTheAddressThatWasAsked) {
     };
     for (const char* host : {"fd00::6", "fd00::5"}) {
       // The kernel makes the route to an address that was just added in the background.
-      const auto question = to_all(*make_address(host, port_of(server.local_address())), {bytes});
+      const std::vector<Bytes> questions{bytes};
+      const auto question = to_all(*make_address(host, port_of(server.local_address())), questions);
       const auto end = std::chrono::steady_clock::now() + kPatience;
       do {
         client.send(question);
