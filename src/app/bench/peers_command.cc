@@ -6,6 +6,7 @@
 
 #include "app/bench/load_report.h"
 #include "app/bench/peers_report.h"
+#include "app/peers_testbed/quick.h"
 #include "app/peers_testbed/series.h"
 #include "host/process/failure.h"
 #include "host/process/signals.h"
@@ -20,6 +21,9 @@ constexpr std::size_t kLeastBytes = 64;
 constexpr double kLeastDeadline = 1;
 constexpr double kMostDeadline = 60'000;
 constexpr std::size_t kMostMessages = 100'000;
+// Seconds; wide, too.
+constexpr double kLeastSeconds = 1;
+constexpr double kMostSeconds = 86'400;
 
 struct Options {
   std::vector<std::string> scenarios;
@@ -27,7 +31,9 @@ struct Options {
   std::vector<std::size_t> sizes;
   std::vector<double> deadlines;
   std::size_t messages = 100;
+  std::optional<double> seconds{};
   std::uint64_t seed = 1;
+  bool quick = false;
   bool json = false;
   std::string plot;
 };
@@ -46,6 +52,7 @@ peers::Choice choice_of(const Options& o) {
   choice.sizes = o.sizes;
   for (const double ms : o.deadlines) choice.deadlines.push_back(from_ms(ms));
   choice.messages = o.messages;
+  if (o.seconds) choice.length = from_ms(1e3 * *o.seconds);
   choice.seed = o.seed;
   return choice;
 }
@@ -55,7 +62,8 @@ int run_peers(const Options& o) {
     throw Failure(kUsage, "--plot '" + o.plot + "': name a file that ends in .svg or .png");
   }
   const SignalWatch signals;
-  const peers::Compared compared = peers::compare(peers::runs_of(choice_of(o)));
+  const peers::Compared compared =
+      peers::compare(o.quick ? peers::quick_runs(o.seed) : peers::runs_of(choice_of(o)));
   if (o.json) {
     fmt::print("{}\n", peers_json(compared).dump(2));
   } else {
@@ -75,7 +83,8 @@ std::string footer() {
   for (const peers::Peer& p : peers::all_peers())
     out += fmt::format("  {:18} {}\n", p.name, p.about);
   return out +
-         "Examples:\n  interneuron bench peers clean loss hole --size 128KiB --messages 600\n"
+         "Examples:\n  interneuron bench peers --quick --plot peers.svg\n  interneuron bench peers "
+         "clean loss hole --size 128KiB --messages 600\n"
          "  interneuron bench peers hole --peer ours_duplicate,mptcp --deadline 100\n"
          "  interneuron bench peers drive-5g-4g --json > peers.json\n"
          "  interneuron bench peers clean loss --size 5KB,128KiB --plot peers.svg";
@@ -87,21 +96,31 @@ void add_peers(CLI::App& bench, std::function<int()>& run) {
   auto o = std::make_shared<Options>();
   CLI::App* c = bench.add_subcommand(
       "peers", "Misses, bytes and processor time beside UDP, TCP, MPTCP and more, on the testbed");
-  c->add_option("SCENARIO", o->scenarios, "Under which conditions (default: all)")
-      ->check(CLI::IsMember(names_of(peers::all_scenarios())));
+  CLI::Option* quick = c->add_flag("--quick", o->quick, "A selection of everything, in 15 minutes");
+  CLI::Option* scenarios =
+      c->add_option("SCENARIO", o->scenarios, "Under which conditions (default: all)")
+          ->check(CLI::IsMember(names_of(peers::all_scenarios())));
+  quick->excludes(scenarios);
   const auto list = [c](const char* name, auto& into, const char* about) {
     return c->add_option(name, into, about)->delimiter(',')->take_all()->allow_extra_args(false);
   };
-  list("--peer", o->peers, "What is compared; once per peer, or with commas (default: all)")
-      ->check(CLI::IsMember(names_of(peers::all_peers())));
-  list("--size", o->sizes, "Bytes of a message, or 5KB, 128KiB (default: 5KB, 128KiB, 1MB)")
-      ->transform(CLI::AsSizeValue(true))
-      ->check(CLI::Range(kLeastBytes, kMaxMessageBytes));
-  list("--deadline", o->deadlines, "Milliseconds (default: 100, 150, 300)")
-      ->check(CLI::Range(kLeastDeadline, kMostDeadline));
-  c->add_option("--messages", o->messages, "How many, of each run")
-      ->capture_default_str()
-      ->check(CLI::Range(std::size_t{1}, kMostMessages));
+  quick->excludes(
+      list("--peer", o->peers, "What is compared; once per peer, or with commas (default: all)")
+          ->check(CLI::IsMember(names_of(peers::all_peers()))));
+  quick->excludes(
+      list("--size", o->sizes, "Bytes of a message, or 5KB, 128KiB (default: 5KB, 128KiB, 1MB)")
+          ->transform(CLI::AsSizeValue(true))
+          ->check(CLI::Range(kLeastBytes, kMaxMessageBytes)));
+  quick->excludes(list("--deadline", o->deadlines, "Milliseconds (default: 100, 150, 300)")
+                      ->check(CLI::Range(kLeastDeadline, kMostDeadline)));
+  CLI::Option* messages = c->add_option("--messages", o->messages, "How many, of each run")
+                              ->capture_default_str()
+                              ->check(CLI::Range(std::size_t{1}, kMostMessages));
+  CLI::Option* seconds =
+      c->add_option("--seconds", o->seconds, "How long each run sends, in place of --messages")
+          ->check(CLI::Range(kLeastSeconds, kMostSeconds));
+  quick->excludes(messages)->excludes(seconds);
+  seconds->excludes(messages);
   c->add_option("--seed", o->seed, "Seed of the links")->capture_default_str();
   c->add_flag("--json", o->json, "The rows as JSON on stdout (docs/schema/peers.json)");
   c->add_option("--plot", o->plot, "Draws misses and bytes of every peer, .svg or .png");

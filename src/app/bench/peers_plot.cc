@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <iterator>
 
 #include "app/bench/peers_report.h"
 #include "host/process/failure.h"
@@ -40,28 +41,57 @@ auto distinct(const std::vector<Row>& rows, Key key) {
   return out;
 }
 
-// Where things are, and what there is.
-struct Layout {
-  std::vector<std::size_t> sizes;
+// The panels of one size: only what was run of it has a place.
+struct Band {
+  std::size_t bytes = 0;
+  std::vector<Row> rows;
   std::vector<const peers::Scenario*> scenarios;
   std::vector<const peers::Peer*> peers;
-  std::vector<Duration> deadlines;
+  // By which bytes and processor time are shown.
+  Duration deadline{};
 
-  explicit Layout(const std::vector<Row>& rows)
-      : sizes(distinct(rows, [](const Row& r) { return r.message_bytes; })),
-        scenarios(distinct(rows, [](const Row& r) { return r.scenario; })),
-        peers(distinct(rows, [](const Row& r) { return r.peer; })),
-        deadlines(distinct(rows, [](const Row& r) { return r.deadline; })) {}
+  Band(std::size_t size, const std::vector<Row>& all) : bytes(size) {
+    std::ranges::copy_if(all, std::back_inserter(rows),
+                         [size](const Row& r) { return r.message_bytes == size; });
+    scenarios = distinct(rows, [](const Row& r) { return r.scenario; });
+    peers = distinct(rows, [](const Row& r) { return r.peer; });
+    deadline = std::ranges::min(rows, {}, &Row::deadline).deadline;
+  }
 
   // Misses for each scenario, then bytes, then processor time.
   std::size_t columns() const { return scenarios.size() + 2; }
-  int width() const { return kNames + kColumn * static_cast<int>(columns()) + kGap; }
   int panel_height() const { return kPeerHeight * static_cast<int>(peers.size()); }
-  int row_height() const { return kTitle + panel_height() + kAxis; }
-  int height() const { return kKey + row_height() * static_cast<int>(sizes.size()); }
-
+  int height() const { return kTitle + panel_height() + kAxis; }
   std::size_t place_of(const peers::Peer* peer) const {
     return static_cast<std::size_t>(std::ranges::find(peers, peer) - peers.begin());
+  }
+};
+
+// Where things are, and what there is.
+struct Layout {
+  std::vector<Band> bands;
+  std::vector<Duration> deadlines;
+
+  explicit Layout(const std::vector<Row>& rows)
+      : deadlines(distinct(rows, [](const Row& r) { return r.deadline; })) {
+    std::ranges::sort(deadlines);
+    for (const std::size_t bytes : distinct(rows, [](const Row& r) { return r.message_bytes; })) {
+      bands.emplace_back(bytes, rows);
+    }
+    std::ranges::sort(bands, {}, &Band::bytes);
+  }
+
+  int width() const {
+    std::size_t columns = 0;
+    for (const Band& band : bands) columns = std::max(columns, band.columns());
+    return kNames + kColumn * static_cast<int>(columns) + kGap;
+  }
+  int height() const { return top_of(bands.size()); }
+  // Pixels above a band.
+  int top_of(std::size_t band) const {
+    int out = kKey;
+    for (std::size_t i = 0; i < band; ++i) out += bands[i].height();
+    return out;
   }
   const char* colour_of(Duration deadline) const {
     const auto place =
@@ -86,20 +116,20 @@ struct Axis {
 
 std::string panel(const Layout& l, std::size_t row, std::size_t column, const Axis& axis,
                   const std::vector<Series>& series) {
+  const Band& band = l.bands[row];
   const double width = l.width();
   const double height = l.height();
   const double left = kNames + kColumn * static_cast<double>(column) + kGap / 2.0;
-  const double top =
-      height - kKey - static_cast<double>(l.row_height()) * static_cast<double>(row) - kTitle;
+  const double top = height - l.top_of(row) - kTitle;
   std::string out = fmt::format(
       "set lmargin at screen {:.4f}\nset rmargin at screen {:.4f}\nset tmargin at screen {:.4f}\n"
       "set bmargin at screen {:.4f}\nset title {}\nset xlabel {}\n{}\n",
       left / width, (left + kColumn - kGap) / width, top / height,
-      (top - l.panel_height()) / height, report::gnuplot_text(axis.title),
+      (top - band.panel_height()) / height, report::gnuplot_text(axis.title),
       report::gnuplot_text(axis.label), axis.range);
   std::string tics;
-  for (std::size_t i = 0; i < l.peers.size(); ++i) {
-    const std::string name = column == 0 ? std::string(l.peers[i]->name) : "";
+  for (std::size_t i = 0; i < band.peers.size(); ++i) {
+    const std::string name = column == 0 ? std::string(band.peers[i]->name) : "";
     tics += fmt::format("{}'{}' {}", i == 0 ? "" : ", ", name, i);
   }
   out += fmt::format("set ytics ({})\n", tics);
@@ -118,22 +148,22 @@ std::string panel(const Layout& l, std::size_t row, std::size_t column, const Ax
 }
 
 // A little apart, so that equal ones can be told.
-double place_of(const Layout& l, const Row& r, std::size_t which, std::size_t of) {
+double place_of(const Band& band, const Row& r, std::size_t which, std::size_t of) {
   constexpr double kSpread = 0.44;
   const double step = of > 1 ? kSpread / static_cast<double>(of - 1) : 0;
-  return static_cast<double>(l.place_of(r.peer)) +
+  return static_cast<double>(band.place_of(r.peer)) +
          (of > 1 ? step * static_cast<double>(which) - kSpread / 2 : 0);
 }
 
-std::vector<Series> misses(const Layout& l, const std::vector<const Row*>& rows) {
+std::vector<Series> misses(const Layout& l, const Band& band, const peers::Scenario* scenario) {
   std::vector<Series> out;
   for (std::size_t d = 0; d < l.deadlines.size(); ++d) {
     Series series{l.colour_of(l.deadlines[d]), {}};
-    for (const Row* r : rows) {
-      if (r->deadline != l.deadlines[d] || r->messages == 0) continue;
-      const double share = 100 * static_cast<double>(r->missed) / static_cast<double>(r->messages);
-      series.dots.emplace_back(r->missed == 0 ? kNone : std::max(kLeastShown, share),
-                               place_of(l, *r, d, l.deadlines.size()));
+    for (const Row& r : band.rows) {
+      if (r.scenario != scenario || r.deadline != l.deadlines[d] || r.messages == 0) continue;
+      const double share = 100 * static_cast<double>(r.missed) / static_cast<double>(r.messages);
+      series.dots.emplace_back(r.missed == 0 ? kNone : std::max(kLeastShown, share),
+                               place_of(band, r, d, l.deadlines.size()));
     }
     out.push_back(std::move(series));
   }
@@ -141,41 +171,35 @@ std::vector<Series> misses(const Layout& l, const std::vector<const Row*>& rows)
 }
 
 // Of one size.
-std::string row_of_panels(const Layout& l, std::size_t row, const std::vector<Row>& rows) {
-  std::vector<const Row*> here;
+std::string row_of_panels(const Layout& l, std::size_t row) {
+  const Band& band = l.bands[row];
   std::vector<Series> bytes{{report::kGrey, {}}};
   std::vector<Series> time{{report::kRed, {}}, {report::kPurple, {}}};
-  for (const Row& r : rows) {
-    if (r.message_bytes != l.sizes[row]) continue;
-    here.push_back(&r);
-    if (r.deadline != l.deadlines.front()) continue;
-    bytes[0].dots.emplace_back(r.wire_ratio, place_of(l, r, 0, 1));
-    time[0].dots.emplace_back(r.cpu_us_send, place_of(l, r, 0, 2));
-    if (r.cpu_us_receive) time[1].dots.emplace_back(*r.cpu_us_receive, place_of(l, r, 1, 2));
+  for (const Row& r : band.rows) {
+    if (r.deadline != band.deadline) continue;
+    bytes[0].dots.emplace_back(r.wire_ratio, place_of(band, r, 0, 1));
+    time[0].dots.emplace_back(r.cpu_us_send, place_of(band, r, 0, 2));
+    if (r.cpu_us_receive) time[1].dots.emplace_back(*r.cpu_us_receive, place_of(band, r, 1, 2));
   }
   const std::string shares = fmt::format(
       "set logscale x\nset xrange [{}:130]\nset xtics ('0' {}, '1' 1, '10' 10, '100' 100)", 0.08,
       kNone);
   // The name of the row, left of the titles of its panels.
-  const double top = kKey + static_cast<double>(l.row_height()) * static_cast<double>(row);
-  std::string out =
-      fmt::format("set label '{} bytes' at screen {:.4f},{:.4f} right\n", l.sizes[row],
-                  static_cast<double>(kNames) / l.width(), 1 - (top + kTitle * 0.5) / l.height());
-  for (std::size_t s = 0; s < l.scenarios.size(); ++s) {
-    std::vector<const Row*> of_scenario;
-    for (const Row* r : here) {
-      if (r->scenario == l.scenarios[s]) of_scenario.push_back(r);
-    }
-    out += panel(l, row, s, {std::string(l.scenarios[s]->name), "missed, %", shares},
-                 misses(l, of_scenario));
+  std::string out = fmt::format(
+      "set yrange [{}:-0.6]\nset label '{} bytes' at screen {:.4f},{:.4f} right\n",
+      static_cast<double>(band.peers.size()) - 0.4, band.bytes,
+      static_cast<double>(kNames) / l.width(), 1 - (l.top_of(row) + kTitle * 0.5) / l.height());
+  for (std::size_t s = 0; s < band.scenarios.size(); ++s) {
+    out += panel(l, row, s, {std::string(band.scenarios[s]->name), "missed, %", shares},
+                 misses(l, band, band.scenarios[s]));
     // Every panel draws all labels that there are; once is enough.
     out += "unset label\n";
   }
   out +=
-      panel(l, row, l.scenarios.size(),
+      panel(l, row, band.scenarios.size(),
             {"bytes", "IP bytes / payload", "unset logscale\nset xrange [0:*]\nset xtics autofreq"},
             bytes);
-  return out + panel(l, row, l.scenarios.size() + 1,
+  return out + panel(l, row, band.scenarios.size() + 1,
                      {"processor", "us / message",
                       "set logscale x\nset xrange [*:*]\nset xtics autofreq"},
                      time);
@@ -210,11 +234,11 @@ void plot_peers(const std::filesystem::path& file, const std::vector<Row>& rows)
   std::string script = fmt::format(
       "set terminal {} size {},{} noenhanced font 'sans{},11' background rgb 'white'\n"
       "set output {}\nset border 3\nset tics nomirror out\n"
-      "set grid xtics ytics lc rgb '#70888888'\nunset key\nset multiplot\nset yrange [{}:-0.6]\n",
+      "set grid xtics ytics lc rgb '#70888888'\nunset key\nset multiplot\n",
       svg ? "svg" : "pngcairo", l.width(), l.height(), svg ? "-serif" : "",
-      report::gnuplot_text(file.string()), static_cast<double>(l.peers.size()) - 0.4);
+      report::gnuplot_text(file.string()));
   script += key(l);
-  for (std::size_t row = 0; row < l.sizes.size(); ++row) script += row_of_panels(l, row, rows);
+  for (std::size_t row = 0; row < l.bands.size(); ++row) script += row_of_panels(l, row);
   if (!lab::draw(file, script + "unset multiplot\n")) {
     throw Failure(kFailed, "--plot needs gnuplot; install the package gnuplot-nox");
   }

@@ -113,6 +113,11 @@ std::vector<const T*> addresses(std::span<const T> all) {
   return out;
 }
 
+std::size_t messages_of(const Choice& choice, std::size_t bytes) {
+  if (!choice.length) return choice.messages;
+  return static_cast<std::size_t>(std::max<std::int64_t>(1, *choice.length / period_of(bytes)));
+}
+
 }  // namespace
 
 std::span<const Scenario> all_scenarios() { return kScenarios; }
@@ -143,7 +148,7 @@ std::vector<Run> runs_of(const Choice& choice) {
   for (const Scenario* scenario : or_all(choice.scenarios, addresses(all_scenarios()))) {
     for (const std::size_t bytes : or_all(choice.sizes, kSizes)) {
       for (const Peer* peer : or_all(choice.peers, addresses(all_peers()))) {
-        Run run{scenario, peer, bytes, choice.messages, deadlines, choice.seed};
+        Run run{scenario, peer, bytes, messages_of(choice, bytes), deadlines, choice.seed};
         if (!peer->heeds_deadline) {
           out.push_back(run);
           continue;

@@ -70,6 +70,8 @@ struct Choice {
   std::vector<std::size_t> sizes;
   std::vector<Duration> deadlines;
   std::size_t messages = 100;
+  // For how long messages begin in each run, in place of how many they are.
+  std::optional<Duration> length{};
   std::uint64_t seed = 1;
 };
 

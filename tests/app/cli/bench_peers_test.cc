@@ -25,8 +25,10 @@ json compared(const std::string& arguments) {
 }
 
 TEST(BenchPeers, RefusesWhatThereIsNot) {
-  for (const char* arguments : {"nowhere", "clean --peer nobody", "clean --size 10",
-                                "clean --plot x.gif", "clean --deadline 0", "clean --messages 0"}) {
+  for (const char* arguments :
+       {"nowhere", "clean --peer nobody", "clean --size 10", "clean --plot x.gif",
+        "clean --deadline 0", "clean --messages 0", "clean --seconds 0", "--seconds 5 --messages 5",
+        "--quick clean", "--quick --peer udp"}) {
     EXPECT_EQ(run(std::string("bench peers ") + arguments).code, 2) << arguments;
   }
 }
@@ -34,7 +36,8 @@ TEST(BenchPeers, RefusesWhatThereIsNot) {
 TEST(BenchPeers, ItsHelpNamesScenariosAndPeers) {
   const Ran help = run("bench peers --help");
   EXPECT_EQ(help.code, 0);
-  for (const char* text : {"drive-lte-highway", "ours_down_sampling", "mptcp", "Examples:"}) {
+  for (const char* text :
+       {"drive-lte-highway", "ours_down_sampling", "ours_failover", "mptcp", "Examples:"}) {
     EXPECT_NE(help.output.find(text), std::string::npos) << text << "\n" << help.output;
   }
   EXPECT_EQ(run("bench --help").output.find("play"), std::string::npos);
@@ -52,6 +55,13 @@ TEST(BenchPeers, WritesARowForEachDeadline) {
   }
   EXPECT_EQ(document["rows"][0]["deadline_ms"], 150);
   EXPECT_EQ(document["rows"][1]["deadline_ms"], 300);
+}
+
+TEST(BenchPeers, ALengthSaysHowManyMessagesThereAre) {
+  if (const std::string reason = no_testbed(); !reason.empty()) GTEST_SKIP() << reason;
+  const json document = compared("clean --size 1MB --seconds 1 --peer udp --deadline 300");
+  ASSERT_EQ(document["rows"].size(), 1U);
+  EXPECT_EQ(document["rows"][0]["messages"], 2);
 }
 
 class BenchPeersRun : public testing::TestWithParam<const char*> {};
@@ -83,8 +93,9 @@ TEST_P(BenchPeersRun, GivesARowOfTheSchema) {
 // UDP and TCP over one link are in the cases beneath.
 INSTANTIATE_TEST_SUITE_P(Peers, BenchPeersRun,
                          testing::Values("ours_best_link", "ours_duplicate", "ours_down_sampling",
-                                         "udp_duplicate", "mptcp", "srt_backup", "srt_broadcast",
-                                         "fastdds_stock", "fastdds_tuned"),
+                                         "ours_coded", "ours_stripe", "ours_shadow",
+                                         "ours_failover", "udp_duplicate", "mptcp", "srt_backup",
+                                         "srt_broadcast", "fastdds_stock", "fastdds_tuned"),
                          [](const auto& test) { return std::string(test.param); });
 
 TEST(BenchPeers, ShowsATable) {
@@ -100,7 +111,8 @@ TEST(BenchPeers, DrawsItsPicture) {
   if (const std::string reason = no_testbed(); !reason.empty()) GTEST_SKIP() << reason;
   const TempFolder folder;
   const std::string file = (folder / "peers.svg").string();
-  const Ran ran = run("bench peers clean --size 5KB --messages 5 --peer udp --plot '" + file + "'");
+  const Ran ran =
+      run("bench peers clean --size 5KB,128KiB --messages 5 --peer udp --plot '" + file + "'");
   EXPECT_EQ(ran.code, 0) << ran.output;
   EXPECT_GT(std::filesystem::file_size(file), 1000U);
 }

@@ -80,6 +80,22 @@ TEST(Scenarios, APeerThatHeedsDeadlinesHasARunForEach) {
   EXPECT_EQ(transport_of(*runs[3].peer), (cli::Transport{cli::Kind::kMptcp, "cubic"}));
 }
 
+TEST(Scenarios, ALengthStandsForAsManyMessagesAsItHolds) {
+  Choice choice;
+  choice.scenarios = {scenario_of("clean")};
+  choice.peers = {peer_of("udp")};
+  choice.messages = 20;
+  choice.length = 3s;
+  const auto runs = runs_of(choice);
+  ASSERT_EQ(runs.size(), 3U);
+  EXPECT_EQ(runs[0].messages, 30U);
+  EXPECT_EQ(runs[1].messages, 30U);
+  // One every 500 ms.
+  EXPECT_EQ(runs[2].messages, 6U);
+  choice.length = 1ms;
+  EXPECT_EQ(runs_of(choice)[0].messages, 1U);
+}
+
 TEST(Scenarios, WithoutAChoiceEverythingIsRun) {
   std::size_t of_a_scenario = 0;
   for (const Peer& p : all_peers()) of_a_scenario += p.heeds_deadline ? kDeadlines.size() : 1;
