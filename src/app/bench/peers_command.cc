@@ -2,10 +2,13 @@
 
 #include <fmt/format.h>
 
+#include <filesystem>
+#include <fstream>
 #include <memory>
 
 #include "app/bench/load_report.h"
 #include "app/bench/peers_report.h"
+#include "app/peers_testbed/page.h"
 #include "app/peers_testbed/quick.h"
 #include "app/peers_testbed/series.h"
 #include "host/process/failure.h"
@@ -36,6 +39,7 @@ struct Options {
   bool quick = false;
   bool json = false;
   std::string plot;
+  std::string page;
 };
 
 template <class T>
@@ -57,9 +61,22 @@ peers::Choice choice_of(const Options& o) {
   return choice;
 }
 
+void write_page(const std::string& file, const std::vector<peers::Row>& rows) {
+  std::ofstream out(file);
+  out << peers::page_of(rows);
+  out.close();
+  if (!out) throw Failure(kFailed, "'" + file + "' could not be written");
+}
+
 int run_peers(const Options& o) {
   if (!o.plot.empty() && !is_picture(o.plot)) {
     throw Failure(kUsage, "--plot '" + o.plot + "': name a file that ends in .svg or .png");
+  }
+  // A run takes too long to find out at its end.
+  for (const std::string& file : {o.plot, o.page}) {
+    const std::filesystem::path folder = std::filesystem::path(file).parent_path();
+    if (folder.empty() || std::filesystem::is_directory(folder)) continue;
+    throw Failure(kConfiguration, "'" + file + "': there is no folder '" + folder.string() + "'");
   }
   const SignalWatch signals;
   const peers::Compared compared =
@@ -69,8 +86,12 @@ int run_peers(const Options& o) {
   } else {
     print_peers(compared);
   }
+  if (!o.page.empty()) write_page(o.page, compared.rows);
   if (!o.plot.empty()) plot_peers(o.plot, compared.rows);
-  if (!o.plot.empty() && !o.json) fmt::print("\nwritten to {}\n", o.plot);
+  if (o.json) return kFine;
+  for (const std::string& file : {o.plot, o.page}) {
+    if (!file.empty()) fmt::print("\nwritten to {}\n", file);
+  }
   return kFine;
 }
 
@@ -83,7 +104,8 @@ std::string footer() {
   for (const peers::Peer& p : peers::all_peers())
     out += fmt::format("  {:18} {}\n", p.name, p.about);
   return out +
-         "Examples:\n  interneuron bench peers --quick --plot peers.svg\n  interneuron bench peers "
+         "Examples:\n  interneuron bench peers --quick --json --plot peers.svg > peers.json\n  "
+         "interneuron bench peers "
          "clean loss hole --size 128KiB --messages 600\n"
          "  interneuron bench peers hole --peer ours_duplicate,mptcp --deadline 100\n"
          "  interneuron bench peers drive-5g-4g --json > peers.json\n"
@@ -96,7 +118,7 @@ void add_peers(CLI::App& bench, std::function<int()>& run) {
   auto o = std::make_shared<Options>();
   CLI::App* c = bench.add_subcommand(
       "peers", "Misses, bytes and processor time beside UDP, TCP, MPTCP and more, on the testbed");
-  CLI::Option* quick = c->add_flag("--quick", o->quick, "A selection of everything, in 15 minutes");
+  CLI::Option* quick = c->add_flag("--quick", o->quick, "A selection of everything, in 25 minutes");
   CLI::Option* scenarios =
       c->add_option("SCENARIO", o->scenarios, "Under which conditions (default: all)")
           ->check(CLI::IsMember(names_of(peers::all_scenarios())));
@@ -124,6 +146,7 @@ void add_peers(CLI::App& bench, std::function<int()>& run) {
   c->add_option("--seed", o->seed, "Seed of the links")->capture_default_str();
   c->add_flag("--json", o->json, "The rows as JSON on stdout (docs/schema/peers.json)");
   c->add_option("--plot", o->plot, "Draws misses and bytes of every peer, .svg or .png");
+  c->add_option("--page", o->page, "Writes the rows to a file as tables of Markdown");
   c->footer(footer());
   c->callback([&run, o] { run = [o] { return run_peers(*o); }; });
 }

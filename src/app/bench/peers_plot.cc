@@ -195,14 +195,15 @@ std::string row_of_panels(const Layout& l, std::size_t row) {
     // Every panel draws all labels that there are; once is enough.
     out += "unset label\n";
   }
-  out +=
-      panel(l, row, band.scenarios.size(),
-            {"bytes", "IP bytes / payload", "unset logscale\nset xrange [0:*]\nset xtics autofreq"},
-            bytes);
-  return out + panel(l, row, band.scenarios.size() + 1,
-                     {"processor", "us / message",
-                      "set logscale x\nset xrange [*:*]\nset xtics autofreq"},
-                     time);
+  out += panel(l, row, band.scenarios.size(),
+               {"bytes", "IP bytes / payload",
+                "unset logscale\nset xrange [0:*]\nset xtics autofreq\nset format x '%g'"},
+               bytes);
+  return out +
+         panel(l, row, band.scenarios.size() + 1,
+               {"processor", "us / message",
+                "set logscale x\nset xrange [*:*]\nset xtics autofreq\nset format x '%.0s%c'"},
+               time);
 }
 
 // What the colours mean, in a line above all panels.

@@ -30,6 +30,8 @@ lab::Json row_json(const Row& r) {
           {"p99_ms", known(r.p99_ms)},
           {"cpu_us_send", rounded(r.cpu_us_send)},
           {"cpu_us_receive", known(r.cpu_us_receive)},
+          {"missed_numbers", r.missed_numbers},
+          {"emulator_late_ms", rounded(r.emulator_late_ms)},
           {"seed", r.seed}};
 }
 

@@ -43,11 +43,13 @@ std::vector<Row> rows_of(const Run& run, const cli::VehiclesRecord& vehicle,
   for (const Duration deadline : run.deadlines) {
     Row row{run.scenario, run.peer, run.message_bytes, run.period(),
             deadline,     run.seed, fates.size()};
-    for (const Fate& fate : fates) {
+    for (std::size_t number = 0; number < fates.size(); ++number) {
+      const Fate& fate = fates[number];
       const bool on_time = fate.age <= deadline;
-      row.missed += on_time ? 0 : 1;
+      if (!on_time) row.missed_numbers.push_back(number);
       row.degraded += on_time && fate.variant > 0 ? 1 : 0;
     }
+    row.missed = row.missed_numbers.size();
     row.p50_ms = age_ms(fates, 0.50);
     row.p99_ms = age_ms(fates, 0.99);
     if (!fates.empty()) {

@@ -32,6 +32,10 @@ struct Row {
   double cpu_us_send = 0;
   // Nothing: fewer than two messages came.
   std::optional<double> cpu_us_receive{};
+  // Which messages those without any variant were, counted from 0, in order.
+  std::vector<std::size_t> missed_numbers{};
+  // By how much the emulator was late with a packet at most: a message may be missed for that.
+  double emulator_late_ms = 0;
 };
 
 // One row for each deadline of the run.

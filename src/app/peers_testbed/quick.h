@@ -1,4 +1,4 @@
-// The runs of `bench peers --quick`: what there is to see in a quarter of an hour.
+// The runs of `bench peers --quick`: what there is to see in less than 25 minutes.
 //
 // Everything that is compared takes hours. Here the peers meet in messages of 128 KiB with a
 // deadline of 100 ms under one condition after the other; what becomes of other sizes and deadlines

@@ -73,7 +73,9 @@ Ran play_run(const Run& run, const fs::path& folder) {
   };
   const cli::Played played =
       cli::play(testbed.state(), order_of(run, testbed.state(), folder), hole);
-  return {rows_of(run, played.vehicles, played.road), played.doubt};
+  Ran ran{rows_of(run, played.vehicles, played.road), played.doubt};
+  for (Row& row : ran.rows) row.emulator_late_ms = played.after.lateness_max_us / 1e3;
+  return ran;
 }
 
 Duration time_of_run(const Run& run) {

@@ -33,6 +33,15 @@ TEST(BenchPeers, RefusesWhatThereIsNot) {
   }
 }
 
+TEST(BenchPeers, ANamedFolderThatIsMissingIsToldBeforeAnyRun) {
+  for (const char* option : {"--page", "--plot"}) {
+    const Ran ran =
+        run(std::string("bench peers clean --peer udp ") + option + " nowhere/at/all.svg");
+    EXPECT_EQ(ran.code, 3) << ran.output;
+    EXPECT_NE(ran.output.find("nowhere/at"), std::string::npos) << ran.output;
+  }
+}
+
 TEST(BenchPeers, ItsHelpNamesScenariosAndPeers) {
   const Ran help = run("bench peers --help");
   EXPECT_EQ(help.code, 0);
@@ -107,14 +116,20 @@ TEST(BenchPeers, ShowsATable) {
   }
 }
 
-TEST(BenchPeers, DrawsItsPicture) {
+TEST(BenchPeers, DrawsItsPictureAndWritesItsPage) {
   if (const std::string reason = no_testbed(); !reason.empty()) GTEST_SKIP() << reason;
   const TempFolder folder;
   const std::string file = (folder / "peers.svg").string();
-  const Ran ran =
-      run("bench peers clean --size 5KB,128KiB --messages 5 --peer udp --plot '" + file + "'");
+  const std::string page = (folder / "peers.md").string();
+  const Ran ran = run("bench peers clean --size 5KB,128KiB --messages 5 --peer udp --plot '" +
+                      file + "' --page '" + page + "'");
   EXPECT_EQ(ran.code, 0) << ran.output;
   EXPECT_GT(std::filesystem::file_size(file), 1000U);
+  std::ifstream in(page);
+  const std::string text{std::istreambuf_iterator<char>(in), {}};
+  for (const char* words : {"clean, 5 KB, 300 ms, 5 messages", "clean, 128 KiB", "| `udp` |"}) {
+    EXPECT_NE(text.find(words), std::string::npos) << words << "\n" << text;
+  }
 }
 
 TEST(BenchPeers, AHoleStopsTheFirstLinkInMidRun) {
@@ -126,6 +141,9 @@ TEST(BenchPeers, AHoleStopsTheFirstLinkInMidRun) {
   EXPECT_GE(document["rows"][0]["missed"], 8);
   EXPECT_LE(document["rows"][0]["missed"], 12);
   EXPECT_LT(document["rows"][1]["missed"], 8);
+  const json& numbers = document["rows"][0]["missed_numbers"];
+  ASSERT_EQ(numbers.size(), document["rows"][0]["missed"]);
+  EXPECT_EQ(numbers.back(), 19);
 }
 
 TEST(BenchPeers, LeavesNothingWhenItIsInterrupted) {

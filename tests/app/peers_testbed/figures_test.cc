@@ -27,6 +27,8 @@ TEST(Figures, MissesAreCountedAtEachDeadline) {
   EXPECT_EQ(rows[1].missed, 2U);
   EXPECT_EQ(rows[2].missed, 1U);
   EXPECT_EQ(rows[2].deadline, 300ms);
+  EXPECT_EQ(rows[0].missed_numbers, (std::vector<std::size_t>{1, 2, 3}));
+  EXPECT_EQ(rows[2].missed_numbers, std::vector<std::size_t>{2});
   for (const Row& row : rows) {
     EXPECT_EQ(row.messages, 4U);
     EXPECT_EQ(row.degraded, 0U);
