@@ -102,6 +102,9 @@ struct FrameContext {
   // The kernel or the NIC has verified the UDP checksum, or the frame has not left this host and
   // nobody has computed it yet; then it is not looked at.
   bool checksum_known = false;
+  // Nobody says whether the UDP checksum has been computed: one that is the sum over the pseudo
+  // header alone, as a sender on this host leaves it to its NIC, is as good as a right one.
+  bool may_be_partial = false;
   // Whether addresses of the loopback card may come from this device.
   bool loopback = false;
   // The index of the device: the scope of link-local addresses of IPv6.

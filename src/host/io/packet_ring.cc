@@ -127,20 +127,6 @@ void PacketRing::start(std::span<const sock_filter> filter) {
   }
 }
 
-std::optional<PacketRing::Device> PacketRing::device() const {
-  sockaddr_ll address{};
-  socklen_t size = sizeof address;
-  if (::getsockname(socket_.get(), reinterpret_cast<sockaddr*>(&address), &size) != 0 ||
-      address.sll_ifindex != index_) {
-    return std::nullopt;
-  }
-  Device out{.type = address.sll_hatype};
-  if (address.sll_halen == out.mac.size()) {
-    std::memcpy(out.mac.data(), address.sll_addr, out.mac.size());
-  }
-  return out;
-}
-
 void PacketRing::release() {
   if (block_ == nullptr) return;
   // After everything that was read of the block.

@@ -24,7 +24,6 @@
 #include <string>
 
 #include "host/io/file_descriptor.h"
-#include "host/io/frame.h"
 #include "interneuron/time.h"
 #include "interneuron/units.h"
 
@@ -91,13 +90,6 @@ class PacketRing {
   void start(std::span<const sock_filter> filter);
 
   int native_handle() const { return socket_.get(); }
-  // The type of the device's frames (ARPHRD_ETHER, …) and its hardware address, as they are now;
-  // nothing when the device is gone.
-  struct Device {
-    std::uint16_t type = 0;
-    Mac mac{};
-  };
-  std::optional<Device> device() const;
   std::size_t send_buffer_bytes() const { return send_buffer_bytes_; }
 
   // Gives back the block that was handed over last and takes the next one; false when there is
