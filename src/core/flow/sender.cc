@@ -314,12 +314,9 @@ std::optional<TimePoint> Sender::next_send(LinkId path) const {
   return saturating_add(it->second.free_at, kQuantum);
 }
 
-bool Sender::is_queued(MessageId message) const {
+bool Sender::is_surely_incomplete(MessageId message) const {
   const Message* known = messages_.find(message);
-  return known != nullptr && std::ranges::count_if(paths_, [message](const auto& entry) {
-                               const Job* job = entry.second.jobs.find(message);
-                               return job != nullptr && job->next < job->count;
-                             }) == known->paths;
+  return known != nullptr && known->is_surely_incomplete();
 }
 
 // Where there is room for everything, the earliest deadline first is best for everything. Where

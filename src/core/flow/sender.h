@@ -125,8 +125,8 @@ class Sender {
   void settle_overdue(std::span<const wire::LinkReport> reports, std::optional<TimePoint> left) {
     for (const wire::LinkReport& report : reports) overdue_.report(report, left);
   }
-  // Whether on each path that it goes over a piece of this message has not left yet.
-  bool is_queued(MessageId message) const;
+  // Whether so little of this message has left, over whichever path, that the peer cannot have it.
+  bool is_surely_incomplete(MessageId message) const;
   // Bytes that this path has to send before a message of this deadline and importance.
   std::size_t queued_before(LinkId path, TimePoint deadline, std::uint8_t importance) const;
 

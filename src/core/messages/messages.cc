@@ -197,7 +197,7 @@ void Messages::supersede(TimePoint now, PeerId to, std::uint16_t channel) {
     const SentMessages::Entry& entry = *sent_.find(id);
     if (!entry.newest_only || entry.channel != channel) continue;
     const bool left = std::ranges::any_of(
-        entry.variants, [peer](const auto& v) { return !peer->is_queued(v.message); });
+        entry.variants, [peer](const auto& v) { return !peer->is_surely_incomplete(v.message); });
     if (left) continue;
     stop(*peer, entry);
     tell(sent_.end(id, Fate::kDropped, FateReason::kSuperseded));

@@ -98,7 +98,8 @@ std::optional<MessageFate> SentMessages::end(SendId id, Fate fate, FateReason re
   if (it == entries_.end()) return std::nullopt;
   // A variant that was late says more than the others that came not at all; but not where one may
   // have come of which nothing was heard.
-  if (it->second.late && fate != Fate::kUnknown) return remove(it, *it->second.late);
+  const bool others_did_not_come = fate != Fate::kUnknown && reason != FateReason::kCancelled;
+  if (it->second.late && others_did_not_come) return remove(it, *it->second.late);
   return remove(it, {.fate = fate, .reason = reason});
 }
 

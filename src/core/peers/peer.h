@@ -112,8 +112,10 @@ class Peer {
   }
   // Nothing more of this message is sent.
   void cancel(MessageId message) { sender_.cancel(message); }
-  // Whether on each path that it goes over a piece of this message has not left yet.
-  bool is_queued(MessageId message) const { return sender_.is_queued(message); }
+  // Whether so little of this message has left, over whichever path, that the peer cannot have it.
+  bool is_surely_incomplete(MessageId message) const {
+    return sender_.is_surely_incomplete(message);
+  }
   // Bytes that this path has to send before a message of this deadline and importance.
   std::size_t queued_before(LinkId path, TimePoint deadline, std::uint8_t importance) const {
     return sender_.queued_before(path, deadline, importance);

@@ -320,6 +320,18 @@ TEST(SenderRescue, ASmallerVariantWhereTheRestHasNoTime) {
   EXPECT_EQ(p.run(74ms), 40);
 }
 
+TEST(SenderRescue, MayCompleteWhatHasNotLeftOverItsOwnPath) {
+  Standby p;
+  // At 100 kbit/s a piece leaves kA every 100 ms.
+  p.set(kA, 10ms, 0.1);
+  const MessageId id = p.send(50, 80ms, Standby::over_b());
+  EXPECT_LT(p.run(20ms), 50);
+  EXPECT_TRUE(p.sender.is_surely_incomplete(id));
+  p.run(79ms);
+  EXPECT_LT(p.sent.size(), 50U);
+  EXPECT_FALSE(p.sender.is_surely_incomplete(id));
+}
+
 TEST(SenderRescue, NotOverAPathThatIsSuspectedOrGone) {
   Standby p;
   p.send(50, 80ms, Standby::over_b());

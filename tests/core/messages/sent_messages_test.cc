@@ -79,6 +79,12 @@ TEST(SentMessages, WhereNothingWasHeardOfAVariantAnotherThatWasLateSaysNothing) 
   const SendId id = out.add(entry({10, 11}));
   EXPECT_FALSE(out.late(kPeer, MessageId{10}, {105ms, 5ms}));
   EXPECT_EQ(out.end(id, Fate::kUnknown, FateReason::kExpired)->fate, Fate::kUnknown);
+  // What was cancelled may come nevertheless.
+  const SendId cancelled = out.add(entry({30, 31}));
+  EXPECT_FALSE(out.late(kPeer, MessageId{30}, {105ms, 5ms}));
+  const auto fate = out.end(cancelled, Fate::kDropped, FateReason::kCancelled);
+  EXPECT_EQ(fate->fate, Fate::kDropped);
+  EXPECT_EQ(fate->reason, FateReason::kCancelled);
   out.add(entry({20, 21}));
   EXPECT_FALSE(out.late(kPeer, MessageId{20}, {105ms, 5ms}));
   EXPECT_EQ(out.dropped(kPeer, MessageId{21}, FateReason::kExpired)->fate, Fate::kLate);
