@@ -19,6 +19,9 @@ enum class TransportKind : std::uint8_t {
   // A packet socket with a ring of packets for each link: needs CAP_NET_RAW, and bypasses nftables
   // and NAT of this host.
   kRing,
+  // AF_XDP sockets and a program on the NIC for each link: needs CAP_NET_RAW, CAP_NET_ADMIN and
+  // CAP_BPF of the host and NICs with Ethernet headers, and bypasses as much.
+  kXdp,
 };
 
 // A link by the name of its NIC.

@@ -11,9 +11,8 @@
 #include <thread>
 
 #include "host/io/address.h"
-#include "host/io/ring_transport.h"
+#include "host/io/open_transport.h"
 #include "host/io/steady_clock.h"
-#include "host/io/udp_transport.h"
 #include "host/process/signals.h"
 #include "netns/wiring/namespaces.h"
 #include "netns/wiring/nics.h"
@@ -47,8 +46,7 @@ class Wire {
     io::UdpOptions options;
     options.nic = kNic;
     options.local = make_address(kHosts[side], 0).value();
-    if (kind == TransportKind::kRing) return std::make_unique<io::RingTransport>(options);
-    return std::make_unique<io::UdpTransport>(options);
+    return io::open_transport(kind, options).transport;
   }
 
  private:

@@ -46,8 +46,8 @@ struct Transport {
   std::string_view name;
   TransportKind kind{};
 };
-inline constexpr std::array<Transport, 2> kTransports{
-    {{"udp", TransportKind::kUdp}, {"ring", TransportKind::kRing}}};
+inline constexpr std::array<Transport, 3> kTransports{
+    {{"udp", TransportKind::kUdp}, {"ring", TransportKind::kRing}, {"xdp", TransportKind::kXdp}}};
 
 inline constexpr int kRepetitions = 5;
 

@@ -7,9 +7,7 @@
 
 #include "host/io/address.h"
 #include "host/io/nic_choice.h"
-#include "host/io/packet_ring.h"
-#include "host/io/ring_transport.h"
-#include "host/io/udp_transport.h"
+#include "host/io/open_transport.h"
 
 namespace interneuron {
 
@@ -101,7 +99,7 @@ void check_options(const NodeOptions& options) {
   check_workers(options.computation_workers, "computation_workers");
   check_workers(options.backup_workers, "backup_workers");
   // A NIC that a rule matches and that cannot be opened is only told of; this is true of them all.
-  if (options.transport == TransportKind::kRing) io::PacketRing::require_privilege();
+  io::require_privilege(options.transport);
 }
 
 EndpointOptions endpoint_options(const NodeOptions& options) {
@@ -126,25 +124,6 @@ void check_link(const NodeOptions& options, const NodeLink& link, const io::Nic&
   }
 }
 
-namespace {
-
-template <class Kind>
-void open_as(const io::UdpOptions& udp, OpenedLink& out) {
-  auto transport = std::make_unique<Kind>(udp);
-  out.warnings = transport->warnings();
-  out.transport = std::move(transport);
-}
-
-void open_transport(TransportKind kind, const io::UdpOptions& udp, OpenedLink& out) {
-  if (kind == TransportKind::kRing) {
-    open_as<io::RingTransport>(udp, out);
-  } else {
-    open_as<io::UdpTransport>(udp, out);
-  }
-}
-
-}  // namespace
-
 OpenedLink open_link(const NodeOptions& options, const NodeLink& link, const io::Nic& nic,
                      const Binding& binding) {
   io::UdpOptions udp;
@@ -155,13 +134,16 @@ OpenedLink open_link(const NodeOptions& options, const NodeLink& link, const io:
   if (options.accept_peers && !options.insecure) refuse_public(link, udp.local, nic);
   OpenedLink out;
   out.info = {link.nic, link.mtu != 0 ? link.mtu : nic.mtu, link.traits};
+  io::OpenTransport opened;
   try {
-    open_transport(options.transport, udp, out);
+    opened = io::open_transport(options.transport, udp);
   } catch (const IoError& error) {
     if (error.code() != EADDRINUSE || options.port == binding.port) throw;
     udp.local = io::with_port(udp.local, options.port);
-    open_transport(options.transport, udp, out);
+    opened = io::open_transport(options.transport, udp);
   }
+  out.transport = std::move(opened.transport);
+  out.warnings = std::move(opened.warnings);
   if (options.wrap_transport) {
     out.transport = options.wrap_transport(link.id, std::move(out.transport));
   }

@@ -201,13 +201,15 @@ CLI::Option* add_link_option(CLI::App& command, const std::string& names,
 CLI::Option* add_transport_option(CLI::App& command, std::string& text) {
   return command
       .add_option("--transport", text,
-                  "auto, udp, or ring: a ring of packets beside the kernel's IP layer, which "
-                  "bypasses nftables and NAT of this host and needs CAP_NET_RAW")
+                  "auto, udp, ring or xdp: the last two are beside the kernel's IP layer, bypass "
+                  "nftables and NAT of this host, and need CAP_NET_RAW; xdp also CAP_NET_ADMIN and "
+                  "CAP_BPF")
       ->capture_default_str()
-      ->check(CLI::IsMember({"auto", "udp", "ring"}));
+      ->check(CLI::IsMember({"auto", "udp", "ring", "xdp"}));
 }
 
 TransportKind transport_kind(std::string_view text) {
+  if (text == "xdp") return TransportKind::kXdp;
   return text == "ring" ? TransportKind::kRing : TransportKind::kUdp;
 }
 

@@ -38,8 +38,10 @@ TEST(BenchCoding, ShowsATable) {
 TEST(BenchTransports, WritesARowForEachTransportAndLoad) {
   if (const std::string reason = no_testbed(); !reason.empty()) GTEST_SKIP() << reason;
   const json document = checked("bench transports --seconds 0.1", "transports.json");
-  ASSERT_EQ(document["rows"].size(), 6U);
+  ASSERT_EQ(document["rows"].size(), 9U);
   for (const json& row : document["rows"]) {
+    // AF_XDP needs root of the host; the row says so.
+    if (row["transport"] == "xdp" && row["failure"] != "") continue;
     EXPECT_EQ(row["failure"], "");
     EXPECT_GT(row["datagrams"], 0);
     EXPECT_GT(row["cpu_us_send"], 0);

@@ -32,7 +32,12 @@ inline bool write_file(const char* path, const std::string& text) {
   return ::write(file.get(), text.data(), text.size()) == static_cast<ssize_t>(text.size());
 }
 
-inline bool enter_namespace() {
+// Whose privileges a test has in its namespace: those of the namespace alone, or those of the host
+// as well, as BPF programs need them; without the latter it is skipped.
+enum class Root { kOfNamespace, kOfHost };
+
+inline bool enter_namespace(Root root) {
+  if (root == Root::kOfHost) return ::unshare(CLONE_NEWNET) == 0;
   const std::string uid = std::to_string(::getuid());
   const std::string gid = std::to_string(::getgid());
   if (::unshare(CLONE_NEWUSER | CLONE_NEWNET) != 0) {
@@ -50,12 +55,12 @@ inline bool shell(const std::string& command) {
 
 // Runs `body` in a child with namespaces of its own, so that nothing is left behind. GoogleTest's
 // assertions work in it: the child prints them, and the test fails or is skipped as the body was.
-inline void in_namespace(const std::function<void()>& body) {
+inline void in_namespace(const std::function<void()>& body, Root root = Root::kOfNamespace) {
   std::fflush(nullptr);
   const pid_t child = ::fork();
   ASSERT_GE(child, 0);
   if (child == 0) {
-    const bool ready = enter_namespace() && shell("ip link set lo up") &&
+    const bool ready = enter_namespace(root) && shell("ip link set lo up") &&
                        shell("ip link add va type veth peer name vb") &&
                        shell("ip addr add 10.99.0.1/24 dev va") && shell("ip link set va up") &&
                        shell("ip link set vb up") &&
@@ -74,7 +79,7 @@ inline void in_namespace(const std::function<void()>& body) {
   int status = 0;
   ASSERT_EQ(::waitpid(child, &status, 0), child);
   ASSERT_TRUE(WIFEXITED(status));
-  if (WEXITSTATUS(status) == kSkip) GTEST_SKIP() << "needs user namespaces, ip and tc";
+  if (WEXITSTATUS(status) == kSkip) GTEST_SKIP() << "needs user namespaces or root, ip and tc";
   EXPECT_EQ(WEXITSTATUS(status), 0) << "what failed in the namespace is printed above";
 }
 

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <sys/socket.h>
 
+#include "host/io/ring_transport.h"
 #include "transport_conformance.h"
 
 namespace interneuron::io {
@@ -15,7 +16,7 @@ TEST_P(TransportChanges, APortIsTakenWhileItIsHeldAndFreeAfterwards) {
   run([](Pair& pair) {
     const auto kind = std::get<0>(GetParam());
     const std::uint16_t port = port_of(pair.to_here);
-    for (const Kind other : {Kind::kUdp, Kind::kRing}) {
+    for (const Kind other : {Kind::kUdp, Kind::kRing, Kind::kXdp}) {
       try {
         make(other, TwoHosts::options("va", "10.99.0.1", port));
         ADD_FAILURE() << "no error";
@@ -165,7 +166,7 @@ TEST_P(TransportChanges, WhatIsDamagedOrNotForUsIsDropped) {
 }
 
 TEST_P(TransportChanges, ANeighbourOfIpv6IsFound) {
-  in_namespace([] {
+  run_alone([] {
     TwoHosts hosts;
     if (!hosts.made()) GTEST_SKIP();
     const auto [kind_here, kind_there] = GetParam();
@@ -203,6 +204,7 @@ TEST_P(TransportChanges, APeerThatMovesIsSeenWhereItIs) {
     ASSERT_TRUE(gets_through(*pair.there, pair.to_here, *pair.here));
     // A new address and a new port, as after a new lease.
     ASSERT_TRUE(shell("ip addr add 10.99.0.9/24 dev va"));
+    pair.here.reset();
     pair.here = make(std::get<0>(GetParam()), TwoHosts::options("va", "10.99.0.9"));
     const Address moved = pair.here->local_address();
     ASSERT_TRUE(send_all(*pair.here, pair.to_there, {payload(1, 50)}));

@@ -1,5 +1,5 @@
 // What the two conformance suites share: two hosts with a transport of a chosen kind each. A new
-// kind of transport joins both suites by its line in make() and all_kinds().
+// kind of transport joins both suites by its place in all_kinds().
 #pragma once
 
 #include <gtest/gtest.h>
@@ -10,19 +10,26 @@
 #include <tuple>
 #include <vector>
 
-#include "host/io/ring_transport.h"
+#include "host/io/open_transport.h"
 #include "host/io/steady_clock.h"
-#include "host/io/udp_transport.h"
 #include "support.h"
 #include "two_hosts.h"
 
 namespace interneuron::io {
 
-enum class Kind { kUdp, kRing };
+using Kind = TransportKind;
 
 inline std::unique_ptr<Transport> make(Kind kind, const UdpOptions& options) {
-  if (kind == Kind::kUdp) return std::make_unique<UdpTransport>(options);
-  return std::make_unique<RingTransport>(options);
+  return open_transport(kind, options).transport;
+}
+
+inline bool may_use_xdp() {
+  try {
+    require_privilege(Kind::kXdp);
+    return true;
+  } catch (const IoError&) {
+    return false;
+  }
 }
 
 // The kinds of the transports here and there.
@@ -98,9 +105,16 @@ inline bool gets_through(Transport& sender, const Address& to, Transport& receiv
 
 class TransportConformance : public testing::TestWithParam<Kinds> {
  protected:
-  // Runs a test in a namespace, with both transports.
+  // Runs a test in a namespace, with the privileges that these transports need.
+  static void run_alone(const std::function<void()>& body) {
+    const auto [here, there] = GetParam();
+    const bool has_xdp = here == Kind::kXdp || there == Kind::kXdp;
+    if (has_xdp && !may_use_xdp()) GTEST_SKIP() << "needs root of the host, for XDP";
+    in_namespace(body, has_xdp ? Root::kOfHost : Root::kOfNamespace);
+  }
+  // The same with both transports.
   static void run(const std::function<void(Pair&)>& body, bool ipv6 = false) {
-    in_namespace([&] {
+    run_alone([&] {
       Pair pair;
       if (!pair.open(GetParam(), ipv6)) GTEST_SKIP();
       body(pair);
@@ -110,14 +124,16 @@ class TransportConformance : public testing::TestWithParam<Kinds> {
 
 // "UdpToRing"
 inline std::string name_of(const Kinds& kinds) {
-  const auto name = [](Kind kind) { return kind == Kind::kUdp ? "Udp" : "Ring"; };
+  const auto name = [](Kind kind) {
+    return kind == Kind::kUdp ? "Udp" : kind == Kind::kRing ? "Ring" : "Xdp";
+  };
   return std::string(name(std::get<0>(kinds))) + "To" + name(std::get<1>(kinds));
 }
 
 // Each combination of sender and receiver.
 inline auto all_kinds() {
-  return testing::Combine(testing::Values(Kind::kUdp, Kind::kRing),
-                          testing::Values(Kind::kUdp, Kind::kRing));
+  const auto each = testing::Values(Kind::kUdp, Kind::kRing, Kind::kXdp);
+  return testing::Combine(each, each);
 }
 
 }  // namespace interneuron::io

@@ -1,0 +1,97 @@
+// The AF_XDP socket of one receive queue of a NIC (af_xdp.rst of the Linux documentation) and the
+// memory that it shares with the kernel: frames arrive in it and leave from it without a copy where
+// the driver can (zero copy), else with one (as on a veth pair).
+//
+// The memory consists of chunks of kChunkBytes, of which some are for frames that arrive and some
+// for those that leave. A chunk belongs to the kernel or to this object, never to both: frames that
+// arrived are given back by the next receive(); what has left comes back when the kernel says so.
+// While it has no chunk for them, frames that arrive are dropped and counted. Frames leave past the
+// queueing discipline of the NIC.
+//
+// What strangers can do: fill it, with what the program on the NIC hands over. What the kernel
+// names is held against the memory's bounds all the same. Memory: kChunks chunks, 16 MiB, locked.
+// Owns socket and memory. Errors: the constructor throws IoError; later on nothing fails.
+// Thread-compatible.
+#pragma once
+
+#include <xdp/xsk.h>
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "interneuron/time.h"
+#include "interneuron/units.h"
+
+namespace interneuron::io {
+
+class XdpSocket {
+ public:
+  // A page: the largest chunk that every driver takes, and room for every MTU that XDP allows.
+  static constexpr std::uint32_t kChunkBytes = 4096;
+  // 3072 packets of 1400 bytes are 115 ms of data at 300 Mbit/s, as kReceiveBufferBytes.
+  static constexpr std::uint32_t kReceiveChunks = 3072;
+  // 1024 packets are twice kSendBufferBytes: a chunk counts as taken until the kernel has said that
+  // its frame has left.
+  static constexpr std::uint32_t kSendChunks = 1024;
+  static constexpr std::uint32_t kChunks = kReceiveChunks + kSendChunks;
+
+  // A frame that has arrived.
+  struct Frame {
+    ByteView bytes;
+    // When, by CLOCK_MONOTONIC and as the program on the NIC says.
+    std::optional<TimePoint> stamp{};
+  };
+
+  // Opens the socket of this receive queue of the NIC with this name. Throws IoError.
+  XdpSocket(const std::string& nic, std::uint32_t queue);
+  ~XdpSocket();
+  XdpSocket(const XdpSocket&) = delete;
+  XdpSocket& operator=(const XdpSocket&) = delete;
+
+  int native_handle() const;
+
+  // Frames that have arrived, at most kBatch of them; they and their bytes are valid until the next
+  // call.
+  static constexpr std::size_t kBatch = 256;
+  std::span<const Frame> receive();
+  // Frames that the kernel has dropped since the last call, because this object had not given back
+  // their chunks in time.
+  std::uint64_t take_drops();
+
+  // Room for a frame of at most kChunkBytes that is to leave; empty: all of it is taken. It leaves,
+  // with so many bytes, by the next flush() after commit().
+  std::span<std::byte> reserve();
+  void commit(std::size_t bytes);
+  // Tells the kernel what is to leave. Returns the errno that kept it from taking some of that, 0
+  // for none; it takes that with the next flush().
+  int flush();
+
+ private:
+  struct Memory;
+
+  void open(const std::string& nic, std::uint32_t queue);
+  void give_to_kernel(std::span<const std::uint64_t> chunks);
+  void take_back_sent();
+
+  std::unique_ptr<Memory> memory_;
+  xsk_umem* umem_ = nullptr;
+  xsk_socket* socket_ = nullptr;
+  xsk_ring_prod fill_{};
+  xsk_ring_cons completed_{};
+  xsk_ring_cons arrived_{};
+  xsk_ring_prod leaving_{};
+  // What the last receive() has handed out: the frames, and the chunks that they lie in.
+  std::vector<Frame> frames_;
+  std::vector<std::uint64_t> lent_;
+  // Chunks for frames that leave, and how many were committed since the last flush().
+  std::vector<std::uint64_t> free_;
+  std::uint64_t drops_ = 0;
+};
+
+}  // namespace interneuron::io

@@ -1,0 +1,191 @@
+#include "host/io/xdp_transport.h"
+
+#include <linux/ethtool.h>
+#include <linux/sockios.h>
+#include <net/if.h>
+#include <netinet/in.h>
+#include <sys/epoll.h>
+#include <sys/ioctl.h>
+#include <sys/socket.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cstring>
+
+#include "host/io/address.h"
+
+namespace interneuron::io {
+
+namespace {
+
+// Each receive queue takes memory of its own, locked. No measurement behind this value: it is more
+// than modems, Wi-Fi cards and small hosts have, and 256 MiB.
+constexpr std::uint32_t kMostQueues = 16;
+// How often the kernel is asked for what it has dropped. No measurement behind this value: it is
+// often enough for a counter, and seldom enough for a system call.
+constexpr Duration kDropsInterval = std::chrono::milliseconds(10);
+
+// How many receive queues the NIC has; one where the driver does not tell.
+std::uint32_t receive_queues(const std::string& nic) {
+  const FileDescriptor socket(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+  ethtool_channels channels{};
+  channels.cmd = ETHTOOL_GCHANNELS;
+  ifreq request{};
+  nic.copy(request.ifr_name, IFNAMSIZ - 1);
+  request.ifr_data = reinterpret_cast<char*>(&channels);
+  if (::ioctl(socket.get(), SIOCETHTOOL, &request) != 0) return 1;
+  return std::max(1U, channels.rx_count + channels.combined_count);
+}
+
+std::uint32_t checked_queues(const std::string& nic, bool has_ethernet) {
+  if (!has_ethernet) {
+    throw IoError(nic +
+                      " has no frames of Ethernet, which AF_XDP is used for here; use "
+                      "--transport ring or udp",
+                  EPROTONOSUPPORT);
+  }
+  const std::uint32_t queues = receive_queues(nic);
+  if (queues > kMostQueues) {
+    throw IoError(nic + " has " + std::to_string(queues) + " receive queues, and AF_XDP is used " +
+                      "for at most " + std::to_string(kMostQueues) + " here; run `ethtool -L " +
+                      nic + " combined " + std::to_string(kMostQueues) +
+                      "`, or use --transport ring or udp",
+                  EINVAL);
+  }
+  return queues;
+}
+
+}  // namespace
+
+XdpTransport::XdpTransport(const UdpOptions& options)
+    : FrameTransport(options, {.send_buffer_bytes =
+                                   std::size_t{XdpSocket::kSendChunks} * XdpSocket::kChunkBytes,
+                               .receive_buffer_bytes = std::size_t{XdpSocket::kReceiveChunks} *
+                                                       XdpSocket::kChunkBytes}),
+      queues_(checked_queues(options.nic, has_ethernet_headers() && !is_loopback_card())),
+      program_(card().index, options.nic, is_ipv6(local_address()), port_of(local_address()),
+               queues_) {
+  open_sockets(options.nic, queues_);
+  follow_card();
+}
+
+XdpTransport::~XdpTransport() = default;
+
+void XdpTransport::open_sockets(const std::string& nic, std::uint32_t queues) {
+  for (std::uint32_t queue = 0; queue < queues; ++queue) {
+    sockets_.push_back(std::make_unique<XdpSocket>(nic, queue));
+    program_.add_socket(queue, sockets_.back()->native_handle());
+  }
+  if (queues == 1) return;
+  poll_all_ = FileDescriptor(::epoll_create1(EPOLL_CLOEXEC));
+  for (const auto& socket : sockets_) {
+    epoll_event event{};
+    event.events = EPOLLIN;
+    if (::epoll_ctl(poll_all_.get(), EPOLL_CTL_ADD, socket->native_handle(), &event) != 0) {
+      throw IoError("cannot poll the receive queues of " + nic +
+                        " (epoll_ctl: " + std::strerror(errno) + "); use --transport ring or udp",
+                    errno);
+    }
+  }
+}
+
+int XdpTransport::native_handle() const {
+  return sockets_.size() == 1 ? sockets_.front()->native_handle() : poll_all_.get();
+}
+
+void XdpTransport::follow_card() {
+  const Address local = local_address();
+  if (!is_unspecified(local)) {
+    program_.take_addresses(std::array{local});
+    return;
+  }
+  std::vector<Address> own;
+  std::ranges::copy_if(card().addresses, std::back_inserter(own),
+                       [&local](const Address& a) { return family_of(a) == family_of(local); });
+  program_.take_addresses(own);
+}
+
+// Writes a datagram behind these headers into memory that is to leave.
+FrameTransport::Obstacle XdpTransport::write(const Outgoing& datagram, const FrameHeader& header) {
+  const std::span<std::byte> room = sockets_.front()->reserve();
+  if (room.empty()) return {.error = ENOBUFS};
+  if (header.size + datagram.size() > room.size()) return {.error = EMSGSIZE};
+  const std::array parts{datagram.head, datagram.payload, datagram.tail};
+  FrameHeader whole = header;
+  complete_checksum(whole, parts);
+  auto at = std::ranges::copy(whole.view(), room.begin()).out;
+  for (const ByteView part : parts) at = std::ranges::copy(part, at).out;
+  sockets_.front()->commit(header.size + datagram.size());
+  return {};
+}
+
+int XdpTransport::offer(std::span<const Outgoing> batch, TimePoint now, BatchResult& result) {
+  // The kernel would keep what it is given until the NIC is up.
+  if (!card().admin_up) return ENETDOWN;
+  const std::size_t before = result.taken;
+  const Outgoing* addressed = nullptr;
+  FrameHeader header;
+  Obstacle obstacle;
+  for (const Outgoing& datagram : batch.subspan(result.taken)) {
+    // What differs in nothing that stands in a header needs no other.
+    const bool is_alike = addressed != nullptr && addressed->to == datagram.to &&
+                          addressed->ecn == datagram.ecn && addressed->size() == datagram.size();
+    if (!is_alike) obstacle = address({&datagram, 1}, now, header);
+    if (obstacle.error == 0) obstacle = write(datagram, header);
+    if (obstacle.error != 0) break;
+    addressed = &datagram;
+    ++result.taken;
+  }
+  const std::size_t written = result.taken - before;
+  // Also where nothing was written: what waits may make room.
+  const int error = sockets_.front()->flush();
+  if (written > 0) {
+    ++counters_.send_calls;
+    counters_.sent_datagrams += written;
+  }
+  const bool waits = error == 0 || error == EAGAIN || error == EBUSY || error == ENOBUFS;
+  if (!waits) {
+    judge_refusal(error, result);
+    return written > 0 ? 0 : error;
+  }
+  if (written > 0) return 0;
+  result.refused = obstacle.asking || obstacle.error == ENOBUFS;
+  return obstacle.error;
+}
+
+bool XdpTransport::take_arrived() {
+  bool any = false;
+  for (const auto& socket : sockets_) {
+    for (const XdpSocket::Frame& frame : socket->receive()) {
+      any = true;
+      // To another host: the NIC hears it in promiscuous mode.
+      const bool is_to_us = frame.bytes.size() >= mac().size() &&
+                            std::ranges::equal(frame.bytes.first(mac().size()), mac());
+      if (!is_to_us) continue;
+      take({.bytes = frame.bytes,
+            .at = frame.stamp.value_or(TimePoint::min()),
+            .may_be_partial = true});
+    }
+  }
+  return any;
+}
+
+void XdpTransport::collect(TimePoint now) {
+  if (take_arrived()) {
+    ++counters_.receive_calls;
+  } else {
+    // A NIC that goes leaves an error at its sockets, which would be reported as readable until
+    // somebody takes it.
+    for (const auto& socket : sockets_) {
+      int error = 0;
+      socklen_t size = sizeof error;
+      ::getsockopt(socket->native_handle(), SOL_SOCKET, SO_ERROR, &error, &size);
+    }
+  }
+  if (now < next_look_at_drops_) return;
+  next_look_at_drops_ = now + kDropsInterval;
+  for (const auto& socket : sockets_) counters_.receive_queue_drops += socket->take_drops();
+}
+
+}  // namespace interneuron::io

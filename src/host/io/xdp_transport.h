@@ -1,0 +1,62 @@
+// The AF_XDP sockets of one NIC as a Transport, one for each of its receive queues: datagrams leave
+// and arrive as frames (FrameTransport), before the kernel has made packets of them.
+//
+// An XDP program on the NIC hands over the frames of this port (XdpProgram); they arrive in memory
+// that the kernel shares (XdpSocket), with the time at which they came. Each datagram leaves as one
+// frame, many per call, past the queueing discipline of the NIC, its checksum completed here: the
+// kernel neither segments nor coalesces. A sender on this host may leave the checksum to the NIC,
+// and nobody says so any more: a frame that holds the sum over the pseudo header alone is taken as
+// well (FrameContext::may_be_partial). What does not fit into the kernel's queue waits for the next
+// send() or receive(); while no memory for frames is left, send() refuses.
+//
+// Only NICs with Ethernet headers: not loopback, tun and modems in raw IP mode. One XDP program and
+// one AF_XDP socket per queue at a time: the constructor says when somebody else has them.
+//
+// What strangers can do: as with every FrameTransport. Frames to this port are taken only where
+// they are to an address of the NIC (or the one that is bound), so that what is for others on this
+// host or behind it goes on to the kernel. Of a VLAN whose tag the NIC has taken off nobody can
+// tell: such frames are taken for untagged ones.
+//
+// Memory: XdpSocket's for each queue. receive()'s views are valid until the next call. Owns its
+// sockets and the program. Needs CAP_NET_RAW, CAP_NET_ADMIN and CAP_BPF of the host, not of a user
+// namespace. Thread-compatible. Errors: the constructor throws IoError; later on errors are
+// counted.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "host/io/file_descriptor.h"
+#include "host/io/frame_transport.h"
+#include "host/io/xdp_program.h"
+#include "host/io/xdp_socket.h"
+
+namespace interneuron::io {
+
+class XdpTransport final : public FrameTransport {
+ public:
+  // The buffer sizes of UdpOptions are not used: the memory has its own. Throws IoError.
+  explicit XdpTransport(const UdpOptions& options);
+  ~XdpTransport() override;
+
+  // Readable when one of the sockets is.
+  int native_handle() const override;
+
+ private:
+  int offer(std::span<const Outgoing> batch, TimePoint now, BatchResult& result) override;
+  void collect(TimePoint now) override;
+  void follow_card() override;
+  void open_sockets(const std::string& nic, std::uint32_t queues);
+  // The sockets that something has arrived at give it to take(); false: there was nothing.
+  bool take_arrived();
+  Obstacle write(const Outgoing& datagram, const FrameHeader& header);
+
+  std::uint32_t queues_;
+  XdpProgram program_;
+  std::vector<std::unique_ptr<XdpSocket>> sockets_;
+  // Where there are several sockets: polls them all.
+  FileDescriptor poll_all_;
+  TimePoint next_look_at_drops_ = TimePoint::min();
+};
+
+}  // namespace interneuron::io
