@@ -23,6 +23,10 @@ enum class TransportKind : std::uint8_t {
   // CAP_BPF of the host and NICs with Ethernet headers, and bypasses as much.
   kXdp,
 };
+// "udp", "ring", "xdp".
+std::string_view to_string(TransportKind kind);
+// The other way round; nothing for another name.
+std::optional<TransportKind> parse_transport_kind(std::string_view name);
 
 // A link by the name of its NIC.
 struct NodeLink {

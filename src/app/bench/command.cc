@@ -15,6 +15,7 @@
 #include "host/process/failure.h"
 #include "host/process/progress.h"
 #include "host/process/signals.h"
+#include "host/settings/link_options.h"
 #include "lab/load/run.h"
 
 namespace interneuron::cli {
@@ -33,6 +34,7 @@ struct Options {
   double seconds = 20;
   std::uint64_t seed = 1;
   bool testbed = false;
+  std::string transport = "auto";
   bool json = false;
   std::string plot;
 };
@@ -109,10 +111,12 @@ int run_load(const Options& o) {
     throw Failure(kUsage, "--plot: only the groups rate and size are drawn; name one of them");
   }
   const SignalWatch signals;
+  const TransportKind datagrams = transport_kind(o.transport);
   const std::vector<load::Row> rows =
-      o.testbed ? run_series(scenarios) : run_in_virtual_time(scenarios);
+      o.testbed ? run_series(scenarios, datagrams) : run_in_virtual_time(scenarios);
   if (o.json) {
-    fmt::print("{}\n", load_json(rows, o.testbed).dump(2));
+    fmt::print("{}\n",
+               load_json(rows, o.testbed ? std::optional(datagrams) : std::nullopt).dump(2));
   } else {
     print_load(rows);
   }
@@ -143,9 +147,11 @@ void add_load(CLI::App& bench, std::function<int()>& run) {
       ->check(CLI::Range(kLeastLoad, kMostLoad));
   c->add_option("--seed", o->seed, "Seed of the vehicles' phases and of the links")
       ->capture_default_str();
-  c->add_flag("--testbed", o->testbed,
-              "On real sockets and emulated links instead of in virtual time, with the kernel's "
-              "TCP and MPTCP (docs/load.md)");
+  CLI::Option* testbed =
+      c->add_flag("--testbed", o->testbed,
+                  "On real sockets and emulated links instead of in virtual time, with the "
+                  "kernel's TCP and MPTCP (docs/load.md)");
+  add_transport_option(*c, o->transport)->needs(testbed);
   c->add_option("--seconds,--duration", o->seconds, "How long messages begin")
       ->capture_default_str()
       ->check(CLI::Range(kLeastSeconds, kMostSeconds));

@@ -213,9 +213,11 @@ std::string script(const std::vector<Row>& rows, std::size_t columns) {
 
 }  // namespace
 
-lab::Json load_json(const std::vector<Row>& rows, bool testbed) {
-  lab::Json out{
-      {"schema", kLoadSchema}, {"mode", testbed ? "testbed" : "sim"}, {"rows", lab::Json::array()}};
+lab::Json load_json(const std::vector<Row>& rows, std::optional<TransportKind> datagrams) {
+  lab::Json out{{"schema", kLoadSchema},
+                {"mode", datagrams ? "testbed" : "sim"},
+                {"rows", lab::Json::array()}};
+  if (datagrams) out["transport"] = to_string(*datagrams);
   for (const Row& r : rows) out["rows"].push_back(row_json(r));
   return out;
 }

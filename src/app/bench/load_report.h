@@ -2,8 +2,10 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <vector>
 
+#include "interneuron/node_options.h"
 #include "lab/files/json_file.h"
 #include "lab/load/run.h"
 
@@ -11,7 +13,8 @@ namespace interneuron::cli {
 
 inline constexpr const char* kLoadSchema = "interneuron.load/1";
 
-lab::Json load_json(const std::vector<load::Row>& rows, bool testbed);
+// `datagrams`: what those of our own nodes passed through on the testbed; nothing: virtual time.
+lab::Json load_json(const std::vector<load::Row>& rows, std::optional<TransportKind> datagrams);
 // A table for each group, on stdout.
 void print_load(const std::vector<load::Row>& rows);
 

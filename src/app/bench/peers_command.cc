@@ -13,6 +13,7 @@
 #include "app/peers_testbed/series.h"
 #include "host/process/failure.h"
 #include "host/process/signals.h"
+#include "host/settings/link_options.h"
 #include "interneuron/message.h"
 
 namespace interneuron::cli {
@@ -36,6 +37,7 @@ struct Options {
   std::size_t messages = 100;
   std::optional<double> seconds{};
   std::uint64_t seed = 1;
+  std::string transport = "auto";
   bool quick = false;
   bool json = false;
   std::string plot;
@@ -79,12 +81,14 @@ int run_peers(const Options& o) {
     throw Failure(kConfiguration, "'" + file + "': there is no folder '" + folder.string() + "'");
   }
   const SignalWatch signals;
-  const peers::Compared compared =
-      peers::compare(o.quick ? peers::quick_runs(o.seed) : peers::runs_of(choice_of(o)));
+  const TransportKind datagrams = transport_kind(o.transport);
+  std::vector<peers::Run> runs = o.quick ? peers::quick_runs(o.seed) : peers::runs_of(choice_of(o));
+  for (peers::Run& run : runs) run.datagrams = datagrams;
+  const peers::Compared compared = peers::compare(runs);
   if (o.json) {
-    fmt::print("{}\n", peers_json(compared).dump(2));
+    fmt::print("{}\n", peers_json(compared, datagrams).dump(2));
   } else {
-    print_peers(compared);
+    print_peers(compared, datagrams);
   }
   if (!o.page.empty()) write_page(o.page, compared.rows);
   if (!o.plot.empty()) plot_peers(o.plot, compared.rows);
@@ -143,6 +147,7 @@ void add_peers(CLI::App& bench, std::function<int()>& run) {
           ->check(CLI::Range(kLeastSeconds, kMostSeconds));
   quick->excludes(messages)->excludes(seconds);
   seconds->excludes(messages);
+  add_transport_option(*c, o->transport);
   c->add_option("--seed", o->seed, "Seed of the links")->capture_default_str();
   c->add_flag("--json", o->json, "The rows as JSON on stdout (docs/schema/peers.json)");
   c->add_option("--plot", o->plot, "Draws misses and bytes of every peer, .svg or .png");

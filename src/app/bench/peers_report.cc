@@ -91,9 +91,11 @@ void print_table(const Table& table) {
 
 }  // namespace
 
-lab::Json peers_json(const peers::Compared& compared) {
-  lab::Json out{
-      {"schema", kPeersSchema}, {"rows", lab::Json::array()}, {"skipped", lab::Json::array()}};
+lab::Json peers_json(const peers::Compared& compared, TransportKind datagrams) {
+  lab::Json out{{"schema", kPeersSchema},
+                {"transport", to_string(datagrams)},
+                {"rows", lab::Json::array()},
+                {"skipped", lab::Json::array()}};
   for (const Row& r : compared.rows) out["rows"].push_back(row_json(r));
   for (const peers::Skipped& s : compared.skipped) {
     out["skipped"].push_back({{"peer", s.peer}, {"reason", s.reason}});
@@ -101,12 +103,15 @@ lab::Json peers_json(const peers::Compared& compared) {
   return out;
 }
 
-void print_peers(const peers::Compared& compared) {
+void print_peers(const peers::Compared& compared, TransportKind datagrams) {
   for (const Table& table : tables_of(compared.rows)) print_table(table);
   fmt::print(
       "\nIn brackets: on time in a smaller variant. Wire: IP bytes that left the vehicle over "
       "those "
       "of whole messages.\nAges, bytes and processor time are those of the first deadline.\n");
+  if (datagrams != TransportKind::kUdp) {
+    fmt::print("What is ours used --transport {}.\n", to_string(datagrams));
+  }
   for (const peers::Skipped& s : compared.skipped) {
     fmt::print("Left out: {}: {}\n", s.peer, s.reason);
   }

@@ -11,9 +11,10 @@ namespace interneuron::cli {
 
 inline constexpr const char* kPeersSchema = "interneuron.peers/1";
 
-lab::Json peers_json(const peers::Compared& compared);
+// `datagrams`: what those of our own nodes passed through.
+lab::Json peers_json(const peers::Compared& compared, TransportKind datagrams);
 // A table for each scenario and size, on stdout: a line for each peer.
-void print_peers(const peers::Compared& compared);
+void print_peers(const peers::Compared& compared, TransportKind datagrams);
 
 // Misses of every peer at each deadline, a panel for each scenario, and the bytes that it took: a
 // row of panels for each size. Throws Failure (1) that names the file, also without gnuplot.

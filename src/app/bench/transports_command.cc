@@ -32,7 +32,7 @@ double both(const Row& r) { return r.send_us + r.receive_us; }
 // What it costs in terms of udp at the same load; 0: one of them could not be measured.
 double ratio(const Row& row, const std::vector<Row>& rows) {
   for (const Row& r : rows) {
-    const bool is_base = r.load == row.load && r.transport->kind == TransportKind::kUdp;
+    const bool is_base = r.load == row.load && r.transport == TransportKind::kUdp;
     if (is_base && both(r) > 0) return both(row) / both(r);
   }
   return 0;
@@ -46,7 +46,7 @@ lab::Json json_of(const std::vector<Row>& rows) {
       return measured ? lab::Json(rounded(v)) : lab::Json(nullptr);
     };
     out["rows"].push_back({{"load", r.load->name},
-                           {"transport", r.transport->name},
+                           {"transport", to_string(r.transport)},
                            {"datagrams", r.sent},
                            {"lost", r.lost},
                            {"cpu_us_send", known(r.send_us)},
@@ -67,11 +67,11 @@ void print_table(const std::vector<Row>& rows) {
                  "us to send", "us to receive", "of udp");
     }
     if (!r.failure.empty()) {
-      fmt::print("{:10}{}\n", r.transport->name, r.failure);
+      fmt::print("{:10}{}\n", to_string(r.transport), r.failure);
       continue;
     }
-    fmt::print("{:10}{:>12}{:>8}{:>12.2f}{:>15.2f}{:>10.2f}\n", r.transport->name, r.sent, r.lost,
-               r.send_us, r.receive_us, ratio(r, rows));
+    fmt::print("{:10}{:>12}{:>8}{:>12.2f}{:>15.2f}{:>10.2f}\n", to_string(r.transport), r.sent,
+               r.lost, r.send_us, r.receive_us, ratio(r, rows));
   }
   fmt::print(
       "\nProcessor time per datagram, median of {} runs, over a veth pair. --transport auto takes "

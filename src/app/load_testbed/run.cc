@@ -106,10 +106,11 @@ std::optional<std::string> cannot_play(const Scenario& s) {
 
 Duration time_of_run(const Scenario& s) { return s.length + s.deadline + kRunOverhead; }
 
-TestbedRow run_on_testbed(const Scenario& s, const fs::path& folder) {
+TestbedRow run_on_testbed(const Scenario& s, TransportKind datagrams, const fs::path& folder) {
   const Scratch scratch(folder);
   const Testbed testbed = Testbed::up(options_of(s, folder));
-  const Order order = order_of(s, testbed.state(), folder);
+  Order order = order_of(s, testbed.state(), folder);
+  order.transport.datagrams = datagrams;
   const Played played =
       play(testbed.state(), order, [&](TimePoint) { Testbed::measure_cells(testbed.state()); });
 

@@ -14,6 +14,7 @@
 #include <optional>
 #include <string>
 
+#include "interneuron/node_options.h"
 #include "lab/load/figures.h"
 
 namespace interneuron::cli {
@@ -30,8 +31,10 @@ struct TestbedRow {
   std::string doubt;
 };
 
-// `scratch` is a folder for the run's files, private to it; it is made if it is not there.
-TestbedRow run_on_testbed(const load::Scenario& scenario, const std::filesystem::path& scratch);
+// `datagrams`: as in Transport. `scratch` is a folder for the run's files, private to it; it is
+// made if it is not there.
+TestbedRow run_on_testbed(const load::Scenario& scenario, TransportKind datagrams,
+                          const std::filesystem::path& scratch);
 
 // How long a run takes, about.
 Duration time_of_run(const load::Scenario& scenario);

@@ -38,7 +38,7 @@ std::string name_of(const Scenario& s) {
 
 }  // namespace
 
-std::vector<load::Row> run_series(const std::vector<Scenario>& scenarios) {
+std::vector<load::Row> run_series(const std::vector<Scenario>& scenarios, TransportKind datagrams) {
   const std::vector<Scenario> list = able(scenarios);
   if (list.empty()) throw Failure(kCannotHere, "nothing of this can be run on the testbed here");
   const std::filesystem::path scratch =
@@ -49,7 +49,7 @@ std::vector<load::Row> run_series(const std::vector<Scenario>& scenarios) {
   std::vector<load::Row> out;
   for (const Scenario& s : list) {
     line.next(name_of(s));
-    TestbedRow run = run_on_testbed(s, scratch);
+    TestbedRow run = run_on_testbed(s, datagrams, scratch);
     line.doubt(run.doubt);
     out.push_back(std::move(run.row));
   }

@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "interneuron/node_options.h"
 #include "lab/load/figures.h"
 
 namespace interneuron::cli {
@@ -14,6 +15,8 @@ inline constexpr double kTestbedLoads[] = {1.05, 1.5};
 // Runs what this machine can and tells on stderr what is left out and why, how far it is, and what
 // makes a row doubtful. A SignalWatch must be alive. Throws Failure (77) when nothing is left, and
 // what run_on_testbed() throws.
-std::vector<load::Row> run_series(const std::vector<load::Scenario>& scenarios);
+// `datagrams`: as in Transport.
+std::vector<load::Row> run_series(const std::vector<load::Scenario>& scenarios,
+                                  TransportKind datagrams);
 
 }  // namespace interneuron::cli

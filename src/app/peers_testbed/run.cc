@@ -46,7 +46,7 @@ Duration way_of(const Run& run) {
 Duration longest_deadline(const Run& run) { return std::ranges::max(run.deadlines); }
 
 cli::Order order_of(const Run& run, const netns::State& state, const fs::path& scratch) {
-  cli::Order order{transport_of(*run.peer),
+  cli::Order order{transport_of(run),
                    {variant_bytes(*run.peer, run.message_bytes),
                     longest_deadline(run),
                     run.period(),
@@ -61,7 +61,9 @@ cli::Order order_of(const Run& run, const netns::State& state, const fs::path& s
 
 }  // namespace
 
-cli::Transport transport_of(const Peer& peer) { return {peer.kind, std::string(peer.mode)}; }
+cli::Transport transport_of(const Run& run) {
+  return {run.peer->kind, std::string(run.peer->mode), run.datagrams};
+}
 
 Ran play_run(const Run& run, const fs::path& folder) {
   const cli::Scratch scratch(folder);

@@ -18,7 +18,7 @@
 
 namespace interneuron::peers {
 
-cli::Transport transport_of(const Peer& peer);
+cli::Transport transport_of(const Run& run);
 
 struct Ran {
   std::vector<Row> rows;

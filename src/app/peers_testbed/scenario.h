@@ -57,6 +57,8 @@ struct Run {
   // makes a difference.
   std::vector<Duration> deadlines;
   std::uint64_t seed = 1;
+  // As in cli::Transport.
+  TransportKind datagrams = TransportKind::kUdp;
 
   Duration period() const { return period_of(message_bytes); }
   // Messages begin for this long.

@@ -27,7 +27,7 @@ std::vector<Skipped> skipped_of(const std::vector<Run>& runs) {
   std::vector<Skipped> out;
   for (const Run& run : runs) {
     if (std::ranges::find(out, run.peer->name, &Skipped::peer) != out.end()) continue;
-    if (const auto reason = cli::lacks(transport_of(*run.peer))) {
+    if (const auto reason = cli::lacks(transport_of(run))) {
       out.push_back({std::string(run.peer->name), *reason});
     }
   }

@@ -211,8 +211,8 @@ std::vector<Row> measure(Duration length,
   stay_on_processor(0, allowed);
   std::vector<Row> rows;
   for (const Load& load : kLoads) {
-    for (const Transport& transport : kTransports) {
-      rows.push_back({.load = &load, .transport = &transport});
+    for (const TransportKind transport : kTransports) {
+      rows.push_back({.load = &load, .transport = transport});
     }
   }
   std::vector<std::vector<Outcome>> outcomes(rows.size());
@@ -222,7 +222,7 @@ std::vector<Row> measure(Duration length,
       progress(done++, rows.size() * kRepetitions);
       if (!rows[i].failure.empty()) continue;
       try {
-        outcomes[i].push_back(run(wire, *rows[i].load, rows[i].transport->kind, length, allowed));
+        outcomes[i].push_back(run(wire, *rows[i].load, rows[i].transport, length, allowed));
       } catch (const IoError& error) {
         rows[i].failure = error.what();
       }

@@ -42,18 +42,14 @@ inline constexpr std::array<Load, 3> kLoads{{
     {"single", "1 datagram of 300 bytes every millisecond", 1, 300, std::chrono::milliseconds(1)},
 }};
 
-struct Transport {
-  std::string_view name;
-  TransportKind kind{};
-};
-inline constexpr std::array<Transport, 3> kTransports{
-    {{"udp", TransportKind::kUdp}, {"ring", TransportKind::kRing}, {"xdp", TransportKind::kXdp}}};
+inline constexpr std::array kTransports{TransportKind::kUdp, TransportKind::kRing,
+                                        TransportKind::kXdp};
 
 inline constexpr int kRepetitions = 5;
 
 struct Row {
   const Load* load = nullptr;
-  const Transport* transport = nullptr;
+  TransportKind transport{};
   // Of all repetitions.
   std::size_t sent = 0;
   std::size_t lost = 0;

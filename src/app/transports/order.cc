@@ -25,6 +25,11 @@ Kind kind_of(const std::string& name) {
   throw Failure(kFailed, "an order names no transport that there is");
 }
 
+TransportKind datagrams_of(const std::string& name) {
+  if (const auto kind = parse_transport_kind(name)) return *kind;
+  throw Failure(kFailed, "an order names no way of datagrams that there is");
+}
+
 // Reads a file by `parse`, which throws Json::exception when something is missing.
 template <class Parse>
 auto read(const fs::path& file, const Parse& parse) {
@@ -72,6 +77,7 @@ fs::path write_order(const Order& order) {
   }
   lab::write_json(order.folder / kOrder, {{"transport", name_of(order.transport.kind)},
                                           {"mode", order.transport.mode},
+                                          {"datagrams", to_string(order.transport.datagrams)},
                                           {"traffic", traffic_json(order.traffic)},
                                           {"modems", modems},
                                           {"way_ns", order.way.count()}});
@@ -81,7 +87,8 @@ fs::path write_order(const Order& order) {
 Order read_order(const fs::path& file) {
   return read(file, [&file](const Json& json) {
     Order order;
-    order.transport = {kind_of(json.at("transport")), json.at("mode")};
+    order.transport = {kind_of(json.at("transport")), json.at("mode"),
+                       datagrams_of(json.at("datagrams"))};
     order.traffic = traffic_of(json.at("traffic"));
     for (const Json& m : json.at("modems")) {
       order.modems.push_back({m.at("nic"), m.at("vehicle"), m.at("road")});

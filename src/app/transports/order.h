@@ -11,6 +11,7 @@
 #include <string_view>
 #include <vector>
 
+#include "interneuron/node_options.h"
 #include "interneuron/time.h"
 
 namespace interneuron::cli {
@@ -26,6 +27,8 @@ struct Transport {
   // a congestion control of TCP and MPTCP, "stock" or "tuned" Fast DDS, the kind of a group of SRT.
   // Empty for UDP.
   std::string mode;
+  // What the datagrams of our own nodes pass through, at both ends; the others have their own ways.
+  TransportKind datagrams = TransportKind::kUdp;
   friend bool operator==(const Transport&, const Transport&) = default;
 };
 

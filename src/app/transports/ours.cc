@@ -55,6 +55,7 @@ class Vehicle {
  private:
   static NodeOptions options(const Order& order) {
     NodeOptions out;
+    out.transport = order.transport.datagrams;
     for (std::size_t i = 0; i < order.modems.size(); ++i) {
       NodeLink link;
       link.id = LinkId{static_cast<std::uint8_t>(i)};
@@ -146,6 +147,7 @@ VehiclesRecord send_ours(const Order& order, const Begin& ready) {
 
 void receive_ours(const Order& order, const Ready& ready, Reception& reception) {
   NodeOptions options;
+  options.transport = order.transport.datagrams;
   for (std::size_t i = 0; i < order.modems.size(); ++i) {
     NodeLink link;
     link.id = LinkId{static_cast<std::uint8_t>(i)};

@@ -1,10 +1,30 @@
 #include "host/io/open_transport.h"
 
+#include <algorithm>
+#include <array>
+
 #include "host/io/ring_transport.h"
 #include "host/io/udp_transport.h"
 #include "host/io/xdp_transport.h"
 
-namespace interneuron::io {
+namespace interneuron {
+
+namespace {
+
+// By TransportKind.
+constexpr std::array<std::string_view, 3> kNames{"udp", "ring", "xdp"};
+
+}  // namespace
+
+std::string_view to_string(TransportKind kind) { return kNames[static_cast<std::size_t>(kind)]; }
+
+std::optional<TransportKind> parse_transport_kind(std::string_view name) {
+  const auto it = std::ranges::find(kNames, name);
+  if (it == kNames.end()) return std::nullopt;
+  return static_cast<TransportKind>(it - kNames.begin());
+}
+
+namespace io {
 
 namespace {
 
@@ -36,4 +56,6 @@ void require_privilege(TransportKind kind) {
   if (kind == TransportKind::kXdp) XdpProgram::require_privilege();
 }
 
-}  // namespace interneuron::io
+}  // namespace io
+
+}  // namespace interneuron

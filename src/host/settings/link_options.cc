@@ -209,8 +209,7 @@ CLI::Option* add_transport_option(CLI::App& command, std::string& text) {
 }
 
 TransportKind transport_kind(std::string_view text) {
-  if (text == "xdp") return TransportKind::kXdp;
-  return text == "ring" ? TransportKind::kRing : TransportKind::kUdp;
+  return parse_transport_kind(text).value_or(TransportKind::kUdp);
 }
 
 void append_links(const std::vector<std::string>& texts, LinkPeer peer, NodeOptions& options) {

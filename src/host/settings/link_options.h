@@ -55,7 +55,7 @@ CLI::Option* add_link_option(CLI::App& command, const std::string& names,
 // Appends a link per name, with the smallest ids that are free, and a rule per pattern.
 void append_links(const std::vector<std::string>& texts, LinkPeer peer, NodeOptions& options);
 
-// How datagrams pass between the program and its NICs: auto, udp or ring (docs/transports.md).
+// How datagrams pass between the program and its NICs: auto, udp, ring or xdp (docs/transports.md).
 CLI::Option* add_transport_option(CLI::App& command, std::string& text);
 // auto is udp, which costs no more on the NICs that were measured and needs no privilege.
 TransportKind transport_kind(std::string_view text);

@@ -107,6 +107,19 @@ INSTANTIATE_TEST_SUITE_P(Peers, BenchPeersRun,
                                          "srt_broadcast", "fastdds_stock", "fastdds_tuned"),
                          [](const auto& test) { return std::string(test.param); });
 
+TEST(BenchPeers, OursPassesThroughTheTransportThatIsAskedFor) {
+  if (const std::string reason = no_testbed(); !reason.empty()) GTEST_SKIP() << reason;
+  const std::string few = "clean --size 5KB --messages 10 --deadline 300 --peer ours_best_link";
+  const json document = compared(few + " --transport ring");
+  EXPECT_EQ(document["transport"], "ring");
+  EXPECT_LT(document["rows"][0]["missed"], 5);
+  const Ran pigeon = run("bench peers " + few + " --transport pigeon");
+  EXPECT_EQ(pigeon.code, 2);
+  EXPECT_NE(pigeon.output.find("--transport"), std::string::npos) << pigeon.output;
+  // Nothing passes through a transport in virtual time.
+  EXPECT_EQ(run("bench load rate --load 1 --seconds 1 --transport ring").code, 2);
+}
+
 TEST(BenchPeers, ShowsATable) {
   if (const std::string reason = no_testbed(); !reason.empty()) GTEST_SKIP() << reason;
   const Ran ran = run("bench peers clean --size 5KB --messages 5 --peer tcp --deadline 200", false);

@@ -77,7 +77,7 @@ TEST(Scenarios, APeerThatHeedsDeadlinesHasARunForEach) {
   EXPECT_GT(time_of_run(runs[0]), 2300ms);
   EXPECT_EQ(runs[1].deadlines, std::vector<Duration>{100ms});
   EXPECT_EQ(runs[3].deadlines, std::vector<Duration>{300ms});
-  EXPECT_EQ(transport_of(*runs[3].peer), (cli::Transport{cli::Kind::kMptcp, "cubic"}));
+  EXPECT_EQ(transport_of(runs[3]), (cli::Transport{cli::Kind::kMptcp, "cubic"}));
 }
 
 TEST(Scenarios, ALengthStandsForAsManyMessagesAsItHolds) {
