@@ -17,6 +17,9 @@ struct NicChanged {
   NicState to{};
   // One line, for people.
   std::string reason;
+  // Nothing has changed: the link was opened after the node had started, and `reason` is what
+  // Node::warnings() would have had of it.
+  bool is_warning = false;
 };
 
 // All that is measured, at one instant.

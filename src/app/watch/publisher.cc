@@ -29,6 +29,7 @@ LinkPublisher::LinkPublisher(Node& node, const std::string& program) : journal_(
   if (!server_.problem().empty()) spdlog::warn("{}", server_.problem());
   node.on_nic_changed([this](const NicChanged& e) {
     journal_.add(e);
+    if (e.is_warning) return spdlog::warn("{}", e.reason);
     const bool ready = e.to == NicState::kReady;
     log_change(ready ? spdlog::level::info : spdlog::level::warn, e.nic, e.from, e.to, e.reason);
   });

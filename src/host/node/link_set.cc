@@ -112,8 +112,14 @@ void LinkSet::open(Link& link) {
   link.transport = std::move(opened.transport);
   link.info = std::move(opened.info);
   link.port = port_of(link.transport->local_address());
-  if (telling_) return user_.link_opened(link);
-  warnings_.insert(warnings_.end(), opened.warnings.begin(), opened.warnings.end());
+  if (!telling_) {
+    warnings_.insert(warnings_.end(), opened.warnings.begin(), opened.warnings.end());
+    return;
+  }
+  user_.link_opened(link);
+  for (const std::string& warning : opened.warnings) {
+    user_.nic_changed({link.options.id, link.options.nic, link.state, link.state, warning, true});
+  }
 }
 
 bool LinkSet::try_open(Link& link) {

@@ -31,13 +31,16 @@ class Notes : public LinkSet::User {
     add("closing ", link.options.id);
   }
   void nic_changed(const NicChanged& change) override {
+    if (change.is_warning) warnings_ += change.reason + "; ";
     add(change.nic + " " + std::string(to_string(change.to)) + " ", change.link);
   }
   std::string take() { return std::exchange(text_, {}); }
+  const std::string& warnings() const { return warnings_; }
 
  private:
   void add(const std::string& what, LinkId id) { text_ += what + std::to_string(id.value) + "; "; }
   std::string text_;
+  std::string warnings_;
 };
 
 NodeOptions with_rule(std::string pattern, std::string peer = "") {
@@ -118,6 +121,23 @@ TEST(LinkSet, ANamedCardMayBecomeReadyLater) {
       FAIL() << "va is opened";
     }
     EXPECT_EQ(notes.take(), "va ready 4; opened 4; ");
+  });
+}
+
+TEST(LinkSet, WhatACardThatComesLaterBypassesIsTold) {
+  io::in_namespace([] {
+    NodeOptions options;
+    options.links = {{.id = LinkId{4}, .nic = "va", .peer = "10.99.0.2:9"}};
+    options.rules = {{.pattern = "new*", .traits = {}, .peer = "10.95.0.2:9"}};
+    options.transport = TransportKind::kRing;
+    Notes notes;
+    LinkSet links(options, notes);
+    EXPECT_EQ(links.warnings().size(), 1U);
+    ASSERT_TRUE(plug("new0", "10.95.0.1/24"));
+    EXPECT_TRUE(update_until(links, [&] {
+      return notes.warnings().find("new0 (port") != std::string::npos;
+    })) << notes.warnings();
+    EXPECT_THAT(notes.warnings(), HasSubstr("bypass nftables"));
   });
 }
 
