@@ -22,6 +22,8 @@ namespace {
 // Each receive queue takes memory of its own, locked. No measurement behind this value: it is more
 // than modems, Wi-Fi cards and small hosts have, and 256 MiB.
 constexpr std::uint32_t kMostQueues = 16;
+// As many batches as hold all frames that can have arrived at a socket.
+constexpr std::size_t kMostBatches = XdpSocket::kReceiveChunks / XdpSocket::kBatch;
 // How often the kernel is asked for what it has dropped. No measurement behind this value: it is
 // often enough for a counter, and seldom enough for a system call.
 constexpr Duration kDropsInterval = std::chrono::milliseconds(10);
@@ -172,7 +174,10 @@ bool XdpTransport::take_arrived() {
 }
 
 void XdpTransport::collect(TimePoint now) {
-  if (take_arrived()) {
+  // Frames of which none is for us are no reason to stop, but a flood of such must not keep us.
+  bool any = false;
+  for (std::size_t i = 0; i < kMostBatches && !received_any() && take_arrived(); ++i) any = true;
+  if (any) {
     ++counters_.receive_calls;
   } else {
     // A NIC that goes leaves an error at its sockets, which would be reported as readable until
