@@ -36,6 +36,7 @@ class JobQueue {
 
   // nullptr where there is none.
   Job* first() { return empty() ? nullptr : &slots_[order_.begin()->slot].job; }
+  const Job* first() const { return empty() ? nullptr : &slots_[order_.begin()->slot].job; }
   Job* find(MessageId message);
   const Job* find(MessageId message) const;
   // The messages that have jobs, in the order in which these were added.

@@ -308,7 +308,8 @@ std::optional<TimePoint> Sender::next_timeout() const {
 std::optional<TimePoint> Sender::next_send(LinkId path) const {
   const auto it = paths_.find(path);
   if (it == paths_.end() || !it->second.view.up) return std::nullopt;
-  if (it->second.jobs.empty() && !window_.waits(path)) return std::nullopt;
+  const bool is_idle = it->second.jobs.empty() && !window_.waits(path);
+  if (is_idle && !slower_path(path, it->second)) return std::nullopt;
   // A report or a timeout makes room.
   if (is_full(it->second)) return std::nullopt;
   return saturating_add(it->second.free_at, kQuantum);

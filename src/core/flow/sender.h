@@ -229,6 +229,7 @@ class Sender {
   // way will be there sooner.
   bool repair(TimePoint now, MessageId id, std::uint16_t index,
               Evidence evidence = Evidence::kSilence);
+  static std::size_t before_again(const Path& path, const Message& message);
   void queue_again(TimePoint now, Path& path, MessageId id, std::uint16_t index);
   // A copy of a fragment that is or could be under way.
   struct Copy {
@@ -236,7 +237,8 @@ class Sender {
     TimePoint arrival{};
   };
   std::optional<Copy> best_repair(TimePoint now, const Message& m, const Path* except);
-  std::optional<Copy> soonest_copy(TimePoint now, MessageId id, std::uint16_t index);
+  std::optional<Copy> soonest_copy(TimePoint now, MessageId id, std::uint16_t index,
+                                   bool with_suspected);
   void settle(TimePoint now, LinkId link, std::span<const SentPackets::Settled> pieces,
               Evidence evidence = Evidence::kSilence);
 
@@ -302,6 +304,7 @@ class Sender {
   static Duration queue_of(const Path& path, DataRate rate);
   static Duration time_to_bring(const Path& path, std::size_t ip_bytes);
   Shares shares(TimePoint now, const Message& message, const std::vector<LinkId>& paths) const;
+  std::optional<LinkId> slower_path(LinkId link, const Path& path) const;
   bool take_over(TimePoint now, LinkId link, Path& path);
   bool together_can_arrive(TimePoint now, const Message& message) const;
   void note_brought(TimePoint now, LinkId link, Message& message, std::size_t index);

@@ -40,7 +40,8 @@ wire::MessageBytes::Part Sender::part_of(const Message& m, std::size_t index) {
 }
 
 // A loss is known a round trip and a report later; the copy then takes one way more, and its own
-// time on the air, which is long on a slow path.
+// time on the air, which is long on a slow path. Where too few packets follow to tell of it, it may
+// take until the timeout; to be in time for the deadline is enough then.
 bool Sender::is_last(TimePoint now, const Path& path, const Message& m) const {
   if (m.symbol_paths.empty()) return false;
   Duration back = kNever;
@@ -50,7 +51,13 @@ bool Sender::is_last(TimePoint now, const Path& path, const Message& m) const {
     const Duration air = std::min<Duration>(rate.transmit_time(ip_bytes_of_piece(m)), kNever);
     back = std::min<Duration>(back, other.view.one_way + air);
   }
-  return now + 2 * path.view.one_way + kReportDelay + back + kMargin > m.aim;
+  const TimePoint told = now + 2 * path.view.one_way + kReportDelay;
+  if (told + back + kMargin > m.aim) return true;
+  // Behind a message of a round there is more to do: what is there by the deadline alone helps
+  // none.
+  const bool is_tail = m.kind == wire::MessageKind::kPlain &&
+                       path.jobs.bytes() < SentPackets::kReorderPackets * m.chunk;
+  return is_tail && now + path.view.probe_timeout + back + kMargin > m.deadline;
 }
 
 bool Sender::can_wait(TimePoint now, const Message& m) {

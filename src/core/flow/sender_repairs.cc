@@ -1,6 +1,7 @@
 // What becomes of a fragment that is lost: which path brings another copy soonest, whether that is
 // in time, and whether one copy is enough.
 #include <algorithm>
+#include <tuple>
 
 #include "core/flow/sender.h"
 
@@ -24,11 +25,13 @@ bool may_double(const PathView& view) {
 }  // namespace
 
 // The soonest copy of a fragment that is queued or in flight; nothing when there is no such copy.
-std::optional<Sender::Copy> Sender::soonest_copy(TimePoint now, MessageId id, std::uint16_t index) {
+// Copies on suspected paths count where none is sound, or where they are asked for.
+std::optional<Sender::Copy> Sender::soonest_copy(TimePoint now, MessageId id, std::uint16_t index,
+                                                 bool with_suspected) {
   const Message& m = *messages_.find(id);
   if (m.pieces[index].under_way == 0) return std::nullopt;
   std::optional<Copy> best;
-  const bool sound = m.kind == wire::MessageKind::kPlain && any_is_sound();
+  const bool sound = !with_suspected && m.kind == wire::MessageKind::kPlain && any_is_sound();
   for (auto& [link, path] : paths_) {
     // Nobody knows when a path that is suspected brings anything.
     if (!path.view.up || (path.view.suspect && sound)) continue;
@@ -58,7 +61,7 @@ bool Sender::repair(TimePoint now, MessageId id, std::uint16_t index, Evidence e
   const Message& m = *messages_.find(id);
   const auto best = best_repair(now, m, nullptr);
   const bool in_time = best && best->arrival <= m.deadline;
-  const auto other = soonest_copy(now, id, index);
+  const auto other = soonest_copy(now, id, index, best && best->path->view.suspect);
   const bool other_is_sooner = other && (!best || other->arrival <= best->arrival);
   // A second copy is not worth a backup.
   const auto is_dearer = [](const Path& a, const Path& b) {
@@ -86,6 +89,15 @@ bool Sender::repair(TimePoint now, MessageId id, std::uint16_t index, Evidence e
   return true;
 }
 
+// Bytes that leave a path before what is sent again of this message. What is due later waits for
+// it, and so does what has not left yet of the message itself.
+std::size_t Sender::before_again(const Path& path, const Message& m) {
+  const std::size_t before = path.jobs.bytes_before(turn_of(path, m.deadline, m.importance));
+  const Job* job = path.jobs.find(m.id);
+  const std::size_t own = job == nullptr ? 0 : job->bytes() - job->again.size() * job->chunk;
+  return before - std::min(before, own);
+}
+
 void Sender::queue_again(TimePoint now, Path& path, MessageId id, std::uint16_t index) {
   Message& m = *messages_.find(id);
   m.copy_added(index);
@@ -98,29 +110,32 @@ void Sender::queue_again(TimePoint now, Path& path, MessageId id, std::uint16_t 
   path.jobs.push_again(*job, index);
 }
 
-// The path, other than `except`, that would bring a lost fragment of this message soonest.
+// The path, other than `except`, that would bring a lost fragment of this message soonest. One that
+// is suspected carries it where no other is in time: suspicion is often wrong, and where the others
+// are too slow nothing is better than that.
 std::optional<Sender::Copy> Sender::best_repair(TimePoint now, const Message& m,
                                                 const Path* except) {
   std::optional<Copy> best;
+  // Whether it is too late, over a path that is suspected though others are not, over a backup; and
+  // when it is there. Less is better.
+  using Rank = std::tuple<bool, bool, bool, TimePoint>;
+  Rank best_rank;
   const bool sound = m.kind == wire::MessageKind::kPlain && any_is_sound();
   for (auto& [link, path] : paths_) {
     const bool may_carry = &path != except && m.repairs.contains(link) &&
                            path.max_datagram >= m.chunk + kPieceOverheadBytes;
-    if (!path.view.up || (path.view.suspect && sound) || !may_carry) continue;
+    if (!path.view.up || !may_carry) continue;
     const DataRate rate = path.view.rate.value_or(kBlindRate);
-    // What matters more than usual waits for nothing else.
-    const auto turn = turn_of(path, m.deadline, m.importance);
-    const bool first = turn < turn_of(path, m.deadline, kUsualImportance);
-    const std::size_t ahead = first ? path.jobs.bytes_before(turn) : path.jobs.bytes();
+    const std::size_t ahead = before_again(path, m);
     const Duration queue = std::min<Duration>(rate.transmit_time(ahead + m.chunk), kNever);
-    const TimePoint arrival = now + queue + path.view.one_way;
+    const TimePoint arrival = std::max(now, path.free_at) + queue + path.view.one_way;
+    const bool suspected = path.view.suspect && sound;
     const bool in_time = arrival <= m.deadline;
-    // A backup only where no other path is in time.
-    const bool better =
-        !best || (path.view.backup == best->path->view.backup ? arrival < best->arrival
-                  : path.view.backup ? in_time && best->arrival > m.deadline
-                                     : in_time || best->arrival > m.deadline);
-    if (better) best = {&path, arrival};
+    if (suspected && !in_time) continue;
+    const Rank rank{!in_time, suspected, path.view.backup, arrival};
+    if (best && best_rank <= rank) continue;
+    best = {&path, arrival};
+    best_rank = rank;
   }
   return best;
 }

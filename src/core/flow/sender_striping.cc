@@ -45,29 +45,37 @@ Way Sender::way_of(const Path& path, const Message& m) {
 }
 
 // The pieces that each of these paths carries, in their order; 0 for those that would only delay
-// it.
+// it. Those that are suspected carry some where the others are not in time: suspicion is often
+// wrong, and what is too slow is too late for certain.
 Sender::Shares Sender::shares(TimePoint now, const Message& m,
                               const std::vector<LinkId>& paths) const {
   std::array<Way, kMaxLinks> ways;
   std::array<std::size_t, kMaxLinks> places{};
   std::size_t used = 0;
+  const auto add = [&](bool suspected) {
+    for (std::size_t i = 0; i < std::min(paths.size(), kMaxLinks); ++i) {
+      const Path& path = paths_.at(paths[i]);
+      if (!path.view.up || path.view.suspect != suspected) continue;
+      ways[used] = way_of(path, m);
+      places[used++] = i;
+    }
+  };
+  const std::size_t piece = ip_bytes_of_piece(m);
+  const auto divided = [&] {
+    return divide(std::span(ways).first(used), m.count * piece, m.aim - now);
+  };
   Shares out{};
-  const bool sound = std::ranges::any_of(paths, [this](LinkId link) {
-    const PathView& view = paths_.at(link).view;
-    return view.up && !view.suspect;
-  });
-  for (std::size_t i = 0; i < std::min(paths.size(), kMaxLinks); ++i) {
-    const Path& path = paths_.at(paths[i]);
-    if (!path.view.up || (path.view.suspect && sound)) continue;
-    ways[used] = way_of(path, m);
-    places[used++] = i;
+  Division division;
+  add(false);
+  if (used > 0) division = divided();
+  if (used == 0 || division.time > m.aim - now) {
+    add(true);
+    if (used > 0) division = divided();
   }
   if (used == 0) {
     out.front() = m.count;
     return out;
   }
-  const std::size_t piece = ip_bytes_of_piece(m);
-  const Division division = divide(std::span(ways).first(used), m.count * piece, m.aim - now);
   std::size_t left = m.count;
   std::size_t largest = 0;
   for (std::size_t w = 0; w < used; ++w) {
@@ -108,27 +116,37 @@ void Sender::enqueue(TimePoint now, Message& m, const std::vector<LinkId>& paths
   m.divided = PathSet::of(paths);
 }
 
+// The path of whose next message this one, which has nothing to send, brings the last piece sooner.
+std::optional<LinkId> Sender::slower_path(LinkId link, const Path& path) const {
+  if (path.view.suspect) return std::nullopt;
+  for (const auto& [other_link, other] : paths_) {
+    const Job* job = &other == &path ? nullptr : other.jobs.first();
+    if (job == nullptr || job->next >= job->count) continue;
+    const Message& m = *messages_.find(job->message);
+    if (!m.divided.contains(link) || path.max_datagram < m.chunk + kPieceOverheadBytes) continue;
+    const Duration here = time_to_bring(path, ip_bytes_of_piece(m));
+    if (other.view.up && here + kSooner > time_to_bring(other, job->ip_bytes())) continue;
+    return other_link;
+  }
+  return std::nullopt;
+}
+
 // A path that has nothing to send takes the last piece of a divided message from a path that would
 // bring it later: what was believed of their rates when it was divided may be wrong by now. Returns
 // whether there was one.
 bool Sender::take_over(TimePoint now, LinkId link, Path& path) {
-  if (path.view.suspect) return false;
-  for (auto& [other_link, other] : paths_) {
-    Job* job = &other == &path ? nullptr : other.jobs.first();
-    if (job == nullptr || job->next >= job->count) continue;
-    Message& m = *messages_.find(job->message);
-    if (!m.divided.contains(link) || path.max_datagram < m.chunk + kPieceOverheadBytes) continue;
-    const Duration here = time_to_bring(path, ip_bytes_of_piece(m));
-    if (other.view.up && here + kSooner > time_to_bring(other, job->ip_bytes())) continue;
-    const std::uint16_t index = other.jobs.take_last(*job);
-    m.leave_out(other_link, index);
-    path.use.queued(now);
-    path.jobs.add(m.id, turn_of(path, m.deadline, m.importance), index,
-                  static_cast<std::uint16_t>(index + 1), m.chunk);
-    m.taken.add(link);
-    return true;
-  }
-  return false;
+  const auto from = slower_path(link, path);
+  if (!from) return false;
+  Path& other = paths_.at(*from);
+  Job& job = *other.jobs.first();
+  Message& m = *messages_.find(job.message);
+  const std::uint16_t index = other.jobs.take_last(job);
+  m.leave_out(*from, index);
+  path.use.queued(now);
+  path.jobs.add(m.id, turn_of(path, m.deadline, m.importance), index,
+                static_cast<std::uint16_t>(index + 1), m.chunk);
+  m.taken.add(link);
+  return true;
 }
 
 // From now until so many bytes are there that a path sends next.

@@ -7,8 +7,6 @@
 namespace interneuron::flow {
 namespace {
 
-// A packet is lost when one sent this many later has arrived (RFC 9002 §6.1.1).
-constexpr std::uint64_t kReorderPackets = 3;
 // The reordering window is a quarter of the smallest round trip (RFC 8985 §6.2), but not less than
 // this: what arrives late is reported up to 5 ms later (src/core/peers/feedback_due.h).
 constexpr int kWindowDivisor = 4;

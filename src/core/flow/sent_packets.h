@@ -32,6 +32,8 @@ namespace interneuron::flow {
 // nothing is allocated per packet once the rings have grown. Pure; thread-compatible; never throws.
 class SentPackets {
  public:
+  // A packet is lost when one sent this many later has arrived (RFC 9002 §6.1.1).
+  static constexpr std::uint64_t kReorderPackets = 3;
   // The fragment that a packet carried. Packets without a fragment are never repaired.
   struct Piece {
     MessageId message{};

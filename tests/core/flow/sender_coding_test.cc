@@ -134,6 +134,22 @@ TEST(SenderCoding, SymbolsAcknowledgedEndTheMessageAsPiecesDo) {
   EXPECT_EQ(p.sender.bytes(), 0U);
 }
 
+TEST(SenderCoding, TheEndIsCoveredWhereItsLossWouldBeKnownByATimeoutAlone) {
+  // Ten pieces leave within 1.1 ms. The loss of the first ones is told at 83 ms, that of the last
+  // ones at 151 ms, after the timeout of 150 ms; the copy takes 39 ms.
+  for (const auto& [deadline, symbols] : {std::pair{150ms, true}, std::pair{220ms, false}}) {
+    Far p;
+    for (const LinkId link : {kA, kB}) {
+      PathView v = view(39ms);
+      v.losses = {0.01, 1, -1};
+      v.probe_timeout = 150ms;
+      p.sender.set_path(link, v);
+    }
+    p.coded(10, deadline);
+    EXPECT_EQ(p.leave(20ms)[kB].second > 0, symbols) << to_ms(deadline);
+  }
+}
+
 TEST(SenderCoding, SymbolsLeaveAtOnceWhereTheyCouldNotWait) {
   Far p;
   // All of it has left after 10.6 ms; what leaves then is there after 41 ms more at the soonest.
@@ -223,6 +239,28 @@ TEST(SenderStriping, APathThatIsDoneTakesOverWhatAnotherIsTooSlowFor) {
   EXPECT_EQ(p.left[kA].size() + p.left[kB].size(), 300U);
   EXPECT_GT(p.left[kB].size(), 200U);
   EXPECT_EQ(p.twice, 0U);
+}
+
+TEST(SenderStriping, APathThatIsDoneAsksToSendWhereItWouldTakeSomethingOver) {
+  Divided p;
+  TimePoint now = at(0s);
+  p.drain(kB, now);
+  EXPECT_FALSE(p.sender.next_send(kB)) << "kA brings the rest as soon";
+  p.fall(kA, 10);
+  EXPECT_TRUE(p.sender.next_send(kB));
+}
+
+TEST(SenderStriping, ASuspectPathGetsAShareWhereTheOthersAreNotInTime) {
+  for (const double mbit : {60.0, 10.0}) {
+    Paths p;
+    p.set(kA, 10ms, mbit);
+    PathView v = view(10ms, 60);
+    v.suspect = true;
+    p.sender.set_path(kB, v);
+    p.sender.send(at(0s), {.deadline = at(80ms), .lifetime = 80ms}, Bytes(200 * kChunk), {kA, kB},
+                  kEveryPath, wire::MessageKind::kPlain, {.divided = true});
+    EXPECT_EQ(p.sender.poll(at(0s), kB).has_value(), mbit < 60) << mbit;
+  }
 }
 
 TEST(SenderStriping, ASuspectPathTakesNothingOver) {

@@ -197,21 +197,46 @@ TEST(Sender, NoSecondCopyGoesOverABackup) {
   expect_one_copy(p);
 }
 
-TEST(Sender, ARepairOfWhatMattersMoreWaitsForNothingElse) {
-  for (const std::uint8_t importance : {kUsualImportance, std::uint8_t{200}}) {
+TEST(Sender, ARepairWaitsForWhatIsDueSoonerUnlessItMattersMore) {
+  for (const bool matters : {false, true}) {
+    for (const TimePoint due : {at(150ms), kFar}) {
+      Paths p;
+      make_steady(p, kA, 15ms, true);
+      p.set(kB, 10ms, 100, false);
+      const auto importance = static_cast<std::uint8_t>(kUsualImportance + (matters ? 72 : 0));
+      const MessageId first = p.sender.send(
+          at(0s), {.deadline = at(200ms), .lifetime = 200ms, .importance = importance},
+          Bytes(5 * kChunk), {kA});
+      TimePoint now = at(0s);
+      const auto numbers = sent_on_a(p, now);
+      p.send(at(40ms), due, 700, {kA});  // 77 ms of queue
+      p.sender.report(at(45ms), report_of(kA, {numbers.begin() + 1, numbers.end()}));
+      const auto piece = p.sender.poll(at(45ms), kA);
+      ASSERT_TRUE(piece);
+      EXPECT_EQ(piece->fragment.message == first, matters || due == kFar);
+    }
+  }
+}
+
+TEST(Sender, ARepairGoesOverASuspectPathWhereNoOtherIsInTime) {
+  for (const Duration deadline : {100ms, 70ms}) {
     Paths p;
-    make_steady(p, kA, 15ms, true);
-    p.set(kB, 10ms, 100, false);
-    const MessageId first =
-        p.sender.send(at(0s), {.deadline = at(100ms), .lifetime = 100ms, .importance = importance},
-                      Bytes(5 * kChunk), {kA});
+    p.set(kB, 30ms);
+    const MessageId message =
+        p.sender.send(at(0s), {.deadline = at(deadline), .lifetime = deadline}, Bytes(5 * kChunk),
+                      {kA}, kEveryPath, wire::MessageKind::kPlain);
     TimePoint now = at(0s);
     const auto numbers = sent_on_a(p, now);
-    p.send(at(40ms), kFar, 700, {kA});  // 77 ms of queue
-    p.sender.report(at(45ms), report_of(kA, {numbers.begin() + 1, numbers.end()}));
-    const auto piece = p.sender.poll(at(45ms), kA);
-    ASSERT_TRUE(piece);
-    EXPECT_EQ(piece->fragment.message == first, importance > kUsualImportance);
+    PathView v = view(10ms);
+    v.suspect = true;
+    p.sender.set_path(kA, v);
+    p.sender.report(at(50ms), report_of(kA, {numbers.begin() + 1, numbers.end()}));
+    const auto over_a = p.sender.poll(at(50ms), kA);
+    EXPECT_EQ(over_a.has_value(), deadline == 70ms) << to_ms(deadline);
+    EXPECT_EQ(p.sender.poll(at(50ms), kB).has_value(), deadline == 100ms) << to_ms(deadline);
+    if (over_a) {
+      EXPECT_EQ(over_a->fragment.message, message);
+    }
   }
 }
 
