@@ -7,9 +7,11 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cerrno>
 #include <utility>
 
 #include "netns/state/check.h"
+#include "netns/state/error.h"
 
 namespace interneuron::netns {
 
@@ -27,8 +29,13 @@ constexpr int kSendBufferBytes = 4 << 20;
 
 io::FileDescriptor open_packet_socket() {
   // With protocol 0 the socket receives nothing until it is bound.
-  return io::FileDescriptor(
-      check(::socket(AF_PACKET, SOCK_RAW | SOCK_CLOEXEC, 0), "open a packet socket"));
+  const int fd = ::socket(AF_PACKET, SOCK_RAW | SOCK_CLOEXEC, 0);
+  if (fd < 0 && (errno == EPERM || errno == EACCES)) {
+    throw TestbedError(5,
+                       "not permitted to open a packet socket for the links of a testbed; run as "
+                       "root with CAP_NET_RAW");
+  }
+  return io::FileDescriptor(check(fd, "open a packet socket"));
 }
 
 void set_option(int fd, int level, int name, int value, const std::string& what) {
