@@ -157,6 +157,8 @@ void EndProgram::judge(int code) const {
   if (code == 128 + SIGINT || code == 128 + SIGTERM || code == 128 + SIGHUP) {
     throw Failure(code, "interrupted");
   }
+  // What it lacks is its own to say, with the remedy: only there is it known what a Node needs.
+  if (code == kPrivilege) throw Failure(kPrivilege, last_words());
   throw Failure(kFailed, "the " + end_ + " of a run failed: " + last_words());
 }
 
@@ -164,7 +166,8 @@ std::string EndProgram::last_words() const {
   std::ifstream in(log_);
   std::string last = "they said nothing";
   for (std::string line; std::getline(in, line);) last = line.empty() ? last : line;
-  return last;
+  constexpr std::string_view kName = "interneuron: ";
+  return last.starts_with(kName) ? last.substr(kName.size()) : last;
 }
 
 }  // namespace interneuron::cli

@@ -1,5 +1,6 @@
 // `--transport` of the programs that have it.
 #include <algorithm>
+#include <fstream>
 
 #include "support.h"
 
@@ -7,26 +8,29 @@ namespace interneuron::cli {
 namespace {
 
 TEST(TransportOption, IsInTheHelpAndRefusesWhatThereIsNot) {
-  for (const char* program : {"vehicle", "road"}) {
+  for (const char* program : {"vehicle", "road", "bench peers", "bench load --testbed"}) {
     const Ran help = run(std::string(program) + " --help");
     EXPECT_NE(help.output.find("bypass nftables"), std::string::npos) << help.output;
     EXPECT_EQ(run(std::string(program) + " --transport pigeon").code, 2);
   }
+  EXPECT_EQ(run("bench load rate --transport ring").code, 2);
 }
 
 // `capability`: the one that the program is run without, as setpriv calls it.
+Ran run_without(const std::string& capability, const std::string& arguments) {
+  if (::getuid() != 0) return run(arguments);
+  const std::string without = " -" + capability;
+  return run_program("setpriv", "--bounding-set" + without + " --inh-caps" + without + " '" +
+                                    std::string(INTERNEURON_PROGRAM) + "' " + arguments);
+}
+
 void expect_that_it_is_refused(const std::string& transport, const std::string& capability,
                                const std::string& remedy) {
   // By name and by rule, which would wait for its NICs otherwise.
   for (const char* nic : {"lo", "'l*'"}) {
     const std::string arguments =
         "road --ladder none --transport " + transport + " --nic " + std::string(nic);
-    const std::string without = " -" + capability;
-    const Ran ran =
-        ::getuid() == 0
-            ? run_program("setpriv", "--bounding-set" + without + " --inh-caps" + without + " '" +
-                                         std::string(INTERNEURON_PROGRAM) + "' " + arguments)
-            : run(arguments);
+    const Ran ran = run_without(capability, arguments);
     EXPECT_EQ(ran.code, 5) << ran.output;
     EXPECT_NE(ran.output.find(remedy), std::string::npos) << ran.output;
     EXPECT_NE(ran.output.find("--transport udp"), std::string::npos) << ran.output;
@@ -41,6 +45,39 @@ TEST(TransportOption, ARingWithoutThePrivilegeIsAnErrorWithTheRemedy) {
 TEST(TransportOption, XdpWithoutThePrivilegeIsAnErrorWithTheRemedy) {
   // Without the first the kernel asks for the second instead.
   expect_that_it_is_refused("xdp", "bpf,-sys_admin", "setcap cap_net_raw,cap_net_admin,cap_bpf");
+}
+
+// What a bench starts in a host of its testbed.
+TEST(TransportOption, AnEndOfABenchWithoutThePrivilegeSaysSo) {
+  const TempFolder folder;
+  const std::string file = (folder / "order.json").string();
+  std::ofstream(file) << R"({"transport": "ours", "mode": "best_link",
+    "traffic": {"variant_bytes": [1000], "deadline_ns": 1, "period_ns": 1, "length_ns": 1, "first_ns": [0]},
+    "modems": [{"nic": "lo", "vehicle": "127.0.0.1", "road": "127.0.0.1"}],
+    "datagrams": "ring", "way_ns": 0})";
+  for (const char* end : {"vehicles", "road"}) {
+    const Ran ran = run_without("net_raw", "bench play --order '" + file + "' --end " + end);
+    EXPECT_EQ(ran.code, 5) << ran.output;
+    EXPECT_NE(ran.output.find("setcap cap_net_raw+ep"), std::string::npos) << ran.output;
+  }
+}
+
+TEST(TransportOption, ABenchWithoutThePrivilegeIsAnErrorWithTheRemedy) {
+  if (::getuid() != 0) GTEST_SKIP() << "in its own user namespace a testbed has the privilege";
+  const Ran ran =
+      run_without("net_raw", "bench peers clean --messages 1 --peer udp --transport ring");
+  EXPECT_EQ(ran.code, 5) << ran.output;
+  EXPECT_NE(ran.output.find("CAP_NET_RAW"), std::string::npos) << ran.output;
+}
+
+// The kernel asks for CAP_BPF in the first user namespace, so that a testbed has it of nobody.
+TEST(TransportOption, ABenchTellsOfThePrivilegeThatItsEndLacks) {
+  if (const std::string reason = no_testbed(); !reason.empty()) GTEST_SKIP() << reason;
+  const Ran ran = run_without(
+      "bpf,-sys_admin", "bench peers clean --messages 1 --peer ours_best_link --transport xdp");
+  EXPECT_EQ(ran.code, 5) << ran.output;
+  EXPECT_NE(ran.output.find("setcap cap_net_raw,cap_net_admin,cap_bpf"), std::string::npos)
+      << ran.output;
 }
 
 }  // namespace
