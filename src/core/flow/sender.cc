@@ -176,8 +176,9 @@ std::optional<Sender::Piece> Sender::poll(TimePoint now, LinkId path_id) {
   if (const auto symbol = take_window_symbol(now, path_id, path)) return symbol;
   for (;;) {
     Job* job = next_job(path, now);
-    if (job == nullptr && take_over(now, path_id, path)) job = next_job(path, now);
+    while (job == nullptr && take_over(now, path_id, path)) job = next_job(path, now);
     if (job == nullptr) {
+      path.idle_at = now;
       path.use.emptied(now);
       return std::nullopt;
     }
@@ -308,11 +309,14 @@ std::optional<TimePoint> Sender::next_timeout() const {
 std::optional<TimePoint> Sender::next_send(LinkId path) const {
   const auto it = paths_.find(path);
   if (it == paths_.end() || !it->second.view.up) return std::nullopt;
-  const bool is_idle = it->second.jobs.empty() && !window_.waits(path);
-  if (is_idle && !slower_path(path, it->second)) return std::nullopt;
+  const Path& p = it->second;
+  const bool is_idle = p.jobs.empty() && !window_.waits(path);
+  if (is_idle && !slower_path(path, p)) return std::nullopt;
   // A report or a timeout makes room.
-  if (is_full(it->second)) return std::nullopt;
-  return saturating_add(it->second.free_at, kQuantum);
+  if (is_full(p)) return std::nullopt;
+  // What there is to take over since poll() found nothing, by what left another path, waits a
+  // little: else the loop would be called again at the same instant.
+  return saturating_add(is_idle ? std::max(p.free_at, p.idle_at) : p.free_at, kQuantum);
 }
 
 bool Sender::is_surely_incomplete(MessageId message) const {

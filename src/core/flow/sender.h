@@ -194,6 +194,8 @@ class Sender {
     PathView view;
     // When the pace allows the next packet to leave.
     TimePoint free_at = TimePoint::min();
+    // When poll() found nothing to send last.
+    TimePoint idle_at = TimePoint::min();
     // Of messages that are in messages_ alone.
     JobQueue jobs;
     SentPackets sent;
