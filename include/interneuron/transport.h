@@ -106,6 +106,10 @@ struct TransportCounters {
   std::uint64_t receive_errors = 0;
   // Datagrams that the kernel dropped because the receive buffer was full.
   std::uint64_t receive_queue_drops = 0;
+  // What was read from the socket's error queue and thrown away: errors of the network, stamps of
+  // what was sent, datagrams that a qdisc dropped. Nothing asks the kernel for them unless somebody
+  // sets such an option on the handle.
+  std::uint64_t error_reports = 0;
 };
 
 // One socket. Set-up failures throw IoError from the constructors of derived classes; once a

@@ -35,6 +35,9 @@ constexpr std::size_t kReceiveMessages = 16;
 constexpr std::size_t kReceiveBytes = 64 * 1024;
 // Datagrams per message that is received: UDP_MAX_SEGMENTS of Linux >= 6.9.
 constexpr std::size_t kMaxCoalesced = 128;
+// Reports taken from the error queue in one go, so that a flood of them does not hold up datagrams.
+// No measurement behind this value: while there are more, the handle stays readable.
+constexpr std::size_t kReportsPerCall = 64;
 // After so many refusals in a row segmentation stays off, so that a NIC that cannot do it does not
 // cost a failed call per batch. No measurement behind this value: it only has to be larger than the
 // refusals that a passing change of the MTU causes.
@@ -263,6 +266,8 @@ std::span<const Incoming> UdpTransport::receive() {
   } while (count < 0 && errno == EINTR);
   if (count < 0) {
     if (errno != EAGAIN && errno != EWOULDBLOCK) ++counters_.receive_errors;
+    // Whoever polls cannot tell a report from a datagram: where there is none, it may be that.
+    drain_errors();
     return {};
   }
   ++counters_.receive_calls;
@@ -275,6 +280,15 @@ std::span<const Incoming> UdpTransport::receive() {
   }
   counters_.received_datagrams += in.datagrams.size();
   return in.datagrams;
+}
+
+// What reports say is not looked at: that of the network can be forged.
+void UdpTransport::drain_errors() {
+  for (std::size_t i = 0; i < kReportsPerCall; ++i) {
+    msghdr nothing{};
+    if (::recvmsg(native_handle(), &nothing, MSG_ERRQUEUE | MSG_DONTWAIT) < 0) return;
+    ++counters_.error_reports;
+  }
 }
 
 // Takes from a received message what the kernel says of it: the size of its coalesced datagrams,

@@ -6,8 +6,9 @@
 // batch that the kernel refuses to segment is sent one by one. The errors of the network that a
 // socket may report (a host that cannot be reached) drop the datagram they hit and are counted:
 // ICMP is a hint that anybody can forge. What the kernel takes not just now (ENOBUFS, EPERM) is
-// left to be offered again. Datagrams that arrive bear the kernel's stamps; those that it has
-// coalesced have one.
+// left to be offered again. The socket's error queue, which would make the handle readable for ever
+// and takes room from what arrives, is emptied and counted. Datagrams that arrive bear the kernel's
+// stamps; those that it has coalesced have one.
 //
 // With UdpOptions::answer_from_receiver an Address that comes from receive() carries, in a byte
 // that the system ignores, which of the NIC's own addresses it came to; send() takes it from there.
@@ -54,6 +55,7 @@ class UdpTransport final : public Transport {
   struct ReceiveBuffers;
 
   std::size_t fill(std::span<const Outgoing> batch, bool segment);
+  void drain_errors();
   void read_control(std::size_t message);
   void split(std::size_t message, TimePoint at);
 

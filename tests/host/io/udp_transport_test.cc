@@ -2,6 +2,9 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <linux/net_tstamp.h>
+#include <netinet/in.h>
+#include <poll.h>
 #include <sys/socket.h>
 
 #include "host/io/steady_clock.h"
@@ -47,6 +50,48 @@ TEST(UdpTransport, EqualDatagramsLeaveInOneCallAndArriveInOrder) {
   EXPECT_EQ(sender.counters().sent_datagrams, 200u);
   EXPECT_EQ(receiver.counters().received_datagrams, 200u);
   EXPECT_EQ(sender.counters().send_calls, sender.capabilities().segmentation_offload ? 1u : 7u);
+}
+
+// Receives until nothing makes the handle readable; returns how many calls that took.
+int calls_until_quiet(UdpTransport& transport) {
+  constexpr int kTooMany = 100;
+  for (int calls = 0; calls < kTooMany; ++calls) {
+    pollfd handle{transport.native_handle(), POLLIN, 0};
+    if (::poll(&handle, 1, 0) == 0) return calls;
+    EXPECT_TRUE(transport.receive().empty());
+  }
+  return kTooMany;
+}
+
+TEST(UdpTransport, ReportsOfTheErrorQueueAreReadAndCounted) {
+  UdpTransport sender(on_lo());
+  const UdpTransport receiver(on_lo());
+  const int stamps = SOF_TIMESTAMPING_TX_SOFTWARE | SOF_TIMESTAMPING_SOFTWARE;
+  ASSERT_EQ(
+      ::setsockopt(sender.native_handle(), SOL_SOCKET, SO_TIMESTAMPING, &stamps, sizeof stamps), 0);
+  // Of different sizes, so that each is a send of its own.
+  std::vector<Bytes> payloads;
+  for (std::size_t i = 0; i < 150; ++i) payloads.push_back(payload(i, 100 + i));
+  ASSERT_EQ(sender.send(to_all(receiver.local_address(), payloads)).taken, payloads.size());
+  ASSERT_TRUE(wait_for(sender, POLLERR));
+  // Three calls of 64.
+  EXPECT_EQ(calls_until_quiet(sender), 3);
+  EXPECT_EQ(sender.counters().error_reports, payloads.size());
+  EXPECT_EQ(sender.counters().receive_errors, 0u);
+}
+
+TEST(UdpTransport, ReportsOfTheNetworkDoNotKeepTheHandleReadable) {
+  UdpTransport sender(on_lo());
+  const int on = 1;
+  ASSERT_EQ(::setsockopt(sender.native_handle(), IPPROTO_IP, IP_RECVERR, &on, sizeof on), 0);
+  const Address nobody = UdpTransport(on_lo()).local_address();
+  ASSERT_EQ(sender.send(to_all(nobody, {payload(0, 100)})).taken, 1u);
+  ASSERT_TRUE(wait_for(sender, POLLERR));
+  EXPECT_LE(calls_until_quiet(sender), 2);
+  EXPECT_EQ(sender.counters().error_reports, 1u);
+  // It still sends and receives.
+  UdpTransport receiver(on_lo());
+  expect_round_trip(sender, receiver, {payload(0, 100), payload(1, 300)});
 }
 
 TEST(UdpTransport, TellsWhenTheKernelReceived) {
