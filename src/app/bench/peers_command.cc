@@ -90,6 +90,8 @@ int run_peers(const Options& o) {
   } else {
     print_peers(compared, datagrams);
   }
+  // What took so long to measure is shown, but takes the place of no page of a whole series.
+  if (compared.ended) std::rethrow_exception(compared.ended);
   if (!o.page.empty()) write_page(o.page, compared.rows);
   if (!o.plot.empty()) plot_peers(o.plot, compared.rows);
   if (o.json) return kFine;

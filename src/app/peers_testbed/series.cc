@@ -37,7 +37,7 @@ std::vector<Skipped> skipped_of(const std::vector<Run>& runs) {
 }  // namespace
 
 Compared compare(const std::vector<Run>& runs) {
-  Compared out{{}, skipped_of(runs)};
+  Compared out{{}, skipped_of(runs), {}};
   for (const Skipped& s : out.skipped) {
     fmt::print(stderr, "interneuron: left out: {}: {}\n", s.peer, s.reason);
   }
@@ -55,9 +55,15 @@ Compared compare(const std::vector<Run>& runs) {
   cli::SeriesLine line("bench peers", std::move(times));
   for (const Run& run : list) {
     line.next(name_of(run));
-    Ran ran = play_run(run, scratch);
-    line.doubt(ran.doubt);
-    out.rows.insert(out.rows.end(), ran.rows.begin(), ran.rows.end());
+    try {
+      const Ran ran = play_run(run, scratch);
+      line.doubt(ran.doubt);
+      out.rows.insert(out.rows.end(), ran.rows.begin(), ran.rows.end());
+    } catch (...) {
+      if (out.rows.empty()) throw;
+      out.ended = std::current_exception();
+      break;
+    }
   }
   return out;
 }

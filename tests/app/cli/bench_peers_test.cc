@@ -1,5 +1,7 @@
 // `interneuron bench peers`: short runs on a testbed, their JSON and their table, and that nothing
 // is left when it is interrupted.
+#include <fstream>
+
 #include "support.h"
 #include "tests/app/watch/json_schema.h"
 
@@ -167,6 +169,29 @@ TEST(BenchPeers, LeavesNothingWhenItIsInterrupted) {
                              INTERNEURON_PROGRAM + "' bench peers clean --peer ours_duplicate");
   EXPECT_EQ(ran.code, 130) << ran.output;
   EXPECT_TRUE(std::filesystem::is_empty(folder.string())) << ran.output;
+}
+
+// The signal comes once the second run has begun.
+TEST(BenchPeers, ShowsWhatItHasWhenItIsInterrupted) {
+  if (const std::string reason = no_testbed(); !reason.empty()) GTEST_SKIP() << reason;
+  const TempFolder folder;
+  std::ofstream(folder / "script") << R"sh(cd "$(dirname "$0")"
+set -m
+"$1" bench peers clean --size 5KB --messages 1 --deadline 100 --peer udp,tcp --json --page page.md > rows 2> told &
+until grep -q "run 2 of 2" told || ! kill -0 $!; do sleep 0.05; done
+kill -INT $!
+wait $!
+code=$?
+cat rows
+exit $code
+)sh";
+  const Ran ran =
+      run_program("bash", (folder / "script").string() + " '" INTERNEURON_PROGRAM "'", false);
+  EXPECT_EQ(ran.code, 130) << ran.output;
+  const json document = checked(ran.output);
+  ASSERT_EQ(document["rows"].size(), 1U);
+  EXPECT_EQ(document["rows"][0]["peer"], "udp");
+  EXPECT_FALSE(std::filesystem::exists(folder / "page.md"));
 }
 
 }  // namespace
