@@ -166,9 +166,8 @@ class NicJudge {
   }
   void pacing() {
     add("pacing", Verdict::kOk,
-        nic_.qdisc == "fq" ? "qdisc fq: the kernel could pace"
-                           : "qdisc " + (nic_.qdisc.empty() ? "unknown" : nic_.qdisc) +
-                                 ": packets are paced by the program");
+        "qdisc " + (nic_.qdisc.empty() ? "unknown" : nic_.qdisc) +
+            ": packets are paced by the program");
   }
 
   const HostFacts& host_;
