@@ -179,6 +179,14 @@ void FrameTransport::judge_refusal(int error, BatchResult& result) {
   result.refused = !gone_ && (error == ENOBUFS || error == EPERM);
 }
 
+// A peer whose hardware address is asked for is waited for by what goes to it alone: the address
+// may be one that a stranger has made up, and nobody else is to wait for that.
+bool FrameTransport::others_wait_behind(std::span<const Outgoing> batch) {
+  const Address host = host_only(batch[0].to);
+  return std::ranges::any_of(
+      batch, [&host](const Outgoing& datagram) { return host_only(datagram.to) != host; });
+}
+
 BatchResult FrameTransport::send(std::span<const Outgoing> batch) {
   const TimePoint now = io::now();
   follow_changes(now);
@@ -186,6 +194,11 @@ BatchResult FrameTransport::send(std::span<const Outgoing> batch) {
   while (result.taken < batch.size() && !gone_) {
     const int error = offer(batch, now, result);
     if (result.would_block) return result;
+    if (result.refused && error == EAGAIN && others_wait_behind(batch.subspan(result.taken))) {
+      result.refused = false;
+      result.taken += drop(1, EHOSTUNREACH);
+      continue;
+    }
     if (result.refused) {
       ++counters_.send_refusals;
       counters_.last_send_error = error;

@@ -111,6 +111,7 @@ class FrameTransport : public Transport {
   void read_card();
   void follow_changes(TimePoint now);
   std::size_t drop(std::size_t count, int error);
+  static bool others_wait_behind(std::span<const Outgoing> batch);
   bool is_ours(const Address& to) const;
 
   UdpSocket holder_;

@@ -78,6 +78,21 @@ TEST_P(TransportChanges, ANeighbourThatAnswersLaterIsReachedThen) {
   });
 }
 
+// Strangers may forge requests in the names of hosts that are not there.
+TEST_P(TransportChanges, APeerThatIsAskedForHoldsUpNobodyElse) {
+  run([](Pair& pair) {
+    ASSERT_TRUE(gets_through(*pair.here, pair.to_there, *pair.there));
+    const Address nobody = *make_address("10.99.0.77", port_of(pair.to_there));
+    const std::vector<Bytes> payloads{payload(1, 50), payload(2, 60), payload(3, 70)};
+    std::vector<Outgoing> batch = to_all(pair.to_there, payloads);
+    batch[0].to = batch[1].to = nobody;
+    const BatchResult sent = pair.here->send(batch);
+    EXPECT_EQ(sent.taken, batch.size());
+    EXPECT_FALSE(sent.refused);
+    EXPECT_EQ(receive_all(*pair.there, 1), std::vector<Bytes>{payloads[2]});
+  });
+}
+
 TEST_P(TransportChanges, AHardwareAddressThatChangesIsFollowed) {
   run([](Pair& pair) {
     ASSERT_TRUE(gets_through(*pair.here, pair.to_there, *pair.there));
