@@ -1,5 +1,6 @@
 #include "host/io/xdp_socket.h"
 
+#include <fcntl.h>
 #include <linux/if_xdp.h>
 #include <sys/mman.h>
 #include <sys/socket.h>
@@ -76,6 +77,8 @@ XdpSocket::XdpSocket(const std::string& nic, std::uint32_t queue)
   const int result =
       ::xsk_umem__create(&umem_, memory_->bytes, Memory::kBytes, &fill_, &completed_, &config);
   if (result < 0) fail(nic, "setsockopt XDP_UMEM_REG", -result);
+  // Which the library leaves out: a program that the application starts would keep the queue.
+  ::fcntl(::xsk_umem__fd(umem_), F_SETFD, FD_CLOEXEC);
   try {
     open(nic, queue);
   } catch (const IoError&) {
@@ -112,6 +115,7 @@ void XdpSocket::open(const std::string& nic, std::uint32_t queue) {
                   EBUSY);
   }
   if (result < 0) fail(nic, "bind AF_XDP", -result);
+  ::fcntl(native_handle(), F_SETFD, FD_CLOEXEC);
   // What cannot be had makes fewer packets leave at a time.
   const int wanted = kSendBufferBytes;
   if (::setsockopt(native_handle(), SOL_SOCKET, SO_SNDBUFFORCE, &wanted, sizeof wanted) != 0) {
