@@ -180,7 +180,9 @@ wire::LinkReport PathReceiver::report(TimePoint now) const {
 Reassembler::Outcome Reassembler::add(TimePoint now, const wire::Data& data,
                                       const ClockBounds& clocks, std::size_t room) {
   const wire::FragmentHeader& f = data.fragment;
-  if (buried_.contains(f.message)) return {Result::kDuplicate, {}};
+  if (buried_.contains(f.message) || refused_.contains(f.message)) {
+    return {Result::kDuplicate, {}};
+  }
   auto place = by_id_.find(f.message);
   if (!place) {
     const Duration lifetime = std::chrono::microseconds(f.lifetime_us);
@@ -188,7 +190,7 @@ Reassembler::Outcome Reassembler::add(TimePoint now, const wire::Data& data,
         saturating_add(now, std::min<Duration>(lifetime, kLongestDeadline + kExpirySlack));
     if (f.size <= room && f.size <= kMaxBytes) make_room(f.size, expires);
     if (f.size > room || bytes_ + f.size > kMaxBytes || by_id_.size() >= kMaxPartials) {
-      if (f.kind == wire::MessageKind::kPlain) buried_.insert(f.message);
+      if (f.kind == wire::MessageKind::kPlain) refused_.insert(f.message);
       return {Result::kRefused, {}};
     }
     place = open(f, expires);
@@ -205,6 +207,7 @@ Reassembler::Outcome Reassembler::add(TimePoint now, const wire::Data& data,
   if (!p.complete()) return {Result::kStored, {}};
   Outcome done{Result::kComplete, p.take()};
   bury(f.message);
+  buried_.insert(f.message);
   return done;
 }
 
@@ -263,8 +266,19 @@ void Reassembler::make_room(std::size_t size, TimePoint expires) {
   if (bytes_ - older + size > kMaxBytes) return;
   while (bytes_ + size > kMaxBytes) {
     const MessageId next = places_[*expiries_.due(expires)].id;
-    bury(next);
+    give_up(next);
     forgotten_.push_back(next);
+  }
+}
+
+// It is incomplete and stays so.
+void Reassembler::give_up(MessageId message) {
+  const bool is_plain = places_[*by_id_.find(message)].partial.kind() == wire::MessageKind::kPlain;
+  bury(message);
+  if (is_plain) {
+    refused_.insert(message);
+  } else {
+    buried_.insert(message);
   }
 }
 
@@ -277,7 +291,6 @@ void Reassembler::bury(MessageId message) {
   expiries_.remove(*place);
   by_id_.erase(message);
   free_.push_back(*place);
-  buried_.insert(message);
 }
 
 std::size_t Reassembler::expire(TimePoint now) {
@@ -285,7 +298,7 @@ std::size_t Reassembler::expire(TimePoint now) {
   for (; const auto place = expiries_.due(now); ++gone) {
     const MessageId message = places_[*place].id;
     if (places_[*place].partial.kind() == wire::MessageKind::kPlain) forgotten_.push_back(message);
-    bury(message);
+    give_up(message);
   }
   return gone;
 }

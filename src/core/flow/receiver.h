@@ -134,8 +134,8 @@ struct ClockBounds {
 // it claimed (at most an hour, the longest deadline). Send fragments of one message that disagree
 // about its size or chunk; those that differ from the first are dropped. Send a message again after
 // it is complete; the newest 512 identifiers are remembered, and later fragments of these are
-// duplicates. Fragments are not authenticated, so an attacker who knows the peer's session can do
-// all this in its name.
+// duplicates; of plain ones that never became complete, 512 more are. Fragments are not
+// authenticated, so an attacker who knows the peer's session can do all this in its name.
 //
 // Pure; thread-compatible; never throws but std::bad_alloc.
 class Reassembler {
@@ -148,6 +148,10 @@ class Reassembler {
   static constexpr std::size_t kMaxPartials = 256;
   // Messages remembered as complete or expired: 16 rounds of 8 variants fit four times.
   static constexpr std::size_t kBuried = 512;
+  // Plain messages remembered whose sender is told that they never will be complete. Apart from the
+  // others, which would take their places within a tenth of a second at 5,000 small messages a
+  // second.
+  static constexpr std::size_t kRefused = 512;
 
   enum class Result : std::uint8_t {
     // The message is not complete yet.
@@ -199,6 +203,7 @@ class Reassembler {
   // Makes room for so many bytes that are kept until `expires`, if there can be room.
   void make_room(std::size_t size, TimePoint expires);
   void bury(MessageId message);
+  void give_up(MessageId message);
   void refine_expiry(std::uint32_t place, const wire::Data& first, const ClockBounds& clocks);
 
   // Places of messages that are complete or expired are empty and listed in free_.
@@ -207,8 +212,10 @@ class Reassembler {
   IdMap<MessageId> by_id_;
   // When each place expires.
   Alarms expiries_;
-  // Messages that are complete or expired, whose further fragments are duplicates.
+  // Messages that are complete or expired, whose further fragments are duplicates; and plain ones
+  // that are neither and never will be complete.
   RecentSet<MessageId, kBuried> buried_;
+  RecentSet<MessageId, kRefused> refused_;
   std::vector<MessageId> forgotten_;
   std::size_t bytes_ = 0;
 };

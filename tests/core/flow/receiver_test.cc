@@ -355,6 +355,25 @@ TEST(Reassembler, APlainMessageThatWasRefusedIsNeverComplete) {
   }
 }
 
+TEST(Reassembler, WhatWasRefusedStaysSoHoweverManyOthersAreComplete) {
+  Reassembler r;
+  const Bytes piece(1000);
+  wire::Data late{{MessageId{1}, 0, 1000, 1'000}, piece};
+  late.fragment.kind = wire::MessageKind::kPlain;
+  wire::Data expired{{MessageId{2}, 0, 1000, 2'000}, piece};
+  expired.fragment.kind = wire::MessageKind::kPlain;
+  EXPECT_EQ(r.add(at(0ms), late, kNoClocks, 999).result, Result::kRefused);
+  EXPECT_EQ(r.add(at(0ms), expired, kNoClocks).result, Result::kStored);
+  EXPECT_EQ(r.expire(at(1s)), 1U);
+  wire::Data other = late;
+  for (std::uint32_t id = 10; id < 10 + 2 * Reassembler::kBuried; ++id) {
+    other.fragment.message = MessageId{id};
+    EXPECT_EQ(r.add(at(1s), other, kNoClocks).result, Result::kComplete);
+  }
+  EXPECT_EQ(r.add(at(1s), late, kNoClocks).result, Result::kDuplicate);
+  EXPECT_EQ(r.add(at(1s), expired, kNoClocks).result, Result::kDuplicate);
+}
+
 TEST(Reassembler, NoLifetimeIsLongerThanADeadlineCanBe) {
   Reassembler r;
   const Bytes piece(1000);
