@@ -291,9 +291,13 @@ void Sender::note_overdue(TimePoint now, const Message& message) {
   for (const auto& [link, path] : paths_) {
     if (message.is_surely_incomplete()) break;
     // The lifetime is rounded to microseconds.
-    const auto first = path.sent.first_copy(missing, began - std::chrono::microseconds(1));
+    const TimePoint since = began - std::chrono::microseconds(1);
+    // A copy that nobody remembers may arrive as late as any.
+    if (!path.sent.keeps_all_since(since)) return;
+    const auto first = path.sent.first_copy(missing, since);
     if (first) copies.push_back({link, *first});
   }
+  if (copies.empty() && !message.is_surely_incomplete()) return;
   overdue_.add(now, missing, message.deadline, copies);
 }
 

@@ -55,6 +55,7 @@ void SentPackets::trim(TimePoint now) {
     const Packet& front = packets_.front();
     if (front.fate == Fate::kOpen && front.data_sized) close(front);
     if (front.data_sized) data_.pop_front();
+    newest_dropped_ = front.at;
     packets_.pop_front();
   }
   first_open_ = std::max(first_open_, oldest());

@@ -114,6 +114,8 @@ class SentPackets {
   // The number of the first copy of this fragment that left at `since` or later. Looks at all
   // packets since then.
   std::optional<std::uint64_t> first_copy(const Piece& piece, TimePoint since) const;
+  // Whether the records of all packets that left at `since` or later are kept.
+  bool keeps_all_since(TimePoint since) const { return newest_dropped_ < since; }
 
   // When the oldest of the fragments left that were sent after all that is acknowledged and are in
   // flight, or are of this message, which the peer may not have told of; nothing when none was.
@@ -196,6 +198,8 @@ class SentPackets {
   // Oldest first; their numbers have no gap.
   Ring<Packet> packets_;
   Ring<Data> data_;
+  // When the newest packet left of which there is no record any more.
+  TimePoint newest_dropped_ = TimePoint::min();
   std::uint32_t next_data_ = 0;
   std::uint64_t next_ = 1;
   // All packets before this number are settled.

@@ -213,6 +213,24 @@ TEST(Sender, ANewLifeOfThePeerVoidsEverything) {
   EXPECT_FALSE(p.sender.next_timeout());
 }
 
+// Its packet may arrive as late as the deadline, long after its record is gone.
+TEST(Sender, OfAPacketThatNobodyRemembersNothingIsCertain) {
+  for (const bool is_remembered : {true, false}) {
+    Paths p(false);
+    const TimePoint deadline = at(10s);
+    p.sender.send(at(0s), {.deadline = deadline, .lifetime = 10s}, Bytes(kChunk), {kA}, {},
+                  wire::MessageKind::kPlain);
+    ASSERT_TRUE(p.sender.poll(at(0s), kA));
+    // Any later packet makes room for itself.
+    if (!is_remembered) p.sender.take_number(at(9s), kA);
+    p.sender.handle_timeout(deadline);
+    EXPECT_FALSE(p.sender.poll_incomplete());
+    const wire::LinkReport report = report_of(kA, {5});
+    p.sender.settle_overdue(std::vector{report}, deadline + 1ms);
+    EXPECT_EQ(p.sender.poll_incomplete().has_value(), is_remembered);
+  }
+}
+
 // Whatever is lost and however reports come: nothing leaves at or after its deadline, and with time
 // enough every piece arrives.
 RC_GTEST_PROP(Sender, WithTimeEnoughEveryPieceArrives, ()) {
