@@ -22,6 +22,15 @@ std::string names_of(const PolicySet& policies) {
   return names;
 }
 
+// What is left of the deadline of a round after `theta`, which contains the clock offset `alpha`. A
+// peer may say anything of when its round began, also of one that began here and comes back; within
+// these bounds nobody who calculates with it leaves the range of a Duration.
+Duration left_of(const wire::RoundHeader& header, Duration theta, std::int64_t alpha) {
+  const Duration most = 2 * header.deadline();
+  const std::int64_t due = wrapping_add(header.deadline().count(), alpha);
+  return std::clamp(Duration{wrapping_sub(due, theta.count())}, -most, most);
+}
+
 }  // namespace
 
 Rounds::Rounds(const EndpointOptions& options, Peers& peers, std::deque<Event>& events)
@@ -231,15 +240,13 @@ Guidance Rounds::guidance(TimePoint now, const RoundContext& context, const Cloc
   const wire::RoundHeader& h = context.header;
   Guidance out{.degraded = context.verdict.late};
   if (guard::RoundLedger* ledger = own_.find(h.round)) {
-    out.time_left = h.deadline() - elapsed_across(h.t0, now);
+    out.time_left = left_of(h, elapsed_across(h.t0, now), 0);
     out.local_quality = ledger->config().fallback.local;
     if (!context.from) out.levels = ledger->config().levels;
   } else {
     out.local_quality = h.local_quality / 255.0;
     if (clock) {
-      const Duration theta = elapsed_across(h.t0, now);
-      out.time_left =
-          Duration{wrapping_sub(wrapping_add(h.deadline().count(), clock->alpha), theta.count())};
+      out.time_left = left_of(h, elapsed_across(h.t0, now), clock->alpha);
     }
   }
   return out;

@@ -274,6 +274,33 @@ RC_GTEST_PROP(HostileProperty, EveryDatagramIsCountedOnce, (bool vehicle, std::u
   RC_ASSERT(!testing::Test::HasFailure());
 }
 
+// A round of ours that comes back in the middle may say anything of when it began.
+TEST(HostileRounds, ARoundOfOursMayComeBackWithAnyBeginning) {
+  for (const std::int64_t t0 : {INT64_MIN, INT64_MIN + 7'200'000'000'000, INT64_MAX, -1L, 0L}) {
+    Target t(true);
+    const RoundRef round = t.endpoint.begin_round(t.now, PipelineId{0});
+    wire::RoundHeader h;
+    h.round = round;
+    h.stage = 1;
+    h.stages = 2;
+    h.communication = 0b11;
+    h.deadline_us = UINT32_MAX;
+    h.t0 = PeerTime{Duration{t0}};
+    h.policy = wire::policy_id("joint");
+    Bytes bytes(wire::kRoundHeaderBytes + 5);
+    wire::write_round_header(std::span(bytes).first<wire::kRoundHeaderBytes>(), h);
+    std::array<std::byte, 200> out;
+    const std::size_t size =
+        wire::write_data(out, {wire::PacketType::kData, kFast, 0, SessionId{kRoadSession}, 1},
+                         {MessageId{1}, 0, static_cast<std::uint16_t>(bytes.size()),
+                          static_cast<std::uint32_t>(bytes.size()), 130'000},
+                         bytes);
+    // It is delivered, and what the application answers is submitted.
+    t.feed(kFast, 1, std::span(out).first(size));
+    EXPECT_EQ(t.endpoint.counters().messages_completed, 1U);
+  }
+}
+
 // A peer that claims rounds which have not begun must not push those that did out of the books.
 TEST(HostileRounds, ResultsOfRoundsThatNeverBeganAreBad) {
   Target t(true);
