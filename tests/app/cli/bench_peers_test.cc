@@ -177,7 +177,7 @@ TEST(BenchPeers, ShowsWhatItHasWhenItIsInterrupted) {
   const TempFolder folder;
   std::ofstream(folder / "script") << R"sh(cd "$(dirname "$0")"
 set -m
-"$1" bench peers clean --size 5KB --messages 1 --deadline 100 --peer udp,tcp --json --page page.md > rows 2> told &
+"$1" bench peers clean --size 5KB --messages 1 --deadline 100 --peer udp,tcp --json --page page > rows 2> told &
 until grep -q "run 2 of 2" told || ! kill -0 $!; do sleep 0.05; done
 kill -INT $!
 wait $!
@@ -191,7 +191,7 @@ exit $code
   const json document = checked(ran.output);
   ASSERT_EQ(document["rows"].size(), 1U);
   EXPECT_EQ(document["rows"][0]["peer"], "udp");
-  EXPECT_FALSE(std::filesystem::exists(folder / "page.md"));
+  EXPECT_FALSE(std::filesystem::exists(folder / "page"));
 }
 
 }  // namespace
