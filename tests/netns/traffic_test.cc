@@ -58,6 +58,8 @@ TEST_F(TrafficTest, DatagramsPassBothWaysOnEveryLinkUnchanged) {
       ASSERT_EQ(::send(sockets.road.get(), down.data(), size, 0), static_cast<ssize_t>(size));
       EXPECT_EQ(receive(sockets.vehicle.get()), down) << size;
     }
+    // A packet is counted after it has left.
+    EXPECT_TRUE(eventually([&] { return testbed.snapshot().links.at(i).down.packets_in >= 4; }));
     const LinkSnapshot link = testbed.snapshot().links.at(i);
     EXPECT_EQ(link.up.packets_in, 4U);
     EXPECT_EQ(link.down.bytes_in, 1U + 17U + 1400U + 1472U + 4U * 28U);  // IP bytes

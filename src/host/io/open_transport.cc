@@ -52,7 +52,7 @@ OpenTransport open_transport(TransportKind kind, const UdpOptions& options) {
 }
 
 void require_privilege(TransportKind kind) {
-  if (kind != TransportKind::kUdp) PacketRing::require_privilege();
+  if (kind == TransportKind::kRing) PacketRing::require_privilege();
   if (kind == TransportKind::kXdp) XdpProgram::require_privilege();
 }
 

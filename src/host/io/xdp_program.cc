@@ -4,6 +4,7 @@
 #include <bpf/bpf.h>
 #include <linux/if_ether.h>
 #include <netinet/in.h>
+#include <sys/socket.h>
 
 #include <algorithm>
 #include <cerrno>
@@ -258,6 +259,8 @@ void XdpProgram::require_privilege() {
   code.set(kResult, XDP_PASS);
   code.end();
   const FileDescriptor program(load("any network card", code.take()));
+  const FileDescriptor socket(::socket(AF_XDP, SOCK_RAW | SOCK_CLOEXEC, 0));
+  if (socket.get() < 0) fail("any network card", "socket AF_XDP", errno);
 }
 
 XdpProgram::XdpProgram(int index, const std::string& nic, bool ipv6, std::uint16_t port,
