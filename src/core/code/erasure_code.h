@@ -26,7 +26,8 @@ namespace interneuron::code {
 // reference that tests compare with.
 enum class Kernel : std::uint8_t { kVector, kScalar };
 
-// The largest piece, in bytes: no datagram is larger.
+// The largest piece, in bytes: no datagram is larger. Callers check what a peer says before they
+// call: decode() keeps sums of this size on its stack.
 inline constexpr std::size_t kMostBytes = 1400;
 
 // Writes the symbols first_row … first_row + symbols.size() - 1 of a block of pieces that have

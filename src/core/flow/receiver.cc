@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "core/code/erasure_code.h"
 #include "core/link/path_ecn.h"
 #include "core/wire/plain_header.h"
 #include "core/wire/round_header.h"
@@ -196,7 +197,7 @@ Reassembler::Outcome Reassembler::add(TimePoint now, const wire::Data& data,
     place = open(f, expires);
   }
   Partial& p = places_[*place].partial;
-  if (!p.fits(f)) return {Result::kBad, {}};
+  if (!p.fits(f) || (f.is_repair() && f.chunk > code::kMostBytes)) return {Result::kBad, {}};
   // A symbol for which there is no room is no loss: what it stands for may come itself.
   const bool fits = !f.is_repair() || (f.chunk <= room && bytes_ + f.chunk <= kMaxBytes);
   if (p.has(f.index) || !fits) return {Result::kDuplicate, {}};

@@ -163,7 +163,8 @@ class Reassembler {
     // There is no room. Of a plain message that is final: its sender is told, so that no further
     // fragment of it is taken.
     kRefused,
-    // The fragment contradicts those before, which stay.
+    // The fragment contradicts those before, which stay, or is a symbol that is longer than any
+    // that can be decoded.
     kBad,
   };
   struct Outcome {

@@ -202,7 +202,7 @@ std::size_t finish(Writer& w) {
 }  // namespace
 
 std::optional<Packet> parse(ByteView datagram) {
-  if (datagram.size() < kPacketOverhead) return std::nullopt;
+  if (datagram.size() < kPacketOverhead || datagram.size() > kMaxDatagramBytes) return std::nullopt;
   if (!is_zero(datagram.last(kTagBytes))) return std::nullopt;
   Reader r(datagram.first(datagram.size() - kTagBytes));
   const auto header = get_header(r);

@@ -5,11 +5,11 @@
 // authenticated epoch needs no new format.
 //
 // parse() is where a peer's bytes enter the core, so everything behind it relies on what it checks:
-// every size and count is within its bound, every enumerator is one that exists, reserved bits are
-// zero. Only the packet's type may be one that this version does not use: such a packet counts as
-// arrived, and nothing of its body is read. What parse() cannot check are lies: numbers, times and
-// rates are the sender's word, and in the clear anybody on the path may write them. It never throws
-// and does not allocate. Pure.
+// the datagram is at most kMaxDatagramBytes long, every size and count is within its bound, every
+// enumerator is one that exists, reserved bits are zero. Only the packet's type may be one that
+// this version does not use: such a packet counts as arrived, and nothing of its body is read. What
+// parse() cannot check are lies: numbers, times and rates are the sender's word, and in the clear
+// anybody on the path may write them. It never throws and does not allocate. Pure.
 #pragma once
 
 #include <algorithm>

@@ -274,6 +274,24 @@ RC_GTEST_PROP(HostileProperty, EveryDatagramIsCountedOnce, (bool vehicle, std::u
   RC_ASSERT(!testing::Test::HasFailure());
 }
 
+// Sockets take in datagrams of up to 64 KiB. A piece and a repair symbol of 20,000 bytes each would
+// bring back the other piece, by arithmetic whose room is for what fits into one datagram of ours.
+TEST_P(Hostile, PiecesAndSymbolsThatAreLongerThanAnyDatagram) {
+  Target t(GetParam());
+  constexpr std::uint16_t kLong = 20'000;
+  Bytes out(UINT16_MAX);
+  for (const std::uint16_t index : {std::uint16_t{0}, std::uint16_t{2}}) {
+    const std::size_t size = wire::write_data(
+        out, {wire::PacketType::kData, kFast, 0, SessionId{3}, index + 1ULL},
+        {MessageId{1}, index, kLong, 2 * kLong, 1'000'000, wire::MessageKind::kPlain},
+        Bytes(kLong, std::byte{0x41}));
+    t.feed(kFast, 1, ByteView(out).first(size));
+  }
+  t.check();
+  EXPECT_EQ(t.endpoint.link_counters(kFast).malformed_packets, 2U);
+  EXPECT_EQ(t.endpoint.reassembly_bytes(), 0U);
+}
+
 // A round of ours that comes back in the middle may say anything of when it began.
 TEST(HostileRounds, ARoundOfOursMayComeBackWithAnyBeginning) {
   for (const std::int64_t t0 : {INT64_MIN, INT64_MIN + 7'200'000'000'000, INT64_MAX, -1L, 0L}) {

@@ -15,7 +15,7 @@
 namespace interneuron::wire {
 namespace {
 
-constexpr std::size_t kRoom = 1400;
+constexpr std::size_t kRoom = kMaxDatagramBytes;
 constexpr std::array kExamples{kDataExample,      kPlainExample, kRepairExample,
                                kFeedbackExample,  kProbeExample, kEchoRequestExample,
                                kEchoReplyExample, kWindowExample};
@@ -132,13 +132,16 @@ TEST(Packet, AWindowIsWithinItsBounds) {
     return out;
   };
   EXPECT_TRUE(parse(written(54, 16, 0b11, 12)));
-  EXPECT_TRUE(parse(written(0, 4, 0xff, 1411)));
+  EXPECT_TRUE(parse(written(0, 4, 0xff, kMaxDatagramBytes - kPacketOverhead - 13)));
   EXPECT_FALSE(parse(written(55, 1, 1, 100)));
   EXPECT_FALSE(parse(written(0, 0, 1, 100)));
   EXPECT_FALSE(parse(written(0, 16, 0b111, 100))) << "too many sources";
   EXPECT_FALSE(parse(written(0, 2, 0, 100))) << "no pieces";
   EXPECT_FALSE(parse(written(0, 1, 1, 11))) << "no symbol";
-  EXPECT_FALSE(parse(written(0, 1, 1, 1412)));
+  // A symbol of any length that one datagram cannot bring is refused on its own as well.
+  const Bytes longer = written(0, 1, 1, 1412);
+  Reader body(ByteView(longer).subspan(kHeaderBytes, longer.size() - kPacketOverhead));
+  EXPECT_FALSE(get_window(body));
   Bytes many = written(0, 16, 1, 100);
   many[kHeaderBytes + 1] = std::byte{17};
   EXPECT_FALSE(parse(many));
@@ -268,6 +271,27 @@ TEST(Packet, ProbeIsNeverSmallerThanHeaderAndTag) {
 }
 
 // --- what is refused
+
+// Sockets take in up to 64 KiB, and some links carry 9,000 bytes at once.
+TEST(Packet, NoPacketIsLongerThanTheLargestThatIsEverSent) {
+  Bytes out(UINT16_MAX);
+  const auto probe = [&out](std::size_t size) {
+    const PacketHeader header = example_header(PacketType::kProbe, LinkId{1}, 1);
+    return parse(ByteView(out).first(write_probe(out, header, size))).has_value();
+  };
+  EXPECT_TRUE(probe(kMaxDatagramBytes));
+  EXPECT_FALSE(probe(kMaxDatagramBytes + 1));
+  EXPECT_FALSE(probe(UINT16_MAX));
+  const auto symbol = [&out](std::uint16_t chunk) {
+    const FragmentHeader fragment{
+        MessageId{1}, 2, chunk, std::uint32_t{chunk} * 2, std::uint32_t{1000}, MessageKind::kPlain};
+    const PacketHeader header = example_header(PacketType::kData, LinkId{1}, 1);
+    return parse(ByteView(out).first(write_data(out, header, fragment, Bytes(chunk)))).has_value();
+  };
+  EXPECT_TRUE(symbol(kMaxPieceBytes));
+  EXPECT_FALSE(symbol(kMaxPieceBytes + 1));
+  EXPECT_FALSE(symbol(20'000));
+}
 
 TEST(Packet, EveryTruncationOfTheExamplesIsRefusedOrValid) {
   for (const std::string_view example : kExamples) {
