@@ -211,7 +211,12 @@ class MessageStore {
     OutgoingMessage& message = slots_[*slot];
     message.bytes = {};
     message.symbols.clear();
-    if (message.count > kMostKept) message.pieces = {};
+    if (message.count > kMostKept) {
+      // Not {}, which a vector takes for an empty list of values, and keeps its memory.
+      message.pieces = std::vector<OutgoingMessage::PieceState>();
+      message.symbols = std::vector<Bytes>();
+      message.blocks = std::vector<OutgoingMessage::Block>();
+    }
     deadlines_.remove(*slot);
     looks_.remove(*slot);
     by_id_.erase(id);

@@ -29,11 +29,14 @@ void Partial::begin(const wire::FragmentHeader& f) {
 
 void Partial::end() {
   size_ = 0;
-  bytes_ = {};
-  symbols_ = {};
+  bytes_ = wire::MessageBytes();
+  // Not {}, which a vector takes for an empty list of values, and keeps its memory.
+  symbols_ = Bytes();
+  scratch_ = Bytes();
   if (count_ <= kMostKept) return;
-  have_ = {};
-  index_ = {};
+  have_ = std::vector<bool>();
+  state_ = std::vector<Block>();
+  index_ = std::vector<StoredSymbol>();
 }
 
 bool Partial::has(std::uint16_t index) const {

@@ -46,8 +46,8 @@ class Partial {
 
  private:
   // Pieces for which the memory beside the message is kept for the next one. No measurement behind
-  // this value: it only has to be more than common messages have.
-  static constexpr std::size_t kMostKept = 8192;
+  // this value: it only has to be more than common messages have, and little beside 256 messages.
+  static constexpr std::size_t kMostKept = 512;
 
   struct Block {
     std::uint16_t missing = 0;

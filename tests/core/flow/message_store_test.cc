@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/counted_heap.h"
+
 namespace interneuron::flow {
 namespace {
 
@@ -45,6 +47,18 @@ TEST(MessageStore, APlaceThatIsUsedAgainKnowsNothingOfBefore) {
     EXPECT_FALSE(piece.acknowledged);
     EXPECT_EQ(piece.under_way, 1);
   }
+}
+
+// A free place keeps what common messages need, and nothing of a large one.
+TEST(MessageStore, ALargeMessageLeavesNoMemoryBehind) {
+  MessageStore store;
+  store.add(MessageId{1}, at(1s), 1, 1);
+  store.erase(MessageId{1});
+  const std::int64_t before = held_bytes;
+  OutgoingMessage& large = store.add(MessageId{2}, at(1s), 60'000, 1);
+  large.symbols.resize(5000);
+  store.erase(MessageId{2});
+  EXPECT_LT(held_bytes - before, 1000);
 }
 
 }  // namespace

@@ -1,8 +1,9 @@
 // What a Reassembler holds and takes, whatever a peer sends.
 #include <gtest/gtest.h>
 
-#include "core/code/erasure_code.h"
+#include "core/code/blocks.h"
 #include "core/flow/receiver.h"
+#include "tests/counted_heap.h"
 
 namespace interneuron::flow {
 namespace {
@@ -18,6 +19,35 @@ wire::Data packet(const wire::FragmentHeader& message, std::size_t index, const 
   d.fragment.index = static_cast<std::uint16_t>(index);
   d.bytes = ByteView(bytes).first(d.fragment.bytes());
   return d;
+}
+
+// Beside what is counted, for each place of a message: the place itself, where it is found by its
+// number and by when it expires, and what a message leaves there.
+constexpr std::int64_t kBesideBytes = Reassembler::kMaxPartials * 1024;
+
+// Large messages that nobody completes, one after the other, of each a second's symbols; a small
+// one after each, which lives for an hour, takes the place that it leaves.
+TEST(ReassemblerBounds, WhatHasExpiredLeavesNoMemoryBehind) {
+  Reassembler r;
+  const Bytes bytes(kMaxPieceBytes);
+  const std::int64_t before = held_bytes;
+  TimePoint now{1s};
+  for (std::uint32_t round = 0; round < 50; ++round) {
+    const wire::FragmentHeader large{MessageId{2 * round}, 0,
+                                     kMaxPieceBytes,       3'000'000,
+                                     std::uint32_t{1'000}, wire::MessageKind::kPlain};
+    const code::Blocks blocks(large.count());
+    for (std::size_t i = blocks.count(); i < blocks.end(); ++i) {
+      r.add(now, packet(large, i, bytes), kNoClocks);
+    }
+    now += 10ms;
+    EXPECT_EQ(r.expire(now), 1U);
+    while (r.poll_forgotten()) continue;
+    const wire::FragmentHeader small{MessageId{2 * round + 1}, 0, 1, 2, UINT32_MAX,
+                                     wire::MessageKind::kPlain};
+    EXPECT_EQ(r.add(now, packet(small, 0, bytes), kNoClocks).result, Result::kStored);
+  }
+  EXPECT_LE(held_bytes - before, static_cast<std::int64_t>(r.bytes()) + kBesideBytes);
 }
 
 // No packet brings such a symbol; where one came by another way, it would be longer than the room
