@@ -1,6 +1,8 @@
 // A list of at most N values, stored in place: nothing is allocated, so that a decision about a
 // message costs no call of the heap. What does not fit is left out without an error. T must be
-// trivially copyable. An index out of range is asserted. Pure; thread-compatible.
+// trivially copyable, so that copying never throws: what holds a list beside memory of its own is
+// then moved, not copied, by a vector that grows. An index out of range is asserted. Pure;
+// thread-compatible.
 #pragma once
 
 #include <cassert>
@@ -24,14 +26,14 @@ class Few {
   using iterator = T*;
   using const_iterator = const T*;
 
-  Few() {}
+  Few() noexcept {}
   Few(std::initializer_list<T> values) {
     for (const T& value : values) push_back(value);
   }
-  Few(const Few& other) : size_(other.size_) {
+  Few(const Few& other) noexcept : size_(other.size_) {
     std::uninitialized_copy_n(other.values_, size_, values_);
   }
-  Few& operator=(const Few& other) {
+  Few& operator=(const Few& other) noexcept {
     if (this == &other) return *this;
     size_ = other.size_;
     std::uninitialized_copy_n(other.values_, size_, values_);

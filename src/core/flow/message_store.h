@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -154,6 +155,9 @@ struct OutgoingMessage {
     if (block.acknowledged++ < division().pieces(division().block_of(index))) --unacknowledged;
   }
 };
+
+// Places move when there are more of them; to copy one would be to copy the whole message.
+static_assert(std::is_nothrow_move_constructible_v<OutgoingMessage>);
 
 // Sender owns one. A message is found in O(1), added and erased in O(log n), and so is the one
 // whose deadline is next. Memory grows with the largest number of messages at a time and is used

@@ -49,6 +49,19 @@ TEST(MessageStore, APlaceThatIsUsedAgainKnowsNothingOfBefore) {
   }
 }
 
+TEST(MessageStore, MoreMessagesCopyNone) {
+  MessageStore store;
+  std::vector<const std::byte*> before;
+  for (std::uint32_t i = 0; i < 20; ++i) {
+    OutgoingMessage& message = store.add(MessageId{i}, at(1s), 1, 1);
+    message.bytes.payload.resize(1000);
+    before.push_back(message.bytes.payload.data());
+  }
+  for (std::uint32_t i = 0; i < 20; ++i) {
+    EXPECT_EQ(store.find(MessageId{i})->bytes.payload.data(), before[i]);
+  }
+}
+
 // A free place keeps what common messages need, and nothing of a large one.
 TEST(MessageStore, ALargeMessageLeavesNoMemoryBehind) {
   MessageStore store;

@@ -50,6 +50,26 @@ TEST(ReassemblerBounds, WhatHasExpiredLeavesNoMemoryBehind) {
   EXPECT_LE(held_bytes - before, static_cast<std::int64_t>(r.bytes()) + kBesideBytes);
 }
 
+// What a message needs is taken at once, and not again when there are more of them.
+TEST(ReassemblerBounds, MoreMessagesAtOnceCopyNone) {
+  Reassembler r;
+  constexpr std::uint16_t kMost = kMaxPieceBytes;
+  const Bytes bytes(kMost);
+  const auto first = [&](std::uint32_t id) {
+    const wire::FragmentHeader message{MessageId{id}, 0,          kMost,
+                                       20'000,        UINT32_MAX, wire::MessageKind::kPlain};
+    r.add(TimePoint{1s}, packet(message, 0, bytes), kNoClocks);
+    return message;
+  };
+  const wire::FragmentHeader oldest = first(0);
+  for (std::uint32_t id = 1; id < 100; ++id) first(id);
+  const std::uint64_t before = allocations;
+  for (std::size_t i = 1; i + 1 < oldest.count(); ++i) {
+    r.add(TimePoint{1s}, packet(oldest, i, bytes), kNoClocks);
+  }
+  EXPECT_EQ(allocations, before);
+}
+
 // No packet brings such a symbol; where one came by another way, it would be longer than the room
 // that decoding has for it.
 TEST(ReassemblerBounds, ASymbolThatIsLongerThanAnyPieceIsBad) {
