@@ -20,6 +20,11 @@ struct PieceLayout {
   bool is_plain(std::size_t piece) const {
     return piece * chunk >= header && bytes_of(piece) == chunk;
   }
+  // How many pieces do not: those that begin in the header, and the last one if it is shorter.
+  std::size_t odd() const {
+    const std::size_t count = (size + chunk - 1) / chunk;
+    return std::min(count, (header + chunk - 1) / chunk + (size % chunk != 0 ? 1 : 0));
+  }
   std::size_t in_payload(std::size_t piece) const { return piece * chunk - header; }
   // Copies a piece to `chunk` bytes.
   void load(const wire::MessageBytes& message, std::size_t piece, std::byte* to) const {

@@ -189,8 +189,9 @@ Reassembler::Outcome Reassembler::add(TimePoint now, const wire::Data& data,
     const Duration lifetime = std::chrono::microseconds(f.lifetime_us);
     const TimePoint expires =
         saturating_add(now, std::min<Duration>(lifetime, kLongestDeadline + kExpirySlack));
-    if (f.size <= room && f.size <= kMaxBytes) make_room(f.size, expires);
-    if (f.size > room || bytes_ + f.size > kMaxBytes || by_id_.size() >= kMaxPartials) {
+    const std::size_t needed = Partial::held_by(f);
+    if (needed <= room && needed <= kMaxBytes) make_room(needed, expires);
+    if (needed > room || bytes_ + needed > kMaxBytes || by_id_.size() >= kMaxPartials) {
       if (f.kind == wire::MessageKind::kPlain) refused_.insert(f.message);
       return {Result::kRefused, {}};
     }
@@ -198,12 +199,8 @@ Reassembler::Outcome Reassembler::add(TimePoint now, const wire::Data& data,
   }
   Partial& p = places_[*place].partial;
   if (!p.fits(f) || (f.is_repair() && f.chunk > code::kMostBytes)) return {Result::kBad, {}};
-  // A symbol for which there is no room is no loss: what it stands for may come itself.
-  const bool fits = !f.is_repair() || (f.chunk <= room && bytes_ + f.chunk <= kMaxBytes);
-  if (p.has(f.index) || !fits) return {Result::kDuplicate, {}};
-  const std::size_t before = p.held();
+  if (p.has(f.index)) return {Result::kDuplicate, {}};
   p.add(f.index, data.bytes);
-  bytes_ += p.held() - before;
   if (f.index == 0) refine_expiry(*place, data, clocks);
   if (!p.complete()) return {Result::kStored, {}};
   Outcome done{Result::kComplete, p.take()};
@@ -224,7 +221,7 @@ std::uint32_t Reassembler::open(const wire::FragmentHeader& f, TimePoint expires
   p.id = f.message;
   p.partial.begin(f);
   p.expires = expires;
-  bytes_ += f.size;
+  bytes_ += p.partial.held();
   by_id_.insert(f.message, place);
   expiries_.set(place, expires);
   return place;

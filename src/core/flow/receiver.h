@@ -122,8 +122,9 @@ struct ClockBounds {
 // PathReceiver has accepted; a message that is complete is handed out at once and forgotten.
 //
 // A message's whole memory is taken when its first fragment arrives, since each says how large the
-// message is; repair symbols take more as they come (Partial). It is freed when the message is
-// complete, or expires because it can no longer arrive by its deadline. kMaxBytes and kMaxPartials
+// message is; repair symbols wait in the places of pieces that are missing (Partial), so that none
+// is refused of a message that was taken. It is freed when the message is complete, or expires
+// because it can no longer arrive by its deadline. kMaxBytes and kMaxPartials
 // bound what one peer's messages may hold. Where the bytes do not suffice, messages that expire
 // before the new one make room, the next to expire first: else one that nobody sends any more could
 // keep out the first fragments of the next, which then could not be completed either, and so on.
@@ -140,8 +141,9 @@ struct ClockBounds {
 // Pure; thread-compatible; never throws but std::bad_alloc.
 class Reassembler {
  public:
-  // Bytes of the peer's incomplete messages. The largest message with its header fits once, and
-  // four raw frames (512 KB) of three pipelined rounds each fit with room to spare.
+  // Bytes of the peer's incomplete messages and of what is kept beside each (Partial::held_by()): a
+  // packet and 200 bytes at most of a small one, 8 KB of 8 MB. The largest message with its header
+  // fits once, and four raw frames (512 KB) of three pipelined rounds each fit with room to spare.
   static constexpr std::size_t kMaxBytes = kMaxMessageBytes + 64 * 1024;
   // Incomplete messages of the peer: a message may claim two bytes and live for an hour, and what
   // is kept beside its bytes is far more than that. 16 rounds of 8 variants fit twice.

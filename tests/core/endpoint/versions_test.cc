@@ -4,6 +4,7 @@
 
 #include "core/code/field.h"
 #include "core/code/window.h"
+#include "core/flow/partial.h"
 #include "core/wire/packet.h"
 #include "core/wire/plain_header.h"
 #include "core/wire/source.h"
@@ -88,7 +89,17 @@ TEST(RepairSymbols, AreKeptUntilTheirMessageIsComplete) {
                                   10'000'000};
   out.size = wire::write_data(out.buffer, header, fragment, Bytes(100));
   EXPECT_EQ(fed(pair, out.bytes()).received_packets, 1U);
-  EXPECT_EQ(pair.pipe.at(pair.road).reassembly_bytes(), 250U + 100U);
+  EXPECT_EQ(pair.pipe.at(pair.road).reassembly_bytes(), flow::Partial::held_by(fragment));
+  // Pieces 0 and 2, and it stands for piece 1.
+  for (const std::uint16_t index : {std::uint16_t{0}, std::uint16_t{2}}) {
+    wire::FragmentHeader piece = fragment;
+    piece.index = index;
+    const wire::PacketHeader next{wire::PacketType::kData, kFast, wire::kClearEpoch, kVehicle,
+                                  10'000'001ULL + index};
+    out.size = wire::write_data(out.buffer, next, piece, Bytes(piece.bytes()));
+    EXPECT_EQ(fed(pair, out.bytes()).received_packets, 1U);
+  }
+  EXPECT_EQ(pair.pipe.at(pair.road).reassembly_bytes(), 0U);
 }
 
 // Of a message whose only packet is lost.

@@ -1,7 +1,14 @@
 // What a Reassembler holds and takes, whatever a peer sends.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <map>
+#include <numeric>
+#include <random>
+#include <vector>
+
 #include "core/code/blocks.h"
+#include "core/code/erasure_code.h"
 #include "core/flow/receiver.h"
 #include "tests/counted_heap.h"
 
@@ -48,6 +55,85 @@ TEST(ReassemblerBounds, WhatHasExpiredLeavesNoMemoryBehind) {
     EXPECT_EQ(r.add(now, packet(small, 0, bytes), kNoClocks).result, Result::kStored);
   }
   EXPECT_LE(held_bytes - before, static_cast<std::int64_t>(r.bytes()) + kBesideBytes);
+}
+
+// A symbol of one byte needs no less to be kept in mind than one of a packet.
+TEST(ReassemblerBounds, ManySmallSymbolsHoldNoMoreThanIsCounted) {
+  const Bytes bytes(1);
+  for (const std::uint32_t size : {2'000U, 8'192U, 47'500U}) {
+    Reassembler r;
+    const std::int64_t before = held_bytes;
+    for (std::uint32_t m = 0; m < Reassembler::kMaxPartials; ++m) {
+      const wire::FragmentHeader message{MessageId{m}, 0,          1,
+                                         size,         UINT32_MAX, wire::MessageKind::kPlain};
+      const code::Blocks blocks(size);
+      const std::size_t end = std::min<std::size_t>(blocks.end(), UINT16_MAX + std::size_t{1});
+      for (std::size_t i = blocks.count(); i < end; ++i) {
+        r.add(TimePoint{1s}, packet(message, i, bytes), kNoClocks);
+      }
+    }
+    EXPECT_LE(held_bytes - before, static_cast<std::int64_t>(r.bytes()) + kBesideBytes) << size;
+    EXPECT_LE(r.bytes(), Reassembler::kMaxBytes);
+  }
+}
+
+// The largest message that there is, of which one packet in a hundred is lost and as many symbols
+// have come: all of them are kept, whenever they come, and nothing is missing in the end.
+TEST(ReassemblerBounds, SymbolsOfTheLargestMessageFindRoom) {
+  constexpr std::size_t kLost = 62;
+  constexpr std::uint16_t kChunk = kMaxPieceBytes;
+  Bytes whole(kMaxMessageBytes + wire::kPlainHeaderBytes);
+  std::mt19937_64 random(1);
+  for (std::byte& b : whole) b = static_cast<std::byte>(random());
+  const wire::FragmentHeader message{MessageId{1}, 0,
+                                     kChunk,       static_cast<std::uint32_t>(whole.size()),
+                                     1'000'000,    wire::MessageKind::kPlain};
+  const code::Blocks blocks(message.count());
+  ASSERT_EQ(blocks.count(), 6228U);
+  Bytes padded = whole;
+  padded.resize(blocks.count() * kChunk);
+  // The first pieces, so that two of most blocks are lost, and the last one, which is shorter.
+  std::vector<std::size_t> lost(kLost - 1);
+  std::iota(lost.begin(), lost.end(), 0U);
+  lost.push_back(blocks.count() - 1);
+  std::vector<std::pair<std::size_t, Bytes>> symbols;
+  std::map<std::size_t, std::size_t> rows;
+  for (const std::size_t piece : lost) {
+    const std::size_t b = blocks.block_of(piece);
+    std::vector<const std::byte*> in;
+    for (std::size_t c = 0; c < blocks.pieces(b); ++c) {
+      in.push_back(padded.data() + blocks.piece_at(b, c) * kChunk);
+    }
+    Bytes symbol(kChunk);
+    std::byte* const out = symbol.data();
+    code::encode(in, kChunk, rows[b], {&out, 1});
+    symbols.emplace_back(blocks.symbol_at(b, rows[b]++), std::move(symbol));
+  }
+  for (const bool symbols_first : {false, true}) {
+    Reassembler r;
+    std::size_t complete = 0;
+    const auto take = [&](std::size_t index, ByteView bytes) {
+      wire::Data d{message, bytes};
+      d.fragment.index = static_cast<std::uint16_t>(index);
+      auto outcome = r.add(TimePoint{1s}, d, kNoClocks);
+      ASSERT_TRUE(outcome.result == Result::kStored || outcome.result == Result::kComplete);
+      if (outcome.result == Result::kStored) return;
+      ++complete;
+      const ByteView header = ByteView(whole).first(wire::kPlainHeaderBytes);
+      const ByteView payload = ByteView(whole).subspan(wire::kPlainHeaderBytes);
+      EXPECT_TRUE(std::ranges::equal(outcome.message.header, header));
+      EXPECT_TRUE(std::ranges::equal(outcome.message.payload, payload));
+    };
+    const auto take_symbols = [&] {
+      for (const auto& [index, bytes] : symbols) take(index, bytes);
+    };
+    if (symbols_first) take_symbols();
+    for (std::size_t i = kLost - 1; i < blocks.count() - 1; ++i) {
+      take(i, ByteView(whole).subspan(i * kChunk, kChunk));
+    }
+    if (!symbols_first) take_symbols();
+    EXPECT_EQ(complete, 1U) << symbols_first;
+  }
 }
 
 // What a message needs is taken at once, and not again when there are more of them.
