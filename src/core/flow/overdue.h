@@ -24,7 +24,7 @@ namespace interneuron::flow {
 // the message tells by itself that it never became complete (Receipts).
 //
 // The peer may lie, and harms only what is sent to itself. Memory: kMost messages at most, for
-// kKept. Pure; thread-compatible.
+// kKept, and what was told last of each path. Pure; thread-compatible.
 class Overdue {
  public:
   // Copies of the piece: the path, and the smallest number of their packets there.
@@ -38,7 +38,8 @@ class Overdue {
            const Paths& copies);
   // A piece has arrived after all.
   void arrived(const SentPackets::Piece& piece);
-  // The peer's report of a path, which it sent at `left` or later; nothing: not known when.
+  // The peer's report of a path that there is, which it sent at `left` or later; nothing: not known
+  // when.
   void report(const wire::LinkReport& report, std::optional<TimePoint> left);
   void remove_path(LinkId path);
   // Messages that were not complete, each once.

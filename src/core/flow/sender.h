@@ -123,7 +123,9 @@ class Sender {
   std::optional<MessageId> poll_incomplete() { return overdue_.poll(); }
   // The peer's reports of one feedback, which it sent at `left` or later; nothing: not known when.
   void settle_overdue(std::span<const wire::LinkReport> reports, std::optional<TimePoint> left) {
-    for (const wire::LinkReport& report : reports) overdue_.report(report, left);
+    for (const wire::LinkReport& report : reports) {
+      if (paths_.contains(report.link)) overdue_.report(report, left);
+    }
   }
   // Whether so little of this message has left, over whichever path, that the peer cannot have it.
   bool is_surely_incomplete(MessageId message) const;

@@ -9,6 +9,7 @@
 #include <set>
 
 #include "sender_support.h"
+#include "tests/counted_heap.h"
 
 namespace interneuron::flow {
 namespace {
@@ -229,6 +230,20 @@ TEST(Sender, OfAPacketThatNobodyRemembersNothingIsCertain) {
     p.sender.settle_overdue(std::vector{report}, deadline + 1ms);
     EXPECT_EQ(p.sender.poll_incomplete().has_value(), is_remembered);
   }
+}
+
+// A report may name any of 65,536 links.
+TEST(Sender, WhatIsToldOfLinksThatThereAreNotIsNotKept) {
+  Paths p;
+  std::vector<wire::LinkReport> reports(1);
+  p.sender.settle_overdue(reports, at(1s));
+  const std::int64_t before = held_bytes;
+  for (std::uint32_t link = 0; link <= UINT16_MAX; ++link) {
+    if (LinkId{static_cast<std::uint16_t>(link)} == kB) continue;
+    reports[0].link = LinkId{static_cast<std::uint16_t>(link)};
+    p.sender.settle_overdue(reports, at(1s));
+  }
+  EXPECT_EQ(held_bytes, before);
 }
 
 // Whatever is lost and however reports come: nothing leaves at or after its deadline, and with time
