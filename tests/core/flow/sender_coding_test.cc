@@ -370,17 +370,30 @@ TEST(SenderRescue, MayCompleteWhatHasNotLeftOverItsOwnPath) {
   EXPECT_FALSE(p.sender.is_surely_incomplete(id));
 }
 
-TEST(SenderRescue, NotOverAPathThatIsSuspectedOrGone) {
+TEST(SenderRescue, NotOverAPathThatIsSuspected) {
   Standby p;
   p.send(50, 80ms, Standby::over_b());
   PathView v = view(10ms);
   v.suspect = true;
   p.sender.set_path(kB, v);
   EXPECT_EQ(p.run(100ms), 0);
-  Standby gone;
-  gone.send(50, 80ms, Standby::over_b());
-  gone.remove_b(1ms);
-  EXPECT_EQ(gone.run(20ms), 0);
+}
+
+// What is missing does not go over its own path instead: all leaves as if nothing were to rescue
+// it.
+TEST(SenderRescue, NothingByAPathThatIsGone) {
+  Standby gone, none;
+  for (Standby* p : {&gone, &none}) {
+    p->send(50, 80ms, p == &gone ? Standby::over_b() : PathSet{});
+    p->run(0ms);
+    p->remove_b(1ms);
+    p->run(30ms);
+    p->sender.report(at(30ms), report_of(kA, {p->sent.begin(), p->sent.begin() + 30}), 20ms);
+    p->run(79ms);
+    EXPECT_EQ(p->sender.next_timeout(), at(80ms));
+  }
+  EXPECT_EQ(gone.sent, none.sent);
+  EXPECT_EQ(gone.sender.resent(kA), none.sender.resent(kA));
 }
 
 }  // namespace
