@@ -14,8 +14,6 @@
 namespace interneuron::flow {
 namespace {
 
-constexpr std::size_t kMessages = 8;
-
 // A message with all pieces and symbols that a sender could send of it.
 struct Truth {
   wire::FragmentHeader fragment;
@@ -53,12 +51,12 @@ Truth truth_of(std::size_t number, std::size_t size, std::uint16_t chunk) {
   return t;
 }
 
-// Small ones, one of several blocks, and one whose symbols are as long as can be.
 const std::array<Truth, kMessages>& truths() {
-  static const std::array<Truth, kMessages> all{truth_of(0, 1, 1),       truth_of(1, 100, 40),
-                                                truth_of(2, 3000, 1000), truth_of(3, 5000, 1358),
-                                                truth_of(4, 2000, 8),    truth_of(5, 900, 2),
-                                                truth_of(6, 64, 16),     truth_of(7, 40'000, 1358)};
+  constexpr auto kLongest = static_cast<std::uint16_t>(kMaxPieceBytes);
+  static const std::array<Truth, kMessages> all{
+      truth_of(0, 1, 1),           truth_of(1, 100, 40),          truth_of(2, 3000, 1000),
+      truth_of(3, 5000, kLongest), truth_of(4, 2000, 8),          truth_of(5, 900, 2),
+      truth_of(6, 64, 16),         truth_of(7, 300'000, kLongest)};
   return all;
 }
 
@@ -72,53 +70,92 @@ bool same(const wire::MessageBytes& message, const Bytes& whole) {
   return out == whole;
 }
 
+// Pieces that one operation brings.
+constexpr std::size_t kMostAtOnce = 160;
+
+// A fragment that differs from a true one in any fields, or in none, so that some contradict in one
+// field alone.
+wire::FragmentHeader lie_about(const Truth& truth, const std::uint8_t* op) {
+  wire::FragmentHeader fragment = truth.fragment;
+  fragment.index = number_at(op + 1);
+  // Up to 32,000 bytes, of which one datagram brings 1,347.
+  if ((op[0] & 0x40U) != 0) fragment.chunk = static_cast<std::uint16_t>(1 + op[3] * op[3] / 2);
+  if ((op[0] & 0x20U) != 0) fragment.size = 1U + number_at(op + 4) * (1U + op[6]);
+  if ((op[0] & 0x10U) != 0) fragment.lifetime_us = op[6] * 1000U;
+  return fragment;
+}
+
+// A Reassembler, and what may come of what it is given.
+class Run {
+ public:
+  void operation(const std::uint8_t* op) {
+    const std::size_t number = op[0] % kMessages;
+    const Truth& truth = truths()[number];
+    if ((op[0] & 0x80U) != 0) {
+      // From a piece or symbol on so many.
+      const std::size_t first = number_at(op + 1) % truth.packets.size();
+      const std::size_t end = std::min(first + 1 + op[3] % kMostAtOnce, truth.packets.size());
+      for (std::size_t i = first; i < end; ++i) {
+        wire::FragmentHeader fragment = truth.fragment;
+        fragment.index = static_cast<std::uint16_t>(i);
+        bring(number, fragment, truth.packets[i], true);
+      }
+    } else {
+      const wire::FragmentHeader fragment = lie_about(truth, op);
+      const std::size_t size = std::min<std::size_t>(fragment.bytes(), kRoom);
+      bring(number, fragment, Bytes(size, static_cast<std::byte>(op[7])), false);
+    }
+    now_ += std::chrono::milliseconds(op[7] % 4);
+    reassembler_.expire(now_);
+    while (reassembler_.poll_forgotten()) continue;
+  }
+  const Reassembled& done() const { return done_; }
+
+ private:
+  // Bytes of a fragment for which there is room beside the headers in what a socket takes in.
+  static constexpr std::size_t kDatagram = 64 * 1024;
+  static constexpr std::size_t kRoom = kDatagram - kPieceOverheadBytes;
+
+  void bring(std::size_t number, const wire::FragmentHeader& fragment, const Bytes& bytes,
+             bool is_true) {
+    if (bytes.empty()) return;
+    const std::size_t size = wire::write_data(
+        buffer_, {wire::PacketType::kData, LinkId{0}, 0, SessionId{1}, 1}, fragment, bytes);
+    const auto packet = wire::parse(std::span(buffer_).first(size));
+    if (packet && size > kMaxDatagramBytes) std::abort();
+    // What is refused for its length alone must do no harm either.
+    const bool is_long = size > kMaxDatagramBytes && bytes.size() == fragment.bytes() &&
+                         fragment.size <= std::uint64_t{UINT16_MAX} * fragment.chunk &&
+                         fragment.index < code::Blocks(fragment.count()).end();
+    if (!packet && !is_long) return;
+    ++done_.packets;
+    lied_[number] = lied_[number] || !is_true;
+    const wire::Data data{fragment, bytes};
+    const auto outcome = reassembler_.add(now_, packet ? packet->data : data, {});
+    if (outcome.result == Reassembler::Result::kComplete) {
+      ++done_.complete[number];
+      const std::size_t got = outcome.message.header.size() + outcome.message.payload.size();
+      if (done_.complete[number] > 1 || got != fragment.size) std::abort();
+      if (!lied_[number] && !same(outcome.message, truths()[number].whole)) std::abort();
+    }
+    if (reassembler_.bytes() > Reassembler::kMaxBytes) std::abort();
+  }
+
+  Reassembled done_;
+  Reassembler reassembler_;
+  TimePoint now_{std::chrono::seconds(1)};
+  std::array<bool, kMessages> lied_{};
+  Bytes buffer_ = Bytes(kDatagram);
+};
+
 }  // namespace
 
 Reassembled reassemble_any(std::span<const std::uint8_t> input) {
-  Reassembled done;
-  Reassembler reassembler;
-  TimePoint now{std::chrono::seconds(1)};
-  std::array<bool, kMessages> lied{};
-  std::array<std::size_t, kMessages> handed_out{};
-  std::array<std::byte, kMaxPacketBytes> buffer{};
+  Run run;
   for (; input.size() >= kOperationBytes; input = input.subspan(kOperationBytes)) {
-    const std::uint8_t* op = input.data();
-    const std::size_t number = op[0] % kMessages;
-    const Truth& truth = truths()[number];
-    const bool is_true = (op[0] & 0x80U) != 0;
-    wire::FragmentHeader fragment = truth.fragment;
-    Bytes bytes;
-    if (is_true) {
-      fragment.index = static_cast<std::uint16_t>(number_at(op + 1) % truth.packets.size());
-      bytes = truth.packets[fragment.index];
-    } else {
-      // Each field true or any, so that some contradict in one field alone.
-      fragment.index = number_at(op + 1);
-      if ((op[0] & 0x40U) != 0) fragment.chunk = static_cast<std::uint16_t>(1 + op[3] * 6);
-      if ((op[0] & 0x20U) != 0) fragment.size = 1U + number_at(op + 4) * (1U + op[6]);
-      if ((op[0] & 0x10U) != 0) fragment.lifetime_us = op[6] * 1000U;
-      bytes.assign(std::min<std::size_t>(fragment.bytes(), 1400), static_cast<std::byte>(op[7]));
-    }
-    if (bytes.empty() || bytes.size() + wire::kPacketOverhead + 64 > buffer.size()) continue;
-    const std::size_t size = wire::write_data(
-        buffer, {wire::PacketType::kData, LinkId{0}, 0, SessionId{1}, 1}, fragment, bytes);
-    const auto packet = wire::parse(std::span(buffer).first(size));
-    if (!packet || packet->header.type != wire::PacketType::kData) continue;
-    ++done.packets;
-    lied[number] = lied[number] || !is_true;
-    const auto outcome = reassembler.add(now, packet->data, {});
-    if (outcome.result == Reassembler::Result::kComplete) {
-      ++done.complete;
-      const std::size_t got = outcome.message.header.size() + outcome.message.payload.size();
-      if (++handed_out[number] > 1 || (got != fragment.size)) std::abort();
-      if (!lied[number] && !same(outcome.message, truth.whole)) std::abort();
-    }
-    if (reassembler.bytes() > Reassembler::kMaxBytes) std::abort();
-    now += std::chrono::milliseconds(op[7] % 4);
-    reassembler.expire(now);
-    while (reassembler.poll_forgotten()) continue;
+    run.operation(input.data());
   }
-  return done;
+  return run.done();
 }
 
 }  // namespace interneuron::flow

@@ -2,6 +2,7 @@
 // test share.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -11,9 +12,14 @@ namespace interneuron::flow {
 // Each operation takes so many bytes of the input; what is left over is not used.
 inline constexpr std::size_t kOperationBytes = 8;
 
+// Messages of which the operations bring pieces: small ones, some of several blocks, and some whose
+// pieces and symbols are as long as can be.
+inline constexpr std::size_t kMessages = 8;
+
 struct Reassembled {
   std::size_t packets = 0;
-  std::size_t complete = 0;
+  // How often each message was complete.
+  std::array<std::size_t, kMessages> complete{};
 };
 
 // Does what the bytes say, and ends the program where a Reassembler breaks its word: holds more
