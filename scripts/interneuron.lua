@@ -21,12 +21,13 @@ local ROUND_HEADER_BYTES = 100
 local FEEDBACK_BYTES = 17
 local REPORT_BYTES = 105
 local STAMP_BYTES = 44
+-- The largest packet that is ever sent.
+local MOST_BYTES = 1400
 -- Of a window: its fields with one message, what it covers at most, and the shortest symbol.
 local WINDOW_BYTES = 7
 local MOST_MESSAGES = 16
 local MOST_SOURCES = 32
 local FEWEST_CODED = 12
-local MOST_CODED = 1411
 
 local TYPES = { [1] = "data", [2] = "feedback", [3] = "probe", [4] = "echo", [5] = "handshake", [6] = "window" }
 local KINDS = { [0] = "round", [1] = "plain" }
@@ -369,7 +370,7 @@ local function add_window(tree, buffer)
     tree:add(f["window.pieces"], buffer(at, 1))
   end
   local size = buffer:len() - symbol
-  if sources > MOST_SOURCES or size < FEWEST_CODED or size > MOST_CODED then return nil end
+  if sources > MOST_SOURCES or size < FEWEST_CODED then return nil end
   tree:add(f["window.symbol"], buffer(symbol))
   return string.format("row %d of %d pieces of %d messages", row, sources, count)
 end
@@ -404,7 +405,7 @@ function interneuron.dissector(buffer, pinfo, root)
   elseif kind == 3 or not BODIES[kind] then
     said = string.format("%d bytes", size)
   end
-  if not said then
+  if not said or size > MOST_BYTES then
     tree:add_proto_expert_info(malformed)
     said = "malformed"
   end

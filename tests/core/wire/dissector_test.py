@@ -128,6 +128,12 @@ class Dissector(unittest.TestCase):
         smallest = examples()[4][:20] + bytes(16)
         self.expect(smallest, {"type": "3", "padding": "", "malformed": ""})
 
+    def test_no_packet_is_longer_than_the_largest_that_is_sent(self):
+        probe = examples()[4]
+        self.expect(probe + bytes(1400 - len(probe)), {"type": "3", "malformed": ""})
+        malformed = dissect([probe + bytes(1401 - len(probe))], ["interneuron.malformed"])
+        self.assertNotEqual(malformed[0]["interneuron.malformed"], "")
+
     def test_echo_request(self):
         self.expect(examples()[5], {
             "type": "4", "echo.reply": "0", "echo.hold": "1", "echo.delay": "0", "echo.train": "3", "echo.index": "4",
