@@ -8,9 +8,10 @@
 // is read by parse_frame(). The kernel has verified that it reads nothing beyond a frame and ends.
 //
 // The program stays on the NIC as long as this object lives, and goes with its process, however
-// that ends. Owns its file descriptors. Needs CAP_BPF and CAP_NET_ADMIN. Errors: the constructor
-// throws IoError, also when another XDP program is on the NIC; later on what the kernel refuses
-// makes frames go to the kernel. Thread-compatible.
+// that ends. Owns its file descriptors. Needs CAP_BPF and CAP_NET_ADMIN, and no CAP_PERFMON: it
+// does no arithmetic on pointers but with constants. Errors: the constructor throws IoError, also
+// when another XDP program is on the NIC; later on what the kernel refuses makes frames go to the
+// kernel. Thread-compatible.
 #pragma once
 
 #include <linux/bpf.h>
@@ -45,6 +46,8 @@ class XdpProgram {
   // How many addresses of a NIC it knows; frames to further ones go to the kernel. No measurement
   // behind this value: NICs have a handful.
   static constexpr std::uint32_t kMostAddresses = 256;
+  // An address as the program looks it up: one of IPv4 stands in the first four bytes.
+  using Key = std::array<std::byte, 16>;
 
   // Throws IoError (EPERM) with the remedy when this process may not load such programs.
   static void require_privilege();
@@ -60,8 +63,6 @@ class XdpProgram {
   void take_addresses(std::span<const Address> addresses);
 
  private:
-  using Key = std::array<std::byte, 16>;
-
   std::string nic_;
   std::set<Key> known_;
   FileDescriptor addresses_;

@@ -18,6 +18,42 @@ void as_root(const std::function<void()>& body) {
   in_namespace(body, Root::kOfHost);
 }
 
+// Gives up all capabilities but these, by their numbers in linux/capability.h.
+void keep_only(std::initializer_list<unsigned> capabilities) {
+  constexpr unsigned kBits = 32;
+  __user_cap_header_struct header{.version = _LINUX_CAPABILITY_VERSION_3, .pid = 0};
+  __user_cap_data_struct kept[_LINUX_CAPABILITY_U32S_3]{};
+  for (const unsigned capability : capabilities) {
+    kept[capability / kBits].effective |= 1U << capability % kBits;
+    kept[capability / kBits].permitted |= 1U << capability % kBits;
+  }
+  ASSERT_EQ(::syscall(SYS_capset, &header, kept), 0) << std::strerror(errno);
+}
+
+// A header of IPv4 with `words` words of options that say nothing (RFC 791 §3.1, "No Operation").
+Bytes with_options(const Bytes& frame, std::size_t words) {
+  constexpr std::size_t kIpAt = 14;
+  constexpr std::size_t kHeaderBytes = 20;
+  constexpr std::size_t kLengthAt = kIpAt + 2;
+  constexpr std::size_t kSumAt = kIpAt + 10;
+  Bytes out = frame;
+  out.insert(out.begin() + kIpAt + kHeaderBytes, 4 * words, std::byte{1});
+  out[kIpAt] = static_cast<std::byte>(0x45 + words);
+  const auto put = [&out](std::size_t at, std::size_t value) {
+    out[at] = static_cast<std::byte>(value >> 8U);
+    out[at + 1] = static_cast<std::byte>(value & 0xffU);
+  };
+  put(kLengthAt, out.size() - kIpAt);
+  put(kSumAt, 0);
+  std::size_t sum = 0;
+  for (std::size_t at = kIpAt; at < kIpAt + kHeaderBytes + 4 * words; at += 2) {
+    sum += std::to_integer<std::size_t>(out[at]) << 8U | std::to_integer<std::size_t>(out[at + 1]);
+  }
+  while (sum >> 16U != 0) sum = (sum & 0xffffU) + (sum >> 16U);
+  put(kSumAt, ~sum & 0xffffU);
+  return out;
+}
+
 // What a constructor says; empty: nothing.
 std::string refusal(const UdpOptions& options, int code) {
   try {
@@ -123,11 +159,52 @@ TEST(XdpTransport, NamesTheRemedyForAnMtuThatXdpDoesNotAllow) {
   });
 }
 
+TEST(XdpTransport, NeedsNoMoreThanTheCapabilitiesThatItAsksFor) {
+  for (const bool ipv6 : {false, true}) {
+    as_root([ipv6] {
+      TwoHosts hosts;
+      ASSERT_TRUE(hosts.made() && (!ipv6 || hosts.meet()));
+      const auto there = hosts.there([ipv6] {
+        return std::make_unique<UdpTransport>(
+            TwoHosts::options("vb", ipv6 ? "fd99::2" : "10.99.0.2"));
+      });
+      // Those of docs/transports.md, and of the line that is printed where they are missing.
+      keep_only({CAP_NET_RAW, CAP_NET_ADMIN, CAP_BPF, CAP_IPC_LOCK});
+      EXPECT_NO_THROW(XdpProgram::require_privilege());
+      XdpTransport xdp(TwoHosts::options("va", ipv6 ? "fd99::1" : "10.99.0.1"));
+      EXPECT_TRUE(gets_through(xdp, there->local_address(), *there));
+      EXPECT_TRUE(gets_through(*there, xdp.local_address(), xdp));
+    });
+  }
+}
+
+TEST(XdpTransport, TakesFramesWithOptionsOfEveryLength) {
+  as_root([] {
+    const TwoHosts hosts;
+    ASSERT_TRUE(hosts.made() && hosts.add_second_link());
+    XdpTransport xdp(TwoHosts::options("vc", "10.98.0.1"));
+    FrameAddresses addresses;
+    addresses.ethernet =
+        EthernetHeader{.to = parse_mac(find_nic("vc")->mac),
+                       .from = parse_mac(hosts.there([] { return find_nic("vd")->mac; }))};
+    addresses.from = *make_address("10.98.0.2", 4711);
+    addresses.to = xdp.local_address();
+    const auto sender = hosts.there([] { return std::make_unique<FrameSender>("vd"); });
+    // The length of the header has four bits and counts its five words without options as well.
+    constexpr std::size_t kMostWords = 10;
+    std::vector<Bytes> sent;
+    for (std::size_t words = 0; words <= kMostWords; ++words) {
+      sent.push_back(payload(words, 60));
+      ASSERT_TRUE(sender->send(with_options(whole_frame(addresses, sent.back()), words)));
+    }
+    EXPECT_EQ(receive_all(xdp, sent.size()), sent);
+    EXPECT_EQ(xdp.counters().receive_errors, 0U);
+  });
+}
+
 TEST(XdpTransport, NamesTheRemedyWithoutThePrivilege) {
   in_namespace([] {
-    __user_cap_header_struct header{.version = _LINUX_CAPABILITY_VERSION_3, .pid = 0};
-    __user_cap_data_struct none[2]{};
-    ASSERT_EQ(::syscall(SYS_capset, &header, none), 0);
+    keep_only({});
     EXPECT_THAT(refusal(TwoHosts::options("va", "10.99.0.1"), EPERM),
                 testing::AllOf(testing::HasSubstr("setcap cap_net_raw,cap_net_admin,cap_bpf"),
                                testing::HasSubstr("--transport udp")));
