@@ -70,7 +70,8 @@ struct BatchResult {
   // then dropped and counted.
   int gone = 0;
   // The kernel has no room for the others just now, or forbids them, whatever the handle says:
-  // offer them again a little later.
+  // offer them again a little later. Where none are left, the transport itself holds some of what
+  // it has taken: call send() again a little later, with nothing if there is nothing else.
   bool refused = false;
 };
 

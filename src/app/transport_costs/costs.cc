@@ -153,13 +153,14 @@ class Receiver {
 
 void send_all(interneuron::Transport& transport, std::span<const Outgoing> batch) {
   const TimePoint end = io::now() + kPatience;
-  while (!batch.empty() && io::now() < end) {
-    const BatchResult result = transport.send(batch);
+  BatchResult result;
+  do {
+    result = transport.send(batch);
     if (result.gone != 0) throw IoError("the wire is gone", result.gone);
     batch = batch.subspan(result.taken);
     if (result.would_block) wait_for(transport, POLLOUT, kQuietMs);
-  }
-  if (!batch.empty()) throw IoError("datagrams are refused for seconds", ENOBUFS);
+  } while ((!batch.empty() || result.refused) && io::now() < end);
+  if (!batch.empty() || result.refused) throw IoError("datagrams are refused for seconds", ENOBUFS);
 }
 
 struct Outcome {

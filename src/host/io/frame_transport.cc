@@ -182,6 +182,7 @@ void FrameTransport::judge_refusal(int error, BatchResult& result) {
 // A peer whose hardware address is asked for is waited for by what goes to it alone: the address
 // may be one that a stranger has made up, and nobody else is to wait for that.
 bool FrameTransport::others_wait_behind(std::span<const Outgoing> batch) {
+  if (batch.empty()) return false;
   const Address host = host_only(batch[0].to);
   return std::ranges::any_of(
       batch, [&host](const Outgoing& datagram) { return host_only(datagram.to) != host; });
@@ -191,10 +192,12 @@ BatchResult FrameTransport::send(std::span<const Outgoing> batch) {
   const TimePoint now = io::now();
   follow_changes(now);
   BatchResult result;
-  while (result.taken < batch.size() && !gone_) {
+  // Once also where nothing is offered: the transport may hold some of what it took earlier.
+  for (bool first = true; !gone_ && (first || result.taken < batch.size()); first = false) {
     const int error = offer(batch, now, result);
+    const auto rest = batch.subspan(result.taken);
     if (result.would_block) return result;
-    if (result.refused && error == EAGAIN && others_wait_behind(batch.subspan(result.taken))) {
+    if (result.refused && error == EAGAIN && others_wait_behind(rest)) {
       result.refused = false;
       result.taken += drop(1, EHOSTUNREACH);
       continue;
@@ -205,7 +208,7 @@ BatchResult FrameTransport::send(std::span<const Outgoing> batch) {
       return result;
     }
     // One that cannot be sent leaves those behind it their chance.
-    if (error != 0 && !gone_) result.taken += drop(1, error);
+    if (error != 0 && !gone_ && !rest.empty()) result.taken += drop(1, error);
   }
   if (gone_) {
     result.gone = ENODEV;

@@ -74,7 +74,8 @@ class FrameTransport : public Transport {
 
   // Offers datagrams of `batch` to the kernel once, from the one behind `result.taken` on, and adds
   // to `result` those that it took. Returns the errno of what stands in the way of the first one
-  // that it did not; 0: nothing, go on.
+  // that it did not, or of some that it took earlier (BatchResult::refused); 0: nothing, go on.
+  // Called with an empty batch too.
   virtual int offer(std::span<const Outgoing> batch, TimePoint now, BatchResult& result) = 0;
   // Calls take() or refuse() with frames that have arrived; their bytes stay until the next call.
   virtual void collect(TimePoint now) = 0;

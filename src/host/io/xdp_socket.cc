@@ -218,4 +218,9 @@ int XdpSocket::flush() {
   }
 }
 
+bool XdpSocket::needs_flush() const {
+  return ::xsk_ring_prod__needs_wakeup(&leaving_) != 0 &&
+         __atomic_load_n(leaving_.consumer, __ATOMIC_ACQUIRE) != *leaving_.producer;
+}
+
 }  // namespace interneuron::io

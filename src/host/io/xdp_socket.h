@@ -69,8 +69,10 @@ class XdpSocket {
   std::span<std::byte> reserve();
   void commit(std::size_t bytes);
   // Tells the kernel what is to leave. Returns the errno that kept it from taking some of that, 0
-  // for none; it takes that with the next flush().
+  // for none; it takes that with the next flush(), and with nothing else.
   int flush();
+  // Whether there is something that the kernel takes with the next flush().
+  bool needs_flush() const;
 
  private:
   struct Memory;

@@ -40,6 +40,9 @@ std::uint32_t receive_queues(const std::string& nic) {
   return std::max(1U, channels.rx_count + channels.combined_count);
 }
 
+// Whether the kernel takes later what it did not take with this error.
+bool passes(int error) { return error == EAGAIN || error == EBUSY || error == ENOBUFS; }
+
 std::uint32_t checked_queues(const std::string& nic, bool has_ethernet) {
   if (!has_ethernet) {
     throw IoError(nic +
@@ -146,10 +149,14 @@ int XdpTransport::offer(std::span<const Outgoing> batch, TimePoint now, BatchRes
     ++counters_.send_calls;
     counters_.sent_datagrams += written;
   }
-  const bool waits = error == 0 || error == EAGAIN || error == EBUSY || error == ENOBUFS;
-  if (!waits) {
+  if (error != 0 && !passes(error)) {
     judge_refusal(error, result);
     return written > 0 ? 0 : error;
+  }
+  if (error != 0) {
+    // Some of what was taken is still here, now or from earlier calls.
+    result.refused = true;
+    return ENOBUFS;
   }
   if (written > 0) return 0;
   result.refused = obstacle.asking || obstacle.error == ENOBUFS;
@@ -174,6 +181,8 @@ bool XdpTransport::take_arrived() {
 }
 
 void XdpTransport::collect(TimePoint now) {
+  // What the kernel still does not take, send() tells of.
+  if (sockets_.front()->needs_flush()) sockets_.front()->flush();
   // Frames of which none is for us are no reason to stop, but a flood of such must not keep us.
   bool any = false;
   for (std::size_t i = 0; i < kMostBatches && !received_any() && take_arrived(); ++i) any = true;

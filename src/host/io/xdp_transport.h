@@ -6,8 +6,9 @@
 // frame, many per call, past the queueing discipline of the NIC, its checksum completed here: the
 // kernel neither segments nor coalesces. A sender on this host may leave the checksum to the NIC,
 // and nobody says so any more: a frame that holds the sum over the pseudo header alone is taken as
-// well (FrameContext::may_be_partial). What does not fit into the kernel's queue waits for the next
-// send() or receive(); while no memory for frames is left, send() refuses.
+// well (FrameContext::may_be_partial). What does not fit into the kernel's queue waits in the
+// memory for the next send() or receive(); send() says so (BatchResult::refused), since nobody else
+// comes back to it. While no memory for frames is left, it takes nothing.
 //
 // Only NICs with Ethernet headers: not loopback, tun and modems in raw IP mode. One XDP program and
 // one AF_XDP socket per queue at a time: the constructor says when somebody else has them.

@@ -45,19 +45,19 @@ void Outbox::push(TimePoint now, Link& link, const TransmitParts& transmit) {
 
 // Sends as much of the link's queue as its transport takes.
 void Outbox::flush(TimePoint now, Link& link) {
-  while (!link.blocked && link.count > 0 && now >= link.retry_at) {
+  while (!link.blocked && link.pending() && now >= link.retry_at) {
     const BatchResult result = offer(link);
     link.first = (link.first + result.taken) % link.slots.size();
     link.count -= result.taken;
     if (result.gone != 0) link.gone = result.gone;
     link.blocked = result.would_block;
-    if (result.taken > 0) {
-      link.progress_at = now;
-      link.refused_since.reset();
-    }
-    if (!result.refused || link.count == 0) return;
+    if (result.taken > 0) link.progress_at = now;
+    if (result.taken > 0 || !result.refused) link.refused_since.reset();
+    link.held = result.refused && link.count == 0;
+    if (!result.refused) return;
     if (!link.refused_since) link.refused_since = now;
-    if (now - *link.refused_since < kStallPatience) {
+    // What the transport holds is not here to be dropped.
+    if (link.held || now - *link.refused_since < kStallPatience) {
       link.retry_at = now + kRefusedRetry;
       return;
     }
@@ -144,7 +144,9 @@ std::optional<TimePoint> Outbox::next_timeout(TimePoint now) const {
   std::optional<TimePoint> next;
   for (const Link& link : links_) {
     if (link.full() && link.patience_ends() > now) next = earliest(next, link.patience_ends());
-    if (link.count > 0 && link.retry_at > now) next = earliest(next, link.retry_at);
+    if (!link.pending() || !link.refused_since || link.blocked) continue;
+    // Its instant may have passed since the last pump(), but it must not be forgotten for that.
+    next = earliest(next, link.retry_at > now ? link.retry_at : now + kRefusedRetry);
   }
   return next;
 }

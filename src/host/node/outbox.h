@@ -8,7 +8,8 @@
 // others. After that the oldest datagrams of the stalled link make room for new ones, and are
 // counted. What the kernel refuses although the handle is writable is kept and offered again every
 // kRefusedRetry; what it has refused for kStallPatience is dropped and counted the same way, so
-// that one peer behind a rule of the firewall does not hold up the others.
+// that one peer behind a rule of the firewall does not hold up the others. A transport that holds
+// some of what it took is called every kRefusedRetry too, until it holds nothing.
 //
 // The bytes of messages are not copied on their way to the kernel: a datagram that leaves within
 // the pump() that took it from the endpoint is given in parts. What has to wait is put together.
@@ -109,10 +110,14 @@ class Outbox {
     // The kernel takes nothing for now since then, and it is asked again then.
     std::optional<TimePoint> refused_since;
     TimePoint retry_at = TimePoint::min();
+    // The transport holds some of what it took, and nothing waits here.
+    bool held = false;
     // The errno of a send that found the NIC gone; 0: none.
     int gone = 0;
     std::uint64_t stalled = 0;
 
+    // Whether there is something to call the transport for.
+    bool pending() const { return count > 0 || held; }
     bool full() const { return count == slots.size(); }
     TimePoint patience_ends() const { return progress_at + kStallPatience; }
   };

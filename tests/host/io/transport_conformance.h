@@ -59,16 +59,17 @@ struct Pair {
   }
 };
 
-// Offers again what is refused, as an Outbox does, until all is taken.
+// Offers again what is refused, as an Outbox does, until all is taken and nothing is held.
 inline bool send_all(Transport& transport, std::span<const Outgoing> batch) {
   const TimePoint end = now() + kPatience;
-  while (!batch.empty() && now() < end) {
-    const BatchResult result = transport.send(batch);
+  BatchResult result;
+  do {
+    result = transport.send(batch);
     if (result.gone != 0) return false;
     batch = batch.subspan(result.taken);
     if (result.would_block) wait_for(transport, POLLOUT);
-  }
-  return batch.empty();
+  } while ((!batch.empty() || result.refused) && now() < end);
+  return batch.empty() && !result.refused;
 }
 
 inline bool send_all(Transport& transport, const Address& to, const std::vector<Bytes>& payloads) {

@@ -2,10 +2,14 @@
 // errors.
 #include "host/io/xdp_transport.h"
 
+#include <dirent.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <linux/capability.h>
+#include <sched.h>
 #include <sys/syscall.h>
+
+#include <fstream>
 
 #include "host/io/udp_transport.h"
 #include "transport_conformance.h"
@@ -132,6 +136,105 @@ TEST(XdpTransport, FollowsAddressesThatComeAndGo) {
       came = !xdp->receive().empty() || (readable(*xdp, 10) && !xdp->receive().empty());
     }
     EXPECT_TRUE(came);
+  });
+}
+
+// The number of the kernel's thread that polls this card in this network namespace
+// (napi/threaded.rst of the Linux documentation); 0: it has none.
+pid_t poller_of(const std::string& nic) {
+  const std::string name = "napi/" + nic + "-";
+  const std::unique_ptr<DIR, int (*)(DIR*)> folder(::opendir("/proc"), &::closedir);
+  pid_t newest = 0;
+  while (const dirent* entry = ::readdir(folder.get())) {
+    std::ifstream file("/proc/" + std::string(entry->d_name) + "/comm");
+    std::string comm;
+    if (std::getline(file, comm) && comm.starts_with(name)) {
+      newest = std::max(newest, static_cast<pid_t>(std::stoi(entry->d_name)));
+    }
+  }
+  return newest;
+}
+
+// Lets nothing that this thread does be interrupted by the other one, which gets its turn when this
+// one sleeps. False where the kernel does not allow it.
+bool keep_waiting(pid_t other) {
+  cpu_set_t one;
+  CPU_ZERO(&one);
+  CPU_SET(::sched_getcpu(), &one);
+  const sched_param first{.sched_priority = 1};
+  return ::sched_setaffinity(0, sizeof one, &one) == 0 &&
+         ::sched_setaffinity(other, sizeof one, &one) == 0 &&
+         ::sched_setscheduler(0, SCHED_FIFO, &first) == 0;
+}
+
+// A veth card has room for 256 packets that the other end has not looked at; with a queueing
+// discipline it says that it is full (Linux 6.16) instead of dropping what comes then.
+class FullCard {
+ public:
+  static constexpr std::size_t kDatagrams = 900;
+
+  // False where this kernel cannot do it.
+  bool fill() {
+    if (!hosts_.made() || !shell("tc qdisc add dev va root pfifo")) return false;
+    there_ = hosts_.there(
+        [] { return std::make_unique<XdpTransport>(TwoHosts::options("vb", "10.99.0.2")); });
+    here_ = std::make_unique<XdpTransport>(TwoHosts::options("va", "10.99.0.1"));
+    EXPECT_TRUE(gets_through(*here_, there_->local_address(), *there_));
+    // Of this process: /sys shows the cards of the namespace that it was mounted in.
+    if (!hosts_.shell_there("unshare -m sh -c 'mount -t sysfs x /sys && "
+                            "echo 1 > /sys/class/net/vb/threaded'")) {
+      return false;
+    }
+    const pid_t poller = poller_of("vb");
+    if (poller == 0 || !keep_waiting(poller)) return false;
+    for (std::size_t i = 0; i < kDatagrams; ++i) sent_.push_back(payload(i, 1200));
+    const BatchResult result = here_->send(to_all(there_->local_address(), sent_));
+    EXPECT_EQ(result.taken, kDatagrams);
+    EXPECT_EQ(here_->counters().send_errors, 0U);
+    return here_->counters().send_refusals > 0;
+  }
+  // All that arrives while `again` is called.
+  std::vector<Bytes> receive(const std::function<void()>& again) {
+    std::vector<Bytes> got;
+    const TimePoint end = now() + kPatience;
+    while (got.size() < kDatagrams && now() < end) {
+      again();
+      if (!readable(*there_, 1)) continue;
+      for (const Incoming& datagram : there_->receive()) {
+        got.emplace_back(datagram.bytes.begin(), datagram.bytes.end());
+      }
+    }
+    return got;
+  }
+  XdpTransport& here() { return *here_; }
+  const std::vector<Bytes>& sent() const { return sent_; }
+
+ private:
+  TwoHosts hosts_;
+  std::unique_ptr<XdpTransport> there_;
+  std::unique_ptr<XdpTransport> here_;
+  std::vector<Bytes> sent_;
+};
+
+TEST(XdpTransport, WhatTheKernelDidNotTakeLeavesWhenSomethingIsReceived) {
+  as_root([] {
+    FullCard card;
+    if (!card.fill()) GTEST_SKIP() << "this kernel lacks what the test needs";
+    const auto got = card.receive([&card] { EXPECT_TRUE(card.here().receive().empty()); });
+    EXPECT_TRUE(got == card.sent()) << got.size();
+  });
+}
+
+TEST(XdpTransport, WhatTheKernelDidNotTakeLeavesWhenNothingElseIsSent) {
+  as_root([] {
+    FullCard card;
+    if (!card.fill()) GTEST_SKIP() << "this kernel lacks what the test needs";
+    bool holds = true;
+    const auto got = card.receive([&] {
+      if (holds) holds = card.here().send({}).refused;
+    });
+    EXPECT_TRUE(got == card.sent()) << got.size();
+    EXPECT_FALSE(holds) << "nobody need come back any more";
   });
 }
 

@@ -54,6 +54,7 @@ class Bottle final : public Transport {
       ++result.taken;
       sent.push_back(number_of(datagram.head));
     }
+    result.refused = result.refused || holding;
     return result;
   }
   std::span<const Incoming> receive() override { return {}; }
@@ -65,6 +66,8 @@ class Bottle final : public Transport {
   std::size_t room = static_cast<std::size_t>(-1);
   int gone = 0;
   bool refusing = false;
+  // Keeps some of what it took to itself.
+  bool holding = false;
   std::uint32_t forbidden = UINT32_MAX;
   int calls = 0;
   std::vector<std::uint32_t> sent;
@@ -203,6 +206,31 @@ TEST(Outbox, ALinkThatTakesNothingAnyMoreKeepsNothing) {
   EXPECT_EQ(outbox.queued(LinkId{0}), 0U);
   EXPECT_EQ(outbox.stalled(LinkId{0}), 5U);
   EXPECT_FALSE(outbox.next_timeout(kStart + kStallPatience));
+}
+
+TEST(Outbox, ATransportThatHoldsWhatItTookIsCalledUntilItDoesNot) {
+  Bottle transport;
+  Numbers source;
+  Outbox outbox;
+  outbox.add(LinkId{0}, transport);
+  source.end = 10;
+  transport.holding = true;
+  TimePoint now = kStart;
+  // For much longer than what is refused is kept: what is held cannot be dropped.
+  for (int calls = 1; now < kStart + 4 * kStallPatience; ++calls) {
+    outbox.pump(now, source);
+    EXPECT_EQ(transport.calls, calls);
+    EXPECT_EQ(outbox.queued(LinkId{0}), 0U);
+    ASSERT_EQ(outbox.next_timeout(now), now + kRefusedRetry);
+    now += kRefusedRetry;
+  }
+  // Also when whoever asks is late.
+  EXPECT_GT(outbox.next_timeout(now).value_or(TimePoint::min()), now);
+  transport.holding = false;
+  outbox.pump(now, source);
+  EXPECT_FALSE(outbox.next_timeout(now));
+  EXPECT_EQ(transport.sent, count_to(10));
+  EXPECT_EQ(outbox.stalled(LinkId{0}), 0U);
 }
 
 // Gives datagrams whose payload is its own, and may be overwritten once pump() is over.
