@@ -250,6 +250,8 @@ void NextHops::apply(const nlmsghdr& message, Changes& changes) {
       if (header->ifi_index != index_ || header->ifi_family != AF_UNSPEC) return;
       changes.card = true;
       changes.gone = changes.gone || message.nlmsg_type == RTM_DELLINK;
+      // What was asked while there was no carrier was lost, and is asked again at once.
+      for (auto& [key, entry] : entries_) entry.asked.reset();
       break;
     }
     case RTM_NEWADDR:

@@ -36,8 +36,8 @@ class NextHops {
   // is well below the time in which a peer that moved would be missed, and a look takes
   // microseconds, which would count if it were as frequent as datagrams.
   static constexpr Duration kEventInterval = std::chrono::milliseconds(10);
-  // How often what is known is asked anew, and how often at most a neighbour is asked for: the
-  // kernel repeats its questions as often (RFC 4861 §10, RETRANS_TIMER).
+  // How often what is known is asked anew, and how often at most a neighbour is asked for, unless
+  // the NIC has changed: the kernel repeats its questions as often (RFC 4861 §10, RETRANS_TIMER).
   static constexpr Duration kRefresh = std::chrono::seconds(1);
   // How long after each question a peer without a hardware address is waited for; else it counts as
   // unreachable. No measurement behind this value: a neighbour on a loaded radio link answers

@@ -12,6 +12,15 @@
 
 namespace interneuron {
 
+namespace {
+
+// Calls of receive() by which a transport that was set aside gets rid of what waits in it. No
+// measurement behind this value: the memory of an AF_XDP socket is empty after 12 (kReceiveChunks
+// and kBatch of src/host/io/xdp_socket.h), and a flood must not keep us.
+constexpr int kStaleBatches = 16;
+
+}  // namespace
+
 LinkSet::LinkSet(const NodeOptions& options, User& user)
     : options_(options), user_(user), monitor_({.default_routes = false}) {
   for (const NodeLink& link : options.links) add_named(link);
@@ -103,7 +112,7 @@ void LinkSet::refuse_nothing_open() const {
   throw IoError(text, ENETUNREACH);
 }
 
-void LinkSet::open(Link& link) {
+void LinkSet::open_anew(Link& link, std::vector<std::string>& warnings) {
   const io::Nic* nic = monitor_.find(link.options.nic);
   if (nic == nullptr) throw IoError("there is no such network card", ENODEV);
   OpenedLink opened = open_link(options_, link.options, *nic,
@@ -112,12 +121,23 @@ void LinkSet::open(Link& link) {
   link.transport = std::move(opened.transport);
   link.info = std::move(opened.info);
   link.port = port_of(link.transport->local_address());
+  warnings = std::move(opened.warnings);
+}
+
+void LinkSet::open(Link& link) {
+  std::vector<std::string> warnings;
+  if (link.aside) {
+    link.transport = std::move(link.aside);
+    for (int i = 0; i < kStaleBatches && !link.transport->receive().empty(); ++i) continue;
+  } else {
+    open_anew(link, warnings);
+  }
   if (!telling_) {
-    warnings_.insert(warnings_.end(), opened.warnings.begin(), opened.warnings.end());
+    warnings_.insert(warnings_.end(), warnings.begin(), warnings.end());
     return;
   }
   user_.link_opened(link);
-  for (const std::string& warning : opened.warnings) {
+  for (const std::string& warning : warnings) {
     user_.nic_changed({link.options.id, link.options.nic, link.state, link.state, warning, true});
   }
 }
@@ -134,10 +154,19 @@ bool LinkSet::try_open(Link& link) {
   return false;
 }
 
+std::unique_ptr<Transport> LinkSet::withdraw(Link& link) {
+  if (link.transport) user_.link_closing(link);
+  return std::move(link.transport);
+}
+
 void LinkSet::close(Link& link) {
-  if (!link.transport) return;
-  user_.link_closing(link);
-  link.transport.reset();
+  withdraw(link).reset();
+  link.aside.reset();
+}
+
+void LinkSet::suspend(Link& link) {
+  auto transport = withdraw(link);
+  if (transport && options_.transport == TransportKind::kXdp) link.aside = std::move(transport);
 }
 
 std::optional<TimePoint> LinkSet::update(TimePoint now) {
@@ -190,11 +219,14 @@ void LinkSet::apply(TimePoint now, const io::NicEvent& event, Link& link) {
     link.carrier_since = now;
   }
   const io::Nic* nic = monitor_.find(event.nic);
-  const bool usable = event.to == NicState::kReady && nic != nullptr;
-  if (!usable || event.new_incarnation ||
-      (link.transport &&
-       !still_fits(options_, link.options, link.transport->local_address(), *nic))) {
+  const Transport* transport = link.transport ? link.transport.get() : link.aside.get();
+  const bool fits = nic != nullptr && !event.new_incarnation &&
+                    (transport == nullptr ||
+                     still_fits(options_, link.options, transport->local_address(), *nic));
+  if (!fits) {
     close(link);
+  } else if (event.to != NicState::kReady) {
+    suspend(link);
   }
   user_.nic_changed({link.options.id, event.nic, event.from, event.to, event.reason});
 }

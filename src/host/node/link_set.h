@@ -5,6 +5,11 @@
 // a card that went is too late anyway. Links that share a NIC share its state, which then is that
 // for the first of them that has a peer.
 //
+// A transport with a program on the NIC (TransportKind::kXdp) is set aside instead of closed as
+// long as the NIC is the same and the addresses fit, and serves again when the NIC is ready: some
+// NICs are reset when such a program comes or goes, lose their carrier by that, and would be closed
+// and opened for ever.
+//
 // Owns the sockets and the monitor of the NICs. Thread-compatible; driven by the loop of a Node.
 // Set-up throws IoError, or std::invalid_argument that names the option. What fails later on
 // becomes the link's reason and is tried again every kRecheck.
@@ -42,6 +47,8 @@ class LinkSet {
     LinkInfo info;
     // Empty while the NIC cannot be used.
     std::unique_ptr<Transport> transport;
+    // Set aside while the NIC cannot be used; the link is closed for all others.
+    std::unique_ptr<Transport> aside;
     // When the NIC's carrier came back; the socket is opened kSettle later.
     TimePoint carrier_since = TimePoint::min();
     // The port that the link had when it was first opened; it is bound again each time, so that
@@ -83,11 +90,16 @@ class LinkSet {
   std::optional<LinkId> free_id() const;
   bool has_link_on(std::string_view nic) const;
   void refuse_nothing_open() const;
-  // Opens the link's socket. Throws IoError.
+  // Opens the link's socket, or takes the one that was set aside. Throws IoError.
   void open(Link& link);
+  void open_anew(Link& link, std::vector<std::string>& warnings);
   // As open(), but a failure becomes the link's reason, and the result is false.
   bool try_open(Link& link);
+  // Closes the link for the user, and returns the transport that it had.
+  std::unique_ptr<Transport> withdraw(Link& link);
   void close(Link& link);
+  // The link's NIC cannot be used for now.
+  void suspend(Link& link);
   std::optional<TimePoint> open_ready(TimePoint now);
   void apply(TimePoint now, const io::NicEvent& event);
   void apply(TimePoint now, const io::NicEvent& event, Link& link);

@@ -13,6 +13,7 @@
 #include <string>
 #include <vector>
 
+#include "host/io/open_transport.h"
 #include "host/io/steady_clock.h"
 #include "interneuron/node.h"
 #include "tests/host/io/namespace.h"
@@ -42,8 +43,9 @@ NodeOptions road_options() {
   return options;
 }
 
-NodeOptions vehicle_options() {
+NodeOptions vehicle_options(TransportKind transport) {
   NodeOptions options;
+  options.transport = transport;
   options.links = {{.id = LinkId{0}, .nic = "va", .peer = "10.99.0.2:47000"},
                    {.id = LinkId{1}, .nic = "wa", .peer = "10.98.0.2:47000"}};
   PipelineConfig pipeline;
@@ -131,7 +133,8 @@ struct Step {
 // A vehicle that begins a round every 20 ms while a worker takes one step after the other.
 class Vehicle {
  public:
-  explicit Vehicle(std::vector<Step> steps) : steps_(std::move(steps)), node_(vehicle_options()) {}
+  Vehicle(std::vector<Step> steps, TransportKind transport)
+      : steps_(std::move(steps)), node_(vehicle_options(transport)) {}
 
   void run() {
     node_.on_round_done([this](RoundDone done) {
@@ -250,14 +253,15 @@ class Vehicle {
   int remote_ = 0;
 };
 
-void run_steps(const std::function<std::vector<Step>(const Road&)>& steps) {
-  io::in_namespace([&] {
+void run_steps(const std::function<std::vector<Step>(const Road&)>& steps,
+               TransportKind transport = TransportKind::kUdp) {
+  const auto body = [&] {
     const std::size_t before = io::open_descriptors();
     {
       const Road road;
       if (!road.made()) GTEST_SKIP() << "this kernel lacks what the test needs";
       try {
-        Vehicle vehicle(steps(road));
+        Vehicle vehicle(steps(road), transport);
         const std::size_t at_start = io::open_descriptors();
         vehicle.run();
         // The sockets of two links and the monitor's; each incarnation gave its own back.
@@ -267,7 +271,9 @@ void run_steps(const std::function<std::vector<Step>(const Road&)>& steps) {
       }
     }
     EXPECT_EQ(io::open_descriptors(), before) << "nothing is left open";
-  });
+  };
+  const bool is_xdp = transport == TransportKind::kXdp;
+  io::in_namespace(body, is_xdp ? io::Root::kOfHost : io::Root::kOfNamespace);
 }
 
 std::function<bool()> command(const std::string& text) {
@@ -290,6 +296,25 @@ TEST(HotPlug, TheOtherEndGoesDownAndUp) {
          NicState::kNoCarrier},
         {"the road's end up", [&] { return road.inside("ip link set vb up"); }, NicState::kReady}};
   });
+}
+
+TEST(HotPlug, TheOtherEndGoesDownAndUpUnderAProgram) {
+  try {
+    io::require_privilege(TransportKind::kXdp);
+  } catch (const IoError& error) {
+    GTEST_SKIP() << error.what();
+  }
+  run_steps(
+      [](const Road& road) {
+        return std::vector<Step>{
+            {"the road's end down", [&] { return road.inside("ip link set vb down"); },
+             NicState::kNoCarrier},
+            {"the road's end up", [&] { return road.inside("ip link set vb up"); },
+             NicState::kReady},
+            {"unplugged", command("ip link del va"), NicState::kAbsent},
+            {"plugged in", [&] { return road.wire_pair("va", "vb", 99); }, NicState::kReady}};
+      },
+      TransportKind::kXdp);
 }
 
 TEST(HotPlug, UnpluggedAndPluggedIn) {

@@ -4,11 +4,15 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cerrno>
+#include <cstdio>
 #include <functional>
+#include <memory>
 #include <string>
 #include <vector>
 
+#include "host/io/open_transport.h"
 #include "host/io/steady_clock.h"
 #include "host/io/udp_transport.h"
 #include "tests/host/io/namespace.h"
@@ -205,6 +209,58 @@ TEST(LinkSet, ByKindAndByHardwareAddress) {
     EXPECT_EQ(by_kind.links().size(), 2) << "both ends";
     EXPECT_EQ(by_mac.find(LinkId{1})->options.nic, "vb") << "vb";
   });
+}
+
+// "12": the number of the XDP program on a card; empty: there is none.
+std::string program_on(const std::string& nic) {
+  const std::string command = "PATH=$PATH:/sbin:/usr/sbin; ip link show " + nic +
+                              " | sed -n 's,.*prog/xdp id \\([0-9]*\\).*,\\1,p'";
+  const std::unique_ptr<FILE, int (*)(FILE*)> pipe(::popen(command.c_str(), "r"), &::pclose);
+  std::array<char, 32> text{};
+  if (!pipe || std::fgets(text.data(), text.size(), pipe.get()) == nullptr) return {};
+  return text.data();
+}
+
+bool may_use_xdp() {
+  try {
+    io::require_privilege(TransportKind::kXdp);
+    return true;
+  } catch (const IoError&) {
+    return false;
+  }
+}
+
+TEST(LinkSet, ACardThatIsResetWithEachProgramComesToRest) {
+  if (!may_use_xdp()) GTEST_SKIP() << "needs root of the host, for XDP";
+  io::in_namespace(
+      [] {
+        NodeOptions options;
+        options.links = {{.id = LinkId{0}, .nic = "va"}};
+        options.transport = TransportKind::kXdp;
+        Notes notes;
+        LinkSet links(options, notes);
+        auto& va = *links.find(LinkId{0});
+        std::string program = program_on("va");
+        ASSERT_NE(program, "");
+        // As igb and igc do: the carrier is away for a while.
+        const auto reset = [&] {
+          return io::shell("ip link set vb down") &&
+                 update_until(links, [&] { return va.state == NicState::kNoCarrier; }) &&
+                 !va.transport && io::shell("ip link set vb up") &&
+                 update_until(links, [&] { return va.transport != nullptr; });
+        };
+        ASSERT_TRUE(reset());
+        EXPECT_EQ(notes.take(), "closing 0; va no_carrier 0; va ready 0; opened 0; ");
+        EXPECT_EQ(program_on("va"), program) << "reset again";
+        // What does not fit any more is closed in earnest.
+        ASSERT_TRUE(io::shell("ip link set va down"));
+        ASSERT_TRUE(update_until(links, [&] { return va.state == NicState::kNoCarrier; }));
+        EXPECT_EQ(program_on("va"), program);
+        ASSERT_TRUE(io::shell("ip link set va mtu 1300"));
+        EXPECT_TRUE(update_until(links, [&] { return va.aside == nullptr; }));
+        EXPECT_EQ(program_on("va"), "");
+      },
+      io::Root::kOfHost);
 }
 
 TEST(LinkSet, ThePortStaysTheSameAcrossIncarnations) {
