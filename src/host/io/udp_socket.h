@@ -31,6 +31,9 @@ struct UdpOptions {
   // address that it came to. A NAT drops an answer from another (docs/constants.md,
   // "NICs and the kernel").
   bool answer_from_receiver = false;
+  // Whether to wait, half a second at most, for what the kernel has not taken down yet of a
+  // transport that was closed (AF_XDP); not in an event loop.
+  bool may_wait = true;
   std::size_t receive_buffer_bytes = kReceiveBufferBytes;
   std::size_t send_buffer_bytes = kSendBufferBytes;
 };

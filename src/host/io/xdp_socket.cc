@@ -66,7 +66,7 @@ struct XdpSocket::Memory {
   std::byte* bytes;
 };
 
-XdpSocket::XdpSocket(const std::string& nic, std::uint32_t queue)
+XdpSocket::XdpSocket(const std::string& nic, std::uint32_t queue, bool may_wait)
     : memory_(std::make_unique<Memory>()) {
   if (memory_->bytes == MAP_FAILED) fail(nic, "mmap", errno);
   const xsk_umem_config config{.fill_size = kReceiveSlots,
@@ -80,7 +80,7 @@ XdpSocket::XdpSocket(const std::string& nic, std::uint32_t queue)
   // Which the library leaves out: a program that the application starts would keep the queue.
   ::fcntl(::xsk_umem__fd(umem_), F_SETFD, FD_CLOEXEC);
   try {
-    open(nic, queue);
+    open(nic, queue, may_wait);
   } catch (const IoError&) {
     ::xsk_umem__delete(umem_);
     throw;
@@ -96,19 +96,21 @@ XdpSocket::XdpSocket(const std::string& nic, std::uint32_t queue)
 }
 
 // Without a program of the library: it would take all frames of the queue.
-void XdpSocket::open(const std::string& nic, std::uint32_t queue) {
+void XdpSocket::open(const std::string& nic, std::uint32_t queue, bool may_wait) {
   xsk_socket_config config{};
   config.rx_size = kReceiveSlots;
   config.tx_size = kSendSlots;
   config.libxdp_flags = XSK_LIBXDP_FLAGS__INHIBIT_PROG_LOAD;
   config.bind_flags = XDP_USE_NEED_WAKEUP;
-  const TimePoint until = now() + kMostTakingDown;
-  int result = 0;
-  do {
-    result =
-        ::xsk_socket__create(&socket_, nic.c_str(), queue, umem_, &arrived_, &leaving_, &config);
-    if (result == -EBUSY) std::this_thread::sleep_for(kTryAgain);
-  } while (result == -EBUSY && now() < until);
+  const TimePoint until = now() + (may_wait ? kMostTakingDown : Duration::zero());
+  const auto create = [&] {
+    return ::xsk_socket__create(&socket_, nic.c_str(), queue, umem_, &arrived_, &leaving_, &config);
+  };
+  int result = create();
+  while (result == -EBUSY && now() < until) {
+    std::this_thread::sleep_for(kTryAgain);
+    result = create();
+  }
   if (result == -EBUSY) {
     throw IoError("receive queue " + std::to_string(queue) + " of " + nic +
                       " is taken by another AF_XDP socket; end it, or use --transport ring or udp",

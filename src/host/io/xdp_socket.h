@@ -48,8 +48,10 @@ class XdpSocket {
     std::optional<TimePoint> stamp{};
   };
 
-  // Opens the socket of this receive queue of the NIC with this name. Throws IoError.
-  XdpSocket(const std::string& nic, std::uint32_t queue);
+  // Opens the socket of this receive queue of the NIC with this name. Throws IoError; EBUSY:
+  // somebody else has the queue. The kernel takes down a socket that was closed some milliseconds
+  // later: where that may be the cause, and `may_wait`, it is waited for.
+  XdpSocket(const std::string& nic, std::uint32_t queue, bool may_wait);
   ~XdpSocket();
   XdpSocket(const XdpSocket&) = delete;
   XdpSocket& operator=(const XdpSocket&) = delete;
@@ -77,7 +79,7 @@ class XdpSocket {
  private:
   struct Memory;
 
-  void open(const std::string& nic, std::uint32_t queue);
+  void open(const std::string& nic, std::uint32_t queue, bool may_wait);
   void give_to_kernel(std::span<const std::uint64_t> chunks);
   void take_back_sent();
 

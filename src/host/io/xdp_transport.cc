@@ -71,15 +71,15 @@ XdpTransport::XdpTransport(const UdpOptions& options)
       queues_(checked_queues(options.nic, has_ethernet_headers() && !is_loopback_card())),
       program_(card().index, options.nic, is_ipv6(local_address()), port_of(local_address()),
                queues_) {
-  open_sockets(options.nic, queues_);
+  open_sockets(options.nic, queues_, options.may_wait);
   follow_card();
 }
 
 XdpTransport::~XdpTransport() = default;
 
-void XdpTransport::open_sockets(const std::string& nic, std::uint32_t queues) {
+void XdpTransport::open_sockets(const std::string& nic, std::uint32_t queues, bool may_wait) {
   for (std::uint32_t queue = 0; queue < queues; ++queue) {
-    sockets_.push_back(std::make_unique<XdpSocket>(nic, queue));
+    sockets_.push_back(std::make_unique<XdpSocket>(nic, queue, may_wait));
     program_.add_socket(queue, sockets_.back()->native_handle());
   }
   if (queues == 1) return;

@@ -47,7 +47,7 @@ class XdpTransport final : public FrameTransport {
   int offer(std::span<const Outgoing> batch, TimePoint now, BatchResult& result) override;
   void collect(TimePoint now) override;
   void follow_card() override;
-  void open_sockets(const std::string& nic, std::uint32_t queues);
+  void open_sockets(const std::string& nic, std::uint32_t queues, bool may_wait);
   // The sockets that something has arrived at give it to take(); false: there was nothing.
   bool take_arrived();
   Obstacle write(const Outgoing& datagram, const FrameHeader& header);

@@ -117,7 +117,8 @@ void LinkSet::open_anew(Link& link, std::vector<std::string>& warnings) {
   if (nic == nullptr) throw IoError("there is no such network card", ENODEV);
   OpenedLink opened = open_link(options_, link.options, *nic,
                                 {.port = link.port != 0 ? link.port : options_.port,
-                                 .source = monitor_.required_source(link.options.nic)});
+                                 .source = monitor_.required_source(link.options.nic),
+                                 .may_wait = !telling_});
   link.transport = std::move(opened.transport);
   link.info = std::move(opened.info);
   link.port = port_of(link.transport->local_address());

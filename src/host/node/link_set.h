@@ -12,7 +12,8 @@
 //
 // Owns the sockets and the monitor of the NICs. Thread-compatible; driven by the loop of a Node.
 // Set-up throws IoError, or std::invalid_argument that names the option. What fails later on
-// becomes the link's reason and is tried again every kRecheck.
+// becomes the link's reason and is tried again every kRecheck; only the set-up waits for the
+// kernel.
 #pragma once
 
 #include <memory>

@@ -130,6 +130,7 @@ OpenedLink open_link(const NodeOptions& options, const NodeLink& link, const io:
   udp.nic = link.nic;
   udp.card = nic;
   udp.answer_from_receiver = link.peer.empty();
+  udp.may_wait = binding.may_wait;
   udp.local = local_of(link, nic, binding);
   if (options.accept_peers && !options.insecure) refuse_public(link, udp.local, nic);
   OpenedLink out;

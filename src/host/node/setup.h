@@ -31,6 +31,8 @@ struct Binding {
   std::uint16_t port = 0;
   // The address to bind where NodeLink::local_address says nothing.
   std::optional<Address> source{};
+  // Not within the loop (io::UdpOptions).
+  bool may_wait = true;
 };
 // Opens the socket of one link. If the port is taken and the options name none, it gets another.
 OpenedLink open_link(const NodeOptions& options, const NodeLink& link, const io::Nic& nic,

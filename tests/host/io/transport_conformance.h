@@ -32,6 +32,12 @@ inline bool may_use_xdp() {
   }
 }
 
+// Runs a test in a namespace with the privileges of the host, which XDP needs.
+inline void as_root(const std::function<void()>& body) {
+  if (!may_use_xdp()) GTEST_SKIP() << "needs root of the host, for XDP";
+  in_namespace(body, Root::kOfHost);
+}
+
 // The kinds of the transports here and there.
 using Kinds = std::tuple<Kind, Kind>;
 

@@ -1,5 +1,5 @@
-// What only AF_XDP has to do: cards with several receive queues, what is left to the kernel, and
-// errors.
+// What only AF_XDP has to do: what is left to the kernel, what the kernel does not take, and
+// errors. Cards with several receive queues are in xdp_queues_test.cc.
 #include "host/io/xdp_transport.h"
 
 #include <dirent.h>
@@ -16,11 +16,6 @@
 
 namespace interneuron::io {
 namespace {
-
-void as_root(const std::function<void()>& body) {
-  if (!may_use_xdp()) GTEST_SKIP() << "needs root of the host, for XDP";
-  in_namespace(body, Root::kOfHost);
-}
 
 // Gives up all capabilities but these, by their numbers in linux/capability.h.
 void keep_only(std::initializer_list<unsigned> capabilities) {
@@ -68,34 +63,6 @@ std::string refusal(const UdpOptions& options, int code) {
     EXPECT_THAT(error.what(), testing::Not(testing::HasSubstr("\n")));
     return error.what();
   }
-}
-
-TEST(XdpTransport, HearsAllReceiveQueuesOfACard) {
-  as_root([] {
-    TwoHosts hosts;
-    const bool ready =
-        hosts.made() &&
-        shell(
-            "ip link add vc numtxqueues 3 numrxqueues 3 type veth peer name vd numtxqueues 3 "
-            "numrxqueues 3") &&
-        shell("ip link set vc up") && shell("ip link set vd up") &&
-        shell("ip addr add 10.98.0.1/24 dev vc");
-    ASSERT_TRUE(ready);
-    XdpTransport xdp(TwoHosts::options("vc", "10.98.0.1"));
-    // Frames of a flow come by one queue, so that many flows come by all.
-    FrameAddresses addresses;
-    addresses.ethernet = EthernetHeader{.to = parse_mac(find_nic("vc")->mac),
-                                        .from = parse_mac(find_nic("vd")->mac)};
-    addresses.to = xdp.local_address();
-    const FrameSender sender("vd");
-    constexpr std::uint16_t kFlows = 40;
-    for (std::uint16_t flow = 0; flow < kFlows; ++flow) {
-      addresses.from = *make_address("10.98.0.2", static_cast<std::uint16_t>(1000 + flow));
-      ASSERT_TRUE(sender.send(whole_frame(addresses, payload(flow, 60))));
-    }
-    EXPECT_EQ(receive_all(xdp, kFlows).size(), kFlows);
-    EXPECT_EQ(xdp.counters().receive_errors, 0U);
-  });
 }
 
 TEST(XdpTransport, LeavesToTheKernelWhatIsNotForIt) {
