@@ -1,6 +1,9 @@
 #include "host/io/frame_transport.h"
 
+#include <linux/ethtool.h>
 #include <linux/if_arp.h>
+#include <linux/sock_diag.h>
+#include <linux/sockios.h>
 #include <netinet/in.h>
 #include <netinet/udp.h>
 #include <sys/ioctl.h>
@@ -104,6 +107,32 @@ std::optional<FrameTransport::Device> FrameTransport::read_device() const {
   Device out{.type = request.ifr_hwaddr.sa_family};
   std::memcpy(out.mac.data(), request.ifr_hwaddr.sa_data, out.mac.size());
   return out;
+}
+
+std::string FrameTransport::card_name() const {
+  ifreq request{};
+  request.ifr_ifindex = card_.index;
+  if (::ioctl(holder_.fd.get(), SIOCGIFNAME, &request) != 0) return {};
+  return {request.ifr_name, ::strnlen(request.ifr_name, IFNAMSIZ)};
+}
+
+std::uint32_t FrameTransport::receive_queues() const {
+  ethtool_channels channels{};
+  channels.cmd = ETHTOOL_GCHANNELS;
+  ifreq request{};
+  card_name().copy(request.ifr_name, IFNAMSIZ - 1);
+  request.ifr_data = reinterpret_cast<char*>(&channels);
+  if (::ioctl(holder_.fd.get(), SIOCETHTOOL, &request) != 0) return card_.receive_queues;
+  return std::max(1U, channels.rx_count + channels.combined_count);
+}
+
+std::uint64_t FrameTransport::take_missed() {
+  std::array<std::uint32_t, SK_MEMINFO_VARS> figures{};
+  socklen_t size = sizeof figures;
+  // From Linux 4.12.
+  if (::getsockopt(holder_.fd.get(), SOL_SOCKET, SO_MEMINFO, figures.data(), &size) != 0) return 0;
+  const std::uint32_t missed = figures[SK_MEMINFO_DROPS];
+  return missed - std::exchange(missed_, missed);
 }
 
 FrameTransport::Device FrameTransport::known_device(const std::string& nic) const {

@@ -93,6 +93,13 @@ class FrameTransport : public Transport {
   bool received_any() const { return !datagrams_.empty(); }
 
   const Nic& card() const { return card_; }
+  // The name of the NIC as it is now; empty when it is gone.
+  std::string card_name() const;
+  // How many receive queues of the NIC are in use: as its driver says, else as many as there are.
+  std::uint32_t receive_queues() const;
+  // How many datagrams to the port the kernel has taken for itself and dropped since the last call:
+  // derived classes to which each of them is handed instead have missed them.
+  std::uint64_t take_missed();
   bool has_ethernet_headers() const;
   bool is_loopback_card() const;
   const Mac& mac() const { return device_.mac; }
@@ -124,6 +131,8 @@ class FrameTransport : public Transport {
   ReceiverNotes notes_;
   std::array<std::uint64_t, kFrameProblems> refused_{};
   bool gone_ = false;
+  // Of the socket that holds the port, modulo 2^32.
+  std::uint32_t missed_ = 0;
   std::vector<std::string> warnings_;
   std::vector<Incoming> datagrams_;
 };

@@ -1,6 +1,7 @@
 // The network cards (NICs) of this host, as they are now.
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -30,6 +31,8 @@ struct Nic {
   bool up = false;
   // Of the IP layer, bytes.
   std::size_t mtu = 0;
+  // Receive queues that its driver has made room for, of which fewer may be in use; at least 1.
+  std::uint32_t receive_queues = 1;
   // Its own addresses, and the gateways of the default routes through it: port 0, IPv4 first, in
   // the kernel's order.
   std::vector<Address> addresses;

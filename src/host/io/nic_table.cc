@@ -192,6 +192,9 @@ void NicTable::apply_link(const nlmsghdr& message) {
     nic->driver = origin.driver;
   }
   nic->mtu = nla_get_u32(attributes[IFLA_MTU]);
+  if (const nlattr* queues = attributes[IFLA_NUM_RX_QUEUES]) {
+    nic->receive_queues = std::max(1U, nla_get_u32(queues));
+  }
   nic->admin_up = (header->ifi_flags & IFF_UP) != 0;
   nic->up = nic->admin_up && (header->ifi_flags & IFF_RUNNING) != 0;
   nic->carrier =

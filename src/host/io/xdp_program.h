@@ -52,7 +52,7 @@ class XdpProgram {
   // Throws IoError (EPERM) with the remedy when this process may not load such programs.
   static void require_privilege();
 
-  // Puts it on the NIC with this index, which has so many receive queues; `nic`: its name, for
+  // Puts it on the NIC with this index, for at most so many receive queues; `nic`: its name, for
   // errors.
   XdpProgram(int index, const std::string& nic, bool ipv6, std::uint16_t port,
              std::uint32_t queues);

@@ -1,11 +1,6 @@
 #include "host/io/xdp_transport.h"
 
-#include <linux/ethtool.h>
-#include <linux/sockios.h>
-#include <net/if.h>
-#include <netinet/in.h>
 #include <sys/epoll.h>
-#include <sys/ioctl.h>
 #include <sys/socket.h>
 
 #include <algorithm>
@@ -27,30 +22,21 @@ constexpr std::size_t kMostBatches = XdpSocket::kReceiveChunks / XdpSocket::kBat
 // How often the kernel is asked for what it has dropped. No measurement behind this value: it is
 // often enough for a counter, and seldom enough for a system call.
 constexpr Duration kDropsInterval = std::chrono::milliseconds(10);
-
-// How many receive queues the NIC has; one where the driver does not tell.
-std::uint32_t receive_queues(const std::string& nic) {
-  const FileDescriptor socket(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
-  ethtool_channels channels{};
-  channels.cmd = ETHTOOL_GCHANNELS;
-  ifreq request{};
-  nic.copy(request.ifr_name, IFNAMSIZ - 1);
-  request.ifr_data = reinterpret_cast<char*>(&channels);
-  if (::ioctl(socket.get(), SIOCETHTOOL, &request) != 0) return 1;
-  return std::max(1U, channels.rx_count + channels.combined_count);
-}
+// How often it is asked how many receive queues are in use, of which it tells nobody. No
+// measurement behind this value: people change it by hand, and a question takes microseconds.
+constexpr Duration kQueuesInterval = std::chrono::seconds(1);
 
 // Whether the kernel takes later what it did not take with this error.
 bool passes(int error) { return error == EAGAIN || error == EBUSY || error == ENOBUFS; }
 
-std::uint32_t checked_queues(const std::string& nic, bool has_ethernet) {
+// Returns for how many receive queues the program is to have room.
+std::uint32_t check_card(const std::string& nic, bool has_ethernet, std::uint32_t queues) {
   if (!has_ethernet) {
     throw IoError(nic +
                       " has no frames of Ethernet, which AF_XDP is used for here; use "
                       "--transport ring or udp",
                   EPROTONOSUPPORT);
   }
-  const std::uint32_t queues = receive_queues(nic);
   if (queues > kMostQueues) {
     throw IoError(nic + " has " + std::to_string(queues) + " receive queues, and AF_XDP is used " +
                       "for at most " + std::to_string(kMostQueues) + " here; run `ethtool -L " +
@@ -58,7 +44,7 @@ std::uint32_t checked_queues(const std::string& nic, bool has_ethernet) {
                       "`, or use --transport ring or udp",
                   EINVAL);
   }
-  return queues;
+  return kMostQueues;
 }
 
 }  // namespace
@@ -68,23 +54,22 @@ XdpTransport::XdpTransport(const UdpOptions& options)
                                    std::size_t{XdpSocket::kSendChunks} * XdpSocket::kChunkBytes,
                                .receive_buffer_bytes = std::size_t{XdpSocket::kReceiveChunks} *
                                                        XdpSocket::kChunkBytes}),
-      queues_(checked_queues(options.nic, has_ethernet_headers() && !is_loopback_card())),
-      program_(card().index, options.nic, is_ipv6(local_address()), port_of(local_address()),
-               queues_) {
-  open_sockets(options.nic, queues_, options.may_wait);
+      program_(
+          card().index, options.nic, is_ipv6(local_address()), port_of(local_address()),
+          check_card(options.nic, has_ethernet_headers() && !is_loopback_card(), receive_queues())),
+      poll_all_(::epoll_create1(EPOLL_CLOEXEC)) {
+  open_sockets(options.nic, receive_queues(), options.may_wait);
   follow_card();
+  // What came before the program was there is not missed.
+  take_missed();
 }
 
 XdpTransport::~XdpTransport() = default;
 
 void XdpTransport::open_sockets(const std::string& nic, std::uint32_t queues, bool may_wait) {
-  for (std::uint32_t queue = 0; queue < queues; ++queue) {
-    sockets_.push_back(std::make_unique<XdpSocket>(nic, queue, may_wait));
-    program_.add_socket(queue, sockets_.back()->native_handle());
-  }
-  if (queues == 1) return;
-  poll_all_ = FileDescriptor(::epoll_create1(EPOLL_CLOEXEC));
-  for (const auto& socket : sockets_) {
+  while (sockets_.size() < queues) {
+    const auto queue = static_cast<std::uint32_t>(sockets_.size());
+    auto socket = std::make_unique<XdpSocket>(nic, queue, may_wait);
     epoll_event event{};
     event.events = EPOLLIN;
     if (::epoll_ctl(poll_all_.get(), EPOLL_CTL_ADD, socket->native_handle(), &event) != 0) {
@@ -92,11 +77,21 @@ void XdpTransport::open_sockets(const std::string& nic, std::uint32_t queues, bo
                         " (epoll_ctl: " + std::strerror(errno) + "); use --transport ring or udp",
                     errno);
     }
+    program_.add_socket(queue, socket->native_handle());
+    sockets_.push_back(std::move(socket));
   }
 }
 
-int XdpTransport::native_handle() const {
-  return sockets_.size() == 1 ? sockets_.front()->native_handle() : poll_all_.get();
+// Opens sockets for receive queues that have come into use. Those of queues that are not any more
+// stay: they may come back. What cannot be opened is tried again with the next look.
+void XdpTransport::follow_queues() {
+  const std::uint32_t queues = std::min(receive_queues(), kMostQueues);
+  if (queues <= sockets_.size()) return;
+  try {
+    open_sockets(card_name(), queues, false);
+  } catch (const IoError&) {
+    // Their frames are counted as missed.
+  }
 }
 
 void XdpTransport::follow_card() {
@@ -199,7 +194,11 @@ void XdpTransport::collect(TimePoint now) {
   }
   if (now < next_look_at_drops_) return;
   next_look_at_drops_ = now + kDropsInterval;
+  counters_.receive_errors += take_missed();
   for (const auto& socket : sockets_) counters_.receive_queue_drops += socket->take_drops();
+  if (now < next_look_at_queues_) return;
+  next_look_at_queues_ = now + kQueuesInterval;
+  follow_queues();
 }
 
 }  // namespace interneuron::io

@@ -18,6 +18,11 @@
 // host or behind it goes on to the kernel. Of a VLAN whose tag the NIC has taken off nobody can
 // tell: such frames are taken for untagged ones.
 //
+// Receive queues are counted every second, since somebody may switch more of them on; frames of
+// those that have no socket, because there are too many or one cannot be opened, go to the kernel,
+// which drops them, and are counted (`receive_errors`), as is all else for this port that the
+// program leaves to the kernel.
+//
 // Memory: XdpSocket's for each queue. receive()'s views are valid until the next call. Owns its
 // sockets and the program. Needs CAP_NET_RAW, CAP_NET_ADMIN and CAP_BPF of the host, not of a user
 // namespace. Thread-compatible. Errors: the constructor throws IoError; later on errors are
@@ -40,24 +45,27 @@ class XdpTransport final : public FrameTransport {
   explicit XdpTransport(const UdpOptions& options);
   ~XdpTransport() override;
 
-  // Readable when one of the sockets is.
-  int native_handle() const override;
+  // Readable when one of the sockets is; never writable, which nobody need wait for.
+  int native_handle() const override { return poll_all_.get(); }
 
  private:
   int offer(std::span<const Outgoing> batch, TimePoint now, BatchResult& result) override;
   void collect(TimePoint now) override;
   void follow_card() override;
+  // Opens the sockets of receive queues that have none, below so many.
   void open_sockets(const std::string& nic, std::uint32_t queues, bool may_wait);
+  void follow_queues();
   // The sockets that something has arrived at give it to take(); false: there was nothing.
   bool take_arrived();
   Obstacle write(const Outgoing& datagram, const FrameHeader& header);
 
-  std::uint32_t queues_;
   XdpProgram program_;
+  // By receive queue.
   std::vector<std::unique_ptr<XdpSocket>> sockets_;
-  // Where there are several sockets: polls them all.
+  // Polls all of them, also those that come later.
   FileDescriptor poll_all_;
   TimePoint next_look_at_drops_ = TimePoint::min();
+  TimePoint next_look_at_queues_ = TimePoint::min();
 };
 
 }  // namespace interneuron::io
