@@ -34,7 +34,6 @@ constexpr Duration kPoll = 50ms;
 
 struct Options {
   LinkSourceOptions source;
-  std::string config;
   std::optional<double> seconds;
   double interval_s = 1;
   bool json = false;
@@ -117,7 +116,7 @@ void add_links(CLI::App& program, std::function<int()>& run) {
   auto o = std::make_shared<Options>();
   CLI::App* c = program.add_subcommand(
       "links", "The network cards of this host: what the kernel says and what was measured");
-  add_config_option(*c, o->config);
+  add_config_option(*c);
   c->add_option("--peer", o->source.peer,
                 "HOST[:PORT] of a roadside unit: measure towards it, over every card that has a "
                 "route (default: what a vehicle or road that runs here measures)");
@@ -135,7 +134,6 @@ void add_links(CLI::App& program, std::function<int()>& run) {
       "  interneuron links --json-stream | jq -c '.links[] | {name, rtt_ms, nature}'");
   c->callback([&run, o, c] {
     run = [o, c] {
-      apply_config(*c, o->config);
       refuse_useless(*c, *o);
       const SignalWatch signals;
       const auto source = make_link_source(o->source);

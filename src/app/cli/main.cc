@@ -122,11 +122,10 @@ std::shared_ptr<std::string> add_testbed_run_option(CLI::App& command) {
 
 void add_vehicle(CLI::App& program, std::function<int()>& run) {
   auto o = std::make_shared<VehicleOptions>();
-  auto config = std::make_shared<std::string>();
   auto no_table = std::make_shared<bool>(false);
   CLI::App* c = program.add_subcommand(
       "vehicle", "Send camera frames through the pipeline; one answer per round");
-  add_config_option(*c, *config);
+  add_config_option(*c);
   add_link_option(*c, "--link", o->links, LinkPeer::kNamed);
   c->add_option("--port", o->port, "Local UDP port on every card; 0: any")->capture_default_str();
   add_transport_option(*c, o->transport);
@@ -159,9 +158,8 @@ void add_vehicle(CLI::App& program, std::function<int()>& run) {
       "  interneuron vehicle --link 'wwan0=192.0.2.7:47000' --link "
       "'wlan*=192.0.2.7:47000,role=backup'\n"
       "  interneuron vehicle --config vehicle.toml --rounds 300 --out out/run");
-  c->callback([&run, o, config, no_table, testbed_run, c] {
-    run = [o, config, no_table, testbed_run, c] {
-      apply_config(*c, *config);
+  c->callback([&run, o, no_table, testbed_run] {
+    run = [o, no_table, testbed_run] {
       o->table = !*no_table;
       if (testbed_run->empty()) return run_vehicle(*o);
       TestbedVehicle hooks(read_testbed_run(*testbed_run));
@@ -172,10 +170,9 @@ void add_vehicle(CLI::App& program, std::function<int()>& run) {
 
 void add_road(CLI::App& program, std::function<int()>& run) {
   auto o = std::make_shared<RoadOptions>();
-  auto config = std::make_shared<std::string>();
   CLI::App* c = program.add_subcommand(
       "road", "A roadside unit: detects in the images of any vehicle that comes");
-  add_config_option(*c, *config);
+  add_config_option(*c);
   add_link_option(*c, "--nic,--link", o->nics, LinkPeer::kNone);
   c->add_option("--address", o->address, "Local address (default: all of the card)");
   c->add_option("--port", o->port, "UDP port on every card")->capture_default_str();
@@ -201,9 +198,8 @@ void add_road(CLI::App& program, std::function<int()>& run) {
   c->footer(
       "Examples:\n  interneuron road --nic eth0\n  interneuron road --nic eth0 --ladder none   # "
       "only to be measured against\n  interneuron road --config road.toml");
-  c->callback([&run, o, config, testbed_run, c] {
-    run = [o, config, testbed_run, c] {
-      apply_config(*c, *config);
+  c->callback([&run, o, testbed_run] {
+    run = [o, testbed_run] {
       if (testbed_run->empty()) return run_road(*o);
       TestbedRoad hooks(read_testbed_run(*testbed_run));
       return run_road(*o, &hooks);
@@ -275,6 +271,8 @@ int run_program(int argc, char** argv) {
   }
   name_log_lines(program);
   const int unknown_nic = code_of_unknown_nic(program);
+  // Before the capture, which not every transport allows.
+  apply_config(*program.get_subcommands().front());
   const auto capture = start_capture(program, pcap);
   try {
     return run();

@@ -29,7 +29,6 @@ constexpr int kKeyWaitMs = 100;
 
 struct Options {
   LinkSourceOptions source;
-  std::string config;
   bool once = false;
   double seconds = 3;
   std::size_t width = 100;
@@ -91,7 +90,7 @@ int once(const Options& o) {
 void add_top(CLI::App& program, std::function<int()>& run) {
   auto o = std::make_shared<Options>();
   CLI::App* c = program.add_subcommand("top", "The links of this host, live");
-  add_config_option(*c, o->config);
+  add_config_option(*c);
   c->add_option("--peer", o->source.peer,
                 "HOST[:PORT] of a roadside unit: measure towards it, over every card that has a "
                 "route (default: what a vehicle or road that runs here measures)");
@@ -109,9 +108,8 @@ void add_top(CLI::App& program, std::function<int()>& run) {
   c->footer(
       "Examples:\n  interneuron top\n  interneuron top --peer 192.0.2.7\n"
       "  interneuron top --once --for 10 --width 120");
-  c->callback([&run, o, c] {
-    run = [o, c] {
-      apply_config(*c, o->config);
+  c->callback([&run, o] {
+    run = [o] {
       if (!o->once && (::isatty(STDOUT_FILENO) == 0 || ::isatty(STDIN_FILENO) == 0)) {
         throw Failure(kUsage,
                       "top needs a terminal; without one use `interneuron links --json-stream`, or "

@@ -5,7 +5,24 @@
 
 #include <filesystem>
 
+#include "host/process/failure.h"
+#include "interneuron/node_options.h"
+
 namespace interneuron::cli {
+
+namespace {
+
+// The transport that was asked for of a command or of one below it; empty: none was.
+std::string transport_of(const CLI::App& command) {
+  const CLI::Option* option = command.get_option_no_throw("--transport");
+  if (option != nullptr && option->count() > 0) return option->as<std::string>();
+  for (const CLI::App* below : command.get_subcommands()) {
+    if (std::string name = transport_of(*below); !name.empty()) return name;
+  }
+  return {};
+}
+
+}  // namespace
 
 void add_capture_option(CLI::App& program, std::string& file) {
   program
@@ -39,6 +56,13 @@ std::unique_ptr<Capture> start_capture(const CLI::App& program, const std::strin
   // Programs that this one starts inherit the environment; each of them would write the same file.
   ::unsetenv(kPcapVariable);
   if (file.empty()) return nullptr;
+  if (transport_of(program) == to_string(TransportKind::kXdp)) {
+    throw Failure(
+        kUsage,
+        "--pcap cannot see what arrives over --transport xdp, which takes packets before "
+        "the kernel could copy them; leave out one of the two, or use --transport ring or "
+        "udp");
+  }
   const auto given = [&program](const char* name) { return program.got_subcommand(name); };
   // These hand the file to the vehicle that they start.
   if (given("demo")) return nullptr;

@@ -30,7 +30,9 @@ class Capture {
 
 // Starts the capture for the command that was given; nullptr when this process is to capture
 // nothing. Commands that start other programs open no sockets themselves: `testbed run` hands the
-// variable on to the program inside, `demo` the option to its vehicle.
+// variable on to the program inside, `demo` the option to its vehicle. Called when the
+// configuration file has been applied. Throws Failure(2) where the command is to use a transport
+// whose packets cannot be captured.
 std::unique_ptr<Capture> start_capture(const CLI::App& program, const std::string& file);
 
 }  // namespace interneuron::cli

@@ -12,6 +12,8 @@
 namespace interneuron::cli {
 namespace {
 
+constexpr const char* kConfigOption = "--config";
+
 std::string place(const std::string& file, const toml::source_region& where) {
   return file + ":" + std::to_string(where.begin.line) + ":" + std::to_string(where.begin.column);
 }
@@ -79,13 +81,17 @@ void apply(CLI::App& command, const std::string& file, const std::string& key,
 
 }  // namespace
 
-void add_config_option(CLI::App& command, std::string& file) {
-  command.add_option("--config", file,
-                     "TOML file with these options as keys (underscores for dashes); flags win");
+void add_config_option(CLI::App& command) {
+  command
+      .add_option(kConfigOption,
+                  "TOML file with these options as keys (underscores for dashes); flags win")
+      ->type_name("FILE");
 }
 
-void apply_config(CLI::App& command, const std::string& file) {
-  if (file.empty()) return;
+void apply_config(CLI::App& command) {
+  const CLI::Option* option = command.get_option_no_throw(kConfigOption);
+  if (option == nullptr || option->count() == 0) return;
+  const auto file = option->as<std::string>();
   if (!std::filesystem::is_regular_file(file)) {
     throw Failure(kConfiguration, "config '" + file + "': no such file; give --config FILE");
   }

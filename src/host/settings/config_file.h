@@ -5,15 +5,14 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
-#include <string>
 
 namespace interneuron::cli {
 
 // Adds --config FILE to a command.
-void add_config_option(CLI::App& command, std::string& file);
+void add_config_option(CLI::App& command);
 
-// Applies the file to the options that the command line did not give. Throws Failure(3) with file,
-// line, column and key for malformed TOML, an unknown key or a bad value.
-void apply_config(CLI::App& command, const std::string& file);
+// Applies the file, if one was given, to the options that the command line did not give. Throws
+// Failure(3) with file, line, column and key for malformed TOML, an unknown key or a bad value.
+void apply_config(CLI::App& command);
 
 }  // namespace interneuron::cli

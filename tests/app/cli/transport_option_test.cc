@@ -16,6 +16,26 @@ TEST(TransportOption, IsInTheHelpAndRefusesWhatThereIsNot) {
   EXPECT_EQ(run("bench load rate --transport ring").code, 2);
 }
 
+// Whatever says so, before anything is opened or written.
+TEST(TransportOption, ACaptureOfXdpIsRefused) {
+  const TempFolder folder;
+  const std::string file = (folder / "x.pcap").string();
+  const std::string config = (folder / "c.toml").string();
+  std::ofstream(config) << "transport = \"xdp\"\n";
+  const std::string option = "--pcap '" + file + "' ";
+  for (const std::string& arguments :
+       {option + "road --ladder none --nic lo --transport xdp",
+        option + "road --ladder none --nic lo --config '" + config + "'",
+        option + "vehicle --link lo=127.0.0.1:9 --transport xdp",
+        option + "bench peers clean --messages 1 --peer ours_best_link --transport xdp"}) {
+    const Ran ran = run(arguments);
+    EXPECT_EQ(ran.code, 2) << ran.output;
+    EXPECT_NE(ran.output.find("--pcap cannot see"), std::string::npos) << ran.output;
+    EXPECT_EQ(std::ranges::count(ran.output, '\n'), 1) << ran.output;
+    EXPECT_FALSE(std::filesystem::exists(file));
+  }
+}
+
 // `capability`: the one that the program is run without, as setpriv calls it.
 Ran run_without(const std::string& capability, const std::string& arguments) {
   if (::getuid() != 0) return run(arguments);

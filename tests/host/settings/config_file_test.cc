@@ -18,23 +18,22 @@ struct Command {
   double deadline_ms = 130;
   int rounds = 0;
   bool quiet = false;
-  std::string config;
 
   Command() {
     app.add_option("--link", links)->take_all();
     app.add_option("--deadline-ms", deadline_ms)->check(positive_number());
     app.add_option("--rounds", rounds);
     app.add_flag("--quiet", quiet);
-    add_config_option(app, config);
+    add_config_option(app);
   }
   // What the file is refused with; empty when it is accepted.
   std::string apply(const std::string& text, const std::string& arguments = "") {
     const TempFolder folder;
     const std::string file = folder / "c.toml";
     std::ofstream(file) << text;
-    app.parse(arguments, false);
+    app.parse("--config '" + file + "' " + arguments, false);
     try {
-      apply_config(app, file);
+      apply_config(app);
     } catch (const Failure& failure) {
       EXPECT_EQ(failure.code(), kConfiguration);
       const std::string what = failure.what();

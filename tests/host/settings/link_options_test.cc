@@ -121,19 +121,18 @@ RC_GTEST_PROP(LinkOptions, AnyTextIsReadOrRefused, (const std::string& text)) {
 struct Command {
   CLI::App app{"test", "vehicle"};
   std::vector<std::string> links;
-  std::string config;
 
   Command() {
     add_link_option(app, "--link", links, LinkPeer::kNamed);
-    add_config_option(app, config);
+    add_config_option(app);
   }
   std::string apply(const std::string& text) {
     const TempFolder folder;
     const std::string file = folder / "c.toml";
     std::ofstream(file) << text;
     try {
-      app.parse("", false);
-      apply_config(app, file);
+      app.parse("--config '" + file + "'", false);
+      apply_config(app);
     } catch (const Failure& failure) {
       EXPECT_EQ(failure.code(), kConfiguration);
       const std::string what = failure.what();
