@@ -53,7 +53,10 @@ OpenTransport open_transport(TransportKind kind, const UdpOptions& options) {
 
 void require_privilege(TransportKind kind) {
   if (kind == TransportKind::kRing) PacketRing::require_privilege();
-  if (kind == TransportKind::kXdp) XdpProgram::require_privilege();
+  if (kind == TransportKind::kXdp) {
+    XdpProgram::require_privilege();
+    XdpSocket::require_memory();
+  }
 }
 
 }  // namespace io

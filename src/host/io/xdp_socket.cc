@@ -63,20 +63,33 @@ struct XdpSocket::Memory {
   Memory(const Memory&) = delete;
   Memory& operator=(const Memory&) = delete;
 
+  // With the kernel, which locks it; `nic`: for errors. Throws IoError.
+  xsk_umem* share(const std::string& nic, xsk_ring_prod& fill, xsk_ring_cons& completed) const {
+    if (bytes == MAP_FAILED) fail(nic, "mmap", errno);
+    const xsk_umem_config config{.fill_size = kReceiveSlots,
+                                 .comp_size = kSendSlots,
+                                 .frame_size = kChunkBytes,
+                                 .frame_headroom = 0,
+                                 .flags = 0};
+    xsk_umem* umem = nullptr;
+    const int result = ::xsk_umem__create(&umem, bytes, kBytes, &fill, &completed, &config);
+    if (result < 0) fail(nic, "setsockopt XDP_UMEM_REG", -result);
+    return umem;
+  }
+
   std::byte* bytes;
 };
 
+void XdpSocket::require_memory() {
+  const Memory memory;
+  xsk_ring_prod fill{};
+  xsk_ring_cons completed{};
+  ::xsk_umem__delete(memory.share("any network card", fill, completed));
+}
+
 XdpSocket::XdpSocket(const std::string& nic, std::uint32_t queue, bool may_wait)
     : memory_(std::make_unique<Memory>()) {
-  if (memory_->bytes == MAP_FAILED) fail(nic, "mmap", errno);
-  const xsk_umem_config config{.fill_size = kReceiveSlots,
-                               .comp_size = kSendSlots,
-                               .frame_size = kChunkBytes,
-                               .frame_headroom = 0,
-                               .flags = 0};
-  const int result =
-      ::xsk_umem__create(&umem_, memory_->bytes, Memory::kBytes, &fill_, &completed_, &config);
-  if (result < 0) fail(nic, "setsockopt XDP_UMEM_REG", -result);
+  umem_ = memory_->share(nic, fill_, completed_);
   // Which the library leaves out: a program that the application starts would keep the queue.
   ::fcntl(::xsk_umem__fd(umem_), F_SETFD, FD_CLOEXEC);
   try {

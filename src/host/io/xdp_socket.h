@@ -41,6 +41,10 @@ class XdpSocket {
   static constexpr std::uint32_t kSendChunks = 1024;
   static constexpr std::uint32_t kChunks = kReceiveChunks + kSendChunks;
 
+  // Throws IoError (EPERM) with the remedy when this process may not share the memory of one socket
+  // with the kernel: locked memory is limited (ulimit -l) without CAP_IPC_LOCK.
+  static void require_memory();
+
   // A frame that has arrived.
   struct Frame {
     ByteView bytes;

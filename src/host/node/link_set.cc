@@ -19,6 +19,8 @@ namespace {
 // and kBatch of src/host/io/xdp_socket.h), and a flood must not keep us.
 constexpr int kStaleBatches = 16;
 
+bool is_privilege(int error) { return error == EPERM || error == EACCES; }
+
 }  // namespace
 
 LinkSet::LinkSet(const NodeOptions& options, User& user)
@@ -109,7 +111,15 @@ void LinkSet::refuse_nothing_open() const {
     text += separator + link->options.nic + ": " + link->reason;
     separator = "; ";
   }
-  throw IoError(text, ENETUNREACH);
+  // Where nothing but a privilege was in the way of all that were ready, that is the remedy.
+  bool any_ready = false;
+  bool all_refused = true;
+  for (const auto& link : links_) {
+    if (link->state != NicState::kReady) continue;
+    any_ready = true;
+    all_refused = all_refused && is_privilege(link->error);
+  }
+  throw IoError(text, any_ready && all_refused ? EPERM : ENETUNREACH);
 }
 
 void LinkSet::open_anew(Link& link, std::vector<std::string>& warnings) {
@@ -144,9 +154,13 @@ void LinkSet::open(Link& link) {
 }
 
 bool LinkSet::try_open(Link& link) {
+  link.error = 0;
   try {
     open(link);
     return true;
+  } catch (const IoError& error) {
+    link.reason = error.what();
+    link.error = error.code();
   } catch (const std::exception& error) {
     link.reason = error.what();
   }

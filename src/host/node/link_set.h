@@ -45,6 +45,8 @@ class LinkSet {
     NicState state = NicState::kAbsent;
     // Why the NIC is in this state, or why a ready NIC is not used.
     std::string reason;
+    // The errno of the last attempt to open it; 0: it did not fail, or not by a system call.
+    int error = 0;
     LinkInfo info;
     // Empty while the NIC cannot be used.
     std::unique_ptr<Transport> transport;

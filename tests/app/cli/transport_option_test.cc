@@ -67,6 +67,20 @@ TEST(TransportOption, XdpWithoutThePrivilegeIsAnErrorWithTheRemedy) {
   expect_that_it_is_refused("xdp", "bpf,-sys_admin", "setcap cap_net_raw,cap_net_admin,cap_bpf");
 }
 
+TEST(TransportOption, XdpWithoutLockedMemoryIsAnErrorWithTheRemedy) {
+  if (::getuid() != 0) GTEST_SKIP() << "needs root of the host, for XDP";
+  for (const char* nic : {"lo", "l*"}) {
+    const Ran ran = run_program(
+        "sh",
+        "-c 'ulimit -l 1024 && exec setpriv --bounding-set -ipc_lock --inh-caps -ipc_lock "
+        "\"" INTERNEURON_PROGRAM "\" road --ladder none --transport xdp --nic \"" +
+            std::string(nic) + "\"'");
+    EXPECT_EQ(ran.code, 5) << ran.output;
+    EXPECT_NE(ran.output.find("cap_ipc_lock"), std::string::npos) << ran.output;
+    EXPECT_EQ(std::ranges::count(ran.output, '\n'), 1) << ran.output;
+  }
+}
+
 // What a bench starts in a host of its testbed.
 TEST(TransportOption, AnEndOfABenchWithoutThePrivilegeSaysSo) {
   const TempFolder folder;

@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 #include <linux/capability.h>
 #include <sched.h>
+#include <sys/resource.h>
 #include <sys/syscall.h>
 
 #include <fstream>
@@ -240,12 +241,31 @@ TEST(XdpTransport, NeedsNoMoreThanTheCapabilitiesThatItAsksFor) {
       });
       // Those of docs/transports.md, and of the line that is printed where they are missing.
       keep_only({CAP_NET_RAW, CAP_NET_ADMIN, CAP_BPF, CAP_IPC_LOCK});
-      EXPECT_NO_THROW(XdpProgram::require_privilege());
+      EXPECT_NO_THROW(require_privilege(TransportKind::kXdp));
       XdpTransport xdp(TwoHosts::options("va", ipv6 ? "fd99::1" : "10.99.0.1"));
       EXPECT_TRUE(gets_through(xdp, there->local_address(), *there));
       EXPECT_TRUE(gets_through(*there, xdp.local_address(), xdp));
     });
   }
+}
+
+TEST(XdpTransport, NamesTheRemedyWithoutLockedMemory) {
+  as_root([] {
+    const rlimit little{.rlim_cur = XdpSocket::kChunkBytes, .rlim_max = XdpSocket::kChunkBytes};
+    ASSERT_EQ(::setrlimit(RLIMIT_MEMLOCK, &little), 0);
+    keep_only({CAP_NET_RAW, CAP_NET_ADMIN, CAP_BPF});
+    const std::size_t before = open_descriptors();
+    // It is missed when the program is on the card already, of which nothing stays.
+    for (int i = 0; i < 2; ++i) {
+      EXPECT_THAT(refusal(TwoHosts::options("va", "10.99.0.1"), EPERM),
+                  testing::AllOf(testing::HasSubstr("not enough locked memory (ulimit -l)"),
+                                 testing::HasSubstr("cap_ipc_lock")));
+      EXPECT_EQ(open_descriptors(), before);
+    }
+    // It is asked for before anything is opened.
+    EXPECT_THROW(require_privilege(TransportKind::kXdp), IoError);
+    EXPECT_EQ(open_descriptors(), before);
+  });
 }
 
 TEST(XdpTransport, TakesFramesWithOptionsOfEveryLength) {

@@ -3,6 +3,8 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <linux/capability.h>
+#include <sys/syscall.h>
 
 #include <array>
 #include <cerrno>
@@ -106,6 +108,25 @@ TEST(LinkSet, CardsThatCannotBeUsedAreToldWithTheReasons) {
     EXPECT_EQ(error_of(options),
               "no network card can be used: lo: nothing routes to 198.51.100.1 "
               "through it");
+  });
+}
+
+TEST(LinkSet, CardsOfARuleThatAllLackAPrivilegeSaySoByTheirCode) {
+  io::in_namespace([] {
+    __user_cap_header_struct header{.version = _LINUX_CAPABILITY_VERSION_3, .pid = 0};
+    __user_cap_data_struct none[_LINUX_CAPABILITY_U32S_3]{};
+    ASSERT_EQ(::syscall(SYS_capset, &header, none), 0);
+    // Only va has an address, and is tried.
+    NodeOptions options = with_rule("v*");
+    options.transport = TransportKind::kRing;
+    Notes notes;
+    try {
+      const LinkSet links(options, notes);
+      ADD_FAILURE() << "no error";
+    } catch (const IoError& error) {
+      EXPECT_EQ(error.code(), EPERM) << error.what();
+      EXPECT_THAT(error.what(), HasSubstr("va: not permitted to open a packet socket"));
+    }
   });
 }
 
