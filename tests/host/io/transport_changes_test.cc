@@ -248,8 +248,17 @@ TEST_P(TransportChanges, NothingStaysOpen) {
       const auto kind = std::get<0>(GetParam());
       auto other = make(kind, TwoHosts::options("va", "10.99.0.1", port_of(pair.to_here)));
       EXPECT_TRUE(gets_through(*other, pair.to_there, *pair.there));
-      other.reset();
+      // What fails early and what fails late: the port is taken, which is seen when there is a
+      // socket; another program is on the card, which is seen when there is one to be put on it.
+      const std::size_t with_other = open_descriptors();
       EXPECT_THROW(make(kind, TwoHosts::options("nosuch", "10.99.0.1")), IoError);
+      EXPECT_THROW(make(kind, TwoHosts::options("va", "10.99.0.1", port_of(pair.to_here))),
+                   IoError);
+      if (kind == Kind::kXdp) {
+        EXPECT_THROW(make(kind, TwoHosts::options("va", "10.99.0.1")), IoError);
+      }
+      EXPECT_EQ(open_descriptors(), with_other);
+      other.reset();
       EXPECT_EQ(open_descriptors(), before);
     }
   });

@@ -141,9 +141,12 @@ TEST_P(TransportDelivery, EcnBitsTravelWithTheirDatagrams) {
             std::size_t count = 0;
             while (count < batch.size() && wait_for(to, POLLIN)) {
               for (const Incoming& datagram : to.receive()) {
-                EXPECT_EQ(datagram.ecn, batch[count++].ecn) << count;
+                ASSERT_LT(count, batch.size());
+                EXPECT_EQ(datagram.ecn, batch[count].ecn) << count;
+                ++count;
               }
             }
+            EXPECT_EQ(count, batch.size());
           };
           there_and_back(*pair.here, *pair.there, pair.to_there);
           there_and_back(*pair.there, *pair.here, pair.to_here);
