@@ -79,7 +79,7 @@ void LinkEstimator::handle_timeout(TimePoint now) {
 
 void LinkEstimator::refresh_pace(TimePoint now) {
   machine_.set_pace(now, {rtt_.smoothed(), rtt_.variation(),
-                          std::max(queue_up_.queue(now), queue_down_.queue(now)), heartbeat_});
+                          std::max(queue_up_.left(now), queue_down_.left(now)), heartbeat_});
 }
 
 ProbeSchedule::RateEvidence LinkEstimator::rate_evidence() const {

@@ -28,4 +28,8 @@ Duration QueueSignal::queue(TimePoint now) const {
   return any_ && now - at_ <= kFresh ? smoothed_ : Duration::zero();
 }
 
+Duration QueueSignal::left(TimePoint now) const {
+  return any_ ? std::max<Duration>(queue(now) - (now - at_), Duration::zero()) : Duration::zero();
+}
+
 }  // namespace interneuron::link

@@ -21,6 +21,9 @@ class QueueSignal {
   void add(TimePoint now, Duration one_way);
   // Smoothed with gain 1/4; zero while unknown or when the newest sample is older than kFresh.
   Duration queue(TimePoint now) const;
+  // The same as far as it can be there still: what waited when the newest sample came has left
+  // since then, or there would be newer ones.
+  Duration left(TimePoint now) const;
   // A clock stepped: old and new delays cannot be compared.
   void reset() { *this = {}; }
 

@@ -39,6 +39,17 @@ TEST(QueueSignal, ForgetsWhatItHasNotSeenLately) {
   EXPECT_EQ(q.queue(at(3s)), 0ms);
 }
 
+TEST(QueueSignal, WhatNothingFollowedHasLeftAfterItsOwnLength) {
+  QueueSignal q;
+  q.add(at(0s), 20ms);
+  for (int i = 1; i < 40; ++i) q.add(at(i * 50ms), 120ms);
+  const Duration last = 39 * 50ms;
+  EXPECT_NEAR(to_ms(q.left(at(last))), 100, 0.1);
+  EXPECT_NEAR(to_ms(q.left(at(last + 60ms))), 40, 0.1);
+  EXPECT_EQ(q.left(at(last + 200ms)), 0ns);
+  EXPECT_NEAR(to_ms(q.queue(at(last + 200ms))), 100, 0.1);
+}
+
 TEST(QueueSignal, DriftOf100PpmIsAMillisecond) {
   QueueSignal q;
   for (int i = 0; i < 1200; ++i) {
