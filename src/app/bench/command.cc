@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "app/bench/coding_command.h"
+#include "app/bench/drives_command.h"
 #include "app/bench/forecast_command.h"
 #include "app/bench/load_report.h"
 #include "app/bench/peers_command.h"
@@ -192,6 +193,7 @@ void add_bench(CLI::App& program, std::function<int()>& run) {
   add_load(*bench, run);
   add_forecast(*bench, run);
   add_coding(*bench, run);
+  add_drives(*bench, run);
   add_peers(*bench, run);
   add_transports(*bench, run);
   add_play(*bench, run);

@@ -1,11 +1,8 @@
 #include "lab/coding/series.h"
 
 #include <algorithm>
-#include <optional>
 
-#include "interneuron/policy.h"
-#include "lab/emu/link.h"
-#include "lab/sim/world.h"
+#include "lab/coding/sending.h"
 
 namespace interneuron::coding {
 namespace {
@@ -14,8 +11,6 @@ using std::chrono::milliseconds;
 using std::chrono::seconds;
 
 constexpr std::size_t kImage = 128 * 1024;
-// Both ends know their links by then.
-constexpr Duration kBegin = seconds(2);
 // Of the emulated queues: far more than congestion control fills.
 constexpr std::size_t kQueueBytes = 10'000'000;
 
@@ -39,13 +34,15 @@ std::vector<emu::LinkProfile> far_links(double loss) {
 std::vector<emu::LinkProfile> near_links(double loss) {
   return {link(30, 60, loss), link(60, 20, loss)};
 }
-// 1 % of the packets, in bursts of 8 in the mean.
-std::vector<emu::LinkProfile> bursty_links() {
+// 1 % of the packets, in bursts of 8: in the mean, or exactly.
+std::vector<emu::LinkProfile> bursty_links(bool exactly) {
   constexpr double kShare = 0.01;
-  constexpr double kEnds = 1.0 / 8;
+  constexpr std::uint32_t kPackets = 8;
+  constexpr double kEnds = 1.0 / kPackets;
   auto links = far_links(0);
   for (emu::LinkProfile& l : links) {
-    l.up.gilbert_elliott = emu::GilbertElliott{.p = kEnds * kShare / (1 - kShare), .r = kEnds};
+    l.up.gilbert_elliott = emu::GilbertElliott{
+        .p = kEnds * kShare / (1 - kShare), .r = kEnds, .exactly = exactly ? kPackets : 0};
   }
   return links;
 }
@@ -62,7 +59,15 @@ const std::vector<Series>& series() {
        2000},
       {"bursts",
        "the same, 1 % in bursts of 8 packets in the mean, one way",
-       bursty_links,
+       [] { return bursty_links(false); },
+       milliseconds(130),
+       milliseconds(100),
+       {kImage},
+       "coded",
+       2000},
+      {"eights",
+       "the same, 1 % in bursts of exactly 8 packets, one way",
+       [] { return bursty_links(true); },
        milliseconds(130),
        milliseconds(100),
        {kImage},
@@ -108,94 +113,6 @@ const std::vector<Series>& series() {
   return all;
 }
 
-// One phase of a series.
-class Phase {
- public:
-  Phase(const Series& series, std::string_view policy, std::size_t messages, std::uint64_t seed)
-      : series_(series), policy_(policy), world_(seed), got_(messages) {
-    EndpointOptions options;
-    options.policies = builtin_policies();
-    options.session = SessionId{1};
-    vehicle_ = world_.add_host(options);
-    options.session = SessionId{2};
-    options.accept_peers = true;
-    road_ = world_.add_host(options);
-    const auto profiles = series.links();
-    links_ = profiles.size();
-    for (std::size_t i = 0; i < links_; ++i) {
-      world_.add_link(vehicle_, road_, id(i), profiles[i].name,
-                      emu::Link(profiles[i], emu::link_seed(seed, i)));
-    }
-    world_.on_event([this](sim::HostId host, Event&& event) {
-      const auto* message = std::get_if<Message>(&event);
-      if (message != nullptr && host == road_)
-        got_.at(number_of(message->bytes)) = message->variant;
-    });
-    peer_ = world_.connect(vehicle_, road_);
-  }
-
-  void run(Duration hole_begins, Row& row) {
-    const auto count = static_cast<std::int64_t>(got_.size());
-    for (std::int64_t i = 0; i < count; ++i) {
-      world_.at(kBegin + i * series_.period, [this, i] { send(static_cast<std::size_t>(i)); });
-    }
-    if (series_.hole > Duration::zero()) {
-      world_.outage(world_.wire_of(id(0)), hole_begins, series_.hole);
-    }
-    world_.run_until(kBegin - Duration{1});
-    const std::uint64_t before = wire_bytes();
-    world_.run_until(kBegin + count * series_.period + series_.deadline);
-    bytes_ = wire_bytes() - before;
-    const auto missed = std::ranges::count_if(got_, [](const auto& v) { return !v; });
-    const auto degraded = std::ranges::count_if(got_, [](const auto& v) { return v && *v > 0; });
-    row.messages += got_.size();
-    row.missed += static_cast<std::size_t>(missed);
-    row.degraded += static_cast<std::size_t>(degraded);
-    row.most_degraded = std::max(row.most_degraded, static_cast<std::size_t>(degraded));
-  }
-  std::uint64_t bytes() const { return bytes_; }
-
- private:
-  static LinkId id(std::size_t link) { return LinkId{static_cast<std::uint8_t>(link)}; }
-  // A message begins with its number.
-  static std::size_t number_of(const Bytes& bytes) {
-    std::size_t number = 0;
-    for (std::size_t i = 0; i < 4; ++i) {
-      number |= std::to_integer<std::size_t>(bytes[i]) << (8 * i);
-    }
-    return number;
-  }
-  void send(std::size_t number) {
-    Variants variants;
-    for (const std::size_t size : series_.variants) {
-      Bytes& bytes = variants.emplace_back(size);
-      for (std::size_t i = 0; i < 4; ++i) bytes[i] = static_cast<std::byte>(number >> (8 * i));
-    }
-    SendOptions options;
-    options.policy = policy_;
-    options.deadline = series_.deadline;
-    world_.endpoint(vehicle_).send(world_.local_time(vehicle_), peer_, std::move(variants),
-                                   options);
-    world_.flush(vehicle_);
-  }
-  std::uint64_t wire_bytes() const {
-    std::uint64_t sum = 0;
-    for (std::size_t i = 0; i < links_; ++i) sum += world_.stats(id(i), true).bytes_in;
-    return sum;
-  }
-
-  const Series& series_;
-  std::string policy_;
-  sim::World world_;
-  // The variant of each message that was delivered in time.
-  std::vector<std::optional<std::uint8_t>> got_;
-  sim::HostId vehicle_ = 0;
-  sim::HostId road_ = 0;
-  PeerId peer_{};
-  std::size_t links_ = 0;
-  std::uint64_t bytes_ = 0;
-};
-
 }  // namespace
 
 std::span<const Series> all_series() { return series(); }
@@ -207,10 +124,19 @@ const Series* series_of(std::string_view name) {
 
 Row run(const Series& series, std::string_view policy, std::size_t messages, std::uint64_t seed) {
   Row row{.series = &series, .policy = std::string(policy)};
+  const Traffic traffic{std::string(policy), series.variants, series.period, series.deadline,
+                        messages};
   std::uint64_t bytes = 0;
   for (int phase = 0; phase < series.phases; ++phase) {
-    Phase one(series, policy, messages, seed + static_cast<std::uint64_t>(phase));
-    one.run(kBegin + seconds(2) + phase * series.period / series.phases, row);
+    Sending one(series.links(), traffic, seed + static_cast<std::uint64_t>(phase));
+    if (series.hole > Duration::zero()) {
+      one.hole(Sending::kBegin + seconds(2) + phase * series.period / series.phases, series.hole);
+    }
+    one.run();
+    row.messages += messages;
+    row.missed += one.missed();
+    row.degraded += one.degraded();
+    row.most_degraded = std::max(row.most_degraded, one.degraded());
     bytes += one.bytes();
   }
   row.wire_ratio =

@@ -26,6 +26,9 @@ struct GilbertElliott {
   double r = 1;
   double loss_in_good = 0;
   double loss_in_bad = 1;
+  // A stay in the bad state lasts for exactly so many packets, whatever r says; 0: as r says. For
+  // experiments in virtual time: profiles have no key for it, and netem cannot do it.
+  std::uint32_t exactly = 0;
   friend bool operator==(const GilbertElliott&, const GilbertElliott&) = default;
 };
 

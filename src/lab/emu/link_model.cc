@@ -115,7 +115,10 @@ bool LinkModel::radio_loses(const Channel::Sample& sample) {
 bool LinkModel::burst_loses() {
   const GilbertElliott& ge = *params_.gilbert_elliott;
   const bool lost = burst_stream_.uniform() < (burst_ ? ge.loss_in_bad : ge.loss_in_good);
-  if (burst_stream_.uniform() < (burst_ ? ge.r : ge.p)) burst_ = !burst_;
+  burst_packets_ = burst_ ? burst_packets_ + 1 : 0;
+  const bool may_turn = burst_stream_.uniform() < (burst_ ? ge.r : ge.p);
+  const bool turns = burst_ && ge.exactly > 0 ? burst_packets_ == ge.exactly : may_turn;
+  if (turns) burst_ = !burst_;
   return lost;
 }
 

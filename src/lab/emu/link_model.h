@@ -159,6 +159,8 @@ class LinkModel {
   RandomStream nat_stream_;
   // The Gilbert-Elliott chain is in its bad state.
   bool burst_ = false;
+  // Packets of it so far.
+  std::uint32_t burst_packets_ = 0;
   Ring<Waiting> waiting_;
   std::size_t waiting_bytes_ = 0;
   std::uint64_t next_serial_ = 0;

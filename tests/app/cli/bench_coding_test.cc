@@ -1,4 +1,7 @@
-// `interneuron bench coding` and `bench transports`: their JSON and their tables.
+// `interneuron bench coding`, `bench drives` and `bench transports`: their JSON and their tables.
+#include <filesystem>
+#include <fstream>
+
 #include "support.h"
 #include "tests/app/watch/json_schema.h"
 
@@ -33,6 +36,35 @@ TEST(BenchCoding, ShowsATable) {
   EXPECT_NE(ran.output.find("coded"), std::string::npos) << ran.output;
   EXPECT_EQ(run("bench coding nothing").code, 2);
   EXPECT_EQ(run("bench coding --policy nobody").code, 2);
+}
+
+TEST(BenchDrives, WritesARowForEachDrive) {
+  const json document = checked(
+      "bench drives --drives 2 --messages 40 --policy stripe,coded --seed 7", "drives.json");
+  ASSERT_EQ(document["rows"].size(), 2U);
+  EXPECT_EQ(document["rows"][0]["alone_missed"].size(), 2U);
+  EXPECT_EQ(document["rows"][1]["policies"][1]["policy"], "coded");
+}
+
+TEST(BenchDrives, TakesTracesAndNamesWhatIsWrongWithThem) {
+  const auto folder = std::filesystem::path(testing::TempDir());
+  const auto write = [&](const char* name, const char* text) {
+    std::ofstream(folder / name) << text;
+    return (folder / name).string();
+  };
+  std::string steady;
+  for (int ms = 1; ms <= 1000; ++ms) steady += std::to_string(ms) + "\n";
+  const std::string good = write("drives-good.up", steady.c_str());
+  const std::string bad = write("drives-bad.up", "1\ntwo\n");
+  const Ran table = run("bench drives " + good + "," + good + " --drives 1 --messages 30");
+  EXPECT_EQ(table.code, 0) << table.output;
+  EXPECT_NE(table.output.find("drives-good.up + drives-good.up"), std::string::npos)
+      << table.output;
+  const Ran wrong = run("bench drives " + bad);
+  EXPECT_EQ(wrong.code, 3);
+  EXPECT_NE(wrong.output.find("drives-bad.up: line 2"), std::string::npos) << wrong.output;
+  EXPECT_EQ(run("bench drives /nonexistent.up").code, 3);
+  EXPECT_EQ(run("bench drives --policy nobody").code, 2);
 }
 
 TEST(BenchTransports, WritesARowForEachTransportAndLoad) {

@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <string>
 
+#include "lab/coding/drives.h"
 #include "lab/coding/series.h"
 #include "stream.h"
 
@@ -36,8 +37,8 @@ TEST_P(Coding, FewAreMissedForFewBytes) {
 
 INSTANTIATE_TEST_SUITE_P(Series, Coding,
                          testing::Values(Point{"losses", 0.001, 1.16}, Point{"bursts", 0.015, 1.25},
-                                         Point{"near", 0.0002, 1.12}, Point{"clean", 0, 1.1},
-                                         Point{"halves", 0, 1.1}),
+                                         Point{"eights", 0.005, 1.2}, Point{"near", 0.0002, 1.12},
+                                         Point{"clean", 0, 1.1}, Point{"halves", 0, 1.1}),
                          [](const auto& p) { return std::string(p.param.series); });
 
 // The first link is dark for five seconds, from any instant of a message's time on.
@@ -50,6 +51,34 @@ TEST(Coding, AHoleCostsQualityOfTwoMessagesAtMost) {
     EXPECT_LE(row.most_degraded, 2U) << policy;
     EXPECT_LE(row.wire_ratio, 1.15) << policy;
   }
+}
+
+// Each modem alone misses a tenth of the messages and more; what one of them cannot bring, both
+// together mostly can.
+TEST(Coding, SharesMakeTwoModemsWhoseRatesChangeOneThatHolds) {
+  const std::vector<std::string> policies{"stripe"};
+  std::size_t missed = 0;
+  std::size_t alone = 0;
+  std::size_t clairvoyant = 0;
+  for (std::uint64_t seed = 900; seed < (kSanitized ? 901 : 904); ++seed) {
+    const coding::DriveRow row =
+        coding::run_drive(coding::generated_drive(seed), policies, kSanitized ? 60 : 400, seed);
+    missed += row.policies.front().missed;
+    alone += row.best_alone();
+    clairvoyant += row.clairvoyant;
+    EXPECT_LE(row.clairvoyant, row.best_alone()) << row.drive;
+    EXPECT_LE(row.policies.front().wire_ratio, 1.25) << row.drive;
+  }
+  std::printf("%zu missed, %zu by the better modem alone, %zu by a clairvoyant\n", missed, alone,
+              clairvoyant);
+  EXPECT_LE(missed, 3 * clairvoyant + alone / 10 + 2);
+}
+
+TEST(Coding, ARotatedTraceHasTheSameOpportunities) {
+  const emu::Opportunities trace{{1, 4, 4, 10}};
+  EXPECT_EQ(coding::rotated(trace, 0).at_ms, trace.at_ms);
+  EXPECT_EQ(coding::rotated(trace, 4).at_ms, (std::vector<std::int64_t>{6, 7, 10, 10}));
+  EXPECT_EQ(coding::rotated(trace, 14).at_ms, (std::vector<std::int64_t>{6, 7, 10, 10}));
 }
 
 // Repairs of what symbols stand for would be bytes for nothing.

@@ -1,0 +1,241 @@
+#include "lab/coding/drives.h"
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+
+#include "interneuron/sizes.h"
+#include "lab/coding/sending.h"
+#include "lab/emu/random.h"
+
+namespace interneuron::coding {
+namespace {
+
+using std::chrono::milliseconds;
+
+// The queue of a modem, at its mean rate: as that of profiles that name none.
+constexpr Duration kQueue = emu::kDefaultQueueTime;
+// Generated traces are so long and repeat.
+constexpr std::int64_t kLengthMs = 120'000;
+// The means of generated modems: the faster one's, and the part of it that the slower one has at
+// least, Mbit/s. No measurement behind these values: they only have to lie in the range of LTE and
+// 5G while driving.
+constexpr double kLeastMean = 5;
+constexpr double kMostMean = 45;
+constexpr double kLeastPart = 0.3;
+// Down is twice as fast as up, as in the profile generated-cellular.
+constexpr double kDownPart = 2;
+// One way, ms.
+constexpr double kLeastOneWay = 15;
+constexpr double kMostOneWay = 40;
+// What is modelled, and where the figures come from: scripts/generate_rates.py.
+constexpr double kShadowDeviation = 0.5;
+constexpr double kShadowTau = 5'000;
+constexpr double kFadeTau = 40;
+constexpr double kFadeFloor = 0.2;
+constexpr double kHandoverGap = 20'000;
+constexpr double kLeastHandover = 40;
+constexpr double kMostHandover = 300;
+
+double between(emu::RandomStream& random, double least, double most) {
+  return least + (most - least) * random.uniform();
+}
+
+// Box and Muller (1958).
+double normal(emu::RandomStream& random) {
+  const double radius = std::sqrt(random.exponential(2));
+  return radius * std::cos(2 * M_PI * random.uniform());
+}
+
+// A stationary normal process of unit variance, one value a millisecond.
+class Correlated {
+ public:
+  Correlated(double tau_ms, emu::RandomStream& random)
+      : keep_(std::exp(-1 / tau_ms)), random_(random), value_(normal(random)) {}
+  double next() {
+    const double value = value_;
+    value_ = keep_ * value_ + std::sqrt(1 - keep_ * keep_) * normal(random_);
+    return value;
+  }
+
+ private:
+  double keep_;
+  emu::RandomStream& random_;
+  double value_;
+};
+
+// The rate in each millisecond, in any unit.
+std::vector<double> rates(emu::RandomStream& random) {
+  Correlated shadow(kShadowTau, random);
+  Correlated real(kFadeTau, random);
+  Correlated imaginary(kFadeTau, random);
+  double handover_at = random.exponential(kHandoverGap);
+  double handover_until = -1;
+  std::vector<double> out;
+  for (std::int64_t ms = 0; ms < kLengthMs; ++ms) {
+    const auto at = static_cast<double>(ms);
+    if (at >= handover_at) {
+      handover_until = at + between(random, kLeastHandover, kMostHandover);
+      handover_at = handover_until + random.exponential(kHandoverGap);
+    }
+    const double re = real.next();
+    const double im = imaginary.next();
+    const double fading = kFadeFloor + (1 - kFadeFloor) * (re * re + im * im) / 2;
+    const double rate = std::exp(kShadowDeviation * shadow.next()) * fading;
+    out.push_back(at < handover_until ? 0 : rate);
+  }
+  return out;
+}
+
+std::shared_ptr<const emu::Opportunities> generated(double mean_mbit, std::uint64_t seed) {
+  emu::RandomStream random(seed);
+  const std::vector<double> all = rates(random);
+  double sum = 0;
+  for (const double rate : all) sum += rate;
+  // Opportunities a millisecond.
+  const double scale = mean_mbit * 1000 * static_cast<double>(kLengthMs) / sum /
+                       (8 * static_cast<double>(emu::kOpportunityBytes));
+  auto trace = std::make_shared<emu::Opportunities>();
+  double credit = 0;
+  for (std::int64_t ms = 0; ms < kLengthMs; ++ms) {
+    for (credit += all[static_cast<std::size_t>(ms)] * scale; credit >= 1; --credit) {
+      trace->at_ms.push_back(ms + 1);
+    }
+  }
+  trace->at_ms.push_back(kLengthMs);
+  return trace;
+}
+
+Modem generated_modem(std::string name, double mean_mbit, emu::RandomStream& random) {
+  const std::uint64_t up = random.next();
+  const std::uint64_t down = random.next();
+  const double one_way = between(random, kLeastOneWay, kMostOneWay);
+  return {std::move(name), generated(mean_mbit, up), generated(kDownPart * mean_mbit, down),
+          std::chrono::duration_cast<Duration>(std::chrono::duration<double, std::milli>(one_way))};
+}
+
+emu::DirectionParams direction_of(const std::shared_ptr<const emu::Opportunities>& trace) {
+  emu::DirectionParams out;
+  out.rate = emu::mean_rate(*trace);
+  out.trace = trace;
+  out.queue_bytes = static_cast<std::size_t>(static_cast<double>(out.rate.bits_per_second) / 8 *
+                                             std::chrono::duration<double>(kQueue).count());
+  return out;
+}
+
+emu::LinkProfile profile_of(const Modem& modem) {
+  emu::LinkProfile p;
+  p.name = modem.name;
+  p.delay.min_ms = p.delay.max_ms = 2 * to_ms(modem.one_way);
+  for (auto& state : p.delay.states) {
+    state.level_ms = p.delay.max_ms;
+    state.loss = 0;
+    // It never leaves its state.
+    state.sojourn_mean_s = 1e6;
+  }
+  p.up = direction_of(modem.up);
+  p.down = direction_of(modem.down);
+  return p;
+}
+
+// When the last byte of a message that is handed over at `at` leaves a modem that carries nothing
+// else.
+Duration brought(const emu::Bottleneck& empty, Duration at, std::size_t bytes) {
+  emu::Bottleneck modem = empty;
+  Duration last{};
+  while (bytes > 0) {
+    const std::size_t piece = std::min(bytes, kMaxPieceBytes);
+    last = modem.departure(at, piece + kPieceOverheadBytes + kIpUdpBytes);
+    modem.send();
+    bytes -= piece;
+  }
+  return last;
+}
+
+std::size_t clairvoyant(const Drive& drive, std::size_t bytes, std::size_t messages) {
+  std::size_t missed = 0;
+  std::vector<emu::Bottleneck> empty;
+  for (const Modem& modem : drive.modems) empty.emplace_back(emu::RateTrace{modem.up});
+  for (std::size_t i = 0; i < messages; ++i) {
+    const Duration at = Sending::kBegin + static_cast<std::int64_t>(i) * kDrivePeriod;
+    bool in_time = false;
+    for (std::size_t m = 0; m < empty.size() && !in_time; ++m) {
+      in_time = brought(empty[m], at, bytes) + drive.modems[m].one_way <= at + kDriveDeadline;
+    }
+    if (!in_time) ++missed;
+  }
+  return missed;
+}
+
+}  // namespace
+
+emu::Opportunities rotated(const emu::Opportunities& trace, std::int64_t from_ms) {
+  const std::int64_t length = trace.at_ms.back();
+  const std::int64_t from = from_ms % length;
+  const auto first = std::ranges::upper_bound(trace.at_ms, from);
+  emu::Opportunities out;
+  for (auto it = first; it != trace.at_ms.end(); ++it) out.at_ms.push_back(*it - from);
+  for (auto it = trace.at_ms.begin(); it != first; ++it) out.at_ms.push_back(*it + length - from);
+  return out;
+}
+
+Drive generated_drive(std::uint64_t seed) {
+  emu::RandomStream random(seed);
+  const double fast = between(random, kLeastMean, kMostMean);
+  const double slow = fast * between(random, kLeastPart, 1);
+  Drive drive{"generated " + std::to_string(seed), {}};
+  drive.modems.push_back(generated_modem("generated-a", fast, random));
+  drive.modems.push_back(generated_modem("generated-b", slow, random));
+  return drive;
+}
+
+Drive recorded_drive(std::span<const Modem> modems, std::uint64_t seed) {
+  emu::RandomStream random(seed);
+  Drive drive;
+  for (std::size_t i = 0; i < 2; ++i) {
+    Modem modem = modems[(seed + i * (1 + random.next() % modems.size())) % modems.size()];
+    const auto from = static_cast<std::int64_t>(random.next() >> 1U);
+    modem.up = std::make_shared<emu::Opportunities>(rotated(*modem.up, from));
+    modem.down = std::make_shared<emu::Opportunities>(rotated(*modem.down, from));
+    drive.name += (i == 0 ? "" : " + ") + modem.name;
+    drive.modems.push_back(std::move(modem));
+  }
+  drive.name += " " + std::to_string(seed);
+  return drive;
+}
+
+std::size_t DriveRow::best_alone() const { return *std::ranges::min_element(alone); }
+
+DriveRow run_drive(const Drive& drive, std::span<const std::string> policies, std::size_t messages,
+                   std::uint64_t seed) {
+  std::vector<emu::LinkProfile> links;
+  DataRate slower{INT64_MAX};
+  for (const Modem& modem : drive.modems) {
+    links.push_back(profile_of(modem));
+    slower = std::min(slower, links.back().up.rate);
+  }
+  const double period = std::chrono::duration<double>(kDrivePeriod).count();
+  DriveRow row;
+  row.drive = drive.name;
+  row.messages = messages;
+  row.message_bytes =
+      static_cast<std::size_t>(static_cast<double>(slower.bits_per_second) / 8 / 2 * period);
+  const auto sending = [&](const std::vector<emu::LinkProfile>& over, const std::string& policy) {
+    Sending out(over, {policy, {row.message_bytes}, kDrivePeriod, kDriveDeadline, messages}, seed);
+    out.run();
+    return std::pair(out.missed(), out.bytes());
+  };
+  for (const emu::LinkProfile& link : links) {
+    row.alone.push_back(sending({link}, "best_link").first);
+  }
+  row.clairvoyant = clairvoyant(drive, row.message_bytes, messages);
+  for (const std::string& policy : policies) {
+    const auto [missed, bytes] = sending(links, policy);
+    row.policies.push_back(
+        {policy, missed,
+         static_cast<double>(bytes) / static_cast<double>(messages * row.message_bytes)});
+  }
+  return row;
+}
+
+}  // namespace interneuron::coding
