@@ -64,6 +64,8 @@ struct Job {
   // Whether the first copy of this fragment has not left yet.
   bool awaits(std::uint16_t index) const { return index >= next && index < count; }
   std::size_t pieces() const { return count - std::min<std::size_t>(next, count) + again.size(); }
+  // Those of which the first copy has not left yet.
+  std::uint32_t firsts() const { return count - std::min<std::uint32_t>(next, count); }
   // Of fragments, and of packets with IP headers.
   std::size_t bytes() const { return pieces() * chunk; }
   std::size_t ip_bytes() const { return pieces() * (chunk + kPieceOverheadBytes + kIpUdpBytes); }

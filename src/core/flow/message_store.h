@@ -116,6 +116,8 @@ struct OutgoingMessage {
       if (share.open > 0) --share.open;
     }
   }
+  // So many first copies have left, or will not.
+  void firsts_gone(std::uint32_t firsts) { to_leave -= std::min(to_leave, firsts); }
   void copy_left(std::size_t index) {
     if (!pieces[index].left) ++block_of(index).left;
     pieces[index].left = true;

@@ -54,6 +54,7 @@ void Sender::remove_path(TimePoint now, LinkId path) {
   removed_at_ = now;
   settle(now, path, gone.sent.in_flight());
   for (const MessageId id : gone.jobs.messages()) hand_on(now, gone.jobs, id);
+  protect_touched(now);
 }
 
 void Sender::set_path(LinkId path, const PathView& view) {
@@ -159,6 +160,7 @@ std::optional<JobQueue::Taken> Sender::take(Path& path, Job& job) {
   Message& m = *messages_.find(job.message);
   while (const auto taken = path.jobs.take(job)) {
     if (!m.pieces[taken->index].acknowledged) return taken;
+    if (!taken->is_again) m.firsts_gone(1);
     m.copy_gone(taken->index);
   }
   return std::nullopt;

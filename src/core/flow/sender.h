@@ -268,6 +268,7 @@ class Sender {
   enum class Protect : std::uint8_t { kLast, kAll };
   void protect(TimePoint now, Message& message, Protect what);
   bool makes_way(TimePoint now, const Message& message, Evidence evidence);
+  void touch(const Message& message);
   void protect_touched(TimePoint now);
   static bool has_room(const Path& path, const Message& message);
   Path* symbol_path(TimePoint when, const Message& message, std::size_t bytes, TimePoint target);
@@ -293,6 +294,7 @@ class Sender {
   std::optional<Copy> last_chance(const Message& message, const PathSet& over, const Path* except,
                                   std::size_t bytes, TimePoint target);
   bool rescued_for(TimePoint now, Message& message, TimePoint target);
+  static std::vector<std::uint16_t> missing_on(Path& path, const Message& message);
   static std::size_t missing_bytes(const Message& message);
   void plan_rescue(TimePoint now, Message& message);
   void look_after(TimePoint now, Message& message);

@@ -49,12 +49,15 @@ void Sender::give_up(Path& path, Job& job) {
     if (!message.pieces[index].acknowledged) ++cancelled_;
   });
   const bool all_left = job.next >= job.count;
+  message.firsts_gone(job.firsts());
   path.jobs.remove(id);
   // Where all of it has left, what was to be sent again may be there after all.
   if (message.paths > 1 || all_left || !message.is_surely_incomplete()) return;
   // What another path has of it may complete it.
-  const bool waits_elsewhere = std::ranges::any_of(
-      paths_, [id](const auto& entry) { return entry.second.jobs.find(id) != nullptr; });
+  const bool waits_elsewhere = std::ranges::any_of(paths_, [id](const auto& entry) {
+    const Job* other = entry.second.jobs.find(id);
+    return other != nullptr && other->pieces() > 0;
+  });
   if (waits_elsewhere) return;
   // Nobody else completes it, so nothing of it is sent again.
   if (message.kind == wire::MessageKind::kPlain) given_up_.push_back(id);

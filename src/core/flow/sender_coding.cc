@@ -112,7 +112,7 @@ Sender::Path* Sender::symbol_path(TimePoint when, const Message& m, std::size_t 
 // A copy leaves. When it was the last first copy of its message, symbols follow.
 void Sender::note_leaving(TimePoint now, Path& path, Message& m, const JobQueue::Taken& taken) {
   m.copy_left(taken.index);
-  if (!taken.is_again && m.to_leave > 0) --m.to_leave;
+  if (!taken.is_again) m.firsts_gone(1);
   if (m.symbol_paths.empty()) return;
   m.set_last(taken.index, is_last(now, path, m));
   if (taken.is_again || m.to_leave > 0 || join_window(now, m)) return;
@@ -128,7 +128,13 @@ void Sender::lose(TimePoint now, Message& m, std::uint16_t index, Evidence evide
   }
   const bool is_needed = m.spare(m.division().block_of(index)) < 0;
   if (is_needed && !makes_way(now, m, evidence)) repair(now, m.id, index, evidence);
-  if (std::ranges::find(touched_, m.id) == touched_.end()) touched_.push_back(m.id);
+  touch(m);
+}
+
+// What may be lost of the message has changed: symbols are weighed anew.
+void Sender::touch(const Message& m) {
+  const bool known = std::ranges::find(touched_, m.id) != touched_.end();
+  if (!m.symbol_paths.empty() && !known) touched_.push_back(m.id);
 }
 
 // In silence a whole message seems lost. Where a smaller variant stands by and all that is missing
@@ -162,7 +168,8 @@ void Sender::protect(TimePoint now, Message& m, Protect what) {
     code::Losses losses;
     for (const auto& [link, path] : paths_) {
       const code::Losses& there = path.view.losses;
-      if (m.taken.contains(link) && there.share > losses.share) losses = there;
+      const bool carries = m.taken.contains(link) || path.jobs.find(m.id) != nullptr;
+      if (carries && there.share > losses.share) losses = there;
     }
     const double value = (1.0 + m.importance) / (1.0 + kUsualImportance);
     const double price = kPriceOfBytes / static_cast<double>(m.count) / value;

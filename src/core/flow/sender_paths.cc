@@ -82,12 +82,14 @@ void Sender::send_elsewhere(TimePoint now, Path& path, const std::vector<Message
     const Message* message = messages_.find(piece.message);
     if (message == nullptr || !moves(piece.message)) continue;
     if (!message->pieces[piece.index].acknowledged) repair(now, piece.message, piece.index);
+    touch(*message);
   }
   for (const MessageId id : path.jobs.messages()) {
     if (!moves(id)) continue;
     Message& message = *messages_.find(id);
     // No other job is added to this path meanwhile, because nothing is repaired over it.
     Job& job = *path.jobs.find(id);
+    message.firsts_gone(job.firsts());
     for (const std::uint16_t index : path.jobs.take_all(job)) {
       message.copy_gone(index);
       if (message.pieces[index].acknowledged || repair(now, id, index)) continue;
@@ -95,7 +97,9 @@ void Sender::send_elsewhere(TimePoint now, Path& path, const std::vector<Message
       message.copy_added(index);
       path.jobs.push_again(job, index);
     }
+    touch(message);
   }
+  protect_touched(now);
 }
 
 }  // namespace interneuron::flow

@@ -9,6 +9,7 @@
 // heavy-tailed silences do.
 #include <algorithm>
 #include <array>
+#include <vector>
 
 #include "core/base/earliest.h"
 #include "core/flow/sender.h"
@@ -142,14 +143,30 @@ void Sender::look_after(TimePoint now, Message& m) {
   plan_rescue(now + kMargin, m);
 }
 
+// The pieces that are not acknowledged and that this path neither has in flight nor is to send.
+std::vector<std::uint16_t> Sender::missing_on(Path& path, const Message& m) {
+  std::vector<bool> has(m.count);
+  for (const auto& [piece, arrived, was_open] : path.sent.in_flight()) {
+    if (piece.message == m.id && piece.index < m.count) has[piece.index] = true;
+  }
+  if (const Job* job = path.jobs.find(m.id)) {
+    job->for_each([&](std::uint16_t index) {
+      if (index < m.count) has[index] = true;
+    });
+  }
+  std::vector<std::uint16_t> out;
+  for (std::uint16_t i = 0; i < m.count; ++i) {
+    if (!m.pieces[i].acknowledged && !has[i]) out.push_back(i);
+  }
+  return out;
+}
+
 // What is missing of a message goes over this path as well.
 void Sender::rescue(TimePoint now, Path& path, Message& m) {
   m.rescue = {};
   Message* other = m.alternative ? messages_.find(*m.alternative) : nullptr;
   if (other != nullptr) other->rescue = {};
-  for (std::uint16_t i = 0; i < m.count; ++i) {
-    if (!m.pieces[i].acknowledged) queue_again(now, path, m.id, i);
-  }
+  for (const std::uint16_t index : missing_on(path, m)) queue_again(now, path, m.id, index);
 }
 
 void Sender::begin_rescue(TimePoint now, Path& path, Message& m) {

@@ -38,6 +38,7 @@ void Sender::resize(TimePoint now, LinkId link, std::size_t max_datagram) {
       hand_on(now, path.jobs, id);
     }
   }
+  protect_touched(now);
 }
 
 std::uint64_t Sender::take_mtu_probe_number(TimePoint now, LinkId link, std::size_t ip_bytes) {
@@ -46,14 +47,16 @@ std::uint64_t Sender::take_mtu_probe_number(TimePoint now, LinkId link, std::siz
 
 // A path sends no more of this message: what it still had to send goes over the others.
 void Sender::hand_on(TimePoint now, JobQueue& jobs, MessageId id) {
+  Message& message = *messages_.find(id);
+  message.firsts_gone(jobs.find(id)->firsts());
   const std::vector<std::uint16_t> indices = jobs.take_all(*jobs.find(id));
   jobs.remove(id);
-  Message& message = *messages_.find(id);
   for (const std::uint16_t index : indices) {
     message.copy_gone(index);
     const Message::PieceState& piece = message.pieces[index];
     if (!piece.acknowledged && piece.under_way == 0) repair(now, id, index);
   }
+  touch(message);
 }
 
 }  // namespace interneuron::flow

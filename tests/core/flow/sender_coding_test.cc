@@ -1,4 +1,4 @@
-// Repair symbols, shares and rescues of a Sender.
+// Repair symbols and shares of a Sender.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -158,6 +158,30 @@ TEST(SenderCoding, SymbolsLeaveAtOnceWhereTheyCouldNotWait) {
   EXPECT_GT(left.at(kB).second, 0);
 }
 
+// A path that fails is when symbols are worth most.
+TEST(SenderCoding, WhatMovesToAnotherPathHasSymbolsThere) {
+  const std::map<const char*, void (*)(Sender&)> ways{
+      {"pulled", [](Sender& s) { s.pull(at(3ms), kA); }},
+      {"suspected", [](Sender& s) { s.doubt(at(3ms), kA); }},
+      {"removed", [](Sender& s) { s.remove_path(at(3ms), kA); }}};
+  for (const auto& [name, fails] : ways) {
+    Far p;
+    p.coded(98, 100ms);
+    const auto before = p.leave(3ms);
+    ASSERT_LT(before.at(kA).first, 98) << name;
+    fails(p.sender);
+    std::pair<int, int> over_b;
+    for (TimePoint now = at(3ms); now <= at(30ms); now += 100us) {
+      while (const auto piece = p.sender.poll(now, kB)) {
+        ++(piece->fragment.is_repair() ? over_b.second : over_b.first);
+      }
+    }
+    EXPECT_EQ(over_b.first, 98) << name;
+    EXPECT_GE(over_b.second, 3) << name;
+    EXPECT_LE(over_b.second, 10) << name;
+  }
+}
+
 TEST(SenderCoding, HugeMessagesHaveSymbolsInEachBlock) {
   Far p;
   p.coded(1000, 200ms);
@@ -290,110 +314,6 @@ TEST(SenderStriping, WhatTheyCannotBringTogetherIsGivenUp) {
   p.run(5ms, 20ms);
   EXPECT_EQ(p.sender.poll_given_up(), p.message);
   EXPECT_FALSE(p.sender.next_send(kA) || p.sender.next_send(kB));
-}
-
-// --- rescue
-
-// 100 Mbit/s and 10 ms over kA; kB stands by.
-struct Standby : Paths {
-  MessageId send(std::size_t pieces, Duration deadline, const PathSet& rescue) {
-    return sender.send(at(0s), {.deadline = at(deadline), .lifetime = deadline},
-                       Bytes(pieces * kChunk), {kA}, {}, wire::MessageKind::kRound,
-                       {.rescue = rescue});
-  }
-  static PathSet over_b() { return PathSet::of(std::vector{kB}); }
-  // Lets time go by until then, with what is due.
-  int run(Duration until) {
-    int over_b = 0;
-    for (; now <= at(until); now += 500us) {
-      sender.handle_timeout(now);
-      while (const auto piece = sender.poll(now, kA)) sent.push_back(piece->number);
-      while (has_b && sender.poll(now, kB)) ++over_b;
-    }
-    return over_b;
-  }
-  void all_arrived(Duration when) {
-    sender.report(at(when), report_of(kA, {sent.begin(), sent.end()}), 20ms);
-  }
-  void remove_b(Duration when) {
-    sender.remove_path(at(when), kB);
-    has_b = false;
-  }
-  std::vector<std::uint64_t> sent;
-  TimePoint now = at(0s);
-  bool has_b = true;
-};
-
-TEST(SenderRescue, WhatIsMissingGoesOverTheOtherPathAtTheLastMoment) {
-  Standby p;
-  p.send(50, 80ms, Standby::over_b());
-  // 50 pieces take 5.7 ms over kB and 10 ms on the way: they have to leave after 62 ms.
-  EXPECT_EQ(p.run(60ms), 0);
-  EXPECT_EQ(p.run(79ms), 50);
-}
-
-TEST(SenderRescue, NothingWhereItHasArrived) {
-  Standby p;
-  p.send(50, 80ms, Standby::over_b());
-  EXPECT_EQ(p.run(30ms), 0);
-  p.all_arrived(30ms);
-  EXPECT_EQ(p.run(100ms), 0);
-}
-
-TEST(SenderRescue, OnlyWhatIsMissing) {
-  Standby p;
-  p.send(50, 80ms, Standby::over_b());
-  EXPECT_EQ(p.run(30ms), 0);
-  std::set<std::uint64_t> some(p.sent.begin(), p.sent.begin() + 30);
-  p.sender.report(at(30ms), report_of(kA, some), 20ms);
-  EXPECT_EQ(p.run(79ms), 20);
-}
-
-TEST(SenderRescue, ASmallerVariantWhereTheRestHasNoTime) {
-  Standby p;
-  // 600 pieces take 68 ms over kB: too long from the beginning.
-  const MessageId large = p.send(600, 75ms, Standby::over_b());
-  p.sender.add_alternative(at(0s), large, Bytes(40 * kChunk), Standby::over_b());
-  EXPECT_EQ(p.run(58ms), 0);
-  EXPECT_EQ(p.run(74ms), 40);
-}
-
-TEST(SenderRescue, MayCompleteWhatHasNotLeftOverItsOwnPath) {
-  Standby p;
-  // At 100 kbit/s a piece leaves kA every 100 ms.
-  p.set(kA, 10ms, 0.1);
-  const MessageId id = p.send(50, 80ms, Standby::over_b());
-  EXPECT_LT(p.run(20ms), 50);
-  EXPECT_TRUE(p.sender.is_surely_incomplete(id));
-  p.run(79ms);
-  EXPECT_LT(p.sent.size(), 50U);
-  EXPECT_FALSE(p.sender.is_surely_incomplete(id));
-}
-
-TEST(SenderRescue, NotOverAPathThatIsSuspected) {
-  Standby p;
-  p.send(50, 80ms, Standby::over_b());
-  PathView v = view(10ms);
-  v.suspect = true;
-  p.sender.set_path(kB, v);
-  EXPECT_EQ(p.run(100ms), 0);
-}
-
-// What is missing does not go over its own path instead: all leaves as if nothing were to rescue
-// it.
-TEST(SenderRescue, NothingByAPathThatIsGone) {
-  Standby gone, none;
-  for (Standby* p : {&gone, &none}) {
-    p->send(50, 80ms, p == &gone ? Standby::over_b() : PathSet{});
-    p->run(0ms);
-    p->remove_b(1ms);
-    p->run(30ms);
-    p->sender.report(at(30ms), report_of(kA, {p->sent.begin(), p->sent.begin() + 30}), 20ms);
-    p->run(79ms);
-    EXPECT_EQ(p->sender.next_timeout(), at(80ms));
-  }
-  EXPECT_EQ(gone.sent, none.sent);
-  EXPECT_EQ(gone.sender.resent(kA), none.sender.resent(kA));
 }
 
 }  // namespace
