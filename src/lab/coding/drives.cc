@@ -193,7 +193,7 @@ Drive recorded_drive(std::span<const Modem> modems, std::uint64_t seed) {
   emu::RandomStream random(seed);
   Drive drive;
   for (std::size_t i = 0; i < 2; ++i) {
-    Modem modem = modems[(seed + i * (1 + random.next() % modems.size())) % modems.size()];
+    Modem modem = modems[random.next() % modems.size()];
     const auto from = static_cast<std::int64_t>(random.next() >> 1U);
     modem.up = std::make_shared<emu::Opportunities>(rotated(*modem.up, from));
     modem.down = std::make_shared<emu::Opportunities>(rotated(*modem.down, from));

@@ -44,9 +44,6 @@ Sending::Sending(const std::vector<emu::LinkProfile>& links, const Traffic& traf
 void Sending::note(sim::HostId host, const Event& event) {
   const auto* message = std::get_if<Message>(&event);
   if (message != nullptr && host == road_) got_.at(number_of(message->bytes)) = message->variant;
-  const auto* change = std::get_if<PathChanged>(&event);
-  const bool counts = change != nullptr && host == vehicle_ && world_.now() >= kBegin;
-  if (counts && change->from == PathState::kOk && change->to != PathState::kOk) ++suspicions_;
 }
 
 void Sending::hole(Duration from, Duration length) {

@@ -43,8 +43,6 @@ class Sending {
   // IP bytes that left the vehicle by its modems from the first message on, with repairs, symbols,
   // probes, feedback and heartbeats.
   std::uint64_t bytes() const { return bytes_; }
-  // How often a link that had been suspected, or more, was found sound after all.
-  std::size_t suspicions() const { return suspicions_; }
 
  private:
   void note(sim::HostId host, const Event& event);
@@ -59,7 +57,6 @@ class Sending {
   PeerId peer_{};
   std::size_t links_ = 0;
   std::uint64_t bytes_ = 0;
-  std::size_t suspicions_ = 0;
 };
 
 }  // namespace interneuron::coding

@@ -28,8 +28,8 @@ struct Drive : Stream {
   void run_to(Duration end) { world.run_until(end); }
 };
 
-// "4 4G links": `ip link set down` and `up` again leaves a group that refuses to transmit
-// (Haivision/srt issue 2824).
+// A card is set down and up again (`ip link set`), and the group of bonded links refuses to
+// transmit from then on (Haivision/srt issue 2824).
 TEST(FieldFailures, HaivisionSrt2824ACardThatGoesDownAndUpCarriesMessagesAgain) {
   Drive d("coded");
   d.world.outage(d.world.wire_of(kFast), 4s, 5s);
