@@ -39,7 +39,7 @@ struct Piece {
 
   Piece() {
     fragment.message = MessageId{any<std::uint32_t>()};
-    fragment.chunk = *rc::gen::inRange<std::uint16_t>(1, 1400);
+    fragment.chunk = *rc::gen::inRange<std::uint16_t>(1, kMaxPieceBytes + 1);
     const auto count = *rc::gen::inRange<std::uint32_t>(1, 65536);
     const auto last = *rc::gen::inRange<std::uint32_t>(1, fragment.chunk + 1U);
     fragment.size = (count - 1) * fragment.chunk + last;
@@ -173,7 +173,9 @@ struct Symbol {
           {MessageId{message}, static_cast<std::uint8_t>(*rc::gen::inRange<int>(1, 1 << bits))});
       message += *rc::gen::inRange<std::uint32_t>(1, kMostAhead + 1);
     }
-    bytes.resize(*rc::gen::inRange<std::size_t>(kSourceHeaderBytes + 1, 1400));
+    const std::size_t room =
+        kMaxDatagramBytes - kPacketOverhead - window_header_bytes(header.messages.size());
+    bytes.resize(*rc::gen::inRange<std::size_t>(kSourceHeaderBytes + 1, room + 1));
     const auto fill = any<std::uint8_t>();
     for (std::size_t i = 0; i < bytes.size(); ++i) bytes[i] = static_cast<std::byte>(fill + 7 * i);
   }
@@ -193,9 +195,10 @@ Bytes any_packet() {
     const Symbol symbol;
     size = write_window(out, header, symbol.header, symbol.bytes);
   } else if (type == PacketType::kEcho) {
-    size = write_echo(out, header, any_echo(), *rc::gen::inRange<std::size_t>(0, 1400));
+    size = write_echo(out, header, any_echo(),
+                      *rc::gen::inRange<std::size_t>(0, kMaxDatagramBytes + 1));
   } else {
-    size = write_probe(out, header, *rc::gen::inRange<std::size_t>(0, 1400));
+    size = write_probe(out, header, *rc::gen::inRange<std::size_t>(0, kMaxDatagramBytes + 1));
   }
   out.resize(size);
   return out;
@@ -241,7 +244,7 @@ RC_GTEST_PROP(PacketProperty, AWindowComesBack, ()) {
 
 RC_GTEST_PROP(PacketProperty, AProbeComesBack, ()) {
   const PacketHeader header = any_header(PacketType::kProbe);
-  const auto size = *rc::gen::inRange<std::size_t>(0, 1400);
+  const auto size = *rc::gen::inRange<std::size_t>(0, kMaxDatagramBytes + 1);
   Bytes out(kRoom);
   out.resize(write_probe(out, header, size));
   RC_ASSERT(out.size() == std::max(size, kPacketOverhead));
@@ -253,7 +256,7 @@ RC_GTEST_PROP(PacketProperty, AProbeComesBack, ()) {
 RC_GTEST_PROP(PacketProperty, AnEchoComesBack, ()) {
   const PacketHeader header = any_header(PacketType::kEcho);
   const Echo echo = any_echo();
-  const auto size = *rc::gen::inRange<std::size_t>(0, 1400);
+  const auto size = *rc::gen::inRange<std::size_t>(0, kMaxDatagramBytes + 1);
   Bytes out(kRoom);
   out.resize(write_echo(out, header, echo, size));
   RC_ASSERT(out.size() == std::max(size, kEchoBytes));
