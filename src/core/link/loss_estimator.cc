@@ -64,8 +64,8 @@ double LossEstimator::burst_deviation() const {
 }
 
 void LossEstimator::fade(TimePoint now) {
-  const Duration age = now - faded_at_;
-  if (age < kFadeStep) return;
+  const Duration age = now - faded_at_.value_or(now);
+  if (faded_at_ && age < kFadeStep) return;
   faded_at_ = now;
   const double left =
       std::exp(-static_cast<double>(age.count()) / static_cast<double>(kFade.count()));

@@ -8,6 +8,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 
 #include "interneuron/time.h"
 
@@ -55,7 +56,7 @@ class LossEstimator {
   double runs_ = 0;
   // Packets lost in the run that is not over yet.
   std::uint64_t run_ = 0;
-  TimePoint faded_at_{};
+  std::optional<TimePoint> faded_at_;
 };
 
 }  // namespace interneuron::link
