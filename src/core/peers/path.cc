@@ -16,6 +16,14 @@ constexpr Duration kBurst = std::chrono::milliseconds(1);
 // The longest time between two packets of a train: at the lowest rates a train would last for
 // minutes, and other probes wait for its end.
 constexpr Duration kLongest = std::chrono::seconds(1);
+// Copies of feedback take at most this share of what messages bring in over the path beyond
+// kIdleRate: a feedback about two paths for every four packets, where one is due every 16 or 5 ms
+// (src/core/peers/feedback_due.h). A path that answers alone come over counts as idle: no
+// measurement behind that rate, which is that of ten answers of 3 KB a second and some.
+constexpr double kCopyShare = 0.05;
+constexpr DataRate kIdleRate{300'000};
+// What may be saved up for copies, in bytes: the feedback on one burst.
+constexpr double kMostCopyCredit = 4096;
 // The loss of a report is in 1/65535 (docs/wire_format.md).
 constexpr double kLossUnit = 65535;
 // While little has been seen of a path it is supposed to lose one packet in a
@@ -188,6 +196,21 @@ bool Path::heartbeat_due(TimePoint now) {
   // This one is left out; the next one may be allowed.
   probes.heartbeat_sent(now);
   return false;
+}
+
+bool Path::may_copy(std::size_t ip_bytes) const {
+  const bool is_paid = nic_.traits.metered || peer_is_metered_;
+  return copy_credit_ >= static_cast<double>(ip_bytes) && !is_paid &&
+         nic_.traits.role == LinkRole::kNormal;
+}
+
+void Path::received_message(TimePoint now, std::size_t ip_bytes) {
+  const double seconds = to_ms(now - credited_at_.value_or(now)) / 1e3;
+  const double idle = seconds * static_cast<double>(kIdleRate.bits_per_second) / 8;
+  credited_at_ = now;
+  copy_credit_ = std::max(copy_credit_ - kCopyShare * idle, 0.0);
+  copy_credit_ += kCopyShare * static_cast<double>(ip_bytes);
+  copy_credit_ = std::min(copy_credit_, kMostCopyCredit);
 }
 
 bool Path::probe_due(TimePoint now) {

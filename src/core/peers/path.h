@@ -58,9 +58,12 @@ class Path {
 
   // --- what happened
   void received(std::size_t bytes) { bytes_in_ += bytes; }
+  // A part of a message of the peer's, with its IP header.
+  void received_message(TimePoint now, std::size_t ip_bytes);
   // The peer has heard us on this path: its address is trusted from now on.
   void echoed() { validated_ = true; }
   void sent_feedback(TimePoint now, std::size_t bytes);
+  void sent_copy(std::size_t ip_bytes) { copy_credit_ -= static_cast<double>(ip_bytes); }
   void sent_data(TimePoint now, std::size_t bytes);
   void sent_probe(TimePoint now, std::size_t bytes, std::uint64_t number);
   void sent_mtu_probe(TimePoint now, std::size_t bytes, std::uint64_t number);
@@ -80,6 +83,9 @@ class Path {
   // --- what is due
   // Whether a heartbeat is due; send it before the next call.
   bool heartbeat_due(TimePoint now);
+  // Whether so many bytes of feedback that leaves over another path may go over this one as well:
+  // where messages arrive and nobody pays for bytes.
+  bool may_copy(std::size_t ip_bytes) const;
   // Whether a data-sized probe is due, be it of a train or to prove that the path delivers; send it
   // before the next call.
   bool probe_due(TimePoint now);
@@ -119,6 +125,9 @@ class Path {
   // UDP payloads to and from this address.
   std::uint64_t bytes_in_ = 0;
   std::uint64_t bytes_out_ = 0;
+  // Bytes that copies of feedback may take, and when messages last brought some.
+  double copy_credit_ = 0;
+  std::optional<TimePoint> credited_at_;
   // A message was sent on it.
   bool used_ = false;
   // The train under way: how many packets are left of it, how fast they leave (nothing: back to

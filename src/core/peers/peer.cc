@@ -101,6 +101,7 @@ void Peer::restart(TimePoint now, SessionId session) {
   settlements_.reset();
   clock_.reset();
   feedback_.forget();
+  copy_over_.reset();
   for (Path& path : paths_) path.reset(now);
   refresh(now);
 }
@@ -133,7 +134,11 @@ Peer::Input Peer::handle(TimePoint now, const wire::Packet& packet, const Datagr
   feedback_.arrived(now, path.receiver.gap());
   if (!wire::is_used(packet.header.type)) return input;
   path.receiver.note_delay(session_time(now), packet.header.stamp_us);
-  if (packet.header.type == wire::PacketType::kWindow) windows_.symbol(now, packet.window, room);
+  const bool is_window = packet.header.type == wire::PacketType::kWindow;
+  if (is_window || packet.header.type == wire::PacketType::kData) {
+    path.received_message(now, datagram.bytes.size() + kIpUdpBytes);
+  }
+  if (is_window) windows_.symbol(now, packet.window, room);
   if (packet.header.type != wire::PacketType::kData) return input;
   if (take_piece(now, packet.data, room, input)) windows_.piece(packet.data);
   return input;

@@ -184,11 +184,12 @@ class Peer {
   // Stamps count from the beginning of a session: rounded to microseconds they would otherwise
   // depend on where a clock stands.
   TimePoint session_time(TimePoint now) const { return TimePoint{now - identity_.started}; }
-  const Path* reporter() const;
+  const Path* reporter(const Path* first = nullptr) const;
   wire::PacketHeader header(TimePoint now, const Path& path, wire::PacketType type,
                             std::uint64_t number) const;
   TransmitParts send_feedback(TimePoint now, Path& path, std::span<const Path> about,
                               std::span<std::byte> buffer);
+  std::optional<TransmitParts> poll_copy(TimePoint now, std::span<std::byte> buffer);
   TransmitParts send_probe(TimePoint now, Path& path, std::span<std::byte> buffer);
   TransmitParts send_mtu_probe(TimePoint now, Path& path, std::size_t size,
                                std::span<std::byte> buffer);
@@ -208,6 +209,8 @@ class Peer {
   bool ready_ = false;
   TimePoint heard_at_;
   FeedbackDue feedback_;
+  // The path that tells next what another one has just told.
+  std::optional<LinkId> copy_over_;
   TimePoint refreshed_at_;
   std::deque<PathChanged> changes_;
   Settlements settlements_;

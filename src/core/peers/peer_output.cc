@@ -12,8 +12,9 @@ wire::PacketHeader Peer::header(TimePoint now, const Path& path, wire::PacketTyp
           identity_.self, number,    wire::send_stamp(session_time(now))};
 }
 
-// The fastest path that may carry feedback about all paths.
-const Path* Peer::reporter() const {
+// The fastest path that may carry feedback about all paths; of those but `first`, over which the
+// same is told, the fastest that may carry a copy.
+const Path* Peer::reporter(const Path* first) const {
   const std::size_t size = wire::feedback_bytes(paths_.size());
   const Path* best = nullptr;
   // A path whose delay is not known yet ranks behind those that were measured, and so does one that
@@ -25,6 +26,7 @@ const Path* Peer::reporter() const {
   };
   for (const Path& path : paths_) {
     if (!path.estimator.up() || !path.may_send(size)) continue;
+    if (first != nullptr && (&path == first || !path.may_copy(size + kIpUdpBytes))) continue;
     if (best == nullptr || rank(path) < rank(*best)) best = &path;
   }
   return best;
@@ -50,11 +52,25 @@ TransmitParts Peer::send_feedback(TimePoint now, Path& path, std::span<const Pat
   return {path.nic().link, path.address(), size};
 }
 
+// A path whose way back stalls looks as if the way there did, and so would all paths that it
+// reports of. So another path that messages come over tells the same.
+std::optional<TransmitParts> Peer::poll_copy(TimePoint now, std::span<std::byte> buffer) {
+  const auto link = std::exchange(copy_over_, std::nullopt);
+  Path* path = link ? find(*link) : nullptr;
+  if (path == nullptr || !path->may_send(wire::feedback_bytes(paths_.size()))) return std::nullopt;
+  const TransmitParts copy = send_feedback(now, *path, paths_, buffer);
+  path->sent_copy(copy.size() + kIpUdpBytes);
+  return copy;
+}
+
 std::optional<TransmitParts> Peer::poll_feedback(TimePoint now, std::span<std::byte> buffer) {
+  if (auto copy = poll_copy(now, buffer)) return copy;
   const Path* over = feedback_.is_due(now) ? reporter() : nullptr;
   if (over != nullptr) {
     feedback_.sent(now);
     for (Path& p : paths_) p.receiver.reported();
+    const Path* second = reporter(over);
+    if (second != nullptr) copy_over_ = second->id();
     return send_feedback(now, *find(over->id()), paths_, buffer);
   }
   for (Path& path : paths_) {

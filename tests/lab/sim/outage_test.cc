@@ -181,5 +181,19 @@ TEST(Outage, ANatThatForgetsTheMappingIsFollowed) {
   EXPECT_TRUE(duo.link(0, true).up);
 }
 
+// What the peer tells comes over the other link too, which is too slow for the messages: so a link
+// of which only the way back is silent for a second goes on carrying them.
+TEST(Outage, OfTheWayBackAloneCostsTwoMessagesAtMost) {
+  emu::LinkProfile first = constant_link("a", 30, 40, 40);
+  // Down: 40 Mbit/s, and nothing at all in the fifth second.
+  first.down.trace = std::make_shared<const emu::SteppedRate>(
+      emu::SteppedRate{{{0s, DataRate::mbit(40)}, {4s, DataRate{}}, {5s, DataRate::mbit(40)}}, {}});
+  Stream s({first, constant_link("b", 50, 5, 5)},
+           {.policy = "stripe", .variants = {128 * 1024}, .deadline = 100ms});
+  s.send(2s, 50);
+  s.run();
+  EXPECT_LE(s.missed(), 2U);
+}
+
 }  // namespace
 }  // namespace interneuron::sim
