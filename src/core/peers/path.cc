@@ -22,7 +22,8 @@ constexpr Duration kLongest = std::chrono::seconds(1);
 // measurement behind that rate, which is that of ten answers of 3 KB a second and some.
 constexpr double kCopyShare = 0.05;
 constexpr DataRate kIdleRate{300'000};
-// What may be saved up for copies, in bytes: the feedback on one burst.
+// What may be saved up for copies, in bytes. No measurement behind this value: it is a dozen copies
+// of feedback about two paths, which are the reports on a burst of 200 packets.
 constexpr double kMostCopyCredit = 4096;
 // The loss of a report is in 1/65535 (docs/wire_format.md).
 constexpr double kLossUnit = 65535;

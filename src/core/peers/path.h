@@ -7,8 +7,9 @@
 // on, because that needs the size of datagrams and the operator's rate cap, which it alone knows.
 //
 // The peer's reports are not trusted: the estimators bound what they say, and an address that the
-// peer was not connected at gets no more than three times what came from it. Constant memory. Pure;
-// thread-compatible.
+// peer was not connected at gets no more than three times what came from it. Copies of feedback
+// take a small share of what messages have brought in (may_copy()), so a peer that sends much gets
+// little more. Constant memory. Pure; thread-compatible.
 #pragma once
 
 #include <cstdint>
@@ -63,6 +64,7 @@ class Path {
   // The peer has heard us on this path: its address is trusted from now on.
   void echoed() { validated_ = true; }
   void sent_feedback(TimePoint now, std::size_t bytes);
+  // Beside sent_feedback(), where it was a copy of what another path has told, with its IP header.
   void sent_copy(std::size_t ip_bytes) { copy_credit_ -= static_cast<double>(ip_bytes); }
   void sent_data(TimePoint now, std::size_t bytes);
   void sent_probe(TimePoint now, std::size_t bytes, std::uint64_t number);
@@ -83,8 +85,8 @@ class Path {
   // --- what is due
   // Whether a heartbeat is due; send it before the next call.
   bool heartbeat_due(TimePoint now);
-  // Whether so many bytes of feedback that leaves over another path may go over this one as well:
-  // where messages arrive and nobody pays for bytes.
+  // Whether a copy of feedback that leaves over another path, of so many bytes with its IP header,
+  // may go over this one: where messages arrive, nobody pays for bytes, and it is no backup.
   bool may_copy(std::size_t ip_bytes) const;
   // Whether a data-sized probe is due, be it of a train or to prove that the path delivers; send it
   // before the next call.

@@ -194,6 +194,35 @@ TEST(Measure, AnIdleLinkBesideABusyOneGetsHeartbeatsAndFewTrains) {
   EXPECT_EQ(duo.bytes(duo.vehicle, 0, PacketType::kProbe), 0U);
 }
 
+// What has arrived is told over the slower link too, as far as messages come over it and nobody
+// pays for its bytes.
+TEST(Measure, CopiesOfFeedbackTakeAShareOfWhatMessagesBring) {
+  const auto pipeline = [] {
+    PipelineConfig out = Duo::best_link();
+    out.policy = "duplicate";
+    return out;
+  }();
+  for (const bool is_metered : {false, true}) {
+    LinkTraits second;
+    second.metered = is_metered;
+    Duo duo({constant_link("a", 30, 100, 100), constant_link("b", 50, 50, 50)}, 1, {{}, second},
+            pipeline);
+    duo.stream(1s, 190, 100'000);
+    duo.world.run_until(20s);
+    const std::size_t data = duo.bytes(duo.vehicle, 1, PacketType::kData);
+    const std::size_t feedback = duo.bytes(duo.road, 1, PacketType::kFeedback);
+    ASSERT_GT(data, 190U * 100'000);
+    // Heartbeats of a link that is not paid for take up to 30 kbit/s, and here no more.
+    constexpr std::size_t kHeartbeats = 30'000 / 8 * 20;
+    if (is_metered) {
+      EXPECT_LE(feedback, kHeartbeats);
+    } else {
+      EXPECT_GT(feedback, 2 * kHeartbeats);
+      EXPECT_LE(feedback, kHeartbeats + data / 20);
+    }
+  }
+}
+
 TEST(Measure, UnderLoadNothingIsProbed) {
   Duo duo({constant_link("a", 30, 100, 100)});
   duo.stream(1s, 300, 100'000, 33ms);

@@ -181,8 +181,9 @@ TEST(Outage, ANatThatForgetsTheMappingIsFollowed) {
   EXPECT_TRUE(duo.link(0, true).up);
 }
 
-// What the peer tells comes over the other link too, which is too slow for the messages: so a link
-// of which only the way back is silent for a second goes on carrying them.
+// The way back of the faster link is silent for a second, and its way there is sound. The slower
+// link carries only a part of each message, and alone would bring none in time; but the peer's
+// feedback comes over it too, so nothing that the faster one carries is taken for lost.
 TEST(Outage, OfTheWayBackAloneCostsTwoMessagesAtMost) {
   emu::LinkProfile first = constant_link("a", 30, 40, 40);
   // Down: 40 Mbit/s, and nothing at all in the fifth second.
