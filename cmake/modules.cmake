@@ -12,7 +12,8 @@
 set(INTERNEURON_WARNINGS -Wall -Wextra -Wconversion -Wshadow -Wpedantic -Werror)
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
   # g++ 12 sees uninitialised members in moved std::variants (GCC bug 105562) and overlaps in string concatenations (GCC
-  # bug 105651) that are not there; clang and the sanitizers look instead.
+  # bug 105651) that are not there; clang and the sanitizers look instead, in `scripts/check.sh asan` at the core, sockets and
+  # perception, in `scripts/test.sh asan` at everything.
   list(APPEND INTERNEURON_WARNINGS -Wno-maybe-uninitialized -Wno-restrict)
 endif()
 

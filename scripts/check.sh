@@ -77,9 +77,10 @@ run_tsan() {
       sanitized ctest --test-dir build/tsan -R '^node$' --output-on-failure --no-tests=error --timeout 600
 }
 
-# Folders of tests/. The simulation is not among them: it runs the same core for hours of virtual time, which takes minutes here.
+# The folders of tests/ that are run. Those of the simulation are not: they run the same core for hours of virtual time, which
+# takes a quarter of an hour here. Nor are those of the programs and the testbed, which are half of all that is compiled.
 sanitized_folders=(fuzz core/{base,code,wire,link,cc,plan,flow,guard,endpoint,messages,probe} policies host/{io,node} perception)
-# Frames of a video through detectors, for minutes.
+# The cases of those folders that are not run: detectors over a whole video, which is OpenCV's code and takes minutes.
 left_out='DemoVideo.*'
 
 run_asan() {
