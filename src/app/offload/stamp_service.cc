@@ -50,7 +50,7 @@ class StampService::Impl {
         patterns_(patterns),
         address_(address),
         wall_(io::wall_offset() + wire::kNtpToUnix),
-        reflector_(!options.stateless),
+        reflector_(!options.stateless, options.port),
         wake_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
     for (const io::Nic& nic : io::list_nics()) {
       if (wanted(nic)) open(nic);

@@ -44,6 +44,8 @@ bool EchoReflector::may_hold(const Path& path) const {
 bool EchoReflector::take(TimePoint now, const wire::Packet& packet, const Datagram& datagram) {
   const wire::Echo& request = packet.echo;
   if (request.is_reply || packet.header.session == self_) return false;
+  if (probe::sender_port(datagram.from) == wire::kStampPort) return false;
+  if (!limit_.allow(now, datagram.from)) return false;
   Path& path = path_of(now, packet.header, datagram);
   // Counted before it may be dropped: what is dropped here did arrive.
   const std::uint32_t sequence = path.requests++;

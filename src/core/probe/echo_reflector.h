@@ -6,7 +6,9 @@
 // other replies. Peers feeds it the echoes of every sender, known or not, and polls the replies.
 //
 // Requests are not authenticated, so anybody may send them from a forged address. An attacker gains
-// no amplification, because a reply is as large as its request and there is one per request. He
+// no amplification, because a reply is as large as its request and there is one per request. No
+// source gets more than AnswerLimit lets it have. Neither replies nor what comes from the port of
+// STAMP (862) is answered, so that no two reflectors answer each other. He
 // learns this host's monotonic clock and how many of his requests arrived. Asking makes nobody a
 // peer and costs memory only up to the bounds below; a flood of senders pushes out the counts of
 // the paths that were silent for longest, and a flood of requests takes the place of others'.
@@ -21,6 +23,7 @@
 #include <span>
 #include <vector>
 
+#include "core/probe/answer_limit.h"
 #include "core/wire/packet.h"
 #include "interneuron/endpoint.h"
 
@@ -50,8 +53,8 @@ class EchoReflector {
   explicit EchoReflector(SessionId self) : self_(self) {}
 
   // Queues the reply to `packet`, an echo that came in as `datagram`. False when it is not
-  // answered: it is a reply, it carries our own session (our packet came back), or there is no
-  // room.
+  // answered: it is a reply, it carries our own session (our packet came back), it comes from the
+  // port of STAMP, its source has had all answers that it may have, or there is no room.
   bool take(TimePoint now, const wire::Packet& packet, const Datagram& datagram);
   // Forgets the paths of this NIC and the replies that would leave over it.
   void remove_link(LinkId nic);
@@ -92,6 +95,7 @@ class EchoReflector {
   static TimePoint release_at(const Path& path);
 
   SessionId self_;
+  probe::AnswerLimit limit_;
   std::vector<Path> paths_;
   // By the instant at which they leave.
   std::multimap<TimePoint, Reply> delayed_;

@@ -1,8 +1,35 @@
 #include "core/probe/stamp_reflector.h"
 
 #include <algorithm>
+#include <array>
+
+#include "core/wire/packet.h"
 
 namespace interneuron::probe {
+namespace {
+
+// Where the bytes of a STAMP reply are that must be zero (RFC 8762 §4.3.1), but for the two behind
+// its error estimate, which RFC 8972 §3 gives to the session's identifier.
+constexpr std::array<std::size_t, 5> kReplyZeros{38, 39, 41, 42, 43};
+
+// All marks of a reply: valid error estimates of both sides, the instant of reception, and zeros
+// where a reply must have them. A request has zeros in place of the first two.
+bool is_stamp_reply(ByteView datagram) {
+  const auto reply = wire::parse_stamp_reply(datagram);
+  return reply && reply->received != 0 && std::ranges::all_of(kReplyZeros, [&](std::size_t at) {
+           return datagram[at] == std::byte{0};
+         });
+}
+
+}  // namespace
+
+bool StampReflector::from_reflector(const Request& request) const {
+  const std::uint16_t port = sender_port(request.from);
+  if (port == wire::kStampPort || (port != 0 && port == port_)) return true;
+  if (is_stamp_reply(request.bytes)) return true;
+  const auto packet = wire::parse(request.bytes);
+  return packet && packet->header.type == wire::PacketType::kEcho && packet->echo.is_reply;
+}
 
 StampReflector::Session& StampReflector::session_of(const Request& request) {
   const auto known = std::ranges::find_if(sessions_, [&request](const Session& s) {
@@ -21,7 +48,8 @@ StampReflector::Session& StampReflector::session_of(const Request& request) {
 std::size_t StampReflector::answer(const Request& request, TimePoint sent, Duration wall,
                                    std::span<std::byte> out) {
   const auto parsed = wire::parse_stamp_request(request.bytes);
-  if (!parsed || out.size() < request.bytes.size()) return 0;
+  if (!parsed || out.size() < request.bytes.size() || from_reflector(request)) return 0;
+  if (!limit_.allow(request.received, request.from)) return 0;
   wire::StampReply reply = wire::stamp_reply_to(*parsed, request.ttl);
   if (stateful_) {
     Session& session = session_of(request);

@@ -89,6 +89,30 @@ TEST_F(Reflecting, AnswersAtOnceTheSameSizeToWhereItCameFrom) {
   EXPECT_FALSE(reflector_.next_timeout());
 }
 
+TEST_F(Reflecting, WhatComesFromThePortOfStampIsNotAnswered) {
+  const Bytes bytes = bytes_of({});
+  Address stamp;
+  stamp.size = 16;
+  stamp.raw[2] = std::byte{862 >> 8};
+  stamp.raw[3] = std::byte{862 & 0xff};
+  EXPECT_FALSE(reflector_.take(now_, *wire::parse(bytes), {kNic, stamp, bytes}));
+  stamp.raw[3] = std::byte{863 & 0xff};
+  EXPECT_TRUE(reflector_.take(now_, *wire::parse(bytes), {kNic, stamp, bytes}));
+}
+
+TEST_F(Reflecting, OneSourceGetsNoMoreThanItsShareAndOthersGetTheirs) {
+  std::size_t got = 0;
+  for (int i = 0; i < 2 * probe::AnswerLimit::kBurst; ++i) {
+    ask({.session = static_cast<std::uint32_t>(i + 1)});
+    got += answers().size();
+  }
+  EXPECT_EQ(got, std::size_t{probe::AnswerLimit::kBurst});
+  EXPECT_TRUE(ask({.from = 8}));
+  now_ += 10 * probe::AnswerLimit::kInterval;
+  for (int i = 0; i < 100; ++i) ask({});
+  EXPECT_EQ(answers().size(), 11U);
+}
+
 TEST_F(Reflecting, CountsTheRequestsOfEachPathByItself) {
   for (const std::uint32_t sequence : {0U, 3U, 4U}) ask({.sequence = sequence});
   ask({.sequence = 0, .link = 2});
@@ -197,6 +221,7 @@ TEST_F(Reflecting, WithoutRoomALaterReplyLeavesAtOnce) {
 
 TEST_F(Reflecting, LaterRepliesTakeNoRoomOfOthers) {
   for (std::uint32_t i = 0; i < EchoReflector::kMaxDelayed; ++i) ask({.sequence = i, .delay = 1});
+  constexpr std::size_t kHosts = 64;
   std::size_t taken = 0;
   for (std::uint32_t i = 0; i < 5000; ++i) taken += ask({.sequence = i}) ? 1 : 0;
   EXPECT_EQ(taken, EchoReflector::kMaxWaiting);
@@ -204,14 +229,21 @@ TEST_F(Reflecting, LaterRepliesTakeNoRoomOfOthers) {
 }
 
 TEST_F(Reflecting, MemoryIsBounded) {
+  constexpr std::size_t kHosts = 64;
   std::size_t taken = 0;
   for (std::uint32_t i = 0; i < 5000; ++i) {
-    taken += ask({.sequence = i, .link = static_cast<std::uint8_t>(i), .session = 1 + i}) ? 1 : 0;
+    // From many hosts, each within its share.
+    const Question question{
+        .sequence = i, .link = static_cast<std::uint8_t>(i), .session = 1 + i, .from = i % kHosts};
+    taken += ask(question) ? 1 : 0;
   }
   EXPECT_EQ(taken, EchoReflector::kMaxWaiting);
   EXPECT_EQ(answers().size(), EchoReflector::kMaxWaiting);
   // What was dropped did arrive: the numbers say so.
-  ask({.sequence = 1, .link = static_cast<std::uint8_t>(4999), .session = 5000});
+  ask({.sequence = 1,
+       .link = static_cast<std::uint8_t>(4999),
+       .session = 5000,
+       .from = 4999 % kHosts});
   EXPECT_EQ(answers().at(0).echo.reply.sequence, 1U);
 }
 

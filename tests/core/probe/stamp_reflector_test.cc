@@ -3,6 +3,9 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <random>
+
+#include "core/wire/packet.h"
 
 namespace interneuron::probe {
 namespace {
@@ -82,6 +85,85 @@ TEST_F(Answering, ManySessionsPushOutTheOldest) {
   }
   EXPECT_EQ(ask(1, 1)->sequence, 1U);
   EXPECT_EQ(ask(1, 0)->sequence, 0U);
+}
+
+// The bytes of a sockaddr_in.
+Address ipv4(std::uint8_t host, std::uint16_t port) {
+  Address a;
+  a.size = 16;
+  a.raw[2] = static_cast<std::byte>(port >> 8);
+  a.raw[3] = static_cast<std::byte>(port & 0xff);
+  a.raw[4] = std::byte{10};
+  a.raw[7] = static_cast<std::byte>(host);
+  return a;
+}
+
+// How many packets pass between two reflectors at these ports after one request that was forged in
+// the name of the second; stops at 100.
+int packets_between(std::uint16_t port1, std::uint16_t port2, bool stateful) {
+  StampReflector first(stateful, port1);
+  StampReflector second(stateful, port2);
+  Bytes packet(100);
+  wire::write_stamp_request(packet, {7, 99, wire::kStampUnsynchronised}, packet.size());
+  TimePoint now{5s};
+  for (int sent = 1; sent < 100; ++sent) {
+    const bool at_first = sent % 2 == 1;
+    now += 1ms;
+    Bytes answer(packet.size());
+    const std::size_t size =
+        (at_first ? first : second)
+            .answer({LinkId{0}, at_first ? ipv4(2, port2) : ipv4(1, port1), packet, 64, now}, now,
+                    1000h, answer);
+    if (size == 0) return sent;
+    packet = answer;
+  }
+  return 100;
+}
+
+TEST(TwoReflectors, DoNotAnswerEachOther) {
+  for (const bool stateful : {true, false}) {
+    EXPECT_LE(packets_between(862, 862, stateful), 2);
+    EXPECT_LE(packets_between(9000, 9000, stateful), 2);
+    EXPECT_LE(packets_between(9000, 862, stateful), 2);
+    EXPECT_LE(packets_between(862, 9000, stateful), 2);
+    EXPECT_LE(packets_between(9000, 9001, stateful), 2);
+  }
+}
+
+TEST_F(Answering, NeitherAReplyNorAnEchoReplyIsAnswered) {
+  Bytes reply(100);
+  wire::StampReply stamp = wire::stamp_reply_to({3, 99, wire::kStampUnsynchronised}, 64);
+  stamp.received = wire::to_stamp_time(1000h);
+  wire::write_stamp_reply(reply, stamp, Bytes(56));
+  EXPECT_EQ(reflector_.answer({LinkId{0}, ipv4(1, 40000), reply, 64, now_}, now_, 0s, out_), 0U);
+
+  wire::Echo echo;
+  echo.is_reply = true;
+  echo.reply = stamp;
+  Bytes bytes(200);
+  bytes.resize(wire::write_echo(
+      bytes, {wire::PacketType::kEcho, LinkId{1}, wire::kClearEpoch, SessionId{5}, 1}, echo, 200));
+  EXPECT_EQ(reflector_.answer({LinkId{0}, ipv4(1, 40000), bytes, 64, now_}, now_, 0s, out_), 0U);
+}
+
+TEST_F(Answering, RequestsThatArePaddedAtRandomAreAnswered) {
+  std::mt19937_64 random(1);
+  for (int i = 0; i < 1000; ++i) {
+    Bytes request(100);
+    wire::write_stamp_request(request, {1, 99, wire::kStampUnsynchronised}, request.size());
+    for (std::size_t at = 14; at < request.size(); ++at) {
+      request[at] = static_cast<std::byte>(random());
+    }
+    EXPECT_EQ(reflector_.answer({LinkId{0}, ipv4(1, 40000), request, 64, now_}, now_, 0s, out_),
+              request.size());
+  }
+}
+
+TEST_F(Answering, OneSourceGetsNoMoreThanItsShareAndOthersGetTheirs) {
+  int answers = 0;
+  for (int i = 0; i < 2 * AnswerLimit::kBurst; ++i) answers += ask(0, 1) ? 1 : 0;
+  EXPECT_EQ(answers, AnswerLimit::kBurst);
+  EXPECT_TRUE(ask(0, 2));
 }
 
 }  // namespace
