@@ -16,6 +16,8 @@
 #include <optional>
 #include <sstream>
 
+#include "host/io/steady_clock.h"
+
 namespace interneuron::cli {
 
 namespace {
@@ -102,6 +104,11 @@ void LiveServer::publish(std::string line) {
 void LiveServer::take_reader() {
   io::FileDescriptor socket(
       ::accept4(listener_.get(), nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK));
+  if (socket.get() < 0 && errno != EAGAIN && errno != EINTR && errno != ECONNABORTED) {
+    // The reader stays in the queue, so that poll() would return at once, for ever.
+    paused_until_ = io::now() + kPause;
+    ++refusals_;
+  }
   if (socket.get() < 0 || readers_.size() >= kMaxReaders) return;
   if (!same_user_or_root(socket.get(), 0)) return;
   readers_.push_back({std::move(socket), {}});
@@ -138,14 +145,23 @@ void LiveServer::tell_newest() {
   });
 }
 
+// Until readers are taken again; -1 when they are.
+int LiveServer::poll_timeout_ms() const {
+  const Duration left = paused_until_ - io::now();
+  return left > Duration::zero() ? static_cast<int>(to_ms(left)) + 1 : -1;
+}
+
 void LiveServer::serve() {
   while (!stop_) {
-    std::vector<pollfd> items{{listener_.get(), POLLIN, 0}, {wake_.get(), POLLIN, 0}};
+    const int timeout_ms = poll_timeout_ms();
+    // poll() passes over a negative descriptor.
+    const int listener = timeout_ms < 0 ? listener_.get() : -1;
+    std::vector<pollfd> items{{listener, POLLIN, 0}, {wake_.get(), POLLIN, 0}};
     for (const Reader& reader : readers_) {
       const auto events = static_cast<short>(POLLRDHUP | (reader.unsent.empty() ? 0 : POLLOUT));
       items.push_back({reader.socket.get(), events, 0});
     }
-    if (::poll(items.data(), items.size(), -1) < 0) {
+    if (::poll(items.data(), items.size(), timeout_ms) < 0) {
       if (errno == EINTR) continue;
       return;
     }

@@ -10,12 +10,14 @@
 #pragma once
 
 #include <atomic>
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <thread>
 #include <vector>
 
 #include "host/io/file_descriptor.h"
+#include "interneuron/time.h"
 
 namespace interneuron::cli {
 
@@ -36,6 +38,12 @@ class LiveServer {
   // `line` has no newline.
   void publish(std::string line);
   const std::string& problem() const { return problem_; }
+  // How often a reader could not be taken because this process or system has too many files open.
+  // After each such time no reader is taken for kPause; they wait, and lines go on to the others.
+  std::uint64_t refusals() const { return refusals_.load(std::memory_order_relaxed); }
+  // As often as a line is published. No measurement behind this value: it only has to be long
+  // beside a system call, and short for a person who waits.
+  static constexpr Duration kPause = std::chrono::milliseconds(500);
 
   static std::string own_name();
 
@@ -48,6 +56,7 @@ class LiveServer {
   };
   void serve();
   void take_reader();
+  int poll_timeout_ms() const;
   void tell_newest();
   static bool send_rest(Reader& reader);
 
@@ -56,7 +65,10 @@ class LiveServer {
   io::FileDescriptor wake_;
   // Used by the thread alone.
   std::vector<Reader> readers_;
+  // Until when no reader is taken.
+  TimePoint paused_until_{};
   std::atomic<int> reader_count_{0};
+  std::atomic<std::uint64_t> refusals_{0};
   std::atomic<bool> stop_{false};
   struct Mailbox;
   std::unique_ptr<Mailbox> mailbox_;

@@ -2,14 +2,18 @@
 
 #include <gmock/gmock.h>
 #include <poll.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
 #include <sys/un.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <array>
 #include <chrono>
 #include <cstddef>
 #include <thread>
+
+#include "host/io/file_descriptor.h"
 
 namespace interneuron::cli {
 namespace {
@@ -43,6 +47,44 @@ TEST(LiveState, AReaderGetsTheNewestLine) {
   server.publish("two");
   EXPECT_TRUE(eventually([&] { return testing::Value(reader.lines(), Contains("two")); }));
   EXPECT_THAT(reader.lines(), Not(Contains("one")));
+}
+
+TEST(LiveState, WithoutDescriptorsItPausesAndGoesOnLater) {
+  LiveServer server(name("descriptors"));
+  LiveReader reader;
+  reader.lines();
+  ASSERT_TRUE(eventually([&] { return server.wanted(); }));
+  const io::FileDescriptor client(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
+  sockaddr_un to{};
+  to.sun_family = AF_UNIX;
+  name("descriptors").copy(to.sun_path + 1, sizeof to.sun_path - 1);
+  const auto size =
+      static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + 1 + name("descriptors").size());
+  rlimit before{};
+  ::getrlimit(RLIMIT_NOFILE, &before);
+  const io::FileDescriptor next(::dup(0));
+  const auto limit = static_cast<rlim_t>(next.get());
+  const auto began = std::chrono::steady_clock::now();
+  const rlimit none{limit, before.rlim_max};
+  ::setrlimit(RLIMIT_NOFILE, &none);
+  ASSERT_EQ(::connect(client.get(), reinterpret_cast<const sockaddr*>(&to), size), 0);
+  ASSERT_TRUE(eventually([&] { return server.refusals() > 0; }));
+  // Each line wakes its thread, which looks for readers then.
+  for (int i = 0; i < 200; ++i) {
+    server.publish("line " + std::to_string(i));
+    std::this_thread::yield();
+  }
+  ASSERT_TRUE(eventually([&] { return server.refusals() > 1; })) << "it tries again by itself";
+  const auto refusals = server.refusals();
+  const auto passed = std::chrono::steady_clock::now() - began;
+  ::setrlimit(RLIMIT_NOFILE, &before);
+  EXPECT_LE(refusals, 1U + static_cast<std::uint64_t>(passed / LiveServer::kPause));
+  // The one who waited is served.
+  std::array<char, 64> line{};
+  ASSERT_TRUE(eventually([&] {
+    server.publish("after");
+    return ::recv(client.get(), line.data(), line.size(), MSG_DONTWAIT) > 0;
+  }));
 }
 
 TEST(LiveState, NothingIsLeftBehindAndReadersNoticeTheEnd) {
