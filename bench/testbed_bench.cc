@@ -29,6 +29,9 @@
 #include <vector>
 
 #include "host/io/file_descriptor.h"
+#include "host/process/failure.h"
+#include "host/process/private_folder.h"
+#include "host/process/whole_file.h"
 #include "interneuron/sizes.h"
 #include "netns/state/check.h"
 #include "netns/state/error.h"
@@ -271,11 +274,10 @@ double throughput(const State& state, const char* name, const Flow& flow, double
 }
 
 int bench(Backend backend, double seconds) {
-  const std::filesystem::path folder =
-      std::filesystem::temp_directory_path() / fmt::format("testbed-bench-{}", ::getpid());
-  std::filesystem::create_directories(folder);
+  const cli::PrivateFolder temporary("testbed-bench");
+  const std::filesystem::path& folder = temporary.path();
   {
-    std::ofstream(folder / "bench.toml") << kProfile;
+    cli::write_whole(folder / "bench.toml", kProfile);
     TestbedOptions options;
     options.name = "bench";
     options.backend = backend;
@@ -302,7 +304,6 @@ int bench(Backend backend, double seconds) {
         precise.quantile(0.99) - kLinkMs, precise.quantile(0.999) - kLinkMs, precise.received,
         precise.sent, snapshot.lateness_mean_us, snapshot.lateness_max_us, snapshot.kernel_drops);
   }
-  std::filesystem::remove_all(folder);
   return 0;
 }
 
@@ -326,6 +327,9 @@ int main(int argc, char** argv) {
                                      : backend == "emulator" ? Backend::kEmulator
                                                              : Backend::kAuto,
                                      seconds);
+  } catch (const interneuron::cli::Failure& error) {
+    fmt::print(stderr, "testbed_bench: {}\n", error.what());
+    return error.code();
   } catch (const interneuron::netns::TestbedError& error) {
     fmt::print(stderr, "testbed_bench: {}\n", error.what());
     return error.exit_code;

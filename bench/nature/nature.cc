@@ -91,7 +91,6 @@ bench::Run measure(const Options& o, bool loaded) {
   options.scenario =
       netns::scenario_of({fmt::format("{}=clean", kTested), fmt::format("{}=clean", kOther)}, 1);
   options.backend = o.backend;
-  options.runtime_dir = fs::absolute(o.out) / ".testbed";
   const Testbed testbed = Testbed::up(options);
   const netns::State& state = testbed.state();
   Testbed::change(state, kTested, settings(bench::kBase));
@@ -216,8 +215,6 @@ int run_nature(const Options& o) {
   const lab::Json json = as_json(runs, o);
   lab::write_json(fs::path(o.out) / "nature.json", json);
   plot_nature(fs::path(o.out) / "nature.png", runs);
-  std::error_code ignored;
-  fs::remove(fs::path(o.out) / ".testbed", ignored);
   if (o.json) {
     fmt::print("{}\n", json.dump(2));
   } else {

@@ -117,6 +117,11 @@ State from_json(const Json& object, const std::filesystem::path& file) {
   return state;
 }
 
+[[noreturn]] void refuse(const std::filesystem::path& runtime_dir, const std::string& what) {
+  throw TestbedError(1, "'" + runtime_dir.string() + "' is not a directory of yours but " + what +
+                            "; remove it, or set XDG_RUNTIME_DIR to a folder of yours");
+}
+
 }  // namespace
 
 void check_name(const std::string& name, std::size_t max, const std::string& what) {
@@ -143,17 +148,24 @@ void make_runtime_dir(const std::filesystem::path& runtime_dir) {
   if (::mkdir(runtime_dir.c_str(), 0700) != 0 && errno != EEXIST) {
     fail_errno("make the directory " + runtime_dir.string());
   }
-  struct stat status {};
-  check(::lstat(runtime_dir.c_str(), &status), "look at the directory " + runtime_dir.string());
-  if (!S_ISDIR(status.st_mode) || status.st_uid != ::geteuid()) {
-    throw TestbedError(1, runtime_dir.string() +
-                              " is not a directory of yours; remove it or name another directory");
-  }
 }
 
 RuntimeDirLock::RuntimeDirLock(const std::filesystem::path& runtime_dir)
-    : directory_(check(::open(runtime_dir.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC),
-                       "open the directory " + runtime_dir.string())) {
+    : directory_(::open(runtime_dir.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC)) {
+  // A symbolic link is ENOTDIR here, with some kernels ELOOP.
+  if (directory_.get() < 0 && (errno == ENOTDIR || errno == ELOOP)) {
+    refuse(runtime_dir, "no directory, or a symbolic link");
+  }
+  check(directory_.get(), "open the directory " + runtime_dir.string());
+  struct stat status {};
+  check(::fstat(directory_.get(), &status), "look at the directory " + runtime_dir.string());
+  if (status.st_uid != ::geteuid()) {
+    refuse(runtime_dir, "of user " + std::to_string(status.st_uid));
+  }
+  if ((status.st_mode & (S_IRWXG | S_IRWXO)) != 0) {
+    throw TestbedError(1, "'" + runtime_dir.string() +
+                              "' is open to other users; `chmod 700` it if nobody else uses it");
+  }
   check(::flock(directory_.get(), LOCK_EX), "lock the directory " + runtime_dir.string());
 }
 
@@ -164,11 +176,15 @@ void write_state(const State& state) {
   ::unlink(temporary.c_str());
   const io::FileDescriptor out(
       ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600));
-  const bool written = out.get() >= 0 && ::write(out.get(), text.data(), text.size()) ==
-                                             static_cast<ssize_t>(text.size());
-  if (!written || ::rename(temporary.c_str(), state.file.c_str()) != 0) {
-    fail_errno("write " + state.file.string());
-  }
+  if (out.get() < 0) fail_errno("write " + state.file.string());
+  const ssize_t written = ::write(out.get(), text.data(), text.size());
+  // A disk that is nearly full takes a part.
+  int error = written < 0 ? errno : 0;
+  if (error == 0 && written != static_cast<ssize_t>(text.size())) error = ENOSPC;
+  if (error == 0 && ::rename(temporary.c_str(), state.file.c_str()) != 0) error = errno;
+  if (error == 0) return;
+  ::unlink(temporary.c_str());
+  fail_errno("write " + state.file.string(), error);
 }
 
 std::optional<State> read_state(const std::filesystem::path& file) {

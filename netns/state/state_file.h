@@ -32,12 +32,14 @@ void check_name(const std::string& name, std::size_t max, const std::string& wha
 // RUNTIME_DIR/NAME.json. Throws for a bad name.
 std::filesystem::path state_path(const std::filesystem::path& runtime_dir, const std::string& name);
 
-// Makes the directory with mode 0700 unless it is there. Throws when it belongs to another user:
-// that user could write state files by which we end any of our processes.
+// Makes the directory with mode 0700 unless it is there; RuntimeDirLock looks at what is there.
 void make_runtime_dir(const std::filesystem::path& runtime_dir);
 
 // Excludes other processes from the state files of a directory while it lives. The constructor
-// waits for them. Throws when the directory cannot be opened.
+// waits for them. Every use of a directory begins here, and so does the judgement of it: the
+// constructor throws, before it waits, when the directory cannot be opened, is a symbolic link,
+// belongs to another user or can be entered by one. Such a user could write state files by which we
+// end any of our processes, or hold the lock for ever.
 class RuntimeDirLock {
  public:
   explicit RuntimeDirLock(const std::filesystem::path& runtime_dir);

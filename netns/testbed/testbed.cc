@@ -63,6 +63,14 @@ void check_options(const TestbedOptions& options) {
   }
 }
 
+// Whether there is anything of this name, be it a symbolic link to nothing. If the look fails,
+// opening the directory throws with the reason.
+bool is_there(const std::filesystem::path& runtime_dir) {
+  std::error_code error;
+  return std::filesystem::symlink_status(runtime_dir, error).type() !=
+         std::filesystem::file_type::not_found;
+}
+
 // find() for a caller that holds the lock.
 std::optional<State> find_locked(const std::filesystem::path& file) {
   const std::optional<State> state = read_state(file);
@@ -72,6 +80,20 @@ std::optional<State> find_locked(const std::filesystem::path& file) {
   std::error_code ignored;
   std::filesystem::remove(file, ignored);
   return std::nullopt;
+}
+
+// Removes the state files of holders that have ended without doing so, because they were killed;
+// for a caller that holds the lock. Files that are no state files of this version stay.
+void remove_dead(const std::filesystem::path& runtime_dir) {
+  std::error_code ignored;
+  for (const auto& entry : std::filesystem::directory_iterator(runtime_dir, ignored)) {
+    if (entry.path().extension() != ".json") continue;
+    try {
+      find_locked(entry.path());
+    } catch (const TestbedError&) {
+      continue;
+    }
+  }
 }
 
 // True when the process has ended within the bound.
@@ -192,6 +214,7 @@ Testbed Testbed::up(const TestbedOptions& options) {
   state.links = plan_links(options);
   make_runtime_dir(options.runtime_dir);
   const RuntimeDirLock lock(options.runtime_dir);
+  remove_dead(options.runtime_dir);
   if (const auto present = find_locked(state.file)) {
     throw TestbedError(1, "testbed '" + options.name + "' is already up (pid " +
                               std::to_string(present->holder) +
@@ -204,18 +227,16 @@ Testbed Testbed::up(const TestbedOptions& options) {
 std::optional<State> Testbed::find(const std::string& name,
                                    const std::filesystem::path& runtime_dir) {
   const std::filesystem::path file = std::filesystem::absolute(state_path(runtime_dir, name));
-  // If this look fails, opening the directory below throws with the reason.
-  std::error_code ignored;
-  if (!std::filesystem::exists(runtime_dir, ignored) && !ignored) return std::nullopt;
+  if (!is_there(runtime_dir)) return std::nullopt;
   const RuntimeDirLock lock(runtime_dir);
+  remove_dead(runtime_dir);
   return find_locked(file);
 }
 
 std::vector<State> Testbed::list(const std::filesystem::path& runtime_dir) {
   std::vector<State> out;
-  // As in find().
   std::error_code ignored;
-  if (!std::filesystem::exists(runtime_dir, ignored) && !ignored) return out;
+  if (!is_there(runtime_dir)) return out;
   const RuntimeDirLock lock(runtime_dir);
   std::vector<std::filesystem::path> files;
   for (const auto& entry : std::filesystem::directory_iterator(runtime_dir, ignored)) {
@@ -231,8 +252,7 @@ std::vector<State> Testbed::list(const std::filesystem::path& runtime_dir) {
 
 void Testbed::down(const State& state) {
   end_holder(state);
-  std::error_code ignored;
-  if (!std::filesystem::exists(state.file.parent_path(), ignored)) return;
+  if (!is_there(state.file.parent_path())) return;
   const RuntimeDirLock lock(state.file.parent_path());
   // Removes the file, unless a new testbed has taken the name in the meantime.
   find_locked(state.file);

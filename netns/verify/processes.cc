@@ -98,23 +98,6 @@ void allow_setgroups() {
   }
 }
 
-PrivateFolder::PrivateFolder() {
-  std::error_code error;
-  const fs::path parent = fs::temp_directory_path(error);
-  std::string name = ((error ? fs::path("/tmp") : parent) / "interneuron-verify-XXXXXX").string();
-  if (::mkdtemp(name.data()) == nullptr) {
-    throw Failure(kFailed,
-                  fmt::format("cannot make a folder {}: {}; set TMPDIR to one that can be written",
-                              name, std::strerror(errno)));
-  }
-  path_ = name;
-}
-
-PrivateFolder::~PrivateFolder() {
-  std::error_code ignored;
-  fs::remove_all(path_, ignored);
-}
-
 namespace {
 
 pid_t spawn(const netns::State& state, netns::Host host, const std::vector<std::string>& argv,

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "host/process/child.h"
+#include "host/process/private_folder.h"
 #include "netns/state/hosts.h"
 #include "netns/state/state.h"
 
@@ -29,20 +30,6 @@ void require_tools(std::initializer_list<Tool> tools);
 // kernel forbids setgroups() there, and tcpdump calls it and gives up although it is told to stay
 // root (-Z root). Without effect on machines that are neither x86-64 nor arm64.
 void allow_setgroups();
-
-// A temporary folder that only its owner can read; the destructor removes it with all its files.
-// Not for folders in which others may write names: nothing is checked when it is removed.
-class PrivateFolder {
- public:
-  PrivateFolder();
-  ~PrivateFolder();
-  PrivateFolder(const PrivateFolder&) = delete;
-  PrivateFolder& operator=(const PrivateFolder&) = delete;
-  std::filesystem::path operator/(const std::string& name) const { return path_ / name; }
-
- private:
-  std::filesystem::path path_;
-};
 
 // One program that runs inside one host of the testbed, with stdout and stderr in the files
 // NAME.out and NAME.err of `folder`, which must outlive it. Owns the process: the destructor ends

@@ -122,7 +122,7 @@ class Session {
   const netns::State& state_;
   const SessionOptions& options_;
   const std::function<void(Duration)>& progress_;
-  PrivateFolder folder_;
+  PrivateFolder folder_{"interneuron-verify"};
   Duration wall_offset_;
   Duration started_;
   int names_ = 0;

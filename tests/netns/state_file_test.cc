@@ -1,11 +1,17 @@
 #include "netns/state/state_file.h"
 
+#include <fcntl.h>
 #include <gmock/gmock.h>
+#include <sys/file.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
+#include <csignal>
 #include <fstream>
 
+#include "host/io/file_descriptor.h"
 #include "netns/state/error.h"
+#include "netns/testbed/testbed.h"
 #include "support.h"
 
 namespace interneuron::netns {
@@ -114,14 +120,79 @@ TEST(StateFile, NamesAreChecked) {
   EXPECT_EQ(state_path("/tmp", "a-B_9"), "/tmp/a-B_9.json");
 }
 
-TEST(StateFile, RuntimeDirectoryMustBeOurs) {
+// What a command says of a directory that it does not use; empty: it used it.
+std::string refusal(const std::filesystem::path& directory) {
+  try {
+    make_runtime_dir(directory);
+    const RuntimeDirLock lock(directory);
+  } catch (const TestbedError& error) {
+    EXPECT_EQ(error.exit_code, 1);
+    return error.what();
+  }
+  return "";
+}
+
+TEST(RuntimeDirectory, IsOursAndClosedToOthersOrRefused) {
   const RuntimeDir dir;
-  make_runtime_dir(dir.path() / "deep" / "er");
-  EXPECT_TRUE(std::filesystem::is_directory(dir.path() / "deep" / "er"));
-  std::filesystem::create_directory_symlink("/tmp", dir.path() / "link");
-  EXPECT_THROW(make_runtime_dir(dir.path() / "link"), TestbedError);
+  EXPECT_EQ(refusal(dir.path() / "deep" / "er"), "");
+  EXPECT_EQ(refusal(dir.path() / "deep" / "er"), "");
+  std::filesystem::create_directory_symlink(dir.path() / "deep" / "er", dir.path() / "link");
+  EXPECT_THAT(refusal(dir.path() / "link"), HasSubstr("symbolic link"));
   std::ofstream(dir.path() / "file") << "x";
-  EXPECT_THROW(make_runtime_dir(dir.path() / "file"), TestbedError);
+  EXPECT_THAT(refusal(dir.path() / "file"), HasSubstr("no directory"));
+  std::filesystem::create_directory(dir.path() / "open");
+  std::filesystem::permissions(dir.path() / "open", std::filesystem::perms{0750});
+  EXPECT_THAT(refusal(dir.path() / "open"), HasSubstr("chmod 700"));
+  if (::geteuid() != 0) return;
+  std::filesystem::create_directory(dir.path() / "foreign");
+  ASSERT_EQ(::chown((dir.path() / "foreign").c_str(), 12345, 12345), 0);
+  EXPECT_THAT(refusal(dir.path() / "foreign"), HasSubstr("of user 12345"));
+}
+
+// Whoever may enter the directory of another could keep that user's commands waiting for ever.
+TEST(RuntimeDirectory, IsRefusedBeforeItsLockIsWaitedFor) {
+  const RuntimeDir dir;
+  std::filesystem::create_directory(dir.path() / "open");
+  std::filesystem::permissions(dir.path() / "open", std::filesystem::perms{0755});
+  const io::FileDescriptor other(::open((dir.path() / "open").c_str(), O_RDONLY | O_CLOEXEC));
+  ASSERT_EQ(::flock(other.get(), LOCK_EX), 0);
+  EXPECT_THAT(refusal(dir.path() / "open"), HasSubstr("chmod 700"));
+}
+
+TEST(RuntimeDirectory, EveryLookTakesAwayWhatDeadHoldersHaveLeft) {
+  const RuntimeDir dir;
+  const auto leave = [&] {
+    State dead = example(dir);
+    ++dead.holder_start_ticks;
+    write_state(dead);
+    return dead.file;
+  };
+  const std::filesystem::path foreign = dir.path() / "foreign.json";
+  std::ofstream(foreign) << "{}";
+  const std::filesystem::path file = leave();
+  EXPECT_FALSE(Testbed::find("another", dir.path()).has_value());
+  EXPECT_FALSE(std::filesystem::exists(file));
+  EXPECT_TRUE(std::filesystem::exists(foreign)) << "not ours to remove";
+  std::filesystem::remove(foreign);
+  leave();
+  EXPECT_TRUE(Testbed::list(dir.path()).empty());
+  EXPECT_FALSE(std::filesystem::exists(file));
+}
+
+TEST(StateFile, OneThatCannotBeWrittenLeavesNothing) {
+  const RuntimeDir dir;
+  State state = example(dir);
+  state.file = dir.path() / "none" / "x.json";
+  EXPECT_THROW(write_state(state), TestbedError);
+  rlimit before{};
+  ::getrlimit(RLIMIT_FSIZE, &before);
+  const auto handler = std::signal(SIGXFSZ, SIG_IGN);
+  const rlimit small{100, before.rlim_max};
+  ::setrlimit(RLIMIT_FSIZE, &small);
+  EXPECT_THROW(write_state(example(dir)), TestbedError);
+  ::setrlimit(RLIMIT_FSIZE, &before);
+  std::signal(SIGXFSZ, handler);
+  EXPECT_TRUE(std::filesystem::is_empty(dir.path()));
 }
 
 }  // namespace

@@ -38,14 +38,6 @@ using Ladder = RoadChild::Ladder;
 class Demo {
  public:
   explicit Demo(const DemoOptions& options);
-  ~Demo() {
-    testbed_.reset();
-    // A folder that is not empty is somebody else's, and stays.
-    std::error_code ignored;
-    fs::remove(testbed_options_.runtime_dir, ignored);
-  }
-  Demo(const Demo&) = delete;
-  Demo& operator=(const Demo&) = delete;
   int run();
 
  private:
@@ -67,8 +59,6 @@ Demo::Demo(const DemoOptions& options) : o_(options), data_(find_data(options.da
   testbed_options_.scenario = options.links.empty()
                                   ? netns::default_scenario(options.seed)
                                   : netns::scenario_of(options.links, options.seed);
-  // Private to this run and gone with it; nothing is written outside the output folder.
-  testbed_options_.runtime_dir = fs::absolute(options.out) / ".testbed";
   video_ = options.video.empty() ? default_video(data_) : options.video;
   // A video that cannot be read is told once, here, and not by both programs.
   const perception::FrameSource readable(video_);

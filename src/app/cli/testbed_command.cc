@@ -199,12 +199,13 @@ int status(const Options& o) {
 }
 
 int list() {
+  // Before anything is printed: it may be refused.
+  const auto testbeds = Testbed::list();
   fmt::print("profiles:\n");
   for (const emu::BuiltInProfile& built_in : emu::built_in_profiles()) {
     const auto profile = emu::built_in_profile(built_in.name);
     fmt::print("  {:<24} {}\n", built_in.name, profile ? profile->description : "");
   }
-  const auto testbeds = Testbed::list();
   fmt::print("{}\n", testbeds.empty() ? "no testbed is up" : "testbeds that are up:");
   for (const netns::State& state : testbeds) {
     std::string links;

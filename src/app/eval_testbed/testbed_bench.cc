@@ -11,6 +11,7 @@
 #include "core/base/statistics.h"
 #include "host/process/child.h"
 #include "host/process/failure.h"
+#include "host/process/private_folder.h"
 #include "host/process/signals.h"
 #include "host/settings/data.h"
 #include "lab/sim/offload.h"
@@ -117,7 +118,7 @@ Bench::Bench(const eval::Scenario& scenario, std::optional<fs::path> data, std::
       kind_(std::move(ladder)),
       scratch_(std::move(scratch)),
       video_(default_video(data_)),
-      testbed_(up(scenario, (fs::create_directories(scratch_), scratch_))) {}
+      testbed_(up(scenario, (make_private_folder(scratch_), scratch_))) {}
 
 std::vector<std::string> Bench::road_command() const {
   std::vector<std::string> argv{

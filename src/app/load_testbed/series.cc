@@ -1,7 +1,6 @@
 #include "app/load_testbed/series.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <cstdio>
 #include <filesystem>
@@ -10,6 +9,7 @@
 #include "app/load_testbed/run.h"
 #include "app/transports/series_line.h"
 #include "host/process/failure.h"
+#include "host/process/private_folder.h"
 
 namespace interneuron::cli {
 namespace {
@@ -41,8 +41,8 @@ std::string name_of(const Scenario& s) {
 std::vector<load::Row> run_series(const std::vector<Scenario>& scenarios, TransportKind datagrams) {
   const std::vector<Scenario> list = able(scenarios);
   if (list.empty()) throw Failure(kCannotHere, "nothing of this can be run on the testbed here");
-  const std::filesystem::path scratch =
-      std::filesystem::temp_directory_path() / fmt::format("interneuron-load-{}", ::getpid());
+  const PrivateFolder folder("interneuron-load");
+  const std::filesystem::path scratch = folder / "run";
   std::vector<Duration> times;
   for (const Scenario& s : list) times.push_back(time_of_run(s));
   SeriesLine line("bench load", std::move(times));

@@ -1,7 +1,6 @@
 #include "app/peers_testbed/series.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cstdio>
@@ -11,6 +10,7 @@
 #include "app/transports/play.h"
 #include "app/transports/series_line.h"
 #include "host/process/failure.h"
+#include "host/process/private_folder.h"
 
 namespace interneuron::peers {
 namespace {
@@ -50,8 +50,8 @@ Compared compare(const std::vector<Run>& runs) {
   }
   std::vector<Duration> times;
   for (const Run& run : list) times.push_back(time_of_run(run));
-  const std::filesystem::path scratch =
-      std::filesystem::temp_directory_path() / fmt::format("interneuron-peers-{}", ::getpid());
+  const cli::PrivateFolder folder("interneuron-peers");
+  const std::filesystem::path scratch = folder / "run";
   cli::SeriesLine line("bench peers", std::move(times));
   for (const Run& run : list) {
     line.next(name_of(run));

@@ -12,6 +12,7 @@
 #include "app/transports/programs.h"
 #include "host/io/steady_clock.h"
 #include "host/process/failure.h"
+#include "host/process/private_folder.h"
 #include "host/process/signals.h"
 #include "netns/testbed/testbed.h"
 
@@ -126,7 +127,7 @@ Played play(const netns::State& state, const Order& order, const Meanwhile& mean
   return out;
 }
 
-Scratch::Scratch(fs::path folder) : folder_(std::move(folder)) { fs::create_directories(folder_); }
+Scratch::Scratch(fs::path folder) : folder_(std::move(folder)) { make_private_folder(folder_); }
 
 Scratch::~Scratch() {
   std::error_code ignored;

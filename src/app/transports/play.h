@@ -45,8 +45,8 @@ using Meanwhile = std::function<void(TimePoint begin)>;
 // `order.folder` must be there.
 Played play(const netns::State& state, const Order& order, const Meanwhile& meanwhile);
 
-// A folder for the files of a run, made if it is not there and removed at the end, whatever that
-// is.
+// A folder for the files of a run that only its owner can enter, made if it is not there and
+// removed at the end, whatever that is.
 class Scratch {
  public:
   explicit Scratch(std::filesystem::path folder);

@@ -6,6 +6,7 @@
 #include <filesystem>
 
 #include "host/process/failure.h"
+#include "host/process/whole_file.h"
 #include "host/settings/link_options.h"
 #include "host/toml/toml_reader.h"
 
@@ -97,7 +98,7 @@ void apply_config(CLI::App& command) {
   }
   toml::table table;
   try {
-    table = toml::parse_file(file);
+    table = toml::parse(read_whole(file, kConfiguration), file);
   } catch (const toml::parse_error& error) {
     throw Failure(kConfiguration,
                   place(file, error.source()) + ": " + std::string(error.description()));

@@ -1,0 +1,58 @@
+#include "host/process/private_folder.h"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdlib>
+
+#include "host/process/failure.h"
+#include "host/process/whole_file.h"
+
+namespace interneuron::cli {
+
+namespace fs = std::filesystem;
+
+void make_private_folder(const fs::path& folder) {
+  // If this fails, mkdir() fails as well and tells why.
+  std::error_code ignored;
+  fs::create_directories(folder.parent_path(), ignored);
+  if (::mkdir(folder.c_str(), 0700) != 0 && errno != EEXIST) {
+    throw Failure(kFailed, file_problem("cannot make the folder", folder, errno));
+  }
+  struct stat status {};
+  const bool there = ::lstat(folder.c_str(), &status) == 0;
+  const bool ours = there && S_ISDIR(status.st_mode) && status.st_uid == ::geteuid() &&
+                    (status.st_mode & (S_IRWXG | S_IRWXO)) == 0;
+  if (!ours) {
+    throw Failure(kFailed, "'" + folder.string() +
+                               "' is no folder that only you can enter; remove it, or `chmod 700` "
+                               "it if it is yours");
+  }
+}
+
+FolderLock::FolderLock(const fs::path& folder)
+    : folder_(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC)) {
+  const bool locked = held() && ::flock(folder_.get(), LOCK_EX | LOCK_NB) == 0;
+  if (!locked) folder_ = io::FileDescriptor();
+}
+
+PrivateFolder::PrivateFolder(const std::string& purpose) {
+  std::error_code error;
+  const fs::path parent = fs::temp_directory_path(error);
+  std::string name = ((error ? fs::path("/tmp") : parent) / (purpose + "-XXXXXX")).string();
+  if (::mkdtemp(name.data()) == nullptr) {
+    throw Failure(kFailed, file_problem("cannot make a folder", name, errno) +
+                               ", or set TMPDIR to a folder that can be written");
+  }
+  path_ = name;
+}
+
+PrivateFolder::~PrivateFolder() {
+  std::error_code ignored;
+  fs::remove_all(path_, ignored);
+}
+
+}  // namespace interneuron::cli
