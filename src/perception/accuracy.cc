@@ -8,6 +8,8 @@
 #include <string>
 #include <string_view>
 
+#include "perception/openable.h"
+
 namespace interneuron::perception {
 namespace {
 
@@ -156,6 +158,7 @@ Prepared prepare(const GroundTruth& truth, std::span<const Shown> rounds) {
 GroundTruth read_mot_truth(const std::filesystem::path& file) {
   std::ifstream in(file);
   const std::string name = "ground truth '" + file.string() + "': ";
+  if (!in) check_openable("ground truth", file);
   if (!in) throw InputError(name + "cannot be read; run scripts/fetch_data.sh --ground-truth");
   GroundTruth truth;
   std::string line;

@@ -6,6 +6,8 @@
 #include <opencv2/imgproc.hpp>
 #include <string>
 
+#include "perception/openable.h"
+
 #include "perception/levels.h"
 
 namespace interneuron::perception {
@@ -168,7 +170,7 @@ class YoloxNano : public DnnDetector {
 
 void require(const fs::path& model) {
   std::error_code error;
-  if (fs::is_regular_file(model, error)) return;
+  if (fs::is_regular_file(model, error)) return check_openable("model", model);
   throw InputError("model '" + model.string() + "': no such file; run scripts/fetch_data.sh");
 }
 

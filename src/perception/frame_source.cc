@@ -12,6 +12,8 @@
 #include <utility>
 #include <vector>
 
+#include "perception/openable.h"
+
 namespace interneuron::perception {
 
 namespace fs = std::filesystem;
@@ -73,6 +75,7 @@ class PictureReader : public FrameSource::Reader {
     } catch (const cv::Exception&) {
       picture.release();  // a header OpenCV refuses, such as one of absurd size
     }
+    if (picture.empty()) check_openable("picture", name);
     if (picture.empty()) fail("picture", name, "cannot be read as a picture");
     if (std::max(picture.cols, picture.rows) > kMaxSide) fail("picture", name, "is too large");
     return picture;
@@ -138,6 +141,7 @@ std::unique_ptr<FrameSource::Reader> open_folder(const std::string& name) {
     std::error_code ignored;
     if (is_picture(it->path()) && it->is_regular_file(ignored)) files.push_back(it->path());
   }
+  if (error) check_openable("folder", name);
   if (error) fail("folder", name, error.message());
   if (files.empty()) fail("folder", name, "holds no picture (.png, .jpg, .bmp, .ppm, .tif, .webp)");
   std::sort(files.begin(), files.end());
@@ -171,6 +175,7 @@ std::unique_ptr<FrameSource::Reader> open_reader(const std::string& spec) {
   if (error) fail("video", spec, error.message());
   if (fs::is_directory(status)) return open_folder(spec);
   if (!fs::is_regular_file(status)) fail("video", spec, "is neither a file nor a folder");
+  check_openable("video", spec);
   if (is_picture(spec)) return std::make_unique<PictureReader>(std::vector<fs::path>{spec});
   return std::make_unique<VideoReader>("video", spec, file_api(), false);
 }

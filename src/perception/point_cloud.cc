@@ -9,6 +9,7 @@
 #include <unordered_map>
 
 #include "perception/big_endian.h"
+#include "perception/openable.h"
 
 namespace interneuron::perception {
 namespace {
@@ -40,6 +41,7 @@ std::string layout_of(int fields) {
 
 std::vector<float> read_floats(const std::filesystem::path& file, int fields) {
   std::ifstream in(file, std::ios::binary | std::ios::ate);
+  if (!in) check_openable("point cloud", file);
   if (!in || std::filesystem::is_directory(file)) {
     throw InputError(file.string() + ": cannot be read; give a KITTI .bin or nuScenes .pcd.bin");
   }

@@ -13,6 +13,8 @@
 #include <thread>
 #include <utility>
 
+#include "perception/openable.h"
+
 #include "perception/levels.h"
 
 namespace interneuron::perception {
@@ -56,6 +58,7 @@ InputError bad(const char* kind, const fs::path& file, const std::string& what) 
 // A whole file, unpacked.
 std::string read_gz(const fs::path& file) {
   const std::unique_ptr<gzFile_s, int (*)(gzFile)> in(gzopen(file.c_str(), "rb"), gzclose);
+  if (!in) check_openable("recording", file);
   if (!in) throw bad("recording", file, "no such file");
   std::string text;
   std::array<char, 1 << 16> chunk{};
@@ -120,6 +123,7 @@ struct Profiled {
 
 Profiled read_profile(const fs::path& file, std::string_view recording, std::string_view input) {
   std::ifstream in(file);
+  if (!in) check_openable("profile", file);
   if (!in) throw bad("profile", file, "no such file");
   std::string header;
   std::getline(in, header);

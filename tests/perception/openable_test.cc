@@ -1,0 +1,66 @@
+// With too many files open nothing is wrong with a file, and fetching it anew would not help.
+#include "perception/openable.h"
+
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include "perception/accuracy.h"
+#include "perception/frame_source.h"
+#include "support.h"
+
+namespace interneuron::perception {
+namespace {
+
+using test::TempDir;
+using test::write_text;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+// What is thrown when this process can open no further file; "input" before it, if that blames the
+// input.
+template <class Action>
+std::string complaint_without_descriptors(Action action) {
+  rlimit before{};
+  ::getrlimit(RLIMIT_NOFILE, &before);
+  const int next = ::dup(STDERR_FILENO);
+  ::close(next);
+  const rlimit none{static_cast<rlim_t>(next), before.rlim_max};
+  ::setrlimit(RLIMIT_NOFILE, &none);
+  std::string what;
+  try {
+    action();
+  } catch (const InputError& error) {
+    what = std::string("input ") + error.what();
+  } catch (const std::exception& error) {
+    what = error.what();
+  }
+  ::setrlimit(RLIMIT_NOFILE, &before);
+  return what;
+}
+
+TEST(Openable, TooManyOpenFilesIsToldAsSuch) {
+  const TempDir dir;
+  write_text(dir / "gt.txt", "1,1,10,10,20,20,1,-1,-1,-1\n");
+  write_text(dir / "video.avi", "x");
+  write_text(dir / "cloud.bin", "x");
+  const auto is_told = [](const std::string& file) {
+    return AllOf(HasSubstr(file), HasSubstr("Too many open files"), HasSubstr("ulimit -n"),
+                 Not(HasSubstr("fetch_data")), Not(HasSubstr("input ")));
+  };
+  EXPECT_THAT(complaint_without_descriptors([&] { read_mot_truth(dir / "gt.txt"); }),
+              is_told("gt.txt"));
+  EXPECT_THAT(complaint_without_descriptors([&] { FrameSource((dir / "video.avi").string()); }),
+              is_told("video.avi"));
+  EXPECT_THAT(complaint_without_descriptors([&] { check_openable("model", dir / "cloud.bin"); }),
+              is_told("cloud.bin"));
+}
+
+TEST(Openable, OtherReasonsAreLeftToTheCaller) {
+  const TempDir dir;
+  EXPECT_NO_THROW(check_openable("model", dir / "none"));
+  EXPECT_THAT(test::complaint([&] { read_mot_truth(dir / "none"); }), HasSubstr("fetch_data"));
+}
+
+}  // namespace
+}  // namespace interneuron::perception
