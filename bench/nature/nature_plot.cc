@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include "lab/files/run_files.h"
+#include "lab/files/plot.h"
 
 namespace interneuron::cli::bench {
 namespace {
@@ -11,7 +11,6 @@ double seconds(Duration d) { return to_ms(d) / 1e3; }
 
 const char* kHead =
     "set terminal pngcairo size {},1080 font 'sans,11' background rgb 'white'\n"
-    "set output '{}'\n"
     "set multiplot layout 4,{} columnsfirst title 'Estimates after steps of the link' font ',13'\n"
     "set border 3\nset tics nomirror out\nset grid ytics lc rgb '#dddddd'\n"
     "set lmargin 9\nset rmargin 2\nset key inside top right horizontal samplen 2\n";
@@ -76,8 +75,7 @@ bool plot_nature(const std::filesystem::path& file, const std::vector<Run>& runs
     data += truth_block(truth, runs[i]) + belief_block(belief, runs[i]);
     plots += panels(runs[i], truth, belief);
   }
-  const std::string head =
-      fmt::format(fmt::runtime(kHead), 720 * runs.size(), file.string(), runs.size());
+  const std::string head = fmt::format(fmt::runtime(kHead), 720 * runs.size(), runs.size());
   return lab::draw(file, data + head + plots + "unset multiplot\n");
 }
 

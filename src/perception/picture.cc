@@ -68,21 +68,13 @@ cv::Mat draw_boxes(const cv::Mat& bgr, std::span<const Box> boxes, const std::st
   return picture;
 }
 
-void write_picture(const std::filesystem::path& file, const cv::Mat& bgr,
-                   std::span<const Box> boxes, const std::string& caption, float min_score) {
-  const cv::Mat picture = draw_boxes(bgr, boxes, caption, min_score);
-  // Encoded and written by us, so that a failed write is seen and any suffix will do.
+std::string png_picture(const cv::Mat& bgr, std::span<const Box> boxes, const std::string& caption,
+                        float min_score) {
   std::vector<unsigned char> png;
-  if (!cv::imencode(".png", picture, png)) {
-    throw InputError("picture '" + file.string() + "': cannot be encoded as PNG");
+  if (!cv::imencode(".png", draw_boxes(bgr, boxes, caption, min_score), png)) {
+    throw InputError("a picture of a frame: cannot be encoded as PNG");
   }
-  std::FILE* out = std::fopen(file.c_str(), "wb");
-  const bool written = out != nullptr && std::fwrite(png.data(), 1, png.size(), out) == png.size();
-  const bool closed = out == nullptr || std::fclose(out) == 0;
-  if (!written || !closed) {
-    throw InputError("picture '" + file.string() +
-                     "': cannot be written; choose a folder that exists and can be written to");
-  }
+  return {png.begin(), png.end()};
 }
 
 }  // namespace interneuron::perception

@@ -1,7 +1,6 @@
 // A frame with its boxes, for people to look at.
 #pragma once
 
-#include <filesystem>
 #include <opencv2/core.hpp>
 #include <span>
 #include <string>
@@ -17,8 +16,8 @@ namespace interneuron::perception {
 cv::Mat draw_boxes(const cv::Mat& bgr, std::span<const Box> boxes, const std::string& caption,
                    float min_score = 0.3F);
 
-// draw_boxes() written as PNG. Throws InputError when the file cannot be written.
-void write_picture(const std::filesystem::path& file, const cv::Mat& bgr,
-                   std::span<const Box> boxes, const std::string& caption, float min_score = 0.3F);
+// draw_boxes() as the bytes of a PNG file. Throws InputError when it cannot be encoded.
+std::string png_picture(const cv::Mat& bgr, std::span<const Box> boxes, const std::string& caption,
+                        float min_score = 0.3F);
 
 }  // namespace interneuron::perception

@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "host/process/failure.h"
-#include "lab/files/run_files.h"
+#include "lab/files/plot.h"
 #include "lab/report/figure.h"
 
 namespace interneuron::cli {
@@ -104,12 +104,11 @@ void plot_forecast(const std::filesystem::path& file, const std::vector<Judged>&
   const bool svg = file.extension() == ".svg";
   std::string script = fmt::format(
       "set terminal {} size {},{} noenhanced font 'sans{},11' background rgb 'white'\n"
-      "set output {}\nset multiplot layout {},{}\nset xrange [0:1]\nset yrange [0:1]\n"
+      "set multiplot layout {},{}\nset xrange [0:1]\nset yrange [0:1]\n"
       "set size square\nset grid lc rgb '#70888888'\nunset key\n"
       "set xlabel 'predicted'\nset ylabel 'on time'\n",
       svg ? "svg" : "pngcairo", kWidth * static_cast<int>(columns),
-      kHeight * static_cast<int>(lines), svg ? "-serif" : "", report::gnuplot_text(file.string()),
-      lines, columns);
+      kHeight * static_cast<int>(lines), svg ? "-serif" : "", lines, columns);
   for (std::size_t i = 0; i < judged.size(); ++i) script += panel(judged[i], i);
   if (!lab::draw(file, script + "unset multiplot\n")) {
     throw Failure(kFailed, "--plot needs gnuplot; install the package gnuplot-nox");

@@ -7,7 +7,7 @@
 #include <cmath>
 
 #include "host/process/failure.h"
-#include "lab/files/run_files.h"
+#include "lab/files/plot.h"
 #include "lab/report/figure.h"
 
 namespace interneuron::cli {
@@ -242,11 +242,9 @@ bool is_picture(const std::filesystem::path& file) {
 void plot_load(const std::filesystem::path& file, const std::vector<Row>& rows) {
   const std::size_t columns = distinct(rows, column_of).size();
   const bool svg = file.extension() == ".svg";
-  const std::string head = fmt::format(
-      "set terminal {} size {},{} noenhanced font 'sans{},11' background rgb 'white'\n"
-      "set output {}\n",
-      svg ? "svg" : "pngcairo", width_of(columns), kHeight, svg ? "-serif" : "",
-      report::gnuplot_text(file.string()));
+  const std::string head =
+      fmt::format("set terminal {} size {},{} noenhanced font 'sans{},11' background rgb 'white'\n",
+                  svg ? "svg" : "pngcairo", width_of(columns), kHeight, svg ? "-serif" : "");
   if (!lab::draw(file, head + script(rows, columns))) {
     throw Failure(kFailed, "--plot needs gnuplot; install the package gnuplot-nox");
   }

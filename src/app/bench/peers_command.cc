@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <filesystem>
-#include <fstream>
 #include <memory>
 
 #include "app/bench/load_report.h"
@@ -13,6 +12,7 @@
 #include "app/peers_testbed/series.h"
 #include "host/process/failure.h"
 #include "host/process/signals.h"
+#include "host/process/whole_file.h"
 #include "host/settings/link_options.h"
 #include "interneuron/message.h"
 
@@ -64,10 +64,7 @@ peers::Choice choice_of(const Options& o) {
 }
 
 void write_page(const std::string& file, const std::vector<peers::Row>& rows) {
-  std::ofstream out(file);
-  out << peers::page_of(rows);
-  out.close();
-  if (!out) throw Failure(kFailed, "'" + file + "' could not be written");
+  write_whole(file, peers::page_of(rows));
 }
 
 int run_peers(const Options& o) {

@@ -7,7 +7,7 @@
 
 #include "app/bench/peers_report.h"
 #include "host/process/failure.h"
-#include "lab/files/run_files.h"
+#include "lab/files/plot.h"
 #include "lab/report/figure.h"
 
 namespace interneuron::cli {
@@ -234,10 +234,9 @@ void plot_peers(const std::filesystem::path& file, const std::vector<Row>& rows)
   const bool svg = file.extension() == ".svg";
   std::string script = fmt::format(
       "set terminal {} size {},{} noenhanced font 'sans{},11' background rgb 'white'\n"
-      "set output {}\nset border 3\nset tics nomirror out\n"
+      "set border 3\nset tics nomirror out\n"
       "set grid xtics ytics lc rgb '#70888888'\nunset key\nset multiplot\n",
-      svg ? "svg" : "pngcairo", l.width(), l.height(), svg ? "-serif" : "",
-      report::gnuplot_text(file.string()));
+      svg ? "svg" : "pngcairo", l.width(), l.height(), svg ? "-serif" : "");
   script += key(l);
   for (std::size_t row = 0; row < l.bands.size(); ++row) script += row_of_panels(l, row);
   if (!lab::draw(file, script + "unset multiplot\n")) {

@@ -21,6 +21,7 @@
 #include "app/offload/vehicle.h"
 #include "host/io/nic.h"
 #include "host/process/failure.h"
+#include "host/process/whole_file.h"
 #include "host/settings/capture.h"
 #include "host/settings/command_line.h"
 #include "host/settings/config_file.h"
@@ -290,7 +291,10 @@ int main(int argc, char** argv) {
   log->set_pattern("%H:%M:%S.%e %^%l%$ %v");
   spdlog::set_default_logger(log);
   try {
-    return cli::run_program(argc, argv);
+    const int code = cli::run_program(argc, argv);
+    // Whatever was printed is an answer only when all of it got out.
+    cli::finish_stdout();
+    return code;
   } catch (const cli::Failure& error) {
     return cli::fail(error.code(), error.what());
   } catch (const perception::InputError& error) {

@@ -7,7 +7,7 @@
 
 #include "host/process/failure.h"
 #include "lab/emu/scenario_player.h"
-#include "lab/files/run_files.h"
+#include "lab/files/plot.h"
 
 namespace interneuron::cli {
 namespace {
@@ -62,19 +62,18 @@ std::string script(emu::ScenarioPlayer& player, Duration length, const std::stri
   for (std::size_t i = 0; i < points.size(); ++i) {
     const emu::ScenarioLink& link = player.scenario().links[i];
     s += fmt::format("$link{} << EOD\n{}EOD\n", i, points[i]);
-    plot += fmt::format("{}$link{} using 1:2 with lines lw 1.4 title '{} ({})'",
-                        i > 0 ? ", " : "plot ", i, link.name, link.profile.name);
+    plot += fmt::format("{}$link{} using 1:2 with lines lw 1.4 title {}", i > 0 ? ", " : "plot ", i,
+                        lab::gnuplot_text(fmt::format("{} ({})", link.name, link.profile.name)));
   }
   return s + fmt::format(
                  "set terminal {} size 1100,420 font 'sans,11' background rgb 'white'\n"
-                 "set output '{}'\n"
                  "set title 'Round-trip times that the links prescribe, seed {}'\n"
                  "set xlabel 'time, s'\nset ylabel 'round-trip time, ms'\nset logscale y\n"
                  "set xrange [0:{}]\nset key outside above noenhanced samplen 2\nset border 3\n"
                  "set linetype 1 lc rgb '#2f6db3'\nset linetype 2 lc rgb '#e08a00'\n"
                  "set linetype 3 lc rgb '#7b3fa0'\nset linetype 4 lc rgb '#3a8f5c'\n"
                  "set tics nomirror out\nset grid ytics lc rgb '#dddddd'\n{}\n",
-                 terminal_for(file), file, player.scenario().seed, to_ms(length) / 1e3, plot);
+                 terminal_for(file), player.scenario().seed, to_ms(length) / 1e3, plot);
 }
 
 }  // namespace

@@ -1,12 +1,14 @@
 #include "app/offload/run_record.h"
 
 #include <fmt/format.h>
+#include <spdlog/spdlog.h>
 
 #include <algorithm>
 
 #include "app/offload/offload_request.h"
+#include "host/process/failure.h"
+#include "host/process/whole_file.h"
 #include "interneuron/guard.h"
-#include "perception/accuracy.h"
 #include "perception/codec.h"
 #include "perception/picture.h"
 
@@ -14,26 +16,32 @@ namespace interneuron::cli {
 
 namespace perc = perception;
 
+void RunRecord::open() {
+  if (!o_.out.empty()) files_ = std::make_unique<Files>(o_.out);
+}
+
 void RunRecord::begun(std::uint32_t round, const perc::Frame& frame) {
   ++counts_.begun;
-  lab::RoundRow row;
+  lab::RoundRow& row = open_[round].row;
   row.round = round;
   row.frame = frame.index;
-  row.guard = guard_;
-  rows_.push_back(row);
-  shown_.emplace_back();
-  if (!picture_round_ && (rounds_ == 0 || counts_.begun > rounds_ / 2)) picture_ = frame.bgr;
+  row.guard = o_.guard;
+  const bool wanted = o_.rounds == 0 || counts_.begun > o_.rounds / 2;
+  if (files_ && !picture_round_ && wanted) picture_ = frame.bgr;
 }
 
 void RunRecord::planned(std::uint32_t round, const std::string& plan) {
-  if (round >= rows_.size()) return;
-  std::string& text = rows_[round].plan;
+  const auto known = open_.find(round);
+  if (known == open_.end()) return;
+  std::string& text = known->second.row.plan;
   if (!text.empty()) text += ' ';
   text += plan;
 }
 
-const lab::RoundRow& RunRecord::done(const RoundDone& event, Duration deadline) {
-  lab::RoundRow& row = rows_[event.round.round.value];
+lab::RoundRow RunRecord::done(const RoundDone& event, Duration deadline) {
+  Round& round = open_[event.round.round.value];
+  lab::RoundRow& row = round.row;
+  row.round = event.round.round.value;
   row.t0 = event.t0;
   row.answered = true;
   row.outcome = event.outcome;
@@ -43,44 +51,74 @@ const lab::RoundRow& RunRecord::done(const RoundDone& event, Duration deadline) 
   row.recovering = event.recovering;
   row.degraded_final = event.degraded_final;
   ++counts_.decided;
-  const auto result = perc::decode_result(event.result);
-  if (!result) return row;
-  row.boxes = result->boxes.size();
-  shown_[row.round] = {result->boxes, result->draw_score};
-  if (event.outcome != Outcome::kRemote) return row;
-  ++counts_.on_time;
-  const auto full = std::chrono::duration_cast<std::chrono::microseconds>(kFullSeverity);
-  row.road = lab::RoundRow::Road{
-      static_cast<int>(result->variant),
-      result->level,
-      result->stage1_late,
-      result->stage1_released,
-      result->stage1_overrun == full ? deadline : Duration(result->stage1_overrun),
-      Duration(result->compute_time)};
-  const bool newest = row.round + 1 == counts_.begun;
-  if (!picture_round_ && !picture_.empty() && newest) picture_round_ = row.round;
-  return row;
+  if (const auto result = perc::decode_result(event.result)) {
+    row.boxes = result->boxes.size();
+    round.shown = {result->boxes, result->draw_score};
+    if (event.outcome == Outcome::kRemote) {
+      ++counts_.on_time;
+      const auto full = std::chrono::duration_cast<std::chrono::microseconds>(kFullSeverity);
+      row.road = lab::RoundRow::Road{
+          static_cast<int>(result->variant),
+          result->level,
+          result->stage1_late,
+          result->stage1_released,
+          result->stage1_overrun == full ? deadline : Duration(result->stage1_overrun),
+          Duration(result->compute_time)};
+      const bool newest = row.round + 1 == counts_.begun;
+      if (!picture_round_ && !picture_.empty() && newest) picture_round_ = round;
+    }
+  }
+  const lab::RoundRow decided = row;
+  while (!open_.empty() && open_.begin()->second.row.answered) {
+    take(open_.begin()->second);
+    open_.erase(open_.begin());
+  }
+  return decided;
+}
+
+// A round that is over, in the order of their numbers.
+void RunRecord::take(Round& round) {
+  tally_.add(round.row);
+  keep_row(round.row);
+  if (!o_.judged || judged_.size() >= kMaxJudged) return;
+  judged_.push_back({round.row.frame, std::move(round.shown.boxes)});
+  judged_drawn_.push_back(judged_.back());
+  std::erase_if(judged_drawn_.back().boxes, [least = round.shown.draw_score](const perc::Box& box) {
+    return box.score < least;
+  });
+}
+
+// The run goes on when its file breaks, as the application's answers matter more; its end tells.
+void RunRecord::keep_row(const lab::RoundRow& row) {
+  if (!files_ || !broken_.empty()) return;
+  drawn_.push_back(row);
+  if (drawn_.size() >= 2 * kMaxDrawn) {
+    drawn_.erase(drawn_.begin(), drawn_.begin() + std::ptrdiff_t{kMaxDrawn});
+  }
+  try {
+    files_->csv.add(row);
+  } catch (const Failure& failure) {
+    broken_ = failure.what();
+    spdlog::error("{}", broken_);
+  }
 }
 
 void RunRecord::drop_undecided() {
-  if (counts_.decided >= counts_.begun) return;
-  rows_.resize(counts_.decided);
-  shown_.resize(counts_.decided);
+  std::erase_if(open_, [](const auto& entry) { return !entry.second.row.answered; });
+}
+
+void RunRecord::close() {
+  for (auto& [number, round] : open_) take(round);
+  open_.clear();
 }
 
 void RunRecord::compare(const std::filesystem::path& truth, lab::RunInfo& info) const {
-  std::vector<perc::Shown> shown;
-  std::vector<perc::Shown> drawn;
-  for (std::size_t i = 0; i < rows_.size(); ++i) {
-    shown.push_back({rows_[i].frame, shown_[i].boxes});
-    drawn.push_back(shown.back());
-    std::erase_if(drawn.back().boxes, [least = shown_[i].draw_score](const perc::Box& box) {
-      return box.score < least;
-    });
+  if (judged_.size() >= kMaxJudged) {
+    spdlog::warn("AP and AR are those of the first {} rounds", kMaxJudged);
   }
   const perc::GroundTruth people = perc::read_mot_truth(truth);
-  const perc::Accuracy a = perc::evaluate(people, shown);
-  const perc::ShownShare share = perc::share_shown(people, drawn, 0);
+  const perc::Accuracy a = perc::evaluate(people, judged_);
+  const perc::ShownShare share = perc::share_shown(people, judged_drawn_, 0);
   info.ap = a.ap;
   info.ap50 = a.ap50;
   info.ar = a.ar;
@@ -88,20 +126,28 @@ void RunRecord::compare(const std::filesystem::path& truth, lab::RunInfo& info) 
   info.drawn_recall = share.recall;
 }
 
-lab::Json RunRecord::write(const std::filesystem::path& folder, const lab::RunInfo& info) const {
-  const lab::Json summary = lab::summarise(rows_, info);
-  if (folder.empty()) return summary;
-  lab::write_csv(folder / "rounds.csv", rows_);
-  lab::write_json(folder / "summary.json", summary);
-  if (picture_round_ && *picture_round_ < rows_.size()) {
-    const lab::RoundRow& row = rows_[*picture_round_];
-    const Shown& shown = shown_[row.round];
-    const std::string caption = fmt::format(
-        "round {}: answered by the roadside in {:.0f} ms, level {}, {} image", row.round,
-        to_ms(row.e2e), row.road->level, row.road->variant == 0 ? "raw" : "sampled");
-    perc::write_picture(folder / "frame.png", picture_, shown.boxes, caption, shown.draw_score);
+std::string RunRecord::caption() const {
+  const lab::RoundRow& row = picture_round_->row;
+  return fmt::format("round {}: answered by the roadside in {:.0f} ms, level {}, {} image",
+                     row.round, to_ms(row.e2e), row.road->level,
+                     row.road->variant == 0 ? "raw" : "sampled");
+}
+
+lab::Json RunRecord::write(const lab::RunInfo& info) {
+  close();
+  lab::Json summary = tally_.summary(info);
+  if (!files_) return summary;
+  if (!broken_.empty()) throw Failure(kFailed, broken_);
+  files_->csv.commit();
+  lab::write_json(files_->staging / "summary.json", summary);
+  if (picture_round_) {
+    const Shown& shown = picture_round_->shown;
+    write_whole(files_->staging / "frame.png",
+                perc::png_picture(picture_, shown.boxes, caption(), shown.draw_score));
   }
-  lab::plot_latency(folder / "latency.png", rows_, summary);
+  files_->staging.publish();
+  files_.reset();
+  lab::plot_latency(o_.out / "latency.png", drawn_, summary);
   return summary;
 }
 

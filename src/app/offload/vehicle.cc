@@ -108,7 +108,10 @@ Vehicle::Vehicle(const VehicleOptions& options, VehicleHooks& hooks)
       node_(node_options()),
       links_(node_, "vehicle"),
       budget_(from_ms(options.deadline_ms)),
-      record_(options.rounds, options.guard) {}
+      record_({.rounds = options.rounds,
+               .guard = options.guard,
+               .out = options.out,
+               .judged = truth_of(options, data_, video_).has_value()}) {}
 
 PipelineConfig Vehicle::pipeline() const {
   PipelineConfig p;
@@ -261,7 +264,7 @@ void Vehicle::refused(const Planned& event) {
 }
 
 void Vehicle::done(const RoundDone& event) {
-  const lab::RoundRow& row = record_.done(event, from_ms(o_.deadline_ms));
+  const lab::RoundRow row = record_.done(event, from_ms(o_.deadline_ms));
   if (row.road && row.road->variant == 0) budget_.learn(row.e2e - row.road->compute);
   hooks_.done(event, row);
   finish();
@@ -278,7 +281,7 @@ void Vehicle::progress() {
 
 int Vehicle::run() {
   for (const std::string& warning : node_.warnings()) spdlog::warn("{}", warning);
-  if (!o_.out.empty()) lab::make_directory(o_.out);
+  record_.open();
   spdlog::info("local backup: {}", backup_.level(0).name);
   node_.on_planned([this](Planned e) { planned(e); });
   node_.on_round_done([this](RoundDone e) { done(e); });

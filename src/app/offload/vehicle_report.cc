@@ -28,16 +28,16 @@ lab::RunInfo info_of(const VehicleOptions& options, const VehicleRun& run,
   return info;
 }
 
-// The ground truth that the answers are compared with; nothing when there is none for the video.
+}  // namespace
+
 std::optional<std::filesystem::path> truth_of(const VehicleOptions& options,
-                                              const VehicleRun& run) {
+                                              const std::optional<std::filesystem::path>& data,
+                                              const std::string& video) {
   if (options.truth == "none") return std::nullopt;
   if (!options.truth.empty()) return options.truth;
-  const bool demo_video = run.data && run.video == (*run.data / "pets/vtest.avi").string();
-  return demo_video ? default_truth(run.data) : std::nullopt;
+  const bool demo_video = data && video == (*data / "pets/vtest.avi").string();
+  return demo_video ? default_truth(data) : std::nullopt;
 }
-
-}  // namespace
 
 void show_progress(StatusLine& line, const RunRecord::Counts& counts, std::uint32_t rounds,
                    bool last) {
@@ -51,11 +51,12 @@ void show_progress(StatusLine& line, const RunRecord::Counts& counts, std::uint3
   if (!line.live()) std::fprintf(stderr, "%s\n", text.c_str());
 }
 
-int report_run(const VehicleOptions& options, const VehicleRun& run, const RunRecord& record,
+int report_run(const VehicleOptions& options, const VehicleRun& run, RunRecord& record,
                const Statistics& statistics) {
   lab::RunInfo info = info_of(options, run, statistics);
-  if (const auto file = truth_of(options, run)) record.compare(*file, info);
-  const lab::Json summary = record.write(options.out, info);
+  record.close();
+  if (const auto file = truth_of(options, run.data, run.video)) record.compare(*file, info);
+  const lab::Json summary = record.write(info);
   if (options.json) {
     std::printf("%s\n", summary.dump(2).c_str());
   } else if (options.table && !options.quiet) {

@@ -28,7 +28,12 @@ void show_progress(StatusLine& line, const RunRecord::Counts& counts, std::uint3
 
 // Writes the files of the run and prints its summary, as the options ask for. Returns the exit
 // code: kObjectiveMissed when too few rounds were on time. Throws Failure (1) naming a file.
-int report_run(const VehicleOptions& options, const VehicleRun& run, const RunRecord& record,
+int report_run(const VehicleOptions& options, const VehicleRun& run, RunRecord& record,
                const Statistics& statistics);
+
+// The ground truth that the answers are compared with; nothing when there is none for the video.
+std::optional<std::filesystem::path> truth_of(const VehicleOptions& options,
+                                              const std::optional<std::filesystem::path>& data,
+                                              const std::string& video);
 
 }  // namespace interneuron::cli

@@ -165,8 +165,7 @@ void finish_stdout() {
   const int error = errno;
   if (error == EPIPE) return;
   throw Failure(kFailed,
-                fmt::format("cannot write to the standard output: {}; nothing that reads "
-                            "it has the whole",
+                fmt::format("cannot write to the standard output: {}; send it where there is room",
                             error != 0 ? std::strerror(error) : "an earlier write failed"));
 }
 

@@ -1,23 +1,16 @@
 #include "lab/files/json_file.h"
 
-#include <fstream>
-
 #include "host/process/failure.h"
+#include "host/process/whole_file.h"
 
 namespace interneuron::lab {
 
 void write_json(const std::filesystem::path& file, const Json& json) {
-  std::ofstream out(file);
-  out << json.dump(2) << '\n';
-  out.close();
-  if (!out) {
-    throw cli::Failure(cli::kFailed, "cannot write '" + file.string() + "'; is the disk full?");
-  }
+  cli::write_whole(file, json.dump(2) + '\n');
 }
 
 Json read_json(const std::filesystem::path& file) {
-  std::ifstream in(file);
-  Json json = Json::parse(in, nullptr, false);
+  Json json = Json::parse(cli::read_whole(file, cli::kFailed), nullptr, false);
   if (json.is_discarded()) {
     throw cli::Failure(cli::kFailed, "'" + file.string() + "': not valid JSON");
   }

@@ -1,16 +1,15 @@
 // Plots by gnuplot, and that of the end-to-end time per round with the marks of the paper's Fig.
 // rt_guarantee.
-#include <fcntl.h>
+#include "lab/files/plot.h"
+
 #include <fmt/format.h>
-#include <spawn.h>
-#include <unistd.h>
 
-#include <array>
+#include <cerrno>
 #include <csignal>
-#include <cstring>
 
-#include "host/process/child.h"
 #include "host/process/failure.h"
+#include "host/process/filter.h"
+#include "host/process/whole_file.h"
 #include "lab/files/run_files.h"
 
 namespace interneuron::lab {
@@ -30,8 +29,7 @@ std::string data_block(const std::string& name, const std::vector<Point>& points
   return out + "EOD\n";
 }
 
-std::string script(const std::filesystem::path& file, const std::vector<RoundRow>& rows,
-                   const Json& summary) {
+std::string script(const std::vector<RoundRow>& rows, const Json& summary) {
   std::vector<Point> remote, local, at_d1, missed, far;
   const double deadline = summary["deadline_ms"].get<double>();
   for (const RoundRow& r : rows) {
@@ -52,17 +50,18 @@ std::string script(const std::filesystem::path& file, const std::vector<RoundRow
   const std::string seed = summary["seed"].is_null()
                                ? ""
                                : fmt::format(", seed {}", summary["seed"].get<std::uint64_t>());
+  const auto first = rows.empty() ? 0 : std::int64_t{rows.front().round};
+  const auto last = rows.empty() ? 0 : std::int64_t{rows.back().round};
   s += fmt::format(
       "set terminal pngcairo size 1100,480 font 'sans,11' background rgb 'white'\n"
-      "set output '{}'\n"
       "set title 'End-to-end time per round: {} of {} on time{}'\n"
       "set xlabel 'round'\nset ylabel 'end-to-end time, ms'\n"
-      "set yrange [0:{}]\nset xrange [-1:{}]\n"
+      "set yrange [0:{}]\nset xrange [{}:{}]\n"
       "set key outside below maxrows 2 samplen 2\nset border 3\nset tics nomirror out\n"
       "set grid ytics lc rgb '#dddddd'\n"
       "set arrow from graph 0, first {} to graph 1, first {} nohead dt 2 lw 1.5 lc rgb '#b00020'\n",
-      file.string(), summary["on_time"].get<std::size_t>(), summary["rounds"].get<std::size_t>(),
-      seed, deadline * 1.15, rows.size(), deadline, deadline);
+      summary["on_time"].get<std::size_t>(), summary["rounds"].get<std::size_t>(), seed,
+      deadline * 1.15, first - 1, last + 1, deadline, deadline);
   s += fmt::format(
       "set label 'D_N = {:.0f} ms' at graph 0.005, first {} offset 0,0.7 tc rgb '#b00020'\n",
       deadline, deadline);
@@ -82,48 +81,45 @@ std::string script(const std::filesystem::path& file, const std::vector<RoundRow
   return s;
 }
 
-void write_all(int fd, const std::string& text) {
-  std::size_t done = 0;
-  while (done < text.size()) {
-    const ssize_t n = ::write(fd, text.data() + done, text.size() - done);
-    if (n <= 0) return;
-    done += static_cast<std::size_t>(n);
-  }
-}
-
 }  // namespace
 
-bool draw(const std::filesystem::path& file, const std::string& gnuplot_script) {
-  const std::filesystem::path folder = file.has_parent_path() ? file.parent_path() : ".";
-  // A file for the script: a pipe would raise SIGPIPE should gnuplot die.
-  std::string name = (folder / ".plot-XXXXXX").string();
-  const int fd = ::mkstemp(name.data());
-  if (fd < 0) throw cli::Failure(cli::kFailed, "cannot write in '" + folder.string() + "'");
-  write_all(fd, gnuplot_script);
-  ::close(fd);
-  std::string program = "gnuplot";
-  std::array<char*, 3> argv{program.data(), name.data(), nullptr};
-  pid_t pid = 0;
-  const int rc = ::posix_spawnp(&pid, "gnuplot", nullptr, nullptr, argv.data(), environ);
-  const int code = rc == 0 ? cli::Child(pid).wait() : cli::kFailed;
-  ::unlink(name.c_str());
-  if (rc != 0) {
-    fmt::print(stderr, "no plot: gnuplot: {}; install the package gnuplot-nox\n",
-               std::strerror(rc));
-    return false;
+std::string gnuplot_text(const std::string& text) {
+  std::string out = "'";
+  for (const char c : text) {
+    const bool control = (static_cast<unsigned char>(c) < ' ') || c == '\x7f';
+    out += control ? ' ' : c;
+    if (c == '\'') out += c;
   }
-  if (code == cli::kFine) return true;
-  // What it has begun is no picture.
-  std::error_code ignored;
-  std::filesystem::remove(file, ignored);
+  return out + "'";
+}
+
+std::string picture_of(const std::filesystem::path& file, const std::string& gnuplot_script) {
+  // -d: what the user's own start-up file says has no place in our pictures.
+  const cli::Filtered drawn = cli::filter(gnuplot_script, {"gnuplot", "-d", "-"});
+  if (drawn.start_error == ENOENT) {
+    fmt::print(stderr, "no plot: gnuplot is not installed; install the package gnuplot-nox\n");
+    return {};
+  }
+  if (drawn.start_error != 0) {
+    throw cli::Failure(cli::kFailed, cli::file_problem("cannot run", "gnuplot", drawn.start_error));
+  }
   // A terminal's Ctrl-C reaches gnuplot, too.
-  if (code == 128 + SIGINT || code == 128 + SIGTERM) throw cli::Failure(code, "interrupted");
+  if (drawn.code == 128 + SIGINT || drawn.code == 128 + SIGTERM) {
+    throw cli::Failure(drawn.code, "interrupted");
+  }
+  if (drawn.code == cli::kFine && !drawn.output.empty()) return drawn.output;
   throw cli::Failure(cli::kFailed, "gnuplot could not draw '" + file.string() + "'");
+}
+
+bool draw(const std::filesystem::path& file, const std::string& gnuplot_script) {
+  const std::string picture = picture_of(file, gnuplot_script);
+  if (!picture.empty()) cli::write_whole(file, picture);
+  return !picture.empty();
 }
 
 bool plot_latency(const std::filesystem::path& file, const std::vector<RoundRow>& rows,
                   const Json& summary) {
-  return draw(file, script(file, rows, summary));
+  return draw(file, script(rows, summary));
 }
 
 }  // namespace interneuron::lab

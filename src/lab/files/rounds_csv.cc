@@ -4,10 +4,10 @@
 #include <array>
 #include <cmath>
 #include <exception>
-#include <fstream>
 #include <sstream>
 
 #include "host/process/failure.h"
+#include "host/process/whole_file.h"
 #include "lab/files/run_files.h"
 
 namespace interneuron::lab {
@@ -120,23 +120,23 @@ RoundRow row_of(const std::string& line) {
 
 }  // namespace
 
+CsvFile::CsvFile(const std::filesystem::path& file) : out_(file) { out_.append(header() + '\n'); }
+
+void CsvFile::add(const RoundRow& row) {
+  std::string line;
+  for (const CsvColumn& column : kColumns) line += column.write(row) + ',';
+  line.back() = '\n';
+  out_.append(line);
+}
+
 void write_csv(const std::filesystem::path& file, const std::vector<RoundRow>& rows) {
-  std::ofstream out(file);
-  out << header() << '\n';
-  for (const RoundRow& row : rows) {
-    std::string line;
-    for (const CsvColumn& column : kColumns) line += column.write(row) + ',';
-    line.back() = '\n';
-    out << line;
-  }
-  out.close();
-  if (!out) {
-    throw cli::Failure(cli::kFailed, "cannot write '" + file.string() + "'; is the disk full?");
-  }
+  CsvFile out(file);
+  for (const RoundRow& row : rows) out.add(row);
+  out.commit();
 }
 
 std::vector<RoundRow> read_csv(const std::filesystem::path& file) {
-  std::ifstream in(file);
+  std::istringstream in(cli::read_whole(file, cli::kFailed));
   std::string line;
   if (!std::getline(in, line) || line != header()) {
     throw cli::Failure(cli::kFailed, "'" + file.string() + "': not a rounds.csv of this version");

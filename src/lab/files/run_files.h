@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "host/process/whole_file.h"
 #include "interneuron/pipeline.h"
 #include "lab/files/json_file.h"
 
@@ -91,11 +92,21 @@ Json summarise(const std::vector<RoundRow>& rows, const RunInfo& info);
 void print_table(const Json& summary);
 
 // These throw cli::Failure (1) that names the file.
+// A rounds.csv that grows by a line at a time and appears whole, when it is committed, or not at
+// all.
+class CsvFile {
+ public:
+  explicit CsvFile(const std::filesystem::path& file);
+  void add(const RoundRow& row);
+  void commit() { out_.commit(); }
+
+ private:
+  cli::WholeFile out_;
+};
 void write_csv(const std::filesystem::path& file, const std::vector<RoundRow>& rows);
 std::vector<RoundRow> read_csv(const std::filesystem::path& file);
-// Runs a script of gnuplot that writes `file`; false (and a line on stderr) when that is not
-// installed.
-bool draw(const std::filesystem::path& file, const std::string& gnuplot_script);
+// The end-to-end time of rounds in a row, which may be the newest of more. False (and a line on
+// stderr) when gnuplot is not installed.
 bool plot_latency(const std::filesystem::path& file, const std::vector<RoundRow>& rows,
                   const Json& summary);
 void make_directory(const std::filesystem::path& directory);

@@ -1,8 +1,13 @@
 // Files that appear all at once in a folder, or not at all.
+//
+// They are written into a hidden folder inside, which is locked while its program runs. A program
+// that is killed leaves it; the next one that writes to the same place removes it.
 #pragma once
 
 #include <filesystem>
 #include <string>
+
+#include "host/process/private_folder.h"
 
 namespace interneuron::lab {
 
@@ -25,6 +30,8 @@ class Staging {
   // The topmost directory that was not there; empty when all were.
   std::filesystem::path made_;
   std::filesystem::path partial_;
+  // Of partial_.
+  cli::FolderLock lock_;
 };
 
 }  // namespace interneuron::lab

@@ -3,11 +3,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <fstream>
-#include <sstream>
 
 #include "host/process/failure.h"
-#include "lab/files/run_files.h"
+#include "host/process/whole_file.h"
 
 namespace interneuron::report {
 namespace {
@@ -34,13 +32,6 @@ void replace_all(std::string& text, const std::string& from, const std::string& 
        at = text.find(from, at + to.size())) {
     text.replace(at, from.size(), to);
   }
-}
-
-std::string read_text(const fs::path& file) {
-  std::ifstream in(file);
-  std::ostringstream out;
-  out << in.rdbuf();
-  return std::move(out).str();
 }
 
 // gnuplot's black is the ink of the page: what is drawn in it takes the colour around it.
@@ -71,12 +62,6 @@ bool empty(const Dots& series) {
 }
 
 }  // namespace
-
-std::string gnuplot_text(const std::string& text) {
-  std::string out = text;
-  replace_all(out, "'", "''");
-  return "'" + out + "'";
-}
 
 int dots_height(std::size_t labels) { return kAroundRows + kRowHeight * static_cast<int>(labels); }
 
@@ -121,30 +106,30 @@ std::string dot_panels(const std::vector<std::string>& labels, const std::vector
 }
 
 void draw_figure(const fs::path& folder, const Figure& figure) {
-  const auto terminal = [&](const char* kind) {
+  const auto draw = [&](const std::string& kind) {
     const fs::path file = folder / (figure.name + "." + kind);
+    const bool is_svg = kind == "svg";
     const std::string head =
-        std::string(kind) == "svg"
+        is_svg
             ? fmt::format("set terminal svg size {},{} noenhanced font 'sans-serif,{}'\n",
                           figure.width, figure.height, figure.is_headline ? kHeadlineFont : kFont)
             : fmt::format(
                   "set terminal pngcairo size {},{} noenhanced font 'sans,10' background "
                   "rgb 'white'\n",
                   figure.width, figure.height);
-    if (!lab::draw(file, head + fmt::format("set output {}\n", gnuplot_text(file.string())) +
-                             kStyle + figure.script)) {
+    std::string picture = lab::picture_of(file, head + kStyle + figure.script);
+    if (picture.empty()) {
       throw cli::Failure(cli::kFailed, "a report needs gnuplot; install the package gnuplot-nox");
     }
-    return file;
+    if (is_svg) picture = in_current_colour(std::move(picture));
+    cli::write_whole(file, picture);
   };
-  terminal("png");
-  const fs::path file = terminal("svg");
-  const std::string svg = in_current_colour(read_text(file));
-  std::ofstream(file) << svg;
+  draw("png");
+  draw("svg");
 }
 
 std::string inline_svg(const fs::path& folder, const Figure& figure) {
-  std::string svg = read_text(folder / (figure.name + ".svg"));
+  std::string svg = cli::read_whole(folder / (figure.name + ".svg"), cli::kFailed);
   svg.erase(0, svg.find("<svg"));
   replace_all(svg, "xmlns=\"http://www.w3.org/2000/svg\"", "role=\"img\"");
   replace_all(svg, "xmlns:xlink=\"http://www.w3.org/1999/xlink\"", "");

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "lab/eval/experiments/document.h"
+#include "lab/files/plot.h"
 
 namespace interneuron::report {
 
@@ -75,7 +76,6 @@ void draw_figure(const std::filesystem::path& folder, const Figure& figure);
 // That SVG to be put into a page: without prologue and addresses, its ids made the figure's own.
 std::string inline_svg(const std::filesystem::path& folder, const Figure& figure);
 
-// Text in a gnuplot string in single quotes.
-std::string gnuplot_text(const std::string& text);
+using lab::gnuplot_text;
 
 }  // namespace interneuron::report

@@ -1,6 +1,10 @@
 #include "lab/files/run_files.h"
 
 #include "core/base/statistics.h"
+#include "host/process/failure.h"
+#include "lab/files/plot.h"
+#include "lab/files/run_tally.h"
+#include "lab/files/staging.h"
 #include "tests/app/cli/support.h"
 
 namespace interneuron::cli {
@@ -80,6 +84,75 @@ TEST(Report, DrawsThePlot) {
   EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.string()),
                           std::filesystem::directory_iterator()),
             1);  // no script left behind
+}
+
+TEST(Report, APlotBeginsWithTheFirstRowThatItIsGiven) {
+  const TempFolder folder;
+  auto later = rows();
+  for (lab::RoundRow& row : later) row.round += 1'000'000;
+  EXPECT_TRUE(lab::plot_latency(folder / "latency.png", later, lab::summarise(later, info())));
+}
+
+TEST(Tally, QuantilesAreExactUpToItsBoundAndCloseBeyond) {
+  lab::Sample sample;
+  for (int i = 1; i <= 1000; ++i) sample.add(i);
+  EXPECT_EQ(sample.json()["p95"], 950);
+  EXPECT_EQ(sample.json()["mean"], 500.5);
+  // Three times the bound, in an order that favours neither end.
+  lab::Sample large;
+  constexpr int kMany = 3 * static_cast<int>(lab::Sample::kMaxValues);
+  for (int i = 0; i < kMany; ++i) large.add(static_cast<double>((i * 7919LL) % kMany) / kMany);
+  EXPECT_EQ(large.kept(), lab::Sample::kMaxValues);
+  // Five deviations of a share of 0.5 among 100,000 that are drawn.
+  EXPECT_NEAR(large.json()["p50"].get<double>(), 0.5, 0.008);
+  EXPECT_NEAR(large.json()["p99"].get<double>(), 0.99, 0.008);
+}
+
+TEST(Tally, NamesBeyondItsBoundAreCountedTogether) {
+  lab::RunTally tally;
+  for (int i = 0; i < 1000; ++i) {
+    lab::RoundRow row;
+    row.plan = "raw:" + std::to_string(i);
+    tally.add(row);
+  }
+  const lab::Json s = tally.summary(info());
+  EXPECT_EQ(s["plans"].size(), lab::RunTally::kMaxKinds + 1);
+  EXPECT_EQ(s["plans"]["others"], 1000 - lab::RunTally::kMaxKinds);
+}
+
+TEST(Staging, WhatAKilledProgramHasLeftGoesAndThatOfALivingOneStays) {
+  const TempFolder folder;
+  std::filesystem::create_directory(folder / ".partial-dead00");
+  lab::write_json(folder / ".partial-dead00/summary.json", {});
+  const lab::Staging living(folder.string());
+  lab::write_json(living / "summary.json", {});
+  {
+    const lab::Staging other(folder.string());
+    EXPECT_FALSE(std::filesystem::exists(folder / ".partial-dead00"));
+  }
+  EXPECT_TRUE(std::filesystem::exists(living / "summary.json"));
+}
+
+TEST(Gnuplot, TextIsOneStringWhateverItHolds) {
+  EXPECT_EQ(lab::gnuplot_text("5g"), "'5g'");
+  EXPECT_EQ(lab::gnuplot_text("it's\n`touch x`"), "'it''s `touch x`'");
+  const TempFolder folder;
+  const std::string text = "';!touch '" + (folder / "x").string() + "'\n!touch x\n`touch x`\\";
+  EXPECT_TRUE(lab::draw(folder / "p.svg",
+                        "set terminal svg\nset title " + lab::gnuplot_text(text) + "\nplot x\n"));
+  EXPECT_FALSE(std::filesystem::exists(folder / "x"));
+}
+
+TEST(Gnuplot, AScriptThatFailsNamesThePictureAndLeavesNone) {
+  const TempFolder folder;
+  try {
+    lab::draw(folder / "p.svg", "set terminal svg\nplot nothing\n");
+    ADD_FAILURE() << "no failure";
+  } catch (const Failure& failure) {
+    EXPECT_EQ(failure.code(), kFailed);
+    EXPECT_NE(std::string(failure.what()).find("p.svg"), std::string::npos);
+  }
+  EXPECT_FALSE(std::filesystem::exists(folder / "p.svg"));
 }
 
 }  // namespace

@@ -2,13 +2,13 @@
 
 #include <fmt/format.h>
 
-#include <fstream>
 #include <memory>
 
 #include "app/cli/eval/experiments.h"
 #include "host/process/failure.h"
 #include "host/process/progress.h"
 #include "host/process/signals.h"
+#include "host/process/whole_file.h"
 #include "host/settings/data.h"
 #include "lab/eval/experiments/document.h"
 #include "lab/files/staging.h"
@@ -83,10 +83,7 @@ int run_report(const Options& o) {
   std::string missing;
   const auto shots = report::pictures(find_data(o.data), !o.data.empty(), missing);
   const fs::path file = staging / "report.html";
-  std::ofstream out(file);
-  out << report::page(sections, shots, missing);
-  out.close();
-  if (!out) throw Failure(kFailed, "cannot write '" + file.string() + "'; is the disk full?");
+  write_whole(file, report::page(sections, shots, missing));
   staging.publish();
   fmt::print("written to {}: report.html, {} figures as SVG and PNG\n", o.folder, all.size());
   return kFine;
