@@ -5,6 +5,7 @@
 
 #include <cstdio>
 #include <functional>
+#include <sstream>
 #include <stdexcept>
 
 #include "app/bench/command.h"
@@ -267,7 +268,13 @@ int run_program(int argc, char** argv) {
   try {
     program.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    if (error.get_exit_code() == 0) return program.exit(error);
+    // Help or the version, which go the way of all output, so that a failure is seen at the end.
+    if (error.get_exit_code() == 0) {
+      std::ostringstream text;
+      const int code = program.exit(error, text, text);
+      std::fputs(text.str().c_str(), stdout);
+      return code;
+    }
     return fail(kUsage, mistake_in(program, error));
   }
   name_log_lines(program);

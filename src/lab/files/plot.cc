@@ -6,6 +6,7 @@
 
 #include <cerrno>
 #include <csignal>
+#include <string_view>
 
 #include "host/process/failure.h"
 #include "host/process/filter.h"
@@ -17,6 +18,9 @@ namespace {
 
 // '+' in the figure: θ1 ≫ D1. Here: later by more than a fifth of the end-to-end deadline.
 constexpr int kFarLateDivisor = 5;
+// U+2019, which people read as a quote and gnuplot does not. Its own way to write one, twice, does
+// not work at the beginning of a string: there two are an empty string, and the rest is a command.
+constexpr std::string_view kApostrophe = "\u2019";
 
 struct Point {
   std::uint32_t round;
@@ -87,8 +91,11 @@ std::string gnuplot_text(const std::string& text) {
   std::string out = "'";
   for (const char c : text) {
     const bool control = (static_cast<unsigned char>(c) < ' ') || c == '\x7f';
-    out += control ? ' ' : c;
-    if (c == '\'') out += c;
+    if (c == '\'') {
+      out += kApostrophe;
+    } else {
+      out += control ? ' ' : c;
+    }
   }
   return out + "'";
 }

@@ -9,8 +9,8 @@
 
 namespace interneuron::lab {
 
-// Text as a gnuplot string in single quotes, in which nothing is expanded; control characters,
-// which would end the line or the string, become spaces.
+// Text as a gnuplot string in single quotes, in which nothing is expanded. Single quotes become
+// apostrophes; control characters, which would end the line or the string, become spaces.
 std::string gnuplot_text(const std::string& text);
 
 // Runs a script of gnuplot that sets a terminal and no output. Returns the picture; throws

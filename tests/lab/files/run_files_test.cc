@@ -135,7 +135,7 @@ TEST(Staging, WhatAKilledProgramHasLeftGoesAndThatOfALivingOneStays) {
 
 TEST(Gnuplot, TextIsOneStringWhateverItHolds) {
   EXPECT_EQ(lab::gnuplot_text("5g"), "'5g'");
-  EXPECT_EQ(lab::gnuplot_text("it's\n`touch x`"), "'it''s `touch x`'");
+  EXPECT_EQ(lab::gnuplot_text("it's\n`touch x`"), "'it\u2019s `touch x`'");
   const TempFolder folder;
   const std::string text = "';!touch '" + (folder / "x").string() + "'\n!touch x\n`touch x`\\";
   EXPECT_TRUE(lab::draw(folder / "p.svg",
