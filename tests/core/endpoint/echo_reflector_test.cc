@@ -221,7 +221,6 @@ TEST_F(Reflecting, WithoutRoomALaterReplyLeavesAtOnce) {
 
 TEST_F(Reflecting, LaterRepliesTakeNoRoomOfOthers) {
   for (std::uint32_t i = 0; i < EchoReflector::kMaxDelayed; ++i) ask({.sequence = i, .delay = 1});
-  constexpr std::size_t kHosts = 64;
   std::size_t taken = 0;
   for (std::uint32_t i = 0; i < 5000; ++i) taken += ask({.sequence = i}) ? 1 : 0;
   EXPECT_EQ(taken, EchoReflector::kMaxWaiting);
