@@ -8,6 +8,7 @@
 
 #include "host/io/neighbours.h"
 #include "host/io/netlink.h"
+#include "host/io/netlink_message.h"
 #include "host/io/nic_table.h"
 #include "host/io/route_query.h"
 
@@ -142,11 +143,9 @@ std::vector<NicEvent> LinkMonitor::Impl::update() {
 void LinkMonitor::Impl::take(const nlmsghdr& message) {
   switch (message.nlmsg_type) {
     case RTM_NEWROUTE:
-    case RTM_DELROUTE: {
-      const auto* header = static_cast<const rtmsg*>(NLMSG_DATA(&message));
-      if (header->rtm_dst_len == 0) routes_stale_ = true;
+    case RTM_DELROUTE:
+      if (netlink::is_default_route(message)) routes_stale_ = true;
       return;
-    }
     case RTM_NEWRULE:
     case RTM_DELRULE:
       return;

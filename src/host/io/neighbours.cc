@@ -5,8 +5,9 @@
 #include <netlink/attr.h>
 #include <netlink/errno.h>
 
-#include <array>
 #include <vector>
+
+#include "host/io/netlink_message.h"
 
 namespace interneuron::io {
 
@@ -21,17 +22,13 @@ struct Question {
 std::vector<Question> unanswered(nl_sock* requests, int index) {
   std::vector<Question> out;
   netlink::list(requests, RTM_GETNEIGH, [&](const nlmsghdr& message) {
-    const auto* header = static_cast<const ndmsg*>(NLMSG_DATA(&message));
-    std::array<nlattr*, NDA_MAX + 1> attributes{};
-    if (message.nlmsg_type != RTM_NEWNEIGH || header->ndm_ifindex != index ||
-        header->ndm_state != NUD_INCOMPLETE ||
-        nlmsg_parse(const_cast<nlmsghdr*>(&message), sizeof *header, attributes.data(), NDA_MAX,
-                    nullptr) < 0 ||
-        attributes[NDA_DST] == nullptr) {
+    const auto found = netlink::neighbour(message);
+    if (!found || message.nlmsg_type != RTM_NEWNEIGH || found->card != index ||
+        found->state != NUD_INCOMPLETE) {
       return;
     }
-    const auto* bytes = static_cast<const std::byte*>(nla_data(attributes[NDA_DST]));
-    out.push_back({*header, {bytes, bytes + nla_len(attributes[NDA_DST])}});
+    out.push_back(
+        {*netlink::header_of<ndmsg>(message), {found->address.begin(), found->address.end()}});
   });
   return out;
 }

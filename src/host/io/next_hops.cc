@@ -11,6 +11,7 @@
 #include <span>
 
 #include "host/io/address.h"
+#include "host/io/netlink_message.h"
 #include "host/io/nic_table.h"
 #include "interneuron/transport.h"
 
@@ -33,38 +34,9 @@ std::span<const std::byte> host_bytes(const Address& address) {
   return std::span(address.raw).subspan(offsetof(sockaddr_in6, sin6_addr), sizeof(in6_addr));
 }
 
-// From the bare bytes, which come from the kernel; empty when they are of no family.
-Address address_of(std::span<const std::byte> host, int index) {
-  if (host.size() == sizeof(in_addr)) {
-    sockaddr_in name{};
-    name.sin_family = AF_INET;
-    std::memcpy(&name.sin_addr, host.data(), host.size());
-    return from_sockaddr(reinterpret_cast<const sockaddr*>(&name), sizeof name);
-  }
-  if (host.size() != sizeof(in6_addr)) return {};
-  sockaddr_in6 name{};
-  name.sin6_family = AF_INET6;
-  std::memcpy(&name.sin6_addr, host.data(), host.size());
-  if (IN6_IS_ADDR_LINKLOCAL(&name.sin6_addr)) {
-    name.sin6_scope_id = static_cast<std::uint32_t>(index);
-  }
-  return from_sockaddr(reinterpret_cast<const sockaddr*>(&name), sizeof name);
-}
-
-std::span<const std::byte> bytes_of(const nlattr* attribute) {
-  return {static_cast<const std::byte*>(nla_data(attribute)),
-          static_cast<std::size_t>(std::max(nla_len(attribute), 0))};
-}
-
 int put(nl_msg* message, int type, const Address& address) {
   const auto bytes = host_bytes(address);
   return nla_put(message, type, static_cast<int>(bytes.size()), bytes.data());
-}
-
-template <class Header, std::size_t Most>
-bool parse(const nlmsghdr& message, std::array<nlattr*, Most>& attributes) {
-  return nlmsg_parse(const_cast<nlmsghdr*>(&message), sizeof(Header), attributes.data(),
-                     static_cast<int>(Most) - 1, nullptr) >= 0;
 }
 
 }  // namespace
@@ -136,24 +108,11 @@ bool NextHops::read_route(const Address& to, const Address& source, Entry& entry
   entry.source = source;
   entry.neighbour = to;
   const int result = netlink::ask(requests_.get(), request.get(), [&](const nlmsghdr& message) {
-    std::array<nlattr*, RTA_MAX + 1> attributes{};
-    if (message.nlmsg_type != RTM_NEWROUTE || !parse<rtmsg>(message, attributes)) return;
-    const auto* route = static_cast<const rtmsg*>(NLMSG_DATA(&message));
-    if (route->rtm_type != RTN_UNICAST && route->rtm_type != RTN_LOCAL) return;
-    const nlattr* device = attributes[RTA_OIF];
-    if (device == nullptr || nla_get_u32(device) != static_cast<std::uint32_t>(index_)) return;
+    const auto answer = netlink::route_answer(message, index_);
+    if (!answer) return;
     routed = true;
-    if (const nlattr* gateway = attributes[RTA_GATEWAY]) {
-      entry.neighbour = address_of(bytes_of(gateway), index_);
-    } else if (const nlattr* via = attributes[RTA_VIA]) {
-      // A gateway of another family (RFC 8950): struct rtvia, a family before the address.
-      const auto bytes = bytes_of(via);
-      entry.neighbour = address_of(bytes.subspan(std::min(sizeof(rtvia), bytes.size())), index_);
-    }
-    const nlattr* preferred = attributes[RTA_PREFSRC];
-    if (source.size == 0 && preferred != nullptr) {
-      entry.source = address_of(bytes_of(preferred), index_);
-    }
+    if (answer->gateway.size > 0) entry.neighbour = answer->gateway;
+    if (source.size == 0 && answer->source.size > 0) entry.source = answer->source;
   });
   return result >= 0 && routed && entry.neighbour.size > 0 && entry.source.size > 0;
 }
@@ -169,12 +128,11 @@ std::uint16_t NextHops::read_neighbour(Entry& entry) {
   }
   std::uint16_t state = 0;
   netlink::ask(requests_.get(), request.get(), [&](const nlmsghdr& message) {
-    std::array<nlattr*, NDA_MAX + 1> attributes{};
-    if (message.nlmsg_type != RTM_NEWNEIGH || !parse<ndmsg>(message, attributes)) return;
-    state = static_cast<const ndmsg*>(NLMSG_DATA(&message))->ndm_state;
-    const nlattr* address = attributes[NDA_LLADDR];
-    if (address != nullptr && bytes_of(address).size() == entry.mac.size()) {
-      std::ranges::copy(bytes_of(address), entry.mac.begin());
+    const auto found = netlink::neighbour(message);
+    if (!found || message.nlmsg_type != RTM_NEWNEIGH) return;
+    state = found->state;
+    if (found->mac) {
+      entry.mac = *found->mac;
     } else {
       state &= static_cast<std::uint16_t>(~kValid);
     }
@@ -229,38 +187,29 @@ void NextHops::apply(const nlmsghdr& message, Changes& changes) {
   switch (message.nlmsg_type) {
     case RTM_NEWNEIGH:
     case RTM_DELNEIGH: {
-      std::array<nlattr*, NDA_MAX + 1> attributes{};
-      const auto* header = static_cast<const ndmsg*>(NLMSG_DATA(&message));
-      if (!parse<ndmsg>(message, attributes) || header->ndm_ifindex != index_ ||
-          attributes[NDA_DST] == nullptr) {
-        return;
-      }
+      const auto found = netlink::neighbour(message);
+      if (!found || found->card != index_) return;
       for (auto& [key, entry] : entries_) {
         if (entry.neighbour.size > 0 &&
-            std::ranges::equal(host_bytes(entry.neighbour), bytes_of(attributes[NDA_DST]))) {
+            std::ranges::equal(host_bytes(entry.neighbour), found->address)) {
           entry.stale = true;
         }
       }
       return;
     }
     case RTM_NEWLINK:
-    case RTM_DELLINK: {
-      const auto* header = static_cast<const ifinfomsg*>(NLMSG_DATA(&message));
-      // Bridges tell of their ports by the same message with a family of their own.
-      if (header->ifi_index != index_ || header->ifi_family != AF_UNSPEC) return;
+    case RTM_DELLINK:
+      if (netlink::card_of(message) != index_) return;
       changes.card = true;
       changes.gone = changes.gone || message.nlmsg_type == RTM_DELLINK;
       // What was asked while there was no carrier was lost, and is asked again at once.
       for (auto& [key, entry] : entries_) entry.asked.reset();
       break;
-    }
     case RTM_NEWADDR:
-    case RTM_DELADDR: {
-      const auto* header = static_cast<const ifaddrmsg*>(NLMSG_DATA(&message));
-      if (header->ifa_index != static_cast<std::uint32_t>(index_)) return;
+    case RTM_DELADDR:
+      if (netlink::card_of(message) != index_) return;
       changes.card = true;
       break;
-    }
     default:
       break;
   }

@@ -16,6 +16,7 @@
 #include <utility>
 
 #include "host/io/address.h"
+#include "host/io/netlink_message.h"
 #include "host/io/nic_kind.h"
 
 namespace interneuron::io {
@@ -26,32 +27,13 @@ namespace {
 constexpr std::array kOperstates{"unknown", "notpresent", "down", "lowerlayerdown",
                                  "testing", "dormant",    "up"};
 
-using Attributes = std::array<nlattr*, IFLA_MAX + 1>;
-
-// The fixed header of a message; nullptr when the message is too short for it.
-template <class Header>
-const Header* header_of(const nlmsghdr& message) {
-  if (message.nlmsg_len < NLMSG_LENGTH(sizeof(Header))) return nullptr;
-  return static_cast<const Header*>(NLMSG_DATA(&message));
-}
-
-// The attributes that follow a fixed header, indexed by their type; those above `size` are ignored.
-template <class Header, std::size_t Size>
-bool parse(const nlmsghdr& message, std::array<nlattr*, Size>& out) {
-  return nlmsg_parse(const_cast<nlmsghdr*>(&message), sizeof(Header), out.data(),
-                     static_cast<int>(Size) - 1, nullptr) >= 0;
-}
-
-std::string text_of(nlattr* attribute) {
-  return attribute == nullptr ? std::string() : std::string(nla_get_string(attribute));
-}
-
 // The hardware address as text; empty when there is none, or when it is all zeros.
-std::string mac_of(nlattr* attribute) {
-  constexpr int kMacBytes = 6;
-  if (attribute == nullptr || nla_len(attribute) != kMacBytes) return {};
+std::string mac_of(const nlattr* attribute) {
+  constexpr std::size_t kMacBytes = 6;
   std::array<unsigned char, kMacBytes> bytes{};
-  nla_memcpy(bytes.data(), attribute, kMacBytes);
+  const auto held = netlink::bytes_of(attribute);
+  if (held.size() != kMacBytes) return {};
+  std::memcpy(bytes.data(), held.data(), kMacBytes);
   if (std::ranges::all_of(bytes, [](unsigned char b) { return b == 0; })) return {};
   std::array<char, 3 * kMacBytes> text{};
   std::snprintf(text.data(), text.size(), "%02x:%02x:%02x:%02x:%02x:%02x", bytes[0], bytes[1],
@@ -66,34 +48,13 @@ std::string virtual_kind(nlattr* link_info) {
       nla_parse_nested(info.data(), IFLA_INFO_MAX, link_info, nullptr) < 0) {
     return {};
   }
-  return text_of(info[IFLA_INFO_KIND]);
+  return netlink::text_of(info[IFLA_INFO_KIND]);
 }
 
-// An address with port 0; empty when it is neither IPv4 nor IPv6. Link-local ones mean nothing
-// without their NIC.
-Address address_of(int family, const void* bytes, std::size_t size, int index) {
-  if (family == AF_INET && size == sizeof(in_addr)) {
-    sockaddr_in out{};
-    out.sin_family = AF_INET;
-    std::memcpy(&out.sin_addr, bytes, size);
-    return from_sockaddr(reinterpret_cast<const sockaddr*>(&out), sizeof out);
-  }
-  if (family == AF_INET6 && size == sizeof(in6_addr)) {
-    sockaddr_in6 out{};
-    out.sin6_family = AF_INET6;
-    std::memcpy(&out.sin6_addr, bytes, size);
-    if (IN6_IS_ADDR_LINKLOCAL(&out.sin6_addr)) {
-      out.sin6_scope_id = static_cast<std::uint32_t>(index);
-    }
-    return from_sockaddr(reinterpret_cast<const sockaddr*>(&out), sizeof out);
-  }
-  return {};
-}
-
-Address address_of(int family, nlattr* attribute, int index) {
-  if (attribute == nullptr) return {};
-  return address_of(family, nla_data(attribute), static_cast<std::size_t>(nla_len(attribute)),
-                    index);
+// Empty when the attribute is none of this family.
+Address address_in(int family, const nlattr* attribute, int index) {
+  const Address out = netlink::address_of(netlink::bytes_of(attribute), index);
+  return out.size > 0 && family_of(out) == family ? out : Address{};
 }
 
 // Adds an address: IPv4 before IPv6, otherwise at the end.
@@ -165,15 +126,15 @@ const Nic* NicTable::find(std::string_view name) const {
 }
 
 void NicTable::apply_link(const nlmsghdr& message) {
-  const auto* header = header_of<ifinfomsg>(message);
-  Attributes attributes{};
+  const auto found = netlink::attributes_of<ifinfomsg, IFLA_MAX>(message);
+  if (!found) return;
+  const auto& attributes = *found;
+  const auto* header = netlink::header_of<ifinfomsg>(message);
+  const std::string name = netlink::text_of(attributes[IFLA_IFNAME]);
+  const auto mtu = netlink::number_of<std::uint32_t>(attributes[IFLA_MTU]);
   // Bridges tell of their ports, and wireless drivers of scans, in messages of the same type that
   // do not describe the NIC.
-  if (header == nullptr || header->ifi_family != AF_UNSPEC ||
-      !parse<ifinfomsg>(message, attributes) || attributes[IFLA_IFNAME] == nullptr ||
-      attributes[IFLA_MTU] == nullptr) {
-    return;
-  }
+  if (header->ifi_family != AF_UNSPEC || name.empty() || !mtu) return;
   Nic* nic = entry(header->ifi_index);
   if (nic == nullptr) {
     const auto place =
@@ -181,7 +142,6 @@ void NicTable::apply_link(const nlmsghdr& message) {
     nic = &*nics_.insert(place, Nic{});
     nic->index = header->ifi_index;
   }
-  const std::string name = text_of(attributes[IFLA_IFNAME]);
   const std::string mac = mac_of(attributes[IFLA_ADDRESS]);
   const bool renamed = std::exchange(nic->name, name) != name;
   const bool another_mac = std::exchange(nic->mac, mac) != mac;
@@ -191,25 +151,24 @@ void NicTable::apply_link(const nlmsghdr& message) {
     nic->kind = origin.kind;
     nic->driver = origin.driver;
   }
-  nic->mtu = nla_get_u32(attributes[IFLA_MTU]);
-  if (const nlattr* queues = attributes[IFLA_NUM_RX_QUEUES]) {
-    nic->receive_queues = std::max(1U, nla_get_u32(queues));
+  nic->mtu = *mtu;
+  if (const auto queues = netlink::number_of<std::uint32_t>(attributes[IFLA_NUM_RX_QUEUES])) {
+    nic->receive_queues = std::max(1U, *queues);
   }
   nic->admin_up = (header->ifi_flags & IFF_UP) != 0;
   nic->up = nic->admin_up && (header->ifi_flags & IFF_RUNNING) != 0;
-  nic->carrier =
-      attributes[IFLA_CARRIER] != nullptr ? nla_get_u8(attributes[IFLA_CARRIER]) != 0 : nic->up;
+  const auto carrier = netlink::number_of<std::uint8_t>(attributes[IFLA_CARRIER]);
+  nic->carrier = carrier ? *carrier != 0 : nic->up;
   const std::size_t operstate =
-      attributes[IFLA_OPERSTATE] == nullptr ? 0 : nla_get_u8(attributes[IFLA_OPERSTATE]);
+      netlink::number_of<std::uint8_t>(attributes[IFLA_OPERSTATE]).value_or(0);
   nic->operstate = kOperstates[operstate < kOperstates.size() ? operstate : 0];
 }
 
 void NicTable::remove_link(const nlmsghdr& message) {
-  const auto* header = header_of<ifinfomsg>(message);
+  const auto* header = netlink::header_of<ifinfomsg>(message);
   if (header == nullptr || header->ifi_family != AF_UNSPEC) return;
-  Attributes attributes{};
-  const bool moved =
-      parse<ifinfomsg>(message, attributes) && attributes[IFLA_NEW_NETNSID] != nullptr;
+  const auto attributes = netlink::attributes_of<ifinfomsg, IFLA_MAX>(message);
+  const bool moved = attributes && (*attributes)[IFLA_NEW_NETNSID] != nullptr;
   departures_[header->ifi_index] = moved ? "moved to another network namespace" : "unplugged";
   std::erase_if(nics_, [&](const Nic& nic) { return nic.index == header->ifi_index; });
   std::erase_if(default_routes_,
@@ -217,18 +176,19 @@ void NicTable::remove_link(const nlmsghdr& message) {
 }
 
 void NicTable::apply_address(const nlmsghdr& message) {
-  const auto* header = header_of<ifaddrmsg>(message);
-  std::array<nlattr*, IFA_MAX + 1> attributes{};
-  if (header == nullptr || !parse<ifaddrmsg>(message, attributes)) return;
+  const auto found = netlink::attributes_of<ifaddrmsg, IFA_MAX>(message);
+  if (!found) return;
+  const auto& attributes = *found;
+  const auto* header = netlink::header_of<ifaddrmsg>(message);
   const int index = static_cast<int>(header->ifa_index);
   Nic* nic = entry(index);
   if (nic == nullptr) return;
   // On a point-to-point NIC IFA_ADDRESS is the other end.
-  nlattr* local =
+  const nlattr* local =
       attributes[IFA_LOCAL] != nullptr ? attributes[IFA_LOCAL] : attributes[IFA_ADDRESS];
-  const Address address = address_of(header->ifa_family, local, index);
+  const Address address = address_in(header->ifa_family, local, index);
   const std::uint32_t flags =
-      attributes[IFA_FLAGS] != nullptr ? nla_get_u32(attributes[IFA_FLAGS]) : header->ifa_flags;
+      netlink::number_of<std::uint32_t>(attributes[IFA_FLAGS]).value_or(header->ifa_flags);
   // An IPv6 address may not be used before duplicate address detection is done (RFC 4862 §5.4),
   // unless it is optimistic (RFC 4429).
   const bool pending = (flags & IFA_F_TENTATIVE) != 0 && (flags & IFA_F_OPTIMISTIC) == 0;
@@ -242,17 +202,16 @@ void NicTable::apply_address(const nlmsghdr& message) {
 }
 
 void NicTable::apply_default_route(const nlmsghdr& message) {
-  const auto* header = header_of<rtmsg>(message);
+  const auto* header = netlink::header_of<rtmsg>(message);
   if (header == nullptr || message.nlmsg_type != RTM_NEWROUTE || header->rtm_dst_len != 0 ||
       header->rtm_type != RTN_UNICAST || (header->rtm_flags & RTM_F_CLONED) != 0 ||
       (header->rtm_family != AF_INET && header->rtm_family != AF_INET6)) {
     return;
   }
-  rtnl_route* parsed = nullptr;
-  if (rtnl_route_parse(const_cast<nlmsghdr*>(&message), &parsed) < 0) return;
-  const std::unique_ptr<rtnl_route, netlink::Deleter<rtnl_route_put>> route(parsed);
-  for (int i = 0; i < rtnl_route_get_nnexthops(parsed); ++i) {
-    rtnl_nexthop* hop = rtnl_route_nexthop_n(parsed, i);
+  const netlink::Route route = netlink::parse_route(message);
+  if (!route) return;
+  for (int i = 0; i < rtnl_route_get_nnexthops(route.get()); ++i) {
+    rtnl_nexthop* hop = rtnl_route_nexthop_n(route.get(), i);
     const int index = rtnl_route_nh_get_ifindex(hop);
     Nic* nic = entry(index);
     if (nic == nullptr || (rtnl_route_nh_get_flags(hop) & RTNH_F_DEAD) != 0) continue;
@@ -260,8 +219,8 @@ void NicTable::apply_default_route(const nlmsghdr& message) {
     nl_addr* gateway = rtnl_route_nh_get_gateway(hop);
     if (gateway == nullptr) gateway = rtnl_route_nh_get_via(hop);
     if (gateway == nullptr) continue;
-    insert(nic->gateways, address_of(nl_addr_get_family(gateway), nl_addr_get_binary_addr(gateway),
-                                     nl_addr_get_len(gateway), index));
+    const auto* bytes = static_cast<const std::byte*>(nl_addr_get_binary_addr(gateway));
+    insert(nic->gateways, netlink::address_of({bytes, nl_addr_get_len(gateway)}, index));
   }
 }
 

@@ -31,6 +31,8 @@ class NicTable {
 
   // Takes an event in; anything else is ignored.
   void apply(const nlmsghdr& message);
+  // Takes a route of a listing in; only default routes through NICs that are known count.
+  void apply_default_route(const nlmsghdr& message);
 
   // By index.
   const std::vector<Nic>& nics() const { return nics_; }
@@ -55,7 +57,6 @@ class NicTable {
   void apply_link(const nlmsghdr& message);
   void remove_link(const nlmsghdr& message);
   void apply_address(const nlmsghdr& message);
-  void apply_default_route(const nlmsghdr& message);
 
   // Sorted by index.
   std::vector<Nic> nics_;

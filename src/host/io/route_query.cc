@@ -2,13 +2,12 @@
 
 #include <linux/rtnetlink.h>
 #include <netlink/attr.h>
-#include <netlink/route/nexthop.h>
-#include <netlink/route/route.h>
 
 #include <cstring>
 #include <span>
 
 #include "host/io/address.h"
+#include "host/io/netlink_message.h"
 
 namespace interneuron::io {
 
@@ -25,18 +24,6 @@ std::span<const std::byte> host_bytes(const Address& address) {
 int put(nl_msg* message, int type, const Address& address) {
   const auto bytes = host_bytes(address);
   return nla_put(message, type, static_cast<int>(bytes.size()), bytes.data());
-}
-
-bool leads_through(const nlmsghdr& message, int index) {
-  rtnl_route* parsed = nullptr;
-  if (rtnl_route_parse(const_cast<nlmsghdr*>(&message), &parsed) < 0) return false;
-  const std::unique_ptr<rtnl_route, netlink::Deleter<rtnl_route_put>> route(parsed);
-  const int type = rtnl_route_get_type(parsed);
-  if (type != RTN_UNICAST && type != RTN_LOCAL) return false;
-  for (int i = 0; i < rtnl_route_get_nnexthops(parsed); ++i) {
-    if (rtnl_route_nh_get_ifindex(rtnl_route_nexthop_n(parsed, i)) == index) return true;
-  }
-  return false;
 }
 
 }  // namespace
@@ -59,7 +46,7 @@ bool is_routed(nl_sock* requests, int index, const Address& peer,
   }
   bool routed = false;
   const int result = netlink::ask(requests, request.get(), [&](const nlmsghdr& message) {
-    if (message.nlmsg_type == RTM_NEWROUTE) routed = routed || leads_through(message, index);
+    routed = routed || netlink::leads_through(message, index);
   });
   return result >= 0 && routed;
 }
