@@ -20,6 +20,10 @@ constexpr std::size_t kEthernetHeader = 14;
 constexpr std::size_t kUdpHeader = 8;
 constexpr std::size_t kIperfHeader = 12;
 constexpr unsigned kUdp = 17;
+// What ping may print, so that no arithmetic with it overflows: the wall clock as 32 bits hold it,
+// and a day, which no answer takes.
+constexpr std::int64_t kLastSecond = UINT32_MAX;
+constexpr double kLongestMs = 86'400'000;
 
 // The value after `key`, up to a space; empty when there is none.
 std::string_view word_after(std::string_view line, std::string_view key) {
@@ -43,7 +47,9 @@ std::optional<Duration> wall_clock(std::string_view text) {
   if (point == std::string_view::npos || text.size() - point != 7) return std::nullopt;
   const auto seconds = number<std::int64_t>(text.substr(0, point));
   const auto micros = number<std::int64_t>(text.substr(point + 1));
-  if (!seconds || !micros) return std::nullopt;
+  if (!seconds || !micros || *seconds < 0 || *seconds > kLastSecond || *micros < 0) {
+    return std::nullopt;
+  }
   return std::chrono::seconds(*seconds) + std::chrono::microseconds(*micros);
 }
 
@@ -52,7 +58,9 @@ std::optional<Ping> parse_answer(std::string_view line) {
   const auto printed = wall_clock(line.substr(1, line.find(']') - 1));
   const auto sequence = number<std::uint32_t>(word_after(line, "icmp_seq="));
   const auto rtt_ms = number<double>(word_after(line, " time="));
-  if (!printed || !sequence || !rtt_ms) return std::nullopt;
+  if (!printed || !sequence || !rtt_ms || !(*rtt_ms >= 0 && *rtt_ms <= kLongestMs)) {
+    return std::nullopt;
+  }
   const Duration rtt = from_ms(*rtt_ms);
   return Ping{*sequence, *printed - rtt, rtt};
 }

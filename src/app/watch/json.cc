@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 
 namespace interneuron::cli {
 namespace {
@@ -117,17 +118,40 @@ Enum enum_of(const std::string& name, std::initializer_list<Enum> all) {
   throw std::invalid_argument(name);
 }
 
-Duration ms_of(const Json& j) { return j.is_null() ? Duration{} : from_ms(j.get<double>()); }
-Duration age_of(const Json& j) { return j.is_null() ? kNever : from_ms(j.get<double>() * 1000); }
+// More than any figure of a link has, in the units of the keys (31 years in ms), and little enough
+// that no conversion of it overflows.
+constexpr double kMostFigure = 1e12;
+
+// nlohmann's own get() gives whatever a conversion leaves of a number that does not fit.
+double figure_of(const Json& j) {
+  const auto value = j.get<double>();
+  if (!(std::abs(value) <= kMostFigure)) throw std::invalid_argument("a figure of no link");
+  return value;
+}
+template <class Integer>
+Integer whole_of(const Json& j) {
+  if (j.is_number_unsigned() && std::in_range<Integer>(j.get<std::uint64_t>())) {
+    return static_cast<Integer>(j.get<std::uint64_t>());
+  }
+  if (j.is_number_integer() && std::in_range<Integer>(j.get<std::int64_t>())) {
+    return static_cast<Integer>(j.get<std::int64_t>());
+  }
+  throw std::invalid_argument("no whole number that fits");
+}
+
+Duration ms_of(const Json& j) { return j.is_null() ? Duration{} : from_ms(figure_of(j)); }
+Duration age_of(const Json& j) {
+  return j.is_null() ? kNever : from_ms(std::clamp(figure_of(j) * 1000, -kMostFigure, kMostFigure));
+}
 DataRate rate_from(const Json& j) {
-  return j.is_null() ? DataRate{} : DataRate::mbit(j.get<double>());
+  return j.is_null() ? DataRate{} : DataRate::mbit(figure_of(j));
 }
 
 LinkTraits traits_of(const Json& j) {
   LinkTraits t;
   t.role = enum_of(j.at("role").get<std::string>(),
                    {LinkRole::kNormal, LinkRole::kBackup, LinkRole::kNever});
-  t.priority = j.at("priority").get<int>();
+  t.priority = whole_of<int>(j.at("priority"));
   t.metered = j.at("metered").get<bool>();
   if (!j.at("rate_cap_mbit").is_null()) t.rate_cap = rate_from(j.at("rate_cap_mbit"));
   t.trusted = j.at("trusted").get<bool>();
@@ -150,33 +174,33 @@ LinkState state_of(const Json& j) {
   s.queue_down = ms_of(e.at("queue_ms").at("down"));
   s.rate = rate_from(j.at("rate_mbit").at("up"));
   s.rate_down = rate_from(j.at("rate_mbit").at("down"));
-  s.loss = j.at("loss").get<double>();
-  s.loss_down = e.at("loss_down").get<double>();
-  s.loss_burst = e.at("loss_burst_packets").get<double>();
-  s.outage = e.at("outage").get<double>();
+  s.loss = figure_of(j.at("loss"));
+  s.loss_down = figure_of(e.at("loss_down"));
+  s.loss_burst = figure_of(e.at("loss_burst_packets"));
+  s.outage = figure_of(e.at("outage"));
   s.ecn = enum_of(e.at("ecn").get<std::string>(),
                   {EcnState::kTesting, EcnState::kWorks, EcnState::kBleached, EcnState::kMangled,
                    EcnState::kDropped});
   s.age = age_of(j.at("age_s"));
   s.rate_age = age_of(e.at("rate_age_s"));
-  s.confidence = j.at("confidence").get<double>();
+  s.confidence = figure_of(j.at("confidence"));
   const Json& n = j.at("nature");
-  s.nature = {n.at("delay").get<double>(), n.at("bandwidth").get<double>(),
-              n.at("reliability").get<double>(), n.at("security").get<double>()};
+  s.nature = {figure_of(n.at("delay")), figure_of(n.at("bandwidth")),
+              figure_of(n.at("reliability")), figure_of(n.at("security"))};
   return s;
 }
 
 Measured measured_of(const Json& j) {
   Measured m;
   m.program = printable(j.at("program").get<std::string>());
-  m.peer = j.at("peer").get<std::uint32_t>();
+  m.peer = whole_of<std::uint32_t>(j.at("peer"));
   m.state = state_of(j);
   const Json& e = j.at("evidence");
   m.path_reason = printable(e.at("path_reason").get<std::string>());
-  m.counters.sent_packets = e.at("sent_packets").get<std::uint64_t>();
-  m.counters.received_packets = e.at("received_packets").get<std::uint64_t>();
-  m.counters.sent_bytes = e.at("sent_bytes").get<std::uint64_t>();
-  m.counters.received_bytes = e.at("received_bytes").get<std::uint64_t>();
+  m.counters.sent_packets = whole_of<std::uint64_t>(e.at("sent_packets"));
+  m.counters.received_packets = whole_of<std::uint64_t>(e.at("received_packets"));
+  m.counters.sent_bytes = whole_of<std::uint64_t>(e.at("sent_bytes"));
+  m.counters.received_bytes = whole_of<std::uint64_t>(e.at("received_bytes"));
   return m;
 }
 
@@ -212,16 +236,17 @@ std::optional<LiveLinks> live_from_json(const std::string& text) {
     if (json.at("schema") != "interneuron.live/1") return std::nullopt;
     LiveLinks live;
     live.program = printable(json.at("program").get<std::string>());
-    live.pid = json.at("pid").get<std::int64_t>();
+    live.pid = whole_of<std::int64_t>(json.at("pid"));
     for (const Json& item : json.at("links")) {
       live.links.push_back({printable(item.at("name").get<std::string>()), measured_of(item)});
     }
     for (const Json& item : json.at("events")) {
-      live.events.push_back({TimePoint{Duration{item.at("at_monotonic_ns").get<std::int64_t>()}},
-                             printable(item.at("name").get<std::string>()),
-                             printable(item.at("from").get<std::string>()),
-                             printable(item.at("to").get<std::string>()),
-                             printable(item.at("reason").get<std::string>())});
+      live.events.push_back(
+          {TimePoint{Duration{whole_of<std::int64_t>(item.at("at_monotonic_ns"))}},
+           printable(item.at("name").get<std::string>()),
+           printable(item.at("from").get<std::string>()),
+           printable(item.at("to").get<std::string>()),
+           printable(item.at("reason").get<std::string>())});
     }
     return live;
   } catch (const std::exception&) {

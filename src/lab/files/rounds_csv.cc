@@ -5,6 +5,7 @@
 #include <cmath>
 #include <exception>
 #include <sstream>
+#include <stdexcept>
 
 #include "host/process/failure.h"
 #include "host/process/whole_file.h"
@@ -15,7 +16,14 @@ namespace {
 
 // Milliseconds with microseconds, the unit of every time in our files.
 std::string ms(Duration d) { return fmt::format("{:.3f}", to_ms(d)); }
-Duration from_text(const std::string& ms_text) { return from_ms(std::stod(ms_text)); }
+// More than any round takes, and little enough that no conversion of it overflows: 31 years in ms.
+constexpr double kMostMs = 1e12;
+double number_from(const std::string& text) {
+  const double value = std::stod(text);
+  if (!(std::abs(value) <= kMostMs)) throw std::out_of_range(text);
+  return value;
+}
+Duration from_text(const std::string& ms_text) { return from_ms(number_from(ms_text)); }
 std::string flag(bool value) { return value ? "1" : "0"; }
 
 std::string outcome_of(const RoundRow& r) {
@@ -64,7 +72,7 @@ constexpr std::array<CsvColumn, 19> kColumns{{
      [](Row& r, Text t) { r.age_rounds = static_cast<std::uint32_t>(std::stoul(t)); }},
     {"x", [](const Row& r) { return fmt::format("{:.3f}", r.x_permille / 1000.0); },
      [](Row& r, Text t) {
-       r.x_permille = static_cast<std::int16_t>(std::lround(std::stod(t) * 1000));
+       r.x_permille = static_cast<std::int16_t>(std::lround(number_from(t) * 1000));
      }},
     {"recovering", [](const Row& r) { return flag(r.recovering); },
      [](Row& r, Text t) { r.recovering = t == "1"; }},

@@ -76,6 +76,28 @@ TEST(LiveJson, WhatIsNoLiveStateIsNothing) {
   }
 }
 
+// Each of these in place of a figure that fits; a conversion would otherwise be undefined.
+TEST(LiveJson, FiguresThatNoLinkHasAreRefused) {
+  LiveLinks live{.program = "x", .pid = 1, .links = {{"eth0", made_up_figures()}}, .events = {}};
+  const Json good = live_json(live);
+  ASSERT_TRUE(live_from_json(good.dump()));
+  const std::pair<const char*, Json> wrong[] = {{"/links/0/rtt_ms/p50", 1e300},
+                                                {"/links/0/age_s", -1e300},
+                                                {"/links/0/rate_mbit/up", 1e30},
+                                                {"/links/0/evidence/loss_down", 1e308},
+                                                {"/links/0/traits/priority", 1e300},
+                                                {"/links/0/traits/priority", 4294967296},
+                                                {"/links/0/peer", -1},
+                                                {"/links/0/evidence/sent_bytes", -1},
+                                                {"/links/0/evidence/sent_packets", 1.5},
+                                                {"/pid", 1e300}};
+  for (const auto& [where, value] : wrong) {
+    Json bad = good;
+    bad[Json::json_pointer(where)] = value;
+    EXPECT_FALSE(live_from_json(bad.dump())) << where << " " << value;
+  }
+}
+
 TEST(LiveJson, NothingOfItReachesATerminalRaw) {
   LiveLinks live{.program = "v\x1b[2J", .pid = 1, .links = {}, .events = {}};
   live.events = {{TimePoint{}, "a\n", "ready", "no_carrier", "\x07gone"}};

@@ -1,5 +1,7 @@
 #include "lab/files/run_files.h"
 
+#include <fstream>
+
 #include "core/base/statistics.h"
 #include "host/process/failure.h"
 #include "lab/files/plot.h"
@@ -74,6 +76,25 @@ TEST(Report, TheSummaryOfTheFileIsTheSummaryOfTheRun) {
   const auto back = lab::read_csv(folder / "rounds.csv");
   EXPECT_EQ(lab::summarise(back, info()).dump(), lab::summarise(rows(), info()).dump());
   EXPECT_EQ(back.front().guard, "budget");
+}
+
+TEST(Report, FiguresThatNoRoundHasAreRefused) {
+  const TempFolder folder;
+  const std::string file = folder / "rounds.csv";
+  lab::write_csv(file, rows());
+  std::ifstream in(file);
+  std::string header;
+  std::string row;
+  ASSERT_TRUE(std::getline(in, header) && std::getline(in, row));
+  // The fifth column is e2e_ms; a conversion of these would be undefined.
+  std::size_t at = 0;
+  for (int comma = 0; comma < 4; ++comma) at = row.find(',', at) + 1;
+  for (const char* figure : {"1e300", "-1e300", "inf", "nan"}) {
+    std::string bad = row;
+    bad.replace(at, bad.find(',', at) - at, figure);
+    std::ofstream(file) << header << '\n' << bad << '\n';
+    EXPECT_THROW(lab::read_csv(file), cli::Failure) << bad;
+  }
 }
 
 TEST(Report, DrawsThePlot) {

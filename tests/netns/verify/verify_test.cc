@@ -116,6 +116,17 @@ std::string record(std::uint32_t number, std::uint8_t protocol = 17) {
   return out + frame;
 }
 
+TEST(VerifyReadings, TimesThatNoPingHasAreSkipped) {
+  const std::string rest = " 64 bytes from 10.77.0.1: icmp_seq=1 ttl=63 time=";
+  EXPECT_EQ(parse_ping("[1795276741.316347]" + rest + "22.1 ms\n").answered.size(), 1U);
+  for (const std::string& line :
+       {"[9223372036854775807.316347]" + rest + "22.1 ms\n", "[-9.316347]" + rest + "22.1 ms\n",
+        "[1795276741.-16347]" + rest + "22.1 ms\n", "[1795276741.316347]" + rest + "1e300 ms\n",
+        "[1795276741.316347]" + rest + "-1 ms\n", "[1795276741.316347]" + rest + "nan ms\n"}) {
+    EXPECT_TRUE(parse_ping(line).answered.empty()) << line;
+  }
+}
+
 TEST(VerifyReadings, Capture) {
   const std::string text = capture_header() + record(1) + record(2, 6) + record(3);
   const auto records = parse_capture(text);
