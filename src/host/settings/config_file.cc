@@ -19,6 +19,9 @@ std::string place(const std::string& file, const toml::source_region& where) {
   return file + ":" + std::to_string(where.begin.line) + ":" + std::to_string(where.begin.column);
 }
 
+// Keys and values of the file stand in the message, and its end of a line may be one of them.
+[[noreturn]] void refuse(const std::string& what) { throw Failure(kConfiguration, one_line(what)); }
+
 std::string dashed(std::string key) {
   std::ranges::replace(key, '_', '-');
   return key;
@@ -34,7 +37,7 @@ std::string scalar(const toml::node& node, const std::string& file, const std::s
   if (const auto i = node.value_exact<std::int64_t>()) return std::to_string(*i);
   if (const auto b = node.value_exact<bool>()) return *b ? "true" : "false";
   if (const auto d = node.value_exact<double>()) return number_text(*d);
-  throw Failure(kConfiguration, where + ": " + key + ": give a string, a number, true or false");
+  refuse(where + ": " + key + ": give a string, a number, true or false");
 }
 
 CLI::Option* find_option(CLI::App& command, const std::string& key, const std::string& where) {
@@ -51,10 +54,9 @@ CLI::Option* find_option(CLI::App& command, const std::string& key, const std::s
   }
   const std::vector<std::string_view> known(names.begin(), names.end());
   const auto nearest = nearest_word(key, known);
-  throw Failure(kConfiguration,
-                where + ": unknown key '" + key + "'" +
-                    (nearest ? "; did you mean '" + std::string(*nearest) + "'?"
-                             : "; `interneuron " + command.get_name() + " --help` lists the keys"));
+  refuse(where + ": unknown key '" + key + "'" +
+         (nearest ? "; did you mean '" + std::string(*nearest) + "'?"
+                  : "; `interneuron " + command.get_name() + " --help` lists the keys"));
 }
 
 void apply(CLI::App& command, const std::string& file, const std::string& key,
@@ -76,7 +78,7 @@ void apply(CLI::App& command, const std::string& file, const std::string& key,
     std::string what = error.what();
     const std::string named = option->get_name() + ": ";
     if (what.starts_with(named)) what.erase(0, named.size());
-    throw Failure(kConfiguration, where + ": " + key + ": " + what);
+    refuse(where + ": " + key + ": " + what);
   }
 }
 
@@ -94,14 +96,13 @@ void apply_config(CLI::App& command) {
   if (option == nullptr || option->count() == 0) return;
   const auto file = option->as<std::string>();
   if (!std::filesystem::is_regular_file(file)) {
-    throw Failure(kConfiguration, "config '" + file + "': no such file; give --config FILE");
+    refuse("config '" + file + "': no such file; give --config FILE");
   }
   toml::table table;
   try {
     table = toml::parse(read_whole(file, kConfiguration), file);
   } catch (const toml::parse_error& error) {
-    throw Failure(kConfiguration,
-                  place(file, error.source()) + ": " + std::string(error.description()));
+    refuse(place(file, error.source()) + ": " + std::string(error.description()));
   }
   for (const auto& [key, node] : table) apply(command, file, std::string(key.str()), node);
 }

@@ -47,7 +47,7 @@ std::string did_you_mean(std::string_view word, const std::vector<std::string_vi
 }
 
 [[noreturn]] void refuse(std::string_view text, const std::string& what) {
-  throw Failure(kUsage, "--link " + in_quotes(text) + ": " + what);
+  throw Failure(kUsage, one_line("--link " + in_quotes(text) + ": " + what));
 }
 
 constexpr std::string_view kPeerForm = "give NIC=ADDRESS:PORT, for example wwan0=192.0.2.7:47000";
@@ -251,8 +251,8 @@ class LinkTable {
  private:
   [[noreturn]] void fail(const toml::node& node, const std::string& what) const {
     const toml::source_position at = node.source().begin;
-    throw Failure(kConfiguration, file_ + ":" + std::to_string(at.line) + ":" +
-                                      std::to_string(at.column) + ": " + what);
+    throw Failure(kConfiguration, one_line(file_ + ":" + std::to_string(at.line) + ":" +
+                                           std::to_string(at.column) + ": " + what));
   }
   template <class T>
   T value(const std::string& key, const toml::node& node, std::string_view range) const {

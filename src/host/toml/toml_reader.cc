@@ -93,6 +93,12 @@ std::optional<std::string_view> nearest_word(std::string_view word,
   return best;
 }
 
+std::string one_line(std::string text) {
+  std::ranges::replace_if(
+      text, [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; }, '?');
+  return text;
+}
+
 const toml::table* TomlReader::parse(std::string_view text) {
   try {
     document_ = toml::parse(text, std::string_view(origin_));
@@ -250,7 +256,8 @@ bool TomlReader::fail(const toml::source_region& where, const std::string& what)
   // position of its own.
   const auto line = std::max<std::uint32_t>(1, where.begin.line);
   const auto column = std::max<std::uint32_t>(1, where.begin.column);
-  error_ = origin_ + ":" + std::to_string(line) + ":" + std::to_string(column) + ": " + what;
+  error_ =
+      one_line(origin_ + ":" + std::to_string(line) + ":" + std::to_string(column) + ": " + what);
   return false;
 }
 

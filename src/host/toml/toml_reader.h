@@ -85,6 +85,10 @@ class TomlReader {
 // "22", "0.0001": shortest form, for messages.
 std::string number_text(double value);
 
+// What a message may show of a user's text: ends of lines, which would make two lines of it, and
+// other control characters, which a terminal would obey, become '?'.
+std::string one_line(std::string text);
+
 // The member of `known` that is most like `word`, or nothing if none is like it.
 std::optional<std::string_view> nearest_word(std::string_view word,
                                              const std::vector<std::string_view>& known);

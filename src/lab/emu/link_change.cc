@@ -173,7 +173,8 @@ std::variant<LinkChange, ProfileError> parse_change(std::span<const std::string>
   try {
     LinkChange change;
     for (const std::string& pair : key_value) {
-      if (auto wrong = read_pair(pair, resolver, change)) return ProfileError{std::move(*wrong)};
+      if (auto wrong = read_pair(pair, resolver, change))
+        return ProfileError{one_line(std::move(*wrong))};
     }
     if (key_value.empty()) return ProfileError{"no change given; write KEY=VALUE, as rtt_ms=80"};
     return change;

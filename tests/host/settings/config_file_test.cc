@@ -52,6 +52,16 @@ TEST(ConfigFile, KeysAreTheLongOptions) {
   EXPECT_TRUE(c.quiet);
 }
 
+TEST(ConfigFile, AMistakeIsOneLineWhateverTheFileHolds) {
+  for (const char* text :
+       {"quiet = t\n", "\"a\\nb\" = 1\n", "rounds = \"a\\nb\"\n", "\"\\u001b[2J\" = 1\n"}) {
+    Command c;
+    const std::string what = c.apply(text);
+    EXPECT_NE(what, "") << text;
+    EXPECT_EQ(what.find_first_of("\n\x1b"), std::string::npos) << what;
+  }
+}
+
 TEST(ConfigFile, TheCommandLineWins) {
   Command c;
   EXPECT_EQ(c.apply("rounds = 7\n", "--rounds 3"), "");

@@ -4,6 +4,8 @@
 
 #include <stdexcept>
 
+#include "lab/emu/link_change.h"
+#include "lab/emu/scenario.h"
 #include "support.h"
 
 namespace interneuron::emu {
@@ -39,6 +41,18 @@ std::variant<std::string, FileError> load(const std::string& name) {
 LinkProfile read(const std::string& text) { return value_of(parse_profile(text, "p.toml", load)); }
 std::string error_of(const std::string& text) {
   return error_in(parse_profile(text, "p.toml", load));
+}
+
+TEST(ProfileParts, AnErrorIsOneLineWhateverTheTextIs) {
+  const auto is_one_line = [](const auto& parsed) {
+    const auto* error = std::get_if<ProfileError>(&parsed);
+    return error != nullptr && error->what.find_first_of("\n\x1b") == std::string::npos;
+  };
+  EXPECT_TRUE(is_one_line(parse_profile("# Source: x\nschema = t\n", "x.toml")));
+  EXPECT_TRUE(is_one_line(parse_profile("\"a\\n\\u001b[2J\" = 1\n", "x.toml")));
+  EXPECT_TRUE(is_one_line(parse_scenario("seed = t\n", "x.toml")));
+  const std::string setting = "lo\nss=1";
+  EXPECT_TRUE(is_one_line(parse_change(std::span(&setting, 1))));
 }
 
 TEST(ProfileParts, ADirection) {
