@@ -88,6 +88,15 @@ Request from_json(const Json& object, const std::string& token) {
 
 }  // namespace
 
+std::optional<Request> parse_request(std::string_view datagram, const std::string& token) {
+  try {
+    return from_json(Json::parse(datagram), token);
+  } catch (const std::exception&) {
+    // Not a request of the testbed's owner.
+    return std::nullopt;
+  }
+}
+
 ControlServer::ControlServer()
     : socket_(open_socket(SOCK_NONBLOCK)),
       name_("interneuron/" + random_hex()),
@@ -104,15 +113,9 @@ std::optional<Request> ControlServer::receive() {
   const ssize_t size = ::recvfrom(socket_.get(), buffer.data(), buffer.size(), 0,
                                   reinterpret_cast<sockaddr*>(&from), &from_size);
   if (size <= 0) return std::nullopt;
-  try {
-    const std::string_view text(buffer.data(), static_cast<std::size_t>(size));
-    Request request = from_json(Json::parse(text), token_);
-    client_ = name_of(from, from_size);
-    return request;
-  } catch (const std::exception&) {
-    // Not a request of the testbed's owner.
-    return std::nullopt;
-  }
+  auto request = parse_request({buffer.data(), static_cast<std::size_t>(size)}, token_);
+  if (request) client_ = name_of(from, from_size);
+  return request;
 }
 
 void ControlServer::reply(const std::string& error) {

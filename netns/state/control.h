@@ -13,6 +13,7 @@
 
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "host/io/file_descriptor.h"
@@ -32,6 +33,9 @@ struct Request {
   // What cells measure of their queues begins anew.
   bool measure_cells = false;
 };
+
+// The request in a datagram; nothing for any bytes that are none, or that lack the token. Pure.
+std::optional<Request> parse_request(std::string_view datagram, const std::string& token);
 
 // The holder's end: receives requests and answers each before it receives the next.
 class ControlServer {
