@@ -28,31 +28,6 @@ cv::Size size_of(Variant variant) {
   return size.width >= 1 && size.height >= 1 && size.width <= kMaxSide && size.height <= kMaxSide;
 }
 
-// The picture's size as the file says (ITU T.81, B.2.2: the frame header), or nothing. Looked at
-// before a decoder gets memory for it; so what decoders may skip (fill bytes, markers without
-// length) is refused.
-std::optional<cv::Size> jpeg_size(ByteView file) {
-  ByteReader in(file);
-  if (in.get<std::uint16_t>() != 0xFFD8) return {};
-  while (in.ok()) {
-    const auto marker = in.get<std::uint16_t>();
-    const auto length = in.get<std::uint16_t>();
-    const bool other = marker == 0xFFC4 || marker == 0xFFC8 || marker == 0xFFCC;
-    if (marker >= 0xFFC0 && marker <= 0xFFCF && !other) {
-      in.get<std::uint8_t>();  // bits per sample
-      const int height = in.get<std::uint16_t>();
-      const int width = in.get<std::uint16_t>();
-      if (!in.ok()) return {};
-      return cv::Size(width, height);
-    }
-    const bool has_length =
-        marker >= 0xFFC0 && marker != 0xFFFF && (marker < 0xFFD0 || marker > 0xFFDA);
-    if (!has_length || length < 2) return {};
-    in = ByteReader(in.rest().subspan(std::min<std::size_t>(in.rest().size(), length - 2U)));
-  }
-  return {};
-}
-
 // A whole frame of at most kMaxJpegPixels.
 cv::Mat shrunken(const cv::Mat& bgr) {
   const double pixels = static_cast<double>(bgr.total());
@@ -89,19 +64,32 @@ cv::Mat decode_pixels(Variant variant, cv::Size size, ByteView bytes) {
   return picture;
 }
 
-cv::Mat decode_jpeg(cv::Size size, ByteView bytes) {
-  const auto pixels = static_cast<std::int64_t>(size.width) * size.height;
-  if (jpeg_size(bytes) != size || pixels > kMaxJpegPixels) return {};
-  const ByteView end = bytes.last(2);  // decoders fill up what is cut off
-  if (end[0] != std::byte{0xFF} || end[1] != std::byte{0xD9}) return {};
-  const cv::Mat file(1, static_cast<int>(bytes.size()), CV_8UC1,
-                     const_cast<std::byte*>(bytes.data()));  // only read
-  try {
-    const cv::Mat picture = cv::imdecode(file, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION);
-    return picture.size() == size ? picture : cv::Mat{};
-  } catch (const cv::Exception&) {
-    return {};
+// What the header of an image message says, if the rest may belong to it.
+struct Head {
+  Image image;
+  cv::Size size;
+  ByteView rest;
+};
+
+std::optional<Head> parse_head(ByteView bytes) {
+  ByteReader in(bytes);
+  if (in.get<std::uint16_t>() != kMagic || in.get<std::uint8_t>() != kVersion) return {};
+  const auto variant = in.get<std::uint8_t>();
+  if (variant >= kVariants) return {};
+  Head head;
+  head.image.variant = static_cast<Variant>(variant);
+  head.size = cv::Size{in.get<std::uint16_t>(), in.get<std::uint16_t>()};
+  head.image.frame = in.get<std::uint32_t>();
+  head.image.source.width = in.get<std::uint16_t>();
+  head.image.source.height = in.get<std::uint16_t>();
+  head.rest = in.rest();
+  if (!in.ok() || head.image.source.width < 1 || head.image.source.height < 1) return {};
+  if (head.image.variant == Variant::kJpeg) {
+    return bytes.size() <= kMaxJpegBytes ? std::optional(head) : std::nullopt;
   }
+  const bool fits =
+      head.size == size_of(head.image.variant) && bytes.size() == encoded_size(head.image.variant);
+  return fits ? std::optional(head) : std::nullopt;
 }
 
 }  // namespace
@@ -168,22 +156,17 @@ std::vector<Bytes> encode_variants(const cv::Mat& bgr, std::uint32_t frame,
   return out;
 }
 
+bool may_be_image(ByteView bytes) { return parse_head(bytes).has_value(); }
+
 std::optional<Image> decode_image(ByteView bytes) {
-  ByteReader in(bytes);
-  if (in.get<std::uint16_t>() != kMagic || in.get<std::uint8_t>() != kVersion) return {};
-  const auto variant = in.get<std::uint8_t>();
-  if (variant >= kVariants) return {};
-  Image image;
-  image.variant = static_cast<Variant>(variant);
-  const cv::Size size{in.get<std::uint16_t>(), in.get<std::uint16_t>()};
-  image.frame = in.get<std::uint32_t>();
-  image.source.width = in.get<std::uint16_t>();
-  image.source.height = in.get<std::uint16_t>();
-  if (!in.ok() || image.source.width < 1 || image.source.height < 1) return {};
+  auto head = parse_head(bytes);
+  if (!head) return {};
+  Image& image = head->image;
   if (image.variant == Variant::kJpeg) {
-    image.bgr = decode_jpeg(size, in.rest());
-  } else if (size == size_of(image.variant) && bytes.size() == encoded_size(image.variant)) {
-    image.bgr = decode_pixels(image.variant, size, in.rest());
+    if (inspect_jpeg(head->rest).size != head->size) return {};
+    image.bgr = decode_jpeg(head->rest).bgr;
+  } else {
+    image.bgr = decode_pixels(image.variant, head->size, head->rest);
   }
   if (image.bgr.empty()) return {};
   return image;

@@ -18,7 +18,7 @@
 //       16    raw, sampled: 3·width·height: rows from the top, pixels from the left, bytes blue,
 //             green, red; grey: width·height, likewise; JPEG: a file of that size
 //
-// Pure functions: safe from any thread.
+// Pure functions, but for the clock that limits the decoding of a JPEG: safe from any thread.
 #pragma once
 
 #include <cstddef>
@@ -29,6 +29,7 @@
 #include <vector>
 
 #include "interneuron/units.h"
+#include "perception/jpeg.h"
 
 namespace interneuron::perception {
 
@@ -45,9 +46,9 @@ inline constexpr std::size_t kImageHeaderBytes = 16;
 // A frame of the demo's video has 76 KB at this quality (docs/constants.md, "Images and
 // detectors").
 inline constexpr int kJpegQuality = 80;
-// Pixels of a JPEG: larger frames are made smaller, larger messages refused before they are
-// decompressed. The size of a 4K camera.
-inline constexpr int kMaxJpegPixels = 3840 * 2160;
+// The most bytes of a whole message with a JPEG: one byte for each pixel, which the worst noise
+// does not need at this quality.
+inline constexpr std::size_t kMaxJpegBytes = kImageHeaderBytes + kMaxJpegPixels;
 
 // Bytes of the whole message; 0 for JPEG, whose size depends on the frame.
 constexpr std::size_t encoded_size(Variant variant) {
@@ -76,6 +77,9 @@ struct Image {
   std::uint32_t frame = 0;
   // The sides of the frame that the image was made of, in pixels: 1 … 65535 each.
   cv::Size source{768, 576};
+  // Whom the image is of; not in the message, but set by who received it. What detectors learn from
+  // an image serves this sender alone. 0 on the sender's own host.
+  std::uint32_t sender = 0;
 };
 
 // The variant of a frame: raw is the frame resized by area to 484 x 361, whatever its aspect;
@@ -94,8 +98,13 @@ std::vector<Bytes> encode_variants(const cv::Mat& bgr, std::uint32_t frame,
                                    std::initializer_list<Variant> variants = {Variant::kRaw,
                                                                               Variant::kSampled});
 
-// The image in a message, or nothing if the bytes are not exactly one. Any bytes will do; never
-// throws on them. The image owns a copy of the pixels.
+// Whether the bytes may be an image: their header and their number fit. Takes no longer for more
+// bytes, so that nonsense is refused before a thread that decodes is bothered with it.
+bool may_be_image(ByteView bytes);
+
+// The image in a message, or nothing if the bytes are not exactly one, or a JPEG that jpeg.h
+// refuses. Any bytes will do; never throws on them. The image owns a copy of the pixels. Takes up
+// to JpegLimits::time.
 std::optional<Image> decode_image(ByteView bytes);
 
 }  // namespace interneuron::perception

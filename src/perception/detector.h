@@ -6,6 +6,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <memory>
@@ -22,7 +23,8 @@
 
 namespace interneuron::perception {
 
-// One thread at a time.
+// What a detector finds for one sender depends on that sender's images alone, whatever it learns
+// from images. One thread at a time.
 class Detector {
  public:
   virtual ~Detector() = default;
@@ -30,6 +32,8 @@ class Detector {
   virtual std::vector<Box> detect(const Image& image) = 0;
   // Forgets what was learnt from earlier images (a background); most detectors learn nothing.
   virtual void reset() {}
+  // Forgets what was learnt from the images of this sender (Image::sender), who is gone.
+  virtual void forget(std::uint32_t /*sender*/) {}
 };
 
 // One way to find persons in an image: more quality takes more time.
@@ -72,6 +76,9 @@ class Ladder {
   const Level& level(std::size_t index) const { return levels_[index]; }
   std::vector<Box> detect(std::size_t index, const Image& image) {
     return levels_[index].detector->detect(image);
+  }
+  void forget(std::uint32_t sender) {
+    for (const Level& level : levels_) level.detector->forget(sender);
   }
 
   // Measures median and 95th percentile of every level over `runs` images, taken in turn from

@@ -13,7 +13,7 @@ namespace interneuron::perception {
 // At most `max_levels`, from the lowest. Throws InputError for a missing or bad model.
 std::vector<Level> dnn_levels(const std::filesystem::path& data_dir, std::size_t max_levels);
 
-// All share one background model.
+// All share the background models of the streams.
 std::vector<Level> motion_levels(std::size_t max_levels);
 
 // With their times. Throws InputError for a missing or bad recording or profile.

@@ -11,7 +11,7 @@
 #include <utility>
 
 #include "perception/levels.h"
-#include "perception/motion_model.h"
+#include "perception/motion_streams.h"
 
 namespace interneuron::perception {
 namespace {
@@ -34,16 +34,17 @@ std::vector<Box> scaled(std::vector<Box> boxes, cv::Size from, cv::Size to) {
 // Motion alone: each blob is a person, or several side by side.
 class MotionDetector : public Detector {
  public:
-  explicit MotionDetector(std::shared_ptr<MotionModel> model) : model_(std::move(model)) {}
+  explicit MotionDetector(std::shared_ptr<MotionStreams> streams) : streams_(std::move(streams)) {}
 
   std::vector<Box> detect(const Image& image) override {
-    const cv::Mat& mask = model_->mask(image);
+    const cv::Mat& mask = streams_->mask(image);
     std::vector<Box> boxes;
     for (const Blob& blob : blobs_of(mask, kClose, kGrow)) split(blob, boxes);
     boxes = scaled(std::move(boxes), mask.size(), image.source);
     return suppress(std::move(boxes), 1.0F, 0.0F);
   }
-  void reset() override { model_->reset(); }
+  void reset() override { streams_->reset(); }
+  void forget(std::uint32_t sender) override { streams_->forget(sender); }
 
  private:
   // Gaps of this many pixels of the mask are closed, which joins the parts of a person.
@@ -80,7 +81,7 @@ class MotionDetector : public Detector {
     }
   }
 
-  std::shared_ptr<MotionModel> model_;
+  std::shared_ptr<MotionStreams> streams_;
 };
 
 // HOG finds a person many times over, a little shifted. Their mean, weighted by score, lies better
@@ -128,13 +129,15 @@ struct HogSettings {
 
 class HogDetector : public Detector {
  public:
-  HogDetector(std::shared_ptr<MotionModel> model, HogSettings settings)
-      : model_(std::move(model)), settings_(settings), hog_(kWindow, {16, 16}, kStride, {8, 8}, 9) {
+  HogDetector(std::shared_ptr<MotionStreams> streams, HogSettings settings)
+      : streams_(std::move(streams)),
+        settings_(settings),
+        hog_(kWindow, {16, 16}, kStride, {8, 8}, 9) {
     hog_.setSVMDetector(cv::HOGDescriptor::getDaimlerPeopleDetector());
   }
 
   std::vector<Box> detect(const Image& image) override {
-    const cv::Mat& mask = model_->mask(image);
+    const cv::Mat& mask = streams_->mask(image);
     cv::Mat view;
     cv::cvtColor(image.bgr, view, cv::COLOR_BGR2GRAY);
     cv::resize(view, view, settings_.view);
@@ -156,7 +159,8 @@ class HogDetector : public Detector {
     for (Box& box : found) box.score /= 1 + box.score;
     return suppress(scaled(std::move(found), view.size(), image.source), kMaxIou, 0.0F);
   }
-  void reset() override { model_->reset(); }
+  void reset() override { streams_->reset(); }
+  void forget(std::uint32_t sender) override { streams_->forget(sender); }
 
  private:
   // The window of the Daimler detector, and by how much it moves: one cell. In pixels.
@@ -230,7 +234,7 @@ class HogDetector : public Detector {
     }
   }
 
-  std::shared_ptr<MotionModel> model_;
+  std::shared_ptr<MotionStreams> streams_;
   HogSettings settings_;
   cv::HOGDescriptor hog_;
 };
@@ -238,13 +242,13 @@ class HogDetector : public Detector {
 }  // namespace
 
 std::vector<Level> motion_levels(std::size_t max_levels) {
-  const auto model = std::make_shared<MotionModel>();
+  const auto streams = std::make_shared<MotionStreams>();
   const auto hog = [&](cv::Size view, double step, double whole_step) {
-    return std::make_shared<HogDetector>(model, HogSettings{view, step, whole_step});
+    return std::make_shared<HogDetector>(streams, HogSettings{view, step, whole_step});
   };
   // Quality, drawing threshold and run time: by motion_bench on the demo video, 795 frames.
   std::vector<Level> levels = {{.name = "motion",
-                                .detector = std::make_shared<MotionDetector>(model),
+                                .detector = std::make_shared<MotionDetector>(streams),
                                 .quality = {0.199, 0.199},
                                 .draw_score = 0.35F,
                                 .recorded_median = from_ms(1.0)},

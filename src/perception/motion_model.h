@@ -1,4 +1,5 @@
-// What moves in front of a fixed camera: one background model, shared by all levels of a ladder.
+// What moves in front of one fixed camera: its background model, shared by all levels of a ladder.
+// MotionStreams keeps one for each camera.
 #pragma once
 
 #include <cstdint>

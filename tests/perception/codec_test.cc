@@ -107,6 +107,20 @@ TEST(Codec, RejectsHeadersThatLie) {
   }
 }
 
+TEST(Codec, TellsFromTheHeaderWhatMayBeAnImage) {
+  const auto variants = encode_variants(scene(), 3, {Variant::kRaw, Variant::kJpeg});
+  for (const Bytes& good : variants) {
+    EXPECT_TRUE(may_be_image(good));
+    EXPECT_FALSE(may_be_image(ByteView(good).first(kImageHeaderBytes - 1)));
+  }
+  EXPECT_FALSE(may_be_image(ByteView(variants[0]).first(variants[0].size() - 1)));
+  EXPECT_TRUE(may_be_image(ByteView(variants[1]).first(variants[1].size() - 1)))
+      << "only decoding tells";
+  Bytes long_one = variants[1];
+  long_one.resize(kMaxJpegBytes + 1);
+  EXPECT_FALSE(may_be_image(long_one));
+}
+
 // --- grey and JPEG
 
 TEST(Codec, GreyIsRawWithoutColours) {
