@@ -165,6 +165,10 @@ class Endpoint {
                       std::optional<PeerId> to = std::nullopt);
   // The local result of a round that began here is ready; ignored when the round is decided.
   void local_result(TimePoint now, RoundRef round, Bytes result);
+  // No remote result will come for a round that began here: whoever was to compute it has said so.
+  // The round is missed, and answered as soon as its local result is there instead of at the
+  // deadline. Ignored when the round is decided.
+  void give_up(TimePoint now, RoundRef round);
 
   // --- inputs
   void handle_datagram(TimePoint now, const Datagram& datagram);

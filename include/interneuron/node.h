@@ -91,6 +91,7 @@ class Node {
   SubmitStatus submit(RoundRef round, Variants variants, MessageClass message_class,
                       std::optional<PeerId> to = std::nullopt);
   void local_result(RoundRef round, Bytes result);
+  void give_up(RoundRef round);
 
   // --- time and work
   // CLOCK_MONOTONIC; any thread.

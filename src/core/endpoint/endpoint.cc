@@ -211,6 +211,9 @@ std::size_t Endpoint::begin_computation(TimePoint now, RoundRef round,
 void Endpoint::local_result(TimePoint now, RoundRef round, Bytes result) {
   impl_->rounds().local_result(impl_->advance(now), round, std::move(result));
 }
+void Endpoint::give_up(TimePoint now, RoundRef round) {
+  impl_->rounds().give_up(impl_->advance(now), round);
+}
 void Endpoint::handle_datagram(TimePoint now, const Datagram& datagram) {
   impl_->handle_datagram(impl_->tick(now), datagram);
 }

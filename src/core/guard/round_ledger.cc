@@ -68,7 +68,7 @@ RoundLedger::Begun RoundLedger::begin(TimePoint now) {
               now,
               guard_->begin(observer_->base(now, config_.stages.size()), config_.deadline)};
   past_.enter(round)->t0 = now;
-  open_.push_back({begun, std::nullopt, false});
+  open_.push_back({begun, std::nullopt, false, false});
   return begun;
 }
 
@@ -147,7 +147,7 @@ std::optional<RoundDone> RoundLedger::local_result(TimePoint now, RoundId round,
   if (open == nullptr) return std::nullopt;
   keep_last(round, result);
   open->local = std::move(result);
-  if (!open->stays_local) return std::nullopt;
+  if (!open->stays_local && !open->given_up) return std::nullopt;
   return decide_locally(now, *open);
 }
 
@@ -155,6 +155,14 @@ std::optional<RoundDone> RoundLedger::stay_local(TimePoint now, RoundId round) {
   Open* open = find(round);
   if (open == nullptr) return std::nullopt;
   open->stays_local = true;
+  if (!open->local) return std::nullopt;
+  return decide_locally(now, *open);
+}
+
+std::optional<RoundDone> RoundLedger::give_up(TimePoint now, RoundId round) {
+  Open* open = find(round);
+  if (open == nullptr) return std::nullopt;
+  open->given_up = true;
   if (!open->local) return std::nullopt;
   return decide_locally(now, *open);
 }

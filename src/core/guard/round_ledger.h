@@ -47,12 +47,16 @@ class RoundLedger {
   // but its time is learnt, and it may still answer a later round that is missed.
   std::optional<RoundDone> remote_result(TimePoint now, RoundId round, Bytes result, bool degraded,
                                          const Spent& spent = {});
-  // The local backup of the round is ready. It decides a round that stays here; else it is kept
-  // until the deadline.
+  // The local backup of the round is ready. It decides a round that stays here or was given up;
+  // else it is kept until the deadline.
   std::optional<RoundDone> local_result(TimePoint now, RoundId round, Bytes result);
   // The policy has decided that the round stays here. That is no miss, and the answer is given as
   // soon as the local result is there.
   std::optional<RoundDone> stay_local(TimePoint now, RoundId round);
+  // No remote result will come, as whoever was to compute it says. That is a miss; the answer is
+  // given as soon as the local result is there, at the deadline at the latest. A remote result that
+  // comes before it nevertheless counts.
+  std::optional<RoundDone> give_up(TimePoint now, RoundId round);
   // Decides the rounds whose deadline has passed (t0 + D_N <= now). They are answered by the local
   // result or by the last remote one, whichever is worth more (FallbackQuality).
   std::vector<RoundDone> expire(TimePoint now);
@@ -69,6 +73,7 @@ class RoundLedger {
     Begun begun;
     std::optional<Bytes> local;
     bool stays_local = false;
+    bool given_up = false;
   };
   struct Last {
     RoundId round{};

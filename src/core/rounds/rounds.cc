@@ -130,6 +130,10 @@ void Rounds::local_result(TimePoint now, const RoundRef& round, Bytes result) {
   }
 }
 
+void Rounds::give_up(TimePoint now, const RoundRef& round) {
+  if (guard::RoundLedger* ledger = own_.find(round)) report(ledger->give_up(now, round.round));
+}
+
 // Hands the answer of a round to the application, if there is one.
 void Rounds::report(std::optional<RoundDone> done) {
   if (!done) return;

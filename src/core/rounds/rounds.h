@@ -35,6 +35,7 @@ class Rounds {
   SubmitStatus submit(TimePoint now, const RoundRef& round, Variants variants,
                       MessageClass message_class, std::optional<PeerId> to);
   void local_result(TimePoint now, const RoundRef& round, Bytes result);
+  void give_up(TimePoint now, const RoundRef& round);
 
   // A message of this peer is complete.
   void complete(TimePoint now, Peer& peer, wire::MessageBytes message);

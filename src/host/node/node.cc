@@ -85,6 +85,8 @@ void Node::local_result(RoundRef round, Bytes result) {
   impl_->endpoint().local_result(io::now(), round, std::move(result));
 }
 
+void Node::give_up(RoundRef round) { impl_->endpoint().give_up(io::now(), round); }
+
 TimePoint Node::now() const { return io::now(); }
 void Node::after(Duration delay, Task task) {
   impl_->at(saturating_add(io::now(), delay), std::move(task));

@@ -221,6 +221,25 @@ TEST(Endpoint, WithoutAnAnswerTheLocalResultCounts) {
   EXPECT_EQ(p.done[0].result.size(), 3U);
 }
 
+TEST(Endpoint, ARoundThatIsGivenUpIsAnsweredLocallyAtOnce) {
+  Pair p;
+  p.answer = false;
+  const RoundRef ref = p.pipe.round(p.vehicle);
+  p.pipe.at(p.vehicle).local_result(p.pipe.local(p.vehicle), ref, Bytes(3));
+  p.pipe.run(20ms);
+  ASSERT_TRUE(p.done.empty());
+  const TimePoint now = p.pipe.local(p.vehicle);
+  p.pipe.at(p.vehicle).give_up(now, {SessionId{99}, PipelineId{0}, RoundId{0}});
+  p.pipe.at(p.vehicle).give_up(now, {ref.origin, PipelineId{77}, ref.round});
+  p.pipe.at(p.vehicle).give_up(now, {ref.origin, ref.pipeline, RoundId{1000}});
+  p.pipe.at(p.vehicle).give_up(now, ref);
+  p.pipe.flush(p.vehicle);
+  ASSERT_EQ(p.done.size(), 1U);
+  EXPECT_EQ(p.done[0].outcome, Outcome::kLocal);
+  EXPECT_EQ(p.done[0].result.size(), 3U);
+  EXPECT_LT(p.done[0].e2e, 30ms);
+}
+
 TEST(Endpoint, APipelineOfCommunicationsOnly) {
   Pair p({pipeline_of({kComm, kComm})});
   p.rounds(3);

@@ -196,6 +196,43 @@ TEST(Origin, ARoundThatStaysHereWithoutALocalResultIsAnsweredAtItsDeadline) {
   EXPECT_EQ(o.indicator(RoundId{1})[0], RoundState::kUnknown);
 }
 
+TEST(Origin, ARoundThatIsGivenUpIsMissedAndAnsweredAtOnce) {
+  for (const bool result_first : {false, true}) {
+    RoundLedger o(with_fallback(), kSelf);
+    const RoundId round = o.begin(TimePoint{1s}).ref.round;
+    EXPECT_FALSE(result_first && o.local_result(TimePoint{1s + 9ms}, round, bytes(9)));
+    auto done = o.give_up(TimePoint{1s + 10ms}, round);
+    EXPECT_EQ(done.has_value(), result_first);
+    if (!result_first) done = o.local_result(TimePoint{1s + 10ms}, round, bytes(9));
+    ASSERT_TRUE(done);
+    EXPECT_EQ(done->outcome, Outcome::kLocal);
+    EXPECT_EQ(done->e2e, 10ms);
+    EXPECT_EQ(done->result, bytes(9));
+    EXPECT_EQ(o.indicator(RoundId{1})[0], RoundState::kMissed);
+    EXPECT_FALSE(o.give_up(TimePoint{1s + 11ms}, round));
+    EXPECT_FALSE(o.remote_result(TimePoint{1s + 12ms}, round, bytes(1), false, level(1)));
+    EXPECT_TRUE(o.expire(TimePoint{4s}).empty());
+  }
+}
+
+TEST(Origin, ARemoteResultForARoundThatWasGivenUpStillCounts) {
+  RoundLedger o(with_fallback(), kSelf);
+  const RoundId round = o.begin(TimePoint{1s}).ref.round;
+  EXPECT_FALSE(o.give_up(TimePoint{1s + 10ms}, round));
+  const auto done = o.remote_result(TimePoint{1s + 20ms}, round, bytes(1), false, level(1));
+  ASSERT_TRUE(done);
+  EXPECT_EQ(done->outcome, Outcome::kRemote);
+  EXPECT_FALSE(o.give_up(TimePoint{1s + 30ms}, RoundId{7})) << "it never began";
+}
+
+TEST(Origin, ARoundThatIsGivenUpWithoutALocalResultIsAnsweredAtItsDeadline) {
+  RoundLedger o(with_fallback(), kSelf);
+  EXPECT_FALSE(o.give_up(TimePoint{1s}, o.begin(TimePoint{1s}).ref.round));
+  const auto done = o.expire(TimePoint{1s + 130ms});
+  ASSERT_EQ(done.size(), 1U);
+  EXPECT_EQ(o.indicator(RoundId{1})[0], RoundState::kMissed);
+}
+
 // Too late for its own round, it is the newest there is for the next one.
 TEST(Origin, ALateRemoteResultIsLearntAndMayAnswerTheNextRound) {
   RoundLedger o(with_fallback(), kSelf);
