@@ -31,9 +31,9 @@ struct JpegLimits {
   // One scan holds all components; three hold one each, and a fourth does no harm.
   int scans = 4;
   // How long decoding may take, by the clock on the wall, since that is how long others wait for
-  // the thread. Five times what a sound file of 1920 x 1080 takes on one core of 2 GHz (about
-  // 10 ms), so that a busy machine refuses none, and less than half of a round's deadline of
-  // 130 ms.
+  // the thread. Three times what the worst sound file takes, nine times what a camera's does
+  // (docs/constants.md, "Images and detectors"), and less than half of a round's deadline of
+  // 130 ms: an image that takes longer on a busy machine would be late anyway.
   Duration time = std::chrono::milliseconds(50);
 };
 

@@ -1,5 +1,6 @@
-// The frames of a source, decoded one ahead of the rounds. Decoding takes milliseconds, so it is
-// done on a worker of the node, behind the local backup of the round before.
+// The frames of a source, decoded and made as small as they are sent, one ahead of the rounds. Both
+// take milliseconds, and more the larger the frames are, so they are done on a worker of the node,
+// behind the local backup of the round before.
 //
 // Holds at most one decoded frame. Used on the node's thread; it must outlive the node, whose
 // worker may be decoding.
@@ -11,12 +12,19 @@
 #include <utility>
 
 #include "interneuron/node.h"
+#include "perception/codec.h"
 #include "perception/frame_source.h"
 
 namespace interneuron::cli {
 
 class Camera {
  public:
+  struct Shot {
+    perception::Frame frame;
+    // The frame's raw variant.
+    perception::Image raw;
+  };
+
   // `source` as FrameSource takes it; with `loop`, a file begins again at its end. Throws
   // InputError.
   Camera(const std::string& source, bool loop) : source_(source, {.loop = loop}) {}
@@ -27,11 +35,11 @@ class Camera {
   // Calls `then` once, as soon as the frame that is being decoded is there.
   void when_fetched(std::function<void()> then) { then_ = std::move(then); }
   // The frame that was fetched last; nothing after the end of the source.
-  std::optional<perception::Frame> take() { return std::exchange(next_, std::nullopt); }
+  std::optional<Shot> take() { return std::exchange(next_, std::nullopt); }
 
  private:
   perception::FrameSource source_;
-  std::optional<perception::Frame> next_;
+  std::optional<Shot> next_;
   bool fetching_ = false;
   std::function<void()> then_;
 };

@@ -2,6 +2,7 @@
 
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <map>
 #include <memory>
@@ -25,17 +26,30 @@ namespace {
 
 namespace perc = perception;
 
+// The least time between two lines about the same vehicle in the log.
+constexpr Duration kBetweenLines = std::chrono::seconds(1);
+// How long a vehicle may be told that it gets no answer. Later the deadline of its round has told
+// it; lost, nothing is missing but time.
+constexpr Duration kTellWithin = std::chrono::milliseconds(100);
+
 // The program `road`: one Node that serves every vehicle that comes, and the detectors. The Node's
-// thread runs everything but detect(), whose task runs on a worker; while it runs nothing else
-// touches the detectors. What arrives was sent by anybody: an image that cannot be decoded is
-// counted and dropped. run() returns after a signal.
+// thread hands images over and results back; decoding and detection run on a worker, one image at a
+// time, and nothing else touches the detectors. What arrives was sent by anybody: the unit divides
+// the worker's time between vehicles, and what is no image, cannot be decoded in time or comes too
+// often is counted for its vehicle, which is told so. run() returns after a signal.
 class Road {
  public:
   Road(const RoadOptions& options, RoadHooks& hooks);
   int run();
 
  private:
-  using Unit = offload::RoadsideUnit<perc::Image>;
+  // An input is the whole message, not decoded yet.
+  using Unit = offload::RoadsideUnit<Bytes>;
+  // What is remembered of a vehicle for the log.
+  struct Vehicle {
+    std::size_t top = 0;
+    TimePoint logged{};
+  };
 
   NodeOptions node_options() const;
   void tell_ready() const;
@@ -43,11 +57,16 @@ class Road {
   void prepare();
   void serve(Delivered delivered);
   std::size_t top_level(PeerId peer, Duration budget);
+  void lost(PeerId peer);
+  void forget(PeerId peer);
   void enqueue(Unit::Job job);
   void start_next();
   std::size_t level_of(const Unit::Job& job);
   Node::Task detect(const Unit::Job& job, std::size_t level);
   void detected(Duration took, Bytes result);
+  void undecoded();
+  void tell_unanswered();
+  void tell_served() const;
 
   const RoadOptions& options_;
   RoadHooks& hooks_;
@@ -59,9 +78,9 @@ class Road {
   Node node_;
   LinkPublisher links_;
   SubmitLog results_{"result"};
-  // The newest top level of each vehicle, to log its changes.
-  std::map<PeerId, std::size_t> top_;
-  std::uint64_t malformed_ = 0;
+  std::map<PeerId, Vehicle> vehicles_;
+  // When start_next() is called to end what is late.
+  std::optional<TimePoint> timer_;
 };
 
 Road::Road(const RoadOptions& options, RoadHooks& hooks)
@@ -111,26 +130,29 @@ void Road::prepare() {
 
 // By what the vehicle can afford, which it refines during its first rounds.
 std::size_t Road::top_level(PeerId peer, Duration budget) {
-  const std::size_t level = unit_->top_level(budget);
-  const auto known = top_.find(peer);
-  if (options_.top_level >= 0 || (known != top_.end() && known->second == level)) return level;
+  const std::size_t level = unit_->top_level(peer, budget);
+  const auto [known, is_new] = vehicles_.try_emplace(peer);
+  Vehicle& vehicle = known->second;
+  const bool changed = is_new || vehicle.top != level;
+  if (options_.top_level >= 0 || !changed) return level;
+  vehicle.top = level;
+  if (!is_new && node_.now() - vehicle.logged < kBetweenLines) return level;
+  vehicle.logged = node_.now();
   spdlog::info("vehicle {}: {:.1f} ms for the computation, top level {} ({})", peer.value,
                to_ms(budget), level, ladder_->level(level).name);
-  top_[peer] = level;
   return level;
 }
 
 void Road::serve(Delivered delivered) {
-  const auto request = parse_request(delivered.payload);
-  std::optional<perc::Image> image;
-  if (request) image = perc::decode_image(request->second);
-  if (!image) {
-    ++malformed_;
-    return;
+  Bytes input = std::move(delivered.payload);
+  delivered.payload = {};
+  const auto request = parse_request(input);
+  if (!request || !perc::may_be_image(request->second)) {
+    unit_->reject(node_.now(), delivered);
+    return tell_unanswered();
   }
   const std::size_t top = top_level(delivered.from, request->first);
-  delivered.payload = {};
-  Unit::Job job{std::move(delivered), node_.now(), top, std::move(*image)};
+  Unit::Job job{std::move(delivered), node_.now(), top, std::move(input)};
   const Duration pause = hooks_.before_compute(job.message.round.round);
   if (pause <= Duration{}) return enqueue(std::move(job));
   node_.after(pause, [this, job = std::move(job)] { enqueue(job); });
@@ -143,32 +165,43 @@ void Road::enqueue(Unit::Job job) {
 
 void Road::start_next() {
   const TimePoint now = node_.now();
-  const Unit::Job* next = unit_->next(now);
-  if (next == nullptr) return;
-  const std::size_t level = level_of(*next);
-  node_.compute(Queue::kComputation,
-                [this, level, job = unit_->begin(now, level)] { return detect(job, level); });
+  if (timer_ && *timer_ <= now) timer_.reset();
+  if (const Unit::Job* next = unit_->next(now)) {
+    const std::size_t level = level_of(*next);
+    auto job = std::make_shared<const Unit::Job>(unit_->begin(now, level));
+    node_.compute(Queue::kComputation,
+                  [this, level, job = std::move(job)] { return detect(*job, level); });
+  }
+  tell_unanswered();
+  const auto due = unit_->next_timeout();
+  if (!due || (timer_ && *timer_ <= *due)) return;
+  timer_ = due;
+  node_.at(*due, [this] { start_next(); });
 }
 
-// By the hooks' rule, else by the guard that the round asks for.
+// By the hooks' rule, else by the guard that the round asks for, among the levels that fit into the
+// vehicle's part of the worker's time.
 std::size_t Road::level_of(const Unit::Job& job) {
-  const auto levels = unit_->levels();
-  if (const auto level = hooks_.level(levels, job.delivered, node_.now())) return *level;
-  return node_.begin_computation(job.message.round, levels, job.top);
+  if (const auto level = hooks_.level(unit_->levels(), job.delivered, node_.now())) return *level;
+  const auto levels = unit_->levels(job.message.from, node_.now());
+  return node_.begin_computation(job.message.round, levels, std::min(job.top, levels.size() - 1));
 }
 
 // Runs on the worker.
 Node::Task Road::detect(const Unit::Job& job, std::size_t level) {
+  auto image = perc::decode_image(parse_request(job.input)->second);
+  if (!image) return [this] { undecoded(); };
+  image->sender = job.message.from.value;
   const TimePoint start = node_.now();
   perc::Result result;
-  result.boxes = ladder_->detect(level, job.input);
+  result.boxes = ladder_->detect(level, *image);
   const Duration pause = hooks_.inside_compute(job.message.round.round);
   if (pause > Duration{}) std::this_thread::sleep_for(pause);
-  result.frame = job.input.frame;
+  result.frame = image->frame;
   result.draw_score = ladder_->level(level).draw_score;
   result.level = static_cast<std::uint8_t>(level);
-  result.variant = job.input.variant;
-  result.source = job.input.source;
+  result.variant = image->variant;
+  result.source = image->source;
   const Verdict& verdict = job.message.verdict;
   result.stage1_late = verdict.late;
   result.stage1_released = verdict.released_at_deadline;
@@ -188,6 +221,43 @@ void Road::detected(Duration took, Bytes result) {
   start_next();
 }
 
+void Road::undecoded() {
+  unit_->fail(node_.now());
+  start_next();
+}
+
+// Tells the vehicles which rounds get no result. One that knows nothing of such messages waits for
+// its deadline.
+void Road::tell_unanswered() {
+  while (const auto unanswered = unit_->poll_unanswered()) {
+    (void)node_.send(unanswered->from, offload::encode_no_answer(*unanswered),
+                     {.deadline = kTellWithin, .channel = offload::kNoAnswerChannel});
+    Vehicle& vehicle = vehicles_[unanswered->from];
+    if (node_.now() - vehicle.logged < kBetweenLines) continue;
+    vehicle.logged = node_.now();
+    spdlog::info("vehicle {}: round {} gets no result: {}", unanswered->from.value,
+                 unanswered->round.round.value, to_string(unanswered->why));
+  }
+}
+
+// What a vehicle has left is forgotten, the backgrounds of its scenes by the worker that uses them.
+void Road::forget(PeerId peer) {
+  vehicles_.erase(peer);
+  if (!unit_) return;
+  unit_->forget(peer);
+  node_.compute(Queue::kComputation, [this, peer]() -> Node::Task {
+    ladder_->forget(peer.value);
+    return {};
+  });
+}
+
+void Road::lost(PeerId peer) {
+  const offload::PeerWork work = unit_ ? unit_->work(peer) : offload::PeerWork{};
+  spdlog::info("vehicle {}: silent, forgotten; {} images computed, {} without a result", peer.value,
+               work.computed, work.unanswered());
+  forget(peer);
+}
+
 int Road::run() {
   for (const std::string& warning : node_.warnings()) spdlog::warn("{}", warning);
   const auto stamp = serve_stamp();
@@ -196,10 +266,8 @@ int Road::run() {
     node_.on_delivered([this](Delivered d) { serve(std::move(d)); });
   }
   node_.on_peer_ready([](PeerReady e) { spdlog::info("vehicle {}: here", e.peer.value); });
-  node_.on_peer_lost([this](PeerLost e) {
-    spdlog::info("vehicle {}: silent, forgotten", e.peer.value);
-    top_.erase(e.peer);
-  });
+  node_.on_peer_lost([this](PeerLost e) { lost(e.peer); });
+  node_.on_peer_restarted([this](PeerRestarted e) { forget(e.peer); });
   node_.stop_on_signals();
   tell_ready();
   node_.run();
@@ -208,13 +276,21 @@ int Road::run() {
     for (std::size_t i = 0; i < ladder_->size(); ++i) names.push_back(ladder_->level(i).name);
     hooks_.finished(ladder_->description(), names, levels_);
   }
-  std::string served = "served " + std::to_string(unit_ ? unit_->computed() : 0) + " images";
-  if (unit_ && unit_->dropped() > 0) {
-    served += ", dropped " + std::to_string(unit_->dropped()) + " that came too fast or too late";
-  }
-  if (malformed_ > 0) served += ", refused " + std::to_string(malformed_) + " that were none";
-  spdlog::info("{}", served);
+  tell_served();
   return kFine;
+}
+
+void Road::tell_served() const {
+  const offload::PeerWork work = unit_ ? unit_->total() : offload::PeerWork{};
+  std::string served = "served " + std::to_string(work.computed) + " images";
+  if (work.crowded_out + work.too_late > 0) {
+    served += ", dropped " + std::to_string(work.crowded_out + work.too_late) +
+              " that came too fast or too late";
+  }
+  if (work.unreadable > 0) {
+    served += ", refused " + std::to_string(work.unreadable) + " that were none";
+  }
+  spdlog::info("{}", served);
 }
 
 // For programs that start us: what runs, then that vehicles may come.

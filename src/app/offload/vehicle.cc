@@ -13,6 +13,7 @@
 #include "app/offload/vehicle_report.h"
 #include "app/watch/publisher.h"
 #include "core/offload/computation_budget.h"
+#include "core/offload/no_answer.h"
 #include "host/io/steady_clock.h"
 #include "host/process/failure.h"
 #include "host/process/signals.h"
@@ -71,6 +72,7 @@ class Vehicle {
   void planned(const Planned& event);
   void refused(const Planned& event);
   void done(const RoundDone& event);
+  void heard(const Message& message);
   void finish();
   void progress();
 
@@ -83,6 +85,8 @@ class Vehicle {
   Node node_;
   LinkPublisher links_;
   std::atomic<std::uint32_t> newest_round_{0};
+  // Measured before the loop runs, which it would hold up.
+  Duration encode_time_ = encode_time();
   offload::ComputationBudget budget_;
   bool started_ = false;
   bool all_begun_ = false;
@@ -176,7 +180,7 @@ void Vehicle::settle(TimePoint until) {
                  l.up ? "up" : "silent", to_ms(l.rtt_p50), l.rate.mbit());
   }
   // The frame is resized and copied before it can leave; that is part of the round too.
-  budget_.estimate(links, encode_time(), perc::encoded_size(perc::Variant::kRaw),
+  budget_.estimate(links, encode_time_, perc::encoded_size(perc::Variant::kRaw),
                    perc::kMaxResultBytes);
   start();
 }
@@ -199,18 +203,17 @@ void Vehicle::begin_round(TimePoint planned_at) {
     camera_.when_fetched([this, planned_at] { begin_round(planned_at); });
     return;
   }
-  const auto frame = camera_.take();
-  if (!frame || (o_.rounds > 0 && record_.begun() >= o_.rounds)) {
+  const auto shot = camera_.take();
+  if (!shot || (o_.rounds > 0 && record_.begun() >= o_.rounds)) {
     all_begun_ = true;
     finish();
     return;
   }
   const RoundRef ref = node_.begin_round(kCamera);
   newest_round_ = ref.round.value;
-  record_.begun(ref.round.value, *frame);
+  record_.begun(ref.round.value, shot->frame);
 
-  const auto index = static_cast<std::uint32_t>(frame->index);
-  const perc::Image raw = perc::make_variant(frame->bgr, index, perc::Variant::kRaw);
+  const perc::Image& raw = shot->raw;
   perc::Image sampled = raw;
   sampled.variant = perc::Variant::kSampled;
   sampled.bgr = perc::every_second_pixel(raw.bgr);
@@ -270,6 +273,13 @@ void Vehicle::done(const RoundDone& event) {
   finish();
 }
 
+// The roadside unit says that a round gets no result: its local one is the answer then.
+void Vehicle::heard(const Message& message) {
+  if (message.channel != offload::kNoAnswerChannel || message.peer != node_.peer()) return;
+  const auto unanswered = offload::parse_no_answer(message.bytes);
+  if (unanswered) node_.give_up(unanswered->round);
+}
+
 void Vehicle::finish() {
   if (all_begun_ && record_.decided() == record_.begun()) node_.stop();
 }
@@ -285,6 +295,7 @@ int Vehicle::run() {
   spdlog::info("local backup: {}", backup_.level(0).name);
   node_.on_planned([this](Planned e) { planned(e); });
   node_.on_round_done([this](RoundDone e) { done(e); });
+  node_.on_message([this](Message m) { heard(m); });
   node_.on_peer_restarted([](PeerRestarted) { spdlog::warn("the roadside unit restarted"); });
   node_.stop_on_signals();
   wait_for_roadside();

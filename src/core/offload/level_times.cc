@@ -29,6 +29,13 @@ Duration LevelTimes::p95(std::size_t level) const {
   return std::max(levels_[level].p95, percentile(std::move(times), 0.95));
 }
 
+Duration LevelTimes::least() const {
+  Duration least = levels_.front().median;
+  const Ring<Duration>& runs = runs_.front();
+  for (std::size_t i = 0; i < runs.size(); ++i) least = std::min(least, runs[i]);
+  return least;
+}
+
 std::size_t LevelTimes::highest_within(Duration time) const {
   std::size_t highest = 0;
   for (std::size_t level = 0; level < levels_.size(); ++level) {

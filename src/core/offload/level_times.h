@@ -4,7 +4,8 @@
 // as given, the 95th percentile is learnt.
 //
 // Keeps at most kRemembered run times per level, so its memory is bounded by the number of levels.
-// Fed by RoadsideUnit with run times measured on this host; nothing of a peer's reaches it.
+// Fed by RoadsideUnit with run times measured on this host, one LevelTimes for each peer: how long
+// a level takes depends on the image too, and nobody's images may make another's levels look slow.
 // Thread-compatible; pure.
 #pragma once
 
@@ -33,6 +34,9 @@ class LevelTimes {
   void learn(std::size_t level, Duration took);
   // The larger of the calibrated 95th percentile and that of the remembered runs.
   Duration p95(std::size_t level) const;
+  // The least that a computation takes: the median of the lowest level, or the quickest of its
+  // remembered runs if that was quicker.
+  Duration least() const;
   // The highest level whose 95th percentile is at most `time`; level 0 if none is that quick.
   std::size_t highest_within(Duration time) const;
 

@@ -1,20 +1,25 @@
-// The computations of a roadside unit: inputs of many vehicles wait for one worker, in the order in
-// which they were handed over.
+// The computations of a roadside unit: inputs of many vehicles wait for one worker, which the
+// vehicles share fairly (docs/computing.md).
 //
 // A driver (the program `road` on a Node, the simulation in sim::World) calls add() when an input
-// may be computed, and after that and after each end() asks next(). If that names a job, the driver
-// determines its level, by the guard of the job's round or by a rule of its own, calls begin() and
-// gives the job to its worker; when the worker is done it calls end() and submits the result. The
-// level is determined only when the worker takes the job, because the time that the job has waited
-// is lost for the computation.
+// may be computed, and after that, after each end of a computation and at next_timeout() asks
+// next(). If that names a job, the driver determines its level, by the guard of the job's round
+// among levels(peer, now) or by a rule of its own, calls begin() and gives the job to its worker;
+// when the worker is done it calls end() or, if the input could not be read, fail(). After each of
+// these calls it drains poll_unanswered() and tells the vehicles. The level is determined only when
+// the worker takes the job, because the time that the job has waited is lost for the computation.
 //
-// Each job ends exactly once: refused by add(), dropped by next(), or computed. A job is dropped
-// when more than its round's deadline has passed since the hand-over, since the vehicle has then
-// answered the round itself. At most one job is computed at a time, so a detector needs no lock.
+// Each job ends exactly once: computed, or told by poll_unanswered(). Each peer has a line of its
+// own, from which the job that is due first is computed. Between peers the worker's time is divided
+// by FairTurns, and what one job may take by ShareOfTime. At most one job is computed at a time, so
+// a detector needs no lock.
 //
-// Bounds and attacks: deadlines and inputs come from peers. A peer that claims an endless deadline
-// fills the line up to kMaxWaiting and no further; the jobs of others are then refused too, since
-// the line is shared, until the worker has caught up.
+// Bounds and attacks: deadlines, inputs and their number come from peers. A peer holds at most
+// UnitRules::waiting_per_peer jobs, and deadlines beyond kLongestBelieved are cut, so that whoever
+// sends too much crowds out itself alone; what its inputs cost, decoding and nonsense included, is
+// charged to it, and run times are learnt for each peer by itself. What remains is that an honest
+// job waits for the one that runs. Memory is bounded by the number of peers, which the endpoint
+// bounds; the driver must call forget() when one is lost.
 //
 // `Input` is what the driver's worker needs; it is moved, never looked at. Thread-compatible; pure.
 #pragma once
@@ -23,37 +28,24 @@
 #include <cassert>
 #include <cstddef>
 #include <cstdint>
-#include <deque>
+#include <map>
 #include <optional>
+#include <set>
 #include <span>
+#include <tuple>
 #include <utility>
 #include <vector>
 
-#include "core/offload/level_times.h"
+#include "core/offload/job_records.h"
+#include "core/offload/peer_accounts.h"
+#include "core/offload/waiting_line.h"
 #include "interneuron/round.h"
 
 namespace interneuron::offload {
 
-// One computation that has begun. Instants are of the unit's host.
-struct Computed {
-  RoundRef round;
-  PeerId from{};
-  std::uint8_t variant = 0;
-  std::size_t level = 0;
-  // The input was sent degraded.
-  bool degraded = false;
-  TimePoint delivered{};
-  TimePoint began{};
-  // Set when the computation has ended.
-  TimePoint ended{};
-};
-
 template <class Input>
 class RoadsideUnit {
  public:
-  // Three times what 16 vehicles can have waiting at 10 rounds per second and a deadline of 130 ms.
-  static constexpr std::size_t kMaxWaiting = 64;
-
   struct Job {
     // What was handed over. Its payload is not used here and may be empty.
     Delivered message;
@@ -66,80 +58,121 @@ class RoadsideUnit {
   // `levels` is not empty. With a `top_level`, no level above it is ever offered; one beyond the
   // last means the last.
   explicit RoadsideUnit(std::vector<LevelProfile> levels,
-                        std::optional<std::size_t> top_level = std::nullopt)
-      : times_(std::move(levels)), top_level_(top_level) {
-    if (top_level_) top_level_ = std::min(*top_level_, times_.levels().size() - 1);
-  }
+                        std::optional<std::size_t> top_level = std::nullopt, UnitRules rules = {})
+      : peers_(std::move(levels), top_level), rules_(rules) {}
 
   // The levels that begin() takes: all, or those up to the given top level.
-  std::span<const LevelProfile> levels() const {
-    return top_level_ ? times_.levels().first(*top_level_ + 1) : times_.levels();
+  std::span<const LevelProfile> levels() const { return peers_.levels(); }
+  // Those of them that fit into what a job of this peer may take now: at least the lowest.
+  std::span<const LevelProfile> levels(PeerId peer, TimePoint now) {
+    return peers_.levels(peer, now);
   }
   // The level for a vehicle that can afford `budget` for the computation: the given top level, else
   // the highest that is quick enough here.
-  std::size_t top_level(Duration budget) const {
-    return top_level_ ? *top_level_ : times_.highest_within(budget);
+  std::size_t top_level(PeerId peer, Duration budget) const {
+    return peers_.top_level(peer, budget);
   }
 
-  // The job waits from now on. False when the line is full; the job has then ended.
-  bool add(Job job) {
-    if (waiting_.size() >= kMaxWaiting) {
-      ++dropped_;
-      return false;
+  // The job waits from now on. If its peer has as many waiting as it may, its oldest ends.
+  void add(Job job) {
+    const PeerId peer = job.message.from;
+    peers_.came(peer, job.delivered);
+    Line& line = lines_[peer];
+    if (line.size() >= rules_.waiting_per_peer) {
+      drop(peer, line.oldest().id, NoAnswer::kCrowdedOut);
     }
-    waiting_.push_back(std::move(job));
-    return true;
+    TimePoint due{};
+    if (rules_.minds_deadlines) {
+      due = job.delivered + std::min(job.message.deadline, kLongestBelieved);
+    }
+    const TimePoint chance = due - peers_.least(peer);
+    ++jobs_;
+    if (rules_.minds_deadlines) chances_.emplace(chance, jobs_, peer);
+    lines_[peer].add({std::move(job), jobs_, due, chance});
+    ++waiting_;
+    peers_.waits(peer, true);
+  }
+  // What this message brought is no job: it is counted and told like one that could not be read.
+  void reject(TimePoint now, const Delivered& message) {
+    peers_.came(message.from, now);
+    peers_.tell({message.round, message.from, NoAnswer::kUnreadable});
   }
 
-  // Drops the jobs that nobody waits for any more. Then the oldest that is left, valid until the
-  // next call; nullptr while the worker is busy or nothing waits.
+  // Ends the jobs that cannot be answered in time any more. Then the job whose turn it is, valid
+  // until the next call; nullptr while the worker is busy or nothing waits.
   const Job* next(TimePoint now) {
-    dropped_ += std::erase_if(
-        waiting_, [now](const Job& job) { return now - job.delivered > job.message.deadline; });
-    return running_ || waiting_.empty() ? nullptr : &waiting_.front();
+    while (!chances_.empty() && std::get<TimePoint>(*chances_.begin()) < now) {
+      const auto [chance, id, peer] = *chances_.begin();
+      drop(peer, id, NoAnswer::kTooLate);
+    }
+    const auto turn = peers_.turn();
+    return busy() || !turn ? nullptr : &lines_.at(*turn).first_due().job;
+  }
+  // When next() has a job to end, if nothing else happens.
+  std::optional<TimePoint> next_timeout() const {
+    if (chances_.empty()) return std::nullopt;
+    return std::get<TimePoint>(*chances_.begin()) + Duration{1};
   }
 
   // The worker takes the job that next() has just named, to compute it at this level.
   Job begin(TimePoint now, std::size_t level) {
-    assert(!running_ && !waiting_.empty() && level < levels().size());
-    Job job = std::move(waiting_.front());
-    waiting_.pop_front();
-    const Delivered& message = job.message;
-    running_ = Computed{message.round,
-                        message.from,
-                        message.variant,
-                        level,
-                        message.degraded,
-                        job.delivered,
-                        now,
-                        {}};
+    assert(!busy() && peers_.turn() && level < levels().size());
+    const PeerId peer = *peers_.turn();
+    Job job = take(peer, lines_.at(peer).first_due().id);
+    const Delivered& m = job.message;
+    peers_.begin({m.round, m.from, m.variant, level, m.degraded, job.delivered, now, {}});
     return job;
   }
-
   // The worker is done and free. `took` is the run time to be learnt for the level; nothing if the
   // levels' times are known and stay.
   Computed end(TimePoint now, std::optional<Duration> took = std::nullopt) {
-    assert(running_);
-    Computed computed = *std::exchange(running_, std::nullopt);
-    computed.ended = now;
-    if (took) times_.learn(computed.level, *took);
-    ++computed_;
-    return computed;
+    return peers_.end(now, took);
+  }
+  // The worker is free again: the input was none. What that took is charged all the same.
+  void fail(TimePoint now) { peers_.fail(now); }
+
+  // The peer is lost: its jobs are gone, and nobody is told.
+  void forget(PeerId peer) {
+    for (Line& line = lines_[peer]; !line.empty();) take(peer, line.oldest().id);
+    lines_.erase(peer);
+    peers_.forget(peer);
   }
 
-  bool busy() const { return running_.has_value(); }
-  std::size_t waiting() const { return waiting_.size(); }
-  std::uint64_t computed() const { return computed_; }
-  // Jobs that were refused by add() or dropped by next().
-  std::uint64_t dropped() const { return dropped_; }
+  // The next job that has ended without a result.
+  std::optional<Unanswered> poll_unanswered() { return peers_.poll_unanswered(); }
+
+  bool busy() const { return peers_.busy(); }
+  std::size_t waiting() const { return waiting_; }
+  // Of all peers, those that are lost included.
+  const PeerWork& total() const { return peers_.total(); }
+  // Of one peer; zeros for one that has sent nothing.
+  PeerWork work(PeerId peer) const { return peers_.work(peer); }
 
  private:
-  LevelTimes times_;
-  std::optional<std::size_t> top_level_;
-  std::deque<Job> waiting_;
-  std::optional<Computed> running_;
-  std::uint64_t computed_ = 0;
-  std::uint64_t dropped_ = 0;
+  using Line = WaitingLine<Job>;
+
+  // Takes a waiting job out of everything that knows it.
+  Job take(PeerId peer, std::uint64_t id) {
+    Line& line = lines_.at(peer);
+    auto entry = line.take(id);
+    chances_.erase({entry.chance, id, peer});
+    --waiting_;
+    if (line.empty()) peers_.waits(peer, false);
+    return std::move(entry.job);
+  }
+  void drop(PeerId peer, std::uint64_t id, NoAnswer why) {
+    const Job job = take(peer, id);
+    peers_.tell({job.message.round, peer, why});
+  }
+
+  PeerAccounts peers_;
+  UnitRules rules_;
+  std::map<PeerId, Line> lines_;
+  // When each waiting job has its last chance, the earliest first.
+  std::set<std::tuple<TimePoint, std::uint64_t, PeerId>> chances_;
+  std::size_t waiting_ = 0;
+  // Jobs that were ever added; each is named by its number.
+  std::uint64_t jobs_ = 0;
 };
 
 }  // namespace interneuron::offload

@@ -1,6 +1,7 @@
 #include "lab/sim/offload.h"
 
 #include <algorithm>
+#include <cstdint>
 #include <new>
 #include <random>
 
@@ -13,6 +14,10 @@ namespace interneuron::sim {
 namespace {
 
 constexpr PipelineId kCamera{0};
+// The simulated unit computes late jobs too, in the order in which they came. Under sustained
+// overload (heavy-tailed delays) every system then pays for its own backlog, and results stay
+// comparable with those of erdos_like, which drops nothing.
+constexpr offload::UnitRules kEverything{.waiting_per_peer = SIZE_MAX, .minds_deadlines = false};
 // By default glibc returns the memory of a frame to the system after each copy and requests it anew
 // for the next one, which costs a third of a run's time. Once a block of this size was freed, glibc
 // keeps all smaller ones (mallopt(3), M_MMAP_THRESHOLD). The block itself is never touched.
@@ -27,7 +32,7 @@ class Offload {
       : o_(options),
         world_(options.seed),
         rng_(options.seed ^ 0x9e3779b97f4a7c15ULL),
-        roadside_(profiles_of(options.ladder)) {}
+        roadside_(profiles_of(options.ladder), std::nullopt, kEverything) {}
 
   OffloadResult run(const std::function<void(World&)>& prepare);
 
@@ -119,7 +124,7 @@ void Offload::choose_top() {
   offload::ComputationBudget budget(o_.deadline);
   budget.estimate(world_.endpoint(vehicle_).links(world_.local_time(vehicle_), peer_), kEncode,
                   submitted_bytes().front(), o_.result_bytes);
-  result_.top_level = roadside_.top_level(budget.value());
+  result_.top_level = roadside_.top_level(peer_, budget.value());
 }
 
 const Disturbance& Offload::disturbance(std::uint32_t round) const {
@@ -189,10 +194,6 @@ void Offload::on_event(HostId host, Event&& event) {
 
 void Offload::delivered(Delivered message) {
   message.payload = {};
-  // The simulated unit computes late jobs too. Under sustained overload (heavy-tailed delays) every
-  // system then pays for its own backlog, and results stay comparable with those of erdos_like,
-  // which drops nothing.
-  message.deadline = Duration::max();
   const std::uint32_t number = message.round.round.value;
   // clang takes a nested class for not default-constructible within its own class.
   auto& road = result_.rounds[number].at_road.emplace(OffloadRound::AtRoad{});

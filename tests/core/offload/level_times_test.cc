@@ -49,6 +49,18 @@ TEST(LevelTimes, OldRunsAreForgotten) {
   EXPECT_EQ(times.highest_within(30ms), 1u);
 }
 
+TEST(LevelTimes, TheLeastIsTheQuickestOfTheLowestLevel) {
+  LevelTimes times = three_levels();
+  EXPECT_EQ(times.least(), 8ms);
+  times.learn(0, 20ms);
+  times.learn(1, 1ms);
+  EXPECT_EQ(times.least(), 8ms);
+  times.learn(0, 6ms);
+  EXPECT_EQ(times.least(), 6ms);
+  for (std::size_t i = 0; i < LevelTimes::kRemembered; ++i) times.learn(0, 9ms);
+  EXPECT_EQ(times.least(), 8ms);
+}
+
 TEST(LevelTimes, OneSlowRunOfFortyIsNotThePercentile) {
   LevelTimes times = three_levels();
   times.learn(0, 500ms);
