@@ -1,0 +1,347 @@
+"""Places in network namespaces and the processes in them, for tests/netns/insider_acceptance.py.
+
+The script runs itself anew in a mount and a process namespace, in which it is process 1: when that ends, however it
+ends, the kernel ends all that it has started and forgets its network namespaces.
+"""
+
+import contextlib
+import ctypes
+import csv
+import json
+import os
+import shutil
+import signal
+import statistics
+import struct
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import zlib
+
+SKIP = 77
+# The port of a roadside unit.
+PORT = 47000
+# What check() has found.
+RESULTS = []
+# Connects to the socket on which a program publishes what it measures, and prints each line that comes.
+WATCHER = """
+import socket, sys
+s = socket.socket(socket.AF_UNIX)
+s.connect("\\0interneuron.live." + sys.argv[1])
+for line in s.makefile():
+    print(line, end="", flush=True)
+"""
+
+
+def check(what, measured, bound, unit, at_least=False):
+    good = measured is not None and (measured >= bound if at_least else measured <= bound)
+    RESULTS.append({"what": what, "measured": measured, "bound": bound, "at_least": at_least, "unit": unit, "ok": good})
+    sign = ">=" if at_least else "<="
+    print(f"{'ok  ' if good else 'FAIL'} {what}: {measured:.3f} {sign} {bound:g} {unit}", flush=True)
+
+
+def note(text):
+    print(f"     {text}", flush=True)
+
+
+def skip(why):
+    print(f"skipped: {why}")
+    sys.exit(SKIP)
+
+
+def is_confined():
+    """Whether this is the script that confine() has started; then its places can be made."""
+    if "--inner" not in sys.argv:
+        return False
+    sys.argv.remove("--inner")
+    if os.getpid() != 1:
+        raise SystemExit("--inner is not for people")
+    subprocess.run(["mount", "-t", "tmpfs", "tmpfs", "/run"], check=True)
+    return True
+
+
+def confine():
+    """Runs the script anew in namespaces of its own and ends with its code, or with 77. `unshare` lets nothing but a
+    kill end it early, and then what it has started ends with it; so it is killed by a signal to us and by our end."""
+    for tool in ("unshare", "ip", "tcpdump"):
+        if shutil.which(tool) is None:
+            skip(f"{tool} is missing: run scripts/setup.sh")
+    user = ["--user", "--map-root-user"] if os.geteuid() != 0 else []
+    command = ["unshare", *user, "--mount", "--pid", "--fork", "--kill-child", "--mount-proc"]
+    possible = subprocess.run(
+        [*command, "sh", "-c", "mount -t tmpfs tmpfs /run && ip netns add a && ip -n a link add x type bridge && "
+         "ip -n a link add y type veth peer name z && ip netns exec a true"],
+        capture_output=True, text=True, check=False)
+    if possible.returncode != 0:
+        skip(f"no namespaces here: {possible.stderr.strip()}")
+    end_with_parent = ctypes.CDLL(None).prctl
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda got, _: sys.exit(128 + got))
+    with tempfile.TemporaryDirectory() as folder:
+        inner = subprocess.Popen([*command, sys.executable, *sys.argv, "--inner"], env={**os.environ, "TMPDIR": folder},
+                                 start_new_session=True, preexec_fn=lambda: end_with_parent(1, signal.SIGKILL))
+        try:
+            sys.exit(inner.wait())
+        finally:
+            inner.kill()
+            inner.wait()
+
+
+class Lab:
+    """Places, each a network namespace, the cables between them, and the processes in them."""
+
+    def __init__(self, folder):
+        self.folder = folder
+        self.processes = []
+        self.places = []
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        for process in list(reversed(self.processes)):
+            self.stop(process)
+        for place in self.places:
+            subprocess.run(["ip", "netns", "del", place], check=False)
+
+    @staticmethod
+    def ip(*arguments):
+        subprocess.run(["ip", *arguments], check=True)
+
+    def place(self, name, forwards=False):
+        self.places.append(name)
+        self.ip("netns", "add", name)
+        self.ip("-n", name, "link", "set", "lo", "up")
+        for key, value in (("ip_forward", int(forwards)), ("conf/all/rp_filter", 0), ("conf/default/rp_filter", 0)):
+            self.run(name, ["sh", "-c", f"echo {value} > /proc/sys/net/ipv4/{key}"])
+
+    def cable(self, one, nic, address, other, other_nic, other_address=None):
+        """A veth between two places; an end without an address is a port of the place's bridge `switch`."""
+        self.ip("-n", one, "link", "add", nic, "type", "veth", "peer", "name", other_nic, "netns", other)
+        for place, name, at in ((one, nic, address), (other, other_nic, other_address)):
+            if at is None:
+                self.ip("-n", place, "link", "set", name, "master", "switch")
+            else:
+                self.ip("-n", place, "address", "add", at, "dev", name)
+            self.ip("-n", place, "link", "set", name, "up")
+
+    @staticmethod
+    def inside(place, command):
+        return ["ip", "netns", "exec", place, *command]
+
+    def run(self, place, command):
+        return subprocess.run(self.inside(place, command), capture_output=True, text=True, check=False)
+
+    def start(self, place, command, log=None, **options):
+        """`ip netns exec` becomes the command, so that its process number is the one returned."""
+        with contextlib.ExitStack() as stack:
+            if log is not None:
+                options["stderr"] = stack.enter_context(open(os.path.join(self.folder, log), "w", encoding="utf-8"))
+            process = subprocess.Popen(self.inside(place, command), text=True, **options)
+        self.processes.append(process)
+        return process
+
+    def stop(self, process, how=signal.SIGTERM, patience=15):
+        if process.poll() is None:
+            process.send_signal(how)
+            try:
+                process.wait(patience)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+        if process.stdout:
+            process.stdout.close()
+        if process in self.processes:
+            self.processes.remove(process)
+
+    def log_of(self, name):
+        with open(os.path.join(self.folder, name), encoding="utf-8", errors="replace") as file:
+            return file.read()
+
+
+def values_of(tree, key):
+    """All numbers under this key, wherever they are."""
+    if isinstance(tree, dict):
+        for name, value in tree.items():
+            if name == key and isinstance(value, (int, float)):
+                yield value
+            else:
+                yield from values_of(value, key)
+    elif isinstance(tree, list):
+        for value in tree:
+            yield from values_of(value, key)
+
+
+class Road:
+    """A roadside unit, with its memory and what it publishes over time."""
+
+    def __init__(self, lab, program, place, nics, more=(), watched=True):
+        self.lab = lab
+        command = [program, "road", *(word for nic in nics for word in ("--nic", nic)), *more]
+        self.log = f"{place}.log"
+        self.process = lab.start(place, command, log=self.log, stdout=subprocess.PIPE)
+        for line in self.process.stdout:
+            if line.startswith("ready"):
+                break
+        else:
+            raise SystemExit(f"the roadside unit ended: {lab.log_of(self.log)}")
+        self.memory = []
+        self.stalls = []
+        self.ended = threading.Event()
+        self.threads = [threading.Thread(target=self._sample, daemon=True)]
+        if watched:
+            watcher = lab.start(place, [sys.executable, "-c", WATCHER, str(self.process.pid)],
+                                stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+            self.threads.append(threading.Thread(target=self._read, args=(watcher.stdout,), daemon=True))
+        for thread in self.threads:
+            thread.start()
+
+    def _sample(self):
+        while not self.ended.wait(0.05):
+            self.memory.append((time.monotonic(), self.rss()))
+
+    def _read(self, lines):
+        with contextlib.suppress(ValueError):
+            for line in lines:
+                for value in values_of(json.loads(line), "loop_stall_ms"):
+                    self.stalls.append((time.monotonic(), value))
+
+    def rss(self):
+        """MiB that are resident; 0 of a process that has gone."""
+        with contextlib.suppress(OSError):
+            with open(f"/proc/{self.process.pid}/status", encoding="utf-8") as file:
+                for line in file:
+                    if line.startswith("VmRSS:"):
+                        return int(line.split()[1]) / 1024
+        return 0.0
+
+    def growth(self, begin, end):
+        """Of its memory between two instants, MiB: the most there was above what there was at the first."""
+        before = [mib for at, mib in self.memory if at <= begin][-1:]
+        within = [mib for at, mib in self.memory if begin <= at <= end]
+        return max(within) - (before[0] if before else within[0])
+
+    def stall(self, begin, end):
+        """The longest that was published meanwhile, ms; None where it publishes none. A value that is only repeated
+        from before (the longest so far) is not of this time."""
+        before = [value for at, value in self.stalls if at <= begin][-1:]
+        within = [value for at, value in self.stalls if begin < at <= end]
+        if not within:
+            return None
+        return max([value for value in within if [value] != before], default=0.0)
+
+    def alive(self):
+        return self.process.poll() is None
+
+    def stop(self):
+        self.ended.set()
+        self.lab.stop(self.process)
+
+
+class Vehicle:
+    """An honest vehicle that runs until stop(), which reads its rounds."""
+
+    def __init__(self, lab, program, place, nic, road, video, more=()):
+        self.lab = lab
+        self.place = place
+        self.out = os.path.join(lab.folder, f"{place}-{time.monotonic_ns()}")
+        self.log = f"{os.path.basename(self.out)}.log"
+        self.rows = []
+        self.summary = {}
+        self.process = lab.start(place, [program, "vehicle", "--link", f"{nic}={road}", "--video", video, "--rounds",
+                                         "1000000", "--ladder", "motion", "--quiet", "--out", self.out, *more],
+                                 log=self.log, stdout=subprocess.DEVNULL)
+
+    def wait_until_it_runs(self, patience=20):
+        end = time.monotonic() + patience
+        while time.monotonic() < end:
+            if "for the computation" in self.lab.log_of(self.log):
+                return
+            if self.process.poll() is not None:
+                break
+            time.sleep(0.05)
+        raise SystemExit(f"the vehicle in {self.place} did not begin: {self.lab.log_of(self.log)}")
+
+    def stop(self):
+        self.lab.stop(self.process, signal.SIGINT)
+        try:
+            with open(os.path.join(self.out, "rounds.csv"), encoding="utf-8") as file:
+                self.rows = list(csv.DictReader(file))
+            with open(os.path.join(self.out, "summary.json"), encoding="utf-8") as file:
+                self.summary = json.load(file)
+        except OSError:
+            raise SystemExit(f"the vehicle in {self.place} left no rounds: {self.lab.log_of(self.log)}") from None
+
+    def between(self, begin, end):
+        return [row for row in self.rows if begin <= int(row["t0_ns"]) / 1e9 < end]
+
+
+def misses(rows):
+    """Per cent of the rounds that no remote result answered in time."""
+    return 100 * sum(row["outcome"] != "remote" for row in rows) / max(len(rows), 1)
+
+
+def median_level(rows):
+    levels = [int(row["level"]) for row in rows if row["level"]]
+    return statistics.median(levels) if levels else 0
+
+
+def session_in(lab, place, nic, source):
+    """The session that is named in the next packet from this address."""
+    ran = subprocess.run(lab.inside(place, ["timeout", "5", "tcpdump", "-Z", "root", "-i", nic, "-c", "1", "-w", "-",
+                                            f"udp and src host {source}"]), capture_output=True, check=False)
+    # File header, record header, Ethernet, IP and UDP.
+    at = 24 + 16 + 14 + 20 + 8 + 4
+    if len(ran.stdout) < at + 4:
+        raise SystemExit(f"nothing came from {source}")
+    return struct.unpack(">I", ran.stdout[at:at + 4])[0]
+
+
+def ip_bytes_to(pcap):
+    """IP bytes and packets for each destination in a capture of Ethernet frames."""
+    with open(pcap, "rb") as file:
+        data = file.read()
+    found = {}
+    at = 24
+    while at + 16 <= len(data):
+        size = struct.unpack("=I", data[at + 8:at + 12])[0]
+        frame = data[at + 16:at + 16 + size]
+        at += 16 + size
+        if len(frame) < 34 or frame[12:14] != b"\x08\x00":
+            continue
+        to = ".".join(str(byte) for byte in frame[30:34])
+        bytes_, packets = found.get(to, (0, 0))
+        found[to] = (bytes_ + struct.unpack(">H", frame[16:18])[0], packets + 1)
+    return found
+
+
+def write_png(path, width, height, rows):
+    def chunk(kind, data):
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    with open(path, "wb") as file:
+        file.write(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) +
+                   chunk(b"IDAT", zlib.compress(b"".join(b"\0" + bytes(row) for row in rows), 1)) + chunk(b"IEND", b""))
+
+
+def make_streets(folder):
+    """Two folders of pictures that vehicles see over and over: 16 of a street with walkers and 7 of an empty one, so that
+    the numbers of their pictures are the same now and then, whenever the vehicles begin."""
+    width, height, frames, walkers = 768, 576, 16, 5
+    busy, empty = os.path.join(folder, "busy"), os.path.join(folder, "empty")
+    background = [bytes([90 + y // 8, 110 + y // 10, 100]) * width for y in range(height)]
+    for path in (busy, empty):
+        os.makedirs(path)
+    for frame in range(7):
+        write_png(os.path.join(empty, f"{frame}.png"), width, height, background)
+    for frame in range(frames):
+        rows = [bytearray(row) for row in background]
+        for walker in range(walkers):
+            # 30 x 70 pixels, as far apart in time that nobody stands where the same one stood before.
+            x, y = 20 + 44 * frame, 30 + 105 * walker
+            for line in range(y, y + 70):
+                rows[line][3 * x:3 * (x + 30)] = bytes([220, 40, 40 * walker]) * 30
+        write_png(os.path.join(busy, f"{frame:02}.png"), width, height, rows)
+    return busy, empty
