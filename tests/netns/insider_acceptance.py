@@ -1,12 +1,13 @@
 #!/usr/bin/env python3
 """What one hostile vehicle, or a host beside the road, can do to the honest ones: real processes in namespaces.
 
-    tests/netns/insider_acceptance.py --program build/release/interneuron [--attacker FILE]
-        [--smoke] [--seconds S] [--json FILE] [ATTACK...]
+    tests/netns/insider_acceptance.py --program build/release/interneuron [--attacker FILE] [--smoke | --lowest]
+        [--data DIR] [--seconds S] [--seed N] [--json FILE] [ATTACK...]
 
 A roadside unit serves two honest vehicles, one on a busy and one on an empty street, and in a third place somebody
 attacks. ATTACK is one of those of `attacker insider`, or join_flood, amplification, reflectors, or mixed, in which nobody
-attacks and the answers are compared with what the vehicles see; all of them by default. per figure with its bound; exit code 1 if one is out of it, 77 where no namespaces can be made.
+attacks and the answers are compared with what the vehicles see; all of them by default. One line per figure with its
+bound; exit code 1 if one is out of it, 77 where no namespaces can be made or the machine was too slow to tell.
 
 Each attack of an admitted vehicle (at most 1 Mbit/s) and each flood is paired with the same run without it. Bounds: no
 vehicle misses 1 % of its rounds more; the unit's memory grows by 64 MiB at most (10 in a flood of joins), its loop
@@ -19,6 +20,7 @@ computes at its lowest level, so that it says nothing of levels; a minute.
 """
 
 import argparse
+import concurrent.futures
 import contextlib
 import json
 import os
@@ -38,9 +40,10 @@ INSIDER = ("progressive_bomb", "job_flood", "tiny_images", "contexts", "foreign_
 OTHERS = ("mixed", "join_flood", "amplification", "reflectors")
 # What an admitted attacker sends at most, kbit/s of IP packets.
 KBIT = 1000
+# Where honest vehicles miss more than this without any attacker, per cent, nothing can be said about 1 %.
+MOST_MISSES_ALONE = 5
 # What `attacker flood` sends from foreign addresses, packets per second.
 FLOOD_PPS = 50_000
-LOWEST_LEVEL = ("--top-level", "0")
 # For how long a new vehicle tries to join in a flood; the bound is 2 s.
 JOIN_PATIENCE_S = 3
 ROAD = "10.78.0.1"
@@ -50,9 +53,9 @@ NEARBY = {"busy": "10.78.0.11", "empty": "10.78.0.12", "third": "10.78.0.13", "f
 class Street:
     """The unit and two honest vehicles at one switch, with two more places at it, for as long as there are phases."""
 
-    def __init__(self, options, folder, road_options=()):
+    def __init__(self, options, folder, lowest=False):
         self.o = options
-        self.road_options = road_options
+        self.road_options = ["--top-level", "0"] if lowest or options.lowest else []
         self.lab = Lab(folder)
         self.road = None
         self.vehicles = {}
@@ -81,7 +84,8 @@ class Street:
         lab.ip("-n", "third", "route", "add", "local", "10.98.0.0/16", "dev", "lo")
         lab.ip("-n", "third", "route", "add", "10.96.0.1", "via", ROAD)
         self.road = Road(lab, self.o.program, "road", ["eth0"],
-                         ["--ladder", "motion", "--calibration-runs", "1", "--video", self.o.streets["busy"],
+                         ["--ladder", "motion", "--calibration-runs", "1", "--video",
+                           self.o.streets["empty" if self.o.smoke else "busy"],
                           *self.road_options, *self.o.road_option])
         for place in ("busy", "empty"):
             self.vehicles[place] = self.vehicle(place, self.o.streets[place])
@@ -150,6 +154,10 @@ def judge_rounds(name, allowed, street, span, calm_street, calm):
         attacked = vehicle.between(*span)
         alone = lab_.misses(calm_street.vehicles[place].between(*calm))
         extra = lab_.misses(attacked) - alone
+        if alone > MOST_MISSES_ALONE:
+            lab_.inconclusive(f"{name}: {alone:.1f} % misses of the vehicle on the {place} street without it, {extra:.1f} % "
+                              "more with it: this machine is too slow or too busy; try --lowest")
+            continue
         check(f"{name}: more misses of the vehicle on the {place} street (of {len(attacked)} rounds; {alone:.1f} % "
               f"without)", extra, allowed, "% of rounds")
 
@@ -174,7 +182,7 @@ def judge_insider(options, name, street, attack, calm_street, calm, third_street
     judge_rounds(name, allowed, street, span, calm_street, calm)
     judge_road(name, street, span, 64)
     judge_mixed(name, street, span)
-    if not options.smoke:
+    if not options.lowest:
         judge_levels(name, street, span, third_street, third)
 
 
@@ -220,7 +228,7 @@ def insiders(options, attacks):
 
 def smoke(options, attacks):
     """All in one run, so that what one attack leaves behind is there for the next."""
-    with tempfile.TemporaryDirectory() as folder, Street(options, folder, LOWEST_LEVEL) as street:
+    with tempfile.TemporaryDirectory() as folder, Street(options, folder, lowest=True) as street:
         calm = street.calm(options.seconds)
         third = street.with_third(options.seconds)
         done = {name: street.insider(name, options.seconds) for name in attacks if name in INSIDER}
@@ -238,7 +246,7 @@ def smoke(options, attacks):
 
 
 def mixed(options):
-    with tempfile.TemporaryDirectory() as folder, Street(options, folder, LOWEST_LEVEL) as street:
+    with tempfile.TemporaryDirectory() as folder, Street(options, folder, lowest=True) as street:
         span = street.calm(options.seconds)
         street.finish()
         judge_both_streets(street, span)
@@ -280,7 +288,8 @@ def judge_flood(options, street, calm_street, calm, span, told, joins):
     note(f"join_flood: {told['spoofed_pps']} packets/s from foreign and {told['owned_pps']} from own addresses; "
          f"{told['tokens']} challenges and {told['echoes']} feedbacks answered")
     if told["spoofed_pps"] < 0.8 * FLOOD_PPS:
-        note("join_flood: this machine was too slow for the whole flood; what follows is true of what it sent")
+        tell = note if options.smoke else lab_.inconclusive
+        tell("join_flood: this machine is too slow for the whole flood; what follows is of what it sent")
     judge_rounds("join_flood", options.allowed, street, span, calm_street, calm)
     check("join_flood: growth of the unit's memory", street.road.growth(*span), 10, "MiB")
     failed = sum(not join["joined"] for join in joins)
@@ -300,6 +309,8 @@ def parse():
     parser.add_argument("--program", required=True)
     parser.add_argument("--attacker", help="the generator of attacks (default: that of the program's build)")
     parser.add_argument("--smoke", action="store_true", help="a minute of it")
+    parser.add_argument("--lowest", action="store_true", help="the unit computes at its lowest level, as in the smoke form: "
+                        "for a busy machine")
     parser.add_argument("--seconds", type=float, default=None, help="of each attack (60; in the smoke form 2)")
     parser.add_argument("--seed", type=int, default=None, help="of what the attacker draws (default: another each time)")
     parser.add_argument("--road-option", action="append", default=[], help="one more word for the unit's command line")
@@ -330,6 +341,7 @@ def parse():
     options.seconds = options.seconds or (2 if options.smoke else 60)
     # Per cent of the rounds; where there are few, three of them.
     options.allowed = max(1, 100 * 3.5 / (10 * options.seconds)) if options.smoke else 1
+    options.lowest = options.lowest or options.smoke
     options.flooding = 4 if options.smoke else options.seconds
     options.forging = 5 if options.smoke else 120
     options.reflecting = 3 if options.smoke else 10
@@ -356,16 +368,17 @@ def main():
             for name, run in (("mixed", mixed), ("join_flood", join_flood)):
                 if name in attacks:
                     run(options)
-        if "amplification" in attacks:
-            forged.amplification(options)
-        if "reflectors" in attacks:
-            forged.reflectors(options)
+        with concurrent.futures.ThreadPoolExecutor() as pool:
+            running = [pool.submit(run, options) for name, run in
+                       (("amplification", forged.amplification), ("reflectors", forged.reflectors)) if name in attacks]
+        for one in running:
+            one.result()
     if options.json:
         with open(options.json, "w", encoding="utf-8") as file:
             json.dump({"schema": "interneuron.insider_acceptance/1", "figures": lab_.RESULTS}, file, indent=2)
     failed = sum(not figure["ok"] for figure in lab_.RESULTS)
-    print(f"{len(lab_.RESULTS) - failed} of {len(lab_.RESULTS)} within bounds")
-    return 1 if failed else 0
+    print(f"{len(lab_.RESULTS) - failed} of {len(lab_.RESULTS)} within bounds, {len(lab_.INCONCLUSIVE)} inconclusive")
+    return 1 if failed else lab_.SKIP if lab_.INCONCLUSIVE else 0
 
 
 if __name__ == "__main__":

@@ -1,4 +1,5 @@
-"""What is sent in the name of others, for tests/netns/insider_acceptance.py."""
+"""What is sent in the name of others, for tests/netns/insider_acceptance.py. Both runs may go on at once: no place of the
+one has the name of one of the other."""
 
 import json
 import os
@@ -18,7 +19,7 @@ def amplification(options):
         lab.place("victim")
         lab.cable("victim", "eth0", "10.97.0.254/16", "router", "victim", "10.97.255.254/16")
         lab.ip("-n", "victim", "route", "add", "default", "via", "10.97.255.254")
-        victims = [f"10.97.0.{base + i}" for base in (1, 101) for i in range(5)]
+        victims = [f"10.97.0.{base + i}" for base in (1, 101) for i in range(8)]
         for address in victims:
             lab.ip("-n", "victim", "address", "add", f"{address}/32", "dev", "eth0")
         for i in links:
@@ -50,20 +51,20 @@ def amplification(options):
 def reflectors(options):
     """Two reflectors on both sides of a router, which forges a request from each to the other."""
     with tempfile.TemporaryDirectory() as folder, Lab(folder) as lab:
-        lab.place("router", forwards=True)
+        lab.place("middle", forwards=True)
         captures = []
         for i in (1, 2):
             lab.place(f"reflector{i}")
-            lab.cable(f"reflector{i}", "eth0", f"10.79.{i}.1/24", "router", f"r{i}", f"10.79.{i}.2/24")
+            lab.cable(f"reflector{i}", "eth0", f"10.79.{i}.1/24", "middle", f"r{i}", f"10.79.{i}.2/24")
             lab.ip("-n", f"reflector{i}", "route", "add", "default", "via", f"10.79.{i}.2")
             Road(lab, options.program, f"reflector{i}", ["eth0"], ["--ladder", "none", "--stamp"], watched=False)
             pcap = os.path.join(folder, f"{i}.pcap")
-            captures.append((pcap, lab.start("router", ["tcpdump", "-Z", "root", "-i", f"r{i}", "-Q", "in", "-c", "200000",
+            captures.append((pcap, lab.start("middle", ["tcpdump", "-Z", "root", "-i", f"r{i}", "-Q", "in", "-c", "200000",
                                                         "-s", "64", "-w", pcap, "udp"],
                                              stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)))
         time.sleep(0.5)
         for one, other in ((1, 2), (2, 1)):
-            ran = lab.run("router", [options.attacker, "stamp", "--nic", f"r{other}", "--from", f"10.79.{one}.1:862",
+            ran = lab.run("middle", [options.attacker, "stamp", "--nic", f"r{other}", "--from", f"10.79.{one}.1:862",
                                      "--to", f"10.79.{other}.1:862"])
             if ran.returncode != 0:
                 raise SystemExit(f"reflectors: the attacker ended: {ran.stderr}")

@@ -23,8 +23,9 @@ import zlib
 SKIP = 77
 # The port of a roadside unit.
 PORT = 47000
-# What check() has found.
+# What check() has found, and what could not be judged.
 RESULTS = []
+INCONCLUSIVE = []
 # Connects to the socket on which a program publishes what it measures, and prints each line that comes.
 WATCHER = """
 import socket, sys
@@ -44,6 +45,11 @@ def check(what, measured, bound, unit, at_least=False):
 
 def note(text):
     print(f"     {text}", flush=True)
+
+
+def inconclusive(text):
+    INCONCLUSIVE.append(text)
+    print(f"?    {text}", flush=True)
 
 
 def skip(why):

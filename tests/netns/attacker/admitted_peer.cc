@@ -112,7 +112,8 @@ void AdmittedPeer::take(TimePoint now, ByteView packet) {
   if (challenged(packet) == session_.value) {
     ++counters_.challenges;
     const std::size_t size = answer_challenge(packet, session_, next_number(), out);
-    send_now(ByteView(out).first(size));
+    token_.assign(out.begin(), out.begin() + static_cast<std::ptrdiff_t>(size));
+    send_now(token_);
     return;
   }
   const auto parsed = wire::parse(packet);

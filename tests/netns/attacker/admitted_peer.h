@@ -45,6 +45,8 @@ class AdmittedPeer {
   // The other side's; 0 before it has been heard.
   std::uint32_t echo() const { return echo_; }
   std::uint64_t next_number() { return ++number_; }
+  // The packet that answered the newest challenge; empty where none came.
+  ByteView token() const { return token_; }
 
   // Cuts a message into data packets, which wait to be sent.
   void send_message(ByteView message, std::uint32_t lifetime_us);
@@ -88,6 +90,7 @@ class AdmittedPeer {
   SessionId session_;
   std::uint64_t number_;
   std::uint32_t message_ = 0;
+  Bytes token_;
   std::deque<Waiting> queue_;
 
   bool joined_ = false;

@@ -2,12 +2,14 @@
 
 #include <poll.h>
 
+#include <algorithm>
 #include <array>
 #include <cstdio>
 #include <optional>
 #include <random>
 #include <stdexcept>
 
+#include "core/wire/bytes.h"
 #include "core/wire/packet.h"
 #include "interneuron/sizes.h"
 #include "tests/netns/attacker/admitted_peer.h"
@@ -27,6 +29,9 @@ constexpr double kOwnBitsPerSecond = 1e6;
 // How far the numbers of what is forged are ahead of those of the attacker's own peer.
 constexpr std::uint64_t kAhead = 1'000;
 
+// Where a packet has its number.
+constexpr std::size_t kNumberOffset = 8;
+
 // How a victim's name is used.
 enum class Way : std::uint8_t {
   // A hello and one forged echo, and never again.
@@ -37,10 +42,12 @@ enum class Way : std::uint8_t {
   kHellos,
   // The attacker's own session, which was admitted from its own address, goes on from the victim's.
   kMoved,
+  // The same session, but the token that was given to the attacker's own address comes first.
+  kToken,
   // Requests to measure, with held trains and delays.
   kEchoes,
 };
-constexpr std::array<const char*, 5> kWays{"once", "steady", "hellos", "moved", "echoes"};
+constexpr std::array<const char*, 6> kWays{"once", "steady", "hellos", "moved", "token", "echoes"};
 
 struct Link {
   SpoofSocket socket;
@@ -55,10 +62,12 @@ class Forger {
     session_ = fresh_session();
   }
 
-  // The session and numbers of the attacker's own peer, for Way::kMoved.
-  void move(std::uint32_t session, std::uint64_t number) {
-    session_ = session;
-    number_ = number;
+  bool is_of_own_peer() const { return way_ == Way::kMoved || way_ == Way::kToken; }
+  // What was the attacker's own peer's goes on from the victim.
+  void move(AdmittedPeer& own) {
+    session_ = own.session().value;
+    number_ = own.next_number() + kAhead;
+    token_.assign(own.token().begin(), own.token().end());
   }
   void turn(double seconds, std::uint32_t echo, std::vector<Link>& links) {
     while (seconds >= next_) {
@@ -83,7 +92,7 @@ class Forger {
     if (way_ == Way::kOnce) return turns_ < 2 ? 0.2 : 1e9;
     if (way_ == Way::kHellos) return 0.1;
     if (way_ == Way::kEchoes) return 0.05;
-    return way_ == Way::kMoved ? 0.5 : 1;
+    return is_of_own_peer() ? 0.5 : 1;
   }
   void send(std::size_t i, std::uint32_t echo, Link& link) {
     std::array<std::byte, kMaxDatagramBytes> out{};
@@ -95,6 +104,8 @@ class Forger {
     std::size_t size = 0;
     if (way_ == Way::kEchoes) {
       size = write_echo(header, out);
+    } else if (way_ == Way::kToken && turns_ % 2 == 0 && !token_.empty()) {
+      size = write_token(out);
     } else if (turns_ == 0 || way_ == Way::kHellos) {
       size = wire::write_probe(out, header, wire::kPacketOverhead);
     } else {
@@ -114,6 +125,12 @@ class Forger {
     if (way_ != Way::kOnce) feedback.reports.push_back({.link = header.link});
     return wire::write_feedback(out, header, feedback);
   }
+  std::size_t write_token(std::span<std::byte> out) const {
+    std::ranges::copy(token_, out.begin());
+    wire::Writer w(out.subspan(kNumberOffset));
+    w.put(number_);
+    return token_.size();
+  }
   std::size_t write_echo(wire::PacketHeader header, std::span<std::byte> out) const {
     header.type = wire::PacketType::kEcho;
     wire::Echo echo;
@@ -132,6 +149,7 @@ class Forger {
   std::mt19937_64 random_;
   std::uint32_t session_ = 0;
   std::uint64_t number_ = 0;
+  Bytes token_;
   std::uint64_t turns_ = 0;
   double next_ = 0;
   std::uint64_t packets_ = 0;
@@ -177,12 +195,12 @@ int run_amplify(const AmplifyOptions& o) {
     for (std::uint32_t i = 0; i < kWays.size(); ++i) {
       const std::uint32_t victim = net + 1 + i + (forgers.size() >= kWays.size() ? kAllLinks : 0);
       Forger forger(static_cast<Way>(i), victim, used, random());
-      if (static_cast<Way>(i) == Way::kMoved) {
+      if (forger.is_of_own_peer()) {
         const io::FileDescriptor socket = open_udp(o.nics[0], {}, &links[0].road);
         AdmittedPeer own(socket.get(), kOwnBitsPerSecond, now(), random);
         if (!join(own, socket.get())) return 1;
         echo = own.echo();
-        forger.move(own.session().value, own.next_number() + kAhead);
+        forger.move(own);
       }
       forgers.push_back(std::move(forger));
     }
