@@ -60,7 +60,7 @@ class File {
     put({1, 1, 0, first, last, 0});
   }
   void bit(std::uint32_t value) {
-    bits_ = static_cast<std::uint8_t>(bits_ << 1 | (value & 1));
+    bits_ = static_cast<std::uint8_t>(2U * bits_ + (value & 1));
     if (++bit_count_ == 8) flush();
   }
   void bits(std::uint32_t value, std::uint32_t count) {
