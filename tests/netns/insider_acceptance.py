@@ -176,7 +176,8 @@ def judge_insider(options, name, street, attack, calm_street, calm, third_street
     allowed = options.allowed
     if not told["joined"]:
         check(f"{name}: the attacker was admitted", 0, 1, "", at_least=True)
-    rate = 8 * told["sent_bytes"] / max(told["seconds"], 1) / 1000
+    # It sends while it waits to be admitted, too.
+    rate = 8 * told["sent_bytes"] / max(told["seconds"] + told["join_s"], 1) / 1000
     check(f"{name}: what the attacker sent ({told['sent_packets']} packets, {told['results']} came back)", rate, KBIT,
           "kbit/s")
     judge_rounds(name, allowed, street, span, calm_street, calm)
