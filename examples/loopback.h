@@ -50,6 +50,8 @@ class Served {
     in::NodeOptions o;
     o.links = two_links();
     o.accept_peers = true;
+    // A round that passes several nodes comes from one that is not its origin. All are here.
+    o.relays = {"127.0.0.1"};
     o.pipelines = pipelines;
     return o;
   }

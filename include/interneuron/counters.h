@@ -47,6 +47,9 @@ struct EndpointCounters {
   std::uint64_t fragments_cancelled = 0;
   // Complete messages whose round header or plain header is malformed or inconsistent.
   std::uint64_t bad_messages = 0;
+  // Complete messages of rounds that their peer has no part in: it is neither their origin nor, of
+  // rounds that began here, one that they were sent to, nor a relay (EndpointOptions::relays).
+  std::uint64_t foreign_rounds = 0;
   // Fragments refused because the incomplete messages of the peer, or of all peers, hold as much
   // memory as they may.
   std::uint64_t reassembly_refused = 0;

@@ -12,7 +12,9 @@
 
 #include "interneuron/address.h"
 #include "interneuron/counters.h"
+#include "interneuron/endpoint_options.h"
 #include "interneuron/events.h"
+#include "interneuron/ledger.h"
 #include "interneuron/link.h"
 #include "interneuron/pipeline.h"
 #include "interneuron/policy.h"
@@ -59,40 +61,6 @@ struct TransmitParts {
   Transmit join(std::span<std::byte> buffer) const;
 };
 
-struct Ablation;
-
-// What an endpoint is made of.
-struct EndpointOptions {
-  // Names this life of the endpoint: random, not 0, new at every start. No default.
-  SessionId session{};
-  // The pipelines whose rounds begin here. Default: none, as on a roadside unit.
-  std::vector<PipelineConfig> pipelines;
-  // Must hold every policy that the pipelines name, and at least one. No default.
-  PolicySet policies;
-  // Whether peers may come unannounced, as on a roadside unit.
-  bool accept_peers = false;
-  // How many unannounced peers there may be at a time; further ones are refused.
-  std::size_t max_peers = 64;
-  // Random, and told to nobody, so that no peer can choose sessions whose lookup takes long; Node
-  // draws it. Default: taken from the session, which every peer knows; without hostile peers that
-  // is enough, and with them a lookup is still bounded by max_peers.
-  std::uint64_t hash_seed = 0;
-  // What the incomplete messages of all peers may hold together, in bytes. A peer may take more as
-  // long as it then holds no more than what is left free: one alone gets half of it (and never more
-  // than one of the largest messages), n greedy ones a part of n + 1 each, and whoever holds little
-  // finds room however greedy the others are. A message that finds none is refused piece by piece
-  // and counted in EndpointCounters::reassembly_refused.
-  std::size_t reassembly_budget_bytes = 64 * 1024 * 1024;
-  // What messages under way to all peers (plain ones and those of rounds, with their headers) may
-  // hold together, in bytes, by the same rule: those to one peer alone get half of it. What finds
-  // no room is not accepted: SendStatus::kOverBudget, SubmitStatus::kOverBudget. Default: to one
-  // peer alone eight of the largest messages.
-  std::size_t send_budget_bytes = std::size_t{16} * (kMaxMessageBytes + 1024);
-  // For the experiments that ship with the project; its type is no part of the interface. Nothing:
-  // every mechanism is there.
-  std::shared_ptr<const Ablation> ablation{};
-};
-
 // One end of all its connections: its peers and their links, the rounds that begin here and those
 // that others began. Single-threaded by design (thread-compatible); owns everything in it; reads no
 // clock and makes no system call.
@@ -108,9 +76,11 @@ struct EndpointOptions {
 // pipeline or link that does not exist); a value for what may happen at run time.
 //
 // What a peer may do: its bytes never throw, whatever is not used is counted and dropped, and
-// memory is bounded per peer and by max_peers. Packets are not authenticated yet, so service is not
-// protected: any packet makes an unannounced peer until there are max_peers of them, and whoever
-// can forge a peer's address can make it seem restarted or answer in its name.
+// memory is bounded per peer (PeerLimits) and by max_peers. At a limit only what that peer itself
+// holds or sends makes room, and it sends rounds in no other name than its own. Packets are not
+// authenticated yet, so service is not protected: any packet makes an unannounced peer until there
+// are max_peers of them, and whoever can forge a peer's address can make it seem restarted or
+// answer in its name.
 class Endpoint {
  public:
   // Throws std::invalid_argument naming the option.
@@ -191,6 +161,8 @@ class Endpoint {
   EndpointCounters counters() const;
   // Bytes held by incomplete messages of all peers.
   std::size_t reassembly_bytes() const;
+  // What this peer holds here and what has struck it; all zero for a peer that is not known.
+  PeerLedger ledger(PeerId peer) const;
   // Bytes held by messages under way to all peers.
   std::size_t sending_bytes() const;
 

@@ -7,6 +7,7 @@
 #include <variant>
 
 #include "interneuron/address.h"
+#include "interneuron/ledger.h"
 #include "interneuron/link.h"
 #include "interneuron/policy.h"
 #include "interneuron/round.h"
@@ -59,7 +60,14 @@ struct OtherVersion {
   std::uint8_t version = 0;
 };
 
+// A limit has struck this peer: its own oldest has gone, or what it has sent was dropped. Told at
+// most once a second for each peer; its ledger (Endpoint::ledger()) counts all.
+struct PeerLimited {
+  PeerId peer{};
+  PeerLimit limit{};
+};
+
 using Event = std::variant<Delivered, RoundDone, PeerReady, PeerRestarted, PeerLost, Planned,
-                           PathChanged, OtherVersion, Message, MessageFate, CanSend>;
+                           PathChanged, OtherVersion, PeerLimited, Message, MessageFate, CanSend>;
 
 }  // namespace interneuron

@@ -65,6 +65,7 @@ class Node {
   // A link is used while its NIC is kReady; it is closed before this is told, and opened after.
   void on_nic_changed(std::function<void(NicChanged)> handler);
   void on_path_changed(std::function<void(PathChanged)> handler);
+  void on_peer_limited(std::function<void(PeerLimited)> handler);
   void on_message(std::function<void(Message)> handler);
   void on_fate(std::function<void(MessageFate)> handler);
   void on_can_send(std::function<void(CanSend)> handler);

@@ -76,6 +76,11 @@ struct NodeOptions {
   bool accept_peers = false;
   // How many unannounced peers there may be at a time; further ones are refused.
   std::size_t max_peers = 64;
+  // What each peer may take of this node; see EndpointOptions.
+  PeerLimits peer_limits = {};
+  // Numeric addresses without port, as "10.0.0.2", of peers that may send rounds of other origins
+  // than themselves; see EndpointOptions.
+  std::vector<std::string> relays = {};
   // What incomplete messages of all peers, and messages under way to all peers, may hold, in bytes;
   // see EndpointOptions.
   std::size_t reassembly_budget_bytes = EndpointOptions{}.reassembly_budget_bytes;

@@ -190,6 +190,8 @@ void add_road(CLI::App& program, std::function<int()>& run) {
   c->add_option("--top-level", o->top_level, "Highest level used; -1: by the vehicle's budget")
       ->capture_default_str()
       ->check(CLI::Range(-1, 255));
+  c->add_option("--relay", o->relays, "Address of a peer that brings other vehicles' rounds")
+      ->option_text("ADDRESS …");
   c->add_option("--max-peers", o->max_peers, "Vehicles at once")
       ->capture_default_str()
       ->check(CLI::Range(1, 1000));

@@ -99,6 +99,7 @@ NodeOptions Road::node_options() const {
   o.transport = transport_kind(options_.transport);
   o.accept_peers = true;
   o.max_peers = options_.max_peers;
+  o.relays = options_.relays;
   o.insecure = options_.insecure;
   hooks_.configure(o);
   return o;
@@ -268,6 +269,10 @@ int Road::run() {
   node_.on_peer_ready([](PeerReady e) { spdlog::info("vehicle {}: here", e.peer.value); });
   node_.on_peer_lost([this](PeerLost e) { lost(e.peer); });
   node_.on_peer_restarted([this](PeerRestarted e) { forget(e.peer); });
+  node_.on_peer_limited([](PeerLimited e) {
+    spdlog::warn("vehicle {}: takes more than it may ({}); what is too much of its own is dropped",
+                 e.peer.value, to_string(e.limit));
+  });
   node_.stop_on_signals();
   tell_ready();
   node_.run();
@@ -321,6 +326,10 @@ int run_road(const RoadOptions& options, RoadHooks* hooks) {
   if (!options.address.empty() && !make_address(options.address, 0)) {
     throw Failure(kUsage,
                   "--address '" + options.address + "' is no numeric address like 10.0.0.1");
+  }
+  for (const std::string& relay : options.relays) {
+    if (make_address(relay, 0)) continue;
+    throw Failure(kUsage, "--relay '" + relay + "' is no numeric address like 10.0.0.1");
   }
   RoadHooks none;
   return Road(options, hooks != nullptr ? *hooks : none).run();

@@ -31,6 +31,8 @@ struct RoadOptions {
   // No computation is above this level; -1: the budget of each vehicle decides.
   int top_level = -1;
   std::size_t max_peers = 16;
+  // Numeric addresses of peers that bring rounds of other vehicles.
+  std::vector<std::string> relays;
   bool insecure = false;
   StampOptions stamp;
 };

@@ -69,7 +69,7 @@ class Endpoint::Impl {
     }
     if (received.peer == nullptr) return;
     if (received.restarted) {
-      rounds_.forget_clock(received.peer->identity().id);
+      rounds_.forget(received.peer->identity().id);
       messages_.forget(received.peer->identity().id);
       events_.emplace_back(PeerRestarted{received.peer->identity().id});
     }
@@ -96,6 +96,12 @@ class Endpoint::Impl {
     return next;
   }
 
+  PeerLedger ledger(PeerId peer) const {
+    PeerLedger out = peers_.ledger(peer);
+    rounds_.fill(peer, out);
+    return out;
+  }
+
   EndpointCounters counters() const {
     EndpointCounters out = rounds_.counters();
     const EndpointCounters& plain = messages_.counters();
@@ -120,6 +126,7 @@ class Endpoint::Impl {
     messages_expired_ += expired.messages;
     for (PathChanged& change : expired.changes) events_.emplace_back(std::move(change));
     for (const PeerId id : expired.lost) {
+      rounds_.forget(id);
       messages_.forget(id);
       events_.emplace_back(PeerLost{id});
     }
@@ -138,6 +145,7 @@ class Endpoint::Impl {
       messages_.complete(now, peer, input.message_id, std::move(*input.message));
     }
     messages_.collect(now, peer);
+    if (const auto which = peer.take_limited()) events_.emplace_back(PeerLimited{id, *which});
   }
 
   std::deque<Event> events_;
@@ -234,8 +242,25 @@ std::vector<LinkState> Endpoint::links(TimePoint now, PeerId peer) const {
 }
 LinkCounters Endpoint::link_counters(LinkId link) const { return impl_->peers().counters(link); }
 EndpointCounters Endpoint::counters() const { return impl_->counters(); }
+PeerLedger Endpoint::ledger(PeerId peer) const { return impl_->ledger(peer); }
 std::size_t Endpoint::reassembly_bytes() const { return impl_->peers().reassembly_bytes(); }
 std::size_t Endpoint::sending_bytes() const { return impl_->peers().sending_bytes(); }
+
+std::string_view to_string(PeerLimit limit) {
+  switch (limit) {
+    case PeerLimit::kContexts:
+      return "contexts";
+    case PeerLimit::kPipelines:
+      return "pipelines";
+    case PeerLimit::kHeldMessages:
+      return "held";
+    case PeerLimit::kDeadline:
+      return "deadline";
+    case PeerLimit::kOrigin:
+      return "origin";
+  }
+  return "?";
+}
 
 std::string_view to_string(SubmitStatus status) {
   switch (status) {

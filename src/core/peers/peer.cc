@@ -22,6 +22,9 @@ constexpr Duration kClockSettles = std::chrono::seconds(1);
 // become so by a step of the peer's clock. No measurement behind this value: it only has to be what
 // event loops add by chance.
 constexpr Duration kRoundTripError = std::chrono::microseconds(500);
+// How far apart limits that strike one peer are told of. No measurement behind this value: it only
+// has to be short for a person who waits, and long for a log.
+constexpr Duration kBetweenLimits = std::chrono::seconds(1);
 
 }  // namespace
 
@@ -333,6 +336,13 @@ std::optional<TimePoint> Peer::next_timeout(TimePoint now) const {
     if (path.may_send(kMaxDatagramBytes)) next = earliest(next, sender_.next_send(path.id()));
   }
   return next;
+}
+
+void Peer::strike(TimePoint now, PeerLimit limit) {
+  ++ledger_.strikes[static_cast<std::size_t>(limit)];
+  if (now < tell_limit_at_) return;
+  tell_limit_at_ = now + kBetweenLimits;
+  limited_ = limit;
 }
 
 // --- getters

@@ -12,6 +12,7 @@
 #include <deque>
 #include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "core/flow/receipts.h"
@@ -141,6 +142,13 @@ class Peer {
   // A message that handle() gave is dropped here: tells the peer.
   void mark_dropped(MessageId message) { receipts_.mark_dropped(message); }
 
+  // A limit has struck this peer; kept in its ledger.
+  void strike(TimePoint now, PeerLimit limit);
+  // A limit that the application is to be told of: the first that struck in a second.
+  std::optional<PeerLimit> take_limited() { return std::exchange(limited_, std::nullopt); }
+  // What the peer holds here, as far as it is known here, and what has struck it.
+  const PeerLedger& ledger() const { return ledger_; }
+
   // A better variant was withheld that a path with this rate could have carried.
   void want(TimePoint now, DataRate rate);
 
@@ -214,6 +222,10 @@ class Peer {
   TimePoint refreshed_at_;
   std::deque<PathChanged> changes_;
   Settlements settlements_;
+  PeerLedger ledger_;
+  std::optional<PeerLimit> limited_;
+  // When the next limit is told of.
+  TimePoint tell_limit_at_ = TimePoint::min();
 };
 
 }  // namespace interneuron

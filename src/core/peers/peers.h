@@ -23,9 +23,9 @@
 #include <vector>
 
 #include "core/base/alarms.h"
+#include "core/base/shared_memory.h"
 #include "core/peers/directory.h"
 #include "core/peers/peer.h"
-#include "core/peers/shared_memory.h"
 #include "core/peers/turns.h"
 #include "core/probe/echo_reflector.h"
 #include "interneuron/endpoint.h"
@@ -114,6 +114,8 @@ class Peers {
 
   std::vector<PeerId> ids() const;
   std::vector<LinkState> links(TimePoint now, PeerId id) const;
+  // All zero where there is no such peer.
+  PeerLedger ledger(PeerId id) const;
   // Over all peers. Pieces sent again and found lost are counted of those that are still known.
   LinkCounters counters(LinkId link) const;
   std::uint64_t cancelled() const;

@@ -70,7 +70,8 @@ std::uint8_t earlier_communications(const wire::RoundHeader& header) {
 
 }  // namespace
 
-Dispatch::Dispatch(SessionId self, const PolicySet& policies) : self_(self) {
+Dispatch::Dispatch(SessionId self, const PolicySet& policies, Duration longest_deadline)
+    : self_(self), longest_deadline_(longest_deadline) {
   for (const auto& policy : policies) {
     if (policy == nullptr) throw std::invalid_argument("endpoint: a policy is null");
     policies_[wire::policy_id(policy->name())] = policy;
@@ -145,7 +146,7 @@ std::optional<Planned> Dispatch::send(TimePoint now, Peer& peer, std::size_t roo
   if (bytes_of(planned.plan, variants) > room) return std::nullopt;
 
   header.best_planned = best_planned(planned.plan);
-  flow::Sender::Times times{deadline_of(now, header, clock), Duration::zero(), header.deadline()};
+  flow::Sender::Times times{deadline_of(now, header, clock), Duration::zero(), believed(header)};
   if (header.round.origin != self_ && clock) times.doubt = clock->rtt_min / 2;
   if (message_class == MessageClass::kData) {
     times.aim = times.deadline - rest_of_round(links, guidance);
@@ -172,10 +173,16 @@ std::optional<Planned> Dispatch::send(TimePoint now, Peer& peer, std::size_t roo
 TimePoint Dispatch::deadline_of(TimePoint now, const wire::RoundHeader& header,
                                 const ClockOf& clock) const {
   if (header.round.origin == self_) return when_elapsed(header.t0, header.deadline());
-  if (!clock) return now + header.deadline();
+  const Duration deadline = believed(header);
+  if (!clock) return now + deadline;
   const TimePoint by_clock =
-      when_elapsed(header.t0, Duration{wrapping_add(clock->alpha, header.deadline().count())});
-  return std::min(by_clock, now + header.deadline());
+      when_elapsed(header.t0, Duration{wrapping_add(clock->alpha, deadline.count())});
+  return std::min(by_clock, now + deadline);
+}
+
+Duration Dispatch::believed(const wire::RoundHeader& header) const {
+  if (header.round.origin == self_) return header.deadline();
+  return std::min<Duration>(header.deadline(), longest_deadline_);
 }
 
 }  // namespace interneuron

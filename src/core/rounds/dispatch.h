@@ -20,7 +20,8 @@ class Dispatch {
   using ClockOf = std::optional<guard::ClockView>;
 
   // Throws std::invalid_argument when there is no policy, or one is null.
-  Dispatch(SessionId self, const PolicySet& policies);
+  // `longest_deadline`: no deadline of another origin is believed to be longer.
+  Dispatch(SessionId self, const PolicySet& policies, Duration longest_deadline);
 
   // The policy that is registered under this id of headers, else nullptr.
   const Policy* policy(std::uint32_t id) const;
@@ -46,7 +47,11 @@ class Dispatch {
   const Policy& rule(const wire::RoundHeader& header) const;
   TimePoint deadline_of(TimePoint now, const wire::RoundHeader& header, const ClockOf& clock) const;
 
+  // What is believed of the deadline that a header states.
+  Duration believed(const wire::RoundHeader& header) const;
+
   SessionId self_;
+  Duration longest_deadline_;
   // By the id that headers carry.
   std::map<std::uint32_t, std::shared_ptr<const Policy>> policies_;
   // Plans for rounds whose policy is not registered here: the first one of all.

@@ -46,7 +46,8 @@ OwnRounds::OwnRounds(SessionId self, const std::vector<PipelineConfig>& pipeline
                      const Ablation& ablation)
     : self_(self) {
   for (const PipelineConfig& config : pipelines) {
-    if (!pipelines_.try_emplace(config.id, Pipeline{guard::RoundLedger(config, self, ablation)})
+    if (!pipelines_
+             .try_emplace(config.id, Pipeline{guard::RoundLedger(config, self, ablation), 0, {}})
              .second) {
       throw std::invalid_argument("pipeline " + std::to_string(config.id.value) + ": given twice");
     }
@@ -61,6 +62,7 @@ RoundContext OwnRounds::begin(TimePoint now, PipelineId pipeline) {
   guard::RoundLedger& ledger = it->second.ledger;
   const guard::RoundLedger::Begun begun = ledger.begin(now);
   it->second.begun = begun.ref.round.value + 1;
+  it->second.rounds.enter(begun.ref.round)->t0 = now;
   RoundContext context;
   wire::RoundHeader& h = context.header;
   describe(h, ledger.config());
@@ -85,6 +87,32 @@ RoundContext OwnRounds::begin(TimePoint now, PipelineId pipeline) {
 bool OwnRounds::has_begun(const RoundRef& round) const {
   const auto it = pipelines_.find(round.pipeline);
   return is_mine(round) && it != pipelines_.end() && round.round.value < it->second.begun;
+}
+
+const OwnRounds::Round* OwnRounds::find_round(const RoundRef& round) const {
+  const auto it = pipelines_.find(round.pipeline);
+  return is_mine(round) && it != pipelines_.end() ? it->second.rounds.find(round.round) : nullptr;
+}
+
+void OwnRounds::note_sent(const RoundRef& round, PeerId to) {
+  if (!is_mine(round) || was_sent_to(round, to).value_or(true)) return;
+  pipelines_.at(round.pipeline).rounds.find(round.round)->sent_to.push_back(to);
+}
+
+std::optional<bool> OwnRounds::was_sent_to(const RoundRef& round, PeerId peer) const {
+  const Round* found = find_round(round);
+  if (found == nullptr) return std::nullopt;
+  return std::ranges::find(found->sent_to, peer) != found->sent_to.end();
+}
+
+bool OwnRounds::restore(wire::RoundHeader& header) const {
+  const Round* found = find_round(header.round);
+  if (found == nullptr) return false;
+  const PipelineConfig& config = pipelines_.at(header.round.pipeline).ledger.config();
+  header.t0 = as_wire(found->t0);
+  header.deadline_us = to_us(config.deadline);
+  header.period_us = to_us(config.period);
+  return true;
 }
 
 guard::RoundLedger* OwnRounds::find(const RoundRef& round) {

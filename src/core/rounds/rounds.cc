@@ -6,6 +6,7 @@
 
 #include "core/base/ablation.h"
 #include "core/base/earliest.h"
+#include "core/base/same_host.h"
 #include "core/plan/budget.h"
 #include "core/rounds/round_terms.h"
 
@@ -36,9 +37,10 @@ Duration left_of(const wire::RoundHeader& header, Duration theta, std::int64_t a
 Rounds::Rounds(const EndpointOptions& options, Peers& peers, std::deque<Event>& events)
     : peers_(peers),
       events_(events),
-      dispatch_(options.session, options.policies),
+      relays_(options.relays),
+      dispatch_(options.session, options.policies, options.peer_limits.longest_deadline),
       own_(options.session, options.pipelines, options.ablation ? *options.ablation : Ablation{}),
-      stages_(options.max_peers) {
+      stages_(options.session, options.peer_limits) {
   if (options.session.value == 0) {
     throw std::invalid_argument("endpoint: the session must not be 0; draw it at random");
   }
@@ -54,8 +56,7 @@ Rounds::Rounds(const EndpointOptions& options, Peers& peers, std::deque<Event>& 
 RoundRef Rounds::begin(TimePoint now, PipelineId pipeline) {
   RoundContext context = own_.begin(now, pipeline);
   const RoundRef round = context.header.round;
-  const Duration deadline = context.header.deadline();
-  stages_.open(now, round, std::move(context), deadline);
+  stages_.open(now, std::move(context));
   return round;
 }
 
@@ -72,7 +73,8 @@ SubmitStatus Rounds::submit(TimePoint now, const RoundRef& round, Variants varia
   end_computations(now, context);
   if (context.stage == context.header.stages) {
     if (!own_.is_mine(round)) return SubmitStatus::kNoWayToOrigin;
-    const bool answered = finish(now, context.header, std::move(variants.front()));
+    const PeerId from = context.from.value_or(kOurselves);
+    const bool answered = finish(now, from, context.header, std::move(variants.front()));
     return answered ? SubmitStatus::kAccepted : SubmitStatus::kRoundOver;
   }
   Peer* peer = destination(now, context, to);
@@ -87,6 +89,7 @@ SubmitStatus Rounds::submit(TimePoint now, const RoundRef& round, Variants varia
   events_.emplace_back(std::move(*planned));
   guard::RoundLedger* ledger = own_.find(round);
   if (kept_here && ledger != nullptr) report(ledger->stay_local(now, round.round));
+  if (sent) own_.note_sent(round, peer->identity().id);
   if (sent) return SubmitStatus::kAccepted;
   return kept_here ? SubmitStatus::kRefusedByPolicy : SubmitStatus::kNoLink;
 }
@@ -116,7 +119,7 @@ std::size_t Rounds::begin_computation(TimePoint now, const RoundRef& round,
   if (context == nullptr || levels.empty()) return top;
   wire::RoundHeader& h = context->header;
   const guard::LevelChoice choice =
-      observer_of(h, context->from.value_or(PeerId{}))
+      observer_of(h, {context->from.value_or(kOurselves), context->by_relay})
           .begin_computation(now, stage_end(h, context->stage), levels,
                              std::min(top, levels.size() - 1), context->verdict);
   context->began = now;
@@ -142,7 +145,7 @@ void Rounds::report(std::optional<RoundDone> done) {
 }
 
 void Rounds::expire(TimePoint now) {
-  for (Stages::Released& released : stages_.release(now)) release(std::move(released));
+  for (Held& released : stages_.release(now)) release(now, std::move(released));
   for (RoundDone& done : own_.expire(now)) report(std::move(done));
 }
 
@@ -150,49 +153,102 @@ std::optional<TimePoint> Rounds::next_timeout() const {
   return earliest(stages_.next_timeout(), own_.next_timeout());
 }
 
+bool Rounds::is_relay(const Peer& peer) const {
+  return std::ranges::any_of(relays_, [&peer](const Address& relay) {
+    return std::ranges::any_of(
+        peer.paths(), [&relay](const Path& path) { return is_same_host(path.address(), relay); });
+  });
+}
+
+Stages::Sender Rounds::sender(const Peer& peer) const {
+  return {peer.identity().id, is_relay(peer)};
+}
+
+// Puts what is known of a round of ours in the place of what the header says of it.
+Rounds::Doubt Rounds::judge(const Peer& peer, wire::RoundHeader& header) const {
+  const PeerId from = peer.identity().id;
+  if (!own_.is_mine(header.round)) {
+    if (header.stage == header.stages) return Doubt::kBad;
+    if (header.round.origin == peer.identity().session) return Doubt::kNone;
+    if (!is_relay(peer)) return Doubt::kForeign;
+    return stages_.is_of_another(from, header.round) ? Doubt::kOfAnother : Doubt::kNone;
+  }
+  if (!own_.has_begun(header.round)) return Doubt::kBad;
+  const auto was_sent = own_.was_sent_to(header.round, from);
+  if (!was_sent) return Doubt::kForgotten;
+  if (!*was_sent && !is_relay(peer)) return Doubt::kForeign;
+  own_.restore(header);
+  return Doubt::kNone;
+}
+
 void Rounds::complete(TimePoint now, Peer& peer, wire::MessageBytes message) {
-  const auto header = wire::parse_round_header(message.header_view());
-  const bool mine = header && own_.is_mine(header->round);
-  if (!header || (mine && !own_.has_begun(header->round)) ||
-      (!mine && header->stage == header->stages)) {
-    ++counters_.bad_messages;
-    return;
-  }
-  ++counters_.messages_completed;
-  Arrived arrived{*header, std::move(message.payload), peer.identity().id};
-  guard::StageGuard& observer = observer_of(*header, arrived.from);
-  if (!mine) {
-    observer.learn(now, header->round.round, header->indicator, recent_e2e(*header));
-  }
-  const auto clock = clock_of(now, *header, &peer);
-  switch (stages_.arrive(now, arrived, dispatch_.policy(header->policy), clock, observer)) {
-    case Stages::Action::kHold:
+  auto header = wire::parse_round_header(message.header_view());
+  switch (header ? judge(peer, *header) : Doubt::kBad) {
+    case Doubt::kNone:
+      ++counters_.messages_completed;
+      return arrived(now, peer, *header, std::move(message.payload));
+    case Doubt::kBad:
+      ++counters_.bad_messages;
       return;
-    case Stages::Action::kDrop:
+    case Doubt::kForeign:
+      ++counters_.foreign_rounds;
+      peer.strike(now, PeerLimit::kOrigin);
+      return;
+    case Doubt::kForgotten:
+      ++counters_.messages_completed;
+      ++counters_.messages_late;
+      return;
+    case Doubt::kOfAnother:
+      ++counters_.messages_completed;
       ++counters_.messages_superseded;
       return;
-    case Stages::Action::kServe:
-      if (header->stage == header->stages) {
-        finish(now, *header, std::move(arrived.payload));
-      } else {
-        events_.emplace_back(stages_.serve(now, std::move(arrived), clock, observer));
-      }
   }
 }
 
-void Rounds::release(Stages::Released released) {
+// A message that may be what its header says.
+void Rounds::arrived(TimePoint now, Peer& peer, const wire::RoundHeader& header, Bytes payload) {
+  Arrived arrived{header, std::move(payload), peer.identity().id};
+  const Stages::Sender from = sender(peer);
+  guard::StageGuard& observer = observer_of(header, from);
+  if (!own_.is_mine(header.round)) {
+    observer.learn(now, header.round.round, header.indicator, recent_e2e(header));
+  }
+  const auto clock = clock_of(now, header, &peer);
+  const Policy* policy = dispatch_.policy(header.policy);
+  switch (stages_.arrive(now, from, arrived, policy, clock, observer)) {
+    case Stages::Action::kHold:
+      break;
+    case Stages::Action::kDrop:
+      ++counters_.messages_superseded;
+      break;
+    case Stages::Action::kServe:
+      if (header.stage == header.stages) {
+        finish(now, from.peer, header, std::move(arrived.payload));
+      } else {
+        events_.emplace_back(stages_.serve(now, from, std::move(arrived), clock, observer));
+      }
+  }
+  for (const PeerLimit limit : stages_.take_struck()) peer.strike(now, limit);
+}
+
+// Nothing is kept of a peer that is gone, so that this one is there.
+void Rounds::release(TimePoint now, Held released) {
   const wire::RoundHeader header = released.arrived.header;
+  Peer* peer = peers_.find(now, released.arrived.from);
+  if (peer == nullptr) return;
+  const Stages::Sender from = sender(*peer);
   if (header.stage == header.stages) {
-    finish(released.hold.until, header, std::move(released.arrived.payload));
+    finish(released.hold.until, from.peer, header, std::move(released.arrived.payload));
     return;
   }
-  guard::StageGuard& observer = observer_of(header, released.arrived.from);
-  events_.emplace_back(stages_.serve_held(std::move(released), observer));
+  guard::StageGuard& observer = observer_of(header, from);
+  events_.emplace_back(stages_.serve_held(from, std::move(released), observer));
+  for (const PeerLimit limit : stages_.take_struck()) peer->strike(now, limit);
 }
 
 // The last stage has ended: this is a result for a round that began here. False: it is late.
-bool Rounds::finish(TimePoint now, const wire::RoundHeader& header, Bytes result) {
-  stages_.finish(header);
+bool Rounds::finish(TimePoint now, PeerId from, const wire::RoundHeader& header, Bytes result) {
+  stages_.finish(from, header);
   auto done = own_.find(header.round)
                   ->remote_result(now, header.round.round, std::move(result), header.degraded,
                                   spent_of(header));
@@ -204,9 +260,10 @@ bool Rounds::finish(TimePoint now, const wire::RoundHeader& header, Bytes result
   return true;
 }
 
-guard::StageGuard& Rounds::observer_of(const wire::RoundHeader& header, PeerId via) {
+guard::StageGuard& Rounds::observer_of(const wire::RoundHeader& header,
+                                       const Stages::Sender& sender) {
   if (guard::RoundLedger* ledger = own_.find(header.round)) return ledger->observer();
-  return stages_.observer(header, via);
+  return stages_.observer(header, sender);
 }
 
 // The clock between the origin of a round and here: the sum over the hops so far, which the header
@@ -231,7 +288,8 @@ void Rounds::end_computations(TimePoint now, RoundContext& context) {
   while (context.stage < context.header.stages &&
          !context.header.is_communication(context.stage + 1)) {
     ++context.stage;
-    guard::StageGuard& observer = observer_of(context.header, context.from.value_or(PeerId{}));
+    guard::StageGuard& observer =
+        observer_of(context.header, {context.from.value_or(kOurselves), context.by_relay});
     context.verdict =
         observer.end_stage(now, stage_end(context.header, context.stage),
                            clock_of(now, context.header, peers_.find(now, context.from)));

@@ -4,13 +4,16 @@
 //
 // Owned by Endpoint, which feeds it the application's commands and the complete messages of peers.
 // Messages are any bytes: one with a malformed header, with a round of ours that never began, or
-// with a last stage that does not end here is counted and dropped. Memory is bounded by Stages and
-// by the ledgers. Pure; thread-compatible.
+// with a last stage that does not end here is counted and dropped. A peer speaks for itself alone:
+// the origin of what it sends is its own session, or a round that began here and was sent to it;
+// anything else is dropped and counted as foreign, unless the configuration names the peer as a
+// relay. Memory is bounded for each peer by Stages, and by the ledgers. Pure; thread-compatible.
 #pragma once
 
 #include <deque>
 #include <optional>
 #include <span>
+#include <vector>
 
 #include "core/peers/peers.h"
 #include "core/rounds/dispatch.h"
@@ -43,9 +46,13 @@ class Rounds {
   void expire(TimePoint now);
   std::optional<TimePoint> next_timeout() const;
 
-  // The clock of this peer has stepped, or it has begun a new session: what was learnt with its
-  // clock is dropped.
+  // The clock of this peer has stepped: what was learnt with its clock is dropped.
   void forget_clock(PeerId peer) { stages_.forget_clock(peer); }
+  // The peer is gone, or has begun a new session: all that is kept of its rounds is dropped.
+  void forget(PeerId peer) { stages_.forget(peer); }
+
+  // Fills in what this peer holds here.
+  void fill(PeerId peer, PeerLedger& ledger) const { stages_.fill(peer, ledger); }
 
   // Those about complete messages; the others are 0.
   const EndpointCounters& counters() const { return counters_; }
@@ -53,11 +60,17 @@ class Rounds {
  private:
   using ClockOf = Dispatch::ClockOf;
 
-  void release(Stages::Released released);
-  bool finish(TimePoint now, const wire::RoundHeader& header, Bytes result);
+  // Why a message may not be what its header says.
+  enum class Doubt : std::uint8_t { kNone, kBad, kForeign, kForgotten, kOfAnother };
+  Doubt judge(const Peer& peer, wire::RoundHeader& header) const;
+  Stages::Sender sender(const Peer& peer) const;
+  bool is_relay(const Peer& peer) const;
+  void arrived(TimePoint now, Peer& peer, const wire::RoundHeader& header, Bytes payload);
+  void release(TimePoint now, Held released);
+  bool finish(TimePoint now, PeerId from, const wire::RoundHeader& header, Bytes result);
   void report(std::optional<RoundDone> done);
   void end_computations(TimePoint now, RoundContext& context);
-  guard::StageGuard& observer_of(const wire::RoundHeader& header, PeerId via);
+  guard::StageGuard& observer_of(const wire::RoundHeader& header, const Stages::Sender& sender);
   ClockOf clock_of(TimePoint now, const wire::RoundHeader& header, Peer* peer);
 
   // What a round's next transmission needs: where it goes, what the guard tells the policy, and in
@@ -70,6 +83,8 @@ class Rounds {
 
   Peers& peers_;
   std::deque<Event>& events_;
+  // Without ports.
+  std::vector<Address> relays_;
   Dispatch dispatch_;
   OwnRounds own_;
   Stages stages_;

@@ -37,6 +37,9 @@ void Node::on_path_changed(std::function<void(PathChanged)> handler) {
 void Node::on_other_version(std::function<void(OtherVersion)> handler) {
   impl_->handlers.other_version = std::move(handler);
 }
+void Node::on_peer_limited(std::function<void(PeerLimited)> handler) {
+  impl_->handlers.peer_limited = std::move(handler);
+}
 void Node::on_message(std::function<void(Message)> handler) {
   impl_->handlers.message = std::move(handler);
 }

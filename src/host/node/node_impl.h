@@ -40,6 +40,7 @@ class Node::Impl : private Outbox::Source, private LinkSet::User {
     std::function<void(Planned)> planned;
     std::function<void(PathChanged)> path_changed;
     std::function<void(OtherVersion)> other_version;
+    std::function<void(PeerLimited)> peer_limited;
     std::function<void(Message)> message;
     std::function<void(MessageFate)> fate;
     std::function<void(CanSend)> can_send;

@@ -36,6 +36,13 @@ std::optional<Address> peer_of(const NodeLink& link) {
                               " is not like 10.0.0.2:47000 or [2001:db8::2]:47000");
 }
 
+Address relay_of(const std::string& relay) {
+  const auto address = make_address(relay, 0);
+  if (address && !is_unspecified(*address)) return *address;
+  throw std::invalid_argument("the relay \"" + relay +
+                              "\" is no numeric address without port like 10.0.0.2");
+}
+
 // The address to which a link's socket is bound; see NodeLink::local_address.
 Address local_of(const NodeLink& link, const io::Nic& nic, const Binding& binding) {
   const auto peer = peer_of(link);
@@ -111,6 +118,8 @@ EndpointOptions endpoint_options(const NodeOptions& options) {
   out.policies = options.policies.empty() ? builtin_policies() : options.policies;
   out.accept_peers = options.accept_peers;
   out.max_peers = options.max_peers;
+  out.peer_limits = options.peer_limits;
+  for (const std::string& relay : options.relays) out.relays.push_back(relay_of(relay));
   out.ablation = options.ablation;
   out.reassembly_budget_bytes = options.reassembly_budget_bytes;
   out.send_budget_bytes = options.send_budget_bytes;

@@ -292,13 +292,28 @@ TEST_P(Hostile, PiecesAndSymbolsThatAreLongerThanAnyDatagram) {
   EXPECT_EQ(t.endpoint.reassembly_bytes(), 0U);
 }
 
+// The road is heard and has heard us, so that the vehicle may send, which begins a round.
+RoundRef begin_round(Target& t) {
+  wire::Feedback feedback;
+  feedback.echo = SessionId{kVehicleSession};
+  feedback.reports.push_back({});
+  feedback.reports.front().link = kFast;
+  std::array<std::byte, kMaxDatagramBytes> out;
+  const std::size_t size = wire::write_feedback(
+      out, {wire::PacketType::kFeedback, kFast, 0, SessionId{kRoadSession}, 1}, feedback);
+  t.feed(kFast, 1, std::span(out).first(size));
+  const RoundRef round = t.endpoint.begin_round(t.now, PipelineId{0});
+  EXPECT_EQ(t.endpoint.submit(t.now, round, {Bytes(10)}, MessageClass::kData),
+            SubmitStatus::kAccepted);
+  return round;
+}
+
 // A round of ours that comes back in the middle may say anything of when it began.
 TEST(HostileRounds, ARoundOfOursMayComeBackWithAnyBeginning) {
   for (const std::int64_t t0 : {INT64_MIN, INT64_MIN + 7'200'000'000'000, INT64_MAX, -1L, 0L}) {
     Target t(true);
-    const RoundRef round = t.endpoint.begin_round(t.now, PipelineId{0});
     wire::RoundHeader h;
-    h.round = round;
+    h.round = begin_round(t);
     h.stage = 1;
     h.stages = 2;
     h.communication = 0b11;
@@ -309,7 +324,7 @@ TEST(HostileRounds, ARoundOfOursMayComeBackWithAnyBeginning) {
     wire::write_round_header(std::span(bytes).first<wire::kRoundHeaderBytes>(), h);
     std::array<std::byte, 200> out;
     const std::size_t size =
-        wire::write_data(out, {wire::PacketType::kData, kFast, 0, SessionId{kRoadSession}, 1},
+        wire::write_data(out, {wire::PacketType::kData, kFast, 0, SessionId{kRoadSession}, 2},
                          {MessageId{1}, 0, static_cast<std::uint16_t>(bytes.size()),
                           static_cast<std::uint32_t>(bytes.size()), 130'000},
                          bytes);
@@ -338,11 +353,11 @@ TEST(HostileRounds, ResultsOfRoundsThatNeverBeganAreBad) {
                          bytes);
     t.endpoint.handle_datagram(t.now, {kFast, address_of(1), std::span(out).first(size)});
   };
-  t.endpoint.begin_round(t.now, PipelineId{0});
-  result(1, 1, 64);  // shares the ring's slot of round 0
-  result(2, 2, 1);
+  begin_round(t);
+  result(2, 1, 64);  // shares the ring's slot of round 0
+  result(3, 2, 1);
   EXPECT_EQ(t.endpoint.counters().bad_messages, 2U);
-  result(3, 3, 0);
+  result(4, 3, 0);
   std::vector<Outcome> outcomes;
   while (const auto event = t.endpoint.poll_event()) {
     if (const auto* done = std::get_if<RoundDone>(&*event)) outcomes.push_back(done->outcome);

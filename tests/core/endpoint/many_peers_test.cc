@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "core/peers/shared_memory.h"
+#include "core/base/shared_memory.h"
 #include "pair.h"
 
 namespace interneuron {

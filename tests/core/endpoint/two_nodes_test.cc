@@ -26,7 +26,11 @@ std::vector<Decision> over_two_nodes(std::array<Duration, 3> clocks) {
   for (std::uint32_t i = 0; i < 3; ++i) {
     std::vector<PipelineConfig> pipelines;
     if (i == 0) pipelines.push_back(pipeline_of({kComm, kComp, kComm, kComp, kComm}));
-    pipe.add_host(options_of(i + 1, pipelines), clocks[i]);
+    EndpointOptions options = options_of(i + 1, pipelines);
+    // A's rounds reach C through B, and come back to A from C, to which A has sent nothing.
+    if (i == 0) options.relays = {address_of(2)};
+    if (i == 2) options.relays = {address_of(1)};
+    pipe.add_host(std::move(options), clocks[i]);
   }
   const PeerId a_to_b = pipe.connect(0, 1);
   const PeerId b_to_c = pipe.connect(1, 2);

@@ -1,0 +1,60 @@
+// What an Endpoint is made of. Plain values.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "interneuron/address.h"
+#include "interneuron/ledger.h"
+#include "interneuron/message.h"
+#include "interneuron/pipeline.h"
+#include "interneuron/policy.h"
+#include "interneuron/units.h"
+
+namespace interneuron {
+
+struct Ablation;
+
+// What an endpoint is made of.
+struct EndpointOptions {
+  // Names this life of the endpoint: random, not 0, new at every start. No default.
+  SessionId session{};
+  // The pipelines whose rounds begin here. Default: none, as on a roadside unit.
+  std::vector<PipelineConfig> pipelines;
+  // Must hold every policy that the pipelines name, and at least one. No default.
+  PolicySet policies;
+  // Whether peers may come unannounced, as on a roadside unit.
+  bool accept_peers = false;
+  // How many unannounced peers there may be at a time; further ones are refused.
+  std::size_t max_peers = 64;
+  // Random, and told to nobody, so that no peer can choose sessions whose lookup takes long; Node
+  // draws it. Default: taken from the session, which every peer knows; without hostile peers that
+  // is enough, and with them a lookup is still bounded by max_peers.
+  std::uint64_t hash_seed = 0;
+  // What the incomplete messages of all peers may hold together, in bytes. A peer may take more as
+  // long as it then holds no more than what is left free: one alone gets half of it (and never more
+  // than one of the largest messages), n greedy ones a part of n + 1 each, and whoever holds little
+  // finds room however greedy the others are. A message that finds none is refused piece by piece
+  // and counted in EndpointCounters::reassembly_refused.
+  std::size_t reassembly_budget_bytes = 64 * 1024 * 1024;
+  // What messages under way to all peers (plain ones and those of rounds, with their headers) may
+  // hold together, in bytes, by the same rule: those to one peer alone get half of it. What finds
+  // no room is not accepted: SendStatus::kOverBudget, SubmitStatus::kOverBudget. Default: to one
+  // peer alone eight of the largest messages.
+  std::size_t send_budget_bytes = std::size_t{16} * (kMaxMessageBytes + 1024);
+  // What each peer may take of this endpoint.
+  PeerLimits peer_limits = {};
+  // Peers that may send rounds of other origins than themselves: the nodes before this one of a
+  // pipeline over several of them and, where such a pipeline begins here, the last one, if its
+  // message did not come from a peer that the round was sent to. Each is named by an address that
+  // it sends from, whose port does not matter. What a relay says of others is believed. Default:
+  // nobody, so that no peer can send in the name of another one.
+  std::vector<Address> relays = {};
+  // For the experiments that ship with the project; its type is no part of the interface. Nothing:
+  // every mechanism is there.
+  std::shared_ptr<const Ablation> ablation{};
+};
+
+}  // namespace interneuron

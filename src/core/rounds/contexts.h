@@ -1,0 +1,88 @@
+// The rounds that the application works on here, between two communications.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <set>
+#include <span>
+#include <utility>
+
+#include "core/wire/round_header.h"
+#include "interneuron/guard.h"
+#include "interneuron/policy.h"
+#include "interneuron/round.h"
+#include "interneuron/units.h"
+
+namespace interneuron {
+
+// The plan that preview() has answered, which submit() carries out.
+struct Previewed {
+  Plan plan;
+  // How many variants it was made for.
+  std::size_t variants = 0;
+
+  // Whether a message of `count` variants can still be sent by this plan.
+  bool fits(std::size_t count, std::span<const LinkState> links) const;
+};
+
+// A round that the application works on here, between two communications.
+struct RoundContext {
+  // As it came in; at the origin, as it will go out.
+  wire::RoundHeader header;
+  // Where it came from; nothing at the origin.
+  std::optional<PeerId> from;
+  // The peer that it came from is a relay that the configuration names.
+  bool by_relay = false;
+  // The last stage that ended; 0 before the first.
+  std::size_t stage = 0;
+  // The judgement of that stage.
+  Verdict verdict;
+  // When the computation in progress began; until begin_computation() tells, when the message was
+  // handed over.
+  TimePoint began{};
+  // verdict.late is what the guard has decided for the next transmission, and stays.
+  bool mode_chosen = false;
+  std::optional<Previewed> previewed;
+};
+
+// Whose a context is: the peer that the round came from, or kOurselves for a round that began here.
+inline constexpr PeerId kOurselves{0};
+
+// Keeps the contexts of each owner apart: an owner that has as many as it may have loses its own
+// oldest one for the next, and nobody else's. Stages owns one. Peers name rounds as they like; one
+// that names a round that another peer has open is dropped by Rounds before it gets here, or takes
+// its place where it began the round itself. Memory: about 400 bytes for each context. Pure;
+// thread-compatible.
+class Contexts {
+ public:
+  // The context of a round; nullptr where there is none (any more).
+  RoundContext* find(const RoundRef& round);
+  // Whose the context of this round is.
+  std::optional<PeerId> owner(const RoundRef& round) const;
+  // Adds a context that is kept until `expires`. False: the owner had `most` already, and its
+  // oldest one has gone for this.
+  bool open(TimePoint now, PeerId owner, const RoundRef& round, RoundContext context,
+            TimePoint expires, std::size_t most);
+  void close(RoundRef round);
+  // The owner is gone, or has begun a new session.
+  void forget(PeerId owner);
+  std::size_t count(PeerId owner) const;
+
+ private:
+  struct Opened {
+    RoundContext context;
+    PeerId owner{};
+    // Counts the contexts that were opened.
+    std::uint64_t number = 0;
+    TimePoint expires{};
+  };
+  std::map<RoundRef, Opened> contexts_;
+  // When the time of each context is over.
+  std::set<std::pair<TimePoint, RoundRef>> expiries_;
+  // The contexts of each owner that has any, by their numbers: the first is the oldest.
+  std::map<PeerId, std::map<std::uint64_t, RoundRef>> owned_;
+  std::uint64_t opened_ = 0;
+};
+
+}  // namespace interneuron

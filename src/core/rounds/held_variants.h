@@ -1,0 +1,77 @@
+// The messages that wait for a better variant of themselves.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "core/base/shared_memory.h"
+#include "core/guard/stage_guard.h"
+#include "core/wire/round_header.h"
+#include "interneuron/units.h"
+
+namespace interneuron {
+
+// A complete message, taken apart.
+struct Arrived {
+  wire::RoundHeader header;
+  Bytes payload;
+  PeerId from{};
+};
+
+// A message that waits, or whose time is over.
+struct Held {
+  Arrived arrived;
+  guard::StageGuard::Hold hold;
+};
+
+// Keeps the messages of each peer apart: a peer may have so many that wait, and of the memory for
+// all of them so much that others find room, too (SharedMemory). Stages owns one, and serves what
+// finds no room at once. A peer that fills its part makes only its own messages be served in the
+// variant that comes first. Pure; thread-compatible.
+class HeldVariants {
+ public:
+  // What the messages of all peers may hold, in bytes: 16 of the largest half of a raw frame
+  // (4 MB). No measurement behind this value.
+  static constexpr std::size_t kBudgetBytes = std::size_t{64} * 1024 * 1024;
+
+  // The message of this peer that waits for the end of the same stage of the same round; else
+  // nullptr.
+  const Held* find(PeerId peer, const wire::RoundHeader& header) const;
+  // Whether one more message of so many bytes may wait where the peer may have `most` of them.
+  bool has_room(PeerId peer, std::size_t bytes, std::size_t most) const;
+  void add(Held held);
+  // The stage of this header is over: nothing of this peer waits for it any more.
+  void drop(PeerId peer, const wire::RoundHeader& header);
+  // The same for all peers; looks at every message that waits.
+  void drop(const wire::RoundHeader& header);
+  // Takes the messages whose time is over at `now`, in the order of their time.
+  std::vector<Held> release(TimePoint now);
+  // When the next one's time is over.
+  std::optional<TimePoint> next_timeout() const;
+  // The peer is gone, or has begun a new session.
+  void forget(PeerId peer);
+
+  std::size_t count(PeerId peer) const;
+  std::size_t bytes(PeerId peer) const;
+
+ private:
+  // By their time and, of equal ones, in the order in which they came.
+  using Key = std::pair<TimePoint, std::uint64_t>;
+  using Waiting = std::map<Key, Held>;
+  struct OfPeer {
+    std::vector<Key> keys;
+    std::size_t bytes = 0;
+  };
+  Held take(Waiting::iterator it);
+
+  Waiting waiting_;
+  // Of those peers of which something waits.
+  std::map<PeerId, OfPeer> peers_;
+  SharedMemory memory_{kBudgetBytes};
+  std::uint64_t added_ = 0;
+};
+
+}  // namespace interneuron
