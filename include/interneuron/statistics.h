@@ -36,11 +36,17 @@ struct Statistics {
   struct Peer {
     PeerId id{};
     std::vector<LinkState> links;
+    // What it holds here, and which limits have struck it.
+    PeerLedger ledger;
   };
   TimePoint at{};
   std::vector<Link> links;
   std::vector<Peer> peers;
   EndpointCounters counters;
+  // The longest time that one handler, task or continuation of the application kept the loop since
+  // run() began. Meanwhile nothing is received and nothing leaves; what computes for longer than a
+  // few milliseconds belongs to Node::compute().
+  Duration loop_stall{};
 };
 
 }  // namespace interneuron

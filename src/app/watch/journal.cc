@@ -44,7 +44,14 @@ std::string LinkJournal::name(LinkId link) {
 }
 
 LiveLinks LinkJournal::live(const Statistics& statistics) const {
-  LiveLinks live{.program = program_, .pid = ::getpid(), .links = {}, .events = {}};
+  LiveLinks live{.program = program_,
+                 .pid = ::getpid(),
+                 .links = {},
+                 .events = {},
+                 .loop_stall = statistics.loop_stall};
+  for (const Statistics::Peer& peer : statistics.peers) {
+    live.peers.push_back({peer.id.value, peer.ledger});
+  }
   for (const Statistics::Link& link : statistics.links) {
     for (const Statistics::Peer& peer : statistics.peers) {
       for (const LinkState& state : peer.links) {

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <utility>
 
+#include "app/watch/ledger_json.h"
+
 namespace interneuron::cli {
 namespace {
 
@@ -210,8 +212,14 @@ Json links_json(const LinksSnapshot& snapshot) {
   Json json{{"schema", "interneuron.links/1"},
             {"unix_ms", snapshot.unix_ms},
             {"source", snapshot.source},
-            {"links", Json::array()}};
+            {"links", Json::array()},
+            {"programs", Json::array()}};
   for (const LinkRow& row : snapshot.rows) json["links"].push_back(row_json(row));
+  for (const LiveProgram& p : snapshot.programs) {
+    Json program{{"program", p.program}, {"pid", p.pid}};
+    program.update(ledgers_json(p.loop_stall, p.peers));
+    json["programs"].push_back(std::move(program));
+  }
   return json;
 }
 
@@ -221,6 +229,7 @@ Json live_json(const LiveLinks& live) {
             {"pid", live.pid},
             {"links", Json::array()},
             {"events", Json::array()}};
+  json.update(ledgers_json(live.loop_stall, live.peers));
   for (const LiveLinks::Link& link : live.links) {
     Json item = measured_json(link.measured);
     item["name"] = link.nic;
@@ -237,6 +246,8 @@ std::optional<LiveLinks> live_from_json(const std::string& text) {
     LiveLinks live;
     live.program = printable(json.at("program").get<std::string>());
     live.pid = whole_of<std::int64_t>(json.at("pid"));
+    live.loop_stall = loop_stall_of(json);
+    live.peers = peers_of(json);
     for (const Json& item : json.at("links")) {
       live.links.push_back({printable(item.at("name").get<std::string>()), measured_of(item)});
     }

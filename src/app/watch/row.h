@@ -9,6 +9,7 @@
 
 #include "host/io/nic.h"
 #include "interneuron/endpoint.h"
+#include "interneuron/ledger.h"
 #include "interneuron/link.h"
 
 namespace interneuron::cli {
@@ -48,6 +49,20 @@ struct LinkEvent {
   friend bool operator==(const LinkEvent&, const LinkEvent&) = default;
 };
 
+// What a program's endpoint keeps of one of its peers.
+struct LivePeer {
+  std::uint32_t peer = 0;
+  PeerLedger ledger;
+};
+
+// A program as a whole: its peers, and how long its own work has kept its loop at most.
+struct LiveProgram {
+  std::string program;
+  std::int64_t pid = 0;
+  Duration loop_stall{};
+  std::vector<LivePeer> peers;
+};
+
 struct LinksSnapshot {
   TimePoint at{};
   // The same instant by the wall clock, for people.
@@ -57,6 +72,7 @@ struct LinksSnapshot {
   std::vector<LinkRow> rows;
   // The newest at the end.
   std::vector<LinkEvent> events;
+  std::vector<LiveProgram> programs;
 };
 
 // What one program tells others of its links, without what the kernel says.
@@ -69,6 +85,9 @@ struct LiveLinks {
   std::int64_t pid = 0;
   std::vector<Link> links;
   std::vector<LinkEvent> events;
+  // As in LiveProgram.
+  Duration loop_stall = {};
+  std::vector<LivePeer> peers = {};
 };
 
 // The rows of all NICs, in the kernel's order: one for each peer towards which a NIC was measured,

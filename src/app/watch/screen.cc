@@ -9,6 +9,7 @@
 #include <functional>
 
 #include "app/watch/glyphs.h"
+#include "app/watch/ledger_lines.h"
 #include "app/watch/table.h"
 
 namespace interneuron::cli {
@@ -301,6 +302,13 @@ std::vector<Line> draw(const LinksHistory& history, const Canvas& given) {
         {{fmt::format("  … {} more; a taller window shows them", left_out), Style::kWarn}});
   }
   if (!lines.back().empty()) lines.emplace_back();
+  const auto ledgers = ledger_lines(now.programs);
+  // Without room for them and the newest changes they are left out.
+  if (!ledgers.empty() && (canvas.height == 0 || lines.size() + ledgers.size() + 2 < room)) {
+    lines.push_back(rule("peers", canvas));
+    lines.insert(lines.end(), ledgers.begin(), ledgers.end());
+    lines.emplace_back();
+  }
   lines.push_back(rule("changes, newest first", canvas));
   if (events == 0) lines.push_back({{"  none so far", Style::kDim}});
   for (auto event = history.events().rbegin(); event != history.events().rend(); ++event) {

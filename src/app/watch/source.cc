@@ -70,6 +70,9 @@ LinksSnapshot snapshot_of(KernelView& kernel, const std::vector<LiveLinks>& live
   s.rows = join(kernel.facts(kernel_events), live);
   s.events = kernel_events;
   for (const LiveLinks& program : live) {
+    if (!program.program.empty()) {
+      s.programs.push_back({program.program, program.pid, program.loop_stall, program.peers});
+    }
     s.events.insert(s.events.end(), program.events.begin(), program.events.end());
   }
   std::ranges::stable_sort(s.events, {}, &LinkEvent::at);

@@ -32,6 +32,7 @@ class Endpoint::Impl {
                 .max_unannounced = options.max_peers,
                 .repair = !options.ablation || options.ablation->repair,
                 .started = now,
+                .limits = options.peer_limits,
                 .seed = options.hash_seed != 0 ? options.hash_seed : options.session.value,
                 .reassembly_budget_bytes = options.reassembly_budget_bytes,
                 .send_budget_bytes = options.send_budget_bytes}),
@@ -73,6 +74,7 @@ class Endpoint::Impl {
       messages_.forget(received.peer->identity().id);
       events_.emplace_back(PeerRestarted{received.peer->identity().id});
     }
+    if (received.input.limited) return tell_limited(*received.peer);
     if (received.input.duplicate) return;
     react(now, *received.peer, received.input);
     while (auto computed = peers_.receive_computed(now, *received.peer)) {
@@ -145,7 +147,12 @@ class Endpoint::Impl {
       messages_.complete(now, peer, input.message_id, std::move(*input.message));
     }
     messages_.collect(now, peer);
-    if (const auto which = peer.take_limited()) events_.emplace_back(PeerLimited{id, *which});
+    tell_limited(peer);
+  }
+
+  void tell_limited(Peer& peer) {
+    const auto limit = peer.take_limited();
+    if (limit) events_.emplace_back(PeerLimited{peer.identity().id, *limit});
   }
 
   std::deque<Event> events_;
@@ -256,6 +263,14 @@ std::string_view to_string(PeerLimit limit) {
       return "held";
     case PeerLimit::kDeadline:
       return "deadline";
+    case PeerLimit::kReassembly:
+      return "reassembly";
+    case PeerLimit::kMessageSize:
+      return "message size";
+    case PeerLimit::kPacketRate:
+      return "packet rate";
+    case PeerLimit::kMessageRate:
+      return "message rate";
     case PeerLimit::kOrigin:
       return "origin";
   }

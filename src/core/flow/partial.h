@@ -2,16 +2,16 @@
 #pragma once
 
 #include <array>
-#include <bitset>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <span>
 #include <type_traits>
 #include <vector>
 
 #include "core/code/blocks.h"
-#include "core/flow/piece_layout.h"
+#include "core/flow/arena.h"
 #include "core/wire/message_bytes.h"
 #include "interneuron/units.h"
 
@@ -21,19 +21,17 @@ namespace interneuron::flow {
 // many symbols as pieces are missing. Reassembler owns a number of them, uses each for one message
 // after the other, and checks before that what comes is valid and fits the message.
 //
-// A symbol waits in the place of a piece that is missing, and moves to another such place when that
-// piece comes. There is always one, since a block is decoded before it has more symbols than
-// missing pieces. So whatever comes, a message takes what held_by() says and nothing else, and no
-// symbol finds no room. Decoding takes at most a millisecond a block and, while it lasts, a copy of
-// the block's symbols; each block is decoded once, whatever a peer sends. Symbols that lie make a
-// wrong message, as pieces do that lie. Pure; thread-compatible; never throws but std::bad_alloc.
+// Memory is taken for what has come (Arena), not for what the message says of its size: the first
+// piece takes a few packets and some hundred bytes, 16 KB at most, however large the message claims
+// to be. Pieces and symbols lie in the order of their arrival and are put in the message's order
+// once, by take(). A block is decoded before it has more symbols than missing pieces, so that there
+// are never more of both than the message has pieces. Decoding takes at most a millisecond a block
+// and, while it lasts, a copy of the block's symbols; each block is decoded once, whatever a peer
+// sends. Symbols that lie make a wrong message, as pieces do that lie. Pure; thread-compatible;
+// never throws but std::bad_alloc.
 class Partial {
  public:
-  // What a message takes from begin() to end(), in bytes: its own, what is kept beside them, and
-  // the places of symbols for which its own bytes do not suffice.
-  static std::size_t held_by(const wire::FragmentHeader& fragment);
-
-  // A new message, of whose pieces this is one.
+  // A new message, of whose pieces this is one. Its chunk is at most code::kMostBytes.
   void begin(const wire::FragmentHeader& fragment);
   // Frees the message's memory but for some hundred bytes beside it, which the next one uses again.
   void end();
@@ -45,66 +43,66 @@ class Partial {
   }
   // Whether nothing can be learnt from this piece or symbol.
   bool has(std::uint16_t index) const;
-  // One that is not there yet; a symbol of at most code::kMostBytes.
+  // The most that begin() and add() of the first piece or symbol take, in bytes.
+  static std::size_t first_growth(const wire::FragmentHeader& fragment);
+  // What add() of this piece or symbol will take, in bytes.
+  std::size_t growth(std::uint16_t index) const;
+  // One that is not there yet.
   void add(std::uint16_t index, ByteView bytes);
   bool complete() const { return missing_ == 0; }
   // The whole message; ask once it is complete.
-  wire::MessageBytes take() { return std::move(bytes_); }
+  wire::MessageBytes take() const;
 
   wire::MessageKind kind() const { return kind_; }
   std::size_t size() const { return size_; }
-  // What held_by() says of the message; 0 where there is none.
-  std::size_t held() const { return held_; }
+  // The bytes that are held; 0 where there is no message.
+  std::size_t held() const { return is_open() ? beside_ + arena_.held() : 0; }
 
  private:
-  // Where a symbol waits: the column of the missing piece in whose place it is or, from here on, a
-  // place in spare_.
-  static constexpr std::size_t kFirstSpare = code::kMostPieces;
-  // Of a message whose pieces are of one byte, those in the header, and the last one.
-  static constexpr std::size_t kMostSpare = wire::MessageBytes::kMostHeaderBytes + 1;
-
+  // Where pieces lie, for so many pieces that follow each other: a place in arena_, or kNowhere.
+  static constexpr std::size_t kPerPage = 256;
+  static constexpr std::uint16_t kNowhere = UINT16_MAX;
+  using Page = std::array<std::uint16_t, kPerPage>;
+  static constexpr std::size_t pages_of(std::size_t pieces) {
+    return (pieces + kPerPage - 1) / kPerPage;
+  }
+  // The symbols of a block that wait: their rows, and where they are.
+  struct Waiting {
+    std::array<std::uint8_t, code::kMostRows> rows;
+    std::array<std::uint16_t, code::kMostRows> places;
+  };
   struct Block {
     // Pieces that are not there, and symbols that wait; always fewer than these.
     std::uint8_t missing = 0;
     std::uint8_t symbols = 0;
-    // Of the symbols that wait: their rows, and where they are.
-    std::array<std::uint8_t, code::kMostRows> rows;
-    std::array<std::uint16_t, code::kMostRows> places;
-  };
-  // A symbol that is in no place.
-  struct Loose {
-    std::uint8_t row = 0;
-    ByteView bytes;
+    // Nothing before the first symbol.
+    std::unique_ptr<Waiting> waiting;
   };
   code::Blocks blocks() const { return code::Blocks(count_); }
-  PieceLayout layout() const { return {size_, bytes_.header.size(), chunk_}; }
-  static std::size_t spare_places(const PieceLayout& layout);
-  void add_piece(std::size_t block, std::size_t piece, ByteView bytes);
-  void store(std::size_t piece, ByteView bytes);
-  std::byte* place(std::size_t block, std::size_t place);
-  std::size_t free_place(std::size_t block) const;
-  void keep(std::size_t block, const Loose& symbol);
-  Loose let_go(std::size_t block, std::size_t symbol, std::span<std::byte> copy);
-  void decode(std::size_t block, const std::optional<Loose>& newest);
+  std::uint16_t place_of(std::size_t piece) const {
+    const auto& page = pages_[piece / kPerPage];
+    return page ? (*page)[piece % kPerPage] : kNowhere;
+  }
+  // What is held beside pieces from the beginning.
+  static std::size_t beside(const wire::FragmentHeader& fragment);
+  void set_place(std::size_t piece, std::uint16_t place);
+  void store(std::uint16_t place, ByteView bytes);
+  void decode(std::size_t block);
 
   wire::MessageKind kind_{};
-  // Grows with what has come, so that what comes in its order is neither cleared nor copied again.
-  wire::MessageBytes bytes_;
   // 0 while there is no message.
   std::size_t size_ = 0;
-  std::size_t held_ = 0;
   std::uint16_t chunk_ = 1;
   std::uint16_t count_ = 0;
   std::size_t missing_ = 0;
-  std::vector<bool> have_;
+  // What is held beside the arena.
+  std::size_t beside_ = 0;
+  std::vector<std::unique_ptr<Page>> pages_;
   std::vector<Block> state_;
-  // Places beside the message, of `chunk_` bytes each, and which of them are taken. There are none
-  // before the first symbol that needs one.
-  Bytes spare_;
-  std::bitset<kMostSpare> taken_;
+  Arena arena_;
 };
 
-// A Reassembler's places move when it grows; what is copied loses the memory reserved for it.
+// A Reassembler's places move when it grows.
 static_assert(std::is_nothrow_move_constructible_v<Partial>);
 
 }  // namespace interneuron::flow

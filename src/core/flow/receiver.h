@@ -13,6 +13,7 @@
 #include "core/base/recent_set.h"
 #include "core/flow/partial.h"
 #include "core/wire/message_bytes.h"
+#include "interneuron/ledger.h"
 #include "interneuron/message.h"
 #include "interneuron/units.h"
 
@@ -121,18 +122,18 @@ struct ClockBounds {
 // and more than once. Peer (src/core/peers) owns one and feeds it every data packet that a
 // PathReceiver has accepted; a message that is complete is handed out at once and forgotten.
 //
-// A message's whole memory is taken when its first fragment arrives, since each says how large the
-// message is; repair symbols wait in the places of pieces that are missing (Partial), so that none
-// is refused of a message that was taken. It is freed when the message is complete, or expires
-// because it can no longer arrive by its deadline. kMaxBytes and kMaxPartials
-// bound what one peer's messages may hold. Where the bytes do not suffice, messages that expire
-// before the new one make room, the next to expire first: else one that nobody sends any more could
-// keep out the first fragments of the next, which then could not be completed either, and so on.
-// Other fragments are refused and counted.
+// Memory is taken for the fragments that have come and not for what they say of the message's size
+// (Partial), and none for a message of one piece. It is freed when the message is complete, or
+// expires because it can no longer arrive by its deadline, or because no new fragment of it has
+// come for Limits::life: so a long message of a slow link lives as long as it grows, and a claim
+// that nobody follows up does not. Limits bounds what one peer's messages may hold. Where that does
+// not suffice, messages that expire before this one make room, the next to expire first: else one
+// that nobody sends any more could keep out the first fragments of the next, which then could not
+// be completed either, and so on. Other fragments are refused and counted.
 //
 // What a hostile peer could try: claim large messages that it never completes, or many small ones;
-// both bounds hold, and only its own messages are refused, though for as long as the lifetime that
-// it claimed (at most an hour, the longest deadline). Send fragments of one message that disagree
+// such a claim costs some KB until Limits::life is over, and only its own messages are refused.
+// Send fragments of one message that disagree
 // about its size or chunk; those that differ from the first are dropped. Send a message again after
 // it is complete; the newest 512 identifiers are remembered, and later fragments of these are
 // duplicates; of plain ones that never became complete, 512 more are. Fragments are not
@@ -141,13 +142,19 @@ struct ClockBounds {
 // Pure; thread-compatible; never throws but std::bad_alloc.
 class Reassembler {
  public:
-  // Bytes of the peer's incomplete messages and of what is kept beside each (Partial::held_by()): a
-  // packet and 200 bytes at most of a small one, 8 KB of 8 MB. The largest message with its header
-  // fits once, and four raw frames (512 KB) of three pipelined rounds each fit with room to spare.
-  static constexpr std::size_t kMaxBytes = kMaxMessageBytes + 64 * 1024;
-  // Incomplete messages of the peer: a message may claim two bytes and live for an hour, and what
-  // is kept beside its bytes is far more than that. 16 rounds of 8 variants fit twice.
-  static constexpr std::size_t kMaxPartials = 256;
+  static constexpr std::size_t kMaxBytes = kReassemblyBytes;
+  static constexpr std::size_t kMaxPartials = kReassemblyMessages;
+  struct Limits {
+    // Bytes that the peer's incomplete messages hold, with what is kept beside each.
+    std::size_t bytes = kMaxBytes;
+    // Incomplete messages of the peer.
+    std::size_t messages = kMaxPartials;
+    // How long one lives of which nothing comes.
+    Duration life = kLongestBelieved;
+  };
+  Reassembler() : Reassembler(Limits{}) {}
+  explicit Reassembler(const Limits& limits) : limits_(limits) {}
+
   // Messages remembered as complete or expired: 16 rounds of 8 variants fit four times.
   static constexpr std::size_t kBuried = 512;
   // Plain messages remembered whose sender is told that they never will be complete. Apart from the
@@ -173,12 +180,18 @@ class Reassembler {
     Result result{};
     // The whole message when it is complete.
     wire::MessageBytes message;
+    // A limit has struck: another message has made room, or the fragment was refused.
+    bool limited = false;
   };
   // `clocks` bounds the offset of the origin's clock, so that the message's header, once its first
   // fragment is there, can shorten its life (docs/paper.md, "Expiry at a receiver"). `room`: how
-  // many bytes a message that begins with this fragment may take, beside the bounds above.
+  // many bytes more may be held than now, beside Limits.
   Outcome add(TimePoint now, const wire::Data& data, const ClockBounds& clocks,
               std::size_t room = SIZE_MAX);
+
+  // Nothing of the message that this is a fragment of is wanted: what is there of it is dropped,
+  // and further fragments are duplicates.
+  void refuse(const wire::FragmentHeader& fragment);
 
   // Messages that were forgotten incomplete and never will be complete: those that had to make room
   // for another one, and plain ones whose time was over. Each once.
@@ -193,6 +206,7 @@ class Reassembler {
   std::optional<TimePoint> next_timeout() const;
   // Bytes held by incomplete messages.
   std::size_t bytes() const { return bytes_; }
+  std::size_t messages() const { return by_id_.size(); }
   // Forgets everything: the peer began a new life.
   void reset();
 
@@ -200,15 +214,26 @@ class Reassembler {
   struct Place {
     MessageId id{};
     Partial partial;
+    // When it can no longer arrive by its deadline, and when it expires: then or before, if nothing
+    // comes until then.
+    TimePoint too_late{};
     TimePoint expires{};
   };
-  std::uint32_t open(const wire::FragmentHeader& fragment, TimePoint expires);
-  // Makes room for so many bytes that are kept until `expires`, if there can be room.
-  void make_room(std::size_t size, TimePoint expires);
+  // What becomes of a fragment of a message that is not there; nothing: the message begins.
+  std::optional<Outcome> answer(const wire::Data& data, std::size_t room);
+  Outcome refuse_for_now(const wire::FragmentHeader& fragment);
+  std::uint32_t open(const wire::FragmentHeader& fragment, TimePoint too_late, TimePoint expires);
+  // Makes room for a fragment that takes so many bytes, of a message that expires then. False:
+  // there can be no room.
+  bool make_room(std::size_t size, TimePoint expires, std::size_t room, bool is_new);
+  void forget_first();
+  Outcome take(TimePoint now, std::uint32_t place, const wire::Data& data,
+               const ClockBounds& clocks);
   void bury(MessageId message);
   void give_up(MessageId message);
   void refine_expiry(std::uint32_t place, const wire::Data& first, const ClockBounds& clocks);
 
+  Limits limits_;
   // Places of messages that are complete or expired are empty and listed in free_.
   std::vector<Place> places_;
   std::vector<std::uint32_t> free_;

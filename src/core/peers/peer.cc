@@ -22,9 +22,9 @@ constexpr Duration kClockSettles = std::chrono::seconds(1);
 // become so by a step of the peer's clock. No measurement behind this value: it only has to be what
 // event loops add by chance.
 constexpr Duration kRoundTripError = std::chrono::microseconds(500);
-// How far apart limits that strike one peer are told of. No measurement behind this value: it only
-// has to be short for a person who waits, and long for a log.
-constexpr Duration kBetweenLimits = std::chrono::seconds(1);
+// What may come at once is what the limits of rates let come in this time: links that were away for
+// a moment bring all that was under way. No measurement behind this value.
+constexpr Duration kBurst = std::chrono::milliseconds(250);
 
 }  // namespace
 
@@ -34,9 +34,14 @@ Peer::Peer(const Identity& identity, TimePoint now)
           {.repair = identity.repair,
            .first_message = MessageId{static_cast<std::uint32_t>(
                std::chrono::floor<std::chrono::milliseconds>(now - identity.started).count())}}),
+      reassembler_({.bytes = identity.limits.reassembly_bytes,
+                    .messages = identity.limits.reassembly_messages,
+                    .life = identity.limits.longest_deadline}),
       heard_at_(now),
       feedback_(now),
-      refreshed_at_(now) {}
+      refreshed_at_(now),
+      packets_(identity.limits.packets_per_second, kBurst),
+      messages_(identity.limits.messages_per_second, kBurst) {}
 
 Path* Peer::find(LinkId path) {
   const auto it = std::ranges::find(paths_, path, &Path::id);
@@ -114,6 +119,11 @@ void Peer::restart(TimePoint now, SessionId session) {
 Peer::Input Peer::handle(TimePoint now, const wire::Packet& packet, const Datagram& datagram,
                          std::size_t room) {
   Input input;
+  if (!packets_.take(now)) {
+    strike(now, PeerLimit::kPacketRate);
+    input.limited = true;
+    return input;
+  }
   Path& path = *find(packet.header.link);
   // What others send in its name gives an address nothing.
   if (path.address() == datagram.from) path.received(datagram.bytes.size());
@@ -145,36 +155,6 @@ Peer::Input Peer::handle(TimePoint now, const wire::Packet& packet, const Datagr
   if (packet.header.type != wire::PacketType::kData) return input;
   if (take_piece(now, packet.data, room, input)) windows_.piece(packet.data);
   return input;
-}
-
-std::optional<Peer::Input> Peer::handle_computed(TimePoint now, std::size_t room) {
-  const auto data = windows_.poll();
-  if (!data) return std::nullopt;
-  Input input;
-  take_piece(now, *data, room, input);
-  return input;
-}
-
-bool Peer::take_piece(TimePoint now, const wire::Data& data, std::size_t room, Input& input) {
-  flow::ClockBounds clocks{identity_.self, identity_.session, std::nullopt};
-  if (data.fragment.index == 0) clocks.peer_hi_min = clock_.hi_min(now);
-  flow::Reassembler::Outcome outcome = reassembler_.add(now, data, clocks, room);
-  const MessageId message = data.fragment.message;
-  input.bad_piece = outcome.result == flow::Reassembler::Result::kBad;
-  if (outcome.result == flow::Reassembler::Result::kRefused) {
-    input.refused = true;
-    receipts_.refuse(now, message);
-  }
-  tell_forgotten(now);
-  if (outcome.result == flow::Reassembler::Result::kComplete) {
-    note_activity(now);
-    receipts_.complete(now, message);
-    feedback_.completed(now);
-    input.message_id = message;
-    input.kind = data.fragment.kind;
-    input.message = std::move(outcome.message);
-  }
-  return !input.bad_piece && !input.refused;
 }
 
 void Peer::handle_feedback(TimePoint now, Path& path, const wire::Feedback& feedback,
@@ -317,15 +297,6 @@ std::size_t Peer::handle_timeout(TimePoint now) {
   return expired;
 }
 
-// Acknowledgements tell of packets for a short time only, so that the sender of many would not know
-// whether what was late has arrived in the end.
-void Peer::tell_forgotten(TimePoint now) {
-  while (const auto message = reassembler_.poll_forgotten()) {
-    receipts_.refuse(now, *message);
-    feedback_.has_news(now);
-  }
-}
-
 std::optional<TimePoint> Peer::next_timeout(TimePoint now) const {
   auto next =
       earliest(sender_.next_timeout(), reassembler_.next_timeout(), windows_.next_timeout());
@@ -336,13 +307,6 @@ std::optional<TimePoint> Peer::next_timeout(TimePoint now) const {
     if (path.may_send(kMaxDatagramBytes)) next = earliest(next, sender_.next_send(path.id()));
   }
   return next;
-}
-
-void Peer::strike(TimePoint now, PeerLimit limit) {
-  ++ledger_.strikes[static_cast<std::size_t>(limit)];
-  if (now < tell_limit_at_) return;
-  tell_limit_at_ = now + kBetweenLimits;
-  limited_ = limit;
 }
 
 // --- getters

@@ -22,6 +22,7 @@
 #include "core/guard/clock_offset.h"
 #include "core/peers/feedback_due.h"
 #include "core/peers/path.h"
+#include "core/peers/rate_limit.h"
 #include "core/peers/settlements.h"
 #include "core/wire/packet.h"
 #include "interneuron/endpoint.h"
@@ -42,6 +43,7 @@ class Peer {
     bool repair = true;
     // When this endpoint began its session.
     TimePoint started{};
+    PeerLimits limits = {};
   };
   Peer(const Identity& identity, TimePoint now);
 
@@ -67,6 +69,8 @@ class Peer {
   struct Input {
     // The packet had come before, or is too old to tell; it was dropped.
     bool duplicate = false;
+    // The peer sends more packets than it may; this one was dropped.
+    bool limited = false;
     // The peer has heard us for the first time: the round trip works.
     bool became_ready = false;
     bool clock_stepped = false;
@@ -147,7 +151,7 @@ class Peer {
   // A limit that the application is to be told of: the first that struck in a second.
   std::optional<PeerLimit> take_limited() { return std::exchange(limited_, std::nullopt); }
   // What the peer holds here, as far as it is known here, and what has struck it.
-  const PeerLedger& ledger() const { return ledger_; }
+  PeerLedger ledger() const;
 
   // A better variant was withheld that a path with this rate could have carried.
   void want(TimePoint now, DataRate rate);
@@ -176,6 +180,10 @@ class Peer {
   void handle_feedback(TimePoint now, Path& path, const wire::Feedback& feedback, Input& input);
   // Puts a piece into its message. False where it is not wanted.
   bool take_piece(TimePoint now, const wire::Data& data, std::size_t room, Input& input);
+  // Whether a piece is of a message that is larger than messages of its kind may be.
+  bool is_too_large(const wire::Data& data) const;
+  // Nothing of the message that this is a piece of is wanted.
+  void refuse(TimePoint now, const wire::FragmentHeader& fragment, PeerLimit why, Input& input);
   void learn_report(TimePoint now, const wire::LinkReport& report);
   // An instant that is not after the one at which the peer sent a feedback that came in now with
   // this report of the path that it came over; nothing where its clock may have stepped meanwhile.
@@ -222,6 +230,8 @@ class Peer {
   TimePoint refreshed_at_;
   std::deque<PathChanged> changes_;
   Settlements settlements_;
+  RateLimit packets_;
+  RateLimit messages_;
   PeerLedger ledger_;
   std::optional<PeerLimit> limited_;
   // When the next limit is told of.

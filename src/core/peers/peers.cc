@@ -84,9 +84,11 @@ Peers::Entry& Peers::add(TimePoint now, SessionId session, bool connected) {
   const Key key = free_.back();
   free_.pop_back();
   const PeerId id{next_++};
-  entries_[key] = std::make_unique<Entry>(
-      key, Peer::Identity{id, options_.self, session, connected, options_.repair, options_.started},
-      now);
+  entries_[key] =
+      std::make_unique<Entry>(key,
+                              Peer::Identity{id, options_.self, session, connected, options_.repair,
+                                             options_.started, options_.limits},
+                              now);
   by_id_.emplace(id, key);
   directory_.add_session(session, key);
   if (!connected) ++unannounced_;
@@ -147,6 +149,10 @@ Peers::Received Peers::receive(TimePoint now, const Datagram& datagram) {
     if (is_served) hand_over(now, *found.entry, *packet, datagram, out);
   }
   if (!is_served) {
+    ++counters.refused_packets;
+    return out;
+  }
+  if (out.input.limited) {
     ++counters.refused_packets;
     return out;
   }

@@ -48,6 +48,7 @@ class Peers {
     bool repair = true;
     // When this endpoint began its session.
     TimePoint started{};
+    PeerLimits limits = {};
     // Drawn at random and told to nobody; see Directory.
     std::uint64_t seed = 0;
     // What incomplete messages of all peers may hold, in bytes.

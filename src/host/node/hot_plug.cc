@@ -58,7 +58,7 @@ void Node::Impl::link_closing(LinkSet::Link& link) {
 }
 
 void Node::Impl::nic_changed(const NicChanged& change) {
-  if (handlers.nic_changed) handlers.nic_changed(change);
+  if (handlers.nic_changed) run_work([&] { handlers.nic_changed(change); });
 }
 
 void Node::Impl::wait_for_nics() {
@@ -118,9 +118,10 @@ Statistics Node::Impl::statistics() const {
                          link->transport ? link->transport->counters() : TransportCounters{}});
   }
   for (const PeerId peer : endpoint_.peers()) {
-    out.peers.push_back({peer, endpoint_.links(out.at, peer)});
+    out.peers.push_back({peer, endpoint_.links(out.at, peer), endpoint_.ledger(peer)});
   }
   out.counters = endpoint_.counters();
+  out.loop_stall = loop_stall_;
   return out;
 }
 

@@ -136,7 +136,7 @@ void Node::Impl::post(Task task) {
 }
 
 void Node::Impl::enter(const Task& task) {
-  task();
+  run_work(task);
   turn();
 }
 
@@ -262,7 +262,7 @@ void Node::Impl::tell(Event&& event) {
     void operator()(MessageFate&& e) const { with(to.fate, std::move(e)); }
     void operator()(CanSend&& e) const { with(to.can_send, std::move(e)); }
   };
-  std::visit(Visitor{handlers, call}, std::move(event));
+  run_work([&] { std::visit(Visitor{handlers, call}, std::move(event)); });
 }
 
 void Node::Impl::arm(Outbox::More more) {

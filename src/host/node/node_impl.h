@@ -6,6 +6,7 @@
 // readable or writable socket, the timer, a task) does its own thing and ends with a turn.
 #pragma once
 
+#include <algorithm>
 #include <atomic>
 #include <boost/asio/executor_work_guard.hpp>
 #include <boost/asio/io_context.hpp>
@@ -17,6 +18,7 @@
 #include <string>
 #include <vector>
 
+#include "host/io/steady_clock.h"
 #include "host/node/link_set.h"
 #include "host/node/outbox.h"
 #include "host/node/workers.h"
@@ -100,6 +102,13 @@ class Node::Impl : private Outbox::Source, private LinkSet::User {
   void on_timer();
   void repeat_statistics(TimePoint due);
   void enter(const Task& task);
+  // Runs what belongs to the application and notes how long it kept the loop.
+  template <class Work>
+  void run_work(const Work& work) {
+    const TimePoint began = io::now();
+    work();
+    loop_stall_ = std::max<Duration>(loop_stall_, io::now() - began);
+  }
 
   // --- a turn
   void turn();
@@ -127,6 +136,7 @@ class Node::Impl : private Outbox::Source, private LinkSet::User {
   std::vector<SharedPort> ports_;
   Outbox outbox_;
   Duration statistics_interval_{};
+  Duration loop_stall_{};
   // The endpoint was told no later time than this when the loop waits.
   TimePoint told_ = TimePoint::min();
   bool turn_posted_ = false;

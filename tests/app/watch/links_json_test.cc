@@ -25,6 +25,11 @@ TEST(LinksJson, IsAsTheSchemaSays) {
   EXPECT_EQ(link["nature"]["bandwidth"], 0.5);
   EXPECT_EQ(link["evidence"]["rate_age_s"], 2.5);
   EXPECT_TRUE(json["links"][1]["rtt_ms"].is_null());
+  const Json& program = json["programs"][0];
+  EXPECT_EQ(program["loop_stall_ms"], 4.5);
+  EXPECT_EQ(program["peers"].size(), 2U);
+  EXPECT_EQ(program["peers"][0]["contexts"], 3);
+  EXPECT_EQ(program["peers"][0]["struck"]["origin"], 7);
 }
 
 TEST(LinksJson, TheSchemaIsNotBlind) {
@@ -58,12 +63,18 @@ TEST(LiveJson, ComesBackAsItWas) {
   live.links[1].measured.state.age = Duration::max();
   live.links[1].measured.state.traits = {};
   live.events = made_up_snapshot().events;
+  live.loop_stall = from_ms(4.5);
+  live.peers = made_up_snapshot().programs[0].peers;
   const auto back = live_from_json(live_json(live).dump());
   ASSERT_TRUE(back);
   EXPECT_EQ(live_json(*back), live_json(live));
   EXPECT_EQ(back->links[0].measured.state.rtt_p50, from_ms(20));
   EXPECT_EQ(back->links[1].measured.state.age, Duration::max());
   EXPECT_EQ(back->events, live.events);
+  EXPECT_EQ(back->loop_stall, live.loop_stall);
+  ASSERT_EQ(back->peers.size(), 2U);
+  EXPECT_EQ(back->peers[0].ledger.reassembly_bytes, 12'000U);
+  EXPECT_EQ(back->peers[0].ledger.struck(PeerLimit::kOrigin), 7U);
 }
 
 TEST(LiveJson, WhatIsNoLiveStateIsNothing) {

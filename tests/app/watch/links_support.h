@@ -65,6 +65,15 @@ inline LinksSnapshot made_up_snapshot() {
   s.source = "measured by vehicle (process 7)";
   s.rows = {{made_up_nic("wwan0", "10.0.0.2"), made_up_figures()},
             {made_up_nic("wwan1", "", NicState::kNoCarrier), std::nullopt}};
+  LivePeer peer{.peer = 4, .ledger = {}};
+  peer.ledger.contexts = 3;
+  peer.ledger.held_messages = 2;
+  peer.ledger.held_bytes = 5000;
+  peer.ledger.reassembly_messages = 1;
+  peer.ledger.reassembly_bytes = 12'000;
+  peer.ledger.longest_lifetime = from_ms(10'000);
+  peer.ledger.strikes[static_cast<std::size_t>(PeerLimit::kOrigin)] = 7;
+  s.programs = {{"vehicle", 7, from_ms(4.5), {peer, {.peer = 5, .ledger = {}}}}};
   s.events = {{TimePoint{from_ms(95'000)}, "wwan1", "ready", "no_carrier", "carrier lost"}};
   return s;
 }

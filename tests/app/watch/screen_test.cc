@@ -46,6 +46,17 @@ TEST(Screen, ShowsFiguresHistoryScoresAndChanges) {
   EXPECT_THAT(text, testing::ContainsRegex("wwan1 .*no_carrier .*carrier lost"));
 }
 
+TEST(Screen, ShowsWhatIsKeptOfPeers) {
+  LinksHistory history;
+  history.add(made_up_snapshot());
+  const std::string text = plain_text(draw(history, {.width = 120}));
+  EXPECT_THAT(text, HasSubstr("vehicle (process 7): 2 peers, longest stall of its loop 4.5 ms"));
+  EXPECT_THAT(text, HasSubstr("peer 4  3 rounds, 2 held (5 KB), 1 incomplete (12 KB)  limited: "
+                              "origin 7"));
+  // It holds nothing, and nothing has struck it.
+  EXPECT_THAT(text, Not(HasSubstr("peer 5")));
+}
+
 TEST(Screen, SaysWhyAPathIsNotUsed) {
   LinksSnapshot s = made_up_snapshot();
   s.rows[0].measured->state.path = PathState::kPulled;

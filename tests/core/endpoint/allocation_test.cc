@@ -229,12 +229,14 @@ TEST(Allocation, DataAndFeedbackNeedNonePerPacket) {
   EXPECT_GT(large.packets, 120'000U);
   std::printf("allocations per message of 40 pieces: %.1f, of 400: %.1f\n", small.per_message(),
               large.per_message());
-  // What a message needs (its bytes, its plan, its reassembly) does not depend on its size.
-  EXPECT_NEAR(large.per_message(), small.per_message(), 0.5);
+  // What a message needs (its bytes, its plan) does not depend on its size, but for the places of
+  // its pieces, which are taken in runs that double: 3 for ten times as many, and a page for them.
+  EXPECT_NEAR(large.per_message(), small.per_message() + 4, 0.5);
   EXPECT_LE(large.per_message(), 80);
 }
 
-// The application takes two, for the bytes and for the list of variants; both ends take the rest.
+// The application takes two, for the bytes and for the list of variants; the receiver takes places
+// for 40 pieces in five runs, and both ends the rest.
 TEST(Allocation, PlainMessagesNeedFew) {
   TwoHosts hosts;
   hosts.plain = true;
@@ -243,7 +245,7 @@ TEST(Allocation, PlainMessagesNeedFew) {
   // The first one finds no link yet, and the last one is under way.
   EXPECT_GE(hosts.answered + 2, hosts.messages);
   std::printf("allocations per plain message: %.1f\n", cost.per_message());
-  EXPECT_LE(cost.per_message(), 2 + 4 + 2);
+  EXPECT_LE(cost.per_message(), 2 + 5 + 4 + 2);
 }
 
 // Whose symbols cover several of them, because nothing can be asked for again in time.
@@ -261,7 +263,7 @@ TEST(Allocation, SmallMessagesInWindowsNeedFew) {
               static_cast<unsigned long long>(hosts.answered - answered),
               static_cast<unsigned long long>(cost.messages));
   EXPECT_GE(hosts.answered - answered, cost.messages * 99 / 100);
-  EXPECT_LE(cost.per_message(), 2 + 4 + 2);
+  EXPECT_LE(cost.per_message(), 2 + 1 + 4 + 2);
 }
 
 TEST(Allocation, LossesNeedNonePerPacket) {

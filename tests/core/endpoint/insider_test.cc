@@ -137,6 +137,47 @@ TEST_F(Insider, ToleranceAndNumbersMayBeAnything) {
   expect_unharmed();
 }
 
+// Messages of 8 MB for 71 minutes of which one small piece comes.
+TEST_F(Insider, ClaimsCostWhatHasArrived) {
+  std::size_t most = 0;
+  rounds(20, [&](int) {
+    for (int n = 0; n < 100; ++n) {
+      wire::FragmentHeader claim{attacker.next_message(), 0, 1300, kMaxMessageBytes, UINT32_MAX};
+      claim.index = static_cast<std::uint16_t>(claim.count() - 1);
+      attacker.piece(claim, Bytes(claim.bytes()));
+    }
+    most = std::max(most, pipe.at(road).reassembly_bytes());
+  });
+  expect_unharmed();
+  EXPECT_LE(most, 4U * 1024 * 1024);
+  EXPECT_LE(attackers().reassembly_messages, PeerLimits{}.reassembly_messages);
+  EXPECT_EQ(attackers().longest_lifetime, PeerLimits{}.longest_deadline);
+  EXPECT_GT(attackers().struck(PeerLimit::kReassembly), 0U);
+  // Nobody follows them up.
+  for (int second = 0; second < 11; ++second) {
+    pipe.run(1s);
+    attacker.probe(100);
+  }
+  EXPECT_EQ(attackers().reassembly_bytes, 0U);
+}
+
+// As much as it can, of many messages at once, and none of them whole.
+TEST_F(Insider, IncompleteMessagesFillItsOwnPart) {
+  std::vector<MessageId> open;
+  for (int n = 0; n < 20; ++n) open.push_back(attacker.next_message());
+  std::uint16_t index = 0;
+  rounds(20, [&](int) {
+    for (const std::uint16_t end = index + 50; index < end; ++index) {
+      for (const MessageId id : open) {
+        attacker.piece({id, index, 1300, kMaxMessageBytes, UINT32_MAX}, Bytes(1300));
+      }
+    }
+    EXPECT_LE(attackers().reassembly_bytes, PeerLimits{}.reassembly_bytes);
+  });
+  expect_unharmed();
+  EXPECT_GE(attackers().reassembly_bytes, PeerLimits{}.reassembly_bytes / 2);
+}
+
 TEST_F(Insider, PacketsOfUnknownTypesAreCounted) {
   rounds(20, [&](int) {
     for (int type = 7; type < 16; ++type) {
@@ -166,6 +207,61 @@ TEST_F(Insider, IsForgottenWithAllItHolds) {
   EXPECT_EQ(attackers().held_messages, 0U);
   rounds(5, [](int) {});
   expect_unharmed();
+}
+
+// --- sizes and rates
+
+class Restricted : public Insider {
+ protected:
+  static EndpointOptions options() {
+    EndpointOptions out = options_of(kRoad);
+    out.peer_limits.plain_bytes = 300;
+    out.peer_limits.channel_bytes = {{7, 1000}, {8, 10}};
+    out.peer_limits.round_bytes = 100'000;
+    out.peer_limits.packets_per_second = 2000;
+    out.peer_limits.messages_per_second = 400;
+    return out;
+  }
+  Restricted() : Insider(options()) {}
+  std::uint64_t delivered() { return pipe.at(road).counters().messages_completed; }
+};
+
+TEST_F(Restricted, MessagesAreAsLargeAsTheirChannelAllows) {
+  attacker.send_plain(1, 300);
+  attacker.send_plain(7, 1000);
+  attacker.send_plain(8, 10);
+  EXPECT_EQ(delivered(), 3U);
+  attacker.send_plain(1, 301);
+  attacker.send_plain(7, 1001);
+  attacker.send_plain(8, 11);
+  attacker.piece({attacker.next_message(), 0, 1000, 200'000, 1000}, Bytes(1000));
+  EXPECT_EQ(delivered(), 3U);
+  EXPECT_EQ(attackers().struck(PeerLimit::kMessageSize), 4U);
+  EXPECT_EQ(attackers().reassembly_bytes, 0U);
+}
+
+TEST_F(Restricted, PacketsBeyondTheRateAreDroppedUnread) {
+  rounds(10, [&](int) {
+    for (int n = 0; n < 1000; ++n) attacker.probe(100);
+  });
+  expect_unharmed();
+  const std::uint64_t dropped = attackers().struck(PeerLimit::kPacketRate);
+  EXPECT_NEAR(static_cast<double>(dropped), 10'000 - 500 - 0.9 * 2000, 20);
+  EXPECT_EQ(pipe.at(road).link_counters(kFast).refused_packets, dropped);
+  ASSERT_FALSE(limited.empty());
+  EXPECT_EQ(limited.front().limit, PeerLimit::kPacketRate);
+}
+
+TEST_F(Restricted, MessagesBeyondTheRateAreDropped) {
+  serves_attacker = false;
+  rounds(10, [&](int i) {
+    for (std::uint32_t n = 0; n < 100; ++n) {
+      attacker.send(attacker.round(static_cast<std::uint32_t>(i) * 100 + n));
+    }
+  });
+  expect_unharmed();
+  EXPECT_NEAR(static_cast<double>(attackers().struck(PeerLimit::kMessageRate)),
+              1000 - 100 - 0.9 * 400, 10);
 }
 
 // --- relays

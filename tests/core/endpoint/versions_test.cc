@@ -89,7 +89,8 @@ TEST(RepairSymbols, AreKeptUntilTheirMessageIsComplete) {
                                   10'000'000};
   out.size = wire::write_data(out.buffer, header, fragment, Bytes(100));
   EXPECT_EQ(fed(pair, out.bytes()).received_packets, 1U);
-  EXPECT_EQ(pair.pipe.at(pair.road).reassembly_bytes(), flow::Partial::held_by(fragment));
+  EXPECT_GE(pair.pipe.at(pair.road).reassembly_bytes(), fragment.chunk);
+  EXPECT_LE(pair.pipe.at(pair.road).reassembly_bytes(), flow::Partial::first_growth(fragment));
   // Pieces 0 and 2, and it stands for piece 1.
   for (const std::uint16_t index : {std::uint16_t{0}, std::uint16_t{2}}) {
     wire::FragmentHeader piece = fragment;

@@ -136,7 +136,8 @@ TEST(ReassemblerBounds, SymbolsOfTheLargestMessageFindRoom) {
   }
 }
 
-// What a message needs is taken at once, and not again when there are more of them.
+// What a message needs is taken in runs that double, and nothing is copied when there are more of
+// them.
 TEST(ReassemblerBounds, MoreMessagesAtOnceCopyNone) {
   Reassembler r;
   constexpr std::uint16_t kMost = kMaxPieceBytes;
@@ -153,7 +154,7 @@ TEST(ReassemblerBounds, MoreMessagesAtOnceCopyNone) {
   for (std::size_t i = 1; i + 1 < oldest.count(); ++i) {
     r.add(TimePoint{1s}, packet(oldest, i, bytes), kNoClocks);
   }
-  EXPECT_EQ(allocations, before);
+  EXPECT_LE(allocations, before + 2);
 }
 
 // No packet brings such a symbol; where one came by another way, it would be longer than the room
@@ -163,9 +164,9 @@ TEST(ReassemblerBounds, ASymbolThatIsLongerThanAnyPieceIsBad) {
   const Bytes bytes(20'000);
   const wire::FragmentHeader message{MessageId{1}, 0,         20'000,
                                      40'000,       1'000'000, wire::MessageKind::kPlain};
-  EXPECT_EQ(r.add(TimePoint{1s}, packet(message, 0, bytes), kNoClocks).result, Result::kStored);
+  EXPECT_EQ(r.add(TimePoint{1s}, packet(message, 0, bytes), kNoClocks).result, Result::kBad);
   EXPECT_EQ(r.add(TimePoint{1s}, packet(message, 2, bytes), kNoClocks).result, Result::kBad);
-  EXPECT_EQ(r.add(TimePoint{1s}, packet(message, 1, bytes), kNoClocks).result, Result::kComplete);
+  EXPECT_EQ(r.bytes(), 0U);
 }
 
 }  // namespace

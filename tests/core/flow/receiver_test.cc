@@ -306,8 +306,80 @@ TEST(Reassembler, HoldsNoMoreThanItsBound) {
     d.fragment = {MessageId{id}, 1, 1352, 1000 * 1352, UINT32_MAX};
     d.bytes = piece;
     const Result result = r.add(at(0ms), d, kNoClocks).result;
-    EXPECT_EQ(result, id < Reassembler::kMaxBytes / 1'352'000 ? Result::kStored : Result::kRefused);
-    EXPECT_LE(r.bytes(), Reassembler::kMaxBytes);
+    EXPECT_EQ(result, id < Reassembler::kMaxPartials ? Result::kStored : Result::kRefused);
+  }
+  // What is claimed costs little, and what comes of it until it is too much.
+  EXPECT_LE(r.bytes(), Reassembler::kMaxPartials * 8 * 1024);
+  for (std::uint16_t index = 2; index < 100; ++index) {
+    for (std::uint32_t id = 0; id < Reassembler::kMaxPartials; ++id) {
+      wire::Data d;
+      d.fragment = {MessageId{id}, index, 1352, 1000 * 1352, UINT32_MAX};
+      d.bytes = piece;
+      r.add(at(0ms), d, kNoClocks);
+      ASSERT_LE(r.bytes(), Reassembler::kMaxBytes);
+    }
+  }
+  EXPECT_GE(r.bytes(), Reassembler::kMaxBytes / 2);
+}
+
+// The attack in 49 bytes: 8 MB for more than an hour.
+TEST(Reassembler, AClaimCostsNextToNothingAndIsForgottenSoon) {
+  for (const std::uint16_t chunk : {std::uint16_t{130}, std::uint16_t{1347}}) {
+    Reassembler r;
+    wire::Data d;
+    d.fragment = {MessageId{1}, 0, chunk, kMaxMessageBytes, UINT32_MAX};
+    d.fragment.index = static_cast<std::uint16_t>(d.fragment.count() - 1);
+    const Bytes piece(d.fragment.bytes());
+    d.bytes = piece;
+    EXPECT_EQ(r.add(at(0ms), d, kNoClocks).result, Result::kStored);
+    EXPECT_LE(r.bytes(), 16U * 1024);
+    EXPECT_EQ(r.expire(at(kLongestBelieved)), 1U);
+  }
+}
+
+// One that lives for longer does so as long as it grows.
+TEST(Reassembler, ALongMessageLivesAsLongAsItGrows) {
+  Reassembler r;
+  const Cut cut{noise(1000, 1), MessageId{1}};
+  const auto add = [&](Duration now, std::size_t piece) {
+    wire::Data d = cut.piece(piece);
+    d.fragment.lifetime_us = 30'000'000;
+    return r.add(at(now), d, kNoClocks).result;
+  };
+  EXPECT_EQ(add(0s, 0), Result::kStored);
+  EXPECT_EQ(add(9s, 1), Result::kStored);
+  EXPECT_EQ(r.next_timeout(), at(19s));
+  EXPECT_EQ(add(10s, 1), Result::kDuplicate);
+  EXPECT_EQ(r.next_timeout(), at(19s));
+  EXPECT_EQ(add(18s, 2), Result::kStored);
+  // But no longer than it may.
+  EXPECT_EQ(add(27s, 3), Result::kStored);
+  EXPECT_EQ(r.expire(at(30s)), 1U);
+}
+
+// A message whose pieces no datagram can bring.
+TEST(Reassembler, PiecesThatAreLongerThanAnyDatagramAreBad) {
+  Reassembler r;
+  wire::Data d;
+  d.fragment = {MessageId{1}, 1, UINT16_MAX, UINT16_MAX + 1, UINT32_MAX};
+  const Bytes piece(1);
+  d.bytes = piece;
+  EXPECT_EQ(r.add(at(0ms), d, kNoClocks).result, Result::kBad);
+  EXPECT_EQ(r.bytes(), 0U);
+}
+
+// Refused as a whole, whatever of it is there.
+TEST(Reassembler, WhatIsRefusedIsDropped) {
+  for (const auto kind : {wire::MessageKind::kPlain, wire::MessageKind::kRound}) {
+    Reassembler r;
+    const Cut cut{noise(250, 1), MessageId{1}};
+    wire::Data d = cut.piece(1);
+    d.fragment.kind = kind;
+    r.add(at(0ms), d, kNoClocks);
+    r.refuse(d.fragment);
+    EXPECT_EQ(r.bytes(), 0U);
+    EXPECT_EQ(r.messages(), 0U);
+    EXPECT_EQ(r.add(at(0ms), d, kNoClocks).result, Result::kDuplicate);
   }
 }
 
@@ -319,7 +391,13 @@ TEST(Reassembler, WhatExpiresSoonerMakesRoom) {
     wire::Data d;
     d.fragment = {MessageId{id}, 1, 1352, 4000 * 1352, 1'000'000};
     d.bytes = piece;
-    return r.add(at(now), d, kNoClocks).result;
+    const Result first = r.add(at(now), d, kNoClocks).result;
+    Result last = first;
+    for (std::uint16_t i = 2; i < 4000 && last == Result::kStored; ++i) {
+      d.fragment.index = i;
+      last = r.add(at(now), d, kNoClocks).result;
+    }
+    return last;
   };
   EXPECT_EQ(begin(1, 0ms), Result::kStored);
   EXPECT_EQ(begin(2, 900ms), Result::kStored);
@@ -334,6 +412,11 @@ TEST(Reassembler, WhatMakesRoomIsToldOf) {
   const auto begin = [&](std::uint32_t id, Duration lifetime) {
     wire::Data d{{MessageId{id}, 0, 1000, 5'000'000}, piece};
     d.fragment.lifetime_us = static_cast<std::uint32_t>(lifetime / 1us);
+    for (std::uint16_t i = 1; i < 4999; ++i) {
+      d.fragment.index = i;
+      r.add(at(0ms), d, kNoClocks);
+    }
+    d.fragment.index = 0;
     return r.add(at(0ms), d, kNoClocks).result;
   };
   EXPECT_EQ(begin(1, 100ms), Result::kStored);
@@ -403,8 +486,13 @@ TEST(Reassembler, TheLargestMessageFits) {
   const Bytes piece(1352);
   const std::size_t size = kMaxMessageBytes + wire::kRoundHeaderBytes;
   d.fragment = {MessageId{1}, 0, 1352, static_cast<std::uint32_t>(size), 1000};
-  d.bytes = piece;
-  EXPECT_EQ(r.add(at(0ms), d, kNoClocks).result, Result::kStored);
+  for (std::uint16_t i = 0; i < d.fragment.count(); ++i) {
+    d.fragment.index = i;
+    d.bytes = ByteView(piece).first(d.fragment.bytes());
+    const bool is_last = i + 1 == d.fragment.count();
+    EXPECT_EQ(r.add(at(0ms), d, kNoClocks).result, is_last ? Result::kComplete : Result::kStored);
+  }
+  EXPECT_EQ(r.bytes(), 0U);
 }
 
 TEST(Reassembler, ALargeClaimIsRefusedWithoutOverflow) {
