@@ -17,6 +17,16 @@ if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
   list(APPEND INTERNEURON_WARNINGS -Wno-maybe-uninitialized -Wno-restrict)
 endif()
 
+# Fuzz targets see which branches of a module were taken, in the same objects that the sanitized tests link. The tests, whose
+# own branches interest nobody, are compiled without.
+set(INTERNEURON_FUZZ_OPTIONS)
+if(INTERNEURON_FUZZ)
+  if(NOT CMAKE_CXX_COMPILER_ID STREQUAL "Clang")
+    message(FATAL_ERROR "INTERNEURON_FUZZ needs clang: use the preset fuzz")
+  endif()
+  set(INTERNEURON_FUZZ_OPTIONS -fsanitize=fuzzer-no-link)
+endif()
+
 # What is tested is optimised as users run it; the tests themselves would take a third longer to compile with -O3.
 set(INTERNEURON_TEST_OPTIONS $<$<CONFIG:Release>:-O1>)
 
@@ -55,7 +65,7 @@ function(interneuron_module name)
     return()
   endif()
   add_library(${target} OBJECT ${ARG_SOURCES})
-  target_compile_options(${target} PRIVATE ${INTERNEURON_WARNINGS})
+  target_compile_options(${target} PRIVATE ${INTERNEURON_WARNINGS} ${INTERNEURON_FUZZ_OPTIONS})
   target_include_directories(${target} PRIVATE ${PROJECT_SOURCE_DIR}/src ${PROJECT_SOURCE_DIR})
   # Headers of a module may include those of the libraries that it uses.
   interneuron_closure(used ${ARG_USES})

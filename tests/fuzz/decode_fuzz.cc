@@ -1,5 +1,5 @@
 // The fuzzer's entry point: any bytes as a datagram and as a message. Stops the program where bytes
-// are neither refused nor valid. Built twice: with libFuzzer (INTERNEURON_FUZZ), and into the test
+// are neither refused nor valid. Built twice: with libFuzzer (preset fuzz), and into the test
 // that feeds it seeded mutations.
 #include <cstdint>
 #include <cstdlib>

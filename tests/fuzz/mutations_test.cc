@@ -74,7 +74,7 @@ class Mutator {
 };
 
 Bytes file(const std::string& name) {
-  std::ifstream in(INTERNEURON_SOURCE_DIR "/tests/fuzz/corpus/" + name, std::ios::binary);
+  std::ifstream in(INTERNEURON_SOURCE_DIR "/tests/fuzz/corpus/decode/" + name, std::ios::binary);
   const std::string text{std::istreambuf_iterator<char>(in), {}};
   const auto bytes = std::as_bytes(std::span(text));
   return {bytes.begin(), bytes.end()};
