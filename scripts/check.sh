@@ -10,6 +10,8 @@
 #   tsan     the tests of node under ThreadSanitizer
 #   asan     the tests of what handles the bytes of others, compiled with clang, under AddressSanitizer and UBSan: the core,
 #            sockets and the loop, perception. `scripts/test.sh asan` is every test, for an hour.
+#   fuzz     only where it is named: each fuzz target for 30 s, which must find nothing and reach its floor (scripts/fuzz.sh);
+#            it goes on with the build of asan
 #
 # Exit codes: 0 all passed, 1 a step failed, 2 usage, 5 needs root to install packages.
 set -euo pipefail
@@ -19,13 +21,15 @@ cd "$root"
 . scripts/phase.sh
 
 steps=(format shell layers citations tsan asan)
+# Those that run only where they are named.
+by_name=(fuzz)
 if (($# > 0)); then
   if [[ $1 == -h || $1 == --help ]]; then
     sed -n '2,/^set /{/^set /d;s/^# \{0,1\}//;p}' "${BASH_SOURCE[0]}"
     exit 0
   fi
   for step in "$@"; do
-    [[ " ${steps[*]} " == *" $step "* ]] || { printf "check: no step '%s'; see scripts/check.sh --help\n" "$step" >&2; exit 2; }
+    [[ " ${steps[*]} ${by_name[*]} " == *" $step "* ]] || { printf "check: no step '%s'; see scripts/check.sh --help\n" "$step" >&2; exit 2; }
   done
   steps=("$@")
 fi
@@ -97,6 +101,19 @@ run_asan() {
       --timeout 900 -j "$jobs"
 }
 
+# Every entry point is a target with a floor and seeds, and the other way round: one that nobody runs would pass.
+run_fuzz() {
+  local entries targets
+  entries=$(cd tests/fuzz && printf '%s\n' *_fuzz.cc | sed 's/_fuzz\.cc$//' | sort)
+  targets=$(bash scripts/fuzz.sh --list | cut -d ' ' -f 1 | sort)
+  if [[ $entries != "$targets" ]]; then
+    echo "tests/fuzz has other entry points (*_fuzz.cc) than tests/fuzz/floors.txt has targets:"
+    diff <(echo "$entries") <(echo "$targets")
+    return 1
+  fi
+  bash scripts/fuzz.sh --floors all 30
+}
+
 failed=()
 summary=()
 for step in "${steps[@]}"; do
@@ -104,7 +121,7 @@ for step in "${steps[@]}"; do
   began=$SECONDS
   verdict=passed
   case $step in
-    tsan | asan) "run_$step" ;;  # these tell their parts
+    tsan | asan | fuzz) "run_$step" ;;  # these tell their parts
     *) phase "check: $step" "run_$step" ;;
   esac || { verdict=FAILED; failed+=("$step"); }
   line=$(printf 'check: %-9s %s in %d s' "$step" "$verdict" $((SECONDS - began)))
