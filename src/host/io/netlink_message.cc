@@ -14,14 +14,16 @@ namespace interneuron::io::netlink {
 
 namespace {
 
-// Whether each hop of a route of several holds at least its header and no more than is there.
+// Whether each hop of a route of several holds at least its header and, with the padding behind it,
+// no more than is there: libnl counts the padding without a look at what is left.
 bool adds_up(std::span<const std::byte> hops) {
   while (!hops.empty()) {
     rtnexthop hop{};
     if (hops.size() < sizeof hop) return false;
     std::memcpy(&hop, hops.data(), sizeof hop);
-    if (hop.rtnh_len < sizeof hop || hop.rtnh_len > hops.size()) return false;
-    hops = hops.subspan(std::min<std::size_t>(RTNH_ALIGN(hop.rtnh_len), hops.size()));
+    const auto padded = static_cast<std::size_t>(RTNH_ALIGN(hop.rtnh_len));
+    if (hop.rtnh_len < sizeof hop || padded > hops.size()) return false;
+    hops = hops.subspan(padded);
   }
   return true;
 }

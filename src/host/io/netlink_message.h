@@ -77,8 +77,8 @@ struct RouteAnswer {
 std::optional<RouteAnswer> route_answer(const nlmsghdr& message, int index);
 
 // The route that a message is, as libnl reads it; nothing when it is none. A row of hops that does
-// not add up is refused first: libnl would read one of length 0 for ever, with memory for each
-// time.
+// not add up is refused first: libnl would read one of length 0, or one whose padding is not there,
+// for ever, with memory for each time.
 using Route = std::unique_ptr<rtnl_route, Deleter<rtnl_route_put>>;
 Route parse_route(const nlmsghdr& message);
 

@@ -182,6 +182,18 @@ TEST(NetlinkMessage, HopsThatDoNotAddUpAreNoRoute) {
   }
 }
 
+TEST(NetlinkMessage, AHopWithoutItsPaddingIsNone) {
+  // A hop of 10 bytes, which takes 12, in an attribute of 11.
+  rtnexthop hop{};
+  hop.rtnh_ifindex = kCard;
+  hop.rtnh_len = 10;
+  std::string bytes(11, '\0');
+  std::memcpy(bytes.data(), &hop, sizeof hop);
+  MessageBuilder builder(RTM_NEWROUTE, route_header());
+  builder.put(RTA_MULTIPATH, bytes);
+  EXPECT_EQ(netlink::parse_route(builder.build()), nullptr);
+}
+
 TEST(NetlinkMessage, ANeighbourTellsItsHardwareAddress) {
   ndmsg header{};
   header.ndm_ifindex = kCard;
