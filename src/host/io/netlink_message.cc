@@ -4,7 +4,6 @@
 #include <linux/neighbour.h>
 #include <linux/rtnetlink.h>
 #include <netinet/in.h>
-#include <netlink/route/nexthop.h>
 
 #include <algorithm>
 
@@ -14,18 +13,46 @@ namespace interneuron::io::netlink {
 
 namespace {
 
-// Whether each hop of a route of several holds at least its header and, with the padding behind it,
-// no more than is there: libnl counts the padding without a look at what is left.
-bool adds_up(std::span<const std::byte> hops) {
-  while (!hops.empty()) {
-    rtnexthop hop{};
-    if (hops.size() < sizeof hop) return false;
-    std::memcpy(&hop, hops.data(), sizeof hop);
-    const auto padded = static_cast<std::size_t>(RTNH_ALIGN(hop.rtnh_len));
-    if (hop.rtnh_len < sizeof hop || padded > hops.size()) return false;
-    hops = hops.subspan(padded);
+using RouteAttributes = std::array<nlattr*, RTA_MAX + 1>;
+
+// The gateway that these attributes name, empty when there is none; nothing when it is of no
+// family.
+std::optional<interneuron::Address> gateway_of(const RouteAttributes& attributes, int card) {
+  std::span<const std::byte> host;
+  if (attributes[RTA_GATEWAY] != nullptr) {
+    host = bytes_of(attributes[RTA_GATEWAY]);
+  } else if (attributes[RTA_VIA] != nullptr) {
+    // A gateway of another family (RFC 8950): struct rtvia, a family before the address.
+    const auto bytes = bytes_of(attributes[RTA_VIA]);
+    host = bytes.subspan(std::min(sizeof(rtvia), bytes.size()));
+  } else {
+    return interneuron::Address{};
   }
-  return true;
+  const interneuron::Address out = address_of(host, card);
+  return out.size > 0 ? std::optional(out) : std::nullopt;
+}
+
+// The hops of a route of several: each is a header, attributes and padding. All of them, or none.
+std::vector<RouteHop> several_hops(std::span<const std::byte> bytes) {
+  std::vector<RouteHop> out;
+  while (!bytes.empty()) {
+    rtnexthop header{};
+    if (bytes.size() < sizeof header) return {};
+    std::memcpy(&header, bytes.data(), sizeof header);
+    const auto padded = static_cast<std::size_t>(RTNH_ALIGN(header.rtnh_len));
+    if (header.rtnh_len < sizeof header || padded > bytes.size()) return {};
+    const auto rest = bytes.subspan(sizeof header, header.rtnh_len - sizeof header);
+    RouteAttributes attributes{};
+    auto* first = const_cast<nlattr*>(reinterpret_cast<const nlattr*>(rest.data()));
+    if (nla_parse(attributes.data(), RTA_MAX, first, static_cast<int>(rest.size()), nullptr) < 0) {
+      return {};
+    }
+    const auto gateway = gateway_of(attributes, header.rtnh_ifindex);
+    if (!gateway) return {};
+    out.push_back({header.rtnh_ifindex, header.rtnh_flags, *gateway});
+    bytes = bytes.subspan(padded);
+  }
+  return out;
 }
 
 }  // namespace
@@ -67,40 +94,33 @@ std::optional<RouteAnswer> route_answer(const nlmsghdr& message, int index) {
   if (number_of<std::uint32_t>((*attributes)[RTA_OIF]) != static_cast<std::uint32_t>(index)) {
     return std::nullopt;
   }
+  const auto gateway = gateway_of(*attributes, index);
+  if (!gateway) return std::nullopt;
   RouteAnswer out;
-  if (const nlattr* gateway = (*attributes)[RTA_GATEWAY]) {
-    out.gateway = address_of(bytes_of(gateway), index);
-    if (out.gateway.size == 0) return std::nullopt;
-  } else if (const nlattr* via = (*attributes)[RTA_VIA]) {
-    // A gateway of another family (RFC 8950): struct rtvia, a family before the address.
-    const auto bytes = bytes_of(via);
-    out.gateway = address_of(bytes.subspan(std::min(sizeof(rtvia), bytes.size())), index);
-    if (out.gateway.size == 0) return std::nullopt;
-  }
+  out.gateway = *gateway;
   out.source = address_of(bytes_of((*attributes)[RTA_PREFSRC]), index);
   return out;
 }
 
-Route parse_route(const nlmsghdr& message) {
+std::vector<RouteHop> hops_of(const nlmsghdr& message) {
   const auto attributes = attributes_of<rtmsg, RTA_MAX>(message);
-  rtnl_route* parsed = nullptr;
-  if (message.nlmsg_type != RTM_NEWROUTE || !attributes ||
-      !adds_up(bytes_of((*attributes)[RTA_MULTIPATH])) ||
-      rtnl_route_parse(const_cast<nlmsghdr*>(&message), &parsed) < 0) {
-    return nullptr;
+  if (message.nlmsg_type != RTM_NEWROUTE || !attributes) return {};
+  if ((*attributes)[RTA_MULTIPATH] != nullptr) {
+    return several_hops(bytes_of((*attributes)[RTA_MULTIPATH]));
   }
-  return Route(parsed);
+  const auto card = number_of<std::int32_t>((*attributes)[RTA_OIF]);
+  const auto gateway = gateway_of(*attributes, card.value_or(0));
+  if (!card || !gateway) return {};
+  // The lowest byte of the flags of a route with one hop is that hop's.
+  return {{*card, header_of<rtmsg>(message)->rtm_flags & 0xffU, *gateway}};
 }
 
 bool leads_through(const nlmsghdr& message, int index) {
-  const Route route = parse_route(message);
-  if (!route) return false;
-  const int type = rtnl_route_get_type(route.get());
-  if (type != RTN_UNICAST && type != RTN_LOCAL) return false;
-  for (int i = 0; i < rtnl_route_get_nnexthops(route.get()); ++i) {
-    if (rtnl_route_nh_get_ifindex(rtnl_route_nexthop_n(route.get(), i)) == index) return true;
-  }
-  return false;
+  const auto hops = hops_of(message);
+  if (hops.empty()) return false;
+  const unsigned type = header_of<rtmsg>(message)->rtm_type;
+  return (type == RTN_UNICAST || type == RTN_LOCAL) &&
+         std::ranges::find(hops, index, &RouteHop::card) != hops.end();
 }
 
 bool is_default_route(const nlmsghdr& message) {

@@ -11,19 +11,17 @@
 #include <linux/netlink.h>
 #include <netlink/attr.h>
 #include <netlink/msg.h>
-#include <netlink/route/route.h>
 
 #include <array>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
-#include <memory>
 #include <optional>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "host/io/frame.h"
-#include "host/io/netlink.h"
 #include "interneuron/address.h"
 
 namespace interneuron::io::netlink {
@@ -76,11 +74,18 @@ struct RouteAnswer {
 // Nothing when the message is no route through the card with this index, or one that drops.
 std::optional<RouteAnswer> route_answer(const nlmsghdr& message, int index);
 
-// The route that a message is, as libnl reads it; nothing when it is none. A row of hops that does
-// not add up is refused first: libnl would read one of length 0, or one whose padding is not there,
-// for ever, with memory for each time.
-using Route = std::unique_ptr<rtnl_route, Deleter<rtnl_route_put>>;
-Route parse_route(const nlmsghdr& message);
+// One hop of a route.
+struct RouteHop {
+  int card = 0;
+  // RTNH_F_DEAD, …
+  unsigned flags = 0;
+  // Empty when there is none.
+  interneuron::Address gateway{};
+};
+// The hops of a route; none when the message is no route, names no card, or does not add up.
+// libnl's own reader is not used: hops of length 0, without their padding, or with a gateway of one
+// byte make it read beyond the message, the first of them for ever.
+std::vector<RouteHop> hops_of(const nlmsghdr& message);
 
 // Whether the message is a route (of one or several hops) that leads through the card with this
 // index.

@@ -6,8 +6,6 @@
 #include <linux/if_link.h>
 #include <linux/rtnetlink.h>
 #include <netlink/attr.h>
-#include <netlink/route/nexthop.h>
-#include <netlink/route/route.h>
 
 #include <algorithm>
 #include <array>
@@ -208,19 +206,11 @@ void NicTable::apply_default_route(const nlmsghdr& message) {
       (header->rtm_family != AF_INET && header->rtm_family != AF_INET6)) {
     return;
   }
-  const netlink::Route route = netlink::parse_route(message);
-  if (!route) return;
-  for (int i = 0; i < rtnl_route_get_nnexthops(route.get()); ++i) {
-    rtnl_nexthop* hop = rtnl_route_nexthop_n(route.get(), i);
-    const int index = rtnl_route_nh_get_ifindex(hop);
-    Nic* nic = entry(index);
-    if (nic == nullptr || (rtnl_route_nh_get_flags(hop) & RTNH_F_DEAD) != 0) continue;
-    default_routes_.push_back({index, header->rtm_family == AF_INET6});
-    nl_addr* gateway = rtnl_route_nh_get_gateway(hop);
-    if (gateway == nullptr) gateway = rtnl_route_nh_get_via(hop);
-    if (gateway == nullptr) continue;
-    const auto* bytes = static_cast<const std::byte*>(nl_addr_get_binary_addr(gateway));
-    insert(nic->gateways, netlink::address_of({bytes, nl_addr_get_len(gateway)}, index));
+  for (const netlink::RouteHop& hop : netlink::hops_of(message)) {
+    Nic* nic = entry(hop.card);
+    if (nic == nullptr || (hop.flags & RTNH_F_DEAD) != 0) continue;
+    default_routes_.push_back({hop.card, header->rtm_family == AF_INET6});
+    insert(nic->gateways, hop.gateway);
   }
 }
 

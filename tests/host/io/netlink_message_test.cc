@@ -162,8 +162,40 @@ TEST(NetlinkMessage, AGatewayOfNoFamilyMakesTheRouteUseless) {
   for (const int type : {RTA_GATEWAY, RTA_VIA}) {
     MessageBuilder builder(RTM_NEWROUTE, route_header());
     builder.put_number(RTA_OIF, std::uint32_t{kCard}).put(type, "\x0a");
-    EXPECT_FALSE(netlink::route_answer(builder.build(3), kCard)) << type;
+    const nlmsghdr& message = builder.build(3);
+    EXPECT_FALSE(netlink::route_answer(message, kCard)) << type;
+    EXPECT_TRUE(netlink::hops_of(message).empty()) << type;
   }
+}
+
+TEST(NetlinkMessage, ADefaultRouteOfSeveralHopsLeadsThroughEachThatLives) {
+  NicTable table;
+  for (const int card : {1, 2, 3}) {
+    ifinfomsg header = card_header();
+    header.ifi_index = card;
+    MessageBuilder builder(RTM_NEWLINK, header);
+    builder.put(IFLA_IFNAME, "eth" + std::to_string(card)).put_number(IFLA_MTU, 1500U);
+    table.apply(builder.build());
+  }
+  std::string hops;
+  for (const int card : {1, 2}) {
+    const nlattr gateway{NLA_HDRLEN + 4, RTA_GATEWAY};
+    rtnexthop hop{};
+    hop.rtnh_len = sizeof hop + NLA_HDRLEN + 4;
+    hop.rtnh_ifindex = card;
+    hop.rtnh_flags = card == 2 ? RTNH_F_DEAD : 0;
+    hops += std::string_view(reinterpret_cast<const char*>(&hop), sizeof hop);
+    hops += std::string_view(reinterpret_cast<const char*>(&gateway), sizeof gateway);
+    hops += std::string_view("\x0a\x00\x00\x01", 4);
+  }
+  MessageBuilder builder(RTM_NEWROUTE, route_header());
+  builder.put(RTA_MULTIPATH, hops);
+  table.apply_default_route(builder.build());
+  EXPECT_TRUE(table.has_default_route(1, false));
+  EXPECT_FALSE(table.has_default_route(2, false));
+  EXPECT_FALSE(table.has_default_route(3, false));
+  ASSERT_EQ(table.find(1)->gateways.size(), 1U);
+  EXPECT_EQ(to_string(table.find(1)->gateways.front()), "10.0.0.1:0");
 }
 
 TEST(NetlinkMessage, HopsThatDoNotAddUpAreNoRoute) {
@@ -178,7 +210,7 @@ TEST(NetlinkMessage, HopsThatDoNotAddUpAreNoRoute) {
     // 9 bytes reach into the second hop, which then is too short.
     const bool whole = length == static_cast<int>(sizeof hop);
     EXPECT_EQ(netlink::leads_through(message, kCard), whole) << length;
-    EXPECT_EQ(netlink::parse_route(message) != nullptr, whole) << length;
+    EXPECT_EQ(netlink::hops_of(message).size(), whole ? 2U : 0U) << length;
   }
 }
 
@@ -191,7 +223,7 @@ TEST(NetlinkMessage, AHopWithoutItsPaddingIsNone) {
   std::memcpy(bytes.data(), &hop, sizeof hop);
   MessageBuilder builder(RTM_NEWROUTE, route_header());
   builder.put(RTA_MULTIPATH, bytes);
-  EXPECT_EQ(netlink::parse_route(builder.build()), nullptr);
+  EXPECT_TRUE(netlink::hops_of(builder.build()).empty());
 }
 
 TEST(NetlinkMessage, ANeighbourTellsItsHardwareAddress) {
