@@ -105,7 +105,9 @@ finish() {
   runs=$(runs_of "$target")
   covered=$(figure "$target" cov:)
   floor=$(floor_of "$target")
-  if ((code != 0)); then
+  if ((code == 72)); then
+    verdict=interrupted  # libFuzzer's code after a signal from outside
+  elif ((code != 0)); then
     verdict=FINDING
   elif ((check_floors && covered < floor)); then
     verdict="covers less than $floor"
@@ -115,7 +117,7 @@ finish() {
   if [[ $verdict == fine ]]; then return; fi
   failed+=("$target")
   printf 'fuzz: %s: %s\n' "$target" "$verdict"
-  if ((code != 0)); then
+  if [[ $verdict == FINDING ]]; then
     grep -aE '^finding:|ERROR:|runtime error:|SUMMARY:|Test unit written' "$work/$target/log" | head -n 8 || true
     printf 'fuzz: again: build/asan/tests/fuzz/%s_fuzz build/fuzz/%s/findings/FILE; all of it: build/fuzz/%s/log\n' "$target" "$target" "$target"
   fi
