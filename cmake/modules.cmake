@@ -187,7 +187,8 @@ function(interneuron_install_library)
       target_sources(interneuron PRIVATE $<TARGET_OBJECTS:${module_target}>)
     endif()
   endforeach()
-  target_link_libraries(interneuron PUBLIC Threads::Threads PkgConfig::LIBNL PkgConfig::LIBPCAP PkgConfig::LIBXDP PkgConfig::LIBISAL)
+  target_link_libraries(interneuron PUBLIC Threads::Threads PkgConfig::LIBNL PkgConfig::LIBPCAP PkgConfig::LIBXDP PkgConfig::LIBISAL
+    PkgConfig::LIBSODIUM)
   target_include_directories(interneuron PUBLIC
     $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/include> $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
   target_compile_features(interneuron PUBLIC cxx_std_20)

@@ -1,5 +1,5 @@
 -- Wireshark dissector of Interneuron's packets (docs/wire_format.md): data with the plain or round header of a message's
--- first piece, feedback with its reports, windows, probes, echoes with the STAMP packet (RFC 8762) inside.
+-- first piece, feedback with its reports, windows, probes, challenges and tokens, echoes with the STAMP packet (RFC 8762) inside.
 --
 --   wireshark -X lua_script:scripts/interneuron.lua capture.pcap
 --   tshark    -X lua_script:scripts/interneuron.lua -r capture.pcap -Y 'interneuron.type == 2'
@@ -28,8 +28,10 @@ local WINDOW_BYTES = 7
 local MOST_MESSAGES = 16
 local MOST_SOURCES = 32
 local FEWEST_CODED = 12
+local TOKEN_BYTES = 16
 
-local TYPES = { [1] = "data", [2] = "feedback", [3] = "probe", [4] = "echo", [5] = "handshake", [6] = "window" }
+local TYPES = { [1] = "data", [2] = "feedback", [3] = "probe", [4] = "echo", [5] = "handshake", [6] = "window",
+  [7] = "challenge", [8] = "token" }
 local KINDS = { [0] = "round", [1] = "plain" }
 local CLASSES = { [0] = "data", [1] = "result" }
 local GUARDS = { [0] = "paper", [1] = "budget" }
@@ -67,6 +69,7 @@ field("window.messages", ProtoField.uint8, "Messages covered", base.DEC)
 field("window.message", ProtoField.uint32, "Message covered", base.DEC)
 field("window.pieces", ProtoField.uint8, "Pieces covered", base.HEX, nil, nil, "Bit i: piece i")
 field("window.symbol", ProtoField.bytes, "Symbol")
+field("token", ProtoField.bytes, "Token")
 
 field("plain.id", ProtoField.uint32, "Message of the application", base.DEC)
 field("plain.deadline_us", ProtoField.uint32, "Deadline (us)", base.DEC)
@@ -329,13 +332,15 @@ local function add_stamp(tree, buffer, is_reply)
 end
 
 local function add_echo(tree, buffer)
-  if buffer:len() < 8 + STAMP_BYTES then return nil end
+  local padding = 8 + STAMP_BYTES + TOKEN_BYTES
+  if buffer:len() < padding then return nil end
   local is_reply = buffer(0, 1):uint() % 2 == 1
   tree:add(f["echo.reply"], buffer(0, 1))
   tree:add(f["echo.hold"], buffer(0, 1))
   add_all(tree, buffer, 1, { { "echo.delay", 1 }, { "echo.train", 2 }, { "echo.index", 2 }, { "echo.count", 2 } })
   add_stamp(tree, buffer(8, STAMP_BYTES):tvb(), is_reply)
-  if buffer:len() > 8 + STAMP_BYTES then tree:add(f.padding, buffer(8 + STAMP_BYTES)) end
+  tree:add(f["token"], buffer(8 + STAMP_BYTES, TOKEN_BYTES))
+  if buffer:len() > padding then tree:add(f.padding, buffer(padding)) end
   local train = buffer(2, 2):uint()
   return string.format("%s %d%s", is_reply and "reply to" or "request",
     buffer(is_reply and 32 or 8, 4):uint(), train > 0 and string.format(", train %d", train) or "")
@@ -375,6 +380,19 @@ local function add_window(tree, buffer)
   return string.format("row %d of %d pieces of %d messages", row, sources, count)
 end
 
+local function add_challenge(tree, buffer)
+  if buffer:len() ~= 4 + TOKEN_BYTES then return nil end
+  tree:add(f["echo_session"], buffer(0, 4))
+  tree:add(f["token"], buffer(4))
+  return string.format("for session 0x%08x", buffer(0, 4):uint())
+end
+
+local function add_token(tree, buffer)
+  if buffer:len() ~= TOKEN_BYTES then return nil end
+  tree:add(f["token"], buffer())
+  return "answers a challenge"
+end
+
 local function add_probe(tree, buffer)
   if buffer:len() > 0 then tree:add(f.padding, buffer()) end
   return string.format("%d bytes", buffer:len() + HEADER_BYTES + TAG_BYTES)
@@ -386,7 +404,8 @@ local function add_unknown(tree, buffer)
   return string.format("%d bytes", buffer:len() + HEADER_BYTES + TAG_BYTES)
 end
 
-local BODIES = { [1] = add_data, [2] = add_feedback, [3] = add_probe, [4] = add_echo, [6] = add_window }
+local BODIES = { [1] = add_data, [2] = add_feedback, [3] = add_probe, [4] = add_echo, [6] = add_window,
+  [7] = add_challenge, [8] = add_token }
 
 function interneuron.dissector(buffer, pinfo, root)
   if not looks_like_ours(buffer) then return 0 end

@@ -14,7 +14,7 @@ set -euo pipefail
 
 packages=(
   g++ cmake ninja-build ccache pkg-config python3                    # to build
-  libboost1.81-dev libnl-3-dev libnl-route-3-dev libpcap-dev libxdp-dev libbpf-dev libisal-dev libnftables-dev zlib1g-dev libjpeg62-turbo-dev libncurses-dev  # libraries
+  libboost1.81-dev libnl-3-dev libnl-route-3-dev libpcap-dev libxdp-dev libbpf-dev libisal-dev libsodium-dev libnftables-dev zlib1g-dev libjpeg62-turbo-dev libncurses-dev  # libraries
   libopencv-dev libeigen3-dev libcli11-dev libspdlog-dev libtomlplusplus-dev nlohmann-json3-dev
   libgtest-dev libgmock-dev librapidcheck-dev libbenchmark-dev       # tests and benchmarks
   iproute2 iputils-ping gnuplot-nox                                  # testbed and plots
@@ -43,7 +43,7 @@ done
 
 if ! command -v apt-get >/dev/null || ! command -v dpkg-query >/dev/null; then
   fail 1 "this system has no apt-get. Install by hand: g++ >= 12, CMake >= 3.25, Ninja, Python 3, Boost >= 1.81 (headers), \
-libnl-3 and libnl-route-3 >= 3.7, libpcap >= 1.10, libxdp >= 1.2, libbpf >= 1.0, ISA-L >= 2.30, libnftables, ncurses, OpenCV >= 4.6, Eigen >= 3.4, CLI11 >= 2.1, spdlog, toml++ >= 3.3, nlohmann-json, zlib, libjpeg-turbo >= 2.1, GoogleTest with \
+libnl-3 and libnl-route-3 >= 3.7, libpcap >= 1.10, libxdp >= 1.2, libbpf >= 1.0, ISA-L >= 2.30, libsodium, libnftables, ncurses, OpenCV >= 4.6, Eigen >= 3.4, CLI11 >= 2.1, spdlog, toml++ >= 3.3, nlohmann-json, zlib, libjpeg-turbo >= 2.1, GoogleTest with \
 gMock, rapidcheck, Google Benchmark, iproute2, ping, fping, iperf3, tcpdump, tshark, gnuplot, curl. Then: cmake --preset release && cmake --build --preset release"
 fi
 

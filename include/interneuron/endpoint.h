@@ -3,6 +3,7 @@
 // Node. pipeline.h says what rounds are.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -77,10 +78,11 @@ struct TransmitParts {
 //
 // What a peer may do: its bytes never throw, whatever is not used is counted and dropped, and
 // memory is bounded per peer (PeerLimits) and by max_peers. At a limit only what that peer itself
-// holds or sends makes room, and it sends rounds in no other name than its own. Packets are not
-// authenticated yet, so service is not protected: any packet makes an unannounced peer until there
-// are max_peers of them, and whoever can forge a peer's address can make it seem restarted or
-// answer in its name.
+// holds or sends makes room, and it sends rounds in no other name than its own. Nobody is sent more
+// than he receives and asks for: an address that was not given to us is sent nothing but
+// challenges, each less than three times as large as the packet that it answers, before it has
+// answered one. Packets are not authenticated yet: whoever overhears the sessions of two peers can
+// send in the name of either.
 class Endpoint {
  public:
   // Throws std::invalid_argument naming the option.

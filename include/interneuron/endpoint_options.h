@@ -1,6 +1,7 @@
 // What an Endpoint is made of. Plain values.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -17,6 +18,9 @@ namespace interneuron {
 
 struct Ablation;
 
+// 128 bits that nobody else can guess.
+using Secret = std::array<std::uint64_t, 2>;
+
 // What an endpoint is made of.
 struct EndpointOptions {
   // Names this life of the endpoint: random, not 0, new at every start. No default.
@@ -27,12 +31,14 @@ struct EndpointOptions {
   PolicySet policies;
   // Whether peers may come unannounced, as on a roadside unit.
   bool accept_peers = false;
-  // How many unannounced peers there may be at a time; further ones are refused.
+  // How many unannounced peers there may be at a time. A further one takes the place of one that
+  // has never heard us, was silent for 15 s or came from a network or host that has two places more
+  // than its own; where there is none, it is refused.
   std::size_t max_peers = 64;
-  // Random, and told to nobody, so that no peer can choose sessions whose lookup takes long; Node
-  // draws it. Default: taken from the session, which every peer knows; without hostile peers that
-  // is enough, and with them a lookup is still bounded by max_peers.
-  std::uint64_t hash_seed = 0;
+  // Random, and told to nobody, so that no peer can choose sessions whose lookup takes long, nor
+  // pretend to be at an address where it does not receive; Node draws it. Default: taken from the
+  // session, which every peer knows: enough without hostile peers.
+  Secret secret{};
   // What the incomplete messages of all peers may hold together, in bytes. A peer may take more as
   // long as it then holds no more than what is left free: one alone gets half of it (and never more
   // than one of the largest messages), n greedy ones a part of n + 1 each, and whoever holds little

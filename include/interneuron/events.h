@@ -27,8 +27,8 @@ struct PeerRestarted {
   PeerId peer{};
 };
 
-// A peer that we did not connect to was silent for kPeerSilence (src/core/peers/peers.h) and is
-// forgotten.
+// A peer that we did not connect to, and that was ready, is forgotten: it was silent for
+// kPeerSilence, or has made room for another one (src/core/peers/peers.h).
 struct PeerLost {
   PeerId peer{};
 };

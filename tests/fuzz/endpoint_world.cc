@@ -70,7 +70,7 @@ EndpointOptions options(SessionId session, bool accept) {
       pipeline(1, {StageKind::kCommunication, StageKind::kCommunication}, GuardKind::kPaper)};
   out.accept_peers = accept;
   out.max_peers = kMostPeers;
-  out.hash_seed = 1;
+  out.secret = {1, 2};
   out.reassembly_budget_bytes = kBudget;
   out.send_budget_bytes = kBudget;
   return out;

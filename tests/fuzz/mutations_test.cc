@@ -88,6 +88,8 @@ TEST(Decode, TheFuzzerBeginsWithTheDocumentedExamples) {
   EXPECT_EQ(file("probe"), from_hex(kProbeExample));
   EXPECT_EQ(file("echo_request"), from_hex(kEchoRequestExample));
   EXPECT_EQ(file("echo_reply"), from_hex(kEchoReplyExample));
+  EXPECT_EQ(file("challenge"), from_hex(kChallengeExample));
+  EXPECT_EQ(file("token"), from_hex(kTokenExample));
   EXPECT_EQ(file("window"), from_hex(kWindowExample));
   EXPECT_EQ(file("message"), example_message());
 }

@@ -19,6 +19,10 @@ namespace {
 // has to be short for a person who waits, and long for a log.
 constexpr Duration kBetweenVersions = std::chrono::seconds(10);
 
+Secret secret_of(const EndpointOptions& options) {
+  return options.secret != Secret{} ? options.secret : Secret{options.session.value, 0};
+}
+
 }  // namespace
 
 // Joins the peers (packets), the rounds and the plain messages, with one queue of events and one
@@ -33,7 +37,7 @@ class Endpoint::Impl {
                 .repair = !options.ablation || options.ablation->repair,
                 .started = now,
                 .limits = options.peer_limits,
-                .seed = options.hash_seed != 0 ? options.hash_seed : options.session.value,
+                .secret = secret_of(options),
                 .reassembly_budget_bytes = options.reassembly_budget_bytes,
                 .send_budget_bytes = options.send_budget_bytes}),
         rounds_(options, peers_, events_),
@@ -64,6 +68,7 @@ class Endpoint::Impl {
     // arrivals come first. Of several datagrams that come at once only the first finds something.
     if (ran_to_ < now - Duration{1}) run_timers(now - Duration{1});
     Peers::Received received = peers_.receive(now, datagram);
+    tell_lost();
     if (received.other_version && now >= tell_version_at_) {
       tell_version_at_ = now + kBetweenVersions;
       events_.emplace_back(OtherVersion{datagram.link, datagram.from, *received.other_version});
@@ -127,10 +132,14 @@ class Endpoint::Impl {
     Peers::Expired expired = peers_.handle_timeout(now);
     messages_expired_ += expired.messages;
     for (PathChanged& change : expired.changes) events_.emplace_back(std::move(change));
-    for (const PeerId id : expired.lost) {
-      rounds_.forget(id);
-      messages_.forget(id);
-      events_.emplace_back(PeerLost{id});
+    tell_lost();
+  }
+
+  void tell_lost() {
+    while (const auto lost = peers_.poll_lost()) {
+      rounds_.forget(lost->id);
+      messages_.forget(lost->id);
+      if (lost->was_ready) events_.emplace_back(PeerLost{lost->id});
     }
   }
 

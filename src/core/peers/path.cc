@@ -8,8 +8,9 @@
 namespace interneuron {
 namespace {
 
-// How many times what it has sent an address gets before it is trusted (RFC 9000 §8.1).
-constexpr std::uint64_t kAmplification = 3;
+// Challenges of a peer whose address has changed are this far apart: as far as the packets of its
+// heartbeat at least (link::ProbeSchedule::kActiveHeartbeat), less what jitter may bring.
+constexpr Duration kBetweenChallenges = std::chrono::milliseconds(20);
 // A train may catch up with this much time at its rate after a late timer (docs/constants.md, "Rate
 // of a link").
 constexpr Duration kBurst = std::chrono::milliseconds(1);
@@ -42,13 +43,13 @@ bool has_arrived(const wire::LinkReport& report, std::uint64_t number) {
 
 }  // namespace
 
-Path::Path(TimePoint now, LinkId id, const Nic& nic, const Address& address, bool trusted)
+Path::Path(TimePoint now, LinkId id, const Nic& nic, const Address& address, bool connected)
     : receiver(id),
       id_(id),
       mtu_(nic.max_datagram),
       nic_(nic),
       address_(address),
-      validated_(trusted) {
+      may_measure_(connected) {
   begin(now);
 }
 
@@ -60,7 +61,7 @@ void Path::begin(TimePoint now) {
   train_left_ = 0;
 }
 
-void Path::move_to(TimePoint now, const Nic& nic, const Address& address, bool trusted) {
+void Path::move_to(TimePoint now, const Nic& nic, const Address& address) {
   // Another address of the same NIC is nearly always the same way.
   if (nic.link != nic_.link || nic.max_datagram != nic_.max_datagram) {
     mtu_ = link::PathMtu(nic.max_datagram);
@@ -68,8 +69,6 @@ void Path::move_to(TimePoint now, const Nic& nic, const Address& address, bool t
   ecn_.moved();
   nic_ = nic;
   address_ = address;
-  validated_ = trusted;
-  bytes_in_ = bytes_out_ = 0;
   probes = {};
   begin(now);
 }
@@ -84,37 +83,35 @@ void Path::reset(TimePoint now) {
   begin(now);
 }
 
-bool Path::may_send(std::size_t size) const {
-  return validated_ || bytes_out_ + size <= kAmplification * bytes_in_;
+bool Path::may_challenge(TimePoint now) {
+  if (now < challenge_at_) return false;
+  challenge_at_ = now + kBetweenChallenges;
+  return true;
 }
 
 bool Path::usable() const {
   return estimator.path() == PathState::kOk || estimator.path() == PathState::kSuspect;
 }
 
-void Path::sent_feedback(TimePoint now, std::size_t bytes) {
-  bytes_out_ += bytes;
+void Path::sent_feedback(TimePoint now) {
   estimator.sent(now, false);
   probes.heartbeat_sent(now);
 }
 
-void Path::sent_data(TimePoint now, std::size_t bytes) {
-  bytes_out_ += bytes;
+void Path::sent_data(TimePoint now) {
   used_ = true;
   ecn_.sent(now);
   estimator.sent(now, true);
   probes.data_sent(now);
 }
 
-void Path::sent_probe(TimePoint now, std::size_t bytes, std::uint64_t number) {
+void Path::sent_probe(TimePoint now, std::uint64_t number) {
   train_newest_ = number;
-  bytes_out_ += bytes;
   ecn_.sent(now);
   estimator.sent(now, true);
 }
 
-void Path::sent_mtu_probe(TimePoint now, std::size_t bytes, std::uint64_t number) {
-  bytes_out_ += bytes;
+void Path::sent_mtu_probe(TimePoint now, std::uint64_t number) {
   ecn_.sent(now);
   estimator.sent(now, false);
   mtu_.probe_sent(now, number);
@@ -139,6 +136,7 @@ void Path::learn(TimePoint now, const wire::LinkReport& report,
   mtu_.packets_told(v.sizes);
   estimator.peer_sees(report.rate, report.loss / kLossUnit);
   peer_is_metered_ = report.metered;
+  may_measure_ = true;
 }
 
 void Path::control(TimePoint now, const wire::LinkReport& report,
@@ -185,18 +183,11 @@ void Path::refresh(TimePoint now, bool ready, DataRate needed) {
   probes.set_metered(nic_.traits.metered || peer_is_metered_);
   probes.set_rate(estimator.rate_evidence());
   probes.set_latched(estimator.path() == PathState::kLatched);
-  mtu_.set_ready(now, ready && validated_ && usable());
-  probes.set_ready(ready && validated_ && usable() && !mtu_.answer_is_near(now));
+  const bool may_measure = ready && may_measure_ && usable();
+  mtu_.set_ready(now, may_measure);
+  probes.set_ready(may_measure && !mtu_.answer_is_near(now));
   probes.set_sizes(wire::feedback_bytes(1) + kIpUdpBytes, datagram() + kIpUdpBytes);
   estimator.set_heartbeat(now, probes.heartbeat_interval(now));
-}
-
-bool Path::heartbeat_due(TimePoint now) {
-  if (!probes.heartbeat_due(now)) return false;
-  if (may_send(wire::feedback_bytes(1))) return true;
-  // This one is left out; the next one may be allowed.
-  probes.heartbeat_sent(now);
-  return false;
 }
 
 bool Path::may_copy(std::size_t ip_bytes) const {
@@ -219,9 +210,8 @@ bool Path::probe_due(TimePoint now) {
     const auto train = probes.train_due(now);
     if (!train) {
       if (!probes.proof_due(now)) return false;
-      // It counts as sent also where it may not leave; the next one may be allowed.
       probes.proof_sent(now);
-      return may_send(datagram());
+      return true;
     }
     probes.train_sent(now, train->packets);
     train_left_ = train->packets;
@@ -240,7 +230,7 @@ bool Path::probe_due(TimePoint now) {
 std::optional<std::size_t> Path::mtu_probe_due() const {
   // Where bytes are paid for, nobody searches for messages that may never come.
   const bool worthwhile = used_ || !(nic_.traits.metered || peer_is_metered_);
-  if (!worthwhile || !mtu_.probe_due() || !may_send(mtu_.probe_size())) return std::nullopt;
+  if (!worthwhile || !mtu_.probe_due()) return std::nullopt;
   return mtu_.probe_size();
 }
 

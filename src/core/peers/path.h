@@ -6,14 +6,15 @@
 // measuring is decided by link::ProbeSchedule; Path spaces the packets of a train that was decided
 // on, because that needs the size of datagrams and the operator's rate cap, which it alone knows.
 //
-// The peer's reports are not trusted: the estimators bound what they say, and an address that the
-// peer was not connected at gets no more than three times what came from it. Copies of feedback
-// take a small share of what messages have brought in (may_copy()), so a peer that sends much gets
-// little more. Constant memory. Pure; thread-compatible.
+// The peer's reports are not trusted: the estimators bound what they say. Its address was given to
+// us or is proved (AddressValidation), so that nobody is sent what another one has asked for.
+// Copies of feedback take a small share of what messages have brought in (may_copy()), so a peer
+// that sends much gets little more. Constant memory. Pure; thread-compatible.
 #pragma once
 
 #include <cstdint>
 #include <optional>
+#include <utility>
 
 #include "core/cc/share_control.h"
 #include "core/flow/receiver.h"
@@ -37,11 +38,12 @@ class Path {
     LinkTraits traits{};
   };
 
-  // `trusted`: the peer's address was given to us. Any other address gets no more than three times
-  // what it has sent until it has echoed our session (RFC 9000 §8.1).
-  Path(TimePoint now, LinkId id, const Nic& nic, const Address& address, bool trusted);
+  // `connected`: we have asked for this peer. Where it has asked for us, it measures first: nothing
+  // is sent to measure a path before the peer has told of it, and with that whether it pays for the
+  // bytes.
+  Path(TimePoint now, LinkId id, const Nic& nic, const Address& address, bool connected);
   // The same path over another NIC or to another address. What was learnt of it stays.
-  void move_to(TimePoint now, const Nic& nic, const Address& address, bool trusted);
+  void move_to(TimePoint now, const Nic& nic, const Address& address);
   // The peer has begun a new session: nothing that was learnt stays.
   void reset(TimePoint now);
 
@@ -52,23 +54,18 @@ class Path {
   std::size_t datagram() const { return mtu_.datagram(); }
   // The ECN bits of what is data-sized.
   std::uint8_t ecn_bits() const { return ecn_.bits(); }
-  // Whether a UDP payload of this size may leave, as far as the peer's address is trusted.
-  bool may_send(std::size_t size) const;
   // Whether messages may be sent on it, as far as its traffic shows.
   bool usable() const;
 
   // --- what happened
-  void received(std::size_t bytes) { bytes_in_ += bytes; }
   // A part of a message of the peer's, with its IP header.
   void received_message(TimePoint now, std::size_t ip_bytes);
-  // The peer has heard us on this path: its address is trusted from now on.
-  void echoed() { validated_ = true; }
-  void sent_feedback(TimePoint now, std::size_t bytes);
+  void sent_feedback(TimePoint now);
   // Beside sent_feedback(), where it was a copy of what another path has told, with its IP header.
   void sent_copy(std::size_t ip_bytes) { copy_credit_ -= static_cast<double>(ip_bytes); }
-  void sent_data(TimePoint now, std::size_t bytes);
-  void sent_probe(TimePoint now, std::size_t bytes, std::uint64_t number);
-  void sent_mtu_probe(TimePoint now, std::size_t bytes, std::uint64_t number);
+  void sent_data(TimePoint now);
+  void sent_probe(TimePoint now, std::uint64_t number);
+  void sent_mtu_probe(TimePoint now, std::uint64_t number);
   // The peer's report about this path, what the sender has concluded from it, and how the path was
   // used since the report before.
   void learn(TimePoint now, const wire::LinkReport& report, const flow::SentPackets::Verdicts& v,
@@ -82,9 +79,18 @@ class Path {
   // link::ProbeSchedule::set_needed().
   void refresh(TimePoint now, bool ready, DataRate needed);
 
+  // --- addresses
+  // A packet of the peer came from another address. Whether that may be challenged: not so soon
+  // again, since many packets come before the first challenge is answered.
+  bool may_challenge(TimePoint now);
+  // The peer wants to see this token before it believes our address.
+  void challenged(const wire::Token& token) { token_ = token; }
+  // The token that is owed; none after this call.
+  std::optional<wire::Token> take_token() { return std::exchange(token_, std::nullopt); }
+
   // --- what is due
   // Whether a heartbeat is due; send it before the next call.
-  bool heartbeat_due(TimePoint now);
+  bool heartbeat_due(TimePoint now) const { return probes.heartbeat_due(now); }
   // Whether a copy of feedback that leaves over another path, of so many bytes with its IP header,
   // may go over this one: where messages arrive, nobody pays for bytes, and it is no backup.
   bool may_copy(std::size_t ip_bytes) const;
@@ -121,12 +127,11 @@ class Path {
   link::PathEcn ecn_;
   Nic nic_;
   Address address_;
-  // The peer's address is trusted.
-  bool validated_ = false;
+  // We have asked for the peer, or it has told of this path.
+  bool may_measure_ = false;
   bool peer_is_metered_ = false;
-  // UDP payloads to and from this address.
-  std::uint64_t bytes_in_ = 0;
-  std::uint64_t bytes_out_ = 0;
+  std::optional<wire::Token> token_;
+  TimePoint challenge_at_ = TimePoint::min();
   // Bytes that copies of feedback may take, and when messages last brought some.
   double copy_credit_ = 0;
   std::optional<TimePoint> credited_at_;

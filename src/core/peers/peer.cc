@@ -56,7 +56,7 @@ const Path* Peer::find(LinkId path) const {
 void Peer::add_path(TimePoint now, LinkId id, const Path::Nic& nic, const Address& address) {
   if (Path* known = find(id)) {
     if (known->address() == address && known->nic().link == nic.link) return;
-    known->move_to(now, nic, address, identity_.connected);
+    known->move_to(now, nic, address);
   } else {
     if (paths_.size() >= wire::kMaxReports) return;
     paths_.emplace_back(now, id, nic, address, identity_.connected);
@@ -65,11 +65,28 @@ void Peer::add_path(TimePoint now, LinkId id, const Path::Nic& nic, const Addres
   refresh(now);
 }
 
+bool Peer::is_at(LinkId id, LinkId nic, const Address& address) const {
+  const Path* path = find(id);
+  return path != nullptr && path->nic().link == nic && path->address() == address;
+}
+
 void Peer::follow(TimePoint now, const wire::PacketHeader& header, const Path::Nic& nic,
                   const Address& address) {
   const Path* known = find(header.link);
   if (known != nullptr && header.number <= known->receiver.largest()) return;
   add_path(now, header.link, nic, address);
+}
+
+bool Peer::may_challenge(TimePoint now, const wire::PacketHeader& header) {
+  Path* path = find(header.link);
+  if (path == nullptr) return true;
+  return header.number > path->receiver.largest() && path->may_challenge(now);
+}
+
+bool Peer::challenged(LinkId id, LinkId nic, const Address& address, const wire::Token& token) {
+  if (!is_at(id, nic, address)) return false;
+  find(id)->challenged(token);
+  return true;
 }
 
 bool Peer::request_train(TimePoint now, LinkId id) {
@@ -125,8 +142,6 @@ Peer::Input Peer::handle(TimePoint now, const wire::Packet& packet, const Datagr
     return input;
   }
   Path& path = *find(packet.header.link);
-  // What others send in its name gives an address nothing.
-  if (path.address() == datagram.from) path.received(datagram.bytes.size());
   const bool is_feedback = packet.header.type == wire::PacketType::kFeedback;
   using Role = flow::PathReceiver::Role;
   const Role role = is_feedback                                      ? Role::kNone
@@ -162,7 +177,6 @@ void Peer::handle_feedback(TimePoint now, Path& path, const wire::Feedback& feed
   path.receiver.exchange(now, PeerTime{Duration{feedback.u}});
   // Else it is meant for an earlier session of ours, or the peer has not heard us.
   if (feedback.echo != identity_.self) return;
-  path.echoed();
   if (!ready_) input.became_ready = ready_ = true;
   settlements_.learn(feedback);
   sender_.set_windows((feedback.features & wire::kDecodesWindows) != 0);
@@ -300,11 +314,11 @@ std::size_t Peer::handle_timeout(TimePoint now) {
 std::optional<TimePoint> Peer::next_timeout(TimePoint now) const {
   auto next =
       earliest(sender_.next_timeout(), reassembler_.next_timeout(), windows_.next_timeout());
-  // Where it may not leave, only a packet of the peer or a path that comes back changes that.
+  // Where it may not leave, only a path that comes back changes that.
   if (feedback_.at() && reporter()) next = earliest(next, feedback_.at());
   for (const Path& path : paths_) {
     next = earliest(next, path.next_timeout(now));
-    if (path.may_send(kMaxDatagramBytes)) next = earliest(next, sender_.next_send(path.id()));
+    next = earliest(next, sender_.next_send(path.id()));
   }
   return next;
 }

@@ -37,7 +37,7 @@ class Peer {
     SessionId self{};
     // The peer's session; 0 until it is heard.
     SessionId session{};
-    // We have asked for this peer: its addresses were given to us and are trusted.
+    // We have asked for this peer: its addresses were given to us. Those of any other are proved.
     bool connected = false;
     // Lost pieces are sent again.
     bool repair = true;
@@ -49,11 +49,20 @@ class Peer {
 
   // Adds a path, or moves a known one there.
   void add_path(TimePoint now, LinkId path, const Path::Nic& nic, const Address& address);
-  // A packet of this path came in from there. The path is new, or it follows its peer, since
-  // translators of carriers change the port that a peer is seen at; but only for a packet that is
-  // newer than all before: one that was recorded and sent again from elsewhere moves nothing.
+  // Whether this path leads over this NIC to this address.
+  bool is_at(LinkId path, LinkId nic, const Address& address) const;
+  // A packet of this path came in from there, and the peer has proved that it is there. The path is
+  // new, or it follows its peer, since translators of carriers change the port that a peer is seen
+  // at; but only for a packet that is newer than all before: one that was recorded and sent again
+  // moves nothing.
   void follow(TimePoint now, const wire::PacketHeader& header, const Path::Nic& nic,
               const Address& address);
+  // Whether the other address that a packet of this path comes from may be challenged now: only for
+  // a packet that is newer than all before.
+  bool may_challenge(TimePoint now, const wire::PacketHeader& header);
+  // The peer wants to see this token before it believes the address that this path leaves from.
+  // False: the path does not lead to where the challenge came from.
+  bool challenged(LinkId path, LinkId nic, const Address& address, const wire::Token& token);
   // Measures the rate of a path now. False: there is no such path.
   bool request_train(TimePoint now, LinkId path);
   // Forgets the paths over this NIC; what they owed goes over the others.
@@ -205,6 +214,7 @@ class Peer {
                             std::uint64_t number) const;
   TransmitParts send_feedback(TimePoint now, Path& path, std::span<const Path> about,
                               std::span<std::byte> buffer);
+  std::optional<TransmitParts> poll_token(TimePoint now, std::span<std::byte> buffer);
   std::optional<TransmitParts> poll_copy(TimePoint now, std::span<std::byte> buffer);
   TransmitParts send_probe(TimePoint now, Path& path, std::span<std::byte> buffer);
   TransmitParts send_mtu_probe(TimePoint now, Path& path, std::size_t size,

@@ -15,7 +15,7 @@ wire::PacketHeader Peer::header(TimePoint now, const Path& path, wire::PacketTyp
 // The fastest path that may carry feedback about all paths; of those but `first`, over which the
 // same is told, the fastest that may carry a copy.
 const Path* Peer::reporter(const Path* first) const {
-  const std::size_t size = wire::feedback_bytes(paths_.size());
+  const std::size_t size = wire::feedback_bytes(paths_.size()) + kIpUdpBytes;
   const Path* best = nullptr;
   // A path whose delay is not known yet ranks behind those that were measured, and so does one that
   // is suspected.
@@ -25,8 +25,8 @@ const Path* Peer::reporter(const Path* first) const {
                      d > Duration::zero() ? d : Duration::max());
   };
   for (const Path& path : paths_) {
-    if (!path.estimator.up() || !path.may_send(size)) continue;
-    if (first != nullptr && (&path == first || !path.may_copy(size + kIpUdpBytes))) continue;
+    if (!path.estimator.up()) continue;
+    if (first != nullptr && (&path == first || !path.may_copy(size))) continue;
     if (best == nullptr || rank(path) < rank(*best)) best = &path;
   }
   return best;
@@ -39,16 +39,13 @@ TransmitParts Peer::send_feedback(TimePoint now, Path& path, std::span<const Pat
   feedback.echo = identity_.session;
   feedback.features = wire::kDecodesWindows;
   for (const Path& p : about) feedback.reports.push_back(p.report(now));
-  // An address that is not trusted yet may have room for the reports alone.
-  if (path.may_send(wire::feedback_bytes(about.size(), wire::kMaxComplete, wire::kMaxRefused))) {
-    const bool about_all = about.size() == paths_.size();
-    receipts_.tell(now, about_all, feedback);
-    if (about_all && receipts_.has_untold()) feedback_.again(now);
-  }
+  const bool about_all = about.size() == paths_.size();
+  receipts_.tell(now, about_all, feedback);
+  if (about_all && receipts_.has_untold()) feedback_.again(now);
   const std::uint64_t number = sender_.take_number(now, path.id());
   const std::size_t size = wire::write_feedback(
       buffer, header(now, path, wire::PacketType::kFeedback, number), feedback);
-  path.sent_feedback(now, size);
+  path.sent_feedback(now);
   return {path.nic().link, path.address(), size};
 }
 
@@ -57,13 +54,27 @@ TransmitParts Peer::send_feedback(TimePoint now, Path& path, std::span<const Pat
 std::optional<TransmitParts> Peer::poll_copy(TimePoint now, std::span<std::byte> buffer) {
   const auto link = std::exchange(copy_over_, std::nullopt);
   Path* path = link ? find(*link) : nullptr;
-  if (path == nullptr || !path->may_send(wire::feedback_bytes(paths_.size()))) return std::nullopt;
+  if (path == nullptr) return std::nullopt;
   const TransmitParts copy = send_feedback(now, *path, paths_, buffer);
   path->sent_copy(copy.size() + kIpUdpBytes);
   return copy;
 }
 
+// Before all else: until it is there the peer sends nothing to this address.
+std::optional<TransmitParts> Peer::poll_token(TimePoint now, std::span<std::byte> buffer) {
+  for (Path& path : paths_) {
+    const auto token = path.take_token();
+    if (!token) continue;
+    const std::uint64_t number = sender_.take_number(now, path.id());
+    const std::size_t size =
+        wire::write_token(buffer, header(now, path, wire::PacketType::kToken, number), *token);
+    return TransmitParts{path.nic().link, path.address(), size};
+  }
+  return std::nullopt;
+}
+
 std::optional<TransmitParts> Peer::poll_feedback(TimePoint now, std::span<std::byte> buffer) {
+  if (auto token = poll_token(now, buffer)) return token;
   if (auto copy = poll_copy(now, buffer)) return copy;
   const Path* over = feedback_.is_due(now) ? reporter() : nullptr;
   if (over != nullptr) {
@@ -83,7 +94,7 @@ TransmitParts Peer::send_probe(TimePoint now, Path& path, std::span<std::byte> b
   const std::size_t size = path.datagram();
   const std::uint64_t number = sender_.take_number(now, path.id(), size + kIpUdpBytes);
   wire::write_probe(buffer, header(now, path, wire::PacketType::kProbe, number), size);
-  path.sent_probe(now, size, number);
+  path.sent_probe(now, number);
   return {path.nic().link, path.address(), size, {}, 0, path.ecn_bits()};
 }
 
@@ -91,20 +102,19 @@ TransmitParts Peer::send_mtu_probe(TimePoint now, Path& path, std::size_t size,
                                    std::span<std::byte> buffer) {
   const std::uint64_t number = sender_.take_mtu_probe_number(now, path.id(), size + kIpUdpBytes);
   wire::write_probe(buffer, header(now, path, wire::PacketType::kProbe, number), size);
-  path.sent_mtu_probe(now, size, number);
+  path.sent_mtu_probe(now, number);
   return {path.nic().link, path.address(), size, {}, 0, path.ecn_bits()};
 }
 
 std::optional<TransmitParts> Peer::poll_data(TimePoint now, Path& path,
                                              std::span<std::byte> buffer) {
-  if (!path.may_send(kMaxDatagramBytes)) return std::nullopt;
   const auto piece = sender_.poll(now, path.id());
   if (!piece) return std::nullopt;
   if (piece->window != nullptr) {
     const std::size_t size =
         wire::write_window(buffer, header(now, path, wire::PacketType::kWindow, piece->number),
                            *piece->window, piece->bytes.payload);
-    path.sent_data(now, size);
+    path.sent_data(now);
     return TransmitParts{path.nic().link, path.address(), size, {}, 0, path.ecn_bits()};
   }
   const wire::DataEnds ends =
@@ -112,7 +122,7 @@ std::optional<TransmitParts> Peer::poll_data(TimePoint now, Path& path,
                             piece->fragment, piece->bytes.header);
   const TransmitParts parts{path.nic().link,      path.address(), ends.head,
                             piece->bytes.payload, ends.tail,      path.ecn_bits()};
-  path.sent_data(now, parts.size());
+  path.sent_data(now);
   return parts;
 }
 

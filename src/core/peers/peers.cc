@@ -17,10 +17,11 @@ constexpr std::size_t kMinDatagramBytes = 1280 - kIpv6UdpBytes;
 
 Peers::Peers(const Options& options)
     : options_(options),
-      directory_(options.seed),
+      directory_(options.secret.front()),
       reassembly_(options.reassembly_budget_bytes),
       sending_(options.send_budget_bytes),
-      reflector_(options.self) {}
+      reflector_(options.self),
+      validation_(options.self, options.secret) {}
 
 void Peers::add_link(LinkId link, const LinkInfo& info) {
   links_[link].info = info;
@@ -30,6 +31,7 @@ void Peers::add_link(LinkId link, const LinkInfo& info) {
 std::vector<PathChanged> Peers::remove_link(TimePoint now, LinkId link) {
   links_[link].present = false;
   reflector_.remove_link(link);
+  validation_.remove_link(link);
   std::vector<PathChanged> changes;
   for (const PeerId id : ids()) {
     Entry& entry = *entries_[by_id_.at(id)];
@@ -99,6 +101,7 @@ Peers::Entry& Peers::add(TimePoint now, SessionId session, bool connected) {
 void Peers::forget(Entry& entry) {
   const Key key = entry.key;
   --unannounced_;
+  lost_.push_back({entry.peer.identity().id, entry.peer.ready()});
   directory_.remove_session(entry.peer.identity().session, key);
   by_id_.erase(entry.peer.identity().id);
   alarms_.remove(key);
@@ -142,8 +145,10 @@ Peers::Received Peers::receive(TimePoint now, const Datagram& datagram) {
   bool is_served = false;
   if (packet->header.type == wire::PacketType::kEcho) {
     is_served = reflect(now, *packet, datagram);
+  } else if (packet->header.type == wire::PacketType::kChallenge) {
+    is_served = take_challenge(*packet, datagram);
   } else {
-    const Found found = whose(now, packet->header, datagram);
+    const Found found = whose(now, *packet, datagram);
     out.restarted = found.restarted;
     is_served = found.entry != nullptr;
     if (is_served) hand_over(now, *found.entry, *packet, datagram, out);
@@ -174,22 +179,29 @@ void Peers::hand_over(TimePoint now, Entry& entry, const wire::Packet& packet,
   account(entry);
 }
 
-Peers::Found Peers::whose(TimePoint now, const wire::PacketHeader& header,
-                          const Datagram& datagram) {
+Peers::Found Peers::whose(TimePoint now, const wire::Packet& packet, const Datagram& datagram) {
+  const wire::PacketHeader& header = packet.header;
   const auto link = links_.find(datagram.link);
   if (link == links_.end() || !link->second.present || header.session == options_.self ||
       directory_.is_retired(header.session)) {
     return {};
   }
   if (Entry* entry = by_session(header)) {
-    if (!entry->peer.identity().connected) {
-      entry->peer.follow(now, header, nic(datagram.link), datagram.from);
-    }
-    return {entry->peer.has_path(header.link) ? entry : nullptr, false};
+    return {is_there(now, *entry, packet, datagram) ? entry : nullptr, false};
   }
   // A new session begins with a packet that means something.
   if (!wire::is_used(header.type)) return {};
-  if (Entry* entry = by_address(header, datagram)) {
+  Entry* entry = by_address(header, datagram);
+  if (entry == nullptr && !options_.accept) return {};
+  // A peer that we connected to shows by repeating our session that it has heard us; anybody else
+  // could have asked for that from elsewhere.
+  const bool repeats_us = entry != nullptr && header.type == wire::PacketType::kFeedback &&
+                          packet.feedback.echo == options_.self;
+  if (!repeats_us && !is_token(now, packet, datagram)) {
+    validation_.challenge(now, header, datagram);
+    return {};
+  }
+  if (entry != nullptr) {
     const SessionId before = entry->peer.identity().session;
     directory_.retire(before);
     directory_.remove_session(before, entry->key);
@@ -199,6 +211,43 @@ Peers::Found Peers::whose(TimePoint now, const wire::PacketHeader& header,
     return {entry, before.value != 0};
   }
   return {accept(now, header, datagram), false};
+}
+
+bool Peers::is_token(TimePoint now, const wire::Packet& packet, const Datagram& datagram) const {
+  return packet.header.type == wire::PacketType::kToken &&
+         validation_.proves(now, packet.header, datagram, packet.token);
+}
+
+// Packets of a known path are taken wherever they come from; only the path stays where it was. So
+// nothing is lost while a peer proves its new address.
+bool Peers::is_there(TimePoint now, Entry& entry, const wire::Packet& packet,
+                     const Datagram& datagram) {
+  Peer& peer = entry.peer;
+  const LinkId path = packet.header.link;
+  const bool moved = !peer.identity().connected && !peer.is_at(path, datagram.link, datagram.from);
+  if (moved && is_token(now, packet, datagram)) {
+    peer.follow(now, packet.header, nic(datagram.link), datagram.from);
+  } else if (moved && peer.may_challenge(now, packet.header)) {
+    validation_.challenge(now, packet.header, datagram);
+  }
+  return peer.has_path(path);
+}
+
+// Whoever asks has to repeat our session, so that only those who receive what we send can make us
+// answer.
+bool Peers::take_challenge(const wire::Packet& packet, const Datagram& datagram) {
+  if (packet.challenge.echo != options_.self) return false;
+  bool is_ours = false;
+  directory_.for_each(datagram.link, datagram.from, [&](Key key) {
+    Entry& entry = *entries_[key];
+    if (!entry.peer.challenged(packet.header.link, datagram.link, datagram.from,
+                               packet.challenge.token)) {
+      return;
+    }
+    touch(entry);
+    is_ours = true;
+  });
+  return is_ours;
 }
 
 // The peer of this session. Of several it is the first that came unannounced or has the path: we
@@ -228,16 +277,66 @@ Peers::Entry* Peers::by_address(const wire::PacketHeader& header, const Datagram
 
 Peers::Entry* Peers::accept(TimePoint now, const wire::PacketHeader& header,
                             const Datagram& datagram) {
-  if (!options_.accept || unannounced_ >= options_.max_unannounced) return nullptr;
+  if (!options_.accept) return nullptr;
+  if (unannounced_ >= options_.max_unannounced && !make_room(now, datagram.from)) return nullptr;
   Entry& entry = add(now, header.session, false);
+  entry.first_seen_at = datagram.from;
   entry.peer.add_path(now, header.link, nic(datagram.link), datagram.from);
   return &entry;
 }
 
+// Takes the place of a peer away, for one that comes from there. First go those that have never
+// heard us, of which whoever answers challenges alone may have many; then who was silent for
+// kPeerPause; then the youngest of a network, or a host, that has two places more than the
+// newcomer's would have without one. So whoever takes many places makes room for those who take
+// few, and not the other way round.
+bool Peers::make_room(TimePoint now, const Address& from) {
+  std::map<Network, std::size_t> places;
+  for (const auto& [id, key] : by_id_) {
+    const Entry& entry = *entries_[key];
+    if (entry.peer.identity().connected) continue;
+    ++places[network_of(entry.first_seen_at)];
+    ++places[host_of(entry.first_seen_at)];
+  }
+  using Crowd = std::pair<std::size_t, std::size_t>;
+  const auto crowd = [&](const Address& at) {
+    return Crowd{places[network_of(at)], places[host_of(at)]};
+  };
+  const Crowd own = crowd(from);
+  // What counts more comes first: the kind of reason, how strong it is, and which of those that are
+  // alike otherwise.
+  using Reason = std::tuple<int, Crowd, std::int64_t>;
+  std::optional<std::pair<Reason, Entry*>> best;
+  for (const auto& [id, key] : by_id_) {
+    Entry& entry = *entries_[key];
+    const Peer& peer = entry.peer;
+    if (peer.identity().connected) continue;
+    const Crowd of = crowd(entry.first_seen_at);
+    const auto age = std::int64_t{id.value};
+    Reason reason;
+    if (!peer.ready()) {
+      reason = {3, of, -age};
+    } else if (now - peer.heard_at() >= kPeerPause) {
+      reason = {2, {}, (now - peer.heard_at()).count()};
+    } else if (of.first >= own.first + 2 || of.second >= own.second + 2) {
+      reason = {1, of, age};
+    } else {
+      continue;
+    }
+    if (!best || reason > best->first) best = {reason, &entry};
+  }
+  if (!best) return false;
+  forget(*best->second);
+  return true;
+}
+
 bool Peers::reflect(TimePoint now, const wire::Packet& packet, const Datagram& datagram) {
   const auto link = links_.find(datagram.link);
-  return options_.accept && link != links_.end() && link->second.present &&
-         reflector_.take(now, packet, datagram);
+  if (!options_.accept || link == links_.end() || !link->second.present) return false;
+  const EchoReflector::Asker asker{
+      validation_.proves(now, packet.header, datagram, packet.echo.token),
+      validation_.token(now, packet.header, datagram)};
+  return reflector_.take(now, packet, datagram, asker);
 }
 
 Peer* Peers::find(TimePoint now, std::optional<PeerId> id) {
@@ -318,7 +417,6 @@ Peers::Expired Peers::handle_timeout(TimePoint now) {
         !peer.identity().connected && (now - peer.heard_at() >= kPeerSilence || peer.gone());
     if (silent) {
       // Not retired: a vehicle that was out of reach for long comes back with the same session.
-      expired.lost.push_back(peer.identity().id);
       forget(entry);
     } else {
       touch(entry);
@@ -336,6 +434,9 @@ std::optional<TimePoint> Peers::next_timeout(TimePoint now) const {
 std::optional<TransmitParts> Peers::poll(TimePoint now, std::span<std::byte> buffer) {
   if (const auto echo = reflector_.poll(now, buffer)) {
     return count({echo->link, echo->to, echo->size});
+  }
+  if (const auto challenge = validation_.poll(buffer)) {
+    return count({challenge->link, challenge->to, challenge->size});
   }
   while (const auto key = turns_.feedback()) {
     Entry& entry = *entries_[*key];
@@ -364,6 +465,13 @@ TransmitParts Peers::count(const TransmitParts& transmit) {
   ++sent.sent_packets;
   sent.sent_bytes += transmit.size();
   return transmit;
+}
+
+std::optional<Peers::Lost> Peers::poll_lost() {
+  if (lost_.empty()) return std::nullopt;
+  const Lost lost = lost_.front();
+  lost_.pop_front();
+  return lost;
 }
 
 std::vector<PeerId> Peers::ids() const {

@@ -8,12 +8,16 @@
 //
 // Owned and fed by Endpoint. Anybody may send to its ports, so the datagrams are any bytes: those
 // that are malformed or of nobody that is served are counted and dropped. Unannounced peers are
-// accepted only where the options say so, and at most max_unannounced of them; an address that was
-// not given to us gets at most three times what it sends (Path). Sessions are not authenticated:
-// who knows the session of a peer can send in its name, but not move its paths with what the peer
-// itself has sent before. Pure; thread-compatible.
+// accepted only where the options say so, at most max_unannounced of them, and only at addresses
+// that are proved (AddressValidation): until then an address costs no memory and gets nothing but
+// challenges. Where all places are taken, whoever holds the most of them without use makes room
+// (make_room()). A peer that we connected to begins a new session only with a packet that shows
+// that it has heard us. Sessions are not authenticated: who knows those of both sides can send in
+// their names, but neither move a path to where it does not receive nor join from there. Pure;
+// thread-compatible.
 #pragma once
 
+#include <deque>
 #include <map>
 #include <memory>
 #include <optional>
@@ -24,6 +28,7 @@
 
 #include "core/base/alarms.h"
 #include "core/base/shared_memory.h"
+#include "core/peers/address_validation.h"
 #include "core/peers/directory.h"
 #include "core/peers/peer.h"
 #include "core/peers/turns.h"
@@ -35,6 +40,9 @@ namespace interneuron {
 // An unannounced peer that was silent for this long is forgotten; its reference times are forgotten
 // after the same time (docs/paper.md, "Clock steps").
 inline constexpr Duration kPeerSilence = std::chrono::seconds(60);
+// One that was silent for this long makes room for another one where there is no room: longer than
+// the rarest heartbeats are apart (link::ProbeSchedule::kMeteredHeartbeat).
+inline constexpr Duration kPeerPause = std::chrono::seconds(15);
 
 class Peers {
  public:
@@ -49,8 +57,8 @@ class Peers {
     // When this endpoint began its session.
     TimePoint started{};
     PeerLimits limits = {};
-    // Drawn at random and told to nobody; see Directory.
-    std::uint64_t seed = 0;
+    // Drawn at random and told to nobody; see Directory and AddressValidation.
+    Secret secret{};
     // What incomplete messages of all peers may hold, in bytes.
     std::size_t reassembly_budget_bytes = 0;
     // What messages under way to all peers may hold, in bytes.
@@ -70,7 +78,7 @@ class Peers {
 
   struct Received {
     // nullptr where there is nothing more to do: the datagram was malformed, was refused, or was an
-    // echo, which is answered by the next poll().
+    // echo or a challenge, which are answered by the next poll().
     Peer* peer = nullptr;
     // The datagram follows this other version of the format.
     std::optional<std::uint8_t> other_version;
@@ -78,8 +86,8 @@ class Peers {
     bool restarted = false;
     Peer::Input input;
   };
-  // Parses a datagram, finds whose it is (adds, rebinds or restarts peers as it demands), hands it
-  // to that peer, and counts it. Any bytes may come.
+  // Parses a datagram, finds whose it is (adds, moves or restarts peers as it demands, or queues a
+  // challenge), hands it to that peer, and counts it. Any bytes may come.
   Received receive(TimePoint now, const Datagram& datagram);
 
   // What pieces that receive() has given to this peer's windows tell of others; ask until nothing
@@ -102,15 +110,22 @@ class Peers {
   struct Expired {
     // How many incomplete messages were given up.
     std::size_t messages = 0;
-    // Unannounced peers that were silent for kPeerSilence or have no path left: they are forgotten.
-    std::vector<PeerId> lost;
     std::vector<PathChanged> changes;
   };
   // Does what is due at or before `now`, peer by peer in the order of their deadlines.
   Expired handle_timeout(TimePoint now);
   std::optional<TimePoint> next_timeout(TimePoint now) const;
+  struct Lost {
+    PeerId id{};
+    // The application was told that it is ready.
+    bool was_ready = false;
+  };
+  // Unannounced peers that are forgotten: they were silent for kPeerSilence, have no path left or
+  // made room for another one. Ask until nothing comes.
+  std::optional<Lost> poll_lost();
   // Writes the next datagram that may leave now into `buffer` of at least kMaxDatagramBytes: what
-  // answers echoes, then feedback, then data and probes in turns.
+  // answers echoes and asks addresses to prove themselves, then feedback, then data and probes in
+  // turns.
   std::optional<TransmitParts> poll(TimePoint now, std::span<std::byte> buffer);
 
   std::vector<PeerId> ids() const;
@@ -136,6 +151,8 @@ class Peers {
   struct Entry {
     Entry(Key k, const Peer::Identity& identity, TimePoint now) : key(k), peer(identity, now) {}
     Key key = 0;
+    // Of an unannounced peer: where its first packet came from.
+    Address first_seen_at{};
     // Something has happened since the peer's alarm was set.
     bool touched = false;
     // What reassembly_ and sending_ know that the peer holds.
@@ -150,13 +167,21 @@ class Peers {
   void hand_over(TimePoint now, Entry& entry, const wire::Packet& packet, const Datagram& datagram,
                  Received& out);
   // Whose packet this is; nobody's where it is to be refused.
-  Found whose(TimePoint now, const wire::PacketHeader& header, const Datagram& datagram);
+  Found whose(TimePoint now, const wire::Packet& packet, const Datagram& datagram);
   Entry* by_session(const wire::PacketHeader& header);
   Entry* by_address(const wire::PacketHeader& header, const Datagram& datagram);
+  // Whether this packet proves the address that it comes from.
+  bool is_token(TimePoint now, const wire::Packet& packet, const Datagram& datagram) const;
+  // Whether the packet comes from where the peer is known to be, or to where it has moved, which it
+  // has to prove first.
+  bool is_there(TimePoint now, Entry& entry, const wire::Packet& packet, const Datagram& datagram);
+  // A peer that we have connected to asks us to prove our address. False where it is refused.
+  bool take_challenge(const wire::Packet& packet, const Datagram& datagram);
   // Answers an echo, if peers may come unannounced. False where it is refused.
   bool reflect(TimePoint now, const wire::Packet& packet, const Datagram& datagram);
   Entry& add(TimePoint now, SessionId session, bool connected);
   Entry* accept(TimePoint now, const wire::PacketHeader& header, const Datagram& datagram);
+  bool make_room(TimePoint now, const Address& from);
   void forget(Entry& entry);
   // Adds the addresses of a peer that we connect to, or takes them away while its paths change.
   void list_addresses(const Entry& entry);
@@ -191,6 +216,8 @@ class Peers {
   std::vector<Key> touched_;
   std::vector<Key> due_;
   EchoReflector reflector_;
+  AddressValidation validation_;
+  std::deque<Lost> lost_;
   std::uint32_t next_ = 1;
 };
 

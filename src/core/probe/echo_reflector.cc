@@ -41,7 +41,8 @@ bool EchoReflector::may_hold(const Path& path) const {
                        kMaxHeldTrains);
 }
 
-bool EchoReflector::take(TimePoint now, const wire::Packet& packet, const Datagram& datagram) {
+bool EchoReflector::take(TimePoint now, const wire::Packet& packet, const Datagram& datagram,
+                         const Asker& asker) {
   const wire::Echo& request = packet.echo;
   if (request.is_reply || packet.header.session == self_) return false;
   if (probe::sender_port(datagram.from) == wire::kStampPort) return false;
@@ -53,17 +54,18 @@ bool EchoReflector::take(TimePoint now, const wire::Packet& packet, const Datagr
 
   Reply reply{path.nic, path.from, path.link, request, datagram.bytes.size()};
   reply.echo.is_reply = true;
+  reply.echo.token = asker.token;
   reply.echo.reply = wire::stamp_reply_to(request.request, 0);
   reply.echo.reply.sequence = sequence;
   reply.echo.reply.received = stamp_time(now);
 
   // The next train says that the one before is over.
   if (request.train != path.train) release(path);
-  if (request.delay > 0 && delayed_.size() < kMaxDelayed) {
+  if (asker.is_proved && request.delay > 0 && delayed_.size() < kMaxDelayed) {
     delayed_.emplace(now + std::chrono::seconds(request.delay), std::move(reply));
     return true;
   }
-  if (!request.hold || !may_hold(path)) {
+  if (!asker.is_proved || !request.hold || !may_hold(path)) {
     ready_.push_back(std::move(reply));
     return true;
   }

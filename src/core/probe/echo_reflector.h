@@ -8,10 +8,11 @@
 // Requests are not authenticated, so anybody may send them from a forged address. An attacker gains
 // no amplification, because a reply is as large as its request and there is one per request. No
 // source gets more than AnswerLimit lets it have. Neither replies nor what comes from the port of
-// STAMP (862) is answered, so that no two reflectors answer each other. He
-// learns this host's monotonic clock and how many of his requests arrived. Asking makes nobody a
-// peer and costs memory only up to the bounds below; a flood of senders pushes out the counts of
-// the paths that were silent for longest, and a flood of requests takes the place of others'.
+// STAMP (862) is answered, so that no two reflectors answer each other. Replies are held or delayed
+// only for addresses that are proved, so that nobody saves up replies for another one. He learns
+// this host's monotonic clock and how many of his requests arrived. Asking makes nobody a peer and
+// costs memory only up to the bounds below; a flood of senders pushes out the counts of the paths
+// that were silent for longest, and a flood of requests takes the place of others'.
 //
 // Pure; thread-compatible; never throws.
 #pragma once
@@ -52,10 +53,17 @@ class EchoReflector {
 
   explicit EchoReflector(SessionId self) : self_(self) {}
 
+  struct Asker {
+    // The request's token proves its address.
+    bool is_proved = false;
+    // What its next request is to bring.
+    wire::Token token{};
+  };
   // Queues the reply to `packet`, an echo that came in as `datagram`. False when it is not
   // answered: it is a reply, it carries our own session (our packet came back), it comes from the
   // port of STAMP, its source has had all answers that it may have, or there is no room.
-  bool take(TimePoint now, const wire::Packet& packet, const Datagram& datagram);
+  bool take(TimePoint now, const wire::Packet& packet, const Datagram& datagram,
+            const Asker& asker);
   // Forgets the paths of this NIC and the replies that would leave over it.
   void remove_link(LinkId nic);
 

@@ -53,6 +53,7 @@ std::size_t Measurement::write(TimePoint now, Purpose purpose, std::span<std::by
   if (options_.format == Format::kStamp) return wire::write_stamp_request(buffer, request, size);
   wire::Echo echo;
   echo.request = request;
+  echo.token = token_;
   if (in_train) {
     echo.hold = true;
     echo.train = train_;
@@ -180,14 +181,14 @@ std::optional<Measurement::Parsed> Measurement::parse(ByteView datagram) const {
   if (options_.format == Format::kStamp) {
     const auto reply = wire::parse_stamp_reply(datagram);
     if (!reply) return std::nullopt;
-    return Parsed{*reply, false};
+    return Parsed{*reply, {}, false};
   }
   const auto packet = wire::parse(datagram);
   if (!packet || packet->header.type != wire::PacketType::kEcho || !packet->echo.is_reply ||
       packet->header.link != options_.link) {
     return std::nullopt;
   }
-  return Parsed{packet->echo.reply, packet->echo.hold};
+  return Parsed{packet->echo.reply, packet->echo.token, packet->echo.hold};
 }
 
 // t2 - t1. The two clocks have an unknown offset and perhaps different epochs, so both instants are
@@ -231,6 +232,7 @@ std::optional<Reply> Measurement::handle(TimePoint received, ByteView datagram) 
     if (counted_twice_.size() < kMaxPings) counted_twice_.push_back(reply->sequence);
     return std::nullopt;
   }
+  token_ = parsed->token;
   note_times(packet, *reply, received);
   if (packet.purpose == Purpose::kTrain) {
     if (reply->request_sequence >= train_first_) {

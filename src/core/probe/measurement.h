@@ -104,6 +104,7 @@ class Measurement {
   enum class Phase { kPings, kTrain, kClosing, kDone };
   struct Parsed {
     wire::StampReply reply;
+    wire::Token token{};
     bool held = false;
   };
 
@@ -138,6 +139,8 @@ class Measurement {
   std::size_t duplicates_ = 0;
   // The reflector's numbers of duplicates, at most kMaxPings of them.
   std::vector<std::uint32_t> counted_twice_;
+  // What the newest reply asks the next echo to bring, so that trains are held.
+  wire::Token token_{};
   std::optional<wire::StampTime> reflector_start_;
   // The reflector gave a number that was not the request's, so it counts what it receives.
   bool differs_ = false;

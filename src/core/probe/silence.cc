@@ -73,6 +73,7 @@ std::optional<SilenceTest::Sending> SilenceTest::poll(TimePoint now, std::span<s
     if (is_over(flow) || now < flow.next_at || !advance(now, flow)) continue;
     wire::Echo echo;
     if (flow.phase == Phase::kSilent) echo.delay = static_cast<std::uint8_t>(flow.silence.count());
+    echo.token = flow.token;
     echo.request.sequence = static_cast<std::uint32_t>(flow.requests.size());
     echo.request.sent = wire::to_stamp_time(now.time_since_epoch());
     flow.requests.push_back({.at = now});
@@ -92,6 +93,7 @@ void SilenceTest::handle(TimePoint received, std::size_t index, ByteView datagra
   Request& request = flow.requests[reply.request_sequence];
   if (reply.request_sent != wire::to_stamp_time(request.at.time_since_epoch())) return;
   request.answered = true;
+  flow.token = packet->echo.token;
   const bool is_last = reply.request_sequence + 1 == flow.requests.size();
   if (flow.phase != Phase::kSilent || !is_last) return;
   flow.phase =

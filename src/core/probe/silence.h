@@ -17,6 +17,7 @@
 #include <span>
 #include <vector>
 
+#include "core/wire/packet.h"
 #include "interneuron/time.h"
 #include "interneuron/units.h"
 
@@ -89,6 +90,8 @@ class SilenceTest {
     Silence silence{};
     TimePoint next_at;
     Phase phase = Phase::kOpening;
+    // What the newest reply asks the next request to bring, so that its reply is delayed.
+    wire::Token token{};
     // Indexed by sequence number.
     std::vector<Request> requests;
   };

@@ -183,7 +183,16 @@ std::optional<Echo> get_echo(Reader& r) {
     if (!request) return std::nullopt;
     e.request = *request;
   }
+  for (std::byte& byte : e.token) byte = std::byte{r.get<std::uint8_t>()};
+  if (!r.ok()) return std::nullopt;
   return e;
+}
+
+bool get_token(Reader& r, Token& token) {
+  const ByteView bytes = r.rest();
+  if (!r.ok() || bytes.size() != token.size()) return false;
+  std::ranges::copy(bytes, token.begin());
+  return true;
 }
 
 bool is_zero(ByteView bytes) {
@@ -232,6 +241,13 @@ std::optional<Packet> parse(ByteView datagram) {
       packet.window = *window;
       return parsed;
     }
+    case PacketType::kChallenge:
+      packet.challenge.echo = SessionId{r.get<std::uint32_t>()};
+      if (!get_token(r, packet.challenge.token)) return std::nullopt;
+      return parsed;
+    case PacketType::kToken:
+      if (!get_token(r, packet.token)) return std::nullopt;
+      return parsed;
     // What pads a probe, and the body of a type that is not used, is not read.
     case PacketType::kProbe:
     case PacketType::kHandshake:
@@ -329,7 +345,24 @@ std::size_t write_echo(std::span<std::byte> out, const PacketHeader& header, con
   } else {
     put_stamp(w, echo.request);
   }
+  w.put_bytes(echo.token);
   w.put_zeros(std::max(size, kEchoBytes) - kEchoBytes);
+  return finish(w);
+}
+
+std::size_t write_challenge(std::span<std::byte> out, const PacketHeader& header,
+                            const Challenge& challenge) {
+  Writer w(out);
+  put_header(w, header);
+  w.put(challenge.echo.value);
+  w.put_bytes(challenge.token);
+  return finish(w);
+}
+
+std::size_t write_token(std::span<std::byte> out, const PacketHeader& header, const Token& token) {
+  Writer w(out);
+  put_header(w, header);
+  w.put_bytes(token);
   return finish(w);
 }
 

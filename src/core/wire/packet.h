@@ -31,7 +31,7 @@ namespace interneuron::wire {
 // alone there.
 inline constexpr std::uint8_t kVersion = 2;
 
-// Types 7 … 15 are not used.
+// Types 9 … 15 are not used.
 enum class PacketType : std::uint8_t {
   kData = 1,
   kFeedback = 2,
@@ -40,10 +40,12 @@ enum class PacketType : std::uint8_t {
   // Kept for the agreement on keys.
   kHandshake = 5,
   kWindow = 6,
+  kChallenge = 7,
+  kToken = 8,
 };
 // Whether packets of this type mean something to this version.
 constexpr bool is_used(PacketType type) {
-  return type >= PacketType::kData && type <= PacketType::kWindow && type != PacketType::kHandshake;
+  return type >= PacketType::kData && type <= PacketType::kToken && type != PacketType::kHandshake;
 }
 
 inline constexpr std::size_t kHeaderBytes = 20;
@@ -210,10 +212,15 @@ struct Data {
   ByteView bytes;
 };
 
+// What proves that whoever asks receives what is sent to the address that it asks from: bytes that
+// only the side that made them can tell from others (core/peers/address_validation.h).
+inline constexpr std::size_t kTokenBytes = 16;
+using Token = std::array<std::byte, kTokenBytes>;
+
 // What `interneuron probe` measures with: a STAMP test packet (RFC 8762) in our own envelope, so
 // that a roadside unit answers on its normal port. The answer has the size of the request.
 inline constexpr std::size_t kMaxEchoTrain = 256;
-inline constexpr std::size_t kEchoBytes = kPacketOverhead + 8 + kStampBytes;
+inline constexpr std::size_t kEchoBytes = kPacketOverhead + 8 + kStampBytes + kTokenBytes;
 
 struct Echo {
   bool is_reply = false;
@@ -230,6 +237,18 @@ struct Echo {
   // Only the one that is_reply names has a meaning.
   StampRequest request;
   StampReply reply;
+  // Of a reply: what proves the address that it goes to. Of a request: that of a reply to an
+  // earlier one, without which nothing is held or delayed.
+  Token token{};
+};
+
+// The answer to a packet from an address that is not proved. It has the path and the number of that
+// packet, and is none of the sender's numbered packets.
+struct Challenge {
+  // The session of the packet that is answered.
+  SessionId echo{};
+  Token token{};
+  friend bool operator==(const Challenge&, const Challenge&) = default;
 };
 
 struct Packet {
@@ -240,6 +259,9 @@ struct Packet {
   Feedback feedback;
   Echo echo;
   Window window;
+  Challenge challenge;
+  // Of a packet of type kToken.
+  Token token{};
 };
 
 // The packet that these bytes are, or nothing if they are malformed.
@@ -271,5 +293,8 @@ std::size_t write_probe(std::span<std::byte> out, const PacketHeader& header, st
 // Padded to `size` bytes, at least kEchoBytes.
 std::size_t write_echo(std::span<std::byte> out, const PacketHeader& header, const Echo& echo,
                        std::size_t size);
+std::size_t write_challenge(std::span<std::byte> out, const PacketHeader& header,
+                            const Challenge& challenge);
+std::size_t write_token(std::span<std::byte> out, const PacketHeader& header, const Token& token);
 
 }  // namespace interneuron::wire

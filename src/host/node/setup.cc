@@ -113,7 +113,7 @@ EndpointOptions endpoint_options(const NodeOptions& options) {
   EndpointOptions out;
   std::random_device random;
   while (out.session.value == 0) out.session.value = random();
-  out.hash_seed = std::uint64_t{random()} << 32U | random();
+  for (std::uint64_t& word : out.secret) word = std::uint64_t{random()} << 32U | random();
   out.pipelines = options.pipelines;
   out.policies = options.policies.empty() ? builtin_policies() : options.policies;
   out.accept_peers = options.accept_peers;

@@ -23,8 +23,9 @@ struct Question {
   std::uint8_t delay = 0;
 };
 
-Bytes bytes_of(const Question& q) {
+Bytes bytes_of(const Question& q, const wire::Token& token = {}) {
   wire::Echo echo;
+  echo.token = token;
   echo.train = q.train;
   echo.index = q.index;
   echo.count = q.count;
@@ -42,9 +43,10 @@ Bytes bytes_of(const Question& q) {
 
 class Reflecting : public testing::Test {
  protected:
+  EchoReflector::Asker asker_{true, {std::byte{7}}};
   bool ask(const Question& q) {
     const Bytes bytes = bytes_of(q);
-    return reflector_.take(now_, *wire::parse(bytes), {kNic, address_of(q.from), bytes});
+    return reflector_.take(now_, *wire::parse(bytes), {kNic, address_of(q.from), bytes}, asker_);
   }
   struct Answer {
     Transmit transmit;
@@ -95,9 +97,9 @@ TEST_F(Reflecting, WhatComesFromThePortOfStampIsNotAnswered) {
   stamp.size = 16;
   stamp.raw[2] = std::byte{862 >> 8};
   stamp.raw[3] = std::byte{862 & 0xff};
-  EXPECT_FALSE(reflector_.take(now_, *wire::parse(bytes), {kNic, stamp, bytes}));
+  EXPECT_FALSE(reflector_.take(now_, *wire::parse(bytes), {kNic, stamp, bytes}, {}));
   stamp.raw[3] = std::byte{863 & 0xff};
-  EXPECT_TRUE(reflector_.take(now_, *wire::parse(bytes), {kNic, stamp, bytes}));
+  EXPECT_TRUE(reflector_.take(now_, *wire::parse(bytes), {kNic, stamp, bytes}, {}));
 }
 
 TEST_F(Reflecting, OneSourceGetsNoMoreThanItsShareAndOthersGetTheirs) {
@@ -252,7 +254,7 @@ TEST_F(Reflecting, RepliesAreNotAnswered) {
   Bytes bytes(200);
   bytes.resize(wire::write_echo(
       bytes, {wire::PacketType::kEcho, LinkId{1}, wire::kClearEpoch, SessionId{1}, 1}, echo, 0));
-  EXPECT_FALSE(reflector_.take(now_, *wire::parse(bytes), {kNic, address_of(9), bytes}));
+  EXPECT_FALSE(reflector_.take(now_, *wire::parse(bytes), {kNic, address_of(9), bytes}, {}));
   EXPECT_TRUE(answers().empty());
 }
 
@@ -275,6 +277,16 @@ std::size_t answers_of(Endpoint& endpoint, TimePoint now, const Bytes& bytes) {
   return count;
 }
 
+// What an echo that is answered at once brings back.
+wire::Token token_from(Endpoint& endpoint, TimePoint now, const Question& question) {
+  const Bytes bytes = bytes_of(question);
+  endpoint.handle_datagram(now, {kFast, address_of(9), bytes});
+  std::array<std::byte, kMaxDatagramBytes> buffer;
+  const auto transmit = endpoint.poll_transmit(now, buffer);
+  const auto reply = wire::parse(ByteView(buffer).first(transmit ? transmit->size : 0));
+  return reply ? reply->echo.token : wire::Token{};
+}
+
 TEST(EchoOfAnEndpoint, IsAnsweredByWhoServesAnybodyAndMakesNoPeer) {
   const TimePoint now{1s};
   for (const bool serves : {true, false}) {
@@ -294,7 +306,8 @@ TEST(EchoOfAnEndpoint, ALaterReplyWakesItUp) {
   const TimePoint now{1s};
   Endpoint endpoint(options_of(0xcafe0002), now);
   endpoint.add_link(now, kFast, {"nic", 1500});
-  EXPECT_EQ(answers_of(endpoint, now, bytes_of({.delay = 3})), 0U);
+  const Question question{.delay = 3};
+  EXPECT_EQ(answers_of(endpoint, now, bytes_of(question, token_from(endpoint, now, {}))), 0U);
   ASSERT_EQ(endpoint.next_timeout(), now + 3s);
   endpoint.handle_timeout(now + 3s);
   std::array<std::byte, kMaxDatagramBytes> buffer;
@@ -305,12 +318,30 @@ TEST(EchoOfAnEndpoint, AHeldTrainWakesItUp) {
   const TimePoint now{1s};
   Endpoint endpoint(options_of(0xcafe0002), now);
   endpoint.add_link(now, kFast, {"nic", 1500});
-  EXPECT_EQ(answers_of(endpoint, now, bytes_of({.train = 1, .index = 0, .count = 5, .hold = true})),
-            0U);
+  const Question question{.train = 1, .index = 0, .count = 5, .hold = true};
+  EXPECT_EQ(answers_of(endpoint, now, bytes_of(question, token_from(endpoint, now, {}))), 0U);
   ASSERT_EQ(endpoint.next_timeout(), now + EchoReflector::kHold);
   endpoint.handle_timeout(now + EchoReflector::kHold);
   std::array<std::byte, kMaxDatagramBytes> buffer;
   EXPECT_TRUE(endpoint.poll_transmit(now + EchoReflector::kHold, buffer));
+}
+
+// Who does not prove its address is answered at once, and told how to prove it.
+TEST_F(Reflecting, HoldsAndDelaysForNobodyWhoseAddressIsNotProved) {
+  asker_ = {false, {std::byte{9}}};
+  Question held;
+  held.train = 1;
+  held.count = 3;
+  held.hold = true;
+  Question delayed;
+  delayed.delay = 5;
+  for (const Question& q : {held, delayed}) {
+    EXPECT_TRUE(ask(q));
+    const auto out = answers();
+    ASSERT_EQ(out.size(), 1U);
+    EXPECT_EQ(out.front().echo.token, asker_.token);
+    EXPECT_FALSE(reflector_.next_timeout());
+  }
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// When packets are reported, and what becomes of a report that may not leave.
+// When packets are reported.
 #include "core/peers/feedback_due.h"
 
 #include <gtest/gtest.h>
@@ -53,41 +53,6 @@ TEST(FeedbackDue, AtOnceWhenABurstCompletesAMessage) {
   due.arrived(at(0s), false);
   due.completed(at(0s));
   EXPECT_TRUE(due.is_due(at(0s)));
-}
-
-// The smallest packet that is served: three of them pay for a feedback to an address that is not
-// trusted yet, and one does not.
-TEST(FeedbackDue, StaysDueWhileTheAddressMayNotGetIt) {
-  Endpoint road(options_of(2), at(0s));
-  road.add_link(at(0s), kFast, {"nic", 1500});
-  std::array<std::byte, kMaxDatagramBytes> out;
-  const auto hear = [&](TimePoint now, std::uint64_t number) {
-    std::array<std::byte, wire::kPacketOverhead> packet;
-    wire::write_probe(packet,
-                      {wire::PacketType::kProbe, kFast, wire::kClearEpoch, SessionId{1}, number, 0},
-                      packet.size());
-    road.handle_datagram(now, {kFast, address_of(0), packet});
-  };
-  const auto sent = [&](TimePoint now) {
-    road.handle_timeout(now);
-    std::optional<wire::Packet> packet;
-    while (const auto t = road.poll_transmit(now, out)) {
-      packet = wire::parse(std::span(out).first(t->size));
-    }
-    return packet;
-  };
-  constexpr std::size_t kNeeded =
-      (wire::feedback_bytes(1) + 3 * wire::kPacketOverhead - 1) / (3 * wire::kPacketOverhead);
-  ASSERT_GT(kNeeded, 1U);
-  for (std::uint64_t n = 1; n < kNeeded; ++n) hear(at(0s), n);
-  EXPECT_FALSE(sent(at(0s)));
-  EXPECT_FALSE(sent(at(6ms)));
-  // It is due, and waits for nothing that time brings.
-  EXPECT_GT(*road.next_timeout(), at(6ms));
-  hear(at(7ms), kNeeded);
-  const auto feedback = sent(at(7ms));
-  ASSERT_TRUE(feedback);
-  EXPECT_EQ(feedback->feedback.reports[0].largest, kNeeded);
 }
 
 }  // namespace

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
+#include <deque>
 #include <random>
 
 #include "core/flow/receiver.h"
@@ -39,10 +40,16 @@ std::vector<Pipe::Captured> valid_traffic() {
 // An endpoint under fire: every datagram is checked to be counted exactly once, and every turn to
 // end in a sleep.
 struct Target {
+  struct Owed {
+    LinkId link{};
+    std::size_t from = 0;
+    Bytes token;
+  };
   Endpoint endpoint;
   TimePoint now{1h};
   std::uint64_t fed = 0;
   std::size_t max_peers;
+  std::deque<Owed> owed;
 
   explicit Target(bool vehicle, std::size_t peers = 8)
       : endpoint(make(vehicle, peers)), max_peers(peers) {
@@ -51,6 +58,13 @@ struct Target {
       const std::pair<LinkId, Address> to[] = {{kFast, address_of(1)}, {kSlow, address_of(1)}};
       endpoint.connect(now, to);
       drain();
+      // The roadside unit shows that it has heard us.
+      wire::Feedback heard;
+      heard.echo = SessionId{kVehicleSession};
+      std::array<std::byte, 200> out;
+      const std::size_t size = wire::write_feedback(
+          out, {wire::PacketType::kFeedback, kFast, 0, SessionId{kRoadSession}, 1}, heard);
+      feed(kFast, 1, std::span(out).first(size));
     }
   }
   static Endpoint make(bool vehicle, std::size_t peers) {
@@ -72,9 +86,26 @@ struct Target {
           endpoint.submit(now, d->round, {Bytes(50)}, MessageClass::kResult);
         }
       }
-      while (endpoint.poll_transmit(now, buffer)) {
+      while (const auto transmit = endpoint.poll_transmit(now, buffer)) {
+        note_challenge(*transmit, std::span(buffer).first(transmit->size));
       }
     }
+    while (!owed.empty()) {
+      const Owed next = owed.front();
+      owed.pop_front();
+      feed(next.link, next.from, next.token);
+    }
+  }
+  // Whoever asked answers the challenge.
+  void note_challenge(const Transmit& transmit, ByteView bytes) {
+    const auto packet = wire::parse(bytes);
+    if (!packet || packet->header.type != wire::PacketType::kChallenge) return;
+    wire::PacketHeader header = packet->header;
+    header.type = wire::PacketType::kToken;
+    header.session = packet->challenge.echo;
+    Bytes token(wire::kPacketOverhead + wire::kTokenBytes);
+    wire::write_token(token, header, packet->challenge.token);
+    owed.push_back({transmit.link, std::to_integer<std::size_t>(transmit.to.raw[0]), token});
   }
   // Time goes on by `by`, as a loop would let it.
   void sleep(Duration by) {
@@ -354,10 +385,10 @@ TEST(HostileRounds, ResultsOfRoundsThatNeverBeganAreBad) {
     t.endpoint.handle_datagram(t.now, {kFast, address_of(1), std::span(out).first(size)});
   };
   begin_round(t);
-  result(2, 1, 64);  // shares the ring's slot of round 0
-  result(3, 2, 1);
+  result(11, 1, 64);  // shares the ring's slot of round 0
+  result(12, 2, 1);
   EXPECT_EQ(t.endpoint.counters().bad_messages, 2U);
-  result(4, 3, 0);
+  result(13, 3, 0);
   std::vector<Outcome> outcomes;
   while (const auto event = t.endpoint.poll_event()) {
     if (const auto* done = std::get_if<RoundDone>(&*event)) outcomes.push_back(done->outcome);

@@ -61,6 +61,20 @@ class Attacker {
     std::array<std::byte, kMaxDatagramBytes> out;
     feed(std::span(out).first(wire::write_probe(out, header(wire::PacketType::kProbe), size)));
   }
+  // Asks, and answers the challenge.
+  void join() {
+    std::optional<wire::Token> token;
+    pipe_.on_transmit = [this, &token](std::size_t, std::size_t to, LinkId, const Bytes& bytes) {
+      const auto packet = wire::parse(bytes);
+      if (to != host_ || !packet || packet->header.type != wire::PacketType::kChallenge) return;
+      token = packet->challenge.token;
+    };
+    probe(100);
+    pipe_.on_transmit = nullptr;
+    ASSERT_TRUE(token);
+    std::array<std::byte, kMaxDatagramBytes> out;
+    feed(std::span(out).first(wire::write_token(out, header(wire::PacketType::kToken), *token)));
+  }
   void feed(ByteView datagram) {
     pipe_.at(road_).handle_datagram(pipe_.local(road_), {kFast, address_of(host_), datagram});
     pipe_.flush(road_);
@@ -96,7 +110,7 @@ class Insider : public testing::Test {
     pipe.on_event = [this](std::size_t host, Event& event) { note(host, event); };
     pipe.connect(honest, road);
     pipe.run(1s);
-    attacker.probe(100);
+    attacker.join();
     for (const PeerId id : pipe.at(road).peers()) {
       if (id != honest_at_road) attacker_at_road = id;
     }

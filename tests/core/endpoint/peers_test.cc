@@ -102,42 +102,5 @@ TEST(Endpoint, ALinkThatVanishesMidMessageHandsOver) {
   EXPECT_GT(p.pipe.at(p.vehicle).link_counters(kSlow).fragments_resent, 0U);
 }
 
-TEST(Endpoint, AnswersThatMayNotLeaveYetDoNotKeepTheLoopAwake) {
-  // A peer that never echoes us gets three times what it sent; an answer to it waits, and so must
-  // the timer.
-  Pipe pipe;
-  const auto vehicle = pipe.add_host(options_of(1, {pipeline_of({kComm, kComm})}, false));
-  pipe.add_host(options_of(2));
-  std::vector<Pipe::Captured> captured;
-  pipe.connect(vehicle, 1);
-  pipe.run(1s);
-  pipe.capture = &captured;
-  pipe.round(vehicle, PipelineId{0}, {Bytes(100)});
-  const auto data = std::ranges::find_if(
-      captured, [](const Pipe::Captured& c) { return c.from == 0 && c.is_data(); });
-  ASSERT_NE(data, captured.end());
-
-  Endpoint road(options_of(3), TimePoint{});
-  road.add_link(TimePoint{}, kFast, {"nic", 1500});
-  std::array<std::byte, kMaxDatagramBytes> buffer;
-  TimePoint now{};
-  road.handle_datagram(now, {kFast, address_of(9), data->bytes});
-  while (auto event = road.poll_event()) {
-    if (auto* d = std::get_if<Delivered>(&*event)) {
-      EXPECT_EQ(road.submit(now, d->round, {Bytes(4000)}, MessageClass::kResult),
-                SubmitStatus::kAccepted);
-    }
-  }
-  for (int i = 0; i < 100; ++i) {
-    while (road.poll_transmit(now, buffer)) {
-    }
-    const auto next = road.next_timeout();
-    ASSERT_TRUE(next);
-    ASSERT_GT(*next, now) << "turn " << i;
-    now = *next;
-    road.handle_timeout(now);
-  }
-}
-
 }  // namespace
 }  // namespace interneuron

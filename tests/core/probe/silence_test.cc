@@ -85,7 +85,7 @@ class NatPath {
       const Flying f = std::move(flying_.extract(flying_.begin()).mapped());
       if (!f.is_reply) {
         if (!peer_lives) continue;
-        reflector.take(now, *wire::parse(f.bytes), {kNic, address_of(f.flow), f.bytes});
+        reflector.take(now, *wire::parse(f.bytes), {kNic, address_of(f.flow), f.bytes}, {true, {}});
       } else if (now - used_[f.flow] < forgets_) {
         used_[f.flow] = now;
         test.handle(now, f.flow, f.bytes);
@@ -197,7 +197,7 @@ TEST(Silence, APeerWithoutRoomIsNoTimeout) {
     bytes.resize(wire::write_echo(
         bytes, {wire::PacketType::kEcho, LinkId{1}, wire::kClearEpoch, SessionId{1}, i + 1}, echo,
         0));
-    path.reflector.take(path.now, *wire::parse(bytes), {kNic, address_of(99), bytes});
+    path.reflector.take(path.now, *wire::parse(bytes), {kNic, address_of(99), bytes}, {true, {}});
   }
   path.run();
   const SilenceResult result = path.test.result();

@@ -130,7 +130,7 @@ class VirtualPath {
   void reflect(const InFlight& packet) {
     if (options_.format == Format::kEcho) {
       const auto parsed = wire::parse(packet.bytes);
-      echo_.take(to_far(now()), *parsed, {LinkId{0}, {}, packet.bytes});
+      echo_.take(to_far(now()), *parsed, {LinkId{0}, {}, packet.bytes}, {true, {}});
       return;
     }
     const auto request = wire::parse_stamp_request(packet.bytes);

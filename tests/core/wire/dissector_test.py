@@ -17,7 +17,7 @@ OTHER_PORT = 50123
 
 
 def examples():
-    """The code blocks of bytes, in the document's order: data, plain, repair symbol, feedback, probe, echo request, echo reply, window."""
+    """The code blocks of bytes, in the document's order: data, plain, repair symbol, feedback, probe, echo request, echo reply, window, challenge, token."""
     blocks, inside = [], False
     with open(os.path.join(SOURCE, "docs", "wire_format.md"), encoding="utf-8") as document:
         for line in document:
@@ -101,6 +101,12 @@ class Dissector(unittest.TestCase):
             "type": "6", "number": "10", "window.row": "1", "window.messages": "2", "window.message": "10,11",
             "window.pieces": "0x01,0x06", "window.symbol": examples()[7][29:-16].hex(), "malformed": ""})
 
+    def test_challenge_and_token(self):
+        token = "00112233445566778899aabbccddeeff"
+        self.expect(examples()[8], {
+            "type": "7", "number": "300", "echo_session": "0x5eed0001", "token": token, "malformed": ""})
+        self.expect(examples()[9], {"type": "8", "number": "303", "token": token, "malformed": ""})
+
     def test_types_that_are_not_used(self):
         probe = examples()[4]
         self.expect(b"\x25" + probe[1:], {"type": "5", "number": "301", "body": "00" * 8, "malformed": ""})
@@ -168,7 +174,7 @@ class Dissector(unittest.TestCase):
         self.expect(bytes(35), {"type": ""})
 
     def test_malformed_bodies_are_marked(self):
-        data, plain, repair, feedback, _, request, _, window = examples()
+        data, plain, repair, feedback, _, request, _, window = examples()[:8]
         for broken in (data[:24] + struct.pack(">I", 106) + data[28:],      # a byte too few
                        plain[:36] + b"\x02" + plain[37:],                   # no such kind
                        repair[:30] + struct.pack(">H", 58) + repair[32:],   # a row that no block has

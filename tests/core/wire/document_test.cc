@@ -36,7 +36,8 @@ TEST(WireDocument, ShowsOnePacketOfEachKind) {
   const std::vector<Bytes> expected{from_hex(kDataExample),      from_hex(kPlainExample),
                                     from_hex(kRepairExample),    from_hex(kFeedbackExample),
                                     from_hex(kProbeExample),     from_hex(kEchoRequestExample),
-                                    from_hex(kEchoReplyExample), from_hex(kWindowExample)};
+                                    from_hex(kEchoReplyExample), from_hex(kWindowExample),
+                                    from_hex(kChallengeExample), from_hex(kTokenExample)};
   EXPECT_EQ(examples_of_the_document(), expected);
 }
 

