@@ -19,11 +19,11 @@ static_assert(crypto_shorthash_siphashx24_KEYBYTES == sizeof(Secret));
 constexpr std::size_t kIpv4Size = 16;
 constexpr std::size_t kIpv4At = 4;
 constexpr std::size_t kIpv4Bytes = 4;
-constexpr std::size_t kIpv4NetworkBytes = 3;
+constexpr std::size_t kIpv4NetworkBytes = 2;
 constexpr std::size_t kIpv6Size = 28;
 constexpr std::size_t kIpv6At = 8;
 constexpr std::size_t kIpv6Bytes = 16;
-constexpr std::size_t kIpv6NetworkBytes = 8;
+constexpr std::size_t kIpv6NetworkBytes = 6;
 
 std::int64_t epoch_of(TimePoint now) {
   return std::chrono::floor<Duration>(now.time_since_epoch()) / AddressValidation::kEpoch;

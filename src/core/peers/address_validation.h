@@ -75,8 +75,8 @@ class AddressValidation {
   TimePoint refilled_at_ = TimePoint::min();
 };
 
-// What addresses of one network have in common: the first 24 bits of an IPv4 address, the first 64
-// of an IPv6 address, which are what one customer of a network is given at least. Of what is
+// What addresses of one network have in common: the first 16 bits of an IPv4 address, the first 48
+// of an IPv6 address, which is what one customer of a network is given at most. Of what is
 // neither it is all bytes.
 using Network = std::array<std::byte, 18>;
 Network network_of(const Address& address);
