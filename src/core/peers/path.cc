@@ -230,7 +230,7 @@ bool Path::probe_due(TimePoint now) {
 std::optional<std::size_t> Path::mtu_probe_due() const {
   // Where bytes are paid for, nobody searches for messages that may never come.
   const bool worthwhile = used_ || !(nic_.traits.metered || peer_is_metered_);
-  if (!worthwhile || !mtu_.probe_due()) return std::nullopt;
+  if (!worthwhile || !may_measure_ || !mtu_.probe_due()) return std::nullopt;
   return mtu_.probe_size();
 }
 
