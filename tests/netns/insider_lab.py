@@ -26,6 +26,8 @@ PORT = 47000
 # What check() has found, and what could not be judged.
 RESULTS = []
 INCONCLUSIVE = []
+# The number of the picture of make_streets() in which the busy street is empty.
+FRAME_WITHOUT_WALKERS = 0
 # Connects to the socket on which a program publishes what it measures, and prints each line that comes.
 WATCHER = """
 import socket, sys
@@ -333,8 +335,10 @@ def write_png(path, width, height, rows):
 
 
 def make_streets(folder):
-    """Two folders of pictures that vehicles see over and over: 16 of a street with walkers and 7 of an empty one, so that
-    the numbers of their pictures are the same now and then, whenever the vehicles begin."""
+    """Two folders of pictures that vehicles see over and over: 17 of a street with walkers and 7 of an empty one, so that
+    the numbers of their pictures are the same now and then, whenever the vehicles begin. The first of the busy street shows
+    nobody: who stands in the first picture that a background is learnt from is part of it for as long as he stands there
+    again in every seventeenth."""
     width, height, frames, walkers = 768, 576, 16, 5
     busy, empty = os.path.join(folder, "busy"), os.path.join(folder, "empty")
     background = [bytes([90 + y // 8, 110 + y // 10, 100]) * width for y in range(height)]
@@ -342,6 +346,7 @@ def make_streets(folder):
         os.makedirs(path)
     for frame in range(7):
         write_png(os.path.join(empty, f"{frame}.png"), width, height, background)
+    write_png(os.path.join(busy, f"{FRAME_WITHOUT_WALKERS:02}.png"), width, height, background)
     for frame in range(frames):
         rows = [bytearray(row) for row in background]
         for walker in range(walkers):
@@ -349,5 +354,5 @@ def make_streets(folder):
             x, y = 20 + 44 * frame, 30 + 105 * walker
             for line in range(y, y + 70):
                 rows[line][3 * x:3 * (x + 30)] = bytes([220, 40, 40 * walker]) * 30
-        write_png(os.path.join(busy, f"{frame:02}.png"), width, height, rows)
+        write_png(os.path.join(busy, f"{frame + 1:02}.png"), width, height, rows)
     return busy, empty
