@@ -141,12 +141,10 @@ TimePoint PathMachine::pulled_at() const {
 
 std::optional<TimePoint> PathMachine::latched_at() const {
   const Duration window = after_.proof;
-  // Data must have been sent, and the peer heard, through half a window at least.
-  if (unproven_ < kUnproven || unproven_newest_ - unproven_since_ < window / 2 ||
-      *heard_at_ - unproven_since_ < window / 2) {
-    return std::nullopt;
-  }
-  return unproven_since_ + window;
+  // The peer must have been heard through half a window at least.
+  if (!unproven_enough_at_ || *heard_at_ - unproven_since_ < window / 2) return std::nullopt;
+  // What has just left cannot have been acknowledged yet.
+  return std::max(unproven_since_ + window, *unproven_enough_at_ + after_.suspect);
 }
 
 TimePoint PathMachine::dead_at() const { return silent_since() + after_.dead; }
@@ -168,8 +166,11 @@ void PathMachine::sent(TimePoint now, bool data) {
   if (!data) return;
   waiting_.sent(now);
   if (unproven_ == 0) unproven_since_ = now;
-  unproven_newest_ = now;
   unproven_ = std::min(unproven_ + 1, kUnproven);
+  // Data must have been sent through half a window at least.
+  if (!unproven_enough_at_ && unproven_ == kUnproven && now - unproven_since_ >= after_.proof / 2) {
+    unproven_enough_at_ = now;
+  }
 }
 
 void PathMachine::heard(TimePoint now) {
@@ -199,9 +200,14 @@ void PathMachine::take_back(TimePoint now, Duration silence) {
   change(now, PathState::kOk, text("alive after %.0f ms of silence", silence, {}));
 }
 
+void PathMachine::all_proven() {
+  unproven_ = 0;
+  unproven_enough_at_.reset();
+}
+
 void PathMachine::forget_load() {
   waiting_ = {};
-  unproven_ = 0;
+  all_proven();
   proof_since_.reset();
 }
 
@@ -215,7 +221,7 @@ void PathMachine::delivered(TimePoint now, TimePoint sent_at, bool data) {
     if (state_ == PathState::kPulled && sent_at > changed_at_) take_back(now, silence);
   }
   if (data) {
-    unproven_ = 0;
+    all_proven();
     if (state_ == PathState::kLatched) {
       if (!proof_since_ || now - proof_at_ > after_.proof) proof_since_ = now;
       proof_at_ = now;

@@ -119,6 +119,7 @@ class PathMachine {
   std::optional<TimePoint> latched_at() const;
   TimePoint dead_at() const;
   void take_back(TimePoint now, Duration silence);
+  void all_proven();
   void forget_load();
   void reconsider(TimePoint now);
   std::string silence_text(TimePoint now) const;
@@ -147,10 +148,11 @@ class PathMachine {
   // Long ago; an hour after the first instant there is, so that differences stay in range.
   TimePoint acknowledged_at_ = TimePoint::min() + std::chrono::hours(1);
   Waiting waiting_;
-  // Data sent since the last proof of delivery.
+  // Data packets sent since the last proof of delivery, the first of them, and the one with which
+  // they were enough, for long enough, to doubt the path.
   std::uint32_t unproven_ = 0;
   TimePoint unproven_since_{};
-  TimePoint unproven_newest_{};
+  std::optional<TimePoint> unproven_enough_at_;
   // In kLatched: since when data was acknowledged without a gap, and when last.
   std::optional<TimePoint> proof_since_;
   TimePoint proof_at_{};
