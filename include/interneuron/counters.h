@@ -22,8 +22,9 @@ struct LinkCounters {
   std::uint64_t other_version_packets = 0;
   // A packet of a peer whose type this version does not use; it is acknowledged and not read.
   std::uint64_t other_packets = 0;
-  // A packet from somebody whom this endpoint does not serve, or of a peer that sends more than it
-  // may (PeerLimits::packets_per_second).
+  // A packet from somebody whom this endpoint does not serve, or not before he has proved his
+  // address: the first one of every peer is among them. Or a packet of a peer that sends more than
+  // it may (PeerLimits::packets_per_second).
   std::uint64_t refused_packets = 0;
   // Fragments of messages that were sent again.
   std::uint64_t fragments_resent = 0;
