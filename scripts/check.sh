@@ -10,8 +10,8 @@
 #   tsan     the tests of node under ThreadSanitizer
 #   asan     the tests of what handles the bytes of others, compiled with clang, under AddressSanitizer and UBSan: the core,
 #            sockets and the loop, perception. `scripts/test.sh asan` is every test, for an hour.
-#   fuzz     only where it is named: each fuzz target for 30 s, which must find nothing and reach its floor (scripts/fuzz.sh);
-#            it goes on with the build of asan
+#   fuzz     each fuzz target for 30 s, which must find nothing and reach its floor (scripts/fuzz.sh); it goes on with the
+#            build of asan
 #
 # Exit codes: 0 all passed, 1 a step failed, 2 usage, 5 needs root to install packages.
 set -euo pipefail
@@ -20,16 +20,14 @@ cd "$root"
 # shellcheck source=scripts/phase.sh
 . scripts/phase.sh
 
-steps=(format shell layers citations tsan asan)
-# Those that run only where they are named.
-by_name=(fuzz)
+steps=(format shell layers citations tsan asan fuzz)
 if (($# > 0)); then
   if [[ $1 == -h || $1 == --help ]]; then
     sed -n '2,/^set /{/^set /d;s/^# \{0,1\}//;p}' "${BASH_SOURCE[0]}"
     exit 0
   fi
   for step in "$@"; do
-    [[ " ${steps[*]} ${by_name[*]} " == *" $step "* ]] || { printf "check: no step '%s'; see scripts/check.sh --help\n" "$step" >&2; exit 2; }
+    [[ " ${steps[*]} " == *" $step "* ]] || { printf "check: no step '%s'; see scripts/check.sh --help\n" "$step" >&2; exit 2; }
   done
   steps=("$@")
 fi
