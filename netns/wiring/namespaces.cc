@@ -96,6 +96,10 @@ Namespaces make_namespaces(std::size_t vehicles, std::size_t roads) {
   // users do.
   const bool direct = ::geteuid() == 0 && ::unshare(CLONE_NEWNET) == 0;
   if (!direct) {
+    // What lacks here is room, which a user namespace would not have either.
+    if (::geteuid() == 0 && errno == ENOSPC) {
+      fail_errno("make a network namespace (more than user.max_net_namespaces allows?)", ENOSPC);
+    }
     out.user = make_user_namespace();
     unshare_network();
   }

@@ -28,39 +28,56 @@ double ms_between(Clock::time_point from, Clock::time_point to) {
 
 class TimingTest : public NetnsTest {};
 
-// In ms, sorted.
-std::vector<double> round_trips(const UdpPair& sockets, int count) {
-  std::vector<double> out;
+// In ms.
+double round_trip(const UdpPair& sockets) {
   char byte = 0;
-  for (int i = 0; i < count; ++i) {
-    const auto sent = Clock::now();
-    const bool there = ::send(sockets.vehicle.get(), "x", 1, 0) == 1 &&
-                       readable(sockets.road.get()) && ::recv(sockets.road.get(), &byte, 1, 0) == 1;
-    const bool back = there && ::send(sockets.road.get(), "x", 1, 0) == 1 &&
-                      readable(sockets.vehicle.get()) &&
-                      ::recv(sockets.vehicle.get(), &byte, 1, 0) == 1;
-    if (!back) throw std::runtime_error("a datagram was lost");
-    out.push_back(ms_between(sent, Clock::now()));
-  }
-  std::sort(out.begin(), out.end());
-  return out;
+  const auto sent = Clock::now();
+  const bool there = ::send(sockets.vehicle.get(), "x", 1, 0) == 1 &&
+                     readable(sockets.road.get()) && ::recv(sockets.road.get(), &byte, 1, 0) == 1;
+  const bool back = there && ::send(sockets.road.get(), "x", 1, 0) == 1 &&
+                    readable(sockets.vehicle.get()) &&
+                    ::recv(sockets.vehicle.get(), &byte, 1, 0) == 1;
+  if (!back) throw std::runtime_error("a datagram was lost");
+  return ms_between(sent, Clock::now());
+}
+
+// What the machine itself makes of 20 ms, in ms: as a round trip does, it waits twice for 10 ms.
+double plain_wait() {
+  const auto start = Clock::now();
+  for (int way = 0; way < 2; ++way) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  return ms_between(start, Clock::now());
+}
+
+double median_of(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  return values[values.size() / 2];
 }
 
 TEST_F(TimingTest, RoundTripIsThatOfTheProfile) {
   const Testbed testbed = Testbed::up(clean_options(dir_));
   const UdpPair sockets = udp_pair(testbed.state());
   double median = 0;
-  // More than once, because without real-time priority (ordinary users) a busy machine may keep the
-  // emulator waiting.
+  double wait = 0;
+  // A busy machine wakes everybody late, so that the emulator is judged beside plain waits of the
+  // same seconds. More than once, because without real-time priority (ordinary users) a machine
+  // that is busy for one of the two only may keep the emulator waiting.
+  constexpr double kLateness = 0.5;
   for (int attempt = 0; attempt < 4; ++attempt) {
-    const auto times = round_trips(sockets, 50);
-    median = times[times.size() / 2];
-    EXPECT_GE(times.front(), 20.0);
-    if (median < 20.5) break;
+    std::vector<double> times;
+    std::vector<double> peers;
+    for (int i = 0; i < 50; ++i) {
+      times.push_back(round_trip(sockets));
+      peers.push_back(plain_wait());
+    }
+    median = median_of(times);
+    wait = median_of(peers);
+    EXPECT_GE(*std::min_element(times.begin(), times.end()), 20.0);
+    if (median < wait + kLateness) break;
   }
   RecordProperty("median_ms", std::to_string(median));
+  RecordProperty("wait_ms", std::to_string(wait));
   RecordProperty("lateness_mean_us", std::to_string(testbed.snapshot().lateness_mean_us));
-  EXPECT_NEAR(median, 20.0, 0.5);
+  EXPECT_LT(median, wait + kLateness);
 }
 
 TEST_F(TimingTest, CarriesItsRateWithoutLossAndNoMore) {
