@@ -127,6 +127,7 @@ void Road::prepare() {
   std::optional<std::size_t> top_level;
   if (options_.top_level >= 0) top_level = static_cast<std::size_t>(options_.top_level);
   unit_.emplace(levels_, top_level);
+  links_.add_work([this](PeerId peer) { return unit_->work(peer); });
 }
 
 // By what the vehicle can afford, which it refines during its first rounds.

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <utility>
 
+#include "app/watch/json_numbers.h"
 #include "app/watch/ledger_json.h"
 
 namespace interneuron::cli {
@@ -118,27 +119,6 @@ Enum enum_of(const std::string& name, std::initializer_list<Enum> all) {
     if (to_string(value) == name) return value;
   }
   throw std::invalid_argument(name);
-}
-
-// More than any figure of a link has, in the units of the keys (31 years in ms), and little enough
-// that no conversion of it overflows.
-constexpr double kMostFigure = 1e12;
-
-// nlohmann's own get() gives whatever a conversion leaves of a number that does not fit.
-double figure_of(const Json& j) {
-  const auto value = j.get<double>();
-  if (!(std::abs(value) <= kMostFigure)) throw std::invalid_argument("a figure of no link");
-  return value;
-}
-template <class Integer>
-Integer whole_of(const Json& j) {
-  if (j.is_number_unsigned() && std::in_range<Integer>(j.get<std::uint64_t>())) {
-    return static_cast<Integer>(j.get<std::uint64_t>());
-  }
-  if (j.is_number_integer() && std::in_range<Integer>(j.get<std::int64_t>())) {
-    return static_cast<Integer>(j.get<std::int64_t>());
-  }
-  throw std::invalid_argument("no whole number that fits");
 }
 
 Duration ms_of(const Json& j) { return j.is_null() ? Duration{} : from_ms(figure_of(j)); }

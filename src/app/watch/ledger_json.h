@@ -8,7 +8,8 @@
 
 namespace interneuron::cli {
 
-// "loop_stall_ms" and "peers", each with what it holds and how often each limit has struck it.
+// "loop_stall_ms" and "peers", each with what it holds, how often each limit has struck it and what
+// is computed for it.
 Json ledgers_json(Duration loop_stall, const std::vector<LivePeer>& peers);
 
 // What ledgers_json() has written. The text comes from another process: an exception of the JSON

@@ -14,7 +14,14 @@ std::uint64_t strikes_of(const LivePeer& peer) {
 
 bool is_worth_a_line(const LivePeer& peer) {
   const PeerLedger& l = peer.ledger;
-  return strikes_of(peer) > 0 || l.contexts + l.held_messages + l.reassembly_messages > 0;
+  const bool has_computed = peer.work && peer.work->computed + peer.work->unanswered() > 0;
+  return has_computed || strikes_of(peer) > 0 ||
+         l.contexts + l.held_messages + l.reassembly_messages > 0;
+}
+
+std::string work_text(const offload::PeerWork& work) {
+  return fmt::format("  {} computed, {} not, {} waiting, {:.1f} s", work.computed,
+                     work.unanswered(), work.waiting, to_ms(work.busy) / 1e3);
 }
 
 Line peer_line(const LivePeer& peer) {
@@ -29,6 +36,7 @@ Line peer_line(const LivePeer& peer) {
           {fmt::format("  {} rounds, {} held ({} KB), {} incomplete ({} KB)", l.contexts,
                        l.held_messages, l.held_bytes / 1000, l.reassembly_messages,
                        l.reassembly_bytes / 1000)},
+          {peer.work ? work_text(*peer.work) : ""},
           {struck, Style::kWarn}};
 }
 

@@ -38,8 +38,16 @@ LinkPublisher::LinkPublisher(Node& node, const std::string& program) : journal_(
     log_change(log_level(e.from, e.to), journal_.name(e.link), e.from, e.to, e.reason);
   });
   node.on_statistics(kInterval, [this](const Statistics& s) {
-    if (server_.wanted()) server_.publish(live_json(journal_.live(s)).dump());
+    if (server_.wanted()) publish(s);
   });
+}
+
+void LinkPublisher::publish(const Statistics& statistics) {
+  LiveLinks live = journal_.live(statistics);
+  if (work_) {
+    for (LivePeer& peer : live.peers) peer.work = work_(PeerId{peer.peer});
+  }
+  server_.publish(live_json(live).dump());
 }
 
 }  // namespace interneuron::cli

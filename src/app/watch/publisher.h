@@ -5,10 +5,13 @@
 
 #include <spdlog/spdlog.h>
 
+#include <functional>
 #include <string>
+#include <utility>
 
 #include "app/watch/journal.h"
 #include "app/watch/live_state.h"
+#include "core/offload/job_records.h"
 #include "interneuron/node.h"
 
 namespace interneuron::cli {
@@ -25,11 +28,18 @@ class LinkPublisher {
   // node runs.
   LinkPublisher(Node& node, const std::string& program);
 
+  // Publishes beside each peer's ledger what `work` says is computed for it. Must be callable as
+  // long as the node runs.
+  void add_work(std::function<offload::PeerWork(PeerId)> work) { work_ = std::move(work); }
+
   std::string name(LinkId link) { return journal_.name(link); }
 
  private:
+  void publish(const Statistics& statistics);
+
   LinkJournal journal_;
   LiveServer server_;
+  std::function<offload::PeerWork(PeerId)> work_;
 };
 
 }  // namespace interneuron::cli

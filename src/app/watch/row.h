@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "core/offload/job_records.h"
 #include "host/io/nic.h"
 #include "interneuron/endpoint.h"
 #include "interneuron/ledger.h"
@@ -49,10 +50,12 @@ struct LinkEvent {
   friend bool operator==(const LinkEvent&, const LinkEvent&) = default;
 };
 
-// What a program's endpoint keeps of one of its peers.
+// What a program's endpoint keeps of one of its peers and, if the program computes for others, what
+// it computes for that one.
 struct LivePeer {
   std::uint32_t peer = 0;
   PeerLedger ledger;
+  std::optional<offload::PeerWork> work = {};
 };
 
 // A program as a whole: its peers, and how long its own work has kept its loop at most.

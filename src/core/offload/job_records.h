@@ -40,8 +40,10 @@ struct Computed {
   TimePoint ended{};
 };
 
-// What a unit has done for a peer.
+// What a unit has done for a peer, and has to do.
 struct PeerWork {
+  // Jobs that wait for the worker.
+  std::size_t waiting = 0;
   // Jobs by how they ended.
   std::uint64_t computed = 0;
   std::uint64_t crowded_out = 0;

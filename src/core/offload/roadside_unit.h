@@ -144,9 +144,18 @@ class RoadsideUnit {
   bool busy() const { return peers_.busy(); }
   std::size_t waiting() const { return waiting_; }
   // Of all peers, those that are lost included.
-  const PeerWork& total() const { return peers_.total(); }
+  PeerWork total() const {
+    PeerWork work = peers_.total();
+    work.waiting = waiting_;
+    return work;
+  }
   // Of one peer; zeros for one that has sent nothing.
-  PeerWork work(PeerId peer) const { return peers_.work(peer); }
+  PeerWork work(PeerId peer) const {
+    PeerWork work = peers_.work(peer);
+    const auto line = lines_.find(peer);
+    if (line != lines_.end()) work.waiting = line->second.size();
+    return work;
+  }
 
  private:
   using Line = WaitingLine<Job>;

@@ -30,6 +30,8 @@ TEST(LinksJson, IsAsTheSchemaSays) {
   EXPECT_EQ(program["peers"].size(), 2U);
   EXPECT_EQ(program["peers"][0]["contexts"], 3);
   EXPECT_EQ(program["peers"][0]["struck"]["origin"], 7);
+  EXPECT_EQ(program["peers"][0]["work"]["computed"], 340);
+  EXPECT_TRUE(program["peers"][1]["work"].is_null());
 }
 
 TEST(LinksJson, TheSchemaIsNotBlind) {

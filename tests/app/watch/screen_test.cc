@@ -51,8 +51,9 @@ TEST(Screen, ShowsWhatIsKeptOfPeers) {
   history.add(made_up_snapshot());
   const std::string text = plain_text(draw(history, {.width = 120}));
   EXPECT_THAT(text, HasSubstr("vehicle (process 7): 2 peers, longest stall of its loop 4.5 ms"));
-  EXPECT_THAT(text, HasSubstr("peer 4  3 rounds, 2 held (5 KB), 1 incomplete (12 KB)  limited: "
-                              "origin 7"));
+  EXPECT_THAT(text,
+              HasSubstr("peer 4  3 rounds, 2 held (5 KB), 1 incomplete (12 KB)  340 computed, 9 "
+                        "not, 1 waiting, 12.3 s  limited: origin 7"));
   // It holds nothing, and nothing has struck it.
   EXPECT_THAT(text, Not(HasSubstr("peer 5")));
 }
