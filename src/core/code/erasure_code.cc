@@ -74,28 +74,31 @@ class Short {
   std::size_t size_ = 0;
 };
 
-// Inverts a matrix of n x n, which can be inverted: a part of a Cauchy matrix.
-void invert(Byte* matrix, Byte* out, std::size_t n, Kernel kernel) {
-  if (kernel == Kernel::kVector) {
-    [[maybe_unused]] const int singular = gf_invert_matrix(matrix, out, static_cast<int>(n));
-    assert(singular == 0);
-    return;
-  }
-  // Gauss-Jordan; every leading part of a Cauchy matrix can be inverted, so no pivot is zero.
-  for (std::size_t i = 0; i < n * n; ++i) out[i] = i / n == i % n ? 1 : 0;
-  for (std::size_t p = 0; p < n; ++p) {
-    const Byte scale = kField.inverse(matrix[p * n + p]);
-    for (std::size_t c = 0; c < n; ++c) {
-      matrix[p * n + c] = kField.times(matrix[p * n + c], scale);
-      out[p * n + c] = kField.times(out[p * n + c], scale);
-    }
-    for (std::size_t r = 0; r < n; ++r) {
-      const Byte f = matrix[r * n + p];
-      if (r == p || f == 0) continue;
-      for (std::size_t c = 0; c < n; ++c) {
-        matrix[r * n + c] ^= kField.times(matrix[p * n + c], f);
-        out[r * n + c] ^= kField.times(out[p * n + c], f);
-      }
+// The inverse of the square matrix that the coefficients of these rows and columns make, which is a
+// Cauchy matrix with x = 255 - row and y = column. In closed form (Schechter, "On the Inversion of
+// Certain Matrices"), which takes n * n steps instead of n * n * n: a peer that sends tiny pieces
+// pays for little more than the matrix.
+template <class Rows, class Columns>
+void invert(Byte* out, const Rows& rows, const Columns& columns) {
+  constexpr std::size_t kOrder = 255;
+  const std::size_t n = rows.size();
+  const auto log_of = [](std::size_t a, std::size_t b) { return std::size_t{kField.log[a ^ b]}; };
+  // The product of the differences of `at` from `others`, divided by that of its differences from
+  // its own list; as a logarithm.
+  const auto weight = [&](std::size_t at, const auto& others, const auto& own) {
+    std::size_t sum = 0;
+    for (const std::size_t other : others) sum += log_of(at, other);
+    for (const std::size_t other : own) sum += other == at ? 0 : kOrder - log_of(at, other);
+    return sum % kOrder;
+  };
+  Short<std::size_t> x;
+  for (const std::size_t row : rows) x.push_back(kOrder - row);
+  std::array<std::size_t, kMostRows> of_row;
+  for (std::size_t j = 0; j < n; ++j) of_row[j] = weight(x[j], columns, x);
+  for (const std::size_t y : columns) {
+    const std::size_t of_column = weight(y, x, columns);
+    for (std::size_t j = 0; j < n; ++j) {
+      *out++ = kField.exp[(of_row[j] + of_column + kOrder - log_of(x[j], y)) % kOrder];
     }
   }
 }
@@ -162,10 +165,8 @@ void decode(std::span<std::byte* const> pieces, std::size_t bytes,
     }
   }
 
-  std::array<Byte, kMostRows * kMostRows> matrix;
   std::array<Byte, kMostRows * kMostRows> inverse;
-  fill(matrix.data(), rows, wanted);
-  invert(matrix.data(), inverse.data(), n, kernel);
+  invert(inverse.data(), rows, wanted);
   for (std::size_t done = 0; done < n; done += kRowsAtOnce) {
     const std::size_t now = std::min(kRowsAtOnce, n - done);
     combine(syndromes.some(0, n), solved.some(done, now), bytes, inverse.data() + done * n, kernel);
