@@ -20,6 +20,10 @@ constexpr Duration kGrace = std::chrono::milliseconds(50);
 // How often channels that were refused are looked at again, and senders asked what they have given
 // up. No measurement behind this value: it only has to be short against the deadlines of messages.
 constexpr Duration kLookAgain = std::chrono::milliseconds(10);
+// Longer than this a fate is not waited for beyond the deadline, whatever round-trip time the peer
+// makes us measure. No measurement behind it: cellular links with full queues take some hundred
+// milliseconds.
+constexpr Duration kLongestRoundTrip = std::chrono::seconds(2);
 // A channel that could not send again for so long is not told any more. No measurement behind this
 // value: an application that still wants to send has asked again long since.
 constexpr Duration kLongestWait = std::chrono::seconds(10);
@@ -141,7 +145,7 @@ SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const Sen
                               with(header, std::move(variants[v])), routes.shadow_of(v));
     entry.variants.push_back({message, header.variant});
   }
-  entry.ends += round_trip;
+  entry.ends += std::min(round_trip, kLongestRoundTrip);
   result.id = sent_.add(entry);
   forecasts_.sent(result.id, routes.outlook, routes.prediction);
   if (!collect_at_) collect_at_ = now + kLookAgain;
@@ -184,7 +188,7 @@ SendResult Messages::plan(TimePoint now, Peer& peer, const Sizes& sizes, const S
     return {.status = SendStatus::kCannotArrive, .expected = routes.expected, .on_time = on_time};
   }
   const std::size_t bytes = routes.bytes(span);
-  if (!sent_.has_room() || bytes > peers_.send_room(peer.identity().id)) {
+  if (!sent_.has_room(peer.identity().id) || bytes > peers_.send_room(peer.identity().id)) {
     return {SendStatus::kOverBudget};
   }
   return {.status = SendStatus::kAccepted, .expected = routes.expected, .on_time = on_time};

@@ -12,6 +12,7 @@ SendId SentMessages::add(const Entry& entry) {
     spare_by_message_.insert(by_message_, {entry.peer, v.message}, id);
   }
   spare_by_end_.insert(by_end_, {entry.ends, id});
+  memory_.change(0, 1);
   const auto known = peers_.find(entry.peer);
   if (known == peers_.end()) {
     spare_peers_.insert(peers_, entry.peer, std::size_t{1});
@@ -52,6 +53,7 @@ MessageFate SentMessages::remove(Entries::iterator it, MessageFate fate) {
     spare_by_message_.erase(by_message_, {entry.peer, v.message});
   }
   spare_by_end_.erase(by_end_, {entry.ends, it->first});
+  memory_.change(1, 0);
   const auto peer = peers_.find(entry.peer);
   if (--peer->second == 0) spare_peers_.erase(peers_, peer);
   spare_entries_.erase(entries_, it);

@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/base/shared_memory.h"
 #include "core/base/spare_nodes.h"
 #include "interneuron/few.h"
 #include "interneuron/send.h"
@@ -21,9 +22,9 @@ namespace interneuron {
 // one of them is; dropped when the last of them is given up; late when one came late and none in
 // time. What is still open when its time is over is settled by expire().
 //
-// Memory is bounded by kMaxMessages and used again; the bytes of messages are held, and bounded,
-// elsewhere. Each call takes logarithmic time. Pure; thread-compatible; never throws but
-// std::bad_alloc.
+// Memory is bounded by kMaxMessages, which peers share (SharedMemory), and used again; the bytes of
+// messages are held, and bounded, elsewhere. Each call takes logarithmic time. Pure;
+// thread-compatible; never throws but std::bad_alloc.
 class SentMessages {
  public:
   // No measurement behind this value: it only has to be more than what many peers are sent within
@@ -49,7 +50,12 @@ class SentMessages {
     Few<Variant, kMaxVariants> variants{};
   };
 
-  bool has_room() const { return entries_.size() < kMaxMessages; }
+  // Whether one more message to this peer fits, by the rule of SharedMemory: nobody who holds up
+  // the fates of its own messages keeps the books closed to others.
+  bool has_room(PeerId peer) const {
+    const auto held = peers_.find(peer);
+    return memory_.room(held == peers_.end() ? 0 : held->second) > 0;
+  }
   SendId add(const Entry& entry);
 
   // What happened to a variant, which travelled as this message. Messages that are not in the books
@@ -97,6 +103,8 @@ class SentMessages {
   // How many messages each peer has here.
   using Counts = std::map<PeerId, std::size_t>;
 
+  // In messages instead of bytes.
+  SharedMemory memory_{kMaxMessages};
   Entries entries_;
   ByMessage by_message_;
   ByEnd by_end_;
