@@ -29,7 +29,7 @@ std::uint16_t sender_port(const Address& from) {
                                     std::to_integer<unsigned>(from.raw[kPortAt + 1]));
 }
 
-AnswerLimit::Source AnswerLimit::source_of(const Address& from) {
+Source source_of(const Address& from) {
   Source source{};
   std::size_t at = 0;
   std::size_t length = source.size();

@@ -29,6 +29,10 @@ namespace interneuron::probe {
 // IPv4 nor IPv6.
 std::uint16_t sender_port(const Address& from);
 
+// What tells the sources of packets apart, as said above.
+using Source = std::array<std::byte, 16>;
+Source source_of(const Address& from);
+
 class AnswerLimit {
  public:
   // Sources that are known at once. No measurement behind this value: it only has to be larger than
@@ -46,13 +50,11 @@ class AnswerLimit {
   std::size_t sources() const { return buckets_.size(); }
 
  private:
-  using Source = std::array<std::byte, 16>;
   struct Bucket {
     Source source{};
     // When it will be full.
     TimePoint full_at{};
   };
-  static Source source_of(const Address& from);
   Bucket& bucket_of(TimePoint now, const Source& source);
 
   std::vector<Bucket> buckets_;

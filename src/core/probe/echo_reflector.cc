@@ -36,9 +36,22 @@ EchoReflector::Path& EchoReflector::path_of(TimePoint now, const wire::PacketHea
 }
 
 bool EchoReflector::may_hold(const Path& path) const {
-  return !path.held.empty() ||
-         std::cmp_less(std::ranges::count_if(paths_, [](const Path& p) { return !p.held.empty(); }),
-                       kMaxHeldTrains);
+  if (!path.held.empty()) return true;
+  std::size_t all = 0;
+  std::size_t of_host = 0;
+  for (const Path& p : paths_) {
+    if (p.held.empty()) continue;
+    ++all;
+    if (probe::source_of(p.from) == probe::source_of(path.from)) ++of_host;
+  }
+  return all < kMaxHeldTrains && of_host < kMaxHeldTrainsOfHost;
+}
+
+bool EchoReflector::may_delay(const Address& to) const {
+  const auto of_host = std::ranges::count_if(delayed_, [&to](const auto& entry) {
+    return probe::source_of(entry.second.to) == probe::source_of(to);
+  });
+  return delayed_.size() < kMaxDelayed && std::cmp_less(of_host, kMaxDelayedOfHost);
 }
 
 bool EchoReflector::take(TimePoint now, const wire::Packet& packet, const Datagram& datagram,
@@ -61,7 +74,7 @@ bool EchoReflector::take(TimePoint now, const wire::Packet& packet, const Datagr
 
   // The next train says that the one before is over.
   if (request.train != path.train) release(path);
-  if (asker.is_proved && request.delay > 0 && delayed_.size() < kMaxDelayed) {
+  if (asker.is_proved && request.delay > 0 && may_delay(path.from)) {
     delayed_.emplace(now + std::chrono::seconds(request.delay), std::move(reply));
     return true;
   }

@@ -38,12 +38,16 @@ class EchoReflector {
   // Trains that wait at the same time for their last request; requests of further trains are
   // answered at once, which spoils only their rate of the way back. One per vehicle of kMaxPaths.
   static constexpr std::size_t kMaxHeldTrains = 8;
+  // Of one host, which measures one path after the other over each NIC.
+  static constexpr std::size_t kMaxHeldTrainsOfHost = 2;
   // Replies that wait, in held trains or for the next poll(); further requests are dropped. Room
   // for four of the longest trains.
   static constexpr std::size_t kMaxWaiting = 4 * wire::kMaxEchoTrain;
-  // Replies that wait for the delay that they were asked for, beside those above; further ones are
-  // sent at once. Room for one `interneuron doctor`: 8 silences with 2 flows each over 4 NICs.
+  // Replies that wait for the delay that they were asked for, beside those above, in all and for
+  // one host; further ones are sent at once. Room for the 8 silences with 2 flows each of one NIC
+  // of `interneuron doctor`, and for four of those.
   static constexpr std::size_t kMaxDelayed = 64;
+  static constexpr std::size_t kMaxDelayedOfHost = 16;
   // A held train whose last request was lost leaves this long after its newest request. At 1 Mbit/s
   // requests come 11 ms apart, so this outlives a burst of eight lost ones.
   static constexpr Duration kHold = std::chrono::milliseconds(100);
@@ -98,6 +102,7 @@ class EchoReflector {
   };
   Path& path_of(TimePoint now, const wire::PacketHeader& header, const Datagram& datagram);
   bool may_hold(const Path& path) const;
+  bool may_delay(const Address& to) const;
   void release(Path& path);
   void release_due(TimePoint now);
   static TimePoint release_at(const Path& path);

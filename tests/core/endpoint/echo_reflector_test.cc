@@ -176,7 +176,8 @@ TEST_F(Reflecting, TheNextTrainEndsTheOneBefore) {
 
 TEST_F(Reflecting, WithoutRoomToHoldATrainIsAnsweredAtOnce) {
   for (std::uint8_t path = 0; path <= EchoReflector::kMaxHeldTrains; ++path) {
-    ask({.train = 1, .index = 0, .count = 5, .hold = true, .link = path});
+    const std::size_t host = path / EchoReflector::kMaxHeldTrainsOfHost;
+    ask({.train = 1, .index = 0, .count = 5, .hold = true, .link = path, .from = host});
   }
   const auto got = answers();
   ASSERT_EQ(got.size(), 1U);
@@ -211,7 +212,8 @@ TEST_F(Reflecting, ALaterReplyLeavesWhenItIsWanted) {
 
 TEST_F(Reflecting, WithoutRoomALaterReplyLeavesAtOnce) {
   for (std::uint32_t i = 0; i < EchoReflector::kMaxDelayed; ++i) {
-    ASSERT_TRUE(ask({.sequence = i, .delay = 255}));
+    ASSERT_TRUE(
+        ask({.sequence = i, .from = 20 + i / EchoReflector::kMaxDelayedOfHost, .delay = 255}));
   }
   EXPECT_TRUE(answers().empty());
   ASSERT_TRUE(ask({.sequence = 99, .delay = 255}));
@@ -221,8 +223,26 @@ TEST_F(Reflecting, WithoutRoomALaterReplyLeavesAtOnce) {
   EXPECT_EQ(got[0].echo.delay, 255);
 }
 
+// Whether it wants them later or trains of them together.
+TEST_F(Reflecting, AHostThatAsksForManyLaterRepliesLeavesRoomForOthers) {
+  for (std::uint32_t i = 0; i < EchoReflector::kMaxDelayed; ++i) {
+    ask({.sequence = i, .from = 20, .delay = 255});
+  }
+  EXPECT_EQ(answers().size(), EchoReflector::kMaxDelayed - EchoReflector::kMaxDelayedOfHost);
+  ask({.sequence = 99, .from = 21, .delay = 255});
+  EXPECT_TRUE(answers().empty());
+  for (std::uint8_t path = 0; path < EchoReflector::kMaxHeldTrains; ++path) {
+    ask({.train = 1, .index = 0, .count = 5, .hold = true, .link = path, .from = 20});
+  }
+  EXPECT_EQ(answers().size(), EchoReflector::kMaxHeldTrains - EchoReflector::kMaxHeldTrainsOfHost);
+  ask({.train = 1, .index = 0, .count = 5, .hold = true, .from = 21});
+  EXPECT_TRUE(answers().empty());
+}
+
 TEST_F(Reflecting, LaterRepliesTakeNoRoomOfOthers) {
-  for (std::uint32_t i = 0; i < EchoReflector::kMaxDelayed; ++i) ask({.sequence = i, .delay = 1});
+  for (std::uint32_t i = 0; i < EchoReflector::kMaxDelayed; ++i) {
+    ask({.sequence = i, .from = 20 + i / EchoReflector::kMaxDelayedOfHost, .delay = 1});
+  }
   std::size_t taken = 0;
   for (std::uint32_t i = 0; i < 5000; ++i) taken += ask({.sequence = i}) ? 1 : 0;
   EXPECT_EQ(taken, EchoReflector::kMaxWaiting);

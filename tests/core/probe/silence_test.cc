@@ -197,7 +197,9 @@ TEST(Silence, APeerWithoutRoomIsNoTimeout) {
     bytes.resize(wire::write_echo(
         bytes, {wire::PacketType::kEcho, LinkId{1}, wire::kClearEpoch, SessionId{1}, i + 1}, echo,
         0));
-    path.reflector.take(path.now, *wire::parse(bytes), {kNic, address_of(99), bytes}, {true, {}});
+    path.reflector.take(path.now, *wire::parse(bytes),
+                        {kNic, address_of(90 + i / EchoReflector::kMaxDelayedOfHost), bytes},
+                        {true, {}});
   }
   path.run();
   const SilenceResult result = path.test.result();
