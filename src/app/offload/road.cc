@@ -4,9 +4,11 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <exception>
 #include <map>
 #include <memory>
 #include <optional>
+#include <string>
 #include <thread>
 
 #include "app/offload/offload_request.h"
@@ -28,6 +30,9 @@ namespace perc = perception;
 
 // The least time between two lines about the same vehicle in the log.
 constexpr Duration kBetweenLines = std::chrono::seconds(1);
+// Lines about vehicles in the log in each second: whoever comes again and again under new sessions
+// is a new vehicle each time. No measurement behind it: a fleet that joins at once fits.
+constexpr int kLinesPerSecond = 100;
 // How long a vehicle may be told that it gets no answer. Later the deadline of its round has told
 // it; lost, nothing is missing but time.
 constexpr Duration kTellWithin = std::chrono::milliseconds(100);
@@ -55,6 +60,8 @@ class Road {
   void tell_ready() const;
   std::unique_ptr<StampService> serve_stamp() const;
   void prepare();
+  // Whether one more line about a vehicle fits into this second.
+  bool may_log();
   void serve(Delivered delivered);
   std::size_t top_level(PeerId peer, Duration budget);
   void lost(PeerId peer);
@@ -62,6 +69,7 @@ class Road {
   void enqueue(Unit::Job job);
   void start_next();
   std::size_t level_of(const Unit::Job& job);
+  Node::Task compute(const Unit::Job& job, std::size_t level);
   Node::Task detect(const Unit::Job& job, std::size_t level);
   void detected(Duration took, Bytes result);
   void undecoded();
@@ -79,6 +87,9 @@ class Road {
   LinkPublisher links_;
   SubmitLog results_{"result"};
   std::map<PeerId, Vehicle> vehicles_;
+  // When the newest second of the log began, and its lines so far.
+  TimePoint second_{};
+  int lines_ = 0;
   // When start_next() is called to end what is late.
   std::optional<TimePoint> timer_;
 };
@@ -130,6 +141,14 @@ void Road::prepare() {
   links_.add_work([this](PeerId peer) { return unit_->work(peer); });
 }
 
+bool Road::may_log() {
+  if (const TimePoint now = node_.now(); now - second_ >= std::chrono::seconds(1)) {
+    second_ = now;
+    lines_ = 0;
+  }
+  return ++lines_ <= kLinesPerSecond;
+}
+
 // By what the vehicle can afford, which it refines during its first rounds.
 std::size_t Road::top_level(PeerId peer, Duration budget) {
   const std::size_t level = unit_->top_level(peer, budget);
@@ -139,6 +158,7 @@ std::size_t Road::top_level(PeerId peer, Duration budget) {
   if (options_.top_level >= 0 || !changed) return level;
   vehicle.top = level;
   if (!is_new && node_.now() - vehicle.logged < kBetweenLines) return level;
+  if (!may_log()) return level;
   vehicle.logged = node_.now();
   spdlog::info("vehicle {}: {:.1f} ms for the computation, top level {} ({})", peer.value,
                to_ms(budget), level, ladder_->level(level).name);
@@ -150,7 +170,7 @@ void Road::serve(Delivered delivered) {
   delivered.payload = {};
   const auto request = parse_request(input);
   if (!request || !perc::may_be_image(request->second)) {
-    unit_->reject(node_.now(), delivered);
+    unit_->reject(delivered);
     return tell_unanswered();
   }
   const std::size_t top = top_level(delivered.from, request->first);
@@ -172,7 +192,7 @@ void Road::start_next() {
     const std::size_t level = level_of(*next);
     auto job = std::make_shared<const Unit::Job>(unit_->begin(now, level));
     node_.compute(Queue::kComputation,
-                  [this, level, job = std::move(job)] { return detect(*job, level); });
+                  [this, level, job = std::move(job)] { return compute(*job, level); });
   }
   tell_unanswered();
   const auto due = unit_->next_timeout();
@@ -189,7 +209,19 @@ std::size_t Road::level_of(const Unit::Job& job) {
   return node_.begin_computation(job.message.round, levels, std::min(job.top, levels.size() - 1));
 }
 
-// Runs on the worker.
+// Runs on the worker. What the image of one vehicle makes libraries throw ends its job and nobody
+// else's.
+Node::Task Road::compute(const Unit::Job& job, std::size_t level) {
+  try {
+    return detect(job, level);
+  } catch (const std::exception& e) {
+    return [this, peer = job.message.from, why = std::string(e.what())] {
+      if (may_log()) spdlog::warn("vehicle {}: an image cannot be computed: {}", peer.value, why);
+      undecoded();
+    };
+  }
+}
+
 Node::Task Road::detect(const Unit::Job& job, std::size_t level) {
   auto image = perc::decode_image(parse_request(job.input)->second);
   if (!image) return [this] { undecoded(); };
@@ -235,7 +267,7 @@ void Road::tell_unanswered() {
     (void)node_.send(unanswered->from, offload::encode_no_answer(*unanswered),
                      {.deadline = kTellWithin, .channel = offload::kNoAnswerChannel});
     Vehicle& vehicle = vehicles_[unanswered->from];
-    if (node_.now() - vehicle.logged < kBetweenLines) continue;
+    if (node_.now() - vehicle.logged < kBetweenLines || !may_log()) continue;
     vehicle.logged = node_.now();
     spdlog::info("vehicle {}: round {} gets no result: {}", unanswered->from.value,
                  unanswered->round.round.value, to_string(unanswered->why));
@@ -255,8 +287,10 @@ void Road::forget(PeerId peer) {
 
 void Road::lost(PeerId peer) {
   const offload::PeerWork work = unit_ ? unit_->work(peer) : offload::PeerWork{};
-  spdlog::info("vehicle {}: silent, forgotten; {} images computed, {} without a result", peer.value,
-               work.computed, work.unanswered());
+  if (may_log()) {
+    spdlog::info("vehicle {}: silent, forgotten; {} images computed, {} without a result",
+                 peer.value, work.computed, work.unanswered());
+  }
   forget(peer);
 }
 
@@ -267,10 +301,13 @@ int Road::run() {
     prepare();
     node_.on_delivered([this](Delivered d) { serve(std::move(d)); });
   }
-  node_.on_peer_ready([](PeerReady e) { spdlog::info("vehicle {}: here", e.peer.value); });
+  node_.on_peer_ready([this](PeerReady e) {
+    if (may_log()) spdlog::info("vehicle {}: here", e.peer.value);
+  });
   node_.on_peer_lost([this](PeerLost e) { lost(e.peer); });
   node_.on_peer_restarted([this](PeerRestarted e) { forget(e.peer); });
-  node_.on_peer_limited([](PeerLimited e) {
+  node_.on_peer_limited([this](PeerLimited e) {
+    if (!may_log()) return;
     spdlog::warn("vehicle {}: takes more than it may ({}); what is too much of its own is dropped",
                  e.peer.value, to_string(e.limit));
   });

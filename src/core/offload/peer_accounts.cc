@@ -24,8 +24,10 @@ std::size_t PeerAccounts::top_level(PeerId peer, Duration budget) const {
   return top_level_ ? *top_level_ : times(peer).highest_within(budget);
 }
 
+void PeerAccounts::know(PeerId peer) { accounts_.try_emplace(peer, Account{unknown_, {}}); }
+
 void PeerAccounts::came(PeerId peer, TimePoint now) {
-  accounts_.try_emplace(peer, Account{unknown_, {}});
+  know(peer);
   share_.came(peer, now);
 }
 

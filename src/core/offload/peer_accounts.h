@@ -34,6 +34,8 @@ class PeerAccounts {
   // The least that a job of the peer takes.
   Duration least(PeerId peer) const { return times(peer).least(); }
 
+  // The peer has sent something: it has an account from now on.
+  void know(PeerId peer);
   // A job of the peer came.
   void came(PeerId peer, TimePoint now);
   // Whether jobs of the peer wait.

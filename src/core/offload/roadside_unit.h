@@ -92,9 +92,10 @@ class RoadsideUnit {
     ++waiting_;
     peers_.waits(peer, true);
   }
-  // What this message brought is no job: it is counted and told like one that could not be read.
-  void reject(TimePoint now, const Delivered& message) {
-    peers_.came(message.from, now);
+  // What this message brought is no job: it is counted and told like one that could not be read,
+  // and takes nothing of the time of others.
+  void reject(const Delivered& message) {
+    peers_.know(message.from);
     peers_.tell({message.round, message.from, NoAnswer::kUnreadable});
   }
 

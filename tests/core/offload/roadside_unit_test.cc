@@ -172,7 +172,7 @@ TEST(RoadsideUnit, WhatCannotBeReadIsToldAndCharged) {
   unit.fail(at(50ms));
   EXPECT_FALSE(unit.busy());
   EXPECT_EQ(unit.work(PeerId{1}).busy, 50ms);
-  unit.reject(at(60ms), job_of(1, 8, at(60ms)).message);
+  unit.reject(job_of(1, 8, at(60ms)).message);
   const auto told = unanswered(unit);
   ASSERT_EQ(told.size(), 2u);
   EXPECT_EQ(told[0].round.round, RoundId{7});
@@ -211,6 +211,15 @@ TEST(RoadsideUnit, OffersWhatFitsIntoThePartOfThePeer) {
   EXPECT_EQ(unit.levels(PeerId{1}, at(950ms)).size(), 2u) << "25 ms";
   EXPECT_EQ(unit.levels(PeerId{2}, at(950ms)).size(), 1u) << "at least the lowest";
   EXPECT_EQ(unit.levels().size(), 3u);
+}
+
+TEST(RoadsideUnit, WhoSendsNothingThatCouldBeComputedTakesNoPart) {
+  Unit unit(three_levels());
+  for (int i = 0; i < 20; ++i) {
+    unit.add(job_of(1, 0, at(50ms * i)));
+    for (std::uint32_t peer = 2; peer < 30; ++peer) unit.reject(job_of(peer, 0, {}).message);
+  }
+  EXPECT_EQ(unit.levels(PeerId{1}, at(1s)).size(), 3u);
 }
 
 TEST(RoadsideUnit, SlowImagesOfOnePeerDoNotMakeTheLevelsSlowForAnother) {
