@@ -19,6 +19,10 @@ using boost::system::error_code;
 
 // Batches received per turn, up to 8 MiB; what is left makes the socket readable again.
 constexpr int kReceivesPerTurn = 8;
+// No batch follows one after which receiving has taken so long, so that what is due and what is to
+// be sent waits for one batch of packets that are costly to take, not for eight. No measurement
+// behind this value: it only has to be short against the deadlines of rounds.
+constexpr Duration kReceiveTime = std::chrono::milliseconds(2);
 // The endpoint is asked for output after so many datagrams, because an acknowledgement tells of a
 // bounded number of packets (kAckWindow of src/core/wire/packet.h) while a batch may hold 2000. An
 // eighth of that window.
@@ -172,6 +176,7 @@ void Node::Impl::on_timer() {
 // Datagrams arrive when the kernel says that they did, but not before what the endpoint was told
 // already.
 void Node::Impl::receive(const Port& port) {
+  const TimePoint began = io::now();
   for (int i = 0; i < kReceivesPerTurn && port.transport != nullptr; ++i) {
     const auto batch = port.transport->receive();
     if (batch.empty()) return;
@@ -186,6 +191,7 @@ void Node::Impl::receive(const Port& port) {
     }
     tell_events();
     told_ = io::now();
+    if (told_ - began > kReceiveTime) return;
   }
 }
 
