@@ -27,8 +27,9 @@ struct PeerRestarted {
   PeerId peer{};
 };
 
-// A peer that we did not connect to, and that was ready, is forgotten: it was silent for
-// kPeerSilence, or has made room for another one (src/core/peers/peers.h).
+// A peer that we did not connect to is forgotten: it was silent for kPeerSilence, or has made room
+// for another one (src/core/peers/peers.h). Told of every peer that any event was about, also of
+// one that was never ready.
 struct PeerLost {
   PeerId peer{};
 };

@@ -139,7 +139,7 @@ class Endpoint::Impl {
     while (const auto lost = peers_.poll_lost()) {
       rounds_.forget(lost->id);
       messages_.forget(lost->id);
-      if (lost->was_ready) events_.emplace_back(PeerLost{lost->id});
+      if (lost->was_known) events_.emplace_back(PeerLost{lost->id});
     }
   }
 

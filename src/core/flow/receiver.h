@@ -25,8 +25,9 @@ namespace interneuron::flow {
 //
 // A packet is accepted once: its number must be larger than all before, or one of the
 // wire::kAckWindow before the largest that has not arrived. Numbers are not authenticated, so an
-// attacker who writes one packet with a huge number makes all true ones look too old; that is the
-// price of packets in the clear. Constant memory.
+// attacker who writes one packet with a huge number makes all true ones look too old; Peers takes
+// care that for this he has to know a vehicle's session or to forge the address of a peer that we
+// connected to, the price of packets in the clear. Constant memory.
 //
 // A train ends with a pause that is long beside the gaps that it has had, so that one of a slow
 // link, whose packets are tens of milliseconds apart, is measured like one of a fast link. What

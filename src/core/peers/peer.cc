@@ -177,7 +177,7 @@ void Peer::handle_feedback(TimePoint now, Path& path, const wire::Feedback& feed
   path.receiver.exchange(now, PeerTime{Duration{feedback.u}});
   // Else it is meant for an earlier session of ours, or the peer has not heard us.
   if (feedback.echo != identity_.self) return;
-  if (!ready_) input.became_ready = ready_ = true;
+  if (!ready_) input.became_ready = ready_ = known_ = true;
   settlements_.learn(feedback);
   sender_.set_windows((feedback.features & wire::kDecodesWindows) != 0);
   const auto clock = clock_.view(now);

@@ -170,6 +170,9 @@ class Peer {
   std::optional<guard::ClockView> clock(TimePoint now) { return clock_.view(now); }
   const Identity& identity() const { return identity_; }
   bool ready() const { return ready_; }
+  // The application may have been told of the peer: it was ready once, has sent a whole message or
+  // was limited.
+  bool known() const { return known_; }
   TimePoint heard_at() const { return heard_at_; }
   std::size_t reassembly_bytes() const { return reassembler_.bytes() + windows_.bytes(); }
   std::size_t sending_bytes() const { return sender_.bytes(); }
@@ -233,6 +236,7 @@ class Peer {
   // Since when it is known without a step.
   TimePoint clock_since_ = TimePoint::min();
   bool ready_ = false;
+  bool known_ = false;
   TimePoint heard_at_;
   FeedbackDue feedback_;
   // The path that tells next what another one has just told.

@@ -73,6 +73,7 @@ bool Peer::take_piece(TimePoint now, const wire::Data& data, std::size_t room, I
       refuse(now, data.fragment, PeerLimit::kMessageRate, input);
       return false;
     }
+    known_ = true;
     note_activity(now);
     receipts_.complete(now, message);
     feedback_.completed(now);
@@ -96,6 +97,7 @@ void Peer::strike(TimePoint now, PeerLimit limit) {
   ++ledger_.strikes[static_cast<std::size_t>(limit)];
   if (now < tell_limit_at_) return;
   tell_limit_at_ = now + kBetweenLimits;
+  known_ = true;
   limited_ = limit;
 }
 

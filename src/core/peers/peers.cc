@@ -101,7 +101,7 @@ Peers::Entry& Peers::add(TimePoint now, SessionId session, bool connected) {
 void Peers::forget(Entry& entry) {
   const Key key = entry.key;
   --unannounced_;
-  lost_.push_back({entry.peer.identity().id, entry.peer.ready()});
+  lost_.push_back({entry.peer.identity().id, entry.peer.known()});
   directory_.remove_session(entry.peer.identity().session, key);
   by_id_.erase(entry.peer.identity().id);
   alarms_.remove(key);
@@ -218,13 +218,16 @@ bool Peers::is_token(TimePoint now, const wire::Packet& packet, const Datagram& 
          validation_.proves(now, packet.header, datagram, packet.token);
 }
 
-// Packets of a known path are taken wherever they come from; only the path stays where it was. So
-// nothing is lost while a peer proves its new address.
+// Packets of a known path of a peer that came unannounced are taken wherever they come from; only
+// the path stays where it was. So nothing is lost while a peer proves its new address. The session
+// of a peer that we connected to is no secret, since it tells it to all who ask: its packets come
+// from where we have connected to, as its first one did.
 bool Peers::is_there(TimePoint now, Entry& entry, const wire::Packet& packet,
                      const Datagram& datagram) {
   Peer& peer = entry.peer;
   const LinkId path = packet.header.link;
-  const bool moved = !peer.identity().connected && !peer.is_at(path, datagram.link, datagram.from);
+  const bool moved = !peer.is_at(path, datagram.link, datagram.from);
+  if (peer.identity().connected) return !moved;
   if (moved && is_token(now, packet, datagram)) {
     peer.follow(now, packet.header, nic(datagram.link), datagram.from);
   } else if (moved && peer.may_challenge(now, packet.header)) {
@@ -286,10 +289,10 @@ Peers::Entry* Peers::accept(TimePoint now, const wire::PacketHeader& header,
 }
 
 // Takes the place of a peer away, for one that comes from there. First go those that have never
-// heard us, of which whoever answers challenges alone may have many; then who was silent for
-// kPeerPause; then the youngest of a network, or a host, that has two places more than the
-// newcomer's would have without one. So whoever takes many places makes room for those who take
-// few, and not the other way round.
+// heard us, of which whoever answers challenges alone may have many; but for kJoinTime not for one
+// whose host has more places. Then who was silent for kPeerPause; then the youngest of a host that
+// has two places more than the newcomer's, or of one with as many whose network has two more. So
+// whoever takes many places makes room for those who take few, and not the other way round.
 bool Peers::make_room(TimePoint now, const Address& from) {
   std::map<Network, std::size_t> places;
   for (const auto& [id, key] : by_id_) {
@@ -314,11 +317,13 @@ bool Peers::make_room(TimePoint now, const Address& from) {
     const Crowd of = crowd(entry.first_seen_at);
     const auto age = std::int64_t{id.value};
     Reason reason;
-    if (!peer.ready()) {
+    const bool is_joining = now - entry.added_at < kJoinTime && of.second < own.second;
+    if (!peer.ready() && !is_joining) {
       reason = {3, of, -age};
     } else if (now - peer.heard_at() >= kPeerPause) {
       reason = {2, {}, (now - peer.heard_at()).count()};
-    } else if (of.first >= own.first + 2 || of.second >= own.second + 2) {
+    } else if (of.second >= own.second + 2 ||
+               (of.first >= own.first + 2 && of.second >= own.second)) {
       reason = {1, of, age};
     } else {
       continue;

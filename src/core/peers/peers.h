@@ -12,9 +12,10 @@
 // that are proved (AddressValidation): until then an address costs no memory and gets nothing but
 // challenges. Where all places are taken, whoever holds the most of them without use makes room
 // (make_room()). A peer that we connected to begins a new session only with a packet that shows
-// that it has heard us. Sessions are not authenticated: who knows those of both sides can send in
-// their names, but neither move a path to where it does not receive nor join from there. Pure;
-// thread-compatible.
+// that it has heard us, and is heard only where it was connected to. Sessions are not
+// authenticated: who has overheard that of a vehicle can send in its name, and who forges the
+// address of a peer that we connected to in that one's; but neither moves a path to where it does
+// not receive nor joins from there. Pure; thread-compatible.
 #pragma once
 
 #include <deque>
@@ -43,6 +44,10 @@ inline constexpr Duration kPeerSilence = std::chrono::seconds(60);
 // One that was silent for this long makes room for another one where there is no room: longer than
 // the rarest heartbeats are apart (link::ProbeSchedule::kMeteredHeartbeat).
 inline constexpr Duration kPeerPause = std::chrono::seconds(15);
+// For so long one that has proved its address has time to hear us and to show it, before others of
+// hosts with more places may take its place. No measurement behind this value: it only has to be
+// longer than some round trips with losses.
+inline constexpr Duration kJoinTime = std::chrono::seconds(2);
 
 class Peers {
  public:
@@ -117,8 +122,8 @@ class Peers {
   std::optional<TimePoint> next_timeout(TimePoint now) const;
   struct Lost {
     PeerId id{};
-    // The application was told that it is ready.
-    bool was_ready = false;
+    // The application may have been told of it.
+    bool was_known = false;
   };
   // Unannounced peers that are forgotten: they were silent for kPeerSilence, have no path left or
   // made room for another one. Ask until nothing comes.
@@ -149,8 +154,10 @@ class Peers {
   // A peer's place in entries_, by which Directory, Alarms and Turns know it.
   using Key = std::uint32_t;
   struct Entry {
-    Entry(Key k, const Peer::Identity& identity, TimePoint now) : key(k), peer(identity, now) {}
+    Entry(Key k, const Peer::Identity& identity, TimePoint now)
+        : key(k), added_at(now), peer(identity, now) {}
     Key key = 0;
+    TimePoint added_at{};
     // Of an unannounced peer: where its first packet came from.
     Address first_seen_at{};
     // Something has happened since the peer's alarm was set.

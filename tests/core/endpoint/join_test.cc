@@ -8,6 +8,7 @@
 
 #include "core/peers/address_validation.h"
 #include "core/wire/packet.h"
+#include "core/wire/round_header.h"
 #include "interneuron/endpoint.h"
 #include "pair.h"
 
@@ -44,6 +45,7 @@ struct Unit {
   TimePoint now{1h};
   std::vector<PeerId> ready;
   std::vector<PeerId> lost;
+  int delivered = 0;
 
   explicit Unit(std::size_t max_peers = 8, bool accept = true) : endpoint(make(max_peers, accept)) {
     for (const LinkId link : {kFast, kSlow}) endpoint.add_link(now, link, {"nic", 1500});
@@ -64,6 +66,7 @@ struct Unit {
     while (const auto event = endpoint.poll_event()) {
       if (const auto* e = std::get_if<PeerReady>(&*event)) ready.push_back(e->peer);
       if (const auto* e = std::get_if<PeerLost>(&*event)) lost.push_back(e->peer);
+      delivered += std::holds_alternative<Delivered>(*event) ? 1 : 0;
     }
     while (const auto t = endpoint.poll_transmit(now, buffer)) {
       out.push_back({t->link, t->to,
@@ -288,6 +291,71 @@ TEST(Join, WhoTakesManyPlacesMakesRoomForWhoeverTakesFew) {
   EXPECT_EQ(unit.ready.size(), 6U);
 }
 
+// A host that holds all places and comes with one new session after the other, each of which has
+// its token already, while a vehicle needs a round trip to show that it has heard us.
+TEST(Join, AHostThatComesAgainAndAgainKeepsNobodyFromShowingThatItHears) {
+  Unit unit(4);
+  const auto own = [](std::uint16_t port) { return ipv4(2, 0, 1, port); };
+  for (std::uint16_t i = 1; i <= 4; ++i) join(unit, SessionId{10U + i}, own(i));
+  std::vector<Bytes> prepared;
+  for (std::uint16_t i = 0; i < 30; ++i) {
+    const auto c = challenge_in(unit.feed(own(100 + i), hello(SessionId{100U + i})), own(100 + i));
+    ASSERT_TRUE(c);
+    prepared.push_back(token_packet(SessionId{100U + i}, 2, c->challenge.token));
+  }
+  const Address vehicle = ipv4(3, 0, 1);
+  join(unit, SessionId{1}, vehicle, false);
+  for (std::uint16_t i = 0; i < 30; ++i) {
+    unit.sleep(10ms);
+    unit.feed(own(100 + i), prepared[i]);
+  }
+  unit.feed(vehicle, hello(SessionId{1}, 3, kRoad));
+  EXPECT_EQ(unit.ready.size(), 5U);
+}
+
+// Vehicles of one operator share its network; a host elsewhere that has as many places as each of
+// them or more drives none of them out.
+TEST(Join, AHostElsewhereTakesNoMorePlacesThanOthersHave) {
+  Unit unit(8);
+  for (std::uint8_t i = 1; i <= 8; ++i) join(unit, SessionId{i}, ipv4(1, 0, i));
+  ASSERT_EQ(unit.ready.size(), 8U);
+  for (std::uint16_t i = 1; i <= 20; ++i) {
+    const Address from = ipv4(2, 0, 1, i);
+    const auto c = challenge_in(unit.feed(from, hello(SessionId{100U + i})), from);
+    ASSERT_TRUE(c);
+    unit.feed(from, token_packet(SessionId{100U + i}, 2, c->challenge.token));
+    unit.feed(from, hello(SessionId{100U + i}, 3, kRoad));
+  }
+  EXPECT_LE(unit.lost.size(), 2U);
+}
+
+// An application keeps something for every peer that it was given a message of.
+TEST(Join, WhoHasSentAMessageAndNeverShownThatItHearsIsReportedLost) {
+  Unit unit(1);
+  join(unit, SessionId{1}, ipv4(1, 0, 1), false);
+  wire::RoundHeader header;
+  header.round = {SessionId{1}, PipelineId{0}, RoundId{1}};
+  header.stage = 1;
+  header.stages = 3;
+  header.communication = 0b101;
+  header.deadline_us = 130'000;
+  header.policy = wire::policy_id("down_sampling");
+  header.t0 = PeerTime{unit.now.time_since_epoch()};
+  Bytes message(wire::kRoundHeaderBytes + 20);
+  wire::write_round_header(std::span(message).first<wire::kRoundHeaderBytes>(), header);
+  const auto size = static_cast<std::uint32_t>(message.size());
+  Bytes out(kMaxDatagramBytes);
+  out.resize(wire::write_data(
+      out, header_of(wire::PacketType::kData, SessionId{1}, 3),
+      {MessageId{1}, 0, static_cast<std::uint16_t>(size), size, header.deadline_us}, message));
+  unit.feed(ipv4(1, 0, 1), out);
+  EXPECT_EQ(unit.delivered, 1);
+  EXPECT_THAT(unit.ready, IsEmpty());
+  const auto peer = unit.endpoint.peers();
+  unit.sleep(70s);
+  EXPECT_EQ(unit.lost, peer);
+}
+
 TEST(Join, WhoWasSilentForLongMakesRoom) {
   Unit unit(2);
   join(unit, SessionId{1}, ipv4(1, 0, 1));
@@ -353,6 +421,23 @@ TEST(Join, AChallengeIsAnsweredWhereItWasAskedFor) {
   ASSERT_TRUE(packet);
   EXPECT_EQ(packet->header.type, wire::PacketType::kToken);
   EXPECT_EQ(packet->token, token);
+}
+
+// A roadside unit tells its session to all who ask: nobody else can use it from elsewhere, neither
+// to bring messages nor, with a huge number, to make what it sends look old.
+TEST(Join, TheSessionOfARoadsideUnitIsOfNoUseElsewhere) {
+  Pair p;
+  p.rounds(2);
+  for (const LinkId link : {kFast, kSlow}) {
+    Bytes forged(kMaxDatagramBytes);
+    forged.resize(wire::write_probe(
+        forged, header_of(wire::PacketType::kProbe, SessionId{2}, UINT64_MAX, link), 100));
+    p.pipe.at(p.vehicle).handle_datagram(p.pipe.local(p.vehicle), {link, address_of(77), forged});
+  }
+  p.pipe.flush(p.vehicle);
+  p.rounds(5);
+  ASSERT_EQ(p.done.size(), 7U);
+  for (const RoundDone& done : p.done) EXPECT_EQ(done.outcome, Outcome::kRemote);
 }
 
 // Whoever forges the address of a roadside unit without having heard the vehicle restarts nothing.
