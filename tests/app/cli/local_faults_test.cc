@@ -48,9 +48,11 @@ TEST(FullDisk, AReaderThatHasSeenEnoughIsNoFailure) {
   EXPECT_EQ(ran.code, 0) << ran.output;
 }
 
-// A file system of its own with room for `kilobytes`; the folder is "$D" in the script.
+// A file system of its own with room for `kilobytes`; the folder is "$D" in the script. In a
+// namespace of users, so that anybody may mount it; code 77 where there are none.
 Ran on_small_disk(int kilobytes, const fs::path& folder, const std::string& script) {
-  return in_shell("D='" + folder.string() + "'; export D; unshare -m sh -c '" +
+  return in_shell("D='" + folder.string() +
+                  "'; export D; unshare -Urm true || exit 77; unshare -Urm sh -c '" +
                   "mount -t tmpfs -o size=" + std::to_string(kilobytes) +
                   "k tmpfs \"$D\" || exit 77; " + script + "' \"$0\"");
 }

@@ -160,7 +160,7 @@ TEST(Filter, GivesAProgramAllOfItsInputAndTakesAllOfItsOutput) {
   EXPECT_EQ(same.code, 0);
   EXPECT_TRUE(same.output == text);
   EXPECT_EQ(filter("", {"sh", "-c", "exit 7"}).code, 7);
-  EXPECT_EQ(filter("", {"no-such-program-anywhere"}).start_error, ENOENT);
+  EXPECT_EQ(filter("", {"/no-such-program-anywhere"}).start_error, ENOENT);
 }
 
 }  // namespace
