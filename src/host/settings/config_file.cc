@@ -70,6 +70,7 @@ void apply(CLI::App& command, const std::string& file, const std::string& key,
   } else {
     values.push_back(scalar(node, file, where, key));
   }
+  if (values.empty()) refuse(where + ": " + key + ": an empty list; give a value or leave it out");
   try {
     option->add_result(values);
     option->run_callback();

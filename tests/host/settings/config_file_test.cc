@@ -80,6 +80,8 @@ TEST(ConfigFile, ABadValueIsNamedWithItsPlace) {
   EXPECT_NE(Command().apply("deadline_ms = -1\n").find("c.toml:1:"), std::string::npos);
   EXPECT_EQ(Command().apply("deadline_ms = 'x'\n"),
             "c.toml:1:15: deadline_ms: 'x': give a number above 0");
+  EXPECT_EQ(Command().apply("quiet = []\n"),
+            "c.toml:1:9: quiet: an empty list; give a value or leave it out");
   EXPECT_NE(Command().apply("rounds = 'many'\n").find("rounds"), std::string::npos);
   EXPECT_NE(Command().apply("rounds = { a = 1 }\n").find("rounds"), std::string::npos);
 }
