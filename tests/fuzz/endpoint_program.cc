@@ -193,7 +193,7 @@ class Program {
   }
   // Some packets between the endpoint and its partner, with time in between.
   void exchange() {
-    const std::size_t packets = 1 + input_.below(32);
+    const std::size_t packets = 1 + input_.below(64);
     const auto fates = input_.take<std::uint8_t>();
     const auto damage = input_.take<std::uint8_t>();
     const Duration pause = any_pause();

@@ -147,10 +147,12 @@ void World::note_proof(Seen& from, ByteView bytes) const {
   if (packet->header.type == wire::PacketType::kFeedback && packet->feedback.echo == kOwnSession) {
     from.echoed = true;
   }
-  if (type_of(bytes) != kAnswer || !from.token) return;
+  if (type_of(bytes) != kAnswer) return;
   const ByteView body = bytes.subspan(wire::kHeaderBytes);
-  if (std::search(body.begin(), body.end(), from.token->begin(), from.token->end()) != body.end()) {
-    from.answered = true;
+  for (const auto& token : from.tokens) {
+    if (std::search(body.begin(), body.end(), token.begin(), token.end()) != body.end()) {
+      from.answered = true;
+    }
   }
 }
 
@@ -160,6 +162,7 @@ void World::note_challenge(Seen& to, ByteView bytes) {
   if (type_of(bytes) != kChallenge || bytes.size() < kAt + 16 + wire::kTagBytes) return;
   challenges_ = true;
   std::ranges::copy(bytes.subspan(kAt, 16), to.token.emplace().begin());
+  to.tokens.insert(*to.token);
 }
 
 void World::take(const Transmit& transmit, ByteView bytes) {

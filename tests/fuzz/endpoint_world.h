@@ -79,7 +79,9 @@ class World {
     bool answered = false;
     // The endpoint was told by the application to talk to this address.
     bool named = false;
+    // The newest token that it was sent; and all of them, since an older one is good for a while.
     std::optional<std::array<std::byte, 16>> token{};
+    std::set<std::array<std::byte, 16>> tokens{};
     std::uint64_t last_number = 0;
     Bytes last{};
   };
