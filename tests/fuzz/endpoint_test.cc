@@ -10,7 +10,7 @@
 namespace interneuron::fuzz {
 namespace {
 
-// Chosen: a few seconds in a build with sanitizers.
+// They take two seconds in a build with sanitizers.
 constexpr int kPrograms = 150;
 
 TEST(EndpointPrograms, SeededOnesKeepItsWord) {

@@ -60,7 +60,8 @@ class Road {
   void tell_ready() const;
   std::unique_ptr<StampService> serve_stamp() const;
   void prepare();
-  // Whether one more line about a vehicle fits into this second.
+  // Whether one more line about a vehicle fits into this second. How many did not is told with the
+  // first one that fits again.
   bool may_log();
   void serve(Delivered delivered);
   std::size_t top_level(PeerId peer, Duration budget);
@@ -143,6 +144,9 @@ void Road::prepare() {
 
 bool Road::may_log() {
   if (const TimePoint now = node_.now(); now - second_ >= std::chrono::seconds(1)) {
+    if (lines_ > kLinesPerSecond) {
+      spdlog::warn("{} lines about vehicles were left out", lines_ - kLinesPerSecond);
+    }
     second_ = now;
     lines_ = 0;
   }

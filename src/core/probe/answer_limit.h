@@ -29,7 +29,8 @@ namespace interneuron::probe {
 // IPv4 nor IPv6.
 std::uint16_t sender_port(const Address& from);
 
-// What tells the sources of packets apart, as said above.
+// The host or customer that an address is of: an IPv4 address, the upper 64 bits of an IPv6
+// address, all of a link-local one.
 using Source = std::array<std::byte, 16>;
 Source source_of(const Address& from);
 
