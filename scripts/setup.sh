@@ -17,6 +17,7 @@ packages=(
   libboost1.81-dev libnl-3-dev libnl-route-3-dev libpcap-dev libxdp-dev libbpf-dev libisal-dev libsodium-dev libnftables-dev zlib1g-dev libjpeg62-turbo-dev libncurses-dev  # libraries
   libopencv-dev libeigen3-dev libcli11-dev libspdlog-dev libtomlplusplus-dev nlohmann-json3-dev
   libgtest-dev libgmock-dev librapidcheck-dev libbenchmark-dev       # tests and benchmarks
+  golang-github-flynn-noise-dev python3-dissononce                   # published vectors and another implementation of Noise
   iproute2 iputils-ping gnuplot-nox                                  # testbed and plots
   iperf3 tcpdump fping                                               # testbed verify, tests of the measurements
   tshark                                                             # test of the Wireshark dissector

@@ -7,7 +7,7 @@
 namespace interneuron {
 
 // Of one link, over all peers. Every received datagram is in exactly one of received, duplicate,
-// malformed, other_version, other and refused.
+// malformed, other_version, other, unauthentic, handshake and refused.
 struct LinkCounters {
   std::uint64_t sent_packets = 0;
   // Bytes of UDP payload.
@@ -26,6 +26,10 @@ struct LinkCounters {
   // address: the first one of every peer is among them. Or a packet of a peer that sends more than
   // it may (PeerLimits::packets_per_second).
   std::uint64_t refused_packets = 0;
+  // Where packets are encrypted: packets that no key of ours opens, whoever changed or made them,
+  // and packets in the clear, but for those of handshakes that this endpoint takes part in.
+  std::uint64_t unauthentic_packets = 0;
+  std::uint64_t handshake_packets = 0;
   // Fragments of messages that were sent again.
   std::uint64_t fragments_resent = 0;
   // Repair symbols that were sent beside the fragments of messages.

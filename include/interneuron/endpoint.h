@@ -19,6 +19,7 @@
 #include "interneuron/link.h"
 #include "interneuron/pipeline.h"
 #include "interneuron/policy.h"
+#include "interneuron/security.h"
 #include "interneuron/send.h"
 #include "interneuron/sizes.h"
 #include "interneuron/submit_status.h"
@@ -94,8 +95,11 @@ class Endpoint {
   // --- commands
   void add_link(TimePoint now, LinkId link, const LinkInfo& info);
   void remove_link(TimePoint now, LinkId link);
-  // Starts to talk to a peer that is reached at these addresses, one per link.
-  PeerId connect(TimePoint now, std::span<const std::pair<LinkId, Address>> addresses);
+  // Starts to talk to a peer that is reached at these addresses, one per link. `key`: who it is,
+  // where packets are encrypted; by default the only peer that EndpointOptions::security trusts.
+  // Throws std::invalid_argument where that one is not trusted.
+  PeerId connect(TimePoint now, std::span<const std::pair<LinkId, Address>> addresses,
+                 const std::optional<PublicKey>& key = std::nullopt);
   // A link that came (back) joins the paths to a peer we connected to; the same link again only
   // changes the address. False when there is no such peer or the link was not added.
   bool add_path(TimePoint now, PeerId peer, LinkId link, const Address& address);

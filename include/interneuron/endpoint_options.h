@@ -12,6 +12,7 @@
 #include "interneuron/message.h"
 #include "interneuron/pipeline.h"
 #include "interneuron/policy.h"
+#include "interneuron/security.h"
 #include "interneuron/units.h"
 
 namespace interneuron {
@@ -58,6 +59,9 @@ struct EndpointOptions {
   // it sends from, whose port does not matter. What a relay says of others is believed. Default:
   // nobody, so that no peer can send in the name of another one.
   std::vector<Address> relays = {};
+  // What packets are encrypted with, and who is trusted. Nothing: they are sent in the clear, and
+  // whoever asks is served: for experiments in closed networks alone.
+  std::shared_ptr<const Security> security{};
   // For the experiments that ship with the project; its type is no part of the interface. Nothing:
   // every mechanism is there.
   std::shared_ptr<const Ablation> ablation{};

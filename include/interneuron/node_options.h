@@ -87,8 +87,14 @@ struct NodeOptions {
   std::size_t send_budget_bytes = EndpointOptions{}.send_budget_bytes;
   // For the experiments that ship with the project; see EndpointOptions.
   std::shared_ptr<const Ablation> ablation{};
-  // Sessions are not encrypted yet, so a node that accepts peers refuses to listen on addresses
-  // that are not private unless this is set.
+  // With what packets are encrypted, and who is trusted; `seed` and `unix_time_ns` are drawn and
+  // read by the node where they are zero. Nothing: see `insecure`.
+  std::shared_ptr<const Security> security = {};
+  // The key of the peer that the links name. Default: the only one that `security` trusts.
+  std::optional<PublicKey> peer_key = {};
+  // Without `security` packets are sent in the clear and whoever asks is served, which is refused
+  // unless this is set. It is meant for experiments in networks of one's own: no address may be
+  // public, neither those of NICs that accept peers nor those of peers.
   bool insecure = false;
   // Threads of Queue::kComputation and of Queue::kLocalBackup, 1 … 64 each.
   std::size_t computation_workers = 1;

@@ -1,7 +1,7 @@
 // Answers STAMP test packets (RFC 8762, unauthenticated) on some NICs, on a thread of its own: what
 // `road --stamp` does, so that others can measure the paths to it. Anybody who reaches the port is
 // answered with one packet of the same size, so it amplifies nothing; other reflectors are not
-// answered, and no source gets more than AnswerLimit lets it have. On public addresses it must
+// answered, and no source gets more than SourceLimit lets it have. On public addresses it must
 // be asked for (`insecure`).
 #pragma once
 

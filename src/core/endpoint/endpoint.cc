@@ -39,7 +39,8 @@ class Endpoint::Impl {
                 .limits = options.peer_limits,
                 .secret = secret_of(options),
                 .reassembly_budget_bytes = options.reassembly_budget_bytes,
-                .send_budget_bytes = options.send_budget_bytes}),
+                .send_budget_bytes = options.send_budget_bytes,
+                .security = options.security}),
         rounds_(options, peers_, events_),
         messages_(options.policies, peers_, events_),
         time_(now) {}
@@ -199,8 +200,9 @@ void Endpoint::add_link(TimePoint, LinkId link, const LinkInfo& info) {
 void Endpoint::remove_link(TimePoint now, LinkId link) {
   impl_->remove_link(impl_->tick(now), link);
 }
-PeerId Endpoint::connect(TimePoint now, std::span<const std::pair<LinkId, Address>> addresses) {
-  return impl_->peers().connect(impl_->tick(now), addresses);
+PeerId Endpoint::connect(TimePoint now, std::span<const std::pair<LinkId, Address>> addresses,
+                         const std::optional<PublicKey>& key) {
+  return impl_->peers().connect(impl_->tick(now), addresses, key);
 }
 SendResult Endpoint::send(TimePoint now, PeerId peer, Variants variants,
                           const SendOptions& options) {

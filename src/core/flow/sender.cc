@@ -40,7 +40,7 @@ void Sender::add_path(LinkId path, std::size_t max_datagram, std::uint64_t first
   const auto [it, fresh] = paths_.try_emplace(path);
   if (!fresh) return;
   it->second.max_datagram = max_datagram;
-  it->second.sent = SentPackets(first_number);
+  it->second.sent = SentPackets(std::max(first_number, unused_number_));
 }
 
 void Sender::remove_path(TimePoint now, LinkId path) {
@@ -52,6 +52,7 @@ void Sender::remove_path(TimePoint now, LinkId path) {
   overdue_.remove_path(path);
   window_.remove_path(path);
   removed_at_ = now;
+  unused_number_ = std::max(unused_number_, gone.sent.next_number());
   settle(now, path, gone.sent.in_flight());
   for (const MessageId id : gone.jobs.messages()) hand_on(now, gone.jobs, id);
   protect_touched(now);

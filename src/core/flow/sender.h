@@ -61,7 +61,8 @@ class Sender {
       : options_(options), next_message_(options.first_message.value) {}
 
   // Adds a path whose datagrams have at most `max_datagram` bytes of UDP payload, unless it is
-  // known already.
+  // known already. Its packets are numbered from `first_number` on, or from above all numbers of
+  // the paths that were removed: no number is used twice by paths of one name.
   void add_path(LinkId path, std::size_t max_datagram, std::uint64_t first_number = 1);
   // The path's datagrams may have so many bytes from now on. What was cut for larger ones leaves
   // over other paths or not at all; what has left already may have arrived.
@@ -325,6 +326,8 @@ class Sender {
   Overdue overdue_;
   // When a path was removed last.
   TimePoint removed_at_ = TimePoint::min();
+  // Above all numbers of packets of paths that were removed.
+  std::uint64_t unused_number_ = 1;
   std::deque<MessageId> given_up_;
   // Payloads of messages that poll() has given up, of which it may have handed out pieces before.
   std::vector<Bytes> parting_;

@@ -132,6 +132,8 @@ class SentPackets {
   std::uint64_t lost() const { return lost_; }
   // Forgets what is in flight; the numbers go on.
   void reset();
+  // The number of the next packet.
+  std::uint64_t next_number() const { return next_; }
 
  private:
   enum class Fate : std::uint8_t { kOpen, kArrived, kLost };

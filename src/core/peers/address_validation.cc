@@ -109,12 +109,13 @@ void AddressValidation::remove_link(LinkId nic) {
   }
 }
 
-std::optional<Transmit> AddressValidation::poll(std::span<std::byte> buffer) {
+std::optional<AddressValidation::Leaving> AddressValidation::poll(std::span<std::byte> buffer) {
   if (waiting_.empty()) return std::nullopt;
   const Waiting& next = waiting_.front();
   const wire::PacketHeader header{wire::PacketType::kChallenge, next.header.link, wire::kClearEpoch,
                                   self_, next.header.number};
-  const Transmit out{next.nic, next.to, wire::write_challenge(buffer, header, next.challenge)};
+  const Leaving out{{next.nic, next.to, wire::write_challenge(buffer, header, next.challenge)},
+                    next.header.session};
   waiting_.pop_front();
   return out;
 }

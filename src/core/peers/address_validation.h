@@ -53,8 +53,12 @@ class AddressValidation {
   // Challenges that would leave over this NIC are dropped.
   void remove_link(LinkId nic);
 
+  // To whom: the session of the packet that is answered.
+  struct Leaving : Transmit {
+    SessionId session{};
+  };
   // Writes the next challenge into `buffer`.
-  std::optional<Transmit> poll(std::span<std::byte> buffer);
+  std::optional<Leaving> poll(std::span<std::byte> buffer);
   bool has_waiting() const { return !waiting_.empty(); }
 
  private:

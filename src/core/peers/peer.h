@@ -15,6 +15,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/base/rate_limit.h"
 #include "core/flow/receipts.h"
 #include "core/flow/receiver.h"
 #include "core/flow/sender.h"
@@ -22,7 +23,6 @@
 #include "core/guard/clock_offset.h"
 #include "core/peers/feedback_due.h"
 #include "core/peers/path.h"
-#include "core/peers/rate_limit.h"
 #include "core/peers/settlements.h"
 #include "core/wire/packet.h"
 #include "interneuron/endpoint.h"

@@ -21,7 +21,11 @@ Peers::Peers(const Options& options)
       reassembly_(options.reassembly_budget_bytes),
       sending_(options.send_budget_bytes),
       reflector_(options.self),
-      validation_(options.self, options.secret) {}
+      validation_(options.self, options.secret) {
+  if (options.security) {
+    sessions_.emplace(*options.security, options.self, options.accept, options.started);
+  }
+}
 
 void Peers::add_link(LinkId link, const LinkInfo& info) {
   links_[link].info = info;
@@ -32,6 +36,7 @@ std::vector<PathChanged> Peers::remove_link(TimePoint now, LinkId link) {
   links_[link].present = false;
   reflector_.remove_link(link);
   validation_.remove_link(link);
+  if (sessions_) sessions_->responder().remove_link(link);
   std::vector<PathChanged> changes;
   for (const PeerId id : ids()) {
     Entry& entry = *entries_[by_id_.at(id)];
@@ -44,14 +49,21 @@ std::vector<PathChanged> Peers::remove_link(TimePoint now, LinkId link) {
   return changes;
 }
 
-PeerId Peers::connect(TimePoint now, std::span<const std::pair<LinkId, Address>> addresses) {
+PeerId Peers::connect(TimePoint now, std::span<const std::pair<LinkId, Address>> addresses,
+                      const std::optional<PublicKey>& named) {
   for (const auto& [link, address] : addresses) {
     const auto it = links_.find(link);
     if (it == links_.end() || !it->second.present) {
       throw std::invalid_argument("connect: link " + std::to_string(link.value) + " was not added");
     }
   }
+  const std::optional<PublicKey> who = named || !sessions_ ? named : sessions_->only_peer();
+  if (sessions_ && (!who || !sessions_->is_trusted(*who))) {
+    throw std::invalid_argument(who ? "connect: the key " + to_base64(*who) + " is not trusted"
+                                    : "connect: say which of the trusted peers this is");
+  }
   Entry& entry = add(now, SessionId{}, true);
+  if (sessions_) sessions_->connect(now, entry.key, *who);
   for (const auto& [link, address] : addresses) {
     entry.peer.add_path(now, link, nic(link), address);
   }
@@ -104,6 +116,7 @@ void Peers::forget(Entry& entry) {
   lost_.push_back({entry.peer.identity().id, entry.peer.known()});
   directory_.remove_session(entry.peer.identity().session, key);
   by_id_.erase(entry.peer.identity().id);
+  if (sessions_) sessions_->remove(key);
   alarms_.remove(key);
   turns_.forget(key);
   reassembly_.change(entry.reassembly_bytes, 0);
@@ -134,12 +147,32 @@ Path::Nic Peers::nic(LinkId link) const {
 }
 
 Peers::Received Peers::receive(TimePoint now, const Datagram& datagram) {
+  return sessions_ ? receive_sealed(now, datagram) : receive_clear(now, datagram);
+}
+
+void Peers::count_strange(const Datagram& datagram, LinkCounters& counters, Received& out) {
+  out.other_version = wire::other_version(datagram.bytes);
+  ++(out.other_version ? counters.other_version_packets : counters.malformed_packets);
+}
+
+void Peers::count_received(const wire::Packet& packet, const Datagram& datagram, bool is_served,
+                           LinkCounters& counters, const Received& out) {
+  if (!is_served || out.input.limited) {
+    ++counters.refused_packets;
+  } else if (out.input.duplicate) {
+    ++counters.duplicate_packets;
+  } else {
+    ++(wire::is_used(packet.header.type) ? counters.received_packets : counters.other_packets);
+    counters.received_bytes += datagram.bytes.size();
+  }
+}
+
+Peers::Received Peers::receive_clear(TimePoint now, const Datagram& datagram) {
   LinkCounters& counters = links_[datagram.link].counters;
   const auto packet = wire::parse(datagram.bytes);
   Received out;
   if (!packet) {
-    out.other_version = wire::other_version(datagram.bytes);
-    ++(out.other_version ? counters.other_version_packets : counters.malformed_packets);
+    count_strange(datagram, counters, out);
     return out;
   }
   bool is_served = false;
@@ -153,20 +186,7 @@ Peers::Received Peers::receive(TimePoint now, const Datagram& datagram) {
     is_served = found.entry != nullptr;
     if (is_served) hand_over(now, *found.entry, *packet, datagram, out);
   }
-  if (!is_served) {
-    ++counters.refused_packets;
-    return out;
-  }
-  if (out.input.limited) {
-    ++counters.refused_packets;
-    return out;
-  }
-  if (out.input.duplicate) {
-    ++counters.duplicate_packets;
-    return out;
-  }
-  ++(wire::is_used(packet->header.type) ? counters.received_packets : counters.other_packets);
-  counters.received_bytes += datagram.bytes.size();
+  count_received(*packet, datagram, is_served, counters, out);
   return out;
 }
 
@@ -237,9 +257,9 @@ bool Peers::is_there(TimePoint now, Entry& entry, const wire::Packet& packet,
 }
 
 // Whoever asks has to repeat our session, so that only those who receive what we send can make us
-// answer.
+// answer; where packets are encrypted, nobody else can ask.
 bool Peers::take_challenge(const wire::Packet& packet, const Datagram& datagram) {
-  if (packet.challenge.echo != options_.self) return false;
+  if (!sessions_ && packet.challenge.echo != options_.self) return false;
   bool is_ours = false;
   directory_.for_each(datagram.link, datagram.from, [&](Key key) {
     Entry& entry = *entries_[key];
@@ -391,8 +411,9 @@ std::size_t Peers::send_room(PeerId id) {
   return sending_.room(entries_[by_id_.at(id)]->sending_bytes);
 }
 
-TimePoint Peers::due_at(TimePoint now, const Entry& entry) {
+TimePoint Peers::due_at(TimePoint now, const Entry& entry) const {
   TimePoint due = entry.peer.next_timeout(now).value_or(TimePoint::max());
+  if (sessions_) due = std::min(due, sessions_->next_timeout(entry.key).value_or(due));
   if (entry.peer.identity().connected) return due;
   return entry.peer.gone() ? now : std::min(due, entry.peer.heard_at() + kPeerSilence);
 }
@@ -416,6 +437,10 @@ Peers::Expired Peers::handle_timeout(TimePoint now) {
     Entry& entry = *entries_[key];
     Peer& peer = entry.peer;
     expired.messages += peer.handle_timeout(now);
+    if (sessions_) {
+      sessions_->set_silent(now, key, is_silent(now, peer));
+      sessions_->handle_timeout(now, key);
+    }
     account(entry);
     while (auto change = peer.poll_change()) expired.changes.push_back(std::move(*change));
     const bool silent =
@@ -437,17 +462,17 @@ std::optional<TimePoint> Peers::next_timeout(TimePoint now) const {
 }
 
 std::optional<TransmitParts> Peers::poll(TimePoint now, std::span<std::byte> buffer) {
-  if (const auto echo = reflector_.poll(now, buffer)) {
-    return count({echo->link, echo->to, echo->size});
-  }
-  if (const auto challenge = validation_.poll(buffer)) {
-    return count({challenge->link, challenge->to, challenge->size});
-  }
+  if (const auto answer = poll_answers(now, buffer)) return count(*answer);
   while (const auto key = turns_.feedback()) {
     Entry& entry = *entries_[*key];
+    if (const auto initiation = poll_initiation(now, entry, buffer)) {
+      mark(entry);
+      return count(*initiation);
+    }
     if (const auto transmit = entry.peer.poll_feedback(now, buffer)) {
       mark(entry);
-      return count(*transmit);
+      if (const auto out = leave(now, entry, *transmit, buffer)) return count(*out);
+      continue;
     }
     turns_.feedback_done();
     for (const Path& path : entry.peer.paths()) turns_.add(*key, path.nic().link);
@@ -457,7 +482,8 @@ std::optional<TransmitParts> Peers::poll(TimePoint now, std::span<std::byte> buf
     if (const auto transmit = entry.peer.poll(now, turn->nic, buffer)) {
       mark(entry);
       turns_.sent(transmit->size() + kIpUdpBytes);
-      return count(*transmit);
+      if (const auto out = leave(now, entry, *transmit, buffer)) return count(*out);
+      continue;
     }
     turns_.done();
   }

@@ -34,6 +34,7 @@
 #include "core/peers/peer.h"
 #include "core/peers/turns.h"
 #include "core/probe/echo_reflector.h"
+#include "core/secure/sessions.h"
 #include "interneuron/endpoint.h"
 
 namespace interneuron {
@@ -68,14 +69,18 @@ class Peers {
     std::size_t reassembly_budget_bytes = 0;
     // What messages under way to all peers may hold, in bytes.
     std::size_t send_budget_bytes = 0;
+    // With what packets are encrypted; nothing: they are not.
+    std::shared_ptr<const Security> security{};
   };
   explicit Peers(const Options& options);
 
   void add_link(LinkId link, const LinkInfo& info);
   std::vector<PathChanged> remove_link(TimePoint now, LinkId link);
-  // Begins to talk to a peer at these addresses, one per link. Throws std::invalid_argument when a
-  // link was not added.
-  PeerId connect(TimePoint now, std::span<const std::pair<LinkId, Address>> addresses);
+  // Begins to talk to a peer at these addresses, one per link. `who`: its key, where packets are
+  // encrypted; by default that of the only peer that is trusted. Throws std::invalid_argument when
+  // a link was not added or the peer is not trusted.
+  PeerId connect(TimePoint now, std::span<const std::pair<LinkId, Address>> addresses,
+                 const std::optional<PublicKey>& who = std::nullopt);
   // False: we have not connected to such a peer, or the link was not added.
   bool add_path(TimePoint now, PeerId peer, LinkId link, const Address& address);
   // Measures the rate of a path now. False: there is no such path.
@@ -162,6 +167,8 @@ class Peers {
     Address first_seen_at{};
     // Something has happened since the peer's alarm was set.
     bool touched = false;
+    // How many paths of the try under way an initiation has left over.
+    std::size_t initiations = 0;
     // What reassembly_ and sending_ know that the peer holds.
     std::size_t reassembly_bytes = 0;
     std::size_t sending_bytes = 0;
@@ -171,6 +178,29 @@ class Peers {
     Entry* entry = nullptr;
     bool restarted = false;
   };
+  // The other half of receive(), where packets are encrypted and where they are not.
+  Received receive_clear(TimePoint now, const Datagram& datagram);
+  Received receive_sealed(TimePoint now, const Datagram& datagram);
+  static void count_strange(const Datagram& datagram, LinkCounters& counters, Received& out);
+  static void count_received(const wire::Packet& packet, const Datagram& datagram, bool is_served,
+                             LinkCounters& counters, const Received& out);
+  // False where the packet of a handshake is refused.
+  bool take_handshake(TimePoint now, const wire::PacketHeader& header, const Datagram& datagram,
+                      Received& out);
+  Found whose_sealed(TimePoint now, const crypto::Sessions::Opened& by, const wire::Packet& packet,
+                     const Datagram& datagram);
+  // Seals what is to leave; nothing where it must not leave.
+  std::optional<TransmitParts> leave(TimePoint now, const Entry& entry, const TransmitParts& parts,
+                                     std::span<std::byte> buffer);
+  // Seals what answers a packet of this session and has no number of its own. False: it must not
+  // leave.
+  bool seal_answer(TimePoint now, SessionId session, std::span<std::byte> packet);
+  std::optional<TransmitParts> poll_answers(TimePoint now, std::span<std::byte> buffer);
+  std::optional<TransmitParts> poll_handshake(TimePoint now, std::span<std::byte> buffer);
+  std::optional<TransmitParts> poll_initiation(TimePoint now, Entry& entry,
+                                               std::span<std::byte> buffer);
+  // Whether this peer may be there no more, as far as its paths tell.
+  static bool is_silent(TimePoint now, const Peer& peer);
   void hand_over(TimePoint now, Entry& entry, const wire::Packet& packet, const Datagram& datagram,
                  Received& out);
   // Whose packet this is; nobody's where it is to be refused.
@@ -203,7 +233,7 @@ class Peers {
   void account(Entry& entry);
   void set_alarms(TimePoint now);
   // When something is due at this peer.
-  static TimePoint due_at(TimePoint now, const Entry& entry);
+  TimePoint due_at(TimePoint now, const Entry& entry) const;
 
   Options options_;
   std::map<LinkId, Link> links_;
@@ -224,6 +254,8 @@ class Peers {
   std::vector<Key> due_;
   EchoReflector reflector_;
   AddressValidation validation_;
+  // Where packets are encrypted.
+  std::optional<crypto::Sessions> sessions_;
   std::deque<Lost> lost_;
   std::uint32_t next_ = 1;
 };

@@ -1,64 +1,15 @@
-// How many measuring packets one source is answered, for the reflectors of this folder: a forged
-// source address must not make this host send to its owner without bounds.
-//
-// A token bucket for each source, as one instant: when the bucket will be full again. A source is a
-// host rather than a socket, because whoever forges can choose ports freely: an IPv4 address, the
-// upper 64 bits of an IPv6 address (one customer owns them all), or a whole link-local one.
-//
-// The table is bounded. A source that finds it full takes the place of the one whose bucket is the
-// fullest, which loses the least by being forgotten: it begins with a full bucket when it asks
-// again. So a flood from forged sources locks nobody out, and a source that has used up its bucket
-// is forgotten only after all others in the table have used up as much. What a flood of many
-// sources gets in total is not bounded here: one answer per request, of the request's size.
-//
-// Fed by the reflectors with the senders of packets from anybody. Pure; thread-compatible; never
-// throws.
+// How many measuring packets one source is answered by the reflectors of this folder.
 #pragma once
 
-#include <array>
-#include <cstddef>
-#include <cstdint>
-#include <vector>
-
-#include "interneuron/address.h"
-#include "interneuron/time.h"
+#include "core/base/source_limit.h"
 
 namespace interneuron::probe {
 
-// The port of a UDP sender, read from the bytes of its sockaddr; 0 for an address that is neither
-// IPv4 nor IPv6.
-std::uint16_t sender_port(const Address& from);
-
-// The host or customer that an address is of: an IPv4 address, the upper 64 bits of an IPv6
-// address, all of a link-local one.
-using Source = std::array<std::byte, 16>;
-Source source_of(const Address& from);
-
-class AnswerLimit {
- public:
-  // Sources that are known at once. No measurement behind this value: it only has to be larger than
-  // the number of hosts that measure at the same time. They take 6 KB.
-  static constexpr std::size_t kMaxSources = 256;
-  // One answer per kInterval for as long as a source likes, 2,000/s: twice what the shortest
-  // interval of `interneuron probe`, 1 ms, asks for, so that two hosts behind one address fit.
-  static constexpr Duration kInterval = std::chrono::microseconds(500);
-  // Answers at once after a pause: the 8 trains of 256 packets with which `interneuron probe`
-  // measures a rate.
-  static constexpr int kBurst = 8 * 256;
-
-  // Whether a request that came from there may be answered; takes a token if so.
-  bool allow(TimePoint now, const Address& from);
-  std::size_t sources() const { return buckets_.size(); }
-
- private:
-  struct Bucket {
-    Source source{};
-    // When it will be full.
-    TimePoint full_at{};
-  };
-  Bucket& bucket_of(TimePoint now, const Source& source);
-
-  std::vector<Bucket> buckets_;
-};
+// 2,000 answers a second: twice what the shortest interval of `interneuron probe`, 1 ms, asks for,
+// so that two hosts behind one address fit.
+inline constexpr Duration kAnswerInterval = std::chrono::microseconds(500);
+// Answers at once after a pause: the 8 trains of 256 packets with which `interneuron probe`
+// measures a rate.
+inline constexpr int kAnswerBurst = 8 * 256;
 
 }  // namespace interneuron::probe

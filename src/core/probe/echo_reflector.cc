@@ -42,15 +42,14 @@ bool EchoReflector::may_hold(const Path& path) const {
   for (const Path& p : paths_) {
     if (p.held.empty()) continue;
     ++all;
-    if (probe::source_of(p.from) == probe::source_of(path.from)) ++of_host;
+    if (source_of(p.from) == source_of(path.from)) ++of_host;
   }
   return all < kMaxHeldTrains && of_host < kMaxHeldTrainsOfHost;
 }
 
 bool EchoReflector::may_delay(const Address& to) const {
-  const auto of_host = std::ranges::count_if(delayed_, [&to](const auto& entry) {
-    return probe::source_of(entry.second.to) == probe::source_of(to);
-  });
+  const auto of_host = std::ranges::count_if(
+      delayed_, [&to](const auto& entry) { return source_of(entry.second.to) == source_of(to); });
   return delayed_.size() < kMaxDelayed && std::cmp_less(of_host, kMaxDelayedOfHost);
 }
 
@@ -58,14 +57,14 @@ bool EchoReflector::take(TimePoint now, const wire::Packet& packet, const Datagr
                          const Asker& asker) {
   const wire::Echo& request = packet.echo;
   if (request.is_reply || packet.header.session == self_) return false;
-  if (probe::sender_port(datagram.from) == wire::kStampPort) return false;
+  if (sender_port(datagram.from) == wire::kStampPort) return false;
   if (!limit_.allow(now, datagram.from)) return false;
   Path& path = path_of(now, packet.header, datagram);
   // Counted before it may be dropped: what is dropped here did arrive.
   const std::uint32_t sequence = path.requests++;
   if (waiting() - delayed_.size() >= kMaxWaiting) return false;
 
-  Reply reply{path.nic, path.from, path.link, request, datagram.bytes.size()};
+  Reply reply{path.nic, path.from, path.session, path.link, request, datagram.bytes.size()};
   reply.echo.is_reply = true;
   reply.echo.token = asker.token;
   reply.echo.reply = wire::stamp_reply_to(request.request, 0);
@@ -122,7 +121,8 @@ std::optional<TimePoint> EchoReflector::next_timeout() const {
   return next;
 }
 
-std::optional<Transmit> EchoReflector::poll(TimePoint now, std::span<std::byte> buffer) {
+std::optional<EchoReflector::Leaving> EchoReflector::poll(TimePoint now,
+                                                          std::span<std::byte> buffer) {
   release_due(now);
   if (ready_.empty()) return std::nullopt;
   Reply& reply = ready_.front();
@@ -130,9 +130,9 @@ std::optional<Transmit> EchoReflector::poll(TimePoint now, std::span<std::byte> 
   const wire::PacketHeader header{wire::PacketType::kEcho, reply.link, wire::kClearEpoch, self_,
                                   std::uint64_t{reply.echo.reply.sequence} + 1};
   const std::size_t size = wire::write_echo(buffer, header, reply.echo, reply.size);
-  const Transmit transmit{reply.nic, reply.to, size};
+  const Leaving leaving{{reply.nic, reply.to, size}, reply.session};
   ready_.pop_front();
-  return transmit;
+  return leaving;
 }
 
 std::size_t EchoReflector::waiting() const {

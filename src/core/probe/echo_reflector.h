@@ -7,7 +7,7 @@
 //
 // Requests are not authenticated, so anybody may send them from a forged address. An attacker gains
 // no amplification, because a reply is as large as its request and there is one per request. No
-// source gets more than AnswerLimit lets it have. Neither replies nor what comes from the port of
+// source gets more than SourceLimit lets it have. Neither replies nor what comes from the port of
 // STAMP (862) is answered, so that no two reflectors answer each other. Replies are held or delayed
 // only for addresses that are proved, so that nobody saves up replies for another one. He learns
 // this host's monotonic clock and how many of his requests arrived. Asking makes nobody a peer and
@@ -73,8 +73,12 @@ class EchoReflector {
 
   // When poll() has something new to give although no request comes; nothing: never.
   std::optional<TimePoint> next_timeout() const;
+  // To whom: the session of the request.
+  struct Leaving : Transmit {
+    SessionId session{};
+  };
   // Writes the next reply that is due into `buffer`, which must hold kMaxDatagramBytes.
-  std::optional<Transmit> poll(TimePoint now, std::span<std::byte> buffer);
+  std::optional<Leaving> poll(TimePoint now, std::span<std::byte> buffer);
   // Replies that have not left yet, of every kind.
   std::size_t waiting() const;
 
@@ -82,6 +86,7 @@ class EchoReflector {
   struct Reply {
     LinkId nic{};
     Address to{};
+    SessionId session{};
     // The path's name in the request, which the reply repeats.
     LinkId link{};
     wire::Echo echo;
@@ -108,7 +113,7 @@ class EchoReflector {
   static TimePoint release_at(const Path& path);
 
   SessionId self_;
-  probe::AnswerLimit limit_;
+  SourceLimit limit_{probe::kAnswerInterval, probe::kAnswerBurst};
   std::vector<Path> paths_;
   // By the instant at which they leave.
   std::multimap<TimePoint, Reply> delayed_;

@@ -6,7 +6,7 @@
 // whoever asks from one address at one NIC. An attacker with many forged addresses can push out the
 // sessions of others, whose numbers then begin anew; he gains no amplification, and memory stays
 // within kMaxSessions records. He can have this host send to an address that he forges, as many
-// packets as he sends himself and no more than AnswerLimit lets each source have.
+// packets as he sends himself and no more than SourceLimit lets each source have.
 //
 // Two reflectors must never answer each other, because a packet forged in the name of one would
 // keep both busy for ever, and a reply has the form of a request. So nothing is answered that comes
@@ -67,7 +67,7 @@ class StampReflector {
 
   bool stateful_;
   std::uint16_t port_;
-  AnswerLimit limit_;
+  SourceLimit limit_{kAnswerInterval, kAnswerBurst};
   std::vector<Session> sessions_;
 };
 

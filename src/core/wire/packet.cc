@@ -36,6 +36,11 @@ void put_header(Writer& w, const PacketHeader& h) {
   w.put(h.stamp_us);
 }
 
+// Where the epoch and the session stand in a packet.
+constexpr std::size_t kEpochAt = 1;
+constexpr std::size_t kSessionAt = 4;
+constexpr std::size_t kNumberAt = 8;
+
 std::optional<PacketHeader> get_header(Reader& r) {
   PacketHeader h;
   const auto first = r.get<std::uint8_t>();
@@ -45,7 +50,7 @@ std::optional<PacketHeader> get_header(Reader& r) {
   h.number = r.get<std::uint64_t>();
   h.stamp_us = r.get<std::uint32_t>();
   const auto type = static_cast<std::uint8_t>(first & kTypeMask);
-  if (!r.ok() || first >> kVersionShift != kVersion || type == 0 || h.epoch != kClearEpoch ||
+  if (!r.ok() || first >> kVersionShift != kVersion || type == 0 || h.epoch > kSealedEpoch ||
       h.session.value == 0 || h.number == 0) {
     return std::nullopt;
   }
@@ -212,8 +217,38 @@ std::size_t finish(Writer& w) {
 
 std::optional<Packet> parse(ByteView datagram) {
   if (datagram.size() < kPacketOverhead || datagram.size() > kMaxDatagramBytes) return std::nullopt;
+  if (datagram[kEpochAt] != std::byte{kClearEpoch}) return std::nullopt;
   if (!is_zero(datagram.last(kTagBytes))) return std::nullopt;
-  Reader r(datagram.first(datagram.size() - kTagBytes));
+  return parse_opened(datagram.first(datagram.size() - kTagBytes));
+}
+
+std::optional<PacketHeader> peek(ByteView datagram) {
+  if (datagram.size() < kPacketOverhead || datagram.size() > kMaxDatagramBytes) return std::nullopt;
+  Reader r(datagram);
+  return get_header(r);
+}
+
+void mark_sealed(std::span<std::byte> packet, SessionId session) {
+  packet[kEpochAt] = std::byte{kSealedEpoch};
+  Writer w(packet.subspan(kSessionAt));
+  w.put(session.value);
+  assert(w.ok());
+}
+
+void set_number(std::span<std::byte> packet, std::uint64_t number) {
+  Writer w(packet.subspan(kNumberAt));
+  w.put(number);
+  assert(w.ok());
+}
+
+void write_header(std::span<std::byte> out, const PacketHeader& header) {
+  Writer w(out);
+  put_header(w, header);
+  assert(w.ok());
+}
+
+std::optional<Packet> parse_opened(ByteView bytes) {
+  Reader r(bytes);
   const auto header = get_header(r);
   if (!header) return std::nullopt;
   std::optional<Packet> parsed(std::in_place);
@@ -250,7 +285,9 @@ std::optional<Packet> parse(ByteView datagram) {
       return parsed;
     // What pads a probe, and the body of a type that is not used, is not read.
     case PacketType::kProbe:
-    case PacketType::kHandshake:
+    case PacketType::kInitiation:
+    case PacketType::kResponse:
+    case PacketType::kCookie:
       break;
   }
   return parsed;

@@ -1,8 +1,10 @@
 // Packets <-> bytes. docs/wire_format.md is the authority.
 //
 // A packet is one UDP payload: header (20 bytes), body, tag (16 bytes). Epoch 0 means that the
-// packet is not encrypted: its tag is all zero and anything else is malformed, so that a later
-// authenticated epoch needs no new format.
+// packet is not encrypted: its tag is all zero and anything else is malformed. Packets of epoch 1
+// are sealed and opened by crypto::Session (src/core/secure/), which the
+// session in the header tells the keys; parse_opened() reads what it has opened. Any other epoch is
+// malformed.
 //
 // parse() is where a peer's bytes enter the core, so everything behind it relies on what it checks:
 // the datagram is at most kMaxDatagramBytes long, every size and count is within its bound, every
@@ -31,36 +33,50 @@ namespace interneuron::wire {
 // alone there.
 inline constexpr std::uint8_t kVersion = 2;
 
-// Types 9 … 15 are not used.
+// Types 11 … 15 are not used.
 enum class PacketType : std::uint8_t {
   kData = 1,
   kFeedback = 2,
   kProbe = 3,
   kEcho = 4,
-  // Kept for the agreement on keys.
-  kHandshake = 5,
+  // The three of the agreement on keys (src/core/secure/handshake.h).
+  kInitiation = 5,
   kWindow = 6,
   kChallenge = 7,
   kToken = 8,
+  kResponse = 9,
+  kCookie = 10,
 };
-// Whether packets of this type mean something to this version.
+constexpr bool is_handshake(PacketType type) {
+  return type == PacketType::kInitiation || type == PacketType::kResponse ||
+         type == PacketType::kCookie;
+}
+// Whether packets of this type mean something between peers.
 constexpr bool is_used(PacketType type) {
-  return type >= PacketType::kData && type <= PacketType::kToken && type != PacketType::kHandshake;
+  return type >= PacketType::kData && type <= PacketType::kToken && !is_handshake(type);
+}
+// Whether packets of this type have numbers of their path; the others belong to none.
+constexpr bool is_numbered(PacketType type) {
+  return type != PacketType::kEcho && type != PacketType::kChallenge && !is_handshake(type);
 }
 
 inline constexpr std::size_t kHeaderBytes = 20;
+// Of the header: what is authenticated and not encrypted. The stamp behind it is encrypted.
+inline constexpr std::size_t kAssociatedBytes = 16;
 inline constexpr std::size_t kTagBytes = 16;
 inline constexpr std::size_t kFragmentHeaderBytes = 17;
 inline constexpr std::size_t kPacketOverhead = kHeaderBytes + kTagBytes;
 static_assert(kPieceOverheadBytes == kPacketOverhead + kFragmentHeaderBytes);
 inline constexpr std::uint8_t kClearEpoch = 0;
+inline constexpr std::uint8_t kSealedEpoch = 1;
 
 // What every packet begins with.
 struct PacketHeader {
   PacketType type{};
   LinkId link{};
   std::uint8_t epoch = kClearEpoch;
-  // The sender's session; not 0.
+  // In the clear the sender's session, sealed the number that the receiver has given to the keys;
+  // not 0.
   SessionId session{};
   // The packet number: grows by one per packet of a sender on a path; starts anywhere above 0.
   std::uint64_t number = 0;
@@ -264,8 +280,20 @@ struct Packet {
   Token token{};
 };
 
-// The packet that these bytes are, or nothing if they are malformed.
+// The packet that these bytes are, or nothing if they are malformed or sealed.
 std::optional<Packet> parse(ByteView datagram);
+// The same of a packet that was sealed and is opened now, without its tag. Whatever its epoch is.
+std::optional<Packet> parse_opened(ByteView packet);
+// What the header says of any packet of this version, sealed or not, but for the stamp; nothing
+// where it cannot be one.
+std::optional<PacketHeader> peek(ByteView datagram);
+// Makes the epoch that of sealed packets and changes the session, in the header of a packet that
+// was written.
+void mark_sealed(std::span<std::byte> packet, SessionId session);
+// Changes the number in the header of a packet that was written.
+void set_number(std::span<std::byte> packet, std::uint64_t number);
+// A header alone.
+void write_header(std::span<std::byte> out, const PacketHeader& header);
 
 // The version of the format that a datagram seems to follow where it is not ours: of any bytes that
 // parse() refuses. Only a guess, to tell people why nothing works. Nothing: no version is known

@@ -104,13 +104,13 @@ TEST_F(Reflecting, WhatComesFromThePortOfStampIsNotAnswered) {
 
 TEST_F(Reflecting, OneSourceGetsNoMoreThanItsShareAndOthersGetTheirs) {
   std::size_t got = 0;
-  for (int i = 0; i < 2 * probe::AnswerLimit::kBurst; ++i) {
+  for (int i = 0; i < 2 * probe::kAnswerBurst; ++i) {
     ask({.session = static_cast<std::uint32_t>(i + 1)});
     got += answers().size();
   }
-  EXPECT_EQ(got, std::size_t{probe::AnswerLimit::kBurst});
+  EXPECT_EQ(got, std::size_t{probe::kAnswerBurst});
   EXPECT_TRUE(ask({.from = 8}));
-  now_ += 10 * probe::AnswerLimit::kInterval;
+  now_ += 10 * probe::kAnswerInterval;
   for (int i = 0; i < 100; ++i) ask({});
   EXPECT_EQ(answers().size(), 11U);
 }

@@ -161,8 +161,8 @@ TEST_F(Answering, RequestsThatArePaddedAtRandomAreAnswered) {
 
 TEST_F(Answering, OneSourceGetsNoMoreThanItsShareAndOthersGetTheirs) {
   int answers = 0;
-  for (int i = 0; i < 2 * AnswerLimit::kBurst; ++i) answers += ask(0, 1) ? 1 : 0;
-  EXPECT_EQ(answers, AnswerLimit::kBurst);
+  for (int i = 0; i < 2 * kAnswerBurst; ++i) answers += ask(0, 1) ? 1 : 0;
+  EXPECT_EQ(answers, kAnswerBurst);
   EXPECT_TRUE(ask(0, 2));
 }
 

@@ -91,7 +91,9 @@ inline bool is_consistent(const Packet& packet, ByteView datagram) {
     case PacketType::kWindow:
       return is_consistent(packet.window) && std::ranges::equal(again, datagram);
     case PacketType::kProbe:  // the padding is ignored, and so are the bodies of unused types
-    case PacketType::kHandshake:
+    case PacketType::kInitiation:
+    case PacketType::kResponse:
+    case PacketType::kCookie:
     default:
       return again.size() == datagram.size() &&
              std::ranges::equal(ByteView(again).first(kHeaderBytes), datagram.first(kHeaderBytes));

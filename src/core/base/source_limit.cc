@@ -1,8 +1,8 @@
-#include "core/probe/answer_limit.h"
+#include "core/base/source_limit.h"
 
 #include <algorithm>
 
-namespace interneuron::probe {
+namespace interneuron {
 namespace {
 
 // Where Linux has the fields of sockaddr_in (16 bytes) and sockaddr_in6 (28 bytes), and what the
@@ -44,7 +44,7 @@ Source source_of(const Address& from) {
   return source;
 }
 
-AnswerLimit::Bucket& AnswerLimit::bucket_of(TimePoint now, const Source& source) {
+SourceLimit::Bucket& SourceLimit::bucket_of(TimePoint now, const Source& source) {
   const auto known = std::ranges::find(buckets_, source, &Bucket::source);
   if (known != buckets_.end()) return *known;
   if (buckets_.size() < kMaxSources) return buckets_.emplace_back(Bucket{source, now});
@@ -53,12 +53,12 @@ AnswerLimit::Bucket& AnswerLimit::bucket_of(TimePoint now, const Source& source)
   return fullest;
 }
 
-bool AnswerLimit::allow(TimePoint now, const Address& from) {
+bool SourceLimit::allow(TimePoint now, const Address& from) {
   Bucket& bucket = bucket_of(now, source_of(from));
-  const TimePoint full_at = std::max(bucket.full_at, now) + kInterval;
-  if (full_at - now > kBurst * kInterval) return false;
+  const TimePoint full_at = std::max(bucket.full_at, now) + interval_;
+  if (full_at - now > burst_ * interval_) return false;
   bucket.full_at = full_at;
   return true;
 }
 
-}  // namespace interneuron::probe
+}  // namespace interneuron

@@ -1,4 +1,4 @@
-#include "core/peers/rate_limit.h"
+#include "core/base/rate_limit.h"
 
 #include <gtest/gtest.h>
 

@@ -1,11 +1,14 @@
-#include "core/probe/answer_limit.h"
+#include "core/base/source_limit.h"
 
 #include <gtest/gtest.h>
 
-namespace interneuron::probe {
+namespace interneuron {
 namespace {
 
 using namespace std::chrono_literals;
+
+constexpr Duration kInterval = 500us;
+constexpr int kBurst = 2048;
 
 // The bytes of a sockaddr_in, of 10.0.x.y.
 Address ipv4(unsigned host, unsigned port = 40000) {
@@ -37,30 +40,30 @@ class Limiting : public testing::Test {
     for (int i = 0; i < requests; ++i) answers += limit_.allow(now_, from) ? 1 : 0;
     return answers;
   }
-  AnswerLimit limit_;
+  SourceLimit limit_{kInterval, kBurst};
   TimePoint now_{1h};
 };
 
 TEST_F(Limiting, ABurstAndThenTheRate) {
-  EXPECT_EQ(take(ipv4(1), 3 * AnswerLimit::kBurst), AnswerLimit::kBurst);
+  EXPECT_EQ(take(ipv4(1), 3 * kBurst), kBurst);
   int answers = 0;
   for (int i = 0; i < 10'000; ++i) {
     now_ += 100us;
     answers += take(ipv4(1), 1);
   }
-  EXPECT_EQ(answers, 1s / AnswerLimit::kInterval);
+  EXPECT_EQ(answers, 1s / kInterval);
 }
 
 TEST_F(Limiting, APauseRefillsTheBucketAndNoMore) {
-  take(ipv4(1), AnswerLimit::kBurst);
-  now_ += 10 * AnswerLimit::kInterval;
+  take(ipv4(1), kBurst);
+  now_ += 10 * kInterval;
   EXPECT_EQ(take(ipv4(1), 100), 10);
   now_ += 24h;
-  EXPECT_EQ(take(ipv4(1), 3 * AnswerLimit::kBurst), AnswerLimit::kBurst);
+  EXPECT_EQ(take(ipv4(1), 3 * kBurst), kBurst);
 }
 
 TEST_F(Limiting, PortsOfOneHostShareABucketAndHostsDoNot) {
-  for (unsigned port = 1; port <= unsigned{AnswerLimit::kBurst}; ++port) {
+  for (unsigned port = 1; port <= unsigned{kBurst}; ++port) {
     ASSERT_TRUE(limit_.allow(now_, ipv4(1, port)));
   }
   EXPECT_FALSE(limit_.allow(now_, ipv4(1, 9)));
@@ -69,10 +72,10 @@ TEST_F(Limiting, PortsOfOneHostShareABucketAndHostsDoNot) {
 }
 
 TEST_F(Limiting, AnIpv6PrefixIsOneSourceAndALinkLocalHostIsOneByItself) {
-  EXPECT_EQ(take(ipv6(0x2001, 1), AnswerLimit::kBurst), AnswerLimit::kBurst);
+  EXPECT_EQ(take(ipv6(0x2001, 1), kBurst), kBurst);
   EXPECT_FALSE(limit_.allow(now_, ipv6(0x2001, 2)));
   EXPECT_TRUE(limit_.allow(now_, ipv6(0x2002, 1)));
-  EXPECT_EQ(take(ipv6(0xfe80, 1), AnswerLimit::kBurst), AnswerLimit::kBurst);
+  EXPECT_EQ(take(ipv6(0xfe80, 1), kBurst), kBurst);
   EXPECT_FALSE(limit_.allow(now_, ipv6(0xfe80, 1)));
   EXPECT_TRUE(limit_.allow(now_, ipv6(0xfe80, 2)));
 }
@@ -80,7 +83,7 @@ TEST_F(Limiting, AnIpv6PrefixIsOneSourceAndALinkLocalHostIsOneByItself) {
 TEST_F(Limiting, AFloodOfForgedSourcesNeitherLocksOutAnybodyNorFreesWhoHasHadEnough) {
   const Address greedy = ipv4(1);
   const Address honest = ipv4(2);
-  EXPECT_EQ(take(greedy, AnswerLimit::kBurst), AnswerLimit::kBurst);
+  EXPECT_EQ(take(greedy, kBurst), kBurst);
   int of_greedy = 0;
   for (unsigned i = 0; i < 50'000; ++i) {
     now_ += 20us;
@@ -90,8 +93,8 @@ TEST_F(Limiting, AFloodOfForgedSourcesNeitherLocksOutAnybodyNorFreesWhoHasHadEno
       EXPECT_TRUE(limit_.allow(now_, honest));
     }
   }
-  EXPECT_EQ(limit_.sources(), AnswerLimit::kMaxSources);
-  EXPECT_EQ(of_greedy, 1s / AnswerLimit::kInterval);
+  EXPECT_EQ(limit_.sources(), SourceLimit::kMaxSources);
+  EXPECT_EQ(of_greedy, 1s / kInterval);
 }
 
 TEST(SenderPort, IsReadFromIpAddressesAlone) {
@@ -104,4 +107,4 @@ TEST(SenderPort, IsReadFromIpAddressesAlone) {
 }
 
 }  // namespace
-}  // namespace interneuron::probe
+}  // namespace interneuron

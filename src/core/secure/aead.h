@@ -1,0 +1,21 @@
+// ChaCha20-Poly1305 (RFC 8439) with the nonce of Noise: four zero bytes, then a counter, little
+// endian. Whoever seals twice under one key and counter reveals both texts and lets anybody forge,
+// so every caller keeps a counter that only grows.
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "interneuron/security.h"
+#include "interneuron/units.h"
+
+namespace interneuron::crypto {
+
+// `plain` may be where `out` is; the tag is written to `tag`, of kAeadTagBytes.
+void aead_seal(const SecretKey& key, std::uint64_t counter, ByteView associated, ByteView plain,
+               std::span<std::byte> out, std::span<std::byte> tag);
+// False: the bytes are not what was sealed, and nothing that is of use was written to `out`.
+bool aead_open(const SecretKey& key, std::uint64_t counter, ByteView associated, ByteView sealed,
+               ByteView tag, std::span<std::byte> out);
+
+}  // namespace interneuron::crypto

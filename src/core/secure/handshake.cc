@@ -1,0 +1,212 @@
+#include "core/secure/handshake.h"
+
+#include <sodium.h>
+
+#include <algorithm>
+#include <cassert>
+
+#include "core/secure/bytes.h"
+#include "core/secure/cookie.h"
+#include "core/secure/kdf.h"
+#include "core/wire/bytes.h"
+
+namespace interneuron::crypto {
+namespace {
+
+constexpr std::string_view kPrologue = "interneuron 2";
+
+SecretKey labelled_key(std::string_view label, const PublicKey& open) {
+  crypto_generichash_state state;
+  crypto_generichash_init(&state, nullptr, 0, kKeyBytes);
+  crypto_generichash_update(&state, raw(bytes_of(label)), label.size());
+  crypto_generichash_update(&state, raw(ByteView(open)), open.size());
+  SecretKey out;
+  crypto_generichash_final(&state, target(out.writable()), kKeyBytes);
+  return out;
+}
+
+}  // namespace
+
+ByteView prologue() { return bytes_of(kPrologue); }
+
+InitiationParts parts_of_initiation(ByteView packet) {
+  assert(packet.size() == kInitiationBytes);
+  const std::size_t before_proof = kInitiationBytes - 3 * kMacBytes;
+  InitiationParts parts;
+  parts.noise = packet.subspan(wire::kHeaderBytes, before_proof - wire::kHeaderBytes);
+  parts.before_proof = packet.first(before_proof);
+  parts.before_mac1 = packet.first(before_proof + kMacBytes);
+  parts.before_mac2 = packet.first(before_proof + 2 * kMacBytes);
+  parts.proof = packet.subspan(before_proof, kMacBytes);
+  parts.mac1 = packet.subspan(before_proof + kMacBytes, kMacBytes);
+  parts.mac2 = packet.last(kMacBytes);
+  return parts;
+}
+
+ResponseParts parts_of_response(ByteView packet) {
+  assert(packet.size() == kResponseBytes);
+  const std::size_t before_token = kResponseBytes - wire::kTokenBytes - kMacBytes;
+  return {packet.subspan(wire::kHeaderBytes, before_token - wire::kHeaderBytes),
+          packet.subspan(before_token, wire::kTokenBytes), packet.last(kMacBytes),
+          packet.first(kResponseBytes - kMacBytes)};
+}
+
+void put_hello(std::span<std::byte> out, const Hello& hello) {
+  wire::Writer w(out);
+  w.put(hello.life.value);
+  w.put(hello.index);
+  w.put(hello.unix_ns);
+  assert(w.ok());
+}
+
+Hello get_hello(ByteView bytes) {
+  wire::Reader r(bytes);
+  Hello hello;
+  hello.life = SessionId{r.get<std::uint32_t>()};
+  hello.index = r.get<std::uint32_t>();
+  hello.unix_ns = r.get<std::int64_t>();
+  return hello;
+}
+
+Mac mac_of(const SecretKey& key, ByteView bytes) {
+  Mac out{};
+  crypto_generichash(target(out), out.size(), raw(bytes), bytes.size(), raw(key.bytes()),
+                     kKeyBytes);
+  return out;
+}
+
+bool is_mac(ByteView mac, const SecretKey& key, ByteView bytes) {
+  const Mac expected = mac_of(key, bytes);
+  return mac.size() == expected.size() &&
+         sodium_memcmp(mac.data(), expected.data(), expected.size()) == 0;
+}
+
+SecretKey mac1_key(const PublicKey& responder) {
+  return labelled_key("interneuron mac1", responder);
+}
+
+SecretKey cookie_key(const PublicKey& responder) {
+  return labelled_key("interneuron cookie", responder);
+}
+
+SecretKey initiation_proof_key(const Noise& noise) {
+  return noise.early_key("interneuron initiation");
+}
+
+SecretKey response_proof_key(const Noise& noise) { return noise.early_key("interneuron response"); }
+
+Initiator::Initiator(const KeyPair& own, const TrustedPeer& peer, SessionId life)
+    : own_(own),
+      peer_(peer),
+      life_(life),
+      mac1_key_(mac1_key(peer.key)),
+      cookie_key_(cookie_key(peer.key)) {}
+
+void Initiator::begin(TimePoint now) {
+  if (is_trying()) return;
+  next_try_ = now;
+  retry_ = kFirstRetry;
+}
+
+void Initiator::stop() {
+  next_try_.reset();
+  noise_.reset();
+}
+
+void Initiator::tried(TimePoint now) {
+  next_try_ = now + retry_;
+  retry_ = std::min<Duration>(2 * retry_, kLastRetry);
+  ++try_;
+}
+
+bool Initiator::needs_message(TimePoint now) const {
+  return !noise_ || now - made_at_ >= kMessageLife;
+}
+
+bool Initiator::make_message(TimePoint now, const Fresh& fresh) {
+  noise_ = Noise::initiator(Noise::Pattern::kIkPsk2, prologue(), own_, key_pair_of(fresh.ephemeral),
+                            peer_.key);
+  noise_->set_shared(peer_.shared);
+  std::array<std::byte, kHelloBytes> hello{};
+  put_hello(hello, {life_, fresh.index, fresh.unix_ns});
+  if (!noise_->write_first(message_, hello)) {
+    stop();
+    return false;
+  }
+  proof_key_ = initiation_proof_key(*noise_);
+  index_ = fresh.index;
+  made_at_ = now;
+  try_ = 1;
+  return true;
+}
+
+void Initiator::write(LinkId path, std::span<std::byte> out) const {
+  assert(noise_ && out.size() >= kInitiationBytes);
+  const std::span<std::byte> packet = out.first(kInitiationBytes);
+  const wire::PacketHeader header{
+      wire::PacketType::kInitiation, path, wire::kClearEpoch, SessionId{index_}, try_, 0};
+  wire::write_header(packet, header);
+  std::ranges::copy(message_, packet.begin() + wire::kHeaderBytes);
+  const InitiationParts parts = parts_of_initiation(packet);
+  const auto put = [&packet](ByteView at, const Mac& mac) {
+    std::ranges::copy(mac, packet.begin() + (at.data() - packet.data()));
+  };
+  put(parts.proof, mac_of(proof_key_, parts.before_proof));
+  put(parts.mac1, mac_of(mac1_key_, parts.before_mac1));
+  const auto cookie = std::ranges::find(cookies_, path, &Cookie::path);
+  put(parts.mac2, cookie == cookies_.end() ? Mac{} : mac_of(cookie->key, parts.before_mac2));
+}
+
+std::optional<Initiator::Answer> Initiator::take_response(ByteView packet) {
+  if (!noise_ || packet.size() != kResponseBytes) return std::nullopt;
+  const ResponseParts parts = parts_of_response(packet);
+  const SecretKey proof_key = response_proof_key(*noise_);
+  if (!is_mac(parts.proof, proof_key, parts.before_proof)) return std::nullopt;
+  // What is not to be read leaves the handshake as it was.
+  Noise noise = *noise_;
+  std::array<std::byte, kHelloBytes> hello{};
+  if (!noise.read_second(parts.noise, hello)) return std::nullopt;
+  const Answer answer{get_hello(hello), noise.split()};
+  if (answer.theirs.life.value == 0 || answer.theirs.index == 0) return std::nullopt;
+  answered_key_ = proof_key;
+  answered_index_ = index_;
+  cookies_.clear();
+  stop();
+  return answer;
+}
+
+std::optional<wire::Token> Initiator::token_of(ByteView packet) const {
+  const auto header = wire::peek(packet);
+  if (!header || packet.size() != kResponseBytes || header->session.value != answered_index_) {
+    return std::nullopt;
+  }
+  const ResponseParts parts = parts_of_response(packet);
+  if (!is_mac(parts.proof, answered_key_, parts.before_proof)) return std::nullopt;
+  wire::Token token{};
+  std::ranges::copy(parts.token, token.begin());
+  return token;
+}
+
+bool Initiator::take_cookie(const wire::PacketHeader& header, ByteView packet) {
+  if (!noise_ || packet.size() != kCookieBytes || header.session.value != index_ ||
+      header.number > try_) {
+    return false;
+  }
+  // The mac1 of the copy that is answered.
+  const std::uint64_t newest = try_;
+  std::array<std::byte, kInitiationBytes> copy{};
+  try_ = header.number;
+  write(header.link, copy);
+  try_ = newest;
+  const auto key = open_cookie(cookie_key_, parts_of_initiation(copy).mac1, packet);
+  if (!key) return false;
+  const auto known = std::ranges::find(cookies_, header.link, &Cookie::path);
+  if (known != cookies_.end()) {
+    known->key = *key;
+  } else if (cookies_.size() < wire::kMaxReports) {
+    cookies_.push_back({header.link, *key});
+  }
+  return true;
+}
+
+}  // namespace interneuron::crypto

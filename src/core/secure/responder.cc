@@ -1,0 +1,161 @@
+#include "core/secure/responder.h"
+
+#include <sodium.h>
+
+#include <algorithm>
+#include <cassert>
+
+#include "core/secure/bytes.h"
+
+namespace interneuron::crypto {
+namespace {
+
+constexpr Duration kBurst = std::chrono::seconds(1);
+constexpr Duration kCookieBurst = std::chrono::milliseconds(20);
+
+}  // namespace
+
+Responder::Responder(const KeyPair& own, SessionId life, std::span<const TrustedPeer> peers)
+    : own_(own),
+      life_(life),
+      mac1_key_(mac1_key(own.open)),
+      cookie_key_(cookie_key(own.open)),
+      freely_(kFreely, kBurst),
+      under_load_(kUnderLoad, kBurst),
+      cookies_sent_(kCookies, kCookieBurst),
+      sources_(kPerSource, kSourceBurst) {
+  for (const TrustedPeer& peer : peers) peers_.emplace(peer.key, peer.shared);
+}
+
+Responder::Answered* Responder::answered(TimePoint now, ByteView packet) {
+  while (!answered_.empty() && now - answered_.front().at >= Initiator::kMessageLife) {
+    answered_.pop_front();
+  }
+  const ByteView ephemeral = packet.subspan(wire::kHeaderBytes, kKeyBytes);
+  const auto it = std::ranges::find_if(
+      answered_, [&](const Answered& a) { return std::ranges::equal(a.ephemeral, ephemeral); });
+  return it == answered_.end() ? nullptr : &*it;
+}
+
+bool Responder::answer_copy(Answered& to, const wire::PacketHeader& header,
+                            const Datagram& datagram) {
+  if (waiting_.size() >= kMaxWaiting) return false;
+  const auto known = std::ranges::find(to.copies, header.link, &Copy::path);
+  if (known != to.copies.end()) {
+    if (header.number <= known->newest_try) return false;
+    known->newest_try = header.number;
+  } else {
+    if (to.copies.size() >= wire::kMaxReports) return false;
+    to.copies.push_back({header.link, header.number});
+  }
+  Waiting& answer = waiting_.emplace_back();
+  answer.next = {datagram.link, datagram.from, header.link, to.ours};
+  answer.header = {wire::PacketType::kResponse, header.link,   wire::kClearEpoch,
+                   SessionId{to.theirs},        header.number, 0};
+  answer.message = to.message;
+  answer.proof = to.response_proof;
+  return true;
+}
+
+// Freely as long as few ask; else only whoever has shown that he receives at his address. `cookie`:
+// he is to be given the means for that.
+bool Responder::may_ask(TimePoint now, const Datagram& datagram, const InitiationParts& parts,
+                        bool& cookie) {
+  if (freely_.take(now)) return true;
+  if (!cookies_.is_from(now, datagram.link, datagram.from, parts.mac2, parts.before_mac2)) {
+    cookie = true;
+    return false;
+  }
+  return sources_.allow(now, datagram.from) && under_load_.take(now);
+}
+
+Responder::Verdict Responder::take(TimePoint now, const wire::PacketHeader& header,
+                                   const Datagram& datagram, Entropy& entropy) {
+  if (datagram.bytes.size() != kInitiationBytes) return Verdict::kRefused;
+  const InitiationParts parts = parts_of_initiation(datagram.bytes);
+  if (!is_mac(parts.mac1, mac1_key_, parts.before_mac1)) return Verdict::kRefused;
+  if (Answered* const known = answered(now, datagram.bytes)) {
+    const bool is_copy = is_mac(parts.proof, known->initiation_proof, parts.before_proof) &&
+                         answer_copy(*known, header, datagram);
+    return is_copy ? Verdict::kAnswered : Verdict::kRefused;
+  }
+  bool cookie = false;
+  if (may_ask(now, datagram, parts, cookie)) return Verdict::kNew;
+  if (!cookie || waiting_.size() >= kMaxWaiting || !cookies_sent_.take(now)) {
+    return Verdict::kRefused;
+  }
+  queue_cookie(now, header, datagram, parts.mac1, entropy);
+  return Verdict::kAnswered;
+}
+
+void Responder::queue_cookie(TimePoint now, const wire::PacketHeader& header,
+                             const Datagram& datagram, ByteView mac1, Entropy& entropy) {
+  Waiting& answer = waiting_.emplace_back();
+  answer.next = {datagram.link, datagram.from, header.link, 0};
+  answer.header = header;
+  std::ranges::copy(mac1, answer.mac1.begin());
+  answer.cookie = cookies_.of(now, datagram.link, datagram.from, entropy);
+  answer.nonce = entropy.draw_key();
+}
+
+std::optional<Responder::Accepted> Responder::accept(TimePoint now,
+                                                     const wire::PacketHeader& header,
+                                                     const Datagram& datagram,
+                                                     const Initiator::Fresh& fresh) {
+  const InitiationParts parts = parts_of_initiation(datagram.bytes);
+  Noise noise =
+      Noise::responder(Noise::Pattern::kIkPsk2, prologue(), own_, key_pair_of(fresh.ephemeral));
+  std::array<std::byte, kHelloBytes> hello{};
+  if (!noise.read_first(parts.noise, hello)) return std::nullopt;
+  Answered answer;
+  answer.initiation_proof = initiation_proof_key(noise);
+  if (!is_mac(parts.proof, answer.initiation_proof, parts.before_proof)) return std::nullopt;
+  const auto peer = peers_.find(noise.remote());
+  if (peer == peers_.end()) return std::nullopt;
+  const Hello theirs = get_hello(hello);
+  if (theirs.life.value == 0 || theirs.index == 0 || theirs.index != header.session.value) {
+    return std::nullopt;
+  }
+  const auto newest = newest_.find(noise.remote());
+  if (newest != newest_.end() && theirs.unix_ns <= newest->second) return std::nullopt;
+  newest_[noise.remote()] = theirs.unix_ns;
+  answer.response_proof = response_proof_key(noise);
+  noise.set_shared(peer->second);
+  put_hello(hello, {life_, fresh.index, fresh.unix_ns});
+  if (!noise.write_second(answer.message, hello)) return std::nullopt;
+  std::ranges::copy(parts.noise.first(kKeyBytes), answer.ephemeral.begin());
+  answer.at = now;
+  answer.theirs = theirs.index;
+  answer.ours = fresh.index;
+  if (answered_.size() >= kMaxAnswered) answered_.pop_front();
+  answered_.push_back(std::move(answer));
+  answer_copy(answered_.back(), header, datagram);
+  return Accepted{noise.remote(), theirs, noise.split()};
+}
+
+std::optional<Responder::Next> Responder::next() const {
+  if (waiting_.empty()) return std::nullopt;
+  return waiting_.front().next;
+}
+
+std::size_t Responder::write(std::span<std::byte> out, const wire::Token& token) {
+  assert(!waiting_.empty());
+  const Waiting answer = std::move(waiting_.front());
+  waiting_.pop_front();
+  if (answer.next.index == 0) {
+    write_cookie(out, answer.header, answer.mac1, cookie_key_, answer.cookie, answer.nonce);
+    return kCookieBytes;
+  }
+  const std::span<std::byte> packet = out.first(kResponseBytes);
+  wire::write_header(packet, answer.header);
+  auto at = std::ranges::copy(answer.message, packet.begin() + wire::kHeaderBytes).out;
+  at = std::ranges::copy(token, at).out;
+  std::ranges::copy(mac_of(answer.proof, packet.first(kResponseBytes - kMacBytes)), at);
+  return kResponseBytes;
+}
+
+void Responder::remove_link(LinkId nic) {
+  std::erase_if(waiting_, [nic](const Waiting& w) { return w.next.nic == nic; });
+}
+
+}  // namespace interneuron::crypto

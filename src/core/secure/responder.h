@@ -1,0 +1,136 @@
+// The side of a handshake that is asked: who may have a session here, and what an answer costs.
+//
+// Owned and fed by Sessions with every initiation that comes in: any bytes from anywhere. What an
+// attacker could try, and what he gets:
+//   - to scan: nothing is answered that does not know our public key (mac1);
+//   - to record an initiation and send it again: each copy of each try is answered once, and no
+//     message that is not newer than the newest one of its key;
+//   - to make this host multiply points (about 0.15 ms an answer): kFreely a second for everybody;
+//     beyond that only for whoever proves that he receives at his address (Cookies), at most
+//     kPerSource of one host and kUnderLoad in all;
+//   - to make it send to somebody else: every answer is smaller than what it answers, and at most
+//     kMaxWaiting wait.
+// A host is known by its key alone; nothing is kept of anybody who has not shown one that is
+// trusted. Constant memory but for the newest time of each trusted key. Pure; thread-compatible.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "core/base/rate_limit.h"
+#include "core/base/source_limit.h"
+#include "core/secure/cookie.h"
+#include "core/secure/handshake.h"
+#include "interneuron/endpoint.h"
+
+namespace interneuron::crypto {
+
+class Responder {
+ public:
+  // Answers a second that are given without asking for a cookie. No measurement behind this value:
+  // a fleet that joins one by one needs less, and 50 cost less than a hundredth of a processor.
+  static constexpr std::uint32_t kFreely = 50;
+  // Answers a second in all while cookies are asked for: about a twentieth of a processor.
+  static constexpr std::uint32_t kUnderLoad = 400;
+  // Of one host while cookies are asked for: WireGuard's (messages.h and ratelimiter.c of Linux).
+  static constexpr Duration kPerSource = std::chrono::milliseconds(50);
+  static constexpr int kSourceBurst = 5;
+  // Cookies a second: about a tenth of a processor for sending them.
+  static constexpr std::uint32_t kCookies = 20'000;
+  // Answers that wait to leave.
+  static constexpr std::size_t kMaxWaiting = 256;
+  // Messages whose further copies are known, the oldest makes room: ten seconds of kFreely, and
+  // more than half a second of kUnderLoad.
+  static constexpr std::size_t kMaxAnswered = 512;
+
+  Responder(const KeyPair& own, SessionId life, std::span<const TrustedPeer> peers);
+
+  enum class Verdict : std::uint8_t {
+    // It is answered by nobody.
+    kRefused,
+    // The next poll() answers it: with a cookie, or as a further copy of one that was accepted.
+    kAnswered,
+    // It may be new: accept() does the rest.
+    kNew,
+  };
+  // `token`: what proves the address that it comes from; see AddressValidation.
+  Verdict take(TimePoint now, const wire::PacketHeader& header, const Datagram& datagram,
+               Entropy& entropy);
+
+  // What a host that is trusted asks for.
+  struct Accepted {
+    PublicKey who{};
+    Hello theirs;
+    Split keys;
+  };
+  // Of a packet of which take() has said kNew. Nothing where it is refused.
+  std::optional<Accepted> accept(TimePoint now, const wire::PacketHeader& header,
+                                 const Datagram& datagram, const Initiator::Fresh& fresh);
+
+  // Who is to be answered next, for whom the token is to be made; and the answer with it.
+  struct Next {
+    LinkId nic{};
+    Address to{};
+    LinkId path{};
+    // The number by which we know the session that is agreed on; 0: it is a cookie.
+    std::uint32_t index = 0;
+  };
+  std::optional<Next> next() const;
+  std::size_t write(std::span<std::byte> out, const wire::Token& token);
+  void remove_link(LinkId nic);
+
+ private:
+  struct Copy {
+    LinkId path{};
+    std::uint64_t newest_try = 0;
+  };
+  // A message that was accepted.
+  struct Answered {
+    std::array<std::byte, kKeyBytes> ephemeral{};
+    TimePoint at{};
+    std::uint32_t theirs = 0;
+    std::uint32_t ours = 0;
+    SecretKey initiation_proof;
+    SecretKey response_proof;
+    std::array<std::byte, kSecondMessageBytes + kHelloBytes> message{};
+    // Few.
+    std::vector<Copy> copies;
+  };
+  struct Waiting {
+    Next next;
+    wire::PacketHeader header;
+    // Of a cookie.
+    Mac mac1{};
+    SecretKey cookie;
+    SecretKey nonce;
+    // Of a response.
+    std::array<std::byte, kSecondMessageBytes + kHelloBytes> message{};
+    SecretKey proof;
+  };
+  Answered* answered(TimePoint now, ByteView packet);
+  bool answer_copy(Answered& to, const wire::PacketHeader& header, const Datagram& datagram);
+  bool may_ask(TimePoint now, const Datagram& datagram, const InitiationParts& parts, bool& cookie);
+  void queue_cookie(TimePoint now, const wire::PacketHeader& header, const Datagram& datagram,
+                    ByteView mac1, Entropy& entropy);
+
+  KeyPair own_;
+  SessionId life_;
+  SecretKey mac1_key_;
+  SecretKey cookie_key_;
+  std::map<PublicKey, SecretKey> peers_;
+  // The newest time that each key has said.
+  std::map<PublicKey, std::int64_t> newest_;
+  Cookies cookies_;
+  RateLimit freely_;
+  RateLimit under_load_;
+  RateLimit cookies_sent_;
+  SourceLimit sources_;
+  std::deque<Answered> answered_;
+  std::deque<Waiting> waiting_;
+};
+
+}  // namespace interneuron::crypto

@@ -1,0 +1,93 @@
+#include "core/secure/session.h"
+
+#include <algorithm>
+#include <array>
+#include <cassert>
+
+#include "core/secure/aead.h"
+#include "core/secure/bytes.h"
+#include "core/secure/kdf.h"
+
+namespace interneuron::crypto {
+namespace {
+
+SecretKey lane_key(const SecretKey& direction, std::uint32_t lane) {
+  const std::array<std::byte, 3> name{static_cast<std::byte>(lane >> 16U),
+                                      static_cast<std::byte>(lane >> 8U),
+                                      static_cast<std::byte>(lane)};
+  return hmac(direction, bytes_of("interneuron path"), name);
+}
+
+}  // namespace
+
+Session::Session(TimePoint born, Role role, std::uint32_t theirs, const Split& keys)
+    : born_(born),
+      theirs_(theirs),
+      send_(role == Role::kInitiator ? keys.from_initiator : keys.from_responder),
+      receive_(role == Role::kInitiator ? keys.from_responder : keys.from_initiator) {}
+
+Session::Lane Session::lane_of(wire::PacketType type, LinkId path) {
+  return wire::is_numbered(type) ? path.value : kControl;
+}
+
+Session::Sending* Session::sending(Lane lane) {
+  const auto it = std::ranges::find(sending_, lane, &Sending::lane);
+  if (it != sending_.end()) return &*it;
+  // One place is kept for what belongs to no path.
+  const std::size_t room = kMaxPaths + (lane == kControl ? 1 : 0);
+  if (sending_.size() >= room) return nullptr;
+  return &sending_.emplace_back(lane, lane_key(send_, lane), 0);
+}
+
+bool Session::seal(std::span<std::byte> packet) {
+  assert(packet.size() >= wire::kPacketOverhead);
+  const auto header = wire::peek(packet);
+  assert(header);
+  Sending* const lane = sending(lane_of(header->type, header->link));
+  if (lane == nullptr || header->number <= lane->number) return false;
+  lane->number = header->number;
+  wire::mark_sealed(packet, SessionId{theirs_});
+  const auto body = packet.subspan(wire::kAssociatedBytes,
+                                   packet.size() - wire::kAssociatedBytes - wire::kTagBytes);
+  aead_seal(lane->key, header->number, packet.first(wire::kAssociatedBytes), body, body,
+            packet.last(wire::kTagBytes));
+  return true;
+}
+
+bool Session::seal_control(std::span<std::byte> packet) {
+  wire::set_number(packet, next_control_++);
+  return seal(packet);
+}
+
+Session::Opened Session::open(const wire::PacketHeader& header, ByteView packet,
+                              std::span<std::byte> out) {
+  assert(out.size() >= packet.size());
+  if (header.epoch != wire::kSealedEpoch || packet.size() < wire::kPacketOverhead)
+    return Opened::kForged;
+  const Lane lane = lane_of(header.type, header.link);
+  const auto known =
+      std::ranges::find_if(receiving_, [&](const auto& r) { return r->lane == lane; });
+  Receiving* at = known == receiving_.end() ? nullptr : known->get();
+  if (at != nullptr && !at->window.is_new(header.number)) return Opened::kReplayed;
+  const bool has_room = receiving_.size() < kMaxPaths + (lane == kControl ? 1 : 0);
+  if (at == nullptr && !has_room) return Opened::kForged;
+  const SecretKey fresh = at == nullptr ? lane_key(receive_, lane) : SecretKey{};
+  const ByteView associated = packet.first(wire::kAssociatedBytes);
+  const ByteView sealed = packet.subspan(wire::kAssociatedBytes,
+                                         packet.size() - wire::kAssociatedBytes - wire::kTagBytes);
+  if (!aead_open(at == nullptr ? fresh : at->key, header.number, associated, sealed,
+                 packet.last(wire::kTagBytes), out.subspan(wire::kAssociatedBytes))) {
+    return Opened::kForged;
+  }
+  std::ranges::copy(associated, out.begin());
+  if (at == nullptr) {
+    receiving_.push_back(std::make_unique<Receiving>());
+    at = receiving_.back().get();
+    at->lane = lane;
+    at->key = fresh;
+  }
+  at->window.take(header.number);
+  return Opened::kOk;
+}
+
+}  // namespace interneuron::crypto

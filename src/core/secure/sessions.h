@@ -1,0 +1,163 @@
+// The sessions of an endpoint: which keys a packet was sealed with, whose they are, and when new
+// ones are to be agreed on.
+//
+// Peers (src/core/peers) owns one where packets are encrypted, and knows its peers here by their
+// places (Owner). For a peer that we connect to a handshake begins at once, again before its keys
+// are old, and while every path to it is silent: it may have begun a new life. A peer that comes
+// unannounced begins as a session without owner: it has proved who it is, and has to show where it
+// is before it becomes a peer (adopt()).
+//
+// A new session takes the place of the one before only when a packet sealed with it has come in: of
+// two that connect at the same moment or of a handshake that somebody has recorded, none destroys
+// what works. The session before it still opens packets until it is kRejectAfter old. What an
+// outsider sends changes nothing here. Bounded by the peers there are, three sessions each, and by
+// kMaxUnowned. Pure; thread-compatible.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <memory>
+#include <optional>
+#include <span>
+#include <unordered_map>
+#include <vector>
+
+#include "core/secure/entropy.h"
+#include "core/secure/handshake.h"
+#include "core/secure/responder.h"
+#include "core/secure/session.h"
+#include "interneuron/endpoint.h"
+#include "interneuron/security.h"
+
+namespace interneuron::crypto {
+
+class Sessions {
+ public:
+  // A peer's place in Peers.
+  using Owner = std::uint32_t;
+  // Sessions of hosts that have not shown where they are; the oldest makes room.
+  static constexpr std::size_t kMaxUnowned = 1024;
+  // A session is renewed up to so much later than kRekeyAfter, so that not all vehicles that joined
+  // together ask together again.
+  static constexpr Duration kRekeyJitter = std::chrono::seconds(10);
+  // Renewals for want of paths are at least this far apart.
+  static constexpr Duration kBetweenRekeys = std::chrono::seconds(1);
+
+  // `accept`: initiations are answered.
+  Sessions(const Security& security, SessionId self, bool accept, TimePoint now);
+
+  // --- peers
+  // Whether this key is among those that may be connected to.
+  bool is_trusted(const PublicKey& who) const { return trusted(who) != nullptr; }
+  // The only key that may be connected to; nothing where there is not exactly one.
+  std::optional<PublicKey> only_peer() const;
+  // Wants a session with this host, whose key is trusted, from now on.
+  void connect(TimePoint now, Owner owner, const PublicKey& who);
+  // The session with this number, which belongs to nobody yet, is this peer's.
+  void adopt(Owner owner, std::uint32_t index);
+  // The peer is gone, and its sessions with it.
+  void remove(Owner owner);
+  // The peer that this key was adopted for.
+  std::optional<Owner> owner_of(const PublicKey& who) const;
+  // Whether packets to this peer can leave.
+  bool is_open(TimePoint now, Owner owner) const;
+  // Whether every path to a peer that we connect to is silent.
+  void set_silent(TimePoint now, Owner owner, bool is_silent);
+
+  // --- what comes in
+  struct Opened {
+    Session::Opened result = Session::Opened::kForged;
+    // The host that has sealed it, and its life.
+    std::optional<Owner> owner;
+    PublicKey who{};
+    SessionId life{};
+  };
+  // Opens a sealed packet into `out`, which holds kMaxDatagramBytes.
+  Opened open(TimePoint now, const wire::PacketHeader& header, ByteView packet,
+              std::span<std::byte> out);
+
+  struct Shaken {
+    bool is_used = false;
+    // A peer that we connect to has answered: from now on packets to it can leave.
+    std::optional<Owner> answered;
+    // Its life.
+    SessionId life{};
+    // It wants to see this over the path of the packet.
+    std::optional<wire::Token> token;
+    Owner owner = 0;
+  };
+  // A packet of a handshake, from anybody.
+  Shaken take_handshake(TimePoint now, const wire::PacketHeader& header, const Datagram& datagram);
+
+  // --- what leaves
+  // Seals a packet to this peer. False: it must not leave.
+  bool seal(TimePoint now, Owner owner, std::span<std::byte> packet);
+  // The same with the session of this number for a packet that has no number of its own.
+  bool seal_control(TimePoint now, std::uint32_t index, std::span<std::byte> packet);
+  // Whether an initiation to this peer is to leave now over each of its paths; makes its message.
+  bool initiation_due(TimePoint now, Owner owner);
+  std::size_t write_initiation(Owner owner, LinkId path, std::span<std::byte> out) const;
+  // It has left over all paths.
+  void initiation_sent(TimePoint now, Owner owner);
+  Responder& responder() { return responder_; }
+
+  // --- time, peer by peer
+  std::optional<TimePoint> next_timeout(Owner owner) const;
+  void handle_timeout(TimePoint now, Owner owner);
+
+ private:
+  struct Slot {
+    Slot(const PublicKey& host, SessionId peers_life, Session&& s)
+        : who(host), life(peers_life), session(std::move(s)) {}
+    PublicKey who{};
+    SessionId life{};
+    std::optional<Owner> owner;
+    Session session;
+  };
+  // What a peer has: numbers of sessions, 0 for none.
+  struct Held {
+    PublicKey who{};
+    std::uint32_t current = 0;
+    // Opens what was sealed before; and what a new handshake has led to, until it is used.
+    std::uint32_t former = 0;
+    std::uint32_t next = 0;
+    // Of a peer that we connect to.
+    std::optional<Initiator> initiator;
+    bool is_silent = false;
+    TimePoint rekey_at = TimePoint::max();
+  };
+  const TrustedPeer* trusted(const PublicKey& who) const;
+  Held* held(Owner owner);
+  const Held* held(Owner owner) const;
+  Slot* slot(std::uint32_t index);
+  const Slot* slot(std::uint32_t index) const;
+  std::uint32_t draw_index();
+  Initiator::Fresh fresh(TimePoint now);
+  std::int64_t unix_ns(TimePoint now);
+  void drop(std::uint32_t& index);
+  void promote(Held& held, std::uint32_t index);
+  void take_initiation(TimePoint now, const wire::PacketHeader& header, const Datagram& datagram,
+                       Shaken& out);
+  void take_response(TimePoint now, Owner owner, ByteView packet, Shaken& out);
+  void add_unowned(TimePoint now, std::uint32_t index);
+
+  Security security_;
+  KeyPair own_;
+  SessionId self_;
+  bool accept_;
+  TimePoint started_;
+  std::int64_t said_ns_ = 0;
+  Entropy entropy_;
+  Responder responder_;
+  std::unordered_map<std::uint32_t, Slot> slots_;
+  // Initiations under way by their numbers.
+  std::unordered_map<std::uint32_t, Owner> asking_;
+  std::vector<std::unique_ptr<Held>> held_;
+  std::map<PublicKey, Owner> adopted_;
+  // The newest session of each key that belongs to nobody, and all in the order of their birth.
+  std::map<PublicKey, std::uint32_t> unowned_;
+  std::deque<std::uint32_t> unowned_order_;
+};
+
+}  // namespace interneuron::crypto

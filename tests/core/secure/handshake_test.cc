@@ -1,0 +1,270 @@
+// Who gets a session: the two sides of a handshake, and everybody who would like to be one.
+#include <gtest/gtest.h>
+
+#include "core/secure/entropy.h"
+#include "core/secure/handshake.h"
+#include "core/secure/responder.h"
+
+namespace interneuron::crypto {
+namespace {
+
+using namespace std::chrono_literals;
+using Verdict = Responder::Verdict;
+
+constexpr LinkId kNic{1};
+
+SecretKey filled(int value) {
+  std::array<std::byte, kKeyBytes> bytes;
+  bytes.fill(static_cast<std::byte>(value));
+  return SecretKey(bytes);
+}
+
+Address address(std::uint8_t host) {
+  Address a;
+  a.size = 16;
+  a.raw[4] = std::byte{10};
+  a.raw[7] = std::byte{host};
+  return a;
+}
+
+struct Bench {
+  TimePoint now{1h};
+  KeyPair vehicle_key = key_pair_of(filled(1));
+  KeyPair road_key = key_pair_of(filled(2));
+  Initiator vehicle{vehicle_key, {road_key.open, filled(5)}, SessionId{100}};
+  TrustedPeer trusted{vehicle_key.open, filled(5)};
+  Responder road{road_key, SessionId{200}, {&trusted, 1}};
+  Entropy entropy{filled(9)};
+  std::uint32_t next_index = 1;
+  std::int64_t clock = 1'000'000;
+
+  Initiator::Fresh fresh() { return {next_index++, entropy.draw_key(), ++clock}; }
+  Bytes initiation(std::uint16_t path = 0) {
+    Bytes out(kInitiationBytes);
+    vehicle.begin(now);
+    if (vehicle.needs_message(now)) {
+      EXPECT_TRUE(vehicle.make_message(now, fresh()));
+    }
+    vehicle.write(LinkId{path}, out);
+    return out;
+  }
+  Datagram datagram(const Bytes& bytes, std::uint8_t host = 1) const {
+    return {kNic, address(host), bytes};
+  }
+  Verdict take(const Bytes& bytes, std::uint8_t host = 1) {
+    const auto header = wire::peek(bytes);
+    return header ? road.take(now, *header, datagram(bytes, host), entropy) : Verdict::kRefused;
+  }
+  std::optional<Responder::Accepted> accept(const Bytes& bytes, std::uint8_t host = 1) {
+    return road.accept(now, *wire::peek(bytes), datagram(bytes, host), fresh());
+  }
+  Bytes answer() {
+    Bytes out(kMaxDatagramBytes);
+    EXPECT_TRUE(road.next());
+    if (road.next()) out.resize(road.write(out, wire::Token{std::byte{42}}));
+    return out;
+  }
+};
+
+TEST(Handshake, BothSidesHaveTheSameKeysAndKnowEachOther) {
+  Bench b;
+  const Bytes asked = b.initiation(3);
+  ASSERT_EQ(b.take(asked), Verdict::kNew);
+  const auto accepted = b.accept(asked);
+  ASSERT_TRUE(accepted);
+  EXPECT_EQ(accepted->who, b.vehicle_key.open);
+  EXPECT_EQ(accepted->theirs.life, SessionId{100});
+  EXPECT_EQ(b.road.next()->path, LinkId{3});
+  EXPECT_EQ(b.road.next()->to, address(1));
+  const Bytes told = b.answer();
+  const auto answer = b.vehicle.take_response(told);
+  ASSERT_TRUE(answer);
+  EXPECT_EQ(answer->theirs.life, SessionId{200});
+  EXPECT_EQ(answer->keys.from_initiator, accepted->keys.from_initiator);
+  EXPECT_EQ(answer->keys.from_responder, accepted->keys.from_responder);
+  EXPECT_EQ(b.vehicle.token_of(told), wire::Token{std::byte{42}});
+  EXPECT_FALSE(b.vehicle.is_trying());
+}
+
+TEST(Handshake, CopiesOverOtherPathsAreAnsweredOnceEach) {
+  Bench b;
+  const Bytes first = b.initiation(0);
+  const Bytes second = b.initiation(1);
+  ASSERT_EQ(b.take(first), Verdict::kNew);
+  ASSERT_TRUE(b.accept(first));
+  EXPECT_EQ(b.take(second, 2), Verdict::kAnswered);
+  const Bytes to_first = b.answer();
+  EXPECT_EQ(b.road.next()->to, address(2));
+  const Bytes to_second = b.answer();
+  ASSERT_TRUE(b.vehicle.take_response(to_second));
+  EXPECT_TRUE(b.vehicle.token_of(to_first));
+  // The same again, from wherever, is answered by nobody.
+  for (const Bytes& copy : {first, second}) {
+    EXPECT_EQ(b.take(copy, 66), Verdict::kRefused);
+    EXPECT_FALSE(b.road.next());
+  }
+}
+
+TEST(Handshake, AnotherTryOfTheSameMessageIsAnsweredAgain) {
+  Bench b;
+  const Bytes first = b.initiation();
+  ASSERT_EQ(b.take(first), Verdict::kNew);
+  ASSERT_TRUE(b.accept(first));
+  b.answer();
+  b.vehicle.tried(b.now);
+  b.now += 100ms;
+  const Bytes again = b.initiation();
+  EXPECT_EQ(b.take(again), Verdict::kAnswered);
+  EXPECT_TRUE(b.vehicle.take_response(b.answer()));
+}
+
+TEST(Handshake, WhatWasRecordedIsRefusedForEver) {
+  Bench b;
+  const Bytes asked = b.initiation();
+  ASSERT_EQ(b.take(asked), Verdict::kNew);
+  ASSERT_TRUE(b.accept(asked));
+  b.answer();
+  for (const Duration later : {1s, 10s, 10'000s}) {
+    b.now += later;
+    if (b.take(asked) == Verdict::kNew) {
+      EXPECT_FALSE(b.accept(asked));
+    }
+    EXPECT_FALSE(b.road.next());
+  }
+}
+
+TEST(Handshake, NothingOfAnInitiationMayBeChanged) {
+  Bench b;
+  const Bytes asked = b.initiation();
+  for (std::size_t bit = 0; bit < 8 * asked.size(); ++bit) {
+    Bytes changed = asked;
+    changed[bit / 8] ^= std::byte{1} << bit % 8;
+    b.now += 1s;
+    // mac2 is only looked at under load.
+    if (bit / 8 >= asked.size() - kMacBytes) continue;
+    EXPECT_EQ(b.take(changed), Verdict::kRefused) << bit;
+  }
+  // Also not by who knows the public key, and so can make another mac1.
+  for (std::size_t byte = wire::kHeaderBytes; byte < asked.size() - 2 * kMacBytes; ++byte) {
+    Bytes changed = asked;
+    changed[byte] ^= std::byte{1};
+    const InitiationParts parts = parts_of_initiation(changed);
+    std::ranges::copy(mac_of(mac1_key(b.road_key.open), parts.before_mac1),
+                      changed.begin() + (parts.mac1.data() - changed.data()));
+    b.now += 1s;
+    if (b.take(changed) == Verdict::kNew) {
+      EXPECT_FALSE(b.accept(changed)) << byte;
+    }
+    EXPECT_FALSE(b.road.next());
+  }
+  for (std::size_t size = 0; size < asked.size(); ++size) {
+    EXPECT_EQ(b.take(Bytes(asked.begin(), asked.begin() + static_cast<std::ptrdiff_t>(size))),
+              Verdict::kRefused);
+  }
+  b.now += 1s;
+  ASSERT_EQ(b.take(asked), Verdict::kNew);
+  EXPECT_TRUE(b.accept(asked));
+}
+
+TEST(Handshake, NothingOfAResponseMayBeChanged) {
+  Bench b;
+  const Bytes asked = b.initiation();
+  ASSERT_EQ(b.take(asked), Verdict::kNew);
+  ASSERT_TRUE(b.accept(asked));
+  const Bytes told = b.answer();
+  for (std::size_t bit = 0; bit < 8 * told.size(); ++bit) {
+    Bytes changed = told;
+    changed[bit / 8] ^= std::byte{1} << bit % 8;
+    EXPECT_FALSE(b.vehicle.take_response(changed)) << bit;
+  }
+  EXPECT_TRUE(b.vehicle.take_response(told));
+}
+
+TEST(Handshake, WhoIsNotTrustedIsNotAnswered) {
+  Bench b;
+  b.vehicle = Initiator(key_pair_of(filled(77)), {b.road_key.open, filled(5)}, SessionId{100});
+  const Bytes asked = b.initiation();
+  ASSERT_EQ(b.take(asked), Verdict::kNew);
+  EXPECT_FALSE(b.accept(asked));
+  EXPECT_FALSE(b.road.next());
+}
+
+TEST(Handshake, WhoDoesNotShareTheKeyGetsNoSession) {
+  Bench b;
+  b.vehicle = Initiator(b.vehicle_key, {b.road_key.open, filled(6)}, SessionId{100});
+  const Bytes asked = b.initiation();
+  ASSERT_EQ(b.take(asked), Verdict::kNew);
+  ASSERT_TRUE(b.accept(asked));
+  EXPECT_FALSE(b.vehicle.take_response(b.answer()));
+}
+
+// Takes all answers that are given freely.
+void flood(Bench& b) {
+  for (std::uint32_t i = 0; i <= Responder::kFreely; ++i) {
+    b.vehicle.stop();
+    b.take(b.initiation());
+  }
+  while (b.road.next()) b.answer();
+}
+
+TEST(Handshake, UnderLoadWhoeverReceivesAtHisAddressIsServed) {
+  Bench b;
+  flood(b);
+  b.vehicle.stop();
+  ASSERT_EQ(b.take(b.initiation()), Verdict::kAnswered);
+  EXPECT_EQ(b.road.next()->index, 0U);
+  const Bytes cookie = b.answer();
+  ASSERT_EQ(cookie.size(), kCookieBytes);
+  for (std::size_t bit = 0; bit < 8 * cookie.size(); ++bit) {
+    Bytes changed = cookie;
+    changed[bit / 8] ^= std::byte{1} << bit % 8;
+    const auto header = wire::peek(changed);
+    // Of the header the path, the session and the number say what is answered.
+    const bool is_bound = bit / 8 >= 2 && (bit / 8 < 16 || bit / 8 >= wire::kHeaderBytes);
+    if (is_bound && header) {
+      EXPECT_FALSE(b.vehicle.take_cookie(*header, changed)) << bit;
+    }
+  }
+  ASSERT_TRUE(b.vehicle.take_cookie(*wire::peek(cookie), cookie));
+  b.vehicle.tried(b.now);
+  const Bytes again = b.initiation();
+  // From elsewhere it proves nothing.
+  EXPECT_EQ(b.take(again, 66), Verdict::kAnswered);
+  EXPECT_EQ(b.road.next()->index, 0U);
+  b.answer();
+  ASSERT_EQ(b.take(again), Verdict::kNew);
+  ASSERT_TRUE(b.accept(again));
+  EXPECT_TRUE(b.vehicle.take_response(b.answer()));
+}
+
+TEST(Handshake, OneHostTakesNotAllAnswersUnderLoad) {
+  Bench b;
+  flood(b);
+  b.vehicle.stop();
+  b.take(b.initiation());
+  const Bytes cookie = b.answer();
+  ASSERT_TRUE(b.vehicle.take_cookie(*wire::peek(cookie), cookie));
+  int served = 0;
+  for (int i = 0; i < 100; ++i) {
+    b.vehicle.tried(b.now);
+    served += b.take(b.initiation()) == Verdict::kNew ? 1 : 0;
+    while (b.road.next()) b.answer();
+  }
+  EXPECT_LE(served, Responder::kSourceBurst);
+  EXPECT_GE(served, 1);
+}
+
+TEST(Handshake, WhatWaitsIsBounded) {
+  Bench b;
+  flood(b);
+  for (int i = 0; i < 2000; ++i) {
+    b.vehicle.stop();
+    b.take(b.initiation(), static_cast<std::uint8_t>(i));
+  }
+  std::size_t waiting = 0;
+  for (; b.road.next(); ++waiting) b.answer();
+  EXPECT_LE(waiting, Responder::kMaxWaiting);
+}
+
+}  // namespace
+}  // namespace interneuron::crypto
