@@ -60,7 +60,7 @@ void shift_left(wire::AckBitmap& bitmap, std::uint64_t by) {
 }  // namespace
 
 bool PathReceiver::accept(TimePoint now, std::uint64_t number, Role role, std::size_t ip_bytes,
-                          std::uint8_t ecn) {
+                          std::uint8_t ecn, bool is_new) {
   if (number > largest_) {
     const std::uint64_t by = number - largest_;
     if (largest_ != 0 && by > 1) gap_ = true;
@@ -69,11 +69,15 @@ bool PathReceiver::accept(TimePoint now, std::uint64_t number, Role role, std::s
     largest_ = number;
   } else {
     const std::uint64_t back = largest_ - number;
-    if (back == 0 || back > wire::kAckWindow) return false;
-    std::uint64_t& word = bitmap_[(back - 1) / 64];
-    const std::uint64_t bit = 1ULL << ((back - 1) % 64);
-    if ((word & bit) != 0) return false;
-    word |= bit;
+    if (back > wire::kAckWindow) {
+      if (!is_new) return false;
+    } else {
+      if (back == 0) return false;
+      std::uint64_t& word = bitmap_[(back - 1) / 64];
+      const std::uint64_t bit = 1ULL << ((back - 1) % 64);
+      if ((word & bit) != 0) return false;
+      word |= bit;
+    }
   }
   received_bytes_ += ip_bytes;
   if (ecn == link::kCe) {

@@ -42,9 +42,11 @@ class PathReceiver {
   // What a packet is to a train: nothing; data, or a probe of the path.
   enum class Role : std::uint8_t { kNone, kData, kProbe };
   // A packet came in. False when it is a duplicate: its number was seen before or is too old to
-  // tell. `ip_bytes`: its size with IP headers; `ecn`: its ECN bits.
+  // tell, unless `is_new`: whoever has opened the packet knows that it has not come before, however
+  // old it is. Then it counts, and only no acknowledgement tells of it. `ip_bytes`: its size with
+  // IP headers; `ecn`: its ECN bits.
   bool accept(TimePoint now, std::uint64_t number, Role role, std::size_t ip_bytes,
-              std::uint8_t ecn = 0);
+              std::uint8_t ecn = 0, bool is_new = false);
   // A feedback of the peer came in on this path, which left at `u` on the peer's clock.
   void exchange(TimePoint now, PeerTime u);
   // The path's part of a feedback sent at `now`.

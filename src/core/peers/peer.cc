@@ -74,7 +74,18 @@ void Peer::follow(TimePoint now, const wire::PacketHeader& header, const Path::N
                   const Address& address) {
   const Path* known = find(header.link);
   if (known != nullptr && header.number <= known->receiver.largest()) return;
+  if (known == nullptr && paths_.size() >= wire::kMaxReports) drop_dead_path(now);
   add_path(now, header.link, nic, address);
+}
+
+// A peer that takes away a NIC does not say so. Where it brings another one, a path that is dead
+// makes room.
+void Peer::drop_dead_path(TimePoint now) {
+  const auto dead = std::ranges::find_if(
+      paths_, [](const Path& path) { return path.estimator.path() == PathState::kDead; });
+  if (dead == paths_.end()) return;
+  sender_.remove_path(now, dead->id());
+  paths_.erase(dead);
 }
 
 bool Peer::may_challenge(TimePoint now, const wire::PacketHeader& header) {
@@ -147,8 +158,10 @@ Peer::Input Peer::handle(TimePoint now, const wire::Packet& packet, const Datagr
   const Role role = is_feedback                                      ? Role::kNone
                     : packet.header.type == wire::PacketType::kProbe ? Role::kProbe
                                                                      : Role::kData;
+  // What was sealed was opened once, whatever its number is.
+  const bool is_new = packet.header.epoch != wire::kClearEpoch;
   if (!path.receiver.accept(now, packet.header.number, role, datagram.bytes.size() + kIpUdpBytes,
-                            datagram.ecn)) {
+                            datagram.ecn, is_new)) {
     input.duplicate = true;
     return input;
   }

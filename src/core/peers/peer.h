@@ -202,6 +202,7 @@ class Peer {
   std::optional<TimePoint> left_at(TimePoint now, const wire::LinkReport& report, Duration rtt_min);
   void refresh(TimePoint now);
   void collect_changes(TimePoint now, Path& path);
+  void drop_dead_path(TimePoint now);
   bool take_changes(Path& path);
   void relieve(TimePoint now, const Path& path);
   // Messages that the reassembler has forgotten incomplete are to be told of.

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cassert>
+#include <cstring>
 
 #include "core/secure/bytes.h"
 
@@ -12,6 +13,13 @@ namespace {
 
 constexpr Duration kBurst = std::chrono::seconds(1);
 constexpr Duration kCookieBurst = std::chrono::milliseconds(20);
+
+// Of an initiation.
+std::uint64_t name_of_ephemeral(ByteView packet) {
+  std::uint64_t name = 0;
+  std::memcpy(&name, packet.subspan(wire::kHeaderBytes).data(), sizeof(name));
+  return name;
+}
 
 }  // namespace
 
@@ -35,6 +43,19 @@ Responder::Answered* Responder::answered(TimePoint now, ByteView packet) {
   const auto it = std::ranges::find_if(
       answered_, [&](const Answered& a) { return std::ranges::equal(a.ephemeral, ephemeral); });
   return it == answered_.end() ? nullptr : &*it;
+}
+
+bool Responder::was_seen(ByteView packet) const {
+  return std::ranges::find(seen_, name_of_ephemeral(packet)) != seen_.end();
+}
+
+void Responder::note_seen(ByteView packet) {
+  if (seen_.size() < kMaxSeen) {
+    seen_.push_back(name_of_ephemeral(packet));
+  } else {
+    seen_[seen_at_] = name_of_ephemeral(packet);
+    seen_at_ = (seen_at_ + 1) % kMaxSeen;
+  }
 }
 
 bool Responder::answer_copy(Answered& to, const wire::PacketHeader& header,
@@ -79,6 +100,7 @@ Responder::Verdict Responder::take(TimePoint now, const wire::PacketHeader& head
                          answer_copy(*known, header, datagram);
     return is_copy ? Verdict::kAnswered : Verdict::kRefused;
   }
+  if (was_seen(datagram.bytes)) return Verdict::kRefused;
   bool cookie = false;
   if (may_ask(now, datagram, parts, cookie)) return Verdict::kNew;
   if (!cookie || waiting_.size() >= kMaxWaiting || !cookies_sent_.take(now)) {
@@ -102,6 +124,7 @@ std::optional<Responder::Accepted> Responder::accept(TimePoint now,
                                                      const wire::PacketHeader& header,
                                                      const Datagram& datagram,
                                                      const Initiator::Fresh& fresh) {
+  note_seen(datagram.bytes);
   const InitiationParts parts = parts_of_initiation(datagram.bytes);
   Noise noise =
       Noise::responder(Noise::Pattern::kIkPsk2, prologue(), own_, key_pair_of(fresh.ephemeral));

@@ -3,8 +3,9 @@
 // Owned and fed by Sessions with every initiation that comes in: any bytes from anywhere. What an
 // attacker could try, and what he gets:
 //   - to scan: nothing is answered that does not know our public key (mac1);
-//   - to record an initiation and send it again: each copy of each try is answered once, and no
-//     message that is not newer than the newest one of its key;
+//   - to record an initiation and send it again: each copy of each try is answered once, no message
+//     that is not newer than the newest one of its key, and none of the last kMaxSeen is looked at
+//     again;
 //   - to make this host multiply points (about 0.15 ms an answer): kFreely a second for everybody;
 //     beyond that only for whoever proves that he receives at his address (Cookies), at most
 //     kPerSource of one host and kUnderLoad in all;
@@ -46,6 +47,9 @@ class Responder {
   // Messages whose further copies are known, the oldest makes room: ten seconds of kFreely, and
   // more than half a second of kUnderLoad.
   static constexpr std::size_t kMaxAnswered = 512;
+  // Messages that are known by their ephemeral keys, whatever became of them: 16 KB, so that what
+  // was recorded in hours of a vehicle's traffic costs no work.
+  static constexpr std::size_t kMaxSeen = 2048;
 
   Responder(const KeyPair& own, SessionId life, std::span<const TrustedPeer> peers);
 
@@ -113,6 +117,8 @@ class Responder {
   };
   Answered* answered(TimePoint now, ByteView packet);
   bool answer_copy(Answered& to, const wire::PacketHeader& header, const Datagram& datagram);
+  bool was_seen(ByteView packet) const;
+  void note_seen(ByteView packet);
   bool may_ask(TimePoint now, const Datagram& datagram, const InitiationParts& parts, bool& cookie);
   void queue_cookie(TimePoint now, const wire::PacketHeader& header, const Datagram& datagram,
                     ByteView mac1, Entropy& entropy);
@@ -130,6 +136,9 @@ class Responder {
   RateLimit cookies_sent_;
   SourceLimit sources_;
   std::deque<Answered> answered_;
+  // The first bytes of ephemeral keys; a ring.
+  std::vector<std::uint64_t> seen_;
+  std::size_t seen_at_ = 0;
   std::deque<Waiting> waiting_;
 };
 
