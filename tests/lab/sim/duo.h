@@ -8,6 +8,7 @@
 #include "core/wire/packet.h"
 #include "lab/sim/world.h"
 #include "support.h"
+#include "tests/trust.h"
 
 namespace interneuron::sim {
 
@@ -30,14 +31,17 @@ class Duo {
 
   explicit Duo(const std::vector<emu::LinkProfile>& profiles, std::uint64_t seed = 1,
                const std::vector<LinkTraits>& traits = {},
-               const PipelineConfig& pipeline = best_link(), const Ablation& ablation = {})
+               const PipelineConfig& pipeline = best_link(), const Ablation& ablation = {},
+               bool is_encrypted = false)
       : world(seed) {
     EndpointOptions o;
     o.session = SessionId{1};
     o.policies = builtin_policies();
     o.pipelines = {pipeline};
     o.ablation = std::make_shared<const Ablation>(ablation);
+    if (is_encrypted) o.security = security_of(1, {2});
     vehicle = world.add_host(o);
+    if (is_encrypted) o.security = security_of(2, {1});
     o.session = SessionId{2};
     o.pipelines.clear();
     o.accept_peers = true;
