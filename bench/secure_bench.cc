@@ -1,0 +1,358 @@
+// What encryption costs: processor time of packets, of handshakes and of what is refused, and the
+// memory of sessions; on one thread, without sockets.
+//
+//   build/release/bench/secure_bench [--bytes N] [--rounds N] [--packets N] [--handshakes N]
+//                                    [--peers N] [--portable]
+//
+// What is compared takes turns within a round, and the least and the median of the rounds are told:
+// whatever else the machine does makes a figure larger and never smaller. Only the time in which
+// this thread has the processor counts. Packets lie in the cache, as those that have just come in
+// do.
+#include <fmt/format.h>
+#include <malloc.h>
+#include <sodium.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <cstdio>
+#include <exception>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "bench/secure_parts.h"
+#include "core/secure/entropy.h"
+#include "core/secure/handshake.h"
+#include "core/secure/responder.h"
+#include "core/secure/session.h"
+#include "core/secure/sessions.h"
+#include "core/wire/packet.h"
+
+namespace interneuron::crypto {
+namespace {
+
+using namespace std::chrono_literals;
+
+// Packets between two readings of the clock, so that reading it does not count.
+constexpr std::size_t kBatch = 64;
+// In each direction of a session: as many as a peer may have.
+constexpr std::uint16_t kPaths = wire::kMaxReports;
+// Handshakes come this far apart in virtual time, so that all are answered without a cookie.
+constexpr Duration kBetweenHandshakes = Duration{1s} / Responder::kFreely;
+constexpr SessionId kRoadLife{1U << 31U};
+constexpr TimePoint kBegin{1h};
+
+struct Options {
+  std::size_t bytes = 1400;
+  std::size_t rounds = 21;
+  std::size_t packets = 6400;
+  std::size_t handshakes = 100;
+  std::size_t peers = 1000;
+  bool portable = false;
+};
+
+// --- packets
+
+// libsodium with the same bytes as a session: the header's are associated, the tag is the packet's
+// last ones.
+class Alone {
+ public:
+  explicit Alone(std::size_t bytes) : packets_(kBatch, Bytes(bytes)), opened_(bytes) {}
+
+  void seal() {
+    for (Bytes& p : packets_) {
+      crypto_aead_chacha20poly1305_ietf_encrypt_detached(
+          body(p), tag(p), nullptr, body(p), body_bytes(), at(p, 0), wire::kAssociatedBytes,
+          nullptr, nonce_.data(), key_.data());
+    }
+  }
+  void open() {
+    for (Bytes& p : packets_) {
+      expect(crypto_aead_chacha20poly1305_ietf_decrypt_detached(
+                 at(opened_, wire::kAssociatedBytes), nullptr, body(p), body_bytes(), tag(p),
+                 at(p, 0), wire::kAssociatedBytes, nonce_.data(), key_.data()) == 0,
+             "libsodium does not open what it has sealed");
+    }
+  }
+
+ private:
+  static unsigned char* at(Bytes& bytes, std::size_t place) {
+    return reinterpret_cast<unsigned char*>(bytes.data()) + place;
+  }
+  unsigned char* body(Bytes& p) const { return at(p, wire::kAssociatedBytes); }
+  unsigned char* tag(Bytes& p) const { return at(p, p.size() - wire::kTagBytes); }
+  std::size_t body_bytes() const {
+    return opened_.size() - wire::kAssociatedBytes - wire::kTagBytes;
+  }
+
+  std::vector<Bytes> packets_;
+  Bytes opened_;
+  // The same for all packets: nobody else sees them, and it takes as long.
+  std::array<unsigned char, crypto_aead_chacha20poly1305_ietf_NPUBBYTES> nonce_{};
+  std::array<unsigned char, crypto_aead_chacha20poly1305_ietf_KEYBYTES> key_{1};
+};
+
+void measure_packets(const Options& options) {
+  const Split keys{key_of(1), key_of(2)};
+  Session vehicle(kBegin, Session::Role::kInitiator, 22, keys);
+  Session road(kBegin, Session::Role::kResponder, 11, keys);
+  std::vector<Bytes> packets(kBatch, packet(options.bytes, LinkId{3}, 1));
+  Bytes opened(options.bytes);
+  Alone alone(options.bytes);
+  Table table;
+  std::uint64_t number = 0;
+  const std::size_t batches = std::max<std::size_t>(options.packets / kBatch, 1);
+  const double all = static_cast<double>(batches * kBatch);
+  for (std::size_t round = 0; round < options.rounds; ++round) {
+    std::array<double, 4> us{};
+    for (std::size_t batch = 0; batch < batches; ++batch) {
+      for (Bytes& p : packets) wire::set_number(p, ++number);
+      us[0] += us_of([&] {
+        for (Bytes& p : packets) expect(vehicle.seal(p), "a packet was not sealed");
+      });
+      us[1] += us_of([&] { alone.seal(); });
+      us[2] += us_of([&] {
+        for (const Bytes& p : packets) {
+          expect(road.open(*wire::peek(p), p, opened) == Session::Opened::kOk,
+                 "a packet was not opened");
+        }
+      });
+      us[3] += us_of([&] { alone.open(); });
+    }
+    table.add("sealed by a session", us[0] / all);
+    table.add("sealed by libsodium alone", us[1] / all);
+    table.add("opened by a session", us[2] / all);
+    table.add("opened by libsodium alone", us[3] / all);
+  }
+  table.print(fmt::format("µs for a packet of {} bytes", options.bytes));
+}
+
+// --- handshakes
+
+void measure_handshakes(const Options& options) {
+  const KeyPair road_key = key_pair_of(key_of(1));
+  const TrustedPeer trusted{public_key_of(key_of(2)), {}};
+  Responder road(road_key, kRoadLife, {&trusted, 1});
+  Vehicle vehicle(2, road_key.open);
+  Entropy entropy(key_of(3));
+  Bytes response(kMaxDatagramBytes);
+  TimePoint now = kBegin;
+  Table table;
+  for (std::size_t round = 0; round < options.rounds; ++round) {
+    std::array<double, 3> us{};
+    for (std::size_t i = 0; i < options.handshakes; ++i) {
+      now += kBetweenHandshakes;
+      vehicle.begin(now);
+      const Initiator::Fresh fresh{entropy.draw_index(), entropy.draw_key(),
+                                   now.time_since_epoch().count()};
+      us[0] += us_of([&] { vehicle.ask(now); });
+      us[1] += us_of([&] {
+        const bool is_new = road.take(now, vehicle.header(), vehicle.datagram(), entropy) ==
+                            Responder::Verdict::kNew;
+        expect(is_new && road.accept(now, vehicle.header(), vehicle.datagram(), fresh),
+               "a handshake was refused");
+        response.resize(road.write(response, wire::Token{}));
+      });
+      us[2] += us_of([&] { expect(vehicle.take(response).has_value(), "an answer was refused"); });
+      response.resize(kMaxDatagramBytes);
+    }
+    const double all = static_cast<double>(options.handshakes);
+    table.add("who asks: makes and writes an initiation", us[0] / all);
+    table.add("who is asked: takes, accepts and writes a response", us[1] / all);
+    table.add("who asks: takes the response", us[2] / all);
+    table.add("all of it", (us[0] + us[1] + us[2]) / all);
+  }
+  table.print("µs for a handshake over one path");
+}
+
+// --- memory, and what is refused
+
+// What is taken of malloc, with what malloc keeps beside it.
+double heap_bytes() {
+  const struct mallinfo2 info = ::mallinfo2();
+  return static_cast<double>(info.uordblks + info.hblkhd);
+}
+
+// The sessions of an endpoint with many peers, each of which has used kPaths paths both ways.
+class Road {
+ public:
+  Road(const Options& options, const std::vector<TrustedPeer>& vehicles)
+      : options_(options), open_(public_key_of(key_of(1))), opened_(kMaxDatagramBytes) {
+    Security security;
+    security.key = key_of(1);
+    security.seed = key_of(0);
+    security.peers = vehicles;
+    sessions_ = std::make_unique<Sessions>(security, kRoadLife, true, now_);
+    indices_.reserve(vehicles.size());
+    for (std::uint32_t i = 0; i < vehicles.size(); ++i) join(i);
+    // The handshakes are over: what was kept for their further copies goes with the next one.
+    now_ += Initiator::kMessageLife;
+    later_ = now_;
+  }
+
+  void measure_refusals() {
+    Table table;
+    std::vector<Bytes> known;
+    std::vector<Bytes> unused;
+    std::vector<Bytes> foreign;
+    for (std::size_t i = 0; i < kBatch; ++i) {
+      const std::uint32_t index = indices_[i * indices_.size() / kBatch];
+      known.push_back(forged(index, LinkId{0}));
+      unused.push_back(forged(index, LinkId{kPaths}));
+      foreign.push_back(forged(index + 1, LinkId{0}));
+    }
+    // One whose mac1 is wrong, and one of a stranger who knows our public key.
+    Vehicle scanner(2, open_);
+    scanner.begin(now_);
+    scanner.ask(now_);
+    scanner.initiation()[wire::kHeaderBytes] ^= std::byte{1};
+    Vehicle stranger(0xffff'ffff, open_);
+    stranger.begin(now_);
+    stranger.ask(now_);
+    for (std::size_t round = 0; round < options_.rounds; ++round) {
+      table.add("a packet with a wrong tag, on a path in use", us_of_packets(known));
+      table.add("the same on a path that was not used yet", us_of_packets(unused));
+      table.add("a packet with the number of no session", us_of_packets(foreign));
+      table.add("an initiation with a wrong mac1", us_of_initiations(scanner, options_.packets));
+      table.add("an initiation of a stranger who knows our key",
+                us_of_initiations(stranger, options_.handshakes));
+    }
+    table.print("µs for what is refused");
+  }
+
+ private:
+  void join(std::uint32_t owner) {
+    now_ += kBetweenHandshakes;
+    // Numbers of keys: 1 is the road's.
+    Vehicle vehicle(owner + 2, open_);
+    vehicle.begin(now_);
+    vehicle.ask(now_);
+    sessions_->take_handshake(now_, vehicle.header(), vehicle.datagram());
+    const auto next = sessions_->responder().next();
+    expect(next.has_value(), "a handshake was refused");
+    Bytes response(kMaxDatagramBytes);
+    response.resize(sessions_->responder().write(response, wire::Token{}));
+    const auto answer = vehicle.take(response);
+    expect(answer.has_value(), "an answer was refused");
+    Session session(now_, Session::Role::kInitiator, answer->theirs.index, answer->keys);
+    for (std::uint16_t path = 0; path < kPaths; ++path) {
+      Bytes up = packet(100, LinkId{path}, 1);
+      expect(session.seal(up), "a packet was not sealed");
+      expect(open(up) == Session::Opened::kOk, "a packet was not opened");
+      if (path == 0) sessions_->adopt(owner, next->index);
+      Bytes down = packet(100, LinkId{path}, 1);
+      expect(sessions_->seal(now_, owner, down), "a packet was not sealed");
+    }
+    indices_.push_back(next->index);
+  }
+
+  Session::Opened open(ByteView bytes) {
+    return sessions_->open(now_, *wire::peek(bytes), bytes, opened_).result;
+  }
+
+  Bytes forged(std::uint32_t index, LinkId path) const {
+    Bytes out = packet(options_.bytes, path, 2);
+    wire::mark_sealed(out, SessionId{index});
+    return out;
+  }
+
+  double us_of_packets(const std::vector<Bytes>& packets) {
+    const std::size_t times = std::max<std::size_t>(options_.packets / packets.size(), 1);
+    const double us = us_of([&] {
+      for (std::size_t i = 0; i < times; ++i) {
+        for (const Bytes& p : packets) {
+          expect(open(p) == Session::Opened::kForged, "a forged packet was opened");
+        }
+      }
+    });
+    return us / static_cast<double>(times * packets.size());
+  }
+
+  double us_of_initiations(const Vehicle& from, std::size_t times) {
+    const Datagram datagram = from.datagram();
+    const double us = us_of([&] {
+      for (std::size_t i = 0; i < times; ++i) {
+        later_ += kBetweenHandshakes;
+        const auto taken = sessions_->take_handshake(later_, *wire::peek(datagram.bytes), datagram);
+        expect(!taken.is_used, "an initiation was accepted");
+      }
+    });
+    return us / static_cast<double>(times);
+  }
+
+  const Options& options_;
+  PublicKey open_;
+  Bytes opened_;
+  TimePoint now_ = kBegin;
+  // Of initiations that are refused: the sessions, which end, stay behind at now_.
+  TimePoint later_ = kBegin;
+  std::unique_ptr<Sessions> sessions_;
+  std::vector<std::uint32_t> indices_;
+};
+
+double session_kib(std::size_t sessions) {
+  std::vector<std::unique_ptr<Session>> held(sessions);
+  Bytes opened(kMaxDatagramBytes);
+  const double before = heap_bytes();
+  for (std::uint32_t i = 0; i < sessions; ++i) {
+    const Split keys{key_of(2 * i), key_of(2 * i + 1)};
+    Session other(kBegin, Session::Role::kInitiator, 1, keys);
+    held[i] = std::make_unique<Session>(kBegin, Session::Role::kResponder, 1, keys);
+    for (std::uint16_t path = 0; path < kPaths; ++path) {
+      Bytes up = packet(100, LinkId{path}, 1);
+      Bytes down = packet(100, LinkId{path}, 1);
+      expect(other.seal(up) && held[i]->seal(down), "a packet was not sealed");
+      expect(held[i]->open(*wire::peek(up), up, opened) == Session::Opened::kOk,
+             "a packet was not opened");
+    }
+  }
+  return (heap_bytes() - before) / 1024 / static_cast<double>(sessions);
+}
+
+void measure_peers(const Options& options) {
+  fmt::print("KiB of memory, for each of {}\n", options.peers);
+  fmt::print("  {:<56}{:10.1f}\n", fmt::format("a session with {} paths in each direction", kPaths),
+             session_kib(options.peers));
+  std::vector<TrustedPeer> vehicles;
+  for (std::uint32_t i = 0; i < options.peers; ++i) {
+    vehicles.push_back({public_key_of(key_of(i + 2)), {}});
+  }
+  const double before = heap_bytes();
+  Road road(options, vehicles);
+  fmt::print("  {:<56}{:10.1f}\n", "a peer that is trusted and has such a session",
+             (heap_bytes() - before) / 1024 / static_cast<double>(options.peers));
+  road.measure_refusals();
+}
+
+}  // namespace
+}  // namespace interneuron::crypto
+
+int main(int argc, char** argv) {
+  using namespace interneuron;
+  crypto::Options options;
+  CLI::App app("What encryption costs: packets, handshakes, what is refused, and memory.");
+  app.add_option("--bytes", options.bytes, "Bytes of a packet")
+      ->check(CLI::Range(wire::kPacketOverhead, kMaxDatagramBytes));
+  app.add_option("--rounds", options.rounds, "Rounds")->check(CLI::PositiveNumber);
+  app.add_option("--packets", options.packets, "Packets of each kind in a round")
+      ->check(CLI::PositiveNumber);
+  app.add_option("--handshakes", options.handshakes, "Handshakes in a round")
+      ->check(CLI::PositiveNumber);
+  // Beyond these the first session would end before the last one is made.
+  app.add_option("--peers", options.peers, "Sessions that are held")->check(CLI::Range(1, 5000));
+  app.add_flag("--portable", options.portable,
+               "Leave libsodium as it is before it has looked at the processor");
+  CLI11_PARSE(app, argc, argv);
+  try {
+    if (!options.portable) crypto::expect(sodium_init() >= 0, "libsodium does not start");
+    crypto::measure_packets(options);
+    crypto::measure_handshakes(options);
+    crypto::measure_peers(options);
+  } catch (const std::exception& e) {
+    fmt::print(stderr, "secure_bench: {}\n", e.what());
+    return 1;
+  }
+  return 0;
+}
