@@ -133,8 +133,11 @@ void measure_packets(const Options& options) {
 
 void measure_handshakes(const Options& options) {
   const KeyPair road_key = key_pair_of(key_of(1));
-  const TrustedPeer trusted{public_key_of(key_of(2)), {}};
-  Responder road(road_key, kRoadLife, {&trusted, 1});
+  Security security;
+  security.key = road_key.secret;
+  security.peers.push_back({public_key_of(key_of(2)), {}});
+  const Trust trust(security);
+  Responder road(road_key, kRoadLife, trust);
   Vehicle vehicle(2, road_key.open);
   Entropy entropy(key_of(3));
   Bytes response(kMaxDatagramBytes);

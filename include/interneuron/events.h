@@ -5,12 +5,14 @@
 #include <cstdint>
 #include <string>
 #include <variant>
+#include <vector>
 
 #include "interneuron/address.h"
 #include "interneuron/ledger.h"
 #include "interneuron/link.h"
 #include "interneuron/policy.h"
 #include "interneuron/round.h"
+#include "interneuron/security.h"
 #include "interneuron/send.h"
 #include "interneuron/units.h"
 
@@ -61,6 +63,12 @@ struct OtherVersion {
   std::uint8_t version = 0;
 };
 
+// A newer list of revocations has come from a peer, and an authority that we trust has signed it:
+// keep it for the next start (Security::revocations). Peers whose keys it names are forgotten.
+struct RevocationsChanged {
+  std::vector<std::byte> list;
+};
+
 // A limit has struck this peer: its own oldest has gone, or what it has sent was dropped. Told at
 // most once a second for each peer; its ledger (Endpoint::ledger()) counts all.
 struct PeerLimited {
@@ -68,7 +76,15 @@ struct PeerLimited {
   PeerLimit limit{};
 };
 
+// Two hosts use the same private key, and each takes the other one's place: a host that has begun
+// a new life here was followed by its old one. Told at most once a minute. Give one of them a key
+// of its own.
+struct KeyShared {
+  PublicKey key{};
+};
+
 using Event = std::variant<Delivered, RoundDone, PeerReady, PeerRestarted, PeerLost, Planned,
-                           PathChanged, OtherVersion, PeerLimited, Message, MessageFate, CanSend>;
+                           PathChanged, OtherVersion, PeerLimited, RevocationsChanged, KeyShared,
+                           Message, MessageFate, CanSend>;
 
 }  // namespace interneuron

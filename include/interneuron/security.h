@@ -57,15 +57,66 @@ struct TrustedPeer {
   SecretKey shared{};
 };
 
+inline constexpr std::size_t kSignatureBytes = 64;
+// The name of a node has so many bytes at most.
+inline constexpr std::size_t kNodeNameBytes = 16;
+// A signed credential.
+inline constexpr std::size_t kCredentialBytes =
+    kKeyBytes + 1 + kNodeNameBytes + 2 * 8 + kSignatureBytes;
+// The largest signed list of revocations: 2,000 keys and a little.
+inline constexpr std::size_t kMaxRevocationsBytes = 64 * 1024;
+
+// What a host is in a fleet.
+enum class NodeRole : std::uint8_t { kVehicle = 0, kRoadside = 1 };
+// "vehicle", "roadside".
+std::string_view to_string(NodeRole role);
+
+// What an authority says of a key: whose it is, and from when until when (seconds since 1970, the
+// end not included).
+struct Credential {
+  PublicKey key{};
+  NodeRole role = NodeRole::kVehicle;
+  std::string node;
+  std::int64_t not_before_s = 0;
+  std::int64_t not_after_s = 0;
+};
+
+// Keys that an authority has signed or a host has listed, and that are to be trusted no more; as of
+// a time. A later list replaces all before it.
+struct Revocations {
+  std::int64_t issued_s = 0;
+  std::vector<PublicKey> keys;
+};
+
+// Who is believed when the list of revocations is older than it may be, or there is none though one
+// is wanted.
+enum class StaleRevocations : std::uint8_t {
+  // Everybody whose credential holds: fail open.
+  kAccept,
+  // Nobody but the hosts that are listed: fail closed.
+  kRefuse,
+};
+
 // What an endpoint proves itself with, and whom it believes. An endpoint with these talks to no one
 // in the clear, and nothing of anybody else's is used.
 struct Security {
   // Our own X25519 private key. No default.
-  SecretKey key;
+  SecretKey key = {};
   // The hosts that may join, where peers are accepted, and those that may be connected to.
-  std::vector<TrustedPeer> peers;
+  std::vector<TrustedPeer> peers = {};
+  // Ed25519 keys of fleet authorities: a vehicle that shows a credential signed by one of them may
+  // join too. Two while one takes the place of the other. Revocations of theirs count for all keys.
+  std::vector<PublicKey> authorities = {};
+  // Our own credential, signed; empty: none is shown.
+  std::vector<std::byte> credential = {};
+  // The newest signed list that this host knows; empty: none. Lists that peers hand on are told of
+  // by RevocationsChanged.
+  std::vector<std::byte> revocations = {};
+  // How old the list may be, in seconds, and what happens then. 0: any age, and none is wanted.
+  std::int64_t max_revocations_age_s = 0;
+  StaleRevocations stale_revocations = StaleRevocations::kRefuse;
   // Random bytes from which ephemeral keys are drawn; used once, so never give the same twice.
-  SecretKey seed;
+  SecretKey seed = {};
   // The time of day when the endpoint is made, in ns since 1970: what this host has stored if that
   // is later than its clock says. Peers refuse a handshake that is not newer than the one before.
   std::int64_t unix_time_ns = 0;

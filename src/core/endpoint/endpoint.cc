@@ -70,6 +70,7 @@ class Endpoint::Impl {
     if (ran_to_ < now - Duration{1}) run_timers(now - Duration{1});
     Peers::Received received = peers_.receive(now, datagram);
     tell_lost();
+    while (const auto key = peers_.poll_shared_key()) events_.emplace_back(KeyShared{*key});
     if (received.other_version && now >= tell_version_at_) {
       tell_version_at_ = now + kBetweenVersions;
       events_.emplace_back(OtherVersion{datagram.link, datagram.from, *received.other_version});
@@ -82,7 +83,9 @@ class Endpoint::Impl {
     }
     if (received.input.limited) return tell_limited(*received.peer);
     if (received.input.duplicate) return;
+    const PeerId id = received.peer->identity().id;
     react(now, *received.peer, received.input);
+    if (peers_.find(now, id) != received.peer) return;
     while (auto computed = peers_.receive_computed(now, *received.peer)) {
       react(now, *received.peer, *computed);
     }
@@ -153,11 +156,19 @@ class Endpoint::Impl {
     while (auto change = peer.poll_change()) events_.emplace_back(std::move(*change));
     if (input.message && input.kind == wire::MessageKind::kRound) {
       rounds_.complete(now, peer, std::move(*input.message));
+    } else if (input.message && input.kind == wire::MessageKind::kRevocations) {
+      return take_revocations(std::move(input.message->payload));
     } else if (input.message) {
       messages_.complete(now, peer, input.message_id, std::move(*input.message));
     }
     messages_.collect(now, peer);
     tell_limited(peer);
+  }
+
+  // The peer that has sent it may be among those that are gone after it.
+  void take_revocations(Bytes list) {
+    if (peers_.take_revocations(list)) events_.emplace_back(RevocationsChanged{std::move(list)});
+    tell_lost();
   }
 
   void tell_limited(Peer& peer) {

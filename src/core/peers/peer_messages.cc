@@ -24,6 +24,7 @@ std::optional<Peer::Input> Peer::handle_computed(TimePoint now, std::size_t room
 bool Peer::is_too_large(const wire::Data& data) const {
   const wire::FragmentHeader& f = data.fragment;
   const PeerLimits& limits = identity_.limits;
+  if (f.kind == wire::MessageKind::kRevocations) return f.size > kMaxRevocationsBytes;
   if (f.kind == wire::MessageKind::kRound) {
     return f.size > limits.round_bytes + wire::kRoundHeaderBytes;
   }

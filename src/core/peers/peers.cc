@@ -57,8 +57,8 @@ PeerId Peers::connect(TimePoint now, std::span<const std::pair<LinkId, Address>>
       throw std::invalid_argument("connect: link " + std::to_string(link.value) + " was not added");
     }
   }
-  const std::optional<PublicKey> who = named || !sessions_ ? named : sessions_->only_peer();
-  if (sessions_ && (!who || !sessions_->is_trusted(*who))) {
+  const std::optional<PublicKey> who = named || !sessions_ ? named : sessions_->trust().only_peer();
+  if (sessions_ && (!who || !sessions_->trust().may_connect(*who))) {
     throw std::invalid_argument(who ? "connect: the key " + to_base64(*who) + " is not trusted"
                                     : "connect: say which of the trusted peers this is");
   }
@@ -440,6 +440,7 @@ Peers::Expired Peers::handle_timeout(TimePoint now) {
     if (sessions_) {
       sessions_->set_silent(now, key, is_silent(now, peer));
       sessions_->handle_timeout(now, key);
+      tell_revocations(now, entry);
     }
     account(entry);
     while (auto change = peer.poll_change()) expired.changes.push_back(std::move(*change));

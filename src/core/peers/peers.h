@@ -138,6 +138,14 @@ class Peers {
   // turns.
   std::optional<TransmitParts> poll(TimePoint now, std::span<std::byte> buffer);
 
+  // A complete message of a peer that should be a list of revocations. True: it is newer than the
+  // one there was, and an authority has signed it; peers whose keys it names are lost.
+  bool take_revocations(ByteView bytes);
+  // A key that two hosts use; ask until nothing comes.
+  std::optional<PublicKey> poll_shared_key() {
+    return sessions_ ? sessions_->poll_shared_key() : std::nullopt;
+  }
+
   std::vector<PeerId> ids() const;
   std::vector<LinkState> links(TimePoint now, PeerId id) const;
   // All zero where there is no such peer.
@@ -199,6 +207,8 @@ class Peers {
   std::optional<TransmitParts> poll_handshake(TimePoint now, std::span<std::byte> buffer);
   std::optional<TransmitParts> poll_initiation(TimePoint now, Entry& entry,
                                                std::span<std::byte> buffer);
+  // Hands the list of revocations on to a peer that does not know it yet.
+  void tell_revocations(TimePoint now, Entry& entry);
   // Whether this peer may be there no more, as far as its paths tell.
   static bool is_silent(TimePoint now, const Peer& peer);
   void hand_over(TimePoint now, Entry& entry, const wire::Packet& packet, const Datagram& datagram,

@@ -13,6 +13,8 @@ namespace {
 // where the peer only was out of reach, it costs less than one heartbeat of each path. No
 // measurement behind this value: it has to be above the round trips and stalls of networks.
 constexpr Duration kSilence = std::chrono::milliseconds(200);
+// A list of revocations is worth its bytes for so long; it may take some of a slow link's time.
+constexpr Duration kRevocationsDeadline = std::chrono::seconds(10);
 
 }  // namespace
 
@@ -151,6 +153,41 @@ std::optional<TransmitParts> Peers::poll_initiation(TimePoint now, Entry& entry,
   const Path& path = paths[entry.initiations++];
   return TransmitParts{path.nic().link, path.address(),
                        sessions_->write_initiation(entry.key, path.id(), buffer)};
+}
+
+bool Peers::take_revocations(ByteView bytes) {
+  if (!sessions_ || !sessions_->take_revocations(bytes)) return false;
+  for (const PeerId id : ids()) {
+    Entry& entry = *entries_[by_id_.at(id)];
+    if (sessions_->is_revoked(entry.key)) {
+      // Who connected has nobody left to talk to: no packet of this peer is opened any more.
+      if (entry.peer.identity().connected) {
+        sessions_->remove(entry.key);
+      } else {
+        forget(entry);
+      }
+    } else {
+      touch(entry);
+    }
+  }
+  return true;
+}
+
+// What is lost of it is told again with the next session.
+void Peers::tell_revocations(TimePoint now, Entry& entry) {
+  Peer& peer = entry.peer;
+  std::vector<LinkId> paths;
+  for (const Path& path : peer.paths()) {
+    if (path.usable()) paths.push_back(path.id());
+  }
+  if (!peer.ready() || paths.empty() || !sessions_->take_turn_to_tell(entry.key)) return;
+  flow::Sender::Times times;
+  times.deadline = now + kRevocationsDeadline;
+  times.lifetime = kRevocationsDeadline;
+  times.importance = 0;
+  peer.send(now, times, wire::MessageBytes(Bytes(sessions_->trust().revocations())),
+            std::span(paths).first(1), flow::kEveryPath, wire::MessageKind::kRevocations);
+  touch(entry);
 }
 
 bool Peers::is_silent(TimePoint now, const Peer& peer) {

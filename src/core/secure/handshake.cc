@@ -30,8 +30,8 @@ SecretKey labelled_key(std::string_view label, const PublicKey& open) {
 ByteView prologue() { return bytes_of(kPrologue); }
 
 InitiationParts parts_of_initiation(ByteView packet) {
-  assert(packet.size() == kInitiationBytes);
-  const std::size_t before_proof = kInitiationBytes - 3 * kMacBytes;
+  assert(is_initiation_size(packet.size()));
+  const std::size_t before_proof = packet.size() - 3 * kMacBytes;
   InitiationParts parts;
   parts.noise = packet.subspan(wire::kHeaderBytes, before_proof - wire::kHeaderBytes);
   parts.before_proof = packet.first(before_proof);
@@ -56,6 +56,7 @@ void put_hello(std::span<std::byte> out, const Hello& hello) {
   w.put(hello.life.value);
   w.put(hello.index);
   w.put(hello.unix_ns);
+  w.put(hello.revocations_s);
   assert(w.ok());
 }
 
@@ -65,6 +66,7 @@ Hello get_hello(ByteView bytes) {
   hello.life = SessionId{r.get<std::uint32_t>()};
   hello.index = r.get<std::uint32_t>();
   hello.unix_ns = r.get<std::int64_t>();
+  hello.revocations_s = r.get<std::int64_t>();
   return hello;
 }
 
@@ -95,10 +97,12 @@ SecretKey initiation_proof_key(const Noise& noise) {
 
 SecretKey response_proof_key(const Noise& noise) { return noise.early_key("interneuron response"); }
 
-Initiator::Initiator(const KeyPair& own, const TrustedPeer& peer, SessionId life)
+Initiator::Initiator(const KeyPair& own, const TrustedPeer& peer, SessionId life,
+                     ByteView credential)
     : own_(own),
       peer_(peer),
       life_(life),
+      credential_(credential.begin(), credential.end()),
       mac1_key_(mac1_key(peer.key)),
       cookie_key_(cookie_key(peer.key)) {}
 
@@ -127,9 +131,11 @@ bool Initiator::make_message(TimePoint now, const Fresh& fresh) {
   noise_ = Noise::initiator(Noise::Pattern::kIkPsk2, prologue(), own_, key_pair_of(fresh.ephemeral),
                             peer_.key);
   noise_->set_shared(peer_.shared);
-  std::array<std::byte, kHelloBytes> hello{};
-  put_hello(hello, {life_, fresh.index, fresh.unix_ns});
-  if (!noise_->write_first(message_, hello)) {
+  Bytes payload(kHelloBytes);
+  put_hello(payload, {life_, fresh.index, fresh.unix_ns, fresh.revocations_s});
+  payload.insert(payload.end(), credential_.begin(), credential_.end());
+  message_.resize(kFirstMessageBytes + payload.size());
+  if (!noise_->write_first(message_, payload)) {
     stop();
     return false;
   }
@@ -140,9 +146,10 @@ bool Initiator::make_message(TimePoint now, const Fresh& fresh) {
   return true;
 }
 
-void Initiator::write(LinkId path, std::span<std::byte> out) const {
-  assert(noise_ && out.size() >= kInitiationBytes);
-  const std::span<std::byte> packet = out.first(kInitiationBytes);
+std::size_t Initiator::write(LinkId path, std::span<std::byte> out) const {
+  const std::size_t size = wire::kHeaderBytes + message_.size() + 3 * kMacBytes;
+  assert(noise_ && out.size() >= size);
+  const std::span<std::byte> packet = out.first(size);
   const wire::PacketHeader header{
       wire::PacketType::kInitiation, path, wire::kClearEpoch, SessionId{index_}, try_, 0};
   wire::write_header(packet, header);
@@ -155,6 +162,7 @@ void Initiator::write(LinkId path, std::span<std::byte> out) const {
   put(parts.mac1, mac_of(mac1_key_, parts.before_mac1));
   const auto cookie = std::ranges::find(cookies_, path, &Cookie::path);
   put(parts.mac2, cookie == cookies_.end() ? Mac{} : mac_of(cookie->key, parts.before_mac2));
+  return size;
 }
 
 std::optional<Initiator::Answer> Initiator::take_response(ByteView packet) {
@@ -194,11 +202,11 @@ bool Initiator::take_cookie(const wire::PacketHeader& header, ByteView packet) {
   }
   // The mac1 of the copy that is answered.
   const std::uint64_t newest = try_;
-  std::array<std::byte, kInitiationBytes> copy{};
+  std::array<std::byte, kLongInitiationBytes> copy{};
   try_ = header.number;
-  write(header.link, copy);
+  const ByteView sent = std::span(copy).first(write(header.link, copy));
   try_ = newest;
-  const auto key = open_cookie(cookie_key_, parts_of_initiation(copy).mac1, packet);
+  const auto key = open_cookie(cookie_key_, parts_of_initiation(sent).mac1, packet);
   if (!key) return false;
   const auto known = std::ranges::find(cookies_, header.link, &Cookie::path);
   if (known != cookies_.end()) {

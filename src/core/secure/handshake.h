@@ -46,11 +46,18 @@ struct Hello {
   // When it was made, ns since 1970 by the sender's reckoning. Of an initiation: above that of each
   // one before with the same key.
   std::int64_t unix_ns = 0;
+  // When the newest list of revocations was issued that the sender knows, s since 1970; 0: none.
+  std::int64_t revocations_s = 0;
 };
-inline constexpr std::size_t kHelloBytes = 16;
+inline constexpr std::size_t kHelloBytes = 24;
 
+// An initiation, without a credential and with one behind the hello.
 inline constexpr std::size_t kInitiationBytes =
     wire::kHeaderBytes + kFirstMessageBytes + kHelloBytes + 3 * kMacBytes;
+inline constexpr std::size_t kLongInitiationBytes = kInitiationBytes + kCredentialBytes;
+constexpr bool is_initiation_size(std::size_t bytes) {
+  return bytes == kInitiationBytes || bytes == kLongInitiationBytes;
+}
 inline constexpr std::size_t kResponseBytes =
     wire::kHeaderBytes + kSecondMessageBytes + kHelloBytes + wire::kTokenBytes + kMacBytes;
 inline constexpr std::size_t kCookieBytes =
@@ -104,7 +111,8 @@ class Initiator {
   static constexpr Duration kFirstRetry = std::chrono::milliseconds(100);
   static constexpr Duration kLastRetry = std::chrono::seconds(2);
 
-  Initiator(const KeyPair& own, const TrustedPeer& peer, SessionId life);
+  // `credential`: ours, of kCredentialBytes, or nothing.
+  Initiator(const KeyPair& own, const TrustedPeer& peer, SessionId life, ByteView credential = {});
 
   // A session is wanted from now on; nothing happens where one is being asked for.
   void begin(TimePoint now);
@@ -121,14 +129,15 @@ class Initiator {
     std::uint32_t index = 0;
     SecretKey ephemeral;
     std::int64_t unix_ns = 0;
+    std::int64_t revocations_s = 0;
   };
   bool needs_message(TimePoint now) const;
   // False: the peer's key is one that nobody can have.
   bool make_message(TimePoint now, const Fresh& fresh);
   // The index of the message under way; 0: there is none.
   std::uint32_t index() const { return noise_ ? index_ : 0; }
-  // Writes the copy for this path; kInitiationBytes.
-  void write(LinkId path, std::span<std::byte> out) const;
+  // Writes the copy for this path and returns its size.
+  std::size_t write(LinkId path, std::span<std::byte> out) const;
 
   struct Answer {
     Hello theirs;
@@ -150,11 +159,12 @@ class Initiator {
   KeyPair own_;
   TrustedPeer peer_;
   SessionId life_;
+  Bytes credential_;
   SecretKey mac1_key_;
   SecretKey cookie_key_;
   std::optional<Noise> noise_;
   // Of the message under way.
-  std::array<std::byte, kFirstMessageBytes + kHelloBytes> message_{};
+  Bytes message_;
   SecretKey proof_key_;
   std::uint32_t index_ = 0;
   TimePoint made_at_{};

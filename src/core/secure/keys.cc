@@ -21,6 +21,10 @@ bool operator==(const SecretKey& a, const SecretKey& b) {
   return sodium_memcmp(a.bytes_.data(), b.bytes_.data(), kKeyBytes) == 0;
 }
 
+std::string_view to_string(NodeRole role) {
+  return role == NodeRole::kVehicle ? "vehicle" : "roadside";
+}
+
 PublicKey public_key_of(const SecretKey& secret) {
   PublicKey out{};
   crypto_scalarmult_curve25519_base(crypto::target(out), crypto::raw(secret.bytes()));

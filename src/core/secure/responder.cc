@@ -12,28 +12,21 @@ namespace interneuron::crypto {
 namespace {
 
 constexpr Duration kBurst = std::chrono::seconds(1);
+constexpr std::int64_t kNsPerSecond = 1'000'000'000;
 constexpr Duration kCookieBurst = std::chrono::milliseconds(20);
-
-// Of an initiation.
-std::uint64_t name_of_ephemeral(ByteView packet) {
-  std::uint64_t name = 0;
-  std::memcpy(&name, packet.subspan(wire::kHeaderBytes).data(), sizeof(name));
-  return name;
-}
 
 }  // namespace
 
-Responder::Responder(const KeyPair& own, SessionId life, std::span<const TrustedPeer> peers)
+Responder::Responder(const KeyPair& own, SessionId life, const Trust& trust)
     : own_(own),
       life_(life),
+      trust_(trust),
       mac1_key_(mac1_key(own.open)),
       cookie_key_(cookie_key(own.open)),
       freely_(kFreely, kBurst),
       under_load_(kUnderLoad, kBurst),
       cookies_sent_(kCookies, kCookieBurst),
-      sources_(kPerSource, kSourceBurst) {
-  for (const TrustedPeer& peer : peers) peers_.emplace(peer.key, peer.shared);
-}
+      sources_(kPerSource, kSourceBurst) {}
 
 Responder::Answered* Responder::answered(TimePoint now, ByteView packet) {
   while (!answered_.empty() && now - answered_.front().at >= Initiator::kMessageLife) {
@@ -45,15 +38,23 @@ Responder::Answered* Responder::answered(TimePoint now, ByteView packet) {
   return it == answered_.end() ? nullptr : &*it;
 }
 
-bool Responder::was_seen(ByteView packet) const {
-  return std::ranges::find(seen_, name_of_ephemeral(packet)) != seen_.end();
+// Of the whole message: somebody else's with the same ephemeral key is another one.
+std::uint64_t Responder::name_of(ByteView message) const {
+  const Mac mac = mac_of(mac1_key_, message);
+  std::uint64_t name = 0;
+  std::memcpy(&name, mac.data(), sizeof(name));
+  return name;
 }
 
-void Responder::note_seen(ByteView packet) {
+bool Responder::was_seen(ByteView message) const {
+  return std::ranges::find(seen_, name_of(message)) != seen_.end();
+}
+
+void Responder::note_seen(ByteView message) {
   if (seen_.size() < kMaxSeen) {
-    seen_.push_back(name_of_ephemeral(packet));
+    seen_.push_back(name_of(message));
   } else {
-    seen_[seen_at_] = name_of_ephemeral(packet);
+    seen_[seen_at_] = name_of(message);
     seen_at_ = (seen_at_ + 1) % kMaxSeen;
   }
 }
@@ -92,7 +93,7 @@ bool Responder::may_ask(TimePoint now, const Datagram& datagram, const Initiatio
 
 Responder::Verdict Responder::take(TimePoint now, const wire::PacketHeader& header,
                                    const Datagram& datagram, Entropy& entropy) {
-  if (datagram.bytes.size() != kInitiationBytes) return Verdict::kRefused;
+  if (!is_initiation_size(datagram.bytes.size())) return Verdict::kRefused;
   const InitiationParts parts = parts_of_initiation(datagram.bytes);
   if (!is_mac(parts.mac1, mac1_key_, parts.before_mac1)) return Verdict::kRefused;
   if (Answered* const known = answered(now, datagram.bytes)) {
@@ -100,7 +101,7 @@ Responder::Verdict Responder::take(TimePoint now, const wire::PacketHeader& head
                          answer_copy(*known, header, datagram);
     return is_copy ? Verdict::kAnswered : Verdict::kRefused;
   }
-  if (was_seen(datagram.bytes)) return Verdict::kRefused;
+  if (was_seen(parts.noise)) return Verdict::kRefused;
   bool cookie = false;
   if (may_ask(now, datagram, parts, cookie)) return Verdict::kNew;
   if (!cookie || waiting_.size() >= kMaxWaiting || !cookies_sent_.take(now)) {
@@ -124,18 +125,19 @@ std::optional<Responder::Accepted> Responder::accept(TimePoint now,
                                                      const wire::PacketHeader& header,
                                                      const Datagram& datagram,
                                                      const Initiator::Fresh& fresh) {
-  note_seen(datagram.bytes);
   const InitiationParts parts = parts_of_initiation(datagram.bytes);
+  note_seen(parts.noise);
   Noise noise =
       Noise::responder(Noise::Pattern::kIkPsk2, prologue(), own_, key_pair_of(fresh.ephemeral));
-  std::array<std::byte, kHelloBytes> hello{};
-  if (!noise.read_first(parts.noise, hello)) return std::nullopt;
+  Bytes payload(parts.noise.size() - kFirstMessageBytes);
+  if (!noise.read_first(parts.noise, payload)) return std::nullopt;
   Answered answer;
   answer.initiation_proof = initiation_proof_key(noise);
   if (!is_mac(parts.proof, answer.initiation_proof, parts.before_proof)) return std::nullopt;
-  const auto peer = peers_.find(noise.remote());
-  if (peer == peers_.end()) return std::nullopt;
-  const Hello theirs = get_hello(hello);
+  const auto shared = trust_.may_join(noise.remote(), std::span(payload).subspan(kHelloBytes),
+                                      fresh.unix_ns / kNsPerSecond);
+  if (!shared) return std::nullopt;
+  const Hello theirs = get_hello(payload);
   if (theirs.life.value == 0 || theirs.index == 0 || theirs.index != header.session.value) {
     return std::nullopt;
   }
@@ -143,8 +145,9 @@ std::optional<Responder::Accepted> Responder::accept(TimePoint now,
   if (newest != newest_.end() && theirs.unix_ns <= newest->second) return std::nullopt;
   newest_[noise.remote()] = theirs.unix_ns;
   answer.response_proof = response_proof_key(noise);
-  noise.set_shared(peer->second);
-  put_hello(hello, {life_, fresh.index, fresh.unix_ns});
+  noise.set_shared(*shared);
+  std::array<std::byte, kHelloBytes> hello{};
+  put_hello(hello, {life_, fresh.index, fresh.unix_ns, fresh.revocations_s});
   if (!noise.write_second(answer.message, hello)) return std::nullopt;
   std::ranges::copy(parts.noise.first(kKeyBytes), answer.ephemeral.begin());
   answer.at = now;

@@ -6,7 +6,7 @@
 //   - to record an initiation and send it again: each copy of each try is answered once, no message
 //     that is not newer than the newest one of its key, and none of the last kMaxSeen is looked at
 //     again;
-//   - to make this host multiply points (about 0.15 ms an answer): kFreely a second for everybody;
+//   - to make this host multiply points (0.27 ms an answer): kFreely a second for everybody;
 //     beyond that only for whoever proves that he receives at his address (Cookies), at most
 //     kPerSource of one host and kUnderLoad in all;
 //   - to make it send to somebody else: every answer is smaller than what it answers, and at most
@@ -26,6 +26,7 @@
 #include "core/base/source_limit.h"
 #include "core/secure/cookie.h"
 #include "core/secure/handshake.h"
+#include "core/secure/trust.h"
 #include "interneuron/endpoint.h"
 
 namespace interneuron::crypto {
@@ -33,9 +34,9 @@ namespace interneuron::crypto {
 class Responder {
  public:
   // Answers a second that are given without asking for a cookie. No measurement behind this value:
-  // a fleet that joins one by one needs less, and 50 cost less than a hundredth of a processor.
+  // a fleet that joins one by one needs less, and 50 cost a seventieth of a processor.
   static constexpr std::uint32_t kFreely = 50;
-  // Answers a second in all while cookies are asked for: about a twentieth of a processor.
+  // Answers a second in all while cookies are asked for: about a tenth of a processor.
   static constexpr std::uint32_t kUnderLoad = 400;
   // Of one host while cookies are asked for: WireGuard's (messages.h and ratelimiter.c of Linux).
   static constexpr Duration kPerSource = std::chrono::milliseconds(50);
@@ -47,11 +48,12 @@ class Responder {
   // Messages whose further copies are known, the oldest makes room: ten seconds of kFreely, and
   // more than half a second of kUnderLoad.
   static constexpr std::size_t kMaxAnswered = 512;
-  // Messages that are known by their ephemeral keys, whatever became of them: 16 KB, so that what
+  // Messages that are known by a digest, whatever became of them: 16 KB, so that what
   // was recorded in hours of a vehicle's traffic costs no work.
   static constexpr std::size_t kMaxSeen = 2048;
 
-  Responder(const KeyPair& own, SessionId life, std::span<const TrustedPeer> peers);
+  // `trust`: who may have a session; outlives this.
+  Responder(const KeyPair& own, SessionId life, const Trust& trust);
 
   enum class Verdict : std::uint8_t {
     // It is answered by nobody.
@@ -117,17 +119,18 @@ class Responder {
   };
   Answered* answered(TimePoint now, ByteView packet);
   bool answer_copy(Answered& to, const wire::PacketHeader& header, const Datagram& datagram);
-  bool was_seen(ByteView packet) const;
-  void note_seen(ByteView packet);
+  std::uint64_t name_of(ByteView message) const;
+  bool was_seen(ByteView message) const;
+  void note_seen(ByteView message);
   bool may_ask(TimePoint now, const Datagram& datagram, const InitiationParts& parts, bool& cookie);
   void queue_cookie(TimePoint now, const wire::PacketHeader& header, const Datagram& datagram,
                     ByteView mac1, Entropy& entropy);
 
   KeyPair own_;
   SessionId life_;
+  const Trust& trust_;
   SecretKey mac1_key_;
   SecretKey cookie_key_;
-  std::map<PublicKey, SecretKey> peers_;
   // The newest time that each key has said.
   std::map<PublicKey, std::int64_t> newest_;
   Cookies cookies_;
@@ -136,7 +139,7 @@ class Responder {
   RateLimit cookies_sent_;
   SourceLimit sources_;
   std::deque<Answered> answered_;
-  // The first bytes of ephemeral keys; a ring.
+  // Digests of messages; a ring.
   std::vector<std::uint64_t> seen_;
   std::size_t seen_at_ = 0;
   std::deque<Waiting> waiting_;

@@ -14,7 +14,7 @@
 // times ("WireGuard: Next Generation Kernel Network Tunnel", Donenfeld).
 //
 // Opening is fed with any bytes from anywhere; a packet that is not authentic changes nothing.
-// About 1.2 KB a path and direction. Secrets are erased with it. Pure; thread-compatible.
+// About 1.2 KB a path. Secrets are erased with it. Pure; thread-compatible.
 #pragma once
 
 #include <cstdint>

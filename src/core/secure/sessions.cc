@@ -6,25 +6,52 @@
 
 namespace interneuron::crypto {
 Sessions::Sessions(const Security& security, SessionId self, bool accept, TimePoint now)
-    : security_(security),
+    : credential_(security.credential),
+      unix_time_ns_(security.unix_time_ns),
       own_(key_pair_of(security.key)),
       self_(self),
       accept_(accept),
       started_(now),
       entropy_(security.seed),
-      responder_(own_, self, security.peers) {
+      trust_(security),
+      responder_(own_, self, trust_) {
   if (security.key == SecretKey{}) throw std::invalid_argument("security: the key is zero");
   if (security.seed == SecretKey{}) throw std::invalid_argument("security: the seed is zero");
 }
 
-const TrustedPeer* Sessions::trusted(const PublicKey& who) const {
-  const auto it = std::ranges::find(security_.peers, who, &TrustedPeer::key);
-  return it == security_.peers.end() ? nullptr : &*it;
+bool Sessions::take_turn_to_tell(Owner owner) {
+  const Held* const peer = held(owner);
+  Slot* const there = peer == nullptr ? nullptr : slot(peer->current);
+  if (there == nullptr || there->revocations_s >= trust_.revocations_s()) return false;
+  there->revocations_s = trust_.revocations_s();
+  return true;
 }
 
-std::optional<PublicKey> Sessions::only_peer() const {
-  if (security_.peers.size() != 1) return std::nullopt;
-  return security_.peers.front().key;
+bool Sessions::is_revoked(Owner owner) const {
+  const Held* const peer = held(owner);
+  return peer != nullptr && trust_.is_revoked(peer->who);
+}
+
+std::optional<PublicKey> Sessions::poll_shared_key() {
+  if (shared_keys_.empty()) return std::nullopt;
+  const PublicKey key = shared_keys_.front();
+  shared_keys_.pop_front();
+  return key;
+}
+
+// A life that was followed by another one does not come back by itself: a second host has the key.
+void Sessions::note_life(TimePoint now, const PublicKey& who, SessionId life) {
+  if (!lives_.contains(who) && lives_.size() >= kMaxKeysWithLives) lives_.erase(lives_.begin());
+  Lives& lives = lives_[who];
+  if (!lives.known.empty() && lives.known.back() == life) return;
+  const bool is_back = std::erase(lives.known, life) > 0;
+  lives.known.push_back(life);
+  if (lives.known.size() > kMaxLives) lives.known.erase(lives.known.begin());
+  const bool is_told =
+      lives.told_at != TimePoint::min() && now - lives.told_at < kBetweenSharedKeys;
+  if (!is_back || is_told) return;
+  lives.told_at = now;
+  shared_keys_.push_back(who);
 }
 
 Sessions::Held* Sessions::held(Owner owner) {
@@ -53,24 +80,24 @@ std::uint32_t Sessions::draw_index() {
 
 // Grows with every call, also where the clock does not.
 std::int64_t Sessions::unix_ns(TimePoint now) {
-  const std::int64_t clock = security_.unix_time_ns + Duration(now - started_).count();
+  const std::int64_t clock = unix_time_ns_ + Duration(now - started_).count();
   said_ns_ = std::max(said_ns_ + 1, clock);
   return said_ns_;
 }
 
 Initiator::Fresh Sessions::fresh(TimePoint now) {
-  return {draw_index(), entropy_.draw_key(), unix_ns(now)};
+  return {draw_index(), entropy_.draw_key(), unix_ns(now), trust_.revocations_s()};
 }
 
 // --- peers
 
 void Sessions::connect(TimePoint now, Owner owner, const PublicKey& who) {
-  const TrustedPeer* const peer = trusted(who);
-  assert(peer != nullptr);
+  const auto shared = trust_.may_connect(who);
+  assert(shared);
   if (held_.size() <= owner) held_.resize(owner + 1);
   held_[owner] = std::make_unique<Held>();
   held_[owner]->who = who;
-  held_[owner]->initiator.emplace(own_, *peer, self_);
+  held_[owner]->initiator.emplace(own_, TrustedPeer{who, *shared}, self_, credential_);
   held_[owner]->initiator->begin(now);
 }
 
@@ -81,6 +108,7 @@ void Sessions::adopt(Owner owner, std::uint32_t index) {
   held_[owner] = std::make_unique<Held>();
   held_[owner]->who = there->who;
   held_[owner]->current = index;
+  note_life(there->session.born(), there->who, there->life);
   there->owner = owner;
   unowned_.erase(there->who);
   std::erase(unowned_order_, index);
@@ -198,7 +226,7 @@ void Sessions::take_initiation(TimePoint now, const wire::PacketHeader& header,
   Held* const peer = owner ? held(*owner) : nullptr;
   const bool is_same_life = peer != nullptr && slot(peer->current) != nullptr &&
                             slot(peer->current)->life == accepted->theirs.life;
-  Slot added(accepted->who, accepted->theirs.life,
+  Slot added(accepted->who, accepted->theirs,
              Session(now, Session::Role::kResponder, accepted->theirs.index, accepted->keys));
   if (is_same_life) added.owner = owner;
   slots_.emplace(made.index, std::move(added));
@@ -235,8 +263,8 @@ void Sessions::take_response(TimePoint now, Owner owner, ByteView packet, Shaken
   asking_.erase(index);
   // A host that does not know the time takes that of whom it trusts.
   const std::int64_t behind = answer->theirs.unix_ns - unix_ns(now);
-  if (behind > 0) security_.unix_time_ns += behind;
-  Slot added(peer.who, answer->theirs.life,
+  if (behind > 0) unix_time_ns_ += behind;
+  Slot added(peer.who, answer->theirs,
              Session(now, Session::Role::kInitiator, answer->theirs.index, answer->keys));
   added.owner = owner;
   slots_.emplace(index, std::move(added));
@@ -285,8 +313,7 @@ bool Sessions::initiation_due(TimePoint now, Owner owner) {
 }
 
 std::size_t Sessions::write_initiation(Owner owner, LinkId path, std::span<std::byte> out) const {
-  held(owner)->initiator->write(path, out);
-  return kInitiationBytes;
+  return held(owner)->initiator->write(path, out);
 }
 
 void Sessions::initiation_sent(TimePoint now, Owner owner) { held(owner)->initiator->tried(now); }

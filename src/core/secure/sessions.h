@@ -27,6 +27,7 @@
 #include "core/secure/handshake.h"
 #include "core/secure/responder.h"
 #include "core/secure/session.h"
+#include "core/secure/trust.h"
 #include "interneuron/endpoint.h"
 #include "interneuron/security.h"
 
@@ -43,15 +44,24 @@ class Sessions {
   static constexpr Duration kRekeyJitter = std::chrono::seconds(10);
   // Renewals for want of paths are at least this far apart.
   static constexpr Duration kBetweenRekeys = std::chrono::seconds(1);
+  // Lives of one key that are remembered, and keys of which they are.
+  static constexpr std::size_t kMaxLives = 8;
+  static constexpr std::size_t kMaxKeysWithLives = 1024;
+  static constexpr Duration kBetweenSharedKeys = std::chrono::minutes(1);
 
   // `accept`: initiations are answered.
   Sessions(const Security& security, SessionId self, bool accept, TimePoint now);
 
   // --- peers
-  // Whether this key is among those that may be connected to.
-  bool is_trusted(const PublicKey& who) const { return trusted(who) != nullptr; }
-  // The only key that may be connected to; nothing where there is not exactly one.
-  std::optional<PublicKey> only_peer() const;
+  const Trust& trust() const { return trust_; }
+  // Takes a signed list of revocations that is newer than the one there is. False: it is none.
+  bool take_revocations(ByteView bytes) { return trust_.take_revocations(bytes); }
+  // Whether this peer knows an older list than we do; from now on it is taken to know ours.
+  bool take_turn_to_tell(Owner owner);
+  // Whether this peer's key is revoked.
+  bool is_revoked(Owner owner) const;
+  // A key that two hosts use; ask until nothing comes.
+  std::optional<PublicKey> poll_shared_key();
   // Wants a session with this host, whose key is trusted, from now on.
   void connect(TimePoint now, Owner owner, const PublicKey& who);
   // The session with this number, which belongs to nobody yet, is this peer's.
@@ -108,10 +118,12 @@ class Sessions {
 
  private:
   struct Slot {
-    Slot(const PublicKey& host, SessionId peers_life, Session&& s)
-        : who(host), life(peers_life), session(std::move(s)) {}
+    Slot(const PublicKey& host, const Hello& hello, Session&& s)
+        : who(host), life(hello.life), revocations_s(hello.revocations_s), session(std::move(s)) {}
     PublicKey who{};
     SessionId life{};
+    // The list of revocations that the other side knows.
+    std::int64_t revocations_s = 0;
     std::optional<Owner> owner;
     Session session;
   };
@@ -127,7 +139,6 @@ class Sessions {
     bool is_silent = false;
     TimePoint rekey_at = TimePoint::max();
   };
-  const TrustedPeer* trusted(const PublicKey& who) const;
   Held* held(Owner owner);
   const Held* held(Owner owner) const;
   Slot* slot(std::uint32_t index);
@@ -141,14 +152,23 @@ class Sessions {
                        Shaken& out);
   void take_response(TimePoint now, Owner owner, ByteView packet, Shaken& out);
   void add_unowned(TimePoint now, std::uint32_t index);
+  void note_life(TimePoint now, const PublicKey& who, SessionId life);
 
-  Security security_;
+  // The lives that a key has had lately, newest last.
+  struct Lives {
+    std::vector<SessionId> known;
+    TimePoint told_at = TimePoint::min();
+  };
+
+  Bytes credential_;
+  std::int64_t unix_time_ns_;
   KeyPair own_;
   SessionId self_;
   bool accept_;
   TimePoint started_;
   std::int64_t said_ns_ = 0;
   Entropy entropy_;
+  Trust trust_;
   Responder responder_;
   std::unordered_map<std::uint32_t, Slot> slots_;
   // Initiations under way by their numbers.
@@ -158,6 +178,8 @@ class Sessions {
   // The newest session of each key that belongs to nobody, and all in the order of their birth.
   std::map<PublicKey, std::uint32_t> unowned_;
   std::deque<std::uint32_t> unowned_order_;
+  std::map<PublicKey, Lives> lives_;
+  std::deque<PublicKey> shared_keys_;
 };
 
 }  // namespace interneuron::crypto

@@ -18,6 +18,7 @@ namespace interneuron::wire {
 
 // How many bytes of a message of this kind are its header.
 constexpr std::size_t header_bytes(MessageKind kind) {
+  if (kind == MessageKind::kRevocations) return 0;
   return kind == MessageKind::kPlain ? kPlainHeaderBytes : kRoundHeaderBytes;
 }
 

@@ -77,7 +77,7 @@ std::optional<Data> get_data(Reader& r) {
   f.lifetime_us = r.get<std::uint32_t>();
   const auto kind = r.get<std::uint8_t>();
   if (!r.ok() || f.size == 0 || f.chunk == 0 || f.size > kMaxPieces * f.chunk ||
-      kind > static_cast<std::uint8_t>(MessageKind::kPlain)) {
+      kind > static_cast<std::uint8_t>(kLastKind)) {
     return std::nullopt;
   }
   f.kind = static_cast<MessageKind>(kind);

@@ -96,7 +96,10 @@ enum class MessageKind : std::uint8_t {
   kRound = 0,
   // The message begins with a plain header (plain_header.h).
   kPlain = 1,
+  // The message is a list of revocations that an authority has signed (src/core/secure/).
+  kRevocations = 2,
 };
+inline constexpr MessageKind kLastKind = MessageKind::kRevocations;
 
 // One fragment of a message of `size` bytes, which is cut into count() pieces: piece `index` starts
 // at byte index * chunk of the message; all but the last have `chunk` bytes. An index from count()

@@ -28,7 +28,7 @@ std::optional<Data> get_source(MessageId message, std::uint8_t index, ByteView s
   const auto kind = r.get<std::uint8_t>();
   const bool is_valid = r.ok() && f.size > 0 && f.chunk > 0 &&
                         f.size <= std::uint64_t{f.chunk} * kMostWindowPieces &&
-                        kind <= static_cast<std::uint8_t>(MessageKind::kPlain);
+                        kind <= static_cast<std::uint8_t>(kLastKind);
   if (!is_valid) return std::nullopt;
   f.kind = static_cast<MessageKind>(kind);
   const ByteView rest = r.rest();

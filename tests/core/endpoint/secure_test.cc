@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "core/secure/credential.h"
 #include "encrypted.h"
 
 namespace interneuron {
@@ -67,6 +68,90 @@ TEST(Secure, KeysAreRenewedWithoutALostRound) {
   // At the beginning, and 120 s to 130 s after each one before; over two paths.
   EXPECT_GE(responses, 2 * (1 + 3));
   EXPECT_LE(responses, 2 * (1 + 4));
+}
+
+// --- a fleet with an authority
+
+const SecretKey kAuthority = secret_key(50);
+
+EndpointOptions signed_vehicle(int host) {
+  EndpointOptions o =
+      options_of(static_cast<std::uint32_t>(100 + host), {pipeline_of(kOffload)}, false);
+  Security s = *security_of(host, {kRoadKey});
+  s.authorities = {crypto::authority_key_of(kAuthority)};
+  s.credential = crypto::sign_credential(
+      {key_of_host(host), NodeRole::kVehicle, "vehicle", 0, 1'000'000}, kAuthority);
+  o.security = std::make_shared<Security>(s);
+  return o;
+}
+
+EndpointOptions signing_road(Bytes revocations = {}) {
+  EndpointOptions o = options_of(22);
+  Security s = *security_of(kRoadKey, {});
+  s.authorities = {crypto::authority_key_of(kAuthority)};
+  s.revocations = std::move(revocations);
+  o.security = std::make_shared<Security>(s);
+  return o;
+}
+
+TEST(Secure, AVehicleThatAnAuthorityHasSignedJoinsWithoutBeingListed) {
+  Pipe pipe;
+  const std::size_t vehicle = pipe.add_host(signed_vehicle(3));
+  const std::size_t road = pipe.add_host(signing_road());
+  int ready = 0;
+  pipe.on_event = [&](std::size_t, Event& e) { ready += std::holds_alternative<PeerReady>(e); };
+  pipe.connect(vehicle, road);
+  pipe.run(1s);
+  EXPECT_EQ(ready, 2);
+}
+
+TEST(Secure, RevocationsAreHandedOnAndTakeEffectAtOnce) {
+  Pipe pipe;
+  const Bytes list = crypto::sign_revocations({1000, {key_of_host(4)}}, kAuthority);
+  // Host 3 knows the list; the road and host 4, whose key it names, do not.
+  EndpointOptions knowing = signed_vehicle(3);
+  Security s = *knowing.security;
+  s.revocations = list;
+  knowing.security = std::make_shared<Security>(s);
+  const std::size_t road = pipe.add_host(signing_road());
+  const std::size_t revoked = pipe.add_host(signed_vehicle(4));
+  const std::size_t informed = pipe.add_host(knowing);
+  std::vector<Bytes> changed;
+  int lost = 0;
+  pipe.on_event = [&](std::size_t host, Event& e) {
+    if (auto* c = std::get_if<RevocationsChanged>(&e); c != nullptr && host == road) {
+      changed.push_back(c->list);
+    }
+    lost += host == road && std::holds_alternative<PeerLost>(e) ? 1 : 0;
+  };
+  pipe.connect(revoked, road);
+  pipe.run(1s);
+  EXPECT_EQ(pipe.at(road).peers().size(), 1U);
+  pipe.connect(informed, road);
+  pipe.run(2s);
+  EXPECT_EQ(changed, std::vector<Bytes>{list});
+  EXPECT_EQ(lost, 1);
+  EXPECT_EQ(pipe.at(road).peers().size(), 1U);
+  pipe.run(20s);
+  EXPECT_EQ(pipe.at(road).peers().size(), 1U);
+}
+
+TEST(Secure, OneKeyOnTwoHostsIsTold) {
+  Pipe pipe;
+  const std::size_t road = pipe.add_host(Encrypted::road_options({kVehicleKey}));
+  const std::size_t first = pipe.add_host(Encrypted::vehicle_options(0));
+  const std::size_t second = pipe.add_host(Encrypted::vehicle_options(1));
+  std::vector<PublicKey> shared;
+  pipe.on_event = [&](std::size_t host, Event& e) {
+    if (auto* k = std::get_if<KeyShared>(&e); k != nullptr && host == road)
+      shared.push_back(k->key);
+  };
+  pipe.connect(first, road);
+  pipe.run(1s);
+  EXPECT_TRUE(shared.empty());
+  pipe.connect(second, road);
+  pipe.run(30s);
+  EXPECT_EQ(shared, std::vector<PublicKey>{key_of_host(kVehicleKey)});
 }
 
 }  // namespace

@@ -32,8 +32,9 @@ struct Bench {
   KeyPair vehicle_key = key_pair_of(filled(1));
   KeyPair road_key = key_pair_of(filled(2));
   Initiator vehicle{vehicle_key, {road_key.open, filled(5)}, SessionId{100}};
-  TrustedPeer trusted{vehicle_key.open, filled(5)};
-  Responder road{road_key, SessionId{200}, {&trusted, 1}};
+  Security security{.key = filled(2), .peers = {{vehicle_key.open, filled(5)}}};
+  Trust trust{security};
+  Responder road{road_key, SessionId{200}, trust};
   Entropy entropy{filled(9)};
   std::uint32_t next_index = 1;
   std::int64_t clock = 1'000'000;

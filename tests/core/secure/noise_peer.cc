@@ -36,6 +36,8 @@ namespace {
 constexpr int kUsage = 2;
 
 Bytes unhex(const std::string& text) {
+  // libsodium takes no null pointer, which is what a vector without bytes has.
+  if (text.empty()) return {};
   Bytes out(text.size() / 2);
   std::size_t size = 0;
   if (sodium_hex2bin(target(out), out.size(), text.data(), text.size(), nullptr, &size, nullptr) !=
@@ -47,6 +49,7 @@ Bytes unhex(const std::string& text) {
 }
 
 std::string hex(ByteView bytes) {
+  if (bytes.empty()) return {};
   std::string out(2 * bytes.size() + 1, '\0');
   sodium_bin2hex(out.data(), out.size(), raw(bytes), bytes.size());
   // The terminating zero.
