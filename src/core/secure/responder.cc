@@ -124,7 +124,6 @@ std::optional<Responder::Accepted> Responder::accept(TimePoint now,
                                                      const wire::PacketHeader& header,
                                                      const Datagram& datagram,
                                                      const Initiator::Fresh& fresh) {
-  note_seen(datagram.bytes);
   const InitiationParts parts = parts_of_initiation(datagram.bytes);
   Noise noise =
       Noise::responder(Noise::Pattern::kIkPsk2, prologue(), own_, key_pair_of(fresh.ephemeral));
@@ -135,10 +134,10 @@ std::optional<Responder::Accepted> Responder::accept(TimePoint now,
   if (!is_mac(parts.proof, answer.initiation_proof, parts.before_proof)) return std::nullopt;
   const auto peer = peers_.find(noise.remote());
   if (peer == peers_.end()) return std::nullopt;
+  // Not before: whoever has overheard an ephemeral key could keep its owner out with it.
+  note_seen(datagram.bytes);
   const Hello theirs = get_hello(hello);
-  if (theirs.life.value == 0 || theirs.index == 0 || theirs.index != header.session.value) {
-    return std::nullopt;
-  }
+  if (!is_valid(theirs) || theirs.index != header.session.value) return std::nullopt;
   const auto newest = newest_.find(noise.remote());
   if (newest != newest_.end() && theirs.unix_ns <= newest->second) return std::nullopt;
   newest_[noise.remote()] = theirs.unix_ns;

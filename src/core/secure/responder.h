@@ -47,8 +47,8 @@ class Responder {
   // Messages whose further copies are known, the oldest makes room: ten seconds of kFreely, and
   // more than half a second of kUnderLoad.
   static constexpr std::size_t kMaxAnswered = 512;
-  // Messages that are known by their ephemeral keys, whatever became of them: 16 KB, so that what
-  // was recorded in hours of a vehicle's traffic costs no work.
+  // Messages of hosts that are trusted, known by their ephemeral keys, whatever became of them:
+  // 16 KB, so that what was recorded in hours of a vehicle's traffic costs no work.
   static constexpr std::size_t kMaxSeen = 2048;
 
   Responder(const KeyPair& own, SessionId life, std::span<const TrustedPeer> peers);
