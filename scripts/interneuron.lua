@@ -1,5 +1,6 @@
 -- Wireshark dissector of Interneuron's packets (docs/wire_format.md): data with the plain or round header of a message's
--- first piece, feedback with its reports, windows, probes, challenges and tokens, echoes with the STAMP packet (RFC 8762) inside.
+-- first piece, feedback with its reports, windows, probes, challenges and tokens, echoes with the STAMP packet (RFC 8762) inside;
+-- the packets of handshakes; and of sealed packets what is not encrypted. Keys are not asked for, and nothing is checked with them.
 --
 --   wireshark -X lua_script:scripts/interneuron.lua capture.pcap
 --   tshark    -X lua_script:scripts/interneuron.lua -r capture.pcap -Y 'interneuron.type == 2'
@@ -30,8 +31,16 @@ local MOST_SOURCES = 32
 local FEWEST_CODED = 12
 local TOKEN_BYTES = 16
 
-local TYPES = { [1] = "data", [2] = "feedback", [3] = "probe", [4] = "echo", [5] = "handshake", [6] = "window",
-  [7] = "challenge", [8] = "token" }
+-- What of a sealed packet is not encrypted.
+local ASSOCIATED_BYTES = 16
+local INITIATION, RESPONSE, COOKIE = 5, 9, 10
+-- An initiation may have a credential in its hello.
+local CREDENTIAL_BYTES = 129
+local HANDSHAKE_BYTES = { [INITIATION] = 188, [RESPONSE] = 124, [COOKIE] = 76 }
+
+local TYPES = { [1] = "data", [2] = "feedback", [3] = "probe", [4] = "echo", [INITIATION] = "initiation", [6] = "window",
+  [7] = "challenge", [8] = "token", [RESPONSE] = "response", [COOKIE] = "cookie" }
+local EPOCHS = { [0] = "in the clear", [1] = "sealed" }
 local KINDS = { [0] = "round", [1] = "plain" }
 local CLASSES = { [0] = "data", [1] = "result" }
 local GUARDS = { [0] = "paper", [1] = "budget" }
@@ -45,10 +54,13 @@ end
 field("version", ProtoField.uint8, "Version", base.DEC, nil, 0xf0)
 field("type", ProtoField.uint8, "Type", base.DEC, TYPES, 0x0f)
 field("link", ProtoField.uint16, "Link", base.DEC, nil, nil, "The path: the number that the side which connected gives to it")
-field("epoch", ProtoField.uint8, "Epoch", base.DEC, nil, nil, "Which key made the tag; 0: in the clear")
-field("session", ProtoField.uint32, "Session", base.HEX, nil, nil, "The sender's")
+field("epoch", ProtoField.uint8, "Epoch", base.DEC, EPOCHS)
+field("session", ProtoField.uint32, "Session", base.HEX, nil, nil,
+  "In the clear the sender's, sealed the number that the receiver gave to the keys, in a handshake that of the initiator")
 field("number", ProtoField.uint64, "Number", base.DEC, nil, nil, "Counts the sender's packets on this path")
 field("stamp_us", ProtoField.uint32, "Stamp (us)", base.DEC, nil, nil, "The sender's clock, modulo 2^32")
+field("sealed", ProtoField.bytes, "Encrypted stamp and body")
+field("sealed_bytes", ProtoField.uint32, "Bytes of the body", base.DEC)
 field("body", ProtoField.bytes, "Body")
 field("tag", ProtoField.bytes, "Tag")
 field("padding", ProtoField.bytes, "Padding")
@@ -70,6 +82,16 @@ field("window.message", ProtoField.uint32, "Message covered", base.DEC)
 field("window.pieces", ProtoField.uint8, "Pieces covered", base.HEX, nil, nil, "Bit i: piece i")
 field("window.symbol", ProtoField.bytes, "Symbol")
 field("token", ProtoField.bytes, "Token")
+
+field("handshake.ephemeral", ProtoField.bytes, "Ephemeral key")
+field("handshake.static", ProtoField.bytes, "Encrypted static key")
+field("handshake.hello", ProtoField.bytes, "Encrypted hello")
+field("handshake.proof", ProtoField.bytes, "Proof")
+field("handshake.mac1", ProtoField.bytes, "mac1")
+field("handshake.mac2", ProtoField.bytes, "mac2")
+field("handshake.has_cookie", ProtoField.bool, "Made with a cookie")
+field("handshake.nonce", ProtoField.bytes, "Nonce")
+field("handshake.cookie", ProtoField.bytes, "Encrypted cookie")
 
 field("plain.id", ProtoField.uint32, "Message of the application", base.DEC)
 field("plain.deadline_us", ProtoField.uint32, "Deadline (us)", base.DEC)
@@ -190,13 +212,24 @@ local function all_zero(range)
   return true
 end
 
-local function looks_like_ours(buffer)
+-- A packet in the clear, one of a handshake or a sealed one; nothing: it is none of ours.
+local function form_of(buffer)
   local size = buffer:len()
-  if size < HEADER_BYTES + TAG_BYTES or size ~= buffer:reported_len() then return false end
-  local first = buffer(0, 1):uint()
-  return math.floor(first / 16) == VERSION and first % 16 > 0 and buffer(1, 1):uint() == 0 and buffer(4, 4):uint() ~= 0
-    and not all_zero(buffer(8, 8)) and all_zero(buffer(size - TAG_BYTES, TAG_BYTES))
+  if size < HEADER_BYTES + TAG_BYTES or size ~= buffer:reported_len() then return nil end
+  local first, epoch = buffer(0, 1):uint(), buffer(1, 1):uint()
+  local is_plausible = math.floor(first / 16) == VERSION and first % 16 > 0 and buffer(4, 4):uint() ~= 0
+    and not all_zero(buffer(8, 8))
+  if not is_plausible then return nil end
+  if epoch == 1 then return "sealed" end
+  if epoch ~= 0 then return nil end
+  local is_long = first % 16 == INITIATION and size == HANDSHAKE_BYTES[INITIATION] + CREDENTIAL_BYTES
+  if (is_long or size == HANDSHAKE_BYTES[first % 16]) and all_zero(buffer(ASSOCIATED_BYTES, 4)) then return "handshake" end
+  return all_zero(buffer(size - TAG_BYTES, TAG_BYTES)) and "clear" or nil
 end
+
+-- Of the number of a sealed packet, which has little else that tells it from bytes of others on any port: a sender counts
+-- from the microseconds of its life so far, so that the upper two bytes are zero for nine years.
+local function is_few(range) return all_zero(range(0, 2)) end
 
 local function add_round_header(tree, buffer)
   local round = tree:add(interneuron, buffer(0, ROUND_HEADER_BYTES), "Round header")
@@ -407,16 +440,9 @@ end
 local BODIES = { [1] = add_data, [2] = add_feedback, [3] = add_probe, [4] = add_echo, [6] = add_window,
   [7] = add_challenge, [8] = add_token }
 
-function interneuron.dissector(buffer, pinfo, root)
-  if not looks_like_ours(buffer) then return 0 end
+local function add_clear(tree, buffer, kind)
   local size = buffer:len()
-  local kind = buffer(0, 1):uint() % 16
-  local name = TYPES[kind] or string.format("type %d", kind)
-  pinfo.cols.protocol = "INTERNEURON"
-  local tree = root:add(interneuron, buffer(), "Interneuron " .. name)
-  tree:add(f.version, buffer(0, 1))
-  add_all(tree, buffer, 0,
-    { { "type", 1 }, { "epoch", 1 }, { "link", 2 }, { "session", 4 }, { "number", 8 }, { "stamp_us", 4 } })
+  tree:add(f.stamp_us, buffer(ASSOCIATED_BYTES, 4))
   local body = size - HEADER_BYTES - TAG_BYTES
   local said
   if body > 0 then
@@ -424,11 +450,63 @@ function interneuron.dissector(buffer, pinfo, root)
   elseif kind == 3 or not BODIES[kind] then
     said = string.format("%d bytes", size)
   end
+  tree:add(f.tag, buffer(size - TAG_BYTES, TAG_BYTES))
+  return said
+end
+
+local function add_sealed(tree, buffer)
+  local size = buffer:len()
+  local sealed = buffer(ASSOCIATED_BYTES, size - ASSOCIATED_BYTES - TAG_BYTES)
+  tree:add(f.sealed, sealed)
+  tree:add(f.sealed_bytes, sealed, size - HEADER_BYTES - TAG_BYTES):set_generated()
+  tree:add(f.tag, buffer(size - TAG_BYTES, TAG_BYTES))
+  return string.format("%d bytes", size)
+end
+
+local function add_initiation(tree, buffer)
+  local at = add_all(tree, buffer, HEADER_BYTES, { { "handshake.ephemeral", 32 }, { "handshake.static", 48 },
+    { "handshake.hello", buffer:len() - HANDSHAKE_BYTES[INITIATION] + 40 }, { "handshake.proof", 16 },
+    { "handshake.mac1", 16 }, { "handshake.mac2", 16 } })
+  local has_cookie = not all_zero(buffer(at - 16, 16))
+  tree:add(f["handshake.has_cookie"], buffer(at - 16, 16), has_cookie):set_generated()
+  return has_cookie and "with a cookie" or "without a cookie"
+end
+
+local function add_response(tree, buffer)
+  add_all(tree, buffer, HEADER_BYTES, { { "handshake.ephemeral", 32 }, { "handshake.hello", 40 }, { "token", TOKEN_BYTES },
+    { "handshake.proof", 16 } })
+  return "with a token"
+end
+
+local function add_cookie(tree, buffer)
+  add_all(tree, buffer, HEADER_BYTES, { { "handshake.nonce", 24 }, { "handshake.cookie", 32 } })
+  return "instead of a response"
+end
+
+local HANDSHAKES = { [INITIATION] = add_initiation, [RESPONSE] = add_response, [COOKIE] = add_cookie }
+
+function interneuron.dissector(buffer, pinfo, root)
+  local form = form_of(buffer)
+  if not form then return 0 end
+  local size = buffer:len()
+  local kind = buffer(0, 1):uint() % 16
+  local name = (form == "sealed" and "sealed " or "") .. (TYPES[kind] or string.format("type %d", kind))
+  pinfo.cols.protocol = "INTERNEURON"
+  local tree = root:add(interneuron, buffer(), "Interneuron " .. name)
+  tree:add(f.version, buffer(0, 1))
+  add_all(tree, buffer, 0, { { "type", 1 }, { "epoch", 1 }, { "link", 2 }, { "session", 4 }, { "number", 8 } })
+  local said
+  if form == "sealed" then
+    said = add_sealed(tree, buffer)
+  elseif form == "handshake" then
+    said = HANDSHAKES[kind](tree, buffer)
+  else
+    said = add_clear(tree, buffer, kind)
+  end
   if not said or size > MOST_BYTES then
     tree:add_proto_expert_info(malformed)
     said = "malformed"
   end
-  tree:add(f.tag, buffer(size - TAG_BYTES, TAG_BYTES))
   local text = string.format("%s, link %d, #%s: %s", name, buffer(2, 2):uint(), tostring(buffer(8, 8):uint64()), said)
   pinfo.cols.info = text
   tree:append_text(", " .. text)
@@ -446,7 +524,8 @@ function interneuron.prefs_changed() take_port() end
 take_port()
 
 interneuron:register_heuristic("udp", function(buffer, pinfo, root)
-  if not interneuron.prefs.heuristic or not looks_like_ours(buffer) then return false end
+  local form = interneuron.prefs.heuristic and form_of(buffer)
+  if not form or (form == "sealed" and not is_few(buffer(8, 8))) then return false end
   interneuron.dissector(buffer, pinfo, root)
   return true
 end)

@@ -82,8 +82,10 @@ struct TransmitParts {
 // holds or sends makes room, and it sends rounds in no other name than its own. Nobody is sent more
 // than he receives and asks for: an address that was not given to us is sent nothing but
 // challenges, each less than three times as large as the packet that it answers, before it has
-// answered one. Packets are not authenticated yet: whoever overhears the sessions of two peers can
-// send in the name of either.
+// answered one. With EndpointOptions::security all packets but those of handshakes are encrypted
+// and authenticated, nothing of anybody else's is used, and only hosts that are trusted become
+// peers (docs/threat_model.md). Without it packets are not authenticated: whoever overhears the
+// sessions of two peers can send in the name of either.
 class Endpoint {
  public:
   // Throws std::invalid_argument naming the option.

@@ -24,10 +24,10 @@ namespace interneuron::flow {
 // feeds it every packet whose session is the peer's.
 //
 // A packet is accepted once: its number must be larger than all before, or one of the
-// wire::kAckWindow before the largest that has not arrived. Numbers are not authenticated, so an
-// attacker who writes one packet with a huge number makes all true ones look too old; Peers takes
-// care that for this he has to know a vehicle's session or to forge the address of a peer that we
-// connected to, the price of packets in the clear. Constant memory.
+// wire::kAckWindow before the largest that has not arrived. In the clear numbers are not
+// authenticated, so an attacker who writes one packet with a huge number makes all true ones look
+// too old; Peers takes care that for this he has to know a vehicle's session or to forge the
+// address of a peer that we connected to. Constant memory.
 //
 // A train ends with a pause that is long beside the gaps that it has had, so that one of a slow
 // link, whose packets are tens of milliseconds apart, is measured like one of a fast link. What
@@ -139,8 +139,9 @@ struct ClockBounds {
 // Send fragments of one message that disagree
 // about its size or chunk; those that differ from the first are dropped. Send a message again after
 // it is complete; the newest 512 identifiers are remembered, and later fragments of these are
-// duplicates; of plain ones that never became complete, 512 more are. Fragments are not
-// authenticated, so an attacker who knows the peer's session can do all this in its name.
+// duplicates; of plain ones that never became complete, 512 more are. In the clear
+// fragments are not authenticated, so an attacker who knows the peer's session can do all this in
+// its name.
 //
 // Pure; thread-compatible; never throws but std::bad_alloc.
 class Reassembler {

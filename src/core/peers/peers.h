@@ -12,10 +12,12 @@
 // that are proved (AddressValidation): until then an address costs no memory and gets nothing but
 // challenges. Where all places are taken, whoever holds the most of them without use makes room
 // (make_room()). A peer that we connected to begins a new session only with a packet that shows
-// that it has heard us, and is heard only where it was connected to. Sessions are not
+// that it has heard us, and is heard only where it was connected to. In the clear sessions are not
 // authenticated: who has overheard that of a vehicle can send in its name, and who forges the
 // address of a peer that we connected to in that one's; but neither moves a path to where it does
-// not receive nor joins from there. Pure; thread-compatible.
+// not receive nor joins from there. With Options::security (peers_sealed.cc) a packet is opened by
+// the keys of a handshake before any of this, so that nobody sends in the name of anybody else.
+// Pure; thread-compatible.
 #pragma once
 
 #include <deque>

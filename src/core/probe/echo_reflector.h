@@ -5,14 +5,15 @@
 // at once, after the delay that it asks for or, in a held train, back to back with the train's
 // other replies. Peers feeds it the echoes of every sender, known or not, and polls the replies.
 //
-// Requests are not authenticated, so anybody may send them from a forged address. An attacker gains
-// no amplification, because a reply is as large as its request and there is one per request. No
-// source gets more than SourceLimit lets it have. Neither replies nor what comes from the port of
-// STAMP (862) is answered, so that no two reflectors answer each other. Replies are held or delayed
-// only for addresses that are proved, so that nobody saves up replies for another one. He learns
-// this host's monotonic clock and how many of his requests arrived. Asking makes nobody a peer and
-// costs memory only up to the bounds below; a flood of senders pushes out the counts of the paths
-// that were silent for longest, and a flood of requests takes the place of others'.
+// In the clear requests are not authenticated, so anybody may send them from a forged address;
+// where packets are encrypted, only hosts that are trusted can ask. An attacker gains no
+// amplification, because a reply is as large as its request and there is one per request. No source
+// gets more than SourceLimit lets it have. Neither replies nor what comes from the port of STAMP
+// (862) is answered, so that no two reflectors answer each other. Replies are held or delayed only
+// for addresses that are proved, so that nobody saves up replies for another one. He learns this
+// host's monotonic clock and how many of his requests arrived. Asking makes nobody a peer and costs
+// memory only up to the bounds below; a flood of senders pushes out the counts of the paths that
+// were silent for longest, and a flood of requests takes the place of others'.
 //
 // Pure; thread-compatible; never throws.
 #pragma once

@@ -70,6 +70,11 @@ Hello get_hello(ByteView bytes) {
   return hello;
 }
 
+bool is_valid(const Hello& hello) {
+  return hello.life.value != 0 && hello.index != 0 && hello.unix_ns >= 0 &&
+         hello.unix_ns <= kLatestUnixNs;
+}
+
 Mac mac_of(const SecretKey& key, ByteView bytes) {
   Mac out{};
   crypto_generichash(target(out), out.size(), raw(bytes), bytes.size(), raw(key.bytes()),
@@ -175,7 +180,7 @@ std::optional<Initiator::Answer> Initiator::take_response(ByteView packet) {
   std::array<std::byte, kHelloBytes> hello{};
   if (!noise.read_second(parts.noise, hello)) return std::nullopt;
   const Answer answer{get_hello(hello), noise.split()};
-  if (answer.theirs.life.value == 0 || answer.theirs.index == 0) return std::nullopt;
+  if (!is_valid(answer.theirs)) return std::nullopt;
   answered_key_ = proof_key;
   answered_index_ = index_;
   cookies_.clear();

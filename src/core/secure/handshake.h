@@ -50,6 +50,11 @@ struct Hello {
   std::int64_t revocations_s = 0;
 };
 inline constexpr std::size_t kHelloBytes = 24;
+// The latest time that a hello may say, which is in the year 2116: whoever counts on from there
+// does not overflow.
+inline constexpr std::int64_t kLatestUnixNs = std::int64_t{1} << 62U;
+// Whether the other side may say this; its key proves who says it, and nothing of what is said.
+bool is_valid(const Hello& hello);
 
 // An initiation, without a credential and with one behind the hello.
 inline constexpr std::size_t kInitiationBytes =

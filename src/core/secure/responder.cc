@@ -15,6 +15,13 @@ constexpr Duration kBurst = std::chrono::seconds(1);
 constexpr std::int64_t kNsPerSecond = 1'000'000'000;
 constexpr Duration kCookieBurst = std::chrono::milliseconds(20);
 
+// Of an initiation.
+std::uint64_t name_of_ephemeral(ByteView packet) {
+  std::uint64_t name = 0;
+  std::memcpy(&name, packet.subspan(wire::kHeaderBytes).data(), sizeof(name));
+  return name;
+}
+
 }  // namespace
 
 Responder::Responder(const KeyPair& own, SessionId life, const Trust& trust)
@@ -38,23 +45,15 @@ Responder::Answered* Responder::answered(TimePoint now, ByteView packet) {
   return it == answered_.end() ? nullptr : &*it;
 }
 
-// Of the whole message: somebody else's with the same ephemeral key is another one.
-std::uint64_t Responder::name_of(ByteView message) const {
-  const Mac mac = mac_of(mac1_key_, message);
-  std::uint64_t name = 0;
-  std::memcpy(&name, mac.data(), sizeof(name));
-  return name;
+bool Responder::was_seen(ByteView packet) const {
+  return std::ranges::find(seen_, name_of_ephemeral(packet)) != seen_.end();
 }
 
-bool Responder::was_seen(ByteView message) const {
-  return std::ranges::find(seen_, name_of(message)) != seen_.end();
-}
-
-void Responder::note_seen(ByteView message) {
+void Responder::note_seen(ByteView packet) {
   if (seen_.size() < kMaxSeen) {
-    seen_.push_back(name_of(message));
+    seen_.push_back(name_of_ephemeral(packet));
   } else {
-    seen_[seen_at_] = name_of(message);
+    seen_[seen_at_] = name_of_ephemeral(packet);
     seen_at_ = (seen_at_ + 1) % kMaxSeen;
   }
 }
@@ -101,7 +100,7 @@ Responder::Verdict Responder::take(TimePoint now, const wire::PacketHeader& head
                          answer_copy(*known, header, datagram);
     return is_copy ? Verdict::kAnswered : Verdict::kRefused;
   }
-  if (was_seen(parts.noise)) return Verdict::kRefused;
+  if (was_seen(datagram.bytes)) return Verdict::kRefused;
   bool cookie = false;
   if (may_ask(now, datagram, parts, cookie)) return Verdict::kNew;
   if (!cookie || waiting_.size() >= kMaxWaiting || !cookies_sent_.take(now)) {
@@ -126,7 +125,6 @@ std::optional<Responder::Accepted> Responder::accept(TimePoint now,
                                                      const Datagram& datagram,
                                                      const Initiator::Fresh& fresh) {
   const InitiationParts parts = parts_of_initiation(datagram.bytes);
-  note_seen(parts.noise);
   Noise noise =
       Noise::responder(Noise::Pattern::kIkPsk2, prologue(), own_, key_pair_of(fresh.ephemeral));
   Bytes payload(parts.noise.size() - kFirstMessageBytes);
@@ -137,10 +135,10 @@ std::optional<Responder::Accepted> Responder::accept(TimePoint now,
   const auto shared = trust_.may_join(noise.remote(), std::span(payload).subspan(kHelloBytes),
                                       fresh.unix_ns / kNsPerSecond);
   if (!shared) return std::nullopt;
+  // Not before: whoever has overheard a message could keep its owner out with it.
+  note_seen(datagram.bytes);
   const Hello theirs = get_hello(payload);
-  if (theirs.life.value == 0 || theirs.index == 0 || theirs.index != header.session.value) {
-    return std::nullopt;
-  }
+  if (!is_valid(theirs) || theirs.index != header.session.value) return std::nullopt;
   const auto newest = newest_.find(noise.remote());
   if (newest != newest_.end() && theirs.unix_ns <= newest->second) return std::nullopt;
   newest_[noise.remote()] = theirs.unix_ns;

@@ -48,8 +48,8 @@ class Responder {
   // Messages whose further copies are known, the oldest makes room: ten seconds of kFreely, and
   // more than half a second of kUnderLoad.
   static constexpr std::size_t kMaxAnswered = 512;
-  // Messages that are known by a digest, whatever became of them: 16 KB, so that what
-  // was recorded in hours of a vehicle's traffic costs no work.
+  // Messages of hosts that are trusted, known by their ephemeral keys, whatever became of them:
+  // 16 KB, so that what was recorded in hours of a vehicle's traffic costs no work.
   static constexpr std::size_t kMaxSeen = 2048;
 
   // `trust`: who may have a session; outlives this.
@@ -119,9 +119,8 @@ class Responder {
   };
   Answered* answered(TimePoint now, ByteView packet);
   bool answer_copy(Answered& to, const wire::PacketHeader& header, const Datagram& datagram);
-  std::uint64_t name_of(ByteView message) const;
-  bool was_seen(ByteView message) const;
-  void note_seen(ByteView message);
+  bool was_seen(ByteView packet) const;
+  void note_seen(ByteView packet);
   bool may_ask(TimePoint now, const Datagram& datagram, const InitiationParts& parts, bool& cookie);
   void queue_cookie(TimePoint now, const wire::PacketHeader& header, const Datagram& datagram,
                     ByteView mac1, Entropy& entropy);
@@ -139,7 +138,7 @@ class Responder {
   RateLimit cookies_sent_;
   SourceLimit sources_;
   std::deque<Answered> answered_;
-  // Digests of messages; a ring.
+  // The first bytes of ephemeral keys; a ring.
   std::vector<std::uint64_t> seen_;
   std::size_t seen_at_ = 0;
   std::deque<Waiting> waiting_;

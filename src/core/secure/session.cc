@@ -36,7 +36,8 @@ Session::Sending* Session::sending(Lane lane) {
   // One place is kept for what belongs to no path.
   const std::size_t room = kMaxPaths + (lane == kControl ? 1 : 0);
   if (sending_.size() >= room) return nullptr;
-  return &sending_.emplace_back(Sending{lane, lane_key(send_, lane), 0});
+  sending_.push_back({lane, lane_key(send_, lane), 0});
+  return &sending_.back();
 }
 
 bool Session::seal(std::span<std::byte> packet) {

@@ -167,6 +167,25 @@ TEST(Handshake, NothingOfAnInitiationMayBeChanged) {
   EXPECT_TRUE(b.accept(asked));
 }
 
+// Whoever is on one path sees the ephemeral key before the copies over the others have come.
+TEST(Handshake, WhoRepeatsAnEphemeralKeyKeepsItsOwnerNotOut) {
+  Bench b;
+  const Bytes asked = b.initiation();
+  Initiator stranger(key_pair_of(filled(77)), {b.road_key.open, {}}, SessionId{100});
+  stranger.begin(b.now);
+  ASSERT_TRUE(stranger.make_message(b.now, b.fresh()));
+  Bytes forged(kInitiationBytes);
+  stranger.write(LinkId{0}, forged);
+  std::copy_n(asked.begin() + wire::kHeaderBytes, kKeyBytes, forged.begin() + wire::kHeaderBytes);
+  const InitiationParts parts = parts_of_initiation(forged);
+  std::ranges::copy(mac_of(mac1_key(b.road_key.open), parts.before_mac1),
+                    forged.begin() + (parts.mac1.data() - forged.data()));
+  ASSERT_EQ(b.take(forged), Verdict::kNew);
+  EXPECT_FALSE(b.accept(forged));
+  ASSERT_EQ(b.take(asked), Verdict::kNew);
+  EXPECT_TRUE(b.accept(asked));
+}
+
 TEST(Handshake, NothingOfAResponseMayBeChanged) {
   Bench b;
   const Bytes asked = b.initiation();
@@ -197,6 +216,27 @@ TEST(Handshake, WhoDoesNotShareTheKeyGetsNoSession) {
   ASSERT_EQ(b.take(asked), Verdict::kNew);
   ASSERT_TRUE(b.accept(asked));
   EXPECT_FALSE(b.vehicle.take_response(b.answer()));
+}
+
+// What a host that is trusted says of itself is within bounds, so that whoever counts on from a
+// time does not overflow.
+TEST(Handshake, TimesBeyondAllBoundsAreRefused) {
+  for (const std::int64_t time : {INT64_MIN, std::int64_t{-1}, kLatestUnixNs + 1, INT64_MAX}) {
+    Bench b;
+    const auto fresh = [&b, time] {
+      return Initiator::Fresh{b.next_index++, b.entropy.draw_key(), time};
+    };
+    b.vehicle.begin(b.now);
+    ASSERT_TRUE(b.vehicle.make_message(b.now, fresh()));
+    const Bytes asked = b.initiation();
+    ASSERT_EQ(b.take(asked), Verdict::kNew);
+    EXPECT_FALSE(b.accept(asked)) << time;
+    Bench other;
+    const Bytes asks = other.initiation();
+    ASSERT_EQ(other.take(asks), Verdict::kNew);
+    ASSERT_TRUE(other.road.accept(other.now, *wire::peek(asks), other.datagram(asks), fresh()));
+    EXPECT_FALSE(other.vehicle.take_response(other.answer())) << time;
+  }
 }
 
 // Takes all answers that are given freely.

@@ -17,7 +17,8 @@ OTHER_PORT = 50123
 
 
 def examples():
-    """The code blocks of bytes, in the document's order: data, plain, repair symbol, feedback, probe, echo request, echo reply, window, challenge, token."""
+    """The code blocks of bytes, in the document's order: data, plain, repair symbol, feedback, probe, echo request, echo reply, window, challenge, token; then
+    initiation, cookie, response, sealed data."""
     blocks, inside = [], False
     with open(os.path.join(SOURCE, "docs", "wire_format.md"), encoding="utf-8") as document:
         for line in document:
@@ -109,8 +110,42 @@ class Dissector(unittest.TestCase):
 
     def test_types_that_are_not_used(self):
         probe = examples()[4]
-        self.expect(b"\x25" + probe[1:], {"type": "5", "number": "301", "body": "00" * 8, "malformed": ""})
+        self.expect(b"\x25" + probe[1:], {"type": "5", "number": "301", "body": "00" * 8, "handshake.proof": "", "malformed": ""})
         self.expect(b"\x2f" + probe[1:], {"type": "15", "malformed": ""})
+
+    def test_handshake(self):
+        initiation, cookie, response = examples()[10:13]
+        head = {"version": "2", "epoch": "0", "link": "2", "session": "0xa1a1a1a1", "number": "1", "stamp_us": "", "tag": "", "body": "",
+                "malformed": ""}
+        self.expect(initiation, {
+            **head, "type": "5", "handshake.ephemeral": initiation[20:52].hex(), "handshake.static": initiation[52:100].hex(),
+            "handshake.hello": initiation[100:140].hex(), "handshake.proof": initiation[140:156].hex(),
+            "handshake.mac1": initiation[156:172].hex(), "handshake.mac2": "00" * 16, "handshake.has_cookie": "0"})
+        self.expect(initiation[:-16] + b"\x01" * 16, {**head, "type": "5", "handshake.has_cookie": "1"})
+        with_credential = initiation[:100] + bytes(169) + initiation[140:]
+        self.expect(with_credential, {**head, "type": "5", "handshake.hello": "00" * 169, "handshake.proof": initiation[140:156].hex()})
+        self.expect(cookie, {**head, "type": "10", "handshake.nonce": "06" * 24, "handshake.cookie": cookie[44:].hex()})
+        self.expect(response, {
+            **head, "type": "9", "handshake.ephemeral": response[20:52].hex(), "handshake.hello": response[52:92].hex(),
+            "token": "00112233445566778899aabbccddeeff", "handshake.proof": response[108:].hex()})
+
+    def test_sealed_packets_show_what_is_not_encrypted(self):
+        sealed = examples()[13]
+        expected = {
+            "version": "2", "type": "1", "epoch": "1", "link": "2", "session": "0xb2b2b2b2", "number": "8",
+            "sealed": sealed[16:-16].hex(), "sealed_bytes": "42", "tag": sealed[-16:].hex(), "stamp_us": "", "message": "", "malformed": ""}
+        self.expect(sealed, expected)
+        self.expect(sealed, expected, port=OTHER_PORT)
+        # Of any type, and of any size that a packet may have.
+        self.expect(bytes([0x29]) + sealed[1:], {**expected, "type": "9"})
+        self.expect(sealed[:20] + sealed[-16:], {"type": "1", "sealed": sealed[16:20].hex(), "sealed_bytes": "0", "malformed": ""})
+        self.expect(sealed + bytes(1400 - len(sealed)), {"type": "1", "malformed": ""})
+        malformed = dissect([sealed + bytes(1401 - len(sealed))], ["interneuron.malformed"])
+        self.assertNotEqual(malformed[0]["interneuron.malformed"], "")
+        # On any port a number that nobody reaches is taken for somebody else's bytes.
+        far = sealed[:8] + b"\xff" + sealed[9:]
+        self.expect(far, {"type": "1"})
+        self.expect(far, {"type": ""}, port=OTHER_PORT)
 
     def test_feedback_with_its_report(self):
         self.expect(examples()[3], {
@@ -167,11 +202,14 @@ class Dissector(unittest.TestCase):
 
     def test_what_is_not_ours_is_left_alone(self):
         probe = bytearray(examples()[4])
-        for at, value in ((0, 0x03), (0, 0x20), (0, 0x33), (1, 1), (len(probe) - 1, 1)):
+        for at, value in ((0, 0x03), (0, 0x20), (0, 0x33), (1, 2), (len(probe) - 1, 1)):
             other = bytearray(probe)
             other[at] = value
             self.expect(bytes(other), {"type": ""})
         self.expect(bytes(35), {"type": ""})
+        for packet in examples()[10:13]:
+            if packet[-16:] != bytes(16):
+                self.expect(packet[:-1], {"type": ""})
 
     def test_malformed_bodies_are_marked(self):
         data, plain, repair, feedback, _, request, _, window = examples()[:8]

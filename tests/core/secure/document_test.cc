@@ -1,0 +1,115 @@
+// docs/wire_format.md is the authority: its handshake with fixed keys is the one that is held here,
+// byte for byte.
+#include "tests/core/wire/document.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sodium.h>
+
+#include <iterator>
+
+#include "core/secure/bytes.h"
+#include "core/secure/cookie.h"
+#include "core/secure/handshake.h"
+#include "core/secure/responder.h"
+
+namespace interneuron::crypto {
+namespace {
+
+constexpr LinkId kPath{2};
+constexpr std::int64_t kVehicleTime = 1'700'000'000'000'000'000;
+constexpr std::int64_t kRoadTime = 1'700'000'000'020'000'000;
+constexpr std::uint32_t kVehicleIndex = 0xa1a1a1a1;
+constexpr std::uint32_t kRoadIndex = 0xb2b2b2b2;
+constexpr TimePoint kBorn{std::chrono::hours(1)};
+
+SecretKey filled(int value) {
+  std::array<std::byte, kKeyBytes> bytes;
+  bytes.fill(static_cast<std::byte>(value));
+  return SecretKey(bytes);
+}
+
+std::string hex(std::span<const std::byte> bytes) {
+  std::string out(2 * bytes.size() + 1, '\0');
+  sodium_bin2hex(out.data(), out.size(), raw(bytes), bytes.size());
+  out.pop_back();
+  return out;
+}
+
+// The handshake of the document.
+struct Example {
+  KeyPair vehicle_key = key_pair_of(filled(1));
+  KeyPair road_key = key_pair_of(filled(2));
+  Security security{.key = filled(2), .peers = {{vehicle_key.open, filled(5)}}};
+  Trust trust{security};
+  Initiator vehicle{vehicle_key, {road_key.open, filled(5)}, SessionId{0x5eed0001}};
+  Responder road{road_key, SessionId{0xcafe0002}, trust};
+  Bytes initiation = Bytes(kInitiationBytes);
+  Bytes response = Bytes(kResponseBytes);
+  Bytes cookie = Bytes(kCookieBytes);
+  Bytes sealed = wire::from_hex(wire::kPlainExample);
+  std::optional<Responder::Accepted> accepted;
+
+  Example() {
+    Entropy entropy(filled(9));
+    vehicle.begin(kBorn);
+    EXPECT_TRUE(vehicle.make_message(kBorn, {kVehicleIndex, filled(3), kVehicleTime}));
+    vehicle.write(kPath, initiation);
+    const auto header = wire::peek(initiation);
+    SecretKey given;
+    std::ranges::copy(wire::example_token(), given.writable().begin());
+    write_cookie(cookie, *header, parts_of_initiation(initiation).mac1, cookie_key(road_key.open),
+                 given, filled(6));
+    const Datagram datagram{LinkId{1}, {}, initiation};
+    EXPECT_EQ(road.take(kBorn, *header, datagram, entropy), Responder::Verdict::kNew);
+    accepted = road.accept(kBorn, *header, datagram, {kRoadIndex, filled(4), kRoadTime});
+    EXPECT_TRUE(accepted);
+    EXPECT_EQ(road.write(response, wire::example_token()), kResponseBytes);
+    Session session(kBorn, Session::Role::kInitiator, kRoadIndex, accepted->keys);
+    EXPECT_TRUE(session.seal(sealed));
+  }
+};
+
+TEST(SecureDocument, ShowsAHandshakeAndWhatItProtects) {
+  const Example e;
+  std::vector<Bytes> shown = wire::examples_of_the_document();
+  ASSERT_GE(shown.size(), wire::kClearExamples);
+  shown.erase(shown.begin(), shown.begin() + wire::kClearExamples);
+  EXPECT_EQ(shown, (std::vector<Bytes>{e.initiation, e.cookie, e.response, e.sealed}))
+      << hex(e.initiation) << "\n"
+      << hex(e.cookie) << "\n"
+      << hex(e.response) << "\n"
+      << hex(e.sealed);
+}
+
+TEST(SecureDocument, NamesTheKeysOfItsHandshake) {
+  const Example e;
+  std::ifstream in(wire::kDocument);
+  const std::string text{std::istreambuf_iterator<char>(in), {}};
+  for (const std::string& key :
+       {hex(e.vehicle_key.open), hex(e.road_key.open), hex(e.accepted->keys.from_initiator.bytes()),
+        hex(e.accepted->keys.from_responder.bytes())}) {
+    EXPECT_THAT(text, testing::HasSubstr("`" + key + "`"));
+  }
+}
+
+TEST(SecureDocument, ItsExamplesAreTakenByTheOtherSide) {
+  Example e;
+  const auto header = wire::peek(e.cookie);
+  EXPECT_TRUE(e.vehicle.take_cookie(*header, e.cookie));
+  const auto answer = e.vehicle.take_response(e.response);
+  ASSERT_TRUE(answer);
+  EXPECT_EQ(answer->theirs.life, SessionId{0xcafe0002});
+  EXPECT_EQ(answer->theirs.unix_ns, kRoadTime);
+  EXPECT_EQ(e.vehicle.token_of(e.response), wire::example_token());
+  Session road(kBorn, Session::Role::kResponder, kVehicleIndex, e.accepted->keys);
+  Bytes opened(e.sealed.size());
+  ASSERT_EQ(road.open(*wire::peek(e.sealed), e.sealed, opened), Session::Opened::kOk);
+  const Bytes clear = wire::from_hex(wire::kPlainExample);
+  EXPECT_TRUE(std::ranges::equal(
+      std::span(opened).subspan(wire::kAssociatedBytes, clear.size() - 2 * wire::kTagBytes),
+      std::span(clear).subspan(wire::kAssociatedBytes, clear.size() - 2 * wire::kTagBytes)));
+}
+
+}  // namespace
+}  // namespace interneuron::crypto
