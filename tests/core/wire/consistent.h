@@ -42,7 +42,7 @@ inline bool is_consistent(const Data& data, ByteView datagram) {
   const std::uint64_t blocks = (count + 199) / 200;
   const bool has_row = f.index < count + 55 * blocks;
   return inside && fits && has_row && f.size > 0 && f.chunk > 0 && count <= UINT16_MAX &&
-         !data.bytes.empty() && f.kind <= MessageKind::kPlain;
+         !data.bytes.empty() && f.kind <= kLastKind;
 }
 
 inline bool is_consistent(const Feedback& feedback) {
