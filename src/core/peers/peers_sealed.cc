@@ -112,7 +112,7 @@ std::optional<TransmitParts> Peers::leave(TimePoint now, const Entry& entry,
 }
 
 bool Peers::seal_answer(TimePoint now, SessionId session, std::span<std::byte> packet) {
-  return !sessions_ || sessions_->seal_control(now, session.value, packet);
+  return !sessions_ || sessions_->seal_with(now, session.value, packet);
 }
 
 std::optional<TransmitParts> Peers::poll_answers(TimePoint now, std::span<std::byte> buffer) {

@@ -103,8 +103,8 @@ class Sessions {
   // --- what leaves
   // Seals a packet to this peer. False: it must not leave.
   bool seal(TimePoint now, Owner owner, std::span<std::byte> packet);
-  // The same with the session of this number for a packet that has no number of its own.
-  bool seal_control(TimePoint now, std::uint32_t index, std::span<std::byte> packet);
+  // The same with the session of this number, whoever has it.
+  bool seal_with(TimePoint now, std::uint32_t index, std::span<std::byte> packet);
   // Whether an initiation to this peer is to leave now over each of its paths; makes its message.
   bool initiation_due(TimePoint now, Owner owner);
   std::size_t write_initiation(Owner owner, LinkId path, std::span<std::byte> out) const;
@@ -152,6 +152,7 @@ class Sessions {
                        Shaken& out);
   void take_response(TimePoint now, Owner owner, ByteView packet, Shaken& out);
   void add_unowned(TimePoint now, std::uint32_t index);
+  void drop_unowned(std::uint32_t& index);
   void note_life(TimePoint now, const PublicKey& who, SessionId life);
 
   // The lives that a key has had lately, newest last.
@@ -175,8 +176,13 @@ class Sessions {
   std::unordered_map<std::uint32_t, Owner> asking_;
   std::vector<std::unique_ptr<Held>> held_;
   std::map<PublicKey, Owner> adopted_;
-  // The newest session of each key that belongs to nobody, and all in the order of their birth.
-  std::map<PublicKey, std::uint32_t> unowned_;
+  // The sessions of each key that belong to nobody: the newest, and the one before it until the
+  // newest is used. All in the order of their birth.
+  struct Unowned {
+    std::uint32_t newest = 0;
+    std::uint32_t former = 0;
+  };
+  std::map<PublicKey, Unowned> unowned_;
   std::deque<std::uint32_t> unowned_order_;
   std::map<PublicKey, Lives> lives_;
   std::deque<PublicKey> shared_keys_;
