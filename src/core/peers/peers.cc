@@ -98,11 +98,11 @@ Peers::Entry& Peers::add(TimePoint now, SessionId session, bool connected) {
   const Key key = free_.back();
   free_.pop_back();
   const PeerId id{next_++};
-  entries_[key] =
-      std::make_unique<Entry>(key,
-                              Peer::Identity{id, options_.self, session, connected, options_.repair,
-                                             options_.started, options_.limits},
-                              now);
+  entries_[key] = std::make_unique<Entry>(
+      key,
+      Peer::Identity{id, options_.self, session, connected, options_.repair, options_.started,
+                     options_.limits, sessions_.has_value()},
+      now);
   by_id_.emplace(id, key);
   directory_.add_session(session, key);
   if (!connected) ++unannounced_;
