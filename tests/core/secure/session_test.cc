@@ -106,7 +106,7 @@ TEST(Session, SealsNoNumberTwiceWhateverIsAsked) {
   Both b;
   Bytes packet = probe(5);
   ASSERT_TRUE(b.vehicle.seal(packet));
-  for (const std::uint64_t number : {5, 4, 1}) {
+  for (const std::uint64_t number : {5U, 4U, 1U}) {
     Bytes again = probe(number);
     EXPECT_FALSE(b.vehicle.seal(again)) << number;
   }
