@@ -37,6 +37,7 @@ std::vector<Vector> vectors(const std::string& name) {
 }
 
 Bytes unhex(const std::string& text) {
+  if (text.empty()) return {};
   Bytes out(text.size() / 2);
   std::size_t size = 0;
   EXPECT_EQ(
