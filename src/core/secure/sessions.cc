@@ -78,15 +78,23 @@ std::uint32_t Sessions::draw_index() {
   return index;
 }
 
+std::int64_t Sessions::unix_ns(TimePoint now) const {
+  return std::max(said_ns_, unix_time_ns_ + Duration(now - started_).count());
+}
+
 // Grows with every call, also where the clock does not.
-std::int64_t Sessions::unix_ns(TimePoint now) {
-  const std::int64_t clock = unix_time_ns_ + Duration(now - started_).count();
-  said_ns_ = std::max(said_ns_ + 1, clock);
+std::int64_t Sessions::next_unix_ns(TimePoint now) {
+  said_ns_ = std::max(said_ns_ + 1, unix_ns(now));
   return said_ns_;
 }
 
+bool Sessions::is_connected(const PublicKey& who) const {
+  return std::ranges::any_of(
+      held_, [&who](const auto& peer) { return peer && peer->initiator && peer->who == who; });
+}
+
 Initiator::Fresh Sessions::fresh(TimePoint now) {
-  return {draw_index(), entropy_.draw_key(), unix_ns(now), trust_.revocations_s()};
+  return {draw_index(), entropy_.draw_key(), next_unix_ns(now), trust_.revocations_s()};
 }
 
 // --- peers

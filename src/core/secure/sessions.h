@@ -64,6 +64,8 @@ class Sessions {
   std::optional<PublicKey> poll_shared_key();
   // Wants a session with this host, whose key is trusted, from now on.
   void connect(TimePoint now, Owner owner, const PublicKey& who);
+  // Whether connect() was told this key, and remove() was not told its peer.
+  bool is_connected(const PublicKey& who) const;
   // The session with this number, which belongs to nobody yet, is this peer's.
   void adopt(Owner owner, std::uint32_t index);
   // The peer is gone, and its sessions with it.
@@ -74,6 +76,10 @@ class Sessions {
   bool is_open(TimePoint now, Owner owner) const;
   // Whether every path to a peer that we connect to is silent.
   void set_silent(TimePoint now, Owner owner, bool is_silent);
+
+  // The time of day, ns since 1970, as far as is known: what was said at the beginning or by a host
+  // that we connected to, and never less than what was said here. Keep it for the next start.
+  std::int64_t unix_ns(TimePoint now) const;
 
   // --- what comes in
   struct Opened {
@@ -145,7 +151,7 @@ class Sessions {
   const Slot* slot(std::uint32_t index) const;
   std::uint32_t draw_index();
   Initiator::Fresh fresh(TimePoint now);
-  std::int64_t unix_ns(TimePoint now);
+  std::int64_t next_unix_ns(TimePoint now);
   void drop(std::uint32_t& index);
   void promote(Held& held, std::uint32_t index);
   void take_initiation(TimePoint now, const wire::PacketHeader& header, const Datagram& datagram,
