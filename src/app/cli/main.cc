@@ -12,6 +12,7 @@
 #include "app/cli/demo.h"
 #include "app/cli/doctor_command.h"
 #include "app/cli/eval/command.h"
+#include "app/cli/keys_command.h"
 #include "app/cli/links_command.h"
 #include "app/cli/probe.h"
 #include "app/cli/report/command.h"
@@ -249,6 +250,7 @@ int run_program(int argc, char** argv) {
   add_demo(program, run);
   add_vehicle(program, run);
   add_road(program, run);
+  add_keys(program, run);
   add_links(program, run);
   add_top(program, run);
   add_doctor(program, run);
