@@ -171,6 +171,10 @@ class Endpoint {
   PeerLedger ledger(PeerId peer) const;
   // Bytes held by messages under way to all peers.
   std::size_t sending_bytes() const;
+  // The time of day as this endpoint has it, in ns since 1970, not before any that it has told
+  // peers: a next life with the same key has to begin with one after it (Security::unix_time_ns). 0
+  // where packets are in the clear.
+  std::int64_t unix_time_ns(TimePoint now) const;
 
  private:
   class Impl;

@@ -261,6 +261,7 @@ std::vector<LinkState> Endpoint::links(TimePoint now, PeerId peer) const {
 LinkCounters Endpoint::link_counters(LinkId link) const { return impl_->peers().counters(link); }
 EndpointCounters Endpoint::counters() const { return impl_->counters(); }
 PeerLedger Endpoint::ledger(PeerId peer) const { return impl_->ledger(peer); }
+std::int64_t Endpoint::unix_time_ns(TimePoint now) const { return impl_->peers().time_of_day(now); }
 std::size_t Endpoint::reassembly_bytes() const { return impl_->peers().reassembly_bytes(); }
 std::size_t Endpoint::sending_bytes() const { return impl_->peers().sending_bytes(); }
 

@@ -142,6 +142,10 @@ class Peers {
   std::vector<LinkState> links(TimePoint now, PeerId id) const;
   // All zero where there is no such peer.
   PeerLedger ledger(PeerId id) const;
+  // The time of day that a next life of this endpoint has to begin with; 0 in the clear.
+  std::int64_t time_of_day(TimePoint now) const {
+    return sessions_ ? sessions_->time_of_day(now) : 0;
+  }
   // Over all peers. Pieces sent again and found lost are counted of those that are still known.
   LinkCounters counters(LinkId link) const;
   std::uint64_t cancelled() const;

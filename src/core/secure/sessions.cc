@@ -51,10 +51,13 @@ std::uint32_t Sessions::draw_index() {
   return index;
 }
 
+std::int64_t Sessions::time_of_day(TimePoint now) const {
+  return std::max(said_ns_, security_.unix_time_ns + Duration(now - started_).count());
+}
+
 // Grows with every call, also where the clock does not.
 std::int64_t Sessions::unix_ns(TimePoint now) {
-  const std::int64_t clock = security_.unix_time_ns + Duration(now - started_).count();
-  said_ns_ = std::max(said_ns_ + 1, clock);
+  said_ns_ = std::max(said_ns_ + 1, time_of_day(now));
   return said_ns_;
 }
 

@@ -60,6 +60,8 @@ class Sessions {
   void remove(Owner owner);
   // The peer that this key was adopted for.
   std::optional<Owner> owner_of(const PublicKey& who) const;
+  // The time of day as it is here, in ns since 1970: not before any time that peers were told.
+  std::int64_t time_of_day(TimePoint now) const;
   // Whether packets to this peer can leave.
   bool is_open(TimePoint now, Owner owner) const;
   // Whether every path to a peer that we connect to is silent.
