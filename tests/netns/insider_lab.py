@@ -187,7 +187,7 @@ class Road:
 
     def __init__(self, lab, program, place, nics, more=(), watched=True):
         self.lab = lab
-        command = [program, "road", *(word for nic in nics for word in ("--nic", nic)), *more]
+        command = [program, "road", "--insecure", *(word for nic in nics for word in ("--nic", nic)), *more]
         self.log = f"{place}.log"
         self.process = lab.start(place, command, log=self.log, stdout=subprocess.PIPE)
         for line in self.process.stdout:
@@ -258,8 +258,8 @@ class Vehicle:
         self.log = f"{os.path.basename(self.out)}.log"
         self.rows = []
         self.summary = {}
-        self.process = lab.start(place, [program, "vehicle", "--link", f"{nic}={road}", "--video", video, "--rounds",
-                                         "1000000", "--ladder", "motion", "--quiet", "--out", self.out, *more],
+        self.process = lab.start(place, [program, "vehicle", "--insecure", "--link", f"{nic}={road}", "--video", video,
+                                         "--rounds", "1000000", "--ladder", "motion", "--quiet", "--out", self.out, *more],
                                  log=self.log, stdout=subprocess.DEVNULL)
 
     def wait_until_it_runs(self, patience=20):
