@@ -1,10 +1,11 @@
-// What a message of 256 KiB costs a pair of Nodes, beside a pair of programs that send and receive
-// as many bytes at the same pace by UDP with segmentation offload and nothing else:
+// What a message costs a pair of Nodes, in the clear and encrypted, beside a pair of programs that
+// send and receive as many bytes at the same pace by UDP with segmentation offload and nothing
+// else:
 //
-//   build/release/bench/node_bench [--pace HZ ...] [--seconds S] [--rounds N]
+//   build/release/bench/node_bench [--pace HZ ...] [--bytes N] [--seconds S] [--rounds N]
 //
-// Both over one unshaped veth pair between two network namespaces, each program on a processor of
-// its own if there are two; raw and Node take turns, and the median of the rounds is told. The cost
+// All over one unshaped veth pair between two network namespaces, each program on a processor of
+// its own if there are two; the three take turns, and the median of the rounds is told. The cost
 // is the processor time of a process, in its own code and in the kernel, per message; the kernel
 // charges what it does to receive from a veth to the sender. A Node's includes making a message of
 // zeros, since a Node takes the bytes that it sends. Only the ratios of one run mean something.
@@ -31,6 +32,8 @@
 #include <cstring>
 #include <exception>
 #include <functional>
+#include <memory>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -44,7 +47,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr std::size_t kMessageBytes = 256 * 1024;
+constexpr std::size_t kUsualBytes = 256 * 1024;
 constexpr const char* kRoadAddress = "10.97.0.2";
 constexpr std::uint16_t kRawPort = 47'001;
 constexpr std::uint16_t kNodePort = 47'002;
@@ -54,6 +57,7 @@ constexpr int kSkip = 77;
 
 struct Options {
   std::vector<int> paces{100, 300};
+  std::size_t bytes = kUsualBytes;
   double seconds = 3;
   int rounds = 3;
 };
@@ -63,6 +67,8 @@ struct Cost {
   double us = 0;
   double messages = 0;
   double faults = 0;
+  // Of a receiver: the median time from send() to the message, by the clock that both read.
+  double delay_us = 0;
 };
 
 struct Usage {
@@ -82,8 +88,14 @@ Usage usage() {
 Cost cost_since(const Usage& before, std::size_t messages) {
   const Usage now = usage();
   const auto n = static_cast<double>(std::max<std::size_t>(messages, 1));
-  return {(now.us - before.us) / n, static_cast<double>(messages),
-          (now.faults - before.faults) / n};
+  return {(now.us - before.us) / n, static_cast<double>(messages), (now.faults - before.faults) / n,
+          0};
+}
+
+double median(std::vector<double> values) {
+  if (values.empty()) return 0;
+  std::ranges::sort(values);
+  return values[values.size() / 2];
 }
 
 bool shell(const std::string& command) {
@@ -204,12 +216,12 @@ io::FileDescriptor raw_socket() {
   return fd;
 }
 
-Cost raw_send(int hertz, std::size_t messages) {
+Cost raw_send(int hertz, std::size_t messages, std::size_t bytes) {
   const io::FileDescriptor fd = raw_socket();
   const sockaddr_in to = raw_address();
   const int segment = kMaxDatagramBytes;
   ::setsockopt(fd.get(), SOL_UDP, UDP_SEGMENT, &segment, sizeof segment);
-  const Bytes message(kMessageBytes);
+  const Bytes message(bytes);
   constexpr std::size_t kOneCall = 46 * kMaxDatagramBytes;
   timespec next{};
   ::clock_gettime(CLOCK_MONOTONIC, &next);
@@ -230,7 +242,7 @@ Cost raw_send(int hertz, std::size_t messages) {
 }
 
 // Until nothing has come for half a second.
-Cost raw_receive() {
+Cost raw_receive(std::size_t message_bytes) {
   const io::FileDescriptor fd = raw_socket();
   const sockaddr_in own = raw_address();
   const int on = 1;
@@ -243,7 +255,7 @@ Cost raw_receive() {
   const Usage before = usage();
   for (;;) {
     const ssize_t size = ::recv(fd.get(), buffer.data(), buffer.size(), 0);
-    if (size <= 0) return cost_since(before, bytes / kMessageBytes);
+    if (size <= 0) return cost_since(before, bytes / message_bytes);
     if (bytes == 0) {
       patience = {0, 500'000};
       ::setsockopt(fd.get(), SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
@@ -254,20 +266,36 @@ Cost raw_receive() {
 
 // --- nodes
 
+// Both ends' keys; nothing: in the clear.
+using Keys = std::optional<std::array<SecretKey, 2>>;
+
+void set_keys(NodeOptions& options, const Keys& keys, std::size_t own) {
+  options.insecure = !keys;
+  if (!keys) return;
+  auto security = std::make_shared<Security>();
+  security->key = (*keys)[own];
+  security->peers.push_back({public_key_of((*keys)[1 - own]), {}});
+  options.security = std::move(security);
+}
+
 // Messages before those that are measured: a second of them, while the estimates settle.
 std::size_t warm_up(int hertz) { return static_cast<std::size_t>(hertz); }
 
 class Sender {
  public:
-  Sender(int hertz, std::size_t messages)
-      : period_(1'000'000'000 / hertz), first_(warm_up(hertz)), last_(first_ + messages) {}
+  Sender(int hertz, std::size_t messages, std::size_t bytes, Keys keys)
+      : period_(1'000'000'000 / hertz),
+        first_(warm_up(hertz)),
+        last_(first_ + messages),
+        bytes_(bytes),
+        keys_(std::move(keys)) {}
 
   Cost run() {
     NodeOptions options;
     options.links.push_back({.id = LinkId{0},
                              .nic = "va",
                              .peer = std::string(kRoadAddress) + ":" + std::to_string(kNodePort)});
-    options.insecure = true;
+    set_keys(options, keys_, 0);
     Node node(std::move(options));
     // After what a new path is measured with.
     node.on_peer_ready([&](const PeerReady& ready) {
@@ -294,13 +322,18 @@ class Sender {
       return;
     }
     ++sent_;
-    node.send(peer, Bytes(kMessageBytes), {.deadline = 200ms});
+    Bytes message(bytes_);
+    const std::int64_t now = node.now().time_since_epoch().count();
+    std::memcpy(message.data(), &now, sizeof now);
+    node.send(peer, std::move(message), {.deadline = 200ms});
     node.at(at + period_, [this, &node, peer, at] { send(node, peer, at + period_); });
   }
 
   Duration period_;
   std::size_t first_ = 0;
   std::size_t last_ = 0;
+  std::size_t bytes_ = 0;
+  Keys keys_;
   std::size_t sent_ = 0;
   std::size_t delivered_ = 0;
   bool counting_ = false;
@@ -308,11 +341,11 @@ class Sender {
   Cost cost_;
 };
 
-Cost node_receive(int hertz, std::size_t messages) {
+Cost node_receive(int hertz, std::size_t messages, const Keys& keys) {
   NodeOptions options;
   options.links.push_back({.id = LinkId{0}, .nic = "vb"});
   options.accept_peers = true;
-  options.insecure = true;
+  set_keys(options, keys, 1);
   options.port = kNodePort;
   Node node(std::move(options));
   const std::size_t first = warm_up(hertz);
@@ -320,8 +353,12 @@ Cost node_receive(int hertz, std::size_t messages) {
   Usage before;
   Cost cost;
   TimePoint newest = TimePoint::max();
-  node.on_message([&](const Message&) {
+  std::vector<double> delays;
+  node.on_message([&](const Message& message) {
     if (got == first) before = usage();
+    std::int64_t sent = 0;
+    std::memcpy(&sent, message.payload.data(), sizeof sent);
+    delays.push_back(static_cast<double>(node.now().time_since_epoch().count() - sent) / 1e3);
     if (got > first) cost = cost_since(before, got - first);
     newest = node.now();
     if (++got == first + messages) node.after(300ms, [&] { node.stop(); });
@@ -333,6 +370,7 @@ Cost node_receive(int hertz, std::size_t messages) {
   node.after(100ms, look);
   node.after(60s, [&] { node.stop(); });
   node.run();
+  cost.delay_us = median(std::move(delays));
   return cost;
 }
 
@@ -354,11 +392,6 @@ Pair run_pair(int road, const std::function<Cost()>& send, const std::function<C
   return pair;
 }
 
-double median(std::vector<double> values) {
-  std::ranges::sort(values);
-  return values[values.size() / 2];
-}
-
 void report(const char* name, int hertz, std::size_t messages, const std::vector<Pair>& rounds) {
   const auto of = [&rounds](auto value) {
     std::vector<double> values;
@@ -366,10 +399,11 @@ void report(const char* name, int hertz, std::size_t messages, const std::vector
     return median(values);
   };
   fmt::print(
-      "{:4} {:3} a second: send {:6.1f} µs, receive {:6.1f} µs a message; page faults {:.0f} and "
-      "{:.0f}; {:.0f} of {} arrived\n",
+      "{:9} {:3} a second: send {:6.1f} µs, receive {:6.1f} µs a message, after {:5.1f} µs; page "
+      "faults {:.0f} and {:.0f}; {:.0f} of {} arrived\n",
       name, hertz, of([](const Pair& p) { return p.send.us; }),
       of([](const Pair& p) { return p.receive.us; }),
+      of([](const Pair& p) { return p.receive.delay_us; }),
       of([](const Pair& p) { return p.send.faults; }),
       of([](const Pair& p) { return p.receive.faults; }),
       of([](const Pair& p) { return p.receive.messages; }), messages);
@@ -379,23 +413,39 @@ void measure(const Options& options, int road, int hertz) {
   const auto messages = static_cast<std::size_t>(options.seconds * hertz);
   std::vector<Pair> raw;
   std::vector<Pair> nodes;
+  std::vector<Pair> sealed;
+  const std::size_t bytes = options.bytes;
+  const Keys keys = std::array{random_key(), random_key()};
+  const auto between_nodes = [=](const Keys& with) {
+    return run_pair(
+        road, [=] { return Sender(hertz, messages, bytes, with).run(); },
+        [=] { return node_receive(hertz, messages, with); });
+  };
   for (int i = 0; i < options.rounds; ++i) {
     raw.push_back(run_pair(
-        road, [=] { return raw_send(hertz, messages); }, [] { return raw_receive(); }));
-    nodes.push_back(run_pair(
-        road, [=] { return Sender(hertz, messages).run(); },
-        [=] { return node_receive(hertz, messages); }));
+        road, [=] { return raw_send(hertz, messages, bytes); },
+        [=] { return raw_receive(bytes); }));
+    nodes.push_back(between_nodes({}));
+    sealed.push_back(between_nodes(keys));
   }
   report("raw", hertz, messages, raw);
-  report("Node", hertz, messages, nodes);
+  report("clear", hertz, messages, nodes);
+  report("encrypted", hertz, messages, sealed);
   const auto sum = [](const std::vector<Pair>& rounds) {
     std::vector<double> sums;
     for (const Pair& pair : rounds) sums.push_back(pair.send.us + pair.receive.us);
     return median(sums);
   };
   fmt::print(
-      "     {:3} a second: both ends {:.1f} and {:.1f} µs, {:.2f} times raw, raw + {:.0f} µs\n",
+      "          {:3} a second: both ends {:.1f} and {:.1f} µs, {:.2f} times raw, raw + {:.0f} "
+      "µs\n",
       hertz, sum(raw), sum(nodes), sum(nodes) / sum(raw), sum(nodes) - sum(raw));
+  const auto packets = static_cast<double>((bytes + kMaxPieceBytes - 1) / kMaxPieceBytes);
+  fmt::print(
+      "          {:3} a second: encrypted {:.1f} µs, {:.2f} µs more for each packet and side; "
+      "{:.2f} Gbit/s\n",
+      hertz, sum(sealed), (sum(sealed) - sum(nodes)) / packets / 2,
+      static_cast<double>(hertz) * static_cast<double>(bytes) * 8e-9);
 }
 
 int run(const Options& options) {
@@ -413,8 +463,9 @@ int run(const Options& options) {
 
 int main(int argc, char** argv) {
   interneuron::Options options;
-  CLI::App app("What a message of 256 KiB costs two Nodes, beside raw UDP at the same pace.");
-  app.add_option("--pace", options.paces, "Messages a second")->check(CLI::Range(1, 1000));
+  CLI::App app("What a message costs two Nodes, beside raw UDP at the same pace.");
+  app.add_option("--pace", options.paces, "Messages a second")->check(CLI::Range(1, 5000));
+  app.add_option("--bytes", options.bytes, "Bytes of a message")->check(CLI::Range(8, 8'000'000));
   app.add_option("--seconds", options.seconds, "Seconds measured in each round");
   app.add_option("--rounds", options.rounds, "Rounds")->check(CLI::Range(1, 100));
   CLI11_PARSE(app, argc, argv);
