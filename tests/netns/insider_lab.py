@@ -54,6 +54,30 @@ def inconclusive(text):
     print(f"?    {text}", flush=True)
 
 
+def find_programs(parser, options):
+    """The program, and the attacker beside which it was built."""
+    options.program = os.path.abspath(options.program)
+    if options.attacker is None:
+        build = options.program
+        while build != "/" and not os.path.exists(os.path.join(build, "CMakeCache.txt")):
+            build = os.path.dirname(build)
+        options.attacker = os.path.join(build, "tests/netns/attacker/attacker")
+    options.attacker = os.path.abspath(options.attacker)
+    for file in (options.program, options.attacker):
+        if not os.access(file, os.X_OK):
+            parser.error(f"'{file}' is no program: build it, or name it by --program or --attacker")
+
+
+def finish(path, schema):
+    """Tells what was found, writes it to the file if one is named, and returns the exit code."""
+    if path:
+        with open(path, "w", encoding="utf-8") as file:
+            json.dump({"schema": schema, "figures": RESULTS}, file, indent=2)
+    failed = sum(not figure["ok"] for figure in RESULTS)
+    print(f"{len(RESULTS) - failed} of {len(RESULTS)} within bounds, {len(INCONCLUSIVE)} inconclusive")
+    return 1 if failed else SKIP if INCONCLUSIVE else 0
+
+
 def skip(why):
     print(f"skipped: {why}")
     sys.exit(SKIP)
@@ -182,6 +206,44 @@ def values_of(tree, key):
             yield from values_of(value, key)
 
 
+class Counters:
+    """What a program that publishes has counted, as it was told last."""
+
+    # Of each link, in its evidence. All that came is one of these.
+    KINDS = ("received_packets", "duplicate_packets", "malformed_packets", "other_version_packets", "other_packets",
+             "refused_packets", "unauthentic_packets", "handshake_packets")
+
+    def __init__(self, lab, place, pid):
+        self.newest = None
+        watcher = lab.start(place, [sys.executable, "-c", WATCHER, str(pid)], stdout=subprocess.PIPE,
+                            stderr=subprocess.DEVNULL)
+        threading.Thread(target=self._read, args=(watcher.stdout,), daemon=True).start()
+
+    def _read(self, lines):
+        with contextlib.suppress(ValueError):
+            for line in lines:
+                self.newest = time.monotonic(), json.loads(line)
+
+    def fresh(self, patience=5):
+        """What is told from now on, first."""
+        begin = time.monotonic()
+        while time.monotonic() < begin + patience:
+            if self.newest and self.newest[0] > begin:
+                return self.newest[1]
+            time.sleep(0.02)
+        raise SystemExit("the program publishes nothing")
+
+    @classmethod
+    def of_links(cls, told):
+        """For each NIC, over all peers; a NIC has a row for each peer."""
+        return {link["name"]: {kind: link["evidence"][kind] for kind in cls.KINDS} for link in told["links"]}
+
+    @staticmethod
+    def paths(told):
+        """Over which NIC which peer is reached, and how it is."""
+        return sorted((link["name"], link["peer"]) for link in told["links"])
+
+
 class Road:
     """A roadside unit, with its memory and what it publishes over time."""
 
@@ -294,35 +356,6 @@ def misses(rows):
 def median_level(rows):
     levels = [int(row["level"]) for row in rows if row["level"]]
     return statistics.median(levels) if levels else 0
-
-
-def session_in(lab, place, nic, source):
-    """The session that is named in the next packet from this address."""
-    ran = subprocess.run(lab.inside(place, ["timeout", "5", "tcpdump", "-Z", "root", "-i", nic, "-c", "1", "-w", "-",
-                                            f"udp and src host {source}"]), capture_output=True, check=False)
-    # File header, record header, Ethernet, IP and UDP.
-    at = 24 + 16 + 14 + 20 + 8 + 4
-    if len(ran.stdout) < at + 4:
-        raise SystemExit(f"nothing came from {source}")
-    return struct.unpack(">I", ran.stdout[at:at + 4])[0]
-
-
-def ip_bytes_to(pcap):
-    """IP bytes and packets for each destination in a capture of Ethernet frames."""
-    with open(pcap, "rb") as file:
-        data = file.read()
-    found = {}
-    at = 24
-    while at + 16 <= len(data):
-        size = struct.unpack("=I", data[at + 8:at + 12])[0]
-        frame = data[at + 16:at + 16 + size]
-        at += 16 + size
-        if len(frame) < 34 or frame[12:14] != b"\x08\x00":
-            continue
-        to = ".".join(str(byte) for byte in frame[30:34])
-        bytes_, packets = found.get(to, (0, 0))
-        found[to] = (bytes_ + struct.unpack(">H", frame[16:18])[0], packets + 1)
-    return found
 
 
 def write_png(path, width, height, rows):
