@@ -1,8 +1,8 @@
 // secure(inner, floor): another policy, over links whose security score reaches a floor alone.
 //
-// The score (docs/paper.md, "Nature") is 0.5 for encrypted sessions or a network that the operator
-// trusts, 1 for both. Whether sessions are encrypted does not count yet, so 0.5 rests on the
-// operator's word (LinkTraits::trusted) and 1 is out of reach.
+// The score (docs/paper.md, "Nature") is 0.5 for encrypted packets or a network that the operator
+// trusts (LinkTraits::trusted), 1 for both. So a floor of 0.5 keeps a message from leaving in the
+// clear over a foreign network, and one of 1 keeps even its encrypted packets off it.
 //
 //   some link that is up reaches the floor    as the inner policy plans over those
 //   none does                                 nothing (kInsecure), small results neither

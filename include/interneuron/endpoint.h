@@ -99,7 +99,7 @@ class Endpoint {
   void remove_link(TimePoint now, LinkId link);
   // Starts to talk to a peer that is reached at these addresses, one per link. `key`: who it is,
   // where packets are encrypted; by default the only peer that EndpointOptions::security trusts.
-  // Throws std::invalid_argument where that one is not trusted.
+  // Throws std::invalid_argument where that one is not trusted or connected to already.
   PeerId connect(TimePoint now, std::span<const std::pair<LinkId, Address>> addresses,
                  const std::optional<PublicKey>& key = std::nullopt);
   // A link that came (back) joins the paths to a peer we connected to; the same link again only
@@ -173,6 +173,10 @@ class Endpoint {
   PeerLedger ledger(PeerId peer) const;
   // Bytes held by messages under way to all peers.
   std::size_t sending_bytes() const;
+  // The time of day, in ns since 1970, that this endpoint goes by where packets are encrypted: the
+  // largest of what it was given, what it has said and what hosts have said that it connected to.
+  // Keep it for the next start (Security::unix_time_ns). 0 in the clear.
+  std::int64_t unix_time_ns(TimePoint now) const;
 
  private:
   class Impl;

@@ -107,6 +107,8 @@ struct LinkState {
   bool up = false;
   PathState path = PathState::kDead;
   LinkTraits traits{};
+  // Packets to this peer are encrypted, which is worth 0.5 of the security score.
+  bool encrypted = false;
   // Quantiles of the round trips of the last 2 s, and the smallest of the last 10 s.
   Duration rtt_p50{};
   Duration rtt_p95{};

@@ -17,7 +17,7 @@ constexpr int kSanitizers = 10;
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const fuzz::ProcessorTime time;
-  fuzz::run_program({data, size});
+  fuzz::run_program({data, size}, fuzz::World::Protection::kClear);
   time.require_at_most(kMostTime * kSanitizers, "a program took too long");
   return 0;
 }

@@ -21,7 +21,8 @@ constexpr std::size_t kMostConnected = 3;
 
 class Program {
  public:
-  Program(World::Side side, Input input) : world_(side), input_(input) {}
+  Program(World::Side side, World::Protection protection, Input input)
+      : world_(side, protection), input_(input) {}
 
   ProgramResult run() {
     ProgramResult result;
@@ -120,7 +121,8 @@ class Program {
     const std::size_t host = input_.below(kHosts);
     const std::size_t link = input_.below(kLinks);
     const Kind kind = static_cast<Kind>(input_.below(kKinds));
-    feed(host, link, any_packet(input_, sender(host, link), kind));
+    const Bytes bytes = any_packet(input_, sender(host, link), kind);
+    feed(host, link, world_.as_sent(host, link, bytes));
   }
   // Answers a challenge from the address that got it, or from another.
   void answer() {
@@ -130,7 +132,7 @@ class Program {
     const std::size_t from = input_.below(4) == 0 ? input_.below(kHosts) : host;
     Bytes bytes = answer_packet(input_, sender(host, link),
                                 token.value_or(std::array<std::byte, 16>{}), input_.flip());
-    feed(from, link, bytes);
+    feed(from, link, world_.as_sent(host, link, std::move(bytes)));
   }
   // Something that was sent before, or what the endpoint itself sent, from any address.
   void replay() {
@@ -215,10 +217,10 @@ class Program {
 
 }  // namespace
 
-ProgramResult run_program(std::span<const std::uint8_t> bytes) {
+ProgramResult run_program(std::span<const std::uint8_t> bytes, World::Protection protection) {
   Input input(bytes);
   const auto side = input.flip() ? World::Side::kVehicle : World::Side::kRoad;
-  return Program(side, input).run();
+  return Program(side, protection, input).run();
 }
 
 }  // namespace interneuron::fuzz

@@ -6,6 +6,8 @@
 #include <cstdint>
 #include <span>
 
+#include "tests/fuzz/endpoint_world.h"
+
 namespace interneuron::fuzz {
 
 // Steps of a program; what follows them is not used, so that an input has a bounded time.
@@ -19,6 +21,6 @@ struct ProgramResult {
 };
 
 // Does what the bytes say, and ends the program where the endpoint breaks its word (World).
-ProgramResult run_program(std::span<const std::uint8_t> input);
+ProgramResult run_program(std::span<const std::uint8_t> input, World::Protection protection);
 
 }  // namespace interneuron::fuzz

@@ -36,6 +36,8 @@ constexpr std::size_t kMostIdle = 100;
 constexpr Duration kShort = 1ms;
 // Wake-ups that a program may cause, so that its time is bounded; then time only jumps.
 constexpr std::size_t kWakes = 400;
+// Handshakes of hosts, which take more time than anything else.
+constexpr std::size_t kHandshakes = 12;
 constexpr std::uint64_t kMostAmplification = 3;
 
 constexpr std::size_t kIpv6Hosts = 2;
@@ -61,7 +63,7 @@ PipelineConfig pipeline(std::uint8_t id, std::vector<StageKind> stages, GuardKin
   return out;
 }
 
-EndpointOptions options(SessionId session, bool accept) {
+EndpointOptions options(SessionId session, bool accept, std::shared_ptr<const Security> security) {
   EndpointOptions out;
   out.session = session;
   out.policies = builtin_policies();
@@ -73,6 +75,7 @@ EndpointOptions options(SessionId session, bool accept) {
   out.secret = {1, 2};
   out.reassembly_budget_bytes = kBudget;
   out.send_budget_bytes = kBudget;
+  out.security = std::move(security);
   return out;
 }
 
@@ -108,11 +111,16 @@ Address address_of(std::size_t host, std::size_t link) {
   return out;
 }
 
-World::World(Side side)
+World::World(Side side, Protection protection)
     : side_(side),
       now_(1h),
-      endpoint_(options(kOwnSession, side == Side::kRoad), now_),
-      partner_(options(kPartnerSession, side == Side::kVehicle), now_),
+      keys_(protection == Protection::kSealed ? std::optional<Keys>(kHosts) : std::nullopt),
+      endpoint_(options(kOwnSession, side == Side::kRoad, keys_ ? keys_->of_endpoint() : nullptr),
+                now_),
+      partner_(
+          options(kPartnerSession, side == Side::kVehicle, keys_ ? keys_->of_partner() : nullptr),
+          now_),
+      handshakes_left_(kHandshakes),
       wakes_left_(kWakes),
       partner_wakes_left_(kWakes),
       heap_before_(heap_bytes()) {
@@ -136,7 +144,7 @@ void World::feed(std::size_t host, std::size_t link, ByteView bytes, std::uint8_
   const Address from = address_of(host, link);
   Seen& seen = seen_[from.raw];
   seen.in_bytes += ip_bytes(from, bytes.size());
-  note_proof(seen, bytes);
+  keys_ ? note_sealed_proof(host, seen, bytes) : note_proof(seen, bytes);
   endpoint_.handle_datagram(now_, {id_of(link), from, bytes, ecn});
   drain();
 }
@@ -170,14 +178,15 @@ void World::take(const Transmit& transmit, ByteView bytes) {
           "a datagram has a size that none may have");
   require(links_.contains(transmit.link.value), "a datagram leaves over a link that is not there");
   Seen& seen = seen_[transmit.to.raw];
-  note_challenge(seen, bytes);
+  keys_ ? note_sealed(transmit, seen, bytes) : note_challenge(seen, bytes);
   seen.out_bytes += ip_bytes(transmit.to, bytes.size());
-  const bool proved = seen.named || seen.answered || (seen.echoed && !challenges_);
+  const bool proved =
+      seen.named || seen.answered || (seen.echoed && !challenges_ && !keys_.has_value());
   if (!proved && seen.out_bytes > kMostAmplification * seen.in_bytes) {
     finding("an address that has not proved to be there got " + std::to_string(seen.out_bytes) +
             " bytes for " + std::to_string(seen.in_bytes));
   }
-  if (const auto packet = wire::parse(bytes)) seen.last_number = packet->header.number;
+  if (const auto header = wire::peek(bytes)) seen.last_number = header->number;
   seen.last.assign(bytes.begin(), bytes.end());
   const auto is_partner = [&](std::size_t link) {
     return transmit.to == address_of(kPartner, link);
@@ -228,6 +237,7 @@ std::size_t World::drain_packets() {
 void World::drain() {
   do {
     drain_packets();
+    drain_answers();
   } while (drain_events());
 }
 
@@ -301,7 +311,9 @@ void World::connect(std::size_t host, std::span<const std::size_t> links) {
     seen_[to.back().second.raw].named = true;
   }
   if (to.empty()) return;
-  endpoint_.connect(now_, to);
+  // Whom it does not trust it cannot connect to.
+  if (keys_ && host == kStranger) return;
+  endpoint_.connect(now_, to, keys_ ? std::optional(keys_->key_of(host)) : std::nullopt);
   drain();
 }
 

@@ -5,8 +5,9 @@
 //
 // Virtual time alone. Beside the endpoint stands an honest partner, a second Endpoint whose packets
 // wait until a step of the program delivers them: it brings the first one into states that no
-// guessed packet reaches. All other hosts are names for addresses. Single-threaded; owns both
-// endpoints; memory is bounded by what a program does in its steps.
+// guessed packet reaches. All other hosts are names for addresses; where packets are encrypted they
+// have keys besides, and what leaves the endpoint must be sealed, no number twice under one key.
+// Single-threaded; owns both endpoints; memory is bounded by what a program does in its steps.
 #pragma once
 
 #include <array>
@@ -18,6 +19,7 @@
 #include <vector>
 
 #include "interneuron/endpoint.h"
+#include "tests/fuzz/endpoint_keys.h"
 
 namespace interneuron::fuzz {
 
@@ -25,6 +27,8 @@ namespace interneuron::fuzz {
 // reached over IPv6, all others over IPv4.
 inline constexpr std::size_t kHosts = 8;
 inline constexpr std::size_t kPartner = kHosts - 1;
+// Has a key that nobody trusts, where packets are encrypted.
+inline constexpr std::size_t kStranger = 0;
 inline constexpr std::size_t kLinks = 4;
 
 inline constexpr SessionId kOwnSession{0x5eed0001};
@@ -38,7 +42,8 @@ class World {
   // Which side the endpoint is: a roadside unit that serves whoever comes, or a vehicle that
   // connects to its partner.
   enum class Side : std::uint8_t { kRoad, kVehicle };
-  explicit World(Side side);
+  enum class Protection : std::uint8_t { kClear, kSealed };
+  World(Side side, Protection protection);
 
   Endpoint& endpoint() { return endpoint_; }
   TimePoint now() const { return now_; }
@@ -46,6 +51,9 @@ class World {
 
   // --- what happens to the endpoint, which is then drained
   void feed(std::size_t host, std::size_t link, ByteView bytes, std::uint8_t ecn = 0);
+  // This packet as the host would send it over this link: where packets are encrypted it makes a
+  // handshake first, unless its keys are good, and seals the packet.
+  Bytes as_sent(std::size_t host, std::size_t link, Bytes plain);
   // Time goes on by `by` as a loop would let it, or at once, as after a pause of the process.
   void pass(Duration by);
   void jump(Duration by);
@@ -104,13 +112,19 @@ class World {
   void take(const Event& event);
   void take(const Transmit& transmit, ByteView bytes);
   void note_proof(Seen& from, ByteView bytes) const;
+  // The same where packets are encrypted.
+  void note_sealed_proof(std::size_t host, Seen& from, ByteView bytes) const;
+  void note_sealed(const Transmit& transmit, Seen& to, ByteView bytes);
   void note_challenge(Seen& to, ByteView bytes);
   void drain_partner();
+  void drain_answers();
   void launch(Flight flight);
   std::int64_t heap_growth() const;
 
   Side side_;
   TimePoint now_;
+  // Where packets are encrypted.
+  std::optional<Keys> keys_;
   Endpoint endpoint_;
   Endpoint partner_;
   std::set<std::size_t> links_;
@@ -118,6 +132,17 @@ class World {
   // The endpoint has challenged somebody: from then on an echoed session proves nothing.
   bool challenges_ = false;
   std::deque<Flight> flights_;
+  // What is in the packets that hosts have sealed; handshakes that wait to be answered; and what
+  // has left under which key, on which path, with which number.
+  std::map<Bytes, Bytes> inside_;
+  struct Answer {
+    std::size_t host = 0;
+    std::size_t link = 0;
+    Bytes bytes;
+  };
+  std::deque<Answer> answers_;
+  std::set<std::tuple<std::uint32_t, std::uint32_t, std::uint64_t>> numbers_;
+  std::size_t handshakes_left_;
   std::vector<SendId> messages_;
   std::set<std::uint64_t> without_fate_;
   std::vector<RoundRef> rounds_;

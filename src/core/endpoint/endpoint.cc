@@ -273,6 +273,9 @@ LinkCounters Endpoint::link_counters(LinkId link) const { return impl_->peers().
 EndpointCounters Endpoint::counters() const { return impl_->counters(); }
 PeerLedger Endpoint::ledger(PeerId peer) const { return impl_->ledger(peer); }
 std::size_t Endpoint::reassembly_bytes() const { return impl_->peers().reassembly_bytes(); }
+std::int64_t Endpoint::unix_time_ns(TimePoint now) const {
+  return impl_->peers().unix_time_ns(impl_->time().own(now));
+}
 std::size_t Endpoint::sending_bytes() const { return impl_->peers().sending_bytes(); }
 
 std::string_view to_string(PeerLimit limit) {

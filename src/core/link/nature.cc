@@ -15,6 +15,7 @@ constexpr double kStandardErrors = 1.64;
 constexpr double kSdPerMeanDeviation = 1.25;
 // What the network of a link is worth when the operator trusts it (docs/paper.md, "Nature").
 constexpr double kTrustedSecurity = 0.5;
+constexpr double kEncryptedSecurity = 0.5;
 // Standard error of the 95 % quantile of n normal values, in sd / sqrt(n).
 constexpr double kP95Error = 2.1;
 // Delays that differ by less than this share are alike to every application.
@@ -156,7 +157,9 @@ void score(std::span<LinkState> links) {
   score_field(links, &Nature::bandwidth, rate, Better::kLarger);
   score_field(links, &Nature::reliability, risk, Better::kSmaller);
   for (LinkState& link : links) {
-    link.nature.security = link.up && link.traits.trusted ? kTrustedSecurity : 0.0;
+    const double known =
+        (link.traits.trusted ? kTrustedSecurity : 0) + (link.encrypted ? kEncryptedSecurity : 0);
+    link.nature.security = link.up ? known : 0;
   }
 }
 
@@ -166,6 +169,7 @@ Evidence explain(const LinkState& link, std::span<const LinkState> links) {
   evidence.bandwidth = reason(link, links, rate, Better::kLarger, fresh_rate(link), 1);
   evidence.reliability = reason(link, links, risk, Better::kSmaller, fresh(link), 1);
   evidence.trusted = link.traits.trusted;
+  evidence.encrypted = link.encrypted;
   return evidence;
 }
 

@@ -17,8 +17,7 @@ namespace interneuron::link {
 // - bandwidth: this / best of the rate;
 // - reliability: best / this of the loss (kLossFloor at least) divided by the share of time not in
 //   outage (kLeastUptime at least);
-// - security: 0 in the clear on a foreign network, 0.5 on a trusted one (1 once sessions are
-//   encrypted, too).
+// - security: 0 in the clear on a foreign network, 0.5 encrypted or on a trusted one, 1 for both
 //
 // "Best" is the best of the links that are up, which has exactly 1. A link that is down has 0
 // everywhere and is not compared with. Scores are ratios: scaling a quantity on all links changes

@@ -340,7 +340,11 @@ std::optional<TimePoint> Peer::next_timeout(TimePoint now) const {
 
 Links Peer::links(TimePoint now) const {
   Links out;
-  for (const Path& path : paths_) out.push_back(path.state(now));
+  for (const Path& path : paths_) {
+    LinkState state = path.state(now);
+    state.encrypted = identity_.encrypted;
+    out.push_back(std::move(state));
+  }
   link::score(out);
   return out;
 }

@@ -44,6 +44,8 @@ class Peer {
     // When this endpoint began its session.
     TimePoint started{};
     PeerLimits limits = {};
+    // Its packets are encrypted.
+    bool encrypted = false;
   };
   Peer(const Identity& identity, TimePoint now);
 

@@ -62,6 +62,9 @@ PeerId Peers::connect(TimePoint now, std::span<const std::pair<LinkId, Address>>
     throw std::invalid_argument(who ? "connect: the key " + to_base64(*who) + " is not trusted"
                                     : "connect: say which of the trusted peers this is");
   }
+  if (sessions_ && sessions_->is_connected(*who)) {
+    throw std::invalid_argument("connect: " + to_base64(*who) + " is connected to already");
+  }
   Entry& entry = add(now, SessionId{}, true);
   if (sessions_) sessions_->connect(now, entry.key, *who);
   for (const auto& [link, address] : addresses) {
@@ -98,11 +101,11 @@ Peers::Entry& Peers::add(TimePoint now, SessionId session, bool connected) {
   const Key key = free_.back();
   free_.pop_back();
   const PeerId id{next_++};
-  entries_[key] =
-      std::make_unique<Entry>(key,
-                              Peer::Identity{id, options_.self, session, connected, options_.repair,
-                                             options_.started, options_.limits},
-                              now);
+  entries_[key] = std::make_unique<Entry>(
+      key,
+      Peer::Identity{id, options_.self, session, connected, options_.repair, options_.started,
+                     options_.limits, sessions_.has_value()},
+      now);
   by_id_.emplace(id, key);
   directory_.add_session(session, key);
   if (!connected) ++unannounced_;
@@ -257,9 +260,9 @@ bool Peers::is_there(TimePoint now, Entry& entry, const wire::Packet& packet,
 }
 
 // Whoever asks has to repeat our session, so that only those who receive what we send can make us
-// answer; where packets are encrypted, nobody else can ask.
+// answer.
 bool Peers::take_challenge(const wire::Packet& packet, const Datagram& datagram) {
-  if (!sessions_ && packet.challenge.echo != options_.self) return false;
+  if (packet.challenge.echo != options_.self) return false;
   bool is_ours = false;
   directory_.for_each(datagram.link, datagram.from, [&](Key key) {
     Entry& entry = *entries_[key];

@@ -80,7 +80,7 @@ class Peers {
   std::vector<PathChanged> remove_link(TimePoint now, LinkId link);
   // Begins to talk to a peer at these addresses, one per link. `who`: its key, where packets are
   // encrypted; by default that of the only peer that is trusted. Throws std::invalid_argument when
-  // a link was not added or the peer is not trusted.
+  // a link was not added, or the peer is not trusted or connected to already.
   PeerId connect(TimePoint now, std::span<const std::pair<LinkId, Address>> addresses,
                  const std::optional<PublicKey>& who = std::nullopt);
   // False: we have not connected to such a peer, or the link was not added.
@@ -143,6 +143,7 @@ class Peers {
   // A complete message of a peer that should be a list of revocations. True: it is newer than the
   // one there was, and an authority has signed it; peers whose keys it names are lost.
   bool take_revocations(ByteView bytes);
+  std::int64_t unix_time_ns(TimePoint now) const { return sessions_ ? sessions_->unix_ns(now) : 0; }
   // A key that two hosts use; ask until nothing comes.
   std::optional<PublicKey> poll_shared_key() {
     return sessions_ ? sessions_->poll_shared_key() : std::nullopt;

@@ -53,7 +53,10 @@ Peers::Received Peers::receive_sealed(TimePoint now, const Datagram& datagram) {
   if (packet->header.type == wire::PacketType::kEcho) {
     is_served = reflect(now, *packet, datagram);
   } else if (packet->header.type == wire::PacketType::kChallenge) {
-    is_served = by.owner && take_challenge(*packet, datagram);
+    is_served =
+        by.owner && entries_[*by.owner]->peer.challenged(packet->header.link, datagram.link,
+                                                         datagram.from, packet->challenge.token);
+    if (is_served) touch(*entries_[*by.owner]);
   } else {
     const Found found = whose_sealed(now, by, *packet, datagram);
     is_served = found.entry != nullptr;
@@ -112,7 +115,7 @@ std::optional<TransmitParts> Peers::leave(TimePoint now, const Entry& entry,
 }
 
 bool Peers::seal_answer(TimePoint now, SessionId session, std::span<std::byte> packet) {
-  return !sessions_ || sessions_->seal_control(now, session.value, packet);
+  return !sessions_ || sessions_->seal_with(now, session.value, packet);
 }
 
 std::optional<TransmitParts> Peers::poll_answers(TimePoint now, std::span<std::byte> buffer) {

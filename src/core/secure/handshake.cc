@@ -216,7 +216,8 @@ bool Initiator::take_cookie(const wire::PacketHeader& header, ByteView packet) {
   const auto known = std::ranges::find(cookies_, header.link, &Cookie::path);
   if (known != cookies_.end()) {
     known->key = *key;
-  } else if (cookies_.size() < wire::kMaxReports) {
+  } else {
+    if (cookies_.size() >= wire::kMaxReports) cookies_.erase(cookies_.begin());
     cookies_.push_back({header.link, *key});
   }
   return true;

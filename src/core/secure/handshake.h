@@ -111,10 +111,10 @@ class Initiator {
   // answers for as long (Responder).
   static constexpr Duration kMessageLife = std::chrono::seconds(5);
   // How far the tries of a message are apart: the first ones so that one lost packet does not cost
-  // the time in which a peer is believed to be dead, later ones twice as far each time. No
-  // measurement behind these values.
+  // the time in which a peer is believed to be dead, later ones twice as far each time, up to
+  // WireGuard's REKEY_TIMEOUT. No measurement behind the first value.
   static constexpr Duration kFirstRetry = std::chrono::milliseconds(100);
-  static constexpr Duration kLastRetry = std::chrono::seconds(2);
+  static constexpr Duration kLastRetry = std::chrono::seconds(5);
 
   // `credential`: ours, of kCredentialBytes, or nothing.
   Initiator(const KeyPair& own, const TrustedPeer& peer, SessionId life, ByteView credential = {});

@@ -42,8 +42,12 @@ Session::Sending* Session::sending(Lane lane) {
 
 bool Session::seal(std::span<std::byte> packet) {
   assert(packet.size() >= wire::kPacketOverhead);
-  const auto header = wire::peek(packet);
+  auto header = wire::peek(packet);
   assert(header);
+  if (!wire::is_numbered(header->type)) {
+    header->number = next_control_++;
+    wire::set_number(packet, header->number);
+  }
   Sending* const lane = sending(lane_of(header->type, header->link));
   if (lane == nullptr || header->number <= lane->number) return false;
   lane->number = header->number;
@@ -53,11 +57,6 @@ bool Session::seal(std::span<std::byte> packet) {
   aead_seal(lane->key, header->number, packet.first(wire::kAssociatedBytes), body, body,
             packet.last(wire::kTagBytes));
   return true;
-}
-
-bool Session::seal_control(std::span<std::byte> packet) {
-  wire::set_number(packet, next_control_++);
-  return seal(packet);
 }
 
 Session::Opened Session::open(const wire::PacketHeader& header, ByteView packet,

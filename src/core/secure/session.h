@@ -45,9 +45,8 @@ class Session {
   // The packet is a header, a body and room for the tag; it leaves sealed, with that number in its
   // header. False: there is no room for its path, or its number is not
   // above all before; it must not leave.
+  // A packet that belongs to no path's numbers is given one.
   bool seal(std::span<std::byte> packet);
-  // The same for a packet that belongs to no path's numbers: it is given one.
-  bool seal_control(std::span<std::byte> packet);
 
   enum class Opened : std::uint8_t { kOk, kReplayed, kForged };
   // `out`: of the packet's size; holds the packet as it was before it was sealed, without its tag.

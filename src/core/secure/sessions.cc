@@ -78,15 +78,23 @@ std::uint32_t Sessions::draw_index() {
   return index;
 }
 
+std::int64_t Sessions::unix_ns(TimePoint now) const {
+  return std::max(said_ns_, unix_time_ns_ + Duration(now - started_).count());
+}
+
 // Grows with every call, also where the clock does not.
-std::int64_t Sessions::unix_ns(TimePoint now) {
-  const std::int64_t clock = unix_time_ns_ + Duration(now - started_).count();
-  said_ns_ = std::max(said_ns_ + 1, clock);
+std::int64_t Sessions::next_unix_ns(TimePoint now) {
+  said_ns_ = std::max(said_ns_ + 1, unix_ns(now));
   return said_ns_;
 }
 
+bool Sessions::is_connected(const PublicKey& who) const {
+  return std::ranges::any_of(
+      held_, [&who](const auto& peer) { return peer && peer->initiator && peer->who == who; });
+}
+
 Initiator::Fresh Sessions::fresh(TimePoint now) {
-  return {draw_index(), entropy_.draw_key(), unix_ns(now), trust_.revocations_s()};
+  return {draw_index(), entropy_.draw_key(), next_unix_ns(now), trust_.revocations_s()};
 }
 
 // --- peers
@@ -110,6 +118,9 @@ void Sessions::adopt(Owner owner, std::uint32_t index) {
   held_[owner]->current = index;
   note_life(there->session.born(), there->who, there->life);
   there->owner = owner;
+  Unowned& of_key = unowned_.at(there->who);
+  if (of_key.newest != index) drop_unowned(of_key.newest);
+  if (of_key.former != index) drop_unowned(of_key.former);
   unowned_.erase(there->who);
   std::erase(unowned_order_, index);
   adopted_[there->who] = owner;
@@ -174,7 +185,11 @@ Sessions::Opened Sessions::open(TimePoint now, const wire::PacketHeader& header,
   opened.owner = there->owner;
   opened.who = there->who;
   opened.life = there->life;
-  if (!there->owner) return opened;
+  if (!there->owner) {
+    Unowned& of_key = unowned_.at(there->who);
+    if (of_key.newest == header.session.value) drop_unowned(of_key.former);
+    return opened;
+  }
   Held& peer = *held(*there->owner);
   // The other side has the new keys too.
   if (peer.next == header.session.value) {
@@ -239,20 +254,28 @@ void Sessions::take_initiation(TimePoint now, const wire::PacketHeader& header,
 }
 
 void Sessions::add_unowned(TimePoint now, std::uint32_t index) {
-  std::uint32_t& newest = unowned_[slots_.at(index).who];
-  if (newest != 0) {
-    std::erase(unowned_order_, newest);
-    drop(newest);
-  }
-  newest = index;
+  Unowned& of_key = unowned_[slots_.at(index).who];
+  drop_unowned(of_key.former);
+  of_key.former = of_key.newest;
+  of_key.newest = index;
   unowned_order_.push_back(index);
   while (unowned_order_.size() > kMaxUnowned ||
          slots_.at(unowned_order_.front()).session.is_over(now)) {
     std::uint32_t oldest = unowned_order_.front();
-    unowned_order_.pop_front();
-    unowned_.erase(slots_.at(oldest).who);
-    drop(oldest);
+    const auto of_oldest = unowned_.find(slots_.at(oldest).who);
+    if (of_oldest->second.newest == oldest) {
+      unowned_.erase(of_oldest);
+    } else {
+      of_oldest->second.former = 0;
+    }
+    drop_unowned(oldest);
   }
+}
+
+void Sessions::drop_unowned(std::uint32_t& index) {
+  if (index == 0) return;
+  std::erase(unowned_order_, index);
+  drop(index);
 }
 
 void Sessions::take_response(TimePoint now, Owner owner, ByteView packet, Shaken& out) {
@@ -296,9 +319,9 @@ bool Sessions::seal(TimePoint now, Owner owner, std::span<std::byte> packet) {
   return sealed;
 }
 
-bool Sessions::seal_control(TimePoint now, std::uint32_t index, std::span<std::byte> packet) {
+bool Sessions::seal_with(TimePoint now, std::uint32_t index, std::span<std::byte> packet) {
   Slot* const there = slot(index);
-  return there != nullptr && !there->session.is_over(now) && there->session.seal_control(packet);
+  return there != nullptr && !there->session.is_over(now) && there->session.seal(packet);
 }
 
 bool Sessions::initiation_due(TimePoint now, Owner owner) {

@@ -64,6 +64,8 @@ class Sessions {
   std::optional<PublicKey> poll_shared_key();
   // Wants a session with this host, whose key is trusted, from now on.
   void connect(TimePoint now, Owner owner, const PublicKey& who);
+  // Whether connect() was told this key, and remove() was not told its peer.
+  bool is_connected(const PublicKey& who) const;
   // The session with this number, which belongs to nobody yet, is this peer's.
   void adopt(Owner owner, std::uint32_t index);
   // The peer is gone, and its sessions with it.
@@ -74,6 +76,10 @@ class Sessions {
   bool is_open(TimePoint now, Owner owner) const;
   // Whether every path to a peer that we connect to is silent.
   void set_silent(TimePoint now, Owner owner, bool is_silent);
+
+  // The time of day, ns since 1970, as far as is known: what was said at the beginning or by a host
+  // that we connected to, and never less than what was said here. Keep it for the next start.
+  std::int64_t unix_ns(TimePoint now) const;
 
   // --- what comes in
   struct Opened {
@@ -103,8 +109,8 @@ class Sessions {
   // --- what leaves
   // Seals a packet to this peer. False: it must not leave.
   bool seal(TimePoint now, Owner owner, std::span<std::byte> packet);
-  // The same with the session of this number for a packet that has no number of its own.
-  bool seal_control(TimePoint now, std::uint32_t index, std::span<std::byte> packet);
+  // The same with the session of this number, whoever has it.
+  bool seal_with(TimePoint now, std::uint32_t index, std::span<std::byte> packet);
   // Whether an initiation to this peer is to leave now over each of its paths; makes its message.
   bool initiation_due(TimePoint now, Owner owner);
   std::size_t write_initiation(Owner owner, LinkId path, std::span<std::byte> out) const;
@@ -145,13 +151,14 @@ class Sessions {
   const Slot* slot(std::uint32_t index) const;
   std::uint32_t draw_index();
   Initiator::Fresh fresh(TimePoint now);
-  std::int64_t unix_ns(TimePoint now);
+  std::int64_t next_unix_ns(TimePoint now);
   void drop(std::uint32_t& index);
   void promote(Held& held, std::uint32_t index);
   void take_initiation(TimePoint now, const wire::PacketHeader& header, const Datagram& datagram,
                        Shaken& out);
   void take_response(TimePoint now, Owner owner, ByteView packet, Shaken& out);
   void add_unowned(TimePoint now, std::uint32_t index);
+  void drop_unowned(std::uint32_t& index);
   void note_life(TimePoint now, const PublicKey& who, SessionId life);
 
   // The lives that a key has had lately, newest last.
@@ -175,8 +182,13 @@ class Sessions {
   std::unordered_map<std::uint32_t, Owner> asking_;
   std::vector<std::unique_ptr<Held>> held_;
   std::map<PublicKey, Owner> adopted_;
-  // The newest session of each key that belongs to nobody, and all in the order of their birth.
-  std::map<PublicKey, std::uint32_t> unowned_;
+  // The sessions of each key that belong to nobody: the newest, and the one before it until the
+  // newest is used. All in the order of their birth.
+  struct Unowned {
+    std::uint32_t newest = 0;
+    std::uint32_t former = 0;
+  };
+  std::map<PublicKey, Unowned> unowned_;
   std::deque<std::uint32_t> unowned_order_;
   std::map<PublicKey, Lives> lives_;
   std::deque<PublicKey> shared_keys_;

@@ -207,6 +207,13 @@ bool is_zero(ByteView bytes) {
   return any == std::byte{0};
 }
 
+void put_keys(std::span<std::byte> packet, std::uint8_t epoch, SessionId session) {
+  packet[kEpochAt] = std::byte{epoch};
+  Writer w(packet.subspan(kSessionAt));
+  w.put(session.value);
+  assert(w.ok());
+}
+
 std::size_t finish(Writer& w) {
   w.put_zeros(kTagBytes);
   assert(w.ok());
@@ -229,10 +236,11 @@ std::optional<PacketHeader> peek(ByteView datagram) {
 }
 
 void mark_sealed(std::span<std::byte> packet, SessionId session) {
-  packet[kEpochAt] = std::byte{kSealedEpoch};
-  Writer w(packet.subspan(kSessionAt));
-  w.put(session.value);
-  assert(w.ok());
+  put_keys(packet, kSealedEpoch, session);
+}
+
+void mark_clear(std::span<std::byte> packet, SessionId session) {
+  put_keys(packet, kClearEpoch, session);
 }
 
 void set_number(std::span<std::byte> packet, std::uint64_t number) {

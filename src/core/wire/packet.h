@@ -293,6 +293,8 @@ std::optional<PacketHeader> peek(ByteView datagram);
 // Makes the epoch that of sealed packets and changes the session, in the header of a packet that
 // was written.
 void mark_sealed(std::span<std::byte> packet, SessionId session);
+// The other way round.
+void mark_clear(std::span<std::byte> packet, SessionId session);
 // Changes the number in the header of a packet that was written.
 void set_number(std::span<std::byte> packet, std::uint64_t number);
 // A header alone.

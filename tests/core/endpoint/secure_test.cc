@@ -4,6 +4,7 @@
 
 #include "core/secure/credential.h"
 #include "encrypted.h"
+#include "policies/builtin.h"
 
 namespace interneuron {
 namespace {
@@ -68,6 +69,51 @@ TEST(Secure, KeysAreRenewedWithoutALostRound) {
   // At the beginning, and 120 s to 130 s after each one before; over two paths.
   EXPECT_GE(responses, 2 * (1 + 3));
   EXPECT_LE(responses, 2 * (1 + 4));
+}
+
+// A message that must not leave over a network that is not the operator's own does not, encrypted
+// or not, and nothing that repairs it either.
+TEST(Secure, AFloorOfSecurityHoldsForRepairsToo) {
+  Pipe pipe;
+  EndpointOptions vehicle = Encrypted::vehicle_options();
+  EndpointOptions road = Encrypted::road_options({kVehicleKey});
+  for (EndpointOptions* o : {&vehicle, &road}) {
+    o->policies.push_back(secure(policies::coded(), 1.0, "own_networks"));
+  }
+  vehicle.pipelines[0].policy = "own_networks";
+  const std::size_t a = pipe.add_host(vehicle);
+  const std::size_t b = pipe.add_host(road);
+  for (const std::size_t host : {a, b}) {
+    pipe.at(host).add_link(pipe.local(host), kFast, {"own", 1500, {.trusted = true}});
+  }
+  std::map<LinkId, int> pieces;
+  int remote = 0;
+  pipe.on_event = [&](std::size_t host, Event& e) {
+    if (auto* d = std::get_if<Delivered>(&e); d != nullptr && host == b) {
+      pipe.submit(b, d->round, 100);
+    } else if (auto* r = std::get_if<RoundDone>(&e)) {
+      remote += r->outcome == Outcome::kRemote ? 1 : 0;
+    }
+  };
+  pipe.on_transmit = [&](std::size_t, std::size_t, LinkId link, const Bytes& bytes) {
+    const auto type = wire::peek(bytes)->type;
+    const bool is_message = type == wire::PacketType::kData || type == wire::PacketType::kWindow;
+    pieces[link] += is_message ? 1 : 0;
+  };
+  int packet = 0;
+  pipe.drop = [&packet](std::size_t, LinkId, ByteView) { return ++packet % 10 == 0; };
+  const PeerId peer = pipe.connect(a, b);
+  pipe.run(2s);
+  for (const LinkState& link : pipe.at(a).links(pipe.local(a), peer)) {
+    EXPECT_EQ(link.nature.security, link.id == kFast ? 1.0 : 0.5);
+  }
+  for (int i = 0; i < 100; ++i) {
+    pipe.round(a, PipelineId{0}, {Bytes(20'000)});
+    pipe.run(100ms);
+  }
+  EXPECT_GE(remote, 95);
+  EXPECT_GE(pieces[kFast], 1500);
+  EXPECT_EQ(pieces[kSlow], 0);
 }
 
 // --- a fleet with an authority

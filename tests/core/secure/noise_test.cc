@@ -37,6 +37,7 @@ std::vector<Vector> vectors(const std::string& name) {
 }
 
 Bytes unhex(const std::string& text) {
+  if (text.empty()) return {};
   Bytes out(text.size() / 2);
   if (out.empty()) return out;
   std::size_t size = 0;

@@ -120,7 +120,7 @@ TEST(Session, ChallengesHaveNumbersOfTheirOwn) {
   Both b;
   for (int i = 0; i < 3; ++i) {
     Bytes challenge = probe(5, 3, 100, wire::PacketType::kChallenge);
-    ASSERT_TRUE(b.road.seal_control(challenge));
+    ASSERT_TRUE(b.road.seal(challenge));
     EXPECT_EQ(wire::peek(challenge)->number, static_cast<std::uint64_t>(i + 1));
     EXPECT_EQ(open(b.vehicle, challenge), Opened::kOk);
     EXPECT_EQ(open(b.vehicle, challenge), Opened::kReplayed);
@@ -141,7 +141,7 @@ TEST(Session, PathsBeyondItsRoomWaitForTheNextOne) {
   Bytes more = probe(1, 1000);
   EXPECT_FALSE(b.vehicle.seal(more));
   Bytes challenge = probe(5, 1000, 100, wire::PacketType::kChallenge);
-  EXPECT_TRUE(b.vehicle.seal_control(challenge));
+  EXPECT_TRUE(b.vehicle.seal(challenge));
   EXPECT_EQ(open(b.road, challenge), Opened::kOk);
 }
 

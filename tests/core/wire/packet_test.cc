@@ -133,7 +133,7 @@ TEST(Source, IsThePieceThatItWasMadeOf) {
     // What a lie makes of it.
     EXPECT_FALSE(get_source(MessageId{7}, 3, source)) << "no such piece";
     EXPECT_FALSE(get_source(MessageId{7}, index, ByteView(source).first(size - 1)));
-    EXPECT_FALSE(get_source(MessageId{7}, index, with(source, 10, 2))) << "no such kind";
+    EXPECT_FALSE(get_source(MessageId{7}, index, with(source, 10, 3))) << "no such kind";
     EXPECT_FALSE(get_source(MessageId{7}, index, with(source, 0, 1))) << "too many pieces";
     EXPECT_FALSE(get_source(MessageId{7}, index, with(with(source, 4, 0), 5, 0))) << "no chunk";
     if (size < source.size()) {
@@ -421,7 +421,7 @@ TEST(Packet, APieceMustFitItsMessage) {
            PieceCase{"repair of the second block", {kId, 310, 10, 2010, 1, kPlain}, 10, true},
            PieceCase{
                "repair of no row of the second block", {kId, 311, 10, 2010, 1, kPlain}, 10, false},
-           PieceCase{"no such kind", {kId, 0, 10, 10, 1, MessageKind{2}}, 10, false},
+           PieceCase{"no such kind", {kId, 0, 10, 10, 1, MessageKind{3}}, 10, false},
        }) {
     Bytes out(kRoom);
     // A chunk of 0 has no number of pieces to write by.
