@@ -58,6 +58,8 @@ pid_t in_host(const netns::State& state, netns::Host host, const std::function<v
 // The vehicle has a link and a peer address per network; the roadside unit accepts peers.
 NodeOptions options_of(const netns::State& state, bool vehicle) {
   NodeOptions o;
+  // In a testbed, whose addresses are private.
+  o.insecure = true;
   for (std::size_t i = 0; i < state.network_count(); ++i) {
     NodeLink link;
     link.id = LinkId{static_cast<std::uint8_t>(i)};

@@ -21,6 +21,7 @@
 
 #include "interneuron/endpoint.h"
 #include "interneuron/node_options.h"
+#include "interneuron/security.h"
 #include "interneuron/statistics.h"
 #include "interneuron/transport.h"
 
@@ -74,7 +75,8 @@ class Node {
   void on_statistics(Duration interval, std::function<void(const Statistics&)> handler);
 
   // --- commands, as in Endpoint, at now()
-  PeerId connect(std::span<const std::pair<LinkId, Address>> addresses);
+  PeerId connect(std::span<const std::pair<LinkId, Address>> addresses,
+                 const std::optional<PublicKey>& key = std::nullopt);
   // Measures the rate of a path now instead of when its evidence is old, metered ones too. False
   // when there is no such path.
   bool request_train(PeerId peer, LinkId link);
@@ -129,6 +131,8 @@ class Node {
   LinkCounters link_counters(LinkId link) const;
   // Bytes held by incomplete messages of all peers.
   std::size_t reassembly_bytes() const;
+  // See Endpoint::unix_time_ns(): what a host without a clock of its own has to store.
+  std::int64_t unix_time_ns() const;
   // The next three give zeros and nothing for a link that is not there or waits for its NIC. A NIC
   // that comes back counts from zero.
   TransportCounters transport_counters(LinkId link) const;

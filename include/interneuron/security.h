@@ -45,6 +45,10 @@ class SecretKey {
 // The public half of an X25519 private key.
 PublicKey public_key_of(const SecretKey& secret);
 
+// A new secret: a private key, a key to share, a seed. Drawn by the host's system, on which the
+// core never calls. Throws IoError. Thread-safe.
+SecretKey random_key();
+
 // Keys as people copy them: 44 characters of base64 (RFC 4648 §4), as WireGuard writes them.
 // Nothing where the text is not exactly that.
 std::string to_base64(std::span<const std::byte, kKeyBytes> key);

@@ -69,7 +69,7 @@ class Bed:
         if up.returncode != 0:
             print(up.stderr.strip())
             sys.exit(SKIP)
-        self.road = self.start("road", [self.program, "road", "--nic", "ifx", "--ladder", "motion",
+        self.road = self.start("road", [self.program, "road", "--insecure", "--nic", "ifx", "--ladder", "motion",
                                         "--calibration-runs", "1", "--stamp", "--video",
                                         os.path.join(os.path.dirname(__file__), "../../docs/latency.png")],
                                stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)

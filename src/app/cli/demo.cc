@@ -10,8 +10,10 @@
 #include "app/offload/road_child.h"
 #include "host/process/child.h"
 #include "host/process/failure.h"
+#include "host/process/private_folder.h"
 #include "host/process/signals.h"
 #include "host/settings/data.h"
+#include "host/settings/key_files.h"
 #include "lab/files/run_files.h"
 #include "lab/files/verdict.h"
 #include "lab/sim/feasibility.h"
@@ -35,6 +37,13 @@ constexpr std::uint16_t kPort = 47000;
 
 using Ladder = RoadChild::Ladder;
 
+// Makes a key in this file and returns its public half.
+std::string make_key(const fs::path& file) {
+  const SecretKey key = random_key();
+  write_new_key(file, key);
+  return to_base64(public_key_of(key));
+}
+
 class Demo {
  public:
   explicit Demo(const DemoOptions& options);
@@ -50,6 +59,10 @@ class Demo {
   const DemoOptions& o_;
   std::optional<fs::path> data_;
   std::string video_;
+  // Of the private keys of the two, which are gone with it.
+  PrivateFolder keys_{"interneuron-demo"};
+  std::string road_key_ = make_key(keys_ / "road");
+  std::string vehicle_key_ = make_key(keys_ / "vehicle");
   netns::TestbedOptions testbed_options_;
   std::optional<Testbed> testbed_;
 };
@@ -76,7 +89,11 @@ std::vector<std::string> Demo::road_command() const {
                                 "--deadline-ms",
                                 fmt::format("{}", o_.deadline_ms),
                                 "--calibration-runs",
-                                std::to_string(o_.calibration_runs)};
+                                std::to_string(o_.calibration_runs),
+                                "--key",
+                                (keys_ / "road").string(),
+                                "--trust",
+                                vehicle_key_};
   if (data_) argv.insert(argv.end(), {"--data", data_->string()});
   for (const netns::TestbedLink& link : testbed_->state().links)
     argv.insert(argv.end(), {"--nic", link.nic});
@@ -92,7 +109,9 @@ std::vector<std::string> Demo::vehicle_command() const {
                                 "--policy",      o_.policy,
                                 "--deadline-ms", fmt::format("{}", o_.deadline_ms),
                                 "--out",         o_.out,
-                                "--seed",        std::to_string(o_.seed)};
+                                "--seed",        std::to_string(o_.seed),
+                                "--key",         (keys_ / "vehicle").string(),
+                                "--peer-key",    road_key_};
   if (data_) argv.insert(argv.end(), {"--data", data_->string()});
   if (!o_.pcap.empty()) argv.insert(argv.end(), {"--pcap", o_.pcap});
   for (const netns::TestbedLink& link : testbed_->state().links) {
@@ -169,6 +188,7 @@ int Demo::run() {
   for (const emu::ScenarioLink& link : testbed_options_.scenario.links)
     names += (names.empty() ? "" : ", ") + link.profile.name;
   spdlog::info("testbed: vehicle and roadside joined by {} (seed {})", names, o_.seed);
+  spdlog::info("keys made for this run; packets are encrypted");
 
   RoadChild road(testbed_->state(), road_command());
   netns::SpawnOptions spawn;

@@ -119,8 +119,8 @@ void add_doctor(CLI::App& program, std::function<int()>& run) {
                     "HOST[:PORT] of a roadside unit: are the cards routed to it, and how large may "
                     "a packet be (sends echo requests)");
   c->add_option("--nat-timeout", o->nat_timeout_s,
-                "Also measure how long silent UDP flows to the peer, an `interneuron road`, stay "
-                "open; up to so many seconds, which it takes")
+                "Also measure how long silent UDP flows to the peer, an `interneuron road "
+                "--insecure`, stay open; up to so many seconds, which it takes")
       ->needs(peer)
       ->expected(0, 1)
       ->default_str(std::to_string(kDefaultNatTimeoutS))

@@ -40,12 +40,11 @@ struct Options {
   bool stream = false;
 };
 
-bool measures(const Options& o) { return !o.source.peer.empty() || !o.source.links.empty(); }
-
 int no_answer(const LinkSource& source) {
   fmt::print(stderr,
-             "interneuron: no answer from {}; is `interneuron road` running there, and the port "
-             "open? `interneuron doctor` looks for what this host may be missing\n",
+             "interneuron: no answer from {}; is `interneuron road` running there, the port open, "
+             "and does each trust the other's key, or have both --insecure? `interneuron doctor` "
+             "looks for what this host may be missing\n",
              source.peer_text());
   return kFailed;
 }
@@ -62,7 +61,7 @@ void refuse_useless(const CLI::App& command, const Options& o) {
   if (command.count("--interval") > 0 && !o.stream) {
     throw Failure(kUsage, "--interval is for a stream; add --json-stream");
   }
-  if (command.count("--for") > 0 && !o.stream && !measures(o)) {
+  if (command.count("--for") > 0 && !o.stream && !measures(o.source)) {
     throw Failure(kUsage, "--for is for measuring; add --peer HOST, --link or --json-stream");
   }
 }
@@ -86,13 +85,13 @@ int stream(const Options& o, LinkSource& source) {
 int once(const Options& o, LinkSource& source) {
   const TimePoint start = io::now();
   const Duration patience =
-      measures(o) ? from_ms(o.seconds.value_or(kMeasureSeconds) * 1000) : kLocalWait;
+      measures(o.source) ? from_ms(o.seconds.value_or(kMeasureSeconds) * 1000) : kLocalWait;
   StatusLine progress;
   LinksSnapshot s = source.snapshot();
   while (SignalWatch::last() == 0 && io::now() < start + patience) {
     // Programs on this host tell soon; without any there is nothing to wait for.
-    if (!measures(o) && !source.expects_more()) break;
-    if (measures(o)) {
+    if (!measures(o.source) && !source.expects_more()) break;
+    if (measures(o.source)) {
       const Duration left = std::max(start + patience - io::now(), Duration::zero());
       progress.show(
           fmt::format("measuring towards {}: {:.0f} s", source.peer_text(), to_ms(left) / 1000));
@@ -117,10 +116,7 @@ void add_links(CLI::App& program, std::function<int()>& run) {
   CLI::App* c = program.add_subcommand(
       "links", "The network cards of this host: what the kernel says and what was measured");
   add_config_option(*c);
-  c->add_option("--peer", o->source.peer,
-                "HOST[:PORT] of a roadside unit: measure towards it, over every card that has a "
-                "route (default: what a vehicle or road that runs here measures)");
-  add_link_option(*c, "--link", o->source.links, LinkPeer::kNamed)->excludes("--peer");
+  add_source_options(*c, o->source);
   c->add_option("--for", o->seconds, "Seconds to measure (default: 3; a stream: until Ctrl-C)")
       ->check(positive_number());
   c->add_option("--interval", o->interval_s, "Seconds between two lines of a stream")
@@ -129,8 +125,9 @@ void add_links(CLI::App& program, std::function<int()>& run) {
   auto* json = c->add_flag("--json", o->json, "As JSON (docs/schema/links.json)");
   c->add_flag("--json-stream", o->stream, "One JSON object per line and interval")->excludes(json);
   c->footer(
-      "Examples:\n  interneuron links\n  interneuron links --peer 192.0.2.7 --for 5 --json\n"
-      "  interneuron links --link 'wwan*=192.0.2.7:47000,metered'\n"
+      "Examples:\n  interneuron links\n  interneuron links --peer 192.0.2.7 --peer-key ROAD_KEY "
+      "--for "
+      "5 --json\n  interneuron links --link 'wwan*=192.0.2.7:47000,metered' --peer-key ROAD_KEY\n"
       "  interneuron links --json-stream | jq -c '.links[] | {name, rtt_ms, nature}'");
   c->callback([&run, o, c] {
     run = [o, c] {

@@ -12,6 +12,7 @@
 #include "app/cli/demo.h"
 #include "app/cli/doctor_command.h"
 #include "app/cli/eval/command.h"
+#include "app/cli/keys_command.h"
 #include "app/cli/links_command.h"
 #include "app/cli/probe.h"
 #include "app/cli/report/command.h"
@@ -129,6 +130,7 @@ void add_vehicle(CLI::App& program, std::function<int()>& run) {
       "vehicle", "Send camera frames through the pipeline; one answer per round");
   add_config_option(*c);
   add_link_option(*c, "--link", o->links, LinkPeer::kNamed);
+  add_key_options(*c, o->keys, Trusts::kThePeer);
   c->add_option("--port", o->port, "Local UDP port on every card; 0: any")->capture_default_str();
   add_transport_option(*c, o->transport);
   c->add_option("--rounds", o->rounds, "Rounds; 0: to the end of the video or Ctrl-C")
@@ -155,10 +157,11 @@ void add_vehicle(CLI::App& program, std::function<int()>& run) {
   c->add_option("--seed", o->seed, "Told in the summary")->group("");
   auto testbed_run = add_testbed_run_option(*c);
   c->footer(
-      "Examples:\n  interneuron vehicle --link wwan0=192.0.2.7:47000 --link wwan1=192.0.2.7:47000 "
-      "--video camera:0\n"
+      "Examples (ROAD_KEY: what `interneuron keys gen` printed on the roadside unit):\n"
+      "  interneuron vehicle --link wwan0=192.0.2.7:47000 --link wwan1=192.0.2.7:47000 "
+      "--peer-key ROAD_KEY --video camera:0\n"
       "  interneuron vehicle --link 'wwan0=192.0.2.7:47000' --link "
-      "'wlan*=192.0.2.7:47000,role=backup'\n"
+      "'wlan*=192.0.2.7:47000,role=backup' --peer-key ROAD_KEY\n"
       "  interneuron vehicle --config vehicle.toml --rounds 300 --out out/run");
   c->callback([&run, o, no_table, testbed_run] {
     run = [o, no_table, testbed_run] {
@@ -176,6 +179,7 @@ void add_road(CLI::App& program, std::function<int()>& run) {
       "road", "A roadside unit: detects in the images of any vehicle that comes");
   add_config_option(*c);
   add_link_option(*c, "--nic,--link", o->nics, LinkPeer::kNone);
+  add_key_options(*c, o->keys, Trusts::kMany);
   c->add_option("--address", o->address, "Local address (default: all of the card)");
   c->add_option("--port", o->port, "UDP port on every card")->capture_default_str();
   add_transport_option(*c, o->transport);
@@ -195,13 +199,14 @@ void add_road(CLI::App& program, std::function<int()>& run) {
   c->add_option("--max-peers", o->max_peers, "Vehicles at once")
       ->capture_default_str()
       ->check(CLI::Range(1, 1000));
-  c->add_flag("--insecure", o->insecure,
-              "Serve on public addresses too, although sessions are not encrypted yet");
   add_stamp_options(*c, o->stamp);
   auto testbed_run = add_testbed_run_option(*c);
   c->footer(
-      "Examples:\n  interneuron road --nic eth0\n  interneuron road --nic eth0 --ladder none   # "
-      "only to be measured against\n  interneuron road --config road.toml");
+      "Examples:\n  interneuron road --nic eth0 --trust VEHICLE_KEY --trust "
+      "OTHER_KEY,psk=other.psk\n"
+      "  interneuron road --nic eth0 --insecure --ladder none   # only to be measured against, in "
+      "a "
+      "closed network\n  interneuron road --config road.toml");
   c->callback([&run, o, testbed_run] {
     run = [o, testbed_run] {
       if (testbed_run->empty()) return run_road(*o);
@@ -249,6 +254,7 @@ int run_program(int argc, char** argv) {
   add_demo(program, run);
   add_vehicle(program, run);
   add_road(program, run);
+  add_keys(program, run);
   add_links(program, run);
   add_top(program, run);
   add_doctor(program, run);

@@ -249,10 +249,12 @@ std::string Prober::problem_of(const Nic& nic) const {
   }
   return fmt::format(
       "{}: no reply from {}; {}", nic.name, to_string(nic.peer),
-      options_.stamp ? "does a STAMP reflector (`interneuron road --stamp`) run there, and does a "
-                       "firewall let UDP through?"
-                     : "does `interneuron road` run there, and does a firewall let UDP through? "
-                       "(other STAMP reflectors: --stamp)");
+      options_.stamp
+          ? "does a STAMP reflector (`interneuron road --stamp`) run there, and does a "
+            "firewall let UDP through?"
+          : "does `interneuron road` run there, and does a firewall let UDP through? One "
+            "with keys answers only its peers: ask it for STAMP (`road --stamp`, `probe "
+            "--stamp`), or run it with --insecure in a closed network");
 }
 
 int Prober::conclude() {

@@ -91,10 +91,7 @@ void add_top(CLI::App& program, std::function<int()>& run) {
   auto o = std::make_shared<Options>();
   CLI::App* c = program.add_subcommand("top", "The links of this host, live");
   add_config_option(*c);
-  c->add_option("--peer", o->source.peer,
-                "HOST[:PORT] of a roadside unit: measure towards it, over every card that has a "
-                "route (default: what a vehicle or road that runs here measures)");
-  add_link_option(*c, "--link", o->source.links, LinkPeer::kNamed)->excludes("--peer");
+  add_source_options(*c, o->source);
   auto* once_flag = c->add_flag("--once", o->once, "One frame as text, then the end");
   c->add_option("--for", o->seconds, "Seconds that --once looks")
       ->capture_default_str()
@@ -106,7 +103,7 @@ void add_top(CLI::App& program, std::function<int()>& run) {
       ->needs(once_flag);
   c->add_flag("--no-color", o->no_color, "No colour; NO_COLOR in the environment does the same");
   c->footer(
-      "Examples:\n  interneuron top\n  interneuron top --peer 192.0.2.7\n"
+      "Examples:\n  interneuron top\n  interneuron top --peer 192.0.2.7 --peer-key ROAD_KEY\n"
       "  interneuron top --once --for 10 --width 120");
   c->callback([&run, o] {
     run = [o] {

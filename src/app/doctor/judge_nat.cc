@@ -26,7 +26,9 @@ std::string obstacle(const NatTimeout& m) {
   }
   if (!m.cut_short.empty()) return m.cut_short + (known.empty() ? "" : "; so far: " + known);
   if (!m.flows.answered) {
-    return "the peer does not answer: needs `interneuron road` there, and UDP through firewalls";
+    return "the peer does not answer: needs `interneuron road --insecure` there, since one with "
+           "keys "
+           "answers only its peers, and UDP through firewalls";
   }
   if (!known.empty()) return "";
   return m.flows.refused ? "the peer has no room for later replies: others measure too, try again"

@@ -23,6 +23,8 @@ namespace fs = std::filesystem;
 using netns::Testbed;
 
 constexpr std::uint16_t kPort = 47000;
+// Delays are injected into the packets of a round, which are found by their bytes.
+constexpr const char* kInTheClear = "--insecure";
 // Fewest runs of a level that tell its 95th percentile: two of 40 lie above it, so that one stray
 // run does not decide.
 constexpr std::size_t kEnoughRuns = 40;
@@ -124,7 +126,7 @@ std::vector<std::string> Bench::road_command() const {
   std::vector<std::string> argv{
       own_program(), "road", "--port",        std::to_string(kPort),
       "--video",     video_, "--testbed-run", (scratch_ / "run.json").string()};
-  argv.insert(argv.end(), {"--ladder", kind_});
+  argv.insert(argv.end(), {"--ladder", kind_, kInTheClear});
   if (data_) argv.insert(argv.end(), {"--data", data_->string()});
   for (const netns::TestbedLink& link : testbed_.state().links) {
     argv.insert(argv.end(), {"--nic", link.nic});
@@ -145,7 +147,7 @@ std::vector<std::string> Bench::vehicle_command(const eval::System& system,
                                 "--quiet",
                                 "--testbed-run",
                                 (scratch_ / "run.json").string()};
-  argv.insert(argv.end(), {"--ladder", kind_});
+  argv.insert(argv.end(), {"--ladder", kind_, kInTheClear});
   if (data_) argv.insert(argv.end(), {"--data", data_->string()});
   const auto& links = testbed_.state().links;
   for (std::size_t i = 0; i < links.size(); ++i) {

@@ -15,6 +15,7 @@
 #include "app/offload/road_ladder.h"
 #include "app/offload/submit_log.h"
 #include "app/watch/publisher.h"
+#include "app/watch/time_keeper.h"
 #include "core/offload/roadside_unit.h"
 #include "host/process/failure.h"
 #include "host/settings/data.h"
@@ -79,6 +80,7 @@ class Road {
 
   const RoadOptions& options_;
   RoadHooks& hooks_;
+  Credentials credentials_;
   std::optional<std::filesystem::path> data_;
   // Nothing when the unit only answers those who measure; then there is no unit_ either.
   std::optional<perc::Ladder> ladder_;
@@ -86,6 +88,7 @@ class Road {
   std::optional<Unit> unit_;
   Node node_;
   LinkPublisher links_;
+  TimeKeeper time_;
   SubmitLog results_{"result"};
   std::map<PeerId, Vehicle> vehicles_;
   // When the newest second of the log began, and its lines so far.
@@ -98,10 +101,13 @@ class Road {
 Road::Road(const RoadOptions& options, RoadHooks& hooks)
     : options_(options),
       hooks_(hooks),
+      credentials_(options.keys, Trusts::kMany),
       data_(find_data(options.data)),
       ladder_(road_ladder(options, data_)),
       node_(node_options()),
-      links_(node_, "road") {}
+      links_(node_, "road"),
+      // This program has no local backup.
+      time_(node_, credentials_, Queue::kLocalBackup) {}
 
 NodeOptions Road::node_options() const {
   NodeOptions o;
@@ -112,20 +118,18 @@ NodeOptions Road::node_options() const {
   o.accept_peers = true;
   o.max_peers = options_.max_peers;
   o.relays = options_.relays;
-  o.insecure = options_.insecure;
+  credentials_.apply(o);
   hooks_.configure(o);
   return o;
 }
 
 std::unique_ptr<StampService> Road::serve_stamp() const {
   if (options_.stamp.port == 0) return nullptr;
-  StampOptions stamp = options_.stamp;
-  stamp.insecure = options_.insecure;
   std::vector<std::string> nics;
   for (const std::string& text : options_.nics) {
     nics.push_back(parse_link_option(text, LinkPeer::kNone).nic);
   }
-  return std::make_unique<StampService>(stamp, nics, options_.address);
+  return std::make_unique<StampService>(options_.stamp, nics, options_.address);
 }
 
 // What the hooks know of the levels is taken as it is and not measured.
@@ -299,6 +303,7 @@ void Road::lost(PeerId peer) {
 }
 
 int Road::run() {
+  for (const std::string& warning : credentials_.warnings()) spdlog::warn("{}", warning);
   for (const std::string& warning : node_.warnings()) spdlog::warn("{}", warning);
   const auto stamp = serve_stamp();
   if (ladder_) {

@@ -7,6 +7,7 @@
 
 #include "app/offload/hooks.h"
 #include "app/offload/stamp_service.h"
+#include "host/settings/key_options.h"
 #include "host/settings/peer_address.h"
 
 namespace interneuron::cli {
@@ -33,7 +34,7 @@ struct RoadOptions {
   std::size_t max_peers = 16;
   // Numeric addresses of peers that bring rounds of other vehicles.
   std::vector<std::string> relays;
-  bool insecure = false;
+  KeyOptions keys;
   StampOptions stamp;
 };
 

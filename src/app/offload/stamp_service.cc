@@ -40,6 +40,8 @@ void add_stamp_options(CLI::App& command, StampOptions& options) {
       ->type_name("[PORT]");
   command.add_flag("--stamp-stateless", options.stateless,
                    "Number STAMP answers as the requests are, instead of counting them");
+  command.add_flag("--stamp-public", options.is_public,
+                   "Answer STAMP test packets on public addresses, too: anybody can ask");
 }
 
 class StampService::Impl {
@@ -77,8 +79,8 @@ class StampService::Impl {
     const auto local =
         make_address(!address_.empty() ? address_ : (only_ipv6 ? "::" : "0.0.0.0"), options_.port);
     if (!local) throw Failure(kUsage, "'" + address_ + "' is no numeric address like 10.0.0.1");
-    if (!options_.insecure && !std::ranges::all_of(nic.addresses, is_private)) {
-      throw Failure(kFailed, what + " would be public; pass --insecure if that is meant");
+    if (!options_.is_public && !std::ranges::all_of(nic.addresses, is_private)) {
+      throw Failure(kFailed, what + " would be public; pass --stamp-public if that is meant");
     }
     try {
       io::UdpOptions udp;

@@ -2,7 +2,7 @@
 // `road --stamp` does, so that others can measure the paths to it. Anybody who reaches the port is
 // answered with one packet of the same size, so it amplifies nothing; other reflectors are not
 // answered, and no source gets more than SourceLimit lets it have. On public addresses it must
-// be asked for (`insecure`).
+// be asked for (`is_public`), since STAMP knows no keys.
 #pragma once
 
 #include <cstdint>
@@ -19,9 +19,9 @@ struct StampOptions {
   std::uint16_t port = 0;
   bool stateless = false;
   // Also on public addresses.
-  bool insecure = false;
+  bool is_public = false;
 };
-// Adds --stamp [PORT] and --stamp-stateless.
+// Adds --stamp [PORT], --stamp-stateless and --stamp-public.
 void add_stamp_options(CLI::App& command, StampOptions& options);
 
 class StampService {

@@ -12,6 +12,7 @@
 #include "app/offload/submit_log.h"
 #include "app/offload/vehicle_report.h"
 #include "app/watch/publisher.h"
+#include "app/watch/time_keeper.h"
 #include "core/offload/computation_budget.h"
 #include "core/offload/no_answer.h"
 #include "host/io/steady_clock.h"
@@ -78,12 +79,14 @@ class Vehicle {
 
   const VehicleOptions& o_;
   VehicleHooks& hooks_;
+  Credentials credentials_;
   std::optional<std::filesystem::path> data_;
   std::string video_;
   Camera camera_;
   perc::Ladder backup_;
   Node node_;
   LinkPublisher links_;
+  TimeKeeper time_;
   std::atomic<std::uint32_t> newest_round_{0};
   // Measured before the loop runs, which it would hold up.
   Duration encode_time_ = encode_time();
@@ -101,6 +104,7 @@ class Vehicle {
 Vehicle::Vehicle(const VehicleOptions& options, VehicleHooks& hooks)
     : o_(options),
       hooks_(hooks),
+      credentials_(options.keys, Trusts::kThePeer),
       data_(find_data(options.data)),
       video_(options.video.empty() ? default_video(data_) : options.video),
       camera_(video_, options.rounds > 0),
@@ -111,6 +115,8 @@ Vehicle::Vehicle(const VehicleOptions& options, VehicleHooks& hooks)
                                  .spend = {}})),
       node_(node_options()),
       links_(node_, "vehicle"),
+      // Detections of this program are local backups.
+      time_(node_, credentials_, Queue::kComputation),
       budget_(from_ms(options.deadline_ms)),
       record_({.rounds = options.rounds,
                .guard = options.guard,
@@ -143,6 +149,7 @@ NodeOptions Vehicle::node_options() {
   n.port = o_.port;
   n.transport = transport_kind(o_.transport);
   n.pipelines = {pipeline()};
+  credentials_.apply(n);
   hooks_.configure(n);
   return n;
 }
@@ -159,7 +166,9 @@ void Vehicle::wait_for_roadside() {
     std::snprintf(wait, sizeof wait, "%g", o_.wait_s);
     failure_ = std::string("no roadside unit answered within ") + wait + " s at";
     for (const std::string& link : o_.links) failure_ += " " + link;
-    failure_ += "; is `interneuron road` running there, and the port open?";
+    failure_ += "; is `interneuron road` running there, the port open";
+    failure_ +=
+        o_.keys.insecure ? ", and both without keys?" : ", and does each trust the other's key?";
     node_.stop();
   });
 }
@@ -290,6 +299,7 @@ void Vehicle::progress() {
 }
 
 int Vehicle::run() {
+  for (const std::string& warning : credentials_.warnings()) spdlog::warn("{}", warning);
   for (const std::string& warning : node_.warnings()) spdlog::warn("{}", warning);
   record_.open();
   spdlog::info("local backup: {}", backup_.level(0).name);

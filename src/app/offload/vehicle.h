@@ -7,12 +7,14 @@
 #include <vector>
 
 #include "app/offload/hooks.h"
+#include "host/settings/key_options.h"
 
 namespace interneuron::cli {
 
 struct VehicleOptions {
   // The roadside unit as reached over each card, as link_options.h reads it.
   std::vector<std::string> links;
+  KeyOptions keys;
   std::uint16_t port = 0;
   // auto, udp or ring.
   std::string transport = "auto";

@@ -30,6 +30,11 @@ TransportKind datagrams_of(const std::string& name) {
   throw Failure(kFailed, "an order names no way of datagrams that there is");
 }
 
+SecretKey key_of(const Json& json) {
+  if (const auto key = parse_key(json.get<std::string>())) return SecretKey(*key);
+  throw Failure(kFailed, "an order holds a key that is none");
+}
+
 // Reads a file by `parse`, which throws Json::exception when something is missing.
 template <class Parse>
 auto read(const fs::path& file, const Parse& parse) {
@@ -75,11 +80,14 @@ fs::path write_order(const Order& order) {
   for (const Modem& m : order.modems) {
     modems.push_back({{"nic", m.nic}, {"vehicle", m.vehicle_address}, {"road", m.road_address}});
   }
+  Json keys = Json::array();
+  for (const SecretKey& key : order.keys) keys.push_back(to_base64(key.bytes()));
   lab::write_json(order.folder / kOrder, {{"transport", name_of(order.transport.kind)},
                                           {"mode", order.transport.mode},
                                           {"datagrams", to_string(order.transport.datagrams)},
                                           {"traffic", traffic_json(order.traffic)},
                                           {"modems", modems},
+                                          {"keys", keys},
                                           {"way_ns", order.way.count()}});
   return order.folder / kOrder;
 }
@@ -93,6 +101,7 @@ Order read_order(const fs::path& file) {
     for (const Json& m : json.at("modems")) {
       order.modems.push_back({m.at("nic"), m.at("vehicle"), m.at("road")});
     }
+    for (const Json& key : json.value("keys", Json::array())) order.keys.push_back(key_of(key));
     order.folder = file.parent_path();
     order.way = duration(json.at("way_ns"));
     return order;

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "interneuron/node_options.h"
+#include "interneuron/security.h"
 #include "interneuron/time.h"
 
 namespace interneuron::cli {
@@ -67,6 +68,9 @@ struct Order {
   // How long one way takes over the first modem without any queue, about; for transports that have
   // to be told how long to hold packets back.
   Duration way{};
+  // The private keys of Interneuron's ends, made for one run: the roadside unit's, then one for
+  // each vehicle. Without them the ends talk in the clear.
+  std::vector<SecretKey> keys = {};
 };
 
 // Where the roadside unit waits for messages.
@@ -96,7 +100,8 @@ struct RoadRecord {
   double cpu = 0;
 };
 
-// They throw Failure (1) that names the file when it cannot be written or read, or is none.
+// They throw Failure (1) that names the file when it cannot be written or read, or is none. Nobody
+// else may enter the order's folder: the file holds its keys.
 std::filesystem::path write_order(const Order& order);
 Order read_order(const std::filesystem::path& file);
 void write_record(const Order& order, const VehiclesRecord& record);

@@ -21,11 +21,24 @@ using namespace std::chrono_literals;
 constexpr Duration kPatience = 30s;
 constexpr Duration kLook = 10ms;
 
+// The keys of this end, which trusts the ends from `first` on, as the order numbers them.
+void set_keys(const Order& order, std::size_t own, std::size_t first, std::size_t trusted,
+              NodeOptions& options) {
+  options.insecure = order.keys.empty();
+  if (options.insecure) return;
+  auto security = std::make_shared<Security>();
+  security->key = order.keys.at(own);
+  for (std::size_t i = first; i < first + trusted; ++i) {
+    security->peers.push_back({public_key_of(order.keys.at(i)), {}});
+  }
+  options.security = security;
+}
+
 // One vehicle: a Node whose loop has a thread of its own.
 class Vehicle {
  public:
   Vehicle(const Order& order, std::uint32_t number)
-      : order_(order), number_(number), node_(options(order)) {
+      : order_(order), number_(number), node_(options(order, number)) {
     node_.on_peer_ready([this](PeerReady) { heard_ = true; });
     loop_ = std::thread([this] { run(); });
   }
@@ -53,8 +66,9 @@ class Vehicle {
   }
 
  private:
-  static NodeOptions options(const Order& order) {
+  static NodeOptions options(const Order& order, std::uint32_t number) {
     NodeOptions out;
+    set_keys(order, 1 + number, 0, 1, out);
     out.transport = order.transport.datagrams;
     for (std::size_t i = 0; i < order.modems.size(); ++i) {
       NodeLink link;
@@ -147,6 +161,7 @@ VehiclesRecord send_ours(const Order& order, const Begin& ready) {
 
 void receive_ours(const Order& order, const Ready& ready, Reception& reception) {
   NodeOptions options;
+  set_keys(order, 0, 1, order.traffic.vehicles(), options);
   options.transport = order.transport.datagrams;
   for (std::size_t i = 0; i < order.modems.size(); ++i) {
     NodeLink link;

@@ -80,6 +80,14 @@ bool has_control(const std::string& name) {
          errno == EPERM;
 }
 
+// Interneuron is compared as it is used: encrypted.
+Order with_keys(Order order) {
+  if (order.transport.kind != Kind::kOurs) return order;
+  const std::size_t ends = 1 + order.traffic.vehicles();
+  for (std::size_t i = order.keys.size(); i < ends; ++i) order.keys.push_back(random_key());
+  return order;
+}
+
 }  // namespace
 
 std::optional<std::string> lacks(const Transport& transport) {
@@ -104,7 +112,8 @@ std::vector<Modem> modems_of(const netns::State& state) {
   return out;
 }
 
-Played play(const netns::State& state, const Order& order, const Meanwhile& meanwhile) {
+Played play(const netns::State& state, const Order& given, const Meanwhile& meanwhile) {
+  const Order order = with_keys(given);
   if (order.transport.kind == Kind::kMptcp) allow_subflows(state);
   if (order.transport.kind == Kind::kFastDds) route_by_destination(state);
   const fs::path file = write_order(order);

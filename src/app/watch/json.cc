@@ -47,6 +47,8 @@ Json evidence_json(const Measured& m) {
       {"received_packets", m.counters.received_packets},
       {"sent_bytes", m.counters.sent_bytes},
       {"received_bytes", m.counters.received_bytes},
+      {"handshake_packets", m.counters.handshake_packets},
+      {"unauthentic_packets", m.counters.unauthentic_packets},
       {"path_reason", m.path_reason}};
 }
 
@@ -193,6 +195,8 @@ Measured measured_of(const Json& j) {
   m.counters.received_packets = whole_of<std::uint64_t>(e.at("received_packets"));
   m.counters.sent_bytes = whole_of<std::uint64_t>(e.at("sent_bytes"));
   m.counters.received_bytes = whole_of<std::uint64_t>(e.at("received_bytes"));
+  m.counters.handshake_packets = whole_of<std::uint64_t>(e.at("handshake_packets"));
+  m.counters.unauthentic_packets = whole_of<std::uint64_t>(e.at("unauthentic_packets"));
   return m;
 }
 

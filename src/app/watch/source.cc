@@ -12,6 +12,7 @@
 #include "app/watch/journal.h"
 #include "app/watch/json.h"
 #include "app/watch/live_state.h"
+#include "app/watch/time_keeper.h"
 #include "host/io/link_monitor.h"
 #include "host/io/steady_clock.h"
 #include "host/process/failure.h"
@@ -117,9 +118,13 @@ class PeerSource : public LinkSource {
  public:
   explicit PeerSource(const LinkSourceOptions& options)
       : peer_(options.links.empty() ? std::optional(resolve_peer(options.peer)) : std::nullopt),
+        credentials_(options.keys, Trusts::kThePeer),
         kernel_(peer_),
         node_(node_options(options)),
-        journal_(node_, "links") {
+        journal_(node_, "links"),
+        // This node computes nothing.
+        time_(node_, credentials_, Queue::kComputation) {
+    for (const std::string& warning : credentials_.warnings()) spdlog::warn("{}", warning);
     for (const std::string& warning : node_.warnings()) spdlog::warn("{}", warning);
     node_.on_nic_changed([this](const NicChanged& e) { journal_.add(e); });
     node_.on_path_changed([this](const PathChanged& e) { journal_.add(e); });
@@ -165,11 +170,13 @@ class PeerSource : public LinkSource {
   NodeOptions node_options(const LinkSourceOptions& options);
 
   std::optional<Address> peer_;
+  Credentials credentials_;
   KernelView kernel_;
   std::string text_;
   std::vector<LinkEvent> events_;
   Node node_;
   LinkJournal journal_;
+  TimeKeeper time_;
   std::atomic<bool> answered_{false};
   // Guards the members that follow.
   std::mutex mutex_;
@@ -198,13 +205,26 @@ NodeOptions PeerSource::node_options(const LinkSourceOptions& options) {
     for (const std::string& link : links) text_ += (text_.empty() ? "" : " ") + link;
   }
   append_links(links, LinkPeer::kNamed, node);
+  credentials_.apply(node);
   return node;
 }
 
 }  // namespace
 
+void add_source_options(CLI::App& command, LinkSourceOptions& options) {
+  command.add_option(
+      "--peer", options.peer,
+      "HOST[:PORT] of a roadside unit: measure towards it, over every card that has a "
+      "route (default: what a vehicle or road that runs here measures)");
+  add_link_option(command, "--link", options.links, LinkPeer::kNamed)->excludes("--peer");
+  add_key_options(command, options.keys, Trusts::kThePeer);
+}
+
 std::unique_ptr<LinkSource> make_link_source(const LinkSourceOptions& options) {
-  if (options.peer.empty() && options.links.empty()) return std::make_unique<LocalSource>();
+  if (!measures(options)) {
+    if (!is_given(options.keys)) return std::make_unique<LocalSource>();
+    throw Failure(kUsage, "keys and --insecure are for measuring; add --peer HOST or --link");
+  }
   return std::make_unique<PeerSource>(options);
 }
 

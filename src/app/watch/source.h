@@ -3,11 +3,13 @@
 // where there are none, from the kernel alone.
 #pragma once
 
+#include <CLI/CLI.hpp>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "app/watch/row.h"
+#include "host/settings/key_options.h"
 
 namespace interneuron::cli {
 
@@ -16,7 +18,16 @@ struct LinkSourceOptions {
   std::string peer;
   // Each as --link gives it. Without any, `peer` is reached over every NIC that can be used.
   std::vector<std::string> links;
+  // Of the node that talks to the peer.
+  KeyOptions keys;
 };
+
+// Whether the figures are those of a node of our own.
+inline bool measures(const LinkSourceOptions& options) {
+  return !options.peer.empty() || !options.links.empty();
+}
+// Adds --peer, --link and the options of keys.
+void add_source_options(CLI::App& command, LinkSourceOptions& options);
 
 // Belongs to one thread.
 class LinkSource {
@@ -33,8 +44,8 @@ class LinkSource {
   virtual std::string peer_text() const { return {}; }
 };
 
-// Throws Failure (1 for an unknown host or when no NIC can be used, 2 for a malformed option), or
-// what Node throws.
+// Throws Failure (1 for an unknown host or when no NIC can be used, 2 for a malformed option or one
+// without effect, 3 where a key is missing), or what Node throws.
 std::unique_ptr<LinkSource> make_link_source(const LinkSourceOptions& options);
 
 }  // namespace interneuron::cli

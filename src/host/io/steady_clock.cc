@@ -12,11 +12,13 @@ TimePoint now() {
   return TimePoint{std::chrono::seconds{t.tv_sec} + Duration{t.tv_nsec}};
 }
 
-Duration wall_offset() {
+std::int64_t unix_time_ns() {
   timespec t{};
   clock_gettime(CLOCK_REALTIME, &t);
-  return std::chrono::seconds{t.tv_sec} + Duration{t.tv_nsec} - now().time_since_epoch();
+  return Duration{std::chrono::seconds{t.tv_sec} + Duration{t.tv_nsec}}.count();
 }
+
+Duration wall_offset() { return Duration{unix_time_ns()} - now().time_since_epoch(); }
 
 TimePoint instant_of_stamp(Duration stamp, TimePoint now, Duration wall_offset) {
   const Duration age = now.time_since_epoch() + wall_offset - stamp;

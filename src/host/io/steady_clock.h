@@ -1,6 +1,8 @@
 // The one place where the library reads a clock; everything else is told the time.
 #pragma once
 
+#include <cstdint>
+
 #include "interneuron/time.h"
 
 namespace interneuron::io {
@@ -13,6 +15,9 @@ TimePoint now();
 // others read as the time of day, and for the kernel's stamps. Nothing is decided by it.
 // Thread-safe.
 Duration wall_offset();
+
+// CLOCK_REALTIME in ns since 1970, which may be wrong and may go back. Thread-safe.
+std::int64_t unix_time_ns();
 
 // When something happened that the kernel has stamped with CLOCK_REALTIME so long ago; `now`, and
 // what wall_offset() was then. Only the age of the stamp counts, so that a step of that clock

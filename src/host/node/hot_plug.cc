@@ -5,6 +5,7 @@
 
 #include "host/io/steady_clock.h"
 #include "host/node/node_impl.h"
+#include "host/node/setup.h"
 
 namespace interneuron {
 
@@ -21,7 +22,13 @@ void Node::Impl::connect() {
       addresses.emplace_back(link->options.id, *peer);
     }
   }
-  if (!addresses.empty()) peer_ = endpoint_.connect(io::now(), addresses);
+  if (!addresses.empty()) peer_ = connect(addresses, links_.options().peer_key);
+}
+
+PeerId Node::Impl::connect(std::span<const std::pair<LinkId, Address>> addresses,
+                           const std::optional<PublicKey>& key) {
+  for (const auto& [link, address] : addresses) check_peer_address(links_.options(), address);
+  return endpoint_.connect(io::now(), addresses, key);
 }
 
 void Node::Impl::open_port(const LinkSet::Link& link) {
@@ -41,7 +48,7 @@ void Node::Impl::link_opened(LinkSet::Link& link) {
   if (peer_) {
     endpoint_.add_path(io::now(), *peer_, path.first, path.second);
   } else {
-    peer_ = endpoint_.connect(io::now(), {&path, 1});
+    peer_ = connect({&path, 1}, links_.options().peer_key);
   }
 }
 

@@ -82,6 +82,7 @@ class LinkSet {
   // A send failed with this errno because the NIC is gone; the kernel's event follows later.
   void lost(LinkId link, int error);
 
+  const NodeOptions& options() const { return options_; }
   const std::vector<std::unique_ptr<Link>>& links() const { return links_; }
   Link* find(LinkId link) const;
   const std::vector<std::string>& warnings() const { return warnings_; }

@@ -53,8 +53,9 @@ void Node::on_statistics(Duration interval, std::function<void(const Statistics&
   impl_->set_statistics(interval, std::move(handler));
 }
 
-PeerId Node::connect(std::span<const std::pair<LinkId, Address>> addresses) {
-  return impl_->endpoint().connect(io::now(), addresses);
+PeerId Node::connect(std::span<const std::pair<LinkId, Address>> addresses,
+                     const std::optional<PublicKey>& key) {
+  return impl_->connect(addresses, key);
 }
 bool Node::request_train(PeerId peer, LinkId link) {
   return impl_->endpoint().request_train(io::now(), peer, link);
@@ -129,6 +130,7 @@ std::optional<Address> Node::local_address(LinkId id) const {
   if (link == nullptr || !link->transport) return std::nullopt;
   return link->transport->local_address();
 }
+std::int64_t Node::unix_time_ns() const { return impl_->endpoint().unix_time_ns(io::now()); }
 std::uint64_t Node::stalled_datagrams(LinkId link) const { return impl_->outbox().stalled(link); }
 const std::vector<std::string>& Node::warnings() const { return impl_->warnings(); }
 

@@ -57,6 +57,8 @@ class Node::Impl : private Outbox::Source, private LinkSet::User {
   void compute(Queue queue, Job job);
   void post(Task task);
 
+  PeerId connect(std::span<const std::pair<LinkId, Address>> addresses,
+                 const std::optional<PublicKey>& key);
   const LinkSet::Link* find(LinkId link) const { return links_.find(link); }
   Statistics statistics() const;
   void set_statistics(Duration interval, std::function<void(const Statistics&)> handler);

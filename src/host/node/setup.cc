@@ -8,6 +8,8 @@
 #include "host/io/address.h"
 #include "host/io/nic_choice.h"
 #include "host/io/open_transport.h"
+#include "host/io/random.h"
+#include "host/io/steady_clock.h"
 
 namespace interneuron {
 
@@ -64,9 +66,11 @@ Address local_of(const NodeLink& link, const io::Nic& nic, const Binding& bindin
   return *make_address(ipv6 ? "::" : "0.0.0.0", binding.port);
 }
 
+constexpr const char* kInsecureRemedy =
+    ", where nothing is sent in the clear; use keys (`interneuron keys gen`) instead of --insecure";
+
 void refuse_public(const NodeLink& link, const Address& local, const io::Nic& nic) {
-  static const std::string remedy =
-      ", and sessions are not encrypted yet; bind a private address or pass --insecure";
+  static const std::string remedy = std::string(kInsecureRemedy) + ", or bind a private address";
   if (!is_unspecified(local)) {
     if (is_private(local)) return;
     throw std::invalid_argument(host_of(local) + " on " + link.nic + " is a public address" +
@@ -84,16 +88,73 @@ void refuse_public(const NodeLink& link, const Address& local, const io::Nic& ni
   if (!any) throw std::invalid_argument(link.nic + " has no address that is known" + remedy);
 }
 
+// Whether addresses of NICs that serve have to be private.
+bool serves_in_the_clear(const NodeOptions& options) {
+  return options.accept_peers && !options.security;
+}
+
+bool names_a_peer(const NodeOptions& options) {
+  return std::ranges::any_of(options.links, [](const NodeLink& l) { return !l.peer.empty(); }) ||
+         std::ranges::any_of(options.rules, [](const NodeNicRule& r) { return !r.peer.empty(); });
+}
+
+void check_security(const NodeOptions& options) {
+  if (!options.security) {
+    if (options.insecure) return;
+    throw std::invalid_argument(
+        "a node needs keys (NodeOptions::security); NodeOptions::insecure does without, in a "
+        "network of one's own");
+  }
+  if (options.insecure) {
+    throw std::invalid_argument("NodeOptions::insecure is for nodes without keys, and there are");
+  }
+  const Security& security = *options.security;
+  if (security.key == SecretKey{}) {
+    throw std::invalid_argument("NodeOptions::security has no private key");
+  }
+  if (!options.peer_key) {
+    if (!names_a_peer(options) || security.peers.size() == 1) return;
+    throw std::invalid_argument("NodeOptions::peer_key has to say which of " +
+                                std::to_string(security.peers.size()) +
+                                " trusted hosts the links name");
+  }
+  if (std::ranges::find(security.peers, *options.peer_key, &TrustedPeer::key) ==
+      security.peers.end()) {
+    throw std::invalid_argument("the peer's key " + to_base64(*options.peer_key) +
+                                " is not among those that NodeOptions::security trusts");
+  }
+}
+
+// The keys with what the caller leaves to the node.
+std::shared_ptr<const Security> completed(const Security& given) {
+  io::start_crypto();
+  auto out = std::make_shared<Security>(given);
+  if (out->seed == SecretKey{}) out->seed = random_key();
+  if (out->unix_time_ns == 0) out->unix_time_ns = io::unix_time_ns();
+  return out;
+}
+
 }  // namespace
+
+void check_peer_address(const NodeOptions& options, const Address& peer) {
+  if (options.security || is_private(peer)) return;
+  throw std::invalid_argument("the peer " + to_string(peer) + " has a public address" +
+                              kInsecureRemedy);
+}
 
 void check_options(const NodeOptions& options) {
   if (options.links.empty() && options.rules.empty()) {
     throw std::invalid_argument("a node needs at least one link");
   }
+  check_security(options);
   for (const NodeNicRule& rule : options.rules) {
     const std::string wrong = io::nic_pattern_error(rule.pattern);
     if (!wrong.empty()) throw std::invalid_argument(wrong);
-    peer_of({.nic = rule.pattern, .peer = rule.peer});
+    const auto peer = peer_of({.nic = rule.pattern, .peer = rule.peer});
+    if (peer) check_peer_address(options, *peer);
+  }
+  for (const NodeLink& link : options.links) {
+    if (const auto peer = peer_of(link)) check_peer_address(options, *peer);
   }
   for (std::size_t i = 0; i < options.links.size(); ++i) {
     for (std::size_t j = 0; j < i; ++j) {
@@ -120,6 +181,7 @@ EndpointOptions endpoint_options(const NodeOptions& options) {
   out.max_peers = options.max_peers;
   out.peer_limits = options.peer_limits;
   for (const std::string& relay : options.relays) out.relays.push_back(relay_of(relay));
+  if (options.security) out.security = completed(*options.security);
   out.ablation = options.ablation;
   out.reassembly_budget_bytes = options.reassembly_budget_bytes;
   out.send_budget_bytes = options.send_budget_bytes;
@@ -128,9 +190,7 @@ EndpointOptions endpoint_options(const NodeOptions& options) {
 
 void check_link(const NodeOptions& options, const NodeLink& link, const io::Nic& nic) {
   const Address local = local_of(link, nic, {.port = options.port});
-  if (options.accept_peers && !options.insecure && !is_unspecified(local)) {
-    refuse_public(link, local, nic);
-  }
+  if (serves_in_the_clear(options) && !is_unspecified(local)) refuse_public(link, local, nic);
 }
 
 OpenedLink open_link(const NodeOptions& options, const NodeLink& link, const io::Nic& nic,
@@ -141,7 +201,7 @@ OpenedLink open_link(const NodeOptions& options, const NodeLink& link, const io:
   udp.answer_from_receiver = link.peer.empty();
   udp.may_wait = binding.may_wait;
   udp.local = local_of(link, nic, binding);
-  if (options.accept_peers && !options.insecure) refuse_public(link, udp.local, nic);
+  if (serves_in_the_clear(options)) refuse_public(link, udp.local, nic);
   OpenedLink out;
   out.info = {link.nic, link.mtu != 0 ? link.mtu : nic.mtu, link.traits};
   io::OpenTransport opened;
@@ -167,7 +227,7 @@ bool still_fits(const NodeOptions& options, const NodeLink& link, const Address&
       std::ranges::find(nic.addresses, host) == nic.addresses.end()) {
     return false;
   }
-  if (!options.accept_peers || options.insecure) return true;
+  if (!serves_in_the_clear(options)) return true;
   try {
     refuse_public(link, local, nic);
   } catch (const std::invalid_argument&) {

@@ -15,11 +15,15 @@ namespace interneuron {
 // Refuses what cannot work before anything is opened.
 void check_options(const NodeOptions& options);
 
-// A random session id and the options that the endpoint shares with the node.
+// Refuses a public address of a peer where packets are in the clear.
+void check_peer_address(const NodeOptions& options, const Address& peer);
+
+// A random session id and the options that the endpoint shares with the node; of its keys the seed
+// and the time where the caller has given none. Throws IoError where there are no random bytes.
 EndpointOptions endpoint_options(const NodeOptions& options);
 
-// Refuses addresses that cannot be, or that NodeOptions::insecure forbids, whatever the NIC's
-// state.
+// Refuses addresses that cannot be, or that may not serve in the clear (NodeOptions::insecure),
+// whatever the NIC's state.
 void check_link(const NodeOptions& options, const NodeLink& link, const io::Nic& nic);
 
 struct OpenedLink {

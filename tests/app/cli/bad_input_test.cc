@@ -81,7 +81,27 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"NatTimeoutTooLong", "doctor --peer 127.0.0.1 --nat-timeout 241", 2,
                 "--nat-timeout"},
         Mistake{"NoNic", "road", 2, "--nic"},
-        Mistake{"UnknownNic", "road --nic wwan77 --ladder motion", 2, "wwan77"},
+        Mistake{"UnknownNic", "road --insecure --nic wwan77 --ladder motion", 2, "wwan77"},
+        Mistake{"RoadWithoutAKey", "road --nic lo --ladder none", 3, "run `interneuron keys gen`"},
+        Mistake{"VehicleWithoutAKey", "vehicle --link lo=127.0.0.1:9", 3, "--insecure"},
+        Mistake{"LinksWithoutAKey", "links --peer 127.0.0.1", 3, "run `interneuron keys gen`"},
+        Mistake{"TopWithoutAKey", "top --once --peer 127.0.0.1", 3, "run `interneuron keys gen`"},
+        Mistake{"MissingKey", "road --nic lo --key nowhere", 3, "keys gen --out nowhere"},
+        Mistake{"KeyAndInsecure", "road --nic lo --insecure --key x", 2, "leave out --key"},
+        Mistake{"TrustAndInsecure",
+                "road --nic lo --insecure --trust hSDwCYkwp1R0i33ctD73Wg2/Og0mOBr066SpjqqbTmo=", 2,
+                "leave out --trust"},
+        Mistake{"TrustOfNoKey", "road --nic lo --trust abc", 2, "44 characters"},
+        Mistake{"PeerKeyOfNoKey", "vehicle --link lo=127.0.0.1:9 --peer-key abc,psk=f", 2,
+                "'abc,psk=f'"},
+        Mistake{"KeyOfNothing", "links --insecure", 2, "add --peer HOST or --link"},
+        Mistake{"PublicPeerInTheClear", "links --insecure --link lo=203.0.113.5:47000", 1,
+                "203.0.113.5:47000 has a public address"},
+        Mistake{"KeysOfWhat", "keys", 2, "subcommand"},
+        Mistake{"PublicKeyOfNothing", "keys pub", 3, "keys gen"},
+        Mistake{"PublicKeyOfNoFile", "keys pub nowhere", 3, "'nowhere' is not there"},
+        Mistake{"PublicKeyOfAFolder", "keys pub /", 3, "is no regular file"},
+        Mistake{"NewKeyNowhere", "keys gen --out /nowhere/key", 1, "/nowhere/key"},
         Mistake{"RoadAddress", "road --nic lo --address nope", 2, "nope"},
         Mistake{"ProbeOfNobody", "probe", 2, "--peer"},
         Mistake{"ProbeOfABadPort", "probe --peer roadside.example:port", 2, "HOST:PORT"},
@@ -142,14 +162,14 @@ TEST(BadInput, AProfileThatIsWrongIsNamedAndNothingIsLeft) {
 
 TEST(BadInput, AModelThatIsNotThere) {
   const TempFolder data;
-  const Ran ran = run("road --nic lo --ladder dnn --data '" + data.string() + "'");
+  const Ran ran = run("road --insecure --nic lo --ladder dnn --data '" + data.string() + "'");
   EXPECT_EQ(ran.code, 3) << ran.output;
   EXPECT_NE(ran.output.find("fetch_data.sh"), std::string::npos) << ran.output;
 }
 
 TEST(BadInput, AnAbsentRoadsideUnitIsNamed) {
   const Ran ran =
-      run("vehicle --link lo=127.0.0.1:9 --wait-s 0.5 --ladder motion -q --video "
+      run("vehicle --insecure --link lo=127.0.0.1:9 --wait-s 0.5 --ladder motion -q --video "
           "'" INTERNEURON_SOURCE_DIR "/docs/latency.png'");
   EXPECT_EQ(ran.code, 1) << ran.output;
   EXPECT_NE(ran.output.find("no roadside unit answered"), std::string::npos) << ran.output;
@@ -157,9 +177,10 @@ TEST(BadInput, AnAbsentRoadsideUnitIsNamed) {
 }
 
 TEST(BadInput, HelpAndVersionAreFine) {
-  for (const char* arguments : {"--help", "demo --help", "vehicle --help", "road --help",
-                                "testbed --help", "version", "links --help", "top --help",
-                                "doctor --help", "probe --help", "eval --help", "report --help"}) {
+  for (const char* arguments :
+       {"--help", "demo --help", "vehicle --help", "road --help", "testbed --help", "version",
+        "links --help", "top --help", "keys --help", "keys gen --help", "doctor --help",
+        "probe --help", "eval --help", "report --help"}) {
     EXPECT_EQ(run(arguments).code, 0) << arguments;
   }
   EXPECT_EQ(run_program(NATURE_PROGRAM, "--help").code, 0);

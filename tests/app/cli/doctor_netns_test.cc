@@ -195,13 +195,13 @@ class BehindNat {
                     .code,
                 0);
     }
-    road_ =
-        std::make_unique<Beside>("env XDG_RUNTIME_DIR='" INTERNEURON_BINARY_DIR
-                                 "/run' '" INTERNEURON_PROGRAM "' testbed run --in road" +
-                                 name_ +
-                                 "-- '" INTERNEURON_PROGRAM
-                                 "' road --nic '*' --ladder motion --calibration-runs 1 --video "
-                                 "'" INTERNEURON_SOURCE_DIR "/docs/latency.png'");
+    road_ = std::make_unique<Beside>(
+        "env XDG_RUNTIME_DIR='" INTERNEURON_BINARY_DIR "/run' '" INTERNEURON_PROGRAM
+        "' testbed run --in road" +
+        name_ +
+        "-- '" INTERNEURON_PROGRAM
+        "' road --insecure --nic '*' --ladder motion --calibration-runs 1 --video "
+        "'" INTERNEURON_SOURCE_DIR "/docs/latency.png'");
     EXPECT_TRUE(road_->ready());
   }
   ~BehindNat() {

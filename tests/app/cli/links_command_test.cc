@@ -36,8 +36,8 @@ class Road {
       ::dup2(out[1], STDOUT_FILENO);
       const int null = ::open("/dev/null", O_RDWR);
       ::dup2(null, STDERR_FILENO);
-      ::execl(INTERNEURON_PROGRAM, INTERNEURON_PROGRAM, "road", "--nic", "lo,trusted", "--ladder",
-              "motion", "--calibration-runs", "1", "--video", kPicture, nullptr);
+      ::execl(INTERNEURON_PROGRAM, INTERNEURON_PROGRAM, "road", "--insecure", "--nic", "lo,trusted",
+              "--ladder", "motion", "--calibration-runs", "1", "--video", kPicture, nullptr);
       ::_exit(127);
     }
     ::close(out[1]);
@@ -90,7 +90,7 @@ TEST(LinksCommand, MeasuresTowardsAPeerAndAProgramTellsItsOwn) {
   io::in_namespace([] {
     const Road road;
     ASSERT_TRUE(road.ready()) << "a roadside unit that is ready";
-    const Ran ran = run("links --peer 127.0.0.1 --for 1.5 --json", false);
+    const Ran ran = run("links --insecure --peer 127.0.0.1 --for 1.5 --json", false);
     const json report = json::parse(ran.output);
     EXPECT_EQ(ran.code, 0) << "exit code 0";
     for (const std::string& what : violations(schema_of("links.json"), report)) {
@@ -110,7 +110,7 @@ TEST(LinksCommand, AProgramTellsWhatItMeasures) {
     const Road road;
     ASSERT_TRUE(road.ready()) << "a roadside unit that is ready";
     // Somebody for the road to measure towards.
-    std::thread other([] { run("links --peer 127.0.0.1 --for 6 --json", false); });
+    std::thread other([] { run("links --insecure --peer 127.0.0.1 --for 6 --json", false); });
     json lo;
     const auto told = [&lo] { return lo.contains("program") && lo["program"] == "road"; };
     for (int i = 0; i < 5 && !told(); ++i) {
@@ -139,7 +139,7 @@ TEST(LinksCommand, AStreamIsALinePerInterval) {
 
 TEST(LinksCommand, ASilentPeerIsNamedBesideTheTable) {
   io::in_namespace([] {
-    const Ran ran = run("links --peer 127.0.0.1:9 --for 0.5");
+    const Ran ran = run("links --insecure --peer 127.0.0.1:9 --for 0.5");
     EXPECT_EQ(ran.code, 1) << "exit code 1";
     EXPECT_THAT(ran.output, testing::HasSubstr("no answer from 127.0.0.1:9")) << "its name";
     EXPECT_THAT(ran.output, testing::HasSubstr("NIC")) << "the table all the same";

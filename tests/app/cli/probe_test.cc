@@ -13,7 +13,7 @@ using Json = nlohmann::json;
 
 std::string road(const std::string& options) {
   return "'" INTERNEURON_PROGRAM
-         "' road --nic lo --port 0 --ladder motion --calibration-runs 1 --video "
+         "' road --insecure --nic lo --port 0 --ladder motion --calibration-runs 1 --video "
          "'" INTERNEURON_SOURCE_DIR "/docs/latency.png' " +
          options;
 }

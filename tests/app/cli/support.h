@@ -24,8 +24,9 @@ inline Ran run_program(const std::string& program, const std::string& arguments,
   // Testbeds keep their state in the build folder, not in the user's.
   const std::filesystem::path state = INTERNEURON_BINARY_DIR "/run";
   std::filesystem::create_directories(state);
-  const std::string command = "XDG_RUNTIME_DIR='" + state.string() + "' '" + program + "' " +
-                              arguments +
+  // Nor is the key of whoever runs the tests used.
+  const std::string command = "XDG_RUNTIME_DIR='" + state.string() + "' XDG_CONFIG_HOME='" +
+                              INTERNEURON_BINARY_DIR "/no-config' '" + program + "' " + arguments +
                               (with_stderr ? " 2>&1 </dev/null" : " 2>/dev/null </dev/null");
   Ran ran;
   FILE* pipe = ::popen(command.c_str(), "r");

@@ -108,10 +108,11 @@ TEST_F(TestbedCommand, AScenarioFixesLinksSeedsAndEvents) {
 // network answers from that address, as the routes of a host with several cards require.
 TEST_F(TestbedCommand, OneAddressOfARoadsideUnitIsMeasuredOverEveryCard) {
   ASSERT_EQ(run("testbed up --profile a=clean,b=clean" + name_).code, 0);
-  const Beside road(
-      "env XDG_RUNTIME_DIR='" INTERNEURON_BINARY_DIR "/run' '" INTERNEURON_PROGRAM
-      "' testbed run --in road" +
-      name_ + " -- '" INTERNEURON_PROGRAM "' road --nic ifa --nic ifb --ladder none --stamp 8620");
+  const Beside road("env XDG_RUNTIME_DIR='" INTERNEURON_BINARY_DIR "/run' '" INTERNEURON_PROGRAM
+                    "' testbed run --in road" +
+                    name_ +
+                    " -- '" INTERNEURON_PROGRAM
+                    "' road --insecure --nic ifa --nic ifb --ladder none --stamp 8620");
   ASSERT_TRUE(road.ready());
   for (const std::string format : {"", " --stamp 8620"}) {
     const Ran ran = run("testbed run" + name_ +

@@ -49,7 +49,7 @@ void expect_that_it_is_refused(const std::string& transport, const std::string& 
   // By name and by rule, which would wait for its NICs otherwise.
   for (const char* nic : {"lo", "'l*'"}) {
     const std::string arguments =
-        "road --ladder none --transport " + transport + " --nic " + std::string(nic);
+        "road --insecure --ladder none --transport " + transport + " --nic " + std::string(nic);
     const Ran ran = run_without(capability, arguments);
     EXPECT_EQ(ran.code, 5) << ran.output;
     EXPECT_NE(ran.output.find(remedy), std::string::npos) << ran.output;
@@ -73,7 +73,7 @@ TEST(TransportOption, XdpWithoutLockedMemoryIsAnErrorWithTheRemedy) {
     const Ran ran = run_program(
         "sh",
         "-c 'ulimit -l 1024 && exec setpriv --bounding-set -ipc_lock --inh-caps -ipc_lock "
-        "\"" INTERNEURON_PROGRAM "\" road --ladder none --transport xdp --nic \"" +
+        "\"" INTERNEURON_PROGRAM "\" road --insecure --ladder none --transport xdp --nic \"" +
             std::string(nic) + "\"'");
     EXPECT_EQ(ran.code, 5) << ran.output;
     EXPECT_NE(ran.output.find("cap_ipc_lock"), std::string::npos) << ran.output;

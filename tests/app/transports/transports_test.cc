@@ -35,7 +35,8 @@ Order order_in(const std::filesystem::path& folder) {
 TEST(Transports, OrdersAreReadAsTheyWereWritten) {
   const auto folder = folder_of("orders");
   const Scratch scratch(folder);
-  const Order written = order_in(folder);
+  Order written = order_in(folder);
+  for (int i = 0; i < 3; ++i) written.keys.push_back(random_key());
   const Order read = read_order(write_order(written));
   EXPECT_EQ(read.transport, written.transport);
   EXPECT_EQ(read.traffic.variant_bytes, written.traffic.variant_bytes);
@@ -45,6 +46,7 @@ TEST(Transports, OrdersAreReadAsTheyWereWritten) {
   EXPECT_EQ(read.traffic.first, written.traffic.first);
   EXPECT_EQ(read.folder, folder);
   EXPECT_EQ(read.way, 15ms);
+  EXPECT_EQ(read.keys, written.keys);
   ASSERT_EQ(read.modems.size(), 2U);
   EXPECT_EQ(read.modems[1].nic, "ifb");
   EXPECT_EQ(read.modems[1].vehicle_address, "10.78.1.2");
@@ -56,6 +58,14 @@ TEST(Transports, AnOrderThatMakesNoSenseIsRefused) {
   EXPECT_THROW(read_order(folder / "order.json"), Failure);
   std::ofstream(folder / "order.json") << R"({"transport": "pigeon", "mode": ""})";
   EXPECT_THROW(read_order(folder / "order.json"), Failure);
+  Order order = order_in(folder);
+  order.keys.emplace_back();
+  const auto file = write_order(order);
+  std::ifstream in(file);
+  std::string text(std::istreambuf_iterator<char>(in), {});
+  text.replace(text.find("AAAA"), 4, "====");
+  std::ofstream(file) << text;
+  EXPECT_THROW(read_order(file), Failure);
 }
 
 TEST(Transports, RecordsAreReadAsTheyWereWritten) {

@@ -24,6 +24,8 @@ TEST(LinksJson, IsAsTheSchemaSays) {
   EXPECT_EQ(link["traits"]["rate_cap_mbit"], 20.0);
   EXPECT_EQ(link["nature"]["bandwidth"], 0.5);
   EXPECT_EQ(link["evidence"]["rate_age_s"], 2.5);
+  EXPECT_EQ(link["evidence"]["handshake_packets"], 3);
+  EXPECT_EQ(link["evidence"]["unauthentic_packets"], 4);
   EXPECT_TRUE(json["links"][1]["rtt_ms"].is_null());
   const Json& program = json["programs"][0];
   EXPECT_EQ(program["loop_stall_ms"], 4.5);
@@ -71,6 +73,7 @@ TEST(LiveJson, ComesBackAsItWas) {
   ASSERT_TRUE(back);
   EXPECT_EQ(live_json(*back), live_json(live));
   EXPECT_EQ(back->links[0].measured.state.rtt_p50, from_ms(20));
+  EXPECT_EQ(back->links[0].measured.counters.unauthentic_packets, 4U);
   EXPECT_EQ(back->links[1].measured.state.age, Duration::max());
   EXPECT_EQ(back->events, live.events);
   EXPECT_EQ(back->loop_stall, live.loop_stall);

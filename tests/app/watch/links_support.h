@@ -60,6 +60,8 @@ inline Measured made_up_figures(double rtt_ms = 20, double mbit = 50) {
   m.counters.received_packets = 90;
   m.counters.sent_bytes = 1000;
   m.counters.received_bytes = 900;
+  m.counters.handshake_packets = 3;
+  m.counters.unauthentic_packets = 4;
   return m;
 }
 

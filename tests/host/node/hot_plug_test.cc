@@ -37,6 +37,7 @@ bool shell_all(const std::vector<std::string>& commands) {
 
 NodeOptions road_options() {
   NodeOptions options;
+  options.insecure = true;
   options.links = {{.id = LinkId{0}, .nic = "vb"}, {.id = LinkId{1}, .nic = "wb"}};
   options.port = kPort;
   options.accept_peers = true;
@@ -45,6 +46,7 @@ NodeOptions road_options() {
 
 NodeOptions vehicle_options(TransportKind transport) {
   NodeOptions options;
+  options.insecure = true;
   options.transport = transport;
   options.links = {{.id = LinkId{0}, .nic = "va", .peer = "10.99.0.2:47000"},
                    {.id = LinkId{1}, .nic = "wa", .peer = "10.98.0.2:47000"}};

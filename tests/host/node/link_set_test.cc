@@ -19,6 +19,7 @@
 #include "host/io/udp_transport.h"
 #include "tests/host/io/namespace.h"
 #include "tests/host/io/support.h"
+#include "tests/trust.h"
 
 namespace interneuron {
 namespace {
@@ -51,6 +52,7 @@ class Notes : public LinkSet::User {
 
 NodeOptions with_rule(std::string pattern, std::string peer = "") {
   NodeOptions options;
+  options.insecure = true;
   options.rules = {{.pattern = std::move(pattern), .traits = {}, .peer = std::move(peer)}};
   return options;
 }
@@ -100,11 +102,14 @@ TEST(LinkSet, CardsThatCannotBeUsedAreToldWithTheReasons) {
   io::in_namespace([] {
     if (!io::shell("ip link set va down")) GTEST_SKIP() << "this kernel lacks what the test needs";
     NodeOptions options;
+    options.insecure = true;
     options.links = {{.id = LinkId{0}, .nic = "va", .peer = "10.99.0.2:9"},
                      {.id = LinkId{1}, .nic = "vb"}};
     EXPECT_EQ(error_of(options),
               "no network card can be used: va: administratively down; vb: no carrier");
     options.links = {{.id = LinkId{0}, .nic = "lo", .peer = "198.51.100.1:9"}};
+    options.insecure = false;
+    options.security = security_of(1, {2});
     EXPECT_EQ(error_of(options),
               "no network card can be used: lo: nothing routes to 198.51.100.1 "
               "through it");
@@ -367,6 +372,7 @@ TEST(LinkSet, WhereOnlyARuleForTheSourceRoutesTheSocketIsBoundToIt) {
 
 TEST(Statistics, AreToldAtIntervals) {
   NodeOptions options;
+  options.insecure = true;
   options.links = {{.id = LinkId{3}, .nic = "lo"}};
   Node node(options);
   EXPECT_THROW(node.on_statistics(Duration::zero(), [](const Statistics&) {}),

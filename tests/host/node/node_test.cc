@@ -33,6 +33,7 @@ Bytes text(std::string_view s) {
 
 NodeOptions road_options() {
   NodeOptions options;
+  options.insecure = true;
   options.links = {{.id = LinkId{0}, .nic = "lo", .local_address = "127.0.0.1"},
                    {.id = LinkId{1}, .nic = "lo", .local_address = "127.0.0.2"}};
   options.accept_peers = true;
@@ -306,6 +307,7 @@ void expect_that_messages_travel_through(TransportKind kind, io::Root root) {
         const io::TwoHosts hosts;
         if (!hosts.made()) GTEST_SKIP();
         NodeOptions options;
+        options.insecure = true;
         options.links = {{.id = LinkId{0}, .nic = "vb"}};
         options.accept_peers = true;
         options.transport = kind;
@@ -351,6 +353,7 @@ TEST(Node, MessagesTravelThroughXdp) {
 TEST(Node, ACardThatVanishesIsReportedAndTheOthersGoOn) {
   io::in_namespace([] {
     NodeOptions options;
+    options.insecure = true;
     options.links = {{.id = LinkId{0}, .nic = "va", .peer = "10.99.0.2:9"},
                      {.id = LinkId{1}, .nic = "lo", .peer = "127.0.0.1:9"}};
     Node node(options);
@@ -384,6 +387,7 @@ TEST(Node, TheFirstLinkToThePeerMayComeLater) {
   io::in_namespace([] {
     if (!io::shell("ip link set va down")) GTEST_SKIP() << "this kernel lacks what the test needs";
     NodeOptions options;
+    options.insecure = true;
     options.links = {{.id = LinkId{0}, .nic = "va", .peer = "10.99.0.2:9"},
                      {.id = LinkId{1}, .nic = "lo"}};
     Node node(options);

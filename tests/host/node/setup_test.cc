@@ -7,11 +7,15 @@
 #include <cerrno>
 #include <memory>
 
+#include "host/io/steady_clock.h"
+#include "tests/trust.h"
+
 namespace interneuron {
 namespace {
 
 NodeOptions one_link(std::string local = "127.0.0.1") {
   NodeOptions options;
+  options.insecure = true;
   options.links = {{.id = LinkId{0}, .nic = "lo", .local_address = std::move(local)}};
   return options;
 }
@@ -91,18 +95,88 @@ TEST(Setup, AnEndpointThatRefusesLeavesNothingOpen) {
   error_of<std::invalid_argument>(options);
 }
 
-TEST(Setup, ServingAPublicAddressNeedsInsecure) {
+// Keys of which the node draws the rest.
+std::shared_ptr<Security> keys(std::initializer_list<int> peers) {
+  auto security = std::make_shared<Security>(*security_of(1, peers));
+  security->seed = {};
+  security->unix_time_ns = 0;
+  return security;
+}
+
+TEST(Setup, NothingIsServedInTheClearOnAPublicAddress) {
   NodeOptions options = one_link("203.0.113.5");
   options.accept_peers = true;
   EXPECT_EQ(error_of<std::invalid_argument>(options),
-            "203.0.113.5 on lo is a public address, and sessions are not encrypted yet; bind a "
-            "private address or pass --insecure");
-  options.insecure = true;  // then it only fails because lo has no such address
+            "203.0.113.5 on lo is a public address, where nothing is sent in the clear; use keys "
+            "(`interneuron keys gen`) instead of --insecure, or bind a private address");
+  options.insecure = false;
+  options.security = keys({2});  // then it only fails because lo has no such address
   EXPECT_THAT(error_of<IoError>(options), testing::StartsWith("203.0.113.5 is no address of lo"));
   options = one_link("");
   options.accept_peers = true;
   Node every_address_of_lo_is_private(options);
   EXPECT_TRUE(is_unspecified(*every_address_of_lo_is_private.local_address(LinkId{0})));
+}
+
+TEST(Setup, NothingIsSentInTheClearToAPublicAddress) {
+  const std::string says =
+      "the peer 203.0.113.5:9 has a public address, where nothing is sent in the clear; use keys "
+      "(`interneuron keys gen`) instead of --insecure";
+  NodeOptions options = one_link();
+  options.links[0].peer = "203.0.113.5:9";
+  EXPECT_EQ(error_of<std::invalid_argument>(options), says);
+  options.links.clear();
+  options.rules = {{.pattern = "l*", .traits = {}, .peer = "203.0.113.5:9"}};
+  EXPECT_EQ(error_of<std::invalid_argument>(options), says);
+  Node node(one_link());
+  const std::pair path{LinkId{0}, *parse_address("203.0.113.5:9")};
+  EXPECT_THROW(node.connect({&path, 1}), std::invalid_argument);
+}
+
+TEST(Setup, ANodeHasKeysOrIsInsecure) {
+  NodeOptions options = one_link();
+  options.insecure = false;
+  EXPECT_THAT(error_of<std::invalid_argument>(options), testing::HasSubstr("needs keys"));
+  options.insecure = true;
+  options.security = keys({2});
+  EXPECT_THAT(error_of<std::invalid_argument>(options), testing::HasSubstr("without keys"));
+  options.insecure = false;
+  options.security = std::make_shared<Security>();
+  EXPECT_THAT(error_of<std::invalid_argument>(options), testing::HasSubstr("no private key"));
+}
+
+TEST(Setup, WhoThePeerIsHasToBeClear) {
+  NodeOptions options = one_link();
+  options.insecure = false;
+  options.links[0].peer = "127.0.0.1:9";
+  options.security = keys({2, 3});
+  EXPECT_THAT(error_of<std::invalid_argument>(options), testing::HasSubstr("which of 2 trusted"));
+  options.peer_key = key_of_host(4);
+  EXPECT_THAT(error_of<std::invalid_argument>(options),
+              testing::HasSubstr(to_base64(key_of_host(4)) + " is not among"));
+  options.peer_key = key_of_host(3);
+  EXPECT_NO_THROW(Node{options});
+  options.peer_key.reset();
+  options.security = keys({2});
+  EXPECT_NO_THROW(Node{options});
+}
+
+TEST(Setup, TheNodeDrawsTheSeedAndReadsTheTimeThatAreNotGiven) {
+  NodeOptions options = one_link();
+  options.security = keys({2});
+  const auto first = endpoint_options(options).security;
+  const auto second = endpoint_options(options).security;
+  EXPECT_NE(first->seed, SecretKey{});
+  EXPECT_NE(first->seed, second->seed);
+  EXPECT_EQ(first->key, options.security->key);
+  EXPECT_NEAR(static_cast<double>(first->unix_time_ns), static_cast<double>(io::unix_time_ns()),
+              60e9);
+  auto given = keys({2});
+  given->seed = secret_key(7);
+  given->unix_time_ns = 8;
+  options.security = given;
+  EXPECT_EQ(endpoint_options(options).security->seed, secret_key(7));
+  EXPECT_EQ(endpoint_options(options).security->unix_time_ns, 8);
 }
 
 TEST(Setup, SessionsDifferAndAreNotZero) {

@@ -13,6 +13,7 @@ using std::chrono::seconds;
 
 NodeOptions options_on_loopback() {
   NodeOptions options;
+  options.insecure = true;
   options.links = {{.id = LinkId{0}, .nic = "lo", .local_address = "127.0.0.1"}};
   options.accept_peers = true;
   return options;

@@ -93,12 +93,17 @@ TEST(ConfigFile, MalformedTomlIsNamedWithItsPlace) {
 // The examples stay true: the programs read them, and fail for the cards that this host has not.
 TEST(ConfigFile, TheExamplesAreAccepted) {
   const std::string examples = INTERNEURON_SOURCE_DIR "/examples/";
-  const Ran road = run("road --ladder motion --config '" + examples + "road.toml' --nic wwan77");
+  const Ran road =
+      run("road --insecure --ladder motion --config '" + examples + "road.toml' --nic wwan77");
   EXPECT_EQ(road.code, 2) << road.output;
   EXPECT_NE(road.output.find("wwan77"), std::string::npos) << road.output;
-  const Ran vehicle = run("vehicle --ladder motion --video '" INTERNEURON_SOURCE_DIR
-                          "/docs/latency.png' --config '" +
-                          examples + "vehicle.toml' --link wwan77=192.0.2.7:1");
+  const TempFolder folder;
+  ASSERT_EQ(run("keys gen --out '" + (folder / "key").string() + "'").code, 0);
+  const Ran vehicle =
+      run("vehicle --key '" + (folder / "key").string() +
+          "' --peer-key hSDwCYkwp1R0i33ctD73Wg2/Og0mOBr066SpjqqbTmo= --ladder "
+          "motion --video '" INTERNEURON_SOURCE_DIR "/docs/latency.png' --config '" +
+          examples + "vehicle.toml' --link wwan77=192.0.2.7:1");
   EXPECT_EQ(vehicle.code, 2) << vehicle.output;
   EXPECT_NE(vehicle.output.find("wwan77"), std::string::npos) << vehicle.output;
 }
@@ -106,7 +111,7 @@ TEST(ConfigFile, TheExamplesAreAccepted) {
 TEST(ConfigFile, AnUnknownCardIsUsageOnTheCommandLineAndConfigurationInTheFile) {
   const TempFolder folder;
   const std::string file = folder / "c.toml";
-  std::ofstream(file) << "nic = ['wwan77']\nladder = 'none'\n";
+  std::ofstream(file) << "nic = ['wwan77']\nladder = 'none'\ninsecure = true\n";
   EXPECT_EQ(run("road --config '" + file + "'").code, kConfiguration);
   EXPECT_EQ(run("road --config '" + file + "' --nic wwan78").code, kUsage);
 }
