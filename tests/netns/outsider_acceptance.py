@@ -13,7 +13,8 @@ namespaces can be made or the machine was too slow to tell.
 
 Bounds, against the same time without him: the vehicle misses 1 % of its rounds more or fewer; nothing is sent to where only he
 receives; peers, lives and paths are as they were; what came in that the other side has not sent is counted as unauthentic, of a
-handshake, twice, malformed or refused, but for what the socket had no room for.
+handshake, twice, malformed or refused, but for what the socket had no room for. Afterwards another implementation of our
+handshake (tests/netns/sealed.py) asks: it is admitted with a key that the road trusts, and not answered with another one.
 
 --smoke: 150,000 packets, in half a minute; one missed round in 100 is 1 %, so that up to three are allowed.
 """
@@ -103,7 +104,7 @@ class Way:
         lab.ip("-n", "outside", "neighbour", "add", "10.98.0.1", "lladdr", "02:00:00:00:00:01", "dev", "eth0")
         self.road = Road(lab, self.o.program, "road", [f"eth{i}" for i in LINKS],
                          ["--transport", "udp", "--ladder", "motion", "--calibration-runs", "1", "--top-level", "0", "--video",
-                          self.o.streets[1], *self.keys.road(["vehicle"])])
+                          self.o.streets[1], *self.keys.road(["vehicle", "other"])])
         # The same host in a former life.
         self.old = os.path.join(lab.folder, "old.pcap")
         former = self.tcpdump("vehicle0", self.old, "udp")
@@ -135,6 +136,15 @@ class Way:
         begin = time.monotonic()
         time.sleep(seconds)
         return begin, time.monotonic()
+
+    def ask(self, name):
+        """Whether a host with this key is answered, and admitted: {"answered": …, "admitted": …}."""
+        script = os.path.join(os.path.dirname(os.path.abspath(__file__)), "sealed_vehicle.py")
+        ran = self.lab.run("router", [sys.executable, script, road_at(0), str(PORT), self.keys.of(name)[0],
+                                      self.keys.of("road")[1]])
+        if ran.returncode != 0:
+            raise SystemExit(f"the other implementation ended: {ran.stderr}")
+        return json.loads(ran.stdout)
 
     def look(self):
         """What the programs have counted, and what went where it must not."""
@@ -209,6 +219,12 @@ def judge(options, way, calm, attack):
     check("road: growth of its memory", way.road.growth(*span), 10, "MiB")
 
 
+def judge_others(way):
+    stranger, friend = way.ask("stranger"), way.ask("other")
+    check("a host with another key was answered", stranger["answered"], 0, "times")
+    check("a host with a key that the road trusts was admitted", friend["admitted"], 1, "times", at_least=True)
+
+
 def parse():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--program", required=True)
@@ -240,6 +256,7 @@ def main():
         with Way(options, folder) as way:
             calm = way.calm(max(options.packets / options.pps, 5))
             attack = way.attack()
+            judge_others(way)
             if not way.road.alive():
                 check("the roadside unit still runs", 0, 1, "", at_least=True)
             way.vehicle.stop()

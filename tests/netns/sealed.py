@@ -14,7 +14,7 @@ from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric.x25519 import X25519PrivateKey, X25519PublicKey
 from cryptography.hazmat.primitives.ciphers.aead import ChaCha20Poly1305
 
-__all__ = ["Asked", "Asking", "InvalidTag", "Keys", "cookie_reply", "fields", "packet", "public_of"]
+__all__ = ["Asked", "Asking", "InvalidTag", "Keys", "cookie_reply", "fields", "packet", "public_of", "read_key"]
 
 PROTOCOL = b"Noise_IKpsk2_25519_ChaChaPoly_SHA256"
 PROLOGUE = b"interneuron 2"

@@ -264,7 +264,7 @@ void Node::Impl::tell(Event&& event) {
     void operator()(PathChanged&& e) const { with(to.path_changed, std::move(e)); }
     void operator()(OtherVersion&& e) const { with(to.other_version, std::move(e)); }
     void operator()(PeerLimited&& e) const { with(to.peer_limited, e); }
-    // Nobody who has a Node can give it authorities yet.
+    // A Node tells of neither yet.
     void operator()(RevocationsChanged&&) const {}
     void operator()(KeyShared&&) const {}
     void operator()(Message&& e) const { with(to.message, std::move(e)); }
