@@ -67,6 +67,8 @@ class Node {
   void on_nic_changed(std::function<void(NicChanged)> handler);
   void on_path_changed(std::function<void(PathChanged)> handler);
   void on_peer_limited(std::function<void(PeerLimited)> handler);
+  void on_revocations_changed(std::function<void(RevocationsChanged)> handler);
+  void on_key_shared(std::function<void(KeyShared)> handler);
   void on_message(std::function<void(Message)> handler);
   void on_fate(std::function<void(MessageFate)> handler);
   void on_can_send(std::function<void(CanSend)> handler);

@@ -12,6 +12,7 @@
 #include <random>
 
 #include "app/cli/probe_report.h"
+#include "core/secure/caller.h"
 #include "host/io/link_monitor.h"
 #include "host/io/nic_choice.h"
 #include "host/io/stamped_socket.h"
@@ -30,6 +31,9 @@ constexpr double kMinIntervalMs = 1;
 constexpr double kMaxIntervalMs = 60'000;
 constexpr double kMaxTimeoutMs = 60'000;
 constexpr Duration kLiveEvery = std::chrono::milliseconds(200);
+// How long a roadside unit with keys may take to answer the handshake; its tries are 0.1, 0.3, 0.7,
+// 1.5 and 3.1 s after the first.
+constexpr Duration kHandshakeTime = std::chrono::seconds(4);
 // How long replies are still awaited after Ctrl-C.
 constexpr Duration kFarewell = std::chrono::seconds(2);
 
@@ -88,6 +92,19 @@ std::vector<Choice> choose_nics(const ProbeOptions& options, io::LinkMonitor& mo
   return chosen;
 }
 
+// Nothing where packets are in the clear.
+std::optional<crypto::Caller> call_with(const Credentials& credentials) {
+  NodeOptions options;
+  credentials.apply(options);
+  if (!options.security) return std::nullopt;
+  Security security = *options.security;
+  security.seed = random_key();
+  std::random_device random;
+  SessionId life;
+  while (life.value == 0) life.value = random();
+  return std::make_optional<crypto::Caller>(io::now(), security, life);
+}
+
 // One run of the command: a Measurement for each NIC, whose packets it sends, receives and waits
 // for on the calling thread until all have ended or a signal comes. It owns the sockets. What they
 // receive may be anybody's bytes: a Measurement takes only replies to what it sent.
@@ -102,6 +119,8 @@ class Prober {
     // Who answers on this NIC's network.
     Address peer{};
     std::unique_ptr<io::StampedSocket> socket;
+    probe::Options options;
+    // Begins when there are keys, where packets are encrypted.
     std::unique_ptr<probe::Measurement> measurement;
     // The error number of the last packet that could not be sent, and how many there were.
     int send_error = 0;
@@ -111,6 +130,8 @@ class Prober {
   };
   void open(const Choice& choice, io::LinkMonitor& monitor);
   probe::Options measurement_options(const io::Nic& nic, const Address& peer) const;
+  void agree_on_keys();
+  void ask();
   void send_due(Nic& nic);
   void receive(Nic& nic);
   void wait();
@@ -121,6 +142,9 @@ class Prober {
   int conclude();
 
   const ProbeOptions& options_;
+  std::optional<Credentials> credentials_;
+  // Where packets are encrypted.
+  std::optional<crypto::Caller> caller_;
   std::vector<Nic> nics_;
   StatusLine line_;
   std::optional<TimePoint> shown_at_;
@@ -130,6 +154,12 @@ class Prober {
 Prober::Prober(const ProbeOptions& options) : options_(options) {
   io::LinkMonitor monitor;
   for (const Choice& choice : choose_nics(options, monitor)) open(choice, monitor);
+  if (options.stamp) return;
+  credentials_.emplace(options.keys, Trusts::kThePeer);
+  for (const std::string& warning : credentials_->warnings()) {
+    fmt::print(stderr, "interneuron: {}\n", warning);
+  }
+  caller_ = call_with(*credentials_);
 }
 
 probe::Options Prober::measurement_options(const io::Nic& nic, const Address& peer) const {
@@ -167,13 +197,43 @@ void Prober::open(const Choice& choice, io::LinkMonitor& monitor) {
   added.name = choice.nic;
   added.peer = choice.peer;
   added.socket = std::make_unique<io::StampedSocket>(udp);
-  added.measurement =
-      std::make_unique<probe::Measurement>(measurement_options(*nic, choice.peer), io::now());
+  added.options = measurement_options(*nic, choice.peer);
   nics_.push_back(std::move(added));
+}
+
+// The first copy of a handshake that is answered opens all NICs, which have one peer.
+void Prober::ask() {
+  if (!caller_ || !caller_->is_due(io::now())) return;
+  for (const Nic& nic : nics_) {
+    const std::size_t size = caller_->write(nic.options.link, buffer_);
+    nic.socket->send(nic.peer, ByteView(buffer_).first(size));
+  }
+  caller_->sent(io::now());
+}
+
+void Prober::agree_on_keys() {
+  const TimePoint until = io::now() + kHandshakeTime;
+  while (caller_ && !caller_->is_open(io::now())) {
+    if (SignalWatch::last() != 0) throw Failure(kFailed, "stopped before any key was agreed on");
+    if (io::now() >= until) {
+      throw Failure(kFailed, "no handshake with " + to_string(nics_.front().peer) +
+                                 ": does `interneuron road` run there with the key of --peer-key, "
+                                 "does it --trust " +
+                                 to_base64(credentials_->public_key()) +
+                                 ", and does a firewall let UDP through?");
+    }
+    ask();
+    wait();
+    for (Nic& nic : nics_) receive(nic);
+  }
+  for (Nic& nic : nics_) {
+    nic.measurement = std::make_unique<probe::Measurement>(nic.options, io::now());
+  }
 }
 
 void Prober::send_due(Nic& nic) {
   while (const std::size_t size = nic.measurement->poll(io::now(), buffer_)) {
+    if (caller_ && !caller_->seal(io::now(), std::span(buffer_).first(size))) continue;
     const int error = nic.socket->send(nic.peer, ByteView(buffer_).first(size));
     if (error == 0) continue;
     nic.send_error = error;
@@ -189,7 +249,10 @@ void Prober::send_due(Nic& nic) {
 void Prober::receive(Nic& nic) {
   while (const auto datagram = nic.socket->receive()) {
     if (datagram->from != nic.peer) continue;
-    const auto reply = nic.measurement->handle(datagram->at, datagram->bytes);
+    const auto bytes = caller_ ? caller_->handle(io::now(), datagram->bytes)
+                               : std::optional<ByteView>(datagram->bytes);
+    if (!bytes || !nic.measurement) continue;
+    const auto reply = nic.measurement->handle(datagram->at, *bytes);
     if (reply && options_.json_stream) {
       fmt::print("{}\n", reply_json(nic.name, *reply).dump());
     }
@@ -201,8 +264,10 @@ void Prober::wait() {
   TimePoint next = io::now() + kLiveEvery;
   for (const Nic& nic : nics_) {
     sockets.push_back({nic.socket->native_handle(), POLLIN, 0});
-    if (const auto due = nic.measurement->next_timeout()) next = std::min(next, *due);
+    const auto due = nic.measurement ? nic.measurement->next_timeout() : std::nullopt;
+    if (due) next = std::min(next, *due);
   }
+  if (caller_) next = std::min(next, caller_->next_timeout().value_or(next));
   const Duration left = std::max(next - io::now(), Duration::zero());
   const timespec time{.tv_sec = static_cast<time_t>(left / std::chrono::seconds(1)),
                       .tv_nsec = static_cast<long>((left % std::chrono::seconds(1)).count())};
@@ -252,9 +317,8 @@ std::string Prober::problem_of(const Nic& nic) const {
       options_.stamp
           ? "does a STAMP reflector (`interneuron road --stamp`) run there, and does a "
             "firewall let UDP through?"
-          : "does `interneuron road` run there, and does a firewall let UDP through? One "
-            "with keys answers only its peers: ask it for STAMP (`road --stamp`, `probe "
-            "--stamp`), or run it with --insecure in a closed network");
+          : "does `interneuron road` run there, and does a firewall let UDP through? (other "
+            "STAMP reflectors: --stamp)");
 }
 
 int Prober::conclude() {
@@ -285,8 +349,10 @@ int Prober::conclude() {
 int Prober::run() {
   const SignalWatch signals;
   const io::PreciseTimers precise;
+  agree_on_keys();
   std::optional<TimePoint> interrupted;
   while (!done()) {
+    ask();
     for (Nic& nic : nics_) send_due(nic);
     show_live();
     // A signal ends the pings; what is under way is waited for, but not for long.
@@ -299,6 +365,8 @@ int Prober::run() {
     wait();
     for (Nic& nic : nics_) receive(nic);
   }
+  // The next run has to begin later, whatever the clock says then.
+  if (caller_) credentials_->time_file()->store(caller_->unix_ns(io::now()));
   return conclude();
 }
 
@@ -340,17 +408,24 @@ void add_probe(CLI::App& program, std::function<int()>& run) {
           ->default_str(std::to_string(wire::kStampPort))
           ->check(CLI::Range(1, 65535))
           ->type_name("[PORT]");
+  add_key_options(*c, o->keys, Trusts::kThePeer);
   c->add_flag("--json", o->json, "The summary as JSON");
   c->add_flag("--json-stream", o->json_stream,
               "One JSON object per reply and line, the summary as the last");
   c->footer(
-      "Examples:\n  interneuron probe --peer 10.77.0.1\n"
+      "Examples:\n  interneuron probe --peer 10.77.0.1 --peer-key KEY\n"
+      "  interneuron probe --peer 10.77.0.1 --insecure   # a unit that runs so too\n"
       "  interneuron probe --peer 10.77.0.1 --nic wwan0 --count 20000 --interval 1ms --no-rate\n"
       "  interneuron probe --nic wwan0=10.77.0.1 --nic wwan1=10.78.0.1\n"
       "  interneuron probe --peer 192.0.2.7 --stamp --json");
   c->callback([&run, o, stamp, stamp_option] {
     run = [o, stamp, stamp_option] {
-      if (stamp_option->count() > 0) o->stamp = *stamp;
+      if (stamp_option->count() > 0) {
+        o->stamp = *stamp;
+        if (is_given(o->keys)) {
+          throw Failure(kUsage, "--stamp is in the clear: leave out the options of keys");
+        }
+      }
       return run_probe(*o);
     };
   });

@@ -9,6 +9,8 @@
 #include <string>
 #include <vector>
 
+#include "host/settings/key_options.h"
+
 namespace interneuron::cli {
 
 struct ProbeOptions {
@@ -23,6 +25,8 @@ struct ProbeOptions {
   // UDP payload, bytes.
   std::size_t size = 100;
   bool no_rate = false;
+  // Who we are and who the roadside unit is; not with `stamp`.
+  KeyOptions keys;
   // The port of a STAMP reflector; without, our own packets are sent.
   std::optional<std::uint16_t> stamp;
   bool json = false;

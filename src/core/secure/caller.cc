@@ -5,19 +5,16 @@
 
 namespace interneuron::crypto {
 
-Caller::Caller(TimePoint now, const Security& security, SessionId life, LinkId path)
-    : sessions_(security, life, false, now), life_(life), path_(path) {
+Caller::Caller(TimePoint now, const Security& security, SessionId life)
+    : sessions_(security, life, false, now), life_(life) {
   const auto who = sessions_.trust().only_peer();
   if (!who) throw std::invalid_argument("security: name the one host that is to be measured");
   sessions_.connect(now, kOwner, *who);
 }
 
-std::size_t Caller::poll(TimePoint now, std::span<std::byte> buffer) {
+bool Caller::is_due(TimePoint now) {
   sessions_.handle_timeout(now, kOwner);
-  if (!sessions_.initiation_due(now, kOwner)) return 0;
-  const std::size_t size = sessions_.write_initiation(kOwner, path_, buffer);
-  sessions_.initiation_sent(now, kOwner);
-  return size;
+  return sessions_.initiation_due(now, kOwner);
 }
 
 std::optional<ByteView> Caller::handle(TimePoint now, ByteView datagram) {
@@ -34,10 +31,6 @@ std::optional<ByteView> Caller::handle(TimePoint now, ByteView datagram) {
   wire::mark_clear(clear, life_);
   std::ranges::fill(clear.last(wire::kTagBytes), std::byte{0});
   return clear;
-}
-
-bool Caller::seal(TimePoint now, std::span<std::byte> packet) {
-  return sessions_.seal(now, kOwner, packet);
 }
 
 }  // namespace interneuron::crypto

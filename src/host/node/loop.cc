@@ -264,9 +264,8 @@ void Node::Impl::tell(Event&& event) {
     void operator()(PathChanged&& e) const { with(to.path_changed, std::move(e)); }
     void operator()(OtherVersion&& e) const { with(to.other_version, std::move(e)); }
     void operator()(PeerLimited&& e) const { with(to.peer_limited, e); }
-    // A Node tells of neither yet.
-    void operator()(RevocationsChanged&&) const {}
-    void operator()(KeyShared&&) const {}
+    void operator()(RevocationsChanged&& e) const { with(to.revocations_changed, std::move(e)); }
+    void operator()(KeyShared&& e) const { with(to.key_shared, e); }
     void operator()(Message&& e) const { with(to.message, std::move(e)); }
     void operator()(MessageFate&& e) const { with(to.fate, std::move(e)); }
     void operator()(CanSend&& e) const { with(to.can_send, std::move(e)); }

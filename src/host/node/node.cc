@@ -40,6 +40,12 @@ void Node::on_other_version(std::function<void(OtherVersion)> handler) {
 void Node::on_peer_limited(std::function<void(PeerLimited)> handler) {
   impl_->handlers.peer_limited = std::move(handler);
 }
+void Node::on_revocations_changed(std::function<void(RevocationsChanged)> handler) {
+  impl_->handlers.revocations_changed = std::move(handler);
+}
+void Node::on_key_shared(std::function<void(KeyShared)> handler) {
+  impl_->handlers.key_shared = std::move(handler);
+}
 void Node::on_message(std::function<void(Message)> handler) {
   impl_->handlers.message = std::move(handler);
 }

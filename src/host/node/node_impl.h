@@ -43,6 +43,8 @@ class Node::Impl : private Outbox::Source, private LinkSet::User {
     std::function<void(PathChanged)> path_changed;
     std::function<void(OtherVersion)> other_version;
     std::function<void(PeerLimited)> peer_limited;
+    std::function<void(RevocationsChanged)> revocations_changed;
+    std::function<void(KeyShared)> key_shared;
     std::function<void(Message)> message;
     std::function<void(MessageFate)> fate;
     std::function<void(CanSend)> can_send;

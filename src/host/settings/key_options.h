@@ -53,6 +53,8 @@ class Credentials {
 
   // Sets NodeOptions::security, or ::insecure.
   void apply(NodeOptions& node) const;
+  // Ours; zeros without keys.
+  PublicKey public_key() const { return own_ ? public_key_of(own_->key()) : PublicKey{}; }
   // What to tell whoever started the program, one line each.
   std::vector<std::string> warnings() const;
   // Where the program's newest time belongs; nothing without a key.

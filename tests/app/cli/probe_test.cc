@@ -36,7 +36,8 @@ TEST(Probe, ARoadsideUnitAnswersOnItsNormalPort) {
   const Beside unit(road(""));
   ASSERT_TRUE(unit.ready());
   const std::string peer = "127.0.0.1:" + unit.port();
-  const Ran ran = run("probe --peer " + peer + " --count 20 --interval 2ms --json", false);
+  const Ran ran =
+      run("probe --insecure --peer " + peer + " --count 20 --interval 2ms --json", false);
   ASSERT_EQ(ran.code, 0) << ran.output;
   const Json json = Json::parse(ran.output);
   EXPECT_EQ(json["schema"], "interneuron.probe/1");
@@ -53,7 +54,8 @@ TEST(Probe, ARoadsideUnitAnswersOnItsNormalPort) {
   EXPECT_GT(nic["train_answered_packets"].get<int>(), 0);
 
   const Ran stream =
-      run("probe --peer " + peer + " --count 20 --interval 2ms --no-rate --json-stream", false);
+      run("probe --insecure --peer " + peer + " --count 20 --interval 2ms --no-rate --json-stream",
+          false);
   EXPECT_EQ(stream.code, 0);
   std::istringstream lines(stream.output);
   std::vector<Json> objects;
@@ -63,13 +65,14 @@ TEST(Probe, ARoadsideUnitAnswersOnItsNormalPort) {
   EXPECT_EQ(objects[0]["nic"], "lo");
   EXPECT_EQ(objects.back()["schema"], "interneuron.probe/1");
 
-  const Ran table = run("probe --peer " + peer + " --count 5 --interval 2ms --no-rate", false);
+  const Ran table =
+      run("probe --insecure --peer " + peer + " --count 5 --interval 2ms --no-rate", false);
   EXPECT_EQ(table.code, 0);
   EXPECT_NE(table.output.find("rtt min/p50/p95/max ms"), std::string::npos) << table.output;
 }
 
 TEST(Probe, NobodyAnswers) {
-  const Ran ran = run("probe --peer 127.0.0.1:" + a_port() +
+  const Ran ran = run("probe --insecure --peer 127.0.0.1:" + a_port() +
                       " --count 3 --interval 2ms --timeout 100ms --json");
   EXPECT_EQ(ran.code, 1);
   EXPECT_NE(ran.output.find("lo: no reply from 127.0.0.1:" + a_port()), std::string::npos)

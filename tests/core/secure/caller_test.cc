@@ -42,15 +42,17 @@ struct Called {
 
 TEST(Caller, SealsAndOpensWhatWasWrittenInTheClear) {
   TimePoint now{1h};
-  Caller caller(now, *security_of(1, {2}), SessionId{9}, kPath);
+  Caller caller(now, *security_of(1, {2}), SessionId{9});
   Called called(now);
   Bytes out(kMaxDatagramBytes);
   std::uint64_t number = 0;
   int handshakes = 0;
   // Ten minutes, over several renewals of the keys.
   for (const TimePoint end = now + 10min; now < end; now += 100ms) {
-    while (const std::size_t size = caller.poll(now, out)) {
+    while (caller.is_due(now)) {
       ++handshakes;
+      const std::size_t size = caller.write(kPath, out);
+      caller.sent(now);
       EXPECT_FALSE(caller.handle(
           now, called.answer(now, Bytes(out.begin(), out.begin() + static_cast<long>(size)))));
     }
@@ -77,10 +79,8 @@ TEST(Caller, SealsAndOpensWhatWasWrittenInTheClear) {
 }
 
 TEST(Caller, HasToKnowWhomItCalls) {
-  EXPECT_THROW(Caller(TimePoint{}, *security_of(1, {}), SessionId{9}, kPath),
-               std::invalid_argument);
-  EXPECT_THROW(Caller(TimePoint{}, *security_of(1, {2, 3}), SessionId{9}, kPath),
-               std::invalid_argument);
+  EXPECT_THROW(Caller(TimePoint{}, *security_of(1, {}), SessionId{9}), std::invalid_argument);
+  EXPECT_THROW(Caller(TimePoint{}, *security_of(1, {2, 3}), SessionId{9}), std::invalid_argument);
 }
 
 }  // namespace
