@@ -38,6 +38,7 @@ import insider_forged as forged
 import insider_lab as lab_
 from insider_lab import PORT, Lab, Road, Vehicle, check, note
 from lab_keys import Keys, life_in, session_in
+from streets import FRAME_WITHOUT_WALKERS, make_streets
 
 INSIDER = ("progressive_bomb", "job_flood", "tiny_images", "contexts", "foreign_origin", "big_claims", "indicator",
            "last_numbers", "unknown_types")
@@ -277,7 +278,7 @@ def mixed(options):
 def judge_both_streets(street, span):
     judge_mixed("mixed", street, span)
     nobody = [int(row["boxes"]) == 0 for row in street.vehicles["busy"].between(*span)
-              if row["outcome"] == "remote" and int(row["frame"]) != lab_.FRAME_WITHOUT_WALKERS]
+              if row["outcome"] == "remote" and int(row["frame"]) != FRAME_WITHOUT_WALKERS]
     check(f"mixed: results without walkers for the busy street, of {len(nobody)}", sum(nobody), 0, "results")
 
 
@@ -310,6 +311,7 @@ def flood_phases(street, options):
 def judge_flood(options, street, calm_street, calm, span, told, joins):
     note(f"join_flood: {told['spoofed_pps']} packets/s from foreign and {told['owned_pps']} from own addresses; "
          f"{told['tokens']} challenges or cookies and {told['echoes']} feedbacks answered")
+    note("join_flood: the unit's loop ran {:.0f} % of the time and waited {:.0f} % for a processor".format(*street.road.share(*span)))
     check("join_flood: handshakes without a key that were answered", told["others"], 0, "packets")
     if told["spoofed_pps"] < 0.8 * FLOOD_PPS:
         tell = note if options.smoke else lab_.inconclusive
@@ -372,7 +374,7 @@ def main():
     attacks = options.attacks or INSIDER + OTHERS
     print(f"seed {options.seed}", flush=True)
     with tempfile.TemporaryDirectory() as folder:
-        options.streets = dict(zip(("busy", "empty"), lab_.make_streets(folder)))
+        options.streets = dict(zip(("busy", "empty"), make_streets(folder)))
         if options.data:
             options.streets["busy"] = os.path.join(options.data, "pets/vtest.avi")
         if options.smoke:

@@ -12,13 +12,11 @@ import os
 import shutil
 import signal
 import statistics
-import struct
 import subprocess
 import sys
 import tempfile
 import threading
 import time
-import zlib
 
 SKIP = 77
 # The port of a roadside unit.
@@ -26,8 +24,6 @@ PORT = 47000
 # What check() has found, and what could not be judged.
 RESULTS = []
 INCONCLUSIVE = []
-# The number of the picture of make_streets() in which the busy street is empty.
-FRAME_WITHOUT_WALKERS = 0
 # Connects to the socket on which a program publishes what it measures, and prints each line that comes.
 WATCHER = """
 import socket, sys
@@ -258,6 +254,8 @@ class Road:
         else:
             raise SystemExit(f"the roadside unit ended: {lab.log_of(self.log)}")
         self.memory = []
+        # Seconds that its loop has run, and waited for a processor.
+        self.processor = []
         self.stalls = []
         self.ended = threading.Event()
         self.threads = [threading.Thread(target=self._sample, daemon=True)]
@@ -271,6 +269,9 @@ class Road:
     def _sample(self):
         while not self.ended.wait(0.05):
             self.memory.append((time.monotonic(), self.rss()))
+            with contextlib.suppress(OSError, ValueError):
+                with open(f"/proc/{self.process.pid}/task/{self.process.pid}/schedstat", encoding="ascii") as file:
+                    self.processor.append((time.monotonic(), *(int(word) / 1e9 for word in file.read().split()[:2])))
 
     def _read(self, lines):
         with contextlib.suppress(ValueError):
@@ -301,6 +302,14 @@ class Road:
         if not within:
             return None
         return max([value for value in within if [value] != before], default=0.0)
+
+    def share(self, begin, end):
+        """Of the time between two instants, per cent in which its loop ran and in which it waited for a processor."""
+        within = [sample for sample in self.processor if begin <= sample[0] <= end]
+        if len(within) < 2:
+            return 0, 0
+        took = within[-1][0] - within[0][0]
+        return tuple(100 * (within[-1][i] - within[0][i]) / took for i in (1, 2))
 
     def alive(self):
         return self.process.poll() is None
@@ -356,36 +365,3 @@ def misses(rows):
 def median_level(rows):
     levels = [int(row["level"]) for row in rows if row["level"]]
     return statistics.median(levels) if levels else 0
-
-
-def write_png(path, width, height, rows):
-    def chunk(kind, data):
-        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
-    with open(path, "wb") as file:
-        file.write(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) +
-                   chunk(b"IDAT", zlib.compress(b"".join(b"\0" + bytes(row) for row in rows), 1)) + chunk(b"IEND", b""))
-
-
-def make_streets(folder):
-    """Two folders of pictures that vehicles see over and over: 17 of a street with walkers and 7 of an empty one, so that
-    the numbers of their pictures are the same now and then, whenever the vehicles begin. The first of the busy street shows
-    nobody: who stands in the first picture that a background is learnt from is part of it for as long as he stands there
-    again in every seventeenth."""
-    width, height, frames, walkers = 768, 576, 16, 5
-    busy, empty = os.path.join(folder, "busy"), os.path.join(folder, "empty")
-    background = [bytes([90 + y // 8, 110 + y // 10, 100]) * width for y in range(height)]
-    for path in (busy, empty):
-        os.makedirs(path)
-    for frame in range(7):
-        write_png(os.path.join(empty, f"{frame}.png"), width, height, background)
-    write_png(os.path.join(busy, f"{FRAME_WITHOUT_WALKERS:02}.png"), width, height, background)
-    for frame in range(frames):
-        rows = [bytearray(row) for row in background]
-        for walker in range(walkers):
-            # 30 x 70 pixels, as far apart in time that nobody stands where the same one stood before.
-            x, y = 20 + 44 * frame, 30 + 105 * walker
-            for line in range(y, y + 70):
-                rows[line][3 * x:3 * (x + 30)] = bytes([220, 40, 40 * walker]) * 30
-        write_png(os.path.join(busy, f"{frame + 1:02}.png"), width, height, rows)
-    return busy, empty

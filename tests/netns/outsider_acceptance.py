@@ -33,6 +33,7 @@ sys.dont_write_bytecode = True
 import insider_lab as lab_
 from insider_lab import PORT, Counters, Lab, Road, Vehicle, check, note
 from lab_keys import Keys, ip_bytes_to
+from streets import make_streets
 
 LINKS = range(2)
 # Where the forged addresses are; nobody sends there.
@@ -252,7 +253,7 @@ def main():
         lab_.confine()
     print(f"seed {options.seed}", flush=True)
     with tempfile.TemporaryDirectory() as folder:
-        options.streets = lab_.make_streets(folder)
+        options.streets = make_streets(folder)
         with Way(options, folder) as way:
             calm = way.calm(max(options.packets / options.pps, 5))
             attack = way.attack()
