@@ -20,6 +20,7 @@ packages=(
   golang-github-flynn-noise-dev python3-dissononce                   # published vectors and another implementation of Noise
   iproute2 iputils-ping gnuplot-nox                                  # testbed and plots
   iperf3 tcpdump fping                                               # testbed verify, tests of the measurements
+  python3-cryptography                                               # attacks on sealed packets
   tshark                                                             # test of the Wireshark dissector
   curl ca-certificates                                               # scripts/fetch_data.sh
 )

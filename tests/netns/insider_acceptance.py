@@ -2,12 +2,15 @@
 """What one hostile vehicle, or a host beside the road, can do to the honest ones: real processes in namespaces.
 
     tests/netns/insider_acceptance.py --program build/release/interneuron [--attacker FILE] [--smoke | --lowest]
-        [--data DIR] [--seconds S] [--seed N] [--json FILE] [ATTACK...]
+        [--insecure] [--data DIR] [--seconds S] [--seed N] [--json FILE] [ATTACK...]
 
 A roadside unit serves two honest vehicles, one on a busy and one on an empty street, and in a third place somebody
 attacks. ATTACK is one of those of `attacker insider`, or join_flood, amplification, reflectors, or mixed, in which nobody
 attacks and the answers are compared with what the vehicles see; all of them by default. One line per figure with its
 bound; exit code 1 if one is out of it, 77 where no namespaces can be made or the machine was too slow to tell.
+
+All hosts have keys, and the attacker has one that the unit trusts: what it forges is sealed. Whoever floods knows no
+more than the unit's public key, and asks for handshakes. --insecure: everything in the clear.
 
 Each attack of an admitted vehicle (at most 1 Mbit/s) and each flood is paired with the same run without it. Bounds: no
 vehicle misses 1 % of its rounds more; the unit's memory grows by 64 MiB at most (10 in a flood of joins), its loop
@@ -34,6 +37,8 @@ sys.dont_write_bytecode = True
 import insider_forged as forged
 import insider_lab as lab_
 from insider_lab import PORT, Lab, Road, Vehicle, check, note
+from lab_keys import Keys, life_in, session_in
+from streets import FRAME_WITHOUT_WALKERS, make_streets
 
 INSIDER = ("progressive_bomb", "job_flood", "tiny_images", "contexts", "foreign_origin", "big_claims", "indicator",
            "last_numbers", "unknown_types")
@@ -46,6 +51,10 @@ MOST_MISSES_ALONE = 5
 FLOOD_PPS = 50_000
 # For how long a new vehicle tries to join in a flood; the bound is 2 s.
 JOIN_PATIENCE_S = 3
+# Those that join in a flood, each with a key of its own.
+NEW_VEHICLES = 20
+# Whom the unit trusts.
+TRUSTED = ("busy", "empty", "third", "insider", *(f"new{i}" for i in range(NEW_VEHICLES)))
 ROAD = "10.78.0.1"
 NEARBY = {"busy": "10.78.0.11", "empty": "10.78.0.12", "third": "10.78.0.13", "fourth": "10.78.0.14"}
 
@@ -57,6 +66,7 @@ class Street:
         self.o = options
         self.road_options = ["--top-level", "0"] if lowest or options.lowest else []
         self.lab = Lab(folder)
+        self.keys = Keys(folder, options.program, options.insecure)
         self.road = None
         self.vehicles = {}
 
@@ -86,16 +96,24 @@ class Street:
         self.road = Road(lab, self.o.program, "road", ["eth0"],
                          ["--ladder", "motion", "--calibration-runs", "1", "--video",
                            self.o.streets["empty" if self.o.smoke else "busy"],
-                          *self.road_options, *self.o.road_option])
+                          *self.keys.road(TRUSTED), *self.road_options, *self.o.road_option])
+        self.asked = os.path.join(lab.folder, "initiations.pcap")
+        watcher = lab.start("road", ["tcpdump", "-Z", "root", "-i", "eth0", "-U", "-w", self.asked,
+                                     f"src host {NEARBY['busy']} and udp[8] = 0x25"],
+                            stdout=lab_.subprocess.DEVNULL, stderr=lab_.subprocess.PIPE)
+        watcher.stderr.readline()
         for place in ("busy", "empty"):
             self.vehicles[place] = self.vehicle(place, self.o.streets[place])
         for vehicle in self.vehicles.values():
             vehicle.wait_until_it_runs()
         time.sleep(1)
+        lab.stop(watcher)
+        watcher.stderr.close()
 
     def vehicle(self, place, video):
         truth = ["--truth", self.o.truth if self.o.truth and place == "busy" else "none"]
-        return Vehicle(self.lab, self.o.program, place, "eth0", f"{ROAD}:{PORT}", video, truth)
+        return Vehicle(self.lab, self.o.program, place, "eth0", f"{ROAD}:{PORT}", video,
+                       [*truth, *self.keys.vehicle(place)])
 
     def __exit__(self, *_):
         self.lab.__exit__()
@@ -124,9 +142,13 @@ class Street:
         return span, json.loads(told)
 
     def insider(self, name, seconds):
-        session = lab_.session_in(self.lab, "road", "eth0", NEARBY["busy"])
+        if self.keys.insecure:
+            session = session_in(self.lab, "road", "eth0", NEARBY["busy"])
+        else:
+            session = life_in(self.asked, self.keys.secret("road"))
         return self.attack("insider", "--nic", "eth0", "--road", f"{ROAD}:{PORT}", "--attack", name, "--seconds",
-                           str(seconds), "--kbit", str(0.98 * KBIT), "--victim-session", str(session))
+                           str(seconds), "--kbit", str(0.98 * KBIT), "--victim-session", str(session),
+                           *self.keys.attacker("insider"))
 
     def calm(self, seconds):
         with self.phase() as span:
@@ -256,29 +278,29 @@ def mixed(options):
 def judge_both_streets(street, span):
     judge_mixed("mixed", street, span)
     nobody = [int(row["boxes"]) == 0 for row in street.vehicles["busy"].between(*span)
-              if row["outcome"] == "remote" and int(row["frame"]) != lab_.FRAME_WITHOUT_WALKERS]
+              if row["outcome"] == "remote" and int(row["frame"]) != FRAME_WITHOUT_WALKERS]
     check(f"mixed: results without walkers for the busy street, of {len(nobody)}", sum(nobody), 0, "results")
 
 
 # --- the flood of joins
 
 
-def flood_command(to, seconds):
-    return ["flood", "--nic", "eth0", "--road", to, "--seconds", str(seconds)]
+def flood_command(street, to, seconds):
+    return ["flood", "--nic", "eth0", "--road", to, "--seconds", str(seconds), *street.keys.attacker()]
 
 
 def flood_phases(street, options):
     """The flood into a sink, then at the unit, while new vehicles join in the fourth place."""
-    calm, _ = street.attack(*flood_command(f"10.96.0.1:{PORT}", options.flooding))
+    calm, _ = street.attack(*flood_command(street, f"10.96.0.1:{PORT}", options.flooding))
     with street.phase() as span:
-        process = street.start_attacker(*flood_command(f"{ROAD}:{PORT}", options.flooding))
+        process = street.start_attacker(*flood_command(street, f"{ROAD}:{PORT}", options.flooding))
         joins = []
         time.sleep(0.5)
-        while process.poll() is None and len(joins) < 20:
+        while process.poll() is None and len(joins) < NEW_VEHICLES:
             ran = street.lab.run("fourth", [options.attacker, "join", "--nic", "eth0", "--road", f"{ROAD}:{PORT}",
-                                            "--seconds", str(JOIN_PATIENCE_S)])
+                                            "--seconds", str(JOIN_PATIENCE_S), *street.keys.attacker(f"new{len(joins)}")])
             joins.append(json.loads(ran.stdout) if ran.stdout else {"joined": False, "join_s": JOIN_PATIENCE_S})
-            time.sleep(options.flooding / 20)
+            time.sleep(options.flooding / NEW_VEHICLES)
         told = process.stdout.read()
         street.lab.stop(process)
     if not told:
@@ -288,7 +310,9 @@ def flood_phases(street, options):
 
 def judge_flood(options, street, calm_street, calm, span, told, joins):
     note(f"join_flood: {told['spoofed_pps']} packets/s from foreign and {told['owned_pps']} from own addresses; "
-         f"{told['tokens']} challenges and {told['echoes']} feedbacks answered")
+         f"{told['tokens']} challenges or cookies and {told['echoes']} feedbacks answered")
+    note("join_flood: the unit's loop ran {:.0f} % of the time and waited {:.0f} % for a processor".format(*street.road.share(*span)))
+    check("join_flood: handshakes without a key that were answered", told["others"], 0, "packets")
     if told["spoofed_pps"] < 0.8 * FLOOD_PPS:
         tell = note if options.smoke else lab_.inconclusive
         tell("join_flood: this machine is too slow for the whole flood; what follows is of what it sent")
@@ -313,6 +337,7 @@ def parse():
     parser.add_argument("--smoke", action="store_true", help="a minute of it")
     parser.add_argument("--lowest", action="store_true", help="the unit computes at its lowest level, as in the smoke form: "
                         "for a busy machine")
+    parser.add_argument("--insecure", action="store_true", help="everything in the clear")
     parser.add_argument("--seconds", type=float, default=None, help="of each attack (60; in the smoke form 2)")
     parser.add_argument("--seed", type=int, default=None, help="of what the attacker draws (default: another each time)")
     parser.add_argument("--road-option", action="append", default=[], help="one more word for the unit's command line")
@@ -328,16 +353,7 @@ def parse():
     options.truth = os.path.join(options.data, "pets/gt.txt") if options.data else None
     if options.truth and not os.path.exists(options.truth):
         parser.error(f"'{options.truth}' is missing: run scripts/fetch_data.sh, or leave --data away")
-    options.program = os.path.abspath(options.program)
-    if options.attacker is None:
-        build = options.program
-        while build != "/" and not os.path.exists(os.path.join(build, "CMakeCache.txt")):
-            build = os.path.dirname(build)
-        options.attacker = os.path.join(build, "tests/netns/attacker/attacker")
-    options.attacker = os.path.abspath(options.attacker)
-    for file in (options.program, options.attacker):
-        if not os.access(file, os.X_OK):
-            parser.error(f"'{file}' is no program: build it, or name it by --program or --attacker")
+    lab_.find_programs(parser, options)
     if options.seed is None:
         options.seed = int.from_bytes(os.urandom(3), "big")
     options.seconds = options.seconds or (2 if options.smoke else 60)
@@ -358,7 +374,7 @@ def main():
     attacks = options.attacks or INSIDER + OTHERS
     print(f"seed {options.seed}", flush=True)
     with tempfile.TemporaryDirectory() as folder:
-        options.streets = dict(zip(("busy", "empty"), lab_.make_streets(folder)))
+        options.streets = dict(zip(("busy", "empty"), make_streets(folder)))
         if options.data:
             options.streets["busy"] = os.path.join(options.data, "pets/vtest.avi")
         if options.smoke:
@@ -375,12 +391,7 @@ def main():
                        (("amplification", forged.amplification), ("reflectors", forged.reflectors)) if name in attacks]
         for one in running:
             one.result()
-    if options.json:
-        with open(options.json, "w", encoding="utf-8") as file:
-            json.dump({"schema": "interneuron.insider_acceptance/1", "figures": lab_.RESULTS}, file, indent=2)
-    failed = sum(not figure["ok"] for figure in lab_.RESULTS)
-    print(f"{len(lab_.RESULTS) - failed} of {len(lab_.RESULTS)} within bounds, {len(lab_.INCONCLUSIVE)} inconclusive")
-    return 1 if failed else lab_.SKIP if lab_.INCONCLUSIVE else 0
+    return lab_.finish(options.json, "interneuron.insider_acceptance/1")
 
 
 if __name__ == "__main__":

@@ -7,7 +7,11 @@ import subprocess
 import tempfile
 import time
 
-from insider_lab import PORT, Lab, Road, check, ip_bytes_to
+from insider_lab import PORT, Lab, Road, check
+from lab_keys import Keys, ip_bytes_to
+
+# Of each one the attacker has a key that the unit trusts.
+VICTIMS = 12
 
 
 def amplification(options):
@@ -26,13 +30,17 @@ def amplification(options):
             lab.cable("road", f"eth{i}", f"10.78.{i}.1/24", "router", f"road{i}", f"10.78.{i}.2/24")
             lab.ip("-n", "road", "route", "add", "10.97.0.0/16", "via", f"10.78.{i}.2", "dev", f"eth{i}", "metric",
                    str(i + 1))
-        Road(lab, options.program, "road", [f"eth{i}" for i in links], ["--ladder", "none"], watched=False)
+        keys = Keys(folder, options.program, options.insecure)
+        names = [f"insider{i}" for i in range(VICTIMS)]
+        Road(lab, options.program, "road", [f"eth{i}" for i in links], ["--ladder", "none", *keys.road(names)],
+             watched=False)
         pcap = os.path.join(folder, "victim.pcap")
         tcpdump = lab.start("victim", ["tcpdump", "-Z", "root", "-i", "eth0", "-B", "8192", "-s", "64", "-w", pcap,
                                        "dst net 10.97.0.0/16 and not src net 10.97.0.0/16"],
                             stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         time.sleep(0.5)
-        command = [options.attacker, "amplify", "--seconds", str(options.forging), "--seed", str(options.seed)]
+        command = [options.attacker, "amplify", "--seconds", str(options.forging), "--seed", str(options.seed),
+                   *keys.attacker(*names)]
         for i in links:
             command += ["--nic", f"road{i}", "--road", f"10.78.{i}.1:{PORT}"]
         ran = lab.run("router", command)
@@ -57,7 +65,9 @@ def reflectors(options):
             lab.place(f"reflector{i}")
             lab.cable(f"reflector{i}", "eth0", f"10.79.{i}.1/24", "middle", f"r{i}", f"10.79.{i}.2/24")
             lab.ip("-n", f"reflector{i}", "route", "add", "default", "via", f"10.79.{i}.2")
-            Road(lab, options.program, f"reflector{i}", ["eth0"], ["--ladder", "none", "--stamp"], watched=False)
+            keys = Keys(os.path.join(folder, f"keys{i}"), options.program, options.insecure)
+            Road(lab, options.program, f"reflector{i}", ["eth0"],
+                 ["--ladder", "none", "--stamp", *keys.road(["nobody"])], watched=False)
             pcap = os.path.join(folder, f"{i}.pcap")
             captures.append((pcap, lab.start("middle", ["tcpdump", "-Z", "root", "-i", f"r{i}", "-Q", "in", "-c", "200000",
                                                         "-s", "64", "-w", pcap, "udp"],

@@ -12,13 +12,11 @@ import os
 import shutil
 import signal
 import statistics
-import struct
 import subprocess
 import sys
 import tempfile
 import threading
 import time
-import zlib
 
 SKIP = 77
 # The port of a roadside unit.
@@ -26,8 +24,6 @@ PORT = 47000
 # What check() has found, and what could not be judged.
 RESULTS = []
 INCONCLUSIVE = []
-# The number of the picture of make_streets() in which the busy street is empty.
-FRAME_WITHOUT_WALKERS = 0
 # Connects to the socket on which a program publishes what it measures, and prints each line that comes.
 WATCHER = """
 import socket, sys
@@ -52,6 +48,30 @@ def note(text):
 def inconclusive(text):
     INCONCLUSIVE.append(text)
     print(f"?    {text}", flush=True)
+
+
+def find_programs(parser, options):
+    """The program, and the attacker beside which it was built."""
+    options.program = os.path.abspath(options.program)
+    if options.attacker is None:
+        build = options.program
+        while build != "/" and not os.path.exists(os.path.join(build, "CMakeCache.txt")):
+            build = os.path.dirname(build)
+        options.attacker = os.path.join(build, "tests/netns/attacker/attacker")
+    options.attacker = os.path.abspath(options.attacker)
+    for file in (options.program, options.attacker):
+        if not os.access(file, os.X_OK):
+            parser.error(f"'{file}' is no program: build it, or name it by --program or --attacker")
+
+
+def finish(path, schema):
+    """Tells what was found, writes it to the file if one is named, and returns the exit code."""
+    if path:
+        with open(path, "w", encoding="utf-8") as file:
+            json.dump({"schema": schema, "figures": RESULTS}, file, indent=2)
+    failed = sum(not figure["ok"] for figure in RESULTS)
+    print(f"{len(RESULTS) - failed} of {len(RESULTS)} within bounds, {len(INCONCLUSIVE)} inconclusive")
+    return 1 if failed else SKIP if INCONCLUSIVE else 0
 
 
 def skip(why):
@@ -182,12 +202,50 @@ def values_of(tree, key):
             yield from values_of(value, key)
 
 
+class Counters:
+    """What a program that publishes has counted, as it was told last."""
+
+    # Of each link, in its evidence. All that came is one of these.
+    KINDS = ("received_packets", "duplicate_packets", "malformed_packets", "other_version_packets", "other_packets",
+             "refused_packets", "unauthentic_packets", "handshake_packets")
+
+    def __init__(self, lab, place, pid):
+        self.newest = None
+        watcher = lab.start(place, [sys.executable, "-c", WATCHER, str(pid)], stdout=subprocess.PIPE,
+                            stderr=subprocess.DEVNULL)
+        threading.Thread(target=self._read, args=(watcher.stdout,), daemon=True).start()
+
+    def _read(self, lines):
+        with contextlib.suppress(ValueError):
+            for line in lines:
+                self.newest = time.monotonic(), json.loads(line)
+
+    def fresh(self, patience=5):
+        """What is told from now on, first."""
+        begin = time.monotonic()
+        while time.monotonic() < begin + patience:
+            if self.newest and self.newest[0] > begin:
+                return self.newest[1]
+            time.sleep(0.02)
+        raise SystemExit("the program publishes nothing")
+
+    @classmethod
+    def of_links(cls, told):
+        """For each NIC, over all peers; a NIC has a row for each peer."""
+        return {link["name"]: {kind: link["evidence"][kind] for kind in cls.KINDS} for link in told["links"]}
+
+    @staticmethod
+    def paths(told):
+        """Over which NIC which peer is reached, and how it is."""
+        return sorted((link["name"], link["peer"]) for link in told["links"])
+
+
 class Road:
     """A roadside unit, with its memory and what it publishes over time."""
 
     def __init__(self, lab, program, place, nics, more=(), watched=True):
         self.lab = lab
-        command = [program, "road", "--insecure", *(word for nic in nics for word in ("--nic", nic)), *more]
+        command = [program, "road", *(word for nic in nics for word in ("--nic", nic)), *more]
         self.log = f"{place}.log"
         self.process = lab.start(place, command, log=self.log, stdout=subprocess.PIPE)
         for line in self.process.stdout:
@@ -196,6 +254,8 @@ class Road:
         else:
             raise SystemExit(f"the roadside unit ended: {lab.log_of(self.log)}")
         self.memory = []
+        # Seconds that its loop has run, and waited for a processor.
+        self.processor = []
         self.stalls = []
         self.ended = threading.Event()
         self.threads = [threading.Thread(target=self._sample, daemon=True)]
@@ -209,6 +269,9 @@ class Road:
     def _sample(self):
         while not self.ended.wait(0.05):
             self.memory.append((time.monotonic(), self.rss()))
+            with contextlib.suppress(OSError, ValueError):
+                with open(f"/proc/{self.process.pid}/task/{self.process.pid}/schedstat", encoding="ascii") as file:
+                    self.processor.append((time.monotonic(), *(int(word) / 1e9 for word in file.read().split()[:2])))
 
     def _read(self, lines):
         with contextlib.suppress(ValueError):
@@ -240,6 +303,14 @@ class Road:
             return None
         return max([value for value in within if [value] != before], default=0.0)
 
+    def share(self, begin, end):
+        """Of the time between two instants, per cent in which its loop ran and in which it waited for a processor."""
+        within = [sample for sample in self.processor if begin <= sample[0] <= end]
+        if len(within) < 2:
+            return 0, 0
+        took = within[-1][0] - within[0][0]
+        return tuple(100 * (within[-1][i] - within[0][i]) / took for i in (1, 2))
+
     def alive(self):
         return self.process.poll() is None
 
@@ -258,8 +329,8 @@ class Vehicle:
         self.log = f"{os.path.basename(self.out)}.log"
         self.rows = []
         self.summary = {}
-        self.process = lab.start(place, [program, "vehicle", "--insecure", "--link", f"{nic}={road}", "--video", video,
-                                         "--rounds", "1000000", "--ladder", "motion", "--quiet", "--out", self.out, *more],
+        self.process = lab.start(place, [program, "vehicle", "--link", f"{nic}={road}", "--video", video, "--rounds",
+                                         "1000000", "--ladder", "motion", "--quiet", "--out", self.out, *more],
                                  log=self.log, stdout=subprocess.DEVNULL)
 
     def wait_until_it_runs(self, patience=20):
@@ -294,65 +365,3 @@ def misses(rows):
 def median_level(rows):
     levels = [int(row["level"]) for row in rows if row["level"]]
     return statistics.median(levels) if levels else 0
-
-
-def session_in(lab, place, nic, source):
-    """The session that is named in the next packet from this address."""
-    ran = subprocess.run(lab.inside(place, ["timeout", "5", "tcpdump", "-Z", "root", "-i", nic, "-c", "1", "-w", "-",
-                                            f"udp and src host {source}"]), capture_output=True, check=False)
-    # File header, record header, Ethernet, IP and UDP.
-    at = 24 + 16 + 14 + 20 + 8 + 4
-    if len(ran.stdout) < at + 4:
-        raise SystemExit(f"nothing came from {source}")
-    return struct.unpack(">I", ran.stdout[at:at + 4])[0]
-
-
-def ip_bytes_to(pcap):
-    """IP bytes and packets for each destination in a capture of Ethernet frames."""
-    with open(pcap, "rb") as file:
-        data = file.read()
-    found = {}
-    at = 24
-    while at + 16 <= len(data):
-        size = struct.unpack("=I", data[at + 8:at + 12])[0]
-        frame = data[at + 16:at + 16 + size]
-        at += 16 + size
-        if len(frame) < 34 or frame[12:14] != b"\x08\x00":
-            continue
-        to = ".".join(str(byte) for byte in frame[30:34])
-        bytes_, packets = found.get(to, (0, 0))
-        found[to] = (bytes_ + struct.unpack(">H", frame[16:18])[0], packets + 1)
-    return found
-
-
-def write_png(path, width, height, rows):
-    def chunk(kind, data):
-        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
-    with open(path, "wb") as file:
-        file.write(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) +
-                   chunk(b"IDAT", zlib.compress(b"".join(b"\0" + bytes(row) for row in rows), 1)) + chunk(b"IEND", b""))
-
-
-def make_streets(folder):
-    """Two folders of pictures that vehicles see over and over: 17 of a street with walkers and 7 of an empty one, so that
-    the numbers of their pictures are the same now and then, whenever the vehicles begin. The first of the busy street shows
-    nobody: who stands in the first picture that a background is learnt from is part of it for as long as he stands there
-    again in every seventeenth."""
-    width, height, frames, walkers = 768, 576, 16, 5
-    busy, empty = os.path.join(folder, "busy"), os.path.join(folder, "empty")
-    background = [bytes([90 + y // 8, 110 + y // 10, 100]) * width for y in range(height)]
-    for path in (busy, empty):
-        os.makedirs(path)
-    for frame in range(7):
-        write_png(os.path.join(empty, f"{frame}.png"), width, height, background)
-    write_png(os.path.join(busy, f"{FRAME_WITHOUT_WALKERS:02}.png"), width, height, background)
-    for frame in range(frames):
-        rows = [bytearray(row) for row in background]
-        for walker in range(walkers):
-            # 30 x 70 pixels, as far apart in time that nobody stands where the same one stood before.
-            x, y = 20 + 44 * frame, 30 + 105 * walker
-            for line in range(y, y + 70):
-                rows[line][3 * x:3 * (x + 30)] = bytes([220, 40, 40 * walker]) * 30
-        write_png(os.path.join(busy, f"{frame + 1:02}.png"), width, height, rows)
-    return busy, empty

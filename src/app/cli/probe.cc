@@ -93,16 +93,16 @@ std::vector<Choice> choose_nics(const ProbeOptions& options, io::LinkMonitor& mo
 }
 
 // Nothing where packets are in the clear.
-std::optional<crypto::Caller> call_with(const Credentials& credentials) {
+std::unique_ptr<crypto::Caller> call_with(const Credentials& credentials) {
   NodeOptions options;
   credentials.apply(options);
-  if (!options.security) return std::nullopt;
+  if (!options.security) return nullptr;
   Security security = *options.security;
   security.seed = random_key();
   std::random_device random;
   SessionId life;
   while (life.value == 0) life.value = random();
-  return std::make_optional<crypto::Caller>(io::now(), security, life);
+  return std::make_unique<crypto::Caller>(io::now(), security, life);
 }
 
 // One run of the command: a Measurement for each NIC, whose packets it sends, receives and waits
@@ -144,7 +144,7 @@ class Prober {
   const ProbeOptions& options_;
   std::optional<Credentials> credentials_;
   // Where packets are encrypted.
-  std::optional<crypto::Caller> caller_;
+  std::unique_ptr<crypto::Caller> caller_;
   std::vector<Nic> nics_;
   StatusLine line_;
   std::optional<TimePoint> shown_at_;

@@ -38,6 +38,11 @@ Json evidence_json(const Measured& m) {
       {"outage", rounded(s.outage, 1e6)},
       {"ecn", to_string(s.ecn)},
       {"rate_age_s", seconds(s.rate_age)},
+      {"duplicate_packets", m.counters.duplicate_packets},
+      {"malformed_packets", m.counters.malformed_packets},
+      {"other_version_packets", m.counters.other_version_packets},
+      {"other_packets", m.counters.other_packets},
+      {"refused_packets", m.counters.refused_packets},
       {"sent_packets", m.counters.sent_packets},
       {"received_packets", m.counters.received_packets},
       {"sent_bytes", m.counters.sent_bytes},
@@ -181,6 +186,11 @@ Measured measured_of(const Json& j) {
   m.state = state_of(j);
   const Json& e = j.at("evidence");
   m.path_reason = printable(e.at("path_reason").get<std::string>());
+  m.counters.duplicate_packets = whole_of<std::uint64_t>(e.at("duplicate_packets"));
+  m.counters.malformed_packets = whole_of<std::uint64_t>(e.at("malformed_packets"));
+  m.counters.other_version_packets = whole_of<std::uint64_t>(e.at("other_version_packets"));
+  m.counters.other_packets = whole_of<std::uint64_t>(e.at("other_packets"));
+  m.counters.refused_packets = whole_of<std::uint64_t>(e.at("refused_packets"));
   m.counters.sent_packets = whole_of<std::uint64_t>(e.at("sent_packets"));
   m.counters.received_packets = whole_of<std::uint64_t>(e.at("received_packets"));
   m.counters.sent_bytes = whole_of<std::uint64_t>(e.at("sent_bytes"));

@@ -51,6 +51,9 @@ class Sessions {
 
   // `accept`: initiations are answered.
   Sessions(const Security& security, SessionId self, bool accept, TimePoint now);
+  // What belongs to it refers to its trust.
+  Sessions(const Sessions&) = delete;
+  Sessions& operator=(const Sessions&) = delete;
 
   // --- peers
   const Trust& trust() const { return trust_; }

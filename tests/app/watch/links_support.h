@@ -51,6 +51,11 @@ inline Measured made_up_figures(double rtt_ms = 20, double mbit = 50) {
   m.state.confidence = 0.75;
   m.state.nature = {.delay = 1, .bandwidth = 0.5, .reliability = 0.25, .security = 0};
   m.path_reason = "feedback is back";
+  m.counters.duplicate_packets = 5;
+  m.counters.malformed_packets = 6;
+  m.counters.other_version_packets = 7;
+  m.counters.other_packets = 8;
+  m.counters.refused_packets = 9;
   m.counters.sent_packets = 100;
   m.counters.received_packets = 90;
   m.counters.sent_bytes = 1000;

@@ -71,14 +71,16 @@ Bytes hello(const wire::PacketHeader& header, std::int64_t u, std::uint32_t echo
 }
 
 AdmittedPeer::AdmittedPeer(int socket, double bits_per_second, TimePoint now,
-                           std::mt19937_64& random)
+                           std::mt19937_64& random, const Keys* keys)
     : socket_(socket),
       bytes_per_second_(bits_per_second / 8),
       began_(now),
       refilled_(now),
       say_at_(now),
       session_{static_cast<std::uint32_t>(random()) | 1},
-      number_(random() & 0xFFFF) {}
+      number_(random() & 0xFFFF) {
+  if (keys != nullptr) channel_ = std::make_shared<SealedChannel>(*keys, session_, random);
+}
 
 wire::PacketHeader AdmittedPeer::header(wire::PacketType type, TimePoint now) const {
   return {.type = type,
@@ -93,6 +95,11 @@ void AdmittedPeer::turn(TimePoint now) {
   allowance_ += bytes_per_second_ * std::chrono::duration<double>(now - refilled_).count();
   allowance_ = std::min(allowance_, kBurstBytes);
   refilled_ = now;
+  if (channel_) {
+    const Bytes initiation = channel_->poll(now);
+    if (!initiation.empty()) send_bytes(initiation);
+    if (!channel_->is_open()) return;
+  }
   if (now >= say_at_) say(now);
   flush(now);
 }
@@ -103,8 +110,31 @@ void AdmittedPeer::receive(TimePoint now) {
     const ssize_t n = ::recv(socket_, buffer.data(), buffer.size(), MSG_DONTWAIT);
     if (n < 0) return;
     ++counters_.received_packets;
-    take(now, ByteView(buffer).first(static_cast<std::size_t>(n)));
+    const ByteView packet = ByteView(buffer).first(static_cast<std::size_t>(n));
+    channel_ ? take_sealed(now, packet) : take(now, packet);
   }
+}
+
+void AdmittedPeer::take_sealed(TimePoint now, ByteView packet) {
+  const SealedChannel::Took took = channel_->take(now, packet);
+  echo_ = channel_->life();
+  if (took.token) show(*took.token);
+  const auto opened = wire::parse_opened(took.opened);
+  if (!opened) return;
+  if (opened->header.type == wire::PacketType::kChallenge) {
+    ++counters_.challenges;
+    show(opened->challenge.token);
+    return;
+  }
+  take_opened(now, *opened);
+}
+
+void AdmittedPeer::show(const wire::Token& token) {
+  token_.resize(wire::kPacketOverhead + wire::kTokenBytes);
+  auto head = header(wire::PacketType::kToken, refilled_);
+  head.number = next_number();
+  wire::write_token(token_, head, token);
+  send_now(token_);
 }
 
 void AdmittedPeer::take(TimePoint now, ByteView packet) {
@@ -119,12 +149,16 @@ void AdmittedPeer::take(TimePoint now, ByteView packet) {
   const auto parsed = wire::parse(packet);
   if (!parsed) return;
   echo_ = parsed->header.session.value;
-  note_number(parsed->header.number);
-  if (parsed->header.type == wire::PacketType::kData) ++counters_.results;
-  if (parsed->header.type != wire::PacketType::kFeedback) return;
-  newest_u_ = parsed->feedback.u;
+  take_opened(now, *parsed);
+}
+
+void AdmittedPeer::take_opened(TimePoint now, const wire::Packet& packet) {
+  note_number(packet.header.number);
+  if (packet.header.type == wire::PacketType::kData) ++counters_.results;
+  if (packet.header.type != wire::PacketType::kFeedback) return;
+  newest_u_ = packet.feedback.u;
   newest_at_ = now;
-  if (parsed->feedback.echo == session_) joined_ = true;
+  if (packet.feedback.echo == session_) joined_ = true;
 }
 
 void AdmittedPeer::note_number(std::uint64_t number) {
@@ -202,6 +236,13 @@ void AdmittedPeer::flush(TimePoint now) {
 }
 
 void AdmittedPeer::send_now(ByteView packet) {
+  if (!channel_) return send_bytes(packet);
+  Bytes sealed(packet.begin(), packet.end());
+  channel_->seal(sealed);
+  send_bytes(sealed);
+}
+
+void AdmittedPeer::send_bytes(ByteView packet) {
   if (::send(socket_, packet.data(), packet.size(), MSG_DONTWAIT) < 0) return;
   ++counters_.sent_packets;
   counters_.sent_bytes += packet.size() + kIpUdpBytes;

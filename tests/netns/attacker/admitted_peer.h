@@ -2,6 +2,9 @@
 // Endpoint says to join (feedback, and the answer to a challenge), goes on with feedback that
 // acknowledges what comes, and beside that sends whatever it is given, at no more than a rate.
 //
+// With keys it is a host that the road trusts: it makes a handshake first and seals all that it
+// sends, whatever that is.
+//
 // It is written by hand instead of with an Endpoint, because no Endpoint would send what it sends.
 // One path. Belongs to one thread; the socket is another's.
 #pragma once
@@ -9,11 +12,13 @@
 #include <bitset>
 #include <cstdint>
 #include <deque>
+#include <memory>
 #include <random>
 
 #include "core/wire/packet.h"
 #include "interneuron/sizes.h"
 #include "interneuron/units.h"
+#include "tests/netns/attacker/sealed_channel.h"
 
 namespace interneuron::attacker {
 
@@ -32,8 +37,9 @@ Bytes hello(const wire::PacketHeader& header, std::int64_t u, std::uint32_t echo
 class AdmittedPeer {
  public:
   // `socket` is connected and does not block. `bits_per_second` bounds what is sent, IP headers
-  // included.
-  AdmittedPeer(int socket, double bits_per_second, TimePoint now, std::mt19937_64& random);
+  // included. `keys`: nullptr: in the clear.
+  AdmittedPeer(int socket, double bits_per_second, TimePoint now, std::mt19937_64& random,
+               const Keys* keys = nullptr);
 
   // Reads what has come, says what is due, and sends of what waits as much as the rate allows.
   void turn(TimePoint now);
@@ -45,8 +51,10 @@ class AdmittedPeer {
   // The other side's; 0 before it has been heard.
   std::uint32_t echo() const { return echo_; }
   std::uint64_t next_number() { return ++number_; }
-  // The packet that answered the newest challenge; empty where none came.
+  // The packet that answered the newest challenge, in the clear; empty where none came.
   ByteView token() const { return token_; }
+  // What it seals with; nullptr: nothing.
+  std::shared_ptr<SealedChannel> channel() const { return channel_; }
 
   // Cuts a message into data packets, which wait to be sent.
   void send_message(ByteView message, std::uint32_t lifetime_us);
@@ -76,10 +84,14 @@ class AdmittedPeer {
   };
   void receive(TimePoint now);
   void take(TimePoint now, ByteView packet);
+  void take_sealed(TimePoint now, ByteView packet);
+  void take_opened(TimePoint now, const wire::Packet& packet);
+  void show(const wire::Token& token);
   void note_number(std::uint64_t number);
   void say(TimePoint now);
   void flush(TimePoint now);
   void send_now(ByteView packet);
+  void send_bytes(ByteView packet);
 
   int socket_;
   double bytes_per_second_;
@@ -92,6 +104,7 @@ class AdmittedPeer {
   std::uint32_t message_ = 0;
   Bytes token_;
   std::deque<Waiting> queue_;
+  std::shared_ptr<SealedChannel> channel_;
 
   bool joined_ = false;
   std::uint32_t echo_ = 0;

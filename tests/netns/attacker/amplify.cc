@@ -1,10 +1,12 @@
 #include "tests/netns/attacker/amplify.h"
 
 #include <poll.h>
+#include <sys/socket.h>
 
 #include <algorithm>
 #include <array>
 #include <cstdio>
+#include <memory>
 #include <optional>
 #include <random>
 #include <stdexcept>
@@ -63,6 +65,11 @@ class Forger {
   }
 
   bool is_of_own_peer() const { return way_ == Way::kMoved || way_ == Way::kToken; }
+  // From now on it seals what it sends.
+  void seal_with(std::shared_ptr<SealedChannel> channel, const Keys& keys) {
+    channel_ = std::move(channel);
+    keys_ = keys;
+  }
   // What was the attacker's own peer's goes on from the victim.
   void move(AdmittedPeer& own) {
     session_ = own.session().value;
@@ -102,6 +109,11 @@ class Forger {
                               .session = {session_},
                               .number = ++number_};
     std::size_t size = 0;
+    if (channel_ && way_ == Way::kHellos) {
+      const Bytes initiation = SealedChannel(keys_, {session_}, random_).poll(now());
+      std::ranges::copy(initiation, out.begin());
+      return leave(link, ByteView(out).first(initiation.size()));
+    }
     if (way_ == Way::kEchoes) {
       size = write_echo(header, out);
     } else if (way_ == Way::kToken && turns_ % 2 == 0 && !token_.empty()) {
@@ -109,11 +121,15 @@ class Forger {
     } else if (turns_ == 0 || way_ == Way::kHellos) {
       size = wire::write_probe(out, header, wire::kPacketOverhead);
     } else {
-      size = write_forged(header, echo, out);
+      size = write_forged(header, channel_ ? channel_->life() : echo, out);
     }
-    link.socket.add(from_, link.road, ByteView(out).first(size));
+    if (channel_) channel_->seal(std::span(out).first(size));
+    leave(link, ByteView(out).first(size));
+  }
+  void leave(Link& link, ByteView packet) {
+    link.socket.add(from_, link.road, packet);
     ++packets_;
-    bytes_ += size + kIpUdpBytes;
+    bytes_ += packet.size() + kIpUdpBytes;
   }
   // Feedback that proves, if anything does, that the victim has heard the unit.
   std::size_t write_forged(wire::PacketHeader header, std::uint32_t echo,
@@ -150,6 +166,8 @@ class Forger {
   std::uint32_t session_ = 0;
   std::uint64_t number_ = 0;
   Bytes token_;
+  std::shared_ptr<SealedChannel> channel_;
+  Keys keys_;
   std::uint64_t turns_ = 0;
   double next_ = 0;
   std::uint64_t packets_ = 0;
@@ -167,6 +185,45 @@ bool join(AdmittedPeer& peer, int socket) {
     if (!joined && peer.joined()) joined = now();
     if (!joined && seconds_between(began, now()) > kJoinSeconds) return false;
   }
+  return true;
+}
+
+// Makes a handshake from the attacker's own address and shows no token. Nothing where it is not
+// answered.
+std::shared_ptr<SealedChannel> shake(const Keys& keys, int socket, std::mt19937_64& random) {
+  const auto channel = std::make_shared<SealedChannel>(
+      keys, SessionId{static_cast<std::uint32_t>(random()) | 1}, random);
+  const TimePoint began = now();
+  while (!channel->is_open()) {
+    if (seconds_between(began, now()) > kJoinSeconds) return nullptr;
+    const Bytes initiation = channel->poll(now());
+    if (!initiation.empty()) ::send(socket, initiation.data(), initiation.size(), MSG_DONTWAIT);
+    pollfd item{socket, POLLIN, 0};
+    ::poll(&item, 1, 5);
+    std::array<std::byte, kMaxDatagramBytes> buffer;
+    const ssize_t n = ::recv(socket, buffer.data(), buffer.size(), MSG_DONTWAIT);
+    if (n > 0) channel->take(now(), ByteView(buffer).first(static_cast<std::size_t>(n)));
+  }
+  return channel;
+}
+
+// What this victim's name is used with, first of all. False where the unit does not admit it.
+bool begin(const AmplifyOptions& o, const Link& link, std::size_t place, Forger& forger,
+           std::uint32_t& echo, std::mt19937_64& random) {
+  std::optional<Keys> keys;
+  if (!o.keys.empty()) keys = {read_key(o.keys.at(place)), read_public_key(o.road_key)};
+  if (!forger.is_of_own_peer() && !keys) return true;
+  const io::FileDescriptor socket = open_udp(o.nics[0], {}, &link.road);
+  if (!forger.is_of_own_peer()) {
+    const auto channel = shake(*keys, socket.get(), random);
+    forger.seal_with(channel, *keys);
+    return channel != nullptr;
+  }
+  AdmittedPeer own(socket.get(), kOwnBitsPerSecond, now(), random, keys ? &*keys : nullptr);
+  if (!join(own, socket.get())) return false;
+  echo = own.echo();
+  forger.move(own);
+  if (keys) forger.seal_with(own.channel(), *keys);
   return true;
 }
 
@@ -195,13 +252,7 @@ int run_amplify(const AmplifyOptions& o) {
     for (std::uint32_t i = 0; i < kWays.size(); ++i) {
       const std::uint32_t victim = net + 1 + i + (forgers.size() >= kWays.size() ? kAllLinks : 0);
       Forger forger(static_cast<Way>(i), victim, used, random());
-      if (forger.is_of_own_peer()) {
-        const io::FileDescriptor socket = open_udp(o.nics[0], {}, &links[0].road);
-        AdmittedPeer own(socket.get(), kOwnBitsPerSecond, now(), random);
-        if (!join(own, socket.get())) return 1;
-        echo = own.echo();
-        forger.move(own);
-      }
+      if (!begin(o, links[0], forgers.size(), forger, echo, random)) return 1;
       forgers.push_back(std::move(forger));
     }
   }

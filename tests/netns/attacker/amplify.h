@@ -1,6 +1,7 @@
 // Packets in the name of victims, to make a roadside unit send them more than the attacker sends:
 // it learns the unit's session from its own address and then forges the echo that is to prove that
-// a victim wants what it gets.
+// a victim wants what it gets. With keys it is a host that the unit trusts, and seals what it
+// forges.
 #pragma once
 
 #include <cstdint>
@@ -20,6 +21,9 @@ struct AmplifyOptions {
   std::string victims = "10.97.0.0";
   double seconds = 120;
   std::uint64_t seed = 1;
+  // Keys that the unit trusts, one for each victim, and the unit's own; empty: in the clear.
+  std::vector<std::string> keys;
+  std::string road_key;
 };
 
 // Forges for so long and prints one line of JSON, with the bytes sent in the name of each victim.

@@ -11,11 +11,14 @@
 #include <cmath>
 #include <cstdio>
 #include <cstring>
+#include <optional>
 #include <random>
 
 #include "core/wire/bytes.h"
 #include "interneuron/sizes.h"
 #include "tests/netns/attacker/admitted_peer.h"
+#include "tests/netns/attacker/initiations.h"
+#include "tests/netns/attacker/sealed_channel.h"
 #include "tests/netns/attacker/spoof.h"
 
 namespace interneuron::attacker {
@@ -26,13 +29,24 @@ constexpr double kMostBehindSeconds = 0.05;
 // The port of all owned addresses.
 constexpr std::uint16_t kOwnedPort = 40'000;
 
-// A first packet as an Endpoint sends it: a probe or feedback of a session never seen before.
+// A first packet as an Endpoint sends it: a probe or feedback of a session never seen before; or an
+// initiation.
 class Hellos {
  public:
-  explicit Hellos(std::uint64_t seed) : random_(seed) {}
+  Hellos(std::uint64_t seed, const std::string& road_key) : random_(seed) {
+    if (!road_key.empty()) initiations_.emplace(read_public_key(road_key), random_);
+  }
 
   std::uint64_t random() { return random_(); }
+  // Nothing: in the clear.
+  Initiations* initiations() { return initiations_ ? &*initiations_ : nullptr; }
+  // From where no answer is received.
+  ByteView next_spoofed() {
+    if (initiations_ && random_() % 2 == 0) return initiations_->random();
+    return next();
+  }
   ByteView next() {
+    if (initiations_) return initiations_->whole();
     const std::uint64_t drawn = random_();
     wire::PacketHeader header{.type = wire::PacketType::kProbe,
                               .link = {static_cast<std::uint16_t>(drawn & 3)},
@@ -52,6 +66,7 @@ class Hellos {
 
  private:
   std::mt19937_64 random_;
+  std::optional<Initiations> initiations_;
   std::array<std::byte, kMaxDatagramBytes> buffer_{};
 };
 
@@ -75,8 +90,9 @@ class Pace {
 // The addresses that are the attacker's, behind one socket that chooses the source of each packet.
 class Owned {
  public:
-  Owned(const FloodOptions& o)
+  Owned(const FloodOptions& o, Initiations* initiations)
       : socket_(open_udp(o.nic, {0, kOwnedPort}, nullptr)),
+        initiations_(initiations),
         road_(o.road),
         net_(parse_host(o.owned) & 0xFFFF0000U) {
     const int on = 1;
@@ -90,7 +106,7 @@ class Owned {
     send(net_ | static_cast<std::uint32_t>(hellos.random() & 0xFFFF), hellos.next());
     ++hellos_;
   }
-  // Answers challenges by tokens, and feedback by feedback that proves that it has come.
+  // Answers cookies, challenges by tokens, and feedback by feedback that proves that it has come.
   void answer(TimePoint now) {
     std::array<std::byte, kMaxDatagramBytes> buffer;
     std::array<std::byte, CMSG_SPACE(sizeof(in_pktinfo))> control;
@@ -114,9 +130,17 @@ class Owned {
   std::uint64_t hellos() const { return hellos_; }
   std::uint64_t tokens() const { return tokens_; }
   std::uint64_t echoes() const { return echoes_; }
+  // What else came while it asked for handshakes.
+  std::uint64_t others() const { return others_; }
 
  private:
   void take(TimePoint now, std::uint32_t at, ByteView packet) {
+    if (initiations_ != nullptr) {
+      const ByteView answer = initiations_->with_cookie(packet);
+      ++(answer.empty() ? others_ : tokens_);
+      if (!answer.empty()) send(at, answer);
+      return;
+    }
     std::array<std::byte, kMaxDatagramBytes> out;
     std::uint32_t self = challenged(packet);
     if (self != 0) {
@@ -169,12 +193,14 @@ class Owned {
   // Larger than the number of any hello, which is below 2^16 + 2.
   static constexpr std::uint64_t kTokenNumber = 100'000;
   io::FileDescriptor socket_;
+  Initiations* initiations_;
   Place road_;
   std::uint32_t net_;
   std::uint64_t answer_number_ = kTokenNumber;
   std::uint64_t hellos_ = 0;
   std::uint64_t tokens_ = 0;
   std::uint64_t echoes_ = 0;
+  std::uint64_t others_ = 0;
   std::uint64_t allowed_echoes_ = 0;
 };
 
@@ -183,8 +209,8 @@ class Owned {
 int run_flood(const FloodOptions& o) {
   require_confined(o.nic);
   SpoofSocket spoofed(o.nic);
-  Owned owned(o);
-  Hellos hellos(o.seed);
+  Hellos hellos(o.seed, o.road_key);
+  Owned owned(o, hellos.initiations());
   Pace spoofed_pace(o.spoofed_pps);
   Pace owned_pace(o.owned_pps);
   const std::uint32_t net = parse_host(o.spoofed) & 0xFFFF0000U;
@@ -197,7 +223,7 @@ int run_flood(const FloodOptions& o) {
       const std::uint64_t drawn = hellos.random();
       const Place from{net | static_cast<std::uint32_t>(drawn & 0xFFFF),
                        static_cast<std::uint16_t>(1024 + (drawn >> 16) % 60'000)};
-      spoofed.add(from, o.road, hellos.next());
+      spoofed.add(from, o.road, hellos.next_spoofed());
     }
     spoofed.flush();
     for (std::size_t i = owned_pace.due(elapsed); i > 0; --i) owned.send_hello(hellos);
@@ -208,10 +234,11 @@ int run_flood(const FloodOptions& o) {
   const double took = seconds_between(began, now());
   std::printf(
       "{\"seconds\": %.3f, \"spoofed_pps\": %.0f, \"owned_pps\": %.0f, \"tokens\": %llu, "
-      "\"echoes\": %llu}\n",
+      "\"echoes\": %llu, \"others\": %llu}\n",
       took, static_cast<double>(spoofed.packets()) / took,
       static_cast<double>(owned.hellos()) / took, static_cast<unsigned long long>(owned.tokens()),
-      static_cast<unsigned long long>(owned.echoes()));
+      static_cast<unsigned long long>(owned.echoes()),
+      static_cast<unsigned long long>(owned.others()));
   return 0;
 }
 

@@ -1,5 +1,6 @@
 // A flood of peers that want to join: most from addresses that are not the attacker's, some from a
-// network that is, in whose name it answers what comes, tokens too.
+// network that is, in whose name it answers what comes, tokens too. Where the road has a key, they
+// ask for handshakes, and what is answered are cookies.
 #pragma once
 
 #include <cstdint>
@@ -20,6 +21,8 @@ struct FloodOptions {
   double owned_pps = 1'000;
   double seconds = 60;
   std::uint64_t seed = 1;
+  // The road's public key; empty: in the clear.
+  std::string road_key;
 };
 
 // Floods for so long and prints one line of JSON. Returns the exit code. Throws std::runtime_error.

@@ -253,7 +253,9 @@ int run_insider(const InsiderOptions& o) {
   const io::FileDescriptor socket = open_udp(o.nic, {}, &o.road);
   std::mt19937_64 random(o.seed);
   const TimePoint began = now();
-  AdmittedPeer peer(socket.get(), 1000 * o.kbit, began, random);
+  std::optional<Keys> keys;
+  if (!o.key.empty()) keys = {read_key(o.key), read_public_key(o.road_key)};
+  AdmittedPeer peer(socket.get(), 1000 * o.kbit, began, random, keys ? &*keys : nullptr);
   State state{.peer = peer, .random = random, .victim = o.victim_session};
   std::optional<TimePoint> joined;
   while (!joined || seconds_between(*joined, now()) < o.seconds) {

@@ -22,6 +22,9 @@ struct InsiderOptions {
   // Of a vehicle, for the attack that speaks in its name.
   std::uint32_t victim_session = 0;
   std::uint64_t seed = 1;
+  // Its own key and the road's; empty: in the clear.
+  std::string key;
+  std::string road_key;
 };
 
 std::vector<std::string> insider_attacks();
