@@ -1,4 +1,4 @@
-// `interneuron keys`: makes keys, and tells public ones.
+// `interneuron keys`: makes keys, and tells public ones. fleet_keys.h has the rest of it.
 #pragma once
 
 #include <CLI/CLI.hpp>

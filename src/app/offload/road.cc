@@ -16,6 +16,7 @@
 #include "app/offload/submit_log.h"
 #include "app/watch/publisher.h"
 #include "app/watch/time_keeper.h"
+#include "app/watch/trust_keeper.h"
 #include "core/offload/roadside_unit.h"
 #include "host/process/failure.h"
 #include "host/settings/data.h"
@@ -89,6 +90,7 @@ class Road {
   Node node_;
   LinkPublisher links_;
   TimeKeeper time_;
+  TrustKeeper trust_;
   SubmitLog results_{"result"};
   std::map<PeerId, Vehicle> vehicles_;
   // When the newest second of the log began, and its lines so far.
@@ -107,7 +109,8 @@ Road::Road(const RoadOptions& options, RoadHooks& hooks)
       node_(node_options()),
       links_(node_, "road"),
       // This program has no local backup.
-      time_(node_, credentials_, Queue::kLocalBackup) {}
+      time_(node_, credentials_, Queue::kLocalBackup),
+      trust_(node_, credentials_, Queue::kLocalBackup) {}
 
 NodeOptions Road::node_options() const {
   NodeOptions o;

@@ -13,6 +13,7 @@
 #include "app/offload/vehicle_report.h"
 #include "app/watch/publisher.h"
 #include "app/watch/time_keeper.h"
+#include "app/watch/trust_keeper.h"
 #include "core/offload/computation_budget.h"
 #include "core/offload/no_answer.h"
 #include "host/io/steady_clock.h"
@@ -87,6 +88,7 @@ class Vehicle {
   Node node_;
   LinkPublisher links_;
   TimeKeeper time_;
+  TrustKeeper trust_;
   std::atomic<std::uint32_t> newest_round_{0};
   // Measured before the loop runs, which it would hold up.
   Duration encode_time_ = encode_time();
@@ -117,6 +119,7 @@ Vehicle::Vehicle(const VehicleOptions& options, VehicleHooks& hooks)
       links_(node_, "vehicle"),
       // Detections of this program are local backups.
       time_(node_, credentials_, Queue::kComputation),
+      trust_(node_, credentials_, Queue::kComputation),
       budget_(from_ms(options.deadline_ms)),
       record_({.rounds = options.rounds,
                .guard = options.guard,

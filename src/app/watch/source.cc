@@ -13,6 +13,7 @@
 #include "app/watch/json.h"
 #include "app/watch/live_state.h"
 #include "app/watch/time_keeper.h"
+#include "app/watch/trust_keeper.h"
 #include "host/io/link_monitor.h"
 #include "host/io/steady_clock.h"
 #include "host/process/failure.h"
@@ -123,7 +124,8 @@ class PeerSource : public LinkSource {
         node_(node_options(options)),
         journal_(node_, "links"),
         // This node computes nothing.
-        time_(node_, credentials_, Queue::kComputation) {
+        time_(node_, credentials_, Queue::kComputation),
+        trust_(node_, credentials_, Queue::kComputation) {
     for (const std::string& warning : credentials_.warnings()) spdlog::warn("{}", warning);
     for (const std::string& warning : node_.warnings()) spdlog::warn("{}", warning);
     node_.on_nic_changed([this](const NicChanged& e) { journal_.add(e); });
@@ -177,6 +179,7 @@ class PeerSource : public LinkSource {
   Node node_;
   LinkJournal journal_;
   TimeKeeper time_;
+  TrustKeeper trust_;
   std::atomic<bool> answered_{false};
   // Guards the members that follow.
   std::mutex mutex_;

@@ -77,9 +77,12 @@ Bytes sign_credential(const Credential& credential, const SecretKey& authority) 
 }
 
 std::optional<Credential> read_credential(ByteView bytes, std::span<const PublicKey> authorities) {
-  if (bytes.size() != kCredentialBytes || !is_signed(bytes, kCredentialLabel, authorities)) {
-    return std::nullopt;
-  }
+  if (!is_signed(bytes, kCredentialLabel, authorities)) return std::nullopt;
+  return parse_credential(bytes);
+}
+
+std::optional<Credential> parse_credential(ByteView bytes) {
+  if (bytes.size() != kCredentialBytes) return std::nullopt;
   Credential out;
   std::ranges::copy(bytes.first(kKeyBytes), out.key.begin());
   wire::Reader r(bytes.subspan(kKeyBytes));
@@ -132,6 +135,26 @@ std::optional<Revocations> read_revocations(ByteView bytes,
 
 bool is_revoked(const Revocations& list, const PublicKey& key) {
   return std::ranges::find(list.keys, key) != list.keys.end();
+}
+
+std::string to_text(ByteView bytes) {
+  std::string out(sodium_base64_encoded_len(bytes.size(), sodium_base64_VARIANT_ORIGINAL), '\0');
+  sodium_bin2base64(out.data(), out.size(), raw(bytes), bytes.size(),
+                    sodium_base64_VARIANT_ORIGINAL);
+  // The terminating zero.
+  out.pop_back();
+  return out;
+}
+
+std::optional<Bytes> parse_text(std::string_view text) {
+  Bytes out(text.size() / 4 * 3);
+  std::size_t size = 0;
+  if (sodium_base642bin(target(out), out.size(), text.data(), text.size(), nullptr, &size, nullptr,
+                        sodium_base64_VARIANT_ORIGINAL) != 0) {
+    return std::nullopt;
+  }
+  out.resize(size);
+  return out;
 }
 
 }  // namespace crypto

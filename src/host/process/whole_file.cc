@@ -85,7 +85,7 @@ int write_all(int fd, std::string_view bytes) {
   return 0;
 }
 
-WholeFile::WholeFile(const fs::path& file) : file_(behind_links(file)) {
+WholeFile::WholeFile(const fs::path& file, mode_t mode) : file_(behind_links(file)) {
   if (is_device(file_)) {
     out_ = io::FileDescriptor(::open(file_.c_str(), O_WRONLY | O_CLOEXEC));
     if (out_.get() < 0) fail(errno);
@@ -96,7 +96,7 @@ WholeFile::WholeFile(const fs::path& file) : file_(behind_links(file)) {
   for (int i = 0; i < kNames && error == EEXIST; ++i) {
     const fs::path name = partial_name(file_);
     out_ = io::FileDescriptor(
-        ::open(name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666));
+        ::open(name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, mode));
     error = out_.get() < 0 ? errno : 0;
     if (error == 0) partial_ = name;
   }
@@ -131,8 +131,8 @@ void WholeFile::fail(int error) {
   throw Failure(kFailed, file_problem("cannot write", file_, error));
 }
 
-void write_whole(const fs::path& file, std::string_view bytes) {
-  WholeFile out(file);
+void write_whole(const fs::path& file, std::string_view bytes, mode_t mode) {
+  WholeFile out(file, mode);
   out.append(bytes);
   out.commit();
 }

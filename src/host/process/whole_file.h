@@ -7,6 +7,8 @@
 // is safe. A device or a pipe, such as /dev/stdout, is written as it comes. Thread-compatible.
 #pragma once
 
+#include <sys/types.h>
+
 #include <filesystem>
 #include <string>
 #include <string_view>
@@ -28,7 +30,8 @@ int write_all(int fd, std::string_view bytes);
 class WholeFile {
  public:
   // These throw Failure (1) that names the file and the reason.
-  explicit WholeFile(const std::filesystem::path& file);
+  // `mode`: of the new file, less what the umask takes away.
+  explicit WholeFile(const std::filesystem::path& file, mode_t mode = 0666);
   void append(std::string_view bytes);
   // Puts the file in its place.
   void commit();
@@ -50,7 +53,7 @@ class WholeFile {
 };
 
 // The whole of a file at once.
-void write_whole(const std::filesystem::path& file, std::string_view bytes);
+void write_whole(const std::filesystem::path& file, std::string_view bytes, mode_t mode = 0666);
 // Reads a file; throws Failure with this code, which names the file and the reason.
 std::string read_whole(const std::filesystem::path& file, int code);
 

@@ -119,8 +119,15 @@ fs::path default_key_file() {
   return home.empty() ? fs::path() : home / ".config/interneuron/key";
 }
 
+fs::path default_authority_file() {
+  const fs::path key = default_key_file();
+  return key.empty() ? fs::path() : key.parent_path() / "authority";
+}
+
 void write_new_key(const fs::path& file, const SecretKey& key) {
-  if (file == default_key_file()) make_default_folder(file.parent_path());
+  if (file == default_key_file() || file == default_authority_file()) {
+    make_default_folder(file.parent_path());
+  }
   const io::FileDescriptor out(
       ::open(file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600));
   if (out.get() < 0 && errno == EEXIST) {
@@ -150,12 +157,13 @@ OwnFile open_own_file(const fs::path& file, bool may_be_read) {
   }
   const mode_t others = S_IWGRP | S_IWOTH | (may_be_read ? 0 : S_IRGRP | S_IROTH);
   if (!S_ISREG(status.st_mode)) {
-    out.problem = "is no regular file; give the file that `interneuron keys gen` wrote";
+    out.problem = "is no regular file; give the file that `interneuron keys` wrote";
   } else if (status.st_uid != ::geteuid() && status.st_uid != 0) {
     out.problem = "belongs to user " + std::to_string(status.st_uid) +
                   "; it has to be yours or root's: use `chown`, or another file";
   } else if ((status.st_mode & others) != 0) {
-    out.problem = "can be read or written by others; `chmod 600 " + file.string() + "` ends that";
+    out.problem = std::string("can be ") + (may_be_read ? "" : "read or ") +
+                  "written by others; `chmod 600 " + file.string() + "` ends that";
   }
   return out;
 }

@@ -19,6 +19,9 @@ namespace interneuron::cli {
 // names a folder.
 std::filesystem::path default_key_file();
 
+// The same for the private key of a fleet authority: `authority` beside that key.
+std::filesystem::path default_authority_file();
+
 // Writes the key to a file that is not there yet, with mode 0600. The folder of default_key_file()
 // is made if need be, no other one is.
 void write_new_key(const std::filesystem::path& file, const SecretKey& key);

@@ -4,6 +4,12 @@
 //   --peer-key KEY[,psk=FILE]       of a program that connects: who the roadside unit is
 //   --trust KEY[,psk=FILE]          of one that serves: each host that may come
 //   --insecure                      no keys, packets in the clear
+//   --authority KEY                 whoever shows a credential of this authority may come too, and
+//                                   its lists of revocations count
+//   --credential FILE               of one that connects: ours (fleet_files.h)
+//   --revocations FILE              the newest list, and where newer ones of peers are kept
+//   --revocations-max-age DAYS      of one that serves: how old the list may be
+//   --revocations-stale WHAT        refuse or accept whom authorities have signed when it is older
 //
 // KEY is a public key as `interneuron keys pub` prints it, psk=FILE a key that both ends share in
 // advance. Functions throw Failure with one line that names the thing and the remedy: 2 for a
@@ -17,6 +23,7 @@
 #include <string_view>
 #include <vector>
 
+#include "host/settings/fleet_files.h"
 #include "host/settings/key_files.h"
 #include "host/settings/time_file.h"
 #include "interneuron/node_options.h"
@@ -32,6 +39,15 @@ struct KeyOptions {
   // Each as --peer-key or --trust gives it.
   std::vector<std::string> trusted = {};
   bool insecure = false;
+  // Public keys.
+  std::vector<std::string> authorities = {};
+  // Files; empty: none.
+  std::string credential = {};
+  std::string revocations = {};
+  // 0: any age.
+  int revocations_max_age_days = 0;
+  // "refuse" or "accept"; empty: refuse.
+  std::string revocations_stale = {};
 };
 
 void add_key_options(CLI::App& command, KeyOptions& options, Trusts trusts);
@@ -44,6 +60,8 @@ struct TrustOption {
   std::string psk_file;
 };
 TrustOption parse_trust_option(std::string_view text);
+// What is wrong with a public key on the command line; empty: nothing.
+std::string mistake_in_key(const std::string& text);
 
 // The keys of a program while it runs. Thread-compatible.
 class Credentials {
@@ -59,12 +77,27 @@ class Credentials {
   std::vector<std::string> warnings() const;
   // Where the program's newest time belongs; nothing without a key.
   const TimeFile* time_file() const { return time_ ? &*time_ : nullptr; }
+  // Where lists of revocations that peers hand on belong; nothing where no file was given.
+  const RevocationsFile* revocations_file() const { return list_ ? &*list_ : nullptr; }
+  // When the list that is there at the start was issued; 0: there is none. And what a later one
+  // says, which one of the authorities must have signed.
+  std::int64_t list_issued_s() const { return list_ ? list_->issued_s() : 0; }
+  SignedList read_list(ByteView list) const;
+  // What to tell of a list that was issued then, 0: there is none; empty: it is new enough.
+  std::string stale_list(std::int64_t issued_s, std::int64_t unix_s) const;
 
  private:
+  void read_fleet(const KeyOptions& options);
+
   bool insecure_;
   std::optional<OwnKey> own_;
   std::optional<TimeFile> time_;
   std::vector<TrustedPeer> trusted_;
+  std::vector<PublicKey> authorities_;
+  std::optional<CredentialFile> credential_;
+  std::optional<RevocationsFile> list_;
+  std::int64_t max_age_s_ = 0;
+  StaleRevocations stale_ = StaleRevocations::kRefuse;
 };
 
 }  // namespace interneuron::cli

@@ -23,6 +23,22 @@ Security security() {
   return out;
 }
 
+TEST(Credential, IsOneLineOfTextForThoseWhoCopyIt) {
+  const Bytes bytes = sign_credential(credential_of(3), kAuthority);
+  const std::string text = to_text(bytes);
+  EXPECT_EQ(text.size(), 172U);
+  EXPECT_EQ(parse_text(text), bytes);
+  EXPECT_EQ(parse_text(""), Bytes{});
+  for (const std::string& wrong :
+       {text.substr(1), text + "=", text + "\n", " " + text, "*" + text.substr(1)}) {
+    EXPECT_FALSE(parse_text(wrong)) << wrong;
+  }
+  // Its owner reads it without the authority.
+  ASSERT_TRUE(parse_credential(bytes));
+  EXPECT_EQ(parse_credential(bytes)->node, "truck 7");
+  EXPECT_FALSE(parse_credential(ByteView(bytes).first(bytes.size() - 1)));
+}
+
 TEST(Credential, IsReadAsItWasSigned) {
   const Bytes bytes = sign_credential(credential_of(3), kAuthority);
   EXPECT_EQ(bytes.size(), kCredentialBytes);
