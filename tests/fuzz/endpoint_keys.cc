@@ -100,7 +100,7 @@ std::optional<Bytes> Keys::heard(TimePoint now, std::size_t host, LinkId nic, By
   }
   if (!at.initiator) return std::nullopt;
   if (header->type == wire::PacketType::kCookie) {
-    at.initiator->take_cookie(*header, bytes);
+    at.initiator->take_cookie(now, *header, bytes);
   } else if (const auto answer = at.initiator->take_response(bytes)) {
     agree(now, at, at.life, crypto::Session::Role::kInitiator, answer->theirs.index, answer->keys);
   }

@@ -206,7 +206,7 @@ class Handshakes {
     const auto header = wire::peek(bytes);
     if (!header) return;
     vehicle_.token_of(bytes);
-    if (header->type == wire::PacketType::kCookie) vehicle_.take_cookie(*header, bytes);
+    if (header->type == wire::PacketType::kCookie) vehicle_.take_cookie(now_, *header, bytes);
     const std::uint32_t index = vehicle_.index();
     const auto answer = vehicle_.take_response(bytes);
     if (!answer) return;

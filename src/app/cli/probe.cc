@@ -31,8 +31,8 @@ constexpr double kMinIntervalMs = 1;
 constexpr double kMaxIntervalMs = 60'000;
 constexpr double kMaxTimeoutMs = 60'000;
 constexpr Duration kLiveEvery = std::chrono::milliseconds(200);
-// How long a roadside unit with keys may take to answer the handshake; its tries are 0.1, 0.3, 0.7,
-// 1.5 and 3.1 s after the first.
+// How long a roadside unit with keys may take to answer the handshake, of which there are a dozen
+// tries until then.
 constexpr Duration kHandshakeTime = std::chrono::seconds(4);
 // How long replies are still awaited after Ctrl-C.
 constexpr Duration kFarewell = std::chrono::seconds(2);

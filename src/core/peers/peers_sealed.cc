@@ -90,6 +90,7 @@ Peers::Found Peers::whose_sealed(TimePoint now, const crypto::Sessions::Opened& 
 bool Peers::take_handshake(TimePoint now, const wire::PacketHeader& header,
                            const Datagram& datagram, Received& out) {
   const auto shaken = sessions_->take_handshake(now, header, datagram);
+  if (shaken.may_be_due) touch(*entries_[shaken.owner]);
   if (!shaken.answered && !shaken.token) return shaken.is_used;
   Entry& entry = *entries_[shaken.owner];
   touch(entry);

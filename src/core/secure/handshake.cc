@@ -113,7 +113,7 @@ Initiator::Initiator(const KeyPair& own, const TrustedPeer& peer, SessionId life
 
 void Initiator::begin(TimePoint now) {
   if (is_trying()) return;
-  next_try_ = now;
+  next_try_ = began_at_ = now;
   retry_ = kFirstRetry;
 }
 
@@ -124,7 +124,7 @@ void Initiator::stop() {
 
 void Initiator::tried(TimePoint now) {
   next_try_ = now + retry_;
-  retry_ = std::min<Duration>(2 * retry_, kLastRetry);
+  retry_ = std::min<Duration>(2 * retry_, now - began_at_ < kHurry ? kHurriedRetry : kLastRetry);
   ++try_;
 }
 
@@ -200,7 +200,7 @@ std::optional<wire::Token> Initiator::token_of(ByteView packet) const {
   return token;
 }
 
-bool Initiator::take_cookie(const wire::PacketHeader& header, ByteView packet) {
+bool Initiator::take_cookie(TimePoint now, const wire::PacketHeader& header, ByteView packet) {
   if (!noise_ || packet.size() != kCookieBytes || header.session.value != index_ ||
       header.number > try_) {
     return false;
@@ -213,13 +213,13 @@ bool Initiator::take_cookie(const wire::PacketHeader& header, ByteView packet) {
   try_ = newest;
   const auto key = open_cookie(cookie_key_, parts_of_initiation(sent).mac1, packet);
   if (!key) return false;
-  const auto known = std::ranges::find(cookies_, header.link, &Cookie::path);
-  if (known != cookies_.end()) {
-    known->key = *key;
-  } else {
+  auto known = std::ranges::find(cookies_, header.link, &Cookie::path);
+  if (known == cookies_.end()) {
     if (cookies_.size() >= wire::kMaxReports) cookies_.erase(cookies_.begin());
-    cookies_.push_back({header.link, *key});
+    known = cookies_.insert(cookies_.end(), {header.link, {}, 0});
   }
+  if (known->index != index_) next_try_ = std::min(next_try_.value_or(now), now);
+  *known = {header.link, *key, index_};
   return true;
 }
 

@@ -114,6 +114,10 @@ class Initiator {
   // the time in which a peer is believed to be dead, later ones twice as far each time, up to
   // WireGuard's REKEY_TIMEOUT. No measurement behind the first value.
   static constexpr Duration kFirstRetry = std::chrono::milliseconds(100);
+  // For kHurry they are no further apart than this: under a flood a responder takes a part of what
+  // comes, and a vehicle should not be long gone when it is its turn.
+  static constexpr Duration kHurriedRetry = std::chrono::milliseconds(200);
+  static constexpr Duration kHurry = std::chrono::seconds(2);
   static constexpr Duration kLastRetry = std::chrono::seconds(5);
 
   // `credential`: ours, of kCredentialBytes, or nothing.
@@ -153,13 +157,16 @@ class Initiator {
   // The token that an authentic response to the newest message that was answered brought over the
   // path of its header: also those to its other copies.
   std::optional<wire::Token> token_of(ByteView packet) const;
-  // False where it is none for a copy of the message under way.
-  bool take_cookie(const wire::PacketHeader& header, ByteView packet);
+  // False where it is none for a copy of the message under way. The first one that a path gets for
+  // a message lets the next try leave at once.
+  bool take_cookie(TimePoint now, const wire::PacketHeader& header, ByteView packet);
 
  private:
   struct Cookie {
     LinkId path{};
     SecretKey key;
+    // The index of the message that it was given for.
+    std::uint32_t index = 0;
   };
   KeyPair own_;
   TrustedPeer peer_;
@@ -176,6 +183,7 @@ class Initiator {
   std::uint64_t try_ = 0;
   std::optional<TimePoint> next_try_;
   Duration retry_ = kFirstRetry;
+  TimePoint began_at_{};
   // Of the newest message that was answered.
   SecretKey answered_key_;
   std::uint32_t answered_index_ = 0;

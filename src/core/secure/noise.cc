@@ -43,8 +43,8 @@ Noise Noise::initiator(Pattern pattern, ByteView prologue, const KeyPair& own,
 }
 
 Noise Noise::responder(Pattern pattern, ByteView prologue, const KeyPair& own,
-                       const KeyPair& ephemeral) {
-  return Noise(pattern, prologue, own, ephemeral, own.open);
+                       const SecretKey& ephemeral) {
+  return Noise(pattern, prologue, own, {ephemeral, {}}, own.open);
 }
 
 void Noise::mix_hash(ByteView bytes) {
@@ -124,6 +124,7 @@ bool Noise::read_first(ByteView message, std::span<std::byte> payload) {
 
 bool Noise::write_second(std::span<std::byte> out, ByteView payload) {
   assert(out.size() == kSecondMessageBytes + payload.size());
+  ephemeral_.open = public_key_of(ephemeral_.secret);
   std::ranges::copy(ephemeral_.open, out.begin());
   mix_ephemeral(ephemeral_.open);
   if (!mix_shared_secret(ephemeral_.secret, remote_ephemeral_) ||

@@ -49,11 +49,11 @@ class Noise {
   enum class Pattern : std::uint8_t { kIk, kIkPsk2 };
 
   // `prologue`: what both sides must agree on beside their keys. `ephemeral`: drawn at random for
-  // this handshake alone.
+  // this handshake alone; the responder computes its public half only for who is answered.
   static Noise initiator(Pattern pattern, ByteView prologue, const KeyPair& own,
                          const KeyPair& ephemeral, const PublicKey& remote);
   static Noise responder(Pattern pattern, ByteView prologue, const KeyPair& own,
-                         const KeyPair& ephemeral);
+                         const SecretKey& ephemeral);
 
   // `out`: of kFirstMessageBytes and the payload's size. False: the remote key is of low order.
   bool write_first(std::span<std::byte> out, ByteView payload);

@@ -83,7 +83,11 @@ bool Responder::answer_copy(Answered& to, const wire::PacketHeader& header,
 bool Responder::may_ask(TimePoint now, const Datagram& datagram, const InitiationParts& parts,
                         bool& cookie) {
   if (freely_.take(now)) return true;
-  if (!cookies_.is_from(now, datagram.link, datagram.from, parts.mac2, parts.before_mac2)) {
+  // Most of a flood has no mac2 at all.
+  const bool has_mac2 =
+      std::ranges::any_of(parts.mac2, [](std::byte b) { return b != std::byte{0}; });
+  if (!has_mac2 ||
+      !cookies_.is_from(now, datagram.link, datagram.from, parts.mac2, parts.before_mac2)) {
     cookie = true;
     return false;
   }
@@ -125,8 +129,7 @@ std::optional<Responder::Accepted> Responder::accept(TimePoint now,
                                                      const Datagram& datagram,
                                                      const Initiator::Fresh& fresh) {
   const InitiationParts parts = parts_of_initiation(datagram.bytes);
-  Noise noise =
-      Noise::responder(Noise::Pattern::kIkPsk2, prologue(), own_, key_pair_of(fresh.ephemeral));
+  Noise noise = Noise::responder(Noise::Pattern::kIkPsk2, prologue(), own_, fresh.ephemeral);
   Bytes payload(parts.noise.size() - kFirstMessageBytes);
   if (!noise.read_first(parts.noise, payload)) return std::nullopt;
   Answered answer;

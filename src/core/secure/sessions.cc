@@ -210,7 +210,9 @@ Sessions::Shaken Sessions::take_handshake(TimePoint now, const wire::PacketHeade
   if (asking != asking_.end()) {
     const Owner owner = asking->second;
     if (header.type == wire::PacketType::kCookie) {
-      out.is_used = held(owner)->initiator->take_cookie(header, datagram.bytes);
+      out.owner = owner;
+      out.may_be_due = true;
+      out.is_used = held(owner)->initiator->take_cookie(now, header, datagram.bytes);
       return out;
     }
     take_response(now, owner, datagram.bytes, out);

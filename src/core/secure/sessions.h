@@ -100,6 +100,8 @@ class Sessions {
     bool is_used = false;
     // A peer that we connect to has answered: from now on packets to it can leave.
     std::optional<Owner> answered;
+    // An initiation to `owner` may be due at once.
+    bool may_be_due = false;
     // Its life.
     SessionId life{};
     // It wants to see this over the path of the packet.

@@ -96,7 +96,7 @@ TEST(SecureDocument, NamesTheKeysOfItsHandshake) {
 TEST(SecureDocument, ItsExamplesAreTakenByTheOtherSide) {
   Example e;
   const auto header = wire::peek(e.cookie);
-  EXPECT_TRUE(e.vehicle.take_cookie(*header, e.cookie));
+  EXPECT_TRUE(e.vehicle.take_cookie(kBorn, *header, e.cookie));
   const auto answer = e.vehicle.take_response(e.response);
   ASSERT_TRUE(answer);
   EXPECT_EQ(answer->theirs.life, SessionId{0xcafe0002});

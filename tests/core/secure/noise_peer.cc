@@ -93,7 +93,8 @@ class Peer {
     const Bytes prologue = unhex(arguments.at(2));
     const KeyPair own = key_pair_of(SecretKey(key_of(arguments.at(3))));
     const KeyPair ephemeral = key_pair_of(SecretKey(key_of(arguments.at(4))));
-    if (arguments.at(1) != "initiator") return Noise::responder(pattern, prologue, own, ephemeral);
+    if (arguments.at(1) != "initiator")
+      return Noise::responder(pattern, prologue, own, ephemeral.secret);
     return Noise::initiator(pattern, prologue, own, ephemeral, key_of(arguments.at(6)));
   }
 

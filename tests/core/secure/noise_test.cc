@@ -76,8 +76,7 @@ void check(const Vector& v, Noise::Pattern pattern) {
   const Bytes prologue = unhex(at("prologue"));
   Noise i = Noise::initiator(pattern, prologue, initiator,
                              key_pair_of(key_of(at("gen_init_ephemeral"))), responder.open);
-  Noise r =
-      Noise::responder(pattern, prologue, responder, key_pair_of(key_of(at("gen_resp_ephemeral"))));
+  Noise r = Noise::responder(pattern, prologue, responder, key_of(at("gen_resp_ephemeral")));
   i.set_shared(key_of(at("preshared_key")));
   r.set_shared(key_of(at("preshared_key")));
   EXPECT_EQ(carry(
@@ -129,7 +128,7 @@ struct Both {
   KeyPair other = key_pair_of(filled(2));
   Noise initiator =
       Noise::initiator(Noise::Pattern::kIkPsk2, {}, own, key_pair_of(filled(3)), other.open);
-  Noise responder = Noise::responder(Noise::Pattern::kIkPsk2, {}, other, key_pair_of(filled(4)));
+  Noise responder = Noise::responder(Noise::Pattern::kIkPsk2, {}, other, filled(4));
   Bytes first = Bytes(kFirstMessageBytes + 5);
   Bytes second = Bytes(kSecondMessageBytes + 5);
   Bytes payload = Bytes(5);

@@ -74,7 +74,7 @@ SealedChannel::Took SealedChannel::take(TimePoint now, ByteView packet) {
   const auto header = wire::peek(packet);
   if (!header) return out;
   if (header->epoch == wire::kClearEpoch) {
-    if (header->type == wire::PacketType::kCookie) initiator_.take_cookie(*header, packet);
+    if (header->type == wire::PacketType::kCookie) initiator_.take_cookie(now, *header, packet);
     if (header->type != wire::PacketType::kResponse) return out;
     const std::uint32_t asked = initiator_.index();
     if (const auto answer = initiator_.take_response(packet)) {
