@@ -37,7 +37,7 @@ constexpr std::uint16_t kPort = 47000;
 
 using Ladder = RoadChild::Ladder;
 
-// Makes a key in this file and returns its public half.
+// Makes a private key in this file and returns its public half.
 std::string make_key(const fs::path& file) {
   const SecretKey key = random_key();
   write_new_key(file, key);
@@ -60,9 +60,10 @@ class Demo {
   std::optional<fs::path> data_;
   std::string video_;
   // Of the private keys of the two, which are gone with it.
-  PrivateFolder keys_{"interneuron-demo"};
-  std::string road_key_ = make_key(keys_ / "road");
-  std::string vehicle_key_ = make_key(keys_ / "vehicle");
+  std::optional<PrivateFolder> keys_;
+  // Their public halves.
+  std::string road_key_;
+  std::string vehicle_key_;
   netns::TestbedOptions testbed_options_;
   std::optional<Testbed> testbed_;
 };
@@ -91,7 +92,7 @@ std::vector<std::string> Demo::road_command() const {
                                 "--calibration-runs",
                                 std::to_string(o_.calibration_runs),
                                 "--key",
-                                (keys_ / "road").string(),
+                                (*keys_ / "road").string(),
                                 "--trust",
                                 vehicle_key_};
   if (data_) argv.insert(argv.end(), {"--data", data_->string()});
@@ -110,7 +111,7 @@ std::vector<std::string> Demo::vehicle_command() const {
                                 "--deadline-ms", fmt::format("{}", o_.deadline_ms),
                                 "--out",         o_.out,
                                 "--seed",        std::to_string(o_.seed),
-                                "--key",         (keys_ / "vehicle").string(),
+                                "--key",         (*keys_ / "vehicle").string(),
                                 "--peer-key",    road_key_};
   if (data_) argv.insert(argv.end(), {"--data", data_->string()});
   if (!o_.pcap.empty()) argv.insert(argv.end(), {"--pcap", o_.pcap});
@@ -188,6 +189,9 @@ int Demo::run() {
   for (const emu::ScenarioLink& link : testbed_options_.scenario.links)
     names += (names.empty() ? "" : ", ") + link.profile.name;
   spdlog::info("testbed: vehicle and roadside joined by {} (seed {})", names, o_.seed);
+  keys_.emplace("interneuron-demo");
+  road_key_ = make_key(*keys_ / "road");
+  vehicle_key_ = make_key(*keys_ / "vehicle");
   spdlog::info("keys made for this run; packets are encrypted");
 
   RoadChild road(testbed_->state(), road_command());
@@ -199,6 +203,7 @@ int Demo::run() {
   Child vehicle(Testbed::spawn(testbed_->state(), netns::kVehicle, command, spawn));
   const int code = vehicle.wait();
   road.end();
+  keys_.reset();
   const bool written = fs::exists(fs::path(o_.out) / "rounds.csv");
   const int result = written ? conclude(code, road.ladder()) : code;
   testbed_->down();

@@ -27,7 +27,8 @@ class FolderLock {
 };
 
 // A temporary folder, PURPOSE-XXXXXX in TMPDIR, whose name nobody can guess. The destructor removes
-// it with all its files.
+// it with all its files; what a program that was killed has left goes with the next folder of this
+// user for the same purpose.
 class PrivateFolder {
  public:
   // Throws Failure (1) naming the folder.
@@ -40,6 +41,8 @@ class PrivateFolder {
 
  private:
   std::filesystem::path path_;
+  // Held as long as the program lives.
+  FolderLock lock_;
 };
 
 }  // namespace interneuron::cli

@@ -165,6 +165,7 @@ TEST(Killed, ADemoLeavesNothingThatTheNextCommandDoesNotRemove) {
   ASSERT_GE(demo, 0);
   if (demo == 0) {
     ::setenv("XDG_RUNTIME_DIR", (folder / "run").c_str(), 1);
+    ::setenv("TMPDIR", folder.string().c_str(), 1);
     const int log = ::open((folder / "log").c_str(), O_CREAT | O_WRONLY, 0600);
     ::dup2(log, 1);
     ::dup2(log, 2);

@@ -153,6 +153,29 @@ TEST_F(Files, APrivateFolderIsOursAndClosed) {
   EXPECT_EQ(failure([&] { make_private_folder(folder_ / "foreign"); }).first, kFailed);
 }
 
+TEST_F(Files, APrivateFolderOfAProgramThatWasKilledGoesWithTheNextOne) {
+  const char* before = std::getenv("TMPDIR");
+  const std::string tmpdir = before != nullptr ? before : "";
+  ::setenv("TMPDIR", folder_.path().c_str(), 1);
+  {
+    const PrivateFolder running("purpose");
+    for (const char* name : {"purpose-killed", "purpose-young", "other-killed"}) {
+      fs::create_directory(folder_ / name);
+      write_whole(folder_ / name / "key", "x");
+    }
+    for (const fs::path& folder :
+         {running.path(), folder_ / "purpose-killed", folder_ / "other-killed"}) {
+      fs::last_write_time(folder, fs::file_time_type::clock::now() - std::chrono::hours(1));
+    }
+    const PrivateFolder next("purpose");
+    EXPECT_FALSE(fs::exists(folder_ / "purpose-killed"));
+    EXPECT_TRUE(fs::exists(folder_ / "purpose-young")) << "may not be locked yet";
+    EXPECT_TRUE(fs::exists(folder_ / "other-killed")) << "of another program";
+    EXPECT_TRUE(fs::exists(running.path()));
+  }
+  tmpdir.empty() ? ::unsetenv("TMPDIR") : ::setenv("TMPDIR", tmpdir.c_str(), 1);
+}
+
 TEST(Filter, GivesAProgramAllOfItsInputAndTakesAllOfItsOutput) {
   const std::string text(3'000'000, 'x');
   const Filtered same = filter(text, {"cat"});
