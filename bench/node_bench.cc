@@ -357,7 +357,7 @@ Cost node_receive(int hertz, std::size_t messages, const Keys& keys) {
   node.on_message([&](const Message& message) {
     if (got == first) before = usage();
     std::int64_t sent = 0;
-    std::memcpy(&sent, message.payload.data(), sizeof sent);
+    std::memcpy(&sent, message.bytes.data(), sizeof sent);
     delays.push_back(static_cast<double>(node.now().time_since_epoch().count() - sent) / 1e3);
     if (got > first) cost = cost_since(before, got - first);
     newest = node.now();

@@ -28,12 +28,14 @@ SessionId life_of(std::size_t host) {
 
 }  // namespace
 
-Keys::Keys(std::size_t hosts) : hosts_(hosts), entropy_(secret_key(kEntropyKey)) {
-  const TrustedPeer endpoint{pair_of(kEndpointKey).open, {}};
+Keys::Keys(std::size_t hosts)
+    : hosts_(hosts),
+      trust_(*security_of(number_of(0), {kEndpointKey})),
+      entropy_(secret_key(kEntropyKey)) {
   for (std::size_t i = 0; i < hosts; ++i) {
     hosts_[i].own = pair_of(number_of(i));
     hosts_[i].life = life_of(i);
-    hosts_[i].responder.emplace(hosts_[i].own, hosts_[i].life, std::span(&endpoint, 1));
+    hosts_[i].responder.emplace(hosts_[i].own, hosts_[i].life, trust_);
   }
 }
 

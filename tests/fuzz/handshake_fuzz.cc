@@ -24,6 +24,7 @@ using namespace interneuron;
 using namespace std::chrono_literals;
 using crypto::Initiator;
 using crypto::Responder;
+using crypto::Trust;
 using fuzz::require;
 
 // Each step may multiply points.
@@ -50,8 +51,10 @@ void put(Bytes& packet, ByteView at, const crypto::Mac& mac) {
 class Handshakes {
  public:
   explicit Handshakes(fuzz::Input input) : input_(input) {
-    const std::vector<TrustedPeer> trusted{{key(kVehicle).open, shared_}, {key(kInsider).open, {}}};
-    road_.emplace(key(kRoad), SessionId{200}, trusted);
+    Security security;
+    security.peers = {{key(kVehicle).open, shared_}, {key(kInsider).open, {}}};
+    trust_.emplace(security);
+    road_.emplace(key(kRoad), SessionId{200}, *trust_);
     vehicle_.begin(now_);
   }
 
@@ -281,6 +284,7 @@ class Handshakes {
   TimePoint now_{1h};
   SecretKey shared_ = secret_key(5);
   Initiator vehicle_{key(kVehicle), {key(kRoad).open, shared_}, kLife};
+  std::optional<Trust> trust_;
   std::optional<Responder> road_;
   crypto::Entropy entropy_{secret_key(9)};
   std::uint32_t next_index_ = 1;
