@@ -304,6 +304,8 @@ void World::remove_link(std::size_t link) {
 }
 
 void World::connect(std::size_t host, std::span<const std::size_t> links) {
+  // Whom it does not trust, or has connected to already, it cannot connect to.
+  if (keys_ && (host == kStranger || connected_.contains(host))) return;
   std::vector<std::pair<LinkId, Address>> to;
   for (const std::size_t link : links) {
     if (!links_.contains(link)) continue;
@@ -311,8 +313,7 @@ void World::connect(std::size_t host, std::span<const std::size_t> links) {
     seen_[to.back().second.raw].named = true;
   }
   if (to.empty()) return;
-  // Whom it does not trust it cannot connect to.
-  if (keys_ && host == kStranger) return;
+  connected_.insert(host);
   endpoint_.connect(now_, to, keys_ ? std::optional(keys_->key_of(host)) : std::nullopt);
   drain();
 }

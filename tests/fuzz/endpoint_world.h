@@ -128,6 +128,8 @@ class World {
   Endpoint endpoint_;
   Endpoint partner_;
   std::set<std::size_t> links_;
+  // The hosts that it has connected to.
+  std::set<std::size_t> connected_;
   std::map<std::array<std::byte, 28>, Seen> seen_;
   // The endpoint has challenged somebody: from then on an echoed session proves nothing.
   bool challenges_ = false;

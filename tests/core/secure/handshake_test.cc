@@ -252,7 +252,7 @@ TEST(Handshake, TriesComeOftenAtFirstAndACookieIsUsedAtOnce) {
     b.vehicle.tried(now);
   }
   EXPECT_EQ(tries, (std::vector<int>{0, 100, 300, 500, 700, 900, 1100, 1300, 1500, 1700, 1900, 2100,
-                                     2500, 3300, 4900, 8100, 13100, 18100}));
+                                     2300, 2700, 3500, 5100, 8300, 13300, 18300}));
 }
 
 // Takes all answers that are given freely.
