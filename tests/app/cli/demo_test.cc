@@ -10,6 +10,7 @@
 #include <fstream>
 #include <numeric>
 
+#include "beside.h"
 #include "lab/files/run_files.h"
 #include "support.h"
 
@@ -173,8 +174,22 @@ TEST_F(Demo, ObeysTheGuardThatIsAskedFor) {
   EXPECT_EQ(lab::read_csv(folder_ / "out" / "rounds.csv").front().guard, "paper");
 }
 
-TEST_F(Demo, TellsOnceWhatThePolicyRefusesAndAnswersLocally) {
-  const Ran ran = run(arguments(5) + " --policy secure");  // no network here is trusted
+// No network here is trusted, but its packets are encrypted.
+TEST_F(Demo, ThePolicySecureIsContentWithEncryption) {
+  const Ran ran = run(arguments(5) + " --policy secure");
+  ASSERT_EQ(ran.code, 0) << ran.output;
+  EXPECT_EQ(ran.output.find("nothing is sent: no link"), std::string::npos) << ran.output;
+  EXPECT_EQ(lab::read_json(folder_ / "out" / "summary.json")["refused"], 0);
+}
+
+TEST_F(Demo, AVehicleInTheClearTellsOnceWhatThePolicyRefusesAndAnswersLocally) {
+  const std::string pictures = "--ladder motion --video '" + (folder_ / "pictures").string() + "'";
+  const Beside road("'" INTERNEURON_PROGRAM
+                    "' road --insecure --nic lo --port 0 --calibration-runs 1 " +
+                    pictures);
+  ASSERT_TRUE(road.ready());
+  const Ran ran = run("vehicle --insecure --link lo=127.0.0.1:" + road.port() + " --rounds 5 " +
+                      pictures + " --policy secure --out '" + (folder_ / "out").string() + "'");
   ASSERT_EQ(ran.code, 0) << ran.output;
   const std::size_t first = ran.output.find("nothing is sent: no link");
   EXPECT_NE(first, std::string::npos) << ran.output;
