@@ -73,11 +73,12 @@ TEST(PcapWitness, EachNicCarriedWhatWasProbedOverIt) {
   std::map<std::string, std::uint64_t> before;
   for (const std::string nic : {"ifa", "ifb"}) before[nic] = sent_by(bed, nic);
   // Nobody answers; what leaves is what is looked at.
-  const Ran ran = run("--pcap " + file + " testbed run --name " + bed +
-                          " -- '" INTERNEURON_PROGRAM
-                          "' probe --nic ifa=10.77.0.1 --count 200 --interval 2ms --timeout 100ms "
-                          "--no-rate --json; ",
-                      false);
+  const Ran ran =
+      run("--pcap " + file + " testbed run --name " + bed +
+              " -- '" INTERNEURON_PROGRAM
+              "' probe --insecure --nic ifa=10.77.0.1 --count 200 --interval 2ms --timeout 100ms "
+              "--no-rate --json; ",
+          false);
   const Json json = Json::parse(ran.output);
   EXPECT_EQ(json["nics"][0]["sent_packets"], 200);
   std::map<int, std::size_t> seen;
@@ -174,7 +175,7 @@ TEST(PcapWitness, AnIdleSessionCostsLittle) {
 
 TEST(PcapOption, AFileThatCannotBeWrittenIsNamed) {
   if (::geteuid() != 0) GTEST_SKIP() << "capturing needs CAP_NET_RAW";
-  const Ran ran = run("probe --peer 127.0.0.1 --pcap /nowhere/x.pcap");
+  const Ran ran = run("probe --insecure --peer 127.0.0.1 --pcap /nowhere/x.pcap");
   EXPECT_EQ(ran.code, 1) << ran.output;
   EXPECT_NE(ran.output.find("/nowhere/x.pcap"), std::string::npos) << ran.output;
   EXPECT_EQ(std::ranges::count(ran.output, '\n'), 1) << ran.output;
@@ -184,7 +185,7 @@ TEST(PcapOption, WithoutThePrivilegeThereIsACommandAndExitCodeFive) {
   if (::geteuid() != 0) GTEST_SKIP() << "root can become nobody";
   const std::string command =
       "setpriv --reuid=65534 --regid=65534 --clear-groups '" INTERNEURON_PROGRAM
-      "' probe --peer 127.0.0.1 --pcap /dev/null 2>&1";
+      "' probe --insecure --peer 127.0.0.1 --pcap /dev/null 2>&1";
   FILE* pipe = ::popen(command.c_str(), "r");
   std::string output;
   std::array<char, 4096> chunk;

@@ -114,13 +114,12 @@ TEST_F(TestbedCommand, OneAddressOfARoadsideUnitIsMeasuredOverEveryCard) {
                     " -- '" INTERNEURON_PROGRAM
                     "' road --insecure --nic ifa --nic ifb --ladder none --stamp 8620");
   ASSERT_TRUE(road.ready());
-  for (const std::string format : {"", " --stamp 8620"}) {
-    const Ran ran =
-        run("testbed run" + name_ +
-                " -- '" INTERNEURON_PROGRAM
-                "' probe --insecure --peer 10.77.0.1 --count 20 --interval 5ms --no-rate --json" +
-                format,
-            false);
+  for (const std::string format : {" --insecure", " --stamp 8620"}) {
+    const Ran ran = run("testbed run" + name_ +
+                            " -- '" INTERNEURON_PROGRAM
+                            "' probe --peer 10.77.0.1 --count 20 --interval 5ms --no-rate --json" +
+                            format,
+                        false);
     EXPECT_EQ(ran.code, 0) << ran.output;
     const auto json = nlohmann::json::parse(ran.output, nullptr, false);
     ASSERT_EQ(json["nics"].size(), 2U) << ran.output;
