@@ -95,7 +95,8 @@ class Bed:
         return subprocess.run(self.inside(host, command), env=self.env, capture_output=True, text=True, check=False)
 
     def probe(self, *options):
-        ran = self.run("vehicle", [self.program, "probe", "--insecure", "--nic", "ifx=10.77.0.1", "--json", *options])
+        clear = [] if "--stamp" in options else ["--insecure"]
+        ran = self.run("vehicle", [self.program, "probe", *clear, "--nic", "ifx=10.77.0.1", "--json", *options])
         if not ran.stdout:
             raise SystemExit(ran.stderr)
         return json.loads(ran.stdout)["nics"][0]

@@ -415,8 +415,9 @@ void add_probe(CLI::App& program, std::function<int()>& run) {
   c->footer(
       "Examples:\n  interneuron probe --peer 10.77.0.1 --peer-key KEY\n"
       "  interneuron probe --peer 10.77.0.1 --insecure   # a unit that runs so too\n"
-      "  interneuron probe --peer 10.77.0.1 --nic wwan0 --count 20000 --interval 1ms --no-rate\n"
-      "  interneuron probe --nic wwan0=10.77.0.1 --nic wwan1=10.78.0.1\n"
+      "  interneuron probe --peer 10.77.0.1 --peer-key KEY --nic wwan0 --count 20000 --interval "
+      "1ms\n"
+      "  interneuron probe --nic wwan0=10.77.0.1 --nic wwan1=10.78.0.1 --peer-key KEY\n"
       "  interneuron probe --peer 192.0.2.7 --stamp --json");
   c->callback([&run, o, stamp, stamp_option] {
     run = [o, stamp, stamp_option] {
