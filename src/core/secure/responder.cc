@@ -13,7 +13,7 @@ namespace {
 
 constexpr Duration kBurst = std::chrono::seconds(1);
 constexpr std::int64_t kNsPerSecond = 1'000'000'000;
-constexpr Duration kCookieBurst = std::chrono::milliseconds(20);
+constexpr Duration kCookieBurst = std::chrono::milliseconds(100);
 
 // Of an initiation.
 std::uint64_t name_of_ephemeral(ByteView packet) {

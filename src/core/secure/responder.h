@@ -45,8 +45,9 @@ class Responder {
   static constexpr int kSourceBurst = 5;
   // Cookies a second: about a tenth of a processor for sending them.
   static constexpr std::uint32_t kCookies = 20'000;
-  // Answers that wait to leave.
-  static constexpr std::size_t kMaxWaiting = 256;
+  // Answers that wait to leave: the cookies of a tenth of a second, since the loop of a loaded host
+  // may come to run that rarely. They take 0.6 MB.
+  static constexpr std::size_t kMaxWaiting = 2048;
   // Messages whose further copies are known, the oldest makes room: ten seconds of kFreely, and
   // more than half a second of kUnderLoad.
   static constexpr std::size_t kMaxAnswered = 512;
