@@ -93,8 +93,9 @@ class Street:
             lab.ip("-n", "road", "route", "add", net, "via", NEARBY["third"])
         lab.ip("-n", "third", "route", "add", "local", "10.98.0.0/16", "dev", "lo")
         lab.ip("-n", "third", "route", "add", "10.96.0.1", "via", ROAD)
+        # With keys each new vehicle is a peer of its own, which stays for as long as nobody knows that it is gone.
         self.road = Road(lab, self.o.program, "road", ["eth0"],
-                         ["--ladder", "motion", "--calibration-runs", "1", "--video",
+                         ["--max-peers", str(2 * len(TRUSTED)), "--ladder", "motion", "--calibration-runs", "1", "--video",
                            self.o.streets["empty" if self.o.smoke else "busy"],
                           *self.keys.road(TRUSTED), *self.road_options, *self.o.road_option])
         self.asked = os.path.join(lab.folder, "initiations.pcap")
