@@ -148,6 +148,7 @@ std::string to_text(ByteView bytes) {
 
 std::optional<Bytes> parse_text(std::string_view text) {
   Bytes out(text.size() / 4 * 3);
+  if (out.empty()) return text.empty() ? std::optional(out) : std::nullopt;
   std::size_t size = 0;
   if (sodium_base642bin(target(out), out.size(), text.data(), text.size(), nullptr, &size, nullptr,
                         sodium_base64_VARIANT_ORIGINAL) != 0) {
