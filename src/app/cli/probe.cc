@@ -204,9 +204,10 @@ void Prober::open(const Choice& choice, io::LinkMonitor& monitor) {
 // The first copy of a handshake that is answered opens all NICs, which have one peer.
 void Prober::ask() {
   if (!caller_ || !caller_->is_due(io::now())) return;
-  for (const Nic& nic : nics_) {
+  for (Nic& nic : nics_) {
     const std::size_t size = caller_->write(nic.options.link, buffer_);
-    nic.socket->send(nic.peer, ByteView(buffer_).first(size));
+    const int error = nic.socket->send(nic.peer, ByteView(buffer_).first(size));
+    if (error != 0) nic.send_error = error;
   }
   caller_->sent(io::now());
 }
@@ -216,6 +217,9 @@ void Prober::agree_on_keys() {
   while (caller_ && !caller_->is_open(io::now())) {
     if (SignalWatch::last() != 0) throw Failure(kFailed, "stopped before any key was agreed on");
     if (io::now() >= until) {
+      for (const Nic& nic : nics_) {
+        if (nic.send_error != 0) throw Failure(kFailed, problem_of(nic));
+      }
       throw Failure(kFailed, "no handshake with " + to_string(nics_.front().peer) +
                                  ": does `interneuron road` run there with the key of --peer-key, "
                                  "does it --trust " +
@@ -306,7 +310,7 @@ std::string Prober::problem_of(const Nic& nic) const {
     return fmt::format("{}: went away during the probe, after {} packets", nic.name,
                        nic.measurement->pings_sent());
   }
-  if (nic.measurement->pings_answered() > 0) return "";
+  if (nic.measurement && nic.measurement->pings_answered() > 0) return "";
   if (nic.send_error != 0) {
     return fmt::format(
         "{}: nothing could be sent to {}: {}; `interneuron links` says what it lacks", nic.name,
@@ -366,7 +370,10 @@ int Prober::run() {
     for (Nic& nic : nics_) receive(nic);
   }
   // The next run has to begin later, whatever the clock says then.
-  if (caller_) credentials_->time_file()->store(caller_->unix_ns(io::now()));
+  if (caller_) {
+    const std::string problem = credentials_->time_file()->store(caller_->unix_ns(io::now()));
+    if (!problem.empty()) fmt::print(stderr, "interneuron: {}\n", problem);
+  }
   return conclude();
 }
 

@@ -4,6 +4,7 @@
 #include "core/secure/entropy.h"
 #include "core/secure/handshake.h"
 #include "core/secure/responder.h"
+#include "tests/trust.h"
 
 namespace interneuron::crypto {
 namespace {
@@ -12,12 +13,6 @@ using namespace std::chrono_literals;
 using Verdict = Responder::Verdict;
 
 constexpr LinkId kNic{1};
-
-SecretKey filled(int value) {
-  std::array<std::byte, kKeyBytes> bytes;
-  bytes.fill(static_cast<std::byte>(value));
-  return SecretKey(bytes);
-}
 
 Address address(std::uint8_t host) {
   Address a;
@@ -29,13 +24,13 @@ Address address(std::uint8_t host) {
 
 struct Bench {
   TimePoint now{1h};
-  KeyPair vehicle_key = key_pair_of(filled(1));
-  KeyPair road_key = key_pair_of(filled(2));
-  Initiator vehicle{vehicle_key, {road_key.open, filled(5)}, SessionId{100}};
-  Security security{.key = filled(2), .peers = {{vehicle_key.open, filled(5)}}};
+  KeyPair vehicle_key = key_pair_of(secret_key(1));
+  KeyPair road_key = key_pair_of(secret_key(2));
+  Initiator vehicle{vehicle_key, {road_key.open, secret_key(5)}, SessionId{100}};
+  Security security{.key = secret_key(2), .peers = {{vehicle_key.open, secret_key(5)}}};
   Trust trust{security};
   Responder road{road_key, SessionId{200}, trust};
-  Entropy entropy{filled(9)};
+  Entropy entropy{secret_key(9)};
   std::uint32_t next_index = 1;
   std::int64_t clock = 1'000'000;
 
@@ -171,7 +166,7 @@ TEST(Handshake, NothingOfAnInitiationMayBeChanged) {
 TEST(Handshake, WhoRepeatsAnEphemeralKeyKeepsItsOwnerNotOut) {
   Bench b;
   const Bytes asked = b.initiation();
-  Initiator stranger(key_pair_of(filled(77)), {b.road_key.open, {}}, SessionId{100});
+  Initiator stranger(key_pair_of(secret_key(77)), {b.road_key.open, {}}, SessionId{100});
   stranger.begin(b.now);
   ASSERT_TRUE(stranger.make_message(b.now, b.fresh()));
   Bytes forged(kInitiationBytes);
@@ -202,7 +197,8 @@ TEST(Handshake, NothingOfAResponseMayBeChanged) {
 
 TEST(Handshake, WhoIsNotTrustedIsNotAnswered) {
   Bench b;
-  b.vehicle = Initiator(key_pair_of(filled(77)), {b.road_key.open, filled(5)}, SessionId{100});
+  b.vehicle =
+      Initiator(key_pair_of(secret_key(77)), {b.road_key.open, secret_key(5)}, SessionId{100});
   const Bytes asked = b.initiation();
   ASSERT_EQ(b.take(asked), Verdict::kNew);
   EXPECT_FALSE(b.accept(asked));
@@ -211,7 +207,7 @@ TEST(Handshake, WhoIsNotTrustedIsNotAnswered) {
 
 TEST(Handshake, WhoDoesNotShareTheKeyGetsNoSession) {
   Bench b;
-  b.vehicle = Initiator(b.vehicle_key, {b.road_key.open, filled(6)}, SessionId{100});
+  b.vehicle = Initiator(b.vehicle_key, {b.road_key.open, secret_key(6)}, SessionId{100});
   const Bytes asked = b.initiation();
   ASSERT_EQ(b.take(asked), Verdict::kNew);
   ASSERT_TRUE(b.accept(asked));

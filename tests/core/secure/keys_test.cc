@@ -2,18 +2,13 @@
 
 #include "core/secure/entropy.h"
 #include "interneuron/security.h"
+#include "tests/trust.h"
 
 namespace interneuron {
 namespace {
 
-SecretKey filled(int value) {
-  std::array<std::byte, kKeyBytes> bytes;
-  bytes.fill(static_cast<std::byte>(value));
-  return SecretKey(bytes);
-}
-
 TEST(Keys, AreCopiedAsBase64) {
-  const PublicKey key = public_key_of(filled(1));
+  const PublicKey key = public_key_of(secret_key(1));
   const std::string text = to_base64(key);
   EXPECT_EQ(text.size(), 44U);
   EXPECT_EQ(parse_key(text), key);
@@ -24,15 +19,15 @@ TEST(Keys, AreCopiedAsBase64) {
 }
 
 TEST(Keys, AreComparedByTheirBytes) {
-  EXPECT_EQ(filled(1), filled(1));
-  EXPECT_FALSE(filled(1) == filled(2));
-  EXPECT_EQ(SecretKey{}, filled(0));
+  EXPECT_EQ(secret_key(1), secret_key(1));
+  EXPECT_FALSE(secret_key(1) == secret_key(2));
+  EXPECT_EQ(SecretKey{}, secret_key(0));
 }
 
 TEST(Entropy, NeverGivesTheSameTwiceAndTheSameSeedTheSame) {
-  crypto::Entropy a(filled(1));
-  crypto::Entropy b(filled(1));
-  crypto::Entropy c(filled(2));
+  crypto::Entropy a(secret_key(1));
+  crypto::Entropy b(secret_key(1));
+  crypto::Entropy c(secret_key(2));
   std::vector<SecretKey> seen;
   for (int i = 0; i < 100; ++i) {
     const SecretKey key = a.draw_key();

@@ -11,6 +11,7 @@
 
 #include "core/secure/aead.h"
 #include "core/secure/bytes.h"
+#include "tests/trust.h"
 
 namespace interneuron::crypto {
 namespace {
@@ -117,18 +118,12 @@ TEST(Noise, HasThePublishedVectors) {
   for (const Vector& v : psk) check(v, Noise::Pattern::kIkPsk2);
 }
 
-SecretKey filled(int value) {
-  std::array<std::byte, kKeyBytes> bytes;
-  bytes.fill(static_cast<std::byte>(value));
-  return SecretKey(bytes);
-}
-
 struct Both {
-  KeyPair own = key_pair_of(filled(1));
-  KeyPair other = key_pair_of(filled(2));
+  KeyPair own = key_pair_of(secret_key(1));
+  KeyPair other = key_pair_of(secret_key(2));
   Noise initiator =
-      Noise::initiator(Noise::Pattern::kIkPsk2, {}, own, key_pair_of(filled(3)), other.open);
-  Noise responder = Noise::responder(Noise::Pattern::kIkPsk2, {}, other, filled(4));
+      Noise::initiator(Noise::Pattern::kIkPsk2, {}, own, key_pair_of(secret_key(3)), other.open);
+  Noise responder = Noise::responder(Noise::Pattern::kIkPsk2, {}, other, secret_key(4));
   Bytes first = Bytes(kFirstMessageBytes + 5);
   Bytes second = Bytes(kSecondMessageBytes + 5);
   Bytes payload = Bytes(5);
@@ -164,7 +159,7 @@ TEST(Noise, OtherSizesAreRefused) {
 
 TEST(Noise, WhoDoesNotShareTheKeyIsRefused) {
   Both b;
-  b.initiator.set_shared(filled(9));
+  b.initiator.set_shared(secret_key(9));
   ASSERT_TRUE(b.responder.read_first(b.first, b.payload));
   ASSERT_TRUE(b.responder.write_second(b.second, Bytes(5)));
   EXPECT_FALSE(b.initiator.read_second(b.second, b.payload));
@@ -185,7 +180,8 @@ TEST(Noise, KeysOfLowOrderAreRefused) {
     Both b;
     PublicKey low{};
     std::ranges::copy(unhex(point), low.begin());
-    Noise to_it = Noise::initiator(Noise::Pattern::kIkPsk2, {}, b.own, key_pair_of(filled(3)), low);
+    Noise to_it =
+        Noise::initiator(Noise::Pattern::kIkPsk2, {}, b.own, key_pair_of(secret_key(3)), low);
     EXPECT_FALSE(to_it.write_first(b.first, Bytes(5))) << point;
     std::ranges::copy(low, b.first.begin());
     EXPECT_FALSE(b.responder.read_first(b.first, b.payload)) << point;
