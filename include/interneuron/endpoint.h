@@ -43,6 +43,9 @@ struct Transmit {
   std::size_t size = 0;
   // The ECN bits for its IP header.
   std::uint8_t ecn = 0;
+  // The round whose message it carries bytes of: for those who treat packets by their round, since
+  // one that is encrypted does not tell. Nothing in all other packets.
+  std::optional<RoundRef> round{};
 };
 
 // The same in parts that nobody has joined: the first `head` bytes of the buffer given to
@@ -57,6 +60,8 @@ struct TransmitParts {
   std::size_t tail = 0;
   // The ECN bits for its IP header.
   std::uint8_t ecn = 0;
+  // As in Transmit.
+  std::optional<RoundRef> round{};
 
   std::size_t size() const { return head + payload.size() + tail; }
   // Puts the payload where it belongs in that buffer.

@@ -12,6 +12,7 @@
 #include <string_view>
 
 #include "interneuron/address.h"
+#include "interneuron/round.h"
 #include "interneuron/units.h"
 
 namespace interneuron {
@@ -38,6 +39,8 @@ struct Outgoing {
   ByteView tail{};
   // The ECN bits of its IP header (RFC 3168 §5), 0 … 3.
   std::uint8_t ecn = 0;
+  // As in Transmit: a transport that treats datagrams by their round cannot read them.
+  std::optional<RoundRef> round{};
 
   std::size_t size() const { return head.size() + payload.size() + tail.size(); }
   // A copy of the parts in one piece, for transports that keep or change what they send.

@@ -2,8 +2,8 @@
 
 #include <map>
 
+#include "lab/sim/trust.h"
 #include "tests/fuzz/finding.h"
-#include "tests/trust.h"
 
 namespace interneuron::fuzz {
 namespace {

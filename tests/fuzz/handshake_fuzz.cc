@@ -14,9 +14,9 @@
 #include "core/secure/cookie.h"
 #include "core/secure/handshake.h"
 #include "core/secure/responder.h"
+#include "lab/sim/trust.h"
 #include "tests/fuzz/finding.h"
 #include "tests/fuzz/input.h"
-#include "tests/trust.h"
 
 namespace {
 

@@ -35,6 +35,7 @@ struct Options {
   double seconds = 20;
   std::uint64_t seed = 1;
   bool testbed = false;
+  bool encrypted = false;
   std::string transport = "auto";
   bool json = false;
   std::string plot;
@@ -77,6 +78,7 @@ std::vector<load::Scenario> chosen(const Options& o) {
   }
   choice.length = from_ms(o.seconds * 1000);
   choice.seed = o.seed;
+  choice.is_encrypted = o.encrypted;
   std::vector<std::string> names = o.groups.empty() ? group_names() : o.groups;
   if (!o.loads.empty()) {
     // Groups that are named and have loads of their own are a mistake, others are left out.
@@ -152,6 +154,9 @@ void add_load(CLI::App& bench, std::function<int()>& run) {
       c->add_flag("--testbed", o->testbed,
                   "On real sockets and emulated links instead of in virtual time, with the "
                   "kernel's TCP and MPTCP (docs/load.md)");
+  c->add_flag("--encrypted", o->encrypted,
+              "In virtual time: our own endpoints have keys, as those of `vehicle` and `road`")
+      ->excludes(testbed);
   add_transport_option(*c, o->transport)->needs(testbed);
   c->add_option("--seconds,--duration", o->seconds, "How long messages begin")
       ->capture_default_str()

@@ -49,7 +49,8 @@ lab::Json row_json(const Row& r) {
           {"own_share", known(r.own_share)},
           {"cross_share", known(r.cross_share)},
           {"road_cpu_percent", known(r.road_cpu_percent)},
-          {"seed", s.seed}};
+          {"seed", s.seed},
+          {"encrypted", s.is_encrypted}};
 }
 
 std::string number(const std::optional<double>& value, int decimals) {

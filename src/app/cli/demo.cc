@@ -37,13 +37,6 @@ constexpr std::uint16_t kPort = 47000;
 
 using Ladder = RoadChild::Ladder;
 
-// Makes a private key in this file and returns its public half.
-std::string make_key(const fs::path& file) {
-  const SecretKey key = random_key();
-  write_new_key(file, key);
-  return to_base64(public_key_of(key));
-}
-
 class Demo {
  public:
   explicit Demo(const DemoOptions& options);

@@ -17,14 +17,14 @@ constexpr Duration kRetry = std::chrono::microseconds(200);
 }  // namespace
 
 DelayedTransport::DelayedTransport(std::unique_ptr<Transport> inner,
-                                   std::function<Duration(ByteView)> delay_of)
+                                   std::function<Duration(const Outgoing&)> delay_of)
     : inner_(std::move(inner)),
       delay_of_(std::move(delay_of)),
       thread_([this](const std::stop_token& stop) { send_waiting(stop); }) {}
 
 BatchResult DelayedTransport::send(std::span<const Outgoing> batch) {
   std::vector<Duration> delays;
-  for (const Outgoing& datagram : batch) delays.push_back(delay_of_(datagram.joined()));
+  for (const Outgoing& datagram : batch) delays.push_back(delay_of_(datagram));
   const std::scoped_lock lock(mutex_);
   if (gone_ != 0) return {batch.size(), false, gone_};
   const bool none = std::ranges::all_of(delays, [](Duration d) { return d <= Duration{}; });

@@ -22,7 +22,8 @@ class DelayedTransport final : public Transport {
  public:
   // `delay_of` tells how much later a datagram is sent. It is asked by send(), on its caller's
   // thread, and asked again for datagrams that send() did not take.
-  DelayedTransport(std::unique_ptr<Transport> inner, std::function<Duration(ByteView)> delay_of);
+  DelayedTransport(std::unique_ptr<Transport> inner,
+                   std::function<Duration(const Outgoing&)> delay_of);
 
   BatchResult send(std::span<const Outgoing> batch) override;
   std::span<const Incoming> receive() override;
@@ -45,7 +46,7 @@ class DelayedTransport final : public Transport {
   std::condition_variable_any wake_;
   // Guarded by mutex_, as are waiting_, blocked_ and gone_.
   std::unique_ptr<Transport> inner_;
-  std::function<Duration(ByteView)> delay_of_;
+  std::function<Duration(const Outgoing&)> delay_of_;
   // In the order of `due`.
   std::deque<Waiting> waiting_;
   bool blocked_ = false;

@@ -14,6 +14,7 @@
 #include "host/process/private_folder.h"
 #include "host/process/signals.h"
 #include "host/settings/data.h"
+#include "host/settings/key_files.h"
 #include "lab/sim/offload.h"
 
 namespace interneuron::cli {
@@ -23,8 +24,9 @@ namespace fs = std::filesystem;
 using netns::Testbed;
 
 constexpr std::uint16_t kPort = 47000;
-// Delays are injected into the packets of a round, which are found by their bytes.
-constexpr const char* kInTheClear = "--insecure";
+// Files of the bench's private folder.
+constexpr const char* kRoadKeyFile = "road.key";
+constexpr const char* kVehicleKeyFile = "vehicle.key";
 // Fewest runs of a level that tell its 95th percentile: two of 40 lie above it, so that one stray
 // run does not decide.
 constexpr std::size_t kEnoughRuns = 40;
@@ -120,13 +122,16 @@ Bench::Bench(const eval::Scenario& scenario, std::optional<fs::path> data, std::
       kind_(std::move(ladder)),
       scratch_(std::move(scratch)),
       video_(default_video(data_)),
-      testbed_(up(scenario, (make_private_folder(scratch_), scratch_))) {}
+      testbed_(up(scenario, (make_private_folder(scratch_), scratch_))),
+      road_key_(make_key(scratch_ / kRoadKeyFile)),
+      vehicle_key_(make_key(scratch_ / kVehicleKeyFile)) {}
 
 std::vector<std::string> Bench::road_command() const {
   std::vector<std::string> argv{
       own_program(), "road", "--port",        std::to_string(kPort),
       "--video",     video_, "--testbed-run", (scratch_ / "run.json").string()};
-  argv.insert(argv.end(), {"--ladder", kind_, kInTheClear});
+  argv.insert(argv.end(), {"--ladder", kind_, "--key", (scratch_ / kRoadKeyFile).string(),
+                           "--trust", vehicle_key_});
   if (data_) argv.insert(argv.end(), {"--data", data_->string()});
   for (const netns::TestbedLink& link : testbed_.state().links) {
     argv.insert(argv.end(), {"--nic", link.nic});
@@ -147,7 +152,8 @@ std::vector<std::string> Bench::vehicle_command(const eval::System& system,
                                 "--quiet",
                                 "--testbed-run",
                                 (scratch_ / "run.json").string()};
-  argv.insert(argv.end(), {"--ladder", kind_, kInTheClear});
+  argv.insert(argv.end(), {"--ladder", kind_, "--key", (scratch_ / kVehicleKeyFile).string(),
+                           "--peer-key", road_key_});
   if (data_) argv.insert(argv.end(), {"--data", data_->string()});
   const auto& links = testbed_.state().links;
   for (std::size_t i = 0; i < links.size(); ++i) {

@@ -57,6 +57,9 @@ class Bench {
   std::filesystem::path scratch_;
   std::string video_;
   netns::Testbed testbed_;
+  // The public halves, of keys that are made for this bench.
+  std::string road_key_;
+  std::string vehicle_key_;
   eval::Profile profile_;
   eval::ErdosTimes erdos_;
   std::string ladder_;

@@ -5,9 +5,7 @@
 #include <utility>
 
 #include "app/eval_testbed/delayed_transport.h"
-#include "core/wire/packet.h"
 #include "host/process/failure.h"
-#include "lab/sim/round_of_packet.h"
 #include "perception/detection.h"
 
 namespace interneuron::cli {
@@ -26,13 +24,10 @@ lab::Json levels_json(std::span<const LevelProfile> levels) {
   return out;
 }
 
-// Delays the data packets of the rounds into which something is injected. All links share one
-// RoundOfPacket: a lost piece may be sent again on another one.
+// Delays the packets of the rounds into which something is injected.
 void inject(NodeOptions& node, const TestbedRun& run, Module module) {
-  auto rounds = std::make_shared<sim::RoundOfPacket>();
-  const auto delay_of = [rounds, run, module](ByteView datagram) {
-    const auto round = rounds->of(datagram);
-    return round ? run.in(module, *round) : Duration{};
+  const auto delay_of = [run, module](const Outgoing& datagram) {
+    return datagram.round ? run.in(module, datagram.round->round) : Duration{};
   };
   node.wrap_transport = [delay_of](LinkId, std::unique_ptr<Transport> inner) {
     return std::make_unique<DelayedTransport>(std::move(inner), delay_of);

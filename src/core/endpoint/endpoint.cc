@@ -196,7 +196,7 @@ Transmit TransmitParts::join(std::span<std::byte> buffer) const {
     std::memmove(&buffer[head + payload.size()], &buffer[head], tail);
     std::memcpy(&buffer[head], payload.data(), payload.size());
   }
-  return {link, to, size(), ecn};
+  return {link, to, size(), ecn, round};
 }
 
 Endpoint::Endpoint(EndpointOptions options, TimePoint now)

@@ -33,6 +33,8 @@ struct OutgoingMessage {
   std::uint32_t lifetime_us = 0;
   std::uint8_t importance = kUsualImportance;
   wire::MessageKind kind{};
+  // The round that it is a part of, as its header says.
+  std::optional<RoundRef> round;
   std::uint16_t count = 0;
   std::uint16_t chunk = 0;
   // Fragments or symbols that have to arrive yet, of all blocks.
@@ -108,6 +110,13 @@ struct OutgoingMessage {
     return sum;
   }
 
+  // Becomes the message with these bytes.
+  void take(wire::MessageBytes all, wire::MessageKind its_kind) {
+    bytes = std::move(all);
+    kind = its_kind;
+    if (kind != wire::MessageKind::kRound) return;
+    if (const auto header = wire::parse_round_header(bytes.header_view())) round = header->round;
+  }
   // A piece is no longer this path's, which learns from the others alone.
   void leave_out(LinkId path, std::uint32_t index) {
     for (Share& share : shares) {

@@ -84,9 +84,8 @@ MessageId Sender::send(TimePoint now, const Times& times, wire::MessageBytes byt
   m.lifetime_us = static_cast<std::uint32_t>(std::clamp<std::int64_t>(
       std::chrono::duration_cast<std::chrono::microseconds>(times.lifetime).count(), 1,
       UINT32_MAX));
-  m.bytes = std::move(bytes);
+  m.take(std::move(bytes), kind);
   m.repairs = repairs;
-  m.kind = kind;
   m.symbol_paths = helpers.symbols;
   m.rescue = helpers.rescue;
   for (const LinkId path : paths) m.repairs.add(path);
@@ -203,7 +202,7 @@ std::optional<Sender::Piece> Sender::poll(TimePoint now, LinkId path_id) {
     occupy(now, path, ip_bytes);
     if (job->pieces() == 0) path.jobs.remove(m.id);
     if (path.jobs.empty() && !window_.waits(path_id)) path.use.emptied(now);
-    return Piece{number, fragment_of(m, taken->index), part};
+    return Piece{number, fragment_of(m, taken->index), part, nullptr, m.round};
   }
 }
 

@@ -157,6 +157,8 @@ class Sender {
     // Else it is a window symbol over several messages, `bytes` are its own, and the fragment means
     // nothing; all of it is valid until the next call alone.
     const wire::WindowHeader* window = nullptr;
+    // The round whose message the fragment is of.
+    std::optional<RoundRef> round{};
   };
   std::optional<Piece> poll(TimePoint now, LinkId path);
 

@@ -25,8 +25,7 @@ MessageId Sender::add_alternative(TimePoint now, MessageId first, wire::MessageB
   m.importance = other->importance;
   m.lifetime_us = other->lifetime_us;
   m.repairs = other->repairs;
-  m.kind = other->kind;
-  m.bytes = std::move(bytes);
+  m.take(std::move(bytes), other->kind);
   bytes_ += m.bytes.size();
   m.is_alternative = true;
   m.rescue = rescue;

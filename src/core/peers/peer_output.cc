@@ -120,8 +120,8 @@ std::optional<TransmitParts> Peer::poll_data(TimePoint now, Path& path,
   const wire::DataEnds ends =
       wire::write_data_ends(buffer, header(now, path, wire::PacketType::kData, piece->number),
                             piece->fragment, piece->bytes.header);
-  const TransmitParts parts{path.nic().link,      path.address(), ends.head,
-                            piece->bytes.payload, ends.tail,      path.ecn_bits()};
+  const TransmitParts parts{path.nic().link, path.address(),  ends.head,   piece->bytes.payload,
+                            ends.tail,       path.ecn_bits(), piece->round};
   path.sent_data(now);
   return parts;
 }

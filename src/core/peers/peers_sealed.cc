@@ -112,7 +112,7 @@ std::optional<TransmitParts> Peers::leave(TimePoint now, const Entry& entry,
   if (!sessions_) return parts;
   const Transmit whole = parts.join(buffer);
   if (!sessions_->seal(now, entry.key, buffer.first(whole.size))) return std::nullopt;
-  return TransmitParts{whole.link, whole.to, whole.size, {}, 0, whole.ecn};
+  return TransmitParts{whole.link, whole.to, whole.size, {}, 0, whole.ecn, whole.round};
 }
 
 bool Peers::seal_answer(TimePoint now, SessionId session, std::span<std::byte> packet) {

@@ -40,6 +40,7 @@ void Outbox::push(TimePoint now, Link& link, const TransmitParts& transmit) {
   slot.tail = transmit.tail;
   slot.to = transmit.to;
   slot.ecn = transmit.ecn;
+  slot.round = transmit.round;
   ++link.count;
 }
 
@@ -69,8 +70,9 @@ BatchResult Outbox::offer(const Link& link) {
   for (std::size_t i = 0; i < link.count; ++i) {
     const Slot& slot = link.slots[(link.first + i) % link.slots.size()];
     const ByteView own(*slot.buffer);
-    batch_[i] = {slot.to, own.first(slot.head), slot.payload, own.subspan(slot.head, slot.tail),
-                 slot.ecn};
+    batch_[i] = {slot.to,      own.first(slot.head),
+                 slot.payload, own.subspan(slot.head, slot.tail),
+                 slot.ecn,     slot.round};
   }
   return link.transport->send(std::span(batch_).first(link.count));
 }

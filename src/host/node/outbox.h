@@ -96,6 +96,7 @@ class Outbox {
     std::size_t tail = 0;
     Address to{};
     std::uint8_t ecn = 0;
+    std::optional<RoundRef> round{};
   };
   // A ring of kQueueDatagrams slots.
   struct Link {

@@ -146,6 +146,12 @@ void write_new_key(const fs::path& file, const SecretKey& key) {
   fail(kFailed, file_problem("cannot write", file, error));
 }
 
+std::string make_key(const fs::path& file) {
+  const SecretKey key = random_key();
+  write_new_key(file, key);
+  return to_base64(public_key_of(key));
+}
+
 OwnFile open_own_file(const fs::path& file, bool may_be_read) {
   OwnFile out;
   // A pipe that nobody writes to would keep us waiting.

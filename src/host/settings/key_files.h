@@ -25,6 +25,8 @@ std::filesystem::path default_authority_file();
 // Writes the key to a file that is not there yet, with mode 0600. The folder of default_key_file()
 // is made if need be, no other one is.
 void write_new_key(const std::filesystem::path& file, const SecretKey& key);
+// Draws a key, writes it there and returns its public half, as an option takes it.
+std::string make_key(const std::filesystem::path& file);
 
 SecretKey read_key(const std::filesystem::path& file);
 // From the standard input, whose reader has opened it: only what it holds is checked.

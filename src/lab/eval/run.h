@@ -28,6 +28,8 @@ struct Scenario {
   sim::ClockError road_clock;
   // By how much the roadside's clock steps when this round begins.
   std::optional<std::pair<std::uint32_t, Duration>> clock_step;
+  // See sim::OffloadOptions.
+  bool is_encrypted = false;
 };
 // Constant clean links of 100 and 30 Mbit/s, round trips 22 and 45 ms, with the uniform law of
 // docs/evaluation.md.

@@ -1,9 +1,12 @@
 // Interneuron's endpoints as they are in production, driven by the world.
 #include <cstring>
+#include <numeric>
+#include <utility>
 
 #include "lab/load/fleet.h"
 #include "lab/load/fleets.h"
 #include "lab/load/link.h"
+#include "lab/sim/trust.h"
 
 namespace interneuron::load {
 namespace {
@@ -29,6 +32,9 @@ class Ours final : public Fleet {
   std::vector<PeerId> peers_;
 };
 
+// The road's key; vehicles have those that follow.
+constexpr int kRoadKey = 1;
+
 EndpointOptions options_of(std::uint32_t session) {
   EndpointOptions options;
   options.session = SessionId{session};
@@ -41,6 +47,9 @@ Ours::Ours(const Scenario& scenario, sim::World& world, sim::CellId cell, Meter&
   EndpointOptions options = options_of(kRoadSession);
   options.accept_peers = true;
   options.max_peers = scenario.vehicles;
+  std::vector<int> keys(scenario.vehicles);
+  std::iota(keys.begin(), keys.end(), kRoadKey + 1);
+  if (scenario.is_encrypted) options.security = security_of(kRoadKey, keys);
   const sim::HostId road = world.add_host(std::move(options));
   world.on_event([&meter, &world, road](sim::HostId host, Event&& event) {
     const auto* message = std::get_if<Message>(&event);
@@ -50,7 +59,9 @@ Ours::Ours(const Scenario& scenario, sim::World& world, sim::CellId cell, Meter&
     meter.arrived(label.vehicle, label.number, message->variant, world.now());
   });
   for (std::uint32_t v = 0; v < scenario.vehicles; ++v) {
-    vehicles_.push_back(world.add_host(options_of(v + 1)));
+    EndpointOptions vehicle = options_of(v + 1);
+    if (scenario.is_encrypted) vehicle.security = security_of(keys[v], {kRoadKey});
+    vehicles_.push_back(world.add_host(std::move(vehicle)));
     join(scenario, world, vehicles_[v], road, kLink, cell);
     peers_.push_back(world.connect(vehicles_[v], road));
   }

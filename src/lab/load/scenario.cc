@@ -81,6 +81,7 @@ Scenario base(const Choice& choice, std::string_view group, double mbit, Duratio
   s.deadline = kDeadline;
   s.length = choice.length;
   s.seed = choice.seed;
+  s.is_encrypted = choice.is_encrypted;
   return s;
 }
 

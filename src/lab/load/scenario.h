@@ -92,6 +92,8 @@ struct Scenario {
   // CUBIC flows with unlimited demand through the same bottleneck.
   std::size_t cross_flows = 0;
   std::uint64_t seed = 1;
+  // In virtual time: our own endpoints have keys.
+  bool is_encrypted = false;
 };
 
 // Sizes of the variants that the transport of this scenario offers.
@@ -124,6 +126,7 @@ struct Choice {
   // How long messages begin.
   Duration length = std::chrono::seconds(20);
   std::uint64_t seed = 1;
+  bool is_encrypted = false;
 };
 
 // The runs of a group; none for a name that is no group's.

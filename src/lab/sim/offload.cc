@@ -8,12 +8,14 @@
 #include "core/offload/computation_budget.h"
 #include "core/offload/roadside_unit.h"
 #include "lab/sim/feasibility.h"
-#include "lab/sim/round_of_packet.h"
+#include "lab/sim/trust.h"
 
 namespace interneuron::sim {
 namespace {
 
 constexpr PipelineId kCamera{0};
+constexpr int kVehicleKey = 1;
+constexpr int kRoadKey = 2;
 // The simulated unit computes late jobs too, in the order in which they came. Under sustained
 // overload (heavy-tailed delays) every system then pays for its own backlog, and results stay
 // comparable with those of erdos_like, which drops nothing.
@@ -52,7 +54,7 @@ class Offload {
   const Disturbance& disturbance(std::uint32_t round) const;
   double deviations(std::uint32_t round);
   Duration runtime(std::size_t level, double deviations) const;
-  Duration delay_of(HostId from, LinkId link, ByteView datagram);
+  Duration delay_of(HostId from, const LeavingPacket& packet) const;
   void choose_top();
   void judge_feasibility();
 
@@ -65,9 +67,6 @@ class Offload {
   HostId road_ = 0;
   PeerId peer_{};
   std::vector<LinkId> links_;
-  // Of the vehicle's packets and of the roadside's.
-  RoundOfPacket up_;
-  RoundOfPacket down_;
   OffloadResult result_;
 };
 
@@ -96,6 +95,10 @@ void Offload::build() {
   road.policies = builtin_policies();
   road.accept_peers = true;
   road.ablation = vehicle.ablation;
+  if (o_.is_encrypted) {
+    vehicle.security = security_of(kVehicleKey, {kRoadKey});
+    road.security = security_of(kRoadKey, {kVehicleKey});
+  }
   vehicle_ = world_.add_host(std::move(vehicle), o_.vehicle_clock);
   road_ = world_.add_host(std::move(road), o_.road_clock);
   for (std::size_t i = 0; i < o_.profiles.size(); ++i) {
@@ -106,9 +109,8 @@ void Offload::build() {
   }
   world_.on_event([this](HostId host, Event&& event) { on_event(host, std::move(event)); });
   if (o_.disturbances.empty()) return;
-  world_.delay_with([this](HostId from, LinkId link, ByteView datagram) {
-    return delay_of(from, link, datagram);
-  });
+  world_.delay_with(
+      [this](HostId from, const LeavingPacket& packet) { return delay_of(from, packet); });
 }
 
 std::vector<std::size_t> Offload::submitted_bytes() const {
@@ -142,14 +144,12 @@ Duration Offload::runtime(std::size_t level, double deviations) const {
   return runtime_of(o_.ladder[level].median, o_.ladder[level].p95, deviations);
 }
 
-Duration Offload::delay_of(HostId from, LinkId link, ByteView datagram) {
-  const bool up = from == vehicle_;
-  const auto round = (up ? up_ : down_).of(datagram);
-  if (!round) return {};
-  const Disturbance& d = disturbance(round->value);
-  if (!up) return d.downlink;
+Duration Offload::delay_of(HostId from, const LeavingPacket& packet) const {
+  if (!packet.round) return {};
+  const Disturbance& d = disturbance(packet.round->round.value);
+  if (from != vehicle_) return d.downlink;
   if (d.uplink.empty()) return {};
-  return d.uplink[std::min<std::size_t>(link.value, d.uplink.size() - 1)];
+  return d.uplink[std::min<std::size_t>(packet.link.value, d.uplink.size() - 1)];
 }
 
 void Offload::begin(std::uint32_t number) {

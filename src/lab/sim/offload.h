@@ -84,6 +84,8 @@ struct OffloadOptions {
   // When this round begins, the clock of the roadside unit steps by so much.
   std::optional<std::pair<std::uint32_t, Duration>> road_step;
   Duration warm_up = kWarmUp;
+  // Both hosts have keys, and talk as `interneuron vehicle` and `road` do.
+  bool is_encrypted = false;
 };
 
 // What happened in one round. Instants are of world time.

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "interneuron/address.h"
+#include "interneuron/round.h"
 #include "interneuron/units.h"
 #include "lab/emu/ecn.h"
 
@@ -21,6 +22,8 @@ struct LeavingPacket {
   std::size_t ip_bytes = 0;
   emu::Ecn ecn = emu::Ecn::kNotEct;
   ByteView bytes;
+  // As in Transmit; nothing in what a foreign host sends.
+  std::optional<RoundRef> round{};
 };
 
 struct PacketOnItsWay {

@@ -191,7 +191,7 @@ void World::poll_endpoint(HostId id) {
   std::array<std::byte, kMaxDatagramBytes> buffer;
   while (const auto transmit = host.endpoint->poll_transmit(host.clock.local(now_), buffer)) {
     carry(id, {transmit->link, transmit->to, transmit->size + kIpUdpBytes, Ecn{transmit->ecn},
-               std::span(buffer).first(transmit->size)});
+               std::span(buffer).first(transmit->size), transmit->round});
   }
 }
 
@@ -239,7 +239,7 @@ void World::carry(HostId from, const LeavingPacket& out) {
   packet.wire = route->second;
   packet.up = up;
   packet.passed = 0;
-  packet.delay = sender.endpoint && delay_ ? delay_(from, out.link, out.bytes) : Duration{};
+  packet.delay = sender.endpoint && delay_ ? delay_(from, out) : Duration{};
   if (chance(wire.faults.duplicate)) put(wire, up, packets_.copy(tag));
   put(wire, up, tag);
 }

@@ -99,7 +99,7 @@ class World {
   }
   // Delays datagrams behind their link; `delay` is asked when an endpoint hands one over. Links
   // stay in order: later datagrams of the same link and direction wait for a delayed one.
-  void delay_with(std::function<Duration(HostId, LinkId, ByteView)> delay) {
+  void delay_with(std::function<Duration(HostId, const LeavingPacket&)> delay) {
     delay_ = std::move(delay);
   }
   // Sets the host's clock forward by so much from now on, or back if negative.
@@ -189,7 +189,7 @@ class World {
   std::multimap<Duration, std::uint64_t> late_;
   std::function<void(HostId, Event&&)> on_event_;
   std::function<void(HostId, LinkId, ByteView)> on_sent_;
-  std::function<Duration(HostId, LinkId, ByteView)> delay_;
+  std::function<Duration(HostId, const LeavingPacket&)> delay_;
   std::uint64_t above_nic_mtu_ = 0;
   Duration now_{};
 };

@@ -134,6 +134,7 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"TooManySeeds", "eval fig-rt --seeds 1..1000000", 2, "1000000"},
         Mistake{"BothWorlds", "eval table-erdos --sim --testbed", 2, "--testbed"},
         Mistake{"OnlyVirtualTime", "eval fig-rt --testbed", 2, "on the testbed: table-erdos"},
+        Mistake{"OnlyInTheClear", "eval fig-rt --encrypted", 2, "those that are: table-erdos"},
         Mistake{"EvalNowhere", "eval fig-rt --out /proc/nowhere", 1, "/proc/nowhere"},
         Mistake{"ReportNowhere", "report nowhere", 3, "nowhere"},
         Mistake{"CaptureOfTwoRuns", "--pcap x.pcap", 2, "--load", NATURE_PROGRAM},

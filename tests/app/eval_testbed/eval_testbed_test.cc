@@ -56,8 +56,8 @@ class FakeTransport final : public Transport {
 
 TEST(EvalTestbed, DelaysWhatItIsToldAndKeepsTheOrder) {
   Wire wire;
-  DelayedTransport transport(std::make_unique<FakeTransport>(wire), [](ByteView bytes) {
-    return static_cast<char>(bytes[0]) == 'd' ? Duration(30ms) : Duration{};
+  DelayedTransport transport(std::make_unique<FakeTransport>(wire), [](const Outgoing& datagram) {
+    return static_cast<char>(datagram.head[0]) == 'd' ? Duration(30ms) : Duration{};
   });
   const TimePoint sent = io::now();
   for (const char text : {'a', 'd', 'b'}) {

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "pair.h"
-#include "tests/trust.h"
+#include "lab/sim/trust.h"
 
 namespace interneuron {
 

@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "core/wire/packet.h"
-#include "tests/trust.h"
+#include "lab/sim/trust.h"
 
 namespace interneuron::crypto {
 namespace {

@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "core/secure/trust.h"
-#include "tests/trust.h"
+#include "lab/sim/trust.h"
 
 namespace interneuron::crypto {
 namespace {

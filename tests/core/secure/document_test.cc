@@ -12,7 +12,7 @@
 #include "core/secure/cookie.h"
 #include "core/secure/handshake.h"
 #include "core/secure/responder.h"
-#include "tests/trust.h"
+#include "lab/sim/trust.h"
 
 namespace interneuron::crypto {
 namespace {

@@ -4,7 +4,7 @@
 #include "core/secure/entropy.h"
 #include "core/secure/handshake.h"
 #include "core/secure/responder.h"
-#include "tests/trust.h"
+#include "lab/sim/trust.h"
 
 namespace interneuron::crypto {
 namespace {

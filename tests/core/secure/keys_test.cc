@@ -2,7 +2,7 @@
 
 #include "core/secure/entropy.h"
 #include "interneuron/security.h"
-#include "tests/trust.h"
+#include "lab/sim/trust.h"
 
 namespace interneuron {
 namespace {

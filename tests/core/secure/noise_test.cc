@@ -11,7 +11,7 @@
 
 #include "core/secure/aead.h"
 #include "core/secure/bytes.h"
-#include "tests/trust.h"
+#include "lab/sim/trust.h"
 
 namespace interneuron::crypto {
 namespace {

@@ -17,9 +17,9 @@
 #include "host/io/open_transport.h"
 #include "host/io/steady_clock.h"
 #include "host/io/udp_transport.h"
+#include "lab/sim/trust.h"
 #include "tests/host/io/namespace.h"
 #include "tests/host/io/support.h"
-#include "tests/trust.h"
 
 namespace interneuron {
 namespace {

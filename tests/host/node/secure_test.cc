@@ -10,7 +10,7 @@
 #include <thread>
 
 #include "interneuron/node.h"
-#include "tests/trust.h"
+#include "lab/sim/trust.h"
 
 namespace interneuron {
 namespace {

@@ -8,7 +8,7 @@
 #include <memory>
 
 #include "host/io/steady_clock.h"
-#include "tests/trust.h"
+#include "lab/sim/trust.h"
 
 namespace interneuron {
 namespace {

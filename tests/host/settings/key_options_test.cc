@@ -9,8 +9,8 @@
 #include "core/secure/credential.h"
 #include "host/io/steady_clock.h"
 #include "host/process/failure.h"
+#include "lab/sim/trust.h"
 #include "tests/app/cli/support.h"
-#include "tests/trust.h"
 
 namespace interneuron::cli {
 namespace {

@@ -24,6 +24,17 @@ TEST(Run, TheSameSeedGivesTheSameRun) {
   }
 }
 
+TEST(Run, EncryptionCostsNoRound) {
+  Scenario scenario = table_erdos_scenario();
+  const Trace trace = make_trace(scenario.law, 7, 60);
+  const auto on_time = [&](bool is_encrypted) {
+    scenario.is_encrypted = is_encrypted;
+    const eval::Run r = run(named("ours"), scenario, trace, 7);
+    return std::ranges::count(r.rounds, true, &Round::on_time);
+  };
+  EXPECT_GE(on_time(true), on_time(false));
+}
+
 TEST(Run, DelaysExactlyTheModuleThatTheTraceNames) {
   const Scenario scenario = table_erdos_scenario();
   for (const Module module :

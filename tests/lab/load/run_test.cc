@@ -36,6 +36,17 @@ TEST(Run, TheSameScenarioGivesTheSameRow) {
   EXPECT_EQ(a.queue_p99_ms, b.queue_p99_ms);
 }
 
+TEST(Run, EncryptionCostsNoGoodput) {
+  Choice choice;
+  choice.peers = {Peer::kOurs};
+  choice.length = 5s;
+  choice.loads = {1.2};
+  const Row clear = run(scenarios("rate", choice).front());
+  choice.is_encrypted = true;
+  const Row sealed = run(scenarios("rate", choice).front());
+  EXPECT_GE(sealed.on_time_goodput_mbit, 0.98 * clear.on_time_goodput_mbit);
+}
+
 TEST(Run, ADipIsSeenInTheFiguresOfTheBottleneck) {
   const Row row = run_first("dip", Peer::kOurs, 0, 12s);
   // 3 s at a tenth of the rate, into which twice as much is offered.

@@ -6,9 +6,9 @@
 
 #include "core/base/ablation.h"
 #include "core/wire/packet.h"
+#include "lab/sim/trust.h"
 #include "lab/sim/world.h"
 #include "support.h"
-#include "tests/trust.h"
 
 namespace interneuron::sim {
 

@@ -70,9 +70,10 @@ TEST(FieldFailures, MptcpNetNext581ALinkThatIsBackHasItsShareTwoSecondsLater) {
 TEST(FieldFailures, Mqvpn73ASpikeOfTheRoundTripIsGoneRound) {
   for (const char* policy : {"coded", "stripe"}) {
     Drive d(policy);
-    d.world.delay_with([&d](HostId host, LinkId link, ByteView) {
+    d.world.delay_with([&d](HostId host, const LeavingPacket& packet) {
       const bool spike = d.world.now() >= 4s && d.world.now() < 6s;
-      return spike && host == d.vehicle && link == kFast ? Duration(250ms) : Duration::zero();
+      return spike && host == d.vehicle && packet.link == kFast ? Duration(250ms)
+                                                                : Duration::zero();
     });
     d.run_to(8s);
     const std::uint64_t before = d.bytes_over(kFast);

@@ -83,8 +83,8 @@ class Offloading {
         slots.push_back(bad ? Duration(std::chrono::microseconds(us)) : Duration{});
       }
     }
-    world_.delay_with([this](HostId from, LinkId link, ByteView) {
-      const auto& slots = extra_.at(link.value * 2U + (from == vehicle_ ? 0U : 1U));
+    world_.delay_with([this](HostId from, const LeavingPacket& packet) {
+      const auto& slots = extra_.at(packet.link.value * 2U + (from == vehicle_ ? 0U : 1U));
       const auto slot = static_cast<std::size_t>(world_.now() / kSlot);
       return world_.now() < kWarmUp || slot >= slots.size() ? Duration{} : slots[slot];
     });

@@ -1,6 +1,7 @@
 // Encryption costs no message: neither where keys are renewed, nor where a carrier gives a vehicle
 // another address in the middle of one.
 #include <cstdio>
+#include <map>
 
 #include "duo.h"
 
@@ -34,6 +35,33 @@ int missed(const char* policy, bool is_encrypted, std::optional<Duration> reboun
   EXPECT_TRUE(duo.link(0).up);
   EXPECT_EQ(duo.done.size(), static_cast<std::size_t>(messages));
   return messages - duo.on_time();
+}
+
+// How many packets of each round leave the vehicle, as its endpoint says beside them.
+std::map<RoundId, int> packets_by_round(bool is_encrypted) {
+  Duo duo({constant_link("a", 30, 60, 60)}, 1, {}, Duo::best_link(), {}, is_encrypted);
+  std::map<RoundId, int> packets;
+  duo.world.delay_with([&](HostId host, const LeavingPacket& leaving) {
+    const auto packet = wire::parse(leaving.bytes);
+    if (packet) {
+      EXPECT_EQ(leaving.round.has_value(), packet->header.type == wire::PacketType::kData);
+    }
+    if (host == duo.vehicle && leaving.round) ++packets[leaving.round->round];
+    return Duration{};
+  });
+  duo.stream(kFirst, 3, 100'000);
+  duo.world.run_until(kFirst + 1s);
+  EXPECT_EQ(duo.on_time(), 3);
+  return packets;
+}
+
+TEST(Secure, ThePacketsOfARoundAreKnownWithoutReadingThem) {
+  const auto clear = packets_by_round(false);
+  EXPECT_EQ(clear.size(), 3U);
+  for (const auto& [round, packets] : clear) {
+    EXPECT_GE(packets, 100'000 / static_cast<int>(kMaxDatagramBytes)) << round.value;
+  }
+  EXPECT_EQ(packets_by_round(true), clear);
 }
 
 class Rebinding : public testing::TestWithParam<const char*> {};

@@ -28,8 +28,8 @@ class Stall : public testing::TestWithParam<const char*> {};
 TEST_P(Stall, LosesOneMessageAtMost) {
   Stream s({constant_link("a", 30, 60, 60), constant_link("b", 60, 20, 20)},
            {.policy = GetParam(), .variants = {128 * 1024, 32 * 1024}});
-  s.world.delay_with([&](HostId, LinkId link, ByteView) {
-    return link == LinkId{0} ? stalled_for(s.world.now()) : Duration{};
+  s.world.delay_with([&](HostId, const LeavingPacket& packet) {
+    return packet.link == LinkId{0} ? stalled_for(s.world.now()) : Duration{};
   });
   const std::size_t messages = static_cast<std::size_t>((stall_at(kStalls) - kFirst) / 100ms);
   s.send(kFirst, messages);

@@ -34,6 +34,7 @@ struct Options {
   std::string out;
   bool sim = false;
   bool testbed = false;
+  bool encrypted = false;
   std::string ladder = "auto";
   std::string data;
   bool json = false;
@@ -77,7 +78,8 @@ Document run_one(const Experiment& experiment, const Options& o, const experimen
                                      .progress = progress,
                                      .data = find_data(o.data),
                                      .scratch = scratch,
-                                     .ladder = o.ladder};
+                                     .ladder = o.ladder,
+                                     .is_encrypted = o.encrypted};
   Document document{.experiment = experiment.name,
                     .title = experiment.title,
                     .mode = o.testbed ? "testbed" : "sim",
@@ -88,6 +90,7 @@ Document run_one(const Experiment& experiment, const Options& o, const experimen
                     .waterfalls = {},
                     .notes = {}};
   (o.testbed ? experiment.run_on_testbed : experiment.run)(request, document);
+  if (o.encrypted) document.notes.push_back("The endpoints have keys: every packet is encrypted.");
   if (experiment.scored && !scorer.missing().empty()) {
     document.notes.push_back("AP and AR are not known: " + scorer.missing() + ".");
   }
@@ -101,22 +104,32 @@ void say(const Document& document) {
   }
 }
 
-void refuse_testbed(const std::string& experiment) {
+// Ends here if this experiment is none of those that are able to do it.
+void refuse_unless(const std::string& experiment, bool (*able)(const Experiment&),
+                   const char* trouble) {
   const Experiment* found = find_experiment(experiment);
-  if (found != nullptr && found->run_on_testbed != nullptr) return;
-  std::string able;
+  if (found != nullptr && able(*found)) return;
+  std::string others;
   for (const Experiment& e : all_experiments()) {
-    if (e.run_on_testbed != nullptr) able += (able.empty() ? "" : ", ") + std::string(e.name);
+    if (able(e)) others += (others.empty() ? "" : ", ") + std::string(e.name);
   }
-  throw Failure(kUsage,
-                fmt::format("{} is for virtual time alone; on the testbed: {}", experiment, able));
+  throw Failure(kUsage, fmt::format("{} {}: {}", experiment, trouble, others));
 }
 
 int run_eval(const Options& o) {
   if (o.experiment != kAll && find_experiment(o.experiment) == nullptr) {
     throw Failure(kUsage, fmt::format("no experiment '{}'; there are {}", o.experiment, names()));
   }
-  if (o.testbed) refuse_testbed(o.experiment);
+  if (o.testbed) {
+    refuse_unless(
+        o.experiment, [](const Experiment& e) { return e.run_on_testbed != nullptr; },
+        "is for virtual time alone; on the testbed");
+  }
+  if (o.encrypted) {
+    refuse_unless(
+        o.experiment, [](const Experiment& e) { return e.encryptable; },
+        "is not for --encrypted; those that are");
+  }
   if (!o.testbed && o.ladder != Options{}.ladder) {
     throw Failure(kUsage, "--ladder " + o.ladder + ": only with --testbed");
   }
@@ -156,9 +169,14 @@ void add_eval(CLI::App& program, std::function<int()>& run) {
   c->add_option("--rounds", o->rounds, "Rounds per seed (default: the experiment's)");
   c->add_option("--seeds", o->seeds, "FIRST..LAST (default: the experiment's, from 1)");
   CLI::Option* sim = c->add_flag("--sim", o->sim, "In virtual time; the default");
-  c->add_flag("--testbed", o->testbed,
-              "On real sockets, emulated links and real detection: table-erdos alone, 3 seeds")
-      ->excludes(sim);
+  CLI::Option* testbed =
+      c->add_flag("--testbed", o->testbed,
+                  "On real sockets, emulated links and real detection, encrypted: table-erdos "
+                  "alone, 3 seeds")
+          ->excludes(sim);
+  c->add_flag("--encrypted", o->encrypted,
+              "In virtual time: the endpoints have keys, as those of `vehicle` and `road`")
+      ->excludes(testbed);
   c->add_option(
        "--ladder", o->ladder,
        "Detectors of the testbed; replay has recorded boxes and times and computes nothing")

@@ -8,19 +8,20 @@ namespace {
 using experiments::Experiment;
 
 constexpr Experiment kExperiments[] = {
-    {"table-network", "Delay of 4G and 5G while driving", 36'000, 30, false,
+    {"table-network", "Delay of 4G and 5G while driving", 36'000, 30, false, false,
      experiments::run_table_network},
-    {"fig-adjust", "What the adjustable qualities cost and are worth", 60, 10, true,
+    {"fig-adjust", "What the adjustable qualities cost and are worth", 60, 10, true, false,
      experiments::run_fig_adjust},
-    {"fig-rt", "The guard on the paper's scripted sequence", 13, 1, false, experiments::run_fig_rt},
-    {"table-erdos", "Timeouts and accuracy under injected delays", 300, 30, true,
+    {"fig-rt", "The guard on the paper's scripted sequence", 13, 1, false, false,
+     experiments::run_fig_rt},
+    {"table-erdos", "Timeouts and accuracy under injected delays", 300, 30, true, true,
      experiments::run_table_erdos, run_table_erdos_on_testbed},
-    {"timeout-handler", "Consecutive timeouts with and without the handler", 300, 30, true,
+    {"timeout-handler", "Consecutive timeouts with and without the handler", 300, 30, true, true,
      experiments::run_timeout_handler},
-    {"ladder", "Which part earns what: baselines and ablations, paired", 300, 30, false,
+    {"ladder", "Which part earns what: baselines and ablations, paired", 300, 30, false, true,
      experiments::run_ladder},
-    {"clock", "Wrong clocks: offset, drift, step", 300, 10, false, experiments::run_clock},
-    {"sweep", "Deadlines from 60 to 200 ms and delays from none to twice", 300, 5, true,
+    {"clock", "Wrong clocks: offset, drift, step", 300, 10, false, true, experiments::run_clock},
+    {"sweep", "Deadlines from 60 to 200 ms and delays from none to twice", 300, 5, true, true,
      experiments::run_sweep}};
 
 }  // namespace

@@ -92,8 +92,9 @@ SystemRow bound_row(const Request& request, const char* name, const char* about,
 
 }  // namespace
 
-Compared compare(const Request& request, const std::string& what, const eval::Scenario& scenario,
+Compared compare(const Request& request, const std::string& what, eval::Scenario scenario,
                  const std::vector<eval::System>& systems, bool bounds) {
+  scenario.is_encrypted = request.is_encrypted;
   Compared out{scenario, systems, {}, {}, {}};
   const std::size_t seeds = request.seeds();
   const auto seed_of = [&](std::size_t i) { return request.first_seed + i; };

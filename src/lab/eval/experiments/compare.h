@@ -27,7 +27,7 @@ struct Compared {
 
 // Runs every system on every seed, and the bounds too unless told otherwise. Throws cli::Failure
 // when interrupted.
-Compared compare(const Request& request, const std::string& what, const eval::Scenario& scenario,
+Compared compare(const Request& request, const std::string& what, eval::Scenario scenario,
                  const std::vector<eval::System>& systems, bool bounds = true);
 
 // One row per system, then one per bound.

@@ -24,6 +24,8 @@ struct Request {
   // Of the testbed: a folder that may be made, and what detects.
   std::filesystem::path scratch{};
   std::string ladder = "auto";
+  // In virtual time: the endpoints have keys.
+  bool is_encrypted = false;
 
   std::size_t seeds() const { return static_cast<std::size_t>(last_seed - first_seed) + 1; }
 };
@@ -36,6 +38,8 @@ struct Experiment {
   std::uint64_t seeds;
   // Whether it tells AP and AR.
   bool scored;
+  // Whether Request::is_encrypted may be asked for.
+  bool encryptable;
   // Fills in tables, series and notes. Throws cli::Failure.
   void (*run)(const Request& request, Document& document);
   // The same on real sockets; nullptr where that makes no sense.
