@@ -182,6 +182,8 @@ class Endpoint {
   // largest of what it was given, what it has said and what hosts have said that it connected to.
   // Keep it for the next start (Security::unix_time_ns). 0 in the clear.
   std::int64_t unix_time_ns(TimePoint now) const;
+  // What the host's clock says of it, which may have been set since: counts where it is later.
+  void raise_unix_time_ns(TimePoint now, std::int64_t unix_time_ns);
 
  private:
   class Impl;

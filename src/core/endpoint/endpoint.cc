@@ -85,8 +85,10 @@ class Endpoint::Impl {
     if (received.input.duplicate) return;
     const PeerId id = received.peer->identity().id;
     react(now, *received.peer, received.input);
-    if (peers_.find(now, id) != received.peer) return;
-    while (auto computed = peers_.receive_computed(now, *received.peer)) {
+    // Whoever has sent a list of revocations may be gone after each of them.
+    while (peers_.find(now, id) == received.peer) {
+      auto computed = peers_.receive_computed(now, *received.peer);
+      if (!computed) break;
       react(now, *received.peer, *computed);
     }
   }
@@ -275,6 +277,9 @@ PeerLedger Endpoint::ledger(PeerId peer) const { return impl_->ledger(peer); }
 std::size_t Endpoint::reassembly_bytes() const { return impl_->peers().reassembly_bytes(); }
 std::int64_t Endpoint::unix_time_ns(TimePoint now) const {
   return impl_->peers().unix_time_ns(impl_->time().own(now));
+}
+void Endpoint::raise_unix_time_ns(TimePoint now, std::int64_t unix_time_ns) {
+  impl_->peers().raise_unix_time_ns(impl_->tick(now), unix_time_ns);
 }
 std::size_t Endpoint::sending_bytes() const { return impl_->peers().sending_bytes(); }
 

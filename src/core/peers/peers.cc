@@ -85,6 +85,7 @@ bool Peers::add_path(TimePoint now, PeerId id, LinkId link, const Address& addre
   unlist_addresses(entry);
   peer->add_path(now, link, nic(link), address);
   list_addresses(entry);
+  if (sessions_) sessions_->path_added(now, entry.key);
   return peer->has_path(link);
 }
 
@@ -285,7 +286,7 @@ Peers::Expired Peers::handle_timeout(TimePoint now) {
     Peer& peer = entry.peer;
     expired.messages += peer.handle_timeout(now);
     if (sessions_) {
-      sessions_->set_silent(now, key, is_silent(now, peer));
+      sessions_->set_out_of_reach(now, key, is_out_of_reach(peer));
       sessions_->handle_timeout(now, key);
       tell_revocations(now, entry);
     }

@@ -144,6 +144,9 @@ class Peers {
   // one there was, and an authority has signed it; peers whose keys it names are lost.
   bool take_revocations(ByteView bytes);
   std::int64_t unix_time_ns(TimePoint now) const { return sessions_ ? sessions_->unix_ns(now) : 0; }
+  void raise_unix_time_ns(TimePoint now, std::int64_t unix_time_ns) {
+    if (sessions_) sessions_->raise_unix_ns(now, unix_time_ns);
+  }
   // A key that two hosts use; ask until nothing comes.
   std::optional<PublicKey> poll_shared_key() {
     return sessions_ ? sessions_->poll_shared_key() : std::nullopt;
@@ -212,8 +215,8 @@ class Peers {
                                                std::span<std::byte> buffer);
   // Hands the list of revocations on to a peer that does not know it yet.
   void tell_revocations(TimePoint now, Entry& entry);
-  // Whether this peer may be there no more, as far as its paths tell.
-  static bool is_silent(TimePoint now, const Peer& peer);
+  // Whether no path to this peer is as it should be.
+  static bool is_out_of_reach(const Peer& peer);
   void hand_over(TimePoint now, Entry& entry, const wire::Packet& packet, const Datagram& datagram,
                  Received& out);
   // Whose packet this is; nobody's where it is to be refused.

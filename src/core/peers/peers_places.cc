@@ -25,16 +25,17 @@ Peers::Entry* Peers::accept(TimePoint now, const wire::PacketHeader& header,
 // has two places more than the newcomer's, or of one with as many whose network has two more. So
 // whoever takes many places makes room for those who take few, and not the other way round.
 bool Peers::make_room(TimePoint now, const Address& from) {
-  std::map<Network, std::size_t> places;
+  std::map<Network, std::size_t> networks;
+  std::map<Network, std::size_t> hosts;
   for (const auto& [id, key] : by_id_) {
     const Entry& entry = *entries_[key];
     if (entry.peer.identity().connected) continue;
-    ++places[network_of(entry.first_seen_at)];
-    ++places[host_of(entry.first_seen_at)];
+    ++networks[network_of(entry.first_seen_at)];
+    ++hosts[host_of(entry.first_seen_at)];
   }
   using Crowd = std::pair<std::size_t, std::size_t>;
   const auto crowd = [&](const Address& at) {
-    return Crowd{places[network_of(at)], places[host_of(at)]};
+    return Crowd{networks[network_of(at)], hosts[host_of(at)]};
   };
   const Crowd own = crowd(from);
   // What counts more comes first: the kind of reason, how strong it is, and which of those that are

@@ -8,11 +8,6 @@
 namespace interneuron {
 namespace {
 
-// A peer of which nothing was heard for so long, while no path is as it should be, may have begun a
-// new life, and no key of ours be of any use to it. A handshake is asked for beside what goes on;
-// where the peer only was out of reach, it costs less than one heartbeat of each path. No
-// measurement behind this value: it has to be above the round trips and stalls of networks.
-constexpr Duration kSilence = std::chrono::milliseconds(200);
 // A list of revocations is worth its bytes for so long; it may take some of a slow link's time.
 constexpr Duration kRevocationsDeadline = std::chrono::seconds(10);
 
@@ -94,7 +89,7 @@ bool Peers::take_handshake(TimePoint now, const wire::PacketHeader& header,
   if (!shaken.answered && !shaken.token) return shaken.is_used;
   Entry& entry = *entries_[shaken.owner];
   touch(entry);
-  entry.initiations = 0;
+  if (shaken.answered) entry.initiations = 0;
   if (shaken.answered && entry.peer.identity().session != shaken.life) {
     out.peer = &entry.peer;
     out.restarted = entry.peer.identity().session.value != 0;
@@ -179,26 +174,29 @@ bool Peers::take_revocations(ByteView bytes) {
 
 // What is lost of it is told again with the next session.
 void Peers::tell_revocations(TimePoint now, Entry& entry) {
+  const Bytes& list = sessions_->trust().revocations();
+  if (list.empty()) return;
   Peer& peer = entry.peer;
   std::vector<LinkId> paths;
   for (const Path& path : peer.paths()) {
     if (path.usable()) paths.push_back(path.id());
   }
-  if (!peer.ready() || paths.empty() || !sessions_->take_turn_to_tell(entry.key)) return;
+  if (!peer.ready() || paths.empty() || send_room(peer.identity().id) < list.size() ||
+      !sessions_->take_turn_to_tell(now, entry.key)) {
+    return;
+  }
   flow::Sender::Times times;
   times.deadline = now + kRevocationsDeadline;
   times.lifetime = kRevocationsDeadline;
   times.importance = 0;
-  peer.send(now, times, wire::MessageBytes(Bytes(sessions_->trust().revocations())),
-            std::span(paths).first(1), flow::kEveryPath, wire::MessageKind::kRevocations);
+  peer.send(now, times, wire::MessageBytes(Bytes(list)), std::span(paths).first(1),
+            flow::kEveryPath, wire::MessageKind::kRevocations);
   touch(entry);
 }
 
-bool Peers::is_silent(TimePoint now, const Peer& peer) {
-  return now - peer.heard_at() >= kSilence &&
-         std::ranges::none_of(peer.paths(), [](const Path& path) {
-           return path.estimator.path() == PathState::kOk;
-         });
+bool Peers::is_out_of_reach(const Peer& peer) {
+  return std::ranges::none_of(
+      peer.paths(), [](const Path& path) { return path.estimator.path() == PathState::kOk; });
 }
 
 }  // namespace interneuron

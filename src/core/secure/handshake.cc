@@ -128,6 +128,10 @@ void Initiator::tried(TimePoint now) {
   ++try_;
 }
 
+void Initiator::hurry(TimePoint now) {
+  if (is_trying()) next_try_ = std::min(*next_try_, now);
+}
+
 bool Initiator::needs_message(TimePoint now) const {
   return !noise_ || now - made_at_ >= kMessageLife;
 }
@@ -183,18 +187,26 @@ std::optional<Initiator::Answer> Initiator::take_response(ByteView packet) {
   if (!is_valid(answer.theirs)) return std::nullopt;
   answered_key_ = proof_key;
   answered_index_ = index_;
+  tokens_.clear();
   cookies_.clear();
   stop();
   return answer;
 }
 
-std::optional<wire::Token> Initiator::token_of(ByteView packet) const {
+std::optional<wire::Token> Initiator::token_of(ByteView packet) {
   const auto header = wire::peek(packet);
   if (!header || packet.size() != kResponseBytes || header->session.value != answered_index_) {
     return std::nullopt;
   }
   const ResponseParts parts = parts_of_response(packet);
   if (!is_mac(parts.proof, answered_key_, parts.before_proof)) return std::nullopt;
+  auto taken = std::ranges::find(tokens_, header->link, &Taken::path);
+  if (taken == tokens_.end()) {
+    taken = tokens_.insert(tokens_.end(), {header->link, header->number});
+  } else if (header->number <= taken->newest_try) {
+    return std::nullopt;
+  }
+  taken->newest_try = header->number;
   wire::Token token{};
   std::ranges::copy(parts.token, token.begin());
   return token;

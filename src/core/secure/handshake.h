@@ -132,6 +132,8 @@ class Initiator {
   // Whether the copies of a try are to leave now; tried() when they all have.
   bool is_due(TimePoint now) const { return next_try_ && *next_try_ <= now; }
   void tried(TimePoint now);
+  // The next try, if there is to be one, leaves at once.
+  void hurry(TimePoint now);
 
   // What a new message is made of, where needs_message().
   struct Fresh {
@@ -155,8 +157,9 @@ class Initiator {
   // The response to the message under way; nothing where it is none. Ends the trying.
   std::optional<Answer> take_response(ByteView packet);
   // The token that an authentic response to the newest message that was answered brought over the
-  // path of its header: also those to its other copies.
-  std::optional<wire::Token> token_of(ByteView packet) const;
+  // path of its header: also those to its other copies, but each once and none that is older than
+  // one before it.
+  std::optional<wire::Token> token_of(ByteView packet);
   // False where it is none for a copy of the message under way. The first one that a path gets for
   // a message lets the next try leave at once.
   bool take_cookie(TimePoint now, const wire::PacketHeader& header, ByteView packet);
@@ -187,6 +190,11 @@ class Initiator {
   // Of the newest message that was answered.
   SecretKey answered_key_;
   std::uint32_t answered_index_ = 0;
+  struct Taken {
+    LinkId path{};
+    std::uint64_t newest_try = 0;
+  };
+  std::vector<Taken> tokens_;
   std::vector<Cookie> cookies_;
 };
 

@@ -1,5 +1,6 @@
 // What two hosts have agreed on in one handshake: it seals packets of one and opens those of the
-// other. Peers (src/core/peers) has up to two for each peer, the newest and the one before it.
+// other. Sessions has up to four for each peer: the newest, the one before it, and those that the
+// other side may begin to use.
 //
 // Every path has a key of its own in each direction, derived when it is first used, and so have the
 // packets that belong to no path's numbers (challenges and echoes). So a packet of one path is none

@@ -4,6 +4,8 @@
 #include <cassert>
 #include <stdexcept>
 
+#include "core/base/earliest.h"
+
 namespace interneuron::crypto {
 Sessions::Sessions(const Security& security, SessionId self, bool accept, TimePoint now)
     : credential_(security.credential),
@@ -19,11 +21,16 @@ Sessions::Sessions(const Security& security, SessionId self, bool accept, TimePo
   if (security.seed == SecretKey{}) throw std::invalid_argument("security: the seed is zero");
 }
 
-bool Sessions::take_turn_to_tell(Owner owner) {
-  const Held* const peer = held(owner);
+// What the other side says that it knows counts, but it may say in each handshake that it knows
+// nothing.
+bool Sessions::take_turn_to_tell(TimePoint now, Owner owner) {
+  Held* const peer = held(owner);
   Slot* const there = peer == nullptr ? nullptr : slot(peer->current);
-  if (there == nullptr || there->revocations_s >= trust_.revocations_s()) return false;
-  there->revocations_s = trust_.revocations_s();
+  const std::int64_t newest = trust_.revocations_s();
+  if (there == nullptr || there->revocations_s >= newest) return false;
+  if (peer->told_s >= newest && now - peer->told_at < kBetweenLists) return false;
+  there->revocations_s = peer->told_s = newest;
+  peer->told_at = now;
   return true;
 }
 
@@ -82,6 +89,12 @@ std::int64_t Sessions::unix_ns(TimePoint now) const {
   return std::max(said_ns_, unix_time_ns_ + Duration(now - started_).count());
 }
 
+void Sessions::raise_unix_ns(TimePoint now, std::int64_t unix_ns) {
+  const std::int64_t behind =
+      std::min(unix_ns, kLatestBelievedNs) - (unix_time_ns_ + Duration(now - started_).count());
+  if (behind > 0) unix_time_ns_ += behind;
+}
+
 // Grows with every call, also where the clock does not.
 std::int64_t Sessions::next_unix_ns(TimePoint now) {
   said_ns_ = std::max(said_ns_ + 1, unix_ns(now));
@@ -118,18 +131,30 @@ void Sessions::adopt(Owner owner, std::uint32_t index) {
   held_[owner]->current = index;
   note_life(there->session.born(), there->who, there->life);
   there->owner = owner;
-  Unowned& of_key = unowned_.at(there->who);
-  if (of_key.newest != index) drop_unowned(of_key.newest);
-  if (of_key.former != index) drop_unowned(of_key.former);
-  unowned_.erase(there->who);
-  std::erase(unowned_order_, index);
   adopted_[there->who] = owner;
+  std::erase(unowned_order_, index);
+  Unowned& of_key = unowned_.at(there->who);
+  if (of_key.former != index) drop_unowned(of_key.former);
+  // It has shaken hands again meanwhile, and may seal with these keys from now on.
+  Slot* const newer = of_key.newest == index ? nullptr : slot(of_key.newest);
+  if (newer != nullptr && newer->life != there->life) {
+    of_key.former = 0;
+    return;
+  }
+  if (newer != nullptr) {
+    newer->owner = owner;
+    held_[owner]->next = of_key.newest;
+    std::erase(unowned_order_, of_key.newest);
+  }
+  unowned_.erase(there->who);
 }
 
 void Sessions::remove(Owner owner) {
   Held* const gone = held(owner);
   if (gone == nullptr) return;
-  for (std::uint32_t* index : {&gone->current, &gone->former, &gone->next}) drop(*index);
+  for (std::uint32_t* index : {&gone->current, &gone->former, &gone->next, &gone->earlier}) {
+    drop(*index);
+  }
   if (gone->initiator) {
     asking_.erase(gone->initiator->index());
   } else {
@@ -149,16 +174,35 @@ bool Sessions::is_open(TimePoint now, Owner owner) const {
   return there != nullptr && !there->session.is_over(now);
 }
 
-void Sessions::set_silent(TimePoint now, Owner owner, bool is_silent) {
+void Sessions::set_out_of_reach(TimePoint now, Owner owner, bool is_out_of_reach) {
   Held* const peer = held(owner);
-  if (peer == nullptr || !peer->initiator || !is_open(now, owner)) return;
-  if (peer->is_silent == is_silent) return;
-  peer->is_silent = is_silent;
-  if (is_silent) {
-    peer->initiator->begin(now);
-  } else if (now < peer->rekey_at) {
-    asking_.erase(peer->initiator->index());
-    peer->initiator->stop();
+  if (peer == nullptr || !peer->initiator) return;
+  peer->is_out_of_reach = is_out_of_reach;
+  if (!is_out_of_reach && peer->heard_at) peer->patience = kFirstPatience;
+  ask_if_lost(now, *peer);
+}
+
+void Sessions::path_added(TimePoint now, Owner owner) {
+  Held* const peer = held(owner);
+  if (peer != nullptr && peer->initiator) peer->initiator->hurry(now);
+}
+
+// When packets of a peer that we connect to are missed so much that a handshake is due.
+std::optional<TimePoint> Sessions::lost_at(const Held& peer) const {
+  if (slot(peer.current) == nullptr) return std::nullopt;
+  if (!peer.heard_at) return peer.ask_after;
+  if (!peer.is_out_of_reach) return std::nullopt;
+  return std::max(peer.ask_after, *peer.heard_at + kSilence);
+}
+
+void Sessions::ask_if_lost(TimePoint now, Held& peer) {
+  if (slot(peer.current) == nullptr || now >= peer.rekey_at) return;
+  const auto lost = lost_at(peer);
+  if (lost && now >= *lost) {
+    peer.initiator->begin(now);
+  } else if (peer.initiator->is_trying()) {
+    asking_.erase(peer.initiator->index());
+    peer.initiator->stop();
   }
 }
 
@@ -171,6 +215,7 @@ void Sessions::promote(Held& peer, std::uint32_t index) {
   drop(peer.former);
   peer.former = peer.current;
   peer.current = index;
+  peer.heard_at.reset();
 }
 
 // --- what comes in
@@ -182,6 +227,11 @@ Sessions::Opened Sessions::open(TimePoint now, const wire::PacketHeader& header,
   if (there == nullptr || there->session.is_over(now)) return opened;
   opened.result = there->session.open(header, packet, out);
   if (opened.result != Session::Opened::kOk) return opened;
+  // Who is there already was put out when his key was revoked.
+  if (!there->owner && trust_.is_revoked(there->who)) {
+    forget_unowned(header.session.value);
+    return {};
+  }
   opened.owner = there->owner;
   opened.who = there->who;
   opened.life = there->life;
@@ -193,9 +243,14 @@ Sessions::Opened Sessions::open(TimePoint now, const wire::PacketHeader& header,
   Held& peer = *held(*there->owner);
   // The other side has the new keys too.
   if (peer.next == header.session.value) {
+    drop(peer.earlier);
     peer.next = 0;
     promote(peer, header.session.value);
+  } else if (peer.earlier == header.session.value) {
+    peer.earlier = 0;
+    promote(peer, header.session.value);
   }
+  if (peer.current == header.session.value) peer.heard_at = now;
   return opened;
 }
 
@@ -222,7 +277,7 @@ Sessions::Shaken Sessions::take_handshake(TimePoint now, const wire::PacketHeade
   if (header.type != wire::PacketType::kResponse) return out;
   const Slot* const there = slot(header.session.value);
   if (there == nullptr || !there->owner) return out;
-  const Held& peer = *held(*there->owner);
+  Held& peer = *held(*there->owner);
   if (!peer.initiator) return out;
   out.token = peer.initiator->token_of(datagram.bytes);
   out.owner = *there->owner;
@@ -248,7 +303,8 @@ void Sessions::take_initiation(TimePoint now, const wire::PacketHeader& header,
   if (is_same_life) added.owner = owner;
   slots_.emplace(made.index, std::move(added));
   if (is_same_life) {
-    drop(peer->next);
+    drop(peer->earlier);
+    peer->earlier = peer->next;
     peer->next = made.index;
   } else {
     add_unowned(now, made.index);
@@ -261,17 +317,22 @@ void Sessions::add_unowned(TimePoint now, std::uint32_t index) {
   of_key.former = of_key.newest;
   of_key.newest = index;
   unowned_order_.push_back(index);
-  while (unowned_order_.size() > kMaxUnowned ||
-         slots_.at(unowned_order_.front()).session.is_over(now)) {
-    std::uint32_t oldest = unowned_order_.front();
-    const auto of_oldest = unowned_.find(slots_.at(oldest).who);
-    if (of_oldest->second.newest == oldest) {
-      unowned_.erase(of_oldest);
-    } else {
-      of_oldest->second.former = 0;
-    }
-    drop_unowned(oldest);
+  if (unowned_order_.size() > kMaxUnowned) forget_unowned(unowned_order_.front());
+  expire_unowned(now);
+}
+
+void Sessions::expire_unowned(TimePoint now) {
+  while (!unowned_order_.empty() && slots_.at(unowned_order_.front()).session.is_over(now)) {
+    forget_unowned(unowned_order_.front());
   }
+}
+
+void Sessions::forget_unowned(std::uint32_t index) {
+  const auto of_key = unowned_.find(slots_.at(index).who);
+  Unowned& both = of_key->second;
+  (both.newest == index ? both.newest : both.former) = 0;
+  if (both.newest == 0 && both.former == 0) unowned_.erase(of_key);
+  drop_unowned(index);
 }
 
 void Sessions::drop_unowned(std::uint32_t& index) {
@@ -287,8 +348,7 @@ void Sessions::take_response(TimePoint now, Owner owner, ByteView packet, Shaken
   if (!answer) return;
   asking_.erase(index);
   // A host that does not know the time takes that of whom it trusts.
-  const std::int64_t behind = answer->theirs.unix_ns - unix_ns(now);
-  if (behind > 0) unix_time_ns_ += behind;
+  raise_unix_ns(now, answer->theirs.unix_ns);
   Slot added(peer.who, answer->theirs,
              Session(now, Session::Role::kInitiator, answer->theirs.index, answer->keys));
   added.owner = owner;
@@ -297,7 +357,8 @@ void Sessions::take_response(TimePoint now, Owner owner, ByteView packet, Shaken
   const bool is_same_life = before != nullptr && before->life == answer->theirs.life;
   promote(peer, index);
   if (!is_same_life) drop(peer.former);
-  peer.is_silent = false;
+  peer.ask_after = now + peer.patience;
+  peer.patience = std::min<Duration>(2 * peer.patience, Initiator::kLastRetry);
   peer.rekey_at =
       now + kRekeyAfter +
       Duration(static_cast<std::int64_t>(entropy_.draw_below(Duration(kRekeyJitter).count())));
@@ -350,15 +411,26 @@ std::optional<TimePoint> Sessions::next_timeout(Owner owner) const {
   if (peer == nullptr || !peer->initiator) return std::nullopt;
   const auto tries = peer->initiator->next_timeout();
   if (tries) return tries;
-  return peer->rekey_at == TimePoint::max() ? std::nullopt : std::optional(peer->rekey_at);
+  const auto rekey =
+      peer->rekey_at == TimePoint::max() ? std::nullopt : std::optional(peer->rekey_at);
+  return earliest(rekey, lost_at(*peer));
+}
+
+void Sessions::expire(TimePoint now, Held& peer) {
+  for (std::uint32_t* index : {&peer.current, &peer.former, &peer.next, &peer.earlier}) {
+    const Slot* const there = slot(*index);
+    if (there != nullptr && there->session.is_over(now)) drop(*index);
+  }
 }
 
 void Sessions::handle_timeout(TimePoint now, Owner owner) {
   Held* const peer = held(owner);
   if (peer == nullptr) return;
-  const Slot* const former = slot(peer->former);
-  if (former != nullptr && former->session.is_over(now)) drop(peer->former);
-  if (peer->initiator && now >= peer->rekey_at) peer->initiator->begin(now);
+  expire(now, *peer);
+  expire_unowned(now);
+  if (!peer->initiator) return;
+  if (now >= peer->rekey_at) peer->initiator->begin(now);
+  ask_if_lost(now, *peer);
 }
 
 }  // namespace interneuron::crypto

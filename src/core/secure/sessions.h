@@ -3,15 +3,16 @@
 //
 // Peers (src/core/peers) owns one where packets are encrypted, and knows its peers here by their
 // places (Owner). For a peer that we connect to a handshake begins at once, again before its keys
-// are old, and while every path to it is silent: it may have begun a new life. A peer that comes
+// are old, while it cannot be heard, and where it was never heard with the keys of the last one: it
+// may have begun a new life, or not have got these keys. A peer that comes
 // unannounced begins as a session without owner: it has proved who it is, and has to show where it
 // is before it becomes a peer (adopt()).
 //
 // A new session takes the place of the one before only when a packet sealed with it has come in: of
 // two that connect at the same moment or of a handshake that somebody has recorded, none destroys
-// what works. The session before it still opens packets until it is kRejectAfter old. What an
-// outsider sends changes nothing here. Bounded by the peers there are, three sessions each, and by
-// kMaxUnowned. Pure; thread-compatible.
+// what works. The session before it still opens packets until it is kRejectAfter old, when it is
+// erased. What an outsider sends changes nothing here. Bounded by the peers there are, four
+// sessions each, and by kMaxUnowned. Pure; thread-compatible.
 #pragma once
 
 #include <cstdint>
@@ -44,6 +45,20 @@ class Sessions {
   static constexpr Duration kRekeyJitter = std::chrono::seconds(10);
   // Renewals for want of paths are at least this far apart.
   static constexpr Duration kBetweenRekeys = std::chrono::seconds(1);
+  // A peer of which nothing was heard for so long, while no path is as it should be, may have begun
+  // a new life. Asking it costs less than one heartbeat of each path. No measurement behind this
+  // value: it has to be above the round trips and stalls of networks.
+  static constexpr Duration kSilence = std::chrono::milliseconds(200);
+  // A handshake for want of packets begins no sooner after one that was answered: the other side
+  // has to get our first packet and answer it, and may be about to. Twice as long after each that
+  // led to nothing, up to Initiator::kLastRetry. No measurement behind this value: it has to be
+  // above the round trips of networks and what heartbeats are apart.
+  static constexpr Duration kFirstPatience = std::chrono::seconds(1);
+  // A peer is told of a list of revocations again after so long at the earliest.
+  static constexpr Duration kBetweenLists = std::chrono::seconds(10);
+  // The latest time that is believed, which is in the year 2097: who says a later one cannot keep a
+  // host that believed it from being heard before kLatestUnixNs.
+  static constexpr std::int64_t kLatestBelievedNs = kLatestUnixNs - (std::int64_t{1} << 59U);
   // Lives of one key that are remembered, and keys of which they are.
   static constexpr std::size_t kMaxLives = 8;
   static constexpr std::size_t kMaxKeysWithLives = 1024;
@@ -60,7 +75,7 @@ class Sessions {
   // Takes a signed list of revocations that is newer than the one there is. False: it is none.
   bool take_revocations(ByteView bytes) { return trust_.take_revocations(bytes); }
   // Whether this peer knows an older list than we do; from now on it is taken to know ours.
-  bool take_turn_to_tell(Owner owner);
+  bool take_turn_to_tell(TimePoint now, Owner owner);
   // Whether this peer's key is revoked.
   bool is_revoked(Owner owner) const;
   // A key that two hosts use; ask until nothing comes.
@@ -77,12 +92,16 @@ class Sessions {
   std::optional<Owner> owner_of(const PublicKey& who) const;
   // Whether packets to this peer can leave.
   bool is_open(TimePoint now, Owner owner) const;
-  // Whether every path to a peer that we connect to is silent.
-  void set_silent(TimePoint now, Owner owner, bool is_silent);
+  // Whether no path to a peer that we connect to is as it should be.
+  void set_out_of_reach(TimePoint now, Owner owner, bool is_out_of_reach);
+  // There is another path to it: what is asked for is asked for there at once.
+  void path_added(TimePoint now, Owner owner);
 
   // The time of day, ns since 1970, as far as is known: what was said at the beginning or by a host
   // that we connected to, and never less than what was said here. Keep it for the next start.
   std::int64_t unix_ns(TimePoint now) const;
+  // The host's clock says so. Counts where it is later.
+  void raise_unix_ns(TimePoint now, std::int64_t unix_ns);
 
   // --- what comes in
   struct Opened {
@@ -145,10 +164,21 @@ class Sessions {
     // Opens what was sealed before; and what a new handshake has led to, until it is used.
     std::uint32_t former = 0;
     std::uint32_t next = 0;
+    // What a handshake before that has led to: the other side may use it until it has our answer to
+    // the newest.
+    std::uint32_t earlier = 0;
+    // The list of revocations that it was last told of, and when.
+    std::int64_t told_s = 0;
+    TimePoint told_at{};
     // Of a peer that we connect to.
     std::optional<Initiator> initiator;
-    bool is_silent = false;
     TimePoint rekey_at = TimePoint::max();
+    // When a packet was last opened with the current session; nothing: none ever was.
+    std::optional<TimePoint> heard_at;
+    bool is_out_of_reach = false;
+    // See kFirstPatience.
+    TimePoint ask_after{};
+    Duration patience = kFirstPatience;
   };
   Held* held(Owner owner);
   const Held* held(Owner owner) const;
@@ -159,11 +189,16 @@ class Sessions {
   std::int64_t next_unix_ns(TimePoint now);
   void drop(std::uint32_t& index);
   void promote(Held& held, std::uint32_t index);
+  std::optional<TimePoint> lost_at(const Held& held) const;
+  void ask_if_lost(TimePoint now, Held& held);
+  void expire(TimePoint now, Held& held);
   void take_initiation(TimePoint now, const wire::PacketHeader& header, const Datagram& datagram,
                        Shaken& out);
   void take_response(TimePoint now, Owner owner, ByteView packet, Shaken& out);
   void add_unowned(TimePoint now, std::uint32_t index);
   void drop_unowned(std::uint32_t& index);
+  void forget_unowned(std::uint32_t index);
+  void expire_unowned(TimePoint now);
   void note_life(TimePoint now, const PublicKey& who, SessionId life);
 
   // The lives that a key has had lately, newest last.

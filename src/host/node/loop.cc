@@ -33,6 +33,9 @@ constexpr int kPassesPerTurn = 16;
 // How soon what is due is tried again while a full link holds it up. No measurement behind this
 // value: it only has to be short against kStallPatience.
 constexpr Duration kBlockedRetry = std::chrono::microseconds(200);
+// How soon a clock that was set is noticed. No measurement behind this value: credentials are valid
+// for hours.
+constexpr Duration kBetweenClocks = std::chrono::seconds(10);
 
 // TimePoint and steady_clock both read CLOCK_MONOTONIC. Far instants are cut, because the clock
 // arithmetic of timers may overflow; waking up early is harmless.
@@ -89,6 +92,7 @@ void Node::Impl::run() {
     wait_for_nics();
     for (const SharedPort& port : ports_) wait_readable(port);
     repeat_statistics(saturating_add(io::now(), statistics_interval_));
+    repeat_clock();
     if (!context_.stopped()) turn();
     context_.run();
     // What can leave at once still does.
@@ -99,6 +103,12 @@ void Node::Impl::run() {
     throw;
   }
   shut_down();
+}
+
+// The clock of a host may be set long after its programs have begun, and it judges credentials.
+void Node::Impl::repeat_clock() {
+  endpoint_.raise_unix_time_ns(io::now(), io::unix_time_ns());
+  at(io::now() + kBetweenClocks, [this] { repeat_clock(); });
 }
 
 void Node::Impl::stop_on_signals() {

@@ -105,6 +105,7 @@ class Node::Impl : private Outbox::Source, private LinkSet::User {
   void on_readable(const SharedPort& port);
   void on_timer();
   void repeat_statistics(TimePoint due);
+  void repeat_clock();
   void enter(const Task& task);
   // Runs what belongs to the application and notes how long it kept the loop.
   template <class Work>
