@@ -88,15 +88,14 @@ inline bool readable(const Transport& transport, int milliseconds) {
   return ::poll(&item, 1, milliseconds) == 1;
 }
 
-// Who sent the next datagram. A transport may be readable without one, such as a ring of which a
-// block was handed back.
-inline Address next_sender(Transport& transport) {
-  const TimePoint end = now() + kPatience;
-  while (now() < end && wait_for(transport, POLLIN)) {
-    const auto batch = transport.receive();
-    if (!batch.empty()) return batch.front().from;
+// Who sent the next `count` datagrams; fewer when they do not come.
+inline std::vector<Address> senders(Transport& transport, std::size_t count) {
+  std::vector<Address> out;
+  while (out.size() < count && wait_for(transport, POLLIN)) {
+    for (const Incoming& datagram : transport.receive()) out.push_back(datagram.from);
   }
-  return {};
+  out.resize(count);
+  return out;
 }
 
 // Sends a datagram again and again until one arrives; false when none does.

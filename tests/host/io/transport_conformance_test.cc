@@ -77,8 +77,14 @@ TEST_P(TransportDelivery, PartsArriveAsOneDatagram) {
                        .payload = bytes.subspan(head, bytes.size() - head - tail),
                        .tail = bytes.last(tail)});
     }
-    ASSERT_TRUE(send_all(*pair.here, batch));
-    EXPECT_EQ(receive_all(*pair.there, whole.size()), whole);
+    // No more at a time than the queue of a virtual NIC holds that XDP receives from.
+    constexpr std::size_t kAtOnce = 150;
+    std::vector<Bytes> got;
+    for (std::size_t i = 0; i < batch.size(); i += kAtOnce) {
+      ASSERT_TRUE(send_all(*pair.here, std::span(batch).subspan(i, kAtOnce)));
+      for (Bytes& bytes : receive_all(*pair.there, kAtOnce)) got.push_back(std::move(bytes));
+    }
+    EXPECT_EQ(got, whole);
   });
 }
 
@@ -114,12 +120,10 @@ TEST_P(TransportDelivery, AnswersLeaveFromTheAddressThatWasAsked) {
     for (const char* host : {"10.99.0.3", "10.99.0.2", "10.99.0.3"}) {
       const Address asked = *make_address(host, port);
       ASSERT_TRUE(send_all(*pair.here, asked, {payload(1, 50), payload(2, 50)}));
-      const Address from = next_sender(*pair.there);
-      EXPECT_EQ(to_string(from), to_string(pair.to_here));
-      ASSERT_TRUE(send_all(*pair.there, from, {payload(3, 50)}));
-      EXPECT_EQ(to_string(next_sender(*pair.here)), to_string(asked));
-      // Nothing of this turn is left for the next.
-      while (readable(*pair.there, 0) && !pair.there->receive().empty()) continue;
+      const std::vector<Address> from = senders(*pair.there, 2);
+      for (const Address& address : from) EXPECT_EQ(to_string(address), to_string(pair.to_here));
+      ASSERT_TRUE(send_all(*pair.there, from.back(), {payload(3, 50)}));
+      EXPECT_EQ(to_string(senders(*pair.here, 1).front()), to_string(asked));
     }
   });
 }
@@ -158,14 +162,22 @@ TEST_P(TransportDelivery, EcnBitsTravelWithTheirDatagrams) {
 TEST_P(TransportDelivery, TellsWhenTheKernelReceived) {
   run([](Pair& pair) {
     const Duration slack = std::chrono::milliseconds(1);
-    const TimePoint before = now() - slack;
-    ASSERT_TRUE(send_all(*pair.here, pair.to_there, {payload(0, 100)}));
-    const TimePoint sent = now() + slack;
-    ASSERT_TRUE(wait_for(*pair.there, POLLIN));
-    const auto batch = pair.there->receive();
-    ASSERT_EQ(batch.size(), 1U);
-    EXPECT_GE(batch[0].at, before);
-    EXPECT_LE(batch[0].at, sent);
+    const TimePoint end = now() + kPatience;
+    // The kernel begins to stamp what arrives some time after it was asked to; until then it says
+    // when a datagram was read.
+    for (bool is_stamped = false; !is_stamped;) {
+      ASSERT_LT(now(), end);
+      const TimePoint before = now() - slack;
+      ASSERT_TRUE(send_all(*pair.here, pair.to_there, {payload(0, 100)}));
+      const TimePoint sent = now() + slack;
+      ASSERT_TRUE(wait_for(*pair.there, POLLIN));
+      // It is read so late that both times differ.
+      while (now() <= sent) continue;
+      const auto batch = pair.there->receive();
+      ASSERT_EQ(batch.size(), 1U);
+      EXPECT_GE(batch[0].at, before);
+      is_stamped = batch[0].at <= sent;
+    }
   });
 }
 
