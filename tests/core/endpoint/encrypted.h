@@ -3,8 +3,8 @@
 
 #include <vector>
 
-#include "pair.h"
 #include "lab/sim/trust.h"
+#include "pair.h"
 
 namespace interneuron {
 
