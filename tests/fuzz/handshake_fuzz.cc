@@ -228,7 +228,7 @@ class Handshakes {
     const auto header = wire::peek(asked);
     if (!header || asked.size() != crypto::kInitiationBytes) return {};
     auto noise = crypto::Noise::responder(crypto::Noise::Pattern::kIkPsk2, crypto::prologue(),
-                                          key(kRoad), crypto::key_pair_of(entropy_.draw_key()));
+                                          key(kRoad), entropy_.draw_key());
     std::array<std::byte, crypto::kHelloBytes> said{};
     if (!noise.read_first(crypto::parts_of_initiation(asked).noise, said)) return {};
     noise.set_shared(input_.below(4) == 0 ? SecretKey{} : shared_);
