@@ -163,7 +163,10 @@ class Insider {
         session_.emplace(now_, crypto::Session::Role::kInitiator, agreed->theirs.index,
                          agreed->keys);
         number_ = 0;
-        return asks.token_of(answer).value();
+        const auto token = asks.token_of(answer);
+        // Whoever repeats the response has nothing answered.
+        EXPECT_FALSE(asks.token_of(answer));
+        return token.value();
       }
     }
     ADD_FAILURE() << "no response";
