@@ -87,7 +87,9 @@ class Road {
     begin();
     settle();
   }
-  std::size_t begin() { return budget.begin_computation(start(), end(1), levels_, 0, {}).level; }
+  std::size_t begin() {
+    return budget.begin_computation(start(), end(1), {}, levels_, 0, {}).level;
+  }
   TimePoint hold() {
     budget.note_arrival(start() - 5ms, end(1));
     return budget.hold(start() - 5ms, end(1), std::nullopt, false).until;

@@ -186,10 +186,12 @@ std::optional<std::size_t> TestbedRoad::level(std::span<const LevelProfile> leve
     case eval::LevelRule::kFixedTop:
       return levels.size() - 1;
     case eval::LevelRule::kErdos:
-      return eval::erdos_rule(run_.erdos, eval::Scenario{}.deadline, false)(Duration{},
+      return eval::erdos_rule(run_.erdos, eval::Scenario{}.deadline, false)(0, Duration{},
                                                                             now - delivered);
     // This rule needs t0, which no roadside unit is told.
     case eval::LevelRule::kErdosE2e:
+    // This one needs the law.
+    case eval::LevelRule::kCausal:
     case eval::LevelRule::kGuard:
       break;
   }

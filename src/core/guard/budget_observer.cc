@@ -227,6 +227,7 @@ void BudgetObserver::remember(Computation& c, std::span<const LevelProfile> leve
 }
 
 LevelChoice BudgetObserver::begin_computation(TimePoint now, const StageEnd& end,
+                                              const std::optional<ClockView>&,
                                               std::span<const LevelProfile> levels, std::size_t top,
                                               const Verdict&) {
   Computation& c = after(end.stage);

@@ -37,6 +37,7 @@ class BudgetObserver final : public StageGuard {
   Verdict end_stage_held(const StageEnd& end, const Hold& hold) override;
   // `top` until an end-to-end time has come back.
   LevelChoice begin_computation(TimePoint now, const StageEnd& end,
+                                const std::optional<ClockView>& clock,
                                 std::span<const LevelProfile> levels, std::size_t top,
                                 const Verdict& verdict) override;
   void reset() override;

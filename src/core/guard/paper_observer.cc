@@ -26,11 +26,16 @@ std::optional<Duration> PaperObserver::stage_deadline(TimePoint now, const Stage
   return Duration{wrapping_add(base->count(), b.count() * end.x_permille / kPermille)};
 }
 
+void PaperObserver::observe(const StageEnd& end, Duration theta) {
+  if (!ablation_.learn_below_zero && end.x_permille < 0) return;
+  times_.observe(end.round, end.stage, theta);
+}
+
 Verdict PaperObserver::end_stage(TimePoint now, const StageEnd& end,
                                  const std::optional<ClockView>& clock) {
   const Duration theta = elapsed_across(end.t0, now);
   const std::optional<Duration> dn = stage_deadline(now, end, clock);
-  times_.observe(end.round, end.stage, theta);
+  observe(end, theta);
   Verdict verdict;
   if (dn) {
     const Duration overrun{wrapping_sub(theta.count(), dn->count())};
@@ -54,7 +59,7 @@ PaperObserver::Hold PaperObserver::hold(TimePoint now, const StageEnd& end,
 }
 
 Verdict PaperObserver::end_stage_held(const StageEnd& end, const Hold& hold) {
-  times_.observe(end.round, end.stage, elapsed_across(end.t0, hold.until));
+  observe(end, elapsed_across(end.t0, hold.until));
   Verdict verdict;
   verdict.released_at_deadline = hold.is_stage_deadline;
   if (!hold.has_reference && end.x_permille < 0) {
@@ -64,15 +69,24 @@ Verdict PaperObserver::end_stage_held(const StageEnd& end, const Hold& hold) {
   return verdict;
 }
 
-LevelChoice PaperObserver::begin_computation(TimePoint, const StageEnd&,
+LevelChoice PaperObserver::begin_computation(TimePoint now, const StageEnd& end,
+                                             const std::optional<ClockView>& clock,
                                              std::span<const LevelProfile> levels, std::size_t top,
                                              const Verdict& verdict) {
-  return {sacrificed_level(levels, top, verdict), std::nullopt};
+  Verdict latest = verdict;
+  const std::optional<Duration> dn =
+      ablation_.judge_at_start ? stage_deadline(now, end, clock) : std::nullopt;
+  if (dn) {
+    const Duration overrun{wrapping_sub(elapsed_across(end.t0, now).count(), dn->count())};
+    if (overrun > kTurn) latest = {.late = true, .overrun = overrun};
+  }
+  return {sacrificed_level(levels, top, latest), std::nullopt};
 }
 
-std::unique_ptr<StageGuard> make_stage_guard(GuardKind kind, bool at_origin) {
+std::unique_ptr<StageGuard> make_stage_guard(GuardKind kind, bool at_origin,
+                                             const Ablation& ablation) {
   if (kind == GuardKind::kBudget) return std::make_unique<BudgetObserver>(at_origin);
-  return std::make_unique<PaperObserver>(at_origin);
+  return std::make_unique<PaperObserver>(at_origin, ablation);
 }
 
 }  // namespace interneuron::guard

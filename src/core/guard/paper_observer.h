@@ -14,7 +14,8 @@ namespace interneuron::guard {
 
 class PaperObserver final : public StageGuard {
  public:
-  explicit PaperObserver(bool at_origin = false) : at_origin_(at_origin) {}
+  explicit PaperObserver(bool at_origin = false, const Ablation& ablation = {})
+      : at_origin_(at_origin), ablation_(ablation) {}
 
   void learn(TimePoint now, RoundId current, const Indicator& indicator,
              const RecentE2e&) override {
@@ -39,15 +40,25 @@ class PaperObserver final : public StageGuard {
   Verdict end_stage(TimePoint now, const StageEnd& end,
                     const std::optional<ClockView>& clock) override;
   Verdict end_stage_held(const StageEnd& end, const Hold& hold) override;
-  // sacrificed_level() of `top`.
+  // sacrificed_level() of `top`, by the stage that ended as it stands now: what passed since the
+  // hand-over, in a queue for example, counts too, beyond kTurn.
   LevelChoice begin_computation(TimePoint now, const StageEnd& end,
+                                const std::optional<ClockView>& clock,
                                 std::span<const LevelProfile> levels, std::size_t top,
                                 const Verdict& verdict) override;
 
   void reset() override { times_.reset(); }
 
+  // Between the hand-over of a message and the beginning of its computation there is a turn of the
+  // application's loop. So little is no delay; it is far below every delay that a level can make up
+  // for. No measurement behind this value.
+  static constexpr Duration kTurn = std::chrono::milliseconds(1);
+
  private:
+  void observe(const StageEnd& end, Duration theta);
+
   bool at_origin_;
+  Ablation ablation_;
   ReferenceTime times_;
 };
 

@@ -59,7 +59,7 @@ RoundLedger::RoundLedger(PipelineConfig config, SessionId self, const Ablation& 
   check(config_);
   check_budget(config_);
   guard_ = make_round_guard(config_, ablation);
-  observer_ = make_stage_guard(config_.guard, true);
+  observer_ = make_stage_guard(config_.guard, true, ablation);
 }
 
 RoundLedger::Begun RoundLedger::begin(TimePoint now) {

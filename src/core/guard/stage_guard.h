@@ -24,6 +24,7 @@
 #include <optional>
 #include <span>
 
+#include "core/base/ablation.h"
 #include "core/guard/clock_offset.h"
 #include "interneuron/guard.h"
 #include "interneuron/pipeline.h"
@@ -117,6 +118,7 @@ class StageGuard {
   // not empty; `top`: the level that would be taken otherwise, < levels.size(); `verdict`: of the
   // stage that ended.
   virtual LevelChoice begin_computation(TimePoint now, const StageEnd& end,
+                                        const std::optional<ClockView>& clock,
                                         std::span<const LevelProfile> levels, std::size_t top,
                                         const Verdict& verdict) = 0;
 
@@ -127,6 +129,7 @@ class StageGuard {
 
 // `at_origin`: this node stamped t0. Its clock has no offset to itself, and the configured D_N
 // bounds the last stage.
-std::unique_ptr<StageGuard> make_stage_guard(GuardKind kind, bool at_origin);
+std::unique_ptr<StageGuard> make_stage_guard(GuardKind kind, bool at_origin,
+                                             const Ablation& ablation);
 
 }  // namespace interneuron::guard

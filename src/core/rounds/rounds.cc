@@ -40,7 +40,8 @@ Rounds::Rounds(const EndpointOptions& options, Peers& peers, std::deque<Event>& 
       relays_(options.relays),
       dispatch_(options.session, options.policies, options.peer_limits.longest_deadline),
       own_(options.session, options.pipelines, options.ablation ? *options.ablation : Ablation{}),
-      stages_(options.session, options.peer_limits) {
+      stages_(options.session, options.peer_limits,
+              options.ablation ? *options.ablation : Ablation{}) {
   if (options.session.value == 0) {
     throw std::invalid_argument("endpoint: the session must not be 0; draw it at random");
   }
@@ -120,7 +121,8 @@ std::size_t Rounds::begin_computation(TimePoint now, const RoundRef& round,
   wire::RoundHeader& h = context->header;
   const guard::LevelChoice choice =
       observer_of(h, {context->from.value_or(kOurselves), context->by_relay})
-          .begin_computation(now, stage_end(h, context->stage), levels,
+          .begin_computation(now, stage_end(h, context->stage),
+                             clock_of(now, h, peers_.find(now, context->from)), levels,
                              std::min(top, levels.size() - 1), context->verdict);
   context->began = now;
   note_level(h, choice);

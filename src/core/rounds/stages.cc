@@ -9,7 +9,7 @@ namespace interneuron {
 guard::StageGuard& Stages::observer(const wire::RoundHeader& header, const Sender& sender) {
   Pipeline& found = pipeline(header, sender);
   if (!found.guard || found.kind != header.guard) {
-    found.guard = guard::make_stage_guard(header.guard, false);
+    found.guard = guard::make_stage_guard(header.guard, false, ablation_);
     found.kind = header.guard;
   }
   return *found.guard;

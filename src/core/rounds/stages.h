@@ -37,7 +37,8 @@ class Stages {
     bool is_relay = false;
   };
 
-  Stages(SessionId self, const PeerLimits& limits) : self_(self), limits_(limits) {}
+  Stages(SessionId self, const PeerLimits& limits, const Ablation& ablation)
+      : self_(self), limits_(limits), ablation_(ablation) {}
 
   // The clock between the origin of a round and here; nothing at the origin and while it is not
   // known.
@@ -142,6 +143,7 @@ class Stages {
 
   SessionId self_;
   PeerLimits limits_;
+  Ablation ablation_;
   // In the order of their peers.
   std::map<Key, Pipeline> pipelines_;
   Contexts contexts_;

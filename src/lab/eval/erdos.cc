@@ -44,9 +44,9 @@ std::vector<Duration> erdos_runtimes(std::span<const LevelProfile> levels) {
   return out;
 }
 
-std::function<std::size_t(Duration, Duration)> erdos_rule(ErdosTimes times, Duration deadline,
-                                                          bool end_to_end) {
-  return [times = std::move(times), deadline, end_to_end](Duration delivered, Duration began) {
+sim::LevelRule erdos_rule(ErdosTimes times, Duration deadline, bool end_to_end) {
+  return [times = std::move(times), deadline, end_to_end](std::uint32_t, Duration delivered,
+                                                          Duration began) {
     const Duration spent = end_to_end ? began : times.uplink + (began - delivered);
     const Duration left = deadline - times.downlink - spent;
     std::size_t level = 0;

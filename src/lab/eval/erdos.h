@@ -3,7 +3,6 @@
 // best level that its worst times let end by then. Pure.
 #pragma once
 
-#include <functional>
 #include <span>
 #include <vector>
 
@@ -32,8 +31,6 @@ ErdosTimes erdos_times(sim::OffloadOptions options);
 // The level that step 6 of the baseline takes, as OffloadOptions::level_rule. `end_to_end`: the
 // erdos_e2e of the ladder, which knows t0 by clocks in perfect step, instead of counting from the
 // hand-over.
-std::function<std::size_t(Duration delivered, Duration began)> erdos_rule(ErdosTimes times,
-                                                                          Duration deadline,
-                                                                          bool end_to_end);
+sim::LevelRule erdos_rule(ErdosTimes times, Duration deadline, bool end_to_end);
 
 }  // namespace interneuron::eval

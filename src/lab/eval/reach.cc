@@ -35,10 +35,13 @@ Duration Reach::over(OneLink& link, emu::Direction direction, Duration ready,
   return best;
 }
 
-Duration Reach::soonest(emu::Direction direction, Duration ready, std::size_t bytes) {
+Duration Reach::soonest(emu::Direction direction, Duration ready, std::size_t bytes,
+                        const std::function<Duration(std::size_t)>& delay) {
   Duration best = Duration::max();
-  for (OneLink& link : links_) {
-    best = std::min(best, over(link, direction, ready, sim::bytes_on_wire(bytes)));
+  for (std::size_t i = 0; i < links_.size(); ++i) {
+    const Duration there = over(links_[i], direction, ready, sim::bytes_on_wire(bytes));
+    if (there == Duration::max()) continue;
+    best = std::min(best, there + (delay ? delay(i) : Duration{}));
   }
   return best;
 }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <vector>
 
 #include "lab/emu/link.h"
@@ -16,8 +17,10 @@ class Reach {
 
   // The soonest arrival, over the best link, of a message that can be sent from `ready` on; it may
   // wait for a better moment. Duration::max() when it never arrives. `ready` is world time, and
-  // goes back by at most DelayProcess::kMemory between calls.
-  Duration soonest(emu::Direction direction, Duration ready, std::size_t bytes);
+  // goes back by at most DelayProcess::kMemory between calls. `delay`: how much longer it takes
+  // over each link.
+  Duration soonest(emu::Direction direction, Duration ready, std::size_t bytes,
+                   const std::function<Duration(std::size_t link)>& delay = nullptr);
 
  private:
   struct OneLink {

@@ -1,5 +1,6 @@
 #include "lab/eval/run.h"
 
+#include "lab/eval/bounds.h"
 #include "lab/eval/erdos.h"
 #include "lab/sim/offload.h"
 
@@ -23,7 +24,13 @@ sim::Disturbance disturbance_of(const Trace& trace, std::size_t round) {
   if (!injected.any) return out;
   switch (injected.module) {
     case Module::kUplink:
-      out.uplink = {injected.delay};
+      if (injected.link) {
+        // Links beyond the last entry have the last.
+        out.uplink.resize(*injected.link + 2);
+        out.uplink[*injected.link] = injected.delay;
+      } else {
+        out.uplink = {injected.delay};
+      }
       break;
     case Module::kBeforeCompute:
       out.before_compute = injected.delay;
@@ -72,16 +79,21 @@ sim::OffloadOptions options_of(const System& system, const Scenario& scenario, c
   return o;
 }
 
-std::function<std::size_t(Duration, Duration)> rule_of(LevelRule rule,
-                                                       const std::optional<ErdosTimes>& frozen,
-                                                       const sim::OffloadOptions& options) {
-  switch (rule) {
+// `options` are changed where the rule determines more than the level.
+sim::LevelRule rule_of(const System& system, const Scenario& scenario, const Trace& trace,
+                       sim::OffloadOptions& options) {
+  switch (system.level) {
     case LevelRule::kErdos:
     case LevelRule::kErdosE2e:
-      return erdos_rule(frozen ? *frozen : erdos_times(options), options.deadline,
-                        rule == LevelRule::kErdosE2e);
+      return erdos_rule(scenario.erdos ? *scenario.erdos : erdos_times(options), options.deadline,
+                        system.level == LevelRule::kErdosE2e);
     case LevelRule::kFixedTop:
-      return [top = options.ladder.size() - 1](Duration, Duration) { return top; };
+      return [top = options.ladder.size() - 1](auto...) { return top; };
+    case LevelRule::kCausal: {
+      Player player = causal_player(scenario, trace).value();
+      options.only_variant = player.variant;
+      return player.level;
+    }
     case LevelRule::kGuard:
       break;
   }
@@ -140,9 +152,9 @@ Scenario table_erdos_scenario() {
 
 Run run(const System& system, const Scenario& scenario, const Trace& trace, std::uint64_t seed) {
   sim::OffloadOptions options = options_of(system, scenario, trace, seed);
-  options.level_rule = rule_of(system.level, scenario.erdos, options);
+  options.level_rule = rule_of(system, scenario, trace, options);
   const sim::OffloadResult result = sim::run_offload(options);
-  const std::size_t first_variant = system.only_variant.value_or(0);
+  const std::size_t first_variant = options.only_variant.value_or(0);
   Run out;
   out.system = system.name;
   out.seed = seed;

@@ -44,6 +44,12 @@ std::vector<System> all() {
   out.push_back(ours("no_handler", "paper without the timeout handler"));
   out.back().guard = GuardKind::kPaper;
   out.back().ablation.use_handler = false;
+  out.push_back(ours("at_hand_over", "paper that judges at the hand-over alone"));
+  out.back().guard = GuardKind::kPaper;
+  out.back().ablation.judge_at_start = false;
+  out.push_back(ours("above_zero", "paper whose rounds with X < 0 stay out of the bases"));
+  out.back().guard = GuardKind::kPaper;
+  out.back().ablation.learn_below_zero = false;
   out.push_back(ours("no_backup", "ours without the local backup"));
   out.back().local_backup = false;
   out.push_back(ours("one_link", "ours on the primary link alone"));
@@ -76,6 +82,12 @@ std::vector<System> all() {
   out.back().policy = "duplicate";
   out.back().needs_jpeg = true;
   out.back().local_backup = true;
+  out.push_back(baseline("causal_player", "knows the law and all clocks, with carry-over",
+                         LevelRule::kCausal));
+  out.back().policy = "duplicate";
+  out.back().only_variant.reset();
+  out.back().local_backup = true;
+  out.back().is_baseline = false;
   return out;
 }
 

@@ -25,6 +25,9 @@ enum class LevelRule : std::uint8_t {
   kErdos,
   // The same with synchronised clocks: D_N - (now - t0) - T3.
   kErdosE2e,
+  // The one that causal_player() takes, which also determines the variant. Only for scenarios for
+  // which there is one.
+  kCausal,
 };
 
 struct System {
@@ -46,12 +49,14 @@ struct System {
   bool needs_jpeg = false;
   // Whether it is no form of ours.
   bool is_baseline = false;
+  // Whether it knows what no system can know, and is there to be compared with.
+  bool is_bound() const { return level == LevelRule::kCausal; }
 };
 
-// All, in the order of the tables: ours (budget), paper, ablations no_x and no_handler (of paper,
-// whose mechanisms they are), no_backup and one_link (of ours), baselines b0, erdos_like,
-// erdos_e2e, duplicate, duplicate_e2e, static choices always_sampled (B5), always_jpeg (B6; only
-// with JPEG).
+// All, in the order of the tables: ours (budget), paper, ablations no_x, no_handler, at_hand_over
+// and above_zero (of paper, whose mechanisms they are), no_backup and one_link (of ours), baselines
+// b0, erdos_like, erdos_e2e, duplicate, duplicate_e2e, causal_player, and the static choices
+// always_sampled (B5), always_jpeg (B6; only with JPEG).
 std::span<const System> systems();
 const System* find_system(const std::string& name);
 

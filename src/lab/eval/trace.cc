@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <numeric>
 
 #include "lab/emu/random.h"
 #include "lab/sim/offload.h"
@@ -23,7 +24,26 @@ double unit_normal(emu::RandomStream& stream) {
   return radius * std::cos(2 * std::numbers::pi * stream.uniform());
 }
 
+// `drawn`: uniform over 64 bits.
+Module module_at(const DelayLaw& law, std::uint64_t drawn) {
+  if (law.modules == DelayLaw{}.modules) return static_cast<Module>(drawn % kModules);
+  double left = std::accumulate(law.modules.begin(), law.modules.end(), 0.0) *
+                std::ldexp(static_cast<double>(drawn >> 11), -53);
+  std::size_t i = 0;
+  while (i + 1 < kModules && left >= law.modules[i]) left -= law.modules[i++];
+  return static_cast<Module>(i);
+}
+
 }  // namespace
+
+DelayLaw per_nic_law() {
+  DelayLaw law;
+  law.share = 0.6;
+  law.burst = 2.5;
+  law.modules = {0.94, 0.06, 0, 0};
+  law.uplink_of = 0;
+  return law;
+}
 
 std::string_view to_string(Module module) {
   switch (module) {
@@ -69,9 +89,10 @@ Trace make_trace(const DelayLaw& law, std::uint64_t seed, std::uint32_t rounds) 
   Trace trace;
   bool injected = injects && burst.uniform() < law.share;
   for (std::uint32_t i = 0; i < rounds; ++i) {
-    const auto which = static_cast<Module>(module.next() % kModules);
+    const Module which = module_at(law, module.next());
     const Duration length = delay_at(law, delay.uniform());
-    trace.rounds.push_back(injected ? Injected{true, which, length} : Injected{});
+    const auto link = which == Module::kUplink ? law.uplink_of : std::nullopt;
+    trace.rounds.push_back(injected ? Injected{true, which, length, link} : Injected{});
     trace.compute_noise.push_back(sim::half_normal_deviations(unit_normal(noise)));
     const double drawn = burst.uniform();
     injected = injected ? drawn >= chain.ends : drawn >= 1 - chain.begins;

@@ -234,7 +234,8 @@ std::size_t Offload::level_of(const Unit::Job& job, const OffloadRound& record) 
     return world_.endpoint(road_).begin_computation(world_.local_time(road_), job.message.round,
                                                     roadside_.levels(), job.top);
   }
-  return o_.level_rule(record.at_road->delivered - record.t0, *record.at_road->began - record.t0);
+  return o_.level_rule(record.round, record.at_road->delivered - record.t0,
+                       *record.at_road->began - record.t0);
 }
 
 void Offload::computed() {

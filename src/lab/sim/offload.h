@@ -47,6 +47,11 @@ struct Disturbance {
   std::optional<double> deviations;
 };
 
+// The level of a round's computation, by the times since t0 at which the frame was handed over and
+// at which the computation begins.
+using LevelRule =
+    std::function<std::size_t(std::uint32_t round, Duration delivered, Duration began)>;
+
 struct OffloadOptions {
   std::uint64_t seed = 1;
   std::uint32_t rounds = 300;
@@ -74,9 +79,8 @@ struct OffloadOptions {
   bool local_backup = true;
   // Run times vary around the median; without it each run takes the median.
   bool compute_noise = true;
-  // Determines the level instead of the guard, by the times since t0 at which the frame was handed
-  // over and at which its computation begins.
-  std::function<std::size_t(Duration delivered, Duration began)> level_rule;
+  // Determines the level instead of the guard.
+  LevelRule level_rule;
   // By round; further rounds have none.
   std::vector<Disturbance> disturbances;
   ClockError vehicle_clock;

@@ -44,7 +44,7 @@ class Rounds {
     const TimePoint start = t0 + 40ms + number_ % 7 * 1ms;
     road_.note_arrival(start, up);
     road_.hold(start, up, std::nullopt, false);
-    const LevelChoice choice = road_.begin_computation(start, up, levels_, 2, {});
+    const LevelChoice choice = road_.begin_computation(start, up, {}, levels_, 2, {});
     const Duration takes = levels_[choice.level].median + number_ % 5 * 4ms;
     StageEnd done = up;
     done.stage = 2;
@@ -119,7 +119,7 @@ TEST(PaperAllocation, DecisionsNeedNone) {
     road.note_arrival(t0 + 30ms, up);
     static_cast<void>(road.hold(t0 + 30ms, up, clock, false));
     const Verdict verdict = road.end_stage(t0 + 30ms + i % 7 * 3ms, up, clock);
-    static_cast<void>(road.begin_computation(t0 + 40ms, up, levels, 2, verdict));
+    static_cast<void>(road.begin_computation(t0 + 40ms, up, {}, levels, 2, verdict));
     road.settle(t0 + 120ms, RoundId{i}, RoundState::kOnTime, 100ms);
   }
   EXPECT_EQ(allocations, before);

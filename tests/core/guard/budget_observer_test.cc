@@ -52,7 +52,7 @@ class Road {
     budget.learn(start, RoundId{round_}, states, times);
     budget.note_arrival(start, up);
     budget.end_stage(start, up, std::nullopt);
-    last = budget.begin_computation(start, up, levels, kTop, {});
+    last = budget.begin_computation(start, up, {}, levels, kTop, {});
     const Duration takes = Duration{static_cast<std::int64_t>(
                                static_cast<double>(levels[last.level].median.count()) * met.slow)} +
                            met.inside;
@@ -275,7 +275,7 @@ RC_GTEST_PROP(BudgetObserver, AnyBytesAreSurvived, ()) {
                   *rc::gen::element<E2e>(E2e{}, E2e{kNever}, E2e{50ms}));
     budget.note_arrival(now, end);
     budget.hold(now, end, std::nullopt, *rc::gen::arbitrary<bool>());
-    if (!end.is_computation) budget.begin_computation(now, end, levels, kTop, {});
+    if (!end.is_computation) budget.begin_computation(now, end, {}, levels, kTop, {});
     budget.end_stage(now, end, std::nullopt);
     budget.settle(now, end.round, RoundState::kMissed, E2e{70ms});
   }

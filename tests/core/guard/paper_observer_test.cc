@@ -99,6 +99,46 @@ TEST(Observer, TheLastStageAtTheOriginHoldsUntilTheEndToEndDeadlineAtMost) {
   EXPECT_EQ(hold.until, TimePoint{230ms});
 }
 
+const std::vector<LevelProfile> kLadder{{5ms, 6ms, {}}, {20ms, 22ms, {}}, {45ms, 48ms, {}}};
+
+// The hand-over was in time, but then the message waited: what passed since counts.
+TEST(Observer, JudgesAgainWhenTheComputationBegins) {
+  for (const bool again : {true, false}) {
+    PaperObserver road(false, {.judge_at_start = again});
+    const ClockView clock{.alpha = 0, .rtt_min = 10ms};
+    road.end_stage(TimePoint{50ms}, Stage::end(0, 0ms, 0), clock);
+    road.settle(TimePoint{120ms}, RoundId{0}, RoundState::kOnTime);
+    const StageEnd end = Stage::end(1, 100ms, 0);
+    const Verdict verdict = road.end_stage(TimePoint{145ms}, end, clock);
+    ASSERT_FALSE(verdict.late);
+    const auto level = [&](Duration at) {
+      return road.begin_computation(TimePoint{at}, end, clock, kLadder, 2, verdict).level;
+    };
+    EXPECT_EQ(level(145ms), 2U);
+    // A turn of a loop is no delay.
+    EXPECT_EQ(level(150ms + PaperObserver::kTurn), 2U);
+    EXPECT_EQ(level(160ms), again ? 1U : 2U);
+    EXPECT_EQ(level(185ms), again ? 0U : 2U);
+  }
+}
+
+TEST(Observer, WithoutRoundsBelowZeroTheBaseStays) {
+  for (const bool learns : {true, false}) {
+    PaperObserver road(false, {.learn_below_zero = learns});
+    std::uint32_t round = 0;
+    const auto on_time = [&](Duration theta, std::int16_t x) {
+      const Duration t0 = round * 100ms;
+      road.end_stage(TimePoint{t0 + theta}, Stage::end(round, t0, x), std::nullopt);
+      road.settle(TimePoint{t0 + 130ms}, RoundId{round++}, RoundState::kOnTime);
+    };
+    on_time(50ms, 100);
+    on_time(20ms, -200);
+    EXPECT_EQ(road.base(TimePoint{1s}, 1), learns ? 29ms : 50ms);
+    on_time(60ms, 0);
+    EXPECT_GT(road.base(TimePoint{1s}, 1), learns ? 29ms : 50ms);
+  }
+}
+
 // A constant offset of the clocks moves θ, base, α̂ and D alike; every decision stays bit-identical.
 RC_GTEST_PROP(Observer, DecisionsAreInvariantToTheClockOffset, ()) {
   const auto alpha = *rc::gen::inRange<std::int64_t>(-90'000'000'000'000, 90'000'000'000'000);
@@ -111,14 +151,21 @@ RC_GTEST_PROP(Observer, DecisionsAreInvariantToTheClockOffset, ()) {
     const auto state = *rc::gen::element(RoundState::kOnTime, RoundState::kMissed);
     Verdict verdicts[2];
     PaperObserver::Hold holds[2];
+    std::size_t levels[2];
+    const Duration waited{*rc::gen::inRange<std::int64_t>(0, 100'000'000)};
     int i = 0;
     for (Stage* s : {&plain, &moved}) {
       holds[i] = s->observer.hold(s->at(t0 + theta), Stage::end(round, t0, x), s->clock(), false);
       verdicts[i] = s->observer.end_stage(s->at(t0 + theta), Stage::end(round, t0, x), s->clock());
+      levels[i] = s->observer
+                      .begin_computation(s->at(t0 + theta + waited), Stage::end(round, t0, x),
+                                         s->clock(), kLadder, 2, verdicts[i])
+                      .level;
       s->observer.settle(s->at(t0 + theta), RoundId{round}, state);
       ++i;
     }
     RC_ASSERT(verdicts[0] == verdicts[1]);
+    RC_ASSERT(levels[0] == levels[1]);
     RC_ASSERT(holds[0].until + Duration{alpha} == holds[1].until);
   }
 }

@@ -133,6 +133,20 @@ TEST(Erdos, MissesAboutHalfOfTheRoundsAsInThePaper) {
   EXPECT_LE(share, 0.55);
 }
 
+// A delay of one network leaves what goes over the other alone.
+TEST(Run, ADelayOfOneNetworkIsOfThatOneAlone) {
+  const Scenario scenario = table_erdos_scenario();
+  Trace trace = make_trace({.shape = DelayLaw::Shape::kNone}, 1, 4);
+  trace.rounds[2] = {true, Module::kUplink, std::chrono::milliseconds(50), 0};
+  const Duration usual = *run(named("always_sampled"), scenario, trace, 1).rounds[1].delivered;
+  const eval::Run one = run(named("erdos_like"), scenario, trace, 1);
+  EXPECT_GE(*one.rounds[2].delivered, *one.rounds[1].delivered + std::chrono::milliseconds(45));
+  // Its copy on the other link comes first, which takes 36 ms longer than the first link would.
+  const Duration both = *run(named("always_sampled"), scenario, trace, 1).rounds[2].delivered;
+  EXPECT_LT(both, usual + std::chrono::milliseconds(45));
+  EXPECT_GT(both, usual);
+}
+
 TEST(Systems, HaveNamesOfTheirOwn) {
   for (const System& system : systems()) {
     EXPECT_EQ(find_system(system.name), &system);

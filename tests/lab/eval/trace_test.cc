@@ -55,6 +55,21 @@ TEST(Trace, DrawsModulesAlikeAndDelaysByTheirShape) {
   EXPECT_NEAR(to_ms(sum) / kMany, 40, 0.5);
 }
 
+TEST(Trace, DelaysOfOneNetworkAreOfItsUplink) {
+  const DelayLaw law = per_nic_law();
+  std::array<std::uint32_t, kModules> modules{};
+  std::uint32_t injected = 0;
+  for (const Injected& r : make_trace(law, 2, kMany).rounds) {
+    if (!r.any) continue;
+    ++injected;
+    ++modules[static_cast<std::size_t>(r.module)];
+    EXPECT_EQ(r.link, r.module == Module::kUplink ? std::optional<std::size_t>(0) : std::nullopt);
+  }
+  EXPECT_NEAR(injected / double{kMany}, law.share, 0.01);
+  EXPECT_NEAR(modules[0] / double(injected), 0.94, 0.01);
+  EXPECT_NEAR(modules[1] / double(injected), 0.06, 0.01);
+}
+
 TEST(Trace, NoneInjectsNothing) {
   const Trace trace = make_trace({.shape = DelayLaw::Shape::kNone}, 3, 1000);
   EXPECT_TRUE(std::ranges::none_of(trace.rounds, &Injected::any));

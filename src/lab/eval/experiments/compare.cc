@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <numeric>
 
 #include "lab/eval/experiments/document.h"
 
@@ -128,11 +129,15 @@ std::vector<SystemRow> system_rows(const Request& request, const Compared& compa
                             [&](std::size_t i) { rows[i] = row_of(request, compared, i); });
   std::optional<OracleFigures> oracle;
   if (!compared.oracle.empty()) {
-    rows.push_back(bound_row(request, "oracle", "knows every delay beforehand", compared.oracle));
+    rows.push_back(bound_row(request, "oracle",
+                             "knows every delay beforehand; without striping, without carry-over",
+                             compared.oracle));
     oracle = {rows.back().timeouts, rows.back().quality, rows.back().effective_ap};
   }
   if (!compared.causal.empty()) {
-    rows.push_back(bound_row(request, "causal", "knows the law and the past", compared.causal));
+    rows.push_back(bound_row(request, "causal",
+                             "knows the law and the past; without striping, without carry-over",
+                             compared.causal));
   }
   for (SystemRow& row : rows) row.oracle = oracle;
   return rows;
@@ -156,10 +161,13 @@ std::vector<Column> system_columns() {
           {"/bytes/kb_per_round", "kB/round", 0}};
 }
 
-std::vector<eval::System> all_systems(bool jpeg) {
+std::vector<eval::System> all_systems(const eval::Scenario& scenario, bool jpeg) {
+  const bool has_player = eval::is_known_to_causal(scenario);
   std::vector<eval::System> out;
   for (const eval::System& system : eval::systems()) {
-    if (jpeg || !system.needs_jpeg) out.push_back(system);
+    if (system.needs_jpeg && !jpeg) continue;
+    if (system.is_bound() && !has_player) continue;
+    out.push_back(system);
   }
   return out;
 }
@@ -187,8 +195,20 @@ std::string describe(const eval::Scenario& scenario) {
       break;
   }
   if (law.shape != eval::DelayLaw::Shape::kNone) {
-    out += fmt::format(" in one module of {:.0f} % of the rounds, in bursts of {:.0f} on average.",
+    out += fmt::format(" in one module of {:.0f} % of the rounds, in bursts of {:.2g} on average",
                        100 * law.share, law.burst);
+    if (law.modules != eval::DelayLaw{}.modules) {
+      const double all = std::accumulate(law.modules.begin(), law.modules.end(), 0.0);
+      for (std::size_t i = 0; i < law.modules.size(); ++i) {
+        if (law.modules[i] <= 0) continue;
+        const auto module = static_cast<eval::Module>(i);
+        const bool of_one = module == eval::Module::kUplink && law.uplink_of;
+        out +=
+            fmt::format("; {:.0f} % {}{}{}", 100 * law.modules[i] / all, eval::to_string(module),
+                        of_one ? " of " : "", of_one ? scenario.links.at(*law.uplink_of).name : "");
+      }
+    }
+    out += '.';
   }
   out += " Frame:";
   for (const eval::VariantProfile& v : scenario.profile.variants) {

@@ -36,8 +36,8 @@ std::vector<SystemRow> system_rows(const Request& request, const Compared& compa
 // The columns of such rows.
 std::vector<Column> system_columns();
 
-// All systems() that make sense with these variants; requires: systems() has them.
-std::vector<eval::System> all_systems(bool jpeg);
+// All systems() that make sense in this scenario. `jpeg`: its best variant is one.
+std::vector<eval::System> all_systems(const eval::Scenario& scenario, bool jpeg);
 std::vector<eval::System> some_systems(std::span<const char* const> names);
 
 // The end-to-end times of the first seed, as a series for the figure.
