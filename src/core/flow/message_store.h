@@ -54,6 +54,8 @@ struct OutgoingMessage {
   // another's.
   std::optional<MessageId> alternative;
   bool is_alternative = false;
+  // What is of no use once this one is whole at the peer (Sender::supersede()).
+  std::optional<MessageId> inferior;
   // The paths over which it, or what is missing of it, goes when it or what it is to stand in for
   // seems late (sender_rescue.cc).
   PathSet rescue;
@@ -205,6 +207,7 @@ class MessageStore {
     message.repairs = {};
     message.alternative.reset();
     message.is_alternative = false;
+    message.inferior.reset();
     message.rescue = {};
     message.symbol_paths = {};
     message.in_window = false;

@@ -105,7 +105,21 @@ void Sender::complete(TimePoint now, MessageId message) {
   const Message* known = messages_.find(message);
   // Of copies nobody knows when the others would have been there.
   if (known != nullptr && known->paths == 1) note_not_brought(now, *known);
-  forget(message);
+  forget_whole(message);
+}
+
+void Sender::supersede(MessageId better, MessageId worse) {
+  if (Message* m = messages_.find(better)) m->inferior = worse;
+}
+
+void Sender::forget_whole(MessageId message) {
+  std::optional<MessageId> next = message;
+  while (next) {
+    const MessageId id = *next;
+    const Message* known = messages_.find(id);
+    next = known != nullptr ? known->inferior : std::nullopt;
+    forget(id);
+  }
 }
 
 void Sender::forget(MessageId message) {
@@ -234,7 +248,7 @@ void Sender::settle(TimePoint now, LinkId link, std::span<const SentPackets::Set
       continue;
     }
     message->acknowledge(what.index);
-    if (message->unacknowledged == 0) forget(message->id);
+    if (message->unacknowledged == 0) forget_whole(message->id);
   }
   protect_touched(now);
 }

@@ -107,6 +107,10 @@ class Sender {
   MessageId add_alternative(TimePoint now, MessageId first, wire::MessageBytes message,
                             const PathSet& rescue = {});
 
+  // `worse` is a smaller variant of `better` that goes beside it: once `better` is whole at the
+  // peer, nothing more of `worse` is sent, neither what waits nor what is lost.
+  void supersede(MessageId better, MessageId worse);
+
   // Forget a message: nothing more of it is sent. It is complete at the peer, or nobody wants it.
   void complete(TimePoint now, MessageId message);
   void cancel(MessageId message) { forget(message); }
@@ -230,6 +234,8 @@ class Sender {
   static bool is_full(const Path& path) { return path.sent.bytes_in_flight() >= path.view.window; }
   // Nothing more of this message is sent.
   void forget(MessageId message);
+  // The same of one that is whole at the peer, and of what it supersedes.
+  void forget_whole(MessageId message);
   // What tells of a loss: the peer's report of later packets, or that it reports nothing.
   enum class Evidence : std::uint8_t { kReport, kSilence };
   // Queues a lost fragment again. False when no path may carry it in time, or a copy that is under

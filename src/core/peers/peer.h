@@ -126,6 +126,8 @@ class Peer {
                             const flow::PathSet& rescue = {}) {
     return sender_.add_alternative(now, first, std::move(message), rescue);
   }
+  // See flow::Sender::supersede().
+  void supersede(MessageId better, MessageId worse) { sender_.supersede(better, worse); }
   // Nothing more of this message is sent.
   void cancel(MessageId message) { sender_.cancel(message); }
   // Whether so little of this message has left, over whichever path, that the peer cannot have it.

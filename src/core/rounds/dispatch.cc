@@ -153,6 +153,7 @@ std::optional<Planned> Dispatch::send(TimePoint now, Peer& peer, std::size_t roo
   }
   const flow::PathSet repairs = allowed_of(rule(header), links);
   MessageId first{};
+  std::optional<MessageId> better;
   for (const Carriers& c : carriers_of(planned.plan)) {
     header.variant = c.variant;
     // It is sent once the better ones are given up, so the receiver need not wait for these.
@@ -165,6 +166,9 @@ std::optional<Planned> Dispatch::send(TimePoint now, Peer& peer, std::size_t roo
     }
     first = peer.send(now, times, std::move(message), std::span(c.links), repairs,
                       wire::MessageKind::kRound, {c.divided, flow::PathSet::of(c.parity), shadow});
+    // Else the repairs of a small image that nobody needs any more delay the next frame.
+    if (better) peer.supersede(*better, first);
+    better = first;
   }
   return planned;
 }

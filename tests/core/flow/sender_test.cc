@@ -42,6 +42,45 @@ RC_GTEST_PROP(Sender, PiecesFitThePathAndMakeUpTheMessage, ()) {
   RC_ASSERT(joined == message);
 }
 
+// A small image is of no use once the large one is there: neither what waits of it nor what is
+// lost.
+TEST(Sender, WhatIsSupersededIsNotSent) {
+  for (const bool by_report : {true, false}) {
+    Paths p;
+    const MessageId large = p.send(at(0s), at(300ms), 2, {kA});
+    const MessageId small = p.send(at(0s), at(300ms), 4, {kB});
+    const MessageId smallest = p.send(at(0s), at(300ms), 3, {kB});
+    const MessageId other = p.send(at(0s), at(400ms), 1, {kB});
+    p.sender.supersede(large, small);
+    p.sender.supersede(small, smallest);
+    TimePoint now = at(0s);
+    std::set<std::uint64_t> arrived;
+    for (const auto& piece : p.drain(kA, now)) arrived.insert(piece.number);
+    ASSERT_EQ(arrived.size(), 2U);
+    ASSERT_TRUE(p.sender.poll(now, kB));
+    if (by_report) {
+      p.sender.report(at(40ms), report_of(kA, arrived));
+    } else {
+      p.sender.complete(at(40ms), large);
+    }
+    now = at(40ms);
+    const auto rest = p.drain(kB, now);
+    ASSERT_EQ(rest.size(), 1U);
+    EXPECT_EQ(rest.front().fragment.message, other);
+  }
+}
+
+// A small image that is there says nothing of the large one.
+TEST(Sender, WhatSupersedesIsSentToItsEnd) {
+  Paths p;
+  const MessageId large = p.send(at(0s), at(300ms), 3, {kA});
+  const MessageId small = p.send(at(0s), at(300ms), 1, {kB});
+  p.sender.supersede(large, small);
+  p.sender.complete(at(1ms), small);
+  TimePoint now = at(1ms);
+  EXPECT_EQ(p.drain(kA, now).size(), 3U);
+}
+
 TEST(Sender, TheEarliestDeadlineGoesFirst) {
   Paths p;
   const MessageId late = p.send(at(0s), at(300ms), 3, {kA});
