@@ -26,9 +26,10 @@ Duration difference(Duration a, Duration b) {
   return Duration{std::clamp(wrapping_sub(a.count(), b.count()), -kBound, kBound)};
 }
 
-// How much time is left until D_N when the rest of the round takes as long as its base.
-Duration left_of(const StageEnd& end, Duration theta, Duration base) {
-  return difference(end.deadline, Duration{wrapping_add(theta.count(), base.count())});
+// How much time is left until D_N when the rest of the round takes as long as the links say now,
+// and its base beyond that.
+Duration left_of(const StageEnd& end, Duration theta, Duration base, Duration ahead) {
+  return difference(end.deadline, Duration{wrapping_add(theta.count(), base.count())}) - ahead;
 }
 
 // Adds `w`, weighted by the probability `share` of its case.
@@ -82,7 +83,8 @@ void BudgetObserver::settle(Computation& c, TimePoint now, RoundId round, RoundS
     entry->known = true;
     sample.run = {entry->level, entry->median, difference(entry->end, entry->start)};
     sample.computed = sample.run.took - entry->expected;
-    sample.rest = Duration{wrapping_sub(e2e->count(), entry->end.count())};
+    sample.rest = Duration{
+        wrapping_sub(wrapping_sub(e2e->count(), entry->end.count()), entry->ahead.count())};
     c.law.add(now, sample);
     c.law.reconsider(c.speed);
   } else if (state == RoundState::kMissed && !entry->beyond) {
@@ -91,7 +93,8 @@ void BudgetObserver::settle(Computation& c, TimePoint now, RoundId round, RoundS
     entry->beyond = true;
     sample.kind = ResidualLaw::Sample::Kind::kBeyond;
     const Duration rest{wrapping_add(entry->start.count(), base->count())};
-    sample.rest = entry->before + difference(entry->deadline, rest) - entry->expected;
+    sample.rest =
+        entry->before + difference(entry->deadline, rest) - entry->expected - entry->ahead;
     c.law.add(now, sample);
   }
 }
@@ -162,7 +165,7 @@ StageGuard::Hold BudgetObserver::hold(TimePoint now, const StageEnd& end,
   std::optional<Duration> before;
   if (start) before = difference(theta, Duration{*start});
   const ResidualLaw::Near law = c.law.near(before, end.deadline / kAlike);
-  const Duration left = left_of(end, theta, *base);
+  const Duration left = left_of(end, theta, *base, c.ahead);
   Best<Duration> best(end.terms.target);
   best.consider({}, best_level(c, chances(c, law, left), end.variant, end.terms).second);
   // Summed over the rounds in which the better variant had come by then.
@@ -211,7 +214,7 @@ Verdict BudgetObserver::finish(TimePoint now, const StageEnd& end, Duration thet
   if (first) c->speed.add(now, entry.level, entry.median, difference(entry.end, entry.start));
   const auto base = c->law.base(now, 0);
   if (!base) return verdict;
-  const Duration left = left_of(end, theta, *base);
+  const Duration left = left_of(end, theta, *base, entry.ahead);
   if (c->law.near(std::nullopt, {}).rest_within(left) < end.terms.target) {
     verdict = {.late = true, .overrun = std::max(Duration{1}, -left)};
   }
@@ -232,6 +235,7 @@ LevelChoice BudgetObserver::begin_computation(TimePoint now, const StageEnd& end
                                               const Verdict&) {
   Computation& c = after(end.stage);
   remember(c, levels);
+  c.ahead = end.ahead;
   c.law.set_scale(end.deadline / kTail);
   const Duration theta = elapsed_across(end.t0, now);
   const auto reference = c.starts.median(now, key_of(end));
@@ -243,7 +247,7 @@ LevelChoice BudgetObserver::begin_computation(TimePoint now, const StageEnd& end
   choice.level = c.has_decided ? std::min(c.last_level, levels.size() - 1) : top;
   if (const auto base = c.law.base(now, 0)) {
     const ResidualLaw::Near law = c.law.near(before, end.deadline / kAlike);
-    const Chances now_begun = chances(c, law, left_of(end, theta, *base));
+    const Chances now_begun = chances(c, law, left_of(end, theta, *base, end.ahead));
     choice.level = best_level(c, now_begun, end.variant, end.terms).first;
     c.has_decided = true;
     c.last_level = choice.level;
@@ -257,6 +261,7 @@ LevelChoice BudgetObserver::begin_computation(TimePoint now, const StageEnd& end
   entry->median = levels[choice.level].median;
   entry->expected = c.speed.expected(choice.level, entry->median);
   entry->deadline = end.deadline;
+  entry->ahead = end.ahead;
   return choice;
 }
 

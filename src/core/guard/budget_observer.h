@@ -61,6 +61,8 @@ class BudgetObserver final : public StageGuard {
     Duration median{};
     Duration expected{};
     Duration deadline{};
+    // StageEnd::ahead.
+    Duration ahead{};
   };
   // When the variants of a message came, by which holding one of the others is judged.
   struct Better {
@@ -79,6 +81,8 @@ class BudgetObserver final : public StageGuard {
     RoundRing<Better> better;
     // The levels of the computation, as the application named them last.
     std::vector<LevelProfile> levels;
+    // StageEnd::ahead of the computation that began last.
+    Duration ahead{};
     // What was decided last, which holds while nothing is known (any more).
     std::size_t last_level = 0;
     bool has_decided = false;

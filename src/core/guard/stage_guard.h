@@ -59,6 +59,9 @@ struct StageEnd {
   bool degraded = false;
   bool is_computation = false;
   Terms terms{};
+  // How long the answer will be on its way from here, by the links as they are now; where a
+  // computation begins, else zero. Zero, too, where no link is measured.
+  Duration ahead{};
 };
 
 // The end-to-end time of a decided round. Nothing where it is not known; kNever where the round was

@@ -19,6 +19,15 @@ Duration compute_budget(Duration deadline, std::span<const LinkState> links,
   return std::max(Duration::zero(), deadline - best - kComputeReserve);
 }
 
+Duration soonest_way(std::span<const LinkState> links) {
+  std::optional<Duration> best;
+  for (const LinkState& link : links) {
+    if (!link.up || link.rtt_min <= Duration::zero()) continue;
+    best = earliest(best, link.rtt_min / 2 + link.queue_up);
+  }
+  return std::min<Duration>(best.value_or(Duration::zero()), std::chrono::hours(1));
+}
+
 std::array<std::optional<Duration>, kMaxVariants> forecast_answers(
     const Plan& plan, const Offer& offer, std::span<const LinkState> links) {
   const auto is_measured = [](const LinkState& link) {

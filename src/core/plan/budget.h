@@ -22,6 +22,11 @@ inline constexpr Duration kComputeReserve = std::chrono::milliseconds(5);
 Duration compute_budget(Duration deadline, std::span<const LinkState> links,
                         std::size_t best_variant_bytes, std::size_t result_bytes);
 
+// How long a small message that leaves now is on its way over the link that brings it soonest: half
+// of the smallest round trip of late and what waits on the link now, so that a queue that grows
+// counts at once and only once. Zero where no link is measured.
+Duration soonest_way(std::span<const LinkState> links);
+
 // For each variant of the offer: how long from now until the answer to it is back if the plan is
 // carried out and the application on the other side takes no time. Follows from the links' queues,
 // rates and round trips; the soonest copy of a variant counts, and the result's own bytes do not.

@@ -119,10 +119,11 @@ std::size_t Rounds::begin_computation(TimePoint now, const RoundRef& round,
   RoundContext* context = stages_.context(round);
   if (context == nullptr || levels.empty()) return top;
   wire::RoundHeader& h = context->header;
+  guard::StageEnd end = stage_end(h, context->stage);
+  if (Peer* peer = peers_.find(now, context->from)) end.ahead = soonest_way(peer->links(now));
   const guard::LevelChoice choice =
       observer_of(h, {context->from.value_or(kOurselves), context->by_relay})
-          .begin_computation(now, stage_end(h, context->stage),
-                             clock_of(now, h, peers_.find(now, context->from)), levels,
+          .begin_computation(now, end, clock_of(now, h, peers_.find(now, context->from)), levels,
                              std::min(top, levels.size() - 1), context->verdict);
   context->began = now;
   note_level(h, choice);

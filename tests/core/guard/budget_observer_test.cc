@@ -29,6 +29,8 @@ struct Met {
   double slow = 1.0;  // and so many times as long
   Duration downlink = 12ms;
   bool answered = true;
+  // What the links say of the downlink when the computation begins.
+  Duration ahead{};
 };
 
 // A roadside unit whose clock is ahead of the vehicle's by alpha; one round after the other, each
@@ -52,7 +54,9 @@ class Road {
     budget.learn(start, RoundId{round_}, states, times);
     budget.note_arrival(start, up);
     budget.end_stage(start, up, std::nullopt);
-    last = budget.begin_computation(start, up, {}, levels, kTop, {});
+    StageEnd begin = up;
+    begin.ahead = met.ahead;
+    last = budget.begin_computation(start, begin, {}, levels, kTop, {});
     const Duration takes = Duration{static_cast<std::int64_t>(
                                static_cast<double>(levels[last.level].median.count()) * met.slow)} +
                            met.inside;
@@ -103,6 +107,24 @@ TEST(BudgetObserver, TakesTheHighestLevelThatKeepsTheTarget) {
   EXPECT_EQ(road.rounds(100, {}), 2U);              // 96 ms
   EXPECT_EQ(road.rounds(1, {.uplink = 85ms}), 1U);  // 141 with the top level, 116 below
   EXPECT_EQ(road.rounds(1, {.uplink = 105ms}), 0U);
+}
+
+// A downlink that has become slow is made up for in the same round, not when its median has moved;
+// and no sooner is it fast again than the level is back.
+TEST(BudgetObserver, WhatTheLinksSayOfTheDownlinkCountsAtOnce) {
+  Road road;
+  EXPECT_EQ(road.rounds(100, {.ahead = 12ms}), 2U);
+  EXPECT_EQ(road.round({.downlink = 52ms, .ahead = 52ms}), 1U);
+  EXPECT_LE(road.e2e, kDeadline);
+  EXPECT_EQ(road.round({.ahead = 12ms}), 2U);
+}
+
+// What they say too much or too little every time is learnt.
+TEST(BudgetObserver, WhatTheLinksErrByIsLearnt) {
+  Road road;
+  EXPECT_EQ(road.rounds(100, {.downlink = 52ms, .ahead = 12ms}), 1U);
+  Road other;
+  EXPECT_EQ(other.rounds(100, {.ahead = 52ms}), 2U);
 }
 
 TEST(BudgetObserver, ANodeThatKnowsNothingFollowsTheApplication) {

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
+
 #include "interneuron/sizes.h"
 
 namespace interneuron {
@@ -30,6 +32,21 @@ TEST(ComputeBudget, TakesTheSoonestLinkThatIsMeasured) {
   const LinkState links[] = {link(true, 20ms, 80), link(true, 30ms, 800), link(false, 1ms, 8000),
                              link(true, 0ms, 8000), link(true, 1ms, 0)};
   EXPECT_NEAR(to_ms(compute_budget(130ms, links, kBytesUp, 100'000)), 80.72, 0.01);
+}
+
+TEST(SoonestWay, IsHalfOfTheLeastRoundTripAndTheQueueOfNow) {
+  LinkState queued = link(true, 80ms, 100);
+  queued.rtt_min = 20ms;
+  queued.queue_up = 30ms;
+  LinkState longer = link(true, 90ms, 100);
+  longer.rtt_min = 90ms;
+  LinkState down = link(false, 2ms, 100);
+  down.rtt_min = 2ms;
+  EXPECT_EQ(soonest_way(std::array{queued, longer, down, link(true, 1ms, 100)}), 40ms);
+  queued.queue_up = 60ms;
+  EXPECT_EQ(soonest_way(std::array{queued, longer}), 45ms);
+  EXPECT_EQ(soonest_way(std::array{down}), 0ms);
+  EXPECT_EQ(soonest_way({}), 0ms);
 }
 
 TEST(ComputeBudget, IsZeroWhenNothingCanBePromised) {
