@@ -36,7 +36,7 @@ std::array<std::optional<Duration>, kMaxVariants> forecast_answers(
   std::optional<Duration> back;
   for (const LinkState& link : links) {
     if (!is_measured(link)) continue;
-    const Duration way = link.rtt_p50 / 2 + link.queue_down;
+    const Duration way = link.rtt_min / 2 + link.queue_down;
     back = earliest(back, way);
   }
   std::array<std::optional<Duration>, kMaxVariants> out{};
@@ -53,7 +53,7 @@ std::array<std::optional<Duration>, kMaxVariants> forecast_answers(
       if (!here) continue;
       bytes += wire_size(offer.variant_bytes[v]);
       Duration there =
-          link.queue_up + link.rtt_p50 / 2 +
+          link.queue_up + link.rtt_min / 2 +
           std::min<Duration>(link.usable_rate().transmit_time(bytes), std::chrono::hours(1));
       if (v < offer.costs.size()) there += offer.costs[v].here + offer.costs[v].there;
       out[v] = earliest(out[v], there + *back);

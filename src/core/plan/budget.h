@@ -29,8 +29,9 @@ Duration soonest_way(std::span<const LinkState> links);
 
 // For each variant of the offer: how long from now until the answer to it is back if the plan is
 // carried out and the application on the other side takes no time. Follows from the links' queues,
-// rates and round trips; the soonest copy of a variant counts, and the result's own bytes do not.
-// Nothing for a variant that the plan does not hold or whose links are not measured.
+// rates and smallest round trips (half of the median in its place would count a queue twice); the
+// soonest copy of a variant counts, and the result's own bytes do not. Nothing for a variant that
+// the plan does not hold or whose links are not measured.
 std::array<std::optional<Duration>, kMaxVariants> forecast_answers(
     const Plan& plan, const Offer& offer, std::span<const LinkState> links);
 

@@ -49,6 +49,23 @@ TEST(SoonestWay, IsHalfOfTheLeastRoundTripAndTheQueueOfNow) {
   EXPECT_EQ(soonest_way({}), 0ms);
 }
 
+// A queue counts once: in the median of the round trips it is contained already.
+TEST(ForecastAnswers, AreMadeOfTheLeastRoundTripAndTheQueues) {
+  LinkState a = link(true, 80ms, 80);
+  a.id = LinkId{0};
+  a.rtt_min = 20ms;
+  a.queue_up = 30ms;
+  a.queue_down = 25ms;
+  const std::size_t bytes[] = {100 * kMaxPieceBytes};
+  Plan plan;
+  plan.sends.push_back({0, a.id});
+  const auto answers = forecast_answers(plan, {{}, bytes, {}}, {&a, 1});
+  ASSERT_TRUE(answers[0]);
+  EXPECT_NEAR(to_ms(*answers[0]),
+              30 + 10 + to_ms(a.usable_rate().transmit_time(wire_size(bytes[0]))) + 25 + 10, 0.01);
+  EXPECT_FALSE(answers[1]);
+}
+
 TEST(ComputeBudget, IsZeroWhenNothingCanBePromised) {
   EXPECT_EQ(compute_budget(130ms, {}, 1000, 1000), 0ms);
   const LinkState slow[] = {link(true, 200ms, 100)};
