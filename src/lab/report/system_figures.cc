@@ -17,7 +17,7 @@ using experiments::Table;
 
 template <class Row>
 const char* colour_of(const Row& row) {
-  if (row.name == "oracle" || row.name == "causal") return kGreen;
+  if (row.name == "oracle" || row.name == "causal" || row.name == "causal_player") return kGreen;
   return row.baseline ? kOrange : kBlue;
 }
 
