@@ -1,7 +1,7 @@
-// GuardKind::kPaper at an observing node, the paper's rule to the letter (docs/paper.md, "Stage
-// deadlines"): compares the elapsed time θ of a stage with a deadline that is derived from the
-// reference times of rounds before and from the tolerance X of the header. What is late makes the
-// next module cheaper. As StageGuard in all else.
+// GuardKind::kPaper at an observing node, the paper's rule (docs/paper.md, "Stage deadlines", and
+// "Sacrifice" for the one thing that is added to it): compares the elapsed time θ of a stage with a
+// deadline that is derived from the reference times of rounds before and from the tolerance X of
+// the header. What is late makes the next module cheaper. As StageGuard in all else.
 #pragma once
 
 #include <cstdint>

@@ -59,8 +59,10 @@ struct StageEnd {
   bool degraded = false;
   bool is_computation = false;
   Terms terms{};
-  // How long the answer will be on its way from here, by the links as they are now; where a
-  // computation begins, else zero. Zero, too, where no link is measured.
+  // How long a message takes from here to the peer that the input came from, by the links as they
+  // are now. Given to begin_computation() alone: it stands for the way of the answer, and what it
+  // errs by is learnt. Zero where no link is measured, and where the computation begins at the
+  // origin. Measured here, so it contains no clock offset.
   Duration ahead{};
 };
 

@@ -120,10 +120,11 @@ std::size_t Rounds::begin_computation(TimePoint now, const RoundRef& round,
   if (context == nullptr || levels.empty()) return top;
   wire::RoundHeader& h = context->header;
   guard::StageEnd end = stage_end(h, context->stage);
-  if (Peer* peer = peers_.find(now, context->from)) end.ahead = soonest_way(peer->links(now));
+  Peer* from = peers_.find(now, context->from);
+  if (from != nullptr) end.ahead = soonest_way(from->links(now));
   const guard::LevelChoice choice =
       observer_of(h, {context->from.value_or(kOurselves), context->by_relay})
-          .begin_computation(now, end, clock_of(now, h, peers_.find(now, context->from)), levels,
+          .begin_computation(now, end, clock_of(now, h, from), levels,
                              std::min(top, levels.size() - 1), context->verdict);
   context->began = now;
   note_level(h, choice);

@@ -155,8 +155,9 @@ double Causal::value(std::size_t variant, std::size_t level, Duration late, bool
     // Half of the modules are still ahead.
     const double ahead = p_injected / 2 / (1 - p_injected / 2);
     double delayed = 0;
-    for (const Duration delay : cuts_)
+    for (const Duration delay : cuts_) {
       delayed += p_done_within(level, slack_[variant] - late - delay);
+    }
     p = (1 - ahead) * p + ahead * delayed / kCuts;
   }
   return p * remote_quality(profile_, level, variant) + (1 - p) * (fallback - miss_price_);
@@ -186,8 +187,9 @@ std::size_t Causal::choose_variant(double p_injected, double fallback) const {
   double most = 0;
   for (std::size_t variant = 0; variant < profile_.variants.size(); ++variant) {
     double seen = 0;
-    for (const Duration delay : cuts_)
+    for (const Duration delay : cuts_) {
       seen += best_value(variant, delay, true, p_injected, fallback);
+    }
     const double v = p_injected / 2 * seen / kCuts +
                      (1 - p_injected / 2) * best_value(variant, {}, false, p_injected, fallback);
     if (variant > 0 && v <= most) continue;

@@ -35,7 +35,7 @@ System baseline(std::string name, std::string about, LevelRule level) {
 std::vector<System> all() {
   std::vector<System> out;
   out.push_back(ours("ours", "guard budget, every link, local backup"));
-  out.push_back(ours("paper", "the paper's guard, policy and handler, to the letter"));
+  out.push_back(ours("paper", "the paper's guard, policy and handler"));
   out.back().guard = GuardKind::kPaper;
   // The ablations of the mechanisms that the paper's guard has.
   out.push_back(ours("no_x", "paper with X = 0"));

@@ -147,6 +147,29 @@ TEST(Run, ADelayOfOneNetworkIsOfThatOneAlone) {
   EXPECT_GT(both, usual);
 }
 
+// What waits before its computation is seen by the paper's guard when that begins, and by its
+// ablation not.
+TEST(Run, APaperThatJudgesAtTheHandOverAloneKeepsItsLevel) {
+  const Scenario scenario = table_erdos_scenario();
+  const Trace trace = script(30, {{kDisturbed, at(Module::kBeforeCompute, 40ms)}});
+  const auto level = [&](const char* system) {
+    return run(named(system), scenario, trace, 1).rounds[kDisturbed].level;
+  };
+  EXPECT_LT(level("paper"), level("at_hand_over"));
+}
+
+// A small image on a link that loses a fifth of its packets is not repaired over the good link once
+// the large image is there: with these repairs the good link carries 1.5 times as much.
+TEST(Run, RepairsOfWhatIsSupersededTakeNoRoom) {
+  Scenario scenario = table_erdos_scenario();
+  scenario.profile = default_profile(true);
+  scenario.links[1].up.loss = 0.2;
+  const std::uint32_t rounds = 60;
+  const eval::Run r = run(named("ours"), scenario, script(rounds, {}), 1);
+  const auto images = static_cast<double>(rounds * scenario.profile.variants[0].bytes);
+  EXPECT_LT(static_cast<double>(r.bytes_up[0]), 1.25 * images);
+}
+
 TEST(Systems, HaveNamesOfTheirOwn) {
   for (const System& system : systems()) {
     EXPECT_EQ(find_system(system.name), &system);

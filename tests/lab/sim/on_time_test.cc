@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <numeric>
 
+#include "lab/emu/link_change.h"
 #include "support.h"
 
 namespace interneuron::sim {
@@ -33,6 +34,32 @@ TEST(OnTime, TheSameSeedGivesTheSameRun) {
   const OffloadResult b = run_offload(drive(2, 100));
   for (std::size_t i = 0; i < a.rounds.size(); ++i) {
     EXPECT_EQ(a.rounds[i].done.e2e, b.rounds[i].done.e2e) << "round " << i;
+  }
+}
+
+// The way gets longer by 1 ms in each direction with every round, as where a vehicle leaves a cell.
+// The level follows what the link says; a median of the rounds before learns of it by a miss.
+TEST(OnTime, AWayThatGetsLongerIsMadeUpForByTheLevel) {
+  constexpr std::uint32_t kFrom = 60;
+  constexpr int kSteps = 24;
+  OffloadOptions o;
+  o.rounds = 120;
+  o.guard = GuardKind::kBudget;
+  o.variant_bytes = {76'000};
+  o.fallback.local = 0.14;
+  o.profiles = {constant_link("5g", 50, 100, 100)};
+  for (o.seed = 1; o.seed <= 5; ++o.seed) {
+    const OffloadResult r = run_offload(o, [&](World& world) {
+      for (int i = 1; i <= kSteps; ++i) {
+        const Duration when = kWarmUp + (kFrom + i) * o.period - o.period / 2;
+        world.at(when, [&world, i] {
+          emu::LinkChange change;
+          change.rtt = std::chrono::milliseconds(50 + 2 * i);
+          world.change(world.wire_of(LinkId{0}), change);
+        });
+      }
+    });
+    EXPECT_EQ(r.on_time(), o.rounds) << "seed " << o.seed;
   }
 }
 

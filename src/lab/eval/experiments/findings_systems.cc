@@ -70,7 +70,7 @@ void of_paper(const std::string& where, const SystemRow& paper, const SystemRow&
   if (erdos.timeouts == 0) return;
   const double share = timeouts_of(paper) / timeouts_of(erdos);
   out.push_back({Finding::Kind::kNotice,
-                 fmt::format("{}: the paper's guard, to the letter, has {:.1f} % fewer timeouts "
+                 fmt::format("{}: the paper's guard has {:.1f} % fewer timeouts "
                              "than erdos_like ({} against {}); the paper measured 94.7 %.",
                              where, 100 * (1 - share), paper.timeouts, erdos.timeouts)});
 }
