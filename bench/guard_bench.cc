@@ -75,7 +75,7 @@ class Road {
     e.t0 = PeerTime{round_ * 100ms};
     e.deadline = kDeadline;
     e.variant = 1;
-    e.terms = {GuardKind::kBudget, 0.99, 1.0, 0.14};
+    e.terms = {GuardKind::kBudget, 1.0, 0.14};
     return e;
   }
   TimePoint start() const { return TimePoint{round_ * 100ms + 40ms + lost(round_, 1)}; }
@@ -105,7 +105,7 @@ class Road {
                   never ? kNever : 97ms + lost(round_, 1) + after);
     ++round_;
   }
-  BudgetObserver budget{false};
+  BudgetObserver budget;
 
  private:
   std::vector<LevelProfile> levels_;

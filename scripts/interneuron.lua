@@ -18,7 +18,7 @@ local PIECE_BYTES = 17
 local MOST_PIECES = 200
 local MOST_ROWS = 55
 local PLAIN_HEADER_BYTES = 20
-local ROUND_HEADER_BYTES = 100
+local ROUND_HEADER_BYTES = 98
 local FEEDBACK_BYTES = 17
 local REPORT_BYTES = 105
 local STAMP_BYTES = 44
@@ -127,7 +127,6 @@ field("round.guard", ProtoField.uint8, "Guard", base.DEC, GUARDS)
 field("round.level_used", ProtoField.uint8, "Level used (255: none)", base.DEC)
 field("round.variant_used", ProtoField.uint8, "Variant used (255: none)", base.DEC)
 field("round.local_quality", ProtoField.uint8, "Local quality (1/255)", base.DEC)
-field("round.target", ProtoField.uint16, "Target (1/65536)", base.DEC)
 field("round.miss_price", ProtoField.uint16, "Price of a miss (1/1000)", base.DEC)
 field("round.excess", ProtoField.int16, "Lost before the computation (D_N/16384)", base.DEC)
 field("round.computed", ProtoField.uint16, "Computed (D_N/16384)", base.DEC)
@@ -249,20 +248,20 @@ local function add_round_header(tree, buffer)
     if state ~= 0 then outcomes:add(buffer(36, 4), string.format("Round %d: %s", number - 1 - i, STATES[state])) end
   end
   add_all(round, buffer, 40, { { "round.t0", 8 }, { "round.alpha", 8 }, { "round.guard", 1 },
-    { "round.level_used", 1 }, { "round.variant_used", 1 }, { "round.local_quality", 1 }, { "round.target", 2 },
+    { "round.level_used", 1 }, { "round.variant_used", 1 }, { "round.local_quality", 1 },
     { "round.miss_price", 2 }, { "round.excess", 2 }, { "round.computed", 2 } })
-  local times = round:add(f["round.e2e"], buffer(68, 32))
+  local times = round:add(f["round.e2e"], buffer(66, 32))
   for i = 0, 15 do
-    local steps = buffer(68 + 2 * i, 2):uint()
+    local steps = buffer(66 + 2 * i, 2):uint()
     if steps ~= 0 then
       local text = steps == 65535 and "later or never"
         or string.format("%.2f ms", steps / 16384 * buffer(28, 4):uint() / 1000)
-      times:add(buffer(68 + 2 * i, 2), string.format("Round %d: %s", number - 1 - i, text))
+      times:add(buffer(66 + 2 * i, 2), string.format("Round %d: %s", number - 1 - i, text))
     end
   end
   round:append_text(string.format(": round %d, stage %d of %d, %s", number, buffer(4, 1):uint(), buffer(5, 1):uint(),
     CLASSES[buffer(2, 1):uint()] or "?"))
-  if buffer(0, 1):uint() ~= 2 then round:add_proto_expert_info(malformed) end
+  if buffer(0, 1):uint() ~= 3 then round:add_proto_expert_info(malformed) end
 end
 
 local function add_plain_header(tree, buffer)

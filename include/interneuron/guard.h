@@ -30,7 +30,8 @@ inline constexpr Duration kFullSeverity = Duration::max();
 enum class GuardKind : std::uint8_t {
   // The paper's rule to the letter: reference times, X, stage deadlines (docs/paper.md).
   kPaper = 0,
-  // The highest expected quality subject to P(on time) >= target, from what remaining stages took.
+  // The highest expected quality of the answer, in which a miss has its price, by what remaining
+  // stages took.
   kBudget = 1,
 };
 // "paper", "budget".
@@ -56,20 +57,12 @@ struct FallbackQuality {
   std::vector<double> stale_share{};
 };
 
-// Parameters of GuardKind::kBudget. Target and price travel in the rounds' headers, in steps of
-// 1/65536 and 1/1000.
+// Parameters of GuardKind::kBudget.
 struct BudgetOptions {
-  // The share of rounds that are to be on time, in (0, 1). Once enough rounds were seen to know
-  // that the most valuable choice misses it and some other choice keeps it, the other one is taken.
-  double target = 0.99;
-  // What a missed round costs beyond the quality that it loses, in units of quality; in [0, 65].
-  // The default is a little more than the best answer of our detectors is worth. It decides where
-  // no choice keeps the target: a higher price means fewer misses and cheaper answers.
+  // What a missed round costs beyond the quality that it loses, in units of quality; in [0, 65], in
+  // steps of 1/1000. The default is a little more than the best answer of our detectors is worth. A
+  // higher price means fewer misses and cheaper answers.
   double miss_price = 0.5;
-  // Share of rounds that may try a mode of transmission not tried for 10 s, while it is expected to
-  // keep the target; in [0, 0.2]. They are evenly spaced, not drawn at random. Levels need no such
-  // trials, because what one of them shows of delays holds for all.
-  double exploration = 0.02;
 };
 
 }  // namespace interneuron

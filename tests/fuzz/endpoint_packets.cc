@@ -80,7 +80,6 @@ Bytes any_round_message(Input& input, const Sender& sender) {
   h.level_used = input.take<std::uint8_t>();
   h.variant_used = input.flip() ? wire::kNoneUsed : static_cast<std::uint8_t>(input.below(8));
   h.local_quality = input.take<std::uint8_t>();
-  h.target = input.take<std::uint16_t>();
   h.miss_price = input.take<std::uint16_t>();
   h.excess = input.take<std::int16_t>();
   h.computed = input.take<std::uint16_t>();

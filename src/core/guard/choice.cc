@@ -3,6 +3,17 @@
 #include <algorithm>
 
 namespace interneuron::guard {
+namespace {
+
+constexpr std::int64_t kMillion = 1'000'000;
+// A run is not believed to have taken more than a thousand times its median; it bounds the product.
+constexpr std::int64_t kSlowest = 1000;
+// Fewer runs than this say nothing of the node: a median of three leaves one accident out.
+constexpr std::size_t kLeastRuns = 3;
+// Fewer runs of a level than this say nothing of that level alone.
+constexpr std::size_t kOwnRuns = 6;
+
+}  // namespace
 
 double quality_of(std::span<const LevelProfile> levels, std::size_t level, std::uint8_t variant) {
   const std::vector<double>& q = levels[level].quality;
@@ -10,36 +21,32 @@ double quality_of(std::span<const LevelProfile> levels, std::size_t level, std::
   return q[std::min<std::size_t>(variant, q.size() - 1)];
 }
 
-std::optional<double> Speed::median(TimePoint now, std::optional<std::size_t> level,
-                                    std::size_t least) const {
-  std::array<double, kRuns> ratios;
-  std::size_t count = 0;
-  for (std::size_t i = 0; i < used_; ++i) {
-    const Run& run = runs_[i];
-    if (now - run.at <= kRecent && level.value_or(run.level) == run.level) {
-      ratios[count++] = run.ratio;
-    }
-  }
-  if (count < least) return std::nullopt;
-  const auto middle = ratios.begin() + static_cast<std::ptrdiff_t>((count - 1) / 2);
-  std::nth_element(ratios.begin(), middle, ratios.begin() + static_cast<std::ptrdiff_t>(count));
-  return *middle;
+void Speed::add(TimePoint now, std::size_t level, Duration median, Duration took) {
+  if (level >= kMaxLevels || median <= Duration::zero() || took < Duration::zero()) return;
+  const double ratio = static_cast<double>(took.count()) / static_cast<double>(median.count());
+  ratios_.add(now, static_cast<std::uint8_t>(level),
+              static_cast<std::int64_t>(std::min<double>(ratio, kSlowest) * kMillion));
 }
 
-void Speed::add(TimePoint now, std::size_t level, Duration median_of_level, Duration computed) {
-  if (level >= kMaxLevels || median_of_level <= Duration::zero() || computed < Duration::zero()) {
-    return;
+Duration Speed::expected(TimePoint now, std::size_t level, Duration median) const {
+  auto ratio = ratios_.median(now, static_cast<std::uint8_t>(level), kOwnRuns);
+  if (!ratio) ratio = ratios_.median_of_all(now, kLeastRuns);
+  const double times = static_cast<double>(ratio.value_or(kMillion)) / kMillion;
+  return Duration{static_cast<std::int64_t>(static_cast<double>(median.count()) * times)};
+}
+
+std::pair<std::size_t, double> best_level(std::span<const LevelProfile> levels,
+                                          std::uint8_t variant, const ResidualLaw::Near& law,
+                                          const Speed& speed, TimePoint now, Duration left,
+                                          const Terms& terms) {
+  const double missed = terms.local_quality - terms.miss_price;
+  std::pair<std::size_t, double> best{0, missed};
+  for (std::size_t level = 0; level < std::min(levels.size(), kMaxLevels); ++level) {
+    const double p = law.within(left - speed.expected(now, level, levels[level].median));
+    const double value = p * quality_of(levels, level, variant) + (1.0 - p) * missed;
+    if (value > best.second) best = {level, value};
   }
-  runs_[next_] = {
-      now, level,
-      static_cast<double>(computed.count()) / static_cast<double>(median_of_level.count())};
-  next_ = (next_ + 1) % kRuns;
-  used_ = std::min(used_ + 1, kRuns);
-  factor_.fill(median(now, std::nullopt, kLeast).value_or(1.0));
-  for (std::size_t i = 0; i < used_; ++i) {
-    const std::size_t own = runs_[i].level;
-    if (const auto factor = median(now, own, kOwn)) factor_[own] = *factor;
-  }
+  return best;
 }
 
 }  // namespace interneuron::guard

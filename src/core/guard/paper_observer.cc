@@ -2,9 +2,6 @@
 
 #include <algorithm>
 
-#include "core/guard/budget_observer.h"
-#include "core/guard/choice.h"
-
 namespace interneuron::guard {
 namespace {
 
@@ -81,12 +78,6 @@ LevelChoice PaperObserver::begin_computation(TimePoint now, const StageEnd& end,
     if (overrun > kTurn) latest = {.late = true, .overrun = overrun};
   }
   return {sacrificed_level(levels, top, latest), std::nullopt};
-}
-
-std::unique_ptr<StageGuard> make_stage_guard(GuardKind kind, bool at_origin,
-                                             const Ablation& ablation) {
-  if (kind == GuardKind::kBudget) return std::make_unique<BudgetObserver>(at_origin);
-  return std::make_unique<PaperObserver>(at_origin, ablation);
 }
 
 }  // namespace interneuron::guard

@@ -17,10 +17,6 @@ class PaperObserver final : public StageGuard {
   explicit PaperObserver(bool at_origin = false, const Ablation& ablation = {})
       : at_origin_(at_origin), ablation_(ablation) {}
 
-  void learn(TimePoint now, RoundId current, const Indicator& indicator,
-             const RecentE2e&) override {
-    times_.learn(now, current, indicator);
-  }
   void settle(TimePoint now, RoundId round, RoundState state, E2e = {}) override {
     times_.settle(now, round, state);
   }

@@ -12,16 +12,18 @@ std::int64_t wrapping_median(std::int64_t* values, std::size_t count) {
   return wrapping_add(origin, *middle);
 }
 
-void Recent::add(TimePoint now, std::uint8_t key, std::int64_t value) {
+template <std::size_t slots>
+void LastValues<slots>::add(TimePoint now, std::uint8_t key, std::int64_t value) {
   ring_[next_] = {now, value, key};
-  next_ = (next_ + 1) % kSlots;
-  used_ = std::min(used_ + 1, kSlots);
+  next_ = (next_ + 1) % slots;
+  used_ = std::min(used_ + 1, slots);
 }
 
+template <std::size_t slots>
 template <class Wanted>
-std::optional<std::int64_t> Recent::median_where(TimePoint now, std::size_t least,
-                                                 const Wanted& wanted) const {
-  std::array<std::int64_t, kSlots> values;
+std::optional<std::int64_t> LastValues<slots>::median_where(TimePoint now, std::size_t least,
+                                                            const Wanted& wanted) const {
+  std::array<std::int64_t, slots> values;
   std::size_t count = 0;
   for (std::size_t i = 0; i < used_; ++i) {
     if (now - ring_[i].at <= kRecent && wanted(ring_[i])) values[count++] = ring_[i].value;
@@ -30,13 +32,19 @@ std::optional<std::int64_t> Recent::median_where(TimePoint now, std::size_t leas
   return wrapping_median(values.data(), count);
 }
 
-std::optional<std::int64_t> Recent::median(TimePoint now, std::uint8_t key,
-                                           std::size_t least) const {
+template <std::size_t slots>
+std::optional<std::int64_t> LastValues<slots>::median(TimePoint now, std::uint8_t key,
+                                                      std::size_t least) const {
   return median_where(now, least, [key](const Value& v) { return v.key == key; });
 }
 
-std::optional<std::int64_t> Recent::median_of_all(TimePoint now, std::size_t least) const {
+template <std::size_t slots>
+std::optional<std::int64_t> LastValues<slots>::median_of_all(TimePoint now,
+                                                             std::size_t least) const {
   return median_where(now, least, [](const Value&) { return true; });
 }
+
+template class LastValues<64>;
+template class LastValues<16>;
 
 }  // namespace interneuron::guard

@@ -1,4 +1,4 @@
-// Medians of what was seen lately: the last kSlots values of the last 10 s, by key. Values may
+// Medians of what was seen lately: the last `slots` values of the last 10 s, by key. Values may
 // contain the clock offset, since only their differences are compared; they must lie within half of
 // the range of 64-bit integers. Nothing is allocated. Pure; thread-compatible.
 #pragma once
@@ -19,12 +19,10 @@ inline constexpr Duration kRecent = std::chrono::seconds(10);
 // `count` > 0; `values` is reordered.
 std::int64_t wrapping_median(std::int64_t* values, std::size_t count);
 
-class Recent {
+// `slots`: values of all keys together.
+template <std::size_t slots>
+class LastValues {
  public:
-  // Values of all keys together: 6.4 s at 10 rounds per second, so that the number and not the age
-  // bounds the memory.
-  static constexpr std::size_t kSlots = 64;
-
   void add(TimePoint now, std::uint8_t key, std::int64_t value);
   // The median of the values with this key; nothing where they are fewer than `least`.
   std::optional<std::int64_t> median(TimePoint now, std::uint8_t key, std::size_t least = 1) const;
@@ -41,9 +39,16 @@ class Recent {
   std::optional<std::int64_t> median_where(TimePoint now, std::size_t least,
                                            const Wanted& wanted) const;
 
-  std::array<Value, kSlots> ring_{};
+  std::array<Value, slots> ring_{};
   std::size_t used_ = 0;
   std::size_t next_ = 0;
 };
+
+// 6.4 s at 10 rounds per second, so that the number and not the age bounds the memory.
+using Recent = LastValues<64>;
+extern template class LastValues<64>;
+// 1.6 s at 10 rounds per second.
+using VeryRecent = LastValues<16>;
+extern template class LastValues<16>;
 
 }  // namespace interneuron::guard

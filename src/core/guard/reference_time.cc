@@ -25,13 +25,6 @@ void ReferenceTime::observe(RoundId round, std::size_t stage, Duration theta) {
   e->known = static_cast<std::uint16_t>(e->known | 1U << (stage - 1));
 }
 
-void ReferenceTime::learn(TimePoint now, RoundId current, const Indicator& indicator) {
-  for (std::size_t i = indicator.size(); i-- > 0;) {
-    if (current.value <= i || indicator[i] == RoundState::kUnknown) continue;
-    settle(now, RoundId{current.value - 1 - static_cast<std::uint32_t>(i)}, indicator[i]);
-  }
-}
-
 void ReferenceTime::settle(TimePoint now, RoundId round, RoundState state) {
   Entry* e = rounds_.find(round);
   if (e == nullptr || e->settled || state == RoundState::kUnknown) return;

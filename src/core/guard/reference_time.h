@@ -28,8 +28,6 @@ class ReferenceTime {
   // Stage `stage` (1 … kMaxStages, here and below) of a round ended after θ. Nothing is recorded
   // for rounds that are settled.
   void observe(RoundId round, std::size_t stage, Duration theta);
-  // Settles the rounds before `current` by the indicator of its header, oldest first.
-  void learn(TimePoint now, RoundId current, const Indicator& indicator);
   // The round was decided. Only the first call for a round counts.
   void settle(TimePoint now, RoundId round, RoundState state);
 

@@ -33,12 +33,8 @@ bool within(double value, double low, double high) { return value >= low && valu
 
 void check_budget(const PipelineConfig& c) {
   const std::string pipeline = "pipeline " + std::to_string(c.id.value);
-  const BudgetOptions& b = c.budget;
-  if (!(b.target > 0 && b.target < 1) || !within(b.miss_price, 0, 65) ||
-      !within(b.exploration, 0, 0.2)) {
-    throw std::invalid_argument(pipeline +
-                                ": the budget needs a target between 0 and 1, a miss price of 0 to "
-                                "65 and an exploration of 0 to 0.2");
+  if (!within(c.budget.miss_price, 0, 65)) {
+    throw std::invalid_argument(pipeline + ": the budget needs a miss price of 0 to 65");
   }
   for (const LevelProfile& level : c.levels) {
     if (level.median <= Duration::zero() || level.p95 < level.median) {

@@ -34,8 +34,7 @@ namespace interneuron::guard {
 // What the origin asks of every node of its pipeline. Each round's header carries it.
 struct Terms {
   GuardKind kind = GuardKind::kPaper;
-  // BudgetOptions says what both mean.
-  double target = BudgetOptions{}.target;
+  // As BudgetOptions has it.
   double miss_price = BudgetOptions{}.miss_price;
   // Expected quality of an answer without a remote result.
   double local_quality = 0;
@@ -87,8 +86,7 @@ class StageGuard {
 
   // Applies the outcomes and the end-to-end times of the rounds before `current`. They may be told
   // again with every header; each counts once.
-  virtual void learn(TimePoint now, RoundId current, const Indicator& indicator,
-                     const RecentE2e& e2e) = 0;
+  void learn(TimePoint now, RoundId current, const Indicator& indicator, const RecentE2e& e2e);
   // Applies the outcome of one round.
   virtual void settle(TimePoint now, RoundId round, RoundState state, E2e e2e) = 0;
 
@@ -131,6 +129,14 @@ class StageGuard {
   // dropped.
   virtual void reset() = 0;
 };
+
+// The level of a computation after a stage that ended with this verdict, by guard kPaper
+// (docs/paper.md, "Sacrifice"). `levels`: from the lowest quality to the highest; `top`: the level
+// that would be taken otherwise. When the stage was late: the best level at least one step below
+// `top` whose median run time makes up for the overrun, R[level] <= R[top] - overrun; where none is
+// so short, the lowest.
+std::size_t sacrificed_level(std::span<const LevelProfile> levels, std::size_t top,
+                             const Verdict& verdict);
 
 // `at_origin`: this node stamped t0. Its clock has no offset to itself, and the configured D_N
 // bounds the last stage.

@@ -35,7 +35,6 @@ void describe(wire::RoundHeader& h, const PipelineConfig& config) {
   h.deadline_us = to_us(config.deadline);
   h.period_us = to_us(config.period);
   h.guard = config.guard;
-  h.target = static_cast<std::uint16_t>(std::min(config.budget.target * 65536.0, 65535.0));
   h.miss_price = static_cast<std::uint16_t>(config.budget.miss_price * 1000.0 + 0.5);
   h.local_quality = static_cast<std::uint8_t>(config.fallback.local * 255.0 + 0.5);
 }

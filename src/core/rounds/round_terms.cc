@@ -34,8 +34,7 @@ guard::StageEnd stage_end(const wire::RoundHeader& header, std::size_t stage) {
   end.best_planned = header.best_planned;
   end.degraded = header.degraded;
   end.is_computation = !header.is_communication(stage);
-  end.terms = {header.guard, header.target / 65536.0, header.miss_price / 1000.0,
-               header.local_quality / 255.0};
+  end.terms = {header.guard, header.miss_price / 1000.0, header.local_quality / 255.0};
   return end;
 }
 

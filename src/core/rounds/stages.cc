@@ -95,7 +95,11 @@ Stages::Action Stages::arrive(TimePoint now, const Sender& sender, Arrived& arri
   if (merge == Merge::kDeliver) return Action::kServe;
   guard::StageGuard::Hold hold =
       observer.hold(now, stage_end(h, h.stage), clock, h.stage == h.stages);
-  const TimePoint longest = saturating_add(now, believed(h));
+  TimePoint longest = saturating_add(now, believed(h));
+  // The application gets its answer by the end-to-end deadline.
+  if (is_own(h) && h.stage == h.stages) {
+    longest = std::min(longest, when_elapsed(h.t0, h.deadline()));
+  }
   if (hold.until > longest) {
     hold.until = longest;
     hold.is_stage_deadline = false;

@@ -8,7 +8,7 @@
 namespace interneuron::wire {
 namespace {
 
-constexpr std::uint8_t kVersion = 2;
+constexpr std::uint8_t kVersion = 3;
 constexpr std::uint8_t kDegraded = 0x01;
 
 std::uint32_t pack(const Indicator& indicator) {
@@ -84,7 +84,6 @@ std::optional<RoundHeader> parse_round_header(ByteView message) {
   h.level_used = r.get<std::uint8_t>();
   h.variant_used = r.get<std::uint8_t>();
   h.local_quality = r.get<std::uint8_t>();
-  h.target = r.get<std::uint16_t>();
   h.miss_price = r.get<std::uint16_t>();
   h.excess = r.get<std::int16_t>();
   h.computed = r.get<std::uint16_t>();
@@ -128,7 +127,6 @@ void write_round_header(std::span<std::byte, kRoundHeaderBytes> out, const Round
   w.put(h.level_used);
   w.put(h.variant_used);
   w.put(h.local_quality);
-  w.put(h.target);
   w.put(h.miss_price);
   w.put(h.excess);
   w.put(h.computed);

@@ -15,7 +15,7 @@
 
 namespace interneuron::wire {
 
-inline constexpr std::size_t kRoundHeaderBytes = 100;
+inline constexpr std::size_t kRoundHeaderBytes = 98;
 
 // Times on the wire are relative to the end-to-end deadline D_N, in steps of D_N / 16384: 8 µs of
 // 130 ms, finer than what any decision depends on, while four deadlines fit 16 bits.
@@ -62,9 +62,7 @@ struct RoundHeader {
   std::uint8_t variant_used = kNoneUsed;
   // What an answer without a remote result is worth, in 1/255.
   std::uint8_t local_quality = 0;
-  // The share of rounds that is to be on time, in 1/65536, and what a missed round costs, in 1/1000
-  // of quality.
-  std::uint16_t target = 0;
+  // What a missed round costs, in 1/1000 of quality.
   std::uint16_t miss_price = 0;
   // How late the round was when that computation began, against the node's own reference; in steps.
   std::int16_t excess = 0;

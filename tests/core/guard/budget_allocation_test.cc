@@ -73,7 +73,7 @@ class Rounds {
     return c;
   }
   std::vector<LevelProfile> levels_ = ladder();
-  BudgetObserver road_{false};
+  BudgetObserver road_;
   BudgetOrigin origin_{config()};
   std::uint32_t number_ = 0;
 };
@@ -92,10 +92,9 @@ TEST(BudgetAllocation, TheLawNeedsNone) {
   for (std::uint32_t i = 0; i < 2000; ++i) {
     ResidualLaw::Sample s;
     s.round = RoundId{i};
-    s.at = TimePoint{i * 100ms};
     s.before = i % 17 * 1ms;
     s.rest = 20ms + i % 13 * 1ms;
-    law.add(s.at, s);
+    law.add(TimePoint{i * 100ms}, s);
     static_cast<void>(law.near(s.before, 8ms).within(10ms));
     if (i % 500 == 499) law.drop_bases();
   }

@@ -77,23 +77,6 @@ TEST(BudgetOrigin, DelaysThatOnlyTheSmallerMessageAbsorbsMakeItGo) {
   EXPECT_FALSE(v.step());  // forgotten
 }
 
-// What was lost before the computation can be made up for by the level, what is lost after it not.
-TEST(BudgetOrigin, DelaysThatTheLevelMakesUpForCostLess) {
-  const auto value = [](Duration before, Duration after) {
-    Vehicle v;
-    for (int i = 0; i < 200; ++i) {
-      const bool hit = i % 4 == 0;
-      v.step({}, hit ? before : 0ms, hit ? after : 0ms);
-    }
-    Forecast whole;
-    whole[0] = v.raw;
-    return v.origin.worth_of(v.now, false, kUnderWay, whole)->value;
-  };
-  // A quarter of the rounds at the middle level, or all of them.
-  EXPECT_NEAR(value(35ms, 0ms), 0.75 * 0.40 + 0.25 * 0.35, 0.01);
-  EXPECT_NEAR(value(0ms, 35ms), 0.35, 0.01);
-}
-
 // A wrong forecast is learnt, and does not condemn the mode for ever.
 TEST(BudgetOrigin, AWrongForecastIsLearntAndFades) {
   Vehicle v;

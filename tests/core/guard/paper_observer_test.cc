@@ -35,6 +35,31 @@ TEST(Observer, WithoutABaseNothingIsLateUnlessARoundWasMissed) {
   EXPECT_EQ(v.overrun, kFullSeverity);
 }
 
+TEST(Observer, TheIndicatorAppliesEachHistoryOnceOldestFirst) {
+  Stage s;
+  s.observer.end_stage(s.at(100ms), Stage::end(0, 0ms, 0), s.clock());
+  s.observer.end_stage(s.at(50ms), Stage::end(1, 0ms, 0), s.clock());
+  Indicator known{};
+  known[0] = RoundState::kOnTime;  // round 1
+  known[1] = RoundState::kOnTime;  // round 0
+  for (int i = 0; i < 2; ++i) {
+    s.observer.learn(s.at(200ms), RoundId{2}, known, {});
+    // 100, then 50 folded in; the other order would give 85.
+    EXPECT_EQ(s.observer.base(s.at(200ms), 1), 65ms);
+  }
+}
+
+TEST(Observer, TheIndicatorOfTheFirstRoundsNamesNobody) {
+  Stage s;
+  Indicator all;
+  all.fill(RoundState::kOnTime);
+  s.observer.end_stage(s.at(1ms), Stage::end(0, 0ms, 0), s.clock());
+  s.observer.learn(s.at(2ms), RoundId{0}, all, {});
+  EXPECT_FALSE(s.observer.base(s.at(2ms), 1));
+  s.observer.learn(s.at(2ms), RoundId{1}, all, {});
+  EXPECT_EQ(s.observer.base(s.at(2ms), 1), 1ms);
+}
+
 TEST(Observer, AClockThatIsNotKnownMeansNoBase) {
   Stage s;
   s.learn_base(50ms);

@@ -44,30 +44,6 @@ TEST(ReferenceTime, AMissedOrUndecidedRoundLeavesNoTrace) {
   EXPECT_EQ(t.base(kNow, 1), 50ms);
 }
 
-TEST(ReferenceTime, TheIndicatorAppliesEachHistoryOnceOldestFirst) {
-  ReferenceTime t;
-  t.observe(RoundId{0}, 1, 100ms);
-  t.observe(RoundId{1}, 1, 50ms);
-  Indicator known{};
-  known[0] = RoundState::kOnTime;  // round 1
-  known[1] = RoundState::kOnTime;  // round 0
-  t.learn(kNow, RoundId{2}, known);
-  EXPECT_EQ(t.base(kNow, 1), 65ms);  // 100, then 50 folded in; the other order would give 85
-  t.learn(kNow, RoundId{2}, known);
-  EXPECT_EQ(t.base(kNow, 1), 65ms);
-}
-
-TEST(ReferenceTime, TheIndicatorOfTheFirstRoundsNamesNobody) {
-  ReferenceTime t;
-  Indicator all;
-  all.fill(RoundState::kOnTime);
-  t.observe(RoundId{0}, 1, 1ms);
-  t.learn(kNow, RoundId{0}, all);
-  EXPECT_FALSE(t.base(kNow, 1));
-  t.learn(kNow, RoundId{1}, all);
-  EXPECT_EQ(t.base(kNow, 1), 1ms);
-}
-
 TEST(ReferenceTime, ForgetsAfterAMinuteWithoutAnAcceptedHistory) {
   ReferenceTime t;
   t.observe(RoundId{0}, 1, 50ms);

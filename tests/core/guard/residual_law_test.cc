@@ -4,8 +4,6 @@
 
 #include <vector>
 
-#include "core/guard/choice.h"
-
 namespace interneuron::guard {
 namespace {
 
@@ -34,7 +32,6 @@ class Rounds {
     now_ += kStep;
     ResidualLaw::Sample s;
     s.round = RoundId{++round_};
-    s.at = now_;
     s.before = lost(round_ + 7) / 2;
     return s;
   }
@@ -52,9 +49,11 @@ class Rounds {
   std::uint32_t round_ = 0;
 };
 
-std::vector<std::int64_t> rests(const ResidualLaw& law) {
-  std::vector<std::int64_t> out;
-  for (std::size_t i = 0; i < law.size(); ++i) out.push_back(law.pair(i).rest);
+// The probability that a round loses at most so many milliseconds, by slack from -10 to 60 ms.
+std::vector<double> law_of(const ResidualLaw& law, std::optional<Duration> before = std::nullopt) {
+  std::vector<double> out;
+  const ResidualLaw::Near near = law.near(before, 3ms);
+  for (int slack = -10; slack <= 60; ++slack) out.push_back(near.within(slack * 1ms));
   return out;
 }
 
@@ -65,30 +64,29 @@ TEST(ResidualLaw, AConstantOffsetLeavesEveryBitAsItIs) {
        {Duration{1h}, Duration{-1h}, Duration{24h}, Duration::max() - 1s, Duration::min() + 1s}) {
     Rounds shifted(offset);
     shifted.run(700);
-    EXPECT_EQ(rests(shifted.law), rests(plain.law));
+    EXPECT_EQ(law_of(shifted.law), law_of(plain.law));
+    EXPECT_EQ(law_of(shifted.law, 5ms), law_of(plain.law, 5ms));
     EXPECT_EQ(wrapping_sub(shifted.law.base(shifted.now(), 0)->count(), offset.count()),
               plain.law.base(plain.now(), 0)->count());
-    for (int slack = -10; slack <= 60; ++slack) {
-      EXPECT_EQ(shifted.law.near(5ms, 3ms).within(slack * 1ms),
-                plain.law.near(5ms, 3ms).within(slack * 1ms));
-    }
   }
 }
 
+// 10 ms in 50 s, of which the median of 6.4 s sees half of what comes together in that time.
 TEST(ResidualLaw, DriftAddsUpForTenSecondsOnly) {
   Rounds still;
   Rounds drifting({}, 200);
   still.run(500);
   drifting.run(500);
-  // 10 ms in 50 s; 2 ms in the 10 s that a base is the median of.
   EXPECT_EQ(drifting.offset(), 10ms);
-  const auto a = rests(still.law);
-  const auto b = rests(drifting.law);
-  ASSERT_EQ(a.size(), b.size());
-  for (std::size_t i = 0; i < a.size(); ++i) EXPECT_LE(std::abs(a[i] - b[i]), 2'000'000) << i;
+  const auto in_still = still.law.near(std::nullopt, {});
+  const auto in_drifting = drifting.law.near(std::nullopt, {});
+  for (int slack = -10; slack <= 60; ++slack) {
+    EXPECT_GE(in_drifting.within(slack * 1ms), in_still.within((slack - 2) * 1ms)) << slack;
+    EXPECT_LE(in_drifting.within(slack * 1ms), in_still.within((slack + 2) * 1ms)) << slack;
+  }
 }
 
-TEST(ResidualLaw, ABaseIsTheMedianAndIsForgottenAfterAMinute) {
+TEST(ResidualLaw, ABaseIsTheMedianOfTenSeconds) {
   Rounds r;
   EXPECT_FALSE(r.law.base(r.now(), 0));
   for (const int ms : {30, 20, 900}) {
@@ -96,49 +94,56 @@ TEST(ResidualLaw, ABaseIsTheMedianAndIsForgottenAfterAMinute) {
     s.rest = ms * 1ms;
     r.law.add(r.now(), s);
   }
+  ResidualLaw::Sample other = r.next();
+  other.key = 1;
+  other.rest = 10ms;
+  r.law.add(r.now(), other);
   EXPECT_EQ(r.law.base(r.now(), 0), 30ms);
-  EXPECT_EQ(r.law.newest(0), r.now());
-  EXPECT_FALSE(r.law.base(r.now(), 1));
-  EXPECT_EQ(r.law.base(r.now() + 60s, 0), 30ms);
-  EXPECT_FALSE(r.law.base(r.now() + 60s + 1ns, 0));
+  EXPECT_EQ(r.law.base(r.now(), 1), 10ms);
+  EXPECT_EQ(r.law.base(r.now(), std::nullopt), 20ms);
+  EXPECT_EQ(r.law.base(r.now() + 9s, 0), 30ms);
+  EXPECT_FALSE(r.law.base(r.now() + 10s + 1ns, 0));
 }
 
 TEST(ResidualLaw, AClockStepCostsTheBasesNotTheLaw) {
   Rounds r;
   r.run(300);
-  const auto before = rests(r.law);
+  const auto before = law_of(r.law);
   r.law.drop_bases();
-  EXPECT_EQ(rests(r.law), before);
+  EXPECT_EQ(law_of(r.law), before);
   EXPECT_FALSE(r.law.base(r.now(), 0));
-  EXPECT_FALSE(r.law.newest(0));
-  // What comes after the step has a base of its own.
+  // What comes after the step has a base of its own, against which it has lost nothing.
   ResidualLaw::Sample s = r.next();
   s.rest = 20ms + 5s;
   r.law.add(r.now(), s);
   EXPECT_EQ(r.law.base(r.now(), 0), 20ms + 5s);
-  EXPECT_EQ(r.law.size(), 301U);
-  EXPECT_EQ(r.law.pair(300).rest, 0);
+  EXPECT_GT(r.law.near(std::nullopt, {}).within(1ms), before[11]);
 }
 
 TEST(ResidualLaw, WhatIsToldAgainReplacesWhatWasKnown) {
   Rounds r;
   ResidualLaw::Sample s = r.next();
-  s.kind = ResidualLaw::Sample::Kind::kBeyond;
+  s.answered = false;
   s.rest = 40ms;
   r.law.add(r.now(), s);
   EXPECT_FALSE(r.law.base(r.now(), 0));
-  s.kind = ResidualLaw::Sample::Kind::kKnown;
+  EXPECT_LT(r.law.near(std::nullopt, {}).within(30ms), 0.5);
+  s.answered = true;
   s.rest = 70ms;
   r.law.add(r.now(), s);
-  EXPECT_EQ(r.law.size(), 1U);
   EXPECT_EQ(r.law.base(r.now(), 0), 70ms);
-  EXPECT_FALSE(r.law.pair(0).beyond);
+  EXPECT_GT(r.law.near(std::nullopt, {}).within(30ms), 0.5);
 }
 
+// A hundred rounds that lost 50 ms, and as many as the law holds that lost nothing.
 TEST(ResidualLaw, KeepsTheLastRoundsOnly) {
   Rounds r;
-  r.run(static_cast<int>(ResidualLaw::kRounds) + 100);
-  EXPECT_EQ(r.law.size(), ResidualLaw::kRounds);
+  for (std::size_t i = 0; i < 100 + ResidualLaw::kRounds; ++i) {
+    ResidualLaw::Sample s = r.next();
+    s.computed = i < 100 ? 50ms : 0ms;
+    r.law.add(r.now(), s);
+  }
+  EXPECT_NEAR(r.law.near(std::nullopt, {}).within(10ms), (512 + 1 - r.law.tail(10ms)) / 513, 1e-6);
 }
 
 TEST(ResidualLaw, TheTailIsHeavyAndFalls) {
@@ -149,32 +154,27 @@ TEST(ResidualLaw, TheTailIsHeavyAndFalls) {
   EXPECT_DOUBLE_EQ(law.tail(20ms), 0.25);
   EXPECT_DOUBLE_EQ(law.tail(180ms), 0.01);
   // Nothing is known: the tail alone.
-  EXPECT_DOUBLE_EQ(law.near(std::nullopt, 1ms).within(20ms).hedged, 0.75);
+  EXPECT_DOUBLE_EQ(law.near(std::nullopt, 1ms).within(20ms), 0.75);
 }
 
+// The answers are about those alike, or the few nearest ones.
 TEST(ResidualLaw, LooksMoreWidelyWhileTooFewAreAlike) {
   Rounds r;
-  const auto add = [&r](int count, Duration before, Duration after) {
-    for (int i = 0; i < count; ++i) {
+  const auto add = [&r](std::size_t count, Duration before, Duration computed) {
+    for (std::size_t i = 0; i < count; ++i) {
       ResidualLaw::Sample s = r.next();
       s.before = before;
-      s.computed = after;
+      s.computed = computed;
       r.law.add(r.now(), s);
     }
   };
-  constexpr int kLeast = ResidualLaw::kLeast;
-  add(kLeast - 1, 0ms, 0ms);
   add(20, 40ms, 9ms);
-  EXPECT_EQ(r.law.near(0ms, 5ms).size(), kLeast - 1U + 20U);
+  add(ResidualLaw::kLeast - 1, 0ms, 0ms);
+  EXPECT_LT(r.law.near(0ms, 5ms).within(5ms), 0.5);
   add(1, 0ms, 0ms);
-  EXPECT_EQ(r.law.near(0ms, 5ms).size(), ResidualLaw::kLeast);
-  EXPECT_EQ(r.law.near(40ms, 5ms).size(), 20U);
-  EXPECT_EQ(r.law.near(std::nullopt, 5ms).size(), r.law.size());
-  // The answers are about those alike.
-  EXPECT_GT(r.law.near(0ms, 5ms).within(5ms).hedged, 0.95);
-  EXPECT_LT(r.law.near(40ms, 5ms).within(5ms).hedged, 0.05);
-  // What the computation loses is no part of the rest.
-  EXPECT_GT(r.law.near(40ms, 5ms).rest_within(5ms), 0.95);
+  EXPECT_GT(r.law.near(0ms, 5ms).within(5ms), 0.95);
+  EXPECT_LT(r.law.near(40ms, 5ms).within(5ms), 0.05);
+  EXPECT_GT(r.law.near(40ms, 5ms).within(9ms), 0.95);
 }
 
 // Not all within a doubled reach: a round that lost 28 ms is not like those that lost none.
@@ -183,75 +183,39 @@ TEST(ResidualLaw, TooFewAlikeTakesTheNearestOnly) {
   for (int i = 0; i < 20; ++i) {
     ResidualLaw::Sample s = r.next();
     s.before = i % 4 == 0 ? (30 + i) * 1ms : 0ms;
+    s.computed = i % 4 == 0 ? 0ms : 90ms;
     r.law.add(r.now(), s);
   }
-  EXPECT_EQ(r.law.near(28ms, 1ms).size(), ResidualLaw::kLeast);
+  EXPECT_GT(r.law.near(28ms, 1ms).within(1ms), 0.95);
 }
 
-TEST(ResidualLaw, WhatIsKnownOfAShareNarrowsWithTheRounds) {
+// 496 rounds lost nothing and the last 16 lost 50 ms each: these weigh as the newest ones do.
+TEST(ResidualLaw, TheNewestRoundsCountMost) {
   Rounds r;
-  const auto known = [&r] { return r.law.near(std::nullopt, 1ms).within(1ms); };
-  EXPECT_EQ(known().least, 0.0);
-  EXPECT_EQ(known().most, 1.0);
-  for (int i = 0; i < 99; ++i) r.law.add(r.now(), r.next());
-  EXPECT_DOUBLE_EQ(known().least, 0.99);
-  EXPECT_DOUBLE_EQ(known().most, 1.0);
-}
-
-// Runs that took 80 ms instead of 40 were accidents until twice as long is what is expected.
-TEST(ResidualLaw, ARunIsJudgedByWhatExplainsItBetter) {
-  Rounds r;
-  Speed speed;
-  ResidualLaw::Sample s = r.next();
-  s.run = {0, 40ms, 80ms};
-  s.computed = 40ms;
-  r.law.add(r.now(), s);
-  r.law.reconsider(speed);
-  EXPECT_EQ(r.law.pair(0).after, 40'000'000);
-  for (int i = 0; i < 3; ++i) speed.add(r.now(), 0, 40ms, 80ms);
-  r.law.reconsider(speed);
-  EXPECT_EQ(r.law.pair(0).after, 0);
-  for (int i = 0; i < 64; ++i) speed.add(r.now(), 0, 40ms, 40ms);
-  r.law.reconsider(speed);
-  EXPECT_EQ(r.law.pair(0).after, 0);
-}
-
-TEST(Best, TheValueDecidesUnlessItIsKnownToMissTheTarget) {
-  const auto chosen = [](const Worth& rich, const Worth& safe) {
-    Best<int> best(0.99);
-    best.consider(0, safe);
-    best.consider(1, rich);
-    return best.get()->first;
-  };
-  const Worth unknown{{0.80, 1.00, 0.90}, 0.1};
-  const Worth known_good{{0.99, 1.00, 0.99}, 0.1};
-  const Worth rich_unknown{{0.80, 1.00, 0.90}, 0.3};
-  const Worth rich_bad{{0.90, 0.98, 0.95}, 0.3};
-  EXPECT_EQ(chosen(rich_unknown, known_good), 1);
-  EXPECT_EQ(chosen(rich_bad, unknown), 1);
-  EXPECT_EQ(chosen(rich_bad, known_good), 0);
-  EXPECT_FALSE(Best<int>(0.99).get());
+  double late = 0;
+  double all = 0;
+  for (std::size_t i = 0; i < ResidualLaw::kRounds; ++i) {
+    ResidualLaw::Sample s = r.next();
+    const std::size_t age = ResidualLaw::kRounds - 1 - i;
+    s.computed = age < 16 ? 50ms : 0ms;
+    r.law.add(r.now(), s);
+    const double weight = 1.0 / (1.0 + static_cast<double>(age) / ResidualLaw::kHalf);
+    all += weight;
+    if (age < 16) late += weight;
+  }
+  EXPECT_GT(late / all, 4 * 16.0 / ResidualLaw::kRounds);
+  EXPECT_NEAR(r.law.near(std::nullopt, {}).within(40ms), (all - late) / all, 0.002);
 }
 
 TEST(ResidualLaw, ARoundNeverAnsweredExceedsWhatIsKnownOfIt) {
-  Rounds r;
-  for (int i = 0; i < 20; ++i) {
-    ResidualLaw::Sample s = r.next();
-    s.before = 10ms;
-    if (i % 2 == 0) {
-      s.kind = ResidualLaw::Sample::Kind::kBeyond;
-      s.rest = 50ms;  // before + after is more than that
-    }
-    r.law.add(r.now(), s);
-  }
-  r.law.set_scale(20ms);
-  const auto near = r.law.near(10ms, 1ms);
-  EXPECT_EQ(near.size(), 20U);
-  EXPECT_EQ(r.law.base(r.now(), 0), 0ms);  // only those that are known count
-  const double one = 1.0;                  // the tail weighs one round of twenty
-  EXPECT_DOUBLE_EQ(near.within(40ms).hedged, (10 + one * (1 - r.law.tail(40ms))) / 21);
-  EXPECT_DOUBLE_EQ(near.within(60ms).hedged, (10 + 10 * 0.75 + one * (1 - r.law.tail(60ms))) / 21);
-  EXPECT_DOUBLE_EQ(near.rest_within(60ms), (10 + one * (1 - r.law.tail(60ms))) / 11);
+  ResidualLaw law;
+  law.set_scale(20ms);
+  law.add(TimePoint{}, {.round = RoundId{1}, .rest = 40ms, .answered = false});
+  EXPECT_FALSE(law.base(TimePoint{}, 0));
+  // The tail weighs one round, as this one does.
+  const auto near = law.near(std::nullopt, {});
+  EXPECT_DOUBLE_EQ(near.within(30ms), (0 + 1 - law.tail(30ms)) / 2);
+  EXPECT_DOUBLE_EQ(near.within(60ms), (1 - law.tail(20ms) + 1 - law.tail(60ms)) / 2);
 }
 
 }  // namespace

@@ -264,9 +264,7 @@ TEST(Origin, RefusesBudgetsThatMeanNothing) {
     change(c);
     EXPECT_THROW(RoundLedger(c, kSelf), std::invalid_argument);
   };
-  throws([](PipelineConfig& c) { c.budget.target = 1.0; });
   throws([](PipelineConfig& c) { c.budget.miss_price = -0.1; });
-  throws([](PipelineConfig& c) { c.budget.exploration = 0.3; });
   throws([](PipelineConfig& c) { c.levels[0].median = 0ms; });
   throws([](PipelineConfig& c) { c.fallback.local = 1.5; });
   throws([](PipelineConfig& c) { c.fallback.stale_share[0] = -1; });

@@ -69,21 +69,21 @@ class Dissector(unittest.TestCase):
     def test_data_with_its_round_header(self):
         self.expect(examples()[0], {
             "version": "2", "type": "1", "link": "2", "epoch": "0", "session": "0x5eed0001", "number": "7",
-            "stamp_us": "1234567890", "message": "9", "size": "105", "kind": "0",
+            "stamp_us": "1234567890", "message": "9", "size": "103", "kind": "0",
             "index": "0", "count": "1", "chunk": "1347", "lifetime_us": "130000", "payload": "6672616d65",
-            "round.version": "2", "round.degraded": "0", "round.class": "0", "round.pipeline": "1",
+            "round.version": "3", "round.degraded": "0", "round.class": "0", "round.pipeline": "1",
             "round.stage": "1", "round.stages": "3", "round.communication": "0x0005", "round.variant": "1",
             "round.best_planned": "0", "round.x": "123", "round.need.delay": "255", "round.need.bandwidth": "64",
             "round.need.reliability": "128", "round.need.security": "0", "round.origin": "0x5eed0001",
             "round.number": "42", "round.policy": "0xcd5bd4bf", "round.deadline_us": "130000",
             "round.period_us": "100000", "round.indicator": "0x00000064", "round.t0": "1234567890123",
             "round.alpha": "0", "round.guard": "1", "round.level_used": "2", "round.variant_used": "1",
-            "round.local_quality": "35", "round.target": "64880", "round.miss_price": "1000", "round.excess": "-1380",
+            "round.local_quality": "35", "round.miss_price": "1000", "round.excess": "-1380",
             "round.computed": "5670", "malformed": ""})
 
     def test_a_later_piece_has_no_round_header(self):
         data = bytearray(examples()[0])
-        data[24:32] = struct.pack(">IHH", 210, 105, 1)
+        data[24:32] = struct.pack(">IHH", 206, 103, 1)
         self.expect(bytes(data), {"index": "1", "count": "2", "round.number": "", "malformed": ""})
 
     def test_plain_message(self):

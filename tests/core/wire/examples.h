@@ -30,15 +30,15 @@ inline Bytes from_hex(std::string_view text) {
 inline constexpr std::string_view kDataExample =
     "21 00 00 02 5e ed 00 01 00 00 00 00 00 00 00 07"
     "49 96 02 d2"
-    "00 00 00 09 00 00 00 69 05 43 00 00 00 01 fb d0"
+    "00 00 00 09 00 00 00 67 05 43 00 00 00 01 fb d0"
     "00"
-    "02 00 00 01 01 03 00 05 01 00 00 7b ff 40 80 00"
+    "03 00 00 01 01 03 00 05 01 00 00 7b ff 40 80 00"
     "5e ed 00 01 00 00 00 2a cd 5b d4 bf 00 01 fb d0"
     "00 01 86 a0 00 00 00 64 00 00 01 1f 71 fb 04 cb"
-    "00 00 00 00 00 00 00 00 01 02 01 23 fd 70 03 e8"
-    "fa 9c 16 26 00 00 37 0b ff ff 2c 5f 00 00 00 00"
+    "00 00 00 00 00 00 00 00 01 02 01 23 03 e8 fa 9c"
+    "16 26 00 00 37 0b ff ff 2c 5f 00 00 00 00 00 00"
     "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00"
-    "00 00 00 00"
+    "00 00"
     "66 72 61 6d 65"
     "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00";
 
@@ -148,7 +148,6 @@ inline RoundHeader example_round_header() {
   h.level_used = 2;
   h.variant_used = 1;
   h.local_quality = 35;
-  h.target = 64880;
   h.miss_price = 1000;
   h.excess = -1380;
   h.computed = 5670;
@@ -188,7 +187,7 @@ inline PacketHeader example_header(PacketType type, LinkId link, std::uint64_t n
 inline constexpr std::uint32_t kExampleStamp = 1'234'567'890;
 
 inline FragmentHeader example_fragment() {
-  return {MessageId{9}, 0, 1347, 105, 130'000, MessageKind::kRound};
+  return {MessageId{9}, 0, 1347, 103, 130'000, MessageKind::kRound};
 }
 
 inline FragmentHeader example_plain_fragment() {

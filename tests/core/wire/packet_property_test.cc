@@ -116,7 +116,6 @@ RoundHeader any_round_header() {
   h.level_used = any<std::uint8_t>();
   h.variant_used = any<bool>() ? kNoneUsed : *rc::gen::inRange<std::uint8_t>(0, kMaxVariants);
   h.local_quality = any<std::uint8_t>();
-  h.target = any<std::uint16_t>();
   h.miss_price = any<std::uint16_t>();
   h.excess = any<std::int16_t>();
   h.computed = any<std::uint16_t>();

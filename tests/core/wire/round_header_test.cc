@@ -56,7 +56,7 @@ struct Range {
 
 TEST(RoundHeader, FieldsKeepTheirRanges) {
   for (const Range& r : {
-           Range{"version", 0, 2, 2},
+           Range{"version", 0, 3, 3},
            Range{"flags", 1, 0, 1},
            Range{"class", 2, 0, 1},
            Range{"pipeline", 3, 0, 255},
@@ -71,12 +71,11 @@ TEST(RoundHeader, FieldsKeepTheirRanges) {
            Range{"guard", 56, 0, 1},
            Range{"level_used", 57, 0, 255},
            Range{"local_quality", 59, 0, 255},
-           Range{"target", 60, 0, 255},
-           Range{"miss_price", 62, 0, 255},
-           Range{"excess", 64, 0, 255},
-           Range{"computed", 66, 0, 255},
-           Range{"e2e", 68, 0, 255},
-           Range{"e2e, last", 99, 0, 255},
+           Range{"miss_price", 60, 0, 255},
+           Range{"excess", 62, 0, 255},
+           Range{"computed", 64, 0, 255},
+           Range{"e2e", 66, 0, 255},
+           Range{"e2e, last", 97, 0, 255},
        }) {
     for (int value = 0; value < 256; ++value) {
       EXPECT_EQ(parse_round_header(with(example(), r.at, value)).has_value(),

@@ -71,7 +71,6 @@ Bytes round_message(const State& s, const Input& input, ByteView payload) {
   header.guard = input.guard;
   header.x_permille = input.x_permille;
   header.indicator.fill(input.before);
-  header.target = 64'880;
   header.miss_price = 1000;
   Bytes out(wire::kRoundHeaderBytes + payload.size());
   wire::write_round_header(
