@@ -10,6 +10,7 @@
 
 #include "perception/big_endian.h"
 #include "perception/openable.h"
+#include "perception/voxel_key.h"
 
 namespace interneuron::perception {
 namespace {
@@ -21,6 +22,9 @@ constexpr std::uint16_t kMagic = 0x5043;
 constexpr std::uint8_t kVersion = 1;
 constexpr int kKittiFields = 4;
 constexpr int kNuScenesFields = 5;
+// Each about half of the one before, in bytes of the nuScenes sweep (docs/constants.md, "Point
+// clouds and clusters").
+constexpr CloudRung kRungs[] = {{"full", 0}, {"10cm", 0.1}, {"20cm", 0.2}, {"40cm", 0.4}};
 
 // The first point that is not finite or too far away, or -1.
 Eigen::Index first_bad(const Points& points) {
@@ -60,24 +64,6 @@ std::vector<float> read_floats(const std::filesystem::path& file, int fields) {
   return values;
 }
 
-// Three signed coordinates of 21 bits each: kMaxCoordinate / kMinVoxel is below 2^20.
-std::uint64_t key_of(const Eigen::Vector4f& point, float side) {
-  std::uint64_t key = 0;
-  for (int axis = 0; axis < 3; ++axis) {
-    const auto cell = static_cast<std::int64_t>(std::floor(point[axis] / side));
-    key = (key << 21) | (static_cast<std::uint64_t>(cell) & 0x1F'FFFF);
-  }
-  return key;
-}
-
-// Neighbouring voxels differ in few bits; the multiplier is that of splitmix64.
-struct KeyHash {
-  std::size_t operator()(std::uint64_t key) const {
-    key *= 0xBF58476D1CE4E5B9U;
-    return key ^ (key >> 32);
-  }
-};
-
 }  // namespace
 
 Points read_cloud(const std::filesystem::path& file) {
@@ -97,13 +83,14 @@ Points read_cloud(const std::filesystem::path& file) {
 Points voxel_grid(const Points& points, double side_m) {
   assert(side_m >= kMinVoxel && side_m <= kMaxVoxel);
   const auto side = static_cast<float>(side_m);
-  std::unordered_map<std::uint64_t, std::size_t, KeyHash> index;
+  std::unordered_map<std::uint64_t, std::size_t, VoxelHash> index;
   index.reserve(static_cast<std::size_t>(points.cols()) / 2);
   std::vector<Eigen::Vector4d> sums;
   std::vector<int> counts;
   for (Eigen::Index i = 0; i < points.cols(); ++i) {
     const Eigen::Vector4f point = points.col(i);
-    const auto [at, is_new] = index.try_emplace(key_of(point, side), sums.size());
+    const auto [at, is_new] =
+        index.try_emplace(key_of(voxel_of(point.head<3>(), side)), sums.size());
     if (is_new) {
       sums.emplace_back(Eigen::Vector4d::Zero());
       counts.push_back(0);
@@ -140,9 +127,16 @@ Bytes encode_cloud(const Cloud& cloud) {
   return out;
 }
 
-std::vector<Bytes> encode_cloud_variants(const Points& points, std::uint32_t frame, double side_m) {
-  return {encode_cloud({points, CloudVariant::kRaw, frame}),
-          encode_cloud({voxel_grid(points, side_m), CloudVariant::kVoxels, frame})};
+std::span<const CloudRung> cloud_rungs() { return kRungs; }
+
+std::vector<Bytes> encode_cloud_ladder(const Points& points, std::uint32_t frame) {
+  std::vector<Bytes> out;
+  for (const CloudRung& rung : kRungs) {
+    out.push_back(rung.side_m > 0 ? encode_cloud({voxel_grid(points, rung.side_m),
+                                                  CloudVariant::kVoxels, frame})
+                                  : encode_cloud({points, CloudVariant::kRaw, frame}));
+  }
+  return out;
 }
 
 std::optional<Cloud> decode_cloud(ByteView bytes) {

@@ -19,6 +19,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "interneuron/message.h"
@@ -69,8 +70,18 @@ struct Cloud {
 // Requires at most kMaxPoints points.
 Bytes encode_cloud(const Cloud& cloud);
 
-// {raw, voxels}: best first, as policies expect. Requires as voxel_grid() and encode_cloud().
-std::vector<Bytes> encode_cloud_variants(const Points& points, std::uint32_t frame, double side_m);
+// One rung of the ladder of variants.
+struct CloudRung {
+  // "full", "10cm" and so on.
+  const char* name;
+  // Side of the voxels, m; 0: all points are sent.
+  double side_m;
+};
+// The best one first, as policies expect.
+std::span<const CloudRung> cloud_rungs();
+
+// One message for each of cloud_rungs(). Requires at most kMaxPoints points.
+std::vector<Bytes> encode_cloud_ladder(const Points& points, std::uint32_t frame);
 
 // The sweep in a message, or nothing if the bytes are not exactly one. Any bytes will do; never
 // throws on them. Its points are finite and within bounds.

@@ -122,14 +122,21 @@ TEST(CloudCodec, RejectsWhatIsNotExactlyOneCloud) {
   }
 }
 
-TEST(CloudCodec, VariantsAreRawAndVoxels) {
-  Points points = Points::Zero(4, 3);
-  points(0, 2) = 5;
-  const auto variants = encode_cloud_variants(points, 9, 0.2);
-  ASSERT_EQ(variants.size(), 2U);
-  EXPECT_EQ(decode_cloud(variants[0])->points.cols(), 3);
-  EXPECT_EQ(decode_cloud(variants[1])->points.cols(), 2);
-  EXPECT_EQ(decode_cloud(variants[1])->variant, CloudVariant::kVoxels);
+TEST(CloudCodec, TheLadderIsTheWholeSweepThenCoarserVoxels) {
+  Points points = Points::Zero(4, 4);
+  points.row(0) << 0.01F, 0.15F, 0.25F, 5;
+  const auto variants = encode_cloud_ladder(points, 9);
+  ASSERT_EQ(variants.size(), cloud_rungs().size());
+  std::vector<Eigen::Index> counts;
+  for (const Bytes& variant : variants) {
+    const auto cloud = decode_cloud(variant);
+    ASSERT_TRUE(cloud);
+    EXPECT_EQ(cloud->frame, 9U);
+    counts.push_back(cloud->points.cols());
+  }
+  EXPECT_EQ(counts, (std::vector<Eigen::Index>{4, 4, 3, 2}));
+  EXPECT_EQ(decode_cloud(variants.front())->variant, CloudVariant::kRaw);
+  EXPECT_EQ(decode_cloud(variants.back())->variant, CloudVariant::kVoxels);
 }
 
 // --- files
