@@ -2,8 +2,6 @@
 
 #include <algorithm>
 
-#include "lab/sim/offload.h"
-
 namespace interneuron::eval {
 namespace {
 

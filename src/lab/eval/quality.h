@@ -8,12 +8,13 @@
 
 #include "interneuron/guard.h"
 #include "interneuron/time.h"
+#include "lab/sim/offload.h"
 
 namespace interneuron::eval {
 
 // Names a variant of the frame as the profile does: bytes of the message, and per level its AP.
 struct VariantProfile {
-  // "raw", "sampled" or "jpeg".
+  // "raw", "sampled" or "jpeg"; of a point cloud as perception::cloud_rungs() names it.
   std::string name;
   std::size_t bytes = 0;
 };
@@ -24,8 +25,10 @@ struct Profile {
   std::vector<std::string> level_names;
   // Each with its quality by variant.
   std::vector<LevelProfile> levels;
-  // The local backup is level 0 on the raw image.
+  // The local backup is level 0 on the best variant.
   FallbackQuality fallback;
+  // From t0 until the vehicle has made all variants.
+  Duration encode = sim::kEncode;
 };
 
 // The three-level ladder on raw 484x361 and sampled 242x181 RGB (512 and 128 KB with the image

@@ -1,5 +1,7 @@
 #include "lab/eval/run.h"
 
+#include <numeric>
+
 #include "lab/eval/bounds.h"
 #include "lab/eval/erdos.h"
 #include "lab/sim/offload.h"
@@ -45,8 +47,19 @@ sim::Disturbance disturbance_of(const Trace& trace, std::size_t round) {
   return out;
 }
 
+// What the vehicle submits, as the profile counts the variants. `player`: of LevelRule::kCausal.
+std::vector<std::uint8_t> submitted(const System& system, const Profile& profile,
+                                    const std::optional<Player>& player) {
+  if (player) return {player->variant};
+  if (system.only_variant) return {*system.only_variant};
+  std::vector<std::uint8_t> all(profile.variants.size());
+  std::iota(all.begin(), all.end(), std::uint8_t{0});
+  if (all.size() > 2 && !system.whole_ladder) return {all.front(), all.back()};
+  return all;
+}
+
 sim::OffloadOptions options_of(const System& system, const Scenario& scenario, const Trace& trace,
-                               std::uint64_t seed) {
+                               std::uint64_t seed, const std::vector<std::uint8_t>& variants) {
   sim::OffloadOptions o;
   o.seed = seed;
   o.rounds = static_cast<std::uint32_t>(trace.rounds.size());
@@ -60,14 +73,17 @@ sim::OffloadOptions options_of(const System& system, const Scenario& scenario, c
   o.ladder.clear();
   for (std::size_t i = 0; i < scenario.profile.levels.size(); ++i) {
     const LevelProfile& level = scenario.profile.levels[i];
-    o.ladder.push_back({scenario.profile.level_names[i], level.median, level.p95, level.quality});
+    o.ladder.push_back({scenario.profile.level_names[i], level.median, level.p95, {}});
+    for (const std::uint8_t variant : variants) {
+      o.ladder.back().quality.push_back(remote_quality(scenario.profile, i, variant));
+    }
   }
   if (system.level != LevelRule::kGuard) o.top_level = o.ladder.size() - 1;
   o.variant_bytes.clear();
-  for (const VariantProfile& variant : scenario.profile.variants) {
-    o.variant_bytes.push_back(variant.bytes);
+  for (const std::uint8_t variant : variants) {
+    o.variant_bytes.push_back(scenario.profile.variants.at(variant).bytes);
   }
-  o.only_variant = system.only_variant;
+  o.encode = scenario.profile.encode;
   o.ablation = system.ablation;
   o.local_backup = system.local_backup;
   o.road_clock = scenario.road_clock;
@@ -79,9 +95,8 @@ sim::OffloadOptions options_of(const System& system, const Scenario& scenario, c
   return o;
 }
 
-// `options` are changed where the rule determines more than the level.
-sim::LevelRule rule_of(const System& system, const Scenario& scenario, const Trace& trace,
-                       sim::OffloadOptions& options) {
+sim::LevelRule rule_of(const System& system, const Scenario& scenario,
+                       const std::optional<Player>& player, const sim::OffloadOptions& options) {
   switch (system.level) {
     case LevelRule::kErdos:
     case LevelRule::kErdosE2e:
@@ -89,11 +104,8 @@ sim::LevelRule rule_of(const System& system, const Scenario& scenario, const Tra
                         system.level == LevelRule::kErdosE2e);
     case LevelRule::kFixedTop:
       return [top = options.ladder.size() - 1](auto...) { return top; };
-    case LevelRule::kCausal: {
-      Player player = causal_player(scenario, trace).value();
-      options.only_variant = player.variant;
-      return player.level;
-    }
+    case LevelRule::kCausal:
+      return player.value().level;
     case LevelRule::kGuard:
       break;
   }
@@ -101,11 +113,12 @@ sim::LevelRule rule_of(const System& system, const Scenario& scenario, const Tra
 }
 
 // "raw:5g sampled:4g".
-std::string plan_text(const Plan& plan, std::size_t first_variant, const Scenario& scenario) {
+std::string plan_text(const Plan& plan, const std::vector<std::uint8_t>& variants,
+                      const Scenario& scenario) {
   std::string out;
   for (const Assignment& send : plan.sends) {
     if (!out.empty()) out += ' ';
-    out += scenario.profile.variants.at(first_variant + send.variant).name + ':' +
+    out += scenario.profile.variants.at(variants.at(send.variant)).name + ':' +
            scenario.links.at(send.link.value).name;
   }
   return out;
@@ -124,14 +137,14 @@ Shown shown_of(const RoundDone& done, bool local_backup, const std::vector<Round
   return {Shown::Kind::kStale, then.level, then.variant, age};
 }
 
-// `variant`: the first of those that were submitted.
-void copy_road(const sim::OffloadRound& from, std::size_t variant, Round& to) {
+void copy_road(const sim::OffloadRound& from, const std::vector<std::uint8_t>& variants,
+               Round& to) {
   if (!from.at_road) return;
   const sim::OffloadRound::AtRoad& road = *from.at_road;
   to.delivered = road.delivered - from.t0;
   if (road.began) to.compute_began = *road.began - from.t0;
   if (road.ended) to.compute_ended = *road.ended - from.t0;
-  to.variant = static_cast<std::uint8_t>(variant + road.variant);
+  to.variant = variants.at(road.variant);
   to.level = road.level;
   to.verdict = road.verdict;
   to.degraded_first = road.degraded;
@@ -151,10 +164,12 @@ Scenario table_erdos_scenario() {
 }
 
 Run run(const System& system, const Scenario& scenario, const Trace& trace, std::uint64_t seed) {
-  sim::OffloadOptions options = options_of(system, scenario, trace, seed);
-  options.level_rule = rule_of(system, scenario, trace, options);
+  std::optional<Player> player;
+  if (system.level == LevelRule::kCausal) player = causal_player(scenario, trace).value();
+  const std::vector<std::uint8_t> variants = submitted(system, scenario.profile, player);
+  sim::OffloadOptions options = options_of(system, scenario, trace, seed, variants);
+  options.level_rule = rule_of(system, scenario, player, options);
   const sim::OffloadResult result = sim::run_offload(options);
-  const std::size_t first_variant = options.only_variant.value_or(0);
   Run out;
   out.system = system.name;
   out.seed = seed;
@@ -164,8 +179,8 @@ Run run(const System& system, const Scenario& scenario, const Trace& trace, std:
     round.t0 = from.t0;
     round.on_time = from.done.outcome == Outcome::kRemote;
     round.e2e = from.done.e2e;
-    round.plan = plan_text(from.plan, first_variant, scenario);
-    copy_road(from, first_variant, round);
+    round.plan = plan_text(from.plan, variants, scenario);
+    copy_road(from, variants, round);
     round.degraded_final = from.done.degraded_final;
     round.x_permille = from.done.x_permille;
     round.recovering = from.done.recovering;

@@ -40,6 +40,8 @@ struct System {
   LevelRule level = LevelRule::kGuard;
   // Submits this variant alone.
   std::optional<std::uint8_t> only_variant;
+  // Submits all variants of a longer ladder; others the best and the smallest one, as the paper.
+  bool whole_ladder = false;
   // Has this link alone.
   std::optional<std::size_t> only_link;
   Ablation ablation{};

@@ -45,7 +45,6 @@ class Offload {
   void build();
   PipelineConfig pipeline() const;
   void begin(std::uint32_t round);
-  std::vector<std::size_t> submitted_bytes() const;
   void on_event(HostId host, Event&& event);
   void delivered(Delivered message);
   void start_next();
@@ -113,19 +112,14 @@ void Offload::build() {
       [this](HostId from, const LeavingPacket& packet) { return delay_of(from, packet); });
 }
 
-std::vector<std::size_t> Offload::submitted_bytes() const {
-  if (o_.only_variant) return {o_.variant_bytes.at(*o_.only_variant)};
-  return o_.variant_bytes;
-}
-
 void Offload::choose_top() {
   if (o_.top_level) {
     result_.top_level = *o_.top_level;
     return;
   }
   offload::ComputationBudget budget(o_.deadline);
-  budget.estimate(world_.endpoint(vehicle_).links(world_.local_time(vehicle_), peer_), kEncode,
-                  submitted_bytes().front(), o_.result_bytes);
+  budget.estimate(world_.endpoint(vehicle_).links(world_.local_time(vehicle_), peer_), o_.encode,
+                  o_.variant_bytes.front(), o_.result_bytes);
   result_.top_level = roadside_.top_level(peer_, budget.value());
 }
 
@@ -160,15 +154,15 @@ void Offload::begin(std::uint32_t number) {
   const RoundRef ref = endpoint.begin_round(world_.local_time(vehicle_), kCamera);
   result_.rounds[number].round = number;
   result_.rounds[number].t0 = world_.now();
-  world_.at(world_.now() + kEncode, [this, ref] {
+  world_.at(world_.now() + o_.encode, [this, ref] {
     Variants variants;
-    for (const std::size_t bytes : submitted_bytes()) variants.emplace_back(bytes);
+    for (const std::size_t bytes : o_.variant_bytes) variants.emplace_back(bytes);
     world_.endpoint(vehicle_).submit(world_.local_time(vehicle_), ref, std::move(variants),
                                      MessageClass::kData, peer_);
     world_.flush(vehicle_);
   });
   if (o_.local_backup) {
-    world_.at(world_.now() + kEncode + runtime(0, deviations(number)), [this, ref] {
+    world_.at(world_.now() + o_.encode + runtime(0, deviations(number)), [this, ref] {
       world_.endpoint(vehicle_).local_result(world_.local_time(vehicle_), ref,
                                              Bytes(o_.result_bytes));
       world_.flush(vehicle_);
@@ -257,7 +251,7 @@ void Offload::judge_feasibility() {
   }
   for (OffloadRound& round : result_.rounds) {
     round.feasible =
-        clairvoyant_feasible(o_.profiles, processes, round.t0 + kEncode, o_.deadline - kEncode,
+        clairvoyant_feasible(o_.profiles, processes, round.t0 + o_.encode, o_.deadline - o_.encode,
                              o_.variant_bytes.back(), o_.result_bytes, o_.ladder.front().median);
   }
 }

@@ -22,8 +22,8 @@
 
 namespace interneuron::sim {
 
-// What resizing and copying a frame of 768x576 takes on the vehicle before it is handed over;
-// measured.
+// What resizing and copying a frame of 768x576 takes on the vehicle before it is handed over, as
+// measured: OffloadOptions::encode by default.
 inline constexpr Duration kEncode = std::chrono::milliseconds(1);
 
 // Links are measured for so long before the first round.
@@ -71,8 +71,8 @@ struct OffloadOptions {
   // Sizes of the variants in bytes, best first: the paper's raw and sampled images (docs/paper.md)
   // with their headers.
   std::vector<std::size_t> variant_bytes = {484 * 361 * 3 + 32, 242 * 181 * 3 + 32};
-  // The vehicle submits this variant alone.
-  std::optional<std::size_t> only_variant;
+  // From t0 until the variants are handed over.
+  Duration encode = kEncode;
   std::size_t result_bytes = kResultBytes;
   std::int16_t beta_permille = 0;
   Ablation ablation{};

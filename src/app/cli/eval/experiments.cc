@@ -16,6 +16,8 @@ constexpr Experiment kExperiments[] = {
      experiments::run_fig_rt},
     {"table-erdos", "Timeouts and accuracy under injected delays", 300, 30, true, true,
      experiments::run_table_erdos, run_table_erdos_on_testbed},
+    {"table-lidar", "Timeouts and agreement of a pipeline of point clouds", 300, 30, false, true,
+     experiments::run_table_lidar},
     {"timeout-handler", "Consecutive timeouts with and without the handler", 300, 30, true, true,
      experiments::run_timeout_handler},
     {"ladder", "Which part earns what: baselines and ablations, paired", 300, 30, false, true,

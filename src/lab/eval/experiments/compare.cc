@@ -45,7 +45,8 @@ void add_accuracy(SystemRow& row, const Scorer& scorer, const std::vector<ShownR
   }
 }
 
-SystemRow row_of(const Request& request, const Compared& compared, std::size_t i) {
+SystemRow row_of(const Request& request, const Compared& compared, std::size_t i,
+                 const Scoring& score) {
   const eval::System& system = compared.systems[i];
   SystemRow row;
   row.name = system.name;
@@ -64,12 +65,12 @@ SystemRow row_of(const Request& request, const Compared& compared, std::size_t i
       if (r.on_time) on_time.push_back({r.round, r.shown});
     }
   }
-  add_accuracy(row, request.scorer, every, on_time);
+  score(row, every, on_time);
   return row;
 }
 
 SystemRow bound_row(const Request& request, const char* name, const char* about,
-                    const std::vector<eval::Bound>& bounds) {
+                    const std::vector<eval::Bound>& bounds, const Scoring& score) {
   SystemRow row;
   row.name = name;
   row.about = about;
@@ -87,7 +88,7 @@ SystemRow bound_row(const Request& request, const char* name, const char* about,
   }
   row.timeouts_ci95 = eval::wilson95(row.timeouts, row.rounds);
   row.timeouts_share = static_cast<double>(row.timeouts) / static_cast<double>(row.rounds);
-  add_accuracy(row, request.scorer, shown, on_time);
+  score(row, shown, on_time);
   return row;
 }
 
@@ -124,20 +125,29 @@ Compared compare(const Request& request, const std::string& what, eval::Scenario
 }
 
 std::vector<SystemRow> system_rows(const Request& request, const Compared& compared) {
+  return system_rows(
+      request, compared,
+      [&scorer = request.scorer](SystemRow& row, const auto& every, const auto& on_time) {
+        add_accuracy(row, scorer, every, on_time);
+      });
+}
+
+std::vector<SystemRow> system_rows(const Request& request, const Compared& compared,
+                                   const Scoring& score) {
   std::vector<SystemRow> rows(compared.systems.size());
-  request.progress.for_each("accuracies", rows.size(),
-                            [&](std::size_t i) { rows[i] = row_of(request, compared, i); });
+  request.progress.for_each("scores", rows.size(),
+                            [&](std::size_t i) { rows[i] = row_of(request, compared, i, score); });
   std::optional<OracleFigures> oracle;
   if (!compared.oracle.empty()) {
     rows.push_back(bound_row(request, "oracle",
                              "knows every delay beforehand; without striping, without carry-over",
-                             compared.oracle));
+                             compared.oracle, score));
     oracle = {rows.back().timeouts, rows.back().quality, rows.back().effective_ap};
   }
   if (!compared.causal.empty()) {
     rows.push_back(bound_row(request, "causal",
                              "knows the law and the past; without striping, without carry-over",
-                             compared.causal));
+                             compared.causal, score));
   }
   for (SystemRow& row : rows) row.oracle = oracle;
   return rows;

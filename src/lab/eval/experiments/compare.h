@@ -1,6 +1,7 @@
 // Systems side by side on the same links, frames, delays and computation, seed by seed.
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <span>
 #include <string>
@@ -30,8 +31,15 @@ struct Compared {
 Compared compare(const Request& request, const std::string& what, eval::Scenario scenario,
                  const std::vector<eval::System>& systems, bool bounds = true);
 
-// One row per system, then one per bound.
+// Adds to a row what its rounds were really worth: all of them, and those on time.
+using Scoring = std::function<void(SystemRow& row, const std::vector<ShownRound>& every,
+                                   const std::vector<ShownRound>& on_time)>;
+
+// One row per system, then one per bound; scored by the AP of the demo video. `score` is called on
+// several threads at once.
 std::vector<SystemRow> system_rows(const Request& request, const Compared& compared);
+std::vector<SystemRow> system_rows(const Request& request, const Compared& compared,
+                                   const Scoring& score);
 
 // The columns of such rows.
 std::vector<Column> system_columns();

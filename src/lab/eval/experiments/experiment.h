@@ -55,5 +55,6 @@ void run_timeout_handler(const Request& request, Document& document);
 void run_ladder(const Request& request, Document& document);
 void run_clock(const Request& request, Document& document);
 void run_sweep(const Request& request, Document& document);
+void run_table_lidar(const Request& request, Document& document);
 
 }  // namespace interneuron::experiments

@@ -33,6 +33,11 @@ void fields(auto& f, Of<OracleFigures> auto& r) {
   f("effective_ap", r.effective_ap);
 }
 
+void fields(auto& f, Of<SystemRow::Agreement> auto& r) {
+  f("agreement", r.on_time);
+  f("effective_agreement", r.effective);
+}
+
 void fields(auto& f, Of<SystemRow::Sweep> auto& r) {
   f("deadline_ms", r.deadline_ms);
   f("severity", r.severity);
@@ -63,6 +68,7 @@ void fields(auto& f, Of<SystemRow> auto& r) {
   f("effective_ap", r.effective_ap);
   f("effective_ar", r.effective_ar);
   f("oracle", r.oracle);
+  f.part("agreement", r.agreement);
   f.part("deadline_ms", r.sweep);
   f.part("consecutive_change", r.handler);
 }

@@ -70,6 +70,14 @@ struct SystemRow {
   std::optional<double> effective_ar;
   std::optional<OracleFigures> oracle;
 
+  // Of `table-lidar`: the mean agreement of what was shown with the clusters that the best level
+  // finds on the whole sweep, over rounds on time and over every round.
+  struct Agreement {
+    std::optional<double> on_time;
+    std::optional<double> effective;
+  };
+  std::optional<Agreement> agreement;
+
   // Of `sweep`: what the deadline was, and by how much the injected delays were scaled.
   struct Sweep {
     int deadline_ms = 0;
