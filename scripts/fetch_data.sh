@@ -3,10 +3,11 @@
 # detection models from their public origins. Every file is verified against scripts/data.sha256; a file that is already
 # there and right is kept. Needs no root.
 #
-#   scripts/fetch_data.sh [--dest DIR] [--ground-truth] [--traces]
+#   scripts/fetch_data.sh [--dest DIR] [--ground-truth] [--point-clouds] [--traces]
 #
 #   --dest DIR       where to; default build/data
 #   --ground-truth   also the MOTChallenge ground truth of the video, which is licensed CC BY-NC-SA 3.0
+#   --point-clouds   also one lidar sweep each of KITTI (CC BY-NC-SA 3.0) and nuScenes (CC BY-NC-SA 4.0)
 #   --traces         also measured rates of two LTE networks, which are part of Mahimahi and under the GPL 3
 #
 # Exit codes: 0 all there, 1 a file could not be had (the others were still fetched), 2 usage.
@@ -16,6 +17,7 @@ sums="$root/scripts/data.sha256"
 
 dest="$root/build/data"
 ground_truth=false
+point_clouds=false
 traces=false
 while (($# > 0)); do
   case $1 in
@@ -26,6 +28,7 @@ while (($# > 0)); do
       ;;
     --dest=?*) dest=${1#--dest=} ;;
     --ground-truth) ground_truth=true ;;
+    --point-clouds) point_clouds=true ;;
     --traces) traces=true ;;
     -h | --help) sed -n '2,/^set /{/^set /d;s/^# \{0,1\}//;p}' "${BASH_SOURCE[0]}"; exit 0 ;;
     *) printf "fetch_data: unknown argument '%s'; see scripts/fetch_data.sh --help\n" "$1" >&2; exit 2 ;;
@@ -47,6 +50,7 @@ video="pets/vtest.avi"
 video_url="$github/opencv/opencv/4.6.0/samples/data/vtest.avi"
 mahimahi="$github/ravinet/mahimahi/ae477d437615b972217498ba52be07db17a15618/traces"
 truth="$github/gonzalocarreteroh/MASA-OA/ff2036c/benchmarks/MOT15/PETS09-S2L1"
+mmdetection="$github/open-mmlab/mmdetection3d/fe25f7a51d36e3702f961e198894580d83c4387b/demo/data"
 
 say() { printf 'fetch_data: %s\n' "$*"; }
 failures=0
@@ -153,6 +157,13 @@ if $ground_truth; then
   say "the ground truth is MOTChallenge data, licensed CC BY-NC-SA 3.0: attribution, no commercial use, share alike"
   fetch pets/gt.txt "$truth/gt/gt.txt" "$truth/gt.txt"
   fetch pets/seqinfo.ini "$truth/seqinfo.ini"
+fi
+
+if $point_clouds; then
+  say "the sweeps are of KITTI (CC BY-NC-SA 3.0) and nuScenes (CC BY-NC-SA 4.0): attribution, no commercial use, share alike"
+  fetch pointcloud/kitti_000008.bin "$mmdetection/kitti/000008.bin"
+  fetch pointcloud/nuscenes_lidar_top.pcd.bin \
+    "$mmdetection/nuscenes/n015-2018-07-24-11-22-45%2B0800__LIDAR_TOP__1532402927647951.pcd.bin"
 fi
 
 if $traces; then

@@ -22,6 +22,9 @@ struct VariantProfile {
 struct Profile {
   // The best one first, as they are submitted.
   std::vector<VariantProfile> variants;
+  // The one that stands for the paper's sampled image, which has a quarter of the bytes of its raw
+  // one.
+  std::uint8_t sampled = 1;
   std::vector<std::string> level_names;
   // Each with its quality by variant.
   std::vector<LevelProfile> levels;

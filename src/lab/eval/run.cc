@@ -52,9 +52,9 @@ std::vector<std::uint8_t> submitted(const System& system, const Profile& profile
                                     const std::optional<Player>& player) {
   if (player) return {player->variant};
   if (system.only_variant) return {*system.only_variant};
+  if (!system.whole_ladder) return {0, profile.sampled};
   std::vector<std::uint8_t> all(profile.variants.size());
   std::iota(all.begin(), all.end(), std::uint8_t{0});
-  if (all.size() > 2 && !system.whole_ladder) return {all.front(), all.back()};
   return all;
 }
 

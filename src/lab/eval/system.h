@@ -40,7 +40,7 @@ struct System {
   LevelRule level = LevelRule::kGuard;
   // Submits this variant alone.
   std::optional<std::uint8_t> only_variant;
-  // Submits all variants of a longer ladder; others the best and the smallest one, as the paper.
+  // Submits all variants; others the best one and Profile::sampled, as the paper.
   bool whole_ladder = false;
   // Has this link alone.
   std::optional<std::size_t> only_link;

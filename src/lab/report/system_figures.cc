@@ -29,6 +29,11 @@ Dot share_missed(const SystemRow& r) {
 
 std::optional<Dot> quality(const SystemRow& r) { return dot(r.quality); }
 
+std::optional<Dot> effective_agreement(const SystemRow& r) {
+  if (!r.agreement || !r.agreement->effective) return std::nullopt;
+  return dot(*r.agreement->effective);
+}
+
 Dot dot(const eval::Paired& p) {
   return p.ci95 ? Dot{p.mean, (*p.ci95)[0], (*p.ci95)[1]} : dot(p.mean);
 }
@@ -64,6 +69,10 @@ Figure of_systems(const Document& document, const Table& table,
     panels.push_back({"effective AP", by_kind<SystemRow>(rows, [](const SystemRow& r) {
                         return r.effective_ap ? std::optional(dot(*r.effective_ap)) : std::nullopt;
                       })});
+  }
+  if (std::ranges::any_of(rows,
+                          [](const SystemRow& r) { return effective_agreement(r).has_value(); })) {
+    panels.push_back({"effective agreement", by_kind<SystemRow>(rows, effective_agreement)});
   }
   panels.push_back({"quality", by_kind<SystemRow>(rows, quality)});
   return dots_of(document, table, rows,

@@ -4,6 +4,9 @@
 #include <iterator>
 
 #include "app/cli/eval/experiments.h"
+#include "host/process/progress.h"
+#include "host/process/signals.h"
+#include "lab/eval/experiments/cloud_scorer.h"
 #include "lab/eval/experiments/document.h"
 #include "lab/eval/experiments/findings.h"
 #include "lab/eval/experiments/scorer.h"
@@ -97,6 +100,26 @@ TEST(Eval, TableErdosHasARowPerSystemAndBound) {
     }
     for (const char* name : {"ours", "paper", "erdos_like", "erdos_e2e", "duplicate", "oracle"}) {
       EXPECT_TRUE(std::ranges::count(names, name) == 1) << name << " in " << table["name"];
+    }
+  }
+}
+
+TEST(Eval, TableLidarHasBothSweepsAndAStaticChoicePerVariant) {
+  const auto document = document_of("table-lidar --rounds 20 --seeds 3..4");
+  ASSERT_EQ(document["tables"].size(), 6U);
+  for (const auto& table : document["tables"]) {
+    std::vector<std::string> names;
+    for (const auto& row : table["rows"]) {
+      names.push_back(row["name"]);
+      EXPECT_TRUE(row["ap"].is_null()) << names.back();
+      EXPECT_TRUE(row.contains("effective_agreement")) << names.back();
+      EXPECT_EQ(row["rounds"], 40) << names.back();
+      EXPECT_GE(row["timeouts"], row["oracle"]["timeouts"]) << names.back();
+      EXPECT_LE(row["quality"], row["oracle"]["quality"].get<double>() + 1e-9) << names.back();
+    }
+    for (const char* name : {"ours", "ours_joint", "paper", "erdos_like", "always_full",
+                             "always_10cm", "always_20cm", "always_40cm", "oracle"}) {
+      EXPECT_EQ(std::ranges::count(names, name), 1) << name << " in " << table["name"];
     }
   }
 }
@@ -268,6 +291,54 @@ TEST(EvalFindings, SayThatABaselineIsClose) {
   ASSERT_EQ(count(all, Finding::Kind::kNotice), 1U);
   EXPECT_EQ(all.back().text,
             "Uniform: less quality than ours (0.3900), but within 5 %: always_sampled (0.3800).");
+}
+
+TEST(EvalFindings, JudgeByAgreementWhereItIsKnown) {
+  Document document = erdos_document(
+      {system_row("ours", 10, 0.002, 0.006, 0.8), system_row("always_10cm", 90, 0.02, 0.04, 0.7)});
+  document.experiment = "table-lidar";
+  auto& rows = std::get<std::vector<SystemRow>>(document.tables[0].rows);
+  rows[0].agreement = {0.81, 0.80};
+  rows[1].agreement = {0.95, 0.85};
+  const auto all = findings(document);
+  ASSERT_EQ(count(all, Finding::Kind::kMissed), 1U);
+  EXPECT_EQ(all[0].text,
+            "Uniform: with no less effective agreement than ours (0.8000): always_10cm (0.8500).");
+  EXPECT_EQ(to_json(experiments::document_from(to_json(document))).dump(),
+            to_json(document).dump());
+}
+
+// What was shown is clustered for real, and agrees as the profile says on average.
+TEST(EvalScorer, ClustersWhatWasShown) {
+  const fs::path data = INTERNEURON_SOURCE_DIR "/../shared/data";
+  Progress quiet(true);
+  const SignalWatch signals;
+  using experiments::CloudScorer;
+  const std::uint32_t rounds = 10;
+  for (const auto sweep : {eval::LidarSweep::kKitti, eval::LidarSweep::kNuScenes}) {
+    const CloudScorer scorer(data, sweep, rounds, quiet);
+    if (!scorer.missing().empty()) GTEST_SKIP() << scorer.missing();
+    const eval::Profile profile = eval::lidar_profile(sweep);
+    const auto score = [&](const eval::Shown& shown) {
+      std::vector<ShownRound> all;
+      for (std::uint32_t i = 0; i < rounds; ++i) all.push_back({i, shown});
+      return scorer.agreement(all).value();
+    };
+    using Kind = eval::Shown::Kind;
+    EXPECT_DOUBLE_EQ(score({Kind::kRemote, 2, 0, 0}), 1);
+    EXPECT_DOUBLE_EQ(score({}), 0);
+    for (const eval::Shown shown : {eval::Shown{Kind::kLocal, 0, 0, 0},
+                                    {Kind::kRemote, 1, 2, 0},
+                                    {Kind::kRemote, 2, 1, 0},
+                                    {Kind::kRemote, 0, 3, 0}}) {
+      EXPECT_NEAR(score(shown), quality_of(profile, shown), 0.05);
+    }
+    const ShownRound old{1, {Kind::kStale, 2, 0, 1}};
+    EXPECT_LT(scorer.agreement({&old, 1}).value(), 0.2);
+    EXPECT_EQ(scorer.agreement({}), std::nullopt);
+  }
+  EXPECT_FALSE(
+      CloudScorer(std::nullopt, eval::LidarSweep::kKitti, rounds, quiet).missing().empty());
 }
 
 TEST(EvalScorer, ScoresWhatWasShown) {

@@ -117,6 +117,7 @@ std::vector<Finding> findings(const Document& document) {
   Findings out;
   const std::string& experiment = document.experiment;
   if (experiment == "table-erdos") of_erdos(document, out);
+  if (experiment == "table-lidar") of_lidar(document, out);
   if (experiment == "fig-rt") of_fig_rt(document, out);
   if (experiment == "sweep") of_sweep(document, out);
   if (experiment == "ladder") of_ladder(document, out);

@@ -167,13 +167,26 @@ Rivals rivals_of(const std::vector<SystemRow>& rows, const SystemRow& ours,
   return out;
 }
 
+// What the application really got: with recordings by AP, with sweeps by agreement.
+struct Metric {
+  const char* spoken;
+  std::optional<double> (*worth)(const SystemRow& row);
+};
+
+Metric metric_of(const SystemRow& ours) {
+  if (ours.agreement && ours.agreement->effective) {
+    return {"effective agreement",
+            [](const SystemRow& r) { return r.agreement ? r.agreement->effective : std::nullopt; }};
+  }
+  if (ours.effective_ap) {
+    return {"effective AP", [](const SystemRow& r) { return r.effective_ap; }};
+  }
+  return {"quality", [](const SystemRow& r) { return std::optional(r.quality); }};
+}
+
 void against_others(const std::string& where, const std::vector<SystemRow>& rows,
                     const SystemRow& ours, Findings& out) {
-  // With recordings, AP tells what the application really got.
-  const bool by_ap = ours.effective_ap.has_value();
-  const char* spoken = by_ap ? "effective AP" : "quality";
-  const auto worth = by_ap ? [](const SystemRow& r) { return r.effective_ap; }
-                           : [](const SystemRow& r) { return std::optional(r.quality); };
+  const auto [spoken, worth] = metric_of(ours);
   const double mine = *worth(ours);
   const Rivals rivals = rivals_of(rows, ours, worth);
   out.push_back(judged(rivals.better.empty(),
@@ -271,6 +284,20 @@ void of_erdos(const Document& document, Findings& out) {
                                        table.title, 100 * share, 100 * kOracleMayMiss)));
     }
     against_others(table.title, *rows, *ours, out);
+  }
+}
+
+void of_lidar(const Document& document, Findings& out) {
+  for (const Table& table : document.tables) {
+    const auto& rows = rows_as<SystemRow>(table);
+    const SystemRow* ours = find(rows, kOurs);
+    const SystemRow* oracle = find(rows, "oracle");
+    if (ours == nullptr) continue;
+    if (oracle != nullptr) against_oracle(table.title, *ours, *oracle, out);
+    if (const SystemRow* player = find(rows, "causal_player")) {
+      against_player(table.title, *ours, *player, out);
+    }
+    against_others(table.title, rows, *ours, out);
   }
 }
 

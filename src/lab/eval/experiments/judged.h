@@ -16,6 +16,7 @@ inline Finding judged(bool met, const std::string& text) {
 
 // One kind of document each.
 void of_erdos(const Document& document, Findings& out);
+void of_lidar(const Document& document, Findings& out);
 void of_sweep(const Document& document, Findings& out);
 void of_ladder(const Document& document, Findings& out);
 void of_handler(const Document& document, Findings& out);

@@ -27,8 +27,7 @@ constexpr Case kCases[] = {
 constexpr std::pair<LidarSweep, const char*> kSweeps[] = {{LidarSweep::kKitti, "KITTI"},
                                                           {LidarSweep::kNuScenes, "nuScenes"}};
 
-constexpr const char* kSystems[] = {"ours",       "paper",     "no_backup", "b0",
-                                    "erdos_like", "erdos_e2e", "duplicate", "duplicate_e2e"};
+constexpr const char* kSystems[] = {"ours", "paper", "b0", "erdos_like", "erdos_e2e"};
 
 std::vector<eval::System> systems_for(const eval::Scenario& scenario) {
   std::vector<eval::System> out = some_systems(kSystems);
