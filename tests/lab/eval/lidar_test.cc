@@ -21,7 +21,9 @@ TEST(LidarProfile, IsThatOfTheRungsAndLevelsThereAre) {
     ASSERT_EQ(p.levels.size(), perception::cluster_levels().size());
     for (std::size_t v = 0; v < p.variants.size(); ++v) {
       EXPECT_EQ(p.variants[v].name, perception::cloud_rungs()[v].name);
-      if (v > 0) EXPECT_LT(p.variants[v].bytes, p.variants[v - 1].bytes);
+      if (v > 0) {
+        EXPECT_LT(p.variants[v].bytes, p.variants[v - 1].bytes);
+      }
     }
     for (std::size_t l = 0; l < p.levels.size(); ++l) {
       EXPECT_EQ(p.level_names[l], perception::cluster_levels()[l].name);
