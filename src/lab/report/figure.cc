@@ -89,6 +89,7 @@ std::string dot_panels(const std::vector<std::string>& labels, const std::vector
     out += panel.zero_line
                ? "set arrow 1 from 0, graph 0 to 0, graph 1 nohead dt 2 lc rgb 'black'\n"
                : "unset arrow 1\n";
+    out += panel.tics > 0 ? fmt::format("set xtics {}\n", panel.tics) : "set xtics autofreq\n";
     std::string plots;
     for (std::size_t s = 0; s < panel.series.size(); ++s) {
       const Dots& series = panel.series[s];

@@ -58,6 +58,8 @@ struct Panel {
   std::vector<Dots> series;
   bool logarithmic = false;
   bool zero_line = false;
+  // The distance between the tics of the axis; 0: as gnuplot has it.
+  double tics = 0;
 };
 std::string dot_panels(const std::vector<std::string>& labels, const std::vector<Panel>& panels);
 int dots_height(std::size_t labels);

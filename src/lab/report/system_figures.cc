@@ -21,6 +21,9 @@ const char* colour_of(const Row& row) {
   return row.baseline ? kOrange : kBlue;
 }
 
+// Of an axis up to 1, so that the numbers stay apart.
+constexpr double kWideTics = 0.25;
+
 Dot dot(double value) { return {value, value, value}; }
 
 Dot share_missed(const SystemRow& r) {
@@ -72,9 +75,14 @@ Figure of_systems(const Document& document, const Table& table,
   }
   if (std::ranges::any_of(rows,
                           [](const SystemRow& r) { return effective_agreement(r).has_value(); })) {
-    panels.push_back({"effective agreement", by_kind<SystemRow>(rows, effective_agreement)});
+    panels.push_back({.title = "effective agreement",
+                      .series = by_kind<SystemRow>(rows, effective_agreement),
+                      .tics = kWideTics});
   }
-  panels.push_back({"quality", by_kind<SystemRow>(rows, quality)});
+  const bool is_wide = std::ranges::any_of(rows, [](const auto& r) { return r.quality > 0.5; });
+  panels.push_back({.title = "quality",
+                    .series = by_kind<SystemRow>(rows, quality),
+                    .tics = is_wide ? kWideTics : 0});
   return dots_of(document, table, rows,
                  ": rounds missed (95 % intervals) and what the application really got", panels);
 }

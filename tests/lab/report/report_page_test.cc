@@ -27,9 +27,10 @@ class ReportPage : public testing::Test {
         "table-network --rounds 300 --seeds 1..1", "fig-adjust --rounds 2 --seeds 1..1", "fig-rt",
         "timeout-handler --rounds 10 --seeds 1..1", "clock --rounds 10 --seeds 1..1"};
     if (!sim::kSanitized) {  // many runs of the same code: minutes
-      experiments.insert(experiments.end(),
-                         {"table-erdos --rounds 10 --seeds 1..1", "ladder --rounds 10 --seeds 1..2",
-                          "sweep --rounds 5 --seeds 1..1"});
+      experiments.insert(
+          experiments.end(),
+          {"table-erdos --rounds 10 --seeds 1..1", "table-lidar --rounds 3 --seeds 1..1",
+           "ladder --rounds 10 --seeds 1..2", "sweep --rounds 5 --seeds 1..1"});
     }
     for (const std::string& experiment : experiments) {
       const Ran ran = run("eval " + experiment + " --out '" + folder_->string() + "'");

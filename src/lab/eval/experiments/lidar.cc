@@ -40,8 +40,9 @@ std::vector<eval::System> systems_for(const eval::Scenario& scenario) {
   for (std::size_t i = 0; i < scenario.profile.variants.size(); ++i) {
     eval::System fixed = *eval::find_system("always_sampled");
     fixed.name = "always_" + scenario.profile.variants[i].name;
-    fixed.about = fmt::format("always {} over every link that can carry it, highest level",
-                              scenario.profile.variants[i].name);
+    fixed.about = fmt::format(
+        "the sweep as {} over every link that can carry it, highest level, local backup",
+        scenario.profile.variants[i].name);
     fixed.only_variant = static_cast<std::uint8_t>(i);
     out.push_back(std::move(fixed));
   }
