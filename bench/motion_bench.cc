@@ -1,15 +1,19 @@
 // How good and how fast each level of a ladder is on a video with ground truth: the program whose
 // table the qualities and the drawing thresholds of the detectors' levels come from.
 //
-//   motion_bench --data DIR [--ladder motion|dnn|replay] [--level N] [--frames N]
+//   motion_bench --data DIR [--ladder motion|dnn|replay] [--level N] [--frames N] [--every N]
+//                [--images paper|jpeg] [--jpeg DIVISOR:QUALITY]... [--brief]
 //
 // DIR holds pets/vtest.avi and pets/gt.txt (scripts/fetch_data.sh --ground-truth). Each level sees
 // each frame once, in order, as it does in operation; times are of the processor, of one thread.
+// With --jpeg, images of other sizes and qualities than those of the ladders are measured, which is
+// how the rungs of the JPEG ladder were chosen.
 #include <time.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -29,24 +33,58 @@ double cpu_ms() {
   return static_cast<double>(t.tv_sec) * 1e3 + static_cast<double>(t.tv_nsec) / 1e6;
 }
 
+// How an image reaches the detector: as a variant of the codec, or as a JPEG of another form.
+struct Form {
+  std::string name;
+  std::optional<Variant> variant{};
+  JpegForm jpeg{};
+};
+
+Bytes encoded(const Form& form, const Frame& frame) {
+  const auto number = static_cast<std::uint32_t>(frame.index);
+  return form.variant ? encode_image(make_variant(frame.bgr, number, *form.variant))
+                      : encode_jpeg(frame.bgr, number, form.jpeg);
+}
+
+// A JPEG is given up when the machine is busy (JpegLimits::time), which is not its fault.
+Image decoded(const Bytes& bytes) {
+  while (true) {
+    if (const auto image = decode_image(bytes)) return *image;
+  }
+}
+
 struct Run {
   std::vector<Shown> shown;
   std::vector<double> times_ms;
+  std::vector<double> encode_ms;
+  std::size_t bytes = 0;
 };
 
-Run run_level(Ladder& ladder, std::size_t level, Variant variant, const std::string& video,
-              int frames) {
-  FrameSource source(video);
+struct Frames {
+  std::string video;
+  int most = 0;
+  // Only every so-many-th one.
+  int every = 1;
+};
+
+Run run_level(Ladder& ladder, std::size_t level, const Form& form, const Frames& frames) {
+  FrameSource source(frames.video);
   ladder.level(level).detector->reset();
   Run run;
   while (const auto frame = source.next()) {
-    if (frame->index >= frames) break;
-    const Image image = make_variant(frame->bgr, static_cast<std::uint32_t>(frame->index), variant);
+    if (frame->index >= frames.most) break;
+    if (frame->index % frames.every != 0) continue;
+    const double begin = cpu_ms();
+    const Bytes bytes = encoded(form, *frame);
+    run.encode_ms.push_back(cpu_ms() - begin);
+    run.bytes += bytes.size();
+    const Image image = decoded(bytes);
     const double start = cpu_ms();
     run.shown.push_back({frame->index, ladder.detect(level, image)});
     run.times_ms.push_back(cpu_ms() - start);
   }
   std::sort(run.times_ms.begin(), run.times_ms.end());
+  std::sort(run.encode_ms.begin(), run.encode_ms.end());
   return run;
 }
 
@@ -54,12 +92,17 @@ double at_share(const std::vector<double>& sorted, double share) {
   return sorted[static_cast<std::size_t>(share * static_cast<double>(sorted.size() - 1))];
 }
 
-void print(const Level& level, Variant variant, const GroundTruth& truth, const Run& run) {
+void print(const Level& level, const Form& form, const GroundTruth& truth, const Run& run,
+           bool brief) {
   const Accuracy a = evaluate(truth, run.shown);
-  std::printf("%-40s %-7s AP %.3f AP50 %.3f AR %.3f  median %.1f ms p95 %.1f ms\n",
-              level.name.c_str(), variant == Variant::kRaw ? "raw" : "sampled", a.ap, a.ap50, a.ar,
-              at_share(run.times_ms, 0.5), at_share(run.times_ms, 0.95));
-  for (double score = 0; score < 0.95; score += kScoreStep) {
+  std::printf(
+      "%-26s %-10s AP %.4f AP50 %.3f AR %.3f  median %.1f ms p95 %.1f ms  %.1f kB, encoded in "
+      "%.2f ms, p95 %.2f ms\n",
+      level.name.c_str(), form.name.c_str(), a.ap, a.ap50, a.ar, at_share(run.times_ms, 0.5),
+      at_share(run.times_ms, 0.95),
+      static_cast<double>(run.bytes) / 1000 / static_cast<double>(run.shown.size()),
+      at_share(run.encode_ms, 0.5), at_share(run.encode_ms, 0.95));
+  for (double score = 0; !brief && score < 0.95; score += kScoreStep) {
     const ShownShare s = share_shown(truth, run.shown, static_cast<float>(score));
     if (s.boxes == 0) break;
     std::printf("    score >= %.2f: precision %.3f recall %.3f, %.1f boxes a frame\n", score,
@@ -69,17 +112,50 @@ void print(const Level& level, Variant variant, const GroundTruth& truth, const 
   std::fflush(stdout);
 }
 
-// `only`: one level; negative: all of them.
-int measure(const std::filesystem::path& data, const std::string& kind, int only, int frames) {
-  Ladder ladder = make_ladder(
-      {.kind = *parse_ladder_kind(kind), .data_dir = data, .max_levels = 0, .spend = [](Duration) {
-       }});
+struct Options {
+  std::string data;
+  std::string ladder = "motion";
+  // One level; negative: all of them.
+  int level = -1;
+  int frames = 1'000'000;
+  int every = 1;
+  std::string images = "paper";
+  std::vector<std::string> jpeg;
+  bool brief = false;
+};
+
+// "DIVISOR:QUALITY".
+Form jpeg_form(const std::string& text) {
+  Form form{.name = text};
+  const int read = std::sscanf(text.c_str(), "%d:%d", &form.jpeg.divisor, &form.jpeg.quality);
+  if (read != 2 || form.jpeg.divisor < 1) {
+    throw InputError("--jpeg '" + text + "': give DIVISOR:QUALITY, as in 2:50");
+  }
+  return form;
+}
+
+std::vector<Form> forms_of(const Options& o) {
+  std::vector<Form> forms;
+  for (const std::string& text : o.jpeg) forms.push_back(jpeg_form(text));
+  if (!forms.empty()) return forms;
+  for (const Variant variant : variants_of(*parse_images(o.images))) {
+    forms.push_back({.name = std::string(to_string(variant)), .variant = variant});
+  }
+  return forms;
+}
+
+int measure(const Options& o) {
+  const std::filesystem::path data = o.data;
+  Ladder ladder = make_ladder({.kind = *parse_ladder_kind(o.ladder),
+                               .data_dir = data,
+                               .max_levels = 0,
+                               .spend = [](Duration) {}});
   const GroundTruth truth = read_mot_truth(data / "pets/gt.txt");
+  const Frames frames{(data / "pets/vtest.avi").string(), o.frames, o.every};
   for (std::size_t level = 0; level < ladder.size(); ++level) {
-    if (only >= 0 && level != static_cast<std::size_t>(only)) continue;
-    for (const Variant variant : {Variant::kRaw, Variant::kSampled}) {
-      const Run run = run_level(ladder, level, variant, (data / "pets/vtest.avi").string(), frames);
-      print(ladder.level(level), variant, truth, run);
+    if (o.level >= 0 && level != static_cast<std::size_t>(o.level)) continue;
+    for (const Form& form : forms_of(o)) {
+      print(ladder.level(level), form, truth, run_level(ladder, level, form, frames), o.brief);
     }
   }
   return 0;
@@ -90,17 +166,19 @@ int measure(const std::filesystem::path& data, const std::string& kind, int only
 
 int main(int argc, char** argv) {
   CLI::App app("Accuracy and run time of each level of a ladder");
-  std::string data;
-  std::string kind = "motion";
-  int level = -1;
-  int frames = 1'000'000;
-  app.add_option("--data", data, "Folder with pets/vtest.avi and pets/gt.txt")->required();
-  app.add_option("--ladder", kind, "Detectors")->check(CLI::IsMember({"dnn", "motion", "replay"}));
-  app.add_option("--level", level, "Only this level");
-  app.add_option("--frames", frames, "Only so many frames");
+  interneuron::perception::Options o;
+  app.add_option("--data", o.data, "Folder with pets/vtest.avi and pets/gt.txt")->required();
+  app.add_option("--ladder", o.ladder, "Detectors")
+      ->check(CLI::IsMember({"dnn", "motion", "replay"}));
+  app.add_option("--level", o.level, "Only this level");
+  app.add_option("--frames", o.frames, "Only so many frames");
+  app.add_option("--every", o.every, "Only every so-many-th frame")->check(CLI::Range(1, 1000));
+  app.add_option("--images", o.images, "Ladder of images")->check(CLI::IsMember({"paper", "jpeg"}));
+  app.add_option("--jpeg", o.jpeg, "JPEG of 1/DIVISOR of each side, DIVISOR:QUALITY");
+  app.add_flag("--brief", o.brief, "Without the table of drawing thresholds");
   CLI11_PARSE(app, argc, argv);
   try {
-    return interneuron::perception::measure(data, kind, level, frames);
+    return interneuron::perception::measure(o);
   } catch (const std::exception& error) {
     std::fprintf(stderr, "motion_bench: %s\n", error.what());
     return 1;

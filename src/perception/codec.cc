@@ -1,6 +1,7 @@
 #include "perception/codec.h"
 
 #include <algorithm>
+#include <array>
 #include <cassert>
 #include <cmath>
 #include <cstring>
@@ -18,6 +19,12 @@ constexpr std::uint8_t kVersion = 1;
 // The longest side in pixels, because the sides of the source travel as 16 bits.
 constexpr int kMaxSide = 0xFFFF;
 
+constexpr std::array<std::string_view, kVariants> kVariantNames{
+    "raw", "sampled", "grey", "jpeg", "jpeg-coarse", "jpeg-coarsest", "jpeg-half"};
+constexpr std::array<Variant, 2> kPaperVariants{Variant::kRaw, Variant::kSampled};
+constexpr std::array<Variant, 4> kJpegVariants{Variant::kJpeg, Variant::kJpegCoarse,
+                                               Variant::kJpegCoarsest, Variant::kJpegHalf};
+
 // Of the variants that have one size.
 cv::Size size_of(Variant variant) {
   return variant == Variant::kSampled ? cv::Size(kSampledWidth, kSampledHeight)
@@ -28,11 +35,11 @@ cv::Size size_of(Variant variant) {
   return size.width >= 1 && size.height >= 1 && size.width <= kMaxSide && size.height <= kMaxSide;
 }
 
-// A whole frame of at most kMaxJpegPixels.
-cv::Mat shrunken(const cv::Mat& bgr) {
+// A whole frame of at most kMaxJpegPixels, its sides divided.
+cv::Mat shrunken(const cv::Mat& bgr, int divisor) {
   const double pixels = static_cast<double>(bgr.total());
-  if (pixels <= kMaxJpegPixels) return bgr;
-  const double scale = std::sqrt(kMaxJpegPixels / pixels);
+  const double scale = std::min(1.0, std::sqrt(kMaxJpegPixels / pixels)) / divisor;
+  if (scale >= 1) return bgr;
   cv::Mat out;
   cv::resize(bgr, out,
              {std::max(1, static_cast<int>(bgr.cols * scale)),
@@ -49,9 +56,9 @@ void append_pixels(Bytes& out, const cv::Mat& picture) {
   }
 }
 
-void append_jpeg(Bytes& out, const cv::Mat& bgr) {
+void append_jpeg(Bytes& out, const cv::Mat& bgr, int quality) {
   std::vector<std::uint8_t> file;
-  cv::imencode(".jpg", bgr, file, {cv::IMWRITE_JPEG_QUALITY, kJpegQuality});
+  cv::imencode(".jpg", bgr, file, {cv::IMWRITE_JPEG_QUALITY, quality});
   const ByteView bytes = std::as_bytes(std::span(file));
   out.insert(out.end(), bytes.begin(), bytes.end());
 }
@@ -84,7 +91,7 @@ std::optional<Head> parse_head(ByteView bytes) {
   head.image.source.height = in.get<std::uint16_t>();
   head.rest = in.rest();
   if (!in.ok() || head.image.source.width < 1 || head.image.source.height < 1) return {};
-  if (head.image.variant == Variant::kJpeg) {
+  if (is_jpeg(head.image.variant)) {
     return bytes.size() <= kMaxJpegBytes ? std::optional(head) : std::nullopt;
   }
   const bool fits =
@@ -93,6 +100,29 @@ std::optional<Head> parse_head(ByteView bytes) {
 }
 
 }  // namespace
+
+std::string_view to_string(Variant variant) {
+  return kVariantNames[static_cast<std::size_t>(variant)];
+}
+
+std::optional<Variant> parse_variant(std::string_view text) {
+  const auto* found = std::ranges::find(kVariantNames, text);
+  if (found == kVariantNames.end()) return {};
+  return static_cast<Variant>(found - kVariantNames.begin());
+}
+
+std::string_view to_string(Images images) { return images == Images::kPaper ? "paper" : "jpeg"; }
+
+std::optional<Images> parse_images(std::string_view text) {
+  for (const Images images : {Images::kPaper, Images::kJpeg}) {
+    if (text == to_string(images)) return images;
+  }
+  return {};
+}
+
+std::span<const Variant> variants_of(Images images) {
+  return images == Images::kPaper ? std::span<const Variant>(kPaperVariants) : kJpegVariants;
+}
 
 cv::Mat every_second_pixel(const cv::Mat& image) {
   assert(image.type() == CV_8UC3);
@@ -108,8 +138,8 @@ cv::Mat every_second_pixel(const cv::Mat& image) {
 Image make_variant(const cv::Mat& bgr, std::uint32_t frame, Variant variant) {
   assert(bgr.type() == CV_8UC3 && valid_source(bgr.size()));
   Image image{.bgr = {}, .variant = variant, .frame = frame, .source = bgr.size()};
-  if (variant == Variant::kJpeg) {
-    image.bgr = shrunken(bgr);
+  if (is_jpeg(variant)) {
+    image.bgr = shrunken(bgr, jpeg_form(variant).divisor);
     return image;
   }
   // By area, so that fine texture does not alias when a large camera picture shrinks.
@@ -122,9 +152,12 @@ Image make_variant(const cv::Mat& bgr, std::uint32_t frame, Variant variant) {
   return image;
 }
 
-Bytes encode_image(const Image& image) {
+namespace {
+
+// The header of an image message.
+Bytes head_of(const Image& image) {
   assert(image.bgr.type() == CV_8UC3 && valid_source(image.source));
-  assert(image.variant == Variant::kJpeg || image.bgr.size() == size_of(image.variant));
+  assert(is_jpeg(image.variant) || image.bgr.size() == size_of(image.variant));
   Bytes out;
   out.reserve(encoded_size(image.variant));
   append(out, kMagic);
@@ -135,8 +168,15 @@ Bytes encode_image(const Image& image) {
   append(out, image.frame);
   append(out, static_cast<std::uint16_t>(image.source.width));
   append(out, static_cast<std::uint16_t>(image.source.height));
-  if (image.variant == Variant::kJpeg) {
-    append_jpeg(out, image.bgr);
+  return out;
+}
+
+}  // namespace
+
+Bytes encode_image(const Image& image) {
+  Bytes out = head_of(image);
+  if (is_jpeg(image.variant)) {
+    append_jpeg(out, image.bgr, jpeg_form(image.variant).quality);
   } else if (image.variant == Variant::kGrey) {
     cv::Mat grey;
     cv::extractChannel(image.bgr, grey, 0);
@@ -147,8 +187,18 @@ Bytes encode_image(const Image& image) {
   return out;
 }
 
+Bytes encode_jpeg(const cv::Mat& bgr, std::uint32_t frame, const JpegForm& form) {
+  const Image image{.bgr = shrunken(bgr, form.divisor),
+                    .variant = Variant::kJpeg,
+                    .frame = frame,
+                    .source = bgr.size()};
+  Bytes out = head_of(image);
+  append_jpeg(out, image.bgr, form.quality);
+  return out;
+}
+
 std::vector<Bytes> encode_variants(const cv::Mat& bgr, std::uint32_t frame,
-                                   std::initializer_list<Variant> variants) {
+                                   std::span<const Variant> variants) {
   std::vector<Bytes> out;
   for (const Variant variant : variants) {
     out.push_back(encode_image(make_variant(bgr, frame, variant)));
@@ -158,11 +208,16 @@ std::vector<Bytes> encode_variants(const cv::Mat& bgr, std::uint32_t frame,
 
 bool may_be_image(ByteView bytes) { return parse_head(bytes).has_value(); }
 
+std::optional<Variant> claimed_variant(ByteView bytes) {
+  const auto head = parse_head(bytes);
+  return head ? std::optional(head->image.variant) : std::nullopt;
+}
+
 std::optional<Image> decode_image(ByteView bytes) {
   auto head = parse_head(bytes);
   if (!head) return {};
   Image& image = head->image;
-  if (image.variant == Variant::kJpeg) {
+  if (is_jpeg(image.variant)) {
     if (inspect_jpeg(head->rest).size != head->size) return {};
     image.bgr = decode_jpeg(head->rest).bgr;
   } else {

@@ -6,7 +6,7 @@
 //        0    2 magic 0x4458, "DX"
 //        2    1 version, 1
 //        3    1 level of the ladder that ran
-//        4    1 variant of the image it ran on: 0 raw, 1 sampled, 2 grey, 3 JPEG
+//        4    1 variant of the image it ran on: 0 raw, 1 sampled, 2 grey, 3 … 6 JPEG
 //        5    1 flags: bit 0 stage 1 was late, bit 1 it was released at its deadline, rest 0
 //        6    1 score from which boxes are worth drawing, in units of 1/255
 //        7    1 number of boxes, 0 … 100

@@ -48,12 +48,19 @@ struct Level {
   // AP (COCO's, 0 … 1) on raw and on sampled images, measured on the demo video's 795 frames; the
   // data folder's profile.csv comes first where it knows the level. Empty: unknown.
   std::vector<double> quality{};
+  // The same on the JPEGs of variants_of(Images::kJpeg).
+  std::vector<double> jpeg_quality{};
   // Boxes scored below this are not worth drawing: the score that gave the highest F1 (harmonic
   // mean of precision and recall at IoU .50) on the same frames.
   float draw_score = 0.3F;
   // How long one image took where the quality was measured, on one core; kAuto goes by it, before
   // anything is calibrated. 0: unknown.
   Duration recorded_median{};
+
+  // By variant of such images, the best first.
+  const std::vector<double>& quality_on(Images images) const {
+    return images == Images::kPaper ? quality : jpeg_quality;
+  }
 };
 
 // The most quality on raw images that the levels give within `budget`, by their recorded medians; a

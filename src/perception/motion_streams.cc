@@ -7,9 +7,11 @@
 namespace interneuron::perception {
 
 MotionStreams::Key MotionStreams::key_of(const Image& image) {
-  const bool raw = image.variant == Variant::kRaw || image.variant == Variant::kSampled;
-  return {image.sender, image.source.width, image.source.height,
-          raw ? 0 : static_cast<int>(image.variant)};
+  // Raw and sampled show the same, and so do the JPEGs.
+  Variant form = image.variant;
+  if (form == Variant::kSampled) form = Variant::kRaw;
+  if (is_jpeg(form)) form = Variant::kJpeg;
+  return {image.sender, image.source.width, image.source.height, static_cast<int>(form)};
 }
 
 const cv::Mat& MotionStreams::mask(const Image& image, TimePoint now) {

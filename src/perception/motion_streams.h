@@ -3,8 +3,8 @@
 // several vehicles have the same numbers.
 //
 // A stream is what one sender sends of one camera in one form: Image::sender, the size of the
-// source, and whether it is raw or sampled (which show the same), grey, or JPEG. Its model is made
-// with its first image and forgotten after kLifetime without one.
+// source, and whether it is raw or sampled (which show the same), grey, or a JPEG of any form. Its
+// model is made with its first image and forgotten after kLifetime without one.
 //
 // Bounds: kMaxPerSender models for a sender, beyond which its least recently used one goes;
 // kMaxStreams in all, beyond which that of the sender who has most of them goes, so that a sender

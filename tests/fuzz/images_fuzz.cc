@@ -25,7 +25,7 @@ void try_image(ByteView bytes) {
   if (!image) return;
   require(!image->bgr.empty() && image->bgr.type() == CV_8UC3, "an image has no pixels");
   require(image->source.width >= 1 && image->source.height >= 1, "an image has no source");
-  if (image->variant == perception::Variant::kJpeg) {
+  if (perception::is_jpeg(image->variant)) {
     require(image->bgr.total() <= std::size_t{perception::kMaxJpegPixels}, "a JPEG is too large");
     return;
   }

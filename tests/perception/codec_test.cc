@@ -4,12 +4,17 @@
 #include <rapidcheck.h>
 #include <rapidcheck/gtest.h>
 
+#include <array>
+
 #include "support.h"
 
 namespace interneuron::perception {
 namespace {
 
 using test::scene;
+
+// Of the scene, as frame 5.
+Bytes encoded(Variant variant) { return encode_image(make_variant(scene(), 5, variant)); }
 
 bool same(const cv::Mat& a, const cv::Mat& b) {
   return a.size() == b.size() && a.type() == b.type() && cv::norm(a, b, cv::NORM_INF) == 0;
@@ -77,8 +82,8 @@ TEST(Codec, TakesPartOfALargerPicture) {
 }
 
 TEST(Codec, RejectsEveryTruncation) {
-  for (const Bytes& bytes :
-       encode_variants(scene(), 3, {Variant::kRaw, Variant::kGrey, Variant::kJpeg})) {
+  for (const Variant variant : {Variant::kRaw, Variant::kGrey, Variant::kJpegHalf}) {
+    const Bytes bytes = encoded(variant);
     for (std::size_t size = 0; size < bytes.size(); ++size) {
       ASSERT_FALSE(decode_image(ByteView(bytes).first(size))) << size;
     }
@@ -108,7 +113,7 @@ TEST(Codec, RejectsHeadersThatLie) {
 }
 
 TEST(Codec, TellsFromTheHeaderWhatMayBeAnImage) {
-  const auto variants = encode_variants(scene(), 3, {Variant::kRaw, Variant::kJpeg});
+  const std::array variants{encoded(Variant::kRaw), encoded(Variant::kJpeg)};
   for (const Bytes& good : variants) {
     EXPECT_TRUE(may_be_image(good));
     EXPECT_FALSE(may_be_image(ByteView(good).first(kImageHeaderBytes - 1)));
@@ -124,7 +129,7 @@ TEST(Codec, TellsFromTheHeaderWhatMayBeAnImage) {
 // --- grey and JPEG
 
 TEST(Codec, GreyIsRawWithoutColours) {
-  const Bytes bytes = encode_variants(scene(), 5, {Variant::kGrey})[0];
+  const Bytes bytes = encoded(Variant::kGrey);
   EXPECT_EQ(bytes.size(), encoded_size(Variant::kGrey));
   EXPECT_EQ(bytes.size(), 174'724U + 16);  // a third of raw
   const auto image = decode_image(bytes);
@@ -138,7 +143,7 @@ TEST(Codec, GreyIsRawWithoutColours) {
 }
 
 TEST(Codec, JpegHoldsTheWholeFrameInFewBytes) {
-  const Bytes bytes = encode_variants(scene(), 5, {Variant::kJpeg})[0];
+  const Bytes bytes = encoded(Variant::kJpeg);
   EXPECT_LT(bytes.size(), encoded_size(Variant::kSampled));
   const auto image = decode_image(bytes);
   ASSERT_TRUE(image);
@@ -151,23 +156,79 @@ TEST(Codec, JpegHoldsTheWholeFrameInFewBytes) {
 
 TEST(Codec, JpegOfAHugeFrameIsMadeSmaller) {
   const cv::Mat huge(4000, 5000, CV_8UC3, cv::Scalar::all(7));
-  const auto image = decode_image(encode_variants(huge, 0, {Variant::kJpeg})[0]);
+  const auto image = decode_image(encode_image(make_variant(huge, 0, Variant::kJpeg)));
   ASSERT_TRUE(image);
   EXPECT_LE(image->bgr.total(), static_cast<std::size_t>(kMaxJpegPixels));
   EXPECT_EQ(image->source, huge.size());
 }
 
 TEST(Codec, RejectsAJpegThatIsNotOfTheSizeItClaims) {
-  const Bytes good = encode_variants(scene(), 3, {Variant::kJpeg})[0];
-  for (std::size_t at = 0; at < 8; ++at) {
+  const Bytes good = encoded(Variant::kJpeg);
+  // Magic, version, width, height.
+  for (const std::size_t at : {0U, 1U, 2U, 4U, 5U, 6U, 7U}) {
     Bytes bad = good;
     bad[at] ^= std::byte{1};
     EXPECT_FALSE(decode_image(bad)) << at;
   }
 }
 
+// --- ladders of images
+
+TEST(Images, NamesAreThoseOfTheOptionAndOfFiles) {
+  EXPECT_EQ(parse_images("paper"), Images::kPaper);
+  EXPECT_EQ(parse_images("jpeg"), Images::kJpeg);
+  EXPECT_EQ(parse_images("JPEG"), std::nullopt);
+  for (std::size_t i = 0; i < kVariants; ++i) {
+    const auto variant = static_cast<Variant>(i);
+    EXPECT_EQ(parse_variant(to_string(variant)), variant);
+  }
+  EXPECT_EQ(parse_variant("png"), std::nullopt);
+}
+
+TEST(Images, AVariantTellsItsLadder) {
+  for (const Images images : {Images::kPaper, Images::kJpeg}) {
+    for (const Variant variant : variants_of(images)) {
+      EXPECT_EQ(images_of(variant), images);
+      const Bytes bytes = encoded(variant);
+      EXPECT_EQ(claimed_variant(bytes), variant);
+      const auto image = decode_image(bytes);
+      ASSERT_TRUE(image) << to_string(variant);
+      EXPECT_EQ(image->variant, variant);
+      EXPECT_EQ(image->source, scene().size());
+    }
+  }
+  EXPECT_EQ(claimed_variant(Bytes(100)), std::nullopt);
+}
+
+TEST(Images, EachRungIsSmallerThanTheOneBefore) {
+  for (const Images images : {Images::kPaper, Images::kJpeg}) {
+    const auto variants = encode_variants(scene(), 1, variants_of(images));
+    for (std::size_t i = 1; i < variants.size(); ++i) {
+      EXPECT_LT(variants[i].size(), variants[i - 1].size()) << i;
+    }
+  }
+}
+
+TEST(Images, AJpegHasTheSizeOfItsForm) {
+  for (const Variant variant : variants_of(Images::kJpeg)) {
+    const cv::Mat bgr = make_variant(scene(), 5, variant).bgr;
+    EXPECT_EQ(bgr.cols, scene().cols / jpeg_form(variant).divisor) << to_string(variant);
+    EXPECT_EQ(bgr.rows, scene().rows / jpeg_form(variant).divisor) << to_string(variant);
+  }
+}
+
+TEST(Images, AnotherFormThanTheLadders) {
+  const Bytes fine = encode_jpeg(scene(), 9, {.divisor = 3, .quality = 90});
+  const Bytes coarse = encode_jpeg(scene(), 9, {.divisor = 3, .quality = 20});
+  EXPECT_LT(coarse.size(), fine.size());
+  const auto image = decode_image(coarse);
+  ASSERT_TRUE(image);
+  EXPECT_EQ(image->frame, 9U);
+  EXPECT_EQ(image->bgr.size(), cv::Size(256, 192));
+}
+
 RC_GTEST_PROP(Codec, JpegNeverThrowsOnAnyBytes, ()) {
-  static const Bytes kGood = encode_variants(scene(), 3, {Variant::kJpeg})[0];
+  static const Bytes kGood = encoded(Variant::kJpeg);
   Bytes bytes = kGood;
   const auto flips = *rc::gen::inRange(1, 5);
   for (int i = 0; i < flips; ++i) {

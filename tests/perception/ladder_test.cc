@@ -120,6 +120,9 @@ TEST(Ladder, ExpectedQualityIsOfTheBestLevelThatFits) {
 TEST(MakeLadder, EveryMotionLevelTellsWhatItIsWorth) {
   const Ladder ladder = make_ladder({.kind = LadderKind::kMotion});
   for (std::size_t i = 0; i < ladder.size(); ++i) {
+    for (const Images images : {Images::kPaper, Images::kJpeg}) {
+      EXPECT_EQ(ladder.level(i).quality_on(images).size(), variants_of(images).size()) << i;
+    }
     ASSERT_EQ(ladder.level(i).quality.size(), 2U) << i;
     EXPECT_GT(ladder.level(i).recorded_median, Duration::zero()) << i;
     if (i > 0) {
