@@ -13,7 +13,8 @@
 //
 // Beside it the smallest variant goes over the fastest other link that can carry it, as an
 // insurance against a late or lost first one. A metered link is not used for that, and a plan under
-// the floor gets no insurance, because no link has room for it.
+// the floor gets no insurance, because no link has room for it. What of the best variant that is
+// sent could not be sent again in time if it was lost is covered by repair symbols, over any link.
 //
 // Receiver: holds what is not the best that was planned until the stage deadline.
 #include <algorithm>
@@ -47,6 +48,7 @@ class Joint final : public Policy {
     Plan plan = best ? send_over({&best->link, 1}, best->variant)
                      : over_fastest(offer, links, smallest_variant(offer), 1);
     insure(plan, offer, links);
+    add_parity(plan, links);
     return plan;
   }
 

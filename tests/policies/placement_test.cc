@@ -31,7 +31,7 @@ Plan plan_at(double local_quality, Duration time_left, const std::vector<LinkSta
 
 TEST(Placement, OffloadsWhatIsWorthMoreElsewhere) {
   const auto links = measured(make_links({{1, 20, 100}}), milliseconds(50));
-  EXPECT_THAT(plan_at(0.136, milliseconds(130), links).sends, ElementsAre(send(0, 1)));
+  EXPECT_THAT(setting_out(plan_at(0.136, milliseconds(130), links)), ElementsAre(send(0, 1)));
   const Plan local = plan_at(0.4, milliseconds(130), links);
   EXPECT_THAT(local.sends, IsEmpty());
   EXPECT_EQ(local.refused, kLocalIsBetter);
@@ -46,10 +46,10 @@ TEST(Placement, StaysLocalWhenNothingIsBackInTime) {
 TEST(Placement, ComesBackOnlyWithRoomToSpare) {
   const auto links = make_links({{1, 45, 100}});
   const Duration just_enough = milliseconds(82);
-  EXPECT_THAT(plan_at(0.2, just_enough, measured(links, milliseconds(150))).sends,
+  EXPECT_THAT(setting_out(plan_at(0.2, just_enough, measured(links, milliseconds(150)))),
               ElementsAre(send(1, 1)));
   EXPECT_EQ(plan_at(0.2, just_enough, measured(links, seconds(5))).refused, kLocalIsBetter);
-  EXPECT_THAT(plan_at(0.2, milliseconds(95), measured(links, seconds(5))).sends,
+  EXPECT_THAT(setting_out(plan_at(0.2, milliseconds(95), measured(links, seconds(5)))),
               ElementsAre(send(1, 1)));
 }
 

@@ -51,7 +51,7 @@ Assignment shadow(int variant, int link) {
 }
 
 TEST(Roles, SymbolsOfTheBestVariantMayGoOverEveryLink) {
-  for (const char* policy : {"coded", "stripe", "down_sampling"}) {
+  for (const char* policy : {"coded", "stripe", "down_sampling", "joint"}) {
     SCOPED_TRACE(policy);
     EXPECT_THAT(with_role(SendRole::kParity, policy, two_links()),
                 UnorderedElementsAre(parity(0, 1), parity(0, 2)));
