@@ -6,21 +6,26 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <memory>
 #include <sstream>
 #include <string>
 #include <vector>
 
+#include "app/bench/image_drives_report.h"
 #include "host/process/failure.h"
 #include "host/process/progress.h"
 #include "host/process/signals.h"
 #include "interneuron/policy.h"
 #include "lab/coding/drives.h"
+#include "lab/coding/image_drives.h"
 #include "lab/files/json_file.h"
 
 namespace interneuron::cli {
 namespace {
 
+using cli::json_of;
+using cli::print_table;
 using coding::DriveRow;
 using coding::Modem;
 
@@ -37,6 +42,7 @@ struct Options {
   std::size_t drives = 12;
   std::size_t messages = 1000;
   std::uint64_t seed = 1;
+  bool images = false;
   bool json = false;
 };
 
@@ -136,17 +142,19 @@ void print_table(const std::vector<DriveRow>& rows) {
   for (std::size_t p = 0; p < rows.front().policies.size(); ++p) print_sum(rows, p);
 }
 
-int run_drives(const Options& o) {
-  const SignalWatch signals;
+// Runs and shows the drives; `run` makes the row of one.
+template <class Row>
+int show_drives(const Options& o,
+                const std::function<Row(const coding::Drive&, std::uint64_t)>& run) {
   std::vector<Modem> recorded;
   for (const std::string& named : o.traces) recorded.push_back(modem_of(named));
-  std::vector<DriveRow> rows(o.drives);
+  std::vector<Row> rows(o.drives);
   Progress progress;
   progress.for_each("bench drives", o.drives, [&](std::size_t i) {
     const std::uint64_t seed = o.seed + i;
     const coding::Drive drive =
         recorded.empty() ? coding::generated_drive(seed) : coding::recorded_drive(recorded, seed);
-    rows[i] = coding::run_drive(drive, o.policies, o.messages, seed);
+    rows[i] = run(drive, seed);
   });
   if (o.json) {
     fmt::print("{}\n", json_of(rows, o.seed).dump(2));
@@ -154,6 +162,19 @@ int run_drives(const Options& o) {
     print_table(rows);
   }
   return kFine;
+}
+
+int run_drives(const Options& o) {
+  const SignalWatch signals;
+  if (o.images) {
+    return show_drives<coding::ImageDriveRow>(
+        o, [&](const coding::Drive& drive, std::uint64_t seed) {
+          return coding::run_image_drive(drive, o.messages, seed);
+        });
+  }
+  return show_drives<DriveRow>(o, [&](const coding::Drive& drive, std::uint64_t seed) {
+    return coding::run_drive(drive, o.policies, o.messages, seed);
+  });
 }
 
 }  // namespace
@@ -164,12 +185,9 @@ void add_drives(CLI::App& bench, std::function<int()>& run) {
       "drives", "What is missed while the rates of two modems change, in virtual time");
   c->add_option("TRACE", o->traces,
                 "Rates of modems, in Mahimahi's format: FILE, or UP,DOWN (default: generated)");
-  c->add_option("--policy", o->policies, "Once per policy, or with commas")
-      ->delimiter(',')
-      ->take_all()
-      ->allow_extra_args(false)
-      ->capture_default_str()
-      ->check(CLI::IsMember(policy_names()));
+  CLI::Option* policy = c->add_option("--policy", o->policies, "Once per policy, or with commas");
+  policy->delimiter(',')->take_all()->allow_extra_args(false)->capture_default_str()->check(
+      CLI::IsMember(policy_names()));
   c->add_option("--drives", o->drives, "How many drives, each with a seed of its own")
       ->capture_default_str()
       ->check(CLI::Range(std::size_t{1}, kMostDrives));
@@ -177,11 +195,17 @@ void add_drives(CLI::App& bench, std::function<int()>& run) {
       ->capture_default_str()
       ->check(CLI::Range(std::size_t{1}, kMostMessages));
   c->add_option("--seed", o->seed, "Seed of the first drive")->capture_default_str();
-  c->add_flag("--json", o->json, "The rows as JSON on stdout (docs/schema/drives.json)");
+  c->add_flag("--images", o->images,
+              "Rounds of a camera instead of messages: the paper's bitmaps with down_sampling, and "
+              "JPEGs with joint")
+      ->excludes(policy);
+  c->add_flag("--json", o->json,
+              "The rows as JSON on stdout (docs/schema/drives.json, image_drives.json)");
   c->footer(
       "Two of the modems, which may be the same, each from a random instant of its trace on.\n"
       "Examples:\n  interneuron bench drives\n"
       "  interneuron bench drives --policy stripe,coded --drives 30 --seed 100\n"
+      "  interneuron bench drives --images --messages 300\n"
       "  interneuron bench drives lte.up,lte.down other.up,other.down --json");
   c->callback([&run, o] { run = [o] { return run_drives(*o); }; });
 }

@@ -123,35 +123,6 @@ emu::DirectionParams direction_of(const std::shared_ptr<const emu::Opportunities
   return out;
 }
 
-emu::LinkProfile profile_of(const Modem& modem) {
-  emu::LinkProfile p;
-  p.name = modem.name;
-  p.delay.min_ms = p.delay.max_ms = 2 * to_ms(modem.one_way);
-  for (auto& state : p.delay.states) {
-    state.level_ms = p.delay.max_ms;
-    state.loss = 0;
-    // It never leaves its state.
-    state.sojourn_mean_s = 1e6;
-  }
-  p.up = direction_of(modem.up);
-  p.down = direction_of(modem.down);
-  return p;
-}
-
-// When the last byte of a message that is handed over at `at` leaves a modem that carries nothing
-// else.
-Duration brought(const emu::Bottleneck& empty, Duration at, std::size_t bytes) {
-  emu::Bottleneck modem = empty;
-  Duration last{};
-  while (bytes > 0) {
-    const std::size_t piece = std::min(bytes, kMaxPieceBytes);
-    last = modem.departure(at, piece + kPieceOverheadBytes + kIpUdpBytes);
-    modem.send();
-    bytes -= piece;
-  }
-  return last;
-}
-
 std::size_t clairvoyant(const Drive& drive, std::size_t bytes, std::size_t messages) {
   std::size_t missed = 0;
   std::vector<emu::Bottleneck> empty;
@@ -168,6 +139,33 @@ std::size_t clairvoyant(const Drive& drive, std::size_t bytes, std::size_t messa
 }
 
 }  // namespace
+
+emu::LinkProfile profile_of(const Modem& modem) {
+  emu::LinkProfile p;
+  p.name = modem.name;
+  p.delay.min_ms = p.delay.max_ms = 2 * to_ms(modem.one_way);
+  for (auto& state : p.delay.states) {
+    state.level_ms = p.delay.max_ms;
+    state.loss = 0;
+    // It never leaves its state.
+    state.sojourn_mean_s = 1e6;
+  }
+  p.up = direction_of(modem.up);
+  p.down = direction_of(modem.down);
+  return p;
+}
+
+Duration brought(const emu::Bottleneck& empty, Duration at, std::size_t bytes) {
+  emu::Bottleneck modem = empty;
+  Duration last{};
+  while (bytes > 0) {
+    const std::size_t piece = std::min(bytes, kMaxPieceBytes);
+    last = modem.departure(at, piece + kPieceOverheadBytes + kIpUdpBytes);
+    modem.send();
+    bytes -= piece;
+  }
+  return last;
+}
 
 emu::Opportunities rotated(const emu::Opportunities& trace, std::int64_t from_ms) {
   const std::int64_t length = trace.at_ms.back();

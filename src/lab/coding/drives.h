@@ -17,6 +17,7 @@
 
 #include "interneuron/time.h"
 #include "lab/emu/bottleneck.h"
+#include "lab/emu/profile.h"
 
 namespace interneuron::coding {
 
@@ -42,6 +43,12 @@ Drive generated_drive(std::uint64_t seed);
 // Two of these modems, which may be the same, each from an instant of its trace on that the seed
 // chooses. There is at least one.
 Drive recorded_drive(std::span<const Modem> modems, std::uint64_t seed);
+
+// The modem as a link.
+emu::LinkProfile profile_of(const Modem& modem);
+// When the last byte of a message that is handed over at `at`, since the begin of the drive, leaves
+// a modem with this rate that carries nothing else.
+Duration brought(const emu::Bottleneck& empty, Duration at, std::size_t bytes);
 
 struct DrivePolicy {
   std::string policy;

@@ -12,6 +12,14 @@ std::vector<LevelRuntime> default_ladder() {
           {"L4", microseconds(43900), microseconds(46000), {0.396, 0.383}}};
 }
 
+std::vector<LevelRuntime> jpeg_ladder() {
+  std::vector<LevelRuntime> ladder = default_ladder();
+  ladder[0].quality = {0.139, 0.134, 0.136, 0.133};
+  ladder[1].quality = {0.353, 0.348, 0.347, 0.335};
+  ladder[2].quality = {0.397, 0.395, 0.394, 0.387};
+  return ladder;
+}
+
 std::vector<LevelProfile> profiles_of(const std::vector<LevelRuntime>& ladder) {
   std::vector<LevelProfile> out;
   for (const LevelRuntime& level : ladder) {

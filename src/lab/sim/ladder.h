@@ -2,6 +2,9 @@
 // for a detector in virtual time. Pure functions.
 #pragma once
 
+#include <array>
+#include <chrono>
+#include <cstddef>
 #include <string>
 #include <vector>
 
@@ -21,6 +24,11 @@ struct LevelRuntime {
 // average precision measured on raw and on sampled images (docs/constants.md, "Images and
 // detectors").
 std::vector<LevelRuntime> default_ladder();
+// The same levels on the JPEGs of the codec (`--images jpeg`), with the mean bytes of each rung on
+// the demo video and what it takes to make all of them.
+std::vector<LevelRuntime> jpeg_ladder();
+inline constexpr std::array<std::size_t, 4> kJpegBytes{45'600, 24'800, 15'800, 10'000};
+inline constexpr Duration kJpegEncode = std::chrono::microseconds(5000);
 // The same as an endpoint takes it.
 std::vector<LevelProfile> profiles_of(const std::vector<LevelRuntime>& ladder);
 

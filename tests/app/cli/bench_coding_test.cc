@@ -46,6 +46,20 @@ TEST(BenchDrives, WritesARowForEachDrive) {
   EXPECT_EQ(document["rows"][1]["policies"][1]["policy"], "coded");
 }
 
+TEST(BenchDrives, ShowsWhatImagesBring) {
+  const json document =
+      checked("bench drives --images --drives 2 --messages 40 --seed 2", "image_drives.json");
+  ASSERT_EQ(document["rows"].size(), 2U);
+  const json& ways = document["rows"][0]["ways"];
+  ASSERT_EQ(ways.size(), 2U);
+  EXPECT_EQ(ways[0]["by_variant"].size(), 2U);
+  EXPECT_EQ(ways[1]["by_variant"].size(), 4U);
+  EXPECT_GT(ways[1]["ours"]["quality"], ways[0]["ours"]["quality"]);
+  const Ran table = run("bench drives --images --drives 1 --messages 20");
+  EXPECT_NE(table.output.find("jpeg: "), std::string::npos) << table.output;
+  EXPECT_EQ(run("bench drives --images --policy coded").code, 2);
+}
+
 TEST(BenchDrives, TakesTracesAndNamesWhatIsWrongWithThem) {
   const auto folder = std::filesystem::path(testing::TempDir());
   const auto write = [&](const char* name, const char* text) {
