@@ -47,6 +47,7 @@ class Demo {
   std::vector<std::string> vehicle_command() const;
   void judge(std::vector<lab::RoundRow>& rows, const netns::Snapshot& snapshot,
              const Ladder& ladder) const;
+  std::size_t smallest_image() const;
   int conclude(int vehicle_code, const Ladder& ladder);
 
   const DemoOptions& o_;
@@ -100,13 +101,14 @@ std::vector<std::string> Demo::vehicle_command() const {
                                 "--ladder",      o_.ladder,
                                 "--rounds",      std::to_string(o_.rounds),
                                 "--guard",       o_.guard,
-                                "--policy",      o_.policy,
+                                "--images",      o_.images,
                                 "--deadline-ms", fmt::format("{}", o_.deadline_ms),
                                 "--out",         o_.out,
                                 "--seed",        std::to_string(o_.seed),
                                 "--key",         (*keys_ / "vehicle").string(),
                                 "--peer-key",    road_key_};
   if (data_) argv.insert(argv.end(), {"--data", data_->string()});
+  if (!o_.policy.empty()) argv.insert(argv.end(), {"--policy", o_.policy});
   if (!o_.pcap.empty()) argv.insert(argv.end(), {"--pcap", o_.pcap});
   for (const netns::TestbedLink& link : testbed_->state().links) {
     argv.insert(argv.end(),
@@ -128,12 +130,20 @@ void Demo::judge(std::vector<lab::RoundRow>& rows, const netns::Snapshot& snapsh
     links.emplace_back(link.profile, link.seed);
     processes.push_back(links.back().process().get());
   }
+  const std::size_t smallest = smallest_image();
   for (lab::RoundRow& row : rows) {
-    row.possible = sim::clairvoyant_feasible(
-        profiles, processes, row.t0 - *snapshot.epoch, from_ms(o_.deadline_ms),
-        perception::encoded_size(perception::Variant::kSampled), perception::kMaxResultBytes,
-        ladder.medians.front());
+    row.possible = sim::clairvoyant_feasible(profiles, processes, row.t0 - *snapshot.epoch,
+                                             from_ms(o_.deadline_ms), smallest,
+                                             perception::kMaxResultBytes, ladder.medians.front());
   }
+}
+
+// Bytes of the smallest variant of the video's first frame.
+std::size_t Demo::smallest_image() const {
+  const auto frame = perception::FrameSource(video_).next();
+  const auto smallest = perception::variants_of(*perception::parse_images(o_.images)).back();
+  return frame ? perception::encode_image(perception::make_variant(frame->bgr, 0, smallest)).size()
+               : 0;
 }
 
 int Demo::conclude(int vehicle_code, const Ladder& ladder) {

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "app/offload/road.h"
+#include "app/offload/vehicle.h"
 
 namespace interneuron::cli {
 
@@ -21,7 +22,9 @@ struct DemoOptions {
   std::string ladder = "auto";
   // Runs per level in which the roadside unit measures its detectors before the first round.
   int calibration_runs = RoadOptions{}.calibration_runs;
-  std::string policy = "down_sampling";
+  // As VehicleOptions.
+  std::string images = VehicleOptions{}.images;
+  std::string policy = VehicleOptions{}.policy;
   std::string guard = "budget";
   double deadline_ms = 130;
   double objective = 0;

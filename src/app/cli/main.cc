@@ -48,6 +48,13 @@ std::vector<std::string> policy_names() {
   return names;
 }
 
+void add_images_option(CLI::App* c, std::string& images) {
+  c->add_option("--images", images,
+                "Variants of a frame: the paper's bitmaps, or JPEGs of four sizes and qualities")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"paper", "jpeg"}));
+}
+
 void add_deadline_options(CLI::App* c, double& deadline_ms, std::string& guard, std::string& policy,
                           double& objective) {
   c->add_option("--deadline-ms", deadline_ms, "End-to-end deadline D_N, milliseconds")
@@ -58,8 +65,10 @@ void add_deadline_options(CLI::App* c, double& deadline_ms, std::string& guard, 
                 "deadline")
       ->capture_default_str()
       ->check(CLI::IsMember({"paper", "budget"}));
-  c->add_option("--policy", policy, "Which variants go over which links, see policies/README.md")
-      ->capture_default_str()
+  c->add_option(
+       "--policy", policy,
+       "Which variants go over which links, see policies/README.md (default: joint, for the "
+       "paper's images down_sampling)")
       ->check(CLI::IsMember(policy_names()));
   c->add_option("--objective", objective, "Per cent of rounds on time; fewer end with exit code 4")
       ->check(CLI::Range(0.0, 100.0));
@@ -101,6 +110,7 @@ void add_demo(CLI::App& program, std::function<int()>& run) {
   c->add_option("--link", o->links,
                 "Profile (`testbed list` names them), TOML file, or NAME=either; once per link")
       ->take_all();
+  add_images_option(c, o->images);
   add_deadline_options(c, o->deadline_ms, o->guard, o->policy, o->objective);
   add_input_options(c, o->video, o->data, o->ladder);
   add_calibration_option(c, o->calibration_runs);
@@ -138,6 +148,7 @@ void add_vehicle(CLI::App& program, std::function<int()>& run) {
   c->add_option("--period-ms", o->period_ms, "Between two frames, milliseconds")
       ->capture_default_str()
       ->check(positive_number());
+  add_images_option(c, o->images);
   add_deadline_options(c, o->deadline_ms, o->guard, o->policy, o->objective);
   c->add_option("--beta", o->beta, "β of the guard's tolerance X")
       ->capture_default_str()

@@ -143,6 +143,8 @@ std::vector<std::string> Bench::vehicle_command(const eval::System& system,
                                                 std::uint32_t rounds) const {
   std::vector<std::string> argv{own_program(),
                                 "vehicle",
+                                "--images",
+                                std::string(to_string(perception::Images::kPaper)),
                                 "--video",
                                 video_,
                                 "--rounds",

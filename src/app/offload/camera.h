@@ -1,6 +1,7 @@
-// The frames of a source, decoded and made as small as they are sent, one ahead of the rounds. Both
-// take milliseconds, and more the larger the frames are, so they are done on a worker of the node,
-// behind the local backup of the round before.
+// The frames of a source, decoded one ahead of the rounds, and made as small as the paper's raw
+// image. Both take milliseconds, and more the larger the frames are, so they are done on a worker
+// of the node, behind the local backup of the round before. A camera of a vehicle would hand over
+// such a frame at the instant of the round; JPEGs are made of it after that instant.
 //
 // Holds at most one decoded frame. Used on the node's thread; it must outlive the node, whose
 // worker may be decoding.
@@ -21,7 +22,7 @@ class Camera {
  public:
   struct Shot {
     perception::Frame frame;
-    // The frame's raw variant.
+    // The frame's raw variant, which the local backup sees.
     perception::Image raw;
   };
 

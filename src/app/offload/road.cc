@@ -213,10 +213,18 @@ void Road::start_next() {
 }
 
 // By the hooks' rule, else by the guard that the round asks for, among the levels that fit into the
-// vehicle's part of the worker's time.
+// vehicle's part of the worker's time; their profiles tell what they are worth on the paper's
+// images.
 std::size_t Road::level_of(const Unit::Job& job) {
   if (const auto level = hooks_.level(unit_->levels(), job.delivered, node_.now())) return *level;
-  const auto levels = unit_->levels(job.message.from, node_.now());
+  const auto known = unit_->levels(job.message.from, node_.now());
+  std::vector<LevelProfile> levels(known.begin(), known.end());
+  const auto images = perc::images_of(*perc::claimed_variant(parse_request(job.input)->second));
+  if (images != perc::Images::kPaper) {
+    for (std::size_t i = 0; i < levels.size(); ++i) {
+      levels[i].quality = ladder_->level(i).quality_on(images);
+    }
+  }
   return node_.begin_computation(job.message.round, levels, std::min(job.top, levels.size() - 1));
 }
 

@@ -58,7 +58,7 @@ lab::RoundRow RunRecord::done(const RoundDone& event, Duration deadline) {
       ++counts_.on_time;
       const auto full = std::chrono::duration_cast<std::chrono::microseconds>(kFullSeverity);
       row.road = lab::RoundRow::Road{
-          static_cast<int>(result->variant),
+          std::string(perc::to_string(result->variant)),
           result->level,
           result->stage1_late,
           result->stage1_released,
@@ -129,8 +129,7 @@ void RunRecord::compare(const std::filesystem::path& truth, lab::RunInfo& info) 
 std::string RunRecord::caption() const {
   const lab::RoundRow& row = picture_round_->row;
   return fmt::format("round {}: answered by the roadside in {:.0f} ms, level {}, {} image",
-                     row.round, to_ms(row.e2e), row.road->level,
-                     row.road->variant == 0 ? "raw" : "sampled");
+                     row.round, to_ms(row.e2e), row.road->level, row.road->variant);
 }
 
 lab::Json RunRecord::write(const lab::RunInfo& info) {

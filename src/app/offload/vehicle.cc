@@ -10,6 +10,7 @@
 #include "app/offload/offload_request.h"
 #include "app/offload/run_record.h"
 #include "app/offload/submit_log.h"
+#include "app/offload/vehicle_images.h"
 #include "app/offload/vehicle_report.h"
 #include "app/watch/publisher.h"
 #include "app/watch/time_keeper.h"
@@ -40,20 +41,6 @@ constexpr Duration kSettlePoll = 20ms;
 // Time between two progress lines.
 constexpr Duration kProgress = 500ms;
 
-// What it takes to make the variants of a frame of the demo video's size: the slowest of a few
-// runs, since a budget that is too small costs less than one that is too large.
-Duration encode_time() {
-  constexpr int kRuns = 5;
-  const cv::Mat frame(576, 768, CV_8UC3, cv::Scalar(90, 120, 60));
-  Duration slowest{};
-  for (int i = 0; i < kRuns; ++i) {
-    const TimePoint start = io::now();
-    const auto variants = perc::encode_variants(frame, 0);
-    slowest = std::max(slowest, io::now() - start);
-  }
-  return slowest;
-}
-
 // The program `vehicle`: a camera, a Node, the local backup and the record of the rounds. A round
 // begins every period; its image goes out, the backup computes on a worker, and the first answer
 // ends it. All else runs on the Node's thread. run() returns after the last round or a signal.
@@ -70,6 +57,8 @@ class Vehicle {
   void settle(TimePoint until);
   void start();
   void begin_round(TimePoint planned_at);
+  void send(const RoundRef& ref, const Camera::Shot& shot);
+  void submit(const RoundRef& ref, Variants variants);
   void back_up(const RoundRef& ref, const perc::Image& image);
   void planned(const Planned& event);
   void refused(const Planned& event);
@@ -80,6 +69,7 @@ class Vehicle {
 
   const VehicleOptions& o_;
   VehicleHooks& hooks_;
+  perc::Images images_;
   Credentials credentials_;
   std::optional<std::filesystem::path> data_;
   std::string video_;
@@ -91,7 +81,7 @@ class Vehicle {
   TrustKeeper trust_;
   std::atomic<std::uint32_t> newest_round_{0};
   // Measured before the loop runs, which it would hold up.
-  Duration encode_time_ = encode_time();
+  Encoding encoding_;
   offload::ComputationBudget budget_;
   bool started_ = false;
   bool all_begun_ = false;
@@ -99,27 +89,25 @@ class Vehicle {
   RunRecord record_;
   // The newest reason for which the policy sent nothing.
   std::string refusal_;
-  SubmitLog images_{"image"};
+  SubmitLog submitted_{"image"};
   std::string failure_;
 };
 
 Vehicle::Vehicle(const VehicleOptions& options, VehicleHooks& hooks)
     : o_(options),
       hooks_(hooks),
+      images_(*perc::parse_images(options.images)),
       credentials_(options.keys, Trusts::kThePeer),
       data_(find_data(options.data)),
       video_(options.video.empty() ? default_video(data_) : options.video),
       camera_(video_, options.rounds > 0),
-      backup_(perc::make_ladder({.kind = *perc::parse_ladder_kind(options.ladder),
-                                 .data_dir = data_.value_or(std::filesystem::path()),
-                                 .budget = ladder_budget(from_ms(options.deadline_ms)),
-                                 .max_levels = 1,
-                                 .spend = {}})),
+      backup_(local_ladder(options, data_, 1)),
       node_(node_options()),
       links_(node_, "vehicle"),
       // Detections of this program are local backups.
       time_(node_, credentials_, Queue::kComputation),
       trust_(node_, credentials_, Queue::kComputation),
+      encoding_(encoding_of(images_)),
       budget_(from_ms(options.deadline_ms)),
       record_({.rounds = options.rounds,
                .guard = options.guard,
@@ -132,10 +120,15 @@ PipelineConfig Vehicle::pipeline() const {
   p.stages = offload_stages();
   p.deadline = from_ms(o_.deadline_ms);
   p.period = from_ms(o_.period_ms);
-  p.policy = o_.policy;
+  p.policy = o_.policy.empty() ? default_policy(images_) : o_.policy;
   p.guard = o_.guard == to_string(GuardKind::kPaper) ? GuardKind::kPaper : GuardKind::kBudget;
   p.fallback.local = backup_quality();
   p.beta_permille = static_cast<std::int16_t>(o_.beta * 1000);
+  // Of the paper's images, the smaller one is worth nearly as much at every level, so that results
+  // tell enough; of four JPEGs it has to be known what each is worth.
+  if (images_ == perc::Images::kJpeg) {
+    p.levels = believed_levels(local_ladder(o_, data_, 0), images_);
+  }
   hooks_.configure(p);
   return p;
 }
@@ -191,9 +184,8 @@ void Vehicle::settle(TimePoint until) {
     spdlog::info("link {}: {}, round trip {:.1f} ms, {:.1f} Mbit/s up", links_.name(l.id),
                  l.up ? "up" : "silent", to_ms(l.rtt_p50), l.rate.mbit());
   }
-  // The frame is resized and copied before it can leave; that is part of the round too.
-  budget_.estimate(links, encode_time_, perc::encoded_size(perc::Variant::kRaw),
-                   perc::kMaxResultBytes);
+  // The images are made before they can leave; that is part of the round too.
+  budget_.estimate(links, encoding_.time, encoding_.bytes, perc::kMaxResultBytes);
   start();
 }
 
@@ -225,19 +217,30 @@ void Vehicle::begin_round(TimePoint planned_at) {
   newest_round_ = ref.round.value;
   record_.begun(ref.round.value, shot->frame);
 
-  const perc::Image& raw = shot->raw;
-  perc::Image sampled = raw;
-  sampled.variant = perc::Variant::kSampled;
-  sampled.bgr = perc::every_second_pixel(raw.bgr);
-  Variants variants{with_request(budget_.value(), perc::encode_image(raw)),
-                    with_request(budget_.value(), perc::encode_image(sampled))};
-  images_.submitted(ref, node_.submit(ref, hooks_.submitted(std::move(variants)),
-                                      MessageClass::kData, node_.peer()));
-  back_up(ref, raw);
+  send(ref, *shot);
+  back_up(ref, shot->raw);
 
   camera_.fetch(node_);
   const TimePoint next = planned_at + from_ms(o_.period_ms);
   node_.at(next, [this, next] { begin_round(next); });
+}
+
+// JPEGs are made on a worker, beside the local backup: the loop would be held up by them. A round
+// that gives way to the next one before its turn comes is not sent.
+void Vehicle::send(const RoundRef& ref, const Camera::Shot& shot) {
+  const Duration budget = budget_.value();
+  if (images_ == perc::Images::kPaper) return submit(ref, encoded(shot, images_, budget));
+  node_.compute(Queue::kComputation, [this, ref, shot, budget]() -> Node::Task {
+    if (newest_round_ != ref.round.value) return {};
+    return [this, ref, variants = encoded(shot, images_, budget)]() mutable {
+      submit(ref, std::move(variants));
+    };
+  });
+}
+
+void Vehicle::submit(const RoundRef& ref, Variants variants) {
+  submitted_.submitted(ref, node_.submit(ref, hooks_.submitted(std::move(variants)),
+                                         MessageClass::kData, node_.peer()));
 }
 
 // Computes the lowest level on this host, beside the remote computation. A backup that still waits
@@ -258,10 +261,12 @@ void Vehicle::back_up(const RoundRef& ref, const perc::Image& image) {
 
 void Vehicle::planned(const Planned& event) {
   if (event.stage != 1) return;
+  const std::span<const perc::Variant> variants = perc::variants_of(images_);
   std::string text;
   for (const Assignment& a : event.plan.sends) {
+    if (a.role == SendRole::kParity || a.role == SendRole::kShadow) continue;
     if (!text.empty()) text += ' ';
-    text += std::string(a.variant == 0 ? "raw" : "sampled") + ":" + links_.name(a.link);
+    text += std::string(perc::to_string(variants[a.variant])) + ":" + links_.name(a.link);
   }
   if (event.plan.under_floor) text += " (under floor)";
   if (!event.plan.refused.empty()) {
@@ -275,12 +280,15 @@ void Vehicle::planned(const Planned& event) {
 void Vehicle::refused(const Planned& event) {
   if (event.plan.refused == refusal_) return;
   refusal_ = event.plan.refused;
-  spdlog::warn("round {}: policy {}: {}", event.round.round.value, o_.policy, refusal_);
+  spdlog::warn("round {}: {}", event.round.round.value, refusal_);
 }
 
 void Vehicle::done(const RoundDone& event) {
   const lab::RoundRow row = record_.done(event, from_ms(o_.deadline_ms));
-  if (row.road && row.road->variant == 0) budget_.learn(row.e2e - row.road->compute);
+  // Of the paper's images the large one counts, of JPEGs whichever there was time for.
+  const bool counts = row.road && (images_ == perc::Images::kJpeg ||
+                                   row.road->variant == perc::to_string(perc::Variant::kRaw));
+  if (counts) budget_.learn(row.e2e - row.road->compute);
   hooks_.done(event, row);
   finish();
 }
@@ -330,9 +338,16 @@ int Vehicle::run() {
 
 }  // namespace
 
+std::string default_policy(perc::Images images) {
+  return images == perc::Images::kJpeg ? "joint" : "down_sampling";
+}
+
 int run_vehicle(const VehicleOptions& options, VehicleHooks* hooks) {
   if (!perc::parse_ladder_kind(options.ladder)) {
     throw Failure(kUsage, "--ladder '" + options.ladder + "': give auto, dnn, motion or replay");
+  }
+  if (!perc::parse_images(options.images)) {
+    throw Failure(kUsage, "--images '" + options.images + "': give paper or jpeg");
   }
   if (options.links.empty()) {
     throw Failure(kUsage, "no link: give --link NIC=ADDRESS:PORT, once per card");

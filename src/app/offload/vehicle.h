@@ -8,6 +8,7 @@
 
 #include "app/offload/hooks.h"
 #include "host/settings/key_options.h"
+#include "perception/codec.h"
 
 namespace interneuron::cli {
 
@@ -28,7 +29,10 @@ struct VehicleOptions {
   std::uint32_t rounds = 0;
   double deadline_ms = 130;
   double period_ms = 100;
-  std::string policy = "down_sampling";
+  // Which variants of a frame are offered to the policy, as perception::parse_images() reads it.
+  std::string images = "jpeg";
+  // Empty: default_policy() of the images.
+  std::string policy;
   std::string guard = "budget";
   double beta = 0;
   // For how long the roadside unit is waited for, in seconds.
@@ -45,6 +49,9 @@ struct VehicleOptions {
   std::vector<std::string> profiles;
   std::int64_t seed = -1;
 };
+
+// "joint" for JPEGs, "down_sampling" for the paper's images.
+std::string default_policy(perception::Images images);
 
 // Begins rounds until the source ends, the number of rounds is reached or SIGINT or SIGTERM comes,
 // and returns the program's exit code. `hooks`: what an evaluation adds (hooks.h), or nullptr.

@@ -16,7 +16,9 @@ lab::RunInfo info_of(const VehicleOptions& options, const VehicleRun& run,
   if (info.seeded) info.seed = static_cast<std::uint64_t>(options.seed);
   info.deadline = from_ms(options.deadline_ms);
   info.period = from_ms(options.period_ms);
-  info.policy = options.policy;
+  const auto images = perception::parse_images(options.images);
+  info.policy = options.policy.empty() ? default_policy(*images) : options.policy;
+  info.images = options.images;
   info.guard = options.guard;
   info.backup = run.backup;
   info.profiles = options.profiles;

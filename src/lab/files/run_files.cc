@@ -33,8 +33,8 @@ void print_table(const Json& s) {
     fmt::print("{:<28}AP {:.3f}   AP50 {:.3f}   AR {:.3f}   (of every answer, local ones too)\n",
                "accuracy", s["ap"].get<double>(), s["ap50"].get<double>(), s["ar"].get<double>());
   }
-  fmt::print("{:<28}{}, {}\n", "guard, policy", s["guard"].get<std::string>(),
-             s["policy"].get<std::string>());
+  fmt::print("{:<28}{}, {}, {}\n", "guard, policy, images", s["guard"].get<std::string>(),
+             s["policy"].get<std::string>(), s["images"].get<std::string>());
   if (!s["ladder"].get<std::string>().empty()) {
     // Without the levels, which follow with what each was used for.
     const std::string ladder = s["ladder"];

@@ -33,11 +33,12 @@ struct RoundRow {
   std::size_t boxes = 0;
   // What the result told of the roadside; only rounds on time have it.
   struct Road {
-    int variant = 0;
+    // The name of the image that was computed on, "raw" or "jpeg-half" for example.
+    std::string variant;
     int level = 0;
     // θ1 > D1.
     bool late = false;
-    // The sampled image was used at exactly D1.
+    // A smaller image was used at exactly D1.
     bool released = false;
     // θ1 - D1 when late.
     Duration overrun{};
@@ -69,6 +70,8 @@ struct RunInfo {
   Duration deadline{};
   Duration period{};
   std::string policy;
+  // Which images were offered to it: "paper" or "jpeg".
+  std::string images;
   // "paper" or "budget".
   std::string guard;
   // What detects at the roadside, in one line.

@@ -78,7 +78,7 @@ void RunTally::add(const RoundRow& r) {
   if (r.plan == kRefusedPlan) ++refused_;
   count(plans_, r.plan.empty() ? std::string("nothing") : r.plan, std::string(kOtherPlans));
   if (r.road) count(levels_, r.road->level, kOtherLevels);
-  ++used_[!r.road ? "local" : r.road->variant == 0 ? "raw" : "sampled"];
+  ++used_[r.road ? r.road->variant : "local"];
   if (!r.answered) return;
   ++answers_;
   judged_ = judged_ && r.possible.has_value();
@@ -100,6 +100,7 @@ Json RunTally::summary(const RunInfo& info) const {
   s["seed"] = info.seeded ? Json(info.seed) : Json(nullptr);
   s["profiles"] = info.profiles;
   s["policy"] = info.policy;
+  s["images"] = info.images;
   s["guard"] = info.guard;
   s["deadline_ms"] = to_ms(info.deadline);
   s["period_ms"] = to_ms(info.period);

@@ -51,6 +51,7 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"DeadlineNoNumber", "demo --deadline-ms x", 2, "'x': give a number above 0"},
         Mistake{"RoundsZero", "demo --rounds 0", 2, "--rounds"},
         Mistake{"UnknownPolicy", "demo --policy best", 2, "placement"},
+        Mistake{"UnknownImages", "demo --images png", 2, "jpeg"},
         Mistake{"UnknownGuard", "vehicle --guard none", 2, "budget"},
         Mistake{"UnknownProfile", "demo --link 6g", 2, "6g"},
         Mistake{"UnknownGroup", "bench load fast", 2, "rate"},

@@ -9,9 +9,11 @@
 #include <filesystem>
 #include <fstream>
 #include <numeric>
+#include <tuple>
 
 #include "beside.h"
 #include "lab/files/run_files.h"
+#include "perception/codec.h"
 #include "support.h"
 
 namespace interneuron::cli {
@@ -172,6 +174,26 @@ TEST_F(Demo, ObeysTheGuardThatIsAskedFor) {
   ASSERT_EQ(ran.code, 0) << ran.output;
   EXPECT_EQ(lab::read_json(folder_ / "out" / "summary.json")["guard"], "paper");
   EXPECT_EQ(lab::read_csv(folder_ / "out" / "rounds.csv").front().guard, "paper");
+}
+
+TEST_F(Demo, SendsTheImagesThatAreAskedForAndNamesThem) {
+  for (const auto& [option, images, policy] :
+       {std::tuple{"", "jpeg", "joint"}, std::tuple{" --images paper", "paper", "down_sampling"}}) {
+    const Ran ran = run(arguments(10) + option);
+    ASSERT_EQ(ran.code, 0) << ran.output;
+    const lab::Json s = lab::read_json(folder_ / "out" / "summary.json");
+    EXPECT_EQ(s["images"], images);
+    EXPECT_EQ(s["policy"], policy);
+    const auto is_known = [&](const std::string& name) {
+      const auto variant = perception::parse_variant(name);
+      return name == "local" || (variant && to_string(perception::images_of(*variant)) == images);
+    };
+    for (const auto& [name, count] : s["used"].items()) EXPECT_TRUE(is_known(name)) << name;
+    for (const lab::RoundRow& row : lab::read_csv(folder_ / "out" / "rounds.csv")) {
+      EXPECT_TRUE(!row.road || is_known(row.road->variant)) << row.road->variant;
+      EXPECT_TRUE(row.plan.empty() || is_known(row.plan.substr(0, row.plan.find(':')))) << row.plan;
+    }
+  }
 }
 
 // No network here is trusted, but its packets are encrypted.

@@ -27,8 +27,8 @@ std::vector<lab::RoundRow> rows() {
     r.age_rounds = i == 9 ? std::optional<std::uint32_t>(1) : std::optional<std::uint32_t>(0);
     r.x_permille = -1000;
     if (i < 8)
-      r.road =
-          lab::RoundRow::Road{i % 2 == 0 ? 0 : 1, static_cast<int>(i % 3), true, false, 5ms, 40ms};
+      r.road = lab::RoundRow::Road{
+          i % 2 == 0 ? "raw" : "sampled", static_cast<int>(i % 3), true, false, 5ms, 40ms};
     r.plan = i == 9 ? lab::kRefusedPlan : "raw:a sampled:b";
     r.guard = "budget";
     out.push_back(r);
