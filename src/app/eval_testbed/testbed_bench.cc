@@ -113,6 +113,28 @@ Duration inside(const eval::Injected& injected) {
                                                                          : Duration{};
 }
 
+// The medians of a run's transmissions.
+struct Transmissions {
+  // From t0 until the hand-over.
+  Duration uplink{};
+  // From the end of the computation until the answer.
+  Duration downlink{};
+};
+
+// Nothing when no round was on time.
+std::optional<Transmissions> transmissions(const eval::Run& run) {
+  std::vector<double> uplink;
+  std::vector<double> downlink;
+  for (const eval::Round& round : run.rounds) {
+    if (round.delivered) uplink.push_back(to_ms(*round.delivered));
+    if (round.on_time && round.compute_ended) {
+      downlink.push_back(to_ms(round.e2e - *round.compute_ended));
+    }
+  }
+  if (downlink.empty()) return std::nullopt;
+  return Transmissions{from_ms(percentile(uplink, 0.5)), from_ms(percentile(downlink, 0.5))};
+}
+
 }  // namespace
 
 Bench::Bench(const eval::Scenario& scenario, std::optional<fs::path> data, std::string ladder,
@@ -139,7 +161,7 @@ std::vector<std::string> Bench::road_command() const {
   return argv;
 }
 
-std::vector<std::string> Bench::vehicle_command(const eval::System& system,
+std::vector<std::string> Bench::vehicle_command(const TestbedRun& orders,
                                                 std::uint32_t rounds) const {
   std::vector<std::string> argv{own_program(),
                                 "vehicle",
@@ -156,10 +178,11 @@ std::vector<std::string> Bench::vehicle_command(const eval::System& system,
                                 (scratch_ / "run.json").string()};
   argv.insert(argv.end(), {"--ladder", kind_, "--key", (scratch_ / kVehicleKeyFile).string(),
                            "--peer-key", road_key_});
+  argv.insert(argv.end(), {"--deadline-ms", fmt::format("{:.3f}", to_ms(orders.deadline))});
   if (data_) argv.insert(argv.end(), {"--data", data_->string()});
   const auto& links = testbed_.state().links;
   for (std::size_t i = 0; i < links.size(); ++i) {
-    if (system.only_link.value_or(i) != i) continue;
+    if (orders.system.only_link.value_or(i) != i) continue;
     argv.insert(argv.end(),
                 {"--link", fmt::format("{}={}:{}", links[i].nic, links[i].road_address, kPort)});
   }
@@ -180,8 +203,8 @@ void Bench::start_programs(const TestbedRun& orders, std::uint32_t rounds) {
   }
   netns::SpawnOptions spawn;
   spawn.stdio = {-1, vehicle_log.fd(), vehicle_log.fd()};
-  Child vehicle(Testbed::spawn(testbed_.state(), netns::kVehicle,
-                               vehicle_command(orders.system, rounds), spawn));
+  Child vehicle(
+      Testbed::spawn(testbed_.state(), netns::kVehicle, vehicle_command(orders, rounds), spawn));
   const int code = vehicle.wait();
   SignalWatch::check();
   road->end();
@@ -199,6 +222,7 @@ BenchRun Bench::collect(const TestbedRun& orders) const {
   for (const lab::Json& json : vehicle.at("rounds")) {
     eval::Round& round = out.run.rounds.emplace_back(round_of(json));
     if (round.round < orders.injected.size()) round.injected = orders.injected[round.round];
+    out.encode.push_back(Duration{json.at("submitted_ns")} - round.t0);
     out.boxes.push_back(boxes_of(json));
   }
   for (const lab::Json& json : road.at("rounds")) {
@@ -221,11 +245,12 @@ BenchRun Bench::start(const TestbedRun& orders, std::uint32_t rounds) {
   return collect(orders);
 }
 
-void Bench::calibrate(std::uint32_t rounds) {
+void Bench::calibrate(std::uint32_t rounds, std::optional<Duration> deadline) {
   TestbedRun orders;
   // The transmissions take as long at every level; without run times it takes the lowest, which a
   // slow machine computes in time too.
   orders.system = *eval::find_system("erdos_like");
+  orders.deadline = scenario_.deadline;
   const BenchRun undisturbed = start(orders, rounds);
   const lab::Json road = lab::read_json(scratch_ / "road.json");
   ladder_ = road.at("ladder");
@@ -234,27 +259,44 @@ void Bench::calibrate(std::uint32_t rounds) {
   profile_.levels = levels_of(road.at("levels"));
   profile_.fallback.local = eval::remote_quality(profile_, 0, 0);
 
-  std::vector<double> uplink;
-  std::vector<double> downlink;
-  for (const eval::Round& round : undisturbed.run.rounds) {
-    if (round.delivered) uplink.push_back(to_ms(*round.delivered));
-    if (round.on_time && round.compute_ended) {
-      downlink.push_back(to_ms(round.e2e - *round.compute_ended));
-    }
-  }
-  if (downlink.empty()) {
+  const auto took = transmissions(undisturbed.run);
+  if (!took) {
     throw Failure(kFailed, fmt::format("no undisturbed round was on time on this machine ({}); "
                                        "its levels are too slow for {:.0f} ms",
                                        ladder_, to_ms(scenario_.deadline)));
   }
-  erdos_ = {from_ms(percentile(uplink, 0.5)), from_ms(percentile(downlink, 0.5)),
-            eval::erdos_runtimes(profile_.levels)};
+  erdos_ = {took->uplink, took->downlink, eval::erdos_runtimes(profile_.levels)};
+  deadline_ =
+      deadline.value_or(took->uplink + profile_.levels.back().median + took->downlink + kSlack);
+  hosts_ = host_times(orders.system, undisturbed);
+}
+
+// What undisturbed rounds took here beyond the same rounds in virtual time.
+sim::HostTimes Bench::host_times(const eval::System& system, const BenchRun& undisturbed) const {
+  std::vector<double> encode;
+  for (const Duration time : undisturbed.encode) encode.push_back(to_ms(time));
+  sim::HostTimes hosts;
+  hosts.encode = from_ms(percentile(encode, 0.5));
+  eval::Scenario scenario = scenario_;
+  scenario.profile = profile_;
+  scenario.erdos = erdos_;
+  scenario.is_encrypted = true;
+  scenario.hosts = hosts;
+  eval::Trace quiet;
+  quiet.rounds.resize(undisturbed.run.rounds.size());
+  const auto here = transmissions(undisturbed.run);
+  const auto sim = transmissions(eval::run(system, scenario, quiet, 1));
+  if (!here || !sim) return hosts;
+  hosts.image_packets = std::max(Duration{}, here->uplink - sim->uplink);
+  hosts.result_packets = std::max(Duration{}, here->downlink - sim->downlink);
+  return hosts;
 }
 
 BenchRun Bench::run(const eval::System& system, const eval::Trace& trace, std::uint64_t seed) {
   TestbedRun orders;
   orders.system = system;
   orders.injected = trace.rounds;
+  orders.deadline = deadline_;
   orders.erdos = erdos_;
   orders.levels = profile_.levels;
   orders.fallback = profile_.fallback;

@@ -15,9 +15,15 @@
 
 namespace interneuron::cli {
 
+// What the deadline leaves to delays: the simulation's undisturbed rounds of erdos_like end 111 ms
+// after t0 (seeds 1 to 30), its deadline is 130 ms.
+inline constexpr Duration kSlack = std::chrono::milliseconds(19);
+
 // What one run left.
 struct BenchRun {
   eval::Run run;
+  // By round: from t0 until the image was submitted.
+  std::vector<Duration> encode;
   // By round: the boxes that the application got.
   std::vector<perception::Shown> boxes;
 };
@@ -32,23 +38,28 @@ class Bench {
         std::string ladder, std::filesystem::path scratch);
 
   // Runs rounds without injection, with the best image over the primary link, to learn the run
-  // times of the roadside's ladder and the times that erdos_like freezes. Call it once, before
-  // run(). Throws Failure, also when no round was on time.
-  void calibrate(std::uint32_t rounds);
+  // times of the roadside's ladder, the times that erdos_like freezes, what the hosts take, and the
+  // deadline: kSlack after the end of an undisturbed round at the highest level, unless `deadline`
+  // names another. Call it once, before run(). Throws Failure, also when no round was on time.
+  void calibrate(std::uint32_t rounds, std::optional<Duration> deadline);
   // Runs as many rounds as the trace has, with its delays. Throws Failure.
   BenchRun run(const eval::System& system, const eval::Trace& trace, std::uint64_t seed);
 
   // The roadside's ladder as calibrated, with the profile's accuracies.
   const eval::Profile& profile() const { return profile_; }
   const eval::ErdosTimes& erdos() const { return erdos_; }
+  Duration deadline() const { return deadline_; }
+  // For the simulation to take as long as undisturbed rounds did here.
+  const sim::HostTimes& hosts() const { return hosts_; }
   const std::string& ladder() const { return ladder_; }
 
  private:
   BenchRun start(const TestbedRun& orders, std::uint32_t rounds);
   void start_programs(const TestbedRun& orders, std::uint32_t rounds);
   std::vector<std::string> road_command() const;
-  std::vector<std::string> vehicle_command(const eval::System& system, std::uint32_t rounds) const;
+  std::vector<std::string> vehicle_command(const TestbedRun& orders, std::uint32_t rounds) const;
   BenchRun collect(const TestbedRun& orders) const;
+  sim::HostTimes host_times(const eval::System& system, const BenchRun& undisturbed) const;
 
   const eval::Scenario& scenario_;
   std::optional<std::filesystem::path> data_;
@@ -62,6 +73,8 @@ class Bench {
   std::string vehicle_key_;
   eval::Profile profile_;
   eval::ErdosTimes erdos_;
+  Duration deadline_{};
+  sim::HostTimes hosts_;
   std::string ladder_;
 };
 

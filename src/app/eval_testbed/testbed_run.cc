@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "app/eval_testbed/delayed_transport.h"
+#include "host/io/steady_clock.h"
 #include "host/process/failure.h"
 #include "perception/detection.h"
 
@@ -72,6 +73,7 @@ void write_testbed_run(const fs::path& file, const TestbedRun& run) {
   for (const Duration d : run.erdos.runtime) runtime_ns.push_back(d.count());
   lab::write_json(file, {{"system", run.system.name},
                          {"injected", injected},
+                         {"deadline_ns", run.deadline.count()},
                          {"erdos",
                           {{"uplink_ns", run.erdos.uplink.count()},
                            {"downlink_ns", run.erdos.downlink.count()},
@@ -102,6 +104,7 @@ TestbedRun read_testbed_run(const fs::path& file) {
         }
       }
     }
+    run.deadline = Duration{json.at("deadline_ns")};
     const lab::Json& erdos = json.at("erdos");
     run.erdos = {Duration{erdos.at("uplink_ns")}, Duration{erdos.at("downlink_ns")}, {}};
     for (const std::int64_t ns : erdos.at("runtime_ns")) run.erdos.runtime.emplace_back(ns);
@@ -129,7 +132,10 @@ void TestbedVehicle::configure(NodeOptions& node) const {
   inject(node, run_, Module::kUplink);
 }
 
-Variants TestbedVehicle::submitted(Variants variants) const {
+Variants TestbedVehicle::submitted(const RoundRef& ref, Variants variants) {
+  const std::size_t round = ref.round.value;
+  if (submitted_.size() <= round) submitted_.resize(round + 1);
+  submitted_[round] = io::now();
   if (!run_.system.only_variant) return variants;
   return {std::move(variants.at(*run_.system.only_variant))};
 }
@@ -140,9 +146,11 @@ void TestbedVehicle::done(const RoundDone& event, const lab::RoundRow& row) {
   if (result) {
     for (const perception::Box& b : result->boxes) boxes.push_back({b.x, b.y, b.w, b.h, b.score});
   }
-  rounds_.push_back({{"round", event.round.round.value},
+  const std::size_t round = event.round.round.value;
+  rounds_.push_back({{"round", round},
                      {"frame", row.frame},
                      {"t0_ns", event.t0.time_since_epoch().count()},
+                     {"submitted_ns", submitted_.at(round).time_since_epoch().count()},
                      {"e2e_ns", event.e2e.count()},
                      {"shown", kind_of(event, run_.system.local_backup)},
                      {"age", event.age_rounds.value_or(0)},
@@ -186,8 +194,7 @@ std::optional<std::size_t> TestbedRoad::level(std::span<const LevelProfile> leve
     case eval::LevelRule::kFixedTop:
       return levels.size() - 1;
     case eval::LevelRule::kErdos:
-      return eval::erdos_rule(run_.erdos, eval::Scenario{}.deadline, false)(0, Duration{},
-                                                                            now - delivered);
+      return eval::erdos_rule(run_.erdos, run_.deadline, false)(0, Duration{}, now - delivered);
     // This rule needs t0, which no roadside unit is told.
     case eval::LevelRule::kErdosE2e:
     // This one needs the law.

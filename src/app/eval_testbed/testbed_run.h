@@ -24,7 +24,8 @@ struct TestbedRun {
   eval::System system;
   // By round; further rounds have none.
   std::vector<eval::Injected> injected;
-  // For LevelRule::kErdos.
+  // For LevelRule::kErdos; the vehicle has it as its own option too.
+  Duration deadline = eval::Scenario{}.deadline;
   eval::ErdosTimes erdos;
   // Of the roadside's ladder. If empty, the roadside calibrates it.
   std::vector<LevelProfile> levels;
@@ -53,7 +54,7 @@ class TestbedVehicle : public VehicleHooks {
   void configure(PipelineConfig& pipeline) const override;
   void configure(NodeOptions& node) const override;
   // The variants that the system submits.
-  Variants submitted(Variants variants) const override;
+  Variants submitted(const RoundRef& ref, Variants variants) override;
   bool local_backup() const override { return run_.system.local_backup; }
   void done(const RoundDone& event, const lab::RoundRow& row) override;
   // Writes vehicle.json.
@@ -61,6 +62,8 @@ class TestbedVehicle : public VehicleHooks {
 
  private:
   TestbedRun run_;
+  // By round.
+  std::vector<TimePoint> submitted_;
   lab::Json rounds_ = lab::Json::array();
 };
 

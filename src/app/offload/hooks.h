@@ -28,8 +28,9 @@ class VehicleHooks {
   // Change what the options asked for. Called once each, before the node is made.
   virtual void configure(PipelineConfig&) const {}
   virtual void configure(NodeOptions&) const {}
-  // Returns the variants that are submitted, of those that were encoded (raw first).
-  virtual Variants submitted(Variants variants) const { return variants; }
+  // Returns the variants of a round's image that are submitted, of those that were encoded (raw
+  // first). Called when they are encoded, right before they are submitted.
+  virtual Variants submitted(const RoundRef&, Variants variants) { return variants; }
   // Returns whether a local result is computed beside the remote one.
   virtual bool local_backup() const { return true; }
   // A round has its outcome.

@@ -239,7 +239,7 @@ void Vehicle::send(const RoundRef& ref, const Camera::Shot& shot) {
 }
 
 void Vehicle::submit(const RoundRef& ref, Variants variants) {
-  submitted_.submitted(ref, node_.submit(ref, hooks_.submitted(std::move(variants)),
+  submitted_.submitted(ref, node_.submit(ref, hooks_.submitted(ref, std::move(variants)),
                                          MessageClass::kData, node_.peer()));
 }
 

@@ -21,7 +21,7 @@ struct Way {
 std::vector<Way> ways() {
   const sim::OffloadOptions paper;
   return {
-      {"paper", "down_sampling", paper.ladder, paper.variant_bytes, paper.encode},
+      {"paper", "down_sampling", paper.ladder, paper.variant_bytes, paper.hosts.encode},
       {"jpeg", "joint", sim::jpeg_ladder(),
        std::vector<std::size_t>(sim::kJpegBytes.begin(), sim::kJpegBytes.end()), sim::kJpegEncode}};
 }
@@ -84,7 +84,7 @@ ImageRow row_of(const Way& way, const Drive& drive, std::size_t rounds, std::uin
   o.fallback.local = local_quality();
   o.ladder = way.ladder;
   o.variant_bytes = way.variant_bytes;
-  o.encode = way.encode;
+  o.hosts.encode = way.encode;
   const sim::OffloadResult run = sim::run_offload(o);
   ImageRow row{way.images, way.policy, {}, clairvoyant(way, drive, run), {}, 0};
   row.by_variant.resize(way.variant_bytes.size());

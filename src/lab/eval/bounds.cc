@@ -75,7 +75,7 @@ std::optional<Shown> Oracle::best(std::size_t round) {
   std::optional<Shown> best;
   for (std::size_t v = 0; v < profile.variants.size(); ++v) {
     const Duration there =
-        reach_.soonest(Direction::kUp, t0 + profile.encode, profile.variants[v].bytes,
+        reach_.soonest(Direction::kUp, t0 + scenario_.hosts.encode, profile.variants[v].bytes,
                        [&injected](std::size_t link) { return injected_on(injected, link); });
     if (there >= deadline) continue;
     const Duration begins = there + injected_in(injected, Module::kBeforeCompute);
@@ -131,7 +131,7 @@ Causal::Causal(const Scenario& scenario, double miss_price)
     : profile_(scenario.profile), miss_price_(miss_price) {
   Reach reach(scenario, 0);
   for (const VariantProfile& variant : profile_.variants) {
-    const Duration there = reach.soonest(Direction::kUp, profile_.encode, variant.bytes);
+    const Duration there = reach.soonest(Direction::kUp, scenario.hosts.encode, variant.bytes);
     begins_.push_back(there);
     slack_.push_back(scenario.deadline - reach.soonest(Direction::kDown, there, sim::kResultBytes));
   }

@@ -52,8 +52,7 @@ Profile lidar_profile(LidarSweep sweep) {
           .sampled = m.sampled,
           .level_names = {"40 cm", "20 cm", "all points"},
           .levels = m.levels,
-          .fallback = {.local = m.levels.front().quality.front(), .stale_share = m.aged},
-          .encode = m.encode};
+          .fallback = {.local = m.levels.front().quality.front(), .stale_share = m.aged}};
 }
 
 Scenario lidar_scenario(LidarSweep sweep) {
@@ -61,6 +60,7 @@ Scenario lidar_scenario(LidarSweep sweep) {
   scenario.name = std::string("table-lidar ") + std::string(to_string(sweep));
   scenario.profile = lidar_profile(sweep);
   scenario.deadline = scenario.period;
+  scenario.hosts.encode = measured(sweep).encode;
   return scenario;
 }
 

@@ -30,8 +30,6 @@ struct Profile {
   std::vector<LevelProfile> levels;
   // The local backup is level 0 on the best variant.
   FallbackQuality fallback;
-  // From t0 until the vehicle has made all variants.
-  Duration encode = sim::kEncode;
 };
 
 // The three-level ladder on raw 484x361 and sampled 242x181 RGB (512 and 128 KB with the image

@@ -83,12 +83,12 @@ sim::OffloadOptions options_of(const System& system, const Scenario& scenario, c
   for (const std::uint8_t variant : variants) {
     o.variant_bytes.push_back(scenario.profile.variants.at(variant).bytes);
   }
-  o.encode = scenario.profile.encode;
   o.ablation = system.ablation;
   o.local_backup = system.local_backup;
   o.road_clock = scenario.road_clock;
   o.road_step = scenario.clock_step;
   o.is_encrypted = scenario.is_encrypted;
+  o.hosts = scenario.hosts;
   for (std::size_t i = 0; i < trace.rounds.size(); ++i) {
     o.disturbances.push_back(disturbance_of(trace, i));
   }

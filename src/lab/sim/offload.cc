@@ -107,7 +107,9 @@ void Offload::build() {
                     emu::Link(o_.profiles[i], emu::link_seed(o_.seed, i)));
   }
   world_.on_event([this](HostId host, Event&& event) { on_event(host, std::move(event)); });
-  if (o_.disturbances.empty()) return;
+  const HostTimes& hosts = o_.hosts;
+  const bool is_free = hosts.image_packets <= Duration{} && hosts.result_packets <= Duration{};
+  if (o_.disturbances.empty() && is_free) return;
   world_.delay_with(
       [this](HostId from, const LeavingPacket& packet) { return delay_of(from, packet); });
 }
@@ -118,8 +120,8 @@ void Offload::choose_top() {
     return;
   }
   offload::ComputationBudget budget(o_.deadline);
-  budget.estimate(world_.endpoint(vehicle_).links(world_.local_time(vehicle_), peer_), o_.encode,
-                  o_.variant_bytes.front(), o_.result_bytes);
+  budget.estimate(world_.endpoint(vehicle_).links(world_.local_time(vehicle_), peer_),
+                  o_.hosts.encode, o_.variant_bytes.front(), o_.result_bytes);
   result_.top_level = roadside_.top_level(peer_, budget.value());
 }
 
@@ -141,9 +143,10 @@ Duration Offload::runtime(std::size_t level, double deviations) const {
 Duration Offload::delay_of(HostId from, const LeavingPacket& packet) const {
   if (!packet.round) return {};
   const Disturbance& d = disturbance(packet.round->round.value);
-  if (from != vehicle_) return d.downlink;
-  if (d.uplink.empty()) return {};
-  return d.uplink[std::min<std::size_t>(packet.link.value, d.uplink.size() - 1)];
+  if (from != vehicle_) return d.downlink + o_.hosts.result_packets;
+  const Duration host = o_.hosts.image_packets;
+  if (d.uplink.empty()) return host;
+  return host + d.uplink[std::min<std::size_t>(packet.link.value, d.uplink.size() - 1)];
 }
 
 void Offload::begin(std::uint32_t number) {
@@ -154,7 +157,7 @@ void Offload::begin(std::uint32_t number) {
   const RoundRef ref = endpoint.begin_round(world_.local_time(vehicle_), kCamera);
   result_.rounds[number].round = number;
   result_.rounds[number].t0 = world_.now();
-  world_.at(world_.now() + o_.encode, [this, ref] {
+  world_.at(world_.now() + o_.hosts.encode, [this, ref] {
     Variants variants;
     for (const std::size_t bytes : o_.variant_bytes) variants.emplace_back(bytes);
     world_.endpoint(vehicle_).submit(world_.local_time(vehicle_), ref, std::move(variants),
@@ -162,7 +165,7 @@ void Offload::begin(std::uint32_t number) {
     world_.flush(vehicle_);
   });
   if (o_.local_backup) {
-    world_.at(world_.now() + o_.encode + runtime(0, deviations(number)), [this, ref] {
+    world_.at(world_.now() + o_.hosts.encode + runtime(0, deviations(number)), [this, ref] {
       world_.endpoint(vehicle_).local_result(world_.local_time(vehicle_), ref,
                                              Bytes(o_.result_bytes));
       world_.flush(vehicle_);
@@ -250,9 +253,9 @@ void Offload::judge_feasibility() {
     processes.push_back(links.back().process().get());
   }
   for (OffloadRound& round : result_.rounds) {
-    round.feasible =
-        clairvoyant_feasible(o_.profiles, processes, round.t0 + o_.encode, o_.deadline - o_.encode,
-                             o_.variant_bytes.back(), o_.result_bytes, o_.ladder.front().median);
+    round.feasible = clairvoyant_feasible(o_.profiles, processes, round.t0 + o_.hosts.encode,
+                                          o_.deadline - o_.hosts.encode, o_.variant_bytes.back(),
+                                          o_.result_bytes, o_.ladder.front().median);
   }
 }
 

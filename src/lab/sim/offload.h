@@ -23,8 +23,19 @@
 namespace interneuron::sim {
 
 // What resizing and copying a frame of 768x576 takes on the vehicle before it is handed over, as
-// measured: OffloadOptions::encode by default.
+// measured: HostTimes::encode by default.
 inline constexpr Duration kEncode = std::chrono::milliseconds(1);
+
+// What the hosts themselves take of a round beyond the links' time and the computation.
+struct HostTimes {
+  // From t0 until the variants are made and submitted.
+  Duration encode = kEncode;
+  // What the packets of an image and of a result spend in both hosts: they are cut, sealed, sent in
+  // turns by system calls, received and put together, and the whole is handed over to a worker. In
+  // virtual time that takes no time unless an experiment knows what it took on a real machine.
+  Duration image_packets{};
+  Duration result_packets{};
+};
 
 // Links are measured for so long before the first round.
 inline constexpr Duration kWarmUp = std::chrono::seconds(1);
@@ -71,9 +82,8 @@ struct OffloadOptions {
   // Sizes of the variants in bytes, best first: the paper's raw and sampled images (docs/paper.md)
   // with their headers.
   std::vector<std::size_t> variant_bytes = {484 * 361 * 3 + 32, 242 * 181 * 3 + 32};
-  // From t0 until the variants are handed over.
-  Duration encode = kEncode;
   std::size_t result_bytes = kResultBytes;
+  HostTimes hosts{};
   std::int16_t beta_permille = 0;
   Ablation ablation{};
   bool local_backup = true;

@@ -26,6 +26,11 @@ constexpr std::uint64_t kMostSeeds = 10'000;
 // The default number of seeds with --testbed, where 300 rounds of a system take half a minute.
 constexpr std::uint64_t kTestbedSeeds = 3;
 
+// Deadlines of the testbed: no image arrives within 50 ms, and rounds of a second and more begin to
+// pile up at 10 Hz.
+constexpr double kLeastDeadlineMs = 50;
+constexpr double kMostDeadlineMs = 1000;
+
 struct Options {
   std::string experiment;
   std::optional<std::uint32_t> rounds;
@@ -36,6 +41,7 @@ struct Options {
   bool testbed = false;
   bool encrypted = false;
   std::string ladder = "auto";
+  std::optional<double> deadline_ms;
   std::string data;
   bool json = false;
 };
@@ -71,6 +77,8 @@ Document run_one(const Experiment& experiment, const Options& o, const experimen
                  const std::filesystem::path& scratch, Progress& progress) {
   std::pair<std::uint64_t, std::uint64_t> seeds{1, o.testbed ? kTestbedSeeds : experiment.seeds};
   if (!o.seeds.empty()) seeds = parse_seeds(o.seeds);
+  std::optional<Duration> deadline;
+  if (o.deadline_ms) deadline = from_ms(*o.deadline_ms);
   const experiments::Request request{.rounds = o.rounds.value_or(experiment.rounds),
                                      .first_seed = seeds.first,
                                      .last_seed = seeds.second,
@@ -79,6 +87,7 @@ Document run_one(const Experiment& experiment, const Options& o, const experimen
                                      .data = find_data(o.data),
                                      .scratch = scratch,
                                      .ladder = o.ladder,
+                                     .deadline = deadline,
                                      .is_encrypted = o.encrypted};
   Document document{.experiment = experiment.name,
                     .title = experiment.title,
@@ -133,6 +142,7 @@ int run_eval(const Options& o) {
   if (!o.testbed && o.ladder != Options{}.ladder) {
     throw Failure(kUsage, "--ladder " + o.ladder + ": only with --testbed");
   }
+  if (!o.testbed && o.deadline_ms) throw Failure(kUsage, "--deadline-ms: only with --testbed");
   if (o.rounds && *o.rounds == 0) throw Failure(kUsage, "--rounds 0: give at least 1");
   if (!o.seeds.empty()) parse_seeds(o.seeds);
   const SignalWatch signals;
@@ -182,6 +192,10 @@ void add_eval(CLI::App& program, std::function<int()>& run) {
        "Detectors of the testbed; replay has recorded boxes and times and computes nothing")
       ->capture_default_str()
       ->check(CLI::IsMember({"auto", "dnn", "motion", "replay"}));
+  c->add_option("--deadline-ms", o->deadline_ms,
+                "Deadline of the testbed's rounds (default: 19 ms after the end of undisturbed "
+                "ones)")
+      ->check(CLI::Range(kLeastDeadlineMs, kMostDeadlineMs));
   c->add_option("--out", o->out,
                 "Folder for one EXPERIMENT.json each (default: out/eval, with --testbed "
                 "out/eval-testbed)");

@@ -24,6 +24,8 @@ struct Request {
   // Of the testbed: a folder that may be made, and what detects.
   std::filesystem::path scratch{};
   std::string ladder = "auto";
+  // Empty: the testbed measures one, see app/eval_testbed/testbed_bench.h.
+  std::optional<Duration> deadline{};
   // In virtual time: the endpoints have keys.
   bool is_encrypted = false;
 

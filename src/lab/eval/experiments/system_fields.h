@@ -125,8 +125,10 @@ void fields(auto& f, Of<AgreementRow> auto& r) {
   f("uplink_ms", r.uplink_ms);
   f("compute_ms", r.compute_ms);
   f("downlink_ms", r.downlink_ms);
+  f("points_aim", r.points_aim);
   f("on_time_agrees", r.on_time_agrees);
   f("e2e_agrees", r.e2e_agrees);
+  f("uplink_agrees", r.uplink_agrees);
 }
 
 }  // namespace interneuron::experiments

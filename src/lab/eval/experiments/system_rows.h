@@ -144,8 +144,12 @@ struct AgreementRow {
   Sides uplink_ms;
   Sides compute_ms;
   Sides downlink_ms;
+  // The largest difference in points that is still agreement.
+  double points_aim = 0;
   bool on_time_agrees = false;
   bool e2e_agrees = false;
+  // Nothing where a side has no undisturbed round with this image.
+  std::optional<bool> uplink_agrees;
 };
 
 }  // namespace interneuron::experiments
