@@ -15,8 +15,9 @@
 
 namespace interneuron::cli {
 
-// What the deadline leaves to delays: the simulation's undisturbed rounds of erdos_like end 111 ms
-// after t0 (seeds 1 to 30), its deadline is 130 ms.
+// What the deadline leaves to delays, as in virtual time: there, undisturbed rounds of erdos_like
+// at the highest level of sim::default_ladder() end about 111 ms after t0, and the deadline is 130
+// ms.
 inline constexpr Duration kSlack = std::chrono::milliseconds(19);
 
 // What one run left.

@@ -135,6 +135,8 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"TooManySeeds", "eval fig-rt --seeds 1..1000000", 2, "1000000"},
         Mistake{"BothWorlds", "eval table-erdos --sim --testbed", 2, "--testbed"},
         Mistake{"OnlyVirtualTime", "eval fig-rt --testbed", 2, "on the testbed: table-erdos"},
+        Mistake{"DeadlineInVirtualTime", "eval table-erdos --deadline-ms 130", 2, "--testbed"},
+        Mistake{"NoDeadline", "eval table-erdos --testbed --deadline-ms 0", 2, "--deadline-ms"},
         Mistake{"OnlyInTheClear", "eval fig-rt --encrypted", 2, "those that are: table-erdos"},
         Mistake{"EvalNowhere", "eval fig-rt --out /proc/nowhere", 1, "/proc/nowhere"},
         Mistake{"ReportNowhere", "report nowhere", 3, "nowhere"},

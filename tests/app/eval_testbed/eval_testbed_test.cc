@@ -79,6 +79,7 @@ TEST(EvalTestbed, ItsOrdersAreReadAsTheyWereWritten) {
   TestbedRun run;
   run.system = *core::find_system("erdos_like");
   run.injected = core::make_trace({}, 7, 40).rounds;
+  run.deadline = 141ms;
   run.erdos = {20ms, 10ms, {8ms, 45ms}};
   run.levels = {{7ms, 9ms, {0.1, 0.09}}, {40ms, 44ms, {0.4, 0.38}}};
   run.fallback = {0.1, {0.6, 0.3}};
@@ -86,6 +87,7 @@ TEST(EvalTestbed, ItsOrdersAreReadAsTheyWereWritten) {
   const TestbedRun back = read_testbed_run(folder / "run.json");
   EXPECT_EQ(back.system.name, "erdos_like");
   EXPECT_EQ(back.injected, run.injected);
+  EXPECT_EQ(back.deadline, 141ms);
   EXPECT_EQ(back.erdos.runtime, run.erdos.runtime);
   EXPECT_EQ(back.levels.at(1).quality, run.levels[1].quality);
   EXPECT_EQ(back.fallback.stale_share, run.fallback.stale_share);
@@ -98,6 +100,40 @@ TEST(EvalTestbed, ItsOrdersAreReadAsTheyWereWritten) {
     EXPECT_EQ(sum, run.injected[i].delay);
   }
   EXPECT_EQ(back.in(core::Module::kUplink, RoundId{40}), Duration{});
+}
+
+TEST(EvalTestbed, ItsRoadsideDecidesByTheDeadlineOfTheRun) {
+  TestbedRun run;
+  run.system = *core::find_system("erdos_like");
+  run.erdos = {60ms, 10ms, {8ms, 45ms}};
+  const std::vector<LevelProfile> levels(2);
+  const auto level_with = [&](Duration deadline) {
+    run.deadline = deadline;
+    return TestbedRoad(run).level(levels, TimePoint{}, TimePoint{});
+  };
+  EXPECT_EQ(level_with(115ms), 1U);
+  EXPECT_EQ(level_with(114ms), 0U);
+}
+
+// An undisturbed round of erdos_like in virtual time, on hosts that take so long.
+core::Round round_on(const sim::HostTimes& hosts) {
+  core::Scenario scenario = core::table_erdos_scenario();
+  scenario.hosts = hosts;
+  core::Trace quiet;
+  quiet.rounds.resize(10);
+  return core::run(*core::find_system("erdos_like"), scenario, quiet, 1).rounds.back();
+}
+
+TEST(EvalTestbed, ItsSimulationTakesTheTimesOfTheHosts) {
+  const core::Round without = round_on({});
+  ASSERT_TRUE(without.on_time);
+  const core::Round with =
+      round_on({.encode = sim::kEncode + 1ms, .image_packets = 2ms, .result_packets = 4ms});
+  ASSERT_TRUE(with.on_time);
+  // Links serve packets to the microsecond.
+  EXPECT_NEAR(to_ms(*with.delivered - *without.delivered), 3, 0.01);
+  EXPECT_NEAR(to_ms(with.e2e - *with.compute_ended) - to_ms(without.e2e - *without.compute_ended),
+              4, 0.01);
 }
 
 TEST(EvalTestbed, RunsTheSystemsForReal) {
@@ -125,6 +161,9 @@ TEST(EvalTestbed, RunsTheSystemsForReal) {
     EXPECT_GT((*row)["bytes"]["per_round"], 1000) << name;
   }
   EXPECT_EQ(document["tables"][2]["name"], "agreement");
+  for (const auto& row : document["tables"][2]["rows"]) {
+    EXPECT_EQ(row["points_aim"], row["name"] == "erdos_like" ? 0.03 : 0.02);
+  }
   // Nothing but the document stays.
   EXPECT_EQ(std::distance(fs::directory_iterator(folder / "out"), fs::directory_iterator()), 1);
 }
