@@ -233,6 +233,7 @@ void run_table_erdos_on_testbed(const experiments::Request& request,
   scenario.erdos = bench.erdos();
   scenario.deadline = bench.deadline();
   scenario.hosts = bench.hosts();
+  scenario.learns_budget = true;
   const experiments::Scorer nothing(std::nullopt, false);
   const experiments::Request scored{
       .rounds = request.rounds,

@@ -8,7 +8,6 @@
 
 #include "interneuron/guard.h"
 #include "interneuron/time.h"
-#include "lab/sim/offload.h"
 
 namespace interneuron::eval {
 

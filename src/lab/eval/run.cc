@@ -88,6 +88,7 @@ sim::OffloadOptions options_of(const System& system, const Scenario& scenario, c
   o.road_clock = scenario.road_clock;
   o.road_step = scenario.clock_step;
   o.is_encrypted = scenario.is_encrypted;
+  o.learns_budget = scenario.learns_budget;
   o.hosts = scenario.hosts;
   for (std::size_t i = 0; i < trace.rounds.size(); ++i) {
     o.disturbances.push_back(disturbance_of(trace, i));

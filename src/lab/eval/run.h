@@ -31,6 +31,7 @@ struct Scenario {
   std::optional<std::pair<std::uint32_t, Duration>> clock_step;
   // See sim::OffloadOptions.
   bool is_encrypted = false;
+  bool learns_budget = false;
   sim::HostTimes hosts{};
 };
 // Constant clean links of 100 and 30 Mbit/s, round trips 22 and 45 ms, with the uniform law of

@@ -34,7 +34,8 @@ class Offload {
       : o_(options),
         world_(options.seed),
         rng_(options.seed ^ 0x9e3779b97f4a7c15ULL),
-        roadside_(profiles_of(options.ladder), std::nullopt, kEverything) {}
+        roadside_(profiles_of(options.ladder), std::nullopt, kEverything),
+        budget_(options.deadline) {}
 
   OffloadResult run(const std::function<void(World&)>& prepare);
 
@@ -55,6 +56,7 @@ class Offload {
   Duration runtime(std::size_t level, double deviations) const;
   Duration delay_of(HostId from, const LeavingPacket& packet) const;
   void choose_top();
+  void learn(const OffloadRound& round);
   void judge_feasibility();
 
   const OffloadOptions& o_;
@@ -62,6 +64,7 @@ class Offload {
   std::mt19937_64 rng_;
   std::normal_distribution<double> unit_{0.0, 1.0};
   Unit roadside_;
+  offload::ComputationBudget budget_;
   HostId vehicle_ = 0;
   HostId road_ = 0;
   PeerId peer_{};
@@ -119,10 +122,17 @@ void Offload::choose_top() {
     result_.top_level = *o_.top_level;
     return;
   }
-  offload::ComputationBudget budget(o_.deadline);
-  budget.estimate(world_.endpoint(vehicle_).links(world_.local_time(vehicle_), peer_),
-                  o_.hosts.encode, o_.variant_bytes.front(), o_.result_bytes);
-  result_.top_level = roadside_.top_level(peer_, budget.value());
+  budget_.estimate(world_.endpoint(vehicle_).links(world_.local_time(vehicle_), peer_),
+                   o_.hosts.encode, o_.variant_bytes.front(), o_.result_bytes);
+  result_.top_level = roadside_.top_level(peer_, budget_.value());
+}
+
+void Offload::learn(const OffloadRound& round) {
+  if (!o_.learns_budget || o_.top_level || round.done.outcome != Outcome::kRemote) return;
+  const OffloadRound::AtRoad& road = *round.at_road;
+  if (road.variant != 0) return;
+  budget_.learn(round.done.e2e - (*road.ended - *road.began));
+  result_.top_level = roadside_.top_level(peer_, budget_.value());
 }
 
 const Disturbance& Offload::disturbance(std::uint32_t round) const {
@@ -180,6 +190,7 @@ void Offload::on_event(HostId host, Event&& event) {
     ++round.answers;
     round.done = std::move(*done);
     round.done.result.clear();
+    learn(round);
   } else if (auto* planned = std::get_if<Planned>(&event); planned != nullptr && host == vehicle_) {
     result_.rounds[planned->round.round.value].plan = std::move(planned->plan);
   } else if (auto* message = std::get_if<Delivered>(&event)) {

@@ -79,6 +79,9 @@ struct OffloadOptions {
   // The level that the guard steps down from. Nothing: the highest whose 95th percentile fits what
   // the links leave for the computation.
   std::optional<std::size_t> top_level;
+  // Without a top level: the vehicle corrects what the links leave by its first rounds, as
+  // `interneuron vehicle` does, and the top level follows.
+  bool learns_budget = false;
   // Sizes of the variants in bytes, best first: the paper's raw and sampled images (docs/paper.md)
   // with their headers.
   std::vector<std::size_t> variant_bytes = {484 * 361 * 3 + 32, 242 * 181 * 3 + 32};
