@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "lab/sim/offload.h"
+
 namespace interneuron::eval {
 namespace {
 
