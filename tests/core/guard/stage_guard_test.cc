@@ -1,8 +1,8 @@
+#include "core/guard/stage_guard.h"
+
 #include <gtest/gtest.h>
 
 #include <vector>
-
-#include "core/guard/choice.h"
 
 namespace interneuron::guard {
 namespace {
