@@ -3,10 +3,12 @@
 // a camera's period; a benchmark that allocates fails.
 #include <benchmark/benchmark.h>
 
+#include <array>
 #include <cstdint>
 #include <cstdlib>
 #include <functional>
 #include <new>
+#include <span>
 #include <string>
 
 #include "core/guard/budget_observer.h"
@@ -162,27 +164,33 @@ void plan_of(benchmark::State& bench, const Policy& policy) {
       bench, [&] { benchmark::DoNotOptimize(plan_message(policy, offer, links, guidance)); });
 }
 
-// The decision which variant is sent first: the policy's plans for both, the forecasts of their
-// answers, and the guard's choice.
-void first_transmission(benchmark::State& bench, const Policy& policy) {
+// The decision which variant is the best one sent: the policy's plans for each, the forecasts of
+// their answers, and the guard's choice.
+void first_transmission(benchmark::State& bench, const Policy& policy, std::size_t variants) {
   PipelineConfig config;
   config.guard = GuardKind::kBudget;
   config.levels = ladder(3);
   BudgetOrigin origin(config);
   const std::vector<LinkState> links = two_links();
-  const std::size_t sizes[] = {524'288, 131'072};
-  const Offer offer{{kDeadline, 100ms, MessageClass::kData, {}}, sizes};
+  // The ladder of JPEGs has four.
+  const std::size_t sizes[] = {524'288, 131'072, 70'000, 25'000};
+  const Offer offer{{kDeadline, 100ms, MessageClass::kData, {}}, std::span(sizes).first(variants)};
   std::uint32_t round = 0;
   const auto choose = [&] {
-    const auto normal = plan_message(policy, offer, links, {.degraded = false});
-    const auto small = plan_message(policy, offer, links, {.degraded = true});
-    return origin.choose_degraded(TimePoint{round * 100ms}, RoundId{round}, {}, 1ms,
-                                  forecast_answers(normal, offer, links),
-                                  forecast_answers(small, offer, links));
+    std::array<guard::Forecast, kMaxVariants> modes;
+    for (std::size_t mode = 0; mode < variants; ++mode) {
+      const Guidance guidance{.degraded = mode + 1 == variants,
+                              .variant = static_cast<std::uint8_t>(mode),
+                              .time_left = kDeadline,
+                              .levels = config.levels};
+      modes[mode] = forecast_answers(plan_message(policy, offer, links, guidance), offer, links);
+    }
+    return origin.choose_mode(TimePoint{round * 100ms}, RoundId{round}, 1ms,
+                              std::span(modes).first(variants));
   };
   for (; round < kFilled; ++round) {
     Spent spent;
-    spent.variant = choose() ? std::uint8_t{1} : std::uint8_t{0};
+    spent.variant = static_cast<std::uint8_t>(choose());
     spent.level = 2;
     spent.excess = lost(round, 1);
     spent.computed = 44ms;
@@ -196,8 +204,10 @@ void register_policies() {
   for (const auto& policy : policies) {
     const std::string name(policy->name());
     benchmark::RegisterBenchmark(("plan/" + name).c_str(), plan_of, std::cref(*policy));
-    benchmark::RegisterBenchmark(("first_transmission/" + name).c_str(), first_transmission,
-                                 std::cref(*policy));
+    for (const std::size_t variants : {2, 4}) {
+      const std::string of = "first_transmission/" + name + "/" + std::to_string(variants);
+      benchmark::RegisterBenchmark(of.c_str(), first_transmission, std::cref(*policy), variants);
+    }
   }
 }
 

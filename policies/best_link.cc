@@ -16,7 +16,7 @@ class BestLink final : public Policy {
 
   Plan plan(const Offer& offer, std::span<const LinkState> links,
             const Guidance& guidance) const override {
-    return over_fastest(offer, links, guidance.degraded ? smallest_variant(offer) : 0, 1);
+    return over_fastest(offer, links, best_variant(offer, guidance), 1);
   }
 
   Merge merge(const Arrival&) const override { return Merge::kDeliver; }

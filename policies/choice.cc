@@ -94,6 +94,11 @@ std::uint8_t smallest_variant(const Offer& offer) {
   return static_cast<std::uint8_t>(offer.variant_bytes.size() - 1);
 }
 
+std::uint8_t best_variant(const Offer& offer, const Guidance& guidance) {
+  const std::uint8_t smallest = smallest_variant(offer);
+  return guidance.degraded ? smallest : std::min(guidance.variant.value_or(0), smallest);
+}
+
 Merge hold_for_better(const Arrival& arrival) {
   const bool better_may_come = arrival.best_planned < arrival.variant && !arrival.degraded;
   return better_may_come ? Merge::kHold : Merge::kDeliver;

@@ -69,6 +69,9 @@ Plan over_fastest(const Offer& offer, std::span<const LinkState> links, std::uin
 // The index of the last variant of an offer, which has at least one.
 std::uint8_t smallest_variant(const Offer& offer);
 
+// The best variant that is to be sent, as the guard says; where it does not, the best there is.
+std::uint8_t best_variant(const Offer& offer, const Guidance& guidance);
+
 // Holds a variant while a better one was planned too, unless the message was sent degraded.
 Merge hold_for_better(const Arrival& arrival);
 

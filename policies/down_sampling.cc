@@ -1,8 +1,8 @@
 // down_sampling: the paper's example (docs/paper.md, "Down-sampling"). It needs delay: raw over one
 // of the two fastest links that can carry it, a sampled copy over the other in case raw is late.
 //
-// "raw" is the best variant, "sampled" the next one. A link is fit for a variant when it meets its
-// rate floor.
+// "raw" is the best variant that is to be sent (Guidance), "sampled" the next one. A link is fit
+// for a variant when it meets its rate floor.
 //
 // The two links: the one with the best delay of those fit for raw, and the one with the best delay
 // of the others that are fit for sampled. (Were both to be fit for raw, a 4G link that cannot carry
@@ -27,15 +27,14 @@
 //
 // Receiver: raw, or anything degraded, is delivered at once. Sampled is held until the stage
 // deadline if raw was sent too.
+#include <algorithm>
+
 #include "policies/builtin.h"
 #include "policies/choice.h"
 
 namespace interneuron::policies {
 namespace {
 
-// Indices into the offer's variants.
-constexpr std::uint8_t kRaw = 0;
-constexpr std::uint8_t kSampled = 1;
 // Links.
 constexpr std::size_t kBoth = 2;
 
@@ -78,31 +77,35 @@ class DownSampling final : public Policy {
  private:
   static Plan copies(const Offer& offer, std::span<const LinkState> links,
                      const Guidance& guidance) {
-    const DataRate raw_floor = rate_floor(offer.qos, offer.variant_bytes[kRaw]);
-    if (offer.variant_bytes.size() == 1) return whole(offer, links, guidance.degraded);
-    const DataRate sampled_floor = rate_floor(offer.qos, offer.variant_bytes[kSampled]);
+    const std::uint8_t smallest = smallest_variant(offer);
+    if (smallest == 0) return whole(offer, links, guidance.degraded);
+    const std::uint8_t raw = std::min<std::uint8_t>(guidance.variant.value_or(0), smallest - 1);
+    const std::uint8_t degraded = std::min(guidance.variant.value_or(1), smallest);
+    const auto sampled = static_cast<std::uint8_t>(guidance.degraded ? degraded : raw + 1);
+    const DataRate raw_floor = rate_floor(offer.qos, offer.variant_bytes[raw]);
+    const DataRate sampled_floor = rate_floor(offer.qos, offer.variant_bytes[sampled]);
 
     Links pair = raw_and_sampled_link(links, raw_floor, sampled_floor);
     if (guidance.degraded) {
       if (pair.empty()) pair = fastest(links, sampled_floor, kBoth);
-      if (pair.empty()) return best_effort(offer, links, kSampled);
-      return send_over(pair, kSampled);
+      if (pair.empty()) return best_effort(offer, links, sampled);
+      return send_over(pair, sampled);
     }
-    if (pair.empty()) return best_effort(offer, links, kSampled);
+    if (pair.empty()) return best_effort(offer, links, sampled);
     Plan plan;
-    plan.sends.push_back({kRaw, pair.front().id});
+    plan.sends.push_back({raw, pair.front().id});
     if (pair.size() == kBoth) {
-      plan.sends.push_back({kSampled, pair.back().id});
-      plan.sends.push_back({kRaw, pair.back().id, SendRole::kShadow});
+      plan.sends.push_back({sampled, pair.back().id});
+      plan.sends.push_back({raw, pair.back().id, SendRole::kShadow});
     }
     return plan;
   }
 
   // A message that has no smaller variant.
   static Plan whole(const Offer& offer, std::span<const LinkState> links, bool degraded) {
-    const DataRate floor = rate_floor(offer.qos, offer.variant_bytes[kRaw]);
+    const DataRate floor = rate_floor(offer.qos, offer.variant_bytes.front());
     const Links carriers = fastest(links, floor, degraded ? kBoth : 1);
-    return carriers.empty() ? best_effort(offer, links, kRaw) : send_over(carriers, kRaw);
+    return carriers.empty() ? best_effort(offer, links, 0) : send_over(carriers, 0);
   }
 };
 

@@ -15,7 +15,7 @@ class Duplicate final : public Policy {
 
   Plan plan(const Offer& offer, std::span<const LinkState> links,
             const Guidance& guidance) const override {
-    return over_fastest(offer, links, guidance.degraded ? smallest_variant(offer) : 0, kAllLinks);
+    return over_fastest(offer, links, best_variant(offer, guidance), kAllLinks);
   }
 
   Merge merge(const Arrival&) const override { return Merge::kDeliver; }

@@ -1,15 +1,17 @@
 // joint: one choice over data and model together ("Joint Model and Data Adaptation for Cloud
 // Inference Serving", Jiang et al. 2021), instead of two knobs turned one after the other.
 //
-// Sender: of all (variant, link, level) whose answer is back in Guidance::time_left, as links and
-// levels are measured, the one with the highest expected quality; of equals the soonest. The level
-// is the guard's to choose when the input has arrived; here it tells what the variant is worth.
+// Sender: the variant that the guard names, over the link that brings it soonest. Where it names
+// none (Guidance::variant), of all (variant, link, level) whose answer is back in
+// Guidance::time_left, as links and levels are measured, the one with the highest expected quality;
+// of equals the soonest. The level is the guard's to choose when the input has arrived; here it
+// tells what the variant is worth.
 //
 //   levels and time known    the variant and link of the best (variant, link, level) in time
 //   levels not known         the best variant in time, over the link where it is soonest
-//   nothing in time, or no   the smallest over the fastest link that carries it, else over the
-//     link is measured       fastest, reported as under the floor
-//   degraded                 as above, of the smallest variant alone
+//   nothing in time, or no   the smallest (the one named) over the fastest link that carries it,
+//     link is measured       else over the fastest, reported as under the floor
+//   named, or degraded       as above, of that variant alone
 //
 // Beside it the smallest variant goes over the fastest other link that can carry it, as an
 // insurance against a late or lost first one. A metered link is not used for that, and a plan under
@@ -45,8 +47,10 @@ class Joint final : public Policy {
   Plan plan(const Offer& offer, std::span<const LinkState> links,
             const Guidance& guidance) const override {
     const auto best = best_offload(offer, links, guidance);
+    const std::uint8_t otherwise =
+        guidance.variant ? best_variant(offer, guidance) : smallest_variant(offer);
     Plan plan = best ? send_over({&best->link, 1}, best->variant)
-                     : over_fastest(offer, links, smallest_variant(offer), 1);
+                     : over_fastest(offer, links, otherwise, 1);
     insure(plan, offer, links);
     add_parity(plan, links);
     return plan;

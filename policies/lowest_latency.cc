@@ -19,7 +19,7 @@ class LowestLatency final : public Policy {
 
   Plan plan(const Offer& offer, std::span<const LinkState> links,
             const Guidance& guidance) const override {
-    const std::uint8_t variant = guidance.degraded ? smallest_variant(offer) : 0;
+    const std::uint8_t variant = best_variant(offer, guidance);
     const Links pair = ranked(links, 2, [](const LinkState& link) {
       return link.rtt_p50 == Duration::zero() ? Duration::max() : link.rtt_p50 / 2 + link.queue_up;
     });

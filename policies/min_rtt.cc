@@ -18,7 +18,7 @@ class MinRtt final : public Policy {
 
   Plan plan(const Offer& offer, std::span<const LinkState> links,
             const Guidance& guidance) const override {
-    const std::uint8_t variant = guidance.degraded ? smallest_variant(offer) : 0;
+    const std::uint8_t variant = best_variant(offer, guidance);
     const Links best = smallest_round_trips(links, 1);
     Plan plan = send_over(best, variant);
     report_floor(plan, offer, links);

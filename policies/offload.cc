@@ -49,8 +49,9 @@ bool in_time(Duration time_left, Duration time) {
 std::optional<Offload> best_offload(const Offer& offer, std::span<const LinkState> links,
                                     const Guidance& guidance) {
   std::optional<Offload> best;
-  const auto first = static_cast<std::uint8_t>(guidance.degraded ? smallest_variant(offer) : 0);
-  for (std::uint8_t variant = first; variant < offer.variant_bytes.size(); ++variant) {
+  const std::uint8_t first = best_variant(offer, guidance);
+  const std::uint8_t last = guidance.variant ? first : smallest_variant(offer);
+  for (std::uint8_t variant = first; variant <= last; ++variant) {
     const std::size_t bytes = offer.variant_bytes[variant];
     for (const LinkState& link : fastest(links, rate_floor(offer.qos, bytes), kAllLinks)) {
       const auto way = best_level(link, bytes, variant, guidance);

@@ -34,8 +34,8 @@ struct Offload {
 };
 
 // Of all ways that are in time, over links that can carry the variant: the one with the highest
-// quality, of equals the one that takes least time. Degraded messages only have their smallest
-// variant to offer. Nothing when no measured link is in time.
+// quality, of equals the one that takes least time. Where the guard says which variant is to be
+// sent (Guidance), that one alone. Nothing when no measured link is in time.
 std::optional<Offload> best_offload(const Offer& offer, std::span<const LinkState> links,
                                     const Guidance& guidance);
 

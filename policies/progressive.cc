@@ -40,7 +40,7 @@ class Progressive final : public Policy {
             const Guidance& guidance) const override {
     const std::uint8_t smallest = smallest_variant(offer);
     if (offer.qos.message_class == MessageClass::kResult) {
-      return over_fastest(offer, links, guidance.degraded ? smallest : 0, 1);
+      return over_fastest(offer, links, best_variant(offer, guidance), 1);
     }
     if (offer.earlier_communications == 0) return over_fastest(offer, links, smallest, 1);
     return regions(offer, links, guidance);
@@ -54,9 +54,9 @@ class Progressive final : public Policy {
                       const Guidance& guidance) {
     const Duration compute =
         guidance.levels.empty() ? Duration::zero() : guidance.levels.front().median;
-    const auto first = static_cast<std::uint8_t>(guidance.degraded ? smallest_variant(offer) : 0);
     bool any_up = false;
-    for (std::uint8_t variant = first; variant < offer.variant_bytes.size(); ++variant) {
+    for (std::uint8_t variant = best_variant(offer, guidance); variant < offer.variant_bytes.size();
+         ++variant) {
       const std::size_t bytes = offer.variant_bytes[variant];
       const Links pair = fastest(links, rate_floor(offer.qos, bytes), 2);
       if (pair.empty()) continue;

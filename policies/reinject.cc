@@ -17,7 +17,7 @@ class Reinject final : public Policy {
 
   Plan plan(const Offer& offer, std::span<const LinkState> links,
             const Guidance& guidance) const override {
-    const std::uint8_t variant = guidance.degraded ? smallest_variant(offer) : 0;
+    const std::uint8_t variant = best_variant(offer, guidance);
     const Links pair = smallest_round_trips(links, 2);
     if (pair.empty()) return {};
     Plan plan = send_over({&pair[0], 1}, variant);

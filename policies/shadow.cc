@@ -19,7 +19,7 @@ class Shadow final : public Policy {
 
   Plan plan(const Offer& offer, std::span<const LinkState> links,
             const Guidance& guidance) const override {
-    const std::uint8_t variant = guidance.degraded ? smallest_variant(offer) : 0;
+    const std::uint8_t variant = best_variant(offer, guidance);
     Plan plan = over_fastest(offer, links, variant, 1);
     add_shadows(plan, offer, links);
     return plan;

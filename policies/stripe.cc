@@ -25,7 +25,7 @@ class Stripe final : public Policy {
 
   Plan plan(const Offer& offer, std::span<const LinkState> links,
             const Guidance& guidance) const override {
-    const std::uint8_t variant = guidance.degraded ? smallest_variant(offer) : 0;
+    const std::uint8_t variant = best_variant(offer, guidance);
     Plan plan;
     for (const LinkState& link : fastest(links, {}, kAllLinks)) {
       const bool helps = link.traits.role == LinkRole::kNormal && !link.traits.metered;

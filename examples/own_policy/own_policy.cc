@@ -3,6 +3,7 @@
 #include <interneuron/policy.h>
 #include <interneuron/requirement.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <memory>
 
@@ -14,7 +15,9 @@ class Patient final : public in::Policy {
 
   in::Plan plan(const in::Offer& offer, std::span<const in::LinkState> links,
                 const in::Guidance& guidance) const override {
-    const std::size_t variant = guidance.degraded ? offer.variant_bytes.size() - 1 : 0;
+    const std::size_t smallest = offer.variant_bytes.size() - 1;
+    const std::size_t named = std::min<std::size_t>(guidance.variant.value_or(0), smallest);
+    const std::size_t variant = guidance.degraded ? smallest : named;
     const std::size_t bytes = offer.variant_bytes[variant];
     in::Plan plan;
     const in::LinkState* chosen = nullptr;

@@ -9,6 +9,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string_view>
 #include <vector>
@@ -24,6 +25,9 @@ namespace interneuron {
 struct Guidance {
   // Quality is to be given up for time.
   bool degraded = false;
+  // The best variant to be sent, where the guard has weighed all of them (GuardKind::kBudget);
+  // nothing where that is left to the policy. The last one when degraded.
+  std::optional<std::uint8_t> variant{};
   // Until the end-to-end deadline, as the sender's node believes; Duration::max(): not known.
   Duration time_left = Duration::max();
   // The levels of the computation that follows, from the lowest to the highest; empty: not known.

@@ -64,6 +64,10 @@ struct AnyMessage {
     earlier_communications = *rc::gen::inRange<std::uint8_t>(0, 3);
     any_levels();
     guidance.degraded = *rc::gen::inRange(0, 4) == 0;
+    if (*rc::gen::arbitrary<bool>()) {
+      const std::size_t named = *rc::gen::inRange<std::size_t>(0, count);
+      guidance.variant = static_cast<std::uint8_t>(guidance.degraded ? count - 1 : named);
+    }
     if (*rc::gen::arbitrary<bool>()) guidance.time_left = 3 * any_time();
     guidance.local_quality = 0.01 * *rc::gen::inRange(0, 101);
   }

@@ -54,6 +54,23 @@ TEST(DownSampling, TwoLinks) {
                          });
 }
 
+// Of more than two forms, raw is the one that the guard names, and sampled the next.
+TEST(DownSampling, TheGuardNamesTheBestVariantOfMany) {
+  const auto links = make_links({{1, 60, 50}, {2, 20, 100}});
+  const std::vector<std::size_t> sizes{512 * 1024, 256 * 1024, 128 * 1024, 64 * 1024};
+  const PolicySet policies = builtin_policies();
+  const Policy& rule = *find_policy(policies, "down_sampling");
+  using ::testing::ElementsAre;
+  const auto plan = [&](bool degraded, std::optional<std::uint8_t> variant) {
+    const Guidance guidance{.degraded = degraded, .variant = variant};
+    return setting_out(rule.plan({frames_at_10_hz(), sizes}, links, guidance));
+  };
+  EXPECT_THAT(plan(false, std::nullopt), ElementsAre(send(0, 2), send(1, 1)));
+  EXPECT_THAT(plan(false, 1), ElementsAre(send(1, 2), send(2, 1)));
+  EXPECT_THAT(plan(false, 2), ElementsAre(send(2, 2), send(3, 1)));
+  EXPECT_THAT(plan(true, 3), ElementsAre(send(3, 2), send(3, 1)));
+}
+
 TEST(DownSampling, MoreThanTwoLinks) {
   check("down_sampling", {
                              {"the two with the best delay",

@@ -99,6 +99,19 @@ TEST(Joint, OfFourRungsTheSmallestIsTheInsurance) {
               ElementsAre(send(3, 1), send(3, 2)));
 }
 
+// The guard has weighed what the rung may lose; what is in time by the links alone is no matter.
+TEST(Joint, TheRungThatTheGuardNamesGoes) {
+  const auto levels = levels_on_jpegs();
+  const auto links = make_links({{1, 40, 10}, {2, 50, 4}});
+  for (const auto time_left : {milliseconds(250), milliseconds(20)}) {
+    for (std::uint8_t rung = 0; rung < 3; ++rung) {
+      const Plan plan = joint().plan({frames_at_10_hz(), kJpegs}, links,
+                                     {.variant = rung, .time_left = time_left, .levels = levels});
+      EXPECT_THAT(setting_out(plan), ElementsAre(send(rung, 1), send(3, 2)));
+    }
+  }
+}
+
 TEST(Joint, ASlowLinkCarriesASmallRung) {
   // At 10 Hz a link has to bring a rung in 100 ms; 3 Mbit/s bring the second one.
   const auto links = make_links({{1, 20, 3}});
@@ -122,9 +135,11 @@ TEST(Joint, ARungThatMoreBytesDoNotMakeBetterIsPassedOver) {
 double best_quality(const AnyMessage& m, const std::vector<LinkState>& links,
                     std::optional<Assignment> only = {}) {
   double best = -1;
-  const std::size_t first = m.guidance.degraded ? m.variant_bytes.size() - 1 : 0;
+  const std::size_t first =
+      m.guidance.degraded ? m.variant_bytes.size() - 1 : m.guidance.variant.value_or(0);
+  const std::size_t end = m.guidance.variant ? first + 1 : m.variant_bytes.size();
   for (const LinkState& link : links) {
-    for (std::size_t v = first; v < m.variant_bytes.size(); ++v) {
+    for (std::size_t v = first; v < end; ++v) {
       if (only && (only->link != link.id || only->variant != v)) continue;
       const std::size_t bytes = m.variant_bytes[v];
       if (!link.up || link.rtt_p95 == Duration{} || link.rate == DataRate{}) continue;

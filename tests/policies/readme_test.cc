@@ -1,4 +1,5 @@
 // The example of policies/README.md compiles, works, and is what the page shows.
+#include <algorithm>
 #include <fstream>
 #include <iterator>
 #include <string>
@@ -19,7 +20,9 @@ class Insured final : public interneuron::Policy {
                          std::span<const interneuron::LinkState> links,
                          const interneuron::Guidance& guidance) const override {
     const std::size_t smallest = offer.variant_bytes.size() - 1;
-    const std::size_t main = guidance.degraded ? smallest : 0;
+    // The guard may name the best variant to be sent.
+    const std::size_t named = std::min<std::size_t>(guidance.variant.value_or(0), smallest);
+    const std::size_t main = guidance.degraded ? smallest : named;
     interneuron::Requirement suits{
         .min_rate = interneuron::rate_floor(offer.qos, offer.variant_bytes[main]),
         .weights = offer.qos.needs,

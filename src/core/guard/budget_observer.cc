@@ -33,7 +33,7 @@ BudgetObserver::Computation& BudgetObserver::after(std::size_t stage) {
 
 std::optional<Duration> BudgetObserver::excess(const Computation& c, TimePoint now,
                                                const StageEnd& end, Duration theta) {
-  const auto reference = c.starts.median(now, key_of(end.degraded, end.variant));
+  const auto reference = c.starts.median(now, key_of(end.variant, end.best_planned));
   return reference ? std::optional(difference(theta, Duration{*reference})) : std::nullopt;
 }
 
@@ -69,7 +69,7 @@ void BudgetObserver::settle(TimePoint now, RoundId round, RoundState state, E2e 
 
 void BudgetObserver::note_arrival(TimePoint now, const StageEnd& end) {
   if (end.is_computation || end.degraded || end.variant != end.best_planned) return;
-  after(end.stage).better.add(now, 0, elapsed_across(end.t0, now).count());
+  after(end.stage).better.add(now, end.variant, elapsed_across(end.t0, now).count());
 }
 
 StageGuard::Hold BudgetObserver::hold(TimePoint now, const StageEnd& end,
@@ -77,7 +77,7 @@ StageGuard::Hold BudgetObserver::hold(TimePoint now, const StageEnd& end,
   const Computation& c = after(end.stage);
   const Duration theta = elapsed_across(end.t0, now);
   Hold out{now, false, true};
-  const auto usual = c.better.median(now, 0);
+  const auto usual = c.better.median(now, end.best_planned);
   const Duration wait = usual ? difference(Duration{*usual}, theta) : Duration::zero();
   if (wait <= Duration::zero()) return out;
   const Duration until = wait + end.deadline / kMargin;
@@ -123,7 +123,7 @@ LevelChoice BudgetObserver::begin_computation(TimePoint now, const StageEnd& end
   const Duration theta = elapsed_across(end.t0, now);
   LevelChoice choice{.level = std::min(c.last_level.value_or(top), levels.size() - 1),
                      .excess = excess(c, now, end, theta)};
-  c.starts.add(now, key_of(end.degraded, end.variant), theta.count());
+  c.starts.add(now, key_of(end.variant, end.best_planned), theta.count());
   if (const auto base = c.law.base(now, 0)) {
     const ResidualLaw::Near law = c.law.near(choice.excess, end.deadline / kAlike);
     const Duration left = left_of(end, theta, *base, end.ahead);

@@ -61,10 +61,10 @@ class BudgetObserver final : public StageGuard {
   // What is learnt of the computation after one communication.
   struct Computation {
     ResidualLaw law;
-    // The elapsed times at which it began, by variant and mode.
+    // The elapsed times at which it began, by key_of().
     Recent starts;
-    // The elapsed times at which the best variant that was planned came, by which holding one of
-    // the others is judged.
+    // The elapsed times at which the best variant that was planned came, by variant: holding one of
+    // the others is judged by them.
     Recent better;
     Speed speed;
     RoundRing<Entry> rounds;

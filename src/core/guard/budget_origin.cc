@@ -9,6 +9,13 @@ namespace {
 // measured a loss of 4 to 8 % (docs/paper.md, "Adjusting quality and size").
 constexpr double kSmallerQuality = 0.95;
 
+// The best variant of a mode; kMaxVariants: it has none.
+std::size_t best_of(const Forecast& mode) {
+  std::size_t v = 0;
+  while (v < mode.size() && !mode[v]) ++v;
+  return v;
+}
+
 }  // namespace
 
 BudgetOrigin::BudgetOrigin(const PipelineConfig& config)
@@ -25,29 +32,24 @@ Duration BudgetOrigin::error(TimePoint now, std::uint8_t key) const {
   return own ? *own : law_.base(now, std::nullopt).value_or(Duration::zero());
 }
 
-// A mode is worth what the best of its variants is: the others only come sooner where that one is
-// late.
-std::optional<double> BudgetOrigin::worth_of(TimePoint now, bool degraded, Duration since,
-                                             const Forecast& forecast) const {
+// A mode is worth what its best variant is: the others only come sooner where that one is late.
+std::size_t BudgetOrigin::choose_mode(TimePoint now, RoundId round, Duration since,
+                                      std::span<const Forecast> modes) {
   const ResidualLaw::Near law = law_.near(std::nullopt, {});
-  std::optional<double> best;
-  for (std::uint8_t v = 0; v < kMaxVariants; ++v) {
-    if (!forecast[v]) continue;
-    const Duration left = deadline_ - since - *forecast[v] - error(now, key_of(degraded, v));
-    const double value = best_level(levels_, v, law, speed_, now, left, terms_).second;
-    best = std::max(best.value_or(value), value);
+  std::size_t choice = modes.size() - 1;
+  std::optional<double> most;
+  for (std::size_t mode = modes.size(); mode-- > 0;) {
+    const std::size_t v = best_of(modes[mode]);
+    if (v == kMaxVariants) continue;
+    const Duration left = deadline_ - since - *modes[mode][v] - error(now, key_of(v, v));
+    const auto variant = static_cast<std::uint8_t>(v);
+    const double worth = best_level(levels_, variant, law, speed_, now, left, terms_).second;
+    if (most && worth <= *most) continue;
+    most = worth;
+    choice = mode;
   }
-  return best;
-}
-
-bool BudgetOrigin::choose_degraded(TimePoint now, RoundId round, const Sent&, Duration since,
-                                   const Forecast& normal, const Forecast& degraded) {
-  const auto whole = worth_of(now, false, since, normal);
-  const auto cheap = worth_of(now, true, since, degraded);
-  // The smaller message is the safer one.
-  const bool choice = !whole || (cheap && *cheap >= *whole);
   if (Entry* entry = sent_.enter(round)) {
-    *entry = {.known = false, .degraded = choice, .forecast = choice ? degraded : normal};
+    *entry = {.known = false, .forecast = modes[choice]};
     for (auto& at : entry->forecast) {
       if (at) *at += since;
     }
@@ -71,7 +73,7 @@ void BudgetOrigin::result(TimePoint now, RoundId round, Duration e2e, const Spen
     speed_.add(now, level, levels_[level].median, *spent.computed);
   }
   law_.add(now, {.round = round,
-                 .key = key_of(entry->degraded, *spent.variant),
+                 .key = key_of(*spent.variant, best_of(entry->forecast)),
                  .before = {},
                  .computed = *spent.computed - expected,
                  .rest = e2e - *spent.computed - *entry->forecast[*spent.variant]});
@@ -80,15 +82,15 @@ void BudgetOrigin::result(TimePoint now, RoundId round, Duration e2e, const Spen
 void BudgetOrigin::missed(TimePoint now, RoundId round) {
   const Entry* entry = sent_.find(round);
   if (entry == nullptr || entry->known) return;
-  const auto planned = std::ranges::find_if(entry->forecast, [](const auto& f) { return !!f; });
+  const std::size_t planned = best_of(entry->forecast);
   const auto computed = computed_.median_of_all(now);
-  if (planned == entry->forecast.end() || !computed) return;
-  const std::uint8_t key =
-      key_of(entry->degraded, static_cast<std::size_t>(planned - entry->forecast.begin()));
-  law_.add(now, {.round = round,
-                 .key = key,
-                 .rest = deadline_ - **planned - error(now, key) - Duration{*computed},
-                 .answered = false});
+  if (planned == kMaxVariants || !computed) return;
+  const std::uint8_t key = key_of(planned, planned);
+  law_.add(now,
+           {.round = round,
+            .key = key,
+            .rest = deadline_ - *entry->forecast[planned] - error(now, key) - Duration{*computed},
+            .answered = false});
 }
 
 }  // namespace interneuron::guard

@@ -21,9 +21,10 @@ inline constexpr int kAlike = 16;
 // 130 ms.
 inline constexpr int kTail = 6;
 
-// Rounds in the same mode and variant have a key in common.
-constexpr std::uint8_t key_of(bool degraded, std::size_t variant) {
-  return static_cast<std::uint8_t>(variant % kMaxVariants + (degraded ? kMaxVariants : 0));
+// Copies of the same variant have a key in common: those that were the best of their message, and
+// those that a better one went with.
+constexpr std::uint8_t key_of(std::size_t variant, std::size_t best) {
+  return static_cast<std::uint8_t>(variant % kMaxVariants + (variant == best ? kMaxVariants : 0));
 }
 
 // The quality of a level's result on a variant of the input; a level that does not tell its quality

@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
 
 #include "core/base/ablation.h"
 #include "core/guard/stage_guard.h"
@@ -48,12 +49,14 @@ class RoundGuard {
   // A round begins. `base_n`: the reference time of the whole pipeline, if there is one.
   virtual Sent begin(std::optional<Duration> base_n, Duration deadline) = 0;
 
-  // Whether choose_degraded() looks at its forecasts. Where it does not, they need not be made.
+  // Whether the guard weighs the modes of the first transmission. Where it does not, begin() has
+  // decided on it, and choose_mode() is not to be called.
   virtual bool weighs() const { return false; }
-  // The mode of the first transmission, which leaves `since` after t0: true for the degraded one.
-  virtual bool choose_degraded(TimePoint, RoundId, const Sent& sent, Duration /*since*/,
-                               const Forecast& /*normal*/, const Forecast& /*degraded*/) {
-    return sent.degraded;
+  // The mode of the first transmission, which leaves `since` after t0, out of those whose forecasts
+  // these are, from the best variant to the smallest; not empty.
+  virtual std::size_t choose_mode(TimePoint, RoundId, Duration /*since*/,
+                                  std::span<const Forecast> /*modes*/) {
+    return 0;
   }
 
   // A remote result has come back, on time or not, `e2e` after t0.

@@ -84,13 +84,13 @@ RecentE2e RoundLedger::recent_e2e(RoundId round) const {
   return out;
 }
 
-bool RoundLedger::choose_degraded(TimePoint now, RoundId round, const Forecast& normal,
-                                  const Forecast& degraded) {
+std::size_t RoundLedger::choose_mode(TimePoint now, RoundId round,
+                                     std::span<const Forecast> modes) {
   Open* open = find(round);
-  if (open == nullptr) return false;
-  RoundGuard::Sent& sent = open->begun.sent;
-  sent.degraded = guard_->choose_degraded(now, round, sent, now - open->begun.t0, normal, degraded);
-  return sent.degraded;
+  if (open == nullptr) return 0;
+  const std::size_t mode = guard_->choose_mode(now, round, now - open->begun.t0, modes);
+  open->begun.sent.degraded = mode + 1 == modes.size();
+  return mode;
 }
 
 RoundLedger::Open* RoundLedger::find(RoundId round) {

@@ -12,6 +12,7 @@
 #include <deque>
 #include <memory>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "core/base/round_ring.h"
@@ -37,11 +38,11 @@ class RoundLedger {
   Indicator indicator(RoundId round) const;
   RecentE2e recent_e2e(RoundId round) const;
 
-  // Whether choose_degraded() looks at its forecasts.
+  // Whether choose_mode() is to be asked.
   bool weighs() const { return guard_->weighs(); }
-  // Whether the first transmission of an open round is to be degraded. Ask once per round.
-  bool choose_degraded(TimePoint now, RoundId round, const Forecast& normal,
-                       const Forecast& degraded);
+  // The mode of the first transmission of an open round, as RoundGuard::choose_mode(); the last one
+  // is the degraded one. Ask once per round.
+  std::size_t choose_mode(TimePoint now, RoundId round, std::span<const Forecast> modes);
 
   // A remote result is there. Nothing where it is late or the round is decided: then it is dropped,
   // but its time is learnt, and it may still answer a later round that is missed.

@@ -41,8 +41,9 @@ struct RoundContext {
   // When the computation in progress began; until begin_computation() tells, when the message was
   // handed over.
   TimePoint began{};
-  // verdict.late is what the guard has decided for the next transmission, and stays.
-  bool mode_chosen = false;
+  // What the guard has decided for the next transmission, verdict.late with it, and what stays; the
+  // best variant that is sent. Nothing where it does not weigh them.
+  std::optional<std::uint8_t> variant;
   std::optional<Previewed> previewed;
 };
 

@@ -1,6 +1,7 @@
 #include "core/rounds/rounds.h"
 
 #include <algorithm>
+#include <array>
 #include <stdexcept>
 #include <string>
 
@@ -304,7 +305,7 @@ void Rounds::end_computations(TimePoint now, RoundContext& context) {
 // What the guard tells the policy of a round's next transmission.
 Guidance Rounds::guidance(TimePoint now, const RoundContext& context, const ClockOf& clock) {
   const wire::RoundHeader& h = context.header;
-  Guidance out{.degraded = context.verdict.late};
+  Guidance out{.degraded = context.verdict.late, .variant = context.variant};
   if (guard::RoundLedger* ledger = own_.find(h.round)) {
     out.time_left = left_of(h, elapsed_across(h.t0, now), 0);
     out.local_quality = ledger->config().fallback.local;
@@ -324,19 +325,24 @@ void Rounds::choose_mode(TimePoint now, RoundContext& context, const Peer& peer,
                          MessageClass message_class, std::span<const std::size_t> variant_bytes,
                          std::span<const VariantCost> costs) {
   guard::RoundLedger* ledger = own_.find(context.header.round);
-  if (context.mode_chosen || context.from || ledger == nullptr || !ledger->weighs()) return;
+  if (context.variant || context.from || ledger == nullptr || !ledger->weighs()) return;
   wire::RoundHeader header = context.header;
   header.message_class = message_class;
   const Offer offer{qos_of(header), variant_bytes, costs};
   const Links links = peer.links(now);
   Guidance ask = guidance(now, context, std::nullopt);
-  const auto forecast = [&](bool degraded) {
-    ask.degraded = degraded;
-    return forecast_answers(dispatch_.plan(links, header, offer, ask), offer, links);
-  };
-  const guard::Forecast normal = forecast(false);
-  context.verdict.late = ledger->choose_degraded(now, header.round.round, normal, forecast(true));
-  context.mode_chosen = true;
+  // A message without a smaller variant can still be sent more safely, as a policy has it.
+  const std::size_t count = std::clamp<std::size_t>(variant_bytes.size(), 2, kMaxVariants);
+  std::array<guard::Forecast, kMaxVariants> modes;
+  for (std::size_t mode = 0; mode < count; ++mode) {
+    ask.degraded = mode + 1 == count;
+    ask.variant = static_cast<std::uint8_t>(mode);
+    modes[mode] = forecast_answers(dispatch_.plan(links, header, offer, ask), offer, links);
+  }
+  const std::size_t mode =
+      ledger->choose_mode(now, header.round.round, std::span(modes).first(count));
+  context.verdict.late = mode + 1 == count;
+  context.variant = static_cast<std::uint8_t>(mode);
 }
 
 }  // namespace interneuron

@@ -33,12 +33,14 @@ class Rounds {
     Forecast small;
     whole[0] = 66ms;
     small[1] = 33ms;
-    const bool degraded = origin_.choose_degraded(t0, round, {}, 1ms, whole, small);
+    const Forecast modes[] = {whole, small};
+    const bool degraded = origin_.choose_mode(t0, round, 1ms, modes) == 1;
     StageEnd up;
     up.round = round;
     up.t0 = as_wire(t0);
     up.deadline = 130ms;
     up.variant = 1;
+    up.best_planned = degraded ? 1 : 0;
     up.degraded = degraded;
     up.terms.kind = GuardKind::kBudget;
     const TimePoint start = t0 + 40ms + number_ % 7 * 1ms;

@@ -1,4 +1,4 @@
-// GuardKind::kBudget at the origin: which mode the first transmission takes.
+// GuardKind::kBudget at the origin: which variant the first transmission brings.
 #include "core/guard/budget_origin.h"
 
 #include <gtest/gtest.h>
@@ -30,7 +30,8 @@ struct Vehicle {
     whole[0] = raw;
     small[1] = sampled;
     now = TimePoint{round * 100ms};
-    return degraded = origin.choose_degraded(now, RoundId{round}, {}, kUnderWay, whole, small);
+    const Forecast modes[] = {whole, small};
+    return degraded = origin.choose_mode(now, RoundId{round}, kUnderWay, modes) == 1;
   }
   // One round more; `error`: of the forecast, `excess`: lost before the computation, `rest`: after.
   bool step(Duration error = {}, Duration excess = {}, Duration rest = {}, std::uint8_t level = 2) {
@@ -65,7 +66,38 @@ TEST(BudgetOrigin, BeginsWithTheSaferModeAndTurnsToTheBetterOneWhenItIsSafe) {
 
 TEST(BudgetOrigin, WithoutAnyForecastTheSmallerMessageGoes) {
   BudgetOrigin origin(camera());
-  EXPECT_TRUE(origin.choose_degraded(TimePoint{}, RoundId{0}, {}, kUnderWay, {}, {}));
+  const Forecast modes[2] = {};
+  EXPECT_EQ(origin.choose_mode(TimePoint{}, RoundId{0}, kUnderWay, modes), 1U);
+}
+
+// Four images of which the links bring one, two, three or all in time.
+TEST(BudgetOrigin, OfManyVariantsTheBestThatIsInTimeGoes) {
+  PipelineConfig config = camera();
+  config.levels = {{10ms, 12ms, {0.40, 0.39, 0.37, 0.30}}};
+  BudgetOrigin origin(config);
+  std::uint32_t round = 0;
+  const auto chosen = [&](Duration first) {
+    std::vector<Forecast> modes(4);
+    Duration takes = first;
+    for (std::size_t v = 0; v < modes.size(); ++v, takes = takes / 2) modes[v][v] = takes;
+    const std::size_t mode =
+        origin.choose_mode(TimePoint{round * 100ms}, RoundId{round}, kUnderWay, modes);
+    Spent spent;
+    spent.level = 0;
+    spent.variant = static_cast<std::uint8_t>(mode);
+    spent.computed = 10ms;
+    const Duration e2e = kUnderWay + *modes[mode][mode] + 10ms;
+    origin.result(TimePoint{round * 100ms} + e2e, RoundId{round}, e2e, spent);
+    if (e2e > 130ms) origin.missed(TimePoint{round * 100ms + 130ms}, RoundId{round});
+    ++round;
+    return mode;
+  };
+  for (int i = 0; i < 200; ++i) chosen(60ms);
+  EXPECT_EQ(chosen(60ms), 0U);
+  EXPECT_EQ(chosen(160ms), 1U);
+  EXPECT_EQ(chosen(320ms), 2U);
+  EXPECT_EQ(chosen(640ms), 3U);
+  EXPECT_EQ(chosen(60ms), 0U);
 }
 
 TEST(BudgetOrigin, DelaysThatOnlyTheSmallerMessageAbsorbsMakeItGo) {
