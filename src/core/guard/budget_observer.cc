@@ -12,6 +12,8 @@ constexpr int kBlindHold = 4;
 // A better variant is waited for a little beyond the time at which one came once, by this fraction
 // of the deadline: 1 ms of 130 ms.
 constexpr int kMargin = 128;
+// A hold ends when so many eighths of the better ones have usually come, if this one does not.
+constexpr std::size_t kHeld = 7;
 
 Duration difference(Duration a, Duration b) {
   return Duration{bounded(wrapping_sub(a.count(), b.count()))};
@@ -77,7 +79,7 @@ StageGuard::Hold BudgetObserver::hold(TimePoint now, const StageEnd& end,
   const Computation& c = after(end.stage);
   const Duration theta = elapsed_across(end.t0, now);
   Hold out{now, false, true};
-  const auto usual = c.better.median(now, end.best_planned);
+  const auto usual = c.better.quantile(now, end.best_planned, kHeld);
   const Duration wait = usual ? difference(Duration{*usual}, theta) : Duration::zero();
   if (wait <= Duration::zero()) return out;
   const Duration until = wait + end.deadline / kMargin;
@@ -91,9 +93,9 @@ StageGuard::Hold BudgetObserver::hold(TimePoint now, const StageEnd& end,
   const auto value = [&](std::uint8_t variant, Duration at) {
     return best_level(c.levels, variant, law, c.speed, now, at, end.terms).second;
   };
-  // By its median, half of the better ones have come.
-  const double held =
-      (value(end.best_planned, left - until) + value(end.variant, left - until)) / 2;
+  constexpr double kCame = kHeld / 8.0;
+  const double held = kCame * value(end.best_planned, left - until) +
+                      (1 - kCame) * value(end.variant, left - until);
   if (held > value(end.variant, left)) out.until = now + until;
   return out;
 }

@@ -22,8 +22,8 @@ class BudgetObserver final : public StageGuard {
  public:
   void settle(TimePoint now, RoundId round, RoundState state, E2e e2e) override;
   void note_arrival(TimePoint now, const StageEnd& end) override;
-  // Until the better variant usually comes, if that is worth more in expectation than going on with
-  // this one.
+  // Until the better variant has usually come, if that is worth more in expectation than going on
+  // with this one.
   Hold hold(TimePoint now, const StageEnd& end, const std::optional<ClockView>& clock,
             bool last_stage) override;
   // Never late: what a round has lost weighs in the choices that follow.

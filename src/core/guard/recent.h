@@ -1,4 +1,4 @@
-// Medians of what was seen lately: the last `slots` values of the last 10 s, by key. Values may
+// Quantiles of what was seen lately: the last `slots` values of the last 10 s, by key. Values may
 // contain the clock offset, since only their differences are compared; they must lie within half of
 // the range of 64-bit integers. Nothing is allocated. Pure; thread-compatible.
 #pragma once
@@ -15,9 +15,10 @@ namespace interneuron::guard {
 // ms at 100 ppm.
 inline constexpr Duration kRecent = std::chrono::seconds(10);
 
-// The median (the lower of two) of values that lie within half of the range of 64-bit integers.
-// `count` > 0; `values` is reordered.
-std::int64_t wrapping_median(std::int64_t* values, std::size_t count);
+// Of values that lie within half of the range of 64-bit integers, the one that so many eighths of
+// the others are not above (the lower of two). `count` > 0, `eighths` <= 8; `values` is reordered.
+std::int64_t wrapping_quantile(std::int64_t* values, std::size_t count, std::size_t eighths);
+inline constexpr std::size_t kMedian = 4;
 
 // `slots`: values of all keys together.
 template <std::size_t slots>
@@ -26,6 +27,8 @@ class LastValues {
   void add(TimePoint now, std::uint8_t key, std::int64_t value);
   // The median of the values with this key; nothing where they are fewer than `least`.
   std::optional<std::int64_t> median(TimePoint now, std::uint8_t key, std::size_t least = 1) const;
+  // The value that so many eighths of those with this key are not above; nothing without any.
+  std::optional<std::int64_t> quantile(TimePoint now, std::uint8_t key, std::size_t eighths) const;
   std::optional<std::int64_t> median_of_all(TimePoint now, std::size_t least = 1) const;
   void clear() { used_ = next_ = 0; }
 
@@ -36,8 +39,8 @@ class LastValues {
     std::uint8_t key = 0;
   };
   template <class Wanted>
-  std::optional<std::int64_t> median_where(TimePoint now, std::size_t least,
-                                           const Wanted& wanted) const;
+  std::optional<std::int64_t> quantile_where(TimePoint now, std::size_t least, std::size_t eighths,
+                                             const Wanted& wanted) const;
 
   std::array<Value, slots> ring_{};
   std::size_t used_ = 0;
