@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "app/bench/drive_profiles.h"
 #include "app/bench/image_drives_report.h"
 #include "host/process/failure.h"
 #include "host/process/progress.h"
@@ -43,6 +44,8 @@ struct Options {
   std::size_t messages = 1000;
   std::uint64_t seed = 1;
   bool images = false;
+  // Where the drives are written instead; empty: they are run.
+  std::string profiles;
   bool json = false;
 };
 
@@ -142,19 +145,26 @@ void print_table(const std::vector<DriveRow>& rows) {
   for (std::size_t p = 0; p < rows.front().policies.size(); ++p) print_sum(rows, p);
 }
 
+std::vector<Modem> recorded_modems(const Options& o) {
+  std::vector<Modem> out;
+  for (const std::string& named : o.traces) out.push_back(modem_of(named));
+  return out;
+}
+
+coding::Drive drive_of(const std::vector<Modem>& recorded, std::uint64_t seed) {
+  return recorded.empty() ? coding::generated_drive(seed) : coding::recorded_drive(recorded, seed);
+}
+
 // Runs and shows the drives; `run` makes the row of one.
 template <class Row>
 int show_drives(const Options& o,
                 const std::function<Row(const coding::Drive&, std::uint64_t)>& run) {
-  std::vector<Modem> recorded;
-  for (const std::string& named : o.traces) recorded.push_back(modem_of(named));
+  const std::vector<Modem> recorded = recorded_modems(o);
   std::vector<Row> rows(o.drives);
   Progress progress;
   progress.for_each("bench drives", o.drives, [&](std::size_t i) {
     const std::uint64_t seed = o.seed + i;
-    const coding::Drive drive =
-        recorded.empty() ? coding::generated_drive(seed) : coding::recorded_drive(recorded, seed);
-    rows[i] = run(drive, seed);
+    rows[i] = run(drive_of(recorded, seed), seed);
   });
   if (o.json) {
     fmt::print("{}\n", json_of(rows, o.seed).dump(2));
@@ -164,8 +174,23 @@ int show_drives(const Options& o,
   return kFine;
 }
 
+int write_drives(const Options& o) {
+  const std::vector<Modem> recorded = recorded_modems(o);
+  for (std::uint64_t seed = o.seed; seed < o.seed + o.drives; ++seed) {
+    SignalWatch::check();
+    write_profiles(drive_of(recorded, seed), seed,
+                   fmt::format("written by interneuron bench drives --seed {} {}", seed,
+                               fmt::join(o.traces, " ")),
+                   o.profiles);
+  }
+  fmt::print("{} drives written to {}; the first: demo --link {}/{}-1.toml --link {}/{}-2.toml\n",
+             o.drives, o.profiles, o.profiles, o.seed, o.profiles, o.seed);
+  return kFine;
+}
+
 int run_drives(const Options& o) {
   const SignalWatch signals;
+  if (!o.profiles.empty()) return write_drives(o);
   if (o.images) {
     return show_drives<coding::ImageDriveRow>(
         o, [&](const coding::Drive& drive, std::uint64_t seed) {
@@ -199,6 +224,9 @@ void add_drives(CLI::App& bench, std::function<int()>& run) {
               "Rounds of a camera instead of messages: the paper's bitmaps with down_sampling, and "
               "JPEGs with joint")
       ->excludes(policy);
+  c->add_option("--profiles", o->profiles,
+                "Folder to which the drives are written, as profiles of links for `demo` and "
+                "`testbed`; nothing is run");
   c->add_flag("--json", o->json,
               "The rows as JSON on stdout (docs/schema/drives.json, image_drives.json)");
   c->footer(
@@ -206,7 +234,9 @@ void add_drives(CLI::App& bench, std::function<int()>& run) {
       "Examples:\n  interneuron bench drives\n"
       "  interneuron bench drives --policy stripe,coded --drives 30 --seed 100\n"
       "  interneuron bench drives --images --messages 300\n"
-      "  interneuron bench drives lte.up,lte.down other.up,other.down --json");
+      "  interneuron bench drives lte.up,lte.down other.up,other.down --json\n"
+      "  interneuron bench drives --seed 2 --drives 1 --profiles out/drive && "
+      "interneuron demo --link out/drive/2-1.toml --link out/drive/2-2.toml --deadline-ms 250");
   c->callback([&run, o] { run = [o] { return run_drives(*o); }; });
 }
 

@@ -1,7 +1,12 @@
 // `interneuron bench coding`, `bench drives` and `bench transports`: their JSON and their tables.
 #include <filesystem>
 #include <fstream>
+#include <iterator>
+#include <string>
+#include <variant>
 
+#include "lab/coding/drives.h"
+#include "lab/emu/profile.h"
 #include "support.h"
 #include "tests/app/watch/json_schema.h"
 
@@ -58,6 +63,35 @@ TEST(BenchDrives, ShowsWhatImagesBring) {
   const Ran table = run("bench drives --images --drives 1 --messages 20");
   EXPECT_NE(table.output.find("jpeg: "), std::string::npos) << table.output;
   EXPECT_EQ(run("bench drives --images --policy coded").code, 2);
+}
+
+// The profiles are read back as the modems that they were.
+TEST(BenchDrives, WritesDrivesAsProfiles) {
+  const auto folder = std::filesystem::path(testing::TempDir()) / "drive-profiles";
+  const Ran ran = run("bench drives --seed 3 --drives 2 --profiles " + folder.string());
+  ASSERT_EQ(ran.code, 0) << ran.output;
+  const auto text_of = [&](const std::string& name) {
+    std::ifstream in(folder / name);
+    return std::string(std::istreambuf_iterator<char>(in), {});
+  };
+  const coding::Drive drive = coding::generated_drive(4);
+  for (std::size_t i = 0; i < drive.modems.size(); ++i) {
+    const std::string name = "4-" + std::to_string(i + 1);
+    const auto parsed = emu::parse_profile(
+        text_of(name + ".toml"), name,
+        [&](const std::string& file) -> std::variant<std::string, emu::FileError> {
+          return text_of(file);
+        });
+    ASSERT_TRUE(std::holds_alternative<emu::LinkProfile>(parsed))
+        << std::get<emu::ProfileError>(parsed).what;
+    const auto& profile = std::get<emu::LinkProfile>(parsed);
+    const emu::LinkProfile modem = coding::profile_of(drive.modems[i]);
+    EXPECT_EQ(profile.delay.min_ms, modem.delay.min_ms);
+    EXPECT_EQ(profile.up.rate.bits_per_second, modem.up.rate.bits_per_second);
+    EXPECT_EQ(profile.up.queue_bytes, modem.up.queue_bytes);
+    EXPECT_EQ(profile.down.rate.bits_per_second, modem.down.rate.bits_per_second);
+  }
+  EXPECT_EQ(run("bench drives --profiles /proc/nothing --drives 1").code, 1);
 }
 
 TEST(BenchDrives, TakesTracesAndNamesWhatIsWrongWithThem) {

@@ -33,7 +33,7 @@ std::vector<eval::System> systems_for(const eval::Scenario& scenario) {
   std::vector<eval::System> out = some_systems(kSystems);
   eval::System joint = out.front();
   joint.name = "ours_joint";
-  joint.about = "ours with the policy joint, which chooses among all variants";
+  joint.about = "ours with the policy joint and all variants";
   joint.policy = "joint";
   joint.whole_ladder = true;
   out.insert(out.begin() + 1, std::move(joint));
