@@ -9,9 +9,10 @@
 //
 //   levels and time known    the variant and link of the best (variant, link, level) in time
 //   levels not known         the best variant in time, over the link where it is soonest
-//   nothing in time, or no   the smallest (the one named) over the fastest link that carries it,
-//     link is measured       else over the fastest, reported as under the floor
-//   named, or degraded       as above, of that variant alone
+//   named                    as above, of that variant alone
+//   nothing in time, or no   the smallest (named: that one, or the next that a link carries) over
+//     link is measured       the link that brings it soonest; where none carries it over the
+//                            fastest, reported as under the floor
 //
 // Beside it the smallest variant goes over the fastest other link that can carry it, as an
 // insurance against a late or lost first one. A metered link is not used for that, and a plan under
@@ -40,6 +41,16 @@ void insure(Plan& plan, const Offer& offer, std::span<const LinkState> links) {
   if (other != able.end()) plan.sends.push_back({smallest, other->id});
 }
 
+// Of what may be sent where nothing is in time: the variant that the guard names, or the next one
+// that a link carries at the rate of frames; the smallest where it names none.
+Plan best_carried(const Offer& offer, std::span<const LinkState> links, const Guidance& guidance) {
+  const std::uint8_t smallest = smallest_variant(offer);
+  std::uint8_t variant = guidance.variant ? best_variant(offer, guidance) : smallest;
+  Plan plan = over_fastest(offer, links, variant, 1);
+  while (plan.under_floor && variant < smallest) plan = over_fastest(offer, links, ++variant, 1);
+  return plan;
+}
+
 class Joint final : public Policy {
  public:
   std::string_view name() const override { return "joint"; }
@@ -47,10 +58,8 @@ class Joint final : public Policy {
   Plan plan(const Offer& offer, std::span<const LinkState> links,
             const Guidance& guidance) const override {
     const auto best = best_offload(offer, links, guidance);
-    const std::uint8_t otherwise =
-        guidance.variant ? best_variant(offer, guidance) : smallest_variant(offer);
-    Plan plan = best ? send_over({&best->link, 1}, best->variant)
-                     : over_fastest(offer, links, otherwise, 1);
+    Plan plan =
+        best ? send_over({&best->link, 1}, best->variant) : best_carried(offer, links, guidance);
     insure(plan, offer, links);
     add_parity(plan, links);
     return plan;

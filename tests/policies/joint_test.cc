@@ -118,6 +118,17 @@ TEST(Joint, ASlowLinkCarriesASmallRung) {
   EXPECT_THAT(setting_out(jpeg_plan(milliseconds(250), links)), ElementsAre(send(1, 1)));
 }
 
+// A rung that no link carries at the rate of the frames would only make a queue.
+TEST(Joint, OfTheRungThatTheGuardNamesAndSmallerOnesTheBestThatALinkCarriesGoes) {
+  const auto plan = [](double mbit, std::uint8_t rung) {
+    return setting_out(joint().plan({frames_at_10_hz(), kJpegs}, make_links({{1, 20, mbit}}),
+                                    {.variant = rung, .time_left = milliseconds(250)}));
+  };
+  EXPECT_THAT(plan(3, 0), ElementsAre(send(1, 1)));
+  EXPECT_THAT(plan(3, 2), ElementsAre(send(2, 1)));
+  EXPECT_THAT(plan(0.1, 0), ElementsAre(send(3, 1)));
+}
+
 TEST(Joint, ARungThatMoreBytesDoNotMakeBetterIsPassedOver) {
   // Motion detectors see less in a coarse JPEG than in a smaller, finer one.
   std::vector<LevelProfile> motion{
