@@ -127,7 +127,7 @@ class Endpoint {
   // so that an application encodes or computes only what will be sent. The plan is kept: a submit()
   // of the same round with as many variants carries it out, instead of planning anew, while each of
   // its links is up; variants that it does not hold may then be empty. A second call replaces it.
-  // The first call also settles whether the round's first message is degraded. An empty plan where
+  // The first call also settles which variant is the best one sent. An empty plan where
   // submit() would accept nothing.
   Plan preview(TimePoint now, RoundRef round, std::span<const std::size_t> variant_bytes,
                MessageClass message_class, std::span<const VariantCost> costs = {},

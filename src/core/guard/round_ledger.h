@@ -41,7 +41,7 @@ class RoundLedger {
   // Whether choose_mode() is to be asked.
   bool weighs() const { return guard_->weighs(); }
   // The mode of the first transmission of an open round, as RoundGuard::choose_mode(); the last one
-  // is the degraded one. Ask once per round.
+  // is the degraded one. What was decided last of a round counts.
   std::size_t choose_mode(TimePoint now, RoundId round, std::span<const Forecast> modes);
 
   // A remote result is there. Nothing where it is late or the round is decided: then it is dropped,

@@ -41,9 +41,13 @@ struct RoundContext {
   // When the computation in progress began; until begin_computation() tells, when the message was
   // handed over.
   TimePoint began{};
-  // What the guard has decided for the next transmission, verdict.late with it, and what stays; the
-  // best variant that is sent. Nothing where it does not weigh them.
-  std::optional<std::uint8_t> variant;
+  // How the next transmission is sent, where the guard has weighed that; it stays.
+  struct Mode {
+    // The best variant that is sent.
+    std::uint8_t variant = 0;
+    bool degraded = false;
+  };
+  std::optional<Mode> mode;
   std::optional<Previewed> previewed;
 };
 

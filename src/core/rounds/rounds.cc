@@ -82,6 +82,7 @@ SubmitStatus Rounds::submit(TimePoint now, const RoundRef& round, Variants varia
   Peer* peer = destination(now, context, to);
   if (peer == nullptr) return SubmitStatus::kNoPeer;
   choose_mode(now, context, *peer, message_class, Dispatch::sizes_of(variants), {});
+  if (context.mode) context.verdict.late = context.mode->degraded;
   const auto clock = clock_of(now, context.header, peers_.find(now, context.from));
   auto planned = dispatch_.send(now, *peer, peers_.send_room(peer->identity().id), context, clock,
                                 variants, message_class, guidance(now, context, clock));
@@ -305,7 +306,11 @@ void Rounds::end_computations(TimePoint now, RoundContext& context) {
 // What the guard tells the policy of a round's next transmission.
 Guidance Rounds::guidance(TimePoint now, const RoundContext& context, const ClockOf& clock) {
   const wire::RoundHeader& h = context.header;
-  Guidance out{.degraded = context.verdict.late, .variant = context.variant};
+  Guidance out{.degraded = context.verdict.late};
+  if (context.mode) {
+    out.degraded = context.mode->degraded;
+    out.variant = context.mode->variant;
+  }
   if (guard::RoundLedger* ledger = own_.find(h.round)) {
     out.time_left = left_of(h, elapsed_across(h.t0, now), 0);
     out.local_quality = ledger->config().fallback.local;
@@ -325,24 +330,31 @@ void Rounds::choose_mode(TimePoint now, RoundContext& context, const Peer& peer,
                          MessageClass message_class, std::span<const std::size_t> variant_bytes,
                          std::span<const VariantCost> costs) {
   guard::RoundLedger* ledger = own_.find(context.header.round);
-  if (context.variant || context.from || ledger == nullptr || !ledger->weighs()) return;
+  if (context.from || ledger == nullptr || !ledger->weighs()) return;
+  const Links links = peer.links(now);
+  // Another message than the one that preview() was asked about, or other links.
+  if (context.previewed && !context.previewed->fits(variant_bytes.size(), links)) {
+    context.mode.reset();
+  }
+  if (context.mode) return;
   wire::RoundHeader header = context.header;
   header.message_class = message_class;
   const Offer offer{qos_of(header), variant_bytes, costs};
-  const Links links = peer.links(now);
   Guidance ask = guidance(now, context, std::nullopt);
   // A message without a smaller variant can still be sent more safely, as a policy has it.
+  const auto variant_in = [&](std::size_t mode) {
+    return static_cast<std::uint8_t>(std::min(mode, variant_bytes.size() - 1));
+  };
   const std::size_t count = std::clamp<std::size_t>(variant_bytes.size(), 2, kMaxVariants);
   std::array<guard::Forecast, kMaxVariants> modes;
   for (std::size_t mode = 0; mode < count; ++mode) {
     ask.degraded = mode + 1 == count;
-    ask.variant = static_cast<std::uint8_t>(mode);
+    ask.variant = variant_in(mode);
     modes[mode] = forecast_answers(dispatch_.plan(links, header, offer, ask), offer, links);
   }
   const std::size_t mode =
       ledger->choose_mode(now, header.round.round, std::span(modes).first(count));
-  context.verdict.late = mode + 1 == count;
-  context.variant = static_cast<std::uint8_t>(mode);
+  context.mode = {variant_in(mode), mode + 1 == count};
 }
 
 }  // namespace interneuron

@@ -85,6 +85,80 @@ TEST(Budget, WhatWasPreviewedIsSent) {
   EXPECT_EQ(o.plans.back().sends, plan.sends);
 }
 
+// Sends a message of three variants only where its second one is the best, and any other whole.
+class Picky final : public Policy {
+ public:
+  std::string_view name() const override { return "picky"; }
+  Plan plan(const Offer& offer, std::span<const LinkState> links,
+            const Guidance& guidance) const override {
+    Plan plan;
+    const std::uint8_t variant = guidance.variant.value_or(0);
+    EXPECT_LT(variant, offer.variant_bytes.size());
+    if (guidance.degraded && guidance.variant) {
+      EXPECT_EQ(variant + 1U, offer.variant_bytes.size());
+    }
+    if (offer.variant_bytes.size() == 3 && variant != 1) return plan;
+    for (const LinkState& link : links) plan.sends.push_back({variant, link.id});
+    return plan;
+  }
+  Merge merge(const Arrival&) const override { return Merge::kDeliver; }
+};
+
+class PickyRounds {
+ public:
+  PickyRounds() {
+    PipelineConfig pipeline = pipeline_of(offload_stages());
+    pipeline.guard = GuardKind::kBudget;
+    pipeline.policy = "picky";
+    EndpointOptions vehicle = options_of(1, {pipeline});
+    EndpointOptions road = options_of(2);
+    vehicle.policies.push_back(std::make_shared<const Picky>());
+    road.policies.push_back(std::make_shared<const Picky>());
+    pipe.add_host(vehicle);
+    pipe.add_host(road);
+    pipe.connect(0, 1);
+    pipe.on_event = [this](std::size_t, Event& event) {
+      if (const auto* got = std::get_if<Delivered>(&event)) delivered.push_back(*got);
+      if (const auto* planned = std::get_if<Planned>(&event)) plans.push_back(planned->plan);
+    };
+    pipe.run(1s);
+    // The links are measured by what they carry.
+    for (int i = 0; i < 20; ++i) {
+      pipe.round(0, PipelineId{0}, {Bytes(20'000)});
+      pipe.run(100ms);
+    }
+    delivered.clear();
+    plans.clear();
+  }
+  Pipe pipe;
+  std::vector<Delivered> delivered;
+  std::vector<Plan> plans;
+};
+
+TEST(Budget, TheGuardNamesTheVariantAmongMany) {
+  PickyRounds o;
+  o.pipe.round(0, PipelineId{0}, {Bytes(20'000), Bytes(10'000), Bytes(5'000)});
+  o.pipe.run(100ms);
+  ASSERT_EQ(o.delivered.size(), 1U);
+  EXPECT_EQ(o.delivered[0].variant, 1);
+  EXPECT_FALSE(o.delivered[0].degraded);
+}
+
+TEST(Budget, WhatWasNamedForAnotherMessageIsNamedAnew) {
+  PickyRounds o;
+  Endpoint& vehicle = o.pipe.at(0);
+  const TimePoint now = o.pipe.local(0);
+  const RoundRef ref = vehicle.begin_round(now, PipelineId{0});
+  const std::size_t three[] = {20'000, 10'000, 5'000};
+  EXPECT_EQ(vehicle.preview(now, ref, three, MessageClass::kData).sends.front().variant, 1);
+  EXPECT_EQ(vehicle.submit(now, ref, {Bytes(20'000)}, MessageClass::kData),
+            SubmitStatus::kAccepted);
+  o.pipe.flush(0);
+  o.pipe.run(100ms);
+  ASSERT_EQ(o.delivered.size(), 1U);
+  EXPECT_EQ(o.delivered[0].variant, 0);
+}
+
 TEST(Budget, NothingIsPreviewedForARoundThatIsNotKnown) {
   Offloading o({});
   const std::size_t sizes[] = {1000};
