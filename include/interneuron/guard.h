@@ -45,6 +45,7 @@ struct LevelProfile {
   // Expected quality of the result for each variant of the input, in [0, 1] (for detectors the
   // average precision); the last value stands for further variants.
   std::vector<double> quality{};
+  friend bool operator==(const LevelProfile&, const LevelProfile&) = default;
 };
 
 // What an answer without a remote result is worth, in the same units as LevelProfile::quality. By

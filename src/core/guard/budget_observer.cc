@@ -13,7 +13,7 @@ constexpr int kBlindHold = 4;
 // of the deadline: 1 ms of 130 ms.
 constexpr int kMargin = 128;
 // A hold ends when so many eighths of the better ones have usually come, if this one does not.
-constexpr std::size_t kHeld = 7;
+constexpr std::size_t kHolds[] = {kMedian, 7};
 
 Duration difference(Duration a, Duration b) {
   return Duration{bounded(wrapping_sub(a.count(), b.count()))};
@@ -79,13 +79,13 @@ StageGuard::Hold BudgetObserver::hold(TimePoint now, const StageEnd& end,
   const Computation& c = after(end.stage);
   const Duration theta = elapsed_across(end.t0, now);
   Hold out{now, false, true};
-  const auto usual = c.better.quantile(now, end.best_planned, kHeld);
-  const Duration wait = usual ? difference(Duration{*usual}, theta) : Duration::zero();
-  if (wait <= Duration::zero()) return out;
-  const Duration until = wait + end.deadline / kMargin;
+  const auto wait = [&](std::size_t eighths) {
+    const auto usual = c.better.quantile(now, end.best_planned, eighths);
+    return usual ? difference(Duration{*usual}, theta) + end.deadline / kMargin : Duration::zero();
+  };
   const auto base = c.law.base(now, 0);
   if (!base || c.levels.empty()) {
-    if (until <= end.deadline / kBlindHold) out.until = now + until;
+    if (wait(kMedian) <= end.deadline / kBlindHold) out.until = now + wait(kMedian);
     return out;
   }
   const ResidualLaw::Near law = c.law.near(excess(c, now, end, theta), end.deadline / kAlike);
@@ -93,10 +93,16 @@ StageGuard::Hold BudgetObserver::hold(TimePoint now, const StageEnd& end,
   const auto value = [&](std::uint8_t variant, Duration at) {
     return best_level(c.levels, variant, law, c.speed, now, at, end.terms).second;
   };
-  constexpr double kCame = kHeld / 8.0;
-  const double held = kCame * value(end.best_planned, left - until) +
-                      (1 - kCame) * value(end.variant, left - until);
-  if (held > value(end.variant, left)) out.until = now + until;
+  double most = value(end.variant, left);
+  for (const std::size_t eighths : kHolds) {
+    const Duration then = left - wait(eighths);
+    if (then >= left) continue;
+    const double came = static_cast<double>(eighths) / 8;
+    const double held =
+        came * value(end.best_planned, then) + (1 - came) * value(end.variant, then);
+    if (held > most) out.until = now + wait(eighths);
+    most = std::max(most, held);
+  }
   return out;
 }
 
@@ -116,10 +122,7 @@ LevelChoice BudgetObserver::begin_computation(TimePoint now, const StageEnd& end
                                               std::span<const LevelProfile> levels, std::size_t top,
                                               const Verdict&) {
   Computation& c = after(end.stage);
-  const auto same = [](const LevelProfile& a, const LevelProfile& b) {
-    return a.median == b.median && a.quality == b.quality;
-  };
-  if (!std::ranges::equal(c.levels, levels, same)) c.levels.assign(levels.begin(), levels.end());
+  if (!std::ranges::equal(c.levels, levels)) c.levels.assign(levels.begin(), levels.end());
   c.ahead = end.ahead;
   c.law.set_scale(end.deadline / kTail);
   const Duration theta = elapsed_across(end.t0, now);
@@ -134,11 +137,8 @@ LevelChoice BudgetObserver::begin_computation(TimePoint now, const StageEnd& end
   }
   if (Entry* entry = c.rounds.enter(end.round)) {
     const Duration median = levels[choice.level].median;
-    *entry = {.ended = false,
-              .known = false,
-              .level = choice.level,
+    *entry = {.level = choice.level,
               .start = theta,
-              .end = {},
               .before = choice.excess.value_or(Duration::zero()),
               .median = median,
               .expected = c.speed.expected(now, choice.level, median),

@@ -5,15 +5,14 @@
 namespace interneuron::guard {
 namespace {
 
-// The quality of a smaller variant relative to the best one, where the levels do not say: the paper
+// The quality of a variant relative to the next better one, where the levels do not say: the paper
 // measured a loss of 4 to 8 % (docs/paper.md, "Adjusting quality and size").
 constexpr double kSmallerQuality = 0.95;
 
 // The best variant of a mode; kMaxVariants: it has none.
 std::size_t best_of(const Forecast& mode) {
-  std::size_t v = 0;
-  while (v < mode.size() && !mode[v]) ++v;
-  return v;
+  const auto best = std::ranges::find_if(mode, [](const auto& f) { return !!f; });
+  return static_cast<std::size_t>(best - mode.begin());
 }
 
 }  // namespace
@@ -24,7 +23,10 @@ BudgetOrigin::BudgetOrigin(const PipelineConfig& config)
       learns_level_(config.levels.empty()),
       levels_(config.levels) {
   law_.set_scale(deadline_ / kTail);
-  if (learns_level_) levels_.push_back({Duration{1}, Duration{1}, {1.0, kSmallerQuality}});
+  if (!learns_level_) return;
+  levels_.push_back({Duration{1}, Duration{1}, {1.0}});
+  auto& quality = levels_[0].quality;
+  while (quality.size() < kMaxVariants) quality.push_back(quality.back() * kSmallerQuality);
 }
 
 Duration BudgetOrigin::error(TimePoint now, std::uint8_t key) const {
@@ -74,7 +76,6 @@ void BudgetOrigin::result(TimePoint now, RoundId round, Duration e2e, const Spen
   }
   law_.add(now, {.round = round,
                  .key = key_of(*spent.variant, best_of(entry->forecast)),
-                 .before = {},
                  .computed = *spent.computed - expected,
                  .rest = e2e - *spent.computed - *entry->forecast[*spent.variant]});
 }

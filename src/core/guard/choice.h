@@ -14,11 +14,9 @@ namespace interneuron::guard {
 
 // Levels from this one on are never taken; it bounds what one choice costs.
 inline constexpr std::size_t kMaxLevels = 16;
-// Rounds are alike when what they had lost differs by less than this fraction of the deadline: 8 ms
-// of 130 ms.
+// What alike rounds had lost differs by less than this fraction of the deadline: 8 ms of 130 ms.
 inline constexpr int kAlike = 16;
-// The scale of the smoothing tail (ResidualLaw::set_scale) as a fraction of the deadline: 22 ms of
-// 130 ms.
+// ResidualLaw::set_scale() as a fraction of the deadline: 22 ms of 130 ms.
 inline constexpr int kTail = 6;
 
 // Copies of the same variant have a key in common: those that were the best of their message, and

@@ -7,7 +7,7 @@ namespace interneuron::guard {
 std::int64_t wrapping_quantile(std::int64_t* values, std::size_t count, std::size_t eighths) {
   const std::int64_t origin = values[0];
   for (std::size_t i = 0; i < count; ++i) values[i] = wrapping_sub(values[i], origin);
-  std::int64_t* wanted = values + (count - 1) * eighths / 8;
+  std::int64_t* wanted = values + (count * eighths + 7) / 8 - 1;
   std::nth_element(values, wanted, values + count);
   return wrapping_add(origin, *wanted);
 }
@@ -42,7 +42,8 @@ std::optional<std::int64_t> LastValues<slots>::median(TimePoint now, std::uint8_
 template <std::size_t slots>
 std::optional<std::int64_t> LastValues<slots>::quantile(TimePoint now, std::uint8_t key,
                                                         std::size_t eighths) const {
-  return quantile_where(now, 1, eighths, [key](const Value& v) { return v.key == key; });
+  const auto own = quantile_where(now, 1, eighths, [key](const Value& v) { return v.key == key; });
+  return own ? own : quantile_where(now, 1, eighths, [](const Value&) { return true; });
 }
 
 template <std::size_t slots>

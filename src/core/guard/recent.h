@@ -15,8 +15,9 @@ namespace interneuron::guard {
 // ms at 100 ppm.
 inline constexpr Duration kRecent = std::chrono::seconds(10);
 
-// Of values that lie within half of the range of 64-bit integers, the one that so many eighths of
-// the others are not above (the lower of two). `count` > 0, `eighths` <= 8; `values` is reordered.
+// The least of these values that at least so many eighths of them are not above: of four eighths
+// the median, the lower of two. They must lie within half of the range of 64-bit integers; `count`
+// > 0, `eighths` of 1 to 8; `values` is reordered.
 std::int64_t wrapping_quantile(std::int64_t* values, std::size_t count, std::size_t eighths);
 inline constexpr std::size_t kMedian = 4;
 
@@ -27,7 +28,7 @@ class LastValues {
   void add(TimePoint now, std::uint8_t key, std::int64_t value);
   // The median of the values with this key; nothing where they are fewer than `least`.
   std::optional<std::int64_t> median(TimePoint now, std::uint8_t key, std::size_t least = 1) const;
-  // The value that so many eighths of those with this key are not above; nothing without any.
+  // The value that so many eighths of those with this key are not above; without any, of all.
   std::optional<std::int64_t> quantile(TimePoint now, std::uint8_t key, std::size_t eighths) const;
   std::optional<std::int64_t> median_of_all(TimePoint now, std::size_t least = 1) const;
   void clear() { used_ = next_ = 0; }

@@ -216,24 +216,43 @@ TEST(BudgetObserver, HoldsDoNotGrowWhenTheBetterVariantNeverComes) {
   }
 }
 
+// One round in which both variants come after these times and the computation begins after
+// `begins`. How long after t0 the hold of the sampled one would end.
+Duration held(Road& road, Duration raw, Duration sampled, Duration begins) {
+  StageEnd end = road.end(1);
+  end.variant = kSampled;
+  const TimePoint now = road.at(road.t0() + sampled);
+  road.budget.note_arrival(now, end);
+  const Duration until = road.budget.hold(now, end, std::nullopt, false).until - road.at(road.t0());
+  end.variant = kRaw;
+  road.budget.note_arrival(road.at(road.t0() + raw), end);
+  road.rounds(1, {.uplink = begins});
+  return until;
+}
+
 TEST(BudgetObserver, HoldsForABetterVariantThatIsAboutToCome) {
   Road road;
-  const auto both = [&road](Duration raw, Duration sampled) {
-    StageEnd end = road.end(1);
-    end.variant = kSampled;
-    road.budget.note_arrival(road.at(road.t0() + sampled), end);
-    const auto hold =
-        road.budget.hold(road.at(road.t0() + sampled), end, std::nullopt, false).until -
-        road.at(road.t0());
-    end.variant = kRaw;
-    road.budget.note_arrival(road.at(road.t0() + raw), end);
-    road.rounds(1, {.uplink = raw});
-    return hold;
-  };
-  for (int i = 0; i < 100; ++i) both(40ms, 30ms);
-  EXPECT_GE(both(40ms, 35ms), 40ms);
-  EXPECT_LE(both(40ms, 35ms), 45ms);
-  EXPECT_EQ(both(40ms, 60ms), 60ms);  // it never came that late
+  for (int i = 0; i < 100; ++i) held(road, 40ms, 30ms, 40ms);
+  EXPECT_GE(held(road, 40ms, 35ms, 40ms), 40ms);
+  EXPECT_LE(held(road, 40ms, 35ms, 40ms), 45ms);
+  EXPECT_EQ(held(road, 40ms, 60ms, 40ms), 60ms);  // it never came that late
+}
+
+// Until the median, every second round would go on with the smaller one.
+TEST(BudgetObserver, HoldsUntilMostOfTheBetterOnesHaveCome) {
+  Road road;
+  const auto raw = [](int i) { return 36ms + i % 16 * 1ms; };
+  for (int i = 0; i < 112; ++i) held(road, raw(i), 35ms, raw(i));
+  EXPECT_GE(held(road, 40ms, 35ms, 40ms), 49ms);
+  EXPECT_LE(held(road, 40ms, 35ms, 40ms), 53ms);
+}
+
+// What comes after the deadline is not waited for, what usually comes before it is.
+TEST(BudgetObserver, HoldsForTheManyWhereAFewComeTooLate) {
+  Road road;
+  for (int i = 0; i < 100; ++i) held(road, i % 5 == 0 ? 200ms : 40ms, 35ms, 40ms);
+  EXPECT_GE(held(road, 40ms, 35ms, 40ms), 40ms);
+  EXPECT_LE(held(road, 40ms, 35ms, 40ms), 45ms);
 }
 
 TEST(BudgetObserver, AClockStepCostsTheReferencesNotTheLaw) {
