@@ -19,7 +19,8 @@
 //   no smaller variant    whole over the fastest fit for it   whole over the two fastest fit for it
 //     none fit for it     whole over the fastest, reported    whole over the fastest, reported
 //
-// "Reported": the plan says that it is under the floor (Plan::under_floor).
+// "Reported": the plan says that it is under the floor (Plan::under_floor). Degraded, where the
+// guard names a variant, that one is "sampled".
 //
 // What could not be sent again in time if it was lost is covered by repair symbols of the best
 // variant that is sent, over either link. When raw seems late, what is missing of it goes over the

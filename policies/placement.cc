@@ -2,8 +2,9 @@
 // NSDI 2021).
 //
 // Sender: compares Guidance::local_quality with the best quality that is back in time, as `joint`
-// weighs it, over each link. Where offloading promises more, sends as `joint`; else nothing, and
-// the round is answered locally (kLocalIsBetter).
+// weighs it, over each link; where the guard names a variant, with that one's. Where offloading
+// promises more, sends as `joint`; else nothing, and the round is answered locally
+// (kLocalIsBetter).
 //
 // A round that stays local measures nothing, and a link near its limit must not make the choice
 // flap; a policy keeps no state, but the age of a link's evidence tells what was done lately:

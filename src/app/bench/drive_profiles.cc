@@ -29,7 +29,6 @@ void write_profiles(const coding::Drive& drive, std::uint64_t number, const std:
   lab::make_directory(folder);
   for (std::size_t i = 0; i < drive.modems.size(); ++i) {
     const coding::Modem& modem = drive.modems[i];
-    const emu::LinkProfile profile = coding::profile_of(modem);
     const std::string name = fmt::format("{}-{}", number, i + 1);
     std::string text = fmt::format(
         "# Source: {}\n"
@@ -37,15 +36,13 @@ void write_profiles(const coding::Drive& drive, std::uint64_t number, const std:
         "description = \"A modem of a drive\"\nmodel = \"constant\"\n\n"
         "rtt_ms = {}\nloss = 0\n",
         from, name, 2 * to_ms(modem.one_way));
-    const auto add = [&](const char* direction, const emu::Opportunities& trace,
-                         const emu::DirectionParams& as) {
+    const auto add = [&](const char* direction, const emu::Opportunities& trace) {
       const std::string file = fmt::format("{}-{}.mahi", name, direction);
       write(folder / file, mahimahi(trace));
-      text += fmt::format("\n[{}]\nrate_trace = \"{}\"\nqueue_kbyte = {}\n", direction, file,
-                          static_cast<double>(as.queue_bytes) / 1000);
+      text += fmt::format("\n[{}]\nrate_trace = \"{}\"\n", direction, file);
     };
-    add("up", *modem.up, profile.up);
-    add("down", *modem.down, profile.down);
+    add("up", *modem.up);
+    add("down", *modem.down);
     write(folder / (name + ".toml"), text);
   }
 }

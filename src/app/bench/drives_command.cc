@@ -220,15 +220,17 @@ void add_drives(CLI::App& bench, std::function<int()>& run) {
       ->capture_default_str()
       ->check(CLI::Range(std::size_t{1}, kMostMessages));
   c->add_option("--seed", o->seed, "Seed of the first drive")->capture_default_str();
-  c->add_flag("--images", o->images,
-              "Rounds of a camera instead of messages: the paper's bitmaps with down_sampling, and "
-              "JPEGs with joint")
-      ->excludes(policy);
+  CLI::Option* images = c->add_flag(
+      "--images", o->images,
+      "Rounds of a camera instead of messages: the paper's bitmaps with down_sampling, and JPEGs "
+      "with joint");
+  images->excludes(policy);
+  CLI::Option* json = c->add_flag(
+      "--json", o->json, "The rows as JSON on stdout (docs/schema/drives.json, image_drives.json)");
   c->add_option("--profiles", o->profiles,
                 "Folder to which the drives are written, as profiles of links for `demo` and "
-                "`testbed`; nothing is run");
-  c->add_flag("--json", o->json,
-              "The rows as JSON on stdout (docs/schema/drives.json, image_drives.json)");
+                "`testbed`; nothing is run")
+      ->excludes(images, json, policy);
   c->footer(
       "Two of the modems, which may be the same, each from a random instant of its trace on.\n"
       "Examples:\n  interneuron bench drives\n"
