@@ -67,7 +67,7 @@ TEST(BenchDrives, ShowsWhatImagesBring) {
 
 // The profiles are read back as the modems that they were.
 TEST(BenchDrives, WritesDrivesAsProfiles) {
-  const auto folder = std::filesystem::path(testing::TempDir()) / "drive-profiles";
+  const TempFolder folder;
   const Ran ran = run("bench drives --seed 3 --drives 2 --profiles " + folder.string());
   ASSERT_EQ(ran.code, 0) << ran.output;
   const auto text_of = [&](const std::string& name) {
@@ -95,7 +95,7 @@ TEST(BenchDrives, WritesDrivesAsProfiles) {
 }
 
 TEST(BenchDrives, TakesTracesAndNamesWhatIsWrongWithThem) {
-  const auto folder = std::filesystem::path(testing::TempDir());
+  const TempFolder folder;
   const auto write = [&](const char* name, const char* text) {
     std::ofstream(folder / name) << text;
     return (folder / name).string();
