@@ -79,6 +79,7 @@ StageGuard::Hold BudgetObserver::hold(TimePoint now, const StageEnd& end,
   const Computation& c = after(end.stage);
   const Duration theta = elapsed_across(end.t0, now);
   Hold out{now, false, true};
+  // How much longer until so many eighths of the better ones have usually come.
   const auto wait = [&](std::size_t eighths) {
     const auto usual = c.better.quantile(now, end.best_planned, eighths);
     return usual ? difference(Duration{*usual}, theta) + end.deadline / kMargin : Duration::zero();

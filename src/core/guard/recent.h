@@ -19,6 +19,7 @@ inline constexpr Duration kRecent = std::chrono::seconds(10);
 // the median, the lower of two. They must lie within half of the range of 64-bit integers; `count`
 // > 0, `eighths` of 1 to 8; `values` is reordered.
 std::int64_t wrapping_quantile(std::int64_t* values, std::size_t count, std::size_t eighths);
+// The median in eighths.
 inline constexpr std::size_t kMedian = 4;
 
 // `slots`: values of all keys together.

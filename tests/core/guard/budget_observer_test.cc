@@ -247,6 +247,21 @@ TEST(BudgetObserver, HoldsUntilMostOfTheBetterOnesHaveCome) {
   EXPECT_LE(held(road, 40ms, 35ms, 40ms), 53ms);
 }
 
+TEST(LastValues, QuantilesRoundUpAndAKeyWithoutValuesHasThoseOfAll) {
+  VeryRecent values;
+  EXPECT_EQ(values.quantile(TimePoint{}, 0, 7), std::nullopt);
+  for (int i = 1; i <= 9; ++i) {
+    values.add(TimePoint{}, 0, i);
+    EXPECT_EQ(values.median(TimePoint{}, 0), (i + 1) / 2);  // the lower of two
+    EXPECT_EQ(values.quantile(TimePoint{}, 0, 7), (7 * i + 7) / 8);
+    EXPECT_EQ(values.quantile(TimePoint{}, 0, 8), i);
+  }
+  EXPECT_EQ(values.quantile(TimePoint{}, 1, 7), 8);
+  values.add(TimePoint{}, 1, 100);
+  EXPECT_EQ(values.quantile(TimePoint{}, 1, 7), 100);
+  EXPECT_EQ(values.median(TimePoint{}, 2), std::nullopt);
+}
+
 // What comes after the deadline is not waited for, what usually comes before it is.
 TEST(BudgetObserver, HoldsForTheManyWhereAFewComeTooLate) {
   Road road;
