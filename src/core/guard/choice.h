@@ -14,7 +14,7 @@ namespace interneuron::guard {
 
 // Levels from this one on are never taken; it bounds what one choice costs.
 inline constexpr std::size_t kMaxLevels = 16;
-// What alike rounds had lost differs by at most this fraction of the deadline: 2 ms of 130 ms.
+// Rounds are alike if what they had lost differs by no more than D_N / kAlike: 2 ms of 130 ms.
 inline constexpr int kAlike = 64;
 // ResidualLaw::set_scale() as a fraction of the deadline: 22 ms of 130 ms.
 inline constexpr int kTail = 6;

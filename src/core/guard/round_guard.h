@@ -27,7 +27,8 @@ struct Spent {
   std::optional<std::uint8_t> level;
   // The variant of the input that was computed on.
   std::optional<std::uint8_t> variant;
-  // How much later than usual the computation began (LevelChoice::excess, stage_guard.h).
+  // How much later than usual the computation began (LevelChoice::excess, stage_guard.h). No guard
+  // decides by it; the dissector shows it.
   std::optional<Duration> excess;
   // How long all computations of the round took together.
   std::optional<Duration> computed;

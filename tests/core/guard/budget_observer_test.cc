@@ -157,6 +157,17 @@ TEST(BudgetObserver, ARoundThatLostTimeBeforeIsNotExpectedToLoseMore) {
   EXPECT_EQ(mixed(400), 2U);
 }
 
+// Four milliseconds are a delay as well: rounds that have had one so short need no reserve, those
+// that have had none do.
+TEST(BudgetObserver, AShortDelayIsADelayToo) {
+  Road road;
+  for (int i = 0; i < 200; ++i) {
+    road.round(i % 2 == 0 ? Met{.inside = 50ms} : Met{.uplink = 44ms});
+  }
+  EXPECT_EQ(road.round({.uplink = 44ms}), 2U);
+  EXPECT_EQ(road.round({}), 1U);
+}
+
 TEST(BudgetObserver, WhatMayComeLaterIsLeftRoomFor) {
   Road road;
   for (int i = 0; i < 200; ++i) road.round({.downlink = i % 5 == 0 ? 62ms : 12ms});
