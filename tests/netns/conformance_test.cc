@@ -21,7 +21,7 @@
 #include "netns/testbed/testbed.h"
 #include "support.h"
 
-namespace interneuron::netns {
+namespace interneuron::netns::conformance_test {
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -344,4 +344,4 @@ INSTANTIATE_TEST_SUITE_P(BackEnds, Conformance,
                          });
 
 }  // namespace
-}  // namespace interneuron::netns
+}  // namespace interneuron::netns::conformance_test

@@ -6,7 +6,7 @@
 #include "netns/state/error.h"
 #include "support.h"
 
-namespace interneuron::netns {
+namespace interneuron::netns::scenario_test {
 namespace {
 
 using testing::HasSubstr;
@@ -98,4 +98,4 @@ TEST(Host, NamesAndNumbers) {
 }
 
 }  // namespace
-}  // namespace interneuron::netns
+}  // namespace interneuron::netns::scenario_test

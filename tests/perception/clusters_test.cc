@@ -10,7 +10,7 @@
 #include "perception/moved_sweeps.h"
 #include "support.h"
 
-namespace interneuron::perception {
+namespace interneuron::perception::clusters_test {
 namespace {
 
 constexpr float kSpacing = 0.1F;       // m between the points of a surface
@@ -188,4 +188,4 @@ TEST(Clusters, OfRealSweepsAreWorthLessOnCoarserVoxels) {
 }
 
 }  // namespace
-}  // namespace interneuron::perception
+}  // namespace interneuron::perception::clusters_test

@@ -4,7 +4,7 @@
 #include "perception/frame_source.h"
 #include "support.h"
 
-namespace interneuron::perception {
+namespace interneuron::perception::demo_video_test {
 namespace {
 
 using test::complaint;
@@ -189,4 +189,4 @@ TEST(DemoVideo, AutoTakesTheNetsWhenTheyAreThere) {
 }
 
 }  // namespace
-}  // namespace interneuron::perception
+}  // namespace interneuron::perception::demo_video_test

@@ -11,7 +11,7 @@
 
 #include "support.h"
 
-namespace interneuron::perception {
+namespace interneuron::perception::point_cloud_test {
 namespace {
 
 using test::complaint;
@@ -188,4 +188,4 @@ TEST(ReadCloud, ThinsRealSweeps) {
 }
 
 }  // namespace
-}  // namespace interneuron::perception
+}  // namespace interneuron::perception::point_cloud_test

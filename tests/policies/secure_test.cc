@@ -4,7 +4,7 @@
 #include "tests/policies/any.h"
 #include "tests/policies/support.h"
 
-namespace interneuron::policy_test {
+namespace interneuron::policy_test::secure_test {
 namespace {
 
 using testing::ElementsAre;
@@ -83,4 +83,4 @@ RC_GTEST_PROP(SecureProperty, PlansAsTheInnerPolicyWouldOverTheOthersAlone, ()) 
 }
 
 }  // namespace
-}  // namespace interneuron::policy_test
+}  // namespace interneuron::policy_test::secure_test

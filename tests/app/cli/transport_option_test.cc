@@ -4,7 +4,7 @@
 
 #include "support.h"
 
-namespace interneuron::cli {
+namespace interneuron::cli::transport_option_test {
 namespace {
 
 TEST(TransportOption, IsInTheHelpAndRefusesWhatThereIsNot) {
@@ -115,4 +115,4 @@ TEST(TransportOption, ABenchTellsOfThePrivilegeThatItsEndLacks) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli
+}  // namespace interneuron::cli::transport_option_test

@@ -9,7 +9,7 @@
 #include "tests/app/cli/support.h"
 #include "tests/app/watch/json_schema.h"
 
-namespace interneuron::cli {
+namespace interneuron::cli::eval_testbed_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -169,4 +169,4 @@ TEST(EvalTestbed, RunsTheSystemsForReal) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli
+}  // namespace interneuron::cli::eval_testbed_test

@@ -7,7 +7,7 @@
 
 #include "pair.h"
 
-namespace interneuron {
+namespace interneuron::endpoint_test {
 namespace {
 
 TEST(Endpoint, BothSidesBecomeReady) {
@@ -359,4 +359,4 @@ TEST(Endpoint, WrongArgumentsThrowAndChangeNothing) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::endpoint_test

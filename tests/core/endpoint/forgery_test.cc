@@ -10,7 +10,7 @@
 #include "core/secure/handshake.h"
 #include "encrypted.h"
 
-namespace interneuron {
+namespace interneuron::forgery_test {
 namespace {
 
 // The attacker's own address; nothing may go there.
@@ -300,4 +300,4 @@ TEST(Forgery, NoNumberIsSealedTwice) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::forgery_test

@@ -6,7 +6,7 @@
 #include "encrypted.h"
 #include "policies/builtin.h"
 
-namespace interneuron {
+namespace interneuron::secure_test {
 namespace {
 
 TEST(Secure, RoundsGoThereAndBackAndNothingIsInTheClear) {
@@ -201,4 +201,4 @@ TEST(Secure, OneKeyOnTwoHostsIsTold) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::secure_test

@@ -4,7 +4,7 @@
 
 #include <array>
 
-namespace interneuron {
+namespace interneuron::plan_message_test {
 namespace {
 
 using std::chrono::milliseconds;
@@ -221,4 +221,4 @@ TEST(PlanMessage, UsesSuspectedLinksWhereThereAreNoOthers) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::plan_message_test

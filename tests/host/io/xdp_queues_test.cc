@@ -9,7 +9,7 @@
 #include "host/io/xdp_transport.h"
 #include "transport_conformance.h"
 
-namespace interneuron::io {
+namespace interneuron::io::xdp_queues_test {
 namespace {
 
 // vc 10.98.0.1/24 with three queues, and vd, which sends to it by as many.
@@ -157,4 +157,4 @@ TEST(XdpQueues, OneThatSomebodyElseHasIsWaitedForOnlyWhereThatIsAllowed) {
 }
 
 }  // namespace
-}  // namespace interneuron::io
+}  // namespace interneuron::io::xdp_queues_test

@@ -10,7 +10,7 @@
 
 #include "support.h"
 
-namespace interneuron::emu {
+namespace interneuron::emu::profile_test {
 namespace {
 
 using testing::HasSubstr;
@@ -189,4 +189,4 @@ TEST(LinkSeed, DiffersByLinkAndSeedAndDoesNotDependOnOthers) {
 }
 
 }  // namespace
-}  // namespace interneuron::emu
+}  // namespace interneuron::emu::profile_test

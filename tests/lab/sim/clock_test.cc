@@ -3,7 +3,7 @@
 
 #include "support.h"
 
-namespace interneuron::sim {
+namespace interneuron::sim::clock_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -83,4 +83,4 @@ TEST(Clock, DriftCostsNothing) {
 }
 
 }  // namespace
-}  // namespace interneuron::sim
+}  // namespace interneuron::sim::clock_test
