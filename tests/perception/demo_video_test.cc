@@ -41,8 +41,7 @@ Accuracy recorded_accuracy(std::size_t level, Variant variant) {
 
 // The figures of an independent program in Python on the same boxes (profile.csv).
 TEST(DemoVideo, RecordedBoxesHaveTheKnownAccuracy) {
-  SKIP_WITHOUT_DATA("detections");
-  SKIP_WITHOUT_DATA(kTruth);
+  if (test::skips_without({"detections", kTruth})) return;
   const Accuracy best = recorded_accuracy(2, Variant::kRaw);
   EXPECT_EQ(best.truths, 4476U);
   EXPECT_NEAR(best.ap, 0.396, 0.005);
@@ -55,8 +54,7 @@ TEST(DemoVideo, RecordedBoxesHaveTheKnownAccuracy) {
 }
 
 TEST(DemoVideo, RecordedLevelsAreOrderedByQuality) {
-  SKIP_WITHOUT_DATA("detections");
-  SKIP_WITHOUT_DATA(kTruth);
+  if (test::skips_without({"detections", kTruth})) return;
   for (const Variant variant : {Variant::kRaw, Variant::kSampled}) {
     EXPECT_LT(recorded_accuracy(0, variant).ap, recorded_accuracy(1, variant).ap);
     EXPECT_LT(recorded_accuracy(1, variant).ap, recorded_accuracy(2, variant).ap);
@@ -65,8 +63,7 @@ TEST(DemoVideo, RecordedLevelsAreOrderedByQuality) {
 
 // What survives the quantisation of the result message.
 TEST(DemoVideo, TheResultMessageCostsNoAccuracy) {
-  SKIP_WITHOUT_DATA("detections");
-  SKIP_WITHOUT_DATA(kTruth);
+  if (test::skips_without({"detections", kTruth})) return;
   Ladder ladder =
       make_ladder({.kind = LadderKind::kReplay, .data_dir = *data_dir(), .spend = [](Duration) {}});
   Image image = make_variant(cv::Mat(576, 768, CV_8UC3, cv::Scalar::all(0)), 0, Variant::kRaw);
@@ -80,8 +77,7 @@ TEST(DemoVideo, TheResultMessageCostsNoAccuracy) {
 }
 
 TEST(DemoVideo, MotionWithHogReachesItsAccuracy) {
-  SKIP_WITHOUT_DATA(kVideo);
-  SKIP_WITHOUT_DATA(kTruth);
+  if (test::skips_without({kVideo, kTruth})) return;
   Ladder ladder = make_ladder({.kind = LadderKind::kMotion});
   ASSERT_EQ(ladder.level(2).name, "motion+HOG 960x720");
   const Accuracy a = accuracy_of(ladder, 2, Variant::kRaw);
@@ -90,8 +86,7 @@ TEST(DemoVideo, MotionWithHogReachesItsAccuracy) {
 }
 
 TEST(DemoVideo, MotionAloneIsTheLowestLevel) {
-  SKIP_WITHOUT_DATA(kVideo);
-  SKIP_WITHOUT_DATA(kTruth);
+  if (test::skips_without({kVideo, kTruth})) return;
   Ladder ladder = make_ladder({.kind = LadderKind::kMotion, .max_levels = 1});
   const Accuracy a = accuracy_of(ladder, 0, Variant::kSampled);
   EXPECT_GE(a.ap50, 0.48);  // measured .52
@@ -99,7 +94,7 @@ TEST(DemoVideo, MotionAloneIsTheLowestLevel) {
 }
 
 TEST(DemoVideo, WholeFrameFindsPersonsWithoutABackground) {
-  SKIP_WITHOUT_DATA(kVideo);
+  if (test::skips_without({kVideo})) return;
   Ladder ladder = make_ladder({.kind = LadderKind::kMotion});
   FrameSource source((*data_dir() / kVideo).string());
   const Image image = make_variant(source.next()->bgr, 0, Variant::kRaw);
@@ -108,8 +103,7 @@ TEST(DemoVideo, WholeFrameFindsPersonsWithoutABackground) {
 
 // What the levels tell of themselves, by one pass over the video: they share the background model.
 TEST(DemoVideo, MotionLevelsAreWorthWhatTheyTell) {
-  SKIP_WITHOUT_DATA(kVideo);
-  SKIP_WITHOUT_DATA(kTruth);
+  if (test::skips_without({kVideo, kTruth})) return;
   Ladder ladder = make_ladder({.kind = LadderKind::kMotion, .max_levels = 3});
   const GroundTruth truth = read_mot_truth(*data_dir() / kTruth);
   for (const Variant variant : {Variant::kRaw, Variant::kSampled}) {
@@ -136,7 +130,7 @@ TEST(DemoVideo, MotionLevelsAreWorthWhatTheyTell) {
 
 // By recorded times and the AP on the demo video: in 20 ms no good net fits, but motion does.
 TEST(DemoVideo, AutoTakesTheLadderThatIsWorthMostInTheTime) {
-  SKIP_WITHOUT_DATA("models");
+  if (test::skips_without({"models"})) return;
   const auto in = [](std::chrono::milliseconds budget) {
     return make_ladder({.kind = LadderKind::kAuto, .data_dir = *data_dir(), .budget = budget})
         .description();
@@ -147,9 +141,7 @@ TEST(DemoVideo, AutoTakesTheLadderThatIsWorthMostInTheTime) {
 }
 
 TEST(DemoVideo, NetsReachTheirAccuracyOnSomeFrames) {
-  SKIP_WITHOUT_DATA("models");
-  SKIP_WITHOUT_DATA(kVideo);
-  SKIP_WITHOUT_DATA(kTruth);
+  if (test::skips_without({"models", kVideo, kTruth})) return;
   Ladder ladder = make_ladder({.kind = LadderKind::kDnn, .data_dir = *data_dir()});
   ASSERT_EQ(ladder.size(), 3U);
   EXPECT_GE(accuracy_of(ladder, 0, Variant::kRaw, 25).ap50, 0.40);      // all frames: .48
@@ -159,7 +151,7 @@ TEST(DemoVideo, NetsReachTheirAccuracyOnSomeFrames) {
 }
 
 TEST(DemoVideo, TruncatedModelsAreNamed) {
-  SKIP_WITHOUT_DATA("models");
+  if (test::skips_without({"models"})) return;
   for (const char* model : {"yolo-fastest-1.1.cfg", "yolox_nano.onnx"}) {
     const TempDir copy;
     // File by file: copying the folder would copy its mode too, and the data may be read-only.
@@ -182,7 +174,7 @@ TEST(DemoVideo, TruncatedModelsAreNamed) {
 }
 
 TEST(DemoVideo, AutoTakesTheNetsWhenTheyAreThere) {
-  SKIP_WITHOUT_DATA("models");
+  if (test::skips_without({"models"})) return;
   const Ladder ladder =
       make_ladder({.kind = LadderKind::kAuto, .data_dir = *data_dir(), .max_levels = 1});
   EXPECT_EQ(ladder.description(), "ladder dnn (OpenCV): L0 yolo-fastest-1.1 224x224");

@@ -110,6 +110,7 @@ TEST(Endpoint, WhatIsLostOfASecureMessageIsNotSentAgainOverAForeignLink) {
   for (const std::size_t host : {0U, 1U}) {
     EXPECT_GT(sent_over_the_other_link("best_link", host), 0);
     EXPECT_EQ(sent_over_the_other_link("secure", host), 0);
+    EXPECT_EQ(sent_over_the_other_link("trusted_only", host), 0);
   }
 }
 
