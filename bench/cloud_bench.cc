@@ -7,7 +7,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "perception/point_cloud.h"
+#include "app/perception/point_cloud.h"
 
 namespace interneuron::perception {
 namespace {

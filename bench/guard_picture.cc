@@ -9,10 +9,10 @@
 #include <cstdlib>
 #include <random>
 
+#include "app/process/failure.h"
+#include "app/records/plot.h"
 #include "core/guard/choice.h"
-#include "host/process/failure.h"
 #include "lab/emu/profile.h"
-#include "lab/files/plot.h"
 #include "lab/sim/offload.h"
 
 namespace interneuron {

@@ -5,9 +5,9 @@
 //   lidar_bench SWEEP [--seed N] [--sweeps N]
 //
 // SWEEP is KITTI's .bin or nuScenes' .pcd.bin (scripts/fetch_data.sh --point-clouds), moved by a
-// synthetic ego-motion (src/perception/moved_sweeps.h). Agreement is that with what the best level
-// finds on the whole sweep, so of that combination it is 1. Times are of the processor, of one
-// thread.
+// synthetic ego-motion (src/app/perception/moved_sweeps.h). Agreement is that with what the best
+// level finds on the whole sweep, so of that combination it is 1. Times are of the processor, of
+// one thread.
 #include <time.h>
 
 #include <CLI/CLI.hpp>
@@ -16,9 +16,9 @@
 #include <string>
 #include <vector>
 
-#include "perception/clusters.h"
-#include "perception/moved_sweeps.h"
-#include "perception/point_cloud.h"
+#include "app/perception/clusters.h"
+#include "app/perception/moved_sweeps.h"
+#include "app/perception/point_cloud.h"
 
 namespace interneuron::perception {
 namespace {

@@ -17,9 +17,9 @@
 #include <string>
 #include <vector>
 
-#include "perception/accuracy.h"
-#include "perception/detector.h"
-#include "perception/frame_source.h"
+#include "app/perception/accuracy.h"
+#include "app/perception/detector.h"
+#include "app/perception/frame_source.h"
 
 namespace interneuron::perception {
 namespace {

@@ -36,9 +36,9 @@
 #include <vector>
 
 #include "bench/two_processes.h"
-#include "host/io/file_descriptor.h"
 #include "interneuron/node.h"
 #include "interneuron/sizes.h"
+#include "node/io/file_descriptor.h"
 
 namespace interneuron {
 namespace {

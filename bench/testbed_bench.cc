@@ -28,10 +28,9 @@
 #include <thread>
 #include <vector>
 
-#include "host/io/file_descriptor.h"
-#include "host/process/failure.h"
-#include "host/process/private_folder.h"
-#include "host/process/whole_file.h"
+#include "app/process/failure.h"
+#include "app/process/private_folder.h"
+#include "app/process/whole_file.h"
 #include "interneuron/sizes.h"
 #include "netns/state/check.h"
 #include "netns/state/error.h"
@@ -41,6 +40,7 @@
 #include "netns/state/snapshot.h"
 #include "netns/state/state.h"
 #include "netns/testbed/testbed.h"
+#include "node/io/file_descriptor.h"
 
 namespace interneuron::netns {
 namespace {

@@ -19,7 +19,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "host/io/file_descriptor.h"
+#include "node/io/file_descriptor.h"
 
 namespace interneuron {
 

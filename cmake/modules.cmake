@@ -13,7 +13,7 @@ set(INTERNEURON_WARNINGS -Wall -Wextra -Wconversion -Wshadow -Wpedantic -Werror)
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
   # g++ 12 sees uninitialised members in moved std::variants (GCC bug 105562) and overlaps in string concatenations (GCC
   # bug 105651) that are not there; clang and the sanitizers look instead, in `scripts/check.sh asan` at the core, sockets and
-  # perception, in `scripts/test.sh asan` at everything.
+  # app/perception, in `scripts/test.sh asan` at everything.
   list(APPEND INTERNEURON_WARNINGS -Wno-maybe-uninitialized -Wno-restrict)
 endif()
 
@@ -26,6 +26,10 @@ if(INTERNEURON_FUZZ)
   endif()
   set(INTERNEURON_FUZZ_OPTIONS -fsanitize=fuzzer-no-link)
 endif()
+
+# The protocol and the sockets, whose costs are measured, are optimised as far as g++ goes; -O2 for the rest is a twentieth
+# less to compile and costs nothing that anybody measures.
+set(INTERNEURON_MEASURED_OPTIONS $<$<CONFIG:Release>:-O3>)
 
 # What is tested is optimised as users run it; the tests themselves would take a third longer to compile with -O3.
 set(INTERNEURON_TEST_OPTIONS $<$<CONFIG:Release>:-O1>)
@@ -80,6 +84,9 @@ function(interneuron_module name)
     interneuron_jumbo(${target})
   endif()
   target_compile_options(${target} PRIVATE ${INTERNEURON_WARNINGS} ${INTERNEURON_FUZZ_OPTIONS})
+  if(name MATCHES "^(core|policies|node)")
+    target_compile_options(${target} PRIVATE ${INTERNEURON_MEASURED_OPTIONS})
+  endif()
   target_include_directories(${target} PRIVATE ${PROJECT_SOURCE_DIR}/src ${PROJECT_SOURCE_DIR})
   # Headers of a module may include those of the libraries that it uses.
   interneuron_closure(used ${ARG_USES})
@@ -142,6 +149,20 @@ function(interneuron_test_headers)
     <vector>)
 endfunction()
 
+# interneuron_program(NAME SOURCES ... USES ... DESTINATION folder): a program, as interneuron in build/PRESET; its target is
+# NAME with underscores and _program, and `ninja NAME` builds it as well.
+function(interneuron_program name)
+  cmake_parse_arguments(ARG "" "DESTINATION" "SOURCES;USES" ${ARGN})
+  string(REPLACE "-" "_" target ${name}_program)
+  add_executable(${target} ${ARG_SOURCES})
+  interneuron_link(${target} ${ARG_USES})
+  target_compile_definitions(${target} PRIVATE INTERNEURON_VERSION="${PROJECT_VERSION}")
+  set_target_properties(${target} PROPERTIES OUTPUT_NAME ${name} RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR})
+  # Whoever builds the programs alone, as scripts/demo.sh does, can install all the same.
+  add_dependencies(${target} interneuron)
+  install(TARGETS ${target} RUNTIME DESTINATION ${ARG_DESTINATION})
+endfunction()
+
 function(interneuron_test module)
   cmake_parse_arguments(ARG "PROGRAM" "LABEL;TIMEOUT" "SOURCES;USES;LIBRARIES" ${ARGN})
   string(REPLACE "/" "_" target ${module}_test)
@@ -156,7 +177,8 @@ function(interneuron_test module)
   target_compile_definitions(${target} PRIVATE INTERNEURON_SOURCE_DIR="${PROJECT_SOURCE_DIR}"
     INTERNEURON_BINARY_DIR="${PROJECT_BINARY_DIR}")
   if(ARG_PROGRAM)
-    add_dependencies(${target} interneuron_program)
+    # The door and the siblings that it starts.
+    add_dependencies(${target} interneuron_program interneuron_offload_program interneuron_lab_program)
     target_compile_definitions(${target} PRIVATE INTERNEURON_PROGRAM="$<TARGET_FILE:interneuron_program>")
   endif()
   if(ARG_LABEL STREQUAL "netns")
@@ -190,26 +212,39 @@ function(interneuron_vm_test name)
     LABELS "${label}")
 endfunction()
 
-# The one library that users link: the union of the core's folders, without OpenCV.
-function(interneuron_install_library)
-  add_library(interneuron STATIC)
-  add_library(interneuron::interneuron ALIAS interneuron)
-  interneuron_closure(modules host/node policies)
+# A static library that is the union of modules, without those that another one has: interneuron::ALIAS after installing.
+function(interneuron_archive target alias)
+  cmake_parse_arguments(ARG "" "" "USES;WITHOUT;LIBRARIES" ${ARGN})
+  add_library(${target} STATIC)
+  add_library(interneuron::${alias} ALIAS ${target})
+  interneuron_closure(modules ${ARG_USES})
+  interneuron_closure(others ${ARG_WITHOUT})
   foreach(module IN LISTS modules)
     interneuron_target(module_target ${module})
-    get_target_property(type ${module_target} TYPE)
-    if(type STREQUAL "OBJECT_LIBRARY")
-      target_sources(interneuron PRIVATE $<TARGET_OBJECTS:${module_target}>)
+    get_property(type TARGET ${module_target} PROPERTY TYPE)
+    if(type STREQUAL "OBJECT_LIBRARY" AND NOT module IN_LIST others)
+      target_sources(${target} PRIVATE $<TARGET_OBJECTS:${module_target}>)
     endif()
   endforeach()
-  target_link_libraries(interneuron PUBLIC Threads::Threads PkgConfig::LIBNL PkgConfig::LIBPCAP PkgConfig::LIBXDP PkgConfig::LIBISAL
-    PkgConfig::LIBSODIUM)
-  target_include_directories(interneuron PUBLIC
+  target_link_libraries(${target} PUBLIC ${ARG_LIBRARIES})
+  target_include_directories(${target} PUBLIC
     $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/include> $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
-  target_compile_features(interneuron PUBLIC cxx_std_20)
-  set_target_properties(interneuron PROPERTIES LINKER_LANGUAGE CXX)
+  target_compile_features(${target} PUBLIC cxx_std_20)
+  set_target_properties(${target} PROPERTIES LINKER_LANGUAGE CXX EXPORT_NAME ${alias})
+  install(TARGETS ${target} EXPORT interneuronTargets ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
+endfunction()
 
-  install(TARGETS interneuron EXPORT interneuronTargets ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
+# What users link: interneuron::core, the protocol alone; interneuron::interneuron, with sockets and the loop; and
+# libinterneuron-all.a, both in one archive for programs that are built without CMake.
+function(interneuron_install_library)
+  set(core core/endpoint policies)
+  interneuron_archive(interneuron-core core USES ${core} LIBRARIES PkgConfig::LIBISAL PkgConfig::LIBSODIUM)
+  interneuron_archive(interneuron interneuron USES node/loop policies WITHOUT ${core}
+    LIBRARIES interneuron-core Threads::Threads PkgConfig::LIBNL PkgConfig::LIBPCAP PkgConfig::LIBXDP)
+  interneuron_archive(interneuron-all all USES node/loop policies
+    LIBRARIES Threads::Threads PkgConfig::LIBNL PkgConfig::LIBPCAP PkgConfig::LIBXDP PkgConfig::LIBISAL PkgConfig::LIBSODIUM)
+  add_dependencies(interneuron interneuron-all)
+
   install(DIRECTORY include/interneuron DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
   install(EXPORT interneuronTargets NAMESPACE interneuron::
           DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/interneuron)

@@ -1,5 +1,5 @@
 // A lidar sweep for the examples: read or made up, thinned, and as a message. (The program's own
-// codec, src/perception/point_cloud.h, is not part of the library.)
+// codec, src/app/perception/point_cloud.h, is not part of the library.)
 #pragma once
 
 #include <interneuron/units.h>

@@ -77,14 +77,14 @@ run_docs() { PYTHONDONTWRITEBYTECODE=1 python3 scripts/check_docs_test.py && pyt
 
 run_tsan() {
   phase "tsan: configure" cmake --preset tsan --log-level=WARNING &&
-    phase "tsan: build" cmake --build build/tsan --parallel "$jobs" --target host_node_test &&
+    phase "tsan: build" cmake --build build/tsan --parallel "$jobs" --target node_loop_test &&
     TSAN_OPTIONS="${TSAN_OPTIONS:-second_deadlock_stack=1}" phase "tsan: tests" \
-      sanitized ctest --test-dir build/tsan -R '^node$' --output-on-failure --no-tests=error --timeout 600
+      sanitized ctest --test-dir build/tsan -R "^loop$" --output-on-failure --no-tests=error --timeout 600
 }
 
 # The folders of tests/ that are run. Those of the simulation are not: they run the same core for hours of virtual time, which
 # takes a quarter of an hour here. Nor are those of the programs and the testbed, which are half of all that is compiled.
-sanitized_folders=(fuzz core/{base,code,wire,secure,link,cc,plan,flow,guard,endpoint,messages,probe} policies host/{io,node} perception)
+sanitized_folders=(fuzz core/{base,code,wire,secure,link,cc,plan,flow,guard,endpoint,messages,probe} policies node/{io,loop} app/perception)
 # The cases of those folders that are not run: detectors over a whole video, which is OpenCV's code and takes minutes; and a
 # million packets on which every line was run by other cases before.
 left_out='DemoVideo.*:Forgery.NoNumberIsSealedTwice'

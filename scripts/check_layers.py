@@ -1,16 +1,17 @@
 #!/usr/bin/env python3
-"""Checks every #include against the layer table of ARCHITECTURE.md, and that pure folders stay pure.
+"""Checks every #include against the layer tables of ARCHITECTURE.md and of the groups, and that pure folders stay pure.
 
     scripts/check_layers.py [--root DIR]     check the tree; part of every build
 
 scripts/check_layers_test.py checks the checker.
 
-A row of the table reads `| folder | what lives there | may include | pure |`. "may include" lists folders by their path
+The tables stand in ARCHITECTURE.md and in the README.md of each group: src/GROUP/README.md, netns/README.md. A row reads `| folder | what lives there | may include | pure |`. "may include" lists folders by their path
 below `src/` (`core/wire`, `include`), whole groups by their name (`core`: every folder `core/...`), header patterns in
 angle brackets, `OS` for the headers of the system, or `std only`. The C++ standard library is open to all, except that a
 pure folder includes nothing that reads a clock, waits, locks or prints. A pure row names pure folders only, and not `OS`.
 
-Above the table a line `Floors: include, policies, ...` orders the groups: no row may name a folder of a later floor, and
+In ARCHITECTURE.md a line `Floors: include, policies, netns + lab, ...` orders the groups, of which several may share a floor:
+no row may name a folder of a later floor, and
 no folders of one floor may include each other in a circle. Each violation is one line `file:line: rule`, and the exit
 code is 1.
 """
@@ -90,30 +91,30 @@ class Folder:
         self.patterns = []
 
 
-def read_table(text):
-    """Reads the first table whose header starts with `folder`; returns its rows, as {path: Folder}, and [problem]."""
-    folders, problems, columns = {}, [], None
+def read_rows(name, text, folders, problems):
+    """Adds the rows of one document."""
+    columns = None
     for number, line in enumerate(text.splitlines(), 1):
         if not line.lstrip().startswith("|"):
-            if columns is not None:
-                break
+            columns = None
             continue
         cells = [cell.strip() for cell in line.strip().strip("|").split("|")]
         if columns is None:
             header = [cell.lower() for cell in cells]
+            columns = {}
             if header[0] == "folder" and "may include" in header:
-                columns = {name: index for index, name in enumerate(header)}
+                columns = {title: index for index, title in enumerate(header)}
             continue
-        if set("".join(cells)) <= set("-: "):
+        if not columns or set("".join(cells)) <= set("-: "):
             continue
-        where = f"ARCHITECTURE.md:{number}"
+        where = f"{name}:{number}"
         if len(cells) != len(columns):
             problems.append(f"{where}: the row has {len(cells)} cells, the header {len(columns)}")
             continue
         path = cells[0].strip("`").rstrip("/")
         pure = "pure" in columns and cells[columns["pure"]].lower() == "yes"
         folder = Folder(path, pure)
-        folder.line = number
+        folder.line = where
         for word in filter(None, (w.strip().strip("`") for w in cells[columns["may include"]].split(","))):
             if word == "OS":
                 folder.os = True
@@ -122,21 +123,29 @@ def read_table(text):
             elif word not in ("std only", "—", "-"):
                 folder.folders.add(word)
         folders[path] = folder
-    if columns is None:
-        problems.append("ARCHITECTURE.md:1: no table with the columns `folder` and `may include`")
+
+
+def read_table(*documents):
+    """Reads the tables whose header starts with `folder`, of documents (name, text), the first of which has the floors; returns
+    their rows, as {path: Folder}, and [problem]."""
+    folders, problems = {}, []
+    for name, text in documents:
+        read_rows(name, text, folders, problems)
+    if not folders:
+        problems.append(f"{documents[0][0]}:1: no table with the columns `folder` and `may include`")
     by_name = {folder.name: folder for folder in folders.values()}
     groups = {folder.group for folder in folders.values()}
-    floors, line = read_floors(text)
+    floors, line = read_floors(documents[0][1])
     if not floors:
         problems.append("ARCHITECTURE.md:1: no line `Floors: ...` with the groups in their order")
     for folder in folders.values():
         if floors and folder.group not in floors:
             problems.append(f"ARCHITECTURE.md:{line}: {folder.path} is of no floor")
         for word in sorted(folder.folders):
-            where = f"ARCHITECTURE.md:{folder.line}: {folder.path} may include {word}"
+            where = f"{folder.line}: {folder.path} may include {word}"
             if word not in by_name and word not in groups:
                 problems.append(f"{where}, which is no folder and no group of the table")
-            elif folder.group in floors and word.split("/")[0] in floors[floors.index(folder.group) + 1:]:
+            elif floors.get(folder.group, len(floors)) < floors.get(word.split("/")[0], 0):
                 problems.append(f"{where}, which is of a later floor")
             elif word in groups and word not in by_name:
                 if word == folder.group:
@@ -144,7 +153,7 @@ def read_table(text):
                 folder.folders |= {name for name in by_name if name.startswith(word + "/")}
         folder.folders &= by_name.keys()
         if folder.pure:
-            where = f"ARCHITECTURE.md:{folder.line}: {folder.path} is pure and may include"
+            where = f"{folder.line}: {folder.path} is pure and may include"
             problems += [f"{where} {name}, which is not" for name in sorted(folder.folders) if not by_name[name].pure]
             problems += [f"{where} OS: system calls are for folders that are not"] if folder.os else []
     problems += find_cycles(folders)
@@ -152,11 +161,12 @@ def read_table(text):
 
 
 def read_floors(text):
-    """Returns the groups from the lowest floor up, and the number of the line that names them."""
+    """Returns {group: its floor, counted from the lowest}, and the number of the line that names them."""
     for number, line in enumerate(text.splitlines(), 1):
         if line.startswith("Floors: "):
-            return [word.strip(" `.") for word in line.removeprefix("Floors: ").split(",")], number
-    return [], 0
+            floors = line.removeprefix("Floors: ").split(",")
+            return {word.strip(" `."): floor for floor, words in enumerate(floors) for word in words.split("+")}, number
+    return {}, 0
 
 
 def find_cycles(folders):
@@ -200,10 +210,20 @@ class Checker:
         self.problems = []
         self.existing = {}
 
+    def documents(self):
+        """ARCHITECTURE.md and the groups' pages, those that there are, as (name, text)."""
+        source = os.path.join(self.root, "src")
+        groups = sorted(os.listdir(source)) if os.path.isdir(source) else []
+        pages = [f"src/{group}/README.md" for group in groups] + ["netns/README.md"]
+        found = []
+        for name in ["ARCHITECTURE.md"] + [page for page in pages if os.path.exists(os.path.join(self.root, page))]:
+            with open(os.path.join(self.root, name), encoding="utf-8") as file:
+                found.append((name, file.read()))
+        return found
+
     def run(self):
         try:
-            with open(os.path.join(self.root, "ARCHITECTURE.md"), encoding="utf-8") as file:
-                self.folders, self.problems = read_table(file.read())
+            self.folders, self.problems = read_table(*self.documents())
         except OSError as error:
             self.problems = [f"ARCHITECTURE.md:1: cannot be read: {error.strerror}"]
             return self

@@ -7,7 +7,7 @@ import planted
 from check_layers import Checker, read_table
 
 TABLE = """
-Floors: include, policies, core, host, lab, app
+Floors: include, policies, core, node + lab, app
 
 | folder | what | may include | pure |
 |---|---|---|---|
@@ -16,8 +16,8 @@ Floors: include, policies, core, host, lab, app
 | `src/core/wire/` | bytes | include | yes |
 | `src/core/flow/` | messages | include, core/wire | yes |
 | `src/lab/emu/` | links | include, `<toml++/*>` | yes |
-| `src/host/io/` | system | include, OS | no |
-| `src/app/cli/` | program | include, core, host/io, `<CLI/*>` | no |
+| `src/node/io/` | system | include, OS | no |
+| `src/app/cli/` | program | include, core, node/io, `<CLI/*>` | no |
 """
 
 # (file, line, rule or None): one file per line of code, None where nothing may be found.
@@ -31,7 +31,7 @@ CASES = [
     ("src/core/wire/header.h", '#include "core/wire/other.h"', None),
     ("src/core/wire/other.h", "#include <interneuron/a.h>", None),
     ("src/core/wire/c.cc", '#include "lab/emu/profile.h"', "may not include src/lab/emu"),
-    ("src/core/wire/d.cc", '#include "host/io/socket.h"', "may not include src/host/io"),
+    ("src/core/wire/d.cc", '#include "node/io/socket.h"', "may not include src/node/io"),
     ("src/core/wire/e.cc", "#include <boost/asio.hpp>", "does not list it"),
     ("src/core/wire/f.cc", "#include <toml++/toml.h>", "does not list it"),
     ("src/core/wire/g.cc", '/* a\n b */ #include "nowhere/x.h"', "lies in no folder"),
@@ -60,14 +60,14 @@ CASES = [
     ("src/core/wire/u.cc", "#include <iostream>", "pure"),
     ("src/core/wire/v.cc", "#include <spdlog/spdlog.h>", "does not list it"),
     ("src/core/wire/w.cc", 'auto s = R"(std::time(nullptr); ")"; auto t = gettimeofday(&a, 0);', "reads a clock"),
-    ("src/core/wire/y.cc", '// "quoted\n#include "host/io/socket.h"  // why\n', "may not include src/host/io"),
+    ("src/core/wire/y.cc", '// "quoted\n#include "node/io/socket.h"  // why\n', "may not include src/node/io"),
     ("src/core/wire/z.cc", 'const char* s = "\\"#include <thread>"; // \\\n#include <thread>', None),
     ("src/core/wire/x.cc", "// sleep(1)\nint a = 1; // time(0)\n/* ::now() */", None),
     ("src/lab/emu/profile.cc", "#include <toml++/toml.h>", None),
     ("policies/best.cc", '#include "core/wire/header.h"', "may not include src/core/wire"),
-    ("src/host/io/socket.cc", "#include <sys/socket.h>\n#include <mutex>\nauto t = std::time(nullptr);", None),
-    ("src/host/io/b.cc", '#include "app/cli/main.h"', "may not include src/app/cli"),
-    ("src/app/cli/main.cc", '#include "host/io/socket.h"\n#include "core/flow/a.h"', None),
+    ("src/node/io/socket.cc", "#include <sys/socket.h>\n#include <mutex>\nauto t = std::time(nullptr);", None),
+    ("src/node/io/b.cc", '#include "app/cli/main.h"', "may not include src/app/cli"),
+    ("src/app/cli/main.cc", '#include "node/io/socket.h"\n#include "core/flow/a.h"', None),
     ("src/app/cli/other.cc", "#include <opencv2/core.hpp>", "does not list it"),
     ("src/app/cli/emu.cc", '#include "lab/emu/link.h"', "may not include src/lab/emu"),
     ("src/core/flow/a.h", '#include "core/wire/other.h"', None),
@@ -82,15 +82,15 @@ def self_test():
     for text, rule in (
             (TABLE.replace("| include, OS |", "| include, nonsense |"), "no folder and no group of the table"),
             (TABLE.replace("| include, OS |", "| everything |"), "no folder and no group of the table"),
-            (TABLE.replace("| include, OS |", "| lab/emu |"), "of a later floor"),
+            (TABLE.replace("| include, OS |", "| app/cli |"), "of a later floor"),
             (TABLE.replace("| include, core/wire |", "| include, core |"), "its own group"),
             (TABLE.replace("| bytes | include |", "| bytes | core/flow |"), "not one-way"),
             (TABLE.replace("| bytes | include |", "| bytes | include, OS |"), "is pure and may include OS"),
-            (TABLE.replace("| links | include,", "| links | include, host/io,"), "is pure and may include host/io, which is not"),
+            (TABLE.replace("| links | include,", "| links | include, node/io,"), "is pure and may include node/io, which is not"),
             (TABLE.replace("Floors: ", "Layers: "), "no line `Floors"),
-            (TABLE.replace("host, lab", "lab"), "of no floor"),
+            (TABLE.replace("node + lab", "lab"), "of no floor"),
             ("no table here", "no table")):
-        problems = read_table(text)[1]
+        problems = read_table(("ARCHITECTURE.md", text))[1]
         if not any(rule in problem for problem in problems):
             failures.append(f"table: expected {rule!r}, found {problems}")
     return planted.tell("layers", len(CASES) + 11, failures)

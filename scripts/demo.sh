@@ -40,7 +40,7 @@ exec 3>&1 1>&2
 bash "$root/scripts/setup.sh"
 (
   cd "$root" && cmake --preset release --log-level=WARNING &&
-    cmake --build build/release --parallel "$(nproc)" --target interneuron libinterneuron.a
+    cmake --build build/release --parallel "$(nproc)" --target interneuron interneuron-offload interneuron-lab libinterneuron.a
 ) || { echo "demo: the build failed; its message is above" >&2; exit 1; }
 
 if [[ -z ${INTERNEURON_DATA:-} ]]; then

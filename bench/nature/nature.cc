@@ -10,16 +10,16 @@
 #include <memory>
 #include <utility>
 
+#include "app/process/child.h"
+#include "app/process/failure.h"
+#include "app/process/signals.h"
+#include "app/records/run_files.h"
 #include "bench/nature/nature_nodes.h"
 #include "bench/nature/nature_plot.h"
-#include "host/io/steady_clock.h"
-#include "host/process/child.h"
-#include "host/process/failure.h"
-#include "host/process/signals.h"
-#include "lab/files/run_files.h"
 #include "netns/state/error.h"
 #include "netns/testbed/backend_option.h"
 #include "netns/testbed/testbed.h"
+#include "node/io/steady_clock.h"
 
 namespace interneuron::cli {
 namespace {

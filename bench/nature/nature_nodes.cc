@@ -12,9 +12,9 @@
 #include <optional>
 #include <utility>
 
-#include "host/process/failure.h"
-#include "host/settings/capture.h"
-#include "host/settings/peer_address.h"
+#include "app/process/failure.h"
+#include "app/settings/capture.h"
+#include "app/settings/peer_address.h"
 #include "interneuron/node.h"
 #include "netns/state/hosts.h"
 #include "netns/testbed/testbed.h"

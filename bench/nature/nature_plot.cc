@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include "lab/files/plot.h"
+#include "app/records/plot.h"
 
 namespace interneuron::cli::bench {
 namespace {

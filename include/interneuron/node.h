@@ -142,7 +142,7 @@ class Node {
   // With the port in use.
   std::optional<Address> local_address(LinkId link) const;
   // Datagrams that were dropped because the NIC took nothing for longer than it may (kStallPatience
-  // of src/host/node/outbox.h).
+  // of src/node/loop/outbox.h).
   std::uint64_t stalled_datagrams(LinkId link) const;
   // What the set-up could not get as asked, one line with the remedy each (small socket buffers, a
   // NIC that a rule matches but that cannot be opened).

@@ -16,7 +16,7 @@ namespace interneuron {
 using Duration = std::chrono::nanoseconds;
 
 // CLOCK_MONOTONIC of this host, in nanoseconds. A label only: the one place that reads the clock is
-// src/host/io/steady_clock.cc.
+// src/node/io/steady_clock.cc.
 struct LocalClock {
   using duration = Duration;
   using rep = duration::rep;

@@ -22,8 +22,8 @@
 #include <unordered_map>
 #include <vector>
 
-#include "host/io/file_descriptor.h"
 #include "interneuron/time.h"
+#include "node/io/file_descriptor.h"
 
 namespace interneuron::netns {
 

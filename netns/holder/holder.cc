@@ -16,7 +16,6 @@
 #include <functional>
 #include <memory>
 
-#include "host/io/file_descriptor.h"
 #include "lab/emu/link.h"
 #include "netns/emulator/emulator.h"
 #include "netns/netem/netem_backend.h"
@@ -29,6 +28,7 @@
 #include "netns/wiring/namespaces.h"
 #include "netns/wiring/nic_keeper.h"
 #include "netns/wiring/wiring.h"
+#include "node/io/file_descriptor.h"
 
 namespace interneuron::netns {
 

@@ -6,10 +6,10 @@
 #include <algorithm>
 #include <array>
 
-#include "host/io/steady_clock.h"
 #include "netns/state/error.h"
 #include "netns/state/precedence.h"
 #include "netns/wiring/wiring.h"
+#include "node/io/steady_clock.h"
 
 namespace interneuron::netns {
 

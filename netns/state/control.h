@@ -16,9 +16,9 @@
 #include <string_view>
 #include <vector>
 
-#include "host/io/file_descriptor.h"
 #include "interneuron/time.h"
 #include "netns/state/state.h"
+#include "node/io/file_descriptor.h"
 
 namespace interneuron::netns {
 

@@ -20,8 +20,8 @@
 #include <string>
 #include <vector>
 
-#include "host/io/file_descriptor.h"
 #include "netns/state/state.h"
+#include "node/io/file_descriptor.h"
 
 namespace interneuron::netns {
 

@@ -13,13 +13,13 @@
 
 #include <array>
 
-#include "host/io/file_descriptor.h"
 #include "netns/state/check.h"
 #include "netns/state/error.h"
 #include "netns/state/hosts.h"
 #include "netns/state/state.h"
 #include "netns/state/state_file.h"
 #include "netns/testbed/testbed.h"
+#include "node/io/file_descriptor.h"
 
 namespace interneuron::netns {
 

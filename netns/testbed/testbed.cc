@@ -13,7 +13,6 @@
 #include <set>
 #include <utility>
 
-#include "host/io/file_descriptor.h"
 #include "netns/holder/holder.h"
 #include "netns/state/check.h"
 #include "netns/state/control.h"
@@ -25,6 +24,7 @@
 #include "netns/state/state.h"
 #include "netns/state/state_file.h"
 #include "netns/wiring/wiring.h"
+#include "node/io/file_descriptor.h"
 
 namespace interneuron::netns {
 

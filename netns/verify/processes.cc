@@ -17,10 +17,10 @@
 #include <fstream>
 #include <sstream>
 
-#include "host/io/file_descriptor.h"
-#include "host/process/failure.h"
-#include "host/process/signals.h"
+#include "app/process/failure.h"
+#include "app/process/signals.h"
 #include "netns/testbed/testbed.h"
+#include "node/io/file_descriptor.h"
 
 namespace interneuron::cli::verify {
 

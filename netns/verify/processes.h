@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
-#include "host/process/child.h"
-#include "host/process/private_folder.h"
+#include "app/process/child.h"
+#include "app/process/private_folder.h"
 #include "netns/state/hosts.h"
 #include "netns/state/state.h"
 

@@ -8,8 +8,8 @@
 #include <optional>
 #include <utility>
 
-#include "host/process/failure.h"
-#include "host/process/signals.h"
+#include "app/process/failure.h"
+#include "app/process/signals.h"
 #include "interneuron/sizes.h"
 #include "netns/testbed/testbed.h"
 #include "netns/verify/effort.h"

@@ -6,8 +6,8 @@
 #include <cstddef>
 #include <vector>
 
-#include "host/io/file_descriptor.h"
 #include "netns/state/hosts.h"
+#include "node/io/file_descriptor.h"
 
 namespace interneuron::netns {
 

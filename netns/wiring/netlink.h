@@ -1,11 +1,11 @@
 // The calls of libnl's routing netlink that several files of the testbed need, with the owning
-// pointers of src/host/io/netlink.h. A socket acts on the network namespace in which it was opened.
+// pointers of src/node/io/netlink.h. A socket acts on the network namespace in which it was opened.
 // Thread-compatible. Errors: TestbedError (1), or (5) for what the kernel forbids.
 #pragma once
 
 #include <string>
 
-#include "host/io/netlink.h"
+#include "node/io/netlink.h"
 
 namespace interneuron::netns::netlink {
 

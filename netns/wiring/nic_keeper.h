@@ -6,10 +6,10 @@
 
 #include <vector>
 
-#include "host/io/file_descriptor.h"
 #include "netns/wiring/namespaces.h"
 #include "netns/wiring/netlink.h"
 #include "netns/wiring/nic_plan.h"
+#include "node/io/file_descriptor.h"
 
 namespace interneuron::netns {
 

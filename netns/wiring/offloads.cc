@@ -11,8 +11,8 @@
 #include <string_view>
 #include <vector>
 
-#include "host/io/file_descriptor.h"
 #include "netns/state/check.h"
+#include "node/io/file_descriptor.h"
 
 namespace interneuron::netns {
 

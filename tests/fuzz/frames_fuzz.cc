@@ -2,8 +2,8 @@
 // testbed's emulator marks and completes. The first byte is the context; the rest is the frame.
 #include <array>
 
-#include "host/io/frame.h"
 #include "netns/emulator/checksum.h"
+#include "node/io/frame.h"
 #include "tests/fuzz/finding.h"
 #include "tests/fuzz/input.h"
 

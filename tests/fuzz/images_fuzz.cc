@@ -5,9 +5,9 @@
 #include <cmath>
 
 #include "app/offload/offload_request.h"
-#include "perception/codec.h"
-#include "perception/detection.h"
-#include "perception/point_cloud.h"
+#include "app/perception/codec.h"
+#include "app/perception/detection.h"
+#include "app/perception/point_cloud.h"
 #include "tests/fuzz/finding.h"
 #include "tests/fuzz/input.h"
 

@@ -7,9 +7,9 @@
 #include <cstring>
 #include <memory>
 
-#include "host/io/netlink_message.h"
-#include "host/io/nic_table.h"
 #include "interneuron/address.h"
+#include "node/io/netlink_message.h"
+#include "node/io/nic_table.h"
 #include "tests/fuzz/finding.h"
 #include "tests/fuzz/input.h"
 

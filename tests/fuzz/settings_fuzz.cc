@@ -5,11 +5,11 @@
 #include <string>
 #include <vector>
 
-#include "host/io/address.h"
-#include "host/io/nic_choice.h"
-#include "host/process/failure.h"
-#include "host/settings/config_file.h"
-#include "host/settings/link_options.h"
+#include "app/process/failure.h"
+#include "app/settings/config_file.h"
+#include "app/settings/link_options.h"
+#include "node/io/address.h"
+#include "node/io/nic_choice.h"
 #include "tests/fuzz/finding.h"
 #include "tests/fuzz/input.h"
 #include "tests/fuzz/scratch_folder.h"

@@ -7,11 +7,11 @@
 #include <memory>
 #include <string>
 
-#include "host/process/failure.h"
-#include "lab/files/run_files.h"
-#include "perception/accuracy.h"
-#include "perception/levels.h"
-#include "perception/point_cloud.h"
+#include "app/perception/accuracy.h"
+#include "app/perception/levels.h"
+#include "app/perception/point_cloud.h"
+#include "app/process/failure.h"
+#include "app/records/run_files.h"
 #include "tests/fuzz/finding.h"
 #include "tests/fuzz/input.h"
 #include "tests/fuzz/scratch_folder.h"

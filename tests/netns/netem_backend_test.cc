@@ -12,8 +12,8 @@
 #include <optional>
 #include <thread>
 
-#include "host/io/steady_clock.h"
 #include "netem_support.h"
+#include "node/io/steady_clock.h"
 
 namespace interneuron::netns::netem_backend_test {
 namespace {

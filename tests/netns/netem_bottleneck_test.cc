@@ -2,8 +2,8 @@
 #include <algorithm>
 #include <cstdio>
 
-#include "host/io/steady_clock.h"
 #include "netem_support.h"
+#include "node/io/steady_clock.h"
 
 namespace interneuron::netns::netem_bottleneck_test {
 namespace {

@@ -9,10 +9,10 @@
 #include <string>
 #include <vector>
 
-#include "host/io/file_descriptor.h"
 #include "interneuron/time.h"
 #include "lab/emu/conditions.h"
 #include "netns/netem/qdisc.h"
+#include "node/io/file_descriptor.h"
 
 namespace interneuron::netns {
 

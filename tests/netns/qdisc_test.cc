@@ -10,9 +10,9 @@
 #include <array>
 #include <cmath>
 
-#include "host/io/steady_clock.h"
 #include "netem_support.h"
 #include "netns/state/error.h"
+#include "node/io/steady_clock.h"
 
 namespace interneuron::netns::qdisc_test {
 namespace {

@@ -11,10 +11,10 @@
 #include <string>
 #include <vector>
 
-#include "host/io/file_descriptor.h"
 #include "netns/state/hosts.h"
 #include "netns/state/options.h"
 #include "netns/state/state.h"
+#include "node/io/file_descriptor.h"
 
 namespace interneuron::netns {
 

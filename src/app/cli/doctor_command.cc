@@ -9,8 +9,8 @@
 
 #include "app/doctor/judge.h"
 #include "app/doctor/nat_timeout.h"
-#include "host/process/failure.h"
-#include "host/settings/peer_address.h"
+#include "app/process/failure.h"
+#include "app/settings/peer_address.h"
 
 namespace interneuron::cli {
 namespace {

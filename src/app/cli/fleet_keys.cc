@@ -9,13 +9,13 @@
 #include <string>
 #include <vector>
 
+#include "app/process/failure.h"
+#include "app/settings/fleet_files.h"
+#include "app/settings/key_files.h"
+#include "app/settings/key_options.h"
+#include "app/toml/toml_reader.h"
 #include "core/secure/credential.h"
-#include "host/io/steady_clock.h"
-#include "host/process/failure.h"
-#include "host/settings/fleet_files.h"
-#include "host/settings/key_files.h"
-#include "host/settings/key_options.h"
-#include "host/toml/toml_reader.h"
+#include "node/io/steady_clock.h"
 
 namespace interneuron::cli {
 namespace {

@@ -8,9 +8,9 @@
 #include <string>
 
 #include "app/cli/fleet_keys.h"
+#include "app/process/failure.h"
+#include "app/settings/key_files.h"
 #include "core/secure/credential.h"
-#include "host/process/failure.h"
-#include "host/settings/key_files.h"
 
 namespace interneuron::cli {
 namespace {

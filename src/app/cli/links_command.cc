@@ -10,16 +10,16 @@
 #include <optional>
 #include <thread>
 
+#include "app/process/failure.h"
+#include "app/process/signals.h"
+#include "app/process/status_line.h"
+#include "app/settings/command_line.h"
+#include "app/settings/config_file.h"
+#include "app/settings/link_options.h"
 #include "app/watch/json.h"
 #include "app/watch/source.h"
 #include "app/watch/table.h"
-#include "host/io/steady_clock.h"
-#include "host/process/failure.h"
-#include "host/process/signals.h"
-#include "host/process/status_line.h"
-#include "host/settings/command_line.h"
-#include "host/settings/config_file.h"
-#include "host/settings/link_options.h"
+#include "node/io/steady_clock.h"
 
 namespace interneuron::cli {
 namespace {

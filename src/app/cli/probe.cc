@@ -12,16 +12,16 @@
 #include <random>
 
 #include "app/cli/probe_report.h"
+#include "app/process/failure.h"
+#include "app/process/signals.h"
+#include "app/process/status_line.h"
+#include "app/settings/peer_address.h"
 #include "core/secure/caller.h"
-#include "host/io/link_monitor.h"
-#include "host/io/nic_choice.h"
-#include "host/io/stamped_socket.h"
-#include "host/io/steady_clock.h"
-#include "host/process/failure.h"
-#include "host/process/signals.h"
-#include "host/process/status_line.h"
-#include "host/settings/peer_address.h"
 #include "interneuron/endpoint.h"
+#include "node/io/link_monitor.h"
+#include "node/io/nic_choice.h"
+#include "node/io/stamped_socket.h"
+#include "node/io/steady_clock.h"
 
 namespace interneuron::cli {
 namespace {

@@ -9,14 +9,14 @@
 #include <string>
 #include <vector>
 
-#include "host/settings/key_options.h"
+#include "app/settings/key_options.h"
 
 namespace interneuron::cli {
 
 struct ProbeOptions {
   // HOST[:PORT], the peer of every NIC that names none itself.
   std::string peer;
-  // NIC[=HOST[:PORT]], a name or a pattern (host/io/nic_choice.h); none: every one that is ready.
+  // NIC[=HOST[:PORT]], a name or a pattern (node/io/nic_choice.h); none: every one that is ready.
   std::vector<std::string> nics;
   // Packets per NIC; 0: until interrupted.
   std::size_t count = 250;

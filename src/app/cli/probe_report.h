@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "app/cli/probe.h"
+#include "app/records/run_files.h"
 #include "core/probe/measurement.h"
-#include "lab/files/run_files.h"
 
 namespace interneuron::cli {
 

@@ -8,14 +8,14 @@
 #include <memory>
 #include <thread>
 
+#include "app/process/failure.h"
+#include "app/process/signals.h"
+#include "app/settings/config_file.h"
+#include "app/settings/link_options.h"
 #include "app/watch/screen.h"
 #include "app/watch/source.h"
 #include "app/watch/terminal.h"
-#include "host/io/steady_clock.h"
-#include "host/process/failure.h"
-#include "host/process/signals.h"
-#include "host/settings/config_file.h"
-#include "host/settings/link_options.h"
+#include "node/io/steady_clock.h"
 
 namespace interneuron::cli {
 namespace {

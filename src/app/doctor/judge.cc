@@ -7,8 +7,8 @@
 #include <cstring>
 
 #include "app/doctor/judge_nic.h"
-#include "host/io/udp_socket.h"
 #include "interneuron/sizes.h"
+#include "node/io/udp_socket.h"
 
 namespace interneuron::cli::doctor {
 namespace {

@@ -8,8 +8,8 @@
 #include <string_view>
 #include <vector>
 
-#include "host/io/host_facts.h"
-#include "host/io/path_mtu.h"
+#include "node/io/host_facts.h"
+#include "node/io/path_mtu.h"
 
 namespace interneuron::cli::doctor {
 

@@ -10,11 +10,11 @@
 #include <optional>
 #include <random>
 
-#include "host/io/link_monitor.h"
-#include "host/io/stamped_socket.h"
-#include "host/io/steady_clock.h"
-#include "host/process/signals.h"
-#include "host/process/status_line.h"
+#include "app/process/signals.h"
+#include "app/process/status_line.h"
+#include "node/io/link_monitor.h"
+#include "node/io/stamped_socket.h"
+#include "node/io/steady_clock.h"
 
 namespace interneuron::cli::doctor {
 namespace {

@@ -12,9 +12,9 @@
 #include <string>
 #include <utility>
 
+#include "app/perception/codec.h"
+#include "app/perception/frame_source.h"
 #include "interneuron/node.h"
-#include "perception/codec.h"
-#include "perception/frame_source.h"
 
 namespace interneuron::cli {
 

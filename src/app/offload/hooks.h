@@ -14,9 +14,9 @@
 #include <string>
 #include <vector>
 
-#include "core/offload/roadside_unit.h"
+#include "app/computing/roadside_unit.h"
+#include "app/records/run_files.h"
 #include "interneuron/node.h"
-#include "lab/files/run_files.h"
 
 namespace interneuron::cli {
 

@@ -11,19 +11,19 @@
 #include <string>
 #include <thread>
 
+#include "app/computing/roadside_unit.h"
 #include "app/offload/offload_request.h"
 #include "app/offload/road_ladder.h"
 #include "app/offload/submit_log.h"
+#include "app/perception/codec.h"
+#include "app/perception/detector.h"
+#include "app/process/failure.h"
+#include "app/settings/data.h"
+#include "app/settings/link_options.h"
 #include "app/watch/publisher.h"
 #include "app/watch/time_keeper.h"
 #include "app/watch/trust_keeper.h"
-#include "core/offload/roadside_unit.h"
-#include "host/process/failure.h"
-#include "host/settings/data.h"
-#include "host/settings/link_options.h"
 #include "interneuron/node.h"
-#include "perception/codec.h"
-#include "perception/detector.h"
 
 namespace interneuron::cli {
 namespace {

@@ -7,8 +7,8 @@
 
 #include "app/offload/hooks.h"
 #include "app/offload/stamp_service.h"
-#include "host/settings/key_options.h"
-#include "host/settings/peer_address.h"
+#include "app/settings/key_options.h"
+#include "app/settings/peer_address.h"
 
 namespace interneuron::cli {
 

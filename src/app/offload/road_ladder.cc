@@ -3,8 +3,8 @@
 #include <spdlog/spdlog.h>
 
 #include "app/offload/offload_request.h"
-#include "host/settings/data.h"
-#include "perception/frame_source.h"
+#include "app/perception/frame_source.h"
+#include "app/settings/data.h"
 
 namespace interneuron::cli {
 namespace {

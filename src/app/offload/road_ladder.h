@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "app/offload/road.h"
+#include "app/perception/detector.h"
 #include "interneuron/guard.h"
-#include "perception/detector.h"
 
 namespace interneuron::cli {
 

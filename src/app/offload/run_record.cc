@@ -6,11 +6,11 @@
 #include <algorithm>
 
 #include "app/offload/offload_request.h"
-#include "host/process/failure.h"
-#include "host/process/whole_file.h"
+#include "app/perception/codec.h"
+#include "app/perception/picture.h"
+#include "app/process/failure.h"
+#include "app/process/whole_file.h"
 #include "interneuron/guard.h"
-#include "perception/codec.h"
-#include "perception/picture.h"
 
 namespace interneuron::cli {
 

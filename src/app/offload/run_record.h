@@ -17,13 +17,13 @@
 #include <string>
 #include <vector>
 
+#include "app/perception/accuracy.h"
+#include "app/perception/detection.h"
+#include "app/perception/frame_source.h"
+#include "app/records/run_files.h"
+#include "app/records/run_tally.h"
+#include "app/records/staging.h"
 #include "interneuron/pipeline.h"
-#include "lab/files/run_files.h"
-#include "lab/files/run_tally.h"
-#include "lab/files/staging.h"
-#include "perception/accuracy.h"
-#include "perception/detection.h"
-#include "perception/frame_source.h"
 
 namespace interneuron::cli {
 

@@ -9,11 +9,11 @@
 #include <cerrno>
 #include <thread>
 
+#include "app/process/failure.h"
 #include "core/probe/stamp_reflector.h"
-#include "host/io/nic_choice.h"
-#include "host/io/stamped_socket.h"
-#include "host/io/steady_clock.h"
-#include "host/process/failure.h"
+#include "node/io/nic_choice.h"
+#include "node/io/stamped_socket.h"
+#include "node/io/steady_clock.h"
 
 namespace interneuron::cli {
 namespace {

@@ -6,26 +6,26 @@
 #include <cstdio>
 #include <optional>
 
+#include "app/computing/computation_budget.h"
+#include "app/computing/no_answer.h"
 #include "app/offload/camera.h"
 #include "app/offload/offload_request.h"
 #include "app/offload/run_record.h"
 #include "app/offload/submit_log.h"
 #include "app/offload/vehicle_images.h"
 #include "app/offload/vehicle_report.h"
+#include "app/perception/detector.h"
+#include "app/process/failure.h"
+#include "app/process/signals.h"
+#include "app/process/status_line.h"
+#include "app/records/run_files.h"
+#include "app/settings/data.h"
+#include "app/settings/link_options.h"
 #include "app/watch/publisher.h"
 #include "app/watch/time_keeper.h"
 #include "app/watch/trust_keeper.h"
-#include "core/offload/computation_budget.h"
-#include "core/offload/no_answer.h"
-#include "host/io/steady_clock.h"
-#include "host/process/failure.h"
-#include "host/process/signals.h"
-#include "host/process/status_line.h"
-#include "host/settings/data.h"
-#include "host/settings/link_options.h"
 #include "interneuron/node.h"
-#include "lab/files/run_files.h"
-#include "perception/detector.h"
+#include "node/io/steady_clock.h"
 
 namespace interneuron::cli {
 namespace {

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "app/offload/hooks.h"
-#include "host/settings/key_options.h"
-#include "perception/codec.h"
+#include "app/perception/codec.h"
+#include "app/settings/key_options.h"
 
 namespace interneuron::cli {
 

@@ -5,7 +5,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "app/offload/offload_request.h"
-#include "host/io/steady_clock.h"
+#include "node/io/steady_clock.h"
 
 namespace interneuron::cli {
 namespace {

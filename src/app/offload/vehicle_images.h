@@ -10,10 +10,10 @@
 
 #include "app/offload/camera.h"
 #include "app/offload/vehicle.h"
+#include "app/perception/codec.h"
+#include "app/perception/detector.h"
 #include "interneuron/guard.h"
 #include "interneuron/message.h"
-#include "perception/codec.h"
-#include "perception/detector.h"
 
 namespace interneuron::cli {
 

@@ -2,9 +2,9 @@
 
 #include <cstdio>
 
-#include "host/settings/data.h"
-#include "lab/files/run_files.h"
-#include "lab/files/verdict.h"
+#include "app/records/run_files.h"
+#include "app/records/verdict.h"
+#include "app/settings/data.h"
 
 namespace interneuron::cli {
 namespace {

@@ -8,7 +8,7 @@
 
 #include "app/offload/run_record.h"
 #include "app/offload/vehicle.h"
-#include "host/process/status_line.h"
+#include "app/process/status_line.h"
 #include "interneuron/node.h"
 
 namespace interneuron::cli {

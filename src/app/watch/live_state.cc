@@ -16,7 +16,7 @@
 #include <optional>
 #include <sstream>
 
-#include "host/io/steady_clock.h"
+#include "node/io/steady_clock.h"
 
 namespace interneuron::cli {
 

@@ -16,8 +16,8 @@
 #include <thread>
 #include <vector>
 
-#include "host/io/file_descriptor.h"
 #include "interneuron/time.h"
+#include "node/io/file_descriptor.h"
 
 namespace interneuron::cli {
 

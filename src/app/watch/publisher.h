@@ -9,9 +9,9 @@
 #include <string>
 #include <utility>
 
+#include "app/computing/job_records.h"
 #include "app/watch/journal.h"
 #include "app/watch/live_state.h"
-#include "core/offload/job_records.h"
 #include "interneuron/node.h"
 
 namespace interneuron::cli {

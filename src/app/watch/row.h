@@ -7,11 +7,11 @@
 #include <string>
 #include <vector>
 
-#include "core/offload/job_records.h"
-#include "host/io/nic.h"
+#include "app/computing/job_records.h"
 #include "interneuron/endpoint.h"
 #include "interneuron/ledger.h"
 #include "interneuron/link.h"
+#include "node/io/nic.h"
 
 namespace interneuron::cli {
 

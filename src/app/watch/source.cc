@@ -9,17 +9,17 @@
 #include <mutex>
 #include <thread>
 
+#include "app/process/failure.h"
+#include "app/settings/link_options.h"
+#include "app/settings/peer_address.h"
 #include "app/watch/journal.h"
 #include "app/watch/json.h"
 #include "app/watch/live_state.h"
 #include "app/watch/time_keeper.h"
 #include "app/watch/trust_keeper.h"
-#include "host/io/link_monitor.h"
-#include "host/io/steady_clock.h"
-#include "host/process/failure.h"
-#include "host/settings/link_options.h"
-#include "host/settings/peer_address.h"
 #include "interneuron/node.h"
+#include "node/io/link_monitor.h"
+#include "node/io/steady_clock.h"
 
 namespace interneuron::cli {
 namespace {

@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
+#include "app/settings/key_options.h"
 #include "app/watch/row.h"
-#include "host/settings/key_options.h"
 
 namespace interneuron::cli {
 

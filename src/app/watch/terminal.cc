@@ -7,7 +7,7 @@
 #include <cstdlib>
 #include <cstring>
 
-#include "host/process/failure.h"
+#include "app/process/failure.h"
 
 // Last, for its macros.
 #define NCURSES_NOMACROS 1

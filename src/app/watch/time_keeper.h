@@ -1,10 +1,10 @@
-// Stores the time of a program that has a key beside that key (host/settings/time_file.h): at the
+// Stores the time of a program that has a key beside that key (app/settings/time_file.h): at the
 // start, while it runs and at the end. What is stored is a little ahead of what peers are told
 // until it is written again, so that even a life that ends without warning leaves none that was
 // used.
 #pragma once
 
-#include "host/settings/key_options.h"
+#include "app/settings/key_options.h"
 #include "interneuron/node.h"
 
 namespace interneuron::cli {

@@ -1,12 +1,12 @@
 // What a program that has a key does with what its node tells of trust: newer lists of revocations
-// that peers hand on are kept for the next start (host/settings/fleet_files.h), and the log says
+// that peers hand on are kept for the next start (app/settings/fleet_files.h), and the log says
 // when one came, when the list is too old, and when two hosts have the same key.
 #pragma once
 
 #include <cstdint>
 #include <string>
 
-#include "host/settings/key_options.h"
+#include "app/settings/key_options.h"
 #include "interneuron/node.h"
 
 namespace interneuron::cli {

@@ -4,7 +4,7 @@
 #include <string_view>
 #include <vector>
 
-#include "host/toml/toml_reader.h"
+#include "app/toml/toml_reader.h"
 #include "lab/emu/link_change.h"
 
 namespace interneuron::emu {

@@ -5,7 +5,7 @@
 #include <string>
 #include <string_view>
 
-#include "host/toml/toml_reader.h"
+#include "app/toml/toml_reader.h"
 #include "lab/emu/profile.h"
 
 namespace interneuron::emu {

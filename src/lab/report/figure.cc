@@ -4,8 +4,8 @@
 
 #include <algorithm>
 
-#include "host/process/failure.h"
-#include "host/process/whole_file.h"
+#include "app/process/failure.h"
+#include "app/process/whole_file.h"
 
 namespace interneuron::report {
 namespace {

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "app/records/plot.h"
 #include "lab/eval/experiments/document.h"
-#include "lab/files/plot.h"
 
 namespace interneuron::report {
 

@@ -2,11 +2,11 @@
 
 #include <opencv2/imgcodecs.hpp>
 
-#include "host/process/failure.h"
-#include "host/settings/data.h"
+#include "app/perception/frame_source.h"
+#include "app/perception/picture.h"
+#include "app/process/failure.h"
+#include "app/settings/data.h"
 #include "lab/eval/experiments/scorer.h"
-#include "perception/frame_source.h"
-#include "perception/picture.h"
 
 namespace interneuron::report {
 namespace {

@@ -6,7 +6,7 @@
 #include <optional>
 #include <random>
 
-#include "core/offload/roadside_unit.h"
+#include "app/computing/roadside_unit.h"
 #include "lab/sim/world.h"
 
 namespace interneuron::sim {

@@ -5,8 +5,8 @@
 #include <new>
 #include <random>
 
-#include "core/offload/computation_budget.h"
-#include "core/offload/roadside_unit.h"
+#include "app/computing/computation_budget.h"
+#include "app/computing/roadside_unit.h"
 #include "lab/sim/feasibility.h"
 #include "lab/sim/trust.h"
 

@@ -12,7 +12,7 @@
 #include "beside.h"
 #include "support.h"
 #include "tests/app/watch/json_schema.h"
-#include "tests/host/io/namespace.h"
+#include "tests/node/io/namespace.h"
 
 namespace interneuron::cli::doctor_netns_test {
 namespace {

@@ -6,7 +6,7 @@
 
 #include "beside.h"
 #include "support.h"
-#include "tests/host/io/namespace.h"
+#include "tests/node/io/namespace.h"
 
 namespace interneuron::cli::keys_test {
 namespace {

@@ -14,7 +14,7 @@
 
 #include "support.h"
 #include "tests/app/watch/json_schema.h"
-#include "tests/host/io/namespace.h"
+#include "tests/node/io/namespace.h"
 
 namespace interneuron::cli::links_command_test {
 namespace {

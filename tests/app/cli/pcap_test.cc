@@ -8,10 +8,10 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
-#include "host/io/pcap_tap.h"
 #include "interneuron/node.h"
+#include "node/io/pcap_tap.h"
 #include "support.h"
-#include "tests/host/io/namespace.h"
+#include "tests/node/io/namespace.h"
 
 namespace interneuron::cli::pcap_test {
 namespace {

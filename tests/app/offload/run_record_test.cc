@@ -9,9 +9,9 @@
 #include <opencv2/core.hpp>
 #include <thread>
 
-#include "host/process/failure.h"
-#include "host/process/private_folder.h"
-#include "perception/codec.h"
+#include "app/perception/codec.h"
+#include "app/process/failure.h"
+#include "app/process/private_folder.h"
 
 namespace interneuron::cli::run_record_test {
 namespace {

@@ -19,7 +19,7 @@
 #include <thread>
 
 #include "core/wire/stamp.h"
-#include "host/io/file_descriptor.h"
+#include "node/io/file_descriptor.h"
 
 namespace interneuron::cli::stamp_service_test {
 namespace {

@@ -13,7 +13,7 @@
 #include <cstddef>
 #include <thread>
 
-#include "host/io/file_descriptor.h"
+#include "node/io/file_descriptor.h"
 
 namespace interneuron::cli::live_state_test {
 namespace {

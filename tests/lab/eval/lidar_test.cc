@@ -3,10 +3,10 @@
 
 #include <cmath>
 
+#include "app/perception/clusters.h"
+#include "app/perception/point_cloud.h"
 #include "lab/eval/bounds.h"
 #include "lab/eval/metrics.h"
-#include "perception/clusters.h"
-#include "perception/point_cloud.h"
 #include "support.h"
 
 namespace interneuron::eval::lidar_test {

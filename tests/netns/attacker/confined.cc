@@ -17,7 +17,7 @@
 #include <stdexcept>
 #include <system_error>
 
-#include "host/io/steady_clock.h"
+#include "node/io/steady_clock.h"
 
 namespace interneuron::attacker {
 namespace {

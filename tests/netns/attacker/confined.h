@@ -5,8 +5,8 @@
 #include <cstdint>
 #include <string>
 
-#include "host/io/file_descriptor.h"
 #include "interneuron/time.h"
+#include "node/io/file_descriptor.h"
 
 namespace interneuron::attacker {
 

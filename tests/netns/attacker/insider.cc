@@ -81,7 +81,7 @@ Bytes round_message(const State& s, const Input& input, ByteView payload) {
 
 // What the program `vehicle` puts before an image, with all the time in the world for the
 // computation (src/app/offload/offload_request.h), and the header of a JPEG image
-// (src/perception/codec.h).
+// (src/app/perception/codec.h).
 Bytes request(std::uint16_t width, std::uint16_t height, std::uint32_t frame, ByteView jpeg) {
   constexpr std::size_t kHeads = 24;
   constexpr std::uint8_t kJpeg = 3;

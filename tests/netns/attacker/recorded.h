@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
-#include "host/io/file_descriptor.h"
 #include "interneuron/time.h"
 #include "interneuron/units.h"
+#include "node/io/file_descriptor.h"
 #include "tests/netns/attacker/confined.h"
 
 namespace interneuron::attacker {

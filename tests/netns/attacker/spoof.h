@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "host/io/file_descriptor.h"
 #include "interneuron/units.h"
+#include "node/io/file_descriptor.h"
 #include "tests/netns/attacker/confined.h"
 
 namespace interneuron::attacker {

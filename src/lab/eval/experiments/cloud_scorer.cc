@@ -6,8 +6,8 @@
 #include <map>
 #include <tuple>
 
-#include "host/process/failure.h"
-#include "perception/point_cloud.h"
+#include "app/perception/point_cloud.h"
+#include "app/process/failure.h"
 
 namespace interneuron::experiments {
 namespace {

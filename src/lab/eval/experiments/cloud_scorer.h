@@ -11,11 +11,11 @@
 #include <string>
 #include <vector>
 
-#include "host/process/progress.h"
+#include "app/perception/clusters.h"
+#include "app/perception/moved_sweeps.h"
+#include "app/process/progress.h"
 #include "lab/eval/experiments/scorer.h"
 #include "lab/eval/lidar.h"
-#include "perception/clusters.h"
-#include "perception/moved_sweeps.h"
 
 namespace interneuron::experiments {
 

@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
+#include "app/records/json_file.h"
 #include "lab/eval/experiments/rows.h"
-#include "lab/files/json_file.h"
 
 namespace interneuron::experiments {
 

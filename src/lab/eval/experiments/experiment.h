@@ -6,7 +6,7 @@
 #include <optional>
 #include <string>
 
-#include "host/process/progress.h"
+#include "app/process/progress.h"
 #include "lab/eval/experiments/document.h"
 #include "lab/eval/experiments/scorer.h"
 
@@ -24,7 +24,7 @@ struct Request {
   // Of the testbed: a folder that may be made, and what detects.
   std::filesystem::path scratch{};
   std::string ladder = "auto";
-  // Empty: the testbed measures one, see app/eval_testbed/testbed_bench.h.
+  // Empty: the testbed measures one, see lab/eval_testbed/testbed_bench.h.
   std::optional<Duration> deadline{};
   // In virtual time: the endpoints have keys.
   bool is_encrypted = false;

@@ -5,10 +5,10 @@
 #include <map>
 #include <tuple>
 
-#include "host/process/failure.h"
-#include "host/settings/data.h"
-#include "perception/codec.h"
-#include "perception/detector.h"
+#include "app/perception/codec.h"
+#include "app/perception/detector.h"
+#include "app/process/failure.h"
+#include "app/settings/data.h"
 
 namespace interneuron::experiments {
 namespace {

@@ -11,10 +11,10 @@
 #include <string>
 #include <vector>
 
+#include "app/perception/accuracy.h"
+#include "app/perception/detection.h"
 #include "lab/eval/quality.h"
 #include "lab/eval/run.h"
-#include "perception/accuracy.h"
-#include "perception/detection.h"
 
 namespace interneuron::experiments {
 

@@ -1,0 +1,190 @@
+#include "app/settings/key_files.h"
+
+#include <fcntl.h>
+#include <string.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <cstdlib>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "app/process/failure.h"
+#include "app/process/whole_file.h"
+#include "app/toml/toml_reader.h"
+
+namespace interneuron::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+// A key and the end of its line, which may be of two characters; one more shows that there is more.
+constexpr std::size_t kKeyCharacters = 44;
+constexpr std::size_t kMostKeyCharacters = kKeyCharacters + 3;
+
+constexpr const char* kForm =
+    "holds no key: give one line of 44 characters of base64, as `interneuron keys gen` writes";
+
+// The names of files are the user's, and may hold anything.
+[[noreturn]] void fail(int code, const std::string& what) { throw Failure(code, one_line(what)); }
+
+[[noreturn]] void refuse(const fs::path& file, const std::string& what) {
+  fail(kConfiguration, "'" + file.string() + "' " + what);
+}
+
+[[noreturn]] void cannot_read(const fs::path& file, int error) {
+  fail(is_of_the_system(error) ? kFailed : kConfiguration,
+       file_problem("cannot read", file, error));
+}
+
+// Text that is erased when it goes.
+class SecretText {
+ public:
+  ~SecretText() { ::explicit_bzero(text_.data(), text_.size()); }
+  SecretText() = default;
+  SecretText(const SecretText&) = delete;
+  SecretText& operator=(const SecretText&) = delete;
+
+  // Reads until the end, at most as much as a key has. Returns 0, or an errno.
+  int read_from(int fd) {
+    while (size_ < text_.size()) {
+      const ssize_t n = ::read(fd, text_.data() + size_, text_.size() - size_);
+      if (n < 0 && errno == EINTR) continue;
+      if (n < 0) return errno;
+      if (n == 0) break;
+      size_ += static_cast<std::size_t>(n);
+    }
+    return 0;
+  }
+  // Nothing where the text is no key, or one of zeros, which everybody knows.
+  std::optional<SecretKey> key() const {
+    std::string_view line(text_.data(), size_);
+    if (line.ends_with('\n')) line.remove_suffix(1);
+    if (line.ends_with('\r')) line.remove_suffix(1);
+    auto bytes = parse_key(line);
+    if (!bytes) return std::nullopt;
+    const SecretKey key(*bytes);
+    ::explicit_bzero(bytes->data(), bytes->size());
+    return key == SecretKey{} ? std::nullopt : std::optional(key);
+  }
+
+ private:
+  std::array<char, kMostKeyCharacters> text_{};
+  std::size_t size_ = 0;
+};
+
+SecretKey key_in(int fd, const std::string& name) {
+  SecretText text;
+  if (const int error = text.read_from(fd); error != 0) cannot_read(name, error);
+  if (const auto key = text.key()) return *key;
+  refuse(name, kForm);
+}
+
+io::FileDescriptor open_key(const fs::path& file) {
+  OwnFile opened = open_own_file(file, false);
+  if (opened.error == ENOENT) {
+    refuse(file, "is not there; `interneuron keys gen --out " + file.string() + "` makes a key");
+  }
+  if (opened.error != 0) cannot_read(file, opened.error);
+  if (!opened.problem.empty()) refuse(file, opened.problem);
+  return std::move(opened.file);
+}
+
+// ~/.config/interneuron, which nobody else has to look into.
+void make_default_folder(const fs::path& folder) {
+  // If this fails, mkdir() fails as well and tells why.
+  std::error_code ignored;
+  fs::create_directories(folder.parent_path(), ignored);
+  if (::mkdir(folder.c_str(), 0700) != 0 && errno != EEXIST) {
+    fail(kFailed, file_problem("cannot make the folder", folder, errno));
+  }
+}
+
+}  // namespace
+
+fs::path default_key_file() {
+  const auto folder = [](const char* variable) -> fs::path {
+    const char* value = std::getenv(variable);
+    // The XDG Base Directory Specification wants relative ones to be ignored.
+    return value != nullptr && *value == '/' ? fs::path(value) : fs::path();
+  };
+  if (const fs::path config = folder("XDG_CONFIG_HOME"); !config.empty()) {
+    return config / "interneuron/key";
+  }
+  const fs::path home = folder("HOME");
+  return home.empty() ? fs::path() : home / ".config/interneuron/key";
+}
+
+fs::path default_authority_file() {
+  const fs::path key = default_key_file();
+  return key.empty() ? fs::path() : key.parent_path() / "authority";
+}
+
+void write_new_key(const fs::path& file, const SecretKey& key) {
+  if (file == default_key_file() || file == default_authority_file()) {
+    make_default_folder(file.parent_path());
+  }
+  const io::FileDescriptor out(
+      ::open(file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600));
+  if (out.get() < 0 && errno == EEXIST) {
+    fail(kFailed, "'" + file.string() +
+                      "' is there already, and no key is overwritten; `interneuron keys "
+                      "pub` shows its public key, --out FILE names another file");
+  }
+  if (out.get() < 0) fail(kFailed, file_problem("cannot write", file, errno));
+  std::string line = to_base64(key.bytes()) + "\n";
+  int error = write_all(out.get(), line);
+  ::explicit_bzero(line.data(), line.size());
+  // A key whose public half others have been told must not be gone after a power cut.
+  if (error == 0 && ::fsync(out.get()) != 0) error = errno;
+  if (error == 0) return;
+  ::unlink(file.c_str());
+  fail(kFailed, file_problem("cannot write", file, error));
+}
+
+std::string make_key(const fs::path& file) {
+  const SecretKey key = random_key();
+  write_new_key(file, key);
+  return to_base64(public_key_of(key));
+}
+
+OwnFile open_own_file(const fs::path& file, bool may_be_read) {
+  OwnFile out;
+  // A pipe that nobody writes to would keep us waiting.
+  out.file = io::FileDescriptor(::open(file.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC));
+  struct stat status {};
+  if (out.file.get() < 0 || ::fstat(out.file.get(), &status) != 0) {
+    out.error = errno;
+    return out;
+  }
+  const mode_t others = S_IWGRP | S_IWOTH | (may_be_read ? 0 : S_IRGRP | S_IROTH);
+  if (!S_ISREG(status.st_mode)) {
+    out.problem = "is no regular file; give the file that `interneuron keys` wrote";
+  } else if (status.st_uid != ::geteuid() && status.st_uid != 0) {
+    out.problem = "belongs to user " + std::to_string(status.st_uid) +
+                  "; it has to be yours or root's: use `chown`, or another file";
+  } else if ((status.st_mode & others) != 0) {
+    out.problem = std::string("can be ") + (may_be_read ? "" : "read or ") +
+                  "written by others; `chmod 600 " + file.string() + "` ends that";
+  }
+  return out;
+}
+
+SecretKey read_key(const fs::path& file) { return key_in(open_key(file).get(), file.string()); }
+
+SecretKey read_key_from_stdin() { return key_in(STDIN_FILENO, "the standard input"); }
+
+OwnKey::OwnKey(const fs::path& file) : file_(open_key(file)), key_(key_in(file_.get(), file)) {
+  // Not every file system has locks; then nothing tells of a second program.
+  if (::flock(file_.get(), LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK) return;
+  fail(kFailed, "the key '" + file.string() +
+                    "' is in use by another program, and to its peers a key is one host; "
+                    "make one more with `interneuron keys gen --out FILE` and give --key "
+                    "FILE");
+}
+
+}  // namespace interneuron::cli

@@ -1,0 +1,57 @@
+// Files that hold a key: one line of base64 (interneuron/security.h), as WireGuard has them.
+// Whoever can read a private key is the host that it names. So a file is only used when it belongs
+// to this user or to root, and nobody else may read or write it; the descriptor that is read from
+// is the one that was looked at. Buffers that held a secret are erased. Thread-compatible.
+//
+// Functions throw Failure with one line that names the file and the remedy: 3 where the file is
+// wrong, 1 where it cannot be written or the system fails.
+#pragma once
+
+#include <filesystem>
+
+#include "interneuron/security.h"
+#include "node/io/file_descriptor.h"
+
+namespace interneuron::cli {
+
+// Where `keys gen` writes the key of this host, and where programs look that were given none:
+// $XDG_CONFIG_HOME/interneuron/key, else ~/.config/interneuron/key. Empty where neither variable
+// names a folder.
+std::filesystem::path default_key_file();
+
+// The same for the private key of a fleet authority: `authority` beside that key.
+std::filesystem::path default_authority_file();
+
+// Writes the key to a file that is not there yet, with mode 0600. The folder of default_key_file()
+// is made if need be, no other one is.
+void write_new_key(const std::filesystem::path& file, const SecretKey& key);
+// Draws a key, writes it there and returns its public half, as an option takes it.
+std::string make_key(const std::filesystem::path& file);
+
+SecretKey read_key(const std::filesystem::path& file);
+// From the standard input, whose reader has opened it: only what it holds is checked.
+SecretKey read_key_from_stdin();
+
+// The private key of a running program. The file is locked while this lives: to its peers a key is
+// one host, and a second program with it would take the place of the first.
+class OwnKey {
+ public:
+  explicit OwnKey(const std::filesystem::path& file);
+  const SecretKey& key() const { return key_; }
+
+ private:
+  io::FileDescriptor file_;
+  SecretKey key_;
+};
+
+// A file of this program that is open for reading, with what was found wrong with it; empty:
+// nothing. `may_be_read`: by others, because it holds no secret.
+struct OwnFile {
+  io::FileDescriptor file;
+  // Of opening it; 0: it is open.
+  int error = 0;
+  std::string problem;
+};
+OwnFile open_own_file(const std::filesystem::path& file, bool may_be_read);
+
+}  // namespace interneuron::cli

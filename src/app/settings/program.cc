@@ -1,0 +1,141 @@
+#include "app/settings/program.h"
+
+#include <spdlog/sinks/stdout_color_sinks.h>
+#include <spdlog/spdlog.h>
+
+#include <cerrno>
+#include <cstdio>
+#include <sstream>
+#include <string>
+
+#include "app/process/failure.h"
+#include "app/process/sibling.h"
+#include "app/process/whole_file.h"
+#include "app/settings/capture.h"
+#include "app/settings/command_line.h"
+#include "app/settings/config_file.h"
+#include "interneuron/transport.h"
+#include "node/io/nic.h"
+
+namespace interneuron::cli {
+
+namespace {
+
+constexpr const char* kVersion = INTERNEURON_VERSION;
+
+constexpr const char* kExitCodes =
+    "Exit codes: 0 fine, 1 failed, 2 usage, 3 configuration or input, 4 deadline objective missed, "
+    "5 needs a privilege, 77 this system cannot do it.";
+
+bool is_command(const CLI::App& program, const std::string& name) {
+  return !program.get_subcommands([&name](const CLI::App* c) { return c->get_name() == name; })
+              .empty();
+}
+
+int tell(int code, const std::string& what) {
+  std::fprintf(stderr, "interneuron: %s\n", what.c_str());
+  return code;
+}
+
+// Vehicle and roadside unit often share a terminal, so each line says whose it is.
+void name_log_lines(const CLI::App& program) {
+  const std::string command = program.get_subcommands().front()->get_name();
+  spdlog::set_pattern("%H:%M:%S.%e %^%l%$ " + command + ": %v");
+}
+
+// Names on the command line are usage, those of a configuration file are configuration. Asked
+// before the file is applied: then options that only the file gives have no value yet.
+int code_of_unknown_nic(const CLI::App& program) {
+  const CLI::App* command = program.get_subcommands().front();
+  const auto given = [command](const char* name) {
+    const CLI::Option* option = command->get_option_no_throw(name);
+    return option != nullptr && option->count() > 0;
+  };
+  return given("--config") && !given("--link") && !given("--nic") ? kConfiguration : kUsage;
+}
+
+// The first argument that is no option, and no value of --pcap, the one option of every program
+// that has one.
+std::string command_in(int argc, char** argv) {
+  for (int i = 1; i < argc; ++i) {
+    const std::string argument = argv[i];
+    if (argument == "--pcap") {
+      ++i;
+    } else if (argument.empty() || argument.front() != '-') {
+      return argument;
+    }
+  }
+  return "";
+}
+
+// The sibling reads all arguments, --help included. Here its commands are only told.
+void go_elsewhere(CLI::App& app, const Program& program, int argc, char** argv) {
+  const std::string wanted = command_in(argc, argv);
+  for (const Elsewhere& other : program.elsewhere) {
+    if (wanted == other.command) become_sibling(other.program, kVersion, argv);
+    app.add_subcommand(other.command, other.about);
+  }
+}
+
+int parse_and_run(const Program& program, int argc, char** argv) {
+  refuse_other_version(kVersion);
+  CLI::App app{program.about};
+  app.footer(kExitCodes);
+  app.require_subcommand(1);
+  app.set_version_flag("--version", std::string(program.name) + " " + kVersion, "The version");
+  std::function<int()> run;
+  std::string pcap;
+  add_capture_option(app, pcap);
+  go_elsewhere(app, program, argc, argv);
+  program.add_commands(app, run);
+  const std::string first = argc > 1 ? argv[1] : "";
+  if (!first.empty() && first.front() != '-' && !is_command(app, first)) {
+    return tell(kUsage, unknown_command(app, first));
+  }
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    // Help or the version, which go the way of all output, so that a failure is seen at the end.
+    if (error.get_exit_code() == 0) {
+      std::ostringstream text;
+      const int code = app.exit(error, text, text);
+      std::fputs(text.str().c_str(), stdout);
+      return code;
+    }
+    return tell(kUsage, mistake_in(app, error));
+  }
+  name_log_lines(app);
+  const int unknown_nic = code_of_unknown_nic(app);
+  // Before the capture, which not every transport allows.
+  apply_config(*app.get_subcommands().front());
+  const auto capture = start_capture(app, pcap);
+  try {
+    return run();
+  } catch (const io::UnknownNic& error) {
+    return tell(unknown_nic, error.what());
+  }
+}
+
+}  // namespace
+
+int run_program(const Program& program, int argc, char** argv) {
+  auto log = spdlog::stderr_color_mt("interneuron");
+  log->set_pattern("%H:%M:%S.%e %^%l%$ %v");
+  spdlog::set_default_logger(log);
+  try {
+    const int code = parse_and_run(program, argc, argv);
+    // Whatever was printed is an answer only when all of it got out.
+    finish_stdout();
+    return code;
+  } catch (const Failure& error) {
+    return tell(error.code(), error.what());
+  } catch (const IoError& error) {
+    return tell(error.code() == EPERM || error.code() == EACCES ? kPrivilege : kFailed,
+                error.what());
+  } catch (const std::exception& error) {
+    const auto code = program.code_of == nullptr ? std::nullopt : program.code_of(error);
+    return tell(code.value_or(kFailed), error.what());
+  }
+}
+
+}  // namespace interneuron::cli

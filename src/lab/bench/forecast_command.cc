@@ -1,0 +1,152 @@
+#include "lab/bench/forecast_command.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <iterator>
+#include <memory>
+
+#include "app/process/failure.h"
+#include "app/process/progress.h"
+#include "app/process/signals.h"
+#include "lab/bench/forecast_report.h"
+#include "lab/bench/load_report.h"
+#include "lab/load/forecast_run.h"
+#include "lab/load/on_time_fit.h"
+
+namespace interneuron::cli {
+namespace {
+
+// Seeds: wide, it catches slips of pen.
+constexpr std::uint64_t kMostSeeds = 10'000;
+
+struct ForecastOptions {
+  std::vector<std::string> names;
+  // The laws were fitted on seeds 1 to 4 (src/core/messages/on_time_weights.h).
+  std::uint64_t first_seed = 101;
+  std::uint64_t seeds = 1;
+  bool json = false;
+  bool fit = false;
+  std::string plot;
+};
+
+struct ForecastTask {
+  load::ForecastScenario scenario;
+  std::vector<load::Forecast> forecasts;
+};
+
+std::vector<ForecastTask> tasks_of(const ForecastOptions& o) {
+  std::vector<ForecastTask> out;
+  for (const std::string& name : o.names.empty() ? load::forecast_names() : o.names) {
+    for (std::uint64_t i = 0; i < o.seeds; ++i) {
+      for (load::ForecastScenario& s : load::forecast_scenarios(name, o.first_seed + i)) {
+        out.push_back({std::move(s), {}});
+      }
+    }
+  }
+  return out;
+}
+
+// The forecasts of those tasks that `is_part` says, in bins. Seconds of different runs are
+// different seconds.
+template <class IsPart>
+Judged judged(const std::string& name, const std::vector<ForecastTask>& tasks,
+              const IsPart& is_part) {
+  constexpr std::uint64_t kSecondsOfARun = 1'000'000;
+  std::vector<load::Forecast> part;
+  for (std::size_t i = 0; i < tasks.size(); ++i) {
+    for (load::Forecast f : tasks[i].forecasts) {
+      // The second run, of refused messages, is one of its own.
+      f.second += kSecondsOfARun * (2 * i + (f.refused ? 1 : 0));
+      if (is_part(tasks[i].scenario, f)) part.push_back(f);
+    }
+  }
+  return {name, load::calibration(part)};
+}
+
+std::vector<Judged> judge(const std::vector<ForecastTask>& tasks) {
+  using load::Forecast;
+  using load::ForecastScenario;
+  std::vector<Judged> out;
+  out.push_back(judged("all loads", tasks, [](const ForecastScenario& s, const Forecast&) {
+    return s.profiles.empty();
+  }));
+  out.push_back(judged("all drives", tasks, [](const ForecastScenario& s, const Forecast&) {
+    return !s.profiles.empty();
+  }));
+  out.push_back(judged("refused", tasks,
+                       [](const ForecastScenario&, const Forecast& f) { return f.refused; }));
+  for (const std::string& name : load::forecast_names()) {
+    out.push_back(judged(name, tasks, [&name](const ForecastScenario& s, const Forecast&) {
+      return s.name == name;
+    }));
+  }
+  std::erase_if(out, [](const Judged& j) { return j.bins.empty(); });
+  return out;
+}
+
+// Fits the laws to these runs, and prints the file that holds them.
+int fit_forecast(const ForecastOptions& o) {
+  const SignalWatch signals;
+  const std::vector<ForecastTask> tasks = tasks_of(o);
+  std::vector<load::OnTimeFit> parts(tasks.size());
+  Progress progress;
+  progress.for_each("bench forecast --fit", tasks.size(), [&](std::size_t i) {
+    const load::ForecastRun run = load::forecast_run(tasks[i].scenario);
+    parts[i].add(run.accepted);
+    parts[i].add(run.nevertheless);
+  });
+  load::OnTimeFit fit;
+  for (load::OnTimeFit& part : parts) fit.add(std::move(part));
+  fmt::print("{}", on_time_weights(fit, o.first_seed, o.seeds));
+  return kFine;
+}
+
+int run_forecast(const ForecastOptions& o) {
+  if (o.fit) return fit_forecast(o);
+  if (!o.plot.empty() && !is_picture(o.plot)) {
+    throw Failure(kUsage, "--plot '" + o.plot + "': name a file that ends in .svg or .png");
+  }
+  const SignalWatch signals;
+  std::vector<ForecastTask> tasks = tasks_of(o);
+  Progress progress;
+  progress.for_each("bench forecast", tasks.size(), [&](std::size_t i) {
+    tasks[i].forecasts = load::forecasts(tasks[i].scenario);
+  });
+  const std::vector<Judged> all = judge(tasks);
+  if (o.json) {
+    fmt::print("{}\n", forecast_json(all, o.first_seed, o.seeds).dump(2));
+  } else {
+    print_forecast(all);
+  }
+  if (!o.plot.empty()) plot_forecast(o.plot, all);
+  if (!o.plot.empty() && !o.json) fmt::print("\nwritten to {}\n", o.plot);
+  return kFine;
+}
+
+}  // namespace
+
+void add_forecast(CLI::App& bench, std::function<int()>& run) {
+  auto o = std::make_shared<ForecastOptions>();
+  CLI::App* c = bench.add_subcommand(
+      "forecast", "Whether the chances that send() predicts are kept, in virtual time");
+  c->add_option("NAME", o->names, "What is run (default: everything)")
+      ->check(CLI::IsMember(load::forecast_names()));
+  c->add_option("--seed", o->first_seed, "The first seed")->capture_default_str();
+  c->add_option("--seeds", o->seeds, "How many seeds, each run once")
+      ->capture_default_str()
+      ->check(CLI::Range(std::uint64_t{1}, kMostSeeds));
+  c->add_flag("--json", o->json, "The bins as JSON on stdout (docs/schema/forecast.json)");
+  c->add_flag("--fit", o->fit,
+              "Judges nothing: fits the laws of the predictions to these runs and prints\n"
+              "src/core/messages/on_time_weights.h");
+  c->add_option("--plot", o->plot, "Draws what happened against what was predicted, .svg or .png");
+  std::string footer = "Names:\n ";
+  for (const std::string& name : load::forecast_names()) footer += " " + name;
+  c->footer(footer +
+            "\nExamples:\n  interneuron bench forecast rate 4g --seeds 4\n"
+            "  interneuron bench forecast --json");
+  c->callback([&run, o] { run = [o] { return run_forecast(*o); }; });
+}
+
+}  // namespace interneuron::cli

@@ -1,0 +1,118 @@
+#include "lab/bench/forecast_report.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "app/process/failure.h"
+#include "app/records/plot.h"
+#include "lab/report/figure.h"
+
+namespace interneuron::cli {
+namespace {
+
+// Pixels of a panel.
+constexpr int kWidth = 330;
+constexpr int kForecastHeight = 360;
+constexpr std::size_t kColumns = 3;
+
+double forecast_rounded(double v) { return std::round(v * 10000.0) / 10000.0; }
+
+const char* verdict(const load::Bin& bin) {
+  if (bin.messages < load::kLeastInBin) return "too few";
+  return bin.kept() ? "kept" : "broken";
+}
+
+std::string panel(const Judged& j, std::size_t number) {
+  std::string out = fmt::format("$bins{} << EOD\n", number);
+  for (const load::Bin& b : j.bins) {
+    out += fmt::format("{:.4f} {:.4f} {:.4f}\n", b.predicted, b.happened, 3 * b.standard_error);
+  }
+  return out + fmt::format(
+                   "EOD\nset title {}\nplot x with lines dt 2 lc rgb 'black', $bins{} with "
+                   "yerrorbars pt 7 ps 0.6 lc rgb '{}'\n",
+                   report::gnuplot_text(j.scenario), number, report::kBlue);
+}
+
+std::string text(const OnTimeLaw& law) {
+  std::string out = "{{";
+  for (std::size_t i = 0; i < law.weights.size(); ++i) {
+    out += fmt::format("{}{:.3f}", i == 0 ? "" : ", ", law.weights[i]);
+  }
+  out += "},\n{{";
+  for (const OnTimeLaw::Knot& knot : law.knots) {
+    out += fmt::format("{{{:.3f}, {:.3f}}},\n", knot.said, knot.seen);
+  }
+  return out + "}}}";
+}
+
+}  // namespace
+
+std::string on_time_weights(const load::OnTimeFit& fit, std::uint64_t first_seed,
+                            std::uint64_t seeds) {
+  const OnTimeLaws laws = fit.laws();
+  const auto messages = fit.messages();
+  return fmt::format(
+      "// The laws of OnTimeForecasts. Plain values, written by\n"
+      "// `interneuron bench forecast --seed {0} --seeds {1} --fit`\n"
+      "// (docs/load.md, \"What send() predicts\"): do not edit them, fit them anew. Weights were\n"
+      "// fitted together, so that none means anything alone.\n"
+      "//\n"
+      "// Source: seeds {0} to {2}: {3} messages of the first law, {4} of the second and {5} of "
+      "the\n"
+      "// third, which were sent although they were refused. All other seeds are for judging.\n"
+      "#pragma once\n\n#include \"core/messages/on_time_law.h\"\n\nnamespace interneuron {{\n\n"
+      "inline constexpr OnTimeLaws kOnTimeLaws{{\n{6},\n{7},\n{8}}};\n\n"
+      "}}  // namespace interneuron\n",
+      first_seed, seeds, first_seed + seeds - 1, messages[0], messages[1], messages[2],
+      text(laws.idle), text(laws.loaded), text(laws.refused));
+}
+
+lab::Json forecast_json(const std::vector<Judged>& judged, std::uint64_t first_seed,
+                        std::uint64_t seeds) {
+  lab::Json out{{"schema", kForecastSchema},
+                {"first_seed", first_seed},
+                {"seeds", seeds},
+                {"rows", lab::Json::array()}};
+  for (const Judged& j : judged) {
+    for (const load::Bin& b : j.bins) {
+      out["rows"].push_back({{"scenario", j.scenario},
+                             {"predicted", forecast_rounded(b.predicted)},
+                             {"happened", forecast_rounded(b.happened)},
+                             {"messages", b.messages},
+                             {"standard_error", forecast_rounded(b.standard_error)},
+                             {"verdict", verdict(b)}});
+    }
+  }
+  return out;
+}
+
+void print_forecast(const std::vector<Judged>& judged) {
+  for (const Judged& j : judged) {
+    fmt::print("\n{}\n{:>10}{:>10}{:>8}{:>8}{:>10}  {}\n", j.scenario, "predicted", "happened",
+               "gap", "error", "messages", "verdict");
+    for (const load::Bin& b : j.bins) {
+      fmt::print("{:>10.3f}{:>10.3f}{:>+8.3f}{:>8.3f}{:>10}  {}\n", b.predicted, b.happened,
+                 b.gap(), b.standard_error, b.messages, verdict(b));
+    }
+  }
+}
+
+void plot_forecast(const std::filesystem::path& file, const std::vector<Judged>& judged) {
+  const std::size_t columns = std::min(kColumns, judged.size());
+  const std::size_t lines = (judged.size() + columns - 1) / columns;
+  const bool svg = file.extension() == ".svg";
+  std::string script = fmt::format(
+      "set terminal {} size {},{} noenhanced font 'sans{},11' background rgb 'white'\n"
+      "set multiplot layout {},{}\nset xrange [0:1]\nset yrange [0:1]\n"
+      "set size square\nset grid lc rgb '#70888888'\nunset key\n"
+      "set xlabel 'predicted'\nset ylabel 'on time'\n",
+      svg ? "svg" : "pngcairo", kWidth * static_cast<int>(columns),
+      kForecastHeight * static_cast<int>(lines), svg ? "-serif" : "", lines, columns);
+  for (std::size_t i = 0; i < judged.size(); ++i) script += panel(judged[i], i);
+  if (!lab::draw(file, script + "unset multiplot\n")) {
+    throw Failure(kFailed, "--plot needs gnuplot; install the package gnuplot-nox");
+  }
+}
+
+}  // namespace interneuron::cli

@@ -1,0 +1,94 @@
+// One run of one system on the testbed. `eval --testbed` writes it to a file and passes that to the
+// programs `vehicle` and `road` with --testbed-run FILE, which no help shows. Each program acts by
+// it through its hooks and leaves its record beside that file: vehicle.json and road.json.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "app/offload/hooks.h"
+#include "app/records/run_files.h"
+#include "interneuron/node.h"
+#include "lab/eval/erdos.h"
+#include "lab/eval/run.h"
+#include "lab/eval/system.h"
+#include "lab/eval/trace.h"
+
+namespace interneuron::cli {
+
+struct TestbedRun {
+  eval::System system;
+  // By round; further rounds have none.
+  std::vector<eval::Injected> injected;
+  // For LevelRule::kErdos; the vehicle has it as its own option too.
+  Duration deadline = eval::Scenario{}.deadline;
+  eval::ErdosTimes erdos;
+  // Of the roadside's ladder. If empty, the roadside calibrates it.
+  std::vector<LevelProfile> levels;
+  FallbackQuality fallback;
+  // Where it was read from.
+  std::filesystem::path file;
+
+  // The delay that is injected into this module of the round; zero if none is.
+  Duration in(eval::Module module, RoundId round) const;
+};
+
+// They throw Failure naming the file: 1 when it cannot be written or read, 3 when it is no such
+// run.
+void write_testbed_run(const std::filesystem::path& file, const TestbedRun& run);
+TestbedRun read_testbed_run(const std::filesystem::path& file);
+
+// The levels as the roadside's record has them. A level of unknown quality gets one by its rank.
+std::vector<LevelProfile> levels_of(const lab::Json& levels);
+
+// Makes the vehicle run the system of a TestbedRun, injects into its uplink and records its rounds.
+// Thread-compatible.
+class TestbedVehicle : public VehicleHooks {
+ public:
+  explicit TestbedVehicle(TestbedRun run) : run_(std::move(run)) {}
+
+  void configure(PipelineConfig& pipeline) const override;
+  void configure(NodeOptions& node) const override;
+  // The variants that the system submits.
+  Variants submitted(const RoundRef& ref, Variants variants) override;
+  bool local_backup() const override { return run_.system.local_backup; }
+  void done(const RoundDone& event, const lab::RoundRow& row) override;
+  // Writes vehicle.json.
+  void finished(const std::vector<Statistics::Link>& links) override;
+
+ private:
+  TestbedRun run_;
+  // By round.
+  std::vector<TimePoint> submitted_;
+  lab::Json rounds_ = lab::Json::array();
+};
+
+// Makes the roadside unit run the system of a TestbedRun, injects into its computation and its
+// downlink and records its computations. Thread-compatible, but inside_compute() may be called by
+// any thread.
+class TestbedRoad : public RoadHooks {
+ public:
+  explicit TestbedRoad(TestbedRun run) : run_(std::move(run)) {}
+
+  void configure(NodeOptions& node) const override;
+  std::span<const LevelProfile> levels() const override { return run_.levels; }
+  Duration before_compute(RoundId round) const override;
+  Duration inside_compute(RoundId round) const override;
+  // The level of systems that do not ask the guard; nothing for the others.
+  std::optional<std::size_t> level(std::span<const LevelProfile> levels, TimePoint delivered,
+                                   TimePoint now) const override;
+  void computed(const offload::Computed& computed) override;
+  // Writes road.json.
+  void finished(const std::string& ladder, const std::vector<std::string>& names,
+                std::span<const LevelProfile> levels) override;
+
+ private:
+  TestbedRun run_;
+  lab::Json rounds_ = lab::Json::array();
+};
+
+}  // namespace interneuron::cli

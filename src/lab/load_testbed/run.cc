@@ -1,0 +1,127 @@
+#include "lab/load_testbed/run.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+
+#include "app/process/failure.h"
+#include "lab/load/bottleneck.h"
+#include "lab/transports/play.h"
+#include "netns/testbed/testbed.h"
+
+namespace interneuron::cli {
+namespace {
+
+namespace fs = std::filesystem;
+using load::Peer;
+using load::Scenario;
+using netns::Testbed;
+
+constexpr const char* kCell = "cell";
+constexpr const char* kModems[] = {"a", "b"};
+
+// --- the testbed of a scenario
+
+netns::TestbedOptions options_of(const Scenario& s, const fs::path& scratch) {
+  netns::TestbedOptions out;
+  out.name = fmt::format("load-{}", ::getpid());
+  out.backend = netns::Backend::kEmulator;
+  out.runtime_dir = scratch;
+  const emu::LinkProfile modem = load::modem_of(s);
+  emu::ScenarioCell cell;
+  cell.name = kCell;
+  cell.up = load::cell_of(s, {});
+  // The way back is never short.
+  cell.down.rate = modem.down.rate;
+  cell.down.queue_bytes = modem.down.queue_bytes;
+  std::vector<emu::ScenarioLink> links;
+  for (std::size_t i = 0; i < (s.peer == Peer::kMptcp ? 2U : 1U); ++i) {
+    links.push_back({kModems[i], modem, emu::link_seed(s.seed, i), 0});
+  }
+  out.scenario = emu::plain_scenario(std::move(links), s.seed);
+  out.scenario.cells = {std::move(cell)};
+  return out;
+}
+
+// --- what is played
+
+Transport transport_of(Peer peer) {
+  switch (peer) {
+    case Peer::kOurs:
+      return {Kind::kOurs, "best_link"};
+    case Peer::kOursVariants:
+      return {Kind::kOurs, "down_sampling"};
+    case Peer::kUdp:
+      return {Kind::kUdp, ""};
+    case Peer::kTcpCubic:
+      return {Kind::kTcp, "cubic"};
+    case Peer::kTcpBbr:
+      return {Kind::kTcp, "bbr"};
+    case Peer::kMptcp:
+      return {Kind::kMptcp, "cubic"};
+    default:
+      break;
+  }
+  throw Failure(kFailed, fmt::format("{} is for virtual time alone", load::name_of(peer)));
+}
+
+Order order_of(const Scenario& s, const netns::State& state, const fs::path& scratch) {
+  return {transport_of(s.peer),
+          {load::variant_bytes(s), s.deadline, s.period, s.length, load::first_messages(s)},
+          modems_of(state),
+          scratch,
+          s.one_way};
+}
+
+// --- figures
+
+load::Meter meter_of(const Scenario& s, const VehiclesRecord& vehicles, const RoadRecord& road) {
+  const std::vector<std::size_t> variants = load::variant_bytes(s);
+  load::Meter meter(s.vehicles, s.deadline, variants);
+  for (std::size_t v = 0; v < std::min(s.vehicles, vehicles.begun.size()); ++v) {
+    for (const TimePoint at : vehicles.begun[v]) meter.begin(v, at.time_since_epoch());
+  }
+  for (const Arrival& a : road.arrivals) {
+    if (a.vehicle >= s.vehicles || a.variant >= variants.size()) continue;
+    if (a.number >= meter.messages(a.vehicle).size()) continue;
+    meter.arrived(a.vehicle, a.number, a.variant, a.at.time_since_epoch());
+  }
+  return meter;
+}
+
+}  // namespace
+
+std::optional<std::string> lacks(Peer peer) {
+  const auto reason = lacks(transport_of(peer));
+  if (!reason) return std::nullopt;
+  return std::string(load::name_of(peer)) + ": " + *reason;
+}
+
+std::optional<std::string> cannot_play(const Scenario& s) {
+  if (s.dip) return s.group + ": a rate that changes during a run is for virtual time alone";
+  if (s.cross_flows > 0) return s.group + ": cross traffic is for virtual time alone";
+  return std::nullopt;
+}
+
+Duration time_of_run(const Scenario& s) { return s.length + s.deadline + kRunOverhead; }
+
+TestbedRow run_on_testbed(const Scenario& s, TransportKind datagrams, const fs::path& folder) {
+  const Scratch scratch(folder);
+  const Testbed testbed = Testbed::up(options_of(s, folder));
+  Order order = order_of(s, testbed.state(), folder);
+  order.transport.datagrams = datagrams;
+  const Played played =
+      play(testbed.state(), order, [&](TimePoint) { Testbed::measure_cells(testbed.state()); });
+
+  TestbedRow out{{}, played.doubt};
+  const load::Meter meter = meter_of(s, played.vehicles, played.road);
+  out.row.scenario = s;
+  load::read_messages(s, meter, played.begin.time_since_epoch(), out.row);
+  out.row.queue_p99_ms = to_ms(played.after.cells.at(0).up.queue_p99);
+  out.row.utilisation = played.after.cells.at(0).up.utilisation;
+  out.row.road_cpu_percent = 100 * played.road.cpu;
+  return out;
+}
+
+}  // namespace interneuron::cli

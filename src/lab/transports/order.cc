@@ -1,0 +1,154 @@
+#include "lab/transports/order.h"
+
+#include <algorithm>
+#include <array>
+
+#include "app/process/failure.h"
+#include "app/records/json_file.h"
+
+namespace interneuron::cli {
+namespace {
+
+namespace fs = std::filesystem;
+using lab::Json;
+
+constexpr const char* kOrder = "order.json";
+constexpr const char* kVehicles = "vehicles.json";
+constexpr const char* kRoad = "road.json";
+
+// By Kind.
+constexpr std::array<std::string_view, 6> kKinds{"ours", "udp", "tcp", "mptcp", "fastdds", "srt"};
+
+Kind kind_of(const std::string& name) {
+  const auto it = std::ranges::find(kKinds, name);
+  if (it != kKinds.end()) return static_cast<Kind>(it - kKinds.begin());
+  throw Failure(kFailed, "an order names no transport that there is");
+}
+
+TransportKind datagrams_of(const std::string& name) {
+  if (const auto kind = parse_transport_kind(name)) return *kind;
+  throw Failure(kFailed, "an order names no way of datagrams that there is");
+}
+
+SecretKey key_of(const Json& json) {
+  if (const auto key = parse_key(json.get<std::string>())) return SecretKey(*key);
+  throw Failure(kFailed, "an order holds a key that is none");
+}
+
+// Reads a file by `parse`, which throws Json::exception when something is missing.
+template <class Parse>
+auto read(const fs::path& file, const Parse& parse) {
+  const Json json = lab::read_json(file);
+  try {
+    return parse(json);
+  } catch (const Json::exception& error) {
+    throw Failure(kFailed, "'" + file.string() + "': not of this program: " + error.what());
+  }
+}
+
+std::int64_t ns(TimePoint at) { return at.time_since_epoch().count(); }
+
+Duration duration(const Json& json) { return Duration{json.get<std::int64_t>()}; }
+TimePoint instant(const Json& json) { return TimePoint{duration(json)}; }
+
+Json traffic_json(const Traffic& traffic) {
+  Json first = Json::array();
+  for (const Duration at : traffic.first) first.push_back(at.count());
+  return {{"variant_bytes", traffic.variant_bytes},
+          {"deadline_ns", traffic.deadline.count()},
+          {"period_ns", traffic.period.count()},
+          {"length_ns", traffic.length.count()},
+          {"first_ns", first}};
+}
+
+Traffic traffic_of(const Json& json) {
+  Traffic traffic;
+  traffic.variant_bytes = json.at("variant_bytes").get<std::vector<std::size_t>>();
+  traffic.deadline = duration(json.at("deadline_ns"));
+  traffic.period = duration(json.at("period_ns"));
+  traffic.length = duration(json.at("length_ns"));
+  for (const Json& at : json.at("first_ns")) traffic.first.push_back(duration(at));
+  return traffic;
+}
+
+}  // namespace
+
+std::string_view name_of(Kind kind) { return kKinds[static_cast<std::size_t>(kind)]; }
+
+fs::path write_order(const Order& order) {
+  Json modems = Json::array();
+  for (const Modem& m : order.modems) {
+    modems.push_back({{"nic", m.nic}, {"vehicle", m.vehicle_address}, {"road", m.road_address}});
+  }
+  Json keys = Json::array();
+  for (const SecretKey& key : order.keys) keys.push_back(to_base64(key.bytes()));
+  lab::write_json(order.folder / kOrder, {{"transport", name_of(order.transport.kind)},
+                                          {"mode", order.transport.mode},
+                                          {"datagrams", to_string(order.transport.datagrams)},
+                                          {"traffic", traffic_json(order.traffic)},
+                                          {"modems", modems},
+                                          {"keys", keys},
+                                          {"way_ns", order.way.count()}});
+  return order.folder / kOrder;
+}
+
+Order read_order(const fs::path& file) {
+  return read(file, [&file](const Json& json) {
+    Order order;
+    order.transport = {kind_of(json.at("transport")), json.at("mode"),
+                       datagrams_of(json.at("datagrams"))};
+    order.traffic = traffic_of(json.at("traffic"));
+    for (const Json& m : json.at("modems")) {
+      order.modems.push_back({m.at("nic"), m.at("vehicle"), m.at("road")});
+    }
+    for (const Json& key : json.value("keys", Json::array())) order.keys.push_back(key_of(key));
+    order.folder = file.parent_path();
+    order.way = duration(json.at("way_ns"));
+    return order;
+  });
+}
+
+void write_record(const Order& order, const VehiclesRecord& record) {
+  Json begun = Json::array();
+  for (const std::vector<TimePoint>& of_vehicle : record.begun) {
+    Json& row = begun.emplace_back(Json::array());
+    for (const TimePoint at : of_vehicle) row.push_back(ns(at));
+  }
+  lab::write_json(
+      order.folder / kVehicles,
+      {{"cpu_ns", record.cpu.count()}, {"wire_bytes", record.wire_bytes}, {"begun_ns", begun}});
+}
+
+void write_record(const Order& order, const RoadRecord& record) {
+  Json arrivals = Json::array();
+  for (const Arrival& a : record.arrivals) {
+    arrivals.push_back(Json::array({a.vehicle, a.number, a.variant, ns(a.at)}));
+  }
+  lab::write_json(order.folder / kRoad, {{"cpu", record.cpu}, {"arrivals", arrivals}});
+}
+
+VehiclesRecord read_vehicles(const Order& order) {
+  return read(order.folder / kVehicles, [](const Json& json) {
+    VehiclesRecord out;
+    out.cpu = duration(json.at("cpu_ns"));
+    out.wire_bytes = json.at("wire_bytes");
+    for (const Json& row : json.at("begun_ns")) {
+      std::vector<TimePoint>& of_vehicle = out.begun.emplace_back();
+      for (const Json& at : row) of_vehicle.push_back(instant(at));
+    }
+    return out;
+  });
+}
+
+RoadRecord read_road(const Order& order) {
+  return read(order.folder / kRoad, [](const Json& json) {
+    RoadRecord out;
+    out.cpu = json.at("cpu");
+    for (const Json& a : json.at("arrivals")) {
+      out.arrivals.push_back({a.at(0), a.at(1), a.at(2), instant(a.at(3))});
+    }
+    return out;
+  });
+}
+
+}  // namespace interneuron::cli

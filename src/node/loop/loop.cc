@@ -1,0 +1,300 @@
+#include <algorithm>
+#include <boost/asio/error.hpp>
+#include <boost/asio/post.hpp>
+#include <csignal>
+#include <stdexcept>
+#include <utility>
+
+#include "core/base/earliest.h"
+#include "node/io/steady_clock.h"
+#include "node/loop/node_impl.h"
+#include "node/loop/setup.h"
+
+namespace interneuron {
+
+namespace {
+
+using boost::asio::posix::stream_descriptor;
+using boost::system::error_code;
+
+// Batches received per turn, up to 8 MiB; what is left makes the socket readable again.
+constexpr int kReceivesPerTurn = 8;
+// No batch follows one after which receiving has taken so long, so that what is due and what is to
+// be sent waits for one batch of packets that are costly to take, not for eight. No measurement
+// behind this value: it only has to be short against the deadlines of rounds.
+constexpr Duration kReceiveTime = std::chrono::milliseconds(2);
+// The endpoint is asked for output after so many datagrams, because an acknowledgement tells of a
+// bounded number of packets (kAckWindow of src/core/wire/packet.h) while a batch may hold 2000. An
+// eighth of that window.
+constexpr int kInputsPerCollect = 32;
+// Passes per turn over sending, telling and time-outs; a turn that is not done then is followed by
+// another, so that sockets and tasks get their share.
+constexpr int kPassesPerTurn = 16;
+// How soon what is due is tried again while a full link holds it up. No measurement behind this
+// value: it only has to be short against kStallPatience.
+constexpr Duration kBlockedRetry = std::chrono::microseconds(200);
+// How soon a clock that was set is noticed. No measurement behind this value: credentials are valid
+// for hours.
+constexpr Duration kBetweenClocks = std::chrono::seconds(10);
+
+// TimePoint and steady_clock both read CLOCK_MONOTONIC. Far instants are cut, because the clock
+// arithmetic of timers may overflow; waking up early is harmless.
+std::chrono::steady_clock::time_point as_expiry(TimePoint time) {
+  const TimePoint latest = io::now() + std::chrono::hours(1);
+  return std::chrono::steady_clock::time_point(std::min(time, latest).time_since_epoch());
+}
+
+}  // namespace
+
+Node::Impl::Impl(NodeOptions options)
+    : Impl(std::move(options), (check_options(options), endpoint_options(options))) {}
+
+Node::Impl::Impl(NodeOptions&& options, const EndpointOptions& endpoint)
+    : work_(context_.get_executor()),
+      timer_(context_),
+      signals_(context_),
+      session_(endpoint.session),
+      endpoint_(endpoint, io::now()),
+      links_(options, *this),
+      nic_watcher_(context_),
+      computation_(options.computation_workers),
+      backup_(options.backup_workers) {
+  try {
+    nic_watcher_.assign(links_.native_handle());
+    connect();
+  } catch (...) {
+    shut_down();
+    throw;
+  }
+}
+
+Node::Impl::~Impl() { shut_down(); }
+
+// Ends the workers and gives up all waits; may be called more than once. Afterwards only the
+// caller's thread uses this object.
+void Node::Impl::shut_down() {
+  computation_.stop();
+  backup_.stop();
+  error_code ignored;
+  signals_.cancel(ignored);
+  signals_.clear(ignored);
+  // The descriptors belong to the transports, which close them.
+  for (const SharedPort& port : ports_) {
+    if (port->watcher.is_open()) port->watcher.release();
+  }
+  if (nic_watcher_.is_open()) nic_watcher_.release();
+}
+
+void Node::Impl::run() {
+  if (std::exchange(ran_, true)) throw std::logic_error("Node::run: a node runs once");
+  const io::PreciseTimers precise;
+  try {
+    wait_for_nics();
+    for (const SharedPort& port : ports_) wait_readable(port);
+    repeat_statistics(saturating_add(io::now(), statistics_interval_));
+    repeat_clock();
+    if (!context_.stopped()) turn();
+    context_.run();
+    // What can leave at once still does.
+    outbox_.pump(io::now(), *this);
+  } catch (...) {
+    context_.stop();
+    shut_down();
+    throw;
+  }
+  shut_down();
+}
+
+// The clock of a host may be set long after its programs have begun, and it judges credentials.
+void Node::Impl::repeat_clock() {
+  endpoint_.raise_unix_time_ns(io::now(), io::unix_time_ns());
+  at(io::now() + kBetweenClocks, [this] { repeat_clock(); });
+}
+
+void Node::Impl::stop_on_signals() {
+  signals_.add(SIGINT);
+  signals_.add(SIGTERM);
+  signals_.async_wait([this](const error_code& error, int signal) {
+    if (error) return;
+    signal_ = signal;
+    stop();
+  });
+}
+
+void Node::Impl::at(TimePoint time, Task task) {
+  auto timer = std::make_shared<boost::asio::steady_timer>(context_, as_expiry(time));
+  auto& waiting = *timer;
+  waiting.async_wait(
+      [this, time, task = std::move(task), timer = std::move(timer)](const error_code& error) {
+        if (error) return;
+        // The instant was too far away for one wait.
+        if (io::now() < time) return at(time, task);
+        enter(task);
+      });
+}
+
+void Node::Impl::compute(Queue queue, Job job) {
+  Workers& workers = queue == Queue::kLocalBackup ? backup_ : computation_;
+  workers.submit([this, job = std::move(job)] {
+    try {
+      Task then = job();
+      if (then) post(std::move(then));
+    } catch (...) {
+      post([error = std::current_exception()] { std::rethrow_exception(error); });
+    }
+  });
+}
+
+void Node::Impl::post(Task task) {
+  boost::asio::post(context_, [this, task = std::move(task)] { enter(task); });
+}
+
+void Node::Impl::enter(const Task& task) {
+  run_work(task);
+  turn();
+}
+
+void Node::Impl::wait_readable(const SharedPort& port) {
+  port->watcher.async_wait(stream_descriptor::wait_read, [this, port](const error_code& error) {
+    if (!error && port->transport != nullptr) on_readable(port);
+  });
+}
+
+void Node::Impl::wait_writable(const SharedPort& port) {
+  if (std::exchange(port->waits_for_write, true)) return;
+  port->watcher.async_wait(stream_descriptor::wait_write, [this, port](const error_code& error) {
+    if (error || port->transport == nullptr) return;
+    port->waits_for_write = false;
+    outbox_.writable(io::now(), port->link);
+    turn();
+  });
+}
+
+void Node::Impl::on_readable(const SharedPort& port) {
+  receive(*port);
+  turn();
+  if (port->transport != nullptr) wait_readable(port);
+}
+
+void Node::Impl::on_timer() {
+  armed_.reset();
+  // Datagrams that have arrived come before time-outs of the same instant.
+  for (const SharedPort& port : ports_) receive(*port);
+  turn();
+}
+
+// Datagrams arrive when the kernel says that they did, but not before what the endpoint was told
+// already.
+void Node::Impl::receive(const Port& port) {
+  const TimePoint began = io::now();
+  for (int i = 0; i < kReceivesPerTurn && port.transport != nullptr; ++i) {
+    const auto batch = port.transport->receive();
+    if (batch.empty()) return;
+    const TimePoint now = io::now();
+    int inputs = 0;
+    for (const Incoming& datagram : batch) {
+      // The endpoint's time never goes back.
+      const bool stamped = datagram.at != TimePoint::min();
+      told_ = stamped ? std::clamp(datagram.at, told_, now) : now;
+      endpoint_.handle_datagram(told_, {port.link, datagram.from, datagram.bytes, datagram.ecn});
+      if (++inputs % kInputsPerCollect == 0) outbox_.collect(told_, *this);
+    }
+    tell_events();
+    told_ = io::now();
+    if (told_ - began > kReceiveTime) return;
+  }
+}
+
+std::optional<TransmitParts> Node::Impl::poll(TimePoint now, std::span<std::byte> buffer) {
+  return endpoint_.poll_transmit_parts(now, buffer);
+}
+
+void Node::Impl::turn() {
+  Outbox::More more = settle();
+  if (context_.stopped()) return;
+  if (lose_gone_links()) more = Outbox::More::kNow;
+  for (const SharedPort& port : ports_) {
+    if (outbox_.blocked(port->link)) wait_writable(port);
+  }
+  if (more == Outbox::More::kNow && !std::exchange(turn_posted_, true)) {
+    boost::asio::post(context_, [this] {
+      turn_posted_ = false;
+      turn();
+    });
+  }
+  arm(more);
+  told_ = io::now();
+}
+
+// Sends, tells events and handles time-outs until there is nothing left to do or the turn's share
+// is used up.
+Outbox::More Node::Impl::settle() {
+  for (int pass = 1;; ++pass) {
+    const Outbox::More more = outbox_.pump(io::now(), *this);
+    const bool told = tell_events();
+    const bool handled = handle_due();
+    if (context_.stopped() || (!told && !handled)) return more;
+    if (more == Outbox::More::kBlocked && pass > 1) return more;
+    if (more == Outbox::More::kNow || pass == kPassesPerTurn) return Outbox::More::kNow;
+  }
+}
+
+bool Node::Impl::handle_due() {
+  const TimePoint now = io::now();
+  const auto next = endpoint_.next_timeout();
+  const bool due = next && *next <= now;
+  if (due) endpoint_.handle_timeout(now);
+  return due;
+}
+
+bool Node::Impl::tell_events() {
+  bool told = false;
+  while (!context_.stopped()) {
+    auto event = endpoint_.poll_event();
+    if (!event) break;
+    tell(std::move(*event));
+    told = true;
+  }
+  return told;
+}
+
+void Node::Impl::tell(Event&& event) {
+  const auto call = [](const auto& handler, auto&& argument) {
+    if (handler) handler(std::forward<decltype(argument)>(argument));
+  };
+  struct Visitor {
+    const Handlers& to;
+    decltype(call)& with;
+    void operator()(Delivered&& e) const { with(to.delivered, std::move(e)); }
+    void operator()(RoundDone&& e) const { with(to.round_done, std::move(e)); }
+    void operator()(PeerReady&& e) const { with(to.peer_ready, e); }
+    void operator()(PeerRestarted&& e) const { with(to.peer_restarted, e); }
+    void operator()(PeerLost&& e) const { with(to.peer_lost, e); }
+    void operator()(Planned&& e) const { with(to.planned, std::move(e)); }
+    void operator()(PathChanged&& e) const { with(to.path_changed, std::move(e)); }
+    void operator()(OtherVersion&& e) const { with(to.other_version, std::move(e)); }
+    void operator()(PeerLimited&& e) const { with(to.peer_limited, e); }
+    void operator()(RevocationsChanged&& e) const { with(to.revocations_changed, std::move(e)); }
+    void operator()(KeyShared&& e) const { with(to.key_shared, e); }
+    void operator()(Message&& e) const { with(to.message, std::move(e)); }
+    void operator()(MessageFate&& e) const { with(to.fate, std::move(e)); }
+    void operator()(CanSend&& e) const { with(to.can_send, std::move(e)); }
+  };
+  run_work([&] { std::visit(Visitor{handlers, call}, std::move(event)); });
+}
+
+void Node::Impl::arm(Outbox::More more) {
+  const TimePoint now = io::now();
+  auto next = endpoint_.next_timeout();
+  if (next && more == Outbox::More::kBlocked) next = std::max(*next, now + kBlockedRetry);
+  next = earliest(next, outbox_.next_timeout(now));
+  // The timer may stay armed for an earlier instant: an early wake-up is harmless.
+  if (!next || (armed_ && *armed_ <= *next)) return;
+  armed_ = next;
+  timer_.expires_at(as_expiry(*next));
+  timer_.async_wait([this](const error_code& error) {
+    if (!error) on_timer();
+  });
+}
+
+}  // namespace interneuron

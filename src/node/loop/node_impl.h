@@ -1,0 +1,154 @@
+// The loop of a Node. Everything runs on the loop thread, except post(), stop() and the jobs of the
+// workers.
+//
+// One turn: what may leave leaves, what happened is told to the application, time-outs that are due
+// are handled, until nothing is left to do; then the one timer is armed. Each way into the loop (a
+// readable or writable socket, the timer, a task) does its own thing and ends with a turn.
+#pragma once
+
+#include <algorithm>
+#include <atomic>
+#include <boost/asio/executor_work_guard.hpp>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/posix/stream_descriptor.hpp>
+#include <boost/asio/signal_set.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "interneuron/node.h"
+#include "node/io/steady_clock.h"
+#include "node/loop/link_set.h"
+#include "node/loop/outbox.h"
+#include "node/loop/workers.h"
+
+namespace interneuron {
+
+class Node::Impl : private Outbox::Source, private LinkSet::User {
+ public:
+  explicit Impl(NodeOptions options);
+  ~Impl() override;
+  Impl(const Impl&) = delete;
+  Impl& operator=(const Impl&) = delete;
+
+  struct Handlers {
+    std::function<void(Delivered)> delivered;
+    std::function<void(RoundDone)> round_done;
+    std::function<void(PeerReady)> peer_ready;
+    std::function<void(PeerRestarted)> peer_restarted;
+    std::function<void(PeerLost)> peer_lost;
+    std::function<void(Planned)> planned;
+    std::function<void(PathChanged)> path_changed;
+    std::function<void(OtherVersion)> other_version;
+    std::function<void(PeerLimited)> peer_limited;
+    std::function<void(RevocationsChanged)> revocations_changed;
+    std::function<void(KeyShared)> key_shared;
+    std::function<void(Message)> message;
+    std::function<void(MessageFate)> fate;
+    std::function<void(CanSend)> can_send;
+    std::function<void(NicChanged)> nic_changed;
+    std::function<void(const Statistics&)> statistics;
+  };
+
+  void run();
+  void stop() { context_.stop(); }
+  void stop_on_signals();
+  void at(TimePoint time, Task task);
+  void compute(Queue queue, Job job);
+  void post(Task task);
+
+  PeerId connect(std::span<const std::pair<LinkId, Address>> addresses,
+                 const std::optional<PublicKey>& key);
+  const LinkSet::Link* find(LinkId link) const { return links_.find(link); }
+  Statistics statistics() const;
+  void set_statistics(Duration interval, std::function<void(const Statistics&)> handler);
+
+  Handlers handlers;
+  Endpoint& endpoint() { return endpoint_; }
+  const Outbox& outbox() const { return outbox_; }
+  SessionId session() const { return session_; }
+  std::optional<PeerId> peer() const { return peer_; }
+  int signal() const { return signal_; }
+  const std::vector<std::string>& warnings() const { return links_.warnings(); }
+
+ private:
+  // The socket of one incarnation of a link, as the loop waits for it. What waits for it shares it,
+  // because a wait that is over may be handled after the socket was closed.
+  struct Port {
+    LinkId link{};
+    // nullptr once closed.
+    Transport* transport = nullptr;
+    boost::asio::posix::stream_descriptor watcher;
+    bool waits_for_write = false;
+  };
+  using SharedPort = std::shared_ptr<Port>;
+
+  std::optional<TransmitParts> poll(TimePoint now, std::span<std::byte> buffer) override;
+
+  Impl(NodeOptions&& options, const EndpointOptions& endpoint);
+  void connect();
+  void shut_down();
+
+  // --- links come and go
+  void link_opened(LinkSet::Link& link) override;
+  void link_closing(LinkSet::Link& link) override;
+  void nic_changed(const NicChanged& change) override;
+  void open_port(const LinkSet::Link& link);
+  void check_nics();
+
+  // --- ways into the loop
+  void wait_for_nics();
+  void wait_readable(const SharedPort& port);
+  void wait_writable(const SharedPort& port);
+  void on_readable(const SharedPort& port);
+  void on_timer();
+  void repeat_statistics(TimePoint due);
+  void repeat_clock();
+  void enter(const Task& task);
+  // Runs what belongs to the application and notes how long it kept the loop.
+  template <class Work>
+  void run_work(const Work& work) {
+    const TimePoint began = io::now();
+    work();
+    loop_stall_ = std::max<Duration>(loop_stall_, io::now() - began);
+  }
+
+  // --- a turn
+  void turn();
+  Outbox::More settle();
+  void receive(const Port& port);
+  bool tell_events();
+  void tell(Event&& event);
+  bool handle_due();
+  bool lose_gone_links();
+  void arm(Outbox::More more);
+
+  boost::asio::io_context context_{1};
+  boost::asio::executor_work_guard<boost::asio::io_context::executor_type> work_;
+  boost::asio::steady_timer timer_;
+  // When the timer will fire; nothing while it is not armed.
+  std::optional<TimePoint> armed_;
+  boost::asio::signal_set signals_;
+  std::atomic<int> signal_{0};
+  SessionId session_;
+  Endpoint endpoint_;
+  std::optional<PeerId> peer_;
+  LinkSet links_;
+  boost::asio::posix::stream_descriptor nic_watcher_;
+  std::optional<TimePoint> recheck_at_;
+  std::vector<SharedPort> ports_;
+  Outbox outbox_;
+  Duration statistics_interval_{};
+  Duration loop_stall_{};
+  // The endpoint was told no later time than this when the loop waits.
+  TimePoint told_ = TimePoint::min();
+  bool turn_posted_ = false;
+  bool ran_ = false;
+  // Members are destroyed in reverse order: the workers end before what their jobs refer to.
+  Workers computation_;
+  Workers backup_;
+};
+
+}  // namespace interneuron
