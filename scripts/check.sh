@@ -7,6 +7,8 @@
 #   shell    shellcheck over the scripts
 #   layers   the checker's own test, then every #include against ARCHITECTURE.md
 #   citations  the checker's own test, then that what code and documents cite is in the repository
+#   sizes    the checker's own test, then the lengths of files, headers, functions and classes, and how many headers a single
+#            file includes
 #   tsan     the tests of node under ThreadSanitizer
 #   asan     the tests of what handles the bytes of others, compiled with clang, under AddressSanitizer and UBSan: the core,
 #            sockets and the loop, perception. `scripts/test.sh asan` is every test, for an hour.
@@ -20,17 +22,18 @@ cd "$root"
 # shellcheck source=scripts/phase.sh
 . scripts/phase.sh
 
-steps=(format shell layers citations tsan asan fuzz)
-if (($# > 0)); then
-  if [[ $1 == -h || $1 == --help ]]; then
-    sed -n '2,/^set /{/^set /d;s/^# \{0,1\}//;p}' "${BASH_SOURCE[0]}"
-    exit 0
-  fi
-  for step in "$@"; do
-    [[ " ${steps[*]} " == *" $step "* ]] || { printf "check: no step '%s'; see scripts/check.sh --help\n" "$step" >&2; exit 2; }
-  done
-  steps=("$@")
-fi
+all_steps=(format shell layers citations sizes tsan asan fuzz)
+steps=()
+for argument in "$@"; do
+  case $argument in
+    -h | --help) sed -n '2,/^set /{/^set /d;s/^# \{0,1\}//;p}' "${BASH_SOURCE[0]}"; exit 0 ;;
+    *)
+      [[ " ${all_steps[*]} " == *" $argument "* ]] || { printf "check: no step '%s'; see scripts/check.sh --help\n" "$argument" >&2; exit 2; }
+      steps+=("$argument")
+      ;;
+  esac
+done
+((${#steps[@]} > 0)) || steps=("${all_steps[@]}")
 
 if [[ -e $root/build && ! -w $root/build ]]; then
   printf '%s: cannot write to %s/build, which belongs to %s; remove it or run as that user\n' check "$root" "$(stat -c %U "$root/build")" >&2
@@ -38,7 +41,7 @@ if [[ -e $root/build && ! -w $root/build ]]; then
 fi
 trap 'exit 130' INT
 
-export XDG_CACHE_HOME="$root/build/cache"
+export XDG_CACHE_HOME="$root/build/cache" PYTHONDONTWRITEBYTECODE=1
 jobs=$(nproc)
 phase "install packages for checks" bash scripts/setup.sh --with-checks
 
@@ -68,9 +71,14 @@ run_shell() {
   shellcheck "${files[@]}" && echo "${#files[@]} files"
 }
 
-run_layers() { PYTHONDONTWRITEBYTECODE=1 python3 scripts/check_layers_test.py && python3 scripts/check_layers.py; }
+# A checker's own test, then the checker.
+checked() { python3 "scripts/check_$1_test.py" && python3 "scripts/check_$1.py" "${@:2}"; }
 
-run_citations() { PYTHONDONTWRITEBYTECODE=1 python3 scripts/check_citations_test.py && python3 scripts/check_citations.py; }
+run_layers() { checked layers; }
+
+run_citations() { checked citations; }
+
+run_sizes() { checked sizes; }
 
 run_tsan() {
   phase "tsan: configure" cmake --preset tsan --log-level=WARNING &&
