@@ -5,7 +5,7 @@
 #
 #   format   clang-format 14 over every .h and .cc
 #   shell    shellcheck over the scripts
-#   layers   the checker's own test, then every #include against ARCHITECTURE.md
+#   layers   the checkers' own tests, then every #include against ARCHITECTURE.md, and every namespace against its folder
 #   citations  the checker's own test, then that what code and documents cite is in the repository
 #   sizes    the checker's own test, then the lengths of files, headers, functions and classes, and how many headers a single
 #            file includes
@@ -74,7 +74,7 @@ run_shell() {
 # A checker's own test, then the checker.
 checked() { python3 "scripts/check_$1_test.py" && python3 "scripts/check_$1.py" "${@:2}"; }
 
-run_layers() { checked layers; }
+run_layers() { checked layers && checked namespaces; }
 
 run_citations() { checked citations; }
 
