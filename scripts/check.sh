@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # The checks beyond the release tests. Without arguments all of them, in this order; each is announced with the time it took.
 #
-#   scripts/check.sh [STEP...]
+#   scripts/check.sh [STEP...] [--all]
 #
 #   format   clang-format 14 over every .h and .cc
 #   shell    shellcheck over the scripts
@@ -9,6 +9,8 @@
 #   citations  the checker's own test, then that what code and documents cite is in the repository
 #   sizes    the checker's own test, then the lengths of files, headers, functions and classes, and how many headers a single
 #            file includes
+#   alone    the checker's own test, then each .cc file compiled alone, and that those of a folder do not call each other in a
+#            circle: the folders whose day it is (scripts/check_alone.py deals them out over two weeks), with --all every folder
 #   tsan     the tests of node under ThreadSanitizer
 #   asan     the tests of what handles the bytes of others, compiled with clang, under AddressSanitizer and UBSan: the core,
 #            sockets and the loop, perception. `scripts/test.sh asan` is every test, for an hour.
@@ -22,11 +24,13 @@ cd "$root"
 # shellcheck source=scripts/phase.sh
 . scripts/phase.sh
 
-all_steps=(format shell layers citations sizes tsan asan fuzz)
+all_steps=(format shell layers citations sizes alone tsan asan fuzz)
 steps=()
+folders_alone=()  # of the day
 for argument in "$@"; do
   case $argument in
     -h | --help) sed -n '2,/^set /{/^set /d;s/^# \{0,1\}//;p}' "${BASH_SOURCE[0]}"; exit 0 ;;
+    --all) folders_alone=(--all) ;;
     *)
       [[ " ${all_steps[*]} " == *" $argument "* ]] || { printf "check: no step '%s'; see scripts/check.sh --help\n" "$argument" >&2; exit 2; }
       steps+=("$argument")
@@ -80,6 +84,12 @@ run_citations() { checked citations; }
 
 run_sizes() { checked sizes; }
 
+# The preset is configured for its flags, and not built.
+run_alone() {
+  phase "alone: configure" cmake --preset alone --log-level=WARNING &&
+    phase "alone: compile" checked alone --jobs "$jobs" "${folders_alone[@]}"
+}
+
 run_tsan() {
   phase "tsan: configure" cmake --preset tsan --log-level=WARNING &&
     phase "tsan: build" cmake --build build/tsan --parallel "$jobs" --target host_node_test &&
@@ -128,7 +138,7 @@ for step in "${steps[@]}"; do
   began=$SECONDS
   verdict=passed
   case $step in
-    tsan | asan | fuzz) "run_$step" ;;  # these tell their parts
+    alone | tsan | asan | fuzz) "run_$step" ;;  # these tell their parts
     *) phase "check: $step" "run_$step" ;;
   esac || { verdict=FAILED; failed+=("$step"); }
   line=$(printf 'check: %-9s %s in %d s' "$step" "$verdict" $((SECONDS - began)))
