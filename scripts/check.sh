@@ -7,8 +7,8 @@
 #   shell    shellcheck over the scripts
 #   layers   the checkers' own tests, then every #include against ARCHITECTURE.md, and every namespace against its folder
 #   citations  the checker's own test, then that what code and documents cite is in the repository
-#   sizes    the checker's own test, then the lengths of files, headers, functions and classes, and how many headers a single
-#            file includes
+#   sizes    the checker's own test, then the lengths of files, headers, functions and classes, nesting, and how many headers a
+#            single file includes
 #   alone    the checker's own test, then each .cc file compiled alone, and that those of a folder do not call each other in a
 #            circle: the folders whose day it is (scripts/check_alone.py deals them out over two weeks), with --all every folder
 #   tsan     the tests of node under ThreadSanitizer

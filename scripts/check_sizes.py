@@ -6,12 +6,13 @@
 scripts/check_sizes_test.py checks the checker.
 
 The limits are the constants below. A function is what has a body: methods, cases of GoogleTest and properties of rapidcheck
-too; its lines are those from its name to its closing brace. A class has the functions that are defined in it or for it, in
+too; its lines are those from its name to its closing brace. Its nesting is that of the blocks of if, else, for, while, do,
+switch, try and catch, through a lambda, too. A class has the functions that are defined in it or for it, in
 whichever file, and their lines. universal-ctags finds both.
 
-scripts/size_exceptions.txt names what may be larger for good, `KIND NAME: reason`, where KIND is `function` or `class`: at most
+scripts/size_exceptions.txt names what may be larger for good, `KIND NAME: reason`, where KIND is `function`, `class` or `nesting`: at most
 MOST_EXCEPTIONS, and none for the length of a file. scripts/ceilings.txt names what is too large today and may not grow,
-`KIND NAME FIGURE...`, where KIND may also be `file` or `header`; a class has two figures, its functions and their lines. A row of
+`KIND NAME FIGURE...`, where KIND may also be `file`, `header` or `nesting` (of a function); a class has two figures, its functions and their lines. A row of
 either that is not needed fails too.
 
 A header and the .cc of its name are one here: where a single other one of PRODUCT includes a header, both could be one file.
@@ -28,10 +29,12 @@ import subprocess
 import sys
 
 import ceilings
+from check_layers import bare_code, line_of
 
 FILE_LINES = 400
 HEADER_LINES = 200
 FUNCTION_LINES = 60
+NESTING = 3
 CLASS_FUNCTIONS = 45
 CLASS_LINES = 600
 MOST_EXCEPTIONS = 5
@@ -39,6 +42,10 @@ MOST_EXCEPTIONS = 5
 SHARED_LITTLE = 34.3
 PRODUCT = ("include/", "policies/", "src/", "netns/")
 
+BRACKET = re.compile(r"[(){}]")
+# What stands before the parenthesis of a statement, and before a block that has none.
+CONDITION = re.compile(r"\b(?:if|for|while|switch|catch)(?:\s+constexpr)?\s*\Z")
+BLOCK = re.compile(r"\b(?:else|do|try)\s*\Z")
 EXCEPTIONS = "scripts/size_exceptions.txt"
 INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]*["<]([^">\n]+)[">]', re.MULTILINE)
 # A property reads as a function to ctags only without the parentheses around its arguments.
@@ -48,10 +55,11 @@ CTAGS = ["ctags", "--options=NONE", "--output-format=json", "--fields=+neKsZS", 
 
 # Where it is, and its figures, in the order of their limits.
 Thing = collections.namedtuple("Thing", "where figures")
-LIMITS = {"file": (FILE_LINES,), "header": (HEADER_LINES,), "function": (FUNCTION_LINES,), "class": (CLASS_FUNCTIONS, CLASS_LINES)}
-UNITS = {"class": ("functions", "lines of bodies")}
+LIMITS = {"file": (FILE_LINES,), "header": (HEADER_LINES,), "function": (FUNCTION_LINES,),
+          "nesting": (NESTING,), "class": (CLASS_FUNCTIONS, CLASS_LINES)}
+UNITS = {"class": ("functions", "lines of bodies"), "nesting": ("levels",)}
 REMEDIES = {"file": "divide it by what it is about", "header": "divide it by what it is about",
-            "function": "give a part of it a name", "class": "take out what has a purpose of its own"}
+            "function": "give a part of it a name", "nesting": "give what is inside a name", "class": "take out what has a purpose of its own"}
 
 
 def list_files(root):
@@ -79,6 +87,40 @@ def full_name(tag):
     return re.sub(r"__anon\w+", "(anonymous)", name).replace(" ", "")
 
 
+def nested(code):
+    """[(line, depth)] of the blocks of statements within others."""
+    blocks, opened, closed, found = [], [], (0, 0), []
+    for match in BRACKET.finditer(code):
+        here, bracket = match.start(), match.group()
+        if bracket == "(":
+            opened.append(here)
+        elif bracket == ")":
+            closed = (opened.pop() if opened else 0, match.end())
+        elif bracket == "{":
+            blocks.append(bool(BLOCK.search(code, max(0, here - 40), here)) if code[closed[1]:here].strip() else
+                          bool(CONDITION.search(code, max(0, closed[0] - 40), closed[0])))
+            if blocks[-1] and sum(blocks) > 1:
+                found.append((line_of(code, here), sum(blocks)))
+        elif blocks:
+            blocks.pop()
+    return found
+
+
+def nesting_of(root, files, tags):
+    """{("nesting", name): Thing} of the functions that have blocks in each other."""
+    functions, things = collections.defaultdict(list), {}
+    for tag in tags:
+        if tag["kind"] == "function" and not tag["name"].startswith("__anon"):
+            functions[tag["path"]].append(tag)
+    for path in files:
+        for line, depth in nested(bare_code(read(root, path))):
+            around = max((tag for tag in functions[path] if tag["line"] <= line <= tag["end"]), key=lambda tag: tag["line"], default=None)
+            key = "nesting", full_name(around) if around else path
+            if key not in things or things[key].figures < (depth,):
+                things[key] = Thing(f"{path}:{line}", (depth,))
+    return things
+
+
 def things_of(root, files):
     """{(kind, name): Thing} of everything that a limit is for. Of functions of one name it is the longest."""
     things = {}
@@ -86,6 +128,7 @@ def things_of(root, files):
         kind = "header" if path.endswith(".h") else "file"
         things[kind, path] = Thing(f"{path}:1", (read(root, path).count("\n"),))
     tags = tags_of(root, files)
+    things |= nesting_of(root, files, tags)
     classes = {(full_name(tag), tag["path"] if "__anon" in tag.get("scope", "") else ""): tag
                for tag in tags if tag["kind"] != "function"}
     bodies = collections.defaultdict(list)
@@ -118,6 +161,10 @@ def shared_little(root, files):
     return sorted(name for name, others in includers.items() if len(others - {name}) == 1), len(set(stem.values()))
 
 
+def titled(kind, name):
+    return f"{kind} of {name}" if kind == "nesting" else f"{kind} {name}"
+
+
 def in_words(kind, figures):
     return " and ".join(f"{figure} {unit}" for figure, unit in zip(figures, UNITS.get(kind, ("lines",))))
 
@@ -136,7 +183,7 @@ class Checker:
         ceiling = self.read_ceilings()
         for (kind, name), thing in sorted(self.large.items()):
             if (kind, name) not in excepted and (kind, name) not in ceiling:
-                self.problems.append(f"{thing.where}: the {kind} {name} has {in_words(kind, thing.figures)}, the limit is "
+                self.problems.append(f"{thing.where}: the {titled(kind, name)} has {in_words(kind, thing.figures)}, the limit is "
                                      f"{in_words(kind, LIMITS[kind])}; {REMEDIES[kind]}")
         self.alone, self.rooms = shared_little(self.root, self.files)
         self.share = 100 * len(self.alone) / max(1, self.rooms)
@@ -159,8 +206,8 @@ class Checker:
     def read_exception(self, where, line, excepted):
         thing, _, reason = line.partition(": ")
         kind, _, name = thing.partition(" ")
-        if kind not in ("function", "class") or not name or not reason.strip():
-            self.problems.append(f"{where}: write `function NAME: reason` or `class NAME: reason`; for lengths of files there is none")
+        if kind not in ("function", "class", "nesting") or not name or not reason.strip():
+            self.problems.append(f"{where}: write `function NAME: reason`, `class` or `nesting`; for lengths of files there is none")
         elif (kind, name) not in self.large:
             self.problems.append(f"{where}: {name} is no {kind} above the limit; strike the row")
         else:
@@ -176,7 +223,7 @@ class Checker:
                 continue
             ceiling.add((kind, name))
             if len(figures) != len(thing.figures) or any(figure > limit for figure, limit in zip(thing.figures, figures)):
-                self.problems.append(f"{thing.where}: the {kind} {name} has {in_words(kind, thing.figures)}, its row in "
+                self.problems.append(f"{thing.where}: the {titled(kind, name)} has {in_words(kind, thing.figures)}, its row in "
                                      f"{where} allows {in_words(kind, figures)}; {REMEDIES[kind]}")
         return ceiling
 

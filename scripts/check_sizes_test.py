@@ -22,6 +22,12 @@ def methods(name, count, body=1):
     return "\n".join(f"void {name}::f{i}() {{\n{lines(body - 2)}\n}}" if body > 1 else f"void {name}::f{i}() {{}}" for i in range(count))
 
 
+def nest(*openings):
+    """These, each in the one before, and their closing braces."""
+    depth = sum(text.count("{") - text.count("}") for text in openings)
+    return "\n".join(openings) + "\n" + "}" * depth
+
+
 # A class whose functions lie in a header and two files.
 SPREAD = {
     "src/a/spread.h": "namespace a {\nclass Spread {\n public:\n  Spread() : x_{1} {}\n  int x_;\n};\n}",
@@ -49,6 +55,10 @@ CASES = [
     ("src/a/h.cc", f"G::G(int a)\n    : a_{{a}},\n      b_(a) {{\n{lines(58)}\n}}", "has 62 lines"),
     ("tests/a/t_test.cc", f"TEST(Suite, Case) {{\n{lines(59)}\n}}", "the function TEST(Suite.Case) has 61"),
     ("tests/a/p_test.cc", f"RC_GTEST_PROP(Suite, Property, (int a, int b)) {{\n{lines(59)}\n}}", "RC_GTEST_PROP(Suite.Property) has 61"),
+    ("src/a/n1.cc", f"void n1() {{\n{nest('if (a) {', 'for (;;) {', 'while (b()) {', 'switch (c) {')}\n}}", "the nesting of n1 has 4 levels"),
+    ("src/a/n2.cc", f"void n2() {{\n{nest('if (a) {', '} else {', 'do {', 'try {')}\n}}", None),
+    ("src/a/n3.cc", "void n3() {\n" + nest("if constexpr (a) {", "each([&](int i) {" + nest("do {", "try {", "if (f(x)) {") + "});") + "\n}", "n3 has 4"),
+    ("src/a/n4.cc", f"struct N {{\nvoid n4() {{\n{nest('if (a) {', 'for (;;) {', 'while (b()) {', 'int x[] {', 'T t(1) {')}\n}}\n}};", None),
     ("src/a/spread.h", SPREAD["src/a/spread.h"], "the class a::Spread has 46 functions and 46 lines"),
     ("src/a/many.cc", f"struct Many {{}};\n{methods('Many', 45)}", None),
     ("src/a/heavy.cc", f"struct Heavy {{}};\n{methods('Heavy', 20, 31)}", "the class Heavy has 20 functions and 620 lines"),
