@@ -128,6 +128,19 @@ function(interneuron_test_headers)
     <vector>)
 endfunction()
 
+# Absolute paths, in one object for all tests, so that the others are the same in every clone.
+function(interneuron_test_places)
+  add_library(interneuron_places OBJECT ${PROJECT_SOURCE_DIR}/tests/places.cc)
+  target_include_directories(interneuron_places PRIVATE ${PROJECT_SOURCE_DIR})
+  target_compile_options(interneuron_places PRIVATE ${INTERNEURON_WARNINGS})
+  if(INTERNEURON_PROGRAM)
+    set(program $<TARGET_FILE:interneuron_program>)
+    set(nature $<TARGET_FILE:nature>)
+  endif()
+  target_compile_definitions(interneuron_places PRIVATE INTERNEURON_SOURCE_DIR="${PROJECT_SOURCE_DIR}"
+    INTERNEURON_BINARY_DIR="${PROJECT_BINARY_DIR}" INTERNEURON_PROGRAM_FILE="${program}" INTERNEURON_NATURE_FILE="${nature}")
+endfunction()
+
 function(interneuron_test module)
   cmake_parse_arguments(ARG "PROGRAM" "LABEL;TIMEOUT" "SOURCES;USES;LIBRARIES" ${ARGN})
   string(REPLACE "/" "_" target ${module}_test)
@@ -138,11 +151,9 @@ function(interneuron_test module)
   target_compile_options(${target} PRIVATE ${INTERNEURON_TEST_OPTIONS})
   target_precompile_headers(${target} REUSE_FROM interneuron_test_headers)
   target_link_libraries(${target} PRIVATE ${ARG_LIBRARIES} rapidcheck rapidcheck_gtest GTest::gmock GTest::gtest GTest::gtest_main)
-  target_compile_definitions(${target} PRIVATE INTERNEURON_SOURCE_DIR="${PROJECT_SOURCE_DIR}"
-    INTERNEURON_BINARY_DIR="${PROJECT_BINARY_DIR}")
+  target_sources(${target} PRIVATE $<TARGET_OBJECTS:interneuron_places>)
   if(ARG_PROGRAM)
     add_dependencies(${target} interneuron_program)
-    target_compile_definitions(${target} PRIVATE INTERNEURON_PROGRAM="$<TARGET_FILE:interneuron_program>")
   endif()
   if(ARG_LABEL STREQUAL "netns")
     # Real time on real NICs: beside another test they would measure that one's load. A process for each case, because a

@@ -17,6 +17,7 @@
 
 #include "perception/codec.h"
 #include "perception/input_error.h"
+#include "tests/places.h"
 
 namespace interneuron::perception::test {
 
@@ -26,7 +27,7 @@ inline std::optional<std::filesystem::path> data_dir() {
   const char* named = std::getenv("INTERNEURON_DATA");
   const std::filesystem::path dir =
       named != nullptr ? std::filesystem::path(named)
-                       : std::filesystem::path(INTERNEURON_SOURCE_DIR) / "../shared/data";
+                       : std::filesystem::path(places::source()) / "../shared/data";
   std::error_code error;
   if (!std::filesystem::is_directory(dir, error)) return {};
   return dir;

@@ -137,7 +137,7 @@ TEST(EvalTestbed, ItsSimulationTakesTheTimesOfTheHosts) {
 }
 
 TEST(EvalTestbed, RunsTheSystemsForReal) {
-  const fs::path data = INTERNEURON_SOURCE_DIR "/../shared/data";
+  const fs::path data = places::source() + "/../shared/data";
   if (!fs::is_regular_file(data / "pets/vtest.avi")) GTEST_SKIP() << "no video";
   const std::string why = no_testbed();
   if (!why.empty()) GTEST_SKIP() << why;
