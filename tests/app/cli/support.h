@@ -20,7 +20,8 @@ struct Ran {
   std::string output;
 };
 
-// Through the shell; `arguments` follow the name of the program.
+// Through the shell; `arguments` follow the name of the program. What it says on stderr is part of
+// the output, or else of that of the test, which CTest shows where one fails.
 inline Ran run_program(const std::string& program, const std::string& arguments,
                        bool with_stderr = true) {
   // Testbeds keep their state in the build folder, not in the user's.
@@ -29,7 +30,7 @@ inline Ran run_program(const std::string& program, const std::string& arguments,
   // Nor is the key of whoever runs the tests used.
   const std::string command = "XDG_RUNTIME_DIR='" + state.string() + "' XDG_CONFIG_HOME='" +
                               places::build() + "/no-config' '" + program + "' " + arguments +
-                              (with_stderr ? " 2>&1 </dev/null" : " 2>/dev/null </dev/null");
+                              (with_stderr ? " 2>&1 </dev/null" : " </dev/null");
   Ran ran;
   FILE* pipe = ::popen(command.c_str(), "r");
   if (pipe == nullptr) return ran;
