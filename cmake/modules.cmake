@@ -33,6 +33,17 @@ endif()
 # What is tested is optimised as users run it; the tests themselves would take a third longer to compile with -O3.
 set(INTERNEURON_TEST_OPTIONS $<$<CONFIG:Release>:-O1>)
 
+# Nine tenths of what the compiler reads is the standard library, so the files of a folder are compiled together, this many
+# at a time: a folder of 16 files takes a third of the time that they take one by one.
+set(INTERNEURON_JUMBO_FILES 16)
+function(interneuron_jumbo target)
+  if(INTERNEURON_JUMBO)
+    set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE ${INTERNEURON_JUMBO_FILES})
+    # In a jumbo unit g++ takes every type of a .cc file for one of a header, where unnamed namespaces are a mistake.
+    target_compile_options(${target} PRIVATE $<$<CXX_COMPILER_ID:GNU>:-Wno-subobject-linkage>)
+  endif()
+endfunction()
+
 # A folder by its name as a module: below src/ where it is there, else below the root.
 function(interneuron_folder name)
   if(EXISTS ${PROJECT_SOURCE_DIR}/src/${name}/CMakeLists.txt)
@@ -68,6 +79,9 @@ function(interneuron_module name)
     return()
   endif()
   add_library(${target} OBJECT ${ARG_SOURCES})
+  if(NOT name MATCHES "^core/(flow|peers|messages)$")
+    interneuron_jumbo(${target})
+  endif()
   target_compile_options(${target} PRIVATE ${INTERNEURON_WARNINGS} ${INTERNEURON_FUZZ_OPTIONS})
   target_include_directories(${target} PRIVATE ${PROJECT_SOURCE_DIR}/src ${PROJECT_SOURCE_DIR})
   # Headers of a module may include those of the libraries that it uses.
@@ -149,6 +163,7 @@ function(interneuron_test module)
   string(REPLACE "/" "_" target ${module}_test)
   get_filename_component(name ${module} NAME)
   add_executable(${target} ${ARG_SOURCES})
+  interneuron_jumbo(${target})
   set_target_properties(${target} PROPERTIES OUTPUT_NAME ${name}_test)
   interneuron_link(${target} ${ARG_USES})
   target_compile_options(${target} PRIVATE ${INTERNEURON_TEST_OPTIONS})

@@ -3,8 +3,9 @@
 namespace interneuron {
 namespace {
 
-// The security score of a link that is encrypted or on a network of the operator's own.
-constexpr double kTrusted = 0.5;
+// The security score of a link whose packets are encrypted or whose network the operator trusts
+// (docs/paper.md, "Nature").
+constexpr double kEncryptedOrTrusted = 0.5;
 
 }  // namespace
 
@@ -24,7 +25,8 @@ PolicySet builtin_policies() {
           policies::min_rtt(),
           policies::lowest_latency(),
           policies::reinject(),
-          secure(policies::down_sampling(), kTrusted, "secure")};
+          secure(policies::down_sampling(), kEncryptedOrTrusted, "secure"),
+          trusted_only(policies::down_sampling(), "trusted_only")};
 }
 
 }  // namespace interneuron

@@ -22,6 +22,7 @@ std::shared_ptr<const Policy> failover();
 std::shared_ptr<const Policy> min_rtt();
 std::shared_ptr<const Policy> lowest_latency();
 std::shared_ptr<const Policy> reinject();
-// secure() is declared in interneuron/policy.h, because it takes a policy of the user's.
+// secure() and trusted_only() are declared in interneuron/policy.h, because they take a policy of
+// the user's.
 
 }  // namespace interneuron::policies

@@ -7,6 +7,7 @@
 #   shell    shellcheck over the scripts
 #   layers   the checker's own test, then every #include against ARCHITECTURE.md
 #   citations  the checker's own test, then that what code and documents cite is in the repository
+#   docs     the checker's own test, then the form of the documents: length of lines, of the README, indices
 #   tsan     the tests of node under ThreadSanitizer
 #   asan     the tests of what handles the bytes of others, compiled with clang, under AddressSanitizer and UBSan: the core,
 #            sockets and the loop, perception. `scripts/test.sh asan` is every test, for an hour.
@@ -20,7 +21,7 @@ cd "$root"
 # shellcheck source=scripts/phase.sh
 . scripts/phase.sh
 
-steps=(format shell layers citations tsan asan fuzz)
+steps=(format shell layers citations docs tsan asan fuzz)
 if (($# > 0)); then
   if [[ $1 == -h || $1 == --help ]]; then
     sed -n '2,/^set /{/^set /d;s/^# \{0,1\}//;p}' "${BASH_SOURCE[0]}"
@@ -71,6 +72,8 @@ run_shell() {
 run_layers() { PYTHONDONTWRITEBYTECODE=1 python3 scripts/check_layers_test.py && python3 scripts/check_layers.py; }
 
 run_citations() { PYTHONDONTWRITEBYTECODE=1 python3 scripts/check_citations_test.py && python3 scripts/check_citations.py; }
+
+run_docs() { PYTHONDONTWRITEBYTECODE=1 python3 scripts/check_docs_test.py && python3 scripts/check_docs.py; }
 
 run_tsan() {
   phase "tsan: configure" cmake --preset tsan --log-level=WARNING &&

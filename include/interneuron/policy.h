@@ -107,8 +107,11 @@ inline constexpr std::string_view kLocalIsBetter =
 inline constexpr std::string_view kNoTimeLeft =
     "nothing is sent: it could not be of use before the deadline";
 inline constexpr std::string_view kInsecure =
-    "nothing is sent: no link that is up meets the security floor; declare the network of a link "
-    "trusted (see docs/links.md) or wait for one that is";
+    "nothing is sent: no link that is up meets the security floor; encrypt packets, declare the "
+    "network of a link trusted (see docs/links.md) or wait for one that is";
+inline constexpr std::string_view kUntrusted =
+    "nothing is sent: no link that is up leads over a network that the operator trusts; declare "
+    "the network of a link trusted (see docs/links.md) or wait for one that is";
 
 // One complete variant at the receiver: what the sender planned, as the header tells it. merge()
 // must decide by this alone and not by what the receiver would have planned.
@@ -162,13 +165,20 @@ using PolicySet = std::vector<std::shared_ptr<const Policy>>;
 
 // Those that come with Interneuron: best_link, duplicate, down_sampling, progressive, joint,
 // placement, split, coded, stripe, shadow, failover, those of other systems for comparisons
-// (min_rtt, lowest_latency, reinject), and secure (down_sampling over trusted networks).
+// (min_rtt, lowest_latency, reinject), secure (down_sampling where packets are encrypted or the
+// network is trusted) and trusted_only (down_sampling over trusted networks alone).
 PolicySet builtin_policies();
 
 // A policy over those links alone whose security score (docs/paper.md, "Nature") is at least
-// `floor`, in (0, 1]; where none is up, nothing is sent, small results neither. Throws
+// `floor`, in (0, 1]; where none is up, nothing is sent (kInsecure), small results neither. Throws
 // std::invalid_argument for a floor outside this range or no policy.
 std::shared_ptr<const Policy> secure(std::shared_ptr<const Policy> inner, double floor,
                                      std::string_view name);
+
+// A policy over the links of networks that the operator trusts alone (LinkTraits::trusted), whether
+// packets are encrypted or not; where none is up, nothing is sent (kUntrusted), small results
+// neither. Throws std::invalid_argument for no policy.
+std::shared_ptr<const Policy> trusted_only(std::shared_ptr<const Policy> inner,
+                                           std::string_view name);
 
 }  // namespace interneuron

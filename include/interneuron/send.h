@@ -44,7 +44,7 @@ enum class SendStatus : std::uint8_t {
   kNoLink,
   // The policy decided to send nothing although a link is up.
   kPolicyRefuses,
-  // Links are up, but none that the policy may use (a security floor).
+  // Links are up, but none that the policy may use (its security floor, or untrusted).
   kLinkRestricted,
   // By what is believed of the links no variant would be there by the deadline.
   kCannotArrive,

@@ -9,11 +9,11 @@ namespace interneuron::netns {
 
 namespace {
 
-constexpr std::size_t kEthernetHeader = 14;
-constexpr unsigned kEtherTypeIpv4 = 0x0800;
-constexpr unsigned kEtherTypeIpv6 = 0x86dd;
+constexpr std::size_t kEthernetBytes = 14;
+constexpr unsigned kTypeIpv4 = 0x0800;
+constexpr unsigned kTypeIpv6 = 0x86dd;
 constexpr std::size_t kMinIpv4Header = 20;
-constexpr std::size_t kIpv6Header = 40;
+constexpr std::size_t kIpv6Bytes = 40;
 constexpr unsigned kProtocolTcp = 6;
 constexpr unsigned kProtocolUdp = 17;
 // Offsets of the checksum in the headers.
@@ -73,17 +73,17 @@ std::optional<Packet> parse_ipv4(std::span<std::byte> ip) {
 }
 
 std::optional<Packet> parse_ipv6(std::span<std::byte> ip) {
-  if (ip.size() < kIpv6Header) return std::nullopt;
+  if (ip.size() < kIpv6Bytes) return std::nullopt;
   const std::size_t payload = word_at(ip, 4);
-  if (payload > ip.size() - kIpv6Header) return std::nullopt;
-  return Packet{ip.subspan(8, 32), byte_at(ip, 6), ip.subspan(kIpv6Header, payload)};
+  if (payload > ip.size() - kIpv6Bytes) return std::nullopt;
+  return Packet{ip.subspan(8, 32), byte_at(ip, 6), ip.subspan(kIpv6Bytes, payload)};
 }
 
 std::optional<Packet> parse(std::span<std::byte> frame) {
-  if (frame.size() < kEthernetHeader) return std::nullopt;
+  if (frame.size() < kEthernetBytes) return std::nullopt;
   const unsigned type = word_at(frame, 12);
-  if (type == kEtherTypeIpv4) return parse_ipv4(frame.subspan(kEthernetHeader));
-  if (type == kEtherTypeIpv6) return parse_ipv6(frame.subspan(kEthernetHeader));
+  if (type == kTypeIpv4) return parse_ipv4(frame.subspan(kEthernetBytes));
+  if (type == kTypeIpv6) return parse_ipv6(frame.subspan(kEthernetBytes));
   return std::nullopt;
 }
 

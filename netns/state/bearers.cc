@@ -33,7 +33,7 @@ double mean_loss(const emu::Conditions& c) {
 }
 
 // The scenario of another vehicle: the same links and events with seeds of its own.
-emu::Scenario scenario_of(const emu::Scenario& first, std::size_t vehicle) {
+emu::Scenario scenario_of_vehicle(const emu::Scenario& first, std::size_t vehicle) {
   if (vehicle == 0) return first;
   emu::Scenario out = first;
   out.seed = emu::link_seed(first.seed, kMaxLinks + vehicle);
@@ -59,7 +59,8 @@ Bearers::Bearers(const TestbedOptions& options, Backend backend, ControlServer& 
   }
   stats_.cells = cells_.size();
   for (std::size_t v = 0; v < options.vehicles; ++v) {
-    vehicles_.push_back(std::make_unique<emu::ScenarioPlayer>(scenario_of(options.scenario, v)));
+    vehicles_.push_back(
+        std::make_unique<emu::ScenarioPlayer>(scenario_of_vehicle(options.scenario, v)));
     emu::ScenarioPlayer& player = *vehicles_.back();
     for (std::size_t i = 0; i < player.size(); ++i) links_.push_back(&player.link(i));
   }

@@ -14,7 +14,7 @@ DataRate rate_of(Direction direction, const netns::ScheduleSample& sample) {
   return direction == Direction::kUp ? sample.rate_up : sample.rate_down;
 }
 
-double seconds(Duration d) { return std::chrono::duration<double>(d).count(); }
+double seconds_of(Duration d) { return std::chrono::duration<double>(d).count(); }
 
 }  // namespace
 
@@ -47,7 +47,7 @@ double Schedule::bits_between(Direction direction, Duration from, Duration to) c
     const Duration begin = std::max(from, sample.at);
     const Duration end = std::min(to, sample.at + emu::kDelayStep);
     if (end <= begin) continue;
-    bits += seconds(end - begin) * rate_of(direction, sample).mbit() * 1e6 *
+    bits += seconds_of(end - begin) * rate_of(direction, sample).mbit() * 1e6 *
             (1 - loss_of(direction, sample));
   }
   return bits;

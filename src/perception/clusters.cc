@@ -45,7 +45,7 @@ constexpr float kNearest = 0.01F;
 
 // The thresholds of COCO's AP: .50, .55 … .95.
 constexpr double kLeastIou = 0.5;
-constexpr double kIouStep = 0.05;
+constexpr double kClusterIouStep = 0.05;
 constexpr int kThresholds = 10;
 
 struct Plane {
@@ -303,7 +303,7 @@ double agreement(std::span<const Cluster> found, std::span<const Cluster> refere
     if (found_taken[p.found] || reference_taken[p.reference]) continue;
     found_taken[p.found] = reference_taken[p.reference] = true;
     for (int t = 0; t < kThresholds; ++t) {
-      if (p.iou >= kLeastIou + kIouStep * t) ++reached;
+      if (p.iou >= kLeastIou + kClusterIouStep * t) ++reached;
     }
   }
   return 2.0 * reached / kThresholds / static_cast<double>(found.size() + reference.size());

@@ -14,8 +14,8 @@ namespace interneuron::perception {
 namespace {
 
 // "IM", the first two bytes of an image message.
-constexpr std::uint16_t kMagic = 0x494D;
-constexpr std::uint8_t kVersion = 1;
+constexpr std::uint16_t kImageMagic = 0x494D;
+constexpr std::uint8_t kImageVersion = 1;
 // The longest side in pixels, because the sides of the source travel as 16 bits.
 constexpr int kMaxSide = 0xFFFF;
 
@@ -80,7 +80,7 @@ struct Head {
 
 std::optional<Head> parse_head(ByteView bytes) {
   ByteReader in(bytes);
-  if (in.get<std::uint16_t>() != kMagic || in.get<std::uint8_t>() != kVersion) return {};
+  if (in.get<std::uint16_t>() != kImageMagic || in.get<std::uint8_t>() != kImageVersion) return {};
   const auto variant = in.get<std::uint8_t>();
   if (variant >= kVariants) return {};
   Head head;
@@ -160,8 +160,8 @@ Bytes head_of(const Image& image) {
   assert(is_jpeg(image.variant) || image.bgr.size() == size_of(image.variant));
   Bytes out;
   out.reserve(encoded_size(image.variant));
-  append(out, kMagic);
-  append(out, kVersion);
+  append(out, kImageMagic);
+  append(out, kImageVersion);
   append(out, static_cast<std::uint8_t>(image.variant));
   append(out, static_cast<std::uint16_t>(image.bgr.cols));
   append(out, static_cast<std::uint16_t>(image.bgr.rows));

@@ -10,8 +10,8 @@ namespace interneuron::perception {
 namespace {
 
 // "DX", the first two bytes of a result message.
-constexpr std::uint16_t kMagic = 0x4458;
-constexpr std::uint8_t kVersion = 1;
+constexpr std::uint16_t kDetectionsMagic = 0x4458;
+constexpr std::uint8_t kDetectionsVersion = 1;
 constexpr std::uint8_t kFlagLate = 1;
 constexpr std::uint8_t kFlagReleased = 2;
 // Steps of a quantity of 16 bits, and of one of 8.
@@ -61,8 +61,8 @@ Bytes encode_result(const Result& result) {
 
   Bytes out;
   out.reserve(kResultHeaderBytes + kBoxBytes * boxes.size());
-  append(out, kMagic);
-  append(out, kVersion);
+  append(out, kDetectionsMagic);
+  append(out, kDetectionsVersion);
   append(out, result.level);
   append(out, static_cast<std::uint8_t>(result.variant));
   append(out, static_cast<std::uint8_t>((result.stage1_late ? kFlagLate : 0) |
@@ -88,7 +88,8 @@ Bytes encode_result(const Result& result) {
 
 std::optional<Result> decode_result(ByteView bytes) {
   ByteReader in(bytes);
-  if (in.get<std::uint16_t>() != kMagic || in.get<std::uint8_t>() != kVersion) return {};
+  if (in.get<std::uint16_t>() != kDetectionsMagic || in.get<std::uint8_t>() != kDetectionsVersion)
+    return {};
   Result result;
   result.level = in.get<std::uint8_t>();
   const auto variant = in.get<std::uint8_t>();

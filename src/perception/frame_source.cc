@@ -33,7 +33,7 @@ namespace {
 constexpr std::string_view kRemedy =
     "give --video FILE, FOLDER or camera:N, or run scripts/fetch_data.sh";
 // The longest side in pixels that a message can say (codec.h).
-constexpr int kMaxSide = 65535;
+constexpr int kMaxPictureSide = 65535;
 constexpr std::array<std::string_view, 9> kPictureSuffixes = {
     ".bmp", ".jpeg", ".jpg", ".pgm", ".png", ".ppm", ".tif", ".tiff", ".webp"};
 
@@ -77,7 +77,8 @@ class PictureReader : public FrameSource::Reader {
     }
     if (picture.empty()) check_openable("picture", name);
     if (picture.empty()) fail("picture", name, "cannot be read as a picture");
-    if (std::max(picture.cols, picture.rows) > kMaxSide) fail("picture", name, "is too large");
+    if (std::max(picture.cols, picture.rows) > kMaxPictureSide)
+      fail("picture", name, "is too large");
     return picture;
   }
   bool rewind() override {

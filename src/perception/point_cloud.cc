@@ -18,8 +18,8 @@ namespace {
 static_assert(std::endian::native == std::endian::little, "points travel as they lie in memory");
 
 // "PC", the first two bytes of a point cloud message.
-constexpr std::uint16_t kMagic = 0x5043;
-constexpr std::uint8_t kVersion = 1;
+constexpr std::uint16_t kCloudMagic = 0x5043;
+constexpr std::uint8_t kCloudVersion = 1;
 constexpr int kKittiFields = 4;
 constexpr int kNuScenesFields = 5;
 // Each about half of the one before, in bytes of the nuScenes sweep (docs/constants.md, "Point
@@ -117,8 +117,8 @@ Bytes encode_cloud(const Cloud& cloud) {
   assert(count <= kMaxPoints);
   Bytes out;
   out.reserve(kCloudHeaderBytes + count * kPointBytes);
-  append(out, kMagic);
-  append(out, kVersion);
+  append(out, kCloudMagic);
+  append(out, kCloudVersion);
   append(out, static_cast<std::uint8_t>(cloud.variant));
   append(out, cloud.frame);
   append(out, static_cast<std::uint32_t>(count));
@@ -141,7 +141,7 @@ std::vector<Bytes> encode_cloud_ladder(const Points& points, std::uint32_t frame
 
 std::optional<Cloud> decode_cloud(ByteView bytes) {
   ByteReader in(bytes);
-  if (in.get<std::uint16_t>() != kMagic || in.get<std::uint8_t>() != kVersion) return {};
+  if (in.get<std::uint16_t>() != kCloudMagic || in.get<std::uint8_t>() != kCloudVersion) return {};
   const auto variant = in.get<std::uint8_t>();
   Cloud cloud;
   cloud.variant = static_cast<CloudVariant>(variant);

@@ -7,7 +7,7 @@
 
 #include "tests/fuzz/endpoint_program.h"
 
-namespace interneuron::fuzz {
+namespace interneuron::fuzz::endpoint_test {
 namespace {
 
 // They take two seconds in a build with sanitizers. Those with handshakes take ten times as long.
@@ -39,4 +39,4 @@ TEST(EndpointPrograms, SeededOnesOfInsidersKeepItsWord) {
 }
 
 }  // namespace
-}  // namespace interneuron::fuzz
+}  // namespace interneuron::fuzz::endpoint_test

@@ -13,7 +13,7 @@
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size);
 
-namespace interneuron::wire {
+namespace interneuron::wire::mutations_test {
 namespace {
 
 constexpr int kMutations = 300'000;  // chosen: a few seconds in a build with sanitizers
@@ -113,4 +113,4 @@ TEST(Decode, SeededMutationsAreRefusedOrValid) {
 }
 
 }  // namespace
-}  // namespace interneuron::wire
+}  // namespace interneuron::wire::mutations_test

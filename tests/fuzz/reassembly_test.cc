@@ -7,7 +7,7 @@
 #include <random>
 #include <vector>
 
-namespace interneuron::flow {
+namespace interneuron::flow::reassembly_test {
 namespace {
 
 constexpr int kSequences = 400;
@@ -37,4 +37,4 @@ TEST(Reassembly, SeededSequencesKeepItsWord) {
 }
 
 }  // namespace
-}  // namespace interneuron::flow
+}  // namespace interneuron::flow::reassembly_test

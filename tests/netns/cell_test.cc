@@ -9,7 +9,7 @@
 #include "netns/testbed/testbed.h"
 #include "support.h"
 
-namespace interneuron::netns {
+namespace interneuron::netns::cell_test {
 namespace {
 
 using std::chrono::milliseconds;
@@ -114,4 +114,4 @@ TEST_F(CellTest, TellsWhatItCarriedAndHowLongItsQueueWas) {
 }
 
 }  // namespace
-}  // namespace interneuron::netns
+}  // namespace interneuron::netns::cell_test

@@ -7,7 +7,7 @@
 #include <numeric>
 #include <vector>
 
-namespace interneuron::netns {
+namespace interneuron::netns::checksum_test {
 namespace {
 
 using Frame = std::vector<std::byte>;
@@ -129,4 +129,4 @@ TEST(Checksum, LeavesWhatItDoesNotUnderstandAlone) {
 }
 
 }  // namespace
-}  // namespace interneuron::netns
+}  // namespace interneuron::netns::checksum_test

@@ -22,7 +22,7 @@
 #include "support.h"
 #include "tests/run_queue.h"
 
-namespace interneuron::netns {
+namespace interneuron::netns::conformance_test {
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -354,4 +354,4 @@ INSTANTIATE_TEST_SUITE_P(BackEnds, Conformance,
                          });
 
 }  // namespace
-}  // namespace interneuron::netns
+}  // namespace interneuron::netns::conformance_test

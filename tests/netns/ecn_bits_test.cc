@@ -5,7 +5,7 @@
 
 #include <vector>
 
-namespace interneuron::netns {
+namespace interneuron::netns::ecn_bits_test {
 namespace {
 
 using Packet = std::vector<std::byte>;
@@ -58,4 +58,4 @@ TEST(EcnBits, LieInTheTypeOfServiceOfIpv4) {
 }
 
 }  // namespace
-}  // namespace interneuron::netns
+}  // namespace interneuron::netns::ecn_bits_test

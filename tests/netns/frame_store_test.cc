@@ -4,7 +4,7 @@
 
 #include <vector>
 
-namespace interneuron::netns {
+namespace interneuron::netns::frame_store_test {
 namespace {
 
 std::vector<std::byte> frame(std::size_t size, int fill) {
@@ -44,4 +44,4 @@ TEST(FrameStore, ReusesPlaces) {
 }
 
 }  // namespace
-}  // namespace interneuron::netns
+}  // namespace interneuron::netns::frame_store_test

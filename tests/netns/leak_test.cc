@@ -12,7 +12,7 @@
 #include "netns/testbed/testbed.h"
 #include "support.h"
 
-namespace interneuron::netns {
+namespace interneuron::netns::leak_test {
 namespace {
 
 // Enough to see a leak (kNamespaceLimit), and some seconds.
@@ -108,4 +108,4 @@ TEST_F(LeakTest, CyclesLeaveNothing) {
 }
 
 }  // namespace
-}  // namespace interneuron::netns
+}  // namespace interneuron::netns::leak_test

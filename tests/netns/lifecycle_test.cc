@@ -14,7 +14,7 @@
 #include "netns/testbed/testbed.h"
 #include "support.h"
 
-namespace interneuron::netns {
+namespace interneuron::netns::lifecycle_test {
 namespace {
 
 using testing::HasSubstr;
@@ -198,4 +198,4 @@ TEST_F(LifecycleTest, WrongOptionsAreRefusedBeforeAnythingIsMade) {
 }
 
 }  // namespace
-}  // namespace interneuron::netns
+}  // namespace interneuron::netns::lifecycle_test

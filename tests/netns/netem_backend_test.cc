@@ -15,7 +15,7 @@
 #include "host/io/steady_clock.h"
 #include "netem_support.h"
 
-namespace interneuron::netns {
+namespace interneuron::netns::netem_backend_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -217,4 +217,4 @@ TEST_F(NetemBackendTest, GoesOnWithoutANicThatIsGone) {
 }
 
 }  // namespace
-}  // namespace interneuron::netns
+}  // namespace interneuron::netns::netem_backend_test

@@ -5,7 +5,7 @@
 #include "host/io/steady_clock.h"
 #include "netem_support.h"
 
-namespace interneuron::netns {
+namespace interneuron::netns::netem_bottleneck_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -186,4 +186,4 @@ TEST_F(NetemBottleneckTest, QueueLimitMayBeInPackets) {
 }
 
 }  // namespace
-}  // namespace interneuron::netns
+}  // namespace interneuron::netns::netem_bottleneck_test

@@ -15,7 +15,7 @@
 #include "netns/testbed/testbed.h"
 #include "support.h"
 
-namespace interneuron::netns {
+namespace interneuron::netns::privilege_test {
 namespace {
 
 constexpr unsigned kNobody = 65534;
@@ -89,4 +89,4 @@ TEST_F(PrivilegeTest, AnotherUsersDirectoryIsRefused) {
 }
 
 }  // namespace
-}  // namespace interneuron::netns
+}  // namespace interneuron::netns::privilege_test

@@ -14,7 +14,7 @@
 #include "netem_support.h"
 #include "netns/state/error.h"
 
-namespace interneuron::netns {
+namespace interneuron::netns::qdisc_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -267,4 +267,4 @@ TEST_F(QdiscWithoutNetemTest, TheErrorNamesTheRemedies) {
 }
 
 }  // namespace
-}  // namespace interneuron::netns
+}  // namespace interneuron::netns::qdisc_test

@@ -10,7 +10,7 @@
 #include "netns/testbed/testbed.h"
 #include "support.h"
 
-namespace interneuron::netns {
+namespace interneuron::netns::run_test {
 namespace {
 
 using testing::ContainsRegex;
@@ -126,4 +126,4 @@ TEST_F(RunTest, AGoneTestbedIsNamed) {
 }
 
 }  // namespace
-}  // namespace interneuron::netns
+}  // namespace interneuron::netns::run_test

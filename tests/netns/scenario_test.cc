@@ -7,7 +7,7 @@
 #include "support.h"
 #include "tests/places.h"
 
-namespace interneuron::netns {
+namespace interneuron::netns::scenario_test {
 namespace {
 
 using testing::HasSubstr;
@@ -99,4 +99,4 @@ TEST(Host, NamesAndNumbers) {
 }
 
 }  // namespace
-}  // namespace interneuron::netns
+}  // namespace interneuron::netns::scenario_test

@@ -54,9 +54,9 @@ io::FileDescriptor make_socket(const UdpOptions& options) {
                        static_cast<socklen_t>(options.nic.size() + 1)) == 0,
           "bind to device");
   // A stalled link empties all at once. Real root may exceed the system's limit, else that holds.
-  constexpr int kBufferBytes = 16 << 20;
+  constexpr int kSocketBufferBytes = 16 << 20;
   for (const int option : {SO_RCVBUF, SO_RCVBUFFORCE}) {
-    ::setsockopt(fd.get(), SOL_SOCKET, option, &kBufferBytes, sizeof kBufferBytes);
+    ::setsockopt(fd.get(), SOL_SOCKET, option, &kSocketBufferBytes, sizeof kBufferBytes);
   }
   require(::bind(fd.get(), local.get(), local.size) == 0, "bind");
   if (options.peer.empty()) return fd;

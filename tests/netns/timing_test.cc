@@ -17,7 +17,7 @@
 #include "support.h"
 #include "tests/run_queue.h"
 
-namespace interneuron::netns {
+namespace interneuron::netns::timing_test {
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -149,4 +149,4 @@ TEST_F(TimingTest, CarriesItsRateWithoutLossAndNoMore) {
 }
 
 }  // namespace
-}  // namespace interneuron::netns
+}  // namespace interneuron::netns::timing_test

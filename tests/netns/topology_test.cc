@@ -16,7 +16,7 @@
 #include "netns/wiring/wiring.h"
 #include "support.h"
 
-namespace interneuron::netns {
+namespace interneuron::netns::topology_test {
 namespace {
 
 using testing::HasSubstr;
@@ -350,4 +350,4 @@ TEST_F(TopologyTest, AFleetIsUpAndDownInSeconds) {
 }
 
 }  // namespace
-}  // namespace interneuron::netns
+}  // namespace interneuron::netns::topology_test

@@ -13,7 +13,7 @@
 #include "netns/testbed/testbed.h"
 #include "support.h"
 
-namespace interneuron::netns {
+namespace interneuron::netns::traffic_test {
 namespace {
 
 #ifndef UDP_SEGMENT
@@ -149,4 +149,4 @@ TEST_F(TrafficTest, ANicThatGoesDownAndUpCarriesAgain) {
 }
 
 }  // namespace
-}  // namespace interneuron::netns
+}  // namespace interneuron::netns::traffic_test

@@ -2,7 +2,7 @@
 
 #include "support.h"
 
-namespace interneuron::perception {
+namespace interneuron::perception::accuracy_test {
 namespace {
 
 using test::complaint;
@@ -160,4 +160,4 @@ TEST(MotTruth, SaysWhatIsWrongAndWhatToDo) {
 }
 
 }  // namespace
-}  // namespace interneuron::perception
+}  // namespace interneuron::perception::accuracy_test

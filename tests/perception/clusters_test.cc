@@ -10,7 +10,7 @@
 #include "perception/moved_sweeps.h"
 #include "support.h"
 
-namespace interneuron::perception {
+namespace interneuron::perception::clusters_test {
 namespace {
 
 constexpr float kSpacing = 0.1F;       // m between the points of a surface
@@ -161,7 +161,7 @@ TEST(MovedSweeps, TheOwnVehicleIsLeftOut) {
 
 // What the ladder and the levels are for: less is worth less, and takes fewer bytes.
 TEST(Clusters, OfRealSweepsAreWorthLessOnCoarserVoxels) {
-  SKIP_WITHOUT_DATA("pointcloud/kitti_000008.bin");
+  if (test::skips_without({"pointcloud/kitti_000008.bin"})) return;
   for (const char* file : {"kitti_000008.bin", "nuscenes_lidar_top.pcd.bin"}) {
     const MovedSweeps drive(read_cloud(*test::data_dir() / "pointcloud" / file), 1);
     const Points sweep = drive.sweep(5);
@@ -188,4 +188,4 @@ TEST(Clusters, OfRealSweepsAreWorthLessOnCoarserVoxels) {
 }
 
 }  // namespace
-}  // namespace interneuron::perception
+}  // namespace interneuron::perception::clusters_test

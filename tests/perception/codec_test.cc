@@ -8,7 +8,7 @@
 
 #include "support.h"
 
-namespace interneuron::perception {
+namespace interneuron::perception::codec_test {
 namespace {
 
 using test::scene;
@@ -253,4 +253,4 @@ RC_GTEST_PROP(Codec, HeaderBitFlipsDecodeToTheSameBytesOrNothing, ()) {
 }
 
 }  // namespace
-}  // namespace interneuron::perception
+}  // namespace interneuron::perception::codec_test

@@ -10,7 +10,7 @@
 
 #include "support.h"
 
-namespace interneuron::perception {
+namespace interneuron::perception::detection_test {
 namespace {
 
 Result example() {
@@ -179,4 +179,4 @@ TEST(DropNested, DropsWhatLiesInOrAroundABetterBox) {
 }
 
 }  // namespace
-}  // namespace interneuron::perception
+}  // namespace interneuron::perception::detection_test

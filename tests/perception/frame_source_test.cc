@@ -5,7 +5,7 @@
 
 #include "support.h"
 
-namespace interneuron::perception {
+namespace interneuron::perception::frame_source_test {
 namespace {
 
 using test::complaint;
@@ -146,4 +146,4 @@ TEST(FrameSource, TruncatedVideoEnds) {
 }
 
 }  // namespace
-}  // namespace interneuron::perception
+}  // namespace interneuron::perception::frame_source_test

@@ -14,7 +14,7 @@
 
 #include "support.h"
 
-namespace interneuron::perception {
+namespace interneuron::perception::jpeg_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -214,4 +214,4 @@ RC_GTEST_PROP(Jpeg, AnyChangeIsSafe, ()) {
 }
 
 }  // namespace
-}  // namespace interneuron::perception
+}  // namespace interneuron::perception::jpeg_test

@@ -4,7 +4,7 @@
 #include "perception/detector.h"
 #include "support.h"
 
-namespace interneuron::perception {
+namespace interneuron::perception::ladder_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -171,4 +171,4 @@ TEST(MakeLadder, ABackupIsTheLowestLevelAlone) {
 }
 
 }  // namespace
-}  // namespace interneuron::perception
+}  // namespace interneuron::perception::ladder_test

@@ -10,7 +10,7 @@
 #include "perception/detector.h"
 #include "support.h"
 
-namespace interneuron::perception {
+namespace interneuron::perception::motion_streams_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -128,4 +128,4 @@ RC_GTEST_PROP(MotionStreams, WhatOneVehicleIsToldDoesNotDependOnAnothersFrames, 
 }
 
 }  // namespace
-}  // namespace interneuron::perception
+}  // namespace interneuron::perception::motion_streams_test

@@ -4,7 +4,7 @@
 #include "perception/motion_model.h"
 #include "support.h"
 
-namespace interneuron::perception {
+namespace interneuron::perception::motion_test {
 namespace {
 
 using test::scene;
@@ -142,4 +142,4 @@ TEST(MotionModel, ResetForgets) {
 }
 
 }  // namespace
-}  // namespace interneuron::perception
+}  // namespace interneuron::perception::motion_test

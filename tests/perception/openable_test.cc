@@ -8,7 +8,7 @@
 #include "perception/frame_source.h"
 #include "support.h"
 
-namespace interneuron::perception {
+namespace interneuron::perception::openable_test {
 namespace {
 
 using test::TempDir;
@@ -74,4 +74,4 @@ TEST(Openable, OtherReasonsAreLeftToTheCaller) {
 }
 
 }  // namespace
-}  // namespace interneuron::perception
+}  // namespace interneuron::perception::openable_test

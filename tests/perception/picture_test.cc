@@ -5,7 +5,7 @@
 
 #include "support.h"
 
-namespace interneuron::perception {
+namespace interneuron::perception::picture_test {
 namespace {
 
 using test::scene;
@@ -55,4 +55,4 @@ TEST(Picture, IsEncodedAsPng) {
 }
 
 }  // namespace
-}  // namespace interneuron::perception
+}  // namespace interneuron::perception::picture_test

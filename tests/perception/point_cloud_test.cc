@@ -11,7 +11,7 @@
 
 #include "support.h"
 
-namespace interneuron::perception {
+namespace interneuron::perception::point_cloud_test {
 namespace {
 
 using test::complaint;
@@ -175,7 +175,7 @@ TEST(ReadCloud, SaysWhatIsWrongAndWhatToGive) {
 }
 
 TEST(ReadCloud, ThinsRealSweeps) {
-  SKIP_WITHOUT_DATA("pointcloud/kitti_000008.bin");
+  if (test::skips_without({"pointcloud/kitti_000008.bin"})) return;
   const auto folder = *test::data_dir() / "pointcloud";
   const Points kitti = read_cloud(folder / "kitti_000008.bin");
   EXPECT_EQ(kitti.cols(), 17'238);
@@ -188,4 +188,4 @@ TEST(ReadCloud, ThinsRealSweeps) {
 }
 
 }  // namespace
-}  // namespace interneuron::perception
+}  // namespace interneuron::perception::point_cloud_test

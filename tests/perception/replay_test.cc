@@ -3,7 +3,7 @@
 #include "perception/detector.h"
 #include "support.h"
 
-namespace interneuron::perception {
+namespace interneuron::perception::replay_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -152,4 +152,4 @@ TEST_F(Replay, ABadProfileIsNamed) {
 }
 
 }  // namespace
-}  // namespace interneuron::perception
+}  // namespace interneuron::perception::replay_test

@@ -9,11 +9,13 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <initializer_list>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 
 #include "perception/codec.h"
 #include "perception/input_error.h"
@@ -33,13 +35,20 @@ inline std::optional<std::filesystem::path> data_dir() {
   return dir;
 }
 
-// For the tests that measure with real data. `file` is the one the test needs.
-#define SKIP_WITHOUT_DATA(file)                                          \
-  if (const auto dir = ::interneuron::perception::test::data_dir();      \
-      !dir || !std::filesystem::exists(*dir / (file)))                   \
-  GTEST_SKIP() << "no " << (file)                                        \
-               << ": set INTERNEURON_DATA to a folder that has it (see " \
-                  "scripts/fetch_data.sh)"
+// For tests that measure with real data: whether one of these files is not there, so that the test
+// is skipped and has to return.
+inline bool skips_without(std::initializer_list<std::string_view> files) {
+  const auto dir = data_dir();
+  for (const std::string_view file : files) {
+    if (dir && std::filesystem::exists(*dir / file)) continue;
+    [file] {
+      GTEST_SKIP() << "no " << file
+                   << ": set INTERNEURON_DATA to a folder that has it (see scripts/fetch_data.sh)";
+    }();
+    return true;
+  }
+  return false;
+}
 
 // A folder of its own, gone afterwards.
 class TempDir {

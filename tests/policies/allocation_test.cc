@@ -7,7 +7,7 @@
 #include "tests/counted_heap.h"
 #include "tests/policies/support.h"
 
-namespace interneuron::policy_test {
+namespace interneuron::policy_test::allocation_test {
 namespace {
 
 TEST(PolicyAllocation, IsSeenByThisTest) {
@@ -65,4 +65,4 @@ TEST(PolicyAllocation, NoneOfMoreLinksThanAreWeighed) {
 }
 
 }  // namespace
-}  // namespace interneuron::policy_test
+}  // namespace interneuron::policy_test::allocation_test

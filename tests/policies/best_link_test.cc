@@ -1,6 +1,6 @@
 #include "tests/policies/support.h"
 
-namespace interneuron::policy_test {
+namespace interneuron::policy_test::best_link_test {
 namespace {
 
 TEST(BestLink, SendsOneVariantOverTheFastestLinkThatCanCarryIt) {
@@ -83,4 +83,4 @@ TEST(BestLink, DeliversAtOnce) {
 }
 
 }  // namespace
-}  // namespace interneuron::policy_test
+}  // namespace interneuron::policy_test::best_link_test

@@ -1,7 +1,7 @@
 // Each rule of docs/paper.md, "Down-sampling" and "Holds".
 #include "tests/policies/support.h"
 
-namespace interneuron::policy_test {
+namespace interneuron::policy_test::down_sampling_test {
 namespace {
 
 const std::vector<std::size_t> kImages(kRawAndSampled.begin(), kRawAndSampled.end());
@@ -275,4 +275,4 @@ TEST(DownSampling, ReceiverHoldsSampledOnlyWhileRawMayCome) {
 }
 
 }  // namespace
-}  // namespace interneuron::policy_test
+}  // namespace interneuron::policy_test::down_sampling_test

@@ -1,6 +1,6 @@
 #include "tests/policies/support.h"
 
-namespace interneuron::policy_test {
+namespace interneuron::policy_test::duplicate_test {
 namespace {
 
 TEST(Duplicate, SendsOneVariantOverEveryLinkThatCanCarryIt) {
@@ -50,4 +50,4 @@ TEST(Duplicate, DeliversTheFirstCopyAtOnce) {
 }
 
 }  // namespace
-}  // namespace interneuron::policy_test
+}  // namespace interneuron::policy_test::duplicate_test

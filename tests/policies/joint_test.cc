@@ -1,7 +1,7 @@
 #include "tests/policies/any.h"
 #include "tests/policies/support.h"
 
-namespace interneuron::policy_test {
+namespace interneuron::policy_test::joint_test {
 namespace {
 
 using std::chrono::milliseconds;
@@ -203,4 +203,4 @@ RC_GTEST_PROP(JointProperty, TheInsuranceIsTheSmallestOverAnotherFreeLink, ()) {
 }
 
 }  // namespace
-}  // namespace interneuron::policy_test
+}  // namespace interneuron::policy_test::joint_test

@@ -1,7 +1,7 @@
 #include "tests/policies/any.h"
 #include "tests/policies/support.h"
 
-namespace interneuron::policy_test {
+namespace interneuron::policy_test::placement_test {
 namespace {
 
 using std::chrono::milliseconds;
@@ -102,4 +102,4 @@ RC_GTEST_PROP(PlacementProperty, OffloadsAsJointDoes, ()) {
 }
 
 }  // namespace
-}  // namespace interneuron::policy_test
+}  // namespace interneuron::policy_test::placement_test

@@ -2,7 +2,7 @@
 #include "tests/policies/any.h"
 #include "tests/policies/support.h"
 
-namespace interneuron::policy_test {
+namespace interneuron::policy_test::progressive_test {
 namespace {
 
 using std::chrono::milliseconds;
@@ -111,4 +111,4 @@ RC_GTEST_PROP(ProgressiveProperty, RegionsLeaveTheFirstLinkAloneWhereAnotherCarr
 }
 
 }  // namespace
-}  // namespace interneuron::policy_test
+}  // namespace interneuron::policy_test::progressive_test

@@ -2,7 +2,7 @@
 #include "policies/builtin.h"
 #include "tests/policies/any.h"
 
-namespace interneuron::policy_test {
+namespace interneuron::policy_test::properties_test {
 namespace {
 
 RC_GTEST_PROP(PolicyProperty, PlansOnlyWhatCanBeSent, ()) {
@@ -130,4 +130,4 @@ RC_GTEST_PROP(PolicyProperty, TheSameArgumentsGiveTheSameAnswer, ()) {
 }
 
 }  // namespace
-}  // namespace interneuron::policy_test
+}  // namespace interneuron::policy_test::properties_test

@@ -1,7 +1,11 @@
-// The example of policies/README.md compiles, works, and is what the page shows.
+// What policies/README.md says: its table has a row for each built-in policy, what the rows of
+// `secure` and `trusted_only` promise is kept, and its example compiles, works and is the one
+// below.
 #include <algorithm>
 #include <fstream>
 #include <iterator>
+#include <map>
+#include <sstream>
 #include <string>
 
 #include "interneuron/requirement.h"
@@ -77,12 +81,78 @@ TEST(PoliciesReadme, ShowsTheExampleBelow) {
             between(read("/tests/policies/readme_test.cc"), "\n// --- example\n", "// --- end"));
 }
 
+// The column `sends` of the table of policies, by the names of the rows.
+std::map<std::string, std::string> table_of_policies() {
+  std::istringstream rows(between(read("/policies/README.md"), "|---|---|---|---|\n", "\n\n"));
+  std::map<std::string, std::string> out;
+  for (std::string row; std::getline(rows, row);) {
+    const std::string name = between(row, "| `", "` |");
+    out[name] = between(row, "` | ", " |");
+  }
+  return out;
+}
+
+TEST(PoliciesReadme, HasARowForEachPolicyAndAPolicyForEachRow) {
+  std::vector<std::string> rows;
+  for (const auto& [name, sends] : table_of_policies()) rows.push_back(name);
+  std::vector<std::string> policies;
+  for (const auto& policy : interneuron::builtin_policies()) policies.emplace_back(policy->name());
+  EXPECT_THAT(rows, testing::UnorderedElementsAreArray(policies));
+}
+
 using interneuron::policy_test::frames_at_10_hz;
 using interneuron::policy_test::kRawAndSampled;
 using interneuron::policy_test::make_links;
 using interneuron::policy_test::send;
 using testing::ElementsAre;
 using testing::IsEmpty;
+
+// What the rows may promise of a link, and whether a link that keeps the promise is used.
+struct Promise {
+  const char* words;
+  bool (*is_kept_by)(const interneuron::LinkState&);
+  std::string_view refusal;
+};
+constexpr Promise kPromises[] = {
+    {"as `down_sampling`, over links whose packets are encrypted or whose network is trusted; else "
+     "nothing",
+     [](const interneuron::LinkState& l) { return l.encrypted || l.traits.trusted; },
+     interneuron::kInsecure},
+    {"as `down_sampling`, over links whose network is trusted, encrypted or not; else nothing",
+     [](const interneuron::LinkState& l) { return l.traits.trusted; }, interneuron::kUntrusted}};
+
+// What a policy does over one link, and over one of both that it may use, as the row says.
+void expect_kept(const interneuron::Policy& policy, const Promise& promise) {
+  const interneuron::PolicySet all = interneuron::builtin_policies();
+  const auto* plain = interneuron::policy_test::find_policy(all, "down_sampling");
+  const interneuron::Offer offer{frames_at_10_hz(), kRawAndSampled};
+  for (const bool encrypted : {false, true}) {
+    for (const bool trusted : {false, true}) {
+      auto links = make_links({{1, 60, 50}});
+      links[0].encrypted = encrypted;
+      links[0].traits.trusted = trusted;
+      interneuron::link::score(links);
+      SCOPED_TRACE(testing::Message() << "encrypted " << encrypted << ", trusted " << trusted);
+      const interneuron::Plan plan = policy.plan(offer, links, {});
+      const bool used = promise.is_kept_by(links[0]);
+      EXPECT_EQ(policy.allows(links[0]), used);
+      EXPECT_EQ(plan.sends,
+                used ? plain->plan(offer, links, {}).sends : interneuron::Assignments{});
+      EXPECT_EQ(plan.refused, used ? std::string_view{} : promise.refusal);
+    }
+  }
+}
+
+TEST(PoliciesReadme, TheRowsOfSecureAndTrustedOnlyAreTrue) {
+  auto rows = table_of_policies();
+  const interneuron::PolicySet all = interneuron::builtin_policies();
+  for (const char* name : {"secure", "trusted_only"}) {
+    SCOPED_TRACE(name);
+    const auto* promise = std::ranges::find(kPromises, rows[name], &Promise::words);
+    ASSERT_NE(promise, std::end(kPromises)) << "this test does not know what that row means";
+    expect_kept(*interneuron::policy_test::find_policy(all, name), *promise);
+  }
+}
 
 TEST(PoliciesReadme, TheExampleInsuresWhatALossyLinkCarries) {
   const Insured policy;

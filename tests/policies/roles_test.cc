@@ -10,7 +10,7 @@
 #include "interneuron/policy.h"
 #include "tests/policies/support.h"
 
-namespace interneuron::policy_test {
+namespace interneuron::policy_test::roles_test {
 namespace {
 
 using ::testing::IsEmpty;
@@ -114,4 +114,4 @@ TEST(Roles, NothingStandsByOverALinkThatIsPaidFor) {
 }
 
 }  // namespace
-}  // namespace interneuron::policy_test
+}  // namespace interneuron::policy_test::roles_test

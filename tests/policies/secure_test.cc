@@ -4,7 +4,7 @@
 #include "tests/policies/any.h"
 #include "tests/policies/support.h"
 
-namespace interneuron::policy_test {
+namespace interneuron::policy_test::secure_test {
 namespace {
 
 using testing::ElementsAre;
@@ -22,31 +22,52 @@ std::vector<LinkState> links_trusting(std::uint8_t trusted) {
   return links;
 }
 
-TEST(Secure, UsesTrustedNetworksAlone) {
-  const Policy& policy = *find_policy(policies(), "secure");
+constexpr std::pair<const char*, std::string_view> kBoth[] = {{"secure", kInsecure},
+                                                              {"trusted_only", kUntrusted}};
+
+TEST(Secure, InTheClearUsesTrustedNetworksAlone) {
   const Offer offer{frames_at_10_hz(), kRawAndSampled};
-  EXPECT_THAT(setting_out(policy.plan(offer, links_trusting(1), {})), ElementsAre(send(0, 1)));
-  EXPECT_THAT(setting_out(policy.plan(offer, links_trusting(2), {})), ElementsAre(send(0, 2)));
+  for (const auto& [name, refusal] : kBoth) {
+    const Policy& policy = *find_policy(policies(), name);
+    EXPECT_THAT(setting_out(policy.plan(offer, links_trusting(1), {})), ElementsAre(send(0, 1)));
+    EXPECT_THAT(setting_out(policy.plan(offer, links_trusting(2), {})), ElementsAre(send(0, 2)));
+  }
+}
+
+// A carrier's network, packets encrypted: the default of a vehicle.
+TEST(Secure, EncryptedPacketsMayCrossForeignNetworksButNotWithTrustedOnly) {
+  auto links = links_trusting(1);
+  for (LinkState& link : links) link.encrypted = true;
+  link::score(links);
+  const Offer offer{frames_at_10_hz(), kRawAndSampled};
+  const auto sends_of = [&](const char* name) {
+    return setting_out(find_policy(policies(), name)->plan(offer, links, {}));
+  };
+  EXPECT_EQ(sends_of("secure"), sends_of("down_sampling"));
+  EXPECT_THAT(sends_of("trusted_only"), ElementsAre(send(0, 1)));
 }
 
 TEST(Secure, RefusesAndSaysWhy) {
-  const Policy& policy = *find_policy(policies(), "secure");
-  const Plan plan =
-      plan_message(policy, {frames_at_10_hz(), kRawAndSampled}, links_trusting(0), {});
-  EXPECT_THAT(plan.sends, IsEmpty());
-  EXPECT_EQ(plan.refused, kInsecure);
+  for (const auto& [name, refusal] : kBoth) {
+    const Plan plan = plan_message(*find_policy(policies(), name),
+                                   {frames_at_10_hz(), kRawAndSampled}, links_trusting(0), {});
+    EXPECT_THAT(plan.sends, IsEmpty());
+    EXPECT_EQ(plan.refused, refusal);
+  }
 }
 
 TEST(Secure, SmallResultsAreNoException) {
-  const Policy& policy = *find_policy(policies(), "secure");
   QoS qos = frames_at_10_hz();
   qos.message_class = MessageClass::kResult;
   const std::size_t small[] = {2000};
-  EXPECT_THAT(plan_message(policy, {qos, small}, links_trusting(2), {}).sends,
-              ElementsAre(send(0, 2)));
-  const Plan refusal = plan_message(policy, {qos, small}, links_trusting(0), {});
-  EXPECT_THAT(refusal.sends, IsEmpty());
-  EXPECT_EQ(refusal.refused, kInsecure);
+  for (const auto& [name, refusal] : kBoth) {
+    const Policy& policy = *find_policy(policies(), name);
+    EXPECT_THAT(plan_message(policy, {qos, small}, links_trusting(2), {}).sends,
+                ElementsAre(send(0, 2)));
+    const Plan plan = plan_message(policy, {qos, small}, links_trusting(0), {});
+    EXPECT_THAT(plan.sends, IsEmpty());
+    EXPECT_EQ(plan.refused, refusal);
+  }
 }
 
 TEST(Secure, WrapsAnyPolicyUnderAnyName) {
@@ -55,6 +76,8 @@ TEST(Secure, WrapsAnyPolicyUnderAnyName) {
   EXPECT_THROW(secure(nullptr, 0.5, "secure"), std::invalid_argument);
   EXPECT_THROW(secure(both, 0, "secure"), std::invalid_argument);
   EXPECT_THROW(secure(both, 1.1, "secure"), std::invalid_argument);
+  EXPECT_EQ(trusted_only(both, "ours_alone")->name(), "ours_alone");
+  EXPECT_THROW(trusted_only(nullptr, "ours_alone"), std::invalid_argument);
 }
 
 RC_GTEST_PROP(SecureProperty, NothingLeavesOverALinkBelowTheFloor, ()) {
@@ -83,4 +106,4 @@ RC_GTEST_PROP(SecureProperty, PlansAsTheInnerPolicyWouldOverTheOthersAlone, ()) 
 }
 
 }  // namespace
-}  // namespace interneuron::policy_test
+}  // namespace interneuron::policy_test::secure_test

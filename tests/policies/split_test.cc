@@ -1,7 +1,7 @@
 #include "tests/policies/any.h"
 #include "tests/policies/support.h"
 
-namespace interneuron::policy_test {
+namespace interneuron::policy_test::split_test {
 namespace {
 
 using std::chrono::milliseconds;
@@ -64,4 +64,4 @@ RC_GTEST_PROP(SplitProperty, NoOtherCutOrLinkIsSooner, ()) {
 }
 
 }  // namespace
-}  // namespace interneuron::policy_test
+}  // namespace interneuron::policy_test::split_test

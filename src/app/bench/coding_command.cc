@@ -24,7 +24,7 @@ using coding::Series;
 constexpr const char* kCodingSchema = "interneuron.coding/1";
 constexpr std::size_t kMostMessages = 1'000'000;
 
-struct Options {
+struct CodingOptions {
   std::vector<std::string> series;
   std::vector<std::string> policies;
   // 0: as many as the series says.
@@ -33,7 +33,7 @@ struct Options {
   bool json = false;
 };
 
-struct Task {
+struct CodingTask {
   const Series* series = nullptr;
   std::string policy;
   Row row;
@@ -51,8 +51,8 @@ std::vector<std::string> policy_names() {
   return out;
 }
 
-std::vector<Task> tasks_of(const Options& o) {
-  std::vector<Task> tasks;
+std::vector<CodingTask> tasks_of(const CodingOptions& o) {
+  std::vector<CodingTask> tasks;
   for (const Series& s : coding::all_series()) {
     const bool chosen = o.series.empty() || std::ranges::find(o.series, s.name) != o.series.end();
     if (!chosen) continue;
@@ -62,9 +62,9 @@ std::vector<Task> tasks_of(const Options& o) {
   return tasks;
 }
 
-lab::Json json_of(const std::vector<Task>& tasks, std::uint64_t seed) {
+lab::Json json_of(const std::vector<CodingTask>& tasks, std::uint64_t seed) {
   lab::Json out{{"schema", kCodingSchema}, {"seed", seed}, {"rows", lab::Json::array()}};
-  for (const Task& t : tasks) {
+  for (const CodingTask& t : tasks) {
     out["rows"].push_back({{"scenario", t.series->name},
                            {"policy", t.policy},
                            {"messages", t.row.messages},
@@ -76,9 +76,9 @@ lab::Json json_of(const std::vector<Task>& tasks, std::uint64_t seed) {
   return out;
 }
 
-void print_table(const std::vector<Task>& tasks) {
+void print_table(const std::vector<CodingTask>& tasks) {
   const Series* series = nullptr;
-  for (const Task& t : tasks) {
+  for (const CodingTask& t : tasks) {
     if (t.series != series) {
       series = t.series;
       fmt::print("\n{}: {}; {} bytes every {:.0f} ms, deadline {:.0f} ms\n", series->name,
@@ -100,9 +100,9 @@ void print_table(const std::vector<Task>& tasks) {
       "those of whole messages.\n");
 }
 
-int run_coding(const Options& o) {
+int run_coding(const CodingOptions& o) {
   const SignalWatch signals;
-  std::vector<Task> tasks = tasks_of(o);
+  std::vector<CodingTask> tasks = tasks_of(o);
   Progress progress;
   progress.for_each("bench coding", tasks.size(), [&](std::size_t i) {
     const std::size_t messages = o.messages > 0 ? o.messages : tasks[i].series->messages;
@@ -119,7 +119,7 @@ int run_coding(const Options& o) {
 }  // namespace
 
 void add_coding(CLI::App& bench, std::function<int()>& run) {
-  auto o = std::make_shared<Options>();
+  auto o = std::make_shared<CodingOptions>();
   CLI::App* c = bench.add_subcommand(
       "coding", "What symbols, shares and shadows save and cost, in virtual time");
   c->add_option("NAME", o->series, "What is run (default: everything)")

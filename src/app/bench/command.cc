@@ -28,7 +28,7 @@ constexpr double kMostLoad = 20;
 constexpr double kLeastSeconds = 1;
 constexpr double kMostSeconds = 3600;
 
-struct Options {
+struct LoadOptions {
   std::vector<std::string> groups;
   std::vector<std::string> peers;
   std::vector<double> loads;
@@ -60,7 +60,7 @@ std::string names_of(std::span<const load::Peer> peers) {
   return out;
 }
 
-std::vector<load::Scenario> chosen(const Options& o) {
+std::vector<load::Scenario> chosen(const LoadOptions& o) {
   load::Choice choice;
   const std::span<const load::Peer> able = o.testbed ? load::real_peers() : load::modelled_peers();
   for (const std::string& name : o.peers) {
@@ -103,7 +103,7 @@ std::vector<load::Row> run_in_virtual_time(const std::vector<load::Scenario>& sc
   return rows;
 }
 
-int run_load(const Options& o) {
+int run_load(const LoadOptions& o) {
   const std::vector<load::Scenario> scenarios = chosen(o);
   const bool drawable = std::ranges::any_of(
       scenarios, [](const load::Scenario& s) { return s.group == "rate" || s.group == "size"; });
@@ -129,7 +129,7 @@ int run_load(const Options& o) {
 }
 
 void add_load(CLI::App& bench, std::function<int()>& run) {
-  auto o = std::make_shared<Options>();
+  auto o = std::make_shared<LoadOptions>();
   CLI::App* c =
       bench.add_subcommand("load", "On-time goodput against offered load through one bottleneck");
   c->add_option("GROUP", o->groups, "What is run (default: everything)")

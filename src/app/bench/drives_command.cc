@@ -28,16 +28,15 @@ namespace {
 using cli::json_of;
 using cli::print_table;
 using coding::DriveRow;
-using coding::Modem;
 
 constexpr const char* kDrivesSchema = "interneuron.drives/1";
 constexpr std::size_t kMostDrives = 10'000;
-constexpr std::size_t kMostMessages = 100'000;
+constexpr std::size_t kMostDriveMessages = 100'000;
 // What a recorded modem takes one way: traces tell of rates alone. About that of the profile
 // generated-cellular.
 constexpr Duration kRecordedOneWay = std::chrono::milliseconds(20);
 
-struct Options {
+struct DrivesOptions {
   std::vector<std::string> traces;
   std::vector<std::string> policies{"stripe"};
   std::size_t drives = 12;
@@ -63,9 +62,9 @@ std::shared_ptr<const emu::Opportunities> trace_of(const std::string& file) {
 }
 
 // "UP,DOWN", or one trace for both directions.
-Modem modem_of(const std::string& named) {
+coding::Modem modem_of(const std::string& named) {
   const std::size_t comma = named.find(',');
-  Modem modem;
+  coding::Modem modem;
   const std::string up = named.substr(0, comma);
   modem.name = std::filesystem::path(up).filename().string();
   modem.up = trace_of(up);
@@ -74,7 +73,7 @@ Modem modem_of(const std::string& named) {
   return modem;
 }
 
-std::vector<std::string> policy_names() {
+std::vector<std::string> drive_policy_names() {
   std::vector<std::string> out;
   for (const auto& policy : builtin_policies()) out.emplace_back(policy->name());
   return out;
@@ -145,21 +144,21 @@ void print_table(const std::vector<DriveRow>& rows) {
   for (std::size_t p = 0; p < rows.front().policies.size(); ++p) print_sum(rows, p);
 }
 
-std::vector<Modem> recorded_modems(const Options& o) {
-  std::vector<Modem> out;
+std::vector<coding::Modem> recorded_modems(const DrivesOptions& o) {
+  std::vector<coding::Modem> out;
   for (const std::string& named : o.traces) out.push_back(modem_of(named));
   return out;
 }
 
-coding::Drive drive_of(const std::vector<Modem>& recorded, std::uint64_t seed) {
+coding::Drive drive_of(const std::vector<coding::Modem>& recorded, std::uint64_t seed) {
   return recorded.empty() ? coding::generated_drive(seed) : coding::recorded_drive(recorded, seed);
 }
 
 // Runs and shows the drives; `run` makes the row of one.
 template <class Row>
-int show_drives(const Options& o,
+int show_drives(const DrivesOptions& o,
                 const std::function<Row(const coding::Drive&, std::uint64_t)>& run) {
-  const std::vector<Modem> recorded = recorded_modems(o);
+  const std::vector<coding::Modem> recorded = recorded_modems(o);
   std::vector<Row> rows(o.drives);
   Progress progress;
   progress.for_each("bench drives", o.drives, [&](std::size_t i) {
@@ -174,8 +173,8 @@ int show_drives(const Options& o,
   return kFine;
 }
 
-int write_drives(const Options& o) {
-  const std::vector<Modem> recorded = recorded_modems(o);
+int write_drives(const DrivesOptions& o) {
+  const std::vector<coding::Modem> recorded = recorded_modems(o);
   for (std::uint64_t seed = o.seed; seed < o.seed + o.drives; ++seed) {
     SignalWatch::check();
     write_profiles(drive_of(recorded, seed), seed,
@@ -188,7 +187,7 @@ int write_drives(const Options& o) {
   return kFine;
 }
 
-int run_drives(const Options& o) {
+int run_drives(const DrivesOptions& o) {
   const SignalWatch signals;
   if (!o.profiles.empty()) return write_drives(o);
   if (o.images) {
@@ -205,20 +204,20 @@ int run_drives(const Options& o) {
 }  // namespace
 
 void add_drives(CLI::App& bench, std::function<int()>& run) {
-  auto o = std::make_shared<Options>();
+  auto o = std::make_shared<DrivesOptions>();
   CLI::App* c = bench.add_subcommand(
       "drives", "What is missed while the rates of two modems change, in virtual time");
   c->add_option("TRACE", o->traces,
                 "Rates of modems, in Mahimahi's format: FILE, or UP,DOWN (default: generated)");
   CLI::Option* policy = c->add_option("--policy", o->policies, "Once per policy, or with commas");
   policy->delimiter(',')->take_all()->allow_extra_args(false)->capture_default_str()->check(
-      CLI::IsMember(policy_names()));
+      CLI::IsMember(drive_policy_names()));
   c->add_option("--drives", o->drives, "How many drives, each with a seed of its own")
       ->capture_default_str()
       ->check(CLI::Range(std::size_t{1}, kMostDrives));
   c->add_option("--messages", o->messages, "How many in each drive")
       ->capture_default_str()
-      ->check(CLI::Range(std::size_t{1}, kMostMessages));
+      ->check(CLI::Range(std::size_t{1}, kMostDriveMessages));
   c->add_option("--seed", o->seed, "Seed of the first drive")->capture_default_str();
   CLI::Option* images = c->add_flag(
       "--images", o->images,

@@ -20,7 +20,7 @@ namespace {
 // Seeds: wide, it catches slips of pen.
 constexpr std::uint64_t kMostSeeds = 10'000;
 
-struct Options {
+struct ForecastOptions {
   std::vector<std::string> names;
   // The laws were fitted on seeds 1 to 4 (src/core/messages/on_time_weights.h).
   std::uint64_t first_seed = 101;
@@ -30,13 +30,13 @@ struct Options {
   std::string plot;
 };
 
-struct Task {
+struct ForecastTask {
   load::ForecastScenario scenario;
   std::vector<load::Forecast> forecasts;
 };
 
-std::vector<Task> tasks_of(const Options& o) {
-  std::vector<Task> out;
+std::vector<ForecastTask> tasks_of(const ForecastOptions& o) {
+  std::vector<ForecastTask> out;
   for (const std::string& name : o.names.empty() ? load::forecast_names() : o.names) {
     for (std::uint64_t i = 0; i < o.seeds; ++i) {
       for (load::ForecastScenario& s : load::forecast_scenarios(name, o.first_seed + i)) {
@@ -50,7 +50,8 @@ std::vector<Task> tasks_of(const Options& o) {
 // The forecasts of those tasks that `is_part` says, in bins. Seconds of different runs are
 // different seconds.
 template <class IsPart>
-Judged judged(const std::string& name, const std::vector<Task>& tasks, const IsPart& is_part) {
+Judged judged(const std::string& name, const std::vector<ForecastTask>& tasks,
+              const IsPart& is_part) {
   constexpr std::uint64_t kSecondsOfARun = 1'000'000;
   std::vector<load::Forecast> part;
   for (std::size_t i = 0; i < tasks.size(); ++i) {
@@ -63,7 +64,7 @@ Judged judged(const std::string& name, const std::vector<Task>& tasks, const IsP
   return {name, load::calibration(part)};
 }
 
-std::vector<Judged> judge(const std::vector<Task>& tasks) {
+std::vector<Judged> judge(const std::vector<ForecastTask>& tasks) {
   using load::Forecast;
   using load::ForecastScenario;
   std::vector<Judged> out;
@@ -85,9 +86,9 @@ std::vector<Judged> judge(const std::vector<Task>& tasks) {
 }
 
 // Fits the laws to these runs, and prints the file that holds them.
-int fit_forecast(const Options& o) {
+int fit_forecast(const ForecastOptions& o) {
   const SignalWatch signals;
-  const std::vector<Task> tasks = tasks_of(o);
+  const std::vector<ForecastTask> tasks = tasks_of(o);
   std::vector<load::OnTimeFit> parts(tasks.size());
   Progress progress;
   progress.for_each("bench forecast --fit", tasks.size(), [&](std::size_t i) {
@@ -101,13 +102,13 @@ int fit_forecast(const Options& o) {
   return kFine;
 }
 
-int run_forecast(const Options& o) {
+int run_forecast(const ForecastOptions& o) {
   if (o.fit) return fit_forecast(o);
   if (!o.plot.empty() && !is_picture(o.plot)) {
     throw Failure(kUsage, "--plot '" + o.plot + "': name a file that ends in .svg or .png");
   }
   const SignalWatch signals;
-  std::vector<Task> tasks = tasks_of(o);
+  std::vector<ForecastTask> tasks = tasks_of(o);
   Progress progress;
   progress.for_each("bench forecast", tasks.size(), [&](std::size_t i) {
     tasks[i].forecasts = load::forecasts(tasks[i].scenario);
@@ -126,7 +127,7 @@ int run_forecast(const Options& o) {
 }  // namespace
 
 void add_forecast(CLI::App& bench, std::function<int()>& run) {
-  auto o = std::make_shared<Options>();
+  auto o = std::make_shared<ForecastOptions>();
   CLI::App* c = bench.add_subcommand(
       "forecast", "Whether the chances that send() predicts are kept, in virtual time");
   c->add_option("NAME", o->names, "What is run (default: everything)")

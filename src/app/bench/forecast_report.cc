@@ -13,10 +13,10 @@ namespace {
 
 // Pixels of a panel.
 constexpr int kWidth = 330;
-constexpr int kHeight = 360;
+constexpr int kForecastHeight = 360;
 constexpr std::size_t kColumns = 3;
 
-double rounded(double v) { return std::round(v * 10000.0) / 10000.0; }
+double forecast_rounded(double v) { return std::round(v * 10000.0) / 10000.0; }
 
 const char* verdict(const load::Bin& bin) {
   if (bin.messages < load::kLeastInBin) return "too few";
@@ -77,10 +77,10 @@ lab::Json forecast_json(const std::vector<Judged>& judged, std::uint64_t first_s
   for (const Judged& j : judged) {
     for (const load::Bin& b : j.bins) {
       out["rows"].push_back({{"scenario", j.scenario},
-                             {"predicted", rounded(b.predicted)},
-                             {"happened", rounded(b.happened)},
+                             {"predicted", forecast_rounded(b.predicted)},
+                             {"happened", forecast_rounded(b.happened)},
                              {"messages", b.messages},
-                             {"standard_error", rounded(b.standard_error)},
+                             {"standard_error", forecast_rounded(b.standard_error)},
                              {"verdict", verdict(b)}});
     }
   }
@@ -108,7 +108,7 @@ void plot_forecast(const std::filesystem::path& file, const std::vector<Judged>&
       "set size square\nset grid lc rgb '#70888888'\nunset key\n"
       "set xlabel 'predicted'\nset ylabel 'on time'\n",
       svg ? "svg" : "pngcairo", kWidth * static_cast<int>(columns),
-      kHeight * static_cast<int>(lines), svg ? "-serif" : "", lines, columns);
+      kForecastHeight * static_cast<int>(lines), svg ? "-serif" : "", lines, columns);
   for (std::size_t i = 0; i < judged.size(); ++i) script += panel(judged[i], i);
   if (!lab::draw(file, script + "unset multiplot\n")) {
     throw Failure(kFailed, "--plot needs gnuplot; install the package gnuplot-nox");

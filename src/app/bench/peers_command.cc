@@ -24,12 +24,12 @@ constexpr std::size_t kLeastBytes = 64;
 // Milliseconds; wide, they catch slips of pen.
 constexpr double kLeastDeadline = 1;
 constexpr double kMostDeadline = 60'000;
-constexpr std::size_t kMostMessages = 100'000;
+constexpr std::size_t kMostPeersMessages = 100'000;
 // Seconds; wide, too.
-constexpr double kLeastSeconds = 1;
-constexpr double kMostSeconds = 86'400;
+constexpr double kLeastPeersSeconds = 1;
+constexpr double kMostPeersSeconds = 86'400;
 
-struct Options {
+struct PeersOptions {
   std::vector<std::string> scenarios;
   std::vector<std::string> peers;
   std::vector<std::size_t> sizes;
@@ -45,13 +45,13 @@ struct Options {
 };
 
 template <class T>
-std::vector<std::string> names_of(std::span<const T> all) {
+std::vector<std::string> option_names(std::span<const T> all) {
   std::vector<std::string> out;
   for (const T& one : all) out.emplace_back(one.name);
   return out;
 }
 
-peers::Choice choice_of(const Options& o) {
+peers::Choice choice_of(const PeersOptions& o) {
   peers::Choice choice;
   for (const std::string& name : o.scenarios) choice.scenarios.push_back(peers::scenario_of(name));
   for (const std::string& name : o.peers) choice.peers.push_back(peers::peer_of(name));
@@ -67,7 +67,7 @@ void write_page(const std::string& file, const std::vector<peers::Row>& rows) {
   write_whole(file, peers::page_of(rows));
 }
 
-int run_peers(const Options& o) {
+int run_peers(const PeersOptions& o) {
   if (!o.plot.empty() && !is_picture(o.plot)) {
     throw Failure(kUsage, "--plot '" + o.plot + "': name a file that ends in .svg or .png");
   }
@@ -118,20 +118,20 @@ std::string footer() {
 }  // namespace
 
 void add_peers(CLI::App& bench, std::function<int()>& run) {
-  auto o = std::make_shared<Options>();
+  auto o = std::make_shared<PeersOptions>();
   CLI::App* c = bench.add_subcommand(
       "peers", "Misses, bytes and processor time beside UDP, TCP, MPTCP and more, on the testbed");
   CLI::Option* quick = c->add_flag("--quick", o->quick, "A selection of everything, in 25 minutes");
   CLI::Option* scenarios =
       c->add_option("SCENARIO", o->scenarios, "Under which conditions (default: all)")
-          ->check(CLI::IsMember(names_of(peers::all_scenarios())));
+          ->check(CLI::IsMember(option_names(peers::all_scenarios())));
   quick->excludes(scenarios);
   const auto list = [c](const char* name, auto& into, const char* about) {
     return c->add_option(name, into, about)->delimiter(',')->take_all()->allow_extra_args(false);
   };
   quick->excludes(
       list("--peer", o->peers, "What is compared; once per peer, or with commas (default: all)")
-          ->check(CLI::IsMember(names_of(peers::all_peers()))));
+          ->check(CLI::IsMember(option_names(peers::all_peers()))));
   quick->excludes(
       list("--size", o->sizes, "Bytes of a message, or 5KB, 128KiB (default: 5KB, 128KiB, 1MB)")
           ->transform(CLI::AsSizeValue(true))
@@ -140,10 +140,10 @@ void add_peers(CLI::App& bench, std::function<int()>& run) {
                       ->check(CLI::Range(kLeastDeadline, kMostDeadline)));
   CLI::Option* messages = c->add_option("--messages", o->messages, "How many, of each run")
                               ->capture_default_str()
-                              ->check(CLI::Range(std::size_t{1}, kMostMessages));
+                              ->check(CLI::Range(std::size_t{1}, kMostPeersMessages));
   CLI::Option* seconds =
       c->add_option("--seconds", o->seconds, "How long each run sends, in place of --messages")
-          ->check(CLI::Range(kLeastSeconds, kMostSeconds));
+          ->check(CLI::Range(kLeastPeersSeconds, kMostPeersSeconds));
   quick->excludes(messages)->excludes(seconds);
   seconds->excludes(messages);
   add_transport_option(*c, o->transport);

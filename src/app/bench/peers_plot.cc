@@ -18,7 +18,7 @@ using peers::Row;
 // Pixels.
 constexpr int kNames = 150;
 constexpr int kColumn = 172;
-constexpr int kGap = 32;
+constexpr int kPanelGap = 32;
 constexpr int kPeerHeight = 19;
 constexpr int kTitle = 34;
 constexpr int kAxis = 62;
@@ -33,7 +33,7 @@ constexpr std::array<const char*, 3> kDeadlineColours{report::kBlue, report::kGr
 
 // In the order in which they first occur.
 template <class Key>
-auto distinct(const std::vector<Row>& rows, Key key) {
+auto distinct_values(const std::vector<Row>& rows, Key key) {
   std::vector<decltype(key(rows.front()))> out;
   for (const Row& r : rows) {
     if (std::ranges::find(out, key(r)) == out.end()) out.push_back(key(r));
@@ -53,8 +53,8 @@ struct Band {
   Band(std::size_t size, const std::vector<Row>& all) : bytes(size) {
     std::ranges::copy_if(all, std::back_inserter(rows),
                          [size](const Row& r) { return r.message_bytes == size; });
-    scenarios = distinct(rows, [](const Row& r) { return r.scenario; });
-    peers = distinct(rows, [](const Row& r) { return r.peer; });
+    scenarios = distinct_values(rows, [](const Row& r) { return r.scenario; });
+    peers = distinct_values(rows, [](const Row& r) { return r.peer; });
     deadline = std::ranges::min(rows, {}, &Row::deadline).deadline;
   }
 
@@ -73,9 +73,10 @@ struct Layout {
   std::vector<Duration> deadlines;
 
   explicit Layout(const std::vector<Row>& rows)
-      : deadlines(distinct(rows, [](const Row& r) { return r.deadline; })) {
+      : deadlines(distinct_values(rows, [](const Row& r) { return r.deadline; })) {
     std::ranges::sort(deadlines);
-    for (const std::size_t bytes : distinct(rows, [](const Row& r) { return r.message_bytes; })) {
+    for (const std::size_t bytes :
+         distinct_values(rows, [](const Row& r) { return r.message_bytes; })) {
       bands.emplace_back(bytes, rows);
     }
     std::ranges::sort(bands, {}, &Band::bytes);
@@ -84,7 +85,7 @@ struct Layout {
   int width() const {
     std::size_t columns = 0;
     for (const Band& band : bands) columns = std::max(columns, band.columns());
-    return kNames + kColumn * static_cast<int>(columns) + kGap;
+    return kNames + kColumn * static_cast<int>(columns) + kPanelGap;
   }
   int height() const { return top_of(bands.size()); }
   // Pixels above a band.
@@ -119,12 +120,12 @@ std::string panel(const Layout& l, std::size_t row, std::size_t column, const Ax
   const Band& band = l.bands[row];
   const double width = l.width();
   const double height = l.height();
-  const double left = kNames + kColumn * static_cast<double>(column) + kGap / 2.0;
+  const double left = kNames + kColumn * static_cast<double>(column) + kPanelGap / 2.0;
   const double top = height - l.top_of(row) - kTitle;
   std::string out = fmt::format(
       "set lmargin at screen {:.4f}\nset rmargin at screen {:.4f}\nset tmargin at screen {:.4f}\n"
       "set bmargin at screen {:.4f}\nset title {}\nset xlabel {}\n{}\n",
-      left / width, (left + kColumn - kGap) / width, top / height,
+      left / width, (left + kColumn - kPanelGap) / width, top / height,
       (top - band.panel_height()) / height, report::gnuplot_text(axis.title),
       report::gnuplot_text(axis.label), axis.range);
   std::string tics;
@@ -215,7 +216,7 @@ std::string key(const Layout& l) {
   entries.emplace_back("to send", report::kRed);
   entries.emplace_back("to receive", report::kPurple);
   std::string out;
-  double at = kNames + kGap;
+  double at = kNames + kPanelGap;
   for (const auto& [text, colour] : entries) {
     constexpr double kEntryGap = 34;
     constexpr double kLetter = 8;

@@ -17,15 +17,15 @@ using costs::Row;
 
 constexpr const char* kTransportsSchema = "interneuron.transports/1";
 // Of one run; a shorter one meets too few ticks of the processor's accounts.
-constexpr double kLeastSeconds = 0.1;
-constexpr double kMostSeconds = 60;
+constexpr double kLeastTransportSeconds = 0.1;
+constexpr double kMostTransportSeconds = 60;
 
-struct Options {
+struct TransportsOptions {
   double seconds = 1;
   bool json = false;
 };
 
-double rounded(double v) { return std::round(v * 1000.0) / 1000.0; }
+double transports_rounded(double v) { return std::round(v * 1000.0) / 1000.0; }
 
 double both(const Row& r) { return r.send_us + r.receive_us; }
 
@@ -43,7 +43,7 @@ lab::Json json_of(const std::vector<Row>& rows) {
   for (const Row& r : rows) {
     const bool measured = r.failure.empty();
     const auto known = [measured](double v) {
-      return measured ? lab::Json(rounded(v)) : lab::Json(nullptr);
+      return measured ? lab::Json(transports_rounded(v)) : lab::Json(nullptr);
     };
     out["rows"].push_back({{"load", r.load->name},
                            {"transport", to_string(r.transport)},
@@ -79,7 +79,7 @@ void print_table(const std::vector<Row>& rows) {
       costs::kRepetitions);
 }
 
-int run_transports(const Options& o) {
+int run_transports(const TransportsOptions& o) {
   const SignalWatch signals;
   const auto rows =
       costs::measure(from_ms(o.seconds * 1000), [&o](std::size_t done, std::size_t all) {
@@ -97,12 +97,12 @@ int run_transports(const Options& o) {
 }  // namespace
 
 void add_transports(CLI::App& bench, std::function<int()>& run) {
-  auto o = std::make_shared<Options>();
+  auto o = std::make_shared<TransportsOptions>();
   CLI::App* c = bench.add_subcommand(
       "transports", "Processor time of the transports that --transport offers, on this machine");
   c->add_option("--seconds", o->seconds, "Length of each run")
       ->capture_default_str()
-      ->check(CLI::Range(kLeastSeconds, kMostSeconds));
+      ->check(CLI::Range(kLeastTransportSeconds, kMostTransportSeconds));
   c->add_flag("--json", o->json, "The rows as JSON on stdout (docs/schema/transports.json)");
   c->footer(
       "In network namespaces of its own: root, or user namespaces (exit code 5).\n"

@@ -22,7 +22,7 @@ using Json = nlohmann::ordered_json;
 // Twice what an idle link needs at most (2 * doctor::kKeepAliveSeconds), seconds.
 constexpr int kDefaultNatTimeoutS = 60;
 
-struct Options {
+struct DoctorOptions {
   std::string peer;
   // The longest silence to be tried, seconds; 0: none.
   int nat_timeout_s = 0;
@@ -72,7 +72,7 @@ void add(std::vector<Finding>& findings, Finding finding) {
 }
 
 // What it takes to send to the peer for.
-void examine_paths(const Options& o, const Address& peer, const io::HostFacts& facts,
+void examine_paths(const DoctorOptions& o, const Address& peer, const io::HostFacts& facts,
                    std::vector<Finding>& findings) {
   for (const io::NicHostFacts& nic : facts.nics) {
     if (!doctor::is_usable(facts, nic) || !nic.routed) continue;
@@ -94,7 +94,7 @@ void examine_paths(const Options& o, const Address& peer, const io::HostFacts& f
   }
 }
 
-int examine(const Options& o) {
+int examine(const DoctorOptions& o) {
   std::optional<Address> peer;
   if (!o.peer.empty()) peer = resolve_peer(o.peer);
   const io::HostFacts facts = io::read_host_facts(peer);
@@ -111,7 +111,7 @@ int examine(const Options& o) {
 }  // namespace
 
 void add_doctor(CLI::App& program, std::function<int()>& run) {
-  auto o = std::make_shared<Options>();
+  auto o = std::make_shared<DoctorOptions>();
   CLI::App* c = program.add_subcommand(
       "doctor", "Is this host set up for several network cards at once? Changes nothing");
   CLI::Option* peer =

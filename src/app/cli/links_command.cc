@@ -32,7 +32,7 @@ constexpr double kMeasureSeconds = 3;
 constexpr Duration kLocalWait = 1200ms;
 constexpr Duration kPoll = 50ms;
 
-struct Options {
+struct LinksOptions {
   LinkSourceOptions source;
   std::optional<double> seconds;
   double interval_s = 1;
@@ -57,7 +57,7 @@ bool written() {
 }
 
 // What would have no effect is a mistake.
-void refuse_useless(const CLI::App& command, const Options& o) {
+void refuse_useless(const CLI::App& command, const LinksOptions& o) {
   if (command.count("--interval") > 0 && !o.stream) {
     throw Failure(kUsage, "--interval is for a stream; add --json-stream");
   }
@@ -67,7 +67,7 @@ void refuse_useless(const CLI::App& command, const Options& o) {
 }
 
 // One object per line and interval, until the time or a signal ends it.
-int stream(const Options& o, LinkSource& source) {
+int stream(const LinksOptions& o, LinkSource& source) {
   const TimePoint start = io::now();
   TimePoint next = start;
   while (SignalWatch::last() == 0 &&
@@ -82,7 +82,7 @@ int stream(const Options& o, LinkSource& source) {
   return source.answered() ? kFine : no_answer(source);
 }
 
-int once(const Options& o, LinkSource& source) {
+int once(const LinksOptions& o, LinkSource& source) {
   const TimePoint start = io::now();
   const Duration patience =
       measures(o.source) ? from_ms(o.seconds.value_or(kMeasureSeconds) * 1000) : kLocalWait;
@@ -112,7 +112,7 @@ int once(const Options& o, LinkSource& source) {
 }  // namespace
 
 void add_links(CLI::App& program, std::function<int()>& run) {
-  auto o = std::make_shared<Options>();
+  auto o = std::make_shared<LinksOptions>();
   CLI::App* c = program.add_subcommand(
       "links", "The network cards of this host: what the kernel says and what was measured");
   add_config_option(*c);

@@ -32,7 +32,7 @@ using netns::Testbed;
 
 constexpr double kMaxSeconds = 86'400;
 
-struct Options {
+struct TestbedOptions {
   std::string name = "default";
   std::optional<std::uint64_t> seed;
   std::vector<std::string> links;
@@ -51,7 +51,7 @@ struct Options {
   bool json = false;
 };
 
-emu::Scenario scenario(const Options& o) {
+emu::Scenario scenario(const TestbedOptions& o) {
   if (!o.scenario.empty() && !o.links.empty()) {
     throw Failure(kUsage, "--scenario names the links itself; leave out --profile");
   }
@@ -61,7 +61,7 @@ emu::Scenario scenario(const Options& o) {
   return o.links.empty() ? netns::default_scenario(seed) : netns::scenario_of(o.links, seed);
 }
 
-int up(const Options& o) {
+int up(const TestbedOptions& o) {
   netns::TestbedOptions options;
   options.name = o.name;
   options.scenario = scenario(o);
@@ -168,7 +168,7 @@ std::string rtt_text(const std::optional<netns::ScheduleSample>& now) {
   return is_outage(*now) ? "outage" : fmt::format("{:.1f} ms", to_ms(now->rtt));
 }
 
-int status(const Options& o) {
+int status(const TestbedOptions& o) {
   const netns::State state = found_testbed(o.name);
   const netns::Snapshot s = Testbed::snapshot(state);
   if (o.json) {
@@ -218,7 +218,7 @@ int list() {
   return kFine;
 }
 
-int event(const Options& o) {
+int event(const TestbedOptions& o) {
   if (!(o.seconds > 0)) throw Failure(kUsage, "an outage lasts more than 0 s");
   Testbed::outage(found_testbed(o.name), o.link, from_ms(o.seconds * 1e3));
   fmt::print("{}: no radio for {:g} s\n", o.link, o.seconds);
@@ -239,7 +239,7 @@ void check_settings(const std::vector<std::string>& settings) {
   }
 }
 
-int set(const Options& o) {
+int set(const TestbedOptions& o) {
   check_settings(o.settings);
   Testbed::change(found_testbed(o.name), o.link, o.settings);
   fmt::print("{}: {}\n", o.link, fmt::join(o.settings, " "));
@@ -252,7 +252,7 @@ CLI::Validator duration_in_seconds() {
                                CLI::AsNumberWithUnit::CASE_INSENSITIVE, "TIME");
 }
 
-void add_link_options(CLI::App& sub, const std::shared_ptr<Options>& o) {
+void add_link_options(CLI::App& sub, const std::shared_ptr<TestbedOptions>& o) {
   sub.add_option("--profile,--link", o->links,
                  "Links by comma: a profile (`testbed list` names them) or TOML file each, or "
                  "NAME=either; default 5g,4g")
@@ -264,7 +264,7 @@ void add_link_options(CLI::App& sub, const std::shared_ptr<Options>& o) {
   sub.add_option("--seed", o->seed, "Seed of the links' processes (default 1, or the scenario's)");
 }
 
-void add_up(CLI::App& sub, const std::shared_ptr<Options>& o) {
+void add_up(CLI::App& sub, const std::shared_ptr<TestbedOptions>& o) {
   add_link_options(sub, o);
   sub.add_option("--vehicles", o->vehicles, "How many, each with all links")
       ->capture_default_str()
@@ -288,7 +288,7 @@ netns::State found_testbed(const std::string& name) {
 }
 
 void add_testbed(CLI::App& program, std::function<int()>& run) {
-  auto o = std::make_shared<Options>();
+  auto o = std::make_shared<TestbedOptions>();
   CLI::App* testbed = program.add_subcommand(
       "testbed", "Vehicles and roadside units on this machine, joined by emulated modems");
   testbed->require_subcommand(1);
@@ -300,7 +300,7 @@ void add_testbed(CLI::App& program, std::function<int()>& run) {
       "  interneuron testbed event b outage 5s\n"
       "  interneuron testbed verify\n"
       "  interneuron testbed down");
-  const auto add = [&](const char* name, const char* text, int (*body)(const Options&)) {
+  const auto add = [&](const char* name, const char* text, int (*body)(const TestbedOptions&)) {
     CLI::App* sub = testbed->add_subcommand(name, text);
     sub->add_option("--name", o->name, "Name of the testbed; several may be up")
         ->capture_default_str();
@@ -309,9 +309,10 @@ void add_testbed(CLI::App& program, std::function<int()>& run) {
   };
   add_up(*add("up", "Make it and leave it running", up), o);
 
-  CLI::App* in = add("run", "Run a program inside it; returns its exit code", [](const Options& a) {
-    return Testbed::run_in(found_testbed(a.name), netns::parse_host(a.host), a.command);
-  });
+  CLI::App* in =
+      add("run", "Run a program inside it; returns its exit code", [](const TestbedOptions& a) {
+        return Testbed::run_in(found_testbed(a.name), netns::parse_host(a.host), a.command);
+      });
   in->add_option("--in", o->host, "vehicle, vehicle2, ..., road, road2, ..., core")
       ->capture_default_str();
   in->add_option("command", o->command, "Program and arguments, after --")->required();
@@ -333,7 +334,7 @@ void add_testbed(CLI::App& program, std::function<int()>& run) {
       ->required()
       ->transform(duration_in_seconds());
 
-  add("down", "End it; nothing is left", [](const Options& a) {
+  add("down", "End it; nothing is left", [](const TestbedOptions& a) {
     Testbed::down(found_testbed(a.name));
     fmt::print("testbed '{}' is down\n", a.name);
     return kFine;

@@ -26,7 +26,7 @@ using netns::Testbed;
 constexpr int kShortest = 20;
 constexpr int kLongest = 80;
 
-struct Options {
+struct LinkCheckOptions {
   std::string name = "default";
   std::vector<std::string> links;
   int seconds = 57;
@@ -51,7 +51,7 @@ int exit_code(verify::Verdict verdict) {
   return verdict == verify::Verdict::kInconclusive ? kCannotHere : kFine;
 }
 
-int run_verify(const Options& o) {
+int run_verify(const LinkCheckOptions& o) {
   const netns::State state = found_testbed(o.name);
   verify::require_tools({{"ping", "iputils-ping"}, {"iperf3", "iperf3"}, {"tcpdump", "tcpdump"}});
   if (state.user_ns_fd >= 0) verify::allow_setgroups();
@@ -87,7 +87,7 @@ int run_verify(const Options& o) {
 }  // namespace
 
 void add_testbed_verify(CLI::App& testbed, std::function<int()>& run) {
-  auto o = std::make_shared<Options>();
+  auto o = std::make_shared<LinkCheckOptions>();
   CLI::App* c = testbed.add_subcommand(
       "verify", "Measure the links with ping, iperf3 and tcpdump, and compare with their schedule");
   c->add_option("--name", o->name, "Name of the testbed")->capture_default_str();

@@ -27,7 +27,7 @@ constexpr Duration kSample = 500ms;
 // A key, a new size of the window and a signal wait at most so long.
 constexpr int kKeyWaitMs = 100;
 
-struct Options {
+struct TopOptions {
   LinkSourceOptions source;
   bool once = false;
   double seconds = 3;
@@ -35,7 +35,7 @@ struct Options {
   bool no_color = false;
 };
 
-bool colored(const Options& o) {
+bool colored(const TopOptions& o) {
   // Any value turns colours off (https://no-color.org).
   const char* no_color = std::getenv("NO_COLOR");
   return !o.no_color && (no_color == nullptr || *no_color == '\0');
@@ -53,7 +53,7 @@ class Silence {
   spdlog::level::level_enum level_;
 };
 
-int live(const Options& o) {
+int live(const TopOptions& o) {
   const auto source = make_link_source(o.source);
   const Silence silence;
   LinksHistory history;
@@ -72,7 +72,7 @@ int live(const Options& o) {
   return kFine;
 }
 
-int once(const Options& o) {
+int once(const TopOptions& o) {
   const auto source = make_link_source(o.source);
   LinksHistory history;
   const TimePoint end = io::now() + from_ms(o.seconds * 1000);
@@ -88,7 +88,7 @@ int once(const Options& o) {
 }  // namespace
 
 void add_top(CLI::App& program, std::function<int()>& run) {
-  auto o = std::make_shared<Options>();
+  auto o = std::make_shared<TopOptions>();
   CLI::App* c = program.add_subcommand("top", "The links of this host, live");
   add_config_option(*c);
   add_source_options(*c, o->source);

@@ -17,7 +17,7 @@ namespace {
 namespace fs = std::filesystem;
 using netns::Testbed;
 
-constexpr std::array<const char*, kLinks> kModems{"a", "b"};
+constexpr std::array<const char*, kLinks> kModemNames{"a", "b"};
 
 netns::TestbedOptions options_of(const Run& run, const fs::path& scratch) {
   netns::TestbedOptions out;
@@ -27,7 +27,7 @@ netns::TestbedOptions options_of(const Run& run, const fs::path& scratch) {
   std::array<emu::LinkProfile, kLinks> profiles = run.scenario->links();
   std::vector<emu::ScenarioLink> links;
   for (std::size_t i = 0; i < kLinks; ++i) {
-    links.push_back({kModems[i], std::move(profiles[i]), emu::link_seed(run.seed, i)});
+    links.push_back({kModemNames[i], std::move(profiles[i]), emu::link_seed(run.seed, i)});
   }
   out.scenario = emu::plain_scenario(std::move(links), run.seed);
   return out;
@@ -71,7 +71,7 @@ Ran play_run(const Run& run, const fs::path& folder) {
   const auto hole = [&](TimePoint begin) {
     if (run.scenario->hole == Duration{}) return;
     cli::SignalWatch::sleep(begin + run.length() / 2 - io::now());
-    Testbed::outage(testbed.state(), kModems.front(), run.scenario->hole);
+    Testbed::outage(testbed.state(), kModemNames.front(), run.scenario->hole);
   };
   const cli::Played played =
       cli::play(testbed.state(), order_of(run, testbed.state(), folder), hole);

@@ -32,8 +32,8 @@ using eprosima::fastrtps::rtps::IPLocator;
 using eprosima::fastrtps::rtps::Locator_t;
 using eprosima::fastrtps::rtps::SerializedPayload_t;
 
-constexpr Duration kPatience = 30s;
-constexpr Duration kLook = 10ms;
+constexpr Duration kDdsPatience = 30s;
+constexpr Duration kDdsLook = 10ms;
 // Both ends look that often whether a signal has come.
 constexpr Duration kLookForSignals = 100ms;
 
@@ -167,13 +167,13 @@ class Participant {
 };
 
 void await_reader(dds::DataWriter& writer) {
-  const TimePoint patience = io::now() + kPatience;
+  const TimePoint patience = io::now() + kDdsPatience;
   for (;;) {
     dds::PublicationMatchedStatus status;
     writer.get_publication_matched_status(status);
     if (status.current_count > 0) return;
     if (io::now() > patience) throw Failure(kFailed, "Fast DDS does not find the roadside unit");
-    SignalWatch::sleep(kLook);
+    SignalWatch::sleep(kDdsLook);
   }
 }
 

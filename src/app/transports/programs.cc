@@ -31,7 +31,7 @@ constexpr Duration kWarmUp = 2s;
 // How long before messages begin a sender goes on: enough to be on time on a busy machine.
 constexpr Duration kHeadStart = 10ms;
 // For a program to be ready. No measurement behind this value: 200 vehicles need a few seconds.
-constexpr Duration kPatience = 60s;
+constexpr Duration kProgramPatience = 60s;
 constexpr int kLookMs = 100;
 
 void tell(const std::string& line) {
@@ -125,7 +125,7 @@ EndProgram::EndProgram(const netns::State& state, netns::Host host, const fs::pa
 
 std::string EndProgram::await_ready() {
   std::string said;
-  const TimePoint patience = io::now() + kPatience;
+  const TimePoint patience = io::now() + kProgramPatience;
   while (io::now() < patience) {
     SignalWatch::check();
     pollfd readable{stdout_.get(), POLLIN, 0};

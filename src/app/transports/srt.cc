@@ -19,8 +19,8 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr Duration kPatience = 30s;
-constexpr Duration kLook = 10ms;
+constexpr Duration kSrtPatience = 30s;
+constexpr Duration kSrtLook = 10ms;
 // How often a receiver looks whether a signal has come.
 constexpr int kLookForSignalsMs = 100;
 
@@ -97,7 +97,7 @@ void connect_all(const Socket& group, const Order& order) {
   }
   check(srt_connect_group(group.get(), members.data(), static_cast<int>(members.size())),
         "srt_connect_group");
-  const TimePoint patience = io::now() + kPatience;
+  const TimePoint patience = io::now() + kSrtPatience;
   for (;;) {
     std::vector<SRT_SOCKGROUPDATA> data(members.size());
     std::size_t count = data.size();
@@ -106,7 +106,7 @@ void connect_all(const Socket& group, const Order& order) {
         data, [](const SRT_SOCKGROUPDATA& d) { return d.sockstate == SRTS_CONNECTED; });
     if (static_cast<std::size_t>(connected) == members.size()) return;
     if (io::now() > patience) throw Failure(kFailed, "SRT does not reach the roadside unit");
-    SignalWatch::sleep(kLook);
+    SignalWatch::sleep(kSrtLook);
   }
 }
 
@@ -126,7 +126,7 @@ SRTSOCKET accept_group(const Socket& listener) {
     const SRTSOCKET group = srt_accept(listener.get(), nullptr, nullptr);
     if (group != SRT_INVALID_SOCK) return group;
     if (srt_getlasterror(nullptr) != SRT_EASYNCRCV) fail("srt_accept");
-    wait_for({}, io::now() + kLook);
+    wait_for({}, io::now() + kSrtLook);
   }
   return SRT_INVALID_SOCK;
 }
@@ -188,7 +188,7 @@ void receive_srt(const Order& order, const Ready& ready, Reception& reception) {
   while (SignalWatch::last() == 0) {
     const int size = srt_recvmsg(group.get(), packet.data(), static_cast<int>(packet.size()));
     // A vehicle that has ended leaves nothing to read, until the signal comes.
-    if (size == SRT_ERROR && !only_waited()) wait_for({}, io::now() + kLook);
+    if (size == SRT_ERROR && !only_waited()) wait_for({}, io::now() + kSrtLook);
     if (size <= 0) continue;
     const auto bytes = std::as_bytes(std::span(packet)).first(static_cast<std::size_t>(size));
     if (const auto whole = assembly.take(bytes)) reception.arrived(*whole, 0, io::now());

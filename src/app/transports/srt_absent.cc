@@ -5,20 +5,20 @@
 namespace interneuron::cli {
 namespace {
 
-constexpr const char* kReason =
+constexpr const char* kSrtReason =
     "this program was built without SRT bonding; `scripts/build_srt.sh` builds it, then configure "
     "and build again";
 
 }  // namespace
 
-std::optional<std::string> lacks_srt() { return kReason; }
+std::optional<std::string> lacks_srt() { return kSrtReason; }
 
 VehiclesRecord send_srt(const Order& /*order*/, const Begin& /*ready*/) {
-  throw Failure(kCannotHere, kReason);
+  throw Failure(kCannotHere, kSrtReason);
 }
 
 void receive_srt(const Order& /*order*/, const Ready& /*ready*/, Reception& /*reception*/) {
-  throw Failure(kCannotHere, kReason);
+  throw Failure(kCannotHere, kSrtReason);
 }
 
 }  // namespace interneuron::cli

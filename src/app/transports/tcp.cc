@@ -23,8 +23,8 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr Duration kPatience = 30s;
-constexpr Duration kLook = 100ms;
+constexpr Duration kTcpPatience = 30s;
+constexpr Duration kTcpLook = 100ms;
 // The most that waits in the kernel beyond the window, and so how finely the application writes. No
 // measurement behind this value: it takes 3 ms at 20 Mbit/s, little of a deadline of 100 ms.
 constexpr int kUnsentBytes = 8 * 1024;
@@ -106,10 +106,10 @@ class Source {
 };
 
 void await(std::vector<Source>& sources) {
-  const TimePoint patience = io::now() + kPatience;
+  const TimePoint patience = io::now() + kTcpPatience;
   for (Source& source : sources) {
     std::array<pollfd, 1> polled{{{source.fd(), POLLOUT, 0}}};
-    while (!wait_for(polled, io::now() + kLook)) {
+    while (!wait_for(polled, io::now() + kTcpLook)) {
       SignalWatch::check();
       if (io::now() > patience) throw Failure(kFailed, "a vehicle cannot connect");
     }
@@ -127,7 +127,7 @@ void write_until(std::vector<Source>& sources, TimePoint until) {
       // A negative descriptor is not looked at.
       polled.push_back({source.has_data() ? source.fd() : -1, POLLOUT, 0});
     }
-    if (!wait_for(polled, std::min(until, now + kLook))) continue;
+    if (!wait_for(polled, std::min(until, now + kTcpLook))) continue;
     now = io::now();
     for (std::size_t i = 0; i < sources.size(); ++i) {
       if (polled[i].revents != 0) sources[i].write(now);
@@ -228,7 +228,7 @@ void receive_tcp(const Order& order, const Ready& ready, Reception& reception) {
   while (SignalWatch::last() == 0) {
     polled = {{listener.get(), POLLIN, 0}};
     for (const Sink& sink : sinks) polled.push_back({sink.fd(), POLLIN, 0});
-    if (!wait_for(polled, io::now() + kLook)) continue;
+    if (!wait_for(polled, io::now() + kTcpLook)) continue;
     // Backwards, so that one that ends does not move those that are still to be read.
     for (std::size_t i = sinks.size(); i > 0; --i) {
       if (polled[i].revents == 0 || sinks[i - 1].read(reception)) continue;

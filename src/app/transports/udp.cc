@@ -22,7 +22,7 @@ using namespace std::chrono_literals;
 // Datagrams fill the MTU of an Ethernet.
 constexpr std::size_t kDatagram = 1500 - kIpUdpBytes;
 // How often a receiver looks whether a signal has come.
-constexpr Duration kLook = 100ms;
+constexpr Duration kUdpLook = 100ms;
 
 // Over one modem after the other, as an application would: a copy of 128 KiB is handed to the
 // kernel in less than a millisecond.
@@ -81,7 +81,7 @@ void receive_udp(const Order& /*order*/, const Ready& ready, Reception& receptio
   std::array<std::byte, kDatagram> datagram{};
   std::array<pollfd, 1> polled{{{socket.get(), POLLIN, 0}}};
   while (SignalWatch::last() == 0) {
-    if (!wait_for(polled, io::now() + kLook)) continue;
+    if (!wait_for(polled, io::now() + kUdpLook)) continue;
     for (;;) {
       const ssize_t size = ::recv(socket.get(), datagram.data(), datagram.size(), 0);
       if (size < 0) break;

@@ -8,7 +8,7 @@ namespace {
 
 // A screen of them. No measurement is behind this value: `top` keeps events itself, so it only has
 // to be larger than the events of the half second between two lines.
-constexpr std::size_t kMaxEvents = 50;
+constexpr std::size_t kMaxJournalEvents = 50;
 
 }  // namespace
 
@@ -32,7 +32,7 @@ void LinkJournal::add(const PathChanged& change) {
 
 void LinkJournal::add(LinkEvent event) {
   events_.push_back(std::move(event));
-  if (events_.size() > kMaxEvents) events_.pop_front();
+  if (events_.size() > kMaxJournalEvents) events_.pop_front();
 }
 
 std::string LinkJournal::name(LinkId link) {

@@ -12,7 +12,7 @@ namespace {
 using namespace std::chrono_literals;
 
 // Between two looks at the age of the list, which counts in days.
-constexpr Duration kLook = 1min;
+constexpr Duration kTrustLook = 1min;
 
 }  // namespace
 
@@ -52,7 +52,7 @@ void TrustKeeper::look() {
       credentials_.stale_list(issued_s_, node_.unix_time_ns() / 1'000'000'000);
   if (!problem.empty() && !told_stale_) spdlog::warn("{}", problem);
   told_stale_ = !problem.empty();
-  node_.after(kLook, [this] { look(); });
+  node_.after(kTrustLook, [this] { look(); });
 }
 
 }  // namespace interneuron::cli

@@ -12,7 +12,7 @@ namespace interneuron::code {
 namespace {
 
 // What ISA-L keeps for one coefficient.
-constexpr std::size_t kTableBytes = 32;
+constexpr std::size_t kRowTableBytes = 32;
 
 using Combination = std::array<std::uint8_t, Equations::kMost>;
 
@@ -38,7 +38,7 @@ void add_multiple(std::span<std::byte> to, std::span<const std::byte> from, std:
     }
     return;
   }
-  std::array<unsigned char, kTableBytes> table;
+  std::array<unsigned char, kRowTableBytes> table;
   ec_init_tables(1, 1, &factor, table.data());
   auto* in = const_cast<unsigned char*>(reinterpret_cast<const unsigned char*>(from.data()));
   auto* out = reinterpret_cast<unsigned char*>(to.data());

@@ -5,7 +5,7 @@
 namespace interneuron::guard {
 namespace {
 
-constexpr std::int64_t kMillion = 1'000'000;
+constexpr std::int64_t kRatioOne = 1'000'000;
 // A run is not believed to have taken more than a thousand times its median; it bounds the product.
 constexpr std::int64_t kSlowest = 1000;
 // Fewer runs than this say nothing of the node: a median of three leaves one accident out.
@@ -25,13 +25,13 @@ void Speed::add(TimePoint now, std::size_t level, Duration median, Duration took
   if (level >= kMaxLevels || median <= Duration::zero() || took < Duration::zero()) return;
   const double ratio = static_cast<double>(took.count()) / static_cast<double>(median.count());
   ratios_.add(now, static_cast<std::uint8_t>(level),
-              static_cast<std::int64_t>(std::min<double>(ratio, kSlowest) * kMillion));
+              static_cast<std::int64_t>(std::min<double>(ratio, kSlowest) * kRatioOne));
 }
 
 Duration Speed::expected(TimePoint now, std::size_t level, Duration median) const {
   auto ratio = ratios_.median(now, static_cast<std::uint8_t>(level), kOwnRuns);
   if (!ratio) ratio = ratios_.median_of_all(now, kLeastRuns);
-  const double times = static_cast<double>(ratio.value_or(kMillion)) / kMillion;
+  const double times = static_cast<double>(ratio.value_or(kRatioOne)) / kRatioOne;
   return Duration{static_cast<std::int64_t>(static_cast<double>(median.count()) * times)};
 }
 

@@ -5,7 +5,7 @@
 namespace interneuron::guard {
 namespace {
 
-constexpr std::int64_t kPermille = 1000;
+constexpr std::int64_t kXOne = 1000;
 // Without a reference a smaller variant is held for a quarter of the deadline at most
 // (docs/paper.md, "Holds").
 constexpr int kBlindHoldDivisor = 4;
@@ -20,7 +20,7 @@ std::optional<Duration> PaperObserver::stage_deadline(TimePoint now, const Stage
   const Duration least = at_origin_ ? Duration{} : clock->rtt_min / 2;
   const Duration b = std::clamp(Duration{wrapping_sub(base->count(), alpha)},
                                 std::min(least, end.deadline), end.deadline);
-  return Duration{wrapping_add(base->count(), b.count() * end.x_permille / kPermille)};
+  return Duration{wrapping_add(base->count(), b.count() * end.x_permille / kXOne)};
 }
 
 void PaperObserver::observe(const StageEnd& end, Duration theta) {

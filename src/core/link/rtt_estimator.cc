@@ -17,8 +17,8 @@ constexpr int kSequenceBits = 20;
 constexpr std::uint64_t kSequenceMask = (1U << kSequenceBits) - 1;
 // A longer round trip counts as this long: only a lying peer reports it, and sums and multiples of
 // it must stay in range.
-constexpr Duration kLongest = std::chrono::minutes(1);
-static_assert(kLongest.count() < std::int64_t{1} << (64 - kSequenceBits));
+constexpr Duration kLongestRtt = std::chrono::minutes(1);
+static_assert(kLongestRtt.count() < std::int64_t{1} << (64 - kSequenceBits));
 
 // Room for the first second of a path with a heartbeat every 50 ms; a power of two, as kCapacity.
 constexpr std::size_t kFirstCapacity = 32;
@@ -42,7 +42,7 @@ std::uint64_t* lower_bound(std::uint64_t* from, std::size_t n, std::uint64_t key
 }  // namespace
 
 void RttEstimator::add(TimePoint now, Duration rtt) {
-  rtt = std::clamp(rtt, Duration::zero(), kLongest);
+  rtt = std::clamp(rtt, Duration::zero(), kLongestRtt);
   if (!measured()) {
     smoothed_ = quick_ = rtt;
     variation_ = rtt / 2;

@@ -3,14 +3,14 @@
 namespace interneuron::link {
 namespace {
 
-std::int64_t second_of(TimePoint t) {
+std::int64_t bucket_of(TimePoint t) {
   return std::chrono::floor<std::chrono::seconds>(t.time_since_epoch()).count();
 }
 
 }  // namespace
 
 void WindowedMinimum::add(TimePoint now, std::int64_t value) {
-  const std::int64_t second = second_of(now);
+  const std::int64_t second = bucket_of(now);
   // The remainder is negative for times before the epoch.
   const std::int64_t place = ((second % kBuckets) + kBuckets) % kBuckets;
   Bucket& bucket = buckets_[static_cast<std::size_t>(place)];
@@ -22,7 +22,7 @@ void WindowedMinimum::add(TimePoint now, std::int64_t value) {
 }
 
 std::optional<std::int64_t> WindowedMinimum::get(TimePoint now) const {
-  const std::int64_t oldest = second_of(now) - kBuckets + 1;
+  const std::int64_t oldest = bucket_of(now) - kBuckets + 1;
   std::optional<std::int64_t> best;
   for (const Bucket& bucket : buckets_) {
     if (bucket.second < oldest) continue;

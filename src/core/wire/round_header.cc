@@ -8,7 +8,7 @@
 namespace interneuron::wire {
 namespace {
 
-constexpr std::uint8_t kVersion = 3;
+constexpr std::uint8_t kRoundHeaderVersion = 3;
 constexpr std::uint8_t kDegraded = 0x01;
 
 std::uint32_t pack(const Indicator& indicator) {
@@ -88,7 +88,7 @@ std::optional<RoundHeader> parse_round_header(ByteView message) {
   h.excess = r.get<std::int16_t>();
   h.computed = r.get<std::uint16_t>();
   for (std::uint16_t& e2e : h.e2e) e2e = r.get<std::uint16_t>();
-  if (!r.ok() || version != kVersion || (flags & ~kDegraded) != 0 || !indicator ||
+  if (!r.ok() || version != kRoundHeaderVersion || (flags & ~kDegraded) != 0 || !indicator ||
       guard > static_cast<std::uint8_t>(GuardKind::kBudget) ||
       message_class > static_cast<std::uint8_t>(MessageClass::kResult)) {
     return std::nullopt;
@@ -104,7 +104,7 @@ std::optional<RoundHeader> parse_round_header(ByteView message) {
 void write_round_header(std::span<std::byte, kRoundHeaderBytes> out, const RoundHeader& h) {
   assert(consistent(h));
   Writer w(out);
-  w.put(kVersion);
+  w.put(kRoundHeaderVersion);
   w.put(h.degraded ? kDegraded : std::uint8_t{0});
   w.put(static_cast<std::uint8_t>(h.message_class));
   w.put(h.round.pipeline.value);

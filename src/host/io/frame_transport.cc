@@ -30,7 +30,7 @@ constexpr std::size_t kHolderBufferBytes = 1024;
 // Sizes of IP and UDP headers, bytes: what counts against the MTU.
 constexpr std::size_t kHeaders4 = 20 + 8;
 constexpr std::size_t kHeaders6 = 40 + 8;
-constexpr std::uint16_t kVlanMask = 0x0fff;
+constexpr std::uint16_t kTagVlanMask = 0x0fff;
 
 UdpSocket hold_port(const UdpOptions& options) {
   UdpOptions small = options;
@@ -271,7 +271,7 @@ bool FrameTransport::is_ours(const Address& to) const {
 }
 
 void FrameTransport::take(const Arrived& frame) {
-  if (frame.tag && (*frame.tag & kVlanMask) != 0) return refuse(FrameProblem::kVlan);
+  if (frame.tag && (*frame.tag & kTagVlanMask) != 0) return refuse(FrameProblem::kVlan);
   const auto parsed = parse_frame(frame.bytes, {.ethernet = has_ethernet_headers(),
                                                 .checksum_known = frame.checksum_known,
                                                 .may_be_partial = frame.may_be_partial,

@@ -16,7 +16,7 @@ namespace interneuron::io {
 
 namespace {
 
-std::string host_of(const Address& address) {
+std::string host_text(const Address& address) {
   const std::string text = to_string(address);
   const std::string host = text.substr(0, text.rfind(':'));
   return host.starts_with('[') ? host.substr(1, host.size() - 2) : host;
@@ -36,10 +36,10 @@ std::string address_change(const std::vector<Address>& before, const std::vector
     };
   };
   if (const auto it = std::ranges::find_if(now, missing_in(before)); it != now.end()) {
-    return "address " + host_of(*it) + " was added";
+    return "address " + host_text(*it) + " was added";
   }
   const auto it = std::ranges::find_if(before, missing_in(now));
-  return it == before.end() ? "" : "address " + host_of(*it) + " is gone";
+  return it == before.end() ? "" : "address " + host_text(*it) + " is gone";
 }
 
 // The state that a NIC should be in, and why.
@@ -251,7 +251,7 @@ std::optional<NicEvent> LinkMonitor::Impl::evaluate_present(const Nic& nic, Reco
   } else if (resized) {
     change = "MTU " + std::to_string(old_mtu) + " became " + std::to_string(nic.mtu);
   } else if (readdressed) {
-    change = "address " + host_of(old_first) + " became " + host_of(record.first);
+    change = "address " + host_text(old_first) + " became " + host_text(record.first);
   } else if (record.addresses != old_addresses) {
     change = address_change(old_addresses, record.addresses);
   } else if (rerouted) {
@@ -276,7 +276,7 @@ Verdict LinkMonitor::Impl::judge(const Record& record, const Nic& nic) {
   }
   if (record.addresses.empty()) {
     if (record.first.size != 0) {
-      return {NicState::kNoAddress, "address " + host_of(record.first) + " is gone"};
+      return {NicState::kNoAddress, "address " + host_text(record.first) + " is gone"};
     }
     const bool any = !record.peer || record.peer->size == 0;
     return {NicState::kNoAddress, any                     ? "no address"
@@ -287,7 +287,8 @@ Verdict LinkMonitor::Impl::judge(const Record& record, const Nic& nic) {
 }
 
 Verdict LinkMonitor::Impl::judge_route(const Record& record, const Nic& nic) {
-  const Verdict ready{NicState::kReady, "ready with address " + host_of(record.addresses.front())};
+  const Verdict ready{NicState::kReady,
+                      "ready with address " + host_text(record.addresses.front())};
   if (!record.peer) {
     const bool routed =
         !default_routes_ || std::ranges::any_of(record.addresses, [&](const Address& address) {
@@ -301,9 +302,9 @@ Verdict LinkMonitor::Impl::judge_route(const Record& record, const Nic& nic) {
   }
   for (const Address& address : record.addresses) {
     if (!is_routed(requests_.get(), nic.index, *record.peer, address)) continue;
-    return {NicState::kReady, "ready with address " + host_of(address) + " as source", address};
+    return {NicState::kReady, "ready with address " + host_text(address) + " as source", address};
   }
-  return {NicState::kNoRoute, "nothing routes to " + host_of(*record.peer) + " through it"};
+  return {NicState::kNoRoute, "nothing routes to " + host_text(*record.peer) + " through it"};
 }
 
 std::string LinkMonitor::Impl::absence(const Record& record) const {

@@ -18,7 +18,7 @@ namespace interneuron::io {
 
 namespace {
 
-[[noreturn]] void fail(const std::string& nic, const char* call, int error) {
+[[noreturn]] void ring_failed(const std::string& nic, const char* call, int error) {
   if (error == EPERM || error == EACCES) {
     throw IoError("not permitted to open a packet socket for " + nic + " (" + call +
                       "); run `sudo setcap cap_net_raw+ep " + this_program() +
@@ -59,7 +59,7 @@ std::size_t set_send_buffer(int fd, std::size_t wanted) {
 
 void PacketRing::require_privilege() {
   const FileDescriptor socket(::socket(AF_PACKET, SOCK_RAW | SOCK_CLOEXEC, 0));
-  if (socket.get() < 0) fail("--transport ring", "socket AF_PACKET", errno);
+  if (socket.get() < 0) ring_failed("--transport ring", "socket AF_PACKET", errno);
 }
 
 PacketRing::PacketRing(int index, const std::string& nic, std::size_t send_buffer_bytes)
@@ -67,13 +67,13 @@ PacketRing::PacketRing(int index, const std::string& nic, std::size_t send_buffe
       nic_(nic),
       // Protocol 0: nothing is received before the filter is there.
       socket_(::socket(AF_PACKET, SOCK_RAW | SOCK_NONBLOCK | SOCK_CLOEXEC, 0)) {
-  if (socket_.get() < 0) fail(nic_, "socket AF_PACKET", errno);
+  if (socket_.get() < 0) ring_failed(nic_, "socket AF_PACKET", errno);
   send_buffer_bytes_ = set_send_buffer(socket_.get(), send_buffer_bytes);
   sockaddr_ll address{};
   address.sll_family = AF_PACKET;
   address.sll_ifindex = index_;
   if (::bind(socket_.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0) {
-    fail(nic_, "bind", errno);
+    ring_failed(nic_, "bind", errno);
   }
   set_up_ring();
 }
@@ -83,14 +83,14 @@ void PacketRing::set_up_ring() {
   const int version = TPACKET_V3;
   const int on = 1;
   if (::setsockopt(fd, SOL_PACKET, PACKET_VERSION, &version, sizeof version) != 0) {
-    fail(nic_, "setsockopt PACKET_VERSION", errno);
+    ring_failed(nic_, "setsockopt PACKET_VERSION", errno);
   }
   // Before the ring, or the kernel refuses it.
   if (::setsockopt(fd, SOL_PACKET, PACKET_VNET_HDR, &on, sizeof on) != 0) {
-    fail(nic_, "setsockopt PACKET_VNET_HDR", errno);
+    ring_failed(nic_, "setsockopt PACKET_VNET_HDR", errno);
   }
   if (::setsockopt(fd, SOL_PACKET, PACKET_IGNORE_OUTGOING, &on, sizeof on) != 0) {
-    fail(nic_, "setsockopt PACKET_IGNORE_OUTGOING", errno);
+    ring_failed(nic_, "setsockopt PACKET_IGNORE_OUTGOING", errno);
   }
   tpacket_req3 wanted{};
   wanted.tp_block_size = kBlockBytes;
@@ -100,10 +100,10 @@ void PacketRing::set_up_ring() {
   wanted.tp_frame_nr = kBlocks;
   wanted.tp_retire_blk_tov = static_cast<unsigned>(kBlockTime.count());
   if (::setsockopt(fd, SOL_PACKET, PACKET_RX_RING, &wanted, sizeof wanted) != 0) {
-    fail(nic_, "setsockopt PACKET_RX_RING", errno);
+    ring_failed(nic_, "setsockopt PACKET_RX_RING", errno);
   }
   void* memory = ::mmap(nullptr, kBlockBytes * kBlocks, PROT_READ | PROT_WRITE, MAP_SHARED, fd, 0);
-  if (memory == MAP_FAILED) fail(nic_, "mmap", errno);
+  if (memory == MAP_FAILED) ring_failed(nic_, "mmap", errno);
   memory_ = static_cast<std::byte*>(memory);
 }
 
@@ -116,14 +116,14 @@ void PacketRing::start(std::span<const sock_filter> filter) {
   const sock_fprog program{static_cast<unsigned short>(filter.size()),
                            const_cast<sock_filter*>(filter.data())};
   if (::setsockopt(socket_.get(), SOL_SOCKET, SO_ATTACH_FILTER, &program, sizeof program) != 0) {
-    fail(nic_, "setsockopt SO_ATTACH_FILTER", errno);
+    ring_failed(nic_, "setsockopt SO_ATTACH_FILTER", errno);
   }
   sockaddr_ll address{};
   address.sll_family = AF_PACKET;
   address.sll_ifindex = index_;
   address.sll_protocol = htons(ETH_P_ALL);
   if (::bind(socket_.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0) {
-    fail(nic_, "bind", errno);
+    ring_failed(nic_, "bind", errno);
   }
 }
 

@@ -11,8 +11,8 @@ namespace interneuron::io {
 namespace {
 
 // Where the type of an Ethernet frame stands, and how far a VLAN tag moves what follows.
-constexpr std::uint32_t kTypeAt = 12;
-constexpr std::uint32_t kTagBytes = 4;
+constexpr std::uint32_t kEtherTypeAt = 12;
+constexpr std::uint32_t kVlanTagBytes = 4;
 constexpr std::uint32_t kMostTags = 2;
 // Types of Ethernet frames, see frame.cc.
 constexpr std::uint32_t kTypeIpv4 = 0x0800;
@@ -116,10 +116,10 @@ std::vector<sock_filter> ring_filter(const RingFilter& wanted) {
   program.load_byte(static_cast<std::uint32_t>(SKF_AD_OFF + SKF_AD_PKTTYPE));
   program.drop_unless(PACKET_HOST);
   for (std::uint32_t tags = 0; tags <= (wanted.ethernet ? kMostTags : 0); ++tags) {
-    const std::uint32_t type_at = kTypeAt + tags * kTagBytes;
+    const std::uint32_t type_at = kEtherTypeAt + tags * kVlanTagBytes;
     for (const bool fragment : {false, true}) {
       if (fragment && !wanted.ipv6) continue;
-      for (std::uint32_t tag = kTypeAt; wanted.ethernet && tag < type_at; tag += kTagBytes) {
+      for (std::uint32_t tag = kEtherTypeAt; wanted.ethernet && tag < type_at; tag += kVlanTagBytes) {
         program.load_half(tag);
         program.need_either(kTypeTag, kTypeServiceTag);
       }

@@ -19,16 +19,10 @@ namespace interneuron::io {
 
 namespace {
 
-// The next three as in udp_transport.cc: frames per sendmmsg, parts of datagrams per sendmmsg, and
-// refusals in a row after which segmentation stays off.
-constexpr std::size_t kSendMessages = 32;
-constexpr std::size_t kSendVectors = 2048;
-constexpr std::size_t kRefusalsToGiveUp = 8;
-constexpr std::size_t kMostParts = 3;
 // Where the checksum stands in a UDP header.
 constexpr std::uint16_t kUdpCheckAt = 6;
 
-bool refuses_segmentation(int error) {
+bool kernel_refuses_segmentation(int error) {
   // Kernels before 6.2 do not know it; others refuse it when the header says what cannot be.
   return error == EINVAL || error == EMSGSIZE || error == EIO || error == EOPNOTSUPP;
 }
@@ -153,7 +147,7 @@ int RingTransport::offer(std::span<const Outgoing> batch, TimePoint now, BatchRe
   if (error == EINTR) return 0;
   if (error == EAGAIN || error == EWOULDBLOCK) {
     result.would_block = true;
-  } else if (out_->datagrams[0] > 1 && refuses_segmentation(error)) {
+  } else if (out_->datagrams[0] > 1 && kernel_refuses_segmentation(error)) {
     ++counters_.offload_refused;
     if (++refusals_ >= kRefusalsToGiveUp) capabilities_.segmentation_offload = false;
     unsegmented_until_ = result.taken + out_->datagrams[0];

@@ -25,7 +25,7 @@ constexpr std::size_t kMaxUdpPayload = 65507;
   throw IoError(what + " (" + call + ": " + std::strerror(error) + ")", error);
 }
 
-std::string host_of(const Address& address) {
+std::string host_name(const Address& address) {
   const std::string text = to_string(address);
   return text.substr(0, text.rfind(':'));
 }
@@ -90,11 +90,11 @@ std::size_t set_buffer(UdpSocket& socket, const std::string& nic, int option, in
 
 void check_owner(const Address& local, const Nic& nic) {
   if (is_unspecified(local) || is_loopback(local)) return;
-  std::string text = host_of(local) + " is no address of " + nic.name;
+  std::string text = host_name(local) + " is no address of " + nic.name;
   std::string separator = "; it has ";
   for (const Address& address : nic.addresses) {
-    if (host_of(address) == host_of(local)) return;
-    text += separator + host_of(address);
+    if (host_name(address) == host_name(local)) return;
+    text += separator + host_name(address);
     separator = ", ";
   }
   if (nic.addresses.empty()) text += "; it has none";

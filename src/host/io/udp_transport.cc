@@ -20,16 +20,8 @@ namespace interneuron::io {
 
 namespace {
 
-// A "message" of sendmmsg and recvmmsg is several datagrams that the kernel segments or has
-// coalesced.
-//
-// Messages per sendmmsg: 32 of 45 full datagrams are 2 MB, four times the socket's buffer.
-constexpr std::size_t kSendMessages = 32;
-// Parts of datagrams per sendmmsg: 682 datagrams of three parts. UIO_MAXIOV allows 1024 in each
-// message.
-constexpr std::size_t kMostParts = 3;
-constexpr std::size_t kSendVectors = 2048;
-// Messages per recvmmsg: up to 1 MiB, a quarter of the socket's buffer.
+// Messages per recvmmsg, each of which is several datagrams that the kernel has coalesced: up to 1
+// MiB, a quarter of the socket's buffer.
 constexpr std::size_t kReceiveMessages = 16;
 // Bytes per message that is received: the most that UDP_GRO coalesces.
 constexpr std::size_t kReceiveBytes = 64 * 1024;
@@ -38,10 +30,6 @@ constexpr std::size_t kMaxCoalesced = 128;
 // Reports taken from the error queue in one go, so that a flood of them does not hold up datagrams.
 // No measurement behind this value: while there are more, the handle stays readable.
 constexpr std::size_t kReportsPerCall = 64;
-// After so many refusals in a row segmentation stays off, so that a NIC that cannot do it does not
-// cost a failed call per batch. No measurement behind this value: it only has to be larger than the
-// refusals that a passing change of the MTU causes.
-constexpr std::size_t kRefusalsToGiveUp = 8;
 
 bool refuses_segmentation(int error) {
   // EIO: the NIC computes no checksums. EINVAL, EMSGSIZE: a segment exceeds the MTU. The others
@@ -81,7 +69,7 @@ void append(msghdr& header, SendControl& control, int level, int type, const Val
 }
 
 template <class Value>
-Value value_of(cmsghdr* item) {
+Value item_value(cmsghdr* item) {
   Value value{};
   std::memcpy(&value, CMSG_DATA(item), sizeof value);
   return value;
@@ -304,24 +292,24 @@ void UdpTransport::read_control(std::size_t message) {
       return item->cmsg_level == level && item->cmsg_type == type;
     };
     if (is(SOL_UDP, UDP_GRO)) {
-      in.segment_bytes[message] = static_cast<std::size_t>(std::max(value_of<int>(item), 0));
+      in.segment_bytes[message] = static_cast<std::size_t>(std::max(item_value<int>(item), 0));
     } else if (is(SOL_SOCKET, SO_RXQ_OVFL)) {
       // Since the socket was opened, modulo 2^32.
-      const auto drops = value_of<std::uint32_t>(item);
+      const auto drops = item_value<std::uint32_t>(item);
       counters_.receive_queue_drops += drops - kernel_drops_;
       kernel_drops_ = drops;
     } else if (is(SOL_SOCKET, SO_TIMESTAMPNS)) {
-      const auto stamp = value_of<timespec>(item);
+      const auto stamp = item_value<timespec>(item);
       in.stamps[message] = std::chrono::seconds(stamp.tv_sec) + Duration{stamp.tv_nsec};
     } else if (is(IPPROTO_IP, IP_TOS)) {
-      in.ecn[message] = value_of<std::uint8_t>(item) & kEcnMask;
+      in.ecn[message] = item_value<std::uint8_t>(item) & kEcnMask;
     } else if (is(IPPROTO_IPV6, IPV6_TCLASS)) {
-      in.ecn[message] = static_cast<std::uint8_t>(value_of<int>(item) & kEcnMask);
+      in.ecn[message] = static_cast<std::uint8_t>(item_value<int>(item) & kEcnMask);
     } else if (is(IPPROTO_IP, IP_PKTINFO)) {
-      const auto info = value_of<in_pktinfo>(item);
+      const auto info = item_value<in_pktinfo>(item);
       in.notes[message] = notes_.note_of(&info.ipi_spec_dst, sizeof info.ipi_spec_dst);
     } else if (is(IPPROTO_IPV6, IPV6_PKTINFO)) {
-      const auto info = value_of<in6_pktinfo>(item);
+      const auto info = item_value<in6_pktinfo>(item);
       in.notes[message] = notes_.note_of(&info.ipi6_addr, sizeof info.ipi6_addr);
     }
   }

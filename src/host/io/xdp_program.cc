@@ -205,7 +205,7 @@ void put_stamp(Assembler& code) {
   code.land(no_room);
 }
 
-[[noreturn]] void fail(const std::string& nic, const char* call, int error) {
+[[noreturn]] void program_failed(const std::string& nic, const char* call, int error) {
   if (error == EPERM || error == EACCES) {
     throw IoError("not permitted to put an XDP program on " + nic + " (" + call +
                       "); run `sudo setcap cap_net_raw,cap_net_admin,cap_bpf,cap_ipc_lock+ep " +
@@ -226,7 +226,7 @@ void put_stamp(Assembler& code) {
 int new_map(const std::string& nic, bpf_map_type type, std::uint32_t key, std::uint32_t value,
             std::uint32_t entries) {
   const int map = ::bpf_map_create(type, nullptr, key, value, entries, nullptr);
-  if (map < 0) fail(nic, "bpf BPF_MAP_CREATE", -map);
+  if (map < 0) program_failed(nic, "bpf BPF_MAP_CREATE", -map);
   return map;
 }
 
@@ -241,13 +241,13 @@ int new_socket_map(const std::string& nic, std::uint32_t queues) {
 int load(const std::string& nic, const std::vector<bpf_insn>& code) {
   const int program = ::bpf_prog_load(BPF_PROG_TYPE_XDP, "interneuron", kLicence, code.data(),
                                       code.size(), nullptr);
-  if (program < 0) fail(nic, "bpf BPF_PROG_LOAD", -program);
+  if (program < 0) program_failed(nic, "bpf BPF_PROG_LOAD", -program);
   return program;
 }
 
 int attach(const std::string& nic, int program, int index) {
   const int link = ::bpf_link_create(program, index, BPF_XDP, nullptr);
-  if (link < 0) fail(nic, "bpf BPF_LINK_CREATE", -link);
+  if (link < 0) program_failed(nic, "bpf BPF_LINK_CREATE", -link);
   return link;
 }
 
@@ -294,7 +294,7 @@ void XdpProgram::require_privilege() {
             {.ipv6 = ipv6, .port = 0, .addresses = addresses.get(), .sockets = sockets.get()})));
   }
   const FileDescriptor socket(::socket(AF_XDP, SOCK_RAW | SOCK_CLOEXEC, 0));
-  if (socket.get() < 0) fail(nic, "socket AF_XDP", errno);
+  if (socket.get() < 0) program_failed(nic, "socket AF_XDP", errno);
 }
 
 XdpProgram::XdpProgram(int index, const std::string& nic, bool ipv6, std::uint16_t port,
@@ -310,7 +310,7 @@ XdpProgram::XdpProgram(int index, const std::string& nic, bool ipv6, std::uint16
 
 void XdpProgram::add_socket(std::uint32_t queue, int socket) {
   const int result = ::bpf_map_update_elem(sockets_.get(), &queue, &socket, BPF_ANY);
-  if (result < 0) fail(nic_, "bpf BPF_MAP_UPDATE_ELEM", -result);
+  if (result < 0) program_failed(nic_, "bpf BPF_MAP_UPDATE_ELEM", -result);
 }
 
 void XdpProgram::take_addresses(std::span<const Address> addresses) {

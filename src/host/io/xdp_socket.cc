@@ -26,7 +26,7 @@ constexpr std::uint32_t kSendSlots = 1024;
 static_assert(kReceiveSlots >= XdpSocket::kReceiveChunks && kSendSlots >= XdpSocket::kSendChunks);
 // What the kernel counts for a packet of a chunk against the send buffer of the socket: the packet
 // and what describes it.
-constexpr int kSendBufferBytes =
+constexpr int kXdpSendBufferBytes =
     2 * static_cast<int>(XdpSocket::kSendChunks) * static_cast<int>(XdpSocket::kChunkBytes);
 // The kernel takes down a socket that was closed some time later; until then its queue is busy.
 constexpr Duration kMostTakingDown = std::chrono::milliseconds(500);
@@ -34,7 +34,7 @@ constexpr Duration kTryAgain = std::chrono::milliseconds(2);
 // Stamps are of the time that a frame may have waited in the rings.
 constexpr Duration kOldest = std::chrono::seconds(10);
 
-[[noreturn]] void fail(const std::string& nic, const char* call, int error) {
+[[noreturn]] void xdp_failed(const std::string& nic, const char* call, int error) {
   if (error == EPERM || error == EACCES || error == ENOBUFS) {
     const bool memory = error == ENOBUFS;
     throw IoError((memory ? "not enough locked memory (ulimit -l) for AF_XDP on "
@@ -65,7 +65,7 @@ struct XdpSocket::Memory {
 
   // With the kernel, which locks it; `nic`: for errors. Throws IoError.
   xsk_umem* share(const std::string& nic, xsk_ring_prod& fill, xsk_ring_cons& completed) const {
-    if (bytes == MAP_FAILED) fail(nic, "mmap", errno);
+    if (bytes == MAP_FAILED) xdp_failed(nic, "mmap", errno);
     const xsk_umem_config config{.fill_size = kReceiveSlots,
                                  .comp_size = kSendSlots,
                                  .frame_size = kChunkBytes,
@@ -73,7 +73,7 @@ struct XdpSocket::Memory {
                                  .flags = 0};
     xsk_umem* umem = nullptr;
     const int result = ::xsk_umem__create(&umem, bytes, kBytes, &fill, &completed, &config);
-    if (result < 0) fail(nic, "setsockopt XDP_UMEM_REG", -result);
+    if (result < 0) xdp_failed(nic, "setsockopt XDP_UMEM_REG", -result);
     return umem;
   }
 
@@ -129,10 +129,10 @@ void XdpSocket::open(const std::string& nic, std::uint32_t queue, bool may_wait)
                       " is taken by another AF_XDP socket; end it, or use --transport ring or udp",
                   EBUSY);
   }
-  if (result < 0) fail(nic, "bind AF_XDP", -result);
+  if (result < 0) xdp_failed(nic, "bind AF_XDP", -result);
   ::fcntl(native_handle(), F_SETFD, FD_CLOEXEC);
   // What cannot be had makes fewer packets leave at a time.
-  const int wanted = kSendBufferBytes;
+  const int wanted = kXdpSendBufferBytes;
   if (::setsockopt(native_handle(), SOL_SOCKET, SO_SNDBUFFORCE, &wanted, sizeof wanted) != 0) {
     ::setsockopt(native_handle(), SOL_SOCKET, SO_SNDBUF, &wanted, sizeof wanted);
   }

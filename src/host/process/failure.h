@@ -6,9 +6,9 @@
 
 namespace interneuron::cli {
 
-// Exit codes of the program; the README lists them. kObjectiveMissed: the command worked, but the
-// objective that it was given was missed. kCannotHere: this machine lacks what the command needs
-// (tests count it as skipped).
+// Exit codes of the program; docs/programs.md lists them. kObjectiveMissed: the command worked, but
+// the objective that it was given was missed. kCannotHere: this machine lacks what the command
+// needs (tests count it as skipped).
 inline constexpr int kFine = 0;
 // What the command set out to do did not succeed.
 inline constexpr int kFailed = 1;

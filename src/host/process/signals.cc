@@ -12,7 +12,7 @@ namespace {
 
 // The longest uninterrupted sleep. A signal that comes just before a sleep does not end it, so long
 // sleeps are made of short ones.
-constexpr Duration kNap = std::chrono::milliseconds(20);
+constexpr Duration kSignalNap = std::chrono::milliseconds(20);
 
 volatile std::sig_atomic_t g_last = 0;
 
@@ -47,7 +47,7 @@ void SignalWatch::sleep(Duration length) {
   const TimePoint end = io::now() + length;
   for (TimePoint now = io::now(); now < end; now = io::now()) {
     check();
-    std::this_thread::sleep_for(std::min(end - now, kNap));
+    std::this_thread::sleep_for(std::min(end - now, kSignalNap));
   }
   check();
 }

@@ -18,26 +18,26 @@ namespace {
 namespace fs = std::filesystem;
 
 // The longest list in base64 and the end of its line; one more shows that there is more.
-constexpr std::size_t kMostCharacters = (kMaxRevocationsBytes + 2) / 3 * 4 + 3;
+constexpr std::size_t kMostRevocationCharacters = (kMaxRevocationsBytes + 2) / 3 * 4 + 3;
 
 // The names of files are the user's, and may hold anything.
-[[noreturn]] void refuse(const fs::path& file, const std::string& what) {
+[[noreturn]] void refuse_signed(const fs::path& file, const std::string& what) {
   throw Failure(kConfiguration, one_line("'" + file.string() + "' " + what));
 }
 
-[[noreturn]] void cannot_read(const fs::path& file, int error) {
+[[noreturn]] void cannot_read_signed(const fs::path& file, int error) {
   throw Failure(is_of_the_system(error) ? kFailed : kConfiguration,
                 one_line(file_problem("cannot read", file, error)));
 }
 
 // All that a file has, but no more than a list may have.
 std::string text_in(int fd, const fs::path& file) {
-  std::string text(kMostCharacters, '\0');
+  std::string text(kMostRevocationCharacters, '\0');
   std::size_t size = 0;
   while (size < text.size()) {
     const ssize_t n = ::read(fd, text.data() + size, text.size() - size);
     if (n < 0 && errno == EINTR) continue;
-    if (n < 0) cannot_read(file, errno);
+    if (n < 0) cannot_read_signed(file, errno);
     if (n == 0) break;
     size += static_cast<std::size_t>(n);
   }
@@ -50,22 +50,23 @@ std::string text_in(int fd, const fs::path& file) {
 std::optional<Bytes> read_signed_if_there(const fs::path& file) {
   const OwnFile opened = open_own_file(file, true);
   if (opened.error == ENOENT) return std::nullopt;
-  if (opened.error != 0) cannot_read(file, opened.error);
-  if (!opened.problem.empty()) refuse(file, opened.problem);
+  if (opened.error != 0) cannot_read_signed(file, opened.error);
+  if (!opened.problem.empty()) refuse_signed(file, opened.problem);
   const std::string text = text_in(opened.file.get(), file);
   std::string_view line(text);
   if (line.ends_with('\n')) line.remove_suffix(1);
   if (line.ends_with('\r')) line.remove_suffix(1);
   auto bytes = crypto::parse_text(line);
   if (bytes && bytes->size() > kSignatureBytes) return bytes;
-  refuse(file,
-         "holds nothing that an authority has signed: give one line of base64, as `interneuron "
-         "keys sign` and `keys revoke` write");
+  refuse_signed(
+      file,
+      "holds nothing that an authority has signed: give one line of base64, as `interneuron "
+      "keys sign` and `keys revoke` write");
 }
 
 Bytes read_signed(const fs::path& file) {
   if (auto bytes = read_signed_if_there(file)) return *bytes;
-  refuse(file, "is not there; `interneuron keys sign` and `keys revoke` make such files");
+  refuse_signed(file, "is not there; `interneuron keys sign` and `keys revoke` make such files");
 }
 
 void write_signed(const fs::path& file, ByteView bytes) {
@@ -78,17 +79,19 @@ CredentialFile::CredentialFile(const fs::path& file, const PublicKey& own,
   const auto credential = authorities.empty() ? crypto::parse_credential(bytes_)
                                               : crypto::read_credential(bytes_, authorities);
   if (!credential && authorities.empty()) {
-    refuse(file,
-           "holds no credential; give the file with what `interneuron keys sign` has printed");
+    refuse_signed(
+        file, "holds no credential; give the file with what `interneuron keys sign` has printed");
   }
   if (!credential) {
-    refuse(file,
-           "holds no credential that one of --authority has signed; `interneuron keys verify` "
-           "looks at it");
+    refuse_signed(
+        file,
+        "holds no credential that one of --authority has signed; `interneuron keys verify` "
+        "looks at it");
   }
   if (credential->key != own) {
-    refuse(file, "is the credential of " + to_base64(credential->key) + ", and this host is " +
-                     to_base64(own) + "; give --key or --credential that fits");
+    refuse_signed(file, "is the credential of " + to_base64(credential->key) +
+                            ", and this host is " + to_base64(own) +
+                            "; give --key or --credential that fits");
   }
   credential_ = *credential;
 }
@@ -114,9 +117,10 @@ RevocationsFile::RevocationsFile(const fs::path& file, std::vector<PublicKey> au
   if (!list) return;
   const auto read = signed_list(*list, authorities_);
   if (!read) {
-    refuse(file,
-           "holds no list of revocations that one of --authority has signed; let `interneuron keys "
-           "revoke` make it anew");
+    refuse_signed(
+        file,
+        "holds no list of revocations that one of --authority has signed; let `interneuron keys "
+        "revoke` make it anew");
   }
   list_ = std::move(*list);
   issued_s_ = read->issued_s;

@@ -24,7 +24,7 @@ namespace fs = std::filesystem;
 
 // A key and the end of its line, which may be of two characters; one more shows that there is more.
 constexpr std::size_t kKeyCharacters = 44;
-constexpr std::size_t kMostCharacters = kKeyCharacters + 3;
+constexpr std::size_t kMostKeyCharacters = kKeyCharacters + 3;
 
 constexpr const char* kForm =
     "holds no key: give one line of 44 characters of base64, as `interneuron keys gen` writes";
@@ -73,7 +73,7 @@ class SecretText {
   }
 
  private:
-  std::array<char, kMostCharacters> text_{};
+  std::array<char, kMostKeyCharacters> text_{};
   std::size_t size_ = 0;
 };
 

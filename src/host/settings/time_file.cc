@@ -16,7 +16,7 @@ namespace interneuron::cli {
 namespace {
 
 // 19 digits and the end of the line are all that 64 bits need.
-constexpr std::size_t kMostCharacters = 32;
+constexpr std::size_t kMostTimeCharacters = 32;
 
 // The year 2200: what is added while a program runs still fits into 64 bits.
 constexpr std::int64_t kLatest = 7'258'118'400'000'000'000;
@@ -40,7 +40,7 @@ TimeFile::TimeFile(const std::filesystem::path& key) : file_(key.string() + ".ti
   if (opened.error != 0) problem_ = begin + std::strerror(opened.error);
   if (!opened.problem.empty()) problem_ = begin + "the file " + opened.problem;
   if (!problem_.empty()) return;
-  std::array<char, kMostCharacters> text{};
+  std::array<char, kMostTimeCharacters> text{};
   const ssize_t size = ::read(opened.file.get(), text.data(), text.size());
   if (size > 0) stored_ = time_in({text.data(), static_cast<std::size_t>(size)});
   if (!stored_) problem_ = begin + "it is no number of nanoseconds; remove the file";

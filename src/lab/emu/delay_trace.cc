@@ -12,10 +12,10 @@ namespace {
 // The step of the process, kDelayStep.
 constexpr double kMinStepSeconds = 0.01;
 constexpr double kMaxStepSeconds = 3600;
-constexpr double kMaxRttMs = 60'000;
+constexpr double kLongestRttMs = 60'000;
 constexpr double kUnavailable = -1;
-constexpr std::string_view kSource = "# Source: ";
-constexpr std::string_view kStep = "# step_s = ";
+constexpr std::string_view kSourceLine = "# Source: ";
+constexpr std::string_view kStepLine = "# step_s = ";
 
 std::optional<double> number(std::string_view text) {
   double value = 0;
@@ -24,7 +24,7 @@ std::optional<double> number(std::string_view text) {
   return value;
 }
 
-std::string at_line(std::size_t line, const std::string& what) {
+std::string trace_error(std::size_t line, const std::string& what) {
   return "line " + std::to_string(line) + ": " + what;
 }
 
@@ -43,16 +43,17 @@ std::variant<DelayTrace, std::string> parse_delay_trace(std::string_view text) {
   DelayTrace trace;
   if (!text.empty() && text.back() != '\n') {
     const auto lines = static_cast<std::size_t>(std::count(text.begin(), text.end(), '\n'));
-    return at_line(lines + 1, "the file is cut off: its last line has no end");
+    return trace_error(lines + 1, "the file is cut off: its last line has no end");
   }
   const std::string_view source = take_line(text);
-  if (!source.starts_with(kSource)) return at_line(1, "must be \"# Source: WHERE FROM\"");
-  trace.source = source.substr(kSource.size());
+  if (!source.starts_with(kSourceLine)) return trace_error(1, "must be \"# Source: WHERE FROM\"");
+  trace.source = source.substr(kSourceLine.size());
 
   const std::string_view step = take_line(text);
-  const auto step_s = step.starts_with(kStep) ? number(step.substr(kStep.size())) : std::nullopt;
+  const auto step_s =
+      step.starts_with(kStepLine) ? number(step.substr(kStepLine.size())) : std::nullopt;
   if (!step_s || !(*step_s >= kMinStepSeconds && *step_s <= kMaxStepSeconds)) {
-    return at_line(2, "must be \"# step_s = SECONDS\", 0.01 to 3600");
+    return trace_error(2, "must be \"# step_s = SECONDS\", 0.01 to 3600");
   }
   trace.step = from_ms(*step_s * 1e3);
 
@@ -61,9 +62,9 @@ std::variant<DelayTrace, std::string> parse_delay_trace(std::string_view text) {
     const std::string_view line = take_line(text);
     if (line.empty() || line.front() == '#') continue;
     const auto value = number(line);
-    if (!value || !((*value >= 0 && *value <= kMaxRttMs) || *value == kUnavailable)) {
-      return at_line(line_number, "'" + std::string(line.substr(0, 20)) +
-                                      "' must be a round-trip time of 0 to 60000 ms, or -1");
+    if (!value || !((*value >= 0 && *value <= kLongestRttMs) || *value == kUnavailable)) {
+      return trace_error(line_number, "'" + std::string(line.substr(0, 20)) +
+                                          "' must be a round-trip time of 0 to 60000 ms, or -1");
     }
     any = any || *value >= 0;
     trace.rtt_ms.push_back(*value);

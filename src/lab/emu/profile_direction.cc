@@ -30,8 +30,6 @@ constexpr NumberKey kIdle{"idle_timeout_s", "", 0.001, kMaxSeconds, "s", true};
 // Assumed: the report of reordering by a carrier (quic-go/quic-go issue 5768) gives no delay.
 constexpr double kDefaultNatReorderMs = 5;
 
-Duration seconds(double s) { return from_ms(s * 1e3); }
-
 bool read_steps(TomlReader& reader, const Section& section, DirectionParams& out) {
   std::vector<std::pair<double, double>> pairs;
   double period_s = 0;

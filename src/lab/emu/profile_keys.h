@@ -24,6 +24,8 @@ inline constexpr NumberKey kLossKey{"loss", "probability that a packet is lost",
 inline constexpr NumberKey kRateKey{"rate_mbit", "rate of IP packets", kMinRateMbit, kMaxRateMbit,
                                     "Mbit/s"};
 
+inline Duration seconds(double s) { return from_ms(s * 1e3); }
+
 // A key of [up] and [down], and of changes. All are optional.
 struct DirectionKey {
   NumberKey key;

@@ -15,7 +15,7 @@ namespace {
 using Section = TomlReader::Section;
 
 // "if" and the name are a NIC's name, which has 15 characters at most.
-constexpr std::size_t kLongestName = 13;
+constexpr std::size_t kLongestNicName = 13;
 
 constexpr NumberKey kFading{"common_fading", "probability that EDGE is shared", 0, 1, ""};
 constexpr NumberKey kMeanGap{"mean_gap_s", "mean time between holes", 0.1, kMaxSeconds, "s"};
@@ -28,13 +28,11 @@ constexpr NumberKey kCoDelTarget{
 constexpr NumberKey kMarkAbove{
     "mark_above_ms", "wait above which L4S packets are marked", 0, 1000, "ms", true};
 
-Duration seconds(double s) { return from_ms(s * 1e3); }
-
 // Reads the name of a link or cell, which no other one of `all` may have.
 template <class Named>
 bool read_own_name(TomlReader& reader, const Section& section, const char* what,
                    const std::vector<Named>& all, std::string& out) {
-  if (!read_name(reader, section, kLongestName, out)) return false;
+  if (!read_name(reader, section, kLongestNicName, out)) return false;
   const bool taken = std::ranges::find(all, out, &Named::name) != all.end();
   return !taken || reader.fail_at(section, "name",
                                   "'name' = \"" + out + "\" is another " + what +

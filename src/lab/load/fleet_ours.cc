@@ -11,8 +11,8 @@
 namespace interneuron::load {
 namespace {
 
-constexpr LinkId kLink{0};
-constexpr std::uint32_t kRoadSession = 0x524f4144;
+constexpr LinkId kModem{0};
+constexpr std::uint32_t kUnitSession = 0x524f4144;
 
 // What every message begins with, so that the receiver can tell the meter which one it is.
 struct Label {
@@ -44,7 +44,7 @@ EndpointOptions options_of(std::uint32_t session) {
 
 Ours::Ours(const Scenario& scenario, sim::World& world, sim::CellId cell, Meter& meter)
     : s_(scenario), world_(world) {
-  EndpointOptions options = options_of(kRoadSession);
+  EndpointOptions options = options_of(kUnitSession);
   options.accept_peers = true;
   options.max_peers = scenario.vehicles;
   std::vector<int> keys(scenario.vehicles);
@@ -62,7 +62,7 @@ Ours::Ours(const Scenario& scenario, sim::World& world, sim::CellId cell, Meter&
     EndpointOptions vehicle = options_of(v + 1);
     if (scenario.is_encrypted) vehicle.security = security_of(keys[v], {kRoadKey});
     vehicles_.push_back(world.add_host(std::move(vehicle)));
-    join(scenario, world, vehicles_[v], road, kLink, cell);
+    join(scenario, world, vehicles_[v], road, kModem, cell);
     peers_.push_back(world.connect(vehicles_[v], road));
   }
 }

@@ -17,11 +17,11 @@ using namespace std::chrono_literals;
 constexpr Duration kDeadline = 150ms;
 constexpr Duration kOneWay = 20ms;
 // A camera of 10 frames per second.
-constexpr Duration kFrame = 100ms;
+constexpr Duration kCameraPeriod = 100ms;
 // A queue as of a managed cell, and one as cellular base stations are known to have.
 constexpr std::array<Duration, 2> kQueues{30ms, 300ms};
 // The smaller variant has a quarter of the bytes.
-constexpr std::size_t kSmaller = 4;
+constexpr std::size_t kSmallerVariant = 4;
 
 constexpr std::array<std::string_view, kPeers> kPeerNames{
     "ours",       "ours_variants", "udp",     "cubic", "bbr_like",
@@ -122,7 +122,7 @@ std::vector<Scenario> size(const Choice& choice) {
     for (const double load : or_default(choice.loads, kSizeLoads)) {
       Scenario s = base(choice, "size", 20, queue);
       s.load = load;
-      s.period = kFrame;
+      s.period = kCameraPeriod;
       s.message_bytes = bytes_for(s);
       out.push_back(std::move(s));
     }
@@ -203,18 +203,18 @@ std::vector<Scenario> dip(const Choice& choice) {
   constexpr std::size_t kTiny = 1024;
   constexpr Dip kDip{.at = 3s, .length = 3s, .rate = DataRate::mbit(6)};
   // Long enough to see what becomes of the vehicle after the dip.
-  constexpr Duration kAfter = 6s;
+  constexpr Duration kAfterDip = 6s;
   std::vector<Scenario> out;
   for (const std::size_t small : {kSmall, kTiny}) {
     Scenario s = base(choice, "dip", kCellMbit, kQueues[1]);
     s.name = "small-" + std::to_string(small / 1024) + "kib";
     s.message_bytes = kWhole;
     s.small_bytes = small;
-    s.period = kFrame;
+    s.period = kCameraPeriod;
     s.load = static_cast<double>(s.capacity.transmit_time(ip_bytes_of(kWhole)).count()) /
-             static_cast<double>(kFrame.count());
+             static_cast<double>(kCameraPeriod.count());
     s.dip = kDip;
-    s.length = std::max(choice.length, kDip.at + kDip.length + kAfter);
+    s.length = std::max(choice.length, kDip.at + kDip.length + kAfterDip);
     out.push_back(std::move(s));
   }
   return out;
@@ -228,12 +228,12 @@ std::vector<Scenario> fleet(const Choice& choice) {
   Scenario s = base(choice, "fleet", kMbit, kQueues[1]);
   s.name = std::to_string(kVehicles) + "-vehicles";
   s.vehicles = kVehicles;
-  s.deadline = kFrame;
-  s.period = kFrame;
+  s.deadline = kCameraPeriod;
+  s.period = kCameraPeriod;
   s.message_bytes = kBytes;
   const Duration on_wire = s.capacity.transmit_time(ip_bytes_of(kBytes));
   s.load = static_cast<double>(on_wire.count() * std::int64_t{kVehicles}) /
-           static_cast<double>(kFrame.count());
+           static_cast<double>(kCameraPeriod.count());
   return {s};
 }
 
@@ -294,7 +294,7 @@ std::vector<Scenario> scenarios(std::string_view group, const Choice& choice) {
   for (const Peer peer : peers) {
     for (Scenario s : family) {
       s.peer = peer;
-      if (s.small_bytes == 0) s.small_bytes = s.message_bytes / kSmaller;
+      if (s.small_bytes == 0) s.small_bytes = s.message_bytes / kSmallerVariant;
       if (peer != Peer::kOursVariants) s.small_bytes = 0;
       // Without variants, those that differ by them alone are one.
       const bool is_twin = s.dip && s.small_bytes == 0 && !out.empty() && out.back().peer == peer;

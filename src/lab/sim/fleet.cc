@@ -12,7 +12,7 @@
 namespace interneuron::sim {
 namespace {
 
-constexpr PipelineId kCamera{0};
+constexpr PipelineId kFleetCamera{0};
 // After the last round has begun, until the run ends: several of an honest vehicle's deadlines.
 constexpr Duration kRunOut = std::chrono::seconds(1);
 // A result carries the level, and the vehicle and round that it is for, so that a mistake shows.
@@ -69,7 +69,7 @@ class Fleet {
 
 PipelineConfig Fleet::pipeline(const FleetVehicle& vehicle) const {
   PipelineConfig p;
-  p.id = kCamera;
+  p.id = kFleetCamera;
   p.stages = offload_stages();
   p.deadline = vehicle.deadline;
   p.period = vehicle.period;
@@ -113,7 +113,7 @@ void Fleet::begin(std::size_t vehicle) {
 void Fleet::begin_one(std::size_t vehicle) {
   const HostId host = hosts_[vehicle];
   Endpoint& endpoint = world_.endpoint(host);
-  const RoundRef round = endpoint.begin_round(world_.local_time(host), kCamera);
+  const RoundRef round = endpoint.begin_round(world_.local_time(host), kFleetCamera);
   ++outcomes_[vehicle].rounds;
   Variants variants;
   for (const std::size_t bytes : o_.vehicles[vehicle].variant_bytes) variants.emplace_back(bytes);

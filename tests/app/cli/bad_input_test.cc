@@ -5,7 +5,7 @@
 
 #include "support.h"
 
-namespace interneuron::cli {
+namespace interneuron::cli::bad_input_test {
 namespace {
 
 struct Mistake {
@@ -213,4 +213,4 @@ TEST(BadInput, HelpAndVersionAreFine) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli
+}  // namespace interneuron::cli::bad_input_test

@@ -10,7 +10,7 @@
 #include "support.h"
 #include "tests/app/watch/json_schema.h"
 
-namespace interneuron::cli {
+namespace interneuron::cli::bench_coding_test {
 namespace {
 
 using nlohmann::json;
@@ -129,4 +129,4 @@ TEST(BenchTransports, WritesARowForEachTransportAndLoad) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli
+}  // namespace interneuron::cli::bench_coding_test

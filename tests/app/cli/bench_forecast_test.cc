@@ -4,7 +4,7 @@
 #include "support.h"
 #include "tests/app/watch/json_schema.h"
 
-namespace interneuron::cli {
+namespace interneuron::cli::bench_forecast_test {
 namespace {
 
 TEST(BenchForecast, WritesBinsOfItsSchema) {
@@ -29,4 +29,4 @@ TEST(BenchForecast, ShowsATableAndDrawsAPicture) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli
+}  // namespace interneuron::cli::bench_forecast_test

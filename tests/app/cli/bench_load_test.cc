@@ -5,7 +5,7 @@
 #include "support.h"
 #include "tests/app/watch/json_schema.h"
 
-namespace interneuron::cli {
+namespace interneuron::cli::bench_load_test {
 namespace {
 
 TEST(BenchLoad, WritesRowsOfItsSchema) {
@@ -43,4 +43,4 @@ TEST(BenchLoad, DrawsItsPicture) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli
+}  // namespace interneuron::cli::bench_load_test

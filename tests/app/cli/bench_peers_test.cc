@@ -5,7 +5,7 @@
 #include "support.h"
 #include "tests/app/watch/json_schema.h"
 
-namespace interneuron::cli {
+namespace interneuron::cli::bench_peers_test {
 namespace {
 
 using nlohmann::json;
@@ -196,4 +196,4 @@ exit $code
 }
 
 }  // namespace
-}  // namespace interneuron::cli
+}  // namespace interneuron::cli::bench_peers_test

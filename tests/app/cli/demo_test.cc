@@ -16,7 +16,7 @@
 #include "perception/codec.h"
 #include "support.h"
 
-namespace interneuron::cli {
+namespace interneuron::cli::demo_test {
 namespace {
 
 // A folder of small pictures with something that moves, so that no video is needed.
@@ -272,4 +272,4 @@ TEST_F(Demo, InterruptedAtTheFirstRoundItDrawsNoEmptyPicture) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli
+}  // namespace interneuron::cli::demo_test

@@ -14,7 +14,7 @@
 #include "tests/app/watch/json_schema.h"
 #include "tests/host/io/namespace.h"
 
-namespace interneuron::cli {
+namespace interneuron::cli::doctor_netns_test {
 namespace {
 
 using io::shell;
@@ -264,4 +264,4 @@ TEST(DoctorNetns, SilencesNeedAPeerThatAnswers) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli
+}  // namespace interneuron::cli::doctor_netns_test

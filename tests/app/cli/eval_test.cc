@@ -16,7 +16,7 @@
 #include "support.h"
 #include "tests/app/watch/json_schema.h"
 
-namespace interneuron::cli {
+namespace interneuron::cli::eval_test {
 namespace {
 
 using experiments::Column;
@@ -369,4 +369,4 @@ TEST(EvalScorer, ScoresWhatWasShown) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli
+}  // namespace interneuron::cli::eval_test

@@ -7,7 +7,7 @@
 #include "beside.h"
 #include "support.h"
 
-namespace interneuron::cli {
+namespace interneuron::cli::fleet_keys_test {
 namespace {
 
 std::string first_line(const std::string& text) { return text.substr(0, text.find('\n')); }
@@ -209,4 +209,4 @@ TEST_F(FleetKeys, ThatTheListIsMissingIsTold) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli
+}  // namespace interneuron::cli::fleet_keys_test

@@ -8,7 +8,7 @@
 #include "support.h"
 #include "tests/host/io/namespace.h"
 
-namespace interneuron::cli {
+namespace interneuron::cli::keys_test {
 namespace {
 
 using nlohmann::json;
@@ -180,4 +180,4 @@ TEST_F(Keys, APlaceThatCannotBeWrittenIsAWarning) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli
+}  // namespace interneuron::cli::keys_test

@@ -16,7 +16,7 @@
 #include "tests/app/watch/json_schema.h"
 #include "tests/host/io/namespace.h"
 
-namespace interneuron::cli {
+namespace interneuron::cli::links_command_test {
 namespace {
 
 using nlohmann::json;
@@ -233,4 +233,4 @@ TEST(TopCommand, NoColorMeansNone) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli
+}  // namespace interneuron::cli::links_command_test

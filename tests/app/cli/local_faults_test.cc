@@ -11,7 +11,7 @@
 
 #include "support.h"
 
-namespace interneuron::cli {
+namespace interneuron::cli::local_faults_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -196,4 +196,4 @@ TEST(Killed, ADemoLeavesNothingThatTheNextCommandDoesNotRemove) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli
+}  // namespace interneuron::cli::local_faults_test

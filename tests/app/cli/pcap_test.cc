@@ -13,7 +13,7 @@
 #include "support.h"
 #include "tests/host/io/namespace.h"
 
-namespace interneuron::cli {
+namespace interneuron::cli::pcap_test {
 namespace {
 
 using Json = nlohmann::json;
@@ -198,4 +198,4 @@ TEST(PcapOption, WithoutThePrivilegeThereIsACommandAndExitCodeFive) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli
+}  // namespace interneuron::cli::pcap_test

@@ -6,7 +6,7 @@
 #include "beside.h"
 #include "support.h"
 
-namespace interneuron::cli {
+namespace interneuron::cli::probe_test {
 namespace {
 
 using Json = nlohmann::json;
@@ -134,4 +134,4 @@ TEST(Stamp, AReflectorThatIsNotOursIsMeasured) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli
+}  // namespace interneuron::cli::probe_test

@@ -6,7 +6,7 @@
 #include "beside.h"
 #include "support.h"
 
-namespace interneuron::cli {
+namespace interneuron::cli::testbed_command_test {
 namespace {
 
 class TestbedCommand : public testing::Test {
@@ -171,4 +171,4 @@ TEST_F(TestbedCommand, VerifyMeasuresEveryFigure) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli
+}  // namespace interneuron::cli::testbed_command_test

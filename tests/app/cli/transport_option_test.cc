@@ -4,7 +4,7 @@
 
 #include "support.h"
 
-namespace interneuron::cli {
+namespace interneuron::cli::transport_option_test {
 namespace {
 
 TEST(TransportOption, IsInTheHelpAndRefusesWhatThereIsNot) {
@@ -116,4 +116,4 @@ TEST(TransportOption, ABenchTellsOfThePrivilegeThatItsEndLacks) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli
+}  // namespace interneuron::cli::transport_option_test

@@ -12,7 +12,7 @@
 #include "tests/app/watch/json_schema.h"
 #include "tests/run_queue.h"
 
-namespace interneuron::cli {
+namespace interneuron::cli::eval_testbed_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -185,4 +185,4 @@ TEST(EvalTestbed, RunsTheSystemsForReal) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli
+}  // namespace interneuron::cli::eval_testbed_test

@@ -7,7 +7,7 @@
 #include "tests/app/cli/support.h"
 #include "tests/app/watch/json_schema.h"
 
-namespace interneuron::cli {
+namespace interneuron::cli::load_testbed_test {
 namespace {
 
 using load::Peer;
@@ -73,4 +73,4 @@ TEST(LoadTestbed, LeavesNothingWhenItIsInterrupted) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli
+}  // namespace interneuron::cli::load_testbed_test

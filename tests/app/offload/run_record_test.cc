@@ -13,7 +13,7 @@
 #include "host/process/private_folder.h"
 #include "perception/codec.h"
 
-namespace interneuron::cli {
+namespace interneuron::cli::run_record_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -160,4 +160,4 @@ TEST_F(Recording, OnAFullDiskThePictureIsNamedAndNoneIsLeft) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli
+}  // namespace interneuron::cli::run_record_test

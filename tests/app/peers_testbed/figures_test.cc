@@ -1,7 +1,7 @@
 // The figures that follow from what the programs of a run leave.
 #include "app/peers_testbed/figures.h"
 
-namespace interneuron::peers {
+namespace interneuron::peers::figures_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -79,4 +79,4 @@ TEST(Figures, NothingArrivesAndNothingIsHandedOver) {
 }
 
 }  // namespace
-}  // namespace interneuron::peers
+}  // namespace interneuron::peers::figures_test

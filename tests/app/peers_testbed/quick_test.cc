@@ -5,7 +5,7 @@
 
 #include "app/peers_testbed/run.h"
 
-namespace interneuron::peers {
+namespace interneuron::peers::quick_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -45,4 +45,4 @@ TEST(Quick, ItShowsSomethingOfEverything) {
 }
 
 }  // namespace
-}  // namespace interneuron::peers
+}  // namespace interneuron::peers::quick_test

@@ -3,7 +3,7 @@
 
 #include "app/peers_testbed/run.h"
 
-namespace interneuron::peers {
+namespace interneuron::peers::scenario_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -103,4 +103,4 @@ TEST(Scenarios, WithoutAChoiceEverythingIsRun) {
 }
 
 }  // namespace
-}  // namespace interneuron::peers
+}  // namespace interneuron::peers::scenario_test

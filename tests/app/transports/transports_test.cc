@@ -13,7 +13,7 @@
 #include "app/transports/timetable.h"
 #include "host/process/failure.h"
 
-namespace interneuron::cli {
+namespace interneuron::cli::transports_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -171,4 +171,4 @@ TEST(Transports, LacksNamesAControlThatThereIsNot) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli
+}  // namespace interneuron::cli::transports_test

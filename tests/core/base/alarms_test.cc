@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-namespace interneuron {
+namespace interneuron::alarms_test {
 namespace {
 
 TimePoint at(int ns) { return TimePoint{Duration{ns}}; }
@@ -88,4 +88,4 @@ RC_GTEST_PROP(Alarms, DoWhatAnOrderedSetDoes, ()) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::alarms_test

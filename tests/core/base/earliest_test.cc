@@ -7,7 +7,7 @@
 
 #include "interneuron/time.h"
 
-namespace interneuron {
+namespace interneuron::earliest_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -46,4 +46,4 @@ RC_GTEST_PROP(Earliest, IsTheSmallestOfThoseThatAreThere, (std::vector<int> valu
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::earliest_test

@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-namespace interneuron {
+namespace interneuron::few_test {
 namespace {
 
 using Four = Few<int, 4>;
@@ -79,4 +79,4 @@ RC_GTEST_PROP(Few, DoesWhatAVectorCutToItsSizeDoes,
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::few_test

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-namespace interneuron {
+namespace interneuron::flat_map_test {
 namespace {
 
 using Map = FlatMap<int, std::string>;
@@ -50,4 +50,4 @@ TEST(FlatMap, LosesWhatIsErased) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::flat_map_test

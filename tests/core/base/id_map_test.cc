@@ -7,7 +7,7 @@
 
 #include "interneuron/units.h"
 
-namespace interneuron {
+namespace interneuron::id_map_test {
 namespace {
 
 TEST(IdMap, IsEmptyAtFirstAndWhenCleared) {
@@ -43,4 +43,4 @@ RC_GTEST_PROP(IdMap, DoesWhatAMapDoes, ()) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::id_map_test

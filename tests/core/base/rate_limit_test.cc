@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-namespace interneuron {
+namespace interneuron::rate_limit_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -27,4 +27,4 @@ TEST(RateLimit, WhatKeepsTheRateIsNeverRefused) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::rate_limit_test

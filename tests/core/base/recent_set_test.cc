@@ -8,7 +8,7 @@
 
 #include "interneuron/units.h"
 
-namespace interneuron {
+namespace interneuron::recent_set_test {
 namespace {
 
 TEST(RecentSet, IsEmptyAtFirstAndWhenCleared) {
@@ -46,4 +46,4 @@ RC_GTEST_PROP(RecentSet, DoesWhatADequeDoes, ()) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::recent_set_test

@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-namespace interneuron {
+namespace interneuron::ring_test {
 namespace {
 
 TEST(Ring, IsEmptyAtFirst) {
@@ -65,4 +65,4 @@ RC_GTEST_PROP(Ring, DoesWhatADequeDoes, (std::vector<std::pair<bool, int>> steps
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::ring_test

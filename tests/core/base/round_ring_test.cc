@@ -8,7 +8,7 @@
 #include <map>
 #include <vector>
 
-namespace interneuron {
+namespace interneuron::round_ring_test {
 namespace {
 
 TEST(RoundRing, HoldsNothingAtFirst) {
@@ -91,4 +91,4 @@ RC_GTEST_PROP(RoundRing, HoldsTheYoungestRoundOfEachSlot, ()) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::round_ring_test

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-namespace interneuron {
+namespace interneuron::same_host_test {
 namespace {
 
 TEST(SameHost, LooksAtNoPort) {
@@ -23,4 +23,4 @@ TEST(SameHost, LooksAtNoPort) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::same_host_test

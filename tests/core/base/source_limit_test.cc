@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-namespace interneuron {
+namespace interneuron::source_limit_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -107,4 +107,4 @@ TEST(SenderPort, IsReadFromIpAddressesAlone) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::source_limit_test

@@ -6,7 +6,7 @@
 #include <set>
 #include <string>
 
-namespace interneuron {
+namespace interneuron::spare_nodes_test {
 namespace {
 
 TEST(SpareNodes, AMapIsAsIfItsNodesWereNew) {
@@ -34,4 +34,4 @@ TEST(SpareNodes, TheNodeOfWhatWasErasedIsUsedAgain) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::spare_nodes_test

@@ -6,7 +6,7 @@
 #include <numeric>
 #include <vector>
 
-namespace interneuron {
+namespace interneuron::water_filling_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -67,4 +67,4 @@ RC_GTEST_PROP(WaterFilling, OneWayMoreNeverMakesItLessLikely, ()) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::water_filling_test

@@ -8,7 +8,7 @@
 #include <limits>
 #include <vector>
 
-namespace interneuron::cc {
+namespace interneuron::cc::share_control_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -375,4 +375,4 @@ RC_GTEST_PROP(ShareControl, AnyReportLeavesARateWithinThePipe, ()) {
 }
 
 }  // namespace
-}  // namespace interneuron::cc
+}  // namespace interneuron::cc::share_control_test

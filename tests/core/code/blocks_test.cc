@@ -4,7 +4,7 @@
 
 #include <set>
 
-namespace interneuron::code {
+namespace interneuron::code::blocks_test {
 namespace {
 
 TEST(Blocks, EveryPieceAndSymbolHasOnePlace) {
@@ -42,4 +42,4 @@ TEST(Blocks, ABurstHitsAllAlike) {
 }
 
 }  // namespace
-}  // namespace interneuron::code
+}  // namespace interneuron::code::blocks_test

@@ -6,7 +6,7 @@
 #include <random>
 #include <vector>
 
-namespace interneuron::code {
+namespace interneuron::code::erasure_code_test {
 namespace {
 
 using Piece = std::vector<std::byte>;
@@ -113,4 +113,4 @@ TEST(ErasureCode, TheExampleOfTheWireFormat) {
 }
 
 }  // namespace
-}  // namespace interneuron::code
+}  // namespace interneuron::code::erasure_code_test

@@ -6,7 +6,7 @@
 #include <random>
 #include <vector>
 
-namespace interneuron::code {
+namespace interneuron::code::redundancy_test {
 namespace {
 
 // The binomial tail, by its own sum.
@@ -105,4 +105,4 @@ TEST(Redundancy, HardlyAnyIsSentBeforeTheLastRound) {
 }
 
 }  // namespace
-}  // namespace interneuron::code
+}  // namespace interneuron::code::redundancy_test

@@ -9,7 +9,7 @@
 
 #include "core/code/field.h"
 
-namespace interneuron::code {
+namespace interneuron::code::window_test {
 namespace {
 
 using Piece = std::vector<std::byte>;
@@ -131,4 +131,4 @@ TEST(Window, WhatIsToldIsSolvedAndTheRestIsNot) {
 }
 
 }  // namespace
-}  // namespace interneuron::code
+}  // namespace interneuron::code::window_test

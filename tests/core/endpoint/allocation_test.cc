@@ -11,7 +11,7 @@
 #include "interneuron/endpoint.h"
 #include "tests/counted_heap.h"
 
-namespace interneuron {
+namespace interneuron::allocation_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -294,4 +294,4 @@ TEST(Memory, APeerOverTwoLinksTakesLessThan75KiB) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::allocation_test

@@ -4,7 +4,7 @@
 
 #include "pipe.h"
 
-namespace interneuron {
+namespace interneuron::budget_test {
 namespace {
 
 std::vector<LevelProfile> ladder() {
@@ -169,4 +169,4 @@ TEST(Budget, NothingIsPreviewedForARoundThatIsNotKnown) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::budget_test

@@ -11,7 +11,7 @@
 
 #include "pipe.h"
 
-namespace interneuron {
+namespace interneuron::directory_test {
 namespace {
 
 std::set<Directory::Key> peers_of(const Directory& directory, SessionId session) {
@@ -70,4 +70,4 @@ RC_GTEST_PROP(Directory, DoesWhatAMapDoes, (std::uint64_t seed)) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::directory_test

@@ -4,7 +4,7 @@
 #include "core/wire/packet.h"
 #include "tests/core/endpoint/pipe.h"
 
-namespace interneuron {
+namespace interneuron::echo_reflector_test {
 namespace {
 
 constexpr SessionId kSelf{0xcafe0002};
@@ -365,4 +365,4 @@ TEST_F(Reflecting, HoldsAndDelaysForNobodyWhoseAddressIsNotProved) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::echo_reflector_test

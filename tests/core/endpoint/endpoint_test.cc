@@ -7,7 +7,7 @@
 
 #include "pair.h"
 
-namespace interneuron {
+namespace interneuron::endpoint_test {
 namespace {
 
 TEST(Endpoint, BothSidesBecomeReady) {
@@ -110,6 +110,7 @@ TEST(Endpoint, WhatIsLostOfASecureMessageIsNotSentAgainOverAForeignLink) {
   for (const std::size_t host : {0U, 1U}) {
     EXPECT_GT(sent_over_the_other_link("best_link", host), 0);
     EXPECT_EQ(sent_over_the_other_link("secure", host), 0);
+    EXPECT_EQ(sent_over_the_other_link("trusted_only", host), 0);
   }
 }
 
@@ -359,4 +360,4 @@ TEST(Endpoint, WrongArgumentsThrowAndChangeNothing) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::endpoint_test

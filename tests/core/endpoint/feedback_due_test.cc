@@ -7,7 +7,7 @@
 
 #include "pipe.h"
 
-namespace interneuron {
+namespace interneuron::feedback_due_test {
 namespace {
 
 TimePoint at(Duration d) { return TimePoint{1s + d}; }
@@ -56,4 +56,4 @@ TEST(FeedbackDue, AtOnceWhenABurstCompletesAMessage) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::feedback_due_test

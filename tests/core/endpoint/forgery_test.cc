@@ -11,7 +11,7 @@
 #include "core/secure/handshake.h"
 #include "encrypted.h"
 
-namespace interneuron {
+namespace interneuron::forgery_test {
 namespace {
 
 // The attacker's own address; nothing may go there.
@@ -304,4 +304,4 @@ TEST(Forgery, NoNumberIsSealedTwice) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::forgery_test

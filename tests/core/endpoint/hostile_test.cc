@@ -12,7 +12,7 @@
 #include "interneuron/endpoint.h"
 #include "pipe.h"
 
-namespace interneuron {
+namespace interneuron::hostile_test {
 namespace {
 
 constexpr std::uint32_t kVehicleSession = 1;
@@ -397,4 +397,4 @@ TEST(HostileRounds, ResultsOfRoundsThatNeverBeganAreBad) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::hostile_test

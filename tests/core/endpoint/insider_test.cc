@@ -2,7 +2,7 @@
 // the attacker fills is its own.
 #include "insider.h"
 
-namespace interneuron {
+namespace interneuron::insider_test {
 namespace {
 
 constexpr std::uint32_t kLongestDeadlineUs = UINT32_MAX;
@@ -297,4 +297,4 @@ TEST_F(Relayed, ItsCopyGivesWayToTheOrigin) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::insider_test

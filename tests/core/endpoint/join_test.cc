@@ -12,7 +12,7 @@
 #include "interneuron/endpoint.h"
 #include "pair.h"
 
-namespace interneuron {
+namespace interneuron::join_test {
 namespace {
 
 using testing::IsEmpty;
@@ -474,4 +474,4 @@ TEST(Join, TwoThatHaveConnectedToEachOtherMeet) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::join_test

@@ -7,7 +7,7 @@
 #include "core/base/shared_memory.h"
 #include "pair.h"
 
-namespace interneuron {
+namespace interneuron::many_peers_test {
 namespace {
 
 // What a road sends to one vehicle over each link: the bytes of every datagram. Of two links that
@@ -166,4 +166,4 @@ TEST(ManyPeers, ShareOneBudgetForIncompleteMessages) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::many_peers_test

@@ -5,7 +5,7 @@
 
 #include "pipe.h"
 
-namespace interneuron {
+namespace interneuron::path_test {
 namespace {
 
 constexpr std::size_t kMaxDatagram = 1400;
@@ -41,4 +41,4 @@ TEST(Path, ASlowTrainDoesNotKeepTheLoopAwake) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::path_test

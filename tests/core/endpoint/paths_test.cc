@@ -6,7 +6,7 @@
 
 #include "pipe.h"
 
-namespace interneuron {
+namespace interneuron::paths_test {
 namespace {
 
 struct Paths : testing::Test {
@@ -210,4 +210,4 @@ TEST_F(Paths, ReplayDoesNotMoveThePath) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::paths_test

@@ -7,7 +7,7 @@
 #include "interneuron/endpoint.h"
 #include "pair.h"
 
-namespace interneuron {
+namespace interneuron::peers_test {
 namespace {
 
 TEST(Endpoint, ARestartedRoadsideIsRecognisedAndServesOn) {
@@ -103,4 +103,4 @@ TEST(Endpoint, ALinkThatVanishesMidMessageHandsOver) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::peers_test

@@ -6,7 +6,7 @@
 #include "encrypted.h"
 #include "policies/builtin.h"
 
-namespace interneuron {
+namespace interneuron::secure_test {
 namespace {
 
 TEST(Secure, RoundsGoThereAndBackAndNothingIsInTheClear) {
@@ -73,14 +73,14 @@ TEST(Secure, KeysAreRenewedWithoutALostRound) {
 
 // A message that must not leave over a network that is not the operator's own does not, encrypted
 // or not, and nothing that repairs it either.
-TEST(Secure, AFloorOfSecurityHoldsForRepairsToo) {
+void expect_own_network_alone(const std::shared_ptr<const Policy>& rule) {
   Pipe pipe;
   EndpointOptions vehicle = Encrypted::vehicle_options();
   EndpointOptions road = Encrypted::road_options({kVehicleKey});
   for (EndpointOptions* o : {&vehicle, &road}) {
-    o->policies.push_back(secure(policies::coded(), 1.0, "own_networks"));
+    o->policies.push_back(rule);
   }
-  vehicle.pipelines[0].policy = "own_networks";
+  vehicle.pipelines[0].policy = rule->name();
   const std::size_t a = pipe.add_host(vehicle);
   const std::size_t b = pipe.add_host(road);
   for (const std::size_t host : {a, b}) {
@@ -114,6 +114,14 @@ TEST(Secure, AFloorOfSecurityHoldsForRepairsToo) {
   EXPECT_GE(remote, 95);
   EXPECT_GE(pieces[kFast], 1500);
   EXPECT_EQ(pieces[kSlow], 0);
+}
+
+TEST(Secure, AFloorOfSecurityHoldsForRepairsToo) {
+  expect_own_network_alone(secure(policies::coded(), 1.0, "own_networks"));
+}
+
+TEST(Secure, TrustedNetworksAloneHoldsForRepairsToo) {
+  expect_own_network_alone(trusted_only(policies::coded(), "own_networks"));
 }
 
 // --- a fleet with an authority
@@ -201,4 +209,4 @@ TEST(Secure, OneKeyOnTwoHostsIsTold) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::secure_test

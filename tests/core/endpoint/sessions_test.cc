@@ -10,7 +10,7 @@
 #include "core/wire/source.h"
 #include "encrypted.h"
 
-namespace interneuron {
+namespace interneuron::sessions_test {
 namespace {
 
 constexpr std::uint32_t kFirstLife = 100;
@@ -288,4 +288,4 @@ TEST(Sessions, NobodyJoinsWithASessionFromBeforeHisKeyWasRevoked) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::sessions_test

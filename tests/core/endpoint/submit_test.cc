@@ -8,7 +8,7 @@
 
 #include "pipe.h"
 
-namespace interneuron {
+namespace interneuron::submit_test {
 namespace {
 
 using testing::ElementsAre;
@@ -77,4 +77,4 @@ TEST(Submit, APolicyThatIsNotRegisteredIsNamedBesideThoseThatAre) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::submit_test

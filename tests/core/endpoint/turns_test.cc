@@ -8,7 +8,7 @@
 #include <map>
 #include <vector>
 
-namespace interneuron {
+namespace interneuron::turns_test {
 namespace {
 
 constexpr LinkId kFirst{0};
@@ -92,4 +92,4 @@ RC_GTEST_PROP(Turns, AreFairInBytes, ()) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::turns_test

@@ -8,7 +8,7 @@
 #include "interneuron/endpoint.h"
 #include "pair.h"
 
-namespace interneuron {
+namespace interneuron::two_nodes_test {
 namespace {
 
 struct Decision {
@@ -75,4 +75,4 @@ TEST(Endpoint, TheSumOfOffsetsMakesDecisionsTheSameForAnyClocks) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::two_nodes_test

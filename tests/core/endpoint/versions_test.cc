@@ -10,7 +10,7 @@
 #include "core/wire/source.h"
 #include "pair.h"
 
-namespace interneuron {
+namespace interneuron::versions_test {
 namespace {
 
 constexpr SessionId kVehicle{1};
@@ -209,4 +209,4 @@ TEST(Receipts, ReachTheSenderOfAMessage) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::versions_test

@@ -4,7 +4,7 @@
 #include "core/flow/receiver.h"
 #include "core/wire/plain_header.h"
 
-namespace interneuron::flow {
+namespace interneuron::flow::arrival_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -71,4 +71,4 @@ TEST(Reassembler, APlainMessageExpiresByItsSendersClock) {
 }
 
 }  // namespace
-}  // namespace interneuron::flow
+}  // namespace interneuron::flow::arrival_test

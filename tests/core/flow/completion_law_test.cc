@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-namespace interneuron::flow {
+namespace interneuron::flow::completion_law_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -37,4 +37,4 @@ TEST(CompletionLaw, AStallOrATinyMessageSaysLittle) {
 }
 
 }  // namespace
-}  // namespace interneuron::flow
+}  // namespace interneuron::flow::completion_law_test

@@ -7,7 +7,7 @@
 #include <array>
 #include <vector>
 
-namespace interneuron::flow {
+namespace interneuron::flow::job_queue_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -113,4 +113,4 @@ RC_GTEST_PROP(JobQueue, DoesWhatAListDoes, ()) {
 }
 
 }  // namespace
-}  // namespace interneuron::flow
+}  // namespace interneuron::flow::job_queue_test

@@ -4,7 +4,7 @@
 
 #include "tests/counted_heap.h"
 
-namespace interneuron::flow {
+namespace interneuron::flow::message_store_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -75,4 +75,4 @@ TEST(MessageStore, ALargeMessageLeavesNoMemoryBehind) {
 }
 
 }  // namespace
-}  // namespace interneuron::flow
+}  // namespace interneuron::flow::message_store_test

@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-namespace interneuron::flow {
+namespace interneuron::flow::overdue_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -115,4 +115,4 @@ TEST(Overdue, IsBoundedAndForgetsWhatIsOld) {
 }
 
 }  // namespace
-}  // namespace interneuron::flow
+}  // namespace interneuron::flow::overdue_test

@@ -10,7 +10,7 @@
 
 #include "core/code/erasure_code.h"
 
-namespace interneuron::flow {
+namespace interneuron::flow::partial_test {
 namespace {
 
 // A message cut into pieces, with every repair symbol that it may have.
@@ -112,4 +112,4 @@ TEST(Partial, AnotherMessageAfterwardsIsAnother) {
 }
 
 }  // namespace
-}  // namespace interneuron::flow
+}  // namespace interneuron::flow::partial_test

@@ -12,7 +12,7 @@
 #include "core/flow/receiver.h"
 #include "tests/counted_heap.h"
 
-namespace interneuron::flow {
+namespace interneuron::flow::reassembler_bounds_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -170,4 +170,4 @@ TEST(ReassemblerBounds, ASymbolThatIsLongerThanAnyPieceIsBad) {
 }
 
 }  // namespace
-}  // namespace interneuron::flow
+}  // namespace interneuron::flow::reassembler_bounds_test

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-namespace interneuron::flow {
+namespace interneuron::flow::receipts_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -105,4 +105,4 @@ TEST(Receipts, ResetForgetsEverything) {
 }
 
 }  // namespace
-}  // namespace interneuron::flow
+}  // namespace interneuron::flow::receipts_test

@@ -10,7 +10,7 @@
 
 #include "core/wire/round_header.h"
 
-namespace interneuron::flow {
+namespace interneuron::flow::receiver_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -593,4 +593,4 @@ TEST(Reassembler, ResetForgetsEverything) {
 }
 
 }  // namespace
-}  // namespace interneuron::flow
+}  // namespace interneuron::flow::receiver_test

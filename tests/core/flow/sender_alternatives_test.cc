@@ -2,7 +2,7 @@
 
 #include "sender_support.h"
 
-namespace interneuron::flow {
+namespace interneuron::flow::sender_alternatives_test {
 namespace {
 
 // Path A at 10 Mbit/s and 10 ms one way: 100 pieces take 115 ms, and 10 of them 12 ms.
@@ -101,4 +101,4 @@ TEST(SenderAlternatives, NothingTakesThePlaceOfWhatIsGoneOrGoesOverSeveralPaths)
 }
 
 }  // namespace
-}  // namespace interneuron::flow
+}  // namespace interneuron::flow::sender_alternatives_test

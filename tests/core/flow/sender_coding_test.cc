@@ -6,7 +6,7 @@
 
 #include "sender_support.h"
 
-namespace interneuron::flow {
+namespace interneuron::flow::sender_coding_test {
 namespace {
 
 // Two paths of 100 Mbit/s and 39 ms one way, of which 1 % of the packets are lost.
@@ -317,4 +317,4 @@ TEST(SenderStriping, WhatTheyCannotBringTogetherIsGivenUp) {
 }
 
 }  // namespace
-}  // namespace interneuron::flow
+}  // namespace interneuron::flow::sender_coding_test

@@ -3,7 +3,7 @@
 
 #include "sender_support.h"
 
-namespace interneuron::flow {
+namespace interneuron::flow::sender_paths_test {
 namespace {
 
 // A plain message of so many pieces on path A; rounds stay where they are.
@@ -72,4 +72,4 @@ TEST(SenderDoubt, RepairsUseItWhereNoOtherPathIsUp) {
 }
 
 }  // namespace
-}  // namespace interneuron::flow
+}  // namespace interneuron::flow::sender_paths_test

@@ -9,7 +9,7 @@
 
 #include "sender_support.h"
 
-namespace interneuron::flow {
+namespace interneuron::flow::sender_repair_test {
 namespace {
 
 // Sends `pieces` on A; returns their numbers.
@@ -395,4 +395,4 @@ TEST(Sender, RepairsGoOverNoPathThatIsForbidden) {
 }
 
 }  // namespace
-}  // namespace interneuron::flow
+}  // namespace interneuron::flow::sender_repair_test

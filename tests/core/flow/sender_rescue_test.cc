@@ -6,7 +6,7 @@
 
 #include "sender_support.h"
 
-namespace interneuron::flow {
+namespace interneuron::flow::sender_rescue_test {
 namespace {
 
 // 100 Mbit/s and 10 ms over kA; kB stands by.
@@ -136,4 +136,4 @@ TEST(SenderRescue, NothingByAPathThatIsGone) {
 }
 
 }  // namespace
-}  // namespace interneuron::flow
+}  // namespace interneuron::flow::sender_rescue_test

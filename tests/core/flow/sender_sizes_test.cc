@@ -4,7 +4,7 @@
 
 #include "sender_support.h"
 
-namespace interneuron::flow {
+namespace interneuron::flow::sender_sizes_test {
 namespace {
 
 constexpr std::size_t kNarrow = 1232;
@@ -104,4 +104,4 @@ RC_GTEST_PROP(SenderSizes, NothingLeavesAPathThatDoesNotCarryIt, ()) {
 }
 
 }  // namespace
-}  // namespace interneuron::flow
+}  // namespace interneuron::flow::sender_sizes_test

@@ -11,7 +11,7 @@
 #include "sender_support.h"
 #include "tests/counted_heap.h"
 
-namespace interneuron::flow {
+namespace interneuron::flow::sender_test {
 namespace {
 
 RC_GTEST_PROP(Sender, PiecesFitThePathAndMakeUpTheMessage, ()) {
@@ -311,4 +311,4 @@ RC_GTEST_PROP(Sender, WithTimeEnoughEveryPieceArrives, ()) {
 }
 
 }  // namespace
-}  // namespace interneuron::flow
+}  // namespace interneuron::flow::sender_test

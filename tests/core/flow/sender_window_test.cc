@@ -12,7 +12,7 @@
 #include "core/wire/plain_header.h"
 #include "sender_support.h"
 
-namespace interneuron::flow {
+namespace interneuron::flow::sender_window_test {
 namespace {
 
 struct Setting {
@@ -349,4 +349,4 @@ TEST(SenderWindow, MoreLossMoreSymbols) {
 }
 
 }  // namespace
-}  // namespace interneuron::flow
+}  // namespace interneuron::flow::sender_window_test

@@ -8,7 +8,7 @@
 
 #include "sender_support.h"
 
-namespace interneuron::flow {
+namespace interneuron::flow::sent_packets_test {
 namespace {
 
 constexpr std::size_t kFull = 1428;
@@ -239,4 +239,4 @@ TEST(SentPackets, WhatLeftWithEctIsToldOfOnce) {
 }
 
 }  // namespace
-}  // namespace interneuron::flow
+}  // namespace interneuron::flow::sent_packets_test

@@ -10,7 +10,7 @@
 #include "core/code/field.h"
 #include "core/wire/source.h"
 
-namespace interneuron::flow {
+namespace interneuron::flow::window_receiver_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -281,4 +281,4 @@ TEST(WindowReceiver, AnythingIsTaken) {
 }
 
 }  // namespace
-}  // namespace interneuron::flow
+}  // namespace interneuron::flow::window_receiver_test

@@ -10,7 +10,7 @@
 #include "core/guard/residual_law.h"
 #include "tests/counted_heap.h"
 
-namespace interneuron::guard {
+namespace interneuron::guard::budget_allocation_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -127,4 +127,4 @@ TEST(PaperAllocation, DecisionsNeedNone) {
 }
 
 }  // namespace
-}  // namespace interneuron::guard
+}  // namespace interneuron::guard::budget_allocation_test

@@ -7,7 +7,7 @@
 
 #include <deque>
 
-namespace interneuron::guard {
+namespace interneuron::guard::budget_observer_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -339,4 +339,4 @@ RC_GTEST_PROP(BudgetObserver, AnyBytesAreSurvived, ()) {
 }
 
 }  // namespace
-}  // namespace interneuron::guard
+}  // namespace interneuron::guard::budget_observer_test

@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-namespace interneuron::guard {
+namespace interneuron::guard::budget_origin_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -141,4 +141,4 @@ TEST(BudgetOrigin, WithoutLevelsTheComputationIsLearntFromResults) {
 }
 
 }  // namespace
-}  // namespace interneuron::guard
+}  // namespace interneuron::guard::budget_origin_test

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
-namespace interneuron::guard {
+namespace interneuron::guard::clock_offset_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -107,4 +107,4 @@ RC_GTEST_PROP(ClockOffset, AnyBytesOfThePeerAreHarmless, ()) {
 }
 
 }  // namespace
-}  // namespace interneuron::guard
+}  // namespace interneuron::guard::clock_offset_test

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
-namespace interneuron::guard {
+namespace interneuron::guard::paper_observer_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -240,4 +240,4 @@ RC_GTEST_PROP(Observer, DriftChangesDecisionsOnlyWithinItsBound, ()) {
 }
 
 }  // namespace
-}  // namespace interneuron::guard
+}  // namespace interneuron::guard::paper_observer_test

@@ -4,7 +4,7 @@
 
 #include <vector>
 
-namespace interneuron::guard {
+namespace interneuron::guard::residual_law_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -219,4 +219,4 @@ TEST(ResidualLaw, ARoundNeverAnsweredExceedsWhatIsKnownOfIt) {
 }
 
 }  // namespace
-}  // namespace interneuron::guard
+}  // namespace interneuron::guard::residual_law_test

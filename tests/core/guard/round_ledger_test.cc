@@ -4,7 +4,7 @@
 
 #include <stdexcept>
 
-namespace interneuron::guard {
+namespace interneuron::guard::round_ledger_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -283,4 +283,4 @@ TEST(Origin, RefusesWhatCannotBeAPipeline) {
 }
 
 }  // namespace
-}  // namespace interneuron::guard
+}  // namespace interneuron::guard::round_ledger_test

@@ -4,7 +4,7 @@
 
 #include <vector>
 
-namespace interneuron::guard {
+namespace interneuron::guard::stage_guard_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -38,4 +38,4 @@ TEST(SacrificedLevel, WithoutLevelsThereIsNothingToChoose) {
 }
 
 }  // namespace
-}  // namespace interneuron::guard
+}  // namespace interneuron::guard::stage_guard_test

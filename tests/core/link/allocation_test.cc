@@ -8,7 +8,7 @@
 #include "core/link/probe_schedule.h"
 #include "tests/counted_heap.h"
 
-namespace interneuron::link {
+namespace interneuron::link::allocation_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -77,4 +77,4 @@ TEST(Allocation, NoneWhileScoring) {
 }
 
 }  // namespace
-}  // namespace interneuron::link
+}  // namespace interneuron::link::allocation_test

@@ -4,7 +4,7 @@
 
 #include <deque>
 
-namespace interneuron::link {
+namespace interneuron::link::delivery_rate_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -50,4 +50,4 @@ TEST(DeliveryRate, ABurstOfAcknowledgementsIsNoRate) {
 }
 
 }  // namespace
-}  // namespace interneuron::link
+}  // namespace interneuron::link::delivery_rate_test

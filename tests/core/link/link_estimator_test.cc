@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-namespace interneuron::link {
+namespace interneuron::link::link_estimator_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -88,4 +88,4 @@ TEST(LinkEstimator, ProbeTimeoutFollowsTheRoundTrip) {
 }
 
 }  // namespace
-}  // namespace interneuron::link
+}  // namespace interneuron::link::link_estimator_test

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <random>
 
-namespace interneuron::link {
+namespace interneuron::link::loss_estimator_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -126,4 +126,4 @@ TEST(LossEstimatorProperty, IsAShareWhateverComes) {
 }
 
 }  // namespace
-}  // namespace interneuron::link
+}  // namespace interneuron::link::loss_estimator_test

@@ -5,7 +5,7 @@
 
 #include <limits>
 
-namespace interneuron::link {
+namespace interneuron::link::nature_test {
 namespace {
 
 using std::chrono::milliseconds;
@@ -191,4 +191,4 @@ TEST(NatureProperty, ScoresAreRatiosTheBestHasOne) {
 }
 
 }  // namespace
-}  // namespace interneuron::link
+}  // namespace interneuron::link::nature_test

@@ -5,7 +5,7 @@
 
 #include <algorithm>
 
-namespace interneuron::link {
+namespace interneuron::link::path_ecn_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -163,4 +163,4 @@ RC_GTEST_PROP(PathEcn, NeverTellsMoreMarksThanPackets, ()) {
 }
 
 }  // namespace
-}  // namespace interneuron::link
+}  // namespace interneuron::link::path_ecn_test

@@ -7,7 +7,7 @@
 #include <random>
 #include <vector>
 
-namespace interneuron::link {
+namespace interneuron::link::path_machine_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -394,4 +394,4 @@ TEST(PathMachineProperty, NeverFlapsFasterThanItsDwell) {
 }
 
 }  // namespace
-}  // namespace interneuron::link
+}  // namespace interneuron::link::path_machine_test

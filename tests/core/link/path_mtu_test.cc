@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
-namespace interneuron::link {
+namespace interneuron::link::path_mtu_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -175,4 +175,4 @@ TEST_F(BlackHole, IsNoFullQueue) {
 }
 
 }  // namespace
-}  // namespace interneuron::link
+}  // namespace interneuron::link::path_mtu_test

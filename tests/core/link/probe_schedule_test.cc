@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
-namespace interneuron::link {
+namespace interneuron::link::probe_schedule_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -371,4 +371,4 @@ TEST(Prober, ALatchedPathGetsProofsNotTrains) {
 }
 
 }  // namespace
-}  // namespace interneuron::link
+}  // namespace interneuron::link::probe_schedule_test

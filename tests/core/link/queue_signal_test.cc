@@ -5,7 +5,7 @@
 
 #include <cstdint>
 
-namespace interneuron::link {
+namespace interneuron::link::queue_signal_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -78,4 +78,4 @@ TEST(QueueSignalProperty, SurvivesAnyPeer) {
 }
 
 }  // namespace
-}  // namespace interneuron::link
+}  // namespace interneuron::link::queue_signal_test

@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-namespace interneuron::link {
+namespace interneuron::link::rate_estimator_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -274,4 +274,4 @@ TEST(RateEstimator, TheCapHoldsForEstimateAndPace) {
 }
 
 }  // namespace
-}  // namespace interneuron::link
+}  // namespace interneuron::link::rate_estimator_test

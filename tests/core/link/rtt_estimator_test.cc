@@ -7,7 +7,7 @@
 #include <cmath>
 #include <vector>
 
-namespace interneuron::link {
+namespace interneuron::link::rtt_estimator_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -105,4 +105,4 @@ TEST(RttEstimatorProperty, FasterSamplesShortenTheWindow) {
 }
 
 }  // namespace
-}  // namespace interneuron::link
+}  // namespace interneuron::link::rtt_estimator_test

@@ -5,7 +5,7 @@
 #include "interneuron/message.h"
 #include "interneuron/sizes.h"
 
-namespace interneuron {
+namespace interneuron::arrival_forecast_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -48,4 +48,4 @@ TEST(ArrivalForecast, AMissByLessThanTheDelayVariesIsTried) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::arrival_forecast_test

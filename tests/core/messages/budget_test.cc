@@ -6,7 +6,7 @@
 #include "interneuron/sizes.h"
 #include "tests/core/endpoint/pipe.h"
 
-namespace interneuron {
+namespace interneuron::budget_test {
 namespace {
 
 constexpr std::size_t kBudget = 24 * 1024 * 1024;
@@ -120,4 +120,4 @@ TEST(Budget, RoundsAreRefusedByItToo) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::budget_test

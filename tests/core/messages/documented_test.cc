@@ -4,7 +4,7 @@
 
 #include "door.h"
 
-namespace interneuron {
+namespace interneuron::documented_test {
 namespace {
 
 // Neither host calls its endpoint for so long.
@@ -74,4 +74,4 @@ TEST(Documented, WhatNeverLeftBeforeAllLinksWentDownExpired) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::documented_test

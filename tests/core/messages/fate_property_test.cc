@@ -12,7 +12,7 @@
 #include "door.h"
 #include "interneuron/sizes.h"
 
-namespace interneuron {
+namespace interneuron::fate_property_test {
 namespace {
 
 // The number of a message stands in its first bytes.
@@ -207,4 +207,4 @@ RC_GTEST_PROP(FateProperty, EveryMessageHasExactlyOneAndItIsTrue, ()) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::fate_property_test

@@ -9,7 +9,7 @@
 
 #include "tests/core/messages/door.h"
 
-namespace interneuron {
+namespace interneuron::on_time_forecast_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -168,4 +168,4 @@ TEST(SendOnTime, IsToldOfWhatIsAcceptedOrCannotArrive) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::on_time_forecast_test

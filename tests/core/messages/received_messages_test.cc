@@ -5,7 +5,7 @@
 
 #include <set>
 
-namespace interneuron {
+namespace interneuron::received_messages_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -101,4 +101,4 @@ RC_GTEST_PROP(ReceivedMessagesProperty, EachIdentifierIsDeliveredOnce, ()) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::received_messages_test

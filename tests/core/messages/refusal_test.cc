@@ -3,7 +3,7 @@
 
 #include "door.h"
 
-namespace interneuron {
+namespace interneuron::refusal_test {
 namespace {
 
 TEST(Refusal, WhatIsWrongWithTheMessageItself) {
@@ -96,4 +96,4 @@ TEST(Refusal, StatusesAndFatesHaveNames) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::refusal_test

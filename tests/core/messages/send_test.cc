@@ -4,7 +4,7 @@
 #include "core/wire/plain_header.h"
 #include "door.h"
 
-namespace interneuron {
+namespace interneuron::send_test {
 namespace {
 
 TEST(Send, AMessageIsDeliveredWithItsAgeAndSoIsItsFate) {
@@ -232,4 +232,4 @@ TEST(Send, APieceThatContradictsOthersIsCountedAndItsMessageDelivered) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::send_test

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-namespace interneuron {
+namespace interneuron::sent_messages_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -140,4 +140,4 @@ TEST(SentMessages, TellsWhoseTimeIsOver) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::sent_messages_test

@@ -5,7 +5,7 @@
 
 #include "door.h"
 
-namespace interneuron {
+namespace interneuron::truth_test {
 namespace {
 
 EndpointOptions small_road() {
@@ -219,4 +219,4 @@ TEST(Truth, MessagesToOthersMakeNoneOld) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::truth_test

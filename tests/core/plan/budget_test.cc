@@ -6,7 +6,7 @@
 
 #include "interneuron/sizes.h"
 
-namespace interneuron {
+namespace interneuron::budget_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -73,4 +73,4 @@ TEST(ComputeBudget, IsZeroWhenNothingCanBePromised) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::budget_test

@@ -4,7 +4,7 @@
 
 #include <array>
 
-namespace interneuron {
+namespace interneuron::plan_message_test {
 namespace {
 
 using std::chrono::milliseconds;
@@ -36,7 +36,10 @@ std::vector<LinkState> three_links() {
   links[1].id = kDown;
   links[2].id = kAlsoUp;
   links[0].up = links[2].up = true;
-  for (LinkState& link : links) link.nature.security = 0.5;  // what the policy `secure` asks for
+  for (LinkState& link : links) {
+    link.nature.security = 0.5;  // what the policy `secure` asks for
+    link.traits.trusted = true;  // and `trusted_only`
+  }
   return links;
 }
 
@@ -221,4 +224,4 @@ TEST(PlanMessage, UsesSuspectedLinksWhereThereAreNoOthers) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::plan_message_test

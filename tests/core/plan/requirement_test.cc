@@ -7,7 +7,7 @@
 #include "interneuron/policy.h"
 #include "interneuron/sizes.h"
 
-namespace interneuron {
+namespace interneuron::requirement_test {
 namespace {
 
 using std::chrono::milliseconds;
@@ -162,4 +162,4 @@ TEST(ArrivalTime, IsNotKnownWhileTheLinkIsNotMeasured) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::requirement_test

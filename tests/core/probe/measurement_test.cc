@@ -5,7 +5,7 @@
 
 #include "tests/core/probe/virtual_path.h"
 
-namespace interneuron::probe {
+namespace interneuron::probe::measurement_test {
 namespace {
 
 std::size_t accounted(const Summary& s) {
@@ -296,4 +296,4 @@ RC_GTEST_PROP(ProbeSessionProperty, WithDuplicatesAndReorderingEveryPingStillHas
 }
 
 }  // namespace
-}  // namespace interneuron::probe
+}  // namespace interneuron::probe::measurement_test

@@ -10,7 +10,7 @@
 #include "core/probe/echo_reflector.h"
 #include "core/wire/packet.h"
 
-namespace interneuron::probe {
+namespace interneuron::probe::silence_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -252,4 +252,4 @@ TEST(Silence, WhatAnswersNothingOfOursIsIgnored) {
 }
 
 }  // namespace
-}  // namespace interneuron::probe
+}  // namespace interneuron::probe::silence_test

@@ -7,7 +7,7 @@
 
 #include "core/wire/packet.h"
 
-namespace interneuron::probe {
+namespace interneuron::probe::stamp_reflector_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -167,4 +167,4 @@ TEST_F(Answering, OneSourceGetsNoMoreThanItsShareAndOthersGetTheirs) {
 }
 
 }  // namespace
-}  // namespace interneuron::probe
+}  // namespace interneuron::probe::stamp_reflector_test

@@ -4,7 +4,7 @@
 
 #include "interneuron/time.h"
 
-namespace interneuron::probe {
+namespace interneuron::probe::summary_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -80,4 +80,4 @@ TEST(ProbeFates, AnyNumberIsHarmless) {
 }
 
 }  // namespace
-}  // namespace interneuron::probe
+}  // namespace interneuron::probe::summary_test

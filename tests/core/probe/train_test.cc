@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-namespace interneuron::probe {
+namespace interneuron::probe::train_test {
 namespace {
 
 std::vector<std::int64_t> spaced(std::size_t count, Duration apart) {
@@ -52,4 +52,4 @@ TEST(ProbeTrain, TheMedianIsTheLowerMiddle) {
 }
 
 }  // namespace
-}  // namespace interneuron::probe
+}  // namespace interneuron::probe::train_test

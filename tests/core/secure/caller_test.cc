@@ -6,7 +6,7 @@
 #include "core/wire/packet.h"
 #include "lab/sim/trust.h"
 
-namespace interneuron::crypto {
+namespace interneuron::crypto::caller_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -84,4 +84,4 @@ TEST(Caller, HasToKnowWhomItCalls) {
 }
 
 }  // namespace
-}  // namespace interneuron::crypto
+}  // namespace interneuron::crypto::caller_test

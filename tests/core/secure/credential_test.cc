@@ -6,7 +6,7 @@
 #include "core/secure/trust.h"
 #include "lab/sim/trust.h"
 
-namespace interneuron::crypto {
+namespace interneuron::crypto::credential_test {
 namespace {
 
 const SecretKey kAuthority = secret_key(50);
@@ -130,4 +130,4 @@ TEST(Trust, RefusesWhatCannotBe) {
 }
 
 }  // namespace
-}  // namespace interneuron::crypto
+}  // namespace interneuron::crypto::credential_test

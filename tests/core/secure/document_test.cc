@@ -14,7 +14,7 @@
 #include "core/secure/responder.h"
 #include "lab/sim/trust.h"
 
-namespace interneuron::crypto {
+namespace interneuron::crypto::document_test {
 namespace {
 
 constexpr LinkId kPath{2};
@@ -107,4 +107,4 @@ TEST(SecureDocument, ItsExamplesAreTakenByTheOtherSide) {
 }
 
 }  // namespace
-}  // namespace interneuron::crypto
+}  // namespace interneuron::crypto::document_test

@@ -6,7 +6,7 @@
 #include "core/secure/responder.h"
 #include "lab/sim/trust.h"
 
-namespace interneuron::crypto {
+namespace interneuron::crypto::handshake_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -325,4 +325,4 @@ TEST(Handshake, WhatWaitsIsBounded) {
 }
 
 }  // namespace
-}  // namespace interneuron::crypto
+}  // namespace interneuron::crypto::handshake_test

@@ -4,7 +4,7 @@
 #include "interneuron/security.h"
 #include "lab/sim/trust.h"
 
-namespace interneuron {
+namespace interneuron::keys_test {
 namespace {
 
 TEST(Keys, AreCopiedAsBase64) {
@@ -43,4 +43,4 @@ TEST(Entropy, NeverGivesTheSameTwiceAndTheSameSeedTheSame) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::keys_test

@@ -13,7 +13,7 @@
 #include "core/secure/bytes.h"
 #include "lab/sim/trust.h"
 
-namespace interneuron::crypto {
+namespace interneuron::crypto::noise_test {
 namespace {
 
 constexpr const char* kVectors = "/usr/share/gocode/src/github.com/flynn/noise/vectors.txt";
@@ -189,4 +189,4 @@ TEST(Noise, KeysOfLowOrderAreRefused) {
 }
 
 }  // namespace
-}  // namespace interneuron::crypto
+}  // namespace interneuron::crypto::noise_test

@@ -7,7 +7,7 @@
 
 #include <set>
 
-namespace interneuron::crypto {
+namespace interneuron::crypto::replay_window_test {
 namespace {
 
 bool take(ReplayWindow& window, std::uint64_t number) {
@@ -89,4 +89,4 @@ RC_GTEST_PROP(ReplayWindow, IsASet, ()) {
 }
 
 }  // namespace
-}  // namespace interneuron::crypto
+}  // namespace interneuron::crypto::replay_window_test

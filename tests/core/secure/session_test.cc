@@ -6,7 +6,7 @@
 
 #include "core/wire/packet.h"
 
-namespace interneuron::crypto {
+namespace interneuron::crypto::session_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -166,4 +166,4 @@ RC_GTEST_PROP(Session, AnyBytesAreForged, (const std::vector<std::uint8_t>& byte
 }
 
 }  // namespace
-}  // namespace interneuron::crypto
+}  // namespace interneuron::crypto::session_test

@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-namespace interneuron::wire {
+namespace interneuron::wire::document_test {
 namespace {
 
 TEST(WireDocument, ShowsOnePacketOfEachKind) {
@@ -19,4 +19,4 @@ TEST(WireDocument, ShowsOnePacketOfEachKind) {
 }
 
 }  // namespace
-}  // namespace interneuron::wire
+}  // namespace interneuron::wire::document_test

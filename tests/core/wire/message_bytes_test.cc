@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
-namespace interneuron::wire {
+namespace interneuron::wire::message_bytes_test {
 namespace {
 
 RC_GTEST_PROP(MessageBytes, PartsMakeUpTheMessage, ()) {
@@ -28,4 +28,4 @@ RC_GTEST_PROP(MessageBytes, PartsMakeUpTheMessage, ()) {
 }
 
 }  // namespace
-}  // namespace interneuron::wire
+}  // namespace interneuron::wire::message_bytes_test

@@ -4,7 +4,7 @@
 
 #include "tests/core/wire/consistent.h"
 
-namespace interneuron::wire {
+namespace interneuron::wire::packet_property_test {
 namespace {
 
 constexpr std::size_t kRoom = 4096;
@@ -351,4 +351,4 @@ RC_GTEST_PROP(PacketProperty, AnyBytesAreRefusedOrValid, (std::vector<std::uint8
 }
 
 }  // namespace
-}  // namespace interneuron::wire
+}  // namespace interneuron::wire::packet_property_test

@@ -12,7 +12,7 @@
 #include "tests/core/wire/consistent.h"
 #include "tests/core/wire/examples.h"
 
-namespace interneuron::wire {
+namespace interneuron::wire::packet_test {
 namespace {
 
 constexpr std::size_t kRoom = kMaxDatagramBytes;
@@ -532,4 +532,4 @@ TEST(Packet, RatesTravelInKilobitsAndSaturate) {
 }
 
 }  // namespace
-}  // namespace interneuron::wire
+}  // namespace interneuron::wire::packet_test

@@ -7,7 +7,7 @@
 #include "tests/core/wire/consistent.h"
 #include "tests/core/wire/examples.h"
 
-namespace interneuron::wire {
+namespace interneuron::wire::round_header_test {
 namespace {
 
 using Raw = std::array<std::byte, kRoundHeaderBytes>;
@@ -164,4 +164,4 @@ TEST(PolicyId, IsThe32BitFnv1aOfTheName) {
 }
 
 }  // namespace
-}  // namespace interneuron::wire
+}  // namespace interneuron::wire::round_header_test

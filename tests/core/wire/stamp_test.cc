@@ -5,7 +5,7 @@
 
 #include "tests/core/wire/examples.h"
 
-namespace interneuron::wire {
+namespace interneuron::wire::stamp_test {
 namespace {
 
 // Written out from the figures of RFC 8762 §4.2.1 and §4.3.1, field by field.
@@ -119,4 +119,4 @@ RC_GTEST_PROP(StampProperty, AnyBytesAreRefusedOrComeBack, (std::vector<std::uin
 }
 
 }  // namespace
-}  // namespace interneuron::wire
+}  // namespace interneuron::wire::stamp_test

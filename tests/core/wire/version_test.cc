@@ -6,7 +6,7 @@
 #include "core/wire/packet.h"
 #include "tests/core/wire/examples.h"
 
-namespace interneuron::wire {
+namespace interneuron::wire::version_test {
 namespace {
 
 Bytes with(Bytes bytes, std::size_t at, int value) {
@@ -70,4 +70,4 @@ TEST(Version, AStampCountsMicrosecondsAndWraps) {
 }
 
 }  // namespace
-}  // namespace interneuron::wire
+}  // namespace interneuron::wire::version_test

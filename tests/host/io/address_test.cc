@@ -5,7 +5,7 @@
 
 #include <cstring>
 
-namespace interneuron {
+namespace interneuron::address_test {
 namespace {
 
 TEST(Address, TextRoundTrip) {
@@ -106,4 +106,4 @@ TEST(Address, PaddingDoesNotMakePeersDiffer) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::address_test

@@ -4,7 +4,7 @@
 
 #include "host/io/steady_clock.h"
 
-namespace interneuron::io {
+namespace interneuron::io::clock_test {
 namespace {
 
 TEST(SteadyClock, IsTheClockThatTimersWaitOn) {
@@ -16,4 +16,4 @@ TEST(SteadyClock, IsTheClockThatTimersWaitOn) {
 }
 
 }  // namespace
-}  // namespace interneuron::io
+}  // namespace interneuron::io::clock_test

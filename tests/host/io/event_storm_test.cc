@@ -8,7 +8,7 @@
 #include "host/io/udp_transport.h"
 #include "watch.h"
 
-namespace interneuron::io {
+namespace interneuron::io::event_storm_test {
 namespace {
 
 TEST(LinkMonitor, LostEventsAreMadeUpForByReadingEverythingAnew) {
@@ -73,4 +73,4 @@ TEST(LinkMonitor, UnansweredQuestionsForNeighboursAreDropped) {
 }
 
 }  // namespace
-}  // namespace interneuron::io
+}  // namespace interneuron::io::event_storm_test

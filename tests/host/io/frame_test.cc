@@ -9,7 +9,7 @@
 #include "host/io/address.h"
 #include "support.h"
 
-namespace interneuron::io {
+namespace interneuron::io::frame_test {
 namespace {
 
 FrameAddresses some(bool ipv6, bool ethernet) {
@@ -289,4 +289,4 @@ TEST(Frame, WhatCannotBeBuiltIsNothing) {
 }
 
 }  // namespace
-}  // namespace interneuron::io
+}  // namespace interneuron::io::frame_test

@@ -8,7 +8,7 @@
 
 #include "watch.h"
 
-namespace interneuron::io {
+namespace interneuron::io::link_monitor_test {
 namespace {
 
 TEST(LinkMonitor, TheLoopbackCardIsReadyForItsOwnAddresses) {
@@ -276,4 +276,4 @@ TEST(LinkMonitor, LinkLocalAddressesReachLinkLocalPeers) {
 }
 
 }  // namespace
-}  // namespace interneuron::io
+}  // namespace interneuron::io::link_monitor_test

@@ -6,7 +6,7 @@
 #include "host/io/udp_transport.h"
 #include "support.h"
 
-namespace interneuron::io {
+namespace interneuron::io::namespace_test {
 namespace {
 
 UdpOptions on_va() {
@@ -141,4 +141,4 @@ TEST(Namespace, Ipv6AnswersLeaveFromTheAddressThatWasAsked) {
 }
 
 }  // namespace
-}  // namespace interneuron::io
+}  // namespace interneuron::io::namespace_test

@@ -18,7 +18,7 @@
 #include "host/io/netlink.h"
 #include "host/io/nic_table.h"
 
-namespace interneuron::io {
+namespace interneuron::io::netlink_message_test {
 namespace {
 
 class MessageBuilder {
@@ -244,4 +244,4 @@ TEST(NetlinkMessage, ANeighbourTellsItsHardwareAddress) {
 }
 
 }  // namespace
-}  // namespace interneuron::io
+}  // namespace interneuron::io::netlink_message_test

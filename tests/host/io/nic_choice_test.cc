@@ -4,7 +4,7 @@
 
 #include <vector>
 
-namespace interneuron::io {
+namespace interneuron::io::nic_choice_test {
 namespace {
 
 Nic nic(std::string name, std::string kind, std::string mac = "") {
@@ -72,4 +72,4 @@ TEST(NicChoice, WhenNothingMatchesThoseThatAreThereAreListed) {
 }
 
 }  // namespace
-}  // namespace interneuron::io
+}  // namespace interneuron::io::nic_choice_test

@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-namespace interneuron::io {
+namespace interneuron::io::nic_test {
 namespace {
 
 TEST(Nic, TheLoopbackCardIsThere) {
@@ -22,4 +22,4 @@ TEST(Nic, AnUnknownOneIsNamedWithThoseThatExist) {
 }
 
 }  // namespace
-}  // namespace interneuron::io
+}  // namespace interneuron::io::nic_test

@@ -12,7 +12,7 @@
 #include "tests/host/io/namespace.h"
 #include "tests/host/io/support.h"
 
-namespace interneuron::io {
+namespace interneuron::io::pcap_tap_test {
 namespace {
 
 struct Captured {
@@ -125,4 +125,4 @@ TEST(PcapTap, SaysWhichFileItCannotWrite) {
 }
 
 }  // namespace
-}  // namespace interneuron::io
+}  // namespace interneuron::io::pcap_tap_test

@@ -15,7 +15,7 @@
 #include "support.h"
 #include "two_hosts.h"
 
-namespace interneuron::io {
+namespace interneuron::io::ring_transport_test {
 namespace {
 
 // A card whose frames are IP packets: what is written to it arrives, what leaves is read.
@@ -169,4 +169,4 @@ TEST(RingFilter, IsAsShortAsItSays) {
 }
 
 }  // namespace
-}  // namespace interneuron::io
+}  // namespace interneuron::io::ring_transport_test

@@ -6,7 +6,7 @@
 #include "host/io/steady_clock.h"
 #include "tests/host/io/support.h"
 
-namespace interneuron::io {
+namespace interneuron::io::stamped_socket_test {
 namespace {
 
 StampedSocket on_loopback(const std::string& host) {
@@ -108,4 +108,4 @@ TEST(StampedSocket, AnErrorOfSendingIsToldByItsNumber) {
 }
 
 }  // namespace
-}  // namespace interneuron::io
+}  // namespace interneuron::io::stamped_socket_test

@@ -7,7 +7,7 @@
 #include "host/io/ring_transport.h"
 #include "transport_conformance.h"
 
-namespace interneuron::io {
+namespace interneuron::io::transport_changes_test {
 namespace {
 
 class TransportChanges : public TransportConformance {};
@@ -278,4 +278,4 @@ INSTANTIATE_TEST_SUITE_P(All, TransportChanges, all_kinds(),
                          [](const auto& test) { return name_of(test.param); });
 
 }  // namespace
-}  // namespace interneuron::io
+}  // namespace interneuron::io::transport_changes_test

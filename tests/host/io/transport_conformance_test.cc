@@ -4,7 +4,7 @@
 
 #include <gtest/gtest.h>
 
-namespace interneuron::io {
+namespace interneuron::io::transport_conformance_test {
 namespace {
 
 class TransportDelivery : public TransportConformance {};
@@ -185,4 +185,4 @@ INSTANTIATE_TEST_SUITE_P(All, TransportDelivery, all_kinds(),
                          [](const auto& test) { return name_of(test.param); });
 
 }  // namespace
-}  // namespace interneuron::io
+}  // namespace interneuron::io::transport_conformance_test

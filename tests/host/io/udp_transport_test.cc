@@ -10,7 +10,7 @@
 #include "host/io/steady_clock.h"
 #include "support.h"
 
-namespace interneuron::io {
+namespace interneuron::io::udp_transport_test {
 namespace {
 
 UdpOptions on_lo(const char* host = "127.0.0.1", std::uint16_t port = 0) {
@@ -390,4 +390,4 @@ TEST(UdpTransport, MoreAddressesThanCanBeNotedAreAnsweredFromOne) {
 }
 
 }  // namespace
-}  // namespace interneuron::io
+}  // namespace interneuron::io::udp_transport_test

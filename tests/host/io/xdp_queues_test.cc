@@ -10,7 +10,7 @@
 #include "tests/run_queue.h"
 #include "transport_conformance.h"
 
-namespace interneuron::io {
+namespace interneuron::io::xdp_queues_test {
 namespace {
 
 // vc 10.98.0.1/24 with three queues, and vd, which sends to it by as many.
@@ -161,4 +161,4 @@ TEST(XdpQueues, OneThatSomebodyElseHasIsWaitedForOnlyWhereThatIsAllowed) {
 }
 
 }  // namespace
-}  // namespace interneuron::io
+}  // namespace interneuron::io::xdp_queues_test

@@ -15,7 +15,7 @@
 #include "host/io/udp_transport.h"
 #include "transport_conformance.h"
 
-namespace interneuron::io {
+namespace interneuron::io::xdp_transport_test {
 namespace {
 
 // Gives up all capabilities but these, by their numbers in linux/capability.h.
@@ -310,4 +310,4 @@ TEST(XdpTransport, RootOfANamespaceIsNotEnough) {
 }
 
 }  // namespace
-}  // namespace interneuron::io
+}  // namespace interneuron::io::xdp_transport_test

@@ -11,7 +11,7 @@
 #include "interneuron/sizes.h"
 #include "tests/core/endpoint/pipe.h"
 
-namespace interneuron {
+namespace interneuron::full_nic_test {
 namespace {
 
 constexpr DataRate kNicRate = DataRate::mbit(100);
@@ -205,4 +205,4 @@ TEST(FullNic, AboveItsRateNotEveryAnswerIsLate) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::full_nic_test

@@ -19,7 +19,7 @@
 #include "tests/host/io/namespace.h"
 #include "tests/host/io/support.h"
 
-namespace interneuron {
+namespace interneuron::hot_plug_test {
 namespace {
 
 using std::chrono::milliseconds;
@@ -356,4 +356,4 @@ TEST(HotPlug, AddressRouteAndMtu) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::hot_plug_test

@@ -21,7 +21,7 @@
 #include "tests/host/io/namespace.h"
 #include "tests/host/io/support.h"
 
-namespace interneuron {
+namespace interneuron::link_set_test {
 namespace {
 
 using std::chrono::milliseconds;
@@ -394,4 +394,4 @@ TEST(Statistics, AreToldAtIntervals) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::link_set_test

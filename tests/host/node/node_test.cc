@@ -18,7 +18,7 @@
 #include "tests/host/io/namespace.h"
 #include "tests/host/io/two_hosts.h"
 
-namespace interneuron {
+namespace interneuron::node_test {
 namespace {
 
 using std::chrono::milliseconds;
@@ -413,4 +413,4 @@ TEST(Node, TheFirstLinkToThePeerMayComeLater) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::node_test

@@ -6,7 +6,7 @@
 #include <cstring>
 #include <deque>
 
-namespace interneuron {
+namespace interneuron::outbox_test {
 namespace {
 
 using std::chrono::milliseconds;
@@ -314,4 +314,4 @@ TEST(Outbox, AVanishedLinkIsReportedOnceAndItsDatagramsAreDropped) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::outbox_test

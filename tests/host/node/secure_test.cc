@@ -12,7 +12,7 @@
 #include "interneuron/node.h"
 #include "lab/sim/trust.h"
 
-namespace interneuron {
+namespace interneuron::secure_test {
 namespace {
 
 using std::chrono::milliseconds;
@@ -203,4 +203,4 @@ TEST(SecureNode, TellsWithWhatTimeItsNextLifeHasToBegin) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::secure_test

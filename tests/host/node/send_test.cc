@@ -8,7 +8,7 @@
 
 #include "interneuron/node.h"
 
-namespace interneuron {
+namespace interneuron::send_test {
 namespace {
 
 using std::chrono::milliseconds;
@@ -106,4 +106,4 @@ TEST(NodeSend, WhatIsCancelledIsDropped) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::send_test

@@ -10,7 +10,7 @@
 #include "host/io/steady_clock.h"
 #include "lab/sim/trust.h"
 
-namespace interneuron {
+namespace interneuron::setup_test {
 namespace {
 
 NodeOptions one_link(std::string local = "127.0.0.1") {
@@ -188,4 +188,4 @@ TEST(Setup, SessionsDifferAndAreNotZero) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::setup_test

@@ -5,7 +5,7 @@
 
 #include "interneuron/node.h"
 
-namespace interneuron {
+namespace interneuron::statistics_test {
 namespace {
 
 using std::chrono::milliseconds;
@@ -75,4 +75,4 @@ TEST(NodeStatistics, ARelayIsANumericAddressWithoutPort) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::statistics_test

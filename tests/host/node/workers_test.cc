@@ -6,7 +6,7 @@
 #include <latch>
 #include <memory>
 
-namespace interneuron {
+namespace interneuron::workers_test {
 namespace {
 
 TEST(Workers, RunsEveryJobInOrder) {
@@ -60,4 +60,4 @@ TEST(Workers, StopWaitsForWhatRunsAndDropsWhatWaits) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::workers_test

@@ -12,7 +12,7 @@
 #include "host/process/failure.h"
 #include "host/process/signals.h"
 
-namespace interneuron::cli {
+namespace interneuron::cli::child_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -111,4 +111,4 @@ TEST(SignalWatch, LeavesAHangUpIgnoredAsNohupMeansIt) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli
+}  // namespace interneuron::cli::child_test

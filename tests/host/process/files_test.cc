@@ -14,7 +14,7 @@
 #include "host/process/private_folder.h"
 #include "host/process/whole_file.h"
 
-namespace interneuron::cli {
+namespace interneuron::cli::files_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -187,4 +187,4 @@ TEST(Filter, GivesAProgramAllOfItsInputAndTakesAllOfItsOutput) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli
+}  // namespace interneuron::cli::files_test

@@ -10,7 +10,7 @@
 #include "host/settings/command_line.h"
 #include "tests/app/cli/support.h"
 
-namespace interneuron::cli {
+namespace interneuron::cli::config_file_test {
 namespace {
 
 struct Command {
@@ -152,4 +152,4 @@ TEST(ConfigFile, TheExamplesNameEveryOption) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli
+}  // namespace interneuron::cli::config_file_test

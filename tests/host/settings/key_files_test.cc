@@ -13,7 +13,7 @@
 #include "host/settings/time_file.h"
 #include "tests/app/cli/support.h"
 
-namespace interneuron::cli {
+namespace interneuron::cli::key_files_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -164,4 +164,4 @@ TEST_F(KeyFiles, ATimeThatDoesNotCountIsTold) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli
+}  // namespace interneuron::cli::key_files_test

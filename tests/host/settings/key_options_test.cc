@@ -12,7 +12,7 @@
 #include "lab/sim/trust.h"
 #include "tests/app/cli/support.h"
 
-namespace interneuron::cli {
+namespace interneuron::cli::key_options_test {
 namespace {
 
 using testing::HasSubstr;
@@ -253,4 +253,4 @@ TEST_F(KeyOptionsTest, TheCommandLineHasThem) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli
+}  // namespace interneuron::cli::key_options_test

@@ -9,7 +9,7 @@
 #include "host/settings/config_file.h"
 #include "tests/app/cli/support.h"
 
-namespace interneuron::cli {
+namespace interneuron::cli::link_options_test {
 namespace {
 
 using testing::HasSubstr;
@@ -185,4 +185,4 @@ TEST(LinkTables, OtherKeysAreNoTables) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli
+}  // namespace interneuron::cli::link_options_test

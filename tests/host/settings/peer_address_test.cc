@@ -5,7 +5,7 @@
 
 #include "host/process/failure.h"
 
-namespace interneuron::cli {
+namespace interneuron::cli::peer_address_test {
 namespace {
 
 TEST(PeerAddress, TakesAddressesWithAndWithoutAPort) {
@@ -39,4 +39,4 @@ TEST(PeerAddress, NamesTheOptionOfWhatIsNone) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli
+}  // namespace interneuron::cli::peer_address_test

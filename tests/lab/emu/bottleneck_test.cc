@@ -4,7 +4,7 @@
 
 #include "support.h"
 
-namespace interneuron::emu {
+namespace interneuron::emu::bottleneck_test {
 namespace {
 
 using std::chrono::milliseconds;
@@ -124,4 +124,4 @@ TEST(Opportunities, ErrorsNameTheLine) {
 }
 
 }  // namespace
-}  // namespace interneuron::emu
+}  // namespace interneuron::emu::bottleneck_test

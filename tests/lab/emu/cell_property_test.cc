@@ -8,7 +8,7 @@
 #include "lab/emu/cell.h"
 #include "support.h"
 
-namespace interneuron::emu {
+namespace interneuron::emu::cell_property_test {
 namespace {
 
 using std::chrono::microseconds;
@@ -146,4 +146,4 @@ RC_GTEST_PROP(CellProperty, AloneItIsTheBottleneckOfALink, ()) {
 }
 
 }  // namespace
-}  // namespace interneuron::emu
+}  // namespace interneuron::emu::cell_property_test

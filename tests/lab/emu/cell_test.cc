@@ -4,7 +4,7 @@
 
 #include "support.h"
 
-namespace interneuron::emu {
+namespace interneuron::emu::cell_test {
 namespace {
 
 using std::chrono::milliseconds;
@@ -176,4 +176,4 @@ TEST(Cell, CoDelJudgesAtOpportunities) {
 }
 
 }  // namespace
-}  // namespace interneuron::emu
+}  // namespace interneuron::emu::cell_test

@@ -4,7 +4,7 @@
 
 #include "support.h"
 
-namespace interneuron::emu {
+namespace interneuron::emu::codel_test {
 namespace {
 
 using std::chrono::milliseconds;
@@ -80,4 +80,4 @@ TEST(CoDel, ForgetsTheRateOfALongPastCycle) {
 }
 
 }  // namespace
-}  // namespace interneuron::emu
+}  // namespace interneuron::emu::codel_test

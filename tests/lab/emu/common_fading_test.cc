@@ -7,7 +7,7 @@
 
 #include "support.h"
 
-namespace interneuron::emu {
+namespace interneuron::emu::common_fading_test {
 namespace {
 
 using std::chrono::milliseconds;
@@ -102,4 +102,4 @@ TEST(CommonFading, LeavesMeasuredDrivesAlone) {
 }
 
 }  // namespace
-}  // namespace interneuron::emu
+}  // namespace interneuron::emu::common_fading_test

@@ -11,7 +11,7 @@
 
 #include "support.h"
 
-namespace interneuron::emu {
+namespace interneuron::emu::delay_process_test {
 namespace {
 
 using std::chrono::milliseconds;
@@ -198,4 +198,4 @@ RC_GTEST_PROP(DelayProcess, StaysWithinItsLimitsAndNeverOvertakes, ()) {
 }
 
 }  // namespace
-}  // namespace interneuron::emu
+}  // namespace interneuron::emu::delay_process_test

@@ -7,7 +7,7 @@
 #include "lab/emu/delay_process.h"
 #include "support.h"
 
-namespace interneuron::emu {
+namespace interneuron::emu::delay_trace_test {
 namespace {
 
 using std::chrono::milliseconds;
@@ -122,4 +122,4 @@ TEST(DelayTrace, MeasuredDrivesAreBuiltIn) {
 }
 
 }  // namespace
-}  // namespace interneuron::emu
+}  // namespace interneuron::emu::delay_trace_test

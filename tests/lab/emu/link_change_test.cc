@@ -5,7 +5,7 @@
 
 #include "support.h"
 
-namespace interneuron::emu {
+namespace interneuron::emu::link_change_test {
 namespace {
 
 using testing::HasSubstr;
@@ -84,4 +84,4 @@ RC_GTEST_PROP(LinkChange, NeverThrows, (const std::vector<std::string>& pairs)) 
 }
 
 }  // namespace
-}  // namespace interneuron::emu
+}  // namespace interneuron::emu::link_change_test

@@ -6,7 +6,7 @@
 
 #include "support.h"
 
-namespace interneuron::emu {
+namespace interneuron::emu::link_faults_test {
 namespace {
 
 using std::chrono::microseconds;
@@ -228,4 +228,4 @@ TEST_F(CarrierNat, ForgetsAnIdleMapping) {
 }
 
 }  // namespace
-}  // namespace interneuron::emu
+}  // namespace interneuron::emu::link_faults_test

@@ -7,7 +7,7 @@
 
 #include "support.h"
 
-namespace interneuron::emu {
+namespace interneuron::emu::link_model_test {
 namespace {
 
 using std::chrono::microseconds;
@@ -150,4 +150,4 @@ RC_GTEST_PROP(LinkModel, NeverExceedsItsRate, ()) {
 }
 
 }  // namespace
-}  // namespace interneuron::emu
+}  // namespace interneuron::emu::link_model_test

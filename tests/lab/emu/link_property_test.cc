@@ -7,7 +7,7 @@
 
 #include "support.h"
 
-namespace interneuron::emu {
+namespace interneuron::emu::link_property_test {
 namespace {
 
 using std::chrono::microseconds;
@@ -149,4 +149,4 @@ RC_GTEST_PROP(LinkProperty, IsTheSameForTheSameSeed, ()) {
 }
 
 }  // namespace
-}  // namespace interneuron::emu
+}  // namespace interneuron::emu::link_property_test

@@ -5,7 +5,7 @@
 
 #include "support.h"
 
-namespace interneuron::emu {
+namespace interneuron::emu::link_test {
 namespace {
 
 using std::chrono::microseconds;
@@ -194,4 +194,4 @@ TEST(NetemCannot, NamesWhatItHasNoMeansFor) {
 }
 
 }  // namespace
-}  // namespace interneuron::emu
+}  // namespace interneuron::emu::link_test

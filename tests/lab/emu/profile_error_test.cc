@@ -8,7 +8,7 @@
 #include "lab/emu/scenario.h"
 #include "support.h"
 
-namespace interneuron::emu {
+namespace interneuron::emu::profile_error_test {
 namespace {
 
 using std::chrono::milliseconds;
@@ -196,4 +196,4 @@ TEST(ProfileParts, EveryTroubleOfThePaperHasAProfile) {
 }
 
 }  // namespace
-}  // namespace interneuron::emu
+}  // namespace interneuron::emu::profile_error_test

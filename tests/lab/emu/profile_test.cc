@@ -11,7 +11,7 @@
 
 #include "support.h"
 
-namespace interneuron::emu {
+namespace interneuron::emu::profile_test {
 namespace {
 
 using testing::HasSubstr;
@@ -190,4 +190,4 @@ TEST(LinkSeed, DiffersByLinkAndSeedAndDoesNotDependOnOthers) {
 }
 
 }  // namespace
-}  // namespace interneuron::emu
+}  // namespace interneuron::emu::profile_test

@@ -2,7 +2,7 @@
 
 #include "support.h"
 
-namespace interneuron::emu {
+namespace interneuron::emu::queue_time_test {
 namespace {
 
 using std::chrono::milliseconds;
@@ -46,4 +46,4 @@ TEST(QueueTime, LeavesOutTheWarmUp) {
 }
 
 }  // namespace
-}  // namespace interneuron::emu
+}  // namespace interneuron::emu::queue_time_test

@@ -4,7 +4,7 @@
 
 #include "support.h"
 
-namespace interneuron::emu {
+namespace interneuron::emu::scenario_player_test {
 namespace {
 
 using std::chrono::milliseconds;
@@ -112,4 +112,4 @@ TEST(ScenarioPlayer, SameSeedSameDrive) {
 }
 
 }  // namespace
-}  // namespace interneuron::emu
+}  // namespace interneuron::emu::scenario_player_test

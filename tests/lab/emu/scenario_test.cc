@@ -5,7 +5,7 @@
 
 #include "support.h"
 
-namespace interneuron::emu {
+namespace interneuron::emu::scenario_test {
 namespace {
 
 using std::chrono::milliseconds;
@@ -191,4 +191,4 @@ TEST(Scenario, ErrorsOfCells) {
 }
 
 }  // namespace
-}  // namespace interneuron::emu
+}  // namespace interneuron::emu::scenario_test

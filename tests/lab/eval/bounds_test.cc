@@ -4,7 +4,7 @@
 
 #include "support.h"
 
-namespace interneuron::eval {
+namespace interneuron::eval::bounds_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -148,4 +148,4 @@ TEST(Causal, IsForConstantLinksOnly) {
 }
 
 }  // namespace
-}  // namespace interneuron::eval
+}  // namespace interneuron::eval::bounds_test

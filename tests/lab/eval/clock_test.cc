@@ -3,7 +3,7 @@
 
 #include "support.h"
 
-namespace interneuron::eval {
+namespace interneuron::eval::clock_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -55,4 +55,4 @@ TEST(EvalClock, AStepDisturbsTwoRoundsAtMost) {
 }
 
 }  // namespace
-}  // namespace interneuron::eval
+}  // namespace interneuron::eval::clock_test

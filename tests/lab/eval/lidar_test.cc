@@ -9,7 +9,7 @@
 #include "perception/point_cloud.h"
 #include "support.h"
 
-namespace interneuron::eval {
+namespace interneuron::eval::lidar_test {
 namespace {
 
 constexpr LidarSweep kBoth[] = {LidarSweep::kKitti, LidarSweep::kNuScenes};
@@ -84,4 +84,4 @@ TEST(Lidar, TellsWhichVariantOfTheLadderWasUsed) {
 }
 
 }  // namespace
-}  // namespace interneuron::eval
+}  // namespace interneuron::eval::lidar_test

@@ -3,7 +3,7 @@
 #include "core/base/statistics.h"
 #include "support.h"
 
-namespace interneuron::eval {
+namespace interneuron::eval::metrics_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -70,4 +70,4 @@ TEST(Figures, OfNothingAreNothing) {
 }
 
 }  // namespace
-}  // namespace interneuron::eval
+}  // namespace interneuron::eval::metrics_test

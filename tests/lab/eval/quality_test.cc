@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-namespace interneuron::eval {
+namespace interneuron::eval::quality_test {
 namespace {
 
 TEST(Profile, IsTheLadderOnRawAndSampledAsMeasured) {
@@ -38,4 +38,4 @@ TEST(Quality, AgeCostsWhatWasMeasured) {
 }
 
 }  // namespace
-}  // namespace interneuron::eval
+}  // namespace interneuron::eval::quality_test

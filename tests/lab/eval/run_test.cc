@@ -5,7 +5,7 @@
 #include "lab/sim/feasibility.h"
 #include "support.h"
 
-namespace interneuron::eval {
+namespace interneuron::eval::run_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -179,4 +179,4 @@ TEST(Systems, HaveNamesOfTheirOwn) {
 }
 
 }  // namespace
-}  // namespace interneuron::eval
+}  // namespace interneuron::eval::run_test

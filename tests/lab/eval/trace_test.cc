@@ -8,7 +8,7 @@
 #include <cmath>
 #include <span>
 
-namespace interneuron::eval {
+namespace interneuron::eval::trace_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -91,4 +91,4 @@ TEST(Trace, NoiseHasItsMedianAtTheMedian) {
 }
 
 }  // namespace
-}  // namespace interneuron::eval
+}  // namespace interneuron::eval::trace_test

@@ -9,7 +9,7 @@
 #include "lab/files/staging.h"
 #include "tests/app/cli/support.h"
 
-namespace interneuron::cli {
+namespace interneuron::cli::run_files_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -177,4 +177,4 @@ TEST(Gnuplot, AScriptThatFailsNamesThePictureAndLeavesNone) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli
+}  // namespace interneuron::cli::run_files_test

@@ -4,7 +4,7 @@
 
 #include "host/process/failure.h"
 
-namespace interneuron::lab {
+namespace interneuron::lab::verdict_test {
 namespace {
 
 Json summary_of(int rounds, int on_time, int local, int refused = 0) {
@@ -37,4 +37,4 @@ TEST(Verdict, TheObjectiveIsAShareOfTheRounds) {
 }
 
 }  // namespace
-}  // namespace interneuron::lab
+}  // namespace interneuron::lab::verdict_test

@@ -5,7 +5,7 @@
 
 #include <cmath>
 
-namespace interneuron::foreign {
+namespace interneuron::foreign::cubic_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -122,4 +122,4 @@ TEST(Cubic, IdleTimeDoesNotMoveTheCurve) {
 }
 
 }  // namespace
-}  // namespace interneuron::foreign
+}  // namespace interneuron::foreign::cubic_test

@@ -10,7 +10,7 @@
 #include "lab/foreign/cubic.h"
 #include "path.h"
 
-namespace interneuron::foreign {
+namespace interneuron::foreign::tcp_test {
 namespace {
 
 constexpr Duration kOneWay = 20ms;
@@ -174,4 +174,4 @@ RC_GTEST_PROP(TcpProperty, MessagesArriveWholeAndInOrderWhateverIsLost, ()) {
 }
 
 }  // namespace
-}  // namespace interneuron::foreign
+}  // namespace interneuron::foreign::tcp_test

@@ -5,7 +5,7 @@
 
 #include "path.h"
 
-namespace interneuron::foreign {
+namespace interneuron::foreign::udp_test {
 namespace {
 
 constexpr Duration kOneWay = 20ms;
@@ -44,4 +44,4 @@ TEST(Udp, AtTwiceTheRateHalfOfItIsLost) {
 }
 
 }  // namespace
-}  // namespace interneuron::foreign
+}  // namespace interneuron::foreign::udp_test

@@ -5,7 +5,7 @@
 
 #include <cmath>
 
-namespace interneuron::load {
+namespace interneuron::load::calibration_test {
 namespace {
 
 // So many messages of one prediction, of which this share was on time: evenly spread over seconds
@@ -65,4 +65,4 @@ TEST(Calibration, TooFewMessagesAreOneBin) {
 }
 
 }  // namespace
-}  // namespace interneuron::load
+}  // namespace interneuron::load::calibration_test

@@ -7,7 +7,7 @@
 
 #include "support.h"
 
-namespace interneuron::load {
+namespace interneuron::load::forecast_run_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -50,4 +50,4 @@ TEST(Forecasts, TheSameScenarioGivesTheSame) {
 }
 
 }  // namespace
-}  // namespace interneuron::load
+}  // namespace interneuron::load::forecast_run_test

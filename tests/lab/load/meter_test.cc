@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
-namespace interneuron::load {
+namespace interneuron::load::meter_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -58,4 +58,4 @@ RC_GTEST_PROP(Meter, JainsIndexIsOneForEqualsAndAnNthForOneWhoHasAll, ()) {
 }
 
 }  // namespace
-}  // namespace interneuron::load
+}  // namespace interneuron::load::meter_test

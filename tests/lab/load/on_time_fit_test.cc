@@ -8,7 +8,7 @@
 #include "core/messages/on_time_weights.h"
 #include "support.h"
 
-namespace interneuron::load {
+namespace interneuron::load::on_time_fit_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -97,4 +97,4 @@ TEST(OnTimeFit, NothingIsEvenOdds) {
 }
 
 }  // namespace
-}  // namespace interneuron::load
+}  // namespace interneuron::load::on_time_fit_test

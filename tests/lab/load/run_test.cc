@@ -4,7 +4,7 @@
 
 #include <gtest/gtest.h>
 
-namespace interneuron::load {
+namespace interneuron::load::run_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -172,4 +172,4 @@ TEST(Run, TwoFlowsOfCubicShareABottleneck) {
 }
 
 }  // namespace
-}  // namespace interneuron::load
+}  // namespace interneuron::load::run_test

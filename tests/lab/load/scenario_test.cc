@@ -6,7 +6,7 @@
 #include <set>
 #include <tuple>
 
-namespace interneuron::load {
+namespace interneuron::load::scenario_test {
 namespace {
 
 TEST(Scenario, EveryGroupOffersTheLoadItNames) {
@@ -52,4 +52,4 @@ TEST(Scenario, PeersAreFoundByTheirNames) {
 }
 
 }  // namespace
-}  // namespace interneuron::load
+}  // namespace interneuron::load::scenario_test

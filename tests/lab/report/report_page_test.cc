@@ -8,7 +8,7 @@
 #include "tests/lab/sim/support.h"
 #include "tests/places.h"
 
-namespace interneuron::report {
+namespace interneuron::report::report_page_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -127,4 +127,4 @@ TEST(ReportTemplate, FillsKeysAndEscapesTexts) {
 }
 
 }  // namespace
-}  // namespace interneuron::report
+}  // namespace interneuron::report::report_page_test

@@ -5,7 +5,7 @@
 
 #include <map>
 
-namespace interneuron::sim {
+namespace interneuron::sim::agenda_test {
 namespace {
 
 using std::chrono::milliseconds;
@@ -85,4 +85,4 @@ RC_GTEST_PROP(AgendaProperty, AgreesWithASortedList, ()) {
 }
 
 }  // namespace
-}  // namespace interneuron::sim
+}  // namespace interneuron::sim::agenda_test

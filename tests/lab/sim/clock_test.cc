@@ -4,7 +4,7 @@
 
 #include "support.h"
 
-namespace interneuron::sim {
+namespace interneuron::sim::clock_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -86,4 +86,4 @@ TEST(Clock, DriftCostsNothing) {
 }
 
 }  // namespace
-}  // namespace interneuron::sim
+}  // namespace interneuron::sim::clock_test

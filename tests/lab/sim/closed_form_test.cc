@@ -4,7 +4,7 @@
 
 #include "support.h"
 
-namespace interneuron::sim {
+namespace interneuron::sim::closed_form_test {
 namespace {
 
 constexpr std::uint32_t kRounds = kSanitized ? 2'000 : 10'000;
@@ -44,4 +44,4 @@ TEST(ClosedForm, BestLinkFailsWithItsOneLinkUp) {
 }
 
 }  // namespace
-}  // namespace interneuron::sim
+}  // namespace interneuron::sim::closed_form_test

@@ -10,7 +10,7 @@
 #include "lab/coding/series.h"
 #include "stream.h"
 
-namespace interneuron::sim {
+namespace interneuron::sim::coding_test {
 namespace {
 
 constexpr std::size_t kImage = 128 * 1024;
@@ -157,4 +157,4 @@ TEST(Coding, ASlowLinkIsNoReasonToLeaveTheFastOne) {
 }
 
 }  // namespace
-}  // namespace interneuron::sim
+}  // namespace interneuron::sim::coding_test

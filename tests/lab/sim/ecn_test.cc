@@ -4,7 +4,7 @@
 #include "interneuron/sizes.h"
 #include "stream.h"
 
-namespace interneuron::sim {
+namespace interneuron::sim::ecn_test {
 namespace {
 
 constexpr LinkId kLink{0};
@@ -149,4 +149,4 @@ TEST(Ecn, APathThatDropsWhatMayBeMarkedIsUsedWithout) {
 }
 
 }  // namespace
-}  // namespace interneuron::sim
+}  // namespace interneuron::sim::ecn_test

@@ -2,7 +2,7 @@
 // tells of it, over links in virtual time.
 #include "stream.h"
 
-namespace interneuron::sim {
+namespace interneuron::sim::field_failures_test {
 namespace {
 
 constexpr LinkId kFast{0};
@@ -150,4 +150,4 @@ TEST(FieldFailures, OpenMptcpRouter4259ASlowModemMoreCostsNothing) {
 }
 
 }  // namespace
-}  // namespace interneuron::sim
+}  // namespace interneuron::sim::field_failures_test

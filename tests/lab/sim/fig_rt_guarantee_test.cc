@@ -5,7 +5,7 @@
 
 #include "support.h"
 
-namespace interneuron::sim {
+namespace interneuron::sim::fig_rt_guarantee_test {
 namespace {
 
 TEST(FigRtGuarantee, ThePapersSequence) {
@@ -31,4 +31,4 @@ TEST(FigRtGuarantee, ThePapersSequence) {
 }
 
 }  // namespace
-}  // namespace interneuron::sim
+}  // namespace interneuron::sim::fig_rt_guarantee_test

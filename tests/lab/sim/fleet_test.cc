@@ -9,7 +9,7 @@
 
 #include "support.h"
 
-namespace interneuron::sim {
+namespace interneuron::sim::fleet_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -146,4 +146,4 @@ TEST(Fleet, WhoIsToldThatThereIsNoAnswerTakesItsLocalOneAtOnce) {
 }
 
 }  // namespace
-}  // namespace interneuron::sim
+}  // namespace interneuron::sim::fleet_test

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <numeric>
 
-namespace interneuron::coding {
+namespace interneuron::coding::image_drives_test {
 namespace {
 
 constexpr std::size_t kRounds = 100;
@@ -49,4 +49,4 @@ TEST(ImageDrives, TheSameSeedGivesTheSameRow) {
 }
 
 }  // namespace
-}  // namespace interneuron::coding
+}  // namespace interneuron::coding::image_drives_test

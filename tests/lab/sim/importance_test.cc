@@ -4,7 +4,7 @@
 
 #include "duo.h"
 
-namespace interneuron::sim {
+namespace interneuron::sim::importance_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -41,4 +41,4 @@ TEST(Importance, UnderOverloadWhatMattersMoreArrives) {
 }
 
 }  // namespace
-}  // namespace interneuron::sim
+}  // namespace interneuron::sim::importance_test

@@ -3,7 +3,7 @@
 
 #include "stream.h"
 
-namespace interneuron::sim {
+namespace interneuron::sim::loss_test {
 namespace {
 
 constexpr std::size_t kMessages = kSanitized ? 300 : 2000;
@@ -36,4 +36,4 @@ INSTANTIATE_TEST_SUITE_P(Seeds, Loss, testing::Values(1, 2, 3),
                          [](const auto& p) { return "Seed" + std::to_string(p.param); });
 
 }  // namespace
-}  // namespace interneuron::sim
+}  // namespace interneuron::sim::loss_test

@@ -5,7 +5,7 @@
 
 #include "support.h"
 
-namespace interneuron::sim {
+namespace interneuron::sim::marginal_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -90,4 +90,4 @@ TEST(Marginal, ALinkThatStallsDoesNotFlapInTenMinutes) {
 }
 
 }  // namespace
-}  // namespace interneuron::sim
+}  // namespace interneuron::sim::marginal_test

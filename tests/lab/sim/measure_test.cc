@@ -5,7 +5,7 @@
 #include "duo.h"
 #include "stream.h"
 
-namespace interneuron::sim {
+namespace interneuron::sim::measure_test {
 namespace {
 
 using wire::PacketType;
@@ -306,4 +306,4 @@ TEST(Measure, DelaysAndQueuesAreToldPerDirection) {
 }
 
 }  // namespace
-}  // namespace interneuron::sim
+}  // namespace interneuron::sim::measure_test

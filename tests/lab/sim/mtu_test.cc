@@ -7,7 +7,7 @@
 #include "core/link/path_mtu.h"
 #include "stream.h"
 
-namespace interneuron::sim {
+namespace interneuron::sim::mtu_test {
 namespace {
 
 // Rates in Mbit/s, `mtu` of the path in both directions.
@@ -118,4 +118,4 @@ RC_GTEST_PROP(Mtu, NoPacketIsLargerThanItsPathOnceThatIsKnown, ()) {
 }
 
 }  // namespace
-}  // namespace interneuron::sim
+}  // namespace interneuron::sim::mtu_test

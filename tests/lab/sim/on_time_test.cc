@@ -7,7 +7,7 @@
 #include "lab/emu/link_change.h"
 #include "support.h"
 
-namespace interneuron::sim {
+namespace interneuron::sim::on_time_test {
 namespace {
 
 TEST(OnTime, SeedsOneToTwenty) {
@@ -73,4 +73,4 @@ TEST(OnTime, LongRunsAreAnsweredToTheLastRound) {
 }
 
 }  // namespace
-}  // namespace interneuron::sim
+}  // namespace interneuron::sim::on_time_test

@@ -4,7 +4,7 @@
 #include "duo.h"
 #include "stream.h"
 
-namespace interneuron::sim {
+namespace interneuron::sim::outage_test {
 namespace {
 
 std::vector<emu::LinkProfile> pair_of(double rtt_a, double rtt_b) {
@@ -197,4 +197,4 @@ TEST(Outage, OfTheWayBackAloneCostsTwoMessagesAtMost) {
 }
 
 }  // namespace
-}  // namespace interneuron::sim
+}  // namespace interneuron::sim::outage_test

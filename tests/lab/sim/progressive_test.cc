@@ -8,7 +8,7 @@
 #include "lab/sim/world.h"
 #include "support.h"
 
-namespace interneuron::sim {
+namespace interneuron::sim::progressive_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -212,4 +212,4 @@ TEST(Progressive, NeverCostsARoundItsFirstResult) {
 }
 
 }  // namespace
-}  // namespace interneuron::sim
+}  // namespace interneuron::sim::progressive_test

@@ -7,7 +7,7 @@
 
 #include "support.h"
 
-namespace interneuron::sim {
+namespace interneuron::sim::property_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -65,4 +65,4 @@ RC_GTEST_PROP(Rounds, HaveExactlyOneOutcomeByTheDeadlineWhateverTheLinksDo, ()) 
 }
 
 }  // namespace
-}  // namespace interneuron::sim
+}  // namespace interneuron::sim::property_test

@@ -8,7 +8,7 @@
 #include "core/link/nature.h"
 #include "support.h"
 
-namespace interneuron::sim {
+namespace interneuron::sim::ranking_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -154,4 +154,4 @@ TEST(Ranking, LoadedLinksAreOrderedAsTheTruthWithin30Seconds) {
 }
 
 }  // namespace
-}  // namespace interneuron::sim
+}  // namespace interneuron::sim::ranking_test

@@ -3,7 +3,7 @@
 
 #include "duo.h"
 
-namespace interneuron::sim {
+namespace interneuron::sim::recovery_test {
 namespace {
 
 class SlowLink : public testing::TestWithParam<double> {};
@@ -100,4 +100,4 @@ INSTANTIATE_TEST_SUITE_P(
     });
 
 }  // namespace
-}  // namespace interneuron::sim
+}  // namespace interneuron::sim::recovery_test

@@ -5,7 +5,7 @@
 
 #include "duo.h"
 
-namespace interneuron::sim {
+namespace interneuron::sim::secure_test {
 namespace {
 
 constexpr int kMessages = 40;
@@ -99,4 +99,4 @@ INSTANTIATE_TEST_SUITE_P(Secure, Rebinding, testing::Values("duplicate", "best_l
                          [](const auto& p) { return std::string(p.param); });
 
 }  // namespace
-}  // namespace interneuron::sim
+}  // namespace interneuron::sim::secure_test

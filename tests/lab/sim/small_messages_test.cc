@@ -4,7 +4,7 @@
 
 #include "stream.h"
 
-namespace interneuron::sim {
+namespace interneuron::sim::small_messages_test {
 namespace {
 
 constexpr std::size_t kMessages = kSanitized ? 500 : 4000;
@@ -67,4 +67,4 @@ TEST(SmallMessages, CleanLinksCostLittle) {
 }
 
 }  // namespace
-}  // namespace interneuron::sim
+}  // namespace interneuron::sim::small_messages_test

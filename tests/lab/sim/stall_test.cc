@@ -4,7 +4,7 @@
 
 #include "stream.h"
 
-namespace interneuron::sim {
+namespace interneuron::sim::stall_test {
 namespace {
 
 constexpr Duration kStall = 600ms;
@@ -87,4 +87,4 @@ TEST(Suspicion, OnDrivingLinks) {
 }
 
 }  // namespace
-}  // namespace interneuron::sim
+}  // namespace interneuron::sim::stall_test

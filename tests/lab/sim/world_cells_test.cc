@@ -7,7 +7,7 @@
 #include "lab/sim/world.h"
 #include "support.h"
 
-namespace interneuron::sim {
+namespace interneuron::sim::world_cells_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -227,4 +227,4 @@ TEST(WorldCells, MistakesAreRefused) {
 }
 
 }  // namespace
-}  // namespace interneuron::sim
+}  // namespace interneuron::sim::world_cells_test

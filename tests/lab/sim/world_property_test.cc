@@ -10,7 +10,7 @@
 #include "lab/sim/world.h"
 #include "support.h"
 
-namespace interneuron::sim {
+namespace interneuron::sim::world_property_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -120,4 +120,4 @@ RC_GTEST_PROP(WorldProperty, PacketsArriveOnceOrAreCounted, ()) {
 }
 
 }  // namespace
-}  // namespace interneuron::sim
+}  // namespace interneuron::sim::world_property_test

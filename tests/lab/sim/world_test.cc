@@ -3,7 +3,7 @@
 
 #include "support.h"
 
-namespace interneuron::sim {
+namespace interneuron::sim::world_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -213,4 +213,4 @@ TEST(World, GarbageIsCountedAndDropped) {
 }
 
 }  // namespace
-}  // namespace interneuron::sim
+}  // namespace interneuron::sim::world_test

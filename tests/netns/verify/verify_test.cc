@@ -11,7 +11,7 @@
 #include "netns/verify/schedule.h"
 #include "verify_support.h"
 
-namespace interneuron::cli::verify {
+namespace interneuron::cli::verify::verify_test {
 namespace {
 
 using std::chrono::microseconds;
@@ -255,4 +255,4 @@ TEST(VerifyFlow, BurstsMakeLossVary) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli::verify
+}  // namespace interneuron::cli::verify::verify_test

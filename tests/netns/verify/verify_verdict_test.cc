@@ -8,7 +8,7 @@
 #include "netns/verify/findings.h"
 #include "verify_support.h"
 
-namespace interneuron::cli::verify {
+namespace interneuron::cli::verify::verify_verdict_test {
 namespace {
 
 using std::chrono::microseconds;
@@ -191,4 +191,4 @@ TEST(VerifyFindings, TableAndJsonAgree) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli::verify
+}  // namespace interneuron::cli::verify::verify_verdict_test

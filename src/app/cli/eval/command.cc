@@ -31,7 +31,7 @@ constexpr std::uint64_t kTestbedSeeds = 3;
 constexpr double kLeastDeadlineMs = 50;
 constexpr double kMostDeadlineMs = 1000;
 
-struct Options {
+struct EvalOptions {
   std::string experiment;
   std::optional<std::uint32_t> rounds;
   std::string seeds;
@@ -73,8 +73,9 @@ std::pair<std::uint64_t, std::uint64_t> parse_seeds(const std::string& text) {
 // The testbed's documents have the simulation's names, so they have a folder of their own.
 std::string default_out(bool testbed) { return testbed ? "out/eval-testbed" : "out/eval"; }
 
-Document run_one(const Experiment& experiment, const Options& o, const experiments::Scorer& scorer,
-                 const std::filesystem::path& scratch, Progress& progress) {
+Document run_one(const Experiment& experiment, const EvalOptions& o,
+                 const experiments::Scorer& scorer, const std::filesystem::path& scratch,
+                 Progress& progress) {
   std::pair<std::uint64_t, std::uint64_t> seeds{1, o.testbed ? kTestbedSeeds : experiment.seeds};
   if (!o.seeds.empty()) seeds = parse_seeds(o.seeds);
   std::optional<Duration> deadline;
@@ -125,7 +126,7 @@ void refuse_unless(const std::string& experiment, bool (*able)(const Experiment&
   throw Failure(kUsage, fmt::format("{} {}: {}", experiment, trouble, others));
 }
 
-int run_eval(const Options& o) {
+int run_eval(const EvalOptions& o) {
   if (o.experiment != kAll && find_experiment(o.experiment) == nullptr) {
     throw Failure(kUsage, fmt::format("no experiment '{}'; there are {}", o.experiment, names()));
   }
@@ -139,7 +140,7 @@ int run_eval(const Options& o) {
         o.experiment, [](const Experiment& e) { return e.encryptable; },
         "is not for --encrypted; those that are");
   }
-  if (!o.testbed && o.ladder != Options{}.ladder) {
+  if (!o.testbed && o.ladder != EvalOptions{}.ladder) {
     throw Failure(kUsage, "--ladder " + o.ladder + ": only with --testbed");
   }
   if (!o.testbed && o.deadline_ms) throw Failure(kUsage, "--deadline-ms: only with --testbed");
@@ -172,7 +173,7 @@ int run_eval(const Options& o) {
 }  // namespace
 
 void add_eval(CLI::App& program, std::function<int()>& run) {
-  auto o = std::make_shared<Options>();
+  auto o = std::make_shared<EvalOptions>();
   CLI::App* c = program.add_subcommand(
       "eval", "The paper's experiments and more, ours beside baselines and bounds");
   c->add_option("EXPERIMENT", o->experiment, names())->required();

@@ -23,7 +23,7 @@ using report::Section;
 
 namespace fs = std::filesystem;
 
-struct Options {
+struct ReportOptions {
   std::string folder;
   std::string data;
 };
@@ -64,7 +64,7 @@ std::vector<Section> sections_of(const fs::path& folder) {
   return out;
 }
 
-int run_report(const Options& o) {
+int run_report(const ReportOptions& o) {
   std::vector<Section> sections = sections_of(o.folder);
   const SignalWatch signals;
   lab::Staging staging(o.folder);
@@ -92,7 +92,7 @@ int run_report(const Options& o) {
 }  // namespace
 
 void add_report(CLI::App& program, std::function<int()>& run) {
-  auto o = std::make_shared<Options>();
+  auto o = std::make_shared<ReportOptions>();
   CLI::App* c = program.add_subcommand(
       "report",
       "One self-contained HTML page of an evaluation's folder, every figure as SVG and PNG");

@@ -11,14 +11,14 @@ namespace {
 using std::chrono::hours;
 using std::chrono::seconds;
 
-struct Case {
+struct ClockCase {
   const char* name;
   ClockFault kind;
   Duration offset{};
   std::int64_t drift_ppm = 0;
   Duration step{};
 };
-constexpr Case kCases[] = {
+constexpr ClockCase kClockCases[] = {
     {"offset +1 h", ClockFault::kOffset, hours(1)},
     {"offset -1 h", ClockFault::kOffset, hours(-1)},
     {"offset +1 day", ClockFault::kOffset, hours(24)},
@@ -28,9 +28,9 @@ constexpr Case kCases[] = {
     {"step +5 s", ClockFault::kStep, {}, 0, seconds(5)},
     {"step -5 s", ClockFault::kStep, {}, 0, seconds(-5)},
 };
-constexpr const char* kSystems[] = {"ours", "paper"};
+constexpr const char* kClockSystems[] = {"ours", "paper"};
 
-eval::Scenario scenario_of(const Case& c, std::uint32_t rounds) {
+eval::Scenario scenario_of(const ClockCase& c, std::uint32_t rounds) {
   eval::Scenario scenario = eval::table_erdos_scenario();
   scenario.road_clock = {c.offset, c.drift_ppm};
   if (c.step != Duration::zero()) scenario.clock_step = {{rounds / 2, c.step}};
@@ -84,11 +84,11 @@ Difference differ(const std::vector<eval::Run>& runs, const std::vector<eval::Ru
 }  // namespace
 
 void run_clock(const Request& request, Document& document) {
-  const std::vector<eval::System> systems = some_systems(kSystems);
+  const std::vector<eval::System> systems = some_systems(kClockSystems);
   const Compared reference =
       compare(request, "clock offset 0", eval::table_erdos_scenario(), systems, false);
   std::vector<ClockRow> rows;
-  for (const Case& c : kCases) {
+  for (const ClockCase& c : kClockCases) {
     const Compared compared = compare(request, fmt::format("clock {}", c.name),
                                       scenario_of(c, request.rounds), systems, false);
     for (std::size_t i = 0; i < systems.size(); ++i) {

@@ -15,7 +15,7 @@ using Shape = eval::DelayLaw::Shape;
 // The laws of docs/evaluation.md, "Delays".
 enum class Law : std::uint8_t { kUniform, kPerNic, kExponential, kDriving };
 
-struct Case {
+struct TableLaw {
   const char* name;
   const char* title;
   Law law;
@@ -23,12 +23,13 @@ struct Case {
   // A round begins when the one before is over.
   bool sequential = false;
 };
-constexpr Case kUniform{"uniform", "Uniform law, raw images", Law::kUniform};
-constexpr Case kPerNic{"per-nic", "Delays of one network, as in the paper, raw images",
-                       Law::kPerNic};
-constexpr Case kExponential{"exponential", "Heavy-tailed law, raw images", Law::kExponential};
-constexpr Case kDriving{"driving", "Driving at 50 km/h over 5G and 4G, raw images", Law::kDriving};
-constexpr Case kCases[] = {
+constexpr TableLaw kUniform{"uniform", "Uniform law, raw images", Law::kUniform};
+constexpr TableLaw kPerNic{"per-nic", "Delays of one network, as in the paper, raw images",
+                           Law::kPerNic};
+constexpr TableLaw kExponential{"exponential", "Heavy-tailed law, raw images", Law::kExponential};
+constexpr TableLaw kDriving{"driving", "Driving at 50 km/h over 5G and 4G, raw images",
+                            Law::kDriving};
+constexpr TableLaw kTableLaws[] = {
     kUniform,
     {"uniform-jpeg", "Uniform law, JPEG instead of raw", Law::kUniform, true},
     kPerNic,
@@ -39,7 +40,7 @@ constexpr Case kCases[] = {
     {"driving-jpeg", "Driving at 50 km/h over 5G and 4G, JPEG instead of raw", Law::kDriving,
      true}};
 
-eval::Scenario scenario_of(const Case& c) {
+eval::Scenario scenario_of(const TableLaw& c) {
   // Of sequential rounds: longer than the deadline, so that the outcome of each is known, here and
   // at the roadside, before the next one begins.
   constexpr Duration kSequential = std::chrono::milliseconds(140);
@@ -141,13 +142,13 @@ void add_example(Document& document, const Compared& compared, const std::string
 
 void run_table_erdos(const Request& request, Document& document) {
   document.tables.push_back(paper_table());
-  for (const Case& c : kCases) {
+  for (const TableLaw& c : kTableLaws) {
     const eval::Scenario scenario = scenario_of(c);
     const Compared compared = compare(request, fmt::format("table-erdos {}", c.name), scenario,
                                       all_systems(scenario, c.jpeg));
     document.tables.push_back(
         {c.name, c.title, describe(scenario), system_columns(), system_rows(request, compared)});
-    if (&c == kCases) {
+    if (&c == kTableLaws) {
       for (const char* name : {"ours", "erdos_like"}) add_example(document, compared, name);
     }
   }
@@ -155,7 +156,7 @@ void run_table_erdos(const Request& request, Document& document) {
 }
 
 void run_ladder(const Request& request, Document& document) {
-  for (const Case& c : {kUniform, kPerNic, kExponential, kDriving}) {
+  for (const TableLaw& c : {kUniform, kPerNic, kExponential, kDriving}) {
     const eval::Scenario scenario = scenario_of(c);
     std::vector<eval::System> systems = all_systems(scenario, c.jpeg);
     std::erase_if(systems, [](const eval::System& s) { return s.is_bound(); });
@@ -179,11 +180,11 @@ void run_ladder(const Request& request, Document& document) {
 void run_timeout_handler(const Request& request, Document& document) {
   const std::vector<eval::System> systems{*eval::find_system("no_handler"),
                                           *eval::find_system("paper"), *eval::find_system("ours")};
-  static constexpr Case kSequential[] = {
+  static constexpr TableLaw kSequential[] = {
       {"uniform-sequential", "Uniform law, one round after the other", Law::kUniform, false, true},
       {"per-nic-sequential", "Delays of one network, one round after the other", Law::kPerNic,
        false, true}};
-  for (const Case& c :
+  for (const TableLaw& c :
        {kUniform, kSequential[0], kPerNic, kSequential[1], kExponential, kDriving}) {
     const eval::Scenario scenario = scenario_of(c);
     const Compared compared =

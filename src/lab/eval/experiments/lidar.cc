@@ -10,13 +10,13 @@ namespace {
 
 using eval::LidarSweep;
 
-struct Case {
+struct LidarCase {
   const char* name;
   const char* title;
   // Changes the scenario of the uniform law.
   void (*change)(eval::Scenario& scenario);
 };
-constexpr Case kCases[] = {
+constexpr LidarCase kLidarCases[] = {
     {"uniform", "uniform law", [](eval::Scenario&) {}},
     {"per-nic", "delays of one network", [](eval::Scenario& s) { s.law = eval::per_nic_law(); }},
     {"driving", "driving at 50 km/h over 5G and 4G", [](eval::Scenario& s) {
@@ -27,10 +27,10 @@ constexpr Case kCases[] = {
 constexpr std::pair<LidarSweep, const char*> kSweeps[] = {{LidarSweep::kKitti, "KITTI"},
                                                           {LidarSweep::kNuScenes, "nuScenes"}};
 
-constexpr const char* kSystems[] = {"ours", "paper", "b0", "erdos_like", "erdos_e2e"};
+constexpr const char* kLidarSystems[] = {"ours", "paper", "b0", "erdos_like", "erdos_e2e"};
 
 std::vector<eval::System> systems_for(const eval::Scenario& scenario) {
-  std::vector<eval::System> out = some_systems(kSystems);
+  std::vector<eval::System> out = some_systems(kLidarSystems);
   eval::System joint = out.front();
   joint.name = "ours_joint";
   joint.about = "ours with the policy joint and all variants";
@@ -67,7 +67,7 @@ void run_table_lidar(const Request& request, Document& document) {
                                     const std::vector<ShownRound>& on_time) {
       row.agreement = {scorer.agreement(on_time), scorer.agreement(every)};
     };
-    for (const Case& c : kCases) {
+    for (const LidarCase& c : kLidarCases) {
       eval::Scenario scenario = eval::lidar_scenario(sweep);
       c.change(scenario);
       const std::string name = fmt::format("{}-{}", to_string(sweep), c.name);
