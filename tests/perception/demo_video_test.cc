@@ -14,7 +14,7 @@ using test::TempDir;
 constexpr int kVideoFrames = 795;
 const char* const kVideo = "pets/vtest.avi";
 const char* const kTruth = "pets/gt.txt";
-constexpr std::array kVariants{Variant::kRaw, Variant::kSampled};
+constexpr std::array kShownVariants{Variant::kRaw, Variant::kSampled};
 constexpr auto kRaw = static_cast<std::size_t>(Variant::kRaw);
 constexpr auto kSampled = static_cast<std::size_t>(Variant::kSampled);
 
@@ -89,16 +89,16 @@ struct MotionPass {
 const MotionPass& motion_pass() {
   static const MotionPass pass = [] {
     MotionPass p;
-    p.rounds.resize(kVariants.size());
+    p.rounds.resize(kShownVariants.size());
     for (auto& of_variant : p.rounds) {
       p.ladders.push_back(make_ladder({.kind = LadderKind::kMotion, .max_levels = 3}));
       of_variant.resize(p.ladders.back().size());
     }
     FrameSource source((*data_dir() / kVideo).string());
     while (const auto frame = source.next()) {
-      for (std::size_t v = 0; v < kVariants.size(); ++v) {
+      for (std::size_t v = 0; v < kShownVariants.size(); ++v) {
         const Image image =
-            make_variant(frame->bgr, static_cast<std::uint32_t>(frame->index), kVariants[v]);
+            make_variant(frame->bgr, static_cast<std::uint32_t>(frame->index), kShownVariants[v]);
         for (std::size_t level = 0; level < p.rounds[v].size(); ++level) {
           p.rounds[v][level].push_back({frame->index, p.ladders[v].detect(level, image)});
         }
