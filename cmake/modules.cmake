@@ -3,11 +3,14 @@
 # interneuron_GROUP_NAME. Modules are object libraries, so that the installed library is their union; USES carries both
 # include paths and objects. A folder of headers alone has no SOURCES.
 # interneuron_test_headers(): once, before the first interneuron_test().
-# interneuron_test(GROUP/NAME [PROGRAM] [LABEL label] [TIMEOUT seconds] SOURCES ... [USES ...]): the tests of one folder, one
-# executable GROUP_NAME_test, which CTest runs as the one test NAME; with LABEL netns as a test NAME.Suite.Case for each
-# case. PROGRAM: they run the program `interneuron`.
-# interneuron_vm_test(NAME [FULL] TIMEOUT seconds COMMAND ...): a test that boots a machine of scripts/vm.sh. FULL: takes
-# minutes, so only `ctest -C full` runs it (scripts/test.sh --full).
+# interneuron_test(GROUP/NAME [PROGRAM] [WAITS] [LABEL label] [TIMEOUT seconds] [COST seconds] [SHARDS n] [ALONE filter]
+# SOURCES ... [USES ...]): the tests of one folder, one executable GROUP_NAME_test, which CTest runs as the one test NAME, or
+# with SHARDS as NAME.1 to NAME.n with a share of the cases each; with LABEL netns as a test NAME.Suite.Case for each case.
+# PROGRAM: they run the program `interneuron`. WAITS: they wait more than they compute. COST: about what one of its tests
+# takes; the longest begin first. ALONE: a filter of GoogleTest for the cases of LABEL netns that are exact about time, so that
+# no other test may run beside them.
+# interneuron_vm_test(NAME [FULL] TIMEOUT seconds COST seconds COMMAND ...): a test that boots a machine of scripts/vm.sh.
+# FULL: takes minutes, so only `ctest -C full` runs it (scripts/test.sh --full).
 
 set(INTERNEURON_WARNINGS -Wall -Wextra -Wconversion -Wshadow -Wpedantic -Werror)
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
@@ -163,8 +166,21 @@ function(interneuron_program name)
   install(TARGETS ${target} RUNTIME DESTINATION ${ARG_DESTINATION})
 endfunction()
 
+# Absolute paths, in one object for all tests, so that the others are the same in every clone.
+function(interneuron_test_places)
+  add_library(interneuron_places OBJECT ${PROJECT_SOURCE_DIR}/tests/places.cc)
+  target_include_directories(interneuron_places PRIVATE ${PROJECT_SOURCE_DIR})
+  target_compile_options(interneuron_places PRIVATE ${INTERNEURON_WARNINGS})
+  if(INTERNEURON_PROGRAM)
+    set(program $<TARGET_FILE:interneuron_program>)
+    set(nature $<TARGET_FILE:nature>)
+  endif()
+  target_compile_definitions(interneuron_places PRIVATE INTERNEURON_SOURCE_DIR="${PROJECT_SOURCE_DIR}"
+    INTERNEURON_BINARY_DIR="${PROJECT_BINARY_DIR}" INTERNEURON_PROGRAM_FILE="${program}" INTERNEURON_NATURE_FILE="${nature}")
+endfunction()
+
 function(interneuron_test module)
-  cmake_parse_arguments(ARG "PROGRAM" "LABEL;TIMEOUT" "SOURCES;USES;LIBRARIES" ${ARGN})
+  cmake_parse_arguments(ARG "PROGRAM;WAITS" "LABEL;TIMEOUT;COST;SHARDS;ALONE" "SOURCES;USES;LIBRARIES" ${ARGN})
   string(REPLACE "/" "_" target ${module}_test)
   get_filename_component(name ${module} NAME)
   add_executable(${target} ${ARG_SOURCES})
@@ -174,33 +190,55 @@ function(interneuron_test module)
   target_compile_options(${target} PRIVATE ${INTERNEURON_TEST_OPTIONS})
   target_precompile_headers(${target} REUSE_FROM interneuron_test_headers)
   target_link_libraries(${target} PRIVATE ${ARG_LIBRARIES} rapidcheck rapidcheck_gtest GTest::gmock GTest::gtest GTest::gtest_main)
-  target_compile_definitions(${target} PRIVATE INTERNEURON_SOURCE_DIR="${PROJECT_SOURCE_DIR}"
-    INTERNEURON_BINARY_DIR="${PROJECT_BINARY_DIR}")
+  target_sources(${target} PRIVATE $<TARGET_OBJECTS:interneuron_places>)
   if(ARG_PROGRAM)
     # The door and the siblings that it starts.
     add_dependencies(${target} interneuron_program interneuron_offload_program interneuron_lab_program)
-    target_compile_definitions(${target} PRIVATE INTERNEURON_PROGRAM="$<TARGET_FILE:interneuron_program>")
+  endif()
+  if(NOT ARG_COST)
+    set(ARG_COST 1)
   endif()
   if(ARG_LABEL STREQUAL "netns")
-    # Real time on real NICs: beside another test they would measure that one's load. A process for each case, because a
-    # case that is killed in the middle leaves namespaces and NICs to the next.
+    # A process for each case, because a case that is killed in the middle leaves namespaces and NICs to the next. They wait
+    # more than they compute, and each has namespaces of its own, so that several run at once.
     if(NOT ARG_TIMEOUT)
       set(ARG_TIMEOUT 120)
     endif()
-    gtest_discover_tests(${target} TEST_PREFIX ${name}. DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60
-      PROPERTIES TIMEOUT ${ARG_TIMEOUT} SKIP_RETURN_CODE 77 RUN_SERIAL TRUE LABELS "${ARG_LABEL}")
-  else()
-    # All cases in one process: a thousand starts of sanitized programs with OpenCV would take minutes.
-    if(NOT ARG_TIMEOUT)
-      set(ARG_TIMEOUT 900)
+    set(discovery TEST_PREFIX ${name}. DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60)
+    set(properties TIMEOUT ${ARG_TIMEOUT} SKIP_RETURN_CODE 77 COST ${ARG_COST} LABELS "${ARG_LABEL}")
+    if(ARG_ALONE)
+      gtest_discover_tests(${target} ${discovery} TEST_FILTER "${ARG_ALONE}" PROPERTIES ${properties} RUN_SERIAL TRUE)
+      set(discovery ${discovery} TEST_FILTER "-${ARG_ALONE}")
     endif()
-    add_test(NAME ${name} COMMAND ${target})
-    set_tests_properties(${name} PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS "${ARG_LABEL}")
+    gtest_discover_tests(${target} ${discovery} PROPERTIES ${properties})
+    return()
   endif()
+  # All cases in one process, or a few: a thousand starts of sanitized programs with OpenCV would take minutes. One that
+  # computes takes two of the places of scripts/test.sh, which has two for each processor.
+  if(NOT ARG_TIMEOUT)
+    set(ARG_TIMEOUT 900)
+  endif()
+  set(places 2)
+  if(ARG_WAITS)
+    set(places 1)
+  endif()
+  set(tests)
+  if(NOT ARG_SHARDS)
+    set(tests ${name})
+    add_test(NAME ${name} COMMAND ${target})
+  else()
+    foreach(shard RANGE 1 ${ARG_SHARDS})
+      list(APPEND tests ${name}.${shard})
+      math(EXPR index "${shard} - 1")
+      add_test(NAME ${name}.${shard} COMMAND ${target})
+      set_tests_properties(${name}.${shard} PROPERTIES ENVIRONMENT "GTEST_TOTAL_SHARDS=${ARG_SHARDS};GTEST_SHARD_INDEX=${index}")
+    endforeach()
+  endif()
+  set_tests_properties(${tests} PROPERTIES TIMEOUT ${ARG_TIMEOUT} PROCESSORS ${places} COST ${ARG_COST} LABELS "${ARG_LABEL}")
 endfunction()
 
 function(interneuron_vm_test name)
-  cmake_parse_arguments(ARG "FULL" "TIMEOUT" "COMMAND" ${ARGN})
+  cmake_parse_arguments(ARG "FULL" "TIMEOUT;COST" "COMMAND" ${ARGN})
   set(label vm)
   set(configurations)
   if(ARG_FULL)
@@ -208,7 +246,7 @@ function(interneuron_vm_test name)
     set(configurations CONFIGURATIONS full)
   endif()
   add_test(NAME vm.${name} COMMAND ${ARG_COMMAND} ${configurations} WORKING_DIRECTORY ${PROJECT_SOURCE_DIR})
-  set_tests_properties(vm.${name} PROPERTIES TIMEOUT ${ARG_TIMEOUT} SKIP_RETURN_CODE 77 RUN_SERIAL TRUE
+  set_tests_properties(vm.${name} PROPERTIES TIMEOUT ${ARG_TIMEOUT} SKIP_RETURN_CODE 77 PROCESSORS 2 COST ${ARG_COST}
     LABELS "${label}")
 endfunction()
 

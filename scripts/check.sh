@@ -15,7 +15,7 @@
 #   tsan     the tests of node under ThreadSanitizer
 #   asan     the tests of what handles the bytes of others, compiled with clang, under AddressSanitizer and UBSan: the core,
 #            sockets and the loop, perception. `scripts/test.sh asan` is every test, for an hour.
-#   fuzz     each fuzz target for 30 s, which must find nothing and reach its floor (scripts/fuzz.sh); it goes on with the
+#   fuzz     each fuzz target for 20 s, which must find nothing and reach its floor (scripts/fuzz.sh); it goes on with the
 #            build of asan
 #
 # Exit codes: 0 all passed, 1 a step failed, 2 usage, 5 needs root to install packages.
@@ -97,7 +97,7 @@ run_tsan() {
   phase "tsan: configure" cmake --preset tsan --log-level=WARNING &&
     phase "tsan: build" cmake --build build/tsan --parallel "$jobs" --target node_loop_test &&
     TSAN_OPTIONS="${TSAN_OPTIONS:-second_deadlock_stack=1}" phase "tsan: tests" \
-      sanitized ctest --test-dir build/tsan -R "^loop$" --output-on-failure --no-tests=error --timeout 600
+      sanitized ctest --test-dir build/tsan -R '^loop([.]|$)' --output-on-failure --no-tests=error --timeout 600
 }
 
 # The folders of tests/ that are run. Those of the simulation are not: they run the same core for hours of virtual time, which
@@ -117,8 +117,8 @@ run_asan() {
     phase "asan: build" cmake --build build/asan --parallel "$jobs" --target "${targets[@]}" &&
     ASAN_OPTIONS="${ASAN_OPTIONS:-detect_stack_use_after_return=1:strict_string_checks=1}" \
       UBSAN_OPTIONS="${UBSAN_OPTIONS:-print_stacktrace=1}" GTEST_FILTER="-$left_out" phase "asan: tests" \
-      sanitized ctest --test-dir build/asan -R "^($(IFS='|'; echo "${names[*]}"))\$" --output-on-failure --no-tests=error \
-      --timeout 900 -j "$jobs"
+      sanitized ctest --test-dir build/asan -R "^($(IFS='|'; echo "${names[*]}"))([.][0-9]+)?\$" --output-on-failure \
+      --no-tests=error --timeout 900 -j $((2 * jobs))
 }
 
 # Every entry point is a target with a floor and seeds, and the other way round: one that nobody runs would pass.
@@ -131,7 +131,7 @@ run_fuzz() {
     diff <(echo "$entries") <(echo "$targets")
     return 1
   fi
-  bash scripts/fuzz.sh --floors all 30
+  bash scripts/fuzz.sh --floors all 20
 }
 
 failed=()

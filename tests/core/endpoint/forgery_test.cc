@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <deque>
+#include <map>
 #include <random>
 #include <set>
 
@@ -241,6 +242,7 @@ TEST(Forgery, NoNumberIsSealedTwice) {
   int remote = 0;
   std::size_t sealed = 0;
   std::size_t twice = 0;
+  std::map<std::uint16_t, std::size_t> on_link;
   std::set<std::tuple<std::uint32_t, bool, std::uint16_t, std::uint64_t>> seen;
   pipe.on_event = [&](std::size_t host, Event& event) {
     if (auto* d = std::get_if<Delivered>(&event); d != nullptr && host == road) {
@@ -254,6 +256,7 @@ TEST(Forgery, NoNumberIsSealedTwice) {
     const auto header = wire::peek(bytes);
     if (!header || header->epoch == wire::kClearEpoch) return;
     ++sealed;
+    ++on_link[header->link.value];
     twice += seen.emplace(header->session.value, wire::is_numbered(header->type),
                           header->link.value, header->number)
                      .second
@@ -264,10 +267,11 @@ TEST(Forgery, NoNumberIsSealedTwice) {
   pipe.flush(vehicle);
   pipe.run(1s);
   for (int i = 0; i < 3000; ++i) {
-    pipe.round(vehicle, PipelineId{0}, {Bytes(420'000)});
+    pipe.round(vehicle, PipelineId{0}, {Bytes(70'000)});
     pipe.run(100ms);
   }
-  EXPECT_GE(sealed, 1'000'000U);
+  EXPECT_GE(sealed, 300'000U);
+  for (const auto& [link, count] : on_link) EXPECT_GE(count, 20'000U) << link;
   EXPECT_GE(remote, 2990);
   // Two of the paths go and come back at one instant.
   for (int i = 0; i < 10'000; ++i) {
