@@ -1,7 +1,8 @@
 # interneuron_headers(): the public headers, std only.
-# interneuron_module(GROUP/NAME [SOURCES ...] [USES group/name ...] [LIBRARIES external ...]): one folder, one target
+# interneuron_module(GROUP/NAME [SOURCES ...] [APART ...] [USES group/name ...] [LIBRARIES external ...]): one folder, one target
 # interneuron_GROUP_NAME. Modules are object libraries, so that the installed library is their union; USES carries both
-# include paths and objects. A folder of headers alone has no SOURCES.
+# include paths and objects. A folder of headers alone has no SOURCES; APART are sources that cannot be
+# compiled together with others.
 # interneuron_test_headers(): once, before the first interneuron_test().
 # interneuron_test(GROUP/NAME [PROGRAM] [WAITS] [LABEL label] [TIMEOUT seconds] [COST seconds] [SHARDS n] [ALONE filter]
 # SOURCES ... [USES ...]): the tests of one folder, one executable GROUP_NAME_test, which CTest runs as the one test NAME, or
@@ -18,6 +19,10 @@ if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
   # bug 105651) that are not there; clang and the sanitizers look instead, in `scripts/check.sh asan` at the core, sockets and
   # app/perception, in `scripts/test.sh asan` at everything.
   list(APPEND INTERNEURON_WARNINGS -Wno-maybe-uninitialized -Wno-restrict)
+  # In a jumbo unit g++ takes every type of a .cc file for one of a header, where unnamed namespaces are a mistake.
+  if(INTERNEURON_JUMBO)
+    list(APPEND INTERNEURON_WARNINGS -Wno-subobject-linkage)
+  endif()
 endif()
 
 # Fuzz targets see which branches of a module were taken, in the same objects that the sanitized tests link. The tests, whose
@@ -38,14 +43,40 @@ set(INTERNEURON_MEASURED_OPTIONS $<$<CONFIG:Release>:-O3>)
 set(INTERNEURON_TEST_OPTIONS $<$<CONFIG:Release>:-O1>)
 
 # Nine tenths of what the compiler reads is the standard library, so the files of a folder are compiled together, this many
-# at a time: a folder of 16 files takes a third of the time that they take one by one.
+# at a time: a folder of 16 files takes a third of the time that they take one by one. Sets `out` to what is to be compiled:
+# units that include the files by their path in the tree, so that a compiler cache knows them in every clone. CMake's own
+# (UNITY_BUILD) have absolute paths. Generated files stay by themselves.
 set(INTERNEURON_JUMBO_FILES 16)
-function(interneuron_jumbo target)
-  if(INTERNEURON_JUMBO)
-    set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE ${INTERNEURON_JUMBO_FILES})
-    # In a jumbo unit g++ takes every type of a .cc file for one of a header, where unnamed namespaces are a mistake.
-    target_compile_options(${target} PRIVATE $<$<CXX_COMPILER_ID:GNU>:-Wno-subobject-linkage>)
+function(interneuron_jumbo out target)
+  if(NOT INTERNEURON_JUMBO)
+    set(${out} ${ARGN} PARENT_SCOPE)
+    return()
   endif()
+  file(RELATIVE_PATH folder ${PROJECT_SOURCE_DIR} ${CMAKE_CURRENT_SOURCE_DIR})
+  set(files)
+  set(compiled)
+  foreach(file IN LISTS ARGN)
+    if(IS_ABSOLUTE ${file})
+      list(APPEND compiled ${file})
+    else()
+      list(APPEND files ${file})
+    endif()
+  endforeach()
+  set(number 0)
+  while(files)
+    set(content)
+    foreach(_ RANGE 1 ${INTERNEURON_JUMBO_FILES})
+      if(files)
+        list(POP_FRONT files file)
+        string(APPEND content "#include \"${folder}/${file}\"\n")
+      endif()
+    endforeach()
+    set(unit ${CMAKE_CURRENT_BINARY_DIR}/${target}_${number}.cc)
+    file(CONFIGURE OUTPUT ${unit} CONTENT "${content}" @ONLY)
+    list(APPEND compiled ${unit})
+    math(EXPR number "${number} + 1")
+  endwhile()
+  set(${out} ${compiled} PARENT_SCOPE)
 endfunction()
 
 # A folder by its name as a module: below src/ where it is there, else below the root.
@@ -74,7 +105,7 @@ function(interneuron_target out name)
 endfunction()
 
 function(interneuron_module name)
-  cmake_parse_arguments(ARG "" "" "SOURCES;USES;LIBRARIES" ${ARGN})
+  cmake_parse_arguments(ARG "" "" "SOURCES;APART;USES;LIBRARIES" ${ARGN})
   interneuron_target(target ${name})
   if(NOT ARG_SOURCES)
     add_library(${target} INTERFACE)
@@ -82,10 +113,11 @@ function(interneuron_module name)
     set_property(TARGET ${target} PROPERTY INTERNEURON_LIBRARIES ${ARG_LIBRARIES})
     return()
   endif()
-  add_library(${target} OBJECT ${ARG_SOURCES})
+  set(compiled ${ARG_SOURCES})
   if(NOT name MATCHES "^core/(flow|peers|messages)$")
-    interneuron_jumbo(${target})
+    interneuron_jumbo(compiled ${target} ${ARG_SOURCES})
   endif()
+  add_library(${target} OBJECT ${compiled} ${ARG_APART})
   target_compile_options(${target} PRIVATE ${INTERNEURON_WARNINGS} ${INTERNEURON_FUZZ_OPTIONS})
   if(name MATCHES "^(core|policies|node)")
     target_compile_options(${target} PRIVATE ${INTERNEURON_MEASURED_OPTIONS})
@@ -180,11 +212,11 @@ function(interneuron_test_places)
 endfunction()
 
 function(interneuron_test module)
-  cmake_parse_arguments(ARG "PROGRAM;WAITS" "LABEL;TIMEOUT;COST;SHARDS;ALONE" "SOURCES;USES;LIBRARIES" ${ARGN})
+  cmake_parse_arguments(ARG "PROGRAM;WAITS" "LABEL;TIMEOUT;COST;SHARDS;ALONE" "SOURCES;APART;USES;LIBRARIES" ${ARGN})
   string(REPLACE "/" "_" target ${module}_test)
   get_filename_component(name ${module} NAME)
-  add_executable(${target} ${ARG_SOURCES})
-  interneuron_jumbo(${target})
+  interneuron_jumbo(compiled ${target} ${ARG_SOURCES})
+  add_executable(${target} ${compiled} ${ARG_APART})
   set_target_properties(${target} PROPERTIES OUTPUT_NAME ${name}_test)
   interneuron_link(${target} ${ARG_USES})
   target_compile_options(${target} PRIVATE ${INTERNEURON_TEST_OPTIONS})

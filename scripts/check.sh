@@ -46,7 +46,9 @@ if [[ -e $root/build && ! -w $root/build ]]; then
 fi
 trap 'exit 130' INT
 
-export XDG_CACHE_HOME="$root/build/cache" PYTHONDONTWRITEBYTECODE=1
+# shellcheck source=scripts/caches.sh
+. "$root/scripts/caches.sh"
+export PYTHONDONTWRITEBYTECODE=1
 jobs=$(nproc)
 phase "install packages for checks" bash scripts/setup.sh --with-checks
 

@@ -56,7 +56,8 @@ if [[ -e $root/build && ! -w $root/build ]]; then
   exit 1
 fi
 
-export XDG_CACHE_HOME="$root/build/cache"
+# shellcheck source=scripts/caches.sh
+. "$root/scripts/caches.sh"
 export ASAN_OPTIONS="${ASAN_OPTIONS:-strict_string_checks=1}"
 export UBSAN_OPTIONS="${UBSAN_OPTIONS:-print_stacktrace=1}"
 jobs=$(nproc)

@@ -37,8 +37,8 @@ if [[ -e $root/build && ! -w $root/build ]]; then
 fi
 trap 'exit 130' INT
 
-# Caches of the compiler and of libraries stay inside build/.
-export XDG_CACHE_HOME="$root/build/cache"
+# shellcheck source=scripts/caches.sh
+. "$root/scripts/caches.sh"
 jobs=$(nproc)
 
 # The tests of tc-netem boot a virtual machine where the kernel has none; clang comes with what the checks need.

@@ -223,12 +223,29 @@ TEST(Forgery, NothingOfItIsUsedAndNothingIsAnswered) {
   EXPECT_LE(unused, total + 100);
 }
 
-// No number twice under one key: over 8 paths, across renewals, and however often paths are taken
-// away and come back at one instant, under the same name or another one.
-TEST(Forgery, NoNumberIsSealedTwice) {
-  Pipe pipe;
-  const std::size_t vehicle = pipe.add_host(Encrypted::vehicle_options());
-  const std::size_t road = pipe.add_host(Encrypted::road_options({kVehicleKey}));
+// Two of the paths go and come back at one instant, ten thousand times: one under its name, one
+// under another.
+void change_paths(Pipe& pipe, std::size_t vehicle, std::size_t road, PeerId peer) {
+  for (int i = 0; i < 10'000; ++i) {
+    const LinkId same{0};
+    pipe.at(vehicle).remove_link(pipe.local(vehicle), same);
+    pipe.at(vehicle).add_link(pipe.local(vehicle), same, {"nic", 1500});
+    EXPECT_TRUE(pipe.at(vehicle).add_path(pipe.local(vehicle), peer, same, address_of(road)));
+    const LinkId before{static_cast<std::uint16_t>(i == 0 ? 1 : 7 + i)};
+    const LinkId after{static_cast<std::uint16_t>(8 + i)};
+    pipe.delay[after] = 5ms;
+    pipe.at(vehicle).remove_link(pipe.local(vehicle), before);
+    pipe.at(vehicle).add_link(pipe.local(vehicle), after, {"nic", 1500});
+    EXPECT_TRUE(pipe.at(vehicle).add_path(pipe.local(vehicle), peer, after, address_of(road)));
+    if (i % 100 == 0) pipe.at(road).add_link(pipe.local(road), after, {"nic", 1500});
+    pipe.flush(vehicle);
+  }
+  pipe.at(road).add_link(pipe.local(road), LinkId{10'007}, {"nic", 1500});
+}
+
+// Both get eight links; returns the addresses of the road over them.
+std::vector<std::pair<LinkId, Address>> eight_links(Pipe& pipe, std::size_t vehicle,
+                                                    std::size_t road) {
   std::vector<std::pair<LinkId, Address>> addresses;
   for (std::uint16_t i = 0; i < 8; ++i) {
     const LinkId link{i};
@@ -238,6 +255,16 @@ TEST(Forgery, NoNumberIsSealedTwice) {
     }
     addresses.emplace_back(link, address_of(road));
   }
+  return addresses;
+}
+
+// No number twice under one key: over 8 paths, across renewals, and however often paths are taken
+// away and come back at one instant, under the same name or another one.
+TEST(Forgery, NoNumberIsSealedTwice) {
+  Pipe pipe;
+  const std::size_t vehicle = pipe.add_host(Encrypted::vehicle_options());
+  const std::size_t road = pipe.add_host(Encrypted::road_options({kVehicleKey}));
+  const auto addresses = eight_links(pipe, vehicle, road);
   int done = 0;
   int remote = 0;
   std::size_t sealed = 0;
@@ -273,22 +300,7 @@ TEST(Forgery, NoNumberIsSealedTwice) {
   EXPECT_GE(sealed, 300'000U);
   for (const auto& [link, count] : on_link) EXPECT_GE(count, 20'000U) << link;
   EXPECT_GE(remote, 2990);
-  // Two of the paths go and come back at one instant.
-  for (int i = 0; i < 10'000; ++i) {
-    const LinkId same{0};
-    pipe.at(vehicle).remove_link(pipe.local(vehicle), same);
-    pipe.at(vehicle).add_link(pipe.local(vehicle), same, {"nic", 1500});
-    EXPECT_TRUE(pipe.at(vehicle).add_path(pipe.local(vehicle), peer, same, address_of(road)));
-    const LinkId before{static_cast<std::uint16_t>(i == 0 ? 1 : 7 + i)};
-    const LinkId after{static_cast<std::uint16_t>(8 + i)};
-    pipe.delay[after] = 5ms;
-    pipe.at(vehicle).remove_link(pipe.local(vehicle), before);
-    pipe.at(vehicle).add_link(pipe.local(vehicle), after, {"nic", 1500});
-    EXPECT_TRUE(pipe.at(vehicle).add_path(pipe.local(vehicle), peer, after, address_of(road)));
-    if (i % 100 == 0) pipe.at(road).add_link(pipe.local(road), after, {"nic", 1500});
-    pipe.flush(vehicle);
-  }
-  pipe.at(road).add_link(pipe.local(road), LinkId{10'007}, {"nic", 1500});
+  change_paths(pipe, vehicle, road, peer);
   const int before = remote;
   for (int i = 0; i < 200; ++i) {
     pipe.round(vehicle, PipelineId{0}, {Bytes(20'000)});
