@@ -2,6 +2,7 @@
 // leaves is sealed after everything else has been done. crypto::Sessions knows whose keys fit.
 #include <algorithm>
 #include <array>
+#include <cassert>
 
 #include "core/peers/peers.h"
 
@@ -105,9 +106,11 @@ bool Peers::take_handshake(TimePoint now, const wire::PacketHeader& header,
 std::optional<TransmitParts> Peers::leave(TimePoint now, const Entry& entry,
                                           const TransmitParts& parts, std::span<std::byte> buffer) {
   if (!sessions_) return parts;
-  const Transmit whole = parts.join(buffer);
-  if (!sessions_->seal(now, entry.key, buffer.first(whole.size))) return std::nullopt;
-  return TransmitParts{whole.link, whole.to, whole.size, {}, 0, whole.ecn, whole.round};
+  // What stands behind the head is room for the tag; the payload moves it back.
+  assert(parts.payload.empty() || parts.tail == wire::kTagBytes);
+  const std::span<std::byte> packet = buffer.first(parts.size());
+  if (!sessions_->seal(now, entry.key, packet, parts.payload)) return std::nullopt;
+  return TransmitParts{parts.link, parts.to, packet.size(), {}, 0, parts.ecn, parts.round};
 }
 
 bool Peers::seal_answer(TimePoint now, SessionId session, std::span<std::byte> packet) {

@@ -371,11 +371,11 @@ void Sessions::take_response(TimePoint now, Owner owner, ByteView packet, Shaken
 
 // --- what leaves
 
-bool Sessions::seal(TimePoint now, Owner owner, std::span<std::byte> packet) {
+bool Sessions::seal(TimePoint now, Owner owner, std::span<std::byte> packet, ByteView payload) {
   Held* const peer = held(owner);
   Slot* const there = peer == nullptr ? nullptr : slot(peer->current);
   if (there == nullptr || there->session.is_over(now)) return false;
-  const bool sealed = there->session.seal(packet);
+  const bool sealed = there->session.seal(packet, payload);
   if (there->session.wants_rekey() && peer->initiator) {
     peer->rekey_at = std::min(peer->rekey_at, there->session.born() + kBetweenRekeys);
   }

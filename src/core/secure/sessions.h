@@ -131,8 +131,8 @@ class Sessions {
   Shaken take_handshake(TimePoint now, const wire::PacketHeader& header, const Datagram& datagram);
 
   // --- what leaves
-  // Seals a packet to this peer. False: it must not leave.
-  bool seal(TimePoint now, Owner owner, std::span<std::byte> packet);
+  // Seals a packet to this peer, as Session::seal() does. False: it must not leave.
+  bool seal(TimePoint now, Owner owner, std::span<std::byte> packet, ByteView payload = {});
   // The same with the session of this number, whoever has it.
   bool seal_with(TimePoint now, std::uint32_t index, std::span<std::byte> packet);
   // Whether an initiation to this peer is to leave now over each of its paths; makes its message.
