@@ -40,8 +40,8 @@ Peer::Peer(const Identity& identity, TimePoint now)
       heard_at_(now),
       feedback_(now),
       refreshed_at_(now),
-      packets_(identity.limits.packets_per_second, kBurst),
-      messages_(identity.limits.messages_per_second, kBurst) {}
+      packet_limit_(identity.limits.packets_per_second, kBurst),
+      message_limit_(identity.limits.messages_per_second, kBurst) {}
 
 Path* Peer::find(LinkId path) {
   const auto it = std::ranges::find(paths_, path, &Path::id);
@@ -144,13 +144,13 @@ void Peer::restart(TimePoint now, SessionId session) {
 
 // --- input
 
-Peer::Input Peer::handle(TimePoint now, const wire::Packet& packet, const Datagram& datagram,
-                         std::size_t room) {
-  Input input;
-  if (!packets_.take(now)) {
+Peer::Outcome Peer::handle(TimePoint now, const wire::Packet& packet, const Datagram& datagram,
+                           std::size_t room) {
+  Outcome outcome;
+  if (!packet_limit_.take(now)) {
     strike(now, PeerLimit::kPacketRate);
-    input.limited = true;
-    return input;
+    outcome.limited = true;
+    return outcome;
   }
   Path& path = *find(packet.header.link);
   const bool is_feedback = packet.header.type == wire::PacketType::kFeedback;
@@ -162,35 +162,35 @@ Peer::Input Peer::handle(TimePoint now, const wire::Packet& packet, const Datagr
   const bool is_new = packet.header.epoch != wire::kClearEpoch;
   if (!path.receiver.accept(now, packet.header.number, role, datagram.bytes.size() + kIpUdpBytes,
                             datagram.ecn, is_new)) {
-    input.duplicate = true;
-    return input;
+    outcome.duplicate = true;
+    return outcome;
   }
   heard_at_ = now;
   path.estimator.heard(now);
   collect_changes(now, path);
   if (is_feedback) {
-    handle_feedback(now, path, packet.feedback, input);
-    return input;
+    handle_feedback(now, path, packet.feedback, outcome);
+    return outcome;
   }
   feedback_.arrived(now, path.receiver.gap());
-  if (!wire::is_used(packet.header.type)) return input;
+  if (!wire::is_used(packet.header.type)) return outcome;
   path.receiver.note_delay(session_time(now), packet.header.stamp_us);
   const bool is_window = packet.header.type == wire::PacketType::kWindow;
   if (is_window || packet.header.type == wire::PacketType::kData) {
     path.received_message(now, datagram.bytes.size() + kIpUdpBytes);
   }
   if (is_window) windows_.symbol(now, packet.window, room);
-  if (packet.header.type != wire::PacketType::kData) return input;
-  if (take_piece(now, packet.data, room, input)) windows_.piece(packet.data);
-  return input;
+  if (packet.header.type != wire::PacketType::kData) return outcome;
+  if (take_piece(now, packet.data, room, outcome)) windows_.piece(packet.data);
+  return outcome;
 }
 
 void Peer::handle_feedback(TimePoint now, Path& path, const wire::Feedback& feedback,
-                           Input& input) {
+                           Outcome& outcome) {
   path.receiver.exchange(now, PeerTime{Duration{feedback.u}});
   // Else it is meant for an earlier session of ours, or the peer has not heard us.
   if (feedback.echo != identity_.self) return;
-  if (!ready_) input.became_ready = ready_ = known_ = true;
+  if (!ready_) outcome.became_ready = ready_ = known_ = true;
   settlements_.learn(feedback);
   sender_.set_windows((feedback.features & wire::kDecodesWindows) != 0);
   const auto clock = clock_.view(now);
@@ -204,7 +204,7 @@ void Peer::handle_feedback(TimePoint now, Path& path, const wire::Feedback& feed
       const PeerTime u{Duration{feedback.u}};
       const auto update = clock_.add(now, u, TimePoint{report.s.time_since_epoch()}, report.h);
       if (update == guard::ClockOffset::Update::kStepped) {
-        input.clock_stepped = true;
+        outcome.clock_stepped = true;
         clock_since_ = now;
         for (Path& p : paths_) p.clock_stepped();
       }

@@ -77,7 +77,7 @@ class Peer {
   // The peer has begun a new session: nothing that was learnt in the old one holds.
   void restart(TimePoint now, SessionId session);
 
-  struct Input {
+  struct Outcome {
     // The packet had come before, or is too old to tell; it was dropped.
     bool duplicate = false;
     // The peer sends more packets than it may; this one was dropped.
@@ -99,11 +99,11 @@ class Peer {
   void look(TimePoint now);
   // `datagram`: what the packet was parsed from. `room`: how many bytes a message that begins with
   // it may take.
-  Input handle(TimePoint now, const wire::Packet& packet, const Datagram& datagram,
-               std::size_t room);
+  Outcome handle(TimePoint now, const wire::Packet& packet, const Datagram& datagram,
+                 std::size_t room);
   // A piece that never came, computed from window symbols by what handle() took in; ask until
   // nothing comes. Whether there may be one.
-  std::optional<Input> handle_computed(TimePoint now, std::size_t room);
+  std::optional<Outcome> handle_computed(TimePoint now, std::size_t room);
   bool has_computed() const { return windows_.has_computed(); }
   // Returns how many incomplete messages were given up.
   std::size_t handle_timeout(TimePoint now);
@@ -193,13 +193,13 @@ class Peer {
  private:
   Path* find(LinkId path);
   const Path* find(LinkId path) const;
-  void handle_feedback(TimePoint now, Path& path, const wire::Feedback& feedback, Input& input);
+  void handle_feedback(TimePoint now, Path& path, const wire::Feedback& feedback, Outcome& outcome);
   // Puts a piece into its message. False where it is not wanted.
-  bool take_piece(TimePoint now, const wire::Data& data, std::size_t room, Input& input);
+  bool take_piece(TimePoint now, const wire::Data& data, std::size_t room, Outcome& outcome);
   // Whether a piece is of a message that is larger than messages of its kind may be.
   bool is_too_large(const wire::Data& data) const;
   // Nothing of the message that this is a piece of is wanted.
-  void refuse(TimePoint now, const wire::FragmentHeader& fragment, PeerLimit why, Input& input);
+  void refuse(TimePoint now, const wire::FragmentHeader& fragment, PeerLimit why, Outcome& outcome);
   void learn_report(TimePoint now, const wire::LinkReport& report);
   // An instant that is not after the one at which the peer sent a feedback that came in now with
   // this report of the path that it came over; nothing where its clock may have stepped meanwhile.
@@ -249,8 +249,8 @@ class Peer {
   TimePoint refreshed_at_;
   std::deque<PathChanged> changes_;
   Settlements settlements_;
-  RateLimit packets_;
-  RateLimit messages_;
+  RateLimit packet_limit_;
+  RateLimit message_limit_;
   PeerLedger ledger_;
   std::optional<PeerLimit> limited_;
   // When the next limit is told of.

@@ -13,12 +13,12 @@ constexpr Duration kBetweenLimits = std::chrono::seconds(1);
 
 }  // namespace
 
-std::optional<Peer::Input> Peer::handle_computed(TimePoint now, std::size_t room) {
+std::optional<Peer::Outcome> Peer::handle_computed(TimePoint now, std::size_t room) {
   const auto data = windows_.poll();
   if (!data) return std::nullopt;
-  Input input;
-  take_piece(now, *data, room, input);
-  return input;
+  Outcome outcome;
+  take_piece(now, *data, room, outcome);
+  return outcome;
 }
 
 bool Peer::is_too_large(const wire::Data& data) const {
@@ -43,16 +43,16 @@ bool Peer::is_too_large(const wire::Data& data) const {
 }
 
 void Peer::refuse(TimePoint now, const wire::FragmentHeader& fragment, PeerLimit why,
-                  Input& input) {
+                  Outcome& outcome) {
   strike(now, why);
-  input.refused = true;
+  outcome.refused = true;
   reassembler_.refuse(fragment);
   receipts_.refuse(now, fragment.message);
 }
 
-bool Peer::take_piece(TimePoint now, const wire::Data& data, std::size_t room, Input& input) {
+bool Peer::take_piece(TimePoint now, const wire::Data& data, std::size_t room, Outcome& outcome) {
   if (is_too_large(data)) {
-    refuse(now, data.fragment, PeerLimit::kMessageSize, input);
+    refuse(now, data.fragment, PeerLimit::kMessageSize, outcome);
     return false;
   }
   const Duration lifetime = std::chrono::microseconds(data.fragment.lifetime_us);
@@ -60,29 +60,29 @@ bool Peer::take_piece(TimePoint now, const wire::Data& data, std::size_t room, I
       std::max(ledger_.longest_lifetime, std::min(lifetime, identity_.limits.longest_deadline));
   flow::ClockBounds clocks{identity_.self, identity_.session, std::nullopt};
   if (data.fragment.index == 0) clocks.peer_hi_min = clock_.hi_min(now);
-  flow::Reassembler::Outcome outcome = reassembler_.add(now, data, clocks, room);
+  flow::Reassembler::Outcome taken = reassembler_.add(now, data, clocks, room);
   const MessageId message = data.fragment.message;
-  if (outcome.limited) strike(now, PeerLimit::kReassembly);
-  input.bad_piece = outcome.result == flow::Reassembler::Result::kBad;
-  if (outcome.result == flow::Reassembler::Result::kRefused) {
-    input.refused = true;
+  if (taken.limited) strike(now, PeerLimit::kReassembly);
+  outcome.bad_piece = taken.result == flow::Reassembler::Result::kBad;
+  if (taken.result == flow::Reassembler::Result::kRefused) {
+    outcome.refused = true;
     receipts_.refuse(now, message);
   }
   tell_forgotten(now);
-  if (outcome.result == flow::Reassembler::Result::kComplete) {
-    if (!messages_.take(now)) {
-      refuse(now, data.fragment, PeerLimit::kMessageRate, input);
+  if (taken.result == flow::Reassembler::Result::kComplete) {
+    if (!message_limit_.take(now)) {
+      refuse(now, data.fragment, PeerLimit::kMessageRate, outcome);
       return false;
     }
     known_ = true;
     note_activity(now);
     receipts_.complete(now, message);
     feedback_.completed(now);
-    input.message_id = message;
-    input.kind = data.fragment.kind;
-    input.message = std::move(outcome.message);
+    outcome.message_id = message;
+    outcome.kind = data.fragment.kind;
+    outcome.message = std::move(taken.message);
   }
-  return !input.bad_piece && !input.refused;
+  return !outcome.bad_piece && !outcome.refused;
 }
 
 // Acknowledgements tell of packets for a short time only, so that the sender of many would not know

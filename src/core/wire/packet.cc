@@ -222,11 +222,16 @@ std::size_t finish(Writer& w) {
 
 }  // namespace
 
-std::optional<Packet> parse(ByteView datagram) {
+std::optional<ByteView> without_tag(ByteView datagram) {
   if (datagram.size() < kPacketOverhead || datagram.size() > kMaxDatagramBytes) return std::nullopt;
   if (datagram[kEpochAt] != std::byte{kClearEpoch}) return std::nullopt;
   if (!is_zero(datagram.last(kTagBytes))) return std::nullopt;
-  return parse_opened(datagram.first(datagram.size() - kTagBytes));
+  return datagram.first(datagram.size() - kTagBytes);
+}
+
+std::optional<Packet> parse(ByteView datagram) {
+  const auto packet = without_tag(datagram);
+  return packet ? parse_opened(*packet) : std::nullopt;
 }
 
 std::optional<PacketHeader> peek(ByteView datagram) {

@@ -285,6 +285,9 @@ struct Packet {
 
 // The packet that these bytes are, or nothing if they are malformed or sealed.
 std::optional<Packet> parse(ByteView datagram);
+// What stands before the tag of a packet that is not sealed, for parse_opened(); nothing if it cannot
+// be one.
+std::optional<ByteView> without_tag(ByteView datagram);
 // The same of a packet that was sealed and is opened now, without its tag. Whatever its epoch is.
 std::optional<Packet> parse_opened(ByteView packet);
 // What the header says of any packet of this version, sealed or not, but for the stamp; nothing
