@@ -155,7 +155,7 @@ class Endpoint::Impl {
     if (outcome.clock_stepped) rounds_.forget_clock(id);
     if (outcome.refused) ++reassembly_refused_;
     if (outcome.bad_piece) ++bad_fragments_;
-    while (auto change = peer.poll_change()) events_.emplace_back(std::move(*change));
+    while (auto change = peer.paths().poll_change()) events_.emplace_back(std::move(*change));
     if (outcome.message && outcome.kind == wire::MessageKind::kRound) {
       rounds_.complete(now, peer, std::move(*outcome.message));
     } else if (outcome.message && outcome.kind == wire::MessageKind::kRevocations) {
@@ -174,7 +174,7 @@ class Endpoint::Impl {
   }
 
   void tell_limited(Peer& peer) {
-    const auto limit = peer.take_limited();
+    const auto limit = peer.intake().take_limited();
     if (limit) events_.emplace_back(PeerLimited{peer.identity().id, *limit});
   }
 

@@ -141,8 +141,8 @@ SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const Sen
     if (!routes.standing_by(v)) continue;
     header.variant = static_cast<std::uint8_t>(v);
     const MessageId message =
-        peer->add_alternative(now, entry.variants.back().message,
-                              with(header, std::move(variants[v])), routes.shadow_of(v));
+        peer->sender().add_alternative(now, entry.variants.back().message,
+                                       with(header, std::move(variants[v])), routes.shadow_of(v));
     entry.variants.push_back({message, header.variant});
   }
   entry.ends += std::min(round_trip, kLongestRoundTrip);
@@ -200,8 +200,9 @@ void Messages::supersede(TimePoint now, PeerId to, std::uint16_t channel) {
   for (const SendId id : sent_.to(to)) {
     const SentMessages::Entry& entry = *sent_.find(id);
     if (!entry.newest_only || entry.channel != channel) continue;
-    const bool left = std::ranges::any_of(
-        entry.variants, [peer](const auto& v) { return !peer->is_surely_incomplete(v.message); });
+    const bool left = std::ranges::any_of(entry.variants, [peer](const auto& v) {
+      return !peer->sender().is_surely_incomplete(v.message);
+    });
     if (left) continue;
     stop(*peer, entry);
     tell(sent_.end(id, Fate::kDropped, FateReason::kSuperseded));
@@ -217,7 +218,7 @@ bool Messages::cancel(TimePoint now, SendId id) {
 }
 
 void Messages::stop(Peer& peer, const SentMessages::Entry& entry) {
-  for (const SentMessages::Variant& v : entry.variants) peer.cancel(v.message);
+  for (const SentMessages::Variant& v : entry.variants) peer.sender().cancel(v.message);
 }
 
 // --- what can send again
@@ -313,7 +314,7 @@ void Messages::settle(TimePoint now, Peer& peer, const Settled& settled) {
       }
       return tell(sent_.late(id, settled.message, when));
     case Kind::kRefused: {
-      peer.cancel(settled.message);
+      peer.sender().cancel(settled.message);
       // The peer names in one list what found no room and what it has waited for in vain.
       const bool is_over = now >= entry->deadline;
       return tell(sent_.dropped(id, settled.message,

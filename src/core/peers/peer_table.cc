@@ -69,7 +69,7 @@ PeerEntry* PeerTable::of_session(const wire::PacketHeader& header) {
   directory_.for_each(header.session, [&](Slot slot) {
     PeerEntry& entry = *entries_[slot];
     const Peer::Identity& identity = entry.peer.identity();
-    if (identity.connected && !entry.peer.has_path(header.link)) return;
+    if (identity.connected && !entry.peer.paths().has(header.link)) return;
     if (found == nullptr || identity.id < found->peer.identity().id) found = &entry;
   });
   return found;
@@ -79,7 +79,7 @@ PeerEntry* PeerTable::of_address(const wire::PacketHeader& header, const Datagra
   PeerEntry* found = nullptr;
   for_each_at(datagram.link, datagram.from, [&](PeerEntry& entry) {
     const Peer::Identity& identity = entry.peer.identity();
-    if (identity.session == header.session || !entry.peer.has_path(header.link)) return;
+    if (identity.session == header.session || !entry.peer.paths().has(header.link)) return;
     if (found == nullptr || identity.id < found->peer.identity().id) found = &entry;
   });
   return found;

@@ -19,6 +19,9 @@
 
 namespace interneuron {
 
+// An unannounced peer that was silent for this long is forgotten; its reference times are forgotten
+// after the same time (docs/paper.md, "Clock steps").
+inline constexpr Duration kPeerSilence = std::chrono::seconds(60);
 // One that was silent for this long makes room for another one where there is no room: longer than
 // the rarest heartbeats are apart (link::ProbeSchedule::kMeteredHeartbeat).
 inline constexpr Duration kPeerPause = std::chrono::seconds(15);

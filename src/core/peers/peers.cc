@@ -45,7 +45,7 @@ std::vector<PathChanged> Peers::remove_link(TimePoint now, LinkId link) {
     entry.peer.remove_nic(now, link);
     table_.list_addresses(entry);
     touch(entry);
-    while (auto change = entry.peer.poll_change()) changes.push_back(std::move(*change));
+    while (auto change = entry.peer.paths().poll_change()) changes.push_back(std::move(*change));
   }
   return changes;
 }
@@ -80,12 +80,12 @@ bool Peers::add_path(TimePoint now, PeerId id, LinkId link, const Address& addre
   peer->add_path(now, link, nic(link), address);
   table_.list_addresses(entry);
   gate_.path_added(now, entry.slot);
-  return peer->has_path(link);
+  return peer->paths().has(link);
 }
 
 bool Peers::request_train(TimePoint now, PeerId id, LinkId link) {
   Peer* peer = access(now, id);
-  return peer != nullptr && peer->request_train(now, link);
+  return peer != nullptr && peer->paths().request_train(now, link);
 }
 
 Peers::Entry& Peers::add(TimePoint now, SessionId session, bool connected) {
@@ -191,8 +191,8 @@ void Peers::account(Entry& entry) {
     memory.change(known, held);
     known = held;
   };
-  note(reassembly_, entry.reassembly_bytes, entry.peer.reassembly_bytes());
-  note(sending_, entry.sending_bytes, entry.peer.sending_bytes());
+  note(reassembly_, entry.reassembly_bytes, entry.peer.intake().bytes());
+  note(sending_, entry.sending_bytes, entry.peer.sender().bytes());
 }
 
 // Whatever changes what a peer sends marks that peer.
@@ -210,7 +210,7 @@ TimePoint Peers::due_at(TimePoint now, const Entry& entry) const {
   TimePoint due = entry.peer.next_timeout(now).value_or(TimePoint::max());
   due = std::min(due, gate_.next_timeout(entry.slot).value_or(due));
   if (entry.peer.identity().connected) return due;
-  return entry.peer.gone() ? now : std::min(due, entry.peer.heard_at() + kPeerSilence);
+  return entry.peer.paths().empty() ? now : std::min(due, entry.peer.heard_at() + kPeerSilence);
 }
 
 void Peers::set_alarms(TimePoint now) {
@@ -235,9 +235,9 @@ Peers::Expired Peers::handle_timeout(TimePoint now) {
     gate_.handle_timeout(now, slot, is_out_of_reach(peer));
     tell_revocations(now, entry);
     account(entry);
-    while (auto change = peer.poll_change()) expired.changes.push_back(std::move(*change));
-    const bool silent =
-        !peer.identity().connected && (now - peer.heard_at() >= kPeerSilence || peer.gone());
+    while (auto change = peer.paths().poll_change()) expired.changes.push_back(std::move(*change));
+    const bool silent = !peer.identity().connected &&
+                        (now - peer.heard_at() >= kPeerSilence || peer.paths().empty());
     if (silent) {
       // Not retired: a vehicle that was out of reach for long comes back with the same session.
       forget(entry);
@@ -287,7 +287,7 @@ std::optional<TransmitParts> Peers::poll(TimePoint now, std::span<std::byte> buf
 std::optional<TransmitParts> Peers::poll_initiation(TimePoint now, Entry& entry,
                                                     std::span<std::byte> buffer) {
   if (!gate_.initiation_due(now, entry.slot)) return std::nullopt;
-  const auto paths = entry.peer.paths();
+  const Paths& paths = entry.peer.paths();
   if (entry.initiations >= paths.size()) {
     entry.initiations = 0;
     gate_.initiation_sent(now, entry.slot);
@@ -324,7 +324,7 @@ std::vector<LinkState> Peers::links(TimePoint now, PeerId id) const {
 
 PeerLedger Peers::ledger(PeerId id) const {
   const Entry* const entry = table_.find(id);
-  return entry == nullptr ? PeerLedger{} : entry->peer.ledger();
+  return entry == nullptr ? PeerLedger{} : entry->peer.intake().ledger();
 }
 
 LinkCounters Peers::counters(LinkId link) const {
@@ -342,7 +342,7 @@ LinkCounters Peers::counters(LinkId link) const {
 
 std::uint64_t Peers::cancelled() const {
   std::uint64_t sum = 0;
-  table_.for_each([&](const Entry& entry) { sum += entry.peer.cancelled(); });
+  table_.for_each([&](const Entry& entry) { sum += entry.peer.sender().cancelled(); });
   return sum;
 }
 

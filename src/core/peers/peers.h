@@ -37,10 +37,6 @@
 
 namespace interneuron {
 
-// An unannounced peer that was silent for this long is forgotten; its reference times are forgotten
-// after the same time (docs/paper.md, "Clock steps").
-inline constexpr Duration kPeerSilence = std::chrono::seconds(60);
-
 class Peers {
  public:
   struct Options {
@@ -156,7 +152,6 @@ class Peers {
   // What a packet of a handshake over this path has brought.
   void take_handshake(TimePoint now, const crypto::Sessions::Shaken& shaken, LinkId path,
                       const Datagram& datagram, Received& out);
-  void restart(TimePoint now, Entry& entry, SessionId session);
   // Whose this packet is, by the keys that it was sealed with or by what it says in the clear;
   // nobody's where it is to be refused.
   Found whose(TimePoint now, const crypto::Sessions::Opened& by, const wire::Packet& packet,

@@ -78,16 +78,16 @@ bool Peers::serve(TimePoint now, const Gate::Passed& passed, const wire::Packet&
   Peer& peer = found.entry->peer;
   touch(*found.entry);
   out.peer = &peer;
-  out.outcome = peer.handle(now, packet, datagram, reassembly_.room(peer.reassembly_bytes()));
+  out.outcome = peer.handle(now, packet, datagram, reassembly_.room(peer.intake().bytes()));
   account(*found.entry);
   return true;
 }
 
 std::optional<Peer::Outcome> Peers::receive_computed(TimePoint now, Peer& peer) {
-  if (!peer.has_computed()) return std::nullopt;
+  if (!peer.intake().has_computed()) return std::nullopt;
   Entry& entry = *table_.find(peer.identity().id);
   touch(entry);
-  auto outcome = peer.handle_computed(now, reassembly_.room(peer.reassembly_bytes()));
+  auto outcome = peer.handle_computed(now, reassembly_.room(peer.intake().bytes()));
   account(entry);
   return outcome;
 }
@@ -102,14 +102,11 @@ void Peers::take_handshake(TimePoint now, const crypto::Sessions::Shaken& shaken
   if (shaken.answered && entry.peer.identity().session != shaken.life) {
     out.peer = &entry.peer;
     out.restarted = entry.peer.identity().session.value != 0;
-    restart(now, entry, shaken.life);
+    entry.peer.restart(now, shaken.life);
+    account(entry);
   }
-  if (shaken.token) entry.peer.challenged(path, datagram.link, datagram.from, *shaken.token);
-}
-
-void Peers::restart(TimePoint now, Entry& entry, SessionId session) {
-  entry.peer.restart(now, session);
-  account(entry);
+  if (shaken.token)
+    entry.peer.paths().challenged(path, datagram.link, datagram.from, *shaken.token);
 }
 
 // A session without owner becomes a peer with the first packet that shows where it is. One that has
@@ -154,7 +151,8 @@ Peers::Found Peers::whose(TimePoint now, const wire::Packet& packet, const Datag
   if (entry == nullptr) return {accept(now, header, datagram), false};
   const bool was_heard = entry->peer.identity().session.value != 0;
   table_.change_session(*entry, header.session);
-  restart(now, *entry, header.session);
+  entry->peer.restart(now, header.session);
+  account(*entry);
   return {entry, was_heard};
 }
 
@@ -166,14 +164,14 @@ bool Peers::is_there(TimePoint now, Entry& entry, const wire::Packet& packet,
                      const Datagram& datagram) {
   Peer& peer = entry.peer;
   const LinkId path = packet.header.link;
-  const bool moved = !peer.is_at(path, datagram.link, datagram.from);
+  const bool moved = !peer.paths().is_at(path, datagram.link, datagram.from);
   if (peer.identity().connected) return !moved;
   if (moved && gate_.is_token(now, packet, datagram)) {
     peer.follow(now, packet.header, nic(datagram.link), datagram.from);
-  } else if (moved && peer.may_challenge(now, packet.header)) {
+  } else if (moved && peer.paths().may_challenge(now, packet.header)) {
     gate_.challenge(now, packet.header, datagram);
   }
-  return peer.has_path(path);
+  return peer.paths().has(path);
 }
 
 // In the clear whoever asks has to repeat our session, so that only those who receive what we send
@@ -182,8 +180,8 @@ bool Peers::take_challenge(const Gate::Passed& passed, const wire::Packet& packe
                            const Datagram& datagram) {
   bool is_ours = false;
   const auto ask = [&](Entry& entry) {
-    if (!entry.peer.challenged(packet.header.link, datagram.link, datagram.from,
-                               packet.challenge.token)) {
+    if (!entry.peer.paths().challenged(packet.header.link, datagram.link, datagram.from,
+                                       packet.challenge.token)) {
       return;
     }
     touch(entry);
