@@ -7,7 +7,7 @@
 // need not know: nobody has keys then, no handshake is due, and no list of revocations is known.
 // Owned and fed by Peers, which names its peers here by their places (Slot). Anybody may send any
 // bytes: what is not authentic changes nothing but the memory, bounded, of AddressValidation,
-// EchoReflector and secure::Responder. Pure; thread-compatible; throws std::invalid_argument where
+// EchoReflector and crypto::Responder. Pure; thread-compatible; throws std::invalid_argument where
 // its options or a key to connect to cannot be right.
 #pragma once
 
@@ -140,9 +140,11 @@ class Gate {
 
   // --- for the application
   // See Endpoint::unix_time_ns(); 0 where packets are not encrypted.
-  std::int64_t unix_ns(TimePoint now) const { return sessions_ ? sessions_->unix_ns(now) : 0; }
+  std::int64_t unix_ns(TimePoint now) const {
+    return sessions_ ? sessions_->time_of_day().unix_ns(now) : 0;
+  }
   void raise_unix_ns(TimePoint now, std::int64_t unix_ns) {
-    if (sessions_) sessions_->raise_unix_ns(now, unix_ns);
+    if (sessions_) sessions_->time_of_day().raise_unix_ns(now, unix_ns);
   }
   // A key that two hosts use; ask until nothing comes.
   std::optional<PublicKey> poll_shared_key() {
