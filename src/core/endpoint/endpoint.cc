@@ -70,7 +70,7 @@ class Endpoint::Impl {
     if (ran_to_ < now - Duration{1}) run_timers(now - Duration{1});
     Peers::Received received = peers_.receive(now, datagram);
     tell_lost();
-    while (const auto key = peers_.poll_shared_key()) events_.emplace_back(KeyShared{*key});
+    while (const auto key = peers_.gate().poll_shared_key()) events_.emplace_back(KeyShared{*key});
     if (received.other_version && now >= tell_version_at_) {
       tell_version_at_ = now + kBetweenVersions;
       events_.emplace_back(OtherVersion{datagram.link, datagram.from, *received.other_version});
@@ -81,12 +81,12 @@ class Endpoint::Impl {
       messages_.forget(received.peer->identity().id);
       events_.emplace_back(PeerRestarted{received.peer->identity().id});
     }
-    if (received.input.limited) return tell_limited(*received.peer);
-    if (received.input.duplicate) return;
+    if (received.outcome.limited) return tell_limited(*received.peer);
+    if (received.outcome.duplicate) return;
     const PeerId id = received.peer->identity().id;
-    react(now, *received.peer, received.input);
+    react(now, *received.peer, received.outcome);
     // Whoever has sent a list of revocations may be gone after each of them.
-    while (peers_.find(now, id) == received.peer) {
+    while (peers_.access(now, id) == received.peer) {
       auto computed = peers_.receive_computed(now, *received.peer);
       if (!computed) break;
       react(now, *received.peer, *computed);
@@ -149,19 +149,19 @@ class Endpoint::Impl {
     }
   }
 
-  void react(TimePoint now, Peer& peer, Peer::Input& input) {
+  void react(TimePoint now, Peer& peer, Peer::Outcome& outcome) {
     const PeerId id = peer.identity().id;
-    if (input.became_ready) events_.emplace_back(PeerReady{id});
-    if (input.clock_stepped) rounds_.forget_clock(id);
-    if (input.refused) ++reassembly_refused_;
-    if (input.bad_piece) ++bad_fragments_;
-    while (auto change = peer.poll_change()) events_.emplace_back(std::move(*change));
-    if (input.message && input.kind == wire::MessageKind::kRound) {
-      rounds_.complete(now, peer, std::move(*input.message));
-    } else if (input.message && input.kind == wire::MessageKind::kRevocations) {
-      return take_revocations(std::move(input.message->payload));
-    } else if (input.message) {
-      messages_.complete(now, peer, input.message_id, std::move(*input.message));
+    if (outcome.became_ready) events_.emplace_back(PeerReady{id});
+    if (outcome.clock_stepped) rounds_.forget_clock(id);
+    if (outcome.refused) ++reassembly_refused_;
+    if (outcome.bad_piece) ++bad_fragments_;
+    while (auto change = peer.paths().poll_change()) events_.emplace_back(std::move(*change));
+    if (outcome.message && outcome.kind == wire::MessageKind::kRound) {
+      rounds_.complete(now, peer, std::move(*outcome.message));
+    } else if (outcome.message && outcome.kind == wire::MessageKind::kRevocations) {
+      return take_revocations(std::move(outcome.message->payload));
+    } else if (outcome.message) {
+      messages_.complete(now, peer, outcome.message_id, std::move(*outcome.message));
     }
     messages_.collect(now, peer);
     tell_limited(peer);
@@ -174,7 +174,7 @@ class Endpoint::Impl {
   }
 
   void tell_limited(Peer& peer) {
-    const auto limit = peer.take_limited();
+    const auto limit = peer.intake().take_limited();
     if (limit) events_.emplace_back(PeerLimited{peer.identity().id, *limit});
   }
 
@@ -276,10 +276,10 @@ EndpointCounters Endpoint::counters() const { return impl_->counters(); }
 PeerLedger Endpoint::ledger(PeerId peer) const { return impl_->ledger(peer); }
 std::size_t Endpoint::reassembly_bytes() const { return impl_->peers().reassembly_bytes(); }
 std::int64_t Endpoint::unix_time_ns(TimePoint now) const {
-  return impl_->peers().unix_time_ns(impl_->time().own(now));
+  return impl_->peers().gate().unix_ns(impl_->time().own(now));
 }
 void Endpoint::raise_unix_time_ns(TimePoint now, std::int64_t unix_time_ns) {
-  impl_->peers().raise_unix_time_ns(impl_->tick(now), unix_time_ns);
+  impl_->peers().gate().raise_unix_ns(impl_->tick(now), unix_time_ns);
 }
 std::size_t Endpoint::sending_bytes() const { return impl_->peers().sending_bytes(); }
 

@@ -96,7 +96,7 @@ SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const Sen
   options.deadline = std::min(options.deadline, kLongestDeadline);
   const Policy& policy = rule(options.policy);
   if (const auto wrong = fault(variants, options)) return {*wrong};
-  Peer* peer = peers_.find(now, to);
+  Peer* peer = peers_.access(now, to);
   if (peer == nullptr) return {SendStatus::kNoPeer};
   const Sizes sizes = sizes_of(variants);
   Routes routes;
@@ -141,8 +141,8 @@ SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const Sen
     if (!routes.standing_by(v)) continue;
     header.variant = static_cast<std::uint8_t>(v);
     const MessageId message =
-        peer->add_alternative(now, entry.variants.back().message,
-                              with(header, std::move(variants[v])), routes.shadow_of(v));
+        peer->sender().add_alternative(now, entry.variants.back().message,
+                                       with(header, std::move(variants[v])), routes.shadow_of(v));
     entry.variants.push_back({message, header.variant});
   }
   entry.ends += std::min(round_trip, kLongestRoundTrip);
@@ -196,12 +196,13 @@ SendResult Messages::plan(TimePoint now, Peer& peer, const Sizes& sizes, const S
 
 // A newer message of the channel is about to be sent: what has not left of the others need not.
 void Messages::supersede(TimePoint now, PeerId to, std::uint16_t channel) {
-  Peer* peer = peers_.find(now, to);
+  Peer* peer = peers_.access(now, to);
   for (const SendId id : sent_.to(to)) {
     const SentMessages::Entry& entry = *sent_.find(id);
     if (!entry.newest_only || entry.channel != channel) continue;
-    const bool left = std::ranges::any_of(
-        entry.variants, [peer](const auto& v) { return !peer->is_surely_incomplete(v.message); });
+    const bool left = std::ranges::any_of(entry.variants, [peer](const auto& v) {
+      return !peer->sender().is_surely_incomplete(v.message);
+    });
     if (left) continue;
     stop(*peer, entry);
     tell(sent_.end(id, Fate::kDropped, FateReason::kSuperseded));
@@ -211,13 +212,13 @@ void Messages::supersede(TimePoint now, PeerId to, std::uint16_t channel) {
 bool Messages::cancel(TimePoint now, SendId id) {
   const SentMessages::Entry* entry = sent_.find(id);
   if (entry == nullptr) return false;
-  if (Peer* peer = peers_.find(now, entry->peer)) stop(*peer, *entry);
+  if (Peer* peer = peers_.access(now, entry->peer)) stop(*peer, *entry);
   tell(sent_.end(id, Fate::kDropped, FateReason::kCancelled));
   return true;
 }
 
 void Messages::stop(Peer& peer, const SentMessages::Entry& entry) {
-  for (const SentMessages::Variant& v : entry.variants) peer.cancel(v.message);
+  for (const SentMessages::Variant& v : entry.variants) peer.sender().cancel(v.message);
 }
 
 // --- what can send again
@@ -233,7 +234,7 @@ void Messages::wait(const Waiting& channel) {
 
 // By the same decision as send().
 bool Messages::would_accept(TimePoint now, const Waiting& waiting) {
-  Peer* peer = peers_.find(now, waiting.peer);
+  Peer* peer = peers_.access(now, waiting.peer);
   Routes routes;
   return peer != nullptr && plan(now, *peer, waiting.sizes, waiting.options, routes).accepted();
 }
@@ -313,7 +314,7 @@ void Messages::settle(TimePoint now, Peer& peer, const Settled& settled) {
       }
       return tell(sent_.late(id, settled.message, when));
     case Kind::kRefused: {
-      peer.cancel(settled.message);
+      peer.sender().cancel(settled.message);
       // The peer names in one list what found no room and what it has waited for in vain.
       const bool is_over = now >= entry->deadline;
       return tell(sent_.dropped(id, settled.message,
@@ -332,7 +333,7 @@ void Messages::expire(TimePoint now) {
   if (collect_at_ && *collect_at_ <= now) {
     sent_.peers(asked_);
     for (const PeerId id : asked_) {
-      if (Peer* peer = peers_.find(now, id)) collect(now, *peer);
+      if (Peer* peer = peers_.access(now, id)) collect(now, *peer);
     }
     collect_at_ = now + kLookAgain;
   }
@@ -344,7 +345,7 @@ void Messages::expire(TimePoint now) {
   std::erase_if(waiting_, [this, now](const Waiting& w) {
     const bool again = would_accept(now, w);
     if (again) events_.emplace_back(CanSend{w.peer, w.options.channel});
-    return again || now - w.since >= kLongestWait || peers_.find(now, w.peer) == nullptr;
+    return again || now - w.since >= kLongestWait || peers_.access(now, w.peer) == nullptr;
   });
   look_at_.reset();
   if (!waiting_.empty()) look_at_ = now + kLookAgain;

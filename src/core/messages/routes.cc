@@ -80,7 +80,8 @@ Routes routes_of(TimePoint now, const Peer& peer, const Plan& plan,
       }
       const LinkState& link = *std::ranges::find(links, c.links[i], &LinkState::id);
       if (std::ranges::find(queues, link.id, &Ahead::link) == queues.end()) {
-        queues.push_back({link.id, peer.queued_before(link.id, now + deadline, importance)});
+        queues.push_back(
+            {link.id, peer.sender().queued_before(link.id, now + deadline, importance)});
       }
       std::size_t& ahead = std::ranges::find(queues, link.id, &Ahead::link)->bytes;
       const auto expected = arrival_forecast(link, ahead, parts[i]);
@@ -111,7 +112,7 @@ Routes routes_of(TimePoint now, const Peer& peer, const Plan& plan,
 
 bool is_hopeless(const Peer& peer, const LinkState& link, std::size_t ahead, std::size_t bytes,
                  Duration deadline) {
-  const auto least = peer.least_time(link.id, wire_size(ahead) + wire_size(bytes));
+  const auto least = peer.sender().least_time(link.id, wire_size(ahead) + wire_size(bytes));
   return least ? *least > deadline
                : cannot_arrive(link, arrival_forecast(link, ahead, bytes), deadline);
 }

@@ -161,13 +161,13 @@ std::optional<Planned> Dispatch::send(TimePoint now, Peer& peer, std::size_t roo
     const flow::PathSet shadow = flow::PathSet::of(c.shadow);
     wire::MessageBytes message = with(header, std::move(variants[c.variant]));
     if (!c.sets_out()) {
-      peer.add_alternative(now, first, std::move(message), shadow);
+      peer.sender().add_alternative(now, first, std::move(message), shadow);
       continue;
     }
     first = peer.send(now, times, std::move(message), std::span(c.links), repairs,
                       wire::MessageKind::kRound, {c.divided, flow::PathSet::of(c.parity), shadow});
     // Else the repairs of a small image that nobody needs any more delay the next frame.
-    if (better) peer.supersede(*better, first);
+    if (better) peer.sender().supersede(*better, first);
     better = first;
   }
   return planned;

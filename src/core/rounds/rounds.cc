@@ -83,7 +83,7 @@ SubmitStatus Rounds::submit(TimePoint now, const RoundRef& round, Variants varia
   if (peer == nullptr) return SubmitStatus::kNoPeer;
   choose_mode(now, context, *peer, message_class, Dispatch::sizes_of(variants), {});
   if (context.mode) context.verdict.late = context.mode->degraded;
-  const auto clock = clock_of(now, context.header, peers_.find(now, context.from));
+  const auto clock = clock_of(now, context.header, peers_.access(now, context.from));
   auto planned = dispatch_.send(now, *peer, peers_.send_room(peer->identity().id), context, clock,
                                 variants, message_class, guidance(now, context, clock));
   if (!planned) return SubmitStatus::kOverBudget;
@@ -108,7 +108,7 @@ Plan Rounds::preview(TimePoint now, const RoundRef& round,
   wire::RoundHeader header = found->header;
   header.stage = static_cast<std::uint8_t>(found->stage + 1);
   header.message_class = message_class;
-  const auto clock = clock_of(now, header, peers_.find(now, found->from));
+  const auto clock = clock_of(now, header, peers_.access(now, found->from));
   found->previewed =
       Previewed{dispatch_.plan(peer->links(now), header, {qos_of(header), variant_bytes, costs},
                                guidance(now, *found, clock)),
@@ -122,7 +122,7 @@ std::size_t Rounds::begin_computation(TimePoint now, const RoundRef& round,
   if (context == nullptr || levels.empty()) return top;
   wire::RoundHeader& h = context->header;
   guard::StageEnd end = stage_end(h, context->stage);
-  Peer* from = peers_.find(now, context->from);
+  Peer* from = peers_.access(now, context->from);
   if (from != nullptr) end.ahead = soonest_way(from->links(now));
   const guard::LevelChoice choice =
       observer_of(h, {context->from.value_or(kOurselves), context->by_relay})
@@ -240,7 +240,7 @@ void Rounds::arrived(TimePoint now, Peer& peer, const wire::RoundHeader& header,
 // Nothing is kept of a peer that is gone, so that this one is there.
 void Rounds::release(TimePoint now, Held released) {
   const wire::RoundHeader header = released.arrived.header;
-  Peer* peer = peers_.find(now, released.arrived.from);
+  Peer* peer = peers_.access(now, released.arrived.from);
   if (peer == nullptr) return;
   const Stages::Sender from = sender(*peer);
   if (header.stage == header.stages) {
@@ -282,9 +282,9 @@ Rounds::ClockOf Rounds::clock_of(TimePoint now, const wire::RoundHeader& header,
 }
 
 Peer* Rounds::destination(TimePoint now, const RoundContext& context, std::optional<PeerId> to) {
-  if (to) return peers_.find(now, to);
-  if (context.from) return peers_.find(now, context.from);
-  return peers_.only(now);
+  if (to) return peers_.access(now, to);
+  if (context.from) return peers_.access(now, context.from);
+  return peers_.access_only(now);
 }
 
 // The application hands its result over with submit(), so the computations up to the next
@@ -298,7 +298,7 @@ void Rounds::end_computations(TimePoint now, RoundContext& context) {
         observer_of(context.header, {context.from.value_or(kOurselves), context.by_relay});
     context.verdict =
         observer.end_stage(now, stage_end(context.header, context.stage),
-                           clock_of(now, context.header, peers_.find(now, context.from)));
+                           clock_of(now, context.header, peers_.access(now, context.from)));
   }
   if (context.stage > before) note_computed(context.header, now - context.began);
 }

@@ -8,7 +8,7 @@
 #include "app/perception/jpeg.h"
 #include "app/perception/motion_streams.h"
 
-namespace interneuron::perception {
+namespace interneuron::perception::limits_page_test {
 namespace {
 
 using namespace limits_page;
@@ -37,4 +37,4 @@ TEST(LimitsPage, HasTheFiguresOfTheRoadsideUnit) {
 }
 
 }  // namespace
-}  // namespace interneuron::perception
+}  // namespace interneuron::perception::limits_page_test
