@@ -10,6 +10,7 @@
 #include "core/endpoint/own_time.h"
 #include "core/messages/messages.h"
 #include "core/peers/peers.h"
+#include "core/plan/policies.h"
 #include "core/rounds/rounds.h"
 
 namespace interneuron {
@@ -41,8 +42,9 @@ class Endpoint::Impl {
                 .reassembly_budget_bytes = options.reassembly_budget_bytes,
                 .send_budget_bytes = options.send_budget_bytes,
                 .security = options.security}),
-        rounds_(options, peers_, events_),
-        messages_(options.policies, peers_, events_),
+        policies_(options.policies),
+        rounds_(options, policies_, peers_, events_),
+        messages_(policies_, peers_, events_),
         time_(now) {}
 
   // Every call tells the time. Those that look at rounds first do what is due.
@@ -180,6 +182,7 @@ class Endpoint::Impl {
 
   std::deque<Event> events_;
   Peers peers_;
+  PolicyRegistry policies_;
   Rounds rounds_;
   Messages messages_;
   OwnTime time_;

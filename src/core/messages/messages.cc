@@ -6,10 +6,8 @@
 
 #include "core/base/earliest.h"
 #include "core/messages/routes.h"
-#include "core/plan/carriers.h"
 #include "core/plan/plan_message.h"
 #include "core/wire/plain_header.h"
-#include "interneuron/sizes.h"
 
 namespace interneuron {
 namespace {
@@ -28,23 +26,9 @@ constexpr Duration kLongestRoundTrip = std::chrono::seconds(2);
 // value: an application that still wants to send has asked again long since.
 constexpr Duration kLongestWait = std::chrono::seconds(10);
 
-wire::MessageBytes with(const wire::PlainHeader& header, Bytes payload) {
-  std::array<std::byte, wire::kPlainHeaderBytes> bytes;
-  wire::write_plain_header(bytes, header);
-  return {bytes, std::move(payload)};
-}
-
 std::uint32_t to_us(Duration d) {
   return static_cast<std::uint32_t>(
       std::chrono::ceil<std::chrono::microseconds>(std::min(d, kLongestDeadline)).count());
-}
-
-flow::PathSet allowed_of(const Policy& policy, std::span<const LinkState> links) {
-  flow::PathSet allowed;
-  for (const LinkState& link : links) {
-    if (policy.allows(link)) allowed.add(link.id);
-  }
-  return allowed;
 }
 
 // What is wrong with a message by itself.
@@ -58,52 +42,54 @@ std::optional<SendStatus> fault(const Variants& variants, const SendOptions& opt
   return std::nullopt;
 }
 
-// The rate that brings the best variant within half of its time; the other half is for the way and
-// for queues.
-DataRate rate_wanted(std::span<const std::size_t> sizes, Duration deadline) {
-  return rate_of(wire_size(sizes.front()), deadline / 2);
+QoS qos_of(const SendOptions& options) {
+  QoS qos{.deadline = options.deadline};
+  qos.needs.delay = 1.0;
+  return qos;
 }
 
-Few<std::size_t, kMaxVariants> sizes_of(const Variants& variants) {
-  Few<std::size_t, kMaxVariants> sizes;
-  for (const Bytes& variant : variants) sizes.push_back(variant.size());
-  return sizes;
-}
-
-const LinkState& find(std::span<const LinkState> links, LinkId id) {
-  return *std::ranges::find(links, id, &LinkState::id);
+// For how long beyond the deadline the peer's word of a message may take: the longest round trip of
+// the links that it sets out over.
+Duration round_trip(const Itinerary& itinerary, std::span<const LinkState> links) {
+  Duration longest{};
+  for (const Carriers& c : itinerary) {
+    for (const LinkId id : c.links) {
+      longest = std::max(longest, std::ranges::find(links, id, &LinkState::id)->rtt_p50);
+    }
+  }
+  return std::min(longest, kLongestRoundTrip);
 }
 
 }  // namespace
 
-Messages::Messages(const PolicySet& policies, Peers& peers, std::deque<Event>& events)
-    : peers_(peers), events_(events) {
-  for (const auto& policy : policies) policies_.emplace(policy->name(), policy);
-}
-
-const Policy& Messages::rule(const std::string& name) const {
-  const auto it = policies_.find(name);
-  if (it == policies_.end()) {
-    throw std::invalid_argument("send: policy '" + name + "' is not registered");
-  }
-  return *it->second;
-}
+Messages::Messages(const PolicyRegistry& policies, Peers& peers, std::deque<Event>& events)
+    : policies_(policies), peers_(peers), events_(events) {}
 
 // --- sending
 
 SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const SendOptions& asked) {
   SendOptions options = asked;
   options.deadline = std::min(options.deadline, kLongestDeadline);
-  const Policy& policy = rule(options.policy);
+  const Policy* policy = policies_.find(options.policy);
+  if (policy == nullptr) {
+    throw std::invalid_argument("send: policy '" + options.policy + "' is not registered");
+  }
   if (const auto wrong = fault(variants, options)) return {*wrong};
   Peer* peer = peers_.find(now, to);
   if (peer == nullptr) return {SendStatus::kNoPeer};
   const Sizes sizes = sizes_of(variants);
+  const Links links = peer->links(now);
   Routes routes;
-  SendResult result = plan(now, *peer, sizes, options, routes);
+  SendResult result = plan(now, *peer, *policy, links, sizes, options, routes);
   const auto may_change = {SendStatus::kNoLink, SendStatus::kCannotArrive, SendStatus::kOverBudget};
   if (std::ranges::find(may_change, result.status) != may_change.end()) {
     wait({to, sizes, options, now});
+  }
+  // Tells what is expected of the message; nothing here is decided by it.
+  OnTimePrediction prediction;
+  if (result.accepted() || result.status == SendStatus::kCannotArrive) {
+    prediction = forecasts_.predict(routes.outlook);
+    result.on_time = prediction.probability;
   }
   if (!result.accepted()) return result;
 
@@ -116,38 +102,21 @@ SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const Sen
   header.channel = options.channel;
   header.importance = options.importance;
   header.newest_only = options.newest_only;
-  const Links links = peer->links(now);
   SentMessages::Entry entry{.peer = to,
                             .channel = options.channel,
                             .newest_only = options.newest_only,
                             .t0 = now,
                             .deadline = now + deadline,
-                            .ends = now + deadline + kGrace,
-                            .wanted = rate_wanted({sizes.data(), sizes.size()}, deadline)};
-  Duration round_trip{};
-  for (const Route& route : routes.routes) {
-    header.variant = route.variant;
-    const MessageId message = peer->send(
-        now, {.deadline = entry.deadline, .lifetime = deadline, .importance = options.importance},
-        with(header, std::move(variants[route.variant])), route.links, allowed_of(policy, links),
-        wire::MessageKind::kPlain,
-        {route.divided, flow::PathSet::of(route.parity), flow::PathSet::of(route.shadow)});
-    entry.variants.push_back({message, route.variant});
-    for (const LinkId id : route.links) {
-      round_trip = std::max(round_trip, find(links, id).rtt_p50);
-    }
+                            .ends = now + deadline + kGrace + round_trip(routes.itinerary, links),
+                            .wanted = rate_wanted(qos_of(options), sizes.front())};
+  const flow::Sender::Times times{
+      .deadline = entry.deadline, .lifetime = deadline, .importance = options.importance};
+  for (const Dispatched& d : dispatch(now, *peer, header, routes.itinerary, times,
+                                      allowed_of(*policy, links), variants)) {
+    entry.variants.push_back({d.message, d.variant});
   }
-  for (std::size_t v = 0; v < variants.size(); ++v) {
-    if (!routes.standing_by(v)) continue;
-    header.variant = static_cast<std::uint8_t>(v);
-    const MessageId message =
-        peer->add_alternative(now, entry.variants.back().message,
-                              with(header, std::move(variants[v])), routes.shadow_of(v));
-    entry.variants.push_back({message, header.variant});
-  }
-  entry.ends += std::min(round_trip, kLongestRoundTrip);
   result.id = sent_.add(entry);
-  forecasts_.sent(result.id, routes.outlook, routes.prediction);
+  forecasts_.sent(result.id, routes.outlook, prediction);
   if (!collect_at_) collect_at_ = now + kLookAgain;
   return result;
 }
@@ -163,35 +132,30 @@ std::uint32_t Messages::next_id(TimePoint now, const Peer& peer) {
 }
 
 // Whether the message may be sent, and by which routes.
-SendResult Messages::plan(TimePoint now, Peer& peer, const Sizes& sizes, const SendOptions& options,
+SendResult Messages::plan(TimePoint now, Peer& peer, const Policy& policy, const Links& links,
+                          std::span<const std::size_t> sizes, const SendOptions& options,
                           Routes& routes) const {
-  const Policy& policy = rule(options.policy);
-  const Links links = peer.links(now);
   if (std::ranges::none_of(links, &LinkState::up)) return {SendStatus::kNoLink};
-  QoS qos{.deadline = options.deadline};
-  qos.needs.delay = 1.0;
-  const std::span<const std::size_t> span(sizes.data(), sizes.size());
-  const Plan plan = plan_message(policy, {qos, span}, links, {.time_left = options.deadline});
-  const bool best_is_sent = !plan.sends.empty() && best_planned(plan) == 0;
-  if (!best_is_sent || plan.under_floor) peer.want(now, rate_wanted(span, options.deadline));
-  if (plan.sends.empty()) {
+  const QoS qos = qos_of(options);
+  const Plan plan = plan_message(policy, {qos, sizes}, links, {.time_left = options.deadline});
+  const Itinerary planned(plan);
+  seek_rate(now, peer, plan, planned, qos, sizes.front());
+  if (planned.empty()) {
     const bool allowed = std::ranges::any_of(
         links, [&policy](const LinkState& l) { return l.up && policy.allows(l); });
     return {.status = allowed ? SendStatus::kPolicyRefuses : SendStatus::kLinkRestricted,
             .reason = plan.refused};
   }
-  routes = routes_of(now, peer, plan, links, span, options.deadline, options.importance);
-  routes.prediction = forecasts_.predict(routes.outlook);
-  const double on_time = routes.prediction.probability;
-  if (routes.routes.empty()) {
-    peer.want(now, rate_wanted(span, options.deadline));
-    return {.status = SendStatus::kCannotArrive, .expected = routes.expected, .on_time = on_time};
+  routes = routes_of(now, peer, planned, links, sizes, options.deadline, options.importance);
+  if (routes.itinerary.empty()) {
+    peer.want(now, rate_wanted(qos, sizes.front()));
+    return {.status = SendStatus::kCannotArrive, .expected = routes.expected};
   }
-  const std::size_t bytes = routes.bytes(span);
+  const std::size_t bytes = routes.itinerary.bytes(sizes, wire::MessageKind::kPlain);
   if (!sent_.has_room(peer.identity().id) || bytes > peers_.send_room(peer.identity().id)) {
     return {SendStatus::kOverBudget};
   }
-  return {.status = SendStatus::kAccepted, .expected = routes.expected, .on_time = on_time};
+  return {.status = SendStatus::kAccepted, .expected = routes.expected};
 }
 
 // A newer message of the channel is about to be sent: what has not left of the others need not.
@@ -234,8 +198,11 @@ void Messages::wait(const Waiting& channel) {
 // By the same decision as send().
 bool Messages::would_accept(TimePoint now, const Waiting& waiting) {
   Peer* peer = peers_.find(now, waiting.peer);
+  if (peer == nullptr) return false;
   Routes routes;
-  return peer != nullptr && plan(now, *peer, waiting.sizes, waiting.options, routes).accepted();
+  const Policy& policy = *policies_.find(waiting.options.policy);
+  return plan(now, *peer, policy, peer->links(now), waiting.sizes, waiting.options, routes)
+      .accepted();
 }
 
 // --- receiving

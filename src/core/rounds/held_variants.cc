@@ -5,18 +5,16 @@
 namespace interneuron {
 namespace {
 
-bool same_stage(const wire::RoundHeader& a, const wire::RoundHeader& b) {
-  return a.round == b.round && a.stage == b.stage;
-}
+bool same_stage(const Round& a, const Round& b) { return a.ref == b.ref && a.stage == b.stage; }
 
 }  // namespace
 
-const Held* HeldVariants::find(PeerId peer, const wire::RoundHeader& header) const {
+const Held* HeldVariants::find(PeerId peer, const Round& round) const {
   const auto of = peers_.find(peer);
   if (of == peers_.end()) return nullptr;
   for (const Key& key : of->second.keys) {
     const Held& held = waiting_.at(key);
-    if (same_stage(held.arrived.header, header)) return &held;
+    if (same_stage(held.arrived.round, round)) return &held;
   }
   return nullptr;
 }
@@ -47,20 +45,20 @@ Held HeldVariants::take(Waiting::iterator it) {
   return held;
 }
 
-void HeldVariants::drop(PeerId peer, const wire::RoundHeader& header) {
+void HeldVariants::drop(PeerId peer, const Round& round) {
   const auto of = peers_.find(peer);
   if (of == peers_.end()) return;
   const std::vector<Key> keys = of->second.keys;
   for (const Key& key : keys) {
     const auto it = waiting_.find(key);
-    if (same_stage(it->second.arrived.header, header)) take(it);
+    if (same_stage(it->second.arrived.round, round)) take(it);
   }
 }
 
-void HeldVariants::drop(const wire::RoundHeader& header) {
+void HeldVariants::drop(const Round& round) {
   for (auto it = waiting_.begin(); it != waiting_.end();) {
     const auto next = std::next(it);
-    if (same_stage(it->second.arrived.header, header)) take(it);
+    if (same_stage(it->second.arrived.round, round)) take(it);
     it = next;
   }
 }

@@ -9,14 +9,14 @@
 
 #include "core/base/shared_memory.h"
 #include "core/guard/stage_guard.h"
-#include "core/wire/round_header.h"
+#include "core/rounds/round.h"
 #include "interneuron/units.h"
 
 namespace interneuron {
 
 // A complete message, taken apart.
 struct Arrived {
-  wire::RoundHeader header;
+  Round round;
   Bytes payload;
   PeerId from{};
 };
@@ -39,14 +39,14 @@ class HeldVariants {
 
   // The message of this peer that waits for the end of the same stage of the same round; else
   // nullptr.
-  const Held* find(PeerId peer, const wire::RoundHeader& header) const;
+  const Held* find(PeerId peer, const Round& round) const;
   // Whether one more message of so many bytes may wait where the peer may have `most` of them.
   bool has_room(PeerId peer, std::size_t bytes, std::size_t most) const;
   void add(Held held);
-  // The stage of this header is over: nothing of this peer waits for it any more.
-  void drop(PeerId peer, const wire::RoundHeader& header);
+  // The stage that the round is in is over: nothing of this peer waits for it any more.
+  void drop(PeerId peer, const Round& round);
   // The same for all peers; looks at every message that waits.
-  void drop(const wire::RoundHeader& header);
+  void drop(const Round& round);
   // Takes the messages whose time is over at `now`, in the order of their time.
   std::vector<Held> release(TimePoint now);
   // When the next one's time is over.
