@@ -50,28 +50,8 @@ Itinerary::Itinerary(const Plan& plan) {
           break;
       }
     }
-    if (c.sets_out() || !c.helpers.rescue.empty()) push_back(c);
+    if (c.sets_out() || (!empty() && !c.helpers.rescue.empty())) push_back(c);
   }
-}
-
-const Carriers* Itinerary::best() const {
-  const auto* it = std::find_if(begin(), end(), [](const Carriers& c) { return c.sets_out(); });
-  return it == end() ? nullptr : it;
-}
-
-const Carriers* Itinerary::last_to_set_out() const {
-  const Carriers* last = nullptr;
-  for (const Carriers& c : *this) {
-    if (c.sets_out()) last = &c;
-  }
-  return last;
-}
-
-const Carriers* Itinerary::stand_by(std::size_t variant) const {
-  const auto* it = std::find_if(begin(), end(), [variant](const Carriers& c) {
-    return c.variant == variant && !c.sets_out();
-  });
-  return it == end() ? nullptr : it;
 }
 
 std::size_t Itinerary::bytes(std::span<const std::size_t> sizes, wire::MessageKind kind) const {
@@ -96,8 +76,7 @@ flow::PathSet allowed_of(const Policy& policy, std::span<const LinkState> links)
 
 void seek_rate(TimePoint now, Peer& peer, const Plan& plan, const Itinerary& itinerary,
                const QoS& qos, std::size_t best_bytes) {
-  const Carriers* best = itinerary.best();
-  if (best != nullptr && best->variant == 0 && !plan.under_floor) return;
+  if (!itinerary.empty() && itinerary.front().variant == 0 && !plan.under_floor) return;
   peer.want(now, rate_wanted(qos, best_bytes));
 }
 
@@ -109,7 +88,6 @@ AllDispatched dispatch(TimePoint now, Peer& peer, Header header, const Itinerary
   AllDispatched out;
   std::optional<MessageId> better;
   for (const Carriers& c : itinerary) {
-    if (!c.sets_out() && out.empty()) continue;
     wire::MessageBytes message = with(header, c, std::move(variants[c.variant]));
     if (!c.sets_out()) {
       out.push_back({c.variant, peer.add_alternative(now, out.back().message, std::move(message),
@@ -119,8 +97,9 @@ AllDispatched dispatch(TimePoint now, Peer& peer, Header header, const Itinerary
     const MessageId id = peer.send(now, times, std::move(message), {c.links.data(), c.links.size()},
                                    repairs, kKind, c.helpers);
     out.push_back({c.variant, id});
-    // Of plain messages Messages knows when one is there, and cancels the others. Of rounds nobody
-    // does, and the repairs of a small image that is not wanted any more delay the next frame.
+    // Once one variant of a plain message is there, Messages cancels the others. Nobody does that
+    // for a round, where the repairs of a small image that is not wanted any more delay the next
+    // frame.
     if (kKind == wire::MessageKind::kRound && better) peer.supersede(*better, id);
     better = id;
   }

@@ -32,26 +32,23 @@ struct Carriers {
   bool sets_out() const { return !links.empty(); }
 };
 
-// What leaves of a message: its variants, from the best to the smallest. Made once for each
-// message, and in place, so that it allocates nothing.
+// What leaves of a message: its variants, from the best to the smallest. The first one sets out.
+// Made once for each message, and in place, so that it allocates nothing.
 class Itinerary {
  public:
   Itinerary() = default;
-  // Requires a plan that plan_message() has returned.
+  // Requires a plan that plan_message() has returned. Of what stands by, that is left out which has
+  // no variant to stand by for.
   explicit Itinerary(const Plan& plan);
 
   bool empty() const { return size_ == 0; }
   const Carriers* begin() const { return variants_.data(); }
   const Carriers* end() const { return variants_.data() + size_; }
+  const Carriers& front() const { return variants_.front(); }
   const Carriers& back() const { return variants_[size_ - 1]; }
   // Requires fewer than kMaxVariants so far.
   void push_back(const Carriers& carriers) { variants_[size_++] = carriers; }
 
-  // The best variant that sets out, the last one that does, and the one that stands by under this
-  // number; nullptr where there is none.
-  const Carriers* best() const;
-  const Carriers* last_to_set_out() const;
-  const Carriers* stand_by(std::size_t variant) const;
   // Bytes of its variants with headers of this kind; each counts once, over however many links.
   std::size_t bytes(std::span<const std::size_t> sizes, wire::MessageKind kind) const;
 
@@ -81,8 +78,7 @@ using AllDispatched = Few<Dispatched, kMaxVariants>;
 
 // Queues the variants of an itinerary at the peer, and takes their bytes. `header` is that of the
 // message; dispatch() writes into it what differs from variant to variant. `repairs`: the links
-// that may carry again what is lost (allowed_of()). A variant that stands by is of use only behind
-// another one; before the first that sets out it is left out.
+// that may carry again what is lost (allowed_of()).
 template <class Header>
 AllDispatched dispatch(TimePoint now, Peer& peer, Header header, const Itinerary& itinerary,
                        const flow::Sender::Times& times, const flow::PathSet& repairs,

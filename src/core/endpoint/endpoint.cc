@@ -1,3 +1,5 @@
+// Endpoint: joins the machines below it, with one queue of events and one time; and what its own
+// types say in words.
 #include "interneuron/endpoint.h"
 
 #include <algorithm>
@@ -7,7 +9,6 @@
 
 #include "core/base/ablation.h"
 #include "core/base/earliest.h"
-#include "core/endpoint/own_time.h"
 #include "core/messages/messages.h"
 #include "core/peers/peers.h"
 #include "core/plan/policies.h"
@@ -23,6 +24,32 @@ constexpr Duration kBetweenVersions = std::chrono::seconds(10);
 Secret secret_of(const EndpointOptions& options) {
   return options.secret != Secret{} ? options.secret : Secret{options.session.value, 0};
 }
+
+// The endpoint's own time. It never goes back: where the host's time does, the difference is added
+// from then on (docs/paper.md, "Clock steps"). Everything inside an endpoint is in its own time,
+// and only next_timeout() is told in the host's. Pure; thread-compatible.
+class OwnTime {
+ public:
+  explicit OwnTime(TimePoint host) : newest_(host) {}
+
+  // The host's time is `host` now. Returns the own time of this instant.
+  TimePoint tick(TimePoint host) {
+    if (host < newest_) shift_ += newest_ - host;
+    newest_ = host;
+    return own(host);
+  }
+  // The own time of the last tick().
+  TimePoint now() const { return own(newest_); }
+  // From one to the other, as the difference is now.
+  TimePoint own(TimePoint host) const { return host + shift_; }
+  TimePoint host(TimePoint own) const { return own - shift_; }
+
+ private:
+  // The host's time at the last tick().
+  TimePoint newest_;
+  // The own time less the host's.
+  Duration shift_{};
+};
 
 }  // namespace
 
@@ -71,10 +98,10 @@ class Endpoint::Impl {
     // arrivals come first. Of several datagrams that come at once only the first finds something.
     if (ran_to_ < now - Duration{1}) run_timers(now - Duration{1});
     Peers::Received received = peers_.receive(now, datagram);
-    tell_lost();
+    report_lost();
     while (const auto key = peers_.poll_shared_key()) events_.emplace_back(KeyShared{*key});
-    if (received.other_version && now >= tell_version_at_) {
-      tell_version_at_ = now + kBetweenVersions;
+    if (received.other_version && now >= report_version_at_) {
+      report_version_at_ = now + kBetweenVersions;
       events_.emplace_back(OtherVersion{datagram.link, datagram.from, *received.other_version});
     }
     if (received.peer == nullptr) return;
@@ -83,7 +110,7 @@ class Endpoint::Impl {
       messages_.forget(received.peer->identity().id);
       events_.emplace_back(PeerRestarted{received.peer->identity().id});
     }
-    if (received.input.limited) return tell_limited(*received.peer);
+    if (received.input.limited) return report_limited(*received.peer);
     if (received.input.duplicate) return;
     const PeerId id = received.peer->identity().id;
     react(now, *received.peer, received.input);
@@ -140,10 +167,10 @@ class Endpoint::Impl {
     Peers::Expired expired = peers_.handle_timeout(now);
     messages_expired_ += expired.messages;
     for (PathChanged& change : expired.changes) events_.emplace_back(std::move(change));
-    tell_lost();
+    report_lost();
   }
 
-  void tell_lost() {
+  void report_lost() {
     while (const auto lost = peers_.poll_lost()) {
       rounds_.forget(lost->id);
       messages_.forget(lost->id);
@@ -166,16 +193,16 @@ class Endpoint::Impl {
       messages_.complete(now, peer, input.message_id, std::move(*input.message));
     }
     messages_.collect(now, peer);
-    tell_limited(peer);
+    report_limited(peer);
   }
 
   // The peer that has sent it may be among those that are gone after it.
   void take_revocations(Bytes list) {
     if (peers_.take_revocations(list)) events_.emplace_back(RevocationsChanged{std::move(list)});
-    tell_lost();
+    report_lost();
   }
 
-  void tell_limited(Peer& peer) {
+  void report_limited(Peer& peer) {
     const auto limit = peer.take_limited();
     if (limit) events_.emplace_back(PeerLimited{peer.identity().id, *limit});
   }
@@ -192,7 +219,7 @@ class Endpoint::Impl {
   std::uint64_t reassembly_refused_ = 0;
   std::uint64_t bad_fragments_ = 0;
   // When the next packet of another version is told of.
-  TimePoint tell_version_at_ = TimePoint::min();
+  TimePoint report_version_at_ = TimePoint::min();
 };
 
 Transmit TransmitParts::join(std::span<std::byte> buffer) const {

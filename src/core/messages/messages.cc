@@ -15,9 +15,10 @@ namespace {
 // How long beyond a round trip after the deadline a fate is waited for (send.h). Feedback comes
 // 5 ms after a message at the latest (src/core/peers/feedback_due.h), so that several may be lost.
 constexpr Duration kGrace = std::chrono::milliseconds(50);
-// How often channels that were refused are looked at again, and senders asked what they have given
-// up. No measurement behind this value: it only has to be short against the deadlines of messages.
-constexpr Duration kLookAgain = std::chrono::milliseconds(10);
+// How often it is checked whether channels that were refused can send again, and what senders have
+// given up. No measurement behind this value: it only has to be short against the deadlines of
+// messages.
+constexpr Duration kRecheck = std::chrono::milliseconds(10);
 // Longer than this a fate is not waited for beyond the deadline, whatever round-trip time the peer
 // makes us measure. No measurement behind it: cellular links with full queues take some hundred
 // milliseconds.
@@ -117,7 +118,7 @@ SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const Sen
   }
   result.id = sent_.add(entry);
   forecasts_.sent(result.id, routes.outlook, prediction);
-  if (!collect_at_) collect_at_ = now + kLookAgain;
+  if (!collect_at_) collect_at_ = now + kRecheck;
   return result;
 }
 
@@ -146,7 +147,7 @@ SendResult Messages::plan(TimePoint now, Peer& peer, const Policy& policy, const
     return {.status = allowed ? SendStatus::kPolicyRefuses : SendStatus::kLinkRestricted,
             .reason = plan.refused};
   }
-  routes = routes_of(now, peer, planned, links, sizes, options.deadline, options.importance);
+  routes = routes_of(now, peer, planned, links, sizes, options);
   if (routes.itinerary.empty()) {
     peer.want(now, rate_wanted(qos, sizes.front()));
     return {.status = SendStatus::kCannotArrive, .expected = routes.expected};
@@ -168,7 +169,7 @@ void Messages::supersede(TimePoint now, PeerId to, std::uint16_t channel) {
         entry.variants, [peer](const auto& v) { return !peer->is_surely_incomplete(v.message); });
     if (left) continue;
     stop(*peer, entry);
-    tell(sent_.end(id, Fate::kDropped, FateReason::kSuperseded));
+    report(sent_.end(id, Fate::kDropped, FateReason::kSuperseded));
   }
 }
 
@@ -176,7 +177,7 @@ bool Messages::cancel(TimePoint now, SendId id) {
   const SentMessages::Entry* entry = sent_.find(id);
   if (entry == nullptr) return false;
   if (Peer* peer = peers_.find(now, entry->peer)) stop(*peer, *entry);
-  tell(sent_.end(id, Fate::kDropped, FateReason::kCancelled));
+  report(sent_.end(id, Fate::kDropped, FateReason::kCancelled));
   return true;
 }
 
@@ -192,7 +193,7 @@ void Messages::wait(const Waiting& channel) {
   });
   if (waiting_.size() >= kMaxWaiting) waiting_.erase(waiting_.begin());
   waiting_.push_back(channel);
-  if (!look_at_) look_at_ = channel.since + kLookAgain;
+  if (!recheck_at_) recheck_at_ = channel.since + kRecheck;
 }
 
 // By the same decision as send().
@@ -267,29 +268,29 @@ void Messages::settle(TimePoint now, Peer& peer, const Settled& settled) {
     case Kind::kComplete:
       // The other variants would only take room from messages that still count.
       stop(peer, *entry);
-      return tell(sent_.delivered(id, settled.message, when));
+      return report(sent_.delivered(id, settled.message, when));
     case Kind::kGivenUp:
       peer.want(now, entry->wanted);
-      return tell(sent_.dropped(id, settled.message, FateReason::kCannotArrive));
+      return report(sent_.dropped(id, settled.message, FateReason::kCannotArrive));
     case Kind::kIncomplete:
-      return tell(sent_.dropped(id, settled.message, FateReason::kExpired));
+      return report(sent_.dropped(id, settled.message, FateReason::kExpired));
     case Kind::kDroppedThere:
       // Only one of a channel of which the newest counts is dropped while it is in time.
       if (entry->newest_only && when.age + when.error <= entry->deadline - entry->t0) {
-        return tell(sent_.dropped(id, settled.message, FateReason::kSuperseded));
+        return report(sent_.dropped(id, settled.message, FateReason::kSuperseded));
       }
-      return tell(sent_.late(id, settled.message, when));
+      return report(sent_.late(id, settled.message, when));
     case Kind::kRefused: {
       peer.cancel(settled.message);
       // The peer names in one list what found no room and what it has waited for in vain.
       const bool is_over = now >= entry->deadline;
-      return tell(sent_.dropped(id, settled.message,
-                                is_over ? FateReason::kExpired : FateReason::kRefusedByPeer));
+      return report(sent_.dropped(id, settled.message,
+                                  is_over ? FateReason::kExpired : FateReason::kRefusedByPeer));
     }
   }
 }
 
-void Messages::tell(std::optional<MessageFate> fate) {
+void Messages::report(std::optional<MessageFate> fate) {
   if (!fate) return;
   forecasts_.settled(*fate);
   events_.emplace_back(*fate);
@@ -301,31 +302,31 @@ void Messages::expire(TimePoint now) {
     for (const PeerId id : asked_) {
       if (Peer* peer = peers_.find(now, id)) collect(now, *peer);
     }
-    collect_at_ = now + kLookAgain;
+    collect_at_ = now + kRecheck;
   }
   if (!sent_.first_end()) collect_at_.reset();
   while (const auto id = sent_.ended(now)) {
-    tell(sent_.end(*id, Fate::kUnknown, FateReason::kExpired));
+    report(sent_.end(*id, Fate::kUnknown, FateReason::kExpired));
   }
-  if (!look_at_ || *look_at_ > now) return;
+  if (!recheck_at_ || *recheck_at_ > now) return;
   std::erase_if(waiting_, [this, now](const Waiting& w) {
     const bool again = would_accept(now, w);
     if (again) events_.emplace_back(CanSend{w.peer, w.options.channel});
     return again || now - w.since >= kLongestWait || peers_.find(now, w.peer) == nullptr;
   });
-  look_at_.reset();
-  if (!waiting_.empty()) look_at_ = now + kLookAgain;
+  recheck_at_.reset();
+  if (!waiting_.empty()) recheck_at_ = now + kRecheck;
 }
 
 std::optional<TimePoint> Messages::next_timeout() const {
-  return earliest(sent_.first_end(), look_at_, collect_at_);
+  return earliest(sent_.first_end(), recheck_at_, collect_at_);
 }
 
 void Messages::forget(PeerId peer) {
   next_ids_.erase(peer);
   received_.forget(peer);
   for (const SendId id : sent_.to(peer)) {
-    tell(sent_.end(id, Fate::kUnknown, FateReason::kPeerGone));
+    report(sent_.end(id, Fate::kUnknown, FateReason::kPeerGone));
   }
   forecasts_.forget(peer);
 }

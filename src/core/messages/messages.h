@@ -55,7 +55,7 @@ class Messages {
     TimePoint since{};
   };
   // Channels that are told when they can send again. No measurement behind this value: it only has
-  // to bound what is looked at every kLookAgain.
+  // to bound what is looked at every kRecheck.
   static constexpr std::size_t kMaxWaiting = 64;
 
   std::uint32_t next_id(TimePoint now, const Peer& peer);
@@ -66,7 +66,7 @@ class Messages {
   void wait(const Waiting& channel);
   bool would_accept(TimePoint now, const Waiting& waiting);
   void settle(TimePoint now, Peer& peer, const Settled& settled);
-  void tell(std::optional<MessageFate> fate);
+  void report(std::optional<MessageFate> fate);
   void stop(Peer& peer, const SentMessages::Entry& entry);
 
   const PolicyRegistry& policies_;
@@ -78,8 +78,8 @@ class Messages {
   std::vector<Waiting> waiting_;
   // What the next message to each peer is called on its way.
   std::map<PeerId, std::uint32_t> next_ids_;
-  // When the channels that wait are looked at again; nothing while none waits.
-  std::optional<TimePoint> look_at_;
+  // When it is checked again whether the channels that wait can send; nothing while none waits.
+  std::optional<TimePoint> recheck_at_;
   // When the senders are asked what they have given up; nothing while no message is open.
   std::optional<TimePoint> collect_at_;
   // The peers that are asked, while expire() runs.

@@ -38,108 +38,101 @@ std::array<std::size_t, kMaxLinks> parts_of(const Carriers& c, std::span<const L
 }
 
 // Takes the variants of a plan, from the best on, and leaves out the links that bring one too late.
-class Sieve {
- public:
-  Sieve(TimePoint now, const Peer& peer, std::span<const LinkState> links,
-        std::span<const std::size_t> sizes, Duration deadline, std::uint8_t importance)
-      : peer_(peer),
-        links_(links),
-        sizes_(sizes),
-        deadline_(deadline),
-        ends_(now + deadline),
-        importance_(importance) {
-    out_.outlook = {
-        .peer = peer.identity().id, .at = now, .deadline = deadline, .bytes = sizes.front()};
+struct Sieve {
+  TimePoint now{};
+  const Peer& peer;
+  std::span<const LinkState> links;
+  std::span<const std::size_t> sizes;
+  const SendOptions& options;
+  Routes out{};
+  // When the first of all transmissions should be there, also of those that are left out.
+  std::optional<Duration> soonest{};
+  struct Queue {
+    LinkId link{};
+    std::size_t bytes = 0;
+  };
+  Few<Queue, kMaxLinks> queues{};
+
+  // The bytes that leave before the next variant over this link: those of other messages, and of
+  // better variants of this one.
+  std::size_t& ahead(LinkId link) {
+    const auto it = std::ranges::find(queues, link, &Queue::link);
+    if (it != queues.end()) return it->bytes;
+    queues.push_back({link, peer.queued_before(link, now + options.deadline, options.importance)});
+    return queues.back().bytes;
   }
 
-  // `gives_way`: smaller variants stand by for this one.
+  // Whether this link brings `bytes` of a variant in time. Where smaller variants stand by for it
+  // (`gives_way`), so do those of the messages before it, and they may all give way.
+  bool judge(const Carriers& c, LinkId id, std::size_t bytes, bool gives_way,
+             std::optional<Duration>& last_part) {
+    const LinkState& link = *std::ranges::find(links, id, &LinkState::id);
+    std::size_t& before = ahead(id);
+    const auto expected = arrival_forecast(link, before, bytes);
+    // The paths of a divided message help each other: the sender judges them together.
+    const bool hopeless = !c.helpers.divided &&
+                          (gives_way ? is_hopeless(peer, link, 0, sizes.back(), options.deadline)
+                                     : is_hopeless(peer, link, before, bytes, options.deadline));
+    soonest = earliest(soonest, expected);
+    out.outlook.consider(link, expected, arrival_forecast(link, 0, sizes.back()), hopeless);
+    if (hopeless) return false;
+    if (expected) last_part = std::max(last_part.value_or(*expected), *expected);
+    if (!c.helpers.divided) out.expected = earliest(out.expected, expected);
+    before += bytes;
+    return true;
+  }
+
   void take(const Carriers& c, bool gives_way) {
     Carriers kept{.variant = c.variant, .helpers = c.helpers};
     std::optional<Duration> last_part;
-    const auto parts = parts_of(c, links_, sizes_[c.variant], deadline_);
+    const auto parts = parts_of(c, links, sizes[c.variant], options.deadline);
     for (std::size_t i = 0; i < c.links.size(); ++i) {
       // A link that gets nothing at first may take over what another one is too slow for.
       if (parts[i] > 0 && !judge(c, c.links[i], parts[i], gives_way, last_part)) continue;
       kept.links.push_back(c.links[i]);
     }
-    if (c.helpers.divided) out_.expected = earliest(out_.expected, last_part);
-    if (kept.sets_out()) out_.itinerary.push_back(kept);
+    if (c.helpers.divided) out.expected = earliest(out.expected, last_part);
+    if (kept.sets_out()) out.itinerary.push_back(kept);
   }
-
-  // What the plan has stand by, and what may stand by beside that.
-  Routes finish(const Itinerary& planned) {
-    Itinerary& kept = out_.itinerary;
-    if (kept.empty()) out_.expected = soonest_;
-    if (kept.empty()) return out_;
-    const bool has_one_link = kept.back().links.size() == 1;
-    for (std::size_t v = kept.back().variant + 1U; v < sizes_.size(); ++v) {
-      if (const Carriers* own = planned.stand_by(v)) {
-        kept.push_back(*own);
-      } else if (has_one_link) {
-        kept.push_back({.variant = static_cast<std::uint8_t>(v)});
-      }
-    }
-    return out_;
-  }
-
- private:
-  // Whether this link brings so many bytes of a variant in time, and when.
-  bool judge(const Carriers& c, LinkId id, std::size_t bytes, bool gives_way,
-             std::optional<Duration>& last_part) {
-    const LinkState& link = *std::ranges::find(links_, id, &LinkState::id);
-    std::size_t& before = ahead(id);
-    const auto expected = arrival_forecast(link, before, bytes);
-    // The paths of a divided message help each other: the sender judges them together. And where
-    // smaller variants stand by, so do those of the messages before it: they may all give way.
-    const bool hopeless =
-        !c.helpers.divided && is_hopeless(peer_, link, gives_way ? 0 : before,
-                                          gives_way ? sizes_.back() : bytes, deadline_);
-    soonest_ = earliest(soonest_, expected);
-    out_.outlook.consider(link, expected, arrival_forecast(link, 0, sizes_.back()), hopeless);
-    if (hopeless) return false;
-    if (expected) last_part = std::max(last_part.value_or(*expected), *expected);
-    if (!c.helpers.divided) out_.expected = earliest(out_.expected, expected);
-    before += bytes;
-    return true;
-  }
-
-  // The bytes that leave before the next variant over this link: those of other messages, and of
-  // better variants of this one.
-  std::size_t& ahead(LinkId link) {
-    const auto it = std::ranges::find(queues_, link, &Queue::link);
-    if (it != queues_.end()) return it->bytes;
-    queues_.push_back({link, peer_.queued_before(link, ends_, importance_)});
-    return queues_.back().bytes;
-  }
-
-  struct Queue {
-    LinkId link{};
-    std::size_t bytes = 0;
-  };
-  const Peer& peer_;
-  std::span<const LinkState> links_;
-  std::span<const std::size_t> sizes_;
-  Duration deadline_;
-  TimePoint ends_;
-  std::uint8_t importance_;
-  Few<Queue, kMaxLinks> queues_;
-  Routes out_;
-  // The first of all transmissions, also of those that are left out.
-  std::optional<Duration> soonest_;
 };
+
+// Smaller variants stand by for the last one that is kept.
+void add_stand_bys(Itinerary& kept, const Itinerary& planned, std::size_t variants) {
+  const bool has_one_link = kept.back().links.size() == 1;
+  for (std::size_t v = kept.back().variant + 1U; v < variants; ++v) {
+    const auto* own = std::ranges::find_if(
+        planned, [v](const Carriers& c) { return c.variant == v && !c.sets_out(); });
+    if (own != planned.end()) {
+      kept.push_back(*own);
+    } else if (has_one_link) {
+      kept.push_back({.variant = static_cast<std::uint8_t>(v)});
+    }
+  }
+}
 
 }  // namespace
 
 Routes routes_of(TimePoint now, const Peer& peer, const Itinerary& planned,
                  std::span<const LinkState> links, std::span<const std::size_t> sizes,
-                 Duration deadline, std::uint8_t importance) {
-  Sieve sieve(now, peer, links, sizes, deadline, importance);
-  const Carriers* last = planned.last_to_set_out();
+                 const SendOptions& options) {
+  Sieve sieve{now, peer, links, sizes, options};
+  Routes& out = sieve.out;
+  out.outlook.peer = peer.identity().id;
+  out.outlook.at = now;
+  out.outlook.deadline = options.deadline;
+  out.outlook.bytes = sizes.front();
+  const auto sets_out = [](const Carriers& c) { return c.sets_out(); };
   for (const Carriers& c : planned) {
-    const bool gives_way = &c == last && c.links.size() == 1 && c.variant + 1U < sizes.size();
+    const bool is_last = std::none_of(&c + 1, planned.end(), sets_out);
+    const bool gives_way = is_last && c.links.size() == 1 && c.variant + 1U < sizes.size();
     if (c.sets_out()) sieve.take(c, gives_way);
   }
-  return sieve.finish(planned);
+  if (out.itinerary.empty()) {
+    out.expected = sieve.soonest;
+  } else {
+    add_stand_bys(out.itinerary, planned, sizes.size());
+  }
+  return out;
 }
 
 }  // namespace interneuron

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <cstddef>
-#include <cstdint>
 #include <optional>
 #include <span>
 
@@ -11,6 +10,7 @@
 #include "core/messages/outlook.h"
 #include "core/peers/peer.h"
 #include "interneuron/link.h"
+#include "interneuron/send.h"
 
 namespace interneuron {
 
@@ -33,6 +33,6 @@ struct Routes {
 // links of their own, and all of them where it has one link, which may give it up.
 Routes routes_of(TimePoint now, const Peer& peer, const Itinerary& planned,
                  std::span<const LinkState> links, std::span<const std::size_t> sizes,
-                 Duration deadline, std::uint8_t importance);
+                 const SendOptions& options);
 
 }  // namespace interneuron

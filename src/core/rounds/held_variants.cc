@@ -45,14 +45,23 @@ Held HeldVariants::take(Waiting::iterator it) {
   return held;
 }
 
-void HeldVariants::drop(PeerId peer, const Round& round) {
+template <class Which>
+void HeldVariants::drop_of(PeerId peer, const Which& which) {
   const auto of = peers_.find(peer);
   if (of == peers_.end()) return;
   const std::vector<Key> keys = of->second.keys;
   for (const Key& key : keys) {
     const auto it = waiting_.find(key);
-    if (same_stage(it->second.arrived.round, round)) take(it);
+    if (which(it->second)) take(it);
   }
+}
+
+void HeldVariants::drop(PeerId peer, const Round& round) {
+  drop_of(peer, [&round](const Held& held) { return same_stage(held.arrived.round, round); });
+}
+
+void HeldVariants::forget(PeerId peer) {
+  drop_of(peer, [](const Held&) { return true; });
 }
 
 void HeldVariants::drop(const Round& round) {
@@ -74,13 +83,6 @@ std::vector<Held> HeldVariants::release(TimePoint now) {
 std::optional<TimePoint> HeldVariants::next_timeout() const {
   if (waiting_.empty()) return std::nullopt;
   return waiting_.begin()->first.first;
-}
-
-void HeldVariants::forget(PeerId peer) {
-  const auto of = peers_.find(peer);
-  if (of == peers_.end()) return;
-  const std::vector<Key> keys = of->second.keys;
-  for (const Key& key : keys) take(waiting_.find(key));
 }
 
 std::size_t HeldVariants::count(PeerId peer) const {

@@ -230,24 +230,26 @@ void Rounds::arrived(TimePoint now, Peer& peer, Arrived arrived) {
       if (round.stage == round.stages) {
         finish(now, from.peer, round, std::move(arrived.payload));
       } else {
-        events_.emplace_back(stages_.serve(now, from, std::move(arrived), clock, guard));
+        const Verdict verdict = guard.end_stage(now, round.stage_end(round.stage), clock);
+        events_.emplace_back(stages_.serve(now, from, std::move(arrived), verdict));
       }
   }
   for (const PeerLimit limit : stages_.take_struck()) peer.strike(now, limit);
 }
 
 // Nothing is kept of a peer that is gone, so that this one is there.
-void Rounds::release(TimePoint now, Held released) {
-  const Round round = released.arrived.round;
-  Peer* peer = peers_.find(now, released.arrived.from);
+void Rounds::release(TimePoint now, Held held) {
+  Peer* peer = peers_.find(now, held.arrived.from);
   if (peer == nullptr) return;
+  const Round round = held.arrived.round;
   const Stages::Speaker from = speaker(*peer);
   if (round.stage == round.stages) {
-    finish(released.hold.until, from.peer, round, std::move(released.arrived.payload));
+    finish(held.hold.until, from.peer, round, std::move(held.arrived.payload));
     return;
   }
-  guard::StageGuard& guard = stage_guard_of(round, from);
-  events_.emplace_back(stages_.serve_held(from, std::move(released), guard));
+  const Verdict verdict =
+      stage_guard_of(round, from).end_stage_held(round.stage_end(round.stage), held.hold);
+  events_.emplace_back(stages_.serve(held.hold.until, from, std::move(held.arrived), verdict));
   for (const PeerLimit limit : stages_.take_struck()) peer->strike(now, limit);
 }
 

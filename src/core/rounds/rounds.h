@@ -68,7 +68,7 @@ class Rounds {
   Stages::Speaker speaker(const Peer& peer) const;
   bool is_relay(const Peer& peer) const;
   void arrived(TimePoint now, Peer& peer, Arrived arrived);
-  void release(TimePoint now, Held released);
+  void release(TimePoint now, Held held);
   bool finish(TimePoint now, PeerId from, const Round& round, Bytes result);
   void report(std::optional<RoundDone> done);
   void end_computations(TimePoint now, RoundContext& context);

@@ -122,19 +122,7 @@ void Stages::finish(PeerId peer, const Round& round) {
 }
 
 Delivered Stages::serve(TimePoint now, const Speaker& speaker, Arrived arrived,
-                        const ClockOf& clock, guard::StageGuard& guard) {
-  const Verdict verdict = guard.end_stage(now, arrived.round.stage_end(arrived.round.stage), clock);
-  return deliver(now, speaker, std::move(arrived), verdict);
-}
-
-Delivered Stages::serve_held(const Speaker& speaker, Held released, guard::StageGuard& guard) {
-  const Round& round = released.arrived.round;
-  const Verdict verdict = guard.end_stage_held(round.stage_end(round.stage), released.hold);
-  return deliver(released.hold.until, speaker, std::move(released.arrived), verdict);
-}
-
-Delivered Stages::deliver(TimePoint now, const Speaker& speaker, Arrived arrived,
-                          const Verdict& verdict) {
+                        const Verdict& verdict) {
   const Round& r = arrived.round;
   strike_long_deadline(r);
   const Duration deadline = bounded_deadline(r);

@@ -58,15 +58,13 @@ class Stages {
   Action arrive(TimePoint now, const Speaker& speaker, Arrived& arrived, const Policy* policy,
                 const ClockOf& clock, guard::StageGuard& guard);
 
-  // Serves a message: ends the stage before the guard, drops what is held of the stage, and opens
-  // the round's context for the application.
-  Delivered serve(TimePoint now, const Speaker& speaker, Arrived arrived, const ClockOf& clock,
-                  guard::StageGuard& guard);
+  // Serves a message whose stage the guard has judged at `now`: drops what is held of the stage,
+  // and opens the round's context for the application.
+  Delivered serve(TimePoint now, const Speaker& speaker, Arrived arrived, const Verdict& verdict);
 
-  // Takes the held variants whose time is over at `now`, in the order of their time.
+  // Takes the held variants whose time is over at `now`, in the order of their time. Each is served
+  // as at the instant at which its hold was to end.
   std::vector<Held> release(TimePoint now) { return held_.release(now); }
-  // The same as serve(), at the instant at which the hold was to end.
-  Delivered serve_held(const Speaker& speaker, Held released, guard::StageGuard& guard);
 
   // The stage of this message, which this peer has sent, is over, whatever became of it: further
   // copies are dropped.
@@ -137,7 +135,6 @@ class Stages {
   Pipeline& pipeline(const Round& round, const Speaker& speaker);
   void make_room_for_pipeline(const Speaker& speaker);
   Served* served(PeerId peer, const Round& round);
-  Delivered deliver(TimePoint now, const Speaker& speaker, Arrived arrived, const Verdict& verdict);
   void strike_long_deadline(const Round& round);
   std::size_t scaled(std::size_t limit, const Speaker& speaker) const {
     return speaker.is_relay ? limit * kRelayedPeers : limit;

@@ -120,7 +120,7 @@ std::optional<Planned> Transmissions::send(TimePoint now, Peer& peer, std::size_
   if (itinerary.empty()) return planned;
   if (itinerary.bytes(next.sizes, wire::MessageKind::kRound) > room) return std::nullopt;
 
-  round.best_planned = itinerary.best()->variant;
+  round.best_planned = itinerary.front().variant;
   flow::Sender::Times when = times(now, round, clock);
   if (next.message_class == MessageClass::kData) {
     when.aim = when.deadline - rest_of_round(next.links, guide);
