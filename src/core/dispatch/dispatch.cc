@@ -37,20 +37,20 @@ Itinerary::Itinerary(const Plan& plan) {
       if (send.variant != v) continue;
       switch (send.role) {
         case SendRole::kShare:
-          c.helpers.divided = true;
+          c.protection.divided = true;
           [[fallthrough]];
         case SendRole::kWhole:
           c.links.push_back(send.link);
           break;
         case SendRole::kParity:
-          c.helpers.symbols.add(send.link);
+          c.protection.symbols.add(send.link);
           break;
         case SendRole::kShadow:
-          c.helpers.rescue.add(send.link);
+          c.protection.rescue.add(send.link);
           break;
       }
     }
-    if (c.sets_out() || (!empty() && !c.helpers.rescue.empty())) push_back(c);
+    if (c.sets_out() || (!empty() && !c.protection.rescue.empty())) push_back(c);
   }
 }
 
@@ -91,11 +91,11 @@ AllDispatched dispatch(TimePoint now, Peer& peer, Header header, const Itinerary
     wire::MessageBytes message = with(header, c, std::move(variants[c.variant]));
     if (!c.sets_out()) {
       out.push_back({c.variant, peer.add_alternative(now, out.back().message, std::move(message),
-                                                     c.helpers.rescue)});
+                                                     c.protection.rescue)});
       continue;
     }
     const MessageId id = peer.send(now, times, std::move(message), {c.links.data(), c.links.size()},
-                                   repairs, kKind, c.helpers);
+                                   repairs, kKind, c.protection);
     out.push_back({c.variant, id});
     // Once one variant of a plain message is there, Messages cancels the others. Nobody does that
     // for a round, where the repairs of a small image that is not wanted any more delay the next

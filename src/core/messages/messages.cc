@@ -5,7 +5,6 @@
 #include <utility>
 
 #include "core/base/earliest.h"
-#include "core/messages/routes.h"
 #include "core/plan/plan_message.h"
 #include "core/wire/plain_header.h"
 
@@ -49,6 +48,17 @@ QoS qos_of(const SendOptions& options) {
   return qos;
 }
 
+// What the chances of a message are judged by.
+Outlook outlook_of(TimePoint now, PeerId to, const SendOptions& options, std::size_t bytes,
+                   std::span<const LinkState> links, const Routes& routes) {
+  Outlook outlook{.peer = to, .at = now, .deadline = options.deadline, .bytes = bytes};
+  if (routes.first) {
+    const LinkState& link = *std::ranges::find(links, routes.first->link, &LinkState::id);
+    outlook.consider(link, routes.first->expected, routes.first->least, routes.first->is_hopeless);
+  }
+  return outlook;
+}
+
 // For how long beyond the deadline the peer's word of a message may take: the longest round trip of
 // the links that it sets out over.
 Duration round_trip(const Itinerary& itinerary, std::span<const LinkState> links) {
@@ -87,9 +97,11 @@ SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const Sen
     wait({to, sizes, options, now});
   }
   // Tells what is expected of the message; nothing here is decided by it.
+  Outlook outlook;
   OnTimePrediction prediction;
   if (result.accepted() || result.status == SendStatus::kCannotArrive) {
-    prediction = forecasts_.predict(routes.outlook);
+    outlook = outlook_of(now, to, options, sizes.front(), links, routes);
+    prediction = forecasts_.predict(outlook);
     result.on_time = prediction.probability;
   }
   if (!result.accepted()) return result;
@@ -117,7 +129,7 @@ SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const Sen
     entry.variants.push_back({d.message, d.variant});
   }
   result.id = sent_.add(entry);
-  forecasts_.sent(result.id, routes.outlook, prediction);
+  forecasts_.sent(result.id, outlook, prediction);
   if (!collect_at_) collect_at_ = now + kRecheck;
   return result;
 }

@@ -8,7 +8,7 @@
 #include <span>
 #include <utility>
 
-#include "core/rounds/round.h"
+#include "core/dispatch/round.h"
 #include "interneuron/guard.h"
 #include "interneuron/policy.h"
 #include "interneuron/round.h"

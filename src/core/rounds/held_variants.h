@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "core/base/shared_memory.h"
+#include "core/dispatch/round.h"
 #include "core/guard/stage_guard.h"
-#include "core/rounds/round.h"
 #include "interneuron/units.h"
 
 namespace interneuron {

@@ -1,4 +1,4 @@
-#include "core/rounds/round.h"
+#include "core/dispatch/round.h"
 
 #include <algorithm>
 

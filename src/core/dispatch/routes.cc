@@ -1,10 +1,10 @@
-#include "core/messages/routes.h"
+#include "core/dispatch/routes.h"
 
 #include <algorithm>
 
 #include "core/base/earliest.h"
 #include "core/base/water_filling.h"
-#include "core/messages/arrival_forecast.h"
+#include "core/dispatch/arrival_forecast.h"
 #include "interneuron/sizes.h"
 
 namespace interneuron {
@@ -27,7 +27,7 @@ std::array<std::size_t, kMaxLinks> parts_of(const Carriers& c, std::span<const L
                                             std::size_t bytes, Duration deadline) {
   std::array<std::size_t, kMaxLinks> parts;
   parts.fill(bytes);
-  if (!c.helpers.divided) return parts;
+  if (!c.protection.divided) return parts;
   std::array<Way, kMaxLinks> ways;
   for (std::size_t i = 0; i < c.links.size(); ++i) {
     const LinkState& link = *std::ranges::find(links, c.links[i], &LinkState::id);
@@ -62,6 +62,15 @@ struct Sieve {
     return queues.back().bytes;
   }
 
+  void consider(const Routes::First& way) {
+    const auto& known = out.first;
+    const bool sooner =
+        way.expected && (!known || !known->expected || *way.expected < *known->expected);
+    const bool is_better =
+        known && known->is_hopeless != way.is_hopeless ? !way.is_hopeless : sooner;
+    if (!known || is_better) out.first = way;
+  }
+
   // Whether this link brings `bytes` of a variant in time. Where smaller variants stand by for it
   // (`gives_way`), so do those of the messages before it, and they may all give way.
   bool judge(const Carriers& c, LinkId id, std::size_t bytes, bool gives_way,
@@ -70,20 +79,20 @@ struct Sieve {
     std::size_t& before = ahead(id);
     const auto expected = arrival_forecast(link, before, bytes);
     // The paths of a divided message help each other: the sender judges them together.
-    const bool hopeless = !c.helpers.divided &&
+    const bool hopeless = !c.protection.divided &&
                           (gives_way ? is_hopeless(peer, link, 0, sizes.back(), options.deadline)
                                      : is_hopeless(peer, link, before, bytes, options.deadline));
     soonest = earliest(soonest, expected);
-    out.outlook.consider(link, expected, arrival_forecast(link, 0, sizes.back()), hopeless);
+    consider({id, hopeless, expected, arrival_forecast(link, 0, sizes.back())});
     if (hopeless) return false;
     if (expected) last_part = std::max(last_part.value_or(*expected), *expected);
-    if (!c.helpers.divided) out.expected = earliest(out.expected, expected);
+    if (!c.protection.divided) out.expected = earliest(out.expected, expected);
     before += bytes;
     return true;
   }
 
   void take(const Carriers& c, bool gives_way) {
-    Carriers kept{.variant = c.variant, .helpers = c.helpers};
+    Carriers kept{.variant = c.variant, .protection = c.protection};
     std::optional<Duration> last_part;
     const auto parts = parts_of(c, links, sizes[c.variant], options.deadline);
     for (std::size_t i = 0; i < c.links.size(); ++i) {
@@ -91,7 +100,7 @@ struct Sieve {
       if (parts[i] > 0 && !judge(c, c.links[i], parts[i], gives_way, last_part)) continue;
       kept.links.push_back(c.links[i]);
     }
-    if (c.helpers.divided) out.expected = earliest(out.expected, last_part);
+    if (c.protection.divided) out.expected = earliest(out.expected, last_part);
     if (kept.sets_out()) out.itinerary.push_back(kept);
   }
 };
@@ -117,10 +126,6 @@ Routes routes_of(TimePoint now, const Peer& peer, const Itinerary& planned,
                  const SendOptions& options) {
   Sieve sieve{now, peer, links, sizes, options};
   Routes& out = sieve.out;
-  out.outlook.peer = peer.identity().id;
-  out.outlook.at = now;
-  out.outlook.deadline = options.deadline;
-  out.outlook.bytes = sizes.front();
   const auto sets_out = [](const Carriers& c) { return c.sets_out(); };
   for (const Carriers& c : planned) {
     const bool is_last = std::none_of(&c + 1, planned.end(), sets_out);

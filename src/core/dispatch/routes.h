@@ -7,7 +7,6 @@
 #include <span>
 
 #include "core/dispatch/dispatch.h"
-#include "core/messages/outlook.h"
 #include "core/peers/peer.h"
 #include "interneuron/link.h"
 #include "interneuron/send.h"
@@ -21,8 +20,16 @@ struct Routes {
   Itinerary itinerary;
   // When the first of the variants should be there, from now; nothing where no link is measured.
   std::optional<Duration> expected;
-  // What its chances are judged by.
-  Outlook outlook;
+  // The transmission that is expected first: of those that are kept, or of all while none is.
+  // Nothing where the plan has no link that carries anything.
+  struct First {
+    LinkId link{};
+    bool is_hopeless = false;
+    std::optional<Duration> expected;
+    // When the smallest variant would be there over this link if nothing went before it.
+    std::optional<Duration> least;
+  };
+  std::optional<First> first;
 };
 
 // Judges each transmission of a plan, in the order of the variants, so that each waits for those
