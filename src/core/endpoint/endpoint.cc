@@ -98,10 +98,10 @@ class Endpoint::Impl {
     // arrivals come first. Of several datagrams that come at once only the first finds something.
     if (ran_to_ < now - Duration{1}) run_timers(now - Duration{1});
     Peers::Received received = peers_.receive(now, datagram);
-    report_lost();
+    tell_lost();
     while (const auto key = peers_.poll_shared_key()) events_.emplace_back(KeyShared{*key});
-    if (received.other_version && now >= report_version_at_) {
-      report_version_at_ = now + kBetweenVersions;
+    if (received.other_version && now >= tell_version_at_) {
+      tell_version_at_ = now + kBetweenVersions;
       events_.emplace_back(OtherVersion{datagram.link, datagram.from, *received.other_version});
     }
     if (received.peer == nullptr) return;
@@ -110,7 +110,7 @@ class Endpoint::Impl {
       messages_.forget(received.peer->identity().id);
       events_.emplace_back(PeerRestarted{received.peer->identity().id});
     }
-    if (received.input.limited) return report_limited(*received.peer);
+    if (received.input.limited) return tell_limited(*received.peer);
     if (received.input.duplicate) return;
     const PeerId id = received.peer->identity().id;
     react(now, *received.peer, received.input);
@@ -167,10 +167,10 @@ class Endpoint::Impl {
     Peers::Expired expired = peers_.handle_timeout(now);
     messages_expired_ += expired.messages;
     for (PathChanged& change : expired.changes) events_.emplace_back(std::move(change));
-    report_lost();
+    tell_lost();
   }
 
-  void report_lost() {
+  void tell_lost() {
     while (const auto lost = peers_.poll_lost()) {
       rounds_.forget(lost->id);
       messages_.forget(lost->id);
@@ -193,16 +193,16 @@ class Endpoint::Impl {
       messages_.complete(now, peer, input.message_id, std::move(*input.message));
     }
     messages_.collect(now, peer);
-    report_limited(peer);
+    tell_limited(peer);
   }
 
   // The peer that has sent it may be among those that are gone after it.
   void take_revocations(Bytes list) {
     if (peers_.take_revocations(list)) events_.emplace_back(RevocationsChanged{std::move(list)});
-    report_lost();
+    tell_lost();
   }
 
-  void report_limited(Peer& peer) {
+  void tell_limited(Peer& peer) {
     const auto limit = peer.take_limited();
     if (limit) events_.emplace_back(PeerLimited{peer.identity().id, *limit});
   }
@@ -219,7 +219,7 @@ class Endpoint::Impl {
   std::uint64_t reassembly_refused_ = 0;
   std::uint64_t bad_fragments_ = 0;
   // When the next packet of another version is told of.
-  TimePoint report_version_at_ = TimePoint::min();
+  TimePoint tell_version_at_ = TimePoint::min();
 };
 
 Transmit TransmitParts::join(std::span<std::byte> buffer) const {
