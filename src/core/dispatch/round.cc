@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "core/dispatch/dispatch.h"
+
 namespace interneuron {
 namespace {
 
@@ -11,11 +13,6 @@ std::optional<std::uint8_t> used(std::uint8_t told) {
 
 std::uint8_t share_of_255(double share) {
   return static_cast<std::uint8_t>(std::clamp(share, 0.0, 1.0) * 255.0 + 0.5);
-}
-
-std::uint32_t to_us(Duration d) {
-  return static_cast<std::uint32_t>(std::clamp<std::int64_t>(
-      std::chrono::duration_cast<std::chrono::microseconds>(d).count(), 1, UINT32_MAX));
 }
 
 }  // namespace
@@ -67,7 +64,7 @@ wire::RoundHeader header_of(const Round& r) {
                       .alpha_sum = r.alpha_sum,
                       .x_permille = r.x_permille,
                       .deadline_us = to_us(r.qos.deadline),
-                      .period_us = r.qos.period > Duration::zero() ? to_us(r.qos.period) : 0,
+                      .period_us = to_us(r.qos.period),
                       .indicator = r.indicator,
                       .guard = r.terms.kind,
                       .level_used = r.level_used.value_or(wire::kNoneUsed),

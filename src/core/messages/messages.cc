@@ -26,11 +26,6 @@ constexpr Duration kLongestRoundTrip = std::chrono::seconds(2);
 // value: an application that still wants to send has asked again long since.
 constexpr Duration kLongestWait = std::chrono::seconds(10);
 
-std::uint32_t to_us(Duration d) {
-  return static_cast<std::uint32_t>(
-      std::chrono::ceil<std::chrono::microseconds>(std::min(d, kLongestDeadline)).count());
-}
-
 // What is wrong with a message by itself.
 std::optional<SendStatus> fault(const Variants& variants, const SendOptions& options) {
   if (options.deadline <= Duration::zero()) return SendStatus::kDeadlinePast;
