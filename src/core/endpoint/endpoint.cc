@@ -1,3 +1,5 @@
+// Endpoint: joins the machines below it, with one queue of events and one time; and what its own
+// types say in words.
 #include "interneuron/endpoint.h"
 
 #include <algorithm>
@@ -7,9 +9,9 @@
 
 #include "core/base/ablation.h"
 #include "core/base/earliest.h"
-#include "core/endpoint/own_time.h"
 #include "core/messages/messages.h"
 #include "core/peers/peers.h"
+#include "core/plan/policies.h"
 #include "core/rounds/rounds.h"
 
 namespace interneuron {
@@ -22,6 +24,32 @@ constexpr Duration kBetweenVersions = std::chrono::seconds(10);
 Secret secret_of(const EndpointOptions& options) {
   return options.secret != Secret{} ? options.secret : Secret{options.session.value, 0};
 }
+
+// The endpoint's own time. It never goes back: where the host's time does, the difference is added
+// from then on (docs/paper.md, "Clock steps"). Everything inside an endpoint is in its own time,
+// and only next_timeout() is told in the host's. Pure; thread-compatible.
+class OwnTime {
+ public:
+  explicit OwnTime(TimePoint host) : newest_(host) {}
+
+  // The host's time is `host` now. Returns the own time of this instant.
+  TimePoint tick(TimePoint host) {
+    if (host < newest_) shift_ += newest_ - host;
+    newest_ = host;
+    return own(host);
+  }
+  // The own time of the last tick().
+  TimePoint now() const { return own(newest_); }
+  // From one to the other, as the difference is now.
+  TimePoint own(TimePoint host) const { return host + shift_; }
+  TimePoint host(TimePoint own) const { return own - shift_; }
+
+ private:
+  // The host's time at the last tick().
+  TimePoint newest_;
+  // The own time less the host's.
+  Duration shift_{};
+};
 
 }  // namespace
 
@@ -41,8 +69,9 @@ class Endpoint::Impl {
                 .reassembly_budget_bytes = options.reassembly_budget_bytes,
                 .send_budget_bytes = options.send_budget_bytes,
                 .security = options.security}),
-        rounds_(options, peers_, events_),
-        messages_(options.policies, peers_, events_),
+        policies_(options.policies),
+        rounds_(options, policies_, peers_, events_),
+        messages_(policies_, peers_, events_),
         time_(now) {}
 
   // Every call tells the time. Those that look at rounds first do what is due.
@@ -180,6 +209,7 @@ class Endpoint::Impl {
 
   std::deque<Event> events_;
   Peers peers_;
+  PolicyRegistry policies_;
   Rounds rounds_;
   Messages messages_;
   OwnTime time_;

@@ -7,7 +7,7 @@
 #include <stdexcept>
 
 #include "core/base/ablation.h"
-#include "core/messages/arrival_forecast.h"
+#include "core/dispatch/arrival_forecast.h"
 #include "lab/emu/random.h"
 #include "lab/load/bottleneck.h"
 #include "lab/load/fleet.h"

@@ -1,4 +1,4 @@
-#include "core/messages/arrival_forecast.h"
+#include "core/dispatch/arrival_forecast.h"
 
 #include <algorithm>
 
