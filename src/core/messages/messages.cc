@@ -147,7 +147,7 @@ SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const Sen
   }
   entry.ends += std::min(round_trip, kLongestRoundTrip);
   result.id = sent_.add(entry);
-  forecasts_.sent(result.id, routes.outlook, routes.prediction);
+  forecasts_.sent(result.id, routes.outlook, routes.on_time);
   if (!collect_at_) collect_at_ = now + kLookAgain;
   return result;
 }
@@ -181,8 +181,7 @@ SendResult Messages::plan(TimePoint now, Peer& peer, const Sizes& sizes, const S
             .reason = plan.refused};
   }
   routes = routes_of(now, peer, plan, links, span, options.deadline, options.importance);
-  routes.prediction = forecasts_.predict(routes.outlook);
-  const double on_time = routes.prediction.probability;
+  const double on_time = routes.on_time = forecasts_.predict(routes.outlook);
   if (routes.routes.empty()) {
     peer.want(now, rate_wanted(span, options.deadline));
     return {.status = SendStatus::kCannotArrive, .expected = routes.expected, .on_time = on_time};

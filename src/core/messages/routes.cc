@@ -43,8 +43,7 @@ Routes routes_of(TimePoint now, const Peer& peer, const Plan& plan,
                  std::span<const LinkState> links, std::span<const std::size_t> sizes,
                  Duration deadline, std::uint8_t importance) {
   Routes out;
-  out.outlook = {
-      .peer = peer.identity().id, .at = now, .deadline = deadline, .bytes = sizes.front()};
+  out.outlook = {.peer = peer.identity().id, .deadline = deadline, .bytes = sizes.front()};
   const auto carriers = carriers_of(plan);
   std::uint8_t planned = 0;
   bool one_link = false;

@@ -10,7 +10,6 @@
 #include <vector>
 
 #include "core/messages/on_time_forecast.h"
-#include "core/messages/outlook.h"
 #include "core/peers/peer.h"
 #include "core/plan/carriers.h"
 #include "interneuron/few.h"
@@ -42,7 +41,7 @@ struct Routes {
   std::optional<Duration> expected;
   // What its chances are judged by, and what they are.
   Outlook outlook;
-  OnTimePrediction prediction;
+  double on_time = 0;
 
   // What the variants that set out or stand by take, with their headers.
   std::size_t bytes(std::span<const std::size_t> sizes) const;
