@@ -53,8 +53,8 @@ constexpr double kMissedBy = 0.2;
 constexpr double kLeastSpread = 0.002;
 // How far a prediction of 1 that was wrong moves the drift, in log-odds, and the largest drift.
 // Larger steps find it sooner and make predictions less steady.
-constexpr double kStep = 0.05;
-constexpr double kMostDrift = 6;
+constexpr double kStep = 0.1;
+constexpr double kMostDrift = 10;
 
 double seconds(Duration d) { return std::chrono::duration<double>(d).count(); }
 
