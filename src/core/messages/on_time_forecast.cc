@@ -7,7 +7,7 @@ namespace interneuron {
 namespace {
 
 // The weights of the law: log-odds for each unit of a factor. Source: a logistic regression over
-// seeds 1 and 2 of `interneuron bench forecast`, 0.74 million messages, in which each scenario
+// seeds 1 and 2 of `interneuron bench forecast`, 0.77 million messages, in which each scenario
 // counts by what there is to explain in it (docs/load.md, "Fitting anew"). Refused messages have a
 // base and weights of their own, and only three factors: few of them are ever sent nevertheless.
 //
