@@ -44,12 +44,18 @@ QoS qos_of(const SendOptions& options) {
 }
 
 // What the chances of a message are judged by.
-Outlook outlook_of(TimePoint now, PeerId to, const SendOptions& options, std::size_t bytes,
+Outlook outlook_of(PeerId to, const SendOptions& options, std::size_t bytes,
                    std::span<const LinkState> links, const Routes& routes) {
-  Outlook outlook{.peer = to, .at = now, .deadline = options.deadline, .bytes = bytes};
+  Outlook outlook{.peer = to, .deadline = options.deadline, .bytes = bytes};
   if (routes.first) {
     const LinkState& link = *std::ranges::find(links, routes.first->link, &LinkState::id);
-    outlook.consider(link, routes.first->expected, routes.first->least, routes.first->is_hopeless);
+    outlook.has_link = true;
+    outlook.refused = routes.first->is_hopeless;
+    outlook.expected = routes.first->expected;
+    outlook.least = routes.first->least;
+    outlook.path = link.path;
+    outlook.rate = link.rate;
+    outlook.share = link.share;
   }
   return outlook;
 }
@@ -93,11 +99,11 @@ SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const Sen
   }
   // Tells what is expected of the message; nothing here is decided by it.
   Outlook outlook;
-  OnTimePrediction prediction;
+  double on_time = 0;
   if (result.accepted() || result.status == SendStatus::kCannotArrive) {
-    outlook = outlook_of(now, to, options, sizes.front(), links, routes);
-    prediction = forecasts_.predict(outlook);
-    result.on_time = prediction.probability;
+    outlook = outlook_of(to, options, sizes.front(), links, routes);
+    on_time = forecasts_.predict(outlook);
+    result.on_time = on_time;
   }
   if (!result.accepted()) return result;
 
@@ -124,7 +130,7 @@ SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const Sen
     entry.variants.push_back({d.message, d.variant});
   }
   result.id = sent_.add(entry);
-  forecasts_.sent(result.id, outlook, prediction);
+  forecasts_.sent(result.id, outlook, on_time);
   if (!collect_at_) collect_at_ = now + kRecheck;
   return result;
 }
