@@ -42,7 +42,12 @@ void Peer::add_path(TimePoint now, LinkId id, const Path::Nic& nic, const Addres
   } else {
     if (paths_.size() >= wire::kMaxReports) return;
     const Path& added = paths_.add(now, id, nic, address, identity_.connected);
-    sender_.add_path(id, added.datagram(), first_number(now));
+    // Within one session packet numbers only grow, also when a peer or a path was forgotten and
+    // comes back: the other side may remember it and would drop smaller ones as duplicates. So
+    // numbers begin at the microseconds of our life so far, and the numbers of messages at the
+    // milliseconds; more than that are not sent on average.
+    const auto life = std::chrono::floor<std::chrono::microseconds>(now - identity_.started);
+    sender_.add_path(id, added.datagram(), 1 + static_cast<std::uint64_t>(life.count()));
   }
   refresh(now);
 }
@@ -64,15 +69,6 @@ void Peer::drop_dead_path(TimePoint now) {
   const LinkId id = dead->id();
   sender_.remove_path(now, id);
   paths_.remove(id);
-}
-
-// Within one session packet numbers only grow, also when a peer or a path was forgotten and comes
-// back: the other side may remember it and would drop smaller ones as duplicates. So numbers begin
-// at the microseconds of our life so far, and the numbers of messages at the milliseconds; more
-// than that are not sent on average.
-std::uint64_t Peer::first_number(TimePoint now) const {
-  return 1 + static_cast<std::uint64_t>(
-                 std::chrono::floor<std::chrono::microseconds>(now - identity_.started).count());
 }
 
 void Peer::remove_nic(TimePoint now, LinkId nic) {

@@ -140,7 +140,6 @@ class Peer {
   void drop_dead_path(TimePoint now);
   void relieve(TimePoint now, const Path& path);
   bool look_again(TimePoint now, std::vector<LinkId>& changed);
-  std::uint64_t first_number(TimePoint now) const;
   // Stamps count from the beginning of a session: rounded to microseconds they would otherwise
   // depend on where a clock stands.
   TimePoint session_time(TimePoint now) const { return TimePoint{now - identity_.started}; }
