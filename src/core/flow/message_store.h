@@ -197,23 +197,20 @@ class MessageStore {
     const std::uint32_t slot = free_.back();
     free_.pop_back();
     OutgoingMessage& message = slots_[slot];
+    // Nothing stays of the message that had the place before, but for the memory of its lists.
+    OutgoingMessage fresh;
+    fresh.shares = std::move(message.shares);
+    fresh.pieces = std::move(message.pieces);
+    fresh.symbols = std::move(message.symbols);
+    fresh.blocks = std::move(message.blocks);
+    message = std::move(fresh);
+    message.shares.clear();
+    message.symbols.clear();
     message.id = id;
     message.deadline = deadline;
     message.count = message.unacknowledged = count;
-    message.to_leave = 0;
     message.paths = paths;
-    message.taken = {};
-    message.divided = {};
-    message.repairs = {};
-    message.alternative.reset();
-    message.is_alternative = false;
-    message.inferior.reset();
-    message.rescue = {};
-    message.symbol_paths = {};
-    message.in_window = false;
     message.pieces.assign(count, {false, false, false, paths});
-    message.symbols.clear();
-    message.shares.clear();
     message.blocks.assign(message.division().blocks(), {});
     for (std::size_t b = 0; paths > 0 && b < message.blocks.size(); ++b) {
       message.blocks[b].under_way = static_cast<std::uint16_t>(message.division().pieces(b));
