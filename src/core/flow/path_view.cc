@@ -13,8 +13,6 @@ constexpr int kMarginDivisor = 16;
 // The longest queue that is believed. No measurement behind this value: it only has to be longer
 // than what congestion control allows; more is in flight while a path is silent, which is no queue.
 constexpr Duration kLongestQueue = std::chrono::milliseconds(80);
-// Stands for a time beyond any that is planned with, so that sums stay in range.
-constexpr Duration kNever = std::chrono::hours(1);
 
 }  // namespace
 

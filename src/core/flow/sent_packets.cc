@@ -349,19 +349,8 @@ std::optional<TimePoint> SentPackets::awaited_since(MessageId message) const {
   return std::nullopt;
 }
 
-std::span<const SentPackets::Settled> SentPackets::in_flight() {
-  settled_.clear();
-  for (std::uint64_t n = first_open_; keeps(n); ++n) {
-    const Packet& packet = at(n);
-    if (packet.fate == Fate::kOpen && packet.has_piece) {
-      settled_.push_back({data_of(packet).piece(), false, true});
-    }
-  }
-  return settled_;
-}
-
 // All fragments in flight, ordered; of the same fragment the newest copy last.
-void SentPackets::index_copies() {
+void SentPackets::index_copies() const {
   copies_.clear();
   for (std::uint64_t n = first_open_; keeps(n); ++n) {
     const Packet& packet = at(n);
@@ -372,7 +361,7 @@ void SentPackets::index_copies() {
   std::ranges::stable_sort(copies_, {}, &Copy::piece);
 }
 
-std::optional<TimePoint> SentPackets::sent_at(const Piece& piece) {
+std::optional<TimePoint> SentPackets::sent_at(const Piece& piece) const {
   if (lookups_ < kLookupsToIndex) {
     ++lookups_;
     for (std::uint64_t n = next_; n-- > first_open_ && keeps(n);) {

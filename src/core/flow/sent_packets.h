@@ -105,11 +105,17 @@ class SentPackets {
   // When the oldest fragment in flight will be lost so.
   std::optional<TimePoint> silent_at(const Silence& silence) const;
 
-  // The fragments in flight, oldest first; valid until the next call.
-  std::span<const Settled> in_flight();
+  // Calls `what` with each fragment in flight, oldest first.
+  template <class What>
+  void for_each_in_flight(const What& what) const {
+    for (std::uint64_t n = first_open_; keeps(n); ++n) {
+      const Packet& packet = at(n);
+      if (packet.fate == Fate::kOpen && packet.has_piece) what(data_of(packet).piece());
+    }
+  }
   // When the newest copy of a fragment in flight left. Where many are asked for and nothing happens
   // in between, as when a path is pulled, each takes logarithmic time.
-  std::optional<TimePoint> sent_at(const Piece& piece);
+  std::optional<TimePoint> sent_at(const Piece& piece) const;
 
   // The number of the first copy of this fragment that left at `since` or later. Looks at all
   // packets since then.
@@ -184,7 +190,7 @@ class SentPackets {
   void lose_untold(TimePoint now, std::uint64_t largest, Duration timeout);
   Packet& record(TimePoint now);
   void trim(TimePoint now);
-  void index_copies();
+  void index_copies() const;
   // A data-sized packet is no longer in flight.
   void close(const Packet& packet);
   void lose(Packet& packet);
@@ -255,8 +261,8 @@ class SentPackets {
     Piece piece;
     TimePoint at{};
   };
-  std::uint32_t lookups_ = 0;
-  std::vector<Copy> copies_;
+  mutable std::uint32_t lookups_ = 0;
+  mutable std::vector<Copy> copies_;
   link::PathMtu::Told sizes_;
   std::vector<Settled> settled_;
   std::vector<Run> runs_;

@@ -120,7 +120,7 @@ class Peer {
   MessageId send(TimePoint now, const flow::Sender::Times& times, wire::MessageBytes message,
                  std::span<const LinkId> paths, const flow::PathSet& repairs,
                  wire::MessageKind kind = wire::MessageKind::kRound,
-                 const flow::Helpers& helpers = {});
+                 const flow::Protection& protection = {});
   // See flow::Sender::add_alternative().
   MessageId add_alternative(TimePoint now, MessageId first, wire::MessageBytes message,
                             const flow::PathSet& rescue = {}) {
