@@ -16,8 +16,8 @@
 #include <vector>
 
 #include "core/base/rate_limit.h"
+#include "core/flow/reassembler.h"
 #include "core/flow/receipts.h"
-#include "core/flow/receiver.h"
 #include "core/flow/sender.h"
 #include "core/flow/window_receiver.h"
 #include "core/guard/clock_offset.h"
