@@ -263,7 +263,7 @@ void Executor::add_window_symbol(const WindowOrder& order) {
 void Executor::look_after(TimePoint now, OutgoingMessage& m) {
   const auto order = plan_rescue(traffic_, now, m);
   if (!order) {
-    traffic_.messages.look_at(m.id, next_look(traffic_, now, m));
+    traffic_.messages.look_at(m.id, next_look(traffic_, now + kRescueMargin, m));
   } else if (!order->by_alternative) {
     rescue(now, order->path, m);
   } else {

@@ -73,7 +73,7 @@ class Executor {
   // What is queued or in flight on a path that repairs nothing goes over the others, as far as they
   // bring it in time: of all messages, or of these only.
   void send_elsewhere(TimePoint now, LinkId link, const std::vector<MessageId>* only);
-  // The same of the messages that fit elsewhere (plan_moves.cc).
+  // The same of the messages that fit elsewhere (plan_move()).
   void send_elsewhere_what_fits(TimePoint now, LinkId link);
 
   // Fragments that were not sent, or not sent again, because they would have been late.

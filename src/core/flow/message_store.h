@@ -25,7 +25,6 @@ class MessageStore {
   const OutgoingMessage* find(MessageId id) const {
     return const_cast<MessageStore*>(this)->find(id);
   }
-  bool contains(MessageId id) const { return by_id_.find(id).has_value(); }
 
   // A new message of so many fragments, each queued on so many paths; the rest of it is for the
   // caller to fill in.

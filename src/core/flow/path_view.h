@@ -1,4 +1,4 @@
-// What the sender knows of a path, and when something that is queued now would arrive over it.
+// What the sender is told of a path.
 #pragma once
 
 #include <algorithm>
@@ -56,10 +56,5 @@ struct PathView {
     return std::min<Duration>(planned_rate().transmit_time(bytes), kNever);
   }
 };
-
-// From now until the last of so many bytes (with IP headers) is there that are sent next over a
-// loaded path, with a margin for a message of which nothing has left yet. `in_flight` are the bytes
-// in flight before them. Zero while no rate is known.
-Duration least_time(const PathView& view, std::size_t bytes, std::size_t in_flight, bool begun);
 
 }  // namespace interneuron::flow

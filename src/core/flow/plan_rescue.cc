@@ -7,6 +7,8 @@
 // nothing is sent. While a path is silent, nobody knows for how much longer: a silence that has
 // lasted for t goes on for longer than t' more with the probability t / (t + t'), which is what
 // heavy-tailed silences do.
+//
+// And which messages leave a path that may have fallen silent for another one.
 #include <algorithm>
 #include <array>
 
@@ -19,9 +21,6 @@ namespace {
 // Feedback is late when it comes so long after a round trip: what it may be delayed by (5 ms,
 // src/core/peers/feedback_due.h) and as much for the turns of both event loops.
 constexpr Duration kLate = std::chrono::milliseconds(10);
-// What rescues a message has to be there so much before the deadline. No measurement behind this
-// value: it only has to be more than a turn of an event loop.
-constexpr Duration kRescueMargin = std::chrono::milliseconds(2);
 // A message is rescued when it is late with more than this probability, times the share of its
 // bytes that this costs.
 constexpr double kWorthwhile = 0.1;
@@ -118,8 +117,8 @@ std::optional<RescueOrder> plan_rescue(const Traffic& traffic, TimePoint now,
 }
 
 // At the first moment that will be too late for something, be it for its aim or for its deadline.
-std::optional<TimePoint> first_look(const Traffic& traffic, TimePoint now,
-                                    const OutgoingMessage& m) {
+std::optional<TimePoint> next_look(const Traffic& traffic, TimePoint from,
+                                   const OutgoingMessage& m) {
   std::optional<TimePoint> look;
   const auto consider = [&](const OutgoingMessage& what) {
     if (what.rescue.empty()) return;
@@ -130,7 +129,7 @@ std::optional<TimePoint> first_look(const Traffic& traffic, TimePoint now,
       for (const TimePoint target : {m.aim, m.deadline}) {
         const auto last =
             last_departure(traffic, m, one, std::nullopt, what.missing_ip_bytes(), target);
-        if (last && last->at > now) look = earliest(look, last->at);
+        if (last && last->at > from) look = earliest(look, last->at);
       }
     }
   };
@@ -139,11 +138,6 @@ std::optional<TimePoint> first_look(const Traffic& traffic, TimePoint now,
     consider(*other);
   }
   return look;
-}
-
-std::optional<TimePoint> next_look(const Traffic& traffic, TimePoint now,
-                                   const OutgoingMessage& m) {
-  return first_look(traffic, now + kRescueMargin, m);
 }
 
 std::vector<std::uint16_t> missing_on(const SendPath& path, const OutgoingMessage& m) {
@@ -161,6 +155,37 @@ std::vector<std::uint16_t> missing_on(const SendPath& path, const OutgoingMessag
     if (!m.pieces[i].acknowledged && !has[i]) out.push_back(i);
   }
   return out;
+}
+
+std::map<MessageId, std::size_t> owed_by(const Traffic& traffic, const SendPath& path) {
+  std::map<MessageId, std::size_t> owed;
+  path.sent.for_each_in_flight([&](const SentPackets::Piece& piece) {
+    const OutgoingMessage* m = traffic.messages.find(piece.message);
+    if (m != nullptr && !m->pieces[piece.index].acknowledged) ++owed[piece.message];
+  });
+  for (const MessageId id : path.jobs.messages()) owed[id] += path.jobs.find(id)->pieces();
+  return owed;
+}
+
+// A message moves where another path brings all that this one still owes, in time. A part of it
+// would be of no use, and in the way of what the other path carries itself. Rounds have a guard
+// that counts on the links of their plans: what moves falsely costs them more than a stall does.
+MoveOrder plan_move(const Traffic& traffic, TimePoint now, LinkId from, const OutgoingMessage& m,
+                    std::size_t owed_pieces) {
+  if (!m.rescue.empty()) {
+    // It stays where it is, too: suspicion is often wrong, and this one has a way out for it.
+    const auto last = last_departure(traffic, m, m.rescue, from, m.missing_ip_bytes(), m.deadline);
+    return {last && last->at >= now ? std::optional(last->path) : std::nullopt, false};
+  }
+  if (m.kind != wire::MessageKind::kPlain) return {};
+  const std::size_t bytes = owed_pieces * m.chunk;
+  const bool fits = std::ranges::any_of(traffic.paths, [&](const auto& other) {
+    const SendPath& path = other.second;
+    return path.view.up && !path.view.suspect && m.repairs.contains(other.first) &&
+           path.can_carry(m.chunk) &&
+           now + path.view.air_time(path.jobs.bytes() + bytes) + path.view.one_way <= m.deadline;
+  });
+  return {std::nullopt, fits};
 }
 
 }  // namespace interneuron::flow

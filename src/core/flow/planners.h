@@ -109,6 +109,9 @@ std::optional<WindowOrder> plan_window(const Traffic& traffic, TimePoint now,
 
 // --- what is done for a message that seems late (plan_rescue.cc)
 
+// What rescues a message has to be there so much before the deadline. No measurement behind this
+// value: it only has to be more than a turn of an event loop.
+inline constexpr Duration kRescueMargin = std::chrono::milliseconds(2);
 // The latest that something may begin to leave over a path to be there in time.
 struct LastDeparture {
   LinkId path{};
@@ -129,15 +132,13 @@ struct RescueOrder {
 };
 std::optional<RescueOrder> plan_rescue(const Traffic& traffic, TimePoint now,
                                        const OutgoingMessage& m);
-// When plan_rescue() is to be asked next, of a message that is new or of one that it was asked for
-// just now; nothing: never.
-std::optional<TimePoint> first_look(const Traffic& traffic, TimePoint now,
-                                    const OutgoingMessage& m);
-std::optional<TimePoint> next_look(const Traffic& traffic, TimePoint now, const OutgoingMessage& m);
+// When plan_rescue() is to be asked for a message, later than `from`; nothing: never.
+std::optional<TimePoint> next_look(const Traffic& traffic, TimePoint from,
+                                   const OutgoingMessage& m);
 // The pieces that are not acknowledged and that this path neither has in flight nor is to send.
 std::vector<std::uint16_t> missing_on(const SendPath& path, const OutgoingMessage& m);
 
-// --- what becomes of messages on a path that cannot be relied on any more (plan_moves.cc)
+// --- what becomes of messages on a path that cannot be relied on any more (plan_rescue.cc)
 
 // How many pieces of which messages a path has in flight or is to send.
 std::map<MessageId, std::size_t> owed_by(const Traffic& traffic, const SendPath& path);

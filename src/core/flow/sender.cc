@@ -107,7 +107,7 @@ MessageId Sender::send(TimePoint now, const Times& times, wire::MessageBytes byt
   if (!protection.symbols.empty() && !symbols_can_wait(traffic(), now, m)) {
     executor_.protect(now, m, Protect::kAll);
   }
-  traffic().messages.look_at(id, first_look(traffic(), now, m));
+  traffic().messages.look_at(id, next_look(traffic(), now, m));
   return id;
 }
 
@@ -134,7 +134,7 @@ MessageId Sender::add_alternative(TimePoint now, MessageId first, wire::MessageB
   traffic().bytes += m.bytes.size();
   m.is_alternative = true;
   m.rescue = rescue;
-  traffic().messages.look_at(first, first_look(traffic(), now, *other));
+  traffic().messages.look_at(first, next_look(traffic(), now, *other));
   return id;
 }
 
@@ -363,7 +363,7 @@ std::size_t Sender::queued_before(LinkId link, TimePoint deadline, std::uint8_t 
 std::optional<Duration> Sender::least_time(LinkId link, std::size_t ip_bytes) const {
   const SendPath* path = traffic().find(link);
   if (path == nullptr || !path->view.loaded) return std::nullopt;
-  return flow::least_time(path->view, ip_bytes, path->sent.bytes_in_flight(), false);
+  return path->least_time(ip_bytes, false);
 }
 
 PathUse::Told Sender::take_use(TimePoint now, LinkId link) {

@@ -22,6 +22,14 @@ constexpr int kIdleOptimism = 3;
 // What cannot arrive even if paths carry so much more than is believed is given up. Rates of radio
 // double within a second, and only what is sent tells. No measurement behind this value.
 constexpr double kMayRise = 2;
+// How much sooner than its deadline a message must be there for its first fragment to be sent while
+// the path is loaded, because the share of a loaded path changes while a message is under way: this
+// long, or a part of what it takes to leave. No measurement behind either value.
+constexpr Duration kLeastMargin = std::chrono::milliseconds(5);
+constexpr int kMarginDivisor = 16;
+// The longest queue that is believed. No measurement behind this value: it only has to be longer
+// than what congestion control allows; more is in flight while a path is silent, which is no queue.
+constexpr Duration kLongestQueue = std::chrono::milliseconds(80);
 // Nothing is slower: a rate of zero would divide by it.
 constexpr DataRate kLeastRate{1000};
 // How long after its time an arrival is reported at the latest (src/core/peers/feedback_due.h), so
@@ -71,6 +79,18 @@ Duration SendPath::time_to_bring(std::size_t ip_bytes) const {
   return std::min<Duration>(rate.transmit_time(ip_bytes), kNever) + queue_at(rate) + view.one_way;
 }
 
+Duration SendPath::least_time(std::size_t ip_bytes, bool begun) const {
+  if (!view.soon) return Duration::zero();
+  const Duration air = std::min<Duration>(view.soon->transmit_time(ip_bytes), kNever);
+  // What is in flight beyond an empty path waits before it.
+  const Duration queue = std::clamp<Duration>(
+      view.soon->transmit_time(sent.bytes_in_flight()) - 2 * view.least_one_way, Duration::zero(),
+      kLongestQueue);
+  const Duration margin =
+      begun ? Duration::zero() : std::max<Duration>(kLeastMargin, air / kMarginDivisor);
+  return queue + air + view.least_one_way + margin;
+}
+
 void SendPath::occupy(TimePoint now, std::size_t ip_bytes) {
   const Duration air = view.pace.value_or(kBlindPace).transmit_time(ip_bytes);
   free_at = std::max(free_at, now - kBurst) + std::min<Duration>(air, kLongestAir);
@@ -100,7 +120,7 @@ bool Traffic::can_arrive(TimePoint now, const SendPath& path, const Job& job,
   if (!path.view.loaded && !m.alternative) return true;
   if (!m.divided.empty() && !m.alternative) return together_can_arrive(now, m);
   const bool begun = job.next > 0 || m.is_alternative;
-  const Duration least = least_time(path.view, job.ip_bytes(), path.sent.bytes_in_flight(), begun);
+  const Duration least = path.least_time(job.ip_bytes(), begun);
   // What still has an alternative makes way for it while that can arrive, and those behind it.
   const bool makes_way = m.alternative && !begun && path.jobs.size() > 1;
   const Duration early = makes_way ? kYieldsBefore : Duration::zero();
@@ -119,8 +139,7 @@ bool Traffic::together_can_arrive(TimePoint now, const OutgoingMessage& m) const
     if (const Job* job = path.jobs.find(m.id)) left += static_cast<double>(job->ip_bytes());
     if (!m.divided.contains(link) || !path.view.up) continue;
     if (!path.view.loaded || !path.view.soon) return true;
-    const Duration time =
-        m.deadline + m.doubt - now - least_time(path.view, 0, path.sent.bytes_in_flight(), true);
+    const Duration time = m.deadline + m.doubt - now - path.least_time(0, true);
     const double seconds = std::max(0.0, std::chrono::duration<double>(time).count());
     can += seconds * static_cast<double>(path.view.soon->bits_per_second) / 8;
   }

@@ -65,6 +65,9 @@ struct SendPath {
   Way way_of(const OutgoingMessage& m) const;
   // From now until so many bytes are there that the path sends next.
   Duration time_to_bring(std::size_t ip_bytes) const;
+  // From now until the last of so many bytes is there that are sent next over a loaded path, with a
+  // margin for a message of which nothing has left yet. Zero while no rate is known.
+  Duration least_time(std::size_t ip_bytes, bool begun) const;
   // A packet of so many bytes leaves: the next one may when the pace allows it.
   void occupy(TimePoint now, std::size_t ip_bytes);
 
