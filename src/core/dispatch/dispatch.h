@@ -27,7 +27,7 @@ struct Carriers {
   Few<LinkId, kMaxLinks> links{};
   // Whether it is divided, which links may carry repair symbols of it, and over which it, or what
   // is missing of it, goes when it seems late.
-  flow::Helpers protection{};
+  flow::Protection protection{};
 
   bool sets_out() const { return !links.empty(); }
 };

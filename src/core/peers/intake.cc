@@ -13,7 +13,7 @@ namespace {
 constexpr Duration kBetweenLimits = std::chrono::seconds(1);
 // What may come at once is what the limits of rates let come in this time: links that were away for
 // a moment bring all that was under way. No measurement behind this value.
-constexpr Duration kBurst = std::chrono::milliseconds(250);
+constexpr Duration kLimitBurst = std::chrono::milliseconds(250);
 
 }  // namespace
 
@@ -23,8 +23,8 @@ Intake::Intake(const PeerLimits& limits, TimePoint now)
       reassembler_({.bytes = limits.reassembly_bytes,
                     .messages = limits.reassembly_messages,
                     .life = limits.longest_deadline}),
-      packet_limit_(limits.packets_per_second, kBurst),
-      message_limit_(limits.messages_per_second, kBurst) {}
+      packet_limit_(limits.packets_per_second, kLimitBurst),
+      message_limit_(limits.messages_per_second, kLimitBurst) {}
 
 void Intake::reset() {
   reassembler_.reset();

@@ -83,7 +83,7 @@ class Peer {
   MessageId send(TimePoint now, const flow::Sender::Times& times, wire::MessageBytes message,
                  std::span<const LinkId> paths, const flow::PathSet& repairs,
                  wire::MessageKind kind = wire::MessageKind::kRound,
-                 const flow::Helpers& helpers = {});
+                 const flow::Protection& protection = {});
   // What is sent to the peer, beside send(), and how far it has got.
   flow::Sender& sender() { return sender_; }
   const flow::Sender& sender() const { return sender_; }

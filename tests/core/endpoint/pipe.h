@@ -55,6 +55,7 @@ class Pipe {
     std::size_t from = 0;
     LinkId link{};
     Bytes bytes;
+    std::optional<RoundRef> round{};  // as Transmit tells it
 
     // A piece of a message.
     bool is_data() const {
@@ -143,7 +144,7 @@ class Pipe {
       std::array<std::byte, kMaxDatagramBytes> buffer;
       while (const auto t = host.endpoint->poll_transmit(local(id), buffer)) {
         const Bytes bytes(buffer.begin(), buffer.begin() + static_cast<std::ptrdiff_t>(t->size));
-        if (capture != nullptr) capture->push_back({id, t->link, bytes});
+        if (capture != nullptr) capture->push_back({id, t->link, bytes, t->round});
         if (on_transmit)
           on_transmit(id, std::to_integer<std::size_t>(t->to.raw[0]), t->link, bytes);
         if (cut.contains(t->link) || (drop && drop(id, t->link, bytes))) continue;
