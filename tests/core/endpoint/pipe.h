@@ -20,10 +20,7 @@ namespace interneuron {
 using namespace std::chrono_literals;
 
 inline Address address_of(std::size_t host) {
-  Address a;
-  a.raw[0] = static_cast<std::byte>(host);
-  a.size = 1;
-  return a;
+  return {.raw = {static_cast<std::byte>(host)}, .size = 1};
 }
 
 inline EndpointOptions options_of(std::uint32_t session, std::vector<PipelineConfig> pipelines = {},
