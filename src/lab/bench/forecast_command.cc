@@ -83,7 +83,7 @@ std::vector<Judged> judge(const std::vector<ForecastTask>& tasks) {
   return out;
 }
 
-int run_forecast(const Options& o) {
+int run_forecast(const ForecastOptions& o) {
   if (!o.plot.empty() && !is_picture(o.plot)) {
     throw Failure(kUsage, "--plot '" + o.plot + "': name a file that ends in .svg or .png");
   }

@@ -45,7 +45,7 @@ lab::Json forecast_json(const std::vector<Judged>& judged, std::uint64_t first_s
                 {"rows", lab::Json::array()}};
   for (const Judged& j : judged) {
     out["scores"].push_back(
-        {{"scenario", j.scenario}, {"brier", rounded(j.brier)}, {"messages", j.messages}});
+        {{"scenario", j.scenario}, {"brier", forecast_rounded(j.brier)}, {"messages", j.messages}});
     for (const load::Bin& b : j.bins) {
       out["rows"].push_back({{"scenario", j.scenario},
                              {"predicted", forecast_rounded(b.predicted)},

@@ -142,11 +142,11 @@ TEST(Copies, WhoJoinsThePartsIsCounted) {
 }  // namespace interneuron::copies_test
 
 void* __wrap_memcpy(void* to, const void* from, std::size_t size) {
-  interneuron::Watch::note(from, size);
+  interneuron::copies_test::Watch::note(from, size);
   return __real_memcpy(to, from, size);
 }
 
 void* __wrap_memmove(void* to, const void* from, std::size_t size) {
-  interneuron::Watch::note(from, size);
+  interneuron::copies_test::Watch::note(from, size);
   return __real_memmove(to, from, size);
 }
