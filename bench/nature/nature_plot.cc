@@ -7,8 +7,6 @@
 namespace interneuron::cli::bench {
 namespace {
 
-double seconds(Duration d) { return to_ms(d) / 1e3; }
-
 const char* kHead =
     "set terminal pngcairo size {},1080 font 'sans,11' background rgb 'white'\n"
     "set multiplot layout 4,{} columnsfirst title 'Estimates after steps of the link' font ',13'\n"
@@ -17,7 +15,7 @@ const char* kHead =
 
 std::string truth_block(const std::string& name, const Run& run) {
   const auto line = [](Duration at, const Conditions& c) {
-    return fmt::format("{:.3f} {} {} {}\n", seconds(at), c.rtt_ms, c.rate_mbit, 100 * c.loss);
+    return fmt::format("{:.3f} {} {} {}\n", to_seconds(at), c.rtt_ms, c.rate_mbit, 100 * c.loss);
   };
   std::string out = "$" + name + " << EOD\n" + line(Duration::zero(), kBase);
   const auto all = steps();
@@ -30,7 +28,7 @@ std::string truth_block(const std::string& name, const Run& run) {
 std::string belief_block(const std::string& name, const Run& run) {
   std::string out = "$" + name + " << EOD\n";
   for (const Belief& b : run.beliefs) {
-    out += fmt::format("{:.3f} {:.3f} {:.3f} {:.4f} {:.3f} {:.3f} {:.3f}\n", seconds(b.at),
+    out += fmt::format("{:.3f} {:.3f} {:.3f} {:.4f} {:.3f} {:.3f} {:.3f}\n", to_seconds(b.at),
                        b.rtt_ms, b.rate_mbit, 100 * b.loss, b.nature.delay, b.nature.bandwidth,
                        b.nature.reliability);
   }
@@ -45,7 +43,7 @@ struct Panel {
 };
 
 std::string panels(const Run& run, const std::string& truth, const std::string& belief) {
-  std::string s = fmt::format("set xrange [0:{:.1f}]\n", seconds(run.end));
+  std::string s = fmt::format("set xrange [0:{:.1f}]\n", to_seconds(run.end));
   for (const Panel& p : {Panel{"round trip p50", "ms", 2, 140}, Panel{"rate up", "Mbit/s", 3, 80},
                          Panel{"loss up", "%", 4, 10}}) {
     s += fmt::format(

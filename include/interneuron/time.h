@@ -70,6 +70,7 @@ constexpr TimePoint saturating_add(TimePoint t, Duration d) {
   return TimePoint{Duration{out}};
 }
 
+constexpr double to_seconds(Duration d) { return static_cast<double>(d.count()) / 1e9; }
 constexpr double to_ms(Duration d) { return static_cast<double>(d.count()) / 1e6; }
 
 constexpr Duration from_ms(double ms) { return Duration{static_cast<std::int64_t>(ms * 1e6)}; }

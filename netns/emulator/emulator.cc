@@ -4,7 +4,6 @@
 #include <sched.h>
 #include <sys/prctl.h>
 #include <sys/syscall.h>
-#include <time.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -13,6 +12,7 @@
 #include "netns/emulator/ecn_bits.h"
 #include "netns/state/precedence.h"
 #include "netns/wiring/wiring.h"
+#include "node/io/steady_clock.h"
 
 namespace interneuron::netns {
 
@@ -48,36 +48,7 @@ constexpr std::size_t kClockEvery = 8;
 // An arrival that seems to be further back than this comes from a step of the wall clock: the ring
 // holds frames for less (60 ms of the fastest sender, see kMaxPlaces of frame_hub.cc).
 constexpr Duration kOldestArrival = std::chrono::seconds(1);
-// Three readings of clocks take 0.1 us; with this much between the outer two they were interrupted,
-// and another attempt is made, up to kClockAttempts.
-constexpr Duration kTightClocks = std::chrono::microseconds(2);
-constexpr int kClockAttempts = 10;
-
-Duration read_clock(clockid_t clock) {
-  timespec t{};
-  // This cannot fail: the clocks exist and &t is valid.
-  ::clock_gettime(clock, &t);
-  return std::chrono::seconds{t.tv_sec} + Duration{t.tv_nsec};
-}
-
-TimePoint now() { return TimePoint{read_clock(CLOCK_MONOTONIC)}; }
-
-// CLOCK_REALTIME minus CLOCK_MONOTONIC, read anew for each batch because the wall clock may be set
-// at any time. A thread that loses the CPU between two readings would be wrong by milliseconds, so
-// the attempt with the least time between its readings counts.
-Duration realtime_offset() {
-  Duration best{};
-  Duration tightest = Duration::max();
-  for (int i = 0; i < kClockAttempts && tightest > kTightClocks; ++i) {
-    const Duration before = read_clock(CLOCK_MONOTONIC);
-    const Duration realtime = read_clock(CLOCK_REALTIME);
-    const Duration gap = read_clock(CLOCK_MONOTONIC) - before;
-    if (gap >= tightest) continue;
-    tightest = gap;
-    best = realtime - before - gap / 2;
-  }
-  return best;
-}
+using io::now;
 
 std::uint16_t ether_type(std::span<const std::byte> frame) {
   return static_cast<std::uint16_t>(std::to_integer<unsigned>(frame[12]) << 8U |
@@ -157,7 +128,7 @@ void Emulator::run(int stop_fd) {
   take_precedence();
 
   while (!stopped_) {
-    std::size_t work = take_in(realtime_offset());
+    std::size_t work = take_in(io::wall_offset());
     for (std::size_t i = 0; i < directions_.size(); ++i) work += send_due(i);
     work += send_from_cells();
     const TimePoint present = now();

@@ -30,7 +30,7 @@ Json to_json(const Figure& figure) {
 Json to_json(const LinkFindings& link) {
   Json json{{"link", link.name},
             {"profile", link.profile},
-            {"window_s", std::chrono::duration<double>(link.window).count()},
+            {"window_s", to_seconds(link.window)},
             {"pings", link.pings}};
   for (const auto& [name, i] : {std::pair{"up", 0U}, std::pair{"down", 1U}}) {
     json["packets"][name] = {{"sent", link.sent[i]}, {"received", link.received[i]}};
@@ -109,8 +109,8 @@ std::string to_table(const Findings& findings) {
     out += fmt::format(
         "{:<12}{:.1f} s of profile {}: {} pings, {} of {} datagrams up, {} of {} "
         "down\n",
-        link.name, std::chrono::duration<double>(link.window).count(), link.profile, link.pings,
-        link.received[0], link.sent[0], link.received[1], link.sent[1]);
+        link.name, to_seconds(link.window), link.profile, link.pings, link.received[0],
+        link.sent[0], link.received[1], link.sent[1]);
   }
   const Disturbance& d = findings.disturbance;
   out += fmt::format(

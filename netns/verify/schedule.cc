@@ -14,8 +14,6 @@ DataRate rate_of(Direction direction, const netns::ScheduleSample& sample) {
   return direction == Direction::kUp ? sample.rate_up : sample.rate_down;
 }
 
-double seconds_of(Duration d) { return std::chrono::duration<double>(d).count(); }
-
 }  // namespace
 
 bool Schedule::covers(Duration from, Duration to) const {
@@ -47,7 +45,7 @@ double Schedule::bits_between(Direction direction, Duration from, Duration to) c
     const Duration begin = std::max(from, sample.at);
     const Duration end = std::min(to, sample.at + emu::kDelayStep);
     if (end <= begin) continue;
-    bits += seconds_of(end - begin) * rate_of(direction, sample).mbit() * 1e6 *
+    bits += to_seconds(end - begin) * rate_of(direction, sample).mbit() * 1e6 *
             (1 - loss_of(direction, sample));
   }
   return bits;

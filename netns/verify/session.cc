@@ -16,6 +16,7 @@
 #include "netns/verify/processes.h"
 #include "netns/verify/testbed_reading.h"
 #include "netns/verify/tools.h"
+#include "node/io/steady_clock.h"
 
 namespace interneuron::cli::verify {
 
@@ -51,7 +52,7 @@ class Session {
       : state_(state),
         options_(options),
         progress_(progress),
-        wall_offset_(wall_offset()),
+        wall_offset_(io::wall_offset()),
         started_(monotonic()),
         evidence_(options.links.size()) {}
 
@@ -60,7 +61,7 @@ class Session {
     measure_rates(Direction::kUp);
     measure_rates(Direction::kDown);
     measure_window();
-    const Duration step = wall_offset() - wall_offset_;
+    const Duration step = io::wall_offset() - wall_offset_;
     if (step > kClockStep || step < -kClockStep) {
       throw Failure(kFailed, "the clock was set while verify measured; run it again");
     }
@@ -286,7 +287,7 @@ void Session::measure_batch(Direction d, const std::vector<std::size_t>& slots) 
 // Starts a flow of small packets over each direction of each link, for a window of `length`.
 Session::Flows Session::start_window_flows(Duration length) {
   std::vector<std::pair<std::size_t, IperfFlow>> flows;
-  const double wanted = kWantedPackets / std::chrono::duration<double>(length).count();
+  const double wanted = kWantedPackets / to_seconds(length);
   for (std::size_t slot = 0; slot < evidence_.size(); ++slot) {
     if (!direction(slot, Direction::kUp).not_measured.empty()) continue;
     for (const Direction d : {Direction::kUp, Direction::kDown}) {

@@ -1,22 +1,14 @@
 #include "netns/verify/testbed_reading.h"
 
-#include <time.h>
-
 #include <algorithm>
 
 #include "lab/emu/profile.h"
 #include "netns/testbed/testbed.h"
+#include "node/io/steady_clock.h"
 
 namespace interneuron::cli::verify {
 
 namespace {
-
-Duration clock_of(clockid_t clock) {
-  timespec t{};
-  // This cannot fail: the clocks exist and &t is valid.
-  ::clock_gettime(clock, &t);
-  return std::chrono::seconds{t.tv_sec} + Duration{t.tv_nsec};
-}
 
 std::vector<netns::ScheduleSample> last_second(const netns::State& state, std::size_t link) {
   const auto epoch = netns::Testbed::snapshot(state).epoch;
@@ -28,24 +20,7 @@ std::vector<netns::ScheduleSample> last_second(const netns::State& state, std::s
 
 }  // namespace
 
-Duration monotonic() { return clock_of(CLOCK_MONOTONIC); }
-
-Duration wall_offset() {
-  // The reading with the shortest time between the two looks at CLOCK_MONOTONIC counts: being put
-  // off the CPU in between would make an error of milliseconds. It is unlikely ten times in a row.
-  constexpr int kReadings = 10;
-  Duration best{};
-  Duration tightest = Duration::max();
-  for (int i = 0; i < kReadings; ++i) {
-    const Duration before = monotonic();
-    const Duration wall = clock_of(CLOCK_REALTIME);
-    const Duration gap = monotonic() - before;
-    if (gap >= tightest) continue;
-    tightest = gap;
-    best = wall - before - gap / 2;
-  }
-  return best;
-}
+Duration monotonic() { return io::now().time_since_epoch(); }
 
 const emu::DirectionStats& counters(const netns::Snapshot& snapshot, std::size_t link,
                                     Direction direction) {

@@ -14,9 +14,6 @@ namespace interneuron::cli::verify {
 
 // The present time of CLOCK_MONOTONIC.
 Duration monotonic();
-// The wall clock minus CLOCK_MONOTONIC, exact to about a microsecond unless the wall clock is set
-// while it is read.
-Duration wall_offset();
 
 const emu::DirectionStats& counters(const netns::Snapshot& snapshot, std::size_t link,
                                     Direction direction);

@@ -215,7 +215,7 @@ double bottleneck_rate(const UdpPair& sockets) {
   if (arrivals.size() < 1000 || seen.missed > 0) return 0;
   const Arrival& first = arrivals[arrivals.size() / 4];
   const Arrival& last = arrivals[arrivals.size() * 3 / 4];
-  const double seconds = std::chrono::duration<double>(last.at - first.at).count();
+  const double seconds = to_seconds(last.at - first.at);
   return static_cast<double>(arrivals.size() / 2) * 1428 * 8 / 1e6 / seconds;
 }
 

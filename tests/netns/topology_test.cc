@@ -327,7 +327,7 @@ TEST_F(TopologyTest, ANicThatGoesDownAndUpGetsItsRoutesBack) {
 TEST_F(TopologyTest, AFleetIsUpAndDownInSeconds) {
   using Clock = std::chrono::steady_clock;
   const auto seconds_since = [](Clock::time_point start) {
-    return std::chrono::duration<double>(Clock::now() - start).count();
+    return to_seconds(Clock::now() - start);
   };
   // Twice what is promised: the machines that run tests are shared.
   constexpr double kUpBound = 2 * 5;

@@ -17,8 +17,6 @@ class Ring {
  public:
   bool empty() const { return size_ == 0; }
   std::size_t size() const { return size_; }
-  // Whether it has ever held anything.
-  bool has_memory() const { return !slots_.empty(); }
 
   // The i-th oldest value, i < size().
   T& operator[](std::size_t i) {

@@ -54,14 +54,13 @@ inline Division divide(std::span<const Way> ways, std::size_t bytes, Duration de
   std::array<std::size_t, kMaxLinks> order{};
   const std::size_t count = std::min(ways.size(), kMaxLinks);
   for (std::size_t i = 0; i < count; ++i) order[i] = i;
-  const auto seconds = [](Duration d) { return std::chrono::duration<double>(d).count(); };
   // In bytes per second.
   const auto rate_of_way = [](const Way& way) {
     return static_cast<double>(way.rate.bits_per_second) / 8;
   };
   // The time of all the bytes over one way: the best way alone is the first choice.
   const auto alone = [&](std::size_t i) {
-    return seconds(ways[i].delay) + static_cast<double>(bytes) / rate_of_way(ways[i]);
+    return to_seconds(ways[i].delay) + static_cast<double>(bytes) / rate_of_way(ways[i]);
   };
   std::sort(order.begin(), order.begin() + static_cast<std::ptrdiff_t>(count),
             [&](std::size_t a, std::size_t b) { return alone(a) < alone(b); });
@@ -71,16 +70,16 @@ inline Division divide(std::span<const Way> ways, std::size_t bytes, Duration de
   for (std::size_t used = 1; used <= count; ++used) {
     const Way& added = ways[order[used - 1]];
     rates += rate_of_way(added);
-    weighted += rate_of_way(added) * seconds(added.delay);
+    weighted += rate_of_way(added) * to_seconds(added.delay);
     const double level = (static_cast<double>(bytes) + weighted) / rates;
     double on_time = 1;
     bool all_carry = true;
     for (std::size_t i = 0; i < used; ++i) {
       const Way& way = ways[order[i]];
-      const double air = level - seconds(way.delay);
+      const double air = level - to_seconds(way.delay);
       all_carry = all_carry && air > 0;
-      on_time *= wf::in_time(seconds(deadline), level,
-                             std::hypot(seconds(way.deviation), way.rate_error * air));
+      on_time *= wf::in_time(to_seconds(deadline), level,
+                             std::hypot(to_seconds(way.deviation), way.rate_error * air));
     }
     if (!all_carry || (used > 1 && on_time <= best.on_time)) continue;
     best.on_time = on_time;
@@ -89,7 +88,8 @@ inline Division divide(std::span<const Way> ways, std::size_t bytes, Duration de
     std::size_t left = bytes;
     for (std::size_t i = used; i-- > 0;) {
       const Way& way = ways[order[i]];
-      const auto part = static_cast<std::size_t>((level - seconds(way.delay)) * rate_of_way(way));
+      const auto part =
+          static_cast<std::size_t>((level - to_seconds(way.delay)) * rate_of_way(way));
       best.bytes[order[i]] = i == 0 ? left : std::min(left, part);
       left -= best.bytes[order[i]];
     }

@@ -83,8 +83,6 @@ constexpr DataRate kLeastRate{8 * 10 * static_cast<std::int64_t>(kMaxPacketBytes
 // Two packets leave while the acknowledgement of two others is on its way.
 constexpr std::size_t kLeastWindow = 4 * kMaxPacketBytes;
 
-double seconds(Duration d) { return static_cast<double>(d.count()) / 1e9; }
-
 DataRate plus(DataRate rate, double bits_per_second) {
   return DataRate{rate.bits_per_second + static_cast<std::int64_t>(bits_per_second)};
 }
@@ -166,8 +164,8 @@ void ShareControl::note_duty(TimePoint now, Duration backlog) {
   const Duration since = std::min<Duration>(now - reported_at_.value_or(now), kLongestPause);
   reported_at_ = now;
   if (since <= Duration::zero()) return;
-  const double share = std::clamp(seconds(backlog) / seconds(since), 0.0, 1.0);
-  duty_ = share + (duty_ - share) * std::exp(-seconds(since) / seconds(kDutyMemory));
+  const double share = std::clamp(to_seconds(backlog) / to_seconds(since), 0.0, 1.0);
+  duty_ = share + (duty_ - share) * std::exp(-to_seconds(since) / to_seconds(kDutyMemory));
 }
 
 void ShareControl::note_train(const Train& train) {
@@ -188,7 +186,7 @@ DataRate ShareControl::most() const {
 void ShareControl::decide(TimePoint now) {
   adapt_target();
   note_marks();
-  const double over = std::min(1.0, seconds(seen_.queue - target_) / seconds(target_));
+  const double over = std::min(1.0, to_seconds(seen_.queue - target_) / to_seconds(target_));
   const double factor = 1 - kDelayFall * std::max(over, 0.0);
   const bool is_queue = seen_.stretched || overloaded();
   // Small messages that leave at once show no stretch. They may slow down without harm, but not
@@ -212,7 +210,7 @@ void ShareControl::decide(TimePoint now) {
   if (seen_.marked > 0) marked_at_ = now;
   if (marked_at_ && now - *marked_at_ < kMemory) gain_ = std::min(gain_, kLoadedGain);
   if (gave_way(now)) {
-    const double queue = std::clamp(seconds(seen_.queue) / seconds(kTarget), 0.5, 1.5);
+    const double queue = std::clamp(to_seconds(seen_.queue) / to_seconds(kTarget), 0.5, 1.5);
     gain_ = std::min(gain_, kPaceGain - (kPaceGain - kDrainGain) * (queue - 0.5));
   }
   seen_ = {};
@@ -270,7 +268,7 @@ void ShareControl::rise(TimePoint now) {
   const bool undisturbed = !fell_at_ || now - *fell_at_ > kQuickAfter;
   ++calm_;
   double more =
-      8 * static_cast<double>(kMaxPacketBytes) / seconds(std::max(round_trip_, kLeastRound));
+      8 * static_cast<double>(kMaxPacketBytes) / to_seconds(std::max(round_trip_, kLeastRound));
   if (seen_.queue < kTarget / 4 && calm_ > kCalm && undisturbed) {
     more = std::max(more, kQuickRise * static_cast<double>(rate_->bits_per_second));
   }
@@ -294,7 +292,7 @@ std::optional<DataRate> ShareControl::pace() const {
 std::size_t ShareControl::window() const {
   if (!rate_) return SIZE_MAX;
   const Duration span = draining_ ? base_ / 2 : base_ + target_;
-  const double bytes = static_cast<double>(rate_->bits_per_second) * seconds(span) / 8;
+  const double bytes = static_cast<double>(rate_->bits_per_second) * to_seconds(span) / 8;
   return std::max(kLeastWindow, static_cast<std::size_t>(bytes));
 }
 

@@ -19,7 +19,7 @@ class CompletionLaw {
   // What took `air` on the air by what was believed was there so much later than predicted.
   void learn(Duration late, Duration air) {
     if (air < kLeastAir) return;
-    const double ratio = std::clamp(seconds(late) / seconds(air), kLeastRatio, kMostRatio);
+    const double ratio = std::clamp(to_seconds(late) / to_seconds(air), kLeastRatio, kMostRatio);
     const double off = ratio - mean_;
     mean_ += kGain * off;
     variance_ = (1 - kGain) * (variance_ + kGain * off * off);
@@ -29,8 +29,6 @@ class CompletionLaw {
   double deviation() const { return std::sqrt(variance_); }
 
  private:
-  static double seconds(Duration d) { return std::chrono::duration<double>(d).count(); }
-
   // The gain of means of round trips (RFC 6298).
   static constexpr double kGain = 1.0 / 8;
   // What is shorter than this says more of the turns of event loops.

@@ -25,8 +25,6 @@ constexpr Duration kLate = std::chrono::milliseconds(10);
 // bytes that this costs.
 constexpr double kWorthwhile = 0.1;
 
-double in_seconds(Duration d) { return std::chrono::duration<double>(d).count(); }
-
 // How likely it is that a path brings what it has of this message after `target`.
 double chance_late(TimePoint now, const SendPath& path, const OutgoingMessage& m,
                    TimePoint target) {
@@ -45,7 +43,7 @@ double chance_late(TimePoint now, const SendPath& path, const OutgoingMessage& m
   const Duration spare = target - now - path.view.air_time(queued + path.sent.bytes_in_flight()) -
                          (job == nullptr ? Duration::zero() : path.view.one_way);
   if (spare <= Duration::zero()) return 1;
-  return in_seconds(silence) / in_seconds(silence + spare);
+  return to_seconds(silence) / to_seconds(silence + spare);
 }
 
 // How a message is rescued for this instant, at the last moment for that.

@@ -140,7 +140,7 @@ bool Traffic::together_can_arrive(TimePoint now, const OutgoingMessage& m) const
     if (!m.divided.contains(link) || !path.view.up) continue;
     if (!path.view.loaded || !path.view.soon) return true;
     const Duration time = m.deadline + m.doubt - now - path.least_time(0, true);
-    const double seconds = std::max(0.0, std::chrono::duration<double>(time).count());
+    const double seconds = std::max(0.0, to_seconds(time));
     can += seconds * static_cast<double>(path.view.soon->bits_per_second) / 8;
   }
   return left <= can * kMayRise;

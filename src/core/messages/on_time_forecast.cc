@@ -56,8 +56,6 @@ constexpr double kLeastSpread = 0.002;
 constexpr double kStep = 0.1;
 constexpr double kMostDrift = 10;
 
-double seconds(Duration d) { return std::chrono::duration<double>(d).count(); }
-
 double log_odds(double messages, double on_time) {
   const double share =
       std::clamp((on_time + kPriorOnTime) / (messages + 1), kLeastShare, 1 - kLeastShare);
@@ -96,7 +94,7 @@ struct OnTimeForecasts::Factors {
 };
 
 OnTimeForecasts::Factors OnTimeForecasts::factors(const Outlook& o, const Record& r) {
-  const double deadline = seconds(o.deadline);
+  const double deadline = to_seconds(o.deadline);
   const double others = of_others(o);
   const DataRate usable = o.share > DataRate{} ? std::min(o.share, o.rate) : o.rate;
   Factors out;
@@ -106,13 +104,13 @@ OnTimeForecasts::Factors OnTimeForecasts::factors(const Outlook& o, const Record
     drain = static_cast<double>(r.bytes_under_way) / bytes_per_second / deadline;
   }
   if (o.least) {
-    out.room = std::clamp((deadline - seconds(*o.least)) / deadline, kLeastRoom, kMostRoom);
+    out.room = std::clamp((deadline - to_seconds(*o.least)) / deadline, kLeastRoom, kMostRoom);
   }
   out.pressure = drain;
   if (o.expected) {
-    const double spare = deadline - seconds(*o.expected) - r.excess;
+    const double spare = deadline - to_seconds(*o.expected) - r.excess;
     out.margin = std::clamp(spare / (r.spread + kLeastSpread), -kMostMargin, kMostMargin);
-    out.pressure += seconds(*o.expected) / deadline;
+    out.pressure += to_seconds(*o.expected) / deadline;
   }
   out.pressure = std::min(out.pressure, kMostDeadlines);
   out.record = log_odds(r.messages, r.on_time) * std::min(drain, kMostDeadlines);
@@ -162,9 +160,9 @@ void OnTimeForecasts::settled(const MessageFate& fate) {
 void OnTimeForecasts::learn(Record& record, const UnderWay& message, const MessageFate& fate) {
   const bool arrived = fate.fate == Fate::kDelivered || fate.fate == Fate::kLate;
   const Duration slack = message.deadline - message.expected;
-  const double excess = arrived
-                            ? seconds(fate.age - message.expected)
-                            : std::max(0.0, seconds(slack)) + kMissedBy * seconds(message.deadline);
+  const double excess =
+      arrived ? to_seconds(fate.age - message.expected)
+              : std::max(0.0, to_seconds(slack)) + kMissedBy * to_seconds(message.deadline);
   const double bounded = std::clamp(excess, -kMostExcess, kMostExcess);
   record.spread += (std::abs(bounded - record.excess) - record.spread) * kNewest;
   record.excess += (bounded - record.excess) * kNewest;

@@ -76,7 +76,7 @@ wire::Token AddressValidation::token_of(std::int64_t epoch, const wire::PacketHe
 bool AddressValidation::challenge(TimePoint now, const wire::PacketHeader& header,
                                   const Datagram& datagram) {
   if (refilled_at_ == TimePoint::min()) refilled_at_ = now;
-  const double seconds = std::chrono::duration<double>(now - refilled_at_).count();
+  const double seconds = to_seconds(now - refilled_at_);
   credit_ = std::min(credit_ + seconds * kPerSecond, static_cast<double>(kMaxWaiting));
   refilled_at_ = now;
   if (credit_ < 1 || waiting_.size() >= kMaxWaiting) return false;

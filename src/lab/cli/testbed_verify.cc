@@ -64,8 +64,7 @@ int run_verify(const LinkCheckOptions& o) {
   const auto evidence = verify::measure(state, session, [&](Duration elapsed) {
     if (elapsed < next) return;
     next = elapsed + kBetweenLines;
-    fmt::print(stderr, "verify: {:.0f} of {} s\n", std::chrono::duration<double>(elapsed).count(),
-               o.seconds);
+    fmt::print(stderr, "verify: {:.0f} of {} s\n", to_seconds(elapsed), o.seconds);
   });
   verify::Findings findings;
   findings.testbed = state.name;

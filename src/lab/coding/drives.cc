@@ -119,7 +119,7 @@ emu::DirectionParams direction_of(const std::shared_ptr<const emu::Opportunities
   out.rate = emu::mean_rate(*trace);
   out.trace = trace;
   out.queue_bytes = static_cast<std::size_t>(static_cast<double>(out.rate.bits_per_second) / 8 *
-                                             std::chrono::duration<double>(kQueue).count());
+                                             to_seconds(kQueue));
   return out;
 }
 
@@ -212,7 +212,7 @@ DriveRow run_drive(const Drive& drive, std::span<const std::string> policies, st
     links.push_back(profile_of(modem));
     slower = std::min(slower, links.back().up.rate);
   }
-  const double period = std::chrono::duration<double>(kDrivePeriod).count();
+  const double period = to_seconds(kDrivePeriod);
   DriveRow row;
   row.drive = drive.name;
   row.messages = messages;

@@ -132,8 +132,7 @@ void Cell::measure_from(Duration now) {
 double Cell::utilisation(Duration now) const {
   const Duration span = now - measured_from_;
   if (span <= Duration{}) return 0;
-  const double could = bottleneck_.mean(measured_from_, span).mbit() * 1e6 / 8 *
-                       std::chrono::duration<double>(span).count();
+  const double could = bottleneck_.mean(measured_from_, span).mbit() * 1e6 / 8 * to_seconds(span);
   if (could <= 0) return 0;
   return std::min(1.0, static_cast<double>(stats_.bytes_delivered - bytes_before_) / could);
 }

@@ -112,7 +112,6 @@ class Cell {
   const CellStats& stats(std::uint32_t flow) const;
   // The bytes that wait, with the whole of the packet that is leaving.
   std::size_t waiting_bytes() const { return waiting_bytes_; }
-  std::size_t waiting_packets() const { return queue_.size(); }
 
  private:
   struct Waiting {

@@ -10,7 +10,7 @@ namespace interneuron::emu {
 
 namespace {
 
-constexpr double kStepSeconds = std::chrono::duration<double>(kDelayStep).count();
+constexpr double kStepSeconds = to_seconds(kDelayStep);
 constexpr std::size_t kKeptSamples = DelayProcess::kMemory / kDelayStep + 1;
 
 // A sojourn in steps is bounded, so that absurd parameters cannot overflow the counter (10^12 steps

@@ -106,10 +106,10 @@ bool read_bursts(TomlReader& reader, const Section& section, DirectionParams& ou
 // is read when it leaves the queue.
 bool check_queue(TomlReader& reader, const Section& section, DirectionParams& out) {
   const double bytes_per_s = static_cast<double>(out.rate.bits_per_second) / 8;
-  const double longest_s = std::chrono::duration<double>(DelayProcess::kMemory).count();
+  const double longest_s = to_seconds(DelayProcess::kMemory);
   const double smallest = kMinQueueKbyte * 1e3;
   if (out.queue_bytes == 0) {
-    const double default_s = std::chrono::duration<double>(kDefaultQueueTime).count();
+    const double default_s = to_seconds(kDefaultQueueTime);
     out.queue_bytes = static_cast<std::size_t>(std::max(smallest, bytes_per_s * default_s));
   }
   const auto bytes = static_cast<double>(out.queue_bytes);

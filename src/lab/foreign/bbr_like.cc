@@ -28,7 +28,7 @@ DataRate BbrLike::bottleneck_rate() const { return std::ranges::max(rates_); }
 
 std::size_t BbrLike::bandwidth_delay() const {
   return static_cast<std::size_t>(static_cast<double>(bottleneck_rate().bits_per_second) / 8 *
-                                  std::chrono::duration<double>(least_rtt_).count());
+                                  to_seconds(least_rtt_));
 }
 
 std::size_t BbrLike::window() const {

@@ -24,7 +24,6 @@ class BbrLike final : public CongestionControl {
 
   // What it believes of the path; 0 while nothing was measured.
   DataRate bottleneck_rate() const;
-  Duration least_rtt() const { return least_rtt_; }
 
  private:
   enum class Phase : std::uint8_t { kStartup, kDrain, kProbeRate, kProbeRtt };

@@ -12,8 +12,6 @@ constexpr double kLossWindow = 1;
 // The target of one round trip is at most this much of the window (RFC 9438, section 4.4).
 constexpr double kMostGrowth = 1.5;
 
-double seconds(Duration d) { return std::chrono::duration<double>(d).count(); }
-
 }  // namespace
 
 std::size_t Cubic::window() const {
@@ -45,7 +43,7 @@ void Cubic::avoid_congestion(const Delivery& d, double acked) {
     inflection_ = std::cbrt((top_ - window_) / kCubicC);
     reno_ = window_;
   }
-  const double t = seconds(d.now - *epoch_);
+  const double t = to_seconds(d.now - *epoch_);
   const double alpha = reno_ < prior_ ? 3 * (1 - kCubicBeta) / (1 + kCubicBeta) : 1;
   reno_ += alpha * acked / window_;
   if (cubic(t) < reno_) {
@@ -53,7 +51,7 @@ void Cubic::avoid_congestion(const Delivery& d, double acked) {
     return;
   }
   const double target =
-      std::clamp(cubic(t + seconds(d.smoothed_rtt)), window_, kMostGrowth * window_);
+      std::clamp(cubic(t + to_seconds(d.smoothed_rtt)), window_, kMostGrowth * window_);
   window_ += (target - window_) / window_ * acked;
 }
 

@@ -87,7 +87,6 @@ DataSegment SubflowSender::send_again(Duration now) {
   it->lost = false;
   it->again = true;
   lost_bytes_ -= it->piece.bytes;
-  ++sent_again_;
   stamp(*it, now);
   return segment(*it);
 }

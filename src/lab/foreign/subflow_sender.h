@@ -50,8 +50,6 @@ class SubflowSender {
   Duration rtt() const { return smoothed_; }
   std::size_t in_flight() const { return in_flight_; }
   const CongestionControl& control() const { return *control_; }
-  std::uint64_t segments_sent() const { return order_; }
-  std::uint64_t segments_sent_again() const { return sent_again_; }
   std::uint64_t timeouts() const { return timeouts_; }
 
  private:
@@ -119,7 +117,6 @@ class SubflowSender {
   bool probed_ = false;
   Duration next_departure_{};
   Duration last_sent_{};
-  std::uint64_t sent_again_ = 0;
   std::uint64_t timeouts_ = 0;
 };
 

@@ -16,13 +16,10 @@ constexpr Duration kShareWindow = 500ms;
 constexpr Duration kShareStep = 10ms;
 
 double bytes_in(DataRate rate, Duration time) {
-  return static_cast<double>(rate.bits_per_second) / 8 *
-         std::chrono::duration<double>(time).count();
+  return static_cast<double>(rate.bits_per_second) / 8 * to_seconds(time);
 }
 
-double mbit_of(double bytes, Duration time) {
-  return bytes * 8e-6 / std::chrono::duration<double>(time).count();
-}
+double mbit_of(double bytes, Duration time) { return bytes * 8e-6 / to_seconds(time); }
 
 std::optional<double> whole_after_ms(const Scenario& s, const Meter& meter, Duration begin) {
   if (!s.dip) return std::nullopt;

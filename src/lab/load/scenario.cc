@@ -94,8 +94,8 @@ Duration period_for(const Scenario& s) {
 
 // The size of message for this load at the period that is set.
 std::size_t bytes_for(const Scenario& s) {
-  const double wire = static_cast<double>(s.capacity.bits_per_second) / 8 * s.load *
-                      std::chrono::duration<double>(s.period).count();
+  const double wire =
+      static_cast<double>(s.capacity.bits_per_second) / 8 * s.load * to_seconds(s.period);
   // The framing of messages of this size hardly depends on the size.
   return static_cast<std::size_t>(wire * payload_share(static_cast<std::size_t>(wire)));
 }

@@ -66,12 +66,12 @@ TEST(Cubic, AfterALossTheWindowFollowsTheCurveBackToItsTopAndBeyond) {
   const double k = std::cbrt(top * (1 - kCubicBeta) / kCubicC);
   for (int i = 0; i < 350; ++i) {
     round_trip(cubic, now);
-    const double t = std::chrono::duration<double>(now - begun).count();
+    const double t = to_seconds(now - begun);
     const double curve = kCubicC * std::pow(t - k, 3) + top;
     // The window of this round trip is on its way to that of the next one.
     EXPECT_NEAR(segments(cubic), curve, 0.02 * top) << t << " s";
   }
-  EXPECT_GT(std::chrono::duration<double>(now - begun).count(), k);
+  EXPECT_GT(to_seconds(now - begun), k);
   EXPECT_GT(segments(cubic), top);
 }
 
@@ -94,7 +94,7 @@ TEST(Cubic, FastConvergenceLeavesRoomToOthers) {
   const Duration begun = now;
   const double top = second * (1 + kCubicBeta) / 2;
   const double k = std::cbrt((top - second * kCubicBeta) / kCubicC);
-  while (std::chrono::duration<double>(now - begun).count() < k) round_trip(cubic, now);
+  while (to_seconds(now - begun) < k) round_trip(cubic, now);
   EXPECT_NEAR(segments(cubic), top, 0.03 * top);
 }
 

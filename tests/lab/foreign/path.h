@@ -150,7 +150,7 @@ inline double share_of_link(const Path& path, ConnectionId id, Duration length) 
   const double payload = static_cast<double>(path.sink->readable_bytes(id)) * 8;
   const double capacity =
       static_cast<double>(path.cell().params().rate.bits_per_second) * kMss / 1500.0;
-  return payload / capacity / std::chrono::duration<double>(length).count();
+  return payload / capacity / to_seconds(length);
 }
 
 }  // namespace interneuron::foreign

@@ -14,8 +14,8 @@ TEST(Scenario, EveryGroupOffersTheLoadItNames) {
     const auto all = scenarios(group.name, {});
     EXPECT_FALSE(all.empty()) << group.name;
     for (const Scenario& s : all) {
-      const double offered = static_cast<double>(s.vehicles * ip_bytes_of(s.message_bytes)) * 8 /
-                             std::chrono::duration<double>(s.period).count();
+      const double offered =
+          static_cast<double>(s.vehicles * ip_bytes_of(s.message_bytes)) * 8 / to_seconds(s.period);
       const double capacity = static_cast<double>(s.capacity.bits_per_second);
       EXPECT_NEAR(offered / capacity, s.load, 0.005) << group.name << " " << s.name;
       const bool has_variants = s.peer == Peer::kOursVariants;

@@ -14,8 +14,6 @@ constexpr std::size_t kIpBytes = kBytes + 36 * (kPieceOverheadBytes + kIpUdpByte
 constexpr DataRate kRate = DataRate::mbit(20);
 constexpr std::size_t kMessages = 600;
 
-double seconds(Duration d) { return std::chrono::duration<double>(d).count(); }
-
 // Between two messages that offer this load.
 Duration period_of(double load) {
   return Duration{
@@ -50,7 +48,7 @@ struct Cell {
   // What is on time, as a share of what the cell could carry in that time.
   double goodput() const {
     const auto on_time = static_cast<double>(kMessages - stream.missed());
-    return on_time * seconds(kRate.transmit_time(kIpBytes)) / (kMessages * seconds(period));
+    return on_time * to_seconds(kRate.transmit_time(kIpBytes)) / (kMessages * to_seconds(period));
   }
   double queue_p99_ms() { return to_ms(stream.world.cell(cell).queue_time().quantile(0.99)); }
 };

@@ -92,7 +92,7 @@ wire::PacketHeader AdmittedPeer::header(wire::PacketType type, TimePoint now) co
 
 void AdmittedPeer::turn(TimePoint now) {
   receive(now);
-  allowance_ += bytes_per_second_ * std::chrono::duration<double>(now - refilled_).count();
+  allowance_ += bytes_per_second_ * to_seconds(now - refilled_);
   allowance_ = std::min(allowance_, kBurstBytes);
   refilled_ = now;
   if (channel_) {

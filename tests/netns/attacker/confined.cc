@@ -138,8 +138,6 @@ io::FileDescriptor open_udp(const std::string& nic, Place from, const Place* to)
 
 TimePoint now() { return io::now(); }
 
-double seconds_between(TimePoint from, TimePoint to) {
-  return std::chrono::duration<double>(to - from).count();
-}
+double seconds_between(TimePoint from, TimePoint to) { return to_seconds(to - from); }
 
 }  // namespace interneuron::attacker
