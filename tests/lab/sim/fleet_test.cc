@@ -1,6 +1,6 @@
 // What one vehicle can do to the others by what it sends to be computed: nothing that a further
 // honest vehicle would not do.
-#include "lab/sim/fleet.h"
+#include "tests/lab/sim/fleet.h"
 
 #include <gtest/gtest.h>
 

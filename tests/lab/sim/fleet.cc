@@ -1,4 +1,4 @@
-#include "lab/sim/fleet.h"
+#include "tests/lab/sim/fleet.h"
 
 #include <algorithm>
 #include <map>
