@@ -1,14 +1,20 @@
-// What Sessions keeps of each session, and of each peer. Plain values.
+// What Sessions keeps of each session, and of each peer. Plain values; beside them what it knows of
+// the time of day and of keys that two hosts use.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
+#include <deque>
+#include <map>
 #include <optional>
 #include <utility>
+#include <vector>
 
 #include "core/secure/handshake.h"
 #include "core/secure/session.h"
 #include "interneuron/security.h"
 #include "interneuron/time.h"
+#include "interneuron/units.h"
 
 namespace interneuron::crypto {
 
@@ -53,6 +59,83 @@ struct PeerKeys {
   // See kFirstPatience.
   TimePoint ask_after{};
   Duration patience = kFirstPatience;
+};
+
+// The time of day, ns since 1970, as far as a host knows it: what was said at the beginning or by a
+// host that we connected to, and never less than what was said here, so that handshakes say times
+// that only grow. A host that is believed may say any time; none above kLatestBelievedNs counts.
+// Pure; thread-compatible.
+class TimeOfDay {
+ public:
+  // The latest time that is believed, which is in the year 2097: who says a later one cannot keep a
+  // host that believed it from being heard before kLatestUnixNs.
+  static constexpr std::int64_t kLatestBelievedNs = kLatestUnixNs - (std::int64_t{1} << 59U);
+
+  TimeOfDay(TimePoint now, std::int64_t unix_ns) : started_(now), at_start_ns_(unix_ns) {}
+
+  // Keep it for the next start.
+  std::int64_t unix_ns(TimePoint now) const { return std::max(said_ns_, reckoned_ns(now)); }
+  // The host's clock says so. Counts where it is later.
+  void raise_unix_ns(TimePoint now, std::int64_t unix_ns) {
+    const std::int64_t behind = std::min(unix_ns, kLatestBelievedNs) - reckoned_ns(now);
+    if (behind > 0) at_start_ns_ += behind;
+  }
+  // What is said next: it grows with every call, also where the clock does not.
+  std::int64_t next_unix_ns(TimePoint now) {
+    said_ns_ = std::max(said_ns_ + 1, unix_ns(now));
+    return said_ns_;
+  }
+
+ private:
+  std::int64_t reckoned_ns(TimePoint now) const {
+    return at_start_ns_ + Duration(now - started_).count();
+  }
+
+  TimePoint started_;
+  std::int64_t at_start_ns_;
+  std::int64_t said_ns_ = 0;
+};
+
+// Which keys two hosts use: a life that was followed by another one does not come back by itself,
+// so that a second host has the key where it does. Told of every life that is adopted; bounded by
+// kMaxKeysWithLives keys of kMaxLives each. Pure; thread-compatible.
+class SharedKeys {
+ public:
+  // Lives of one key that are remembered, and keys of which they are.
+  static constexpr std::size_t kMaxLives = 8;
+  static constexpr std::size_t kMaxKeysWithLives = 1024;
+  // A key is told of again after so long at the earliest.
+  static constexpr Duration kBetweenSharedKeys = std::chrono::minutes(1);
+
+  void note_life(TimePoint now, const PublicKey& who, SessionId life) {
+    if (!lives_.contains(who) && lives_.size() >= kMaxKeysWithLives) lives_.erase(lives_.begin());
+    Lives& lives = lives_[who];
+    if (!lives.known.empty() && lives.known.back() == life) return;
+    const bool is_back = std::erase(lives.known, life) > 0;
+    lives.known.push_back(life);
+    if (lives.known.size() > kMaxLives) lives.known.erase(lives.known.begin());
+    const bool is_told =
+        lives.told_at != TimePoint::min() && now - lives.told_at < kBetweenSharedKeys;
+    if (!is_back || is_told) return;
+    lives.told_at = now;
+    shared_.push_back(who);
+  }
+  // A key that two hosts use; ask until nothing comes.
+  std::optional<PublicKey> poll() {
+    if (shared_.empty()) return std::nullopt;
+    const PublicKey key = shared_.front();
+    shared_.pop_front();
+    return key;
+  }
+
+ private:
+  // The lives that a key has had lately, newest last.
+  struct Lives {
+    std::vector<SessionId> known;
+    TimePoint told_at = TimePoint::min();
+  };
+  std::map<PublicKey, Lives> lives_;
+  std::deque<PublicKey> shared_;
 };
 
 }  // namespace interneuron::crypto

@@ -27,8 +27,6 @@
 #include "core/secure/entropy.h"
 #include "core/secure/peer_keys.h"
 #include "core/secure/responder.h"
-#include "core/secure/shared_keys.h"
-#include "core/secure/time_of_day.h"
 #include "core/secure/trust.h"
 #include "interneuron/endpoint.h"
 #include "interneuron/security.h"
