@@ -6,7 +6,7 @@
 #include <net/if.h>
 #include <sys/ioctl.h>
 
-#include "node/io/xdp_transport.h"
+#include "node/xdp/xdp_transport.h"
 #include "transport_conformance.h"
 
 namespace interneuron::io::xdp_queues_test {
