@@ -1,7 +1,7 @@
 // What a message costs two Endpoints without sockets, in virtual time: processor time of the sender
 // and of the receiver, and how often each asks the heap for memory.
 //
-//   build/release/bench/message_bench [--bytes N] [--messages N] [--rounds]
+//   build/release/bench/message_bench [--bytes N] [--messages N] [--rounds] [--encrypted]
 //
 // Every message takes one link of 1 ms and no bottleneck, 50 a second, and the receiver's answers
 // take the same way back. Datagrams come in batches of 32, as from a socket; what carries them from
@@ -10,6 +10,7 @@
 // measured before and taken off.
 #include <fmt/format.h>
 #include <malloc.h>
+#include <sodium.h>
 
 #include <CLI/CLI.hpp>
 #include <array>
@@ -22,6 +23,7 @@
 
 #include "interneuron/endpoint.h"
 #include "interneuron/sizes.h"
+#include "lab/sim/trust.h"
 
 namespace {
 
@@ -55,6 +57,7 @@ struct Options {
   std::size_t bytes = 256 * 1024;
   std::size_t messages = 500;
   bool rounds = false;
+  bool encrypted = false;
 };
 
 struct Packet {
@@ -89,6 +92,8 @@ class Bench {
       o.session = SessionId{static_cast<std::uint32_t>(side + 1)};
       o.policies = builtin_policies();
       o.accept_peers = side == 1;
+      if (options_.encrypted)
+        o.security = security_of(1 + static_cast<int>(side), {2 - static_cast<int>(side)});
       PipelineConfig pipeline;
       pipeline.stages = {StageKind::kCommunication, StageKind::kCommunication};
       pipeline.policy = "best_link";
@@ -242,7 +247,10 @@ int main(int argc, char** argv) {
   app.add_option("--bytes", options.bytes, "Bytes of a message");
   app.add_option("--messages", options.messages, "Messages that are measured");
   app.add_flag("--rounds", options.rounds, "Messages of rounds instead of plain ones");
+  app.add_flag("--encrypted", options.encrypted, "Packets are encrypted");
   CLI11_PARSE(app, argc, argv);
+  // It chooses the code that this processor runs fastest.
+  if (::sodium_init() < 0) return 1;
   interneuron::Bench(options).run();
   return 0;
 }

@@ -1,13 +1,17 @@
 # interneuron_headers(): the public headers, std only.
-# interneuron_module(GROUP/NAME [SOURCES ...] [USES group/name ...] [LIBRARIES external ...]): one folder, one target
+# interneuron_module(GROUP/NAME [SOURCES ...] [APART ...] [USES group/name ...] [LIBRARIES external ...]): one folder, one target
 # interneuron_GROUP_NAME. Modules are object libraries, so that the installed library is their union; USES carries both
-# include paths and objects. A folder of headers alone has no SOURCES.
+# include paths and objects. A folder of headers alone has no SOURCES; APART are sources that cannot be
+# compiled together with others.
 # interneuron_test_headers(): once, before the first interneuron_test().
-# interneuron_test(GROUP/NAME [PROGRAM] [LABEL label] [TIMEOUT seconds] SOURCES ... [USES ...]): the tests of one folder, one
-# executable GROUP_NAME_test, which CTest runs as the one test NAME; with LABEL netns as a test NAME.Suite.Case for each
-# case. PROGRAM: they run the program `interneuron`.
-# interneuron_vm_test(NAME [FULL] TIMEOUT seconds COMMAND ...): a test that boots a machine of scripts/vm.sh. FULL: takes
-# minutes, so only `ctest -C full` runs it (scripts/test.sh --full).
+# interneuron_test(GROUP/NAME [PROGRAM] [WAITS] [LABEL label] [TIMEOUT seconds] [COST seconds] [SHARDS n] [ALONE filter]
+# SOURCES ... [USES ...]): the tests of one folder, one executable GROUP_NAME_test, which CTest runs as the one test NAME, or
+# with SHARDS as NAME.1 to NAME.n with a share of the cases each; with LABEL netns as a test NAME.Suite.Case for each case.
+# PROGRAM: they run the program `interneuron`. WAITS: they wait more than they compute. COST: about what one of its tests
+# takes; the longest begin first. ALONE: a filter of GoogleTest for the cases of LABEL netns that are exact about time, so that
+# no other test may run beside them.
+# interneuron_vm_test(NAME [FULL] TIMEOUT seconds COST seconds COMMAND ...): a test that boots a machine of scripts/vm.sh.
+# FULL: takes minutes, so only `ctest -C full` runs it (scripts/test.sh --full).
 
 set(INTERNEURON_WARNINGS -Wall -Wextra -Wconversion -Wshadow -Wpedantic -Werror)
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
@@ -15,6 +19,10 @@ if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
   # bug 105651) that are not there; clang and the sanitizers look instead, in `scripts/check.sh asan` at the core, sockets and
   # app/perception, in `scripts/test.sh asan` at everything.
   list(APPEND INTERNEURON_WARNINGS -Wno-maybe-uninitialized -Wno-restrict)
+  # In a jumbo unit g++ takes every type of a .cc file for one of a header, where unnamed namespaces are a mistake.
+  if(INTERNEURON_JUMBO)
+    list(APPEND INTERNEURON_WARNINGS -Wno-subobject-linkage)
+  endif()
 endif()
 
 # Fuzz targets see which branches of a module were taken, in the same objects that the sanitized tests link. The tests, whose
@@ -35,14 +43,40 @@ set(INTERNEURON_MEASURED_OPTIONS $<$<CONFIG:Release>:-O3>)
 set(INTERNEURON_TEST_OPTIONS $<$<CONFIG:Release>:-O1>)
 
 # Nine tenths of what the compiler reads is the standard library, so the files of a folder are compiled together, this many
-# at a time: a folder of 16 files takes a third of the time that they take one by one.
+# at a time: a folder of 16 files takes a third of the time that they take one by one. Sets `out` to what is to be compiled:
+# units that include the files by their path in the tree, so that a compiler cache knows them in every clone. CMake's own
+# (UNITY_BUILD) have absolute paths. Generated files stay by themselves.
 set(INTERNEURON_JUMBO_FILES 16)
-function(interneuron_jumbo target)
-  if(INTERNEURON_JUMBO)
-    set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE ${INTERNEURON_JUMBO_FILES})
-    # In a jumbo unit g++ takes every type of a .cc file for one of a header, where unnamed namespaces are a mistake.
-    target_compile_options(${target} PRIVATE $<$<CXX_COMPILER_ID:GNU>:-Wno-subobject-linkage>)
+function(interneuron_jumbo out target)
+  if(NOT INTERNEURON_JUMBO)
+    set(${out} ${ARGN} PARENT_SCOPE)
+    return()
   endif()
+  file(RELATIVE_PATH folder ${PROJECT_SOURCE_DIR} ${CMAKE_CURRENT_SOURCE_DIR})
+  set(files)
+  set(compiled)
+  foreach(file IN LISTS ARGN)
+    if(IS_ABSOLUTE ${file})
+      list(APPEND compiled ${file})
+    else()
+      list(APPEND files ${file})
+    endif()
+  endforeach()
+  set(number 0)
+  while(files)
+    set(content)
+    foreach(_ RANGE 1 ${INTERNEURON_JUMBO_FILES})
+      if(files)
+        list(POP_FRONT files file)
+        string(APPEND content "#include \"${folder}/${file}\"\n")
+      endif()
+    endforeach()
+    set(unit ${CMAKE_CURRENT_BINARY_DIR}/${target}_${number}.cc)
+    file(CONFIGURE OUTPUT ${unit} CONTENT "${content}" @ONLY)
+    list(APPEND compiled ${unit})
+    math(EXPR number "${number} + 1")
+  endwhile()
+  set(${out} ${compiled} PARENT_SCOPE)
 endfunction()
 
 # A folder by its name as a module: below src/ where it is there, else below the root.
@@ -71,7 +105,7 @@ function(interneuron_target out name)
 endfunction()
 
 function(interneuron_module name)
-  cmake_parse_arguments(ARG "" "" "SOURCES;USES;LIBRARIES" ${ARGN})
+  cmake_parse_arguments(ARG "" "" "SOURCES;APART;USES;LIBRARIES" ${ARGN})
   interneuron_target(target ${name})
   if(NOT ARG_SOURCES)
     add_library(${target} INTERFACE)
@@ -79,10 +113,8 @@ function(interneuron_module name)
     set_property(TARGET ${target} PROPERTY INTERNEURON_LIBRARIES ${ARG_LIBRARIES})
     return()
   endif()
-  add_library(${target} OBJECT ${ARG_SOURCES})
-  if(NOT name MATCHES "^core/(flow|peers|messages)$")
-    interneuron_jumbo(${target})
-  endif()
+  interneuron_jumbo(compiled ${target} ${ARG_SOURCES})
+  add_library(${target} OBJECT ${compiled} ${ARG_APART})
   target_compile_options(${target} PRIVATE ${INTERNEURON_WARNINGS} ${INTERNEURON_FUZZ_OPTIONS})
   if(name MATCHES "^(core|policies|node)")
     target_compile_options(${target} PRIVATE ${INTERNEURON_MEASURED_OPTIONS})
@@ -167,44 +199,79 @@ function(interneuron_program name)
   install(TARGETS ${target} RUNTIME DESTINATION ${ARG_DESTINATION})
 endfunction()
 
+# Absolute paths, in one object for all tests, so that the others are the same in every clone.
+function(interneuron_test_places)
+  add_library(interneuron_places OBJECT ${PROJECT_SOURCE_DIR}/tests/places.cc)
+  target_include_directories(interneuron_places PRIVATE ${PROJECT_SOURCE_DIR})
+  target_compile_options(interneuron_places PRIVATE ${INTERNEURON_WARNINGS})
+  if(INTERNEURON_PROGRAM)
+    set(program $<TARGET_FILE:interneuron_program>)
+    set(nature $<TARGET_FILE:nature>)
+  endif()
+  target_compile_definitions(interneuron_places PRIVATE INTERNEURON_SOURCE_DIR="${PROJECT_SOURCE_DIR}"
+    INTERNEURON_BINARY_DIR="${PROJECT_BINARY_DIR}" INTERNEURON_PROGRAM_FILE="${program}" INTERNEURON_NATURE_FILE="${nature}")
+endfunction()
+
 function(interneuron_test module)
-  cmake_parse_arguments(ARG "PROGRAM" "LABEL;TIMEOUT" "SOURCES;USES;LIBRARIES" ${ARGN})
+  cmake_parse_arguments(ARG "PROGRAM;WAITS" "LABEL;TIMEOUT;COST;SHARDS;ALONE" "SOURCES;APART;USES;LIBRARIES" ${ARGN})
   string(REPLACE "/" "_" target ${module}_test)
   get_filename_component(name ${module} NAME)
-  add_executable(${target} ${ARG_SOURCES})
-  interneuron_jumbo(${target})
+  interneuron_jumbo(compiled ${target} ${ARG_SOURCES})
+  add_executable(${target} ${compiled} ${ARG_APART})
   set_target_properties(${target} PROPERTIES OUTPUT_NAME ${name}_test)
   interneuron_link(${target} ${ARG_USES})
   target_compile_options(${target} PRIVATE ${INTERNEURON_TEST_OPTIONS})
   target_precompile_headers(${target} REUSE_FROM interneuron_test_headers)
   target_link_libraries(${target} PRIVATE ${ARG_LIBRARIES} rapidcheck rapidcheck_gtest GTest::gmock GTest::gtest GTest::gtest_main)
-  target_compile_definitions(${target} PRIVATE INTERNEURON_SOURCE_DIR="${PROJECT_SOURCE_DIR}"
-    INTERNEURON_BINARY_DIR="${PROJECT_BINARY_DIR}")
+  target_sources(${target} PRIVATE $<TARGET_OBJECTS:interneuron_places>)
   if(ARG_PROGRAM)
     # The door and the siblings that it starts.
     add_dependencies(${target} interneuron_program interneuron_offload_program interneuron_lab_program)
-    target_compile_definitions(${target} PRIVATE INTERNEURON_PROGRAM="$<TARGET_FILE:interneuron_program>")
+  endif()
+  if(NOT ARG_COST)
+    set(ARG_COST 1)
   endif()
   if(ARG_LABEL STREQUAL "netns")
-    # Real time on real NICs: beside another test they would measure that one's load. A process for each case, because a
-    # case that is killed in the middle leaves namespaces and NICs to the next.
+    # A process for each case, because a case that is killed in the middle leaves namespaces and NICs to the next. They wait
+    # more than they compute, and each has namespaces of its own, so that several run at once.
     if(NOT ARG_TIMEOUT)
       set(ARG_TIMEOUT 120)
     endif()
-    gtest_discover_tests(${target} TEST_PREFIX ${name}. DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60
-      PROPERTIES TIMEOUT ${ARG_TIMEOUT} SKIP_RETURN_CODE 77 RUN_SERIAL TRUE LABELS "${ARG_LABEL}")
-  else()
-    # All cases in one process: a thousand starts of sanitized programs with OpenCV would take minutes.
-    if(NOT ARG_TIMEOUT)
-      set(ARG_TIMEOUT 900)
+    set(discovery TEST_PREFIX ${name}. DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60)
+    set(properties TIMEOUT ${ARG_TIMEOUT} SKIP_RETURN_CODE 77 COST ${ARG_COST} LABELS "${ARG_LABEL}")
+    if(ARG_ALONE)
+      gtest_discover_tests(${target} ${discovery} TEST_FILTER "${ARG_ALONE}" PROPERTIES ${properties} RUN_SERIAL TRUE)
+      set(discovery ${discovery} TEST_FILTER "-${ARG_ALONE}")
     endif()
-    add_test(NAME ${name} COMMAND ${target})
-    set_tests_properties(${name} PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS "${ARG_LABEL}")
+    gtest_discover_tests(${target} ${discovery} PROPERTIES ${properties})
+    return()
   endif()
+  # All cases in one process, or a few: a thousand starts of sanitized programs with OpenCV would take minutes. One that
+  # computes takes two of the places of scripts/test.sh, which has two for each processor.
+  if(NOT ARG_TIMEOUT)
+    set(ARG_TIMEOUT 900)
+  endif()
+  set(places 2)
+  if(ARG_WAITS)
+    set(places 1)
+  endif()
+  set(tests)
+  if(NOT ARG_SHARDS)
+    set(tests ${name})
+    add_test(NAME ${name} COMMAND ${target})
+  else()
+    foreach(shard RANGE 1 ${ARG_SHARDS})
+      list(APPEND tests ${name}.${shard})
+      math(EXPR index "${shard} - 1")
+      add_test(NAME ${name}.${shard} COMMAND ${target})
+      set_tests_properties(${name}.${shard} PROPERTIES ENVIRONMENT "GTEST_TOTAL_SHARDS=${ARG_SHARDS};GTEST_SHARD_INDEX=${index}")
+    endforeach()
+  endif()
+  set_tests_properties(${tests} PROPERTIES TIMEOUT ${ARG_TIMEOUT} PROCESSORS ${places} COST ${ARG_COST} LABELS "${ARG_LABEL}")
 endfunction()
 
 function(interneuron_vm_test name)
-  cmake_parse_arguments(ARG "FULL" "TIMEOUT" "COMMAND" ${ARGN})
+  cmake_parse_arguments(ARG "FULL" "TIMEOUT;COST" "COMMAND" ${ARGN})
   set(label vm)
   set(configurations)
   if(ARG_FULL)
@@ -212,7 +279,7 @@ function(interneuron_vm_test name)
     set(configurations CONFIGURATIONS full)
   endif()
   add_test(NAME vm.${name} COMMAND ${ARG_COMMAND} ${configurations} WORKING_DIRECTORY ${PROJECT_SOURCE_DIR})
-  set_tests_properties(vm.${name} PROPERTIES TIMEOUT ${ARG_TIMEOUT} SKIP_RETURN_CODE 77 RUN_SERIAL TRUE
+  set_tests_properties(vm.${name} PROPERTIES TIMEOUT ${ARG_TIMEOUT} SKIP_RETURN_CODE 77 PROCESSORS 2 COST ${ARG_COST}
     LABELS "${label}")
 endfunction()
 

@@ -5,7 +5,7 @@
 
 scripts/check_layers_test.py checks the checker.
 
-The tables stand in ARCHITECTURE.md and in the README.md of each group: src/GROUP/README.md, netns/README.md. A row reads `| folder | what lives there | may include | pure |`. "may include" lists folders by their path
+The tables stand in ARCHITECTURE.md and in the README.md of each group: that of src/core, and so on. A row reads `| folder | what lives there | may include | pure |`. "may include" lists folders by their path
 below `src/` (`core/wire`, `include`), whole groups by their name (`core`: every folder `core/...`), header patterns in
 angle brackets, `OS` for the headers of the system, or `std only`. The C++ standard library is open to all, except that a
 pure folder includes nothing that reads a clock, waits, locks or prints. A pure row names pure folders only, and not `OS`.

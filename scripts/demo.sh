@@ -33,8 +33,8 @@ if [[ -e $root/build && ! -w $root/build ]]; then
 fi
 trap 'exit 130' INT
 
-# Caches of the compiler and of libraries stay inside build/.
-export XDG_CACHE_HOME="$root/build/cache"
+# shellcheck source=scripts/caches.sh
+. "$root/scripts/caches.sh"
 
 exec 3>&1 1>&2
 bash "$root/scripts/setup.sh"

@@ -5,7 +5,8 @@
 #   scripts/fuzz.sh [--floors] [--no-build] [TARGET...] [SECONDS]
 #
 #   --list      names the targets, each with the coverage that it has to reach, and ends
-#   --floors    from the seeds of the repository alone, and a target that reaches less than tests/fuzz/floors.txt says fails
+#   --floors    from the seeds of the repository alone, and a target that reaches less than tests/fuzz/floors.txt says fails;
+#               one that is below when its time is over, as on a busy machine, goes on until it is not, thrice as long at most
 #   --no-build  runs what was built before
 #   TARGET      which; all (default) or names of --list
 #   SECONDS     how long each one runs, 1 to 86400; default 300
@@ -55,7 +56,8 @@ if [[ -e $root/build && ! -w $root/build ]]; then
   exit 1
 fi
 
-export XDG_CACHE_HOME="$root/build/cache"
+# shellcheck source=scripts/caches.sh
+. "$root/scripts/caches.sh"
 export ASAN_OPTIONS="${ASAN_OPTIONS:-strict_string_checks=1}"
 export UBSAN_OPTIONS="${UBSAN_OPTIONS:-print_stacktrace=1}"
 jobs=$(nproc)
@@ -82,15 +84,24 @@ stop() {
 # What its targets find in an input that takes so long is a hang; those with a bound of time have a much smaller one.
 hang_s=20
 memory_mb=2048
+# The longest that a target runs.
+longest=$((check_floors ? 3 * seconds : seconds))
+declare -A since=()
 start() {
   local target=$1 folder=$work/$1 seeds=$root/tests/fuzz/corpus/$1
   ((!check_floors)) || rm -rf "$folder/found"
   rm -rf "$folder/scratch"
   mkdir -p "$folder/found" "$folder/findings" "$folder/scratch"
   TMPDIR=$folder/scratch "${runner[@]}" "$root/build/asan/tests/fuzz/${target}_fuzz" "$folder/found" "$seeds" \
-    -max_total_time="$seconds" -timeout="$hang_s" -rss_limit_mb="$memory_mb" -print_final_stats=1 \
+    -max_total_time="$longest" -timeout="$hang_s" -rss_limit_mb="$memory_mb" -print_final_stats=1 \
     -artifact_prefix="$folder/findings/" >"$folder/log" 2>&1 &
   pids[$target]=$!
+  since[$target]=$SECONDS
+}
+
+# Whether it has had its time and covers what it has to. Then SIGUSR1 ends it, after which libFuzzer's exit code is 0.
+has_enough() {
+  ((check_floors && SECONDS - since[$1] >= seconds)) && (($(figure "$1" cov:) >= $(floor_of "$1")))
 }
 
 # The newest figure behind a word ("cov:", "exec/s:") in a log, 0 where there is none.
@@ -112,7 +123,7 @@ finish() {
   elif ((check_floors && covered < floor)); then
     verdict="covers less than $floor"
   fi
-  rows+=("$(printf '%-11s %12s %8s %9s %7s  %s' "$target" "$runs" "$((runs / seconds))" "$covered" "$floor" "$verdict")")
+  rows+=("$(printf '%-11s %12s %8s %9s %7s  %s' "$target" "$runs" "$((runs / (SECONDS - since[$target] + 1)))" "$covered" "$floor" "$verdict")")
   rm -rf "$work/$target/scratch"
   if [[ $verdict == fine ]]; then return; fi
   failed+=("$target")
@@ -143,7 +154,10 @@ run_all() {
     done
     sleep 0.5
     for target in "${!pids[@]}"; do
-      kill -0 "${pids[$target]}" 2>/dev/null && continue
+      if kill -0 "${pids[$target]}" 2>/dev/null; then
+        ! has_enough "$target" || kill -USR1 "${pids[$target]}" 2>/dev/null || true
+        continue
+      fi
       code=0
       wait "${pids[$target]}" || code=$?
       unset "pids[$target]"

@@ -24,7 +24,7 @@ packages=(
   tshark                                                             # test of the Wireshark dissector
   curl ca-certificates                                               # scripts/fetch_data.sh
 )
-check_packages=(git clang libclang-rt-14-dev clang-format-14 shellcheck)  # scripts/check.sh
+check_packages=(git clang libclang-rt-14-dev clang-format-14 shellcheck universal-ctags)  # scripts/check.sh
 vm_packages=(qemu-system-x86)                                        # scripts/vm.sh --icount, --tcg, --kvm
 peer_packages=(libfastrtps-dev dpkg-dev)                             # bench peers, scripts/build_srt.sh
 

@@ -37,8 +37,8 @@ if [[ -e $root/build && ! -w $root/build ]]; then
 fi
 trap 'exit 130' INT
 
-# Caches of the compiler and of libraries stay inside build/.
-export XDG_CACHE_HOME="$root/build/cache"
+# shellcheck source=scripts/caches.sh
+. "$root/scripts/caches.sh"
 jobs=$(nproc)
 
 # The tests of tc-netem boot a virtual machine where the kernel has none; clang comes with what the checks need.
@@ -68,5 +68,8 @@ esac
 export ASAN_OPTIONS="${ASAN_OPTIONS:-detect_stack_use_after_return=1:strict_string_checks=1}"
 export UBSAN_OPTIONS="${UBSAN_OPTIONS:-print_stacktrace=1}"
 export TSAN_OPTIONS="${TSAN_OPTIONS:-second_deadlock_stack=1}"
-phase "$preset: tests" "${runner[@]}" ctest --test-dir "build/$preset" --output-on-failure --no-tests=error --timeout 300 -j "$jobs" \
+# Two tests for each processor, as half of them wait more than they compute; those that compute take two places
+# (cmake/modules.cmake, interneuron_test), the longest begin first.
+phase "$preset: tests" "${runner[@]}" ctest --test-dir "build/$preset" --output-on-failure --no-tests=error --timeout 300 \
+  -j $((2 * jobs)) \
   "${selection[@]}" || exit 1

@@ -9,13 +9,14 @@
 #include <vector>
 
 #include "interneuron/time.h"
+#include "tests/places.h"
 
 namespace interneuron::limits_page {
 
 // The figure (second cell) of each row of the page's tables, by what names the limit in the cell
 // `key`: the first thing in backquotes there.
 inline std::map<std::string, std::string> figures_of(const std::string& page, std::size_t key) {
-  std::ifstream in(INTERNEURON_SOURCE_DIR + page);
+  std::ifstream in(places::source() + page);
   std::map<std::string, std::string> out;
   for (std::string line; std::getline(in, line);) {
     std::vector<std::string> cells;

@@ -54,8 +54,8 @@ struct TransmitParts {
   LinkId link{};
   Address to{};
   std::size_t head = 0;
-  // Bytes of a message; empty in packets that carry none. Valid until the next call of the endpoint
-  // that is no output (see Endpoint).
+  // Bytes of a message; empty in packets that carry none or are encrypted. Valid until the next
+  // call of the endpoint that is no output (see Endpoint).
   ByteView payload{};
   std::size_t tail = 0;
   // The ECN bits for its IP header.

@@ -7,7 +7,7 @@
 namespace interneuron::fuzz {
 namespace {
 
-LinkId id_of(std::size_t link) { return LinkId{static_cast<std::uint16_t>(link)}; }
+LinkId link_id(std::size_t link) { return LinkId{static_cast<std::uint16_t>(link)}; }
 
 // Whose address this is.
 std::optional<std::size_t> host_at(const Address& address, std::size_t link) {
@@ -26,7 +26,7 @@ Bytes World::as_sent(std::size_t host, std::size_t link, Bytes plain) {
   for (int i = 0; i < 2 && !keys_->is_open(now_, host, header->session); ++i) {
     if (!has_link(link) || handshakes_left_ == 0) break;
     --handshakes_left_;
-    feed(host, link, keys_->initiation(now_, host, id_of(link), header->session));
+    feed(host, link, keys_->initiation(now_, host, link_id(link), header->session));
   }
   const auto sealed = keys_->seal(host, plain);
   if (!sealed) return plain;
@@ -71,7 +71,7 @@ void World::drain_answers() {
     const Answer answer = std::move(answers_.front());
     answers_.pop_front();
     endpoint_.handle_datagram(
-        now_, {id_of(answer.link), address_of(answer.host, answer.link), answer.bytes, 0});
+        now_, {link_id(answer.link), address_of(answer.host, answer.link), answer.bytes, 0});
     drain_packets();
   }
 }

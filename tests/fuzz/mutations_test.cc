@@ -9,6 +9,7 @@
 #include <string>
 
 #include "tests/core/wire/examples.h"
+#include "tests/places.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size);
 
@@ -74,7 +75,7 @@ class Mutator {
 };
 
 Bytes file(const std::string& name) {
-  std::ifstream in(INTERNEURON_SOURCE_DIR "/tests/fuzz/corpus/decode/" + name, std::ios::binary);
+  std::ifstream in(places::source() + "/tests/fuzz/corpus/decode/" + name, std::ios::binary);
   const std::string text{std::istreambuf_iterator<char>(in), {}};
   const auto bytes = std::as_bytes(std::span(text));
   return {bytes.begin(), bytes.end()};

@@ -8,7 +8,7 @@
 
 #include "core/code/blocks.h"
 #include "core/code/erasure_code.h"
-#include "core/flow/receiver.h"
+#include "core/flow/reassembler.h"
 #include "core/wire/packet.h"
 
 namespace interneuron::flow {

@@ -18,8 +18,11 @@ never stands still for more than 20 ms; the vehicle on the empty street is never
 0.97 of what it is with a third honest vehicle. A new vehicle joins within 2 s during a flood. Nobody gets more than 3
 times the bytes that were sent in its name, and two reflectors do not talk to each other.
 
---smoke: all in one run, of 2 s an attack, in which one missed round is 5 %, so that up to three are allowed; the unit
-computes at its lowest level, so that it says nothing of levels; a minute.
+--smoke: all in one run, of 2 s an attack, in which one missed round is 5 %, so that up to three are allowed; an attack is
+compared with the calm seconds before and after it; the unit computes at its lowest level, so that it says nothing of levels;
+a minute. What a busy machine did not let it tell is tried again, twice.
+
+A figure out of its bound counts only where the programs did not wait long for a processor meanwhile (insider_lab.MOST_WAIT).
 """
 
 import argparse
@@ -156,6 +159,9 @@ class Street:
             time.sleep(seconds)
         return span
 
+    def waited(self, *span):
+        return lab_.waited([self.road, *self.vehicles.values()], *span)
+
     def with_third(self, seconds):
         vehicle = self.vehicle("third", self.o.streets["busy"])
         vehicle.wait_until_it_runs()
@@ -172,17 +178,23 @@ class Street:
         self.road.stop()
 
 
-def judge_rounds(name, allowed, street, span, calm_street, calm):
+def judge_rounds(name, allowed, street, span, calm_street, calms):
+    """Against the same vehicle in calm times, of which that after an attack must be as calm as that before it."""
+    waited = max(street.waited(*span), *(calm_street.waited(*calm) for calm in calms))
     for place, vehicle in street.vehicles.items():
         attacked = vehicle.between(*span)
-        alone = lab_.misses(calm_street.vehicles[place].between(*calm))
+        shares = [lab_.misses(calm_street.vehicles[place].between(*calm)) for calm in calms]
+        alone = sum(shares) / len(shares)
         extra = lab_.misses(attacked) - alone
+        if len(shares) > 1:
+            check(f"{name}: more misses of the vehicle on the {place} street after it than before", shares[-1] - shares[0],
+                  2 * allowed, "% of rounds", waited=waited)
         if alone > MOST_MISSES_ALONE:
             lab_.inconclusive(f"{name}: {alone:.1f} % misses of the vehicle on the {place} street without it, {extra:.1f} % "
                               "more with it: this machine is too slow or too busy; try --lowest")
             continue
         check(f"{name}: more misses of the vehicle on the {place} street (of {len(attacked)} rounds; {alone:.1f} % "
-              f"without)", extra, allowed, "% of rounds")
+              f"without; {waited:.0f} % waited)", extra, allowed, "% of rounds", waited=waited)
 
 
 def judge_road(name, street, span, memory):
@@ -191,10 +203,10 @@ def judge_road(name, street, span, memory):
     if stall is None:
         note(f"{name}: loop_stall_ms is not published; skipped")
     else:
-        check(f"{name}: the unit's loop stood still", stall, 20, "ms")
+        check(f"{name}: the unit's loop stood still", stall, 20, "ms", waited=street.waited(*span))
 
 
-def judge_insider(options, name, street, attack, calm_street, calm, third_street, third):
+def judge_insider(options, name, street, attack, calm_street, calms, third_street, third):
     span, told = attack
     allowed = options.allowed
     if not told["joined"]:
@@ -203,7 +215,7 @@ def judge_insider(options, name, street, attack, calm_street, calm, third_street
     rate = 8 * told["sent_bytes"] / max(told["seconds"] + told["join_s"], 1) / 1000
     check(f"{name}: what the attacker sent ({told['sent_packets']} packets, {told['results']} came back)", rate, KBIT,
           "kbit/s")
-    judge_rounds(name, allowed, street, span, calm_street, calm)
+    judge_rounds(name, allowed, street, span, calm_street, calms)
     judge_road(name, street, span, 64)
     judge_mixed(name, street, span)
     if not options.lowest:
@@ -245,23 +257,28 @@ def insiders(options, attacks):
     for name in attacks:
         calm_street, calm = run(lambda street: street.calm(options.seconds))
         street, attack = run(lambda street, name=name: street.insider(name, options.seconds))
-        judge_insider(options, name, street, attack, calm_street, calm, third_street, third)
+        judge_insider(options, name, street, attack, calm_street, [calm], third_street, third)
         if options.truth:
             judge_accuracy(name, street, third_street)
 
 
 def smoke(options, attacks):
-    """All in one run, so that what one attack leaves behind is there for the next."""
+    """All in one run, so that what one attack leaves behind is there for the next. Calm seconds lie between them, so that load
+    that comes and goes is not taken for an attack."""
     with tempfile.TemporaryDirectory() as folder, Street(options, folder, lowest=True) as street:
-        calm = street.calm(options.seconds)
         third = street.with_third(options.seconds)
-        done = {name: street.insider(name, options.seconds) for name in attacks if name in INSIDER}
+        calms = [street.calm(options.seconds / 2)]
+        done = {}
+        for name in INSIDER:
+            if name in attacks:
+                done[name] = street.insider(name, options.seconds)
+                calms.append(street.calm(options.seconds / 2))
         flood = flood_phases(street, options) if "join_flood" in attacks else None
         street.finish()
         if "mixed" in attacks:
-            judge_both_streets(street, [calm[0], third[1]])
-        for name, attack in done.items():
-            judge_insider(options, name, street, attack, street, calm, street, third)
+            judge_both_streets(street, [third[0], calms[0][1]])
+        for (name, attack), *around in zip(done.items(), calms, calms[1:]):
+            judge_insider(options, name, street, attack, street, around, street, third)
         if flood:
             judge_flood(options, street, street, *flood)
 
@@ -312,16 +329,18 @@ def flood_phases(street, options):
 def judge_flood(options, street, calm_street, calm, span, told, joins):
     note(f"join_flood: {told['spoofed_pps']} packets/s from foreign and {told['owned_pps']} from own addresses; "
          f"{told['tokens']} challenges or cookies and {told['echoes']} feedbacks answered")
-    note("join_flood: the unit's loop ran {:.0f} % of the time and waited {:.0f} % for a processor".format(*street.road.share(*span)))
+    note("join_flood: the unit ran {:.0f} % of the time and waited {:.0f} % for a processor".format(
+        *street.road.processor.share(*span)))
     check("join_flood: handshakes without a key that were answered", told["others"], 0, "packets")
     if told["spoofed_pps"] < 0.8 * FLOOD_PPS:
         tell = note if options.smoke else lab_.inconclusive
         tell("join_flood: this machine is too slow for the whole flood; what follows is of what it sent")
-    judge_rounds("join_flood", options.allowed, street, span, calm_street, calm)
+    judge_rounds("join_flood", options.allowed, street, span, calm_street, [calm])
     check("join_flood: growth of the unit's memory", street.road.growth(*span), 10, "MiB")
     failed = sum(not join["joined"] for join in joins)
-    check(f"join_flood: new vehicles that did not join at all, of {len(joins)}", failed, 0, "vehicles")
-    check("join_flood: a new vehicle joined within", max((join["join_s"] for join in joins), default=99), 2, "s")
+    waited = street.waited(*span)
+    check(f"join_flood: new vehicles that did not join at all, of {len(joins)}", failed, 0, "vehicles", waited=waited)
+    check("join_flood: a new vehicle joined within", max((join["join_s"] for join in joins), default=99), 2, "s", waited=waited)
 
 
 def join_flood(options):
@@ -379,8 +398,11 @@ def main():
         if options.data:
             options.streets["busy"] = os.path.join(options.data, "pets/vtest.avi")
         if options.smoke:
-            if set(attacks) & {*INSIDER, "mixed", "join_flood"}:
-                smoke(options, attacks)
+            for attempt in range(lab_.ATTEMPTS):
+                again = {*attacks} if attempt == 0 else {text.split(":")[0] for text in lab_.INCONCLUSIVE}
+                lab_.INCONCLUSIVE.clear()
+                if again & {*INSIDER, "mixed", "join_flood"}:
+                    smoke(options, again)
         else:
             if set(attacks) & set(INSIDER):
                 insiders(options, [name for name in attacks if name in INSIDER])

@@ -63,18 +63,21 @@ bool enter_limited() {
 }
 
 // Up and down once. How soon the kernel frees the namespaces of the cycles before is its own
-// affair, so that a cycle may have to wait for them; those that somebody still holds never come.
+// affair, which takes many seconds on a busy machine, so that a cycle may have to wait for them;
+// those that somebody still holds never come.
 void cycle(const RuntimeDir& dir) {
   std::string refused;
-  const bool done = eventually([&] {
-    try {
-      Testbed::up(clean_options(dir)).down();
-      return true;
-    } catch (const TestbedError& error) {
-      refused = error.what();
-      return false;
-    }
-  });
+  const bool done = eventually(
+      [&] {
+        try {
+          Testbed::up(clean_options(dir)).down();
+          return true;
+        } catch (const TestbedError& error) {
+          refused = error.what();
+          return false;
+        }
+      },
+      std::chrono::minutes(2));
   if (!done) throw std::runtime_error(refused);
 }
 

@@ -24,7 +24,7 @@ fi
 output=$(mktemp)
 trap 'rm -f "$output"' EXIT
 code=0
-bash scripts/vm.sh "${machine[@]}" --timeout 500 --share "$(dirname "$program")" -- "$program" --gtest_filter="$filter" 2>&1 |
+bash scripts/vm.sh "${machine[@]}" --timeout 900 --share "$(dirname "$program")" -- "$program" --gtest_filter="$filter" 2>&1 |
   tee "$output" || code=${PIPESTATUS[0]}
 [[ $code == 0 ]] || exit "$code"
 # Skipped throughout would be no proof: here the kernel has all it takes.

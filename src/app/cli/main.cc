@@ -20,10 +20,13 @@ constexpr std::array<Elsewhere, 7> kElsewhere{{
      "A roadside unit: detects in the images of any vehicle that comes"},
     {"demo", "interneuron-lab",
      "A vehicle and a roadside unit over two emulated modems, on this machine"},
-    {"testbed", "interneuron-lab", "Emulated networks between vehicles and a roadside unit"},
-    {"eval", "interneuron-lab", "The paper's experiments and ours"},
-    {"report", "interneuron-lab", "One page of figures from what eval wrote"},
-    {"bench", "interneuron-lab", "Measurements and comparisons with other transports"},
+    {"testbed", "interneuron-lab",
+     "Vehicles and roadside units on this machine, joined by emulated modems"},
+    {"eval", "interneuron-lab",
+     "The paper's experiments and more, ours beside baselines and bounds"},
+    {"report", "interneuron-lab",
+     "One self-contained HTML page of an evaluation's folder, every figure as SVG and PNG"},
+    {"bench", "interneuron-lab", "Measures Interneuron beside other transports"},
 }};
 
 void add_commands(CLI::App& program, std::function<int()>& run) {

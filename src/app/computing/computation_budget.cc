@@ -5,7 +5,7 @@
 #include "core/base/statistics.h"
 #include "core/plan/budget.h"
 
-namespace interneuron::offload {
+namespace interneuron::computing {
 
 void ComputationBudget::estimate(std::span<const LinkState> links, Duration preparation,
                                  std::size_t input_bytes, std::size_t result_bytes) {
@@ -20,4 +20,4 @@ void ComputationBudget::learn(Duration overhead) {
   budget_ = std::clamp(left, Duration{}, budget_);
 }
 
-}  // namespace interneuron::offload
+}  // namespace interneuron::computing

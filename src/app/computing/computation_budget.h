@@ -19,7 +19,7 @@
 #include "interneuron/link.h"
 #include "interneuron/time.h"
 
-namespace interneuron::offload {
+namespace interneuron::computing {
 
 class ComputationBudget {
  public:
@@ -47,4 +47,4 @@ class ComputationBudget {
   std::vector<Duration> overheads_;
 };
 
-}  // namespace interneuron::offload
+}  // namespace interneuron::computing

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-namespace interneuron::offload {
+namespace interneuron::computing {
 
 void FairTurns::want(PeerId peer) {
   Account& account = accounts_[peer];
@@ -44,4 +44,4 @@ void FairTurns::charge(PeerId peer, Duration took) {
   if (wants) order_.insert(place(peer, account));
 }
 
-}  // namespace interneuron::offload
+}  // namespace interneuron::computing

@@ -28,7 +28,7 @@
 #include "interneuron/time.h"
 #include "interneuron/units.h"
 
-namespace interneuron::offload {
+namespace interneuron::computing {
 
 class FairTurns {
  public:
@@ -70,4 +70,4 @@ class FairTurns {
   std::uint64_t calls_ = 0;
 };
 
-}  // namespace interneuron::offload
+}  // namespace interneuron::computing

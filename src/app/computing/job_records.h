@@ -7,7 +7,7 @@
 #include "app/computing/no_answer.h"
 #include "interneuron/round.h"
 
-namespace interneuron::offload {
+namespace interneuron::computing {
 
 // Deadlines that peers state are believed up to here: a round that may take longer is treated as if
 // it ended then, so that nothing waits for hours. A hundred times the deadline of a camera's round;
@@ -60,4 +60,4 @@ struct PeerWork {
   }
 };
 
-}  // namespace interneuron::offload
+}  // namespace interneuron::computing

@@ -6,7 +6,7 @@
 
 #include "core/base/statistics.h"
 
-namespace interneuron::offload {
+namespace interneuron::computing {
 
 LevelTimes::LevelTimes(std::vector<LevelProfile> levels)
     : levels_(std::move(levels)), runs_(levels_.size()) {
@@ -44,4 +44,4 @@ std::size_t LevelTimes::highest_within(Duration time) const {
   return highest;
 }
 
-}  // namespace interneuron::offload
+}  // namespace interneuron::computing

@@ -16,7 +16,7 @@
 #include "core/base/ring.h"
 #include "interneuron/guard.h"
 
-namespace interneuron::offload {
+namespace interneuron::computing {
 
 class LevelTimes {
  public:
@@ -45,4 +45,4 @@ class LevelTimes {
   std::vector<Ring<Duration>> runs_;
 };
 
-}  // namespace interneuron::offload
+}  // namespace interneuron::computing

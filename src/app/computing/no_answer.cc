@@ -2,7 +2,7 @@
 
 #include <array>
 
-namespace interneuron::offload {
+namespace interneuron::computing {
 namespace {
 
 constexpr std::uint32_t kMagic = 0x4E41;
@@ -58,4 +58,4 @@ std::optional<Unanswered> parse_no_answer(ByteView bytes) {
   return out;
 }
 
-}  // namespace interneuron::offload
+}  // namespace interneuron::computing

@@ -24,7 +24,7 @@
 #include "interneuron/round.h"
 #include "interneuron/units.h"
 
-namespace interneuron::offload {
+namespace interneuron::computing {
 
 // Why a job ends without a result.
 enum class NoAnswer : std::uint8_t {
@@ -53,4 +53,4 @@ Bytes encode_no_answer(const Unanswered& unanswered);
 // What the message says, with `from` left at its default; nothing for bytes that are none.
 std::optional<Unanswered> parse_no_answer(ByteView bytes);
 
-}  // namespace interneuron::offload
+}  // namespace interneuron::computing

@@ -4,7 +4,7 @@
 #include <cassert>
 #include <utility>
 
-namespace interneuron::offload {
+namespace interneuron::computing {
 
 PeerAccounts::PeerAccounts(std::vector<LevelProfile> levels, std::optional<std::size_t> top_level)
     : unknown_(std::move(levels)), top_level_(top_level) {
@@ -107,4 +107,4 @@ const LevelTimes& PeerAccounts::times(PeerId peer) const {
   return found == accounts_.end() ? unknown_ : found->second.times;
 }
 
-}  // namespace interneuron::offload
+}  // namespace interneuron::computing

@@ -21,7 +21,7 @@
 #include "app/computing/level_times.h"
 #include "app/computing/share_of_time.h"
 
-namespace interneuron::offload {
+namespace interneuron::computing {
 
 class PeerAccounts {
  public:
@@ -79,4 +79,4 @@ class PeerAccounts {
   PeerWork total_;
 };
 
-}  // namespace interneuron::offload
+}  // namespace interneuron::computing

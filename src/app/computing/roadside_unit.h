@@ -41,7 +41,7 @@
 #include "app/computing/waiting_line.h"
 #include "interneuron/round.h"
 
-namespace interneuron::offload {
+namespace interneuron::computing {
 
 template <class Input>
 class RoadsideUnit {
@@ -185,4 +185,4 @@ class RoadsideUnit {
   std::uint64_t jobs_ = 0;
 };
 
-}  // namespace interneuron::offload
+}  // namespace interneuron::computing

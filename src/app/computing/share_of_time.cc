@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-namespace interneuron::offload {
+namespace interneuron::computing {
 
 void ShareOfTime::came(PeerId peer, TimePoint now) {
   const auto [entry, is_new] = peers_.try_emplace(peer);
@@ -38,4 +38,4 @@ Duration ShareOfTime::longest(PeerId peer, TimePoint now) {
   return *found->second.interval / static_cast<Duration::rep>(peers);
 }
 
-}  // namespace interneuron::offload
+}  // namespace interneuron::computing

@@ -24,7 +24,7 @@
 #include "interneuron/time.h"
 #include "interneuron/units.h"
 
-namespace interneuron::offload {
+namespace interneuron::computing {
 
 class ShareOfTime {
  public:
@@ -55,4 +55,4 @@ class ShareOfTime {
   std::set<std::pair<TimePoint, PeerId>> active_;
 };
 
-}  // namespace interneuron::offload
+}  // namespace interneuron::computing

@@ -14,7 +14,7 @@
 
 #include "interneuron/time.h"
 
-namespace interneuron::offload {
+namespace interneuron::computing {
 
 template <class Job>
 class WaitingLine {
@@ -57,4 +57,4 @@ class WaitingLine {
   std::deque<Entry> entries_;
 };
 
-}  // namespace interneuron::offload
+}  // namespace interneuron::computing

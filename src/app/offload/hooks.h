@@ -60,7 +60,7 @@ class RoadHooks {
     return std::nullopt;
   }
   // The computation of a round has ended; its result is submitted next.
-  virtual void computed(const offload::Computed&) {}
+  virtual void computed(const computing::Computed&) {}
   // The unit was told to end.
   virtual void finished(const std::string& /*ladder*/, const std::vector<std::string>& /*names*/,
                         std::span<const LevelProfile> /*levels*/) {}

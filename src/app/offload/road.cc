@@ -51,7 +51,7 @@ class Road {
 
  private:
   // An input is the whole message, not decoded yet.
-  using Unit = offload::RoadsideUnit<Bytes>;
+  using Unit = computing::RoadsideUnit<Bytes>;
   // What is remembered of a vehicle for the log.
   struct Vehicle {
     std::size_t top = 0;
@@ -266,7 +266,7 @@ Node::Task Road::detect(const Unit::Job& job, std::size_t level) {
 
 void Road::detected(Duration took, Bytes result) {
   const bool learns = hooks_.levels().empty();
-  const offload::Computed computed =
+  const computing::Computed computed =
       unit_->end(node_.now(), learns ? std::optional(took) : std::nullopt);
   hooks_.computed(computed);
   results_.submitted(computed.round, node_.submit(computed.round, {std::move(result)},
@@ -283,8 +283,8 @@ void Road::undecoded() {
 // its deadline.
 void Road::tell_unanswered() {
   while (const auto unanswered = unit_->poll_unanswered()) {
-    (void)node_.send(unanswered->from, offload::encode_no_answer(*unanswered),
-                     {.deadline = kTellWithin, .channel = offload::kNoAnswerChannel});
+    (void)node_.send(unanswered->from, computing::encode_no_answer(*unanswered),
+                     {.deadline = kTellWithin, .channel = computing::kNoAnswerChannel});
     Vehicle& vehicle = vehicles_[unanswered->from];
     if (node_.now() - vehicle.logged < kBetweenLines || !may_log()) continue;
     vehicle.logged = node_.now();
@@ -305,7 +305,7 @@ void Road::forget(PeerId peer) {
 }
 
 void Road::lost(PeerId peer) {
-  const offload::PeerWork work = unit_ ? unit_->work(peer) : offload::PeerWork{};
+  const computing::PeerWork work = unit_ ? unit_->work(peer) : computing::PeerWork{};
   if (may_log()) {
     spdlog::info("vehicle {}: silent, forgotten; {} images computed, {} without a result",
                  peer.value, work.computed, work.unanswered());
@@ -344,7 +344,7 @@ int Road::run() {
 }
 
 void Road::tell_served() const {
-  const offload::PeerWork work = unit_ ? unit_->total() : offload::PeerWork{};
+  const computing::PeerWork work = unit_ ? unit_->total() : computing::PeerWork{};
   std::string served = "served " + std::to_string(work.computed) + " images";
   if (work.crowded_out + work.too_late > 0) {
     served += ", dropped " + std::to_string(work.crowded_out + work.too_late) +

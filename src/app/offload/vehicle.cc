@@ -82,7 +82,7 @@ class Vehicle {
   std::atomic<std::uint32_t> newest_round_{0};
   // Measured before the loop runs, which it would hold up.
   Encoding encoding_;
-  offload::ComputationBudget budget_;
+  computing::ComputationBudget budget_;
   bool started_ = false;
   bool all_begun_ = false;
   StatusLine line_;
@@ -295,8 +295,8 @@ void Vehicle::done(const RoundDone& event) {
 
 // The roadside unit says that a round gets no result: its local one is the answer then.
 void Vehicle::heard(const Message& message) {
-  if (message.channel != offload::kNoAnswerChannel || message.peer != node_.peer()) return;
-  const auto unanswered = offload::parse_no_answer(message.bytes);
+  if (message.channel != computing::kNoAnswerChannel || message.peer != node_.peer()) return;
+  const auto unanswered = computing::parse_no_answer(message.bytes);
   if (unanswered) node_.give_up(unanswered->round);
 }
 

@@ -12,13 +12,13 @@ double rounded_ms(Duration d) { return std::round(to_ms(d) * 1e3) / 1e3; }
 
 PeerLimit limit_at(std::size_t i) { return static_cast<PeerLimit>(i); }
 
-Json work_json(const offload::PeerWork& work) {
+Json work_json(const computing::PeerWork& work) {
   return {{"waiting", work.waiting},         {"computed", work.computed},
           {"crowded_out", work.crowded_out}, {"too_late", work.too_late},
           {"unreadable", work.unreadable},   {"busy_ms", rounded_ms(work.busy)}};
 }
 
-offload::PeerWork work_of(const Json& json) {
+computing::PeerWork work_of(const Json& json) {
   return {.waiting = whole_of<std::size_t>(json.at("waiting")),
           .computed = whole_of<std::uint64_t>(json.at("computed")),
           .crowded_out = whole_of<std::uint64_t>(json.at("crowded_out")),

@@ -19,7 +19,7 @@ bool is_worth_a_line(const LivePeer& peer) {
          l.contexts + l.held_messages + l.reassembly_messages > 0;
 }
 
-std::string work_text(const offload::PeerWork& work) {
+std::string work_text(const computing::PeerWork& work) {
   return fmt::format("  {} computed, {} not, {} waiting, {:.1f} s", work.computed,
                      work.unanswered(), work.waiting, to_ms(work.busy) / 1e3);
 }

@@ -30,7 +30,7 @@ class LinkPublisher {
 
   // Publishes beside each peer's ledger what `work` says is computed for it. Must be callable as
   // long as the node runs.
-  void add_work(std::function<offload::PeerWork(PeerId)> work) { work_ = std::move(work); }
+  void add_work(std::function<computing::PeerWork(PeerId)> work) { work_ = std::move(work); }
 
   std::string name(LinkId link) { return journal_.name(link); }
 
@@ -39,7 +39,7 @@ class LinkPublisher {
 
   LinkJournal journal_;
   LiveServer server_;
-  std::function<offload::PeerWork(PeerId)> work_;
+  std::function<computing::PeerWork(PeerId)> work_;
 };
 
 }  // namespace interneuron::cli

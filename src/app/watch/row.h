@@ -55,7 +55,7 @@ struct LinkEvent {
 struct LivePeer {
   std::uint32_t peer = 0;
   PeerLedger ledger;
-  std::optional<offload::PeerWork> work = {};
+  std::optional<computing::PeerWork> work = {};
 };
 
 // A program as a whole: its peers, and how long its own work has kept its loop at most.

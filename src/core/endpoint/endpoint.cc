@@ -1,3 +1,5 @@
+// Endpoint: joins the machines below it, with one queue of events and one time; and what its own
+// types say in words.
 #include "interneuron/endpoint.h"
 
 #include <algorithm>
@@ -7,9 +9,9 @@
 
 #include "core/base/ablation.h"
 #include "core/base/earliest.h"
-#include "core/endpoint/own_time.h"
 #include "core/messages/messages.h"
 #include "core/peers/peers.h"
+#include "core/plan/policies.h"
 #include "core/rounds/rounds.h"
 
 namespace interneuron {
@@ -22,6 +24,32 @@ constexpr Duration kBetweenVersions = std::chrono::seconds(10);
 Secret secret_of(const EndpointOptions& options) {
   return options.secret != Secret{} ? options.secret : Secret{options.session.value, 0};
 }
+
+// The endpoint's own time. It never goes back: where the host's time does, the difference is added
+// from then on (docs/paper.md, "Clock steps"). Everything inside an endpoint is in its own time,
+// and only next_timeout() is told in the host's. Pure; thread-compatible.
+class OwnTime {
+ public:
+  explicit OwnTime(TimePoint host) : newest_(host) {}
+
+  // The host's time is `host` now. Returns the own time of this instant.
+  TimePoint tick(TimePoint host) {
+    if (host < newest_) shift_ += newest_ - host;
+    newest_ = host;
+    return own(host);
+  }
+  // The own time of the last tick().
+  TimePoint now() const { return own(newest_); }
+  // From one to the other, as the difference is now.
+  TimePoint own(TimePoint host) const { return host + shift_; }
+  TimePoint host(TimePoint own) const { return own - shift_; }
+
+ private:
+  // The host's time at the last tick().
+  TimePoint newest_;
+  // The own time less the host's.
+  Duration shift_{};
+};
 
 }  // namespace
 
@@ -41,8 +69,9 @@ class Endpoint::Impl {
                 .reassembly_budget_bytes = options.reassembly_budget_bytes,
                 .send_budget_bytes = options.send_budget_bytes,
                 .security = options.security}),
-        rounds_(options, peers_, events_),
-        messages_(options.policies, peers_, events_),
+        policies_(options.policies),
+        rounds_(options, policies_, peers_, events_),
+        messages_(policies_, peers_, events_),
         time_(now) {}
 
   // Every call tells the time. Those that look at rounds first do what is due.
@@ -70,7 +99,7 @@ class Endpoint::Impl {
     if (ran_to_ < now - Duration{1}) run_timers(now - Duration{1});
     Peers::Received received = peers_.receive(now, datagram);
     tell_lost();
-    while (const auto key = peers_.poll_shared_key()) events_.emplace_back(KeyShared{*key});
+    while (const auto key = peers_.gate().poll_shared_key()) events_.emplace_back(KeyShared{*key});
     if (received.other_version && now >= tell_version_at_) {
       tell_version_at_ = now + kBetweenVersions;
       events_.emplace_back(OtherVersion{datagram.link, datagram.from, *received.other_version});
@@ -81,12 +110,12 @@ class Endpoint::Impl {
       messages_.forget(received.peer->identity().id);
       events_.emplace_back(PeerRestarted{received.peer->identity().id});
     }
-    if (received.input.limited) return tell_limited(*received.peer);
-    if (received.input.duplicate) return;
+    if (received.outcome.limited) return tell_limited(*received.peer);
+    if (received.outcome.duplicate) return;
     const PeerId id = received.peer->identity().id;
-    react(now, *received.peer, received.input);
+    react(now, *received.peer, received.outcome);
     // Whoever has sent a list of revocations may be gone after each of them.
-    while (peers_.find(now, id) == received.peer) {
+    while (peers_.access(now, id) == received.peer) {
       auto computed = peers_.receive_computed(now, *received.peer);
       if (!computed) break;
       react(now, *received.peer, *computed);
@@ -149,19 +178,19 @@ class Endpoint::Impl {
     }
   }
 
-  void react(TimePoint now, Peer& peer, Peer::Input& input) {
+  void react(TimePoint now, Peer& peer, Peer::Outcome& outcome) {
     const PeerId id = peer.identity().id;
-    if (input.became_ready) events_.emplace_back(PeerReady{id});
-    if (input.clock_stepped) rounds_.forget_clock(id);
-    if (input.refused) ++reassembly_refused_;
-    if (input.bad_piece) ++bad_fragments_;
-    while (auto change = peer.poll_change()) events_.emplace_back(std::move(*change));
-    if (input.message && input.kind == wire::MessageKind::kRound) {
-      rounds_.complete(now, peer, std::move(*input.message));
-    } else if (input.message && input.kind == wire::MessageKind::kRevocations) {
-      return take_revocations(std::move(input.message->payload));
-    } else if (input.message) {
-      messages_.complete(now, peer, input.message_id, std::move(*input.message));
+    if (outcome.became_ready) events_.emplace_back(PeerReady{id});
+    if (outcome.clock_stepped) rounds_.forget_clock(id);
+    if (outcome.refused) ++reassembly_refused_;
+    if (outcome.bad_piece) ++bad_fragments_;
+    while (auto change = peer.paths().poll_change()) events_.emplace_back(std::move(*change));
+    if (outcome.message && outcome.kind == wire::MessageKind::kRound) {
+      rounds_.complete(now, peer, std::move(*outcome.message));
+    } else if (outcome.message && outcome.kind == wire::MessageKind::kRevocations) {
+      return take_revocations(std::move(outcome.message->payload));
+    } else if (outcome.message) {
+      messages_.complete(now, peer, outcome.message_id, std::move(*outcome.message));
     }
     messages_.collect(now, peer);
     tell_limited(peer);
@@ -174,12 +203,13 @@ class Endpoint::Impl {
   }
 
   void tell_limited(Peer& peer) {
-    const auto limit = peer.take_limited();
+    const auto limit = peer.intake().take_limited();
     if (limit) events_.emplace_back(PeerLimited{peer.identity().id, *limit});
   }
 
   std::deque<Event> events_;
   Peers peers_;
+  PolicyRegistry policies_;
   Rounds rounds_;
   Messages messages_;
   OwnTime time_;
@@ -276,10 +306,10 @@ EndpointCounters Endpoint::counters() const { return impl_->counters(); }
 PeerLedger Endpoint::ledger(PeerId peer) const { return impl_->ledger(peer); }
 std::size_t Endpoint::reassembly_bytes() const { return impl_->peers().reassembly_bytes(); }
 std::int64_t Endpoint::unix_time_ns(TimePoint now) const {
-  return impl_->peers().unix_time_ns(impl_->time().own(now));
+  return impl_->peers().gate().unix_ns(impl_->time().own(now));
 }
 void Endpoint::raise_unix_time_ns(TimePoint now, std::int64_t unix_time_ns) {
-  impl_->peers().raise_unix_time_ns(impl_->tick(now), unix_time_ns);
+  impl_->peers().gate().raise_unix_ns(impl_->tick(now), unix_time_ns);
 }
 std::size_t Endpoint::sending_bytes() const { return impl_->peers().sending_bytes(); }
 

@@ -20,7 +20,7 @@ class Arena {
  public:
   // The first run; no measurement behind this value: a few packets.
   static constexpr std::size_t kFirstRun = 4;
-  // Of at most 65,535 pieces.
+  // A message has at most so many pieces.
   static constexpr std::size_t kMostPlaces = UINT16_MAX;
 
   // For `most` places of `bytes` bytes each, none of which is taken yet.
@@ -63,7 +63,7 @@ class Arena {
   static std::size_t first_of(std::size_t place) {
     return place < kFirstRun ? 0 : std::bit_floor(place);
   }
-  // Of the run that this place lies in.
+  // The size of the run that this place lies in.
   std::size_t run_bytes(std::size_t place) const {
     const std::size_t first = first_of(place);
     return std::min(std::max(first, kFirstRun), most_ - first) * bytes_;

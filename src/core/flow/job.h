@@ -12,6 +12,11 @@
 
 namespace interneuron::flow {
 
+// The size of a packet that carries a piece of so many bytes, IP headers included.
+constexpr std::size_t ip_bytes_of_piece(std::size_t piece_bytes) {
+  return piece_bytes + kPieceOverheadBytes + kIpUdpBytes;
+}
+
 // Fragments that are to be sent again, in the order in which they were found lost. Whether one is
 // among them is told in O(1). Part of a Job. Pure; thread-compatible.
 class AgainList {
@@ -64,11 +69,11 @@ struct Job {
   // Whether the first copy of this fragment has not left yet.
   bool awaits(std::uint16_t index) const { return index >= next && index < count; }
   std::size_t pieces() const { return count - std::min<std::size_t>(next, count) + again.size(); }
-  // Those of which the first copy has not left yet.
+  // Those whose first copy has not left yet.
   std::uint32_t firsts() const { return count - std::min<std::uint32_t>(next, count); }
-  // Of fragments, and of packets with IP headers.
+  // The bytes of these fragments, without any header and with all, IP headers included.
   std::size_t bytes() const { return pieces() * chunk; }
-  std::size_t ip_bytes() const { return pieces() * (chunk + kPieceOverheadBytes + kIpUdpBytes); }
+  std::size_t ip_bytes() const { return pieces() * ip_bytes_of_piece(chunk); }
   // Calls `what` with the index of each fragment that is still to be sent.
   template <class What>
   void for_each(const What& what) const {

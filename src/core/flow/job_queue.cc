@@ -33,11 +33,7 @@ Job& JobQueue::add(MessageId message, const Turn& turn, std::uint32_t next, std:
   free_.pop_back();
   Slot& slot = slots_[place.slot];
   Job& job = slot.job;
-  job.message = message;
-  job.deadline = turn.deadline;
-  job.next = next;
-  job.count = count;
-  job.chunk = chunk;
+  job = Job{message, turn.deadline, next, count, chunk, std::move(job.again)};
   bytes_ += job.bytes();
   by_message_.insert(message, place.slot);
   if (spare_.empty()) {

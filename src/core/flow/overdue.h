@@ -60,7 +60,7 @@ class Overdue {
   struct Entry {
     std::uint16_t missing = 0;
     TimePoint deadline{};
-    // Of the paths that have not told yet.
+    // The copies on paths that have not told yet.
     Paths copies;
   };
   struct Told {

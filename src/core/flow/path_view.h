@@ -1,6 +1,7 @@
-// What the sender knows of a path, and when something that is queued now would arrive over it.
+// What the sender is told of a path.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -9,6 +10,15 @@
 #include "interneuron/units.h"
 
 namespace interneuron::flow {
+
+// Stands for a time beyond any that is planned with, so that sums of times stay in range.
+inline constexpr Duration kNever = std::chrono::hours(1);
+
+// The rate before anything is known of a path, which a start-up train measures within a round
+// trip: that of a weak 4G uplink. The pace has the same headroom as that of a known rate,
+// RateEstimator::kHeadroom.
+inline constexpr DataRate kBlindRate{20'000'000};
+inline constexpr DataRate kBlindPace{25'000'000};
 
 // What the sender must know of a path; refreshed by set_path() whenever the estimates move.
 struct PathView {
@@ -39,17 +49,12 @@ struct PathView {
   Duration probe_timeout{};
   // What is expected of losses.
   code::Losses losses{};
+
+  DataRate planned_rate() const { return rate.value_or(kBlindRate); }
+  // How long so many bytes take to leave at the rate that is planned with.
+  Duration air_time(std::size_t bytes) const {
+    return std::min<Duration>(planned_rate().transmit_time(bytes), kNever);
+  }
 };
-
-// The rate before anything is known of a path, which a start-up train measures within a round
-// trip: that of a weak 4G uplink. The pace has the same headroom as that of a known rate,
-// RateEstimator::kHeadroom.
-inline constexpr DataRate kBlindRate{20'000'000};
-inline constexpr DataRate kBlindPace{25'000'000};
-
-// From now until the last of so many bytes (with IP headers) is there that are sent next over a
-// loaded path, with a margin for a message of which nothing has left yet. `in_flight` are the bytes
-// in flight before them. Zero while no rate is known.
-Duration least_time(const PathView& view, std::size_t bytes, std::size_t in_flight, bool begun);
 
 }  // namespace interneuron::flow

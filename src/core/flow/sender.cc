@@ -7,26 +7,9 @@
 namespace interneuron::flow {
 namespace {
 
-// A path may catch up with this much time at its rate after idling or a late timer: it makes up for
-// the timer and fills no queue (docs/constants.md, "Rate of a link").
-constexpr Duration kBurst = std::chrono::milliseconds(1);
-// Packets leave in batches of this much time at the pace, so that one system call carries several:
-// 13 packets at 300 Mbit/s.
-constexpr Duration kQuantum = std::chrono::microseconds(500);
 // How far apart acknowledgements of a slow link may come: a full packet takes 6 ms at 2 Mbit/s, and
 // the receiver delays feedback by up to 5 ms.
 constexpr Duration kMinBetween = std::chrono::milliseconds(15);
-// The longest time that a packet may occupy the path at the pace, so that a wrong pace of almost
-// nothing does not block the path for ever.
-constexpr Duration kLongestAir = std::chrono::seconds(1);
-// So much sooner a message gives way to its alternative than it would be given up, where others
-// wait: by then the time of several of them may be as short. No measurement behind this value: with
-// a third of it some of their alternatives are late, with twice as much messages give way that
-// would have arrived (`interneuron bench load rate size`).
-constexpr Duration kForAlternative = std::chrono::milliseconds(15);
-
-// A path that is idle is tried with what takes at most so many halves of the time that there is.
-constexpr int kHopedFor = 3;
 
 SentPackets::Silence silence_of(const PathView& view) {
   // An acknowledgement tells of packets sent a round trip ago. The packets sent right after those
@@ -36,47 +19,77 @@ SentPackets::Silence silence_of(const PathView& view) {
 
 }  // namespace
 
-void Sender::add_path(LinkId path, std::size_t max_datagram, std::uint64_t first_number) {
-  const auto [it, fresh] = paths_.try_emplace(path);
+void Sender::add_path(LinkId link, std::size_t max_datagram, std::uint64_t first_number) {
+  const auto [it, fresh] = traffic().paths.try_emplace(link);
   if (!fresh) return;
   it->second.max_datagram = max_datagram;
   it->second.sent = SentPackets(std::max(first_number, unused_number_));
 }
 
-void Sender::remove_path(TimePoint now, LinkId path) {
-  const auto it = paths_.find(path);
-  if (it == paths_.end()) return;
-  Path gone = std::move(it->second);
-  paths_.erase(it);
-  // Of what left over it nobody will tell.
-  overdue_.remove_path(path);
-  window_.remove_path(path);
+void Sender::remove_path(TimePoint now, LinkId link) {
+  const auto it = traffic().paths.find(link);
+  if (it == traffic().paths.end()) return;
+  SendPath gone = std::move(it->second);
+  traffic().paths.erase(it);
+  // What became of packets that left over it nobody will tell.
+  overdue_.remove_path(link);
+  traffic().window.remove_path(link);
   removed_at_ = now;
   unused_number_ = std::max(unused_number_, gone.sent.next_number());
-  settle(now, path, gone.sent.in_flight());
-  for (const MessageId id : gone.jobs.messages()) hand_on(now, gone.jobs, id);
-  protect_touched(now);
+  gone.sent.for_each_in_flight([&](const SentPackets::Piece& piece) {
+    settle(now, link, {piece, false, true}, Evidence::kSilence);
+  });
+  executor_.protect_touched(now);
+  for (const MessageId id : gone.jobs.messages()) executor_.hand_on(now, gone.jobs, id);
+  executor_.protect_touched(now);
 }
 
-void Sender::set_path(LinkId path, const PathView& view) {
-  const auto it = paths_.find(path);
-  if (it == paths_.end()) return;
-  it->second.view = view;
-  it->second.sent.set_ect(view.ect);
+void Sender::set_path(LinkId link, const PathView& view) {
+  SendPath* path = traffic().find(link);
+  if (path == nullptr) return;
+  path->view = view;
+  path->sent.set_ect(view.ect);
+}
+
+void Sender::resize(TimePoint now, LinkId link, std::size_t max_datagram) {
+  SendPath* path = traffic().find(link);
+  if (path == nullptr || path->max_datagram == max_datagram) return;
+  path->max_datagram = max_datagram;
+  for (const MessageId id : path->jobs.messages()) {
+    if (!path->can_carry(path->jobs.find(id)->chunk)) executor_.hand_on(now, path->jobs, id);
+  }
+  executor_.protect_touched(now);
+}
+
+void Sender::pull(TimePoint now, LinkId link) {
+  SendPath* path = traffic().find(link);
+  if (path == nullptr) return;
+  path->view.up = false;
+  executor_.send_elsewhere(now, link, nullptr);
+}
+
+void Sender::doubt(TimePoint now, LinkId link) {
+  SendPath* path = traffic().find(link);
+  if (path == nullptr) return;
+  path->view.suspect = true;
+  // Else nothing is better than to wait for it.
+  if (traffic().any_is_sound()) executor_.send_elsewhere_what_fits(now, link);
 }
 
 MessageId Sender::send(TimePoint now, const Times& times, wire::MessageBytes bytes,
                        const std::vector<LinkId>& paths, const PathSet& repairs,
-                       wire::MessageKind kind, const Helpers& helpers) {
-  parting_.clear();
+                       wire::MessageKind kind, const Protection& protection) {
+  executor_.release();
   const MessageId id{next_message_++};
   if (paths.empty() || bytes.empty() || times.deadline <= now) return id;
 
-  const std::size_t chunk = even_chunk(bytes.size(), piece_bytes(paths, repairs), helpers);
+  const std::size_t chunk =
+      even_chunk(traffic(), bytes.size(), traffic().piece_bytes(paths, repairs), protection);
   const std::size_t count = (bytes.size() + chunk - 1) / chunk;
   if (count > UINT16_MAX) return id;
-  Message& m = messages_.add(id, times.deadline, static_cast<std::uint16_t>(count),
-                             static_cast<std::uint8_t>(helpers.divided ? 0 : paths.size()));
+  OutgoingMessage& m =
+      traffic().messages.add(id, times.deadline, static_cast<std::uint16_t>(count),
+                             static_cast<std::uint8_t>(protection.divided ? 0 : paths.size()));
   m.chunk = static_cast<std::uint16_t>(chunk);
   m.aim = std::min(times.aim, times.deadline);
   m.doubt = times.doubt;
@@ -86,92 +99,90 @@ MessageId Sender::send(TimePoint now, const Times& times, wire::MessageBytes byt
       UINT32_MAX));
   m.take(std::move(bytes), kind);
   m.repairs = repairs;
-  m.symbol_paths = helpers.symbols;
-  m.rescue = helpers.rescue;
+  m.symbol_paths = protection.symbols;
+  m.rescue = protection.rescue;
   for (const LinkId path : paths) m.repairs.add(path);
-  bytes_ += m.bytes.size();
-  enqueue(now, m, paths, helpers.divided);
-  if (!helpers.symbols.empty() && !can_wait(now, m)) protect(now, m, Protect::kAll);
-  plan_rescue(now, m);
+  traffic().bytes += m.bytes.size();
+  executor_.enqueue(now, m, paths, protection.divided);
+  if (!protection.symbols.empty() && !symbols_can_wait(traffic(), now, m)) {
+    executor_.protect(now, m, Protect::kAll);
+  }
+  traffic().messages.look_at(id, next_look(traffic(), now, m));
   return id;
 }
 
-std::uint64_t Sender::take_number(TimePoint now, LinkId link, std::size_t train_bytes) {
-  SentPackets& sent = paths_.at(link).sent;
-  return train_bytes > 0 ? sent.add(now, train_bytes, false, std::nullopt) : sent.add_small(now);
-}
-
-void Sender::complete(TimePoint now, MessageId message) {
-  const Message* known = messages_.find(message);
-  // Of copies nobody knows when the others would have been there.
-  if (known != nullptr && known->paths == 1) note_not_brought(now, *known);
-  forget_whole(message);
+MessageId Sender::add_alternative(TimePoint now, MessageId first, wire::MessageBytes bytes,
+                                  const PathSet& rescue) {
+  const MessageId id{next_message_++};
+  OutgoingMessage* other = traffic().messages.find(first);
+  if (other == nullptr || bytes.empty()) return id;
+  const std::size_t count = (bytes.size() + other->chunk - 1) / other->chunk;
+  if (count > UINT16_MAX) return id;
+  if (other->paths > 1 && rescue.empty()) return id;
+  other->alternative = id;
+  OutgoingMessage& m =
+      traffic().messages.add(id, other->deadline, static_cast<std::uint16_t>(count), 0);
+  // add() may have moved it.
+  other = traffic().messages.find(first);
+  m.chunk = other->chunk;
+  m.aim = other->aim;
+  m.doubt = other->doubt;
+  m.importance = other->importance;
+  m.lifetime_us = other->lifetime_us;
+  m.repairs = other->repairs;
+  m.take(std::move(bytes), other->kind);
+  traffic().bytes += m.bytes.size();
+  m.is_alternative = true;
+  m.rescue = rescue;
+  traffic().messages.look_at(first, next_look(traffic(), now, *other));
+  return id;
 }
 
 void Sender::supersede(MessageId better, MessageId worse) {
-  if (Message* m = messages_.find(better)) m->inferior = worse;
+  if (OutgoingMessage* m = traffic().messages.find(better)) m->inferior = worse;
 }
 
-void Sender::forget_whole(MessageId message) {
-  std::optional<MessageId> next = message;
-  while (next) {
-    const MessageId id = *next;
-    const Message* known = messages_.find(id);
-    next = known != nullptr ? known->inferior : std::nullopt;
-    forget(id);
+void Sender::complete(TimePoint now, MessageId message) {
+  const OutgoingMessage* known = traffic().messages.find(message);
+  // Where copies went over several paths, nobody knows when the others would have been there.
+  if (known != nullptr && known->paths == 1) executor_.note_not_brought(now, *known);
+  executor_.forget_whole(message);
+}
+
+void Sender::settle_overdue(std::span<const wire::LinkReport> reports,
+                            std::optional<TimePoint> left) {
+  for (const wire::LinkReport& report : reports) {
+    if (traffic().paths.contains(report.link)) overdue_.report(report, left);
   }
 }
 
-void Sender::forget(MessageId message) {
-  for (auto& [link, path] : paths_) path.jobs.remove(message);
-  const Message* known = messages_.find(message);
-  if (known == nullptr) return;
-  bytes_ -= known->held();
-  const auto alternative = known->alternative;
-  messages_.erase(message);
-  // What was to stand in for it and has not begun never does. A plain message keeps it: each of its
-  // variants is told of.
-  const Message* other = alternative ? messages_.find(*alternative) : nullptr;
-  if (other != nullptr && other->paths == 0 && other->kind == wire::MessageKind::kRound) {
-    forget(other->id);
-  }
+std::uint64_t Sender::take_number(TimePoint now, LinkId link, std::size_t train_bytes) {
+  SentPackets& sent = traffic().paths.at(link).sent;
+  return train_bytes > 0 ? sent.add(now, train_bytes, false, std::nullopt) : sent.add_small(now);
 }
 
-Job* Sender::next_job(Path& path, TimePoint now) {
+std::uint64_t Sender::take_mtu_probe_number(TimePoint now, LinkId link, std::size_t ip_bytes) {
+  return traffic().paths.at(link).sent.add_mtu_probe(now, ip_bytes);
+}
+
+// The first job of a path that can arrive in time; those before it are given up.
+Job* Sender::next_job(TimePoint now, LinkId link, SendPath& path) {
   while (Job* job = path.jobs.first()) {
     const MessageId id = job->message;
     if (job->pieces() == 0 || now >= job->deadline) {
       path.jobs.remove(id);
-    } else if (can_arrive(now, path, *job, *messages_.find(id))) {
+    } else if (traffic().can_arrive(now, path, *job, *traffic().messages.find(id))) {
       return job;
     } else {
-      give_up(path, *job);
+      executor_.give_up(link, *job);
     }
   }
   return nullptr;
 }
 
-bool Sender::can_arrive(TimePoint now, const Path& path, const Job& job,
-                        const Message& message) const {
-  // What comes too late over a path with room takes nothing from anybody, and tells the guard at
-  // the other end how late it was.
-  if (!path.view.loaded && !message.alternative) return true;
-  if (!message.divided.empty() && !message.alternative) return together_can_arrive(now, message);
-  const bool begun = job.next > 0 || message.is_alternative;
-  const Duration least =
-      flow::least_time(path.view, job.ip_bytes(), path.sent.bytes_in_flight(), begun);
-  // What still has an alternative makes way for it while that can arrive, and those behind it.
-  const bool makes_way = message.alternative && !begun && path.jobs.size() > 1;
-  const Duration early = makes_way ? kForAlternative : Duration::zero();
-  // A path on which nothing is under way may have become faster since; only what it is given tells.
-  const bool is_idle = path.sent.bytes_in_flight() == 0 && path.jobs.size() == 1;
-  const bool tries = is_idle && !message.alternative && !message.symbol_paths.empty();
-  const Duration hoped = tries ? least / kHopedFor * 2 : least;
-  return now + hoped + early <= message.deadline + message.doubt;
-}
-
-std::optional<JobQueue::Taken> Sender::take(Path& path, Job& job) {
-  Message& m = *messages_.find(job.message);
+// The next fragment of a job that is not acknowledged yet.
+std::optional<JobQueue::Taken> Sender::take(SendPath& path, Job& job) {
+  OutgoingMessage& m = *traffic().messages.find(job.message);
   while (const auto taken = path.jobs.take(job)) {
     if (!m.pieces[taken->index].acknowledged) return taken;
     if (!taken->is_again) m.firsts_gone(1);
@@ -180,19 +191,20 @@ std::optional<JobQueue::Taken> Sender::take(Path& path, Job& job) {
   return std::nullopt;
 }
 
-std::optional<Sender::Piece> Sender::poll(TimePoint now, LinkId path_id) {
-  Path& path = paths_.at(path_id);
+std::optional<Sender::Piece> Sender::poll(TimePoint now, LinkId link) {
+  SendPath& path = traffic().paths.at(link);
+  const WindowFlow& window = traffic().window;
   if (!path.view.up) return std::nullopt;
-  const bool idle = path.jobs.empty() && !window_.waits(path_id);
+  const bool idle = path.jobs.empty() && !window.waits(link);
   if (idle) path.use.emptied(now);
-  if (now < path.free_at || is_full(path)) {
+  if (now < path.free_at || path.is_full()) {
     if (!idle) path.use.held_back();
     return std::nullopt;
   }
-  if (const auto symbol = take_window_symbol(now, path_id, path)) return symbol;
+  if (const auto symbol = take_window_symbol(now, link, path)) return symbol;
   for (;;) {
-    Job* job = next_job(path, now);
-    while (job == nullptr && take_over(now, path_id, path)) job = next_job(path, now);
+    Job* job = next_job(now, link, path);
+    while (job == nullptr && executor_.take_over(now, link)) job = next_job(now, link, path);
     if (job == nullptr) {
       path.idle_at = now;
       path.use.emptied(now);
@@ -201,9 +213,9 @@ std::optional<Sender::Piece> Sender::poll(TimePoint now, LinkId path_id) {
     const auto taken = take(path, *job);
     if (!taken) continue;
 
-    Message& m = *messages_.find(job->message);
-    const wire::MessageBytes::Part part = part_of(m, taken->index);
-    const std::size_t ip_bytes = part.size() + kPieceOverheadBytes + kIpUdpBytes;
+    OutgoingMessage& m = *traffic().messages.find(job->message);
+    const wire::MessageBytes::Part part = m.part(taken->index);
+    const std::size_t ip_bytes = ip_bytes_of_piece(part.size());
     const bool more_waits = job->pieces() > 0 || path.jobs.size() > 1;
     const std::uint64_t number =
         path.sent.add(now, ip_bytes, more_waits, SentPackets::Piece{m.id, taken->index});
@@ -212,100 +224,99 @@ std::optional<Sender::Piece> Sender::poll(TimePoint now, LinkId path_id) {
     } else if (taken->is_again) {
       ++path.resent;
     }
-    note_leaving(now, path, m, *taken);
-    occupy(now, path, ip_bytes);
+    executor_.note_leaving(now, link, m, *taken);
+    path.occupy(now, ip_bytes);
     if (job->pieces() == 0) path.jobs.remove(m.id);
-    if (path.jobs.empty() && !window_.waits(path_id)) path.use.emptied(now);
-    return Piece{number, fragment_of(m, taken->index), part, nullptr, m.round};
+    if (path.jobs.empty() && !window.waits(link)) path.use.emptied(now);
+    return Piece{number, m.fragment(taken->index), part, nullptr, m.round};
   }
 }
 
-void Sender::occupy(TimePoint now, Path& path, std::size_t ip_bytes) {
-  const Duration air = path.view.pace.value_or(kBlindPace).transmit_time(ip_bytes);
-  path.free_at = std::max(path.free_at, now - kBurst) + std::min<Duration>(air, kLongestAir);
+// A symbol that waits for this path leaves before what the path has to send else: it has waited for
+// as long as it could.
+std::optional<Sender::Piece> Sender::take_window_symbol(TimePoint now, LinkId link,
+                                                        SendPath& path) {
+  while (WindowFlow::Symbol* symbol = traffic().window.front(link)) {
+    symbol->waits = false;
+    if (symbol->until < now) continue;
+    // It counts as in flight, as a piece of a message that nobody knows.
+    const SentPackets::Piece piece{MessageId{next_message_++}, 0};
+    const std::size_t ip_bytes = symbol->ip_bytes();
+    const std::uint64_t number = path.sent.add(now, ip_bytes, !path.jobs.empty(), piece);
+    ++path.symbols;
+    path.occupy(now, ip_bytes);
+    if (path.jobs.empty() && !traffic().window.waits(link)) path.use.emptied(now);
+    return Piece{number, {}, {{}, ByteView(symbol->bytes)}, &symbol->header};
+  }
+  return std::nullopt;
 }
 
-wire::FragmentHeader Sender::fragment_of(const Message& m, std::size_t index) {
-  return {m.id,          static_cast<std::uint16_t>(index),
-          m.chunk,       static_cast<std::uint32_t>(m.bytes.size()),
-          m.lifetime_us, m.kind};
-}
-
-// Takes in what became of fragments: they are acknowledged, or lost and sent again.
-void Sender::settle(TimePoint now, LinkId link, std::span<const SentPackets::Settled> pieces,
+// Takes in what became of a fragment: it is acknowledged, or lost and sent again.
+void Sender::settle(TimePoint now, LinkId link, const SentPackets::Settled& settled,
                     Evidence evidence) {
-  for (const auto& [what, arrived, was_open] : pieces) {
-    Message* message = messages_.find(what.message);
-    if (message == nullptr && arrived) overdue_.arrived(what);
-    if (message == nullptr) continue;
-    if (was_open) {
-      message->copy_gone(what.index);
-      note_brought(now, link, *message, what.index);
-    }
-    if (message->pieces[what.index].acknowledged) continue;
-    if (!arrived) {
-      lose(now, *message, what.index, evidence);
-      continue;
-    }
-    message->acknowledge(what.index);
-    if (message->unacknowledged == 0) forget_whole(message->id);
+  const auto& [what, arrived, was_open] = settled;
+  OutgoingMessage* m = traffic().messages.find(what.message);
+  if (m == nullptr && arrived) overdue_.arrived(what);
+  if (m == nullptr) return;
+  if (was_open) executor_.note_settled(now, link, *m, what.index);
+  if (m->pieces[what.index].acknowledged) return;
+  if (!arrived) {
+    executor_.lose(now, *m, what.index, evidence);
+    return;
   }
-  protect_touched(now);
+  m->acknowledge(what.index);
+  if (m->unacknowledged == 0) executor_.forget_whole(m->id);
 }
 
 SentPackets::Verdicts Sender::report(TimePoint now, const wire::LinkReport& report,
                                      Duration min_rtt) {
-  parting_.clear();
-  const auto it = paths_.find(report.link);
-  if (it == paths_.end()) return {};
-  Path& path = it->second;
-  const auto verdicts = path.sent.report(now, report, min_rtt, silence_of(path.view));
-  settle(now, report.link, verdicts.pieces, Evidence::kReport);
+  executor_.release();
+  SendPath* path = traffic().find(report.link);
+  if (path == nullptr) return {};
+  const auto verdicts = path->sent.report(now, report, min_rtt, silence_of(path->view));
+  for (const auto& settled : verdicts.pieces) {
+    settle(now, report.link, settled, Evidence::kReport);
+  }
+  executor_.protect_touched(now);
   return verdicts;
 }
 
-PathUse::Told Sender::take_use(TimePoint now, LinkId link) {
-  const auto it = paths_.find(link);
-  return it == paths_.end() ? PathUse::Told{} : it->second.use.take(now);
-}
-
-DataRate Sender::needed() const {
-  DataRate most{};
-  for (const auto& [link, path] : paths_) most = std::max(most, path.use.needed());
-  return most;
-}
-
 void Sender::handle_timeout(TimePoint now) {
-  parting_.clear();
-  for (auto& [link, path] : paths_) {
+  executor_.release();
+  MessageStore& messages = traffic().messages;
+  for (auto& [link, path] : traffic().paths) {
     const auto silent = path.sent.settle_silent(now, silence_of(path.view));
     path.use.lost(static_cast<std::uint32_t>(silent.size()));
-    settle(now, link, silent);
+    for (const auto& settled : silent) settle(now, link, settled, Evidence::kSilence);
+    executor_.protect_touched(now);
   }
-  while (const auto look = messages_.look_due(now)) {
-    messages_.look_at(*look, std::nullopt);
-    look_after(now, *messages_.find(*look));
+  while (const auto look = messages.look_due(now)) {
+    messages.look_at(*look, std::nullopt);
+    executor_.look_after(now, *messages.find(*look));
   }
-  if (window_.due() && *window_.due() <= now) send_window(now);
-  while (const auto late = messages_.due(now)) {
-    note_not_brought(now, *messages_.find(*late));
-    note_overdue(now, *messages_.find(*late));
-    forget(*late);
+  const auto window_due = traffic().window.due();
+  if (window_due && *window_due <= now) executor_.send_window(now);
+  while (const auto late = messages.due(now)) {
+    executor_.note_not_brought(now, *messages.find(*late));
+    note_overdue(now, *messages.find(*late));
+    executor_.forget(*late);
   }
 }
 
-void Sender::note_overdue(TimePoint now, const Message& message) {
-  const TimePoint began = message.deadline - std::chrono::microseconds(message.lifetime_us);
-  if (message.kind != wire::MessageKind::kPlain || began <= removed_at_) return;
+// The deadline of a message has passed before it was acknowledged.
+void Sender::note_overdue(TimePoint now, const OutgoingMessage& m) {
+  const TimePoint began = m.deadline - std::chrono::microseconds(m.lifetime_us);
+  if (m.kind != wire::MessageKind::kPlain || began <= removed_at_) return;
   // Symbols may stand for a piece that has not arrived: then the peer tells.
-  const bool is_coded = !message.symbols.empty() || message.in_window;
-  if (is_coded && !message.is_surely_incomplete()) return;
-  SentPackets::Piece missing{message.id, message.count};
-  while (message.pieces[--missing.index].acknowledged) {
+  const bool is_coded = !m.symbols.empty() || m.in_window;
+  const bool is_incomplete = m.is_surely_incomplete();
+  if (is_coded && !is_incomplete) return;
+  SentPackets::Piece missing{m.id, m.count};
+  while (m.pieces[--missing.index].acknowledged) {
   }
   Overdue::Paths copies;
-  for (const auto& [link, path] : paths_) {
-    if (message.is_surely_incomplete()) break;
+  for (const auto& [link, path] : traffic().paths) {
+    if (is_incomplete) break;
     // The lifetime is rounded to microseconds.
     const TimePoint since = began - std::chrono::microseconds(1);
     // A copy that nobody remembers may arrive as late as any.
@@ -313,77 +324,77 @@ void Sender::note_overdue(TimePoint now, const Message& message) {
     const auto first = path.sent.first_copy(missing, since);
     if (first) copies.push_back({link, *first});
   }
-  if (copies.empty() && !message.is_surely_incomplete()) return;
-  overdue_.add(now, missing, message.deadline, copies);
+  if (copies.empty() && !is_incomplete) return;
+  overdue_.add(now, missing, m.deadline, copies);
 }
 
 std::optional<TimePoint> Sender::next_timeout() const {
+  const MessageStore& messages = traffic().messages;
   std::optional<TimePoint> next =
-      earliest(messages_.next_deadline(), messages_.next_look(), window_.due());
-  for (const auto& [link, path] : paths_) {
+      earliest(messages.next_deadline(), messages.next_look(), traffic().window.due());
+  for (const auto& [link, path] : traffic().paths) {
     next = earliest(next, path.sent.silent_at(silence_of(path.view)));
   }
   return next;
 }
 
-std::optional<TimePoint> Sender::next_send(LinkId path) const {
-  const auto it = paths_.find(path);
-  if (it == paths_.end() || !it->second.view.up) return std::nullopt;
-  const Path& p = it->second;
-  const bool is_idle = p.jobs.empty() && !window_.waits(path);
-  if (is_idle && !slower_path(path, p)) return std::nullopt;
+std::optional<TimePoint> Sender::next_send(LinkId link) const {
+  const SendPath* path = traffic().find(link);
+  if (path == nullptr || !path->view.up) return std::nullopt;
+  const bool is_idle = path->jobs.empty() && !traffic().window.waits(link);
+  if (is_idle && !slower_path(traffic(), link)) return std::nullopt;
   // A report or a timeout makes room.
-  if (is_full(p)) return std::nullopt;
+  if (path->is_full()) return std::nullopt;
   // What there is to take over since poll() found nothing, by what left another path, waits a
   // little: else the loop would be called again at the same instant.
-  return saturating_add(is_idle ? std::max(p.free_at, p.idle_at) : p.free_at, kQuantum);
+  return saturating_add(is_idle ? std::max(path->free_at, path->idle_at) : path->free_at, kQuantum);
 }
 
 bool Sender::is_surely_incomplete(MessageId message) const {
-  const Message* known = messages_.find(message);
+  const OutgoingMessage* known = traffic().messages.find(message);
   return known != nullptr && known->is_surely_incomplete();
 }
 
-// Where there is room for everything, the earliest deadline first is best for everything. Where
-// there is not, it would serve what is due soonest and let the most important wait for it.
-JobQueue::Turn Sender::turn_of(const Path& path, TimePoint deadline, std::uint8_t importance) {
-  const std::uint8_t counts = path.view.loaded ? importance : kUsualImportance;
-  return {static_cast<std::uint8_t>(UINT8_MAX - counts), deadline};
-}
-
 std::size_t Sender::queued_before(LinkId link, TimePoint deadline, std::uint8_t importance) const {
-  const auto it = paths_.find(link);
-  if (it == paths_.end()) return 0;
-  return it->second.jobs.bytes_before(turn_of(it->second, deadline, importance));
+  const SendPath* path = traffic().find(link);
+  return path == nullptr ? 0 : path->jobs.bytes_before(path->turn_of(deadline, importance));
 }
 
-std::uint64_t Sender::resent(LinkId path) const {
-  const auto it = paths_.find(path);
-  return it == paths_.end() ? 0 : it->second.resent;
+std::optional<Duration> Sender::least_time(LinkId link, std::size_t ip_bytes) const {
+  const SendPath* path = traffic().find(link);
+  if (path == nullptr || !path->view.loaded) return std::nullopt;
+  return path->least_time(ip_bytes, false);
 }
 
-std::uint64_t Sender::symbols(LinkId path) const {
-  const auto it = paths_.find(path);
-  return it == paths_.end() ? 0 : it->second.symbols;
+PathUse::Told Sender::take_use(TimePoint now, LinkId link) {
+  SendPath* path = traffic().find(link);
+  return path == nullptr ? PathUse::Told{} : path->use.take(now);
 }
 
-std::uint64_t Sender::lost(LinkId path) const {
-  const auto it = paths_.find(path);
-  return it == paths_.end() ? 0 : it->second.sent.lost();
+DataRate Sender::needed() const {
+  DataRate most{};
+  for (const auto& [link, path] : traffic().paths) most = std::max(most, path.use.needed());
+  return most;
+}
+
+std::uint64_t Sender::resent(LinkId link) const {
+  const SendPath* path = traffic().find(link);
+  return path == nullptr ? 0 : path->resent;
+}
+
+std::uint64_t Sender::symbols(LinkId link) const {
+  const SendPath* path = traffic().find(link);
+  return path == nullptr ? 0 : path->symbols;
+}
+
+std::uint64_t Sender::lost(LinkId link) const {
+  const SendPath* path = traffic().find(link);
+  return path == nullptr ? 0 : path->sent.lost();
 }
 
 void Sender::reset(TimePoint now) {
-  parting_.clear();
-  messages_.clear();
-  bytes_ = 0;
   overdue_.clear();
-  window_.reset();
-  given_up_.clear();
-  for (auto& [link, path] : paths_) {
-    path.jobs.clear();
-    path.sent.reset();
-    path.free_at = now;
-  }
+  executor_.reset(now);
 }
 
 }  // namespace interneuron::flow

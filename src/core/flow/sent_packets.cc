@@ -34,9 +34,6 @@ constexpr std::size_t kMaxKept = 20'000;
 // Records of settled packets that are kept, because the beginning of a train is found in them: the
 // packets of a raw frame and some more.
 constexpr std::size_t kKeepSettled = 512;
-// Probes of a train are this far apart at most; others were not sent as one train. A full packet
-// takes so long at 0.23 Mbit/s.
-constexpr Duration kProbeGap = std::chrono::milliseconds(50);
 // So many lookups of fragments in flight look at all of them before they are ordered for the next
 // ones. No measurement behind this value: ordering n of them takes about log n looks at each.
 constexpr std::uint32_t kLookupsToIndex = 8;
@@ -44,42 +41,37 @@ constexpr std::uint32_t kLookupsToIndex = 8;
 }  // namespace
 
 void SentPackets::trim(TimePoint now) {
-  while (keeps(first_open_) && at(first_open_).fate != Fate::kOpen) ++first_open_;
+  while (log_.keeps(first_open_) && log_.at(first_open_).fate != Fate::kOpen) ++first_open_;
   const auto may_go = [this, now] {
-    const Packet& front = packets_.front();
-    const Duration kept = oldest() <= largest_ ? kKeep : kKeepUntold;
-    return packets_.size() >= kMaxKept || front.at < now - kept ||
-           (packets_.size() > kKeepSettled && oldest() < std::min(first_open_, first_uncertain_));
+    const std::uint64_t oldest = log_.oldest();
+    const Duration kept = oldest <= largest_ ? kKeep : kKeepUntold;
+    return log_.size() >= kMaxKept || log_.at(oldest).at < now - kept ||
+           (log_.size() > kKeepSettled && oldest < std::min(first_open_, first_uncertain_));
   };
-  while (!packets_.empty() && may_go()) {
-    const Packet& front = packets_.front();
+  while (log_.size() > 0 && may_go()) {
+    const Packet& front = log_.at(log_.oldest());
     if (front.fate == Fate::kOpen && front.data_sized) close(front);
-    if (front.data_sized) data_.pop_front();
     newest_dropped_ = front.at;
-    packets_.pop_front();
+    log_.drop();
   }
-  first_open_ = std::max(first_open_, oldest());
-  first_uncertain_ = std::max(first_uncertain_, oldest());
+  first_open_ = std::max(first_open_, log_.oldest());
+  first_uncertain_ = std::max(first_uncertain_, log_.oldest());
 }
 
 SentPackets::Packet& SentPackets::record(TimePoint now) {
   trim(now);
-  ++next_;
-  packets_.push_back({.at = now});
-  return packets_.back();
+  return log_.add(now);
 }
 
 std::uint64_t SentPackets::add_small(TimePoint now) {
   record(now);
-  return next_ - 1;
+  return log_.next() - 1;
 }
 
 std::uint64_t SentPackets::add(TimePoint now, std::size_t ip_bytes, bool more_waits,
                                const std::optional<Piece>& piece) {
   Packet& packet = record(now);
-  packet.data_sized = true;
   packet.ect = ect_;
-  packet.data = next_data_++;
   packet.has_piece = piece.has_value();
   assert(ip_bytes <= UINT16_MAX);
   const auto bytes = static_cast<std::uint16_t>(ip_bytes);
@@ -87,28 +79,28 @@ std::uint64_t SentPackets::add(TimePoint now, std::size_t ip_bytes, bool more_wa
   const link::DeliveryStamp stamp = delivery_.sent(now, bytes, open_data_ == 0, more_waits);
   packet.app_limited = stamp.app_limited;
   const Piece carried = piece.value_or(Piece{});
-  data_.push_back({stamp.first_sent_at, stamp.delivered_at,
-                   static_cast<std::uint32_t>(stamp.delivered), train_bytes_, carried.message,
-                   carried.index, bytes});
+  log_.add_data(
+      packet, {stamp.first_sent_at, stamp.delivered_at, static_cast<std::uint32_t>(stamp.delivered),
+               train_bytes_, carried.message, carried.index, bytes});
   ++open_data_;
   lookups_ = 0;
   if (packet.has_piece) open_bytes_ += ip_bytes;
-  return next_ - 1;
+  return log_.next() - 1;
 }
 
 std::uint64_t SentPackets::add_mtu_probe(TimePoint now, std::size_t ip_bytes) {
   const std::uint64_t number = add(now, ip_bytes, false, std::nullopt);
-  at(number).mtu_probe = true;
+  log_.at(number).mtu_probe = true;
   return number;
 }
 
 // Whether not every path carries it.
 bool SentPackets::is_large(const Packet& packet) const {
-  return packet.data_sized && data_of(packet).bytes > link::PathMtu::kBase + kIpUdpBytes;
+  return packet.data_sized && log_.data_of(packet).bytes > link::PathMtu::kBase + kIpUdpBytes;
 }
 
 link::DeliveryStamp SentPackets::stamp_of(const Packet& packet) const {
-  const Data& data = data_of(packet);
+  const PacketLog::Data& data = log_.data_of(packet);
   const std::uint64_t since = static_cast<std::uint32_t>(delivery_.delivered()) - data.delivered;
   return {packet.at,  data.first_sent_at, data.delivered_at, delivery_.delivered() - since,
           data.bytes, packet.app_limited};
@@ -117,7 +109,7 @@ link::DeliveryStamp SentPackets::stamp_of(const Packet& packet) const {
 void SentPackets::close(const Packet& packet) {
   --open_data_;
   lookups_ = 0;
-  if (packet.has_piece) open_bytes_ -= data_of(packet).bytes;
+  if (packet.has_piece) open_bytes_ -= log_.data_of(packet).bytes;
 }
 
 void SentPackets::lose(Packet& packet) {
@@ -130,7 +122,7 @@ void SentPackets::lose(Packet& packet) {
     lateness_ = {};
   }
   if (packet.data_sized) close(packet);
-  if (packet.has_piece) settled_.push_back({data_of(packet).piece(), false, true});
+  if (packet.has_piece) settled_.push_back({piece_of(packet), false, true});
 }
 
 // A packet that an earlier report has missed was overtaken.
@@ -142,7 +134,7 @@ void SentPackets::note_reordering(TimePoint now, const Packet& packet) {
 }
 
 void SentPackets::arrive(TimePoint now, std::uint64_t number, Verdicts& verdicts) {
-  Packet& packet = at(number);
+  Packet& packet = log_.at(number);
   // What comes long after its loss was certain tells of its message, and of nothing else.
   const bool is_straggler = number < first_uncertain_;
   if (packet.covered && number < largest_ && !is_straggler) note_reordering(now, packet);
@@ -156,7 +148,7 @@ void SentPackets::arrive(TimePoint now, std::uint64_t number, Verdicts& verdicts
   if (!packet.mtu_probe) sizes_.arrived(packet.at, is_large(packet));
   if (packet.has_piece) {
     progress_at_ = now;
-    settled_.push_back({data_of(packet).piece(), true, was_open});
+    settled_.push_back({piece_of(packet), true, was_open});
   }
   if (is_straggler) return;
   verdicts.data = verdicts.data || packet.data_sized;
@@ -172,13 +164,14 @@ SentPackets::Verdicts SentPackets::report(TimePoint now, const wire::LinkReport&
   Verdicts verdicts;
   settled_.clear();
   runs_.clear();
-  if (report.largest == 0 || report.largest >= next_) return verdicts;
+  if (report.largest == 0 || report.largest >= log_.next()) return verdicts;
   const auto arrived = [&report](std::uint64_t back) {
     return back == 0 || (report.bitmap[(back - 1) / 64] >> ((back - 1) % 64) & 1U) != 0;
   };
   min_rtt_ = min_rtt;
-  for (std::uint64_t n = first_of_interest(report.largest); n <= report.largest && keeps(n); ++n) {
-    Packet& packet = at(n);
+  for (std::uint64_t n = first_of_interest(report.largest); n <= report.largest && log_.keeps(n);
+       ++n) {
+    Packet& packet = log_.at(n);
     const std::uint64_t back = report.largest - n;
     if (packet.fate == Fate::kArrived || back > wire::kAckWindow) continue;
     if (arrived(back)) {
@@ -190,7 +183,7 @@ SentPackets::Verdicts SentPackets::report(TimePoint now, const wire::LinkReport&
   largest_ = std::max(largest_, report.largest);
   lose_overdue(now, report);
   if (report.largest == largest_) lose_untold(now, report.largest, silence.timeout);
-  find_train(report, verdicts);
+  verdicts.train = train_.told(log_, report);
   verdicts.delivery = delivery_.sample(min_rtt);
   verdicts.sizes = std::exchange(sizes_, {});
   tell_certain(now, report.largest, silence.timeout);
@@ -203,8 +196,8 @@ SentPackets::Verdicts SentPackets::report(TimePoint now, const wire::LinkReport&
 // The first packet of which a report with this largest number may tell something new.
 std::uint64_t SentPackets::first_of_interest(std::uint64_t largest) {
   const std::uint64_t told_from = largest - std::min<std::uint64_t>(largest, wire::kAckWindow);
-  first_missed_ = std::max({first_missed_, told_from, oldest()});
-  while (first_missed_ < first_uncertain_ && at(first_missed_).fate == Fate::kArrived) {
+  first_missed_ = std::max({first_missed_, told_from, log_.oldest()});
+  while (first_missed_ < first_uncertain_ && log_.at(first_missed_).fate == Fate::kArrived) {
     ++first_missed_;
   }
   return std::min(first_missed_, first_uncertain_);
@@ -212,8 +205,8 @@ std::uint64_t SentPackets::first_of_interest(std::uint64_t largest) {
 
 void SentPackets::lose_overdue(TimePoint now, const wire::LinkReport& report) {
   const std::uint64_t reorder = reordering_ ? wire::kAckWindow + 1 : kReorderPackets;
-  for (std::uint64_t n = first_uncertain_; n < report.largest && keeps(n); ++n) {
-    Packet& packet = at(n);
+  for (std::uint64_t n = first_uncertain_; n < report.largest && log_.keeps(n); ++n) {
+    Packet& packet = log_.at(n);
     if (packet.fate != Fate::kOpen) continue;
     if (report.largest - n >= reorder || overdue_at(packet) <= now) lose(packet);
   }
@@ -222,8 +215,8 @@ void SentPackets::lose_overdue(TimePoint now, const wire::LinkReport& report) {
 // The peer still speaks of the path, and has not heard of what left long ago.
 void SentPackets::lose_untold(TimePoint now, std::uint64_t largest, Duration timeout) {
   const TimePoint before = now - std::max<Duration>(kUntold, 2 * timeout);
-  for (std::uint64_t n = std::max(largest + 1, first_uncertain_); keeps(n); ++n) {
-    Packet& packet = at(n);
+  for (std::uint64_t n = std::max(largest + 1, first_uncertain_); log_.keeps(n); ++n) {
+    Packet& packet = log_.at(n);
     if (packet.at > before) return;
     packet.covered = true;
     if (packet.fate == Fate::kOpen) lose(packet);
@@ -231,73 +224,22 @@ void SentPackets::lose_untold(TimePoint now, std::uint64_t largest, Duration tim
 }
 
 // Whether the outcome of a settled packet will not change any more.
-bool SentPackets::is_certain(TimePoint now, std::uint64_t number, std::uint64_t largest,
+bool SentPackets::is_certain(TimePoint now, std::uint64_t n, std::uint64_t largest,
                              Duration timeout) const {
-  const Packet& packet = at(number);
+  const Packet& packet = log_.at(n);
   if (packet.fate == Fate::kArrived) return true;
-  if (number > largest) return packet.covered;
-  return largest - number >= kLatePackets || now - packet.at >= 2 * timeout;
+  if (n > largest) return packet.covered;
+  return largest - n >= kLatePackets || now - packet.at >= 2 * timeout;
 }
 
 void SentPackets::tell_certain(TimePoint now, std::uint64_t largest, Duration timeout) {
-  for (; keeps(first_uncertain_); ++first_uncertain_) {
-    const Packet& packet = at(first_uncertain_);
+  for (; log_.keeps(first_uncertain_); ++first_uncertain_) {
+    const Packet& packet = log_.at(first_uncertain_);
     if (packet.fate == Fate::kOpen || !is_certain(now, first_uncertain_, largest, timeout)) return;
     const bool arrived = packet.fate == Fate::kArrived;
     if ((!arrived && !packet.covered) || packet.mtu_probe) continue;
     if (runs_.empty() || runs_.back().arrived != arrived) runs_.push_back({arrived, 0});
     ++runs_.back().packets;
-  }
-}
-
-// Follows the packets of the train up to `last` for times in which nothing was there to be sent.
-// The probes of a train wait for their pace, whatever waits behind them.
-void SentPackets::find_pause(std::uint64_t last) {
-  for (std::uint64_t n = std::max(train_.seen, oldest() - 1) + 1; n <= last; ++n) {
-    const Packet& packet = at(n);
-    if (!packet.data_sized) continue;
-    const Duration gap = packet.at - train_.last_at;
-    const bool one_train = train_.last_is_probe && !packet.has_piece && gap <= kProbeGap;
-    if (!train_.last_waited && !one_train) train_.pause = std::max<Duration>(train_.pause, gap);
-    ++train_.left;
-    train_.last_at = packet.at;
-    train_.last_waited = !packet.app_limited;
-    train_.last_is_probe = !packet.has_piece;
-  }
-  train_.seen = std::max(train_.seen, last);
-}
-
-void SentPackets::find_train(const wire::LinkReport& report, Verdicts& verdicts) {
-  if (report.train_packets == 0 || report.train_start == 0) return;
-  if (train_.number != report.train_start) {
-    if (!keeps(report.train_start)) return;
-    const Packet& first = at(report.train_start);
-    if (!first.data_sized) return;
-    train_ = {.number = report.train_start,
-              .at = first.at,
-              .from = data_of(first).train_bytes,
-              .seen = report.train_start,
-              .left = 1,
-              .last_at = first.at,
-              .last_waited = !first.app_limited,
-              .last_is_probe = !first.has_piece,
-              .pause = {}};
-  }
-  for (std::uint64_t n = report.largest; n > train_.number && keeps(n); --n) {
-    const Packet& last = at(n);
-    if (!last.data_sized || last.fate != Fate::kArrived) continue;
-    find_pause(n);
-    link::Train train;
-    train.id = train_.number;
-    // A train has no more packets than left since its first, whatever the peer says.
-    train.packets = std::min(report.train_packets, train_.left);
-    train.left = train_.left;
-    train.bytes = data_of(last).train_bytes - train_.from;
-    train.measured = report.train_rate;
-    if (last.at > train_.at) train.sent_at = rate_of(train.bytes, last.at - train_.at);
-    train.pause = train_.pause;
-    verdicts.train = train;
-    return;
   }
 }
 
@@ -312,7 +254,7 @@ TimePoint SentPackets::overdue_at(const Packet& packet) const {
 }
 
 TimePoint SentPackets::lost_at(std::uint64_t number, const Silence& silence) const {
-  const Packet& packet = at(number);
+  const Packet& packet = log_.at(number);
   const TimePoint silent = silent_at(packet, silence);
   return number < largest_ ? std::min(silent, overdue_at(packet)) : silent;
 }
@@ -321,63 +263,50 @@ std::span<const SentPackets::Settled> SentPackets::settle_silent(TimePoint now,
                                                                  const Silence& silence) {
   settled_.clear();
   if (open_bytes_ == 0) return settled_;
-  for (std::uint64_t n = first_open_; keeps(n); ++n) {
-    Packet& packet = at(n);
+  for (std::uint64_t n = first_open_; log_.keeps(n); ++n) {
+    Packet& packet = log_.at(n);
     if (lost_at(n, silence) > now) break;
-    if (packet.fate == Fate::kOpen && packet.has_piece) lose(packet);
+    if (packet.is_open_piece()) lose(packet);
   }
   return settled_;
 }
 
 std::optional<TimePoint> SentPackets::silent_at(const Silence& silence) const {
   if (open_bytes_ == 0) return std::nullopt;
-  for (std::uint64_t n = first_open_; keeps(n); ++n) {
-    const Packet& packet = at(n);
-    if (packet.fate == Fate::kOpen && packet.has_piece) return lost_at(n, silence);
+  for (std::uint64_t n = first_open_; log_.keeps(n); ++n) {
+    const Packet& packet = log_.at(n);
+    if (packet.is_open_piece()) return lost_at(n, silence);
   }
   return std::nullopt;
 }
 
 std::optional<TimePoint> SentPackets::awaited_since(MessageId message) const {
   if (open_bytes_ == 0) return std::nullopt;
-  for (std::uint64_t n = std::max(oldest(), largest_ + 1); keeps(n); ++n) {
-    const Packet& packet = at(n);
+  for (std::uint64_t n = std::max(log_.oldest(), largest_ + 1); log_.keeps(n); ++n) {
+    const Packet& packet = log_.at(n);
     const bool counts =
-        packet.has_piece && (packet.fate == Fate::kOpen || data_of(packet).message == message);
+        packet.has_piece && (packet.fate == Fate::kOpen || log_.data_of(packet).message == message);
     if (counts) return packet.at;
   }
   return std::nullopt;
 }
 
-std::span<const SentPackets::Settled> SentPackets::in_flight() {
-  settled_.clear();
-  for (std::uint64_t n = first_open_; keeps(n); ++n) {
-    const Packet& packet = at(n);
-    if (packet.fate == Fate::kOpen && packet.has_piece) {
-      settled_.push_back({data_of(packet).piece(), false, true});
-    }
-  }
-  return settled_;
-}
-
 // All fragments in flight, ordered; of the same fragment the newest copy last.
-void SentPackets::index_copies() {
+void SentPackets::index_copies() const {
   copies_.clear();
-  for (std::uint64_t n = first_open_; keeps(n); ++n) {
-    const Packet& packet = at(n);
-    if (packet.fate == Fate::kOpen && packet.has_piece) {
-      copies_.push_back({data_of(packet).piece(), packet.at});
-    }
+  for (std::uint64_t n = first_open_; log_.keeps(n); ++n) {
+    const Packet& packet = log_.at(n);
+    if (packet.is_open_piece()) copies_.emplace_back(piece_of(packet), packet.at);
   }
-  std::ranges::stable_sort(copies_, {}, &Copy::piece);
+  std::ranges::stable_sort(copies_, {}, &std::pair<Piece, TimePoint>::first);
 }
 
-std::optional<TimePoint> SentPackets::sent_at(const Piece& piece) {
+std::optional<TimePoint> SentPackets::sent_at(const Piece& piece) const {
   if (lookups_ < kLookupsToIndex) {
     ++lookups_;
-    for (std::uint64_t n = next_; n-- > first_open_ && keeps(n);) {
-      const Packet& packet = at(n);
-      if (packet.fate == Fate::kOpen && packet.has_piece && data_of(packet).piece() == piece) {
+    for (std::uint64_t n = log_.next(); n-- > first_open_ && log_.keeps(n);) {
+      const Packet& packet = log_.at(n);
+      if (packet.is_open_piece() && piece_of(packet) == piece) {
         return packet.at;
       }
     }
@@ -387,23 +316,24 @@ std::optional<TimePoint> SentPackets::sent_at(const Piece& piece) {
     ++lookups_;
     index_copies();
   }
-  const auto behind = std::ranges::upper_bound(copies_, piece, {}, &Copy::piece);
-  if (behind == copies_.begin() || std::prev(behind)->piece != piece) return std::nullopt;
-  return std::prev(behind)->at;
+  const auto behind =
+      std::ranges::upper_bound(copies_, piece, {}, &std::pair<Piece, TimePoint>::first);
+  if (behind == copies_.begin() || std::prev(behind)->first != piece) return std::nullopt;
+  return std::prev(behind)->second;
 }
 
 std::optional<std::uint64_t> SentPackets::first_copy(const Piece& piece, TimePoint since) const {
   std::optional<std::uint64_t> out;
-  for (std::uint64_t n = next_ - 1; keeps(n) && at(n).at >= since; --n) {
-    const Packet& packet = at(n);
-    if (packet.has_piece && data_of(packet).piece() == piece) out = n;
+  for (std::uint64_t n = log_.next() - 1; log_.keeps(n) && log_.at(n).at >= since; --n) {
+    const Packet& packet = log_.at(n);
+    if (packet.has_piece && piece_of(packet) == piece) out = n;
   }
   return out;
 }
 
 void SentPackets::reset() {
   const std::uint64_t lost = lost_;
-  *this = SentPackets(next_);
+  *this = SentPackets(log_.next());
   lost_ = lost;
 }
 

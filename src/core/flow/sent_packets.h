@@ -8,7 +8,8 @@
 #include <utility>
 #include <vector>
 
-#include "core/base/ring.h"
+#include "core/flow/packet_log.h"
+#include "core/flow/sent_train.h"
 #include "core/link/delivery_rate.h"
 #include "core/link/path_mtu.h"
 #include "core/link/rate_estimator.h"
@@ -28,18 +29,13 @@ namespace interneuron::flow {
 // numbers that were never sent is ignored, and a peer that acknowledges what has not arrived, or
 // denies what has, harms only what is sent to itself.
 //
-// Memory is bounded by 20,000 records, of 16 bytes for a small packet and 48 for one of data;
-// nothing is allocated per packet once the rings have grown. Pure; thread-compatible; never throws.
+// Memory is bounded by 20,000 records of PacketLog's. Pure; never throws; no two threads may call
+// even const functions at once, since sent_at() keeps what it has looked up.
 class SentPackets {
  public:
   // A packet is lost when one sent this many later has arrived (RFC 9002 §6.1.1).
   static constexpr std::uint64_t kReorderPackets = 3;
-  // The fragment that a packet carried. Packets without a fragment are never repaired.
-  struct Piece {
-    MessageId message{};
-    std::uint16_t index = 0;
-    friend auto operator<=>(const Piece&, const Piece&) = default;
-  };
+  using Piece = PacketLog::Piece;
   // What became known of a fragment.
   struct Settled {
     Piece piece;
@@ -72,14 +68,13 @@ class SentPackets {
   };
 
   explicit SentPackets(std::uint64_t first_number = 1)
-      : next_(first_number),
+      : log_(first_number),
         first_open_(first_number),
         first_uncertain_(first_number),
         first_missed_(first_number) {}
 
   // Whether data-sized packets leave with ECT from now on (link::PathEcn).
   void set_ect(bool ect) { ect_ = ect; }
-
   // A small packet leaves; returns its number.
   std::uint64_t add_small(TimePoint now);
   // A data-sized packet leaves, which counts for trains, rates and proof of delivery; returns its
@@ -105,76 +100,42 @@ class SentPackets {
   // When the oldest fragment in flight will be lost so.
   std::optional<TimePoint> silent_at(const Silence& silence) const;
 
-  // The fragments in flight, oldest first; valid until the next call.
-  std::span<const Settled> in_flight();
+  // Calls `what` with each fragment in flight, oldest first.
+  template <class What>
+  void for_each_in_flight(const What& what) const {
+    for (std::uint64_t n = first_open_; log_.keeps(n); ++n) {
+      const Packet& packet = log_.at(n);
+      if (packet.is_open_piece()) what(piece_of(packet));
+    }
+  }
   // When the newest copy of a fragment in flight left. Where many are asked for and nothing happens
   // in between, as when a path is pulled, each takes logarithmic time.
-  std::optional<TimePoint> sent_at(const Piece& piece);
-
+  std::optional<TimePoint> sent_at(const Piece& piece) const;
   // The number of the first copy of this fragment that left at `since` or later. Looks at all
   // packets since then.
   std::optional<std::uint64_t> first_copy(const Piece& piece, TimePoint since) const;
   // Whether the records of all packets that left at `since` or later are kept.
   bool keeps_all_since(TimePoint since) const { return newest_dropped_ < since; }
-
   // When the oldest of the fragments left that were sent after all that is acknowledged and are in
   // flight, or are of this message, which the peer may not have told of; nothing when none was.
   std::optional<TimePoint> awaited_since(MessageId message) const;
   // When the newest packet left, of whatever kind.
   TimePoint newest_left() const {
-    return packets_.empty() ? TimePoint::min() : packets_[packets_.size() - 1].at;
+    return log_.size() == 0 ? TimePoint::min() : log_.at(log_.next() - 1).at;
   }
-
   // Bytes of the fragments in flight, IP headers included.
   std::size_t bytes_in_flight() const { return open_bytes_; }
-
   // Packets found lost since the path exists.
   std::uint64_t lost() const { return lost_; }
   // Forgets what is in flight; the numbers go on.
   void reset();
   // The number of the next packet.
-  std::uint64_t next_number() const { return next_; }
+  std::uint64_t next_number() const { return log_.next(); }
 
  private:
-  enum class Fate : std::uint8_t { kOpen, kArrived, kLost };
-  struct Packet {
-    TimePoint at{};
-    // Of a data-sized packet: which one it is, modulo 2^32.
-    std::uint32_t data = 0;
-    bool has_piece : 1 = false;
-    bool data_sized : 1 = false;
-    bool mtu_probe : 1 = false;
-    // A report has told that it has not arrived.
-    bool covered : 1 = false;
-    // It left with ECT.
-    bool ect : 1 = false;
-    // See link::DeliveryStamp.
-    bool app_limited : 1 = false;
-    Fate fate = Fate::kOpen;
-  };
-  // What is kept of a data-sized packet alone. Counts of bytes are modulo 2^32: what is kept lies
-  // less than that apart.
-  struct Data {
-    // Of its link::DeliveryStamp, beside what Packet holds.
-    TimePoint first_sent_at{};
-    TimePoint delivered_at{};
-    std::uint32_t delivered = 0;
-    // Bytes of all data-sized packets up to and with this one.
-    std::uint32_t train_bytes = 0;
-    MessageId message{};
-    std::uint16_t index = 0;
-    // With IP headers.
-    std::uint16_t bytes = 0;
-    Piece piece() const { return {message, index}; }
-  };
-  // The number of the oldest packet that is kept; next_ while there is none.
-  std::uint64_t oldest() const { return next_ - packets_.size(); }
-  Packet& at(std::uint64_t number) { return packets_[number - oldest()]; }
-  const Packet& at(std::uint64_t number) const { return packets_[number - oldest()]; }
-  const Data& data_of(const Packet& packet) const {
-    return data_[packet.data - (next_data_ - static_cast<std::uint32_t>(data_.size()))];
-  }
-  bool keeps(std::uint64_t number) const { return number >= oldest() && number < next_; }
+  using Packet = PacketLog::Packet;
+  using Fate = PacketLog::Fate;
+  Piece piece_of(const Packet& packet) const { return log_.data_of(packet).piece(); }
   // When an open packet is overdue by the reordering window, or silent; the sooner of both counts.
   TimePoint overdue_at(const Packet& packet) const;
   TimePoint silent_at(const Packet& oldest, const Silence& silence) const;
@@ -184,26 +145,20 @@ class SentPackets {
   void lose_untold(TimePoint now, std::uint64_t largest, Duration timeout);
   Packet& record(TimePoint now);
   void trim(TimePoint now);
-  void index_copies();
+  void index_copies() const;
   // A data-sized packet is no longer in flight.
   void close(const Packet& packet);
   void lose(Packet& packet);
   bool is_large(const Packet& packet) const;
   link::DeliveryStamp stamp_of(const Packet& packet) const;
   void arrive(TimePoint now, std::uint64_t number, Verdicts& verdicts);
-  bool is_certain(TimePoint now, std::uint64_t number, std::uint64_t largest,
-                  Duration timeout) const;
+  bool is_certain(TimePoint now, std::uint64_t n, std::uint64_t largest, Duration timeout) const;
   std::uint64_t first_of_interest(std::uint64_t largest);
   void tell_certain(TimePoint now, std::uint64_t largest, Duration timeout);
-  void find_train(const wire::LinkReport& report, Verdicts& verdicts);
 
-  // Oldest first; their numbers have no gap.
-  Ring<Packet> packets_;
-  Ring<Data> data_;
+  PacketLog log_;
   // When the newest packet left of which there is no record any more.
   TimePoint newest_dropped_ = TimePoint::min();
-  std::uint32_t next_data_ = 0;
-  std::uint64_t next_ = 1;
   // All packets before this number are settled.
   std::uint64_t first_open_ = 1;
   // The outcome of all packets before this number has been told in Verdicts::runs.
@@ -211,28 +166,12 @@ class SentPackets {
   // All packets before this number have arrived, or reports tell no more of them: one that is
   // certainly lost as losses are counted may still arrive, and its fragment then counts.
   std::uint64_t first_missed_ = 1;
-  // Data-sized packets in flight, and bytes of all that were ever sent.
+  // Data-sized packets in flight, bytes of all that were ever sent, and bytes of fragments in
+  // flight.
   std::uint64_t open_data_ = 0;
-  // Of fragments in flight.
-  std::size_t open_bytes_ = 0;
   std::uint32_t train_bytes_ = 0;
-  // The newest train that the peer has told of. The records of its packets may be gone.
-  struct TrainSent {
-    // Its first packet: its number, when it left, and its train_bytes.
-    std::uint64_t number = 0;
-    TimePoint at{};
-    std::uint32_t from = 0;
-    // The packets up to this one were looked at; how many of them are data-sized, and what counts
-    // of the last of these.
-    std::uint64_t seen = 0;
-    std::uint32_t left = 1;
-    TimePoint last_at{};
-    bool last_waited = false;
-    bool last_is_probe = false;
-    Duration pause{};
-  };
-  void find_pause(std::uint64_t last);
-  TrainSent train_;
+  std::size_t open_bytes_ = 0;
+  SentTrain train_;
   link::DeliveryRate delivery_;
   // The largest number that has arrived; of the packet that left last of all that have arrived,
   // when it left and its round trip; and the path's smallest one.
@@ -251,12 +190,8 @@ class SentPackets {
   bool ect_ = false;
   // How often sent_at() was asked since anything happened to a fragment; and from the
   // kLookupsToIndex-th time on the fragments in flight, ordered, of each the newest copy last.
-  struct Copy {
-    Piece piece;
-    TimePoint at{};
-  };
-  std::uint32_t lookups_ = 0;
-  std::vector<Copy> copies_;
+  mutable std::uint32_t lookups_ = 0;
+  mutable std::vector<std::pair<Piece, TimePoint>> copies_;
   link::PathMtu::Told sizes_;
   std::vector<Settled> settled_;
   std::vector<Run> runs_;

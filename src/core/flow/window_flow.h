@@ -11,11 +11,12 @@
 #include "core/wire/window.h"
 #include "interneuron/few.h"
 #include "interneuron/link.h"
+#include "interneuron/sizes.h"
 #include "interneuron/units.h"
 
 namespace interneuron::flow {
 
-// Sender owns one, and fills and empties it (sender_window.cc). All small coded messages to a peer
+// Sender owns one, and fills and empties it (plan_windows.cc). All small coded messages to a peer
 // are one flow, whatever their channels: the more there are, the less each pays for a symbol.
 //
 // Plain values. Memory: symbols that wait keep theirs for the next ones, at most kMostSymbols of

@@ -67,7 +67,7 @@ class RoundLedger {
   std::optional<TimePoint> next_timeout() const;
   const PipelineConfig& config() const { return config_; }
   // The guard of the stages that end here.
-  StageGuard& observer() { return *observer_; }
+  StageGuard& stage_guard() { return *observer_; }
 
  private:
   struct Open {

@@ -17,7 +17,7 @@ constexpr double kDepth = kBitsPerSecond;
 constexpr double kStartBudget = 2e6;
 // The first train of a path nobody has used yet: 4 ms at 100 Mbit/s.
 constexpr std::uint32_t kStartTrain = 32;
-// Fewer packets are no train (src/core/flow/receiver.cc).
+// Fewer packets are no train (src/core/flow/path_receiver.cc).
 constexpr std::uint32_t kLeastTrain = 3;
 // The longest train takes 10 ms at 1.1 Gbit/s and 79 s of the budget.
 constexpr std::uint32_t kMostTrain = 1'000;

@@ -5,11 +5,8 @@
 #include <utility>
 
 #include "core/base/earliest.h"
-#include "core/messages/routes.h"
-#include "core/plan/carriers.h"
 #include "core/plan/plan_message.h"
 #include "core/wire/plain_header.h"
-#include "interneuron/sizes.h"
 
 namespace interneuron {
 namespace {
@@ -17,9 +14,10 @@ namespace {
 // How long beyond a round trip after the deadline a fate is waited for (send.h). Feedback comes
 // 5 ms after a message at the latest (src/core/peers/feedback_due.h), so that several may be lost.
 constexpr Duration kGrace = std::chrono::milliseconds(50);
-// How often channels that were refused are looked at again, and senders asked what they have given
-// up. No measurement behind this value: it only has to be short against the deadlines of messages.
-constexpr Duration kLookAgain = std::chrono::milliseconds(10);
+// How often it is checked whether channels that were refused can send again, and what senders have
+// given up. No measurement behind this value: it only has to be short against the deadlines of
+// messages.
+constexpr Duration kRecheck = std::chrono::milliseconds(10);
 // Longer than this a fate is not waited for beyond the deadline, whatever round-trip time the peer
 // makes us measure. No measurement behind it: cellular links with full queues take some hundred
 // milliseconds.
@@ -27,25 +25,6 @@ constexpr Duration kLongestRoundTrip = std::chrono::seconds(2);
 // A channel that could not send again for so long is not told any more. No measurement behind this
 // value: an application that still wants to send has asked again long since.
 constexpr Duration kLongestWait = std::chrono::seconds(10);
-
-wire::MessageBytes with(const wire::PlainHeader& header, Bytes payload) {
-  std::array<std::byte, wire::kPlainHeaderBytes> bytes;
-  wire::write_plain_header(bytes, header);
-  return {bytes, std::move(payload)};
-}
-
-std::uint32_t to_us(Duration d) {
-  return static_cast<std::uint32_t>(
-      std::chrono::ceil<std::chrono::microseconds>(std::min(d, kLongestDeadline)).count());
-}
-
-flow::PathSet allowed_of(const Policy& policy, std::span<const LinkState> links) {
-  flow::PathSet allowed;
-  for (const LinkState& link : links) {
-    if (policy.allows(link)) allowed.add(link.id);
-  }
-  return allowed;
-}
 
 // What is wrong with a message by itself.
 std::optional<SendStatus> fault(const Variants& variants, const SendOptions& options) {
@@ -58,52 +37,73 @@ std::optional<SendStatus> fault(const Variants& variants, const SendOptions& opt
   return std::nullopt;
 }
 
-// The rate that brings the best variant within half of its time; the other half is for the way and
-// for queues.
-DataRate rate_wanted(std::span<const std::size_t> sizes, Duration deadline) {
-  return rate_of(wire_size(sizes.front()), deadline / 2);
+QoS qos_of(const SendOptions& options) {
+  QoS qos{.deadline = options.deadline};
+  qos.needs.delay = 1.0;
+  return qos;
 }
 
-Few<std::size_t, kMaxVariants> sizes_of(const Variants& variants) {
-  Few<std::size_t, kMaxVariants> sizes;
-  for (const Bytes& variant : variants) sizes.push_back(variant.size());
-  return sizes;
+// What the chances of a message are judged by.
+Outlook outlook_of(PeerId to, const SendOptions& options, std::size_t bytes,
+                   std::span<const LinkState> links, const Routes& routes) {
+  Outlook outlook{.peer = to, .deadline = options.deadline, .bytes = bytes};
+  if (routes.first) {
+    const LinkState& link = *std::ranges::find(links, routes.first->link, &LinkState::id);
+    outlook.has_link = true;
+    outlook.refused = routes.first->is_hopeless;
+    outlook.expected = routes.first->expected;
+    outlook.least = routes.first->least;
+    outlook.path = link.path;
+    outlook.rate = link.rate;
+    outlook.share = link.share;
+  }
+  return outlook;
 }
 
-const LinkState& find(std::span<const LinkState> links, LinkId id) {
-  return *std::ranges::find(links, id, &LinkState::id);
+// For how long beyond the deadline the peer's word of a message may take: the longest round trip of
+// the links that it sets out over.
+Duration round_trip(const Itinerary& itinerary, std::span<const LinkState> links) {
+  Duration longest{};
+  for (const Carriers& c : itinerary) {
+    for (const LinkId id : c.links) {
+      longest = std::max(longest, std::ranges::find(links, id, &LinkState::id)->rtt_p50);
+    }
+  }
+  return std::min(longest, kLongestRoundTrip);
 }
 
 }  // namespace
 
-Messages::Messages(const PolicySet& policies, Peers& peers, std::deque<Event>& events)
-    : peers_(peers), events_(events) {
-  for (const auto& policy : policies) policies_.emplace(policy->name(), policy);
-}
-
-const Policy& Messages::rule(const std::string& name) const {
-  const auto it = policies_.find(name);
-  if (it == policies_.end()) {
-    throw std::invalid_argument("send: policy '" + name + "' is not registered");
-  }
-  return *it->second;
-}
+Messages::Messages(const PolicyRegistry& policies, Peers& peers, std::deque<Event>& events)
+    : policies_(policies), peers_(peers), events_(events) {}
 
 // --- sending
 
 SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const SendOptions& asked) {
   SendOptions options = asked;
   options.deadline = std::min(options.deadline, kLongestDeadline);
-  const Policy& policy = rule(options.policy);
+  const Policy* policy = policies_.find(options.policy);
+  if (policy == nullptr) {
+    throw std::invalid_argument("send: policy '" + options.policy + "' is not registered");
+  }
   if (const auto wrong = fault(variants, options)) return {*wrong};
-  Peer* peer = peers_.find(now, to);
+  Peer* peer = peers_.access(now, to);
   if (peer == nullptr) return {SendStatus::kNoPeer};
   const Sizes sizes = sizes_of(variants);
+  const Links links = peer->links(now);
   Routes routes;
-  SendResult result = plan(now, *peer, sizes, options, routes);
+  SendResult result = plan(now, *peer, *policy, links, sizes, options, routes);
   const auto may_change = {SendStatus::kNoLink, SendStatus::kCannotArrive, SendStatus::kOverBudget};
   if (std::ranges::find(may_change, result.status) != may_change.end()) {
     wait({to, sizes, options, now});
+  }
+  // Tells what is expected of the message; nothing here is decided by it.
+  Outlook outlook;
+  double on_time = 0;
+  if (result.accepted() || result.status == SendStatus::kCannotArrive) {
+    outlook = outlook_of(to, options, sizes.front(), links, routes);
+    on_time = forecasts_.predict(outlook);
+    result.on_time = on_time;
   }
   if (!result.accepted()) return result;
 
@@ -116,39 +116,22 @@ SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const Sen
   header.channel = options.channel;
   header.importance = options.importance;
   header.newest_only = options.newest_only;
-  const Links links = peer->links(now);
   SentMessages::Entry entry{.peer = to,
                             .channel = options.channel,
                             .newest_only = options.newest_only,
                             .t0 = now,
                             .deadline = now + deadline,
-                            .ends = now + deadline + kGrace,
-                            .wanted = rate_wanted({sizes.data(), sizes.size()}, deadline)};
-  Duration round_trip{};
-  for (const Route& route : routes.routes) {
-    header.variant = route.variant;
-    const MessageId message = peer->send(
-        now, {.deadline = entry.deadline, .lifetime = deadline, .importance = options.importance},
-        with(header, std::move(variants[route.variant])), route.links, allowed_of(policy, links),
-        wire::MessageKind::kPlain,
-        {route.divided, flow::PathSet::of(route.parity), flow::PathSet::of(route.shadow)});
-    entry.variants.push_back({message, route.variant});
-    for (const LinkId id : route.links) {
-      round_trip = std::max(round_trip, find(links, id).rtt_p50);
-    }
+                            .ends = now + deadline + kGrace + round_trip(routes.itinerary, links),
+                            .wanted = rate_wanted(qos_of(options), sizes.front())};
+  const flow::Sender::Times times{
+      .deadline = entry.deadline, .lifetime = deadline, .importance = options.importance};
+  for (const Dispatched& d : dispatch(now, *peer, header, routes.itinerary, times,
+                                      allowed_of(*policy, links), variants)) {
+    entry.variants.push_back({d.message, d.variant});
   }
-  for (std::size_t v = 0; v < variants.size(); ++v) {
-    if (!routes.standing_by(v)) continue;
-    header.variant = static_cast<std::uint8_t>(v);
-    const MessageId message =
-        peer->add_alternative(now, entry.variants.back().message,
-                              with(header, std::move(variants[v])), routes.shadow_of(v));
-    entry.variants.push_back({message, header.variant});
-  }
-  entry.ends += std::min(round_trip, kLongestRoundTrip);
   result.id = sent_.add(entry);
-  forecasts_.sent(result.id, routes.outlook, routes.prediction);
-  if (!collect_at_) collect_at_ = now + kLookAgain;
+  forecasts_.sent(result.id, outlook, on_time);
+  if (!collect_at_) collect_at_ = now + kRecheck;
   return result;
 }
 
@@ -163,61 +146,57 @@ std::uint32_t Messages::next_id(TimePoint now, const Peer& peer) {
 }
 
 // Whether the message may be sent, and by which routes.
-SendResult Messages::plan(TimePoint now, Peer& peer, const Sizes& sizes, const SendOptions& options,
+SendResult Messages::plan(TimePoint now, Peer& peer, const Policy& policy, const Links& links,
+                          std::span<const std::size_t> sizes, const SendOptions& options,
                           Routes& routes) const {
-  const Policy& policy = rule(options.policy);
-  const Links links = peer.links(now);
   if (std::ranges::none_of(links, &LinkState::up)) return {SendStatus::kNoLink};
-  QoS qos{.deadline = options.deadline};
-  qos.needs.delay = 1.0;
-  const std::span<const std::size_t> span(sizes.data(), sizes.size());
-  const Plan plan = plan_message(policy, {qos, span}, links, {.time_left = options.deadline});
-  const bool best_is_sent = !plan.sends.empty() && best_planned(plan) == 0;
-  if (!best_is_sent || plan.under_floor) peer.want(now, rate_wanted(span, options.deadline));
-  if (plan.sends.empty()) {
+  const QoS qos = qos_of(options);
+  const Plan plan = plan_message(policy, {qos, sizes}, links, {.time_left = options.deadline});
+  const Itinerary planned(plan);
+  seek_rate(now, peer, plan, planned, qos, sizes.front());
+  if (planned.empty()) {
     const bool allowed = std::ranges::any_of(
         links, [&policy](const LinkState& l) { return l.up && policy.allows(l); });
     return {.status = allowed ? SendStatus::kPolicyRefuses : SendStatus::kLinkRestricted,
             .reason = plan.refused};
   }
-  routes = routes_of(now, peer, plan, links, span, options.deadline, options.importance);
-  routes.prediction = forecasts_.predict(routes.outlook);
-  const double on_time = routes.prediction.probability;
-  if (routes.routes.empty()) {
-    peer.want(now, rate_wanted(span, options.deadline));
-    return {.status = SendStatus::kCannotArrive, .expected = routes.expected, .on_time = on_time};
+  routes = routes_of(now, peer, planned, links, sizes, options);
+  if (routes.itinerary.empty()) {
+    peer.want(now, rate_wanted(qos, sizes.front()));
+    return {.status = SendStatus::kCannotArrive, .expected = routes.expected};
   }
-  const std::size_t bytes = routes.bytes(span);
+  const std::size_t bytes = routes.itinerary.bytes(sizes, wire::MessageKind::kPlain);
   if (!sent_.has_room(peer.identity().id) || bytes > peers_.send_room(peer.identity().id)) {
     return {SendStatus::kOverBudget};
   }
-  return {.status = SendStatus::kAccepted, .expected = routes.expected, .on_time = on_time};
+  return {.status = SendStatus::kAccepted, .expected = routes.expected};
 }
 
 // A newer message of the channel is about to be sent: what has not left of the others need not.
 void Messages::supersede(TimePoint now, PeerId to, std::uint16_t channel) {
-  Peer* peer = peers_.find(now, to);
+  Peer* peer = peers_.access(now, to);
   for (const SendId id : sent_.to(to)) {
     const SentMessages::Entry& entry = *sent_.find(id);
     if (!entry.newest_only || entry.channel != channel) continue;
-    const bool left = std::ranges::any_of(
-        entry.variants, [peer](const auto& v) { return !peer->is_surely_incomplete(v.message); });
+    const bool left = std::ranges::any_of(entry.variants, [peer](const auto& v) {
+      return !peer->sender().is_surely_incomplete(v.message);
+    });
     if (left) continue;
     stop(*peer, entry);
-    tell(sent_.end(id, Fate::kDropped, FateReason::kSuperseded));
+    report(sent_.end(id, Fate::kDropped, FateReason::kSuperseded));
   }
 }
 
 bool Messages::cancel(TimePoint now, SendId id) {
   const SentMessages::Entry* entry = sent_.find(id);
   if (entry == nullptr) return false;
-  if (Peer* peer = peers_.find(now, entry->peer)) stop(*peer, *entry);
-  tell(sent_.end(id, Fate::kDropped, FateReason::kCancelled));
+  if (Peer* peer = peers_.access(now, entry->peer)) stop(*peer, *entry);
+  report(sent_.end(id, Fate::kDropped, FateReason::kCancelled));
   return true;
 }
 
 void Messages::stop(Peer& peer, const SentMessages::Entry& entry) {
-  for (const SentMessages::Variant& v : entry.variants) peer.cancel(v.message);
+  for (const SentMessages::Variant& v : entry.variants) peer.sender().cancel(v.message);
 }
 
 // --- what can send again
@@ -228,14 +207,17 @@ void Messages::wait(const Waiting& channel) {
   });
   if (waiting_.size() >= kMaxWaiting) waiting_.erase(waiting_.begin());
   waiting_.push_back(channel);
-  if (!look_at_) look_at_ = channel.since + kLookAgain;
+  if (!recheck_at_) recheck_at_ = channel.since + kRecheck;
 }
 
 // By the same decision as send().
 bool Messages::would_accept(TimePoint now, const Waiting& waiting) {
-  Peer* peer = peers_.find(now, waiting.peer);
+  Peer* peer = peers_.access(now, waiting.peer);
+  if (peer == nullptr) return false;
   Routes routes;
-  return peer != nullptr && plan(now, *peer, waiting.sizes, waiting.options, routes).accepted();
+  const Policy& policy = *policies_.find(waiting.options.policy);
+  return plan(now, *peer, policy, peer->links(now), waiting.sizes, waiting.options, routes)
+      .accepted();
 }
 
 // --- receiving
@@ -300,29 +282,29 @@ void Messages::settle(TimePoint now, Peer& peer, const Settled& settled) {
     case Kind::kComplete:
       // The other variants would only take room from messages that still count.
       stop(peer, *entry);
-      return tell(sent_.delivered(id, settled.message, when));
+      return report(sent_.delivered(id, settled.message, when));
     case Kind::kGivenUp:
       peer.want(now, entry->wanted);
-      return tell(sent_.dropped(id, settled.message, FateReason::kCannotArrive));
+      return report(sent_.dropped(id, settled.message, FateReason::kCannotArrive));
     case Kind::kIncomplete:
-      return tell(sent_.dropped(id, settled.message, FateReason::kExpired));
+      return report(sent_.dropped(id, settled.message, FateReason::kExpired));
     case Kind::kDroppedThere:
       // Only one of a channel of which the newest counts is dropped while it is in time.
       if (entry->newest_only && when.age + when.error <= entry->deadline - entry->t0) {
-        return tell(sent_.dropped(id, settled.message, FateReason::kSuperseded));
+        return report(sent_.dropped(id, settled.message, FateReason::kSuperseded));
       }
-      return tell(sent_.late(id, settled.message, when));
+      return report(sent_.late(id, settled.message, when));
     case Kind::kRefused: {
-      peer.cancel(settled.message);
+      peer.sender().cancel(settled.message);
       // The peer names in one list what found no room and what it has waited for in vain.
       const bool is_over = now >= entry->deadline;
-      return tell(sent_.dropped(id, settled.message,
-                                is_over ? FateReason::kExpired : FateReason::kRefusedByPeer));
+      return report(sent_.dropped(id, settled.message,
+                                  is_over ? FateReason::kExpired : FateReason::kRefusedByPeer));
     }
   }
 }
 
-void Messages::tell(std::optional<MessageFate> fate) {
+void Messages::report(std::optional<MessageFate> fate) {
   if (!fate) return;
   forecasts_.settled(*fate);
   events_.emplace_back(*fate);
@@ -332,33 +314,33 @@ void Messages::expire(TimePoint now) {
   if (collect_at_ && *collect_at_ <= now) {
     sent_.peers(asked_);
     for (const PeerId id : asked_) {
-      if (Peer* peer = peers_.find(now, id)) collect(now, *peer);
+      if (Peer* peer = peers_.access(now, id)) collect(now, *peer);
     }
-    collect_at_ = now + kLookAgain;
+    collect_at_ = now + kRecheck;
   }
   if (!sent_.first_end()) collect_at_.reset();
   while (const auto id = sent_.ended(now)) {
-    tell(sent_.end(*id, Fate::kUnknown, FateReason::kExpired));
+    report(sent_.end(*id, Fate::kUnknown, FateReason::kExpired));
   }
-  if (!look_at_ || *look_at_ > now) return;
+  if (!recheck_at_ || *recheck_at_ > now) return;
   std::erase_if(waiting_, [this, now](const Waiting& w) {
     const bool again = would_accept(now, w);
     if (again) events_.emplace_back(CanSend{w.peer, w.options.channel});
-    return again || now - w.since >= kLongestWait || peers_.find(now, w.peer) == nullptr;
+    return again || now - w.since >= kLongestWait || peers_.access(now, w.peer) == nullptr;
   });
-  look_at_.reset();
-  if (!waiting_.empty()) look_at_ = now + kLookAgain;
+  recheck_at_.reset();
+  if (!waiting_.empty()) recheck_at_ = now + kRecheck;
 }
 
 std::optional<TimePoint> Messages::next_timeout() const {
-  return earliest(sent_.first_end(), look_at_, collect_at_);
+  return earliest(sent_.first_end(), recheck_at_, collect_at_);
 }
 
 void Messages::forget(PeerId peer) {
   next_ids_.erase(peer);
   received_.forget(peer);
   for (const SendId id : sent_.to(peer)) {
-    tell(sent_.end(id, Fate::kUnknown, FateReason::kPeerGone));
+    report(sent_.end(id, Fate::kUnknown, FateReason::kPeerGone));
   }
   forecasts_.forget(peer);
 }

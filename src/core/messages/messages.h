@@ -9,24 +9,24 @@
 
 #include <deque>
 #include <map>
-#include <memory>
 #include <optional>
-#include <string>
+#include <span>
 #include <vector>
 
+#include "core/dispatch/routes.h"
 #include "core/messages/on_time_forecast.h"
 #include "core/messages/received_messages.h"
-#include "core/messages/routes.h"
 #include "core/messages/sent_messages.h"
 #include "core/peers/peers.h"
+#include "core/plan/policies.h"
 #include "interneuron/endpoint.h"
 
 namespace interneuron {
 
 class Messages {
  public:
-  // What happens is appended to `events`; it and `peers` must outlive this.
-  Messages(const PolicySet& policies, Peers& peers, std::deque<Event>& events);
+  // What happens is appended to `events`; it, `policies` and `peers` must outlive this.
+  Messages(const PolicyRegistry& policies, Peers& peers, std::deque<Event>& events);
 
   // The commands of Endpoint, in its own time. Throws std::invalid_argument when there is no such
   // policy.
@@ -47,8 +47,6 @@ class Messages {
   const EndpointCounters& counters() const { return counters_; }
 
  private:
-  // Of the variants of a message.
-  using Sizes = Few<std::size_t, kMaxVariants>;
   // The channel of a message that was refused, which `options` name.
   struct Waiting {
     PeerId peer{};
@@ -57,31 +55,31 @@ class Messages {
     TimePoint since{};
   };
   // Channels that are told when they can send again. No measurement behind this value: it only has
-  // to bound what is looked at every kLookAgain.
+  // to bound what is looked at every kRecheck.
   static constexpr std::size_t kMaxWaiting = 64;
 
-  const Policy& rule(const std::string& name) const;
   std::uint32_t next_id(TimePoint now, const Peer& peer);
-  SendResult plan(TimePoint now, Peer& peer, const Sizes& sizes, const SendOptions& options,
+  SendResult plan(TimePoint now, Peer& peer, const Policy& policy, const Links& links,
+                  std::span<const std::size_t> sizes, const SendOptions& options,
                   Routes& routes) const;
   void supersede(TimePoint now, PeerId peer, std::uint16_t channel);
   void wait(const Waiting& channel);
   bool would_accept(TimePoint now, const Waiting& waiting);
   void settle(TimePoint now, Peer& peer, const Settled& settled);
-  void tell(std::optional<MessageFate> fate);
+  void report(std::optional<MessageFate> fate);
   void stop(Peer& peer, const SentMessages::Entry& entry);
 
+  const PolicyRegistry& policies_;
   Peers& peers_;
   std::deque<Event>& events_;
-  std::map<std::string, std::shared_ptr<const Policy>, std::less<>> policies_;
   SentMessages sent_;
   ReceivedMessages received_;
   OnTimeForecasts forecasts_;
   std::vector<Waiting> waiting_;
   // What the next message to each peer is called on its way.
   std::map<PeerId, std::uint32_t> next_ids_;
-  // When the channels that wait are looked at again; nothing while none waits.
-  std::optional<TimePoint> look_at_;
+  // When it is checked again whether the channels that wait can send; nothing while none waits.
+  std::optional<TimePoint> recheck_at_;
   // When the senders are asked what they have given up; nothing while no message is open.
   std::optional<TimePoint> collect_at_;
   // The peers that are asked, while expire() runs.

@@ -1,3 +1,4 @@
+// Why a message was refused, and what became of one, in words.
 #include "interneuron/send.h"
 
 namespace interneuron {

@@ -1,74 +1,90 @@
 // How likely it is that a message is at the other end by its deadline. Pure.
 #pragma once
 
-#include <cstdint>
+#include <cstddef>
 #include <map>
+#include <optional>
 
-#include "core/messages/on_time_record.h"
-#include "core/messages/on_time_weights.h"
-#include "core/messages/outlook.h"
+#include "interneuron/link.h"
+#include "interneuron/message.h"
 #include "interneuron/send.h"
+#include "interneuron/units.h"
 
 namespace interneuron {
 
-// Which of the laws (src/core/messages/on_time_law.h) a message is judged by.
-enum class OnTimeCase : std::uint8_t { kIdle, kLoaded, kRefused };
-
-// What is predicted of a message; a plain value.
-struct OnTimePrediction {
-  // P(on time), in (0, 1).
-  double probability = 0;
-  // The log odds before the bias of the peer, beside which what becomes of the message is learnt.
-  double unbiased = 0;
+// What is known of a message when send() is called, as far as its chances depend on it. Plain
+// values.
+struct Outlook {
+  PeerId peer{};
+  Duration deadline{};
+  // Bytes of the best variant.
+  std::size_t bytes = 0;
+  // The message will not be sent, because it is expected too late.
+  bool refused = true;
+  // When the first variant that sets out should be there (SendResult::expected), and when the
+  // smallest one would be if our own sender sent nothing before it. Nothing: not known.
+  std::optional<Duration> expected{};
+  std::optional<Duration> least{};
+  // The state of the link that is expected to bring it.
+  PathState path = PathState::kOk;
+  DataRate rate{};
+  DataRate share{};
+  // Whether a link was considered.
+  bool has_link = false;
 };
 
-// Predicts P(on time) of messages to the peers of an endpoint, in three steps:
-//
-// 1. A law, fixed and fitted offline, weighs what is expected of the message, the state of its link
-//    and the record of earlier messages to the same peer (a logistic regression).
-// 2. Its knots put what it says right, by what was seen offline (a monotone recalibration).
-// 3. The bias of the peer puts that right, by what became of its messages since (OnTimeBias). So
-//    predictions come right again where the transport, or the network, is not what the laws were
-//    fitted to.
-//
-// A refused message has no fate: for it there are the first two steps alone, and no record. What is
+// Predicts P(on time) of messages to the peers of an endpoint: a logistic law, fixed and fitted
+// offline, weighs a few factors of the message, of its link and of what became of earlier messages
+// to the same peer; the drift of the peer is added, by which its fates so far differed from what
+// was predicted. So predictions come right again where the transport, or the network, is not what
+// the law was fitted to. A refused message has no fate: it is judged without the drift. What is
 // predicted decides nothing, so it cannot feed back.
 //
-// Owned by Messages, which tells it of every message that is judged, accepted and settled, each
-// once. Memory: some 200 bytes per peer until forget(), and some 200 per message under way, which
-// SentMessages bounds; predict() allocates nothing. Logarithmic time per call. A peer decides by
-// its reports what its own record holds, and so spoils what is predicted of messages to itself
-// alone. Pure; thread-compatible; never throws but std::bad_alloc.
+// Owned by Messages, which tells it of every message that is accepted and settled, each once.
+// Memory: some 100 bytes per peer until forget(), and per message under way, which SentMessages
+// bounds; predict() allocates nothing. Logarithmic time per call. A peer decides by its reports
+// what its own record holds, and so spoils what is predicted of messages to itself alone. Pure;
+// thread-compatible; never throws but std::bad_alloc.
 class OnTimeForecasts {
  public:
-  explicit OnTimeForecasts(const OnTimeLaws& laws = kOnTimeLaws) : laws_(laws) {}
-  OnTimePrediction predict(const Outlook& outlook) const;
+  // In (0, 1).
+  double predict(const Outlook& outlook) const;
   // The message, of which predict() said this, was accepted under this identifier. Others may have
   // been settled in between: those that it takes the place of.
-  void sent(SendId id, const Outlook& outlook, const OnTimePrediction& predicted);
-  // Its one fate. Nothing is learnt of messages that were cancelled or superseded, or whose peer is
-  // gone. Fates of messages that sent() was not told of are ignored.
+  void sent(SendId id, const Outlook& outlook, double predicted);
+  // The one fate of a message. Nothing is learnt of messages that were cancelled or superseded, or
+  // whose peer is gone. Fates of messages that sent() was not told of are ignored.
   void settled(const MessageFate& fate);
   // The peer has begun a new life, or is gone. Its messages are settled first.
   void forget(PeerId peer) { records_.erase(peer); }
 
-  // What predict() weighs, and by which law: for those that fit the laws.
-  OnTimeFeatures features(const Outlook& outlook) const;
-  OnTimeCase case_of(const Outlook& outlook) const;
-
  private:
+  // What is remembered of one peer. Sums and means forget: the newest messages count most.
+  struct Record {
+    // Messages with a fate, and those of them that were on time.
+    double messages = 0;
+    double on_time = 0;
+    // Seconds: by how much ages exceed what was expected, and how far from that they are.
+    double excess = 0;
+    double spread = 0.01;
+    // Bytes and number of messages under way.
+    std::size_t bytes_under_way = 0;
+    std::size_t under_way = 0;
+    // What is added to the log-odds of the law.
+    double drift = 0;
+  };
   struct UnderWay {
     PeerId peer{};
-    OnTimeRecord::Message message;
+    std::size_t bytes = 0;
+    Duration deadline{};
+    Duration expected{};
+    double predicted = 0;
   };
-  const OnTimeRecord& record(PeerId peer) const;
-  // After the second step.
-  double log_odds(const Outlook& outlook) const;
+  struct Factors;
+  static Factors factors(const Outlook& outlook, const Record& record);
+  static void learn(Record& record, const UnderWay& message, const MessageFate& fate);
 
-  OnTimeLaws laws_;
-  // Of a peer that nothing was sent to.
-  OnTimeRecord fresh_;
-  std::map<PeerId, OnTimeRecord> records_;
+  std::map<PeerId, Record> records_;
   std::map<SendId, UnderWay> under_way_;
 };
 

@@ -8,7 +8,7 @@
 // time, so that it can be checked without having been kept. Who sends the token back from there
 // does receive what is sent there. Tokens hold for kEpoch to twice that.
 //
-// Owned and fed by Peers. Anybody may ask from forged addresses: the challenges are then lost, and
+// Owned and fed by Gate. Anybody may ask from forged addresses: the challenges are then lost, and
 // of those that wait or would leave at more than kPerSecond the newest are dropped, so that memory
 // and the load of the link are bounded. Who asks without forging is asked again when its challenge
 // was dropped, since a peer that is not answered goes on asking. A token that was overheard is good
@@ -59,7 +59,6 @@ class AddressValidation {
   };
   // Writes the next challenge into `buffer`.
   std::optional<Leaving> poll(std::span<std::byte> buffer);
-  bool has_waiting() const { return !waiting_.empty(); }
 
  private:
   struct Waiting {

@@ -16,7 +16,7 @@ std::uint64_t next_random(std::uint64_t& state) {
 }
 
 template <class Map, class Where>
-void erase_one(Map& map, const Where& where, Directory::Key peer) {
+void erase_one(Map& map, const Where& where, Directory::Slot peer) {
   const auto [first, last] = map.equal_range(where);
   const auto it = std::find_if(first, last, [peer](const auto& e) { return e.second == peer; });
   if (it != last) map.erase(it);
@@ -27,17 +27,19 @@ void erase_one(Map& map, const Where& where, Directory::Key peer) {
 Directory::Hash::Hash(std::uint64_t seed)
     : multiplier(next_random(seed) | 1U), offset(next_random(seed)) {}
 
-void Directory::add_session(SessionId session, Key peer) {
+void Directory::add_session(SessionId session, Slot peer) {
   if (session.value != 0) sessions_.emplace(session, peer);
 }
 
-void Directory::remove_session(SessionId session, Key peer) { erase_one(sessions_, session, peer); }
+void Directory::remove_session(SessionId session, Slot peer) {
+  erase_one(sessions_, session, peer);
+}
 
-void Directory::add_address(LinkId nic, const Address& address, Key peer) {
+void Directory::add_address(LinkId nic, const Address& address, Slot peer) {
   addresses_.emplace(place_of(nic, address), peer);
 }
 
-void Directory::remove_address(LinkId nic, const Address& address, Key peer) {
+void Directory::remove_address(LinkId nic, const Address& address, Slot peer) {
   erase_one(addresses_, place_of(nic, address), peer);
 }
 

@@ -6,7 +6,7 @@
 // Randomized Algorithm for the Closest-Pair Problem", Dietzfelbinger et al.): two sessions chosen
 // without the seed meet with a chance of about 2 in the number of buckets. Addresses are those that
 // this side was told to connect to; nobody else chooses them, and an ordered map serves. Memory is
-// bounded by the peers there are and kRetired. Owned and fed by Peers. Pure; thread-compatible.
+// bounded by the peers there are and kRetired. Owned and fed by PeerTable. Pure; thread-compatible.
 #pragma once
 
 #include <cstdint>
@@ -25,7 +25,7 @@ namespace interneuron {
 
 class Directory {
  public:
-  using Key = std::uint32_t;
+  using Slot = std::uint32_t;
   // How many sessions that restarted peers had before are remembered: packets of theirs that come
   // late must not bring them back.
   static constexpr std::size_t kRetired = 64;
@@ -33,18 +33,18 @@ class Directory {
   explicit Directory(std::uint64_t seed) : sessions_(0, Hash(seed)), retired_(0, Hash(seed)) {}
 
   // The peer has this session from now on; 0 names nobody and is left out.
-  void add_session(SessionId session, Key peer);
-  void remove_session(SessionId session, Key peer);
-  // Calls visit(Key) for every peer of this session, in no particular order. There is more than one
-  // where we connected twice to the same host.
+  void add_session(SessionId session, Slot peer);
+  void remove_session(SessionId session, Slot peer);
+  // Calls visit(Slot) for every peer of this session, in no particular order. There is more than
+  // one where we connected twice to the same host.
   template <class Visit>
   void for_each(SessionId session, const Visit& visit) const {
     const auto [first, last] = sessions_.equal_range(session);
     for (auto it = first; it != last; ++it) visit(it->second);
   }
 
-  void add_address(LinkId nic, const Address& address, Key peer);
-  void remove_address(LinkId nic, const Address& address, Key peer);
+  void add_address(LinkId nic, const Address& address, Slot peer);
+  void remove_address(LinkId nic, const Address& address, Slot peer);
   // The same for every peer that is reached over this NIC at this address.
   template <class Visit>
   void for_each(LinkId nic, const Address& address, const Visit& visit) const {
@@ -70,8 +70,8 @@ class Directory {
     return {nic, address.size, address.raw};
   }
 
-  std::unordered_multimap<SessionId, Key, Hash> sessions_;
-  std::multimap<Place, Key> addresses_;
+  std::unordered_multimap<SessionId, Slot, Hash> sessions_;
+  std::multimap<Place, Slot> addresses_;
   std::unordered_set<SessionId, Hash> retired_;
   // The same, oldest first.
   std::deque<SessionId> retired_order_;

@@ -3,7 +3,6 @@
 #include <algorithm>
 
 #include "core/base/earliest.h"
-#include "core/link/nature.h"
 
 namespace interneuron {
 namespace {
@@ -22,57 +21,40 @@ constexpr Duration kClockSettles = std::chrono::seconds(1);
 // become so by a step of the peer's clock. No measurement behind this value: it only has to be what
 // event loops add by chance.
 constexpr Duration kRoundTripError = std::chrono::microseconds(500);
-// What may come at once is what the limits of rates let come in this time: links that were away for
-// a moment bring all that was under way. No measurement behind this value.
-constexpr Duration kBurst = std::chrono::milliseconds(250);
 
 }  // namespace
 
 Peer::Peer(const Identity& identity, TimePoint now)
     : identity_(identity),
+      paths_(identity.id),
       sender_(
           {.repair = identity.repair,
            .first_message = MessageId{static_cast<std::uint32_t>(
                std::chrono::floor<std::chrono::milliseconds>(now - identity.started).count())}}),
-      reassembler_({.bytes = identity.limits.reassembly_bytes,
-                    .messages = identity.limits.reassembly_messages,
-                    .life = identity.limits.longest_deadline}),
+      intake_(identity.limits, now),
       heard_at_(now),
-      feedback_(now),
-      refreshed_at_(now),
-      packets_(identity.limits.packets_per_second, kBurst),
-      messages_(identity.limits.messages_per_second, kBurst) {}
-
-Path* Peer::find(LinkId path) {
-  const auto it = std::ranges::find(paths_, path, &Path::id);
-  return it == paths_.end() ? nullptr : &*it;
-}
-
-const Path* Peer::find(LinkId path) const {
-  const auto it = std::ranges::find(paths_, path, &Path::id);
-  return it == paths_.end() ? nullptr : &*it;
-}
+      refreshed_at_(now) {}
 
 void Peer::add_path(TimePoint now, LinkId id, const Path::Nic& nic, const Address& address) {
-  if (Path* known = find(id)) {
+  if (Path* known = paths_.find(id)) {
     if (known->address() == address && known->nic().link == nic.link) return;
     known->move_to(now, nic, address);
   } else {
     if (paths_.size() >= wire::kMaxReports) return;
-    paths_.emplace_back(now, id, nic, address, identity_.connected);
-    sender_.add_path(id, paths_.back().datagram(), first_number(now));
+    const Path& added = paths_.add(now, id, nic, address, identity_.connected);
+    // Within one session packet numbers only grow, also when a peer or a path was forgotten and
+    // comes back: the other side may remember it and would drop smaller ones as duplicates. So
+    // numbers begin at the microseconds of our life so far, and the numbers of messages at the
+    // milliseconds; more than that are not sent on average.
+    const auto life = std::chrono::floor<std::chrono::microseconds>(now - identity_.started);
+    sender_.add_path(id, added.datagram(), 1 + static_cast<std::uint64_t>(life.count()));
   }
   refresh(now);
 }
 
-bool Peer::is_at(LinkId id, LinkId nic, const Address& address) const {
-  const Path* path = find(id);
-  return path != nullptr && path->nic().link == nic && path->address() == address;
-}
-
 void Peer::follow(TimePoint now, const wire::PacketHeader& header, const Path::Nic& nic,
                   const Address& address) {
-  const Path* known = find(header.link);
+  const Path* known = paths_.find(header.link);
   if (known != nullptr && header.number <= known->receiver.largest()) return;
   if (known == nullptr && paths_.size() >= wire::kMaxReports) drop_dead_path(now);
   add_path(now, header.link, nic, address);
@@ -84,36 +66,9 @@ void Peer::drop_dead_path(TimePoint now) {
   const auto dead = std::ranges::find_if(
       paths_, [](const Path& path) { return path.estimator.path() == PathState::kDead; });
   if (dead == paths_.end()) return;
-  sender_.remove_path(now, dead->id());
-  paths_.erase(dead);
-}
-
-bool Peer::may_challenge(TimePoint now, const wire::PacketHeader& header) {
-  Path* path = find(header.link);
-  if (path == nullptr) return true;
-  return header.number > path->receiver.largest() && path->may_challenge(now);
-}
-
-bool Peer::challenged(LinkId id, LinkId nic, const Address& address, const wire::Token& token) {
-  if (!is_at(id, nic, address)) return false;
-  find(id)->challenged(token);
-  return true;
-}
-
-bool Peer::request_train(TimePoint now, LinkId id) {
-  Path* path = find(id);
-  if (path == nullptr) return false;
-  path->probes.request_train(now);
-  return true;
-}
-
-// Within one session packet numbers only grow, also when a peer or a path was forgotten and comes
-// back: the other side may remember it and would drop smaller ones as duplicates. So numbers begin
-// at the microseconds of our life so far, and the numbers of messages at the milliseconds; more
-// than that are not sent on average.
-std::uint64_t Peer::first_number(TimePoint now) const {
-  return 1 + static_cast<std::uint64_t>(
-                 std::chrono::floor<std::chrono::microseconds>(now - identity_.started).count());
+  const LinkId id = dead->id();
+  sender_.remove_path(now, id);
+  paths_.remove(id);
 }
 
 void Peer::remove_nic(TimePoint now, LinkId nic) {
@@ -123,7 +78,7 @@ void Peer::remove_nic(TimePoint now, LinkId nic) {
     collect_changes(now, path);
     sender_.remove_path(now, path.id());
   }
-  std::erase_if(paths_, [nic](const Path& path) { return path.nic().link == nic; });
+  paths_.remove_nic(nic);
   refresh(now);
 }
 
@@ -131,12 +86,9 @@ void Peer::restart(TimePoint now, SessionId session) {
   identity_.session = session;
   ready_ = false;
   sender_.reset(now);
-  reassembler_.reset();
-  windows_.reset();
-  receipts_.reset();
+  intake_.reset();
   settlements_.reset();
   clock_.reset();
-  feedback_.forget();
   copy_over_.reset();
   for (Path& path : paths_) path.reset(now);
   refresh(now);
@@ -144,15 +96,14 @@ void Peer::restart(TimePoint now, SessionId session) {
 
 // --- input
 
-Peer::Input Peer::handle(TimePoint now, const wire::Packet& packet, const Datagram& datagram,
-                         std::size_t room) {
-  Input input;
-  if (!packets_.take(now)) {
-    strike(now, PeerLimit::kPacketRate);
-    input.limited = true;
-    return input;
+Peer::Outcome Peer::handle(TimePoint now, const wire::Packet& packet, const Datagram& datagram,
+                           std::size_t room) {
+  Outcome outcome;
+  if (!intake_.may_come(now)) {
+    outcome.limited = true;
+    return outcome;
   }
-  Path& path = *find(packet.header.link);
+  Path& path = *paths_.find(packet.header.link);
   const bool is_feedback = packet.header.type == wire::PacketType::kFeedback;
   using Role = flow::PathReceiver::Role;
   const Role role = is_feedback                                      ? Role::kNone
@@ -162,35 +113,51 @@ Peer::Input Peer::handle(TimePoint now, const wire::Packet& packet, const Datagr
   const bool is_new = packet.header.epoch != wire::kClearEpoch;
   if (!path.receiver.accept(now, packet.header.number, role, datagram.bytes.size() + kIpUdpBytes,
                             datagram.ecn, is_new)) {
-    input.duplicate = true;
-    return input;
+    outcome.duplicate = true;
+    return outcome;
   }
   heard_at_ = now;
   path.estimator.heard(now);
   collect_changes(now, path);
   if (is_feedback) {
-    handle_feedback(now, path, packet.feedback, input);
-    return input;
+    handle_feedback(now, path, packet.feedback, outcome);
+    return outcome;
   }
-  feedback_.arrived(now, path.receiver.gap());
-  if (!wire::is_used(packet.header.type)) return input;
+  intake_.feedback.arrived(now, path.receiver.gap());
+  if (!wire::is_used(packet.header.type)) return outcome;
   path.receiver.note_delay(session_time(now), packet.header.stamp_us);
   const bool is_window = packet.header.type == wire::PacketType::kWindow;
   if (is_window || packet.header.type == wire::PacketType::kData) {
     path.received_message(now, datagram.bytes.size() + kIpUdpBytes);
   }
-  if (is_window) windows_.symbol(now, packet.window, room);
-  if (packet.header.type != wire::PacketType::kData) return input;
-  if (take_piece(now, packet.data, room, input)) windows_.piece(packet.data);
-  return input;
+  if (is_window) intake_.remember(now, packet.window, room);
+  if (packet.header.type != wire::PacketType::kData) return outcome;
+  if (take_piece(now, packet.data, room, outcome)) intake_.remember(packet.data);
+  return outcome;
+}
+
+std::optional<Peer::Outcome> Peer::handle_computed(TimePoint now, std::size_t room) {
+  const auto data = intake_.poll_computed();
+  if (!data) return std::nullopt;
+  Outcome outcome;
+  take_piece(now, *data, room, outcome);
+  return outcome;
+}
+
+bool Peer::take_piece(TimePoint now, const wire::Data& data, std::size_t room, Outcome& outcome) {
+  flow::ClockBounds clocks{identity_.self, identity_.session, std::nullopt};
+  if (data.fragment.index == 0) clocks.peer_hi_min = clock_.hi_min(now);
+  const bool is_wanted = intake_.take_piece(now, data, clocks, room, outcome);
+  if (outcome.message) paths_.note_activity(now);
+  return is_wanted;
 }
 
 void Peer::handle_feedback(TimePoint now, Path& path, const wire::Feedback& feedback,
-                           Input& input) {
+                           Outcome& outcome) {
   path.receiver.exchange(now, PeerTime{Duration{feedback.u}});
   // Else it is meant for an earlier session of ours, or the peer has not heard us.
   if (feedback.echo != identity_.self) return;
-  if (!ready_) input.became_ready = ready_ = known_ = true;
+  if (!ready_) outcome.became_ready = ready_ = was_ready_ = true;
   settlements_.learn(feedback);
   sender_.set_windows((feedback.features & wire::kDecodesWindows) != 0);
   const auto clock = clock_.view(now);
@@ -204,7 +171,7 @@ void Peer::handle_feedback(TimePoint now, Path& path, const wire::Feedback& feed
       const PeerTime u{Duration{feedback.u}};
       const auto update = clock_.add(now, u, TimePoint{report.s.time_since_epoch()}, report.h);
       if (update == guard::ClockOffset::Update::kStepped) {
-        input.clock_stepped = true;
+        outcome.clock_stepped = true;
         clock_since_ = now;
         for (Path& p : paths_) p.clock_stepped();
       }
@@ -231,7 +198,7 @@ std::optional<TimePoint> Peer::left_at(TimePoint now, const wire::LinkReport& re
 }
 
 void Peer::learn_report(TimePoint now, const wire::LinkReport& report) {
-  Path* path = find(report.link);
+  Path* path = paths_.find(report.link);
   if (path == nullptr) return;
   const auto verdicts = sender_.report(now, report, path->estimator.rtt_min(now));
   path->learn(now, report, verdicts, sender_.take_use(now, path->id()));
@@ -240,7 +207,7 @@ void Peer::learn_report(TimePoint now, const wire::LinkReport& report) {
 
 // Collects what the traffic of a path says of it.
 void Peer::collect_changes(TimePoint now, Path& path) {
-  if (!take_changes(path)) return;
+  if (!paths_.note_changes(path)) return;
   refresh(now);
   relieve(now, path);
 }
@@ -254,23 +221,6 @@ void Peer::relieve(TimePoint now, const Path& path) {
   }
 }
 
-bool Peer::take_changes(Path& path) {
-  bool changed = false;
-  while (auto change = path.estimator.poll_change()) {
-    changed = true;
-    changes_.push_back(
-        {identity_.id, path.id(), change->from, change->to, std::move(change->reason)});
-  }
-  return changed;
-}
-
-std::optional<PathChanged> Peer::poll_change() {
-  if (changes_.empty()) return std::nullopt;
-  PathChanged change = std::move(changes_.front());
-  changes_.pop_front();
-  return change;
-}
-
 void Peer::look(TimePoint now) {
   if (now - refreshed_at_ >= kRefresh) refresh(now);
 }
@@ -282,7 +232,7 @@ void Peer::refresh(TimePoint now) {
   std::vector<LinkId> changed;
   while (look_again(now, changed)) {
   }
-  for (const LinkId id : changed) relieve(now, *find(id));
+  for (const LinkId id : changed) relieve(now, *paths_.find(id));
 }
 
 // Returns whether the state of a path has changed, and adds those paths.
@@ -297,16 +247,12 @@ bool Peer::look_again(TimePoint now, std::vector<LinkId>& changed) {
   }
   const std::size_t before = changed.size();
   for (Path& path : paths_) {
-    if (take_changes(path)) changed.push_back(path.id());
+    if (paths_.note_changes(path)) changed.push_back(path.id());
   }
   return changed.size() > before;
 }
 
 // --- time
-
-void Peer::note_activity(TimePoint now) {
-  for (Path& path : paths_) path.probes.active(now);
-}
 
 std::size_t Peer::handle_timeout(TimePoint now) {
   for (Path& path : paths_) {
@@ -318,17 +264,14 @@ std::size_t Peer::handle_timeout(TimePoint now) {
   }
   look(now);
   sender_.handle_timeout(now);
-  windows_.handle_timeout(now);
-  const std::size_t expired = reassembler_.expire(now);
-  tell_forgotten(now);
-  return expired;
+  return intake_.handle_timeout(now);
 }
 
 std::optional<TimePoint> Peer::next_timeout(TimePoint now) const {
-  auto next =
-      earliest(sender_.next_timeout(), reassembler_.next_timeout(), windows_.next_timeout());
+  auto next = earliest(sender_.next_timeout(), intake_.next_timeout());
   // Where it may not leave, only a path that comes back changes that.
-  if (feedback_.at() && reporter()) next = earliest(next, feedback_.at());
+  const auto feedback_at = intake_.feedback.at();
+  if (feedback_at && paths_.reporter()) next = earliest(next, feedback_at);
   for (const Path& path : paths_) {
     next = earliest(next, path.next_timeout(now));
     next = earliest(next, sender_.next_send(path.id()));
@@ -337,17 +280,6 @@ std::optional<TimePoint> Peer::next_timeout(TimePoint now) const {
 }
 
 // --- getters
-
-Links Peer::links(TimePoint now) const {
-  Links out;
-  for (const Path& path : paths_) {
-    LinkState state = path.state(now);
-    state.encrypted = identity_.encrypted;
-    out.push_back(std::move(state));
-  }
-  link::score(out);
-  return out;
-}
 
 Peer::Repairs Peer::repairs(LinkId nic) const {
   Repairs sum;

@@ -12,26 +12,6 @@ wire::PacketHeader Peer::header(TimePoint now, const Path& path, wire::PacketTyp
           identity_.self, number,    wire::send_stamp(session_time(now))};
 }
 
-// The fastest path that may carry feedback about all paths; of those but `first`, over which the
-// same is told, the fastest that may carry a copy.
-const Path* Peer::reporter(const Path* first) const {
-  const std::size_t size = wire::feedback_bytes(paths_.size()) + kIpUdpBytes;
-  const Path* best = nullptr;
-  // A path whose delay is not known yet ranks behind those that were measured, and so does one that
-  // is suspected.
-  const auto rank = [](const Path& p) {
-    const Duration d = p.estimator.one_way();
-    return std::pair(p.estimator.path() != PathState::kOk,
-                     d > Duration::zero() ? d : Duration::max());
-  };
-  for (const Path& path : paths_) {
-    if (!path.estimator.up()) continue;
-    if (first != nullptr && (&path == first || !path.may_copy(size))) continue;
-    if (best == nullptr || rank(path) < rank(*best)) best = &path;
-  }
-  return best;
-}
-
 TransmitParts Peer::send_feedback(TimePoint now, Path& path, std::span<const Path> about,
                                   std::span<std::byte> buffer) {
   wire::Feedback feedback;
@@ -40,8 +20,8 @@ TransmitParts Peer::send_feedback(TimePoint now, Path& path, std::span<const Pat
   feedback.features = wire::kDecodesWindows;
   for (const Path& p : about) feedback.reports.push_back(p.report(now));
   const bool about_all = about.size() == paths_.size();
-  receipts_.tell(now, about_all, feedback);
-  if (about_all && receipts_.has_untold()) feedback_.again(now);
+  intake_.receipts.tell(now, about_all, feedback);
+  if (about_all && intake_.receipts.has_untold()) intake_.feedback.again(now);
   const std::uint64_t number = sender_.take_number(now, path.id());
   const std::size_t size = wire::write_feedback(
       buffer, header(now, path, wire::PacketType::kFeedback, number), feedback);
@@ -53,16 +33,16 @@ TransmitParts Peer::send_feedback(TimePoint now, Path& path, std::span<const Pat
 // reports of. So another path that messages come over tells the same.
 std::optional<TransmitParts> Peer::poll_copy(TimePoint now, std::span<std::byte> buffer) {
   const auto link = std::exchange(copy_over_, std::nullopt);
-  Path* path = link ? find(*link) : nullptr;
+  Path* path = link ? paths_.find(*link) : nullptr;
   if (path == nullptr) return std::nullopt;
   const TransmitParts copy = send_feedback(now, *path, paths_, buffer);
   path->sent_copy(copy.size() + kIpUdpBytes);
   return copy;
 }
 
-// Before all else: until it is there the peer sends nothing to this address.
-std::optional<TransmitParts> Peer::poll_token(TimePoint now, std::span<std::byte> buffer) {
+std::optional<TransmitParts> Peer::poll_feedback(TimePoint now, std::span<std::byte> buffer) {
   for (Path& path : paths_) {
+    // Before all else: until it is there the peer sends nothing to this address.
     const auto token = path.take_token();
     if (!token) continue;
     const std::uint64_t number = sender_.take_number(now, path.id());
@@ -70,19 +50,14 @@ std::optional<TransmitParts> Peer::poll_token(TimePoint now, std::span<std::byte
         wire::write_token(buffer, header(now, path, wire::PacketType::kToken, number), *token);
     return TransmitParts{path.nic().link, path.address(), size};
   }
-  return std::nullopt;
-}
-
-std::optional<TransmitParts> Peer::poll_feedback(TimePoint now, std::span<std::byte> buffer) {
-  if (auto token = poll_token(now, buffer)) return token;
   if (auto copy = poll_copy(now, buffer)) return copy;
-  const Path* over = feedback_.is_due(now) ? reporter() : nullptr;
+  const Path* over = intake_.feedback.is_due(now) ? paths_.reporter() : nullptr;
   if (over != nullptr) {
-    feedback_.sent(now);
+    intake_.feedback.sent(now);
     for (Path& p : paths_) p.receiver.reported();
-    const Path* second = reporter(over);
+    const Path* second = paths_.reporter(over);
     if (second != nullptr) copy_over_ = second->id();
-    return send_feedback(now, *find(over->id()), paths_, buffer);
+    return send_feedback(now, *paths_.find(over->id()), paths_, buffer);
   }
   for (Path& path : paths_) {
     if (path.heartbeat_due(now)) return send_feedback(now, path, {&path, 1}, buffer);
@@ -90,19 +65,9 @@ std::optional<TransmitParts> Peer::poll_feedback(TimePoint now, std::span<std::b
   return std::nullopt;
 }
 
-TransmitParts Peer::send_probe(TimePoint now, Path& path, std::span<std::byte> buffer) {
-  const std::size_t size = path.datagram();
-  const std::uint64_t number = sender_.take_number(now, path.id(), size + kIpUdpBytes);
+TransmitParts Peer::write_probe(TimePoint now, const Path& path, std::uint64_t number,
+                                std::size_t size, std::span<std::byte> buffer) const {
   wire::write_probe(buffer, header(now, path, wire::PacketType::kProbe, number), size);
-  path.sent_probe(now, number);
-  return {path.nic().link, path.address(), size, {}, 0, path.ecn_bits()};
-}
-
-TransmitParts Peer::send_mtu_probe(TimePoint now, Path& path, std::size_t size,
-                                   std::span<std::byte> buffer) {
-  const std::uint64_t number = sender_.take_mtu_probe_number(now, path.id(), size + kIpUdpBytes);
-  wire::write_probe(buffer, header(now, path, wire::PacketType::kProbe, number), size);
-  path.sent_mtu_probe(now, number);
   return {path.nic().link, path.address(), size, {}, 0, path.ecn_bits()};
 }
 
@@ -129,8 +94,17 @@ std::optional<TransmitParts> Peer::poll_data(TimePoint now, Path& path,
 std::optional<TransmitParts> Peer::poll(TimePoint now, LinkId nic, std::span<std::byte> buffer) {
   for (Path& path : paths_) {
     if (path.nic().link != nic) continue;
-    if (const auto size = path.mtu_probe_due()) return send_mtu_probe(now, path, *size, buffer);
-    if (path.probe_due(now)) return send_probe(now, path, buffer);
+    if (const auto size = path.mtu_probe_due()) {
+      const auto number = sender_.take_mtu_probe_number(now, path.id(), *size + kIpUdpBytes);
+      path.sent_mtu_probe(now, number);
+      return write_probe(now, path, number, *size, buffer);
+    }
+    if (path.probe_due(now)) {
+      const std::size_t size = path.datagram();
+      const auto number = sender_.take_number(now, path.id(), size + kIpUdpBytes);
+      path.sent_probe(now, number);
+      return write_probe(now, path, number, size, buffer);
+    }
     if (auto transmit = poll_data(now, path, buffer)) return transmit;
   }
   return std::nullopt;
@@ -138,16 +112,12 @@ std::optional<TransmitParts> Peer::poll(TimePoint now, LinkId nic, std::span<std
 
 MessageId Peer::send(TimePoint now, const flow::Sender::Times& times, wire::MessageBytes message,
                      std::span<const LinkId> paths, const flow::PathSet& repairs,
-                     wire::MessageKind kind, const flow::Helpers& helpers) {
-  note_activity(now);
+                     wire::MessageKind kind, const flow::Protection& protection) {
+  paths_.note_activity(now);
   refresh(now);
   if (kind == wire::MessageKind::kPlain) settlements_.open();
   over_.assign(paths.begin(), paths.end());
-  return sender_.send(now, times, std::move(message), over_, repairs, kind, helpers);
-}
-
-void Peer::want(TimePoint now, DataRate rate) {
-  for (Path& path : paths_) path.probes.want(now, rate);
+  return sender_.send(now, times, std::move(message), over_, repairs, kind, protection);
 }
 
 }  // namespace interneuron

@@ -9,23 +9,26 @@
 namespace interneuron {
 namespace {
 
+// A list of revocations is worth its bytes for so long; it may take some of a slow link's time.
+constexpr Duration kRevocationsDeadline = std::chrono::seconds(10);
 // Links with a smaller MTU than IPv6 allows (1280) are not served better by smaller datagrams:
 // eight reports of feedback and the piece count of the largest message fit from here on.
 constexpr std::size_t kMinDatagramBytes = 1280 - kIpv6UdpBytes;
+
+// Whether no path to this peer is as it should be.
+bool is_out_of_reach(const Peer& peer) {
+  return std::ranges::none_of(
+      peer.paths(), [](const Path& path) { return path.estimator.path() == PathState::kOk; });
+}
 
 }  // namespace
 
 Peers::Peers(const Options& options)
     : options_(options),
-      directory_(options.secret.front()),
+      table_(options.secret.front()),
+      gate_({options.self, options.accept, options.started, options.secret, options.security}),
       reassembly_(options.reassembly_budget_bytes),
-      sending_(options.send_budget_bytes),
-      reflector_(options.self),
-      validation_(options.self, options.secret) {
-  if (options.security) {
-    sessions_.emplace(*options.security, options.self, options.accept, options.started);
-  }
-}
+      sending_(options.send_budget_bytes) {}
 
 void Peers::add_link(LinkId link, const LinkInfo& info) {
   links_[link].info = info;
@@ -34,17 +37,15 @@ void Peers::add_link(LinkId link, const LinkInfo& info) {
 
 std::vector<PathChanged> Peers::remove_link(TimePoint now, LinkId link) {
   links_[link].present = false;
-  reflector_.remove_link(link);
-  validation_.remove_link(link);
-  if (sessions_) sessions_->responder().remove_link(link);
+  gate_.remove_link(link);
   std::vector<PathChanged> changes;
   for (const PeerId id : ids()) {
-    Entry& entry = *entries_[by_id_.at(id)];
-    unlist_addresses(entry);
+    Entry& entry = *table_.find(id);
+    table_.unlist_addresses(entry);
     entry.peer.remove_nic(now, link);
-    list_addresses(entry);
+    table_.list_addresses(entry);
     touch(entry);
-    while (auto change = entry.peer.poll_change()) changes.push_back(std::move(*change));
+    while (auto change = entry.peer.paths().poll_change()) changes.push_back(std::move(*change));
   }
   return changes;
 }
@@ -57,91 +58,58 @@ PeerId Peers::connect(TimePoint now, std::span<const std::pair<LinkId, Address>>
       throw std::invalid_argument("connect: link " + std::to_string(link.value) + " was not added");
     }
   }
-  const std::optional<PublicKey> who = named || !sessions_ ? named : sessions_->trust().only_peer();
-  if (sessions_ && (!who || !sessions_->trust().may_connect(*who))) {
-    throw std::invalid_argument(who ? "connect: the key " + to_base64(*who) + " is not trusted"
-                                    : "connect: say which of the trusted peers this is");
-  }
-  if (sessions_ && sessions_->is_connected(*who)) {
-    throw std::invalid_argument("connect: " + to_base64(*who) + " is connected to already");
-  }
+  const std::optional<PublicKey> who = gate_.whom(named);
   Entry& entry = add(now, SessionId{}, true);
-  if (sessions_) sessions_->connect(now, entry.key, *who);
+  gate_.connect(now, entry.slot, who);
   for (const auto& [link, address] : addresses) {
     entry.peer.add_path(now, link, nic(link), address);
   }
-  list_addresses(entry);
+  table_.list_addresses(entry);
   touch(entry);
   return entry.peer.identity().id;
 }
 
 bool Peers::add_path(TimePoint now, PeerId id, LinkId link, const Address& address) {
-  Peer* peer = find(now, id);
+  Peer* peer = access(now, id);
   const auto it = links_.find(link);
   if (peer == nullptr || !peer->identity().connected || it == links_.end() || !it->second.present) {
     return false;
   }
-  const Entry& entry = *entries_[by_id_.at(id)];
-  unlist_addresses(entry);
+  const Entry& entry = *table_.find(id);
+  table_.unlist_addresses(entry);
   peer->add_path(now, link, nic(link), address);
-  list_addresses(entry);
-  if (sessions_) sessions_->path_added(now, entry.key);
-  return peer->has_path(link);
+  table_.list_addresses(entry);
+  gate_.path_added(now, entry.slot);
+  return peer->paths().has(link);
 }
 
 bool Peers::request_train(TimePoint now, PeerId id, LinkId link) {
-  Peer* peer = find(now, id);
-  return peer != nullptr && peer->request_train(now, link);
+  Peer* peer = access(now, id);
+  return peer != nullptr && peer->paths().request_train(now, link);
 }
 
 Peers::Entry& Peers::add(TimePoint now, SessionId session, bool connected) {
-  if (free_.empty()) {
-    free_.push_back(static_cast<Key>(entries_.size()));
-    entries_.emplace_back();
-  }
-  const Key key = free_.back();
-  free_.pop_back();
-  const PeerId id{next_++};
-  entries_[key] = std::make_unique<Entry>(
-      key,
-      Peer::Identity{id, options_.self, session, connected, options_.repair, options_.started,
-                     options_.limits, sessions_.has_value()},
-      now);
-  by_id_.emplace(id, key);
-  directory_.add_session(session, key);
-  if (!connected) ++unannounced_;
-  return *entries_[key];
+  return table_.add({{},
+                     options_.self,
+                     session,
+                     connected,
+                     options_.repair,
+                     options_.started,
+                     options_.limits,
+                     gate_.encrypts()},
+                    now);
 }
 
-// Only unannounced peers are ever forgotten, and their addresses are not listed.
+// Only peers that came unannounced are ever forgotten.
 void Peers::forget(Entry& entry) {
-  const Key key = entry.key;
-  --unannounced_;
   lost_.push_back({entry.peer.identity().id, entry.peer.known()});
-  directory_.remove_session(entry.peer.identity().session, key);
-  by_id_.erase(entry.peer.identity().id);
-  if (sessions_) sessions_->remove(key);
-  alarms_.remove(key);
-  turns_.forget(key);
+  gate_.remove(entry.slot);
+  alarms_.remove(entry.slot);
+  turns_.forget(entry.slot);
   reassembly_.change(entry.reassembly_bytes, 0);
   sending_.change(entry.sending_bytes, 0);
-  if (entry.touched) std::erase(touched_, key);
-  entries_[key].reset();
-  free_.push_back(key);
-}
-
-void Peers::list_addresses(const Entry& entry) {
-  if (!entry.peer.identity().connected) return;
-  for (const Path& path : entry.peer.paths()) {
-    directory_.add_address(path.nic().link, path.address(), entry.key);
-  }
-}
-
-void Peers::unlist_addresses(const Entry& entry) {
-  if (!entry.peer.identity().connected) return;
-  for (const Path& path : entry.peer.paths()) {
-    directory_.remove_address(path.nic().link, path.address(), entry.key);
-  }
+  if (entry.touched) std::erase(touched_, entry.slot);
+  table_.remove(entry);
 }
 
 Path::Nic Peers::nic(LinkId link) const {
@@ -150,93 +118,72 @@ Path::Nic Peers::nic(LinkId link) const {
   return {link, std::clamp(payload, kMinDatagramBytes, kMaxDatagramBytes), info.traits};
 }
 
-Peers::Received Peers::receive(TimePoint now, const Datagram& datagram) {
-  return sessions_ ? receive_sealed(now, datagram) : receive_clear(now, datagram);
+Peer* Peers::access(TimePoint now, std::optional<PeerId> id) {
+  Entry* const entry = id ? table_.find(*id) : nullptr;
+  if (entry == nullptr) return nullptr;
+  touch(*entry);
+  entry->peer.look(now);
+  return &entry->peer;
 }
 
-void Peers::count_strange(const Datagram& datagram, LinkCounters& counters, Received& out) {
-  out.other_version = wire::other_version(datagram.bytes);
-  ++(out.other_version ? counters.other_version_packets : counters.malformed_packets);
+Peer* Peers::access_only(TimePoint now) {
+  Entry* const entry = table_.only();
+  return entry == nullptr ? nullptr : access(now, entry->peer.identity().id);
 }
 
-void Peers::count_received(const wire::Packet& packet, const Datagram& datagram, bool is_served,
-                           LinkCounters& counters, const Received& out) {
-  if (!is_served || out.input.limited) {
-    ++counters.refused_packets;
-  } else if (out.input.duplicate) {
-    ++counters.duplicate_packets;
-  } else {
-    ++(wire::is_used(packet.header.type) ? counters.received_packets : counters.other_packets);
-    counters.received_bytes += datagram.bytes.size();
+// --- revocations
+
+bool Peers::take_revocations(ByteView bytes) {
+  if (!gate_.take_revocations(bytes)) return false;
+  for (const PeerId id : ids()) {
+    Entry& entry = *table_.find(id);
+    if (gate_.is_revoked(entry.slot)) {
+      // Who connected has nobody left to talk to: no packet of this peer is opened any more.
+      if (entry.peer.identity().connected) {
+        gate_.remove(entry.slot);
+      } else {
+        forget(entry);
+      }
+    } else {
+      touch(entry);
+    }
   }
+  return true;
 }
 
-void Peers::hand_over(TimePoint now, Entry& entry, const wire::Packet& packet,
-                      const Datagram& datagram, Received& out) {
-  touch(entry);
-  out.peer = &entry.peer;
-  out.input =
-      entry.peer.handle(now, packet, datagram, reassembly_.room(entry.peer.reassembly_bytes()));
-  account(entry);
-}
-
-bool Peers::is_token(TimePoint now, const wire::Packet& packet, const Datagram& datagram) const {
-  return packet.header.type == wire::PacketType::kToken &&
-         validation_.proves(now, packet.header, datagram, packet.token);
-}
-
-// Packets of a known path of a peer that came unannounced are taken wherever they come from; only
-// the path stays where it was. So nothing is lost while a peer proves its new address. The session
-// of a peer that we connected to is no secret, since it tells it to all who ask: its packets come
-// from where we have connected to, as its first one did.
-bool Peers::is_there(TimePoint now, Entry& entry, const wire::Packet& packet,
-                     const Datagram& datagram) {
+// What is lost of it is told again with the next session.
+void Peers::tell_revocations(TimePoint now, Entry& entry) {
+  const ByteView list = gate_.revocations();
+  if (list.empty()) return;
   Peer& peer = entry.peer;
-  const LinkId path = packet.header.link;
-  const bool moved = !peer.is_at(path, datagram.link, datagram.from);
-  if (peer.identity().connected) return !moved;
-  if (moved && is_token(now, packet, datagram)) {
-    peer.follow(now, packet.header, nic(datagram.link), datagram.from);
-  } else if (moved && peer.may_challenge(now, packet.header)) {
-    validation_.challenge(now, packet.header, datagram);
+  std::vector<LinkId> paths;
+  for (const Path& path : peer.paths()) {
+    if (path.usable()) paths.push_back(path.id());
   }
-  return peer.has_path(path);
-}
-
-bool Peers::reflect(TimePoint now, const wire::Packet& packet, const Datagram& datagram) {
-  const auto link = links_.find(datagram.link);
-  if (!options_.accept || link == links_.end() || !link->second.present) return false;
-  const EchoReflector::Asker asker{
-      validation_.proves(now, packet.header, datagram, packet.echo.token),
-      validation_.token(now, packet.header, datagram)};
-  return reflector_.take(now, packet, datagram, asker);
-}
-
-Peer* Peers::find(TimePoint now, std::optional<PeerId> id) {
-  if (!id) return nullptr;
-  const auto it = by_id_.find(*id);
-  if (it == by_id_.end()) return nullptr;
-  Entry& entry = *entries_[it->second];
+  if (!peer.ready() || paths.empty() || send_room(peer.identity().id) < list.size() ||
+      !gate_.take_turn_to_tell(now, entry.slot)) {
+    return;
+  }
+  flow::Sender::Times times;
+  times.deadline = now + kRevocationsDeadline;
+  times.lifetime = kRevocationsDeadline;
+  times.importance = 0;
+  peer.send(now, times, wire::MessageBytes(Bytes(list.begin(), list.end())),
+            std::span(paths).first(1), flow::kEveryPath, wire::MessageKind::kRevocations);
   touch(entry);
-  entry.peer.look(now);
-  return &entry.peer;
-}
-
-Peer* Peers::only(TimePoint now) {
-  return by_id_.size() == 1 ? find(now, by_id_.begin()->first) : nullptr;
 }
 
 // --- what is due, and whose turn it is
 
 void Peers::touch(Entry& entry) {
   mark(entry);
-  turns_.add(entry.key);
+  turns_.add(entry.slot);
 }
 
 void Peers::mark(Entry& entry) {
   if (entry.touched) return;
   entry.touched = true;
-  touched_.push_back(entry.key);
+  touched_.push_back(entry.slot);
 }
 
 void Peers::account(Entry& entry) {
@@ -244,34 +191,34 @@ void Peers::account(Entry& entry) {
     memory.change(known, held);
     known = held;
   };
-  note(reassembly_, entry.reassembly_bytes, entry.peer.reassembly_bytes());
-  note(sending_, entry.sending_bytes, entry.peer.sending_bytes());
+  note(reassembly_, entry.reassembly_bytes, entry.peer.intake().bytes());
+  note(sending_, entry.sending_bytes, entry.peer.sender().bytes());
 }
 
 // Whatever changes what a peer sends marks that peer.
 std::size_t Peers::sending_bytes() {
-  for (const Key key : touched_) account(*entries_[key]);
+  for (const auto slot : touched_) account(table_.at(slot));
   return sending_.used();
 }
 
 std::size_t Peers::send_room(PeerId id) {
   sending_bytes();
-  return sending_.room(entries_[by_id_.at(id)]->sending_bytes);
+  return sending_.room(table_.find(id)->sending_bytes);
 }
 
 TimePoint Peers::due_at(TimePoint now, const Entry& entry) const {
   TimePoint due = entry.peer.next_timeout(now).value_or(TimePoint::max());
-  if (sessions_) due = std::min(due, sessions_->next_timeout(entry.key).value_or(due));
+  due = std::min(due, gate_.next_timeout(entry.slot).value_or(due));
   if (entry.peer.identity().connected) return due;
-  return entry.peer.gone() ? now : std::min(due, entry.peer.heard_at() + kPeerSilence);
+  return entry.peer.paths().empty() ? now : std::min(due, entry.peer.heard_at() + kPeerSilence);
 }
 
 void Peers::set_alarms(TimePoint now) {
-  for (const Key key : touched_) {
-    Entry& entry = *entries_[key];
+  for (const auto slot : touched_) {
+    Entry& entry = table_.at(slot);
     entry.touched = false;
     account(entry);
-    alarms_.set(key, due_at(now, entry));
+    alarms_.set(slot, due_at(now, entry));
   }
   touched_.clear();
 }
@@ -280,20 +227,17 @@ Peers::Expired Peers::handle_timeout(TimePoint now) {
   Expired expired;
   set_alarms(now);
   due_.clear();
-  while (const auto key = alarms_.pop_due(now)) due_.push_back(*key);
-  for (const Key key : due_) {
-    Entry& entry = *entries_[key];
+  while (const auto slot = alarms_.pop_due(now)) due_.push_back(*slot);
+  for (const auto slot : due_) {
+    Entry& entry = table_.at(slot);
     Peer& peer = entry.peer;
     expired.messages += peer.handle_timeout(now);
-    if (sessions_) {
-      sessions_->set_out_of_reach(now, key, is_out_of_reach(peer));
-      sessions_->handle_timeout(now, key);
-      tell_revocations(now, entry);
-    }
+    gate_.handle_timeout(now, slot, is_out_of_reach(peer));
+    tell_revocations(now, entry);
     account(entry);
-    while (auto change = peer.poll_change()) expired.changes.push_back(std::move(*change));
-    const bool silent =
-        !peer.identity().connected && (now - peer.heard_at() >= kPeerSilence || peer.gone());
+    while (auto change = peer.paths().poll_change()) expired.changes.push_back(std::move(*change));
+    const bool silent = !peer.identity().connected &&
+                        (now - peer.heard_at() >= kPeerSilence || peer.paths().empty());
     if (silent) {
       // Not retired: a vehicle that was out of reach for long comes back with the same session.
       forget(entry);
@@ -305,39 +249,54 @@ Peers::Expired Peers::handle_timeout(TimePoint now) {
 }
 
 std::optional<TimePoint> Peers::next_timeout(TimePoint now) const {
-  std::optional<TimePoint> next = earliest(reflector_.next_timeout(), alarms_.earliest());
-  for (const Key key : touched_) next = earliest(next, due_at(now, *entries_[key]));
+  std::optional<TimePoint> next = earliest(gate_.next_answer(), alarms_.earliest());
+  for (const auto slot : touched_) next = earliest(next, due_at(now, table_.at(slot)));
   return next;
 }
 
 std::optional<TransmitParts> Peers::poll(TimePoint now, std::span<std::byte> buffer) {
-  if (const auto answer = poll_answers(now, buffer)) return count(*answer);
-  while (const auto key = turns_.feedback()) {
-    Entry& entry = *entries_[*key];
+  if (const auto answer = gate_.poll_answer(now, buffer)) return count(*answer);
+  while (const auto slot = turns_.feedback()) {
+    Entry& entry = table_.at(*slot);
     if (const auto initiation = poll_initiation(now, entry, buffer)) {
       mark(entry);
       return count(*initiation);
     }
     if (const auto transmit = entry.peer.poll_feedback(now, buffer)) {
       mark(entry);
-      if (const auto out = leave(now, entry, *transmit, buffer)) return count(*out);
+      if (const auto out = gate_.seal_for(now, entry.slot, *transmit, buffer)) return count(*out);
       continue;
     }
     turns_.feedback_done();
-    for (const Path& path : entry.peer.paths()) turns_.add(*key, path.nic().link);
+    for (const Path& path : entry.peer.paths()) turns_.add(*slot, path.nic().link);
   }
   while (const auto turn = turns_.data()) {
-    Entry& entry = *entries_[turn->peer];
+    Entry& entry = table_.at(turn->peer);
     if (const auto transmit = entry.peer.poll(now, turn->nic, buffer)) {
       mark(entry);
       turns_.sent(transmit->size() + kIpUdpBytes);
-      if (const auto out = leave(now, entry, *transmit, buffer)) return count(*out);
+      if (const auto out = gate_.seal_for(now, entry.slot, *transmit, buffer)) return count(*out);
       continue;
     }
     turns_.done();
   }
   set_alarms(now);
   return std::nullopt;
+}
+
+std::optional<TransmitParts> Peers::poll_initiation(TimePoint now, Entry& entry,
+                                                    std::span<std::byte> buffer) {
+  if (!gate_.initiation_due(now, entry.slot)) return std::nullopt;
+  const Paths& paths = entry.peer.paths();
+  if (entry.initiations >= paths.size()) {
+    entry.initiations = 0;
+    gate_.initiation_sent(now, entry.slot);
+    mark(entry);
+    return std::nullopt;
+  }
+  const Path& path = paths[entry.initiations++];
+  return TransmitParts{path.nic().link, path.address(),
+                       gate_.write_initiation(entry.slot, path.id(), buffer)};
 }
 
 TransmitParts Peers::count(const TransmitParts& transmit) {
@@ -354,18 +313,37 @@ std::optional<Peers::Lost> Peers::poll_lost() {
   return lost;
 }
 
-std::vector<PeerId> Peers::ids() const {
-  std::vector<PeerId> out;
-  for (const auto& [id, key] : by_id_) out.push_back(id);
-  std::ranges::sort(out);
+// --- what is counted and kept, for those who ask
+
+std::vector<LinkState> Peers::links(TimePoint now, PeerId id) const {
+  const Entry* const entry = table_.find(id);
+  if (entry == nullptr) return {};
+  const Links all = entry->peer.links(now);
+  return {all.begin(), all.end()};
+}
+
+PeerLedger Peers::ledger(PeerId id) const {
+  const Entry* const entry = table_.find(id);
+  return entry == nullptr ? PeerLedger{} : entry->peer.intake().ledger();
+}
+
+LinkCounters Peers::counters(LinkId link) const {
+  const auto it = links_.find(link);
+  if (it == links_.end()) return {};
+  LinkCounters out = it->second.counters;
+  table_.for_each([&](const Entry& entry) {
+    const Peer::Repairs repairs = entry.peer.repairs(link);
+    out.fragments_resent += repairs.resent;
+    out.symbols_sent += repairs.symbols;
+    out.fragments_lost += repairs.lost;
+  });
   return out;
 }
 
-std::vector<LinkState> Peers::links(TimePoint now, PeerId id) const {
-  const auto it = by_id_.find(id);
-  if (it == by_id_.end()) return {};
-  const Links all = entries_[it->second]->peer.links(now);
-  return {all.begin(), all.end()};
+std::uint64_t Peers::cancelled() const {
+  std::uint64_t sum = 0;
+  table_.for_each([&](const Entry& entry) { sum += entry.peer.sender().cancelled(); });
+  return sum;
 }
 
 }  // namespace interneuron

@@ -26,7 +26,7 @@ struct Settled {
   };
   Kind kind{};
   MessageId message{};
-  // Of kComplete and kDroppedThere: when it became complete.
+  // When it became complete, where it is kComplete or kDroppedThere.
   std::optional<PeerTime> complete_at{};
 };
 

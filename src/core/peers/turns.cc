@@ -5,9 +5,9 @@
 namespace interneuron {
 namespace {
 
-void erase(Ring<Turns::Key>& ring, Turns::Key peer) {
+void erase(Ring<Turns::Slot>& ring, Turns::Slot peer) {
   for (std::size_t left = ring.size(); left > 0; --left) {
-    const Turns::Key front = ring.front();
+    const Turns::Slot front = ring.front();
     ring.pop_front();
     if (front != peer) ring.push_back(front);
   }
@@ -15,14 +15,14 @@ void erase(Ring<Turns::Key>& ring, Turns::Key peer) {
 
 }  // namespace
 
-void Turns::add(Key peer) {
+void Turns::add(Slot peer) {
   if (peer >= waits_for_feedback_.size()) waits_for_feedback_.resize(std::size_t{peer} + 1);
   if (waits_for_feedback_[peer]) return;
   waits_for_feedback_[peer] = true;
   feedback_.push_back(peer);
 }
 
-std::optional<Turns::Key> Turns::feedback() const {
+std::optional<Turns::Slot> Turns::feedback() const {
   return feedback_.empty() ? std::nullopt : std::optional(feedback_.front());
 }
 
@@ -38,7 +38,7 @@ Turns::Nic& Turns::nic(LinkId id) {
   return nics_.back();
 }
 
-void Turns::add(Key peer, LinkId id) {
+void Turns::add(Slot peer, LinkId id) {
   Nic& n = nic(id);
   if (peer >= n.accounts.size()) n.accounts.resize(std::size_t{peer} + 1);
   Account& account = n.accounts[peer];
@@ -53,7 +53,7 @@ std::optional<Turns::Turn> Turns::data() {
     if (n.waiting.empty()) continue;
     // A packet is no larger than the quantum, so a second round finds somebody with credit.
     for (;;) {
-      const Key peer = n.waiting.front();
+      const Slot peer = n.waiting.front();
       Account& account = n.accounts[peer];
       if (account.credit > 0) return Turn{peer, n.id};
       account.credit += kQuantum;
@@ -78,7 +78,7 @@ void Turns::done() {
   n.waiting.pop_front();
 }
 
-void Turns::forget(Key peer) {
+void Turns::forget(Slot peer) {
   if (peer < waits_for_feedback_.size() && waits_for_feedback_[peer]) {
     waits_for_feedback_[peer] = false;
     erase(feedback_, peer);

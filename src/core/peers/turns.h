@@ -26,21 +26,21 @@ namespace interneuron {
 
 class Turns {
  public:
-  using Key = std::uint32_t;
+  using Slot = std::uint32_t;
   // Bytes that a peer sends over a NIC before the next peer's turn: one full packet, the quantum
   // that RFC 8290 §5.2.4 takes.
   static constexpr std::int64_t kQuantum = kMaxPacketBytes;
 
   // The peer may have feedback to send; no effect if it waits for that already.
-  void add(Key peer);
+  void add(Slot peer);
   // Whose feedback is next; the same until feedback_done().
-  std::optional<Key> feedback() const;
+  std::optional<Slot> feedback() const;
   void feedback_done();
 
   // The peer may have data to send over this NIC; no effect if it waits for that already.
-  void add(Key peer, LinkId nic);
+  void add(Slot peer, LinkId nic);
   struct Turn {
-    Key peer = 0;
+    Slot peer = 0;
     LinkId nic{};
   };
   // Whose data is next; the same until sent() or done().
@@ -51,7 +51,7 @@ class Turns {
   void done();
 
   // The peer is gone; its number may be used again. Time grows with the peers that wait.
-  void forget(Key peer);
+  void forget(Slot peer);
 
  private:
   // What a peer may still send over a NIC in this turn, in bytes; below zero after a packet that
@@ -62,14 +62,14 @@ class Turns {
   };
   struct Nic {
     LinkId id{};
-    Ring<Key> waiting;
+    Ring<Slot> waiting;
     // By peer.
     std::vector<Account> accounts;
   };
   Nic& nic(LinkId id);
   void advance();
 
-  Ring<Key> feedback_;
+  Ring<Slot> feedback_;
   // By peer: whether it is in feedback_.
   std::vector<bool> waits_for_feedback_;
   // In the order in which they were first used; few.

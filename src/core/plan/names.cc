@@ -1,3 +1,4 @@
+// What a link does for a variant, in words.
 #include "interneuron/policy.h"
 
 namespace interneuron {

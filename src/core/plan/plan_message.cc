@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "interneuron/sizes.h"
+
 namespace interneuron {
 namespace {
 
@@ -121,6 +123,10 @@ Plan plan_message(const Policy& policy, const Offer& offer, std::span<const Link
   if (plan.sends.empty()) plan.refused = answer.refused;
   if (answer.sends.empty() && plan.refused.empty()) plan.refused = kNothingPlanned;
   return plan;
+}
+
+DataRate rate_wanted(const QoS& qos, std::size_t bytes) {
+  return std::max(rate_floor(qos, bytes), rate_of(wire_size(bytes), qos.deadline / 2));
 }
 
 }  // namespace interneuron

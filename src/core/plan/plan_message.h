@@ -26,4 +26,9 @@ namespace interneuron {
 Plan plan_message(const Policy& policy, const Offer& offer, std::span<const LinkState> links,
                   const Guidance& guidance);
 
+// The rate of a link that could carry a message of so many bytes: the floor that policies ask for,
+// or what brings it within half of its deadline, as the other half may go by on the way, in queues
+// and, in a round, on the way back.
+DataRate rate_wanted(const QoS& qos, std::size_t bytes);
+
 }  // namespace interneuron

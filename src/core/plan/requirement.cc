@@ -1,3 +1,5 @@
+// The arithmetic that policies are written with: which links meet a requirement, what rate a
+// message needs, when it would be there (requirement.h and policy.h in include/interneuron).
 #include "interneuron/requirement.h"
 
 #include <algorithm>

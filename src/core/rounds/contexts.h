@@ -8,7 +8,7 @@
 #include <span>
 #include <utility>
 
-#include "core/wire/round_header.h"
+#include "core/dispatch/round.h"
 #include "interneuron/guard.h"
 #include "interneuron/policy.h"
 #include "interneuron/round.h"
@@ -29,15 +29,15 @@ struct Previewed {
 // A round that the application works on here, between two communications.
 struct RoundContext {
   // As it came in; at the origin, as it will go out.
-  wire::RoundHeader header;
+  Round round;
   // Where it came from; nothing at the origin.
-  std::optional<PeerId> from;
+  std::optional<PeerId> from{};
   // The peer that it came from is a relay that the configuration names.
   bool by_relay = false;
   // The last stage that ended; 0 before the first.
   std::size_t stage = 0;
   // The judgement of that stage.
-  Verdict verdict;
+  Verdict verdict{};
   // When the computation in progress began; until begin_computation() tells, when the message was
   // handed over.
   TimePoint began{};
@@ -47,8 +47,8 @@ struct RoundContext {
     std::uint8_t variant = 0;
     bool degraded = false;
   };
-  std::optional<Mode> mode;
-  std::optional<Previewed> previewed;
+  std::optional<Mode> mode{};
+  std::optional<Previewed> previewed{};
 };
 
 // Whose a context is: the peer that the round came from, or kOurselves for a round that began here.
@@ -57,7 +57,7 @@ inline constexpr PeerId kOurselves{0};
 // Keeps the contexts of each owner apart: an owner that has as many as it may have loses its own
 // oldest one for the next, and nobody else's. Stages owns one. Peers name rounds as they like; one
 // that names a round that another peer has open is dropped by Rounds before it gets here, or takes
-// its place where it began the round itself. Memory: about 400 bytes for each context. Pure;
+// its place where it began the round itself. Memory: about 900 bytes for each context. Pure;
 // thread-compatible.
 class Contexts {
  public:

@@ -5,18 +5,16 @@
 namespace interneuron {
 namespace {
 
-bool same_stage(const wire::RoundHeader& a, const wire::RoundHeader& b) {
-  return a.round == b.round && a.stage == b.stage;
-}
+bool same_stage(const Round& a, const Round& b) { return a.ref == b.ref && a.stage == b.stage; }
 
 }  // namespace
 
-const Held* HeldVariants::find(PeerId peer, const wire::RoundHeader& header) const {
+const Held* HeldVariants::find(PeerId peer, const Round& round) const {
   const auto of = peers_.find(peer);
   if (of == peers_.end()) return nullptr;
   for (const Key& key : of->second.keys) {
     const Held& held = waiting_.at(key);
-    if (same_stage(held.arrived.header, header)) return &held;
+    if (same_stage(held.arrived.round, round)) return &held;
   }
   return nullptr;
 }
@@ -47,20 +45,29 @@ Held HeldVariants::take(Waiting::iterator it) {
   return held;
 }
 
-void HeldVariants::drop(PeerId peer, const wire::RoundHeader& header) {
+template <class Which>
+void HeldVariants::drop_of(PeerId peer, const Which& which) {
   const auto of = peers_.find(peer);
   if (of == peers_.end()) return;
   const std::vector<Key> keys = of->second.keys;
   for (const Key& key : keys) {
     const auto it = waiting_.find(key);
-    if (same_stage(it->second.arrived.header, header)) take(it);
+    if (which(it->second)) take(it);
   }
 }
 
-void HeldVariants::drop(const wire::RoundHeader& header) {
+void HeldVariants::drop(PeerId peer, const Round& round) {
+  drop_of(peer, [&round](const Held& held) { return same_stage(held.arrived.round, round); });
+}
+
+void HeldVariants::forget(PeerId peer) {
+  drop_of(peer, [](const Held&) { return true; });
+}
+
+void HeldVariants::drop(const Round& round) {
   for (auto it = waiting_.begin(); it != waiting_.end();) {
     const auto next = std::next(it);
-    if (same_stage(it->second.arrived.header, header)) take(it);
+    if (same_stage(it->second.arrived.round, round)) take(it);
     it = next;
   }
 }
@@ -76,13 +83,6 @@ std::vector<Held> HeldVariants::release(TimePoint now) {
 std::optional<TimePoint> HeldVariants::next_timeout() const {
   if (waiting_.empty()) return std::nullopt;
   return waiting_.begin()->first.first;
-}
-
-void HeldVariants::forget(PeerId peer) {
-  const auto of = peers_.find(peer);
-  if (of == peers_.end()) return;
-  const std::vector<Key> keys = of->second.keys;
-  for (const Key& key : keys) take(waiting_.find(key));
 }
 
 std::size_t HeldVariants::count(PeerId peer) const {

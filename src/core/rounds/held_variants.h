@@ -8,15 +8,15 @@
 #include <vector>
 
 #include "core/base/shared_memory.h"
+#include "core/dispatch/round.h"
 #include "core/guard/stage_guard.h"
-#include "core/wire/round_header.h"
 #include "interneuron/units.h"
 
 namespace interneuron {
 
 // A complete message, taken apart.
 struct Arrived {
-  wire::RoundHeader header;
+  Round round;
   Bytes payload;
   PeerId from{};
 };
@@ -27,10 +27,10 @@ struct Held {
   guard::StageGuard::Hold hold;
 };
 
-// Keeps the messages of each peer apart: a peer may have so many that wait, and of the memory for
-// all of them so much that others find room, too (SharedMemory). Stages owns one, and serves what
-// finds no room at once. A peer that fills its part makes only its own messages be served in the
-// variant that comes first. Pure; thread-compatible.
+// Keeps the messages of each peer apart: a peer may have a limited number that wait, and of the
+// memory for all of them only what leaves room for others (SharedMemory). Stages owns one, and
+// serves at once what finds no room. A peer that fills its part makes only its own messages be
+// served in the variant that comes first. Pure; thread-compatible.
 class HeldVariants {
  public:
   // What the messages of all peers may hold, in bytes: 16 of the largest half of a raw frame
@@ -39,14 +39,14 @@ class HeldVariants {
 
   // The message of this peer that waits for the end of the same stage of the same round; else
   // nullptr.
-  const Held* find(PeerId peer, const wire::RoundHeader& header) const;
-  // Whether one more message of so many bytes may wait where the peer may have `most` of them.
+  const Held* find(PeerId peer, const Round& round) const;
+  // Whether one more message of `bytes` bytes may wait where the peer may have `most` messages.
   bool has_room(PeerId peer, std::size_t bytes, std::size_t most) const;
   void add(Held held);
-  // The stage of this header is over: nothing of this peer waits for it any more.
-  void drop(PeerId peer, const wire::RoundHeader& header);
-  // The same for all peers; looks at every message that waits.
-  void drop(const wire::RoundHeader& header);
+  // The stage that the round is in is over: nothing of this peer waits for it any more.
+  void drop(PeerId peer, const Round& round);
+  // Nor of any other peer; looks at every message that waits.
+  void drop(const Round& round);
   // Takes the messages whose time is over at `now`, in the order of their time.
   std::vector<Held> release(TimePoint now);
   // When the next one's time is over.
@@ -66,9 +66,11 @@ class HeldVariants {
     std::size_t bytes = 0;
   };
   Held take(Waiting::iterator it);
+  template <class Which>
+  void drop_of(PeerId peer, const Which& which);
 
   Waiting waiting_;
-  // Of those peers of which something waits.
+  // The peers of which something waits.
   std::map<PeerId, OfPeer> peers_;
   SharedMemory memory_{kBudgetBytes};
   std::uint64_t added_ = 0;

@@ -10,33 +10,22 @@
 namespace interneuron {
 namespace {
 
-std::array<std::uint8_t, 4> quantised(const Nature& needs) {
-  const auto q = [](double w) {
-    return static_cast<std::uint8_t>(std::clamp(w, 0.0, 1.0) * 255.0 + 0.5);
-  };
-  return {q(needs.delay), q(needs.bandwidth), q(needs.reliability), q(needs.security)};
-}
-
-std::uint32_t to_us(Duration d) {
-  return static_cast<std::uint32_t>(std::clamp<std::int64_t>(
-      std::chrono::duration_cast<std::chrono::microseconds>(d).count(), 1, UINT32_MAX));
-}
-
-void describe(wire::RoundHeader& h, const PipelineConfig& config) {
-  h.stages = static_cast<std::uint8_t>(config.stages.size());
-  h.communication = 0;
+// What all rounds of a pipeline have in common, as others read it.
+Round common_of(const PipelineConfig& config) {
+  Round r;
+  r.stages = static_cast<std::uint8_t>(config.stages.size());
+  r.communication = 0;
   for (std::size_t i = 0; i < config.stages.size(); ++i) {
     if (config.stages[i] == StageKind::kCommunication) {
-      h.communication = static_cast<std::uint16_t>(h.communication | (1U << i));
+      r.communication = static_cast<std::uint16_t>(r.communication | (1U << i));
     }
   }
-  h.needs = quantised(config.needs);
-  h.policy = wire::policy_id(config.policy);
-  h.deadline_us = to_us(config.deadline);
-  h.period_us = to_us(config.period);
-  h.guard = config.guard;
-  h.miss_price = static_cast<std::uint16_t>(config.budget.miss_price * 1000.0 + 0.5);
-  h.local_quality = static_cast<std::uint8_t>(config.fallback.local * 255.0 + 0.5);
+  r.qos.needs = config.needs;
+  r.qos.deadline = config.deadline;
+  r.qos.period = config.period;
+  r.policy = wire::policy_id(config.policy);
+  r.terms = {config.guard, config.budget.miss_price, config.fallback.local};
+  return as_told(r);
 }
 
 }  // namespace
@@ -45,8 +34,8 @@ OwnRounds::OwnRounds(SessionId self, const std::vector<PipelineConfig>& pipeline
                      const Ablation& ablation)
     : self_(self) {
   for (const PipelineConfig& config : pipelines) {
-    if (!pipelines_
-             .try_emplace(config.id, Pipeline{guard::RoundLedger(config, self, ablation), 0, {}})
+    guard::RoundLedger ledger(config, self, ablation);
+    if (!pipelines_.try_emplace(config.id, Pipeline{std::move(ledger), common_of(config), 0, {}})
              .second) {
       throw std::invalid_argument("pipeline " + std::to_string(config.id.value) + ": given twice");
     }
@@ -63,19 +52,13 @@ RoundContext OwnRounds::begin(TimePoint now, PipelineId pipeline) {
   it->second.begun = begun.ref.round.value + 1;
   it->second.rounds.enter(begun.ref.round)->t0 = now;
   RoundContext context;
-  wire::RoundHeader& h = context.header;
-  describe(h, ledger.config());
-  h.round = begun.ref;
-  h.t0 = as_wire(now);
-  h.x_permille = begun.sent.x_permille;
-  h.indicator = ledger.indicator(begun.ref.round);
-  const guard::RecentE2e recent = ledger.recent_e2e(begun.ref.round);
-  for (std::size_t i = 0; i < recent.size(); ++i) {
-    if (!recent[i]) continue;
-    h.e2e[i] = *recent[i] == guard::kNever
-                   ? wire::kE2eNever
-                   : static_cast<std::uint16_t>(h.to_steps(*recent[i], 1, wire::kE2eNever));
-  }
+  context.round = it->second.common;
+  context.round.ref = begun.ref;
+  context.round.t0 = as_wire(now);
+  context.round.x_permille = begun.sent.x_permille;
+  context.round.indicator = ledger.indicator(begun.ref.round);
+  context.round.recent_e2e = ledger.recent_e2e(begun.ref.round);
+  context.round = as_told(context.round);
   context.began = now;
   // The guard's decision on the first transmission takes the place of the verdict of a stage
   // before.
@@ -88,7 +71,7 @@ bool OwnRounds::has_begun(const RoundRef& round) const {
   return is_mine(round) && it != pipelines_.end() && round.round.value < it->second.begun;
 }
 
-const OwnRounds::Round* OwnRounds::find_round(const RoundRef& round) const {
+const OwnRounds::Begun* OwnRounds::find_begun(const RoundRef& round) const {
   const auto it = pipelines_.find(round.pipeline);
   return is_mine(round) && it != pipelines_.end() ? it->second.rounds.find(round.round) : nullptr;
 }
@@ -99,18 +82,18 @@ void OwnRounds::note_sent(const RoundRef& round, PeerId to) {
 }
 
 std::optional<bool> OwnRounds::was_sent_to(const RoundRef& round, PeerId peer) const {
-  const Round* found = find_round(round);
+  const Begun* found = find_begun(round);
   if (found == nullptr) return std::nullopt;
   return std::ranges::find(found->sent_to, peer) != found->sent_to.end();
 }
 
-bool OwnRounds::restore(wire::RoundHeader& header) const {
-  const Round* found = find_round(header.round);
+bool OwnRounds::restore(Round& round) const {
+  const Begun* found = find_begun(round.ref);
   if (found == nullptr) return false;
-  const PipelineConfig& config = pipelines_.at(header.round.pipeline).ledger.config();
-  header.t0 = as_wire(found->t0);
-  header.deadline_us = to_us(config.deadline);
-  header.period_us = to_us(config.period);
+  const QoS& true_qos = pipelines_.at(round.ref.pipeline).common.qos;
+  round.t0 = as_wire(found->t0);
+  round.qos.deadline = true_qos.deadline;
+  round.qos.period = true_qos.period;
   return true;
 }
 

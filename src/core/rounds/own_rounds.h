@@ -1,5 +1,5 @@
-// The rounds that begin at this endpoint: a guard::RoundLedger per pipeline, and the header with
-// which the messages of each round set out, and the peers that they were sent to. Owned and fed by
+// The rounds that begin at this endpoint: a guard::RoundLedger per pipeline, what the messages of
+// each round tell of it when they set out, and the peers that they were sent to. Owned and fed by
 // Rounds. Peers name rounds in the headers of their results, so every lookup may fail. Pure;
 // thread-compatible.
 #pragma once
@@ -11,7 +11,7 @@
 
 #include "core/base/round_ring.h"
 #include "core/guard/round_ledger.h"
-#include "core/rounds/stages.h"
+#include "core/rounds/contexts.h"
 #include "interneuron/endpoint.h"
 #include "interneuron/few.h"
 
@@ -34,7 +34,7 @@ class OwnRounds {
   std::optional<bool> was_sent_to(const RoundRef& round, PeerId peer) const;
   // Puts the true beginning, deadline and period of a round of ours in the place of what a peer has
   // made of them. False: the round is not one of the last 64 that began.
-  bool restore(wire::RoundHeader& header) const;
+  bool restore(Round& round) const;
   // The ledger of the round's pipeline; nullptr where the round is not ours or there is no such
   // pipeline.
   guard::RoundLedger* find(const RoundRef& round);
@@ -44,17 +44,19 @@ class OwnRounds {
   std::optional<TimePoint> next_timeout() const;
 
  private:
-  struct Round {
+  struct Begun {
     TimePoint t0{};
     Few<PeerId, kMaxStages> sent_to;
   };
   struct Pipeline {
     guard::RoundLedger ledger;
+    // What all of its rounds have in common.
+    Round common;
     // How many rounds have begun so far.
     std::uint32_t begun = 0;
-    RoundRing<Round> rounds;
+    RoundRing<Begun> rounds;
   };
-  const Round* find_round(const RoundRef& round) const;
+  const Begun* find_begun(const RoundRef& round) const;
 
   SessionId self_;
   std::map<PipelineId, Pipeline> pipelines_;

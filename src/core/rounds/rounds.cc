@@ -1,7 +1,6 @@
 #include "core/rounds/rounds.h"
 
 #include <algorithm>
-#include <array>
 #include <stdexcept>
 #include <string>
 
@@ -9,62 +8,62 @@
 #include "core/base/earliest.h"
 #include "core/base/same_host.h"
 #include "core/plan/budget.h"
-#include "core/rounds/round_terms.h"
 
 namespace interneuron {
 namespace {
 
-// "best_link, duplicate, …", in the order of their registration.
-std::string names_of(const PolicySet& policies) {
-  std::string names;
-  for (const auto& policy : policies) {
-    if (!names.empty()) names += ", ";
-    names += policy->name();
+void check(const Variants& variants) {
+  if (variants.empty() || variants.size() > kMaxVariants) {
+    throw std::invalid_argument("submit: " + std::to_string(variants.size()) +
+                                " variants; give 1 to " + std::to_string(kMaxVariants));
   }
-  return names;
+  for (const Bytes& bytes : variants) {
+    if (bytes.size() > kMaxMessageBytes) {
+      throw std::invalid_argument("submit: a variant of " + std::to_string(bytes.size()) +
+                                  " bytes; at most " + std::to_string(kMaxMessageBytes));
+    }
+  }
 }
 
-// What is left of the deadline of a round after `theta`, which contains the clock offset `alpha`. A
-// peer may say anything of when its round began, also of one that began here and comes back; within
-// these bounds nobody who calculates with it leaves the range of a Duration.
-Duration left_of(const wire::RoundHeader& header, Duration theta, std::int64_t alpha) {
-  const Duration most = 2 * header.deadline();
-  const std::int64_t due = wrapping_add(header.deadline().count(), alpha);
-  return std::clamp(Duration{wrapping_sub(due, theta.count())}, -most, most);
+// Whose bounds hold for a round that the application works on.
+Stages::Speaker speaker_of(const RoundContext& context) {
+  return {context.from.value_or(kOurselves), context.by_relay};
 }
 
 }  // namespace
 
-Rounds::Rounds(const EndpointOptions& options, Peers& peers, std::deque<Event>& events)
+Rounds::Rounds(const EndpointOptions& options, const PolicyRegistry& policies, Peers& peers,
+               std::deque<Event>& events)
     : peers_(peers),
       events_(events),
       relays_(options.relays),
-      dispatch_(options.session, options.policies, options.peer_limits.longest_deadline),
+      policies_(policies),
       own_(options.session, options.pipelines, options.ablation ? *options.ablation : Ablation{}),
       stages_(options.session, options.peer_limits,
-              options.ablation ? *options.ablation : Ablation{}) {
+              options.ablation ? *options.ablation : Ablation{}),
+      transmissions_(policies_, own_, stages_) {
   if (options.session.value == 0) {
     throw std::invalid_argument("endpoint: the session must not be 0; draw it at random");
   }
   for (const PipelineConfig& config : options.pipelines) {
-    if (dispatch_.policy(wire::policy_id(config.policy)) == nullptr) {
+    if (policies_.find(config.policy) == nullptr) {
       throw std::invalid_argument("pipeline " + std::to_string(config.id.value) + ": policy '" +
                                   config.policy + "' is not registered; there are " +
-                                  names_of(options.policies));
+                                  policies_.names());
     }
   }
 }
 
 RoundRef Rounds::begin(TimePoint now, PipelineId pipeline) {
   RoundContext context = own_.begin(now, pipeline);
-  const RoundRef round = context.header.round;
+  const RoundRef round = context.round.ref;
   stages_.open(now, std::move(context));
   return round;
 }
 
 SubmitStatus Rounds::submit(TimePoint now, const RoundRef& round, Variants variants,
                             MessageClass message_class, std::optional<PeerId> to) {
-  Dispatch::check(variants);
+  check(variants);
   RoundContext* found = stages_.context(round);
   if (found == nullptr) {
     const bool was_open = own_.has_begun(round) || stages_.has_served(round);
@@ -73,19 +72,21 @@ SubmitStatus Rounds::submit(TimePoint now, const RoundRef& round, Variants varia
   RoundContext context = *found;
   stages_.close(round);
   end_computations(now, context);
-  if (context.stage == context.header.stages) {
+  if (context.stage == context.round.stages) {
     if (!own_.is_mine(round)) return SubmitStatus::kNoWayToOrigin;
     const PeerId from = context.from.value_or(kOurselves);
-    const bool answered = finish(now, from, context.header, std::move(variants.front()));
+    const bool answered = finish(now, from, as_told(context.round), std::move(variants.front()));
     return answered ? SubmitStatus::kAccepted : SubmitStatus::kRoundOver;
   }
   Peer* peer = destination(now, context, to);
   if (peer == nullptr) return SubmitStatus::kNoPeer;
-  choose_mode(now, context, *peer, message_class, Dispatch::sizes_of(variants), {});
-  if (context.mode) context.verdict.late = context.mode->degraded;
-  const auto clock = clock_of(now, context.header, peers_.find(now, context.from));
-  auto planned = dispatch_.send(now, *peer, peers_.send_room(peer->identity().id), context, clock,
-                                variants, message_class, guidance(now, context, clock));
+  const Links links = peer->links(now);
+  const Sizes sizes = sizes_of(variants);
+  const Transmissions::Next next{links, sizes, {}, message_class};
+  transmissions_.choose_mode(now, context, next);
+  const auto clock = clock_of(now, context.round, peers_.access(now, context.from));
+  auto planned = transmissions_.send(now, *peer, peers_.send_room(peer->identity().id), context,
+                                     next, clock, variants);
   if (!planned) return SubmitStatus::kOverBudget;
   const bool sent = !planned->plan.sends.empty();
   const bool kept_here = !planned->plan.refused.empty();
@@ -101,18 +102,14 @@ Plan Rounds::preview(TimePoint now, const RoundRef& round,
                      std::span<const std::size_t> variant_bytes, MessageClass message_class,
                      std::span<const VariantCost> costs, std::optional<PeerId> to) {
   RoundContext* found = stages_.context(round);
-  if (found == nullptr || found->stage == found->header.stages) return {};
+  if (found == nullptr || found->stage == found->round.stages) return {};
   Peer* peer = destination(now, *found, to);
   if (peer == nullptr) return {};
-  choose_mode(now, *found, *peer, message_class, variant_bytes, costs);
-  wire::RoundHeader header = found->header;
-  header.stage = static_cast<std::uint8_t>(found->stage + 1);
-  header.message_class = message_class;
-  const auto clock = clock_of(now, header, peers_.find(now, found->from));
-  found->previewed =
-      Previewed{dispatch_.plan(peer->links(now), header, {qos_of(header), variant_bytes, costs},
-                               guidance(now, *found, clock)),
-                variant_bytes.size()};
+  const Links links = peer->links(now);
+  const Transmissions::Next next{links, variant_bytes, costs, message_class};
+  transmissions_.choose_mode(now, *found, next);
+  const auto clock = clock_of(now, found->round, peers_.access(now, found->from));
+  found->previewed = Previewed{transmissions_.plan(now, *found, next, clock), variant_bytes.size()};
   return found->previewed->plan;
 }
 
@@ -120,16 +117,16 @@ std::size_t Rounds::begin_computation(TimePoint now, const RoundRef& round,
                                       std::span<const LevelProfile> levels, std::size_t top) {
   RoundContext* context = stages_.context(round);
   if (context == nullptr || levels.empty()) return top;
-  wire::RoundHeader& h = context->header;
-  guard::StageEnd end = stage_end(h, context->stage);
-  Peer* from = peers_.find(now, context->from);
+  Round& r = context->round;
+  guard::StageEnd end = r.stage_end(context->stage);
+  Peer* from = peers_.access(now, context->from);
   if (from != nullptr) end.ahead = soonest_way(from->links(now));
   const guard::LevelChoice choice =
-      observer_of(h, {context->from.value_or(kOurselves), context->by_relay})
-          .begin_computation(now, end, clock_of(now, h, from), levels,
+      stage_guard_of(r, speaker_of(*context))
+          .begin_computation(now, end, clock_of(now, r, from), levels,
                              std::min(top, levels.size() - 1), context->verdict);
   context->began = now;
-  note_level(h, choice);
+  r.note_level(choice);
   return choice.level;
 }
 
@@ -166,33 +163,35 @@ bool Rounds::is_relay(const Peer& peer) const {
   });
 }
 
-Stages::Sender Rounds::sender(const Peer& peer) const {
+Stages::Speaker Rounds::speaker(const Peer& peer) const {
   return {peer.identity().id, is_relay(peer)};
 }
 
-// Puts what is known of a round of ours in the place of what the header says of it.
-Rounds::Doubt Rounds::judge(const Peer& peer, wire::RoundHeader& header) const {
+// Puts what is known of a round of ours in the place of what a peer says of it.
+Rounds::Doubt Rounds::judge(const Peer& peer, Round& round) const {
   const PeerId from = peer.identity().id;
-  if (!own_.is_mine(header.round)) {
-    if (header.stage == header.stages) return Doubt::kBad;
-    if (header.round.origin == peer.identity().session) return Doubt::kNone;
+  if (!own_.is_mine(round.ref)) {
+    if (round.stage == round.stages) return Doubt::kBad;
+    if (round.ref.origin == peer.identity().session) return Doubt::kNone;
     if (!is_relay(peer)) return Doubt::kForeign;
-    return stages_.is_of_another(from, header.round) ? Doubt::kOfAnother : Doubt::kNone;
+    return stages_.is_of_another(from, round.ref) ? Doubt::kOfAnother : Doubt::kNone;
   }
-  if (!own_.has_begun(header.round)) return Doubt::kBad;
-  const auto was_sent = own_.was_sent_to(header.round, from);
+  if (!own_.has_begun(round.ref)) return Doubt::kBad;
+  const auto was_sent = own_.was_sent_to(round.ref, from);
   if (!was_sent) return Doubt::kForgotten;
   if (!*was_sent && !is_relay(peer)) return Doubt::kForeign;
-  own_.restore(header);
+  own_.restore(round);
   return Doubt::kNone;
 }
 
 void Rounds::complete(TimePoint now, Peer& peer, wire::MessageBytes message) {
-  auto header = wire::parse_round_header(message.header_view());
-  switch (header ? judge(peer, *header) : Doubt::kBad) {
+  const auto header = wire::parse_round_header(message.header_view());
+  Arrived come{header ? round_of(*header) : Round{}, std::move(message.payload),
+               peer.identity().id};
+  switch (header ? judge(peer, come.round) : Doubt::kBad) {
     case Doubt::kNone:
       ++counters_.messages_completed;
-      return arrived(now, peer, *header, std::move(message.payload));
+      return arrived(now, peer, std::move(come));
     case Doubt::kBad:
       ++counters_.bad_messages;
       return;
@@ -212,52 +211,53 @@ void Rounds::complete(TimePoint now, Peer& peer, wire::MessageBytes message) {
 }
 
 // A message that may be what its header says.
-void Rounds::arrived(TimePoint now, Peer& peer, const wire::RoundHeader& header, Bytes payload) {
-  Arrived arrived{header, std::move(payload), peer.identity().id};
-  const Stages::Sender from = sender(peer);
-  guard::StageGuard& observer = observer_of(header, from);
-  if (!own_.is_mine(header.round)) {
-    observer.learn(now, header.round.round, header.indicator, recent_e2e(header));
+void Rounds::arrived(TimePoint now, Peer& peer, Arrived arrived) {
+  const Round round = arrived.round;
+  const Stages::Speaker from = speaker(peer);
+  guard::StageGuard& guard = stage_guard_of(round, from);
+  if (!own_.is_mine(round.ref)) {
+    guard.learn(now, round.ref.round, round.indicator, round.recent_e2e);
   }
-  const auto clock = clock_of(now, header, &peer);
-  const Policy* policy = dispatch_.policy(header.policy);
-  switch (stages_.arrive(now, from, arrived, policy, clock, observer)) {
+  const auto clock = clock_of(now, round, &peer);
+  const Policy* policy = policies_.find(round.policy);
+  switch (stages_.arrive(now, from, arrived, policy, clock, guard)) {
     case Stages::Action::kHold:
       break;
     case Stages::Action::kDrop:
       ++counters_.messages_superseded;
       break;
     case Stages::Action::kServe:
-      if (header.stage == header.stages) {
-        finish(now, from.peer, header, std::move(arrived.payload));
+      if (round.stage == round.stages) {
+        finish(now, from.peer, round, std::move(arrived.payload));
       } else {
-        events_.emplace_back(stages_.serve(now, from, std::move(arrived), clock, observer));
+        const Verdict verdict = guard.end_stage(now, round.stage_end(round.stage), clock);
+        events_.emplace_back(stages_.serve(now, from, std::move(arrived), verdict));
       }
   }
   for (const PeerLimit limit : stages_.take_struck()) peer.strike(now, limit);
 }
 
 // Nothing is kept of a peer that is gone, so that this one is there.
-void Rounds::release(TimePoint now, Held released) {
-  const wire::RoundHeader header = released.arrived.header;
-  Peer* peer = peers_.find(now, released.arrived.from);
+void Rounds::release(TimePoint now, Held held) {
+  Peer* peer = peers_.access(now, held.arrived.from);
   if (peer == nullptr) return;
-  const Stages::Sender from = sender(*peer);
-  if (header.stage == header.stages) {
-    finish(released.hold.until, from.peer, header, std::move(released.arrived.payload));
+  const Round round = held.arrived.round;
+  const Stages::Speaker from = speaker(*peer);
+  if (round.stage == round.stages) {
+    finish(held.hold.until, from.peer, round, std::move(held.arrived.payload));
     return;
   }
-  guard::StageGuard& observer = observer_of(header, from);
-  events_.emplace_back(stages_.serve_held(from, std::move(released), observer));
+  const Verdict verdict =
+      stage_guard_of(round, from).end_stage_held(round.stage_end(round.stage), held.hold);
+  events_.emplace_back(stages_.serve(held.hold.until, from, std::move(held.arrived), verdict));
   for (const PeerLimit limit : stages_.take_struck()) peer->strike(now, limit);
 }
 
 // The last stage has ended: this is a result for a round that began here. False: it is late.
-bool Rounds::finish(TimePoint now, PeerId from, const wire::RoundHeader& header, Bytes result) {
-  stages_.finish(from, header);
-  auto done = own_.find(header.round)
-                  ->remote_result(now, header.round.round, std::move(result), header.degraded,
-                                  spent_of(header));
+bool Rounds::finish(TimePoint now, PeerId from, const Round& round, Bytes result) {
+  stages_.finish(from, round);
+  auto done = own_.find(round.ref)->remote_result(now, round.ref.round, std::move(result),
+                                                  round.degraded, round.spent());
   if (!done) {
     ++counters_.messages_late;
     return false;
@@ -266,95 +266,38 @@ bool Rounds::finish(TimePoint now, PeerId from, const wire::RoundHeader& header,
   return true;
 }
 
-guard::StageGuard& Rounds::observer_of(const wire::RoundHeader& header,
-                                       const Stages::Sender& sender) {
-  if (guard::RoundLedger* ledger = own_.find(header.round)) return ledger->observer();
-  return stages_.observer(header, sender);
+guard::StageGuard& Rounds::stage_guard_of(const Round& round, const Stages::Speaker& speaker) {
+  if (guard::RoundLedger* ledger = own_.find(round.ref)) return ledger->stage_guard();
+  return stages_.stage_guard(round, speaker);
 }
 
-// The clock between the origin of a round and here: the sum over the hops so far, which the header
-// carries, plus the last hop.
-Rounds::ClockOf Rounds::clock_of(TimePoint now, const wire::RoundHeader& header, Peer* peer) {
-  if (own_.is_mine(header.round) || peer == nullptr) return std::nullopt;
+// The clock between the origin of a round and here: the sum over the hops so far, which the message
+// told, plus the last hop.
+Rounds::ClockOf Rounds::clock_of(TimePoint now, const Round& round, Peer* peer) {
+  if (own_.is_mine(round.ref) || peer == nullptr) return std::nullopt;
   auto view = peer->clock(now);
-  if (view) view->alpha = wrapping_add(view->alpha, header.alpha_sum.count());
+  if (view) view->alpha = wrapping_add(view->alpha, round.alpha_sum.count());
   return view;
 }
 
 Peer* Rounds::destination(TimePoint now, const RoundContext& context, std::optional<PeerId> to) {
-  if (to) return peers_.find(now, to);
-  if (context.from) return peers_.find(now, context.from);
-  return peers_.only(now);
+  if (to) return peers_.access(now, to);
+  if (context.from) return peers_.access(now, context.from);
+  return peers_.access_only(now);
 }
 
 // The application hands its result over with submit(), so the computations up to the next
 // communication end now.
 void Rounds::end_computations(TimePoint now, RoundContext& context) {
   const std::size_t before = context.stage;
-  while (context.stage < context.header.stages &&
-         !context.header.is_communication(context.stage + 1)) {
+  Round& r = context.round;
+  while (context.stage < r.stages && !r.is_communication(context.stage + 1)) {
     ++context.stage;
-    guard::StageGuard& observer =
-        observer_of(context.header, {context.from.value_or(kOurselves), context.by_relay});
-    context.verdict =
-        observer.end_stage(now, stage_end(context.header, context.stage),
-                           clock_of(now, context.header, peers_.find(now, context.from)));
+    context.verdict = stage_guard_of(r, speaker_of(context))
+                          .end_stage(now, r.stage_end(context.stage),
+                                     clock_of(now, r, peers_.access(now, context.from)));
   }
-  if (context.stage > before) note_computed(context.header, now - context.began);
-}
-
-// What the guard tells the policy of a round's next transmission.
-Guidance Rounds::guidance(TimePoint now, const RoundContext& context, const ClockOf& clock) {
-  const wire::RoundHeader& h = context.header;
-  Guidance out{.degraded = context.verdict.late};
-  if (context.mode) {
-    out.degraded = context.mode->degraded;
-    out.variant = context.mode->variant;
-  }
-  if (guard::RoundLedger* ledger = own_.find(h.round)) {
-    out.time_left = left_of(h, elapsed_across(h.t0, now), 0);
-    out.local_quality = ledger->config().fallback.local;
-    if (!context.from) out.levels = ledger->config().levels;
-  } else {
-    out.local_quality = h.local_quality / 255.0;
-    if (clock) {
-      out.time_left = left_of(h, elapsed_across(h.t0, now), clock->alpha);
-    }
-  }
-  return out;
-}
-
-// Decides the mode of the first transmission of a round that began here, where its guard weighs the
-// modes.
-void Rounds::choose_mode(TimePoint now, RoundContext& context, const Peer& peer,
-                         MessageClass message_class, std::span<const std::size_t> variant_bytes,
-                         std::span<const VariantCost> costs) {
-  guard::RoundLedger* ledger = own_.find(context.header.round);
-  if (context.from || ledger == nullptr || !ledger->weighs()) return;
-  const Links links = peer.links(now);
-  // Another message than the one that preview() was asked about, or other links.
-  if (context.previewed && !context.previewed->fits(variant_bytes.size(), links)) {
-    context.mode.reset();
-  }
-  if (context.mode) return;
-  wire::RoundHeader header = context.header;
-  header.message_class = message_class;
-  const Offer offer{qos_of(header), variant_bytes, costs};
-  Guidance ask = guidance(now, context, std::nullopt);
-  // A message without a smaller variant can still be sent more safely, as a policy has it.
-  const auto variant_in = [&](std::size_t mode) {
-    return static_cast<std::uint8_t>(std::min(mode, variant_bytes.size() - 1));
-  };
-  const std::size_t count = std::clamp<std::size_t>(variant_bytes.size(), 2, kMaxVariants);
-  std::array<guard::Forecast, kMaxVariants> modes;
-  for (std::size_t mode = 0; mode < count; ++mode) {
-    ask.degraded = mode + 1 == count;
-    ask.variant = variant_in(mode);
-    modes[mode] = forecast_answers(dispatch_.plan(links, header, offer, ask), offer, links);
-  }
-  const std::size_t mode =
-      ledger->choose_mode(now, header.round.round, std::span(modes).first(count));
-  context.mode = {variant_in(mode), mode + 1 == count};
+  if (context.stage > before) r.note_computed(now - context.began);
 }
 
 }  // namespace interneuron

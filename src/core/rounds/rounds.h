@@ -1,6 +1,7 @@
 // The rounds that pass an endpoint, whoever began them: from the message that comes in (or the
 // frame that begins a round) to the message that sets out, or the answer. Joins OwnRounds (the
-// rounds that began here), Stages (those in progress here) and Dispatch (the messages that leave).
+// rounds that began here), Stages (those in progress here) and Transmissions (the messages that
+// leave).
 //
 // Owned by Endpoint, which feeds it the application's commands and the complete messages of peers.
 // Messages are any bytes: one with a malformed header, with a round of ours that never began, or
@@ -16,17 +17,18 @@
 #include <vector>
 
 #include "core/peers/peers.h"
-#include "core/rounds/dispatch.h"
 #include "core/rounds/own_rounds.h"
 #include "core/rounds/stages.h"
+#include "core/rounds/transmissions.h"
 
 namespace interneuron {
 
 class Rounds {
  public:
   // Throws std::invalid_argument naming the option that is wrong. What happens is appended to
-  // `events`; it and `peers` must outlive this.
-  Rounds(const EndpointOptions& options, Peers& peers, std::deque<Event>& events);
+  // `events`; it, `policies` and `peers` must outlive this.
+  Rounds(const EndpointOptions& options, const PolicyRegistry& policies, Peers& peers,
+         std::deque<Event>& events);
 
   // The commands of Endpoint, in its own time.
   RoundRef begin(TimePoint now, PipelineId pipeline);
@@ -58,36 +60,32 @@ class Rounds {
   const EndpointCounters& counters() const { return counters_; }
 
  private:
-  using ClockOf = Dispatch::ClockOf;
+  using ClockOf = Stages::ClockOf;
 
   // Why a message may not be what its header says.
   enum class Doubt : std::uint8_t { kNone, kBad, kForeign, kForgotten, kOfAnother };
-  Doubt judge(const Peer& peer, wire::RoundHeader& header) const;
-  Stages::Sender sender(const Peer& peer) const;
+  Doubt judge(const Peer& peer, Round& round) const;
+  Stages::Speaker speaker(const Peer& peer) const;
   bool is_relay(const Peer& peer) const;
-  void arrived(TimePoint now, Peer& peer, const wire::RoundHeader& header, Bytes payload);
-  void release(TimePoint now, Held released);
-  bool finish(TimePoint now, PeerId from, const wire::RoundHeader& header, Bytes result);
+  void arrived(TimePoint now, Peer& peer, Arrived arrived);
+  void release(TimePoint now, Held held);
+  bool finish(TimePoint now, PeerId from, const Round& round, Bytes result);
   void report(std::optional<RoundDone> done);
   void end_computations(TimePoint now, RoundContext& context);
-  guard::StageGuard& observer_of(const wire::RoundHeader& header, const Stages::Sender& sender);
-  ClockOf clock_of(TimePoint now, const wire::RoundHeader& header, Peer* peer);
+  guard::StageGuard& stage_guard_of(const Round& round, const Stages::Speaker& speaker);
+  ClockOf clock_of(TimePoint now, const Round& round, Peer* peer);
 
-  // What a round's next transmission needs: where it goes, what the guard tells the policy, and in
-  // which mode it leaves.
+  // Where the next message of a round goes; nullptr where that is not known.
   Peer* destination(TimePoint now, const RoundContext& context, std::optional<PeerId> to);
-  Guidance guidance(TimePoint now, const RoundContext& context, const ClockOf& clock);
-  void choose_mode(TimePoint now, RoundContext& context, const Peer& peer,
-                   MessageClass message_class, std::span<const std::size_t> variant_bytes,
-                   std::span<const VariantCost> costs);
 
   Peers& peers_;
   std::deque<Event>& events_;
   // Without ports.
   std::vector<Address> relays_;
-  Dispatch dispatch_;
+  const PolicyRegistry& policies_;
   OwnRounds own_;
   Stages stages_;
+  Transmissions transmissions_;
   EndpointCounters counters_;
 };
 

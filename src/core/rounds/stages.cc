@@ -2,24 +2,22 @@
 
 #include <algorithm>
 
-#include "core/rounds/round_terms.h"
-
 namespace interneuron {
 
-guard::StageGuard& Stages::observer(const wire::RoundHeader& header, const Sender& sender) {
-  Pipeline& found = pipeline(header, sender);
-  if (!found.guard || found.kind != header.guard) {
-    found.guard = guard::make_stage_guard(header.guard, false, ablation_);
-    found.kind = header.guard;
+guard::StageGuard& Stages::stage_guard(const Round& round, const Speaker& speaker) {
+  Pipeline& found = pipeline(round, speaker);
+  if (!found.guard || found.kind != round.terms.kind) {
+    found.guard = guard::make_stage_guard(round.terms.kind, false, ablation_);
+    found.kind = round.terms.kind;
   }
   return *found.guard;
 }
 
-Stages::Pipeline& Stages::pipeline(const wire::RoundHeader& header, const Sender& sender) {
-  const Key key{owner(sender.peer, header), header.round.origin, header.round.pipeline};
+Stages::Pipeline& Stages::pipeline(const Round& round, const Speaker& speaker) {
+  const Key key{owner(speaker.peer, round), round.ref.origin, round.ref.pipeline};
   auto it = pipelines_.find(key);
   if (it == pipelines_.end()) {
-    if (!is_own(header)) make_room_for_pipeline(sender);
+    if (!is_own(round)) make_room_for_pipeline(speaker);
     it = pipelines_.try_emplace(key).first;
   }
   it->second.used = ++uses_;
@@ -27,15 +25,15 @@ Stages::Pipeline& Stages::pipeline(const wire::RoundHeader& header, const Sender
 }
 
 // The peer's own that was least recently used goes where it has as many as it may.
-void Stages::make_room_for_pipeline(const Sender& sender) {
-  const auto first = pipelines_.lower_bound({sender.peer, {}, {}});
+void Stages::make_room_for_pipeline(const Speaker& speaker) {
+  const auto first = pipelines_.lower_bound({speaker.peer, {}, {}});
   auto oldest = first;
   std::size_t count = 0;
-  for (auto it = first; it != pipelines_.end() && it->first.peer == sender.peer; ++it) {
+  for (auto it = first; it != pipelines_.end() && it->first.peer == speaker.peer; ++it) {
     ++count;
     if (it->second.used < oldest->second.used) oldest = it;
   }
-  if (count < scaled(limits_.pipelines, sender)) return;
+  if (count < scaled(limits_.pipelines, speaker)) return;
   strike(PeerLimit::kPipelines);
   pipelines_.erase(oldest);
 }
@@ -58,10 +56,9 @@ void Stages::forget(PeerId peer) {
 
 // Nothing when the round is so old that its slot belongs to a younger one, or when nothing is kept
 // of its pipeline any more.
-Stages::Served* Stages::served(PeerId peer, const wire::RoundHeader& header) {
-  const auto it =
-      pipelines_.find({owner(peer, header), header.round.origin, header.round.pipeline});
-  return it == pipelines_.end() ? nullptr : it->second.served.enter(header.round.round);
+Stages::Served* Stages::served(PeerId peer, const Round& round) {
+  const auto it = pipelines_.find({owner(peer, round), round.ref.origin, round.ref.pipeline});
+  return it == pipelines_.end() ? nullptr : it->second.served.enter(round.ref.round);
 }
 
 bool Stages::has_served(const RoundRef& round) const {
@@ -72,42 +69,41 @@ bool Stages::has_served(const RoundRef& round) const {
   });
 }
 
-Duration Stages::believed(const wire::RoundHeader& header) {
-  if (is_own(header) || header.deadline() <= limits_.longest_deadline) return header.deadline();
-  strike(PeerLimit::kDeadline);
-  return limits_.longest_deadline;
+// An origin is not believed everything, and whoever speaks for it is told so in the ledger.
+void Stages::strike_long_deadline(const Round& round) {
+  if (bounded_deadline(round) < round.qos.deadline) strike(PeerLimit::kDeadline);
 }
 
-Stages::Action Stages::arrive(TimePoint now, const Sender& sender, Arrived& arrived,
+Stages::Action Stages::arrive(TimePoint now, const Speaker& speaker, Arrived& arrived,
                               const Policy* policy, const ClockOf& clock,
-                              guard::StageGuard& observer) {
-  const wire::RoundHeader& h = arrived.header;
-  observer.note_arrival(now, stage_end(h, h.stage));
+                              guard::StageGuard& guard) {
+  const Round& r = arrived.round;
+  guard.note_arrival(now, r.stage_end(r.stage));
   // The guard of a round that began here lies elsewhere, so that its pipeline may be new here.
-  if (is_own(h)) pipeline(h, sender);
-  const Served* stages = served(sender.peer, h);
-  if (stages == nullptr || ((*stages >> h.stage) & 1U) != 0) return Action::kDrop;
-  const Held* held = held_.find(sender.peer, h);
-  if (held != nullptr && held->arrived.header.variant <= h.variant) return Action::kDrop;
+  if (is_own(r)) pipeline(r, speaker);
+  const Served* stages = served(speaker.peer, r);
+  if (stages == nullptr || ((*stages >> r.stage) & 1U) != 0) return Action::kDrop;
+  const Held* held = held_.find(speaker.peer, r);
+  if (held != nullptr && held->arrived.round.variant <= r.variant) return Action::kDrop;
   // A round whose policy is not registered here can still be served: the first copy wins.
   const Merge merge =
-      policy == nullptr ? Merge::kDeliver : policy->merge({h.variant, h.best_planned, h.degraded});
+      policy == nullptr ? Merge::kDeliver : policy->merge({r.variant, r.best_planned, r.degraded});
   if (merge == Merge::kDeliver) return Action::kServe;
-  guard::StageGuard::Hold hold =
-      observer.hold(now, stage_end(h, h.stage), clock, h.stage == h.stages);
-  TimePoint longest = saturating_add(now, believed(h));
+  guard::StageGuard::Hold hold = guard.hold(now, r.stage_end(r.stage), clock, r.stage == r.stages);
+  strike_long_deadline(r);
+  TimePoint longest = saturating_add(now, bounded_deadline(r));
   // The application gets its answer by the end-to-end deadline.
-  if (is_own(h) && h.stage == h.stages) {
-    longest = std::min(longest, when_elapsed(h.t0, h.deadline()));
+  if (is_own(r) && r.stage == r.stages) {
+    longest = std::min(longest, when_elapsed(r.t0, r.qos.deadline));
   }
   if (hold.until > longest) {
     hold.until = longest;
     hold.is_stage_deadline = false;
   }
   if (hold.until <= now) return Action::kServe;
-  held_.drop(sender.peer, h);
-  const std::size_t most = scaled(limits_.held_messages, sender);
-  if (!held_.has_room(sender.peer, arrived.payload.size(), most)) {
+  held_.drop(speaker.peer, r);
+  const std::size_t most = scaled(limits_.held_messages, speaker);
+  if (!held_.has_room(speaker.peer, arrived.payload.size(), most)) {
     strike(PeerLimit::kHeldMessages);
     return Action::kServe;
   }
@@ -115,64 +111,51 @@ Stages::Action Stages::arrive(TimePoint now, const Sender& sender, Arrived& arri
   return Action::kHold;
 }
 
-void Stages::finish(PeerId peer, const wire::RoundHeader& header) {
-  if (Served* stages = served(peer, header)) *stages |= 1U << header.stage;
+void Stages::finish(PeerId peer, const Round& round) {
+  if (Served* stages = served(peer, round)) *stages |= 1U << round.stage;
   // What a round of ours comes back to may have come from several peers.
-  if (is_own(header)) {
-    held_.drop(header);
+  if (is_own(round)) {
+    held_.drop(round);
   } else {
-    held_.drop(peer, header);
+    held_.drop(peer, round);
   }
 }
 
-Delivered Stages::serve(TimePoint now, const Sender& sender, Arrived arrived, const ClockOf& clock,
-                        guard::StageGuard& observer) {
-  const Verdict verdict =
-      observer.end_stage(now, stage_end(arrived.header, arrived.header.stage), clock);
-  return deliver(now, sender, std::move(arrived), verdict);
-}
-
-Delivered Stages::serve_held(const Sender& sender, Held released, guard::StageGuard& observer) {
-  const Verdict verdict = observer.end_stage_held(
-      stage_end(released.arrived.header, released.arrived.header.stage), released.hold);
-  return deliver(released.hold.until, sender, std::move(released.arrived), verdict);
-}
-
-Delivered Stages::deliver(TimePoint now, const Sender& sender, Arrived arrived,
-                          const Verdict& verdict) {
-  const wire::RoundHeader& h = arrived.header;
-  const Duration deadline = believed(h);
-  finish(sender.peer, h);
-  RoundContext context;
-  context.header = h;
-  context.from = arrived.from;
-  context.by_relay = sender.is_relay;
-  context.stage = h.stage;
-  context.verdict = verdict;
-  context.began = now;
-  const PeerId owner = this->owner(sender.peer, h);
-  const std::size_t most = owner == kOurselves ? kOwnContexts : scaled(limits_.contexts, sender);
+Delivered Stages::serve(TimePoint now, const Speaker& speaker, Arrived arrived,
+                        const Verdict& verdict) {
+  const Round& r = arrived.round;
+  strike_long_deadline(r);
+  const Duration deadline = bounded_deadline(r);
+  finish(speaker.peer, r);
+  RoundContext context{.round = r,
+                       .from = arrived.from,
+                       .by_relay = speaker.is_relay,
+                       .stage = r.stage,
+                       .verdict = verdict,
+                       .began = now};
+  const PeerId owner = this->owner(speaker.peer, r);
+  const std::size_t most = owner == kOurselves ? kOwnContexts : scaled(limits_.contexts, speaker);
   // What hands over late is still learnt from.
-  if (!contexts_.open(now, owner, h.round, std::move(context), now + 2 * deadline, most) &&
+  if (!contexts_.open(now, owner, r.ref, std::move(context), now + 2 * deadline, most) &&
       owner != kOurselves) {
     strike(PeerLimit::kContexts);
   }
-  Delivered delivered;
-  delivered.round = h.round;
-  delivered.from = arrived.from;
-  delivered.stage = h.stage;
-  delivered.variant = h.variant;
-  delivered.degraded = h.degraded;
-  delivered.verdict = verdict;
-  delivered.qos = qos_of(h);
-  delivered.deadline = delivered.qos.deadline = deadline;
-  delivered.payload = std::move(arrived.payload);
+  Delivered delivered{.round = r.ref,
+                      .from = arrived.from,
+                      .stage = r.stage,
+                      .variant = r.variant,
+                      .degraded = r.degraded,
+                      .verdict = verdict,
+                      .deadline = deadline,
+                      .qos = r.qos,
+                      .payload = std::move(arrived.payload)};
+  delivered.qos.deadline = deadline;
   return delivered;
 }
 
 void Stages::open(TimePoint now, RoundContext context) {
-  const RoundRef round = context.header.round;
-  const TimePoint expires = now + 2 * context.header.deadline();
+  const RoundRef round = context.round.ref;
+  const TimePoint expires = now + 2 * context.round.qos.deadline;
   contexts_.open(now, kOurselves, round, std::move(context), expires, kOwnContexts);
 }
 

@@ -13,6 +13,7 @@
 // dropped. Pure; thread-compatible.
 #pragma once
 
+#include <algorithm>
 #include <map>
 #include <memory>
 #include <optional>
@@ -23,16 +24,15 @@
 #include "core/guard/stage_guard.h"
 #include "core/rounds/contexts.h"
 #include "core/rounds/held_variants.h"
-#include "core/wire/round_header.h"
 #include "interneuron/endpoint.h"
 
 namespace interneuron {
 
 class Stages {
  public:
-  // Whose bounds a call is subject to: who sent the message (kOurselves for rounds that began
+  // Whose bounds a call is subject to: who speaks for the round (kOurselves for rounds that began
   // here), and whether it is a relay that the configuration names.
-  struct Sender {
+  struct Speaker {
     PeerId peer{};
     bool is_relay = false;
   };
@@ -55,22 +55,20 @@ class Stages {
   };
   // `policy`: of the round, nullptr where it is not registered here; then the first variant that
   // comes is served.
-  Action arrive(TimePoint now, const Sender& sender, Arrived& arrived, const Policy* policy,
-                const ClockOf& clock, guard::StageGuard& observer);
+  Action arrive(TimePoint now, const Speaker& speaker, Arrived& arrived, const Policy* policy,
+                const ClockOf& clock, guard::StageGuard& guard);
 
-  // Serves a message: ends the stage before the guard, drops what is held of the stage, and opens
-  // the round's context for the application.
-  Delivered serve(TimePoint now, const Sender& sender, Arrived arrived, const ClockOf& clock,
-                  guard::StageGuard& observer);
+  // Serves a message whose stage the guard has judged at `now`: drops what is held of the stage,
+  // and opens the round's context for the application.
+  Delivered serve(TimePoint now, const Speaker& speaker, Arrived arrived, const Verdict& verdict);
 
-  // Takes the held variants whose time is over at `now`, in the order of their time.
+  // Takes the held variants whose time is over at `now`, in the order of their time. Each is served
+  // as at the instant at which its hold was to end.
   std::vector<Held> release(TimePoint now) { return held_.release(now); }
-  // The same as serve(), at the instant at which the hold was to end.
-  Delivered serve_held(const Sender& sender, Held released, guard::StageGuard& observer);
 
-  // The stage of this header, which this peer has sent, is over, whatever became of it: further
+  // The stage of this message, which this peer has sent, is over, whatever became of it: further
   // copies are dropped.
-  void finish(PeerId peer, const wire::RoundHeader& header);
+  void finish(PeerId peer, const Round& round);
 
   // When the next hold ends.
   std::optional<TimePoint> next_timeout() const { return held_.next_timeout(); }
@@ -89,9 +87,15 @@ class Stages {
   void open(TimePoint now, RoundContext context);
   void close(const RoundRef& round) { contexts_.close(round); }
 
-  // The guard of the pipeline that this header belongs to, of the kind that the header asks for.
+  // How long a round may take, as far as its origin is believed: what it states, at most
+  // PeerLimits::longest_deadline where it began elsewhere.
+  Duration bounded_deadline(const Round& round) const {
+    return is_own(round) ? round.qos.deadline
+                         : std::min(round.qos.deadline, limits_.longest_deadline);
+  }
+  // The guard of the pipeline that this round belongs to, of the kind that the origin asks for.
   // Valid until the next call.
-  guard::StageGuard& observer(const wire::RoundHeader& header, const Sender& sender);
+  guard::StageGuard& stage_guard(const Round& round, const Speaker& speaker);
   // The clock of this peer has stepped.
   void forget_clock(PeerId peer);
   // The peer is gone, or has begun a new session: what is kept of it goes.
@@ -125,19 +129,15 @@ class Stages {
     std::uint64_t used = 0;
   };
 
-  bool is_own(const wire::RoundHeader& header) const { return header.round.origin == self_; }
+  bool is_own(const Round& round) const { return round.ref.origin == self_; }
   // Whose bounds hold for a round that this peer has sent.
-  PeerId owner(PeerId peer, const wire::RoundHeader& header) const {
-    return is_own(header) ? kOurselves : peer;
-  }
-  Pipeline& pipeline(const wire::RoundHeader& header, const Sender& sender);
-  void make_room_for_pipeline(const Sender& sender);
-  Served* served(PeerId peer, const wire::RoundHeader& header);
-  Delivered deliver(TimePoint now, const Sender& sender, Arrived arrived, const Verdict& verdict);
-  // What is believed of the deadline that a header states.
-  Duration believed(const wire::RoundHeader& header);
-  std::size_t scaled(std::size_t limit, const Sender& sender) const {
-    return sender.is_relay ? limit * kRelayedPeers : limit;
+  PeerId owner(PeerId peer, const Round& round) const { return is_own(round) ? kOurselves : peer; }
+  Pipeline& pipeline(const Round& round, const Speaker& speaker);
+  void make_room_for_pipeline(const Speaker& speaker);
+  Served* served(PeerId peer, const Round& round);
+  void strike_long_deadline(const Round& round);
+  std::size_t scaled(std::size_t limit, const Speaker& speaker) const {
+    return speaker.is_relay ? limit * kRelayedPeers : limit;
   }
   void strike(PeerLimit limit);
 

@@ -22,6 +22,17 @@ Nonce nonce_of(std::uint64_t counter) {
   return nonce;
 }
 
+// The key stream comes in blocks (RFC 8439 §2.3).
+constexpr std::size_t kBlockBytes = 64;
+
+// What is authenticated is filled up to a multiple of 16 bytes (RFC 8439 §2.8).
+void authenticate(crypto_onetimeauth_poly1305_state& state, ByteView bytes) {
+  constexpr std::size_t kStep = 16;
+  constexpr std::array<unsigned char, kStep> kZeros{};
+  crypto_onetimeauth_poly1305_update(&state, raw(bytes), bytes.size());
+  crypto_onetimeauth_poly1305_update(&state, kZeros.data(), (kStep - bytes.size() % kStep) % kStep);
+}
+
 }  // namespace
 
 void aead_seal(const SecretKey& key, std::uint64_t counter, ByteView associated, ByteView plain,
@@ -30,6 +41,43 @@ void aead_seal(const SecretKey& key, std::uint64_t counter, ByteView associated,
   crypto_aead_chacha20poly1305_ietf_encrypt_detached(
       target(out), target(tag), nullptr, raw(plain), plain.size(), raw(associated),
       associated.size(), nullptr, nonce_of(counter).data(), raw(key.bytes()));
+}
+
+// What libsodium does in one call with a text in one piece (RFC 8439 §2.8), out of the same parts
+// of it. Block 0 of the key stream is the key of the code, and the text begins with block 1. The
+// blocks that the first part takes, the last of which reaches into the second, are added byte by
+// byte; with the block after them libsodium goes on alone.
+void aead_seal_parts(const SecretKey& key, std::uint64_t counter, ByteView associated,
+                     std::size_t head, ByteView rest, std::span<std::byte> out,
+                     std::span<std::byte> tag) {
+  const std::size_t size = head + rest.size();
+  assert(head <= kMostHeadBytes && out.size() >= size && tag.size() == kAeadTagBytes);
+  const Nonce nonce = nonce_of(counter);
+  const std::size_t blocks = head / kBlockBytes + 1;
+  std::array<std::byte, kBlockBytes*(1 + (kMostHeadBytes + 1) / kBlockBytes)> stream;
+  crypto_stream_chacha20_ietf(target(stream), (1 + blocks) * kBlockBytes, nonce.data(),
+                              raw(key.bytes()));
+  const ByteView mask = ByteView(stream).subspan(kBlockBytes, blocks * kBlockBytes);
+  const std::size_t both = std::min(mask.size(), size);
+  for (std::size_t i = 0; i < head; ++i) out[i] ^= mask[i];
+  for (std::size_t i = head; i < both; ++i) out[i] = rest[i - head] ^ mask[i];
+  const ByteView alone = rest.subspan(both - head);
+  crypto_stream_chacha20_ietf_xor_ic(target(out.subspan(both)), raw(alone), alone.size(),
+                                     nonce.data(), static_cast<std::uint32_t>(1 + blocks),
+                                     raw(key.bytes()));
+  crypto_onetimeauth_poly1305_state code;
+  crypto_onetimeauth_poly1305_init(&code, raw(stream));
+  sodium_memzero(stream.data(), stream.size());
+  authenticate(code, associated);
+  authenticate(code, out.first(size));
+  std::array<std::byte, 2 * sizeof(std::uint64_t)> sizes{};
+  for (std::size_t i = 0; i < sizeof(std::uint64_t); ++i) {
+    sizes[i] = static_cast<std::byte>(std::uint64_t{associated.size()} >> (8 * i));
+    sizes[sizeof(std::uint64_t) + i] = static_cast<std::byte>(std::uint64_t{size} >> (8 * i));
+  }
+  crypto_onetimeauth_poly1305_update(&code, raw(sizes), sizes.size());
+  crypto_onetimeauth_poly1305_final(&code, target(tag));
+  sodium_memzero(&code, sizeof(code));
 }
 
 bool aead_open(const SecretKey& key, std::uint64_t counter, ByteView associated, ByteView sealed,

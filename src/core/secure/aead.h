@@ -14,6 +14,13 @@ namespace interneuron::crypto {
 // `plain` may be where `out` is; the tag is written to `tag`, of kAeadTagBytes.
 void aead_seal(const SecretKey& key, std::uint64_t counter, ByteView associated, ByteView plain,
                std::span<std::byte> out, std::span<std::byte> tag);
+// The same of a text in two parts. The first `head` bytes of `out` hold the one, and are encrypted
+// where they are; `rest` is the other, which is read where it lies and written behind the first,
+// encrypted, so that nobody has to join them. `head`: at most kMostHeadBytes.
+inline constexpr std::size_t kMostHeadBytes = 127;
+void aead_seal_parts(const SecretKey& key, std::uint64_t counter, ByteView associated,
+                     std::size_t head, ByteView rest, std::span<std::byte> out,
+                     std::span<std::byte> tag);
 // False: the bytes are not what was sealed, and nothing that is of use was written to `out`.
 bool aead_open(const SecretKey& key, std::uint64_t counter, ByteView associated, ByteView sealed,
                ByteView tag, std::span<std::byte> out);

@@ -38,8 +38,8 @@ class Caller {
   bool seal(TimePoint now, std::span<std::byte> packet) {
     return sessions_.seal(now, kOwner, packet);
   }
-  // See Sessions::unix_ns().
-  std::int64_t unix_ns(TimePoint now) const { return sessions_.unix_ns(now); }
+  // See TimeOfDay::unix_ns().
+  std::int64_t unix_ns(TimePoint now) const { return sessions_.time_of_day().unix_ns(now); }
   std::optional<TimePoint> next_timeout() const { return sessions_.next_timeout(kOwner); }
 
  private:

@@ -1,8 +1,8 @@
 // Cookies: how a responder under load finds out whether who asks receives at the address that he
 // asks from, without remembering him ("WireGuard: Next Generation Kernel Network Tunnel",
-// Donenfeld). A cookie is a code over the address under a secret that is drawn anew every
-// two minutes; it is sent encrypted, so that only who knows whom he asks can use it, and bound to
-// mac1 of what it answers, so that nobody else's answer is taken for it. Pure; thread-compatible.
+// Donenfeld). A cookie is a code over the address under a secret that is drawn anew every two
+// minutes; it is sent encrypted, so that only who knows whom he asks can use it, and bound to mac1
+// of what it answers, so that nobody else's answer is taken for it. Pure; thread-compatible.
 #pragma once
 
 #include <optional>

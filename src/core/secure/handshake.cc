@@ -7,7 +7,6 @@
 
 #include "core/secure/bytes.h"
 #include "core/secure/cookie.h"
-#include "core/secure/kdf.h"
 #include "core/wire/bytes.h"
 
 namespace interneuron::crypto {
@@ -26,6 +25,10 @@ SecretKey labelled_key(std::string_view label, const PublicKey& open) {
 }
 
 }  // namespace
+
+bool is_initiation_size(std::size_t bytes) {
+  return bytes == kInitiationBytes || bytes == kLongInitiationBytes;
+}
 
 ByteView prologue() { return bytes_of(kPrologue); }
 
@@ -73,19 +76,6 @@ Hello get_hello(ByteView bytes) {
 bool is_valid(const Hello& hello) {
   return hello.life.value != 0 && hello.index != 0 && hello.unix_ns >= 0 &&
          hello.unix_ns <= kLatestUnixNs;
-}
-
-Mac mac_of(const SecretKey& key, ByteView bytes) {
-  Mac out{};
-  crypto_generichash(target(out), out.size(), raw(bytes), bytes.size(), raw(key.bytes()),
-                     kKeyBytes);
-  return out;
-}
-
-bool is_mac(ByteView mac, const SecretKey& key, ByteView bytes) {
-  const Mac expected = mac_of(key, bytes);
-  return mac.size() == expected.size() &&
-         sodium_memcmp(mac.data(), expected.data(), expected.size()) == 0;
 }
 
 SecretKey mac1_key(const PublicKey& responder) {

@@ -6,17 +6,17 @@
 //
 // An initiation leaves over all paths at once, and the first answer counts. Its copies differ in
 // path and try, which stand in the header, and so in their proofs: a code over the whole packet
-// under a key that only the two sides can compute. So a copy that somebody has recorded and sends
-// again is told from those of the sender's other paths, and is answered by nobody.
+// under a key that only the two sides can compute. So a copy that was recorded and is sent again is
+// told from those of the sender's other paths, and answered by nobody.
 //
 // mac1 and mac2 are WireGuard's ("WireGuard: Next Generation Kernel Network Tunnel", Donenfeld):
-// mac1 shows that the sender knows whom he asks, so that a scanner of ports is
-// never answered, and mac2 that he receives at the address that he sends from, which is asked for
-// under load alone. docs/wire_format.md is the authority on the layout.
+// mac1 shows that the sender knows whom he asks, so that a scanner of ports is never answered, and
+// mac2 that he receives at the address that he sends from, which is asked for under load alone.
+// docs/wire_format.md is the authority on the layout.
 //
-// Initiator is owned and fed by Peers (src/core/peers), one for each peer that we connect to:
-// write() when it is due, take_response() and take_cookie() with any bytes from anywhere. What is
-// not authentic changes nothing. Constant memory but for the cookies of kMaxReports paths. Pure;
+// Initiator is owned and fed by Sessions, one for each peer that we connect to: write() when it is
+// due, take_response() and take_cookie() with any bytes from anywhere. What is not authentic
+// changes nothing. Constant memory but for the cookies of kMaxReports paths. Pure;
 // thread-compatible.
 #pragma once
 
@@ -25,6 +25,7 @@
 #include <span>
 #include <vector>
 
+#include "core/secure/kdf.h"
 #include "core/secure/noise.h"
 #include "core/secure/session.h"
 #include "core/wire/packet.h"
@@ -33,8 +34,6 @@
 
 namespace interneuron::crypto {
 
-inline constexpr std::size_t kMacBytes = 16;
-using Mac = std::array<std::byte, kMacBytes>;
 inline constexpr std::size_t kCookieNonceBytes = 24;
 
 // What an initiation and a response say beside their keys.
@@ -60,9 +59,7 @@ bool is_valid(const Hello& hello);
 inline constexpr std::size_t kInitiationBytes =
     wire::kHeaderBytes + kFirstMessageBytes + kHelloBytes + 3 * kMacBytes;
 inline constexpr std::size_t kLongInitiationBytes = kInitiationBytes + kCredentialBytes;
-constexpr bool is_initiation_size(std::size_t bytes) {
-  return bytes == kInitiationBytes || bytes == kLongInitiationBytes;
-}
+bool is_initiation_size(std::size_t bytes);
 inline constexpr std::size_t kResponseBytes =
     wire::kHeaderBytes + kSecondMessageBytes + kHelloBytes + wire::kTokenBytes + kMacBytes;
 inline constexpr std::size_t kCookieBytes =
@@ -93,9 +90,6 @@ ResponseParts parts_of_response(ByteView packet);
 void put_hello(std::span<std::byte> out, const Hello& hello);
 Hello get_hello(ByteView bytes);
 
-// Keyed BLAKE2b (RFC 7693).
-Mac mac_of(const SecretKey& key, ByteView bytes);
-bool is_mac(ByteView mac, const SecretKey& key, ByteView bytes);
 // The keys of mac1 and of cookies to this host; no secrets, they only bind to whom is meant.
 SecretKey mac1_key(const PublicKey& responder);
 SecretKey cookie_key(const PublicKey& responder);
@@ -178,7 +172,7 @@ class Initiator {
   SecretKey mac1_key_;
   SecretKey cookie_key_;
   std::optional<Noise> noise_;
-  // Of the message under way.
+  // The message under way, and what it was made with.
   Bytes message_;
   SecretKey proof_key_;
   std::uint32_t index_ = 0;
@@ -187,7 +181,7 @@ class Initiator {
   std::optional<TimePoint> next_try_;
   Duration retry_ = kFirstRetry;
   TimePoint began_at_{};
-  // Of the newest message that was answered.
+  // The newest message that was answered.
   SecretKey answered_key_;
   std::uint32_t answered_index_ = 0;
   struct Taken {

@@ -30,4 +30,17 @@ std::array<SecretKey, 3> derive(const SecretKey& chaining, ByteView input) {
   return out;
 }
 
+Mac mac_of(const SecretKey& key, ByteView bytes) {
+  Mac out{};
+  crypto_generichash(target(out), out.size(), raw(bytes), bytes.size(), raw(key.bytes()),
+                     kKeyBytes);
+  return out;
+}
+
+bool is_mac(ByteView mac, const SecretKey& key, ByteView bytes) {
+  const Mac expected = mac_of(key, bytes);
+  return mac.size() == expected.size() &&
+         sodium_memcmp(mac.data(), expected.data(), expected.size()) == 0;
+}
+
 }  // namespace interneuron::crypto

@@ -15,7 +15,7 @@ constexpr Duration kBurst = std::chrono::seconds(1);
 constexpr std::int64_t kNsPerSecond = 1'000'000'000;
 constexpr Duration kCookieBurst = std::chrono::milliseconds(100);
 
-// Of an initiation.
+// What an initiation is known by: the first bytes of its ephemeral key.
 std::uint64_t name_of_ephemeral(ByteView packet) {
   std::uint64_t name = 0;
   std::memcpy(&name, packet.subspan(wire::kHeaderBytes).data(), sizeof(name));

@@ -40,7 +40,8 @@ class Responder {
   // ms, a tenth of a processor, and those that are answered 0.27 ms. What is above is refused by
   // chance, so fewer would keep newcomers waiting beside a flood from many addresses.
   static constexpr std::uint32_t kUnderLoad = 1000;
-  // Of one host while cookies are asked for: WireGuard's (messages.h and ratelimiter.c of Linux).
+  // The same for one host while cookies are asked for: how far apart, and how many at once. These
+  // are WireGuard's (messages.h and ratelimiter.c of Linux).
   static constexpr Duration kPerSource = std::chrono::milliseconds(50);
   static constexpr int kSourceBurst = 5;
   // Cookies a second: about a tenth of a processor for sending them.
@@ -76,7 +77,7 @@ class Responder {
     Hello theirs;
     Split keys;
   };
-  // Of a packet of which take() has said kNew. Nothing where it is refused.
+  // Answers a packet of which take() has said kNew. Nothing where it is refused.
   std::optional<Accepted> accept(TimePoint now, const wire::PacketHeader& header,
                                  const Datagram& datagram, const Initiator::Fresh& fresh);
 
@@ -112,11 +113,11 @@ class Responder {
   struct Waiting {
     Next next;
     wire::PacketHeader header;
-    // Of a cookie.
+    // Where it is a cookie.
     Mac mac1{};
     SecretKey cookie;
     SecretKey nonce;
-    // Of a response.
+    // Where it is a response.
     std::array<std::byte, kSecondMessageBytes + kHelloBytes> message{};
     SecretKey proof;
   };

@@ -7,9 +7,15 @@
 #include "core/secure/aead.h"
 #include "core/secure/bytes.h"
 #include "core/secure/kdf.h"
+#include "core/wire/message_bytes.h"
 
 namespace interneuron::crypto {
 namespace {
+
+// What stands before the payload of a message in a packet's body.
+static_assert(wire::kHeaderBytes - wire::kAssociatedBytes + wire::kFragmentHeaderBytes +
+                  wire::MessageBytes::kMostHeaderBytes <=
+              kMostHeadBytes);
 
 SecretKey lane_key(const SecretKey& direction, std::uint32_t lane) {
   const std::array<std::byte, 3> name{static_cast<std::byte>(lane >> 16U),
@@ -40,8 +46,8 @@ Session::Sending* Session::sending(Lane lane) {
   return &sending_.back();
 }
 
-bool Session::seal(std::span<std::byte> packet) {
-  assert(packet.size() >= wire::kPacketOverhead);
+bool Session::seal(std::span<std::byte> packet, ByteView payload) {
+  assert(packet.size() >= wire::kPacketOverhead + payload.size());
   auto header = wire::peek(packet);
   assert(header);
   if (!wire::is_numbered(header->type)) {
@@ -54,8 +60,14 @@ bool Session::seal(std::span<std::byte> packet) {
   wire::mark_sealed(packet, SessionId{theirs_});
   const auto body = packet.subspan(wire::kAssociatedBytes,
                                    packet.size() - wire::kAssociatedBytes - wire::kTagBytes);
-  aead_seal(lane->key, header->number, packet.first(wire::kAssociatedBytes), body, body,
-            packet.last(wire::kTagBytes));
+  const ByteView associated = packet.first(wire::kAssociatedBytes);
+  const std::span<std::byte> tag = packet.last(wire::kTagBytes);
+  if (payload.empty()) {
+    aead_seal(lane->key, header->number, associated, body, body, tag);
+  } else {
+    aead_seal_parts(lane->key, header->number, associated, body.size() - payload.size(), payload,
+                    body, tag);
+  }
   return true;
 }
 

@@ -44,10 +44,10 @@ class Session {
   Session(TimePoint born, Role role, std::uint32_t theirs, const Split& keys);
 
   // The packet is a header, a body and room for the tag; it leaves sealed, with that number in its
-  // header. False: there is no room for its path, or its number is not
-  // above all before; it must not leave.
-  // A packet that belongs to no path's numbers is given one.
-  bool seal(std::span<std::byte> packet);
+  // header. A packet that belongs to no path's numbers is given one. `payload`: the last bytes of
+  // the body where these lie elsewhere; what the packet has in their place is not read. False:
+  // there is no room for its path, or its number is not above all before; it must not leave.
+  bool seal(std::span<std::byte> packet, ByteView payload = {});
 
   enum class Opened : std::uint8_t { kOk, kReplayed, kForged };
   // `out`: of the packet's size; holds the packet as it was before it was sealed, without its tag.

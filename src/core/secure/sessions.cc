@@ -7,13 +7,13 @@
 #include "core/base/earliest.h"
 
 namespace interneuron::crypto {
+
 Sessions::Sessions(const Security& security, SessionId self, bool accept, TimePoint now)
     : credential_(security.credential),
-      unix_time_ns_(security.unix_time_ns),
       own_(key_pair_of(security.key)),
       self_(self),
       accept_(accept),
-      started_(now),
+      time_of_day_(now, security.unix_time_ns),
       entropy_(security.seed),
       trust_(security),
       responder_(own_, self, trust_) {
@@ -24,8 +24,8 @@ Sessions::Sessions(const Security& security, SessionId self, bool accept, TimePo
 // What the other side says that it knows counts, but it may say in each handshake that it knows
 // nothing.
 bool Sessions::take_turn_to_tell(TimePoint now, Owner owner) {
-  Held* const peer = held(owner);
-  Slot* const there = peer == nullptr ? nullptr : slot(peer->current);
+  PeerKeys* const peer = held(owner);
+  LiveSession* const there = peer == nullptr ? nullptr : live(peer->current);
   const std::int64_t newest = trust_.revocations_s();
   if (there == nullptr || there->revocations_s >= newest) return false;
   if (peer->told_s >= newest && now - peer->told_at < kBetweenLists) return false;
@@ -35,70 +35,32 @@ bool Sessions::take_turn_to_tell(TimePoint now, Owner owner) {
 }
 
 bool Sessions::is_revoked(Owner owner) const {
-  const Held* const peer = held(owner);
+  const PeerKeys* const peer = held(owner);
   return peer != nullptr && trust_.is_revoked(peer->who);
 }
 
-std::optional<PublicKey> Sessions::poll_shared_key() {
-  if (shared_keys_.empty()) return std::nullopt;
-  const PublicKey key = shared_keys_.front();
-  shared_keys_.pop_front();
-  return key;
-}
-
-// A life that was followed by another one does not come back by itself: a second host has the key.
-void Sessions::note_life(TimePoint now, const PublicKey& who, SessionId life) {
-  if (!lives_.contains(who) && lives_.size() >= kMaxKeysWithLives) lives_.erase(lives_.begin());
-  Lives& lives = lives_[who];
-  if (!lives.known.empty() && lives.known.back() == life) return;
-  const bool is_back = std::erase(lives.known, life) > 0;
-  lives.known.push_back(life);
-  if (lives.known.size() > kMaxLives) lives.known.erase(lives.known.begin());
-  const bool is_told =
-      lives.told_at != TimePoint::min() && now - lives.told_at < kBetweenSharedKeys;
-  if (!is_back || is_told) return;
-  lives.told_at = now;
-  shared_keys_.push_back(who);
-}
-
-Sessions::Held* Sessions::held(Owner owner) {
+PeerKeys* Sessions::held(Owner owner) {
   return owner < held_.size() ? held_[owner].get() : nullptr;
 }
 
-const Sessions::Held* Sessions::held(Owner owner) const {
+const PeerKeys* Sessions::held(Owner owner) const {
   return owner < held_.size() ? held_[owner].get() : nullptr;
 }
 
-Sessions::Slot* Sessions::slot(std::uint32_t index) {
-  const auto it = slots_.find(index);
-  return it == slots_.end() ? nullptr : &it->second;
+LiveSession* Sessions::live(std::uint32_t index) {
+  const auto it = live_.find(index);
+  return it == live_.end() ? nullptr : &it->second;
 }
 
-const Sessions::Slot* Sessions::slot(std::uint32_t index) const {
-  const auto it = slots_.find(index);
-  return it == slots_.end() ? nullptr : &it->second;
+const LiveSession* Sessions::live(std::uint32_t index) const {
+  const auto it = live_.find(index);
+  return it == live_.end() ? nullptr : &it->second;
 }
 
 std::uint32_t Sessions::draw_index() {
   std::uint32_t index = entropy_.draw_index();
-  while (slots_.contains(index) || asking_.contains(index)) index = entropy_.draw_index();
+  while (live_.contains(index) || asking_.contains(index)) index = entropy_.draw_index();
   return index;
-}
-
-std::int64_t Sessions::unix_ns(TimePoint now) const {
-  return std::max(said_ns_, unix_time_ns_ + Duration(now - started_).count());
-}
-
-void Sessions::raise_unix_ns(TimePoint now, std::int64_t unix_ns) {
-  const std::int64_t behind =
-      std::min(unix_ns, kLatestBelievedNs) - (unix_time_ns_ + Duration(now - started_).count());
-  if (behind > 0) unix_time_ns_ += behind;
-}
-
-// Grows with every call, also where the clock does not.
-std::int64_t Sessions::next_unix_ns(TimePoint now) {
-  said_ns_ = std::max(said_ns_ + 1, unix_ns(now));
-  return said_ns_;
 }
 
 bool Sessions::is_connected(const PublicKey& who) const {
@@ -107,7 +69,8 @@ bool Sessions::is_connected(const PublicKey& who) const {
 }
 
 Initiator::Fresh Sessions::fresh(TimePoint now) {
-  return {draw_index(), entropy_.draw_key(), next_unix_ns(now), trust_.revocations_s()};
+  return {draw_index(), entropy_.draw_key(), time_of_day_.next_unix_ns(now),
+          trust_.revocations_s()};
 }
 
 // --- peers
@@ -116,27 +79,27 @@ void Sessions::connect(TimePoint now, Owner owner, const PublicKey& who) {
   const auto shared = trust_.may_connect(who);
   assert(shared);
   if (held_.size() <= owner) held_.resize(owner + 1);
-  held_[owner] = std::make_unique<Held>();
+  held_[owner] = std::make_unique<PeerKeys>();
   held_[owner]->who = who;
   held_[owner]->initiator.emplace(own_, TrustedPeer{who, *shared}, self_, credential_);
   held_[owner]->initiator->begin(now);
 }
 
 void Sessions::adopt(Owner owner, std::uint32_t index) {
-  Slot* const there = slot(index);
+  LiveSession* const there = live(index);
   assert(there != nullptr && !there->owner);
   if (held_.size() <= owner) held_.resize(owner + 1);
-  held_[owner] = std::make_unique<Held>();
+  held_[owner] = std::make_unique<PeerKeys>();
   held_[owner]->who = there->who;
   held_[owner]->current = index;
-  note_life(there->session.born(), there->who, there->life);
+  shared_keys_.note_life(there->session.born(), there->who, there->life);
   there->owner = owner;
   adopted_[there->who] = owner;
   std::erase(unowned_order_, index);
   Unowned& of_key = unowned_.at(there->who);
   if (of_key.former != index) drop_unowned(of_key.former);
   // It has shaken hands again meanwhile, and may seal with these keys from now on.
-  Slot* const newer = of_key.newest == index ? nullptr : slot(of_key.newest);
+  LiveSession* const newer = of_key.newest == index ? nullptr : live(of_key.newest);
   if (newer != nullptr && newer->life != there->life) {
     of_key.former = 0;
     return;
@@ -150,7 +113,7 @@ void Sessions::adopt(Owner owner, std::uint32_t index) {
 }
 
 void Sessions::remove(Owner owner) {
-  Held* const gone = held(owner);
+  PeerKeys* const gone = held(owner);
   if (gone == nullptr) return;
   for (std::uint32_t* index : {&gone->current, &gone->former, &gone->next, &gone->earlier}) {
     drop(*index);
@@ -169,34 +132,34 @@ std::optional<Sessions::Owner> Sessions::owner_of(const PublicKey& who) const {
 }
 
 bool Sessions::is_open(TimePoint now, Owner owner) const {
-  const Held* const peer = held(owner);
-  const Slot* const there = peer == nullptr ? nullptr : slot(peer->current);
+  const PeerKeys* const peer = held(owner);
+  const LiveSession* const there = peer == nullptr ? nullptr : live(peer->current);
   return there != nullptr && !there->session.is_over(now);
 }
 
 void Sessions::set_out_of_reach(TimePoint now, Owner owner, bool is_out_of_reach) {
-  Held* const peer = held(owner);
+  PeerKeys* const peer = held(owner);
   if (peer == nullptr || !peer->initiator) return;
   peer->is_out_of_reach = is_out_of_reach;
-  if (!is_out_of_reach && peer->heard_at) peer->patience = kFirstPatience;
+  if (!is_out_of_reach && peer->heard_at) peer->patience = PeerKeys::kFirstPatience;
   ask_if_lost(now, *peer);
 }
 
 void Sessions::path_added(TimePoint now, Owner owner) {
-  Held* const peer = held(owner);
+  PeerKeys* const peer = held(owner);
   if (peer != nullptr && peer->initiator) peer->initiator->hurry(now);
 }
 
 // When packets of a peer that we connect to are missed so much that a handshake is due.
-std::optional<TimePoint> Sessions::lost_at(const Held& peer) const {
-  if (slot(peer.current) == nullptr) return std::nullopt;
+std::optional<TimePoint> Sessions::lost_at(const PeerKeys& peer) const {
+  if (live(peer.current) == nullptr) return std::nullopt;
   if (!peer.heard_at) return peer.ask_after;
   if (!peer.is_out_of_reach) return std::nullopt;
   return std::max(peer.ask_after, *peer.heard_at + kSilence);
 }
 
-void Sessions::ask_if_lost(TimePoint now, Held& peer) {
-  if (slot(peer.current) == nullptr || now >= peer.rekey_at) return;
+void Sessions::ask_if_lost(TimePoint now, PeerKeys& peer) {
+  if (live(peer.current) == nullptr || now >= peer.rekey_at) return;
   const auto lost = lost_at(peer);
   if (lost && now >= *lost) {
     peer.initiator->begin(now);
@@ -207,11 +170,11 @@ void Sessions::ask_if_lost(TimePoint now, Held& peer) {
 }
 
 void Sessions::drop(std::uint32_t& index) {
-  slots_.erase(index);
+  live_.erase(index);
   index = 0;
 }
 
-void Sessions::promote(Held& peer, std::uint32_t index) {
+void Sessions::promote(PeerKeys& peer, std::uint32_t index) {
   drop(peer.former);
   peer.former = peer.current;
   peer.current = index;
@@ -223,7 +186,7 @@ void Sessions::promote(Held& peer, std::uint32_t index) {
 Sessions::Opened Sessions::open(TimePoint now, const wire::PacketHeader& header, ByteView packet,
                                 std::span<std::byte> out) {
   Opened opened;
-  Slot* const there = slot(header.session.value);
+  LiveSession* const there = live(header.session.value);
   if (there == nullptr || there->session.is_over(now)) return opened;
   opened.result = there->session.open(header, packet, out);
   if (opened.result != Session::Opened::kOk) return opened;
@@ -240,7 +203,7 @@ Sessions::Opened Sessions::open(TimePoint now, const wire::PacketHeader& header,
     if (of_key.newest == header.session.value) drop_unowned(of_key.former);
     return opened;
   }
-  Held& peer = *held(*there->owner);
+  PeerKeys& peer = *held(*there->owner);
   // The other side has the new keys too.
   if (peer.next == header.session.value) {
     drop(peer.earlier);
@@ -275,9 +238,9 @@ Sessions::Shaken Sessions::take_handshake(TimePoint now, const wire::PacketHeade
   }
   // An answer to a further copy of what was answered.
   if (header.type != wire::PacketType::kResponse) return out;
-  const Slot* const there = slot(header.session.value);
+  const LiveSession* const there = live(header.session.value);
   if (there == nullptr || !there->owner) return out;
-  Held& peer = *held(*there->owner);
+  PeerKeys& peer = *held(*there->owner);
   if (!peer.initiator) return out;
   out.token = peer.initiator->token_of(datagram.bytes);
   out.owner = *there->owner;
@@ -295,13 +258,14 @@ void Sessions::take_initiation(TimePoint now, const wire::PacketHeader& header,
   if (!accepted) return;
   out.is_used = true;
   const auto owner = owner_of(accepted->who);
-  Held* const peer = owner ? held(*owner) : nullptr;
-  const bool is_same_life = peer != nullptr && slot(peer->current) != nullptr &&
-                            slot(peer->current)->life == accepted->theirs.life;
-  Slot added(accepted->who, accepted->theirs,
-             Session(now, Session::Role::kResponder, accepted->theirs.index, accepted->keys));
+  PeerKeys* const peer = owner ? held(*owner) : nullptr;
+  const bool is_same_life = peer != nullptr && live(peer->current) != nullptr &&
+                            live(peer->current)->life == accepted->theirs.life;
+  LiveSession added(
+      accepted->who, accepted->theirs,
+      Session(now, Session::Role::kResponder, accepted->theirs.index, accepted->keys));
   if (is_same_life) added.owner = owner;
-  slots_.emplace(made.index, std::move(added));
+  live_.emplace(made.index, std::move(added));
   if (is_same_life) {
     drop(peer->earlier);
     peer->earlier = peer->next;
@@ -312,7 +276,7 @@ void Sessions::take_initiation(TimePoint now, const wire::PacketHeader& header,
 }
 
 void Sessions::add_unowned(TimePoint now, std::uint32_t index) {
-  Unowned& of_key = unowned_[slots_.at(index).who];
+  Unowned& of_key = unowned_[live_.at(index).who];
   drop_unowned(of_key.former);
   of_key.former = of_key.newest;
   of_key.newest = index;
@@ -322,13 +286,13 @@ void Sessions::add_unowned(TimePoint now, std::uint32_t index) {
 }
 
 void Sessions::expire_unowned(TimePoint now) {
-  while (!unowned_order_.empty() && slots_.at(unowned_order_.front()).session.is_over(now)) {
+  while (!unowned_order_.empty() && live_.at(unowned_order_.front()).session.is_over(now)) {
     forget_unowned(unowned_order_.front());
   }
 }
 
 void Sessions::forget_unowned(std::uint32_t index) {
-  const auto of_key = unowned_.find(slots_.at(index).who);
+  const auto of_key = unowned_.find(live_.at(index).who);
   Unowned& both = of_key->second;
   (both.newest == index ? both.newest : both.former) = 0;
   if (both.newest == 0 && both.former == 0) unowned_.erase(of_key);
@@ -342,18 +306,18 @@ void Sessions::drop_unowned(std::uint32_t& index) {
 }
 
 void Sessions::take_response(TimePoint now, Owner owner, ByteView packet, Shaken& out) {
-  Held& peer = *held(owner);
+  PeerKeys& peer = *held(owner);
   const std::uint32_t index = peer.initiator->index();
   const auto answer = peer.initiator->take_response(packet);
   if (!answer) return;
   asking_.erase(index);
   // A host that does not know the time takes that of whom it trusts.
-  raise_unix_ns(now, answer->theirs.unix_ns);
-  Slot added(peer.who, answer->theirs,
-             Session(now, Session::Role::kInitiator, answer->theirs.index, answer->keys));
+  time_of_day_.raise_unix_ns(now, answer->theirs.unix_ns);
+  LiveSession added(peer.who, answer->theirs,
+                    Session(now, Session::Role::kInitiator, answer->theirs.index, answer->keys));
   added.owner = owner;
-  slots_.emplace(index, std::move(added));
-  const Slot* const before = slot(peer.current);
+  live_.emplace(index, std::move(added));
+  const LiveSession* const before = live(peer.current);
   const bool is_same_life = before != nullptr && before->life == answer->theirs.life;
   promote(peer, index);
   if (!is_same_life) drop(peer.former);
@@ -371,11 +335,11 @@ void Sessions::take_response(TimePoint now, Owner owner, ByteView packet, Shaken
 
 // --- what leaves
 
-bool Sessions::seal(TimePoint now, Owner owner, std::span<std::byte> packet) {
-  Held* const peer = held(owner);
-  Slot* const there = peer == nullptr ? nullptr : slot(peer->current);
+bool Sessions::seal(TimePoint now, Owner owner, std::span<std::byte> packet, ByteView payload) {
+  PeerKeys* const peer = held(owner);
+  LiveSession* const there = peer == nullptr ? nullptr : live(peer->current);
   if (there == nullptr || there->session.is_over(now)) return false;
-  const bool sealed = there->session.seal(packet);
+  const bool sealed = there->session.seal(packet, payload);
   if (there->session.wants_rekey() && peer->initiator) {
     peer->rekey_at = std::min(peer->rekey_at, there->session.born() + kBetweenRekeys);
   }
@@ -383,12 +347,12 @@ bool Sessions::seal(TimePoint now, Owner owner, std::span<std::byte> packet) {
 }
 
 bool Sessions::seal_with(TimePoint now, std::uint32_t index, std::span<std::byte> packet) {
-  Slot* const there = slot(index);
+  LiveSession* const there = live(index);
   return there != nullptr && !there->session.is_over(now) && there->session.seal(packet);
 }
 
 bool Sessions::initiation_due(TimePoint now, Owner owner) {
-  Held* const peer = held(owner);
+  PeerKeys* const peer = held(owner);
   if (peer == nullptr || !peer->initiator || !peer->initiator->is_due(now)) return false;
   if (peer->initiator->needs_message(now)) {
     asking_.erase(peer->initiator->index());
@@ -407,7 +371,7 @@ void Sessions::initiation_sent(TimePoint now, Owner owner) { held(owner)->initia
 // --- time
 
 std::optional<TimePoint> Sessions::next_timeout(Owner owner) const {
-  const Held* const peer = held(owner);
+  const PeerKeys* const peer = held(owner);
   if (peer == nullptr || !peer->initiator) return std::nullopt;
   const auto tries = peer->initiator->next_timeout();
   if (tries) return tries;
@@ -416,15 +380,15 @@ std::optional<TimePoint> Sessions::next_timeout(Owner owner) const {
   return earliest(rekey, lost_at(*peer));
 }
 
-void Sessions::expire(TimePoint now, Held& peer) {
+void Sessions::expire(TimePoint now, PeerKeys& peer) {
   for (std::uint32_t* index : {&peer.current, &peer.former, &peer.next, &peer.earlier}) {
-    const Slot* const there = slot(*index);
+    const LiveSession* const there = live(*index);
     if (there != nullptr && there->session.is_over(now)) drop(*index);
   }
 }
 
 void Sessions::handle_timeout(TimePoint now, Owner owner) {
-  Held* const peer = held(owner);
+  PeerKeys* const peer = held(owner);
   if (peer == nullptr) return;
   expire(now, *peer);
   expire_unowned(now);

@@ -12,7 +12,6 @@
 #include "lab/bench/forecast_report.h"
 #include "lab/bench/load_report.h"
 #include "lab/load/forecast_run.h"
-#include "lab/load/on_time_fit.h"
 
 namespace interneuron::cli {
 namespace {
@@ -22,11 +21,10 @@ constexpr std::uint64_t kMostSeeds = 10'000;
 
 struct ForecastOptions {
   std::vector<std::string> names;
-  // The laws were fitted on seeds 1 to 4 (src/core/messages/on_time_weights.h).
+  // The law was fitted on seeds 1 and 2 (src/core/messages/on_time_forecast.cc).
   std::uint64_t first_seed = 101;
   std::uint64_t seeds = 1;
   bool json = false;
-  bool fit = false;
   std::string plot;
 };
 
@@ -61,7 +59,7 @@ Judged judged(const std::string& name, const std::vector<ForecastTask>& tasks,
       if (is_part(tasks[i].scenario, f)) part.push_back(f);
     }
   }
-  return {name, load::calibration(part)};
+  return {name, load::calibration(part), load::brier_score(part), part.size()};
 }
 
 std::vector<Judged> judge(const std::vector<ForecastTask>& tasks) {
@@ -85,25 +83,7 @@ std::vector<Judged> judge(const std::vector<ForecastTask>& tasks) {
   return out;
 }
 
-// Fits the laws to these runs, and prints the file that holds them.
-int fit_forecast(const ForecastOptions& o) {
-  const SignalWatch signals;
-  const std::vector<ForecastTask> tasks = tasks_of(o);
-  std::vector<load::OnTimeFit> parts(tasks.size());
-  Progress progress;
-  progress.for_each("bench forecast --fit", tasks.size(), [&](std::size_t i) {
-    const load::ForecastRun run = load::forecast_run(tasks[i].scenario);
-    parts[i].add(run.accepted);
-    parts[i].add(run.nevertheless);
-  });
-  load::OnTimeFit fit;
-  for (load::OnTimeFit& part : parts) fit.add(std::move(part));
-  fmt::print("{}", on_time_weights(fit, o.first_seed, o.seeds));
-  return kFine;
-}
-
 int run_forecast(const ForecastOptions& o) {
-  if (o.fit) return fit_forecast(o);
   if (!o.plot.empty() && !is_picture(o.plot)) {
     throw Failure(kUsage, "--plot '" + o.plot + "': name a file that ends in .svg or .png");
   }
@@ -137,9 +117,6 @@ void add_forecast(CLI::App& bench, std::function<int()>& run) {
       ->capture_default_str()
       ->check(CLI::Range(std::uint64_t{1}, kMostSeeds));
   c->add_flag("--json", o->json, "The bins as JSON on stdout (docs/schema/forecast.json)");
-  c->add_flag("--fit", o->fit,
-              "Judges nothing: fits the laws of the predictions to these runs and prints\n"
-              "src/core/messages/on_time_weights.h");
   c->add_option("--plot", o->plot, "Draws what happened against what was predicted, .svg or .png");
   std::string footer = "Names:\n ";
   for (const std::string& name : load::forecast_names()) footer += " " + name;

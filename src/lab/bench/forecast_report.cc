@@ -34,47 +34,18 @@ std::string panel(const Judged& j, std::size_t number) {
                    report::gnuplot_text(j.scenario), number, report::kBlue);
 }
 
-std::string text(const OnTimeLaw& law) {
-  std::string out = "{{";
-  for (std::size_t i = 0; i < law.weights.size(); ++i) {
-    out += fmt::format("{}{:.3f}", i == 0 ? "" : ", ", law.weights[i]);
-  }
-  out += "},\n{{";
-  for (const OnTimeLaw::Knot& knot : law.knots) {
-    out += fmt::format("{{{:.3f}, {:.3f}}},\n", knot.said, knot.seen);
-  }
-  return out + "}}}";
-}
-
 }  // namespace
-
-std::string on_time_weights(const load::OnTimeFit& fit, std::uint64_t first_seed,
-                            std::uint64_t seeds) {
-  const OnTimeLaws laws = fit.laws();
-  const auto messages = fit.messages();
-  return fmt::format(
-      "// The laws of OnTimeForecasts. Plain values, written by\n"
-      "// `interneuron bench forecast --seed {0} --seeds {1} --fit`\n"
-      "// (docs/load.md, \"What send() predicts\"): do not edit them, fit them anew. Weights were\n"
-      "// fitted together, so that none means anything alone.\n"
-      "//\n"
-      "// Source: seeds {0} to {2}: {3} messages of the first law, {4} of the second and {5} of "
-      "the\n"
-      "// third, which were sent although they were refused. All other seeds are for judging.\n"
-      "#pragma once\n\n#include \"core/messages/on_time_law.h\"\n\nnamespace interneuron {{\n\n"
-      "inline constexpr OnTimeLaws kOnTimeLaws{{\n{6},\n{7},\n{8}}};\n\n"
-      "}}  // namespace interneuron\n",
-      first_seed, seeds, first_seed + seeds - 1, messages[0], messages[1], messages[2],
-      text(laws.idle), text(laws.loaded), text(laws.refused));
-}
 
 lab::Json forecast_json(const std::vector<Judged>& judged, std::uint64_t first_seed,
                         std::uint64_t seeds) {
   lab::Json out{{"schema", kForecastSchema},
                 {"first_seed", first_seed},
                 {"seeds", seeds},
+                {"scores", lab::Json::array()},
                 {"rows", lab::Json::array()}};
   for (const Judged& j : judged) {
+    out["scores"].push_back(
+        {{"scenario", j.scenario}, {"brier", forecast_rounded(j.brier)}, {"messages", j.messages}});
     for (const load::Bin& b : j.bins) {
       out["rows"].push_back({{"scenario", j.scenario},
                              {"predicted", forecast_rounded(b.predicted)},
@@ -89,8 +60,8 @@ lab::Json forecast_json(const std::vector<Judged>& judged, std::uint64_t first_s
 
 void print_forecast(const std::vector<Judged>& judged) {
   for (const Judged& j : judged) {
-    fmt::print("\n{}\n{:>10}{:>10}{:>8}{:>8}{:>10}  {}\n", j.scenario, "predicted", "happened",
-               "gap", "error", "messages", "verdict");
+    fmt::print("\n{}: Brier score {:.4f}\n{:>10}{:>10}{:>8}{:>8}{:>10}  {}\n", j.scenario, j.brier,
+               "predicted", "happened", "gap", "error", "messages", "verdict");
     for (const load::Bin& b : j.bins) {
       fmt::print("{:>10.3f}{:>10.3f}{:>+8.3f}{:>8.3f}{:>10}  {}\n", b.predicted, b.happened,
                  b.gap(), b.standard_error, b.messages, verdict(b));

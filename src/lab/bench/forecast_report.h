@@ -7,16 +7,17 @@
 
 #include "app/records/json_file.h"
 #include "lab/load/calibration.h"
-#include "lab/load/on_time_fit.h"
 
 namespace interneuron::cli {
 
-inline constexpr const char* kForecastSchema = "interneuron.forecast/1";
+inline constexpr const char* kForecastSchema = "interneuron.forecast/2";
 
-// The bins of a scenario, or of several together.
+// The predictions of a scenario, or of several together.
 struct Judged {
   std::string scenario;
   std::vector<load::Bin> bins;
+  double brier = 0;
+  std::size_t messages = 0;
 };
 
 lab::Json forecast_json(const std::vector<Judged>& judged, std::uint64_t first_seed,
@@ -26,9 +27,5 @@ void print_forecast(const std::vector<Judged>& judged);
 // What happened against what was predicted, a panel for each, with three standard errors. Throws
 // Failure (1) that names the file, also without gnuplot.
 void plot_forecast(const std::filesystem::path& file, const std::vector<Judged>& judged);
-
-// The text of src/core/messages/on_time_weights.h, fitted to runs of these seeds.
-std::string on_time_weights(const load::OnTimeFit& fit, std::uint64_t first_seed,
-                            std::uint64_t seeds);
 
 }  // namespace interneuron::cli

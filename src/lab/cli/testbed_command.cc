@@ -276,6 +276,20 @@ void add_up(CLI::App& sub, const std::shared_ptr<TestbedOptions>& o) {
   sub.add_flag("--nat", o->nat, "Translate the vehicles' addresses as a carrier's gateway does");
 }
 
+void add_schedule(CLI::App& testbed, const std::shared_ptr<TestbedOptions>& o,
+                  std::function<int()>& run) {
+  CLI::App* plan = testbed.add_subcommand(
+      "schedule", "What the model prescribes, as CSV of 100 rows a second; needs no testbed");
+  plan->callback([&run, o] {
+    run = [o] { return print_schedule(scenario(*o), from_ms(o->seconds * 1e3), o->plot); };
+  });
+  add_link_options(*plan, o);
+  plan->add_option("--seconds", o->seconds, "How long")
+      ->capture_default_str()
+      ->check(CLI::Range(0.01, kMaxSeconds));
+  plan->add_option("--plot", o->plot, "Draw it into this file instead, FILE.png or FILE.svg");
+}
+
 }  // namespace
 
 netns::State found_testbed(const std::string& name) {
@@ -342,16 +356,7 @@ void add_testbed(CLI::App& program, std::function<int()>& run) {
 
   CLI::App* all = testbed->add_subcommand("list", "The profiles, and the testbeds that are up");
   all->callback([&run] { run = list; });
-  CLI::App* plan = testbed->add_subcommand(
-      "schedule", "What the model prescribes, as CSV of 100 rows a second; needs no testbed");
-  plan->callback([&run, o] {
-    run = [o] { return print_schedule(scenario(*o), from_ms(o->seconds * 1e3), o->plot); };
-  });
-  add_link_options(*plan, o);
-  plan->add_option("--seconds", o->seconds, "How long")
-      ->capture_default_str()
-      ->check(CLI::Range(0.01, kMaxSeconds));
-  plan->add_option("--plot", o->plot, "Draw it into this file instead, FILE.png or FILE.svg");
+  add_schedule(*testbed, o, run);
   add_testbed_verify(*testbed, run);
 }
 

@@ -205,7 +205,7 @@ std::optional<std::size_t> TestbedRoad::level(std::span<const LevelProfile> leve
   return std::nullopt;
 }
 
-void TestbedRoad::computed(const offload::Computed& c) {
+void TestbedRoad::computed(const computing::Computed& c) {
   rounds_.push_back({{"round", c.round.round.value},
                      {"variant", c.variant},
                      {"level", c.level},

@@ -81,7 +81,7 @@ class TestbedRoad : public RoadHooks {
   // The level of systems that do not ask the guard; nothing for the others.
   std::optional<std::size_t> level(std::span<const LevelProfile> levels, TimePoint delivered,
                                    TimePoint now) const override;
-  void computed(const offload::Computed& computed) override;
+  void computed(const computing::Computed& computed) override;
   // Writes road.json.
   void finished(const std::string& ladder, const std::vector<std::string>& names,
                 std::span<const LevelProfile> levels) override;

@@ -45,6 +45,15 @@ Bin judged(std::span<const Forecast> bin) {
 
 bool Bin::kept() const { return std::abs(gap()) <= kTolerance + kErrors * standard_error; }
 
+double brier_score(std::span<const Forecast> forecasts) {
+  double sum = 0;
+  for (const Forecast& f : forecasts) {
+    const double off = f.predicted - (f.on_time ? 1.0 : 0.0);
+    sum += off * off;
+  }
+  return forecasts.empty() ? 0 : sum / static_cast<double>(forecasts.size());
+}
+
 std::vector<Bin> calibration(std::span<const Forecast> forecasts, std::size_t least) {
   std::vector<Forecast> sorted(forecasts.begin(), forecasts.end());
   std::ranges::stable_sort(sorted, {}, &Forecast::predicted);

@@ -36,6 +36,11 @@ struct Bin {
 // A bin has at least so many messages, else it is joined to its neighbour.
 inline constexpr std::size_t kLeastInBin = 2500;
 
+// The mean square of prediction minus what happened, 1 or 0 (Brier, Verification of Forecasts
+// Expressed in Terms of Probability, 1950): 0 is best, 0.25 what even odds get. 0 without
+// forecasts.
+double brier_score(std::span<const Forecast> forecasts);
+
 // Bins of rising predictions. A last one that has too few is there alone where all have too few.
 std::vector<Bin> calibration(std::span<const Forecast> forecasts, std::size_t least = kLeastInBin);
 

@@ -3,11 +3,9 @@
 #include <algorithm>
 #include <cstring>
 #include <memory>
-#include <optional>
 #include <stdexcept>
 
 #include "core/base/ablation.h"
-#include "core/messages/arrival_forecast.h"
 #include "lab/emu/random.h"
 #include "lab/load/bottleneck.h"
 #include "lab/load/fleet.h"
@@ -45,9 +43,6 @@ class AtOnce final : public Policy {
   std::shared_ptr<const Policy> planner_;
 };
 
-// No two vehicles use the same.
-SendId name(std::size_t vehicle, SendId id) { return SendId{(vehicle + 1) << 40U | id.value}; }
-
 std::string policy_of(Peer peer) {
   return peer == Peer::kOursVariants ? "down_sampling" : "best_link";
 }
@@ -60,28 +55,13 @@ PolicySet policies_of(Peer peer) {
   return out;
 }
 
-// What is known of a message over these links, by what send() answered.
-Outlook outlook_of(const std::vector<LinkState>& links, const SendResult& result,
-                   const std::vector<std::size_t>& sizes) {
-  const LinkState* soonest = nullptr;
-  std::optional<Duration> least;
-  for (const LinkState& link : links) {
-    const auto arrival = arrival_forecast(link, 0, sizes.back());
-    const bool sooner = arrival && (!least || *arrival < *least);
-    if (!link.up || (soonest != nullptr && !sooner)) continue;
-    soonest = &link;
-    least = arrival;
-  }
-  Outlook out;
-  out.bytes = sizes.front();
-  if (soonest != nullptr) out.consider(*soonest, result.expected, least, !result.accepted());
-  return out;
-}
-
 class Trial {
  public:
   Trial(const ForecastScenario& scenario, bool nevertheless);
-  std::vector<ForecastStep> run();
+  // Plays it; then what was judged.
+  std::vector<Forecast> run();
+  // Of a played one: whether a message was refused whose chance was told.
+  bool has_refused() const { return has_refused_; }
 
  private:
   // What was predicted of a message, and whether it arrived in time.
@@ -89,8 +69,6 @@ class Trial {
     Forecast forecast;
     Duration begun{};
     bool judged = false;
-    // Among the steps.
-    std::optional<std::size_t> step;
   };
 
   EndpointOptions vehicle_options(std::size_t vehicle) const;
@@ -98,11 +76,8 @@ class Trial {
   void plan_messages();
   void send(std::size_t vehicle);
   void send_nevertheless(std::size_t vehicle, std::uint32_t number);
-  void note_step(std::size_t vehicle, const SendResult& result, const std::vector<LinkState>& links,
-                 Note& note);
   Variants variants(std::uint32_t number) const;
   void arrived(const Bytes& bytes);
-  void fate_of(sim::HostId host, const MessageFate& fate);
 
   const ForecastScenario& f_;
   const Scenario& s_;
@@ -117,7 +92,7 @@ class Trial {
   std::vector<PeerId> peers_;
   // By the number that each message carries in its first bytes.
   std::vector<Note> notes_;
-  std::vector<ForecastStep> steps_;
+  bool has_refused_ = false;
   Duration next_nevertheless_{};
 };
 
@@ -136,7 +111,6 @@ Trial::Trial(const ForecastScenario& scenario, bool nevertheless)
   options.max_peers = s_.vehicles;
   road_ = world_.add_host(std::move(options));
   world_.on_event([this](sim::HostId host, Event&& event) {
-    if (const auto* fate = std::get_if<MessageFate>(&event)) fate_of(host, *fate);
     if (host != road_) return;
     if (const auto* message = std::get_if<Message>(&event)) arrived(message->bytes);
     if (const auto* round = std::get_if<Delivered>(&event)) arrived(round->payload);
@@ -205,8 +179,6 @@ Variants Trial::variants(std::uint32_t number) const {
 void Trial::send(std::size_t vehicle) {
   const sim::HostId host = vehicles_[vehicle];
   const auto number = static_cast<std::uint32_t>(notes_.size());
-  const std::vector<LinkState> links =
-      world_.endpoint(host).links(world_.local_time(host), peers_[vehicle]);
   const SendResult result =
       world_.endpoint(host).send(world_.local_time(host), peers_[vehicle], variants(number),
                                  {.deadline = s_.deadline, .policy = policy_of(s_.peer)});
@@ -216,32 +188,12 @@ void Trial::send(std::size_t vehicle) {
   note.forecast.second = static_cast<std::uint64_t>(world_.now() / 1s);
   note.forecast.refused = !result.accepted();
   note.judged = result.on_time && result.accepted() && !nevertheless_;
-  if (result.on_time) note_step(vehicle, result, links, note);
   notes_.push_back(note);
-  if (nevertheless_ && result.on_time && !result.accepted()) send_nevertheless(vehicle, number);
+  if (result.on_time && !result.accepted()) {
+    has_refused_ = true;
+    if (nevertheless_) send_nevertheless(vehicle, number);
+  }
   world_.flush(host);
-}
-
-void Trial::note_step(std::size_t vehicle, const SendResult& result,
-                      const std::vector<LinkState>& links, Note& note) {
-  note.step = steps_.size();
-  ForecastStep step;
-  step.is_message = true;
-  if (result.accepted()) step.id = name(vehicle, result.id);
-  step.outlook = outlook_of(links, result, variant_bytes(s_));
-  step.outlook.peer = PeerId{static_cast<std::uint32_t>(vehicle)};
-  step.outlook.at = world_.local_time(vehicles_[vehicle]);
-  step.outlook.deadline = s_.deadline;
-  steps_.push_back(step);
-}
-
-void Trial::fate_of(sim::HostId host, const MessageFate& fate) {
-  const auto at = std::ranges::find(vehicles_, host);
-  if (at == vehicles_.end()) return;
-  ForecastStep step;
-  step.fate = fate;
-  step.fate.id = name(static_cast<std::size_t>(at - vehicles_.begin()), fate.id);
-  steps_.push_back(step);
 }
 
 void Trial::send_nevertheless(std::size_t vehicle, std::uint32_t number) {
@@ -264,37 +216,26 @@ void Trial::arrived(const Bytes& bytes) {
   if (world_.now() - note.begun <= s_.deadline) note.forecast.on_time = true;
 }
 
-std::vector<ForecastStep> Trial::run() {
+std::vector<Forecast> Trial::run() {
   plan_messages();
   world_.at(kWarmUp - kCrossBegins, [this] { cross_.start(); });
   world_.run_until(kWarmUp + s_.length + s_.deadline + kAfter);
+  std::vector<Forecast> out;
   for (const Note& note : notes_) {
-    if (!note.step) continue;
-    steps_[*note.step].judged = note.judged;
-    steps_[*note.step].forecast = note.forecast;
+    if (note.judged) out.push_back(note.forecast);
   }
-  return std::move(steps_);
+  return out;
 }
 
 }  // namespace
 
-ForecastRun forecast_run(const ForecastScenario& scenario) {
-  ForecastRun out;
-  out.accepted = Trial(scenario, false).run();
-  // Without a refusal the second run would be the first.
-  const auto was_refused = [](const ForecastStep& s) { return s.is_message && s.id == SendId{}; };
-  if (std::ranges::any_of(out.accepted, was_refused))
-    out.nevertheless = Trial(scenario, true).run();
-  return out;
-}
-
 std::vector<Forecast> forecasts(const ForecastScenario& scenario) {
-  const ForecastRun run = forecast_run(scenario);
-  std::vector<Forecast> out;
-  for (const auto* steps : {&run.accepted, &run.nevertheless}) {
-    for (const ForecastStep& step : *steps) {
-      if (step.judged) out.push_back(step.forecast);
-    }
+  Trial as_it_is(scenario, false);
+  std::vector<Forecast> out = as_it_is.run();
+  // Without a refusal the second run would be the first.
+  if (as_it_is.has_refused()) {
+    const std::vector<Forecast> refused = Trial(scenario, true).run();
+    out.insert(out.end(), refused.begin(), refused.end());
   }
   return out;
 }

@@ -33,7 +33,7 @@ class Fleet {
 
  private:
   // An input is the number of the vehicle that sent it.
-  using Unit = offload::RoadsideUnit<std::size_t>;
+  using Unit = computing::RoadsideUnit<std::size_t>;
 
   void build();
   PipelineConfig pipeline(const FleetVehicle& vehicle) const;
@@ -45,7 +45,7 @@ class Fleet {
   void delivered(Delivered message);
   void start_next();
   void finish(bool readable);
-  Bytes result_of(const offload::Computed& job) const;
+  Bytes result_of(const computing::Computed& job) const;
   Duration runtime(std::size_t level);
   static SessionId session_of(std::size_t vehicle) {
     return SessionId{static_cast<std::uint32_t>(0x1000 + vehicle)};
@@ -149,7 +149,7 @@ void Fleet::done(std::size_t vehicle, const RoundDone& done) {
 }
 
 void Fleet::told(std::size_t vehicle, const Message& message) {
-  const auto unanswered = offload::parse_no_answer(message.bytes);
+  const auto unanswered = computing::parse_no_answer(message.bytes);
   if (!unanswered) return;
   ++outcomes_[vehicle].told;
   if (unanswered->round.origin != session_of(vehicle)) ++outcomes_[vehicle].strange;
@@ -180,8 +180,8 @@ void Fleet::start_next() {
               [this, readable = vehicle.readable] { finish(readable); });
   }
   while (const auto unanswered = unit_.poll_unanswered()) {
-    world_.endpoint(road_).send(now, unanswered->from, {offload::encode_no_answer(*unanswered)},
-                                {.channel = offload::kNoAnswerChannel});
+    world_.endpoint(road_).send(now, unanswered->from, {computing::encode_no_answer(*unanswered)},
+                                {.channel = computing::kNoAnswerChannel});
   }
   const auto due = unit_.next_timeout();
   if (!due || (timer_ && *timer_ <= *due)) return;
@@ -192,7 +192,7 @@ void Fleet::start_next() {
   });
 }
 
-Bytes Fleet::result_of(const offload::Computed& job) const {
+Bytes Fleet::result_of(const computing::Computed& job) const {
   Bytes result(kResultBytes);
   result[kLevelAt] = std::byte(job.level);
   result[kVehicleAt] = std::byte(job.round.origin.value - session_of(0).value);
@@ -203,7 +203,7 @@ Bytes Fleet::result_of(const offload::Computed& job) const {
 void Fleet::finish(bool readable) {
   const TimePoint now = world_.local_time(road_);
   if (readable) {
-    const offload::Computed job = unit_.end(now);
+    const computing::Computed job = unit_.end(now);
     world_.endpoint(road_).submit(now, job.round, {result_of(job)}, MessageClass::kResult,
                                   job.from);
   } else {

@@ -1,6 +1,6 @@
 // Several vehicles and one roadside unit that computes for all of them, in virtual time: what one
-// of them does to the others. Endpoints, policies, guards, links and offload::RoadsideUnit are the
-// production code, with the rules that the program `road` has; only decoding and detection are
+// of them does to the others. Endpoints, policies, guards, links and computing::RoadsideUnit are
+// the production code, with the rules that the program `road` has; only decoding and detection are
 // replaced by times. offload.h has one vehicle and all that an evaluation asks of it.
 //
 // Pure and seeded: the same options give the same run to the last bit. Thread-compatible.
@@ -41,7 +41,7 @@ struct FleetOptions {
   Duration length = std::chrono::seconds(30);
   emu::LinkProfile link;
   std::vector<LevelRuntime> ladder = default_ladder();
-  offload::UnitRules rules{};
+  computing::UnitRules rules{};
 };
 
 // What came of a vehicle's rounds.
@@ -57,7 +57,7 @@ struct FleetOutcome {
   // The level of each result that was on time.
   std::vector<std::size_t> levels;
   // What the unit did for it.
-  offload::PeerWork work;
+  computing::PeerWork work;
 
   double miss_share() const {
     return rounds == 0 ? 0 : static_cast<double>(rounds - on_time) / static_cast<double>(rounds);

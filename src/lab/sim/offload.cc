@@ -19,7 +19,7 @@ constexpr int kRoadKey = 2;
 // The simulated unit computes late jobs too, in the order in which they came. Under sustained
 // overload (heavy-tailed delays) every system then pays for its own backlog, and results stay
 // comparable with those of erdos_like, which drops nothing.
-constexpr offload::UnitRules kEverything{.waiting_per_peer = SIZE_MAX, .minds_deadlines = false};
+constexpr computing::UnitRules kEverything{.waiting_per_peer = SIZE_MAX, .minds_deadlines = false};
 // By default glibc returns the memory of a frame to the system after each copy and requests it anew
 // for the next one, which costs a third of a run's time. Once a block of this size was freed, glibc
 // keeps all smaller ones (mallopt(3), M_MMAP_THRESHOLD). The block itself is never touched.
@@ -41,7 +41,7 @@ class Offload {
 
  private:
   // An input is how slow its computation is, in standard deviations.
-  using Unit = offload::RoadsideUnit<double>;
+  using Unit = computing::RoadsideUnit<double>;
 
   void build();
   PipelineConfig pipeline() const;
@@ -64,7 +64,7 @@ class Offload {
   std::mt19937_64 rng_;
   std::normal_distribution<double> unit_{0.0, 1.0};
   Unit roadside_;
-  offload::ComputationBudget budget_;
+  computing::ComputationBudget budget_;
   HostId vehicle_ = 0;
   HostId road_ = 0;
   PeerId peer_{};

@@ -1,6 +1,6 @@
 // The paper's pipeline in virtual time: a vehicle sends a camera frame per round, the roadside unit
 // detects at the level that the guard allows, and the result comes back, while a local backup runs
-// on the vehicle. Endpoints, policies, guards, links and offload::RoadsideUnit are the production
+// on the vehicle. Endpoints, policies, guards, links and computing::RoadsideUnit are the production
 // code; only the detection is replaced by a run time per level.
 //
 // Pure and seeded: the same options give the same run to the last bit. Thread-compatible; several

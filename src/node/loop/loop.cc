@@ -24,8 +24,8 @@ constexpr int kReceivesPerTurn = 8;
 // behind this value: it only has to be short against the deadlines of rounds.
 constexpr Duration kReceiveTime = std::chrono::milliseconds(2);
 // The endpoint is asked for output after so many datagrams, because an acknowledgement tells of a
-// bounded number of packets (kAckWindow of src/core/wire/packet.h) while a batch may hold 2000. An
-// eighth of that window.
+// bounded number of packets (kAckWindow of src/core/wire/feedback.h) while a batch may hold 2000.
+// An eighth of that window.
 constexpr int kInputsPerCollect = 32;
 // Passes per turn over sending, telling and time-outs; a turn that is not done then is followed by
 // another, so that sockets and tasks get their share.

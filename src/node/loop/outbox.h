@@ -11,8 +11,10 @@
 // that one peer behind a rule of the firewall does not hold up the others. A transport that holds
 // some of what it took is called every kRefusedRetry too, until it holds nothing.
 //
-// The bytes of messages are not copied on their way to the kernel: a datagram that leaves within
-// the pump() that took it from the endpoint is given in parts. What has to wait is put together.
+// The bytes of messages are not copied on their way to the kernel. In the clear a datagram that
+// leaves within the pump() that took it from the endpoint is given in parts; what has to wait is
+// put together. Encrypted bytes are written by the encryption where the datagram lies, and stay
+// there.
 //
 // Buffers are allocated by add(). Thread-compatible.
 #pragma once

@@ -13,7 +13,7 @@ struct Mistake {
   const char* arguments;
   int code;
   const char* says;
-  const char* program = INTERNEURON_PROGRAM;
+  std::string program = places::program();
 };
 
 void PrintTo(const Mistake& mistake, std::ostream* out) { *out << mistake.arguments; }
@@ -25,7 +25,7 @@ TEST_P(BadInput, IsOneLineWithItsExitCode) {
   EXPECT_EQ(ran.code, GetParam().code) << ran.output;
   EXPECT_NE(ran.output.find(GetParam().says), std::string::npos) << ran.output;
   // Nothing but the program's one line. Benches have CLI11's own two lines for mistakes of usage.
-  if (GetParam().program == std::string(INTERNEURON_PROGRAM)) {
+  if (GetParam().program == places::program()) {
     EXPECT_EQ(std::ranges::count(ran.output, '\n'), 1) << ran.output;
   }
 }
@@ -140,7 +140,7 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"OnlyInTheClear", "eval fig-rt --encrypted", 2, "those that are: table-erdos"},
         Mistake{"EvalNowhere", "eval fig-rt --out /proc/nowhere", 1, "/proc/nowhere"},
         Mistake{"ReportNowhere", "report nowhere", 3, "nowhere"},
-        Mistake{"CaptureOfTwoRuns", "--pcap x.pcap", 2, "--load", NATURE_PROGRAM},
+        Mistake{"CaptureOfTwoRuns", "--pcap x.pcap", 2, "--load", places::nature()},
         Mistake{"ProbeTooOften", "probe --peer 127.0.0.1 --interval 0.5ms", 2, "--interval"},
         Mistake{"ProbeTooLarge", "probe --peer 127.0.0.1 --size 1401", 2, "--size"},
         Mistake{"ProbeOverNoNic", "probe --peer 127.0.0.1 --nic wwan77", 2, "wwan77"},
@@ -160,7 +160,6 @@ INSTANTIATE_TEST_SUITE_P(
 struct BadProfile {
   const char* lines;
   const char* says;
-  const char* program = INTERNEURON_PROGRAM;
 };
 
 TEST(BadInput, AProfileThatIsWrongIsNamedAndNothingIsLeft) {
@@ -193,7 +192,8 @@ TEST(BadInput, AModelThatIsNotThere) {
 TEST(BadInput, AnAbsentRoadsideUnitIsNamed) {
   const Ran ran =
       run("vehicle --insecure --link lo=127.0.0.1:9 --wait-s 0.5 --ladder motion -q --video "
-          "'" INTERNEURON_SOURCE_DIR "/docs/latency.png'");
+          "'" +
+          places::source() + "/docs/latency.png'");
   EXPECT_EQ(ran.code, 1) << ran.output;
   EXPECT_NE(ran.output.find("no roadside unit answered"), std::string::npos) << ran.output;
   EXPECT_NE(ran.output.find("lo=127.0.0.1:9"), std::string::npos) << ran.output;
@@ -206,7 +206,7 @@ TEST(BadInput, HelpAndVersionAreFine) {
         "probe --help", "eval --help", "report --help"}) {
     EXPECT_EQ(run(arguments).code, 0) << arguments;
   }
-  EXPECT_EQ(run_program(NATURE_PROGRAM, "--help").code, 0);
+  EXPECT_EQ(run_program(places::nature(), "--help").code, 0);
   const Ran version = run("--version");
   EXPECT_EQ(version.code, 0);
   EXPECT_EQ(version.output, run("version").output);

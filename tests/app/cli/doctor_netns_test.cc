@@ -173,7 +173,7 @@ TEST(DoctorNetns, ABlackHoleIsFoundAndMended) {
   const auto inside = [&name](const std::string& command) {
     return run("testbed run --in vehicle" + name + "-- " + command, false).output;
   };
-  const std::string look = "'" INTERNEURON_PROGRAM "' doctor --json --peer 10.77.0.1";
+  const std::string look = "'" + places::program() + "' doctor --json --peer 10.77.0.1";
   const json before = json::parse(inside(look), nullptr, false);
   EXPECT_TRUE(is(before, "path_mtu", "ifa", "problem"));
   const std::string fix = find(before, "path_mtu", "ifa")["fix"].at(0);
@@ -196,12 +196,11 @@ class BehindNat {
                 0);
     }
     road_ = std::make_unique<Beside>(
-        "env XDG_RUNTIME_DIR='" INTERNEURON_BINARY_DIR "/run' '" INTERNEURON_PROGRAM
-        "' testbed run --in road" +
-        name_ +
-        "-- '" INTERNEURON_PROGRAM
+        "env XDG_RUNTIME_DIR='" + places::build() + "/run' '" + places::program() +
+        "' testbed run --in road" + name_ + "-- '" + places::program() +
         "' road --insecure --nic '*' --ladder motion --calibration-runs 1 --video "
-        "'" INTERNEURON_SOURCE_DIR "/docs/latency.png'");
+        "'" +
+        places::source() + "/docs/latency.png'");
     EXPECT_TRUE(road_->ready());
   }
   ~BehindNat() {
@@ -212,10 +211,9 @@ class BehindNat {
   BehindNat& operator=(const BehindNat&) = delete;
 
   json doctor(const std::string& options) const {
-    const Ran ran =
-        run("testbed run --in vehicle" + name_ +
-                "-- '" INTERNEURON_PROGRAM "' doctor --json --peer 10.77.0.1 " + options,
-            false);
+    const Ran ran = run("testbed run --in vehicle" + name_ + "-- '" + places::program() +
+                            "' doctor --json --peer 10.77.0.1 " + options,
+                        false);
     return json::parse(ran.output, nullptr, false);
   }
 

@@ -47,8 +47,8 @@ class FleetKeys : public testing::Test {
   }
   // A roadside unit on the loopback card with its own key, and these options.
   std::string road(const std::string& options) const {
-    return "'" INTERNEURON_PROGRAM "' road --nic lo --port 0 --ladder none --key '" + file("road") +
-           "' " + options;
+    return "'" + places::program() + "' road --nic lo --port 0 --ladder none --key '" +
+           file("road") + "' " + options;
   }
   // Whether it serves whoever has this key and these options.
   bool serves(const Beside& beside, const std::string& key, const std::string& options) const {
@@ -78,9 +78,8 @@ TEST_F(FleetKeys, AnAuthorityHasAKeyOfItsOwnKind) {
 
 // RFC 8032 §7.1, test 1.
 TEST_F(FleetKeys, ThePublicHalfIsThatOfTheRfc) {
-  const Ran ran = run_program(
-      "sh", "-c 'echo nWGxne/9WmC6hEr0kuwsxERJxWl7MmkZcDusAxyuf2A= | \"" INTERNEURON_PROGRAM
-            "\" keys pub --authority -'");
+  const Ran ran = run_program("sh", "-c 'echo nWGxne/9WmC6hEr0kuwsxERJxWl7MmkZcDusAxyuf2A= | \"" +
+                                        places::program() + "\" keys pub --authority -'");
   EXPECT_EQ(ran.output, "11qYAYKxCrfVS/7TyWQHOg7hcvPapiMlrwIaaPcHURo=\n");
 }
 

@@ -43,8 +43,8 @@ TEST_F(Keys, AreMadeOnceAndTellTheirPublicHalf) {
 
 TEST_F(Keys, TheDefaultPlaceIsMadeAndUsed) {
   const auto at_home = [this](const std::string& arguments) {
-    return run_program(
-        "env", "XDG_CONFIG_HOME='" + folder_.string() + "' '" INTERNEURON_PROGRAM "' " + arguments);
+    return run_program("env", "XDG_CONFIG_HOME='" + folder_.string() + "' '" + places::program() +
+                                  "' " + arguments);
   };
   EXPECT_EQ(at_home("keys gen").code, 0);
   struct stat status {};
@@ -58,9 +58,8 @@ TEST_F(Keys, TheDefaultPlaceIsMadeAndUsed) {
 
 // RFC 7748 §6.1: Bob's keys.
 TEST_F(Keys, ThePublicHalfIsThatOfTheRfc) {
-  const Ran ran = run_program(
-      "sh", "-c 'echo XasIfmJKikt54X+Lg4AO5m87sSkmGLb9HC+LJ/+I4Os= | \"" INTERNEURON_PROGRAM
-            "\" keys pub -'");
+  const Ran ran = run_program("sh", "-c 'echo XasIfmJKikt54X+Lg4AO5m87sSkmGLb9HC+LJ/+I4Os= | \"" +
+                                        places::program() + "\" keys pub -'");
   EXPECT_EQ(ran.code, 0) << ran.output;
   EXPECT_EQ(ran.output, "3p7bfXt9wbTTW2HC7OQ1Nz+DQ8hbeGdNrfx+FG+IK08=\n");
 }
@@ -84,7 +83,7 @@ TEST_F(Keys, AFileThatOthersMayReadIsRefused) {
 
 // A roadside unit on the loopback card that trusts one key, and its options.
 std::string road(const std::string& options) {
-  return "'" INTERNEURON_PROGRAM "' road --nic lo --port 0 --ladder none " + options;
+  return "'" + places::program() + "' road --nic lo --port 0 --ladder none " + options;
 }
 
 TEST_F(Keys, WhoIsTrustedIsServedAndNobodyElse) {
@@ -154,7 +153,7 @@ TEST_F(Keys, PublicAddressesAreForThoseWhoHaveSome) {
     EXPECT_EQ(stamp.code, 1) << stamp.output;
     EXPECT_NE(stamp.output.find("pass --stamp-public"), std::string::npos) << stamp.output;
     for (const std::string options : {"", " --stamp 8620 --stamp-public"}) {
-      const Beside unit("'" INTERNEURON_PROGRAM "' " + on_va + keys + options);
+      const Beside unit("'" + places::program() + "' " + on_va + keys + options);
       EXPECT_TRUE(unit.ready()) << options;
     }
   });

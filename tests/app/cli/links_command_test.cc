@@ -22,8 +22,6 @@ namespace {
 using nlohmann::json;
 using namespace std::chrono_literals;
 
-constexpr const char* kPicture = INTERNEURON_SOURCE_DIR "/docs/latency.png";
-
 // A roadside unit that serves; ended with this object.
 class Road {
  public:
@@ -36,8 +34,10 @@ class Road {
       ::dup2(out[1], STDOUT_FILENO);
       const int null = ::open("/dev/null", O_RDWR);
       ::dup2(null, STDERR_FILENO);
-      ::execl(INTERNEURON_PROGRAM, INTERNEURON_PROGRAM, "road", "--insecure", "--nic", "lo,trusted",
-              "--ladder", "motion", "--calibration-runs", "1", "--video", kPicture, nullptr);
+      const std::string picture = places::source() + "/docs/latency.png";
+      const char* const program = places::program().c_str();
+      ::execl(program, program, "road", "--insecure", "--nic", "lo,trusted", "--ladder", "motion",
+              "--calibration-runs", "1", "--video", picture.c_str(), nullptr);
       ::_exit(127);
     }
     ::close(out[1]);
@@ -176,7 +176,8 @@ Session on_a_terminal(const std::string& key, int signal, bool color) {
     ::setenv("TERM", "xterm-256color", 1);
     ::setenv("LC_ALL", "C.UTF-8", 1);
     if (!color) ::setenv("NO_COLOR", "1", 1);
-    ::execl(INTERNEURON_PROGRAM, INTERNEURON_PROGRAM, "top", nullptr);
+    const char* const program = places::program().c_str();
+    ::execl(program, program, "top", nullptr);
     ::_exit(127);
   }
   const auto read_until = [&](const std::string& text) {

@@ -20,7 +20,7 @@ namespace fs = std::filesystem;
 Ran in_shell(const std::string& script) {
   std::string quoted;
   for (const char c : script) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
-  return run_program("sh", "-c '" + quoted + "' '" INTERNEURON_PROGRAM "'");
+  return run_program("sh", "-c '" + quoted + "' '" + places::program() + "'");
 }
 
 bool one_line(const Ran& ran) {
@@ -79,7 +79,8 @@ TEST(Gnuplot, NamesOfFilesAreNoCommands) {
     std::ofstream(folder / "script") << "cd '" << folder.string() << "' && \"$1\" testbed schedule "
                                      << "--seconds 1 --plot \"$(cat name)/p.png\"\n";
     std::ofstream(folder / "name") << name;
-    const Ran ran = run_program("sh", (folder / "script").string() + " '" INTERNEURON_PROGRAM "'");
+    const Ran ran =
+        run_program("sh", (folder / "script").string() + " '" + places::program() + "'");
     if (ran.output.find("install the package gnuplot") != std::string::npos) GTEST_SKIP();
     EXPECT_EQ(ran.code, 0) << ran.output;
     EXPECT_EQ(read(place / "p.png").substr(0, 4), "\x89PNG") << name;
@@ -90,13 +91,12 @@ TEST(Gnuplot, NamesOfFilesAreNoCommands) {
 TEST(Gnuplot, NamesInProfilesAreNoCommands) {
   const TempFolder folder;
   const std::string name = "it's `touch x`";
-  std::ofstream(folder / (name + ".toml"))
-      << read(INTERNEURON_SOURCE_DIR "/tc_profiles/clean.toml");
+  std::ofstream(folder / (name + ".toml")) << read(places::source() + "/tc_profiles/clean.toml");
   std::ofstream(folder / "script")
       << "cd '" << folder.string() << "' && \"$1\" testbed schedule --profile \"a=./"
       << "it's "
       << "\\`touch x\\`.toml\" --seconds 1 --plot p.svg\n";
-  const Ran ran = run_program("sh", (folder / "script").string() + " '" INTERNEURON_PROGRAM "'");
+  const Ran ran = run_program("sh", (folder / "script").string() + " '" + places::program() + "'");
   if (ran.output.find("install the package gnuplot") != std::string::npos) GTEST_SKIP();
   EXPECT_EQ(ran.code, 0) << ran.output;
   EXPECT_FALSE(fs::exists(folder / "x"));
@@ -169,8 +169,9 @@ TEST(Killed, ADemoLeavesNothingThatTheNextCommandDoesNotRemove) {
     const int log = ::open((folder / "log").c_str(), O_CREAT | O_WRONLY, 0600);
     ::dup2(log, 1);
     ::dup2(log, 2);
-    ::execl(INTERNEURON_PROGRAM, "interneuron", "demo", "--ladder", "motion", "--video",
-            INTERNEURON_SOURCE_DIR "/docs/latency.png", "--out", (folder / "out").c_str(), nullptr);
+    const std::string picture = places::source() + "/docs/latency.png";
+    ::execl(places::program().c_str(), "interneuron", "demo", "--ladder", "motion", "--video",
+            picture.c_str(), "--out", (folder / "out").c_str(), nullptr);
     ::_exit(127);
   }
   const fs::path state = folder / "run/interneuron" / ("demo-" + std::to_string(demo) + ".json");

@@ -74,8 +74,7 @@ TEST(PcapWitness, EachNicCarriedWhatWasProbedOverIt) {
   for (const std::string nic : {"ifa", "ifb"}) before[nic] = sent_by(bed, nic);
   // Nobody answers; what leaves is what is looked at.
   const Ran ran =
-      run("--pcap " + file + " testbed run --name " + bed +
-              " -- '" INTERNEURON_PROGRAM
+      run("--pcap " + file + " testbed run --name " + bed + " -- '" + places::program() +
               "' probe --insecure --nic ifa=10.77.0.1 --count 200 --interval 2ms --timeout 100ms "
               "--no-rate --json; ",
           false);
@@ -183,9 +182,9 @@ TEST(PcapOption, AFileThatCannotBeWrittenIsNamed) {
 
 TEST(PcapOption, WithoutThePrivilegeThereIsACommandAndExitCodeFive) {
   if (::geteuid() != 0) GTEST_SKIP() << "root can become nobody";
-  const std::string command =
-      "setpriv --reuid=65534 --regid=65534 --clear-groups '" INTERNEURON_PROGRAM
-      "' probe --insecure --peer 127.0.0.1 --pcap /dev/null 2>&1";
+  const std::string command = "setpriv --reuid=65534 --regid=65534 --clear-groups '" +
+                              places::program() +
+                              "' probe --insecure --peer 127.0.0.1 --pcap /dev/null 2>&1";
   FILE* pipe = ::popen(command.c_str(), "r");
   std::string output;
   std::array<char, 4096> chunk;

@@ -12,14 +12,14 @@ namespace {
 using Json = nlohmann::json;
 
 std::string road(const std::string& options) {
-  return "'" INTERNEURON_PROGRAM
+  return "'" + places::program() +
          "' road --insecure --nic lo --port 0 --ladder motion --calibration-runs 1 --video "
-         "'" INTERNEURON_SOURCE_DIR "/docs/latency.png' " +
-         options;
+         "'" +
+         places::source() + "/docs/latency.png' " + options;
 }
 
 const std::string kScript =
-    "/usr/bin/python3 '" INTERNEURON_SOURCE_DIR "/tests/app/cli/stamp_rfc8762.py' ";
+    "/usr/bin/python3 '" + places::source() + "/tests/app/cli/stamp_rfc8762.py' ";
 
 std::string a_port() { return std::to_string(20'000 + ::getpid() % 20'000); }
 
@@ -84,10 +84,10 @@ TEST(Probe, CtrlCEndsItWithTheSummary) {
   const Beside reflector(kScript + "reflect 0 stateful 0");
   ASSERT_TRUE(reflector.ready());
   const Ran ran = [&] {
-    const std::string command = "timeout -s INT 1 '" INTERNEURON_PROGRAM
-                                "' probe --count 0 --interval 5ms --no-rate --json --stamp=" +
-                                reflector.port() +
-                                " --peer 127.0.0.1 2>/dev/null; echo \"code $?\"";
+    const std::string command =
+        "timeout -s INT 1 '" + places::program() +
+        "' probe --count 0 --interval 5ms --no-rate --json --stamp=" + reflector.port() +
+        " --peer 127.0.0.1 2>/dev/null; echo \"code $?\"";
     Ran out;
     FILE* pipe = ::popen(command.c_str(), "r");
     std::array<char, 4096> chunk;

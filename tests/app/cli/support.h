@@ -11,6 +11,8 @@
 #include <filesystem>
 #include <string>
 
+#include "tests/places.h"
+
 namespace interneuron::cli {
 
 struct Ran {
@@ -18,16 +20,17 @@ struct Ran {
   std::string output;
 };
 
-// Through the shell; `arguments` follow the name of the program.
+// Through the shell; `arguments` follow the name of the program. What it says on stderr is part of
+// the output, or else of that of the test, which CTest shows where one fails.
 inline Ran run_program(const std::string& program, const std::string& arguments,
                        bool with_stderr = true) {
   // Testbeds keep their state in the build folder, not in the user's.
-  const std::filesystem::path state = INTERNEURON_BINARY_DIR "/run";
+  const std::filesystem::path state = places::build() + "/run";
   std::filesystem::create_directories(state);
   // Nor is the key of whoever runs the tests used.
   const std::string command = "XDG_RUNTIME_DIR='" + state.string() + "' XDG_CONFIG_HOME='" +
-                              INTERNEURON_BINARY_DIR "/no-config' '" + program + "' " + arguments +
-                              (with_stderr ? " 2>&1 </dev/null" : " 2>/dev/null </dev/null");
+                              places::build() + "/no-config' '" + program + "' " + arguments +
+                              (with_stderr ? " 2>&1 </dev/null" : " </dev/null");
   Ran ran;
   FILE* pipe = ::popen(command.c_str(), "r");
   if (pipe == nullptr) return ran;
@@ -41,7 +44,7 @@ inline Ran run_program(const std::string& program, const std::string& arguments,
 }
 
 inline Ran run(const std::string& arguments, bool with_stderr = true) {
-  return run_program(INTERNEURON_PROGRAM, arguments, with_stderr);
+  return run_program(places::program(), arguments, with_stderr);
 }
 
 // A folder that is gone after the test.

@@ -41,7 +41,7 @@ Ran run_without(const std::string& capability, const std::string& arguments) {
   if (::getuid() != 0) return run(arguments);
   const std::string without = " -" + capability;
   return run_program("setpriv", "--bounding-set" + without + " --inh-caps" + without + " '" +
-                                    std::string(INTERNEURON_PROGRAM) + "' " + arguments);
+                                    places::program() + "' " + arguments);
 }
 
 void expect_that_it_is_refused(const std::string& transport, const std::string& capability,
@@ -73,7 +73,8 @@ TEST(TransportOption, XdpWithoutLockedMemoryIsAnErrorWithTheRemedy) {
     const Ran ran = run_program(
         "sh",
         "-c 'ulimit -l 1024 && exec setpriv --bounding-set -ipc_lock --inh-caps -ipc_lock "
-        "\"" INTERNEURON_PROGRAM "\" road --insecure --ladder none --transport xdp --nic \"" +
+        "\"" +
+            places::program() + "\" road --insecure --ladder none --transport xdp --nic \"" +
             std::string(nic) + "\"'");
     EXPECT_EQ(ran.code, 5) << ran.output;
     EXPECT_NE(ran.output.find("cap_ipc_lock"), std::string::npos) << ran.output;

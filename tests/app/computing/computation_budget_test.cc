@@ -6,7 +6,7 @@
 
 #include "core/plan/budget.h"
 
-namespace interneuron::offload::computation_budget_test {
+namespace interneuron::computing::computation_budget_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -68,4 +68,4 @@ TEST(ComputationBudget, StaysAfterTheFirstRounds) {
 }
 
 }  // namespace
-}  // namespace interneuron::offload::computation_budget_test
+}  // namespace interneuron::computing::computation_budget_test

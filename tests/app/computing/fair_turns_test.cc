@@ -8,7 +8,7 @@
 #include <map>
 #include <vector>
 
-namespace interneuron::offload::fair_turns_test {
+namespace interneuron::computing::fair_turns_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -111,4 +111,4 @@ RC_GTEST_PROP(FairTurns, NobodyWithDemandGetsLessThanItsPartMinusOneJob, ()) {
 }
 
 }  // namespace
-}  // namespace interneuron::offload::fair_turns_test
+}  // namespace interneuron::computing::fair_turns_test

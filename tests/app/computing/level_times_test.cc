@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-namespace interneuron::offload::level_times_test {
+namespace interneuron::computing::level_times_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -69,4 +69,4 @@ TEST(LevelTimes, OneSlowRunOfFortyIsNotThePercentile) {
 }
 
 }  // namespace
-}  // namespace interneuron::offload::level_times_test
+}  // namespace interneuron::computing::level_times_test

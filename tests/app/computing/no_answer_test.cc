@@ -4,7 +4,7 @@
 #include <rapidcheck.h>
 #include <rapidcheck/gtest.h>
 
-namespace interneuron::offload::no_answer_test {
+namespace interneuron::computing::no_answer_test {
 namespace {
 
 TEST(NoAnswer, SaysWhichRoundAndWhy) {
@@ -45,4 +45,4 @@ RC_GTEST_PROP(NoAnswer, AnyBytesAreSafeAndWhatIsReadIsWrittenAlike, ()) {
 }
 
 }  // namespace
-}  // namespace interneuron::offload::no_answer_test
+}  // namespace interneuron::computing::no_answer_test

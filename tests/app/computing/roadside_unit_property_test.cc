@@ -10,7 +10,7 @@
 
 #include "support.h"
 
-namespace interneuron::offload::roadside_unit_property_test {
+namespace interneuron::computing::roadside_unit_property_test {
 namespace {
 
 using std::chrono::milliseconds;
@@ -137,4 +137,4 @@ RC_GTEST_PROP(RoadsideUnit, EveryJobEndsExactlyOnceInTimeOrIsTold, ()) {
 }
 
 }  // namespace
-}  // namespace interneuron::offload::roadside_unit_property_test
+}  // namespace interneuron::computing::roadside_unit_property_test

@@ -10,7 +10,7 @@
 
 #include "support.h"
 
-namespace interneuron::offload::roadside_unit_test {
+namespace interneuron::computing::roadside_unit_test {
 namespace {
 
 TEST(RoadsideUnit, HasNothingToDoAtFirst) {
@@ -274,4 +274,4 @@ TEST(RoadsideUnit, InputsAreMovedAndNeverCopied) {
 }
 
 }  // namespace
-}  // namespace interneuron::offload::roadside_unit_test
+}  // namespace interneuron::computing::roadside_unit_test

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-namespace interneuron::offload::share_of_time_test {
+namespace interneuron::computing::share_of_time_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -67,4 +67,4 @@ TEST(ShareOfTime, WhoIsForgottenCountsNoLonger) {
 }
 
 }  // namespace
-}  // namespace interneuron::offload::share_of_time_test
+}  // namespace interneuron::computing::share_of_time_test

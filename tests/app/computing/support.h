@@ -5,7 +5,7 @@
 
 #include "app/computing/roadside_unit.h"
 
-namespace interneuron::offload {
+namespace interneuron::computing {
 
 using namespace std::chrono_literals;
 
@@ -43,4 +43,4 @@ inline std::vector<Unanswered> unanswered(Unit& unit) {
   return out;
 }
 
-}  // namespace interneuron::offload
+}  // namespace interneuron::computing

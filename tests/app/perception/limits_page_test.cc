@@ -8,7 +8,7 @@
 #include "app/perception/jpeg.h"
 #include "app/perception/motion_streams.h"
 
-namespace interneuron::perception {
+namespace interneuron::perception::limits_page_test {
 namespace {
 
 using namespace limits_page;
@@ -19,8 +19,8 @@ TEST(LimitsPage, HasTheFiguresOfTheRoadsideUnit) {
   const JpegLimits jpeg;
   const auto decoding = std::chrono::duration_cast<std::chrono::milliseconds>(jpeg.time).count();
   const std::map<std::string, std::string> expected{
-      {"UnitRules::waiting_per_peer", grouped(offload::UnitRules{}.waiting_per_peer)},
-      {"offload::kLongestBelieved", seconds(offload::kLongestBelieved)},
+      {"UnitRules::waiting_per_peer", grouped(computing::UnitRules{}.waiting_per_peer)},
+      {"computing::kLongestBelieved", seconds(computing::kLongestBelieved)},
       {"kMaxJpegBytes", figure(kMaxJpegBytes, 1'000'000, "MB")},
       {"JpegLimits::pixels", jpeg.pixels == kMaxJpegPixels ? pixels : "others"},
       {"JpegLimits::scans", std::to_string(jpeg.scans)},
@@ -37,4 +37,4 @@ TEST(LimitsPage, HasTheFiguresOfTheRoadsideUnit) {
 }
 
 }  // namespace
-}  // namespace interneuron::perception
+}  // namespace interneuron::perception::limits_page_test

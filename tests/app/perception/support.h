@@ -19,6 +19,7 @@
 
 #include "app/perception/codec.h"
 #include "app/perception/input_error.h"
+#include "tests/places.h"
 
 namespace interneuron::perception::test {
 
@@ -28,7 +29,7 @@ inline std::optional<std::filesystem::path> data_dir() {
   const char* named = std::getenv("INTERNEURON_DATA");
   const std::filesystem::path dir =
       named != nullptr ? std::filesystem::path(named)
-                       : std::filesystem::path(INTERNEURON_SOURCE_DIR) / "../shared/data";
+                       : std::filesystem::path(places::source()) / "../shared/data";
   std::error_code error;
   if (!std::filesystem::is_directory(dir, error)) return {};
   return dir;

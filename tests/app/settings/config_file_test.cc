@@ -1,4 +1,5 @@
 #include "app/settings/config_file.h"
+#include "tests/places.h"
 
 #include <algorithm>
 #include <fstream>
@@ -92,18 +93,18 @@ TEST(ConfigFile, MalformedTomlIsNamedWithItsPlace) {
 
 // The examples stay true: the programs read them, and fail for the cards that this host has not.
 TEST(ConfigFile, TheExamplesAreAccepted) {
-  const std::string examples = INTERNEURON_SOURCE_DIR "/examples/";
+  const std::string examples = places::source() + "/examples/";
   const Ran road =
       run("road --insecure --ladder motion --config '" + examples + "road.toml' --nic wwan77");
   EXPECT_EQ(road.code, 2) << road.output;
   EXPECT_NE(road.output.find("wwan77"), std::string::npos) << road.output;
   const TempFolder folder;
   ASSERT_EQ(run("keys gen --out '" + (folder / "key").string() + "'").code, 0);
-  const Ran vehicle =
-      run("vehicle --key '" + (folder / "key").string() +
-          "' --peer-key hSDwCYkwp1R0i33ctD73Wg2/Og0mOBr066SpjqqbTmo= --ladder "
-          "motion --video '" INTERNEURON_SOURCE_DIR "/docs/latency.png' --config '" +
-          examples + "vehicle.toml' --link wwan77=192.0.2.7:1");
+  const Ran vehicle = run("vehicle --key '" + (folder / "key").string() +
+                          "' --peer-key hSDwCYkwp1R0i33ctD73Wg2/Og0mOBr066SpjqqbTmo= --ladder "
+                          "motion --video '" +
+                          places::source() + "/docs/latency.png' --config '" + examples +
+                          "vehicle.toml' --link wwan77=192.0.2.7:1");
   EXPECT_EQ(vehicle.code, 2) << vehicle.output;
   EXPECT_NE(vehicle.output.find("wwan77"), std::string::npos) << vehicle.output;
 }
@@ -133,7 +134,7 @@ std::set<std::string> keys_of(const std::string& command) {
 
 // "key = value" at the beginning of a line, or commented out by "# ". Not the keys of [[link]].
 std::set<std::string> keys_in(const std::string& example) {
-  std::ifstream in(INTERNEURON_SOURCE_DIR "/examples/" + example);
+  std::ifstream in(places::source() + "/examples/" + example);
   std::set<std::string> keys;
   const std::regex key("^(?:# )?([a-z_]+) = .*");
   for (std::string line; std::getline(in, line);) {

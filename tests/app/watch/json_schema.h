@@ -8,10 +8,12 @@
 #include <string>
 #include <vector>
 
+#include "tests/places.h"
+
 namespace interneuron::cli {
 
 inline nlohmann::json schema_of(const std::string& name) {
-  std::ifstream file(INTERNEURON_SOURCE_DIR "/docs/schema/" + name);
+  std::ifstream file(places::source() + "/docs/schema/" + name);
   return nlohmann::json::parse(file);
 }
 

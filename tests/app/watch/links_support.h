@@ -80,12 +80,12 @@ inline LinksSnapshot made_up_snapshot() {
   peer.ledger.reassembly_bytes = 12'000;
   peer.ledger.longest_lifetime = from_ms(10'000);
   peer.ledger.strikes[static_cast<std::size_t>(PeerLimit::kOrigin)] = 7;
-  peer.work = offload::PeerWork{.waiting = 1,
-                                .computed = 340,
-                                .crowded_out = 2,
-                                .too_late = 3,
-                                .unreadable = 4,
-                                .busy = from_ms(12'340)};
+  peer.work = computing::PeerWork{.waiting = 1,
+                                  .computed = 340,
+                                  .crowded_out = 2,
+                                  .too_late = 3,
+                                  .unreadable = 4,
+                                  .busy = from_ms(12'340)};
   s.programs = {{"vehicle", 7, from_ms(4.5), {peer, {.peer = 5, .ledger = {}}}}};
   s.events = {{TimePoint{from_ms(95'000)}, "wwan1", "ready", "no_carrier", "carrier lost"}};
   return s;

@@ -14,9 +14,9 @@
 namespace interneuron::directory_test {
 namespace {
 
-std::set<Directory::Key> peers_of(const Directory& directory, SessionId session) {
-  std::set<Directory::Key> out;
-  directory.for_each(session, [&](Directory::Key peer) { EXPECT_TRUE(out.insert(peer).second); });
+std::set<Directory::Slot> peers_of(const Directory& directory, SessionId session) {
+  std::set<Directory::Slot> out;
+  directory.for_each(session, [&](Directory::Slot peer) { EXPECT_TRUE(out.insert(peer).second); });
   return out;
 }
 
@@ -30,18 +30,18 @@ TEST(Directory, SessionZeroIsNobodys) {
 
 TEST(Directory, SeveralPeersMayHaveOneSessionOrOneAddress) {
   Directory directory(1);
-  for (const Directory::Key peer : {1U, 2U}) {
+  for (const Directory::Slot peer : {1U, 2U}) {
     directory.add_session(SessionId{7}, peer);
     directory.add_address(kFast, address_of(9), peer);
   }
-  EXPECT_EQ(peers_of(directory, SessionId{7}), (std::set<Directory::Key>{1, 2}));
+  EXPECT_EQ(peers_of(directory, SessionId{7}), (std::set<Directory::Slot>{1, 2}));
   directory.remove_session(SessionId{7}, 1);
-  EXPECT_EQ(peers_of(directory, SessionId{7}), (std::set<Directory::Key>{2}));
+  EXPECT_EQ(peers_of(directory, SessionId{7}), (std::set<Directory::Slot>{2}));
   directory.remove_address(kFast, address_of(9), 2);
-  std::vector<Directory::Key> at;
-  directory.for_each(kFast, address_of(9), [&](Directory::Key peer) { at.push_back(peer); });
-  EXPECT_EQ(at, std::vector<Directory::Key>{1});
-  directory.for_each(kSlow, address_of(9), [](Directory::Key) { ADD_FAILURE(); });
+  std::vector<Directory::Slot> at;
+  directory.for_each(kFast, address_of(9), [&](Directory::Slot peer) { at.push_back(peer); });
+  EXPECT_EQ(at, std::vector<Directory::Slot>{1});
+  directory.for_each(kSlow, address_of(9), [](Directory::Slot) { ADD_FAILURE(); });
 }
 
 TEST(Directory, TheOldestRetiredSessionIsForgotten) {
@@ -54,11 +54,11 @@ TEST(Directory, TheOldestRetiredSessionIsForgotten) {
 
 RC_GTEST_PROP(Directory, DoesWhatAMapDoes, (std::uint64_t seed)) {
   Directory directory(seed);
-  std::map<std::uint32_t, std::set<Directory::Key>> model;
+  std::map<std::uint32_t, std::set<Directory::Slot>> model;
   const int steps = *rc::gen::inRange(0, 200);
   for (int i = 0; i < steps; ++i) {
     const auto session = *rc::gen::inRange<std::uint32_t>(1, 8) << 20U;
-    const auto peer = *rc::gen::inRange<Directory::Key>(0, 8);
+    const auto peer = *rc::gen::inRange<Directory::Slot>(0, 8);
     if (model[session].insert(peer).second) {
       directory.add_session(SessionId{session}, peer);
     } else {

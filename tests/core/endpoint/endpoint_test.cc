@@ -328,6 +328,26 @@ TEST(Endpoint, ARoundThatIsNotKnownIsNotSubmitted) {
   EXPECT_EQ(p.pipe.submit(p.vehicle, late, 10), SubmitStatus::kRoundOver);
 }
 
+// Memory of messages is used again: what a round left in it is not told of the next message.
+TEST(Endpoint, PiecesOfAPlainMessageBearNoRoundWhateverWasSentBefore) {
+  Pair p;
+  std::vector<Pipe::Captured> captured;
+  p.pipe.capture = &captured;
+  const auto pieces_with_round = [&](bool any) {
+    return std::ranges::count_if(captured, [&p, any](const Pipe::Captured& c) {
+      return c.from == p.vehicle && c.is_data() && (any || c.round);
+    });
+  };
+  p.rounds(1);
+  EXPECT_GT(pieces_with_round(false), 0);
+  captured.clear();
+  p.pipe.at(p.vehicle).send(p.pipe.local(p.vehicle), p.peer, {Bytes(20'000)}, {.deadline = 300ms});
+  p.pipe.flush(p.vehicle);
+  p.pipe.run(400ms);
+  EXPECT_GE(pieces_with_round(true), 15);
+  EXPECT_EQ(pieces_with_round(false), 0);
+}
+
 TEST(Endpoint, WrongArgumentsThrowAndChangeNothing) {
   const auto make = [](EndpointOptions o) { return Endpoint(std::move(o), TimePoint{}); };
   EXPECT_THROW(make(options_of(0)), std::invalid_argument);

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <deque>
+#include <map>
 #include <random>
 #include <set>
 
@@ -222,54 +223,9 @@ TEST(Forgery, NothingOfItIsUsedAndNothingIsAnswered) {
   EXPECT_LE(unused, total + 100);
 }
 
-// No number twice under one key: over 8 paths, across renewals, and however often paths are taken
-// away and come back at one instant, under the same name or another one.
-TEST(Forgery, NoNumberIsSealedTwice) {
-  Pipe pipe;
-  const std::size_t vehicle = pipe.add_host(Encrypted::vehicle_options());
-  const std::size_t road = pipe.add_host(Encrypted::road_options({kVehicleKey}));
-  std::vector<std::pair<LinkId, Address>> addresses;
-  for (std::uint16_t i = 0; i < 8; ++i) {
-    const LinkId link{i};
-    pipe.delay[link] = 5ms + i * 1ms;
-    for (const std::size_t host : {vehicle, road}) {
-      pipe.at(host).add_link(pipe.local(host), link, {"nic", 1500});
-    }
-    addresses.emplace_back(link, address_of(road));
-  }
-  int done = 0;
-  int remote = 0;
-  std::size_t sealed = 0;
-  std::size_t twice = 0;
-  std::set<std::tuple<std::uint32_t, bool, std::uint16_t, std::uint64_t>> seen;
-  pipe.on_event = [&](std::size_t host, Event& event) {
-    if (auto* d = std::get_if<Delivered>(&event); d != nullptr && host == road) {
-      pipe.submit(road, d->round, 100);
-    } else if (auto* r = std::get_if<RoundDone>(&event)) {
-      ++done;
-      remote += r->outcome == Outcome::kRemote ? 1 : 0;
-    }
-  };
-  pipe.on_transmit = [&](std::size_t, std::size_t, LinkId, const Bytes& bytes) {
-    const auto header = wire::peek(bytes);
-    if (!header || header->epoch == wire::kClearEpoch) return;
-    ++sealed;
-    twice += seen.emplace(header->session.value, wire::is_numbered(header->type),
-                          header->link.value, header->number)
-                     .second
-                 ? 0
-                 : 1;
-  };
-  const PeerId peer = pipe.at(vehicle).connect(pipe.local(vehicle), addresses);
-  pipe.flush(vehicle);
-  pipe.run(1s);
-  for (int i = 0; i < 3000; ++i) {
-    pipe.round(vehicle, PipelineId{0}, {Bytes(420'000)});
-    pipe.run(100ms);
-  }
-  EXPECT_GE(sealed, 1'000'000U);
-  EXPECT_GE(remote, 2990);
-  // Two of the paths go and come back at one instant.
+// Two of the paths go and come back at one instant, ten thousand times: one under its name, one
+// under another.
+void change_paths(Pipe& pipe, std::size_t vehicle, std::size_t road, PeerId peer) {
   for (int i = 0; i < 10'000; ++i) {
     const LinkId same{0};
     pipe.at(vehicle).remove_link(pipe.local(vehicle), same);
@@ -285,6 +241,66 @@ TEST(Forgery, NoNumberIsSealedTwice) {
     pipe.flush(vehicle);
   }
   pipe.at(road).add_link(pipe.local(road), LinkId{10'007}, {"nic", 1500});
+}
+
+// Both get eight links; returns the addresses of the road over them.
+std::vector<std::pair<LinkId, Address>> eight_links(Pipe& pipe, std::size_t vehicle,
+                                                    std::size_t road) {
+  std::vector<std::pair<LinkId, Address>> addresses;
+  for (std::uint16_t i = 0; i < 8; ++i) {
+    const LinkId link{i};
+    pipe.delay[link] = 5ms + i * 1ms;
+    for (const std::size_t host : {vehicle, road}) {
+      pipe.at(host).add_link(pipe.local(host), link, {"nic", 1500});
+    }
+    addresses.emplace_back(link, address_of(road));
+  }
+  return addresses;
+}
+
+// No number twice under one key: over 8 paths, across renewals, and however often paths are taken
+// away and come back at one instant, under the same name or another one.
+TEST(Forgery, NoNumberIsSealedTwice) {
+  Pipe pipe;
+  const std::size_t vehicle = pipe.add_host(Encrypted::vehicle_options());
+  const std::size_t road = pipe.add_host(Encrypted::road_options({kVehicleKey}));
+  const auto addresses = eight_links(pipe, vehicle, road);
+  int done = 0;
+  int remote = 0;
+  std::size_t sealed = 0;
+  std::size_t twice = 0;
+  std::map<std::uint16_t, std::size_t> on_link;
+  std::set<std::tuple<std::uint32_t, bool, std::uint16_t, std::uint64_t>> seen;
+  pipe.on_event = [&](std::size_t host, Event& event) {
+    if (auto* d = std::get_if<Delivered>(&event); d != nullptr && host == road) {
+      pipe.submit(road, d->round, 100);
+    } else if (auto* r = std::get_if<RoundDone>(&event)) {
+      ++done;
+      remote += r->outcome == Outcome::kRemote ? 1 : 0;
+    }
+  };
+  pipe.on_transmit = [&](std::size_t, std::size_t, LinkId, const Bytes& bytes) {
+    const auto header = wire::peek(bytes);
+    if (!header || header->epoch == wire::kClearEpoch) return;
+    ++sealed;
+    ++on_link[header->link.value];
+    twice += seen.emplace(header->session.value, wire::is_numbered(header->type),
+                          header->link.value, header->number)
+                     .second
+                 ? 0
+                 : 1;
+  };
+  const PeerId peer = pipe.at(vehicle).connect(pipe.local(vehicle), addresses);
+  pipe.flush(vehicle);
+  pipe.run(1s);
+  for (int i = 0; i < 3000; ++i) {
+    pipe.round(vehicle, PipelineId{0}, {Bytes(70'000)});
+    pipe.run(100ms);
+  }
+  EXPECT_GE(sealed, 300'000U);
+  for (const auto& [link, count] : on_link) EXPECT_GE(count, 20'000U) << link;
+  EXPECT_GE(remote, 2990);
+  change_paths(pipe, vehicle, road, peer);
   const int before = remote;
   for (int i = 0; i < 200; ++i) {
     pipe.round(vehicle, PipelineId{0}, {Bytes(20'000)});

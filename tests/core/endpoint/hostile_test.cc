@@ -6,7 +6,7 @@
 #include <deque>
 #include <random>
 
-#include "core/flow/receiver.h"
+#include "core/flow/reassembler.h"
 #include "core/wire/packet.h"
 #include "core/wire/round_header.h"
 #include "interneuron/endpoint.h"

@@ -10,7 +10,7 @@
 #include "interneuron/endpoint_options.h"
 #include "interneuron/ledger.h"
 
-namespace interneuron {
+namespace interneuron::limits_page_test {
 namespace {
 
 using namespace limits_page;
@@ -47,4 +47,4 @@ TEST(LimitsPage, NamesEachLimitAsTheLedgerDoes) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::limits_page_test

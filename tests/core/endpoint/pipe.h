@@ -20,10 +20,7 @@ namespace interneuron {
 using namespace std::chrono_literals;
 
 inline Address address_of(std::size_t host) {
-  Address a;
-  a.raw[0] = static_cast<std::byte>(host);
-  a.size = 1;
-  return a;
+  return {.raw = {static_cast<std::byte>(host)}, .size = 1};
 }
 
 inline EndpointOptions options_of(std::uint32_t session, std::vector<PipelineConfig> pipelines = {},
@@ -55,6 +52,7 @@ class Pipe {
     std::size_t from = 0;
     LinkId link{};
     Bytes bytes;
+    std::optional<RoundRef> round{};  // as Transmit tells it
 
     // A piece of a message.
     bool is_data() const {
@@ -143,7 +141,7 @@ class Pipe {
       std::array<std::byte, kMaxDatagramBytes> buffer;
       while (const auto t = host.endpoint->poll_transmit(local(id), buffer)) {
         const Bytes bytes(buffer.begin(), buffer.begin() + static_cast<std::ptrdiff_t>(t->size));
-        if (capture != nullptr) capture->push_back({id, t->link, bytes});
+        if (capture != nullptr) capture->push_back({id, t->link, bytes, t->round});
         if (on_transmit)
           on_transmit(id, std::to_integer<std::size_t>(t->to.raw[0]), t->link, bytes);
         if (cut.contains(t->link) || (drop && drop(id, t->link, bytes))) continue;

@@ -18,8 +18,8 @@ constexpr std::size_t kFull = kMaxPacketBytes;
 TEST(Turns, FeedbackComesInTheOrderInWhichPeersWereAdded) {
   Turns turns;
   EXPECT_FALSE(turns.feedback());
-  for (const Turns::Key peer : {5U, 2U, 5U, 9U}) turns.add(peer);
-  for (const Turns::Key peer : {5U, 2U, 9U}) {
+  for (const Turns::Slot peer : {5U, 2U, 5U, 9U}) turns.add(peer);
+  for (const Turns::Slot peer : {5U, 2U, 9U}) {
     EXPECT_EQ(turns.feedback(), peer);
     turns.feedback_done();
   }
@@ -58,7 +58,7 @@ TEST(Turns, WhoHasNothingMoreLeavesAndMayComeBack) {
 
 TEST(Turns, WhoIsForgottenHasNoTurn) {
   Turns turns;
-  for (const Turns::Key peer : {1U, 2U, 3U}) {
+  for (const Turns::Slot peer : {1U, 2U, 3U}) {
     turns.add(peer);
     turns.add(peer, kFirst);
   }
@@ -78,7 +78,7 @@ RC_GTEST_PROP(Turns, AreFairInBytes, ()) {
       *rc::gen::container<std::vector<std::size_t>>(rc::gen::inRange<std::size_t>(40, kFull + 1));
   if (sizes.empty()) return;
   Turns turns;
-  for (Turns::Key peer = 0; peer < sizes.size(); ++peer) turns.add(peer, kFirst);
+  for (Turns::Slot peer = 0; peer < sizes.size(); ++peer) turns.add(peer, kFirst);
   std::vector<std::size_t> bytes(sizes.size());
   const int packets = *rc::gen::inRange(1, 2000);
   for (int i = 0; i < packets; ++i) {

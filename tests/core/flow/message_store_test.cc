@@ -26,7 +26,7 @@ TEST(MessageStore, TellsWhoseDeadlineIsNext) {
   store.erase(MessageId{3});
   EXPECT_EQ(store.due(at(5s)), MessageId{1});
   store.clear();
-  EXPECT_FALSE(store.contains(MessageId{1}));
+  EXPECT_EQ(store.find(MessageId{1}), nullptr);
   EXPECT_FALSE(store.next_deadline());
 }
 
@@ -36,12 +36,18 @@ TEST(MessageStore, APlaceThatIsUsedAgainKnowsNothingOfBefore) {
   first.bytes.payload.resize(5);
   first.pieces[7].acknowledged = true;
   first.repairs.add(LinkId{3});
+  first.round = RoundRef{};
+  first.aim = at(3s);
+  first.doubt = 1s;
   store.erase(MessageId{1});
   EXPECT_EQ(store.find(MessageId{1}), nullptr);
   const OutgoingMessage& second = store.add(MessageId{2}, at(2s), 8, 1);
   EXPECT_EQ(store.find(MessageId{2}), &second);
   EXPECT_TRUE(second.bytes.empty());
   EXPECT_FALSE(second.repairs.contains(LinkId{3}));
+  EXPECT_FALSE(second.round);
+  EXPECT_EQ(second.aim, TimePoint{});
+  EXPECT_EQ(second.doubt, Duration{});
   ASSERT_EQ(second.pieces.size(), 8U);
   for (const auto& piece : second.pieces) {
     EXPECT_FALSE(piece.acknowledged);

@@ -1,4 +1,4 @@
-// Of a message that is overdue it is told that it was incomplete only where that is certain.
+// A message that is overdue is told to be incomplete only where that is certain.
 #include "core/flow/overdue.h"
 
 #include <gtest/gtest.h>

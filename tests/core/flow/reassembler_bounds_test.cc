@@ -9,7 +9,7 @@
 
 #include "core/code/blocks.h"
 #include "core/code/erasure_code.h"
-#include "core/flow/receiver.h"
+#include "core/flow/reassembler.h"
 #include "tests/counted_heap.h"
 
 namespace interneuron::flow::reassembler_bounds_test {

@@ -7,7 +7,7 @@
 #include <map>
 #include <random>
 
-#include "core/flow/receiver.h"
+#include "core/flow/reassembler.h"
 #include "core/flow/window_receiver.h"
 #include "core/wire/plain_header.h"
 #include "sender_support.h"
@@ -213,7 +213,7 @@ class Drive {
   TimePoint now_{};
   std::map<LinkId, Duration> delays_;
   std::map<MessageId, TimePoint> deadlines_;
-  // Of messages that are not complete yet.
+  // What messages are made of that are not complete yet.
   std::map<MessageId, Bytes> contents_;
   std::map<LinkId, std::set<std::uint64_t>> arrived_;
   std::deque<Packet> air_;

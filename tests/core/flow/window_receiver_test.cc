@@ -143,7 +143,7 @@ TEST(WindowReceiver, WhatWasComputedHelpsWithOthers) {
   f.begin();
   for (const std::size_t m : {0U, 2U, 3U}) f.bring(m);
   f.bring(1, {0});
-  // Of a message of which nothing has come, one piece comes late.
+  // One piece comes late, of a message of which nothing else has come.
   f.take(1, 6, 1);
   f.bring(4, {2});
   f.bring(5);

@@ -18,14 +18,11 @@ constexpr PeerId kPeer{1};
 constexpr PeerId kOther{2};
 
 // A message to a link of 40 ms and 20 Mbit/s that nobody else uses.
-Outlook outlook(Duration expected, PeerId peer = kPeer, TimePoint at = TimePoint{1s}) {
-  Outlook o{.peer = peer, .at = at, .deadline = 150ms, .bytes = 30'000};
+Outlook outlook(Duration expected, PeerId peer = kPeer) {
+  Outlook o{.peer = peer, .deadline = 150ms, .bytes = 30'000};
   o.refused = false;
   o.expected = expected;
   o.least = expected;
-  o.rtt_min = 40ms;
-  o.rtt_p95 = 44ms;
-  o.jitter = 1ms;
   o.rate = DataRate::mbit(20);
   return o;
 }
@@ -46,58 +43,82 @@ void live(OnTimeForecasts& forecasts, int messages, const MessageFate& fate, Pee
 constexpr MessageFate kGood{.fate = Fate::kDelivered, .age = 35ms};
 constexpr MessageFate kMissed{.fate = Fate::kDropped, .reason = FateReason::kExpired};
 
-TEST(OnTimeForecasts, AMessageWithTimeToSpareIsLikelierThanOneWithout) {
+TEST(OnTimeForecasts, MoreTimeToSpareNeverMakesAMessageLessLikely) {
+  OnTimeForecasts forecasts;
+  for (const bool refused : {false, true}) {
+    for (int messages = 0; messages < 3; ++messages) {
+      double last = 1;
+      for (Duration expected = 1ms; expected < 400ms; expected += 1ms) {
+        Outlook o = outlook(expected);
+        o.refused = refused;
+        const double p = forecasts.predict(o);
+        EXPECT_LE(p, last);
+        last = p;
+      }
+      EXPECT_LT(last, forecasts.predict(outlook(35ms)));
+      live(forecasts, 20, messages == 0 ? kGood : kMissed);
+    }
+  }
+}
+
+TEST(OnTimeForecasts, AnIdleLinkIsLikelyAndOneThatIsNotKnownIsNotCertain) {
   const OnTimeForecasts forecasts;
-  EXPECT_GT(forecasts.predict(outlook(35ms)).probability, 0.9);
-  EXPECT_LT(forecasts.predict(outlook(149ms)).probability,
-            forecasts.predict(outlook(35ms)).probability);
+  const double idle = forecasts.predict(outlook(35ms));
+  EXPECT_GT(idle, 0.98);
+  Outlook unknown{.peer = kPeer, .deadline = 150ms, .bytes = 30'000};
+  unknown.refused = false;
+  EXPECT_GT(forecasts.predict(unknown), 0.9);
+  EXPECT_LT(forecasts.predict(unknown), idle);
+  Outlook silent = outlook(35ms);
+  silent.path = PathState::kSuspect;
+  EXPECT_LT(forecasts.predict(silent), idle);
 }
 
 TEST(OnTimeForecasts, MissesOfAPeerAreRememberedAndForgotten) {
   OnTimeForecasts forecasts;
   live(forecasts, 50, kGood);
-  const double good = forecasts.predict(outlook(35ms)).probability;
+  const double good = forecasts.predict(outlook(35ms));
   live(forecasts, 50, kMissed);
-  const double bad = forecasts.predict(outlook(35ms)).probability;
+  const double bad = forecasts.predict(outlook(35ms));
   live(forecasts, 300, kGood);
-  const double again = forecasts.predict(outlook(35ms)).probability;
+  const double again = forecasts.predict(outlook(35ms));
   EXPECT_LT(bad, good - 0.1);
   EXPECT_NEAR(again, good, 0.02);
 }
 
 TEST(OnTimeForecasts, APeerSpoilsWhatIsPredictedOfItselfAlone) {
   OnTimeForecasts forecasts;
-  const double fresh = forecasts.predict(outlook(35ms, kOther)).probability;
+  const double fresh = forecasts.predict(outlook(35ms, kOther));
   live(forecasts, 50, kMissed);
-  EXPECT_EQ(forecasts.predict(outlook(35ms, kOther)).probability, fresh);
+  EXPECT_EQ(forecasts.predict(outlook(35ms, kOther)), fresh);
 }
 
 TEST(OnTimeForecasts, WhatTheApplicationGaveUpTeachesNothing) {
   OnTimeForecasts forecasts;
-  // How much is sent is known of the first one, whatever becomes of it.
-  live(forecasts, 1, {.fate = Fate::kDropped, .reason = FateReason::kCancelled});
-  const double fresh = forecasts.predict(outlook(35ms)).probability;
+  const double fresh = forecasts.predict(outlook(35ms));
   for (const FateReason reason : {FateReason::kCancelled, FateReason::kSuperseded}) {
     live(forecasts, 50, {.fate = Fate::kDropped, .reason = reason});
   }
-  EXPECT_EQ(forecasts.predict(outlook(35ms)).probability, fresh);
+  EXPECT_EQ(forecasts.predict(outlook(35ms)), fresh);
 }
 
 TEST(OnTimeForecasts, APeerThatIsForgottenBeginsAnew) {
   OnTimeForecasts forecasts;
-  const double fresh = forecasts.predict(outlook(35ms)).probability;
+  const double fresh = forecasts.predict(outlook(35ms));
   live(forecasts, 50, kMissed);
   forecasts.forget(kPeer);
-  EXPECT_EQ(forecasts.predict(outlook(35ms)).probability, fresh);
+  EXPECT_EQ(forecasts.predict(outlook(35ms)), fresh);
 }
 
-TEST(OnTimeForecasts, OverdueMessagesMakeTheNextOneLessLikely) {
+TEST(OnTimeForecasts, WhatIsUnderWayMakesTheNextOneLessLikelyUntilItIsSettled) {
   OnTimeForecasts forecasts;
-  live(forecasts, 50, kGood);
-  const OnTimePrediction before = forecasts.predict(outlook(35ms, kPeer, TimePoint{1s}));
-  forecasts.sent(SendId{1'000'000}, outlook(35ms, kPeer, TimePoint{1s}), before);
-  EXPECT_LT(forecasts.predict(outlook(35ms, kPeer, TimePoint{1s + 200ms})).probability,
-            before.probability);
+  const double before = forecasts.predict(outlook(35ms));
+  Outlook large = outlook(35ms);
+  large.bytes = 500'000;
+  forecasts.sent(SendId{1'000'000}, large, before);
+  EXPECT_LT(forecasts.predict(outlook(35ms)), before);
+  forecasts.settled({.id = SendId{1'000'000}, .reason = FateReason::kCancelled});
+  EXPECT_EQ(forecasts.predict(outlook(35ms)), before);
 }
 
 // Nothing that a peer or a link says leaves (0, 1), not even ages of hours.
@@ -112,27 +133,11 @@ RC_GTEST_PROP(OnTimeForecasts, APredictionIsAProbability, ()) {
   o.deadline = ms(1, 3'600'000);
   o.refused = *rc::gen::arbitrary<bool>();
   o.bytes = static_cast<std::size_t>(*rc::gen::inRange(1, 8'000'000));
-  o.rtt_min = ms(0, 10'000);
-  o.rtt_p95 = ms(0, 10'000);
-  o.jitter = ms(0, 10'000);
-  o.queue = ms(0, 10'000);
-  o.loss = *rc::gen::inRange(0, 101) / 100.0;
   o.share = DataRate::mbit(*rc::gen::inRange(0, 1000));
   if (*rc::gen::arbitrary<bool>()) o.expected.reset();
   if (*rc::gen::arbitrary<bool>()) o.least.reset();
-  const double p = forecasts.predict(o).probability;
+  const double p = forecasts.predict(o);
   RC_ASSERT(p > 0 && p < 1);
-}
-
-// Laws that say the same of every message that is not refused, however wrong that is.
-OnTimeLaws laws_that_say(double log_odds) {
-  OnTimeLaws laws{};
-  for (OnTimeLaw* law : {&laws.idle, &laws.loaded}) {
-    for (std::size_t k = 0; k < law->knots.size(); ++k) {
-      law->knots[k] = {static_cast<double>(k), log_odds + static_cast<double>(k)};
-    }
-  }
-  return laws;
 }
 
 // The mean prediction of the last `judged` of so many messages, of which this share is on time.
@@ -140,7 +145,7 @@ double mean_prediction(OnTimeForecasts& forecasts, double share, int messages, i
   double sum = 0;
   double owed = 0;
   for (int i = 0; i < messages; ++i) {
-    if (i >= messages - judged) sum += forecasts.predict(outlook(35ms)).probability / judged;
+    if (i >= messages - judged) sum += forecasts.predict(outlook(35ms)) / judged;
     owed += share;
     live(forecasts, 1, owed >= 1 ? kGood : kMissed);
     if (owed >= 1) owed -= 1;
@@ -148,9 +153,9 @@ double mean_prediction(OnTimeForecasts& forecasts, double share, int messages, i
   return sum;
 }
 
-// Whatever the law says, and whatever happens: the fates of earlier messages put it right.
+// Whatever the law says of a message, and whatever happens: the fates of earlier ones put it right.
 RC_GTEST_PROP(OnTimeForecasts, FatesPutALawRightThatIsWrong, ()) {
-  OnTimeForecasts forecasts(laws_that_say(*rc::gen::inRange(-30, 31) / 10.0));
+  OnTimeForecasts forecasts;
   const double share = *rc::gen::inRange(10, 91) / 100.0;
   RC_ASSERT(std::abs(mean_prediction(forecasts, share, 1500, 500) - share) < 0.03);
 }

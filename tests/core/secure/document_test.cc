@@ -79,7 +79,7 @@ TEST(SecureDocument, ShowsAHandshakeAndWhatItProtects) {
 
 TEST(SecureDocument, NamesTheKeysOfItsHandshake) {
   const Example e;
-  std::ifstream in(wire::kDocument);
+  std::ifstream in(places::source() + "/docs/wire_format.md");
   const std::string text{std::istreambuf_iterator<char>(in), {}};
   for (const std::string& key :
        {hex(e.vehicle_key.open), hex(e.road_key.open), hex(e.accepted->keys.from_initiator.bytes()),

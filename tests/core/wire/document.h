@@ -9,15 +9,15 @@
 #include <vector>
 
 #include "tests/core/wire/examples.h"
+#include "tests/places.h"
 
 namespace interneuron::wire {
 
-inline constexpr const char* kDocument = INTERNEURON_SOURCE_DIR "/docs/wire_format.md";
 // How many of them are in the clear.
 inline constexpr std::size_t kClearExamples = 10;
 
 inline std::vector<Bytes> examples_of_the_document() {
-  std::ifstream in(kDocument);
+  std::ifstream in(places::source() + "/docs/wire_format.md");
   const std::regex bytes("    ((?:[0-9a-f]{2} )*[0-9a-f]{2})(?:    .*)?");
   std::vector<Bytes> examples;
   bool inside = false;

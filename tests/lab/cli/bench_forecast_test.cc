@@ -17,6 +17,7 @@ TEST(BenchForecast, WritesBinsOfItsSchema) {
   }
   EXPECT_EQ(document["first_seed"], 3);
   EXPECT_GE(document["rows"].size(), 2U);
+  EXPECT_EQ(document["scores"].back()["scenario"], "dip");
 }
 
 TEST(BenchForecast, ShowsATableAndDrawsAPicture) {

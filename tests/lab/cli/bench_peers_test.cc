@@ -167,7 +167,7 @@ TEST(BenchPeers, LeavesNothingWhenItIsInterrupted) {
   const TempFolder folder;
   const Ran ran =
       run_program("env", "TMPDIR='" + folder.string() + "' timeout --preserve-status -s INT 3 '" +
-                             INTERNEURON_PROGRAM + "' bench peers clean --peer ours_duplicate");
+                             places::program() + "' bench peers clean --peer ours_duplicate");
   EXPECT_EQ(ran.code, 130) << ran.output;
   EXPECT_TRUE(std::filesystem::is_empty(folder.string())) << ran.output;
 }
@@ -187,7 +187,7 @@ cat rows
 exit $code
 )sh";
   const Ran ran =
-      run_program("bash", (folder / "script").string() + " '" INTERNEURON_PROGRAM "'", false);
+      run_program("bash", (folder / "script").string() + " '" + places::program() + "'", false);
   EXPECT_EQ(ran.code, 130) << ran.output;
   const json document = checked(ran.output);
   ASSERT_EQ(document["rows"].size(), 1U);

@@ -102,7 +102,7 @@ void Demo::interrupt(const std::string& when) {
     const int fd = ::open(log.c_str(), O_CREAT | O_WRONLY, 0600);
     ::dup2(fd, 1);
     ::dup2(fd, 2);
-    const std::string command = "exec '" INTERNEURON_PROGRAM "' " + arguments(1000);
+    const std::string command = "exec '" + places::program() + "' " + arguments(1000);
     ::execl("/bin/sh", "sh", "-c", command.c_str(), nullptr);
     ::_exit(127);
   }
@@ -134,7 +134,7 @@ TEST_F(Demo, AnswersEveryRoundAndItsFilesAgree) {
   const std::filesystem::path scratch = folder_ / "scratch";
   std::filesystem::create_directory(scratch);
   const Ran ran = run_program(
-      "env", "TMPDIR='" + scratch.string() + "' '" INTERNEURON_PROGRAM "' " + arguments(20));
+      "env", "TMPDIR='" + scratch.string() + "' '" + places::program() + "' " + arguments(20));
   ASSERT_EQ(ran.code, 0) << ran.output;
   EXPECT_NE(ran.output.find("packets are encrypted"), std::string::npos) << ran.output;
   EXPECT_TRUE(std::filesystem::is_empty(scratch)) << "the keys are still there";
@@ -206,9 +206,8 @@ TEST_F(Demo, ThePolicySecureIsContentWithEncryption) {
 
 TEST_F(Demo, AVehicleInTheClearTellsOnceWhatThePolicyRefusesAndAnswersLocally) {
   const std::string pictures = "--ladder motion --video '" + (folder_ / "pictures").string() + "'";
-  const Beside road("'" INTERNEURON_PROGRAM
-                    "' road --insecure --nic lo --port 0 --calibration-runs 1 " +
-                    pictures);
+  const Beside road("'" + places::program() +
+                    "' road --insecure --nic lo --port 0 --calibration-runs 1 " + pictures);
   ASSERT_TRUE(road.ready());
   const Ran ran = run("vehicle --insecure --link lo=127.0.0.1:" + road.port() + " --rounds 5 " +
                       pictures + " --policy secure --out '" + (folder_ / "out").string() + "'");

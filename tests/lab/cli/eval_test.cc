@@ -140,7 +140,7 @@ TEST(Eval, WritesItsFileAndNothingElse) {
 
 TEST(Eval, InterruptedItLeavesNothing) {
   const TempFolder folder;
-  const std::string command = "timeout --preserve-status -s INT 2 '" INTERNEURON_PROGRAM
+  const std::string command = "timeout --preserve-status -s INT 2 '" + places::program() +
                               "' eval sweep --rounds 300 --seeds 1..2000 --out '" +
                               (folder / "out").string() + "' >/dev/null 2>&1";
   const int status = std::system(command.c_str());
@@ -162,7 +162,7 @@ TEST(Eval, AFolderWithoutDetectionsThatWasNamedIsAnError) {
 }
 
 TEST(Eval, TheUsersPageNamesEveryExperiment) {
-  std::ifstream file(INTERNEURON_SOURCE_DIR "/docs/evaluation.md");
+  std::ifstream file(places::source() + "/docs/evaluation.md");
   const std::string page{std::istreambuf_iterator<char>(file), {}};
   for (const Experiment& experiment : all_experiments()) {
     const std::string row = std::string("| `") + experiment.name + "` |";
@@ -310,7 +310,7 @@ TEST(EvalFindings, JudgeByAgreementWhereItIsKnown) {
 
 // What was shown is clustered for real, and agrees as the profile says on average.
 TEST(EvalScorer, ClustersWhatWasShown) {
-  const fs::path data = INTERNEURON_SOURCE_DIR "/../shared/data";
+  const fs::path data = places::source() + "/../shared/data";
   Progress quiet(true);
   const SignalWatch signals;
   using experiments::CloudScorer;
@@ -342,7 +342,7 @@ TEST(EvalScorer, ClustersWhatWasShown) {
 }
 
 TEST(EvalScorer, ScoresWhatWasShown) {
-  const fs::path data = INTERNEURON_SOURCE_DIR "/../shared/data";
+  const fs::path data = places::source() + "/../shared/data";
   if (!fs::is_directory(data / "detections") || !fs::is_regular_file(data / "pets/gt.txt")) {
     GTEST_SKIP() << "no recorded detections or ground truth";
   }

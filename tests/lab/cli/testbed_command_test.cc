@@ -108,18 +108,15 @@ TEST_F(TestbedCommand, AScenarioFixesLinksSeedsAndEvents) {
 // network answers from that address, as the routes of a host with several cards require.
 TEST_F(TestbedCommand, OneAddressOfARoadsideUnitIsMeasuredOverEveryCard) {
   ASSERT_EQ(run("testbed up --profile a=clean,b=clean" + name_).code, 0);
-  const Beside road("env XDG_RUNTIME_DIR='" INTERNEURON_BINARY_DIR "/run' '" INTERNEURON_PROGRAM
-                    "' testbed run --in road" +
-                    name_ +
-                    " -- '" INTERNEURON_PROGRAM
+  const Beside road("env XDG_RUNTIME_DIR='" + places::build() + "/run' '" + places::program() +
+                    "' testbed run --in road" + name_ + " -- '" + places::program() +
                     "' road --insecure --nic ifa --nic ifb --ladder none --stamp 8620");
   ASSERT_TRUE(road.ready());
   for (const std::string format : {" --insecure", " --stamp 8620"}) {
-    const Ran ran = run("testbed run" + name_ +
-                            " -- '" INTERNEURON_PROGRAM
-                            "' probe --peer 10.77.0.1 --count 20 --interval 5ms --no-rate --json" +
-                            format,
-                        false);
+    const Ran ran =
+        run("testbed run" + name_ + " -- '" + places::program() +
+                "' probe --peer 10.77.0.1 --count 20 --interval 5ms --no-rate --json" + format,
+            false);
     EXPECT_EQ(ran.code, 0) << ran.output;
     const auto json = nlohmann::json::parse(ran.output, nullptr, false);
     ASSERT_EQ(json["nics"].size(), 2U) << ran.output;

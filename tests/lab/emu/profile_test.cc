@@ -1,4 +1,5 @@
 #include "lab/emu/profile.h"
+#include "tests/places.h"
 
 #include <gmock/gmock.h>
 #include <rapidcheck/gtest.h>
@@ -73,7 +74,7 @@ TEST(Profile, GeneratedRatesHaveTheirMean) {
 TEST(Profile, BuiltInOnesAreTheFilesAndAreValid) {
   std::set<std::string> names;
   for (const BuiltInProfile& built_in : built_in_profiles()) {
-    std::ifstream file(std::string(INTERNEURON_SOURCE_DIR "/") + std::string(built_in.origin));
+    std::ifstream file(places::source() + "/" + std::string(built_in.origin));
     std::stringstream text;
     text << file.rdbuf();
     EXPECT_EQ(text.str(), built_in.text) << built_in.origin;

@@ -1,6 +1,8 @@
 // `interneuron eval --testbed`: the delays that it injects, what it tells its programs, and a short
 // run of it.
 #include <condition_variable>
+#include <fstream>
+#include <iterator>
 #include <mutex>
 
 #include "lab/eval_testbed/delayed_transport.h"
@@ -8,6 +10,7 @@
 #include "node/io/steady_clock.h"
 #include "tests/app/cli/support.h"
 #include "tests/app/watch/json_schema.h"
+#include "tests/run_queue.h"
 
 namespace interneuron::cli::eval_testbed_test {
 namespace {
@@ -137,15 +140,28 @@ TEST(EvalTestbed, ItsSimulationTakesTheTimesOfTheHosts) {
 }
 
 TEST(EvalTestbed, RunsTheSystemsForReal) {
-  const fs::path data = INTERNEURON_SOURCE_DIR "/../shared/data";
+  const fs::path data = places::source() + "/../shared/data";
   if (!fs::is_regular_file(data / "pets/vtest.avi")) GTEST_SKIP() << "no video";
   const std::string why = no_testbed();
   if (!why.empty()) GTEST_SKIP() << why;
   const TempFolder folder;
-  const Ran ran = run("eval table-erdos --testbed --rounds 10 --seeds 2..2 --json --data '" +
-                          data.string() + "' --out '" + (folder / "out").string() + "'",
-                      false);
-  ASSERT_EQ(ran.code, 0) << ran.output;
+  const std::string log = (folder / "log").string();
+  Ran ran;
+  std::string complaint;
+  // It measures first how long undisturbed rounds take, and gives up where none is on time.
+  for (int attempt = 0; attempt < 3; ++attempt) {
+    const RunQueue queue;
+    fs::remove_all(folder / "out");
+    ran = run("eval table-erdos --testbed --rounds 10 --seeds 2..2 --json --data '" +
+                  data.string() + "' --out '" + (folder / "out").string() + "' 2>'" + log + "'",
+              false);
+    std::ifstream in(log);
+    complaint.assign(std::istreambuf_iterator<char>(in), {});
+    if (complaint.find("no undisturbed round was on time") == std::string::npos) break;
+    if (!queue.busy()) break;
+    if (attempt == 2) GTEST_SKIP() << "the machine is too busy: " << complaint;
+  }
+  ASSERT_EQ(ran.code, 0) << complaint;
   const auto document = nlohmann::json::parse(ran.output, nullptr, false);
   ASSERT_FALSE(document.is_discarded()) << ran.output;
   for (const std::string& violation : violations(schema_of("eval.json"), document)) {

@@ -57,6 +57,12 @@ TEST(Calibration, BinsThatAreTooSmallAreJoined) {
   EXPECT_EQ(bins[1].messages, 2700U);
 }
 
+TEST(BrierScore, IsTheMeanSquareOfWhatPredictionsAreOff) {
+  EXPECT_EQ(brier_score({}), 0);
+  EXPECT_NEAR(brier_score(messages(0.5, 0.7, 1000, false)), 0.25, 1e-9);
+  EXPECT_NEAR(brier_score(messages(0.7, 0.7, 1000, false)), 0.7 * 0.3, 1e-9);
+}
+
 TEST(Calibration, TooFewMessagesAreOneBin) {
   EXPECT_TRUE(calibration({}).empty());
   const auto bins = calibration(messages(0.5, 0.5, 20, false));

@@ -65,7 +65,7 @@ TEST(LoadTestbed, LeavesNothingWhenItIsInterrupted) {
   const TempFolder folder;
   const Ran ran = run_program(
       "env", "TMPDIR='" + folder.string() + "' timeout --preserve-status -s INT 3 '" +
-                 INTERNEURON_PROGRAM + "' bench load late --testbed --peer ours --seconds 60");
+                 places::program() + "' bench load late --testbed --peer ours --seconds 60");
   EXPECT_EQ(ran.code, 130) << ran.output;
   EXPECT_TRUE(std::filesystem::is_empty(folder.string())) << ran.output;
   // The programs of a run have its folder on their command line.

@@ -6,6 +6,7 @@
 #include "lab/report/text.h"
 #include "tests/app/cli/support.h"
 #include "tests/lab/sim/support.h"
+#include "tests/places.h"
 
 namespace interneuron::report::report_page_test {
 namespace {
@@ -15,8 +16,7 @@ using cli::Ran;
 using cli::run;
 using cli::TempFolder;
 
-constexpr const char* kLook =
-    "python3 '" INTERNEURON_SOURCE_DIR "/tests/lab/report/report_page.py' '";
+const std::string kLook = "python3 '" + places::source() + "/tests/lab/report/report_page.py' '";
 
 // Run once for all tests of this file.
 class ReportPage : public testing::Test {

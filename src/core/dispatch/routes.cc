@@ -1,0 +1,144 @@
+#include "core/dispatch/routes.h"
+
+#include <algorithm>
+
+#include "core/base/earliest.h"
+#include "core/base/water_filling.h"
+#include "core/dispatch/arrival_forecast.h"
+#include "interneuron/sizes.h"
+
+namespace interneuron {
+
+namespace {
+
+// Whether so many bytes that are sent over this link now, behind `ahead` others, are sure to be
+// late. Over a path that is loaded the sender knows that better, by what is in flight and by the
+// share that it may come to soon: what it would send must not be refused.
+bool is_hopeless(const Peer& peer, const LinkState& link, std::size_t ahead, std::size_t bytes,
+                 Duration deadline) {
+  const auto least = peer.sender().least_time(link.id, wire_size(ahead) + wire_size(bytes));
+  return least ? *least > deadline
+               : cannot_arrive(link, arrival_forecast(link, ahead, bytes), deadline);
+}
+
+// How many bytes each of the links carries: all, or its share by what is believed of it now. The
+// sender divides anew, by what it knows of its queues.
+std::array<std::size_t, kMaxLinks> parts_of(const Carriers& c, std::span<const LinkState> links,
+                                            std::size_t bytes, Duration deadline) {
+  std::array<std::size_t, kMaxLinks> parts;
+  parts.fill(bytes);
+  if (!c.protection.divided) return parts;
+  std::array<Way, kMaxLinks> ways;
+  for (std::size_t i = 0; i < c.links.size(); ++i) {
+    const LinkState& link = *std::ranges::find(links, c.links[i], &LinkState::id);
+    if (link.usable_rate() == DataRate{}) return parts;
+    ways[i] = {link.usable_rate(), link.rtt_p50 / 2, link.jitter};
+  }
+  return divide(std::span(ways).first(c.links.size()), bytes, deadline).bytes;
+}
+
+// Takes the variants of a plan, from the best on, and leaves out the links that bring one too late.
+struct Sieve {
+  TimePoint now{};
+  const Peer& peer;
+  std::span<const LinkState> links;
+  std::span<const std::size_t> sizes;
+  const SendOptions& options;
+  Routes out{};
+  // When the first of all transmissions should be there, also of those that are left out.
+  std::optional<Duration> soonest{};
+  struct Queue {
+    LinkId link{};
+    std::size_t bytes = 0;
+  };
+  Few<Queue, kMaxLinks> queues{};
+
+  // The bytes that leave before the next variant over this link: those of other messages, and of
+  // better variants of this one.
+  std::size_t& ahead(LinkId link) {
+    const auto it = std::ranges::find(queues, link, &Queue::link);
+    if (it != queues.end()) return it->bytes;
+    queues.push_back(
+        {link, peer.sender().queued_before(link, now + options.deadline, options.importance)});
+    return queues.back().bytes;
+  }
+
+  void consider(const Routes::First& way) {
+    const auto& known = out.first;
+    const bool sooner =
+        way.expected && (!known || !known->expected || *way.expected < *known->expected);
+    const bool is_better =
+        known && known->is_hopeless != way.is_hopeless ? !way.is_hopeless : sooner;
+    if (!known || is_better) out.first = way;
+  }
+
+  // Whether this link brings `bytes` of a variant in time. Where smaller variants stand by for it
+  // (`gives_way`), so do those of the messages before it, and they may all give way.
+  bool judge(const Carriers& c, LinkId id, std::size_t bytes, bool gives_way,
+             std::optional<Duration>& last_part) {
+    const LinkState& link = *std::ranges::find(links, id, &LinkState::id);
+    std::size_t& before = ahead(id);
+    const auto expected = arrival_forecast(link, before, bytes);
+    // The paths of a divided message help each other: the sender judges them together.
+    const bool hopeless = !c.protection.divided &&
+                          (gives_way ? is_hopeless(peer, link, 0, sizes.back(), options.deadline)
+                                     : is_hopeless(peer, link, before, bytes, options.deadline));
+    soonest = earliest(soonest, expected);
+    consider({id, hopeless, expected, arrival_forecast(link, 0, sizes.back())});
+    if (hopeless) return false;
+    if (expected) last_part = std::max(last_part.value_or(*expected), *expected);
+    if (!c.protection.divided) out.expected = earliest(out.expected, expected);
+    before += bytes;
+    return true;
+  }
+
+  void take(const Carriers& c, bool gives_way) {
+    Carriers kept{.variant = c.variant, .protection = c.protection};
+    std::optional<Duration> last_part;
+    const auto parts = parts_of(c, links, sizes[c.variant], options.deadline);
+    for (std::size_t i = 0; i < c.links.size(); ++i) {
+      // A link that gets nothing at first may take over what another one is too slow for.
+      if (parts[i] > 0 && !judge(c, c.links[i], parts[i], gives_way, last_part)) continue;
+      kept.links.push_back(c.links[i]);
+    }
+    if (c.protection.divided) out.expected = earliest(out.expected, last_part);
+    if (kept.sets_out()) out.itinerary.push_back(kept);
+  }
+};
+
+// Smaller variants stand by for the last one that is kept.
+void add_stand_bys(Itinerary& kept, const Itinerary& planned, std::size_t variants) {
+  const bool has_one_link = kept.back().links.size() == 1;
+  for (std::size_t v = kept.back().variant + 1U; v < variants; ++v) {
+    const auto* own = std::ranges::find_if(
+        planned, [v](const Carriers& c) { return c.variant == v && !c.sets_out(); });
+    if (own != planned.end()) {
+      kept.push_back(*own);
+    } else if (has_one_link) {
+      kept.push_back({.variant = static_cast<std::uint8_t>(v)});
+    }
+  }
+}
+
+}  // namespace
+
+Routes routes_of(TimePoint now, const Peer& peer, const Itinerary& planned,
+                 std::span<const LinkState> links, std::span<const std::size_t> sizes,
+                 const SendOptions& options) {
+  Sieve sieve{now, peer, links, sizes, options};
+  Routes& out = sieve.out;
+  const auto sets_out = [](const Carriers& c) { return c.sets_out(); };
+  for (const Carriers& c : planned) {
+    const bool is_last = std::none_of(&c + 1, planned.end(), sets_out);
+    const bool gives_way = is_last && c.links.size() == 1 && c.variant + 1U < sizes.size();
+    if (c.sets_out()) sieve.take(c, gives_way);
+  }
+  if (out.itinerary.empty()) {
+    out.expected = sieve.soonest;
+  } else {
+    add_stand_bys(out.itinerary, planned, sizes.size());
+  }
+  return out;
+}
+
+}  // namespace interneuron

@@ -1,0 +1,45 @@
+// Which variants of a plain message can arrive in time over which links, and when the first should
+// be there. Pure.
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <span>
+
+#include "core/dispatch/dispatch.h"
+#include "core/peers/peer.h"
+#include "interneuron/link.h"
+#include "interneuron/send.h"
+
+namespace interneuron {
+
+// What is left of a plan when the transmissions are taken out that cannot arrive. Plain values.
+struct Routes {
+  // What sets out and, behind it, what stands by for the last of it; empty where nothing can arrive
+  // in time.
+  Itinerary itinerary;
+  // When the first of the variants should be there, from now; nothing where no link is measured.
+  std::optional<Duration> expected;
+  // The transmission that is expected first: of those that are kept, or of all while none is.
+  // Nothing where the plan has no link that carries anything.
+  struct First {
+    LinkId link{};
+    bool is_hopeless = false;
+    std::optional<Duration> expected;
+    // When the smallest variant would be there over this link if nothing went before it.
+    std::optional<Duration> least;
+  };
+  std::optional<First> first;
+};
+
+// Judges each transmission of a plan, in the order of the variants, so that each waits for those
+// before it on the same link. The links of the plan are among `links`; `sizes` are those of the
+// variants, in bytes.
+//
+// Smaller variants stand by for the last one that sets out: those that the plan has stand by over
+// links of their own, and all of them where it has one link, which may give it up.
+Routes routes_of(TimePoint now, const Peer& peer, const Itinerary& planned,
+                 std::span<const LinkState> links, std::span<const std::size_t> sizes,
+                 const SendOptions& options);
+
+}  // namespace interneuron

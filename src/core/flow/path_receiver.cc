@@ -1,0 +1,177 @@
+#include "core/flow/path_receiver.h"
+
+#include <algorithm>
+
+#include "core/link/path_ecn.h"
+
+namespace interneuron::flow {
+namespace {
+
+// A pause of this or less never ends a train: uplinks of cellular networks are granted in bursts of
+// 1 to 10 ms (docs/constants.md, "Rate of a link").
+constexpr Duration kTrainGap = std::chrono::milliseconds(10);
+// A pause longer than this many mean gaps of the train ends it. No measurement behind this value:
+// it only has to be larger than gaps differ that are not of the sender's making.
+constexpr int kPauseGaps = 4;
+// A pause longer than this always ends a train: a full packet takes 114 ms at 0.1 Mbit/s, and one
+// in between may be lost.
+constexpr Duration kLongestGap = std::chrono::milliseconds(300);
+// A train longer than this measures the source and not the link, or an average over a change of the
+// rate. No measurement behind this value: it only has to be larger than what a message takes to
+// arrive.
+constexpr Duration kMaxTrain = std::chrono::milliseconds(200);
+// A slow link may take longer for so many packets, but not longer than kMaxSlowTrain.
+constexpr std::uint32_t kSlowTrainPackets = 8;
+constexpr Duration kMaxSlowTrain = std::chrono::seconds(1);
+// A train that is shorter than both says nothing yet (RateEstimator): it goes on whatever pause
+// follows.
+constexpr std::uint32_t kToldPackets = 16;
+constexpr Duration kTold = std::chrono::milliseconds(5);
+// Data that come so long after the last packet of a train of probes are no part of it: messages may
+// wait in the same queue as probes, but a sender that is not held up is done with both at once.
+constexpr Duration kProbePause = std::chrono::milliseconds(1);
+// When so many packets behind a gap came within half of it, that gap was a pause before a train and
+// no part of one. No measurement behind this value: it only has to be more than what a slow link
+// may bring at once.
+constexpr std::uint32_t kTailPackets = 4;
+
+void shift_left(wire::AckBitmap& bitmap, std::uint64_t by) {
+  if (by >= wire::kAckWindow) {
+    bitmap = {};
+    return;
+  }
+  const std::size_t words = by / 64;
+  const std::size_t bits = by % 64;
+  for (std::size_t i = bitmap.size(); i-- > 0;) {
+    std::uint64_t word = i >= words ? bitmap[i - words] << bits : 0;
+    if (bits != 0 && i > words) word |= bitmap[i - words - 1] >> (64 - bits);
+    bitmap[i] = word;
+  }
+}
+
+}  // namespace
+
+bool PathReceiver::accept(TimePoint now, std::uint64_t number, Role role, std::size_t ip_bytes,
+                          std::uint8_t ecn, bool is_new) {
+  if (number > largest_) {
+    const std::uint64_t by = number - largest_;
+    if (largest_ != 0 && by > 1) gap_ = true;
+    shift_left(bitmap_, by);
+    if (largest_ != 0 && by <= wire::kAckWindow) bitmap_[(by - 1) / 64] |= 1ULL << ((by - 1) % 64);
+    largest_ = number;
+  } else {
+    const std::uint64_t back = largest_ - number;
+    if (back > wire::kAckWindow) {
+      if (!is_new) return false;
+    } else {
+      if (back == 0) return false;
+      std::uint64_t& word = bitmap_[(back - 1) / 64];
+      const std::uint64_t bit = 1ULL << ((back - 1) % 64);
+      if ((word & bit) != 0) return false;
+      word |= bit;
+    }
+  }
+  received_bytes_ += ip_bytes;
+  if (ecn == link::kCe) {
+    ++ce_;
+  } else if (ecn != link::kNotEct) {
+    ++ect_;
+  }
+  if (role != Role::kNone) extend_train(now, number, role, ip_bytes);
+  return true;
+}
+
+void PathReceiver::Train::begin(TimePoint now, std::uint64_t number) {
+  *this = {.start = number, .packets = 1, .bytes = 0, .first = now, .last = now, .longest_gap = {}};
+}
+
+void PathReceiver::Train::add(TimePoint now, std::size_t ip_bytes) {
+  ++packets;
+  bytes += ip_bytes;
+  longest_gap = std::max<Duration>(longest_gap, now - last);
+  last = now;
+}
+
+bool PathReceiver::Train::ends(TimePoint now) const {
+  if (packets == 0) return true;
+  const Duration gap = now - last;
+  if (gap > kLongestGap) return true;
+  const Duration length = now - first;
+  if (length > kMaxSlowTrain || (length > kMaxTrain && packets >= kSlowTrainPackets)) return true;
+  const bool pause = gap > std::max<Duration>(kTrainGap, kPauseGaps * mean_gap());
+  const bool told = packets >= kToldPackets || last - first >= kTold;
+  return pause && told;
+}
+
+bool PathReceiver::Train::even() const {
+  return packets >= kToldPackets || 3 * longest_gap <= 2 * (last - first);
+}
+
+void PathReceiver::note_delay(TimePoint now, std::uint32_t stamp_us) {
+  // Stamps wrap, and so do delays: only their differences mean anything.
+  const std::uint32_t delay = wire::send_stamp(now) - stamp_us;
+  const auto above = static_cast<std::int32_t>(delay - largest_delay_);
+  if (!largest_is_fresh_ || above > 0) largest_delay_ = delay;
+  largest_is_fresh_ = true;
+  newest_delay_ = delay;
+}
+
+bool PathReceiver::ends_train(TimePoint now, Role role) const {
+  if (train_.ends(now) || (role == Role::kProbe && !probing_)) return true;
+  const Duration pause = std::max<Duration>(kProbePause, kPauseGaps * train_.mean_gap());
+  return probing_ && role == Role::kData && now - train_.last > pause;
+}
+
+void PathReceiver::extend_train(TimePoint now, std::uint64_t number, Role role,
+                                std::size_t ip_bytes) {
+  if (ends_train(now, role)) {
+    train_.begin(now, number);
+    tail_ = train_;
+    probing_ = role == Role::kProbe;
+    return;
+  }
+  const Duration gap = now - train_.last;
+  train_.add(now, ip_bytes);
+  if (gap > kTrainGap) {
+    tail_.begin(now, number);
+    gap_before_tail_ = gap;
+    return;
+  }
+  tail_.add(now, ip_bytes);
+  if (tail_.start != train_.start && tail_.packets >= kTailPackets &&
+      now - tail_.first < gap_before_tail_ / 2) {
+    train_ = tail_;
+  }
+}
+
+void PathReceiver::exchange(TimePoint now, PeerTime u) {
+  if (u_ && wrapping_sub(u.time_since_epoch().count(), u_->time_since_epoch().count()) < 0) return;
+  u_ = u;
+  u_at_ = now;
+}
+
+wire::LinkReport PathReceiver::report(TimePoint now) const {
+  wire::LinkReport report;
+  report.link = link_;
+  if (u_) {
+    report.has_exchange = true;
+    report.s = *u_;
+    report.h = now - u_at_;
+  }
+  report.largest = largest_;
+  report.bitmap = bitmap_;
+  report.train_start = train_.start;
+  if (train_.even()) {
+    report.train_packets = train_.packets;
+    report.train_rate = rate_of(train_.bytes, train_.last - train_.first);
+  }
+  report.has_delays = newest_delay_.has_value();
+  report.newest_delay_us = newest_delay_.value_or(0);
+  report.largest_delay_us = largest_delay_;
+  report.ect_packets = ect_;
+  report.ce_packets = ce_;
+  report.received_bytes = received_bytes_;
+  return report;
+}
+
+}  // namespace interneuron::flow

@@ -1,0 +1,99 @@
+// What has arrived on one path, as feedback tells it to the peer.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "core/wire/packet.h"
+#include "interneuron/units.h"
+
+namespace interneuron::flow {
+
+// Which packets have arrived on one path, for the feedback that tells the peer: acknowledgements,
+// our half of the clock exchange, and the dispersion of the newest train. Path (src/core/peers)
+// feeds it every packet whose session is the peer's.
+//
+// A packet is accepted once: its number must be larger than all before, or one of the
+// wire::kAckWindow before the largest that has not arrived. In the clear numbers are not
+// authenticated, so an attacker who writes one packet with a huge number makes all true ones look
+// too old; Peers takes care that for this he has to know a vehicle's session or to forge the
+// address of a peer that we connected to. Constant memory.
+//
+// A train ends with a pause that is long beside the gaps that it has had, so that one of a slow
+// link, whose packets are tens of milliseconds apart, is measured like one of a fast link. What
+// came too closely together to say anything waits for what follows. Probes begin a train of their
+// own, in which data may lie: messages every 10 ms leave no pause that would tell it from them.
+// Whether a pause was the link's or the sender's own the receiver cannot know; the sender does
+// (SentTrain).
+class PathReceiver {
+ public:
+  explicit PathReceiver(LinkId link) : link_(link) {}
+
+  // What a packet is to a train: nothing; data, or a probe of the path.
+  enum class Role : std::uint8_t { kNone, kData, kProbe };
+  // A packet came in. False when it is a duplicate: its number was seen before or is too old to
+  // tell, unless `is_new`: whoever has opened the packet knows that it has not come before, however
+  // old it is. Then it counts, and only no acknowledgement tells of it. `ip_bytes`: its size with
+  // IP headers; `ecn`: its ECN bits.
+  bool accept(TimePoint now, std::uint64_t number, Role role, std::size_t ip_bytes,
+              std::uint8_t ecn = 0, bool is_new = false);
+  // A feedback of the peer came in on this path, which left at `u` on the peer's clock.
+  void exchange(TimePoint now, PeerTime u);
+  // The path's part of a feedback sent at `now`.
+  wire::LinkReport report(TimePoint now) const;
+  // A packet with data or padding was accepted that carried this stamp.
+  void note_delay(TimePoint now, std::uint32_t stamp_us);
+  // The largest number that has come in; 0 before the first.
+  std::uint64_t largest() const { return largest_; }
+  // Whether a packet number was skipped since reported() was called.
+  bool gap() const { return gap_; }
+  void reported() { gap_ = largest_is_fresh_ = false; }
+
+ private:
+  struct Train {
+    // The number of its first packet, and how many packets it has had.
+    std::uint64_t start = 0;
+    std::uint32_t packets = 0;
+    // The size of all packets but the first, IP headers included.
+    std::size_t bytes = 0;
+    TimePoint first{};
+    TimePoint last{};
+    Duration longest_gap{};
+    void begin(TimePoint now, std::uint64_t number);
+    void add(TimePoint now, std::size_t ip_bytes);
+    Duration mean_gap() const { return packets > 1 ? (last - first) / (packets - 1) : Duration{}; }
+    // Whether a packet that comes now begins another train.
+    bool ends(TimePoint now) const;
+    // Whether it tells a rate: no single gap makes up most of it.
+    bool even() const;
+  };
+  void extend_train(TimePoint now, std::uint64_t number, Role role, std::size_t ip_bytes);
+  bool ends_train(TimePoint now, Role role) const;
+
+  LinkId link_;
+  std::uint64_t largest_ = 0;
+  // As on the wire: bit i stands for packet largest_ - 1 - i.
+  wire::AckBitmap bitmap_{};
+  bool gap_ = false;
+  // When the peer sent its newest feedback, by its clock, and when it came in.
+  std::optional<PeerTime> u_;
+  TimePoint u_at_{};
+  Train train_;
+  // It began with a probe.
+  bool probing_ = false;
+  // What has come since the newest long gap of the train, and that gap.
+  Train tail_;
+  Duration gap_before_tail_{};
+  // With IP headers.
+  std::uint64_t received_bytes_ = 0;
+  // Packets that said that their sender understands marks and were not marked, and marked ones.
+  std::uint32_t ect_ = 0;
+  std::uint32_t ce_ = 0;
+  // Microseconds modulo 2^32: of the newest packet, and the largest since reported() was called; if
+  // there was none since, the one from before.
+  std::optional<std::uint32_t> newest_delay_;
+  std::uint32_t largest_delay_ = 0;
+  bool largest_is_fresh_ = false;
+};
+
+}  // namespace interneuron::flow

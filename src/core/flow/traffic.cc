@@ -1,0 +1,169 @@
+#include "core/flow/traffic.h"
+
+#include <algorithm>
+
+namespace interneuron::flow {
+namespace {
+
+// A path may catch up with this much time at its rate after idling or a late timer: it makes up for
+// the timer and fills no queue (docs/constants.md, "Rate of a link").
+constexpr Duration kBurst = std::chrono::milliseconds(1);
+// The longest time that a packet may occupy the path at the pace, so that a wrong pace of almost
+// nothing does not block the path for ever.
+constexpr Duration kLongestAir = std::chrono::seconds(1);
+// Where others wait, a message yields to its alternative this long before it would be given up: by
+// then the time of several of them may be as short. No measurement behind this value: with a third
+// of it some of their alternatives are late, with twice as much messages yield that would have
+// arrived (`interneuron bench load rate size`).
+constexpr Duration kYieldsBefore = std::chrono::milliseconds(15);
+// An idle path may have become faster unseen: it still gets a message whose least time is up to so
+// many halves of the time that is left.
+constexpr int kIdleOptimism = 3;
+// What cannot arrive even if paths carry so much more than is believed is given up. Rates of radio
+// double within a second, and only what is sent tells. No measurement behind this value.
+constexpr double kMayRise = 2;
+// How much sooner than its deadline a message must be there for its first fragment to be sent while
+// the path is loaded, because the share of a loaded path changes while a message is under way: this
+// long, or a part of what it takes to leave. No measurement behind either value.
+constexpr Duration kLeastMargin = std::chrono::milliseconds(5);
+constexpr int kMarginDivisor = 16;
+// The longest queue that is believed. No measurement behind this value: it only has to be longer
+// than what congestion control allows; more is in flight while a path is silent, which is no queue.
+constexpr Duration kLongestQueue = std::chrono::milliseconds(80);
+// Nothing is slower: a rate of zero would divide by it.
+constexpr DataRate kLeastRate{1000};
+// How long after its time an arrival is reported at the latest (src/core/peers/feedback_due.h), so
+// that a loss is known so much later than a round trip.
+constexpr Duration kReportDelay = std::chrono::milliseconds(5);
+// What is sent again has to be there so much before it is needed. No measurement behind this value:
+// it only has to be more than a batch of packets takes.
+constexpr Duration kAgainMargin = std::chrono::milliseconds(2);
+// A path that is only to repair has its say in the size of pieces where it carries at least 3/4 of
+// what the paths of the plan carry: a message takes a third more packets then, and 2 % more bytes
+// on the wire. No measurement behind this value.
+constexpr std::size_t kWorthwhileParts = 3;
+constexpr std::size_t kOfParts = 4;
+
+}  // namespace
+
+// Where there is room for everything, the earliest deadline first is best for everything. Where
+// there is not, it would serve what is due soonest and let the most important wait for it.
+JobQueue::Turn SendPath::turn_of(TimePoint deadline, std::uint8_t importance) const {
+  const std::uint8_t counts = view.loaded ? importance : kUsualImportance;
+  return {static_cast<std::uint8_t>(UINT8_MAX - counts), deadline};
+}
+
+// What is due later waits for it, and so does what has not left yet of the message itself.
+std::size_t SendPath::before_again(const OutgoingMessage& m) const {
+  const std::size_t before = jobs.bytes_before(turn_of(m));
+  const Job* job = jobs.find(m.id);
+  const std::size_t own = job == nullptr ? 0 : job->bytes() - job->again.size() * job->chunk;
+  return before - std::min(before, own);
+}
+
+Duration SendPath::queue_at(DataRate rate) const {
+  return std::max<Duration>(rate.transmit_time(sent.bytes_in_flight()) - 2 * view.least_one_way,
+                            Duration::zero());
+}
+
+Way SendPath::way_of(const OutgoingMessage& m) const {
+  const DataRate believed = std::max(view.planned_rate(), kLeastRate);
+  const DataRate rate = believed.scaled(1 / (1 + std::max(0.0, law.mean())));
+  const std::size_t ahead = jobs.bytes_before(turn_of(m));
+  const Duration wait = rate.transmit_time(ahead) + queue_at(rate);
+  return {rate, std::min<Duration>(wait, kNever) + view.one_way, view.jitter, law.deviation()};
+}
+
+Duration SendPath::time_to_bring(std::size_t ip_bytes) const {
+  const DataRate rate = std::max(view.planned_rate(), kLeastRate);
+  return std::min<Duration>(rate.transmit_time(ip_bytes), kNever) + queue_at(rate) + view.one_way;
+}
+
+Duration SendPath::least_time(std::size_t ip_bytes, bool begun) const {
+  if (!view.soon) return Duration::zero();
+  const Duration air = std::min<Duration>(view.soon->transmit_time(ip_bytes), kNever);
+  // What is in flight beyond an empty path waits before it.
+  const Duration queue = std::clamp<Duration>(
+      view.soon->transmit_time(sent.bytes_in_flight()) - 2 * view.least_one_way, Duration::zero(),
+      kLongestQueue);
+  const Duration margin =
+      begun ? Duration::zero() : std::max<Duration>(kLeastMargin, air / kMarginDivisor);
+  return queue + air + view.least_one_way + margin;
+}
+
+void SendPath::occupy(TimePoint now, std::size_t ip_bytes) {
+  const Duration air = view.pace.value_or(kBlindPace).transmit_time(ip_bytes);
+  free_at = std::max(free_at, now - kBurst) + std::min<Duration>(air, kLongestAir);
+}
+
+bool Traffic::any_is_sound() const {
+  return std::ranges::any_of(
+      paths, [](const auto& entry) { return entry.second.view.up && !entry.second.view.suspect; });
+}
+
+std::size_t Traffic::piece_bytes(const std::vector<LinkId>& plan, const PathSet& repairing) const {
+  std::size_t planned = SIZE_MAX;
+  for (const LinkId path : plan) planned = std::min(planned, paths.at(path).max_datagram);
+  std::size_t datagram = planned;
+  for (const auto& [link, path] : paths) {
+    const bool may_repair = repairs && path.view.up && repairing.contains(link);
+    const bool worthwhile = path.max_datagram >= planned / kOfParts * kWorthwhileParts;
+    if (may_repair && worthwhile) datagram = std::min(datagram, path.max_datagram);
+  }
+  return datagram - kPieceOverheadBytes;
+}
+
+bool Traffic::can_arrive(TimePoint now, const SendPath& path, const Job& job,
+                         const OutgoingMessage& m) const {
+  // What comes too late over a path with room takes nothing from anybody, and tells the guard at
+  // the other end how late it was.
+  if (!path.view.loaded && !m.alternative) return true;
+  if (!m.divided.empty() && !m.alternative) return together_can_arrive(now, m);
+  const bool begun = job.next > 0 || m.is_alternative;
+  const Duration least = path.least_time(job.ip_bytes(), begun);
+  // What still has an alternative makes way for it while that can arrive, and those behind it.
+  const bool makes_way = m.alternative && !begun && path.jobs.size() > 1;
+  const Duration early = makes_way ? kYieldsBefore : Duration::zero();
+  // A path on which nothing is under way may have become faster since; only what it is given tells.
+  const bool is_idle = path.sent.bytes_in_flight() == 0 && path.jobs.size() == 1;
+  const bool tries = is_idle && !m.alternative && !m.symbol_paths.empty();
+  const Duration hoped = tries ? least / kIdleOptimism * 2 : least;
+  return now + hoped + early <= m.deadline + m.doubt;
+}
+
+// Whether the paths of a divided message may bring together what has not left yet.
+bool Traffic::together_can_arrive(TimePoint now, const OutgoingMessage& m) const {
+  double left = 0;
+  double can = 0;
+  for (const auto& [link, path] : paths) {
+    if (const Job* job = path.jobs.find(m.id)) left += static_cast<double>(job->ip_bytes());
+    if (!m.divided.contains(link) || !path.view.up) continue;
+    if (!path.view.loaded || !path.view.soon) return true;
+    const Duration time = m.deadline + m.doubt - now - path.least_time(0, true);
+    const double seconds = std::max(0.0, std::chrono::duration<double>(time).count());
+    can += seconds * static_cast<double>(path.view.soon->bits_per_second) / 8;
+  }
+  return left <= can * kMayRise;
+}
+
+// A loss is known a round trip and a report later; the copy then takes one way more, and its own
+// time on the air, which is long on a slow path. Where too few packets follow to tell of it, it may
+// take until the timeout; to be in time for the deadline is enough then.
+bool Traffic::is_last(TimePoint now, const SendPath& path, const OutgoingMessage& m) const {
+  if (m.symbol_paths.empty()) return false;
+  Duration back = kNever;
+  for (const auto& [link, other] : paths) {
+    if (!other.view.up || !m.repairs.contains(link)) continue;
+    const Duration air = other.view.air_time(m.ip_bytes_of_piece());
+    back = std::min<Duration>(back, other.view.one_way + air);
+  }
+  const TimePoint told = now + 2 * path.view.one_way + kReportDelay;
+  if (told + back + kAgainMargin > m.aim) return true;
+  // Behind a message of a round there is more to do: what is there by the deadline alone helps
+  // none.
+  const bool is_tail = m.kind == wire::MessageKind::kPlain &&
+                       path.jobs.bytes() < SentPackets::kReorderPackets * m.chunk;
+  return is_tail && now + path.view.probe_timeout + back + kAgainMargin > m.deadline;
+}
+
+}  // namespace interneuron::flow

@@ -1,0 +1,117 @@
+// What a sender knows of the paths to its peer and of the messages under way, and the questions
+// that are answered from it.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "core/base/flat_map.h"
+#include "core/base/water_filling.h"
+#include "core/flow/completion_law.h"
+#include "core/flow/job_queue.h"
+#include "core/flow/message_store.h"
+#include "core/flow/path_set.h"
+#include "core/flow/path_use.h"
+#include "core/flow/path_view.h"
+#include "core/flow/sent_packets.h"
+#include "core/flow/window_flow.h"
+#include "interneuron/units.h"
+
+namespace interneuron::flow {
+
+// Packets leave in batches of this much time at the pace, so that one system call carries several:
+// 13 packets at 300 Mbit/s.
+inline constexpr Duration kQuantum = std::chrono::microseconds(500);
+
+// A path as a sender keeps it: what is believed of it, what it still has to send, and what it has
+// sent. A plain value of Traffic's. Sizes are bytes; those called ip_bytes include IP headers.
+struct SendPath {
+  // The largest UDP payload of its datagrams.
+  std::size_t max_datagram = 0;
+  PathView view;
+  // When the pace allows the next packet to leave.
+  TimePoint free_at = TimePoint::min();
+  // When poll() found nothing to send last.
+  TimePoint idle_at = TimePoint::min();
+  // Jobs of messages that are in Traffic::messages, and of no others.
+  JobQueue jobs;
+  SentPackets sent;
+  PathUse use;
+  CompletionLaw law;
+  std::uint64_t resent = 0;
+  std::uint64_t symbols = 0;
+
+  // Whether its datagrams have room for a piece of so many bytes.
+  bool can_carry(std::size_t piece_bytes) const {
+    return max_datagram >= piece_bytes + kPieceOverheadBytes;
+  }
+  // Whether as much is in flight as congestion control allows.
+  bool is_full() const { return sent.bytes_in_flight() >= view.window; }
+  // Whether symbols of this message take nothing from other messages: the path carries less than it
+  // can, or no other message waits for it.
+  bool has_room_beside(MessageId message) const {
+    return !view.loaded || jobs.size() <= (jobs.find(message) == nullptr ? 0U : 1U);
+  }
+  // When a message that is queued now is served among the others.
+  JobQueue::Turn turn_of(TimePoint deadline, std::uint8_t importance) const;
+  JobQueue::Turn turn_of(const OutgoingMessage& m) const {
+    return turn_of(m.deadline, m.importance);
+  }
+  // Bytes that leave before what is sent again of this message.
+  std::size_t before_again(const OutgoingMessage& m) const;
+  // The path as it would carry a message that is queued on it now.
+  Way way_of(const OutgoingMessage& m) const;
+  // From now until so many bytes are there that the path sends next.
+  Duration time_to_bring(std::size_t ip_bytes) const;
+  // From now until the last of so many bytes is there that are sent next over a loaded path, with a
+  // margin for a message of which nothing has left yet. Zero while no rate is known.
+  Duration least_time(std::size_t ip_bytes, bool begun) const;
+  // A packet of so many bytes leaves: the next one may when the pace allows it.
+  void occupy(TimePoint now, std::size_t ip_bytes);
+
+ private:
+  // How long what is in flight beyond an empty path of this rate waits in a queue.
+  Duration queue_at(DataRate rate) const;
+};
+
+// The paths to one peer and the messages under way to it. Executor owns one; it and Sender change
+// the three members, the planners (planners.h) read them. The questions change nothing; what they
+// answer holds until any of the members changes.
+//
+// Memory is that of the members. The peer's reports decide what is known of its paths, which harms
+// only what is sent to itself. Pure; thread-compatible; never throws.
+struct Traffic {
+  FlatMap<LinkId, SendPath> paths;
+  MessageStore messages;
+  WindowFlow window;
+  // The sum of what the messages hold.
+  std::size_t bytes = 0;
+  // Whether lost fragments are sent again.
+  bool repairs = true;
+
+  // nullptr where there is no such path.
+  const SendPath* find(LinkId path) const {
+    const auto it = paths.find(path);
+    return it == paths.end() ? nullptr : &it->second;
+  }
+  SendPath* find(LinkId path) { return const_cast<SendPath*>(std::as_const(*this).find(path)); }
+
+  // Whether there is a path that may be relied on.
+  bool any_is_sound() const;
+  // The largest piece that all the paths of a plan carry, and those that may repair what they lose,
+  // as far as they are up and carry enough.
+  std::size_t piece_bytes(const std::vector<LinkId>& plan, const PathSet& repairing) const;
+  // Whether what is left of a job can arrive in time over its path.
+  bool can_arrive(TimePoint now, const SendPath& path, const Job& job,
+                  const OutgoingMessage& m) const;
+  // Whether what is queued or leaves on this path now could not be sent again in time if it is
+  // lost.
+  bool is_last(TimePoint now, const SendPath& path, const OutgoingMessage& m) const;
+
+ private:
+  bool together_can_arrive(TimePoint now, const OutgoingMessage& m) const;
+};
+
+}  // namespace interneuron::flow
