@@ -151,9 +151,12 @@ function(interneuron_closure out)
   set(${out} ${done} PARENT_SCOPE)
 endfunction()
 
-# Links modules, with all that they use, into an executable or library.
+# Links modules, with all that they use, into an executable or library. What has sockets has every part of the library.
 function(interneuron_link target)
   interneuron_closure(modules ${ARGN})
+  if(node/io IN_LIST modules)
+    interneuron_closure(modules ${ARGN} ${INTERNEURON_PART_MODULES})
+  endif()
   foreach(module IN LISTS modules)
     interneuron_target(module_target ${module})
     get_target_property(type ${module_target} TYPE)
@@ -191,7 +194,8 @@ function(interneuron_program name)
   target_compile_definitions(${target} PRIVATE INTERNEURON_VERSION="${PROJECT_VERSION}")
   set_target_properties(${target} PROPERTIES OUTPUT_NAME ${name} RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR})
   # Whoever builds the programs alone, as scripts/demo.sh does, can install all the same.
-  add_dependencies(${target} interneuron)
+  get_property(archives GLOBAL PROPERTY INTERNEURON_ARCHIVES)
+  add_dependencies(${target} ${archives})
   install(TARGETS ${target} RUNTIME DESTINATION ${ARG_DESTINATION})
 endfunction()
 
@@ -279,9 +283,45 @@ function(interneuron_vm_test name)
     LABELS "${label}")
 endfunction()
 
+# The parts that this build has, in INTERNEURON_PARTS: those of cmake/parts.cmake that nobody has switched off and whose
+# libraries are here.
+function(interneuron_find_parts)
+  set(parts)
+  foreach(part IN LISTS INTERNEURON_ALL_PARTS)
+    string(TOUPPER INTERNEURON_${part} option)
+    set(${option} AUTO CACHE STRING "Build the part ${part} of the library: ON, OFF, or AUTO (where what it needs is found)")
+    set(lacks "${option} to be ON")
+    if(${option})
+      interneuron_part_lacks(lacks ${part} ${parts})
+    endif()
+    if(NOT lacks)
+      list(APPEND parts ${part})
+    elseif(INTERNEURON_PROGRAM OR INTERNEURON_TESTS OR (${option} AND NOT ${option} STREQUAL "AUTO"))
+      message(FATAL_ERROR "The part ${part} needs ${lacks} (scripts/setup.sh installs what is missing). A build without it is one of "
+        "the library alone: -DINTERNEURON_PROGRAM=OFF -DINTERNEURON_TESTS=OFF -D${option}=OFF")
+    else()
+      message(STATUS "Without the part ${part}: it needs ${lacks}")
+    endif()
+  endforeach()
+  set(INTERNEURON_PARTS ${parts} PARENT_SCOPE)
+  list(TRANSFORM parts PREPEND node/)
+  set(INTERNEURON_PART_MODULES ${parts} PARENT_SCOPE)
+endfunction()
+
+# The library that a part needs beside the others, as a target; empty: none.
+function(interneuron_part_library out part)
+  set(library)
+  if(INTERNEURON_${part}_PACKAGES)
+    list(GET INTERNEURON_${part}_PACKAGES 0 prefix)
+    set(library PkgConfig::${prefix})
+  endif()
+  set(${out} ${library} PARENT_SCOPE)
+endfunction()
+
 # A static library that is the union of modules, without those that another one has: interneuron::ALIAS after installing.
+# EXPORT: the set of targets that it is exported with; EXCEPT: without the objects of these sources.
 function(interneuron_archive target alias)
-  cmake_parse_arguments(ARG "" "" "USES;WITHOUT;LIBRARIES" ${ARGN})
+  cmake_parse_arguments(ARG "" "EXPORT;EXCEPT" "USES;WITHOUT;LIBRARIES" ${ARGN})
   add_library(${target} STATIC)
   add_library(interneuron::${alias} ALIAS ${target})
   interneuron_closure(modules ${ARG_USES})
@@ -290,7 +330,11 @@ function(interneuron_archive target alias)
     interneuron_target(module_target ${module})
     get_property(type TARGET ${module_target} PROPERTY TYPE)
     if(type STREQUAL "OBJECT_LIBRARY" AND NOT module IN_LIST others)
-      target_sources(${target} PRIVATE $<TARGET_OBJECTS:${module_target}>)
+      set(objects $<TARGET_OBJECTS:${module_target}>)
+      if(ARG_EXCEPT)
+        set(objects $<FILTER:${objects},EXCLUDE,/${ARG_EXCEPT}[.]cc>)
+      endif()
+      target_sources(${target} PRIVATE ${objects})
     endif()
   endforeach()
   target_link_libraries(${target} PUBLIC ${ARG_LIBRARIES})
@@ -298,30 +342,65 @@ function(interneuron_archive target alias)
     $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/include> $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
   target_compile_features(${target} PUBLIC cxx_std_20)
   set_target_properties(${target} PROPERTIES LINKER_LANGUAGE CXX EXPORT_NAME ${alias})
-  install(TARGETS ${target} EXPORT interneuronTargets ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
+  if(ARG_EXPORT)
+    set(export EXPORT ${ARG_EXPORT})
+  endif()
+  install(TARGETS ${target} ${export} ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
+  set_property(GLOBAL APPEND PROPERTY INTERNEURON_ARCHIVES ${target})
 endfunction()
 
-# What users link: interneuron::core, the protocol alone; interneuron::interneuron, with sockets and the loop; and
-# libinterneuron-all.a, both in one archive for programs that are built without CMake.
+# interneuron::PART, which the linker takes into a program although only a weak reference asks for it (src/node/io/parts.h).
+function(interneuron_part_archive part)
+  interneuron_part_library(library ${part})
+  set(libraries interneuron ${library})
+  set(others node/loop)
+  if(INTERNEURON_${part}_NEEDS)
+    list(PREPEND libraries interneuron-${INTERNEURON_${part}_NEEDS})
+    list(APPEND others node/${INTERNEURON_${part}_NEEDS})
+  endif()
+  interneuron_archive(interneuron-${part} ${part} EXPORT interneuron-${part} USES node/${part} WITHOUT ${others}
+    LIBRARIES ${libraries})
+  target_link_options(interneuron-${part} INTERFACE LINKER:--undefined=interneuron_${part}_part)
+endfunction()
+
+# What users link: interneuron::core, the protocol alone; interneuron::node, with sockets and the loop; the parts of
+# cmake/parts.cmake; interneuron::interneuron, which is node with parts; and libinterneuron-all.a, all of it in one archive for
+# programs that are built without CMake.
 function(interneuron_install_library)
   set(core core/endpoint policies)
-  interneuron_archive(interneuron-core core USES ${core} LIBRARIES PkgConfig::LIBISAL PkgConfig::LIBSODIUM)
-  interneuron_archive(interneuron interneuron USES node/loop policies WITHOUT ${core}
-    LIBRARIES interneuron-core Threads::Threads PkgConfig::LIBNL PkgConfig::LIBPCAP PkgConfig::LIBXDP)
-  interneuron_archive(interneuron-all all USES node/loop policies
-    LIBRARIES Threads::Threads PkgConfig::LIBNL PkgConfig::LIBPCAP PkgConfig::LIBXDP PkgConfig::LIBISAL PkgConfig::LIBSODIUM)
-  add_dependencies(interneuron interneuron-all)
+  interneuron_archive(interneuron-core core EXPORT interneuronTargets USES ${core}
+    LIBRARIES PkgConfig::LIBISAL PkgConfig::LIBSODIUM)
+  interneuron_archive(interneuron node EXPORT interneuronTargets USES node/loop policies WITHOUT ${core}
+    LIBRARIES interneuron-core Threads::Threads)
+  set(config ${CMAKE_INSTALL_LIBDIR}/cmake/interneuron)
+  add_library(interneuron_with_parts INTERFACE)
+  add_library(interneuron::interneuron ALIAS interneuron_with_parts)
+  target_link_libraries(interneuron_with_parts INTERFACE interneuron)
+  set(libraries)
+  foreach(part IN LISTS INTERNEURON_PARTS)
+    interneuron_part_archive(${part})
+    interneuron_part_library(library ${part})
+    list(APPEND libraries ${library})
+    target_link_libraries(interneuron_with_parts INTERFACE interneuron-${part})
+    install(EXPORT interneuron-${part} NAMESPACE interneuron:: DESTINATION ${config})
+  endforeach()
+
+  # Its references to parts are strong: parts.cc is compiled anew for it.
+  interneuron_archive(interneuron-all all USES node/loop policies ${INTERNEURON_PART_MODULES} EXCEPT parts
+    LIBRARIES Threads::Threads ${libraries} PkgConfig::LIBISAL PkgConfig::LIBSODIUM)
+  target_sources(interneuron-all PRIVATE ${PROJECT_SOURCE_DIR}/src/node/io/parts.cc)
+  target_include_directories(interneuron-all PRIVATE ${PROJECT_SOURCE_DIR}/src)
+  list(TRANSFORM INTERNEURON_PARTS PREPEND INTERNEURON_HOLDS_ OUTPUT_VARIABLE holds)
+  target_compile_definitions(interneuron-all PRIVATE ${holds})
 
   install(DIRECTORY include/interneuron DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
-  install(EXPORT interneuronTargets NAMESPACE interneuron::
-          DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/interneuron)
+  install(EXPORT interneuronTargets NAMESPACE interneuron:: DESTINATION ${config})
   include(CMakePackageConfigHelpers)
   configure_package_config_file(cmake/interneuronConfig.cmake.in
-    ${PROJECT_BINARY_DIR}/interneuronConfig.cmake
-    INSTALL_DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/interneuron)
+    ${PROJECT_BINARY_DIR}/interneuronConfig.cmake INSTALL_DESTINATION ${config})
   write_basic_package_version_file(${PROJECT_BINARY_DIR}/interneuronConfigVersion.cmake
     COMPATIBILITY SameMinorVersion)
-  install(FILES ${PROJECT_BINARY_DIR}/interneuronConfig.cmake
-                ${PROJECT_BINARY_DIR}/interneuronConfigVersion.cmake
-          DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/interneuron)
+  install(FILES ${PROJECT_BINARY_DIR}/interneuronConfig.cmake ${PROJECT_BINARY_DIR}/interneuronConfigVersion.cmake
+    DESTINATION ${config})
+  install(FILES ${PROJECT_SOURCE_DIR}/cmake/parts.cmake DESTINATION ${config} RENAME interneuronParts.cmake)
 endfunction()

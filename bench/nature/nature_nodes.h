@@ -24,7 +24,7 @@ pid_t start_road(const netns::State& state);
 // Every 20 ms the vehicle writes its estimates to `file`, one CSV line per link: t_ns
 // (CLOCK_MONOTONIC), link, rtt_p50_ms, loss, rate_mbit, four scores; and a line for each change of
 // a path's state: t_ns, link, "path", state. Unless `pcap` is empty it also writes a capture of
-// that name (src/node/io/pcap_tap.h).
+// that name (include/interneuron/pcap_tap.h).
 pid_t start_vehicle(const netns::State& state, bool loaded, const std::filesystem::path& file,
                     const std::string& pcap);
 

@@ -33,7 +33,8 @@ struct NodeLink {
   // Unique within the node.
   LinkId id{};
   // The name of a NIC that is there when the node starts, as "wwan0". It need not be ready then,
-  // and may come and go. The link's socket is bound to it and sends and receives nowhere else.
+  // and may come and go where the program is linked with interneuron::monitor. The link's socket is
+  // bound to it and sends and receives nowhere else.
   std::string nic;
   LinkTraits traits = {};
   // Numeric address to bind, without port. Default: every address of the NIC, IPv4 if `peer` is

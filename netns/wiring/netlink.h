@@ -1,11 +1,11 @@
 // The calls of libnl's routing netlink that several files of the testbed need, with the owning
-// pointers of src/node/io/netlink.h. A socket acts on the network namespace in which it was opened.
-// Thread-compatible. Errors: TestbedError (1), or (5) for what the kernel forbids.
+// pointers of src/node/monitor/netlink.h. A socket acts on the network namespace in which it was
+// opened. Thread-compatible. Errors: TestbedError (1), or (5) for what the kernel forbids.
 #pragma once
 
 #include <string>
 
-#include "node/io/netlink.h"
+#include "node/monitor/netlink.h"
 
 namespace interneuron::netns::netlink {
 

@@ -3,7 +3,7 @@
 #include <array>
 
 #include "netns/emulator/checksum.h"
-#include "node/io/frame.h"
+#include "node/ring/frame.h"
 #include "tests/fuzz/finding.h"
 #include "tests/fuzz/input.h"
 

@@ -8,8 +8,8 @@
 #include <memory>
 
 #include "interneuron/address.h"
-#include "node/io/netlink_message.h"
-#include "node/io/nic_table.h"
+#include "node/monitor/netlink_message.h"
+#include "node/monitor/nic_table.h"
 #include "tests/fuzz/finding.h"
 #include "tests/fuzz/input.h"
 

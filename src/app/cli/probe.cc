@@ -18,10 +18,10 @@
 #include "app/settings/peer_address.h"
 #include "core/secure/caller.h"
 #include "interneuron/endpoint.h"
-#include "node/io/link_monitor.h"
 #include "node/io/nic_choice.h"
 #include "node/io/stamped_socket.h"
 #include "node/io/steady_clock.h"
+#include "node/monitor/link_monitor.h"
 
 namespace interneuron::cli {
 namespace {

@@ -8,8 +8,8 @@
 #include <string_view>
 #include <vector>
 
-#include "node/io/host_facts.h"
 #include "node/io/path_mtu.h"
+#include "node/monitor/host_facts.h"
 
 namespace interneuron::cli::doctor {
 

@@ -12,9 +12,9 @@
 
 #include "app/process/signals.h"
 #include "app/process/status_line.h"
-#include "node/io/link_monitor.h"
 #include "node/io/stamped_socket.h"
 #include "node/io/steady_clock.h"
+#include "node/monitor/link_monitor.h"
 
 namespace interneuron::cli::doctor {
 namespace {

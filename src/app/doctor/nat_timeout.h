@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "app/doctor/judge_nat.h"
-#include "node/io/host_facts.h"
+#include "node/monitor/host_facts.h"
 
 namespace interneuron::cli::doctor {
 

@@ -37,9 +37,9 @@ void add_capture_option(CLI::App& program, std::string& file) {
 Capture::Capture(std::string file) : file_(std::move(file)), tap_(file_) {}
 
 Capture::~Capture() {
-  const io::PcapTap::Counters counters = tap_.stop();
+  const PcapTap::Counters counters = tap_.stop();
   std::string nics;
-  for (const io::PcapTap::Counters::Nic& nic : counters.nics) {
+  for (const PcapTap::Counters::Nic& nic : counters.nics) {
     nics += (nics.empty() ? " (" : ", ") + nic.name + " " + std::to_string(nic.packets);
   }
   if (!nics.empty()) nics += ")";

@@ -5,7 +5,7 @@
 #include <memory>
 #include <string>
 
-#include "node/io/pcap_tap.h"
+#include "interneuron/pcap_tap.h"
 
 namespace interneuron::cli {
 
@@ -25,7 +25,7 @@ class Capture {
 
  private:
   std::string file_;
-  io::PcapTap tap_;
+  PcapTap tap_;
 };
 
 // Starts the capture for the command that was given; nullptr when this process is to capture

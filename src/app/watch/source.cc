@@ -18,8 +18,8 @@
 #include "app/watch/time_keeper.h"
 #include "app/watch/trust_keeper.h"
 #include "interneuron/node.h"
-#include "node/io/link_monitor.h"
 #include "node/io/steady_clock.h"
+#include "node/monitor/link_monitor.h"
 
 namespace interneuron::cli {
 namespace {

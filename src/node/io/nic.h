@@ -1,8 +1,11 @@
 // The network cards (NICs) of this host, as they are now.
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -10,6 +13,9 @@
 #include "interneuron/transport.h"
 
 namespace interneuron::io {
+
+// A hardware address of Ethernet.
+using Mac = std::array<std::byte, 6>;
 
 // What the kernel says of one NIC.
 struct Nic {
@@ -39,11 +45,17 @@ struct Nic {
   std::vector<Address> gateways;
 };
 
-// All of this network namespace, in the kernel's order. Throws IoError when the system refuses.
+// All of this network namespace, in the kernel's order. A program without the part `monitor` (see
+// parts.h) has no `gateways`, learns of one receive queue, takes NICs that only software makes for
+// "ethernet" unless sysfs knows better, and IPv6 addresses for usable while the kernel still looks
+// for duplicates of them. Throws IoError when the system refuses.
 std::vector<Nic> list_nics();
 
 // The same for one name; nothing when there is no such NIC.
 std::optional<Nic> find_nic(std::string_view name);
+
+// As in Nic::mac; empty for what is no address of Ethernet, or all zeros.
+std::string mac_text(std::span<const std::byte> mac);
 
 // The user named a network card, or a pattern of them, that this host does not have. A class of its
 // own because programs answer it as they answer any unknown name. Its code is ENODEV.

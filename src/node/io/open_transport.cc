@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
 
-#include "node/io/ring_transport.h"
+#include "node/io/parts.h"
 #include "node/io/udp_transport.h"
-#include "node/io/xdp_transport.h"
 
 namespace interneuron {
 
@@ -28,35 +28,26 @@ namespace io {
 
 namespace {
 
-template <class Kind>
-OpenTransport open_as(const UdpOptions& options) {
-  auto transport = std::make_unique<Kind>(options);
-  OpenTransport out;
-  out.warnings = transport->warnings();
-  out.transport = std::move(transport);
-  return out;
+// The part that has this kind of transport; nullptr: no part is needed. Throws IoError where it is
+// needed and not linked.
+const TransportPart* part_of(TransportKind kind) {
+  if (kind == TransportKind::kUdp) return nullptr;
+  const TransportPart* part = kind == TransportKind::kRing ? ring_part() : xdp_part();
+  if (part != nullptr) return part;
+  const std::string name = "interneuron::" + std::string(to_string(kind));
+  throw IoError("this program was built without " + name + ": link it, or take the transport udp",
+                EOPNOTSUPP);
 }
 
 }  // namespace
 
 OpenTransport open_transport(TransportKind kind, const UdpOptions& options) {
-  switch (kind) {
-    case TransportKind::kRing:
-      return open_as<RingTransport>(options);
-    case TransportKind::kXdp:
-      return open_as<XdpTransport>(options);
-    case TransportKind::kUdp:
-      break;
-  }
-  return open_as<UdpTransport>(options);
+  const TransportPart* part = part_of(kind);
+  return part != nullptr ? part->open(options) : open_as<UdpTransport>(options);
 }
 
 void require_privilege(TransportKind kind) {
-  if (kind == TransportKind::kRing) PacketRing::require_privilege();
-  if (kind == TransportKind::kXdp) {
-    XdpProgram::require_privilege();
-    XdpSocket::require_memory();
-  }
+  if (const TransportPart* part = part_of(kind)) part->require_privilege();
 }
 
 }  // namespace io

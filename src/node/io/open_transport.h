@@ -17,11 +17,12 @@ struct OpenTransport {
   std::vector<std::string> warnings;
 };
 
-// Throws IoError with the remedy.
+// Throws IoError with the remedy, also when the kind is a part of the library that this program was
+// linked without.
 OpenTransport open_transport(TransportKind kind, const UdpOptions& options);
 
 // Throws IoError (EPERM) with the remedy when this process may not open transports of this kind on
-// any NIC.
+// any NIC, or was linked without them.
 void require_privilege(TransportKind kind);
 
 }  // namespace interneuron::io

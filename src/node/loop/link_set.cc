@@ -16,7 +16,7 @@ namespace {
 
 // Calls of receive() by which a transport that was set aside gets rid of what waits in it. No
 // measurement behind this value: the memory of an AF_XDP socket is empty after 12 (kReceiveChunks
-// and kBatch of src/node/io/xdp_socket.h), and a flood must not keep us.
+// and kBatch of src/node/xdp/xdp_socket.h), and a flood must not keep us.
 constexpr int kStaleBatches = 16;
 
 bool is_privilege(int error) { return error == EPERM || error == EACCES; }
@@ -24,14 +24,14 @@ bool is_privilege(int error) { return error == EPERM || error == EACCES; }
 }  // namespace
 
 LinkSet::LinkSet(const NodeOptions& options, User& user)
-    : options_(options), user_(user), monitor_({.default_routes = false}) {
+    : options_(options), user_(user), monitor_(io::open_nic_monitor()) {
   for (const NodeLink& link : options.links) add_named(link);
   for (const NodeNicRule& rule : options.rules) {
-    if (!io::is_nic_rule(rule.pattern) && monitor_.find(rule.pattern) == nullptr) {
-      throw io::UnknownNic(io::no_match_text(rule.pattern, monitor_.nics()));
+    if (!io::is_nic_rule(rule.pattern) && monitor_->find(rule.pattern) == nullptr) {
+      throw io::UnknownNic(io::no_match_text(rule.pattern, monitor_->nics()));
     }
   }
-  for (const io::Nic& nic : monitor_.nics()) add_by_rule(nic);
+  for (const io::Nic& nic : monitor_->nics()) add_by_rule(nic);
   for (const auto& link : links_) {
     if (link->state != NicState::kReady) continue;
     if (!link->by_rule) {
@@ -45,8 +45,8 @@ LinkSet::LinkSet(const NodeOptions& options, User& user)
 }
 
 void LinkSet::add_named(const NodeLink& link) {
-  const io::Nic* nic = monitor_.find(link.nic);
-  if (nic == nullptr) throw io::UnknownNic(io::no_match_text(link.nic, monitor_.nics()));
+  const io::Nic* nic = monitor_->find(link.nic);
+  if (nic == nullptr) throw io::UnknownNic(io::no_match_text(link.nic, monitor_->nics()));
   check_link(options_, link, *nic);
   add(link, false);
 }
@@ -73,9 +73,9 @@ LinkSet::Link& LinkSet::add(const NodeLink& options, bool by_rule) {
   auto& link = *links_.emplace_back(std::make_unique<Link>());
   link.options = options;
   link.by_rule = by_rule;
-  if (!decided) monitor_.require_route(options.nic, peer.value_or(Address{}));
-  link.state = monitor_.state(options.nic);
-  link.reason = monitor_.reason(options.nic);
+  if (!decided) monitor_->require_route(options.nic, peer.value_or(Address{}));
+  link.state = monitor_->state(options.nic);
+  link.reason = monitor_->reason(options.nic);
   return link;
 }
 
@@ -103,7 +103,7 @@ void LinkSet::refuse_nothing_open() const {
     return;
   }
   if (links_.empty()) {
-    throw io::UnknownNic(io::no_match_text(options_.rules.front().pattern, monitor_.nics()));
+    throw io::UnknownNic(io::no_match_text(options_.rules.front().pattern, monitor_->nics()));
   }
   std::string text = "no network card can be used: ";
   std::string separator;
@@ -123,11 +123,11 @@ void LinkSet::refuse_nothing_open() const {
 }
 
 void LinkSet::open_anew(Link& link, std::vector<std::string>& warnings) {
-  const io::Nic* nic = monitor_.find(link.options.nic);
+  const io::Nic* nic = monitor_->find(link.options.nic);
   if (nic == nullptr) throw IoError("there is no such network card", ENODEV);
   OpenedLink opened = open_link(options_, link.options, *nic,
                                 {.port = link.port != 0 ? link.port : options_.port,
-                                 .source = monitor_.required_source(link.options.nic),
+                                 .source = monitor_->required_source(link.options.nic),
                                  .may_wait = !telling_});
   link.transport = std::move(opened.transport);
   link.info = std::move(opened.info);
@@ -185,7 +185,7 @@ void LinkSet::suspend(Link& link) {
 }
 
 std::optional<TimePoint> LinkSet::update(TimePoint now) {
-  const std::vector<io::NicEvent> events = monitor_.update();
+  const std::vector<io::NicEvent> events = monitor_->update();
   for (const io::NicEvent& event : events) apply(now, event);
   auto next = open_ready(now);
   if (!events.empty()) next = std::min(next.value_or(TimePoint::max()), now + kRecheck);
@@ -200,7 +200,7 @@ std::optional<TimePoint> LinkSet::open_ready(TimePoint now) {
     const TimePoint settled = saturating_add(link->carrier_since, kSettle);
     TimePoint again = settled;
     if (settled <= now) {
-      monitor_.drop_unanswered_neighbours(link->options.nic);
+      monitor_->drop_unanswered_neighbours(link->options.nic);
       if (try_open(*link)) continue;
       again = now + kRecheck;
     }
@@ -210,7 +210,7 @@ std::optional<TimePoint> LinkSet::open_ready(TimePoint now) {
 }
 
 void LinkSet::apply(TimePoint now, const io::NicEvent& event) {
-  if (const io::Nic* nic = monitor_.find(event.nic)) {
+  if (const io::Nic* nic = monitor_->find(event.nic)) {
     if (Link* added = add_by_rule(*nic)) {
       added->carrier_since = now;
       user_.nic_changed(
@@ -224,7 +224,7 @@ void LinkSet::apply(TimePoint now, const io::NicEvent& event) {
   const auto gone = [&](const auto& link) {
     return link->by_rule && link->options.nic == event.nic && event.to == NicState::kAbsent;
   };
-  if (std::erase_if(links_, gone) > 0) monitor_.require_nothing(event.nic);
+  if (std::erase_if(links_, gone) > 0) monitor_->require_nothing(event.nic);
 }
 
 void LinkSet::apply(TimePoint now, const io::NicEvent& event, Link& link) {
@@ -233,7 +233,7 @@ void LinkSet::apply(TimePoint now, const io::NicEvent& event, Link& link) {
   if (event.from <= NicState::kNoCarrier && event.to > NicState::kNoCarrier) {
     link.carrier_since = now;
   }
-  const io::Nic* nic = monitor_.find(event.nic);
+  const io::Nic* nic = monitor_->find(event.nic);
   const Transport* transport = link.transport ? link.transport.get() : link.aside.get();
   const bool fits = nic != nullptr && !event.new_incarnation &&
                     (transport == nullptr ||

@@ -21,7 +21,7 @@
 #include <vector>
 
 #include "interneuron/node.h"
-#include "node/io/link_monitor.h"
+#include "node/io/nic_monitor.h"
 
 namespace interneuron {
 
@@ -73,8 +73,8 @@ class LinkSet {
   // from the first update() on; the links that the constructor opened are found in links().
   LinkSet(const NodeOptions& options, User& user);
 
-  // Readable when update() should be called.
-  int native_handle() const { return monitor_.native_handle(); }
+  // Readable when update() should be called; -1: never (io::NicMonitor).
+  int native_handle() const { return monitor_->native_handle(); }
   // Takes in what the kernel says of the NICs, opens links whose NICs have become ready and tries
   // those again that failed. Returns when there is reason to call it again although the kernel says
   // nothing.
@@ -110,7 +110,7 @@ class LinkSet {
 
   NodeOptions options_;
   User& user_;
-  io::LinkMonitor monitor_;
+  std::unique_ptr<io::NicMonitor> monitor_;
   // Pointers, so that a Link stays where it is when others come and go.
   std::vector<std::unique_ptr<Link>> links_;
   std::vector<std::string> warnings_;

@@ -60,7 +60,7 @@ Node::Impl::Impl(NodeOptions&& options, const EndpointOptions& endpoint)
       computation_(options.computation_workers),
       backup_(options.backup_workers) {
   try {
-    nic_watcher_.assign(links_.native_handle());
+    if (links_.native_handle() >= 0) nic_watcher_.assign(links_.native_handle());
     connect();
   } catch (...) {
     shut_down();
@@ -89,7 +89,7 @@ void Node::Impl::run() {
   if (std::exchange(ran_, true)) throw std::logic_error("Node::run: a node runs once");
   const io::PreciseTimers precise;
   try {
-    wait_for_nics();
+    if (nic_watcher_.is_open()) wait_for_nics();
     for (const SharedPort& port : ports_) wait_readable(port);
     repeat_statistics(saturating_add(io::now(), statistics_interval_));
     repeat_clock();

@@ -9,7 +9,7 @@
 #include <thread>
 
 #include "interneuron/node.h"
-#include "node/io/pcap_tap.h"
+#include "interneuron/pcap_tap.h"
 #include "support.h"
 #include "tests/node/io/namespace.h"
 
@@ -124,7 +124,7 @@ std::map<unsigned, Idle> idle_session(double settle_s, double seconds, const std
   calling.port = 47001;
   calling.links[0].peer = "127.0.0.1:47000";
 
-  io::PcapTap tap(file);
+  PcapTap tap(file);
   Node road(serving);
   Node vehicle(calling);
   std::thread serve([&road] { road.run(); });

@@ -1,4 +1,4 @@
-#include "node/io/frame.h"
+#include "node/ring/frame.h"
 
 #include <gtest/gtest.h>
 #include <rapidcheck.h>

@@ -1,6 +1,6 @@
 // What the monitor says when a network card of one's own is plugged, unplugged, renamed, moved, …,
 // and how soon: everything within 200 ms of the moment at which the command that does it is done.
-#include "node/io/link_monitor.h"
+#include "node/monitor/link_monitor.h"
 
 #include <gtest/gtest.h>
 

@@ -1,7 +1,7 @@
 // Messages of the kernel's routing netlink, as bytes: what is too short is absent, and nothing
 // behind a message is read (the copies that are read have exactly its size, so that
 // AddressSanitizer would see it).
-#include "node/io/netlink_message.h"
+#include "node/monitor/netlink_message.h"
 
 #include <gtest/gtest.h>
 #include <linux/if.h>
@@ -15,8 +15,8 @@
 #include <vector>
 
 #include "node/io/address.h"
-#include "node/io/netlink.h"
-#include "node/io/nic_table.h"
+#include "node/monitor/netlink.h"
+#include "node/monitor/nic_table.h"
 
 namespace interneuron::io::netlink_message_test {
 namespace {

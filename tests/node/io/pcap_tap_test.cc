@@ -1,4 +1,4 @@
-#include "node/io/pcap_tap.h"
+#include "interneuron/pcap_tap.h"
 
 #include <gtest/gtest.h>
 #include <pcap/pcap.h>

@@ -1,6 +1,6 @@
 // What only a ring has to do: the loopback card, cards whose frames have no Ethernet header,
 // tags of VLANs, filters, and errors.
-#include "node/io/ring_transport.h"
+#include "node/ring/ring_transport.h"
 
 #include <fcntl.h>
 #include <gmock/gmock.h>
@@ -10,8 +10,8 @@
 #include <sys/ioctl.h>
 #include <sys/syscall.h>
 
-#include "node/io/ring_filter.h"
 #include "node/io/udp_transport.h"
+#include "node/ring/ring_filter.h"
 #include "support.h"
 #include "two_hosts.h"
 

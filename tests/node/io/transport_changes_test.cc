@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 #include <sys/socket.h>
 
-#include "node/io/ring_transport.h"
+#include "node/ring/ring_transport.h"
 #include "transport_conformance.h"
 
 namespace interneuron::io::transport_changes_test {

@@ -18,10 +18,10 @@
 #include "namespace.h"
 #include "node/io/address.h"
 #include "node/io/file_descriptor.h"
-#include "node/io/frame.h"
 #include "node/io/nic.h"
 #include "node/io/steady_clock.h"
 #include "node/io/udp_transport.h"
+#include "node/ring/frame.h"
 #include "support.h"
 
 namespace interneuron::io {

@@ -12,8 +12,8 @@
 #include <utility>
 
 #include "namespace.h"
-#include "node/io/link_monitor.h"
 #include "node/io/steady_clock.h"
+#include "node/monitor/link_monitor.h"
 #include "support.h"
 
 namespace interneuron::io {

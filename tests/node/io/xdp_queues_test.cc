@@ -6,7 +6,7 @@
 #include <net/if.h>
 #include <sys/ioctl.h>
 
-#include "node/io/xdp_transport.h"
+#include "node/xdp/xdp_transport.h"
 #include "tests/run_queue.h"
 #include "transport_conformance.h"
 

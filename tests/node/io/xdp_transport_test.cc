@@ -1,6 +1,6 @@
 // What only AF_XDP has to do: what is left to the kernel, what the kernel does not take, and
 // errors. Cards with several receive queues are in xdp_queues_test.cc.
-#include "node/io/xdp_transport.h"
+#include "node/xdp/xdp_transport.h"
 
 #include <dirent.h>
 #include <gmock/gmock.h>
