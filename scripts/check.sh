@@ -104,7 +104,7 @@ run_tsan() {
 
 # The folders of tests/ that are run. Those of the simulation are not: they run the same core for hours of virtual time, which
 # takes a quarter of an hour here. Nor are those of the programs and the testbed, which are half of all that is compiled.
-sanitized_folders=(fuzz core/{base,code,wire,secure,link,cc,plan,flow,guard,endpoint,messages,probe} policies node/{io,loop} app/perception)
+sanitized_folders=(fuzz core/{base,code,wire,secure,link,cc,plan,flow,guard,endpoint,messages,dispatch,probe} policies node/{io,loop} app/{computing,perception})
 # The cases of those folders that are not run: detectors over a whole video, which is OpenCV's code and takes minutes; and a
 # million packets on which every line was run by other cases before.
 left_out='DemoVideo.*:Forgery.NoNumberIsSealedTwice'

@@ -157,6 +157,10 @@ class Checker:
             for folder in words[:1] if kind == "circle" else words:
                 if not os.path.isdir(os.path.join(self.root, folder)):
                     self.problems.append(f"{ceilings.where(line)}: there is no folder {folder}; strike it or write its new name")
+            for file in words[1:] if kind == "circle" else ():
+                here = os.path.join(self.root, words[0])
+                if os.path.isdir(here) and not os.path.isfile(os.path.join(here, file)):
+                    self.problems.append(f"{ceilings.where(line)}: there is no {words[0]}/{file}; strike it")
             if kind == "circle":
                 self.known[words[0]][frozenset(words[1:])] = line
                 if words[0] in never:

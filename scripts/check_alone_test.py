@@ -45,6 +45,8 @@ CEILINGS = [
     ("circle src/ring a.cc b.cc\ncircle src/two a.cc b.cc\ncircle src/line a.cc b.cc",
      ("scripts/ceilings.txt:3: src/line has no circle of a.cc b.cc any more; strike",)),
     ("circle src/ring a.cc b.cc\ncircle src/two a.cc b.cc\ncircle src/gone a.cc b.cc", ("scripts/ceilings.txt:3: there is no folder",)),
+    ("circle src/ring a.cc b.cc\ncircle src/two a.cc b.cc\ncircle src/line a.cc z.cc",
+     ("scripts/ceilings.txt:3: there is no src/line/z.cc", "scripts/ceilings.txt:3: src/line has no circle of a.cc z.cc any")),
     ("circle src/ring a.cc b.cc\ncircle src/two a.cc b.cc\nno-circle src/line src/ring", ("scripts/ceilings.txt:1: src/ring may have no",)),
 ]
 

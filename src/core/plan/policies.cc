@@ -10,7 +10,13 @@ namespace interneuron {
 PolicyRegistry::PolicyRegistry(const PolicySet& policies) {
   for (const auto& policy : policies) {
     if (policy == nullptr) throw std::invalid_argument("endpoint: a policy is null");
-    entries_.push_back({wire::policy_id(policy->name()), policy});
+    const std::uint32_t id = wire::policy_id(policy->name());
+    // Headers name a policy by this number alone, and the other end would take one for the other.
+    if (const Policy* other = find(id); other != nullptr && other->name() != policy->name()) {
+      throw std::invalid_argument("endpoint: policies '" + std::string(other->name()) + "' and '" +
+                                  std::string(policy->name()) + "' have one number; rename one");
+    }
+    entries_.push_back({id, policy});
   }
   if (entries_.empty()) throw std::invalid_argument("endpoint: no policy is registered");
 }
