@@ -25,6 +25,8 @@ import os
 import re
 import sys
 
+import checker_main
+
 SKIPPED_FOLDERS = {".git", "build", "out", "__pycache__"}
 SKIPPED_FILES = {"LICENSE", "scripts/check_citations.py", "scripts/check_citations_test.py", "scripts/check_docs_test.py"}
 CODE = (".h", ".cc", ".in")
@@ -244,22 +246,11 @@ def blank_lines(match):
     return re.sub(r"[^\n]", " ", match.group())
 
 
-def main(arguments):
-    root = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-    if len(arguments) == 2 and arguments[0] == "--root":
-        root = arguments[1]
-    elif arguments:
-        print(__doc__.strip(), file=sys.stderr)
-        return 0 if arguments in (["-h"], ["--help"]) else 2
+def checked(root):
     checker = Checker(root).run()
-    for path, line, what in checker.problems:
-        print(f"{path}:{line}: {what}")
-    if checker.problems:
-        print(f"citations: {len(checker.problems)} of {checker.citations} do not resolve", file=sys.stderr)
-        return 1
-    print(f"citations: {len(checker.files)} files, {checker.citations} citations, all of them resolve")
-    return 0
+    problems = [f"{path}:{line}: {what}" for path, line, what in checker.problems]
+    return problems, f"{len(checker.files)} files, {checker.citations} citations, all of them resolve"
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(checker_main.main("citations", __doc__, checked))

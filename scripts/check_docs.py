@@ -18,6 +18,8 @@ import sys
 
 from check_citations import FENCE, SKIPPED_FOLDERS, anchor, blank_lines
 
+import checker_main
+
 LONGEST_LINE = 160
 LONGEST_README = 200
 # Tables that another checker reads as one row a folder, with all that the folder may include.
@@ -68,22 +70,10 @@ def check(root):
     return problems, documents
 
 
-def main(arguments):
-    root = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-    if len(arguments) == 2 and arguments[0] == "--root":
-        root = arguments[1]
-    elif arguments:
-        print(__doc__.strip(), file=sys.stderr)
-        return 0 if arguments in (["-h"], ["--help"]) else 2
+def checked(root):
     problems, documents = check(root)
-    for problem in problems:
-        print(problem)
-    if problems:
-        print(f"docs: {len(problems)} problems of form", file=sys.stderr)
-        return 1
-    print(f"docs: {documents} documents, all in form")
-    return 0
+    return problems, f"{documents} documents, all in form"
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(checker_main.main("docs", __doc__, checked))

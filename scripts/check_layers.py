@@ -21,6 +21,8 @@ import os
 import re
 import sys
 
+import checker_main
+
 ROOTS = ("include", "policies", "src", "netns", "bench", "examples")
 SUFFIXES = (".h", ".cc", ".in", ".inc", ".hpp")
 
@@ -313,22 +315,10 @@ class Checker:
         return f"{folder.path} may not include <{header}>; its row in ARCHITECTURE.md does not list it"
 
 
-def main(arguments):
-    root = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-    if len(arguments) == 2 and arguments[0] == "--root":
-        root = arguments[1]
-    elif arguments:
-        print(__doc__.strip(), file=sys.stderr)
-        return 0 if arguments in (["-h"], ["--help"]) else 2
+def checked(root):
     checker = Checker(root).run()
-    for problem in checker.problems:
-        print(problem)
-    if checker.problems:
-        print(f"layers: {len(checker.problems)} violation(s) of the table in ARCHITECTURE.md", file=sys.stderr)
-        return 1
-    print(f"layers: {checker.files} files, {checker.includes} includes, all as ARCHITECTURE.md allows")
-    return 0
+    return checker.problems, f"{checker.files} files, {checker.includes} includes, all as ARCHITECTURE.md and the groups' tables allow"
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(checker_main.main("layers", __doc__, checked))

@@ -20,6 +20,7 @@ import re
 import sys
 
 import ceilings
+import checker_main
 from check_layers import bare_code, line_of
 
 ROOTS = ("include", "policies", "src", "netns", "bench")
@@ -118,22 +119,10 @@ class Checker:
         return name == own or name.startswith(own + "::")
 
 
-def main(arguments):
-    root = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-    if len(arguments) == 2 and arguments[0] == "--root":
-        root = arguments[1]
-    elif arguments:
-        print(__doc__.strip(), file=sys.stderr)
-        return 0 if arguments in (["-h"], ["--help"]) else 2
+def checked(root):
     checker = Checker(root).run()
-    for problem in checker.problems:
-        print(problem)
-    if checker.problems:
-        print(f"namespaces: {len(checker.problems)} finding(s)", file=sys.stderr)
-        return 1
-    print(f"namespaces: {checker.files} files of {len(checker.folders)} folders, {checker.late} of which do not follow yet")
-    return 0
+    return checker.problems, f"{checker.files} files of {len(checker.folders)} folders, {checker.late} of which do not follow yet"
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(checker_main.main("namespaces", __doc__, checked))

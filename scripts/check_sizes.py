@@ -29,6 +29,7 @@ import subprocess
 import sys
 
 import ceilings
+import checker_main
 from check_layers import bare_code, line_of
 
 FILE_LINES = 400
@@ -228,30 +229,14 @@ class Checker:
         return ceiling
 
 
-def main(arguments):
-    root = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-    if len(arguments) == 2 and arguments[0] == "--root":
-        root = arguments[1]
-    elif arguments:
-        print(__doc__.strip(), file=sys.stderr)
-        return 0 if arguments in (["-h"], ["--help"]) else 2
-    try:
-        checker = Checker(root).run()
-    except FileNotFoundError as error:
-        print(f"sizes: {error.filename} is missing; install universal-ctags with scripts/setup.sh --with-checks", file=sys.stderr)
-        return 2
-    for problem in checker.problems:
-        print(problem)
+def checked(root):
+    checker = Checker(root).run()
     print(f"headers that a single file includes: {len(checker.alone)} of {checker.rooms} = {checker.share:.0f} %")
-    if checker.problems:
-        print(f"sizes: {len(checker.problems)} finding(s)", file=sys.stderr)
-        return 1
     kinds = collections.Counter(kind for kind, _ in checker.things)
     lines = sum(thing.figures[0] for (kind, _), thing in checker.things.items() if kind in ("file", "header"))
-    print(f"sizes: {lines} lines in {len(checker.files)} files, {kinds['function']} functions, {kinds['class']} classes, "
-          f"{len(checker.large)} of them larger than the limit by an exception or a ceiling")
-    return 0
+    return checker.problems, (f"{lines} lines in {len(checker.files)} files, {kinds['function']} functions, {kinds['class']} classes, "
+                              f"{len(checker.large)} of them larger than the limit by an exception or a ceiling")
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(checker_main.main("sizes", __doc__, checked))

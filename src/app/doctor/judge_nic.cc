@@ -7,6 +7,7 @@
 #include <cstring>
 
 #include "interneuron/sizes.h"
+#include "node/io/address.h"
 
 namespace interneuron::cli::doctor {
 namespace {
@@ -80,7 +81,7 @@ struct Gateway {
 // The gateway of a route in any table, else the first address of the subnet, which most routers
 // use.
 Gateway gateway_of(const NicHostFacts& nic) {
-  const auto via = [](const Address& a) { return "via " + host_text(a) + " "; };
+  const auto via = [](const Address& a) { return "via " + io::host_text(a) + " "; };
   if (nic.table_gateway) return {via(*nic.table_gateway), ""};
   if (!nic.nic.gateways.empty()) return {via(nic.nic.gateways.front()), ""};
   const auto sources = global_sources(nic);
@@ -91,11 +92,11 @@ Gateway gateway_of(const NicHostFacts& nic) {
   Address first = network_of(*sources.front());
   const std::size_t last = host_offset(first) + static_cast<std::size_t>(bits_of(first) / 8) - 1;
   first.raw[last] |= std::byte{1};
-  if (host_text(first) == host_text(sources.front()->address)) {
+  if (io::host_text(first) == io::host_text(sources.front()->address)) {
     // The host itself has .1, so .2 is the guess.
     first.raw[last] ^= std::byte{3};
   }
-  return {via(first), "; its gateway is not known, " + host_text(first) + " is a guess"};
+  return {via(first), "; its gateway is not known, " + io::host_text(first) + " is a guess"};
 }
 
 // "ip -6" for commands about an IPv6 address.
@@ -132,7 +133,7 @@ class NicJudge {
     findings_.push_back({check, name(), verdict, std::move(found), std::move(fix)});
   }
   std::string target() const {
-    return host_.target_is_peer ? host_text(host_.target) : "the Internet";
+    return host_.target_is_peer ? io::host_text(host_.target) : "the Internet";
   }
 
   void bind() {
@@ -181,7 +182,7 @@ void NicJudge::route() {
     const auto& gateways = nic_.nic.gateways;
     add("route", Verdict::kOk,
         target() + " is routed through it" +
-            (gateways.empty() ? "" : ", gateway " + host_text(gateways.front())));
+            (gateways.empty() ? "" : ", gateway " + io::host_text(gateways.front())));
     return;
   }
   const auto by_rule =
@@ -189,7 +190,7 @@ void NicJudge::route() {
   if (by_rule != sources.end()) {
     add("route", Verdict::kOk,
         fmt::format("{} is routed through it from {}, by a rule", target(),
-                    host_text((*by_rule)->address)));
+                    io::host_text((*by_rule)->address)));
     return;
   }
   const bool ipv6 = !sources.empty() && is_ipv6(sources.front()->address);
@@ -219,7 +220,7 @@ void NicJudge::rp_filter() {
     const std::string& by = (*elsewhere)->leaves_by;
     add("rp_filter", Verdict::kProblem,
         fmt::format("strict (1), and {} from {} is routed {}: replies on this card are dropped",
-                    target(), host_text((*elsewhere)->address),
+                    target(), io::host_text((*elsewhere)->address),
                     by.empty() ? "nowhere" : "through " + by),
         {fmt::format("sysctl -w net.ipv4.conf.{}.rp_filter=2", sysctl_name(name()))});
   }
@@ -242,12 +243,12 @@ void NicJudge::source_rules() {
     const std::string table = fmt::format("table {}", table_of(nic_));
     if (s == wrong.front()) fix.push_back(default_route(nic_, ipv6, table));
     fix.push_back(
-        fmt::format("{}rule add from {} {}", ip_command(ipv6), host_text(s->address), table));
+        fmt::format("{}rule add from {} {}", ip_command(ipv6), io::host_text(s->address), table));
   }
   const std::string& by = wrong.front()->leaves_by;
   add("source_rule", Verdict::kWarning,
       fmt::format("packets from {} leave {} unless their socket is bound to {}{}",
-                  host_text(wrong.front()->address), by.empty() ? "nowhere" : "through " + by,
+                  io::host_text(wrong.front()->address), by.empty() ? "nowhere" : "through " + by,
                   name(), gateway_of(nic_).note),
       std::move(fix));
 }
@@ -256,7 +257,8 @@ void NicJudge::several_addresses() {
   const auto sources = ipv4_sources(nic_);
   if (sources.size() < 2) return;
   std::string list;
-  for (const SourceFacts* s : sources) list += (list.empty() ? "" : ", ") + host_text(s->address);
+  for (const SourceFacts* s : sources)
+    list += (list.empty() ? "" : ", ") + io::host_text(s->address);
   add("several_addresses", Verdict::kWarning,
       fmt::format("{}: a roadside unit on it answers from the first only; name one with --address",
                   list));
@@ -331,15 +333,8 @@ void NicJudge::ipv6() {
 
 }  // namespace
 
-std::string host_text(const Address& address) {
-  std::string text = to_string(address);
-  text.resize(text.rfind(':'));
-  std::erase_if(text, [](char c) { return c == '[' || c == ']'; });
-  return text;
-}
-
 std::string subnet_text(const SourceFacts& source) {
-  return fmt::format("{}/{}", host_text(network_of(source)), source.prefix);
+  return fmt::format("{}/{}", io::host_text(network_of(source)), source.prefix);
 }
 
 bool overlap(const SourceFacts& a, const SourceFacts& b) {

@@ -11,9 +11,6 @@ namespace interneuron::cli::doctor {
 void judge_nic(const io::HostFacts& host, const io::NicHostFacts& nic,
                std::vector<Finding>& findings);
 
-// "10.0.0.2", without port and brackets.
-std::string host_text(const Address& address);
-
 // The network of an address, "192.168.8.0/24"; and whether two addresses' networks overlap.
 std::string subnet_text(const io::SourceFacts& source);
 bool overlap(const io::SourceFacts& a, const io::SourceFacts& b);

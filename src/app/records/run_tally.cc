@@ -10,8 +10,6 @@ namespace {
 constexpr int kOtherLevels = -1;
 constexpr const char* kOtherPlans = "others";
 
-double rounded(double v) { return std::round(v * 1000.0) / 1000.0; }
-
 Json known(const std::optional<double>& value) {
   return value ? Json(rounded(*value)) : Json(nullptr);
 }

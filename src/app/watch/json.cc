@@ -7,6 +7,7 @@
 
 #include "app/watch/json_numbers.h"
 #include "app/watch/ledger_json.h"
+#include "node/io/address.h"
 
 namespace interneuron::cli {
 namespace {
@@ -81,16 +82,9 @@ Json measured_json(const std::optional<Measured>& measured) {
           {"evidence", value(evidence_json)}};
 }
 
-std::string host_text(const Address& address) {
-  std::string text = to_string(address);
-  text.resize(text.rfind(':'));
-  std::erase_if(text, [](char c) { return c == '[' || c == ']'; });
-  return text;
-}
-
 Json hosts(const std::vector<Address>& addresses) {
   Json list = Json::array();
-  for (const Address& address : addresses) list.push_back(host_text(address));
+  for (const Address& address : addresses) list.push_back(io::host_text(address));
   return list;
 }
 

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 
+#include "node/io/address.h"
+
 namespace interneuron::cli {
 namespace {
 
@@ -180,9 +182,7 @@ std::string address_text(const std::vector<Address>& addresses) {
   if (addresses.empty()) return kNothing;
   auto best = std::ranges::find_if(addresses, [](const Address& a) { return !is_link_local(a); });
   if (best == addresses.end()) best = addresses.begin();
-  std::string text = to_string(*best);
-  text.resize(text.rfind(':'));
-  std::erase_if(text, [](char c) { return c == '[' || c == ']'; });
+  std::string text = io::host_text(*best);
   if (addresses.size() > 1) text += fmt::format(" +{}", addresses.size() - 1);
   return text;
 }

@@ -16,8 +16,6 @@ constexpr int kWidth = 330;
 constexpr int kForecastHeight = 360;
 constexpr std::size_t kColumns = 3;
 
-double forecast_rounded(double v) { return std::round(v * 10000.0) / 10000.0; }
-
 const char* verdict(const load::Bin& bin) {
   if (bin.messages < load::kLeastInBin) return "too few";
   return bin.kept() ? "kept" : "broken";
@@ -44,14 +42,15 @@ lab::Json forecast_json(const std::vector<Judged>& judged, std::uint64_t first_s
                 {"scores", lab::Json::array()},
                 {"rows", lab::Json::array()}};
   for (const Judged& j : judged) {
-    out["scores"].push_back(
-        {{"scenario", j.scenario}, {"brier", forecast_rounded(j.brier)}, {"messages", j.messages}});
+    out["scores"].push_back({{"scenario", j.scenario},
+                             {"brier", lab::rounded(j.brier, 1e4)},
+                             {"messages", j.messages}});
     for (const load::Bin& b : j.bins) {
       out["rows"].push_back({{"scenario", j.scenario},
-                             {"predicted", forecast_rounded(b.predicted)},
-                             {"happened", forecast_rounded(b.happened)},
+                             {"predicted", lab::rounded(b.predicted, 1e4)},
+                             {"happened", lab::rounded(b.happened, 1e4)},
                              {"messages", b.messages},
-                             {"standard_error", forecast_rounded(b.standard_error)},
+                             {"standard_error", lab::rounded(b.standard_error, 1e4)},
                              {"verdict", verdict(b)}});
     }
   }

@@ -13,10 +13,8 @@ using coding::ImageRow;
 
 constexpr const char* kSchema = "interneuron.image_drives/1";
 
-double image_rounded(double value) { return std::round(value * 10000) / 10000; }
-
 lab::Json json_of(const coding::Answers& answers) {
-  return {{"on_time", answers.on_time}, {"quality", image_rounded(answers.quality)}};
+  return {{"on_time", answers.on_time}, {"quality", lab::rounded(answers.quality, 1e4)}};
 }
 
 lab::Json json_of(const ImageRow& row) {
@@ -53,7 +51,7 @@ lab::Json json_of(const std::vector<ImageDriveRow>& rows, std::uint64_t seed) {
     lab::Json ways = lab::Json::array();
     for (const ImageRow& way : row.rows) ways.push_back(json_of(way));
     std::vector<double> mbit;
-    for (const double one : row.mbit) mbit.push_back(image_rounded(one));
+    for (const double one : row.mbit) mbit.push_back(lab::rounded(one, 1e4));
     out["rows"].push_back(
         {{"drive", row.drive}, {"rounds", row.rounds}, {"mbit_up", mbit}, {"ways", ways}});
   }

@@ -15,10 +15,8 @@ namespace {
 
 using load::Row;
 
-double rounded(double v) { return std::round(v * 1000.0) / 1000.0; }
-
 lab::Json known(const std::optional<double>& value) {
-  return value ? lab::Json(rounded(*value)) : lab::Json(nullptr);
+  return value ? lab::Json(lab::rounded(*value)) : lab::Json(nullptr);
 }
 
 lab::Json row_json(const Row& r) {
@@ -26,9 +24,9 @@ lab::Json row_json(const Row& r) {
   return {{"group", s.group},
           {"scenario", s.name},
           {"peer", load::name_of(s.peer)},
-          {"load", rounded(s.load)},
+          {"load", lab::rounded(s.load)},
           {"vehicles", s.vehicles},
-          {"capacity_mbit", rounded(s.capacity.mbit())},
+          {"capacity_mbit", lab::rounded(s.capacity.mbit())},
           {"queue_ms", to_ms(s.queue)},
           {"codel", s.codel},
           {"l4s", s.l4s},
@@ -37,12 +35,12 @@ lab::Json row_json(const Row& r) {
           {"messages", r.messages},
           {"missed", r.missed},
           {"degraded", r.degraded},
-          {"age_p50_ms", rounded(r.age_p50_ms)},
-          {"age_p99_ms", rounded(r.age_p99_ms)},
-          {"on_time_goodput_mbit", rounded(r.on_time_goodput_mbit)},
-          {"of_possible", rounded(r.of_possible)},
-          {"queue_p99_ms", rounded(r.queue_p99_ms)},
-          {"utilisation", rounded(r.utilisation)},
+          {"age_p50_ms", lab::rounded(r.age_p50_ms)},
+          {"age_p99_ms", lab::rounded(r.age_p99_ms)},
+          {"on_time_goodput_mbit", lab::rounded(r.on_time_goodput_mbit)},
+          {"of_possible", lab::rounded(r.of_possible)},
+          {"queue_p99_ms", lab::rounded(r.queue_p99_ms)},
+          {"utilisation", lab::rounded(r.utilisation)},
           {"jain", known(r.jain)},
           {"whole_after_ms", known(r.whole_after_ms)},
           {"share_after_ms", known(r.share_after_ms)},

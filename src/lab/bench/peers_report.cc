@@ -10,10 +10,8 @@ namespace {
 
 using peers::Row;
 
-double peers_rounded(double v) { return std::round(v * 1000.0) / 1000.0; }
-
 lab::Json known_value(const std::optional<double>& value) {
-  return value ? lab::Json(peers_rounded(*value)) : lab::Json(nullptr);
+  return value ? lab::Json(lab::rounded(*value)) : lab::Json(nullptr);
 }
 
 lab::Json row_json(const Row& r) {
@@ -25,13 +23,13 @@ lab::Json row_json(const Row& r) {
           {"messages", r.messages},
           {"missed", r.missed},
           {"degraded", r.degraded},
-          {"wire_ratio", peers_rounded(r.wire_ratio)},
+          {"wire_ratio", lab::rounded(r.wire_ratio)},
           {"p50_ms", known_value(r.p50_ms)},
           {"p99_ms", known_value(r.p99_ms)},
-          {"cpu_us_send", peers_rounded(r.cpu_us_send)},
+          {"cpu_us_send", lab::rounded(r.cpu_us_send)},
           {"cpu_us_receive", known_value(r.cpu_us_receive)},
           {"missed_numbers", r.missed_numbers},
-          {"emulator_late_ms", peers_rounded(r.emulator_late_ms)},
+          {"emulator_late_ms", lab::rounded(r.emulator_late_ms)},
           {"seed", r.seed}};
 }
 

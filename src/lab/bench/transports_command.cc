@@ -25,8 +25,6 @@ struct TransportsOptions {
   bool json = false;
 };
 
-double transports_rounded(double v) { return std::round(v * 1000.0) / 1000.0; }
-
 double both(const Row& r) { return r.send_us + r.receive_us; }
 
 // What it costs in terms of udp at the same load; 0: one of them could not be measured.
@@ -43,7 +41,7 @@ lab::Json json_of(const std::vector<Row>& rows) {
   for (const Row& r : rows) {
     const bool measured = r.failure.empty();
     const auto known = [measured](double v) {
-      return measured ? lab::Json(transports_rounded(v)) : lab::Json(nullptr);
+      return measured ? lab::Json(lab::rounded(v)) : lab::Json(nullptr);
     };
     out["rows"].push_back({{"load", r.load->name},
                            {"transport", to_string(r.transport)},

@@ -12,7 +12,6 @@ namespace interneuron::load {
 namespace {
 
 constexpr LinkId kModem{0};
-constexpr std::uint32_t kUnitSession = 0x524f4144;
 
 // What every message begins with, so that the receiver can tell the meter which one it is.
 struct Label {
@@ -44,7 +43,7 @@ EndpointOptions options_of(std::uint32_t session) {
 
 Ours::Ours(const Scenario& scenario, sim::World& world, sim::CellId cell, Meter& meter)
     : s_(scenario), world_(world) {
-  EndpointOptions options = options_of(kUnitSession);
+  EndpointOptions options = options_of(kRoadSession);
   options.accept_peers = true;
   options.max_peers = scenario.vehicles;
   std::vector<int> keys(scenario.vehicles);

@@ -16,9 +16,6 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// As in run.cc; cross traffic begins a second before the messages.
-constexpr Duration kWarmUp = 2s;
-constexpr Duration kCrossBegins = 1s;
 // Between two messages that are sent although they were refused. No measurement behind this value:
 // it keeps them a small part of the load.
 constexpr Duration kNeverthelessEvery = 250ms;
@@ -26,7 +23,6 @@ constexpr Duration kNeverthelessEvery = 250ms;
 constexpr Duration kAfter = 200ms;
 constexpr LinkId kFirstLink{0};
 constexpr PipelineId kPipeline{0};
-constexpr std::uint32_t kRoadSession = 0x524f4144;
 
 // Plans as the policy of that name does and hands over at once what arrives, as plain messages are.
 class AtOnce final : public Policy {

@@ -14,12 +14,9 @@ constexpr Duration kLoadLength = 12s;
 constexpr Duration kDriveLength = 120s;
 // From half of what the bottleneck carries to three times as much.
 constexpr std::array kLoads{0.5, 0.8, 0.95, 1.05, 1.2, 1.5, 2.0, 3.0};
-// Messages of a drive: a camera of 10 frames per second, and its deadlines.
-constexpr Duration kFrame = 100ms;
+// Messages of a drive, and their deadlines.
 constexpr std::size_t kFrameBytes = std::size_t{32} * 1024;
 constexpr Duration kDriveDeadline = 150ms;
-// A quarter of the bytes, as in scenario.cc.
-constexpr std::size_t kSmaller = 4;
 
 constexpr std::array<std::string_view, 6> kUnderLoad{"rate", "size",  "vehicles",
                                                      "late", "cubic", "dip"};
@@ -59,9 +56,9 @@ std::vector<ForecastScenario> drive(const Drive& drive, std::uint64_t seed) {
     s.name = drive.name;
     s.peer = peer;
     s.deadline = kDriveDeadline;
-    s.period = kFrame;
+    s.period = kCameraPeriod;
     s.message_bytes = kFrameBytes;
-    if (peer == Peer::kOursVariants) s.small_bytes = kFrameBytes / kSmaller;
+    if (peer == Peer::kOursVariants) s.small_bytes = kFrameBytes / kSmallerVariant;
     s.length = kDriveLength;
     s.seed = seed;
     ForecastScenario f{std::string(drive.name), std::move(s), {}};

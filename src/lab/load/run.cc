@@ -9,11 +9,6 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// For everybody to get to know each other and to measure the link; cross traffic begins a second
-// before the messages.
-constexpr Duration kRunWarmUp = 2s;
-constexpr Duration kRunCrossBegins = 1s;
-
 class Run {
  public:
   explicit Run(const Scenario& scenario);
@@ -21,8 +16,8 @@ class Run {
 
  private:
   void plan_messages();
-  Duration begin() const { return kRunWarmUp; }
-  Duration end() const { return kRunWarmUp + s_.length; }
+  Duration begin() const { return kWarmUp; }
+  Duration end() const { return kWarmUp + s_.length; }
   void read_bottleneck(Row& row) const;
 
   const Scenario& s_;
@@ -58,7 +53,7 @@ void Run::read_bottleneck(Row& row) const {
 Row Run::run(const std::function<void(sim::World&)>& prepare) {
   if (prepare) prepare(world_);
   plan_messages();
-  world_.at(begin() - kRunCrossBegins, [this] { cross_.start(); });
+  world_.at(begin() - kCrossBegins, [this] { cross_.start(); });
   world_.run_until(begin());
   world_.measure_cells();
   const std::uint64_t cross_before = cross_.readable_bytes();

@@ -16,12 +16,8 @@ using namespace std::chrono_literals;
 // round trip of a 5G modem with a good connection (docs/constants.md).
 constexpr Duration kDeadline = 150ms;
 constexpr Duration kOneWay = 20ms;
-// A camera of 10 frames per second.
-constexpr Duration kCameraPeriod = 100ms;
 // A queue as of a managed cell, and one as cellular base stations are known to have.
 constexpr std::array<Duration, 2> kQueues{30ms, 300ms};
-// The smaller variant has a quarter of the bytes.
-constexpr std::size_t kSmallerVariant = 4;
 
 constexpr std::array<std::string_view, kPeers> kPeerNames{
     "ours",       "ours_variants", "udp",     "cubic", "bbr_like",

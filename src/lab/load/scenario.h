@@ -38,6 +38,17 @@ enum class Peer : std::uint8_t {
 };
 
 inline constexpr std::size_t kPeers = 9;
+
+// The conditions of all runs. For everybody to get to know each other and to measure the link;
+// cross traffic begins so long before the messages.
+inline constexpr Duration kWarmUp = std::chrono::seconds(2);
+inline constexpr Duration kCrossBegins = std::chrono::seconds(1);
+// A camera of 10 frames per second.
+inline constexpr Duration kCameraPeriod = std::chrono::milliseconds(100);
+// The smaller variant has a quarter of the bytes.
+inline constexpr std::size_t kSmallerVariant = 4;
+// The life of the roadside unit.
+inline constexpr std::uint32_t kRoadSession = 0x524f4144;
 // In virtual time, and on real sockets.
 std::span<const Peer> modelled_peers();
 std::span<const Peer> real_peers();

@@ -80,6 +80,12 @@ Address with_port(const Address& address, std::uint16_t port) {
   return out;
 }
 
+std::string host_text(const Address& address) {
+  const std::string text = to_string(address);
+  const std::string host = text.substr(0, text.rfind(':'));
+  return host.starts_with('[') ? host.substr(1, host.size() - 2) : host;
+}
+
 Address from_sockaddr(const sockaddr* source, socklen_t size) {
   if (source->sa_family == AF_INET && size >= sizeof(sockaddr_in)) {
     sockaddr_in ipv4{};

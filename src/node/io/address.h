@@ -5,6 +5,8 @@
 #include <netinet/in.h>
 #include <sys/socket.h>
 
+#include <string>
+
 #include "interneuron/transport.h"
 
 namespace interneuron::io {
@@ -16,6 +18,9 @@ int family_of(const Address& address);
 
 // The same host at another port.
 Address with_port(const Address& address, std::uint16_t port);
+
+// "10.0.0.2" or "fe80::1%eth0": the address without its port and without brackets.
+std::string host_text(const Address& address);
 
 // Copies an IPv4 or IPv6 sockaddr of `size` bytes; anything else gives an empty Address. Padding
 // and IPv6 flow labels are zeroed, so that equal peers have equal Addresses.

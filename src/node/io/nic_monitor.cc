@@ -3,6 +3,7 @@
 #include <functional>
 #include <map>
 
+#include "node/io/address.h"
 #include "node/io/parts.h"
 
 namespace interneuron::io {
@@ -71,12 +72,6 @@ NicVerdict judge_card(const Nic& nic, std::span<const Address> usable,
 bool is_usable(const Address& address, const std::optional<Address>& peer) {
   if (!peer || peer->size == 0) return !is_link_local(address);
   return is_ipv6(address) == is_ipv6(*peer) && (!is_link_local(address) || is_link_local(*peer));
-}
-
-std::string host_text(const Address& address) {
-  const std::string text = to_string(address);
-  const std::string host = text.substr(0, text.rfind(':'));
-  return host.starts_with('[') ? host.substr(1, host.size() - 2) : host;
 }
 
 }  // namespace interneuron::io

@@ -91,7 +91,5 @@ NicVerdict judge_card(const Nic& nic, std::span<const Address> usable,
                       const std::optional<Address>& peer);
 // Whether a socket that is to reach `peer` may be bound to the address.
 bool is_usable(const Address& address, const std::optional<Address>& peer);
-// The address without its port.
-std::string host_text(const Address& address);
 
 }  // namespace interneuron::io

@@ -31,13 +31,6 @@ struct alignas(cmsghdr) Control {
   std::array<std::byte, 256> raw;
 };
 
-template <class Value>
-Value value_of(cmsghdr* item) {
-  Value value{};
-  std::memcpy(&value, CMSG_DATA(item), sizeof value);
-  return value;
-}
-
 Address address_of(const in_addr& address) {
   sockaddr_in name{};
   name.sin_family = AF_INET;
@@ -58,15 +51,15 @@ bool read_control(cmsghdr* item, StampedSocket::Received& received) {
     return item->cmsg_level == level && item->cmsg_type == type;
   };
   if (is(SOL_SOCKET, SO_TIMESTAMPNS)) {
-    received.at = instant_of(value_of<timespec>(item));
+    received.at = instant_of(control_value<timespec>(item));
     return true;
   }
   if (is(IPPROTO_IP, IP_TTL) || is(IPPROTO_IPV6, IPV6_HOPLIMIT)) {
-    received.ttl = static_cast<std::uint8_t>(std::clamp(value_of<int>(item), 0, 255));
+    received.ttl = static_cast<std::uint8_t>(std::clamp(control_value<int>(item), 0, 255));
   } else if (is(IPPROTO_IP, IP_PKTINFO)) {
-    received.to = address_of(value_of<in_pktinfo>(item).ipi_spec_dst);
+    received.to = address_of(control_value<in_pktinfo>(item).ipi_spec_dst);
   } else if (is(IPPROTO_IPV6, IPV6_PKTINFO)) {
-    received.to = address_of(value_of<in6_pktinfo>(item).ipi6_addr);
+    received.to = address_of(control_value<in6_pktinfo>(item).ipi6_addr);
   }
   return false;
 }

@@ -25,11 +25,6 @@ constexpr std::size_t kMaxUdpPayload = 65507;
   throw IoError(what + " (" + call + ": " + std::strerror(error) + ")", error);
 }
 
-std::string host_name(const Address& address) {
-  const std::string text = to_string(address);
-  return text.substr(0, text.rfind(':'));
-}
-
 bool set_int(int fd, int level, int option, int value) {
   return ::setsockopt(fd, level, option, &value, sizeof value) == 0;
 }
@@ -90,11 +85,11 @@ std::size_t set_buffer(UdpSocket& socket, const std::string& nic, int option, in
 
 void check_owner(const Address& local, const Nic& nic) {
   if (is_unspecified(local) || is_loopback(local)) return;
-  std::string text = host_name(local) + " is no address of " + nic.name;
+  std::string text = host_text(local) + " is no address of " + nic.name;
   std::string separator = "; it has ";
   for (const Address& address : nic.addresses) {
-    if (host_name(address) == host_name(local)) return;
-    text += separator + host_name(address);
+    if (host_text(address) == host_text(local)) return;
+    text += separator + host_text(address);
     separator = ", ";
   }
   if (nic.addresses.empty()) text += "; it has none";

@@ -2,6 +2,9 @@
 // its use.
 #pragma once
 
+#include <sys/socket.h>
+
+#include <cstring>
 #include <optional>
 #include <string>
 #include <vector>
@@ -57,5 +60,13 @@ UdpSocket open_udp_socket(const UdpOptions& options);
 // (ENODEV, ENETUNREACH or EINVAL, depending on how the socket is bound), but a socket can no longer
 // name a card that is gone.
 bool nic_vanished(int fd);
+
+// What a control message of recvmsg holds.
+template <class Value>
+Value control_value(cmsghdr* item) {
+  Value value{};
+  std::memcpy(&value, CMSG_DATA(item), sizeof value);
+  return value;
+}
 
 }  // namespace interneuron::io

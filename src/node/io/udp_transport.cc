@@ -68,13 +68,6 @@ void append(msghdr& header, SendControl& control, int level, int type, const Val
   std::memcpy(CMSG_DATA(item), &value, sizeof value);
 }
 
-template <class Value>
-Value item_value(cmsghdr* item) {
-  Value value{};
-  std::memcpy(&value, CMSG_DATA(item), sizeof value);
-  return value;
-}
-
 }  // namespace
 
 struct UdpTransport::SendBuffers {
@@ -292,24 +285,24 @@ void UdpTransport::read_control(std::size_t message) {
       return item->cmsg_level == level && item->cmsg_type == type;
     };
     if (is(SOL_UDP, UDP_GRO)) {
-      in.segment_bytes[message] = static_cast<std::size_t>(std::max(item_value<int>(item), 0));
+      in.segment_bytes[message] = static_cast<std::size_t>(std::max(control_value<int>(item), 0));
     } else if (is(SOL_SOCKET, SO_RXQ_OVFL)) {
       // Since the socket was opened, modulo 2^32.
-      const auto drops = item_value<std::uint32_t>(item);
+      const auto drops = control_value<std::uint32_t>(item);
       counters_.receive_queue_drops += drops - kernel_drops_;
       kernel_drops_ = drops;
     } else if (is(SOL_SOCKET, SO_TIMESTAMPNS)) {
-      const auto stamp = item_value<timespec>(item);
+      const auto stamp = control_value<timespec>(item);
       in.stamps[message] = std::chrono::seconds(stamp.tv_sec) + Duration{stamp.tv_nsec};
     } else if (is(IPPROTO_IP, IP_TOS)) {
-      in.ecn[message] = item_value<std::uint8_t>(item) & kEcnMask;
+      in.ecn[message] = control_value<std::uint8_t>(item) & kEcnMask;
     } else if (is(IPPROTO_IPV6, IPV6_TCLASS)) {
-      in.ecn[message] = static_cast<std::uint8_t>(item_value<int>(item) & kEcnMask);
+      in.ecn[message] = static_cast<std::uint8_t>(control_value<int>(item) & kEcnMask);
     } else if (is(IPPROTO_IP, IP_PKTINFO)) {
-      const auto info = item_value<in_pktinfo>(item);
+      const auto info = control_value<in_pktinfo>(item);
       in.notes[message] = notes_.note_of(&info.ipi_spec_dst, sizeof info.ipi_spec_dst);
     } else if (is(IPPROTO_IPV6, IPV6_PKTINFO)) {
-      const auto info = item_value<in6_pktinfo>(item);
+      const auto info = control_value<in6_pktinfo>(item);
       in.notes[message] = notes_.note_of(&info.ipi6_addr, sizeof info.ipi6_addr);
     }
   }

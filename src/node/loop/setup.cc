@@ -25,11 +25,6 @@ void check_workers(std::size_t count, const char* name) {
                               "; it must be 1 to " + std::to_string(kMaxWorkers));
 }
 
-std::string host_of(const Address& address) {
-  const std::string text = to_string(address);
-  return text.substr(0, text.rfind(':'));
-}
-
 std::optional<Address> peer_of(const NodeLink& link) {
   if (link.peer.empty()) return std::nullopt;
   const auto peer = parse_address(link.peer);
@@ -73,7 +68,7 @@ void refuse_public(const NodeLink& link, const Address& local, const io::Nic& ni
   static const std::string remedy = std::string(kInsecureRemedy) + ", or bind a private address";
   if (!is_unspecified(local)) {
     if (is_private(local)) return;
-    throw std::invalid_argument(host_of(local) + " on " + link.nic + " is a public address" +
+    throw std::invalid_argument(io::host_text(local) + " on " + link.nic + " is a public address" +
                                 remedy);
   }
   bool any = false;
@@ -81,7 +76,7 @@ void refuse_public(const NodeLink& link, const Address& local, const io::Nic& ni
     if (is_ipv6(address) != is_ipv6(local)) continue;
     any = true;
     if (!is_private(address)) {
-      throw std::invalid_argument(link.nic + " has the public address " + host_of(address) +
+      throw std::invalid_argument(link.nic + " has the public address " + io::host_text(address) +
                                   remedy);
     }
   }

@@ -6,6 +6,7 @@
 #include <map>
 #include <utility>
 
+#include "node/io/address.h"
 #include "node/io/parts.h"
 #include "node/monitor/neighbours.h"
 #include "node/monitor/netlink.h"

@@ -140,4 +140,10 @@ inline bool refused_or_consistent_plain(ByteView message) {
   return std::ranges::equal(again, message.first(kPlainHeaderBytes));
 }
 
+// The bytes with another value at one place.
+inline Bytes with(Bytes bytes, std::size_t at, int value) {
+  bytes.at(at) = static_cast<std::byte>(value);
+  return bytes;
+}
+
 }  // namespace interneuron::wire

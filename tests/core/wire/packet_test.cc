@@ -6,9 +6,6 @@
 #include <string>
 #include <vector>
 
-#include "core/code/field.h"
-#include "core/code/window.h"
-#include "core/wire/source.h"
 #include "tests/core/wire/consistent.h"
 #include "tests/core/wire/examples.h"
 
@@ -19,11 +16,6 @@ constexpr std::size_t kRoom = kMaxDatagramBytes;
 constexpr std::array kExamples{
     kDataExample,        kPlainExample,     kRepairExample, kFeedbackExample,  kProbeExample,
     kEchoRequestExample, kEchoReplyExample, kWindowExample, kChallengeExample, kTokenExample};
-
-Bytes with(Bytes bytes, std::size_t at, int value) {
-  bytes.at(at) = static_cast<std::byte>(value);
-  return bytes;
-}
 
 // --- golden bytes
 
@@ -54,27 +46,6 @@ TEST(Packet, ARepairSymbolIsTheDocumentedExample) {
   expect_data(kRepairExample, 9, example_repair_fragment(), from_hex("00c786794c94aefb"));
 }
 
-// The pieces that the documented window covers, as sources.
-std::vector<Bytes> example_sources() {
-  std::vector<Bytes> out;
-  const auto add = [&out](const FragmentHeader& f, const Bytes& message) {
-    const SourceHeader head = source_header(f);
-    out.emplace_back(head.begin(), head.end());
-    const auto from = message.begin() + f.index * f.chunk;
-    out.back().insert(out.back().end(), from, from + static_cast<std::ptrdiff_t>(f.bytes()));
-  };
-  add(example_plain_fragment(), example_plain_message());
-  Bytes message = example_plain_message();
-  message.resize(kPlainHeaderBytes);
-  for (const char c : {'h', 'i'}) message.push_back(static_cast<std::byte>(c));
-  for (const std::uint16_t index : {std::uint16_t{1}, std::uint16_t{2}}) {
-    FragmentHeader f = example_repair_fragment();
-    f.index = index;
-    add(f, message);
-  }
-  return out;
-}
-
 TEST(Packet, AChallengeIsTheDocumentedExample) {
   const PacketHeader header{PacketType::kChallenge, LinkId{1}, 0, SessionId{0xcafe0002}, 300};
   const Challenge challenge{SessionId{0x5eed0001}, example_token()};
@@ -97,93 +68,6 @@ TEST(Packet, ATokenIsTheDocumentedExample) {
   Bytes out(kRoom);
   out.resize(write_token(out, packet->header, packet->token));
   EXPECT_EQ(out, expected);
-}
-
-TEST(Packet, AWindowIsTheDocumentedExample) {
-  const std::vector<Bytes> sources = example_sources();
-  Bytes symbol(kSourceHeaderBytes + 25);
-  std::size_t at = 0;
-  example_window().for_each([&](std::size_t column, MessageId, std::uint8_t) {
-    code::add_multiple(symbol, sources[at++], code::coefficient(1, column));
-  });
-  ASSERT_EQ(at, sources.size());
-  const PacketHeader header = example_header(PacketType::kWindow, LinkId{2}, 10, kExampleStamp);
-  Bytes out(kRoom);
-  out.resize(write_window(out, header, example_window(), symbol));
-  EXPECT_EQ(out, from_hex(kWindowExample));
-  const auto packet = parse(out);
-  ASSERT_TRUE(packet);
-  EXPECT_EQ(packet->header, header);
-  EXPECT_EQ(packet->window.header, example_window());
-  EXPECT_EQ(packet->window.header.sources(), 3U);
-  EXPECT_TRUE(std::ranges::equal(packet->window.bytes, symbol));
-}
-
-TEST(Source, IsThePieceThatItWasMadeOf) {
-  for (Bytes source : example_sources()) {
-    const std::uint8_t index = source.size() > 30 ? 0 : source.size() < 18 ? 2 : 1;
-    const auto size = source.size();
-    source.resize(kSourceHeaderBytes + 25);
-    const auto data = get_source(MessageId{7}, index, source);
-    ASSERT_TRUE(data);
-    EXPECT_EQ(data->fragment.message, MessageId{7});
-    EXPECT_EQ(data->fragment.index, index);
-    EXPECT_EQ(data->fragment.lifetime_us, 100'000U);
-    EXPECT_EQ(data->bytes.size() + kSourceHeaderBytes, size);
-    // What a lie makes of it.
-    EXPECT_FALSE(get_source(MessageId{7}, 3, source)) << "no such piece";
-    EXPECT_FALSE(get_source(MessageId{7}, index, ByteView(source).first(size - 1)));
-    EXPECT_FALSE(get_source(MessageId{7}, index, with(source, 10, 3))) << "no such kind";
-    EXPECT_FALSE(get_source(MessageId{7}, index, with(source, 0, 1))) << "too many pieces";
-    EXPECT_FALSE(get_source(MessageId{7}, index, with(with(source, 4, 0), 5, 0))) << "no chunk";
-    if (size < source.size()) {
-      EXPECT_FALSE(get_source(MessageId{7}, index, with(source, source.size() - 1, 1)));
-    }
-  }
-}
-
-TEST(Packet, AWindowIsWithinItsBounds) {
-  const auto written = [](std::uint8_t row, std::size_t messages, std::uint8_t pieces,
-                          std::size_t bytes) {
-    WindowHeader window;
-    window.row = row;
-    for (std::size_t i = 0; i < messages; ++i) {
-      window.messages.push_back({MessageId{static_cast<std::uint32_t>(10 + i)}, pieces});
-    }
-    Bytes out(2048);
-    out.resize(
-        write_window(out, example_header(PacketType::kWindow, LinkId{2}, 7), window, Bytes(bytes)));
-    return out;
-  };
-  EXPECT_TRUE(parse(written(54, 16, 0b11, 12)));
-  EXPECT_TRUE(parse(written(0, 4, 0xff, kMaxDatagramBytes - kPacketOverhead - 13)));
-  EXPECT_FALSE(parse(written(55, 1, 1, 100)));
-  EXPECT_FALSE(parse(written(0, 0, 1, 100)));
-  EXPECT_FALSE(parse(written(0, 16, 0b111, 100))) << "too many sources";
-  EXPECT_FALSE(parse(written(0, 2, 0, 100))) << "no pieces";
-  EXPECT_FALSE(parse(written(0, 1, 1, 11))) << "no symbol";
-  // A symbol of any length that one datagram cannot bring is refused on its own as well.
-  const Bytes longer = written(0, 1, 1, 1412);
-  Reader body(ByteView(longer).subspan(kHeaderBytes, longer.size() - kPacketOverhead));
-  EXPECT_FALSE(get_window(body));
-  Bytes many = written(0, 16, 1, 100);
-  many[kHeaderBytes + 1] = std::byte{17};
-  EXPECT_FALSE(parse(many));
-  Bytes same = written(0, 2, 1, 100);
-  same[kHeaderBytes + 7] = std::byte{0};
-  EXPECT_FALSE(parse(same));
-}
-
-TEST(Packet, FeedbackIsTheDocumentedExample) {
-  Bytes out(kRoom);
-  const PacketHeader header = example_header(PacketType::kFeedback, LinkId{1}, 300, 1'234'600'000);
-  out.resize(write_feedback(out, header, example_feedback()));
-  EXPECT_EQ(out, from_hex(kFeedbackExample));
-
-  const auto packet = parse(out);
-  ASSERT_TRUE(packet);
-  EXPECT_EQ(packet->header, header);
-  EXPECT_EQ(packet->feedback, example_feedback());
 }
 
 TEST(Packet, ProbeIsTheDocumentedExample) {
@@ -433,102 +317,6 @@ TEST(Packet, APieceMustFitItsMessage) {
     if (c.fragment.chunk == 0) out = with(with(out, kChunkAt, 0), kChunkAt + 1, 0);
     EXPECT_EQ(parse(out).has_value(), c.valid) << c.name;
   }
-}
-
-Bytes feedback_with(std::size_t reports) {
-  Feedback feedback = example_feedback();
-  const LinkReport report = feedback.reports.front();
-  feedback.reports = {};
-  feedback.complete = {};
-  feedback.refused = {};
-  for (std::size_t i = 0; i < reports; ++i) feedback.reports.push_back(report);
-  Bytes out(kRoom);
-  out.resize(write_feedback(out, example_header(PacketType::kFeedback, LinkId{1}, 300), feedback));
-  return out;
-}
-
-TEST(Packet, FeedbackHasAsManyReportsAsItSays) {
-  constexpr std::size_t kCountAt = 34;
-  for (std::size_t n = 0; n <= kMaxReports; ++n) {
-    const Bytes bytes = feedback_with(n);
-    for (int says = 0; says < 256; ++says) {
-      EXPECT_EQ(parse(with(bytes, kCountAt, says)).has_value(), std::cmp_equal(says, n)) << n;
-    }
-  }
-  Bytes nine = feedback_with(kMaxReports);
-  nine.insert(nine.end() - kTagBytes, kReportBytes, std::byte{0});
-  EXPECT_FALSE(parse(with(nine, kCountAt, 9)));
-}
-
-TEST(Packet, FeedbackHasAsManyMessagesAsItSays) {
-  const Bytes bytes = from_hex(kFeedbackExample);
-  constexpr std::size_t kCompleteAt = 35;
-  constexpr std::size_t kRefusedAt = 36;
-  // Of these 20 bytes, 16 say what is complete and 4 what is refused; other counts that need as
-  // many are valid too.
-  for (int complete = 0; complete < 256; ++complete) {
-    for (int refused = 0; refused < 256; ++refused) {
-      const Bytes changed = with(with(bytes, kCompleteAt, complete), kRefusedAt, refused);
-      EXPECT_EQ(parse(changed).has_value(), 8 * complete + 4 * refused == 20);
-    }
-  }
-  Feedback most = example_feedback();
-  most.reports = {};
-  for (std::uint32_t i = 0; i < kMaxComplete; ++i) most.complete.push_back({MessageId{i}, i});
-  for (std::uint32_t i = 0; i < kMaxRefused; ++i) most.refused.push_back(MessageId{i});
-  Bytes out(kRoom);
-  const PacketHeader header = example_header(PacketType::kFeedback, LinkId{1}, 300);
-  out.resize(write_feedback(out, header, most));
-  EXPECT_EQ(out.size(), feedback_bytes(0, kMaxComplete, kMaxRefused));
-  ASSERT_TRUE(parse(out));
-  EXPECT_EQ(parse(out)->feedback, most);
-  Bytes more = out;
-  more.insert(more.end() - kTagBytes, kCompleteBytes, std::byte{0});
-  EXPECT_FALSE(parse(with(more, kCompleteAt, kMaxComplete + 1)));
-  more = out;
-  more.insert(more.end() - kTagBytes, kRefusedBytes, std::byte{0});
-  EXPECT_FALSE(parse(with(more, kRefusedAt, kMaxRefused + 1)));
-}
-
-TEST(Packet, FeedbackOnEveryPathFitsTheSmallestDatagram) {
-  constexpr std::size_t kIpv6MinimumMtu = 1280;
-  constexpr std::size_t kIpv6UdpHeaders = 48;
-  EXPECT_EQ(feedback_with(kMaxReports).size(), feedback_bytes(kMaxReports));
-  EXPECT_LE(feedback_bytes(kMaxReports, kMaxComplete, kMaxRefused),
-            kIpv6MinimumMtu - kIpv6UdpHeaders);
-}
-
-TEST(Packet, TheHoldingTimeOfAnExchangeIsNotNegative) {
-  constexpr std::size_t kHoldingTimeAt = 20 + 17 + 17;
-  const Bytes bytes = from_hex(kFeedbackExample);
-  EXPECT_TRUE(parse(with(bytes, kHoldingTimeAt, 0x7f)));
-  EXPECT_FALSE(parse(with(bytes, kHoldingTimeAt, 0x80)));
-}
-
-TEST(Packet, OnlyThreeFlagsOfAReportAreKnown) {
-  constexpr std::size_t kFlagsAt = 20 + 17 + 2;
-  const Bytes bytes = from_hex(kFeedbackExample);
-  for (int flags = 0; flags < 256; ++flags) {
-    EXPECT_EQ(parse(with(bytes, kFlagsAt, flags)).has_value(), flags <= 7) << flags;
-  }
-}
-
-TEST(Packet, RatesTravelInKilobitsAndSaturate) {
-  Feedback feedback = example_feedback();
-  const auto across = [&feedback](std::int64_t bits_per_second) {
-    feedback.reports.front().train_rate = {bits_per_second};
-    feedback.reports.front().rate = {bits_per_second};
-    Bytes out(kRoom);
-    out.resize(
-        write_feedback(out, example_header(PacketType::kFeedback, LinkId{1}, 300), feedback));
-    const LinkReport report = parse(out)->feedback.reports.front();
-    EXPECT_EQ(report.rate, report.train_rate);
-    return report.train_rate.bits_per_second;
-  };
-  EXPECT_EQ(across(1'999), 1'000);
-  EXPECT_EQ(across(999), 0);
-  EXPECT_EQ(across(-5'000), 0);
-  EXPECT_EQ(across(INT64_MAX), std::int64_t{UINT32_MAX} * 1'000);
 }
 
 }  // namespace
