@@ -32,7 +32,7 @@ class Executor {
   void enqueue(TimePoint now, OutgoingMessage& m, const std::vector<LinkId>& paths, bool divided);
   // Nothing more of this message is sent.
   void forget(MessageId message);
-  // The same of one that is whole at the peer, and of what it supersedes.
+  // Nothing more is sent of a message that is whole at the peer, nor of what it supersedes.
   void forget_whole(MessageId message);
   // The path sends no more of this job's message, but its alternative if there is one.
   void give_up(LinkId link, Job& job);
@@ -58,7 +58,7 @@ class Executor {
   // --- symbols
   // Symbols that are worth their bytes are queued, of all blocks.
   void protect(TimePoint now, OutgoingMessage& m, Protect what);
-  // The same for the messages whose losses have changed.
+  // Symbols that are worth their bytes are queued for the messages whose losses have changed.
   void protect_touched(TimePoint now);
   // Symbols for what windows are to cover leave now.
   void send_window(TimePoint now);
@@ -73,7 +73,7 @@ class Executor {
   // What is queued or in flight on a path that repairs nothing goes over the others, as far as they
   // bring it in time: of all messages, or of these only.
   void send_elsewhere(TimePoint now, LinkId link, const std::vector<MessageId>* only);
-  // The same of the messages that fit elsewhere (plan_move()).
+  // What is queued or in flight of those messages that fit elsewhere (plan_move()) goes there.
   void send_elsewhere_what_fits(TimePoint now, LinkId link);
 
   // Fragments that were not sent, or not sent again, because they would have been late.

@@ -136,7 +136,7 @@ struct OutgoingMessage {
       if (share.open > 0) --share.open;
     }
   }
-  // So many first copies have left, or will not.
+  // `firsts` first copies have left, or will not.
   void firsts_gone(std::uint32_t firsts) { to_leave -= std::min(to_leave, firsts); }
   void copy_left(std::size_t index) {
     if (!pieces[index].left) ++block_of(index).left;

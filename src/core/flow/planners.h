@@ -76,7 +76,7 @@ inline double value_of(std::uint8_t importance) {
 
 // For what symbols are sent: for what is under way and last, or for all that is under way.
 enum class Protect : std::uint8_t { kLast, kAll };
-// So many further symbols of a block go over this path.
+// `count` further symbols of a block go over this path.
 struct SymbolOrder {
   LinkId path{};
   std::size_t count = 0;
@@ -94,8 +94,8 @@ bool is_for_windows(const OutgoingMessage& m);
 // The latest that a symbol may leave, over whichever path, to help a message by `target`.
 std::optional<TimePoint> window_latest(const Traffic& traffic, const OutgoingMessage& m,
                                        TimePoint target);
-// So many symbols with this header, but for its row, go over this path, and leave by `until`. The
-// longest piece that they cover has `longest` bytes.
+// `count` symbols with this header, each with a row of its own, go over this path and leave by
+// `until`. The longest piece that they cover has `longest` bytes.
 struct WindowOrder {
   LinkId path{};
   std::size_t count = 0;

@@ -14,9 +14,10 @@ namespace interneuron::crypto {
 // `plain` may be where `out` is; the tag is written to `tag`, of kAeadTagBytes.
 void aead_seal(const SecretKey& key, std::uint64_t counter, ByteView associated, ByteView plain,
                std::span<std::byte> out, std::span<std::byte> tag);
-// The same of a text in two parts. The first `head` bytes of `out` hold the one, and are encrypted
-// where they are; `rest` is the other, which is read where it lies and written behind the first,
-// encrypted, so that nobody has to join them. `head`: at most kMostHeadBytes.
+// Seals a text that lies in two parts, with the same result as aead_seal() of both in one piece.
+// The first `head` bytes of `out`, at most kMostHeadBytes, hold the first part and are encrypted
+// where they are; `rest` is the second, which is read where it lies and written behind the first,
+// encrypted, so that nobody has to join them.
 inline constexpr std::size_t kMostHeadBytes = 127;
 void aead_seal_parts(const SecretKey& key, std::uint64_t counter, ByteView associated,
                      std::size_t head, ByteView rest, std::span<std::byte> out,

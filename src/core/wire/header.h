@@ -45,7 +45,8 @@ constexpr bool is_numbered(PacketType type) {
 }
 
 inline constexpr std::size_t kHeaderBytes = 20;
-// So much of the header is authenticated and not encrypted. The stamp behind it is encrypted.
+// How many bytes of the header are authenticated and not encrypted. The stamp behind it is
+// encrypted.
 inline constexpr std::size_t kAssociatedBytes = 16;
 inline constexpr std::size_t kTagBytes = 16;
 inline constexpr std::size_t kFragmentHeaderBytes = 17;

@@ -56,7 +56,7 @@ class Trial {
   Trial(const ForecastScenario& scenario, bool nevertheless);
   // Plays it; then what was judged.
   std::vector<Forecast> run();
-  // Of a played one: whether a message was refused whose chance was told.
+  // Whether a message was refused whose chance was told; requires run().
   bool has_refused() const { return has_refused_; }
 
  private:
