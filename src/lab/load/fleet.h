@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "lab/foreign/message.h"
+#include "lab/foreign/transports.h"
 #include "lab/load/meter.h"
 #include "lab/load/scenario.h"
 #include "lab/sim/world.h"

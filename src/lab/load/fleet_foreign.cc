@@ -2,10 +2,8 @@
 #include <algorithm>
 #include <cassert>
 
-#include "lab/foreign/bbr_like.h"
-#include "lab/foreign/cubic.h"
-#include "lab/foreign/tcp.h"
-#include "lab/foreign/udp.h"
+#include "lab/foreign/congestion.h"
+#include "lab/foreign/transports.h"
 #include "lab/load/bottleneck.h"
 #include "lab/load/fleet.h"
 

@@ -1,4 +1,4 @@
-#include "lab/load/forecast_run.h"
+#include "lab/load/forecast.h"
 
 #include <algorithm>
 #include <memory>
