@@ -122,8 +122,8 @@ int main(int argc, char** argv) {
   }
   const std::uint64_t seed = argc == 3 ? std::strtoull(argv[2], nullptr, 10) : 2020;
   try {
-    return interneuron::lab::draw(argv[1], interneuron::script(seed)) ? 0 : 1;
-  } catch (const interneuron::cli::Failure& failure) {
+    return interneuron::records::draw(argv[1], interneuron::script(seed)) ? 0 : 1;
+  } catch (const interneuron::process::Failure& failure) {
     std::fprintf(stderr, "guard_picture: %s\n", failure.what());
     return failure.code();
   }

@@ -274,10 +274,10 @@ double throughput(const State& state, const char* name, const Flow& flow, double
 }
 
 int bench(Backend backend, double seconds) {
-  const cli::PrivateFolder temporary("testbed-bench");
+  const process::PrivateFolder temporary("testbed-bench");
   const std::filesystem::path& folder = temporary.path();
   {
-    cli::write_whole(folder / "bench.toml", kProfile);
+    process::write_whole(folder / "bench.toml", kProfile);
     TestbedOptions options;
     options.name = "bench";
     options.backend = backend;
@@ -327,7 +327,7 @@ int main(int argc, char** argv) {
                                      : backend == "emulator" ? Backend::kEmulator
                                                              : Backend::kAuto,
                                      seconds);
-  } catch (const interneuron::cli::Failure& error) {
+  } catch (const interneuron::process::Failure& error) {
     fmt::print(stderr, "testbed_bench: {}\n", error.what());
     return error.code();
   } catch (const interneuron::netns::TestbedError& error) {

@@ -46,8 +46,8 @@ struct Options {
 };
 
 // Throws when the node has ended by itself; the node has then written the reason to stderr.
-void must_live(Child& node) {
-  if (node.ended()) throw Failure(kFailed, "a node ended early");
+void must_live(process::Child& node) {
+  if (node.ended()) throw process::Failure(process::kFailed, "a node ended early");
 }
 
 // The conditions as Testbed::change() takes them.
@@ -97,8 +97,8 @@ bench::Run measure(const Options& o, bool loaded) {
   Testbed::change(state, kOther, settings(bench::kReference));
 
   const fs::path file = fs::path(o.out) / (loaded ? "loaded.csv" : "idle.csv");
-  Child road(bench::start_road(state));
-  Child vehicle(bench::start_vehicle(state, loaded, file, o.pcap));
+  process::Child road(bench::start_road(state));
+  process::Child vehicle(bench::start_vehicle(state, loaded, file, o.pcap));
   const Duration phase = from_ms(o.phase_s * 1e3);
   const TimePoint start = io::now();
   bench::Run run;
@@ -107,22 +107,22 @@ bench::Run measure(const Options& o, bool loaded) {
   spdlog::info("{}: {} steps, {:.0f} s", loaded ? "under load" : "idle", all.size(),
                o.phase_s * static_cast<double>(all.size() + 1));
   for (const bench::Step& step : all) {
-    SignalWatch::sleep(phase);
+    process::SignalWatch::sleep(phase);
     must_live(road);
     must_live(vehicle);
     Testbed::change(state, kTested, settings(step.after));
     run.began.push_back(io::now() - start);
     spdlog::info("{} {:g} -> {:g}", bench::name_of(step.what), step.from(), step.to());
   }
-  SignalWatch::sleep(phase);
+  process::SignalWatch::sleep(phase);
   run.end = io::now() - start;
   spdlog::info("outage of {:.0f} s", to_ms(bench::kOutage) / 1e3);
   run.outage_began = io::now() - start;
   Testbed::outage(state, kTested, bench::kOutage);
-  SignalWatch::sleep(bench::kOutage + kAfterOutage);
+  process::SignalWatch::sleep(bench::kOutage + kAfterOutage);
   const int code = vehicle.end();
   road.end();
-  if (code != kFine) throw Failure(kFailed, "the vehicle's node failed");
+  if (code != process::kFine) throw process::Failure(process::kFailed, "the vehicle's node failed");
   const bench::Lines lines = bench::read_lines(file);
   run.beliefs = beliefs_of(lines.beliefs, start);
   judge(run);
@@ -142,15 +142,15 @@ std::string precise(const std::optional<Duration>& d) {
   return d ? fmt::format("{:.3f}", to_ms(*d) / 1e3) : "-";
 }
 
-lab::Json number(const std::optional<Duration>& d) {
-  return d ? lab::Json(to_ms(*d) / 1e3) : lab::Json();
+records::Json number(const std::optional<Duration>& d) {
+  return d ? records::Json(to_ms(*d) / 1e3) : records::Json();
 }
 
-lab::Json as_json(const std::vector<bench::Run>& runs, const Options& o) {
+records::Json as_json(const std::vector<bench::Run>& runs, const Options& o) {
   const auto all = bench::steps();
-  lab::Json out{{"schema", "interneuron.bench.nature/1"},
-                {"phase_s", o.phase_s},
-                {"steps", lab::Json::array()}};
+  records::Json out{{"schema", "interneuron.bench.nature/1"},
+                    {"phase_s", o.phase_s},
+                    {"steps", records::Json::array()}};
   for (const bench::Run& run : runs) {
     for (std::size_t i = 0; i < all.size(); ++i) {
       const bench::Convergence& c = run.convergence[i];
@@ -205,15 +205,16 @@ void print_outages(const std::vector<bench::Run>& runs) {
 
 int run_nature(const Options& o) {
   if (!o.pcap.empty() && o.load == "both") {
-    throw Failure(kUsage, "--pcap: give --load idle or --load loaded, each makes a capture");
+    throw process::Failure(process::kUsage,
+                           "--pcap: give --load idle or --load loaded, each makes a capture");
   }
-  lab::make_directory(o.out);
-  const SignalWatch signals;
+  records::make_directory(o.out);
+  const process::SignalWatch signals;
   std::vector<bench::Run> runs;
   if (o.load != "loaded") runs.push_back(measure(o, false));
   if (o.load != "idle") runs.push_back(measure(o, true));
-  const lab::Json json = as_json(runs, o);
-  lab::write_json(fs::path(o.out) / "nature.json", json);
+  const records::Json json = as_json(runs, o);
+  records::write_json(fs::path(o.out) / "nature.json", json);
   plot_nature(fs::path(o.out) / "nature.png", runs);
   if (o.json) {
     fmt::print("{}\n", json.dump(2));
@@ -222,7 +223,7 @@ int run_nature(const Options& o) {
     print_outages(runs);
     fmt::print("\nwritten to {}: nature.json, nature.png, one CSV per run\n", o.out);
   }
-  return kFine;
+  return process::kFine;
 }
 
 constexpr const char* kFooter =
@@ -255,7 +256,7 @@ int run_program(int argc, char** argv) {
   try {
     program.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    return program.exit(error) == 0 ? kFine : kUsage;
+    return program.exit(error) == 0 ? process::kFine : process::kUsage;
   }
   return run_nature(o);
 }
@@ -270,12 +271,12 @@ int main(int argc, char** argv) {
     return code;
   };
   try {
-    return cli::run_program(argc, argv);
-  } catch (const cli::Failure& error) {
+    return settings::run_program(argc, argv);
+  } catch (const process::Failure& error) {
     return fail(error.code(), error.what());
   } catch (const netns::TestbedError& error) {
     return fail(error.exit_code, error.what());
   } catch (const std::exception& error) {
-    return fail(cli::kFailed, error.what());
+    return fail(process::kFailed, error.what());
   }
 }

@@ -34,7 +34,7 @@ pid_t in_host(const netns::State& state, netns::Host host, const std::function<v
   std::fflush(nullptr);
   const pid_t parent = ::getpid();
   const pid_t pid = ::fork();
-  if (pid < 0) throw Failure(kFailed, "cannot start a process: fork failed");
+  if (pid < 0) throw process::Failure(process::kFailed, "cannot start a process: fork failed");
   if (pid > 0) return pid;
   // Ctrl-C reaches the parent as well, which then ends this process by SIGTERM; that works also
   // before the node listens for it.
@@ -42,14 +42,14 @@ pid_t in_host(const netns::State& state, netns::Host host, const std::function<v
   ::signal(SIGHUP, SIG_IGN);
   ::signal(SIGTERM, SIG_DFL);
   ::prctl(PR_SET_PDEATHSIG, SIGTERM);
-  if (::getppid() != parent) ::_exit(kFailed);
-  int code = kFine;
+  if (::getppid() != parent) ::_exit(process::kFailed);
+  int code = process::kFine;
   try {
     netns::Testbed::enter(state, host);
     body();
   } catch (const std::exception& error) {
     fmt::print(stderr, "interneuron: {}: {}\n", netns::host_name(host), error.what());
-    code = kFailed;
+    code = process::kFailed;
   }
   std::fflush(nullptr);
   ::_exit(code);
@@ -64,11 +64,12 @@ NodeOptions options_of(const netns::State& state, bool vehicle) {
     NodeLink link;
     link.id = LinkId{static_cast<std::uint8_t>(i)};
     link.nic = state.links[i].nic;
-    if (vehicle) link.peer = fmt::format("{}:{}", state.links[i].road_address, kDefaultPort);
+    if (vehicle)
+      link.peer = fmt::format("{}:{}", state.links[i].road_address, settings::kDefaultPort);
     o.links.push_back(link);
   }
   if (!vehicle) {
-    o.port = kDefaultPort;
+    o.port = settings::kDefaultPort;
     o.accept_peers = true;
     return o;
   }
@@ -130,7 +131,7 @@ pid_t start_road(const netns::State& state) {
 pid_t start_vehicle(const netns::State& state, bool loaded, const std::filesystem::path& file,
                     const std::string& pcap) {
   return in_host(state, netns::kVehicle, [&] {
-    std::optional<Capture> capture;
+    std::optional<settings::Capture> capture;
     if (!pcap.empty()) capture.emplace(pcap);
     run_vehicle_node(state, loaded, file);
   });
@@ -138,7 +139,7 @@ pid_t start_vehicle(const netns::State& state, bool loaded, const std::filesyste
 
 Lines read_lines(const std::filesystem::path& file) {
   std::ifstream in(file);
-  if (!in) throw Failure(kFailed, "cannot read '" + file.string() + "'");
+  if (!in) throw process::Failure(process::kFailed, "cannot read '" + file.string() + "'");
   Lines lines;
   for (std::string text; std::getline(in, text);) {
     long long at = 0;

@@ -74,7 +74,7 @@ bool plot_nature(const std::filesystem::path& file, const std::vector<Run>& runs
     plots += panels(runs[i], truth, belief);
   }
   const std::string head = fmt::format(fmt::runtime(kHead), 720 * runs.size(), runs.size());
-  return lab::draw(file, data + head + plots + "unset multiplot\n");
+  return records::draw(file, data + head + plots + "unset multiplot\n");
 }
 
 }  // namespace interneuron::cli::bench

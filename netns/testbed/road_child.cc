@@ -23,20 +23,20 @@ constexpr int kReadySeconds = 120;
 
 // Why the unit ended before it was ready. A terminal's Ctrl-C reaches it as it reaches us, and may
 // reach it first: then it is an interruption of ours, too, and no failure.
-Failure early_end(Child& child) {
+process::Failure early_end(process::Child& child) {
   const int code = child.wait();
   if (code == 128 + SIGINT || code == 128 + SIGTERM || code == 128 + SIGHUP) {
     return {code, "interrupted"};
   }
-  return {kFailed, "the roadside unit ended before it was ready; its log says why"};
+  return {process::kFailed, "the roadside unit ended before it was ready; its log says why"};
 }
 
 // Reads the roadside's lines until "ready".
-RoadChild::Ladder await_ready(int fd, Child& child) {
+RoadChild::Ladder await_ready(int fd, process::Child& child) {
   RoadChild::Ladder ladder;
   std::string buffer;
   for (int waited_ms = 0; waited_ms < kReadySeconds * 1000;) {
-    SignalWatch::check();
+    process::SignalWatch::check();
     pollfd p{fd, POLLIN, 0};
     const int n = ::poll(&p, 1, 200);
     if (n <= 0) {
@@ -64,7 +64,8 @@ RoadChild::Ladder await_ready(int fd, Child& child) {
       }
     }
   }
-  throw Failure(kFailed, fmt::format("the roadside unit was not ready within {} s", kReadySeconds));
+  throw process::Failure(process::kFailed,
+                         fmt::format("the roadside unit was not ready within {} s", kReadySeconds));
 }
 
 }  // namespace
@@ -73,7 +74,7 @@ RoadChild::RoadChild(const netns::State& state, const std::vector<std::string>& 
                      int stderr_fd) {
   std::array<int, 2> ends{};
   if (::pipe2(ends.data(), O_CLOEXEC) != 0)
-    throw Failure(kFailed, std::string("pipe: ") + std::strerror(errno));
+    throw process::Failure(process::kFailed, std::string("pipe: ") + std::strerror(errno));
   fd_ = ends[0];
   try {
     netns::SpawnOptions spawn;

@@ -34,7 +34,7 @@ class RoadChild {
  private:
   // Reads its stdout.
   int fd_ = -1;
-  std::optional<Child> child_;
+  std::optional<process::Child> child_;
   Ladder ladder_;
 };
 

@@ -51,7 +51,8 @@ std::string content(const fs::path& file) {
 io::FileDescriptor create(const fs::path& file) {
   io::FileDescriptor fd(::open(file.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600));
   if (fd.get() < 0) {
-    throw Failure(kFailed, fmt::format("cannot write {}: {}; set TMPDIR to a folder with space",
+    throw process::Failure(process::kFailed,
+                           fmt::format("cannot write {}: {}; set TMPDIR to a folder with space",
                                        file.string(), std::strerror(errno)));
   }
   return fd;
@@ -68,9 +69,10 @@ void require_tools(std::initializer_list<Tool> tools) {
     packages += std::string(" ") + tool.package;
   }
   if (programs.empty()) return;
-  throw Failure(kCannotHere, fmt::format("verify needs {}; `apt-get install{}` installs what is "
-                                         "missing",
-                                         programs, packages));
+  throw process::Failure(process::kCannotHere,
+                         fmt::format("verify needs {}; `apt-get install{}` installs what is "
+                                     "missing",
+                                     programs, packages));
 }
 
 void allow_setgroups() {
@@ -113,7 +115,7 @@ pid_t spawn(const netns::State& state, netns::Host host, const std::vector<std::
 }  // namespace
 
 Process::Process(const netns::State& state, netns::Host host, const std::vector<std::string>& argv,
-                 const PrivateFolder& folder, const std::string& name)
+                 const process::PrivateFolder& folder, const std::string& name)
     : stem_(folder / name), child_(spawn(state, host, argv, stem_)) {}
 
 void Process::end(int signal) { child_.end(signal, kGrace); }
@@ -139,7 +141,7 @@ bool await_text(const Process& process, const std::string& text, Duration bound)
         process.output().find(text) != std::string::npos) {
       return true;
     }
-    SignalWatch::sleep(kNap);
+    process::SignalWatch::sleep(kNap);
   }
   return false;
 }

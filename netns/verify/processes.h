@@ -37,7 +37,7 @@ void allow_setgroups();
 class Process {
  public:
   Process(const netns::State& state, netns::Host host, const std::vector<std::string>& argv,
-          const PrivateFolder& folder, const std::string& name);
+          const process::PrivateFolder& folder, const std::string& name);
 
   // Sends the signal and waits for the end; kills a process that has not ended after 2 s.
   void end(int signal);
@@ -49,7 +49,7 @@ class Process {
 
  private:
   std::filesystem::path stem_;
-  Child child_;
+  process::Child child_;
 };
 
 // Waits until the process has written `text` to stdout or stderr, for `bound` at most. False when

@@ -63,7 +63,8 @@ class Session {
     measure_window();
     const Duration step = io::wall_offset() - wall_offset_;
     if (step > kClockStep || step < -kClockStep) {
-      throw Failure(kFailed, "the clock was set while verify measured; run it again");
+      throw process::Failure(process::kFailed,
+                             "the clock was set while verify measured; run it again");
     }
     return std::move(evidence_);
   }
@@ -88,7 +89,7 @@ class Session {
     constexpr Duration kSlice = milliseconds(200);
     const Duration until = elapsed() + length;
     for (Duration left = length; left > Duration{}; left = until - elapsed()) {
-      SignalWatch::sleep(std::min(left, kSlice));
+      process::SignalWatch::sleep(std::min(left, kSlice));
       progress_(elapsed());
     }
   }
@@ -104,7 +105,8 @@ class Session {
   }
   static void await_start(const Process& process, const char* program) {
     if (await_text(process, "listening", kToolStart)) return;
-    throw Failure(kFailed, fmt::format("{} does not start: {}", program, process.last_words()));
+    throw process::Failure(process::kFailed,
+                           fmt::format("{} does not start: {}", program, process.last_words()));
   }
 
   std::vector<Datagram> finish(Process& process, std::uint64_t& drops);
@@ -123,7 +125,7 @@ class Session {
   const netns::State& state_;
   const SessionOptions& options_;
   const std::function<void(Duration)>& progress_;
-  PrivateFolder folder_{"interneuron-verify"};
+  process::PrivateFolder folder_{"interneuron-verify"};
   Duration wall_offset_;
   Duration started_;
   int names_ = 0;
@@ -137,7 +139,7 @@ class Session {
 std::vector<Datagram> Session::finish(Process& process, std::uint64_t& drops) {
   process.end(SIGINT);
   auto records = parse_capture(process.output());
-  if (!records) throw Failure(kFailed, "tcpdump failed: " + process.last_words());
+  if (!records) throw process::Failure(process::kFailed, "tcpdump failed: " + process.last_words());
   drops += parse_capture_drops(process.errors()).value_or(0);
   const auto epoch = Testbed::snapshot(state_).epoch;
   epoch_ = epoch ? epoch->time_since_epoch() : Duration{};
@@ -218,7 +220,8 @@ void Session::start_time() {
   const Duration bound = elapsed() + kToolStart;
   while (longest_delay(state_, options_.links) == Duration{}) {
     if (elapsed() > bound) {
-      throw Failure(kFailed, "no packet gets onto the links; ping says: " + first.last_words());
+      throw process::Failure(process::kFailed,
+                             "no packet gets onto the links; ping says: " + first.last_words());
     }
     wait(milliseconds(50));
   }

@@ -75,7 +75,7 @@ void try_cloud(ByteView bytes) {
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const ByteView bytes = std::as_bytes(std::span(data, size));
   const fuzz::ProcessorTime time;
-  if (const auto request = cli::parse_request(bytes)) try_image(request->second);
+  if (const auto request = offload::parse_request(bytes)) try_image(request->second);
   try_image(bytes);
   if (bytes.size() >= 2 && bytes[0] == std::byte{'I'}) try_padded_image(bytes);
   try_result(bytes);

@@ -19,25 +19,25 @@ namespace {
 using namespace interneuron;
 using fuzz::require;
 
-void require_one_line(const cli::Failure& failure) {
+void require_one_line(const process::Failure& failure) {
   const std::string_view what = failure.what();
   if (what.empty() || what.find('\n') != std::string_view::npos) {
     fuzz::finding("a failure is not one line: '" + std::string(what) + "'");
   }
 }
 
-void try_link(const std::string& text, cli::LinkPeer peer) {
+void try_link(const std::string& text, settings::LinkPeer peer) {
   try {
-    const cli::LinkOption link = cli::parse_link_option(text, peer);
+    const settings::LinkOption link = settings::parse_link_option(text, peer);
     require(!link.nic.empty(), "a link has no card");
-    require(cli::parse_link_option(cli::to_string(link), peer) == link,
+    require(settings::parse_link_option(settings::to_string(link), peer) == link,
             "a link has changed by being written and read");
     NodeOptions options;
-    cli::append_links({text}, peer, options);
+    settings::append_links({text}, peer, options);
     require(options.links.size() + options.rules.size() == 1, "a link is lost");
-  } catch (const cli::Failure& failure) {
+  } catch (const process::Failure& failure) {
     require_one_line(failure);
-    require(failure.code() == cli::kUsage, "a wrong option has another exit code");
+    require(failure.code() == process::kUsage, "a wrong option has another exit code");
   }
 }
 
@@ -65,18 +65,19 @@ void try_config(std::string_view text) {
   command.add_option("--deadline-ms", deadline)->check(CLI::Range(1.0, 60'000.0));
   command.add_option("--max-level", level);
   command.add_flag("--loop", flag);
-  cli::add_link_option(command, "--link", links, cli::LinkPeer::kNamed);
-  cli::add_transport_option(command, transport);
-  cli::add_config_option(command);
+  settings::add_link_option(command, "--link", links, settings::LinkPeer::kNamed);
+  settings::add_transport_option(command, transport);
+  settings::add_config_option(command);
   const std::string file = folder.write("config.toml", text).string();
   try {
     command.parse(std::vector<std::string>{file, "--config"});
-    cli::apply_config(command);
-    for (const std::string& link : links) cli::parse_link_option(link, cli::LinkPeer::kNamed);
+    settings::apply_config(command);
+    for (const std::string& link : links)
+      settings::parse_link_option(link, settings::LinkPeer::kNamed);
     require(deadline == 0 || (deadline >= 1 && deadline <= 60'000), "a range was not checked");
-  } catch (const cli::Failure& failure) {
+  } catch (const process::Failure& failure) {
     require_one_line(failure);
-    require(failure.code() == cli::kConfiguration, "a wrong file has another exit code");
+    require(failure.code() == process::kConfiguration, "a wrong file has another exit code");
     require(std::string_view(failure.what()).starts_with(file), "a failure does not name the file");
   }
 }
@@ -88,10 +89,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   // Letters, so that seeds are files that people can read.
   switch (input.take<char>()) {
     case 'l':
-      try_link(std::string(input.text()), cli::LinkPeer::kNamed);
+      try_link(std::string(input.text()), settings::LinkPeer::kNamed);
       break;
     case 'n':
-      try_link(std::string(input.text()), cli::LinkPeer::kNone);
+      try_link(std::string(input.text()), settings::LinkPeer::kNone);
       break;
     case 'a':
       try_address(std::string(input.text()));

@@ -24,18 +24,18 @@ bool is_printable(const std::string& text) {
 }
 
 void try_live(const std::string& text) {
-  const auto live = cli::live_from_json(text);
+  const auto live = watch::live_from_json(text);
   if (!live) return;
   require(is_printable(live->program), "a program's name is not printable");
   for (const auto& link : live->links) {
     require(is_printable(link.nic) && is_printable(link.measured.path_reason),
             "the text of a link is not printable");
   }
-  for (const cli::LinkEvent& event : live->events) {
+  for (const watch::LinkEvent& event : live->events) {
     require(is_printable(event.nic) && is_printable(event.reason), "an event is not printable");
   }
   // Text that is no UTF-8 cannot be written, and JSON that was parsed holds none.
-  const auto again = cli::live_from_json(cli::live_json(*live).dump());
+  const auto again = watch::live_from_json(watch::live_json(*live).dump());
   require(again && again->links.size() == live->links.size() &&
               again->events.size() == live->events.size(),
           "a live state cannot be read again");

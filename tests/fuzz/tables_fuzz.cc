@@ -35,12 +35,13 @@ const fuzz::ScratchFolder& folder() {
 void try_rounds(std::string_view text) {
   const auto file = folder().write("rounds.csv", text);
   try {
-    const auto rows = lab::read_csv(file);
-    lab::summarise(rows, {});
-    lab::write_csv(file, rows);
-    require(lab::read_csv(file).size() == rows.size(), "rows are lost by being written and read");
-  } catch (const cli::Failure& failure) {
-    require(failure.code() == cli::kFailed, "a bad table has another exit code");
+    const auto rows = records::read_csv(file);
+    records::summarise(rows, {});
+    records::write_csv(file, rows);
+    require(records::read_csv(file).size() == rows.size(),
+            "rows are lost by being written and read");
+  } catch (const process::Failure& failure) {
+    require(failure.code() == process::kFailed, "a bad table has another exit code");
   }
 }
 

@@ -41,7 +41,7 @@ Json findings_json(const std::vector<Finding>& findings) {
   for (const Finding& f : findings) {
     json["findings"].push_back({{"check", f.check},
                                 {"subject", f.subject},
-                                {"verdict", to_string(f.verdict)},
+                                {"verdict", doctor::to_string(f.verdict)},
                                 {"found", f.found},
                                 {"fix", f.fix}});
   }
@@ -56,7 +56,8 @@ void print(const std::vector<Finding>& findings) {
     }
     subject = &f.subject;
     const bool bad = f.verdict == Verdict::kProblem;
-    fmt::print("  {:<11}  {:<20}  {}\n", bad ? "PROBLEM" : to_string(f.verdict), f.check, f.found);
+    fmt::print("  {:<11}  {:<20}  {}\n", bad ? "PROBLEM" : doctor::to_string(f.verdict), f.check,
+               f.found);
     for (const std::string& command : f.fix) fmt::print("{:15}fix: {}\n", "", command);
   }
   fmt::print("\n{} problem(s), {} warning(s), {} ok, {} not checked; nothing was changed\n",
@@ -96,7 +97,7 @@ void examine_paths(const DoctorOptions& o, const Address& peer, const io::HostFa
 
 int examine(const DoctorOptions& o) {
   std::optional<Address> peer;
-  if (!o.peer.empty()) peer = resolve_peer(o.peer);
+  if (!o.peer.empty()) peer = settings::resolve_peer(o.peer);
   const io::HostFacts facts = io::read_host_facts(peer);
   std::vector<Finding> findings = doctor::judge(facts);
   if (peer) examine_paths(o, *peer, facts, findings);
@@ -105,7 +106,7 @@ int examine(const DoctorOptions& o) {
   } else {
     print(findings);
   }
-  return count(findings, Verdict::kProblem) > 0 ? kFailed : kFine;
+  return count(findings, Verdict::kProblem) > 0 ? process::kFailed : process::kFine;
 }
 
 }  // namespace

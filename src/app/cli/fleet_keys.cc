@@ -59,18 +59,20 @@ std::optional<std::int64_t> parse_date(const std::string& text) {
 
 std::string mistake_in_date(const std::string& text) {
   if (parse_date(text)) return "";
-  return one_line("'" + text + "': give a day as 2027-01-31, or a time as 2027-01-31T12:00:00Z");
+  return toml_reader::one_line("'" + text +
+                               "': give a day as 2027-01-31, or a time as 2027-01-31T12:00:00Z");
 }
 
 std::string mistake_in_name(const std::string& text) {
   const bool fits = !text.empty() && text.size() <= kNodeNameBytes &&
                     std::ranges::all_of(text, [](char c) { return c > ' ' && c <= '~'; });
   if (fits) return "";
-  return one_line("'" + text + "': give 1 to 16 letters, digits or signs, without spaces");
+  return toml_reader::one_line("'" + text +
+                               "': give 1 to 16 letters, digits or signs, without spaces");
 }
 
 int sign(const SignOptions& options) {
-  const SecretKey authority = read_key(options.authority);
+  const SecretKey authority = settings::read_key(options.authority);
   Credential credential;
   credential.key = key_in(options.key);
   credential.role =
@@ -80,9 +82,9 @@ int sign(const SignOptions& options) {
   credential.not_before_s = options.from.empty() ? from - kClocksBehindS : from;
   credential.not_after_s = from + options.days * kDayS;
   fmt::print(stderr, "{} {} until {}; for its --credential FILE:\n", options.role, options.id,
-             date_text(credential.not_after_s));
+             settings::date_text(credential.not_after_s));
   fmt::print("{}\n", crypto::to_text(crypto::sign_credential(credential, authority)));
-  return kFine;
+  return process::kFine;
 }
 
 void add_sign(CLI::App& keys, std::function<int()>& run) {
@@ -107,7 +109,7 @@ void add_sign(CLI::App& keys, std::function<int()>& run) {
       ->type_name("DATE")
       ->check(mistake_in_date);
   c->add_option("KEY", o->key, "Public key of the host, as `interneuron keys pub` prints it there")
-      ->check(mistake_in_key)
+      ->check(settings::mistake_in_key)
       ->required();
   c->callback([&run, o] { run = [o] { return sign(*o); }; });
 }
@@ -120,39 +122,43 @@ struct VerifyOptions {
 };
 
 int tell(const Credential& credential, const std::string& file) {
-  const std::string whose =
-      fmt::format("credential of the {} {}", to_string(credential.role), one_line(credential.node));
+  const std::string whose = fmt::format("credential of the {} {}", to_string(credential.role),
+                                        toml_reader::one_line(credential.node));
   const std::int64_t now = now_s();
   if (!crypto::is_valid_at(credential, now)) {
     const bool early = now < credential.not_before_s;
-    throw Failure(
-        kFailed,
-        one_line(fmt::format("'{}' is the {}, which {} {}; `interneuron keys sign` renews it", file,
-                             whose, early ? "holds from" : "has ended at",
-                             date_text(early ? credential.not_before_s : credential.not_after_s))));
+    throw process::Failure(
+        process::kFailed,
+        toml_reader::one_line(fmt::format(
+            "'{}' is the {}, which {} {}; `interneuron keys sign` renews it", file, whose,
+            early ? "holds from" : "has ended at",
+            settings::date_text(early ? credential.not_before_s : credential.not_after_s))));
   }
   fmt::print("{}\nkey {}\nfrom {}\nuntil {}\n", whose, to_base64(credential.key),
-             date_text(credential.not_before_s), date_text(credential.not_after_s));
-  return kFine;
+             settings::date_text(credential.not_before_s),
+             settings::date_text(credential.not_after_s));
+  return process::kFine;
 }
 
 int verify(const VerifyOptions& options) {
   std::vector<PublicKey> authorities;
   for (const std::string& text : options.authorities) authorities.push_back(key_in(text));
-  const Bytes bytes = read_signed(options.file);
+  const Bytes bytes = settings::read_signed(options.file);
   if (const auto credential = crypto::read_credential(bytes, authorities)) {
     return tell(*credential, options.file);
   }
   const auto list = crypto::read_revocations(bytes, authorities);
   if (!list) {
-    throw Failure(kFailed, one_line("'" + options.file +
-                                    "' holds nothing that this authority has signed; give the "
-                                    "--authority that has, or sign it again"));
+    throw process::Failure(
+        process::kFailed,
+        toml_reader::one_line("'" + options.file +
+                              "' holds nothing that this authority has signed; give the "
+                              "--authority that has, or sign it again"));
   }
-  fmt::print("list of revocations of {}, {} {}\n", date_text(list->issued_s), list->keys.size(),
-             list->keys.size() == 1 ? "key" : "keys");
+  fmt::print("list of revocations of {}, {} {}\n", settings::date_text(list->issued_s),
+             list->keys.size(), list->keys.size() == 1 ? "key" : "keys");
   for (const PublicKey& key : list->keys) fmt::print("{}\n", to_base64(key));
-  return kFine;
+  return process::kFine;
 }
 
 void add_verify(CLI::App& keys, std::function<int()>& run) {
@@ -161,7 +167,7 @@ void add_verify(CLI::App& keys, std::function<int()>& run) {
       "verify", "Tell what a credential or a list of revocations says, if an authority signed it");
   c->add_option("--authority", o->authorities, "Public key of the authority; once for each")
       ->type_name("KEY")
-      ->check(mistake_in_key)
+      ->check(settings::mistake_in_key)
       ->expected(1)
       ->take_all()
       ->required();
@@ -181,40 +187,44 @@ struct RevokeOptions {
 
 // The list in the file; an empty one where there is no file.
 Revocations list_in(const RevokeOptions& options, const SecretKey& authority) {
-  const auto bytes = read_signed_if_there(options.list);
+  const auto bytes = settings::read_signed_if_there(options.list);
   if (!bytes) return {};
   std::vector<PublicKey> signers{crypto::authority_key_of(authority)};
   if (!options.replaces.empty()) signers.push_back(key_in(options.replaces));
   auto list = crypto::read_revocations(*bytes, signers);
   if (list) return std::move(*list);
-  throw Failure(kConfiguration,
-                one_line("'" + options.list +
-                         "' holds no list that this authority has signed; name another --list, or "
-                         "--replaces KEY of the authority that has signed it"));
+  throw process::Failure(
+      process::kConfiguration,
+      toml_reader::one_line(
+          "'" + options.list +
+          "' holds no list that this authority has signed; name another --list, or "
+          "--replaces KEY of the authority that has signed it"));
 }
 
 int revoke(const RevokeOptions& options) {
-  const SecretKey authority = read_key(options.authority);
+  const SecretKey authority = settings::read_key(options.authority);
   Revocations list = list_in(options, authority);
   for (const std::string& text : options.remove) {
     if (std::erase(list.keys, key_in(text)) > 0) continue;
-    throw Failure(kFailed, "--remove: '" + options.list + "' does not name " + text +
-                               "; `interneuron keys verify` shows whom it names");
+    throw process::Failure(process::kFailed, "--remove: '" + options.list + "' does not name " +
+                                                 text +
+                                                 "; `interneuron keys verify` shows whom it names");
   }
   for (const std::string& text : options.keys) {
     if (!crypto::is_revoked(list, key_in(text))) list.keys.push_back(key_in(text));
   }
   if (list.keys.size() > kMaxRevoked) {
-    throw Failure(kFailed, fmt::format("a list has room for {} keys, and these are {}; --remove "
+    throw process::Failure(process::kFailed,
+                           fmt::format("a list has room for {} keys, and these are {}; --remove "
                                        "those whose credentials have ended",
                                        kMaxRevoked, list.keys.size()));
   }
   // Hosts take a list only if it is newer than theirs, whatever the clock of this one says.
   list.issued_s = std::max(now_s(), list.issued_s + 1);
-  write_signed(options.list, crypto::sign_revocations(list, authority));
+  settings::write_signed(options.list, crypto::sign_revocations(list, authority));
   fmt::print("{}: {} {}, of {}\n", options.list, list.keys.size(),
-             list.keys.size() == 1 ? "key" : "keys", date_text(list.issued_s));
-  return kFine;
+             list.keys.size() == 1 ? "key" : "keys", settings::date_text(list.issued_s));
+  return process::kFine;
 }
 
 void add_revoke(CLI::App& keys, std::function<int()>& run) {
@@ -231,16 +241,16 @@ void add_revoke(CLI::App& keys, std::function<int()>& run) {
                 "Public key of the authority that has signed the list until now, whose place this "
                 "one takes")
       ->type_name("KEY")
-      ->check(mistake_in_key);
+      ->check(settings::mistake_in_key);
   c->add_option("--remove", o->remove, "Key to take off the list; once for each")
       ->type_name("KEY")
-      ->check(mistake_in_key)
+      ->check(settings::mistake_in_key)
       ->expected(1)
       ->take_all();
   c->add_option("KEY", o->keys,
                 "Public keys that count no more; none: the list is signed again as it is, for "
                 "those who want it new")
-      ->check(mistake_in_key);
+      ->check(settings::mistake_in_key);
   c->callback([&run, o] { run = [o] { return revoke(*o); }; });
 }
 

@@ -19,11 +19,12 @@ namespace fs = std::filesystem;
 
 // The file that was named, else the default one.
 fs::path file_of(const std::string& given, bool authority, const char* remedy) {
-  const fs::path by_default = authority ? default_authority_file() : default_key_file();
+  const fs::path by_default =
+      authority ? settings::default_authority_file() : settings::default_key_file();
   const fs::path file = given.empty() ? by_default : fs::path(given);
   if (!file.empty()) return file;
-  throw Failure(kConfiguration,
-                std::string("neither XDG_CONFIG_HOME nor HOME names a folder; ") + remedy);
+  throw process::Failure(process::kConfiguration,
+                         std::string("neither XDG_CONFIG_HOME nor HOME names a folder; ") + remedy);
 }
 
 // A key of an authority signs, and one of a host does not: their public halves differ.
@@ -34,22 +35,22 @@ void print_public_half(const SecretKey& key, bool authority) {
 int generate(const std::string& out, bool authority) {
   const fs::path file = file_of(out, authority, "give --out FILE");
   const SecretKey key = random_key();
-  write_new_key(file, key);
+  settings::write_new_key(file, key);
   fmt::print(stderr, "private key {}in {}; its public key, for those who are to trust {}:\n",
              authority ? "of a fleet authority " : "", file.string(),
              authority ? "whom it signs" : "this host");
   print_public_half(key, authority);
-  return kFine;
+  return process::kFine;
 }
 
 int tell_public(const std::string& given, bool authority) {
   if (given == "-") {
-    print_public_half(read_key_from_stdin(), authority);
+    print_public_half(settings::read_key_from_stdin(), authority);
   } else {
     const fs::path file = file_of(given, authority, "give FILE, or - for the standard input");
-    print_public_half(read_key(file), authority);
+    print_public_half(settings::read_key(file), authority);
   }
-  return kFine;
+  return process::kFine;
 }
 
 void add_generate(CLI::App& keys, std::function<int()>& run) {
@@ -83,7 +84,7 @@ void add_shared(CLI::App& keys, std::function<int()>& run) {
   c->callback([&run] {
     run = [] {
       fmt::print("{}\n", to_base64(random_key().bytes()));
-      return kFine;
+      return process::kFine;
     };
   });
 }

@@ -33,65 +33,67 @@ constexpr Duration kLocalWait = 1200ms;
 constexpr Duration kPoll = 50ms;
 
 struct LinksOptions {
-  LinkSourceOptions source;
+  watch::LinkSourceOptions source;
   std::optional<double> seconds;
   double interval_s = 1;
   bool json = false;
   bool stream = false;
 };
 
-int no_answer(const LinkSource& source) {
+int no_answer(const watch::LinkSource& source) {
   fmt::print(stderr,
              "interneuron: no answer from {}; is `interneuron road` running there, the port open, "
              "and does each trust the other's key, or have both --insecure? `interneuron doctor` "
              "looks for what this host may be missing\n",
              source.peer_text());
-  return kFailed;
+  return process::kFailed;
 }
 
 // False: the reader has seen enough.
 bool written() {
   if (std::fflush(stdout) == 0) return true;
   if (errno == EPIPE) return false;
-  throw Failure(kFailed, std::string("cannot write the figures: ") + std::strerror(errno));
+  throw process::Failure(process::kFailed,
+                         std::string("cannot write the figures: ") + std::strerror(errno));
 }
 
 // What would have no effect is a mistake.
 void refuse_useless(const CLI::App& command, const LinksOptions& o) {
   if (command.count("--interval") > 0 && !o.stream) {
-    throw Failure(kUsage, "--interval is for a stream; add --json-stream");
+    throw process::Failure(process::kUsage, "--interval is for a stream; add --json-stream");
   }
-  if (command.count("--for") > 0 && !o.stream && !measures(o.source)) {
-    throw Failure(kUsage, "--for is for measuring; add --peer HOST, --link or --json-stream");
+  if (command.count("--for") > 0 && !o.stream && !watch::measures(o.source)) {
+    throw process::Failure(process::kUsage,
+                           "--for is for measuring; add --peer HOST, --link or --json-stream");
   }
 }
 
 // One object per line and interval, until the time or a signal ends it.
-int stream(const LinksOptions& o, LinkSource& source) {
+int stream(const LinksOptions& o, watch::LinkSource& source) {
   const TimePoint start = io::now();
   TimePoint next = start;
-  while (SignalWatch::last() == 0 &&
+  while (process::SignalWatch::last() == 0 &&
          (!o.seconds || io::now() < start + from_ms(*o.seconds * 1000))) {
     if (io::now() >= next) {
       next = std::max(next + from_ms(o.interval_s * 1000), io::now());
-      fmt::print("{}\n", links_json(source.snapshot()).dump());
-      if (!written()) return kFine;
+      fmt::print("{}\n", watch::links_json(source.snapshot()).dump());
+      if (!written()) return process::kFine;
     }
     std::this_thread::sleep_for(std::min(kPoll, next - io::now()));
   }
-  return source.answered() ? kFine : no_answer(source);
+  return source.answered() ? process::kFine : no_answer(source);
 }
 
-int once(const LinksOptions& o, LinkSource& source) {
+int once(const LinksOptions& o, watch::LinkSource& source) {
   const TimePoint start = io::now();
   const Duration patience =
-      measures(o.source) ? from_ms(o.seconds.value_or(kMeasureSeconds) * 1000) : kLocalWait;
-  StatusLine progress;
-  LinksSnapshot s = source.snapshot();
-  while (SignalWatch::last() == 0 && io::now() < start + patience) {
+      watch::measures(o.source) ? from_ms(o.seconds.value_or(kMeasureSeconds) * 1000) : kLocalWait;
+  process::StatusLine progress;
+  watch::LinksSnapshot s = source.snapshot();
+  while (process::SignalWatch::last() == 0 && io::now() < start + patience) {
     // Programs on this host tell soon; without any there is nothing to wait for.
-    if (!measures(o.source) && !source.expects_more()) break;
-    if (measures(o.source)) {
+    if (!watch::measures(o.source) && !source.expects_more()) break;
+    if (watch::measures(o.source)) {
       const Duration left = std::max(start + patience - io::now(), Duration::zero());
       progress.show(
           fmt::format("measuring towards {}: {:.0f} s", source.peer_text(), to_ms(left) / 1000));
@@ -101,12 +103,12 @@ int once(const LinksOptions& o, LinkSource& source) {
   }
   progress.clear();
   if (o.json) {
-    fmt::print("{}\n", links_json(s).dump(2));
+    fmt::print("{}\n", watch::links_json(s).dump(2));
   } else {
-    fmt::print("{}", links_table(s));
+    fmt::print("{}", watch::links_table(s));
   }
   written();
-  return source.answered() ? kFine : no_answer(source);
+  return source.answered() ? process::kFine : no_answer(source);
 }
 
 }  // namespace
@@ -115,10 +117,10 @@ void add_links(CLI::App& program, std::function<int()>& run) {
   auto o = std::make_shared<LinksOptions>();
   CLI::App* c = program.add_subcommand(
       "links", "The network cards of this host: what the kernel says and what was measured");
-  add_config_option(*c);
-  add_source_options(*c, o->source);
+  settings::add_config_option(*c);
+  watch::add_source_options(*c, o->source);
   c->add_option("--for", o->seconds, "Seconds to measure (default: 3; a stream: until Ctrl-C)")
-      ->check(positive_number());
+      ->check(settings::positive_number());
   c->add_option("--interval", o->interval_s, "Seconds between two lines of a stream")
       ->capture_default_str()
       ->check(CLI::Range(0.1, 3600.0));
@@ -132,10 +134,10 @@ void add_links(CLI::App& program, std::function<int()>& run) {
   c->callback([&run, o, c] {
     run = [o, c] {
       refuse_useless(*c, *o);
-      const SignalWatch signals;
-      const auto source = make_link_source(o->source);
+      const process::SignalWatch signals;
+      const auto source = watch::make_link_source(o->source);
       const int code = o->stream ? stream(*o, *source) : once(*o, *source);
-      const int signal = SignalWatch::last();
+      const int signal = process::SignalWatch::last();
       // A stream without an end is ended by a signal: that is no failure.
       return signal != 0 && (!o->stream || o->seconds) ? 128 + signal : code;
     };

@@ -13,7 +13,7 @@
 namespace interneuron::cli {
 namespace {
 
-constexpr std::array<Elsewhere, 7> kElsewhere{{
+constexpr std::array<settings::Elsewhere, 7> kElsewhere{{
     {"vehicle", "interneuron-offload",
      "Send camera frames through the pipeline; one answer per round"},
     {"road", "interneuron-offload",
@@ -38,12 +38,12 @@ void add_commands(CLI::App& program, std::function<int()>& run) {
   program.add_subcommand("version", "The version")->callback([&run] {
     run = [] {
       std::printf("interneuron %s\n", INTERNEURON_VERSION);
-      return kFine;
+      return process::kFine;
     };
   });
 }
 
-constexpr Program kProgram{
+constexpr settings::Program kProgram{
     "interneuron", "Interneuron: deadline-bound messages over several network cards at once",
     add_commands, nullptr, kElsewhere};
 
@@ -51,5 +51,5 @@ constexpr Program kProgram{
 }  // namespace interneuron::cli
 
 int main(int argc, char** argv) {
-  return interneuron::cli::run_program(interneuron::cli::kProgram, argc, argv);
+  return interneuron::settings::run_program(interneuron::cli::kProgram, argc, argv);
 }

@@ -26,6 +26,10 @@
 namespace interneuron::cli {
 namespace {
 
+using process::Failure;
+using process::kFailed;
+using process::kUsage;
+
 // Packets closer than this are a flood, and would measure what this host's own scheduling adds.
 constexpr double kMinIntervalMs = 1;
 constexpr double kMaxIntervalMs = 60'000;
@@ -38,7 +42,7 @@ constexpr Duration kHandshakeTime = std::chrono::seconds(4);
 constexpr Duration kFarewell = std::chrono::seconds(2);
 
 Address peer_address(const ProbeOptions& options, const std::string& text, const char* option) {
-  return resolve_peer(text, option, options.stamp.value_or(kDefaultPort));
+  return settings::resolve_peer(text, option, options.stamp.value_or(settings::kDefaultPort));
 }
 
 struct Choice {
@@ -93,7 +97,7 @@ std::vector<Choice> choose_nics(const ProbeOptions& options, io::LinkMonitor& mo
 }
 
 // Nothing where packets are in the clear.
-std::unique_ptr<crypto::Caller> call_with(const Credentials& credentials) {
+std::unique_ptr<crypto::Caller> call_with(const settings::Credentials& credentials) {
   NodeOptions options;
   credentials.apply(options);
   if (!options.security) return nullptr;
@@ -142,11 +146,11 @@ class Prober {
   int conclude();
 
   const ProbeOptions& options_;
-  std::optional<Credentials> credentials_;
+  std::optional<settings::Credentials> credentials_;
   // Where packets are encrypted.
   std::unique_ptr<crypto::Caller> caller_;
   std::vector<Nic> nics_;
-  StatusLine line_;
+  process::StatusLine line_;
   std::optional<TimePoint> shown_at_;
   std::array<std::byte, 2048> buffer_;
 };
@@ -155,7 +159,7 @@ Prober::Prober(const ProbeOptions& options) : options_(options) {
   io::LinkMonitor monitor;
   for (const Choice& choice : choose_nics(options, monitor)) open(choice, monitor);
   if (options.stamp) return;
-  credentials_.emplace(options.keys, Trusts::kThePeer);
+  credentials_.emplace(options.keys, settings::Trusts::kThePeer);
   for (const std::string& warning : credentials_->warnings()) {
     fmt::print(stderr, "interneuron: {}\n", warning);
   }
@@ -215,7 +219,8 @@ void Prober::ask() {
 void Prober::agree_on_keys() {
   const TimePoint until = io::now() + kHandshakeTime;
   while (caller_ && !caller_->is_open(io::now())) {
-    if (SignalWatch::last() != 0) throw Failure(kFailed, "stopped before any key was agreed on");
+    if (process::SignalWatch::last() != 0)
+      throw Failure(kFailed, "stopped before any key was agreed on");
     if (io::now() >= until) {
       for (const Nic& nic : nics_) {
         if (nic.send_error != 0) throw Failure(kFailed, problem_of(nic));
@@ -341,7 +346,7 @@ int Prober::conclude() {
     print_probe_table(options_, results);
   }
   std::fflush(stdout);
-  int code = kFine;
+  int code = process::kFine;
   for (const ProbedNic& result : results) {
     if (result.problem.empty()) continue;
     fmt::print(stderr, "interneuron: {}\n", result.problem);
@@ -351,7 +356,7 @@ int Prober::conclude() {
 }
 
 int Prober::run() {
-  const SignalWatch signals;
+  const process::SignalWatch signals;
   const io::PreciseTimers precise;
   agree_on_keys();
   std::optional<TimePoint> interrupted;
@@ -360,7 +365,7 @@ int Prober::run() {
     for (Nic& nic : nics_) send_due(nic);
     show_live();
     // A signal ends the pings; what is under way is waited for, but not for long.
-    if (SignalWatch::last() != 0 && !interrupted) {
+    if (process::SignalWatch::last() != 0 && !interrupted) {
       interrupted = io::now();
       stop();
       continue;
@@ -415,7 +420,7 @@ void add_probe(CLI::App& program, std::function<int()>& run) {
           ->default_str(std::to_string(wire::kStampPort))
           ->check(CLI::Range(1, 65535))
           ->type_name("[PORT]");
-  add_key_options(*c, o->keys, Trusts::kThePeer);
+  settings::add_key_options(*c, o->keys, settings::Trusts::kThePeer);
   c->add_flag("--json", o->json, "The summary as JSON");
   c->add_flag("--json-stream", o->json_stream,
               "One JSON object per reply and line, the summary as the last");
@@ -430,7 +435,7 @@ void add_probe(CLI::App& program, std::function<int()>& run) {
     run = [o, stamp, stamp_option] {
       if (stamp_option->count() > 0) {
         o->stamp = *stamp;
-        if (is_given(o->keys)) {
+        if (settings::is_given(o->keys)) {
           throw Failure(kUsage, "--stamp is in the clear: leave out the options of keys");
         }
       }

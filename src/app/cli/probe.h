@@ -26,7 +26,7 @@ struct ProbeOptions {
   std::size_t size = 100;
   bool no_rate = false;
   // Who we are and who the roadside unit is; not with `stamp`.
-  KeyOptions keys;
+  settings::KeyOptions keys;
   // The port of a STAMP reflector; without, our own packets are sent.
   std::optional<std::uint16_t> stamp;
   bool json = false;

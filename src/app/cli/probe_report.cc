@@ -5,43 +5,43 @@
 namespace interneuron::cli {
 namespace {
 
-lab::Json distribution_json(const probe::Distribution& d) {
+records::Json distribution_json(const probe::Distribution& d) {
   if (d.samples == 0) return nullptr;
   return {{"min_ms", to_ms(d.min)}, {"p50_ms", to_ms(d.p50)},     {"p95_ms", to_ms(d.p95)},
           {"max_ms", to_ms(d.max)}, {"mean_ms", d.mean_ns / 1e6}, {"stddev_ms", d.stddev_ns / 1e6}};
 }
 
-lab::Json rate_json(const std::optional<DataRate>& rate) {
-  return rate ? lab::Json(rate->mbit()) : lab::Json(nullptr);
+records::Json rate_json(const std::optional<DataRate>& rate) {
+  return rate ? records::Json(rate->mbit()) : records::Json(nullptr);
 }
 
-lab::Json nic_json(const ProbedNic& nic) {
+records::Json nic_json(const ProbedNic& nic) {
   const probe::Summary& s = nic.summary;
-  lab::Json json{{"nic", nic.nic},
-                 {"peer", nic.peer},
-                 {"local", nic.local},
-                 {"sent_packets", s.sent},
-                 {"answered_packets", s.answered},
-                 {"late_packets", s.late},
-                 {"lost_up_packets", s.lost_up},
-                 {"lost_down_packets", s.lost_down},
-                 {"lost_packets", s.lost},
-                 {"loss_percent", 100 * s.loss()},
-                 {"reflector_counts", s.stateful},
-                 {"loss_bursts", s.bursts},
-                 {"loss_burst_mean_packets", s.mean_burst()},
-                 {"loss_burst_max_packets", s.longest_burst},
-                 {"duplicate_packets", s.duplicates},
-                 {"reordered_packets", s.reordered},
-                 {"reordered_ratio", s.reordered_ratio()},
-                 {"rtt", distribution_json(s.rtt)},
-                 {"delay_variation_up", distribution_json(s.variation_up)},
-                 {"delay_variation_down", distribution_json(s.variation_down)},
-                 {"rate_up_mbit", rate_json(s.rate_up)},
-                 {"rate_down_mbit", rate_json(s.rate_down)},
-                 {"trains", s.trains},
-                 {"train_packets", s.train_packets},
-                 {"train_answered_packets", s.train_answered}};
+  records::Json json{{"nic", nic.nic},
+                     {"peer", nic.peer},
+                     {"local", nic.local},
+                     {"sent_packets", s.sent},
+                     {"answered_packets", s.answered},
+                     {"late_packets", s.late},
+                     {"lost_up_packets", s.lost_up},
+                     {"lost_down_packets", s.lost_down},
+                     {"lost_packets", s.lost},
+                     {"loss_percent", 100 * s.loss()},
+                     {"reflector_counts", s.stateful},
+                     {"loss_bursts", s.bursts},
+                     {"loss_burst_mean_packets", s.mean_burst()},
+                     {"loss_burst_max_packets", s.longest_burst},
+                     {"duplicate_packets", s.duplicates},
+                     {"reordered_packets", s.reordered},
+                     {"reordered_ratio", s.reordered_ratio()},
+                     {"rtt", distribution_json(s.rtt)},
+                     {"delay_variation_up", distribution_json(s.variation_up)},
+                     {"delay_variation_down", distribution_json(s.variation_down)},
+                     {"rate_up_mbit", rate_json(s.rate_up)},
+                     {"rate_down_mbit", rate_json(s.rate_down)},
+                     {"trains", s.trains},
+                     {"train_packets", s.train_packets},
+                     {"train_answered_packets", s.train_answered}};
   if (!nic.problem.empty()) json["problem"] = nic.problem;
   return json;
 }
@@ -59,15 +59,16 @@ std::string loss_text(const probe::Summary& s) {
 
 }  // namespace
 
-lab::Json probe_json(const ProbeOptions& options, const std::vector<ProbedNic>& nics) {
-  lab::Json json{{"schema", "interneuron.probe/1"},    {"format", options.stamp ? "stamp" : "echo"},
-                 {"interval_ms", options.interval_ms}, {"timeout_ms", options.timeout_ms},
-                 {"size_bytes", options.size},         {"nics", lab::Json::array()}};
+records::Json probe_json(const ProbeOptions& options, const std::vector<ProbedNic>& nics) {
+  records::Json json{
+      {"schema", "interneuron.probe/1"},    {"format", options.stamp ? "stamp" : "echo"},
+      {"interval_ms", options.interval_ms}, {"timeout_ms", options.timeout_ms},
+      {"size_bytes", options.size},         {"nics", records::Json::array()}};
   for (const ProbedNic& nic : nics) json["nics"].push_back(nic_json(nic));
   return json;
 }
 
-lab::Json reply_json(const std::string& nic, const probe::Reply& reply) {
+records::Json reply_json(const std::string& nic, const probe::Reply& reply) {
   return {{"schema", "interneuron.probe.reply/1"},
           {"nic", nic},
           {"sequence", reply.sequence},

@@ -20,9 +20,9 @@ struct ProbedNic {
 };
 
 // schema interneuron.probe/1
-lab::Json probe_json(const ProbeOptions& options, const std::vector<ProbedNic>& nics);
+records::Json probe_json(const ProbeOptions& options, const std::vector<ProbedNic>& nics);
 // One line of --json-stream, schema interneuron.probe.reply/1.
-lab::Json reply_json(const std::string& nic, const probe::Reply& reply);
+records::Json reply_json(const std::string& nic, const probe::Reply& reply);
 void print_probe_table(const ProbeOptions& options, const std::vector<ProbedNic>& nics);
 
 }  // namespace interneuron::cli

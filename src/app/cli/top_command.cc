@@ -28,7 +28,7 @@ constexpr Duration kSample = 500ms;
 constexpr int kKeyWaitMs = 100;
 
 struct TopOptions {
-  LinkSourceOptions source;
+  watch::LinkSourceOptions source;
   bool once = false;
   double seconds = 3;
   std::size_t width = 100;
@@ -54,35 +54,35 @@ class Silence {
 };
 
 int live(const TopOptions& o) {
-  const auto source = make_link_source(o.source);
+  const auto source = watch::make_link_source(o.source);
   const Silence silence;
-  LinksHistory history;
-  Terminal terminal(colored(o));
+  watch::LinksHistory history;
+  watch::Terminal terminal(colored(o));
   TimePoint next = io::now();
-  for (int key = 0; key != 'q' && key != 'Q' && SignalWatch::last() == 0;) {
+  for (int key = 0; key != 'q' && key != 'Q' && process::SignalWatch::last() == 0;) {
     if (io::now() >= next) {
       next = std::max(next + kSample, io::now());
       history.add(source->snapshot());
     }
-    terminal.show(draw(
+    terminal.show(watch::draw(
         history,
         {.width = terminal.width(), .height = terminal.height(), .unicode = terminal.unicode()}));
     key = terminal.key(kKeyWaitMs);
   }
-  return kFine;
+  return process::kFine;
 }
 
 int once(const TopOptions& o) {
-  const auto source = make_link_source(o.source);
-  LinksHistory history;
+  const auto source = watch::make_link_source(o.source);
+  watch::LinksHistory history;
   const TimePoint end = io::now() + from_ms(o.seconds * 1000);
   history.add(source->snapshot());
-  while (io::now() < end && SignalWatch::last() == 0) {
+  while (io::now() < end && process::SignalWatch::last() == 0) {
     std::this_thread::sleep_for(std::min(kSample, end - io::now()));
     history.add(source->snapshot());
   }
-  fmt::print("{}", plain_text(draw(history, {.width = o.width})));
-  return kFine;
+  fmt::print("{}", watch::plain_text(watch::draw(history, {.width = o.width})));
+  return process::kFine;
 }
 
 }  // namespace
@@ -90,8 +90,8 @@ int once(const TopOptions& o) {
 void add_top(CLI::App& program, std::function<int()>& run) {
   auto o = std::make_shared<TopOptions>();
   CLI::App* c = program.add_subcommand("top", "The links of this host, live");
-  add_config_option(*c);
-  add_source_options(*c, o->source);
+  settings::add_config_option(*c);
+  watch::add_source_options(*c, o->source);
   auto* once_flag = c->add_flag("--once", o->once, "One frame as text, then the end");
   c->add_option("--for", o->seconds, "Seconds that --once looks")
       ->capture_default_str()
@@ -108,13 +108,14 @@ void add_top(CLI::App& program, std::function<int()>& run) {
   c->callback([&run, o] {
     run = [o] {
       if (!o->once && (::isatty(STDOUT_FILENO) == 0 || ::isatty(STDIN_FILENO) == 0)) {
-        throw Failure(kUsage,
-                      "top needs a terminal; without one use `interneuron links --json-stream`, or "
-                      "--once for one frame");
+        throw process::Failure(
+            process::kUsage,
+            "top needs a terminal; without one use `interneuron links --json-stream`, or "
+            "--once for one frame");
       }
-      const SignalWatch signals;
+      const process::SignalWatch signals;
       const int code = o->once ? once(*o) : live(*o);
-      return SignalWatch::last() != 0 ? 128 + SignalWatch::last() : code;
+      return process::SignalWatch::last() != 0 ? 128 + process::SignalWatch::last() : code;
     };
   });
 }

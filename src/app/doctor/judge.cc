@@ -10,7 +10,7 @@
 #include "interneuron/sizes.h"
 #include "node/io/udp_socket.h"
 
-namespace interneuron::cli::doctor {
+namespace interneuron::doctor {
 namespace {
 
 using io::HostFacts;
@@ -223,4 +223,4 @@ Finding judge_path(const io::PathMtu& path, std::size_t nic_mtu) {
   return finding;
 }
 
-}  // namespace interneuron::cli::doctor
+}  // namespace interneuron::doctor

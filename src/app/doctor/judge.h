@@ -11,7 +11,7 @@
 #include "node/io/path_mtu.h"
 #include "node/monitor/host_facts.h"
 
-namespace interneuron::cli::doctor {
+namespace interneuron::doctor {
 
 // The longest time between two packets of an idle link, in seconds (docs/constants.md, "Silence and
 // address translation"). An address translation must keep a mapping for twice that, so that one
@@ -55,4 +55,4 @@ bool is_usable(const io::HostFacts& facts, const io::NicHostFacts& nic);
 // Whether the target is routed through the NIC, for any socket or for one bound to an address.
 bool is_routed(const io::NicHostFacts& nic);
 
-}  // namespace interneuron::cli::doctor
+}  // namespace interneuron::doctor

@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-namespace interneuron::cli::doctor {
+namespace interneuron::doctor {
 namespace {
 
 constexpr probe::Silence kKeepAlive{kKeepAliveSeconds};
@@ -64,4 +64,4 @@ Finding judge_nat(const NatTimeout& measured) {
   return finding;
 }
 
-}  // namespace interneuron::cli::doctor
+}  // namespace interneuron::doctor

@@ -7,7 +7,7 @@
 #include "app/doctor/judge.h"
 #include "core/probe/silence.h"
 
-namespace interneuron::cli::doctor {
+namespace interneuron::doctor {
 
 struct NatTimeout {
   std::string nic;
@@ -20,4 +20,4 @@ struct NatTimeout {
 
 Finding judge_nat(const NatTimeout& measured);
 
-}  // namespace interneuron::cli::doctor
+}  // namespace interneuron::doctor

@@ -9,7 +9,7 @@
 #include "interneuron/sizes.h"
 #include "node/io/address.h"
 
-namespace interneuron::cli::doctor {
+namespace interneuron::doctor {
 namespace {
 
 using io::HostFacts;
@@ -68,6 +68,16 @@ std::vector<const SourceFacts*> ipv4_sources(const NicHostFacts& nic) {
   auto sources = global_sources(nic);
   std::erase_if(sources, [](const SourceFacts* s) { return is_ipv6(s->address); });
   return sources;
+}
+
+// The first IPv4 address of a NIC whose network overlaps one of the other's; nullptr: none does.
+const SourceFacts* shared_network(const NicHostFacts& nic, const NicHostFacts& other) {
+  for (const SourceFacts* mine : ipv4_sources(nic)) {
+    for (const SourceFacts* theirs : ipv4_sources(other)) {
+      if (overlap(*mine, *theirs)) return mine;
+    }
+  }
+  return nullptr;
 }
 
 // A NIC's gateway as commands and people are told of it.
@@ -267,25 +277,22 @@ void NicJudge::several_addresses() {
 void NicJudge::same_subnet() {
   for (const NicHostFacts& other : host_.nics) {
     if (&other == &nic_ || !is_usable(host_, other)) continue;
-    for (const SourceFacts* mine : ipv4_sources(nic_)) {
-      for (const SourceFacts* theirs : ipv4_sources(other)) {
-        if (!overlap(*mine, *theirs)) continue;
-        const int ignore = std::max(nic_.arp_ignore.value_or(0), host_.arp_ignore_all.value_or(0));
-        const int announce =
-            std::max(nic_.arp_announce.value_or(0), host_.arp_announce_all.value_or(0));
-        const std::string both =
-            fmt::format("the same network {} as on {}", subnet_text(*mine), other.nic.name);
-        if (ignore >= 1 && announce >= 2) {
-          add("same_subnet", Verdict::kOk, both + ", and each card answers ARP for itself only");
-        } else {
-          add("same_subnet", Verdict::kProblem,
-              both + ": each card answers ARP for the other's address",
-              {"sysctl -w net.ipv4.conf.all.arp_ignore=1",
-               "sysctl -w net.ipv4.conf.all.arp_announce=2"});
-        }
-        return;
-      }
+    const SourceFacts* mine = shared_network(nic_, other);
+    if (mine == nullptr) continue;
+    const int ignore = std::max(nic_.arp_ignore.value_or(0), host_.arp_ignore_all.value_or(0));
+    const int announce =
+        std::max(nic_.arp_announce.value_or(0), host_.arp_announce_all.value_or(0));
+    const std::string both =
+        fmt::format("the same network {} as on {}", subnet_text(*mine), other.nic.name);
+    if (ignore >= 1 && announce >= 2) {
+      add("same_subnet", Verdict::kOk, both + ", and each card answers ARP for itself only");
+    } else {
+      add("same_subnet", Verdict::kProblem,
+          both + ": each card answers ARP for the other's address",
+          {"sysctl -w net.ipv4.conf.all.arp_ignore=1",
+           "sysctl -w net.ipv4.conf.all.arp_announce=2"});
     }
+    return;
   }
 }
 
@@ -350,4 +357,4 @@ void judge_nic(const HostFacts& host, const NicHostFacts& nic, std::vector<Findi
   NicJudge(host, nic, findings).all();
 }
 
-}  // namespace interneuron::cli::doctor
+}  // namespace interneuron::doctor

@@ -5,7 +5,7 @@
 
 #include "app/doctor/judge.h"
 
-namespace interneuron::cli::doctor {
+namespace interneuron::doctor {
 
 // Appends the findings of one NIC.
 void judge_nic(const io::HostFacts& host, const io::NicHostFacts& nic,
@@ -15,4 +15,4 @@ void judge_nic(const io::HostFacts& host, const io::NicHostFacts& nic,
 std::string subnet_text(const io::SourceFacts& source);
 bool overlap(const io::SourceFacts& a, const io::SourceFacts& b);
 
-}  // namespace interneuron::cli::doctor
+}  // namespace interneuron::doctor

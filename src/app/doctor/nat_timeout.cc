@@ -16,7 +16,7 @@
 #include "node/io/steady_clock.h"
 #include "node/monitor/link_monitor.h"
 
-namespace interneuron::cli::doctor {
+namespace interneuron::doctor {
 namespace {
 
 // A signal just before a wait does not end it, so waits are so short that nobody notices.
@@ -57,7 +57,7 @@ class Measurement {
   io::LinkMonitor monitor_;
   std::vector<Nic> nics_;
   // The seconds that the line on stderr shows at present.
-  StatusLine line_;
+  process::StatusLine line_;
   std::optional<std::int64_t> shown_;
   std::array<std::byte, 2048> buffer_;
 };
@@ -150,9 +150,9 @@ void Measurement::show_left(bool first) {
 }
 
 std::vector<NatTimeout> Measurement::run() {
-  const SignalWatch signals;
+  const process::SignalWatch signals;
   show_left(true);
-  while (under_way() && SignalWatch::last() == 0) {
+  while (under_way() && process::SignalWatch::last() == 0) {
     for (Nic& nic : nics_) {
       if (nic.under_way()) send_due(nic);
     }
@@ -182,4 +182,4 @@ std::vector<NatTimeout> measure_nat_timeouts(const io::HostFacts& facts, probe::
   return Measurement(facts, limit).run();
 }
 
-}  // namespace interneuron::cli::doctor
+}  // namespace interneuron::doctor

@@ -9,7 +9,7 @@
 #include "app/doctor/judge_nat.h"
 #include "node/monitor/host_facts.h"
 
-namespace interneuron::cli::doctor {
+namespace interneuron::doctor {
 
 // Measures over the usable NICs through which the target of `facts` is routed. Takes some seconds
 // more than `limit` and says on stderr how long; SIGINT, SIGTERM and SIGHUP end it earlier. A NIC
@@ -17,4 +17,4 @@ namespace interneuron::cli::doctor {
 // when the NICs cannot be watched.
 std::vector<NatTimeout> measure_nat_timeouts(const io::HostFacts& facts, probe::Silence limit);
 
-}  // namespace interneuron::cli::doctor
+}  // namespace interneuron::doctor

@@ -1,6 +1,6 @@
 #include "app/offload/camera.h"
 
-namespace interneuron::cli {
+namespace interneuron::offload {
 
 void Camera::fetch(Node& node) {
   fetching_ = true;
@@ -18,4 +18,4 @@ void Camera::fetch(Node& node) {
   });
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::offload

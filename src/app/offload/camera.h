@@ -16,7 +16,7 @@
 #include "app/perception/frame_source.h"
 #include "interneuron/node.h"
 
-namespace interneuron::cli {
+namespace interneuron::offload {
 
 class Camera {
  public:
@@ -45,4 +45,4 @@ class Camera {
   std::function<void()> then_;
 };
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::offload

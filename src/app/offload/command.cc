@@ -7,7 +7,7 @@
 #include "app/settings/link_options.h"
 #include "interneuron/policy.h"
 
-namespace interneuron::cli {
+namespace interneuron::offload {
 
 namespace {
 
@@ -30,7 +30,7 @@ void add_deadline_options(CLI::App* c, double& deadline_ms, std::string& guard, 
                           double& objective) {
   c->add_option("--deadline-ms", deadline_ms, "End-to-end deadline D_N, milliseconds")
       ->capture_default_str()
-      ->check(positive_number());
+      ->check(settings::positive_number());
   c->add_option("--guard", guard,
                 "The rule that trades quality for time: the paper's, or by what is left of the "
                 "deadline")
@@ -74,16 +74,16 @@ CLI::App* add_vehicle(CLI::App& program, std::function<int()>& run,
   auto no_table = std::make_shared<bool>(false);
   CLI::App* c = program.add_subcommand(
       "vehicle", "Send camera frames through the pipeline; one answer per round");
-  add_config_option(*c);
-  add_link_option(*c, "--link", o->links, LinkPeer::kNamed);
-  add_key_options(*c, o->keys, Trusts::kThePeer);
+  settings::add_config_option(*c);
+  settings::add_link_option(*c, "--link", o->links, settings::LinkPeer::kNamed);
+  settings::add_key_options(*c, o->keys, settings::Trusts::kThePeer);
   c->add_option("--port", o->port, "Local UDP port on every card; 0: any")->capture_default_str();
-  add_transport_option(*c, o->transport);
+  settings::add_transport_option(*c, o->transport);
   c->add_option("--rounds", o->rounds, "Rounds; 0: to the end of the video or Ctrl-C")
       ->capture_default_str();
   c->add_option("--period-ms", o->period_ms, "Between two frames, milliseconds")
       ->capture_default_str()
-      ->check(positive_number());
+      ->check(settings::positive_number());
   add_images_option(c, o->images);
   add_deadline_options(c, o->deadline_ms, o->guard, o->policy, o->objective);
   c->add_option("--beta", o->beta, "β of the guard's tolerance X")
@@ -91,7 +91,7 @@ CLI::App* add_vehicle(CLI::App& program, std::function<int()>& run,
       ->check(CLI::Range(-1.0, 30.0));
   c->add_option("--wait-s", o->wait_s, "For the roadside unit to answer, seconds")
       ->capture_default_str()
-      ->check(positive_number());
+      ->check(settings::positive_number());
   add_input_options(c, o->video, o->data, o->ladder);
   c->add_option("--truth", o->truth, "Ground truth (MOT15 gt.txt) of the video, or none");
   c->add_option(
@@ -123,19 +123,19 @@ CLI::App* add_road(CLI::App& program, std::function<int()>& run, MakeHooks<RoadH
   auto o = std::make_shared<RoadOptions>();
   CLI::App* c = program.add_subcommand(
       "road", "A roadside unit: detects in the images of any vehicle that comes");
-  add_config_option(*c);
-  add_link_option(*c, "--nic,--link", o->nics, LinkPeer::kNone);
-  add_key_options(*c, o->keys, Trusts::kMany);
+  settings::add_config_option(*c);
+  settings::add_link_option(*c, "--nic,--link", o->nics, settings::LinkPeer::kNone);
+  settings::add_key_options(*c, o->keys, settings::Trusts::kMany);
   c->add_option("--address", o->address, "Local address (default: all of the card)");
   c->add_option("--port", o->port, "UDP port on every card")->capture_default_str();
-  add_transport_option(*c, o->transport);
+  settings::add_transport_option(*c, o->transport);
   // none: for those who only measure (links, top, probe).
   add_input_options(c, o->video, o->data, o->ladder, {kNoLadder});
   c->add_option(
        "--deadline-ms", o->deadline_ms,
        "End-to-end deadline of the vehicles, milliseconds, for which --ladder auto chooses")
       ->capture_default_str()
-      ->check(positive_number());
+      ->check(settings::positive_number());
   add_calibration_option(c, o->calibration_runs);
   c->add_option("--top-level", o->top_level, "Highest level used; -1: by the vehicle's budget")
       ->capture_default_str()
@@ -161,4 +161,4 @@ CLI::App* add_road(CLI::App& program, std::function<int()>& run, MakeHooks<RoadH
   return c;
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::offload

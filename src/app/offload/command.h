@@ -9,7 +9,7 @@
 
 #include "app/offload/hooks.h"
 
-namespace interneuron::cli {
+namespace interneuron::offload {
 
 // Makes the hooks of a run when it begins; null for a plain run.
 template <class Hooks>
@@ -30,4 +30,4 @@ void add_input_options(CLI::App* c, std::string& video, std::string& data, std::
                        const std::vector<std::string>& more_ladders = {});
 void add_calibration_option(CLI::App* c, int& runs);
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::offload

@@ -18,7 +18,7 @@
 #include "app/records/run_files.h"
 #include "interneuron/node.h"
 
-namespace interneuron::cli {
+namespace interneuron::offload {
 
 // Hooks of the vehicle.
 class VehicleHooks {
@@ -34,7 +34,7 @@ class VehicleHooks {
   // Returns whether a local result is computed beside the remote one.
   virtual bool local_backup() const { return true; }
   // A round has its outcome.
-  virtual void done(const RoundDone&, const lab::RoundRow&) {}
+  virtual void done(const RoundDone&, const records::RoundRow&) {}
   // The run is over; `links` has the final counters.
   virtual void finished(const std::vector<Statistics::Link>& /*links*/) {}
 };
@@ -66,4 +66,4 @@ class RoadHooks {
                         std::span<const LevelProfile> /*levels*/) {}
 };
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::offload

@@ -4,7 +4,7 @@
 #include "app/process/failure.h"
 #include "app/settings/program.h"
 
-namespace interneuron::cli {
+namespace interneuron::offload {
 namespace {
 
 void add_commands(CLI::App& program, std::function<int()>& run) {
@@ -13,17 +13,18 @@ void add_commands(CLI::App& program, std::function<int()>& run) {
 }
 
 std::optional<int> code_of(const std::exception& error) {
-  if (dynamic_cast<const perception::InputError*>(&error) != nullptr) return kConfiguration;
+  if (dynamic_cast<const perception::InputError*>(&error) != nullptr)
+    return process::kConfiguration;
   return std::nullopt;
 }
 
-constexpr Program kProgram{"interneuron-offload",
-                           "Interneuron: a camera's frames computed at the roadside, by a deadline",
-                           add_commands, code_of};
+constexpr settings::Program kProgram{
+    "interneuron-offload", "Interneuron: a camera's frames computed at the roadside, by a deadline",
+    add_commands, code_of};
 
 }  // namespace
-}  // namespace interneuron::cli
+}  // namespace interneuron::offload
 
 int main(int argc, char** argv) {
-  return interneuron::cli::run_program(interneuron::cli::kProgram, argc, argv);
+  return interneuron::settings::run_program(interneuron::offload::kProgram, argc, argv);
 }

@@ -4,7 +4,7 @@
 
 #include "core/wire/bytes.h"
 
-namespace interneuron::cli {
+namespace interneuron::offload {
 namespace {
 
 constexpr std::uint16_t kMagic = 0x4F46;
@@ -34,4 +34,4 @@ std::optional<std::pair<Duration, ByteView>> parse_request(ByteView bytes) {
   return std::pair<Duration, ByteView>{std::chrono::microseconds(budget), r.rest()};
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::offload

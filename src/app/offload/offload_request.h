@@ -9,7 +9,7 @@
 #include "interneuron/time.h"
 #include "interneuron/units.h"
 
-namespace interneuron::cli {
+namespace interneuron::offload {
 
 inline constexpr std::size_t kRequestBytes = 8;
 
@@ -24,4 +24,4 @@ Bytes with_request(Duration budget, ByteView image);
 // not begin with such a header. Any bytes of a peer are safe.
 std::optional<std::pair<Duration, ByteView>> parse_request(ByteView bytes);
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::offload

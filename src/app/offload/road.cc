@@ -25,7 +25,7 @@
 #include "app/watch/trust_keeper.h"
 #include "interneuron/node.h"
 
-namespace interneuron::cli {
+namespace interneuron::offload {
 namespace {
 
 namespace perc = perception;
@@ -81,16 +81,16 @@ class Road {
 
   const RoadOptions& options_;
   RoadHooks& hooks_;
-  Credentials credentials_;
+  settings::Credentials credentials_;
   std::optional<std::filesystem::path> data_;
   // Nothing when the unit only answers those who measure; then there is no unit_ either.
   std::optional<perc::Ladder> ladder_;
   std::vector<LevelProfile> levels_;
   std::optional<Unit> unit_;
   Node node_;
-  LinkPublisher links_;
-  TimeKeeper time_;
-  TrustKeeper trust_;
+  watch::LinkPublisher links_;
+  watch::TimeKeeper time_;
+  watch::TrustKeeper trust_;
   SubmitLog results_{"result"};
   std::map<PeerId, Vehicle> vehicles_;
   // When the newest second of the log began, and its lines so far.
@@ -103,8 +103,8 @@ class Road {
 Road::Road(const RoadOptions& options, RoadHooks& hooks)
     : options_(options),
       hooks_(hooks),
-      credentials_(options.keys, Trusts::kMany),
-      data_(find_data(options.data)),
+      credentials_(options.keys, settings::Trusts::kMany),
+      data_(settings::find_data(options.data)),
       ladder_(road_ladder(options, data_)),
       node_(node_options()),
       links_(node_, "road"),
@@ -114,10 +114,10 @@ Road::Road(const RoadOptions& options, RoadHooks& hooks)
 
 NodeOptions Road::node_options() const {
   NodeOptions o;
-  append_links(options_.nics, LinkPeer::kNone, o);
+  settings::append_links(options_.nics, settings::LinkPeer::kNone, o);
   for (NodeLink& link : o.links) link.local_address = options_.address;
   o.port = options_.port;
-  o.transport = transport_kind(options_.transport);
+  o.transport = settings::transport_kind(options_.transport);
   o.accept_peers = true;
   o.max_peers = options_.max_peers;
   o.relays = options_.relays;
@@ -130,7 +130,7 @@ std::unique_ptr<StampService> Road::serve_stamp() const {
   if (options_.stamp.port == 0) return nullptr;
   std::vector<std::string> nics;
   for (const std::string& text : options_.nics) {
-    nics.push_back(parse_link_option(text, LinkPeer::kNone).nic);
+    nics.push_back(settings::parse_link_option(text, settings::LinkPeer::kNone).nic);
   }
   return std::make_unique<StampService>(options_.stamp, nics, options_.address);
 }
@@ -289,7 +289,7 @@ void Road::tell_unanswered() {
     if (node_.now() - vehicle.logged < kBetweenLines || !may_log()) continue;
     vehicle.logged = node_.now();
     spdlog::info("vehicle {}: round {} gets no result: {}", unanswered->from.value,
-                 unanswered->round.round.value, to_string(unanswered->why));
+                 unanswered->round.round.value, computing::to_string(unanswered->why));
   }
 }
 
@@ -340,7 +340,7 @@ int Road::run() {
     hooks_.finished(ladder_->description(), names, levels_);
   }
   tell_served();
-  return kFine;
+  return process::kFine;
 }
 
 void Road::tell_served() const {
@@ -377,20 +377,22 @@ void Road::tell_ready() const {
 
 int run_road(const RoadOptions& options, RoadHooks* hooks) {
   if (options.ladder != kNoLadder && !perc::parse_ladder_kind(options.ladder)) {
-    throw Failure(kUsage,
-                  "--ladder '" + options.ladder + "': give auto, dnn, motion, replay or none");
+    throw process::Failure(process::kUsage, "--ladder '" + options.ladder +
+                                                "': give auto, dnn, motion, replay or none");
   }
-  if (options.nics.empty()) throw Failure(kUsage, "no NIC: give --nic NAME, once per card");
+  if (options.nics.empty())
+    throw process::Failure(process::kUsage, "no NIC: give --nic NAME, once per card");
   if (!options.address.empty() && !make_address(options.address, 0)) {
-    throw Failure(kUsage,
-                  "--address '" + options.address + "' is no numeric address like 10.0.0.1");
+    throw process::Failure(
+        process::kUsage, "--address '" + options.address + "' is no numeric address like 10.0.0.1");
   }
   for (const std::string& relay : options.relays) {
     if (make_address(relay, 0)) continue;
-    throw Failure(kUsage, "--relay '" + relay + "' is no numeric address like 10.0.0.1");
+    throw process::Failure(process::kUsage,
+                           "--relay '" + relay + "' is no numeric address like 10.0.0.1");
   }
   RoadHooks none;
   return Road(options, hooks != nullptr ? *hooks : none).run();
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::offload

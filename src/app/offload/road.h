@@ -10,7 +10,7 @@
 #include "app/settings/key_options.h"
 #include "app/settings/peer_address.h"
 
-namespace interneuron::cli {
+namespace interneuron::offload {
 
 // The --ladder of a unit that detects nothing and answers only those who measure.
 inline constexpr const char* kNoLadder = "none";
@@ -19,7 +19,7 @@ struct RoadOptions {
   // As link_options.h reads them, without a peer.
   std::vector<std::string> nics;
   std::string address;
-  std::uint16_t port = kDefaultPort;
+  std::uint16_t port = settings::kDefaultPort;
   // auto, udp or ring.
   std::string transport = "auto";
   std::string ladder = "auto";
@@ -34,7 +34,7 @@ struct RoadOptions {
   std::size_t max_peers = 16;
   // Numeric addresses of peers that bring rounds of other vehicles.
   std::vector<std::string> relays;
-  KeyOptions keys;
+  settings::KeyOptions keys;
   StampOptions stamp;
 };
 
@@ -43,4 +43,4 @@ struct RoadOptions {
 // (hooks.h), or nullptr. Throws Failure, IoError and perception::InputError.
 int run_road(const RoadOptions& options, RoadHooks* hooks = nullptr);
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::offload

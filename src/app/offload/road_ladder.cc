@@ -6,7 +6,7 @@
 #include "app/perception/frame_source.h"
 #include "app/settings/data.h"
 
-namespace interneuron::cli {
+namespace interneuron::offload {
 namespace {
 
 namespace perc = perception;
@@ -19,7 +19,7 @@ constexpr Duration kPause = std::chrono::milliseconds(40);
 
 std::vector<perc::Image> pictures_of(const RoadOptions& options,
                                      const std::optional<std::filesystem::path>& data) {
-  perc::FrameSource source(options.video.empty() ? default_video(data) : options.video);
+  perc::FrameSource source(options.video.empty() ? settings::default_video(data) : options.video);
   std::vector<perc::Image> pictures;
   while (pictures.size() < kPictures) {
     const auto frame = source.next();
@@ -62,4 +62,4 @@ std::vector<LevelProfile> calibrated(perc::Ladder& ladder, const RoadOptions& op
   return levels;
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::offload

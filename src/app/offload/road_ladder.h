@@ -9,7 +9,7 @@
 #include "app/perception/detector.h"
 #include "interneuron/guard.h"
 
-namespace interneuron::cli {
+namespace interneuron::offload {
 
 // The detectors that the options ask for; nothing for `--ladder none`. Throws what make_ladder()
 // throws when models are missing.
@@ -21,4 +21,4 @@ std::optional<perception::Ladder> road_ladder(const RoadOptions& options,
 std::vector<LevelProfile> calibrated(perception::Ladder& ladder, const RoadOptions& options,
                                      const std::optional<std::filesystem::path>& data);
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::offload

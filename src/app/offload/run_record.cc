@@ -12,7 +12,7 @@
 #include "app/process/whole_file.h"
 #include "interneuron/guard.h"
 
-namespace interneuron::cli {
+namespace interneuron::offload {
 
 namespace perc = perception;
 
@@ -22,7 +22,7 @@ void RunRecord::open() {
 
 void RunRecord::begun(std::uint32_t round, const perc::Frame& frame) {
   ++counts_.begun;
-  lab::RoundRow& row = open_[round].row;
+  records::RoundRow& row = open_[round].row;
   row.round = round;
   row.frame = frame.index;
   row.guard = o_.guard;
@@ -38,9 +38,9 @@ void RunRecord::planned(std::uint32_t round, const std::string& plan) {
   text += plan;
 }
 
-lab::RoundRow RunRecord::done(const RoundDone& event, Duration deadline) {
+records::RoundRow RunRecord::done(const RoundDone& event, Duration deadline) {
   Round& round = open_[event.round.round.value];
-  lab::RoundRow& row = round.row;
+  records::RoundRow& row = round.row;
   row.round = event.round.round.value;
   row.t0 = event.t0;
   row.answered = true;
@@ -57,7 +57,7 @@ lab::RoundRow RunRecord::done(const RoundDone& event, Duration deadline) {
     if (event.outcome == Outcome::kRemote) {
       ++counts_.on_time;
       const auto full = std::chrono::duration_cast<std::chrono::microseconds>(kFullSeverity);
-      row.road = lab::RoundRow::Road{
+      row.road = records::RoundRow::Road{
           std::string(perc::to_string(result->variant)),
           result->level,
           result->stage1_late,
@@ -68,7 +68,7 @@ lab::RoundRow RunRecord::done(const RoundDone& event, Duration deadline) {
       if (!picture_round_ && !picture_.empty() && newest) picture_round_ = round;
     }
   }
-  const lab::RoundRow decided = row;
+  const records::RoundRow decided = row;
   while (!open_.empty() && open_.begin()->second.row.answered) {
     take(open_.begin()->second);
     open_.erase(open_.begin());
@@ -89,7 +89,7 @@ void RunRecord::take(Round& round) {
 }
 
 // The run goes on when its file breaks, as the application's answers matter more; its end tells.
-void RunRecord::keep_row(const lab::RoundRow& row) {
+void RunRecord::keep_row(const records::RoundRow& row) {
   if (!files_ || !broken_.empty()) return;
   drawn_.push_back(row);
   if (drawn_.size() >= 2 * kMaxDrawn) {
@@ -97,7 +97,7 @@ void RunRecord::keep_row(const lab::RoundRow& row) {
   }
   try {
     files_->csv.add(row);
-  } catch (const Failure& failure) {
+  } catch (const process::Failure& failure) {
     broken_ = failure.what();
     spdlog::error("{}", broken_);
   }
@@ -112,7 +112,7 @@ void RunRecord::close() {
   open_.clear();
 }
 
-void RunRecord::compare(const std::filesystem::path& truth, lab::RunInfo& info) const {
+void RunRecord::compare(const std::filesystem::path& truth, records::RunInfo& info) const {
   if (judged_.size() >= kMaxJudged) {
     spdlog::warn("AP and AR are those of the first {} rounds", kMaxJudged);
   }
@@ -127,27 +127,27 @@ void RunRecord::compare(const std::filesystem::path& truth, lab::RunInfo& info) 
 }
 
 std::string RunRecord::caption() const {
-  const lab::RoundRow& row = picture_round_->row;
+  const records::RoundRow& row = picture_round_->row;
   return fmt::format("round {}: answered by the roadside in {:.0f} ms, level {}, {} image",
                      row.round, to_ms(row.e2e), row.road->level, row.road->variant);
 }
 
-lab::Json RunRecord::write(const lab::RunInfo& info) {
+records::Json RunRecord::write(const records::RunInfo& info) {
   close();
-  lab::Json summary = tally_.summary(info);
+  records::Json summary = tally_.summary(info);
   if (!files_) return summary;
-  if (!broken_.empty()) throw Failure(kFailed, broken_);
+  if (!broken_.empty()) throw process::Failure(process::kFailed, broken_);
   files_->csv.commit();
-  lab::write_json(files_->staging / "summary.json", summary);
+  records::write_json(files_->staging / "summary.json", summary);
   if (picture_round_) {
     const Shown& shown = picture_round_->shown;
-    write_whole(files_->staging / "frame.png",
-                perc::png_picture(picture_, shown.boxes, caption(), shown.draw_score));
+    process::write_whole(files_->staging / "frame.png",
+                         perc::png_picture(picture_, shown.boxes, caption(), shown.draw_score));
   }
   files_->staging.publish();
   files_.reset();
-  lab::plot_latency(o_.out / "latency.png", drawn_, summary);
+  records::plot_latency(o_.out / "latency.png", drawn_, summary);
   return summary;
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::offload

@@ -25,7 +25,7 @@
 #include "app/records/staging.h"
 #include "interneuron/pipeline.h"
 
-namespace interneuron::cli {
+namespace interneuron::offload {
 
 class RunRecord {
  public:
@@ -55,7 +55,7 @@ class RunRecord {
   // that have begun, done() once each.
   void begun(std::uint32_t round, const perception::Frame& frame);
   void planned(std::uint32_t round, const std::string& plan);
-  lab::RoundRow done(const RoundDone& event, Duration deadline);
+  records::RoundRow done(const RoundDone& event, Duration deadline);
   // Forgets the rounds that have no answer.
   void drop_undecided();
 
@@ -73,10 +73,10 @@ class RunRecord {
   // Ends the record: no round follows.
   void close();
   // Writes the accuracy against a ground truth (a gt.txt of MOT15) into `info`.
-  void compare(const std::filesystem::path& truth, lab::RunInfo& info) const;
+  void compare(const std::filesystem::path& truth, records::RunInfo& info) const;
   // Returns the summary, and writes the files if there is a folder. Throws Failure (1) naming the
   // file.
-  lab::Json write(const lab::RunInfo& info);
+  records::Json write(const records::RunInfo& info);
 
  private:
   // What the application was shown.
@@ -86,25 +86,25 @@ class RunRecord {
     float draw_score = 0;
   };
   struct Round {
-    lab::RoundRow row;
+    records::RoundRow row;
     Shown shown;
   };
   struct Files {
     explicit Files(const std::filesystem::path& folder)
         : staging(folder), csv(staging / "rounds.csv") {}
-    lab::Staging staging;
-    lab::CsvFile csv;
+    records::Staging staging;
+    records::CsvFile csv;
   };
   void take(Round& round);
-  void keep_row(const lab::RoundRow& row);
+  void keep_row(const records::RoundRow& row);
   std::string caption() const;
 
   Options o_;
   Counts counts_;
-  lab::RunTally tally_;
+  records::RunTally tally_;
   // Rounds that are not over, or that wait for one before them: as many as overlap.
   std::map<std::uint32_t, Round> open_;
-  std::vector<lab::RoundRow> drawn_;
+  std::vector<records::RoundRow> drawn_;
   // All boxes of a round, and those that are drawn.
   std::vector<perception::Shown> judged_;
   std::vector<perception::Shown> judged_drawn_;
@@ -116,4 +116,4 @@ class RunRecord {
   std::optional<Round> picture_round_;
 };
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::offload

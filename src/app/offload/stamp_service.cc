@@ -15,7 +15,7 @@
 #include "node/io/stamped_socket.h"
 #include "node/io/steady_clock.h"
 
-namespace interneuron::cli {
+namespace interneuron::offload {
 namespace {
 
 // How often NICs that came or went are looked for, in ms.
@@ -78,9 +78,12 @@ class StampService::Impl {
     const bool only_ipv6 = !nic.addresses.empty() && is_ipv6(nic.addresses.front());
     const auto local =
         make_address(!address_.empty() ? address_ : (only_ipv6 ? "::" : "0.0.0.0"), options_.port);
-    if (!local) throw Failure(kUsage, "'" + address_ + "' is no numeric address like 10.0.0.1");
+    if (!local)
+      throw process::Failure(process::kUsage,
+                             "'" + address_ + "' is no numeric address like 10.0.0.1");
     if (!options_.is_public && !std::ranges::all_of(nic.addresses, is_private)) {
-      throw Failure(kFailed, what + " would be public; pass --stamp-public if that is meant");
+      throw process::Failure(process::kFailed,
+                             what + " would be public; pass --stamp-public if that is meant");
     }
     try {
       io::UdpOptions udp;
@@ -90,12 +93,14 @@ class StampService::Impl {
       ports_.push_back({nic.name, nic.index, std::make_unique<io::StampedSocket>(udp)});
     } catch (const IoError& error) {
       if (error.code() == EACCES) {
-        throw Failure(kPrivilege, what +
-                                      " needs a privilege: run as root, or choose a port above "
-                                      "1023 with --stamp PORT");
+        throw process::Failure(process::kPrivilege,
+                               what +
+                                   " needs a privilege: run as root, or choose a port above "
+                                   "1023 with --stamp PORT");
       }
       if (error.code() == EADDRINUSE) {
-        throw Failure(kFailed, what + " is taken; choose another with --stamp PORT");
+        throw process::Failure(process::kFailed,
+                               what + " is taken; choose another with --stamp PORT");
       }
       throw;
     }
@@ -168,4 +173,4 @@ StampService::StampService(const StampOptions& options, const std::vector<std::s
     : impl_(std::make_unique<Impl>(options, patterns, address)) {}
 StampService::~StampService() = default;
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::offload

@@ -12,7 +12,7 @@
 
 #include <CLI/CLI.hpp>
 
-namespace interneuron::cli {
+namespace interneuron::offload {
 
 struct StampOptions {
   // 0: no reflector.
@@ -40,4 +40,4 @@ class StampService {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::offload

@@ -2,7 +2,7 @@
 
 #include <spdlog/spdlog.h>
 
-namespace interneuron::cli {
+namespace interneuron::offload {
 
 void SubmitLog::submitted(const RoundRef& round, SubmitStatus status) {
   if (status == newest_) return;
@@ -21,4 +21,4 @@ void SubmitLog::submitted(const RoundRef& round, SubmitStatus status) {
   }
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::offload

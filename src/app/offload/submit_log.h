@@ -7,7 +7,7 @@
 #include "interneuron/round.h"
 #include "interneuron/submit_status.h"
 
-namespace interneuron::cli {
+namespace interneuron::offload {
 
 // Turns the answers of submit() into warnings, once for each reason in a row: without a link every
 // round is refused alike. Quiet about a round that is over, which is ordinary for a late result,
@@ -24,4 +24,4 @@ class SubmitLog {
   SubmitStatus newest_ = SubmitStatus::kAccepted;
 };
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::offload

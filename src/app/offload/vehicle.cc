@@ -27,7 +27,7 @@
 #include "interneuron/node.h"
 #include "node/io/steady_clock.h"
 
-namespace interneuron::cli {
+namespace interneuron::offload {
 namespace {
 
 namespace perc = perception;
@@ -70,22 +70,22 @@ class Vehicle {
   const VehicleOptions& o_;
   VehicleHooks& hooks_;
   perc::Images images_;
-  Credentials credentials_;
+  settings::Credentials credentials_;
   std::optional<std::filesystem::path> data_;
   std::string video_;
   Camera camera_;
   perc::Ladder backup_;
   Node node_;
-  LinkPublisher links_;
-  TimeKeeper time_;
-  TrustKeeper trust_;
+  watch::LinkPublisher links_;
+  watch::TimeKeeper time_;
+  watch::TrustKeeper trust_;
   std::atomic<std::uint32_t> newest_round_{0};
   // Measured before the loop runs, which it would hold up.
   Encoding encoding_;
   computing::ComputationBudget budget_;
   bool started_ = false;
   bool all_begun_ = false;
-  StatusLine line_;
+  process::StatusLine line_;
   RunRecord record_;
   // The newest reason for which the policy sent nothing.
   std::string refusal_;
@@ -97,9 +97,9 @@ Vehicle::Vehicle(const VehicleOptions& options, VehicleHooks& hooks)
     : o_(options),
       hooks_(hooks),
       images_(*perc::parse_images(options.images)),
-      credentials_(options.keys, Trusts::kThePeer),
-      data_(find_data(options.data)),
-      video_(options.video.empty() ? default_video(data_) : options.video),
+      credentials_(options.keys, settings::Trusts::kThePeer),
+      data_(settings::find_data(options.data)),
+      video_(options.video.empty() ? settings::default_video(data_) : options.video),
       camera_(video_, options.rounds > 0),
       backup_(local_ladder(options, data_, 1)),
       node_(node_options()),
@@ -141,9 +141,9 @@ double Vehicle::backup_quality() const {
 
 NodeOptions Vehicle::node_options() {
   NodeOptions n;
-  append_links(o_.links, LinkPeer::kNamed, n);
+  settings::append_links(o_.links, settings::LinkPeer::kNamed, n);
   n.port = o_.port;
-  n.transport = transport_kind(o_.transport);
+  n.transport = settings::transport_kind(o_.transport);
   n.pipelines = {pipeline()};
   credentials_.apply(n);
   hooks_.configure(n);
@@ -270,7 +270,7 @@ void Vehicle::planned(const Planned& event) {
   }
   if (event.plan.under_floor) text += " (under floor)";
   if (!event.plan.refused.empty()) {
-    text = lab::kRefusedPlan;
+    text = records::kRefusedPlan;
     refused(event);
   }
   record_.planned(event.round.round.value, text);
@@ -284,7 +284,7 @@ void Vehicle::refused(const Planned& event) {
 }
 
 void Vehicle::done(const RoundDone& event) {
-  const lab::RoundRow row = record_.done(event, from_ms(o_.deadline_ms));
+  const records::RoundRow row = record_.done(event, from_ms(o_.deadline_ms));
   // Of the paper's images the large one counts, of JPEGs whichever there was time for.
   const bool counts = row.road && (images_ == perc::Images::kJpeg ||
                                    row.road->variant == perc::to_string(perc::Variant::kRaw));
@@ -322,9 +322,9 @@ int Vehicle::run() {
   wait_for_roadside();
   node_.run();
   // What was measured is written, even after a second Ctrl-C.
-  const SignalWatch undisturbed;
+  const process::SignalWatch undisturbed;
   if (started_ && !o_.quiet) show_progress(line_, record_.counts(), o_.rounds, true);
-  if (!failure_.empty()) throw Failure(kFailed, failure_);
+  if (!failure_.empty()) throw process::Failure(process::kFailed, failure_);
   const int signal = node_.stopped_by_signal();
   // Rounds that the signal cut off are no rounds of the run.
   if (signal != 0) record_.drop_undecided();
@@ -332,7 +332,7 @@ int Vehicle::run() {
   const VehicleRun run{data_, video_, backup_.description()};
   // Without a round there is nothing to tell, and a picture of nothing helps nobody.
   const bool told = started_ && (signal == 0 || record_.decided() > 0);
-  const int code = told ? report_run(o_, run, record_, node_.statistics()) : kFine;
+  const int code = told ? report_run(o_, run, record_, node_.statistics()) : process::kFine;
   return signal != 0 ? 128 + signal : code;
 }
 
@@ -344,19 +344,21 @@ std::string default_policy(perc::Images images) {
 
 int run_vehicle(const VehicleOptions& options, VehicleHooks* hooks) {
   if (!perc::parse_ladder_kind(options.ladder)) {
-    throw Failure(kUsage, "--ladder '" + options.ladder + "': give auto, dnn, motion or replay");
+    throw process::Failure(process::kUsage,
+                           "--ladder '" + options.ladder + "': give auto, dnn, motion or replay");
   }
   if (!perc::parse_images(options.images)) {
-    throw Failure(kUsage, "--images '" + options.images + "': give paper or jpeg");
+    throw process::Failure(process::kUsage,
+                           "--images '" + options.images + "': give paper or jpeg");
   }
   if (options.links.empty()) {
-    throw Failure(kUsage, "no link: give --link NIC=ADDRESS:PORT, once per card");
+    throw process::Failure(process::kUsage, "no link: give --link NIC=ADDRESS:PORT, once per card");
   }
   // Mistakes in the links are found before anything is opened.
   NodeOptions checked;
-  append_links(options.links, LinkPeer::kNamed, checked);
+  settings::append_links(options.links, settings::LinkPeer::kNamed, checked);
   VehicleHooks none;
   return Vehicle(options, hooks != nullptr ? *hooks : none).run();
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::offload

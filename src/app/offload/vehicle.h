@@ -10,12 +10,12 @@
 #include "app/perception/codec.h"
 #include "app/settings/key_options.h"
 
-namespace interneuron::cli {
+namespace interneuron::offload {
 
 struct VehicleOptions {
   // The roadside unit as reached over each card, as link_options.h reads it.
   std::vector<std::string> links;
-  KeyOptions keys;
+  settings::KeyOptions keys;
   std::uint16_t port = 0;
   // auto, udp or ring.
   std::string transport = "auto";
@@ -58,4 +58,4 @@ std::string default_policy(perception::Images images);
 // Throws Failure, IoError and perception::InputError.
 int run_vehicle(const VehicleOptions& options, VehicleHooks* hooks = nullptr);
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::offload

@@ -7,7 +7,7 @@
 #include "app/offload/offload_request.h"
 #include "node/io/steady_clock.h"
 
-namespace interneuron::cli {
+namespace interneuron::offload {
 namespace {
 
 namespace perc = perception;
@@ -77,4 +77,4 @@ std::vector<LevelProfile> believed_levels(const perc::Ladder& ladder, perc::Imag
   return out;
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::offload

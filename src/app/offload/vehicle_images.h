@@ -15,7 +15,7 @@
 #include "interneuron/guard.h"
 #include "interneuron/message.h"
 
-namespace interneuron::cli {
+namespace interneuron::offload {
 
 // The variants of a frame as messages, the best first, each behind the request (offload_request.h)
 // that it be computed on within `budget`. JPEGs take milliseconds.
@@ -43,4 +43,4 @@ perception::Ladder local_ladder(const VehicleOptions& options,
 std::vector<LevelProfile> believed_levels(const perception::Ladder& ladder,
                                           perception::Images images);
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::offload

@@ -6,12 +6,12 @@
 #include "app/records/verdict.h"
 #include "app/settings/data.h"
 
-namespace interneuron::cli {
+namespace interneuron::offload {
 namespace {
 
-lab::RunInfo info_of(const VehicleOptions& options, const VehicleRun& run,
-                     const Statistics& statistics) {
-  lab::RunInfo info;
+records::RunInfo info_of(const VehicleOptions& options, const VehicleRun& run,
+                         const Statistics& statistics) {
+  records::RunInfo info;
   info.seeded = options.seed >= 0;
   if (info.seeded) info.seed = static_cast<std::uint64_t>(options.seed);
   info.deadline = from_ms(options.deadline_ms);
@@ -38,10 +38,10 @@ std::optional<std::filesystem::path> truth_of(const VehicleOptions& options,
   if (options.truth == "none") return std::nullopt;
   if (!options.truth.empty()) return options.truth;
   const bool demo_video = data && video == (*data / "pets/vtest.avi").string();
-  return demo_video ? default_truth(data) : std::nullopt;
+  return demo_video ? settings::default_truth(data) : std::nullopt;
 }
 
-void show_progress(StatusLine& line, const RunRecord::Counts& counts, std::uint32_t rounds,
+void show_progress(process::StatusLine& line, const RunRecord::Counts& counts, std::uint32_t rounds,
                    bool last) {
   if (!line.live() && !last && counts.decided % 50 >= 5) return;
   const std::string text = "vehicle: round " + std::to_string(counts.begun) +
@@ -55,17 +55,17 @@ void show_progress(StatusLine& line, const RunRecord::Counts& counts, std::uint3
 
 int report_run(const VehicleOptions& options, const VehicleRun& run, RunRecord& record,
                const Statistics& statistics) {
-  lab::RunInfo info = info_of(options, run, statistics);
+  records::RunInfo info = info_of(options, run, statistics);
   record.close();
   if (const auto file = truth_of(options, run.data, run.video)) record.compare(*file, info);
-  const lab::Json summary = record.write(info);
+  const records::Json summary = record.write(info);
   if (options.json) {
     std::printf("%s\n", summary.dump(2).c_str());
   } else if (options.table && !options.quiet) {
-    lab::print_table(summary);
-    std::printf("\n%s\n", lab::verdict(summary).c_str());
+    records::print_table(summary);
+    std::printf("\n%s\n", records::verdict(summary).c_str());
   }
-  return lab::judge_objective(summary, options.objective);
+  return records::judge_objective(summary, options.objective);
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::offload

@@ -11,7 +11,7 @@
 #include "app/process/status_line.h"
 #include "interneuron/node.h"
 
-namespace interneuron::cli {
+namespace interneuron::offload {
 
 // What a run was made with, beside its options.
 struct VehicleRun {
@@ -23,7 +23,7 @@ struct VehicleRun {
 
 // Says how many rounds there were and how they ended: in the line of a terminal, else on stderr
 // every 50 rounds or so. `last`: the run is over.
-void show_progress(StatusLine& line, const RunRecord::Counts& counts, std::uint32_t rounds,
+void show_progress(process::StatusLine& line, const RunRecord::Counts& counts, std::uint32_t rounds,
                    bool last);
 
 // Writes the files of the run and prints its summary, as the options ask for. Returns the exit
@@ -36,4 +36,4 @@ std::optional<std::filesystem::path> truth_of(const VehicleOptions& options,
                                               const std::optional<std::filesystem::path>& data,
                                               const std::string& video);
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::offload

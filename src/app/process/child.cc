@@ -10,7 +10,7 @@
 #include "app/process/signals.h"
 #include "node/io/steady_clock.h"
 
-namespace interneuron::cli {
+namespace interneuron::process {
 
 namespace {
 
@@ -73,4 +73,4 @@ int Child::end(int signal, Duration grace) {
   }
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::process

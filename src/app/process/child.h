@@ -8,7 +8,7 @@
 
 #include "interneuron/time.h"
 
-namespace interneuron::cli {
+namespace interneuron::process {
 
 // Owns a child process: the destructor ends and reaps it at the latest. A process that has been
 // reaped is never signalled, as its number may be another process's by then; so nothing else may
@@ -36,4 +36,4 @@ class Child {
   std::optional<int> code_;
 };
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::process

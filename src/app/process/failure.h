@@ -4,7 +4,7 @@
 #include <stdexcept>
 #include <string>
 
-namespace interneuron::cli {
+namespace interneuron::process {
 
 // Exit codes of the program; docs/programs.md lists them. kObjectiveMissed: the command worked, but
 // the objective that it was given was missed. kCannotHere: this machine lacks what the command
@@ -32,4 +32,4 @@ class Failure : public std::runtime_error {
   int code_;
 };
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::process

@@ -12,7 +12,7 @@
 #include "app/process/whole_file.h"
 #include "node/io/file_descriptor.h"
 
-namespace interneuron::cli {
+namespace interneuron::process {
 namespace {
 
 [[noreturn]] void fail(const std::string& program, int error) {
@@ -64,4 +64,4 @@ Filtered filter(const std::string& input, std::vector<std::string> command) {
   return result;
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::process

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-namespace interneuron::cli {
+namespace interneuron::process {
 
 struct Filtered {
   // The errno with which it could not be started; 0: it ran.
@@ -20,4 +20,4 @@ struct Filtered {
 // descriptor for it.
 Filtered filter(const std::string& input, std::vector<std::string> command);
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::process

@@ -13,7 +13,7 @@
 #include "app/process/failure.h"
 #include "app/process/whole_file.h"
 
-namespace interneuron::cli {
+namespace interneuron::process {
 
 namespace fs = std::filesystem;
 
@@ -84,4 +84,4 @@ PrivateFolder::~PrivateFolder() {
   fs::remove_all(path_, ignored);
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::process

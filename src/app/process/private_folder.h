@@ -7,7 +7,7 @@
 
 #include "node/io/file_descriptor.h"
 
-namespace interneuron::cli {
+namespace interneuron::process {
 
 // Makes the folder, and those above it, with mode 0700. One that is there already has to be a
 // folder of this user that no other can enter, and no symbolic link. Throws Failure (1) naming it.
@@ -45,4 +45,4 @@ class PrivateFolder {
   FolderLock lock_;
 };
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::process

@@ -13,7 +13,7 @@
 
 #include "app/process/signals.h"
 
-namespace interneuron::cli {
+namespace interneuron::process {
 namespace {
 
 // How often a terminal's line is written again: often enough to look alive.
@@ -66,4 +66,4 @@ void Progress::for_each(const std::string& what, std::size_t count,
   tell(what, count, count);
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::process

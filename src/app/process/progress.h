@@ -7,7 +7,7 @@
 
 #include "app/process/status_line.h"
 
-namespace interneuron::cli {
+namespace interneuron::process {
 
 // Runs a list of independent jobs on all processors and shows on stderr how many are done: on a
 // terminal as a line that is written again and again. A SignalWatch must be alive, by which Ctrl-C
@@ -29,4 +29,4 @@ class Progress {
   StatusLine line_;
 };
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::process

@@ -11,7 +11,7 @@
 
 #include "app/process/failure.h"
 
-namespace interneuron::cli {
+namespace interneuron::process {
 
 namespace {
 
@@ -62,4 +62,4 @@ void refuse_other_version(const std::string& version) {
           fs::path(own_program()).filename().string(), version, theirs));
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::process

@@ -6,7 +6,7 @@
 
 #include <string>
 
-namespace interneuron::cli {
+namespace interneuron::process {
 
 // The path of the program that runs. Throws Failure (1).
 std::string own_program();
@@ -23,4 +23,4 @@ std::string sibling_program(const std::string& name);
 // What a sibling does first: refuses, by a Failure (1), to go on for a starter of another version.
 void refuse_other_version(const std::string& version);
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::process

@@ -6,7 +6,7 @@
 #include "app/process/failure.h"
 #include "node/io/steady_clock.h"
 
-namespace interneuron::cli {
+namespace interneuron::process {
 
 namespace {
 
@@ -52,4 +52,4 @@ void SignalWatch::sleep(Duration length) {
   check();
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::process

@@ -6,7 +6,7 @@
 
 #include "interneuron/time.h"
 
-namespace interneuron::cli {
+namespace interneuron::process {
 
 // While a SignalWatch lives, these signals do not end the process: they only interrupt sleep(), and
 // last() tells the newest one. At most one may live at a time. sleep() belongs to one thread;
@@ -30,4 +30,4 @@ class SignalWatch {
   std::array<struct sigaction, kSignals.size()> old_;
 };
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::process

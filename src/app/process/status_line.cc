@@ -7,7 +7,7 @@
 #include <cstdio>
 #include <string>
 
-namespace interneuron::cli {
+namespace interneuron::process {
 namespace {
 
 // ECMA-48: CUU moves the cursor up, ED erases from the cursor to the end of the screen.
@@ -41,4 +41,4 @@ void StatusLine::keep() {
   lines_down_ = 0;
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::process

@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <string_view>
 
-namespace interneuron::cli {
+namespace interneuron::process {
 
 // Text on a terminal's stderr that is written over with each newer one: progress and countdowns.
 // Where stderr is no terminal (a log, a pipe) nothing is shown: live() tells, so that the caller
@@ -30,4 +30,4 @@ class StatusLine {
   std::size_t lines_down_ = 0;
 };
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::process

@@ -13,7 +13,7 @@
 
 #include "app/process/failure.h"
 
-namespace interneuron::cli {
+namespace interneuron::process {
 namespace {
 
 namespace fs = std::filesystem;
@@ -169,4 +169,4 @@ void finish_stdout() {
                             error != 0 ? std::strerror(error) : "an earlier write failed"));
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::process

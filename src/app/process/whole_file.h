@@ -15,7 +15,7 @@
 
 #include "node/io/file_descriptor.h"
 
-namespace interneuron::cli {
+namespace interneuron::process {
 
 // "WHAT 'FILE': No space left on device; make room there or name another folder": one line for an
 // errno. WHAT is "cannot write" or the like.
@@ -62,4 +62,4 @@ std::string read_whole(const std::filesystem::path& file, int code);
 // enough and gone (EPIPE) is no failure.
 void finish_stdout();
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::process

@@ -3,18 +3,18 @@
 #include "app/process/failure.h"
 #include "app/process/whole_file.h"
 
-namespace interneuron::lab {
+namespace interneuron::records {
 
 void write_json(const std::filesystem::path& file, const Json& json) {
-  cli::write_whole(file, json.dump(2) + '\n');
+  process::write_whole(file, json.dump(2) + '\n');
 }
 
 Json read_json(const std::filesystem::path& file) {
-  Json json = Json::parse(cli::read_whole(file, cli::kFailed), nullptr, false);
+  Json json = Json::parse(process::read_whole(file, process::kFailed), nullptr, false);
   if (json.is_discarded()) {
-    throw cli::Failure(cli::kFailed, "'" + file.string() + "': not valid JSON");
+    throw process::Failure(process::kFailed, "'" + file.string() + "': not valid JSON");
   }
   return json;
 }
 
-}  // namespace interneuron::lab
+}  // namespace interneuron::records

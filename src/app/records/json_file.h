@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-namespace interneuron::lab {
+namespace interneuron::records {
 
 // Keys keep the order in which they were written, for people who read the files.
 using Json = nlohmann::ordered_json;
@@ -15,9 +15,9 @@ inline double rounded(double value, double scale = 1e3) {
   return std::round(value * scale) / scale;
 }
 
-// Both throw cli::Failure (1) that names the file: when it cannot be written or read, and when it
-// holds no JSON. A file is written whole or not at all.
+// Both throw process::Failure (1) that names the file: when it cannot be written or read, and when
+// it holds no JSON. A file is written whole or not at all.
 void write_json(const std::filesystem::path& file, const Json& json);
 Json read_json(const std::filesystem::path& file);
 
-}  // namespace interneuron::lab
+}  // namespace interneuron::records

@@ -13,7 +13,7 @@
 #include "app/process/whole_file.h"
 #include "app/records/run_files.h"
 
-namespace interneuron::lab {
+namespace interneuron::records {
 namespace {
 
 // '+' in the figure: θ1 ≫ D1. Here: later by more than a fifth of the end-to-end deadline.
@@ -102,25 +102,26 @@ std::string gnuplot_text(const std::string& text) {
 
 std::string picture_of(const std::filesystem::path& file, const std::string& gnuplot_script) {
   // -d: what the user's own start-up file says has no place in our pictures.
-  const cli::Filtered drawn = cli::filter(gnuplot_script, {"gnuplot", "-d", "-"});
+  const process::Filtered drawn = process::filter(gnuplot_script, {"gnuplot", "-d", "-"});
   if (drawn.start_error == ENOENT) {
     fmt::print(stderr, "no plot: gnuplot is not installed; install the package gnuplot-nox\n");
     return {};
   }
   if (drawn.start_error != 0) {
-    throw cli::Failure(cli::kFailed, cli::file_problem("cannot run", "gnuplot", drawn.start_error));
+    throw process::Failure(process::kFailed,
+                           process::file_problem("cannot run", "gnuplot", drawn.start_error));
   }
   // A terminal's Ctrl-C reaches gnuplot, too.
   if (drawn.code == 128 + SIGINT || drawn.code == 128 + SIGTERM) {
-    throw cli::Failure(drawn.code, "interrupted");
+    throw process::Failure(drawn.code, "interrupted");
   }
-  if (drawn.code == cli::kFine && !drawn.output.empty()) return drawn.output;
-  throw cli::Failure(cli::kFailed, "gnuplot could not draw '" + file.string() + "'");
+  if (drawn.code == process::kFine && !drawn.output.empty()) return drawn.output;
+  throw process::Failure(process::kFailed, "gnuplot could not draw '" + file.string() + "'");
 }
 
 bool draw(const std::filesystem::path& file, const std::string& gnuplot_script) {
   const std::string picture = picture_of(file, gnuplot_script);
-  if (!picture.empty()) cli::write_whole(file, picture);
+  if (!picture.empty()) process::write_whole(file, picture);
   return !picture.empty();
 }
 
@@ -129,4 +130,4 @@ bool plot_latency(const std::filesystem::path& file, const std::vector<RoundRow>
   return draw(file, script(rows, summary));
 }
 
-}  // namespace interneuron::lab
+}  // namespace interneuron::records

@@ -7,17 +7,17 @@
 #include <filesystem>
 #include <string>
 
-namespace interneuron::lab {
+namespace interneuron::records {
 
 // Text as a gnuplot string in single quotes, in which nothing is expanded. Single quotes become
 // apostrophes; control characters, which would end the line or the string, become spaces.
 std::string gnuplot_text(const std::string& text);
 
 // Runs a script of gnuplot that sets a terminal and no output. Returns the picture; throws
-// cli::Failure (1) that names `file`, whose picture it is, when it cannot be drawn. Empty (and a
-// line on stderr) when gnuplot is not installed.
+// process::Failure (1) that names `file`, whose picture it is, when it cannot be drawn. Empty (and
+// a line on stderr) when gnuplot is not installed.
 std::string picture_of(const std::filesystem::path& file, const std::string& gnuplot_script);
 // The same, written to `file` whole or not at all; false when gnuplot is not installed.
 bool draw(const std::filesystem::path& file, const std::string& gnuplot_script);
 
-}  // namespace interneuron::lab
+}  // namespace interneuron::records

@@ -11,7 +11,7 @@
 #include "app/process/whole_file.h"
 #include "app/records/run_files.h"
 
-namespace interneuron::lab {
+namespace interneuron::records {
 namespace {
 
 // Milliseconds with microseconds, the unit of every time in our files.
@@ -143,20 +143,21 @@ void write_csv(const std::filesystem::path& file, const std::vector<RoundRow>& r
 }
 
 std::vector<RoundRow> read_csv(const std::filesystem::path& file) {
-  std::istringstream in(cli::read_whole(file, cli::kFailed));
+  std::istringstream in(process::read_whole(file, process::kFailed));
   std::string line;
   if (!std::getline(in, line) || line != header()) {
-    throw cli::Failure(cli::kFailed, "'" + file.string() + "': not a rounds.csv of this version");
+    throw process::Failure(process::kFailed,
+                           "'" + file.string() + "': not a rounds.csv of this version");
   }
   std::vector<RoundRow> rows;
   while (std::getline(in, line)) {
     try {
       rows.push_back(row_of(line));
     } catch (const std::exception&) {
-      throw cli::Failure(cli::kFailed, "'" + file.string() + "': bad line '" + line + "'");
+      throw process::Failure(process::kFailed, "'" + file.string() + "': bad line '" + line + "'");
     }
   }
   return rows;
 }
 
-}  // namespace interneuron::lab
+}  // namespace interneuron::records

@@ -4,7 +4,7 @@
 
 #include "app/process/failure.h"
 
-namespace interneuron::lab {
+namespace interneuron::records {
 void print_table(const Json& s) {
   const auto rounds = s["rounds"].get<double>();
   const auto share = [rounds](const Json& n) {
@@ -68,9 +68,9 @@ void make_directory(const std::filesystem::path& directory) {
   std::error_code error;
   std::filesystem::create_directories(directory, error);
   if (error) {
-    throw cli::Failure(cli::kFailed, "output folder '" + directory.string() +
-                                         "': " + error.message() + "; give another with --out DIR");
+    throw process::Failure(process::kFailed, "output folder '" + directory.string() + "': " +
+                                                 error.message() + "; give another with --out DIR");
   }
 }
 
-}  // namespace interneuron::lab
+}  // namespace interneuron::records

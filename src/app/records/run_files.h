@@ -13,7 +13,7 @@
 #include "app/records/json_file.h"
 #include "interneuron/pipeline.h"
 
-namespace interneuron::lab {
+namespace interneuron::records {
 
 // One round as the vehicle saw it; what the roadside saw of it came back with the result.
 struct RoundRow {
@@ -94,7 +94,7 @@ Json summarise(const std::vector<RoundRow>& rows, const RunInfo& info);
 // The summary as a table on stdout.
 void print_table(const Json& summary);
 
-// These throw cli::Failure (1) that names the file.
+// These throw process::Failure (1) that names the file.
 // A rounds.csv that grows by a line at a time and appears whole, when it is committed, or not at
 // all.
 class CsvFile {
@@ -104,7 +104,7 @@ class CsvFile {
   void commit() { out_.commit(); }
 
  private:
-  cli::WholeFile out_;
+  process::WholeFile out_;
 };
 void write_csv(const std::filesystem::path& file, const std::vector<RoundRow>& rows);
 std::vector<RoundRow> read_csv(const std::filesystem::path& file);
@@ -114,4 +114,4 @@ bool plot_latency(const std::filesystem::path& file, const std::vector<RoundRow>
                   const Json& summary);
 void make_directory(const std::filesystem::path& directory);
 
-}  // namespace interneuron::lab
+}  // namespace interneuron::records

@@ -4,7 +4,7 @@
 
 #include "core/base/statistics.h"
 
-namespace interneuron::lab {
+namespace interneuron::records {
 namespace {
 
 constexpr int kOtherLevels = -1;
@@ -132,4 +132,4 @@ Json summarise(const std::vector<RoundRow>& rows, const RunInfo& info) {
   return tally.summary(info);
 }
 
-}  // namespace interneuron::lab
+}  // namespace interneuron::records

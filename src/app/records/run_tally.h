@@ -14,7 +14,7 @@
 
 #include "app/records/run_files.h"
 
-namespace interneuron::lab {
+namespace interneuron::records {
 
 // The mean of any number of values, and quantiles of them: exact up to kMaxValues, which are 2.8 h
 // of ten rounds a second; beyond, of a random sample of so many (the first of a fixed seed), whose
@@ -60,4 +60,4 @@ class RunTally {
   std::map<std::string, std::uint64_t> plans_;
 };
 
-}  // namespace interneuron::lab
+}  // namespace interneuron::records

@@ -8,7 +8,7 @@
 #include "app/process/failure.h"
 #include "app/records/run_files.h"
 
-namespace interneuron::lab {
+namespace interneuron::records {
 namespace fs = std::filesystem;
 
 namespace {
@@ -21,10 +21,10 @@ constexpr int kTries = 4;
 // begins to use it meanwhile.
 void remove_abandoned(const fs::path& directory) {
   std::error_code ignored;
-  std::vector<std::pair<fs::path, cli::FolderLock>> abandoned;
+  std::vector<std::pair<fs::path, process::FolderLock>> abandoned;
   for (const fs::directory_entry& entry : fs::directory_iterator(directory, ignored)) {
     if (!entry.path().filename().string().starts_with(kPrefix)) continue;
-    cli::FolderLock lock(entry.path());
+    process::FolderLock lock(entry.path());
     if (lock.held()) abandoned.emplace_back(entry.path(), std::move(lock));
   }
   for (const auto& [folder, lock] : abandoned) fs::remove_all(folder, ignored);
@@ -40,12 +40,12 @@ Staging::Staging(const fs::path& directory) : directory_(fs::absolute(directory)
   for (int i = 0; i < kTries && !lock_.held(); ++i) {
     std::string name = (directory_ / (std::string(kPrefix) + "XXXXXX")).string();
     if (::mkdtemp(name.data()) == nullptr) {
-      throw cli::Failure(cli::kFailed, "output folder '" + directory.string() +
-                                           "': " + std::generic_category().message(errno) +
-                                           "; give another with --out DIR");
+      throw process::Failure(process::kFailed, "output folder '" + directory.string() +
+                                                   "': " + std::generic_category().message(errno) +
+                                                   "; give another with --out DIR");
     }
     partial_ = name;
-    lock_ = cli::FolderLock(partial_);
+    lock_ = process::FolderLock(partial_);
   }
 }
 
@@ -60,12 +60,12 @@ void Staging::publish() {
     std::error_code error;
     fs::rename(file.path(), directory_ / file.path().filename(), error);
     if (error) {
-      throw cli::Failure(cli::kFailed, "cannot write '" +
-                                           (directory_ / file.path().filename()).string() +
-                                           "': " + error.message());
+      throw process::Failure(process::kFailed, "cannot write '" +
+                                                   (directory_ / file.path().filename()).string() +
+                                                   "': " + error.message());
     }
   }
   made_.clear();
 }
 
-}  // namespace interneuron::lab
+}  // namespace interneuron::records

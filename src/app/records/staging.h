@@ -9,20 +9,21 @@
 
 #include "app/process/private_folder.h"
 
-namespace interneuron::lab {
+namespace interneuron::records {
 
 // Makes `directory` when it is not there, and in it a folder for what is being written. The
 // destructor removes that and, when nothing was published, the directories that it has made.
 class Staging {
  public:
-  // Throws cli::Failure (1) naming the folder when it cannot be written to.
+  // Throws process::Failure (1) naming the folder when it cannot be written to.
   explicit Staging(const std::filesystem::path& directory);
   ~Staging();
   Staging(const Staging&) = delete;
   Staging& operator=(const Staging&) = delete;
 
   std::filesystem::path operator/(const std::string& name) const { return partial_ / name; }
-  // Moves all files to the directory, in place of those of the same name. Throws cli::Failure (1).
+  // Moves all files to the directory, in place of those of the same name. Throws process::Failure
+  // (1).
   void publish();
 
  private:
@@ -31,7 +32,7 @@ class Staging {
   std::filesystem::path made_;
   std::filesystem::path partial_;
   // Of partial_.
-  cli::FolderLock lock_;
+  process::FolderLock lock_;
 };
 
-}  // namespace interneuron::lab
+}  // namespace interneuron::records

@@ -4,7 +4,7 @@
 
 #include "app/process/failure.h"
 
-namespace interneuron::lab {
+namespace interneuron::records {
 
 std::string verdict(const Json& summary) {
   const auto count = [&summary](const char* key) { return summary[key].get<std::size_t>(); };
@@ -26,13 +26,13 @@ std::string verdict(const Json& summary) {
 int judge_objective(const Json& summary, double percent) {
   const auto rounds = summary["rounds"].get<double>();
   const double share = rounds > 0 ? 100 * summary["on_time"].get<double>() / rounds : 0;
-  if (percent <= 0 || share >= percent) return cli::kFine;
+  if (percent <= 0 || share >= percent) return process::kFine;
   fmt::print(
       stderr,
       "interneuron: objective missed: {:.1f} % of the rounds were on time, {:g} % were asked "
       "for; a longer --deadline-ms gives them more time\n",
       share, percent);
-  return cli::kObjectiveMissed;
+  return process::kObjectiveMissed;
 }
 
-}  // namespace interneuron::lab
+}  // namespace interneuron::records

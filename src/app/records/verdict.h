@@ -5,7 +5,7 @@
 
 #include "app/records/json_file.h"
 
-namespace interneuron::lab {
+namespace interneuron::records {
 
 // One sentence: how many rounds the roadside unit answered within the deadline, and who answered
 // the others. `summary` is what summarise() returns.
@@ -16,4 +16,4 @@ std::string verdict(const Json& summary);
 // kObjectiveMissed.
 int judge_objective(const Json& summary, double percent);
 
-}  // namespace interneuron::lab
+}  // namespace interneuron::records

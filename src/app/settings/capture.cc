@@ -8,7 +8,7 @@
 #include "app/process/failure.h"
 #include "interneuron/node_options.h"
 
-namespace interneuron::cli {
+namespace interneuron::settings {
 
 namespace {
 
@@ -57,8 +57,8 @@ std::unique_ptr<Capture> start_capture(const CLI::App& program, const std::strin
   ::unsetenv(kPcapVariable);
   if (file.empty()) return nullptr;
   if (transport_of(program) == to_string(TransportKind::kXdp)) {
-    throw Failure(
-        kUsage,
+    throw process::Failure(
+        process::kUsage,
         "--pcap cannot see what arrives over --transport xdp, which takes packets before "
         "the kernel could copy them; leave out one of the two, or use --transport ring or "
         "udp");
@@ -73,4 +73,4 @@ std::unique_ptr<Capture> start_capture(const CLI::App& program, const std::strin
   return std::make_unique<Capture>(file);
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::settings

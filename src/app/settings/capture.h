@@ -7,7 +7,7 @@
 
 #include "interneuron/pcap_tap.h"
 
-namespace interneuron::cli {
+namespace interneuron::settings {
 
 inline constexpr const char* kPcapVariable = "INTERNEURON_PCAP";
 
@@ -35,4 +35,4 @@ class Capture {
 // whose packets cannot be captured.
 std::unique_ptr<Capture> start_capture(const CLI::App& program, const std::string& file);
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::settings

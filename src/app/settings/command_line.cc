@@ -8,7 +8,7 @@
 
 #include "app/toml/toml_reader.h"
 
-namespace interneuron::cli {
+namespace interneuron::settings {
 namespace {
 
 // The command that the arguments chose, down to the last subcommand, and everything above it: its
@@ -52,7 +52,7 @@ std::vector<std::string> command_names(const CLI::App& parent) {
 std::string suggestion(const std::string& word, const std::vector<std::string>& known,
                        const std::string& command) {
   const std::vector<std::string_view> views(known.begin(), known.end());
-  if (const auto nearest = nearest_word(word, views)) {
+  if (const auto nearest = toml_reader::nearest_word(word, views)) {
     return "; did you mean '" + std::string(*nearest) + "'?";
   }
   return "; `" + command + " --help` lists them";
@@ -105,4 +105,4 @@ std::string unknown_command(const CLI::App& program, const std::string& name) {
   return "unknown command '" + name + "'" + suggestion(name, command_names(program), "interneuron");
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::settings

@@ -5,7 +5,7 @@
 #include <CLI/CLI.hpp>
 #include <string>
 
-namespace interneuron::cli {
+namespace interneuron::settings {
 
 // Accepts a finite number above zero. CLI11's own PositiveNumber refuses with the range of a
 // double, whose upper end has 309 digits.
@@ -19,4 +19,4 @@ std::string mistake_in(const CLI::App& program, const CLI::ParseError& error);
 // The same for a first argument that is no command of `program`.
 std::string unknown_command(const CLI::App& program, const std::string& name);
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::settings

@@ -10,7 +10,7 @@
 #include "app/settings/link_options.h"
 #include "app/toml/toml_reader.h"
 
-namespace interneuron::cli {
+namespace interneuron::settings {
 namespace {
 
 constexpr const char* kConfigOption = "--config";
@@ -20,7 +20,9 @@ std::string place(const std::string& file, const toml::source_region& where) {
 }
 
 // Keys and values of the file stand in the message, and its end of a line may be one of them.
-[[noreturn]] void refuse(const std::string& what) { throw Failure(kConfiguration, one_line(what)); }
+[[noreturn]] void refuse(const std::string& what) {
+  throw process::Failure(process::kConfiguration, toml_reader::one_line(what));
+}
 
 std::string dashed(std::string key) {
   std::ranges::replace(key, '_', '-');
@@ -36,7 +38,7 @@ std::string scalar(const toml::node& node, const std::string& file, const std::s
   if (const auto s = node.value_exact<std::string>()) return *s;
   if (const auto i = node.value_exact<std::int64_t>()) return std::to_string(*i);
   if (const auto b = node.value_exact<bool>()) return *b ? "true" : "false";
-  if (const auto d = node.value_exact<double>()) return number_text(*d);
+  if (const auto d = node.value_exact<double>()) return toml_reader::number_text(*d);
   refuse(where + ": " + key + ": give a string, a number, true or false");
 }
 
@@ -53,7 +55,7 @@ CLI::Option* find_option(CLI::App& command, const std::string& key, const std::s
     }
   }
   const std::vector<std::string_view> known(names.begin(), names.end());
-  const auto nearest = nearest_word(key, known);
+  const auto nearest = toml_reader::nearest_word(key, known);
   refuse(where + ": unknown key '" + key + "'" +
          (nearest ? "; did you mean '" + std::string(*nearest) + "'?"
                   : "; `interneuron " + command.get_name() + " --help` lists the keys"));
@@ -101,11 +103,11 @@ void apply_config(CLI::App& command) {
   }
   toml::table table;
   try {
-    table = toml::parse(read_whole(file, kConfiguration), file);
+    table = toml::parse(process::read_whole(file, process::kConfiguration), file);
   } catch (const toml::parse_error& error) {
     refuse(place(file, error.source()) + ": " + std::string(error.description()));
   }
   for (const auto& [key, node] : table) apply(command, file, std::string(key.str()), node);
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::settings

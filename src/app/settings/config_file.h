@@ -6,7 +6,7 @@
 
 #include <CLI/CLI.hpp>
 
-namespace interneuron::cli {
+namespace interneuron::settings {
 
 // Adds --config FILE to a command.
 void add_config_option(CLI::App& command);
@@ -15,4 +15,4 @@ void add_config_option(CLI::App& command);
 // Failure(3) with file, line, column and key for malformed TOML, an unknown key or a bad value.
 void apply_config(CLI::App& command);
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::settings

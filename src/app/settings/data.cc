@@ -5,7 +5,7 @@
 
 #include "app/process/failure.h"
 
-namespace interneuron::cli {
+namespace interneuron::settings {
 namespace fs = std::filesystem;
 
 std::optional<fs::path> find_data(const std::string& given) {
@@ -13,10 +13,11 @@ std::optional<fs::path> find_data(const std::string& given) {
   const std::string named = !given.empty() ? given : variable != nullptr ? variable : "";
   if (!named.empty()) {
     if (fs::is_directory(named)) return fs::absolute(named);
-    throw Failure(kConfiguration,
-                  "data folder '" + named +
-                      "' does not exist; name another with --data or INTERNEURON_DATA, or run "
-                      "scripts/fetch_data.sh");
+    throw process::Failure(
+        process::kConfiguration,
+        "data folder '" + named +
+            "' does not exist; name another with --data or INTERNEURON_DATA, or run "
+            "scripts/fetch_data.sh");
   }
   for (const char* candidate : {"../shared/data", "build/data"}) {
     if (fs::is_directory(candidate)) return fs::absolute(candidate);
@@ -28,8 +29,8 @@ std::string default_video(const std::optional<fs::path>& data) {
   if (data && fs::is_regular_file(*data / "pets/vtest.avi")) return *data / "pets/vtest.avi";
   const fs::path packaged = "/usr/share/doc/opencv-doc/examples/data/vtest.avi";
   if (fs::is_regular_file(packaged)) return packaged;
-  throw Failure(
-      kConfiguration,
+  throw process::Failure(
+      process::kConfiguration,
       "no video: run scripts/fetch_data.sh, or name one with --video FILE, FOLDER or camera:N");
 }
 
@@ -38,4 +39,4 @@ std::optional<fs::path> default_truth(const std::optional<fs::path>& data) {
   return std::nullopt;
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::settings

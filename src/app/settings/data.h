@@ -6,7 +6,7 @@
 #include <optional>
 #include <string>
 
-namespace interneuron::cli {
+namespace interneuron::settings {
 
 // `given`, else $INTERNEURON_DATA, else the first that exists of ../shared/data and build/data
 // beside the working directory, else nothing. Throws Failure(3) when a folder that was named does
@@ -21,4 +21,4 @@ std::string default_video(const std::optional<std::filesystem::path>& data);
 std::optional<std::filesystem::path> default_truth(
     const std::optional<std::filesystem::path>& data);
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::settings

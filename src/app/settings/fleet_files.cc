@@ -12,7 +12,7 @@
 #include "app/toml/toml_reader.h"
 #include "core/secure/credential.h"
 
-namespace interneuron::cli {
+namespace interneuron::settings {
 namespace {
 
 namespace fs = std::filesystem;
@@ -22,12 +22,14 @@ constexpr std::size_t kMostRevocationCharacters = (kMaxRevocationsBytes + 2) / 3
 
 // The names of files are the user's, and may hold anything.
 [[noreturn]] void refuse_signed(const fs::path& file, const std::string& what) {
-  throw Failure(kConfiguration, one_line("'" + file.string() + "' " + what));
+  throw process::Failure(process::kConfiguration,
+                         toml_reader::one_line("'" + file.string() + "' " + what));
 }
 
 [[noreturn]] void cannot_read_signed(const fs::path& file, int error) {
-  throw Failure(is_of_the_system(error) ? kFailed : kConfiguration,
-                one_line(file_problem("cannot read", file, error)));
+  throw process::Failure(
+      process::is_of_the_system(error) ? process::kFailed : process::kConfiguration,
+      toml_reader::one_line(process::file_problem("cannot read", file, error)));
 }
 
 // All that a file has, but no more than a list may have.
@@ -70,7 +72,7 @@ Bytes read_signed(const fs::path& file) {
 }
 
 void write_signed(const fs::path& file, ByteView bytes) {
-  write_whole(file, crypto::to_text(bytes) + "\n", 0644);
+  process::write_whole(file, crypto::to_text(bytes) + "\n", 0644);
 }
 
 CredentialFile::CredentialFile(const fs::path& file, const PublicKey& own,
@@ -99,10 +101,11 @@ CredentialFile::CredentialFile(const fs::path& file, const PublicKey& own,
 std::string CredentialFile::problem(std::int64_t unix_s) const {
   if (crypto::is_valid_at(credential_, unix_s)) return "";
   const bool early = unix_s < credential_.not_before_s;
-  return one_line("the credential '" + file_.string() + "' " +
-                  (early ? "holds from " + date_text(credential_.not_before_s)
-                         : "has ended at " + date_text(credential_.not_after_s)) +
-                  " and gets this host in nowhere: let its key be signed again, or set the clock");
+  return toml_reader::one_line(
+      "the credential '" + file_.string() + "' " +
+      (early ? "holds from " + date_text(credential_.not_before_s)
+             : "has ended at " + date_text(credential_.not_after_s)) +
+      " and gets this host in nowhere: let its key be signed again, or set the clock");
 }
 
 std::optional<SignedList> signed_list(ByteView list, const std::vector<PublicKey>& authorities) {
@@ -135,7 +138,7 @@ std::string RevocationsFile::store(ByteView list) const {
     const auto there = now ? signed_list(*now, authorities_) : std::nullopt;
     if (!there || there->issued_s < given->issued_s) write_signed(file_, list);
     return "";
-  } catch (const Failure& failure) {
+  } catch (const process::Failure& failure) {
     return failure.what();
   }
 }
@@ -151,4 +154,4 @@ std::string date_text(std::int64_t unix_s) {
   return text;
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::settings

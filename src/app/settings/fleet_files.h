@@ -16,7 +16,7 @@
 #include "interneuron/security.h"
 #include "interneuron/units.h"
 
-namespace interneuron::cli {
+namespace interneuron::settings {
 
 // The signed bytes that the file holds, whoever has signed them; nothing where there is no file.
 std::optional<Bytes> read_signed_if_there(const std::filesystem::path& file);
@@ -72,4 +72,4 @@ class RevocationsFile {
 // "2027-01-31T12:00:00Z"; "a time that no calendar has" where there is none.
 std::string date_text(std::int64_t unix_s);
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::settings

@@ -17,7 +17,7 @@
 #include "app/process/whole_file.h"
 #include "app/toml/toml_reader.h"
 
-namespace interneuron::cli {
+namespace interneuron::settings {
 namespace {
 
 namespace fs = std::filesystem;
@@ -30,15 +30,17 @@ constexpr const char* kForm =
     "holds no key: give one line of 44 characters of base64, as `interneuron keys gen` writes";
 
 // The names of files are the user's, and may hold anything.
-[[noreturn]] void fail(int code, const std::string& what) { throw Failure(code, one_line(what)); }
+[[noreturn]] void fail(int code, const std::string& what) {
+  throw process::Failure(code, toml_reader::one_line(what));
+}
 
 [[noreturn]] void refuse(const fs::path& file, const std::string& what) {
-  fail(kConfiguration, "'" + file.string() + "' " + what);
+  fail(process::kConfiguration, "'" + file.string() + "' " + what);
 }
 
 [[noreturn]] void cannot_read(const fs::path& file, int error) {
-  fail(is_of_the_system(error) ? kFailed : kConfiguration,
-       file_problem("cannot read", file, error));
+  fail(process::is_of_the_system(error) ? process::kFailed : process::kConfiguration,
+       process::file_problem("cannot read", file, error));
 }
 
 // Text that is erased when it goes.
@@ -100,7 +102,7 @@ void make_default_folder(const fs::path& folder) {
   std::error_code ignored;
   fs::create_directories(folder.parent_path(), ignored);
   if (::mkdir(folder.c_str(), 0700) != 0 && errno != EEXIST) {
-    fail(kFailed, file_problem("cannot make the folder", folder, errno));
+    fail(process::kFailed, process::file_problem("cannot make the folder", folder, errno));
   }
 }
 
@@ -131,19 +133,19 @@ void write_new_key(const fs::path& file, const SecretKey& key) {
   const io::FileDescriptor out(
       ::open(file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600));
   if (out.get() < 0 && errno == EEXIST) {
-    fail(kFailed, "'" + file.string() +
-                      "' is there already, and no key is overwritten; `interneuron keys "
-                      "pub` shows its public key, --out FILE names another file");
+    fail(process::kFailed, "'" + file.string() +
+                               "' is there already, and no key is overwritten; `interneuron keys "
+                               "pub` shows its public key, --out FILE names another file");
   }
-  if (out.get() < 0) fail(kFailed, file_problem("cannot write", file, errno));
+  if (out.get() < 0) fail(process::kFailed, process::file_problem("cannot write", file, errno));
   std::string line = to_base64(key.bytes()) + "\n";
-  int error = write_all(out.get(), line);
+  int error = process::write_all(out.get(), line);
   ::explicit_bzero(line.data(), line.size());
   // A key whose public half others have been told must not be gone after a power cut.
   if (error == 0 && ::fsync(out.get()) != 0) error = errno;
   if (error == 0) return;
   ::unlink(file.c_str());
-  fail(kFailed, file_problem("cannot write", file, error));
+  fail(process::kFailed, process::file_problem("cannot write", file, error));
 }
 
 std::string make_key(const fs::path& file) {
@@ -181,10 +183,10 @@ SecretKey read_key_from_stdin() { return key_in(STDIN_FILENO, "the standard inpu
 OwnKey::OwnKey(const fs::path& file) : file_(open_key(file)), key_(key_in(file_.get(), file)) {
   // Not every file system has locks; then nothing tells of a second program.
   if (::flock(file_.get(), LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK) return;
-  fail(kFailed, "the key '" + file.string() +
-                    "' is in use by another program, and to its peers a key is one host; "
-                    "make one more with `interneuron keys gen --out FILE` and give --key "
-                    "FILE");
+  fail(process::kFailed, "the key '" + file.string() +
+                             "' is in use by another program, and to its peers a key is one host; "
+                             "make one more with `interneuron keys gen --out FILE` and give --key "
+                             "FILE");
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::settings

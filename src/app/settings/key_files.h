@@ -12,7 +12,7 @@
 #include "interneuron/security.h"
 #include "node/io/file_descriptor.h"
 
-namespace interneuron::cli {
+namespace interneuron::settings {
 
 // Where `keys gen` writes the key of this host, and where programs look that were given none:
 // $XDG_CONFIG_HOME/interneuron/key, else ~/.config/interneuron/key. Empty where neither variable
@@ -54,4 +54,4 @@ struct OwnFile {
 };
 OwnFile open_own_file(const std::filesystem::path& file, bool may_be_read);
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::settings

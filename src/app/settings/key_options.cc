@@ -7,8 +7,11 @@
 #include "app/toml/toml_reader.h"
 #include "node/io/steady_clock.h"
 
-namespace interneuron::cli {
+namespace interneuron::settings {
 namespace {
+
+using process::Failure;
+using process::kUsage;
 
 constexpr std::string_view kPsk = "psk=";
 constexpr std::size_t kMaxAuthorities = 2;
@@ -17,7 +20,7 @@ constexpr int kMaxDays = 3650;
 
 const char* name_of(Trusts trusts) { return trusts == Trusts::kMany ? "--trust" : "--peer-key"; }
 
-[[noreturn]] void lacks(const std::string& what) { throw Failure(kConfiguration, what); }
+[[noreturn]] void lacks(const std::string& what) { throw Failure(process::kConfiguration, what); }
 
 // What is wrong with the option; empty: nothing.
 std::string mistake_in_trust(const std::string& text) {
@@ -135,9 +138,9 @@ void add_fleet_options(CLI::App& command, KeyOptions& options, Trusts trusts) {
 
 std::string mistake_in_key(const std::string& text) {
   if (parse_key(text)) return "";
-  return one_line("'" + text +
-                  "': give a public key of 44 characters, as `interneuron keys pub` "
-                  "prints it");
+  return toml_reader::one_line("'" + text +
+                               "': give a public key of 44 characters, as `interneuron keys pub` "
+                               "prints it");
 }
 
 TrustOption parse_trust_option(std::string_view text) {
@@ -147,9 +150,10 @@ TrustOption parse_trust_option(std::string_view text) {
   const bool good_rest =
       comma == text.npos || (rest.starts_with(kPsk) && rest.size() > kPsk.size());
   if (!key || !good_rest) {
-    throw Failure(kUsage, one_line("'" + std::string(text) +
-                                   "': give a public key of 44 characters, as `interneuron keys "
-                                   "pub` prints it, and behind it ,psk=FILE if need be"));
+    throw Failure(
+        kUsage, toml_reader::one_line("'" + std::string(text) +
+                                      "': give a public key of 44 characters, as `interneuron keys "
+                                      "pub` prints it, and behind it ,psk=FILE if need be"));
   }
   return {*key, rest.empty() ? "" : std::string(rest.substr(kPsk.size()))};
 }
@@ -260,4 +264,4 @@ std::string Credentials::stale_list(std::int64_t issued_s, std::int64_t unix_s) 
          "; bring a new one with `interneuron keys revoke` and --revocations FILE";
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::settings

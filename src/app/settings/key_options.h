@@ -28,7 +28,7 @@
 #include "app/settings/time_file.h"
 #include "interneuron/node_options.h"
 
-namespace interneuron::cli {
+namespace interneuron::settings {
 
 // Whether the program connects to one host or serves any that it trusts.
 enum class Trusts { kThePeer, kMany };
@@ -100,4 +100,4 @@ class Credentials {
   StaleRevocations stale_ = StaleRevocations::kRefuse;
 };
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::settings

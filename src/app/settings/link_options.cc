@@ -12,7 +12,7 @@
 #include "app/toml/toml_reader.h"
 #include "node/io/nic_choice.h"
 
-namespace interneuron::cli {
+namespace interneuron::settings {
 namespace {
 
 // More ranks than a host has NICs.
@@ -38,7 +38,7 @@ constexpr std::string_view kCapRange = "give a rate above 0, for example 20mbit 
 std::string in_quotes(std::string_view text) { return "'" + std::string(text) + "'"; }
 
 std::string did_you_mean(std::string_view word, const std::vector<std::string_view>& known) {
-  if (const auto nearest = nearest_word(word, known)) {
+  if (const auto nearest = toml_reader::nearest_word(word, known)) {
     return "; did you mean " + in_quotes(*nearest) + "?";
   }
   std::string text = "; there are";
@@ -47,7 +47,8 @@ std::string did_you_mean(std::string_view word, const std::vector<std::string_vi
 }
 
 [[noreturn]] void refuse(std::string_view text, const std::string& what) {
-  throw Failure(kUsage, one_line("--link " + in_quotes(text) + ": " + what));
+  throw process::Failure(process::kUsage,
+                         toml_reader::one_line("--link " + in_quotes(text) + ": " + what));
 }
 
 constexpr std::string_view kPeerForm = "give NIC=ADDRESS:PORT, for example wwan0=192.0.2.7:47000";
@@ -168,7 +169,7 @@ std::string to_string(const LinkOption& link) {
   }
   if (t.priority != 0) text += ",priority=" + std::to_string(t.priority);
   if (t.metered) text += ",metered";
-  if (t.rate_cap) text += ",rate_cap=" + number_text(t.rate_cap->mbit()) + "mbit";
+  if (t.rate_cap) text += ",rate_cap=" + toml_reader::number_text(t.rate_cap->mbit()) + "mbit";
   if (t.trusted) text += ",trusted";
   return text;
 }
@@ -189,7 +190,7 @@ CLI::Option* add_link_option(CLI::App& command, const std::string& names,
     try {
       parse_link_option(text, peer);
       return "";
-    } catch (const Failure& failure) {
+    } catch (const process::Failure& failure) {
       // Without "--link ": the caller puts the option's name before it.
       const std::string what = failure.what();
       return what.substr(what.find('\''));
@@ -251,8 +252,9 @@ class LinkTable {
  private:
   [[noreturn]] void fail(const toml::node& node, const std::string& what) const {
     const toml::source_position at = node.source().begin;
-    throw Failure(kConfiguration, one_line(file_ + ":" + std::to_string(at.line) + ":" +
-                                           std::to_string(at.column) + ": " + what));
+    throw process::Failure(process::kConfiguration,
+                           toml_reader::one_line(file_ + ":" + std::to_string(at.line) + ":" +
+                                                 std::to_string(at.column) + ": " + what));
   }
   template <class T>
   T value(const std::string& key, const toml::node& node, std::string_view range) const {
@@ -289,7 +291,7 @@ void LinkTable::read(const std::string& key, const toml::node& node) {
         value<bool>(key, node, "give true or false");
   } else if (key == "rate_cap_mbit") {
     const auto mbit = node.value<double>();
-    traits.rate_cap = mbit ? rate_of_text(number_text(*mbit) + "mbit") : std::nullopt;
+    traits.rate_cap = mbit ? rate_of_text(toml_reader::number_text(*mbit) + "mbit") : std::nullopt;
     if (!traits.rate_cap) fail(node, "rate_cap_mbit: give a number above 0");
   } else {
     fail(node, "unknown key '" + key + "' of [[link]]" +
@@ -304,4 +306,4 @@ std::string link_table_text(const toml::table& table, const std::string& file) {
   return LinkTable(table, file).text();
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::settings

@@ -31,7 +31,7 @@ class table;
 }
 }  // namespace toml
 
-namespace interneuron::cli {
+namespace interneuron::settings {
 
 // Whether each link says where its peer is: NIC=ADDRESS:PORT, or just NIC.
 enum class LinkPeer { kNamed, kNone };
@@ -63,4 +63,4 @@ TransportKind transport_kind(std::string_view text);
 // A [[link]] of a configuration file as the command line would give it; `file` for messages.
 std::string link_table_text(const toml::table& table, const std::string& file);
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::settings

@@ -8,7 +8,7 @@
 #include "app/process/failure.h"
 #include "node/io/address.h"
 
-namespace interneuron::cli {
+namespace interneuron::settings {
 
 namespace {
 
@@ -29,9 +29,10 @@ std::optional<std::uint16_t> port_from(const std::string& text) {
 
 Address resolve_peer(const std::string& text, const std::string& option,
                      std::uint16_t default_port) {
-  const Failure malformed(kUsage, option + " '" + text +
-                                      "': give HOST or HOST:PORT, for example 192.0.2.7, "
-                                      "[2001:db8::7]:47000 or road.example:47000");
+  const process::Failure malformed(process::kUsage,
+                                   option + " '" + text +
+                                       "': give HOST or HOST:PORT, for example 192.0.2.7, "
+                                       "[2001:db8::7]:47000 or road.example:47000");
   auto address = parse_address(text);
   if (!address) address = make_address(without_brackets(text), default_port);
   if (address) {
@@ -47,7 +48,8 @@ Address resolve_peer(const std::string& text, const std::string& option,
   addrinfo* found = nullptr;
   const int error = ::getaddrinfo(host.c_str(), std::to_string(*port).c_str(), &hints, &found);
   if (error != 0 || found == nullptr) {
-    throw Failure(kFailed, option + " '" + text + "': " + ::gai_strerror(error) +
+    throw process::Failure(process::kFailed,
+                           option + " '" + text + "': " + ::gai_strerror(error) +
                                "; give an address like 192.0.2.7:" + std::to_string(*port));
   }
   const Address resolved = io::from_sockaddr(found->ai_addr, found->ai_addrlen);
@@ -55,4 +57,4 @@ Address resolve_peer(const std::string& text, const std::string& option,
   return resolved;
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::settings

@@ -6,7 +6,7 @@
 
 #include "interneuron/transport.h"
 
-namespace interneuron::cli {
+namespace interneuron::settings {
 
 // The port of `interneuron road`.
 inline constexpr std::uint16_t kDefaultPort = 47000;
@@ -17,4 +17,4 @@ inline constexpr std::uint16_t kDefaultPort = 47000;
 Address resolve_peer(const std::string& text, const std::string& option = "--peer",
                      std::uint16_t default_port = kDefaultPort);
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::settings

@@ -17,7 +17,7 @@
 #include "interneuron/transport.h"
 #include "node/io/nic.h"
 
-namespace interneuron::cli {
+namespace interneuron::settings {
 
 namespace {
 
@@ -51,7 +51,8 @@ int code_of_unknown_nic(const CLI::App& program) {
     const CLI::Option* option = command->get_option_no_throw(name);
     return option != nullptr && option->count() > 0;
   };
-  return given("--config") && !given("--link") && !given("--nic") ? kConfiguration : kUsage;
+  return given("--config") && !given("--link") && !given("--nic") ? process::kConfiguration
+                                                                  : process::kUsage;
 }
 
 // The first argument that is no option, and no value of --pcap, the one option of every program
@@ -72,13 +73,13 @@ std::string command_in(int argc, char** argv) {
 void go_elsewhere(CLI::App& app, const Program& program, int argc, char** argv) {
   const std::string wanted = command_in(argc, argv);
   for (const Elsewhere& other : program.elsewhere) {
-    if (wanted == other.command) become_sibling(other.program, kVersion, argv);
+    if (wanted == other.command) process::become_sibling(other.program, kVersion, argv);
     app.add_subcommand(other.command, other.about);
   }
 }
 
 int parse_and_run(const Program& program, int argc, char** argv) {
-  refuse_other_version(kVersion);
+  process::refuse_other_version(kVersion);
   CLI::App app{program.about};
   app.footer(kExitCodes);
   app.require_subcommand(1);
@@ -90,7 +91,7 @@ int parse_and_run(const Program& program, int argc, char** argv) {
   program.add_commands(app, run);
   const std::string first = argc > 1 ? argv[1] : "";
   if (!first.empty() && first.front() != '-' && !is_command(app, first)) {
-    return tell(kUsage, unknown_command(app, first));
+    return tell(process::kUsage, unknown_command(app, first));
   }
   try {
     app.parse(argc, argv);
@@ -102,7 +103,7 @@ int parse_and_run(const Program& program, int argc, char** argv) {
       std::fputs(text.str().c_str(), stdout);
       return code;
     }
-    return tell(kUsage, mistake_in(app, error));
+    return tell(process::kUsage, mistake_in(app, error));
   }
   name_log_lines(app);
   const int unknown_nic = code_of_unknown_nic(app);
@@ -125,17 +126,18 @@ int run_program(const Program& program, int argc, char** argv) {
   try {
     const int code = parse_and_run(program, argc, argv);
     // Whatever was printed is an answer only when all of it got out.
-    finish_stdout();
+    process::finish_stdout();
     return code;
-  } catch (const Failure& error) {
+  } catch (const process::Failure& error) {
     return tell(error.code(), error.what());
   } catch (const IoError& error) {
-    return tell(error.code() == EPERM || error.code() == EACCES ? kPrivilege : kFailed,
-                error.what());
+    return tell(
+        error.code() == EPERM || error.code() == EACCES ? process::kPrivilege : process::kFailed,
+        error.what());
   } catch (const std::exception& error) {
     const auto code = program.code_of == nullptr ? std::nullopt : program.code_of(error);
-    return tell(code.value_or(kFailed), error.what());
+    return tell(code.value_or(process::kFailed), error.what());
   }
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::settings

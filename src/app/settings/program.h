@@ -9,7 +9,7 @@
 #include <optional>
 #include <span>
 
-namespace interneuron::cli {
+namespace interneuron::settings {
 
 // A command of a sibling, which the program becomes when it is asked for it.
 struct Elsewhere {
@@ -33,4 +33,4 @@ struct Program {
 // Runs the command that the arguments name and returns the exit code. Called once, from main().
 int run_program(const Program& program, int argc, char** argv);
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::settings

@@ -12,7 +12,7 @@
 #include "app/process/whole_file.h"
 #include "app/settings/key_files.h"
 
-namespace interneuron::cli {
+namespace interneuron::settings {
 namespace {
 
 // 19 digits and the end of the line are all that 64 bits need.
@@ -48,11 +48,11 @@ TimeFile::TimeFile(const std::filesystem::path& key) : file_(key.string() + ".ti
 
 std::string TimeFile::store(std::int64_t unix_ns) const {
   try {
-    write_whole(file_, std::to_string(unix_ns) + "\n");
+    process::write_whole(file_, std::to_string(unix_ns) + "\n");
     return "";
-  } catch (const Failure& failure) {
+  } catch (const process::Failure& failure) {
     return failure.what();
   }
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::settings

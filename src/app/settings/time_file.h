@@ -9,7 +9,7 @@
 #include <optional>
 #include <string>
 
-namespace interneuron::cli {
+namespace interneuron::settings {
 
 class TimeFile {
  public:
@@ -29,4 +29,4 @@ class TimeFile {
   std::string problem_;
 };
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::settings

@@ -7,7 +7,7 @@
 #include <numeric>
 #include <sstream>
 
-namespace interneuron {
+namespace interneuron::toml_reader {
 
 namespace {
 
@@ -261,4 +261,4 @@ bool TomlReader::fail(const toml::source_region& where, const std::string& what)
   return false;
 }
 
-}  // namespace interneuron
+}  // namespace interneuron::toml_reader

@@ -13,7 +13,7 @@
 #include <utility>
 #include <vector>
 
-namespace interneuron {
+namespace interneuron::toml_reader {
 
 // A key whose value is a number within [min, max], in `unit` (part of the key's name; empty for a
 // pure number).
@@ -93,4 +93,4 @@ std::string one_line(std::string text);
 std::optional<std::string_view> nearest_word(std::string_view word,
                                              const std::vector<std::string_view>& known);
 
-}  // namespace interneuron
+}  // namespace interneuron::toml_reader

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <map>
 
-namespace interneuron::cli {
+namespace interneuron::watch {
 namespace {
 
 constexpr std::array kEighths = {"▁", "▂", "▃", "▄", "▅", "▆", "▇", "█"};
@@ -66,4 +66,4 @@ std::string ascii(const std::string& text) {
   return out;
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::watch

@@ -4,7 +4,7 @@
 #include <deque>
 #include <string>
 
-namespace interneuron::cli {
+namespace interneuron::watch {
 
 // One character for each of the newest `width` values, with `top` as the full height. A negative
 // value was not measured and becomes a blank; with fewer values than `width` there are blanks on
@@ -17,4 +17,4 @@ std::string bar(double share, std::size_t width, bool unicode);
 // UTF-8 text as ASCII with the same number of columns.
 std::string ascii(const std::string& text);
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::watch

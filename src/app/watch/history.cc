@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-namespace interneuron::cli {
+namespace interneuron::watch {
 namespace {
 
 // How many samples are kept: more than a sparkline has columns.
@@ -49,4 +49,4 @@ const LinksHistory::Series& LinksHistory::series(const LinkRow& row) const {
   return found != series_.end() ? found->second : kNone;
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::watch

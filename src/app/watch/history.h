@@ -9,7 +9,7 @@
 
 #include "app/watch/row.h"
 
-namespace interneuron::cli {
+namespace interneuron::watch {
 
 class LinksHistory {
  public:
@@ -35,4 +35,4 @@ class LinksHistory {
   std::deque<LinkEvent> events_;
 };
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::watch

@@ -2,7 +2,7 @@
 
 #include <unistd.h>
 
-namespace interneuron::cli {
+namespace interneuron::watch {
 
 namespace {
 
@@ -70,4 +70,4 @@ LiveLinks LinkJournal::live(const Statistics& statistics) const {
   return live;
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::watch

@@ -11,7 +11,7 @@
 #include "app/watch/row.h"
 #include "interneuron/node.h"
 
-namespace interneuron::cli {
+namespace interneuron::watch {
 
 class LinkJournal {
  public:
@@ -37,4 +37,4 @@ class LinkJournal {
   std::deque<LinkEvent> events_;
 };
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::watch

@@ -9,7 +9,7 @@
 #include "app/watch/ledger_json.h"
 #include "node/io/address.h"
 
-namespace interneuron::cli {
+namespace interneuron::watch {
 namespace {
 
 constexpr Duration kNever = Duration::max();
@@ -254,4 +254,4 @@ std::optional<LiveLinks> live_from_json(const std::string& text) {
   }
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::watch

@@ -8,7 +8,7 @@
 
 #include "app/watch/row.h"
 
-namespace interneuron::cli {
+namespace interneuron::watch {
 
 using Json = nlohmann::ordered_json;
 
@@ -21,4 +21,4 @@ Json links_json(const LinksSnapshot& snapshot);
 Json live_json(const LiveLinks& live);
 std::optional<LiveLinks> live_from_json(const std::string& text);
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::watch

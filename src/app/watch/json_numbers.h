@@ -9,7 +9,7 @@
 #include <stdexcept>
 #include <utility>
 
-namespace interneuron::cli {
+namespace interneuron::watch {
 
 // More than any figure of a link has, in the units of the keys (31 years in ms), and little enough
 // that no conversion of it overflows.
@@ -33,4 +33,4 @@ Integer whole_of(const nlohmann::ordered_json& j) {
   throw std::invalid_argument("no whole number that fits");
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::watch

@@ -4,7 +4,7 @@
 
 #include "app/watch/json_numbers.h"
 
-namespace interneuron::cli {
+namespace interneuron::watch {
 namespace {
 
 // Microseconds are exact enough.
@@ -81,4 +81,4 @@ std::vector<LivePeer> peers_of(const Json& json) {
   return peers;
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::watch

@@ -6,7 +6,7 @@
 
 #include "app/watch/json.h"
 
-namespace interneuron::cli {
+namespace interneuron::watch {
 
 // "loop_stall_ms" and "peers", each with what it holds, how often each limit has struck it and what
 // is computed for it.
@@ -17,4 +17,4 @@ Json ledgers_json(Duration loop_stall, const std::vector<LivePeer>& peers);
 Duration loop_stall_of(const Json& json);
 std::vector<LivePeer> peers_of(const Json& json);
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::watch

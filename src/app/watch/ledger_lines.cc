@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <numeric>
 
-namespace interneuron::cli {
+namespace interneuron::watch {
 namespace {
 
 std::uint64_t strikes_of(const LivePeer& peer) {
@@ -63,4 +63,4 @@ std::vector<Line> ledger_lines(const std::vector<LiveProgram>& programs) {
   return lines;
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::watch

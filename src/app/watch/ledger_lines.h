@@ -6,7 +6,7 @@
 #include "app/watch/row.h"
 #include "app/watch/screen.h"
 
-namespace interneuron::cli {
+namespace interneuron::watch {
 
 // A line for each program that has peers, with the longest stall of its loop, and one for each peer
 // that holds something or that a limit has struck: those that were struck most often first, at most
@@ -14,4 +14,4 @@ namespace interneuron::cli {
 inline constexpr std::size_t kPeersShown = 8;
 std::vector<Line> ledger_lines(const std::vector<LiveProgram>& programs);
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::watch

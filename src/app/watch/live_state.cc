@@ -18,7 +18,7 @@
 
 #include "node/io/steady_clock.h"
 
-namespace interneuron::cli {
+namespace interneuron::watch {
 
 namespace {
 
@@ -247,4 +247,4 @@ std::vector<std::string> LiveReader::lines() {
   return lines;
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::watch

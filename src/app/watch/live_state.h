@@ -19,7 +19,7 @@
 #include "interneuron/time.h"
 #include "node/io/file_descriptor.h"
 
-namespace interneuron::cli {
+namespace interneuron::watch {
 
 // Serves the newest line to every reader that connects. Owns a thread; publish() and wanted() may
 // be called from any other. A reader that is slow misses lines; one that has missed 20 in a row is
@@ -101,4 +101,4 @@ class LiveReader {
   std::vector<Connection> connections_;
 };
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::watch

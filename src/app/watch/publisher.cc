@@ -4,7 +4,7 @@
 
 #include "app/watch/json.h"
 
-namespace interneuron::cli {
+namespace interneuron::watch {
 
 namespace {
 
@@ -50,4 +50,4 @@ void LinkPublisher::publish(const Statistics& statistics) {
   server_.publish(live_json(live).dump());
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::watch

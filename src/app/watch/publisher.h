@@ -14,7 +14,7 @@
 #include "app/watch/live_state.h"
 #include "interneuron/node.h"
 
-namespace interneuron::cli {
+namespace interneuron::watch {
 
 // How loud a path's change of state is in the log. A path that is suspect still carries data, and a
 // loaded one may become suspect and ok again every second: that is for debugging. A path that takes
@@ -42,4 +42,4 @@ class LinkPublisher {
   std::function<computing::PeerWork(PeerId)> work_;
 };
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::watch

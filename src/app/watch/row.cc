@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-namespace interneuron::cli {
+namespace interneuron::watch {
 
 std::vector<LinkRow> join(const std::vector<NicFacts>& nics, const std::vector<LiveLinks>& live) {
   std::vector<LinkRow> rows;
@@ -28,4 +28,4 @@ std::string printable(std::string text) {
   return text;
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::watch

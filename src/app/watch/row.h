@@ -13,7 +13,7 @@
 #include "interneuron/link.h"
 #include "node/io/nic.h"
 
-namespace interneuron::cli {
+namespace interneuron::watch {
 
 // What the kernel says of a NIC.
 struct NicFacts {
@@ -104,4 +104,4 @@ bool is_of_interest(const LinkRow& row);
 // the cursor or change the terminal's settings, become '?'.
 std::string printable(std::string text);
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::watch

@@ -12,7 +12,7 @@
 #include "app/watch/ledger_lines.h"
 #include "app/watch/table.h"
 
-namespace interneuron::cli {
+namespace interneuron::watch {
 namespace {
 
 // Lines that the log of events keeps when links fill the screen.
@@ -334,4 +334,4 @@ std::string plain_text(const std::vector<Line>& lines) {
   return out;
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::watch

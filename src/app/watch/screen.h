@@ -9,7 +9,7 @@
 
 #include "app/watch/history.h"
 
-namespace interneuron::cli {
+namespace interneuron::watch {
 
 enum class Style : std::uint8_t { kPlain, kDim, kBold, kTitle, kAccent, kGood, kWarn, kBad };
 
@@ -35,4 +35,4 @@ std::vector<Line> draw(const LinksHistory& history, const Canvas& canvas);
 // The lines without styles and without trailing blanks.
 std::string plain_text(const std::vector<Line>& lines);
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::watch

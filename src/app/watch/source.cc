@@ -21,7 +21,7 @@
 #include "node/io/steady_clock.h"
 #include "node/monitor/link_monitor.h"
 
-namespace interneuron::cli {
+namespace interneuron::watch {
 namespace {
 
 using namespace std::chrono_literals;
@@ -118,8 +118,9 @@ class LocalSource : public LinkSource {
 class PeerSource : public LinkSource {
  public:
   explicit PeerSource(const LinkSourceOptions& options)
-      : peer_(options.links.empty() ? std::optional(resolve_peer(options.peer)) : std::nullopt),
-        credentials_(options.keys, Trusts::kThePeer),
+      : peer_(options.links.empty() ? std::optional(settings::resolve_peer(options.peer))
+                                    : std::nullopt),
+        credentials_(options.keys, settings::Trusts::kThePeer),
         kernel_(peer_),
         node_(node_options(options)),
         journal_(node_, "links"),
@@ -172,7 +173,7 @@ class PeerSource : public LinkSource {
   NodeOptions node_options(const LinkSourceOptions& options);
 
   std::optional<Address> peer_;
-  Credentials credentials_;
+  settings::Credentials credentials_;
   KernelView kernel_;
   std::string text_;
   std::vector<LinkEvent> events_;
@@ -201,13 +202,14 @@ NodeOptions PeerSource::node_options(const LinkSourceOptions& options) {
       text_ += (links.size() > 1 ? ", " : " ") + f.nic.name;
     }
     if (links.empty()) {
-      throw Failure(kFailed, "no network card has a route to " + to_string(*peer_) +
+      throw process::Failure(process::kFailed,
+                             "no network card has a route to " + to_string(*peer_) +
                                  "; `interneuron doctor` says why and what to do");
     }
   } else {
     for (const std::string& link : links) text_ += (text_.empty() ? "" : " ") + link;
   }
-  append_links(links, LinkPeer::kNamed, node);
+  settings::append_links(links, settings::LinkPeer::kNamed, node);
   credentials_.apply(node);
   return node;
 }
@@ -219,16 +221,18 @@ void add_source_options(CLI::App& command, LinkSourceOptions& options) {
       "--peer", options.peer,
       "HOST[:PORT] of a roadside unit: measure towards it, over every card that has a "
       "route (default: what a vehicle or road that runs here measures)");
-  add_link_option(command, "--link", options.links, LinkPeer::kNamed)->excludes("--peer");
-  add_key_options(command, options.keys, Trusts::kThePeer);
+  settings::add_link_option(command, "--link", options.links, settings::LinkPeer::kNamed)
+      ->excludes("--peer");
+  settings::add_key_options(command, options.keys, settings::Trusts::kThePeer);
 }
 
 std::unique_ptr<LinkSource> make_link_source(const LinkSourceOptions& options) {
   if (!measures(options)) {
-    if (!is_given(options.keys)) return std::make_unique<LocalSource>();
-    throw Failure(kUsage, "keys and --insecure are for measuring; add --peer HOST or --link");
+    if (!settings::is_given(options.keys)) return std::make_unique<LocalSource>();
+    throw process::Failure(process::kUsage,
+                           "keys and --insecure are for measuring; add --peer HOST or --link");
   }
   return std::make_unique<PeerSource>(options);
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::watch

@@ -11,7 +11,7 @@
 #include "app/settings/key_options.h"
 #include "app/watch/row.h"
 
-namespace interneuron::cli {
+namespace interneuron::watch {
 
 struct LinkSourceOptions {
   // HOST[:PORT]; empty: the programs on this host.
@@ -19,7 +19,7 @@ struct LinkSourceOptions {
   // Each as --link gives it. Without any, `peer` is reached over every NIC that can be used.
   std::vector<std::string> links;
   // Of the node that talks to the peer.
-  KeyOptions keys;
+  settings::KeyOptions keys;
 };
 
 // Whether the figures are those of a node of our own.
@@ -48,4 +48,4 @@ class LinkSource {
 // without effect, 3 where a key is missing), or what Node throws.
 std::unique_ptr<LinkSource> make_link_source(const LinkSourceOptions& options);
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::watch

@@ -6,7 +6,7 @@
 
 #include "node/io/address.h"
 
-namespace interneuron::cli {
+namespace interneuron::watch {
 namespace {
 
 // The columns of an address or name at the most.
@@ -199,4 +199,4 @@ std::string links_table(const LinksSnapshot& snapshot) {
   return text;
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::watch

@@ -6,7 +6,7 @@
 
 #include "app/watch/row.h"
 
-namespace interneuron::cli {
+namespace interneuron::watch {
 
 // Two tables, one of what the kernel says and one of what was measured, and a line for each NIC
 // that is not used with the reason.
@@ -32,4 +32,4 @@ std::string fitted(const std::string& text, std::size_t width, bool right = fals
 // number of the others, "10.0.0.2 +1".
 std::string address_text(const std::vector<Address>& addresses);
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::watch

@@ -13,7 +13,7 @@
 #define NCURSES_NOMACROS 1
 #include <curses.h>
 
-namespace interneuron::cli {
+namespace interneuron::watch {
 
 namespace {
 
@@ -57,8 +57,9 @@ Terminal::Terminal(bool color) : screen_(std::make_unique<Screen>()), color_(col
   screen_->screen = ::newterm(nullptr, stdout, stdin);
   if (screen_->screen == nullptr) {
     const char* term = std::getenv("TERM");
-    throw Failure(kUsage, "the terminal '" + std::string(term == nullptr ? "" : term) +
-                              "' is not known; set TERM, or use `interneuron links --json-stream`");
+    throw process::Failure(
+        process::kUsage, "the terminal '" + std::string(term == nullptr ? "" : term) +
+                             "' is not known; set TERM, or use `interneuron links --json-stream`");
   }
   ::set_term(screen_->screen);
   ::cbreak();
@@ -104,4 +105,4 @@ int Terminal::key(int wait_ms) {
   return key == ERR || key == KEY_RESIZE ? 0 : key;
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::watch

@@ -8,7 +8,7 @@
 
 #include "app/watch/screen.h"
 
-namespace interneuron::cli {
+namespace interneuron::watch {
 
 class Terminal {
  public:
@@ -33,4 +33,4 @@ class Terminal {
   bool unicode_ = true;
 };
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::watch

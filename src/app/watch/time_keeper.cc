@@ -4,7 +4,7 @@
 
 #include <chrono>
 
-namespace interneuron::cli {
+namespace interneuron::watch {
 namespace {
 
 using namespace std::chrono_literals;
@@ -19,7 +19,7 @@ constexpr Duration kLook = 1s;
 
 }  // namespace
 
-TimeKeeper::TimeKeeper(Node& node, const Credentials& credentials, Queue idle)
+TimeKeeper::TimeKeeper(Node& node, const settings::Credentials& credentials, Queue idle)
     : node_(node), file_(credentials.time_file()), idle_(idle) {
   if (file_ == nullptr) return;
   stored_ = node_.unix_time_ns() + kAhead.count();
@@ -49,4 +49,4 @@ void TimeKeeper::warn(const std::string& problem) {
   spdlog::warn("{}; if this host's clock goes back, peers refuse it for as long", problem);
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::watch

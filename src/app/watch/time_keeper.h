@@ -7,14 +7,14 @@
 #include "app/settings/key_options.h"
 #include "interneuron/node.h"
 
-namespace interneuron::cli {
+namespace interneuron::watch {
 
 // Belongs to the thread of the node's loop. Must be destroyed before the node and the credentials.
 class TimeKeeper {
  public:
   // `idle`: the queue of the node in which nothing waits that has a deadline; files are written
   // there. A file that cannot be written is a warning in the log, once.
-  TimeKeeper(Node& node, const Credentials& credentials, Queue idle);
+  TimeKeeper(Node& node, const settings::Credentials& credentials, Queue idle);
   ~TimeKeeper();
   TimeKeeper(const TimeKeeper&) = delete;
   TimeKeeper& operator=(const TimeKeeper&) = delete;
@@ -25,11 +25,11 @@ class TimeKeeper {
 
   Node& node_;
   // nullptr: there is no key, and nothing to do.
-  const TimeFile* file_;
+  const settings::TimeFile* file_;
   Queue idle_;
   // The newest time that was, or is being, stored.
   std::int64_t stored_ = 0;
   bool warned_ = false;
 };
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::watch

@@ -6,7 +6,7 @@
 #include <memory>
 #include <utility>
 
-namespace interneuron::cli {
+namespace interneuron::watch {
 namespace {
 
 using namespace std::chrono_literals;
@@ -16,7 +16,7 @@ constexpr Duration kTrustLook = 1min;
 
 }  // namespace
 
-TrustKeeper::TrustKeeper(Node& node, const Credentials& credentials, Queue idle)
+TrustKeeper::TrustKeeper(Node& node, const settings::Credentials& credentials, Queue idle)
     : node_(node), credentials_(credentials), idle_(idle), issued_s_(credentials.list_issued_s()) {
   node_.on_revocations_changed([this](RevocationsChanged e) { take(std::move(e)); });
   node_.on_key_shared([](const KeyShared& e) {
@@ -29,12 +29,12 @@ TrustKeeper::TrustKeeper(Node& node, const Credentials& credentials, Queue idle)
 }
 
 void TrustKeeper::take(RevocationsChanged event) {
-  const SignedList list = credentials_.read_list(event.list);
+  const settings::SignedList list = credentials_.read_list(event.list);
   issued_s_ = list.issued_s;
   told_stale_ = false;
-  const RevocationsFile* file = credentials_.revocations_file();
+  const settings::RevocationsFile* file = credentials_.revocations_file();
   spdlog::info("a list of revocations of {} has come from a peer, {} keys{}",
-               date_text(list.issued_s), list.keys,
+               settings::date_text(list.issued_s), list.keys,
                file == nullptr ? "; it is forgotten at the end, --revocations FILE keeps it" : "");
   if (file == nullptr) return;
   auto bytes = std::make_shared<const Bytes>(std::move(event.list));
@@ -55,4 +55,4 @@ void TrustKeeper::look() {
   node_.after(kTrustLook, [this] { look(); });
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::watch

@@ -9,14 +9,14 @@
 #include "app/settings/key_options.h"
 #include "interneuron/node.h"
 
-namespace interneuron::cli {
+namespace interneuron::watch {
 
 // Belongs to the thread of the node's loop. Must be destroyed before the credentials, and not
 // while the node runs.
 class TrustKeeper {
  public:
   // Sets the node's handlers. `idle`: as for TimeKeeper.
-  TrustKeeper(Node& node, const Credentials& credentials, Queue idle);
+  TrustKeeper(Node& node, const settings::Credentials& credentials, Queue idle);
   TrustKeeper(const TrustKeeper&) = delete;
   TrustKeeper& operator=(const TrustKeeper&) = delete;
 
@@ -25,11 +25,11 @@ class TrustKeeper {
   void look();
 
   Node& node_;
-  const Credentials& credentials_;
+  const settings::Credentials& credentials_;
   Queue idle_;
   // When the newest list was issued; 0: there is none.
   std::int64_t issued_s_ = 0;
   bool told_stale_ = false;
 };
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::watch

@@ -62,8 +62,8 @@ std::vector<CodingTask> tasks_of(const CodingOptions& o) {
   return tasks;
 }
 
-lab::Json json_of(const std::vector<CodingTask>& tasks, std::uint64_t seed) {
-  lab::Json out{{"schema", kCodingSchema}, {"seed", seed}, {"rows", lab::Json::array()}};
+records::Json json_of(const std::vector<CodingTask>& tasks, std::uint64_t seed) {
+  records::Json out{{"schema", kCodingSchema}, {"seed", seed}, {"rows", records::Json::array()}};
   for (const CodingTask& t : tasks) {
     out["rows"].push_back({{"scenario", t.series->name},
                            {"policy", t.policy},
@@ -101,9 +101,9 @@ void print_table(const std::vector<CodingTask>& tasks) {
 }
 
 int run_coding(const CodingOptions& o) {
-  const SignalWatch signals;
+  const process::SignalWatch signals;
   std::vector<CodingTask> tasks = tasks_of(o);
-  Progress progress;
+  process::Progress progress;
   progress.for_each("bench coding", tasks.size(), [&](std::size_t i) {
     const std::size_t messages = o.messages > 0 ? o.messages : tasks[i].series->messages;
     tasks[i].row = coding::run(*tasks[i].series, tasks[i].policy, messages, o.seed);
@@ -113,7 +113,7 @@ int run_coding(const CodingOptions& o) {
   } else {
     print_table(tasks);
   }
-  return kFine;
+  return process::kFine;
 }
 
 }  // namespace

@@ -66,10 +66,11 @@ std::vector<load::Scenario> chosen(const LoadOptions& o) {
   for (const std::string& name : o.peers) {
     choice.peers.push_back(*load::peer_of(name));
     if (std::ranges::find(able, choice.peers.back()) != able.end()) continue;
-    throw Failure(kUsage, fmt::format("--peer {}: {}; there are {}", name,
-                                      o.testbed ? "a model, for virtual time alone"
-                                                : "the kernel's own, with --testbed alone",
-                                      names_of(able)));
+    throw process::Failure(process::kUsage,
+                           fmt::format("--peer {}: {}; there are {}", name,
+                                       o.testbed ? "a model, for virtual time alone"
+                                                 : "the kernel's own, with --testbed alone",
+                                       names_of(able)));
   }
   if (choice.peers.empty()) choice.peers.assign(able.begin(), able.end());
   choice.loads = o.loads;
@@ -84,7 +85,8 @@ std::vector<load::Scenario> chosen(const LoadOptions& o) {
     // Groups that are named and have loads of their own are a mistake, others are left out.
     for (const std::string& name : o.groups) {
       if (takes_loads(name)) continue;
-      throw Failure(kUsage, "--load: the group " + name + " has loads of its own; leave it out");
+      throw process::Failure(process::kUsage,
+                             "--load: the group " + name + " has loads of its own; leave it out");
     }
     std::erase_if(names, [](const std::string& name) { return !takes_loads(name); });
   }
@@ -97,7 +99,7 @@ std::vector<load::Scenario> chosen(const LoadOptions& o) {
 
 std::vector<load::Row> run_in_virtual_time(const std::vector<load::Scenario>& scenarios) {
   std::vector<load::Row> rows(scenarios.size());
-  Progress progress;
+  process::Progress progress;
   progress.for_each("bench load", scenarios.size(),
                     [&](std::size_t i) { rows[i] = load::run(scenarios[i]); });
   return rows;
@@ -108,13 +110,15 @@ int run_load(const LoadOptions& o) {
   const bool drawable = std::ranges::any_of(
       scenarios, [](const load::Scenario& s) { return s.group == "rate" || s.group == "size"; });
   if (!o.plot.empty() && !is_picture(o.plot)) {
-    throw Failure(kUsage, "--plot '" + o.plot + "': name a file that ends in .svg or .png");
+    throw process::Failure(process::kUsage,
+                           "--plot '" + o.plot + "': name a file that ends in .svg or .png");
   }
   if (!o.plot.empty() && !drawable) {
-    throw Failure(kUsage, "--plot: only the groups rate and size are drawn; name one of them");
+    throw process::Failure(process::kUsage,
+                           "--plot: only the groups rate and size are drawn; name one of them");
   }
-  const SignalWatch signals;
-  const TransportKind datagrams = transport_kind(o.transport);
+  const process::SignalWatch signals;
+  const TransportKind datagrams = settings::transport_kind(o.transport);
   const std::vector<load::Row> rows =
       o.testbed ? run_series(scenarios, datagrams) : run_in_virtual_time(scenarios);
   if (o.json) {
@@ -125,7 +129,7 @@ int run_load(const LoadOptions& o) {
   }
   if (!o.plot.empty()) plot_load(o.plot, rows);
   if (!o.plot.empty() && !o.json) fmt::print("\nwritten to {}\n", o.plot);
-  return kFine;
+  return process::kFine;
 }
 
 void add_load(CLI::App& bench, std::function<int()>& run) {
@@ -157,7 +161,7 @@ void add_load(CLI::App& bench, std::function<int()>& run) {
   c->add_flag("--encrypted", o->encrypted,
               "In virtual time: our own endpoints have keys, as those of `vehicle` and `road`")
       ->excludes(testbed);
-  add_transport_option(*c, o->transport)->needs(testbed);
+  settings::add_transport_option(*c, o->transport)->needs(testbed);
   c->add_option("--seconds,--duration", o->seconds, "How long messages begin")
       ->capture_default_str()
       ->check(CLI::Range(kLeastSeconds, kMostSeconds));

@@ -11,7 +11,7 @@ namespace interneuron::cli {
 namespace {
 
 void write(const std::filesystem::path& file, const std::string& text) {
-  WholeFile out(file);
+  process::WholeFile out(file);
   out.append(text);
   out.commit();
 }
@@ -26,7 +26,7 @@ std::string mahimahi(const emu::Opportunities& trace) {
 
 void write_profiles(const coding::Drive& drive, std::uint64_t number, const std::string& from,
                     const std::filesystem::path& folder) {
-  lab::make_directory(folder);
+  records::make_directory(folder);
   for (std::size_t i = 0; i < drive.modems.size(); ++i) {
     const coding::Modem& modem = drive.modems[i];
     const std::string name = fmt::format("{}-{}", number, i + 1);

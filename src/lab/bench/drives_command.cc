@@ -52,11 +52,12 @@ std::shared_ptr<const emu::Opportunities> trace_of(const std::string& file) {
   std::ifstream in(file);
   std::ostringstream text;
   if (!in || !(text << in.rdbuf())) {
-    throw Failure(kConfiguration, file + ": cannot be read; name a trace of Mahimahi's format");
+    throw process::Failure(process::kConfiguration,
+                           file + ": cannot be read; name a trace of Mahimahi's format");
   }
   auto parsed = emu::parse_opportunities(text.str());
   if (const auto* error = std::get_if<std::string>(&parsed)) {
-    throw Failure(kConfiguration, file + ": " + *error);
+    throw process::Failure(process::kConfiguration, file + ": " + *error);
   }
   return std::make_shared<emu::Opportunities>(std::move(std::get<emu::Opportunities>(parsed)));
 }
@@ -84,10 +85,10 @@ bool is_judged(const DriveRow& row) {
          coding::kJudged * static_cast<double>(row.messages);
 }
 
-lab::Json json_of(const std::vector<DriveRow>& rows, std::uint64_t seed) {
-  lab::Json out{{"schema", kDrivesSchema}, {"seed", seed}, {"rows", lab::Json::array()}};
+records::Json json_of(const std::vector<DriveRow>& rows, std::uint64_t seed) {
+  records::Json out{{"schema", kDrivesSchema}, {"seed", seed}, {"rows", records::Json::array()}};
   for (const DriveRow& row : rows) {
-    lab::Json policies = lab::Json::array();
+    records::Json policies = records::Json::array();
     for (const coding::DrivePolicy& p : row.policies) {
       policies.push_back({{"policy", p.policy},
                           {"missed", p.missed},
@@ -160,7 +161,7 @@ int show_drives(const DrivesOptions& o,
                 const std::function<Row(const coding::Drive&, std::uint64_t)>& run) {
   const std::vector<coding::Modem> recorded = recorded_modems(o);
   std::vector<Row> rows(o.drives);
-  Progress progress;
+  process::Progress progress;
   progress.for_each("bench drives", o.drives, [&](std::size_t i) {
     const std::uint64_t seed = o.seed + i;
     rows[i] = run(drive_of(recorded, seed), seed);
@@ -170,13 +171,13 @@ int show_drives(const DrivesOptions& o,
   } else {
     print_table(rows);
   }
-  return kFine;
+  return process::kFine;
 }
 
 int write_drives(const DrivesOptions& o) {
   const std::vector<coding::Modem> recorded = recorded_modems(o);
   for (std::uint64_t seed = o.seed; seed < o.seed + o.drives; ++seed) {
-    SignalWatch::check();
+    process::SignalWatch::check();
     write_profiles(drive_of(recorded, seed), seed,
                    fmt::format("written by interneuron bench drives --seed {} {}", seed,
                                fmt::join(o.traces, " ")),
@@ -184,11 +185,11 @@ int write_drives(const DrivesOptions& o) {
   }
   fmt::print("{} drives written to {}; the first: demo --link {}/{}-1.toml --link {}/{}-2.toml\n",
              o.drives, o.profiles, o.profiles, o.seed, o.profiles, o.seed);
-  return kFine;
+  return process::kFine;
 }
 
 int run_drives(const DrivesOptions& o) {
-  const SignalWatch signals;
+  const process::SignalWatch signals;
   if (!o.profiles.empty()) return write_drives(o);
   if (o.images) {
     return show_drives<coding::ImageDriveRow>(

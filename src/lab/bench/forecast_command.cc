@@ -85,11 +85,12 @@ std::vector<Judged> judge(const std::vector<ForecastTask>& tasks) {
 
 int run_forecast(const ForecastOptions& o) {
   if (!o.plot.empty() && !is_picture(o.plot)) {
-    throw Failure(kUsage, "--plot '" + o.plot + "': name a file that ends in .svg or .png");
+    throw process::Failure(process::kUsage,
+                           "--plot '" + o.plot + "': name a file that ends in .svg or .png");
   }
-  const SignalWatch signals;
+  const process::SignalWatch signals;
   std::vector<ForecastTask> tasks = tasks_of(o);
-  Progress progress;
+  process::Progress progress;
   progress.for_each("bench forecast", tasks.size(), [&](std::size_t i) {
     tasks[i].forecasts = load::forecasts(tasks[i].scenario);
   });
@@ -101,7 +102,7 @@ int run_forecast(const ForecastOptions& o) {
   }
   if (!o.plot.empty()) plot_forecast(o.plot, all);
   if (!o.plot.empty() && !o.json) fmt::print("\nwritten to {}\n", o.plot);
-  return kFine;
+  return process::kFine;
 }
 
 }  // namespace

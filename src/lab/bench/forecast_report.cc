@@ -34,23 +34,23 @@ std::string panel(const Judged& j, std::size_t number) {
 
 }  // namespace
 
-lab::Json forecast_json(const std::vector<Judged>& judged, std::uint64_t first_seed,
-                        std::uint64_t seeds) {
-  lab::Json out{{"schema", kForecastSchema},
-                {"first_seed", first_seed},
-                {"seeds", seeds},
-                {"scores", lab::Json::array()},
-                {"rows", lab::Json::array()}};
+records::Json forecast_json(const std::vector<Judged>& judged, std::uint64_t first_seed,
+                            std::uint64_t seeds) {
+  records::Json out{{"schema", kForecastSchema},
+                    {"first_seed", first_seed},
+                    {"seeds", seeds},
+                    {"scores", records::Json::array()},
+                    {"rows", records::Json::array()}};
   for (const Judged& j : judged) {
     out["scores"].push_back({{"scenario", j.scenario},
-                             {"brier", lab::rounded(j.brier, 1e4)},
+                             {"brier", records::rounded(j.brier, 1e4)},
                              {"messages", j.messages}});
     for (const load::Bin& b : j.bins) {
       out["rows"].push_back({{"scenario", j.scenario},
-                             {"predicted", lab::rounded(b.predicted, 1e4)},
-                             {"happened", lab::rounded(b.happened, 1e4)},
+                             {"predicted", records::rounded(b.predicted, 1e4)},
+                             {"happened", records::rounded(b.happened, 1e4)},
                              {"messages", b.messages},
-                             {"standard_error", lab::rounded(b.standard_error, 1e4)},
+                             {"standard_error", records::rounded(b.standard_error, 1e4)},
                              {"verdict", verdict(b)}});
     }
   }
@@ -80,8 +80,9 @@ void plot_forecast(const std::filesystem::path& file, const std::vector<Judged>&
       svg ? "svg" : "pngcairo", kWidth * static_cast<int>(columns),
       kForecastHeight * static_cast<int>(lines), svg ? "-serif" : "", lines, columns);
   for (std::size_t i = 0; i < judged.size(); ++i) script += panel(judged[i], i);
-  if (!lab::draw(file, script + "unset multiplot\n")) {
-    throw Failure(kFailed, "--plot needs gnuplot; install the package gnuplot-nox");
+  if (!records::draw(file, script + "unset multiplot\n")) {
+    throw process::Failure(process::kFailed,
+                           "--plot needs gnuplot; install the package gnuplot-nox");
   }
 }
 

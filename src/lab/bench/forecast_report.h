@@ -20,8 +20,8 @@ struct Judged {
   std::size_t messages = 0;
 };
 
-lab::Json forecast_json(const std::vector<Judged>& judged, std::uint64_t first_seed,
-                        std::uint64_t seeds);
+records::Json forecast_json(const std::vector<Judged>& judged, std::uint64_t first_seed,
+                            std::uint64_t seeds);
 // A table for each, on stdout.
 void print_forecast(const std::vector<Judged>& judged);
 // What happened against what was predicted, a panel for each, with three standard errors. Throws

@@ -13,11 +13,11 @@ using coding::ImageRow;
 
 constexpr const char* kSchema = "interneuron.image_drives/1";
 
-lab::Json json_of(const coding::Answers& answers) {
-  return {{"on_time", answers.on_time}, {"quality", lab::rounded(answers.quality, 1e4)}};
+records::Json json_of(const coding::Answers& answers) {
+  return {{"on_time", answers.on_time}, {"quality", records::rounded(answers.quality, 1e4)}};
 }
 
-lab::Json json_of(const ImageRow& row) {
+records::Json json_of(const ImageRow& row) {
   return {{"images", row.images},         {"policy", row.policy},
           {"ours", json_of(row.ours)},    {"clairvoyant", json_of(row.clairvoyant)},
           {"by_variant", row.by_variant}, {"bytes", std::round(row.bytes)}};
@@ -45,13 +45,13 @@ void print_mean(const std::vector<ImageDriveRow>& rows, std::size_t way) {
 
 }  // namespace
 
-lab::Json json_of(const std::vector<ImageDriveRow>& rows, std::uint64_t seed) {
-  lab::Json out{{"schema", kSchema}, {"seed", seed}, {"rows", lab::Json::array()}};
+records::Json json_of(const std::vector<ImageDriveRow>& rows, std::uint64_t seed) {
+  records::Json out{{"schema", kSchema}, {"seed", seed}, {"rows", records::Json::array()}};
   for (const ImageDriveRow& row : rows) {
-    lab::Json ways = lab::Json::array();
+    records::Json ways = records::Json::array();
     for (const ImageRow& way : row.rows) ways.push_back(json_of(way));
     std::vector<double> mbit;
-    for (const double one : row.mbit) mbit.push_back(lab::rounded(one, 1e4));
+    for (const double one : row.mbit) mbit.push_back(records::rounded(one, 1e4));
     out["rows"].push_back(
         {{"drive", row.drive}, {"rounds", row.rounds}, {"mbit_up", mbit}, {"ways", ways}});
   }

@@ -10,7 +10,7 @@
 
 namespace interneuron::cli {
 
-lab::Json json_of(const std::vector<coding::ImageDriveRow>& rows, std::uint64_t seed);
+records::Json json_of(const std::vector<coding::ImageDriveRow>& rows, std::uint64_t seed);
 
 // Requires at least one row.
 void print_table(const std::vector<coding::ImageDriveRow>& rows);

@@ -15,18 +15,18 @@ namespace {
 
 using load::Row;
 
-lab::Json known(const std::optional<double>& value) {
-  return value ? lab::Json(lab::rounded(*value)) : lab::Json(nullptr);
+records::Json known(const std::optional<double>& value) {
+  return value ? records::Json(records::rounded(*value)) : records::Json(nullptr);
 }
 
-lab::Json row_json(const Row& r) {
+records::Json row_json(const Row& r) {
   const load::Scenario& s = r.scenario;
   return {{"group", s.group},
           {"scenario", s.name},
           {"peer", load::name_of(s.peer)},
-          {"load", lab::rounded(s.load)},
+          {"load", records::rounded(s.load)},
           {"vehicles", s.vehicles},
-          {"capacity_mbit", lab::rounded(s.capacity.mbit())},
+          {"capacity_mbit", records::rounded(s.capacity.mbit())},
           {"queue_ms", to_ms(s.queue)},
           {"codel", s.codel},
           {"l4s", s.l4s},
@@ -35,12 +35,12 @@ lab::Json row_json(const Row& r) {
           {"messages", r.messages},
           {"missed", r.missed},
           {"degraded", r.degraded},
-          {"age_p50_ms", lab::rounded(r.age_p50_ms)},
-          {"age_p99_ms", lab::rounded(r.age_p99_ms)},
-          {"on_time_goodput_mbit", lab::rounded(r.on_time_goodput_mbit)},
-          {"of_possible", lab::rounded(r.of_possible)},
-          {"queue_p99_ms", lab::rounded(r.queue_p99_ms)},
-          {"utilisation", lab::rounded(r.utilisation)},
+          {"age_p50_ms", records::rounded(r.age_p50_ms)},
+          {"age_p99_ms", records::rounded(r.age_p99_ms)},
+          {"on_time_goodput_mbit", records::rounded(r.on_time_goodput_mbit)},
+          {"of_possible", records::rounded(r.of_possible)},
+          {"queue_p99_ms", records::rounded(r.queue_p99_ms)},
+          {"utilisation", records::rounded(r.utilisation)},
           {"jain", known(r.jain)},
           {"whole_after_ms", known(r.whole_after_ms)},
           {"share_after_ms", known(r.share_after_ms)},
@@ -212,10 +212,10 @@ std::string script(const std::vector<Row>& rows, std::size_t columns) {
 
 }  // namespace
 
-lab::Json load_json(const std::vector<Row>& rows, std::optional<TransportKind> datagrams) {
-  lab::Json out{{"schema", kLoadSchema},
-                {"mode", datagrams ? "testbed" : "sim"},
-                {"rows", lab::Json::array()}};
+records::Json load_json(const std::vector<Row>& rows, std::optional<TransportKind> datagrams) {
+  records::Json out{{"schema", kLoadSchema},
+                    {"mode", datagrams ? "testbed" : "sim"},
+                    {"rows", records::Json::array()}};
   if (datagrams) out["transport"] = to_string(*datagrams);
   for (const Row& r : rows) out["rows"].push_back(row_json(r));
   return out;
@@ -244,8 +244,9 @@ void plot_load(const std::filesystem::path& file, const std::vector<Row>& rows) 
   const std::string head =
       fmt::format("set terminal {} size {},{} noenhanced font 'sans{},11' background rgb 'white'\n",
                   svg ? "svg" : "pngcairo", width_of(columns), kHeight, svg ? "-serif" : "");
-  if (!lab::draw(file, head + script(rows, columns))) {
-    throw Failure(kFailed, "--plot needs gnuplot; install the package gnuplot-nox");
+  if (!records::draw(file, head + script(rows, columns))) {
+    throw process::Failure(process::kFailed,
+                           "--plot needs gnuplot; install the package gnuplot-nox");
   }
 }
 

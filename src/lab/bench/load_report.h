@@ -14,7 +14,7 @@ namespace interneuron::cli {
 inline constexpr const char* kLoadSchema = "interneuron.load/1";
 
 // `datagrams`: what those of our own nodes passed through on the testbed; nothing: virtual time.
-lab::Json load_json(const std::vector<load::Row>& rows, std::optional<TransportKind> datagrams);
+records::Json load_json(const std::vector<load::Row>& rows, std::optional<TransportKind> datagrams);
 // A table for each group, on stdout.
 void print_load(const std::vector<load::Row>& rows);
 

@@ -64,21 +64,23 @@ peers::Choice choice_of(const PeersOptions& o) {
 }
 
 void write_page(const std::string& file, const std::vector<peers::Row>& rows) {
-  write_whole(file, peers::page_of(rows));
+  process::write_whole(file, peers::page_of(rows));
 }
 
 int run_peers(const PeersOptions& o) {
   if (!o.plot.empty() && !is_picture(o.plot)) {
-    throw Failure(kUsage, "--plot '" + o.plot + "': name a file that ends in .svg or .png");
+    throw process::Failure(process::kUsage,
+                           "--plot '" + o.plot + "': name a file that ends in .svg or .png");
   }
   // A run takes too long to find out at its end.
   for (const std::string& file : {o.plot, o.page}) {
     const std::filesystem::path folder = std::filesystem::path(file).parent_path();
     if (folder.empty() || std::filesystem::is_directory(folder)) continue;
-    throw Failure(kConfiguration, "'" + file + "': there is no folder '" + folder.string() + "'");
+    throw process::Failure(process::kConfiguration,
+                           "'" + file + "': there is no folder '" + folder.string() + "'");
   }
-  const SignalWatch signals;
-  const TransportKind datagrams = transport_kind(o.transport);
+  const process::SignalWatch signals;
+  const TransportKind datagrams = settings::transport_kind(o.transport);
   std::vector<peers::Run> runs = o.quick ? peers::quick_runs(o.seed) : peers::runs_of(choice_of(o));
   for (peers::Run& run : runs) run.datagrams = datagrams;
   const peers::Compared compared = peers::compare(runs);
@@ -91,11 +93,11 @@ int run_peers(const PeersOptions& o) {
   if (compared.ended) std::rethrow_exception(compared.ended);
   if (!o.page.empty()) write_page(o.page, compared.rows);
   if (!o.plot.empty()) plot_peers(o.plot, compared.rows);
-  if (o.json) return kFine;
+  if (o.json) return process::kFine;
   for (const std::string& file : {o.plot, o.page}) {
     if (!file.empty()) fmt::print("\nwritten to {}\n", file);
   }
-  return kFine;
+  return process::kFine;
 }
 
 std::string footer() {
@@ -146,7 +148,7 @@ void add_peers(CLI::App& bench, std::function<int()>& run) {
           ->check(CLI::Range(kLeastPeersSeconds, kMostPeersSeconds));
   quick->excludes(messages)->excludes(seconds);
   seconds->excludes(messages);
-  add_transport_option(*c, o->transport);
+  settings::add_transport_option(*c, o->transport);
   c->add_option("--seed", o->seed, "Seed of the links")->capture_default_str();
   c->add_flag("--json", o->json, "The rows as JSON on stdout (docs/schema/peers.json)");
   c->add_option("--plot", o->plot, "Draws misses and bytes of every peer, .svg or .png");

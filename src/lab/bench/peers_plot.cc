@@ -240,8 +240,9 @@ void plot_peers(const std::filesystem::path& file, const std::vector<Row>& rows)
       svg ? "svg" : "pngcairo", l.width(), l.height(), svg ? "-serif" : "");
   script += key(l);
   for (std::size_t row = 0; row < l.bands.size(); ++row) script += row_of_panels(l, row);
-  if (!lab::draw(file, script + "unset multiplot\n")) {
-    throw Failure(kFailed, "--plot needs gnuplot; install the package gnuplot-nox");
+  if (!records::draw(file, script + "unset multiplot\n")) {
+    throw process::Failure(process::kFailed,
+                           "--plot needs gnuplot; install the package gnuplot-nox");
   }
 }
 

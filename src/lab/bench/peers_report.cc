@@ -10,11 +10,11 @@ namespace {
 
 using peers::Row;
 
-lab::Json known_value(const std::optional<double>& value) {
-  return value ? lab::Json(lab::rounded(*value)) : lab::Json(nullptr);
+records::Json known_value(const std::optional<double>& value) {
+  return value ? records::Json(records::rounded(*value)) : records::Json(nullptr);
 }
 
-lab::Json row_json(const Row& r) {
+records::Json row_json(const Row& r) {
   return {{"scenario", r.scenario->name},
           {"peer", r.peer->name},
           {"message_bytes", r.message_bytes},
@@ -23,13 +23,13 @@ lab::Json row_json(const Row& r) {
           {"messages", r.messages},
           {"missed", r.missed},
           {"degraded", r.degraded},
-          {"wire_ratio", lab::rounded(r.wire_ratio)},
+          {"wire_ratio", records::rounded(r.wire_ratio)},
           {"p50_ms", known_value(r.p50_ms)},
           {"p99_ms", known_value(r.p99_ms)},
-          {"cpu_us_send", lab::rounded(r.cpu_us_send)},
+          {"cpu_us_send", records::rounded(r.cpu_us_send)},
           {"cpu_us_receive", known_value(r.cpu_us_receive)},
           {"missed_numbers", r.missed_numbers},
-          {"emulator_late_ms", lab::rounded(r.emulator_late_ms)},
+          {"emulator_late_ms", records::rounded(r.emulator_late_ms)},
           {"seed", r.seed}};
 }
 
@@ -89,11 +89,11 @@ void print_table(const Table& table) {
 
 }  // namespace
 
-lab::Json peers_json(const peers::Compared& compared, TransportKind datagrams) {
-  lab::Json out{{"schema", kPeersSchema},
-                {"transport", to_string(datagrams)},
-                {"rows", lab::Json::array()},
-                {"skipped", lab::Json::array()}};
+records::Json peers_json(const peers::Compared& compared, TransportKind datagrams) {
+  records::Json out{{"schema", kPeersSchema},
+                    {"transport", to_string(datagrams)},
+                    {"rows", records::Json::array()},
+                    {"skipped", records::Json::array()}};
   for (const Row& r : compared.rows) out["rows"].push_back(row_json(r));
   for (const peers::Skipped& s : compared.skipped) {
     out["skipped"].push_back({{"peer", s.peer}, {"reason", s.reason}});

@@ -12,7 +12,7 @@ namespace interneuron::cli {
 inline constexpr const char* kPeersSchema = "interneuron.peers/1";
 
 // `datagrams`: what those of our own nodes passed through.
-lab::Json peers_json(const peers::Compared& compared, TransportKind datagrams);
+records::Json peers_json(const peers::Compared& compared, TransportKind datagrams);
 // A table for each scenario and size, on stdout: a line for each peer.
 void print_peers(const peers::Compared& compared, TransportKind datagrams);
 

@@ -36,12 +36,12 @@ double ratio(const Row& row, const std::vector<Row>& rows) {
   return 0;
 }
 
-lab::Json json_of(const std::vector<Row>& rows) {
-  lab::Json out{{"schema", kTransportsSchema}, {"rows", lab::Json::array()}};
+records::Json json_of(const std::vector<Row>& rows) {
+  records::Json out{{"schema", kTransportsSchema}, {"rows", records::Json::array()}};
   for (const Row& r : rows) {
     const bool measured = r.failure.empty();
     const auto known = [measured](double v) {
-      return measured ? lab::Json(lab::rounded(v)) : lab::Json(nullptr);
+      return measured ? records::Json(records::rounded(v)) : records::Json(nullptr);
     };
     out["rows"].push_back({{"load", r.load->name},
                            {"transport", to_string(r.transport)},
@@ -78,7 +78,7 @@ void print_table(const std::vector<Row>& rows) {
 }
 
 int run_transports(const TransportsOptions& o) {
-  const SignalWatch signals;
+  const process::SignalWatch signals;
   const auto rows =
       costs::measure(from_ms(o.seconds * 1000), [&o](std::size_t done, std::size_t all) {
         const double left = static_cast<double>(all - done) * (o.seconds + 0.3);
@@ -89,7 +89,7 @@ int run_transports(const TransportsOptions& o) {
   } else {
     print_table(rows);
   }
-  return kFine;
+  return process::kFine;
 }
 
 }  // namespace

@@ -48,7 +48,7 @@ class Demo {
  private:
   std::vector<std::string> road_command() const;
   std::vector<std::string> vehicle_command() const;
-  void judge(std::vector<lab::RoundRow>& rows, const netns::Snapshot& snapshot,
+  void judge(std::vector<records::RoundRow>& rows, const netns::Snapshot& snapshot,
              const Ladder& ladder) const;
   std::size_t smallest_image() const;
   int conclude(int vehicle_code, const Ladder& ladder);
@@ -57,7 +57,7 @@ class Demo {
   std::optional<fs::path> data_;
   std::string video_;
   // Of the private keys of the two, which are gone with it.
-  std::optional<PrivateFolder> keys_;
+  std::optional<process::PrivateFolder> keys_;
   // Their public halves.
   std::string road_key_;
   std::string vehicle_key_;
@@ -65,18 +65,18 @@ class Demo {
   std::optional<Testbed> testbed_;
 };
 
-Demo::Demo(const DemoOptions& options) : o_(options), data_(find_data(options.data)) {
+Demo::Demo(const DemoOptions& options) : o_(options), data_(settings::find_data(options.data)) {
   testbed_options_.name = fmt::format("demo-{}", ::getpid());
   testbed_options_.scenario = options.links.empty()
                                   ? netns::default_scenario(options.seed)
                                   : netns::scenario_of(options.links, options.seed);
-  video_ = options.video.empty() ? default_video(data_) : options.video;
+  video_ = options.video.empty() ? settings::default_video(data_) : options.video;
   // A video that cannot be read is told once, here, and not by both programs.
   const perception::FrameSource readable(video_);
 }
 
 std::vector<std::string> Demo::road_command() const {
-  std::vector<std::string> argv{sibling_program("interneuron-offload"),
+  std::vector<std::string> argv{process::sibling_program("interneuron-offload"),
                                 "road",
                                 "--port",
                                 std::to_string(kPort),
@@ -99,7 +99,7 @@ std::vector<std::string> Demo::road_command() const {
 }
 
 std::vector<std::string> Demo::vehicle_command() const {
-  std::vector<std::string> argv{sibling_program("interneuron-offload"),
+  std::vector<std::string> argv{process::sibling_program("interneuron-offload"),
                                 "vehicle",
                                 "--video",
                                 video_,
@@ -133,7 +133,7 @@ std::vector<std::string> Demo::vehicle_command() const {
 }
 
 // What a clairvoyant could have answered on time over the very links of this run.
-void Demo::judge(std::vector<lab::RoundRow>& rows, const netns::Snapshot& snapshot,
+void Demo::judge(std::vector<records::RoundRow>& rows, const netns::Snapshot& snapshot,
                  const Ladder& ladder) const {
   if (!snapshot.epoch || ladder.medians.empty()) return;
   std::vector<emu::LinkProfile> profiles;
@@ -145,7 +145,7 @@ void Demo::judge(std::vector<lab::RoundRow>& rows, const netns::Snapshot& snapsh
     processes.push_back(links.back().process().get());
   }
   const std::size_t smallest = smallest_image();
-  for (lab::RoundRow& row : rows) {
+  for (records::RoundRow& row : rows) {
     row.possible = sim::clairvoyant_feasible(profiles, processes, row.t0 - *snapshot.epoch,
                                              from_ms(o_.deadline_ms), smallest,
                                              perception::kMaxResultBytes, ladder.medians.front());
@@ -162,14 +162,14 @@ std::size_t Demo::smallest_image() const {
 
 int Demo::conclude(int vehicle_code, const Ladder& ladder) {
   const fs::path out = o_.out;
-  std::vector<lab::RoundRow> rows = lab::read_csv(out / "rounds.csv");
+  std::vector<records::RoundRow> rows = records::read_csv(out / "rounds.csv");
   judge(rows, testbed_->snapshot(), ladder);
-  lab::Json summary = lab::read_json(out / "summary.json");
+  records::Json summary = records::read_json(out / "summary.json");
   std::uint32_t possible = 0;
-  for (const lab::RoundRow& row : rows) possible += row.possible.value_or(false) ? 1 : 0;
+  for (const records::RoundRow& row : rows) possible += row.possible.value_or(false) ? 1 : 0;
   summary["best_possible"] = possible;
   summary["ladder"] = ladder.description;
-  for (lab::Json& level : summary["levels"]) {
+  for (records::Json& level : summary["levels"]) {
     const auto number = level["level"].get<std::size_t>();
     if (number < ladder.names.size()) level["name"] = ladder.names[number];
   }
@@ -177,38 +177,39 @@ int Demo::conclude(int vehicle_code, const Ladder& ladder) {
   summary["emulator"] = {{"lateness_mean_us", snapshot.lateness_mean_us},
                          {"lateness_max_us", snapshot.lateness_max_us},
                          {"kernel_drops", snapshot.kernel_drops}};
-  lab::write_csv(out / "rounds.csv", rows);
-  lab::write_json(out / "summary.json", summary);
+  records::write_csv(out / "rounds.csv", rows);
+  records::write_json(out / "summary.json", summary);
   if (o_.json) {
     fmt::print("{}\n", summary.dump(2));
   } else {
-    lab::print_table(summary);
+    records::print_table(summary);
     std::string files = "rounds.csv, summary.json";
     for (const char* picture : {"latency.png", "frame.png"}) {
       if (fs::exists(out / picture)) files += std::string(", ") + picture;
     }
-    fmt::print("\nwritten to {}: {}\n\n{}\n", out.string(), files, lab::verdict(summary));
+    fmt::print("\nwritten to {}: {}\n\n{}\n", out.string(), files, records::verdict(summary));
   }
   std::fflush(stdout);
-  return vehicle_code == kFine ? lab::judge_objective(summary, o_.objective) : vehicle_code;
+  return vehicle_code == process::kFine ? records::judge_objective(summary, o_.objective)
+                                        : vehicle_code;
 }
 
 int Demo::run() {
-  lab::make_directory(o_.out);
+  records::make_directory(o_.out);
   for (const char* old : {"rounds.csv", "summary.json", "latency.png", "frame.png"}) {
     std::error_code ignored;
     fs::remove(fs::path(o_.out) / old, ignored);
   }
-  const SignalWatch signals;
+  const process::SignalWatch signals;
   testbed_.emplace(Testbed::up(testbed_options_));
-  SignalWatch::check();
+  process::SignalWatch::check();
   std::string names;
   for (const emu::ScenarioLink& link : testbed_options_.scenario.links)
     names += (names.empty() ? "" : ", ") + link.profile.name;
   spdlog::info("testbed: vehicle and roadside joined by {} (seed {})", names, o_.seed);
   keys_.emplace("interneuron-demo");
-  road_key_ = make_key(*keys_ / "road");
-  vehicle_key_ = make_key(*keys_ / "vehicle");
+  road_key_ = settings::make_key(*keys_ / "road");
+  vehicle_key_ = settings::make_key(*keys_ / "vehicle");
   spdlog::info("keys made for this run; packets are encrypted");
 
   RoadChild road(testbed_->state(), road_command());
@@ -217,14 +218,14 @@ int Demo::run() {
   spawn.stdio[1] = STDERR_FILENO;
   std::vector<std::string> command = vehicle_command();
   command.emplace_back("--no-table");
-  Child vehicle(Testbed::spawn(testbed_->state(), netns::kVehicle, command, spawn));
+  process::Child vehicle(Testbed::spawn(testbed_->state(), netns::kVehicle, command, spawn));
   const int code = vehicle.wait();
   road.end();
   keys_.reset();
   const bool written = fs::exists(fs::path(o_.out) / "rounds.csv");
   const int result = written ? conclude(code, road.ladder()) : code;
   testbed_->down();
-  if (SignalWatch::last() != 0) return 128 + SignalWatch::last();
+  if (process::SignalWatch::last() != 0) return 128 + process::SignalWatch::last();
   return result;
 }
 
@@ -245,10 +246,10 @@ void add_demo(CLI::App& program, std::function<int()>& run) {
   c->add_option("--link", o->links,
                 "Profile (`testbed list` names them), TOML file, or NAME=either; once per link")
       ->take_all();
-  add_images_option(c, o->images);
-  add_deadline_options(c, o->deadline_ms, o->guard, o->policy, o->objective);
-  add_input_options(c, o->video, o->data, o->ladder);
-  add_calibration_option(c, o->calibration_runs);
+  offload::add_images_option(c, o->images);
+  offload::add_deadline_options(c, o->deadline_ms, o->guard, o->policy, o->objective);
+  offload::add_input_options(c, o->video, o->data, o->ladder);
+  offload::add_calibration_option(c, o->calibration_runs);
   c->add_flag("--json", o->json, "The summary as JSON on stdout");
   c->footer(
       "Examples:\n  interneuron demo\n  interneuron demo --rounds 100 --seed 2 --json\n"

@@ -23,10 +23,10 @@ struct DemoOptions {
   std::string data;
   std::string ladder = "auto";
   // Runs per level in which the roadside unit measures its detectors before the first round.
-  int calibration_runs = RoadOptions{}.calibration_runs;
+  int calibration_runs = offload::RoadOptions{}.calibration_runs;
   // As VehicleOptions.
-  std::string images = VehicleOptions{}.images;
-  std::string policy = VehicleOptions{}.policy;
+  std::string images = offload::VehicleOptions{}.images;
+  std::string policy = offload::VehicleOptions{}.policy;
   std::string guard = "budget";
   double deadline_ms = 130;
   double objective = 0;

@@ -17,7 +17,7 @@ namespace {
 // Vehicle and roadside unit as `eval --testbed` starts them: with an order file, by which they
 // inject delays and record more. An empty group hides what nobody else calls.
 template <class Hooks, class Made>
-MakeHooks<Hooks> hooks_of(const std::shared_ptr<std::string>& file) {
+offload::MakeHooks<Hooks> hooks_of(const std::shared_ptr<std::string>& file) {
   return [file]() -> std::unique_ptr<Hooks> {
     if (file->empty()) return nullptr;
     return std::make_unique<Made>(read_testbed_run(*file));
@@ -31,9 +31,10 @@ void hide(CLI::App* command, const std::shared_ptr<std::string>& file) {
 
 void add_ends(CLI::App& program, std::function<int()>& run) {
   const auto vehicle = std::make_shared<std::string>();
-  hide(add_vehicle(program, run, hooks_of<VehicleHooks, TestbedVehicle>(vehicle)), vehicle);
+  hide(offload::add_vehicle(program, run, hooks_of<offload::VehicleHooks, TestbedVehicle>(vehicle)),
+       vehicle);
   const auto road = std::make_shared<std::string>();
-  hide(add_road(program, run, hooks_of<RoadHooks, TestbedRoad>(road)), road);
+  hide(offload::add_road(program, run, hooks_of<offload::RoadHooks, TestbedRoad>(road)), road);
 }
 
 void add_commands(CLI::App& program, std::function<int()>& run) {
@@ -46,20 +47,21 @@ void add_commands(CLI::App& program, std::function<int()>& run) {
 }
 
 std::optional<int> code_of(const std::exception& error) {
-  if (dynamic_cast<const perception::InputError*>(&error) != nullptr) return kConfiguration;
+  if (dynamic_cast<const perception::InputError*>(&error) != nullptr)
+    return process::kConfiguration;
   if (const auto* testbed = dynamic_cast<const netns::TestbedError*>(&error)) {
     return testbed->exit_code;
   }
   return std::nullopt;
 }
 
-constexpr Program kProgram{"interneuron-lab",
-                           "Interneuron: the testbed, the demo, experiments and comparisons",
-                           add_commands, code_of};
+constexpr settings::Program kProgram{
+    "interneuron-lab", "Interneuron: the testbed, the demo, experiments and comparisons",
+    add_commands, code_of};
 
 }  // namespace
 }  // namespace interneuron::cli
 
 int main(int argc, char** argv) {
-  return interneuron::cli::run_program(interneuron::cli::kProgram, argc, argv);
+  return interneuron::settings::run_program(interneuron::cli::kProgram, argc, argv);
 }

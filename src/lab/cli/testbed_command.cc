@@ -53,7 +53,8 @@ struct TestbedOptions {
 
 emu::Scenario scenario(const TestbedOptions& o) {
   if (!o.scenario.empty() && !o.links.empty()) {
-    throw Failure(kUsage, "--scenario names the links itself; leave out --profile");
+    throw process::Failure(process::kUsage,
+                           "--scenario names the links itself; leave out --profile");
   }
   if (!o.scenario.empty()) return netns::load_scenario(o.scenario, o.seed);
   constexpr std::uint64_t kDefaultSeed = 1;
@@ -87,7 +88,7 @@ int up(const TestbedOptions& o) {
   }
   fmt::print("try: interneuron testbed run --name {} -- ping -c 3 -I {} {}\n", state.name,
              state.links.front().nic, state.links.front().road_address);
-  return kFine;
+  return process::kFine;
 }
 
 Json direction_json(const emu::DirectionStats& d) {
@@ -173,7 +174,7 @@ int status(const TestbedOptions& o) {
   const netns::Snapshot s = Testbed::snapshot(state);
   if (o.json) {
     fmt::print("{}\n", status_json(state, s).dump(2));
-    return kFine;
+    return process::kFine;
   }
   fmt::print("testbed '{}': {}, {} vehicle(s), {} roadside unit(s){}, seed {}, holder {}, {}\n",
              state.name, netns::backend_name(state.backend), state.vehicle_count(),
@@ -195,7 +196,7 @@ int status(const TestbedOptions& o) {
                  d->outage_lost + d->too_big + d->nat_drops);
     }
   }
-  return kFine;
+  return process::kFine;
 }
 
 int list() {
@@ -215,14 +216,14 @@ int list() {
     fmt::print("  {:<24} {}, {} vehicle(s) with {}\n", state.name,
                netns::backend_name(state.backend), state.vehicle_count(), links);
   }
-  return kFine;
+  return process::kFine;
 }
 
 int event(const TestbedOptions& o) {
-  if (!(o.seconds > 0)) throw Failure(kUsage, "an outage lasts more than 0 s");
+  if (!(o.seconds > 0)) throw process::Failure(process::kUsage, "an outage lasts more than 0 s");
   Testbed::outage(found_testbed(o.name), o.link, from_ms(o.seconds * 1e3));
   fmt::print("{}: no radio for {:g} s\n", o.link, o.seconds);
-  return kFine;
+  return process::kFine;
 }
 
 // Found out here and not by the testbed, which cannot tell who named what: keys and values are on
@@ -235,7 +236,7 @@ void check_settings(const std::vector<std::string>& settings) {
     if (error == nullptr) continue;
     const bool file =
         setting.starts_with(kProfile) && netns::is_profile_file(setting.substr(kProfile.size()));
-    throw Failure(file ? kConfiguration : kUsage, error->what);
+    throw process::Failure(file ? process::kConfiguration : process::kUsage, error->what);
   }
 }
 
@@ -243,7 +244,7 @@ int set(const TestbedOptions& o) {
   check_settings(o.settings);
   Testbed::change(found_testbed(o.name), o.link, o.settings);
   fmt::print("{}: {}\n", o.link, fmt::join(o.settings, " "));
-  return kFine;
+  return process::kFine;
 }
 
 // "5s", "500ms", "2min"; in seconds.
@@ -295,8 +296,9 @@ void add_schedule(CLI::App& testbed, const std::shared_ptr<TestbedOptions>& o,
 netns::State found_testbed(const std::string& name) {
   auto state = Testbed::find(name);
   if (!state) {
-    throw Failure(kFailed, "testbed '" + name + "' is not up; `interneuron testbed up --name " +
-                               name + "` makes it");
+    throw process::Failure(
+        process::kFailed,
+        "testbed '" + name + "' is not up; `interneuron testbed up --name " + name + "` makes it");
   }
   return *state;
 }
@@ -351,7 +353,7 @@ void add_testbed(CLI::App& program, std::function<int()>& run) {
   add("down", "End it; nothing is left", [](const TestbedOptions& a) {
     Testbed::down(found_testbed(a.name));
     fmt::print("testbed '{}' is down\n", a.name);
-    return kFine;
+    return process::kFine;
   });
 
   CLI::App* all = testbed->add_subcommand("list", "The profiles, and the testbeds that are up");

@@ -46,7 +46,8 @@ void print_csv(emu::ScenarioPlayer& player, Duration length) {
 const char* terminal_for(const std::string& file) {
   if (file.ends_with(".png")) return "pngcairo";
   if (file.ends_with(".svg")) return "svg";
-  throw Failure(kUsage, "--plot '" + file + "': give a file that ends in .png or .svg");
+  throw process::Failure(process::kUsage,
+                         "--plot '" + file + "': give a file that ends in .png or .svg");
 }
 
 // Round-trip times on a logarithmic scale, with a gap where there is no radio.
@@ -62,8 +63,9 @@ std::string script(emu::ScenarioPlayer& player, Duration length, const std::stri
   for (std::size_t i = 0; i < points.size(); ++i) {
     const emu::ScenarioLink& link = player.scenario().links[i];
     s += fmt::format("$link{} << EOD\n{}EOD\n", i, points[i]);
-    plot += fmt::format("{}$link{} using 1:2 with lines lw 1.4 title {}", i > 0 ? ", " : "plot ", i,
-                        lab::gnuplot_text(fmt::format("{} ({})", link.name, link.profile.name)));
+    plot +=
+        fmt::format("{}$link{} using 1:2 with lines lw 1.4 title {}", i > 0 ? ", " : "plot ", i,
+                    records::gnuplot_text(fmt::format("{} ({})", link.name, link.profile.name)));
   }
   return s + fmt::format(
                  "set terminal {} size 1100,420 font 'sans,11' background rgb 'white'\n"
@@ -82,9 +84,9 @@ int print_schedule(const emu::Scenario& scenario, Duration length, const std::st
   emu::ScenarioPlayer player(scenario);
   if (plot.empty()) {
     print_csv(player, length);
-    return kFine;
+    return process::kFine;
   }
-  return lab::draw(plot, script(player, length, plot)) ? kFine : kFailed;
+  return records::draw(plot, script(player, length, plot)) ? process::kFine : process::kFailed;
 }
 
 }  // namespace interneuron::cli

@@ -47,8 +47,8 @@ std::vector<std::size_t> selected(const netns::State& state, std::vector<std::st
 }
 
 int exit_code(verify::Verdict verdict) {
-  if (verdict == verify::Verdict::kFailed) return kFailed;
-  return verdict == verify::Verdict::kInconclusive ? kCannotHere : kFine;
+  if (verdict == verify::Verdict::kFailed) return process::kFailed;
+  return verdict == verify::Verdict::kInconclusive ? process::kCannotHere : process::kFine;
 }
 
 int run_verify(const LinkCheckOptions& o) {
@@ -58,7 +58,7 @@ int run_verify(const LinkCheckOptions& o) {
   verify::SessionOptions session;
   session.links = selected(state, o.links);
   session.length = std::chrono::seconds(o.seconds);
-  const SignalWatch signals;
+  const process::SignalWatch signals;
   constexpr Duration kBetweenLines = std::chrono::seconds(2);
   Duration next{};
   const auto evidence = verify::measure(state, session, [&](Duration elapsed) {

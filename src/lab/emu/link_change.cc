@@ -12,12 +12,12 @@ namespace {
 
 std::size_t count(double value) { return static_cast<std::size_t>(value); }
 
-constexpr NumberKey optional(NumberKey key) {
+constexpr toml_reader::NumberKey optional(toml_reader::NumberKey key) {
   key.optional = true;
   return key;
 }
 
-constexpr NumberKey probability(std::string_view name, std::string_view meaning) {
+constexpr toml_reader::NumberKey probability(std::string_view name, std::string_view meaning) {
   return {name, meaning, 0, 1, "", true};
 }
 
@@ -89,8 +89,8 @@ std::string unknown_key(std::string_view word) {
     spellings.push_back("up." + std::string(name));
     spellings.push_back("down." + std::string(name));
   }
-  const auto nearest =
-      nearest_word(word, std::vector<std::string_view>(spellings.begin(), spellings.end()));
+  const auto nearest = toml_reader::nearest_word(
+      word, std::vector<std::string_view>(spellings.begin(), spellings.end()));
   std::string list;
   for (const std::string_view name : kChangeKeys)
     list += (list.empty() ? "" : ", ") + std::string(name);
@@ -116,16 +116,19 @@ std::optional<std::string> read_pair(std::string_view pair, const ProfileResolve
                                : name.starts_with("down.") ? &kDown
                                                            : nullptr;
   const DirectionKey* key = find_key(direction == nullptr ? name : name.substr(name.find('.') + 1));
-  const NumberKey* limits = name == kRttKey.name ? &kRttKey : key != nullptr ? &key->key : nullptr;
+  const toml_reader::NumberKey* limits = name == kRttKey.name ? &kRttKey
+                                         : key != nullptr     ? &key->key
+                                                              : nullptr;
   if (limits == nullptr) return unknown_key(name);
 
   double value = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
   if (error != std::errc{} || end != text.data() + text.size()) {
     return "'" + std::string(name) + "' = '" + std::string(text) + "' must be a number, " +
-           range_text(*limits);
+           toml_reader::range_text(*limits);
   }
-  if (const auto wrong = range_error(*limits, value)) return "'" + std::string(name) + "'" + *wrong;
+  if (const auto wrong = toml_reader::range_error(*limits, value))
+    return "'" + std::string(name) + "'" + *wrong;
   if (limits == &kRttKey) {
     out.rtt = from_ms(value);
   } else {
@@ -134,7 +137,7 @@ std::optional<std::string> read_pair(std::string_view pair, const ProfileResolve
   return std::nullopt;
 }
 
-bool read_numbers(TomlReader& reader, const TomlReader::Section& section,
+bool read_numbers(toml_reader::TomlReader& reader, const toml_reader::TomlReader::Section& section,
                   const Direction* direction, LinkChange& out) {
   for (const DirectionKey& key : kDirectionKeys) {
     double value = 0;
@@ -174,7 +177,7 @@ std::variant<LinkChange, ProfileError> parse_change(std::span<const std::string>
     LinkChange change;
     for (const std::string& pair : key_value) {
       if (auto wrong = read_pair(pair, resolver, change))
-        return ProfileError{one_line(std::move(*wrong))};
+        return ProfileError{toml_reader::one_line(std::move(*wrong))};
     }
     if (key_value.empty()) return ProfileError{"no change given; write KEY=VALUE, as rtt_ms=80"};
     return change;
@@ -184,7 +187,7 @@ std::variant<LinkChange, ProfileError> parse_change(std::span<const std::string>
   }
 }
 
-bool read_change(TomlReader& reader, const TomlReader::Section& section,
+bool read_change(toml_reader::TomlReader& reader, const toml_reader::TomlReader::Section& section,
                  const std::vector<std::string_view>& others, const ProfileResolver& resolver,
                  LinkChange& out) {
   std::vector<std::string_view> known = others;
@@ -205,7 +208,7 @@ bool read_change(TomlReader& reader, const TomlReader::Section& section,
   for (const Direction d : {Direction::kUp, Direction::kDown}) {
     const std::string_view name = d == Direction::kUp ? "up" : "down";
     if (!reader.has(section, name)) continue;
-    const TomlReader::Section part = reader.section(section, name);
+    const toml_reader::TomlReader::Section part = reader.section(section, name);
     if (!reader.only(part, names_of_direction_keys()) || !read_numbers(reader, part, &d, out)) {
       return false;
     }

@@ -11,7 +11,7 @@ namespace interneuron::emu {
 
 // Reads the keys of a change from `section`, in which the keys `others` may stand as well. Returns
 // false when the reader has an error.
-bool read_change(TomlReader& reader, const TomlReader::Section& section,
+bool read_change(toml_reader::TomlReader& reader, const toml_reader::TomlReader::Section& section,
                  const std::vector<std::string_view>& others, const ProfileResolver& resolver,
                  LinkChange& out);
 

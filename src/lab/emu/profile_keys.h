@@ -19,16 +19,17 @@ inline constexpr double kMinQueueKbyte = 1.5;
 inline constexpr double kMinRateMbit = 0.001;
 inline constexpr double kMaxRateMbit = 100'000;
 
-inline constexpr NumberKey kRttKey{"rtt_ms", "round-trip time", 0, kMaxRttMs, "ms"};
-inline constexpr NumberKey kLossKey{"loss", "probability that a packet is lost", 0, 1, ""};
-inline constexpr NumberKey kRateKey{"rate_mbit", "rate of IP packets", kMinRateMbit, kMaxRateMbit,
-                                    "Mbit/s"};
+inline constexpr toml_reader::NumberKey kRttKey{"rtt_ms", "round-trip time", 0, kMaxRttMs, "ms"};
+inline constexpr toml_reader::NumberKey kLossKey{"loss", "probability that a packet is lost", 0, 1,
+                                                 ""};
+inline constexpr toml_reader::NumberKey kRateKey{"rate_mbit", "rate of IP packets", kMinRateMbit,
+                                                 kMaxRateMbit, "Mbit/s"};
 
 inline Duration seconds(double s) { return from_ms(s * 1e3); }
 
 // A key of [up] and [down], and of changes. All are optional.
 struct DirectionKey {
-  NumberKey key;
+  toml_reader::NumberKey key;
   void (*set)(DirectionChange& change, double value);
 };
 std::span<const DirectionKey> direction_keys();

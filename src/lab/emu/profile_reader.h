@@ -18,8 +18,8 @@ class TraceFiles {
   // Reads the file that `key` names and hands its text to `parse`, which returns a trace or
   // "line N: what is wrong".
   template <class Trace>
-  bool read(TomlReader& reader, const TomlReader::Section& section, std::string_view key,
-            std::variant<Trace, std::string> (*parse)(std::string_view),
+  bool read(toml_reader::TomlReader& reader, const toml_reader::TomlReader::Section& section,
+            std::string_view key, std::variant<Trace, std::string> (*parse)(std::string_view),
             std::shared_ptr<const Trace>& out) const {
     std::string name;
     std::string text;
@@ -33,8 +33,8 @@ class TraceFiles {
   }
 
  private:
-  bool load(TomlReader& reader, const TomlReader::Section& section, std::string_view key,
-            std::string& name, std::string& text) const;
+  bool load(toml_reader::TomlReader& reader, const toml_reader::TomlReader::Section& section,
+            std::string_view key, std::string& name, std::string& text) const;
 
   const FileLoader& loader_;
 };
@@ -42,19 +42,22 @@ class TraceFiles {
 // All keys of the root that some model has.
 std::vector<std::string_view> delay_keys();
 
-bool read_delay(TomlReader& reader, const TomlReader::Section& root, const TraceFiles& files,
-                DelayParams& out);
-bool read_direction(TomlReader& reader, const TomlReader::Section& section, const TraceFiles& files,
+bool read_delay(toml_reader::TomlReader& reader, const toml_reader::TomlReader::Section& root,
+                const TraceFiles& files, DelayParams& out);
+bool read_direction(toml_reader::TomlReader& reader,
+                    const toml_reader::TomlReader::Section& section, const TraceFiles& files,
                     DirectionParams& out);
-bool read_outages(TomlReader& reader, const TomlReader::Section& root, PeriodicOutage& out);
-bool read_nat(TomlReader& reader, const TomlReader::Section& root, NatParams& out);
+bool read_outages(toml_reader::TomlReader& reader, const toml_reader::TomlReader::Section& root,
+                  PeriodicOutage& out);
+bool read_nat(toml_reader::TomlReader& reader, const toml_reader::TomlReader::Section& root,
+              NatParams& out);
 
 // "schema", the same in all files of this kind; and "Paper, table 1" of line 1's "# Source: Paper,
 // table 1".
-bool read_schema(TomlReader& reader, const TomlReader::Section& root);
+bool read_schema(toml_reader::TomlReader& reader, const toml_reader::TomlReader::Section& root);
 std::string source_of(std::string_view text);
 // A name of 1 to `longest` characters of A-Z a-z 0-9 _ -.
-bool read_name(TomlReader& reader, const TomlReader::Section& section, std::size_t longest,
-               std::string& out);
+bool read_name(toml_reader::TomlReader& reader, const toml_reader::TomlReader::Section& section,
+               std::size_t longest, std::string& out);
 
 }  // namespace interneuron::emu

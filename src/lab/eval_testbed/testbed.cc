@@ -52,7 +52,7 @@ BenchRuns run_all(const experiments::Request& request, const eval::Scenario& sce
 }
 
 std::optional<perception::GroundTruth> truth_of(const experiments::Request& request) {
-  const auto file = default_truth(request.data);
+  const auto file = settings::default_truth(request.data);
   if (!file) return std::nullopt;
   return perception::read_mot_truth(*file);
 }

@@ -66,7 +66,7 @@ class Log {
   int fd_;
 };
 
-eval::Shown shown_of(const lab::Json& round) {
+eval::Shown shown_of(const records::Json& round) {
   using Kind = eval::Shown::Kind;
   const std::string kind = round.at("shown");
   const eval::Shown remote{Kind::kRemote, round.at("level"), round.at("variant"), 0};
@@ -77,7 +77,7 @@ eval::Shown shown_of(const lab::Json& round) {
   return {};
 }
 
-eval::Round round_of(const lab::Json& json) {
+eval::Round round_of(const records::Json& json) {
   eval::Round round;
   round.round = json.at("round");
   round.t0 = Duration{json.at("t0_ns")};
@@ -93,7 +93,7 @@ eval::Round round_of(const lab::Json& json) {
 
 // Adds what the roadside unit saw. Both programs read the one clock of this host, so their instants
 // can be compared.
-void add_road(const lab::Json& json, eval::Round& round) {
+void add_road(const records::Json& json, eval::Round& round) {
   round.delivered = Duration{json.at("delivered_ns")} - round.t0;
   round.compute_began = Duration{json.at("began_ns")} - round.t0;
   round.compute_ended = Duration{json.at("ended_ns")} - round.t0;
@@ -102,10 +102,11 @@ void add_road(const lab::Json& json, eval::Round& round) {
   round.degraded_first = json.at("degraded");
 }
 
-perception::Shown boxes_of(const lab::Json& json) {
+perception::Shown boxes_of(const records::Json& json) {
   perception::Shown shown;
   shown.frame = json.at("frame");
-  for (const lab::Json& b : json.at("boxes")) shown.boxes.push_back({b[0], b[1], b[2], b[3], b[4]});
+  for (const records::Json& b : json.at("boxes"))
+    shown.boxes.push_back({b[0], b[1], b[2], b[3], b[4]});
   return shown;
 }
 
@@ -144,15 +145,20 @@ Bench::Bench(const eval::Scenario& scenario, std::optional<fs::path> data, std::
       data_(std::move(data)),
       kind_(std::move(ladder)),
       scratch_(std::move(scratch)),
-      video_(default_video(data_)),
-      testbed_(up(scenario, (make_private_folder(scratch_), scratch_))),
-      road_key_(make_key(scratch_ / kRoadKeyFile)),
-      vehicle_key_(make_key(scratch_ / kVehicleKeyFile)) {}
+      video_(settings::default_video(data_)),
+      testbed_(up(scenario, (process::make_private_folder(scratch_), scratch_))),
+      road_key_(settings::make_key(scratch_ / kRoadKeyFile)),
+      vehicle_key_(settings::make_key(scratch_ / kVehicleKeyFile)) {}
 
 std::vector<std::string> Bench::road_command() const {
-  std::vector<std::string> argv{
-      own_program(), "road", "--port",        std::to_string(kPort),
-      "--video",     video_, "--testbed-run", (scratch_ / "run.json").string()};
+  std::vector<std::string> argv{process::own_program(),
+                                "road",
+                                "--port",
+                                std::to_string(kPort),
+                                "--video",
+                                video_,
+                                "--testbed-run",
+                                (scratch_ / "run.json").string()};
   argv.insert(argv.end(), {"--ladder", kind_, "--key", (scratch_ / kRoadKeyFile).string(),
                            "--trust", vehicle_key_});
   if (data_) argv.insert(argv.end(), {"--data", data_->string()});
@@ -164,7 +170,7 @@ std::vector<std::string> Bench::road_command() const {
 
 std::vector<std::string> Bench::vehicle_command(const TestbedRun& orders,
                                                 std::uint32_t rounds) const {
-  std::vector<std::string> argv{own_program(),
+  std::vector<std::string> argv{process::own_program(),
                                 "vehicle",
                                 "--images",
                                 std::string(to_string(perception::Images::kPaper)),
@@ -198,41 +204,44 @@ void Bench::start_programs(const TestbedRun& orders, std::uint32_t rounds) {
   std::optional<RoadChild> road;
   try {
     road.emplace(testbed_.state(), road_command(), road_log.fd());
-  } catch (const Failure& error) {
-    if (error.code() != kFailed) throw;
-    throw Failure(kFailed, "the testbed's roadside unit failed: " + road_log.last_line());
+  } catch (const process::Failure& error) {
+    if (error.code() != process::kFailed) throw;
+    throw process::Failure(process::kFailed,
+                           "the testbed's roadside unit failed: " + road_log.last_line());
   }
   netns::SpawnOptions spawn;
   spawn.stdio = {-1, vehicle_log.fd(), vehicle_log.fd()};
-  Child vehicle(
+  process::Child vehicle(
       Testbed::spawn(testbed_.state(), netns::kVehicle, vehicle_command(orders, rounds), spawn));
   const int code = vehicle.wait();
-  SignalWatch::check();
+  process::SignalWatch::check();
   road->end();
-  if (code != kFine || !fs::exists(scratch_ / "road.json")) {
-    throw Failure(kFailed, fmt::format("the testbed's run of {} failed: {}", orders.system.name,
-                                       (code != kFine ? vehicle_log : road_log).last_line()));
+  if (code != process::kFine || !fs::exists(scratch_ / "road.json")) {
+    throw process::Failure(
+        process::kFailed,
+        fmt::format("the testbed's run of {} failed: {}", orders.system.name,
+                    (code != process::kFine ? vehicle_log : road_log).last_line()));
   }
 }
 
 BenchRun Bench::collect(const TestbedRun& orders) const {
-  const lab::Json vehicle = lab::read_json(scratch_ / "vehicle.json");
-  const lab::Json road = lab::read_json(scratch_ / "road.json");
+  const records::Json vehicle = records::read_json(scratch_ / "vehicle.json");
+  const records::Json road = records::read_json(scratch_ / "road.json");
   BenchRun out;
   out.run.system = orders.system.name;
-  for (const lab::Json& json : vehicle.at("rounds")) {
+  for (const records::Json& json : vehicle.at("rounds")) {
     eval::Round& round = out.run.rounds.emplace_back(round_of(json));
     if (round.round < orders.injected.size()) round.injected = orders.injected[round.round];
     out.encode.push_back(Duration{json.at("submitted_ns")} - round.t0);
     out.boxes.push_back(boxes_of(json));
   }
-  for (const lab::Json& json : road.at("rounds")) {
+  for (const records::Json& json : road.at("rounds")) {
     const std::size_t number = json.at("round");
     if (number < out.run.rounds.size()) add_road(json, out.run.rounds[number]);
   }
   out.run.bytes_up.resize(scenario_.links.size());
   out.run.bytes_down.resize(scenario_.links.size());
-  const lab::Json& links = vehicle.at("links");
+  const records::Json& links = vehicle.at("links");
   const std::size_t first = orders.system.only_link.value_or(0);
   for (std::size_t i = 0; i < links.size(); ++i) {
     out.run.bytes_up.at(first + i) = links[i].at("up");
@@ -253,7 +262,7 @@ void Bench::calibrate(std::uint32_t rounds, std::optional<Duration> deadline) {
   orders.system = *eval::find_system("erdos_like");
   orders.deadline = scenario_.deadline;
   const BenchRun undisturbed = start(orders, rounds);
-  const lab::Json road = lab::read_json(scratch_ / "road.json");
+  const records::Json road = records::read_json(scratch_ / "road.json");
   ladder_ = road.at("ladder");
   profile_ = eval::default_profile();
   profile_.level_names = road.at("names").get<std::vector<std::string>>();
@@ -262,7 +271,8 @@ void Bench::calibrate(std::uint32_t rounds, std::optional<Duration> deadline) {
 
   const auto took = transmissions(undisturbed.run);
   if (!took) {
-    throw Failure(kFailed, fmt::format("no undisturbed round was on time on this machine ({}); "
+    throw process::Failure(process::kFailed,
+                           fmt::format("no undisturbed round was on time on this machine ({}); "
                                        "its levels are too slow for {:.0f} ms",
                                        ladder_, to_ms(scenario_.deadline)));
   }

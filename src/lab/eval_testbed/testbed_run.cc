@@ -15,8 +15,8 @@ namespace {
 namespace fs = std::filesystem;
 using eval::Module;
 
-lab::Json levels_json(std::span<const LevelProfile> levels) {
-  lab::Json out = lab::Json::array();
+records::Json levels_json(std::span<const LevelProfile> levels) {
+  records::Json out = records::Json::array();
   for (const LevelProfile& level : levels) {
     out.push_back({{"median_ns", level.median.count()},
                    {"p95_ns", level.p95.count()},
@@ -44,9 +44,9 @@ const char* kind_of(const RoundDone& done, bool local_backup) {
 
 }  // namespace
 
-std::vector<LevelProfile> levels_of(const lab::Json& levels) {
+std::vector<LevelProfile> levels_of(const records::Json& levels) {
   std::vector<LevelProfile> out;
-  for (const lab::Json& level : levels) {
+  for (const records::Json& level : levels) {
     out.push_back({Duration{level.at("median_ns")}, Duration{level.at("p95_ns")},
                    level.at("quality").get<std::vector<double>>()});
     if (out.back().quality.empty()) {
@@ -63,37 +63,38 @@ Duration TestbedRun::in(Module module, RoundId round) const {
 }
 
 void write_testbed_run(const fs::path& file, const TestbedRun& run) {
-  lab::Json injected = lab::Json::array();
+  records::Json injected = records::Json::array();
   for (const eval::Injected& i : run.injected) {
     injected.push_back(
-        i.any ? lab::Json{{"module", to_string(i.module)}, {"delay_ns", i.delay.count()}}
-              : lab::Json(nullptr));
+        i.any ? records::Json{{"module", to_string(i.module)}, {"delay_ns", i.delay.count()}}
+              : records::Json(nullptr));
   }
   std::vector<std::int64_t> runtime_ns;
   for (const Duration d : run.erdos.runtime) runtime_ns.push_back(d.count());
-  lab::write_json(file, {{"system", run.system.name},
-                         {"injected", injected},
-                         {"deadline_ns", run.deadline.count()},
-                         {"erdos",
-                          {{"uplink_ns", run.erdos.uplink.count()},
-                           {"downlink_ns", run.erdos.downlink.count()},
-                           {"runtime_ns", runtime_ns}}},
-                         {"levels", levels_json(run.levels)},
-                         {"local_quality", run.fallback.local},
-                         {"stale_share", run.fallback.stale_share}});
+  records::write_json(file, {{"system", run.system.name},
+                             {"injected", injected},
+                             {"deadline_ns", run.deadline.count()},
+                             {"erdos",
+                              {{"uplink_ns", run.erdos.uplink.count()},
+                               {"downlink_ns", run.erdos.downlink.count()},
+                               {"runtime_ns", runtime_ns}}},
+                             {"levels", levels_json(run.levels)},
+                             {"local_quality", run.fallback.local},
+                             {"stale_share", run.fallback.stale_share}});
 }
 
 TestbedRun read_testbed_run(const fs::path& file) {
   const auto bad = [&file](const std::string& why) {
-    return Failure(kConfiguration, "'" + file.string() + "': not a run of the testbed: " + why);
+    return process::Failure(process::kConfiguration,
+                            "'" + file.string() + "': not a run of the testbed: " + why);
   };
   try {
-    const lab::Json json = lab::read_json(file);
+    const records::Json json = records::read_json(file);
     TestbedRun run;
     const eval::System* system = eval::find_system(json.at("system"));
     if (system == nullptr) throw bad("no such system");
     run.system = *system;
-    for (const lab::Json& i : json.at("injected")) {
+    for (const records::Json& i : json.at("injected")) {
       eval::Injected& injected = run.injected.emplace_back();
       if (i.is_null()) continue;
       injected.any = true;
@@ -105,14 +106,14 @@ TestbedRun read_testbed_run(const fs::path& file) {
       }
     }
     run.deadline = Duration{json.at("deadline_ns")};
-    const lab::Json& erdos = json.at("erdos");
+    const records::Json& erdos = json.at("erdos");
     run.erdos = {Duration{erdos.at("uplink_ns")}, Duration{erdos.at("downlink_ns")}, {}};
     for (const std::int64_t ns : erdos.at("runtime_ns")) run.erdos.runtime.emplace_back(ns);
     run.levels = levels_of(json.at("levels"));
     run.fallback = {json.at("local_quality"), json.at("stale_share").get<std::vector<double>>()};
     run.file = file;
     return run;
-  } catch (const lab::Json::exception& error) {
+  } catch (const records::Json::exception& error) {
     throw bad(error.what());
   }
 }
@@ -140,9 +141,9 @@ Variants TestbedVehicle::submitted(const RoundRef& ref, Variants variants) {
   return {std::move(variants.at(*run_.system.only_variant))};
 }
 
-void TestbedVehicle::done(const RoundDone& event, const lab::RoundRow& row) {
+void TestbedVehicle::done(const RoundDone& event, const records::RoundRow& row) {
   const auto result = perception::decode_result(event.result);
-  lab::Json boxes = lab::Json::array();
+  records::Json boxes = records::Json::array();
   if (result) {
     for (const perception::Box& b : result->boxes) boxes.push_back({b.x, b.y, b.w, b.h, b.score});
   }
@@ -164,7 +165,7 @@ void TestbedVehicle::done(const RoundDone& event, const lab::RoundRow& row) {
 }
 
 void TestbedVehicle::finished(const std::vector<Statistics::Link>& links) {
-  lab::Json bytes = lab::Json::array();
+  records::Json bytes = records::Json::array();
   const auto ip = [](std::uint64_t packets, std::uint64_t payload) {
     return payload + packets * kIpUdpBytes;
   };
@@ -173,8 +174,8 @@ void TestbedVehicle::finished(const std::vector<Statistics::Link>& links) {
     bytes.push_back({{"up", ip(c.sent_packets, c.sent_bytes)},
                      {"down", ip(c.received_packets, c.received_bytes)}});
   }
-  lab::write_json(run_.file.parent_path() / "vehicle.json",
-                  {{"links", bytes}, {"rounds", rounds_}});
+  records::write_json(run_.file.parent_path() / "vehicle.json",
+                      {{"links", bytes}, {"rounds", rounds_}});
 }
 
 // --- roadside
@@ -217,7 +218,7 @@ void TestbedRoad::computed(const computing::Computed& c) {
 
 void TestbedRoad::finished(const std::string& ladder, const std::vector<std::string>& names,
                            std::span<const LevelProfile> levels) {
-  lab::write_json(
+  records::write_json(
       run_.file.parent_path() / "road.json",
       {{"ladder", ladder}, {"names", names}, {"levels", levels_json(levels)}, {"rounds", rounds_}});
 }

@@ -43,11 +43,11 @@ void write_testbed_run(const std::filesystem::path& file, const TestbedRun& run)
 TestbedRun read_testbed_run(const std::filesystem::path& file);
 
 // The levels as the roadside's record has them. A level of unknown quality gets one by its rank.
-std::vector<LevelProfile> levels_of(const lab::Json& levels);
+std::vector<LevelProfile> levels_of(const records::Json& levels);
 
 // Makes the vehicle run the system of a TestbedRun, injects into its uplink and records its rounds.
 // Thread-compatible.
-class TestbedVehicle : public VehicleHooks {
+class TestbedVehicle : public offload::VehicleHooks {
  public:
   explicit TestbedVehicle(TestbedRun run) : run_(std::move(run)) {}
 
@@ -56,7 +56,7 @@ class TestbedVehicle : public VehicleHooks {
   // The variants that the system submits.
   Variants submitted(const RoundRef& ref, Variants variants) override;
   bool local_backup() const override { return run_.system.local_backup; }
-  void done(const RoundDone& event, const lab::RoundRow& row) override;
+  void done(const RoundDone& event, const records::RoundRow& row) override;
   // Writes vehicle.json.
   void finished(const std::vector<Statistics::Link>& links) override;
 
@@ -64,13 +64,13 @@ class TestbedVehicle : public VehicleHooks {
   TestbedRun run_;
   // By round.
   std::vector<TimePoint> submitted_;
-  lab::Json rounds_ = lab::Json::array();
+  records::Json rounds_ = records::Json::array();
 };
 
 // Makes the roadside unit run the system of a TestbedRun, injects into its computation and its
 // downlink and records its computations. Thread-compatible, but inside_compute() may be called by
 // any thread.
-class TestbedRoad : public RoadHooks {
+class TestbedRoad : public offload::RoadHooks {
  public:
   explicit TestbedRoad(TestbedRun run) : run_(std::move(run)) {}
 
@@ -88,7 +88,7 @@ class TestbedRoad : public RoadHooks {
 
  private:
   TestbedRun run_;
-  lab::Json rounds_ = lab::Json::array();
+  records::Json rounds_ = records::Json::array();
 };
 
 }  // namespace interneuron::cli

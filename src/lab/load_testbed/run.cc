@@ -63,7 +63,8 @@ Transport transport_of(Peer peer) {
     default:
       break;
   }
-  throw Failure(kFailed, fmt::format("{} is for virtual time alone", load::name_of(peer)));
+  throw process::Failure(process::kFailed,
+                         fmt::format("{} is for virtual time alone", load::name_of(peer)));
 }
 
 Order order_of(const Scenario& s, const netns::State& state, const fs::path& scratch) {

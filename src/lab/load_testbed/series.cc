@@ -40,8 +40,9 @@ std::string name_of(const Scenario& s) {
 
 std::vector<load::Row> run_series(const std::vector<Scenario>& scenarios, TransportKind datagrams) {
   const std::vector<Scenario> list = able(scenarios);
-  if (list.empty()) throw Failure(kCannotHere, "nothing of this can be run on the testbed here");
-  const PrivateFolder folder("interneuron-load");
+  if (list.empty())
+    throw process::Failure(process::kCannotHere, "nothing of this can be run on the testbed here");
+  const process::PrivateFolder folder("interneuron-load");
   const std::filesystem::path scratch = folder / "run";
   std::vector<Duration> times;
   for (const Scenario& s : list) times.push_back(time_of_run(s));

@@ -70,7 +70,7 @@ Ran play_run(const Run& run, const fs::path& folder) {
   const Testbed testbed = Testbed::up(options_of(run, folder));
   const auto hole = [&](TimePoint begin) {
     if (run.scenario->hole == Duration{}) return;
-    cli::SignalWatch::sleep(begin + run.length() / 2 - io::now());
+    process::SignalWatch::sleep(begin + run.length() / 2 - io::now());
     Testbed::outage(testbed.state(), kModemNames.front(), run.scenario->hole);
   };
   const cli::Played played =

@@ -46,11 +46,11 @@ Compared compare(const std::vector<Run>& runs) {
     return std::ranges::find(out.skipped, run.peer->name, &Skipped::peer) != out.skipped.end();
   });
   if (list.empty()) {
-    throw cli::Failure(cli::kCannotHere, "none of these peers can be run on this machine");
+    throw process::Failure(process::kCannotHere, "none of these peers can be run on this machine");
   }
   std::vector<Duration> times;
   for (const Run& run : list) times.push_back(time_of_run(run));
-  const cli::PrivateFolder folder("interneuron-peers");
+  const process::PrivateFolder folder("interneuron-peers");
   const std::filesystem::path scratch = folder / "run";
   cli::SeriesLine line("bench peers", std::move(times));
   for (const Run& run : list) {

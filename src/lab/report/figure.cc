@@ -72,7 +72,7 @@ std::string dot_panels(const std::vector<std::string>& labels, const std::vector
   std::string tics;
   std::string bare;
   for (std::size_t i = 0; i < labels.size(); ++i) {
-    tics += fmt::format("{}{} {}", i == 0 ? "" : ", ", gnuplot_text(labels[i]), i);
+    tics += fmt::format("{}{} {}", i == 0 ? "" : ", ", records::gnuplot_text(labels[i]), i);
     bare += fmt::format("{}'' {}", i == 0 ? "" : ", ", i);
   }
   const double width = (kRightMargin - kLabelShare) / static_cast<double>(panels.size());
@@ -81,7 +81,7 @@ std::string dot_panels(const std::vector<std::string>& labels, const std::vector
     const double left = kLabelShare + width * static_cast<double>(p) + (p > 0 ? kGap : 0);
     out += fmt::format("set lmargin at screen {:.3f}\nset rmargin at screen {:.3f}\n", left,
                        kLabelShare + width * static_cast<double>(p + 1));
-    out += fmt::format("set title {}\n", gnuplot_text(panel.title));
+    out += fmt::format("set title {}\n", records::gnuplot_text(panel.title));
     out += fmt::format("set ytics ({})\n", p == 0 ? tics : bare);
     out += panel.logarithmic ? "set logscale x\nset xrange [*:*]\n"
            : panel.zero_line ? "unset logscale\nset xrange [*<0:0<*]\n"
@@ -96,10 +96,10 @@ std::string dot_panels(const std::vector<std::string>& labels, const std::vector
       if (empty(series)) continue;
       const std::string name = fmt::format("p{}s{}", p, s);
       out += dots_block(name, series.dots);
-      plots +=
-          fmt::format("{}${} using 2:1:3:4 with xerrorbars pt {} ps 1.1 lw 1.6 lc rgb '{}' {}",
-                      plots.empty() ? "plot " : ", ", name, series.hollow ? 6 : 7, series.colour,
-                      series.title.empty() ? "notitle" : "title " + gnuplot_text(series.title));
+      plots += fmt::format(
+          "{}${} using 2:1:3:4 with xerrorbars pt {} ps 1.1 lw 1.6 lc rgb '{}' {}",
+          plots.empty() ? "plot " : ", ", name, series.hollow ? 6 : 7, series.colour,
+          series.title.empty() ? "notitle" : "title " + records::gnuplot_text(series.title));
     }
     out += "set key below\n" + (plots.empty() ? "plot [0:1] NaN notitle" : plots) + "\n";
   }
@@ -118,19 +118,20 @@ void draw_figure(const fs::path& folder, const Figure& figure) {
                   "set terminal pngcairo size {},{} noenhanced font 'sans,10' background "
                   "rgb 'white'\n",
                   figure.width, figure.height);
-    std::string picture = lab::picture_of(file, head + kStyle + figure.script);
+    std::string picture = records::picture_of(file, head + kStyle + figure.script);
     if (picture.empty()) {
-      throw cli::Failure(cli::kFailed, "a report needs gnuplot; install the package gnuplot-nox");
+      throw process::Failure(process::kFailed,
+                             "a report needs gnuplot; install the package gnuplot-nox");
     }
     if (is_svg) picture = in_current_colour(std::move(picture));
-    cli::write_whole(file, picture);
+    process::write_whole(file, picture);
   };
   draw("png");
   draw("svg");
 }
 
 std::string inline_svg(const fs::path& folder, const Figure& figure) {
-  std::string svg = cli::read_whole(folder / (figure.name + ".svg"), cli::kFailed);
+  std::string svg = process::read_whole(folder / (figure.name + ".svg"), process::kFailed);
   svg.erase(0, svg.find("<svg"));
   replace_all(svg, "xmlns=\"http://www.w3.org/2000/svg\"", "role=\"img\"");
   replace_all(svg, "xmlns:xlink=\"http://www.w3.org/1999/xlink\"", "");

@@ -72,12 +72,12 @@ inline constexpr const char* kRed = "#d0384a";
 inline constexpr const char* kGrey = "#8a8f98";
 
 // Writes FOLDER/NAME.svg and .png. The SVG's ink is currentColor, so that it shows on light and
-// dark pages. Throws cli::Failure (1), also without gnuplot.
+// dark pages. Throws process::Failure (1), also without gnuplot.
 void draw_figure(const std::filesystem::path& folder, const Figure& figure);
 
 // That SVG to be put into a page: without prologue and addresses, its ids made the figure's own.
 std::string inline_svg(const std::filesystem::path& folder, const Figure& figure);
 
-using lab::gnuplot_text;
+using records::gnuplot_text;
 
 }  // namespace interneuron::report

@@ -109,7 +109,7 @@ Figure waterfall(const Waterfall& w) {
     marks += fmt::format(
         "set arrow from {0}, graph 0 to {0}, graph 1 nohead dt {1} lw 1.4 lc rgb '{2}'\n"
         "set label {3} at {0}, graph 1 offset 0.3,{4} tc rgb '{2}'\n",
-        at, dash, colour, gnuplot_text(text), 4.5 - static_cast<double>(line++));
+        at, dash, colour, records::gnuplot_text(text), 4.5 - static_cast<double>(line++));
   };
   const bool at_d1 = stages.at_d1;
   if (!at_d1 && stages.d1_ms) {
@@ -121,7 +121,7 @@ Figure waterfall(const Waterfall& w) {
   mark(deadline, fmt::format("D_N = {:.0f}", deadline), kRed, 2);
   std::string tics;
   for (std::size_t i = 0; i < labels.size(); ++i) {
-    tics += fmt::format("{}{} {}", i == 0 ? "" : ", ", gnuplot_text(labels[i]), i);
+    tics += fmt::format("{}{} {}", i == 0 ? "" : ", ", records::gnuplot_text(labels[i]), i);
   }
   const std::string script = data + marks +
                              fmt::format(
@@ -152,7 +152,7 @@ std::vector<Figure> network_figures(const Document& document) {
         "set key outside right top\nplot $d with steps lw 1.2 lc rgb '{}' title 'one drive', {} "
         "with lines dt 2 "
         "lc rgb '{}' title 'paper, avg'\n",
-        gnuplot_text(series.name), kBlue, rows.at(i).paper_rtt_ms.avg, kRed);
+        records::gnuplot_text(series.name), kBlue, rows.at(i).paper_rtt_ms.avg, kRed);
   }
   return {{.name = "table-network",
            .caption = "One drive of each network; dashed: the paper's average",

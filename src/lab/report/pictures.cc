@@ -47,7 +47,7 @@ std::vector<Picture> pictures(const std::optional<std::filesystem::path>& data, 
   if (!missing.empty()) return {};
   std::vector<Picture> out;
   try {
-    perception::FrameSource source(cli::default_video(data));
+    perception::FrameSource source(settings::default_video(data));
     std::optional<perception::Frame> frame;
     for (std::uint32_t i = 0; i <= kFrame; ++i) frame = source.next();
     if (!frame) {
@@ -59,7 +59,7 @@ std::vector<Picture> pictures(const std::optional<std::filesystem::path>& data, 
       out.push_back(
           {shot.caption, png_of(perception::draw_boxes(frame->bgr, boxes, shot.caption))});
     }
-  } catch (const cli::Failure& error) {
+  } catch (const process::Failure& error) {
     missing = error.what();
   } catch (const perception::InputError& error) {
     missing = error.what();

@@ -11,7 +11,7 @@
 namespace interneuron::report {
 
 // Empty, with the reason in `missing`, when video, recordings or ground truth are not there. Throws
-// cli::Failure (1) when a folder that the user named lacks them, or files are damaged.
+// process::Failure (1) when a folder that the user named lacks them, or files are damaged.
 std::vector<Picture> pictures(const std::optional<std::filesystem::path>& data, bool named,
                               std::string& missing);
 

@@ -136,7 +136,7 @@ Figure of_rounds(const Document& document) {
         "set arrow 1 from graph 0, first {} to graph 1, first {} nohead dt 2 lc rgb '{}'\n"
         "plot $on with points pt 7 ps 0.45 lc rgb '{}' title 'on time', "
         "$missed with points pt 9 ps 0.9 lc rgb '{}' title 'missed'\n",
-        gnuplot_text(
+        records::gnuplot_text(
             fmt::format("{}: {} of {} rounds missed", series.name, misses, series.points.size())),
         series.points.size(), kDeadlineMs * 1.1, kDeadlineMs, kDeadlineMs, kRed, kBlue, kRed);
   }
@@ -190,13 +190,13 @@ std::vector<Figure> sweep_figures(const Document& document) {
         // Lines lie on each other: the later one is dashed.
         plot += fmt::format("{}$s{} with linespoints pt 7 ps 0.5 lw 1.6 dt {} lc rgb '{}' title {}",
                             i == 0 ? "plot " : ", ", i, kDashes[i % std::size(kDashes)],
-                            kColours[i % std::size(kColours)], gnuplot_text(order[i]));
+                            kColours[i % std::size(kColours)], records::gnuplot_text(order[i]));
       }
       // Where nothing is injected, hardly anything is missed: there is room.
       const bool key_here = &table == &document.tables.front() && missed;
       script += fmt::format(
           "set title {}\nset xlabel 'deadline, ms'\nset ylabel '{}'\nset yrange [0:*]\n{}\n{}\n",
-          gnuplot_text(table.title), missed ? "rounds missed, %" : "quality",
+          records::gnuplot_text(table.title), missed ? "rounds missed, %" : "quality",
           key_here ? "set key top right" : "unset key", plot);
     }
   }

@@ -185,7 +185,7 @@ Outcome run(const Wire& wire, const Load& load, TransportKind kind, Duration len
   const double before = processor_us();
   const TimePoint begin = io::now();
   for (TimePoint at = begin; at < begin + length; at += load.interval) {
-    cli::SignalWatch::sleep(at - io::now());
+    process::SignalWatch::sleep(at - io::now());
     send_all(*here, burst);
     out.sent += burst.size();
   }

@@ -13,11 +13,11 @@ constexpr const char* kReason =
 std::optional<std::string> lacks_fastdds() { return kReason; }
 
 VehiclesRecord send_fastdds(const Order& /*order*/, const Begin& /*ready*/) {
-  throw Failure(kCannotHere, kReason);
+  throw process::Failure(process::kCannotHere, kReason);
 }
 
 void receive_fastdds(const Order& /*order*/, const Ready& /*ready*/, Reception& /*reception*/) {
-  throw Failure(kCannotHere, kReason);
+  throw process::Failure(process::kCannotHere, kReason);
 }
 
 }  // namespace interneuron::cli

@@ -10,7 +10,7 @@ namespace interneuron::cli {
 namespace {
 
 namespace fs = std::filesystem;
-using lab::Json;
+using records::Json;
 
 constexpr const char* kOrder = "order.json";
 constexpr const char* kVehicles = "vehicles.json";
@@ -22,27 +22,28 @@ constexpr std::array<std::string_view, 6> kKinds{"ours", "udp", "tcp", "mptcp", 
 Kind kind_of(const std::string& name) {
   const auto it = std::ranges::find(kKinds, name);
   if (it != kKinds.end()) return static_cast<Kind>(it - kKinds.begin());
-  throw Failure(kFailed, "an order names no transport that there is");
+  throw process::Failure(process::kFailed, "an order names no transport that there is");
 }
 
 TransportKind datagrams_of(const std::string& name) {
   if (const auto kind = parse_transport_kind(name)) return *kind;
-  throw Failure(kFailed, "an order names no way of datagrams that there is");
+  throw process::Failure(process::kFailed, "an order names no way of datagrams that there is");
 }
 
 SecretKey key_of(const Json& json) {
   if (const auto key = parse_key(json.get<std::string>())) return SecretKey(*key);
-  throw Failure(kFailed, "an order holds a key that is none");
+  throw process::Failure(process::kFailed, "an order holds a key that is none");
 }
 
 // Reads a file by `parse`, which throws Json::exception when something is missing.
 template <class Parse>
 auto read(const fs::path& file, const Parse& parse) {
-  const Json json = lab::read_json(file);
+  const Json json = records::read_json(file);
   try {
     return parse(json);
   } catch (const Json::exception& error) {
-    throw Failure(kFailed, "'" + file.string() + "': not of this program: " + error.what());
+    throw process::Failure(process::kFailed,
+                           "'" + file.string() + "': not of this program: " + error.what());
   }
 }
 
@@ -82,13 +83,13 @@ fs::path write_order(const Order& order) {
   }
   Json keys = Json::array();
   for (const SecretKey& key : order.keys) keys.push_back(to_base64(key.bytes()));
-  lab::write_json(order.folder / kOrder, {{"transport", name_of(order.transport.kind)},
-                                          {"mode", order.transport.mode},
-                                          {"datagrams", to_string(order.transport.datagrams)},
-                                          {"traffic", traffic_json(order.traffic)},
-                                          {"modems", modems},
-                                          {"keys", keys},
-                                          {"way_ns", order.way.count()}});
+  records::write_json(order.folder / kOrder, {{"transport", name_of(order.transport.kind)},
+                                              {"mode", order.transport.mode},
+                                              {"datagrams", to_string(order.transport.datagrams)},
+                                              {"traffic", traffic_json(order.traffic)},
+                                              {"modems", modems},
+                                              {"keys", keys},
+                                              {"way_ns", order.way.count()}});
   return order.folder / kOrder;
 }
 
@@ -114,7 +115,7 @@ void write_record(const Order& order, const VehiclesRecord& record) {
     Json& row = begun.emplace_back(Json::array());
     for (const TimePoint at : of_vehicle) row.push_back(ns(at));
   }
-  lab::write_json(
+  records::write_json(
       order.folder / kVehicles,
       {{"cpu_ns", record.cpu.count()}, {"wire_bytes", record.wire_bytes}, {"begun_ns", begun}});
 }
@@ -124,7 +125,7 @@ void write_record(const Order& order, const RoadRecord& record) {
   for (const Arrival& a : record.arrivals) {
     arrivals.push_back(Json::array({a.vehicle, a.number, a.variant, ns(a.at)}));
   }
-  lab::write_json(order.folder / kRoad, {{"cpu", record.cpu}, {"arrivals", arrivals}});
+  records::write_json(order.folder / kRoad, {{"cpu", record.cpu}, {"arrivals", arrivals}});
 }
 
 VehiclesRecord read_vehicles(const Order& order) {

@@ -133,9 +133,10 @@ void await(const Vehicles& vehicles) {
       continue;
     }
     if (io::now() > patience) {
-      throw Failure(kFailed, "vehicle " + std::to_string(v + 1) + " does not reach the roadside");
+      throw process::Failure(process::kFailed,
+                             "vehicle " + std::to_string(v + 1) + " does not reach the roadside");
     }
-    SignalWatch::sleep(kLook);
+    process::SignalWatch::sleep(kLook);
   }
 }
 
@@ -146,14 +147,14 @@ VehiclesRecord send_ours(const Order& order, const Begin& ready) {
   Vehicles vehicles;
   for (std::size_t v = 0; v < traffic.vehicles(); ++v) {
     vehicles.push_back(std::make_unique<Vehicle>(order, static_cast<std::uint32_t>(v)));
-    SignalWatch::check();
+    process::SignalWatch::check();
   }
   await(vehicles);
   const TimePoint begin = ready();
   for (std::size_t v = 0; v < traffic.vehicles(); ++v) {
     vehicles[v]->begin(begin + traffic.first[v], begin + traffic.length);
   }
-  SignalWatch::sleep(begin + traffic.length + traffic.deadline - io::now());
+  process::SignalWatch::sleep(begin + traffic.length + traffic.deadline - io::now());
   VehiclesRecord record;
   for (const auto& vehicle : vehicles) record.begun.push_back(vehicle->end());
   return record;

@@ -28,7 +28,9 @@ std::uint64_t ip_bytes_sent() {
   // Two lines of headings.
   std::getline(file, line);
   std::getline(file, line);
-  if (!file) throw Failure(kFailed, std::string(kCounters) + ": the counters cannot be read");
+  if (!file)
+    throw process::Failure(process::kFailed,
+                           std::string(kCounters) + ": the counters cannot be read");
   std::uint64_t sum = 0;
   while (std::getline(file, line)) {
     const std::size_t colon = line.find(':');

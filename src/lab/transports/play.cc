@@ -29,7 +29,8 @@ constexpr double kLateUs = 500;
 // Runs a tool in a host; throws Failure when it fails.
 void in_host(const netns::State& state, netns::Host host, const std::vector<std::string>& argv) {
   if (Testbed::run_in(state, host, argv) == 0) return;
-  throw Failure(kFailed, fmt::format("`{}` failed; this transport needs it", fmt::join(argv, " ")));
+  throw process::Failure(process::kFailed,
+                         fmt::format("`{}` failed; this transport needs it", fmt::join(argv, " ")));
 }
 
 // The kernel's path manager opens a subflow from the second modem, too.
@@ -67,7 +68,8 @@ TimePoint instant_of(const std::string& said) {
   std::int64_t ns = 0;
   const auto [end, error] = std::from_chars(said.data(), said.data() + said.size(), ns);
   if (error != std::errc{} || end != said.data() + said.size()) {
-    throw Failure(kFailed, "the vehicles of a run said '" + said + "' where an instant belongs");
+    throw process::Failure(process::kFailed,
+                           "the vehicles of a run said '" + said + "' where an instant belongs");
   }
   return TimePoint{Duration{ns}};
 }
@@ -123,10 +125,10 @@ Played play(const netns::State& state, const Order& given, const Meanwhile& mean
   Played out;
   out.begin = instant_of(vehicles.await_ready());
 
-  SignalWatch::sleep(out.begin - io::now());
+  process::SignalWatch::sleep(out.begin - io::now());
   const netns::Snapshot before = Testbed::snapshot(state);
   if (meanwhile) meanwhile(out.begin);
-  SignalWatch::sleep(out.begin + order.traffic.length - io::now());
+  process::SignalWatch::sleep(out.begin + order.traffic.length - io::now());
   out.after = Testbed::snapshot(state);
   vehicles.finish();
   road.end();
@@ -136,7 +138,9 @@ Played play(const netns::State& state, const Order& given, const Meanwhile& mean
   return out;
 }
 
-Scratch::Scratch(fs::path folder) : folder_(std::move(folder)) { make_private_folder(folder_); }
+Scratch::Scratch(fs::path folder) : folder_(std::move(folder)) {
+  process::make_private_folder(folder_);
+}
 
 Scratch::~Scratch() {
   std::error_code ignored;

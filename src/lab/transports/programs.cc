@@ -59,7 +59,7 @@ Ends ends_of(Kind kind) {
     case Kind::kSrt:
       return {send_srt, receive_srt};
   }
-  throw Failure(kFailed, "a transport has no ends");
+  throw process::Failure(process::kFailed, "a transport has no ends");
 }
 
 void play_vehicles(const Order& order) {
@@ -67,7 +67,7 @@ void play_vehicles(const Order& order) {
   const Begin ready = [&outlay] {
     const TimePoint begin = io::now() + kWarmUp;
     tell("ready " + std::to_string(begin.time_since_epoch().count()));
-    SignalWatch::sleep(begin - kHeadStart - io::now());
+    process::SignalWatch::sleep(begin - kHeadStart - io::now());
     outlay.emplace();
     return begin;
   };
@@ -87,7 +87,8 @@ void play_road(const Order& order) {
 
 int open_log(const fs::path& file) {
   const int fd = ::open(file.c_str(), O_CREAT | O_TRUNC | O_WRONLY | O_CLOEXEC, 0600);
-  if (fd < 0) throw Failure(kFailed, "'" + file.string() + "': " + std::strerror(errno));
+  if (fd < 0)
+    throw process::Failure(process::kFailed, "'" + file.string() + "': " + std::strerror(errno));
   return fd;
 }
 
@@ -96,7 +97,7 @@ pid_t start(const netns::State& state, netns::Host host, const std::vector<std::
             const fs::path& log, io::FileDescriptor& out) {
   std::array<int, 2> ends{};
   if (::pipe2(ends.data(), O_CLOEXEC) != 0) {
-    throw Failure(kFailed, std::string("pipe: ") + std::strerror(errno));
+    throw process::Failure(process::kFailed, std::string("pipe: ") + std::strerror(errno));
   }
   out = io::FileDescriptor(ends[0]);
   const io::FileDescriptor in(ends[1]);
@@ -111,24 +112,25 @@ pid_t start(const netns::State& state, netns::Host host, const std::vector<std::
 int play_end(const fs::path& file, const std::string& end) {
   const Order order = read_order(file);
   // Interneuron's roadside unit ends by its own watch of signals, which a second one would shadow.
-  const SignalWatch signals;
+  const process::SignalWatch signals;
   (end == kVehiclesEnd ? play_vehicles : play_road)(order);
-  return kFine;
+  return process::kFine;
 }
 
 EndProgram::EndProgram(const netns::State& state, netns::Host host, const fs::path& order,
                        const std::string& end)
     : end_(end),
       log_(order.parent_path() / (end + ".log")),
-      child_(start(state, host,
-                   {own_program(), "bench", "play", "--order", order.string(), "--end", end}, log_,
-                   stdout_)) {}
+      child_(
+          start(state, host,
+                {process::own_program(), "bench", "play", "--order", order.string(), "--end", end},
+                log_, stdout_)) {}
 
 std::string EndProgram::await_ready() {
   std::string said;
   const TimePoint patience = io::now() + kProgramPatience;
   while (io::now() < patience) {
-    SignalWatch::check();
+    process::SignalWatch::check();
     pollfd readable{stdout_.get(), POLLIN, 0};
     if (::poll(&readable, 1, kLookMs) <= 0) continue;
     std::array<char, 256> chunk;
@@ -136,7 +138,8 @@ std::string EndProgram::await_ready() {
     if (size < 0 && errno == EINTR) continue;
     if (size <= 0) {
       judge(child_.wait());
-      throw Failure(kFailed, "the " + end_ + " of a run ended before they were ready");
+      throw process::Failure(process::kFailed,
+                             "the " + end_ + " of a run ended before they were ready");
     }
     said.append(chunk.data(), static_cast<std::size_t>(size));
     const std::size_t line = said.find('\n');
@@ -144,7 +147,8 @@ std::string EndProgram::await_ready() {
     constexpr std::string_view kReady = "ready ";
     return line > kReady.size() ? said.substr(kReady.size(), line - kReady.size()) : "";
   }
-  throw Failure(kFailed, "the " + end_ + " of a run were not ready in time: " + last_words());
+  throw process::Failure(process::kFailed,
+                         "the " + end_ + " of a run were not ready in time: " + last_words());
 }
 
 void EndProgram::finish() { judge(child_.wait()); }
@@ -153,14 +157,14 @@ void EndProgram::end() { judge(child_.end()); }
 
 // A terminal's Ctrl-C reaches the program as it reaches us, and may reach it first.
 void EndProgram::judge(int code) const {
-  SignalWatch::check();
-  if (code == kFine) return;
+  process::SignalWatch::check();
+  if (code == process::kFine) return;
   if (code == 128 + SIGINT || code == 128 + SIGTERM || code == 128 + SIGHUP) {
-    throw Failure(code, "interrupted");
+    throw process::Failure(code, "interrupted");
   }
   // What it lacks is its own to say, with the remedy: only there is it known what a Node needs.
-  if (code == kPrivilege) throw Failure(kPrivilege, last_words());
-  throw Failure(kFailed, "the " + end_ + " of a run failed: " + last_words());
+  if (code == process::kPrivilege) throw process::Failure(process::kPrivilege, last_words());
+  throw process::Failure(process::kFailed, "the " + end_ + " of a run failed: " + last_words());
 }
 
 std::string EndProgram::last_words() const {

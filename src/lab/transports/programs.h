@@ -42,7 +42,7 @@ class EndProgram {
   std::string end_;
   std::filesystem::path log_;
   io::FileDescriptor stdout_;
-  Child child_;
+  process::Child child_;
 };
 
 }  // namespace interneuron::cli

@@ -29,7 +29,7 @@ class SeriesLine {
   std::vector<Duration> times_;
   std::size_t begun_ = 0;
   std::string run_;
-  StatusLine line_;
+  process::StatusLine line_;
 };
 
 }  // namespace interneuron::cli

@@ -17,7 +17,7 @@ namespace interneuron::cli {
 namespace {
 
 [[noreturn]] void fail(const std::string& call, int error) {
-  throw Failure(kFailed, call + ": " + std::strerror(error));
+  throw process::Failure(process::kFailed, call + ": " + std::strerror(error));
 }
 
 sockaddr_in socket_address(const std::string& address, std::uint16_t port) {

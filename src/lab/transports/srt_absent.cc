@@ -14,11 +14,11 @@ constexpr const char* kSrtReason =
 std::optional<std::string> lacks_srt() { return kSrtReason; }
 
 VehiclesRecord send_srt(const Order& /*order*/, const Begin& /*ready*/) {
-  throw Failure(kCannotHere, kSrtReason);
+  throw process::Failure(process::kCannotHere, kSrtReason);
 }
 
 void receive_srt(const Order& /*order*/, const Ready& /*ready*/, Reception& /*reception*/) {
-  throw Failure(kCannotHere, kSrtReason);
+  throw process::Failure(process::kCannotHere, kSrtReason);
 }
 
 }  // namespace interneuron::cli

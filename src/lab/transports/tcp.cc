@@ -71,7 +71,7 @@ class Source {
     const ssize_t taken = ::send(fd(), current_.data() + offset_, size, MSG_NOSIGNAL);
     if (taken > 0) offset_ += static_cast<std::size_t>(taken);
     if (taken < 0 && errno != EAGAIN && errno != EINTR) {
-      throw Failure(kFailed, "a connection to the roadside unit has ended");
+      throw process::Failure(process::kFailed, "a connection to the roadside unit has ended");
     }
   }
 
@@ -110,8 +110,9 @@ void await(std::vector<Source>& sources) {
   for (Source& source : sources) {
     std::array<pollfd, 1> polled{{{source.fd(), POLLOUT, 0}}};
     while (!wait_for(polled, io::now() + kTcpLook)) {
-      SignalWatch::check();
-      if (io::now() > patience) throw Failure(kFailed, "a vehicle cannot connect");
+      process::SignalWatch::check();
+      if (io::now() > patience)
+        throw process::Failure(process::kFailed, "a vehicle cannot connect");
     }
     source.greet();
   }
@@ -121,7 +122,7 @@ void await(std::vector<Source>& sources) {
 void write_until(std::vector<Source>& sources, TimePoint until) {
   std::vector<pollfd> polled;
   for (TimePoint now = io::now(); now < until; now = io::now()) {
-    SignalWatch::check();
+    process::SignalWatch::check();
     polled.clear();
     for (const Source& source : sources) {
       // A negative descriptor is not looked at.
@@ -203,7 +204,7 @@ VehiclesRecord send_tcp(const Order& order, const Begin& ready) {
   write_until(sources, begin);
   if (order.transport.kind == Kind::kMptcp &&
       !std::ranges::all_of(sources, &Source::has_more_subflows)) {
-    throw Failure(kFailed, "MPTCP has opened no second subflow");
+    throw process::Failure(process::kFailed, "MPTCP has opened no second subflow");
   }
   VehiclesRecord record;
   record.begun.resize(traffic.vehicles());
@@ -221,11 +222,12 @@ VehiclesRecord send_tcp(const Order& order, const Begin& ready) {
 void receive_tcp(const Order& order, const Ready& ready, Reception& reception) {
   const io::FileDescriptor listener = open_socket(protocol_of(order));
   bind_to(listener, "0.0.0.0", kLoadPort);
-  if (::listen(listener.get(), SOMAXCONN) != 0) throw Failure(kFailed, "listen failed");
+  if (::listen(listener.get(), SOMAXCONN) != 0)
+    throw process::Failure(process::kFailed, "listen failed");
   ready();
   std::vector<Sink> sinks;
   std::vector<pollfd> polled;
-  while (SignalWatch::last() == 0) {
+  while (process::SignalWatch::last() == 0) {
     polled = {{listener.get(), POLLIN, 0}};
     for (const Sink& sink : sinks) polled.push_back({sink.fd(), POLLIN, 0});
     if (!wait_for(polled, io::now() + kTcpLook)) continue;

@@ -60,7 +60,7 @@ VehiclesRecord send_udp(const Order& order, const Begin& ready) {
   for (const Due& due : timetable(traffic)) {
     std::this_thread::sleep_until(
         std::chrono::steady_clock::time_point((begin + due.at).time_since_epoch()));
-    SignalWatch::check();
+    process::SignalWatch::check();
     std::vector<TimePoint>& begun = record.begun[due.vehicle];
     const MessageHead head{static_cast<std::uint32_t>(due.vehicle),
                            static_cast<std::uint32_t>(begun.size()),
@@ -68,7 +68,7 @@ VehiclesRecord send_udp(const Order& order, const Begin& ready) {
     begun.push_back(io::now());
     send_pieces(sockets, head);
   }
-  SignalWatch::sleep(begin + traffic.length + traffic.deadline - io::now());
+  process::SignalWatch::sleep(begin + traffic.length + traffic.deadline - io::now());
   return record;
 }
 
@@ -80,7 +80,7 @@ void receive_udp(const Order& /*order*/, const Ready& ready, Reception& receptio
   Assembly assembly;
   std::array<std::byte, kDatagram> datagram{};
   std::array<pollfd, 1> polled{{{socket.get(), POLLIN, 0}}};
-  while (SignalWatch::last() == 0) {
+  while (process::SignalWatch::last() == 0) {
     if (!wait_for(polled, io::now() + kUdpLook)) continue;
     for (;;) {
       const ssize_t size = ::recv(socket.get(), datagram.data(), datagram.size(), 0);

@@ -1,8 +1,9 @@
-#include "node/io/random.h"
+#include "interneuron/security.h"
 
 #include <sodium.h>
 
 #include "interneuron/transport.h"
+#include "node/io/random.h"
 
 namespace interneuron {
 

@@ -67,7 +67,7 @@ TEST(DoctorNetns, NoRouteIsFoundAndMended) {
   io::in_namespace([] {
     const json before = doctor();
     EXPECT_TRUE(is(before, "route", "va", "problem")) << "a problem without a default route";
-    EXPECT_TRUE(violations(schema_of("doctor.json"), before).empty())
+    EXPECT_TRUE(watch::violations(watch::schema_of("doctor.json"), before).empty())
         << "output as its schema says";
     EXPECT_EQ(run("doctor").code, 1) << "exit code 1";
     EXPECT_TRUE(follow(before, "route", "va")) << "a fix that works";
@@ -234,7 +234,7 @@ TEST(DoctorNetns, HowLongSilentFlowsStayOpenIsMeasured) {
   EXPECT_TRUE(is(report, "nat_timeout", "ifa", "problem"));
   EXPECT_THAT(find(report, "nat_timeout", "ifa").value("found", ""),
               testing::StartsWith("UDP flows are open after 5 s of silence, closed after 10 s"));
-  EXPECT_TRUE(violations(schema_of("doctor.json"), report).empty());
+  EXPECT_TRUE(watch::violations(watch::schema_of("doctor.json"), report).empty());
   EXPECT_TRUE(is(other.get(), "nat_timeout", "ifa", "ok"));
 }
 

@@ -70,10 +70,11 @@ json link_named(const json& report, const std::string& name) {
 TEST(LinksCommand, WithoutAnyoneTheKernelsFactsAreShown) {
   io::in_namespace([] {
     const json report = json::parse(run("links --json", false).output);
-    for (const std::string& what : violations(schema_of("links.json"), report)) {
+    for (const std::string& what : watch::violations(watch::schema_of("links.json"), report)) {
       std::printf("%s\n", what.c_str());
     }
-    EXPECT_TRUE(violations(schema_of("links.json"), report).empty()) << "JSON as its schema says";
+    EXPECT_TRUE(watch::violations(watch::schema_of("links.json"), report).empty())
+        << "JSON as its schema says";
     const json va = link_named(report, "va");
     EXPECT_EQ(va["kind"], "veth") << "va is a veth without a route";
     EXPECT_EQ(va["state"], "no_route") << "va is a veth without a route";
@@ -93,7 +94,7 @@ TEST(LinksCommand, MeasuresTowardsAPeerAndAProgramTellsItsOwn) {
     const Ran ran = run("links --insecure --peer 127.0.0.1 --for 1.5 --json", false);
     const json report = json::parse(ran.output);
     EXPECT_EQ(ran.code, 0) << "exit code 0";
-    for (const std::string& what : violations(schema_of("links.json"), report)) {
+    for (const std::string& what : watch::violations(watch::schema_of("links.json"), report)) {
       std::printf("%s\n", what.c_str());
       ADD_FAILURE();
     }

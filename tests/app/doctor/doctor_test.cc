@@ -7,7 +7,7 @@
 #include "app/doctor/judge_nat.h"
 #include "app/doctor/judge_nic.h"
 
-namespace interneuron::cli::doctor::doctor_test {
+namespace interneuron::doctor::doctor_test {
 namespace {
 
 using testing::ElementsAre;
@@ -340,4 +340,4 @@ TEST(DoctorNat, WhatCouldNotBeMeasuredIsSaid) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli::doctor::doctor_test
+}  // namespace interneuron::doctor::doctor_test

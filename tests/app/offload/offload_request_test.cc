@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-namespace interneuron::cli::offload_request_test {
+namespace interneuron::offload::offload_request_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -24,4 +24,4 @@ TEST(OffloadRequest, GoesAroundAndRefusesAnythingElse) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli::offload_request_test
+}  // namespace interneuron::offload::offload_request_test

@@ -13,7 +13,7 @@
 #include "app/process/failure.h"
 #include "app/process/private_folder.h"
 
-namespace interneuron::cli::run_record_test {
+namespace interneuron::offload::run_record_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -21,11 +21,11 @@ using namespace std::chrono_literals;
 constexpr Duration kDeadline = 130ms;
 
 // What the failure of writing says; empty without one.
-std::string failure_of_writing(RunRecord& record, const lab::RunInfo& info) {
+std::string failure_of_writing(RunRecord& record, const records::RunInfo& info) {
   try {
     record.write(info);
-  } catch (const Failure& failure) {
-    EXPECT_EQ(failure.code(), kFailed);
+  } catch (const process::Failure& failure) {
+    EXPECT_EQ(failure.code(), process::kFailed);
     return failure.what();
   }
   return "";
@@ -52,8 +52,8 @@ class Recording : public testing::Test {
       record.done(done(i), kDeadline);
     }
   }
-  lab::RunInfo info_ = [] {
-    lab::RunInfo info;
+  records::RunInfo info_ = [] {
+    records::RunInfo info;
     info.deadline = kDeadline;
     return info;
   }();
@@ -65,31 +65,31 @@ TEST_F(Recording, WithoutAFolderNothingIsKeptOfRoundsThatAreOver) {
   record.open();
   run(record, 50'000);
   EXPECT_EQ(record.kept(), 0U);
-  const lab::Json s = record.write(info_);
+  const records::Json s = record.write(info_);
   EXPECT_EQ(s["rounds"], 50'000);
   EXPECT_EQ(s["on_time"], 50'000);
   EXPECT_EQ(s["e2e_ms"]["p99"], 90);
 }
 
 TEST_F(Recording, WithAFolderRowsGoToTheFileAndAFewAreKeptForThePlot) {
-  const PrivateFolder folder("interneuron-record-test");
+  const process::PrivateFolder folder("interneuron-record-test");
   const auto rounds = static_cast<std::uint32_t>(3 * RunRecord::kMaxDrawn);
   RunRecord record({.guard = "budget", .out = folder / "out"});
   record.open();
   run(record, rounds);
   EXPECT_LE(record.kept(), 2 * RunRecord::kMaxDrawn);
   EXPECT_GE(record.kept(), RunRecord::kMaxDrawn);
-  const lab::Json s = record.write(info_);
-  const auto rows = lab::read_csv(folder / "out/rounds.csv");
+  const records::Json s = record.write(info_);
+  const auto rows = records::read_csv(folder / "out/rounds.csv");
   EXPECT_EQ(rows.size(), rounds);
-  EXPECT_EQ(lab::summarise(rows, info_).dump(), s.dump());
+  EXPECT_EQ(records::summarise(rows, info_).dump(), s.dump());
   for (const char* name : {"summary.json", "frame.png"}) {
     EXPECT_TRUE(std::filesystem::exists(folder / "out" / name)) << name;
   }
 }
 
 TEST_F(Recording, RoundsThatEndInAnotherOrderAreWrittenInTheirOwn) {
-  const PrivateFolder folder("interneuron-record-test");
+  const process::PrivateFolder folder("interneuron-record-test");
   RunRecord record({.guard = "budget", .out = folder.path()});
   record.open();
   for (std::uint32_t i = 0; i < 4; ++i) record.begun(i, frame_);
@@ -97,13 +97,13 @@ TEST_F(Recording, RoundsThatEndInAnotherOrderAreWrittenInTheirOwn) {
   EXPECT_EQ(record.kept(), 1U + 3U);
   record.drop_undecided();
   record.write(info_);
-  const auto rows = lab::read_csv(folder / "rounds.csv");
+  const auto rows = records::read_csv(folder / "rounds.csv");
   ASSERT_EQ(rows.size(), 3U);
   for (std::uint32_t i = 0; i < 3; ++i) EXPECT_EQ(rows[i].round, i);
 }
 
 TEST_F(Recording, ARecordThatIsNotWrittenLeavesNothing) {
-  const PrivateFolder folder("interneuron-record-test");
+  const process::PrivateFolder folder("interneuron-record-test");
   {
     RunRecord record({.guard = "budget", .out = folder / "out"});
     record.open();
@@ -114,7 +114,7 @@ TEST_F(Recording, ARecordThatIsNotWrittenLeavesNothing) {
 
 // The limit of a file's size stands for a full disk, which needs a file system of its own.
 TEST_F(Recording, AFileThatCannotGrowIsNamedAndNothingIsLeft) {
-  const PrivateFolder folder("interneuron-record-test");
+  const process::PrivateFolder folder("interneuron-record-test");
   rlimit before{};
   ::getrlimit(RLIMIT_FSIZE, &before);
   const auto handler = std::signal(SIGXFSZ, SIG_IGN);
@@ -134,7 +134,7 @@ TEST_F(Recording, AFileThatCannotGrowIsNamedAndNothingIsLeft) {
 
 // A disk of 512 KiB, which the picture of a noisy frame does not fit on.
 TEST_F(Recording, OnAFullDiskThePictureIsNamedAndNoneIsLeft) {
-  const PrivateFolder folder("interneuron-record-test");
+  const process::PrivateFolder folder("interneuron-record-test");
   cv::Mat noise(576, 768, CV_8UC3);
   cv::randu(noise, 0, 255);
   frame_.bgr = noise;
@@ -160,4 +160,4 @@ TEST_F(Recording, OnAFullDiskThePictureIsNamedAndNoneIsLeft) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli::run_record_test
+}  // namespace interneuron::offload::run_record_test

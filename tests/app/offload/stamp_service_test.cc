@@ -21,7 +21,7 @@
 #include "core/wire/stamp.h"
 #include "node/io/file_descriptor.h"
 
-namespace interneuron::cli::stamp_service_test {
+namespace interneuron::offload::stamp_service_test {
 namespace {
 
 constexpr const char* kFirst = "127.0.0.1";
@@ -147,4 +147,4 @@ TEST(StampService, TwoOfThemAndOneForgedPacketMakeAtMostTwoPackets) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli::stamp_service_test
+}  // namespace interneuron::offload::stamp_service_test

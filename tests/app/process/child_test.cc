@@ -12,7 +12,7 @@
 #include "app/process/failure.h"
 #include "app/process/signals.h"
 
-namespace interneuron::cli::child_test {
+namespace interneuron::process::child_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -111,4 +111,4 @@ TEST(SignalWatch, LeavesAHangUpIgnoredAsNohupMeansIt) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli::child_test
+}  // namespace interneuron::process::child_test

@@ -14,7 +14,7 @@
 #include "app/process/private_folder.h"
 #include "app/process/whole_file.h"
 
-namespace interneuron::cli::files_test {
+namespace interneuron::process::files_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -187,4 +187,4 @@ TEST(Filter, GivesAProgramAllOfItsInputAndTakesAllOfItsOutput) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli::files_test
+}  // namespace interneuron::process::files_test

@@ -9,7 +9,7 @@
 #include <array>
 #include <string>
 
-namespace interneuron::cli::status_line_test {
+namespace interneuron::process::status_line_test {
 namespace {
 
 // Stands `fd` in for stderr while it lives.
@@ -86,4 +86,4 @@ TEST(StatusLine, WritesNothingIntoALog) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli::status_line_test
+}  // namespace interneuron::process::status_line_test

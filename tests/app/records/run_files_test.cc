@@ -9,15 +9,15 @@
 #include "core/base/statistics.h"
 #include "tests/app/cli/support.h"
 
-namespace interneuron::cli::run_files_test {
+namespace interneuron::records::run_files_test {
 namespace {
 
 using namespace std::chrono_literals;
 
-std::vector<lab::RoundRow> rows() {
-  std::vector<lab::RoundRow> out;
+std::vector<RoundRow> rows() {
+  std::vector<RoundRow> out;
   for (std::uint32_t i = 0; i < 10; ++i) {
-    lab::RoundRow r;
+    RoundRow r;
     r.round = i;
     r.frame = static_cast<int>(i);
     r.t0 = TimePoint{i * 100ms};
@@ -27,17 +27,17 @@ std::vector<lab::RoundRow> rows() {
     r.age_rounds = i == 9 ? std::optional<std::uint32_t>(1) : std::optional<std::uint32_t>(0);
     r.x_permille = -1000;
     if (i < 8)
-      r.road = lab::RoundRow::Road{
+      r.road = RoundRow::Road{
           i % 2 == 0 ? "raw" : "sampled", static_cast<int>(i % 3), true, false, 5ms, 40ms};
-    r.plan = i == 9 ? lab::kRefusedPlan : "raw:a sampled:b";
+    r.plan = i == 9 ? kRefusedPlan : "raw:a sampled:b";
     r.guard = "budget";
     out.push_back(r);
   }
   return out;
 }
 
-lab::RunInfo info() {
-  lab::RunInfo i;
+RunInfo info() {
+  RunInfo i;
   i.seeded = true;
   i.seed = 7;
   i.deadline = 130ms;
@@ -55,7 +55,7 @@ TEST(Percentile, IsTheNearestRank) {
 }
 
 TEST(Report, CountsAddUp) {
-  const lab::Json s = lab::summarise(rows(), info());
+  const Json s = summarise(rows(), info());
   EXPECT_EQ(s["rounds"], 10);
   EXPECT_EQ(s["answers"], 10);
   EXPECT_EQ(s["on_time"], 8);
@@ -71,17 +71,17 @@ TEST(Report, CountsAddUp) {
 }
 
 TEST(Report, TheSummaryOfTheFileIsTheSummaryOfTheRun) {
-  const TempFolder folder;
-  lab::write_csv(folder / "rounds.csv", rows());
-  const auto back = lab::read_csv(folder / "rounds.csv");
-  EXPECT_EQ(lab::summarise(back, info()).dump(), lab::summarise(rows(), info()).dump());
+  const cli::TempFolder folder;
+  write_csv(folder / "rounds.csv", rows());
+  const auto back = read_csv(folder / "rounds.csv");
+  EXPECT_EQ(summarise(back, info()).dump(), summarise(rows(), info()).dump());
   EXPECT_EQ(back.front().guard, "budget");
 }
 
 TEST(Report, FiguresThatNoRoundHasAreRefused) {
-  const TempFolder folder;
+  const cli::TempFolder folder;
   const std::string file = folder / "rounds.csv";
-  lab::write_csv(file, rows());
+  write_csv(file, rows());
   std::ifstream in(file);
   std::string header;
   std::string row;
@@ -93,14 +93,14 @@ TEST(Report, FiguresThatNoRoundHasAreRefused) {
     std::string bad = row;
     bad.replace(at, bad.find(',', at) - at, figure);
     std::ofstream(file) << header << '\n' << bad << '\n';
-    EXPECT_THROW(lab::read_csv(file), cli::Failure) << bad;
+    EXPECT_THROW(read_csv(file), process::Failure) << bad;
   }
 }
 
 TEST(Report, DrawsThePlot) {
-  const TempFolder folder;
-  const lab::Json s = lab::summarise(rows(), info());
-  ASSERT_TRUE(lab::plot_latency(folder / "latency.png", rows(), s));
+  const cli::TempFolder folder;
+  const Json s = summarise(rows(), info());
+  ASSERT_TRUE(plot_latency(folder / "latency.png", rows(), s));
   EXPECT_GT(std::filesystem::file_size(folder / "latency.png"), 5'000U);
   EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.string()),
                           std::filesystem::directory_iterator()),
@@ -108,73 +108,73 @@ TEST(Report, DrawsThePlot) {
 }
 
 TEST(Report, APlotBeginsWithTheFirstRowThatItIsGiven) {
-  const TempFolder folder;
+  const cli::TempFolder folder;
   auto later = rows();
-  for (lab::RoundRow& row : later) row.round += 1'000'000;
-  EXPECT_TRUE(lab::plot_latency(folder / "latency.png", later, lab::summarise(later, info())));
+  for (RoundRow& row : later) row.round += 1'000'000;
+  EXPECT_TRUE(plot_latency(folder / "latency.png", later, summarise(later, info())));
 }
 
 TEST(Tally, QuantilesAreExactUpToItsBoundAndCloseBeyond) {
-  lab::Sample sample;
+  Sample sample;
   for (int i = 1; i <= 1000; ++i) sample.add(i);
   EXPECT_EQ(sample.json()["p95"], 950);
   EXPECT_EQ(sample.json()["mean"], 500.5);
   // Three times the bound, in an order that favours neither end.
-  lab::Sample large;
-  constexpr int kMany = 3 * static_cast<int>(lab::Sample::kMaxValues);
+  Sample large;
+  constexpr int kMany = 3 * static_cast<int>(Sample::kMaxValues);
   for (int i = 0; i < kMany; ++i) large.add(static_cast<double>((i * 7919LL) % kMany) / kMany);
-  EXPECT_EQ(large.kept(), lab::Sample::kMaxValues);
+  EXPECT_EQ(large.kept(), Sample::kMaxValues);
   // Five deviations of a share of 0.5 among 100,000 that are drawn.
   EXPECT_NEAR(large.json()["p50"].get<double>(), 0.5, 0.008);
   EXPECT_NEAR(large.json()["p99"].get<double>(), 0.99, 0.008);
 }
 
 TEST(Tally, NamesBeyondItsBoundAreCountedTogether) {
-  lab::RunTally tally;
+  RunTally tally;
   for (int i = 0; i < 1000; ++i) {
-    lab::RoundRow row;
+    RoundRow row;
     row.plan = "raw:" + std::to_string(i);
     tally.add(row);
   }
-  const lab::Json s = tally.summary(info());
-  EXPECT_EQ(s["plans"].size(), lab::RunTally::kMaxKinds + 1);
-  EXPECT_EQ(s["plans"]["others"], 1000 - lab::RunTally::kMaxKinds);
+  const Json s = tally.summary(info());
+  EXPECT_EQ(s["plans"].size(), RunTally::kMaxKinds + 1);
+  EXPECT_EQ(s["plans"]["others"], 1000 - RunTally::kMaxKinds);
 }
 
 TEST(Staging, WhatAKilledProgramHasLeftGoesAndThatOfALivingOneStays) {
-  const TempFolder folder;
+  const cli::TempFolder folder;
   std::filesystem::create_directory(folder / ".partial-dead00");
-  lab::write_json(folder / ".partial-dead00/summary.json", {});
-  const lab::Staging living(folder.string());
-  lab::write_json(living / "summary.json", {});
+  write_json(folder / ".partial-dead00/summary.json", {});
+  const Staging living(folder.string());
+  write_json(living / "summary.json", {});
   {
-    const lab::Staging other(folder.string());
+    const Staging other(folder.string());
     EXPECT_FALSE(std::filesystem::exists(folder / ".partial-dead00"));
   }
   EXPECT_TRUE(std::filesystem::exists(living / "summary.json"));
 }
 
 TEST(Gnuplot, TextIsOneStringWhateverItHolds) {
-  EXPECT_EQ(lab::gnuplot_text("5g"), "'5g'");
-  EXPECT_EQ(lab::gnuplot_text("it's\n`touch x`"), "'it\u2019s `touch x`'");
-  const TempFolder folder;
+  EXPECT_EQ(gnuplot_text("5g"), "'5g'");
+  EXPECT_EQ(gnuplot_text("it's\n`touch x`"), "'it\u2019s `touch x`'");
+  const cli::TempFolder folder;
   const std::string text = "';!touch '" + (folder / "x").string() + "'\n!touch x\n`touch x`\\";
-  EXPECT_TRUE(lab::draw(folder / "p.svg",
-                        "set terminal svg\nset title " + lab::gnuplot_text(text) + "\nplot x\n"));
+  EXPECT_TRUE(
+      draw(folder / "p.svg", "set terminal svg\nset title " + gnuplot_text(text) + "\nplot x\n"));
   EXPECT_FALSE(std::filesystem::exists(folder / "x"));
 }
 
 TEST(Gnuplot, AScriptThatFailsNamesThePictureAndLeavesNone) {
-  const TempFolder folder;
+  const cli::TempFolder folder;
   try {
-    lab::draw(folder / "p.svg", "set terminal svg\nplot nothing\n");
+    draw(folder / "p.svg", "set terminal svg\nplot nothing\n");
     ADD_FAILURE() << "no failure";
-  } catch (const Failure& failure) {
-    EXPECT_EQ(failure.code(), kFailed);
+  } catch (const process::Failure& failure) {
+    EXPECT_EQ(failure.code(), process::kFailed);
     EXPECT_NE(std::string(failure.what()).find("p.svg"), std::string::npos);
   }
   EXPECT_FALSE(std::filesystem::exists(folder / "p.svg"));
 }
 
 }  // namespace
-}  // namespace interneuron::cli::run_files_test
+}  // namespace interneuron::records::run_files_test

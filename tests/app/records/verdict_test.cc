@@ -4,7 +4,7 @@
 
 #include "app/process/failure.h"
 
-namespace interneuron::lab::verdict_test {
+namespace interneuron::records::verdict_test {
 namespace {
 
 Json summary_of(int rounds, int on_time, int local, int refused = 0) {
@@ -28,13 +28,13 @@ TEST(Verdict, IsOneSentenceThatSaysWhoAnswered) {
 }
 
 TEST(Verdict, TheObjectiveIsAShareOfTheRounds) {
-  EXPECT_EQ(judge_objective(summary_of(100, 98, 2), 0), cli::kFine);
-  EXPECT_EQ(judge_objective(summary_of(100, 98, 2), 98), cli::kFine);
+  EXPECT_EQ(judge_objective(summary_of(100, 98, 2), 0), process::kFine);
+  EXPECT_EQ(judge_objective(summary_of(100, 98, 2), 98), process::kFine);
   testing::internal::CaptureStderr();
-  EXPECT_EQ(judge_objective(summary_of(100, 98, 2), 99), cli::kObjectiveMissed);
-  EXPECT_EQ(judge_objective(summary_of(0, 0, 0), 1), cli::kObjectiveMissed);
+  EXPECT_EQ(judge_objective(summary_of(100, 98, 2), 99), process::kObjectiveMissed);
+  EXPECT_EQ(judge_objective(summary_of(0, 0, 0), 1), process::kObjectiveMissed);
   EXPECT_NE(testing::internal::GetCapturedStderr().find("98.0 %"), std::string::npos);
 }
 
 }  // namespace
-}  // namespace interneuron::lab::verdict_test
+}  // namespace interneuron::records::verdict_test

@@ -2,7 +2,7 @@
 
 #include <gmock/gmock.h>
 
-namespace interneuron::cli::command_line_test {
+namespace interneuron::settings::command_line_test {
 namespace {
 
 using testing::HasSubstr;
@@ -74,4 +74,4 @@ TEST(CommandLine, NumbersAreReadWhole) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli::command_line_test
+}  // namespace interneuron::settings::command_line_test

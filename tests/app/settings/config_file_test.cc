@@ -10,7 +10,7 @@
 #include "app/settings/command_line.h"
 #include "tests/app/cli/support.h"
 
-namespace interneuron::cli::config_file_test {
+namespace interneuron::settings::config_file_test {
 namespace {
 
 struct Command {
@@ -29,14 +29,14 @@ struct Command {
   }
   // What the file is refused with; empty when it is accepted.
   std::string apply(const std::string& text, const std::string& arguments = "") {
-    const TempFolder folder;
+    const cli::TempFolder folder;
     const std::string file = folder / "c.toml";
     std::ofstream(file) << text;
     app.parse("--config '" + file + "' " + arguments, false);
     try {
       apply_config(app);
-    } catch (const Failure& failure) {
-      EXPECT_EQ(failure.code(), kConfiguration);
+    } catch (const process::Failure& failure) {
+      EXPECT_EQ(failure.code(), process::kConfiguration);
       const std::string what = failure.what();
       return what.substr(what.find("c.toml"));
     }
@@ -94,33 +94,34 @@ TEST(ConfigFile, MalformedTomlIsNamedWithItsPlace) {
 // The examples stay true: the programs read them, and fail for the cards that this host has not.
 TEST(ConfigFile, TheExamplesAreAccepted) {
   const std::string examples = places::source() + "/examples/";
-  const Ran road =
-      run("road --insecure --ladder motion --config '" + examples + "road.toml' --nic wwan77");
+  const cli::Ran road =
+      cli::run("road --insecure --ladder motion --config '" + examples + "road.toml' --nic wwan77");
   EXPECT_EQ(road.code, 2) << road.output;
   EXPECT_NE(road.output.find("wwan77"), std::string::npos) << road.output;
-  const TempFolder folder;
-  ASSERT_EQ(run("keys gen --out '" + (folder / "key").string() + "'").code, 0);
-  const Ran vehicle = run("vehicle --key '" + (folder / "key").string() +
-                          "' --peer-key hSDwCYkwp1R0i33ctD73Wg2/Og0mOBr066SpjqqbTmo= --ladder "
-                          "motion --video '" +
-                          places::source() + "/docs/latency.png' --config '" + examples +
-                          "vehicle.toml' --link wwan77=192.0.2.7:1");
+  const cli::TempFolder folder;
+  ASSERT_EQ(cli::run("keys gen --out '" + (folder / "key").string() + "'").code, 0);
+  const cli::Ran vehicle =
+      cli::run("vehicle --key '" + (folder / "key").string() +
+               "' --peer-key hSDwCYkwp1R0i33ctD73Wg2/Og0mOBr066SpjqqbTmo= --ladder "
+               "motion --video '" +
+               places::source() + "/docs/latency.png' --config '" + examples +
+               "vehicle.toml' --link wwan77=192.0.2.7:1");
   EXPECT_EQ(vehicle.code, 2) << vehicle.output;
   EXPECT_NE(vehicle.output.find("wwan77"), std::string::npos) << vehicle.output;
 }
 
 TEST(ConfigFile, AnUnknownCardIsUsageOnTheCommandLineAndConfigurationInTheFile) {
-  const TempFolder folder;
+  const cli::TempFolder folder;
   const std::string file = folder / "c.toml";
   std::ofstream(file) << "nic = ['wwan77']\nladder = 'none'\ninsecure = true\n";
-  EXPECT_EQ(run("road --config '" + file + "'").code, kConfiguration);
-  EXPECT_EQ(run("road --config '" + file + "' --nic wwan78").code, kUsage);
+  EXPECT_EQ(cli::run("road --config '" + file + "'").code, process::kConfiguration);
+  EXPECT_EQ(cli::run("road --config '" + file + "' --nic wwan78").code, process::kUsage);
 }
 
 // The long options that a command's help shows, as keys of a configuration file. `--nic,--link` are
 // two names of one option, of which the first is the key.
 std::set<std::string> keys_of(const std::string& command) {
-  const Ran help = run(command + " --help");
+  const cli::Ran help = cli::run(command + " --help");
   std::set<std::string> keys;
   const std::regex option("\n  (?:-[a-zA-Z],)?--([a-z-]+)");
   for (auto it = std::sregex_iterator(help.output.begin(), help.output.end(), option);
@@ -152,4 +153,4 @@ TEST(ConfigFile, TheExamplesNameEveryOption) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli::config_file_test
+}  // namespace interneuron::settings::config_file_test

@@ -13,7 +13,7 @@
 #include "app/settings/time_file.h"
 #include "tests/app/cli/support.h"
 
-namespace interneuron::cli::key_files_test {
+namespace interneuron::settings::key_files_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -31,10 +31,10 @@ class KeyFiles : public testing::Test {
     EXPECT_EQ(::chmod(file().c_str(), mode), 0);
     return file();
   }
-  static std::string problem_of(const fs::path& file, int code = kConfiguration) {
+  static std::string problem_of(const fs::path& file, int code = process::kConfiguration) {
     try {
       read_key(file);
-    } catch (const Failure& failure) {
+    } catch (const process::Failure& failure) {
       EXPECT_EQ(failure.code(), code) << failure.what();
       const std::string what = failure.what();
       EXPECT_EQ(what.find('\n'), std::string::npos) << what;
@@ -42,7 +42,7 @@ class KeyFiles : public testing::Test {
     }
     return "";
   }
-  TempFolder folder_;
+  cli::TempFolder folder_;
 };
 
 TEST_F(KeyFiles, ANewKeyIsTheOwnersAloneAndIsReadAsItWasWritten) {
@@ -61,12 +61,12 @@ TEST_F(KeyFiles, ANewKeyIsTheOwnersAloneAndIsReadAsItWasWritten) {
 TEST_F(KeyFiles, NoKeyIsOverwritten) {
   const SecretKey key = random_key();
   write_new_key(file(), key);
-  EXPECT_THROW(write_new_key(file(), random_key()), Failure);
+  EXPECT_THROW(write_new_key(file(), random_key()), process::Failure);
   EXPECT_EQ(read_key(file()), key);
   // Nor what a symbolic link leads to.
   const fs::path target = folder_ / "target";
   fs::create_symlink(target, folder_ / "link");
-  EXPECT_THROW(write_new_key(folder_ / "link", key), Failure);
+  EXPECT_THROW(write_new_key(folder_ / "link", key), process::Failure);
   EXPECT_FALSE(fs::exists(target));
 }
 
@@ -116,8 +116,8 @@ TEST_F(KeyFiles, AKeyInUseIsNotUsedTwice) {
     try {
       const OwnKey second(file());
       ADD_FAILURE() << "two programs with one key";
-    } catch (const Failure& failure) {
-      EXPECT_EQ(failure.code(), kFailed);
+    } catch (const process::Failure& failure) {
+      EXPECT_EQ(failure.code(), process::kFailed);
       EXPECT_THAT(failure.what(), HasSubstr("in use by another program"));
     }
     EXPECT_EQ(problem_of(file()), "") << "`keys pub` may look at it all the same";
@@ -164,4 +164,4 @@ TEST_F(KeyFiles, ATimeThatDoesNotCountIsTold) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli::key_files_test
+}  // namespace interneuron::settings::key_files_test

@@ -12,7 +12,7 @@
 #include "node/io/steady_clock.h"
 #include "tests/app/cli/support.h"
 
-namespace interneuron::cli::key_options_test {
+namespace interneuron::settings::key_options_test {
 namespace {
 
 using testing::HasSubstr;
@@ -28,13 +28,13 @@ class KeyOptionsTest : public testing::Test {
   static std::string problem_of(const KeyOptions& options, Trusts trusts) {
     try {
       const Credentials credentials(options, trusts);
-    } catch (const Failure& failure) {
+    } catch (const process::Failure& failure) {
       EXPECT_EQ(std::string(failure.what()).find('\n'), std::string::npos);
       return std::to_string(failure.code()) + " " + failure.what();
     }
     return "";
   }
-  TempFolder folder_;
+  cli::TempFolder folder_;
 };
 
 TEST_F(KeyOptionsTest, AKeyMayHaveASharedOneBehindIt) {
@@ -44,7 +44,7 @@ TEST_F(KeyOptionsTest, AKeyMayHaveASharedOneBehindIt) {
   for (const std::string& text :
        {std::string(), std::string("x"), text_of(2).substr(1), text_of(2) + ",",
         text_of(2) + ",psk=", text_of(2) + ",key=a", text_of(2) + "\n", "," + text_of(2)}) {
-    EXPECT_THROW(parse_trust_option(text), Failure) << text;
+    EXPECT_THROW(parse_trust_option(text), process::Failure) << text;
   }
 }
 
@@ -253,4 +253,4 @@ TEST_F(KeyOptionsTest, TheCommandLineHasThem) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli::key_options_test
+}  // namespace interneuron::settings::key_options_test

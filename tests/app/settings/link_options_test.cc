@@ -9,7 +9,7 @@
 #include "app/settings/config_file.h"
 #include "tests/app/cli/support.h"
 
-namespace interneuron::cli::link_options_test {
+namespace interneuron::settings::link_options_test {
 namespace {
 
 using testing::HasSubstr;
@@ -19,8 +19,8 @@ using testing::Not;
 std::string refused(const std::string& text, LinkPeer peer = LinkPeer::kNamed) {
   try {
     parse_link_option(text, peer);
-  } catch (const Failure& failure) {
-    EXPECT_EQ(failure.code(), kUsage);
+  } catch (const process::Failure& failure) {
+    EXPECT_EQ(failure.code(), process::kUsage);
     EXPECT_THAT(failure.what(), HasSubstr("'" + text + "'"));
     return failure.what();
   }
@@ -111,8 +111,8 @@ RC_GTEST_PROP(LinkOptions, TextAndBackIsTheSame, ()) {
 RC_GTEST_PROP(LinkOptions, AnyTextIsReadOrRefused, (const std::string& text)) {
   try {
     parse_link_option(text, LinkPeer::kNamed);
-  } catch (const Failure& failure) {
-    RC_ASSERT(failure.code() == kUsage);
+  } catch (const process::Failure& failure) {
+    RC_ASSERT(failure.code() == process::kUsage);
   }
 }
 
@@ -127,14 +127,14 @@ struct Command {
     add_config_option(app);
   }
   std::string apply(const std::string& text) {
-    const TempFolder folder;
+    const cli::TempFolder folder;
     const std::string file = folder / "c.toml";
     std::ofstream(file) << text;
     try {
       app.parse("--config '" + file + "'", false);
       apply_config(app);
-    } catch (const Failure& failure) {
-      EXPECT_EQ(failure.code(), kConfiguration);
+    } catch (const process::Failure& failure) {
+      EXPECT_EQ(failure.code(), process::kConfiguration);
       const std::string what = failure.what();
       return what.substr(what.find("c.toml"));
     }
@@ -185,4 +185,4 @@ TEST(LinkTables, OtherKeysAreNoTables) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli::link_options_test
+}  // namespace interneuron::settings::link_options_test

@@ -5,7 +5,7 @@
 
 #include "app/process/failure.h"
 
-namespace interneuron::cli::peer_address_test {
+namespace interneuron::settings::peer_address_test {
 namespace {
 
 TEST(PeerAddress, TakesAddressesWithAndWithoutAPort) {
@@ -30,8 +30,8 @@ TEST(PeerAddress, NamesTheOptionOfWhatIsNone) {
     try {
       resolve_peer(text, "--nic");
       ADD_FAILURE() << text;
-    } catch (const Failure& failure) {
-      EXPECT_EQ(failure.code(), kUsage) << text;
+    } catch (const process::Failure& failure) {
+      EXPECT_EQ(failure.code(), process::kUsage) << text;
       EXPECT_EQ(std::string(failure.what()).find(std::string("--nic '") + text + "'"), 0U)
           << failure.what();
     }
@@ -39,4 +39,4 @@ TEST(PeerAddress, NamesTheOptionOfWhatIsNone) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli::peer_address_test
+}  // namespace interneuron::settings::peer_address_test

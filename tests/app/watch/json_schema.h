@@ -10,7 +10,7 @@
 
 #include "tests/places.h"
 
-namespace interneuron::cli {
+namespace interneuron::watch {
 
 inline nlohmann::json schema_of(const std::string& name) {
   std::ifstream file(places::source() + "/docs/schema/" + name);
@@ -67,4 +67,4 @@ inline std::vector<std::string> violations(const nlohmann::json& schema,
   return out;
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::watch

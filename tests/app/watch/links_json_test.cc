@@ -6,7 +6,7 @@
 #include "json_schema.h"
 #include "links_support.h"
 
-namespace interneuron::cli::links_json_test {
+namespace interneuron::watch::links_json_test {
 namespace {
 
 using testing::HasSubstr;
@@ -179,4 +179,4 @@ TEST(LinksCells, AreShort) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli::links_json_test
+}  // namespace interneuron::watch::links_json_test

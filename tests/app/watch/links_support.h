@@ -5,7 +5,7 @@
 
 #include "app/watch/row.h"
 
-namespace interneuron::cli {
+namespace interneuron::watch {
 
 inline NicFacts made_up_nic(const std::string& name, const std::string& address,
                             NicState state = NicState::kReady) {
@@ -91,4 +91,4 @@ inline LinksSnapshot made_up_snapshot() {
   return s;
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::watch

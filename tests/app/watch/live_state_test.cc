@@ -15,7 +15,7 @@
 
 #include "node/io/file_descriptor.h"
 
-namespace interneuron::cli::live_state_test {
+namespace interneuron::watch::live_state_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -181,4 +181,4 @@ TEST(LiveState, AnotherUserIsNotAnswered) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli::live_state_test
+}  // namespace interneuron::watch::live_state_test

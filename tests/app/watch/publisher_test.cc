@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-namespace interneuron::cli::publisher_test {
+namespace interneuron::watch::publisher_test {
 namespace {
 
 TEST(LinkPublisher, ALoadedPathThatIsSuspectForAMomentIsNoWarning) {
@@ -19,4 +19,4 @@ TEST(LinkPublisher, ALoadedPathThatIsSuspectForAMomentIsNoWarning) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli::publisher_test
+}  // namespace interneuron::watch::publisher_test

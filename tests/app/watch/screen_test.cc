@@ -7,7 +7,7 @@
 #include "app/watch/table.h"
 #include "links_support.h"
 
-namespace interneuron::cli::screen_test {
+namespace interneuron::watch::screen_test {
 namespace {
 
 using testing::HasSubstr;
@@ -137,4 +137,4 @@ TEST(Bar, IsAsLongAsItsShare) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli::screen_test
+}  // namespace interneuron::watch::screen_test

@@ -20,7 +20,8 @@ json checked(const std::string& command, const char* schema) {
   EXPECT_EQ(ran.code, 0) << ran.output;
   json document = json::parse(ran.output, nullptr, false);
   EXPECT_FALSE(document.is_discarded()) << ran.output.substr(0, 200);
-  for (const auto& violation : violations(schema_of(schema), document)) ADD_FAILURE() << violation;
+  for (const auto& violation : watch::violations(watch::schema_of(schema), document))
+    ADD_FAILURE() << violation;
   return document;
 }
 

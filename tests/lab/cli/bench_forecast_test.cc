@@ -12,7 +12,7 @@ TEST(BenchForecast, WritesBinsOfItsSchema) {
   ASSERT_EQ(ran.code, 0) << ran.output;
   const auto document = nlohmann::json::parse(ran.output, nullptr, false);
   ASSERT_FALSE(document.is_discarded()) << ran.output.substr(0, 200);
-  for (const auto& violation : violations(schema_of("forecast.json"), document)) {
+  for (const auto& violation : watch::violations(watch::schema_of("forecast.json"), document)) {
     ADD_FAILURE() << violation;
   }
   EXPECT_EQ(document["first_seed"], 3);

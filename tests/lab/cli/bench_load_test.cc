@@ -13,7 +13,7 @@ TEST(BenchLoad, WritesRowsOfItsSchema) {
   ASSERT_EQ(rate.code, 0) << rate.output;
   const auto document = nlohmann::json::parse(rate.output, nullptr, false);
   ASSERT_FALSE(document.is_discarded()) << rate.output.substr(0, 200);
-  for (const auto& violation : violations(schema_of("load.json"), document)) {
+  for (const auto& violation : watch::violations(watch::schema_of("load.json"), document)) {
     ADD_FAILURE() << violation;
   }
   EXPECT_GE(document["rows"].size(), 4U);

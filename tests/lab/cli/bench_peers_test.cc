@@ -14,7 +14,7 @@ using nlohmann::json;
 json checked(const std::string& output) {
   json document = json::parse(output, nullptr, false);
   EXPECT_FALSE(document.is_discarded()) << output.substr(0, 200);
-  for (const auto& violation : violations(schema_of("peers.json"), document)) {
+  for (const auto& violation : watch::violations(watch::schema_of("peers.json"), document)) {
     ADD_FAILURE() << violation;
   }
   return document;

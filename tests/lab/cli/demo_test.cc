@@ -141,15 +141,15 @@ TEST_F(Demo, AnswersEveryRoundAndItsFilesAgree) {
   for (const char* file : {"rounds.csv", "summary.json", "latency.png"}) {
     EXPECT_TRUE(std::filesystem::exists(folder_ / "out" / file)) << file;
   }
-  const lab::Json s = lab::read_json(folder_ / "out" / "summary.json");
+  const records::Json s = records::read_json(folder_ / "out" / "summary.json");
   EXPECT_EQ(s["rounds"], 20);
   EXPECT_EQ(s["answers"], 20);
   EXPECT_EQ(s["on_time"].get<int>() + s["local"].get<int>(), 20);
   // Recomputed from the CSV by other means than the program's.
-  const auto rows = lab::read_csv(folder_ / "out" / "rounds.csv");
+  const auto rows = records::read_csv(folder_ / "out" / "rounds.csv");
   int on_time = 0;
   double sum = 0;
-  for (const lab::RoundRow& r : rows) {
+  for (const records::RoundRow& r : rows) {
     if (r.outcome != Outcome::kRemote) continue;
     ++on_time;
     sum += to_ms(r.e2e);
@@ -164,7 +164,7 @@ TEST_F(Demo, AnswersEveryRoundAndItsFilesAgree) {
 TEST_F(Demo, JsonIsAllThatStdoutHolds) {
   const Ran ran = run(arguments(5) + " --json", false);
   ASSERT_EQ(ran.code, 0) << ran.output;
-  const lab::Json s = lab::Json::parse(ran.output, nullptr, false);
+  const records::Json s = records::Json::parse(ran.output, nullptr, false);
   ASSERT_FALSE(s.is_discarded()) << ran.output;
   EXPECT_EQ(s["schema"], "interneuron.run/1");
 }
@@ -172,8 +172,8 @@ TEST_F(Demo, JsonIsAllThatStdoutHolds) {
 TEST_F(Demo, ObeysTheGuardThatIsAskedFor) {
   const Ran ran = run(arguments(10) + " --guard paper");
   ASSERT_EQ(ran.code, 0) << ran.output;
-  EXPECT_EQ(lab::read_json(folder_ / "out" / "summary.json")["guard"], "paper");
-  EXPECT_EQ(lab::read_csv(folder_ / "out" / "rounds.csv").front().guard, "paper");
+  EXPECT_EQ(records::read_json(folder_ / "out" / "summary.json")["guard"], "paper");
+  EXPECT_EQ(records::read_csv(folder_ / "out" / "rounds.csv").front().guard, "paper");
 }
 
 TEST_F(Demo, SendsTheImagesThatAreAskedForAndNamesThem) {
@@ -181,7 +181,7 @@ TEST_F(Demo, SendsTheImagesThatAreAskedForAndNamesThem) {
        {std::tuple{"", "jpeg", "joint"}, std::tuple{" --images paper", "paper", "down_sampling"}}) {
     const Ran ran = run(arguments(10) + option);
     ASSERT_EQ(ran.code, 0) << ran.output;
-    const lab::Json s = lab::read_json(folder_ / "out" / "summary.json");
+    const records::Json s = records::read_json(folder_ / "out" / "summary.json");
     EXPECT_EQ(s["images"], images);
     EXPECT_EQ(s["policy"], policy);
     const auto is_known = [&](const std::string& name) {
@@ -189,7 +189,7 @@ TEST_F(Demo, SendsTheImagesThatAreAskedForAndNamesThem) {
       return name == "local" || (variant && to_string(perception::images_of(*variant)) == images);
     };
     for (const auto& [name, count] : s["used"].items()) EXPECT_TRUE(is_known(name)) << name;
-    for (const lab::RoundRow& row : lab::read_csv(folder_ / "out" / "rounds.csv")) {
+    for (const records::RoundRow& row : records::read_csv(folder_ / "out" / "rounds.csv")) {
       EXPECT_TRUE(!row.road || is_known(row.road->variant)) << row.road->variant;
       EXPECT_TRUE(row.plan.empty() || is_known(row.plan.substr(0, row.plan.find(':')))) << row.plan;
     }
@@ -201,7 +201,7 @@ TEST_F(Demo, ThePolicySecureIsContentWithEncryption) {
   const Ran ran = run(arguments(5) + " --policy secure");
   ASSERT_EQ(ran.code, 0) << ran.output;
   EXPECT_EQ(ran.output.find("nothing is sent: no link"), std::string::npos) << ran.output;
-  EXPECT_EQ(lab::read_json(folder_ / "out" / "summary.json")["refused"], 0);
+  EXPECT_EQ(records::read_json(folder_ / "out" / "summary.json")["refused"], 0);
 }
 
 TEST_F(Demo, AVehicleInTheClearTellsOnceWhatThePolicyRefusesAndAnswersLocally) {
@@ -215,7 +215,7 @@ TEST_F(Demo, AVehicleInTheClearTellsOnceWhatThePolicyRefusesAndAnswersLocally) {
   const std::size_t first = ran.output.find("nothing is sent: no link");
   EXPECT_NE(first, std::string::npos) << ran.output;
   EXPECT_EQ(ran.output.find("nothing is sent: no link", first + 1), std::string::npos);
-  const lab::Json s = lab::read_json(folder_ / "out" / "summary.json");
+  const records::Json s = records::read_json(folder_ / "out" / "summary.json");
   EXPECT_EQ(s["refused"], 5);
   EXPECT_EQ(s["local"], 5);
 }
@@ -229,7 +229,7 @@ TEST_F(Demo, AMissedObjectiveHasItsExitCode) {
 TEST_F(Demo, EndsWithAVerdictAndSaysWhoseLineItIs) {
   const Ran ran = run(arguments(5));
   ASSERT_EQ(ran.code, 0) << ran.output;
-  const lab::Json s = lab::read_json(folder_ / "out" / "summary.json");
+  const records::Json s = records::read_json(folder_ / "out" / "summary.json");
   const std::string verdict = std::to_string(s["on_time"].get<int>()) +
                               " of 5 rounds answered by the roadside unit within 130 ms";
   EXPECT_NE(ran.output.find("\n" + verdict), std::string::npos) << ran.output;
@@ -266,7 +266,8 @@ TEST_F(Demo, InterruptedBeforeTheFirstRoundItWritesNothing) {
 // At the start of the rounds there may be one or none: there is a picture if there is a round.
 TEST_F(Demo, InterruptedAtTheFirstRoundItDrawsNoEmptyPicture) {
   interrupt("for the computation");
-  const bool any = wrote("rounds.csv") && !lab::read_csv(folder_ / "out" / "rounds.csv").empty();
+  const bool any =
+      wrote("rounds.csv") && !records::read_csv(folder_ / "out" / "rounds.csv").empty();
   EXPECT_EQ(wrote("rounds.csv"), any);
   EXPECT_TRUE(any || !wrote("latency.png"));
 }

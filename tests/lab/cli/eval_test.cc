@@ -27,7 +27,7 @@ using experiments::kVideoFrames;
 using experiments::Scorer;
 using experiments::ShownRound;
 using experiments::SystemRow;
-using lab::Staging;
+using records::Staging;
 
 namespace fs = std::filesystem;
 
@@ -45,7 +45,7 @@ nlohmann::json document_of(const std::string& arguments) {
   EXPECT_EQ(ran.code, 0) << ran.output;
   const auto document = nlohmann::json::parse(ran.output, nullptr, false);
   EXPECT_FALSE(document.is_discarded()) << ran.output.substr(0, 200);
-  for (const std::string& violation : violations(schema_of("eval.json"), document)) {
+  for (const std::string& violation : watch::violations(watch::schema_of("eval.json"), document)) {
     ADD_FAILURE() << violation;
   }
   return document;
@@ -191,7 +191,7 @@ TEST(EvalStaging, PublishesAllOrNothing) {
 }
 
 TEST(EvalDocument, CellsAsPeopleReadThem) {
-  const lab::Json row{
+  const records::Json row{
       {"share", 0.0512}, {"ci", {0.01, 0.25}}, {"n", 7}, {"none", nullptr}, {"b", true}};
   const auto text = [&row](const Column& column) { return experiments::cell_text(row, column); };
   EXPECT_EQ(text({"/share", "", 1, true}), "5.1");
@@ -237,12 +237,12 @@ TEST(EvalDocument, IsReadAsItWasWritten) {
   row.bytes = {1500, 1.5, {{"5g", 1000}, {"4g", 500}}};
   document.series.push_back({"ours", "ms", {{0, 98.25, true}, {1, 130, false}}});
   document.series.push_back({"4g", "ms", {{0.5, 98.25, {}}}});
-  const lab::Json json = to_json(document);
+  const records::Json json = to_json(document);
   EXPECT_EQ(json["tables"][0]["rows"][0]["policy"], nullptr);
   EXPECT_FALSE(json["tables"][0]["rows"][0].contains("deadline_ms"));
   EXPECT_EQ(json["series"][0]["points"].dump(), "[[0,98.25,1],[1,130.0,0]]");
   EXPECT_EQ(to_json(experiments::document_from(json)).dump(), json.dump());
-  lab::Json other = json;
+  records::Json other = json;
   other["tables"][0]["rows"][0].erase("timeouts");
   EXPECT_ANY_THROW(experiments::document_from(other));
 }
@@ -311,8 +311,8 @@ TEST(EvalFindings, JudgeByAgreementWhereItIsKnown) {
 // What was shown is clustered for real, and agrees as the profile says on average.
 TEST(EvalScorer, ClustersWhatWasShown) {
   const fs::path data = places::source() + "/../shared/data";
-  Progress quiet(true);
-  const SignalWatch signals;
+  process::Progress quiet(true);
+  const process::SignalWatch signals;
   using experiments::CloudScorer;
   const std::uint32_t rounds = 10;
   for (const auto sweep : {eval::LidarSweep::kKitti, eval::LidarSweep::kNuScenes}) {

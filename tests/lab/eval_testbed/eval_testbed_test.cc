@@ -164,7 +164,7 @@ TEST(EvalTestbed, RunsTheSystemsForReal) {
   ASSERT_EQ(ran.code, 0) << complaint;
   const auto document = nlohmann::json::parse(ran.output, nullptr, false);
   ASSERT_FALSE(document.is_discarded()) << ran.output;
-  for (const std::string& violation : violations(schema_of("eval.json"), document)) {
+  for (const std::string& violation : watch::violations(watch::schema_of("eval.json"), document)) {
     ADD_FAILURE() << violation;
   }
   EXPECT_EQ(document["mode"], "testbed");

@@ -64,8 +64,9 @@ std::pair<std::uint64_t, std::uint64_t> parse_seeds(const std::string& text) {
                                               : number(text.substr(0, dots), first) &&
                                                     number(text.substr(dots + 2), last);
   if (!good || last < first || last - first >= kMostSeeds) {
-    throw Failure(kUsage, fmt::format("--seeds '{}': give FIRST..LAST, as 1..30, at most {} seeds",
-                                      text, kMostSeeds));
+    throw process::Failure(process::kUsage,
+                           fmt::format("--seeds '{}': give FIRST..LAST, as 1..30, at most {} seeds",
+                                       text, kMostSeeds));
   }
   return {first, last};
 }
@@ -75,7 +76,7 @@ std::string default_out(bool testbed) { return testbed ? "out/eval-testbed" : "o
 
 Document run_one(const Experiment& experiment, const EvalOptions& o,
                  const experiments::Scorer& scorer, const std::filesystem::path& scratch,
-                 Progress& progress) {
+                 process::Progress& progress) {
   std::pair<std::uint64_t, std::uint64_t> seeds{1, o.testbed ? kTestbedSeeds : experiment.seeds};
   if (!o.seeds.empty()) seeds = parse_seeds(o.seeds);
   std::optional<Duration> deadline;
@@ -85,7 +86,7 @@ Document run_one(const Experiment& experiment, const EvalOptions& o,
                                      .last_seed = seeds.second,
                                      .scorer = scorer,
                                      .progress = progress,
-                                     .data = find_data(o.data),
+                                     .data = settings::find_data(o.data),
                                      .scratch = scratch,
                                      .ladder = o.ladder,
                                      .deadline = deadline,
@@ -123,12 +124,13 @@ void refuse_unless(const std::string& experiment, bool (*able)(const Experiment&
   for (const Experiment& e : all_experiments()) {
     if (able(e)) others += (others.empty() ? "" : ", ") + std::string(e.name);
   }
-  throw Failure(kUsage, fmt::format("{} {}: {}", experiment, trouble, others));
+  throw process::Failure(process::kUsage, fmt::format("{} {}: {}", experiment, trouble, others));
 }
 
 int run_eval(const EvalOptions& o) {
   if (o.experiment != kAll && find_experiment(o.experiment) == nullptr) {
-    throw Failure(kUsage, fmt::format("no experiment '{}'; there are {}", o.experiment, names()));
+    throw process::Failure(process::kUsage,
+                           fmt::format("no experiment '{}'; there are {}", o.experiment, names()));
   }
   if (o.testbed) {
     refuse_unless(
@@ -141,24 +143,26 @@ int run_eval(const EvalOptions& o) {
         "is not for --encrypted; those that are");
   }
   if (!o.testbed && o.ladder != EvalOptions{}.ladder) {
-    throw Failure(kUsage, "--ladder " + o.ladder + ": only with --testbed");
+    throw process::Failure(process::kUsage, "--ladder " + o.ladder + ": only with --testbed");
   }
-  if (!o.testbed && o.deadline_ms) throw Failure(kUsage, "--deadline-ms: only with --testbed");
-  if (o.rounds && *o.rounds == 0) throw Failure(kUsage, "--rounds 0: give at least 1");
+  if (!o.testbed && o.deadline_ms)
+    throw process::Failure(process::kUsage, "--deadline-ms: only with --testbed");
+  if (o.rounds && *o.rounds == 0)
+    throw process::Failure(process::kUsage, "--rounds 0: give at least 1");
   if (!o.seeds.empty()) parse_seeds(o.seeds);
-  const SignalWatch signals;
+  const process::SignalWatch signals;
   const std::string out = o.out.empty() ? default_out(o.testbed) : o.out;
-  lab::Staging staging(out);
-  const experiments::Scorer scorer(find_data(o.data), !o.data.empty());
-  Progress progress;
-  lab::Json documents = lab::Json::array();
+  records::Staging staging(out);
+  const experiments::Scorer scorer(settings::find_data(o.data), !o.data.empty());
+  process::Progress progress;
+  records::Json documents = records::Json::array();
   for (const Experiment& experiment : all_experiments()) {
     if (o.experiment != kAll && o.experiment != experiment.name) continue;
     const std::filesystem::path scratch = staging / ".testbed";
     const Document document = run_one(experiment, o, scorer, scratch, progress);
     documents.push_back(to_json(document));
     std::filesystem::remove_all(scratch);
-    lab::write_json(staging / (std::string(experiment.name) + ".json"), documents.back());
+    records::write_json(staging / (std::string(experiment.name) + ".json"), documents.back());
     if (!o.json) say(document);
   }
   staging.publish();
@@ -167,7 +171,7 @@ int run_eval(const EvalOptions& o) {
   } else {
     fmt::print("\nwritten to {}; `interneuron report {}` makes a page of it\n", out, out);
   }
-  return kFine;
+  return process::kFine;
 }
 
 }  // namespace

@@ -31,25 +31,27 @@ struct ReportOptions {
 Section section_of(const fs::path& file) {
   try {
     Section section;
-    section.document = experiments::document_from(lab::read_json(file));
+    section.document = experiments::document_from(records::read_json(file));
     if (section.document.experiment != file.stem().string()) {
-      throw Failure(kConfiguration, "another experiment");
+      throw process::Failure(process::kConfiguration, "another experiment");
     }
     section.findings = experiments::findings(section.document);
     section.figures = report::figures_of(section.document);
     section.svgs.resize(section.figures.size());
     return section;
   } catch (const std::exception& error) {
-    throw Failure(kConfiguration, "'" + file.string() + "': not an evaluation of this version (" +
-                                      error.what() + "); run `interneuron eval` again");
+    throw process::Failure(process::kConfiguration,
+                           "'" + file.string() + "': not an evaluation of this version (" +
+                               error.what() + "); run `interneuron eval` again");
   }
 }
 
 // In the order of the experiments.
 std::vector<Section> sections_of(const fs::path& folder) {
   if (!fs::is_directory(folder)) {
-    throw Failure(kConfiguration, "'" + folder.string() +
-                                      "' is no folder; `interneuron eval all` makes " + "out/eval");
+    throw process::Failure(
+        process::kConfiguration,
+        "'" + folder.string() + "' is no folder; `interneuron eval all` makes " + "out/eval");
   }
   std::vector<Section> out;
   for (const experiments::Experiment& experiment : all_experiments()) {
@@ -57,23 +59,24 @@ std::vector<Section> sections_of(const fs::path& folder) {
     if (fs::exists(file)) out.push_back(section_of(file));
   }
   if (out.empty()) {
-    throw Failure(kConfiguration, "no experiment in '" + folder.string() +
-                                      "'; run `interneuron eval EXPERIMENT --out " +
-                                      folder.string() + "` first");
+    throw process::Failure(process::kConfiguration,
+                           "no experiment in '" + folder.string() +
+                               "'; run `interneuron eval EXPERIMENT --out " + folder.string() +
+                               "` first");
   }
   return out;
 }
 
 int run_report(const ReportOptions& o) {
   std::vector<Section> sections = sections_of(o.folder);
-  const SignalWatch signals;
-  lab::Staging staging(o.folder);
+  const process::SignalWatch signals;
+  records::Staging staging(o.folder);
   // By section and figure.
   std::vector<std::pair<std::size_t, std::size_t>> all;
   for (std::size_t s = 0; s < sections.size(); ++s) {
     for (std::size_t i = 0; i < sections[s].figures.size(); ++i) all.emplace_back(s, i);
   }
-  Progress progress;
+  process::Progress progress;
   progress.for_each("figures", all.size(), [&](std::size_t i) {
     Section& section = sections[all[i].first];
     const report::Figure& figure = section.figures[all[i].second];
@@ -81,12 +84,12 @@ int run_report(const ReportOptions& o) {
     section.svgs[all[i].second] = report::inline_svg(staging / "", figure);
   });
   std::string missing;
-  const auto shots = report::pictures(find_data(o.data), !o.data.empty(), missing);
+  const auto shots = report::pictures(settings::find_data(o.data), !o.data.empty(), missing);
   const fs::path file = staging / "report.html";
-  write_whole(file, report::page(sections, shots, missing));
+  process::write_whole(file, report::page(sections, shots, missing));
   staging.publish();
   fmt::print("written to {}: report.html, {} figures as SVG and PNG\n", o.folder, all.size());
-  return kFine;
+  return process::kFine;
 }
 
 }  // namespace

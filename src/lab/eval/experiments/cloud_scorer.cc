@@ -27,7 +27,7 @@ const char* file_of(eval::LidarSweep sweep) {
 }  // namespace
 
 CloudScorer::CloudScorer(const std::optional<fs::path>& data, eval::LidarSweep sweep,
-                         std::uint32_t rounds, cli::Progress& progress)
+                         std::uint32_t rounds, process::Progress& progress)
     : variants_(perception::cloud_rungs().size()), levels_(perception::cluster_levels().size()) {
   const fs::path file = data.value_or(fs::path()) / file_of(sweep);
   if (!data || !fs::exists(file)) {
@@ -51,7 +51,7 @@ CloudScorer::CloudScorer(const std::optional<fs::path>& data, eval::LidarSweep s
       }
     });
   } catch (const perception::InputError& error) {
-    throw cli::Failure(cli::kConfiguration, error.what());
+    throw process::Failure(process::kConfiguration, error.what());
   }
 }
 

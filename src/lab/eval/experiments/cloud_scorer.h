@@ -24,9 +24,10 @@ class CloudScorer {
  public:
   // Reads <data>/pointcloud and finds the clusters of all sweeps that so many rounds show, on every
   // variant and level: some ten seconds of processor time for a lap. Without the file it scores
-  // nothing, and missing() says why. Throws cli::Failure for a damaged file, and when interrupted.
+  // nothing, and missing() says why. Throws process::Failure for a damaged file, and when
+  // interrupted.
   CloudScorer(const std::optional<std::filesystem::path>& data, eval::LidarSweep sweep,
-              std::uint32_t rounds, cli::Progress& progress);
+              std::uint32_t rounds, process::Progress& progress);
 
   // Empty, or one line with the remedy.
   const std::string& missing() const { return missing_; }

@@ -26,8 +26,8 @@ struct Compared {
   std::vector<eval::Bound> causal;
 };
 
-// Runs every system on every seed, and the bounds too unless told otherwise. Throws cli::Failure
-// when interrupted.
+// Runs every system on every seed, and the bounds too unless told otherwise. Throws
+// process::Failure when interrupted.
 Compared compare(const Request& request, const std::string& what, eval::Scenario scenario,
                  const std::vector<eval::System>& systems, bool bounds = true);
 

@@ -7,7 +7,7 @@
 namespace interneuron::experiments {
 namespace {
 
-using lab::Json;
+using records::Json;
 
 constexpr const char* kNothing = "–";
 

@@ -83,9 +83,9 @@ struct Document {
 
 // The only places that know how a file spells a document. document_from() throws std::exception for
 // what is none.
-lab::Json to_json(const Document& document);
-Document document_from(const lab::Json& json);
-lab::Json rows_json(const Rows& rows);
+records::Json to_json(const Document& document);
+Document document_from(const records::Json& json);
+records::Json rows_json(const Rows& rows);
 
 // The rows of a table whose kind is known from its experiment and name.
 template <class Row>
@@ -110,7 +110,7 @@ struct Grid {
 Grid grid_of(const Table& table);
 
 // One cell as text: "low to high" for two numbers, "yes" or "no" for a truth value.
-std::string cell_text(const lab::Json& row, const Column& column);
+std::string cell_text(const records::Json& row, const Column& column);
 
 // The tables and notes of a document, on stdout.
 void print_document(const Document& document);

@@ -10,7 +10,7 @@
 namespace interneuron::experiments {
 namespace {
 
-using lab::Json;
+using records::Json;
 
 template <class T>
 constexpr bool kIsOptional = false;

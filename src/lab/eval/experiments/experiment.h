@@ -19,7 +19,7 @@ struct Request {
   std::uint64_t first_seed = 1;
   std::uint64_t last_seed = 30;
   const Scorer& scorer;
-  cli::Progress& progress;
+  process::Progress& progress;
   std::optional<std::filesystem::path> data{};
   // Of the testbed: a folder that may be made, and what detects.
   std::filesystem::path scratch{};
@@ -42,7 +42,7 @@ struct Experiment {
   bool scored;
   // Whether Request::is_encrypted may be asked for.
   bool encryptable;
-  // Fills in tables, series and notes. Throws cli::Failure.
+  // Fills in tables, series and notes. Throws process::Failure.
   void (*run)(const Request& request, Document& document);
   // The same on real sockets; nullptr where that makes no sense.
   void (*run_on_testbed)(const Request& request, Document& document) = nullptr;

@@ -51,7 +51,7 @@ struct Scorer::Recordings {
 };
 
 Scorer::Scorer(const std::optional<fs::path>& data, bool named) {
-  const std::optional<fs::path> truth = cli::default_truth(data);
+  const std::optional<fs::path> truth = settings::default_truth(data);
   if (!data) {
     missing_ = "no recorded detections";
   } else if (!fs::is_directory(*data / "detections")) {
@@ -62,13 +62,13 @@ Scorer::Scorer(const std::optional<fs::path>& data, bool named) {
   if (!missing_.empty()) {
     missing_ +=
         "; fetch the data with scripts/fetch_data.sh --ground-truth or name them with --data";
-    if (named) throw cli::Failure(cli::kConfiguration, missing_);
+    if (named) throw process::Failure(process::kConfiguration, missing_);
     return;
   }
   try {
     recordings_ = std::make_unique<Recordings>(*data, *truth);
   } catch (const perception::InputError& error) {
-    throw cli::Failure(cli::kConfiguration, error.what());
+    throw process::Failure(process::kConfiguration, error.what());
   }
 }
 

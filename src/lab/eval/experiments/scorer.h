@@ -32,7 +32,7 @@ class Scorer {
  public:
   // From <data>/detections, <data>/profile.csv and <data>/pets/gt.txt. Without a folder, recordings
   // or ground truth it scores nothing, and missing() says why. `named`: the user named the folder,
-  // so that its absence is an error. Throws cli::Failure (1) then, and for damaged files.
+  // so that its absence is an error. Throws process::Failure (1) then, and for damaged files.
   Scorer(const std::optional<std::filesystem::path>& data, bool named);
   ~Scorer();
 
