@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <span>
 
-#include "lab/emu/ecn.h"
+#include "lab/emu/queue.h"
 
 namespace interneuron::netns {
 

@@ -11,7 +11,7 @@
 #include "app/process/signals.h"
 #include "lab/bench/forecast_report.h"
 #include "lab/bench/load_report.h"
-#include "lab/load/forecast_run.h"
+#include "lab/load/forecast.h"
 
 namespace interneuron::cli {
 namespace {

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "app/records/json_file.h"
-#include "lab/load/calibration.h"
+#include "lab/load/forecast.h"
 
 namespace interneuron::cli {
 

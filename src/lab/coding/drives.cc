@@ -5,8 +5,8 @@
 #include <random>
 
 #include "interneuron/sizes.h"
-#include "lab/coding/sending.h"
 #include "lab/emu/random.h"
+#include "lab/sim/duo.h"
 
 namespace interneuron::coding {
 namespace {
@@ -128,7 +128,7 @@ std::size_t clairvoyant(const Drive& drive, std::size_t bytes, std::size_t messa
   std::vector<emu::Bottleneck> empty;
   for (const Modem& modem : drive.modems) empty.emplace_back(emu::RateTrace{modem.up});
   for (std::size_t i = 0; i < messages; ++i) {
-    const Duration at = Sending::kBegin + static_cast<std::int64_t>(i) * kDrivePeriod;
+    const Duration at = sim::Duo::kBegin + static_cast<std::int64_t>(i) * kDrivePeriod;
     bool in_time = false;
     for (std::size_t m = 0; m < empty.size() && !in_time; ++m) {
       in_time = brought(empty[m], at, bytes) + drive.modems[m].one_way <= at + kDriveDeadline;
@@ -143,13 +143,7 @@ std::size_t clairvoyant(const Drive& drive, std::size_t bytes, std::size_t messa
 emu::LinkProfile profile_of(const Modem& modem) {
   emu::LinkProfile p;
   p.name = modem.name;
-  p.delay.min_ms = p.delay.max_ms = 2 * to_ms(modem.one_way);
-  for (auto& state : p.delay.states) {
-    state.level_ms = p.delay.max_ms;
-    state.loss = 0;
-    // It never leaves its state.
-    state.sojourn_mean_s = 1e6;
-  }
+  p.delay = emu::constant_delay(2 * to_ms(modem.one_way), 0);
   p.up = direction_of(modem.up);
   p.down = direction_of(modem.down);
   return p;
@@ -219,9 +213,14 @@ DriveRow run_drive(const Drive& drive, std::span<const std::string> policies, st
   row.message_bytes =
       static_cast<std::size_t>(static_cast<double>(slower.bits_per_second) / 8 / 2 * period);
   const auto sending = [&](const std::vector<emu::LinkProfile>& over, const std::string& policy) {
-    Sending out(over, {policy, {row.message_bytes}, kDrivePeriod, kDriveDeadline, messages}, seed);
-    out.run();
-    return std::pair(out.missed(), out.bytes());
+    sim::Duo out(over, {.policy = policy,
+                        .variants = {row.message_bytes},
+                        .deadline = kDriveDeadline,
+                        .period = kDrivePeriod,
+                        .seed = seed});
+    out.send(sim::Duo::kBegin, messages);
+    const std::uint64_t bytes = out.run_counting();
+    return std::pair(out.missed(), bytes);
   };
   for (const emu::LinkProfile& link : links) {
     row.alone.push_back(sending({link}, "best_link").first);

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "lab/coding/sending.h"
+#include "lab/sim/duo.h"
 
 namespace interneuron::coding {
 namespace {
@@ -11,21 +11,8 @@ using std::chrono::milliseconds;
 using std::chrono::seconds;
 
 constexpr std::size_t kImage = 128 * 1024;
-// Of the emulated queues: far more than congestion control fills.
-constexpr std::size_t kQueueBytes = 10'000'000;
-
 emu::LinkProfile link(double rtt_ms, double mbit, double loss = 0) {
-  emu::LinkProfile p;
-  p.name = "constant";
-  for (auto& state : p.delay.states) {
-    state.level_ms = rtt_ms;
-    state.loss = loss;
-    // It never leaves its state.
-    state.sojourn_mean_s = 1e6;
-  }
-  p.delay.min_ms = p.delay.max_ms = rtt_ms;
-  p.up = p.down = {DataRate::mbit(mbit), kQueueBytes};
-  return p;
+  return emu::constant_link("constant", rtt_ms, mbit, mbit, loss);
 }
 
 std::vector<emu::LinkProfile> far_links(double loss) {
@@ -47,68 +34,56 @@ std::vector<emu::LinkProfile> bursty_links(bool exactly) {
   return links;
 }
 
+// Most of them: images at 10 Hz, as long as nothing else is said.
+Series images(std::string_view name, std::string_view about,
+              std::vector<emu::LinkProfile> (*links)(), Duration deadline) {
+  return {name, about, links, deadline, milliseconds(100), {kImage}, "coded", 2000};
+}
+
+Series hole() {
+  Series out = images(
+      "hole", "as clean, but the first link carries nothing for 5 s, at 40 phases",
+      [] { return near_links(0); }, milliseconds(100));
+  out.variants.push_back(kImage / 4);
+  out.policy = "shadow";
+  out.messages = 100;
+  out.phases = 40;
+  out.hole = seconds(5);
+  return out;
+}
+
+Series halves() {
+  Series out = images(
+      "halves", "384 KiB over two links of 20 Mbit/s, 15 and 25 ms one way",
+      [] {
+        return std::vector{link(30, 20), link(50, 20)};
+      },
+      milliseconds(130));
+  out.period = milliseconds(125);
+  out.variants = {384 * 1024};
+  out.policy = "stripe";
+  return out;
+}
+
 const std::vector<Series>& series() {
   static const std::vector<Series> all{
-      {"losses",
-       "60 and 20 Mbit/s, both 39 ms one way, 1 % of all packets lost",
-       [] { return far_links(0.01); },
-       milliseconds(130),
-       milliseconds(100),
-       {kImage},
-       "coded",
-       2000},
-      {"bursts",
-       "the same, 1 % in bursts of 8 packets in the mean, one way",
-       [] { return bursty_links(false); },
-       milliseconds(130),
-       milliseconds(100),
-       {kImage},
-       "coded",
-       2000},
-      {"eights",
-       "the same, 1 % in bursts of exactly 8 packets, one way",
-       [] { return bursty_links(true); },
-       milliseconds(130),
-       milliseconds(100),
-       {kImage},
-       "coded",
-       2000},
-      {"clean",
-       "60 Mbit/s, 15 ms one way, and 20 Mbit/s, 30 ms",
-       [] { return near_links(0); },
-       milliseconds(100),
-       milliseconds(100),
-       {kImage},
-       "coded",
-       2000},
-      {"near",
-       "the same, 1 % of all packets lost",
-       [] { return near_links(0.01); },
-       milliseconds(100),
-       milliseconds(100),
-       {kImage},
-       "coded",
-       2000},
-      {"hole",
-       "as clean, but the first link carries nothing for 5 s, at 40 phases",
-       [] { return near_links(0); },
-       milliseconds(100),
-       milliseconds(100),
-       {kImage, kImage / 4},
-       "shadow",
-       100,
-       40,
-       seconds(5)},
-      {"halves",
-       "384 KiB over two links of 20 Mbit/s, 15 and 25 ms one way",
-       [] {
-         return std::vector{link(30, 20), link(50, 20)};
-       },
-       milliseconds(130),
-       milliseconds(125),
-       {384 * 1024},
-       "stripe",
-       2000},
+      images(
+          "losses", "60 and 20 Mbit/s, both 39 ms one way, 1 % of all packets lost",
+          [] { return far_links(0.01); }, milliseconds(130)),
+      images(
+          "bursts", "the same, 1 % in bursts of 8 packets in the mean, one way",
+          [] { return bursty_links(false); }, milliseconds(130)),
+      images(
+          "eights", "the same, 1 % in bursts of exactly 8 packets, one way",
+          [] { return bursty_links(true); }, milliseconds(130)),
+      images(
+          "clean", "60 Mbit/s, 15 ms one way, and 20 Mbit/s, 30 ms", [] { return near_links(0); },
+          milliseconds(100)),
+      images(
+          "near", "the same, 1 % of all packets lost", [] { return near_links(0.01); },
+          milliseconds(100)),
+      hole(),
+      halves(),
   };
   return all;
 }
@@ -124,20 +99,25 @@ const Series* series_of(std::string_view name) {
 
 Row run(const Series& series, std::string_view policy, std::size_t messages, std::uint64_t seed) {
   Row row{.series = &series, .policy = std::string(policy)};
-  const Traffic traffic{std::string(policy), series.variants, series.period, series.deadline,
-                        messages};
+  sim::Duo::Options options{.policy = row.policy,
+                            .variants = series.variants,
+                            .deadline = series.deadline,
+                            .period = series.period,
+                            .seed = seed};
   std::uint64_t bytes = 0;
-  for (int phase = 0; phase < series.phases; ++phase) {
-    Sending one(series.links(), traffic, seed + static_cast<std::uint64_t>(phase));
+  for (int phase = 0; phase < series.phases; ++phase, ++options.seed) {
+    sim::Duo one(series.links(), options);
     if (series.hole > Duration::zero()) {
-      one.hole(Sending::kBegin + seconds(2) + phase * series.period / series.phases, series.hole);
+      one.world.outage(one.world.wire_of(LinkId{0}),
+                       sim::Duo::kBegin + seconds(2) + phase * series.period / series.phases,
+                       series.hole);
     }
-    one.run();
+    one.send(sim::Duo::kBegin, messages);
+    bytes += one.run_counting();
     row.messages += messages;
     row.missed += one.missed();
     row.degraded += one.degraded();
     row.most_degraded = std::max(row.most_degraded, one.degraded());
-    bytes += one.bytes();
   }
   row.wire_ratio =
       static_cast<double>(bytes) / static_cast<double>(row.messages * series.variants.front());

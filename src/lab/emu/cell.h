@@ -24,9 +24,7 @@
 #include "core/base/ring.h"
 #include "interneuron/units.h"
 #include "lab/emu/bottleneck.h"
-#include "lab/emu/codel.h"
-#include "lab/emu/ecn.h"
-#include "lab/emu/queue_time.h"
+#include "lab/emu/queue.h"
 
 namespace interneuron::emu {
 

@@ -1,9 +1,10 @@
 #include "lab/emu/delay_process.h"
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 
-#include "lab/emu/common_fading.h"
+#include "lab/emu/delay_trace.h"
 #include "lab/emu/random.h"
 
 namespace interneuron::emu {
@@ -20,6 +21,25 @@ constexpr double kMaxSojournSteps = 1e12;
 double decay(double tau_s) { return tau_s > 0 ? std::exp(-kStepSeconds / tau_s) : 0.0; }
 
 }  // namespace
+
+// A group of coupled processes, which make their steps together.
+class CommonFading {
+ public:
+  CommonFading(double c, std::uint64_t seed) : c_(c), stream_(seed) {}
+
+  static void join(const std::shared_ptr<CommonFading>& group, DelayProcess& process);
+  void remove(const DelayProcess& process);
+  // Makes one step of every member.
+  void make_step();
+
+ private:
+  double c_;
+  RandomStream stream_;
+  // nullptr for a process that has been destroyed.
+  std::vector<DelayProcess*> members_;
+  // Which members have entered EDGE in the present step.
+  std::vector<bool> entered_;
+};
 
 DelayParams constant_delay(double rtt_ms, double loss) {
   DelayParams params;
@@ -129,5 +149,43 @@ void DelayProcess::leave() {
 double DelayProcess::normal(double sd) { return sd > 0 ? sd * unit_normal_(rng_) : 0.0; }
 
 double DelayProcess::uniform() { return std::uniform_real_distribution<double>{0.0, 1.0}(rng_); }
+
+void couple(std::span<const std::shared_ptr<DelayProcess>> processes, double c,
+            std::uint64_t seed) {
+  if (c <= 0 || processes.size() < 2) return;
+  auto fading = std::make_shared<CommonFading>(c, seed);
+  for (const auto& process : processes) CommonFading::join(fading, *process);
+}
+
+void CommonFading::join(const std::shared_ptr<CommonFading>& group, DelayProcess& process) {
+  assert(process.made() == 1 && !process.fading_);
+  process.fading_ = group;
+  group->members_.push_back(&process);
+}
+
+void CommonFading::remove(const DelayProcess& process) {
+  std::replace(members_.begin(), members_.end(), const_cast<DelayProcess*>(&process),
+               static_cast<DelayProcess*>(nullptr));
+}
+
+void CommonFading::make_step() {
+  entered_.assign(members_.size(), false);
+  for (std::size_t i = 0; i < members_.size(); ++i) {
+    entered_[i] = members_[i] != nullptr && members_[i]->end_episode();
+  }
+  for (std::size_t i = 0; i < members_.size(); ++i) {
+    if (!entered_[i]) continue;
+    for (DelayProcess* other : members_) {
+      // Drawn for every other, whatever its state, so that one link's state does not shift the
+      // draws of the rest.
+      const bool triggered = stream_.chance(c_);
+      if (other == nullptr || !triggered || other->params_.trace) continue;
+      if (other->state_ == RadioState::kStable) other->enter(RadioState::kEdge);
+    }
+  }
+  for (DelayProcess* member : members_) {
+    if (member != nullptr) member->append_sample();
+  }
+}
 
 }  // namespace interneuron::emu

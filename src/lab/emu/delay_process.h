@@ -19,14 +19,15 @@
 #include <cstdint>
 #include <memory>
 #include <random>
+#include <span>
 
 #include "core/base/ring.h"
 #include "interneuron/time.h"
-#include "lab/emu/delay_trace.h"
 
 namespace interneuron::emu {
 
 class CommonFading;
+struct DelayTrace;
 
 enum class RadioState : std::uint8_t { kStable, kEdge, kBad };
 inline constexpr std::size_t kRadioStates = 3;
@@ -135,5 +136,20 @@ class DelayProcess {
   // Empty unless coupled.
   std::shared_ptr<CommonFading> fading_;
 };
+
+// Common fading of several links: when one link enters EDGE, each other that is STABLE enters EDGE
+// as well with probability c, as if both modems drove behind the same hill. With c = 0 links are
+// independent, as was measured in town; in the country bad times came together four times as often
+// as by chance (docs/constants.md, "Three-state model").
+//
+// Coupled processes make their steps together, in the order given, so that their values do not
+// depend on which is read first and how far. Coupling makes EDGE more frequent than the profile
+// says, so the long-run figures of a coupled link are worse than the profile's. An entry caused by
+// another link causes no further ones in the same step. One thread uses all coupled links. The
+// coupling lives as long as one of its processes, and none owns another.
+//
+// Couples processes that have not been read yet, for as long as they live. c in [0, 1]; with 0, or
+// fewer than two, nothing changes. A process belongs to at most one group.
+void couple(std::span<const std::shared_ptr<DelayProcess>> processes, double c, std::uint64_t seed);
 
 }  // namespace interneuron::emu

@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "lab/emu/channel.h"
 #include "lab/emu/link_change.h"
 #include "lab/emu/link_model.h"
 #include "lab/emu/profile.h"

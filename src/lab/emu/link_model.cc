@@ -3,6 +3,10 @@
 #include <algorithm>
 #include <utility>
 
+#include "lab/emu/channel.h"
+
+#include "lab/emu/channel.h"
+
 namespace interneuron::emu {
 
 namespace {
@@ -60,7 +64,7 @@ bool LinkModel::enqueue(Duration now, std::size_t ip_bytes, std::uint64_t tag) {
 
   // All draws before any of them decides: what is lost does not shift the draws of the rest.
   const Channel::Sample sample = channel_->at(departure);
-  const bool lost = radio_loses(sample);
+  const bool lost = radio_loses(sample.loss);
   const bool twice = duplicate_stream_.chance(params_.duplicate);
   entry.corrupt = corrupt_stream_.chance(params_.corrupt);
   entry.shift = shift_of(ip_bytes);
@@ -106,8 +110,8 @@ bool LinkModel::admitted(std::size_t ip_bytes) const {
 
 // Drawn for every packet that was sent, whatever the probability, so that two profiles with
 // different loss see the same sequence of draws.
-bool LinkModel::radio_loses(const Channel::Sample& sample) {
-  const bool single = uniform_(loss_rng_) < params_.loss.value_or(sample.loss);
+bool LinkModel::radio_loses(double loss) {
+  const bool single = uniform_(loss_rng_) < params_.loss.value_or(loss);
   const bool in_burst = params_.gilbert_elliott && burst_loses();
   return single || in_burst;
 }

@@ -24,11 +24,13 @@
 
 #include "core/base/ring.h"
 #include "interneuron/units.h"
-#include "lab/emu/channel.h"
 #include "lab/emu/conditions.h"
+#include "lab/emu/delay_process.h"
 #include "lab/emu/random.h"
 
 namespace interneuron::emu {
+
+class Channel;
 
 // Counters of one direction since its start; bytes are IP bytes. Always
 //   packets_in + duplicated = delivered + lost + queue_drops + outage_lost + too_big + nat_drops
@@ -134,7 +136,7 @@ class LinkModel {
 
   bool refused(Duration now, std::size_t ip_bytes);
   bool admitted(std::size_t ip_bytes) const;
-  bool radio_loses(const Channel::Sample& sample);
+  bool radio_loses(double loss);
   bool burst_loses();
   Duration shift_of(std::size_t ip_bytes);
   void place(Entry& entry, Duration one_way);

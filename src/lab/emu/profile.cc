@@ -15,6 +15,7 @@ using Section = toml_reader::TomlReader::Section;
 
 constexpr std::int64_t kSchema = 1;
 constexpr std::size_t kLongestName = 64;
+constexpr std::size_t kAmpleQueueBytes = 10'000'000;
 
 bool read_profile(toml_reader::TomlReader& reader, std::string_view text, const TraceFiles& files,
                   LinkProfile& out) {
@@ -30,6 +31,17 @@ bool read_profile(toml_reader::TomlReader& reader, std::string_view text, const 
 }
 
 }  // namespace
+
+LinkProfile constant_link(std::string name, double rtt_ms, double up_mbit, double down_mbit,
+                          double loss) {
+  LinkProfile out;
+  out.name = std::move(name);
+  out.delay = constant_delay(rtt_ms, loss);
+  out.up.rate = DataRate::mbit(up_mbit);
+  out.down.rate = DataRate::mbit(down_mbit);
+  out.up.queue_bytes = out.down.queue_bytes = kAmpleQueueBytes;
+  return out;
+}
 
 bool read_name(toml_reader::TomlReader& reader, const Section& section, std::size_t longest,
                std::string& out) {

@@ -87,6 +87,11 @@ struct LinkProfile {
   const DirectionParams& direction(Direction d) const { return d == Direction::kUp ? up : down; }
 };
 
+// A link with a constant delay and rates up and down in Mbit/s, whose queues hold far more than
+// congestion control fills. `loss` is per packet and direction.
+LinkProfile constant_link(std::string name, double rtt_ms, double up_mbit, double down_mbit,
+                          double loss = 0);
+
 // The queue of a direction whose file names none: 300 ms at its rate, within the 0.1 to 1 s that
 // cellular base stations are known to buffer. Assumed, not in the paper's table.
 inline constexpr Duration kDefaultQueueTime = std::chrono::milliseconds(300);

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "lab/emu/common_fading.h"
+#include "lab/emu/delay_process.h"
 
 namespace interneuron::emu {
 

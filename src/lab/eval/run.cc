@@ -10,10 +10,7 @@ namespace interneuron::eval {
 namespace {
 
 emu::LinkProfile constant_link(const char* name, double rtt_ms, double mbit) {
-  emu::LinkProfile link;
-  link.name = name;
-  link.delay = emu::constant_delay(rtt_ms, 0);
-  link.up.rate = DataRate::mbit(mbit);
+  emu::LinkProfile link = emu::constant_link(name, rtt_ms, mbit, mbit);
   link.up.queue_bytes = static_cast<std::size_t>(mbit * 1e3 * to_ms(emu::kDefaultQueueTime) / 8);
   link.down = link.up;
   return link;

@@ -1,4 +1,4 @@
-#include "lab/foreign/bbr_like.h"
+#include "lab/foreign/congestion.h"
 
 #include <algorithm>
 #include <chrono>

@@ -1,4 +1,4 @@
-#include "lab/foreign/cubic.h"
+#include "lab/foreign/congestion.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "lab/foreign/subflow_sender.h"
+#include "lab/foreign/subflow.h"
 
 #include <algorithm>
 #include <cassert>

@@ -1,4 +1,4 @@
-#include "lab/foreign/tcp.h"
+#include "lab/foreign/transports.h"
 
 #include <algorithm>
 #include <utility>

@@ -1,4 +1,4 @@
-#include "lab/foreign/udp.h"
+#include "lab/foreign/transports.h"
 
 #include <algorithm>
 

@@ -1,4 +1,4 @@
-#include "lab/load/calibration.h"
+#include "lab/load/forecast.h"
 
 #include <algorithm>
 #include <array>

@@ -7,10 +7,13 @@
 // outlive it. Pure; thread-compatible; no errors.
 #pragma once
 
+#include <cstdint>
+#include <functional>
 #include <memory>
+#include <string>
 #include <vector>
 
-#include "lab/foreign/message.h"
+#include "lab/foreign/transports.h"
 #include "lab/load/meter.h"
 #include "lab/load/scenario.h"
 #include "lab/sim/world.h"
@@ -26,6 +29,41 @@ class Fleet {
   virtual void collect() {}
 };
 
+// How a host of a scenario reaches another: adds a link from `vehicle` to `road` that is fast both
+// ways, and up through the cell.
+void join(const Scenario& scenario, sim::World& world, sim::HostId vehicle, sim::HostId road,
+          LinkId link, sim::CellId cell);
+
+// Interneuron's endpoints as they are in production, in a world: a roadside unit, and vehicles that
+// send it the messages of a scenario by the policy that the peer stands for. Keys and sessions are
+// by the number of the host.
+class OurHosts {
+ public:
+  // `vehicle` is what each vehicle is beside its session and keys; with its policies, the
+  // roadside unit has them too. `links` adds the links between the two.
+  OurHosts(const Scenario& scenario, sim::World& world, EndpointOptions vehicle,
+           const std::function<void(sim::HostId vehicle, sim::HostId road)>& links);
+
+  // The vehicle hands over a message that begins with `number` (sim::number_of()). The caller
+  // flushes the vehicle.
+  SendResult send(std::size_t vehicle, std::uint64_t number);
+  Variants variants(std::uint64_t number) const;
+
+  sim::HostId road = 0;
+  std::vector<sim::HostId> vehicles;
+  // The roadside unit as each vehicle knows it.
+  std::vector<PeerId> peers;
+
+ private:
+  const Scenario& s_;
+  sim::World& world_;
+};
+
+// The policy that plans the messages of a peer of ours.
+std::string policy_of(Peer peer);
+
+std::unique_ptr<Fleet> ours(const Scenario& scenario, sim::World& world, sim::CellId cell,
+                            Meter& meter);
 std::unique_ptr<Fleet> make_fleet(const Scenario& scenario, sim::World& world, sim::CellId cell,
                                   Meter& meter);
 

@@ -2,12 +2,10 @@
 #include <algorithm>
 #include <cassert>
 
-#include "lab/foreign/bbr_like.h"
-#include "lab/foreign/cubic.h"
-#include "lab/foreign/tcp.h"
-#include "lab/foreign/udp.h"
-#include "lab/load/fleets.h"
-#include "lab/load/link.h"
+#include "lab/foreign/congestion.h"
+#include "lab/foreign/transports.h"
+#include "lab/load/bottleneck.h"
+#include "lab/load/fleet.h"
 
 namespace interneuron::load {
 namespace {
@@ -86,16 +84,21 @@ class Foreigners final : public Fleet {
 
 }  // namespace
 
-std::unique_ptr<Fleet> foreigners(const Scenario& scenario, sim::World& world, sim::CellId cell,
-                                  Meter& meter) {
-  return std::make_unique<Foreigners>(scenario, world, cell, meter);
+void join(const Scenario& scenario, sim::World& world, sim::HostId vehicle, sim::HostId road,
+          LinkId link, sim::CellId cell) {
+  const emu::LinkProfile profile = modem_of(scenario);
+  const std::uint64_t seed = emu::link_seed(scenario.seed, vehicle);
+  const sim::WireId wire =
+      world.add_link(vehicle, road, link, profile.name, emu::Link(profile, seed));
+  world.pass_through(wire, true, cell);
 }
 
 std::unique_ptr<Fleet> make_fleet(const Scenario& scenario, sim::World& world, sim::CellId cell,
                                   Meter& meter) {
   assert(std::ranges::find(modelled_peers(), scenario.peer) != modelled_peers().end());
   const bool is_ours = scenario.peer == Peer::kOurs || scenario.peer == Peer::kOursVariants;
-  return (is_ours ? ours : foreigners)(scenario, world, cell, meter);
+  if (is_ours) return ours(scenario, world, cell, meter);
+  return std::make_unique<Foreigners>(scenario, world, cell, meter);
 }
 
 CrossTraffic::CrossTraffic(const Scenario& scenario, sim::World& world, sim::CellId cell)

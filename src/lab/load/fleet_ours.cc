@@ -1,89 +1,82 @@
 // Interneuron's endpoints as they are in production, driven by the world.
-#include <cstring>
 #include <numeric>
 #include <utility>
 
 #include "lab/load/fleet.h"
-#include "lab/load/fleets.h"
-#include "lab/load/link.h"
+#include "lab/sim/duo.h"
 #include "lab/sim/trust.h"
 
 namespace interneuron::load {
 namespace {
 
 constexpr LinkId kModem{0};
-
-// What every message begins with, so that the receiver can tell the meter which one it is.
-struct Label {
-  std::uint32_t vehicle = 0;
-  std::uint32_t number = 0;
-};
+// The road's key; vehicles have those that follow.
+constexpr int kRoadKey = 1;
+// What a message begins with: its number, and above these bits that of its vehicle.
+constexpr unsigned kNumberBits = 32;
 
 class Ours final : public Fleet {
  public:
-  Ours(const Scenario& scenario, sim::World& world, sim::CellId cell, Meter& meter);
-  void send(std::size_t vehicle, std::uint32_t number) override;
+  Ours(const Scenario& scenario, sim::World& world, sim::CellId cell, Meter& meter)
+      : world_(world), hosts_(scenario, world, {}, [&](sim::HostId vehicle, sim::HostId road) {
+          join(scenario, world, vehicle, road, kModem, cell);
+        }) {
+    world.on_event([&meter, &world, road = hosts_.road](sim::HostId host, Event&& event) {
+      const auto* message = std::get_if<Message>(&event);
+      if (message == nullptr || host != road) return;
+      const std::uint64_t number = sim::number_of(message->bytes);
+      meter.arrived(number >> kNumberBits, static_cast<std::uint32_t>(number), message->variant,
+                    world.now());
+    });
+  }
+  void send(std::size_t vehicle, std::uint32_t number) override {
+    // What is refused has missed its deadline.
+    static_cast<void>(hosts_.send(vehicle, std::uint64_t{vehicle} << kNumberBits | number));
+    world_.flush(hosts_.vehicles[vehicle]);
+  }
 
  private:
-  const Scenario& s_;
   sim::World& world_;
-  std::vector<sim::HostId> vehicles_;
-  std::vector<PeerId> peers_;
+  OurHosts hosts_;
 };
 
-// The road's key; vehicles have those that follow.
-constexpr int kRoadKey = 1;
+}  // namespace
 
-EndpointOptions options_of(std::uint32_t session) {
-  EndpointOptions options;
-  options.session = SessionId{session};
-  options.policies = builtin_policies();
-  return options;
+std::string policy_of(Peer peer) {
+  return peer == Peer::kOursVariants ? "down_sampling" : "best_link";
 }
 
-Ours::Ours(const Scenario& scenario, sim::World& world, sim::CellId cell, Meter& meter)
+OurHosts::OurHosts(const Scenario& scenario, sim::World& world, EndpointOptions vehicle,
+                   const std::function<void(sim::HostId vehicle, sim::HostId road)>& links)
     : s_(scenario), world_(world) {
-  EndpointOptions options = options_of(kRoadSession);
+  if (vehicle.policies.empty()) vehicle.policies = builtin_policies();
+  EndpointOptions options;
+  options.session = SessionId{kRoadSession};
+  options.policies = vehicle.policies;
   options.accept_peers = true;
   options.max_peers = scenario.vehicles;
   std::vector<int> keys(scenario.vehicles);
   std::iota(keys.begin(), keys.end(), kRoadKey + 1);
   if (scenario.is_encrypted) options.security = security_of(kRoadKey, keys);
-  const sim::HostId road = world.add_host(std::move(options));
-  world.on_event([&meter, &world, road](sim::HostId host, Event&& event) {
-    const auto* message = std::get_if<Message>(&event);
-    if (message == nullptr || host != road) return;
-    Label label;
-    std::memcpy(&label, message->bytes.data(), sizeof label);
-    meter.arrived(label.vehicle, label.number, message->variant, world.now());
-  });
+  road = world.add_host(std::move(options));
   for (std::uint32_t v = 0; v < scenario.vehicles; ++v) {
-    EndpointOptions vehicle = options_of(v + 1);
+    vehicle.session = SessionId{v + 1};
     if (scenario.is_encrypted) vehicle.security = security_of(keys[v], {kRoadKey});
-    vehicles_.push_back(world.add_host(std::move(vehicle)));
-    join(scenario, world, vehicles_[v], road, kModem, cell);
-    peers_.push_back(world.connect(vehicles_[v], road));
+    vehicles.push_back(world.add_host(vehicle));
+    links(vehicles[v], road);
+    peers.push_back(world.connect(vehicles[v], road));
   }
 }
 
-void Ours::send(std::size_t vehicle, std::uint32_t number) {
-  const Label label{static_cast<std::uint32_t>(vehicle), number};
-  Variants variants;
-  for (const std::size_t bytes : variant_bytes(s_)) {
-    variants.emplace_back(std::max(bytes, sizeof label));
-    std::memcpy(variants.back().data(), &label, sizeof label);
-  }
-  const sim::HostId host = vehicles_[vehicle];
-  SendOptions options;
-  options.deadline = s_.deadline;
-  options.policy = s_.peer == Peer::kOursVariants ? "down_sampling" : "best_link";
-  // What is refused has missed its deadline.
-  static_cast<void>(world_.endpoint(host).send(world_.local_time(host), peers_[vehicle],
-                                               std::move(variants), options));
-  world_.flush(host);
+SendResult OurHosts::send(std::size_t vehicle, std::uint64_t number) {
+  const sim::HostId host = vehicles[vehicle];
+  return world_.endpoint(host).send(world_.local_time(host), peers[vehicle], variants(number),
+                                    {.deadline = s_.deadline, .policy = policy_of(s_.peer)});
 }
 
-}  // namespace
+Variants OurHosts::variants(std::uint64_t number) const {
+  return sim::numbered(variant_bytes(s_), number);
+}
 
 std::unique_ptr<Fleet> ours(const Scenario& scenario, sim::World& world, sim::CellId cell,
                             Meter& meter) {

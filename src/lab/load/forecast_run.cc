@@ -1,7 +1,6 @@
-#include "lab/load/forecast_run.h"
+#include "lab/load/forecast.h"
 
 #include <algorithm>
-#include <cstring>
 #include <memory>
 #include <stdexcept>
 
@@ -9,7 +8,7 @@
 #include "lab/emu/random.h"
 #include "lab/load/bottleneck.h"
 #include "lab/load/fleet.h"
-#include "lab/load/link.h"
+#include "lab/sim/duo.h"
 
 namespace interneuron::load {
 namespace {
@@ -39,10 +38,6 @@ class AtOnce final : public Policy {
   std::shared_ptr<const Policy> planner_;
 };
 
-std::string policy_of(Peer peer) {
-  return peer == Peer::kOursVariants ? "down_sampling" : "best_link";
-}
-
 PolicySet policies_of(Peer peer) {
   PolicySet out = builtin_policies();
   for (const auto& policy : builtin_policies()) {
@@ -67,12 +62,11 @@ class Trial {
     bool judged = false;
   };
 
-  EndpointOptions vehicle_options(std::size_t vehicle) const;
-  void join_profiles(std::size_t vehicle);
+  EndpointOptions vehicle_options() const;
+  void join_profiles(sim::HostId vehicle, sim::HostId road);
   void plan_messages();
   void send(std::size_t vehicle);
   void send_nevertheless(std::size_t vehicle, std::uint32_t number);
-  Variants variants(std::uint32_t number) const;
   void arrived(const Bytes& bytes);
 
   const ForecastScenario& f_;
@@ -83,9 +77,7 @@ class Trial {
   sim::CellId cell_;
   CrossTraffic cross_;
   emu::RandomStream random_;
-  sim::HostId road_ = 0;
-  std::vector<sim::HostId> vehicles_;
-  std::vector<PeerId> peers_;
+  OurHosts hosts_;
   // By the number that each message carries in its first bytes.
   std::vector<Note> notes_;
   bool has_refused_ = false;
@@ -99,28 +91,20 @@ Trial::Trial(const ForecastScenario& scenario, bool nevertheless)
       world_(s_.seed),
       cell_(f_.profiles.empty() ? world_.add_cell(cell_of(s_, kWarmUp)) : sim::CellId{}),
       cross_(s_, world_, cell_),
-      random_(s_.seed + 1) {
-  EndpointOptions options;
-  options.session = SessionId{kRoadSession};
-  options.policies = policies_of(s_.peer);
-  options.accept_peers = true;
-  options.max_peers = s_.vehicles;
-  road_ = world_.add_host(std::move(options));
+      random_(s_.seed + 1),
+      hosts_(s_, world_, vehicle_options(), [this](sim::HostId vehicle, sim::HostId road) {
+        f_.profiles.empty() ? join(s_, world_, vehicle, road, kFirstLink, cell_)
+                            : join_profiles(vehicle, road);
+      }) {
   world_.on_event([this](sim::HostId host, Event&& event) {
-    if (host != road_) return;
+    if (host != hosts_.road) return;
     if (const auto* message = std::get_if<Message>(&event)) arrived(message->bytes);
     if (const auto* round = std::get_if<Delivered>(&event)) arrived(round->payload);
   });
-  for (std::size_t v = 0; v < s_.vehicles; ++v) {
-    vehicles_.push_back(world_.add_host(vehicle_options(v)));
-    f_.profiles.empty() ? load::join(s_, world_, vehicles_[v], road_, kFirstLink, cell_)
-                        : join_profiles(v);
-    peers_.push_back(world_.connect(vehicles_[v], road_));
-  }
 }
 
 // The pipeline carries what is sent nevertheless: rounds are not refused.
-EndpointOptions Trial::vehicle_options(std::size_t vehicle) const {
+EndpointOptions Trial::vehicle_options() const {
   PipelineConfig pipeline;
   pipeline.id = kPipeline;
   pipeline.stages = {StageKind::kCommunication, StageKind::kCommunication};
@@ -129,7 +113,6 @@ EndpointOptions Trial::vehicle_options(std::size_t vehicle) const {
   pipeline.policy = "at_once";
   pipeline.guard = GuardKind::kPaper;
   EndpointOptions options;
-  options.session = SessionId{static_cast<std::uint32_t>(vehicle + 1)};
   options.pipelines = {pipeline};
   options.ablation =
       std::make_shared<const Ablation>(Ablation{.use_x = false, .use_handler = false});
@@ -137,12 +120,12 @@ EndpointOptions Trial::vehicle_options(std::size_t vehicle) const {
   return options;
 }
 
-void Trial::join_profiles(std::size_t vehicle) {
+void Trial::join_profiles(sim::HostId vehicle, sim::HostId road) {
   for (std::size_t i = 0; i < f_.profiles.size(); ++i) {
     const auto profile = emu::built_in_profile(f_.profiles[i]);
     if (!profile) throw std::invalid_argument("no profile " + f_.profiles[i]);
     const LinkId link{static_cast<std::uint16_t>(kFirstLink.value + i)};
-    world_.add_link(vehicles_[vehicle], road_, link, profile->name,
+    world_.add_link(vehicle, road, link, profile->name,
                     emu::Link(*profile, emu::link_seed(s_.seed, i)));
   }
 }
@@ -161,23 +144,9 @@ void Trial::plan_messages() {
   }
 }
 
-// The number comes first, so that what arrives is known by it.
-Variants Trial::variants(std::uint32_t number) const {
-  Variants out;
-  for (const std::size_t bytes : variant_bytes(s_)) {
-    Bytes variant(std::max(bytes, sizeof number));
-    std::memcpy(variant.data(), &number, sizeof number);
-    out.push_back(std::move(variant));
-  }
-  return out;
-}
-
 void Trial::send(std::size_t vehicle) {
-  const sim::HostId host = vehicles_[vehicle];
   const auto number = static_cast<std::uint32_t>(notes_.size());
-  const SendResult result =
-      world_.endpoint(host).send(world_.local_time(host), peers_[vehicle], variants(number),
-                                 {.deadline = s_.deadline, .policy = policy_of(s_.peer)});
+  const SendResult result = hosts_.send(vehicle, number);
   Note note;
   note.begun = world_.now();
   if (result.on_time) note.forecast.predicted = *result.on_time;
@@ -189,7 +158,7 @@ void Trial::send(std::size_t vehicle) {
     has_refused_ = true;
     if (nevertheless_) send_nevertheless(vehicle, number);
   }
-  world_.flush(host);
+  world_.flush(hosts_.vehicles[vehicle]);
 }
 
 void Trial::send_nevertheless(std::size_t vehicle, std::uint32_t number) {
@@ -197,18 +166,17 @@ void Trial::send_nevertheless(std::size_t vehicle, std::uint32_t number) {
   // At random times, so that it is no more likely after a refusal than after many.
   next_nevertheless_ = world_.now() + Duration{static_cast<std::int64_t>(random_.exponential(
                                           static_cast<double>(kNeverthelessEvery.count())))};
-  const sim::HostId host = vehicles_[vehicle];
+  const sim::HostId host = hosts_.vehicles[vehicle];
   Endpoint& endpoint = world_.endpoint(host);
   const RoundRef round = endpoint.begin_round(world_.local_time(host), kPipeline);
-  const SubmitStatus status = endpoint.submit(world_.local_time(host), round, variants(number),
-                                              MessageClass::kData, peers_[vehicle]);
+  const SubmitStatus status =
+      endpoint.submit(world_.local_time(host), round, hosts_.variants(number), MessageClass::kData,
+                      hosts_.peers[vehicle]);
   notes_[number].judged = status == SubmitStatus::kAccepted;
 }
 
 void Trial::arrived(const Bytes& bytes) {
-  std::uint32_t number = 0;
-  std::memcpy(&number, bytes.data(), sizeof number);
-  Note& note = notes_.at(number);
+  Note& note = notes_.at(sim::number_of(bytes));
   if (world_.now() - note.begun <= s_.deadline) note.forecast.on_time = true;
 }
 

@@ -1,4 +1,4 @@
-#include "lab/load/forecast_scenario.h"
+#include "lab/load/forecast.h"
 
 #include <array>
 #include <string_view>

@@ -1,4 +1,4 @@
-#include "lab/sim/clock_error.h"
+#include "lab/sim/host.h"
 
 namespace interneuron::sim {
 

@@ -11,21 +11,12 @@ constexpr int kExtraMs[kFigRtRounds][2] = {{0, 0},   {0, 0},   {0, 0},  {4, 0}, 
                                            {60, 0},  {60, 0},  {60, 0}, {90, 22}, {90, 27},
                                            {90, 44}, {90, 66}, {90, 65}};
 
-emu::LinkProfile constant_link(const char* name, double rtt_ms, double up_mbit, double down_mbit) {
-  emu::LinkProfile p;
-  p.name = name;
-  p.delay = emu::constant_delay(rtt_ms, 0);
-  p.up = {DataRate::mbit(up_mbit), 10'000'000};
-  p.down = {DataRate::mbit(down_mbit), 10'000'000};
-  return p;
-}
-
 }  // namespace
 
 OffloadResult run_fig_rt_guarantee(const std::function<void(World&)>& prepare) {
   OffloadOptions o;
   o.rounds = kFigRtRounds;
-  o.profiles = {constant_link("5g", 10, 100, 300), constant_link("4g", 30, 30, 75)};
+  o.profiles = {emu::constant_link("5g", 10, 100, 300), emu::constant_link("4g", 30, 30, 75)};
   // Three sets of weights as in the paper: the lightest far quicker than the two others.
   o.ladder = {{"n", milliseconds(5), milliseconds(5)},
               {"l", milliseconds(35), milliseconds(35)},

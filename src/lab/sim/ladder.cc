@@ -1,4 +1,4 @@
-#include "lab/sim/ladder.h"
+#include "lab/sim/offload.h"
 
 #include <algorithm>
 #include <cmath>

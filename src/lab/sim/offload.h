@@ -7,6 +7,9 @@
 // runs may go on in several threads.
 #pragma once
 
+#include <array>
+#include <chrono>
+#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <optional>
@@ -16,11 +19,42 @@
 
 #include "core/base/ablation.h"
 #include "interneuron/endpoint.h"
+#include "interneuron/guard.h"
 #include "lab/emu/link.h"
-#include "lab/sim/ladder.h"
 #include "lab/sim/world.h"
 
 namespace interneuron::sim {
+
+// The levels of the simulated computation and how long a run at each of them takes: what stands in
+// for a detector in virtual time. Pure functions.
+struct LevelRuntime {
+  std::string name;
+  Duration median{};
+  Duration p95{};
+  // As LevelProfile::quality.
+  std::vector<double> quality{};
+};
+
+// Three levels of one detector on one thread, from the lightest to the best. The quality is the
+// average precision measured on raw and on sampled images (docs/constants.md, "Images and
+// detectors").
+std::vector<LevelRuntime> default_ladder();
+// The same levels on the JPEGs of the codec (`--images jpeg`), with the mean bytes of each rung on
+// the demo video and what it takes to make all of them.
+std::vector<LevelRuntime> jpeg_ladder();
+inline constexpr std::array<std::size_t, 4> kJpegBytes{45'600, 24'800, 15'800, 10'000};
+inline constexpr Duration kJpegEncode = std::chrono::microseconds(5000);
+// The same as an endpoint takes it.
+std::vector<LevelProfile> profiles_of(const std::vector<LevelRuntime>& ladder);
+
+// Run times are half-normal: half of them are above the median, and these lie further away from it
+// than the others. How slow a run is counts in standard deviations of its level from the level's
+// median, so that the same figure makes a run as slow at one level as at another.
+//
+// That figure for a run, `unit_normal` being drawn from the standard normal distribution.
+double half_normal_deviations(double unit_normal);
+// The run time at a level with this median and 95th percentile; never less than half the median.
+Duration runtime_of(Duration median, Duration p95, double deviations);
 
 // What resizing and copying a frame of 768x576 takes on the vehicle before it is handed over, as
 // measured: HostTimes::encode by default.

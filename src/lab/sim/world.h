@@ -35,10 +35,7 @@
 #include "lab/emu/cell.h"
 #include "lab/emu/link.h"
 #include "lab/sim/agenda.h"
-#include "lab/sim/clock_error.h"
-#include "lab/sim/foreign_host.h"
-#include "lab/sim/packets.h"
-#include "lab/sim/world_vocabulary.h"
+#include "lab/sim/host.h"
 
 namespace interneuron::sim {
 

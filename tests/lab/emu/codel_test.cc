@@ -1,4 +1,4 @@
-#include "lab/emu/codel.h"
+#include "lab/emu/queue.h"
 
 #include <cmath>
 

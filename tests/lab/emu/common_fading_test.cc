@@ -1,4 +1,4 @@
-#include "lab/emu/common_fading.h"
+#include "lab/emu/delay_process.h"
 
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>

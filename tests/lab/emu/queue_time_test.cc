@@ -1,4 +1,4 @@
-#include "lab/emu/queue_time.h"
+#include "lab/emu/queue.h"
 
 #include "support.h"
 

@@ -8,6 +8,7 @@
 #include <variant>
 #include <vector>
 
+#include "lab/emu/delay_trace.h"
 #include "lab/emu/link.h"
 
 namespace interneuron::emu {

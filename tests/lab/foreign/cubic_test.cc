@@ -1,5 +1,5 @@
 // CUBIC's window against the formulae of RFC 9438.
-#include "lab/foreign/cubic.h"
+#include "lab/foreign/congestion.h"
 
 #include <gtest/gtest.h>
 

@@ -9,8 +9,7 @@
 #include <vector>
 
 #include "lab/emu/cell.h"
-#include "lab/foreign/tcp.h"
-#include "lab/foreign/udp.h"
+#include "lab/foreign/transports.h"
 
 namespace interneuron::foreign {
 

@@ -1,13 +1,12 @@
 // TCP and MPTCP through a bottleneck: how much of it they use, how they share it, and that messages
 // arrive whole and in order whatever is lost.
-#include "lab/foreign/tcp.h"
+#include "lab/foreign/transports.h"
 
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
 #include "lab/emu/random.h"
-#include "lab/foreign/bbr_like.h"
-#include "lab/foreign/cubic.h"
+#include "lab/foreign/congestion.h"
 #include "path.h"
 
 namespace interneuron::foreign::tcp_test {

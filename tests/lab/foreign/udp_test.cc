@@ -1,5 +1,5 @@
 // Plain UDP: as fast as it gets, and nothing is repaired.
-#include "lab/foreign/udp.h"
+#include "lab/foreign/transports.h"
 
 #include <gtest/gtest.h>
 

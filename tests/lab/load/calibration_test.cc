@@ -1,5 +1,5 @@
 // How predictions are judged.
-#include "lab/load/calibration.h"
+#include "lab/load/forecast.h"
 
 #include <gtest/gtest.h>
 

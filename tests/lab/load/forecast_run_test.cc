@@ -1,5 +1,5 @@
 // Runs that judge predictions, short ones.
-#include "lab/load/forecast_run.h"
+#include "lab/load/forecast.h"
 
 #include <gtest/gtest.h>
 

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "lab/load/forecast_scenario.h"
+#include "lab/load/forecast.h"
 
 namespace interneuron::load {
 

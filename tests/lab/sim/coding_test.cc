@@ -8,7 +8,8 @@
 
 #include "lab/coding/drives.h"
 #include "lab/coding/series.h"
-#include "stream.h"
+#include "lab/sim/duo.h"
+#include "support.h"
 
 namespace interneuron::sim::coding_test {
 namespace {
@@ -88,8 +89,8 @@ TEST(Coding, AMessageThatIsDecodedAsksForNothing) {
   std::uint64_t resent = 0;
   std::uint64_t lost = 0;
   for (std::uint64_t seed = 1; seed <= 10; ++seed) {
-    Stream s({constant_link("a", 78, 60, 60, 0.01), constant_link("b", 78, 20, 20, 0.01)},
-             {.policy = "coded", .variants = {kImage}, .deadline = 130ms, .seed = seed});
+    Duo s({constant_link("a", 78, 60, 60, 0.01), constant_link("b", 78, 20, 20, 0.01)},
+          {.policy = "coded", .variants = {kImage}, .deadline = 130ms, .seed = seed});
     s.send(2s, 100);
     s.run();
     EXPECT_EQ(s.missed(), 0U) << seed;
@@ -114,7 +115,7 @@ TEST(Coding, ASlowLinkMoreNeverRaisesMisses) {
         const auto missed = [&](bool both) {
           std::vector links{constant_link("a", 40, 40, 40, loss)};
           if (both) links.push_back(constant_link("b", 160, slow, slow, loss));
-          Stream s(links, {.policy = policy, .variants = {kImage}, .deadline = 120ms, .seed = 23});
+          Duo s(links, {.policy = policy, .variants = {kImage}, .deadline = 120ms, .seed = 23});
           s.send(2s, kSanitized ? 30 : 150);
           s.run();
           return s.missed();
@@ -143,8 +144,8 @@ TEST(Coding, ASlowLinkIsNoReasonToLeaveTheFastOne) {
         for (const std::uint64_t seed : {1U, 2U, 3U}) {
           std::vector links{constant_link("a", c.fast_rtt, c.fast, c.fast, 0.01)};
           if (both) links.push_back(constant_link("b", c.slow_rtt, c.slow, c.slow, 0.01));
-          Stream s(links,
-                   {.policy = policy, .variants = {c.bytes}, .deadline = c.deadline, .seed = seed});
+          Duo s(links,
+                {.policy = policy, .variants = {c.bytes}, .deadline = c.deadline, .seed = seed});
           s.send(2s, kSanitized ? 30 : 150);
           s.run();
           missed += s.missed();

@@ -2,7 +2,8 @@
 #include <gtest/gtest.h>
 
 #include "interneuron/sizes.h"
-#include "stream.h"
+#include "lab/sim/duo.h"
+#include "support.h"
 
 namespace interneuron::sim::ecn_test {
 namespace {
@@ -22,7 +23,7 @@ Duration period_of(double load) {
 
 // A vehicle that sends messages of 48 KiB through a cell of 20 Mbit/s for 10 s and more.
 struct Cell {
-  Stream stream;
+  Duo stream;
   CellId cell;
   Duration period;
 

@@ -1,6 +1,7 @@
 // Failures of bonded links that users of other transports report, each named after a thread that
 // tells of it, over links in virtual time.
-#include "stream.h"
+#include "lab/sim/duo.h"
+#include "support.h"
 
 namespace interneuron::sim::field_failures_test {
 namespace {
@@ -14,9 +15,9 @@ std::vector<emu::LinkProfile> two_links() {
 
 // 13 s of 128 KiB and a quarter of that at 10 Hz, with what happens to the links between 4 s and
 // 9 s.
-struct Drive : Stream {
+struct Drive : Duo {
   explicit Drive(const char* policy, const std::vector<emu::LinkProfile>& links = two_links())
-      : Stream(links, {.policy = policy, .variants = {128 * 1024, 32 * 1024}}) {
+      : Duo(links, {.policy = policy, .variants = {128 * 1024, 32 * 1024}}) {
     send(2s, 130);
   }
   // Of the messages sent in [from, to).

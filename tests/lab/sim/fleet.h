@@ -12,7 +12,6 @@
 #include "app/computing/job_records.h"
 #include "interneuron/round.h"
 #include "lab/emu/link.h"
-#include "lab/sim/ladder.h"
 #include "lab/sim/offload.h"
 
 namespace interneuron::sim {

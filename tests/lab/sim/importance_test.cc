@@ -2,7 +2,7 @@
 #include <array>
 #include <cstdio>
 
-#include "duo.h"
+#include "echo_duo.h"
 
 namespace interneuron::sim::importance_test {
 namespace {
@@ -10,7 +10,7 @@ namespace {
 using namespace std::chrono_literals;
 
 TEST(Importance, UnderOverloadWhatMattersMoreArrives) {
-  Duo duo({constant_link("a", 40, 20, 20)});
+  EchoDuo duo({constant_link("a", 40, 20, 20)});
   constexpr std::size_t kBytes = 20 * 1024;
   constexpr int kMessages = 1000;
   constexpr std::uint8_t kImportant = 200;

@@ -1,7 +1,8 @@
 // Messages of a hundred fragments over two links that lose some of them at random.
 #include <cstdio>
 
-#include "stream.h"
+#include "lab/sim/duo.h"
+#include "support.h"
 
 namespace interneuron::sim::loss_test {
 namespace {
@@ -10,8 +11,8 @@ constexpr std::size_t kMessages = kSanitized ? 300 : 2000;
 
 // How many of them are missed over 60 Mbit/s, 15 ms and 20 Mbit/s, 30 ms one way.
 double missed(const char* policy, double loss, std::uint64_t seed) {
-  Stream s({constant_link("a", 30, 60, 60, loss), constant_link("b", 60, 20, 20, loss)},
-           {.policy = policy, .seed = seed});
+  Duo s({constant_link("a", 30, 60, 60, loss), constant_link("b", 60, 20, 20, loss)},
+        {.policy = policy, .seed = seed});
   s.send(2s, kMessages);
   s.run();
   std::printf("%s, %.0f %% loss, seed %llu: %zu of %zu missed\n", policy, 100 * loss,

@@ -2,8 +2,7 @@
 #include <cmath>
 #include <cstdio>
 
-#include "duo.h"
-#include "stream.h"
+#include "echo_duo.h"
 
 namespace interneuron::sim::measure_test {
 namespace {
@@ -15,7 +14,7 @@ class IdleRate : public testing::TestWithParam<double> {};
 TEST_P(IdleRate, IsFoundWithin15Percent) {
   const double mbit = GetParam();
   for (const double rtt : {20.0, 80.0}) {
-    Duo duo({constant_link("a", rtt, mbit, mbit / 2), constant_link("b", rtt, 50, 50)});
+    EchoDuo duo({constant_link("a", rtt, mbit, mbit / 2), constant_link("b", rtt, 50, 50)});
     duo.world.run_until(15s);
     EXPECT_NEAR(duo.link(0).rate.mbit() / mbit, 1, 0.15) << rtt;
     EXPECT_NEAR(duo.link(0).rate_down.mbit() / (mbit / 2), 1, 0.15) << rtt;
@@ -44,7 +43,7 @@ class LoadedRate : public testing::TestWithParam<Load> {};
 // off, by a quarter.
 TEST_P(LoadedRate, IsFoundWithin20Percent) {
   const auto [mbit, load] = GetParam();
-  Stream::Options o;
+  Duo::Options o;
   o.deadline = 150ms;
   o.variants = {static_cast<std::size_t>(mbit * 1e6 / 8 * 0.15 / 3)};
   o.period = Duration{
@@ -54,7 +53,7 @@ TEST_P(LoadedRate, IsFoundWithin20Percent) {
   int readings = 0;
   int off = 0;
   for (int i = 0; i < beginnings; ++i) {
-    Stream stream({constant_link("a", 40, mbit, mbit)}, o);
+    Duo stream({constant_link("a", 40, mbit, mbit)}, o);
     stream.send(2s + i * 7ms, static_cast<std::size_t>((end - 2s) / o.period));
     for (Duration at = 5s; at <= end; at += 1s) {
       stream.world.run_until(at);
@@ -83,7 +82,7 @@ INSTANTIATE_TEST_SUITE_P(Measure, LoadedRate,
 // Trains come every 10 s; one that tells another rate is followed by one that settles it.
 TEST(Measure, AStepOfAnIdleLinkIsFoundWithin12Seconds) {
   for (const auto& [from, to] : {std::pair{50.0, 15.0}, {15.0, 44.0}, {50.0, 100.0}}) {
-    Duo duo({constant_link("a", 40, from, 50)});
+    EchoDuo duo({constant_link("a", 40, from, 50)});
     duo.change(60s, 0, {"up.rate_mbit=" + std::to_string(to)});
     duo.world.run_until(60s);
     EXPECT_NEAR(duo.link(0).rate.mbit() / from, 1, 0.15);
@@ -95,7 +94,7 @@ TEST(Measure, AStepOfAnIdleLinkIsFoundWithin12Seconds) {
 // Of a link on which short trains arrive as one batch, the rate is unknown only for a moment.
 TEST(Measure, AFastLinkIsMeasuredWithinTwoSeconds) {
   for (const double mbit : {900.0, 2'500.0, 10'000.0}) {
-    Duo duo({constant_link("a", 5, mbit, mbit)});
+    EchoDuo duo({constant_link("a", 5, mbit, mbit)});
     duo.world.run_until(2s);
     EXPECT_GE(duo.link(0).rate.mbit(), 0.5 * mbit);
     EXPECT_LE(duo.link(0).rate.mbit(), 1.2 * mbit);
@@ -105,10 +104,10 @@ TEST(Measure, AFastLinkIsMeasuredWithinTwoSeconds) {
 // Small messages that come so often that no pause is as long as within a train.
 TEST(Measure, SmallMessagesDoNotHideAFastLink) {
   for (const Duration start : {0ms, 50ms, 300ms, 2'000ms}) {
-    Stream::Options o;
+    Duo::Options o;
     o.variants = {5'000};
     o.period = 10ms;
-    Stream stream({constant_link("a", 20, 1'000, 1'000)}, o);
+    Duo stream({constant_link("a", 20, 1'000, 1'000)}, o);
     stream.send(start, 1'000);
     stream.world.run_until(3s);
     const TimePoint now = stream.world.local_time(stream.vehicle);
@@ -128,7 +127,7 @@ class RateStep : public testing::TestWithParam<Step> {};
 
 TEST_P(RateStep, IsFollowedWithinThreeMessagesTo10Percent) {
   const Step& s = GetParam();
-  Duo duo({constant_link("a", s.rtt_ms, s.from, s.from)});
+  EchoDuo duo({constant_link("a", s.rtt_ms, s.from, s.from)});
   // Between two messages: only three see the new rate.
   duo.stream(1s, 30 + 3, 60'000);
   const Duration step = 4s - 1ms;
@@ -154,7 +153,7 @@ class LossShare : public testing::TestWithParam<double> {};
 
 TEST_P(LossShare, IsTheEmulatorsOwn) {
   const double loss = GetParam();
-  Duo duo({constant_link("a", 30, 50, 50, loss)}, 7);
+  EchoDuo duo({constant_link("a", 30, 50, 50, loss)}, 7);
   duo.stream(1s, 450, 70'000);
   duo.world.run_until(47s);
   const emu::DirectionStats& up = duo.world.stats(LinkId{0}, true);
@@ -174,7 +173,7 @@ INSTANTIATE_TEST_SUITE_P(Measure, LossShare, testing::Values(0.0, 0.01, 0.05), [
 
 TEST(Measure, AnIdleLinkCostsLittle) {
   for (const double mbit : {5.0, 50.0, 300.0}) {
-    Duo duo({constant_link("a", 30, mbit, mbit), constant_link("b", 50, mbit, mbit)});
+    EchoDuo duo({constant_link("a", 30, mbit, mbit), constant_link("b", 50, mbit, mbit)});
     duo.world.run_until(20s);  // the first trains are over
     duo.sent.clear();
     duo.world.run_until(620s);
@@ -194,7 +193,7 @@ TEST(Measure, AnIdleLinkCostsLittle) {
 }
 
 TEST(Measure, AnIdleLinkBesideABusyOneGetsHeartbeatsAndFewTrains) {
-  Duo duo({constant_link("a", 30, 100, 100), constant_link("b", 50, 50, 50)});
+  EchoDuo duo({constant_link("a", 30, 100, 100), constant_link("b", 50, 50, 50)});
   duo.stream(1s, 590, 100'000);
   duo.world.run_until(20s);
   duo.sent.clear();
@@ -210,15 +209,15 @@ TEST(Measure, AnIdleLinkBesideABusyOneGetsHeartbeatsAndFewTrains) {
 // pays for its bytes.
 TEST(Measure, CopiesOfFeedbackTakeAShareOfWhatMessagesBring) {
   const auto pipeline = [] {
-    PipelineConfig out = Duo::best_link();
+    PipelineConfig out = EchoDuo::best_link();
     out.policy = "duplicate";
     return out;
   }();
   for (const bool is_metered : {false, true}) {
     LinkTraits second;
     second.metered = is_metered;
-    Duo duo({constant_link("a", 30, 100, 100), constant_link("b", 50, 50, 50)}, 1, {{}, second},
-            pipeline);
+    EchoDuo duo({constant_link("a", 30, 100, 100), constant_link("b", 50, 50, 50)}, 1, {{}, second},
+                pipeline);
     duo.stream(1s, 190, 100'000);
     duo.world.run_until(20s);
     const std::size_t data = duo.bytes(duo.vehicle, 1, PacketType::kData);
@@ -236,7 +235,7 @@ TEST(Measure, CopiesOfFeedbackTakeAShareOfWhatMessagesBring) {
 }
 
 TEST(Measure, UnderLoadNothingIsProbed) {
-  Duo duo({constant_link("a", 30, 100, 100)});
+  EchoDuo duo({constant_link("a", 30, 100, 100)});
   duo.stream(1s, 300, 100'000, 33ms);
   duo.world.run_until(2s);
   duo.sent.clear();
@@ -248,7 +247,7 @@ TEST(Measure, UnderLoadNothingIsProbed) {
 TEST(Measure, AMeteredLinkGetsNoTrainUnlessAskedAndFewHeartbeatsBothWays) {
   LinkTraits metered;
   metered.metered = true;
-  Duo duo({constant_link("a", 30, 100, 100)}, 1, {metered});
+  EchoDuo duo({constant_link("a", 30, 100, 100)}, 1, {metered});
   duo.world.run_until(10s);
   for (const HostId host : {duo.vehicle, duo.road}) {
     EXPECT_EQ(duo.bytes(host, 0, PacketType::kProbe), 0U);
@@ -274,7 +273,7 @@ TEST(Measure, AMeteredLinkGetsNoTrainUnlessAskedAndFewHeartbeatsBothWays) {
 TEST(Measure, AnIdleMeteredLinkIsThereWhenAMessageComes) {
   LinkTraits metered;
   metered.metered = true;
-  Duo duo({constant_link("a", 30, 100, 100)}, 1, {metered});
+  EchoDuo duo({constant_link("a", 30, 100, 100)}, 1, {metered});
   duo.world.run_until(60s);
   for (int i = 0; i < 10; ++i) {
     const Duration at = 60s + i * 41s;  // at any time between two heartbeats
@@ -289,7 +288,7 @@ TEST(Measure, AnIdleMeteredLinkIsThereWhenAMessageComes) {
 }
 
 TEST(Measure, DelaysAndQueuesAreToldPerDirection) {
-  Duo duo({constant_link("a", 40, 20, 20)});
+  EchoDuo duo({constant_link("a", 40, 20, 20)});
   duo.stream(1s, 80, 20'000);
   duo.world.run_until(3s);
   EXPECT_NEAR(to_ms(duo.link(0).rtt_min), 40, 1);

@@ -5,7 +5,9 @@
 #include <cstdio>
 
 #include "core/link/path_mtu.h"
-#include "stream.h"
+#include "core/wire/packet.h"
+#include "lab/sim/duo.h"
+#include "support.h"
 
 namespace interneuron::sim::mtu_test {
 namespace {
@@ -41,7 +43,7 @@ TEST(Mtu, APathOf1380BehindANicOf1500LosesNothing) {
     for (const bool alone : {true, false}) {
       std::vector<emu::LinkProfile> links{mtu_link("a", 30, 60, 1380)};
       if (!alone) links.push_back(mtu_link("b", 60, 20));
-      Stream s(links, {.policy = policy});
+      Duo s(links, {.policy = policy});
       Largest largest(s.world, s.vehicle);
       s.send(1s, 200);
       s.run();
@@ -56,8 +58,8 @@ TEST(Mtu, APathOf1380BehindANicOf1500LosesNothing) {
 
 TEST(Mtu, LinksOf1500And1300) {
   for (const char* policy : {"best_link", "duplicate", "split"}) {
-    Stream s({mtu_link("a", 30, 60), mtu_link("b", 36, 60)},
-             {.policy = policy, .deadline = 300ms, .period = 300ms, .nic_mtus = {1500, 1300}});
+    Duo s({mtu_link("a", 30, 60), mtu_link("b", 36, 60)},
+          {.policy = policy, .deadline = 300ms, .period = 300ms, .nic_mtus = {1500, 1300}});
     Largest largest(s.world, s.vehicle);
     s.send(1s, 30);
     // The first link falls silent in the middle of a message, and comes back.
@@ -73,7 +75,7 @@ TEST(Mtu, LinksOf1500And1300) {
 }
 
 TEST(Mtu, APathThatShrinksIsABlackHoleForASecondAtMost) {
-  Stream s({mtu_link("a", 30, 60)}, {.variants = {32 * 1024}});
+  Duo s({mtu_link("a", 30, 60)}, {.variants = {32 * 1024}});
   s.send(1s, 100);
   s.world.at(5s + 10ms, [&] {
     const std::vector<std::string> keys{"mtu=1300"};
@@ -100,10 +102,10 @@ RC_GTEST_PROP(Mtu, NoPacketIsLargerThanItsPathOnceThatIsKnown, ()) {
     profiles.push_back(mtu_link("l", *rc::gen::inRange(4, 100), *rc::gen::inRange(3, 100), paths[i],
                                 *rc::gen::inRange(0, 4) / 100.0));
   }
-  Stream s(profiles, {.policy = *rc::gen::element<std::string>("best_link", "duplicate", "split"),
-                      .variants = {*rc::gen::inRange<std::size_t>(100, 40'000)},
-                      .nic_mtus = nics,
-                      .seed = *rc::gen::inRange<std::uint64_t>(1, 1000)});
+  Duo s(profiles, {.policy = *rc::gen::element<std::string>("best_link", "duplicate", "split"),
+                   .variants = {*rc::gen::inRange<std::size_t>(100, 40'000)},
+                   .nic_mtus = nics,
+                   .seed = *rc::gen::inRange<std::uint64_t>(1, 1000)});
   Largest largest(s.world, s.vehicle);
   // Three sizes that are too large take three seconds each, and a loss by chance one more.
   largest.from = 25s;

@@ -1,8 +1,7 @@
 // Links that fall silent, and links that come back.
 #include <cstdio>
 
-#include "duo.h"
-#include "stream.h"
+#include "echo_duo.h"
 
 namespace interneuron::sim::outage_test {
 namespace {
@@ -14,7 +13,7 @@ std::vector<emu::LinkProfile> pair_of(double rtt_a, double rtt_b) {
 TEST(Outage, UnderLoadIsNoticedWithin100MsAndWhatWasInFlightArrivesOverTheOther) {
   Duration worst{};
   for (int step = 0; step < 20; ++step) {
-    Duo duo(pair_of(30, 50));
+    EchoDuo duo(pair_of(30, 50));
     duo.stream(1s, 30, 128'000);  // 10 ms of every 100 on link 0
     const Duration silent = 3s + 1ms + step * 450us;
     duo.cut(silent, 0);
@@ -32,7 +31,7 @@ TEST(Outage, OfAnIdleLinkIsNoticedWithinThreeHeartbeats) {
   for (const bool active : {true, false}) {
     const Duration heartbeat = active ? 50ms : 300ms;
     for (int step = 0; step < 10; ++step) {
-      Duo duo(pair_of(30, 50));
+      EchoDuo duo(pair_of(30, 50));
       if (active) duo.stream(1s, 100, 10'000);  // on link 0
       const Duration silent = 9s + step * heartbeat / 10;
       duo.cut(silent, 1);
@@ -50,7 +49,7 @@ TEST(Outage, OfAnIdleLinkIsNoticedWithinThreeHeartbeats) {
 }
 
 TEST(Outage, OfTheLastLinkTakesNothingAway) {
-  Duo duo({constant_link("a", 30, 100, 100)});
+  EchoDuo duo({constant_link("a", 30, 100, 100)});
   duo.stream(1s, 40, 50'000);
   duo.cut(2s + 2ms, 0);
   duo.cut(2s + 500ms, 0, false);
@@ -63,7 +62,7 @@ TEST(Outage, OfTheLastLinkTakesNothingAway) {
 }
 
 TEST(Outage, AStallIsOverWithTheFirstSignOfLife) {
-  Duo duo(pair_of(30, 50));
+  EchoDuo duo(pair_of(30, 50));
   duo.stream(1s, 40, 128'000);
   duo.cut(3s + 5ms, 0);
   duo.cut(3s + 405ms, 0, false);
@@ -76,12 +75,13 @@ TEST(Outage, AStallIsOverWithTheFirstSignOfLife) {
 
 // Both variants are together larger than the largest message, and both are incomplete at once.
 TEST(Outage, OfTheLinkOfAHugeMessageLeavesTheSmallerVariant) {
-  PipelineConfig pipeline = Duo::best_link();
+  PipelineConfig pipeline = EchoDuo::best_link();
   pipeline.policy = "down_sampling";
   pipeline.deadline = 300ms;
   pipeline.period = 1s;
   pipeline.guard = GuardKind::kPaper;
-  Duo duo({constant_link("a", 10, 1000, 1000), constant_link("b", 16, 100, 100)}, 1, {}, pipeline);
+  EchoDuo duo({constant_link("a", 10, 1000, 1000), constant_link("b", 16, 100, 100)}, 1, {},
+              pipeline);
   for (int i = 0; i < 20; ++i) {
     duo.world.at(2s + i * 100ms, [&duo] { duo.round({Bytes(200'000), Bytes(100'000)}); });
   }
@@ -107,7 +107,7 @@ class ComesBack : public testing::TestWithParam<Return> {};
 
 TEST_P(ComesBack, AndIsUsedWithinOneSecond) {
   const Return& p = GetParam();
-  Duo duo(pair_of(30, 50));
+  EchoDuo duo(pair_of(30, 50));
   const Duration gone = 3s + 4ms;
   const Duration back = gone + p.absence;
   duo.stream(1s, static_cast<int>((back + 3s) / 100ms), 100'000);
@@ -158,7 +158,7 @@ INSTANTIATE_TEST_SUITE_P(Outage, ComesBack,
 // What comes after it has the other link to itself, which carried nothing for seconds.
 TEST(Outage, OfTheFastestLinkBetweenTwoMessagesLosesNone) {
   for (int step = 0; step < 20; ++step) {
-    Stream stream({constant_link("a", 30, 60, 60), constant_link("b", 60, 20, 20)}, {});
+    Duo stream({constant_link("a", 30, 60, 60), constant_link("b", 60, 20, 20)}, {});
     stream.send(2s, 60);
     stream.world.at(7s + 22ms + step * 3'900us, [&stream] {
       World& world = stream.world;
@@ -172,7 +172,7 @@ TEST(Outage, OfTheFastestLinkBetweenTwoMessagesLosesNone) {
 }
 
 TEST(Outage, ANatThatForgetsTheMappingIsFollowed) {
-  Duo duo(pair_of(30, 50));
+  EchoDuo duo(pair_of(30, 50));
   duo.stream(1s, 50, 100'000);
   duo.world.at(3s + 4ms, [&] { duo.world.rebind(duo.vehicle, LinkId{0}); });
   duo.world.run_until(7s);
@@ -189,8 +189,8 @@ TEST(Outage, OfTheWayBackAloneCostsTwoMessagesAtMost) {
   // Down: 40 Mbit/s, and nothing at all in the fifth second.
   first.down.trace = std::make_shared<const emu::SteppedRate>(
       emu::SteppedRate{{{0s, DataRate::mbit(40)}, {4s, DataRate{}}, {5s, DataRate::mbit(40)}}, {}});
-  Stream s({first, constant_link("b", 50, 5, 5)},
-           {.policy = "stripe", .variants = {128 * 1024}, .deadline = 100ms});
+  Duo s({first, constant_link("b", 50, 5, 5)},
+        {.policy = "stripe", .variants = {128 * 1024}, .deadline = 100ms});
   s.send(2s, 50);
   s.run();
   EXPECT_LE(s.missed(), 2U);

@@ -1,7 +1,7 @@
 // Estimates follow a link that falls far, and one that comes back.
 #include <cstdio>
 
-#include "duo.h"
+#include "echo_duo.h"
 
 namespace interneuron::sim::recovery_test {
 namespace {
@@ -10,7 +10,7 @@ class SlowLink : public testing::TestWithParam<double> {};
 
 // Beside a healthy link the fallen one is left within a few messages, which only its rate can tell.
 TEST_P(SlowLink, ALinkThatFallsBelowAMegabitIsNoticed) {
-  Duo duo({constant_link("a", 30, 60, 60), constant_link("b", 60, 20, 20)});
+  EchoDuo duo({constant_link("a", 30, 60, 60), constant_link("b", 60, 20, 20)});
   duo.stream(2s, 230, 131'072);
   duo.change(5s, 0, {"up.rate_mbit=" + std::to_string(GetParam())});
   duo.world.run_until(11s);
@@ -31,10 +31,10 @@ INSTANTIATE_TEST_SUITE_P(Measure, SlowLink, testing::Values(1.0, 0.5, 0.2), [](c
 // Over the link of the best delay a message of 512 KiB takes 89 ms, but its own queue makes that
 // delay worse than the other link's, over which it takes 109.
 TEST(Measure, ALargeMessageTakesTheLinkThatBringsItSoonest) {
-  PipelineConfig pipeline = Duo::best_link();
+  PipelineConfig pipeline = EchoDuo::best_link();
   pipeline.deadline = 130ms;
-  Duo duo({constant_link("a", 30, 60, 60), constant_link("b", 40, 50, 50)}, 1, {}, pipeline,
-          {.use_x = false, .use_handler = false});
+  EchoDuo duo({constant_link("a", 30, 60, 60), constant_link("b", 40, 50, 50)}, 1, {}, pipeline,
+              {.use_x = false, .use_handler = false});
   duo.stream(2s, 100, 512 * 1024);
   duo.world.run_until(13s);
   int over_first = 0;
@@ -57,11 +57,11 @@ class RateDip : public testing::TestWithParam<std::tuple<Dip, const char*>> {};
 TEST_P(RateDip, QualityIsBackTwoSecondsAfterADip) {
   const Dip& dip = std::get<0>(GetParam());
   const char* const policy = std::get<1>(GetParam());
-  PipelineConfig pipeline = Duo::best_link();
+  PipelineConfig pipeline = EchoDuo::best_link();
   pipeline.policy = policy;
   pipeline.deadline = pipeline.period = dip.deadline;
   pipeline.guard = GuardKind::kPaper;
-  Duo duo({constant_link("a", 30, 60, 60)}, 1, {}, pipeline);
+  EchoDuo duo({constant_link("a", 30, 60, 60)}, 1, {}, pipeline);
   const Duration fall = 2s + 10 * dip.deadline;
   const Duration back = fall + 3s;
   duo.change(fall, 0, {"up.rate_mbit=6"});

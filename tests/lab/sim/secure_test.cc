@@ -3,7 +3,7 @@
 #include <cstdio>
 #include <map>
 
-#include "duo.h"
+#include "echo_duo.h"
 
 namespace interneuron::sim::secure_test {
 namespace {
@@ -12,7 +12,7 @@ constexpr int kMessages = 40;
 constexpr Duration kFirst = 1s;
 
 PipelineConfig with(const char* policy) {
-  PipelineConfig pipeline = Duo::best_link();
+  PipelineConfig pipeline = EchoDuo::best_link();
   pipeline.policy = policy;
   return pipeline;
 }
@@ -21,8 +21,8 @@ PipelineConfig with(const char* policy) {
 // `rebound`.
 int missed(const char* policy, bool is_encrypted, std::optional<Duration> rebound, Duration first,
            int messages, int* handshakes = nullptr) {
-  Duo duo({constant_link("a", 30, 60, 60), constant_link("b", 50, 40, 40)}, 1, {}, with(policy), {},
-          is_encrypted);
+  EchoDuo duo({constant_link("a", 30, 60, 60), constant_link("b", 50, 40, 40)}, 1, {}, with(policy),
+              {}, is_encrypted);
   duo.stream(first, messages, 100'000);
   if (rebound) duo.world.at(*rebound, [&] { duo.world.rebind(duo.vehicle, LinkId{0}); });
   if (handshakes != nullptr) {
@@ -39,7 +39,7 @@ int missed(const char* policy, bool is_encrypted, std::optional<Duration> reboun
 
 // How many packets of each round leave the vehicle, as its endpoint says beside them.
 std::map<RoundId, int> packets_by_round(bool is_encrypted) {
-  Duo duo({constant_link("a", 30, 60, 60)}, 1, {}, Duo::best_link(), {}, is_encrypted);
+  EchoDuo duo({constant_link("a", 30, 60, 60)}, 1, {}, EchoDuo::best_link(), {}, is_encrypted);
   std::map<RoundId, int> packets;
   duo.world.delay_with([&](HostId host, const LeavingPacket& leaving) {
     const auto packet = wire::parse(leaving.bytes);

@@ -2,7 +2,8 @@
 // leave no time to ask for anything again.
 #include <cstdio>
 
-#include "stream.h"
+#include "lab/sim/duo.h"
+#include "support.h"
 
 namespace interneuron::sim::small_messages_test {
 namespace {
@@ -22,8 +23,8 @@ Figures run(const char* policy, std::size_t links, double loss, Duration period 
   for (std::size_t i = 0; i < links; ++i) {
     profiles.push_back(constant_link(i == 0 ? "a" : "b", 78, 60, 60, loss));
   }
-  Stream s(profiles,
-           {.policy = policy, .variants = {kBytes}, .deadline = 60ms, .period = period, .seed = 3});
+  Duo s(profiles,
+        {.policy = policy, .variants = {kBytes}, .deadline = 60ms, .period = period, .seed = 3});
   const auto sent = [&s, links] {
     std::uint64_t bytes = 0;
     for (std::size_t i = 0; i < links; ++i) {

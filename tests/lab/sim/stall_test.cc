@@ -2,7 +2,8 @@
 // radio is suspected of it.
 #include <cstdio>
 
-#include "stream.h"
+#include "lab/sim/duo.h"
+#include "support.h"
 
 namespace interneuron::sim::stall_test {
 namespace {
@@ -26,8 +27,8 @@ Duration stalled_for(Duration now) {
 class Stall : public testing::TestWithParam<const char*> {};
 
 TEST_P(Stall, LosesOneMessageAtMost) {
-  Stream s({constant_link("a", 30, 60, 60), constant_link("b", 60, 20, 20)},
-           {.policy = GetParam(), .variants = {128 * 1024, 32 * 1024}});
+  Duo s({constant_link("a", 30, 60, 60), constant_link("b", 60, 20, 20)},
+        {.policy = GetParam(), .variants = {128 * 1024, 32 * 1024}});
   s.world.delay_with([&](HostId, const LeavingPacket& packet) {
     return packet.link == LinkId{0} ? stalled_for(s.world.now()) : Duration{};
   });
@@ -60,7 +61,7 @@ INSTANTIATE_TEST_SUITE_P(Policies, Stall,
 // How often links are suspected while driving, where delays vary and nothing stands still for long.
 // A suspicion that is over within a period of the messages was of no use to any of them.
 TEST(Suspicion, OnDrivingLinks) {
-  Stream s({profile("5g"), profile("4g")}, {.variants = {32 * 1024}});
+  Duo s({profile("5g"), profile("4g")}, {.variants = {32 * 1024}});
   s.send(kFirst, 6'000);
   s.run();
   for (const std::uint8_t link : {std::uint8_t{0}, std::uint8_t{1}}) {
@@ -68,8 +69,8 @@ TEST(Suspicion, OnDrivingLinks) {
     Duration suspected{};
     int count = 0;
     int brief = 0;
-    for (const auto& [at, change] : s.changes) {
-      if (change.link != LinkId{link}) continue;
+    for (const auto& [at, host, change] : s.changes) {
+      if (host != s.vehicle || change.link != LinkId{link}) continue;
       if (since) {
         ++count;
         brief += at - *since < 100ms ? 1 : 0;

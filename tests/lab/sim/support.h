@@ -7,6 +7,8 @@
 
 namespace interneuron::sim {
 
+using namespace std::chrono_literals;
+
 // The sanitizers' builds are ten times slower: they look for other faults than the figures, on
 // shorter runs.
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
@@ -21,22 +23,7 @@ inline emu::LinkProfile profile(const char* name) {
   return *p;
 }
 
-// A link with a constant delay: rtt round trip, rates in Mbit/s up and down, loss per packet and
-// direction.
-inline emu::LinkProfile constant_link(const char* name, double rtt_ms, double up, double down,
-                                      double loss = 0) {
-  emu::LinkProfile p;
-  p.name = name;
-  for (auto& state : p.delay.states) {
-    state.level_ms = rtt_ms;
-    state.loss = loss;
-    state.sojourn_mean_s = 1e6;
-  }
-  p.delay.min_ms = p.delay.max_ms = rtt_ms;
-  p.up = {DataRate::mbit(up), 10'000'000};
-  p.down = {DataRate::mbit(down), 10'000'000};
-  return p;
-}
+using emu::constant_link;
 
 // The demo's drive: 5G and 4G, 300 rounds at 10 Hz, 130 ms.
 inline OffloadOptions drive(std::uint64_t seed, std::uint32_t rounds = 300) {

@@ -1,3 +1,73 @@
+// The two ends of one subflow, and the stream of a connection at its receiver. Pure;
+// thread-compatible; no errors.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "core/base/ring.h"
+#include "lab/foreign/congestion.h"
+#include "lab/foreign/segment.h"
+
+namespace interneuron::foreign {
+
+// A connection's ordered byte stream at the receiver: pieces come in any order and perhaps twice,
+// and the application reads what is there without a gap. A message is there when all of it, and of
+// every message before it, can be read: the head of the line blocks. Memory: one entry per piece
+// that waits behind a gap.
+class StreamReceiver {
+ public:
+  void add(const Piece& piece);
+  // The next message that can be read whole, in their order.
+  std::optional<std::uint32_t> poll_message();
+  std::uint64_t readable_bytes() const { return next_; }
+
+ private:
+  void read(const Piece& piece);
+
+  std::uint64_t next_ = 0;
+  // By offset.
+  std::map<std::uint64_t, Piece> waiting_;
+  Ring<std::uint32_t> whole_;
+};
+
+// The least of Linux (TCP_DELACK_MIN); RFC 1122, section 4.2.3.2 allows up to 500 ms.
+inline constexpr Duration kAckDelay = std::chrono::milliseconds(40);
+
+// The receiving end of one subflow: what has arrived, and what is acknowledged when. Every second
+// segment in order at once, every one out of order at once, the rest after kAckDelay (RFC 5681,
+// section 4.2); the blocks of what is out of order newest first (RFC 2018). Memory: one entry per
+// gap.
+class SubflowReceiver {
+ public:
+  // A segment has arrived; `marked` by a queue on its way.
+  void segment(Duration now, const DataSegment& segment, bool marked);
+  // The instant of next_timeout() has come.
+  void handle_timeout(Duration now);
+  // The acknowledgement that leaves now, if any.
+  std::optional<AckSegment> poll();
+  std::optional<Duration> next_timeout() const { return timer_; }
+
+ private:
+  void add(const Range& range);
+  void advance();
+
+  std::uint64_t next_ = 0;
+  // Beyond next_: newest first, none touches another.
+  std::vector<Range> gaps_beyond_;
+  bool due_ = false;
+  // Segments in order that no acknowledgement has covered.
+  int held_ = 0;
+  Duration echo_{};
+  std::optional<Duration> timer_{};
+  bool congestion_seen_ = false;
+};
+
 // The sending end of one subflow: what is in flight, what has arrived, what is lost and to be sent
 // again, and when. It numbers pieces of a stream and hears acknowledgements.
 //
@@ -11,18 +81,7 @@
 //   rate        samples as of draft-cheng-iccrg-delivery-rate-estimation-02
 //
 // Connections are open from the start: there is no handshake. Memory: 100 bytes per segment in
-// flight, which the window bounds. Pure; thread-compatible; no errors.
-#pragma once
-
-#include <deque>
-#include <memory>
-#include <optional>
-#include <vector>
-
-#include "lab/foreign/congestion.h"
-
-namespace interneuron::foreign {
-
+// flight, which the window bounds.
 class SubflowSender {
  public:
   explicit SubflowSender(std::unique_ptr<CongestionControl> control)
