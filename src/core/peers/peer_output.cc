@@ -4,7 +4,7 @@
 
 #include "core/peers/peer.h"
 
-namespace interneuron {
+namespace interneuron::peers {
 
 wire::PacketHeader Peer::header(TimePoint now, const Path& path, wire::PacketType type,
                                 std::uint64_t number) const {
@@ -119,4 +119,4 @@ MessageId Peer::send(TimePoint now, const flow::Sender::Times& times, wire::Mess
   return sender_.send(now, times, std::move(message), paths, repairs, kind, protection);
 }
 
-}  // namespace interneuron
+}  // namespace interneuron::peers
