@@ -4,10 +4,12 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
-#include "interneuron/endpoint.h"
+#include "interneuron/endpoint_options.h"
 #include "interneuron/transport.h"
 
 namespace interneuron {
@@ -67,7 +69,7 @@ struct NodeOptions {
   std::vector<NodeNicRule> rules;
   // The local UDP port of every link. Default: any free one, per link.
   std::uint16_t port = 0;
-  // Of every link.
+  // The transport of every link.
   TransportKind transport = TransportKind::kUdp;
   // The pipelines whose rounds begin here. Default: none, as on a roadside unit.
   std::vector<PipelineConfig> pipelines;
