@@ -6,8 +6,8 @@
 
 namespace interneuron {
 
-// Of one link, over all peers. Every received datagram is in exactly one of received, duplicate,
-// malformed, other_version, other, unauthentic, handshake and refused.
+// What was counted on one link, over all peers. Every received datagram is in exactly one of
+// received, duplicate, malformed, other_version, other, unauthentic, handshake and refused.
 struct LinkCounters {
   std::uint64_t sent_packets = 0;
   // Bytes of UDP payload.

@@ -87,7 +87,7 @@ struct PeerLedger {
   std::size_t pipelines = 0;
   std::size_t held_messages = 0;
   std::size_t held_bytes = 0;
-  // Of incomplete messages.
+  // How many incomplete messages of the peer there are, and what they hold.
   std::size_t reassembly_messages = 0;
   std::size_t reassembly_bytes = 0;
   // The longest lifetime of a message that the peer has stated, as far as it was believed.

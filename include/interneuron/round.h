@@ -53,8 +53,8 @@ struct RoundDone {
   std::optional<std::uint32_t> age_rounds;
   // The last message was sent degraded, because the stage before it ended late.
   bool degraded_final = false;
-  // Of guard kPaper: the round was begun while the handler of misses recovers, and the tolerance X
-  // that the round was sent with, in 1/1000.
+  // Where the guard is kPaper: the round was begun while the handler of misses recovers, and the
+  // tolerance X that the round was sent with, in 1/1000.
   bool recovering = false;
   std::int16_t x_permille = 0;
 };

@@ -31,7 +31,7 @@ struct SendOptions {
   std::uint16_t channel = 0;
   // 0 matters least; over a loaded link what matters more leaves first. Travels with the message.
   std::uint8_t importance = 128;
-  // Of this channel only the newest message counts: one that was sent before another one that has
+  // Only the newest message of this channel counts: one that was sent before another one that has
   // been delivered is not delivered any more, and what has not left of it is dropped.
   bool newest_only = false;
 };
@@ -131,8 +131,8 @@ struct MessageFate {
   std::uint16_t channel = 0;
   Fate fate{};
   FateReason reason = FateReason::kNone;
-  // Of kDelivered and kLate: the variant that was there first; from send() until then, by the own
-  // clock, and how wrong that may be.
+  // Where the fate is kDelivered or kLate: the variant that was there first; how long that took
+  // from send() on, by the own clock, and how wrong that may be.
   std::uint8_t variant = 0;
   Duration age{};
   Duration age_error{};

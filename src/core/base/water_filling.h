@@ -31,7 +31,7 @@ struct Way {
 };
 
 struct Division {
-  // Of each way, in the order given; those behind the number of ways are 0.
+  // What each way carries, in the order given; those behind the number of ways are 0.
   std::array<std::size_t, kMaxLinks> bytes{};
   // When the last part should be there, from now.
   Duration time{};

@@ -14,7 +14,7 @@ constexpr double kDelayFall = 0.3;
 // What is left of the rate after a round trip with losses, or marks in their place: SCReAM's is 0.7
 // to 0.8 and CUBIC's 0.7.
 constexpr double kLossFall = 0.8;
-// Of a train's arrival rate: what is left when the rate would fall below it.
+// The rate falls no further than to this share of the rate at which a train arrived.
 constexpr double kArrivedShare = 0.9;
 // A train that arrives at less than this of what it could was stretched; dispersion errs by a tenth
 // (docs/constants.md, "Rate of a link").

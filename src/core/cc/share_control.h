@@ -98,7 +98,7 @@ class ShareControl {
     std::uint32_t lost = 0;
     std::uint32_t ect = 0;
     std::uint32_t marked = 0;
-    // Of packets that left after the rate last fell for marks.
+    // How many of the marked packets left after the rate last fell for marks.
     std::uint32_t newly_marked = 0;
     bool held_back = false;
     bool stretched = false;

@@ -18,8 +18,8 @@ inline constexpr std::size_t kMostPieces = 200;
 inline constexpr std::size_t kMostRows = 55;
 static_assert(kMostPieces + kMostRows <= 255);
 
-// Of a message of `count` pieces, at least 1. Pieces have the indices 0 … count - 1 and symbols
-// those that follow.
+// The blocks of a message of `count` pieces, at least 1. Pieces have the indices 0 … count - 1 and
+// symbols those that follow.
 class Blocks {
  public:
   explicit constexpr Blocks(std::size_t count)
@@ -30,7 +30,7 @@ class Blocks {
   constexpr std::size_t pieces(std::size_t block) const {
     return (count_ - block + blocks_ - 1) / blocks_;
   }
-  // Of a piece or symbol.
+  // The block that a piece or symbol belongs to.
   constexpr std::size_t block_of(std::size_t index) const {
     return (index < count_ ? index : index - count_) % blocks_;
   }

@@ -26,7 +26,7 @@ struct Field {
   constexpr std::uint8_t times(std::uint8_t a, std::uint8_t b) const {
     return a == 0 || b == 0 ? std::uint8_t{0} : exp[std::size_t{log[a]} + log[b]];
   }
-  // Of what is not 0.
+  // 0 has no inverse and may not be asked for.
   constexpr std::uint8_t inverse(std::uint8_t a) const { return exp[255U - log[a]]; }
 };
 inline constexpr Field kField;

@@ -17,7 +17,7 @@ namespace interneuron::code {
 
 // What is known of the losses of a path.
 struct Losses {
-  // Of packets, in [0, 1].
+  // The share of packets that are lost, in [0, 1].
   double share = 0;
   // Mean number of packets lost in a row; below 1 counts as 1.
   double burst = 1;

@@ -30,7 +30,7 @@ void add_multiple(std::span<std::byte> to, std::span<const std::byte> from, std:
 
 // Symbols from which all that is known was taken off: what is left is a sum of unknown pieces.
 struct Equations {
-  // Of both, so that solving takes some microseconds whatever a peer sends.
+  // There are so few of both that solving takes some microseconds whatever a peer sends.
   static constexpr std::size_t kMost = 8;
   static constexpr std::size_t kMostUnknown = 16;
 

@@ -81,7 +81,7 @@ class ResidualLaw {
     // Where not answered, the least that it can be.
     std::int64_t after = 0;
   };
-  // Of an entry of losses_; 0: the newest.
+  // How many newer ones than this entry of losses_ there are; 0: it is the newest.
   std::size_t age(std::size_t i) const { return (next_ + kRounds - 1 - i) % kRounds; }
 
   std::array<Loss, kRounds> losses_{};

@@ -79,7 +79,7 @@ class RoundLedger {
   struct Last {
     RoundId round{};
     Bytes result;
-    // Of a remote result: the quality to be expected of it.
+    // Where it is a remote result, the quality to be expected of it.
     double quality = 0;
   };
   // What is remembered of a round, whether it is open or decided.

@@ -16,7 +16,7 @@ namespace interneuron::link {
 // What the sender keeps of a packet in flight.
 struct DeliveryStamp {
   TimePoint sent_at{};
-  // Of the packet that was acknowledged last before this one left: when it left, and when its
+  // When the packet left that was acknowledged last before this one left, and when its
   // acknowledgement came.
   TimePoint first_sent_at{};
   TimePoint delivered_at{};

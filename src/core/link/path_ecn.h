@@ -87,7 +87,7 @@ class PathEcn {
   std::uint32_t unheard_ = 0;
   TimePoint first_sent_{};
   TimePoint tested_{};
-  // Of the newest report.
+  // What the newest report has told.
   std::uint64_t largest_ = 0;
   std::uint32_t ect_ = 0;
   std::uint32_t ce_ = 0;

@@ -41,7 +41,7 @@ void RateEstimator::History::drop(std::uint64_t id) {
   if (count > 0 && trains[count - 1].id == id) --count;
 }
 
-// Of two trains the lower one counts.
+// Where there are two trains, the lower one counts.
 DataRate RateEstimator::History::median() const {
   if (count < kTrains) return std::min(trains[0].shown, trains[count - 1].shown);
   return middle(trains[0].shown, trains[1].shown, trains[2].shown);

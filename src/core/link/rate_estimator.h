@@ -26,8 +26,8 @@ struct Train {
   std::uint32_t packets = 0;
   // How many left from its first to its last packet, those included that were lost.
   std::uint32_t left = 0;
-  // Of all that left but the first, IP headers included, and the rate at which what arrived of them
-  // did so.
+  // The bytes of all that left but the first, IP headers included, and the rate at which what
+  // arrived of them did so.
   std::size_t bytes = 0;
   DataRate measured{};
   // The rate at which they left; nothing when they left back to back, faster than any link.

@@ -73,7 +73,7 @@ TEST(Redundancy, HardlyAnyIsSentBeforeTheLastRound) {
   constexpr std::size_t kMost = 12;
   const double price = 5e-4;
   for (const Losses losses : {Losses{0.01, 1}, Losses{0.03, 1}, Losses{0.01, 8}}) {
-    // Of n packets, exactly so many are lost.
+    // The probability that exactly so many of n packets are lost.
     const auto exactly = [&](std::size_t n, std::size_t lost) {
       const double more = chance_of_more(n, lost, losses);
       return (lost == 0 ? 1 : chance_of_more(n, lost - 1, losses)) - more;

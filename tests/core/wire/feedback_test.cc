@@ -54,8 +54,8 @@ TEST(Packet, FeedbackHasAsManyMessagesAsItSays) {
   const Bytes bytes = from_hex(kFeedbackExample);
   constexpr std::size_t kCompleteAt = 35;
   constexpr std::size_t kRefusedAt = 36;
-  // Of these 20 bytes, 16 say what is complete and 4 what is refused; other counts that need as
-  // many are valid too.
+  // The example has 16 bytes that say what is complete and 4 that say what is refused; other counts
+  // that need these 20 bytes are valid too.
   for (int complete = 0; complete < 256; ++complete) {
     for (int refused = 0; refused < 256; ++refused) {
       const Bytes changed = with(with(bytes, kCompleteAt, complete), kRefusedAt, refused);

@@ -46,7 +46,7 @@ TEST(RoundHeader, EveryChangeOfOneByteIsRefusedOrValid) {
   }
 }
 
-// Of the 256 values at this offset of the example exactly those from `first` to `last` are valid.
+// Exactly the values from `first` to `last` are valid at this offset of the example.
 struct Range {
   const char* name;
   std::size_t at;
