@@ -14,7 +14,7 @@
 #include <deque>
 #include <vector>
 
-#include "core/flow/path_receiver.h"
+#include "core/flow/arrivals.h"
 #include "core/flow/sender.h"
 
 namespace interneuron::flow {

@@ -10,6 +10,7 @@ namespace {
 constexpr std::size_t kIpv4Bytes = 16;
 constexpr std::size_t kIpv6Bytes = 28;
 constexpr std::size_t kPortAt = 2;
+constexpr std::size_t kPortBytes = 2;
 constexpr std::size_t kIpv4At = 4;
 constexpr std::size_t kIpv4Length = 4;
 constexpr std::size_t kIpv6At = 8;
@@ -27,6 +28,15 @@ std::uint16_t sender_port(const Address& from) {
   if (from.size != kIpv4Bytes && from.size != kIpv6Bytes) return 0;
   return static_cast<std::uint16_t>(std::to_integer<unsigned>(from.raw[kPortAt]) << 8 |
                                     std::to_integer<unsigned>(from.raw[kPortAt + 1]));
+}
+
+bool is_same_host(Address a, Address b) {
+  if (a.size != b.size || a.size == 0) return false;
+  if (a.size == kIpv4Bytes || a.size == kIpv6Bytes) {
+    std::fill_n(a.raw.begin() + kPortAt, kPortBytes, std::byte{0});
+    std::fill_n(b.raw.begin() + kPortAt, kPortBytes, std::byte{0});
+  }
+  return a == b;
 }
 
 Source source_of(const Address& from) {

@@ -12,8 +12,7 @@
 // sources gets in total is not bounded here: one answer per request, of the request's size.
 //
 // Fed by the reflectors of core/probe and by crypto::Responder with the senders of packets from
-// anybody. Pure; thread-compatible; never
-// throws.
+// anybody. The core never looks inside an Address but here. Pure; thread-compatible; never throws.
 #pragma once
 
 #include <array>
@@ -29,6 +28,11 @@ namespace interneuron {
 // The port of a UDP sender, read from the bytes of its sockaddr; 0 for an address that is neither
 // IPv4 nor IPv6.
 std::uint16_t sender_port(const Address& from);
+
+// Whether two addresses are of the same host, whatever their ports: a configuration names a relay
+// by its address alone, since nobody knows the port that it will send from. Addresses that are
+// neither IPv4 nor IPv6, as virtual networks make them up, have no port and must be equal.
+bool is_same_host(Address a, Address b);
 
 // The host or customer that an address is of: an IPv4 address, the upper 64 bits of an IPv6
 // address, all of a link-local one.

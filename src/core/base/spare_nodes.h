@@ -15,15 +15,12 @@ class SpareNodes {
  public:
   using Key = typename Tree::key_type;
 
-  // Adds a key that is not there yet to a set.
-  void insert(Tree& tree, const Key& key) {
-    if (spare_.empty()) {
-      tree.insert(key);
-      return;
-    }
+  // Adds a key that is not there yet to a set; its place there.
+  typename Tree::iterator insert(Tree& tree, const Key& key) {
+    if (spare_.empty()) return tree.insert(key).first;
     auto node = take();
     node.value() = key;
-    tree.insert(std::move(node));
+    return tree.insert(std::move(node)).position;
   }
   // The same to a map.
   template <class Value>

@@ -36,13 +36,7 @@ Job& JobQueue::add(MessageId message, const Turn& turn, std::uint32_t next, std:
   job = Job{message, turn.deadline, next, count, chunk, std::move(job.again)};
   bytes_ += job.bytes();
   by_message_.insert(message, place.slot);
-  if (spare_.empty()) {
-    slot.place = order_.insert(place).first;
-  } else {
-    spare_.back().value() = place;
-    slot.place = order_.insert(std::move(spare_.back())).position;
-    spare_.pop_back();
-  }
+  slot.place = spare_.insert(order_, place);
   return job;
 }
 
@@ -53,7 +47,7 @@ void JobQueue::remove(MessageId message) {
   bytes_ -= job.bytes();
   job.again.clear();
   job.next = job.count;
-  spare_.push_back(order_.extract(slots_[*slot].place));
+  spare_.erase(order_, slots_[*slot].place);
   by_message_.erase(message);
   free_.push_back(*slot);
 }

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "core/code/blocks.h"
-#include "core/flow/job.h"
+#include "core/flow/job_queue.h"
 #include "core/flow/path_set.h"
 #include "core/wire/message_bytes.h"
 #include "interneuron/units.h"

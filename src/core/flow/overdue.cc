@@ -28,7 +28,7 @@ Overdue::Answer Overdue::answer(const Copies& copies, const Told& told, bool is_
 }
 
 void Overdue::report(const wire::LinkReport& report, std::optional<TimePoint> left) {
-  Told& told = told_[report.link];
+  Told& told = told_.try_emplace(report.link).first->second;
   if (report.largest >= told.largest && report.received_bytes < told.bytes) {
     told.from = report.largest;
   }
@@ -55,7 +55,7 @@ void Overdue::report(const wire::LinkReport& report, std::optional<TimePoint> le
 }
 
 void Overdue::remove_path(LinkId path) {
-  told_.erase(path);
+  if (const auto told = told_.find(path); told != told_.end()) told_.erase(told);
   std::erase_if(entries_, [path](const auto& e) {
     return std::ranges::find(e.second.copies, path, &Copies::path) != e.second.copies.end();
   });

@@ -7,8 +7,9 @@
 #include <map>
 #include <optional>
 
+#include "core/base/flat_map.h"
 #include "core/flow/sent_packets.h"
-#include "core/wire/packet.h"
+#include "core/wire/feedback.h"
 #include "interneuron/few.h"
 #include "interneuron/units.h"
 
@@ -73,7 +74,7 @@ class Overdue {
   static Answer answer(const Copies& copies, const Told& told, bool is_after);
 
   std::map<MessageId, Entry> entries_;
-  std::map<LinkId, Told> told_;
+  FlatMap<LinkId, Told> told_;
   std::deque<MessageId> incomplete_;
 };
 

@@ -1,4 +1,5 @@
-#include "core/flow/path_receiver.h"
+// PathReceiver: what has arrived on one path, and the train that came last.
+#include "core/flow/arrivals.h"
 
 #include <algorithm>
 

@@ -1,10 +1,14 @@
-// What the sender is told of a path.
+// What the sender is told of a path, what congestion control is told of the sender's use of it, and
+// what the path teaches of predictions. Pure; thread-compatible; constant memory.
 #pragma once
 
 #include <algorithm>
+#include <chrono>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <utility>
 
 #include "core/code/redundancy.h"
 #include "interneuron/units.h"
@@ -55,6 +59,95 @@ struct PathView {
   Duration air_time(std::size_t bytes) const {
     return std::min<Duration>(planned_rate().transmit_time(bytes), kNever);
   }
+};
+
+// How a path was used since congestion control was last told: whether something had to wait, and
+// for how long something was queued. Owned and fed by the Sender, one per path.
+class PathUse {
+ public:
+  // What congestion control is told (cc::ShareControl::Report).
+  struct Told {
+    // Something had to wait for the pace or the window.
+    bool held_back = false;
+    // For how long something was queued.
+    Duration backlog{};
+    // Packets found lost by silence.
+    std::uint32_t lost = 0;
+    // The rate at which the newest message is sent within kOwnPart of its time.
+    DataRate needed{};
+  };
+
+  // A message of so many bytes is queued, which is to arrive within `left`.
+  void message(TimePoint now, std::size_t bytes, Duration left) {
+    told_.needed = rate_of(kOwnPart * bytes, left);
+    queued(now);
+  }
+  // Something is queued.
+  void queued(TimePoint now) {
+    if (!queued_) since_ = now;
+    queued_ = true;
+  }
+  // Nothing is queued any more.
+  void emptied(TimePoint now) {
+    if (queued_) told_.backlog += now - since_;
+    queued_ = false;
+  }
+  // So many packets are lost that no report has told of.
+  void lost(std::uint32_t packets) { told_.lost += packets; }
+  // Something is queued that may not leave yet.
+  void held_back() { told_.held_back = true; }
+
+  DataRate needed() const { return told_.needed; }
+  Told take(TimePoint now) {
+    if (queued_) {
+      told_.backlog += now - since_;
+      since_ = now;
+    }
+    return std::exchange(told_, Told{.needed = told_.needed});
+  }
+
+ private:
+  // The part of a message's time that may pass until it has left: a third of it, and the rest is
+  // for the way and for queues. No measurement behind this value.
+  static constexpr std::size_t kOwnPart = 3;
+
+  Told told_;
+  bool queued_ = false;
+  TimePoint since_{};
+};
+
+// How far off a path is when it is said when it will have brought something. Owned by the Sender,
+// one per path, which tells it of every message or share of one that the path has brought, or has
+// not when its time was over. It learns by which part of the time on the air predictions were too
+// short, and how much that varies: a path whose rate is steady is off by a few hundredths, one of a
+// moving modem by as much as the time itself. What the peer reports decides it, which harms what is
+// sent to that peer alone.
+class CompletionLaw {
+ public:
+  // What took `air` on the air by what was believed was there so much later than predicted.
+  void learn(Duration late, Duration air) {
+    if (air < kLeastAir) return;
+    const double ratio = std::clamp(to_seconds(late) / to_seconds(air), kLeastRatio, kMostRatio);
+    const double off = ratio - mean_;
+    mean_ += kGain * off;
+    variance_ = (1 - kGain) * (variance_ + kGain * off * off);
+  }
+  // By which part the air time is too short in the mean, and the standard deviation of that.
+  double mean() const { return mean_; }
+  double deviation() const { return std::sqrt(variance_); }
+
+ private:
+  // The gain of means of round trips (RFC 6298).
+  static constexpr double kGain = 1.0 / 8;
+  // What is shorter than this says more of the turns of event loops.
+  static constexpr Duration kLeastAir = std::chrono::milliseconds(4);
+  // Nothing takes less than no time, and a stall is not the path's rate.
+  static constexpr double kLeastRatio = -0.9;
+  static constexpr double kMostRatio = 4;
+
+  double mean_ = 0;
+  // Rates are believed to within 20 % (docs/links.md, "How a link is measured"): two deviations.
+  double variance_ = 0.01;
 };
 
 }  // namespace interneuron::flow

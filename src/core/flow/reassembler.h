@@ -7,8 +7,7 @@
 #include <vector>
 
 #include "core/base/alarms.h"
-#include "core/base/id_map.h"
-#include "core/base/recent_set.h"
+#include "core/base/id_tables.h"
 #include "core/flow/partial.h"
 #include "core/wire/message_bytes.h"
 #include "interneuron/ledger.h"

@@ -11,7 +11,8 @@
 
 #include "core/flow/executor.h"
 #include "core/flow/overdue.h"
-#include "core/wire/packet.h"
+#include "core/flow/path_view.h"
+#include "core/wire/feedback.h"
 #include "interneuron/units.h"
 
 namespace interneuron::flow {

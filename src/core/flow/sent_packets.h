@@ -9,11 +9,10 @@
 #include <vector>
 
 #include "core/flow/packet_log.h"
-#include "core/flow/sent_train.h"
 #include "core/link/delivery_rate.h"
 #include "core/link/path_mtu.h"
 #include "core/link/rate_estimator.h"
-#include "core/wire/packet.h"
+#include "core/wire/feedback.h"
 #include "interneuron/units.h"
 
 namespace interneuron::flow {

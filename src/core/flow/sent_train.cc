@@ -1,6 +1,7 @@
-#include "core/flow/sent_train.h"
-
+// SentTrain: what a path has sent of the train whose dispersion the peer reports.
 #include <algorithm>
+
+#include "core/flow/packet_log.h"
 
 namespace interneuron::flow {
 namespace {

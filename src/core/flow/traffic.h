@@ -5,18 +5,19 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <utility>
 #include <vector>
 
+#include "core/base/alarms.h"
 #include "core/base/flat_map.h"
+#include "core/base/id_tables.h"
 #include "core/base/water_filling.h"
-#include "core/flow/completion_law.h"
 #include "core/flow/job_queue.h"
-#include "core/flow/message_store.h"
+#include "core/flow/outgoing_message.h"
 #include "core/flow/path_set.h"
-#include "core/flow/path_use.h"
 #include "core/flow/path_view.h"
 #include "core/flow/sent_packets.h"
-#include "core/flow/window_flow.h"
+#include "core/flow/windows.h"
 #include "interneuron/units.h"
 
 namespace interneuron::flow {
@@ -74,6 +75,48 @@ struct SendPath {
  private:
   // How long what is in flight beyond an empty path of this rate waits in a queue.
   Duration queue_at(DataRate rate) const;
+};
+
+// The messages that a sender keeps until they are acknowledged or their time is over. A message is
+// found in O(1), added and erased in O(log n), and so is the one whose deadline is next. Memory
+// grows with the largest number of messages at a time and is used again, but for the messages' own
+// bytes. References are valid until the next add().
+class MessageStore {
+ public:
+  OutgoingMessage* find(MessageId id) {
+    const auto slot = by_id_.find(id);
+    return slot ? &slots_[*slot] : nullptr;
+  }
+  const OutgoingMessage* find(MessageId id) const {
+    return const_cast<MessageStore*>(this)->find(id);
+  }
+
+  // A new message of so many fragments, each queued on so many paths; the rest of it is for the
+  // caller to fill in.
+  OutgoingMessage& add(MessageId id, TimePoint deadline, std::uint16_t count, std::uint8_t paths);
+  void erase(MessageId id);
+  // When a message is to be looked at, whatever for; nothing: not at all.
+  void look_at(MessageId id, std::optional<TimePoint> when);
+  std::optional<TimePoint> next_look() const { return looks_.earliest(); }
+  std::optional<MessageId> look_due(TimePoint now) const {
+    const auto slot = looks_.due(now);
+    return slot ? std::optional(slots_[*slot].id) : std::nullopt;
+  }
+
+  std::optional<TimePoint> next_deadline() const { return deadlines_.earliest(); }
+  // A message whose deadline is at or before `now`.
+  std::optional<MessageId> due(TimePoint now) const {
+    const auto slot = deadlines_.due(now);
+    return slot ? std::optional(slots_[*slot].id) : std::nullopt;
+  }
+  void clear() { *this = {}; }
+
+ private:
+  std::vector<OutgoingMessage> slots_;
+  std::vector<std::uint32_t> free_;
+  IdMap<MessageId> by_id_;
+  Alarms deadlines_;
+  Alarms looks_;
 };
 
 // The paths to one peer and the messages under way to it. Executor owns one; it and Sender change

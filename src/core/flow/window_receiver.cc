@@ -1,4 +1,5 @@
-#include "core/flow/window_receiver.h"
+// WindowReceiver: computes lost pieces of small messages from window symbols.
+#include "core/flow/windows.h"
 
 #include <algorithm>
 #include <functional>

@@ -65,7 +65,7 @@ constexpr double kFound = 1.15;
 // The longest interval of wanted trains is that of the usual ones, kOld: doublings until then.
 constexpr int kMostDoublings = 5;
 // A path that carries this many times what messages need has plenty: they need what sends them
-// within a third of their time (src/core/flow/path_use.h), so that it sends them within a twelfth,
+// within a third of their time (src/core/flow/path_view.h), so that it sends them within a twelfth,
 // and a faster path would save them nothing that counts.
 constexpr double kPlenty = 4.0;
 // Between two proofs of a latched path: four within the shortest proof window.

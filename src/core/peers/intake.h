@@ -11,9 +11,9 @@
 #include <utility>
 
 #include "core/base/rate_limit.h"
+#include "core/flow/arrivals.h"
 #include "core/flow/reassembler.h"
-#include "core/flow/receipts.h"
-#include "core/flow/window_receiver.h"
+#include "core/flow/windows.h"
 #include "core/peers/feedback_due.h"
 #include "core/wire/packet.h"
 #include "interneuron/endpoint.h"

@@ -17,7 +17,7 @@
 #include <utility>
 
 #include "core/cc/share_control.h"
-#include "core/flow/path_receiver.h"
+#include "core/flow/arrivals.h"
 #include "core/flow/sender.h"
 #include "core/link/link_estimator.h"
 #include "core/link/path_ecn.h"

@@ -6,7 +6,7 @@
 
 #include "core/base/ablation.h"
 #include "core/base/earliest.h"
-#include "core/base/same_host.h"
+#include "core/base/source_limit.h"
 #include "core/plan/budget.h"
 
 namespace interneuron {

@@ -1,4 +1,4 @@
-#include "core/base/id_map.h"
+#include "core/base/id_tables.h"
 
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>

@@ -1,4 +1,4 @@
-#include "core/base/same_host.h"
+#include "core/base/source_limit.h"
 
 #include <gtest/gtest.h>
 

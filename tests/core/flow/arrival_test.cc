@@ -1,7 +1,7 @@
 // What the receiving side makes of a packet's stamp and size and of a plain message's header.
 #include <gtest/gtest.h>
 
-#include "core/flow/path_receiver.h"
+#include "core/flow/arrivals.h"
 #include "core/flow/reassembler.h"
 #include "core/wire/plain_header.h"
 

@@ -1,4 +1,4 @@
-#include "core/flow/completion_law.h"
+#include "core/flow/path_view.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "core/flow/message_store.h"
+#include "core/flow/traffic.h"
 
 #include <gtest/gtest.h>
 

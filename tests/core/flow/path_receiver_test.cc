@@ -1,4 +1,4 @@
-#include "core/flow/path_receiver.h"
+#include "core/flow/arrivals.h"
 
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>

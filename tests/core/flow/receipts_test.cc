@@ -1,4 +1,4 @@
-#include "core/flow/receipts.h"
+#include "core/flow/arrivals.h"
 
 #include <gtest/gtest.h>
 

@@ -8,7 +8,7 @@
 #include <random>
 
 #include "core/flow/reassembler.h"
-#include "core/flow/window_receiver.h"
+#include "core/flow/windows.h"
 #include "core/wire/plain_header.h"
 #include "sender_support.h"
 

@@ -1,4 +1,4 @@
-#include "core/flow/window_receiver.h"
+#include "core/flow/windows.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,6 @@
-// The receiving side of windows: keeps the pieces of small messages that may be covered by window
-// symbols, and computes lost ones from these (docs/wire_format.md, "Window (type 6)").
+// Both sides of windows, symbols that cover several small messages (docs/wire_format.md, "Window
+// (type 6)"): what the sender keeps for them, and how the receiver computes lost pieces from them.
+// Pure; thread-compatible; never throws but std::bad_alloc.
 #pragma once
 
 #include <array>
@@ -10,13 +11,98 @@
 #include "core/code/window.h"
 #include "core/wire/packet.h"
 #include "interneuron/few.h"
+#include "interneuron/link.h"
+#include "interneuron/sizes.h"
 #include "interneuron/units.h"
 
 namespace interneuron::flow {
 
-// Peer (src/core/peers) owns one, feeds it every piece and every window symbol that was accepted,
-// and hands what poll() gives to the Reassembler like a piece that has come: all that is checked of
-// a piece is checked of it, so that one that is late, refused or there already changes nothing.
+// What a sender keeps of its small messages for windows: how soon one follows the other, which of
+// them the next symbols are to cover, and symbols that wait to leave. Traffic holds one, and
+// Executor fills and empties it as plan_windows.cc says. All small coded messages to a peer are one
+// flow, whatever their channels: the more there are, the less each pays for a symbol.
+//
+// Plain values. Memory: symbols that wait keep theirs for the next ones, at most kMostSymbols of
+// one packet each.
+class WindowFlow {
+ public:
+  static constexpr std::size_t kMostSymbols = 8;
+
+  // Whether the peer decodes windows.
+  bool is_understood() const { return understood_; }
+  void set_understood(bool understood) { understood_ = understood; }
+
+  // --- how soon one follows the other
+  // All of a small message has left.
+  void note_left(TimePoint now);
+  // When the next one will have left; nothing: not known.
+  std::optional<TimePoint> next() const;
+
+  // --- which ones are to be covered
+  using Pending = Few<MessageId, wire::kMostWindowMessages>;
+  const Pending& pending() const { return pending_; }
+  // A symbol is to cover this one too, which has so many pieces; it has to leave at `latest`.
+  void add(MessageId message, std::size_t pieces, TimePoint latest);
+  // Whether one of so many pieces can be covered as well.
+  bool has_room(std::size_t pieces) const {
+    return pending_.size() < wire::kMostWindowMessages && pieces_ + pieces <= code::kMostSources;
+  }
+  void clear_pending();
+  // When a symbol has to leave for what is pending.
+  std::optional<TimePoint> due() const { return due_; }
+
+  // --- symbols that wait to leave
+  struct Symbol {
+    LinkId path{};
+    // Nobody wants it to leave later.
+    TimePoint until{};
+    wire::WindowHeader header;
+    Bytes bytes;
+    bool waits = false;
+    std::size_t ip_bytes() const {
+      return wire::window_header_bytes(header.messages.size()) + bytes.size() + kOverhead;
+    }
+  };
+  // One to be filled in; the oldest makes room for it.
+  Symbol& push();
+  // The oldest that waits for this path, if there is one; nullptr.
+  Symbol* front(LinkId path) {
+    for (std::size_t i = 0; i < symbols_.size(); ++i) {
+      Symbol& symbol = symbols_[(next_symbol_ + i) % kMostSymbols];
+      if (symbol.waits && symbol.path == path) return &symbol;
+    }
+    return nullptr;
+  }
+  bool waits(LinkId path) const { return const_cast<WindowFlow*>(this)->front(path) != nullptr; }
+  void remove_path(LinkId path) {
+    while (Symbol* symbol = front(path)) symbol->waits = false;
+  }
+  // Successive symbols are different rows.
+  std::uint8_t next_row();
+  // The peer began a new life.
+  void reset() { *this = {}; }
+
+ private:
+  // Header and tag of a packet, and those of IP and UDP.
+  static constexpr std::size_t kOverhead = 36 + kIpUdpBytes;
+
+  bool understood_ = false;
+  std::optional<TimePoint> newest_;
+  std::optional<Duration> gap_;
+  Duration deviation_{};
+  Pending pending_;
+  std::size_t pieces_ = 0;
+  std::optional<TimePoint> due_;
+  std::vector<Symbol> symbols_;
+  std::size_t next_symbol_ = 0;
+  std::uint8_t row_ = 0;
+};
+
+// Keeps the pieces of small messages that may be covered by window symbols, and computes lost ones
+// from these. Peer (src/core/peers) owns one, feeds it every piece and every window symbol that was
+// accepted, and hands what poll() gives to the Reassembler like a piece that has come: all that is
+// checked of a piece is checked of it, so that one that is late, refused or there already changes
+// nothing.
 //
 // Memory: none before the first symbol. From then on copies of the newest kMostKept pieces of
 // messages that have at most wire::kMostWindowPieces, and of the newest code::Equations::kMost
@@ -28,8 +114,6 @@ namespace interneuron::flow {
 // push out its own pieces and symbols. What they are solved to has the fields of a piece and zeros
 // behind it, or is dropped; if it does, it is what a packet with the same fields could have brought
 // as well.
-//
-// Pure; thread-compatible; never throws but std::bad_alloc.
 class WindowReceiver {
  public:
   // All of one window and half as many of messages that no window covers.
