@@ -11,8 +11,8 @@
 #include <span>
 #include <string>
 
-#include "core/guard/budget_observer.h"
-#include "core/guard/budget_origin.h"
+#include "core/guard/observers.h"
+#include "core/guard/origins.h"
 #include "core/link/nature.h"
 #include "core/plan/budget.h"
 #include "core/plan/plan_message.h"

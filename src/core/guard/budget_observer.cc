@@ -1,4 +1,4 @@
-#include "core/guard/budget_observer.h"
+#include "core/guard/observers.h"
 
 #include <algorithm>
 #include <utility>

@@ -1,4 +1,4 @@
-#include "core/guard/budget_origin.h"
+#include "core/guard/origins.h"
 
 #include <algorithm>
 

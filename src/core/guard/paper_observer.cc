@@ -1,4 +1,4 @@
-#include "core/guard/paper_observer.h"
+#include "core/guard/observers.h"
 
 #include <algorithm>
 

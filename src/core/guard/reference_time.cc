@@ -1,4 +1,4 @@
-#include "core/guard/reference_time.h"
+#include "core/guard/observers.h"
 
 namespace interneuron::guard {
 namespace {

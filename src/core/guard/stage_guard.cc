@@ -1,15 +1,6 @@
 #include "core/guard/stage_guard.h"
 
-#include "core/guard/budget_observer.h"
-#include "core/guard/paper_observer.h"
-
-namespace interneuron {
-
-std::string_view to_string(GuardKind kind) {
-  return kind == GuardKind::kBudget ? "budget" : "paper";
-}
-
-namespace guard {
+namespace interneuron::guard {
 
 void StageGuard::learn(TimePoint now, RoundId current, const Indicator& indicator,
                        const RecentE2e& e2e) {
@@ -30,11 +21,4 @@ std::size_t sacrificed_level(std::span<const LevelProfile> levels, std::size_t t
   return 0;
 }
 
-std::unique_ptr<StageGuard> make_stage_guard(GuardKind kind, bool at_origin,
-                                             const Ablation& ablation) {
-  if (kind == GuardKind::kBudget) return std::make_unique<BudgetObserver>();
-  return std::make_unique<PaperObserver>(at_origin, ablation);
-}
-
-}  // namespace guard
-}  // namespace interneuron
+}  // namespace interneuron::guard

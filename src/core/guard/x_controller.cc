@@ -1,8 +1,6 @@
-#include "core/guard/x_controller.h"
+#include "core/guard/origins.h"
 
 #include <algorithm>
-
-#include "core/guard/budget_origin.h"
 
 namespace interneuron::guard {
 namespace {
@@ -42,12 +40,6 @@ void XController::missed() {
   x_ = std::max(x_ - kPenalty, -kOne);
   recovering_ = true;
   ++degrade_next_;
-}
-
-std::unique_ptr<RoundGuard> make_round_guard(const PipelineConfig& config,
-                                             const Ablation& ablation) {
-  if (config.guard == GuardKind::kBudget) return std::make_unique<BudgetOrigin>(config);
-  return std::make_unique<PaperOrigin>(XController::Options{config.beta_permille, ablation});
 }
 
 }  // namespace interneuron::guard

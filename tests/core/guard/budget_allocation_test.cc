@@ -4,9 +4,8 @@
 
 #include <vector>
 
-#include "core/guard/budget_observer.h"
-#include "core/guard/budget_origin.h"
-#include "core/guard/paper_observer.h"
+#include "core/guard/observers.h"
+#include "core/guard/origins.h"
 #include "core/guard/residual_law.h"
 #include "tests/counted_heap.h"
 

@@ -1,6 +1,6 @@
 // GuardKind::kBudget at an observing node, in virtual time: rounds of the paper's pipeline with
 // known delays, told of as headers tell.
-#include "core/guard/budget_observer.h"
+#include "core/guard/observers.h"
 
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>

@@ -1,5 +1,5 @@
 // GuardKind::kBudget at the origin: which variant the first transmission brings.
-#include "core/guard/budget_origin.h"
+#include "core/guard/origins.h"
 
 #include <gtest/gtest.h>
 

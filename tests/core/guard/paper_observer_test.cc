@@ -1,4 +1,4 @@
-#include "core/guard/paper_observer.h"
+#include "core/guard/observers.h"
 
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>

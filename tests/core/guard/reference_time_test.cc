@@ -1,4 +1,4 @@
-#include "core/guard/reference_time.h"
+#include "core/guard/observers.h"
 
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>

@@ -1,4 +1,4 @@
-#include "core/guard/x_controller.h"
+#include "core/guard/origins.h"
 
 #include <gtest/gtest.h>
 
