@@ -12,12 +12,10 @@
 #include <optional>
 
 #include "core/link/delivery_rate.h"
-#include "core/link/loss_estimator.h"
+#include "core/link/estimators.h"
 #include "core/link/path_machine.h"
 #include "core/link/probe_schedule.h"
-#include "core/link/queue_signal.h"
 #include "core/link/rate_estimator.h"
-#include "core/link/rtt_estimator.h"
 #include "interneuron/link.h"
 
 namespace interneuron::link {

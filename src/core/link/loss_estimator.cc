@@ -1,4 +1,4 @@
-#include "core/link/loss_estimator.h"
+#include "core/link/estimators.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "core/link/queue_signal.h"
+#include "core/link/estimators.h"
 
 #include <algorithm>
 

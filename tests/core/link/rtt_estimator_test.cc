@@ -1,4 +1,4 @@
-#include "core/link/rtt_estimator.h"
+#include "core/link/estimators.h"
 
 #include <gtest/gtest.h>
 #include <rapidcheck.h>
