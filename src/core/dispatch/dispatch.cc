@@ -100,8 +100,8 @@ AllDispatched dispatch(TimePoint now, Peer& peer, Header header, const Itinerary
                                                     c.protection.rescue)});
       continue;
     }
-    const MessageId id = peer.send(now, times, std::move(message), {c.links.data(), c.links.size()},
-                                   repairs, kKind, c.protection);
+    const MessageId id =
+        peer.send(now, times, std::move(message), c.links, repairs, kKind, c.protection);
     out.push_back({c.variant, id});
     // Once one variant of a plain message is there, Messages cancels the others. Nobody does that
     // for a round, where the repairs of a small image that is not wanted any more delay the next

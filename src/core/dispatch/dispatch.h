@@ -24,7 +24,7 @@ struct Carriers {
   std::uint8_t variant = 0;
   // The links that it sets out over: each carries all of it or, where it is divided, a share. A
   // variant without any stands by for the one before it.
-  Few<LinkId, kMaxLinks> links{};
+  flow::PathList links{};
   // Whether it is divided, which links may carry repair symbols of it, and over which it, or what
   // is missing of it, goes when it seems late.
   flow::Protection protection{};

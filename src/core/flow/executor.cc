@@ -9,13 +9,12 @@
 
 namespace interneuron::flow {
 
-void Executor::enqueue(TimePoint now, OutgoingMessage& m, const std::vector<LinkId>& paths,
-                       bool divided) {
+void Executor::enqueue(TimePoint now, OutgoingMessage& m, const PathList& paths, bool divided) {
   Shares parts;
   parts.fill(m.count);
   if (divided) parts = plan_shares(traffic_, now, m, paths);
   std::uint32_t next = 0;
-  for (std::size_t i = 0; i < std::min(paths.size(), kMaxLinks); ++i) {
+  for (std::size_t i = 0; i < paths.size(); ++i) {
     if (parts[i] == 0) continue;
     const std::uint32_t from = divided ? next : 0;
     next = from + parts[i];

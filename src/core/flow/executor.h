@@ -29,7 +29,7 @@ class Executor {
 
   // --- a message begins and ends
   // Queues all of a message on each of these paths, or shares of it.
-  void enqueue(TimePoint now, OutgoingMessage& m, const std::vector<LinkId>& paths, bool divided);
+  void enqueue(TimePoint now, OutgoingMessage& m, const PathList& paths, bool divided);
   // Nothing more of this message is sent.
   void forget(MessageId message);
   // Nothing more is sent of a message that is whole at the peer, nor of what it supersedes.

@@ -1,4 +1,4 @@
-// A set of paths to one peer. Pure values; thread-compatible.
+// Lists and sets of paths to one peer. Pure values; thread-compatible.
 #pragma once
 
 #include <algorithm>
@@ -8,6 +8,9 @@
 #include "interneuron/units.h"
 
 namespace interneuron::flow {
+
+// Paths in an order, at most kMaxLinks.
+using PathList = Few<LinkId, kMaxLinks>;
 
 // Holds at most kMaxLinks paths, more than a peer has (wire::kMaxReports); further ones are left
 // out. Or all paths there are, whatever their numbers.
@@ -35,7 +38,7 @@ class PathSet {
 
  private:
   bool every_ = false;
-  Few<LinkId, kMaxLinks> paths_;
+  PathList paths_;
 };
 
 inline const PathSet kEveryPath = PathSet::every();

@@ -18,12 +18,12 @@ constexpr Duration kSooner = std::chrono::milliseconds(2);
 // Paths that are suspected carry some pieces where the others are not in time: suspicion is often
 // wrong, and what is too slow is too late for certain.
 Shares plan_shares(const Traffic& traffic, TimePoint now, const OutgoingMessage& m,
-                   const std::vector<LinkId>& paths) {
+                   const PathList& paths) {
   std::array<Way, kMaxLinks> ways;
   std::array<std::size_t, kMaxLinks> places{};
   std::size_t used = 0;
   const auto add = [&](bool suspected) {
-    for (std::size_t i = 0; i < std::min(paths.size(), kMaxLinks); ++i) {
+    for (std::size_t i = 0; i < paths.size(); ++i) {
       const SendPath& path = traffic.paths.at(paths[i]);
       if (!path.view.up || path.view.suspect != suspected) continue;
       ways[used] = path.way_of(m);

@@ -39,7 +39,7 @@ struct Protection {
 // only delay it.
 using Shares = std::array<std::uint16_t, kMaxLinks>;
 Shares plan_shares(const Traffic& traffic, TimePoint now, const OutgoingMessage& m,
-                   const std::vector<LinkId>& paths);
+                   const PathList& paths);
 // The path of whose next message this one, which has nothing to send, brings the last piece sooner.
 std::optional<LinkId> slower_path(const Traffic& traffic, LinkId idle);
 

@@ -77,8 +77,8 @@ void Sender::doubt(TimePoint now, LinkId link) {
 }
 
 MessageId Sender::send(TimePoint now, const Times& times, wire::MessageBytes bytes,
-                       const std::vector<LinkId>& paths, const PathSet& repairs,
-                       wire::MessageKind kind, const Protection& protection) {
+                       const PathList& paths, const PathSet& repairs, wire::MessageKind kind,
+                       const Protection& protection) {
   executor_.release();
   const MessageId id{next_message_++};
   if (paths.empty() || bytes.empty() || times.deadline <= now) return id;

@@ -76,7 +76,7 @@ class Sender {
   // others can. A message of more than 65,535 fragments, an empty one or one that is late
   // already is not sent at all.
   MessageId send(TimePoint now, const Times& times, wire::MessageBytes message,
-                 const std::vector<LinkId>& paths, const PathSet& repairs = kEveryPath,
+                 const PathList& paths, const PathSet& repairs = kEveryPath,
                  wire::MessageKind kind = wire::MessageKind::kRound,
                  const Protection& protection = {});
   // A smaller variant of `first` that takes its place when its path gives it up before its deadline

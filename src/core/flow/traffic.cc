@@ -101,7 +101,7 @@ bool Traffic::any_is_sound() const {
       paths, [](const auto& entry) { return entry.second.view.up && !entry.second.view.suspect; });
 }
 
-std::size_t Traffic::piece_bytes(const std::vector<LinkId>& plan, const PathSet& repairing) const {
+std::size_t Traffic::piece_bytes(const PathList& plan, const PathSet& repairing) const {
   std::size_t planned = SIZE_MAX;
   for (const LinkId path : plan) planned = std::min(planned, paths.at(path).max_datagram);
   std::size_t datagram = planned;

@@ -145,7 +145,7 @@ struct Traffic {
   bool any_is_sound() const;
   // The largest piece that all the paths of a plan carry, and those that may repair what they lose,
   // as far as they are up and carry enough.
-  std::size_t piece_bytes(const std::vector<LinkId>& plan, const PathSet& repairing) const;
+  std::size_t piece_bytes(const PathList& plan, const PathSet& repairing) const;
   // Whether what is left of a job can arrive in time over its path.
   bool can_arrive(TimePoint now, const SendPath& path, const Job& job,
                   const OutgoingMessage& m) const;

@@ -81,7 +81,7 @@ class Peer {
   // Queues a message on these paths; lost pieces go over these and over those of `repairs`. See
   // flow::Sender::send().
   MessageId send(TimePoint now, const flow::Sender::Times& times, wire::MessageBytes message,
-                 std::span<const LinkId> paths, const flow::PathSet& repairs,
+                 const flow::PathList& paths, const flow::PathSet& repairs,
                  wire::MessageKind kind = wire::MessageKind::kRound,
                  const flow::Protection& protection = {});
   // What is sent to the peer, beside send(), and how far it has got.
@@ -155,8 +155,6 @@ class Peer {
   Identity identity_;
   Paths paths_;
   flow::Sender sender_;
-  // What the sender is given by send(); a member so that a message allocates nothing.
-  std::vector<LinkId> over_;
   Intake intake_;
   guard::ClockOffset clock_;
   // Since when it is known without a step.

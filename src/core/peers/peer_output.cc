@@ -111,13 +111,12 @@ std::optional<TransmitParts> Peer::poll(TimePoint now, LinkId nic, std::span<std
 }
 
 MessageId Peer::send(TimePoint now, const flow::Sender::Times& times, wire::MessageBytes message,
-                     std::span<const LinkId> paths, const flow::PathSet& repairs,
+                     const flow::PathList& paths, const flow::PathSet& repairs,
                      wire::MessageKind kind, const flow::Protection& protection) {
   paths_.note_activity(now);
   refresh(now);
   if (kind == wire::MessageKind::kPlain) settlements_.open();
-  over_.assign(paths.begin(), paths.end());
-  return sender_.send(now, times, std::move(message), over_, repairs, kind, protection);
+  return sender_.send(now, times, std::move(message), paths, repairs, kind, protection);
 }
 
 }  // namespace interneuron

@@ -156,11 +156,8 @@ void Peers::tell_revocations(TimePoint now, Entry& entry) {
   const ByteView list = gate_.revocations();
   if (list.empty()) return;
   Peer& peer = entry.peer;
-  std::vector<LinkId> paths;
-  for (const Path& path : peer.paths()) {
-    if (path.usable()) paths.push_back(path.id());
-  }
-  if (!peer.ready() || paths.empty() || send_room(peer.identity().id) < list.size() ||
+  const auto over = std::ranges::find_if(peer.paths(), &Path::usable);
+  if (!peer.ready() || over == peer.paths().end() || send_room(peer.identity().id) < list.size() ||
       !gate_.take_turn_to_tell(now, entry.slot)) {
     return;
   }
@@ -168,8 +165,8 @@ void Peers::tell_revocations(TimePoint now, Entry& entry) {
   times.deadline = now + kRevocationsDeadline;
   times.lifetime = kRevocationsDeadline;
   times.importance = 0;
-  peer.send(now, times, wire::MessageBytes(Bytes(list.begin(), list.end())),
-            std::span(paths).first(1), flow::kEveryPath, wire::MessageKind::kRevocations);
+  peer.send(now, times, wire::MessageBytes(Bytes(list.begin(), list.end())), {over->id()},
+            flow::kEveryPath, wire::MessageKind::kRevocations);
   touch(entry);
 }
 

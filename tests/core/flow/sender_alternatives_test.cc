@@ -14,7 +14,7 @@ struct Slow : Paths {
     v.loaded = loaded;
     sender.set_path(kA, v);
   }
-  MessageId plain(std::size_t pieces, Duration deadline, const std::vector<LinkId>& on = {kA}) {
+  MessageId plain(std::size_t pieces, Duration deadline, const PathList& on = {kA}) {
     return sender.send(at(0s), {.deadline = at(deadline), .lifetime = deadline},
                        Bytes(pieces * kChunk), on, {}, wire::MessageKind::kPlain);
   }

@@ -40,7 +40,7 @@ struct Paths {
   void set(LinkId link, Duration one_way, double mbit = 100, bool up = true) {
     sender.set_path(link, view(one_way, mbit, up));
   }
-  MessageId send(TimePoint now, TimePoint deadline, std::size_t pieces, std::vector<LinkId> on) {
+  MessageId send(TimePoint now, TimePoint deadline, std::size_t pieces, const PathList& on) {
     return sender.send(now, {.deadline = deadline, .lifetime = deadline - now},
                        Bytes(pieces * kChunk), on);
   }
