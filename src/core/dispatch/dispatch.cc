@@ -80,11 +80,6 @@ void seek_rate(TimePoint now, Peer& peer, const Plan& plan, const Itinerary& iti
   peer.want(now, rate_wanted(qos, best_bytes));
 }
 
-std::uint32_t to_us(Duration d) {
-  return static_cast<std::uint32_t>(std::clamp<std::int64_t>(
-      std::chrono::ceil<std::chrono::microseconds>(d).count(), 0, UINT32_MAX));
-}
-
 template <class Header>
 AllDispatched dispatch(TimePoint now, Peer& peer, Header header, const Itinerary& itinerary,
                        const flow::Sender::Times& times, const flow::PathSet& repairs,

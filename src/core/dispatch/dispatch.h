@@ -69,11 +69,6 @@ flow::PathSet allowed_of(const Policy& policy, std::span<const LinkState> links)
 void seek_rate(TimePoint now, Peer& peer, const Plan& plan, const Itinerary& itinerary,
                const QoS& qos, std::size_t best_bytes);
 
-// A deadline or period as headers tell it, in microseconds. It is rounded up, so that what is in
-// time by the sender's word is in time by its header; only no time at all is told as 0. From 71
-// minutes on all times are told as the largest one.
-std::uint32_t to_us(Duration d);
-
 // A variant that was queued, and how the peer and its sender name it.
 struct Dispatched {
   std::uint8_t variant = 0;

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "core/dispatch/dispatch.h"
+#include "core/wire/header.h"
 
 namespace interneuron {
 namespace {
@@ -63,8 +63,8 @@ wire::RoundHeader header_of(const Round& r) {
                       .t0 = r.t0,
                       .alpha_sum = r.alpha_sum,
                       .x_permille = r.x_permille,
-                      .deadline_us = to_us(r.qos.deadline),
-                      .period_us = to_us(r.qos.period),
+                      .deadline_us = wire::to_us(r.qos.deadline),
+                      .period_us = wire::to_us(r.qos.period),
                       .indicator = r.indicator,
                       .guard = r.terms.kind,
                       .level_used = r.level_used.value_or(wire::kNoneUsed),

@@ -94,9 +94,7 @@ MessageId Sender::send(TimePoint now, const Times& times, wire::MessageBytes byt
   m.aim = std::min(times.aim, times.deadline);
   m.doubt = times.doubt;
   m.importance = times.importance;
-  m.lifetime_us = static_cast<std::uint32_t>(std::clamp<std::int64_t>(
-      std::chrono::duration_cast<std::chrono::microseconds>(times.lifetime).count(), 1,
-      UINT32_MAX));
+  m.lifetime_us = wire::to_us(times.lifetime);
   m.take(std::move(bytes), kind);
   m.repairs = repairs;
   m.symbol_paths = protection.symbols;
@@ -305,6 +303,7 @@ void Sender::handle_timeout(TimePoint now) {
 
 // The deadline of a message has passed before it was acknowledged.
 void Sender::note_overdue(TimePoint now, const OutgoingMessage& m) {
+  // The lifetime is rounded up, so that nothing of the message left before this.
   const TimePoint began = m.deadline - std::chrono::microseconds(m.lifetime_us);
   if (m.kind != wire::MessageKind::kPlain || began <= removed_at_) return;
   // Symbols may stand for a piece that has not arrived: then the peer tells.
@@ -317,11 +316,9 @@ void Sender::note_overdue(TimePoint now, const OutgoingMessage& m) {
   Overdue::Paths copies;
   for (const auto& [link, path] : traffic().paths) {
     if (is_incomplete) break;
-    // The lifetime is rounded to microseconds.
-    const TimePoint since = began - std::chrono::microseconds(1);
     // A copy that nobody remembers may arrive as late as any.
-    if (!path.sent.keeps_all_since(since)) return;
-    const auto first = path.sent.first_copy(missing, since);
+    if (!path.sent.keeps_all_since(began)) return;
+    const auto first = path.sent.first_copy(missing, began);
     if (first) copies.push_back({link, *first});
   }
   if (copies.empty() && !is_incomplete) return;

@@ -6,6 +6,7 @@
 
 #include "core/base/earliest.h"
 #include "core/plan/plan_message.h"
+#include "core/wire/header.h"
 #include "core/wire/plain_header.h"
 
 namespace interneuron {
@@ -111,7 +112,7 @@ SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const Sen
   const Duration deadline = options.deadline;
   wire::PlainHeader header;
   header.id = next_id(now, *peer);
-  header.deadline_us = to_us(deadline);
+  header.deadline_us = wire::to_us(deadline);
   header.t0 = as_wire(now);
   header.channel = options.channel;
   header.importance = options.importance;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <chrono>
 #include <cstdint>
 #include <optional>
 #include <span>
@@ -85,6 +86,14 @@ enum class MessageKind : std::uint8_t {
   kRevocations = 2,
 };
 inline constexpr MessageKind kLastKind = MessageKind::kRevocations;
+
+// A deadline, a period or a lifetime as headers tell it, in microseconds. It is rounded up, so that
+// what is in time by the sender's word is in time by its header; only no time at all is told as 0.
+// From 71 minutes on all times are told as the largest one.
+constexpr std::uint32_t to_us(Duration d) {
+  const auto us = std::chrono::ceil<std::chrono::microseconds>(d).count();
+  return static_cast<std::uint32_t>(std::clamp<std::int64_t>(us, 0, UINT32_MAX));
+}
 
 // One fragment of a message of `size` bytes, which is cut into count() pieces: piece `index` starts
 // at byte index * chunk of the message; all but the last have `chunk` bytes. An index from count()
