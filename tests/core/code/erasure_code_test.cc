@@ -58,17 +58,20 @@ void check(std::size_t count, std::size_t size, std::size_t lost, Kernel kernel,
                                  << seed;
 }
 
+// Loses few and many of so many pieces, with other bytes each time.
+void check_losses(std::size_t count, Kernel kernel, std::uint64_t& seed) {
+  const bool is_vector = kernel == Kernel::kVector;
+  for (const std::size_t lost : {1UL, 2UL, 5UL, 6UL, 7UL, 13UL, 55UL}) {
+    for (int i = 0; lost <= count && i < (is_vector ? 5 : 1); ++i) {
+      check(count, is_vector ? 1347 : 100, lost, kernel, seed++);
+    }
+  }
+}
+
 TEST(ErasureCode, AnySymbolsBringBackAsManyPieces) {
   std::uint64_t seed = 1;
   for (const Kernel kernel : {Kernel::kVector, Kernel::kScalar}) {
-    for (const std::size_t count : {1UL, 2UL, 7UL, 98UL, 200UL}) {
-      for (const std::size_t lost : {1UL, 2UL, 5UL, 6UL, 7UL, 13UL, 55UL}) {
-        if (lost > count) continue;
-        for (int i = 0; i < (kernel == Kernel::kVector ? 5 : 1); ++i) {
-          check(count, kernel == Kernel::kVector ? 1347 : 100, lost, kernel, seed++);
-        }
-      }
-    }
+    for (const std::size_t count : {1UL, 2UL, 7UL, 98UL, 200UL}) check_losses(count, kernel, seed);
   }
 }
 
