@@ -6,6 +6,7 @@
 
 #include "app/perception/detection.h"
 #include "app/process/failure.h"
+#include "interneuron/sizes.h"
 #include "lab/eval_testbed/delayed_transport.h"
 #include "node/io/steady_clock.h"
 

@@ -18,6 +18,7 @@
 #include <string>
 #include <vector>
 
+#include "interneuron/endpoint.h"
 #include "interneuron/node.h"
 #include "node/io/steady_clock.h"
 #include "node/loop/link_set.h"
