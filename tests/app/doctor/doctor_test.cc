@@ -4,8 +4,6 @@
 #include <cerrno>
 
 #include "app/doctor/judge.h"
-#include "app/doctor/judge_nat.h"
-#include "app/doctor/judge_nic.h"
 
 namespace interneuron::doctor::doctor_test {
 namespace {
@@ -84,7 +82,8 @@ TEST(Doctor, BindToDevice) {
   host.nics[1].bind_error = EPERM;
   const Finding f = of(host, "bind_to_device");
   EXPECT_EQ(f.verdict, Verdict::kProblem);
-  EXPECT_THAT(f.fix, ElementsAre(HasSubstr("setcap cap_net_raw")));
+  EXPECT_THAT(f.fix,
+              ElementsAre(HasSubstr("setcap cap_net_raw+ep"), HasSubstr("/interneuron-offload\"")));
 }
 
 TEST(Doctor, NoRouteThroughACard) {
