@@ -17,7 +17,6 @@
 #include <vector>
 
 #include "app/perception/clusters.h"
-#include "app/perception/moved_sweeps.h"
 #include "app/perception/point_cloud.h"
 
 namespace interneuron::perception {

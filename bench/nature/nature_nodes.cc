@@ -13,8 +13,8 @@
 #include <utility>
 
 #include "app/process/failure.h"
-#include "app/settings/capture.h"
 #include "app/settings/peer_address.h"
+#include "app/settings/program.h"
 #include "interneuron/node.h"
 #include "netns/state/hosts.h"
 #include "netns/testbed/testbed.h"

@@ -1,4 +1,4 @@
-#include "app/cli/doctor_command.h"
+#include "app/cli/commands.h"
 
 #include <fmt/format.h>
 
@@ -8,7 +8,7 @@
 #include <optional>
 
 #include "app/doctor/judge.h"
-#include "app/doctor/nat_timeout.h"
+#include "app/doctor/measurements.h"
 #include "app/process/failure.h"
 #include "app/settings/peer_address.h"
 
@@ -79,7 +79,7 @@ void examine_paths(const DoctorOptions& o, const Address& peer, const io::HostFa
     if (!doctor::is_usable(facts, nic) || !nic.routed) continue;
     fmt::print(stderr, "{}: echo requests to {} …\n", nic.nic.name, o.peer);
     add(findings,
-        doctor::judge_path(io::probe_path_mtu(nic.nic.name, nic.nic.mtu, peer), nic.nic.mtu));
+        doctor::judge_path(doctor::probe_path_mtu(nic.nic.name, nic.nic.mtu, peer), nic.nic.mtu));
   }
   if (o.nat_timeout_s > 0) {
     const probe::Silence limit(o.nat_timeout_s);

@@ -1,4 +1,4 @@
-#include "app/cli/fleet_keys.h"
+#include "app/cli/commands.h"
 
 #include <fmt/format.h>
 

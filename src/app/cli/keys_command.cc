@@ -1,4 +1,4 @@
-#include "app/cli/keys_command.h"
+#include "app/cli/commands.h"
 
 #include <fmt/format.h>
 
@@ -7,7 +7,6 @@
 #include <memory>
 #include <string>
 
-#include "app/cli/fleet_keys.h"
 #include "app/process/failure.h"
 #include "app/settings/key_files.h"
 #include "core/secure/credential.h"

@@ -1,4 +1,4 @@
-#include "app/cli/links_command.h"
+#include "app/cli/commands.h"
 
 #include <fmt/format.h>
 

@@ -2,11 +2,7 @@
 #include <array>
 #include <cstdio>
 
-#include "app/cli/doctor_command.h"
-#include "app/cli/keys_command.h"
-#include "app/cli/links_command.h"
-#include "app/cli/probe.h"
-#include "app/cli/top_command.h"
+#include "app/cli/commands.h"
 #include "app/process/failure.h"
 #include "app/settings/program.h"
 

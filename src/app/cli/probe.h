@@ -1,15 +1,15 @@
-// `interneuron probe`: pings and trains to a roadside unit or any STAMP reflector, over every NIC
-// at once.
+// What `interneuron probe` does: pings and trains to a roadside unit or any STAMP reflector, over
+// every NIC at once; and what it found, for people and for programs.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <cstdint>
-#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "app/records/json_file.h"
 #include "app/settings/key_options.h"
+#include "core/probe/measurement.h"
 
 namespace interneuron::cli {
 
@@ -33,9 +33,22 @@ struct ProbeOptions {
   bool json_stream = false;
 };
 
-// Adds the command. When the arguments name it, parsing sets `run` to what is to be done.
-void add_probe(CLI::App& program, std::function<int()>& run);
 // Measures, prints and returns the exit code: 1 when a NIC got no reply. Throws Failure or IoError.
 int run_probe(const ProbeOptions& options);
+
+struct ProbedNic {
+  std::string nic;
+  std::string peer;
+  std::string local;
+  probe::Summary summary;
+  // Why the NIC measured nothing, one line with the remedy; empty when the peer answered.
+  std::string problem;
+};
+
+// schema interneuron.probe/1
+records::Json probe_json(const ProbeOptions& options, const std::vector<ProbedNic>& nics);
+// One line of --json-stream, schema interneuron.probe.reply/1.
+records::Json reply_json(const std::string& nic, const probe::Reply& reply);
+void print_probe_table(const ProbeOptions& options, const std::vector<ProbedNic>& nics);
 
 }  // namespace interneuron::cli

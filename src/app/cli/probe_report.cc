@@ -1,4 +1,4 @@
-#include "app/cli/probe_report.h"
+#include "app/cli/probe.h"
 
 #include <fmt/format.h>
 

@@ -1,4 +1,4 @@
-#include "app/cli/top_command.h"
+#include "app/cli/commands.h"
 
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
@@ -14,7 +14,6 @@
 #include "app/settings/link_options.h"
 #include "app/watch/screen.h"
 #include "app/watch/source.h"
-#include "app/watch/terminal.h"
 #include "node/io/steady_clock.h"
 
 namespace interneuron::cli {

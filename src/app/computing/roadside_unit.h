@@ -36,9 +36,8 @@
 #include <utility>
 #include <vector>
 
-#include "app/computing/job_records.h"
+#include "app/computing/jobs.h"
 #include "app/computing/peer_accounts.h"
-#include "app/computing/waiting_line.h"
 #include "interneuron/round.h"
 
 namespace interneuron::computing {
@@ -144,13 +143,13 @@ class RoadsideUnit {
 
   bool busy() const { return peers_.busy(); }
   std::size_t waiting() const { return waiting_; }
-  // Of all peers, those that are lost included.
+  // The work of all peers, those that are lost included.
   PeerWork total() const {
     PeerWork work = peers_.total();
     work.waiting = waiting_;
     return work;
   }
-  // Of one peer; zeros for one that has sent nothing.
+  // The work of one peer; zeros for one that has sent nothing.
   PeerWork work(PeerId peer) const {
     PeerWork work = peers_.work(peer);
     const auto line = lines_.find(peer);

@@ -6,7 +6,6 @@
 #include <cerrno>
 #include <cstring>
 
-#include "app/doctor/judge_nic.h"
 #include "interneuron/sizes.h"
 #include "node/io/udp_socket.h"
 
@@ -157,16 +156,6 @@ std::string_view to_string(Verdict verdict) {
   return "?";
 }
 
-bool is_usable(const HostFacts& facts, const NicHostFacts& nic) {
-  const bool loopback = nic.nic.kind == "loopback";
-  if (loopback && !(facts.target_is_peer && is_loopback(facts.target))) return false;
-  return nic.state == NicState::kReady || nic.state == NicState::kNoRoute;
-}
-
-bool is_routed(const NicHostFacts& nic) {
-  return nic.routed || std::ranges::any_of(nic.sources, &io::SourceFacts::routed);
-}
-
 std::vector<Finding> judge(const HostFacts& facts) {
   std::vector<Finding> findings;
   for (const NicHostFacts& nic : facts.nics) {
@@ -186,7 +175,7 @@ std::vector<Finding> judge(const HostFacts& facts) {
   return findings;
 }
 
-Finding judge_path(const io::PathMtu& path, std::size_t nic_mtu) {
+Finding judge_path(const PathMtu& path, std::size_t nic_mtu) {
   Finding finding{"path_mtu", path.nic, Verdict::kNotChecked, "", {}};
   if (path.error != 0) {
     finding.found = fmt::format("needs to send echo requests: {}", std::strerror(path.error));
@@ -197,7 +186,7 @@ Finding judge_path(const io::PathMtu& path, std::size_t nic_mtu) {
   }
   std::size_t passes = 0;
   std::size_t fails = 0;
-  for (const io::PathMtu::Probe& probe : path.probes) {
+  for (const PathMtu::Probe& probe : path.probes) {
     if (probe.answered) {
       passes = std::max(passes, probe.bytes);
     } else {

@@ -8,7 +8,7 @@
 #include <string_view>
 #include <vector>
 
-#include "node/io/path_mtu.h"
+#include "app/doctor/measurements.h"
 #include "node/monitor/host_facts.h"
 
 namespace interneuron::doctor {
@@ -45,14 +45,20 @@ struct Finding {
 // The findings of each NIC, then those of the host. Loopback is left out unless the target is
 // there.
 std::vector<Finding> judge(const io::HostFacts& facts);
-
-// Judges how large packets may be on the path to the peer; see io::probe_path_mtu().
-Finding judge_path(const io::PathMtu& path, std::size_t nic_mtu);
+// Appends the findings of one NIC, as judge() does for each that can be used.
+void judge_nic(const io::HostFacts& host, const io::NicHostFacts& nic,
+               std::vector<Finding>& findings);
+// Judges how large packets may be on the path to the peer.
+Finding judge_path(const PathMtu& path, std::size_t nic_mtu);
+// Judges how long silent flows stayed open (`doctor --nat-timeout`).
+Finding judge_nat(const NatTimeout& measured);
 
 // Whether the NIC can be used; judge() checks only such NICs in detail.
 bool is_usable(const io::HostFacts& facts, const io::NicHostFacts& nic);
-
 // Whether the target is routed through the NIC, for any socket or for one bound to an address.
 bool is_routed(const io::NicHostFacts& nic);
+// The network of an address, "192.168.8.0/24"; and whether two addresses' networks overlap.
+std::string subnet_text(const io::SourceFacts& source);
+bool overlap(const io::SourceFacts& a, const io::SourceFacts& b);
 
 }  // namespace interneuron::doctor

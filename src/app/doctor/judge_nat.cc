@@ -1,4 +1,4 @@
-#include "app/doctor/judge_nat.h"
+#include "app/doctor/judge.h"
 
 #include <fmt/format.h>
 

@@ -1,4 +1,4 @@
-#include "app/doctor/judge_nic.h"
+#include "app/doctor/judge.h"
 
 #include <fmt/format.h>
 
@@ -6,6 +6,7 @@
 #include <cerrno>
 #include <cstring>
 
+#include "app/process/sibling.h"
 #include "interneuron/sizes.h"
 #include "node/io/address.h"
 
@@ -151,10 +152,14 @@ class NicJudge {
       add("bind_to_device", Verdict::kOk, "sockets may be bound to it");
       return;
     }
+    // `vehicle` and `road` run in a program of their own.
     add("bind_to_device", Verdict::kProblem,
         fmt::format("SO_BINDTODEVICE: {}; Linux before 5.7 allows it to CAP_NET_RAW only",
                     std::strerror(nic_.bind_error)),
-        {"setcap cap_net_raw+ep \"$(command -v interneuron)\""});
+        {"setcap cap_net_raw+ep \"$(command -v interneuron)\"",
+         fmt::format("setcap cap_net_raw+ep \"$(dirname \"$(command -v interneuron)\")/{}/"
+                     "interneuron-offload\"",
+                     process::kSiblings)});
   }
 
   void route();
@@ -339,6 +344,16 @@ void NicJudge::ipv6() {
 }
 
 }  // namespace
+
+bool is_usable(const HostFacts& facts, const NicHostFacts& nic) {
+  const bool loopback = nic.nic.kind == "loopback";
+  if (loopback && !(facts.target_is_peer && is_loopback(facts.target))) return false;
+  return nic.state == NicState::kReady || nic.state == NicState::kNoRoute;
+}
+
+bool is_routed(const NicHostFacts& nic) {
+  return nic.routed || std::ranges::any_of(nic.sources, &io::SourceFacts::routed);
+}
 
 std::string subnet_text(const SourceFacts& source) {
   return fmt::format("{}/{}", io::host_text(network_of(source)), source.prefix);

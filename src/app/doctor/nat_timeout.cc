@@ -1,4 +1,4 @@
-#include "app/doctor/nat_timeout.h"
+#include "app/doctor/measurements.h"
 
 #include <fmt/format.h>
 #include <poll.h>
@@ -10,6 +10,7 @@
 #include <optional>
 #include <random>
 
+#include "app/doctor/judge.h"
 #include "app/process/signals.h"
 #include "app/process/status_line.h"
 #include "node/io/stamped_socket.h"
@@ -29,6 +30,7 @@ SessionId any_session() {
   return session;
 }
 
+// One run of `doctor --nat-timeout`: a SilenceTest for each NIC, and its sockets.
 class Measurement {
  public:
   Measurement(const io::HostFacts& facts, probe::Silence limit);

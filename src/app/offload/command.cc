@@ -5,6 +5,7 @@
 #include "app/settings/command_line.h"
 #include "app/settings/config_file.h"
 #include "app/settings/link_options.h"
+#include "core/wire/stamp.h"
 #include "interneuron/policy.h"
 
 namespace interneuron::offload {
@@ -15,6 +16,21 @@ std::vector<std::string> policy_names() {
   std::vector<std::string> names;
   for (const auto& policy : builtin_policies()) names.emplace_back(policy->name());
   return names;
+}
+
+// Adds --stamp [PORT], --stamp-stateless and --stamp-public.
+void add_stamp_options(CLI::App& command, StampOptions& options) {
+  command
+      .add_option("--stamp", options.port,
+                  "Also answer STAMP test packets (RFC 8762, unauthenticated) on this UDP port")
+      ->expected(0, 1)
+      ->default_str(std::to_string(wire::kStampPort))
+      ->check(CLI::Range(1, 65535))
+      ->type_name("[PORT]");
+  command.add_flag("--stamp-stateless", options.stateless,
+                   "Number STAMP answers as the requests are, instead of counting them");
+  command.add_flag("--stamp-public", options.is_public,
+                   "Answer STAMP test packets on public addresses, too: anybody can ask");
 }
 
 }  // namespace

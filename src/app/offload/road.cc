@@ -13,7 +13,6 @@
 
 #include "app/computing/roadside_unit.h"
 #include "app/offload/offload_request.h"
-#include "app/offload/road_ladder.h"
 #include "app/offload/submit_log.h"
 #include "app/perception/codec.h"
 #include "app/perception/detector.h"

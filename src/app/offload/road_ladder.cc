@@ -1,4 +1,4 @@
-#include "app/offload/road_ladder.h"
+#include "app/offload/road.h"
 
 #include <spdlog/spdlog.h>
 

@@ -21,7 +21,6 @@
 #include "app/perception/detection.h"
 #include "app/perception/frame_source.h"
 #include "app/records/run_files.h"
-#include "app/records/run_tally.h"
 #include "app/records/staging.h"
 #include "interneuron/pipeline.h"
 

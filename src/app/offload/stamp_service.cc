@@ -1,4 +1,4 @@
-#include "app/offload/stamp_service.h"
+#include "app/offload/road.h"
 
 #include <poll.h>
 #include <spdlog/spdlog.h>
@@ -23,27 +23,14 @@ constexpr int kReopenMs = 1000;
 
 struct Port {
   std::string nic;
-  // Of the incarnation of the NIC that the socket is bound to.
+  // The kernel's number of the NIC that the socket is bound to.
   int index = 0;
   std::unique_ptr<io::StampedSocket> socket;
 };
 
 }  // namespace
 
-void add_stamp_options(CLI::App& command, StampOptions& options) {
-  command
-      .add_option("--stamp", options.port,
-                  "Also answer STAMP test packets (RFC 8762, unauthenticated) on this UDP port")
-      ->expected(0, 1)
-      ->default_str(std::to_string(wire::kStampPort))
-      ->check(CLI::Range(1, 65535))
-      ->type_name("[PORT]");
-  command.add_flag("--stamp-stateless", options.stateless,
-                   "Number STAMP answers as the requests are, instead of counting them");
-  command.add_flag("--stamp-public", options.is_public,
-                   "Answer STAMP test packets on public addresses, too: anybody can ask");
-}
-
+// The sockets and the thread behind a StampService.
 class StampService::Impl {
  public:
   Impl(const StampOptions& options, const std::vector<std::string>& patterns,

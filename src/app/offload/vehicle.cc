@@ -12,8 +12,7 @@
 #include "app/offload/offload_request.h"
 #include "app/offload/run_record.h"
 #include "app/offload/submit_log.h"
-#include "app/offload/vehicle_images.h"
-#include "app/offload/vehicle_report.h"
+#include "app/offload/vehicle_run.h"
 #include "app/perception/detector.h"
 #include "app/process/failure.h"
 #include "app/process/signals.h"
@@ -124,8 +123,8 @@ PipelineConfig Vehicle::pipeline() const {
   p.guard = o_.guard == to_string(GuardKind::kPaper) ? GuardKind::kPaper : GuardKind::kBudget;
   p.fallback.local = backup_quality();
   p.beta_permille = static_cast<std::int16_t>(o_.beta * 1000);
-  // Of the paper's images, the smaller one is worth nearly as much at every level, so that results
-  // tell enough; of four JPEGs it has to be known what each is worth.
+  // The smaller one of the paper's images is worth nearly as much at every level, so that results
+  // tell enough; what each of four JPEGs is worth has to be known.
   if (images_ == perc::Images::kJpeg) {
     p.levels = believed_levels(local_ladder(o_, data_, 0), images_);
   }
@@ -285,7 +284,7 @@ void Vehicle::refused(const Planned& event) {
 
 void Vehicle::done(const RoundDone& event) {
   const records::RoundRow row = record_.done(event, from_ms(o_.deadline_ms));
-  // Of the paper's images the large one counts, of JPEGs whichever there was time for.
+  // The larger one of the paper's images counts, and whichever JPEG there was time for.
   const bool counts = row.road && (images_ == perc::Images::kJpeg ||
                                    row.road->variant == perc::to_string(perc::Variant::kRaw));
   if (counts) budget_.learn(row.e2e - row.road->compute);
@@ -337,10 +336,6 @@ int Vehicle::run() {
 }
 
 }  // namespace
-
-std::string default_policy(perc::Images images) {
-  return images == perc::Images::kJpeg ? "joint" : "down_sampling";
-}
 
 int run_vehicle(const VehicleOptions& options, VehicleHooks* hooks) {
   if (!perc::parse_ladder_kind(options.ladder)) {

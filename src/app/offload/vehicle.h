@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "app/offload/hooks.h"
-#include "app/perception/codec.h"
 #include "app/settings/key_options.h"
 
 namespace interneuron::offload {
@@ -21,7 +20,7 @@ struct VehicleOptions {
   std::string transport = "auto";
   std::string video;
   std::string data;
-  // Of the local backup, which runs its lowest level.
+  // The detectors of the local backup, which runs their lowest level.
   std::string ladder = "auto";
   // A file, or "none": then no accuracy is told even where there is ground truth.
   std::string truth;
@@ -49,9 +48,6 @@ struct VehicleOptions {
   std::vector<std::string> profiles;
   std::int64_t seed = -1;
 };
-
-// "joint" for JPEGs, "down_sampling" for the paper's images.
-std::string default_policy(perception::Images images);
 
 // Begins rounds until the source ends, the number of rounds is reached or SIGINT or SIGTERM comes,
 // and returns the program's exit code. `hooks`: what an evaluation adds (hooks.h), or nullptr.

@@ -1,4 +1,4 @@
-#include "app/offload/vehicle_images.h"
+#include "app/offload/vehicle_run.h"
 
 #include <algorithm>
 #include <opencv2/core.hpp>

@@ -1,4 +1,4 @@
-#include "app/offload/vehicle_report.h"
+#include "app/offload/vehicle_run.h"
 
 #include <cstdio>
 
@@ -31,6 +31,10 @@ records::RunInfo info_of(const VehicleOptions& options, const VehicleRun& run,
 }
 
 }  // namespace
+
+std::string default_policy(perception::Images images) {
+  return images == perception::Images::kJpeg ? "joint" : "down_sampling";
+}
 
 std::optional<std::filesystem::path> truth_of(const VehicleOptions& options,
                                               const std::optional<std::filesystem::path>& data,

@@ -297,7 +297,7 @@ double agreement(std::span<const Cluster> found, std::span<const Cluster> refere
   std::ranges::stable_sort(pairs, std::greater(), &Pair::iou);
   std::vector<bool> found_taken(found.size());
   std::vector<bool> reference_taken(reference.size());
-  // Of each matched pair, the thresholds that it reaches.
+  // The thresholds that the matched pairs reach, added up.
   int reached = 0;
   for (const Pair& p : pairs) {
     if (found_taken[p.found] || reference_taken[p.reference]) continue;

@@ -25,7 +25,7 @@ constexpr std::array<Variant, 2> kPaperVariants{Variant::kRaw, Variant::kSampled
 constexpr std::array<Variant, 4> kJpegVariants{Variant::kJpeg, Variant::kJpegCoarse,
                                                Variant::kJpegCoarsest, Variant::kJpegHalf};
 
-// Of the variants that have one size.
+// The pixels of a variant that has one size.
 cv::Size size_of(Variant variant) {
   return variant == Variant::kSampled ? cv::Size(kSampledWidth, kSampledHeight)
                                       : cv::Size(kRawWidth, kRawHeight);

@@ -80,8 +80,8 @@ struct JpegForm {
   int divisor = 1;
   int quality = 50;
 };
-// Of each JPEG variant: forms that no other one beats in both bytes and AP with the better nets
-// (docs/constants.md, "Images and detectors").
+// What each JPEG variant is: forms that no other one beats in both bytes and AP with the better
+// nets (docs/constants.md, "Images and detectors").
 constexpr JpegForm jpeg_form(Variant variant) {
   switch (variant) {
     case Variant::kJpegCoarse:

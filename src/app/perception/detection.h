@@ -59,7 +59,7 @@ static_assert(kResultHeaderBytes + kMaxBoxes * kBoxBytes <= kMaxResultBytes);
 struct Result {
   // 0-based index in the source.
   std::uint32_t frame = 0;
-  // Of the ladder that ran.
+  // The level of the ladder that ran.
   std::uint8_t level = 0;
   Variant variant = Variant::kRaw;
   // Boxes scored below this are guesses and are not drawn; 0 … 1, 0 draws all. It is the level's

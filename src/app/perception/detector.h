@@ -111,7 +111,7 @@ class Ladder {
 };
 
 enum class LadderKind {
-  // Of kDnn and kMotion the one with the higher expected_quality() in LadderOptions::budget, kDnn
+  // The one of kDnn and kMotion with the higher expected_quality() in LadderOptions::budget, kDnn
   // where they differ by less than .01 or no budget is given; kMotion where models are missing. The
   // description says why.
   kAuto,

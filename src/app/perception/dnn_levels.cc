@@ -18,7 +18,7 @@ namespace fs = std::filesystem;
 // Boxes scored lower are dropped: they gain no AP on the demo video, and its recorded boxes end
 // there too.
 constexpr float kMinScore = 0.02F;
-// Of two boxes that overlap by more, only the better one stays; the usual bound for pedestrians.
+// Where two boxes overlap by more, only the better one stays; the usual bound for pedestrians.
 constexpr float kMaxIou = 0.5F;
 // A candidate is a row of values: 4 of the box, the objectness, 80 classes of COCO, of which class
 // 0, person, is in column kPerson.

@@ -11,7 +11,7 @@
 #include <utility>
 
 #include "app/perception/levels.h"
-#include "app/perception/motion_streams.h"
+#include "app/perception/motion.h"
 
 namespace interneuron::perception {
 namespace {

@@ -1,4 +1,4 @@
-// Lidar sweeps: reading them, thinning them, and their form as messages.
+// Lidar sweeps: reading them, thinning them, their form as messages, and drives made of one.
 //
 // Wire format: a header of 12 bytes, big-endian, then the points:
 //
@@ -18,6 +18,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <numbers>
 #include <optional>
 #include <span>
 #include <vector>
@@ -86,5 +87,37 @@ std::vector<Bytes> encode_cloud_ladder(const Points& points, std::uint32_t frame
 // The sweep in a message, or nothing if the bytes are not exactly one. Any bytes will do; never
 // throws on them. Its points are finite and within bounds.
 std::optional<Cloud> decode_cloud(ByteView bytes);
+
+// One recorded lidar sweep made into a drive: the sweep as a sensor would have it that moves
+// through the scene. SYNTHETIC: the world stands still, what one place saw is all that is seen
+// (nothing gets hidden or comes into view), and only the sensor's noise is drawn anew. It makes
+// successive sweeps differ as they do on a slow bend, and says nothing of traffic. Pure; safe from
+// any thread.
+//
+// The sensor goes round a circle of 16 m radius in 20 s, as on a roundabout: the scene stays in
+// sight, and after a lap the same sweeps come again.
+inline constexpr double kSpeed = 5;                            // m/s
+inline constexpr double kYawRate = 2 * std::numbers::pi / 20;  // rad/s
+inline constexpr double kSweepPeriod = 0.1;                    // s
+inline constexpr std::uint32_t kLapSweeps = 200;
+// What is nearer to the sensor than this, seen from above, is its own vehicle, m; it is left out.
+// In the nuScenes sweep a quarter of the points are within 2 m, and none between 2 and 3 m.
+inline constexpr float kOwnVehicle = 2.5F;
+
+class MovedSweeps {
+ public:
+  // `still`: the sweep at the start. The seed determines the direction in which the sensor starts,
+  // and the noise. Requires that no coordinate of `still` is within 100 m of kMaxCoordinate.
+  MovedSweeps(const Points& still, std::uint64_t seed);
+
+  // The sweep of that number, in the frame of the sensor at that instant: x ahead, y to the left.
+  // Sweep i + kLapSweeps is sweep i. The same number gives the same sweep.
+  Points sweep(std::uint32_t index) const;
+
+ private:
+  Points still_;
+  std::uint64_t seed_;
+  double heading_;
+};
 
 }  // namespace interneuron::perception

@@ -22,6 +22,8 @@ constexpr const char* kStarter = "INTERNEURON_STARTER_VERSION";
 
 }  // namespace
 
+const char* const kSiblings = INTERNEURON_SIBLINGS;
+
 std::string own_program() {
   std::error_code error;
   const fs::path path = fs::read_symlink("/proc/self/exe", error);
@@ -31,15 +33,15 @@ std::string own_program() {
 
 std::string sibling_program(const std::string& name) {
   const fs::path folder = fs::path(own_program()).parent_path();
-  for (const fs::path& place : {folder, folder.parent_path() / "libexec" / "interneuron"}) {
+  const fs::path installed = (folder / kSiblings).lexically_normal();
+  for (const fs::path& place : {folder, installed}) {
     const fs::path path = place / name;
     if (::access(path.c_str(), X_OK) == 0) return path;
   }
   throw Failure(
       kFailed,
       fmt::format("{} is not here, neither in {} nor in {}; install it, or build its target {}",
-                  name, folder.string(),
-                  (folder.parent_path() / "libexec" / "interneuron").string(), name));
+                  name, folder.string(), installed.string(), name));
 }
 
 void become_sibling(const std::string& name, const std::string& version, char** argv) {

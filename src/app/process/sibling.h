@@ -1,12 +1,16 @@
 // The programs of the project that stand beside the one that runs. `interneuron` is the door to all
 // of them: it becomes the sibling whose command was asked for. Siblings lie in the same folder, as
-// in a build, or in ../libexec/interneuron, as when installed. Whoever can write to those folders
-// can replace the programs themselves, so nothing is checked but the version.
+// in a build, or in kSiblings, as when installed. Whoever can write to those folders can replace
+// the programs themselves, so nothing is checked but the version.
 #pragma once
 
 #include <string>
 
 namespace interneuron::process {
+
+// Where the siblings of an installed `interneuron` lie, seen from its folder:
+// ../libexec/interneuron unless CMAKE_INSTALL_BINDIR or CMAKE_INSTALL_LIBEXECDIR says otherwise.
+extern const char* const kSiblings;
 
 // The path of the program that runs. Throws Failure (1).
 std::string own_program();

@@ -8,8 +8,8 @@
 #include <csignal>
 #include <string_view>
 
+#include "app/process/child.h"
 #include "app/process/failure.h"
-#include "app/process/filter.h"
 #include "app/process/whole_file.h"
 #include "app/records/run_files.h"
 

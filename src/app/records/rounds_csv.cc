@@ -44,7 +44,7 @@ struct CsvColumn {
   void (*read)(RoundRow& r, const std::string& text);
 };
 
-// Of what only a round with a remote result has.
+// The text of a column that only a round with a remote result has.
 template <auto kText>
 std::string of_road(const RoundRow& r) {
   return r.road ? kText(*r.road) : "";

@@ -5,7 +5,9 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <optional>
+#include <random>
 #include <string>
 #include <vector>
 
@@ -84,7 +86,7 @@ struct RunInfo {
   std::optional<double> ap;
   std::optional<double> ar;
   std::optional<double> ap50;
-  // Of the boxes that are drawn, the share that shows a person, and of the persons the share that
+  // The share of the boxes that are drawn which shows a person, and the share of the persons that
   // has such a box (IoU .50); known where ap is.
   std::optional<double> drawn_precision;
   std::optional<double> drawn_recall;
@@ -93,6 +95,56 @@ struct RunInfo {
 Json summarise(const std::vector<RoundRow>& rows, const RunInfo& info);
 // The summary as a table on stdout.
 void print_table(const Json& summary);
+
+// The mean of any number of values, and quantiles of them: exact up to kMaxValues, which are 2.8 h
+// of ten rounds a second; beyond, of a random sample of so many (the first of a fixed seed), whose
+// rank is off by less than 0.2 % in 95 of 100 cases.
+class Sample {
+ public:
+  static constexpr std::size_t kMaxValues = 100'000;
+
+  void add(double value);
+  // p50, p95, p99 and mean.
+  Json json() const;
+  std::size_t kept() const { return values_.size(); }
+
+ private:
+  std::vector<double> values_;
+  double sum_ = 0;
+  std::uint64_t count_ = 0;
+  std::mt19937_64 random_{1};
+};
+
+// Counts the rounds of a run as they are over, in memory that does not grow with them: what
+// summary.json says of a run of any length.
+//
+// The vehicle feeds it one row per round. The links and levels that rows name come from this host
+// and from the roadside unit; of plans and levels kMaxKinds different ones each are told apart, and
+// the rest are counted as "others" (level -1). Pure; thread-compatible; never throws.
+class RunTally {
+ public:
+  // No measurement behind this value: a run has a handful of links and levels.
+  static constexpr std::size_t kMaxKinds = 256;
+
+  void add(const RoundRow& row);
+  // What summarise() gives for all rows that were added.
+  Json summary(const RunInfo& info) const;
+
+ private:
+  Sample on_time_ms_;
+  Sample all_ms_;
+  std::uint64_t rounds_ = 0;
+  std::uint64_t answers_ = 0;
+  std::uint64_t on_time_ = 0;
+  std::uint64_t not_fresh_ = 0;
+  std::uint64_t refused_ = 0;
+  std::uint64_t possible_ = 0;
+  // Whether every answered round was compared with a clairvoyant.
+  bool judged_ = true;
+  std::map<int, std::uint64_t> levels_;
+  std::map<std::string, std::uint64_t> used_;
+  std::map<std::string, std::uint64_t> plans_;
+};
 
 // These throw process::Failure (1) that names the file.
 // A rounds.csv that grows by a line at a time and appears whole, when it is committed, or not at

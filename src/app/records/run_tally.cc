@@ -1,4 +1,4 @@
-#include "app/records/run_tally.h"
+#include "app/records/run_files.h"
 
 #include <cmath>
 

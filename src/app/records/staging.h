@@ -31,7 +31,7 @@ class Staging {
   // The topmost directory that was not there; empty when all were.
   std::filesystem::path made_;
   std::filesystem::path partial_;
-  // Of partial_.
+  // Held on partial_ while it is written.
   process::FolderLock lock_;
 };
 

@@ -25,7 +25,6 @@
 
 #include "app/settings/fleet_files.h"
 #include "app/settings/key_files.h"
-#include "app/settings/time_file.h"
 #include "interneuron/node_options.h"
 
 namespace interneuron::settings {

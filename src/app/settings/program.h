@@ -8,6 +8,9 @@
 #include <functional>
 #include <optional>
 #include <span>
+#include <string>
+
+#include "interneuron/pcap_tap.h"
 
 namespace interneuron::settings {
 
@@ -28,6 +31,21 @@ struct Program {
   // user; nothing for others. May be null.
   std::optional<int> (*code_of)(const std::exception& error) = nullptr;
   std::span<const Elsewhere> elsewhere = {};
+};
+
+// Captures what this process sends and receives (--pcap FILE of every command) while it lives; the
+// destructor says on stderr what was captured. Thread-compatible.
+class Capture {
+ public:
+  // Throws IoError.
+  explicit Capture(std::string file);
+  ~Capture();
+  Capture(const Capture&) = delete;
+  Capture& operator=(const Capture&) = delete;
+
+ private:
+  std::string file_;
+  PcapTap tap_;
 };
 
 // Runs the command that the arguments name and returns the exit code. Called once, from main().

@@ -1,4 +1,4 @@
-#include "app/watch/history.h"
+#include "app/watch/screen.h"
 
 #include <fmt/format.h>
 

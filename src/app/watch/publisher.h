@@ -9,7 +9,7 @@
 #include <string>
 #include <utility>
 
-#include "app/computing/job_records.h"
+#include "app/computing/jobs.h"
 #include "app/watch/journal.h"
 #include "app/watch/live_state.h"
 #include "interneuron/node.h"

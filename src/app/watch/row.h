@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "app/computing/job_records.h"
+#include "app/computing/jobs.h"
 #include "interneuron/endpoint.h"
 #include "interneuron/ledger.h"
 #include "interneuron/link.h"
@@ -31,7 +31,7 @@ struct Measured {
   LinkState state;
   // Why `state.path` changed the last time; empty before the first change.
   std::string path_reason;
-  // Of the NIC, over all peers.
+  // The NIC's, over all peers.
   LinkCounters counters;
 };
 

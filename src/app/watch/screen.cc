@@ -8,8 +8,6 @@
 #include <ctime>
 #include <functional>
 
-#include "app/watch/glyphs.h"
-#include "app/watch/ledger_lines.h"
 #include "app/watch/table.h"
 
 namespace interneuron::watch {

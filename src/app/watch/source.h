@@ -18,7 +18,7 @@ struct LinkSourceOptions {
   std::string peer;
   // Each as --link gives it. Without any, `peer` is reached over every NIC that can be used.
   std::vector<std::string> links;
-  // Of the node that talks to the peer.
+  // The keys of the node that talks to the peer.
   settings::KeyOptions keys;
 };
 

@@ -1,6 +1,8 @@
-// The links as text: the tables of `interneuron links`. Pure; thread-safe; no errors.
+// The links as text: the tables of `interneuron links`, and the cells and small pictures of `top`.
+// Pure; thread-safe; no errors.
 #pragma once
 
+#include <deque>
 #include <string>
 #include <vector>
 
@@ -27,6 +29,18 @@ inline constexpr const char* kNothing = "–";
 std::size_t columns(std::string_view text);
 // The text padded with blanks to `width` columns, on the left if `right`, or cut with "…".
 std::string fitted(const std::string& text, std::size_t width, bool right = false);
+
+// Small pictures made of characters, for `interneuron top`.
+// One character for each of the newest `width` values, with `top` as the full height. A negative
+// value was not measured and becomes a blank; with fewer values than `width` there are blanks on
+// the left.
+std::string sparkline(const std::deque<double>& values, double top, std::size_t width,
+                      bool unicode);
+// A bar of `share` in [0, 1].
+std::string bar(double share, std::size_t width, bool unicode);
+
+// UTF-8 text as ASCII with the same number of columns.
+std::string ascii(const std::string& text);
 
 // One of a NIC's addresses, for people: the first that is not link-local, else the first; with the
 // number of the others, "10.0.0.2 +1".

@@ -1,4 +1,4 @@
-#include "app/watch/terminal.h"
+#include "app/watch/screen.h"
 
 #include <langinfo.h>
 

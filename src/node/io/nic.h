@@ -35,7 +35,7 @@ struct Nic {
   bool carrier = false;
   // Administratively up and with carrier.
   bool up = false;
-  // Of the IP layer, bytes.
+  // The largest packet of the IP layer, bytes.
   std::size_t mtu = 0;
   // Receive queues that its driver has made room for, of which fewer may be in use; at least 1.
   std::uint32_t receive_queues = 1;

@@ -68,8 +68,8 @@ class NicMonitor {
   // when any will do.
   virtual std::optional<Address> required_source(std::string_view name) const = 0;
 
-  // Before a socket is opened on a NIC whose carrier came back; see node/monitor/neighbours.h. Does
-  // nothing without CAP_NET_ADMIN.
+  // Before a socket is opened on a NIC whose carrier came back; see node/monitor/route_query.h.
+  // Does nothing without CAP_NET_ADMIN.
   virtual void drop_unanswered_neighbours(std::string_view name) = 0;
 };
 

@@ -5,7 +5,7 @@
 #include <cerrno>
 
 #include "node/io/parts.h"
-#include "node/io/udp_transport.h"
+#include "node/io/udp_socket.h"
 
 namespace interneuron {
 

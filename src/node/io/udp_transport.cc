@@ -1,4 +1,4 @@
-#include "node/io/udp_transport.h"
+#include "node/io/udp_socket.h"
 
 #include <net/if.h>
 #include <netinet/in.h>

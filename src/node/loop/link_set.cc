@@ -8,7 +8,6 @@
 #include <utility>
 
 #include "node/io/nic_choice.h"
-#include "node/loop/setup.h"
 
 namespace interneuron {
 

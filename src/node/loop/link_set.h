@@ -1,4 +1,65 @@
-// The links of a node: on which NICs they are, whether those can be used, and their sockets.
+// The links of a node: what its options say of them, checked; on which NICs they are, whether those
+// can be used, and their sockets. What fails throws IoError, or std::invalid_argument that names
+// the option.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "interneuron/node.h"
+#include "node/io/nic.h"
+#include "node/io/nic_monitor.h"
+
+namespace interneuron {
+
+// Refuses what cannot work before anything is opened.
+void check_options(const NodeOptions& options);
+
+// Refuses a public address of a peer where packets are in the clear.
+void check_peer_address(const NodeOptions& options, const Address& peer);
+
+// A random session id and the options that the endpoint shares with the node; of its keys the seed
+// and the time where the caller has given none. Throws IoError where there are no random bytes.
+EndpointOptions endpoint_options(const NodeOptions& options);
+
+// Refuses addresses that cannot be, or that may not serve in the clear (NodeOptions::insecure),
+// whatever the NIC's state.
+void check_link(const NodeOptions& options, const NodeLink& link, const io::Nic& nic);
+
+struct OpenedLink {
+  std::unique_ptr<Transport> transport;
+  LinkInfo info;
+  std::vector<std::string> warnings;
+};
+struct Binding {
+  std::uint16_t port = 0;
+  // The address to bind where NodeLink::local_address says nothing.
+  std::optional<Address> source{};
+  // Not within the loop (io::UdpOptions).
+  bool may_wait = true;
+};
+// Opens the socket of one link. If the port is taken and the options name none, it gets another.
+OpenedLink open_link(const NodeOptions& options, const NodeLink& link, const io::Nic& nic,
+                     const Binding& binding);
+
+// Whether a socket that is bound to `local` may go on after the NIC's addresses changed.
+bool still_fits(const NodeOptions& options, const NodeLink& link, const Address& local,
+                const io::Nic& nic);
+
+// A card whose carrier came back is left alone for so long: the other end attaches its queue a few
+// milliseconds after ours, plugs bounce, and an ARP request that is lost is repeated only after a
+// second (net.ipv4.neigh.*.retrans_time_ms). No measurement behind this value: it only has to be
+// larger than those milliseconds and small against that second.
+inline constexpr Duration kSettle = std::chrono::milliseconds(100);
+// How soon a ready NIC that could not be opened is tried again, and after how long the NICs are
+// looked at once more after a change, because the kernel removes some routes without an event. No
+// measurement behind this value: it only has to be well within the second in which a link that is
+// back must be used.
+inline constexpr Duration kRecheck = std::chrono::milliseconds(200);
+
+// The links of a running node.
 //
 // A link has a socket while its NIC is ready for its peer, and a new one for every incarnation of
 // the NIC: a socket stays bound to the card that it was opened on, and what waits in the buffers of
@@ -14,28 +75,6 @@
 // Set-up throws IoError, or std::invalid_argument that names the option. What fails later on
 // becomes the link's reason and is tried again every kRecheck; only the set-up waits for the
 // kernel.
-#pragma once
-
-#include <memory>
-#include <string>
-#include <vector>
-
-#include "interneuron/node.h"
-#include "node/io/nic_monitor.h"
-
-namespace interneuron {
-
-// A card whose carrier came back is left alone for so long: the other end attaches its queue a few
-// milliseconds after ours, plugs bounce, and an ARP request that is lost is repeated only after a
-// second (net.ipv4.neigh.*.retrans_time_ms). No measurement behind this value: it only has to be
-// larger than those milliseconds and small against that second.
-inline constexpr Duration kSettle = std::chrono::milliseconds(100);
-// How soon a ready NIC that could not be opened is tried again, and after how long the NICs are
-// looked at once more after a change, because the kernel removes some routes without an event. No
-// measurement behind this value: it only has to be well within the second in which a link that is
-// back must be used.
-inline constexpr Duration kRecheck = std::chrono::milliseconds(200);
-
 class LinkSet {
  public:
   struct Link {

@@ -13,9 +13,14 @@
 #include <boost/asio/posix/stream_descriptor.hpp>
 #include <boost/asio/signal_set.hpp>
 #include <boost/asio/steady_timer.hpp>
+#include <condition_variable>
+#include <deque>
+#include <functional>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "interneuron/endpoint.h"
@@ -23,9 +28,37 @@
 #include "node/io/steady_clock.h"
 #include "node/loop/link_set.h"
 #include "node/loop/outbox.h"
-#include "node/loop/workers.h"
 
 namespace interneuron {
+
+// A queue of jobs and the threads that run them, in the order in which the jobs came. The queue is
+// not bounded.
+//
+// submit() and stop() belong to one thread, the loop thread of a Node. Jobs run on the workers'
+// threads and must not throw: an exception would end the process. Owns its threads. The constructor
+// throws std::system_error when a thread cannot be started.
+class Workers {
+ public:
+  explicit Workers(std::size_t threads);
+  ~Workers() { stop(); }
+  Workers(const Workers&) = delete;
+  Workers& operator=(const Workers&) = delete;
+
+  // Ignored after stop().
+  void submit(std::function<void()> job);
+  // Drops the jobs that wait, waits for those that run.
+  void stop();
+
+ private:
+  void work();
+
+  std::mutex mutex_;
+  std::condition_variable wake_;
+  // mutex_ guards both.
+  std::deque<std::function<void()>> jobs_;
+  bool stopping_ = false;
+  std::vector<std::thread> threads_;
+};
 
 class Node::Impl : private Outbox::Source, private LinkSet::User {
  public:

@@ -1,4 +1,4 @@
-#include "node/loop/setup.h"
+#include "node/loop/link_set.h"
 
 #include <algorithm>
 #include <cerrno>
@@ -8,7 +8,6 @@
 #include "node/io/address.h"
 #include "node/io/nic_choice.h"
 #include "node/io/open_transport.h"
-#include "node/io/random.h"
 #include "node/io/steady_clock.h"
 
 namespace interneuron {
@@ -122,9 +121,10 @@ void check_security(const NodeOptions& options) {
 
 // The keys with what the caller leaves to the node.
 std::shared_ptr<const Security> completed(const Security& given) {
-  io::start_crypto();
+  // Also makes libsodium ready, which must be before anything else is asked of it.
+  const SecretKey drawn = random_key();
   auto out = std::make_shared<Security>(given);
-  if (out->seed == SecretKey{}) out->seed = random_key();
+  if (out->seed == SecretKey{}) out->seed = drawn;
   if (out->unix_time_ns == 0) out->unix_time_ns = io::unix_time_ns();
   return out;
 }

@@ -8,7 +8,6 @@
 
 #include "node/io/address.h"
 #include "node/io/parts.h"
-#include "node/monitor/neighbours.h"
 #include "node/monitor/netlink.h"
 #include "node/monitor/netlink_message.h"
 #include "node/monitor/nic_table.h"

@@ -26,9 +26,9 @@ namespace interneuron::io {
 class LinkMonitor final : public NicMonitor {
  public:
   struct Options {
-    // Of the event socket: room for some thousand events of about 1 KiB each. The kernel grants
-    // less to processes without CAP_NET_ADMIN (net.core.rmem_max); events are then lost sooner, and
-    // everything is read anew more often.
+    // The buffer of the event socket: room for some thousand events of about 1 KiB each. The kernel
+    // grants less to processes without CAP_NET_ADMIN (net.core.rmem_max); events are then lost
+    // sooner, and everything is read anew more often.
     std::size_t receive_buffer_bytes = 4 * 1024 * 1024;
     // Reads default routes: Nic::gateways, and the state of NICs without require_route(), which
     // otherwise are ready as soon as they have an address. Kernels before 6.10 may hold up a reader

@@ -95,8 +95,8 @@ enum class FrameProblem : std::uint8_t {
   // From an address that no packet may come from: unspecified, multicast, broadcast, or this host's
   // loopback (RFC 1122 §3.2.1.3).
   kSource,
-  // Of a VLAN, which is another network than the untagged one. Tags with number 0 bear a priority
-  // only and are no VLAN.
+  // It is of a VLAN, which is another network than the untagged one. Tags with number 0 bear a
+  // priority only and are no VLAN.
   kVlan,
 };
 inline constexpr std::size_t kFrameProblems = static_cast<std::size_t>(FrameProblem::kVlan) + 1;

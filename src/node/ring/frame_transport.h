@@ -131,7 +131,7 @@ class FrameTransport : public Transport {
   ReceiverNotes notes_;
   std::array<std::uint64_t, kFrameProblems> refused_{};
   bool gone_ = false;
-  // Of the socket that holds the port, modulo 2^32.
+  // What the socket that holds the port has dropped, modulo 2^32.
   std::uint32_t missed_ = 0;
   std::vector<std::string> warnings_;
   std::vector<Incoming> datagrams_;

@@ -1,4 +1,4 @@
-#include "node/xdp/xdp_program.h"
+#include "node/xdp/xdp_socket.h"
 
 #include <arpa/inet.h>
 #include <bpf/bpf.h>

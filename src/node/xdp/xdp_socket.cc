@@ -14,7 +14,6 @@
 #include "interneuron/transport.h"
 #include "node/io/steady_clock.h"
 #include "node/io/this_program.h"
-#include "node/xdp/xdp_program.h"
 
 namespace interneuron::io {
 

@@ -34,7 +34,6 @@
 
 #include "node/io/file_descriptor.h"
 #include "node/ring/frame_transport.h"
-#include "node/xdp/xdp_program.h"
 #include "node/xdp/xdp_socket.h"
 
 namespace interneuron::io {

@@ -59,7 +59,7 @@ Ran on_small_disk(int kilobytes, const fs::path& folder, const std::string& scri
 
 TEST(FullDisk, AFileIsNamedWithTheReasonAndNothingIsLeft) {
   const TempFolder folder;
-  // Of two pages of 4 KiB the folder itself takes none; the rest of the picture finds no room.
+  // The folder itself takes none of the two pages of 4 KiB; the rest of the picture finds no room.
   const Ran ran = on_small_disk(
       8, folder.string(),
       "\"$0\" testbed schedule --seconds 20 --plot \"$D\"/x.svg; c=$?; ls -A \"$D\"; exit $c");

@@ -1,4 +1,4 @@
-#include "app/computing/fair_turns.h"
+#include "app/computing/shares.h"
 
 #include <gtest/gtest.h>
 #include <rapidcheck.h>

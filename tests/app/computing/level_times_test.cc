@@ -1,4 +1,4 @@
-#include "app/computing/level_times.h"
+#include "app/computing/peer_accounts.h"
 
 #include <gtest/gtest.h>
 

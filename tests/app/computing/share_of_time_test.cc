@@ -1,4 +1,4 @@
-#include "app/computing/share_of_time.h"
+#include "app/computing/shares.h"
 
 #include <gtest/gtest.h>
 

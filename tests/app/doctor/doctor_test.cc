@@ -4,8 +4,6 @@
 #include <cerrno>
 
 #include "app/doctor/judge.h"
-#include "app/doctor/judge_nat.h"
-#include "app/doctor/judge_nic.h"
 
 namespace interneuron::doctor::doctor_test {
 namespace {
@@ -84,7 +82,8 @@ TEST(Doctor, BindToDevice) {
   host.nics[1].bind_error = EPERM;
   const Finding f = of(host, "bind_to_device");
   EXPECT_EQ(f.verdict, Verdict::kProblem);
-  EXPECT_THAT(f.fix, ElementsAre(HasSubstr("setcap cap_net_raw")));
+  EXPECT_THAT(f.fix,
+              ElementsAre(HasSubstr("setcap cap_net_raw+ep"), HasSubstr("/interneuron-offload\"")));
 }
 
 TEST(Doctor, NoRouteThroughACard) {
@@ -259,8 +258,8 @@ TEST(Doctor, CardsThatAreNotUsedAreNotJudged) {
 }
 
 TEST(DoctorPath, PassesBlackHolesAndRouters) {
-  const auto path = [](std::vector<io::PathMtu::Probe> probes) {
-    return io::PathMtu{.nic = "wwan0", .probes = std::move(probes), .told = {}, .error = 0};
+  const auto path = [](std::vector<PathMtu::Probe> probes) {
+    return PathMtu{.nic = "wwan0", .probes = std::move(probes), .told = {}, .error = 0};
   };
   EXPECT_EQ(judge_path(path({{1228, true}, {1428, true}, {1500, true}}), 1500).verdict,
             Verdict::kOk);
@@ -275,7 +274,7 @@ TEST(DoctorPath, PassesBlackHolesAndRouters) {
   told.told = 1358;
   EXPECT_THAT(judge_path(told, 1500).fix, ElementsAre("ip link set dev wwan0 mtu 1358"));
   EXPECT_EQ(judge_path(path({{1228, false}}), 1500).verdict, Verdict::kNotChecked);
-  io::PathMtu refused = path({});
+  PathMtu refused = path({});
   refused.error = EACCES;
   EXPECT_EQ(judge_path(refused, 1500).verdict, Verdict::kNotChecked);
   EXPECT_THAT(judge_path(refused, 1500).fix, ElementsAre(HasSubstr("ping_group_range")));

@@ -1,6 +1,6 @@
 // Two services on the loopback NIC of a network namespace of their own, and a packet that is forged
 // in the name of one of them.
-#include "app/offload/stamp_service.h"
+#include "app/offload/road.h"
 
 #include <arpa/inet.h>
 #include <gtest/gtest.h>

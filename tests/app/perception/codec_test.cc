@@ -13,7 +13,7 @@ namespace {
 
 using test::scene;
 
-// Of the scene, as frame 5.
+// The scene, as frame 5.
 Bytes encoded(Variant variant) { return encode_image(make_variant(scene(), 5, variant)); }
 
 bool same(const cv::Mat& a, const cv::Mat& b) {

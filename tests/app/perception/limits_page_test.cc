@@ -3,10 +3,10 @@
 
 #include <gtest/gtest.h>
 
-#include "app/computing/job_records.h"
+#include "app/computing/jobs.h"
 #include "app/perception/codec.h"
 #include "app/perception/jpeg.h"
-#include "app/perception/motion_streams.h"
+#include "app/perception/motion.h"
 
 namespace interneuron::perception::limits_page_test {
 namespace {

@@ -1,4 +1,4 @@
-#include "app/perception/motion_streams.h"
+#include "app/perception/motion.h"
 
 #include <gtest/gtest.h>
 #include <rapidcheck.h>

@@ -1,7 +1,7 @@
 #include <vector>
 
 #include "app/perception/detector.h"
-#include "app/perception/motion_model.h"
+#include "app/perception/motion.h"
 #include "support.h"
 
 namespace interneuron::perception::motion_test {

@@ -9,8 +9,8 @@
 #include <filesystem>
 #include <functional>
 
+#include "app/process/child.h"
 #include "app/process/failure.h"
-#include "app/process/filter.h"
 #include "app/process/private_folder.h"
 #include "app/process/whole_file.h"
 

@@ -4,7 +4,6 @@
 
 #include "app/process/failure.h"
 #include "app/records/plot.h"
-#include "app/records/run_tally.h"
 #include "app/records/staging.h"
 #include "core/base/statistics.h"
 #include "tests/app/cli/support.h"

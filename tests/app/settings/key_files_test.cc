@@ -10,7 +10,6 @@
 #include <fstream>
 
 #include "app/process/failure.h"
-#include "app/settings/time_file.h"
 #include "tests/app/cli/support.h"
 
 namespace interneuron::settings::key_files_test {

@@ -3,7 +3,6 @@
 #include <gmock/gmock.h>
 #include <rapidcheck/gtest.h>
 
-#include "app/watch/glyphs.h"
 #include "app/watch/table.h"
 #include "links_support.h"
 

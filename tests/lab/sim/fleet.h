@@ -9,7 +9,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "app/computing/job_records.h"
+#include "app/computing/jobs.h"
 #include "interneuron/round.h"
 #include "lab/emu/link.h"
 #include "lab/sim/offload.h"

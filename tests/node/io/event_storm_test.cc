@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "node/io/udp_transport.h"
+#include "node/io/udp_socket.h"
 #include "watch.h"
 
 namespace interneuron::io::event_storm_test {

@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "node/io/udp_transport.h"
+#include "node/io/udp_socket.h"
 #include "support.h"
 
 namespace interneuron::io::namespace_test {

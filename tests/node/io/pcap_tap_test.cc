@@ -8,7 +8,7 @@
 #include <filesystem>
 #include <map>
 
-#include "node/io/udp_transport.h"
+#include "node/io/udp_socket.h"
 #include "tests/node/io/namespace.h"
 #include "tests/node/io/support.h"
 

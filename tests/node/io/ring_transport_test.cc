@@ -10,7 +10,7 @@
 #include <sys/ioctl.h>
 #include <sys/syscall.h>
 
-#include "node/io/udp_transport.h"
+#include "node/io/udp_socket.h"
 #include "node/ring/ring_filter.h"
 #include "support.h"
 #include "two_hosts.h"

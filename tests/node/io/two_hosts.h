@@ -20,7 +20,7 @@
 #include "node/io/file_descriptor.h"
 #include "node/io/nic.h"
 #include "node/io/steady_clock.h"
-#include "node/io/udp_transport.h"
+#include "node/io/udp_socket.h"
 #include "node/ring/frame.h"
 #include "support.h"
 

@@ -1,4 +1,4 @@
-#include "node/io/udp_transport.h"
+#include "node/io/udp_socket.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -69,7 +69,7 @@ TEST(UdpTransport, ReportsOfTheErrorQueueAreReadAndCounted) {
   const int stamps = SOF_TIMESTAMPING_TX_SOFTWARE | SOF_TIMESTAMPING_SOFTWARE;
   ASSERT_EQ(
       ::setsockopt(sender.native_handle(), SOL_SOCKET, SO_TIMESTAMPING, &stamps, sizeof stamps), 0);
-  // Of different sizes, so that each is a send of its own.
+  // Their sizes differ, so that each is a send of its own.
   std::vector<Bytes> payloads;
   for (std::size_t i = 0; i < 150; ++i) payloads.push_back(payload(i, 100 + i));
   ASSERT_EQ(sender.send(to_all(receiver.local_address(), payloads)).taken, payloads.size());

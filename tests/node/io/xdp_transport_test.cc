@@ -12,7 +12,7 @@
 
 #include <fstream>
 
-#include "node/io/udp_transport.h"
+#include "node/io/udp_socket.h"
 #include "transport_conformance.h"
 
 namespace interneuron::io::xdp_transport_test {
@@ -148,7 +148,7 @@ class FullCard {
         [] { return std::make_unique<XdpTransport>(TwoHosts::options("vb", "10.99.0.2")); });
     here_ = std::make_unique<XdpTransport>(TwoHosts::options("va", "10.99.0.1"));
     EXPECT_TRUE(gets_through(*here_, there_->local_address(), *there_));
-    // Of this process: /sys shows the cards of the namespace that it was mounted in.
+    // A mount of its own, since /sys shows the cards of the namespace that it was mounted in.
     if (!hosts_.shell_there("unshare -m sh -c 'mount -t sysfs x /sys && "
                             "echo 1 > /sys/class/net/vb/threaded'")) {
       return false;

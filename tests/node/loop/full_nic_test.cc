@@ -199,7 +199,7 @@ TEST(FullNic, AboveItsRateNotEveryAnswerIsLate) {
     Crowd crowd;
     crowd.ask(100, bytes);
     std::printf("%zu bytes: %d of %zu on time\n", bytes, sum(crowd.on_time), 100 * kVehicles);
-    // Of the larger ones two thirds would fit.
+    // Two thirds of the larger ones would fit.
     EXPECT_GE(sum(crowd.on_time), 100 * static_cast<int>(kVehicles) / 4) << bytes;
   }
 }

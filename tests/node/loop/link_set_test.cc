@@ -17,7 +17,7 @@
 #include "lab/sim/trust.h"
 #include "node/io/open_transport.h"
 #include "node/io/steady_clock.h"
-#include "node/io/udp_transport.h"
+#include "node/io/udp_socket.h"
 #include "tests/node/io/namespace.h"
 #include "tests/node/io/support.h"
 

@@ -13,10 +13,8 @@
 #include <stdexcept>
 #include <thread>
 
-#include "node/io/open_transport.h"
-#include "node/io/udp_transport.h"
+#include "node/io/udp_socket.h"
 #include "tests/node/io/namespace.h"
-#include "tests/node/io/two_hosts.h"
 
 namespace interneuron::node_test {
 namespace {
@@ -299,55 +297,6 @@ TEST(Node, GarbageIsCountedAndDropped) {
             counters.received_packets + counters.duplicate_packets + counters.malformed_packets +
                 counters.other_version_packets + counters.other_packets + counters.refused_packets);
   EXPECT_EQ(road.peers().size(), 1u);
-}
-
-void expect_that_messages_travel_through(TransportKind kind, io::Root root) {
-  io::in_namespace(
-      [kind] {
-        const io::TwoHosts hosts;
-        if (!hosts.made()) GTEST_SKIP();
-        NodeOptions options;
-        options.insecure = true;
-        options.links = {{.id = LinkId{0}, .nic = "vb"}};
-        options.accept_peers = true;
-        options.transport = kind;
-        const auto road = hosts.there([&] { return std::make_unique<Node>(options); });
-        EXPECT_THAT(road->warnings(), testing::Contains(testing::HasSubstr("bypass nftables")));
-        const std::uint16_t port = port_of(*road->local_address(LinkId{0}));
-        std::optional<Running> running(std::in_place, *road);
-
-        options.accept_peers = false;
-        options.links = {
-            {.id = LinkId{0}, .nic = "va", .peer = "10.99.0.2:" + std::to_string(port)}};
-        Node vehicle(options);
-        std::optional<Fate> fate;
-        vehicle.on_peer_ready([&](PeerReady ready) {
-          vehicle.send(ready.peer, Bytes(100'000), {.deadline = seconds(20)});
-        });
-        vehicle.on_fate([&](const MessageFate& e) {
-          fate = e.fate;
-          vehicle.stop();
-        });
-        limit(vehicle);
-        vehicle.run();
-        running.reset();
-        EXPECT_EQ(fate, Fate::kDelivered);
-        EXPECT_EQ(road->transport_counters(LinkId{0}).receive_errors, 0U);
-      },
-      root);
-}
-
-TEST(Node, MessagesTravelThroughRings) {
-  expect_that_messages_travel_through(TransportKind::kRing, io::Root::kOfNamespace);
-}
-
-TEST(Node, MessagesTravelThroughXdp) {
-  try {
-    io::require_privilege(TransportKind::kXdp);
-  } catch (const IoError& error) {
-    GTEST_SKIP() << error.what();
-  }
-  expect_that_messages_travel_through(TransportKind::kXdp, io::Root::kOfHost);
 }
 
 TEST(Node, ACardThatVanishesIsReportedAndTheOthersGoOn) {

@@ -50,7 +50,7 @@ class Road {
     node.stop();
     if (thread_.joinable()) thread_.join();
   }
-  // Of a vehicle that connects to it.
+  // The options of a vehicle that connects to it.
   NodeOptions vehicle() const {
     NodeOptions options = on_loopback();
     for (NodeLink& link : options.links) link.peer = to_string(*node.local_address(link.id));

@@ -1,17 +1,24 @@
-// Plain messages between two nodes on the loopback card.
+// Plain messages between two nodes, on the loopback card and through the other transports.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <chrono>
+#include <memory>
+#include <optional>
 #include <stdexcept>
 #include <thread>
 #include <vector>
 
 #include "interneuron/node.h"
+#include "node/io/open_transport.h"
+#include "tests/node/io/namespace.h"
+#include "tests/node/io/two_hosts.h"
 
 namespace interneuron::send_test {
 namespace {
 
 using std::chrono::milliseconds;
+using std::chrono::seconds;
 
 NodeOptions options_on_loopback() {
   NodeOptions options;
@@ -103,6 +110,56 @@ TEST(NodeSend, WhatIsCancelledIsDropped) {
   ASSERT_EQ(nodes.fates.size(), 1U);
   EXPECT_EQ(nodes.fates[0].reason, FateReason::kCancelled);
   EXPECT_TRUE(nodes.came.empty());
+}
+
+void expect_that_messages_travel_through(TransportKind kind, io::Root root) {
+  io::in_namespace(
+      [kind] {
+        const io::TwoHosts hosts;
+        if (!hosts.made()) GTEST_SKIP();
+        NodeOptions options;
+        options.insecure = true;
+        options.links = {{.id = LinkId{0}, .nic = "vb"}};
+        options.accept_peers = true;
+        options.transport = kind;
+        const auto road = hosts.there([&] { return std::make_unique<Node>(options); });
+        EXPECT_THAT(road->warnings(), testing::Contains(testing::HasSubstr("bypass nftables")));
+        const std::uint16_t port = port_of(*road->local_address(LinkId{0}));
+        std::thread loop([&road] { road->run(); });
+
+        options.accept_peers = false;
+        options.links = {
+            {.id = LinkId{0}, .nic = "va", .peer = "10.99.0.2:" + std::to_string(port)}};
+        Node vehicle(options);
+        std::optional<Fate> fate;
+        vehicle.on_peer_ready([&](PeerReady ready) {
+          vehicle.send(ready.peer, Bytes(100'000), {.deadline = seconds(20)});
+        });
+        vehicle.on_fate([&](const MessageFate& e) {
+          fate = e.fate;
+          vehicle.stop();
+        });
+        vehicle.after(seconds(60), [] { throw std::runtime_error("it took too long"); });
+        vehicle.run();
+        road->stop();
+        loop.join();
+        EXPECT_EQ(fate, Fate::kDelivered);
+        EXPECT_EQ(road->transport_counters(LinkId{0}).receive_errors, 0U);
+      },
+      root);
+}
+
+TEST(Node, MessagesTravelThroughRings) {
+  expect_that_messages_travel_through(TransportKind::kRing, io::Root::kOfNamespace);
+}
+
+TEST(Node, MessagesTravelThroughXdp) {
+  try {
+    io::require_privilege(TransportKind::kXdp);
+  } catch (const IoError& error) {
+    GTEST_SKIP() << error.what();
+  }
+  expect_that_messages_travel_through(TransportKind::kXdp, io::Root::kOfHost);
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-#include "node/loop/setup.h"
+#include "node/loop/link_set.h"
 
 #include <dirent.h>
 #include <gmock/gmock.h>

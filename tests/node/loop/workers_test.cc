@@ -1,4 +1,4 @@
-#include "node/loop/workers.h"
+#include "node/loop/node_impl.h"
 
 #include <gtest/gtest.h>
 

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "app/perception/clusters.h"
-#include "app/perception/moved_sweeps.h"
+#include "app/perception/point_cloud.h"
 #include "app/process/progress.h"
 #include "lab/eval/experiments/scorer.h"
 #include "lab/eval/lidar.h"

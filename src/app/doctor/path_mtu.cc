@@ -1,4 +1,4 @@
-#include "node/io/path_mtu.h"
+#include "app/doctor/measurements.h"
 
 #include <linux/errqueue.h>
 #include <netinet/icmp6.h>
@@ -18,7 +18,7 @@
 #include "node/io/file_descriptor.h"
 #include "node/io/steady_clock.h"
 
-namespace interneuron::io {
+namespace interneuron::doctor {
 
 namespace {
 
@@ -45,10 +45,10 @@ class Echo {
   Echo(const std::string& nic, const Address& host) : host_(host), ipv6_(is_ipv6(host)) {
     const int family = ipv6_ ? AF_INET6 : AF_INET;
     const int protocol = ipv6_ ? static_cast<int>(IPPROTO_ICMPV6) : static_cast<int>(IPPROTO_ICMP);
-    socket_ = FileDescriptor(::socket(family, SOCK_DGRAM | SOCK_CLOEXEC, protocol));
+    socket_ = io::FileDescriptor(::socket(family, SOCK_DGRAM | SOCK_CLOEXEC, protocol));
     if (socket_.get() < 0) {
       raw_ = true;
-      socket_ = FileDescriptor(::socket(family, SOCK_RAW | SOCK_CLOEXEC, protocol));
+      socket_ = io::FileDescriptor(::socket(family, SOCK_RAW | SOCK_CLOEXEC, protocol));
     }
     if (socket_.get() < 0) {
       error_ = errno;
@@ -172,7 +172,7 @@ class Echo {
   Address host_;
   bool ipv6_;
   bool raw_ = false;
-  FileDescriptor socket_;
+  io::FileDescriptor socket_;
   int error_ = 0;
   std::uint16_t sequence_ = 0;
   std::optional<std::size_t> told_;
@@ -206,4 +206,4 @@ PathMtu probe_path_mtu(const std::string& nic, std::size_t mtu, const Address& h
   return out;
 }
 
-}  // namespace interneuron::io
+}  // namespace interneuron::doctor

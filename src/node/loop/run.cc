@@ -1,16 +1,101 @@
-// The part of a Node's loop that follows its NICs: links come and go while it runs.
+// A Node's loop from its begin to its end, and what happens beside its turns: links come and go
+// with their NICs, statistics are told.
 #include <algorithm>
+#include <csignal>
 #include <stdexcept>
 #include <utility>
 
 #include "node/io/steady_clock.h"
+#include "node/loop/link_set.h"
 #include "node/loop/node_impl.h"
-#include "node/loop/setup.h"
 
 namespace interneuron {
 
 using boost::asio::posix::stream_descriptor;
 using boost::system::error_code;
+
+namespace {
+
+// How soon a clock that was set is noticed. No measurement behind this value: credentials are valid
+// for hours.
+constexpr Duration kBetweenClocks = std::chrono::seconds(10);
+
+}  // namespace
+
+Node::Impl::Impl(NodeOptions options)
+    : Impl(std::move(options), (check_options(options), endpoint_options(options))) {}
+
+Node::Impl::Impl(NodeOptions&& options, const EndpointOptions& endpoint)
+    : work_(context_.get_executor()),
+      timer_(context_),
+      signals_(context_),
+      session_(endpoint.session),
+      endpoint_(endpoint, io::now()),
+      links_(options, *this),
+      nic_watcher_(context_),
+      computation_(options.computation_workers),
+      backup_(options.backup_workers) {
+  try {
+    if (links_.native_handle() >= 0) nic_watcher_.assign(links_.native_handle());
+    connect();
+  } catch (...) {
+    shut_down();
+    throw;
+  }
+}
+
+Node::Impl::~Impl() { shut_down(); }
+
+// Ends the workers and gives up all waits; may be called more than once. Afterwards only the
+// caller's thread uses this object.
+void Node::Impl::shut_down() {
+  computation_.stop();
+  backup_.stop();
+  error_code ignored;
+  signals_.cancel(ignored);
+  signals_.clear(ignored);
+  // The descriptors belong to the transports, which close them.
+  for (const SharedPort& port : ports_) {
+    if (port->watcher.is_open()) port->watcher.release();
+  }
+  if (nic_watcher_.is_open()) nic_watcher_.release();
+}
+
+void Node::Impl::run() {
+  if (std::exchange(ran_, true)) throw std::logic_error("Node::run: a node runs once");
+  const io::PreciseTimers precise;
+  try {
+    if (nic_watcher_.is_open()) wait_for_nics();
+    for (const SharedPort& port : ports_) wait_readable(port);
+    repeat_statistics(saturating_add(io::now(), statistics_interval_));
+    repeat_clock();
+    if (!context_.stopped()) turn();
+    context_.run();
+    // What can leave at once still does.
+    outbox_.pump(io::now(), *this);
+  } catch (...) {
+    context_.stop();
+    shut_down();
+    throw;
+  }
+  shut_down();
+}
+
+// The clock of a host may be set long after its programs have begun, and it judges credentials.
+void Node::Impl::repeat_clock() {
+  endpoint_.raise_unix_time_ns(io::now(), io::unix_time_ns());
+  at(io::now() + kBetweenClocks, [this] { repeat_clock(); });
+}
+
+void Node::Impl::stop_on_signals() {
+  signals_.add(SIGINT);
+  signals_.add(SIGTERM);
+  signals_.async_wait([this](const error_code& error, int signal) {
+    if (error) return;
+    signal_ = signal;
+    stop();
+  });
+}
 
 // Begins to talk to the peer over the links that are open.
 void Node::Impl::connect() {
@@ -75,27 +160,6 @@ void Node::Impl::wait_for_nics() {
     turn();
     if (nic_watcher_.is_open()) wait_for_nics();
   });
-}
-
-void Node::Impl::check_nics() {
-  const auto next = links_.update(io::now());
-  if (!next || (recheck_at_ && *recheck_at_ <= *next)) return;
-  recheck_at_ = next;
-  at(*next, [this, due = *next] {
-    // A check for an earlier time was asked for meanwhile and has replaced this one.
-    if (recheck_at_ != due) return;
-    recheck_at_.reset();
-    check_nics();
-  });
-}
-
-// Closes the links whose NIC a send has found gone, which may be before the kernel's event arrives.
-// True when there were any.
-bool Node::Impl::lose_gone_links() {
-  const auto gone = outbox_.take_gone();
-  for (const auto& [id, error] : gone) links_.lost(id, error);
-  if (!gone.empty()) check_nics();
-  return !gone.empty();
 }
 
 void Node::Impl::set_statistics(Duration interval, std::function<void(const Statistics&)> handler) {
