@@ -1,4 +1,4 @@
-#include "lab/bench/load_report.h"
+#include "lab/bench/reports.h"
 
 #include <fmt/format.h>
 
@@ -10,7 +10,7 @@
 #include "app/records/plot.h"
 #include "lab/report/figure.h"
 
-namespace interneuron::cli {
+namespace interneuron::bench {
 namespace {
 
 using load::Row;
@@ -250,4 +250,4 @@ void plot_load(const std::filesystem::path& file, const std::vector<Row>& rows) 
   }
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::bench

@@ -1,4 +1,4 @@
-#include "lab/cli/demo.h"
+#include "lab/cli/commands.h"
 
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>

@@ -1,4 +1,4 @@
-#include "lab/cli/testbed_command.h"
+#include "lab/cli/commands.h"
 
 #include <fmt/format.h>
 
@@ -12,8 +12,6 @@
 #include <variant>
 
 #include "app/process/failure.h"
-#include "lab/cli/testbed_schedule.h"
-#include "lab/cli/testbed_verify.h"
 #include "lab/emu/link_change.h"
 #include "netns/state/hosts.h"
 #include "netns/state/options.h"
@@ -292,16 +290,6 @@ void add_schedule(CLI::App& testbed, const std::shared_ptr<TestbedOptions>& o,
 }
 
 }  // namespace
-
-netns::State found_testbed(const std::string& name) {
-  auto state = Testbed::find(name);
-  if (!state) {
-    throw process::Failure(
-        process::kFailed,
-        "testbed '" + name + "' is not up; `interneuron testbed up --name " + name + "` makes it");
-  }
-  return *state;
-}
 
 void add_testbed(CLI::App& program, std::function<int()>& run) {
   auto o = std::make_shared<TestbedOptions>();

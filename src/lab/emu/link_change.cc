@@ -3,8 +3,7 @@
 #include <charconv>
 #include <exception>
 
-#include "lab/emu/link_change_reader.h"
-#include "lab/emu/profile_keys.h"
+#include "lab/emu/profile_reader.h"
 
 namespace interneuron::emu {
 

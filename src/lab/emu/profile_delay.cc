@@ -1,6 +1,5 @@
 // The delay model of a profile.
 #include "lab/emu/delay_trace.h"
-#include "lab/emu/profile_keys.h"
 #include "lab/emu/profile_reader.h"
 
 namespace interneuron::emu {

@@ -1,7 +1,6 @@
 // [up], [down], [outages] and [nat] of a profile.
 #include <algorithm>
 
-#include "lab/emu/profile_keys.h"
 #include "lab/emu/profile_reader.h"
 
 namespace interneuron::emu {

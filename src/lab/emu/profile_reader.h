@@ -1,14 +1,43 @@
-// The parts of a profile's parser. Private to src/lab/emu; pure. Each returns false when the reader
-// has an error.
+// The parts of the parsers of profiles, changes and scenarios, and what these have in common.
+// Private to src/lab/emu; pure. Each part returns false when the reader has an error.
 #pragma once
 
+#include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "app/toml/toml_reader.h"
+#include "lab/emu/link_change.h"
 #include "lab/emu/profile.h"
 
 namespace interneuron::emu {
+
+// Keys that profiles, changes and scenarios share: names, meanings and ranges, once. Ranges are
+// wide: they are to catch typing errors and wrong units, not unlikely networks. A round trip is a
+// minute at most, a length of time a day, an instant 116 days from the start, and a queue holds one
+// Ethernet packet at least.
+inline constexpr double kMaxRttMs = 60'000;
+inline constexpr double kMaxSeconds = 86'400;
+inline constexpr double kMaxInstantS = 1e7;
+inline constexpr double kMinQueueKbyte = 1.5;
+inline constexpr double kMinRateMbit = 0.001;
+inline constexpr double kMaxRateMbit = 100'000;
+
+inline constexpr toml_reader::NumberKey kRttKey{"rtt_ms", "round-trip time", 0, kMaxRttMs, "ms"};
+inline constexpr toml_reader::NumberKey kLossKey{"loss", "probability that a packet is lost", 0, 1,
+                                                 ""};
+inline constexpr toml_reader::NumberKey kRateKey{"rate_mbit", "rate of IP packets", kMinRateMbit,
+                                                 kMaxRateMbit, "Mbit/s"};
+
+inline Duration seconds(double s) { return from_ms(s * 1e3); }
+
+// A key of [up] and [down], and of changes. All are optional.
+struct DirectionKey {
+  toml_reader::NumberKey key;
+  void (*set)(DirectionChange& change, double value);
+};
+std::span<const DirectionKey> direction_keys();
 
 // Finds the trace files that a profile names.
 class TraceFiles {
@@ -59,5 +88,10 @@ std::string source_of(std::string_view text);
 // A name of 1 to `longest` characters of A-Z a-z 0-9 _ -.
 bool read_name(toml_reader::TomlReader& reader, const toml_reader::TomlReader::Section& section,
                std::size_t longest, std::string& out);
+
+// Reads the keys of a change from `section`, in which the keys `others` may stand as well.
+bool read_change(toml_reader::TomlReader& reader, const toml_reader::TomlReader::Section& section,
+                 const std::vector<std::string_view>& others, const ProfileResolver& resolver,
+                 LinkChange& out);
 
 }  // namespace interneuron::emu

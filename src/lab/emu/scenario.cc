@@ -4,8 +4,6 @@
 #include <exception>
 #include <limits>
 
-#include "lab/emu/link_change_reader.h"
-#include "lab/emu/profile_keys.h"
 #include "lab/emu/profile_reader.h"
 
 namespace interneuron::emu {

@@ -23,10 +23,10 @@ enum class Peer : std::uint8_t {
   kOurs,
   // Endpoints with the policy down_sampling: every message has a smaller variant, too.
   kOursVariants,
-  // Each message at once in plain datagrams, without repair (src/lab/foreign/udp.h).
+  // Each message at once in plain datagrams, without repair (src/lab/foreign/transports.h).
   kUdp,
   // TCP with CUBIC; with a rate-based control after BBR; MPTCP with CUBIC over two modems in the
-  // same cell (src/lab/foreign/tcp.h).
+  // same cell (src/lab/foreign/transports.h).
   kCubic,
   kBbrLike,
   kMptcpLike,

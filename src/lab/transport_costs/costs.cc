@@ -17,7 +17,7 @@
 #include "node/io/open_transport.h"
 #include "node/io/steady_clock.h"
 
-namespace interneuron::costs {
+namespace interneuron::transport_costs {
 namespace {
 
 using netns::NetworkNamespaceScope;
@@ -245,4 +245,4 @@ std::vector<Row> measure(Duration length,
   return rows;
 }
 
-}  // namespace interneuron::costs
+}  // namespace interneuron::transport_costs

@@ -23,7 +23,7 @@
 #include "interneuron/node_options.h"
 #include "interneuron/time.h"
 
-namespace interneuron::costs {
+namespace interneuron::transport_costs {
 
 // Bursts of equal datagrams.
 struct Load {
@@ -64,4 +64,4 @@ struct Row {
 std::vector<Row> measure(Duration length,
                          const std::function<void(std::size_t, std::size_t)>& progress);
 
-}  // namespace interneuron::costs
+}  // namespace interneuron::transport_costs

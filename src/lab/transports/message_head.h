@@ -9,7 +9,7 @@
 
 #include "interneuron/message.h"
 
-namespace interneuron::cli {
+namespace interneuron::transports {
 
 struct MessageHead {
   std::uint32_t vehicle = 0;
@@ -54,4 +54,4 @@ inline Bytes message_of(std::uint32_t vehicle, std::uint32_t number, std::size_t
   return out;
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::transports

@@ -15,7 +15,7 @@
 #include "interneuron/security.h"
 #include "interneuron/time.h"
 
-namespace interneuron::cli {
+namespace interneuron::transports {
 
 // What carries the messages: kTcp and kMptcp are the kernel's.
 enum class Kind : std::uint8_t { kOurs, kUdp, kTcp, kMptcp, kFastDds, kSrt };
@@ -109,4 +109,4 @@ void write_record(const Order& order, const RoadRecord& record);
 VehiclesRecord read_vehicles(const Order& order);
 RoadRecord read_road(const Order& order);
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::transports

@@ -11,7 +11,7 @@
 #include "lab/transports/ends.h"
 #include "node/io/steady_clock.h"
 
-namespace interneuron::cli {
+namespace interneuron::transports {
 namespace {
 
 using namespace std::chrono_literals;
@@ -184,4 +184,4 @@ void receive_ours(const Order& order, const Ready& ready, Reception& reception) 
   node.run();
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::transports

@@ -9,7 +9,7 @@
 
 #include "app/process/failure.h"
 
-namespace interneuron::cli {
+namespace interneuron::transports {
 namespace {
 
 // Of the network namespace of this process (man 5 proc).
@@ -60,4 +60,4 @@ Outlay::Outlay() : cpu_(processor_time()), sent_(ip_bytes_sent()) {}
 
 std::uint64_t Outlay::wire_bytes() const { return ip_bytes_sent() - sent_; }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::transports

@@ -15,7 +15,7 @@
 #include "netns/state/snapshot.h"
 #include "netns/state/state.h"
 
-namespace interneuron::cli {
+namespace interneuron::transports {
 
 // Why a run with this transport cannot be made on this machine, one line that does not name it;
 // nothing: it can.
@@ -58,4 +58,4 @@ class Scratch {
   std::filesystem::path folder_;
 };
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::transports

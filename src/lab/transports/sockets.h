@@ -10,7 +10,7 @@
 #include "interneuron/time.h"
 #include "node/io/file_descriptor.h"
 
-namespace interneuron::cli {
+namespace interneuron::transports {
 
 // IPPROTO_UDP, IPPROTO_TCP or IPPROTO_MPTCP; never blocks.
 io::FileDescriptor open_socket(int protocol);
@@ -28,4 +28,4 @@ inline constexpr int kBufferBytes = 8 * 1024 * 1024;
 // Waits until one of them is ready, a signal has come, or `until`; returns whether one is ready.
 bool wait_for(std::span<pollfd> sockets, TimePoint until);
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::transports

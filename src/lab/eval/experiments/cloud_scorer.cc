@@ -1,4 +1,4 @@
-#include "lab/eval/experiments/cloud_scorer.h"
+#include "lab/eval/experiments/scorer.h"
 
 #include <fmt/format.h>
 

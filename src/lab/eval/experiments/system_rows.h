@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "lab/eval/intervals.h"
+#include "lab/eval/metrics.h"
 
 namespace interneuron::experiments {
 
