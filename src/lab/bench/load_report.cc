@@ -111,7 +111,7 @@ bool raises_load(const Row& r) { return r.scenario.group == "rate" || r.scenario
 
 std::string column_of(const Row& r) { return r.scenario.group + " " + r.scenario.name; }
 
-// Of ours and of the others, by Peer.
+// The colours of ours and of the others, by Peer.
 constexpr std::array<const char*, load::kPeers> kColours{
     report::kBlue,   report::kGreen,  report::kGrey, report::kOrange, report::kRed,
     report::kPurple, report::kOrange, report::kRed,  report::kPurple};

@@ -172,7 +172,7 @@ std::vector<Series> misses(const Layout& l, const Band& band,
   return out;
 }
 
-// Of one size.
+// The panels of one size of messages.
 std::string row_of_panels(const Layout& l, std::size_t row) {
   const Band& band = l.bands[row];
   std::vector<Series> bytes{{report::kGrey, {}}};

@@ -16,7 +16,7 @@ namespace {
 using transport_costs::Row;
 
 constexpr const char* kTransportsSchema = "interneuron.transports/1";
-// Of one run; a shorter one meets too few ticks of the processor's accounts.
+// How long a run may be; a shorter one meets too few ticks of the processor's accounts.
 constexpr double kLeastTransportSeconds = 0.1;
 constexpr double kMostTransportSeconds = 60;
 

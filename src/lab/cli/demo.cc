@@ -56,7 +56,7 @@ class Demo {
   const DemoOptions& o_;
   std::optional<fs::path> data_;
   std::string video_;
-  // Of the private keys of the two, which are gone with it.
+  // Holds the private keys of the two, which are gone with it.
   std::optional<process::PrivateFolder> keys_;
   // Their public halves.
   std::string road_key_;

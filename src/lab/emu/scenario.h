@@ -49,7 +49,7 @@ namespace interneuron::emu {
 struct ScenarioLink {
   std::string name;
   LinkProfile profile;
-  // Of the link's delay process.
+  // The seed of the link's delay process.
   std::uint64_t seed = 0;
   // The index of the cell that its packets pass, each way, behind the link.
   std::optional<std::size_t> cell{};

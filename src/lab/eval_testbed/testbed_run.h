@@ -32,7 +32,7 @@ struct TestbedRun {
   // For LevelRule::kErdos; the vehicle has it as its own option too.
   Duration deadline = eval::Scenario{}.deadline;
   eval::ErdosTimes erdos;
-  // Of the roadside's ladder. If empty, the roadside calibrates it.
+  // The roadside's ladder. If empty, the roadside calibrates it.
   std::vector<LevelProfile> levels;
   FallbackQuality fallback;
   // Where it was read from.

@@ -76,7 +76,7 @@ struct Scenario {
   // Tells the scenarios of a group apart: "20mbit-30ms".
   std::string name;
   Peer peer{};
-  // Of the bottleneck; 1 is all that it carries.
+  // What is offered, as a share of what the bottleneck carries.
   double load = 1;
   std::size_t vehicles = 1;
   DataRate capacity{};

@@ -58,7 +58,7 @@ std::vector<Row> rows_of(const Run& run, const transports::VehiclesRecord& vehic
                        (messages * static_cast<double>(run.message_bytes));
       row.cpu_us_send = us(vehicle.cpu) / messages;
     }
-    // Of a message in the mean: the share of the time, times the time for each.
+    // What a message takes in the mean is the share of the time, times the time for each.
     if (road.arrivals.size() > 1) row.cpu_us_receive = road.cpu * us(run.period());
     out.push_back(row);
   }

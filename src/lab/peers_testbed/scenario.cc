@@ -46,7 +46,7 @@ Links clean() {
   return out;
 }
 
-// Of all packets, both ways.
+// This share of all packets is lost, both ways.
 constexpr double kLoss = 0.01;
 
 Links loss() {

@@ -47,7 +47,7 @@ struct Scenario {
   std::string_view name;
   // One line for people.
   std::string_view about;
-  // Of the first link and the second.
+  // Makes the profiles of the first link and the second.
   std::array<emu::LinkProfile, kLinks> (*links)();
   // Nothing passes over the first link for so long, from the middle of the run on; 0: no hole.
   Duration hole{};

@@ -74,7 +74,7 @@ class Wire {
   netns::Namespaces spaces_;
 };
 
-// Of the calling thread, microseconds.
+// The processor time of the calling thread, in microseconds.
 double processor_us() {
   rusage used{};
   ::getrusage(RUSAGE_THREAD, &used);

@@ -29,7 +29,7 @@ namespace interneuron::transport_costs {
 struct Load {
   std::string_view name;
   std::string_view about;
-  // Of each burst, and the UDP payload of each, bytes.
+  // How many a burst has, and the bytes of UDP payload of each.
   std::size_t datagrams = 0;
   std::size_t bytes = 0;
   Duration interval{};
@@ -50,7 +50,7 @@ inline constexpr int kRepetitions = 5;
 struct Row {
   const Load* load = nullptr;
   TransportKind transport{};
-  // Of all repetitions.
+  // Datagrams of all repetitions.
   std::size_t sent = 0;
   std::size_t lost = 0;
   // Microseconds per datagram; medians of the repetitions.

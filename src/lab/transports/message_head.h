@@ -15,7 +15,7 @@ struct MessageHead {
   std::uint32_t vehicle = 0;
   // Counts within the vehicle.
   std::uint32_t number = 0;
-  // Of the whole message, with this head.
+  // The length of the whole message, with this head.
   std::uint32_t bytes = 0;
 };
 inline constexpr std::size_t kMessageHeadBytes = 12;

@@ -118,7 +118,7 @@ class Vehicle {
   // failure_ is written before failed_ is set.
   std::atomic<bool> failed_ = false;
   std::exception_ptr failure_;
-  // Of the loop's thread while that runs.
+  // Only the loop's thread touches it while that runs.
   std::vector<TimePoint> begun_;
   std::thread loop_;
 };

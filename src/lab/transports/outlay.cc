@@ -12,7 +12,7 @@
 namespace interneuron::transports {
 namespace {
 
-// Of the network namespace of this process (man 5 proc).
+// The NICs of the network namespace of this process (man 5 proc).
 constexpr const char* kCounters = "/proc/self/net/dev";
 // A line is "NIC: " and 16 counters, eight of what was received and eight of what was sent, each
 // time bytes and packets first.

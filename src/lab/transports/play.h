@@ -33,7 +33,7 @@ struct Played {
   RoadRecord road;
   // When messages began.
   TimePoint begin{};
-  // Of the testbed, when the last message had begun.
+  // What the testbed had carried when the last message had begun.
   netns::Snapshot after;
   // What makes the figures doubtful, one line; empty: nothing was seen.
   std::string doubt;

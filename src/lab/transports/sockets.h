@@ -15,7 +15,7 @@ namespace interneuron::transports {
 // IPPROTO_UDP, IPPROTO_TCP or IPPROTO_MPTCP; never blocks.
 io::FileDescriptor open_socket(int protocol);
 void bind_to(const io::FileDescriptor& socket, const std::string& address, std::uint16_t port);
-// Of a stream it only begins: the socket becomes writable when it is connected, see connected().
+// A stream only begins to connect: its socket becomes writable when it is, see check_connected().
 void connect_to(const io::FileDescriptor& socket, const std::string& address, std::uint16_t port);
 // Throws if a connection that connect_to() began has failed.
 void check_connected(const io::FileDescriptor& socket);

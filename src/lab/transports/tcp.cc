@@ -75,7 +75,7 @@ class Source {
     }
   }
 
-  // Of MPTCP: beside the first one.
+  // Whether MPTCP has subflows beside the first one.
   bool has_more_subflows() const {
     mptcp_info info{};
     socklen_t size = sizeof info;
