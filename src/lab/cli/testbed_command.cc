@@ -6,12 +6,12 @@
 #include <chrono>
 #include <map>
 #include <memory>
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <span>
 #include <variant>
 
 #include "app/process/failure.h"
+#include "app/records/json_file.h"
 #include "lab/emu/link_change.h"
 #include "netns/state/hosts.h"
 #include "netns/state/options.h"
@@ -25,8 +25,8 @@
 namespace interneuron::cli {
 namespace {
 
-using Json = nlohmann::ordered_json;
 using netns::Testbed;
+using records::Json;
 
 constexpr double kMaxSeconds = 86'400;
 
