@@ -12,8 +12,6 @@
 namespace interneuron::sim::fleet_test {
 namespace {
 
-using namespace std::chrono_literals;
-
 // More misses of a vehicle than in the paired run without the attacker, as a share of its rounds.
 constexpr double kMoreMisses = 0.01;
 // The least share of the levels that honest vehicles get with an honest third one instead.
