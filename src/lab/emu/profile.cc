@@ -11,12 +11,10 @@ namespace interneuron::emu {
 
 namespace {
 
-using Section = toml_reader::TomlReader::Section;
-
 constexpr std::size_t kLongestName = 64;
 constexpr std::size_t kAmpleQueueBytes = 10'000'000;
 
-bool read_profile(toml_reader::TomlReader& reader, std::string_view text, const TraceFiles& files,
+bool read_profile(TomlReader& reader, std::string_view text, const TraceFiles& files,
                   LinkProfile& out) {
   const Section root{reader.parse(text), ""};
   // The keys of all models first, so that a slip in 'model' itself is named as such.
@@ -46,7 +44,7 @@ std::variant<LinkProfile, ProfileError> parse_profile(std::string_view toml_text
                                                       std::string_view origin,
                                                       const FileLoader& loader) {
   try {
-    toml_reader::TomlReader reader(origin);
+    TomlReader reader(origin);
     LinkProfile profile;
     profile.source = source_of(toml_text);
     if (read_profile(reader, toml_text, TraceFiles(loader), profile)) return profile;
@@ -75,7 +73,7 @@ ProfileResolver built_in_resolver() {
       known.push_back(candidate.name);
       list += (list.empty() ? "" : ", ") + std::string(candidate.name);
     }
-    const auto nearest = toml_reader::nearest_word(name, known);
+    const auto nearest = nearest_word(name, known);
     return ProfileError{
         "no profile '" + name + "'; " +
         (nearest ? "did you mean '" + std::string(*nearest) + "'?" : "there are " + list)};

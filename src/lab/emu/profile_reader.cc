@@ -5,14 +5,11 @@
 namespace interneuron::emu {
 namespace {
 
-using Section = toml_reader::TomlReader::Section;
-
 constexpr std::int64_t kSchema = 1;
 
 }  // namespace
 
-bool read_name(toml_reader::TomlReader& reader, const Section& section, std::size_t longest,
-               std::string& out) {
+bool read_name(TomlReader& reader, const Section& section, std::size_t longest, std::string& out) {
   if (!reader.text(section, "name", "5g", out)) return false;
   const auto allowed = [](char c) {
     return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' ||
@@ -26,13 +23,13 @@ bool read_name(toml_reader::TomlReader& reader, const Section& section, std::siz
                             " characters of A-Z a-z 0-9 _ -");
 }
 
-bool read_schema(toml_reader::TomlReader& reader, const Section& root) {
+bool read_schema(TomlReader& reader, const Section& root) {
   double schema = 0;
-  const toml_reader::NumberKey key{"schema", "version of this format", 1, 1e6, ""};
+  const NumberKey key{"schema", "version of this format", 1, 1e6, ""};
   if (!reader.number(root, key, schema)) return false;
   if (schema == static_cast<double>(kSchema)) return true;
   return reader.fail_at(root, "schema",
-                        "'schema' = " + toml_reader::number_text(schema) +
+                        "'schema' = " + number_text(schema) +
                             " is not known here; this program reads schema " +
                             std::to_string(kSchema));
 }
@@ -49,7 +46,7 @@ std::string source_of(std::string_view text) {
   return std::string(line);
 }
 
-bool TraceFiles::load(toml_reader::TomlReader& reader, const Section& section, std::string_view key,
+bool TraceFiles::load(TomlReader& reader, const Section& section, std::string_view key,
                       std::string& name, std::string& text) const {
   if (!reader.text(section, key, "traces/drive.rtt", name)) return false;
   std::string reason = "there is no such built-in trace";
