@@ -93,7 +93,7 @@ class Bench {
       o.policies = builtin_policies();
       o.accept_peers = side == 1;
       if (options_.encrypted)
-        o.security = security_of(1 + static_cast<int>(side), {2 - static_cast<int>(side)});
+        o.security = sim::security_of(1 + static_cast<int>(side), {2 - static_cast<int>(side)});
       PipelineConfig pipeline;
       pipeline.stages = {StageKind::kCommunication, StageKind::kCommunication};
       pipeline.policy = "best_link";

@@ -17,7 +17,7 @@ const crypto::KeyPair& pair_of(int number) {
   static std::map<int, crypto::KeyPair> pairs;
   const auto known = pairs.find(number);
   if (known != pairs.end()) return known->second;
-  return pairs.emplace(number, crypto::key_pair_of(secret_key(number))).first->second;
+  return pairs.emplace(number, crypto::key_pair_of(sim::secret_key(number))).first->second;
 }
 
 int number_of(std::size_t host) { return kFirstHostKey + static_cast<int>(host); }
@@ -30,8 +30,8 @@ SessionId life_of(std::size_t host) {
 
 Keys::Keys(std::size_t hosts)
     : hosts_(hosts),
-      trust_(*security_of(number_of(0), {kEndpointKey})),
-      entropy_(secret_key(kEntropyKey)) {
+      trust_(*sim::security_of(number_of(0), {kEndpointKey})),
+      entropy_(sim::secret_key(kEntropyKey)) {
   for (std::size_t i = 0; i < hosts; ++i) {
     hosts_[i].own = pair_of(number_of(i));
     hosts_[i].life = life_of(i);
@@ -40,13 +40,13 @@ Keys::Keys(std::size_t hosts)
 }
 
 std::shared_ptr<const Security> Keys::of_endpoint() const {
-  auto out = std::make_shared<Security>(*security_of(kEndpointKey, {}));
+  auto out = std::make_shared<Security>(*sim::security_of(kEndpointKey, {}));
   for (std::size_t i = 1; i < hosts_.size(); ++i) out->peers.push_back({hosts_[i].own.open, {}});
   return out;
 }
 
 std::shared_ptr<const Security> Keys::of_partner() const {
-  return security_of(number_of(hosts_.size() - 1), {kEndpointKey});
+  return sim::security_of(number_of(hosts_.size() - 1), {kEndpointKey});
 }
 
 PublicKey Keys::key_of(std::size_t host) const { return hosts_[host].own.open; }

@@ -69,8 +69,9 @@ class Handshakes {
  private:
   static const crypto::KeyPair& key(int host) {
     static const std::array<crypto::KeyPair, 4> pairs{
-        crypto::key_pair_of(secret_key(kVehicle)), crypto::key_pair_of(secret_key(kRoad)),
-        crypto::key_pair_of(secret_key(kInsider)), crypto::key_pair_of(secret_key(kStranger))};
+        crypto::key_pair_of(sim::secret_key(kVehicle)), crypto::key_pair_of(sim::secret_key(kRoad)),
+        crypto::key_pair_of(sim::secret_key(kInsider)),
+        crypto::key_pair_of(sim::secret_key(kStranger))};
     return pairs[static_cast<std::size_t>(host - kVehicle)];
   }
   Initiator::Fresh fresh() { return {next_index_++, entropy_.draw_key(), ++clock_}; }
@@ -282,11 +283,11 @@ class Handshakes {
   static constexpr SessionId kLife{100};
   fuzz::Input input_;
   TimePoint now_{1h};
-  SecretKey shared_ = secret_key(5);
+  SecretKey shared_ = sim::secret_key(5);
   Initiator vehicle_{key(kVehicle), {key(kRoad).open, shared_}, kLife};
   std::optional<Trust> trust_;
   std::optional<Responder> road_;
-  crypto::Entropy entropy_{secret_key(9)};
+  crypto::Entropy entropy_{sim::secret_key(9)};
   std::uint32_t next_index_ = 1;
   std::int64_t clock_ = 1'000'000;
   std::int64_t vehicle_said_ = -1;

@@ -65,7 +65,7 @@ TEST(Joint, WithoutLevelsTheBestVariantInTimeIsWanted) {
 
 // --- the four JPEGs of `--images jpeg`
 
-// Bytes, and AP of the nets on them; what the program measures stands in src/lab/sim/ladder.h.
+// Bytes, and AP of the nets on them; what the program measures stands in src/lab/sim/offload.h.
 constexpr std::array<std::size_t, 4> kJpegs{45'600, 24'800, 15'800, 10'000};
 std::vector<LevelProfile> levels_on_jpegs() {
   return {{milliseconds(8), milliseconds(10), {0.139, 0.134, 0.136, 0.133}},

@@ -1,4 +1,4 @@
-#include "lab/bench/coding_command.h"
+#include "lab/bench/command.h"
 
 #include <fmt/format.h>
 
@@ -15,7 +15,7 @@
 #include "interneuron/policy.h"
 #include "lab/coding/series.h"
 
-namespace interneuron::cli {
+namespace interneuron::bench {
 namespace {
 
 using coding::Row;
@@ -145,4 +145,4 @@ void add_coding(CLI::App& bench, std::function<int()>& run) {
   c->callback([&run, o] { run = [o] { return run_coding(*o); }; });
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::bench

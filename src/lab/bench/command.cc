@@ -9,17 +9,12 @@
 #include "app/process/progress.h"
 #include "app/process/signals.h"
 #include "app/settings/link_options.h"
-#include "lab/bench/coding_command.h"
-#include "lab/bench/drives_command.h"
-#include "lab/bench/forecast_command.h"
-#include "lab/bench/load_report.h"
-#include "lab/bench/peers_command.h"
-#include "lab/bench/transports_command.h"
+#include "lab/bench/reports.h"
 #include "lab/load/run.h"
-#include "lab/load_testbed/series.h"
+#include "lab/load_testbed/run.h"
 #include "lab/transports/programs.h"
 
-namespace interneuron::cli {
+namespace interneuron::bench {
 namespace {
 
 // Offered loads, seconds: wide, they catch slips of pen.
@@ -75,7 +70,8 @@ std::vector<load::Scenario> chosen(const LoadOptions& o) {
   if (choice.peers.empty()) choice.peers.assign(able.begin(), able.end());
   choice.loads = o.loads;
   if (o.testbed && o.loads.empty()) {
-    choice.loads.assign(std::begin(kTestbedLoads), std::end(kTestbedLoads));
+    choice.loads.assign(std::begin(load_testbed::kTestbedLoads),
+                        std::end(load_testbed::kTestbedLoads));
   }
   choice.length = from_ms(o.seconds * 1000);
   choice.seed = o.seed;
@@ -120,7 +116,7 @@ int run_load(const LoadOptions& o) {
   const process::SignalWatch signals;
   const TransportKind datagrams = settings::transport_kind(o.transport);
   const std::vector<load::Row> rows =
-      o.testbed ? run_series(scenarios, datagrams) : run_in_virtual_time(scenarios);
+      o.testbed ? load_testbed::run_series(scenarios, datagrams) : run_in_virtual_time(scenarios);
   if (o.json) {
     fmt::print("{}\n",
                load_json(rows, o.testbed ? std::optional(datagrams) : std::nullopt).dump(2));
@@ -190,8 +186,8 @@ void add_play(CLI::App& bench, std::function<int()>& run) {
   c->add_option("--order", o->order, "What is played")->required();
   c->add_option("--end", o->end, "Which end this is")
       ->required()
-      ->check(CLI::IsMember({kVehiclesEnd, kRoadEnd}));
-  c->callback([&run, o] { run = [o] { return play_end(o->order, o->end); }; });
+      ->check(CLI::IsMember({transports::kVehiclesEnd, transports::kRoadEnd}));
+  c->callback([&run, o] { run = [o] { return transports::play_end(o->order, o->end); }; });
 }
 
 }  // namespace
@@ -208,4 +204,4 @@ void add_bench(CLI::App& program, std::function<int()>& run) {
   add_play(*bench, run);
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::bench

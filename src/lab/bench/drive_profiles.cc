@@ -1,4 +1,4 @@
-#include "lab/bench/drive_profiles.h"
+#include "lab/bench/reports.h"
 
 #include <fmt/format.h>
 
@@ -7,7 +7,7 @@
 #include "app/process/whole_file.h"
 #include "app/records/run_files.h"
 
-namespace interneuron::cli {
+namespace interneuron::bench {
 namespace {
 
 void write(const std::filesystem::path& file, const std::string& text) {
@@ -47,4 +47,4 @@ void write_profiles(const coding::Drive& drive, std::uint64_t number, const std:
   }
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::bench

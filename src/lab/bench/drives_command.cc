@@ -1,4 +1,4 @@
-#include "lab/bench/drives_command.h"
+#include "lab/bench/command.h"
 
 #include <fmt/format.h>
 
@@ -17,16 +17,15 @@
 #include "app/process/signals.h"
 #include "app/records/json_file.h"
 #include "interneuron/policy.h"
-#include "lab/bench/drive_profiles.h"
-#include "lab/bench/image_drives_report.h"
+#include "lab/bench/reports.h"
 #include "lab/coding/drives.h"
 #include "lab/coding/image_drives.h"
 
-namespace interneuron::cli {
+namespace interneuron::bench {
 namespace {
 
-using cli::json_of;
-using cli::print_table;
+using bench::json_of;
+using bench::print_table;
 using coding::DriveRow;
 
 constexpr const char* kDrivesSchema = "interneuron.drives/1";
@@ -242,4 +241,4 @@ void add_drives(CLI::App& bench, std::function<int()>& run) {
   c->callback([&run, o] { run = [o] { return run_drives(*o); }; });
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::bench

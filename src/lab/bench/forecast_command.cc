@@ -1,4 +1,4 @@
-#include "lab/bench/forecast_command.h"
+#include "lab/bench/command.h"
 
 #include <fmt/format.h>
 
@@ -9,11 +9,10 @@
 #include "app/process/failure.h"
 #include "app/process/progress.h"
 #include "app/process/signals.h"
-#include "lab/bench/forecast_report.h"
-#include "lab/bench/load_report.h"
+#include "lab/bench/reports.h"
 #include "lab/load/forecast.h"
 
-namespace interneuron::cli {
+namespace interneuron::bench {
 namespace {
 
 // Seeds: wide, it catches slips of pen.
@@ -127,4 +126,4 @@ void add_forecast(CLI::App& bench, std::function<int()>& run) {
   c->callback([&run, o] { run = [o] { return run_forecast(*o); }; });
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::bench

@@ -1,4 +1,4 @@
-#include "lab/bench/forecast_report.h"
+#include "lab/bench/reports.h"
 
 #include <fmt/format.h>
 
@@ -8,7 +8,7 @@
 #include "app/records/plot.h"
 #include "lab/report/figure.h"
 
-namespace interneuron::cli {
+namespace interneuron::bench {
 namespace {
 
 // Pixels of a panel.
@@ -86,4 +86,4 @@ void plot_forecast(const std::filesystem::path& file, const std::vector<Judged>&
   }
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::bench

@@ -1,11 +1,11 @@
-#include "lab/bench/image_drives_report.h"
+#include "lab/bench/reports.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
 
-namespace interneuron::cli {
+namespace interneuron::bench {
 namespace {
 
 using coding::ImageDriveRow;
@@ -83,4 +83,4 @@ void print_table(const std::vector<ImageDriveRow>& rows) {
   for (std::size_t way = 0; way < rows.front().rows.size(); ++way) print_mean(rows, way);
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::bench

@@ -1,4 +1,4 @@
-#include "lab/bench/load_report.h"
+#include "lab/bench/reports.h"
 
 #include <fmt/format.h>
 
@@ -10,7 +10,7 @@
 #include "app/records/plot.h"
 #include "lab/report/figure.h"
 
-namespace interneuron::cli {
+namespace interneuron::bench {
 namespace {
 
 using load::Row;
@@ -111,7 +111,7 @@ bool raises_load(const Row& r) { return r.scenario.group == "rate" || r.scenario
 
 std::string column_of(const Row& r) { return r.scenario.group + " " + r.scenario.name; }
 
-// Of ours and of the others, by Peer.
+// The colours of ours and of the others, by Peer.
 constexpr std::array<const char*, load::kPeers> kColours{
     report::kBlue,   report::kGreen,  report::kGrey, report::kOrange, report::kRed,
     report::kPurple, report::kOrange, report::kRed,  report::kPurple};
@@ -250,4 +250,4 @@ void plot_load(const std::filesystem::path& file, const std::vector<Row>& rows) 
   }
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::bench

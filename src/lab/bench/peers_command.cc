@@ -1,4 +1,4 @@
-#include "lab/bench/peers_command.h"
+#include "lab/bench/command.h"
 
 #include <fmt/format.h>
 
@@ -10,13 +10,10 @@
 #include "app/process/whole_file.h"
 #include "app/settings/link_options.h"
 #include "interneuron/message.h"
-#include "lab/bench/load_report.h"
-#include "lab/bench/peers_report.h"
-#include "lab/peers_testbed/page.h"
-#include "lab/peers_testbed/quick.h"
-#include "lab/peers_testbed/series.h"
+#include "lab/bench/reports.h"
+#include "lab/peers_testbed/comparison.h"
 
-namespace interneuron::cli {
+namespace interneuron::bench {
 namespace {
 
 // Bytes of a message: at least one that holds its own head and has a quarter that does.
@@ -51,10 +48,11 @@ std::vector<std::string> option_names(std::span<const T> all) {
   return out;
 }
 
-peers::Choice choice_of(const PeersOptions& o) {
-  peers::Choice choice;
-  for (const std::string& name : o.scenarios) choice.scenarios.push_back(peers::scenario_of(name));
-  for (const std::string& name : o.peers) choice.peers.push_back(peers::peer_of(name));
+peers_testbed::Choice choice_of(const PeersOptions& o) {
+  peers_testbed::Choice choice;
+  for (const std::string& name : o.scenarios)
+    choice.scenarios.push_back(peers_testbed::scenario_of(name));
+  for (const std::string& name : o.peers) choice.peers.push_back(peers_testbed::peer_of(name));
   choice.sizes = o.sizes;
   for (const double ms : o.deadlines) choice.deadlines.push_back(from_ms(ms));
   choice.messages = o.messages;
@@ -63,8 +61,8 @@ peers::Choice choice_of(const PeersOptions& o) {
   return choice;
 }
 
-void write_page(const std::string& file, const std::vector<peers::Row>& rows) {
-  process::write_whole(file, peers::page_of(rows));
+void write_page(const std::string& file, const std::vector<peers_testbed::Row>& rows) {
+  process::write_whole(file, peers_testbed::page_of(rows));
 }
 
 int run_peers(const PeersOptions& o) {
@@ -81,9 +79,10 @@ int run_peers(const PeersOptions& o) {
   }
   const process::SignalWatch signals;
   const TransportKind datagrams = settings::transport_kind(o.transport);
-  std::vector<peers::Run> runs = o.quick ? peers::quick_runs(o.seed) : peers::runs_of(choice_of(o));
-  for (peers::Run& run : runs) run.datagrams = datagrams;
-  const peers::Compared compared = peers::compare(runs);
+  std::vector<peers_testbed::Run> runs =
+      o.quick ? peers_testbed::quick_runs(o.seed) : peers_testbed::runs_of(choice_of(o));
+  for (peers_testbed::Run& run : runs) run.datagrams = datagrams;
+  const peers_testbed::Compared compared = peers_testbed::compare(runs);
   if (o.json) {
     fmt::print("{}\n", peers_json(compared, datagrams).dump(2));
   } else {
@@ -102,11 +101,11 @@ int run_peers(const PeersOptions& o) {
 
 std::string footer() {
   std::string out = "Scenarios:\n";
-  for (const peers::Scenario& s : peers::all_scenarios()) {
+  for (const peers_testbed::Scenario& s : peers_testbed::all_scenarios()) {
     out += fmt::format("  {:18} {}\n", s.name, s.about);
   }
   out += "Peers:\n";
-  for (const peers::Peer& p : peers::all_peers())
+  for (const peers_testbed::Peer& p : peers_testbed::all_peers())
     out += fmt::format("  {:18} {}\n", p.name, p.about);
   return out +
          "Examples:\n  interneuron bench peers --quick --json --plot peers.svg > peers.json\n  "
@@ -126,14 +125,14 @@ void add_peers(CLI::App& bench, std::function<int()>& run) {
   CLI::Option* quick = c->add_flag("--quick", o->quick, "A selection of everything, in 25 minutes");
   CLI::Option* scenarios =
       c->add_option("SCENARIO", o->scenarios, "Under which conditions (default: all)")
-          ->check(CLI::IsMember(option_names(peers::all_scenarios())));
+          ->check(CLI::IsMember(option_names(peers_testbed::all_scenarios())));
   quick->excludes(scenarios);
   const auto list = [c](const char* name, auto& into, const char* about) {
     return c->add_option(name, into, about)->delimiter(',')->take_all()->allow_extra_args(false);
   };
   quick->excludes(
       list("--peer", o->peers, "What is compared; once per peer, or with commas (default: all)")
-          ->check(CLI::IsMember(option_names(peers::all_peers()))));
+          ->check(CLI::IsMember(option_names(peers_testbed::all_peers()))));
   quick->excludes(
       list("--size", o->sizes, "Bytes of a message, or 5KB, 128KiB (default: 5KB, 128KiB, 1MB)")
           ->transform(CLI::AsSizeValue(true))
@@ -157,4 +156,4 @@ void add_peers(CLI::App& bench, std::function<int()>& run) {
   c->callback([&run, o] { run = [o] { return run_peers(*o); }; });
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::bench

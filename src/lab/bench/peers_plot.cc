@@ -7,13 +7,13 @@
 
 #include "app/process/failure.h"
 #include "app/records/plot.h"
-#include "lab/bench/peers_report.h"
+#include "lab/bench/reports.h"
 #include "lab/report/figure.h"
 
-namespace interneuron::cli {
+namespace interneuron::bench {
 namespace {
 
-using peers::Row;
+using peers_testbed::Row;
 
 // Pixels.
 constexpr int kNames = 150;
@@ -45,8 +45,8 @@ auto distinct_values(const std::vector<Row>& rows, Key key) {
 struct Band {
   std::size_t bytes = 0;
   std::vector<Row> rows;
-  std::vector<const peers::Scenario*> scenarios;
-  std::vector<const peers::Peer*> peers;
+  std::vector<const peers_testbed::Scenario*> scenarios;
+  std::vector<const peers_testbed::Peer*> peers;
   // By which bytes and processor time are shown.
   Duration deadline{};
 
@@ -62,7 +62,7 @@ struct Band {
   std::size_t columns() const { return scenarios.size() + 2; }
   int panel_height() const { return kPeerHeight * static_cast<int>(peers.size()); }
   int height() const { return kTitle + panel_height() + kAxis; }
-  std::size_t place_of(const peers::Peer* peer) const {
+  std::size_t place_of(const peers_testbed::Peer* peer) const {
     return static_cast<std::size_t>(std::ranges::find(peers, peer) - peers.begin());
   }
 };
@@ -156,7 +156,8 @@ double place_of(const Band& band, const Row& r, std::size_t which, std::size_t o
          (of > 1 ? step * static_cast<double>(which) - kSpread / 2 : 0);
 }
 
-std::vector<Series> misses(const Layout& l, const Band& band, const peers::Scenario* scenario) {
+std::vector<Series> misses(const Layout& l, const Band& band,
+                           const peers_testbed::Scenario* scenario) {
   std::vector<Series> out;
   for (std::size_t d = 0; d < l.deadlines.size(); ++d) {
     Series series{l.colour_of(l.deadlines[d]), {}};
@@ -171,7 +172,7 @@ std::vector<Series> misses(const Layout& l, const Band& band, const peers::Scena
   return out;
 }
 
-// Of one size.
+// The panels of one size of messages.
 std::string row_of_panels(const Layout& l, std::size_t row) {
   const Band& band = l.bands[row];
   std::vector<Series> bytes{{report::kGrey, {}}};
@@ -246,4 +247,4 @@ void plot_peers(const std::filesystem::path& file, const std::vector<Row>& rows)
   }
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::bench

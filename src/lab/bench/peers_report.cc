@@ -1,14 +1,14 @@
-#include "lab/bench/peers_report.h"
+#include "lab/bench/reports.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
 
-namespace interneuron::cli {
+namespace interneuron::bench {
 namespace {
 
-using peers::Row;
+using peers_testbed::Row;
 
 records::Json known_value(const std::optional<double>& value) {
   return value ? records::Json(records::rounded(*value)) : records::Json(nullptr);
@@ -89,19 +89,19 @@ void print_table(const Table& table) {
 
 }  // namespace
 
-records::Json peers_json(const peers::Compared& compared, TransportKind datagrams) {
+records::Json peers_json(const peers_testbed::Compared& compared, TransportKind datagrams) {
   records::Json out{{"schema", kPeersSchema},
                     {"transport", to_string(datagrams)},
                     {"rows", records::Json::array()},
                     {"skipped", records::Json::array()}};
   for (const Row& r : compared.rows) out["rows"].push_back(row_json(r));
-  for (const peers::Skipped& s : compared.skipped) {
+  for (const peers_testbed::Skipped& s : compared.skipped) {
     out["skipped"].push_back({{"peer", s.peer}, {"reason", s.reason}});
   }
   return out;
 }
 
-void print_peers(const peers::Compared& compared, TransportKind datagrams) {
+void print_peers(const peers_testbed::Compared& compared, TransportKind datagrams) {
   for (const Table& table : tables_of(compared.rows)) print_table(table);
   fmt::print(
       "\nIn brackets: on time in a smaller variant. Wire: IP bytes that left the vehicle over "
@@ -110,9 +110,9 @@ void print_peers(const peers::Compared& compared, TransportKind datagrams) {
   if (datagrams != TransportKind::kUdp) {
     fmt::print("What is ours used --transport {}.\n", to_string(datagrams));
   }
-  for (const peers::Skipped& s : compared.skipped) {
+  for (const peers_testbed::Skipped& s : compared.skipped) {
     fmt::print("Left out: {}: {}\n", s.peer, s.reason);
   }
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::bench

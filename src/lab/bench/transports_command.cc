@@ -1,4 +1,4 @@
-#include "lab/bench/transports_command.h"
+#include "lab/bench/command.h"
 
 #include <fmt/format.h>
 
@@ -10,13 +10,13 @@
 #include "app/records/json_file.h"
 #include "lab/transport_costs/costs.h"
 
-namespace interneuron::cli {
+namespace interneuron::bench {
 namespace {
 
-using costs::Row;
+using transport_costs::Row;
 
 constexpr const char* kTransportsSchema = "interneuron.transports/1";
-// Of one run; a shorter one meets too few ticks of the processor's accounts.
+// How long a run may be; a shorter one meets too few ticks of the processor's accounts.
 constexpr double kLeastTransportSeconds = 0.1;
 constexpr double kMostTransportSeconds = 60;
 
@@ -56,7 +56,7 @@ records::Json json_of(const std::vector<Row>& rows) {
 }
 
 void print_table(const std::vector<Row>& rows) {
-  const costs::Load* load = nullptr;
+  const transport_costs::Load* load = nullptr;
   for (const Row& r : rows) {
     if (r.load != load) {
       load = r.load;
@@ -74,13 +74,13 @@ void print_table(const std::vector<Row>& rows) {
   fmt::print(
       "\nProcessor time per datagram, median of {} runs, over a veth pair. --transport auto takes "
       "udp.\n",
-      costs::kRepetitions);
+      transport_costs::kRepetitions);
 }
 
 int run_transports(const TransportsOptions& o) {
   const process::SignalWatch signals;
   const auto rows =
-      costs::measure(from_ms(o.seconds * 1000), [&o](std::size_t done, std::size_t all) {
+      transport_costs::measure(from_ms(o.seconds * 1000), [&o](std::size_t done, std::size_t all) {
         const double left = static_cast<double>(all - done) * (o.seconds + 0.3);
         fmt::print(stderr, "bench transports: run {} of {}, {:.0f} s left\n", done + 1, all, left);
       });
@@ -109,4 +109,4 @@ void add_transports(CLI::App& bench, std::function<int()>& run) {
   c->callback([&run, o] { run = [o] { return run_transports(*o); }; });
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::bench

@@ -1,4 +1,4 @@
-#include "lab/cli/demo.h"
+#include "lab/cli/commands.h"
 
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
@@ -56,7 +56,7 @@ class Demo {
   const DemoOptions& o_;
   std::optional<fs::path> data_;
   std::string video_;
-  // Of the private keys of the two, which are gone with it.
+  // Holds the private keys of the two, which are gone with it.
   std::optional<process::PrivateFolder> keys_;
   // Their public halves.
   std::string road_key_;

@@ -4,10 +4,7 @@
 #include "app/process/failure.h"
 #include "app/settings/program.h"
 #include "lab/bench/command.h"
-#include "lab/cli/demo.h"
-#include "lab/cli/eval/command.h"
-#include "lab/cli/report/command.h"
-#include "lab/cli/testbed_command.h"
+#include "lab/cli/commands.h"
 #include "lab/eval_testbed/testbed_run.h"
 #include "netns/state/error.h"
 
@@ -20,7 +17,7 @@ template <class Hooks, class Made>
 offload::MakeHooks<Hooks> hooks_of(const std::shared_ptr<std::string>& file) {
   return [file]() -> std::unique_ptr<Hooks> {
     if (file->empty()) return nullptr;
-    return std::make_unique<Made>(read_testbed_run(*file));
+    return std::make_unique<Made>(eval_testbed::read_testbed_run(*file));
   };
 }
 
@@ -31,10 +28,13 @@ void hide(CLI::App* command, const std::shared_ptr<std::string>& file) {
 
 void add_ends(CLI::App& program, std::function<int()>& run) {
   const auto vehicle = std::make_shared<std::string>();
-  hide(offload::add_vehicle(program, run, hooks_of<offload::VehicleHooks, TestbedVehicle>(vehicle)),
+  hide(offload::add_vehicle(program, run,
+                            hooks_of<offload::VehicleHooks, eval_testbed::TestbedVehicle>(vehicle)),
        vehicle);
   const auto road = std::make_shared<std::string>();
-  hide(offload::add_road(program, run, hooks_of<offload::RoadHooks, TestbedRoad>(road)), road);
+  hide(offload::add_road(program, run,
+                         hooks_of<offload::RoadHooks, eval_testbed::TestbedRoad>(road)),
+       road);
 }
 
 void add_commands(CLI::App& program, std::function<int()>& run) {
@@ -42,7 +42,7 @@ void add_commands(CLI::App& program, std::function<int()>& run) {
   add_testbed(program, run);
   add_eval(program, run);
   add_report(program, run);
-  add_bench(program, run);
+  bench::add_bench(program, run);
   add_ends(program, run);
 }
 

@@ -1,4 +1,4 @@
-#include "lab/cli/testbed_command.h"
+#include "lab/cli/commands.h"
 
 #include <fmt/format.h>
 
@@ -6,14 +6,12 @@
 #include <chrono>
 #include <map>
 #include <memory>
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <span>
 #include <variant>
 
 #include "app/process/failure.h"
-#include "lab/cli/testbed_schedule.h"
-#include "lab/cli/testbed_verify.h"
+#include "app/records/json_file.h"
 #include "lab/emu/link_change.h"
 #include "netns/state/hosts.h"
 #include "netns/state/options.h"
@@ -27,8 +25,8 @@
 namespace interneuron::cli {
 namespace {
 
-using Json = nlohmann::ordered_json;
 using netns::Testbed;
+using records::Json;
 
 constexpr double kMaxSeconds = 86'400;
 
@@ -292,16 +290,6 @@ void add_schedule(CLI::App& testbed, const std::shared_ptr<TestbedOptions>& o,
 }
 
 }  // namespace
-
-netns::State found_testbed(const std::string& name) {
-  auto state = Testbed::find(name);
-  if (!state) {
-    throw process::Failure(
-        process::kFailed,
-        "testbed '" + name + "' is not up; `interneuron testbed up --name " + name + "` makes it");
-  }
-  return *state;
-}
 
 void add_testbed(CLI::App& program, std::function<int()>& run) {
   auto o = std::make_shared<TestbedOptions>();

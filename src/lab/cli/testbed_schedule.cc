@@ -1,4 +1,4 @@
-#include "lab/cli/testbed_schedule.h"
+#include "lab/cli/commands.h"
 
 #include <fmt/format.h>
 

@@ -1,4 +1,4 @@
-#include "lab/cli/testbed_verify.h"
+#include "lab/cli/commands.h"
 
 #include <fmt/format.h>
 
@@ -8,7 +8,6 @@
 
 #include "app/process/failure.h"
 #include "app/process/signals.h"
-#include "lab/cli/testbed_command.h"
 #include "netns/state/hosts.h"
 #include "netns/state/state.h"
 #include "netns/testbed/testbed.h"
@@ -84,6 +83,16 @@ int run_verify(const LinkCheckOptions& o) {
 }
 
 }  // namespace
+
+netns::State found_testbed(const std::string& name) {
+  auto state = Testbed::find(name);
+  if (!state) {
+    throw process::Failure(
+        process::kFailed,
+        "testbed '" + name + "' is not up; `interneuron testbed up --name " + name + "` makes it");
+  }
+  return *state;
+}
 
 void add_testbed_verify(CLI::App& testbed, std::function<int()>& run) {
   auto o = std::make_shared<LinkCheckOptions>();

@@ -60,7 +60,7 @@ struct CellStats {
   // Dropped at the tail of the queue, which was full.
   std::uint64_t queue_drops = 0;
   std::uint64_t codel_drops = 0;
-  // Of those delivered; also those that came with a mark.
+  // How many of those delivered had a mark; also those that came with one.
   std::uint64_t marked = 0;
   // Larger than the MTU.
   std::uint64_t too_big = 0;
@@ -106,7 +106,7 @@ class Cell {
 
   const CellParams& params() const { return params_; }
   const CellStats& stats() const { return stats_; }
-  // Of one flow; all 0 for a flow that has sent nothing.
+  // The counters of one flow; all 0 for one that has sent nothing.
   const CellStats& stats(std::uint32_t flow) const;
   // The bytes that wait, with the whole of the packet that is leaving.
   std::size_t waiting_bytes() const { return waiting_bytes_; }

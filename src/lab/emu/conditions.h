@@ -89,7 +89,7 @@ struct Conditions {
   // Without the loss of gilbert_elliott. 1 in an outage.
   double loss = 0;
   std::optional<GilbertElliott> gilbert_elliott{};
-  // Of a trace the mean over the next kConditionsSpan.
+  // That of a trace is its mean over the next kConditionsSpan.
   DataRate rate{};
   // As in DirectionParams.
   std::size_t queue_bytes = 0;

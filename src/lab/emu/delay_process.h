@@ -10,7 +10,7 @@
 //
 // Both directions of a link read the same process and take half of it each, since the table has
 // round trips. The same parameters and seed give the same values, whoever reads them and how often.
-// Several processes may share their fading: see common_fading.h. Memory: the last 10 s, 1000
+// Several processes may share their fading: see couple(). Memory: the last 10 s, 1000
 // samples. Pure; thread-compatible; no errors.
 #pragma once
 
@@ -123,7 +123,7 @@ class DelayProcess {
   std::mt19937_64 rng_;
   std::normal_distribution<double> unit_normal_{0.0, 1.0};
   RadioState state_ = RadioState::kStable;
-  // Of the present episode.
+  // What is left of the present episode, and its values.
   std::int64_t steps_left_ = 0;
   double level_ms_ = 0;
   double wander_ms_ = 0;

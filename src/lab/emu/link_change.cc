@@ -3,8 +3,7 @@
 #include <charconv>
 #include <exception>
 
-#include "lab/emu/link_change_reader.h"
-#include "lab/emu/profile_keys.h"
+#include "lab/emu/profile_reader.h"
 
 namespace interneuron::emu {
 
@@ -12,12 +11,12 @@ namespace {
 
 std::size_t count(double value) { return static_cast<std::size_t>(value); }
 
-constexpr toml_reader::NumberKey optional(toml_reader::NumberKey key) {
+constexpr NumberKey optional(NumberKey key) {
   key.optional = true;
   return key;
 }
 
-constexpr toml_reader::NumberKey probability(std::string_view name, std::string_view meaning) {
+constexpr NumberKey probability(std::string_view name, std::string_view meaning) {
   return {name, meaning, 0, 1, "", true};
 }
 
@@ -89,8 +88,8 @@ std::string unknown_key(std::string_view word) {
     spellings.push_back("up." + std::string(name));
     spellings.push_back("down." + std::string(name));
   }
-  const auto nearest = toml_reader::nearest_word(
-      word, std::vector<std::string_view>(spellings.begin(), spellings.end()));
+  const auto nearest =
+      nearest_word(word, std::vector<std::string_view>(spellings.begin(), spellings.end()));
   std::string list;
   for (const std::string_view name : kChangeKeys)
     list += (list.empty() ? "" : ", ") + std::string(name);
@@ -116,9 +115,7 @@ std::optional<std::string> read_pair(std::string_view pair, const ProfileResolve
                                : name.starts_with("down.") ? &kDown
                                                            : nullptr;
   const DirectionKey* key = find_key(direction == nullptr ? name : name.substr(name.find('.') + 1));
-  const toml_reader::NumberKey* limits = name == kRttKey.name ? &kRttKey
-                                         : key != nullptr     ? &key->key
-                                                              : nullptr;
+  const NumberKey* limits = name == kRttKey.name ? &kRttKey : key != nullptr ? &key->key : nullptr;
   if (limits == nullptr) return unknown_key(name);
 
   double value = 0;
@@ -137,8 +134,8 @@ std::optional<std::string> read_pair(std::string_view pair, const ProfileResolve
   return std::nullopt;
 }
 
-bool read_numbers(toml_reader::TomlReader& reader, const toml_reader::TomlReader::Section& section,
-                  const Direction* direction, LinkChange& out) {
+bool read_numbers(TomlReader& reader, const Section& section, const Direction* direction,
+                  LinkChange& out) {
   for (const DirectionKey& key : kDirectionKeys) {
     double value = 0;
     if (!reader.number(section, key.key, value)) return false;
@@ -187,7 +184,7 @@ std::variant<LinkChange, ProfileError> parse_change(std::span<const std::string>
   }
 }
 
-bool read_change(toml_reader::TomlReader& reader, const toml_reader::TomlReader::Section& section,
+bool read_change(TomlReader& reader, const Section& section,
                  const std::vector<std::string_view>& others, const ProfileResolver& resolver,
                  LinkChange& out) {
   std::vector<std::string_view> known = others;
@@ -208,7 +205,7 @@ bool read_change(toml_reader::TomlReader& reader, const toml_reader::TomlReader:
   for (const Direction d : {Direction::kUp, Direction::kDown}) {
     const std::string_view name = d == Direction::kUp ? "up" : "down";
     if (!reader.has(section, name)) continue;
-    const toml_reader::TomlReader::Section part = reader.section(section, name);
+    const Section part = reader.section(section, name);
     if (!reader.only(part, names_of_direction_keys()) || !read_numbers(reader, part, &d, out)) {
       return false;
     }

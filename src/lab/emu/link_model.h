@@ -47,7 +47,7 @@ struct DirectionStats {
   std::uint64_t queue_drops = 0;
   // Extra copies made.
   std::uint64_t duplicated = 0;
-  // Of those delivered.
+  // How many of those delivered had a bit flipped.
   std::uint64_t corrupted = 0;
   // Moved out of order, also when there was no packet to overtake.
   std::uint64_t reordered = 0;

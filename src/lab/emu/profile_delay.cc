@@ -1,36 +1,28 @@
 // The delay model of a profile.
 #include "lab/emu/delay_trace.h"
-#include "lab/emu/profile_keys.h"
 #include "lab/emu/profile_reader.h"
 
 namespace interneuron::emu {
 
 namespace {
 
-using Section = toml_reader::TomlReader::Section;
-
-constexpr toml_reader::NumberKey kRttMin{"rtt_min_ms", "smallest round-trip time", 0, kMaxRttMs,
-                                         "ms"};
-constexpr toml_reader::NumberKey kRttMax{"rtt_max_ms", "largest round-trip time", 0, kMaxRttMs,
-                                         "ms"};
-constexpr toml_reader::NumberKey kRampTau{"ramp_tau_s", "time constant of the ramp between states",
-                                          0.001, kMaxSeconds, "s"};
-constexpr toml_reader::NumberKey kBadAfterEdge{"bad_after_edge",
-                                               "probability that EDGE leads to BAD", 0, 1, ""};
-constexpr toml_reader::NumberKey kLevel{"level_ms", "mean round-trip time of the state", 0,
-                                        kMaxRttMs, "ms"};
-constexpr toml_reader::NumberKey kLevelSd{
-    "level_sd_ms", "standard deviation of the level over episodes", 0, kMaxRttMs, "ms"};
-constexpr toml_reader::NumberKey kWanderSd{"wander_sd_ms", "standard deviation within an episode",
-                                           0, kMaxRttMs, "ms"};
-constexpr toml_reader::NumberKey kWanderTau{"wander_tau_s", "correlation time within an episode",
-                                            0.001, kMaxSeconds, "s"};
-constexpr toml_reader::NumberKey kJitterSd{"jitter_sd_ms", "half-normal jitter", 0, kMaxRttMs,
-                                           "ms"};
-constexpr toml_reader::NumberKey kSojournMean{"sojourn_mean_s", "mean duration of the state", 0.01,
-                                              kMaxSeconds, "s"};
-constexpr toml_reader::NumberKey kSojournShape{
-    "sojourn_shape", "shape of the Gamma-distributed duration", 0.1, 1000, ""};
+constexpr NumberKey kRttMin{"rtt_min_ms", "smallest round-trip time", 0, kMaxRttMs, "ms"};
+constexpr NumberKey kRttMax{"rtt_max_ms", "largest round-trip time", 0, kMaxRttMs, "ms"};
+constexpr NumberKey kRampTau{"ramp_tau_s", "time constant of the ramp between states", 0.001,
+                             kMaxSeconds, "s"};
+constexpr NumberKey kBadAfterEdge{"bad_after_edge", "probability that EDGE leads to BAD", 0, 1, ""};
+constexpr NumberKey kLevel{"level_ms", "mean round-trip time of the state", 0, kMaxRttMs, "ms"};
+constexpr NumberKey kLevelSd{"level_sd_ms", "standard deviation of the level over episodes", 0,
+                             kMaxRttMs, "ms"};
+constexpr NumberKey kWanderSd{"wander_sd_ms", "standard deviation within an episode", 0, kMaxRttMs,
+                              "ms"};
+constexpr NumberKey kWanderTau{"wander_tau_s", "correlation time within an episode", 0.001,
+                               kMaxSeconds, "s"};
+constexpr NumberKey kJitterSd{"jitter_sd_ms", "half-normal jitter", 0, kMaxRttMs, "ms"};
+constexpr NumberKey kSojournMean{"sojourn_mean_s", "mean duration of the state", 0.01, kMaxSeconds,
+                                 "s"};
+constexpr NumberKey kSojournShape{"sojourn_shape", "shape of the Gamma-distributed duration", 0.1,
+                                  1000, ""};
 
 // The keys that every model has, and those of one.
 std::vector<std::string_view> with_common(std::vector<std::string_view> own) {
@@ -40,7 +32,7 @@ std::vector<std::string_view> with_common(std::vector<std::string_view> own) {
   return keys;
 }
 
-bool read_state(toml_reader::TomlReader& reader, const Section& section, RadioStateParams& out) {
+bool read_state(TomlReader& reader, const Section& section, RadioStateParams& out) {
   return reader.only(section, {"level_ms", "level_sd_ms", "wander_sd_ms", "wander_tau_s",
                                "jitter_sd_ms", "sojourn_mean_s", "sojourn_shape", "loss"}) &&
          reader.number(section, kLevel, out.level_ms) &&
@@ -53,7 +45,7 @@ bool read_state(toml_reader::TomlReader& reader, const Section& section, RadioSt
          reader.number(section, kLossKey, out.loss);
 }
 
-bool read_three_state(toml_reader::TomlReader& reader, const Section& root, DelayParams& out) {
+bool read_three_state(TomlReader& reader, const Section& root, DelayParams& out) {
   if (!reader.only(root, with_common({"rtt_min_ms", "rtt_max_ms", "ramp_tau_s", "bad_after_edge",
                                       "state"})) ||
       !reader.number(root, kRttMin, out.min_ms) || !reader.number(root, kRttMax, out.max_ms) ||
@@ -63,8 +55,8 @@ bool read_three_state(toml_reader::TomlReader& reader, const Section& root, Dela
   }
   if (out.max_ms < out.min_ms) {
     return reader.fail_at(root, kRttMax.name,
-                          "'rtt_max_ms' = " + toml_reader::number_text(out.max_ms) +
-                              " is below 'rtt_min_ms' = " + toml_reader::number_text(out.min_ms) +
+                          "'rtt_max_ms' = " + number_text(out.max_ms) +
+                              " is below 'rtt_min_ms' = " + number_text(out.min_ms) +
                               "; raise the one or lower the other");
   }
   const Section states = reader.section(root, "state");
@@ -74,7 +66,7 @@ bool read_three_state(toml_reader::TomlReader& reader, const Section& root, Dela
          read_state(reader, reader.section(states, "bad"), out.states[2]);
 }
 
-bool read_constant(toml_reader::TomlReader& reader, const Section& root, DelayParams& out) {
+bool read_constant(TomlReader& reader, const Section& root, DelayParams& out) {
   double rtt_ms = 0;
   double loss = 0;
   if (!reader.only(root, with_common({"rtt_ms", "loss"})) ||
@@ -85,9 +77,9 @@ bool read_constant(toml_reader::TomlReader& reader, const Section& root, DelayPa
   return true;
 }
 
-bool read_trace(toml_reader::TomlReader& reader, const Section& root, const TraceFiles& files,
+bool read_trace(TomlReader& reader, const Section& root, const TraceFiles& files,
                 DelayParams& out) {
-  toml_reader::NumberKey loss_key = kLossKey;
+  NumberKey loss_key = kLossKey;
   loss_key.optional = true;
   double loss = 0;
   std::string start = "beginning";
@@ -119,14 +111,14 @@ std::vector<std::string_view> delay_keys() {
                       "loss", "rtt_trace", "start"});
 }
 
-bool read_delay(toml_reader::TomlReader& reader, const Section& root, const TraceFiles& files,
+bool read_delay(TomlReader& reader, const Section& root, const TraceFiles& files,
                 DelayParams& out) {
   std::string model;
   if (!reader.text(root, "model", "three-state", model)) return false;
   if (model == "three-state") return read_three_state(reader, root, out);
   if (model == "constant") return read_constant(reader, root, out);
   if (model == "delay-trace") return read_trace(reader, root, files, out);
-  const auto nearest = toml_reader::nearest_word(model, {"three-state", "constant", "delay-trace"});
+  const auto nearest = nearest_word(model, {"three-state", "constant", "delay-trace"});
   return reader.fail_at(
       root, "model",
       "'model' = \"" + model + "\" is not known; " +

@@ -1,42 +1,33 @@
 // [up], [down], [outages] and [nat] of a profile.
 #include <algorithm>
 
-#include "lab/emu/profile_keys.h"
 #include "lab/emu/profile_reader.h"
 
 namespace interneuron::emu {
 
 namespace {
 
-using Section = toml_reader::TomlReader::Section;
-
-constexpr toml_reader::NumberKey kStepAt{"at_s", "instant of a step", 0, kMaxInstantS, "s"};
-constexpr toml_reader::NumberKey kStepRate{"rate_mbit", "rate from then on", 0, kMaxRateMbit,
-                                           "Mbit/s"};
-constexpr toml_reader::NumberKey kPeriod{
-    "rate_period_s", "period of the steps", 0.001, kMaxInstantS, "s", true};
-constexpr toml_reader::NumberKey kGoodToBad{"p", "probability that losses begin", 0, 1, ""};
-constexpr toml_reader::NumberKey kBadToGood{"r", "probability that losses end", 0.001, 1, ""};
-constexpr toml_reader::NumberKey kLossInGood{"loss_in_good", "loss outside bursts", 0, 1, "", true};
-constexpr toml_reader::NumberKey kLossInBad{"loss_in_bad", "loss within bursts", 0, 1, "", true};
-constexpr toml_reader::NumberKey kFirst{"first_s", "beginning of the first outage", 0, kMaxInstantS,
-                                        "s"};
-constexpr toml_reader::NumberKey kLength{"length_s", "length of each outage", 0.001, kMaxSeconds,
-                                         "s"};
-constexpr toml_reader::NumberKey kEvery{
-    "every_s", "time from one outage to the next", 0.002, kMaxInstantS, "s", true};
-constexpr toml_reader::NumberKey kDropBelow{"drop_below_bytes", "",   0,   65'535,
-                                            "IP bytes",         true, true};
-constexpr toml_reader::NumberKey kReorderAbove{
-    "reorder_above_bytes", "", 0, 65'535, "IP bytes", true, true};
-constexpr toml_reader::NumberKey kNatReorder{"reorder", "", 0, 1, "", true};
-constexpr toml_reader::NumberKey kNatReorderMs{"reorder_ms", "", 0.01, kMaxRttMs, "ms", true};
-constexpr toml_reader::NumberKey kIdle{"idle_timeout_s", "", 0.001, kMaxSeconds, "s", true};
+constexpr NumberKey kStepAt{"at_s", "instant of a step", 0, kMaxInstantS, "s"};
+constexpr NumberKey kStepRate{"rate_mbit", "rate from then on", 0, kMaxRateMbit, "Mbit/s"};
+constexpr NumberKey kPeriod{"rate_period_s", "period of the steps", 0.001, kMaxInstantS, "s", true};
+constexpr NumberKey kGoodToBad{"p", "probability that losses begin", 0, 1, ""};
+constexpr NumberKey kBadToGood{"r", "probability that losses end", 0.001, 1, ""};
+constexpr NumberKey kLossInGood{"loss_in_good", "loss outside bursts", 0, 1, "", true};
+constexpr NumberKey kLossInBad{"loss_in_bad", "loss within bursts", 0, 1, "", true};
+constexpr NumberKey kFirst{"first_s", "beginning of the first outage", 0, kMaxInstantS, "s"};
+constexpr NumberKey kLength{"length_s", "length of each outage", 0.001, kMaxSeconds, "s"};
+constexpr NumberKey kEvery{"every_s", "time from one outage to the next", 0.002, kMaxInstantS, "s",
+                           true};
+constexpr NumberKey kDropBelow{"drop_below_bytes", "", 0, 65'535, "IP bytes", true, true};
+constexpr NumberKey kReorderAbove{"reorder_above_bytes", "", 0, 65'535, "IP bytes", true, true};
+constexpr NumberKey kNatReorder{"reorder", "", 0, 1, "", true};
+constexpr NumberKey kNatReorderMs{"reorder_ms", "", 0.01, kMaxRttMs, "ms", true};
+constexpr NumberKey kIdle{"idle_timeout_s", "", 0.001, kMaxSeconds, "s", true};
 
 // Assumed: the report of reordering by a carrier (quic-go/quic-go issue 5768) gives no delay.
 constexpr double kDefaultNatReorderMs = 5;
 
-bool read_steps(toml_reader::TomlReader& reader, const Section& section, DirectionParams& out) {
+bool read_steps(TomlReader& reader, const Section& section, DirectionParams& out) {
   std::vector<std::pair<double, double>> pairs;
   double period_s = 0;
   if (!reader.pairs(section, "rate_steps", kStepAt, kStepRate, pairs) ||
@@ -51,8 +42,7 @@ bool read_steps(toml_reader::TomlReader& reader, const Section& section, Directi
   bool any = false;
   for (const auto& [at_s, mbit] : pairs) {
     if (stepped.steps.empty() ? at_s != 0 : seconds(at_s) <= stepped.steps.back().at) {
-      return fail("rate_steps",
-                  "must begin at 0 s and rise; " + toml_reader::number_text(at_s) + " does not");
+      return fail("rate_steps", "must begin at 0 s and rise; " + number_text(at_s) + " does not");
     }
     stepped.steps.push_back({seconds(at_s), DataRate::mbit(mbit)});
     any = any || stepped.steps.back().rate.bits_per_second > 0;
@@ -60,8 +50,7 @@ bool read_steps(toml_reader::TomlReader& reader, const Section& section, Directi
   if (!any) return fail("rate_steps", "is 0 everywhere; nothing would ever pass");
   stepped.period = seconds(period_s);
   if (period_s > 0 && stepped.period <= stepped.steps.back().at) {
-    return fail("rate_period_s",
-                "= " + toml_reader::number_text(period_s) + " must be beyond the last step");
+    return fail("rate_period_s", "= " + number_text(period_s) + " must be beyond the last step");
   }
   out.rate = mean_rate(stepped);
   out.trace = std::make_shared<const SteppedRate>(std::move(stepped));
@@ -69,7 +58,7 @@ bool read_steps(toml_reader::TomlReader& reader, const Section& section, Directi
 }
 
 // Exactly one of rate_mbit, rate_steps and rate_trace. The first is read with the other keys.
-bool read_rate(toml_reader::TomlReader& reader, const Section& section, const TraceFiles& files,
+bool read_rate(TomlReader& reader, const Section& section, const TraceFiles& files,
                DirectionParams& out) {
   const bool steps = reader.has(section, "rate_steps");
   const bool trace = reader.has(section, "rate_trace");
@@ -96,7 +85,7 @@ bool read_rate(toml_reader::TomlReader& reader, const Section& section, const Tr
   return true;
 }
 
-bool read_bursts(toml_reader::TomlReader& reader, const Section& section, DirectionParams& out) {
+bool read_bursts(TomlReader& reader, const Section& section, DirectionParams& out) {
   if (!reader.has(section, "gilbert_elliott")) return true;
   const Section bursts = reader.section(section, "gilbert_elliott");
   GilbertElliott ge;
@@ -112,7 +101,7 @@ bool read_bursts(toml_reader::TomlReader& reader, const Section& section, Direct
 
 // The default, and that a packet need not wait longer than the delay process remembers: its delay
 // is read when it leaves the queue.
-bool check_queue(toml_reader::TomlReader& reader, const Section& section, DirectionParams& out) {
+bool check_queue(TomlReader& reader, const Section& section, DirectionParams& out) {
   const double bytes_per_s = static_cast<double>(out.rate.bits_per_second) / 8;
   const double longest_s = to_seconds(DelayProcess::kMemory);
   const double smallest = kMinQueueKbyte * 1e3;
@@ -123,17 +112,16 @@ bool check_queue(toml_reader::TomlReader& reader, const Section& section, Direct
   const auto bytes = static_cast<double>(out.queue_bytes);
   if (bytes <= smallest || bytes <= bytes_per_s * longest_s) return true;
   return reader.fail_at(section, "queue_kbyte",
-                        "'queue_kbyte' in [" + section.path +
-                            "] = " + toml_reader::number_text(bytes / 1e3) + " holds more than " +
-                            toml_reader::number_text(longest_s) + " s at " +
-                            toml_reader::number_text(out.rate.mbit()) + " Mbit/s; at most " +
-                            toml_reader::number_text(bytes_per_s * longest_s / 1e3));
+                        "'queue_kbyte' in [" + section.path + "] = " + number_text(bytes / 1e3) +
+                            " holds more than " + number_text(longest_s) + " s at " +
+                            number_text(out.rate.mbit()) + " Mbit/s; at most " +
+                            number_text(bytes_per_s * longest_s / 1e3));
 }
 
 }  // namespace
 
-bool read_direction(toml_reader::TomlReader& reader, const Section& section,
-                    const TraceFiles& files, DirectionParams& out) {
+bool read_direction(TomlReader& reader, const Section& section, const TraceFiles& files,
+                    DirectionParams& out) {
   std::vector<std::string_view> known;
   for (const DirectionKey& key : direction_keys()) known.push_back(key.key.name);
   known.insert(known.end(), {"rate_steps", "rate_period_s", "rate_trace", "gilbert_elliott"});
@@ -149,7 +137,7 @@ bool read_direction(toml_reader::TomlReader& reader, const Section& section,
          check_queue(reader, section, out);
 }
 
-bool read_outages(toml_reader::TomlReader& reader, const Section& root, PeriodicOutage& out) {
+bool read_outages(TomlReader& reader, const Section& root, PeriodicOutage& out) {
   if (!reader.has(root, "outages")) return true;
   const Section section = reader.section(root, "outages");
   double first_s = 0;
@@ -162,14 +150,14 @@ bool read_outages(toml_reader::TomlReader& reader, const Section& root, Periodic
   }
   if (every_s > 0 && every_s <= length_s) {
     return reader.fail_at(section, kEvery.name,
-                          "'every_s' in [outages] = " + toml_reader::number_text(every_s) +
-                              " must be above 'length_s' = " + toml_reader::number_text(length_s));
+                          "'every_s' in [outages] = " + number_text(every_s) +
+                              " must be above 'length_s' = " + number_text(length_s));
   }
   out = {seconds(first_s), seconds(length_s), seconds(every_s)};
   return true;
 }
 
-bool read_nat(toml_reader::TomlReader& reader, const Section& root, NatParams& out) {
+bool read_nat(TomlReader& reader, const Section& root, NatParams& out) {
   if (!reader.has(root, "nat")) return true;
   const Section section = reader.section(root, "nat");
   double below = 0;

@@ -4,37 +4,29 @@
 #include <exception>
 #include <limits>
 
-#include "lab/emu/link_change_reader.h"
-#include "lab/emu/profile_keys.h"
 #include "lab/emu/profile_reader.h"
 
 namespace interneuron::emu {
 
 namespace {
 
-using Section = toml_reader::TomlReader::Section;
-
 // "if" and the name are a NIC's name, which has 15 characters at most.
 constexpr std::size_t kLongestNicName = 13;
 
-constexpr toml_reader::NumberKey kFading{"common_fading", "probability that EDGE is shared", 0, 1,
-                                         ""};
-constexpr toml_reader::NumberKey kMeanGap{"mean_gap_s", "mean time between holes", 0.1, kMaxSeconds,
-                                          "s"};
-constexpr toml_reader::NumberKey kMeanLength{"mean_length_s", "mean length of a hole", 0.01,
-                                             kMaxSeconds, "s"};
-constexpr toml_reader::NumberKey kAt{"at_s", "time since the first packet", 0, kMaxInstantS, "s"};
-constexpr toml_reader::NumberKey kOutage{
-    "outage_s", "length of the outage", 0.001, kMaxSeconds, "s", true};
+constexpr NumberKey kFading{"common_fading", "probability that EDGE is shared", 0, 1, ""};
+constexpr NumberKey kMeanGap{"mean_gap_s", "mean time between holes", 0.1, kMaxSeconds, "s"};
+constexpr NumberKey kMeanLength{"mean_length_s", "mean length of a hole", 0.01, kMaxSeconds, "s"};
+constexpr NumberKey kAt{"at_s", "time since the first packet", 0, kMaxInstantS, "s"};
+constexpr NumberKey kOutage{"outage_s", "length of the outage", 0.001, kMaxSeconds, "s", true};
 
-constexpr toml_reader::NumberKey kCoDelTarget{
+constexpr NumberKey kCoDelTarget{
     "codel_target_ms", "how long packets may wait for good", 0.1, 1000, "ms", true};
-constexpr toml_reader::NumberKey kMarkAbove{
+constexpr NumberKey kMarkAbove{
     "mark_above_ms", "wait above which L4S packets are marked", 0, 1000, "ms", true};
 
 // Reads the name of a link or cell, which no other one of `all` may have.
 template <class Named>
-bool read_own_name(toml_reader::TomlReader& reader, const Section& section, const char* what,
+bool read_own_name(TomlReader& reader, const Section& section, const char* what,
                    const std::vector<Named>& all, std::string& out) {
   if (!read_name(reader, section, kLongestNicName, out)) return false;
   const bool taken = std::ranges::find(all, out, &Named::name) != all.end();
@@ -43,8 +35,8 @@ bool read_own_name(toml_reader::TomlReader& reader, const Section& section, cons
                                       "'s already; choose another");
 }
 
-bool read_found_profile(toml_reader::TomlReader& reader, const Section& section,
-                        const ProfileResolver& resolver, LinkProfile& out) {
+bool read_found_profile(TomlReader& reader, const Section& section, const ProfileResolver& resolver,
+                        LinkProfile& out) {
   std::string name;
   if (!reader.text(section, "profile", "5g", name)) return false;
   auto found = resolver(name);
@@ -55,8 +47,8 @@ bool read_found_profile(toml_reader::TomlReader& reader, const Section& section,
   return true;
 }
 
-bool read_cell(toml_reader::TomlReader& reader, const Section& section,
-               const ProfileResolver& resolver, Scenario& out) {
+bool read_cell(TomlReader& reader, const Section& section, const ProfileResolver& resolver,
+               Scenario& out) {
   ScenarioCell cell;
   LinkProfile profile;
   double target_ms = 0;
@@ -80,8 +72,8 @@ bool read_cell(toml_reader::TomlReader& reader, const Section& section,
   return true;
 }
 
-bool read_cells(toml_reader::TomlReader& reader, const Section& root,
-                const ProfileResolver& resolver, Scenario& out) {
+bool read_cells(TomlReader& reader, const Section& root, const ProfileResolver& resolver,
+                Scenario& out) {
   const std::vector<Section> sections = reader.sections(root, "cell");
   if (sections.size() > kMaxScenarioCells) {
     return reader.fail_at(root, "cell",
@@ -95,7 +87,7 @@ bool read_cells(toml_reader::TomlReader& reader, const Section& root,
 }
 
 // The cell that a link names, if it names one.
-bool read_shared(toml_reader::TomlReader& reader, const Section& section, const Scenario& scenario,
+bool read_shared(TomlReader& reader, const Section& section, const Scenario& scenario,
                  std::optional<std::size_t>& out) {
   if (!reader.has(section, "cell")) return true;
   std::string name;
@@ -109,8 +101,8 @@ bool read_shared(toml_reader::TomlReader& reader, const Section& section, const 
   return true;
 }
 
-bool read_link(toml_reader::TomlReader& reader, const Section& section,
-               const ProfileResolver& resolver, Scenario& out) {
+bool read_link(TomlReader& reader, const Section& section, const ProfileResolver& resolver,
+               Scenario& out) {
   ScenarioLink link;
   link.seed = link_seed(out.seed, out.links.size());
   if (!reader.only(section, {"name", "profile", "seed", "cell"}) ||
@@ -123,8 +115,8 @@ bool read_link(toml_reader::TomlReader& reader, const Section& section,
   return true;
 }
 
-bool read_links(toml_reader::TomlReader& reader, const Section& root,
-                const ProfileResolver& resolver, Scenario& out) {
+bool read_links(TomlReader& reader, const Section& root, const ProfileResolver& resolver,
+                Scenario& out) {
   const std::vector<Section> sections = reader.sections(root, "link");
   if (sections.empty() || sections.size() > kMaxScenarioLinks) {
     return reader.fail_at(root, "link",
@@ -139,7 +131,7 @@ bool read_links(toml_reader::TomlReader& reader, const Section& root,
 }
 
 // The link that an event names; "*" is all.
-bool read_target(toml_reader::TomlReader& reader, const Section& section, const Scenario& scenario,
+bool read_target(TomlReader& reader, const Section& section, const Scenario& scenario,
                  std::optional<std::size_t>& out) {
   std::string name;
   if (!reader.text(section, "link", "*", name)) return false;
@@ -154,15 +146,15 @@ bool read_target(toml_reader::TomlReader& reader, const Section& section, const 
     known.push_back(link.name);
     list += link.name + ", ";
   }
-  const auto nearest = toml_reader::nearest_word(name, known);
+  const auto nearest = nearest_word(name, known);
   return reader.fail_at(section, "link",
                         "'link' = \"" + name + "\" is no link of this scenario; " +
                             (nearest ? "did you mean \"" + std::string(*nearest) + "\"?"
                                      : "there are " + list + "and \"*\" for all"));
 }
 
-bool read_event(toml_reader::TomlReader& reader, const Section& section,
-                const ProfileResolver& resolver, Scenario& out) {
+bool read_event(TomlReader& reader, const Section& section, const ProfileResolver& resolver,
+                Scenario& out) {
   ScenarioEvent event;
   double at_s = 0;
   double outage_s = 0;
@@ -183,7 +175,7 @@ bool read_event(toml_reader::TomlReader& reader, const Section& section,
   return true;
 }
 
-bool read_optional_parts(toml_reader::TomlReader& reader, const Section& root, Scenario& out) {
+bool read_optional_parts(TomlReader& reader, const Section& root, Scenario& out) {
   if (reader.has(root, "coupling")) {
     const Section coupling = reader.section(root, "coupling");
     if (!reader.only(coupling, {"common_fading"}) ||
@@ -203,8 +195,8 @@ bool read_optional_parts(toml_reader::TomlReader& reader, const Section& root, S
   return true;
 }
 
-bool read_scenario(toml_reader::TomlReader& reader, std::string_view text,
-                   const ProfileResolver& resolver, Scenario& out) {
+bool read_scenario(TomlReader& reader, std::string_view text, const ProfileResolver& resolver,
+                   Scenario& out) {
   const Section root{reader.parse(text), ""};
   if (!reader.only(
           root, {"schema", "description", "seed", "cell", "link", "coupling", "holes", "event"}) ||
@@ -230,7 +222,7 @@ std::variant<Scenario, ProfileError> parse_scenario(std::string_view toml_text,
                                                     std::string_view origin,
                                                     const ProfileResolver& resolver) {
   try {
-    toml_reader::TomlReader reader(origin);
+    TomlReader reader(origin);
     Scenario scenario;
     scenario.source = source_of(toml_text);
     if (read_scenario(reader, toml_text, resolver, scenario)) return scenario;

@@ -17,7 +17,7 @@
 //                                                        the rest of it is not used
 //     codel_target_ms = 5                                0.1 .. 1000; default: drop-tail only
 //     mark_above_ms = 1                                  0 .. 1000; default: no step of marks
-//   [coupling]                                           optional, see common_fading.h
+//   [coupling]                                           optional, see delay_process.h
 //     common_fading = 0.3                                0 .. 1
 //   [holes]                                              optional: no link has radio
 //     mean_gap_s = 300                                   > 0.1 .. 86400, exponential
@@ -49,7 +49,7 @@ namespace interneuron::emu {
 struct ScenarioLink {
   std::string name;
   LinkProfile profile;
-  // Of the link's delay process.
+  // The seed of the link's delay process.
   std::uint64_t seed = 0;
   // The index of the cell that its packets pass, each way, behind the link.
   std::optional<std::size_t> cell{};

@@ -5,7 +5,6 @@
 #include <memory>
 #include <numbers>
 
-#include "lab/eval/reach.h"
 #include "lab/sim/offload.h"
 
 namespace interneuron::eval {

@@ -1,4 +1,4 @@
-#include "lab/eval/intervals.h"
+#include "lab/eval/metrics.h"
 
 #include <cmath>
 #include <iterator>

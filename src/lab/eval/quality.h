@@ -39,7 +39,7 @@ Profile default_profile(bool jpeg = false);
 // What the application really got in one round.
 struct Shown {
   enum class Kind : std::uint8_t { kNothing, kRemote, kLocal, kStale } kind = Kind::kNothing;
-  // Of the remote result, which may be an old one.
+  // Those of the remote result, which may be an old one.
   std::size_t level = 0;
   std::uint8_t variant = 0;
   // In rounds; 0 unless kStale. A result older than FallbackQuality tells is worth nothing.

@@ -1,4 +1,4 @@
-#include "lab/eval/reach.h"
+#include "lab/eval/bounds.h"
 
 #include <algorithm>
 

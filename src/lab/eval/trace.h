@@ -42,7 +42,7 @@ struct DelayLaw {
   // The bounds of kUniform.
   Duration low = std::chrono::milliseconds(15);
   Duration high = std::chrono::milliseconds(50);
-  // Of kExponential.
+  // The mean of kExponential.
   Duration mean = std::chrono::milliseconds(40);
   // The share of rounds that are injected, in [0, 1].
   double share = kCalibratedShare;

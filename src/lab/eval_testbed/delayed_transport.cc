@@ -1,4 +1,4 @@
-#include "lab/eval_testbed/delayed_transport.h"
+#include "lab/eval_testbed/testbed_run.h"
 
 #include <algorithm>
 #include <chrono>
@@ -7,7 +7,7 @@
 
 #include "node/io/steady_clock.h"
 
-namespace interneuron::cli {
+namespace interneuron::eval_testbed {
 namespace {
 
 // How soon a full socket is tried again. A packet of 1,500 bytes leaves a link of 60 Mbit/s in this
@@ -93,4 +93,4 @@ int DelayedTransport::native_handle() const {
   return inner_->native_handle();
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::eval_testbed

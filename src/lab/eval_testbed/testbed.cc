@@ -10,9 +10,8 @@
 #include "app/settings/data.h"
 #include "core/base/statistics.h"
 #include "lab/eval/experiments/compare.h"
-#include "lab/eval_testbed/testbed_bench.h"
 
-namespace interneuron::cli {
+namespace interneuron::eval_testbed {
 namespace {
 
 namespace fs = std::filesystem;
@@ -214,6 +213,26 @@ bool is_recorded(const eval::Profile& profile) {
   return profile.level_names.front().starts_with("yolo");
 }
 
+// What a reader of the tables must know. `undisturbed`: rounds of the calibration.
+void add_notes(experiments::Document& document, const experiments::Request& request,
+               const Bench& bench, std::uint32_t undisturbed, bool has_truth) {
+  document.notes.push_back(
+      fmt::format("Real sockets in network namespaces, links by the emulator, {}. AP and AR of "
+                  "the testbed's rows are of the boxes that the application got{}.",
+                  bench.ladder(), has_truth ? "" : ", and are not known without the ground truth"));
+  document.notes.push_back(fmt::format(
+      "Deadline: {:.1f} ms{}. {} undisturbed rounds took {:.1f} ms to submit an image, {:.1f} ms "
+      "longer in the uplink and {:.1f} ms longer in the downlink than in virtual time; the "
+      "simulation has these times.",
+      to_ms(bench.deadline()),
+      request.deadline ? ""
+                       : fmt::format(", {:.0f} ms after the end of an undisturbed round at the "
+                                     "highest level",
+                                     to_ms(kSlack)),
+      undisturbed, to_ms(bench.hosts().encode), to_ms(bench.hosts().image_packets),
+      to_ms(bench.hosts().result_packets)));
+}
+
 }  // namespace
 
 void run_table_erdos_on_testbed(const experiments::Request& request,
@@ -261,25 +280,11 @@ void run_table_erdos_on_testbed(const experiments::Request& request,
   document.tables.push_back(agreement(testbed, sim));
   document.tables.push_back(level_table(bench.profile(), scenario.profile));
   for (const char* name : {"ours", "erdos_like"}) add_example(document, testbed, name);
-  document.notes.push_back(
-      fmt::format("Real sockets in network namespaces, links by the emulator, {}. AP and AR of "
-                  "the testbed's rows are of the boxes that the application got{}.",
-                  bench.ladder(), truth ? "" : ", and are not known without the ground truth"));
-  document.notes.push_back(fmt::format(
-      "Deadline: {:.1f} ms{}. {} undisturbed rounds took {:.1f} ms to submit an image, {:.1f} ms "
-      "longer in the uplink and {:.1f} ms longer in the downlink than in virtual time; the "
-      "simulation has these times.",
-      to_ms(bench.deadline()),
-      request.deadline ? ""
-                       : fmt::format(", {:.0f} ms after the end of an undisturbed round at the "
-                                     "highest level",
-                                     to_ms(kSlack)),
-      undisturbed, to_ms(bench.hosts().encode), to_ms(bench.hosts().image_packets),
-      to_ms(bench.hosts().result_packets)));
+  add_notes(document, request, bench, undisturbed, truth.has_value());
   document.notes.push_back(
       fmt::format("Load average of this machine (1 min) before: {}, after: {}. The oracle has the "
                   "run times of the simulation.",
                   load_before, load()));
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::eval_testbed

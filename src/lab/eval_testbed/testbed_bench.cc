@@ -1,4 +1,4 @@
-#include "lab/eval_testbed/testbed_bench.h"
+#include "lab/eval_testbed/testbed.h"
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -18,7 +18,7 @@
 #include "lab/sim/offload.h"
 #include "netns/testbed/road_child.h"
 
-namespace interneuron::cli {
+namespace interneuron::eval_testbed {
 namespace {
 
 namespace fs = std::filesystem;
@@ -137,6 +137,14 @@ std::optional<Transmissions> transmissions(const eval::Run& run) {
   return Transmissions{from_ms(percentile(uplink, 0.5)), from_ms(percentile(downlink, 0.5))};
 }
 
+// Adds how long each computation at this level took in a run, without what was injected, in ms.
+void add_times(const BenchRun& bench, std::size_t level, std::vector<double>& times) {
+  for (const eval::Round& r : bench.run.rounds) {
+    if (!r.compute_ended || r.level != level) continue;
+    times.push_back(to_ms(*r.compute_ended - *r.compute_began - inside(r.injected)));
+  }
+}
+
 }  // namespace
 
 Bench::Bench(const eval::Scenario& scenario, std::optional<fs::path> data, std::string ladder,
@@ -201,7 +209,7 @@ void Bench::start_programs(const TestbedRun& orders, std::uint32_t rounds) {
   write_testbed_run(scratch_ / "run.json", orders);
   const Log road_log(scratch_ / "road.log");
   const Log vehicle_log(scratch_ / "vehicle.log");
-  std::optional<RoadChild> road;
+  std::optional<cli::RoadChild> road;
   try {
     road.emplace(testbed_.state(), road_command(), road_log.fd());
   } catch (const process::Failure& error) {
@@ -322,12 +330,7 @@ eval::Profile measured(const eval::Profile& calibrated,
   for (std::size_t level = 0; level < out.levels.size(); ++level) {
     std::vector<double> times;
     for (const std::vector<BenchRun>& of_system : runs) {
-      for (const BenchRun& bench : of_system) {
-        for (const eval::Round& r : bench.run.rounds) {
-          if (!r.compute_ended || r.level != level) continue;
-          times.push_back(to_ms(*r.compute_ended - *r.compute_began - inside(r.injected)));
-        }
-      }
+      for (const BenchRun& bench : of_system) add_times(bench, level, times);
     }
     if (times.size() < kEnoughRuns) continue;
     out.levels[level].median = from_ms(percentile(times, 0.5));
@@ -336,4 +339,4 @@ eval::Profile measured(const eval::Profile& calibrated,
   return out;
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::eval_testbed

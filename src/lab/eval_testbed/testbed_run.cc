@@ -7,10 +7,9 @@
 #include "app/perception/detection.h"
 #include "app/process/failure.h"
 #include "interneuron/sizes.h"
-#include "lab/eval_testbed/delayed_transport.h"
 #include "node/io/steady_clock.h"
 
-namespace interneuron::cli {
+namespace interneuron::eval_testbed {
 namespace {
 
 namespace fs = std::filesystem;
@@ -41,6 +40,17 @@ const char* kind_of(const RoundDone& done, bool local_backup) {
   if (!done.age_rounds) return "nothing";
   if (*done.age_rounds == 0) return "local";
   return done.stale_remote || !local_backup ? "stale" : "stale_local";
+}
+
+eval::Injected injected_of(const records::Json& json) {
+  eval::Injected out;
+  if (json.is_null()) return out;
+  out.any = true;
+  out.delay = Duration{json.at("delay_ns")};
+  for (std::size_t m = 0; m < eval::kModules; ++m) {
+    if (json.at("module") == to_string(static_cast<Module>(m))) out.module = static_cast<Module>(m);
+  }
+  return out;
 }
 
 }  // namespace
@@ -95,17 +105,7 @@ TestbedRun read_testbed_run(const fs::path& file) {
     const eval::System* system = eval::find_system(json.at("system"));
     if (system == nullptr) throw bad("no such system");
     run.system = *system;
-    for (const records::Json& i : json.at("injected")) {
-      eval::Injected& injected = run.injected.emplace_back();
-      if (i.is_null()) continue;
-      injected.any = true;
-      injected.delay = Duration{i.at("delay_ns")};
-      for (std::size_t m = 0; m < eval::kModules; ++m) {
-        if (i.at("module") == to_string(static_cast<Module>(m))) {
-          injected.module = static_cast<Module>(m);
-        }
-      }
-    }
+    for (const records::Json& i : json.at("injected")) run.injected.push_back(injected_of(i));
     run.deadline = Duration{json.at("deadline_ns")};
     const records::Json& erdos = json.at("erdos");
     run.erdos = {Duration{erdos.at("uplink_ns")}, Duration{erdos.at("downlink_ns")}, {}};
@@ -224,4 +224,4 @@ void TestbedRoad::finished(const std::string& ladder, const std::vector<std::str
       {{"ladder", ladder}, {"names", names}, {"levels", levels_json(levels)}, {"rounds", rounds_}});
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::eval_testbed

@@ -3,22 +3,27 @@
 // it through its hooks and leaves its record beside that file: vehicle.json and road.json.
 #pragma once
 
+#include <condition_variable>
+#include <deque>
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "app/offload/hooks.h"
 #include "app/records/run_files.h"
 #include "interneuron/node.h"
+#include "interneuron/transport.h"
 #include "lab/eval/erdos.h"
 #include "lab/eval/run.h"
 #include "lab/eval/system.h"
 #include "lab/eval/trace.h"
 
-namespace interneuron::cli {
+namespace interneuron::eval_testbed {
 
 struct TestbedRun {
   eval::System system;
@@ -27,7 +32,7 @@ struct TestbedRun {
   // For LevelRule::kErdos; the vehicle has it as its own option too.
   Duration deadline = eval::Scenario{}.deadline;
   eval::ErdosTimes erdos;
-  // Of the roadside's ladder. If empty, the roadside calibrates it.
+  // The roadside's ladder. If empty, the roadside calibrates it.
   std::vector<LevelProfile> levels;
   FallbackQuality fallback;
   // Where it was read from.
@@ -91,4 +96,49 @@ class TestbedRoad : public offload::RoadHooks {
   records::Json rounds_ = records::Json::array();
 };
 
-}  // namespace interneuron::cli
+// A transport that sends some datagrams later: how experiments on the testbed inject delays into
+// the real programs. Links stay in order, as in sim::World::delay_with(): later datagrams on the
+// same link wait for a delayed one.
+//
+// Wraps the transport of one link, which it owns. While nothing is delayed it passes everything on
+// at once; delayed datagrams are copied and sent by a thread of its own. Their number has no bound
+// here: the sender's pacing and the deadline of rounds bound what it hands over. Errors of the
+// inner transport end the link as they would without this class. The calls are thread-compatible.
+class DelayedTransport final : public Transport {
+ public:
+  // `delay_of` tells how much later a datagram is sent. It is asked by send(), on its caller's
+  // thread, and asked again for datagrams that send() did not take.
+  DelayedTransport(std::unique_ptr<Transport> inner,
+                   std::function<Duration(const Outgoing&)> delay_of);
+
+  BatchResult send(std::span<const Outgoing> batch) override;
+  std::span<const Incoming> receive() override;
+  TransportCaps capabilities() const override;
+  TransportCounters counters() const override;
+  Address local_address() const override;
+  int native_handle() const override;
+
+ private:
+  struct Waiting {
+    TimePoint due{};
+    Address to{};
+    Bytes bytes;
+    std::uint8_t ecn = 0;
+  };
+  void send_waiting(const std::stop_token& stop);
+  void send_due(TimePoint now);
+
+  mutable std::mutex mutex_;
+  std::condition_variable_any wake_;
+  // Guarded by mutex_, as are waiting_, blocked_ and gone_.
+  std::unique_ptr<Transport> inner_;
+  std::function<Duration(const Outgoing&)> delay_of_;
+  // In the order of `due`.
+  std::deque<Waiting> waiting_;
+  bool blocked_ = false;
+  int gone_ = 0;
+  // Declared last, so that it has ended before the others are destroyed.
+  std::jthread thread_;
+};
+
+}  // namespace interneuron::eval_testbed

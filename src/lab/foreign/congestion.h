@@ -24,7 +24,7 @@ struct Delivery {
   // The most that was in flight within the last round trip.
   std::size_t peak_in_flight = 0;
   Duration smoothed_rtt{};
-  // Of the newest segment; nothing when it was sent more than once.
+  // That of the newest segment; nothing when it was sent more than once.
   std::optional<Duration> rtt{};
   // The rate at which segments arrived while the newest one was on its way; 0: not known.
   DataRate rate{};

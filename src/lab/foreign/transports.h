@@ -77,7 +77,7 @@ class UdpSource final : public MessageSource {
   LinkId link_;
   Address to_;
   Ring<Message> waiting_;
-  // Of the message in front, the bytes sent.
+  // How many bytes of the message in front are sent.
   std::uint64_t sent_ = 0;
 };
 

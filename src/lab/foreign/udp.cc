@@ -13,7 +13,7 @@ constexpr std::uint64_t kMostPayload = 1500 - kIpv4UdpBytes;
 struct Datagram {
   ConnectionId connection = 0;
   std::uint32_t message = 0;
-  // Of the whole message and of this part of it.
+  // How long the whole message is, and this part of it.
   std::uint64_t message_bytes = 0;
   std::uint64_t bytes = 0;
 };

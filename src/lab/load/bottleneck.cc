@@ -5,7 +5,7 @@
 namespace interneuron::load {
 namespace {
 
-// Of the links in front of the cell, and of the way back. No measurement behind these values: they
+// What the links in front of the cell and the way back have. No measurement is behind this: they
 // only have to be so far above what a run sends that this plays no part.
 constexpr DataRate kNicRate = DataRate::mbit(1000);
 constexpr Duration kNicQueue = std::chrono::seconds(1);

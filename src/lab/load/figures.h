@@ -19,7 +19,7 @@ struct Row {
   std::size_t missed = 0;
   // On time in the smaller variant.
   std::size_t degraded = 0;
-  // Of messages that arrived on time.
+  // How old messages were that arrived on time, and the rate at which their payload came.
   double age_p50_ms = 0;
   double age_p99_ms = 0;
   double on_time_goodput_mbit = 0;
@@ -29,12 +29,12 @@ struct Row {
   double queue_p99_ms = 0;
   // The share of the bottleneck's capacity, dips included, that was used.
   double utilisation = 0;
-  // Of the vehicles' on-time payload; nothing for one vehicle alone.
+  // How evenly the vehicles share what arrives on time; nothing for one vehicle alone.
   std::optional<double> jain{};
-  // Of a dip: from the return of the rate until the first whole message that is on time is handed
-  // over; nothing when there is none.
+  // After a dip, from the return of the rate until the first whole message that is on time is
+  // handed over; nothing when there is none.
   std::optional<double> whole_after_ms{};
-  // Of a late vehicle: from its first message until it has had 80 % of its fair share for half a
+  // For a late vehicle, from its first message until it has had 80 % of its fair share for half a
   // second; nothing when that never was.
   std::optional<double> share_after_ms{};
   // Beside cross traffic: the on-time payload, and what the applications of the cross traffic could

@@ -15,7 +15,7 @@ using foreign::MessageSource;
 using foreign::TcpSource;
 
 constexpr LinkId kLink{0};
-// Of a vehicle with two modems.
+// Only a vehicle with two modems has it.
 constexpr LinkId kSecondLink{1};
 
 std::unique_ptr<foreign::CongestionControl> cubic() { return std::make_unique<foreign::Cubic>(); }

@@ -57,11 +57,11 @@ OurHosts::OurHosts(const Scenario& scenario, sim::World& world, EndpointOptions 
   options.max_peers = scenario.vehicles;
   std::vector<int> keys(scenario.vehicles);
   std::iota(keys.begin(), keys.end(), kRoadKey + 1);
-  if (scenario.is_encrypted) options.security = security_of(kRoadKey, keys);
+  if (scenario.is_encrypted) options.security = sim::security_of(kRoadKey, keys);
   road = world.add_host(std::move(options));
   for (std::uint32_t v = 0; v < scenario.vehicles; ++v) {
     vehicle.session = SessionId{v + 1};
-    if (scenario.is_encrypted) vehicle.security = security_of(keys[v], {kRoadKey});
+    if (scenario.is_encrypted) vehicle.security = sim::security_of(keys[v], {kRoadKey});
     vehicles.push_back(world.add_host(vehicle));
     links(vehicles[v], road);
     peers.push_back(world.connect(vehicles[v], road));

@@ -30,8 +30,8 @@ struct Bin {
   double predicted = 0;
   double happened = 0;
   std::size_t messages = 0;
-  // Of happened - predicted, if only the seconds are independent of each other and not the messages
-  // within them.
+  // That of happened - predicted, if only seconds are independent of each other and not the
+  // messages within them.
   double standard_error = 0;
 
   double gap() const { return happened - predicted; }
@@ -57,7 +57,7 @@ struct ForecastScenario {
   // "rate", "driving 4g": predictions are judged by it.
   std::string name;
   Scenario run;
-  // Of tc_profiles/.
+  // The names of profiles of tc_profiles/.
   std::vector<std::string> profiles;
 };
 

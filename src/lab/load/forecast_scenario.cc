@@ -8,7 +8,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// Of a run under load, and of a drive. No measurement behind the first value: it holds the changes
+// How long runs under load and drives are. No measurement is behind the first: it holds the changes
 // of load that a group has. A drive is long enough for each state of a profile (docs/constants.md).
 constexpr Duration kLoadLength = 12s;
 constexpr Duration kDriveLength = 120s;

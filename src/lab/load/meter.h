@@ -35,7 +35,7 @@ class Meter {
   // The bytes of messages that arrived on time, of one vehicle and of all.
   std::size_t on_time_bytes(std::size_t vehicle) const;
   std::size_t on_time_bytes() const;
-  // Of the same, those that arrived within (from, to].
+  // As above, but only messages that arrived within (from, to] count.
   std::size_t on_time_bytes(std::size_t vehicle, Duration from, Duration to) const;
   std::size_t count() const;
   // Messages without any variant by their deadline.

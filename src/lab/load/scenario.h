@@ -23,10 +23,10 @@ enum class Peer : std::uint8_t {
   kOurs,
   // Endpoints with the policy down_sampling: every message has a smaller variant, too.
   kOursVariants,
-  // Each message at once in plain datagrams, without repair (src/lab/foreign/udp.h).
+  // Each message at once in plain datagrams, without repair (src/lab/foreign/transports.h).
   kUdp,
   // TCP with CUBIC; with a rate-based control after BBR; MPTCP with CUBIC over two modems in the
-  // same cell (src/lab/foreign/tcp.h).
+  // same cell (src/lab/foreign/transports.h).
   kCubic,
   kBbrLike,
   kMptcpLike,
@@ -76,7 +76,7 @@ struct Scenario {
   // Tells the scenarios of a group apart: "20mbit-30ms".
   std::string name;
   Peer peer{};
-  // Of the bottleneck; 1 is all that it carries.
+  // What is offered, as a share of what the bottleneck carries.
   double load = 1;
   std::size_t vehicles = 1;
   DataRate capacity{};

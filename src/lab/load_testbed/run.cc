@@ -10,7 +10,7 @@
 #include "lab/transports/play.h"
 #include "netns/testbed/testbed.h"
 
-namespace interneuron::cli {
+namespace interneuron::load_testbed {
 namespace {
 
 namespace fs = std::filesystem;
@@ -46,20 +46,20 @@ netns::TestbedOptions options_of(const Scenario& s, const fs::path& scratch) {
 
 // --- what is played
 
-Transport transport_of(Peer peer) {
+transports::Transport transport_of(Peer peer) {
   switch (peer) {
     case Peer::kOurs:
-      return {Kind::kOurs, "best_link"};
+      return {transports::Kind::kOurs, "best_link"};
     case Peer::kOursVariants:
-      return {Kind::kOurs, "down_sampling"};
+      return {transports::Kind::kOurs, "down_sampling"};
     case Peer::kUdp:
-      return {Kind::kUdp, ""};
+      return {transports::Kind::kUdp, ""};
     case Peer::kTcpCubic:
-      return {Kind::kTcp, "cubic"};
+      return {transports::Kind::kTcp, "cubic"};
     case Peer::kTcpBbr:
-      return {Kind::kTcp, "bbr"};
+      return {transports::Kind::kTcp, "bbr"};
     case Peer::kMptcp:
-      return {Kind::kMptcp, "cubic"};
+      return {transports::Kind::kMptcp, "cubic"};
     default:
       break;
   }
@@ -67,23 +67,24 @@ Transport transport_of(Peer peer) {
                          fmt::format("{} is for virtual time alone", load::name_of(peer)));
 }
 
-Order order_of(const Scenario& s, const netns::State& state, const fs::path& scratch) {
+transports::Order order_of(const Scenario& s, const netns::State& state, const fs::path& scratch) {
   return {transport_of(s.peer),
           {load::variant_bytes(s), s.deadline, s.period, s.length, load::first_messages(s)},
-          modems_of(state),
+          transports::modems_of(state),
           scratch,
           s.one_way};
 }
 
 // --- figures
 
-load::Meter meter_of(const Scenario& s, const VehiclesRecord& vehicles, const RoadRecord& road) {
+load::Meter meter_of(const Scenario& s, const transports::VehiclesRecord& vehicles,
+                     const transports::RoadRecord& road) {
   const std::vector<std::size_t> variants = load::variant_bytes(s);
   load::Meter meter(s.vehicles, s.deadline, variants);
   for (std::size_t v = 0; v < std::min(s.vehicles, vehicles.begun.size()); ++v) {
     for (const TimePoint at : vehicles.begun[v]) meter.begin(v, at.time_since_epoch());
   }
-  for (const Arrival& a : road.arrivals) {
+  for (const transports::Arrival& a : road.arrivals) {
     if (a.vehicle >= s.vehicles || a.variant >= variants.size()) continue;
     if (a.number >= meter.messages(a.vehicle).size()) continue;
     meter.arrived(a.vehicle, a.number, a.variant, a.at.time_since_epoch());
@@ -105,14 +106,14 @@ std::optional<std::string> cannot_play(const Scenario& s) {
   return std::nullopt;
 }
 
-Duration time_of_run(const Scenario& s) { return s.length + s.deadline + kRunOverhead; }
+Duration time_of_run(const Scenario& s) { return s.length + s.deadline + transports::kRunOverhead; }
 
 TestbedRow run_on_testbed(const Scenario& s, TransportKind datagrams, const fs::path& folder) {
-  const Scratch scratch(folder);
+  const transports::Scratch scratch(folder);
   const Testbed testbed = Testbed::up(options_of(s, folder));
-  Order order = order_of(s, testbed.state(), folder);
+  transports::Order order = order_of(s, testbed.state(), folder);
   order.transport.datagrams = datagrams;
-  const Played played =
+  const transports::Played played =
       play(testbed.state(), order, [&](TimePoint) { Testbed::measure_cells(testbed.state()); });
 
   TestbedRow out{{}, played.doubt};
@@ -125,4 +126,4 @@ TestbedRow run_on_testbed(const Scenario& s, TransportKind datagrams, const fs::
   return out;
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::load_testbed

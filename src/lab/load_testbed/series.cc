@@ -1,4 +1,4 @@
-#include "lab/load_testbed/series.h"
+#include "lab/load_testbed/run.h"
 
 #include <fmt/format.h>
 
@@ -8,10 +8,9 @@
 
 #include "app/process/failure.h"
 #include "app/process/private_folder.h"
-#include "lab/load_testbed/run.h"
 #include "lab/transports/series_line.h"
 
-namespace interneuron::cli {
+namespace interneuron::load_testbed {
 namespace {
 
 using load::Scenario;
@@ -46,7 +45,7 @@ std::vector<load::Row> run_series(const std::vector<Scenario>& scenarios, Transp
   const std::filesystem::path scratch = folder / "run";
   std::vector<Duration> times;
   for (const Scenario& s : list) times.push_back(time_of_run(s));
-  SeriesLine line("bench load", std::move(times));
+  transports::SeriesLine line("bench load", std::move(times));
   std::vector<load::Row> out;
   for (const Scenario& s : list) {
     line.next(name_of(s));
@@ -57,4 +56,4 @@ std::vector<load::Row> run_series(const std::vector<Scenario>& scenarios, Transp
   return out;
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::load_testbed

@@ -1,8 +1,8 @@
-#include "lab/peers_testbed/figures.h"
+#include "lab/peers_testbed/comparison.h"
 
 #include "core/base/statistics.h"
 
-namespace interneuron::peers {
+namespace interneuron::peers_testbed {
 namespace {
 
 // What became of a message.
@@ -13,10 +13,10 @@ struct Fate {
 };
 
 std::vector<Fate> fates_of(const std::vector<TimePoint>& begun,
-                           const std::vector<cli::Arrival>& arrivals) {
+                           const std::vector<transports::Arrival>& arrivals) {
   std::vector<Fate> out(begun.size());
   // The first that comes of a message counts.
-  for (const cli::Arrival& a : arrivals) {
+  for (const transports::Arrival& a : arrivals) {
     if (a.vehicle != 0 || a.number >= out.size()) continue;
     Fate& fate = out[a.number];
     if (fate.age == Duration::max()) fate = {a.at - begun[a.number], a.variant};
@@ -35,8 +35,8 @@ double us(Duration time) { return 1e3 * to_ms(time); }
 
 }  // namespace
 
-std::vector<Row> rows_of(const Run& run, const cli::VehiclesRecord& vehicle,
-                         const cli::RoadRecord& road) {
+std::vector<Row> rows_of(const Run& run, const transports::VehiclesRecord& vehicle,
+                         const transports::RoadRecord& road) {
   const std::vector<Fate> fates =
       fates_of(vehicle.begun.empty() ? std::vector<TimePoint>{} : vehicle.begun[0], road.arrivals);
   std::vector<Row> out;
@@ -58,11 +58,11 @@ std::vector<Row> rows_of(const Run& run, const cli::VehiclesRecord& vehicle,
                        (messages * static_cast<double>(run.message_bytes));
       row.cpu_us_send = us(vehicle.cpu) / messages;
     }
-    // Of a message in the mean: the share of the time, times the time for each.
+    // What a message takes in the mean is the share of the time, times the time for each.
     if (road.arrivals.size() > 1) row.cpu_us_receive = road.cpu * us(run.period());
     out.push_back(row);
   }
   return out;
 }
 
-}  // namespace interneuron::peers
+}  // namespace interneuron::peers_testbed

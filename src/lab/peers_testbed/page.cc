@@ -1,10 +1,10 @@
-#include "lab/peers_testbed/page.h"
+#include "lab/peers_testbed/comparison.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 
-namespace interneuron::peers {
+namespace interneuron::peers_testbed {
 namespace {
 
 // What is run of one scenario, size and deadline: a row for each peer.
@@ -85,4 +85,4 @@ std::string page_of(const std::vector<Row>& rows) {
   return out;
 }
 
-}  // namespace interneuron::peers
+}  // namespace interneuron::peers_testbed

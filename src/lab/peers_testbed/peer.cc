@@ -1,12 +1,12 @@
-#include "lab/peers_testbed/peer.h"
+#include "lab/peers_testbed/scenario.h"
 
 #include <algorithm>
 #include <array>
 
-namespace interneuron::peers {
+namespace interneuron::peers_testbed {
 namespace {
 
-using cli::Kind;
+using transports::Kind;
 
 constexpr std::array kPeers{
     Peer{"ours_best_link", "Interneuron, the policy best_link: each message over the best link",
@@ -56,4 +56,4 @@ const Peer* peer_of(std::string_view name) {
   return it == kPeers.end() ? nullptr : &*it;
 }
 
-}  // namespace interneuron::peers
+}  // namespace interneuron::peers_testbed

@@ -1,6 +1,6 @@
-#include "lab/peers_testbed/quick.h"
+#include "lab/peers_testbed/comparison.h"
 
-namespace interneuron::peers {
+namespace interneuron::peers_testbed {
 namespace {
 
 using namespace std::chrono_literals;
@@ -67,4 +67,4 @@ std::vector<Run> quick_runs(std::uint64_t seed) {
   return out;
 }
 
-}  // namespace interneuron::peers
+}  // namespace interneuron::peers_testbed

@@ -1,4 +1,4 @@
-#include "lab/peers_testbed/run.h"
+#include "lab/peers_testbed/comparison.h"
 
 #include <fmt/format.h>
 #include <unistd.h>
@@ -11,7 +11,7 @@
 #include "netns/testbed/testbed.h"
 #include "node/io/steady_clock.h"
 
-namespace interneuron::peers {
+namespace interneuron::peers_testbed {
 namespace {
 
 namespace fs = std::filesystem;
@@ -45,43 +45,43 @@ Duration way_of(const Run& run) {
 
 Duration longest_deadline(const Run& run) { return std::ranges::max(run.deadlines); }
 
-cli::Order order_of(const Run& run, const netns::State& state, const fs::path& scratch) {
-  cli::Order order{transport_of(run),
-                   {variant_bytes(*run.peer, run.message_bytes),
-                    longest_deadline(run),
-                    run.period(),
-                    run.length(),
-                    {Duration{}}},
-                   cli::modems_of(state),
-                   scratch,
-                   way_of(run)};
+transports::Order order_of(const Run& run, const netns::State& state, const fs::path& scratch) {
+  transports::Order order{transport_of(run),
+                          {variant_bytes(*run.peer, run.message_bytes),
+                           longest_deadline(run),
+                           run.period(),
+                           run.length(),
+                           {Duration{}}},
+                          transports::modems_of(state),
+                          scratch,
+                          way_of(run)};
   if (!run.peer->all_modems) order.modems.resize(1);
   return order;
 }
 
 }  // namespace
 
-cli::Transport transport_of(const Run& run) {
+transports::Transport transport_of(const Run& run) {
   return {run.peer->kind, std::string(run.peer->mode), run.datagrams};
 }
 
 Ran play_run(const Run& run, const fs::path& folder) {
-  const cli::Scratch scratch(folder);
+  const transports::Scratch scratch(folder);
   const Testbed testbed = Testbed::up(options_of(run, folder));
   const auto hole = [&](TimePoint begin) {
     if (run.scenario->hole == Duration{}) return;
     process::SignalWatch::sleep(begin + run.length() / 2 - io::now());
     Testbed::outage(testbed.state(), kModemNames.front(), run.scenario->hole);
   };
-  const cli::Played played =
-      cli::play(testbed.state(), order_of(run, testbed.state(), folder), hole);
+  const transports::Played played =
+      transports::play(testbed.state(), order_of(run, testbed.state(), folder), hole);
   Ran ran{rows_of(run, played.vehicles, played.road), played.doubt};
   for (Row& row : ran.rows) row.emulator_late_ms = played.after.lateness_max_us / 1e3;
   return ran;
 }
 
 Duration time_of_run(const Run& run) {
-  return run.length() + longest_deadline(run) + cli::kRunOverhead;
+  return run.length() + longest_deadline(run) + transports::kRunOverhead;
 }
 
-}  // namespace interneuron::peers
+}  // namespace interneuron::peers_testbed

@@ -5,7 +5,7 @@
 #include "interneuron/sizes.h"
 #include "lab/emu/cell.h"
 
-namespace interneuron::peers {
+namespace interneuron::peers_testbed {
 namespace {
 
 using namespace std::chrono_literals;
@@ -46,7 +46,7 @@ Links clean() {
   return out;
 }
 
-// Of all packets, both ways.
+// This share of all packets is lost, both ways.
 constexpr double kLoss = 0.01;
 
 Links loss() {
@@ -118,6 +118,18 @@ std::size_t messages_of(const Choice& choice, std::size_t bytes) {
   return static_cast<std::size_t>(std::max<std::int64_t>(1, *choice.length / period_of(bytes)));
 }
 
+// A run for each deadline, where that makes a difference to the peer; else one for all.
+void add_by_deadline(const Run& run, std::vector<Run>& out) {
+  if (!run.peer->heeds_deadline) {
+    out.push_back(run);
+    return;
+  }
+  for (const Duration deadline : run.deadlines) {
+    out.push_back(run);
+    out.back().deadlines = {deadline};
+  }
+}
+
 }  // namespace
 
 std::span<const Scenario> all_scenarios() { return kScenarios; }
@@ -148,19 +160,12 @@ std::vector<Run> runs_of(const Choice& choice) {
   for (const Scenario* scenario : or_all(choice.scenarios, addresses(all_scenarios()))) {
     for (const std::size_t bytes : or_all(choice.sizes, kSizes)) {
       for (const Peer* peer : or_all(choice.peers, addresses(all_peers()))) {
-        Run run{scenario, peer, bytes, messages_of(choice, bytes), deadlines, choice.seed};
-        if (!peer->heeds_deadline) {
-          out.push_back(run);
-          continue;
-        }
-        for (const Duration deadline : deadlines) {
-          run.deadlines = {deadline};
-          out.push_back(run);
-        }
+        add_by_deadline({scenario, peer, bytes, messages_of(choice, bytes), deadlines, choice.seed},
+                        out);
       }
     }
   }
   return out;
 }
 
-}  // namespace interneuron::peers
+}  // namespace interneuron::peers_testbed

@@ -12,9 +12,33 @@
 #include <vector>
 
 #include "lab/emu/profile.h"
-#include "lab/peers_testbed/peer.h"
+#include "lab/transports/order.h"
 
-namespace interneuron::peers {
+namespace interneuron::peers_testbed {
+
+// What `bench peers` compares: Interneuron by policy, and what one would take instead. Plain
+// values; pure; thread-safe.
+struct Peer {
+  // As users write it: "ours_duplicate".
+  std::string_view name;
+  // One line for people.
+  std::string_view about;
+  transports::Kind kind{};
+  // Transport::mode.
+  std::string_view mode;
+  // It may use all modems; else the first alone.
+  bool all_modems = false;
+  // Every message has a smaller variant, too.
+  bool variants = false;
+  // What it does depends on the deadline of a message, so that each deadline is a run of its own.
+  bool heeds_deadline = false;
+};
+
+// In the order in which they are shown: a policy of Interneuron is one line more here.
+std::span<const Peer> all_peers();
+
+// The peer of that name; nullptr: there is none.
+const Peer* peer_of(std::string_view name);
 
 inline constexpr std::size_t kLinks = 2;
 
@@ -23,7 +47,7 @@ struct Scenario {
   std::string_view name;
   // One line for people.
   std::string_view about;
-  // Of the first link and the second.
+  // Makes the profiles of the first link and the second.
   std::array<emu::LinkProfile, kLinks> (*links)();
   // Nothing passes over the first link for so long, from the middle of the run on; 0: no hole.
   Duration hole{};
@@ -57,7 +81,7 @@ struct Run {
   // makes a difference.
   std::vector<Duration> deadlines;
   std::uint64_t seed = 1;
-  // As in cli::Transport.
+  // As in transports::Transport.
   TransportKind datagrams = TransportKind::kUdp;
 
   Duration period() const { return period_of(message_bytes); }
@@ -80,4 +104,4 @@ struct Choice {
 // By scenario, then by size, then by peer, then by deadline.
 std::vector<Run> runs_of(const Choice& choice);
 
-}  // namespace interneuron::peers
+}  // namespace interneuron::peers_testbed

@@ -1,4 +1,4 @@
-#include "lab/peers_testbed/series.h"
+#include "lab/peers_testbed/comparison.h"
 
 #include <fmt/format.h>
 
@@ -8,11 +8,10 @@
 
 #include "app/process/failure.h"
 #include "app/process/private_folder.h"
-#include "lab/peers_testbed/run.h"
 #include "lab/transports/play.h"
 #include "lab/transports/series_line.h"
 
-namespace interneuron::peers {
+namespace interneuron::peers_testbed {
 namespace {
 
 std::string name_of(const Run& run) {
@@ -27,7 +26,7 @@ std::vector<Skipped> skipped_of(const std::vector<Run>& runs) {
   std::vector<Skipped> out;
   for (const Run& run : runs) {
     if (std::ranges::find(out, run.peer->name, &Skipped::peer) != out.end()) continue;
-    if (const auto reason = cli::lacks(transport_of(run))) {
+    if (const auto reason = transports::lacks(transport_of(run))) {
       out.push_back({std::string(run.peer->name), *reason});
     }
   }
@@ -52,7 +51,7 @@ Compared compare(const std::vector<Run>& runs) {
   for (const Run& run : list) times.push_back(time_of_run(run));
   const process::PrivateFolder folder("interneuron-peers");
   const std::filesystem::path scratch = folder / "run";
-  cli::SeriesLine line("bench peers", std::move(times));
+  transports::SeriesLine line("bench peers", std::move(times));
   for (const Run& run : list) {
     line.next(name_of(run));
     try {
@@ -68,4 +67,4 @@ Compared compare(const std::vector<Run>& runs) {
   return out;
 }
 
-}  // namespace interneuron::peers
+}  // namespace interneuron::peers_testbed

@@ -146,13 +146,4 @@ std::string inline_svg(const fs::path& folder, const Figure& figure) {
   return svg;
 }
 
-std::vector<Figure> figures_of(const Document& document) {
-  const std::string& experiment = document.experiment;
-  if (experiment == "table-network") return network_figures(document);
-  if (experiment == "fig-adjust") return adjust_figures(document);
-  if (experiment == "fig-rt") return rt_figures(document);
-  if (experiment == "sweep") return sweep_figures(document);
-  return system_figures(document);
-}
-
 }  // namespace interneuron::report

@@ -31,7 +31,7 @@ struct Figure {
 std::vector<Figure> figures_of(const Document& document);
 
 // The kinds of documents, one file each.
-// Of table-erdos, table-lidar, ladder and timeout-handler.
+// Those of table-erdos, table-lidar, ladder and timeout-handler.
 std::vector<Figure> system_figures(const Document& document);
 std::vector<Figure> sweep_figures(const Document& document);
 std::vector<Figure> adjust_figures(const Document& document);

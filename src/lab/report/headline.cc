@@ -1,4 +1,4 @@
-#include "lab/report/headline.h"
+#include "lab/report/page.h"
 
 #include <fmt/format.h>
 

@@ -72,6 +72,31 @@ std::string stages_script(const std::vector<ScriptRow>& rows, double deadline) {
              kPurple);
 }
 
+// The instants at which stages ended, and their deadlines, as lines from top to bottom.
+std::string marks_of(const Waterfall& w) {
+  const ScriptRow::Road stages = w.stages.road.value();
+  std::string marks;
+  // Each on a line of its own above the plot: instants may lie close together.
+  std::size_t line = 0;
+  const auto mark = [&](double at, const std::string& text, const char* colour, int dash) {
+    marks += fmt::format(
+        "set arrow from {0}, graph 0 to {0}, graph 1 nohead dt {1} lw 1.4 lc rgb '{2}'\n"
+        "set label {3} at {0}, graph 1 offset 0.3,{4} tc rgb '{2}'\n",
+        at, dash, colour, records::gnuplot_text(text), 4.5 - static_cast<double>(line++));
+  };
+  const double theta2 = stages.theta2_ms.value();
+  const bool at_d1 = stages.at_d1;
+  if (!at_d1 && stages.d1_ms) {
+    mark(*stages.d1_ms, fmt::format("D1 = {:.1f}", *stages.d1_ms), kOrange, 2);
+  }
+  mark(stages.theta1_ms, fmt::format("θ1 = {}{:.1f}", at_d1 ? "D1 = " : "", stages.theta1_ms),
+       "black", 1);
+  mark(theta2, fmt::format("θ2 = {:.1f}", theta2), "black", 1);
+  mark(w.stages.theta3_ms, fmt::format("θ3 = {:.1f}", w.stages.theta3_ms), "black", 1);
+  mark(w.deadline_ms, fmt::format("D_N = {:.0f}", w.deadline_ms), kRed, 2);
+  return marks;
+}
+
 Figure waterfall(const Waterfall& w) {
   const ScriptRow::Road stages = w.stages.road.value();
   const double deadline = w.deadline_ms;
@@ -102,28 +127,11 @@ Figure waterfall(const Waterfall& w) {
       fmt::format("using (($1+$2)/2):3:(($2-$1)/2):4 with boxxyerror fs solid 0.7 lc rgb '{}'",
                   kOrange));
   sends("down");
-  std::string marks;
-  // Each on a line of its own above the plot: instants may lie close together.
-  std::size_t line = 0;
-  const auto mark = [&](double at, const std::string& text, const char* colour, int dash) {
-    marks += fmt::format(
-        "set arrow from {0}, graph 0 to {0}, graph 1 nohead dt {1} lw 1.4 lc rgb '{2}'\n"
-        "set label {3} at {0}, graph 1 offset 0.3,{4} tc rgb '{2}'\n",
-        at, dash, colour, records::gnuplot_text(text), 4.5 - static_cast<double>(line++));
-  };
-  const bool at_d1 = stages.at_d1;
-  if (!at_d1 && stages.d1_ms) {
-    mark(*stages.d1_ms, fmt::format("D1 = {:.1f}", *stages.d1_ms), kOrange, 2);
-  }
-  mark(theta1, fmt::format("θ1 = {}{:.1f}", at_d1 ? "D1 = " : "", theta1), "black", 1);
-  mark(theta2, fmt::format("θ2 = {:.1f}", theta2), "black", 1);
-  mark(w.stages.theta3_ms, fmt::format("θ3 = {:.1f}", w.stages.theta3_ms), "black", 1);
-  mark(deadline, fmt::format("D_N = {:.0f}", deadline), kRed, 2);
   std::string tics;
   for (std::size_t i = 0; i < labels.size(); ++i) {
     tics += fmt::format("{}{} {}", i == 0 ? "" : ", ", records::gnuplot_text(labels[i]), i);
   }
-  const std::string script = data + marks +
+  const std::string script = data + marks_of(w) +
                              fmt::format(
                                  "set yrange [{}:-0.6]\nset xrange [0:{}]\nset ytics ({})\n"
                                  "set xlabel 'since t0, ms'\nset tmargin 6\n"

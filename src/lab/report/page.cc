@@ -5,10 +5,6 @@
 #include <algorithm>
 #include <set>
 
-#include "lab/report/headline.h"
-#include "lab/report/template.h"
-#include "lab/report/text.h"
-
 namespace interneuron::report {
 namespace {
 
@@ -157,6 +153,15 @@ std::string page(const std::vector<Section>& sections, const std::vector<Picture
                          {"missed", folded(all)},
                          {"sections", html},
                          {"glossary", filled("glossary", {{"systems", systems_html(sections)}})}});
+}
+
+std::vector<Figure> figures_of(const Document& document) {
+  const std::string& experiment = document.experiment;
+  if (experiment == "table-network") return network_figures(document);
+  if (experiment == "fig-adjust") return adjust_figures(document);
+  if (experiment == "fig-rt") return rt_figures(document);
+  if (experiment == "sweep") return sweep_figures(document);
+  return system_figures(document);
 }
 
 }  // namespace interneuron::report

@@ -1,4 +1,4 @@
-#include "lab/report/pictures.h"
+#include "lab/report/page.h"
 
 #include <opencv2/imgcodecs.hpp>
 

@@ -21,7 +21,7 @@ const char* colour_of(const Row& row) {
   return row.baseline ? kOrange : kBlue;
 }
 
-// Of an axis up to 1, so that the numbers stay apart.
+// An axis that ends at 1 has these tics, so that its numbers stay apart.
 constexpr double kWideTics = 0.25;
 
 Dot dot(double value) { return {value, value, value}; }

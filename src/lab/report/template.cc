@@ -1,11 +1,9 @@
-#include "lab/report/template.h"
+#include "lab/report/page.h"
 
 #include <algorithm>
 #include <map>
 #include <sstream>
 #include <stdexcept>
-
-#include "lab/report/text.h"
 
 namespace interneuron::report {
 

@@ -1,4 +1,4 @@
-#include "lab/report/text.h"
+#include "lab/report/page.h"
 
 #include <algorithm>
 #include <cstdint>

@@ -10,7 +10,7 @@
 
 #include "interneuron/security.h"
 
-namespace interneuron {
+namespace interneuron::sim {
 
 inline SecretKey secret_key(int number) {
   const auto bits = static_cast<std::uint32_t>(number);
@@ -35,4 +35,4 @@ inline std::shared_ptr<const Security> security_of(int host, const std::vector<i
   return security;
 }
 
-}  // namespace interneuron
+}  // namespace interneuron::sim

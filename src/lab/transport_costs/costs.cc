@@ -17,7 +17,7 @@
 #include "node/io/open_transport.h"
 #include "node/io/steady_clock.h"
 
-namespace interneuron::costs {
+namespace interneuron::transport_costs {
 namespace {
 
 using netns::NetworkNamespaceScope;
@@ -74,7 +74,7 @@ class Wire {
   netns::Namespaces spaces_;
 };
 
-// Of the calling thread, microseconds.
+// The processor time of the calling thread, in microseconds.
 double processor_us() {
   rusage used{};
   ::getrusage(RUSAGE_THREAD, &used);
@@ -245,4 +245,4 @@ std::vector<Row> measure(Duration length,
   return rows;
 }
 
-}  // namespace interneuron::costs
+}  // namespace interneuron::transport_costs

@@ -23,13 +23,13 @@
 #include "interneuron/node_options.h"
 #include "interneuron/time.h"
 
-namespace interneuron::costs {
+namespace interneuron::transport_costs {
 
 // Bursts of equal datagrams.
 struct Load {
   std::string_view name;
   std::string_view about;
-  // Of each burst, and the UDP payload of each, bytes.
+  // How many a burst has, and the bytes of UDP payload of each.
   std::size_t datagrams = 0;
   std::size_t bytes = 0;
   Duration interval{};
@@ -50,7 +50,7 @@ inline constexpr int kRepetitions = 5;
 struct Row {
   const Load* load = nullptr;
   TransportKind transport{};
-  // Of all repetitions.
+  // Datagrams of all repetitions.
   std::size_t sent = 0;
   std::size_t lost = 0;
   // Microseconds per datagram; medians of the repetitions.
@@ -64,4 +64,4 @@ struct Row {
 std::vector<Row> measure(Duration length,
                          const std::function<void(std::size_t, std::size_t)>& progress);
 
-}  // namespace interneuron::costs
+}  // namespace interneuron::transport_costs

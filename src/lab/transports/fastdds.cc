@@ -22,7 +22,7 @@
 #include "lab/transports/timetable.h"
 #include "node/io/steady_clock.h"
 
-namespace interneuron::cli {
+namespace interneuron::transports {
 namespace {
 
 using namespace std::chrono_literals;
@@ -231,4 +231,4 @@ void receive_fastdds(const Order& order, const Ready& ready, Reception& receptio
   while (SignalWatch::last() == 0) wait_for({}, io::now() + kLookForSignals);
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::transports

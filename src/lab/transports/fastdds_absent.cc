@@ -2,7 +2,7 @@
 #include "app/process/failure.h"
 #include "lab/transports/ends.h"
 
-namespace interneuron::cli {
+namespace interneuron::transports {
 namespace {
 
 constexpr const char* kReason =
@@ -20,4 +20,4 @@ void receive_fastdds(const Order& /*order*/, const Ready& /*ready*/, Reception& 
   throw process::Failure(process::kCannotHere, kReason);
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::transports

@@ -9,13 +9,13 @@
 
 #include "interneuron/message.h"
 
-namespace interneuron::cli {
+namespace interneuron::transports {
 
 struct MessageHead {
   std::uint32_t vehicle = 0;
   // Counts within the vehicle.
   std::uint32_t number = 0;
-  // Of the whole message, with this head.
+  // The length of the whole message, with this head.
   std::uint32_t bytes = 0;
 };
 inline constexpr std::size_t kMessageHeadBytes = 12;
@@ -54,4 +54,4 @@ inline Bytes message_of(std::uint32_t vehicle, std::uint32_t number, std::size_t
   return out;
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::transports

@@ -6,7 +6,7 @@
 #include "app/process/failure.h"
 #include "app/records/json_file.h"
 
-namespace interneuron::cli {
+namespace interneuron::transports {
 namespace {
 
 namespace fs = std::filesystem;
@@ -152,4 +152,4 @@ RoadRecord read_road(const Order& order) {
   });
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::transports

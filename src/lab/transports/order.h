@@ -15,7 +15,7 @@
 #include "interneuron/security.h"
 #include "interneuron/time.h"
 
-namespace interneuron::cli {
+namespace interneuron::transports {
 
 // What carries the messages: kTcp and kMptcp are the kernel's.
 enum class Kind : std::uint8_t { kOurs, kUdp, kTcp, kMptcp, kFastDds, kSrt };
@@ -76,7 +76,7 @@ struct Order {
 // Where the roadside unit waits for messages.
 inline constexpr std::uint16_t kLoadPort = 47000;
 
-// Of the program that plays the vehicles.
+// What the program that plays the vehicles leaves.
 struct VehiclesRecord {
   // When each message was handed over, by vehicle and number.
   std::vector<std::vector<TimePoint>> begun;
@@ -92,7 +92,7 @@ struct Arrival {
   TimePoint at{};
 };
 
-// Of the roadside unit.
+// What the program that plays the roadside unit leaves.
 struct RoadRecord {
   // In the order of arrival.
   std::vector<Arrival> arrivals;
@@ -109,4 +109,4 @@ void write_record(const Order& order, const RoadRecord& record);
 VehiclesRecord read_vehicles(const Order& order);
 RoadRecord read_road(const Order& order);
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::transports

@@ -11,7 +11,7 @@
 #include "lab/transports/ends.h"
 #include "node/io/steady_clock.h"
 
-namespace interneuron::cli {
+namespace interneuron::transports {
 namespace {
 
 using namespace std::chrono_literals;
@@ -118,7 +118,7 @@ class Vehicle {
   // failure_ is written before failed_ is set.
   std::atomic<bool> failed_ = false;
   std::exception_ptr failure_;
-  // Of the loop's thread while that runs.
+  // Only the loop's thread touches it while that runs.
   std::vector<TimePoint> begun_;
   std::thread loop_;
 };
@@ -184,4 +184,4 @@ void receive_ours(const Order& order, const Ready& ready, Reception& reception) 
   node.run();
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::transports

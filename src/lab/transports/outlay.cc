@@ -9,10 +9,10 @@
 
 #include "app/process/failure.h"
 
-namespace interneuron::cli {
+namespace interneuron::transports {
 namespace {
 
-// Of the network namespace of this process (man 5 proc).
+// The NICs of the network namespace of this process (man 5 proc).
 constexpr const char* kCounters = "/proc/self/net/dev";
 // A line is "NIC: " and 16 counters, eight of what was received and eight of what was sent, each
 // time bytes and packets first.
@@ -60,4 +60,4 @@ Outlay::Outlay() : cpu_(processor_time()), sent_(ip_bytes_sent()) {}
 
 std::uint64_t Outlay::wire_bytes() const { return ip_bytes_sent() - sent_; }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::transports

@@ -5,7 +5,7 @@
 
 #include "interneuron/time.h"
 
-namespace interneuron::cli {
+namespace interneuron::transports {
 
 // User and system time of all threads of this process so far. The kernel's own work on packets
 // counts where it is done in a system call of the process, as sending is.
@@ -26,4 +26,4 @@ class Outlay {
   std::uint64_t sent_;
 };
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::transports

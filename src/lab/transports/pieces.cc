@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-namespace interneuron::cli {
+namespace interneuron::transports {
 namespace {
 
 // Place and number of pieces, half a word each.
@@ -38,4 +38,4 @@ std::optional<MessageHead> Assembly::take(ByteView piece) {
   return ++partial.count == partial.there.size() ? std::optional(head) : std::nullopt;
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::transports

@@ -9,7 +9,7 @@
 
 #include "lab/transports/message_head.h"
 
-namespace interneuron::cli {
+namespace interneuron::transports {
 
 // Every piece begins with the head of its message, its own place in it, and the number of pieces
 // that the message has.
@@ -46,4 +46,4 @@ class Assembly {
   std::unordered_map<std::uint64_t, Partial> messages_;
 };
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::transports

@@ -16,7 +16,7 @@
 #include "netns/testbed/testbed.h"
 #include "node/io/steady_clock.h"
 
-namespace interneuron::cli {
+namespace interneuron::transports {
 namespace {
 
 namespace fs = std::filesystem;
@@ -147,4 +147,4 @@ Scratch::~Scratch() {
   fs::remove_all(folder_, ignored);
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::transports

@@ -15,7 +15,7 @@
 #include "netns/state/snapshot.h"
 #include "netns/state/state.h"
 
-namespace interneuron::cli {
+namespace interneuron::transports {
 
 // Why a run with this transport cannot be made on this machine, one line that does not name it;
 // nothing: it can.
@@ -33,7 +33,7 @@ struct Played {
   RoadRecord road;
   // When messages began.
   TimePoint begin{};
-  // Of the testbed, when the last message had begun.
+  // What the testbed had carried when the last message had begun.
   netns::Snapshot after;
   // What makes the figures doubtful, one line; empty: nothing was seen.
   std::string doubt;
@@ -58,4 +58,4 @@ class Scratch {
   std::filesystem::path folder_;
 };
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::transports

@@ -20,7 +20,7 @@
 #include "netns/testbed/testbed.h"
 #include "node/io/steady_clock.h"
 
-namespace interneuron::cli {
+namespace interneuron::transports {
 namespace {
 
 namespace fs = std::filesystem;
@@ -175,4 +175,4 @@ std::string EndProgram::last_words() const {
   return last.starts_with(kName) ? last.substr(kName.size()) : last;
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::transports

@@ -11,7 +11,7 @@
 #include "netns/state/state.h"
 #include "node/io/file_descriptor.h"
 
-namespace interneuron::cli {
+namespace interneuron::transports {
 
 inline constexpr const char* kVehiclesEnd = "vehicles";
 inline constexpr const char* kRoadEnd = "road";
@@ -45,4 +45,4 @@ class EndProgram {
   process::Child child_;
 };
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::transports

@@ -1,8 +1,8 @@
-#include "lab/transports/reception.h"
+#include "lab/transports/ends.h"
 
 #include "lab/transports/outlay.h"
 
-namespace interneuron::cli {
+namespace interneuron::transports {
 void Reception::arrived(const MessageHead& head, std::uint32_t variant, TimePoint now) {
   if (arrivals_.empty()) cpu_at_first_ = processor_time();
   arrivals_.push_back({head.vehicle, head.number, variant, now});
@@ -17,4 +17,4 @@ double Reception::cpu() const {
          static_cast<double>(span.count());
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::transports

@@ -5,7 +5,7 @@
 #include <cstdio>
 #include <numeric>
 
-namespace interneuron::cli {
+namespace interneuron::transports {
 
 SeriesLine::SeriesLine(std::string series, std::vector<Duration> times)
     : series_(std::move(series)), times_(std::move(times)) {}
@@ -30,4 +30,4 @@ void SeriesLine::doubt(const std::string& reason) {
   fmt::print(stderr, "interneuron: doubtful: {}: {}\n", run_, reason);
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::transports

@@ -7,7 +7,7 @@
 #include "app/process/status_line.h"
 #include "interneuron/time.h"
 
-namespace interneuron::cli {
+namespace interneuron::transports {
 
 // On a terminal a line that is written again and again and gone at the end, else a line for each
 // run. For one thread; no errors.
@@ -32,4 +32,4 @@ class SeriesLine {
   process::StatusLine line_;
 };
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::transports

@@ -13,7 +13,7 @@
 #include "app/process/failure.h"
 #include "node/io/steady_clock.h"
 
-namespace interneuron::cli {
+namespace interneuron::transports {
 namespace {
 
 [[noreturn]] void fail(const std::string& call, int error) {
@@ -79,4 +79,4 @@ bool wait_for(std::span<pollfd> sockets, TimePoint until) {
   return ::ppoll(sockets.data(), sockets.size(), &timeout, nullptr) > 0;
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::transports

@@ -10,12 +10,12 @@
 #include "interneuron/time.h"
 #include "node/io/file_descriptor.h"
 
-namespace interneuron::cli {
+namespace interneuron::transports {
 
 // IPPROTO_UDP, IPPROTO_TCP or IPPROTO_MPTCP; never blocks.
 io::FileDescriptor open_socket(int protocol);
 void bind_to(const io::FileDescriptor& socket, const std::string& address, std::uint16_t port);
-// Of a stream it only begins: the socket becomes writable when it is connected, see connected().
+// A stream only begins to connect: its socket becomes writable when it is, see check_connected().
 void connect_to(const io::FileDescriptor& socket, const std::string& address, std::uint16_t port);
 // Throws if a connection that connect_to() began has failed.
 void check_connected(const io::FileDescriptor& socket);
@@ -28,4 +28,4 @@ inline constexpr int kBufferBytes = 8 * 1024 * 1024;
 // Waits until one of them is ready, a signal has come, or `until`; returns whether one is ready.
 bool wait_for(std::span<pollfd> sockets, TimePoint until);
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::transports

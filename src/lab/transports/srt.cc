@@ -14,7 +14,7 @@
 #include "lab/transports/timetable.h"
 #include "node/io/steady_clock.h"
 
-namespace interneuron::cli {
+namespace interneuron::transports {
 namespace {
 
 using namespace std::chrono_literals;
@@ -195,4 +195,4 @@ void receive_srt(const Order& order, const Ready& ready, Reception& reception) {
   }
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::transports

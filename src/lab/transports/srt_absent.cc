@@ -2,7 +2,7 @@
 #include "app/process/failure.h"
 #include "lab/transports/ends.h"
 
-namespace interneuron::cli {
+namespace interneuron::transports {
 namespace {
 
 constexpr const char* kSrtReason =
@@ -21,4 +21,4 @@ void receive_srt(const Order& /*order*/, const Ready& /*ready*/, Reception& /*re
   throw process::Failure(process::kCannotHere, kSrtReason);
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::transports

@@ -18,7 +18,7 @@
 #include "lab/transports/timetable.h"
 #include "node/io/steady_clock.h"
 
-namespace interneuron::cli {
+namespace interneuron::transports {
 namespace {
 
 using namespace std::chrono_literals;
@@ -75,7 +75,7 @@ class Source {
     }
   }
 
-  // Of MPTCP: beside the first one.
+  // Whether MPTCP has subflows beside the first one.
   bool has_more_subflows() const {
     mptcp_info info{};
     socklen_t size = sizeof info;
@@ -240,4 +240,4 @@ void receive_tcp(const Order& order, const Ready& ready, Reception& reception) {
   }
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::transports

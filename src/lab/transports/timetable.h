@@ -7,7 +7,7 @@
 
 #include "lab/transports/order.h"
 
-namespace interneuron::cli {
+namespace interneuron::transports {
 
 struct Due {
   // Since messages begin.
@@ -27,4 +27,4 @@ inline std::vector<Due> timetable(const Traffic& traffic) {
   return out;
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::transports

@@ -14,7 +14,7 @@
 #include "lab/transports/timetable.h"
 #include "node/io/steady_clock.h"
 
-namespace interneuron::cli {
+namespace interneuron::transports {
 namespace {
 
 using namespace std::chrono_literals;
@@ -91,4 +91,4 @@ void receive_udp(const Order& /*order*/, const Ready& ready, Reception& receptio
   }
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::transports

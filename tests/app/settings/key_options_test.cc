@@ -17,11 +17,11 @@ namespace {
 
 using testing::HasSubstr;
 
-std::string text_of(int host) { return to_base64(key_of_host(host)); }
+std::string text_of(int host) { return to_base64(sim::key_of_host(host)); }
 
 class KeyOptionsTest : public testing::Test {
  protected:
-  KeyOptionsTest() { write_new_key(own(), secret_key(1)); }
+  KeyOptionsTest() { write_new_key(own(), sim::secret_key(1)); }
   std::string own() const { return folder_ / "own"; }
   std::string shared() const { return folder_ / "shared"; }
   // What the options are refused with; the code in front.
@@ -38,7 +38,7 @@ class KeyOptionsTest : public testing::Test {
 };
 
 TEST_F(KeyOptionsTest, AKeyMayHaveASharedOneBehindIt) {
-  EXPECT_EQ(parse_trust_option(text_of(2)).key, key_of_host(2));
+  EXPECT_EQ(parse_trust_option(text_of(2)).key, sim::key_of_host(2));
   EXPECT_EQ(parse_trust_option(text_of(2)).psk_file, "");
   EXPECT_EQ(parse_trust_option(text_of(2) + ",psk=a,b c").psk_file, "a,b c");
   for (const std::string& text :
@@ -49,18 +49,18 @@ TEST_F(KeyOptionsTest, AKeyMayHaveASharedOneBehindIt) {
 }
 
 TEST_F(KeyOptionsTest, TheNodeGetsTheKeys) {
-  write_new_key(shared(), secret_key(9));
+  write_new_key(shared(), sim::secret_key(9));
   const Credentials credentials(
       {.key = own(), .trusted = {text_of(2), text_of(3) + ",psk=" + shared()}}, Trusts::kMany);
   NodeOptions node;
   credentials.apply(node);
   EXPECT_FALSE(node.insecure);
   ASSERT_TRUE(node.security);
-  EXPECT_EQ(node.security->key, secret_key(1));
+  EXPECT_EQ(node.security->key, sim::secret_key(1));
   ASSERT_EQ(node.security->peers.size(), 2U);
   EXPECT_EQ(node.security->peers[0].shared, SecretKey{});
-  EXPECT_EQ(node.security->peers[1].key, key_of_host(3));
-  EXPECT_EQ(node.security->peers[1].shared, secret_key(9));
+  EXPECT_EQ(node.security->peers[1].key, sim::key_of_host(3));
+  EXPECT_EQ(node.security->peers[1].shared, sim::secret_key(9));
   EXPECT_EQ(node.security->seed, SecretKey{}) << "the node draws it";
   EXPECT_THAT(credentials.warnings(), testing::IsEmpty());
   ASSERT_NE(credentials.time_file(), nullptr);
@@ -113,8 +113,8 @@ TEST_F(KeyOptionsTest, WhatIsMissingOrContradictsItselfIsNamed) {
 }
 
 constexpr std::int64_t kForever = std::int64_t{1} << 40;
-const SecretKey kAuthority = secret_key(50);
-const SecretKey kNext = secret_key(51);
+const SecretKey kAuthority = sim::secret_key(50);
+const SecretKey kNext = sim::secret_key(51);
 
 std::string authority_text(const SecretKey& authority) {
   return to_base64(crypto::authority_key_of(authority));
@@ -122,12 +122,12 @@ std::string authority_text(const SecretKey& authority) {
 
 // What an authority says of this host's key.
 Bytes signed_for(int host, const SecretKey& authority, std::int64_t until = kForever) {
-  return crypto::sign_credential({key_of_host(host), NodeRole::kVehicle, "bus7", 0, until},
+  return crypto::sign_credential({sim::key_of_host(host), NodeRole::kVehicle, "bus7", 0, until},
                                  authority);
 }
 
 Bytes signed_list_of(std::int64_t issued_s, const SecretKey& authority) {
-  return crypto::sign_revocations({issued_s, {key_of_host(8)}}, authority);
+  return crypto::sign_revocations({issued_s, {sim::key_of_host(8)}}, authority);
 }
 
 TEST_F(KeyOptionsTest, TheNodeGetsWhatTheFleetHasSigned) {

@@ -47,12 +47,12 @@ struct Encrypted {
   static EndpointOptions vehicle_options(int life = 0) {
     EndpointOptions o =
         options_of(11 + static_cast<std::uint32_t>(life), {pipeline_of(kOffload)}, false);
-    o.security = security_of(kVehicleKey, {kRoadKey}, life);
+    o.security = sim::security_of(kVehicleKey, {kRoadKey}, life);
     return o;
   }
   static EndpointOptions road_options(std::initializer_list<int> trusted, int life = 0) {
     EndpointOptions o = options_of(22 + static_cast<std::uint32_t>(life));
-    o.security = security_of(kRoadKey, trusted, life);
+    o.security = sim::security_of(kRoadKey, trusted, life);
     return o;
   }
   void rounds(int count) {

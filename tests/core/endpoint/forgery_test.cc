@@ -154,7 +154,7 @@ struct Attacker {
         const auto parts = crypto::parts_of_initiation(bytes);
         from = other;
         std::ranges::copy(
-            crypto::mac_of(crypto::mac1_key(key_of_host(kRoadKey)), parts.before_mac1),
+            crypto::mac_of(crypto::mac1_key(sim::key_of_host(kRoadKey)), parts.before_mac1),
             bytes.begin() + (parts.mac1.data() - bytes.data()));
         break;
       }

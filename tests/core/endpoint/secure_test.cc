@@ -126,22 +126,22 @@ TEST(Secure, TrustedNetworksAloneHoldsForRepairsToo) {
 
 // --- a fleet with an authority
 
-const SecretKey kAuthority = secret_key(50);
+const SecretKey kAuthority = sim::secret_key(50);
 
 EndpointOptions signed_vehicle(int host) {
   EndpointOptions o =
       options_of(static_cast<std::uint32_t>(100 + host), {pipeline_of(kOffload)}, false);
-  Security s = *security_of(host, {kRoadKey});
+  Security s = *sim::security_of(host, {kRoadKey});
   s.authorities = {crypto::authority_key_of(kAuthority)};
   s.credential = crypto::sign_credential(
-      {key_of_host(host), NodeRole::kVehicle, "vehicle", 0, 1'000'000}, kAuthority);
+      {sim::key_of_host(host), NodeRole::kVehicle, "vehicle", 0, 1'000'000}, kAuthority);
   o.security = std::make_shared<Security>(s);
   return o;
 }
 
 EndpointOptions signing_road(Bytes revocations = {}) {
   EndpointOptions o = options_of(22);
-  Security s = *security_of(kRoadKey, {});
+  Security s = *sim::security_of(kRoadKey, {});
   s.authorities = {crypto::authority_key_of(kAuthority)};
   s.revocations = std::move(revocations);
   o.security = std::make_shared<Security>(s);
@@ -161,7 +161,7 @@ TEST(Secure, AVehicleThatAnAuthorityHasSignedJoinsWithoutBeingListed) {
 
 TEST(Secure, RevocationsAreHandedOnAndTakeEffectAtOnce) {
   Pipe pipe;
-  const Bytes list = crypto::sign_revocations({1000, {key_of_host(4)}}, kAuthority);
+  const Bytes list = crypto::sign_revocations({1000, {sim::key_of_host(4)}}, kAuthority);
   // Host 3 knows the list; the road and host 4, whose key it names, do not.
   EndpointOptions knowing = signed_vehicle(3);
   Security s = *knowing.security;
@@ -205,7 +205,7 @@ TEST(Secure, OneKeyOnTwoHostsIsTold) {
   EXPECT_TRUE(shared.empty());
   pipe.connect(second, road);
   pipe.run(30s);
-  EXPECT_EQ(shared, std::vector<PublicKey>{key_of_host(kVehicleKey)});
+  EXPECT_EQ(shared, std::vector<PublicKey>{sim::key_of_host(kVehicleKey)});
 }
 
 }  // namespace

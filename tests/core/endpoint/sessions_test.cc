@@ -18,7 +18,7 @@ constexpr std::uint32_t kFirstLife = 100;
 EndpointOptions vehicle_of(int key) {
   EndpointOptions o =
       options_of(kFirstLife + static_cast<std::uint32_t>(key), {pipeline_of(kOffload)}, false);
-  o.security = security_of(key, {kRoadKey});
+  o.security = sim::security_of(key, {kRoadKey});
   return o;
 }
 
@@ -98,17 +98,17 @@ TEST(Sessions, SealedPacketsThatVanishAreAskedForEverMoreRarely) {
 // --- time
 
 TEST(Sessions, CredentialsAreJudgedByAClockThatWasSetLater) {
-  const SecretKey authority = secret_key(50);
+  const SecretKey authority = sim::secret_key(50);
   constexpr std::int64_t kIssued_s = 1'000'000;
   Pipe pipe;
   EndpointOptions unit = options_of(22);
-  Security trusting = *security_of(kRoadKey, {});
+  Security trusting = *sim::security_of(kRoadKey, {});
   trusting.authorities = {crypto::authority_key_of(authority)};
   unit.security = std::make_shared<Security>(trusting);
   EndpointOptions options = vehicle_of(3);
   Security own = *options.security;
   own.credential = crypto::sign_credential(
-      {key_of_host(3), NodeRole::kVehicle, "v", kIssued_s, 2 * kIssued_s}, authority);
+      {sim::key_of_host(3), NodeRole::kVehicle, "v", kIssued_s, 2 * kIssued_s}, authority);
   options.security = std::make_shared<Security>(own);
   const std::size_t road = pipe.add_host(unit);
   const std::size_t vehicle = pipe.add_host(options);
@@ -149,12 +149,12 @@ class Insider {
 
   // A new session, and the token of the response, which proves our address.
   wire::Token shake_hands(std::uint32_t life) {
-    crypto::Initiator asks(crypto::key_pair_of(secret_key(kKey)), {key_of_host(kRoadKey), {}},
-                           SessionId{life});
+    crypto::Initiator asks(crypto::key_pair_of(sim::secret_key(kKey)),
+                           {sim::key_of_host(kRoadKey), {}}, SessionId{life});
     asks.begin(now_);
     ++made_;
     EXPECT_TRUE(
-        asks.make_message(now_, {made_, secret_key(60 + static_cast<int>(made_)), made_, 0}));
+        asks.make_message(now_, {made_, sim::secret_key(60 + static_cast<int>(made_)), made_, 0}));
     std::array<std::byte, kMaxDatagramBytes> buffer{};
     hand_over(std::span(buffer).first(asks.write(LinkId{0}, buffer)));
     while (const auto sent = unit_.poll_transmit(now_, buffer)) {
@@ -226,16 +226,16 @@ class Insider {
 
 struct Attacked {
   static constexpr TimePoint kNow{1000s};
-  const SecretKey authority = secret_key(50);
+  const SecretKey authority = sim::secret_key(50);
   // Names the insider.
-  const Bytes list = crypto::sign_revocations({1000, {key_of_host(Insider::kKey)}}, authority);
+  const Bytes list = crypto::sign_revocations({1000, {sim::key_of_host(Insider::kKey)}}, authority);
   Endpoint unit{options(), kNow};
   Insider insider{unit, kNow};
 
   Attacked() { unit.add_link(kNow, kFast, {"fast", 1500, {}}); }
   EndpointOptions options() const {
     EndpointOptions o = options_of(22);
-    Security s = *security_of(kRoadKey, {Insider::kKey});
+    Security s = *sim::security_of(kRoadKey, {Insider::kKey});
     s.authorities = {crypto::authority_key_of(authority)};
     o.security = std::make_shared<Security>(s);
     return o;

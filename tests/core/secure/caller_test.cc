@@ -29,7 +29,7 @@ struct Called {
   Sessions sessions;
   std::array<std::byte, kMaxDatagramBytes> opened{};
 
-  explicit Called(TimePoint now) : sessions(*security_of(2, {1}), SessionId{22}, true, now) {}
+  explicit Called(TimePoint now) : sessions(*sim::security_of(2, {1}), SessionId{22}, true, now) {}
   Bytes answer(TimePoint now, const Bytes& datagram) {
     const auto header = wire::peek(datagram);
     EXPECT_TRUE(sessions.take_handshake(now, *header, {kNic, {}, datagram}).is_used);
@@ -42,7 +42,7 @@ struct Called {
 
 TEST(Caller, SealsAndOpensWhatWasWrittenInTheClear) {
   TimePoint now{1h};
-  Caller caller(now, *security_of(1, {2}), SessionId{9});
+  Caller caller(now, *sim::security_of(1, {2}), SessionId{9});
   Called called(now);
   Bytes out(kMaxDatagramBytes);
   std::uint64_t number = 0;
@@ -63,7 +63,7 @@ TEST(Caller, SealsAndOpensWhatWasWrittenInTheClear) {
     const auto by = called.sessions.open(now, *wire::peek(sealed), sealed, called.opened);
     ASSERT_EQ(by.result, Session::Opened::kOk);
     EXPECT_FALSE(by.owner);
-    EXPECT_EQ(by.who, key_of_host(1));
+    EXPECT_EQ(by.who, sim::key_of_host(1));
     Bytes back = clear;
     ASSERT_TRUE(called.sessions.seal_with(now, wire::peek(sealed)->session.value, back));
     const auto read = caller.handle(now, back);
@@ -79,8 +79,9 @@ TEST(Caller, SealsAndOpensWhatWasWrittenInTheClear) {
 }
 
 TEST(Caller, HasToKnowWhomItCalls) {
-  EXPECT_THROW(Caller(TimePoint{}, *security_of(1, {}), SessionId{9}), std::invalid_argument);
-  EXPECT_THROW(Caller(TimePoint{}, *security_of(1, {2, 3}), SessionId{9}), std::invalid_argument);
+  EXPECT_THROW(Caller(TimePoint{}, *sim::security_of(1, {}), SessionId{9}), std::invalid_argument);
+  EXPECT_THROW(Caller(TimePoint{}, *sim::security_of(1, {2, 3}), SessionId{9}),
+               std::invalid_argument);
 }
 
 }  // namespace

@@ -9,16 +9,16 @@
 namespace interneuron::crypto::credential_test {
 namespace {
 
-const SecretKey kAuthority = secret_key(50);
-const SecretKey kNextAuthority = secret_key(51);
+const SecretKey kAuthority = sim::secret_key(50);
+const SecretKey kNextAuthority = sim::secret_key(51);
 constexpr std::int64_t kNow = 1'800'000'000;
 
 Credential credential_of(int host) {
-  return {key_of_host(host), NodeRole::kVehicle, "truck 7", kNow - 10, kNow + 10};
+  return {sim::key_of_host(host), NodeRole::kVehicle, "truck 7", kNow - 10, kNow + 10};
 }
 
 Security security() {
-  Security out = *security_of(2, {1});
+  Security out = *sim::security_of(2, {1});
   out.authorities = {authority_key_of(kAuthority), authority_key_of(kNextAuthority)};
   return out;
 }
@@ -45,7 +45,7 @@ TEST(Credential, IsReadAsItWasSigned) {
   const std::vector<PublicKey> authorities{authority_key_of(kAuthority)};
   const auto read = read_credential(bytes, authorities);
   ASSERT_TRUE(read);
-  EXPECT_EQ(read->key, key_of_host(3));
+  EXPECT_EQ(read->key, sim::key_of_host(3));
   EXPECT_EQ(read->node, "truck 7");
   EXPECT_EQ(read->role, NodeRole::kVehicle);
   EXPECT_EQ(read->not_after_s, kNow + 10);
@@ -61,33 +61,35 @@ TEST(Credential, OfTheOneAuthorityOrTheOtherLetsAVehicleInWhileItHolds) {
   const Trust trust(security());
   for (const SecretKey& by : {kAuthority, kNextAuthority}) {
     const Bytes shown = sign_credential(credential_of(3), by);
-    EXPECT_TRUE(trust.may_join(key_of_host(3), shown, kNow));
-    EXPECT_FALSE(trust.may_join(key_of_host(4), shown, kNow));
-    EXPECT_FALSE(trust.may_join(key_of_host(3), shown, kNow - 11));
-    EXPECT_FALSE(trust.may_join(key_of_host(3), shown, kNow + 10));
+    EXPECT_TRUE(trust.may_join(sim::key_of_host(3), shown, kNow));
+    EXPECT_FALSE(trust.may_join(sim::key_of_host(4), shown, kNow));
+    EXPECT_FALSE(trust.may_join(sim::key_of_host(3), shown, kNow - 11));
+    EXPECT_FALSE(trust.may_join(sim::key_of_host(3), shown, kNow + 10));
   }
-  EXPECT_FALSE(
-      trust.may_join(key_of_host(3), sign_credential(credential_of(3), secret_key(9)), kNow));
-  EXPECT_FALSE(trust.may_join(key_of_host(3), {}, kNow));
-  EXPECT_TRUE(trust.may_join(key_of_host(1), {}, kNow));
+  EXPECT_FALSE(trust.may_join(sim::key_of_host(3),
+                              sign_credential(credential_of(3), sim::secret_key(9)), kNow));
+  EXPECT_FALSE(trust.may_join(sim::key_of_host(3), {}, kNow));
+  EXPECT_TRUE(trust.may_join(sim::key_of_host(1), {}, kNow));
   Credential road = credential_of(3);
   road.role = NodeRole::kRoadside;
-  EXPECT_FALSE(trust.may_join(key_of_host(3), sign_credential(road, kAuthority), kNow));
+  EXPECT_FALSE(trust.may_join(sim::key_of_host(3), sign_credential(road, kAuthority), kNow));
 }
 
 TEST(Revocations, CountForAllKeysAndOnlyNewerOnesAreTaken) {
   Trust trust(security());
   const Bytes shown = sign_credential(credential_of(3), kAuthority);
-  const Bytes list = sign_revocations({kNow, {key_of_host(3), key_of_host(1)}}, kAuthority);
-  EXPECT_FALSE(trust.take_revocations(sign_revocations({kNow, {key_of_host(3)}}, secret_key(9))));
+  const Bytes list =
+      sign_revocations({kNow, {sim::key_of_host(3), sim::key_of_host(1)}}, kAuthority);
+  EXPECT_FALSE(
+      trust.take_revocations(sign_revocations({kNow, {sim::key_of_host(3)}}, sim::secret_key(9))));
   ASSERT_TRUE(trust.take_revocations(list));
-  EXPECT_FALSE(trust.may_join(key_of_host(3), shown, kNow));
-  EXPECT_FALSE(trust.may_join(key_of_host(1), {}, kNow));
-  EXPECT_FALSE(trust.may_connect(key_of_host(1)));
+  EXPECT_FALSE(trust.may_join(sim::key_of_host(3), shown, kNow));
+  EXPECT_FALSE(trust.may_join(sim::key_of_host(1), {}, kNow));
+  EXPECT_FALSE(trust.may_connect(sim::key_of_host(1)));
   EXPECT_FALSE(trust.take_revocations(list));
   EXPECT_FALSE(trust.take_revocations(sign_revocations({kNow - 1, {}}, kAuthority)));
   EXPECT_TRUE(trust.take_revocations(sign_revocations({kNow + 1, {}}, kAuthority)));
-  EXPECT_TRUE(trust.may_join(key_of_host(3), shown, kNow));
+  EXPECT_TRUE(trust.may_join(sim::key_of_host(3), shown, kNow));
   EXPECT_EQ(trust.revocations_s(), kNow + 1);
 }
 
@@ -98,17 +100,17 @@ TEST(Revocations, ThatAreOldFailAsTheOperatorSays) {
   closed.revocations = sign_revocations({kNow - 5, {}}, kAuthority);
   Security open = closed;
   open.stale_revocations = StaleRevocations::kAccept;
-  EXPECT_TRUE(Trust(closed).may_join(key_of_host(3), shown, kNow));
-  EXPECT_FALSE(Trust(closed).may_join(key_of_host(3), shown, kNow + 1));
-  EXPECT_TRUE(Trust(closed).may_join(key_of_host(1), {}, kNow + 1));
-  EXPECT_TRUE(Trust(open).may_join(key_of_host(3), shown, kNow + 1));
+  EXPECT_TRUE(Trust(closed).may_join(sim::key_of_host(3), shown, kNow));
+  EXPECT_FALSE(Trust(closed).may_join(sim::key_of_host(3), shown, kNow + 1));
+  EXPECT_TRUE(Trust(closed).may_join(sim::key_of_host(1), {}, kNow + 1));
+  EXPECT_TRUE(Trust(open).may_join(sim::key_of_host(3), shown, kNow + 1));
   closed.revocations.clear();
-  EXPECT_FALSE(Trust(closed).may_join(key_of_host(3), shown, kNow));
+  EXPECT_FALSE(Trust(closed).may_join(sim::key_of_host(3), shown, kNow));
 }
 
 TEST(Revocations, AreReadFromAnyBytes) {
   const std::vector<PublicKey> authorities{authority_key_of(kAuthority)};
-  const Bytes list = sign_revocations({kNow, {key_of_host(3)}}, kAuthority);
+  const Bytes list = sign_revocations({kNow, {sim::key_of_host(3)}}, kAuthority);
   for (std::size_t size = 0; size < list.size(); ++size) {
     EXPECT_FALSE(read_revocations(std::span(list).first(size), authorities));
   }
@@ -119,13 +121,13 @@ TEST(Revocations, AreReadFromAnyBytes) {
 
 TEST(Trust, RefusesWhatCannotBe) {
   Security s = security();
-  s.authorities.push_back(key_of_host(7));
+  s.authorities.push_back(sim::key_of_host(7));
   EXPECT_THROW(Trust{s}, std::invalid_argument);
   s = security();
   s.credential = Bytes(3);
   EXPECT_THROW(Trust{s}, std::invalid_argument);
   s = security();
-  s.revocations = sign_revocations({kNow, {}}, secret_key(9));
+  s.revocations = sign_revocations({kNow, {}}, sim::secret_key(9));
   EXPECT_THROW(Trust{s}, std::invalid_argument);
 }
 

@@ -33,11 +33,11 @@ std::string hex(std::span<const std::byte> bytes) {
 
 // The handshake of the document.
 struct Example {
-  KeyPair vehicle_key = key_pair_of(secret_key(1));
-  KeyPair road_key = key_pair_of(secret_key(2));
-  Security security{.key = secret_key(2), .peers = {{vehicle_key.open, secret_key(5)}}};
+  KeyPair vehicle_key = key_pair_of(sim::secret_key(1));
+  KeyPair road_key = key_pair_of(sim::secret_key(2));
+  Security security{.key = sim::secret_key(2), .peers = {{vehicle_key.open, sim::secret_key(5)}}};
   Trust trust{security};
-  Initiator vehicle{vehicle_key, {road_key.open, secret_key(5)}, SessionId{0x5eed0001}};
+  Initiator vehicle{vehicle_key, {road_key.open, sim::secret_key(5)}, SessionId{0x5eed0001}};
   Responder road{road_key, SessionId{0xcafe0002}, trust};
   Bytes initiation = Bytes(kInitiationBytes);
   Bytes response = Bytes(kResponseBytes);
@@ -46,18 +46,18 @@ struct Example {
   std::optional<Responder::Accepted> accepted;
 
   Example() {
-    Entropy entropy(secret_key(9));
+    Entropy entropy(sim::secret_key(9));
     vehicle.begin(kBorn);
-    EXPECT_TRUE(vehicle.make_message(kBorn, {kVehicleIndex, secret_key(3), kVehicleTime}));
+    EXPECT_TRUE(vehicle.make_message(kBorn, {kVehicleIndex, sim::secret_key(3), kVehicleTime}));
     vehicle.write(kPath, initiation);
     const auto header = wire::peek(initiation);
     SecretKey given;
     std::ranges::copy(wire::example_token(), given.writable().begin());
     write_cookie(cookie, *header, parts_of_initiation(initiation).mac1, cookie_key(road_key.open),
-                 given, secret_key(6));
+                 given, sim::secret_key(6));
     const Datagram datagram{LinkId{1}, {}, initiation};
     EXPECT_EQ(road.take(kBorn, *header, datagram, entropy), Responder::Verdict::kNew);
-    accepted = road.accept(kBorn, *header, datagram, {kRoadIndex, secret_key(4), kRoadTime});
+    accepted = road.accept(kBorn, *header, datagram, {kRoadIndex, sim::secret_key(4), kRoadTime});
     EXPECT_TRUE(accepted);
     EXPECT_EQ(road.write(response, wire::example_token()), kResponseBytes);
     Session session(kBorn, Session::Role::kInitiator, kRoadIndex, accepted->keys);

@@ -24,13 +24,13 @@ Address address(std::uint8_t host) {
 
 struct Bench {
   TimePoint now{1h};
-  KeyPair vehicle_key = key_pair_of(secret_key(1));
-  KeyPair road_key = key_pair_of(secret_key(2));
-  Initiator vehicle{vehicle_key, {road_key.open, secret_key(5)}, SessionId{100}};
-  Security security{.key = secret_key(2), .peers = {{vehicle_key.open, secret_key(5)}}};
+  KeyPair vehicle_key = key_pair_of(sim::secret_key(1));
+  KeyPair road_key = key_pair_of(sim::secret_key(2));
+  Initiator vehicle{vehicle_key, {road_key.open, sim::secret_key(5)}, SessionId{100}};
+  Security security{.key = sim::secret_key(2), .peers = {{vehicle_key.open, sim::secret_key(5)}}};
   Trust trust{security};
   Responder road{road_key, SessionId{200}, trust};
-  Entropy entropy{secret_key(9)};
+  Entropy entropy{sim::secret_key(9)};
   std::uint32_t next_index = 1;
   std::int64_t clock = 1'000'000;
 
@@ -166,7 +166,7 @@ TEST(Handshake, NothingOfAnInitiationMayBeChanged) {
 TEST(Handshake, WhoRepeatsAnEphemeralKeyKeepsItsOwnerNotOut) {
   Bench b;
   const Bytes asked = b.initiation();
-  Initiator stranger(key_pair_of(secret_key(77)), {b.road_key.open, {}}, SessionId{100});
+  Initiator stranger(key_pair_of(sim::secret_key(77)), {b.road_key.open, {}}, SessionId{100});
   stranger.begin(b.now);
   ASSERT_TRUE(stranger.make_message(b.now, b.fresh()));
   Bytes forged(kInitiationBytes);
@@ -197,8 +197,8 @@ TEST(Handshake, NothingOfAResponseMayBeChanged) {
 
 TEST(Handshake, WhoIsNotTrustedIsNotAnswered) {
   Bench b;
-  b.vehicle =
-      Initiator(key_pair_of(secret_key(77)), {b.road_key.open, secret_key(5)}, SessionId{100});
+  b.vehicle = Initiator(key_pair_of(sim::secret_key(77)), {b.road_key.open, sim::secret_key(5)},
+                        SessionId{100});
   const Bytes asked = b.initiation();
   ASSERT_EQ(b.take(asked), Verdict::kNew);
   EXPECT_FALSE(b.accept(asked));
@@ -207,7 +207,7 @@ TEST(Handshake, WhoIsNotTrustedIsNotAnswered) {
 
 TEST(Handshake, WhoDoesNotShareTheKeyGetsNoSession) {
   Bench b;
-  b.vehicle = Initiator(b.vehicle_key, {b.road_key.open, secret_key(6)}, SessionId{100});
+  b.vehicle = Initiator(b.vehicle_key, {b.road_key.open, sim::secret_key(6)}, SessionId{100});
   const Bytes asked = b.initiation();
   ASSERT_EQ(b.take(asked), Verdict::kNew);
   ASSERT_TRUE(b.accept(asked));

@@ -8,7 +8,7 @@ namespace interneuron::keys_test {
 namespace {
 
 TEST(Keys, AreCopiedAsBase64) {
-  const PublicKey key = public_key_of(secret_key(1));
+  const PublicKey key = public_key_of(sim::secret_key(1));
   const std::string text = to_base64(key);
   EXPECT_EQ(text.size(), 44U);
   EXPECT_EQ(parse_key(text), key);
@@ -19,15 +19,15 @@ TEST(Keys, AreCopiedAsBase64) {
 }
 
 TEST(Keys, AreComparedByTheirBytes) {
-  EXPECT_EQ(secret_key(1), secret_key(1));
-  EXPECT_FALSE(secret_key(1) == secret_key(2));
-  EXPECT_EQ(SecretKey{}, secret_key(0));
+  EXPECT_EQ(sim::secret_key(1), sim::secret_key(1));
+  EXPECT_FALSE(sim::secret_key(1) == sim::secret_key(2));
+  EXPECT_EQ(SecretKey{}, sim::secret_key(0));
 }
 
 TEST(Entropy, NeverGivesTheSameTwiceAndTheSameSeedTheSame) {
-  crypto::Entropy a(secret_key(1));
-  crypto::Entropy b(secret_key(1));
-  crypto::Entropy c(secret_key(2));
+  crypto::Entropy a(sim::secret_key(1));
+  crypto::Entropy b(sim::secret_key(1));
+  crypto::Entropy c(sim::secret_key(2));
   std::vector<SecretKey> seen;
   for (int i = 0; i < 100; ++i) {
     const SecretKey key = a.draw_key();

@@ -119,11 +119,11 @@ TEST(Noise, HasThePublishedVectors) {
 }
 
 struct Both {
-  KeyPair own = key_pair_of(secret_key(1));
-  KeyPair other = key_pair_of(secret_key(2));
-  Noise initiator =
-      Noise::initiator(Noise::Pattern::kIkPsk2, {}, own, key_pair_of(secret_key(3)), other.open);
-  Noise responder = Noise::responder(Noise::Pattern::kIkPsk2, {}, other, secret_key(4));
+  KeyPair own = key_pair_of(sim::secret_key(1));
+  KeyPair other = key_pair_of(sim::secret_key(2));
+  Noise initiator = Noise::initiator(Noise::Pattern::kIkPsk2, {}, own,
+                                     key_pair_of(sim::secret_key(3)), other.open);
+  Noise responder = Noise::responder(Noise::Pattern::kIkPsk2, {}, other, sim::secret_key(4));
   Bytes first = Bytes(kFirstMessageBytes + 5);
   Bytes second = Bytes(kSecondMessageBytes + 5);
   Bytes payload = Bytes(5);
@@ -159,7 +159,7 @@ TEST(Noise, OtherSizesAreRefused) {
 
 TEST(Noise, WhoDoesNotShareTheKeyIsRefused) {
   Both b;
-  b.initiator.set_shared(secret_key(9));
+  b.initiator.set_shared(sim::secret_key(9));
   ASSERT_TRUE(b.responder.read_first(b.first, b.payload));
   ASSERT_TRUE(b.responder.write_second(b.second, Bytes(5)));
   EXPECT_FALSE(b.initiator.read_second(b.second, b.payload));
@@ -181,7 +181,7 @@ TEST(Noise, KeysOfLowOrderAreRefused) {
     PublicKey low{};
     std::ranges::copy(unhex(point), low.begin());
     Noise to_it =
-        Noise::initiator(Noise::Pattern::kIkPsk2, {}, b.own, key_pair_of(secret_key(3)), low);
+        Noise::initiator(Noise::Pattern::kIkPsk2, {}, b.own, key_pair_of(sim::secret_key(3)), low);
     EXPECT_FALSE(to_it.write_first(b.first, Bytes(5))) << point;
     std::ranges::copy(low, b.first.begin());
     EXPECT_FALSE(b.responder.read_first(b.first, b.payload)) << point;

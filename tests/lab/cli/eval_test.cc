@@ -7,12 +7,11 @@
 #include "app/process/signals.h"
 #include "app/records/staging.h"
 #include "lab/cli/eval/experiments.h"
-#include "lab/eval/experiments/cloud_scorer.h"
 #include "lab/eval/experiments/document.h"
 #include "lab/eval/experiments/findings.h"
 #include "lab/eval/experiments/scorer.h"
 #include "lab/eval/system.h"
-#include "lab/report/headline.h"
+#include "lab/report/page.h"
 #include "tests/app/cli/support.h"
 #include "tests/app/watch/json_schema.h"
 

@@ -53,7 +53,7 @@ Moments measure(const DelayParams& params, std::uint64_t first_seed, std::uint64
 struct TableRow {
   const char* profile;
   double mean_ms, min_ms, max_ms, sd_ms;  // the paper's network table
-  // Of time in each state, by the fit (docs/constants.md, "Three-state model").
+  // The share of time in each state, by the fit (docs/constants.md, "Three-state model").
   std::array<double, kRadioStates> share;
 };
 

@@ -5,15 +5,19 @@
 #include <iterator>
 #include <mutex>
 
-#include "lab/eval_testbed/delayed_transport.h"
 #include "lab/eval_testbed/testbed_run.h"
 #include "node/io/steady_clock.h"
 #include "tests/app/cli/support.h"
 #include "tests/app/watch/json_schema.h"
 #include "tests/run_queue.h"
 
-namespace interneuron::cli::eval_testbed_test {
+namespace interneuron::eval_testbed::eval_testbed_test {
 namespace {
+
+using cli::no_testbed;
+using cli::Ran;
+using cli::run;
+using cli::TempFolder;
 
 using namespace std::chrono_literals;
 namespace core = interneuron::eval;
@@ -185,4 +189,4 @@ TEST(EvalTestbed, RunsTheSystemsForReal) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli::eval_testbed_test
+}  // namespace interneuron::eval_testbed::eval_testbed_test

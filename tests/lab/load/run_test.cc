@@ -165,7 +165,7 @@ TEST(Run, TwoFlowsOfCubicShareABottleneck) {
   for (const Scenario& s : scenarios("cubic", choice)) {
     const Row row = run(s);
     ASSERT_TRUE(row.cross_share && row.own_share) << s.name;
-    // Of the payload of the vehicle only what is on time counts.
+    // Only what is on time counts of the vehicle's payload.
     EXPECT_GT(*row.cross_share, 0.5) << s.name;
     EXPECT_LT(*row.cross_share + *row.own_share, 2.01) << s.name;
   }

@@ -7,9 +7,14 @@
 #include "tests/app/cli/support.h"
 #include "tests/app/watch/json_schema.h"
 
-namespace interneuron::cli::load_testbed_test {
+namespace interneuron::load_testbed::load_testbed_test {
 namespace {
 
+using cli::no_testbed;
+using cli::Ran;
+using cli::run;
+using cli::run_program;
+using cli::TempFolder;
 using load::Peer;
 
 TEST(LoadTestbed, SaysWhichPeersItHas) {
@@ -73,4 +78,4 @@ TEST(LoadTestbed, LeavesNothingWhenItIsInterrupted) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli::load_testbed_test
+}  // namespace interneuron::load_testbed::load_testbed_test

@@ -1,7 +1,7 @@
 // The figures that follow from what the programs of a run leave.
-#include "lab/peers_testbed/figures.h"
+#include "lab/peers_testbed/comparison.h"
 
-namespace interneuron::peers::figures_test {
+namespace interneuron::peers_testbed::figures_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -11,7 +11,7 @@ Run run_of(const char* peer, std::vector<Duration> deadlines) {
 }
 
 // Four messages, one every 100 ms.
-cli::VehiclesRecord four() {
+transports::VehiclesRecord four() {
   const TimePoint begin{10s};
   return {{{begin, begin + 100ms, begin + 200ms, begin + 300ms}}, 2ms, 4400};
 }
@@ -19,7 +19,7 @@ cli::VehiclesRecord four() {
 TEST(Figures, MissesAreCountedAtEachDeadline) {
   const TimePoint begin{10s};
   // Ages of 40, 120 and 250 ms; the third message never comes.
-  const cli::RoadRecord road{
+  const transports::RoadRecord road{
       {{0, 0, 0, begin + 40ms}, {0, 1, 0, begin + 220ms}, {0, 3, 0, begin + 550ms}}, 0.02};
   const auto rows = rows_of(run_of("udp", {100ms, 150ms, 300ms}), four(), road);
   ASSERT_EQ(rows.size(), 3U);
@@ -42,7 +42,7 @@ TEST(Figures, MissesAreCountedAtEachDeadline) {
 
 TEST(Figures, AgesAreThoseOfAllMessages) {
   const TimePoint begin{10s};
-  cli::RoadRecord road{
+  transports::RoadRecord road{
       {{0, 0, 0, begin + 40ms}, {0, 1, 0, begin + 220ms}, {0, 3, 0, begin + 550ms}}, 0.02};
   auto rows = rows_of(run_of("udp", {100ms}), four(), road);
   // The second of four, by age; the last of them never came.
@@ -56,11 +56,11 @@ TEST(Figures, AgesAreThoseOfAllMessages) {
 TEST(Figures, ASmallerVariantInTimeIsDegradedAndNotMissed) {
   const TimePoint begin{10s};
   // The first message came small and then whole, the second small but late, the third whole.
-  const cli::RoadRecord road{{{0, 0, 1, begin + 30ms},
-                              {0, 0, 0, begin + 40ms},
-                              {0, 2, 0, begin + 250ms},
-                              {0, 1, 1, begin + 300ms}},
-                             0};
+  const transports::RoadRecord road{{{0, 0, 1, begin + 30ms},
+                                     {0, 0, 0, begin + 40ms},
+                                     {0, 2, 0, begin + 250ms},
+                                     {0, 1, 1, begin + 300ms}},
+                                    0};
   const auto rows = rows_of(run_of("ours_down_sampling", {100ms}), four(), road);
   EXPECT_EQ(rows[0].degraded, 1U);
   EXPECT_EQ(rows[0].missed, 2U);
@@ -79,4 +79,4 @@ TEST(Figures, NothingArrivesAndNothingIsHandedOver) {
 }
 
 }  // namespace
-}  // namespace interneuron::peers::figures_test
+}  // namespace interneuron::peers_testbed::figures_test

@@ -1,7 +1,7 @@
 // The tables for a page.
-#include "lab/peers_testbed/page.h"
+#include "lab/peers_testbed/comparison.h"
 
-namespace interneuron::peers::page_test {
+namespace interneuron::peers_testbed::page_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -45,4 +45,4 @@ TEST(Page, EachDeadlineIsAColumn) {
 TEST(Page, WithoutRowsThereIsNone) { EXPECT_EQ(page_of({}), ""); }
 
 }  // namespace
-}  // namespace interneuron::peers::page_test
+}  // namespace interneuron::peers_testbed::page_test

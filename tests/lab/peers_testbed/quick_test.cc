@@ -1,18 +1,16 @@
 // The quick selection: it shows every condition, size and deadline, and takes less than 25 minutes.
-#include "lab/peers_testbed/quick.h"
+#include "lab/peers_testbed/comparison.h"
 
 #include <set>
 
-#include "lab/peers_testbed/run.h"
-
-namespace interneuron::peers::quick_test {
+namespace interneuron::peers_testbed::quick_test {
 namespace {
 
 using namespace std::chrono_literals;
 
 TEST(Quick, ItTakesLessThanTwentyFiveMinutes) {
   Duration all{};
-  for (const peers::Run& run : quick_runs(1)) all += time_of_run(run);
+  for (const peers_testbed::Run& run : quick_runs(1)) all += time_of_run(run);
   EXPECT_LE(all, 25min);
   EXPECT_GT(all, 10min);
 }
@@ -22,7 +20,7 @@ TEST(Quick, ItShowsSomethingOfEverything) {
   std::set<std::string_view> peers;
   std::set<std::size_t> sizes;
   std::set<Duration> deadlines;
-  for (const peers::Run& run : quick_runs(5)) {
+  for (const peers_testbed::Run& run : quick_runs(5)) {
     ASSERT_NE(run.scenario, nullptr);
     ASSERT_NE(run.peer, nullptr);
     scenarios.insert(run.scenario->name);
@@ -45,4 +43,4 @@ TEST(Quick, ItShowsSomethingOfEverything) {
 }
 
 }  // namespace
-}  // namespace interneuron::peers::quick_test
+}  // namespace interneuron::peers_testbed::quick_test

@@ -1,9 +1,9 @@
 // Peers, scenarios, and the runs that follow from a choice.
 #include "lab/peers_testbed/scenario.h"
 
-#include "lab/peers_testbed/run.h"
+#include "lab/peers_testbed/comparison.h"
 
-namespace interneuron::peers::scenario_test {
+namespace interneuron::peers_testbed::scenario_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -77,7 +77,7 @@ TEST(Scenarios, APeerThatHeedsDeadlinesHasARunForEach) {
   EXPECT_GT(time_of_run(runs[0]), 2300ms);
   EXPECT_EQ(runs[1].deadlines, std::vector<Duration>{100ms});
   EXPECT_EQ(runs[3].deadlines, std::vector<Duration>{300ms});
-  EXPECT_EQ(transport_of(runs[3]), (cli::Transport{cli::Kind::kMptcp, "cubic"}));
+  EXPECT_EQ(transport_of(runs[3]), (transports::Transport{transports::Kind::kMptcp, "cubic"}));
 }
 
 TEST(Scenarios, ALengthStandsForAsManyMessagesAsItHolds) {
@@ -103,4 +103,4 @@ TEST(Scenarios, WithoutAChoiceEverythingIsRun) {
 }
 
 }  // namespace
-}  // namespace interneuron::peers::scenario_test
+}  // namespace interneuron::peers_testbed::scenario_test

@@ -2,8 +2,7 @@
 #include <fstream>
 #include <vector>
 
-#include "lab/report/template.h"
-#include "lab/report/text.h"
+#include "lab/report/page.h"
 #include "tests/app/cli/support.h"
 #include "tests/lab/sim/support.h"
 #include "tests/places.h"

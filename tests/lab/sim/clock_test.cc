@@ -7,8 +7,6 @@
 namespace interneuron::sim::clock_test {
 namespace {
 
-using namespace std::chrono_literals;
-
 constexpr std::uint32_t kRounds = kSanitized ? 60 : 300;
 
 // Everything that the guard decided in a round.

@@ -127,31 +127,36 @@ TEST(Coding, ASlowLinkMoreNeverRaisesMisses) {
   }
 }
 
+struct TwoLinks {
+  double fast, fast_rtt, slow, slow_rtt;
+  std::size_t bytes;
+  Duration deadline;
+};
+
+// How many of 450 messages are missed over the fast link, or both.
+std::size_t missed_over(const TwoLinks& c, const char* policy, bool both) {
+  std::size_t missed = 0;
+  for (const std::uint64_t seed : {1U, 2U, 3U}) {
+    std::vector links{constant_link("a", c.fast_rtt, c.fast, c.fast, 0.01)};
+    if (both) links.push_back(constant_link("b", c.slow_rtt, c.slow, c.slow, 0.01));
+    Duo s(links, {.policy = policy, .variants = {c.bytes}, .deadline = c.deadline, .seed = seed});
+    s.send(2s, kSanitized ? 30 : 150);
+    s.run();
+    missed += s.missed();
+  }
+  return missed;
+}
+
 // Losses of the last packets make a link look silent, messages are under way when the next ones are
 // queued, and what is sent again may have less time than a slow link takes for it.
 TEST(Coding, ASlowLinkIsNoReasonToLeaveTheFastOne) {
-  struct Case {
-    double fast, fast_rtt, slow, slow_rtt;
-    std::size_t bytes;
-    Duration deadline;
-  };
-  for (const Case& c :
-       {Case{54, 25, 1.3, 66, 400'887, 156ms}, Case{30, 70, 2.3, 32, 227'749, 161ms},
-        Case{61, 28, 10.6, 213, 289'280, 108ms}}) {
+  for (const TwoLinks& c :
+       {TwoLinks{54, 25, 1.3, 66, 400'887, 156ms}, TwoLinks{30, 70, 2.3, 32, 227'749, 161ms},
+        TwoLinks{61, 28, 10.6, 213, 289'280, 108ms}}) {
     for (const char* policy : {"stripe", "coded"}) {
       for (const bool both : {false, true}) {
-        std::size_t missed = 0;
-        for (const std::uint64_t seed : {1U, 2U, 3U}) {
-          std::vector links{constant_link("a", c.fast_rtt, c.fast, c.fast, 0.01)};
-          if (both) links.push_back(constant_link("b", c.slow_rtt, c.slow, c.slow, 0.01));
-          Duo s(links,
-                {.policy = policy, .variants = {c.bytes}, .deadline = c.deadline, .seed = seed});
-          s.send(2s, kSanitized ? 30 : 150);
-          s.run();
-          missed += s.missed();
-        }
-        // Of 450.
-        EXPECT_LE(missed, 2U) << policy << ", " << c.fast << " Mbit/s, both " << both;
+        EXPECT_LE(missed_over(c, policy, both), 2U)
+            << policy << ", " << c.fast << " Mbit/s, both " << both;
       }
     }
   }

@@ -20,7 +20,7 @@ struct Drive : Duo {
       : Duo(links, {.policy = policy, .variants = {128 * 1024, 32 * 1024}}) {
     send(2s, 130);
   }
-  // Of the messages sent in [from, to).
+  // How many of the messages sent in [from, to) were missed.
   std::size_t missed_between(Duration from, Duration to) const {
     return missed(static_cast<std::size_t>((from - 2s) / 100ms),
                   static_cast<std::size_t>((to - 2s) / 100ms));

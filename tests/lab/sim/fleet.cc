@@ -57,7 +57,7 @@ class Fleet {
   std::normal_distribution<double> normal_{0.0, 1.0};
   Unit unit_;
   HostId road_ = 0;
-  // Of the vehicles, in their order: hosts, and the road's peer at each.
+  // The vehicles' hosts in their order, and the road's peer at each.
   std::vector<HostId> hosts_;
   std::vector<PeerId> road_at_;
   // How the unit knows each vehicle.

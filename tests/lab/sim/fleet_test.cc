@@ -12,11 +12,9 @@
 namespace interneuron::sim::fleet_test {
 namespace {
 
-using namespace std::chrono_literals;
-
 // More misses of a vehicle than in the paired run without the attacker, as a share of its rounds.
 constexpr double kMoreMisses = 0.01;
-// Of the levels that honest vehicles get with an honest third one in the attacker's place.
+// The least share of the levels that honest vehicles get with an honest third one instead.
 constexpr double kOfTheLevels = 0.97;
 // The longest deadline that a pipeline may have.
 constexpr Duration kEndless = 1h;

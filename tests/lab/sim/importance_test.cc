@@ -7,8 +7,6 @@
 namespace interneuron::sim::importance_test {
 namespace {
 
-using namespace std::chrono_literals;
-
 TEST(Importance, UnderOverloadWhatMattersMoreArrives) {
   EchoDuo duo({constant_link("a", 40, 20, 20)});
   constexpr std::size_t kBytes = 20 * 1024;

@@ -8,8 +8,6 @@
 namespace interneuron::sim::marginal_test {
 namespace {
 
-using namespace std::chrono_literals;
-
 bool usable(PathState state) { return state == PathState::kOk || state == PathState::kSuspect; }
 
 struct Flaps {

@@ -91,7 +91,7 @@ TEST(Measure, AStepOfAnIdleLinkIsFoundWithin12Seconds) {
   }
 }
 
-// Of a link on which short trains arrive as one batch, the rate is unknown only for a moment.
+// The rate of a link on which short trains arrive as one batch is unknown only for a moment.
 TEST(Measure, AFastLinkIsMeasuredWithinTwoSeconds) {
   for (const double mbit : {900.0, 2'500.0, 10'000.0}) {
     EchoDuo duo({constant_link("a", 5, mbit, mbit)});

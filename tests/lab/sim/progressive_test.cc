@@ -11,8 +11,6 @@
 namespace interneuron::sim::progressive_test {
 namespace {
 
-using namespace std::chrono_literals;
-
 constexpr LinkId kQuick{0};
 constexpr LinkId kOther{1};
 constexpr Duration kPeriod = 100ms;

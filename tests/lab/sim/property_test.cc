@@ -10,8 +10,6 @@
 namespace interneuron::sim::property_test {
 namespace {
 
-using namespace std::chrono_literals;
-
 struct Outage {
   LinkId link{};
   Duration from{};

@@ -11,7 +11,6 @@
 namespace interneuron::sim::ranking_test {
 namespace {
 
-using namespace std::chrono_literals;
 using link::Field;
 
 constexpr std::uint8_t kLinks = 4;

@@ -40,7 +40,7 @@ TEST_P(Stall, LosesOneMessageAtMost) {
   for (std::size_t i = 0; i < kStalls; ++i) {
     const auto first = static_cast<std::size_t>((stall_at(i) - kFirst) / 100ms);
     const auto next = static_cast<std::size_t>((stall_at(i + 1) - kFirst) / 100ms);
-    // Of down_sampling the smaller variant is under way already, over the other link, and stands
+    // With down_sampling the smaller variant is under way already, over the other link, and stands
     // for a message or two more after each stall; that is shown and not judged here.
     const bool samples = std::string(GetParam()) == "down_sampling";
     const std::size_t bad = s.missed(first, next) + (samples ? 0 : s.degraded(first, next));

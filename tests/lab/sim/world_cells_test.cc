@@ -10,8 +10,6 @@
 namespace interneuron::sim::world_cells_test {
 namespace {
 
-using namespace std::chrono_literals;
-
 constexpr LinkId kLink{0};
 
 // Sends packets of a size at a pace from `from` on, and remembers what arrives.

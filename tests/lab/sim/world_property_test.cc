@@ -13,8 +13,6 @@
 namespace interneuron::sim::world_property_test {
 namespace {
 
-using namespace std::chrono_literals;
-
 constexpr LinkId kLink{0};
 constexpr std::size_t kNicMtu = 1400;
 constexpr std::size_t kHopMtu = 1200;

@@ -6,8 +6,6 @@
 namespace interneuron::sim::world_test {
 namespace {
 
-using namespace std::chrono_literals;
-
 EndpointOptions vehicle_options(std::uint32_t session) {
   PipelineConfig pipeline;
   pipeline.stages = {StageKind::kCommunication, StageKind::kCommunication};

@@ -5,15 +5,15 @@
 #include <fstream>
 
 #include "app/process/failure.h"
+#include "lab/transports/ends.h"
 #include "lab/transports/message_head.h"
 #include "lab/transports/order.h"
 #include "lab/transports/outlay.h"
 #include "lab/transports/pieces.h"
 #include "lab/transports/play.h"
-#include "lab/transports/reception.h"
 #include "lab/transports/timetable.h"
 
-namespace interneuron::cli::transports_test {
+namespace interneuron::transports::transports_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -55,9 +55,9 @@ TEST(Transports, OrdersAreReadAsTheyWereWritten) {
 TEST(Transports, AnOrderThatMakesNoSenseIsRefused) {
   const auto folder = folder_of("nonsense");
   const Scratch scratch(folder);
-  EXPECT_THROW(read_order(folder / "order.json"), Failure);
+  EXPECT_THROW(read_order(folder / "order.json"), process::Failure);
   std::ofstream(folder / "order.json") << R"({"transport": "pigeon", "mode": ""})";
-  EXPECT_THROW(read_order(folder / "order.json"), Failure);
+  EXPECT_THROW(read_order(folder / "order.json"), process::Failure);
   Order order = order_in(folder);
   order.keys.emplace_back();
   const auto file = write_order(order);
@@ -65,7 +65,7 @@ TEST(Transports, AnOrderThatMakesNoSenseIsRefused) {
   std::string text(std::istreambuf_iterator<char>(in), {});
   text.replace(text.find("AAAA"), 4, "====");
   std::ofstream(file) << text;
-  EXPECT_THROW(read_order(file), Failure);
+  EXPECT_THROW(read_order(file), process::Failure);
 }
 
 TEST(Transports, RecordsAreReadAsTheyWereWritten) {
@@ -171,4 +171,4 @@ TEST(Transports, LacksNamesAControlThatThereIsNot) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli::transports_test
+}  // namespace interneuron::transports::transports_test

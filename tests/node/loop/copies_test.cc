@@ -103,8 +103,8 @@ std::size_t copied(bool encrypted, bool joins) {
   EndpointOptions vehicle = options_of(1, {}, false);
   EndpointOptions road = options_of(2);
   if (encrypted) {
-    vehicle.security = security_of(1, {2});
-    road.security = security_of(2, {1});
+    vehicle.security = sim::security_of(1, {2});
+    road.security = sim::security_of(2, {1});
   }
   const std::size_t from = pipe.add_host(vehicle);
   const PeerId peer = pipe.connect(from, pipe.add_host(road));

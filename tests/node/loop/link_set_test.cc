@@ -109,7 +109,7 @@ TEST(LinkSet, CardsThatCannotBeUsedAreToldWithTheReasons) {
               "no network card can be used: va: administratively down; vb: no carrier");
     options.links = {{.id = LinkId{0}, .nic = "lo", .peer = "198.51.100.1:9"}};
     options.insecure = false;
-    options.security = security_of(1, {2});
+    options.security = sim::security_of(1, {2});
     EXPECT_EQ(error_of(options),
               "no network card can be used: lo: nothing routes to 198.51.100.1 "
               "through it");

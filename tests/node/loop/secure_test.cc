@@ -31,8 +31,8 @@ NodeOptions on_loopback() {
 // The keys of this host, which trusts that one; the node draws the rest.
 std::shared_ptr<const Security> keys(int host, int peer) {
   auto security = std::make_shared<Security>();
-  security->key = secret_key(host);
-  security->peers = {{key_of_host(peer), secret_key(99)}};
+  security->key = sim::secret_key(host);
+  security->peers = {{sim::key_of_host(peer), sim::secret_key(99)}};
   return security;
 }
 
@@ -176,12 +176,12 @@ TEST(SecureNode, TheKeyOfAPeerIsNamedWhereSeveralAreTrusted) {
   const std::pair<LinkId, Address> paths[] = {{kLinks[0], *parse_address(options.links[0].peer)}};
   for (NodeLink& link : options.links) link.peer.clear();
   auto shared = std::make_shared<Security>(*keys(2, 1));
-  shared->peers.push_back({key_of_host(3), {}});
+  shared->peers.push_back({sim::key_of_host(3), {}});
   options.security = shared;
   Node vehicle(options);
   EXPECT_THROW(vehicle.connect(paths), std::invalid_argument);
-  EXPECT_THROW(vehicle.connect(paths, key_of_host(4)), std::invalid_argument);
-  const PeerId peer = vehicle.connect(paths, key_of_host(1));
+  EXPECT_THROW(vehicle.connect(paths, sim::key_of_host(4)), std::invalid_argument);
+  const PeerId peer = vehicle.connect(paths, sim::key_of_host(1));
   vehicle.on_peer_ready([&](PeerReady e) {
     EXPECT_EQ(e.peer, peer);
     vehicle.stop();

@@ -97,7 +97,7 @@ TEST(Setup, AnEndpointThatRefusesLeavesNothingOpen) {
 
 // Keys of which the node draws the rest.
 std::shared_ptr<Security> keys(std::initializer_list<int> peers) {
-  auto security = std::make_shared<Security>(*security_of(1, peers));
+  auto security = std::make_shared<Security>(*sim::security_of(1, peers));
   security->seed = {};
   security->unix_time_ns = 0;
   return security;
@@ -151,10 +151,10 @@ TEST(Setup, WhoThePeerIsHasToBeClear) {
   options.links[0].peer = "127.0.0.1:9";
   options.security = keys({2, 3});
   EXPECT_THAT(error_of<std::invalid_argument>(options), testing::HasSubstr("which of 2 trusted"));
-  options.peer_key = key_of_host(4);
+  options.peer_key = sim::key_of_host(4);
   EXPECT_THAT(error_of<std::invalid_argument>(options),
-              testing::HasSubstr(to_base64(key_of_host(4)) + " is not among"));
-  options.peer_key = key_of_host(3);
+              testing::HasSubstr(to_base64(sim::key_of_host(4)) + " is not among"));
+  options.peer_key = sim::key_of_host(3);
   EXPECT_NO_THROW(Node{options});
   options.peer_key.reset();
   options.security = keys({2});
@@ -172,10 +172,10 @@ TEST(Setup, TheNodeDrawsTheSeedAndReadsTheTimeThatAreNotGiven) {
   EXPECT_NEAR(static_cast<double>(first->unix_time_ns), static_cast<double>(io::unix_time_ns()),
               60e9);
   auto given = keys({2});
-  given->seed = secret_key(7);
+  given->seed = sim::secret_key(7);
   given->unix_time_ns = 8;
   options.security = given;
-  EXPECT_EQ(endpoint_options(options).security->seed, secret_key(7));
+  EXPECT_EQ(endpoint_options(options).security->seed, sim::secret_key(7));
   EXPECT_EQ(endpoint_options(options).security->unix_time_ns, 8);
 }
 

@@ -1,4 +1,4 @@
-#include "lab/cli/eval/command.h"
+#include "lab/cli/commands.h"
 
 #include <fmt/format.h>
 

@@ -15,7 +15,7 @@ constexpr Experiment kExperiments[] = {
     {"fig-rt", "The guard on the paper's scripted sequence", 13, 1, false, false,
      experiments::run_fig_rt},
     {"table-erdos", "Timeouts and accuracy under injected delays", 300, 30, true, true,
-     experiments::run_table_erdos, run_table_erdos_on_testbed},
+     experiments::run_table_erdos, eval_testbed::run_table_erdos_on_testbed},
     {"table-lidar", "Timeouts and agreement of a pipeline of point clouds", 300, 30, false, true,
      experiments::run_table_lidar},
     {"timeout-handler", "Consecutive timeouts with and without the handler", 300, 30, true, true,

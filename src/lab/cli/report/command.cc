@@ -1,4 +1,4 @@
-#include "lab/cli/report/command.h"
+#include "lab/cli/commands.h"
 
 #include <fmt/format.h>
 
@@ -14,7 +14,6 @@
 #include "lab/eval/experiments/document.h"
 #include "lab/report/figure.h"
 #include "lab/report/page.h"
-#include "lab/report/pictures.h"
 
 namespace interneuron::cli {
 namespace {

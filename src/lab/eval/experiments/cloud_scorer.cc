@@ -1,4 +1,4 @@
-#include "lab/eval/experiments/cloud_scorer.h"
+#include "lab/eval/experiments/scorer.h"
 
 #include <fmt/format.h>
 
@@ -16,7 +16,7 @@ namespace fs = std::filesystem;
 using eval::Shown;
 using perception::kLapSweeps;
 
-// Of the synthetic drive.
+// The synthetic drive is made from it.
 constexpr std::uint64_t kDriveSeed = 1;
 
 const char* file_of(eval::LidarSweep sweep) {

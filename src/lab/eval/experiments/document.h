@@ -37,7 +37,7 @@ struct Table {
 struct Point {
   double x = 0;
   double y = 0;
-  // Of a round, whose number is x: whether it was answered remotely in time.
+  // Whether the round, whose number is x, was answered remotely in time.
   std::optional<bool> on_time;
 };
 

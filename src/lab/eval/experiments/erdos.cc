@@ -41,7 +41,7 @@ constexpr TableLaw kTableLaws[] = {
      true}};
 
 eval::Scenario scenario_of(const TableLaw& c) {
-  // Of sequential rounds: longer than the deadline, so that the outcome of each is known, here and
+  // A period longer than the deadline, so that the outcome of each round is known, here and
   // at the roadside, before the next one begins.
   constexpr Duration kSequential = std::chrono::milliseconds(140);
   eval::Scenario scenario = eval::table_erdos_scenario();

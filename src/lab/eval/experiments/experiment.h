@@ -21,10 +21,10 @@ struct Request {
   const Scorer& scorer;
   process::Progress& progress;
   std::optional<std::filesystem::path> data{};
-  // Of the testbed: a folder that may be made, and what detects.
+  // What the testbed needs: a folder that may be made, and what detects.
   std::filesystem::path scratch{};
   std::string ladder = "auto";
-  // Empty: the testbed measures one, see lab/eval_testbed/testbed_bench.h.
+  // Empty: the testbed measures one, see lab/eval_testbed/testbed.h.
   std::optional<Duration> deadline{};
   // In virtual time: the endpoints have keys.
   bool is_encrypted = false;

@@ -1,4 +1,4 @@
-// Of table-erdos, sweep, ladder and timeout-handler.
+// What is found in table-erdos, sweep, ladder and timeout-handler.
 #include <fmt/format.h>
 
 #include <algorithm>

@@ -1,9 +1,9 @@
 // table-lidar: the systems on a pipeline of point clouds instead of images.
 #include <fmt/format.h>
 
-#include "lab/eval/experiments/cloud_scorer.h"
 #include "lab/eval/experiments/compare.h"
 #include "lab/eval/experiments/document.h"
+#include "lab/eval/experiments/scorer.h"
 
 namespace interneuron::experiments {
 namespace {

@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "lab/eval/intervals.h"
+#include "lab/eval/metrics.h"
 
 namespace interneuron::experiments {
 
@@ -70,7 +70,7 @@ struct SystemRow {
   std::optional<double> effective_ar;
   std::optional<OracleFigures> oracle;
 
-  // Of `table-lidar`: the mean agreement of what was shown with the clusters that the best level
+  // In `table-lidar`, the mean agreement of what was shown with the clusters that the best level
   // finds on the whole sweep, over rounds on time and over every round.
   struct Agreement {
     std::optional<double> on_time;
@@ -78,14 +78,14 @@ struct SystemRow {
   };
   std::optional<Agreement> agreement;
 
-  // Of `sweep`: what the deadline was, and by how much the injected delays were scaled.
+  // In `sweep`, what the deadline was, and by how much the injected delays were scaled.
   struct Sweep {
     int deadline_ms = 0;
     double severity = 0;
   };
   std::optional<Sweep> sweep;
 
-  // Of `timeout-handler`: `consecutive` against that of the guard without its handler, as a change
+  // In `timeout-handler`, `consecutive` against that of the guard without its handler, as a change
   // (-0.78: 78 % fewer). Unknown where that had none.
   struct Handler {
     std::optional<double> consecutive_change;
