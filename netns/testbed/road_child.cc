@@ -15,7 +15,7 @@
 #include "netns/state/hosts.h"
 #include "netns/testbed/testbed.h"
 
-namespace interneuron::cli {
+namespace interneuron::netns {
 namespace {
 
 // A busy machine calibrates the slowest ladder of detectors in half of this.
@@ -23,20 +23,32 @@ constexpr int kReadySeconds = 120;
 
 // Why the unit ended before it was ready. A terminal's Ctrl-C reaches it as it reaches us, and may
 // reach it first: then it is an interruption of ours, too, and no failure.
-Failure early_end(Child& child) {
+cli::Failure early_end(cli::Child& child) {
   const int code = child.wait();
   if (code == 128 + SIGINT || code == 128 + SIGTERM || code == 128 + SIGHUP) {
     return {code, "interrupted"};
   }
-  return {kFailed, "the roadside unit ended before it was ready; its log says why"};
+  return {cli::kFailed, "the roadside unit ended before it was ready; its log says why"};
+}
+
+// Adds what a line of the roadside's says of its detectors; other lines say nothing of them.
+void read_line(const std::string& line, RoadChild::Ladder& ladder) {
+  if (line.starts_with("ladder ")) ladder.description = line.substr(7);
+  if (!line.starts_with("level ")) return;
+  std::size_t number = 0;
+  long long median = 0;
+  int at = 0;
+  if (std::sscanf(line.c_str(), "level %zu %lld %n", &number, &median, &at) != 2) return;
+  ladder.names.push_back(line.substr(static_cast<std::size_t>(at)));
+  ladder.medians.emplace_back(median);
 }
 
 // Reads the roadside's lines until "ready".
-RoadChild::Ladder await_ready(int fd, Child& child) {
+RoadChild::Ladder await_ready(int fd, cli::Child& child) {
   RoadChild::Ladder ladder;
   std::string buffer;
   for (int waited_ms = 0; waited_ms < kReadySeconds * 1000;) {
-    SignalWatch::check();
+    cli::SignalWatch::check();
     pollfd p{fd, POLLIN, 0};
     const int n = ::poll(&p, 1, 200);
     if (n <= 0) {
@@ -52,33 +64,24 @@ RoadChild::Ladder await_ready(int fd, Child& child) {
          buffer.erase(0, end + 1)) {
       const std::string line = buffer.substr(0, end);
       if (line.starts_with("ready")) return ladder;
-      if (line.starts_with("ladder ")) ladder.description = line.substr(7);
-      if (line.starts_with("level ")) {
-        std::size_t number = 0;
-        long long median = 0;
-        int at = 0;
-        if (std::sscanf(line.c_str(), "level %zu %lld %n", &number, &median, &at) == 2) {
-          ladder.names.push_back(line.substr(static_cast<std::size_t>(at)));
-          ladder.medians.emplace_back(median);
-        }
-      }
+      read_line(line, ladder);
     }
   }
-  throw Failure(kFailed, fmt::format("the roadside unit was not ready within {} s", kReadySeconds));
+  throw cli::Failure(cli::kFailed,
+                     fmt::format("the roadside unit was not ready within {} s", kReadySeconds));
 }
 
 }  // namespace
 
-RoadChild::RoadChild(const netns::State& state, const std::vector<std::string>& argv,
-                     int stderr_fd) {
+RoadChild::RoadChild(const State& state, const std::vector<std::string>& argv, int stderr_fd) {
   std::array<int, 2> ends{};
   if (::pipe2(ends.data(), O_CLOEXEC) != 0)
-    throw Failure(kFailed, std::string("pipe: ") + std::strerror(errno));
+    throw cli::Failure(cli::kFailed, std::string("pipe: ") + std::strerror(errno));
   fd_ = ends[0];
   try {
-    netns::SpawnOptions spawn;
+    SpawnOptions spawn;
     spawn.stdio = {-1, ends[1], stderr_fd};
-    child_.emplace(netns::Testbed::spawn(state, netns::kRoad, argv, spawn));
+    child_.emplace(Testbed::spawn(state, kRoad, argv, spawn));
     ::close(ends[1]);
     ladder_ = await_ready(fd_, *child_);
   } catch (...) {
@@ -94,4 +97,4 @@ RoadChild::~RoadChild() {
 
 void RoadChild::end() { child_->end(); }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::netns

@@ -13,7 +13,7 @@
 #include "netns/state/error.h"
 #include "netns/state/snapshot.h"
 #include "netns/testbed/testbed.h"
-#include "netns/wiring/wiring.h"
+#include "netns/wiring/nic_plan.h"
 #include "support.h"
 
 namespace interneuron::netns::topology_test {
