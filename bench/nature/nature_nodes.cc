@@ -19,8 +19,14 @@
 #include "netns/state/hosts.h"
 #include "netns/testbed/testbed.h"
 
-namespace interneuron::cli::bench {
+namespace interneuron::bench {
 namespace {
+
+using cli::Capture;
+using cli::Failure;
+using cli::kDefaultPort;
+using cli::kFailed;
+using cli::kFine;
 
 constexpr PipelineId kPipeline{0};
 constexpr Duration kPeriod = std::chrono::milliseconds(100);
@@ -158,4 +164,4 @@ Lines read_lines(const std::filesystem::path& file) {
   return lines;
 }
 
-}  // namespace interneuron::cli::bench
+}  // namespace interneuron::bench
