@@ -9,8 +9,10 @@
 
 #include "app/perception/point_cloud.h"
 
-namespace interneuron::perception {
+namespace interneuron::bench {
 namespace {
+
+using namespace perception;
 
 constexpr int kRings = 64;
 // A point every 0.2 degrees.
@@ -68,6 +70,6 @@ void encode_ladder(benchmark::State& bench) {
 BENCHMARK(encode_ladder);
 
 }  // namespace
-}  // namespace interneuron::perception
+}  // namespace interneuron::bench
 
 BENCHMARK_MAIN();

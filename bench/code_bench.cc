@@ -11,8 +11,10 @@
 
 #include "core/code/erasure_code.h"
 
-namespace interneuron::code {
+namespace interneuron::bench {
 namespace {
+
+using namespace code;
 
 constexpr std::size_t kBytes = 1347;
 
@@ -72,6 +74,6 @@ BENCHMARK_CAPTURE(Encode, scalar, Kernel::kScalar)->Args({98, 10})->Args({196, 2
 BENCHMARK_CAPTURE(Decode, scalar, Kernel::kScalar)->Args({98, 10})->Args({196, 20});
 
 }  // namespace
-}  // namespace interneuron::code
+}  // namespace interneuron::bench
 
 BENCHMARK_MAIN();

@@ -30,9 +30,10 @@ std::uint64_t allocations = 0;
 [[gnu::noinline]] void operator delete(void* p) noexcept { std::free(p); }
 [[gnu::noinline]] void operator delete(void* p, std::size_t) noexcept { std::free(p); }
 
-namespace interneuron::guard {
+namespace interneuron::bench {
 namespace {
 
+using namespace guard;
 using namespace std::chrono_literals;
 
 constexpr Duration kDeadline = 130ms;
@@ -213,10 +214,10 @@ void register_policies() {
 }
 
 }  // namespace
-}  // namespace interneuron::guard
+}  // namespace interneuron::bench
 
 int main(int argc, char** argv) {
-  interneuron::guard::register_policies();
+  interneuron::bench::register_policies();
   benchmark::Initialize(&argc, argv);
   benchmark::RunSpecifiedBenchmarks();
 }

@@ -15,7 +15,7 @@
 #include "lab/emu/profile.h"
 #include "lab/sim/offload.h"
 
-namespace interneuron {
+namespace interneuron::bench {
 namespace {
 
 using namespace std::chrono_literals;
@@ -113,7 +113,7 @@ std::string script(std::uint64_t seed) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::bench
 
 int main(int argc, char** argv) {
   if (argc < 2 || argc > 3 || argv[1][0] == '-') {
@@ -122,7 +122,7 @@ int main(int argc, char** argv) {
   }
   const std::uint64_t seed = argc == 3 ? std::strtoull(argv[2], nullptr, 10) : 2020;
   try {
-    return interneuron::records::draw(argv[1], interneuron::script(seed)) ? 0 : 1;
+    return interneuron::records::draw(argv[1], interneuron::bench::script(seed)) ? 0 : 1;
   } catch (const interneuron::process::Failure& failure) {
     std::fprintf(stderr, "guard_picture: %s\n", failure.what());
     return failure.code();

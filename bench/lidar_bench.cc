@@ -8,8 +8,6 @@
 // synthetic ego-motion (src/app/perception/point_cloud.h). Agreement is that with what the best
 // level finds on the whole sweep, so of that combination it is 1. Times are of the processor, of
 // one thread.
-#include <time.h>
-
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
@@ -18,29 +16,16 @@
 
 #include "app/perception/clusters.h"
 #include "app/perception/point_cloud.h"
+#include "bench/cpu_time.h"
+#include "core/base/statistics.h"
 
-namespace interneuron::perception {
+namespace interneuron::bench {
 namespace {
+
+using namespace perception;
 
 // The ages of a result that are measured, in sweeps.
 constexpr std::uint32_t kAges = 4;
-
-double cpu_ms() {
-  timespec t{};
-  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return static_cast<double>(t.tv_sec) * 1e3 + static_cast<double>(t.tv_nsec) / 1e6;
-}
-
-double at_share(std::vector<double> values, double share) {
-  std::ranges::sort(values);
-  return values[static_cast<std::size_t>(share * static_cast<double>(values.size() - 1))];
-}
-
-double mean(const std::vector<double>& values) {
-  double sum = 0;
-  for (const double value : values) sum += value;
-  return sum / static_cast<double>(values.size());
-}
 
 // What the best level finds on the whole of each sweep.
 using Reference = std::vector<std::vector<Cluster>>;
@@ -56,10 +41,10 @@ Measured measure(const std::vector<Bytes>& messages, const ClusterLevel& level,
   Measured out;
   const std::size_t sweeps = messages.size();
   for (std::size_t i = 0; i < sweeps; ++i) {
-    const double start = cpu_ms();
+    const double start = thread_us();
     const Points points = decode_cloud(messages[i])->points;
     const std::vector<Cluster> found = find_clusters(points, level);
-    out.times_ms.push_back(cpu_ms() - start);
+    out.times_ms.push_back((thread_us() - start) / 1e3);
     for (std::uint32_t age = 0; age < kAges && i + age < sweeps; ++age) {
       out.agreement[age].push_back(agreement(found, reference[i + age]));
     }
@@ -77,9 +62,9 @@ void run(const std::string& file, std::uint64_t seed, std::uint32_t sweeps) {
   std::size_t clusters = 0;
   for (std::uint32_t i = 0; i < sweeps; ++i) {
     const Points points = drive.sweep(i);
-    const double start = cpu_ms();
+    const double start = thread_us();
     std::vector<Bytes> variants = encode_cloud_ladder(points, i);
-    encode_ms.push_back(cpu_ms() - start);
+    encode_ms.push_back((thread_us() - start) / 1e3);
     for (std::size_t r = 0; r < rungs.size(); ++r) messages[r].push_back(std::move(variants[r]));
     reference.push_back(find_clusters(points, levels.back()));
     clusters += reference.back().size();
@@ -88,15 +73,16 @@ void run(const std::string& file, std::uint64_t seed, std::uint32_t sweeps) {
       "%s: %u sweeps, seed %llu, %.1f clusters a sweep; encoding all variants %.2f ms, p95 %.2f "
       "ms\n",
       file.c_str(), sweeps, static_cast<unsigned long long>(seed),
-      static_cast<double>(clusters) / sweeps, at_share(encode_ms, 0.5), at_share(encode_ms, 0.95));
+      static_cast<double>(clusters) / sweeps, percentile(encode_ms, 0.5),
+      percentile(encode_ms, 0.95));
   for (std::size_t r = 0; r < rungs.size(); ++r) {
     double bytes = 0;
     for (const Bytes& message : messages[r]) bytes += static_cast<double>(message.size()) / sweeps;
     for (const ClusterLevel& level : levels) {
       const Measured m = measure(messages[r], level, reference);
       std::printf("%-6s %8.0f B  %-16s median %5.1f ms p95 %5.1f ms  agreement %.3f; when old:",
-                  rungs[r].name, bytes, level.name.c_str(), at_share(m.times_ms, 0.5),
-                  at_share(m.times_ms, 0.95), mean(m.agreement[0]));
+                  rungs[r].name, bytes, level.name.c_str(), percentile(m.times_ms, 0.5),
+                  percentile(m.times_ms, 0.95), mean(m.agreement[0]));
       for (std::uint32_t age = 1; age < kAges; ++age) std::printf(" %.3f", mean(m.agreement[age]));
       std::printf("\n");
       std::fflush(stdout);
@@ -105,7 +91,7 @@ void run(const std::string& file, std::uint64_t seed, std::uint32_t sweeps) {
 }
 
 }  // namespace
-}  // namespace interneuron::perception
+}  // namespace interneuron::bench
 
 int main(int argc, char** argv) {
   CLI::App app("Agreement and run time of each level on each rung of the ladder of voxel sizes");
@@ -117,7 +103,7 @@ int main(int argc, char** argv) {
   app.add_option("--sweeps", sweeps, "Only so many")->check(CLI::Range(4U, sweeps));
   CLI11_PARSE(app, argc, argv);
   try {
-    interneuron::perception::run(sweep, seed, sweeps);
+    interneuron::bench::run(sweep, seed, sweeps);
   } catch (const std::exception& error) {
     std::fprintf(stderr, "lidar_bench: %s\n", error.what());
     return 1;

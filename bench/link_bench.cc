@@ -11,9 +11,10 @@
 #include "core/link/nature.h"
 #include "interneuron/requirement.h"
 
-namespace interneuron::link {
+namespace interneuron::bench {
 namespace {
 
+using namespace link;
 using namespace std::chrono_literals;
 
 // Random round trips between 20 and 60 ms, drawn before the clock runs.
@@ -180,6 +181,6 @@ void matching(benchmark::State& bench) {
 BENCHMARK(matching)->Arg(2)->Arg(8)->Arg(64);
 
 }  // namespace
-}  // namespace interneuron::link
+}  // namespace interneuron::bench
 
 BENCHMARK_MAIN();

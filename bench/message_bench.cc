@@ -16,11 +16,11 @@
 #include <array>
 #include <cstdlib>
 #include <cstring>
-#include <ctime>
 #include <memory>
 #include <new>
 #include <vector>
 
+#include "bench/cpu_time.h"
 #include "interneuron/endpoint.h"
 #include "interneuron/sizes.h"
 #include "lab/sim/trust.h"
@@ -41,7 +41,7 @@ std::uint64_t allocations = 0;
 [[gnu::noinline]] void operator delete(void* p) noexcept { std::free(p); }
 [[gnu::noinline]] void operator delete(void* p, std::size_t) noexcept { std::free(p); }
 
-namespace interneuron {
+namespace interneuron::bench {
 namespace {
 
 using namespace std::chrono_literals;
@@ -156,18 +156,15 @@ class Bench {
 
   template <class Body>
   void measured(std::size_t side, const Body& body) {
-    timespec from{};
-    timespec to{};
     is_counting = true;
     const std::uint64_t before = allocations;
-    ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &from);
+    const double from = thread_us();
     body();
-    ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &to);
+    const double us = thread_us() - from;
     is_counting = false;
     ++costs_[side].readings;
     costs_[side].allocations += allocations - before;
-    costs_[side].us += static_cast<double>(to.tv_sec - from.tv_sec) * 1e6 +
-                       static_cast<double>(to.tv_nsec - from.tv_nsec) / 1e3;
+    costs_[side].us += us;
   }
 
   void send() {
@@ -236,13 +233,13 @@ class Bench {
 };
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::bench
 
 int main(int argc, char** argv) {
   // What malloc gives back to the kernel after one message it would have to fetch again for the
   // next one, which has to do with the order of frees in this program and not with endpoints.
   mallopt(M_TRIM_THRESHOLD, 64 << 20);
-  interneuron::Options options;
+  interneuron::bench::Options options;
   CLI::App app("What a message costs two endpoints without sockets.");
   app.add_option("--bytes", options.bytes, "Bytes of a message");
   app.add_option("--messages", options.messages, "Messages that are measured");
@@ -251,6 +248,6 @@ int main(int argc, char** argv) {
   CLI11_PARSE(app, argc, argv);
   // It chooses the code that this processor runs fastest.
   if (::sodium_init() < 0) return 1;
-  interneuron::Bench(options).run();
+  interneuron::bench::Bench(options).run();
   return 0;
 }

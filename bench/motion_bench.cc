@@ -8,10 +8,7 @@
 // each frame once, in order, as it does in operation; times are of the processor, of one thread.
 // With --jpeg, images of other sizes and qualities than those of the ladders are measured, which is
 // how the rungs of the JPEG ladder were chosen.
-#include <time.h>
-
 #include <CLI/CLI.hpp>
-#include <algorithm>
 #include <cstdio>
 #include <optional>
 #include <string>
@@ -20,18 +17,16 @@
 #include "app/perception/accuracy.h"
 #include "app/perception/detector.h"
 #include "app/perception/frame_source.h"
+#include "bench/cpu_time.h"
+#include "core/base/statistics.h"
 
-namespace interneuron::perception {
+namespace interneuron::bench {
 namespace {
+
+using namespace perception;
 
 // The distance between two thresholds of the table.
 constexpr double kScoreStep = 0.05;
-
-double cpu_ms() {
-  timespec t{};
-  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return static_cast<double>(t.tv_sec) * 1e3 + static_cast<double>(t.tv_nsec) / 1e6;
-}
 
 // How an image reaches the detector: as a variant of the codec, or as a JPEG of another form.
 struct Form {
@@ -74,22 +69,16 @@ Run run_level(Ladder& ladder, std::size_t level, const Form& form, const Frames&
   while (const auto frame = source.next()) {
     if (frame->index >= frames.most) break;
     if (frame->index % frames.every != 0) continue;
-    const double begin = cpu_ms();
+    const double begin = thread_us();
     const Bytes bytes = encoded(form, *frame);
-    run.encode_ms.push_back(cpu_ms() - begin);
+    run.encode_ms.push_back((thread_us() - begin) / 1e3);
     run.bytes += bytes.size();
     const Image image = decoded(bytes);
-    const double start = cpu_ms();
+    const double start = thread_us();
     run.shown.push_back({frame->index, ladder.detect(level, image)});
-    run.times_ms.push_back(cpu_ms() - start);
+    run.times_ms.push_back((thread_us() - start) / 1e3);
   }
-  std::sort(run.times_ms.begin(), run.times_ms.end());
-  std::sort(run.encode_ms.begin(), run.encode_ms.end());
   return run;
-}
-
-double at_share(const std::vector<double>& sorted, double share) {
-  return sorted[static_cast<std::size_t>(share * static_cast<double>(sorted.size() - 1))];
 }
 
 void print(const Level& level, const Form& form, const GroundTruth& truth, const Run& run,
@@ -98,10 +87,10 @@ void print(const Level& level, const Form& form, const GroundTruth& truth, const
   std::printf(
       "%-26s %-10s AP %.4f AP50 %.3f AR %.3f  median %.1f ms p95 %.1f ms  %.1f kB, encoded in "
       "%.2f ms, p95 %.2f ms\n",
-      level.name.c_str(), form.name.c_str(), a.ap, a.ap50, a.ar, at_share(run.times_ms, 0.5),
-      at_share(run.times_ms, 0.95),
+      level.name.c_str(), form.name.c_str(), a.ap, a.ap50, a.ar, percentile(run.times_ms, 0.5),
+      percentile(run.times_ms, 0.95),
       static_cast<double>(run.bytes) / 1000 / static_cast<double>(run.shown.size()),
-      at_share(run.encode_ms, 0.5), at_share(run.encode_ms, 0.95));
+      percentile(run.encode_ms, 0.5), percentile(run.encode_ms, 0.95));
   for (double score = 0; !brief && score < 0.95; score += kScoreStep) {
     const ShownShare s = share_shown(truth, run.shown, static_cast<float>(score));
     if (s.boxes == 0) break;
@@ -162,11 +151,11 @@ int measure(const Options& o) {
 }
 
 }  // namespace
-}  // namespace interneuron::perception
+}  // namespace interneuron::bench
 
 int main(int argc, char** argv) {
   CLI::App app("Accuracy and run time of each level of a ladder");
-  interneuron::perception::Options o;
+  interneuron::bench::Options o;
   app.add_option("--data", o.data, "Folder with pets/vtest.avi and pets/gt.txt")->required();
   app.add_option("--ladder", o.ladder, "Detectors")
       ->check(CLI::IsMember({"dnn", "motion", "replay"}));
@@ -178,7 +167,7 @@ int main(int argc, char** argv) {
   app.add_flag("--brief", o.brief, "Without the table of drawing thresholds");
   CLI11_PARSE(app, argc, argv);
   try {
-    return interneuron::perception::measure(o);
+    return interneuron::bench::measure(o);
   } catch (const std::exception& error) {
     std::fprintf(stderr, "motion_bench: %s\n", error.what());
     return 1;

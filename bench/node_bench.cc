@@ -14,13 +14,7 @@
 // zeros, since a Node takes the bytes that it sends. Only the ratios of one run mean something.
 //
 // Needs user namespaces and `ip`; ends with 77 where they are not there.
-#include <arpa/inet.h>
 #include <fmt/format.h>
-#include <netinet/in.h>
-#include <netinet/udp.h>
-#include <sys/socket.h>
-#include <time.h>
-#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -35,21 +29,20 @@
 #include <string>
 #include <vector>
 
+#include "bench/raw_udp.h"
 #include "bench/two_processes.h"
+#include "core/base/statistics.h"
 #include "interneuron/node.h"
 #include "interneuron/sizes.h"
 #include "node/io/file_descriptor.h"
 
-namespace interneuron {
+namespace interneuron::bench {
 namespace {
 
 using namespace std::chrono_literals;
 
 constexpr std::size_t kUsualBytes = 256 * 1024;
-constexpr std::uint16_t kRawPort = 47'001;
 constexpr std::uint16_t kNodePort = 47'002;
-// Socket buffers of the raw programs: a Node's own.
-constexpr int kBufferBytes = 4 << 20;
 constexpr int kSkip = 77;
 
 struct Options {
@@ -58,78 +51,6 @@ struct Options {
   double seconds = 3;
   int rounds = 3;
 };
-
-double median(std::vector<double> values) {
-  if (values.empty()) return 0;
-  std::ranges::sort(values);
-  return values[values.size() / 2];
-}
-
-// --- raw
-
-sockaddr_in raw_address() {
-  sockaddr_in address{};
-  address.sin_family = AF_INET;
-  address.sin_port = htons(kRawPort);
-  ::inet_pton(AF_INET, kRoadAddress, &address.sin_addr);
-  return address;
-}
-
-io::FileDescriptor raw_socket() {
-  io::FileDescriptor fd(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
-  for (const int option : {SO_RCVBUFFORCE, SO_SNDBUFFORCE, SO_RCVBUF, SO_SNDBUF}) {
-    ::setsockopt(fd.get(), SOL_SOCKET, option, &kBufferBytes, sizeof kBufferBytes);
-  }
-  return fd;
-}
-
-Cost raw_send(int hertz, std::size_t messages, std::size_t bytes) {
-  const io::FileDescriptor fd = raw_socket();
-  const sockaddr_in to = raw_address();
-  const int segment = kMaxDatagramBytes;
-  ::setsockopt(fd.get(), SOL_UDP, UDP_SEGMENT, &segment, sizeof segment);
-  const Bytes message(bytes);
-  constexpr std::size_t kOneCall = 46 * kMaxDatagramBytes;
-  timespec next{};
-  ::clock_gettime(CLOCK_MONOTONIC, &next);
-  const Usage before = usage();
-  for (std::size_t i = 0; i < messages; ++i) {
-    next.tv_nsec += 1'000'000'000 / hertz;
-    if (next.tv_nsec >= 1'000'000'000) {
-      next.tv_nsec -= 1'000'000'000;
-      ++next.tv_sec;
-    }
-    ::clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &next, nullptr);
-    for (std::size_t at = 0; at < message.size(); at += kOneCall) {
-      ::sendto(fd.get(), &message[at], std::min(kOneCall, message.size() - at), 0,
-               reinterpret_cast<const sockaddr*>(&to), sizeof to);
-    }
-  }
-  return cost_since(before, messages);
-}
-
-// Until nothing has come for half a second.
-Cost raw_receive(std::size_t message_bytes) {
-  const io::FileDescriptor fd = raw_socket();
-  const sockaddr_in own = raw_address();
-  const int on = 1;
-  ::setsockopt(fd.get(), SOL_UDP, UDP_GRO, &on, sizeof on);
-  timeval patience{5, 0};
-  ::setsockopt(fd.get(), SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
-  if (::bind(fd.get(), reinterpret_cast<const sockaddr*>(&own), sizeof own) != 0) return {};
-  std::vector<std::byte> buffer(64 * 1024);
-  std::size_t bytes = 0;
-  const Usage before = usage();
-  for (;;) {
-    const ssize_t size = ::recv(fd.get(), buffer.data(), buffer.size(), 0);
-    if (size <= 0) return cost_since(before, bytes / message_bytes);
-    if (bytes == 0) {
-      patience = {0, 500'000};
-      ::setsockopt(fd.get(), SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
-    }
-    bytes += static_cast<std::size_t>(size);
-  }
-}
 
 // --- nodes
 
@@ -308,33 +229,17 @@ Cost node_receive(int hertz, std::size_t messages, const Keys& keys) {
   node.after(100ms, look);
   node.after(60s, [&] { node.stop(); });
   node.run();
-  cost.delay_us = median(std::move(delays));
+  cost.delay_us = percentile(std::move(delays), 0.5);
   return cost;
 }
 
 // --- both beside each other
 
-struct Pair {
-  Cost send;
-  Cost receive;
-};
-
-Pair run_pair(int road, const std::function<Cost()>& send, const std::function<Cost()>& receive) {
-  const long processors = ::sysconf(_SC_NPROCESSORS_ONLN);
-  Process receiver(processors > 1 ? 1 : 0, road, receive);
-  ::usleep(300'000);
-  Process sender(0, -1, send);
-  Pair pair;
-  pair.send = sender.cost();
-  pair.receive = receiver.cost();
-  return pair;
-}
-
 void report(const char* name, int hertz, std::size_t messages, const std::vector<Pair>& rounds) {
   const auto of = [&rounds](auto value) {
     std::vector<double> values;
     for (const Pair& pair : rounds) values.push_back(value(pair));
-    return median(values);
+    return percentile(values, 0.5);
   };
   fmt::print(
       "{:9} {:3} a second: send {:6.1f} µs, receive {:6.1f} µs a message, after {:5.1f} µs; page "
@@ -372,7 +277,7 @@ void measure(const Options& options, int road, int hertz) {
   const auto sum = [](const std::vector<Pair>& rounds) {
     std::vector<double> sums;
     for (const Pair& pair : rounds) sums.push_back(pair.send.us + pair.receive.us);
-    return median(sums);
+    return percentile(sums, 0.5);
   };
   fmt::print(
       "          {:3} a second: both ends {:.1f} and {:.1f} µs, {:.2f} times raw, raw + {:.0f} "
@@ -405,12 +310,12 @@ void measure_most(const Options& options, int road) {
     const auto us = [&](auto side) {
       std::vector<double> values;
       for (const Pair& pair : pairs[is_encrypted]) values.push_back((pair.*side).us);
-      return median(values);
+      return percentile(values, 0.5);
     };
     fmt::print(
         "{:9} as fast as it goes: {:.2f} Gbit/s ({:.2f} … {:.2f}); send {:.1f} µs, receive "
         "{:.1f} µs a message\n",
-        is_encrypted ? "encrypted" : "clear", median(gbits[is_encrypted]), least, most,
+        is_encrypted ? "encrypted" : "clear", percentile(gbits[is_encrypted], 0.5), least, most,
         us(&Pair::send), us(&Pair::receive));
   }
 }
@@ -432,10 +337,10 @@ int run(const Options& options) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::bench
 
 int main(int argc, char** argv) {
-  interneuron::Options options;
+  interneuron::bench::Options options;
   CLI::App app("What a message costs two Nodes, beside raw UDP at the same pace.");
   app.add_option("--pace", options.paces, "Messages a second; 0: as fast as it goes")
       ->check(CLI::Range(0, 5000));
@@ -443,5 +348,5 @@ int main(int argc, char** argv) {
   app.add_option("--seconds", options.seconds, "Seconds measured in each round");
   app.add_option("--rounds", options.rounds, "Rounds")->check(CLI::Range(1, 100));
   CLI11_PARSE(app, argc, argv);
-  return interneuron::run(options);
+  return interneuron::bench::run(options);
 }

@@ -55,7 +55,7 @@ constexpr std::size_t kOfTheAllocator = 8;
 }
 [[gnu::noinline]] void operator delete(void* p, std::size_t) noexcept { operator delete(p); }
 
-namespace interneuron {
+namespace interneuron::bench {
 namespace {
 
 using namespace std::chrono_literals;
@@ -291,10 +291,10 @@ void measure(const Options& options, std::size_t peers) {
 }
 
 }  // namespace
-}  // namespace interneuron
+}  // namespace interneuron::bench
 
 int main(int argc, char** argv) {
-  interneuron::Options options;
+  interneuron::bench::Options options;
   CLI::App app("What a peer costs an endpoint: time per packet in, and memory.");
   app.add_option("--peers", options.peers, "How many peers; a line for each number");
   app.add_option("--links", options.links, "Links of every peer")->check(CLI::Range(1, 8));
@@ -305,6 +305,6 @@ int main(int argc, char** argv) {
   app.add_option("--warm-up", options.warm_up_s, "Seconds of messages before the measurement");
   app.add_option("--seconds", options.seconds, "Seconds measured");
   CLI11_PARSE(app, argc, argv);
-  for (const std::size_t peers : options.peers) interneuron::measure(options, peers);
+  for (const std::size_t peers : options.peers) interneuron::bench::measure(options, peers);
   return 0;
 }

@@ -30,9 +30,10 @@
 #include "core/secure/sessions.h"
 #include "core/wire/packet.h"
 
-namespace interneuron::crypto {
+namespace interneuron::bench {
 namespace {
 
+using namespace crypto;
 using namespace std::chrono_literals;
 
 // Packets between two readings of the clock, so that reading it does not count.
@@ -289,7 +290,7 @@ class Road {
   PublicKey open_;
   Bytes opened_;
   TimePoint now_ = kBegin;
-  // Of initiations that are refused: the sessions, which end, stay behind at now_.
+  // The time of initiations that are refused: the sessions, which end, stay behind at now_.
   TimePoint later_ = kBegin;
   std::unique_ptr<Sessions> sessions_;
   std::vector<std::uint32_t> indices_;
@@ -330,11 +331,11 @@ void measure_peers(const Options& options) {
 }
 
 }  // namespace
-}  // namespace interneuron::crypto
+}  // namespace interneuron::bench
 
 int main(int argc, char** argv) {
   using namespace interneuron;
-  crypto::Options options;
+  bench::Options options;
   CLI::App app("What encryption costs: packets, handshakes, what is refused, and memory.");
   app.add_option("--bytes", options.bytes, "Bytes of a packet")
       ->check(CLI::Range(wire::kPacketOverhead, kMaxDatagramBytes));
@@ -349,10 +350,10 @@ int main(int argc, char** argv) {
                "Leave libsodium as it is before it has looked at the processor");
   CLI11_PARSE(app, argc, argv);
   try {
-    if (!options.portable) crypto::expect(sodium_init() >= 0, "libsodium does not start");
-    crypto::measure_packets(options);
-    crypto::measure_handshakes(options);
-    crypto::measure_peers(options);
+    if (!options.portable) bench::expect(sodium_init() >= 0, "libsodium does not start");
+    bench::measure_packets(options);
+    bench::measure_handshakes(options);
+    bench::measure_peers(options);
   } catch (const std::exception& e) {
     fmt::print(stderr, "secure_bench: {}\n", e.what());
     return 1;

@@ -1,9 +1,8 @@
-// What secure_bench is made of: the clock, the table of figures, keys that follow from numbers, and
+// What secure_bench is made of: the table of figures, keys that follow from numbers, and
 // a vehicle that asks for a session.
 #pragma once
 
 #include <fmt/format.h>
-#include <time.h>
 
 #include <algorithm>
 #include <array>
@@ -13,28 +12,22 @@
 #include <string>
 #include <vector>
 
+#include "bench/cpu_time.h"
 #include "core/secure/entropy.h"
 #include "core/secure/handshake.h"
 #include "core/wire/packet.h"
 #include "interneuron/endpoint.h"
 
-namespace interneuron::crypto {
+namespace interneuron::bench {
 
 inline constexpr LinkId kNic{1};
-
-// Processor time of this thread.
-inline double now_us() {
-  timespec t{};
-  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return static_cast<double>(t.tv_sec) * 1e6 + static_cast<double>(t.tv_nsec) / 1e3;
-}
 
 // What `work` takes.
 template <typename Work>
 double us_of(Work&& work) {
-  const double begin = now_us();
+  const double begin = thread_us();
   work();
-  return now_us() - begin;
+  return thread_us() - begin;
 }
 
 inline void expect(bool holds, const char* what) {
@@ -95,7 +88,7 @@ class Vehicle {
  public:
   Vehicle(std::uint32_t number, const PublicKey& road)
       : number_(number),
-        initiator_(key_pair_of(key_of(number)), {road, {}}, SessionId{number}),
+        initiator_(crypto::key_pair_of(key_of(number)), {road, {}}, SessionId{number}),
         entropy_(key_of(~number)) {}
 
   // Begins anew, and draws what a new message is made of.
@@ -108,7 +101,7 @@ class Vehicle {
     expect(initiator_.make_message(now, fresh_), "no message was made");
     initiator_.write(LinkId{0}, initiation_);
   }
-  std::optional<Initiator::Answer> take(ByteView response) {
+  std::optional<crypto::Initiator::Answer> take(ByteView response) {
     return initiator_.take_response(response);
   }
 
@@ -118,10 +111,10 @@ class Vehicle {
 
  private:
   std::uint32_t number_;
-  Initiator initiator_;
-  Entropy entropy_;
-  Initiator::Fresh fresh_;
-  Bytes initiation_ = Bytes(kInitiationBytes);
+  crypto::Initiator initiator_;
+  crypto::Entropy entropy_;
+  crypto::Initiator::Fresh fresh_;
+  Bytes initiation_ = Bytes(crypto::kInitiationBytes);
 };
 
-}  // namespace interneuron::crypto
+}  // namespace interneuron::bench

@@ -10,16 +10,17 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <ctime>
 #include <deque>
 #include <vector>
 
+#include "bench/cpu_time.h"
 #include "core/flow/arrivals.h"
 #include "core/flow/sender.h"
 
-namespace interneuron::flow {
+namespace interneuron::bench {
 namespace {
 
+using namespace flow;
 using namespace std::chrono_literals;
 
 constexpr LinkId kA{0};
@@ -27,12 +28,6 @@ constexpr LinkId kB{1};
 constexpr std::size_t kSmall = 500;
 constexpr std::size_t kIpBytes = kSmall + kPieceOverheadBytes + kIpUdpBytes;
 constexpr Duration kDeadline = 1s;
-
-double now_us() {
-  timespec t{};
-  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return static_cast<double>(t.tv_sec) * 1e6 + static_cast<double>(t.tv_nsec) / 1e3;
-}
 
 PathView fast() {
   PathView view;
@@ -60,7 +55,7 @@ double in_flight(std::size_t outstanding, std::size_t messages) {
   std::deque<std::uint64_t> flying;
   double begin = 0;
   for (std::size_t i = 0; i < outstanding + messages; ++i, now += gap) {
-    if (i == outstanding) begin = now_us();
+    if (i == outstanding) begin = thread_us();
     s.send(now, {.deadline = now + kDeadline, .lifetime = kDeadline}, Bytes(kSmall), {kA});
     while (const auto piece = s.poll(now, kA)) flying.push_back(piece->number);
     while (flying.size() > outstanding) {
@@ -71,7 +66,7 @@ double in_flight(std::size_t outstanding, std::size_t messages) {
       (void)s.next_timeout();
     }
   }
-  return (now_us() - begin) / static_cast<double>(messages);
+  return (thread_us() - begin) / static_cast<double>(messages);
 }
 
 // The queue is as long when the time is taken as before: each message that comes ends another one.
@@ -85,7 +80,7 @@ double queued(std::size_t outstanding, std::size_t messages) {
   std::deque<MessageId> waiting;
   double begin = 0;
   for (std::size_t i = 0; i < outstanding + messages; ++i, now += 1us) {
-    if (i == outstanding) begin = now_us();
+    if (i == outstanding) begin = thread_us();
     bytes += s.queued_before(kA, now + kDeadline, kUsualImportance);
     waiting.push_back(
         s.send(now, {.deadline = now + kDeadline, .lifetime = kDeadline}, Bytes(kSmall), {kA}));
@@ -96,7 +91,7 @@ double queued(std::size_t outstanding, std::size_t messages) {
     s.cancel(waiting.front());
     waiting.pop_front();
   }
-  const double us = (now_us() - begin) / static_cast<double>(messages);
+  const double us = (thread_us() - begin) / static_cast<double>(messages);
   return bytes > 0 ? us : 0;
 }
 
@@ -111,13 +106,13 @@ double pull() {
       }
     }
   }
-  const double begin = now_us();
+  const double begin = thread_us();
   s.pull(now + 200ms, kA);
-  return now_us() - begin;
+  return thread_us() - begin;
 }
 
 }  // namespace
-}  // namespace interneuron::flow
+}  // namespace interneuron::bench
 
 int main(int argc, char** argv) {
   std::vector<std::size_t> outstanding{1, 10, 100, 1000, 3000};
@@ -128,8 +123,8 @@ int main(int argc, char** argv) {
   CLI11_PARSE(app, argc, argv);
   for (const std::size_t n : outstanding) {
     fmt::print("{:5} outstanding: {:6.2f} µs a message in flight, {:6.2f} µs queued\n", n,
-               interneuron::flow::in_flight(n, messages), interneuron::flow::queued(n, messages));
+               interneuron::bench::in_flight(n, messages), interneuron::bench::queued(n, messages));
   }
-  fmt::print("pulling a path with 8 MiB in flight: {:.0f} µs\n", interneuron::flow::pull());
+  fmt::print("pulling a path with 8 MiB in flight: {:.0f} µs\n", interneuron::bench::pull());
   return 0;
 }

@@ -42,8 +42,10 @@
 #include "netns/testbed/testbed.h"
 #include "node/io/file_descriptor.h"
 
-namespace interneuron::netns {
+namespace interneuron::bench {
 namespace {
+
+using namespace netns;
 
 // Bytes of UDP payload, and of the IP packet around it.
 constexpr std::size_t kDatagram = kMaxDatagramBytes;
@@ -308,7 +310,7 @@ int bench(Backend backend, double seconds) {
 }
 
 }  // namespace
-}  // namespace interneuron::netns
+}  // namespace interneuron::bench
 
 int main(int argc, char** argv) {
   using interneuron::netns::Backend;
@@ -323,7 +325,7 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(0.1, 60.0));
   CLI11_PARSE(app, argc, argv);
   try {
-    return interneuron::netns::bench(backend == "netem"      ? Backend::kNetem
+    return interneuron::bench::bench(backend == "netem"      ? Backend::kNetem
                                      : backend == "emulator" ? Backend::kEmulator
                                                              : Backend::kAuto,
                                      seconds);

@@ -21,7 +21,7 @@
 
 #include "node/io/file_descriptor.h"
 
-namespace interneuron {
+namespace interneuron::bench {
 
 // The address of the NIC "vb".
 inline constexpr const char* kRoadAddress = "10.97.0.2";
@@ -31,7 +31,7 @@ struct Cost {
   double us = 0;
   double messages = 0;
   double faults = 0;
-  // Of a receiver: the median time from send() to the message, by the clock that both read.
+  // A receiver tells here the median time from send() to the message, by the clock that both read.
   double delay_us = 0;
 };
 
@@ -156,4 +156,24 @@ class Process {
   io::FileDescriptor result_;
 };
 
-}  // namespace interneuron
+// What a sender and a receiver have cost.
+struct Pair {
+  Cost send;
+  Cost receive;
+};
+
+// Runs the receiver in the namespace `road`, on a processor of its own if there are two, and 0.3 s
+// later the sender in this one.
+inline Pair run_pair(int road, const std::function<Cost()>& send,
+                     const std::function<Cost()>& receive) {
+  const long processors = ::sysconf(_SC_NPROCESSORS_ONLN);
+  Process receiver(processors > 1 ? 1 : 0, road, receive);
+  ::usleep(300'000);
+  Process sender(0, -1, send);
+  Pair pair;
+  pair.send = sender.cost();
+  pair.receive = receiver.cost();
+  return pair;
+}
+
+}  // namespace interneuron::bench

@@ -15,9 +15,10 @@
 #include "interneuron/pipeline.h"
 #include "lab/sim/world.h"
 
-namespace interneuron::sim {
+namespace interneuron::bench {
 namespace {
 
+using namespace sim;
 using namespace std::chrono_literals;
 
 constexpr LinkId kNic{0};
@@ -141,10 +142,10 @@ void endpoints(const Options& o) {
 }
 
 }  // namespace
-}  // namespace interneuron::sim
+}  // namespace interneuron::bench
 
 int main(int argc, char** argv) {
-  interneuron::sim::Options options;
+  interneuron::bench::Options options;
   CLI::App app("What a packet costs the simulator");
   app.add_option("--vehicles", options.vehicles, "Vehicles on one cell")
       ->check(CLI::Range(1, 100000));
@@ -152,7 +153,7 @@ int main(int argc, char** argv) {
   app.add_option("--bytes", options.message_bytes, "Of each message, ten a second per vehicle")
       ->check(CLI::Range(1, 1000000));
   CLI11_PARSE(app, argc, argv);
-  interneuron::sim::foreign(options);
-  interneuron::sim::endpoints(options);
+  interneuron::bench::foreign(options);
+  interneuron::bench::endpoints(options);
   return 0;
 }

@@ -21,11 +21,16 @@
 #include "netns/testbed/testbed.h"
 #include "node/io/steady_clock.h"
 
-namespace interneuron::cli {
+namespace interneuron::bench {
 namespace {
 
 namespace fs = std::filesystem;
-using bench::Quantity;
+using process::Child;
+using process::Failure;
+using process::kFailed;
+using process::kFine;
+using process::kUsage;
+using process::SignalWatch;
 using netns::Testbed;
 
 constexpr const char* kTested = "tested";
@@ -51,16 +56,16 @@ void must_live(process::Child& node) {
 }
 
 // The conditions as Testbed::change() takes them.
-std::vector<std::string> settings(const bench::Conditions& c) {
+std::vector<std::string> settings(const Conditions& c) {
   return {fmt::format("rtt_ms={}", c.rtt_ms), fmt::format("loss={}", c.loss),
           fmt::format("rate_mbit={}", c.rate_mbit)};
 }
 
 // Joins the lines of both links at one instant to one Belief: the vehicle writes the tested link's
 // first.
-std::vector<bench::Belief> beliefs_of(const std::vector<bench::Line>& lines, TimePoint start) {
-  std::vector<bench::Belief> out;
-  for (const bench::Line& line : lines) {
+std::vector<Belief> beliefs_of(const std::vector<Line>& lines, TimePoint start) {
+  std::vector<Belief> out;
+  for (const Line& line : lines) {
     if (line.at < start) continue;
     if (line.link == kTestedLink) {
       out.push_back({line.at - start, line.rtt_ms, line.loss, line.rate_mbit, line.nature, {}});
@@ -72,20 +77,20 @@ std::vector<bench::Belief> beliefs_of(const std::vector<bench::Line>& lines, Tim
 }
 
 // Fills `run.convergence` from the beliefs of each phase.
-void judge(bench::Run& run) {
-  const auto all = bench::steps();
+void judge(Run& run) {
+  const auto all = steps();
   for (std::size_t i = 0; i < all.size(); ++i) {
     const Duration end = i + 1 < run.began.size() ? run.began[i + 1] : run.end;
-    const auto before = [](const bench::Belief& b, Duration t) { return b.at < t; };
+    const auto before = [](const Belief& b, Duration t) { return b.at < t; };
     const auto first =
         std::lower_bound(run.beliefs.begin(), run.beliefs.end(), run.began[i], before);
     const auto last = std::lower_bound(first, run.beliefs.end(), end, before);
-    run.convergence.push_back(bench::converge(all[i], run.loaded, run.began[i], {first, last}));
+    run.convergence.push_back(converge(all[i], run.loaded, run.began[i], {first, last}));
   }
 }
 
 // One run: makes a testbed, starts both nodes, makes all steps and the outage, and judges them.
-bench::Run measure(const Options& o, bool loaded) {
+Run measure(const Options& o, bool loaded) {
   netns::TestbedOptions options;
   options.name = fmt::format("bench-{}", ::getpid());
   options.scenario =
@@ -93,44 +98,44 @@ bench::Run measure(const Options& o, bool loaded) {
   options.backend = o.backend;
   const Testbed testbed = Testbed::up(options);
   const netns::State& state = testbed.state();
-  Testbed::change(state, kTested, settings(bench::kBase));
-  Testbed::change(state, kOther, settings(bench::kReference));
+  Testbed::change(state, kTested, settings(kBase));
+  Testbed::change(state, kOther, settings(kReference));
 
   const fs::path file = fs::path(o.out) / (loaded ? "loaded.csv" : "idle.csv");
-  process::Child road(bench::start_road(state));
-  process::Child vehicle(bench::start_vehicle(state, loaded, file, o.pcap));
+  Child road(start_road(state));
+  Child vehicle(start_vehicle(state, loaded, file, o.pcap));
   const Duration phase = from_ms(o.phase_s * 1e3);
   const TimePoint start = io::now();
-  bench::Run run;
+  Run run;
   run.loaded = loaded;
-  const auto all = bench::steps();
+  const auto all = steps();
   spdlog::info("{}: {} steps, {:.0f} s", loaded ? "under load" : "idle", all.size(),
                o.phase_s * static_cast<double>(all.size() + 1));
-  for (const bench::Step& step : all) {
-    process::SignalWatch::sleep(phase);
+  for (const Step& step : all) {
+    SignalWatch::sleep(phase);
     must_live(road);
     must_live(vehicle);
     Testbed::change(state, kTested, settings(step.after));
     run.began.push_back(io::now() - start);
-    spdlog::info("{} {:g} -> {:g}", bench::name_of(step.what), step.from(), step.to());
+    spdlog::info("{} {:g} -> {:g}", name_of(step.what), step.from(), step.to());
   }
   process::SignalWatch::sleep(phase);
   run.end = io::now() - start;
-  spdlog::info("outage of {:.0f} s", to_ms(bench::kOutage) / 1e3);
+  spdlog::info("outage of {:.0f} s", to_ms(kOutage) / 1e3);
   run.outage_began = io::now() - start;
-  Testbed::outage(state, kTested, bench::kOutage);
-  process::SignalWatch::sleep(bench::kOutage + kAfterOutage);
+  Testbed::outage(state, kTested, kOutage);
+  SignalWatch::sleep(kOutage + kAfterOutage);
   const int code = vehicle.end();
   road.end();
-  if (code != process::kFine) throw process::Failure(process::kFailed, "the vehicle's node failed");
-  const bench::Lines lines = bench::read_lines(file);
+  if (code != kFine) throw Failure(kFailed, "the vehicle's node failed");
+  const Lines lines = read_lines(file);
   run.beliefs = beliefs_of(lines.beliefs, start);
   judge(run);
-  std::vector<bench::PathStep> paths;
-  for (const bench::PathLine& line : lines.paths) {
+  std::vector<PathStep> paths;
+  for (const PathLine& line : lines.paths) {
     if (line.link == kTestedLink) paths.push_back({line.at - start, line.to});
   }
-  run.outage = bench::notice(run.outage_began, paths);
+  run.outage = notice(run.outage_began, paths);
   return run;
 }
 
@@ -146,27 +151,27 @@ records::Json number(const std::optional<Duration>& d) {
   return d ? records::Json(to_ms(*d) / 1e3) : records::Json();
 }
 
-records::Json as_json(const std::vector<bench::Run>& runs, const Options& o) {
-  const auto all = bench::steps();
+records::Json as_json(const std::vector<Run>& runs, const Options& o) {
+  const auto all = steps();
   records::Json out{{"schema", "interneuron.bench.nature/1"},
-                    {"phase_s", o.phase_s},
-                    {"steps", records::Json::array()}};
-  for (const bench::Run& run : runs) {
+                {"phase_s", o.phase_s},
+                {"steps", records::Json::array()}};
+  for (const Run& run : runs) {
     for (std::size_t i = 0; i < all.size(); ++i) {
-      const bench::Convergence& c = run.convergence[i];
+      const Convergence& c = run.convergence[i];
       out["steps"].push_back({{"load", run.loaded ? "loaded" : "idle"},
-                              {"quantity", bench::name_of(all[i].what)},
-                              {"unit", bench::unit_of(all[i].what)},
+                              {"quantity", name_of(all[i].what)},
+                              {"unit", unit_of(all[i].what)},
                               {"from", all[i].from()},
                               {"to", all[i].to()},
                               {"last", c.last},
-                              {"tolerance", bench::tolerance(all[i].what, all[i].to(), run.loaded)},
+                              {"tolerance", tolerance(all[i].what, all[i].to(), run.loaded)},
                               {"noticed_s", number(c.noticed)},
                               {"settled_s", number(c.settled)},
                               {"ranked_s", number(c.ranked)}});
     }
     out["outages"].push_back({{"load", run.loaded ? "loaded" : "idle"},
-                              {"length_s", to_ms(bench::kOutage) / 1e3},
+                              {"length_s", to_ms(kOutage) / 1e3},
                               {"suspected_s", number(run.outage.suspected)},
                               {"abandoned_s", number(run.outage.abandoned)},
                               {"back_s", number(run.outage.back)}});
@@ -174,17 +179,17 @@ records::Json as_json(const std::vector<bench::Run>& runs, const Options& o) {
   return out;
 }
 
-void print(const std::vector<bench::Run>& runs) {
-  const auto all = bench::steps();
+void print(const std::vector<Run>& runs) {
+  const auto all = steps();
   fmt::print("{:8} {:5} {:>6} {:>6} {:>8} {:>10} {:>10} {:>10}\n", "load", "what", "from", "to",
              "believed", "noticed s", "settled s", "ranked s");
-  for (const bench::Run& run : runs) {
+  for (const Run& run : runs) {
     for (std::size_t i = 0; i < all.size(); ++i) {
-      const bench::Convergence& c = run.convergence[i];
+      const Convergence& c = run.convergence[i];
       const double scale = all[i].what == Quantity::kLoss ? 100 : 1;
       const char* unit = all[i].what == Quantity::kLoss ? "%" : "";
       fmt::print("{:8} {:5} {:>6} {:>6} {:>8} {:>10} {:>10} {:>10}\n",
-                 run.loaded ? "loaded" : "idle", bench::name_of(all[i].what),
+                 run.loaded ? "loaded" : "idle", name_of(all[i].what),
                  fmt::format("{:g}{}", all[i].from() * scale, unit),
                  fmt::format("{:g}{}", all[i].to() * scale, unit),
                  fmt::format("{:.2f}{}", c.last * scale, unit), text(c.noticed), text(c.settled),
@@ -193,10 +198,10 @@ void print(const std::vector<bench::Run>& runs) {
   }
 }
 
-void print_outages(const std::vector<bench::Run>& runs) {
+void print_outages(const std::vector<Run>& runs) {
   fmt::print("\n{:8} {:>12} {:>12} {:>24}\n", "outage", "suspected s", "abandoned s",
              "used again, s after end");
-  for (const bench::Run& run : runs) {
+  for (const Run& run : runs) {
     fmt::print("{:8} {:>12} {:>12} {:>24}\n", run.loaded ? "loaded" : "idle",
                precise(run.outage.suspected), precise(run.outage.abandoned),
                precise(run.outage.back));
@@ -209,8 +214,8 @@ int run_nature(const Options& o) {
                            "--pcap: give --load idle or --load loaded, each makes a capture");
   }
   records::make_directory(o.out);
-  const process::SignalWatch signals;
-  std::vector<bench::Run> runs;
+  const SignalWatch signals;
+  std::vector<Run> runs;
   if (o.load != "loaded") runs.push_back(measure(o, false));
   if (o.load != "idle") runs.push_back(measure(o, true));
   const records::Json json = as_json(runs, o);
@@ -262,7 +267,7 @@ int run_program(int argc, char** argv) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli
+}  // namespace interneuron::bench
 
 int main(int argc, char** argv) {
   using namespace interneuron;

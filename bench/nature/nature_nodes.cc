@@ -19,8 +19,14 @@
 #include "netns/state/hosts.h"
 #include "netns/testbed/testbed.h"
 
-namespace interneuron::cli::bench {
+namespace interneuron::bench {
 namespace {
+
+using settings::Capture;
+using process::Failure;
+using settings::kDefaultPort;
+using process::kFailed;
+using process::kFine;
 
 constexpr PipelineId kPipeline{0};
 constexpr Duration kPeriod = std::chrono::milliseconds(100);
@@ -159,4 +165,4 @@ Lines read_lines(const std::filesystem::path& file) {
   return lines;
 }
 
-}  // namespace interneuron::cli::bench
+}  // namespace interneuron::bench

@@ -12,7 +12,7 @@
 #include "interneuron/link.h"
 #include "netns/state/state.h"
 
-namespace interneuron::cli::bench {
+namespace interneuron::bench {
 
 // Under load the vehicle sends ten messages of this size a second over every link: 8 Mbit/s, half
 // of what the narrowest step (15 Mbit/s) carries, so that the load itself makes no lasting queue.
@@ -51,4 +51,4 @@ struct Lines {
 // cannot be read.
 Lines read_lines(const std::filesystem::path& file);
 
-}  // namespace interneuron::cli::bench
+}  // namespace interneuron::bench

@@ -4,7 +4,7 @@
 
 #include "app/records/plot.h"
 
-namespace interneuron::cli::bench {
+namespace interneuron::bench {
 namespace {
 
 const char* kHead =
@@ -77,4 +77,4 @@ bool plot_nature(const std::filesystem::path& file, const std::vector<Run>& runs
   return records::draw(file, data + head + plots + "unset multiplot\n");
 }
 
-}  // namespace interneuron::cli::bench
+}  // namespace interneuron::bench

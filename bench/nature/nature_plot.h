@@ -7,7 +7,7 @@
 
 #include "bench/nature/nature_steps.h"
 
-namespace interneuron::cli::bench {
+namespace interneuron::bench {
 
 // One run: a phase at the base conditions, one phase per step, and an outage at the end. Times are
 // since the start of the run.
@@ -29,4 +29,4 @@ struct Run {
 // stderr, where gnuplot is missing or fails.
 bool plot_nature(const std::filesystem::path& file, const std::vector<Run>& runs);
 
-}  // namespace interneuron::cli::bench
+}  // namespace interneuron::bench

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace interneuron::cli::bench {
+namespace interneuron::bench {
 namespace {
 
 double score(const Nature& nature, Quantity quantity) {
@@ -137,4 +137,4 @@ OutageNotice notice(Duration began, std::span<const PathStep> steps) {
   return out;
 }
 
-}  // namespace interneuron::cli::bench
+}  // namespace interneuron::bench

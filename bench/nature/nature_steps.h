@@ -10,7 +10,7 @@
 #include "interneuron/link.h"
 #include "interneuron/time.h"
 
-namespace interneuron::cli::bench {
+namespace interneuron::bench {
 
 // Conditions of a constant link; both directions alike.
 struct Conditions {
@@ -93,4 +93,4 @@ struct Convergence {
 Convergence converge(const Step& step, bool loaded, Duration began,
                      std::span<const Belief> beliefs);
 
-}  // namespace interneuron::cli::bench
+}  // namespace interneuron::bench

@@ -1,4 +1,6 @@
-#include "netns/emulator/checksum.h"
+// complete_checksum(), ecn_of() and mark_congestion(): what the emulator reads and changes in the
+// bytes of packets.
+#include "netns/emulator/frames.h"
 
 #include <bit>
 #include <cstdint>
@@ -16,9 +18,10 @@ constexpr std::size_t kMinIpv4Header = 20;
 constexpr std::size_t kIpv6Bytes = 40;
 constexpr unsigned kProtocolTcp = 6;
 constexpr unsigned kProtocolUdp = 17;
-// Offsets of the checksum in the headers.
+// Offsets of the checksums in their headers.
 constexpr std::size_t kUdpChecksum = 6;
 constexpr std::size_t kTcpChecksum = 16;
+constexpr std::size_t kIpv4Checksum = 10;
 
 unsigned byte_at(std::span<const std::byte> data, std::size_t i) {
   return std::to_integer<unsigned>(data[i]);
@@ -27,6 +30,13 @@ unsigned byte_at(std::span<const std::byte> data, std::size_t i) {
 unsigned word_at(std::span<const std::byte> data, std::size_t i) {
   return byte_at(data, i) << 8U | byte_at(data, i + 1);
 }
+
+void put_word(std::span<std::byte> data, std::size_t i, unsigned word) {
+  data[i] = static_cast<std::byte>(word >> 8U);
+  data[i + 1] = static_cast<std::byte>(word);
+}
+
+bool is_ipv6(std::span<const std::byte> packet) { return byte_at(packet, 0) >> 4U == 6; }
 
 std::uint16_t fold(std::uint64_t sum) {
   while (sum >> 16U != 0) sum = (sum & 0xffffU) + (sum >> 16U);
@@ -102,9 +112,26 @@ bool complete_checksum(std::span<std::byte> frame) {
   auto value = static_cast<std::uint16_t>(~fold(pseudo_header + sum_words(segment)));
   // In UDP 0 would mean that there is no checksum (RFC 768).
   if (value == 0 && protocol == kProtocolUdp) value = 0xffff;
-  segment[field] = static_cast<std::byte>(value >> 8U);
-  segment[field + 1] = static_cast<std::byte>(value & 0xffU);
+  put_word(segment, field, value);
   return true;
+}
+
+emu::Ecn ecn_of(std::span<const std::byte> packet) {
+  const auto second = std::to_integer<unsigned>(packet[1]);
+  return static_cast<emu::Ecn>((is_ipv6(packet) ? second >> 4U : second) & 3U);
+}
+
+void mark_congestion(std::span<std::byte> packet) {
+  if (is_ipv6(packet)) {
+    packet[1] |= std::byte{0x30};
+    return;
+  }
+  // The incremental update of RFC 1624: HC' = ~(~HC + ~m + m').
+  const unsigned before = word_at(packet, 0);
+  packet[1] |= std::byte{0x03};
+  const unsigned sum = fold(std::uint64_t{~word_at(packet, kIpv4Checksum) & 0xffffU} +
+                            (~before & 0xffffU) + word_at(packet, 0));
+  put_word(packet, kIpv4Checksum, ~sum);
 }
 
 }  // namespace interneuron::netns

@@ -8,10 +8,8 @@
 
 #include <algorithm>
 
-#include "netns/emulator/checksum.h"
-#include "netns/emulator/ecn_bits.h"
 #include "netns/state/precedence.h"
-#include "netns/wiring/wiring.h"
+#include "netns/wiring/nic_plan.h"
 #include "node/io/steady_clock.h"
 
 namespace interneuron::netns {

@@ -33,8 +33,7 @@
 
 #include "lab/emu/cell.h"
 #include "lab/emu/link_model.h"
-#include "netns/emulator/frame_hub.h"
-#include "netns/emulator/frame_store.h"
+#include "netns/emulator/frames.h"
 #include "netns/state/bearers.h"
 #include "netns/state/shared_stats.h"
 

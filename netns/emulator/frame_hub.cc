@@ -1,4 +1,4 @@
-#include "netns/emulator/frame_hub.h"
+#include "netns/emulator/frames.h"
 
 #include <arpa/inet.h>
 #include <linux/if_ether.h>

@@ -26,7 +26,6 @@
 #include "netns/state/shared_stats.h"
 #include "netns/state/state_file.h"
 #include "netns/wiring/namespaces.h"
-#include "netns/wiring/nic_keeper.h"
 #include "netns/wiring/wiring.h"
 #include "node/io/file_descriptor.h"
 

@@ -8,7 +8,7 @@
 
 #include "netns/state/error.h"
 #include "netns/state/precedence.h"
-#include "netns/wiring/wiring.h"
+#include "netns/wiring/nic_plan.h"
 #include "node/io/steady_clock.h"
 
 namespace interneuron::netns {

@@ -73,7 +73,7 @@ emu::Cell* Bearers::cell(std::size_t index, emu::Direction direction) {
 }
 
 void Bearers::publish_cells(TimePoint now) {
-  // Of an idle cell the queue is known up to its newest packet.
+  // The queue of an idle cell is known up to its newest packet.
   const Duration time = since_epoch(now);
   for (std::size_t i = 0; i < cells_.size(); ++i) {
     const emu::CellStats& stats = cells_[i].stats();

@@ -27,7 +27,7 @@ struct TestbedOptions {
   // 1 to kMaxRoads.
   std::size_t roads = 1;
   Backend backend = Backend::kAuto;
-  // Whether the core translates addresses as a carrier's gateway does (netns/wiring/nat.h).
+  // Whether the core translates addresses as a carrier's gateway does (netns/wiring/wiring.cc).
   bool nat = false;
   // Where the state file is; made with mode 0700 if it is not there.
   std::filesystem::path runtime_dir = default_runtime_dir();

@@ -3,20 +3,19 @@
 #include <map>
 #include <string>
 
-namespace interneuron::cli {
+namespace interneuron::netns {
 
-void add_backend_option(CLI::App& command, netns::Backend& backend) {
-  using netns::Backend;
+void add_backend_option(CLI::App& command, Backend& backend) {
   std::map<std::string, Backend> names;
   for (const Backend known : {Backend::kAuto, Backend::kNetem, Backend::kEmulator}) {
-    names[netns::backend_name(known)] = known;
+    names[backend_name(known)] = known;
   }
   command
       .add_option_function<std::string>(
           "--backend", [&backend, names](const std::string& name) { backend = names.at(name); },
           "auto: tc-netem where the kernel has it and it can do the profiles; netem; emulator")
-      ->default_str(netns::backend_name(backend))
+      ->default_str(backend_name(backend))
       ->check(CLI::IsMember({"auto", "netem", "emulator"}));
 }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::netns

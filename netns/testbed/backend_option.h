@@ -5,9 +5,9 @@
 
 #include "netns/state/state.h"
 
-namespace interneuron::cli {
+namespace interneuron::netns {
 
 // Adds --backend auto|netem|emulator, which sets `backend`. The command keeps a reference to it.
-void add_backend_option(CLI::App& command, netns::Backend& backend);
+void add_backend_option(CLI::App& command, Backend& backend);
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::netns

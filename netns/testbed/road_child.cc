@@ -15,7 +15,7 @@
 #include "netns/state/hosts.h"
 #include "netns/testbed/testbed.h"
 
-namespace interneuron::cli {
+namespace interneuron::netns {
 namespace {
 
 // A busy machine calibrates the slowest ladder of detectors in half of this.
@@ -29,6 +29,18 @@ process::Failure early_end(process::Child& child) {
     return {code, "interrupted"};
   }
   return {process::kFailed, "the roadside unit ended before it was ready; its log says why"};
+}
+
+// Adds what a line of the roadside's says of its detectors; other lines say nothing of them.
+void read_line(const std::string& line, RoadChild::Ladder& ladder) {
+  if (line.starts_with("ladder ")) ladder.description = line.substr(7);
+  if (!line.starts_with("level ")) return;
+  std::size_t number = 0;
+  long long median = 0;
+  int at = 0;
+  if (std::sscanf(line.c_str(), "level %zu %lld %n", &number, &median, &at) != 2) return;
+  ladder.names.push_back(line.substr(static_cast<std::size_t>(at)));
+  ladder.medians.emplace_back(median);
 }
 
 // Reads the roadside's lines until "ready".
@@ -52,34 +64,24 @@ RoadChild::Ladder await_ready(int fd, process::Child& child) {
          buffer.erase(0, end + 1)) {
       const std::string line = buffer.substr(0, end);
       if (line.starts_with("ready")) return ladder;
-      if (line.starts_with("ladder ")) ladder.description = line.substr(7);
-      if (line.starts_with("level ")) {
-        std::size_t number = 0;
-        long long median = 0;
-        int at = 0;
-        if (std::sscanf(line.c_str(), "level %zu %lld %n", &number, &median, &at) == 2) {
-          ladder.names.push_back(line.substr(static_cast<std::size_t>(at)));
-          ladder.medians.emplace_back(median);
-        }
-      }
+      read_line(line, ladder);
     }
   }
   throw process::Failure(process::kFailed,
-                         fmt::format("the roadside unit was not ready within {} s", kReadySeconds));
+                     fmt::format("the roadside unit was not ready within {} s", kReadySeconds));
 }
 
 }  // namespace
 
-RoadChild::RoadChild(const netns::State& state, const std::vector<std::string>& argv,
-                     int stderr_fd) {
+RoadChild::RoadChild(const State& state, const std::vector<std::string>& argv, int stderr_fd) {
   std::array<int, 2> ends{};
   if (::pipe2(ends.data(), O_CLOEXEC) != 0)
     throw process::Failure(process::kFailed, std::string("pipe: ") + std::strerror(errno));
   fd_ = ends[0];
   try {
-    netns::SpawnOptions spawn;
+    SpawnOptions spawn;
     spawn.stdio = {-1, ends[1], stderr_fd};
-    child_.emplace(netns::Testbed::spawn(state, netns::kRoad, argv, spawn));
+    child_.emplace(Testbed::spawn(state, kRoad, argv, spawn));
     ::close(ends[1]);
     ladder_ = await_ready(fd_, *child_);
   } catch (...) {
@@ -95,4 +97,4 @@ RoadChild::~RoadChild() {
 
 void RoadChild::end() { child_->end(); }
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::netns

@@ -8,7 +8,7 @@
 #include "app/process/child.h"
 #include "netns/state/state.h"
 
-namespace interneuron::cli {
+namespace interneuron::netns {
 
 // A running roadside unit. It is ended and reaped by the destructor if not before.
 // Thread-compatible.
@@ -17,7 +17,7 @@ class RoadChild {
   // Starts `argv` in the roadside's namespace and returns when vehicles may come. Its stderr goes
   // to `stderr_fd`; -1 inherits ours. Throws Failure: 1 when it does not get ready, 128 + signal
   // when we are interrupted.
-  RoadChild(const netns::State& state, const std::vector<std::string>& argv, int stderr_fd = -1);
+  RoadChild(const State& state, const std::vector<std::string>& argv, int stderr_fd = -1);
   ~RoadChild();
   RoadChild(const RoadChild&) = delete;
   RoadChild& operator=(const RoadChild&) = delete;
@@ -38,4 +38,4 @@ class RoadChild {
   Ladder ladder_;
 };
 
-}  // namespace interneuron::cli
+}  // namespace interneuron::netns

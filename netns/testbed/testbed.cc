@@ -23,7 +23,7 @@
 #include "netns/state/snapshot.h"
 #include "netns/state/state.h"
 #include "netns/state/state_file.h"
-#include "netns/wiring/wiring.h"
+#include "netns/wiring/nic_plan.h"
 #include "node/io/file_descriptor.h"
 
 namespace interneuron::netns {

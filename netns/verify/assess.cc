@@ -7,7 +7,7 @@
 
 #include "core/base/statistics.h"
 
-namespace interneuron::cli::verify {
+namespace interneuron::netns::verify {
 
 namespace {
 
@@ -213,34 +213,6 @@ void add_flow(const std::string& name, const LinkEvidence& e, Direction directio
 
 }  // namespace
 
-Figure without_verdict(std::string name, std::string note, Verdict verdict) {
-  Figure figure;
-  figure.name = std::move(name);
-  figure.note = std::move(note);
-  figure.verdict = verdict;
-  return figure;
-}
-
-void inconclusive(Figure& figure, std::string note) {
-  if (figure.verdict == Verdict::kNotMeasured) return;
-  figure.verdict = Verdict::kInconclusive;
-  figure.note = std::move(note);
-}
-
-const char* verdict_name(Verdict verdict) {
-  switch (verdict) {
-    case Verdict::kOk:
-      return "ok";
-    case Verdict::kFailed:
-      return "FAILED";
-    case Verdict::kInconclusive:
-      return "inconclusive";
-    case Verdict::kNotMeasured:
-      break;
-  }
-  return "not measured";
-}
-
 Figure judge_delay_mean(const std::string& name, const std::vector<double>& expected_ms,
                         const std::vector<double>& measured_ms) {
   Figure figure;
@@ -314,15 +286,19 @@ std::vector<Figure> assess(const LinkEvidence& e) {
   return out;
 }
 
-Verdict overall(const std::vector<std::vector<Figure>>& links) {
-  Verdict worst = Verdict::kOk;
-  for (const auto& figures : links) {
-    for (const Figure& figure : figures) {
-      if (figure.verdict == Verdict::kFailed) return Verdict::kFailed;
-      if (figure.verdict == Verdict::kInconclusive) worst = Verdict::kInconclusive;
-    }
+LinkFindings summarise(const std::string& name, const std::string& profile,
+                       const LinkEvidence& evidence) {
+  LinkFindings out{name, profile, evidence.to - evidence.from, 0, {}, {}, assess(evidence)};
+  for (const Ping& ping : evidence.pings.answered) {
+    if (ping.sent >= evidence.from && ping.sent < evidence.to) ++out.pings;
   }
-  return worst;
+  for (std::size_t i = 0; i < out.sent.size(); ++i) {
+    const auto& packets = evidence.directions[i].flow.packets;
+    out.sent[i] = packets.size();
+    out.received[i] = static_cast<std::size_t>(std::count_if(
+        packets.begin(), packets.end(), [](const auto& p) { return p.arrived.has_value(); }));
+  }
+  return out;
 }
 
-}  // namespace interneuron::cli::verify
+}  // namespace interneuron::netns::verify

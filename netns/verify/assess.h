@@ -1,6 +1,7 @@
-// Judges the links of a testbed: compares what ping, iperf3 and tcpdump measured (LinkEvidence,
-// filled by session.h) with what the links' schedule prescribed, and gives one Figure with a
-// verdict per property: delay, loss, length of loss bursts, rate, order, duplicates.
+// Judges the links of a testbed and tells the result: compares what ping, iperf3 and tcpdump
+// measured (LinkEvidence, filled by session.h) with what the links' schedule prescribed, and gives
+// one Figure with a verdict per property: delay, loss, length of loss bursts, rate, order,
+// duplicates.
 //
 // A figure beyond its bound has failed, unless a named cause explains the excess: tcpdump missed
 // packets, the emulator sent frames late, the kernel dropped frames before the emulator saw them,
@@ -13,15 +14,15 @@
 
 #include <array>
 #include <cstdint>
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "netns/verify/flow.h"
 #include "netns/verify/readings.h"
 #include "netns/verify/schedule.h"
 
-namespace interneuron::cli::verify {
+namespace interneuron::netns::verify {
 
 // The bounds within which a testbed counts as right; docs/testbed.md promises them to users.
 // The mean delay may differ from the scheduled mean by this much, in per cent of that.
@@ -151,4 +152,37 @@ Figure judge_rate(const std::string& name, const RateRun& run, Direction directi
 // else ok. Figures that were not measured do not count.
 Verdict overall(const std::vector<std::vector<Figure>>& links);
 
-}  // namespace interneuron::cli::verify
+// The result of verify for one link, and for all: written as a table for people and as JSON for
+// programs (schema "interneuron.verify/1").
+struct LinkFindings {
+  // "5g", or "vehicle2/5g" of a vehicle that is not the first.
+  std::string name;
+  std::string profile;
+  // How long the link was measured.
+  Duration window{};
+  // Echo requests answered within the window.
+  std::size_t pings = 0;
+  // iperf3's datagrams, indexed by Direction.
+  std::array<std::size_t, 2> sent{};
+  std::array<std::size_t, 2> received{};
+  std::vector<Figure> figures;
+};
+
+struct Findings {
+  std::string testbed;
+  std::uint64_t seed = 0;
+  std::string backend;
+  Disturbance disturbance;
+  std::vector<LinkFindings> links;
+};
+
+// Judges one link (assess()) and counts its packets.
+LinkFindings summarise(const std::string& name, const std::string& profile,
+                       const LinkEvidence& evidence);
+
+Verdict overall(const Findings& findings);
+nlohmann::ordered_json to_json(const Findings& findings);
+// One row per figure, one line per link, and a last line "verify: " with the overall verdict.
+std::string to_table(const Findings& findings);
+
+}  // namespace interneuron::netns::verify

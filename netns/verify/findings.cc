@@ -1,10 +1,11 @@
-#include "netns/verify/findings.h"
-
+// What figures and findings are made of, and how they are written: as a table and as JSON.
 #include <fmt/format.h>
 
-#include <algorithm>
+#include <nlohmann/json.hpp>
 
-namespace interneuron::cli::verify {
+#include "netns/verify/assess.h"
+
+namespace interneuron::netns::verify {
 
 namespace {
 
@@ -60,19 +61,43 @@ std::string difference_of(const Figure& figure) {
 
 }  // namespace
 
-LinkFindings summarise(const std::string& name, const std::string& profile,
-                       const LinkEvidence& evidence) {
-  LinkFindings out{name, profile, evidence.to - evidence.from, 0, {}, {}, assess(evidence)};
-  for (const Ping& ping : evidence.pings.answered) {
-    if (ping.sent >= evidence.from && ping.sent < evidence.to) ++out.pings;
+Figure without_verdict(std::string name, std::string note, Verdict verdict) {
+  Figure figure;
+  figure.name = std::move(name);
+  figure.note = std::move(note);
+  figure.verdict = verdict;
+  return figure;
+}
+
+void inconclusive(Figure& figure, std::string note) {
+  if (figure.verdict == Verdict::kNotMeasured) return;
+  figure.verdict = Verdict::kInconclusive;
+  figure.note = std::move(note);
+}
+
+const char* verdict_name(Verdict verdict) {
+  switch (verdict) {
+    case Verdict::kOk:
+      return "ok";
+    case Verdict::kFailed:
+      return "FAILED";
+    case Verdict::kInconclusive:
+      return "inconclusive";
+    case Verdict::kNotMeasured:
+      break;
   }
-  for (std::size_t i = 0; i < out.sent.size(); ++i) {
-    const auto& packets = evidence.directions[i].flow.packets;
-    out.sent[i] = packets.size();
-    out.received[i] = static_cast<std::size_t>(std::count_if(
-        packets.begin(), packets.end(), [](const auto& p) { return p.arrived.has_value(); }));
+  return "not measured";
+}
+
+Verdict overall(const std::vector<std::vector<Figure>>& links) {
+  Verdict worst = Verdict::kOk;
+  for (const auto& figures : links) {
+    for (const Figure& figure : figures) {
+      if (figure.verdict == Verdict::kFailed) return Verdict::kFailed;
+      if (figure.verdict == Verdict::kInconclusive) worst = Verdict::kInconclusive;
+    }
   }
-  return out;
+  return worst;
 }
 
 Verdict overall(const Findings& findings) {
@@ -121,4 +146,4 @@ std::string to_table(const Findings& findings) {
   return out + fmt::format("verify: {}\n", verdict_name(overall(findings)));
 }
 
-}  // namespace interneuron::cli::verify
+}  // namespace interneuron::netns::verify

@@ -1,11 +1,11 @@
-#include "netns/verify/flow.h"
+#include "netns/verify/readings.h"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <unordered_map>
 
-namespace interneuron::cli::verify {
+namespace interneuron::netns::verify {
 
 namespace {
 
@@ -145,7 +145,7 @@ double expected_burst(const emu::GilbertElliott& chain, double other, double oth
   const std::array<double, 2> share{1 - bad, bad};
   const auto combined = [other](double loss) { return 1 - (1 - loss) * (1 - other); };
   const std::array<double, 2> loss{combined(chain.loss_in_good), combined(chain.loss_in_bad)};
-  // Of a two-state chain, after k moves: P(j | i) = share_j + (1_{ij} - share_j) (1 - p - r)^k.
+  // After k moves a two-state chain has P(j | i) = share_j + (1_{ij} - share_j) (1 - p - r)^k.
   const double decay = 1 - sum;
   const double memory = (1 - others_per_packet) * decay + others_per_packet * decay * decay;
   double once = 0;
@@ -160,4 +160,4 @@ double expected_burst(const emu::GilbertElliott& chain, double other, double oth
   return once > twice ? once / (once - twice) : 0;
 }
 
-}  // namespace interneuron::cli::verify
+}  // namespace interneuron::netns::verify

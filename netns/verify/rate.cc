@@ -8,7 +8,7 @@
 
 #include "netns/verify/assess.h"
 
-namespace interneuron::cli::verify {
+namespace interneuron::netns::verify {
 
 namespace {
 
@@ -166,4 +166,4 @@ Figure judge_rate(const std::string& name, const RateRun& run, Direction directi
   return figure;
 }
 
-}  // namespace interneuron::cli::verify
+}  // namespace interneuron::netns::verify

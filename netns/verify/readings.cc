@@ -4,7 +4,7 @@
 #include <cstring>
 #include <unordered_set>
 
-namespace interneuron::cli::verify {
+namespace interneuron::netns::verify {
 
 namespace {
 
@@ -150,4 +150,4 @@ std::optional<std::uint64_t> parse_capture_drops(std::string_view text) {
                                            at - (begin == std::string_view::npos ? 0 : begin + 1)));
 }
 
-}  // namespace interneuron::cli::verify
+}  // namespace interneuron::netns::verify

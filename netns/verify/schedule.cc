@@ -2,15 +2,15 @@
 
 #include <algorithm>
 
-namespace interneuron::cli::verify {
+namespace interneuron::netns::verify {
 
 namespace {
 
-double loss_of(Direction direction, const netns::ScheduleSample& sample) {
+double loss_of(Direction direction, const ScheduleSample& sample) {
   return direction == Direction::kUp ? sample.loss_up : sample.loss_down;
 }
 
-DataRate rate_of(Direction direction, const netns::ScheduleSample& sample) {
+DataRate rate_of(Direction direction, const ScheduleSample& sample) {
   return direction == Direction::kUp ? sample.rate_up : sample.rate_down;
 }
 
@@ -61,7 +61,7 @@ Duration Schedule::sent_by(Duration arrival) const {
   return latest;
 }
 
-const netns::ScheduleSample& Schedule::at(Duration t) const {
+const ScheduleSample& Schedule::at(Duration t) const {
   const auto last = static_cast<std::int64_t>(samples_.size()) - 1;
   const std::int64_t step = (t - samples_.front().at) / emu::kDelayStep;
   return samples_[static_cast<std::size_t>(std::clamp<std::int64_t>(step, 0, last))];
@@ -96,4 +96,4 @@ Course::Moment Course::follow(const Moment& before, const Sent& packet) const {
   return moment;
 }
 
-}  // namespace interneuron::cli::verify
+}  // namespace interneuron::netns::verify

@@ -12,7 +12,7 @@
 #include "lab/emu/conditions.h"
 #include "netns/state/snapshot.h"
 
-namespace interneuron::cli::verify {
+namespace interneuron::netns::verify {
 
 using emu::Direction;
 
@@ -22,7 +22,7 @@ class Schedule {
  public:
   Schedule() = default;
   // `samples` are consecutive steps of emu::kDelayStep.
-  explicit Schedule(std::vector<netns::ScheduleSample> samples) : samples_(std::move(samples)) {}
+  explicit Schedule(std::vector<ScheduleSample> samples) : samples_(std::move(samples)) {}
 
   bool empty() const { return samples_.empty(); }
   // Whether both instants lie within the samples.
@@ -47,9 +47,9 @@ class Schedule {
   Duration sent_by(Duration arrival) const;
 
  private:
-  const netns::ScheduleSample& at(Duration t) const;
+  const ScheduleSample& at(Duration t) const;
 
-  std::vector<netns::ScheduleSample> samples_;
+  std::vector<ScheduleSample> samples_;
 };
 
 // A packet that entered one direction of a link.
@@ -93,4 +93,4 @@ class Course {
   std::vector<Moment> after_;
 };
 
-}  // namespace interneuron::cli::verify
+}  // namespace interneuron::netns::verify

@@ -12,17 +12,13 @@
 #include "app/process/signals.h"
 #include "interneuron/sizes.h"
 #include "netns/testbed/testbed.h"
-#include "netns/verify/effort.h"
-#include "netns/verify/processes.h"
-#include "netns/verify/testbed_reading.h"
 #include "netns/verify/tools.h"
 #include "node/io/steady_clock.h"
 
-namespace interneuron::cli::verify {
+namespace interneuron::netns::verify {
 
 namespace {
 
-using netns::Testbed;
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
@@ -47,7 +43,7 @@ struct Running {
 // Its processes and its temporary folder end with it, also when an exception is thrown.
 class Session {
  public:
-  Session(const netns::State& state, const SessionOptions& options,
+  Session(const State& state, const SessionOptions& options,
           const std::function<void(Duration)>& progress)
       : state_(state),
         options_(options),
@@ -63,8 +59,7 @@ class Session {
     measure_window();
     const Duration step = io::wall_offset() - wall_offset_;
     if (step > kClockStep || step < -kClockStep) {
-      throw process::Failure(process::kFailed,
-                             "the clock was set while verify measured; run it again");
+      throw process::Failure(process::kFailed, "the clock was set while verify measured; run it again");
     }
     return std::move(evidence_);
   }
@@ -77,9 +72,7 @@ class Session {
     Process road;
   };
 
-  const netns::TestbedLink& link(std::size_t slot) const {
-    return state_.links[options_.links[slot]];
-  }
+  const TestbedLink& link(std::size_t slot) const { return state_.links[options_.links[slot]]; }
   DirectionEvidence& direction(std::size_t slot, Direction d) {
     return evidence_[slot].directions[static_cast<std::size_t>(d)];
   }
@@ -94,26 +87,26 @@ class Session {
     }
   }
 
-  Process start(netns::Host host, const std::vector<std::string>& argv, const std::string& name) {
+  Process start(Host host, const std::vector<std::string>& argv, const std::string& name) {
     return {state_, host, argv, folder_, name};
   }
 
   // Starts tcpdump and returns at once; it may miss packets sent before await_start() has returned.
-  Process capture(netns::Host host, const netns::TestbedLink& where,
-                  const std::vector<std::uint16_t>& ports, bool both_ways) {
+  Process capture(Host host, const TestbedLink& where, const std::vector<std::uint16_t>& ports,
+                  bool both_ways) {
     return start(host, tcpdump(where.nic, ports, both_ways), fmt::format("tcpdump{}", ++names_));
   }
   static void await_start(const Process& process, const char* program) {
     if (await_text(process, "listening", kToolStart)) return;
     throw process::Failure(process::kFailed,
-                           fmt::format("{} does not start: {}", program, process.last_words()));
+                       fmt::format("{} does not start: {}", program, process.last_words()));
   }
 
   std::vector<Datagram> finish(Process& process, std::uint64_t& drops);
   Schedule schedule(std::size_t slot, Duration from) const;
   Flows start_flows(const std::vector<std::pair<std::size_t, IperfFlow>>& wanted, Duration length);
-  void await_traffic(Flows& flows, const netns::Snapshot& before);
-  std::string failure_of(const Running& running, const netns::Snapshot& before) const;
+  void await_traffic(Flows& flows, const Snapshot& before);
+  std::string failure_of(const Running& running, const Snapshot& before) const;
 
   void start_time();
   void measure_rates(Direction d);
@@ -122,7 +115,7 @@ class Session {
   Flows start_window_flows(Duration length);
   void collect_window(std::size_t slot, Captures& captures, const PingLog& pings);
 
-  const netns::State& state_;
+  const State& state_;
   const SessionOptions& options_;
   const std::function<void(Duration)>& progress_;
   process::PrivateFolder folder_{"interneuron-verify"};
@@ -165,8 +158,7 @@ Session::Flows Session::start_flows(const std::vector<std::pair<std::size_t, Ipe
   const auto bound = static_cast<int>(length / seconds(1)) + 60;
   std::vector<Process> servers;
   for (const auto& [slot, flow] : wanted) {
-    servers.push_back(
-        start(netns::kRoad, iperf_server(flow), fmt::format("iperf3-server{}", ++names_)));
+    servers.push_back(start(kRoad, iperf_server(flow), fmt::format("iperf3-server{}", ++names_)));
   }
   Flows flows;
   for (std::size_t i = 0; i < wanted.size(); ++i) {
@@ -182,7 +174,7 @@ Session::Flows Session::start_flows(const std::vector<std::pair<std::size_t, Ipe
 // Waits until all flows have packets on their links. iperf3 agrees with its peer by one datagram
 // each way and waits for ever when either is lost, so a flow that stays silent is started anew. A
 // flow without packets after kIperfStart is left as it is; failure_of() then says why.
-void Session::await_traffic(Flows& flows, const netns::Snapshot& before) {
+void Session::await_traffic(Flows& flows, const Snapshot& before) {
   const Duration bound = elapsed() + kIperfStart;
   const Duration patience = kIperfPatience + 20 * longest_delay(state_, options_.links);
   Duration retry = elapsed() + patience;
@@ -203,8 +195,8 @@ void Session::await_traffic(Flows& flows, const netns::Snapshot& before) {
 }
 
 // Why a flow has not sent; empty once it has sent kFlowingPackets since `before`.
-std::string Session::failure_of(const Running& running, const netns::Snapshot& before) const {
-  const netns::Snapshot now = Testbed::snapshot(state_);
+std::string Session::failure_of(const Running& running, const Snapshot& before) const {
+  const Snapshot now = Testbed::snapshot(state_);
   const std::size_t index = options_.links[running.slot];
   const Direction d = running.flow.direction;
   if (counters(now, index, d).packets_in >= counters(before, index, d).packets_in + kFlowingPackets)
@@ -221,7 +213,7 @@ void Session::start_time() {
   while (longest_delay(state_, options_.links) == Duration{}) {
     if (elapsed() > bound) {
       throw process::Failure(process::kFailed,
-                             "no packet gets onto the links; ping says: " + first.last_words());
+                         "no packet gets onto the links; ping says: " + first.last_words());
     }
     wait(milliseconds(50));
   }
@@ -258,7 +250,7 @@ void Session::measure_rates(Direction d) {
 // Saturates direction `d` of these links at the same time and captures what comes out of them.
 void Session::measure_batch(Direction d, const std::vector<std::size_t>& slots) {
   const Duration begin = monotonic();
-  const netns::Snapshot before = Testbed::snapshot(state_);
+  const Snapshot before = Testbed::snapshot(state_);
   std::vector<Process> captures;
   std::vector<std::pair<std::size_t, IperfFlow>> wanted;
   for (const std::size_t slot : slots) {
@@ -318,13 +310,13 @@ void Session::measure_window() {
     const std::vector<std::uint16_t> ports{port_of(kFirstPort, slot, Direction::kUp),
                                            port_of(kFirstPort, slot, Direction::kDown)};
     captures.push_back({capture(vehicle_of(link(slot)), link(slot), ports, true),
-                        capture(netns::kRoad, link(slot), ports, true)});
+                        capture(kRoad, link(slot), ports, true)});
   }
   for (const Captures& both : captures) {
     await_start(both.vehicle, "tcpdump");
     await_start(both.road, "tcpdump");
   }
-  const netns::Snapshot idle = Testbed::snapshot(state_);
+  const Snapshot idle = Testbed::snapshot(state_);
   const Duration drain =
       kCaptureFlush + std::min(longest_delay(state_, options_.links), kLongestDrain);
   const auto left = [&] { return std::max(kShortestWindow, options_.length - drain - elapsed()); };
@@ -335,10 +327,10 @@ void Session::measure_window() {
     pings.push_back(start(vehicle_of(link(slot)), ping(link(slot)), fmt::format("ping{}", slot)));
   }
   wait(kEdge);
-  const netns::Snapshot before = Testbed::snapshot(state_);
+  const Snapshot before = Testbed::snapshot(state_);
   const Duration from = monotonic();
   wait(left());
-  const netns::Snapshot end = Testbed::snapshot(state_);
+  const Snapshot end = Testbed::snapshot(state_);
   const Duration to = monotonic();
   wait(kEdge);
   for (const Running& running : flows) {
@@ -347,7 +339,7 @@ void Session::measure_window() {
   for (Process& process : pings) process.end(SIGINT);
   for (Running& running : flows) running.end();
   wait(kCaptureFlush + std::min(longest_delay(state_, options_.links), kLongestDrain));
-  const netns::Snapshot after = Testbed::snapshot(state_);
+  const Snapshot after = Testbed::snapshot(state_);
   for (std::size_t slot = 0; slot < evidence_.size(); ++slot) {
     LinkEvidence& e = evidence_[slot];
     e.disturbance = disturbance(before, after);
@@ -370,8 +362,7 @@ void Session::collect_window(std::size_t slot, Captures& captures, const PingLog
   LinkEvidence& e = evidence_[slot];
   const std::vector<Datagram> vehicle = finish(captures.vehicle, e.capture_drops);
   const std::vector<Datagram> road = finish(captures.road, e.capture_drops);
-  const SentBy sent_by =
-      state_.backend == netns::Backend::kNetem ? SentBy::kStamp : SentBy::kCapture;
+  const SentBy sent_by = state_.backend == Backend::kNetem ? SentBy::kStamp : SentBy::kCapture;
   for (const Direction d : {Direction::kUp, Direction::kDown}) {
     const std::uint16_t port = port_of(kFirstPort, slot, d);
     const auto own = [&](const std::vector<Datagram>& records) {
@@ -391,9 +382,9 @@ void Session::collect_window(std::size_t slot, Captures& captures, const PingLog
 
 }  // namespace
 
-std::vector<LinkEvidence> measure(const netns::State& state, const SessionOptions& options,
+std::vector<LinkEvidence> measure(const State& state, const SessionOptions& options,
                                   const std::function<void(Duration)>& progress) {
   return Session(state, options, progress).run();
 }
 
-}  // namespace interneuron::cli::verify
+}  // namespace interneuron::netns::verify

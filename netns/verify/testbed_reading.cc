@@ -1,4 +1,4 @@
-#include "netns/verify/testbed_reading.h"
+#include "netns/verify/session.h"
 
 #include <algorithm>
 
@@ -6,23 +6,22 @@
 #include "netns/testbed/testbed.h"
 #include "node/io/steady_clock.h"
 
-namespace interneuron::cli::verify {
+namespace interneuron::netns::verify {
 
 namespace {
 
-std::vector<netns::ScheduleSample> last_second(const netns::State& state, std::size_t link) {
-  const auto epoch = netns::Testbed::snapshot(state).epoch;
+std::vector<ScheduleSample> last_second(const State& state, std::size_t link) {
+  const auto epoch = Testbed::snapshot(state).epoch;
   if (!epoch) return {};
   const Duration now = monotonic() - epoch->time_since_epoch();
-  return netns::Testbed::schedule(state, link, std::max(Duration{}, now - std::chrono::seconds(1)),
-                                  now);
+  return Testbed::schedule(state, link, std::max(Duration{}, now - std::chrono::seconds(1)), now);
 }
 
 }  // namespace
 
 Duration monotonic() { return io::now().time_since_epoch(); }
 
-const emu::DirectionStats& counters(const netns::Snapshot& snapshot, std::size_t link,
+const emu::DirectionStats& counters(const Snapshot& snapshot, std::size_t link,
                                     Direction direction) {
   return direction == Direction::kUp ? snapshot.links[link].up : snapshot.links[link].down;
 }
@@ -39,12 +38,12 @@ emu::DirectionStats difference(const emu::DirectionStats& before,
   return out;
 }
 
-Disturbance disturbance(const netns::Snapshot& before, const netns::Snapshot& after) {
+Disturbance disturbance(const Snapshot& before, const Snapshot& after) {
   Disturbance out;
   out.late_max_ms = after.lateness_max_us / 1e3;
   out.kernel_drops = after.kernel_drops - before.kernel_drops;
   if (after.frames_sent > before.frames_sent) {
-    const auto sum_us = [](const netns::Snapshot& s) {
+    const auto sum_us = [](const Snapshot& s) {
       return s.lateness_mean_us * static_cast<double>(s.frames_sent);
     };
     out.late_mean_ms = (sum_us(after) - sum_us(before)) /
@@ -53,11 +52,11 @@ Disturbance disturbance(const netns::Snapshot& before, const netns::Snapshot& af
   return out;
 }
 
-double present_mbit(const netns::State& state, std::size_t link, Direction direction) {
+double present_mbit(const State& state, std::size_t link, Direction direction) {
   return Schedule(last_second(state, link)).top_rate(direction).mbit();
 }
 
-Duration longest_delay(const netns::State& state, const std::vector<std::size_t>& links) {
+Duration longest_delay(const State& state, const std::vector<std::size_t>& links) {
   Duration longest{};
   for (const std::size_t link : links) {
     for (const auto& sample : last_second(state, link)) longest = std::max(longest, sample.rtt / 2);
@@ -65,8 +64,8 @@ Duration longest_delay(const netns::State& state, const std::vector<std::size_t>
   return longest;
 }
 
-Asked asked_of(const netns::TestbedLink& link, Direction direction,
-               const emu::DirectionStats& counted, std::size_t ip_bytes) {
+Asked asked_of(const TestbedLink& link, Direction direction, const emu::DirectionStats& counted,
+               std::size_t ip_bytes) {
   const auto profile = emu::built_in_profile(link.profile);
   if (!profile) return {counted.reordered > 0, counted.duplicated > 0, std::nullopt};
   const emu::DirectionParams& params = profile->direction(direction);
@@ -74,7 +73,7 @@ Asked asked_of(const netns::TestbedLink& link, Direction direction,
   return {params.reorder > 0 || nat, params.duplicate > 0, params.gilbert_elliott};
 }
 
-std::string obstacle(const netns::TestbedLink& link) {
+std::string obstacle(const TestbedLink& link) {
   // The IP bytes of a TCP acknowledgement: 20 of IPv4, 20 of TCP, 12 of time stamps.
   constexpr std::size_t kTcpAcknowledgement = 52;
   const auto profile = emu::built_in_profile(link.profile);
@@ -82,4 +81,4 @@ std::string obstacle(const netns::TestbedLink& link) {
   return "the NAT drops TCP's acknowledgements";
 }
 
-}  // namespace interneuron::cli::verify
+}  // namespace interneuron::netns::verify

@@ -1,4 +1,4 @@
-#include "netns/wiring/nic_keeper.h"
+#include "netns/wiring/wiring.h"
 
 #include <linux/if.h>
 #include <linux/rtnetlink.h>

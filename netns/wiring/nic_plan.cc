@@ -1,11 +1,10 @@
 #include "netns/wiring/nic_plan.h"
 
 #include <sys/socket.h>
+#include <sys/statvfs.h>
 
 #include <array>
 #include <cstdio>
-
-#include "netns/wiring/wiring.h"
 
 namespace interneuron::netns {
 
@@ -35,6 +34,17 @@ std::string mac_of(End end, std::size_t host, std::size_t network) {
                 static_cast<unsigned>(host + 1) & 0xffU, static_cast<unsigned>(network + 1) & 0xffU,
                 static_cast<unsigned>(end));
   return text.data();
+}
+
+std::string port(char kind, std::size_t host, std::size_t network) {
+  return kind + std::to_string(host + 1) + "-" + std::to_string(network + 1);
+}
+
+// False where /proc/sys is read-only (containers): the core could not be told to route IPv6.
+bool ipv6_can_be_routed() {
+  struct statvfs settings {};
+  return ::statvfs("/proc/sys/net/ipv6/conf/all/forwarding", &settings) == 0 &&
+         (settings.f_flag & ST_RDONLY) == 0;
 }
 
 // Plans single NICs: the two ends of a link (vehicle_nic, gateway) and the two ends of the pair
@@ -144,6 +154,48 @@ std::string Network::everything() const { return prefix_ + (six_ ? "::/48" : ".0
 std::string Network::anywhere() const { return six_ ? "::/0" : "0.0.0.0/0"; }
 std::string Network::subnet_length() const { return six_ ? "/64" : "/24"; }
 std::string Network::host_length() const { return six_ ? "/128" : "/32"; }
+
+std::string vehicle_port(std::size_t vehicle, std::size_t network) {
+  return port('v', vehicle, network);
+}
+std::string core_port(std::size_t vehicle, std::size_t network) {
+  return port('c', vehicle, network);
+}
+std::string gateway_nic(std::size_t vehicle, std::size_t network) {
+  return port('g', vehicle, network);
+}
+std::string road_nic(std::size_t road, std::size_t network) { return port('r', road, network); }
+
+std::string road_address(std::size_t road, std::size_t network, int family) {
+  return Network(network, family).road(road);
+}
+
+std::vector<TestbedLink> plan_links(const TestbedOptions& options) {
+  const bool ipv6 = ipv6_can_be_routed();
+  std::vector<TestbedLink> out;
+  for (std::size_t v = 0; v < options.vehicles; ++v) {
+    for (std::size_t n = 0; n < options.scenario.links.size(); ++n) {
+      const emu::ScenarioLink& spec = options.scenario.links[n];
+      const Network four(n, AF_INET);
+      const Network six(n, AF_INET6);
+      TestbedLink link;
+      link.name = spec.name;
+      link.vehicle = v;
+      link.profile = spec.profile.name;
+      link.nic = "if" + spec.name;
+      link.vehicle_address = four.vehicle(v);
+      link.gateway = four.gateway(v);
+      link.road_address = four.road(0);
+      if (ipv6) {
+        link.vehicle_address6 = six.vehicle(v);
+        link.gateway6 = six.gateway(v);
+        link.road_address6 = six.road(0);
+      }
+      out.push_back(std::move(link));
+    }
+  }
+  return out;
+}
 
 std::vector<HostPlan> plan_hosts(const State& state, const TestbedOptions& options) {
   Planner planner{options, {AF_INET}};

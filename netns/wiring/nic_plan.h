@@ -1,8 +1,10 @@
 // Works out the addressing that netns/testbed/testbed.h describes: for every NIC of every host its
-// addresses, neighbours, routes and rules, as text. nics.h gives them to the kernel. Pure;
-// thread-compatible; no errors.
+// name, addresses, neighbours, routes and rules, as text. nics.h gives them to the kernel. Pure but
+// for plan_links(), which asks whether the kernel lets IPv6 be routed; thread-compatible; no
+// errors.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -62,6 +64,26 @@ struct HostPlan {
 // The plans of all hosts: vehicles, then roadside units, then the core. They have IPv6 where
 // `state` has IPv6 addresses.
 std::vector<HostPlan> plan_hosts(const State& state, const TestbedOptions& options);
+
+// Names of NICs; vehicles, roadside units and networks are given by their index from 0. A link is
+// one veth pair with netem
+//   vehicle:nic  ═══  core:gateway_nic
+// and two, joined by the holder, with the emulator
+//   vehicle:nic ═══ air:vehicle_port   air:core_port ═══ core:gateway_nic
+// For the first vehicle on the first network they are "v1-1", "c1-1" and "g1-1".
+std::string vehicle_port(std::size_t vehicle, std::size_t network);
+std::string core_port(std::size_t vehicle, std::size_t network);
+std::string gateway_nic(std::size_t vehicle, std::size_t network);
+// Each roadside unit has one pair road:nic ═══ core:road_nic per network, which impairs nothing.
+// The name is "r1-1" for the first unit on the first network.
+std::string road_nic(std::size_t road, std::size_t network);
+
+// The address of a roadside unit on a network; `family` is AF_INET or AF_INET6.
+std::string road_address(std::size_t road, std::size_t network, int family);
+
+// The links of all vehicles, in the order of State::links. Where the kernel has no IPv6 the
+// fields *6 are empty.
+std::vector<TestbedLink> plan_links(const TestbedOptions& options);
 
 // The addresses of one family (AF_INET or AF_INET6) on one network, given by its position from 0,
 // as text. The examples are of IPv4 and the first network.

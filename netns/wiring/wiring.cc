@@ -1,10 +1,11 @@
 #include "netns/wiring/wiring.h"
 
+#include <nftables/libnftables.h>
 #include <sys/socket.h>
-#include <sys/statvfs.h>
 
-#include "netns/state/check.h"
-#include "netns/wiring/nat.h"
+#include <memory>
+
+#include "netns/state/error.h"
 #include "netns/wiring/nics.h"
 
 namespace interneuron::netns {
@@ -19,17 +20,6 @@ constexpr int kAirIndices = 10'000;
 // How many carriers may be new before wire() waits for them. The kernel processes a hundred at
 // once and the next hundred a second later (MAX_DO_DEV_PER_LOOP of net/core/link_watch.c).
 constexpr std::size_t kCarriersAtOnce = 64;
-
-std::string port(char kind, std::size_t host, std::size_t network) {
-  return kind + std::to_string(host + 1) + "-" + std::to_string(network + 1);
-}
-
-// False where /proc/sys is read-only (containers): the core could not be told to route IPv6.
-bool ipv6_can_be_routed() {
-  struct statvfs settings {};
-  return ::statvfs("/proc/sys/net/ipv6/conf/all/forwarding", &settings) == 0 &&
-         (settings.f_flag & ST_RDONLY) == 0;
-}
 
 // One call of wire(). Refers to its arguments.
 class Wiring {
@@ -138,49 +128,59 @@ void Wiring::set_up_all() {
   for (const HostPlan& host : hosts_) await(host);
 }
 
-}  // namespace
+struct ContextDeleter {
+  void operator()(nft_ctx* context) const { ::nft_ctx_free(context); }
+};
 
-std::string vehicle_port(std::size_t vehicle, std::size_t network) {
-  return port('v', vehicle, network);
-}
-std::string core_port(std::size_t vehicle, std::size_t network) {
-  return port('c', vehicle, network);
-}
-std::string gateway_nic(std::size_t vehicle, std::size_t network) {
-  return port('g', vehicle, network);
-}
-std::string road_nic(std::size_t road, std::size_t network) { return port('r', road, network); }
+// Patterns of the core's NICs: those towards roadside units (road_nic()) and towards vehicles
+// (gateway_nic()).
+constexpr const char* kToRoads = "\"r*\"";
+constexpr const char* kToVehicles = "\"g*\"";
 
-std::string road_address(std::size_t road, std::size_t network, int family) {
-  return Network(network, family).road(road);
-}
-
-std::vector<TestbedLink> plan_links(const TestbedOptions& options) {
-  const bool ipv6 = ipv6_can_be_routed();
-  std::vector<TestbedLink> out;
-  for (std::size_t v = 0; v < options.vehicles; ++v) {
-    for (std::size_t n = 0; n < options.scenario.links.size(); ++n) {
-      const emu::ScenarioLink& spec = options.scenario.links[n];
-      const Network four(n, AF_INET);
-      const Network six(n, AF_INET6);
-      TestbedLink link;
-      link.name = spec.name;
-      link.vehicle = v;
-      link.profile = spec.profile.name;
-      link.nic = "if" + spec.name;
-      link.vehicle_address = four.vehicle(v);
-      link.gateway = four.gateway(v);
-      link.road_address = four.road(0);
-      if (ipv6) {
-        link.vehicle_address6 = six.vehicle(v);
-        link.gateway6 = six.gateway(v);
-        link.road_address6 = six.road(0);
-      }
-      out.push_back(std::move(link));
-    }
+std::string rules(std::size_t networks) {
+  std::string text =
+      "table ip interneuron {\n chain leaving {\n"
+      "  type nat hook postrouting priority 100;\n";
+  for (std::size_t n = 0; n < networks; ++n) {
+    const Network net(n, AF_INET);
+    // The sender's network decides, not the NIC by which the packet leaves: a modem that sends to
+    // an address of another network does so through its own carrier.
+    text += std::string("  oifname ") + kToRoads + " ip saddr " + net.everything() + " snat to " +
+            net.core() + "\n";
   }
-  return out;
+  text += std::string(" }\n}\ntable inet interneuron {\n chain passing {\n") +
+          "  type filter hook forward priority 0;\n  iifname " + kToRoads + " oifname " +
+          kToVehicles + " ct state != { established, related } drop\n }\n}\n";
+  return text;
 }
+
+// The first line of an nftables message, without the label "Error: ".
+std::string first_line(std::string text) {
+  text = text.substr(0, text.find('\n'));
+  const std::size_t label = text.find("Error: ");
+  return label == std::string::npos ? text : text.substr(label + 7);
+}
+
+// Sets up address translation and a stateful firewall in the current network namespace, which must
+// be the core's, as a carrier's gateway has them, by nftables. Packets that vehicles'
+// modems on network n send to roadside units leave with the core's own IPv4 address on that
+// network; IPv6 addresses are not translated. A roadside unit cannot open a flow to a vehicle, by
+// IPv4 or IPv6; vehicles reach one another as before. The kernel forgets a mapping that is idle for
+// net.netfilter.nf_conntrack_udp_timeout (30 s), or for ..._udp_timeout_stream (120 s) once there
+// has been traffic both ways; both can be set in the core.
+void set_up_nat(std::size_t networks) {
+  const std::unique_ptr<nft_ctx, ContextDeleter> context(::nft_ctx_new(NFT_CTX_DEFAULT));
+  if (!context) throw TestbedError(1, "cannot set up address translation: out of memory");
+  ::nft_ctx_buffer_output(context.get());
+  ::nft_ctx_buffer_error(context.get());
+  if (::nft_run_cmd_from_buffer(context.get(), rules(networks).c_str()) == 0) return;
+  throw TestbedError(1, "cannot set up address translation: " +
+                            first_line(::nft_ctx_get_error_buffer(context.get())) +
+                            "; the kernel needs nftables with NAT (`modprobe -a nft_ct nft_nat` as "
+                            "root loads them), or leave NAT out");
+}
+
+}  // namespace
 
 void wire(const State& state, const TestbedOptions& options, const Namespaces& namespaces) {
   Wiring wiring(state, options, namespaces);

@@ -3,7 +3,7 @@
 
 #include "bench/nature/nature_steps.h"
 
-namespace interneuron::cli::bench::bench_nature_test {
+namespace interneuron::bench::bench_nature_test {
 namespace {
 
 using std::chrono::milliseconds;
@@ -71,4 +71,4 @@ TEST(BenchNature, AnOutageThatNobodyNoticedSaysSo) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli::bench::bench_nature_test
+}  // namespace interneuron::bench::bench_nature_test

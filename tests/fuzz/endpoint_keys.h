@@ -61,7 +61,7 @@ class Keys {
              std::uint32_t theirs, const crypto::Split& keys);
 
   std::vector<Host> hosts_;
-  // Of all hosts; the responders refer to it.
+  // Those of all hosts; the responders refer to it.
   crypto::Trust trust_;
   crypto::Entropy entropy_;
   std::uint32_t next_index_ = 1;

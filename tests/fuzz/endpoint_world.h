@@ -34,7 +34,7 @@ inline constexpr std::size_t kLinks = 4;
 inline constexpr SessionId kOwnSession{0x5eed0001};
 inline constexpr SessionId kPartnerSession{0xcafe0002};
 
-// Of a host on a link; different for each.
+// The address of a host on a link; different for each.
 Address address_of(std::size_t host, std::size_t link);
 
 class World {

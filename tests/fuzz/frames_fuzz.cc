@@ -2,7 +2,7 @@
 // testbed's emulator marks and completes. The first byte is the context; the rest is the frame.
 #include <array>
 
-#include "netns/emulator/checksum.h"
+#include "netns/emulator/frames.h"
 #include "node/ring/frame.h"
 #include "tests/fuzz/finding.h"
 #include "tests/fuzz/input.h"

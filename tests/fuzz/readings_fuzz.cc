@@ -7,7 +7,7 @@
 
 namespace {
 
-using namespace interneuron::cli::verify;
+using namespace interneuron::netns::verify;
 using interneuron::fuzz::require;
 
 void try_capture(std::string_view bytes) {

@@ -1,4 +1,4 @@
-#include "netns/emulator/checksum.h"
+#include "netns/emulator/frames.h"
 
 #include <gtest/gtest.h>
 

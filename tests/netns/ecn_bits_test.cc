@@ -1,4 +1,4 @@
-#include "netns/emulator/ecn_bits.h"
+#include "netns/emulator/frames.h"
 
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>

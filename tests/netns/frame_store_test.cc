@@ -1,4 +1,4 @@
-#include "netns/emulator/frame_store.h"
+#include "netns/emulator/frames.h"
 
 #include <gtest/gtest.h>
 

@@ -10,7 +10,7 @@ import time
 from insider_lab import PORT, Lab, Road, check
 from lab_keys import Keys, ip_bytes_to
 
-# Of each one the attacker has a key that the unit trusts.
+# The vehicles of whom the attacker has a key that the unit trusts.
 VICTIMS = 12
 
 

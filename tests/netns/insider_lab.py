@@ -215,7 +215,7 @@ def values_of(tree, key):
 class Counters:
     """What a program that publishes has counted, as it was told last."""
 
-    # Of each link, in its evidence. All that came is one of these.
+    # What the evidence has for each link. All that came is one of these.
     KINDS = ("received_packets", "duplicate_packets", "malformed_packets", "other_version_packets", "other_packets",
              "refused_packets", "unauthentic_packets", "handshake_packets")
 

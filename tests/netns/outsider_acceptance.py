@@ -47,7 +47,7 @@ FORMER_S = 3
 # Kinds of packets that came and were not used.
 UNUSED = ("duplicate_packets", "malformed_packets", "other_version_packets", "other_packets", "refused_packets",
           "unauthentic_packets", "handshake_packets")
-# Of what was sent, per cent: what may be missing of, or be too much in, the counters. The honest side's own handshakes and
+# What may be missing of, or be too much in, the counters, in per cent of what was sent. The honest side's own handshakes and
 # packets that it sent again are among them.
 MOST_UNACCOUNTED = 0.5
 MOST_MISSES_ALONE = 5

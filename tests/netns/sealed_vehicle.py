@@ -22,7 +22,7 @@ import sealed
 PATIENCE_S = 1.5
 RETRY_S = 0.2
 PATH = 3
-# Of feedback: u, the other side's life, features, and how many reports and messages follow (docs/wire_format.md).
+# The head of feedback: u, the other side's life, features, and how many reports and messages follow (docs/wire_format.md).
 FEEDBACK = struct.Struct(">qIHBBB")
 
 

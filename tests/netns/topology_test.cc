@@ -13,7 +13,7 @@
 #include "netns/state/error.h"
 #include "netns/state/snapshot.h"
 #include "netns/testbed/testbed.h"
-#include "netns/wiring/wiring.h"
+#include "netns/wiring/nic_plan.h"
 #include "support.h"
 
 namespace interneuron::netns::topology_test {
@@ -73,6 +73,19 @@ class TopologyTest : public NetnsTest {
     return has_ipv6() ? std::vector{AF_INET, AF_INET6} : std::vector{AF_INET};
   }
 
+  // The addresses of both roadside units on both networks.
+  std::vector<std::string> road_addresses() const {
+    std::vector<std::string> out;
+    for (const int family : families()) {
+      for (const std::size_t road : {0U, 1U}) {
+        for (const std::size_t network : {0U, 1U}) {
+          out.push_back(road_address(road, network, family));
+        }
+      }
+    }
+    return out;
+  }
+
   // True when an echo comes back; `more`: further arguments of ping(8). Prints nothing.
   bool ping(Host host, const std::string& address, const std::vector<std::string>& more = {}) {
     std::vector<std::string> argv{
@@ -101,17 +114,12 @@ TEST_F(TopologyTest, EveryNicOfEveryVehicleReachesEveryRoadAddress) {
   for (std::size_t i = 0; i < state().links.size(); ++i) {
     const TestbedLink& link = state().links[i];
     const Host vehicle{Host::Kind::kVehicle, link.vehicle};
-    std::uint64_t pinged = 0;
-    for (const int family : families()) {
-      for (const std::size_t road : {0U, 1U}) {
-        for (const std::size_t network : {0U, 1U}) {
-          const std::string address = road_address(road, network, family);
-          EXPECT_TRUE(ping(vehicle, address, {"-I", link.nic}))
-              << host_name(vehicle) << " " << link.nic << " " << address;
-          ++pinged;
-        }
-      }
+    const std::vector<std::string> addresses = road_addresses();
+    for (const std::string& address : addresses) {
+      EXPECT_TRUE(ping(vehicle, address, {"-I", link.nic}))
+          << host_name(vehicle) << " " << link.nic << " " << address;
     }
+    const std::uint64_t pinged = addresses.size();
     // Each went out by the link asked for and came back by it.
     // The emulator may publish what it counted a turn after the answer has arrived.
     auto links = testbed_->snapshot().links;

@@ -38,7 +38,7 @@ using netns::Testbed;
 
 constexpr std::uint16_t kPort = 47000;
 
-using Ladder = RoadChild::Ladder;
+using Ladder = netns::RoadChild::Ladder;
 
 class Demo {
  public:
@@ -212,7 +212,7 @@ int Demo::run() {
   vehicle_key_ = settings::make_key(*keys_ / "vehicle");
   spdlog::info("keys made for this run; packets are encrypted");
 
-  RoadChild road(testbed_->state(), road_command());
+  netns::RoadChild road(testbed_->state(), road_command());
   netns::SpawnOptions spawn;
   // Stdout is for our own table, which says more than the vehicle's.
   spawn.stdio[1] = STDERR_FILENO;

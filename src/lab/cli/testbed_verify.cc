@@ -5,19 +5,21 @@
 #include <algorithm>
 #include <cstdio>
 #include <memory>
+#include <nlohmann/json.hpp>
 
 #include "app/process/failure.h"
 #include "app/process/signals.h"
 #include "netns/state/hosts.h"
 #include "netns/state/state.h"
 #include "netns/testbed/testbed.h"
-#include "netns/verify/findings.h"
-#include "netns/verify/processes.h"
+#include "netns/verify/assess.h"
 #include "netns/verify/session.h"
+#include "netns/verify/tools.h"
 
 namespace interneuron::cli {
 namespace {
 
+namespace verify = netns::verify;
 using netns::Testbed;
 
 // Seconds. Rates take 13 s of it for two links; the testbed remembers its schedule for 82 s

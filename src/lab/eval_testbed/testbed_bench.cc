@@ -209,7 +209,7 @@ void Bench::start_programs(const TestbedRun& orders, std::uint32_t rounds) {
   write_testbed_run(scratch_ / "run.json", orders);
   const Log road_log(scratch_ / "road.log");
   const Log vehicle_log(scratch_ / "vehicle.log");
-  std::optional<cli::RoadChild> road;
+  std::optional<netns::RoadChild> road;
   try {
     road.emplace(testbed_.state(), road_command(), road_log.fd());
   } catch (const process::Failure& error) {

@@ -19,7 +19,7 @@ struct InsiderOptions {
   std::string attack;
   double seconds = 60;
   double kbit = 1000;
-  // Of a vehicle, for the attack that speaks in its name.
+  // The session of a vehicle, for the attack that speaks in its name.
   std::uint32_t victim_session = 0;
   std::uint64_t seed = 1;
   // Its own key and the road's; empty: in the clear.

@@ -41,7 +41,7 @@ enum class Kind : std::uint8_t {
   kOtherLink,
   kOtherSource,
   kLastNumber,
-  // Of a former life.
+  // A packet of a former life, sealed with keys that are no longer used.
   kOldKeys,
   // In the clear, in the peer's name.
   kClear,

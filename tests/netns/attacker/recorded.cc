@@ -25,7 +25,7 @@ constexpr std::size_t kMostPackets = 4096;
 constexpr std::size_t kMostHandshakes = 1024;
 // By then a packet that came in here has been forwarded and read.
 constexpr Duration kReached = std::chrono::milliseconds(200);
-// Of a capture: the head of the file, of each frame, and of Ethernet.
+// The lengths in a capture: of the head of the file, of each frame's, and of Ethernet's.
 constexpr std::size_t kFileHead = 24;
 constexpr std::size_t kFrameHead = 16;
 constexpr std::size_t kEthernetHead = 14;

@@ -37,7 +37,7 @@ class Recorder {
   const Recorded* newest() const;
   // Any sealed packet that has reached its receiver by now; nullptr: there is none.
   const Recorded* any(TimePoint now, std::mt19937_64& random) const;
-  // Of a handshake.
+  // The recorded packets of handshakes.
   const std::vector<Recorded>& handshakes() const { return handshakes_; }
 
  private:

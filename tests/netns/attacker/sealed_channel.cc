@@ -15,7 +15,7 @@
 namespace interneuron::attacker {
 namespace {
 
-// Of a path, or what belongs to none (docs/wire_format.md, "Sealed packets").
+// The key of a path, or of what belongs to none (docs/wire_format.md, "Sealed packets").
 SecretKey lane_key(const SecretKey& direction, wire::PacketType type, LinkId path) {
   const bool has_path = wire::is_numbered(type);
   const std::array<std::byte, 3> name{

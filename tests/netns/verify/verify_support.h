@@ -8,14 +8,14 @@
 #include "netns/verify/readings.h"
 #include "netns/verify/schedule.h"
 
-namespace interneuron::cli::verify {
+namespace interneuron::netns::verify {
 
 constexpr std::uint64_t kSeed = 7;
 
 // `length` of a link whose round trip is rtt_ms(step).
 template <class RttMs>
 Schedule made(Duration length, RttMs rtt_ms, double loss = 0, double mbit = 10) {
-  std::vector<netns::ScheduleSample> samples;
+  std::vector<ScheduleSample> samples;
   for (std::int64_t step = 0; step * emu::kDelayStep < length; ++step) {
     samples.push_back({step * emu::kDelayStep, from_ms(rtt_ms(step)), loss, loss,
                        DataRate::mbit(mbit), DataRate::mbit(mbit)});
@@ -37,4 +37,4 @@ inline Datagram datagram(std::uint32_t number, Duration seen, Duration stamp) {
   return d;
 }
 
-}  // namespace interneuron::cli::verify
+}  // namespace interneuron::netns::verify

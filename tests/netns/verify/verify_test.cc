@@ -6,12 +6,11 @@
 #include <cstring>
 #include <random>
 
-#include "netns/verify/flow.h"
 #include "netns/verify/readings.h"
 #include "netns/verify/schedule.h"
 #include "verify_support.h"
 
-namespace interneuron::cli::verify::verify_test {
+namespace interneuron::netns::verify::verify_test {
 namespace {
 
 using std::chrono::microseconds;
@@ -255,4 +254,4 @@ TEST(VerifyFlow, BurstsMakeLossVary) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli::verify::verify_test
+}  // namespace interneuron::netns::verify::verify_test

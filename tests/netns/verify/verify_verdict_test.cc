@@ -2,13 +2,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <nlohmann/json.hpp>
 #include <random>
 
 #include "netns/verify/assess.h"
-#include "netns/verify/findings.h"
 #include "verify_support.h"
 
-namespace interneuron::cli::verify::verify_verdict_test {
+namespace interneuron::netns::verify::verify_verdict_test {
 namespace {
 
 using std::chrono::microseconds;
@@ -191,4 +191,4 @@ TEST(VerifyFindings, TableAndJsonAgree) {
 }
 
 }  // namespace
-}  // namespace interneuron::cli::verify::verify_verdict_test
+}  // namespace interneuron::netns::verify::verify_verdict_test
