@@ -4,12 +4,12 @@
 # include paths and objects. A folder of headers alone has no SOURCES; APART are sources that cannot be
 # compiled together with others.
 # interneuron_test_headers(): once, before the first interneuron_test().
-# interneuron_test(GROUP/NAME [PROGRAM] [WAITS] [LABEL label] [TIMEOUT seconds] [COST seconds] [SHARDS n] [ALONE filter]
+# interneuron_test(GROUP/NAME [PROGRAM] [WAITS] [LABEL label] [TIMEOUT seconds] [COST seconds] [SHARDS n] [ALONE filter] [LONG case ...]
 # SOURCES ... [USES ...]): the tests of one folder, one executable GROUP_NAME_test, which CTest runs as the one test NAME, or
 # with SHARDS as NAME.1 to NAME.n with a share of the cases each; with LABEL netns as a test NAME.Suite.Case for each case.
 # PROGRAM: they run the program `interneuron`. WAITS: they wait more than they compute. COST: about what one of its tests
 # takes; the longest begin first. ALONE: a filter of GoogleTest for the cases of LABEL netns that are exact about time, so that
-# no other test may run beside them.
+# no other test may run beside them. LONG: those that take many seconds, which begin before the others.
 # interneuron_vm_test(NAME [FULL] TIMEOUT seconds COST seconds COMMAND ...): a test that boots a machine of scripts/vm.sh.
 # FULL: takes minutes, so only `ctest -C full` runs it (scripts/test.sh --full).
 
@@ -213,7 +213,7 @@ function(interneuron_test_places)
 endfunction()
 
 function(interneuron_test module)
-  cmake_parse_arguments(ARG "PROGRAM;WAITS" "LABEL;TIMEOUT;COST;SHARDS;ALONE" "SOURCES;APART;USES;LIBRARIES" ${ARGN})
+  cmake_parse_arguments(ARG "PROGRAM;WAITS" "LABEL;TIMEOUT;COST;SHARDS;ALONE" "SOURCES;APART;USES;LIBRARIES;LONG" ${ARGN})
   string(REPLACE "/" "_" target ${module}_test)
   get_filename_component(name ${module} NAME)
   interneuron_jumbo(compiled ${target} ${ARG_SOURCES})
@@ -238,20 +238,29 @@ function(interneuron_test module)
       set(ARG_TIMEOUT 120)
     endif()
     set(discovery TEST_PREFIX ${name}. DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60)
-    set(properties TIMEOUT ${ARG_TIMEOUT} SKIP_RETURN_CODE 77 COST ${ARG_COST} LABELS "${ARG_LABEL}")
+    set(properties TIMEOUT ${ARG_TIMEOUT} SKIP_RETURN_CODE 77 LABELS "${ARG_LABEL}")
     if(ARG_ALONE)
-      gtest_discover_tests(${target} ${discovery} TEST_FILTER "${ARG_ALONE}" PROPERTIES ${properties} RUN_SERIAL TRUE)
-      set(discovery ${discovery} TEST_FILTER "-${ARG_ALONE}")
+      gtest_discover_tests(${target} ${discovery} TEST_FILTER "${ARG_ALONE}" PROPERTIES ${properties} COST ${ARG_COST} RUN_SERIAL TRUE)
     endif()
-    gtest_discover_tests(${target} ${discovery} PROPERTIES ${properties})
+    if(ARG_LONG)
+      list(JOIN ARG_LONG ":" ARG_LONG)
+      gtest_discover_tests(${target} ${discovery} TEST_FILTER "${ARG_LONG}" PROPERTIES ${properties} COST 15)
+    endif()
+    # What neither filter names.
+    set(rest ${ARG_ALONE} ${ARG_LONG})
+    if(rest)
+      list(JOIN rest ":" rest)
+      set(discovery ${discovery} TEST_FILTER "-${rest}")
+    endif()
+    gtest_discover_tests(${target} ${discovery} PROPERTIES ${properties} COST ${ARG_COST})
     return()
   endif()
   # All cases in one process, or a few: a thousand starts of sanitized programs with OpenCV would take minutes. One that
-  # computes takes two of the places of scripts/test.sh, which has two for each processor.
+  # computes takes three of the places of scripts/test.sh, which has three for each processor.
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 900)
   endif()
-  set(places 2)
+  set(places 3)
   if(ARG_WAITS)
     set(places 1)
   endif()
@@ -279,7 +288,7 @@ function(interneuron_vm_test name)
     set(configurations CONFIGURATIONS full)
   endif()
   add_test(NAME vm.${name} COMMAND ${ARG_COMMAND} ${configurations} WORKING_DIRECTORY ${PROJECT_SOURCE_DIR})
-  set_tests_properties(vm.${name} PROPERTIES TIMEOUT ${ARG_TIMEOUT} SKIP_RETURN_CODE 77 PROCESSORS 2 COST ${ARG_COST}
+  set_tests_properties(vm.${name} PROPERTIES TIMEOUT ${ARG_TIMEOUT} SKIP_RETURN_CODE 77 PROCESSORS 3 COST ${ARG_COST}
     LABELS "${label}")
 endfunction()
 

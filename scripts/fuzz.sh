@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Builds the fuzz targets (preset fuzz: clang, libFuzzer, AddressSanitizer, UBSan) and runs them, two at a time.
+# Builds the fuzz targets (preset fuzz: clang, libFuzzer, AddressSanitizer, UBSan) and runs them, one for each processor at a time.
 #
 #   scripts/fuzz.sh --list
 #   scripts/fuzz.sh [--floors] [--no-build] [TARGET...] [SECONDS]
@@ -147,7 +147,7 @@ run_all() {
   trap 'stop; exit 130' INT TERM
   local waiting=("${targets[@]}")
   while ((${#waiting[@]} + ${#pids[@]} > 0)); do
-    while ((${#pids[@]} < 2 && ${#waiting[@]} > 0)); do
+    while ((${#pids[@]} < jobs && ${#waiting[@]} > 0)); do
       printf 'fuzz: %s for %d s\n' "${waiting[0]}" "$seconds"
       start "${waiting[0]}"
       waiting=("${waiting[@]:1}")
