@@ -14,7 +14,6 @@
 
 #include <array>
 #include <cstdint>
-#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -181,8 +180,9 @@ LinkFindings summarise(const std::string& name, const std::string& profile,
                        const LinkEvidence& evidence);
 
 Verdict overall(const Findings& findings);
-nlohmann::ordered_json to_json(const Findings& findings);
 // One row per figure, one line per link, and a last line "verify: " with the overall verdict.
 std::string to_table(const Findings& findings);
+// The same as JSON (schema "interneuron.verify/1"), with a line break at its end.
+std::string to_json(const Findings& findings);
 
 }  // namespace interneuron::netns::verify

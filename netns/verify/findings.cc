@@ -106,7 +106,7 @@ Verdict overall(const Findings& findings) {
   return overall(figures);
 }
 
-Json to_json(const Findings& findings) {
+std::string to_json(const Findings& findings) {
   Json json{{"schema", "interneuron.verify/1"},
             {"name", findings.testbed},
             {"seed", findings.seed},
@@ -118,7 +118,7 @@ Json to_json(const Findings& findings) {
               {"kernel_drops", findings.disturbance.kernel_drops}}}};
   json["links"] = Json::array();
   for (const LinkFindings& link : findings.links) json["links"].push_back(to_json(link));
-  return json;
+  return json.dump(2) + "\n";
 }
 
 std::string to_table(const Findings& findings) {

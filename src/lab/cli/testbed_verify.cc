@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cstdio>
 #include <memory>
-#include <nlohmann/json.hpp>
 
 #include "app/process/failure.h"
 #include "app/process/signals.h"
@@ -80,7 +79,7 @@ int run_verify(const LinkCheckOptions& o) {
             : "";
     findings.links.push_back(verify::summarise(vehicle + link.name, link.profile, evidence[i]));
   }
-  fmt::print("{}", o.json ? verify::to_json(findings).dump(2) + "\n" : verify::to_table(findings));
+  fmt::print("{}", o.json ? verify::to_json(findings) : verify::to_table(findings));
   return exit_code(verify::overall(findings));
 }
 

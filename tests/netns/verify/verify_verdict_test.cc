@@ -179,7 +179,7 @@ TEST(VerifyVerdict, FewBurstsAreShownOnly) {
 TEST(VerifyFindings, TableAndJsonAgree) {
   Findings findings{"t", 5, "emulator", {0.02, 0.5, 0}, {}};
   findings.links.push_back(summarise("5g", "5g", evidence({41, 0.01, 10}, constant(40, 0.01))));
-  const auto json = to_json(findings);
+  const auto json = nlohmann::json::parse(to_json(findings));
   EXPECT_EQ(json.at("schema"), "interneuron.verify/1");
   EXPECT_EQ(json.at("verdict"), "failed");
   EXPECT_EQ(json.at("seed"), 5);
