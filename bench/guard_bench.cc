@@ -161,7 +161,7 @@ void plan_of(benchmark::State& bench, const Policy& policy) {
   const Offer offer{{kDeadline, 100ms, MessageClass::kData, {}}, sizes};
   const Guidance guidance{.time_left = kDeadline, .levels = levels, .local_quality = 0.14};
   count_allocations(
-      bench, [&] { benchmark::DoNotOptimize(plan_message(policy, offer, links, guidance)); });
+      bench, [&] { benchmark::DoNotOptimize(plan::plan_message(policy, offer, links, guidance)); });
 }
 
 // The decision which variant is the best one sent: the policy's plans for each, the forecasts of
@@ -183,7 +183,8 @@ void first_transmission(benchmark::State& bench, const Policy& policy, std::size
                               .variant = static_cast<std::uint8_t>(mode),
                               .time_left = kDeadline,
                               .levels = config.levels};
-      modes[mode] = forecast_answers(plan_message(policy, offer, links, guidance), offer, links);
+      modes[mode] =
+          plan::forecast_answers(plan::plan_message(policy, offer, links, guidance), offer, links);
     }
     return origin.choose_mode(TimePoint{round * 100ms}, RoundId{round}, 1ms,
                               std::span(modes).first(variants));

@@ -1,3 +1,5 @@
+#include "interneuron/policy.h"
+
 #include "policies/builtin.h"
 
 namespace interneuron {

@@ -15,11 +15,11 @@
 // it has, over any link; so register it at every node of the pipeline.
 //
 // Receiver: as the inner policy.
+#include "interneuron/policy.h"
+
 #include <algorithm>
 #include <stdexcept>
 #include <string>
-
-#include "policies/builtin.h"
 
 namespace interneuron {
 namespace {

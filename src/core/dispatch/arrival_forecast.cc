@@ -4,7 +4,7 @@
 
 #include "interneuron/sizes.h"
 
-namespace interneuron {
+namespace interneuron::dispatch {
 namespace {
 
 // Stands for a time beyond any deadline, so that sums stay in range.
@@ -26,4 +26,4 @@ bool cannot_arrive(const LinkState& link, std::optional<Duration> expected, Dura
   return expected && *expected > deadline + link.jitter;
 }
 
-}  // namespace interneuron
+}  // namespace interneuron::dispatch

@@ -7,7 +7,7 @@
 #include "interneuron/link.h"
 #include "interneuron/units.h"
 
-namespace interneuron {
+namespace interneuron::dispatch {
 
 // From now until the last byte of a message is at the other end of this link, by what is believed
 // of it: half the smallest round trip, the queue in the network, what our own sender sends before
@@ -20,4 +20,4 @@ std::optional<Duration> arrival_forecast(const LinkState& link, std::size_t ahea
 // the deadline by more than the link's delay varies. One that is not expected at all is sent.
 bool cannot_arrive(const LinkState& link, std::optional<Duration> expected, Duration deadline);
 
-}  // namespace interneuron
+}  // namespace interneuron::dispatch

@@ -5,7 +5,7 @@
 
 #include "core/plan/plan_message.h"
 
-namespace interneuron {
+namespace interneuron::dispatch {
 namespace {
 
 wire::MessageBytes with(wire::PlainHeader header, const Carriers& c, Bytes payload) {
@@ -74,10 +74,10 @@ flow::PathSet allowed_of(const Policy& policy, std::span<const LinkState> links)
   return allowed;
 }
 
-void seek_rate(TimePoint now, Peer& peer, const Plan& plan, const Itinerary& itinerary,
+void seek_rate(TimePoint now, peers::Peer& peer, const Plan& plan, const Itinerary& itinerary,
                const QoS& qos, std::size_t best_bytes) {
   if (!itinerary.empty() && itinerary.front().variant == 0 && !plan.under_floor) return;
-  peer.want(now, rate_wanted(qos, best_bytes));
+  peer.want(now, plan::rate_wanted(qos, best_bytes));
 }
 
 std::uint32_t to_us(Duration d) {
@@ -86,7 +86,7 @@ std::uint32_t to_us(Duration d) {
 }
 
 template <class Header>
-AllDispatched dispatch(TimePoint now, Peer& peer, Header header, const Itinerary& itinerary,
+AllDispatched dispatch(TimePoint now, peers::Peer& peer, Header header, const Itinerary& itinerary,
                        const flow::Sender::Times& times, const flow::PathSet& repairs,
                        Variants& variants) {
   constexpr wire::MessageKind kKind = kind_of(Header{});
@@ -112,9 +112,9 @@ AllDispatched dispatch(TimePoint now, Peer& peer, Header header, const Itinerary
   return out;
 }
 
-template AllDispatched dispatch(TimePoint, Peer&, wire::PlainHeader, const Itinerary&,
+template AllDispatched dispatch(TimePoint, peers::Peer&, wire::PlainHeader, const Itinerary&,
                                 const flow::Sender::Times&, const flow::PathSet&, Variants&);
-template AllDispatched dispatch(TimePoint, Peer&, wire::RoundHeader, const Itinerary&,
+template AllDispatched dispatch(TimePoint, peers::Peer&, wire::RoundHeader, const Itinerary&,
                                 const flow::Sender::Times&, const flow::PathSet&, Variants&);
 
-}  // namespace interneuron
+}  // namespace interneuron::dispatch

@@ -17,7 +17,7 @@
 #include "interneuron/message.h"
 #include "interneuron/policy.h"
 
-namespace interneuron {
+namespace interneuron::dispatch {
 
 // The links that one variant of a message takes, by role. A plain value.
 struct Carriers {
@@ -66,7 +66,7 @@ flow::PathSet allowed_of(const Policy& policy, std::span<const LinkState> links)
 
 // The peer's paths are measured for more than they are known to bring where a plan withholds the
 // best variant, or is under its floor.
-void seek_rate(TimePoint now, Peer& peer, const Plan& plan, const Itinerary& itinerary,
+void seek_rate(TimePoint now, peers::Peer& peer, const Plan& plan, const Itinerary& itinerary,
                const QoS& qos, std::size_t best_bytes);
 
 // A deadline or period as headers tell it, in microseconds. It is rounded up, so that what is in
@@ -85,8 +85,8 @@ using AllDispatched = Few<Dispatched, kMaxVariants>;
 // message; dispatch() writes into it what differs from variant to variant. `repairs`: the links
 // that may carry again what is lost (allowed_of()).
 template <class Header>
-AllDispatched dispatch(TimePoint now, Peer& peer, Header header, const Itinerary& itinerary,
+AllDispatched dispatch(TimePoint now, peers::Peer& peer, Header header, const Itinerary& itinerary,
                        const flow::Sender::Times& times, const flow::PathSet& repairs,
                        Variants& variants);
 
-}  // namespace interneuron
+}  // namespace interneuron::dispatch

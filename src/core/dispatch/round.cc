@@ -4,7 +4,7 @@
 
 #include "core/dispatch/dispatch.h"
 
-namespace interneuron {
+namespace interneuron::dispatch {
 namespace {
 
 std::optional<std::uint8_t> used(std::uint8_t told) {
@@ -111,4 +111,4 @@ void Round::note_computed(Duration took) {
   computed += took;
 }
 
-}  // namespace interneuron
+}  // namespace interneuron::dispatch

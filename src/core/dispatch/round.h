@@ -10,7 +10,7 @@
 #include "interneuron/message.h"
 #include "interneuron/round.h"
 
-namespace interneuron {
+namespace interneuron::dispatch {
 
 // What every message of a round tells of it, in the terms of guards and policies. A node keeps one
 // while it has a message of the round or works on it, and tells the next node the same, with what
@@ -70,4 +70,4 @@ wire::RoundHeader header_of(const Round& round);
 // which several stages end, decide by the same numbers as everybody else.
 inline Round as_told(const Round& round) { return round_of(header_of(round)); }
 
-}  // namespace interneuron
+}  // namespace interneuron::dispatch

@@ -7,15 +7,15 @@
 #include "core/dispatch/arrival_forecast.h"
 #include "interneuron/sizes.h"
 
-namespace interneuron {
+namespace interneuron::dispatch {
 
 namespace {
 
 // Whether so many bytes that are sent over this link now, behind `ahead` others, are sure to be
 // late. Over a path that is loaded the sender knows that better, by what is in flight and by the
 // share that it may come to soon: what it would send must not be refused.
-bool is_hopeless(const Peer& peer, const LinkState& link, std::size_t ahead, std::size_t bytes,
-                 Duration deadline) {
+bool is_hopeless(const peers::Peer& peer, const LinkState& link, std::size_t ahead,
+                 std::size_t bytes, Duration deadline) {
   const auto least = peer.sender().least_time(link.id, wire_size(ahead) + wire_size(bytes));
   return least ? *least > deadline
                : cannot_arrive(link, arrival_forecast(link, ahead, bytes), deadline);
@@ -40,7 +40,7 @@ std::array<std::size_t, kMaxLinks> parts_of(const Carriers& c, std::span<const L
 // Takes the variants of a plan, from the best on, and leaves out the links that bring one too late.
 struct Sieve {
   TimePoint now{};
-  const Peer& peer;
+  const peers::Peer& peer;
   std::span<const LinkState> links;
   std::span<const std::size_t> sizes;
   const SendOptions& options;
@@ -122,7 +122,7 @@ void add_stand_bys(Itinerary& kept, const Itinerary& planned, std::size_t varian
 
 }  // namespace
 
-Routes routes_of(TimePoint now, const Peer& peer, const Itinerary& planned,
+Routes routes_of(TimePoint now, const peers::Peer& peer, const Itinerary& planned,
                  std::span<const LinkState> links, std::span<const std::size_t> sizes,
                  const SendOptions& options) {
   Sieve sieve{now, peer, links, sizes, options};
@@ -141,4 +141,4 @@ Routes routes_of(TimePoint now, const Peer& peer, const Itinerary& planned,
   return out;
 }
 
-}  // namespace interneuron
+}  // namespace interneuron::dispatch

@@ -11,7 +11,7 @@
 #include "interneuron/link.h"
 #include "interneuron/send.h"
 
-namespace interneuron {
+namespace interneuron::dispatch {
 
 // What is left of a plan when the transmissions are taken out that cannot arrive. Plain values.
 struct Routes {
@@ -38,8 +38,8 @@ struct Routes {
 //
 // Smaller variants stand by for the last one that sets out: those that the plan has stand by over
 // links of their own, and all of them where it has one link, which may give it up.
-Routes routes_of(TimePoint now, const Peer& peer, const Itinerary& planned,
+Routes routes_of(TimePoint now, const peers::Peer& peer, const Itinerary& planned,
                  std::span<const LinkState> links, std::span<const std::size_t> sizes,
                  const SendOptions& options);
 
-}  // namespace interneuron
+}  // namespace interneuron::dispatch

@@ -82,9 +82,9 @@ class Endpoint::Impl {
     return now;
   }
 
-  Peers& peers() { return peers_; }
-  Rounds& rounds() { return rounds_; }
-  Messages& messages() { return messages_; }
+  peers::Peers& peers() { return peers_; }
+  rounds::Rounds& rounds() { return rounds_; }
+  messages::Messages& messages() { return messages_; }
   const OwnTime& time() const { return time_; }
 
   void remove_link(TimePoint now, LinkId link) {
@@ -97,7 +97,7 @@ class Endpoint::Impl {
     // What was due before this instant is done before; what is due at it is done after, because
     // arrivals come first. Of several datagrams that come at once only the first finds something.
     if (ran_to_ < now - Duration{1}) run_timers(now - Duration{1});
-    Peers::Received received = peers_.receive(now, datagram);
+    peers::Peers::Received received = peers_.receive(now, datagram);
     tell_lost();
     while (const auto key = peers_.gate().poll_shared_key()) events_.emplace_back(KeyShared{*key});
     if (received.other_version && now >= tell_version_at_) {
@@ -164,7 +164,7 @@ class Endpoint::Impl {
     ran_to_ = now;
     rounds_.expire(now);
     messages_.expire(now);
-    Peers::Expired expired = peers_.handle_timeout(now);
+    peers::Peers::Expired expired = peers_.handle_timeout(now);
     messages_expired_ += expired.messages;
     for (PathChanged& change : expired.changes) events_.emplace_back(std::move(change));
     tell_lost();
@@ -178,7 +178,7 @@ class Endpoint::Impl {
     }
   }
 
-  void react(TimePoint now, Peer& peer, Peer::Outcome& outcome) {
+  void react(TimePoint now, peers::Peer& peer, peers::Peer::Outcome& outcome) {
     const PeerId id = peer.identity().id;
     if (outcome.became_ready) events_.emplace_back(PeerReady{id});
     if (outcome.clock_stepped) rounds_.forget_clock(id);
@@ -202,16 +202,16 @@ class Endpoint::Impl {
     tell_lost();
   }
 
-  void tell_limited(Peer& peer) {
+  void tell_limited(peers::Peer& peer) {
     const auto limit = peer.intake().take_limited();
     if (limit) events_.emplace_back(PeerLimited{peer.identity().id, *limit});
   }
 
   std::deque<Event> events_;
-  Peers peers_;
-  PolicyRegistry policies_;
-  Rounds rounds_;
-  Messages messages_;
+  peers::Peers peers_;
+  plan::PolicyRegistry policies_;
+  rounds::Rounds rounds_;
+  messages::Messages messages_;
   OwnTime time_;
   // What was due until then has been done.
   TimePoint ran_to_ = TimePoint::min();

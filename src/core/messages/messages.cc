@@ -8,7 +8,7 @@
 #include "core/plan/plan_message.h"
 #include "core/wire/plain_header.h"
 
-namespace interneuron {
+namespace interneuron::messages {
 namespace {
 
 // How long beyond a round trip after the deadline a fate is waited for (send.h). Feedback comes
@@ -45,7 +45,7 @@ QoS qos_of(const SendOptions& options) {
 
 // What the chances of a message are judged by.
 Outlook outlook_of(PeerId to, const SendOptions& options, std::size_t bytes,
-                   std::span<const LinkState> links, const Routes& routes) {
+                   std::span<const LinkState> links, const dispatch::Routes& routes) {
   Outlook outlook{.peer = to, .deadline = options.deadline, .bytes = bytes};
   if (routes.first) {
     const LinkState& link = *std::ranges::find(links, routes.first->link, &LinkState::id);
@@ -62,9 +62,9 @@ Outlook outlook_of(PeerId to, const SendOptions& options, std::size_t bytes,
 
 // For how long beyond the deadline the peer's word of a message may take: the longest round trip of
 // the links that it sets out over.
-Duration round_trip(const Itinerary& itinerary, std::span<const LinkState> links) {
+Duration round_trip(const dispatch::Itinerary& itinerary, std::span<const LinkState> links) {
   Duration longest{};
-  for (const Carriers& c : itinerary) {
+  for (const dispatch::Carriers& c : itinerary) {
     for (const LinkId id : c.links) {
       longest = std::max(longest, std::ranges::find(links, id, &LinkState::id)->rtt_p50);
     }
@@ -74,7 +74,8 @@ Duration round_trip(const Itinerary& itinerary, std::span<const LinkState> links
 
 }  // namespace
 
-Messages::Messages(const PolicyRegistry& policies, Peers& peers, std::deque<Event>& events)
+Messages::Messages(const plan::PolicyRegistry& policies, peers::Peers& peers,
+                   std::deque<Event>& events)
     : policies_(policies), peers_(peers), events_(events) {}
 
 // --- sending
@@ -87,11 +88,11 @@ SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const Sen
     throw std::invalid_argument("send: policy '" + options.policy + "' is not registered");
   }
   if (const auto wrong = fault(variants, options)) return {*wrong};
-  Peer* peer = peers_.access(now, to);
+  peers::Peer* peer = peers_.access(now, to);
   if (peer == nullptr) return {SendStatus::kNoPeer};
-  const Sizes sizes = sizes_of(variants);
+  const dispatch::Sizes sizes = dispatch::sizes_of(variants);
   const Links links = peer->links(now);
-  Routes routes;
+  dispatch::Routes routes;
   SendResult result = plan(now, *peer, *policy, links, sizes, options, routes);
   const auto may_change = {SendStatus::kNoLink, SendStatus::kCannotArrive, SendStatus::kOverBudget};
   if (std::ranges::find(may_change, result.status) != may_change.end()) {
@@ -111,7 +112,7 @@ SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const Sen
   const Duration deadline = options.deadline;
   wire::PlainHeader header;
   header.id = next_id(now, *peer);
-  header.deadline_us = to_us(deadline);
+  header.deadline_us = dispatch::to_us(deadline);
   header.t0 = as_wire(now);
   header.channel = options.channel;
   header.importance = options.importance;
@@ -122,11 +123,12 @@ SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const Sen
                             .t0 = now,
                             .deadline = now + deadline,
                             .ends = now + deadline + kGrace + round_trip(routes.itinerary, links),
-                            .wanted = rate_wanted(qos_of(options), sizes.front())};
+                            .wanted = plan::rate_wanted(qos_of(options), sizes.front())};
   const flow::Sender::Times times{
       .deadline = entry.deadline, .lifetime = deadline, .importance = options.importance};
-  for (const Dispatched& d : dispatch(now, *peer, header, routes.itinerary, times,
-                                      allowed_of(*policy, links), variants)) {
+  for (const dispatch::Dispatched& d :
+       dispatch::dispatch(now, *peer, header, routes.itinerary, times,
+                          dispatch::allowed_of(*policy, links), variants)) {
     entry.variants.push_back({d.message, d.variant});
   }
   result.id = sent_.add(entry);
@@ -138,7 +140,7 @@ SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const Sen
 // The peer may remember identifiers of this session from before it was forgotten here, and would
 // take smaller ones for old: so they begin at the milliseconds of our life so far, and more than
 // that are not sent to one peer on average.
-std::uint32_t Messages::next_id(TimePoint now, const Peer& peer) {
+std::uint32_t Messages::next_id(TimePoint now, const peers::Peer& peer) {
   const Duration life = now - peer.identity().started;
   const auto begin = std::chrono::floor<std::chrono::milliseconds>(life).count();
   return next_ids_.try_emplace(peer.identity().id, static_cast<std::uint32_t>(begin))
@@ -146,23 +148,24 @@ std::uint32_t Messages::next_id(TimePoint now, const Peer& peer) {
 }
 
 // Whether the message may be sent, and by which routes.
-SendResult Messages::plan(TimePoint now, Peer& peer, const Policy& policy, const Links& links,
-                          std::span<const std::size_t> sizes, const SendOptions& options,
-                          Routes& routes) const {
+SendResult Messages::plan(TimePoint now, peers::Peer& peer, const Policy& policy,
+                          const Links& links, std::span<const std::size_t> sizes,
+                          const SendOptions& options, dispatch::Routes& routes) const {
   if (std::ranges::none_of(links, &LinkState::up)) return {SendStatus::kNoLink};
   const QoS qos = qos_of(options);
-  const Plan plan = plan_message(policy, {qos, sizes}, links, {.time_left = options.deadline});
-  const Itinerary planned(plan);
-  seek_rate(now, peer, plan, planned, qos, sizes.front());
+  const Plan plan =
+      plan::plan_message(policy, {qos, sizes}, links, {.time_left = options.deadline});
+  const dispatch::Itinerary planned(plan);
+  dispatch::seek_rate(now, peer, plan, planned, qos, sizes.front());
   if (planned.empty()) {
     const bool allowed = std::ranges::any_of(
         links, [&policy](const LinkState& l) { return l.up && policy.allows(l); });
     return {.status = allowed ? SendStatus::kPolicyRefuses : SendStatus::kLinkRestricted,
             .reason = plan.refused};
   }
-  routes = routes_of(now, peer, planned, links, sizes, options);
+  routes = dispatch::routes_of(now, peer, planned, links, sizes, options);
   if (routes.itinerary.empty()) {
-    peer.want(now, rate_wanted(qos, sizes.front()));
+    peer.want(now, plan::rate_wanted(qos, sizes.front()));
     return {.status = SendStatus::kCannotArrive, .expected = routes.expected};
   }
   const std::size_t bytes = routes.itinerary.bytes(sizes, wire::MessageKind::kPlain);
@@ -174,7 +177,7 @@ SendResult Messages::plan(TimePoint now, Peer& peer, const Policy& policy, const
 
 // A newer message of the channel is about to be sent: what has not left of the others need not.
 void Messages::supersede(TimePoint now, PeerId to, std::uint16_t channel) {
-  Peer* peer = peers_.access(now, to);
+  peers::Peer* peer = peers_.access(now, to);
   for (const SendId id : sent_.to(to)) {
     const SentMessages::Entry& entry = *sent_.find(id);
     if (!entry.newest_only || entry.channel != channel) continue;
@@ -190,12 +193,12 @@ void Messages::supersede(TimePoint now, PeerId to, std::uint16_t channel) {
 bool Messages::cancel(TimePoint now, SendId id) {
   const SentMessages::Entry* entry = sent_.find(id);
   if (entry == nullptr) return false;
-  if (Peer* peer = peers_.access(now, entry->peer)) stop(*peer, *entry);
+  if (peers::Peer* peer = peers_.access(now, entry->peer)) stop(*peer, *entry);
   report(sent_.end(id, Fate::kDropped, FateReason::kCancelled));
   return true;
 }
 
-void Messages::stop(Peer& peer, const SentMessages::Entry& entry) {
+void Messages::stop(peers::Peer& peer, const SentMessages::Entry& entry) {
   for (const SentMessages::Variant& v : entry.variants) peer.sender().cancel(v.message);
 }
 
@@ -212,9 +215,9 @@ void Messages::wait(const Waiting& channel) {
 
 // By the same decision as send().
 bool Messages::would_accept(TimePoint now, const Waiting& waiting) {
-  Peer* peer = peers_.access(now, waiting.peer);
+  peers::Peer* peer = peers_.access(now, waiting.peer);
   if (peer == nullptr) return false;
-  Routes routes;
+  dispatch::Routes routes;
   const Policy& policy = *policies_.find(waiting.options.policy);
   return plan(now, *peer, policy, peer->links(now), waiting.sizes, waiting.options, routes)
       .accepted();
@@ -222,7 +225,8 @@ bool Messages::would_accept(TimePoint now, const Waiting& waiting) {
 
 // --- receiving
 
-void Messages::complete(TimePoint now, Peer& peer, MessageId message, wire::MessageBytes bytes) {
+void Messages::complete(TimePoint now, peers::Peer& peer, MessageId message,
+                        wire::MessageBytes bytes) {
   const auto header = wire::parse_plain_header(bytes.header_view());
   if (!header || bytes.payload.empty()) {
     ++counters_.bad_messages;
@@ -258,15 +262,15 @@ void Messages::complete(TimePoint now, Peer& peer, MessageId message, wire::Mess
 
 // --- fates
 
-void Messages::collect(TimePoint now, Peer& peer) {
+void Messages::collect(TimePoint now, peers::Peer& peer) {
   while (const auto settled = peer.poll_settled()) settle(now, peer, *settled);
 }
 
-void Messages::settle(TimePoint now, Peer& peer, const Settled& settled) {
+void Messages::settle(TimePoint now, peers::Peer& peer, const peers::Settled& settled) {
   const PeerId id = peer.identity().id;
   const SentMessages::Entry* entry = sent_.find(id, settled.message);
   if (entry == nullptr) return;
-  using Kind = Settled::Kind;
+  using Kind = peers::Settled::Kind;
   // Without the peer's clock it may have been complete at any time since it left.
   SentMessages::When when{now - entry->t0, now - entry->t0};
   const auto clock = peer.clock(now);
@@ -314,7 +318,7 @@ void Messages::expire(TimePoint now) {
   if (collect_at_ && *collect_at_ <= now) {
     sent_.peers(asked_);
     for (const PeerId id : asked_) {
-      if (Peer* peer = peers_.access(now, id)) collect(now, *peer);
+      if (peers::Peer* peer = peers_.access(now, id)) collect(now, *peer);
     }
     collect_at_ = now + kRecheck;
   }
@@ -345,4 +349,4 @@ void Messages::forget(PeerId peer) {
   forecasts_.forget(peer);
 }
 
-}  // namespace interneuron
+}  // namespace interneuron::messages

@@ -21,12 +21,12 @@
 #include "core/plan/policies.h"
 #include "interneuron/endpoint.h"
 
-namespace interneuron {
+namespace interneuron::messages {
 
 class Messages {
  public:
   // What happens is appended to `events`; it, `policies` and `peers` must outlive this.
-  Messages(const PolicyRegistry& policies, Peers& peers, std::deque<Event>& events);
+  Messages(const plan::PolicyRegistry& policies, peers::Peers& peers, std::deque<Event>& events);
 
   // The commands of Endpoint, in its own time. Throws std::invalid_argument when there is no such
   // policy.
@@ -34,9 +34,9 @@ class Messages {
   bool cancel(TimePoint now, SendId id);
 
   // A message of this peer is complete.
-  void complete(TimePoint now, Peer& peer, MessageId message, wire::MessageBytes bytes);
+  void complete(TimePoint now, peers::Peer& peer, MessageId message, wire::MessageBytes bytes);
   // Takes in what this peer, or the sender to it, has to say of messages.
-  void collect(TimePoint now, Peer& peer);
+  void collect(TimePoint now, peers::Peer& peer);
   // What is due at or before `now`.
   void expire(TimePoint now);
   std::optional<TimePoint> next_timeout() const;
@@ -50,7 +50,7 @@ class Messages {
   // The channel of a message that was refused, which `options` name.
   struct Waiting {
     PeerId peer{};
-    Sizes sizes;
+    dispatch::Sizes sizes;
     SendOptions options;
     TimePoint since{};
   };
@@ -58,19 +58,19 @@ class Messages {
   // to bound what is looked at every kRecheck.
   static constexpr std::size_t kMaxWaiting = 64;
 
-  std::uint32_t next_id(TimePoint now, const Peer& peer);
-  SendResult plan(TimePoint now, Peer& peer, const Policy& policy, const Links& links,
+  std::uint32_t next_id(TimePoint now, const peers::Peer& peer);
+  SendResult plan(TimePoint now, peers::Peer& peer, const Policy& policy, const Links& links,
                   std::span<const std::size_t> sizes, const SendOptions& options,
-                  Routes& routes) const;
+                  dispatch::Routes& routes) const;
   void supersede(TimePoint now, PeerId peer, std::uint16_t channel);
   void wait(const Waiting& channel);
   bool would_accept(TimePoint now, const Waiting& waiting);
-  void settle(TimePoint now, Peer& peer, const Settled& settled);
+  void settle(TimePoint now, peers::Peer& peer, const peers::Settled& settled);
   void report(std::optional<MessageFate> fate);
-  void stop(Peer& peer, const SentMessages::Entry& entry);
+  void stop(peers::Peer& peer, const SentMessages::Entry& entry);
 
-  const PolicyRegistry& policies_;
-  Peers& peers_;
+  const plan::PolicyRegistry& policies_;
+  peers::Peers& peers_;
   std::deque<Event>& events_;
   SentMessages sent_;
   ReceivedMessages received_;
@@ -87,4 +87,4 @@ class Messages {
   EndpointCounters counters_;
 };
 
-}  // namespace interneuron
+}  // namespace interneuron::messages

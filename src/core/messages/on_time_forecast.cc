@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace interneuron {
+namespace interneuron::messages {
 namespace {
 
 // The weights of the law: log-odds for each unit of a factor. Source: a logistic regression over
@@ -174,4 +174,4 @@ void OnTimeForecasts::learn(Record& record, const UnderWay& message, const Messa
       std::clamp(record.drift + kStep * (on_time - message.predicted), -kMostDrift, kMostDrift);
 }
 
-}  // namespace interneuron
+}  // namespace interneuron::messages

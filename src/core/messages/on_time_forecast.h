@@ -10,7 +10,7 @@
 #include "interneuron/send.h"
 #include "interneuron/units.h"
 
-namespace interneuron {
+namespace interneuron::messages {
 
 // What is known of a message when send() is called, as far as its chances depend on it. Plain
 // values.
@@ -88,4 +88,4 @@ class OnTimeForecasts {
   std::map<SendId, UnderWay> under_way_;
 };
 
-}  // namespace interneuron
+}  // namespace interneuron::messages

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-namespace interneuron {
+namespace interneuron::messages {
 namespace {
 
 // How far `a` is ahead of `b`, negative if behind: identifiers wrap.
@@ -47,4 +47,4 @@ ReceivedMessages::Verdict ReceivedMessages::judge(PeerId peer, const wire::Plain
   return Verdict::kDeliver;
 }
 
-}  // namespace interneuron
+}  // namespace interneuron::messages

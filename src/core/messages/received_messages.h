@@ -9,7 +9,7 @@
 #include "core/wire/plain_header.h"
 #include "interneuron/units.h"
 
-namespace interneuron {
+namespace interneuron::messages {
 
 // Judges complete messages by their headers. Messages (src/core/messages/messages.h) owns one and
 // feeds it every complete plain message.
@@ -70,4 +70,4 @@ class ReceivedMessages {
   std::map<PeerId, Seen> peers_;
 };
 
-}  // namespace interneuron
+}  // namespace interneuron::messages

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cassert>
 
-namespace interneuron {
+namespace interneuron::messages {
 
 SendId SentMessages::add(const Entry& entry) {
   const SendId id = next_;
@@ -131,4 +131,4 @@ void SentMessages::peers(std::vector<PeerId>& out) const {
   for (const auto& [peer, messages] : peers_) out.push_back(peer);
 }
 
-}  // namespace interneuron
+}  // namespace interneuron::messages

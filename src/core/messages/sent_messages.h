@@ -13,7 +13,7 @@
 #include "interneuron/few.h"
 #include "interneuron/send.h"
 
-namespace interneuron {
+namespace interneuron::messages {
 
 // Keeps the books: every message that add() takes leaves by exactly one MessageFate. Messages
 // (src/core/messages/messages.h) owns one, and tells it what peers and the own sender say.
@@ -117,4 +117,4 @@ class SentMessages {
   SendId next_{1};
 };
 
-}  // namespace interneuron
+}  // namespace interneuron::messages

@@ -8,7 +8,7 @@
 
 #include "core/wire/bytes.h"
 
-namespace interneuron {
+namespace interneuron::peers {
 namespace {
 
 static_assert(crypto_shorthash_siphashx24_BYTES == wire::kTokenBytes);
@@ -120,4 +120,4 @@ std::optional<AddressValidation::Leaving> AddressValidation::poll(std::span<std:
   return out;
 }
 
-}  // namespace interneuron
+}  // namespace interneuron::peers

@@ -24,7 +24,7 @@
 #include "core/wire/packet.h"
 #include "interneuron/endpoint.h"
 
-namespace interneuron {
+namespace interneuron::peers {
 
 class AddressValidation {
  public:
@@ -86,4 +86,4 @@ Network network_of(const Address& address);
 // All of the address but its port.
 Network host_of(const Address& address);
 
-}  // namespace interneuron
+}  // namespace interneuron::peers

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-namespace interneuron {
+namespace interneuron::peers {
 namespace {
 
 // Spreads a seed over 64 bits; the next value of SplitMix64 ("Fast Splittable Pseudorandom Number
@@ -51,4 +51,4 @@ void Directory::retire(SessionId session) {
   retired_order_.pop_front();
 }
 
-}  // namespace interneuron
+}  // namespace interneuron::peers

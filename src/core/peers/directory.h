@@ -21,7 +21,7 @@
 #include "interneuron/address.h"
 #include "interneuron/units.h"
 
-namespace interneuron {
+namespace interneuron::peers {
 
 class Directory {
  public:
@@ -77,4 +77,4 @@ class Directory {
   std::deque<SessionId> retired_order_;
 };
 
-}  // namespace interneuron
+}  // namespace interneuron::peers

@@ -7,7 +7,7 @@
 
 #include "interneuron/time.h"
 
-namespace interneuron {
+namespace interneuron::peers {
 
 // Told of every packet that asks for feedback, and of every feedback that tells of all paths, by
 // the Peer that owns it. Feedback that may not leave stays due: the Peer says sent() only once it
@@ -70,4 +70,4 @@ class FeedbackDue {
   TimePoint sent_at_;
 };
 
-}  // namespace interneuron
+}  // namespace interneuron::peers

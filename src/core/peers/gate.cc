@@ -3,7 +3,7 @@
 #include <cassert>
 #include <stdexcept>
 
-namespace interneuron {
+namespace interneuron::peers {
 
 Gate::Gate(const Options& options)
     : accept_(options.accept), reflector_(options.self), validation_(options.self, options.secret) {
@@ -54,7 +54,7 @@ bool Gate::is_token(TimePoint now, const wire::Packet& packet, const Datagram& d
 
 bool Gate::reflect(TimePoint now, const wire::Packet& packet, const Datagram& datagram) {
   if (!accept_) return false;
-  const EchoReflector::Asker asker{
+  const probe::EchoReflector::Asker asker{
       validation_.proves(now, packet.header, datagram, packet.echo.token),
       validation_.token(now, packet.header, datagram)};
   return reflector_.take(now, packet, datagram, asker);
@@ -122,4 +122,4 @@ void Gate::handle_timeout(TimePoint now, Slot slot, bool is_out_of_reach) {
   sessions_->handle_timeout(now, slot);
 }
 
-}  // namespace interneuron
+}  // namespace interneuron::peers

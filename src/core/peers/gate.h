@@ -23,7 +23,7 @@
 #include "core/wire/packet.h"
 #include "interneuron/endpoint.h"
 
-namespace interneuron {
+namespace interneuron::peers {
 
 class Gate {
  public:
@@ -157,7 +157,7 @@ class Gate {
   std::optional<TransmitParts> poll_handshake(TimePoint now, std::span<std::byte> buffer);
 
   bool accept_ = false;
-  EchoReflector reflector_;
+  probe::EchoReflector reflector_;
   AddressValidation validation_;
   // Where packets are encrypted.
   std::optional<crypto::Sessions> sessions_;
@@ -165,4 +165,4 @@ class Gate {
   std::array<std::byte, kMaxDatagramBytes> opened_;
 };
 
-}  // namespace interneuron
+}  // namespace interneuron::peers

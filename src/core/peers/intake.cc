@@ -5,7 +5,7 @@
 #include "core/base/earliest.h"
 #include "core/wire/plain_header.h"
 
-namespace interneuron {
+namespace interneuron::peers {
 namespace {
 
 // How far apart limits that strike one peer are told of. No measurement behind this value: it only
@@ -135,4 +135,4 @@ PeerLedger Intake::ledger() const {
   return out;
 }
 
-}  // namespace interneuron
+}  // namespace interneuron::peers

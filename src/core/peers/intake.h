@@ -18,7 +18,7 @@
 #include "core/wire/packet.h"
 #include "interneuron/endpoint.h"
 
-namespace interneuron {
+namespace interneuron::peers {
 
 // What has become of a packet of a peer's, or of a piece that was computed.
 struct PacketOutcome {
@@ -99,4 +99,4 @@ class Intake {
   bool is_known_ = false;
 };
 
-}  // namespace interneuron
+}  // namespace interneuron::peers

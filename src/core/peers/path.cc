@@ -5,7 +5,7 @@
 
 #include "core/base/earliest.h"
 
-namespace interneuron {
+namespace interneuron::peers {
 namespace {
 
 // Challenges of a peer whose address has changed are this far apart: as far as the packets of its
@@ -304,4 +304,4 @@ LinkState Path::state(TimePoint now) const {
   return state;
 }
 
-}  // namespace interneuron
+}  // namespace interneuron::peers

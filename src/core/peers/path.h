@@ -26,7 +26,7 @@
 #include "core/wire/packet.h"
 #include "interneuron/endpoint.h"
 
-namespace interneuron {
+namespace interneuron::peers {
 
 class Path {
  public:
@@ -146,4 +146,4 @@ class Path {
   std::uint64_t train_newest_ = 0;
 };
 
-}  // namespace interneuron
+}  // namespace interneuron::peers

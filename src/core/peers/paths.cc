@@ -5,7 +5,7 @@
 
 #include "core/link/nature.h"
 
-namespace interneuron {
+namespace interneuron::peers {
 
 Path* Paths::find(LinkId path) {
   const auto it = std::ranges::find(paths_, path, &Path::id);
@@ -94,4 +94,4 @@ Links Paths::states(TimePoint now, bool encrypted) const {
   return out;
 }
 
-}  // namespace interneuron
+}  // namespace interneuron::peers

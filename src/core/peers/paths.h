@@ -13,7 +13,7 @@
 
 #include "core/peers/path.h"
 
-namespace interneuron {
+namespace interneuron::peers {
 
 class Paths {
  public:
@@ -76,4 +76,4 @@ class Paths {
   std::deque<PathChanged> changes_;
 };
 
-}  // namespace interneuron
+}  // namespace interneuron::peers

@@ -4,7 +4,7 @@
 
 #include "core/base/earliest.h"
 
-namespace interneuron {
+namespace interneuron::peers {
 namespace {
 
 // What only time changes is looked at again after this long and not for every packet, because it
@@ -292,4 +292,4 @@ Peer::Repairs Peer::repairs(LinkId nic) const {
   return sum;
 }
 
-}  // namespace interneuron
+}  // namespace interneuron::peers

@@ -21,7 +21,7 @@
 #include "core/wire/packet.h"
 #include "interneuron/endpoint.h"
 
-namespace interneuron {
+namespace interneuron::peers {
 
 class Peer {
  public:
@@ -171,4 +171,4 @@ class Peer {
   Settlements settlements_;
 };
 
-}  // namespace interneuron
+}  // namespace interneuron::peers

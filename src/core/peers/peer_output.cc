@@ -4,7 +4,7 @@
 
 #include "core/peers/peer.h"
 
-namespace interneuron {
+namespace interneuron::peers {
 
 wire::PacketHeader Peer::header(TimePoint now, const Path& path, wire::PacketType type,
                                 std::uint64_t number) const {
@@ -120,4 +120,4 @@ MessageId Peer::send(TimePoint now, const flow::Sender::Times& times, wire::Mess
   return sender_.send(now, times, std::move(message), over_, repairs, kind, protection);
 }
 
-}  // namespace interneuron
+}  // namespace interneuron::peers

@@ -7,7 +7,7 @@
 
 #include "core/peers/address_validation.h"
 
-namespace interneuron {
+namespace interneuron::peers {
 
 PeerEntry& PeerTable::add(Peer::Identity identity, TimePoint now) {
   if (free_.empty()) {
@@ -144,4 +144,4 @@ PeerEntry* PeerTable::makes_room(TimePoint now, const Address& from) {
   return best ? best->second : nullptr;
 }
 
-}  // namespace interneuron
+}  // namespace interneuron::peers

@@ -17,7 +17,7 @@
 #include "core/peers/directory.h"
 #include "core/peers/peer.h"
 
-namespace interneuron {
+namespace interneuron::peers {
 
 // An unannounced peer that was silent for this long is forgotten; its reference times are forgotten
 // after the same time (docs/paper.md, "Clock steps").
@@ -107,4 +107,4 @@ class PeerTable {
   std::uint32_t next_ = 1;
 };
 
-}  // namespace interneuron
+}  // namespace interneuron::peers

@@ -6,7 +6,7 @@
 
 #include "core/base/earliest.h"
 
-namespace interneuron {
+namespace interneuron::peers {
 namespace {
 
 // A list of revocations is worth its bytes for so long; it may take some of a slow link's time.
@@ -346,4 +346,4 @@ std::uint64_t Peers::cancelled() const {
   return sum;
 }
 
-}  // namespace interneuron
+}  // namespace interneuron::peers

@@ -35,7 +35,7 @@
 #include "core/peers/turns.h"
 #include "interneuron/endpoint.h"
 
-namespace interneuron {
+namespace interneuron::peers {
 
 class Peers {
  public:
@@ -197,4 +197,4 @@ class Peers {
   std::deque<Lost> lost_;
 };
 
-}  // namespace interneuron
+}  // namespace interneuron::peers

@@ -5,7 +5,7 @@
 // (AddressValidation). A packet that was sealed tells it by its keys.
 #include "core/peers/peers.h"
 
-namespace interneuron {
+namespace interneuron::peers {
 namespace {
 
 void count_strange(const Datagram& datagram, LinkCounters& counters, Peers::Received& out) {
@@ -210,4 +210,4 @@ Peers::Entry* Peers::accept(TimePoint now, const wire::PacketHeader& header,
   return &entry;
 }
 
-}  // namespace interneuron
+}  // namespace interneuron::peers

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-namespace interneuron {
+namespace interneuron::peers {
 
 void Settlements::learn(const wire::Feedback& feedback) {
   if (!open_) return;
@@ -30,4 +30,4 @@ std::optional<Settled> Settlements::poll() {
   return settled;
 }
 
-}  // namespace interneuron
+}  // namespace interneuron::peers

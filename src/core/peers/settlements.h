@@ -8,7 +8,7 @@
 #include "interneuron/time.h"
 #include "interneuron/units.h"
 
-namespace interneuron {
+namespace interneuron::peers {
 
 struct Settled {
   enum class Kind : std::uint8_t {
@@ -50,4 +50,4 @@ class Settlements {
   Ring<Settled> settled_;
 };
 
-}  // namespace interneuron
+}  // namespace interneuron::peers

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-namespace interneuron {
+namespace interneuron::peers {
 namespace {
 
 void erase(Ring<Turns::Slot>& ring, Turns::Slot peer) {
@@ -90,4 +90,4 @@ void Turns::forget(Slot peer) {
   }
 }
 
-}  // namespace interneuron
+}  // namespace interneuron::peers

@@ -22,7 +22,7 @@
 #include "interneuron/sizes.h"
 #include "interneuron/units.h"
 
-namespace interneuron {
+namespace interneuron::peers {
 
 class Turns {
  public:
@@ -78,4 +78,4 @@ class Turns {
   std::size_t turn_ = 0;
 };
 
-}  // namespace interneuron
+}  // namespace interneuron::peers

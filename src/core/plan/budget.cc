@@ -5,7 +5,7 @@
 #include "core/base/earliest.h"
 #include "interneuron/sizes.h"
 
-namespace interneuron {
+namespace interneuron::plan {
 Duration compute_budget(Duration deadline, std::span<const LinkState> links,
                         std::size_t best_variant_bytes, std::size_t result_bytes) {
   Duration best = Duration::max();
@@ -62,4 +62,4 @@ std::array<std::optional<Duration>, kMaxVariants> forecast_answers(
   return out;
 }
 
-}  // namespace interneuron
+}  // namespace interneuron::plan

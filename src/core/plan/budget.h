@@ -8,7 +8,7 @@
 
 #include "interneuron/policy.h"
 
-namespace interneuron {
+namespace interneuron::plan {
 
 // The part of the deadline that stays unplanned, for the turns of both event loops and for a run
 // that is slower than usual. No measurement behind this value: it only has to be larger than a turn
@@ -35,4 +35,4 @@ Duration soonest_way(std::span<const LinkState> links);
 std::array<std::optional<Duration>, kMaxVariants> forecast_answers(
     const Plan& plan, const Offer& offer, std::span<const LinkState> links);
 
-}  // namespace interneuron
+}  // namespace interneuron::plan

@@ -4,7 +4,7 @@
 
 #include "interneuron/sizes.h"
 
-namespace interneuron {
+namespace interneuron::plan {
 namespace {
 
 bool is_small_result(const Offer& offer) {
@@ -129,4 +129,4 @@ DataRate rate_wanted(const QoS& qos, std::size_t bytes) {
   return std::max(rate_floor(qos, bytes), rate_of(wire_size(bytes), qos.deadline / 2));
 }
 
-}  // namespace interneuron
+}  // namespace interneuron::plan

@@ -6,7 +6,7 @@
 
 #include "interneuron/policy.h"
 
-namespace interneuron {
+namespace interneuron::plan {
 
 // A result whose best variant has at most kSmallResultBytes goes over every link that is up and
 // that the policy allows, whichever policy runs. Every other message goes as the policy plans it.
@@ -31,4 +31,4 @@ Plan plan_message(const Policy& policy, const Offer& offer, std::span<const Link
 // and, in a round, on the way back.
 DataRate rate_wanted(const QoS& qos, std::size_t bytes);
 
-}  // namespace interneuron
+}  // namespace interneuron::plan

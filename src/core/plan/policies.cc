@@ -5,7 +5,7 @@
 
 #include "core/wire/round_header.h"
 
-namespace interneuron {
+namespace interneuron::plan {
 
 PolicyRegistry::PolicyRegistry(const PolicySet& policies) {
   for (const auto& policy : policies) {
@@ -45,4 +45,4 @@ std::string PolicyRegistry::names() const {
   return names;
 }
 
-}  // namespace interneuron
+}  // namespace interneuron::plan

@@ -9,7 +9,7 @@
 
 #include "interneuron/policy.h"
 
-namespace interneuron {
+namespace interneuron::plan {
 
 // Finds a policy by its name, which applications and configurations give, or by the id that stands
 // for the name in the headers of rounds (wire::policy_id()). Endpoint owns one and lends it to
@@ -38,4 +38,4 @@ class PolicyRegistry {
   std::vector<Entry> entries_;
 };
 
-}  // namespace interneuron
+}  // namespace interneuron::plan

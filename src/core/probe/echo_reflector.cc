@@ -4,7 +4,7 @@
 
 #include "core/base/earliest.h"
 
-namespace interneuron {
+namespace interneuron::probe {
 namespace {
 
 wire::StampTime stamp_time(TimePoint t) { return wire::to_stamp_time(t.time_since_epoch()); }
@@ -141,4 +141,4 @@ std::size_t EchoReflector::waiting() const {
   return count;
 }
 
-}  // namespace interneuron
+}  // namespace interneuron::probe

@@ -29,7 +29,7 @@
 #include "core/wire/packet.h"
 #include "interneuron/endpoint.h"
 
-namespace interneuron {
+namespace interneuron::probe {
 
 class EchoReflector {
  public:
@@ -121,4 +121,4 @@ class EchoReflector {
   std::deque<Reply> ready_;
 };
 
-}  // namespace interneuron
+}  // namespace interneuron::probe

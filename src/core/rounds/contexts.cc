@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-namespace interneuron {
+namespace interneuron::rounds {
 
 bool Previewed::fits(std::size_t count, std::span<const LinkState> links) const {
   return count == variants && std::ranges::all_of(plan.sends, [links](const Assignment& a) {
@@ -52,4 +52,4 @@ std::size_t Contexts::count(PeerId owner) const {
   return it == owned_.end() ? 0 : it->second.size();
 }
 
-}  // namespace interneuron
+}  // namespace interneuron::rounds

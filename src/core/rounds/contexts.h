@@ -14,7 +14,7 @@
 #include "interneuron/round.h"
 #include "interneuron/units.h"
 
-namespace interneuron {
+namespace interneuron::rounds {
 
 // The plan that preview() has answered, which submit() carries out.
 struct Previewed {
@@ -29,7 +29,7 @@ struct Previewed {
 // A round that the application works on here, between two communications.
 struct RoundContext {
   // As it came in; at the origin, as it will go out.
-  Round round;
+  dispatch::Round round;
   // Where it came from; nothing at the origin.
   std::optional<PeerId> from{};
   // The peer that it came from is a relay that the configuration names.
@@ -90,4 +90,4 @@ class Contexts {
   std::uint64_t opened_ = 0;
 };
 
-}  // namespace interneuron
+}  // namespace interneuron::rounds

@@ -2,14 +2,16 @@
 
 #include <algorithm>
 
-namespace interneuron {
+namespace interneuron::rounds {
 namespace {
 
-bool same_stage(const Round& a, const Round& b) { return a.ref == b.ref && a.stage == b.stage; }
+bool same_stage(const dispatch::Round& a, const dispatch::Round& b) {
+  return a.ref == b.ref && a.stage == b.stage;
+}
 
 }  // namespace
 
-const Held* HeldVariants::find(PeerId peer, const Round& round) const {
+const Held* HeldVariants::find(PeerId peer, const dispatch::Round& round) const {
   const auto of = peers_.find(peer);
   if (of == peers_.end()) return nullptr;
   for (const Key& key : of->second.keys) {
@@ -56,7 +58,7 @@ void HeldVariants::drop_of(PeerId peer, const Which& which) {
   }
 }
 
-void HeldVariants::drop(PeerId peer, const Round& round) {
+void HeldVariants::drop(PeerId peer, const dispatch::Round& round) {
   drop_of(peer, [&round](const Held& held) { return same_stage(held.arrived.round, round); });
 }
 
@@ -64,7 +66,7 @@ void HeldVariants::forget(PeerId peer) {
   drop_of(peer, [](const Held&) { return true; });
 }
 
-void HeldVariants::drop(const Round& round) {
+void HeldVariants::drop(const dispatch::Round& round) {
   for (auto it = waiting_.begin(); it != waiting_.end();) {
     const auto next = std::next(it);
     if (same_stage(it->second.arrived.round, round)) take(it);
@@ -95,4 +97,4 @@ std::size_t HeldVariants::bytes(PeerId peer) const {
   return of == peers_.end() ? 0 : of->second.bytes;
 }
 
-}  // namespace interneuron
+}  // namespace interneuron::rounds

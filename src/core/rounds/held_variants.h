@@ -12,11 +12,11 @@
 #include "core/guard/stage_guard.h"
 #include "interneuron/units.h"
 
-namespace interneuron {
+namespace interneuron::rounds {
 
 // A complete message, taken apart.
 struct Arrived {
-  Round round;
+  dispatch::Round round;
   Bytes payload;
   PeerId from{};
 };
@@ -39,14 +39,14 @@ class HeldVariants {
 
   // The message of this peer that waits for the end of the same stage of the same round; else
   // nullptr.
-  const Held* find(PeerId peer, const Round& round) const;
+  const Held* find(PeerId peer, const dispatch::Round& round) const;
   // Whether one more message of `bytes` bytes may wait where the peer may have `most` messages.
   bool has_room(PeerId peer, std::size_t bytes, std::size_t most) const;
   void add(Held held);
   // The stage that the round is in is over: nothing of this peer waits for it any more.
-  void drop(PeerId peer, const Round& round);
+  void drop(PeerId peer, const dispatch::Round& round);
   // Nor of any other peer; looks at every message that waits.
-  void drop(const Round& round);
+  void drop(const dispatch::Round& round);
   // Takes the messages whose time is over at `now`, in the order of their time.
   std::vector<Held> release(TimePoint now);
   // When the next one's time is over.
@@ -76,4 +76,4 @@ class HeldVariants {
   std::uint64_t added_ = 0;
 };
 
-}  // namespace interneuron
+}  // namespace interneuron::rounds

@@ -7,12 +7,12 @@
 
 #include "core/base/earliest.h"
 
-namespace interneuron {
+namespace interneuron::rounds {
 namespace {
 
 // What all rounds of a pipeline have in common, as others read it.
-Round common_of(const PipelineConfig& config) {
-  Round r;
+dispatch::Round common_of(const PipelineConfig& config) {
+  dispatch::Round r;
   r.stages = static_cast<std::uint8_t>(config.stages.size());
   r.communication = 0;
   for (std::size_t i = 0; i < config.stages.size(); ++i) {
@@ -25,7 +25,7 @@ Round common_of(const PipelineConfig& config) {
   r.qos.period = config.period;
   r.policy = wire::policy_id(config.policy);
   r.terms = {config.guard, config.budget.miss_price, config.fallback.local};
-  return as_told(r);
+  return dispatch::as_told(r);
 }
 
 }  // namespace
@@ -58,7 +58,7 @@ RoundContext OwnRounds::begin(TimePoint now, PipelineId pipeline) {
   context.round.x_permille = begun.sent.x_permille;
   context.round.indicator = ledger.indicator(begun.ref.round);
   context.round.recent_e2e = ledger.recent_e2e(begun.ref.round);
-  context.round = as_told(context.round);
+  context.round = dispatch::as_told(context.round);
   context.began = now;
   // The guard's decision on the first transmission takes the place of the verdict of a stage
   // before.
@@ -87,7 +87,7 @@ std::optional<bool> OwnRounds::was_sent_to(const RoundRef& round, PeerId peer) c
   return std::ranges::find(found->sent_to, peer) != found->sent_to.end();
 }
 
-bool OwnRounds::restore(Round& round) const {
+bool OwnRounds::restore(dispatch::Round& round) const {
   const Begun* found = find_begun(round.ref);
   if (found == nullptr) return false;
   const QoS& true_qos = pipelines_.at(round.ref.pipeline).common.qos;
@@ -120,4 +120,4 @@ std::optional<TimePoint> OwnRounds::next_timeout() const {
   return next;
 }
 
-}  // namespace interneuron
+}  // namespace interneuron::rounds

@@ -15,7 +15,7 @@
 #include "interneuron/endpoint.h"
 #include "interneuron/few.h"
 
-namespace interneuron {
+namespace interneuron::rounds {
 
 class OwnRounds {
  public:
@@ -34,7 +34,7 @@ class OwnRounds {
   std::optional<bool> was_sent_to(const RoundRef& round, PeerId peer) const;
   // Puts the true beginning, deadline and period of a round of ours in the place of what a peer has
   // made of them. False: the round is not one of the last 64 that began.
-  bool restore(Round& round) const;
+  bool restore(dispatch::Round& round) const;
   // The ledger of the round's pipeline; nullptr where the round is not ours or there is no such
   // pipeline.
   guard::RoundLedger* find(const RoundRef& round);
@@ -51,7 +51,7 @@ class OwnRounds {
   struct Pipeline {
     guard::RoundLedger ledger;
     // What all of its rounds have in common.
-    Round common;
+    dispatch::Round common;
     // How many rounds have begun so far.
     std::uint32_t begun = 0;
     RoundRing<Begun> rounds;
@@ -62,4 +62,4 @@ class OwnRounds {
   std::map<PipelineId, Pipeline> pipelines_;
 };
 
-}  // namespace interneuron
+}  // namespace interneuron::rounds

@@ -9,7 +9,7 @@
 #include "core/base/same_host.h"
 #include "core/plan/budget.h"
 
-namespace interneuron {
+namespace interneuron::rounds {
 namespace {
 
 void check(const Variants& variants) {
@@ -32,8 +32,8 @@ Stages::Speaker speaker_of(const RoundContext& context) {
 
 }  // namespace
 
-Rounds::Rounds(const EndpointOptions& options, const PolicyRegistry& policies, Peers& peers,
-               std::deque<Event>& events)
+Rounds::Rounds(const EndpointOptions& options, const plan::PolicyRegistry& policies,
+               peers::Peers& peers, std::deque<Event>& events)
     : peers_(peers),
       events_(events),
       relays_(options.relays),
@@ -75,13 +75,14 @@ SubmitStatus Rounds::submit(TimePoint now, const RoundRef& round, Variants varia
   if (context.stage == context.round.stages) {
     if (!own_.is_mine(round)) return SubmitStatus::kNoWayToOrigin;
     const PeerId from = context.from.value_or(kOurselves);
-    const bool answered = finish(now, from, as_told(context.round), std::move(variants.front()));
+    const bool answered =
+        finish(now, from, dispatch::as_told(context.round), std::move(variants.front()));
     return answered ? SubmitStatus::kAccepted : SubmitStatus::kRoundOver;
   }
-  Peer* peer = destination(now, context, to);
+  peers::Peer* peer = destination(now, context, to);
   if (peer == nullptr) return SubmitStatus::kNoPeer;
   const Links links = peer->links(now);
-  const Sizes sizes = sizes_of(variants);
+  const dispatch::Sizes sizes = dispatch::sizes_of(variants);
   const Transmissions::Next next{links, sizes, {}, message_class};
   transmissions_.choose_mode(now, context, next);
   const auto clock = clock_of(now, context.round, peers_.access(now, context.from));
@@ -103,7 +104,7 @@ Plan Rounds::preview(TimePoint now, const RoundRef& round,
                      std::span<const VariantCost> costs, std::optional<PeerId> to) {
   RoundContext* found = stages_.context(round);
   if (found == nullptr || found->stage == found->round.stages) return {};
-  Peer* peer = destination(now, *found, to);
+  peers::Peer* peer = destination(now, *found, to);
   if (peer == nullptr) return {};
   const Links links = peer->links(now);
   const Transmissions::Next next{links, variant_bytes, costs, message_class};
@@ -117,10 +118,10 @@ std::size_t Rounds::begin_computation(TimePoint now, const RoundRef& round,
                                       std::span<const LevelProfile> levels, std::size_t top) {
   RoundContext* context = stages_.context(round);
   if (context == nullptr || levels.empty()) return top;
-  Round& r = context->round;
+  dispatch::Round& r = context->round;
   guard::StageEnd end = r.stage_end(context->stage);
-  Peer* from = peers_.access(now, context->from);
-  if (from != nullptr) end.ahead = soonest_way(from->links(now));
+  peers::Peer* from = peers_.access(now, context->from);
+  if (from != nullptr) end.ahead = plan::soonest_way(from->links(now));
   const guard::LevelChoice choice =
       stage_guard_of(r, speaker_of(*context))
           .begin_computation(now, end, clock_of(now, r, from), levels,
@@ -156,19 +157,20 @@ std::optional<TimePoint> Rounds::next_timeout() const {
   return earliest(stages_.next_timeout(), own_.next_timeout());
 }
 
-bool Rounds::is_relay(const Peer& peer) const {
+bool Rounds::is_relay(const peers::Peer& peer) const {
   return std::ranges::any_of(relays_, [&peer](const Address& relay) {
-    return std::ranges::any_of(
-        peer.paths(), [&relay](const Path& path) { return is_same_host(path.address(), relay); });
+    return std::ranges::any_of(peer.paths(), [&relay](const peers::Path& path) {
+      return is_same_host(path.address(), relay);
+    });
   });
 }
 
-Stages::Speaker Rounds::speaker(const Peer& peer) const {
+Stages::Speaker Rounds::speaker(const peers::Peer& peer) const {
   return {peer.identity().id, is_relay(peer)};
 }
 
 // Puts what is known of a round of ours in the place of what a peer says of it.
-Rounds::Doubt Rounds::judge(const Peer& peer, Round& round) const {
+Rounds::Doubt Rounds::judge(const peers::Peer& peer, dispatch::Round& round) const {
   const PeerId from = peer.identity().id;
   if (!own_.is_mine(round.ref)) {
     if (round.stage == round.stages) return Doubt::kBad;
@@ -184,9 +186,9 @@ Rounds::Doubt Rounds::judge(const Peer& peer, Round& round) const {
   return Doubt::kNone;
 }
 
-void Rounds::complete(TimePoint now, Peer& peer, wire::MessageBytes message) {
+void Rounds::complete(TimePoint now, peers::Peer& peer, wire::MessageBytes message) {
   const auto header = wire::parse_round_header(message.header_view());
-  Arrived come{header ? round_of(*header) : Round{}, std::move(message.payload),
+  Arrived come{header ? dispatch::round_of(*header) : dispatch::Round{}, std::move(message.payload),
                peer.identity().id};
   switch (header ? judge(peer, come.round) : Doubt::kBad) {
     case Doubt::kNone:
@@ -211,8 +213,8 @@ void Rounds::complete(TimePoint now, Peer& peer, wire::MessageBytes message) {
 }
 
 // A message that may be what its header says.
-void Rounds::arrived(TimePoint now, Peer& peer, Arrived arrived) {
-  const Round round = arrived.round;
+void Rounds::arrived(TimePoint now, peers::Peer& peer, Arrived arrived) {
+  const dispatch::Round round = arrived.round;
   const Stages::Speaker from = speaker(peer);
   guard::StageGuard& guard = stage_guard_of(round, from);
   if (!own_.is_mine(round.ref)) {
@@ -239,9 +241,9 @@ void Rounds::arrived(TimePoint now, Peer& peer, Arrived arrived) {
 
 // Nothing is kept of a peer that is gone, so that this one is there.
 void Rounds::release(TimePoint now, Held held) {
-  Peer* peer = peers_.access(now, held.arrived.from);
+  peers::Peer* peer = peers_.access(now, held.arrived.from);
   if (peer == nullptr) return;
-  const Round round = held.arrived.round;
+  const dispatch::Round round = held.arrived.round;
   const Stages::Speaker from = speaker(*peer);
   if (round.stage == round.stages) {
     finish(held.hold.until, from.peer, round, std::move(held.arrived.payload));
@@ -254,7 +256,7 @@ void Rounds::release(TimePoint now, Held held) {
 }
 
 // The last stage has ended: this is a result for a round that began here. False: it is late.
-bool Rounds::finish(TimePoint now, PeerId from, const Round& round, Bytes result) {
+bool Rounds::finish(TimePoint now, PeerId from, const dispatch::Round& round, Bytes result) {
   stages_.finish(from, round);
   auto done = own_.find(round.ref)->remote_result(now, round.ref.round, std::move(result),
                                                   round.degraded, round.spent());
@@ -266,21 +268,23 @@ bool Rounds::finish(TimePoint now, PeerId from, const Round& round, Bytes result
   return true;
 }
 
-guard::StageGuard& Rounds::stage_guard_of(const Round& round, const Stages::Speaker& speaker) {
+guard::StageGuard& Rounds::stage_guard_of(const dispatch::Round& round,
+                                          const Stages::Speaker& speaker) {
   if (guard::RoundLedger* ledger = own_.find(round.ref)) return ledger->stage_guard();
   return stages_.stage_guard(round, speaker);
 }
 
 // The clock between the origin of a round and here: the sum over the hops so far, which the message
 // told, plus the last hop.
-Rounds::ClockOf Rounds::clock_of(TimePoint now, const Round& round, Peer* peer) {
+Rounds::ClockOf Rounds::clock_of(TimePoint now, const dispatch::Round& round, peers::Peer* peer) {
   if (own_.is_mine(round.ref) || peer == nullptr) return std::nullopt;
   auto view = peer->clock(now);
   if (view) view->alpha = wrapping_add(view->alpha, round.alpha_sum.count());
   return view;
 }
 
-Peer* Rounds::destination(TimePoint now, const RoundContext& context, std::optional<PeerId> to) {
+peers::Peer* Rounds::destination(TimePoint now, const RoundContext& context,
+                                 std::optional<PeerId> to) {
   if (to) return peers_.access(now, to);
   if (context.from) return peers_.access(now, context.from);
   return peers_.access_only(now);
@@ -290,7 +294,7 @@ Peer* Rounds::destination(TimePoint now, const RoundContext& context, std::optio
 // communication end now.
 void Rounds::end_computations(TimePoint now, RoundContext& context) {
   const std::size_t before = context.stage;
-  Round& r = context.round;
+  dispatch::Round& r = context.round;
   while (context.stage < r.stages && !r.is_communication(context.stage + 1)) {
     ++context.stage;
     context.verdict = stage_guard_of(r, speaker_of(context))
@@ -300,4 +304,4 @@ void Rounds::end_computations(TimePoint now, RoundContext& context) {
   if (context.stage > before) r.note_computed(now - context.began);
 }
 
-}  // namespace interneuron
+}  // namespace interneuron::rounds

@@ -21,13 +21,13 @@
 #include "core/rounds/stages.h"
 #include "core/rounds/transmissions.h"
 
-namespace interneuron {
+namespace interneuron::rounds {
 
 class Rounds {
  public:
   // Throws std::invalid_argument naming the option that is wrong. What happens is appended to
   // `events`; it, `policies` and `peers` must outlive this.
-  Rounds(const EndpointOptions& options, const PolicyRegistry& policies, Peers& peers,
+  Rounds(const EndpointOptions& options, const plan::PolicyRegistry& policies, peers::Peers& peers,
          std::deque<Event>& events);
 
   // The commands of Endpoint, in its own time.
@@ -43,7 +43,7 @@ class Rounds {
   void give_up(TimePoint now, const RoundRef& round);
 
   // A message of this peer is complete.
-  void complete(TimePoint now, Peer& peer, wire::MessageBytes message);
+  void complete(TimePoint now, peers::Peer& peer, wire::MessageBytes message);
   // What is due at or before `now`: held variants first, then the rounds' deadlines.
   void expire(TimePoint now);
   std::optional<TimePoint> next_timeout() const;
@@ -64,29 +64,29 @@ class Rounds {
 
   // Why a message may not be what its header says.
   enum class Doubt : std::uint8_t { kNone, kBad, kForeign, kForgotten, kOfAnother };
-  Doubt judge(const Peer& peer, Round& round) const;
-  Stages::Speaker speaker(const Peer& peer) const;
-  bool is_relay(const Peer& peer) const;
-  void arrived(TimePoint now, Peer& peer, Arrived arrived);
+  Doubt judge(const peers::Peer& peer, dispatch::Round& round) const;
+  Stages::Speaker speaker(const peers::Peer& peer) const;
+  bool is_relay(const peers::Peer& peer) const;
+  void arrived(TimePoint now, peers::Peer& peer, Arrived arrived);
   void release(TimePoint now, Held held);
-  bool finish(TimePoint now, PeerId from, const Round& round, Bytes result);
+  bool finish(TimePoint now, PeerId from, const dispatch::Round& round, Bytes result);
   void report(std::optional<RoundDone> done);
   void end_computations(TimePoint now, RoundContext& context);
-  guard::StageGuard& stage_guard_of(const Round& round, const Stages::Speaker& speaker);
-  ClockOf clock_of(TimePoint now, const Round& round, Peer* peer);
+  guard::StageGuard& stage_guard_of(const dispatch::Round& round, const Stages::Speaker& speaker);
+  ClockOf clock_of(TimePoint now, const dispatch::Round& round, peers::Peer* peer);
 
   // Where the next message of a round goes; nullptr where that is not known.
-  Peer* destination(TimePoint now, const RoundContext& context, std::optional<PeerId> to);
+  peers::Peer* destination(TimePoint now, const RoundContext& context, std::optional<PeerId> to);
 
-  Peers& peers_;
+  peers::Peers& peers_;
   std::deque<Event>& events_;
   // Without ports.
   std::vector<Address> relays_;
-  const PolicyRegistry& policies_;
+  const plan::PolicyRegistry& policies_;
   OwnRounds own_;
   Stages stages_;
   Transmissions transmissions_;
   EndpointCounters counters_;
 };
 
-}  // namespace interneuron
+}  // namespace interneuron::rounds

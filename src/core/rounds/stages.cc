@@ -2,9 +2,9 @@
 
 #include <algorithm>
 
-namespace interneuron {
+namespace interneuron::rounds {
 
-guard::StageGuard& Stages::stage_guard(const Round& round, const Speaker& speaker) {
+guard::StageGuard& Stages::stage_guard(const dispatch::Round& round, const Speaker& speaker) {
   Pipeline& found = pipeline(round, speaker);
   if (!found.guard || found.kind != round.terms.kind) {
     found.guard = guard::make_stage_guard(round.terms.kind, false, ablation_);
@@ -13,7 +13,7 @@ guard::StageGuard& Stages::stage_guard(const Round& round, const Speaker& speake
   return *found.guard;
 }
 
-Stages::Pipeline& Stages::pipeline(const Round& round, const Speaker& speaker) {
+Stages::Pipeline& Stages::pipeline(const dispatch::Round& round, const Speaker& speaker) {
   const Key key{owner(speaker.peer, round), round.ref.origin, round.ref.pipeline};
   auto it = pipelines_.find(key);
   if (it == pipelines_.end()) {
@@ -56,7 +56,7 @@ void Stages::forget(PeerId peer) {
 
 // Nothing when the round is so old that its slot belongs to a younger one, or when nothing is kept
 // of its pipeline any more.
-Stages::Served* Stages::served(PeerId peer, const Round& round) {
+Stages::Served* Stages::served(PeerId peer, const dispatch::Round& round) {
   const auto it = pipelines_.find({owner(peer, round), round.ref.origin, round.ref.pipeline});
   return it == pipelines_.end() ? nullptr : it->second.served.enter(round.ref.round);
 }
@@ -70,14 +70,14 @@ bool Stages::has_served(const RoundRef& round) const {
 }
 
 // An origin is not believed everything, and whoever speaks for it is told so in the ledger.
-void Stages::strike_long_deadline(const Round& round) {
+void Stages::strike_long_deadline(const dispatch::Round& round) {
   if (bounded_deadline(round) < round.qos.deadline) strike(PeerLimit::kDeadline);
 }
 
 Stages::Action Stages::arrive(TimePoint now, const Speaker& speaker, Arrived& arrived,
                               const Policy* policy, const ClockOf& clock,
                               guard::StageGuard& guard) {
-  const Round& r = arrived.round;
+  const dispatch::Round& r = arrived.round;
   guard.note_arrival(now, r.stage_end(r.stage));
   // The guard of a round that began here lies elsewhere, so that its pipeline may be new here.
   if (is_own(r)) pipeline(r, speaker);
@@ -111,7 +111,7 @@ Stages::Action Stages::arrive(TimePoint now, const Speaker& speaker, Arrived& ar
   return Action::kHold;
 }
 
-void Stages::finish(PeerId peer, const Round& round) {
+void Stages::finish(PeerId peer, const dispatch::Round& round) {
   if (Served* stages = served(peer, round)) *stages |= 1U << round.stage;
   // What a round of ours comes back to may have come from several peers.
   if (is_own(round)) {
@@ -123,7 +123,7 @@ void Stages::finish(PeerId peer, const Round& round) {
 
 Delivered Stages::serve(TimePoint now, const Speaker& speaker, Arrived arrived,
                         const Verdict& verdict) {
-  const Round& r = arrived.round;
+  const dispatch::Round& r = arrived.round;
   strike_long_deadline(r);
   const Duration deadline = bounded_deadline(r);
   finish(speaker.peer, r);
@@ -175,4 +175,4 @@ void Stages::fill(PeerId peer, PeerLedger& ledger) const {
   ledger.held_bytes = held_.bytes(peer);
 }
 
-}  // namespace interneuron
+}  // namespace interneuron::rounds

@@ -26,7 +26,7 @@
 #include "core/rounds/held_variants.h"
 #include "interneuron/endpoint.h"
 
-namespace interneuron {
+namespace interneuron::rounds {
 
 class Stages {
  public:
@@ -68,7 +68,7 @@ class Stages {
 
   // The stage of this message, which this peer has sent, is over, whatever became of it: further
   // copies are dropped.
-  void finish(PeerId peer, const Round& round);
+  void finish(PeerId peer, const dispatch::Round& round);
 
   // When the next hold ends.
   std::optional<TimePoint> next_timeout() const { return held_.next_timeout(); }
@@ -89,13 +89,13 @@ class Stages {
 
   // How long a round may take, as far as its origin is believed: what it states, at most
   // PeerLimits::longest_deadline where it began elsewhere.
-  Duration bounded_deadline(const Round& round) const {
+  Duration bounded_deadline(const dispatch::Round& round) const {
     return is_own(round) ? round.qos.deadline
                          : std::min(round.qos.deadline, limits_.longest_deadline);
   }
   // The guard of the pipeline that this round belongs to, of the kind that the origin asks for.
   // Valid until the next call.
-  guard::StageGuard& stage_guard(const Round& round, const Speaker& speaker);
+  guard::StageGuard& stage_guard(const dispatch::Round& round, const Speaker& speaker);
   // The clock of this peer has stepped.
   void forget_clock(PeerId peer);
   // The peer is gone, or has begun a new session: what is kept of it goes.
@@ -129,13 +129,15 @@ class Stages {
     std::uint64_t used = 0;
   };
 
-  bool is_own(const Round& round) const { return round.ref.origin == self_; }
+  bool is_own(const dispatch::Round& round) const { return round.ref.origin == self_; }
   // Whose bounds hold for a round that this peer has sent.
-  PeerId owner(PeerId peer, const Round& round) const { return is_own(round) ? kOurselves : peer; }
-  Pipeline& pipeline(const Round& round, const Speaker& speaker);
+  PeerId owner(PeerId peer, const dispatch::Round& round) const {
+    return is_own(round) ? kOurselves : peer;
+  }
+  Pipeline& pipeline(const dispatch::Round& round, const Speaker& speaker);
   void make_room_for_pipeline(const Speaker& speaker);
-  Served* served(PeerId peer, const Round& round);
-  void strike_long_deadline(const Round& round);
+  Served* served(PeerId peer, const dispatch::Round& round);
+  void strike_long_deadline(const dispatch::Round& round);
   std::size_t scaled(std::size_t limit, const Speaker& speaker) const {
     return speaker.is_relay ? limit * kRelayedPeers : limit;
   }
@@ -152,4 +154,4 @@ class Stages {
   Struck struck_;
 };
 
-}  // namespace interneuron
+}  // namespace interneuron::rounds

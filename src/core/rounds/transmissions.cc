@@ -7,13 +7,13 @@
 #include "core/plan/budget.h"
 #include "core/plan/plan_message.h"
 
-namespace interneuron {
+namespace interneuron::rounds {
 namespace {
 
 // What is left of the deadline of a round after `theta`, which contains the clock offset `alpha`. A
 // peer may say anything of when its round began, also of one that began here and comes back; within
 // these bounds nobody who calculates with it leaves the range of a Duration.
-Duration left_of(const Round& round, Duration theta, std::int64_t alpha) {
+Duration left_of(const dispatch::Round& round, Duration theta, std::int64_t alpha) {
   const Duration most = 2 * round.qos.deadline;
   const std::int64_t due = wrapping_add(round.qos.deadline.count(), alpha);
   return std::clamp(Duration{wrapping_sub(due, theta.count())}, -most, most);
@@ -28,7 +28,7 @@ Duration rest_of_round(std::span<const LinkState> links, const Guidance& guidanc
     if (!link.up || link.rtt_p50 == Duration::zero()) continue;
     back = earliest(back, link.rtt_p50 / 2 + link.queue_down);
   }
-  return rest + back.value_or(Duration::zero()) + kComputeReserve;
+  return rest + back.value_or(Duration::zero()) + plan::kComputeReserve;
 }
 
 Offer offer_of(const RoundContext& context, const Transmissions::Next& next) {
@@ -45,7 +45,7 @@ Offer offer_of(const RoundContext& context, const Transmissions::Next& next) {
 // What the guard tells the policy of a round's next transmission.
 Guidance Transmissions::guidance(TimePoint now, const RoundContext& context,
                                  const Stages::ClockOf& clock) const {
-  const Round& round = context.round;
+  const dispatch::Round& round = context.round;
   Guidance out{.degraded = context.verdict.late};
   if (context.mode) {
     out.degraded = context.mode->degraded;
@@ -80,7 +80,7 @@ void Transmissions::choose_mode(TimePoint now, RoundContext& context, const Next
   for (std::size_t mode = 0; mode < count; ++mode) {
     ask.degraded = mode + 1 == count;
     ask.variant = variant_in(mode);
-    modes[mode] = forecast_answers(plan(context, next, ask), offer, next.links);
+    modes[mode] = plan::forecast_answers(plan(context, next, ask), offer, next.links);
   }
   const std::size_t mode =
       ledger->choose_mode(now, context.round.ref.round, std::span(modes).first(count));
@@ -89,8 +89,8 @@ void Transmissions::choose_mode(TimePoint now, RoundContext& context, const Next
 
 Plan Transmissions::plan(const RoundContext& context, const Next& next,
                          const Guidance& guidance) const {
-  return plan_message(policies_.find_or_first(context.round.policy), offer_of(context, next),
-                      next.links, guidance);
+  return plan::plan_message(policies_.find_or_first(context.round.policy), offer_of(context, next),
+                            next.links, guidance);
 }
 
 Plan Transmissions::plan(TimePoint now, const RoundContext& context, const Next& next,
@@ -98,12 +98,12 @@ Plan Transmissions::plan(TimePoint now, const RoundContext& context, const Next&
   return plan(context, next, guidance(now, context, clock));
 }
 
-std::optional<Planned> Transmissions::send(TimePoint now, Peer& peer, std::size_t room,
+std::optional<Planned> Transmissions::send(TimePoint now, peers::Peer& peer, std::size_t room,
                                            RoundContext& context, const Next& next,
                                            const Stages::ClockOf& clock, Variants& variants) const {
   if (context.mode) context.verdict.late = context.mode->degraded;
   const Guidance guide = guidance(now, context, clock);
-  Round& round = context.round;
+  dispatch::Round& round = context.round;
   round.stage = static_cast<std::uint8_t>(context.stage + 1);
   round.qos.message_class = next.message_class;
   round.degraded = context.verdict.late;
@@ -115,8 +115,8 @@ std::optional<Planned> Transmissions::send(TimePoint now, Peer& peer, std::size_
       context.previewed && context.previewed->fits(next.sizes.size(), next.links);
   Planned planned{round.ref, round.stage,
                   was_previewed ? context.previewed->plan : plan(context, next, guide)};
-  const Itinerary itinerary(planned.plan);
-  seek_rate(now, peer, planned.plan, itinerary, round.qos, next.sizes.front());
+  const dispatch::Itinerary itinerary(planned.plan);
+  dispatch::seek_rate(now, peer, planned.plan, itinerary, round.qos, next.sizes.front());
   if (itinerary.empty()) return planned;
   if (itinerary.bytes(next.sizes, wire::MessageKind::kRound) > room) return std::nullopt;
 
@@ -125,14 +125,15 @@ std::optional<Planned> Transmissions::send(TimePoint now, Peer& peer, std::size_
   if (next.message_class == MessageClass::kData) {
     when.aim = when.deadline - rest_of_round(next.links, guide);
   }
-  dispatch(now, peer, header_of(round), itinerary, when,
-           allowed_of(policies_.find_or_first(round.policy), next.links), variants);
+  dispatch::dispatch(now, peer, dispatch::header_of(round), itinerary, when,
+                     dispatch::allowed_of(policies_.find_or_first(round.policy), next.links),
+                     variants);
   return planned;
 }
 
 // The deadline of a message is t0 + D_N on this host's clock. While the origin's clock is not
 // known, it is the latest that it can be.
-flow::Sender::Times Transmissions::times(TimePoint now, const Round& round,
+flow::Sender::Times Transmissions::times(TimePoint now, const dispatch::Round& round,
                                          const Stages::ClockOf& clock) const {
   const Duration deadline = stages_.bounded_deadline(round);
   flow::Sender::Times out{.deadline = now + deadline, .lifetime = deadline};
@@ -147,4 +148,4 @@ flow::Sender::Times Transmissions::times(TimePoint now, const Round& round,
   return out;
 }
 
-}  // namespace interneuron
+}  // namespace interneuron::rounds

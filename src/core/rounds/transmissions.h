@@ -10,7 +10,7 @@
 #include "core/rounds/stages.h"
 #include "interneuron/endpoint.h"
 
-namespace interneuron {
+namespace interneuron::rounds {
 
 // Asks the guard of a round what its next message may cost, and its policy which variants go over
 // which links, and dispatches these. Owned by Rounds, whose books it reads; keeps nothing of its
@@ -18,7 +18,7 @@ namespace interneuron {
 class Transmissions {
  public:
   // All three must outlive this.
-  Transmissions(const PolicyRegistry& policies, OwnRounds& own, const Stages& stages)
+  Transmissions(const plan::PolicyRegistry& policies, OwnRounds& own, const Stages& stages)
       : policies_(policies), own_(own), stages_(stages) {}
 
   // The next message of a round, as the application has it, and the links to where it goes.
@@ -39,18 +39,19 @@ class Transmissions {
   // what the message tells of the round. The answer is the plan that was carried out; where it
   // holds no sends, nothing was sent. Nothing: what was planned takes more than `room` bytes, so
   // nothing was sent. The bytes of the variants that are sent are taken.
-  std::optional<Planned> send(TimePoint now, Peer& peer, std::size_t room, RoundContext& context,
-                              const Next& next, const Stages::ClockOf& clock,
+  std::optional<Planned> send(TimePoint now, peers::Peer& peer, std::size_t room,
+                              RoundContext& context, const Next& next, const Stages::ClockOf& clock,
                               Variants& variants) const;
 
  private:
   Guidance guidance(TimePoint now, const RoundContext& context, const Stages::ClockOf& clock) const;
   Plan plan(const RoundContext& context, const Next& next, const Guidance& guidance) const;
-  flow::Sender::Times times(TimePoint now, const Round& round, const Stages::ClockOf& clock) const;
+  flow::Sender::Times times(TimePoint now, const dispatch::Round& round,
+                            const Stages::ClockOf& clock) const;
 
-  const PolicyRegistry& policies_;
+  const plan::PolicyRegistry& policies_;
   OwnRounds& own_;
   const Stages& stages_;
 };
 
-}  // namespace interneuron
+}  // namespace interneuron::rounds

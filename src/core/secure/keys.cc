@@ -1,10 +1,11 @@
 // What include/interneuron/security.h declares.
+#include "interneuron/security.h"
+
 #include <sodium.h>
 
 #include <cassert>
 
 #include "core/secure/bytes.h"
-#include "interneuron/security.h"
 
 namespace interneuron {
 

@@ -36,7 +36,8 @@ TEST(ComputationBudget, PromisesNothingBeforeTheLinksAreMeasured) {
 }
 
 TEST(ComputationBudget, IsWhatTheLinksLeaveLessThePreparation) {
-  EXPECT_EQ(estimated().value(), compute_budget(129ms, one_link(), kInputBytes, kResultBytes));
+  EXPECT_EQ(estimated().value(),
+            plan::compute_budget(129ms, one_link(), kInputBytes, kResultBytes));
   EXPECT_GT(estimated().value(), 0ms);
 }
 
@@ -47,7 +48,7 @@ TEST(ComputationBudget, TheFirstRoundsCorrectItDownwards) {
   budget.learn(90ms);
   EXPECT_EQ(budget.value(), before) << "two rounds are too few";
   budget.learn(20ms);
-  EXPECT_EQ(budget.value(), 130ms - 90ms - kComputeReserve) << "by the median";
+  EXPECT_EQ(budget.value(), 130ms - 90ms - plan::kComputeReserve) << "by the median";
 }
 
 TEST(ComputationBudget, NeverGrowsAndIsNeverNegative) {

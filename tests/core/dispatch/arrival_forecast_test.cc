@@ -8,6 +8,9 @@
 namespace interneuron::arrival_forecast_test {
 namespace {
 
+using dispatch::arrival_forecast;
+using dispatch::cannot_arrive;
+
 using namespace std::chrono_literals;
 
 LinkState link_of(double mbit, Duration rtt) {

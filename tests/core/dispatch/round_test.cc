@@ -7,6 +7,9 @@
 namespace interneuron::round_test {
 namespace {
 
+using dispatch::header_of;
+using dispatch::round_of;
+
 TEST(Round, TellsTheNextNodeWhatItWasTold) {
   const wire::RoundHeader header = wire::example_round_header();
   EXPECT_EQ(header_of(round_of(header)), header);

@@ -14,6 +14,8 @@
 namespace interneuron::directory_test {
 namespace {
 
+using peers::Directory;
+
 std::set<Directory::Slot> peers_of(const Directory& directory, SessionId session) {
   std::set<Directory::Slot> out;
   directory.for_each(session, [&](Directory::Slot peer) { EXPECT_TRUE(out.insert(peer).second); });

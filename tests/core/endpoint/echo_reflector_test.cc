@@ -7,6 +7,8 @@
 namespace interneuron::echo_reflector_test {
 namespace {
 
+using probe::EchoReflector;
+
 constexpr SessionId kSelf{0xcafe0002};
 constexpr LinkId kNic{4};
 

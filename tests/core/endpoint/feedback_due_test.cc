@@ -10,6 +10,8 @@
 namespace interneuron::feedback_due_test {
 namespace {
 
+using peers::FeedbackDue;
+
 TimePoint at(Duration d) { return TimePoint{1s + d}; }
 
 TEST(FeedbackDue, AfterFiveMillisecondsOrSixteenPackets) {

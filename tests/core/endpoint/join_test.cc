@@ -164,13 +164,13 @@ TEST(Join, ATokenIsGoodForItsAddressPathSessionAndTimeOnly) {
   unit.feed(from, token_packet(SessionId{5}, 2, token, LinkId{1}));
   unit.feed(from, token_packet(SessionId{5}, 2, token), kSlow);
   EXPECT_EQ(unit.peers(), 0U);
-  unit.sleep(AddressValidation::kEpoch);
+  unit.sleep(peers::AddressValidation::kEpoch);
   unit.feed(from, token_packet(SessionId{5}, 2, token));
   EXPECT_EQ(unit.peers(), 1U);
 
   Unit later;
   const auto first = challenge_in(later.feed(from, hello(SessionId{5})), from);
-  later.sleep(2 * AddressValidation::kEpoch);
+  later.sleep(2 * peers::AddressValidation::kEpoch);
   later.feed(from, token_packet(SessionId{5}, 2, first->challenge.token));
   EXPECT_EQ(later.peers(), 0U) << "it is too old";
 }

@@ -13,6 +13,9 @@
 namespace interneuron::limits_page_test {
 namespace {
 
+using messages::SentMessages;
+using rounds::HeldVariants;
+
 using namespace limits_page;
 
 TEST(LimitsPage, HasTheDefaultsOfTheCode) {

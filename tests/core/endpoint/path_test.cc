@@ -8,6 +8,8 @@
 namespace interneuron::path_test {
 namespace {
 
+using peers::Path;
+
 constexpr std::size_t kMaxDatagram = 1400;
 
 TimePoint at(Duration d) { return TimePoint{d}; }

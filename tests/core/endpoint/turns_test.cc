@@ -11,6 +11,8 @@
 namespace interneuron::turns_test {
 namespace {
 
+using peers::Turns;
+
 constexpr LinkId kFirst{0};
 constexpr LinkId kSecond{200};
 constexpr std::size_t kFull = kMaxPacketBytes;

@@ -12,6 +12,9 @@
 namespace interneuron::on_time_forecast_test {
 namespace {
 
+using messages::OnTimeForecasts;
+using messages::Outlook;
+
 using namespace std::chrono_literals;
 
 constexpr PeerId kPeer{1};

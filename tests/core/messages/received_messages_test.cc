@@ -8,6 +8,8 @@
 namespace interneuron::received_messages_test {
 namespace {
 
+using messages::ReceivedMessages;
+
 using namespace std::chrono_literals;
 using Verdict = ReceivedMessages::Verdict;
 

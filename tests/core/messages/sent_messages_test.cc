@@ -5,6 +5,8 @@
 namespace interneuron::sent_messages_test {
 namespace {
 
+using messages::SentMessages;
+
 using namespace std::chrono_literals;
 
 constexpr PeerId kPeer{1};

@@ -9,6 +9,10 @@
 namespace interneuron::budget_test {
 namespace {
 
+using plan::compute_budget;
+using plan::forecast_answers;
+using plan::soonest_way;
+
 using namespace std::chrono_literals;
 
 LinkState link(bool up, Duration rtt, double mbit) {

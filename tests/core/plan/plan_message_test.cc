@@ -7,6 +7,8 @@
 namespace interneuron::plan_message_test {
 namespace {
 
+using plan::plan_message;
+
 using std::chrono::milliseconds;
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;

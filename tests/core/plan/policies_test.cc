@@ -9,6 +9,8 @@
 namespace interneuron::policies_test {
 namespace {
 
+using plan::PolicyRegistry;
+
 TEST(PolicyRegistry, FindsEachPolicyByItsNameAndByTheIdOfHeaders) {
   const PolicySet all = builtin_policies();
   const PolicyRegistry registry(all);
