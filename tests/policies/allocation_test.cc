@@ -38,8 +38,8 @@ TEST(PolicyAllocation, NoneForAnyMessageOfAnyPolicy) {
                                   .time_left = std::chrono::milliseconds(120),
                                   .levels = levels,
                                   .local_quality = 0.3};
-          const Plan plan = plan_message(*policy, offer, links, guidance);
-          static_cast<void>(forecast_answers(plan, offer, links));
+          const Plan plan = plan::plan_message(*policy, offer, links, guidance);
+          static_cast<void>(plan::forecast_answers(plan, offer, links));
           sends += plan.sends.size();
         }
       }

@@ -49,8 +49,8 @@ TEST(Secure, EncryptedPacketsMayCrossForeignNetworksButNotWithTrustedOnly) {
 
 TEST(Secure, RefusesAndSaysWhy) {
   for (const auto& [name, refusal] : kBoth) {
-    const Plan plan = plan_message(*find_policy(policies(), name),
-                                   {frames_at_10_hz(), kRawAndSampled}, links_trusting(0), {});
+    const Plan plan = plan::plan_message(
+        *find_policy(policies(), name), {frames_at_10_hz(), kRawAndSampled}, links_trusting(0), {});
     EXPECT_THAT(plan.sends, IsEmpty());
     EXPECT_EQ(plan.refused, refusal);
   }
@@ -62,9 +62,9 @@ TEST(Secure, SmallResultsAreNoException) {
   const std::size_t small[] = {2000};
   for (const auto& [name, refusal] : kBoth) {
     const Policy& policy = *find_policy(policies(), name);
-    EXPECT_THAT(plan_message(policy, {qos, small}, links_trusting(2), {}).sends,
+    EXPECT_THAT(plan::plan_message(policy, {qos, small}, links_trusting(2), {}).sends,
                 ElementsAre(send(0, 2)));
-    const Plan plan = plan_message(policy, {qos, small}, links_trusting(0), {});
+    const Plan plan = plan::plan_message(policy, {qos, small}, links_trusting(0), {});
     EXPECT_THAT(plan.sends, IsEmpty());
     EXPECT_EQ(plan.refused, refusal);
   }
@@ -86,7 +86,7 @@ RC_GTEST_PROP(SecureProperty, NothingLeavesOverALinkBelowTheFloor, ()) {
   const double floor = *rc::gen::element(0.1, 0.5, 0.6, 1.0);
   for (const auto& inner : builtin_policies()) {
     const auto policy = secure(inner, floor, "s");
-    const Plan plan = plan_message(*policy, m.offer(), links, m.guidance);
+    const Plan plan = plan::plan_message(*policy, m.offer(), links, m.guidance);
     for (const Assignment& send : plan.sends) {
       RC_ASSERT(link_of(links, send.link).nature.security >= floor);
     }
