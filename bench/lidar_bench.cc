@@ -5,7 +5,7 @@
 //   lidar_bench SWEEP [--seed N] [--sweeps N]
 //
 // SWEEP is KITTI's .bin or nuScenes' .pcd.bin (scripts/fetch_data.sh --point-clouds), moved by a
-// synthetic ego-motion (src/app/perception/moved_sweeps.h). Agreement is that with what the best
+// synthetic ego-motion (src/app/perception/point_cloud.h). Agreement is that with what the best
 // level finds on the whole sweep, so of that combination it is 1. Times are of the processor, of
 // one thread.
 #include <time.h>
