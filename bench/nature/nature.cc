@@ -276,7 +276,7 @@ int main(int argc, char** argv) {
     return code;
   };
   try {
-    return settings::run_program(argc, argv);
+    return cli::run_program(argc, argv);
   } catch (const process::Failure& error) {
     return fail(error.code(), error.what());
   } catch (const netns::TestbedError& error) {

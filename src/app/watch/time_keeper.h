@@ -1,4 +1,4 @@
-// Stores the time of a program that has a key beside that key (app/settings/time_file.h): at the
+// Stores the time of a program that has a key beside that key (app/settings/key_files.h): at the
 // start, while it runs and at the end. What is stored is a little ahead of what peers are told
 // until it is written again, so that even a life that ends without warning leaves none that was
 // used.
