@@ -54,7 +54,7 @@ TEST(DownSampling, TwoLinks) {
                          });
 }
 
-// Of more than two forms, raw is the one that the guard names, and sampled the next.
+// Where there are more than two forms, raw is the one that the guard names, and sampled the next.
 TEST(DownSampling, TheGuardNamesTheBestVariantOfMany) {
   const auto links = make_links({{1, 60, 50}, {2, 20, 100}});
   const std::vector<std::size_t> sizes{512 * 1024, 256 * 1024, 128 * 1024, 64 * 1024};
