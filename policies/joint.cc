@@ -41,8 +41,8 @@ void insure(Plan& plan, const Offer& offer, std::span<const LinkState> links) {
   if (other != able.end()) plan.sends.push_back({smallest, other->id});
 }
 
-// Of what may be sent where nothing is in time: the variant that the guard names, or the next one
-// that a link carries at the rate of frames; the smallest where it names none.
+// What is sent where nothing is in time: the variant that the guard names, or the next one that a
+// link carries at the rate of frames; the smallest where it names none.
 Plan best_carried(const Offer& offer, std::span<const LinkState> links, const Guidance& guidance) {
   const std::uint8_t smallest = smallest_variant(offer);
   std::uint8_t variant = guidance.variant ? best_variant(offer, guidance) : smallest;

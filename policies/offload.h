@@ -33,9 +33,9 @@ struct Offload {
   Duration time{};
 };
 
-// Of all ways that are in time, over links that can carry the variant: the one with the highest
-// quality, of equals the one that takes least time. Where the guard says which variant is to be
-// sent (Guidance), that one alone. Nothing when no measured link is in time.
+// Picks among all ways that are in time, over links that can carry the variant, the one with the
+// highest quality, of equals the one that takes least time. Where the guard says which variant is
+// to be sent (Guidance), that one alone. Nothing when no measured link is in time.
 std::optional<Offload> best_offload(const Offer& offer, std::span<const LinkState> links,
                                     const Guidance& guidance);
 

@@ -60,7 +60,7 @@ RC_GTEST_PROP(PolicyProperty, MeetsTheFloorOrReports, ()) {
   }
 }
 
-// The best variant of what was planned is never held; degraded, nothing is. So a message is always
+// The best variant that was planned is never held; degraded, nothing is. So a message is always
 // delivered.
 RC_GTEST_PROP(PolicyProperty, HoldsOnlyWhatABetterPlannedVariantMayReplace, ()) {
   const auto links = any_links();
@@ -76,9 +76,9 @@ RC_GTEST_PROP(PolicyProperty, HoldsOnlyWhatABetterPlannedVariantMayReplace, ()) 
   }
 }
 
-// Holds for the policies that rank links; the others weigh times against the deadline. The links
-// that are measured carry a message equally fast here: where they do not, its size counts beside
-// the delays.
+// This holds for the policies that rank links; the others weigh times against the deadline. The
+// links that are measured carry a message equally fast here: where they do not, its size counts
+// beside the delays.
 RC_GTEST_PROP(PolicyProperty, ScalingAllDelaysChangesNothing, (bool larger)) {
   auto links = any_links();
   const DataRate rate{*rc::gen::inRange<std::int64_t>(1, 200'000'000)};
@@ -102,7 +102,7 @@ RC_GTEST_PROP(PolicyProperty, ScalingAllDelaysChangesNothing, (bool larger)) {
   }
 }
 
-// Among the links that can carry the message best_link takes the one that brings it soonest.
+// Among the links that can carry the message, best_link takes the one that brings it soonest.
 RC_GTEST_PROP(PolicyProperty, BestLinkTakesTheSoonestOfTheLinksThatCanCarryIt, ()) {
   const auto links = any_links();
   const AnyMessage message;

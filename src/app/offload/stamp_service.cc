@@ -10,7 +10,7 @@
 #include <thread>
 
 #include "app/process/failure.h"
-#include "core/probe/stamp_reflector.h"
+#include "core/probe/reflectors.h"
 #include "node/io/nic_choice.h"
 #include "node/io/stamped_socket.h"
 #include "node/io/steady_clock.h"

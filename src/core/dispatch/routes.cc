@@ -4,7 +4,6 @@
 
 #include "core/base/earliest.h"
 #include "core/base/water_filling.h"
-#include "core/dispatch/arrival_forecast.h"
 #include "interneuron/sizes.h"
 
 namespace interneuron::dispatch {

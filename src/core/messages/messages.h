@@ -14,9 +14,8 @@
 #include <vector>
 
 #include "core/dispatch/routes.h"
+#include "core/messages/books.h"
 #include "core/messages/on_time_forecast.h"
-#include "core/messages/received_messages.h"
-#include "core/messages/sent_messages.h"
 #include "core/peers/peers.h"
 #include "core/plan/policies.h"
 #include "interneuron/endpoint.h"

@@ -1,4 +1,4 @@
-#include "core/messages/received_messages.h"
+#include "core/messages/books.h"
 
 #include <algorithm>
 

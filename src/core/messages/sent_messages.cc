@@ -1,4 +1,4 @@
-#include "core/messages/sent_messages.h"
+#include "core/messages/books.h"
 
 #include <algorithm>
 #include <cassert>

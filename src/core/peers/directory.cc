@@ -1,4 +1,4 @@
-#include "core/peers/directory.h"
+#include "core/peers/peer_table.h"
 
 #include <algorithm>
 

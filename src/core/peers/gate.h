@@ -18,7 +18,7 @@
 #include <span>
 
 #include "core/peers/address_validation.h"
-#include "core/probe/echo_reflector.h"
+#include "core/probe/reflectors.h"
 #include "core/secure/sessions.h"
 #include "core/wire/packet.h"
 #include "interneuron/endpoint.h"

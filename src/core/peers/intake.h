@@ -1,24 +1,64 @@
-// What a peer sends: pieces become messages within its limits, what strikes these is kept in its
-// ledger, and what is to be told of what came is kept until feedback tells it.
-//
-// Owned and fed by Peer with what its packets hold, each once. A peer may send anything: messages
-// that are larger than they may be are refused with their first piece, incomplete ones are held in
-// bounded memory, and more packets or messages a second than it may send are dropped. Pure;
-// thread-compatible.
+// What a peer sends, and what comes of it: messages of its own (Intake), and what it says of those
+// that were sent to it (Settlements).
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <utility>
 
 #include "core/base/rate_limit.h"
+#include "core/base/ring.h"
 #include "core/flow/arrivals.h"
 #include "core/flow/reassembler.h"
 #include "core/flow/windows.h"
 #include "core/peers/feedback_due.h"
 #include "core/wire/packet.h"
 #include "interneuron/endpoint.h"
+#include "interneuron/time.h"
+#include "interneuron/units.h"
 
 namespace interneuron::peers {
+
+// What a peer says of a whole message that was sent to it.
+struct Settled {
+  enum class Kind : std::uint8_t {
+    // The own sender gave it up: what is left of it cannot arrive in time.
+    kGivenUp,
+    // It was not complete at its deadline.
+    kIncomplete,
+    // It is complete.
+    kComplete,
+    // It was complete, and dropped there: late, or not the newest of its channel.
+    kDroppedThere,
+    // There was no room for it, or its time was over before all of it was there. That is final: it
+    // is never complete.
+    kRefused,
+  };
+  Kind kind{};
+  MessageId message{};
+  // When it became complete, where it is kComplete or kDroppedThere.
+  std::optional<PeerTime> complete_at{};
+};
+
+// Keeps what feedback tells until it is asked for. Peer owns one and feeds it every feedback that
+// is meant for this session. The peer may name any message; those that were never sent, or are
+// settled already, are nobody's. That all pieces of a message are acknowledged says nothing here:
+// they arrived, and what became of them only the peer knows. Grows until it is asked: by 48
+// messages per feedback at most. Pure; thread-compatible; never throws but std::bad_alloc.
+class Settlements {
+ public:
+  // Someone asks for what is told; before that nothing is kept.
+  void open() { open_ = true; }
+  void learn(const wire::Feedback& feedback);
+  // What became complete sooner comes first, of each feedback.
+  std::optional<Settled> poll();
+  // The peer began a new life.
+  void reset() { settled_.clear(); }
+
+ private:
+  bool open_ = false;
+  Ring<Settled> settled_;
+};
 
 // What has become of a packet of a peer's, or of a piece that was computed.
 struct PacketOutcome {
@@ -39,6 +79,13 @@ struct PacketOutcome {
   wire::MessageKind kind{};
 };
 
+// What a peer sends: pieces become messages within its limits, what strikes these is kept in its
+// ledger, and what is to be told of what came is kept until feedback tells it.
+//
+// Owned and fed by Peer with what its packets hold, each once. A peer may send anything: messages
+// that are larger than they may be are refused with their first piece, incomplete ones are held in
+// bounded memory, and more packets or messages a second than it may send are dropped. Pure;
+// thread-compatible.
 class Intake {
  public:
   Intake(const PeerLimits& limits, TimePoint now);

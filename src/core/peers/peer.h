@@ -17,7 +17,6 @@
 #include "core/guard/clock_offset.h"
 #include "core/peers/intake.h"
 #include "core/peers/paths.h"
-#include "core/peers/settlements.h"
 #include "core/wire/packet.h"
 #include "interneuron/endpoint.h"
 

@@ -1,4 +1,4 @@
-#include "core/peers/settlements.h"
+#include "core/peers/intake.h"
 
 #include <algorithm>
 

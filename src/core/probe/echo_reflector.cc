@@ -1,4 +1,4 @@
-#include "core/probe/echo_reflector.h"
+#include "core/probe/reflectors.h"
 
 #include <algorithm>
 

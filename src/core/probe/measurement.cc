@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cassert>
 
-#include "core/probe/train.h"
+#include "core/probe/summary.h"
 
 namespace interneuron::probe {
 namespace {

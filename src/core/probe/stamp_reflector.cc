@@ -1,4 +1,4 @@
-#include "core/probe/stamp_reflector.h"
+#include "core/probe/reflectors.h"
 
 #include <algorithm>
 #include <array>

@@ -1,4 +1,4 @@
-#include "core/probe/train.h"
+#include "core/probe/summary.h"
 
 #include <algorithm>
 #include <cmath>

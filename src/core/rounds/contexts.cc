@@ -1,4 +1,4 @@
-#include "core/rounds/contexts.h"
+#include "core/rounds/kept_rounds.h"
 
 #include <algorithm>
 

@@ -1,4 +1,4 @@
-#include "core/rounds/held_variants.h"
+#include "core/rounds/kept_rounds.h"
 
 #include <algorithm>
 

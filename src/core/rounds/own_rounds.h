@@ -11,7 +11,7 @@
 
 #include "core/base/round_ring.h"
 #include "core/guard/round_ledger.h"
-#include "core/rounds/contexts.h"
+#include "core/rounds/kept_rounds.h"
 #include "interneuron/endpoint.h"
 #include "interneuron/few.h"
 

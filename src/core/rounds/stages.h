@@ -22,8 +22,7 @@
 
 #include "core/base/round_ring.h"
 #include "core/guard/stage_guard.h"
-#include "core/rounds/contexts.h"
-#include "core/rounds/held_variants.h"
+#include "core/rounds/kept_rounds.h"
 #include "interneuron/endpoint.h"
 
 namespace interneuron::rounds {

@@ -1,4 +1,4 @@
-#include "core/secure/replay_window.h"
+#include "core/secure/session.h"
 
 #include <algorithm>
 

@@ -1,4 +1,4 @@
-#include "core/dispatch/arrival_forecast.h"
+#include "core/dispatch/routes.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // Who is meant by a session or an address.
-#include "core/peers/directory.h"
+#include "core/peers/peer_table.h"
 
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>

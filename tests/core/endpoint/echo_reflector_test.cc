@@ -1,5 +1,5 @@
 // Echoes are answered once, with their own size, over the path they came by.
-#include "core/probe/echo_reflector.h"
+#include "core/probe/reflectors.h"
 
 #include "core/wire/packet.h"
 #include "tests/core/endpoint/pipe.h"

@@ -84,7 +84,7 @@ class Attacker {
   }
   MessageId next_message() { return MessageId{++message_}; }
 
-  // Of the newest packet.
+  // The number of the newest packet.
   std::uint64_t number = 0;
 
  private:

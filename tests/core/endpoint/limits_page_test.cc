@@ -5,8 +5,8 @@
 
 #include <set>
 
-#include "core/messages/sent_messages.h"
-#include "core/rounds/held_variants.h"
+#include "core/messages/books.h"
+#include "core/rounds/kept_rounds.h"
 #include "interneuron/endpoint_options.h"
 #include "interneuron/ledger.h"
 

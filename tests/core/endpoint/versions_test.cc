@@ -103,7 +103,7 @@ TEST(RepairSymbols, AreKeptUntilTheirMessageIsComplete) {
   EXPECT_EQ(pair.pipe.at(pair.road).reassembly_bytes(), 0U);
 }
 
-// Of a message whose only packet is lost.
+// The windows repair a message whose only packet is lost.
 TEST(Windows, BringBackMessagesThatAreDeliveredAndToldOf) {
   Pair pair;
   wire::PlainHeader plain;

@@ -7,7 +7,7 @@
 #include <map>
 #include <random>
 
-#include "core/probe/echo_reflector.h"
+#include "core/probe/reflectors.h"
 #include "core/wire/packet.h"
 
 namespace interneuron::probe::silence_test {

@@ -10,8 +10,8 @@
 #include <optional>
 #include <random>
 
-#include "core/probe/echo_reflector.h"
 #include "core/probe/measurement.h"
+#include "core/probe/reflectors.h"
 #include "tests/virtual_network.h"
 
 namespace interneuron::probe {

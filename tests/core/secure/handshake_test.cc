@@ -272,7 +272,7 @@ TEST(Handshake, UnderLoadWhoeverReceivesAtHisAddressIsServed) {
     Bytes changed = cookie;
     changed[bit / 8] ^= std::byte{1} << bit % 8;
     const auto header = wire::peek(changed);
-    // Of the header the path, the session and the number say what is answered.
+    // The path, the session and the number in the header say what is answered.
     const bool is_bound = bit / 8 >= 2 && (bit / 8 < 16 || bit / 8 >= wire::kHeaderBytes);
     if (is_bound && header) {
       EXPECT_FALSE(b.vehicle.take_cookie(b.now, *header, changed)) << bit;

@@ -1,6 +1,6 @@
 // Each number once: the cases of WireGuard's selftest/counter.c (Linux), and any order against a
 // set.
-#include "core/secure/replay_window.h"
+#include "core/secure/session.h"
 
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>

@@ -55,7 +55,7 @@ TEST(Session, OpensWhatTheOtherSideHasSealedOnce) {
   const auto header = wire::peek(packet);
   EXPECT_EQ(header->session, SessionId{22});
   EXPECT_EQ(header->epoch, wire::kSealedEpoch);
-  // Of the stamp and the body nothing is to be seen.
+  // Neither the stamp nor the body can be seen.
   EXPECT_FALSE(
       std::ranges::equal(std::span(packet).subspan(16, 68), std::span(clear).subspan(16, 68)));
   Bytes opened;
