@@ -45,9 +45,9 @@ QoS qos_of(const SendOptions& options) {
 }
 
 // What the chances of a message are judged by.
-Outlook outlook_of(PeerId to, const SendOptions& options, std::size_t bytes,
+Outlook outlook_of(TimePoint now, PeerId to, const SendOptions& options, std::size_t bytes,
                    std::span<const LinkState> links, const dispatch::Routes& routes) {
-  Outlook outlook{.peer = to, .deadline = options.deadline, .bytes = bytes};
+  Outlook outlook{.peer = to, .at = now, .deadline = options.deadline, .bytes = bytes};
   if (routes.first) {
     const LinkState& link = *std::ranges::find(links, routes.first->link, &LinkState::id);
     outlook.has_link = true;
@@ -103,7 +103,7 @@ SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const Sen
   Outlook outlook;
   double on_time = 0;
   if (result.accepted() || result.status == SendStatus::kCannotArrive) {
-    outlook = outlook_of(to, options, sizes.front(), links, routes);
+    outlook = outlook_of(now, to, options, sizes.front(), links, routes);
     on_time = forecasts_.predict(outlook);
     result.on_time = on_time;
   }

@@ -9,22 +9,27 @@ namespace {
 // The weights of the law: log-odds for each unit of a factor. Source: a logistic regression over
 // seeds 1 and 2 of `interneuron bench forecast`, 0.77 million messages, in which each scenario
 // counts by what there is to explain in it (docs/load.md, "Fitting anew"). Refused messages have a
-// base and weights of their own, and only three factors: few of them are ever sent nevertheless.
+// base and weights of their own, of seeds 1 to 4: few of them are ever sent nevertheless.
 //
 // The log-odds of a message of which all factors are 0.
 constexpr double kBase = 2.142;
-constexpr double kRefusedBase = 3.122;
+constexpr double kRefusedBase = 0.274;
 // For each deadline that is left for the smallest variant.
 constexpr double kRoom = 4.612;
-constexpr double kRefusedRoom = 5.456;
+constexpr double kRefusedRoom = 4.465;
 // For each spread of the peer's ages that there is to spare.
 constexpr double kMargin = 0.397;
-constexpr double kRefusedMargin = 0.259;
+// How far the margin is on the way from 1 spread to 3, and which part of one packet the message is.
+constexpr double kRefusedCertainty = 3.124;
+constexpr double kRefusedSmallness = 10.117;
 // For each deadline that the link needs for what is under way and the message.
 constexpr double kPressure = -1.759;
-constexpr double kRefusedPressure = -2.678;
+constexpr double kRefusedPressure = -1.497;
 // For each log-odds of the record, and each deadline that the link needs for what is under way.
 constexpr double kRecord = 0.569;
+// For each log-odds of the record, anywhere and where as much is handed over as may leave.
+constexpr double kRefusedRecord = 0.295;
+constexpr double kRefusedOverload = -0.681;
 // While nothing is under way and nobody else uses the link; while the link is not known to work;
 // where half of the link is others'.
 constexpr double kIdle = 2.737;
@@ -34,8 +39,15 @@ constexpr double kContention = 1.101;
 // Beyond these bounds a factor says no more, in its own unit: judged on the same seeds.
 constexpr double kLeastRoom = -0.5;
 constexpr double kMostRoom = 0.3;
+constexpr double kMostRefusedRoom = 1;
 constexpr double kMostMargin = 5;
 constexpr double kMostDeadlines = 2;
+// Between these margins, loads and, for half, at this size: a refused message's other factors.
+constexpr double kUncertain = 1;
+constexpr double kCertain = 3;
+constexpr double kFits = 0.8;
+constexpr double kOverloaded = 1.1;
+constexpr double kPacketBytes = 1200;
 // Others use the link where they have more than this part of its rate.
 constexpr double kAlone = 0.05;
 
@@ -44,6 +56,7 @@ constexpr double kAlone = 0.05;
 // is kept from certainty. No measurement behind these values.
 constexpr double kKeep = 0.97;
 constexpr double kNewest = 0.08;
+constexpr double kNewestGap = 0.2;
 constexpr double kPriorOnTime = 0.9;
 constexpr double kLeastShare = 0.005;
 // Excesses are bounded by this, in seconds: a peer's clock may be far off. A message that was not
@@ -51,10 +64,17 @@ constexpr double kLeastShare = 0.005;
 constexpr double kMostExcess = 0.5;
 constexpr double kMissedBy = 0.2;
 constexpr double kLeastSpread = 0.002;
+// In seconds, what no gap between messages falls short of.
+constexpr double kLeastGap = 1e-4;
 // How far a prediction of 1 that was wrong moves the drift, in log-odds, and the largest drift.
 // Larger steps find it sooner and make predictions less steady.
 constexpr double kStep = 0.1;
 constexpr double kMostDrift = 10;
+
+// From 0 at `from` to 1 at `to`.
+double ramp(double v, double from, double to) {
+  return std::clamp((v - from) / (to - from), 0.0, 1.0);
+}
 
 double log_odds(double messages, double on_time) {
   const double share =
@@ -91,6 +111,9 @@ struct OnTimeForecasts::Factors {
   // From 0 where the link is ours or not at all to 1 where half of it is others': the share that we
   // have settled on leaves room for what comes.
   double contention = 0;
+  // The log-odds of the record once more, where messages were handed over of late as fast as they
+  // may leave: from 0 at 0.8 of that rate to all of it at 1.1.
+  double overload = 0;
 };
 
 OnTimeForecasts::Factors OnTimeForecasts::factors(const Outlook& o, const Record& r) {
@@ -102,9 +125,13 @@ OnTimeForecasts::Factors OnTimeForecasts::factors(const Outlook& o, const Record
   if (usable > DataRate{}) {
     const double bytes_per_second = static_cast<double>(usable.bits_per_second) / 8;
     drain = static_cast<double>(r.bytes_under_way) / bytes_per_second / deadline;
+    out.overload = log_odds(r.messages, r.on_time) *
+                   ramp(r.handed_over(o) / bytes_per_second, kFits, kOverloaded);
   }
   if (o.least) {
-    out.room = std::clamp((deadline - to_seconds(*o.least)) / deadline, kLeastRoom, kMostRoom);
+    const double room = (deadline - to_seconds(*o.least)) / deadline;
+    out.room = o.refused ? std::clamp(room, -kMostRefusedRoom, kMostRefusedRoom)
+                         : std::clamp(room, kLeastRoom, kMostRoom);
   }
   out.pressure = drain;
   if (o.expected) {
@@ -120,16 +147,28 @@ OnTimeForecasts::Factors OnTimeForecasts::factors(const Outlook& o, const Record
   return out;
 }
 
+// Bytes a second, this message among them; 0 of the first one.
+double OnTimeForecasts::Record::handed_over(const Outlook& o) const {
+  if (!sent_at) return 0;
+  const double mean_gap = gap + (to_seconds(o.at - *sent_at) - gap) * kNewestGap;
+  const double mean_size = size + (static_cast<double>(o.bytes) - size) * kNewestGap;
+  return mean_size / std::max(mean_gap, kLeastGap);
+}
+
 double OnTimeForecasts::predict(const Outlook& o) const {
   const auto known = records_.find(o.peer);
   const Record record = known == records_.end() ? Record{} : known->second;
   const Factors f = factors(o, record);
-  const double says = o.refused
-                          ? kRefusedBase + kRefusedRoom * f.room + kRefusedMargin * f.margin +
-                                kRefusedPressure * f.pressure
-                          : kBase + kRoom * f.room + kMargin * f.margin + kPressure * f.pressure +
-                                kRecord * f.record + kIdle * f.idle + kSuspicion * f.suspicion +
-                                kContention * f.contention + record.drift;
+  const double says =
+      o.refused
+          ? kRefusedBase + kRefusedRoom * f.room +
+                kRefusedCertainty * ramp(f.margin, kUncertain, kCertain) +
+                kRefusedPressure * f.pressure + kRefusedOverload * f.overload +
+                kRefusedRecord * log_odds(record.messages, record.on_time) +
+                kRefusedSmallness * kPacketBytes / (kPacketBytes + static_cast<double>(o.bytes))
+          : kBase + kRoom * f.room + kMargin * f.margin + kPressure * f.pressure +
+                kRecord * f.record + kIdle * f.idle + kSuspicion * f.suspicion +
+                kContention * f.contention + record.drift;
   return 1 / (1 + std::exp(-says));
 }
 
@@ -137,6 +176,13 @@ void OnTimeForecasts::sent(SendId id, const Outlook& o, double predicted) {
   const UnderWay message{o.peer, o.bytes, o.deadline, o.expected.value_or(Duration{}), predicted};
   if (!under_way_.emplace(id, message).second) return;
   Record& record = records_[o.peer];
+  if (record.sent_at) {
+    const double gap = to_seconds(o.at - *record.sent_at);
+    record.gap = record.gap > 0 ? record.gap + (gap - record.gap) * kNewestGap : gap;
+  }
+  const auto size = static_cast<double>(o.bytes);
+  record.size = record.size > 0 ? record.size + (size - record.size) * kNewestGap : size;
+  record.sent_at = o.at;
   record.bytes_under_way += o.bytes;
   ++record.under_way;
 }

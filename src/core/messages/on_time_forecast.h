@@ -16,6 +16,8 @@ namespace interneuron::messages {
 // values.
 struct Outlook {
   PeerId peer{};
+  // When send() is called.
+  TimePoint at{};
   Duration deadline{};
   // Bytes of the best variant.
   std::size_t bytes = 0;
@@ -70,8 +72,13 @@ class OnTimeForecasts {
     // Bytes and number of messages under way.
     std::size_t bytes_under_way = 0;
     std::size_t under_way = 0;
+    // When the last message was sent; means of the seconds between two and of their bytes.
+    std::optional<TimePoint> sent_at{};
+    double gap = 0;
+    double size = 0;
     // What is added to the log-odds of the law.
     double drift = 0;
+    double handed_over(const Outlook& outlook) const;
   };
   struct UnderWay {
     PeerId peer{};
