@@ -42,11 +42,13 @@ constexpr double kMostRoom = 0.3;
 constexpr double kMostRefusedRoom = 1;
 constexpr double kMostMargin = 5;
 constexpr double kMostDeadlines = 2;
-// Between these margins, loads and, for half, at this size: a refused message's other factors.
+// A refused message's certainty grows from 0 to 1 between these margins, in spreads.
 constexpr double kUncertain = 1;
 constexpr double kCertain = 3;
+// Its overload grows from none to all between these parts of the rate that may leave.
 constexpr double kFits = 0.8;
 constexpr double kOverloaded = 1.1;
+// The size in bytes at which its smallness is a half, about one packet.
 constexpr double kPacketBytes = 1200;
 // Others use the link where they have more than this part of its rate.
 constexpr double kAlone = 0.05;
