@@ -20,7 +20,7 @@
 #include <vector>
 
 #include "interneuron/time.h"
-#include "lab/emu/ecn.h"
+#include "lab/emu/queue.h"
 #include "node/io/file_descriptor.h"
 
 namespace interneuron::netns {
