@@ -15,7 +15,6 @@
 #include <CLI/CLI.hpp>
 #include <array>
 #include <cstdlib>
-#include <cstring>
 #include <memory>
 #include <new>
 #include <vector>

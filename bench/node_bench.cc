@@ -25,7 +25,6 @@
 #include <functional>
 #include <memory>
 #include <optional>
-#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -34,7 +33,6 @@
 #include "core/base/statistics.h"
 #include "interneuron/node.h"
 #include "interneuron/sizes.h"
-#include "node/io/file_descriptor.h"
 
 namespace interneuron::bench {
 namespace {

@@ -19,7 +19,6 @@
 #include <cstdio>
 #include <exception>
 #include <memory>
-#include <string>
 #include <vector>
 
 #include "bench/secure_parts.h"

@@ -1,7 +1,6 @@
 #include "tests/fuzz/endpoint_packets.h"
 
 #include <algorithm>
-#include <array>
 
 #include "core/wire/packet.h"
 #include "core/wire/plain_header.h"

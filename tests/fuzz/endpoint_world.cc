@@ -4,9 +4,7 @@
 #include <netinet/in.h>
 
 #include <algorithm>
-#include <cmath>
 #include <cstring>
-#include <stdexcept>
 
 #include "core/wire/packet.h"
 #include "tests/fuzz/finding.h"

@@ -6,16 +6,12 @@
 #include <cstdio>
 #include <exception>
 #include <map>
-#include <memory>
-#include <optional>
-#include <string>
 #include <thread>
 
 #include "app/computing/roadside_unit.h"
 #include "app/offload/offload_request.h"
 #include "app/offload/submit_log.h"
 #include "app/perception/codec.h"
-#include "app/perception/detector.h"
 #include "app/process/failure.h"
 #include "app/settings/data.h"
 #include "app/settings/link_options.h"

@@ -9,7 +9,6 @@
 #include "app/computing/computation_budget.h"
 #include "app/computing/no_answer.h"
 #include "app/offload/camera.h"
-#include "app/offload/offload_request.h"
 #include "app/offload/run_record.h"
 #include "app/offload/submit_log.h"
 #include "app/offload/vehicle_run.h"

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <random>
 
 #include "interneuron/sizes.h"
 #include "lab/emu/random.h"

@@ -1,7 +1,6 @@
 #include "lab/sim/offload.h"
 
 #include <algorithm>
-#include <cstdint>
 #include <new>
 #include <random>
 

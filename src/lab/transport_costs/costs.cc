@@ -13,7 +13,6 @@
 #include "app/process/signals.h"
 #include "netns/wiring/namespaces.h"
 #include "netns/wiring/nics.h"
-#include "node/io/address.h"
 #include "node/io/open_transport.h"
 #include "node/io/steady_clock.h"
 

@@ -2,7 +2,6 @@
 #include <atomic>
 #include <exception>
 #include <memory>
-#include <optional>
 #include <thread>
 
 #include "app/process/failure.h"

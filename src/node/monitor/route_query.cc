@@ -4,7 +4,6 @@
 #include <linux/rtnetlink.h>
 #include <netlink/attr.h>
 #include <netlink/errno.h>
-#include <cstring>
 #include <span>
 #include <vector>
 

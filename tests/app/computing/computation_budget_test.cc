@@ -2,8 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <vector>
-
 #include "core/plan/budget.h"
 
 namespace interneuron::computing::computation_budget_test {

@@ -6,7 +6,6 @@
 #include <sys/resource.h>
 
 #include <csignal>
-#include <opencv2/core.hpp>
 #include <thread>
 
 #include "app/perception/codec.h"

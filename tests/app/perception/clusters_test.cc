@@ -7,7 +7,6 @@
 #include <Eigen/Geometry>
 #include <numbers>
 
-#include "app/perception/point_cloud.h"
 #include "support.h"
 
 namespace interneuron::perception::clusters_test {

@@ -1,8 +1,6 @@
 // What a fate says happened at the other end, also where what the peer tells is lost.
 #include <gtest/gtest.h>
 
-#include <algorithm>
-
 #include "door.h"
 
 namespace interneuron::truth_test {

@@ -2,8 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <array>
-
 #include "interneuron/sizes.h"
 
 namespace interneuron::budget_test {

@@ -2,8 +2,6 @@
 
 #include <gmock/gmock.h>
 
-#include <limits>
-
 #include "interneuron/policy.h"
 #include "interneuron/sizes.h"
 

@@ -5,8 +5,6 @@
 
 #include <array>
 #include <functional>
-#include <map>
-#include <memory>
 #include <optional>
 #include <random>
 

@@ -1,5 +1,4 @@
 // `interneuron bench coding`, `bench drives` and `bench transports`: their JSON and their tables.
-#include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <string>

@@ -4,8 +4,6 @@
 #include <rapidcheck.h>
 #include <rapidcheck/gtest.h>
 
-#include <numeric>
-
 #include "node/io/address.h"
 #include "support.h"
 

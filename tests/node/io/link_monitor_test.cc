@@ -4,8 +4,6 @@
 
 #include <gtest/gtest.h>
 
-#include <vector>
-
 #include "watch.h"
 
 namespace interneuron::io::link_monitor_test {

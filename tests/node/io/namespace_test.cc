@@ -1,8 +1,6 @@
 // What only a NIC of one's own shows: a full send buffer, a small MTU, a card that vanishes.
 #include "namespace.h"
 
-#include <gtest/gtest.h>
-
 #include "node/io/udp_socket.h"
 #include "support.h"
 

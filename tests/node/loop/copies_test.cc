@@ -3,8 +3,6 @@
 // the linker puts in the place of memcpy() and memmove().
 #include <gtest/gtest.h>
 
-#include <set>
-
 #include "lab/sim/trust.h"
 #include "node/loop/outbox.h"
 #include "tests/core/endpoint/pipe.h"
