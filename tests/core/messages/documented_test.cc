@@ -63,8 +63,7 @@ TEST(Documented, AfterAJumpOfThePeersClockMessagesAreDeliveredAgainWithinSeconds
 
 TEST(Documented, WhatNeverLeftBeforeAllLinksWentDownExpired) {
   Door d;
-  SendOptions options;
-  options.deadline = 1s;
+  SendOptions options{.deadline = 1s};
   const SendResult result = d.send({Bytes(kMaxMessageBytes)}, options);
   if (!result.accepted()) return;
   d.pipe.cut = {kFast, kSlow};

@@ -82,10 +82,7 @@ inline FragmentHeader example_repair_fragment() {
 }
 
 inline WindowHeader example_window() {
-  WindowHeader window;
-  window.row = 1;
-  window.messages = {{MessageId{10}, 0b1}, {MessageId{11}, 0b110}};
-  return window;
+  return WindowHeader{.row = 1, .messages = {{MessageId{10}, 0b1}, {MessageId{11}, 0b110}}};
 }
 
 inline Token example_token() {
@@ -135,13 +132,11 @@ inline Feedback example_feedback() {
   report.ect_packets = 90;
   report.ce_packets = 3;
   report.received_bytes = 123'456;
-  Feedback feedback;
-  feedback.u = 1'234'600'000'000;
-  feedback.echo = SessionId{0xcafe0002};
-  feedback.reports = {report};
-  feedback.complete = {{MessageId{9}, 1500}, {MessageId{10}, 200, true}};
-  feedback.refused = {MessageId{8}};
-  return feedback;
+  return Feedback{.u = 1'234'600'000'000,
+                  .echo = SessionId{0xcafe0002},
+                  .reports = {report},
+                  .complete = {{MessageId{9}, 1500}, {MessageId{10}, 200, true}},
+                  .refused = {MessageId{8}}};
 }
 
 }  // namespace interneuron::wire

@@ -86,10 +86,9 @@ void Fleet::build() {
   road.accept_peers = true;
   road_ = world_.add_host(std::move(road));
   for (std::size_t i = 0; i < o_.vehicles.size(); ++i) {
-    EndpointOptions options;
-    options.session = session_of(i);
-    options.pipelines = {pipeline(o_.vehicles[i])};
-    options.policies = builtin_policies();
+    EndpointOptions options{.session = session_of(i),
+                            .pipelines = {pipeline(o_.vehicles[i])},
+                            .policies = builtin_policies()};
     hosts_.push_back(world_.add_host(std::move(options)));
     const LinkId link{static_cast<std::uint16_t>(i)};
     world_.add_link(hosts_[i], road_, link, o_.link.name,

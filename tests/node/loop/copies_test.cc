@@ -78,9 +78,7 @@ class Taker final : public Transport {
  public:
   BatchResult send(std::span<const Outgoing> batch) override {
     for (const Outgoing& datagram : batch) bytes += datagram.size();
-    BatchResult result;
-    result.taken = batch.size();
-    return result;
+    return BatchResult{.taken = batch.size()};
   }
   std::span<const Incoming> receive() override { return {}; }
   TransportCaps capabilities() const override { return {}; }

@@ -83,8 +83,7 @@ TEST(Outbox, ATurnIsBoundedAndLeavesAsOneBatch) {
   Bottle transport;
   Outbox outbox;
   outbox.add(LinkId{0}, transport);
-  Numbers source;
-  source.end = kDatagramsPerTurn + 10;
+  Numbers source{.end = kDatagramsPerTurn + 10};
   EXPECT_EQ(outbox.pump(kStart, source), Outbox::More::kNow);
   EXPECT_EQ(transport.sent, count_to(kDatagramsPerTurn));
   EXPECT_EQ(transport.calls, 1);
@@ -97,8 +96,7 @@ TEST(Outbox, AFullSocketBufferLosesNothing) {
   transport.room = 7;
   Outbox outbox;
   outbox.add(LinkId{0}, transport);
-  Numbers source;
-  source.end = 5000;
+  Numbers source{.end = 5000};
   TimePoint now = kStart;
   bool paused = false;
   for (int turns = 0; transport.sent.size() < source.end; ++turns) {
@@ -125,9 +123,7 @@ TEST(Outbox, AStalledLinkHoldsUpTheOtherOnlyForThePatience) {
   Outbox outbox;
   outbox.add(LinkId{0}, good);
   outbox.add(LinkId{1}, stuck);
-  Numbers source;
-  source.links = 2;
-  source.end = 4000;
+  Numbers source{.end = 4000, .links = 2};
   TimePoint now = kStart;
   Outbox::More more = Outbox::More::kNow;
   while (more == Outbox::More::kNow) more = outbox.pump(now, source);
@@ -249,8 +245,7 @@ class Borrowed final : public Outbox::Source {
 class Recorder final : public Transport {
  public:
   BatchResult send(std::span<const Outgoing> batch) override {
-    BatchResult result;
-    result.would_block = blocked;
+    BatchResult result{.would_block = blocked};
     if (blocked) return result;
     for (const Outgoing& datagram : batch) {
       parts += datagram.payload.empty() ? 0U : 1U;
@@ -301,8 +296,7 @@ TEST(Outbox, AVanishedLinkIsReportedOnceAndItsDatagramsAreDropped) {
   transport.gone = ENODEV;
   Outbox outbox;
   outbox.add(LinkId{0}, transport);
-  Numbers source;
-  source.end = 3;
+  Numbers source{.end = 3};
   EXPECT_EQ(outbox.pump(kStart, source), Outbox::More::kNo);
   EXPECT_EQ(outbox.take_gone(), (std::vector<std::pair<LinkId, int>>{{LinkId{0}, ENODEV}}));
   EXPECT_TRUE(outbox.take_gone().empty());
