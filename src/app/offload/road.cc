@@ -241,8 +241,7 @@ Node::Task Road::detect(const Unit::Job& job, std::size_t level) {
   if (!image) return [this] { undecoded(); };
   image->sender = job.message.from.value;
   const TimePoint start = node_.now();
-  perc::Result result;
-  result.boxes = ladder_->detect(level, *image);
+  perc::Result result{.boxes = ladder_->detect(level, *image)};
   const Duration pause = hooks_.inside_compute(job.message.round.round);
   if (pause > Duration{}) std::this_thread::sleep_for(pause);
   result.frame = image->frame;

@@ -247,8 +247,7 @@ void Vehicle::back_up(const RoundRef& ref, const perc::Image& image) {
   if (!hooks_.local_backup()) return;
   node_.compute(Queue::kLocalBackup, [this, ref, image]() -> Node::Task {
     if (newest_round_ != ref.round.value) return {};
-    perc::Result result;
-    result.boxes = backup_.detect(0, image);
+    perc::Result result{.boxes = backup_.detect(0, image)};
     if (newest_round_ != ref.round.value) return {};
     result.frame = image.frame;
     result.draw_score = backup_.level(0).draw_score;

@@ -215,7 +215,8 @@ TEST(BudgetObserver, RoundsThatAreNeverAnsweredCount) {
 // Without raw copies that come, a sampled one is not held: the e2e time stays, where guard kPaper
 // would let it creep (docs/paper.md, "Holds").
 TEST(BudgetObserver, HoldsDoNotGrowWhenTheBetterVariantNeverComes) {
-  Road road{.variant = kSampled};
+  Road road;
+  road.variant = kSampled;
   for (int i = 0; i < 100; ++i) {
     StageEnd end = road.end(1);
     const TimePoint now = road.at(road.t0() + 60ms);

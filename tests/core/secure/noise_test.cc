@@ -142,7 +142,8 @@ TEST(Noise, NeitherMessageMayBeChangedInAnyBit) {
   ASSERT_TRUE(reading.responder.read_first(reading.first, reading.payload));
   ASSERT_TRUE(reading.responder.write_second(reading.second, Bytes(5)));
   for (std::size_t bit = 0; bit < 8 * reading.second.size(); ++bit) {
-    Both b{.second = reading.second};
+    Both b;
+    b.second = reading.second;
     b.second[bit / 8] ^= std::byte{1} << bit % 8;
     EXPECT_FALSE(b.initiator.read_second(b.second, b.payload)) << bit;
   }

@@ -83,7 +83,8 @@ TEST(Outbox, ATurnIsBoundedAndLeavesAsOneBatch) {
   Bottle transport;
   Outbox outbox;
   outbox.add(LinkId{0}, transport);
-  Numbers source{.end = kDatagramsPerTurn + 10};
+  Numbers source;
+  source.end = kDatagramsPerTurn + 10;
   EXPECT_EQ(outbox.pump(kStart, source), Outbox::More::kNow);
   EXPECT_EQ(transport.sent, count_to(kDatagramsPerTurn));
   EXPECT_EQ(transport.calls, 1);
@@ -96,7 +97,8 @@ TEST(Outbox, AFullSocketBufferLosesNothing) {
   transport.room = 7;
   Outbox outbox;
   outbox.add(LinkId{0}, transport);
-  Numbers source{.end = 5000};
+  Numbers source;
+  source.end = 5000;
   TimePoint now = kStart;
   bool paused = false;
   for (int turns = 0; transport.sent.size() < source.end; ++turns) {
@@ -123,7 +125,9 @@ TEST(Outbox, AStalledLinkHoldsUpTheOtherOnlyForThePatience) {
   Outbox outbox;
   outbox.add(LinkId{0}, good);
   outbox.add(LinkId{1}, stuck);
-  Numbers source{.end = 4000, .links = 2};
+  Numbers source;
+  source.links = 2;
+  source.end = 4000;
   TimePoint now = kStart;
   Outbox::More more = Outbox::More::kNow;
   while (more == Outbox::More::kNow) more = outbox.pump(now, source);
@@ -245,7 +249,8 @@ class Borrowed final : public Outbox::Source {
 class Recorder final : public Transport {
  public:
   BatchResult send(std::span<const Outgoing> batch) override {
-    BatchResult result{.would_block = blocked};
+    BatchResult result;
+    result.would_block = blocked;
     if (blocked) return result;
     for (const Outgoing& datagram : batch) {
       parts += datagram.payload.empty() ? 0U : 1U;
@@ -296,7 +301,8 @@ TEST(Outbox, AVanishedLinkIsReportedOnceAndItsDatagramsAreDropped) {
   transport.gone = ENODEV;
   Outbox outbox;
   outbox.add(LinkId{0}, transport);
-  Numbers source{.end = 3};
+  Numbers source;
+  source.end = 3;
   EXPECT_EQ(outbox.pump(kStart, source), Outbox::More::kNo);
   EXPECT_EQ(outbox.take_gone(), (std::vector<std::pair<LinkId, int>>{{LinkId{0}, ENODEV}}));
   EXPECT_TRUE(outbox.take_gone().empty());
