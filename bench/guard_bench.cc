@@ -72,14 +72,12 @@ class Road {
     for (int i = 0; i < kFilled; ++i) round();
   }
   StageEnd end(std::size_t stage) const {
-    StageEnd e;
-    e.round = RoundId{round_};
-    e.stage = stage;
-    e.t0 = PeerTime{round_ * 100ms};
-    e.deadline = kDeadline;
-    e.variant = 1;
-    e.terms = {GuardKind::kBudget, 1.0, 0.14};
-    return e;
+    return StageEnd{.round = RoundId{round_},
+                    .stage = stage,
+                    .t0 = PeerTime{round_ * 100ms},
+                    .deadline = kDeadline,
+                    .variant = 1,
+                    .terms = {GuardKind::kBudget, 1.0, 0.14}};
   }
   TimePoint start() const { return TimePoint{round_ * 100ms + 40ms + lost(round_, 1)}; }
   void round() {

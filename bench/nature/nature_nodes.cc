@@ -22,12 +22,6 @@
 namespace interneuron::bench {
 namespace {
 
-using process::Failure;
-using process::kFailed;
-using process::kFine;
-using settings::Capture;
-using settings::kDefaultPort;
-
 constexpr PipelineId kPipeline{0};
 constexpr Duration kPeriod = std::chrono::milliseconds(100);
 // Longer than every round trip of the steps, so that messages are never dropped as too late.

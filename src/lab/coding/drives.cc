@@ -10,8 +10,6 @@
 namespace interneuron::coding {
 namespace {
 
-using std::chrono::milliseconds;
-
 // The queue of a modem, at its mean rate: as that of profiles that name none.
 constexpr Duration kQueue = emu::kDefaultQueueTime;
 // Generated traces are so long and repeat.

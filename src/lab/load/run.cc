@@ -7,8 +7,6 @@
 namespace interneuron::load {
 namespace {
 
-using namespace std::chrono_literals;
-
 class Run {
  public:
   explicit Run(const Scenario& scenario);

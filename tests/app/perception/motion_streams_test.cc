@@ -14,7 +14,6 @@ namespace interneuron::perception::motion_streams_test {
 namespace {
 
 using namespace std::chrono_literals;
-using test::scene;
 
 TimePoint at(Duration t) { return TimePoint{t}; }
 

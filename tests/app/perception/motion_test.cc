@@ -7,8 +7,6 @@
 namespace interneuron::perception::motion_test {
 namespace {
 
-using test::scene;
-
 constexpr int kWalkerWidth = 30;   // pixels of the source, a person of the demo video
 constexpr int kWalkerHeight = 75;  // pixels
 

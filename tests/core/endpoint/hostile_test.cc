@@ -340,14 +340,13 @@ RoundRef begin_round(Target& t) {
 TEST(HostileRounds, ARoundOfOursMayComeBackWithAnyBeginning) {
   for (const std::int64_t t0 : {INT64_MIN, INT64_MIN + 7'200'000'000'000, INT64_MAX, -1L, 0L}) {
     Target t(true);
-    wire::RoundHeader h;
-    h.round = begin_round(t);
-    h.stage = 1;
-    h.stages = 2;
-    h.communication = 0b11;
-    h.deadline_us = UINT32_MAX;
-    h.t0 = PeerTime{Duration{t0}};
-    h.policy = wire::policy_id("joint");
+    wire::RoundHeader h{.round = begin_round(t),
+                        .stage = 1,
+                        .stages = 2,
+                        .communication = 0b11,
+                        .policy = wire::policy_id("joint"),
+                        .t0 = PeerTime{Duration{t0}},
+                        .deadline_us = UINT32_MAX};
     Bytes bytes(wire::kRoundHeaderBytes + 5);
     wire::write_round_header(std::span(bytes).first<wire::kRoundHeaderBytes>(), h);
     std::array<std::byte, 200> out;

@@ -51,8 +51,7 @@ TEST(Refusal, APolicyThatMayUseNoLink) {
 
 TEST(Refusal, WhatCannotArriveIsRefusedAtOnce) {
   Door d;
-  SendOptions options{.deadline = 1ms};
-  const SendResult result = d.send({Bytes(1)}, options);
+  const SendResult result = d.send({Bytes(1)}, {.deadline = 1ms});
   EXPECT_EQ(result.status, SendStatus::kCannotArrive);
   ASSERT_TRUE(result.expected);
   EXPECT_GT(*result.expected, 1ms);

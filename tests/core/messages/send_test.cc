@@ -9,8 +9,7 @@ namespace {
 
 TEST(Send, AMessageIsDeliveredWithItsAgeAndSoIsItsFate) {
   Door d;
-  SendOptions options{.channel = 7, .importance = 200};
-  const SendResult result = d.send({Bytes(5'000, std::byte{3})}, options);
+  const SendResult result = d.send({Bytes(5'000, std::byte{3})}, {.channel = 7, .importance = 200});
   ASSERT_TRUE(result.accepted());
   d.pipe.run(100ms);
   ASSERT_EQ(d.came.size(), 1U);
@@ -37,8 +36,7 @@ TEST(Send, WorksBothWaysAndFromOneByteToTheLargest) {
   for (const std::size_t bytes : {std::size_t{1}, std::size_t{1'327}, std::size_t{1'328},
                                   std::size_t{100'000}, kMaxMessageBytes}) {
     d.came.clear();
-    SendOptions options{.deadline = 20s};
-    const SendResult result = d.send({Bytes(bytes)}, options);
+    const SendResult result = d.send({Bytes(bytes)}, {.deadline = 20s});
     ASSERT_TRUE(result.accepted()) << bytes << " " << to_string(result.status);
     d.pipe.run(20s);
     ASSERT_EQ(d.came.size(), 1U) << bytes;
@@ -122,8 +120,7 @@ TEST(Send, WhatAPeerSaysIsIncompleteAtTheDeadlineIsDropped) {
 
 TEST(Send, ACancelledMessageIsDroppedAtOnce) {
   Door d;
-  SendOptions options{.deadline = 5s};
-  const SendResult result = d.send({Bytes(1'000'000)}, options);
+  const SendResult result = d.send({Bytes(1'000'000)}, {.deadline = 5s});
   ASSERT_TRUE(result.accepted());
   EXPECT_TRUE(d.pipe.at(d.vehicle).cancel(d.pipe.local(d.vehicle), result.id));
   EXPECT_FALSE(d.pipe.at(d.vehicle).cancel(d.pipe.local(d.vehicle), result.id));

@@ -38,8 +38,7 @@ TEST(Truth, AndIsNotDeliveredWhereThatIsNotHeardThoughItsPiecesAreAcknowledged) 
     lost += drops ? 1 : 0;
     return drops;
   };
-  SendOptions options{.deadline = 500ms};
-  const SendResult result = d.send({Bytes(150'000)}, options);
+  const SendResult result = d.send({Bytes(150'000)}, {.deadline = 500ms});
   ASSERT_TRUE(result.accepted());
   d.pipe.run(2s);
   EXPECT_GT(lost, 0);
@@ -52,8 +51,7 @@ void silence_after_delivery(Door& d) {
   d.pipe.drop = [&d](std::size_t from, LinkId, ByteView) {
     return from == d.road && !d.came.empty() && d.pipe.now() < d.came[0].at + 300ms;
   };
-  SendOptions options{.deadline = 100ms};
-  const SendResult result = d.send({Bytes(20'000)}, options);
+  const SendResult result = d.send({Bytes(20'000)}, {.deadline = 100ms});
   ASSERT_TRUE(result.accepted());
   d.pipe.run(50ms);
   ASSERT_EQ(d.came.size(), 1U);
@@ -125,8 +123,7 @@ TEST(Truth, WhatIsIncompleteIsDroppedHoweverManyPacketsFollow) {
     if (piece.size > 10'000 && !first) first = piece.message.value;
     return first == piece.message.value && (piece.index == 2 || piece.is_repair());
   };
-  SendOptions options{.deadline = 100ms};
-  const SendResult result = d.send({Bytes(20'000)}, options);
+  const SendResult result = d.send({Bytes(20'000)}, {.deadline = 100ms});
   ASSERT_TRUE(result.accepted());
   for (int i = 0; i < 100; ++i) {
     for (int j = 0; j < 10; ++j) d.send({Bytes(100)});

@@ -48,14 +48,13 @@ inline Bytes example_message() {
 }
 
 inline Bytes example_plain_message() {
-  PlainHeader h;
-  h.id = 5;
-  h.deadline_us = 100'000;
-  h.t0 = PeerTime{Duration{1'234'567'890'123}};
-  h.channel = 7;
-  h.importance = 200;
-  h.variant = 1;
-  h.newest_only = true;
+  PlainHeader h{.id = 5,
+                .deadline_us = 100'000,
+                .t0 = PeerTime{Duration{1'234'567'890'123}},
+                .channel = 7,
+                .importance = 200,
+                .variant = 1,
+                .newest_only = true};
   Bytes message(kPlainHeaderBytes);
   write_plain_header(std::span(message).first<kPlainHeaderBytes>(), h);
   for (const char c : std::string_view("hello")) message.push_back(static_cast<std::byte>(c));

@@ -122,8 +122,8 @@ TEST(Run, BesideOneFlowOfCubicAVehicleGetsItsShareAndLeavesTheRest) {
 }
 
 TEST(Run, UdpAtTwiceTheRateLosesHalfOfItsPackets) {
-  Choice choice{.peers = {Peer::kUdp}, .loads = {2.0}, .length = 5s};
-  Scenario s = scenarios("vehicles", choice).front();
+  Scenario s =
+      scenarios("vehicles", Choice{.peers = {Peer::kUdp}, .loads = {2.0}, .length = 5s}).front();
   // Messages of one datagram, so that each packet that is carried counts.
   s.message_bytes = 1400;
   s.period = Duration{s.capacity.transmit_time(1428).count() * std::int64_t(s.vehicles) / 2};

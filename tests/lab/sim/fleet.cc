@@ -68,15 +68,13 @@ class Fleet {
 };
 
 PipelineConfig Fleet::pipeline(const FleetVehicle& vehicle) const {
-  PipelineConfig p;
-  p.id = kFleetCamera;
-  p.stages = offload_stages();
-  p.deadline = vehicle.deadline;
-  p.period = vehicle.period;
-  p.policy = "down_sampling";
-  p.guard = GuardKind::kBudget;
-  p.levels = profiles_of(o_.ladder);
-  return p;
+  return PipelineConfig{.id = kFleetCamera,
+                        .stages = offload_stages(),
+                        .deadline = vehicle.deadline,
+                        .period = vehicle.period,
+                        .policy = "down_sampling",
+                        .guard = GuardKind::kBudget,
+                        .levels = profiles_of(o_.ladder)};
 }
 
 void Fleet::build() {

@@ -11,7 +11,6 @@
 namespace interneuron::experiments {
 namespace {
 
-using std::chrono::milliseconds;
 using std::chrono::seconds;
 
 constexpr PipelineId kMessages{0};
