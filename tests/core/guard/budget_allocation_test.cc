@@ -34,12 +34,13 @@ class Rounds {
     small[1] = 33ms;
     const Forecast modes[] = {whole, small};
     const bool degraded = origin_.choose_mode(t0, round, 1ms, modes) == 1;
-    StageEnd up{.round = round,
-                .t0 = as_wire(t0),
-                .deadline = 130ms,
-                .variant = 1,
-                .best_planned = degraded ? 1 : 0,
-                .degraded = degraded};
+    StageEnd up;
+    up.round = round;
+    up.t0 = as_wire(t0);
+    up.deadline = 130ms;
+    up.variant = 1;
+    up.best_planned = degraded ? 1 : 0;
+    up.degraded = degraded;
     up.terms.kind = GuardKind::kBudget;
     const TimePoint start = t0 + 40ms + number_ % 7 * 1ms;
     road_.note_arrival(start, up);
