@@ -276,7 +276,7 @@ int main(int argc, char** argv) {
     return code;
   };
   try {
-    return cli::run_program(argc, argv);
+    return bench::run_program(argc, argv);
   } catch (const process::Failure& error) {
     return fail(error.code(), error.what());
   } catch (const netns::TestbedError& error) {
