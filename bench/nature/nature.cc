@@ -25,13 +25,13 @@ namespace interneuron::bench {
 namespace {
 
 namespace fs = std::filesystem;
+using netns::Testbed;
 using process::Child;
 using process::Failure;
 using process::kFailed;
 using process::kFine;
 using process::kUsage;
 using process::SignalWatch;
-using netns::Testbed;
 
 constexpr const char* kTested = "tested";
 constexpr const char* kOther = "reference";
@@ -154,8 +154,8 @@ records::Json number(const std::optional<Duration>& d) {
 records::Json as_json(const std::vector<Run>& runs, const Options& o) {
   const auto all = steps();
   records::Json out{{"schema", "interneuron.bench.nature/1"},
-                {"phase_s", o.phase_s},
-                {"steps", records::Json::array()}};
+                    {"phase_s", o.phase_s},
+                    {"steps", records::Json::array()}};
   for (const Run& run : runs) {
     for (std::size_t i = 0; i < all.size(); ++i) {
       const Convergence& c = run.convergence[i];

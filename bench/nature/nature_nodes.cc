@@ -22,11 +22,11 @@
 namespace interneuron::bench {
 namespace {
 
-using settings::Capture;
 using process::Failure;
-using settings::kDefaultPort;
 using process::kFailed;
 using process::kFine;
+using settings::Capture;
+using settings::kDefaultPort;
 
 constexpr PipelineId kPipeline{0};
 constexpr Duration kPeriod = std::chrono::milliseconds(100);

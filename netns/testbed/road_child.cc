@@ -68,7 +68,7 @@ RoadChild::Ladder await_ready(int fd, process::Child& child) {
     }
   }
   throw process::Failure(process::kFailed,
-                     fmt::format("the roadside unit was not ready within {} s", kReadySeconds));
+                         fmt::format("the roadside unit was not ready within {} s", kReadySeconds));
 }
 
 }  // namespace

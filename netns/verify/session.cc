@@ -59,7 +59,8 @@ class Session {
     measure_window();
     const Duration step = io::wall_offset() - wall_offset_;
     if (step > kClockStep || step < -kClockStep) {
-      throw process::Failure(process::kFailed, "the clock was set while verify measured; run it again");
+      throw process::Failure(process::kFailed,
+                             "the clock was set while verify measured; run it again");
     }
     return std::move(evidence_);
   }
@@ -99,7 +100,7 @@ class Session {
   static void await_start(const Process& process, const char* program) {
     if (await_text(process, "listening", kToolStart)) return;
     throw process::Failure(process::kFailed,
-                       fmt::format("{} does not start: {}", program, process.last_words()));
+                           fmt::format("{} does not start: {}", program, process.last_words()));
   }
 
   std::vector<Datagram> finish(Process& process, std::uint64_t& drops);
@@ -213,7 +214,7 @@ void Session::start_time() {
   while (longest_delay(state_, options_.links) == Duration{}) {
     if (elapsed() > bound) {
       throw process::Failure(process::kFailed,
-                         "no packet gets onto the links; ping says: " + first.last_words());
+                             "no packet gets onto the links; ping says: " + first.last_words());
     }
     wait(milliseconds(50));
   }

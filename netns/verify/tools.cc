@@ -58,8 +58,8 @@ io::FileDescriptor create(const fs::path& file) {
   io::FileDescriptor fd(::open(file.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600));
   if (fd.get() < 0) {
     throw process::Failure(process::kFailed,
-                       fmt::format("cannot write {}: {}; set TMPDIR to a folder with space",
-                                   file.string(), std::strerror(errno)));
+                           fmt::format("cannot write {}: {}; set TMPDIR to a folder with space",
+                                       file.string(), std::strerror(errno)));
   }
   return fd;
 }
@@ -144,9 +144,9 @@ void require_tools(std::initializer_list<Tool> tools) {
   }
   if (programs.empty()) return;
   throw process::Failure(process::kCannotHere,
-                     fmt::format("verify needs {}; `apt-get install{}` installs what is "
-                                 "missing",
-                                 programs, packages));
+                         fmt::format("verify needs {}; `apt-get install{}` installs what is "
+                                     "missing",
+                                     programs, packages));
 }
 
 void allow_setgroups() {
