@@ -33,9 +33,14 @@ namespace {
 const TransportPart* part_of(TransportKind kind) {
   const TransportPart* part = nullptr;
   switch (kind) {
-    case TransportKind::kUdp: return nullptr;
-    case TransportKind::kRing: part = ring_part(); break;
-    case TransportKind::kXdp: part = xdp_part(); break;
+    case TransportKind::kUdp:
+      return nullptr;
+    case TransportKind::kRing:
+      part = ring_part();
+      break;
+    case TransportKind::kXdp:
+      part = xdp_part();
+      break;
   }
   if (part != nullptr) return part;
   const std::string name = "interneuron::" + std::string(to_string(kind));
