@@ -72,14 +72,12 @@ class Road {
     for (int i = 0; i < kFilled; ++i) round();
   }
   StageEnd end(std::size_t stage) const {
-    StageEnd e;
-    e.round = RoundId{round_};
-    e.stage = stage;
-    e.t0 = PeerTime{round_ * 100ms};
-    e.deadline = kDeadline;
-    e.variant = 1;
-    e.terms = {GuardKind::kBudget, 1.0, 0.14};
-    return e;
+    return StageEnd{.round = RoundId{round_},
+                    .stage = stage,
+                    .t0 = PeerTime{round_ * 100ms},
+                    .deadline = kDeadline,
+                    .variant = 1,
+                    .terms = {GuardKind::kBudget, 1.0, 0.14}};
   }
   TimePoint start() const { return TimePoint{round_ * 100ms + 40ms + lost(round_, 1)}; }
   void round() {
@@ -138,9 +136,7 @@ BENCHMARK(whole_round);
 
 // Two idle links with measured round trips and rates, both trusted.
 std::vector<LinkState> two_links() {
-  LinkState link;
-  link.up = true;
-  link.path = PathState::kOk;
+  LinkState link{.up = true, .path = PathState::kOk};
   link.rtt_p50 = link.rtt_p95 = 22ms;
   link.rate = DataRate::mbit(100);
   link.traits.trusted = true;
@@ -168,9 +164,7 @@ void plan_of(benchmark::State& bench, const Policy& policy) {
 // The decision which variant is the best one sent: the policy's plans for each, the forecasts of
 // their answers, and the guard's choice.
 void first_transmission(benchmark::State& bench, const Policy& policy, std::size_t variants) {
-  PipelineConfig config;
-  config.guard = GuardKind::kBudget;
-  config.levels = ladder(3);
+  PipelineConfig config{.guard = GuardKind::kBudget, .levels = ladder(3)};
   BudgetOrigin origin(config);
   const std::vector<LinkState> links = two_links();
   // The ladder of JPEGs has four.
@@ -191,11 +185,10 @@ void first_transmission(benchmark::State& bench, const Policy& policy, std::size
                               std::span(modes).first(variants));
   };
   for (; round < kFilled; ++round) {
-    Spent spent;
-    spent.variant = static_cast<std::uint8_t>(choose());
-    spent.level = 2;
-    spent.excess = lost(round, 1);
-    spent.computed = 44ms;
+    Spent spent{.level = 2,
+                .variant = static_cast<std::uint8_t>(choose()),
+                .excess = lost(round, 1),
+                .computed = 44ms};
     origin.result(TimePoint{round * 100ms + 120ms}, RoundId{round}, 90ms + lost(round, 2), spent);
   }
   count_allocations(bench, [&] { benchmark::DoNotOptimize(choose()); });

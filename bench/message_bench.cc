@@ -15,7 +15,6 @@
 #include <CLI/CLI.hpp>
 #include <array>
 #include <cstdlib>
-#include <cstring>
 #include <memory>
 #include <new>
 #include <vector>
@@ -94,10 +93,9 @@ class Bench {
       o.accept_peers = side == 1;
       if (options_.encrypted)
         o.security = sim::security_of(1 + static_cast<int>(side), {2 - static_cast<int>(side)});
-      PipelineConfig pipeline;
-      pipeline.stages = {StageKind::kCommunication, StageKind::kCommunication};
-      pipeline.policy = "best_link";
-      pipeline.guard = GuardKind::kPaper;
+      PipelineConfig pipeline{.stages = {StageKind::kCommunication, StageKind::kCommunication},
+                              .policy = "best_link",
+                              .guard = GuardKind::kPaper};
       if (side == 0) o.pipelines = {pipeline};
       ends_[side] = std::make_unique<Endpoint>(std::move(o), now_);
       ends_[side]->add_link(now_, LinkId{0}, {"nic", 1500, {}});

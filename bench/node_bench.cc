@@ -25,7 +25,6 @@
 #include <functional>
 #include <memory>
 #include <optional>
-#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -34,7 +33,7 @@
 #include "core/base/statistics.h"
 #include "interneuron/node.h"
 #include "interneuron/sizes.h"
-#include "node/io/file_descriptor.h"
+#include "netns/state/error.h"
 
 namespace interneuron::bench {
 namespace {
@@ -321,16 +320,17 @@ void measure_most(const Options& options, int road) {
 }
 
 int run(const Options& options) {
-  Namespaces namespaces;
-  if (!namespaces.make()) {
-    fmt::print(stderr, "node_bench: cannot make two network namespaces with a veth pair\n");
+  const auto namespaces = joined_namespaces();
+  if (!namespaces) {
+    fmt::print(stderr, "node_bench: cannot join two network namespaces by a veth pair\n");
     return kSkip;
   }
+  const int road = namespaces->roads.front().get();
   for (const int hertz : options.paces) {
     if (hertz == 0) {
-      measure_most(options, namespaces.road());
+      measure_most(options, road);
     } else {
-      measure(options, namespaces.road(), hertz);
+      measure(options, road, hertz);
     }
   }
   return 0;
@@ -348,5 +348,10 @@ int main(int argc, char** argv) {
   app.add_option("--seconds", options.seconds, "Seconds measured in each round");
   app.add_option("--rounds", options.rounds, "Rounds")->check(CLI::Range(1, 100));
   CLI11_PARSE(app, argc, argv);
-  return interneuron::bench::run(options);
+  try {
+    return interneuron::bench::run(options);
+  } catch (const interneuron::netns::TestbedError& error) {
+    fmt::print(stderr, "node_bench: {}\n", error.what());
+    return interneuron::bench::kSkip;
+  }
 }

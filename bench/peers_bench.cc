@@ -131,9 +131,8 @@ class Vehicle {
   Vehicle(const Options& options, TimePoint now, std::uint32_t number, TimePoint first_message)
       : options_(options), number_(number), next_message_(first_message) {
     EndpointOptions o = options_of(number);
-    PipelineConfig pipeline;
-    pipeline.stages = {StageKind::kCommunication, StageKind::kCommunication};
-    pipeline.policy = "best_link";
+    PipelineConfig pipeline{.stages = {StageKind::kCommunication, StageKind::kCommunication},
+                            .policy = "best_link"};
     // The books of the other guard are kept per pipeline and not per peer.
     pipeline.guard = GuardKind::kPaper;
     o.pipelines = {pipeline};

@@ -19,7 +19,6 @@
 #include <cstdio>
 #include <exception>
 #include <memory>
-#include <string>
 #include <vector>
 
 #include "bench/secure_parts.h"
@@ -134,8 +133,7 @@ void measure_packets(const Options& options) {
 
 void measure_handshakes(const Options& options) {
   const KeyPair road_key = key_pair_of(key_of(1));
-  Security security;
-  security.key = road_key.secret;
+  Security security{.key = road_key.secret};
   security.peers.push_back({public_key_of(key_of(2)), {}});
   const Trust trust(security);
   Responder road(road_key, kRoadLife, trust);
@@ -184,10 +182,7 @@ class Road {
  public:
   Road(const Options& options, const std::vector<TrustedPeer>& vehicles)
       : options_(options), open_(public_key_of(key_of(1))), opened_(kMaxDatagramBytes) {
-    Security security;
-    security.key = key_of(1);
-    security.seed = key_of(0);
-    security.peers = vehicles;
+    Security security{.key = key_of(1), .peers = vehicles, .seed = key_of(0)};
     sessions_ = std::make_unique<Sessions>(security, kRoadLife, true, now_);
     indices_.reserve(vehicles.size());
     for (std::uint32_t i = 0; i < vehicles.size(); ++i) join(i);

@@ -70,8 +70,7 @@ inline SecretKey key_of(std::uint32_t number) {
 }
 
 inline Address address_of_host(std::uint32_t host) {
-  Address a;
-  a.size = sizeof(host);
+  Address a{.size = sizeof(host)};
   for (std::size_t i = 0; i < sizeof(host); ++i) a.raw[i] = static_cast<std::byte>(host >> (8 * i));
   return a;
 }

@@ -2,10 +2,8 @@
 // processor of its own, and what each has spent of it. Needs user namespaces, or root, and `ip`.
 #pragma once
 
-#include <fcntl.h>
 #include <fmt/format.h>
 #include <sched.h>
-#include <signal.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -16,9 +14,11 @@
 #include <cstdlib>
 #include <exception>
 #include <functional>
+#include <optional>
 #include <stdexcept>
 #include <string>
 
+#include "netns/wiring/namespaces.h"
 #include "node/io/file_descriptor.h"
 
 namespace interneuron::bench {
@@ -60,61 +60,25 @@ inline bool shell(const std::string& command) {
   return std::system(("PATH=$PATH:/sbin:/usr/sbin; " + command + " 2>/dev/null").c_str()) == 0;
 }
 
-inline bool write_file(const char* path, const std::string& text) {
-  const io::FileDescriptor file(::open(path, O_WRONLY | O_CLOEXEC));
-  return ::write(file.get(), text.data(), text.size()) == static_cast<ssize_t>(text.size());
-}
-
 // --- the two namespaces
 
-class Namespaces {
- public:
-  // This process moves to a namespace with the NIC "va"; road() names the one with "vb".
-  bool make() {
-    const std::string uid = std::to_string(::getuid());
-    const std::string gid = std::to_string(::getgid());
-    if (::getuid() == 0) {
-      if (::unshare(CLONE_NEWNET) != 0) return false;
-    } else {
-      if (::unshare(CLONE_NEWUSER | CLONE_NEWNET) != 0) return false;
-      write_file("/proc/self/setgroups", "deny");
-      if (!write_file("/proc/self/uid_map", "0 " + uid + " 1")) return false;
-      if (!write_file("/proc/self/gid_map", "0 " + gid + " 1")) return false;
-    }
-    std::array<int, 2> ready{};
-    if (::pipe(ready.data()) != 0) return false;
-    holder_ = ::fork();
-    if (holder_ == 0) {
-      const char done = ::unshare(CLONE_NEWNET) == 0 ? 'y' : 'n';
-      if (::write(ready[1], &done, 1) == 1) ::pause();
-      ::_exit(0);
-    }
-    char done = 'n';
-    if (::read(ready[0], &done, 1) != 1 || done != 'y') return false;
-    const std::string road = "nsenter -t " + std::to_string(holder_) + " -n ip ";
-    road_ = io::FileDescriptor(
-        ::open(("/proc/" + std::to_string(holder_) + "/ns/net").c_str(), O_RDONLY));
-    return shell("ip link set lo up") && shell("ip link add va type veth peer name vb") &&
-           shell("ip link set vb netns " + std::to_string(holder_)) &&
-           shell("ip addr add 10.97.0.1/24 dev va") && shell("ip link set va up") &&
-           shell(road + "link set lo up") &&
-           shell(road + "addr add " + kRoadAddress + "/24 dev vb") &&
-           shell(road + "link set vb up");
+// This process moves to a namespace with the NIC "va"; roads[0] is the one with "vb". Nothing where
+// the veth pair cannot be made; throws TestbedError where the namespaces cannot.
+inline std::optional<netns::Namespaces> joined_namespaces() {
+  netns::Namespaces made = netns::make_namespaces(0, 1);
+  const int road = made.roads.front().get();
+  if (!shell("ip link set lo up") || !shell("ip link add va type veth peer name vb") ||
+      !shell(fmt::format("ip link set vb netns /proc/{}/fd/{}", ::getpid(), road)) ||
+      !shell("ip addr add 10.97.0.1/24 dev va") || !shell("ip link set va up")) {
+    return std::nullopt;
   }
-  ~Namespaces() {
-    if (holder_ <= 0) return;
-    ::kill(holder_, SIGKILL);
-    ::waitpid(holder_, nullptr, 0);
+  const netns::NetworkNamespaceScope in_road(road, made.air.get());
+  if (!shell("ip link set lo up") || !shell("ip link set vb up") ||
+      !shell(fmt::format("ip addr add {}/24 dev vb", kRoadAddress))) {
+    return std::nullopt;
   }
-  Namespaces() = default;
-  Namespaces(const Namespaces&) = delete;
-  Namespaces& operator=(const Namespaces&) = delete;
-  int road() const { return road_.get(); }
-
- private:
-  pid_t holder_ = -1;
-  io::FileDescriptor road_;
-};
+  return made;
+}
 
 // --- processes
 

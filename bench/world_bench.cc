@@ -111,10 +111,9 @@ EndpointOptions endpoint(std::size_t number, std::size_t peers) {
   options.accept_peers = peers > 0;
   options.max_peers = std::max<std::size_t>(peers, 1);
   if (peers > 0) return options;
-  PipelineConfig pipeline;
-  pipeline.stages = {StageKind::kCommunication, StageKind::kCommunication};
-  pipeline.policy = "best_link";
-  pipeline.period = kPeriod;
+  PipelineConfig pipeline{.stages = {StageKind::kCommunication, StageKind::kCommunication},
+                          .period = kPeriod,
+                          .policy = "best_link"};
   options.pipelines = {pipeline};
   return options;
 }

@@ -11,7 +11,6 @@
 //   none                 whole over the fastest
 //
 // Receiver: every message is delivered at once.
-#include <algorithm>
 
 #include "policies/builtin.h"
 #include "policies/choice.h"

@@ -7,8 +7,6 @@
 
 #include <algorithm>
 #include <cstdio>
-#include <memory>
-#include <utility>
 
 #include "app/process/child.h"
 #include "app/process/failure.h"
@@ -91,8 +89,7 @@ void judge(Run& run) {
 
 // One run: makes a testbed, starts both nodes, makes all steps and the outage, and judges them.
 Run measure(const Options& o, bool loaded) {
-  netns::TestbedOptions options;
-  options.name = fmt::format("bench-{}", ::getpid());
+  netns::TestbedOptions options{.name = fmt::format("bench-{}", ::getpid())};
   options.scenario =
       netns::scenario_of({fmt::format("{}=clean", kTested), fmt::format("{}=clean", kOther)}, 1);
   options.backend = o.backend;

@@ -22,12 +22,6 @@
 namespace interneuron::bench {
 namespace {
 
-using process::Failure;
-using process::kFailed;
-using process::kFine;
-using settings::Capture;
-using settings::kDefaultPort;
-
 constexpr PipelineId kPipeline{0};
 constexpr Duration kPeriod = std::chrono::milliseconds(100);
 // Longer than every round trip of the steps, so that messages are never dropped as too late.
@@ -67,9 +61,7 @@ NodeOptions options_of(const netns::State& state, bool vehicle) {
   // In a testbed, whose addresses are private.
   o.insecure = true;
   for (std::size_t i = 0; i < state.network_count(); ++i) {
-    NodeLink link;
-    link.id = LinkId{static_cast<std::uint8_t>(i)};
-    link.nic = state.links[i].nic;
+    NodeLink link{.id = LinkId{static_cast<std::uint8_t>(i)}, .nic = state.links[i].nic};
     if (vehicle)
       link.peer = fmt::format("{}:{}", state.links[i].road_address, settings::kDefaultPort);
     o.links.push_back(link);
@@ -79,12 +71,11 @@ NodeOptions options_of(const netns::State& state, bool vehicle) {
     o.accept_peers = true;
     return o;
   }
-  PipelineConfig pipeline;
-  pipeline.id = kPipeline;
-  pipeline.stages = offload_stages();
-  pipeline.deadline = kDeadline;
-  pipeline.period = kPeriod;
-  pipeline.policy = "duplicate";
+  PipelineConfig pipeline{.id = kPipeline,
+                          .stages = offload_stages(),
+                          .deadline = kDeadline,
+                          .period = kPeriod,
+                          .policy = "duplicate"};
   o.pipelines = {pipeline};
   return o;
 }

@@ -37,11 +37,10 @@ class Patient final : public in::Policy {
 };
 
 in::LinkState link(std::uint8_t id, double mbit, int rtt_ms, double delay_score) {
-  in::LinkState state;
-  state.id = {id};
-  state.up = true;
-  state.rate = in::DataRate::mbit(mbit);
-  state.rtt_p95 = std::chrono::milliseconds(rtt_ms);
+  in::LinkState state{.id = {id},
+                      .up = true,
+                      .rtt_p95 = std::chrono::milliseconds(rtt_ms),
+                      .rate = in::DataRate::mbit(mbit)};
   state.nature.delay = delay_score;
   return state;
 }

@@ -1,6 +1,5 @@
 #include "netns/emulator/emulator.h"
 
-#include <poll.h>
 #include <sched.h>
 #include <sys/prctl.h>
 #include <sys/syscall.h>

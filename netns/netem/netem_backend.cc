@@ -24,14 +24,12 @@ constexpr Duration kPublishInterval = std::chrono::milliseconds(100);
 constexpr std::size_t kStepsPerPublication = kPublishInterval / kStep;
 
 emu::DirectionStats stats_of(const EgressCounters& counters) {
-  emu::DirectionStats out;
-  out.packets_in = counters.packets_in;
-  out.bytes_in = counters.bytes_in;
-  out.delivered = counters.packets_sent;
-  out.bytes_delivered = counters.bytes_sent;
-  out.lost = counters.lost;
-  out.queue_drops = counters.queue_drops;
-  return out;
+  return emu::DirectionStats{.packets_in = counters.packets_in,
+                             .bytes_in = counters.bytes_in,
+                             .delivered = counters.packets_sent,
+                             .bytes_delivered = counters.bytes_sent,
+                             .lost = counters.lost,
+                             .queue_drops = counters.queue_drops};
 }
 
 }  // namespace

@@ -156,8 +156,7 @@ std::vector<EgressCounters> TrafficControl::counters() {
 bool kernel_has_netem() {
   const netlink::Socket socket = netlink::open_socket();
   const int lo = netlink::nic_index("lo");
-  emu::Conditions all;
-  all.rate = DataRate::mbit(1);
+  emu::Conditions all{.rate = DataRate::mbit(1)};
   all.gilbert_elliott.emplace();
   const int result = qdisc::create(socket.get(), lo, qdisc::settings_of(all));
   if (result == -NLE_EXIST) {

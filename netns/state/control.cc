@@ -11,7 +11,6 @@
 
 #include "netns/state/check.h"
 #include "netns/state/json.h"
-#include "netns/state/state_file.h"
 
 namespace interneuron::netns {
 

@@ -38,8 +38,7 @@ void take_precedence() {
   sched_param priority{};
   priority.sched_priority = kPriority;
   if (::sched_setscheduler(0, SCHED_FIFO, &priority) == 0) return;
-  SchedAttributes attributes;
-  attributes.runtime_ns = kShortSliceNs;
+  SchedAttributes attributes{.runtime_ns = kShortSliceNs};
   // Kernels that do not know short slices refuse this; the thread then runs as before.
   ::syscall(SYS_sched_setattr, 0, &attributes, 0);
 }

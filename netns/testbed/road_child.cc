@@ -79,8 +79,7 @@ RoadChild::RoadChild(const State& state, const std::vector<std::string>& argv, i
     throw process::Failure(process::kFailed, std::string("pipe: ") + std::strerror(errno));
   fd_ = ends[0];
   try {
-    SpawnOptions spawn;
-    spawn.stdio = {-1, ends[1], stderr_fd};
+    SpawnOptions spawn{.stdio = {-1, ends[1], stderr_fd}};
     child_.emplace(Testbed::spawn(state, kRoad, argv, spawn));
     ::close(ends[1]);
     ladder_ = await_ready(fd_, *child_);

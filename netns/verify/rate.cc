@@ -98,10 +98,9 @@ std::optional<Reading> read(const RateRun& run, Direction direction) {
   const Lag lag(run, direction);
   const Index first = lag.least_lag(first_from(all, begin), first_from(all, begin + kEndRegion));
   const Index last = lag.least_lag(first_from(all, end), all.size());
-  Reading out;
-  out.seconds = to_seconds(all[last].seen - all[first].seen);
-  out.received_bits = lag.received(last) - lag.received(first);
-  out.prescribed_bits = lag.prescribed(last) - lag.prescribed(first);
+  Reading out{.seconds = to_seconds(all[last].seen - all[first].seen),
+              .received_bits = lag.received(last) - lag.received(first),
+              .prescribed_bits = lag.prescribed(last) - lag.prescribed(first)};
   const double stamps = to_seconds(all[last].stamp - all[first].stamp);
   const double numbers = static_cast<double>(all[last].number) - all[first].number;
   if (stamps > 0) {

@@ -87,8 +87,7 @@ std::optional<Datagram> parse_frame(std::string_view frame) {
   const std::size_t ip_header = (network_order(ip, 0, 1) & 0xfU) * 4;
   const std::size_t payload = ip_header + kUdpHeader;
   if (network_order(ip, 9, 1) != kUdp || ip.size() < payload + kIperfHeader) return std::nullopt;
-  Datagram out;
-  out.ip_bytes = network_order(ip, 2, 2);
+  Datagram out{.ip_bytes = network_order(ip, 2, 2)};
   // What is captured beyond the IP length is padding of a short Ethernet frame, not payload.
   if (out.ip_bytes < payload + kIperfHeader) return std::nullopt;
   out.from_port = static_cast<std::uint16_t>(network_order(ip, ip_header, 2));

@@ -88,9 +88,7 @@ Course::Moment Course::follow(const Moment& before, const Sent& packet) const {
   const Duration start = std::max(before.idle, packet.at);
   const auto rate = static_cast<double>(schedule_.rate(direction_, start).bits_per_second);
   const double on_air_ns = rate > 0 ? static_cast<double>(packet.ip_bytes) * 8e9 / rate : 0;
-  Moment moment;
-  moment.at = packet.at;
-  moment.idle = start + Duration{static_cast<std::int64_t>(on_air_ns)};
+  Moment moment{.at = packet.at, .idle = start + Duration{static_cast<std::int64_t>(on_air_ns)}};
   moment.due = std::max(before.floor, moment.idle + schedule_.one_way(moment.idle));
   moment.floor = packet.lost ? before.floor : moment.due;
   return moment;

@@ -4,8 +4,6 @@
 #include <signal.h>
 
 #include <algorithm>
-#include <cmath>
-#include <optional>
 #include <utility>
 
 #include "app/process/failure.h"

@@ -39,9 +39,8 @@ emu::DirectionStats difference(const emu::DirectionStats& before,
 }
 
 Disturbance disturbance(const Snapshot& before, const Snapshot& after) {
-  Disturbance out;
-  out.late_max_ms = after.lateness_max_us / 1e3;
-  out.kernel_drops = after.kernel_drops - before.kernel_drops;
+  Disturbance out{.late_max_ms = after.lateness_max_us / 1e3,
+                  .kernel_drops = after.kernel_drops - before.kernel_drops};
   if (after.frames_sent > before.frames_sent) {
     const auto sum_us = [](const Snapshot& s) {
       return s.lateness_mean_us * static_cast<double>(s.frames_sent);

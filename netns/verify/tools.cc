@@ -9,7 +9,6 @@
 #include <sys/syscall.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <cstdlib>
@@ -69,8 +68,7 @@ pid_t spawn(const State& state, Host host, const std::vector<std::string>& argv,
   const io::FileDescriptor in(::open("/dev/null", O_RDONLY | O_CLOEXEC));
   const io::FileDescriptor out = create(stem.string() + ".out");
   const io::FileDescriptor err = create(stem.string() + ".err");
-  SpawnOptions options;
-  options.stdio = {in.get(), out.get(), err.get()};
+  SpawnOptions options{.stdio = {in.get(), out.get(), err.get()}};
   return Testbed::spawn(state, host, argv, options);
 }
 

@@ -9,9 +9,7 @@ namespace {
 using std::chrono::milliseconds;
 
 Belief rtt_at(int ms, double rtt_ms, double own_score) {
-  Belief belief;
-  belief.at = milliseconds(ms);
-  belief.rtt_ms = rtt_ms;
+  Belief belief{.at = milliseconds(ms), .rtt_ms = rtt_ms};
   belief.nature.delay = own_score;
   belief.reference.delay = 1.5 - own_score;
   return belief;

@@ -5,7 +5,6 @@
 // Keys are fixed, so that the same program gives the same bytes. Pure; thread-compatible.
 #pragma once
 
-#include <array>
 #include <memory>
 #include <optional>
 

@@ -1,7 +1,6 @@
 #include "tests/fuzz/endpoint_packets.h"
 
 #include <algorithm>
-#include <array>
 
 #include "core/wire/packet.h"
 #include "core/wire/plain_header.h"
@@ -14,9 +13,7 @@ namespace {
 constexpr std::size_t kRoom = 2048;
 
 wire::PacketHeader any_header(Input& input, const Sender& sender, wire::PacketType type) {
-  wire::PacketHeader out;
-  out.type = type;
-  out.link = sender.link;
+  wire::PacketHeader out{.type = type, .link = sender.link};
   const std::uint32_t sessions[] = {sender.session.value, sender.session.value,
                                     sender.session.value, sender.session.value + 1};
   out.session = SessionId{std::max(1U, input.one_of(sessions))};

@@ -38,8 +38,7 @@ void World::deliver(Fate fate, std::uint8_t damage) {
 }
 
 void World::partner_sends(std::size_t bytes) {
-  SendOptions options;
-  options.deadline = 500ms;
+  SendOptions options{.deadline = 500ms};
   const auto peers = partner_.peers();
   if (!peers.empty()) partner_.send(now_, peers.front(), {Bytes(bytes)}, options);
   if (side_ == Side::kRoad) {

@@ -6,7 +6,6 @@
 #include <map>
 
 #include "tests/fuzz/endpoint_packets.h"
-#include "tests/fuzz/endpoint_world.h"
 #include "tests/fuzz/input.h"
 
 namespace interneuron::fuzz {

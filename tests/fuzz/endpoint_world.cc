@@ -4,9 +4,7 @@
 #include <netinet/in.h>
 
 #include <algorithm>
-#include <cmath>
 #include <cstring>
-#include <stdexcept>
 
 #include "core/wire/packet.h"
 #include "tests/fuzz/finding.h"
@@ -56,11 +54,7 @@ std::size_t heap_bytes() {
 }
 
 PipelineConfig pipeline(std::uint8_t id, std::vector<StageKind> stages, GuardKind guard) {
-  PipelineConfig out;
-  out.id = PipelineId{id};
-  out.stages = std::move(stages);
-  out.guard = guard;
-  return out;
+  return PipelineConfig{.id = PipelineId{id}, .stages = std::move(stages), .guard = guard};
 }
 
 EndpointOptions options(SessionId session, bool accept, std::shared_ptr<const Security> security) {

@@ -57,12 +57,11 @@ void try_frame(ByteView frame, const io::FrameContext& context) {
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   fuzz::Input input({data, size});
   const auto flags = input.take<std::uint8_t>();
-  io::FrameContext context;
-  context.ethernet = (flags & 1U) == 0;
-  context.checksum_known = (flags & 2U) != 0;
-  context.may_be_partial = (flags & 4U) != 0;
-  context.loopback = (flags & 8U) != 0;
-  context.device = 3;
+  io::FrameContext context{.ethernet = (flags & 1U) == 0,
+                           .checksum_known = (flags & 2U) != 0,
+                           .may_be_partial = (flags & 4U) != 0,
+                           .loopback = (flags & 8U) != 0,
+                           .device = 3};
   const ByteView frame = input.bytes(size);
   try_frame(frame, context);
   Bytes copy(frame.begin(), frame.end());

@@ -37,8 +37,7 @@ constexpr int kInsider = 3;
 constexpr int kStranger = 4;
 
 Address address_of(std::size_t host) {
-  Address out;
-  out.size = 16;
+  Address out{.size = 16};
   out.raw[4] = std::byte{10};
   out.raw[7] = static_cast<std::byte>(host);
   return out;
@@ -51,8 +50,7 @@ void put(Bytes& packet, ByteView at, const crypto::Mac& mac) {
 class Handshakes {
  public:
   explicit Handshakes(fuzz::Input input) : input_(input) {
-    Security security;
-    security.peers = {{key(kVehicle).open, shared_}, {key(kInsider).open, {}}};
+    Security security{.peers = {{key(kVehicle).open, shared_}, {key(kInsider).open, {}}}};
     trust_.emplace(security);
     road_.emplace(key(kRoad), SessionId{200}, *trust_);
     vehicle_.begin(now_);

@@ -1,6 +1,5 @@
 #include "tests/fuzz/reassembly.h"
 
-#include <array>
 #include <chrono>
 #include <cstdlib>
 #include <random>

@@ -8,7 +8,6 @@
 #include "app/process/failure.h"
 #include "app/settings/config_file.h"
 #include "app/settings/link_options.h"
-#include "node/io/address.h"
 #include "node/io/nic_choice.h"
 #include "tests/fuzz/finding.h"
 #include "tests/fuzz/input.h"

@@ -4,7 +4,6 @@
 // and InputError, which name the file.
 #include <zlib.h>
 
-#include <memory>
 #include <string>
 
 #include "app/perception/accuracy.h"

@@ -132,10 +132,9 @@ class Conformance : public NetnsTest, public testing::WithParamInterface<Backend
   Testbed up(const std::string& lines) {
     const auto file = dir_.path() / "profile.toml";
     std::ofstream(file) << "schema = 1\nname = \"test\"\ndescription = \"test\"\n" << lines;
-    TestbedOptions options;
-    options.runtime_dir = dir_.path();
-    options.backend = GetParam();
-    options.scenario = scenario_of({"test=" + file.string()}, 1);
+    TestbedOptions options{.scenario = scenario_of({"test=" + file.string()}, 1),
+                           .backend = GetParam(),
+                           .runtime_dir = dir_.path()};
     return Testbed::up(options);
   }
 

@@ -130,11 +130,8 @@ io::FileDescriptor NetemTest::udp(bool left, int network) const {
 }
 
 emu::Conditions clean(double rate_mbit, Duration one_way) {
-  emu::Conditions out;
-  out.one_way = one_way;
-  out.rate = DataRate::mbit(rate_mbit);
-  out.queue_bytes = 100'000'000;
-  return out;
+  return emu::Conditions{
+      .one_way = one_way, .rate = DataRate::mbit(rate_mbit), .queue_bytes = 100'000'000};
 }
 
 void send_numbered(int fd, std::uint32_t first, std::size_t count, std::size_t ip_bytes) {

@@ -8,7 +8,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 
 #include "netem_support.h"
 #include "netns/state/error.h"

@@ -11,7 +11,6 @@
 
 #include "netns/state/error.h"
 #include "netns/testbed/testbed.h"
-#include "node/io/file_descriptor.h"
 #include "support.h"
 
 namespace interneuron::netns::state_file_test {

@@ -39,8 +39,7 @@ SocketAddress address_of(const std::string& address, int port) {
   addrinfo* found = nullptr;
   require(::getaddrinfo(address.c_str(), std::to_string(port).c_str(), &hints, &found) == 0,
           "address");
-  SocketAddress out;
-  out.size = found->ai_addrlen;
+  SocketAddress out{.size = found->ai_addrlen};
   std::memcpy(&out.storage, found->ai_addr, out.size);
   ::freeaddrinfo(found);
   return out;
@@ -112,10 +111,7 @@ RuntimeDir::~RuntimeDir() {
 }
 
 TestbedOptions clean_options(const RuntimeDir& dir) {
-  TestbedOptions options;
-  options.scenario = scenario_of({"clean"}, 1);
-  options.runtime_dir = dir.path();
-  return options;
+  return TestbedOptions{.scenario = scenario_of({"clean"}, 1), .runtime_dir = dir.path()};
 }
 
 std::optional<std::string> why_not() {

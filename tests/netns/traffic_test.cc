@@ -4,7 +4,6 @@
 #include <netinet/udp.h>
 #include <sys/socket.h>
 
-#include <array>
 #include <cstring>
 #include <numeric>
 #include <vector>

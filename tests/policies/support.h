@@ -31,18 +31,15 @@ inline std::vector<LinkState> make_links(std::initializer_list<Up> up,
                                          std::initializer_list<std::uint8_t> down = {}) {
   std::vector<LinkState> links;
   for (const std::uint8_t id : down) {
-    LinkState link;
-    link.id = LinkId{id};
-    link.rtt_p95 = std::chrono::milliseconds(1);
-    link.rate = DataRate::mbit(1000);
+    LinkState link{
+        .id = LinkId{id}, .rtt_p95 = std::chrono::milliseconds(1), .rate = DataRate::mbit(1000)};
     links.push_back(link);
   }
   for (const Up& u : up) {
-    LinkState link;
-    link.id = LinkId{u.id};
-    link.up = true;
-    link.rtt_p95 = std::chrono::milliseconds(u.rtt_ms);
-    link.rate = DataRate::mbit(u.mbit);
+    LinkState link{.id = LinkId{u.id},
+                   .up = true,
+                   .rtt_p95 = std::chrono::milliseconds(u.rtt_ms),
+                   .rate = DataRate::mbit(u.mbit)};
     links.push_back(link);
   }
   link::score(links);

@@ -187,8 +187,7 @@ void Prober::open(const Choice& choice, io::LinkMonitor& monitor) {
   const io::Nic* nic = monitor.find(choice.nic);
   if (nic == nullptr) throw io::UnknownNic(io::unknown_nic_text(choice.nic));
   monitor.require_route(choice.nic, choice.peer);
-  io::UdpOptions udp;
-  udp.nic = choice.nic;
+  io::UdpOptions udp{.nic = choice.nic};
   // Where only a rule for the source address routes the peer through this NIC.
   const auto source = monitor.required_source(choice.nic);
   udp.local = source.value_or(*make_address(is_ipv6(choice.peer) ? "::" : "0.0.0.0", 0));

@@ -77,8 +77,7 @@ void Measurement::open(const io::NicHostFacts& facts) {
   Nic nic{{.nic = name, .limit = limit_, .flows = {}, .cut_short = {}},
           probe::SilenceTest(limit_, any_session(), start_),
           {}};
-  io::UdpOptions udp;
-  udp.nic = name;
+  io::UdpOptions udp{.nic = name};
   // Where only a rule for the source address routes the peer through this NIC.
   udp.local =
       monitor_.required_source(name).value_or(*make_address(is_ipv6(peer_) ? "::" : "0.0.0.0", 0));

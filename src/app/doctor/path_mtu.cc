@@ -14,7 +14,6 @@
 #include <cstring>
 
 #include "interneuron/sizes.h"
-#include "node/io/address.h"
 #include "node/io/file_descriptor.h"
 #include "node/io/steady_clock.h"
 

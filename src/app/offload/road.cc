@@ -6,16 +6,12 @@
 #include <cstdio>
 #include <exception>
 #include <map>
-#include <memory>
-#include <optional>
-#include <string>
 #include <thread>
 
 #include "app/computing/roadside_unit.h"
 #include "app/offload/offload_request.h"
 #include "app/offload/submit_log.h"
 #include "app/perception/codec.h"
-#include "app/perception/detector.h"
 #include "app/process/failure.h"
 #include "app/settings/data.h"
 #include "app/settings/link_options.h"
@@ -245,8 +241,7 @@ Node::Task Road::detect(const Unit::Job& job, std::size_t level) {
   if (!image) return [this] { undecoded(); };
   image->sender = job.message.from.value;
   const TimePoint start = node_.now();
-  perc::Result result;
-  result.boxes = ladder_->detect(level, *image);
+  perc::Result result{.boxes = ladder_->detect(level, *image)};
   const Duration pause = hooks_.inside_compute(job.message.round.round);
   if (pause > Duration{}) std::this_thread::sleep_for(pause);
   result.frame = image->frame;

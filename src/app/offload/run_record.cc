@@ -5,7 +5,6 @@
 
 #include <algorithm>
 
-#include "app/offload/offload_request.h"
 #include "app/perception/codec.h"
 #include "app/perception/picture.h"
 #include "app/process/failure.h"

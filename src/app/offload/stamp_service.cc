@@ -73,10 +73,7 @@ class StampService::Impl {
                              what + " would be public; pass --stamp-public if that is meant");
     }
     try {
-      io::UdpOptions udp;
-      udp.nic = nic.name;
-      udp.local = *local;
-      udp.answer_from_receiver = true;
+      io::UdpOptions udp{.nic = nic.name, .local = *local, .answer_from_receiver = true};
       ports_.push_back({nic.name, nic.index, std::make_unique<io::StampedSocket>(udp)});
     } catch (const IoError& error) {
       if (error.code() == EACCES) {

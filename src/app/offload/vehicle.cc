@@ -9,7 +9,6 @@
 #include "app/computing/computation_budget.h"
 #include "app/computing/no_answer.h"
 #include "app/offload/camera.h"
-#include "app/offload/offload_request.h"
 #include "app/offload/run_record.h"
 #include "app/offload/submit_log.h"
 #include "app/offload/vehicle_run.h"
@@ -114,13 +113,13 @@ Vehicle::Vehicle(const VehicleOptions& options, VehicleHooks& hooks)
                .judged = truth_of(options, data_, video_).has_value()}) {}
 
 PipelineConfig Vehicle::pipeline() const {
-  PipelineConfig p;
-  p.id = kCamera;
-  p.stages = offload_stages();
-  p.deadline = from_ms(o_.deadline_ms);
-  p.period = from_ms(o_.period_ms);
-  p.policy = o_.policy.empty() ? default_policy(images_) : o_.policy;
-  p.guard = o_.guard == to_string(GuardKind::kPaper) ? GuardKind::kPaper : GuardKind::kBudget;
+  PipelineConfig p{
+      .id = kCamera,
+      .stages = offload_stages(),
+      .deadline = from_ms(o_.deadline_ms),
+      .period = from_ms(o_.period_ms),
+      .policy = o_.policy.empty() ? default_policy(images_) : o_.policy,
+      .guard = o_.guard == to_string(GuardKind::kPaper) ? GuardKind::kPaper : GuardKind::kBudget};
   p.fallback.local = backup_quality();
   p.beta_permille = static_cast<std::int16_t>(o_.beta * 1000);
   // The smaller one of the paper's images is worth nearly as much at every level, so that results
@@ -248,8 +247,7 @@ void Vehicle::back_up(const RoundRef& ref, const perc::Image& image) {
   if (!hooks_.local_backup()) return;
   node_.compute(Queue::kLocalBackup, [this, ref, image]() -> Node::Task {
     if (newest_round_ != ref.round.value) return {};
-    perc::Result result;
-    result.boxes = backup_.detect(0, image);
+    perc::Result result{.boxes = backup_.detect(0, image)};
     if (newest_round_ != ref.round.value) return {};
     result.frame = image.frame;
     result.draw_score = backup_.level(0).draw_score;

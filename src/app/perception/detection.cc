@@ -90,8 +90,7 @@ std::optional<Result> decode_result(ByteView bytes) {
   ByteReader in(bytes);
   if (in.get<std::uint16_t>() != kDetectionsMagic || in.get<std::uint8_t>() != kDetectionsVersion)
     return {};
-  Result result;
-  result.level = in.get<std::uint8_t>();
+  Result result{.level = in.get<std::uint8_t>()};
   const auto variant = in.get<std::uint8_t>();
   const auto flags = in.get<std::uint8_t>();
   result.draw_score = static_cast<float>(in.get<std::uint8_t>() / kByteSteps);

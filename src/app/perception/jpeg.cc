@@ -2,9 +2,7 @@
 
 #include <chrono>
 #include <csetjmp>
-#include <cstdio>
 #include <cstring>
-#include <optional>
 // Needs the declarations of <cstdio>.
 #include <jpeglib.h>
 

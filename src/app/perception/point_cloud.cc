@@ -164,9 +164,7 @@ std::optional<Cloud> decode_cloud(ByteView bytes) {
   ByteReader in(bytes);
   if (in.get<std::uint16_t>() != kCloudMagic || in.get<std::uint8_t>() != kCloudVersion) return {};
   const auto variant = in.get<std::uint8_t>();
-  Cloud cloud;
-  cloud.variant = static_cast<CloudVariant>(variant);
-  cloud.frame = in.get<std::uint32_t>();
+  Cloud cloud{.variant = static_cast<CloudVariant>(variant), .frame = in.get<std::uint32_t>()};
   const auto count = in.get<std::uint32_t>();
   if (!in.ok() || variant >= kCloudVariants || count > kMaxPoints) return {};
   if (in.rest().size() != count * kPointBytes) return {};

@@ -1,7 +1,5 @@
 #include "app/records/run_files.h"
 
-#include <cmath>
-
 #include "core/base/statistics.h"
 
 namespace interneuron::records {

@@ -1,6 +1,5 @@
 #include "app/settings/data.h"
 
-#include <array>
 #include <cstdlib>
 
 #include "app/process/failure.h"

@@ -10,8 +10,6 @@
 #include <charconv>
 #include <cstdlib>
 #include <cstring>
-#include <optional>
-#include <string>
 #include <string_view>
 
 #include "app/process/failure.h"

@@ -8,7 +8,6 @@
 #include <filesystem>
 #include <memory>
 #include <sstream>
-#include <string>
 
 #include "app/process/failure.h"
 #include "app/process/sibling.h"

@@ -1,7 +1,6 @@
 #include "app/watch/json.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <concepts>
 #include <cstdint>

@@ -14,7 +14,6 @@
 #include <fstream>
 #include <mutex>
 #include <optional>
-#include <sstream>
 
 #include "node/io/steady_clock.h"
 

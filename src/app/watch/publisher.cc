@@ -1,7 +1,5 @@
 #include "app/watch/publisher.h"
 
-#include <spdlog/spdlog.h>
-
 #include "app/watch/json.h"
 
 namespace interneuron::watch {

@@ -1,6 +1,5 @@
 #include "core/flow/job_queue.h"
 
-#include <algorithm>
 #include <utility>
 
 namespace interneuron::flow {

@@ -1,6 +1,5 @@
 #include "core/flow/partial.h"
 
-#include <algorithm>
 #include <cassert>
 #include <cstring>
 

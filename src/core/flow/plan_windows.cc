@@ -6,7 +6,6 @@
 // weighed like symbols of one message (plan_coding.cc): what cannot be asked for again is covered
 // as long as that saves more than the bytes cost.
 #include <algorithm>
-#include <span>
 
 #include "core/code/redundancy.h"
 #include "core/flow/planners.h"

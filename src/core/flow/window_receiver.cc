@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <functional>
-#include <span>
 
 #include "core/code/field.h"
 #include "core/wire/source.h"

@@ -1,7 +1,5 @@
 #include "core/guard/residual_law.h"
 
-#include <algorithm>
-
 namespace interneuron::guard {
 
 void ResidualLaw::add(TimePoint now, const Sample& sample) {

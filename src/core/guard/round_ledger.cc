@@ -110,12 +110,11 @@ std::optional<RoundDone> RoundLedger::remote_result(TimePoint now, RoundId round
     learn_late(now, round, std::move(result), spent);
     return std::nullopt;
   }
-  StageEnd end;
-  end.round = round;
-  end.stage = config_.stages.size();
-  end.t0 = as_wire(open->begun.t0);
-  end.x_permille = open->begun.sent.x_permille;
-  end.deadline = config_.deadline;
+  StageEnd end{.round = round,
+               .stage = config_.stages.size(),
+               .t0 = as_wire(open->begun.t0),
+               .x_permille = open->begun.sent.x_permille,
+               .deadline = config_.deadline};
   observer_->end_stage(now, end, std::nullopt);
   guard_->result(now, round, now - open->begun.t0, spent);
   keep_last(round, result);

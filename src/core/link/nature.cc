@@ -164,13 +164,11 @@ void score(std::span<LinkState> links) {
 }
 
 Evidence explain(const LinkState& link, std::span<const LinkState> links) {
-  Evidence evidence;
-  evidence.delay = reason(link, links, delay, Better::kSmaller, fresh(link), kSeconds);
-  evidence.bandwidth = reason(link, links, rate, Better::kLarger, fresh_rate(link), 1);
-  evidence.reliability = reason(link, links, risk, Better::kSmaller, fresh(link), 1);
-  evidence.trusted = link.traits.trusted;
-  evidence.encrypted = link.encrypted;
-  return evidence;
+  return Evidence{.delay = reason(link, links, delay, Better::kSmaller, fresh(link), kSeconds),
+                  .bandwidth = reason(link, links, rate, Better::kLarger, fresh_rate(link), 1),
+                  .reliability = reason(link, links, risk, Better::kSmaller, fresh(link), 1),
+                  .trusted = link.traits.trusted,
+                  .encrypted = link.encrypted};
 }
 
 }  // namespace interneuron::link

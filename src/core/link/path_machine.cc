@@ -1,7 +1,6 @@
 #include "core/link/path_machine.h"
 
 #include <algorithm>
-#include <cmath>
 #include <cstdio>
 
 #include "core/base/earliest.h"

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cassert>
 
-#include "core/probe/summary.h"
-
 namespace interneuron::probe {
 namespace {
 

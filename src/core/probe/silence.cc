@@ -5,7 +5,6 @@
 #include <cassert>
 
 #include "core/base/earliest.h"
-#include "core/wire/packet.h"
 
 namespace interneuron::probe {
 namespace {

@@ -1,7 +1,5 @@
 #include "core/rounds/stages.h"
 
-#include <algorithm>
-
 namespace interneuron::rounds {
 
 guard::StageGuard& Stages::stage_guard(const dispatch::Round& round, const Speaker& speaker) {

@@ -3,8 +3,6 @@
 
 #include <sodium.h>
 
-#include <cassert>
-
 #include "core/secure/bytes.h"
 
 namespace interneuron {

@@ -1,7 +1,6 @@
 #include "core/secure/session.h"
 
 #include <algorithm>
-#include <array>
 #include <cassert>
 
 #include "core/secure/aead.h"

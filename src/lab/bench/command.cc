@@ -105,10 +105,7 @@ int run_load(const LoadOptions& o) {
   const std::vector<load::Scenario> scenarios = chosen(o);
   const bool drawable = std::ranges::any_of(
       scenarios, [](const load::Scenario& s) { return s.group == "rate" || s.group == "size"; });
-  if (!o.plot.empty() && !is_picture(o.plot)) {
-    throw process::Failure(process::kUsage,
-                           "--plot '" + o.plot + "': name a file that ends in .svg or .png");
-  }
+  require_picture(o.plot);
   if (!o.plot.empty() && !drawable) {
     throw process::Failure(process::kUsage,
                            "--plot: only the groups rate and size are drawn; name one of them");

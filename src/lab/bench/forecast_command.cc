@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <iterator>
 #include <memory>
 
 #include "app/process/failure.h"
@@ -84,10 +83,7 @@ std::vector<Judged> judge(const std::vector<ForecastTask>& tasks) {
 }
 
 int run_forecast(const ForecastOptions& o) {
-  if (!o.plot.empty() && !is_picture(o.plot)) {
-    throw process::Failure(process::kUsage,
-                           "--plot '" + o.plot + "': name a file that ends in .svg or .png");
-  }
+  require_picture(o.plot);
   const process::SignalWatch signals;
   std::vector<ForecastTask> tasks = tasks_of(o);
   process::Progress progress;

@@ -2,8 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <cmath>
-
 #include "app/process/failure.h"
 #include "app/records/plot.h"
 #include "lab/report/figure.h"

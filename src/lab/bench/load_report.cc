@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 
 #include "app/process/failure.h"
 #include "app/records/plot.h"
@@ -234,8 +233,11 @@ void print_load(const std::vector<Row>& rows) {
   }
 }
 
-bool is_picture(const std::filesystem::path& file) {
-  return file.extension() == ".svg" || file.extension() == ".png";
+void require_picture(const std::string& plot) {
+  const std::filesystem::path extension = std::filesystem::path(plot).extension();
+  if (plot.empty() || extension == ".svg" || extension == ".png") return;
+  throw process::Failure(process::kUsage,
+                         "--plot '" + plot + "': name a file that ends in .svg or .png");
 }
 
 void plot_load(const std::filesystem::path& file, const std::vector<Row>& rows) {

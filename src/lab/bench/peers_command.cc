@@ -66,10 +66,7 @@ void write_page(const std::string& file, const std::vector<peers_testbed::Row>& 
 }
 
 int run_peers(const PeersOptions& o) {
-  if (!o.plot.empty() && !is_picture(o.plot)) {
-    throw process::Failure(process::kUsage,
-                           "--plot '" + o.plot + "': name a file that ends in .svg or .png");
-  }
+  require_picture(o.plot);
   // A run takes too long to find out at its end.
   for (const std::string& file : {o.plot, o.page}) {
     const std::filesystem::path folder = std::filesystem::path(file).parent_path();

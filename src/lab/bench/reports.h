@@ -26,8 +26,8 @@ records::Json load_json(const std::vector<load::Row>& rows, std::optional<Transp
 // A table for each group, on stdout.
 void print_load(const std::vector<load::Row>& rows);
 
-// Whether plot_load() can write a file of this name: .svg or .png.
-bool is_picture(const std::filesystem::path& file);
+// Throws Failure (2) unless plot_load() can write a file of this name: .svg, .png or none.
+void require_picture(const std::string& plot);
 // On-time goodput against offered load, a line per transport, and the queue beneath: a column for
 // each scenario of the groups that raise the load by the rate or the size of messages. Throws
 // Failure (1) that names the file, also without gnuplot.

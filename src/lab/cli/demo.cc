@@ -18,7 +18,6 @@
 #include "app/process/signals.h"
 #include "app/records/run_files.h"
 #include "app/records/verdict.h"
-#include "app/settings/command_line.h"
 #include "app/settings/data.h"
 #include "app/settings/key_files.h"
 #include "lab/sim/feasibility.h"

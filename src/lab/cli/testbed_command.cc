@@ -61,14 +61,13 @@ emu::Scenario scenario(const TestbedOptions& o) {
 }
 
 int up(const TestbedOptions& o) {
-  netns::TestbedOptions options;
-  options.name = o.name;
-  options.scenario = scenario(o);
-  options.vehicles = o.vehicles;
-  options.roads = o.roads;
-  options.backend = o.backend;
-  options.nat = o.nat;
-  options.detached = true;
+  netns::TestbedOptions options{.name = o.name,
+                                .scenario = scenario(o),
+                                .vehicles = o.vehicles,
+                                .roads = o.roads,
+                                .backend = o.backend,
+                                .nat = o.nat,
+                                .detached = true};
   const Testbed testbed = Testbed::up(options);
   const netns::State& state = testbed.state();
   fmt::print("testbed '{}' is up: {}, seed {}, holder {}\n", state.name,

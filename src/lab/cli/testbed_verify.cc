@@ -55,9 +55,8 @@ int run_verify(const LinkCheckOptions& o) {
   const netns::State state = found_testbed(o.name);
   verify::require_tools({{"ping", "iputils-ping"}, {"iperf3", "iperf3"}, {"tcpdump", "tcpdump"}});
   if (state.user_ns_fd >= 0) verify::allow_setgroups();
-  verify::SessionOptions session;
-  session.links = selected(state, o.links);
-  session.length = std::chrono::seconds(o.seconds);
+  verify::SessionOptions session{.links = selected(state, o.links),
+                                 .length = std::chrono::seconds(o.seconds)};
   const process::SignalWatch signals;
   constexpr Duration kBetweenLines = std::chrono::seconds(2);
   Duration next{};

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <random>
 
 #include "interneuron/sizes.h"
 #include "lab/emu/random.h"
@@ -10,8 +9,6 @@
 
 namespace interneuron::coding {
 namespace {
-
-using std::chrono::milliseconds;
 
 // The queue of a modem, at its mean rate: as that of profiles that name none.
 constexpr Duration kQueue = emu::kDefaultQueueTime;
@@ -115,9 +112,7 @@ Modem generated_modem(std::string name, double mean_mbit, emu::RandomStream& ran
 }
 
 emu::DirectionParams direction_of(const std::shared_ptr<const emu::Opportunities>& trace) {
-  emu::DirectionParams out;
-  out.rate = emu::mean_rate(*trace);
-  out.trace = trace;
+  emu::DirectionParams out{.rate = emu::mean_rate(*trace), .trace = trace};
   out.queue_bytes = static_cast<std::size_t>(static_cast<double>(out.rate.bits_per_second) / 8 *
                                              to_seconds(kQueue));
   return out;

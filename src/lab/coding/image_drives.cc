@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <optional>
 
-#include "lab/sim/feasibility.h"
 #include "lab/sim/offload.h"
 
 namespace interneuron::coding {

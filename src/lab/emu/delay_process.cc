@@ -43,8 +43,7 @@ class CommonFading {
 
 DelayParams constant_delay(double rtt_ms, double loss) {
   DelayParams params;
-  RadioStateParams only_state;
-  only_state.level_ms = rtt_ms;
+  RadioStateParams only_state{.level_ms = rtt_ms};
   // Any value would do, as all states are alike.
   only_state.sojourn_mean_s = 86'400;
   only_state.loss = loss;

@@ -56,11 +56,7 @@ bool LinkModel::enqueue(Duration now, std::size_t ip_bytes, std::uint64_t tag) {
   bottleneck_.send();
   waiting_.push_back({departure, ip_bytes});
   waiting_bytes_ += ip_bytes;
-  Entry entry;
-  entry.departure = departure;
-  entry.tag = tag;
-  entry.serial = next_serial_++;
-  entry.bytes = ip_bytes;
+  Entry entry{.departure = departure, .tag = tag, .serial = next_serial_++, .bytes = ip_bytes};
 
   // All draws before any of them decides: what is lost does not shift the draws of the rest.
   const Channel::Sample sample = channel_->at(departure);

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <exception>
-#include <string>
 
 #include "lab/emu/profile_reader.h"
 #include "lab/emu/random.h"

@@ -3,8 +3,6 @@
 #include <numeric>
 
 #include "lab/eval/bounds.h"
-#include "lab/eval/erdos.h"
-#include "lab/sim/offload.h"
 
 namespace interneuron::eval {
 namespace {

@@ -37,12 +37,7 @@ Module module_at(const DelayLaw& law, std::uint64_t drawn) {
 }  // namespace
 
 DelayLaw per_nic_law() {
-  DelayLaw law;
-  law.share = 0.6;
-  law.burst = 2.5;
-  law.modules = {0.94, 0.06, 0, 0};
-  law.uplink_of = 0;
-  return law;
+  return DelayLaw{.share = 0.6, .burst = 2.5, .modules = {0.94, 0.06, 0, 0}, .uplink_of = 0};
 }
 
 std::string_view to_string(Module module) {

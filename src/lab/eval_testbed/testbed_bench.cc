@@ -36,11 +36,10 @@ constexpr std::size_t kEnoughRuns = 40;
 Testbed up(const eval::Scenario& scenario, const fs::path& scratch) {
   std::vector<emu::ScenarioLink> links;
   for (const emu::LinkProfile& link : scenario.links) links.push_back({link.name, link, 1});
-  netns::TestbedOptions options;
-  options.name = fmt::format("eval-{}", ::getpid());
-  options.scenario = emu::plain_scenario(links, 1);
-  options.backend = netns::Backend::kEmulator;
-  options.runtime_dir = scratch;
+  netns::TestbedOptions options{.name = fmt::format("eval-{}", ::getpid()),
+                                .scenario = emu::plain_scenario(links, 1),
+                                .backend = netns::Backend::kEmulator,
+                                .runtime_dir = scratch};
   return Testbed::up(options);
 }
 
@@ -103,8 +102,7 @@ void add_road(const records::Json& json, eval::Round& round) {
 }
 
 perception::Shown boxes_of(const records::Json& json) {
-  perception::Shown shown;
-  shown.frame = json.at("frame");
+  perception::Shown shown{.frame = json.at("frame")};
   for (const records::Json& b : json.at("boxes"))
     shown.boxes.push_back({b[0], b[1], b[2], b[3], b[4]});
   return shown;
@@ -217,8 +215,7 @@ void Bench::start_programs(const TestbedRun& orders, std::uint32_t rounds) {
     throw process::Failure(process::kFailed,
                            "the testbed's roadside unit failed: " + road_log.last_line());
   }
-  netns::SpawnOptions spawn;
-  spawn.stdio = {-1, vehicle_log.fd(), vehicle_log.fd()};
+  netns::SpawnOptions spawn{.stdio = {-1, vehicle_log.fd(), vehicle_log.fd()}};
   process::Child vehicle(
       Testbed::spawn(testbed_.state(), netns::kVehicle, vehicle_command(orders, rounds), spawn));
   const int code = vehicle.wait();
@@ -294,8 +291,7 @@ void Bench::calibrate(std::uint32_t rounds, std::optional<Duration> deadline) {
 sim::HostTimes Bench::host_times(const eval::System& system, const BenchRun& undisturbed) const {
   std::vector<double> encode;
   for (const Duration time : undisturbed.encode) encode.push_back(to_ms(time));
-  sim::HostTimes hosts;
-  hosts.encode = from_ms(percentile(encode, 0.5));
+  sim::HostTimes hosts{.encode = from_ms(percentile(encode, 0.5))};
   eval::Scenario scenario = scenario_;
   scenario.profile = profile_;
   scenario.erdos = erdos_;

@@ -1,7 +1,5 @@
 #include "lab/eval_testbed/testbed_run.h"
 
-#include <memory>
-#include <optional>
 #include <utility>
 
 #include "app/perception/detection.h"

@@ -55,9 +55,8 @@ std::optional<AckSegment> SubflowReceiver::poll() {
   due_ = false;
   held_ = 0;
   timer_.reset();
-  AckSegment ack;
-  ack.acknowledged = next_;
-  ack.sack_count = std::min(kMostSackBlocks, gaps_beyond_.size());
+  AckSegment ack{.acknowledged = next_,
+                 .sack_count = std::min(kMostSackBlocks, gaps_beyond_.size())};
   std::copy_n(gaps_beyond_.begin(), ack.sack_count, ack.sacks.begin());
   ack.echo = echo_;
   ack.congestion_seen = congestion_seen_;

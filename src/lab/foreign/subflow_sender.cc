@@ -61,17 +61,11 @@ void SubflowSender::stamp(Sent& sent, Duration now) {
 }
 
 DataSegment SubflowSender::segment(const Sent& sent) {
-  DataSegment out;
-  out.sequence = sent.sequence;
-  out.piece = sent.piece;
-  out.sent = sent.at;
-  return out;
+  return DataSegment{.sequence = sent.sequence, .piece = sent.piece, .sent = sent.at};
 }
 
 DataSegment SubflowSender::send(Duration now, const Piece& piece) {
-  Sent sent;
-  sent.sequence = next_sequence_;
-  sent.piece = piece;
+  Sent sent{.sequence = next_sequence_, .piece = piece};
   stamp(sent, now);
   sent_.push_back(sent);
   next_sequence_ += piece.bytes;
@@ -156,10 +150,8 @@ void SubflowSender::measure_rtt(Duration rtt) {
 
 Delivery SubflowSender::delivery(Duration now, const Heard& heard, Duration rtt) {
   const Sent& newest = heard.newest;
-  Delivery d;
-  d.now = now;
-  d.bytes = heard.bytes;
-  d.round_began = newest.delivered_before >= round_ends_;
+  Delivery d{
+      .now = now, .bytes = heard.bytes, .round_began = newest.delivered_before >= round_ends_};
   if (d.round_began) {
     round_ends_ = delivered_;
     last_peak_in_flight_ = peak_in_flight_;

@@ -24,9 +24,7 @@ emu::LinkProfile modem_of(const Scenario& scenario) {
 }
 
 emu::CellParams cell_of(const Scenario& s, Duration begin) {
-  emu::CellParams cell;
-  cell.rate = s.capacity;
-  cell.queue_bytes = emu::queue_bytes_of(s.capacity, s.queue);
+  emu::CellParams cell{.rate = s.capacity, .queue_bytes = emu::queue_bytes_of(s.capacity, s.queue)};
   if (s.codel) cell.codel.emplace();
   if (s.l4s) cell.mark_above = kL4sStep;
   if (s.dip) {

@@ -23,8 +23,7 @@ std::size_t bin_of(double predicted) {
 // The root of the summed squares of the seconds' excess over the bin's gap (Liang and Zeger,
 // Longitudinal Data Analysis Using Generalized Linear Models, 1986).
 Bin judged(std::span<const Forecast> bin) {
-  Bin out;
-  out.messages = bin.size();
+  Bin out{.messages = bin.size()};
   const auto n = static_cast<double>(bin.size());
   for (const Forecast& f : bin) {
     out.predicted += f.predicted / n;

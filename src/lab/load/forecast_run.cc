@@ -105,13 +105,12 @@ Trial::Trial(const ForecastScenario& scenario, bool nevertheless)
 
 // The pipeline carries what is sent nevertheless: rounds are not refused.
 EndpointOptions Trial::vehicle_options() const {
-  PipelineConfig pipeline;
-  pipeline.id = kPipeline;
-  pipeline.stages = {StageKind::kCommunication, StageKind::kCommunication};
-  pipeline.deadline = s_.deadline;
-  pipeline.period = s_.period;
-  pipeline.policy = "at_once";
-  pipeline.guard = GuardKind::kPaper;
+  PipelineConfig pipeline{.id = kPipeline,
+                          .stages = {StageKind::kCommunication, StageKind::kCommunication},
+                          .deadline = s_.deadline,
+                          .period = s_.period,
+                          .policy = "at_once",
+                          .guard = GuardKind::kPaper};
   EndpointOptions options;
   options.pipelines = {pipeline};
   options.ablation =

@@ -51,13 +51,12 @@ std::vector<ForecastScenario> under_load(const std::string& name, std::uint64_t 
 std::vector<ForecastScenario> drive(const Drive& drive, std::uint64_t seed) {
   std::vector<ForecastScenario> out;
   for (const Peer peer : {Peer::kOurs, Peer::kOursVariants}) {
-    Scenario s;
-    s.group = "driving";
-    s.name = drive.name;
-    s.peer = peer;
-    s.deadline = kDriveDeadline;
-    s.period = kCameraPeriod;
-    s.message_bytes = kFrameBytes;
+    Scenario s{.group = "driving",
+               .name = drive.name,
+               .peer = peer,
+               .deadline = kDriveDeadline,
+               .period = kCameraPeriod,
+               .message_bytes = kFrameBytes};
     if (peer == Peer::kOursVariants) s.small_bytes = kFrameBytes / kSmallerVariant;
     s.length = kDriveLength;
     s.seed = seed;

@@ -7,8 +7,6 @@
 namespace interneuron::load {
 namespace {
 
-using namespace std::chrono_literals;
-
 class Run {
  public:
   explicit Run(const Scenario& scenario);
@@ -58,8 +56,7 @@ Row Run::run(const std::function<void(sim::World&)>& prepare) {
   world_.measure_cells();
   const std::uint64_t cross_before = cross_.readable_bytes();
   world_.run_until(end());
-  Row row;
-  row.scenario = s_;
+  Row row{.scenario = s_};
   read_bottleneck(row);
   const std::uint64_t cross_bytes = cross_.readable_bytes() - cross_before;
   world_.run_until(end() + s_.deadline);

@@ -24,10 +24,9 @@ constexpr const char* kModems[] = {"a", "b"};
 // --- the testbed of a scenario
 
 netns::TestbedOptions options_of(const Scenario& s, const fs::path& scratch) {
-  netns::TestbedOptions out;
-  out.name = fmt::format("load-{}", ::getpid());
-  out.backend = netns::Backend::kEmulator;
-  out.runtime_dir = scratch;
+  netns::TestbedOptions out{.name = fmt::format("load-{}", ::getpid()),
+                            .backend = netns::Backend::kEmulator,
+                            .runtime_dir = scratch};
   const emu::LinkProfile modem = load::modem_of(s);
   emu::ScenarioCell cell;
   cell.name = kCell;

@@ -36,13 +36,11 @@ std::vector<const Peer*> peers_of(const Names& names) {
 
 Choice choice_of(std::string_view scenario, std::size_t bytes, const Names& peers,
                  std::vector<Duration> deadlines, Duration length) {
-  Choice choice;
-  choice.scenarios = {scenario_of(scenario)};
-  choice.peers = peers_of(peers);
-  choice.sizes = {bytes};
-  choice.deadlines = std::move(deadlines);
-  choice.length = length;
-  return choice;
+  return Choice{.scenarios = {scenario_of(scenario)},
+                .peers = peers_of(peers),
+                .sizes = {bytes},
+                .deadlines = std::move(deadlines),
+                .length = length};
 }
 
 }  // namespace

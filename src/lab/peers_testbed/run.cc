@@ -20,10 +20,9 @@ using netns::Testbed;
 constexpr std::array<const char*, kLinks> kModemNames{"a", "b"};
 
 netns::TestbedOptions options_of(const Run& run, const fs::path& scratch) {
-  netns::TestbedOptions out;
-  out.name = fmt::format("peers-{}", ::getpid());
-  out.backend = netns::Backend::kEmulator;
-  out.runtime_dir = scratch;
+  netns::TestbedOptions out{.name = fmt::format("peers-{}", ::getpid()),
+                            .backend = netns::Backend::kEmulator,
+                            .runtime_dir = scratch};
   std::array<emu::LinkProfile, kLinks> profiles = run.scenario->links();
   std::vector<emu::ScenarioLink> links;
   for (std::size_t i = 0; i < kLinks; ++i) {

@@ -58,8 +58,7 @@ Links loss() {
 Links bursts() {
   // Packets that a burst takes in the mean.
   constexpr double kBurst = 8;
-  emu::GilbertElliott chain;
-  chain.r = 1 / kBurst;
+  emu::GilbertElliott chain{.r = 1 / kBurst};
   // The share of time in the bad state is p / (p + r).
   chain.p = chain.r * kLoss / (1 - kLoss);
   Links out = clean();

@@ -6,8 +6,7 @@
 namespace interneuron::sim {
 
 Agenda::Source Agenda::add(std::uint64_t rank) {
-  Entry entry;
-  entry.rank = rank;
+  Entry entry{.rank = rank};
   sources_.push_back(entry);
   return static_cast<Source>(sources_.size() - 1);
 }

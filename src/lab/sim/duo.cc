@@ -77,9 +77,7 @@ void Duo::send(Duration from, std::size_t count) {
 }
 
 void Duo::send_one(std::size_t number) {
-  SendOptions how;
-  how.policy = options_.policy;
-  how.deadline = options_.deadline;
+  SendOptions how{.deadline = options_.deadline, .policy = options_.policy};
   world.endpoint(vehicle).send(world.local_time(vehicle), peer, numbered(options_.variants, number),
                                how);
   world.flush(vehicle);

@@ -1,7 +1,6 @@
 #include "lab/sim/offload.h"
 
 #include <algorithm>
-#include <cstdint>
 #include <new>
 #include <random>
 
@@ -87,11 +86,10 @@ PipelineConfig Offload::pipeline() const {
 }
 
 void Offload::build() {
-  EndpointOptions vehicle;
-  vehicle.session = SessionId{0x56454831};
-  vehicle.pipelines = {pipeline()};
-  vehicle.policies = builtin_policies();
-  vehicle.ablation = std::make_shared<const Ablation>(o_.ablation);
+  EndpointOptions vehicle{.session = SessionId{0x56454831},
+                          .pipelines = {pipeline()},
+                          .policies = builtin_policies(),
+                          .ablation = std::make_shared<const Ablation>(o_.ablation)};
   EndpointOptions road;
   road.session = SessionId{0x524f4144};
   road.policies = builtin_policies();

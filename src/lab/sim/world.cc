@@ -1,7 +1,6 @@
 #include "lab/sim/world.h"
 
 #include <algorithm>
-#include <array>
 #include <stdexcept>
 
 namespace interneuron::sim {

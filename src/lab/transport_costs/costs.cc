@@ -13,7 +13,6 @@
 #include "app/process/signals.h"
 #include "netns/wiring/namespaces.h"
 #include "netns/wiring/nics.h"
-#include "node/io/address.h"
 #include "node/io/open_transport.h"
 #include "node/io/steady_clock.h"
 
@@ -43,9 +42,7 @@ class Wire {
 
   TransportOwner open(std::size_t side, TransportKind kind) const {
     const NetworkNamespaceScope scope(space(side), spaces_.air.get());
-    io::UdpOptions options;
-    options.nic = kNic;
-    options.local = make_address(kHosts[side], 0).value();
+    io::UdpOptions options{.nic = kNic, .local = make_address(kHosts[side], 0).value()};
     return io::open_transport(kind, options).transport;
   }
 

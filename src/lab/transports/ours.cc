@@ -2,7 +2,6 @@
 #include <atomic>
 #include <exception>
 #include <memory>
-#include <optional>
 #include <thread>
 
 #include "app/process/failure.h"
@@ -71,10 +70,9 @@ class Vehicle {
     set_keys(order, 1 + number, 0, 1, out);
     out.transport = order.transport.datagrams;
     for (std::size_t i = 0; i < order.modems.size(); ++i) {
-      NodeLink link;
-      link.id = LinkId{static_cast<std::uint8_t>(i)};
-      link.nic = order.modems[i].nic;
-      link.peer = order.modems[i].road_address + ":" + std::to_string(kLoadPort);
+      NodeLink link{.id = LinkId{static_cast<std::uint8_t>(i)},
+                    .nic = order.modems[i].nic,
+                    .peer = order.modems[i].road_address + ":" + std::to_string(kLoadPort)};
       out.links.push_back(std::move(link));
     }
     return out;
@@ -104,9 +102,7 @@ class Vehicle {
     for (const std::size_t bytes : order_.traffic.variant_bytes) {
       variants.push_back(message_of(number_, number, bytes));
     }
-    SendOptions options;
-    options.deadline = order_.traffic.deadline;
-    options.policy = order_.transport.mode;
+    SendOptions options{.deadline = order_.traffic.deadline, .policy = order_.transport.mode};
     begun_.push_back(node_.now());
     if (const auto peer = node_.peer()) node_.send(*peer, std::move(variants), options);
   }
@@ -165,9 +161,7 @@ void receive_ours(const Order& order, const Ready& ready, Reception& reception) 
   set_keys(order, 0, 1, order.traffic.vehicles(), options);
   options.transport = order.transport.datagrams;
   for (std::size_t i = 0; i < order.modems.size(); ++i) {
-    NodeLink link;
-    link.id = LinkId{static_cast<std::uint8_t>(i)};
-    link.nic = order.modems[i].nic;
+    NodeLink link{.id = LinkId{static_cast<std::uint8_t>(i)}, .nic = order.modems[i].nic};
     options.links.push_back(std::move(link));
   }
   options.port = kLoadPort;

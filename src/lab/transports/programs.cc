@@ -102,8 +102,7 @@ pid_t start(const netns::State& state, netns::Host host, const std::vector<std::
   out = io::FileDescriptor(ends[0]);
   const io::FileDescriptor in(ends[1]);
   const io::FileDescriptor errors(open_log(log));
-  netns::SpawnOptions spawn;
-  spawn.stdio = {-1, in.get(), errors.get()};
+  netns::SpawnOptions spawn{.stdio = {-1, in.get(), errors.get()}};
   return netns::Testbed::spawn(state, host, argv, spawn);
 }
 

@@ -5,7 +5,6 @@
 #include <cerrno>
 
 #include "node/io/parts.h"
-#include "node/io/udp_socket.h"
 
 namespace interneuron {
 

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cerrno>
 #include <limits>
-#include <stdexcept>
 #include <system_error>
 #include <utility>
 

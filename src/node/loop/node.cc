@@ -1,7 +1,5 @@
 #include "interneuron/node.h"
 
-#include <utility>
-
 #include "node/io/steady_clock.h"
 #include "node/loop/node_impl.h"
 

@@ -190,12 +190,11 @@ void check_link(const NodeOptions& options, const NodeLink& link, const io::Nic&
 
 OpenedLink open_link(const NodeOptions& options, const NodeLink& link, const io::Nic& nic,
                      const Binding& binding) {
-  io::UdpOptions udp;
-  udp.nic = link.nic;
-  udp.card = nic;
-  udp.answer_from_receiver = link.peer.empty();
-  udp.may_wait = binding.may_wait;
-  udp.local = local_of(link, nic, binding);
+  io::UdpOptions udp{.nic = link.nic,
+                     .card = nic,
+                     .local = local_of(link, nic, binding),
+                     .answer_from_receiver = link.peer.empty(),
+                     .may_wait = binding.may_wait};
   if (serves_in_the_clear(options)) refuse_public(link, udp.local, nic);
   OpenedLink out;
   out.info = {link.nic, link.mtu != 0 ? link.mtu : nic.mtu, link.traits};

@@ -284,12 +284,11 @@ std::string LinkMonitor::Impl::absence(const Record& record) const {
 
 NicEvent LinkMonitor::Impl::set_state(const std::string& name, Record& record, NicState state,
                                       std::string reason) {
-  NicEvent event;
-  event.nic = name;
-  event.index = record.index;
-  event.from = std::exchange(record.state, state);
-  event.to = state;
-  event.reason = reason;
+  NicEvent event{.nic = name,
+                 .index = record.index,
+                 .from = std::exchange(record.state, state),
+                 .to = state,
+                 .reason = reason};
   record.reason = std::move(reason);
   return event;
 }

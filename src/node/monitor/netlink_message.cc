@@ -86,6 +86,18 @@ interneuron::Address address_of(std::span<const std::byte> host, int index) {
   return from_sockaddr(reinterpret_cast<const sockaddr*>(&name), sizeof name);
 }
 
+std::span<const std::byte> host_bytes(const interneuron::Address& address) {
+  if (family_of(address) == AF_INET) {
+    return std::span(address.raw).subspan(offsetof(sockaddr_in, sin_addr), sizeof(in_addr));
+  }
+  return std::span(address.raw).subspan(offsetof(sockaddr_in6, sin6_addr), sizeof(in6_addr));
+}
+
+int put(nl_msg* message, int type, const interneuron::Address& address) {
+  const auto bytes = host_bytes(address);
+  return nla_put(message, type, static_cast<int>(bytes.size()), bytes.data());
+}
+
 std::optional<RouteAnswer> route_answer(const nlmsghdr& message, int index) {
   const auto attributes = attributes_of<rtmsg, RTA_MAX>(message);
   if (message.nlmsg_type != RTM_NEWROUTE || !attributes) return std::nullopt;

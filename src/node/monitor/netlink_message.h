@@ -64,6 +64,11 @@ std::optional<Number> number_of(const nlattr* attribute) {
 // IPv6. A link-local address means nothing without its card, the one with this index.
 interneuron::Address address_of(std::span<const std::byte> host, int index);
 
+// The reverse of address_of(): the bytes of the bare address.
+std::span<const std::byte> host_bytes(const interneuron::Address& address);
+// Adds it to a message as an attribute; negative, an error of libnl, where there is no room.
+int put(nl_msg* message, int type, const interneuron::Address& address);
+
 // A route as the answer to "which way to this address through this card?"
 struct RouteAnswer {
   // The gateway; empty when there is none.

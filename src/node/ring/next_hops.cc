@@ -7,7 +7,6 @@
 #include <sys/socket.h>
 
 #include <algorithm>
-#include <cstring>
 #include <span>
 
 #include "interneuron/transport.h"
@@ -27,18 +26,6 @@ constexpr std::uint16_t kDiscardPort = 9;
 constexpr unsigned kValid =
     NUD_PERMANENT | NUD_NOARP | NUD_REACHABLE | NUD_PROBE | NUD_STALE | NUD_DELAY;
 
-std::span<const std::byte> host_bytes(const Address& address) {
-  if (family_of(address) == AF_INET) {
-    return std::span(address.raw).subspan(offsetof(sockaddr_in, sin_addr), sizeof(in_addr));
-  }
-  return std::span(address.raw).subspan(offsetof(sockaddr_in6, sin6_addr), sizeof(in6_addr));
-}
-
-int put(nl_msg* message, int type, const Address& address) {
-  const auto bytes = host_bytes(address);
-  return nla_put(message, type, static_cast<int>(bytes.size()), bytes.data());
-}
-
 }  // namespace
 
 NextHops::NextHops(int index, bool has_neighbours, int helper)
@@ -54,8 +41,8 @@ NextHops::NextHops(int index, bool has_neighbours, int helper)
 NextHops::Hop NextHops::find(const Address& to, const Address& source, TimePoint now) {
   if (to.size == 0) return {};
   Key key{};
-  std::ranges::copy(host_bytes(to), key.first.begin());
-  if (source.size > 0) std::ranges::copy(host_bytes(source), key.second.begin());
+  std::ranges::copy(netlink::host_bytes(to), key.first.begin());
+  if (source.size > 0) std::ranges::copy(netlink::host_bytes(source), key.second.begin());
   auto it = entries_.find(key);
   if (it == entries_.end()) {
     if (entries_.size() >= kMost) entries_.clear();
@@ -93,15 +80,15 @@ void NextHops::look_up(const Address& to, const Address& source, TimePoint now, 
 
 bool NextHops::read_route(const Address& to, const Address& source, Entry& entry) {
   const netlink::Message request(nlmsg_alloc_simple(RTM_GETROUTE, NLM_F_REQUEST));
-  const auto bits = static_cast<unsigned char>(host_bytes(to).size() * 8);
+  const auto bits = static_cast<unsigned char>(netlink::host_bytes(to).size() * 8);
   rtmsg header{};
   header.rtm_family = static_cast<unsigned char>(family_of(to));
   header.rtm_dst_len = bits;
   header.rtm_src_len = source.size > 0 ? bits : 0;
   if (!request || nlmsg_append(request.get(), &header, sizeof header, NLMSG_ALIGNTO) < 0 ||
-      put(request.get(), RTA_DST, to) < 0 ||
+      netlink::put(request.get(), RTA_DST, to) < 0 ||
       nla_put_u32(request.get(), RTA_OIF, static_cast<std::uint32_t>(index_)) < 0 ||
-      (source.size > 0 && put(request.get(), RTA_SRC, source) < 0)) {
+      (source.size > 0 && netlink::put(request.get(), RTA_SRC, source) < 0)) {
     return false;
   }
   bool routed = false;
@@ -123,7 +110,7 @@ std::uint16_t NextHops::read_neighbour(Entry& entry) {
   header.ndm_family = static_cast<unsigned char>(family_of(entry.neighbour));
   header.ndm_ifindex = index_;
   if (!request || nlmsg_append(request.get(), &header, sizeof header, NLMSG_ALIGNTO) < 0 ||
-      put(request.get(), NDA_DST, entry.neighbour) < 0) {
+      netlink::put(request.get(), NDA_DST, entry.neighbour) < 0) {
     return 0;
   }
   std::uint16_t state = 0;
@@ -148,7 +135,7 @@ void NextHops::ask_for(const Address& neighbour) {
   header.ndm_ifindex = index_;
   header.ndm_flags = NTF_USE;
   if (request && nlmsg_append(request.get(), &header, sizeof header, NLMSG_ALIGNTO) >= 0 &&
-      put(request.get(), NDA_DST, neighbour) >= 0 &&
+      netlink::put(request.get(), NDA_DST, neighbour) >= 0 &&
       netlink::ask(requests_.get(), request.get(), [](const nlmsghdr&) {}) >= 0) {
     return;
   }
@@ -191,7 +178,7 @@ void NextHops::apply(const nlmsghdr& message, Changes& changes) {
       if (!found || found->card != index_) return;
       for (auto& [key, entry] : entries_) {
         if (entry.neighbour.size > 0 &&
-            std::ranges::equal(host_bytes(entry.neighbour), found->address)) {
+            std::ranges::equal(netlink::host_bytes(entry.neighbour), found->address)) {
           entry.stale = true;
         }
       }

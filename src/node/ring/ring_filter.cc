@@ -3,7 +3,6 @@
 #include <linux/if_packet.h>
 
 #include <cstddef>
-#include <initializer_list>
 #include <utility>
 
 #include "node/ring/frame.h"

@@ -12,7 +12,6 @@
 #include <utility>
 
 #include "interneuron/transport.h"
-#include "node/io/address.h"
 #include "node/io/parts.h"
 #include "node/io/segment_run.h"
 #include "node/io/steady_clock.h"

@@ -11,7 +11,6 @@
 #include <cstring>
 
 #include "interneuron/transport.h"
-#include "node/io/address.h"
 #include "node/io/this_program.h"
 
 namespace interneuron::io {

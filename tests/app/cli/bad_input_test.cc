@@ -184,9 +184,8 @@ TEST(BadInput, AProfileThatIsWrongIsNamedAndNothingIsLeft) {
 
 TEST(BadInput, AModelThatIsNotThere) {
   const TempFolder data;
-  const Ran ran = run("road --insecure --nic lo --ladder dnn --data '" + data.string() + "'");
-  EXPECT_EQ(ran.code, 3) << ran.output;
-  EXPECT_NE(ran.output.find("fetch_data.sh"), std::string::npos) << ran.output;
+  EXPECT_THAT(run("road --insecure --nic lo --ladder dnn --data '" + data.string() + "'"),
+              EndsSaying(3, "fetch_data.sh"));
 }
 
 TEST(BadInput, AnAbsentRoadsideUnitIsNamed) {

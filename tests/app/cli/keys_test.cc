@@ -34,9 +34,7 @@ TEST_F(Keys, AreMadeOnceAndTellTheirPublicHalf) {
   ASSERT_EQ(::stat(file("key").c_str(), &status), 0);
   EXPECT_EQ(status.st_mode & 07777, 0600U);
   EXPECT_EQ(first_line(run("keys pub '" + file("key") + "'").output), key);
-  const Ran again = run("keys gen --out '" + file("key") + "'");
-  EXPECT_EQ(again.code, 1) << again.output;
-  EXPECT_NE(again.output.find("no key is overwritten"), std::string::npos) << again.output;
+  EXPECT_THAT(run("keys gen --out '" + file("key") + "'"), EndsSaying(1, "no key is overwritten"));
   EXPECT_EQ(first_line(run("keys pub '" + file("key") + "'").output), key);
   EXPECT_NE(make("other"), key);
 }
@@ -51,9 +49,7 @@ TEST_F(Keys, TheDefaultPlaceIsMadeAndUsed) {
   ASSERT_EQ(::stat(file("interneuron").c_str(), &status), 0);
   EXPECT_EQ(status.st_mode & 07777, 0700U);
   EXPECT_EQ(at_home("keys pub").output, run("keys pub '" + file("interneuron/key") + "'").output);
-  const Ran road = at_home("road --nic lo --ladder none");
-  EXPECT_EQ(road.code, 3);
-  EXPECT_NE(road.output.find("nobody is trusted"), std::string::npos) << road.output;
+  EXPECT_THAT(at_home("road --nic lo --ladder none"), EndsSaying(3, "nobody is trusted"));
 }
 
 // RFC 7748 §6.1: Bob's keys.
@@ -75,9 +71,7 @@ TEST_F(Keys, AFileThatOthersMayReadIsRefused) {
   make("key");
   ASSERT_EQ(::chmod(file("key").c_str(), 0640), 0);
   for (const std::string command : {"keys pub ", "road --nic lo --ladder none --key "}) {
-    const Ran ran = run(command + "'" + file("key") + "'");
-    EXPECT_EQ(ran.code, 3) << ran.output;
-    EXPECT_NE(ran.output.find("chmod 600"), std::string::npos) << ran.output;
+    EXPECT_THAT(run(command + "'" + file("key") + "'"), EndsSaying(3, "chmod 600"));
   }
 }
 
@@ -128,10 +122,9 @@ TEST_F(Keys, WhoIsTrustedMayMeasureAndNobodyElse) {
   const json nic = json::parse(served.output)["nics"][0];
   EXPECT_EQ(nic["answered_packets"], 20);
   EXPECT_GT(nic["train_answered_packets"].get<int>(), 0);
-  const Ran refused = run("probe --peer 127.0.0.1:" + beside.port() + " --key '" +
-                          file("stranger") + "' --peer-key " + unit);
-  EXPECT_EQ(refused.code, 1) << refused.output;
-  EXPECT_NE(refused.output.find("--trust " + stranger), std::string::npos) << refused.output;
+  EXPECT_THAT(run("probe --peer 127.0.0.1:" + beside.port() + " --key '" + file("stranger") +
+                  "' --peer-key " + unit),
+              EndsSaying(1, "--trust " + stranger));
   EXPECT_EQ(probe("--insecure").code, 1) << "in the clear";
   EXPECT_EQ(run("probe --peer 127.0.0.1 --stamp --insecure").code, 2);
 }
@@ -145,10 +138,7 @@ TEST_F(Keys, PublicAddressesAreForThoseWhoHaveSome) {
     ASSERT_TRUE(io::shell("ip addr add 203.0.113.5/24 dev va"));
     const std::string keys = "--key '" + file("road") + "' --trust " + guest;
     const std::string on_va = "road --nic va --ladder none ";
-    const Ran clear = run(on_va + "--insecure");
-    EXPECT_EQ(clear.code, 1) << clear.output;
-    EXPECT_NE(clear.output.find("va has the public address 203.0.113.5"), std::string::npos)
-        << clear.output;
+    EXPECT_THAT(run(on_va + "--insecure"), EndsSaying(1, "va has the public address 203.0.113.5"));
     const Ran stamp = run(on_va + keys + " --stamp 8620");
     EXPECT_EQ(stamp.code, 1) << stamp.output;
     EXPECT_NE(stamp.output.find("pass --stamp-public"), std::string::npos) << stamp.output;

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <chrono>
 #include <map>
-#include <mutex>
 #include <nlohmann/json.hpp>
 #include <thread>
 
@@ -115,9 +114,7 @@ std::map<unsigned, Idle> idle_session(double settle_s, double seconds, const std
   serving.insecure = true;  // what kind of packets they are is looked at
   serving.accept_peers = true;
   serving.port = 47000;
-  NodeLink link;
-  link.nic = "lo";
-  link.local_address = "127.0.0.1";
+  NodeLink link{.nic = "lo", .local_address = "127.0.0.1"};
   serving.links.push_back(link);
   NodeOptions calling = serving;
   calling.accept_peers = false;

@@ -65,10 +65,8 @@ TEST(Probe, ARoadsideUnitAnswersOnItsNormalPort) {
   EXPECT_EQ(objects[0]["nic"], "lo");
   EXPECT_EQ(objects.back()["schema"], "interneuron.probe/1");
 
-  const Ran table =
-      run("probe --insecure --peer " + peer + " --count 5 --interval 2ms --no-rate", false);
-  EXPECT_EQ(table.code, 0);
-  EXPECT_NE(table.output.find("rtt min/p50/p95/max ms"), std::string::npos) << table.output;
+  EXPECT_THAT(run("probe --insecure --peer " + peer + " --count 5 --interval 2ms --no-rate", false),
+              EndsSaying(0, "rtt min/p50/p95/max ms"));
 }
 
 TEST(Probe, NobodyAnswers) {

@@ -1,6 +1,7 @@
 // Runs the program and looks at what it did.
 #pragma once
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -45,6 +46,12 @@ inline Ran run_program(const std::string& program, const std::string& arguments,
 
 inline Ran run(const std::string& arguments, bool with_stderr = true) {
   return run_program(places::program(), arguments, with_stderr);
+}
+
+// A program that ended with this exit code, and said this among the rest.
+MATCHER_P2(EndsSaying, code, text, "") {
+  *result_listener << "exit code " << arg.code << ": " << arg.output;
+  return arg.code == code && arg.output.find(text) != std::string::npos;
 }
 
 // A folder that is gone after the test.

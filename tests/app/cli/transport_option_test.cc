@@ -91,28 +91,23 @@ TEST(TransportOption, AnEndOfABenchWithoutThePrivilegeSaysSo) {
     "modems": [{"nic": "lo", "vehicle": "127.0.0.1", "road": "127.0.0.1"}],
     "datagrams": "ring", "way_ns": 0})";
   for (const char* end : {"vehicles", "road"}) {
-    const Ran ran = run_without("net_raw", "bench play --order '" + file + "' --end " + end);
-    EXPECT_EQ(ran.code, 5) << ran.output;
-    EXPECT_NE(ran.output.find("setcap cap_net_raw+ep"), std::string::npos) << ran.output;
+    EXPECT_THAT(run_without("net_raw", "bench play --order '" + file + "' --end " + end),
+                EndsSaying(5, "setcap cap_net_raw+ep"));
   }
 }
 
 TEST(TransportOption, ABenchWithoutThePrivilegeIsAnErrorWithTheRemedy) {
   if (::getuid() != 0) GTEST_SKIP() << "in its own user namespace a testbed has the privilege";
-  const Ran ran =
-      run_without("net_raw", "bench peers clean --messages 1 --peer udp --transport ring");
-  EXPECT_EQ(ran.code, 5) << ran.output;
-  EXPECT_NE(ran.output.find("CAP_NET_RAW"), std::string::npos) << ran.output;
+  EXPECT_THAT(run_without("net_raw", "bench peers clean --messages 1 --peer udp --transport ring"),
+              EndsSaying(5, "CAP_NET_RAW"));
 }
 
 // The kernel asks for CAP_BPF in the first user namespace, so that a testbed has it of nobody.
 TEST(TransportOption, ABenchTellsOfThePrivilegeThatItsEndLacks) {
   if (const std::string reason = no_testbed(); !reason.empty()) GTEST_SKIP() << reason;
-  const Ran ran = run_without(
-      "bpf,-sys_admin", "bench peers clean --messages 1 --peer ours_best_link --transport xdp");
-  EXPECT_EQ(ran.code, 5) << ran.output;
-  EXPECT_NE(ran.output.find("setcap cap_net_raw,cap_net_admin,cap_bpf"), std::string::npos)
-      << ran.output;
+  EXPECT_THAT(run_without("bpf,-sys_admin",
+                          "bench peers clean --messages 1 --peer ours_best_link --transport xdp"),
+              EndsSaying(5, "setcap cap_net_raw,cap_net_admin,cap_bpf"));
 }
 
 }  // namespace

@@ -2,8 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <vector>
-
 #include "core/plan/budget.h"
 
 namespace interneuron::computing::computation_budget_test {
@@ -15,10 +13,7 @@ constexpr std::size_t kInputBytes = 500'000;
 constexpr std::size_t kResultBytes = 3'000;
 
 std::vector<LinkState> one_link() {
-  LinkState link;
-  link.up = true;
-  link.rate = DataRate::mbit(100);
-  link.rtt_p50 = 10ms;
+  LinkState link{.up = true, .rtt_p50 = 10ms, .rate = DataRate::mbit(100)};
   return {link};
 }
 

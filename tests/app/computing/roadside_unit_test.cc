@@ -2,11 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <memory>
-#include <optional>
-#include <utility>
-#include <vector>
 
 #include "support.h"
 

@@ -6,7 +6,6 @@
 #include <sys/resource.h>
 
 #include <csignal>
-#include <opencv2/core.hpp>
 #include <thread>
 
 #include "app/perception/codec.h"
@@ -34,8 +33,7 @@ std::string failure_of_writing(RunRecord& record, const records::RunInfo& info) 
 class Recording : public testing::Test {
  protected:
   RoundDone done(std::uint32_t round, Duration e2e = 90ms) {
-    perception::Result result;
-    result.boxes = {{1, 2, 3, 4, 0.9F}};
+    perception::Result result{.boxes = {{1, 2, 3, 4, 0.9F}}};
     RoundDone event;
     event.round.round = RoundId{round};
     event.t0 = TimePoint{round * 100ms};

@@ -113,8 +113,7 @@ int sent_datagrams() {
 
 // How many packets the two services send each other after one that was forged.
 int answers_to_forged(std::uint16_t first, std::uint16_t second) {
-  StampOptions options;
-  options.port = first;
+  StampOptions options{.port = first};
   const StampService one(options, {"lo"}, kFirst);
   options.port = second;
   const StampService two(options, {"lo"}, kSecond);

@@ -5,9 +5,6 @@
 namespace interneuron::perception::accuracy_test {
 namespace {
 
-using test::complaint;
-using test::TempDir;
-using test::write_text;
 using ::testing::HasSubstr;
 
 const Box kPerson{10, 10, 10, 20, 0};

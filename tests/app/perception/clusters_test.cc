@@ -7,7 +7,6 @@
 #include <Eigen/Geometry>
 #include <numbers>
 
-#include "app/perception/point_cloud.h"
 #include "support.h"
 
 namespace interneuron::perception::clusters_test {
@@ -161,9 +160,9 @@ TEST(MovedSweeps, TheOwnVehicleIsLeftOut) {
 
 // What the ladder and the levels are for: less is worth less, and takes fewer bytes.
 TEST(Clusters, OfRealSweepsAreWorthLessOnCoarserVoxels) {
-  if (test::skips_without({"pointcloud/kitti_000008.bin"})) return;
+  if (skips_without({"pointcloud/kitti_000008.bin"})) return;
   for (const char* file : {"kitti_000008.bin", "nuscenes_lidar_top.pcd.bin"}) {
-    const MovedSweeps drive(read_cloud(*test::data_dir() / "pointcloud" / file), 1);
+    const MovedSweeps drive(read_cloud(*data_dir() / "pointcloud" / file), 1);
     const Points sweep = drive.sweep(5);
     const auto reference = find_clusters(sweep, cluster_levels().back());
     EXPECT_GT(reference.size(), 20U) << file;

@@ -11,8 +11,6 @@
 namespace interneuron::perception::codec_test {
 namespace {
 
-using test::scene;
-
 // The scene, as frame 5.
 Bytes encoded(Variant variant) { return encode_image(make_variant(scene(), 5, variant)); }
 

@@ -7,10 +7,6 @@
 namespace interneuron::perception::demo_video_test {
 namespace {
 
-using test::complaint;
-using test::data_dir;
-using test::TempDir;
-
 constexpr int kVideoFrames = 795;
 const char* const kVideo = "pets/vtest.avi";
 const char* const kTruth = "pets/gt.txt";
@@ -44,7 +40,7 @@ Accuracy recorded_accuracy(std::size_t level, Variant variant) {
 
 // The figures of an independent program in Python on the same boxes (profile.csv).
 TEST(DemoVideo, RecordedBoxesHaveTheKnownAccuracy) {
-  if (test::skips_without({"detections", kTruth})) return;
+  if (skips_without({"detections", kTruth})) return;
   const Accuracy best = recorded_accuracy(2, Variant::kRaw);
   EXPECT_EQ(best.truths, 4476U);
   EXPECT_NEAR(best.ap, 0.396, 0.005);
@@ -57,7 +53,7 @@ TEST(DemoVideo, RecordedBoxesHaveTheKnownAccuracy) {
 }
 
 TEST(DemoVideo, RecordedLevelsAreOrderedByQuality) {
-  if (test::skips_without({"detections", kTruth})) return;
+  if (skips_without({"detections", kTruth})) return;
   for (const Variant variant : {Variant::kRaw, Variant::kSampled}) {
     EXPECT_LT(recorded_accuracy(0, variant).ap, recorded_accuracy(1, variant).ap);
     EXPECT_LT(recorded_accuracy(1, variant).ap, recorded_accuracy(2, variant).ap);
@@ -66,7 +62,7 @@ TEST(DemoVideo, RecordedLevelsAreOrderedByQuality) {
 
 // What survives the quantisation of the result message.
 TEST(DemoVideo, TheResultMessageCostsNoAccuracy) {
-  if (test::skips_without({"detections", kTruth})) return;
+  if (skips_without({"detections", kTruth})) return;
   Ladder ladder =
       make_ladder({.kind = LadderKind::kReplay, .data_dir = *data_dir(), .spend = [](Duration) {}});
   Image image = make_variant(cv::Mat(576, 768, CV_8UC3, cv::Scalar::all(0)), 0, Variant::kRaw);
@@ -110,7 +106,7 @@ const MotionPass& motion_pass() {
 }
 
 TEST(DemoVideo, MotionWithHogReachesItsAccuracy) {
-  if (test::skips_without({kVideo, kTruth})) return;
+  if (skips_without({kVideo, kTruth})) return;
   ASSERT_EQ(motion_pass().ladders[kRaw].level(2).name, "motion+HOG 960x720");
   const Accuracy a = evaluate(read_mot_truth(*data_dir() / kTruth), motion_pass().rounds[kRaw][2]);
   EXPECT_GE(a.ap50, 0.83);  // measured .86
@@ -118,7 +114,7 @@ TEST(DemoVideo, MotionWithHogReachesItsAccuracy) {
 }
 
 TEST(DemoVideo, MotionAloneIsTheLowestLevel) {
-  if (test::skips_without({kVideo, kTruth})) return;
+  if (skips_without({kVideo, kTruth})) return;
   const Accuracy a =
       evaluate(read_mot_truth(*data_dir() / kTruth), motion_pass().rounds[kSampled][0]);
   EXPECT_GE(a.ap50, 0.48);  // measured .52
@@ -126,7 +122,7 @@ TEST(DemoVideo, MotionAloneIsTheLowestLevel) {
 }
 
 TEST(DemoVideo, WholeFrameFindsPersonsWithoutABackground) {
-  if (test::skips_without({kVideo})) return;
+  if (skips_without({kVideo})) return;
   Ladder ladder = make_ladder({.kind = LadderKind::kMotion});
   FrameSource source((*data_dir() / kVideo).string());
   const Image image = make_variant(source.next()->bgr, 0, Variant::kRaw);
@@ -135,7 +131,7 @@ TEST(DemoVideo, WholeFrameFindsPersonsWithoutABackground) {
 
 // What the levels tell of themselves.
 TEST(DemoVideo, MotionLevelsAreWorthWhatTheyTell) {
-  if (test::skips_without({kVideo, kTruth})) return;
+  if (skips_without({kVideo, kTruth})) return;
   const GroundTruth truth = read_mot_truth(*data_dir() / kTruth);
   for (const std::size_t variant : {kRaw, kSampled}) {
     const auto& rounds = motion_pass().rounds[variant];
@@ -151,7 +147,7 @@ TEST(DemoVideo, MotionLevelsAreWorthWhatTheyTell) {
 
 // By recorded times and the AP on the demo video: in 20 ms no good net fits, but motion does.
 TEST(DemoVideo, AutoTakesTheLadderThatIsWorthMostInTheTime) {
-  if (test::skips_without({"models"})) return;
+  if (skips_without({"models"})) return;
   const auto in = [](std::chrono::milliseconds budget) {
     return make_ladder({.kind = LadderKind::kAuto, .data_dir = *data_dir(), .budget = budget})
         .description();
@@ -162,7 +158,7 @@ TEST(DemoVideo, AutoTakesTheLadderThatIsWorthMostInTheTime) {
 }
 
 TEST(DemoVideo, NetsReachTheirAccuracyOnSomeFrames) {
-  if (test::skips_without({"models", kVideo, kTruth})) return;
+  if (skips_without({"models", kVideo, kTruth})) return;
   Ladder ladder = make_ladder({.kind = LadderKind::kDnn, .data_dir = *data_dir()});
   ASSERT_EQ(ladder.size(), 3U);
   EXPECT_GE(accuracy_of(ladder, 0, Variant::kRaw, 25).ap50, 0.40);      // all frames: .48
@@ -172,7 +168,7 @@ TEST(DemoVideo, NetsReachTheirAccuracyOnSomeFrames) {
 }
 
 TEST(DemoVideo, TruncatedModelsAreNamed) {
-  if (test::skips_without({"models"})) return;
+  if (skips_without({"models"})) return;
   for (const char* model : {"yolo-fastest-1.1.cfg", "yolox_nano.onnx"}) {
     const TempDir copy;
     // File by file: copying the folder would copy its mode too, and the data may be read-only.
@@ -195,7 +191,7 @@ TEST(DemoVideo, TruncatedModelsAreNamed) {
 }
 
 TEST(DemoVideo, AutoTakesTheNetsWhenTheyAreThere) {
-  if (test::skips_without({"models"})) return;
+  if (skips_without({"models"})) return;
   const Ladder ladder =
       make_ladder({.kind = LadderKind::kAuto, .data_dir = *data_dir(), .max_levels = 1});
   EXPECT_EQ(ladder.description(), "ladder dnn (OpenCV): L0 yolo-fastest-1.1 224x224");

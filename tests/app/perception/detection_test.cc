@@ -8,8 +8,6 @@
 #include <cmath>
 #include <limits>
 
-#include "support.h"
-
 namespace interneuron::perception::detection_test {
 namespace {
 

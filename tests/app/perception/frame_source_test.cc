@@ -8,9 +8,6 @@
 namespace interneuron::perception::frame_source_test {
 namespace {
 
-using test::complaint;
-using test::TempDir;
-using test::write_text;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::Not;

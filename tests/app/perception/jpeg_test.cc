@@ -4,8 +4,6 @@
 #include <rapidcheck.h>
 #include <rapidcheck/gtest.h>
 
-#include <algorithm>
-#include <cstdio>
 #include <cstdlib>
 #include <opencv2/imgcodecs.hpp>
 #include <vector>
@@ -18,7 +16,6 @@ namespace interneuron::perception::jpeg_test {
 namespace {
 
 using namespace std::chrono_literals;
-using test::scene;
 
 // A machine that is busy with other tests must not make a sound file look slow.
 constexpr JpegLimits kPatient{.time = 1min};

@@ -8,10 +8,6 @@ namespace interneuron::perception::ladder_test {
 namespace {
 
 using namespace std::chrono_literals;
-using test::complaint;
-using test::scene;
-using test::TempDir;
-using test::write_text;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::Not;

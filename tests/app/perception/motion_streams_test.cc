@@ -14,7 +14,6 @@ namespace interneuron::perception::motion_streams_test {
 namespace {
 
 using namespace std::chrono_literals;
-using test::scene;
 
 TimePoint at(Duration t) { return TimePoint{t}; }
 
@@ -32,11 +31,9 @@ Image image_of(std::uint32_t sender, std::uint32_t frame, int from, bool walker 
 }
 
 Image small(std::uint32_t sender, int width) {
-  Image image;
-  image.bgr = cv::Mat(8, 8, CV_8UC3, cv::Scalar::all(7));
-  image.source = cv::Size(width, 8);
-  image.sender = sender;
-  return image;
+  return Image{.bgr = cv::Mat(8, 8, CV_8UC3, cv::Scalar::all(7)),
+               .source = cv::Size(width, 8),
+               .sender = sender};
 }
 
 TEST(MotionStreams, AnEmptyStreetIsToldOfNobodyElse) {

@@ -7,8 +7,6 @@
 namespace interneuron::perception::motion_test {
 namespace {
 
-using test::scene;
-
 constexpr int kWalkerWidth = 30;   // pixels of the source, a person of the demo video
 constexpr int kWalkerHeight = 75;  // pixels
 
@@ -127,9 +125,8 @@ TEST(MotionModel, SeesRawAndSampledAlike) {
 TEST(MotionModel, TakesPicturesOfAnySize) {
   MotionModel model;
   for (const cv::Size size : {cv::Size(1, 1), cv::Size(2000, 3), cv::Size(768, 576)}) {
-    Image image;
-    image.bgr = cv::Mat(size, CV_8UC3, cv::Scalar::all(7));
-    image.frame = static_cast<std::uint32_t>(size.width);
+    Image image{.bgr = cv::Mat(size, CV_8UC3, cv::Scalar::all(7)),
+                .frame = static_cast<std::uint32_t>(size.width)};
     EXPECT_EQ(model.mask(image).size(), cv::Size(kSampledWidth, kSampledHeight));
   }
 }

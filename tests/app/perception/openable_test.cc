@@ -11,8 +11,6 @@
 namespace interneuron::perception::openable_test {
 namespace {
 
-using test::TempDir;
-using test::write_text;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
@@ -70,7 +68,7 @@ TEST(Openable, TooManyOpenFilesIsToldAsSuch) {
 TEST(Openable, OtherReasonsAreLeftToTheCaller) {
   const TempDir dir;
   EXPECT_NO_THROW(check_openable("model", dir / "none"));
-  EXPECT_THAT(test::complaint([&] { read_mot_truth(dir / "none"); }), HasSubstr("fetch_data"));
+  EXPECT_THAT(complaint([&] { read_mot_truth(dir / "none"); }), HasSubstr("fetch_data"));
 }
 
 }  // namespace

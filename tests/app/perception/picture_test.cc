@@ -8,8 +8,6 @@
 namespace interneuron::perception::picture_test {
 namespace {
 
-using test::scene;
-
 bool differs(const cv::Mat& a, const cv::Mat& b) { return cv::norm(a, b, cv::NORM_INF) > 0; }
 
 TEST(Picture, ShowsBoxesAndACaptionBelow) {

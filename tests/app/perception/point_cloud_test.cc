@@ -14,8 +14,6 @@
 namespace interneuron::perception::point_cloud_test {
 namespace {
 
-using test::complaint;
-using test::TempDir;
 using testing::HasSubstr;
 
 // Clustered, so that voxels hold several; on boundaries, too.
@@ -149,8 +147,8 @@ TEST(ReadCloud, TakesKittiAndNuScenesByName) {
   const TempDir dir;
   const std::vector<float> twenty{0,  1,  2,  3,  4,  5,  6,  7,  8,  9,
                                   10, 11, 12, 13, 14, 15, 16, 17, 18, 19};
-  test::write_text(dir / "a.bin", floats(twenty));
-  test::write_text(dir / "a.pcd.bin", floats(twenty));
+  write_text(dir / "a.bin", floats(twenty));
+  write_text(dir / "a.pcd.bin", floats(twenty));
   EXPECT_EQ(read_cloud(dir / "a.bin").cols(), 5);
   const Points points = read_cloud(dir / "a.pcd.bin");
   ASSERT_EQ(points.cols(), 4);
@@ -159,11 +157,11 @@ TEST(ReadCloud, TakesKittiAndNuScenesByName) {
 
 TEST(ReadCloud, SaysWhatIsWrongAndWhatToGive) {
   const TempDir dir;
-  test::write_text(dir / "empty.bin", "");
-  test::write_text(dir / "odd.bin", floats({1, 2, 3, 4, 5}));
-  test::write_text(dir / "odd.pcd.bin", floats({1, 2, 3, 4}));
-  test::write_text(dir / "nan.bin", floats({1, 2, 3, 4, 1, std::nanf(""), 3, 4}));
-  test::write_text(dir / "far.bin", floats({1, 2, 1e6F, 4}));
+  write_text(dir / "empty.bin", "");
+  write_text(dir / "odd.bin", floats({1, 2, 3, 4, 5}));
+  write_text(dir / "odd.pcd.bin", floats({1, 2, 3, 4}));
+  write_text(dir / "nan.bin", floats({1, 2, 3, 4, 1, std::nanf(""), 3, 4}));
+  write_text(dir / "far.bin", floats({1, 2, 1e6F, 4}));
   for (const char* name :
        {"missing.bin", "empty.bin", "odd.bin", "odd.pcd.bin", "nan.bin", "far.bin", "."}) {
     const std::string what = complaint([&] { (void)read_cloud(dir / name); });
@@ -175,8 +173,8 @@ TEST(ReadCloud, SaysWhatIsWrongAndWhatToGive) {
 }
 
 TEST(ReadCloud, ThinsRealSweeps) {
-  if (test::skips_without({"pointcloud/kitti_000008.bin"})) return;
-  const auto folder = *test::data_dir() / "pointcloud";
+  if (skips_without({"pointcloud/kitti_000008.bin"})) return;
+  const auto folder = *data_dir() / "pointcloud";
   const Points kitti = read_cloud(folder / "kitti_000008.bin");
   EXPECT_EQ(kitti.cols(), 17'238);
   EXPECT_EQ(voxel_grid(kitti, 0.2).cols(), 5'610);

@@ -21,7 +21,7 @@
 #include "app/perception/input_error.h"
 #include "tests/places.h"
 
-namespace interneuron::perception::test {
+namespace interneuron::perception {
 
 // The folder with the demo's data: the environment's INTERNEURON_DATA, else one beside the source
 // tree.
@@ -97,4 +97,4 @@ std::string complaint(Action action) {
   return "";
 }
 
-}  // namespace interneuron::perception::test
+}  // namespace interneuron::perception

@@ -11,9 +11,6 @@
 #include <array>
 #include <chrono>
 #include <cstddef>
-#include <thread>
-
-#include "node/io/file_descriptor.h"
 
 namespace interneuron::watch::live_state_test {
 namespace {

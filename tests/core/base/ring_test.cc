@@ -5,7 +5,6 @@
 
 #include <deque>
 #include <utility>
-#include <vector>
 
 namespace interneuron::ring_test {
 namespace {

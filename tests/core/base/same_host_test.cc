@@ -7,8 +7,7 @@ namespace {
 
 TEST(SameHost, LooksAtNoPort) {
   const auto address = [](std::size_t size, std::uint8_t port, std::uint8_t host) {
-    Address a;
-    a.size = static_cast<std::uint8_t>(size);
+    Address a{.size = static_cast<std::uint8_t>(size)};
     a.raw[3] = static_cast<std::byte>(port);
     a.raw[7] = static_cast<std::byte>(host);
     return a;

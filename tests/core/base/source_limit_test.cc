@@ -12,8 +12,7 @@ constexpr int kBurst = 2048;
 
 // The bytes of a sockaddr_in, of 10.0.x.y.
 Address ipv4(unsigned host, unsigned port = 40000) {
-  Address a;
-  a.size = 16;
+  Address a{.size = 16};
   a.raw[2] = static_cast<std::byte>(port >> 8);
   a.raw[3] = static_cast<std::byte>(port & 0xff);
   a.raw[4] = std::byte{10};
@@ -25,8 +24,7 @@ Address ipv4(unsigned host, unsigned port = 40000) {
 
 // The bytes of a sockaddr_in6: `first` begins the address, `last` ends it.
 Address ipv6(unsigned first, unsigned last) {
-  Address a;
-  a.size = 28;
+  Address a{.size = 28};
   a.raw[8] = static_cast<std::byte>(first >> 8);
   a.raw[9] = static_cast<std::byte>(first & 0xff);
   a.raw[23] = static_cast<std::byte>(last);

@@ -41,9 +41,7 @@ struct Windows {
   std::set<std::size_t> decode(const std::vector<Piece>& pieces, const std::vector<Window>& windows,
                                const std::set<std::size_t>& lost, std::size_t bytes) {
     const std::vector<std::size_t> unknown(lost.begin(), lost.end());
-    Equations e;
-    e.count = windows.size();
-    e.unknown = unknown.size();
+    Equations e{.count = windows.size(), .unknown = unknown.size()};
     std::vector<Piece> sums;
     for (std::size_t w = 0; w < windows.size(); ++w) {
       const auto& [from, to, row] = windows[w];

@@ -14,11 +14,7 @@ using dispatch::cannot_arrive;
 using namespace std::chrono_literals;
 
 LinkState link_of(double mbit, Duration rtt) {
-  LinkState link;
-  link.up = true;
-  link.rate = DataRate::mbit(mbit);
-  link.rtt_min = rtt;
-  return link;
+  return LinkState{.up = true, .rtt_min = rtt, .rate = DataRate::mbit(mbit)};
 }
 
 TEST(ArrivalForecast, IsHalfARoundTripTheQueuesAndTheBytesAtTheRate) {

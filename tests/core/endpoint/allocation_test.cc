@@ -22,16 +22,11 @@ constexpr std::size_t kPiece = kMaxDatagramBytes - 48;
 class TwoHosts {
  public:
   explicit TwoHosts(GuardKind guard = GuardKind::kPaper, const char* policy = "best_link") {
-    PipelineConfig pipeline;
-    pipeline.stages = offload_stages();
-    pipeline.policy = policy;
-    pipeline.guard = guard;
-    pipeline.levels = levels_;
+    PipelineConfig pipeline{
+        .stages = offload_stages(), .policy = policy, .guard = guard, .levels = levels_};
     pipeline.fallback.local = 0.1;
-    EndpointOptions o;
-    o.session = SessionId{1};
-    o.policies = builtin_policies();
-    o.pipelines = {pipeline};
+    EndpointOptions o{
+        .session = SessionId{1}, .pipelines = {pipeline}, .policies = builtin_policies()};
     hosts_[0] = std::make_unique<Endpoint>(o, now_);
     o.session = SessionId{2};
     o.pipelines.clear();

@@ -95,8 +95,7 @@ TEST_F(Reflecting, AnswersAtOnceTheSameSizeToWhereItCameFrom) {
 
 TEST_F(Reflecting, WhatComesFromThePortOfStampIsNotAnswered) {
   const Bytes bytes = bytes_of({});
-  Address stamp;
-  stamp.size = 16;
+  Address stamp{.size = 16};
   stamp.raw[2] = std::byte{862 >> 8};
   stamp.raw[3] = std::byte{862 & 0xff};
   EXPECT_FALSE(reflector_.take(now_, *wire::parse(bytes), {kNic, stamp, bytes}, {}));
@@ -351,12 +350,8 @@ TEST(EchoOfAnEndpoint, AHeldTrainWakesItUp) {
 // Who does not prove its address is answered at once, and told how to prove it.
 TEST_F(Reflecting, HoldsAndDelaysForNobodyWhoseAddressIsNotProved) {
   asker_ = {false, {std::byte{9}}};
-  Question held;
-  held.train = 1;
-  held.count = 3;
-  held.hold = true;
-  Question delayed;
-  delayed.delay = 5;
+  Question held{.train = 1, .count = 3, .hold = true};
+  Question delayed{.delay = 5};
   for (const Question& q : {held, delayed}) {
     EXPECT_TRUE(ask(q));
     const auto out = answers();

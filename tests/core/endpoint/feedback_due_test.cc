@@ -3,8 +3,6 @@
 
 #include <gtest/gtest.h>
 
-#include <array>
-
 #include "pipe.h"
 
 namespace interneuron::feedback_due_test {

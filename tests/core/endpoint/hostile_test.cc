@@ -222,8 +222,7 @@ Bytes any_message(std::mt19937_64& rng, TimePoint now) {
 }
 
 std::size_t any_packet(std::mt19937_64& rng, TimePoint now, std::span<std::byte> out) {
-  wire::PacketHeader h;
-  h.link = LinkId{any_of<std::uint8_t>(rng, {0, 1})};
+  wire::PacketHeader h{.link = LinkId{any_of<std::uint8_t>(rng, {0, 1})}};
   h.session =
       SessionId{std::max(1U, any_of<std::uint32_t>(rng, {kVehicleSession, kRoadSession, 3, 4}))};
   h.number = std::max<std::uint64_t>(
@@ -253,9 +252,8 @@ std::size_t any_packet(std::mt19937_64& rng, TimePoint now, std::span<std::byte>
       return wire::write_probe(out, h, rng() % 1400);
     case 2: {  // a piece of something that never completes
       h.type = wire::PacketType::kData;
-      wire::FragmentHeader f;
-      f.message = MessageId{static_cast<std::uint32_t>(rng())};
-      f.chunk = static_cast<std::uint16_t>(1 + rng() % 1300);
+      wire::FragmentHeader f{.message = MessageId{static_cast<std::uint32_t>(rng())},
+                             .chunk = static_cast<std::uint16_t>(1 + rng() % 1300)};
       f.size = static_cast<std::uint32_t>((2 + rng() % 65'000) * f.chunk);
       f.index = static_cast<std::uint16_t>(rng() % (f.count() - 1U));
       f.lifetime_us = any_of<std::uint32_t>(rng, {0, 1000, UINT32_MAX});
@@ -266,9 +264,8 @@ std::size_t any_packet(std::mt19937_64& rng, TimePoint now, std::span<std::byte>
     default: {
       h.type = wire::PacketType::kData;
       const Bytes message = any_message(rng, now);
-      wire::FragmentHeader f;
-      f.message = MessageId{static_cast<std::uint32_t>(rng())};
-      f.chunk = static_cast<std::uint16_t>(message.size());
+      wire::FragmentHeader f{.message = MessageId{static_cast<std::uint32_t>(rng())},
+                             .chunk = static_cast<std::uint16_t>(message.size())};
       f.size = f.chunk;
       f.lifetime_us = 130'000;
       return wire::write_data(out, h, f, message);
@@ -343,14 +340,13 @@ RoundRef begin_round(Target& t) {
 TEST(HostileRounds, ARoundOfOursMayComeBackWithAnyBeginning) {
   for (const std::int64_t t0 : {INT64_MIN, INT64_MIN + 7'200'000'000'000, INT64_MAX, -1L, 0L}) {
     Target t(true);
-    wire::RoundHeader h;
-    h.round = begin_round(t);
-    h.stage = 1;
-    h.stages = 2;
-    h.communication = 0b11;
-    h.deadline_us = UINT32_MAX;
-    h.t0 = PeerTime{Duration{t0}};
-    h.policy = wire::policy_id("joint");
+    wire::RoundHeader h{.round = begin_round(t),
+                        .stage = 1,
+                        .stages = 2,
+                        .communication = 0b11,
+                        .policy = wire::policy_id("joint"),
+                        .t0 = PeerTime{Duration{t0}},
+                        .deadline_us = UINT32_MAX};
     Bytes bytes(wire::kRoundHeaderBytes + 5);
     wire::write_round_header(std::span(bytes).first<wire::kRoundHeaderBytes>(), h);
     std::array<std::byte, 200> out;
@@ -369,8 +365,7 @@ TEST(HostileRounds, ARoundOfOursMayComeBackWithAnyBeginning) {
 TEST(HostileRounds, ResultsOfRoundsThatNeverBeganAreBad) {
   Target t(true);
   const auto result = [&t](std::uint64_t number, std::uint32_t message, std::uint32_t round) {
-    wire::RoundHeader h;
-    h.round = {SessionId{kVehicleSession}, PipelineId{0}, RoundId{round}};
+    wire::RoundHeader h{.round = {SessionId{kVehicleSession}, PipelineId{0}, RoundId{round}}};
     h.stage = h.stages = 2;
     h.communication = 0b11;
     h.deadline_us = 130'000;

@@ -21,15 +21,13 @@ class Attacker {
 
   // A round of the attacker's own that asks for a computation and its result.
   wire::RoundHeader round(std::uint32_t which) const {
-    wire::RoundHeader h;
-    h.round = {SessionId{session_}, PipelineId{0}, RoundId{which}};
-    h.stage = 1;
-    h.stages = 3;
-    h.communication = 0b101;
-    h.deadline_us = 130'000;
-    h.policy = wire::policy_id("down_sampling");
-    h.t0 = PeerTime{pipe_.local(road_).time_since_epoch()};
-    return h;
+    return wire::RoundHeader{.round = {SessionId{session_}, PipelineId{0}, RoundId{which}},
+                             .stage = 1,
+                             .stages = 3,
+                             .communication = 0b101,
+                             .policy = wire::policy_id("down_sampling"),
+                             .t0 = PeerTime{pipe_.local(road_).time_since_epoch()},
+                             .deadline_us = 130'000};
   }
   // Sends the first of the pieces that a message is cut into; all of it where it fits one.
   void send(const wire::RoundHeader& header, std::size_t payload = 20) {

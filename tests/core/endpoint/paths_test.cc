@@ -109,8 +109,7 @@ TEST_F(Paths, OnlyOfPeersWeConnectedToAndLinksThatAreThere) {
 
 TEST_F(Paths, AForbiddenLinkIsMeasuredAndNotUsed) {
   pipe.run(1s);
-  LinkTraits never;
-  never.role = LinkRole::kNever;
+  LinkTraits never{.role = LinkRole::kNever};
   set_traits(kFast, never);
   pipe.run(2s);
   EXPECT_EQ(link(kFast).path, PathState::kOk);
@@ -124,8 +123,7 @@ TEST_F(Paths, AForbiddenLinkIsMeasuredAndNotUsed) {
 
 TEST_F(Paths, ABackupIsUsedWhenNothingElseIsUp) {
   pipe.run(1s);
-  LinkTraits backup;
-  backup.role = LinkRole::kBackup;
+  LinkTraits backup{.role = LinkRole::kBackup};
   set_traits(kFast, backup);
   pipe.run(2s);
   pipe.round(vehicle, PipelineId{0}, {Bytes(100'000)}, peer);
@@ -138,8 +136,7 @@ TEST_F(Paths, ABackupIsUsedWhenNothingElseIsUp) {
 
 TEST_F(Paths, ARateCapBoundsWhatIsBelievedAndSent) {
   pipe.run(1s);
-  LinkTraits capped;
-  capped.rate_cap = DataRate::mbit(2);
+  LinkTraits capped{.rate_cap = DataRate::mbit(2)};
   set_traits(kFast, capped);
   set_traits(kSlow, capped);
   pipe.run(2s);

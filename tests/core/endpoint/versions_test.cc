@@ -106,10 +106,9 @@ TEST(RepairSymbols, AreKeptUntilTheirMessageIsComplete) {
 // The windows repair a message whose only packet is lost.
 TEST(Windows, BringBackMessagesThatAreDeliveredAndToldOf) {
   Pair pair;
-  wire::PlainHeader plain;
-  plain.id = 1;
-  plain.deadline_us = 1'000'000;
-  plain.t0 = PeerTime{pair.pipe.local(pair.vehicle).time_since_epoch()};
+  wire::PlainHeader plain{.id = 1,
+                          .deadline_us = 1'000'000,
+                          .t0 = PeerTime{pair.pipe.local(pair.vehicle).time_since_epoch()}};
   Bytes message(wire::kPlainHeaderBytes);
   wire::write_plain_header(std::span(message).first<wire::kPlainHeaderBytes>(), plain);
   message.resize(message.size() + 100, std::byte{42});

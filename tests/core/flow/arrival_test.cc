@@ -57,9 +57,7 @@ TEST(PathReceiver, CountsTheBytesThatItAccepts) {
 
 TEST(Reassembler, APlainMessageExpiresByItsSendersClock) {
   const ClockBounds clocks{SessionId{1}, SessionId{2}, 1h + 20ms};
-  wire::PlainHeader h;
-  h.t0 = PeerTime{5s};
-  h.deadline_us = 100'000;
+  wire::PlainHeader h{.deadline_us = 100'000, .t0 = PeerTime{5s}};
   Bytes bytes(wire::kPlainHeaderBytes);
   wire::write_plain_header(std::span(bytes).first<wire::kPlainHeaderBytes>(), h);
   wire::Data first;

@@ -3,9 +3,7 @@
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
-#include <algorithm>
 #include <array>
-#include <vector>
 
 namespace interneuron::flow::job_queue_test {
 namespace {

@@ -16,11 +16,8 @@ constexpr SentPackets::Piece kPiece{kMessage, 3};
 TimePoint at(Duration d) { return TimePoint{d}; }
 
 wire::LinkReport report(LinkId path, std::uint64_t largest, std::uint64_t bytes = 0) {
-  wire::LinkReport r;
-  r.link = path;
-  r.largest = largest;
-  r.received_bytes = bytes != 0 ? bytes : 1000 * largest;
-  return r;
+  return wire::LinkReport{
+      .link = path, .largest = largest, .received_bytes = bytes != 0 ? bytes : 1000 * largest};
 }
 
 // With a deadline at 1 s, and copies of one piece.

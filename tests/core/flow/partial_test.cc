@@ -3,9 +3,7 @@
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
-#include <algorithm>
 #include <functional>
-#include <numeric>
 #include <random>
 
 #include "core/code/erasure_code.h"

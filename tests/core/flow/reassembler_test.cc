@@ -94,9 +94,7 @@ TEST(Reassembler, HoldsNoMoreThanItsBound) {
   Reassembler r;
   const Bytes piece(1352);
   for (std::uint32_t id = 0; id < 1000; ++id) {
-    wire::Data d;
-    d.fragment = {MessageId{id}, 1, 1352, 1000 * 1352, UINT32_MAX};
-    d.bytes = piece;
+    wire::Data d{.fragment = {MessageId{id}, 1, 1352, 1000 * 1352, UINT32_MAX}, .bytes = piece};
     const Result result = r.add(at(0ms), d, kNoClocks).result;
     EXPECT_EQ(result, id < Reassembler::kMaxPartials ? Result::kStored : Result::kRefused);
   }
@@ -104,9 +102,8 @@ TEST(Reassembler, HoldsNoMoreThanItsBound) {
   EXPECT_LE(r.bytes(), Reassembler::kMaxPartials * 8 * 1024);
   for (std::uint16_t index = 2; index < 100; ++index) {
     for (std::uint32_t id = 0; id < Reassembler::kMaxPartials; ++id) {
-      wire::Data d;
-      d.fragment = {MessageId{id}, index, 1352, 1000 * 1352, UINT32_MAX};
-      d.bytes = piece;
+      wire::Data d{.fragment = {MessageId{id}, index, 1352, 1000 * 1352, UINT32_MAX},
+                   .bytes = piece};
       r.add(at(0ms), d, kNoClocks);
       ASSERT_LE(r.bytes(), Reassembler::kMaxBytes);
     }
@@ -180,9 +177,7 @@ TEST(Reassembler, WhatExpiresSoonerMakesRoom) {
   Reassembler r;
   const Bytes piece(1352);
   const auto begin = [&](std::uint32_t id, Duration now) {
-    wire::Data d;
-    d.fragment = {MessageId{id}, 1, 1352, 4000 * 1352, 1'000'000};
-    d.bytes = piece;
+    wire::Data d{.fragment = {MessageId{id}, 1, 1352, 4000 * 1352, 1'000'000}, .bytes = piece};
     const Result first = r.add(at(now), d, kNoClocks).result;
     Result last = first;
     for (std::uint16_t i = 2; i < 4000 && last == Result::kStored; ++i) {
@@ -264,9 +259,7 @@ TEST(Reassembler, ManySmallPromisesAreBoundedToo) {
   const Bytes piece(1);
   std::size_t stored = 0;
   for (std::uint32_t id = 0; id < 100'000; ++id) {
-    wire::Data d;
-    d.fragment = {MessageId{id}, 0, 1, 2, UINT32_MAX};
-    d.bytes = piece;
+    wire::Data d{.fragment = {MessageId{id}, 0, 1, 2, UINT32_MAX}, .bytes = piece};
     if (r.add(at(0ms), d, kNoClocks).result == Result::kStored) ++stored;
   }
   EXPECT_EQ(stored, Reassembler::kMaxPartials);
@@ -290,9 +283,7 @@ TEST(Reassembler, TheLargestMessageFits) {
 TEST(Reassembler, ALargeClaimIsRefusedWithoutOverflow) {
   Reassembler r;
   const Bytes piece(UINT16_MAX);
-  wire::Data d;
-  d.fragment = {MessageId{1}, 0, UINT16_MAX, UINT32_MAX, 1};
-  d.bytes = piece;
+  wire::Data d{.fragment = {MessageId{1}, 0, UINT16_MAX, UINT32_MAX, 1}, .bytes = piece};
   EXPECT_EQ(r.add(at(0ms), d, kNoClocks).result, Result::kRefused);
   EXPECT_EQ(r.bytes(), 0U);
 }
@@ -314,10 +305,8 @@ constexpr SessionId kPeer{2};
 
 // A message of 250 bytes that opens with a round header: t0 of `origin`, D_N = 130 ms.
 Cut with_header(SessionId origin, PeerTime t0) {
-  wire::RoundHeader h;
-  h.round = {origin, PipelineId{0}, RoundId{0}};
-  h.t0 = t0;
-  h.deadline_us = 130'000;
+  wire::RoundHeader h{
+      .round = {origin, PipelineId{0}, RoundId{0}}, .t0 = t0, .deadline_us = 130'000};
   Cut cut{Bytes(250), MessageId{1}};
   wire::write_round_header(std::span(cut.bytes).first<wire::kRoundHeaderBytes>(), h);
   return cut;

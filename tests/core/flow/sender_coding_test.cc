@@ -1,7 +1,6 @@
 // Repair symbols and shares of a Sender.
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <map>
 
 #include "sender_support.h"

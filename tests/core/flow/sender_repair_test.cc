@@ -3,8 +3,6 @@
 #include <rapidcheck/gtest.h>
 
 #include <algorithm>
-#include <map>
-#include <random>
 #include <set>
 
 #include "sender_support.h"

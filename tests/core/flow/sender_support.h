@@ -61,8 +61,7 @@ struct Paths {
 };
 
 inline wire::LinkReport report_of(LinkId link, const std::set<std::uint64_t>& arrived) {
-  wire::LinkReport r;
-  r.link = link;
+  wire::LinkReport r{.link = link};
   if (arrived.empty()) return r;
   r.largest = *arrived.rbegin();
   for (const std::uint64_t n : arrived) {

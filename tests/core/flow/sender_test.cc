@@ -188,9 +188,7 @@ TEST(Sender, RecordsOfPacketsAreBounded) {
   // we can see is that a late acknowledgement finds only the newest 20,000 of them.
   Paths p;
   for (int i = 0; i < 100'000; ++i) p.sender.take_number(at(0s), kA);
-  wire::LinkReport r;
-  r.link = kA;
-  r.largest = 100'000;
+  wire::LinkReport r{.link = kA, .largest = 100'000};
   const auto v = p.sender.report(at(1s), r);
   EXPECT_EQ(v.newest_sent, at(0s));  // of the only one acknowledged
   EXPECT_EQ(p.sender.lost(kA), 20'000U - 3);

@@ -111,9 +111,8 @@ class Drive {
   }
   // What an application sends: a plain header, and any bytes.
   wire::MessageBytes any_message() {
-    wire::PlainHeader header;
-    header.deadline_us = static_cast<std::uint32_t>(s_.deadline / 1us);
-    header.t0 = PeerTime{now_.time_since_epoch()};
+    wire::PlainHeader header{.deadline_us = static_cast<std::uint32_t>(s_.deadline / 1us),
+                             .t0 = PeerTime{now_.time_since_epoch()}};
     std::array<std::byte, wire::kPlainHeaderBytes> head;
     wire::write_plain_header(head, header);
     Bytes payload(s_.bytes - head.size());

@@ -34,13 +34,12 @@ class Rounds {
     small[1] = 33ms;
     const Forecast modes[] = {whole, small};
     const bool degraded = origin_.choose_mode(t0, round, 1ms, modes) == 1;
-    StageEnd up;
-    up.round = round;
-    up.t0 = as_wire(t0);
-    up.deadline = 130ms;
-    up.variant = 1;
-    up.best_planned = degraded ? 1 : 0;
-    up.degraded = degraded;
+    StageEnd up{.round = round,
+                .t0 = as_wire(t0),
+                .deadline = 130ms,
+                .variant = 1,
+                .best_planned = degraded ? 1 : 0,
+                .degraded = degraded};
     up.terms.kind = GuardKind::kBudget;
     const TimePoint start = t0 + 40ms + number_ % 7 * 1ms;
     road_.note_arrival(start, up);
@@ -52,11 +51,10 @@ class Rounds {
     done.is_computation = true;
     road_.end_stage(start + takes, done, std::nullopt);
     const Duration e2e = start + takes + 12ms - t0;
-    Spent spent;
-    spent.level = static_cast<std::uint8_t>(choice.level);
-    spent.variant = degraded ? std::uint8_t{1} : std::uint8_t{0};
-    spent.excess = choice.excess;
-    spent.computed = takes;
+    Spent spent{.level = static_cast<std::uint8_t>(choice.level),
+                .variant = degraded ? std::uint8_t{1} : std::uint8_t{0},
+                .excess = choice.excess,
+                .computed = takes};
     if (number_ % 11 == 0) {
       origin_.missed(t0 + 130ms, round);
       road_.settle(start + 100ms, round, RoundState::kMissed, kNever);
@@ -68,10 +66,7 @@ class Rounds {
   }
 
   static PipelineConfig config() {
-    PipelineConfig c;
-    c.guard = GuardKind::kBudget;
-    c.levels = ladder();
-    return c;
+    return PipelineConfig{.guard = GuardKind::kBudget, .levels = ladder()};
   }
   std::vector<LevelProfile> levels_ = ladder();
   BudgetObserver road_;
@@ -91,10 +86,7 @@ TEST(BudgetAllocation, TheLawNeedsNone) {
   ResidualLaw law;
   const std::size_t before = allocations;
   for (std::uint32_t i = 0; i < 2000; ++i) {
-    ResidualLaw::Sample s;
-    s.round = RoundId{i};
-    s.before = i % 17 * 1ms;
-    s.rest = 20ms + i % 13 * 1ms;
+    ResidualLaw::Sample s{.round = RoundId{i}, .before = i % 17 * 1ms, .rest = 20ms + i % 13 * 1ms};
     law.add(TimePoint{i * 100ms}, s);
     static_cast<void>(law.near(s.before, 8ms).within(10ms));
     if (i % 500 == 499) law.drop_bases();
@@ -110,11 +102,7 @@ TEST(PaperAllocation, DecisionsNeedNone) {
   for (std::uint32_t i = 0; i < 300; ++i) {
     if (i == 20) before = allocations;
     const TimePoint t0{i * 100ms};
-    StageEnd up;
-    up.round = RoundId{i};
-    up.t0 = as_wire(t0);
-    up.x_permille = 200;
-    up.deadline = 130ms;
+    StageEnd up{.round = RoundId{i}, .t0 = as_wire(t0), .x_permille = 200, .deadline = 130ms};
     const ClockView clock{};
     road.note_arrival(t0 + 30ms, up);
     static_cast<void>(road.hold(t0 + 30ms, up, clock, false));

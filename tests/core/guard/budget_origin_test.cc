@@ -36,11 +36,10 @@ struct Vehicle {
   // One round more; `error`: of the forecast, `excess`: lost before the computation, `rest`: after.
   bool step(Duration error = {}, Duration excess = {}, Duration rest = {}, std::uint8_t level = 2) {
     choose();
-    Spent spent;
-    spent.level = level;
-    spent.variant = degraded ? 1 : 0;
-    spent.excess = excess;
-    spent.computed = camera().levels[level].median;
+    Spent spent{.level = level,
+                .variant = degraded ? 1 : 0,
+                .excess = excess,
+                .computed = camera().levels[level].median};
     const Duration e2e =
         kUnderWay + (degraded ? sampled : raw) + error + excess + *spent.computed + rest;
     origin.result(now + e2e, RoundId{round}, e2e, spent);

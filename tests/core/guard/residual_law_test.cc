@@ -30,10 +30,7 @@ class Rounds {
   // A sample of the next round, without its rest.
   ResidualLaw::Sample next() {
     now_ += kStep;
-    ResidualLaw::Sample s;
-    s.round = RoundId{++round_};
-    s.before = lost(round_ + 7) / 2;
-    return s;
+    return ResidualLaw::Sample{.round = RoundId{++round_}, .before = lost(round_ + 7) / 2};
   }
   Duration offset() const {
     return offset_ + Duration{now_.time_since_epoch().count() / 1'000'000 * drift_ppm_};

@@ -10,10 +10,7 @@ namespace {
 using namespace std::chrono_literals;
 
 PipelineConfig camera() {
-  PipelineConfig c;
-  c.guard = GuardKind::kPaper;
-  c.stages = offload_stages();
-  return c;
+  return PipelineConfig{.stages = offload_stages(), .guard = GuardKind::kPaper};
 }
 
 Bytes bytes(int n) { return Bytes{static_cast<std::byte>(n)}; }

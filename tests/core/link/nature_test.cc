@@ -11,12 +11,7 @@ namespace {
 using std::chrono::milliseconds;
 
 LinkState up(Duration rtt_p95, DataRate rate, double loss) {
-  LinkState link;
-  link.up = true;
-  link.rtt_p95 = rtt_p95;
-  link.rate = rate;
-  link.loss = loss;
-  return link;
+  return LinkState{.up = true, .rtt_p95 = rtt_p95, .rate = rate, .loss = loss};
 }
 
 TEST(Nature, ScoresAreRelativeToTheBestLink) {

@@ -3,9 +3,7 @@
 #include <gtest/gtest.h>
 #include <rapidcheck.h>
 
-#include <functional>
 #include <random>
-#include <vector>
 
 namespace interneuron::link::path_machine_test {
 namespace {

@@ -39,9 +39,7 @@ struct Narrow {
     pipe.run(3s);
   }
   SendStatus send(std::size_t peer, std::size_t bytes, Duration deadline) {
-    SendOptions options;
-    options.deadline = deadline;
-    options.policy = "best_link";
+    SendOptions options{.deadline = deadline, .policy = "best_link"};
     const auto result = pipe.at(0).send(pipe.local(0), peers[peer], {Bytes(bytes)}, options);
     pipe.flush(0);
     return result.status;
@@ -82,10 +80,7 @@ TEST(Budget, OnePeerGetsHalfOfItAndAnotherHalfOfTheRest) {
 TEST(Budget, AChannelIsToldOnceThatItCanSendAgain) {
   Narrow n;
   EXPECT_EQ(n.send(0, kLarge, 1h), SendStatus::kAccepted);
-  SendOptions options;
-  options.deadline = 1h;
-  options.policy = "duplicate";
-  options.channel = 9;
+  SendOptions options{.deadline = 1h, .policy = "duplicate", .channel = 9};
   std::vector<SendStatus> answers;
   const auto send = [&] {
     Variants variants{Bytes(kLarge), Bytes(100)};

@@ -63,9 +63,7 @@ TEST(Documented, AfterAJumpOfThePeersClockMessagesAreDeliveredAgainWithinSeconds
 
 TEST(Documented, WhatNeverLeftBeforeAllLinksWentDownExpired) {
   Door d;
-  SendOptions options;
-  options.deadline = 1s;
-  const SendResult result = d.send({Bytes(kMaxMessageBytes)}, options);
+  const SendResult result = d.send({Bytes(kMaxMessageBytes)}, {.deadline = 1s});
   if (!result.accepted()) return;
   d.pipe.cut = {kFast, kSlow};
   d.pipe.run(3s);

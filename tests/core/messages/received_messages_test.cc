@@ -17,11 +17,7 @@ constexpr PeerId kPeer{1};
 constexpr PeerId kOther{2};
 
 wire::PlainHeader message(std::uint32_t id, std::uint8_t variant = 0) {
-  wire::PlainHeader h;
-  h.id = id;
-  h.variant = variant;
-  h.deadline_us = 100'000;
-  return h;
+  return wire::PlainHeader{.id = id, .deadline_us = 100'000, .variant = variant};
 }
 
 wire::PlainHeader newest(std::uint32_t id, std::uint16_t channel) {

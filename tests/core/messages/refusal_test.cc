@@ -14,12 +14,10 @@ TEST(Refusal, WhatIsWrongWithTheMessageItself) {
   EXPECT_EQ(d.send({Bytes(kMaxMessageBytes + 1)}).status, SendStatus::kTooLarge);
   EXPECT_EQ(d.send(Variants(kMaxVariants + 1, Bytes(1))).status, SendStatus::kTooLarge);
   for (const Duration deadline : {Duration{0}, Duration{-1}}) {
-    SendOptions options;
-    options.deadline = deadline;
+    SendOptions options{.deadline = deadline};
     EXPECT_EQ(d.send({Bytes(1)}, options).status, SendStatus::kDeadlinePast);
   }
-  SendOptions options;
-  options.policy = "no_such_policy";
+  SendOptions options{.policy = "no_such_policy"};
   EXPECT_THROW(d.send({Bytes(1)}, options), std::invalid_argument);
   d.pipe.run(1s);
   EXPECT_TRUE(d.came.empty());
@@ -45,8 +43,7 @@ TEST(Refusal, AnUnknownPeerOrNoLink) {
 
 TEST(Refusal, APolicyThatMayUseNoLink) {
   Door d;
-  SendOptions options;
-  options.policy = "secure";
+  SendOptions options{.policy = "secure"};
   const SendResult result = d.send({Bytes(1)}, options);
   EXPECT_EQ(result.status, SendStatus::kLinkRestricted);
   EXPECT_EQ(result.reason, kInsecure);
@@ -54,9 +51,7 @@ TEST(Refusal, APolicyThatMayUseNoLink) {
 
 TEST(Refusal, WhatCannotArriveIsRefusedAtOnce) {
   Door d;
-  SendOptions options;
-  options.deadline = 1ms;
-  const SendResult result = d.send({Bytes(1)}, options);
+  const SendResult result = d.send({Bytes(1)}, {.deadline = 1ms});
   EXPECT_EQ(result.status, SendStatus::kCannotArrive);
   ASSERT_TRUE(result.expected);
   EXPECT_GT(*result.expected, 1ms);
@@ -64,9 +59,7 @@ TEST(Refusal, WhatCannotArriveIsRefusedAtOnce) {
 
 TEST(Refusal, MoreThanTheBudgetIsRefusedUntilSomethingIsSettled) {
   Door d;
-  SendOptions options;
-  options.deadline = 1h;
-  options.channel = 3;
+  SendOptions options{.deadline = 1h, .channel = 3};
   std::size_t accepted = 0;
   SendStatus last{};
   for (int i = 0; i < 20; ++i) {

@@ -9,10 +9,7 @@ namespace {
 
 TEST(Send, AMessageIsDeliveredWithItsAgeAndSoIsItsFate) {
   Door d;
-  SendOptions options;
-  options.channel = 7;
-  options.importance = 200;
-  const SendResult result = d.send({Bytes(5'000, std::byte{3})}, options);
+  const SendResult result = d.send({Bytes(5'000, std::byte{3})}, {.channel = 7, .importance = 200});
   ASSERT_TRUE(result.accepted());
   d.pipe.run(100ms);
   ASSERT_EQ(d.came.size(), 1U);
@@ -39,9 +36,7 @@ TEST(Send, WorksBothWaysAndFromOneByteToTheLargest) {
   for (const std::size_t bytes : {std::size_t{1}, std::size_t{1'327}, std::size_t{1'328},
                                   std::size_t{100'000}, kMaxMessageBytes}) {
     d.came.clear();
-    SendOptions options;
-    options.deadline = 20s;
-    const SendResult result = d.send({Bytes(bytes)}, options);
+    const SendResult result = d.send({Bytes(bytes)}, {.deadline = 20s});
     ASSERT_TRUE(result.accepted()) << bytes << " " << to_string(result.status);
     d.pipe.run(20s);
     ASSERT_EQ(d.came.size(), 1U) << bytes;
@@ -64,8 +59,7 @@ TEST(Send, WorksBothWaysAndFromOneByteToTheLargest) {
 
 TEST(Send, OfTheVariantsTheFirstThatIsThereIsDelivered) {
   Door d;
-  SendOptions options;
-  options.policy = "duplicate";
+  SendOptions options{.policy = "duplicate"};
   const SendResult result = d.send({Bytes(60'000), Bytes(1'000)}, options);
   ASSERT_TRUE(result.accepted());
   d.pipe.run(500ms);
@@ -78,8 +72,7 @@ TEST(Send, AMessageThatIsLateIsNotDeliveredAndItsFateSaysSo) {
   Door d;
   // What the vehicle sends takes longer than the links ever showed.
   for (const LinkId link : {kFast, kSlow}) d.pipe.extra_from_0[link] = 60ms;
-  SendOptions options;
-  options.deadline = 50ms;
+  SendOptions options{.deadline = 50ms};
   const SendResult result = d.send({Bytes(100)}, options);
   ASSERT_TRUE(result.accepted());
   d.pipe.run(1s);
@@ -109,8 +102,7 @@ TEST(Send, WhatAPeerSaysIsIncompleteAtTheDeadlineIsDropped) {
   d.pipe.drop = [&d](std::size_t from, LinkId, ByteView bytes) {
     return from == d.vehicle && bytes.size() > 1'000;
   };
-  SendOptions options;
-  options.deadline = 300ms;
+  SendOptions options{.deadline = 300ms};
   const SendResult result = d.send({Bytes(20'000)}, options);
   ASSERT_TRUE(result.accepted());
   std::size_t small = 0;
@@ -128,9 +120,7 @@ TEST(Send, WhatAPeerSaysIsIncompleteAtTheDeadlineIsDropped) {
 
 TEST(Send, ACancelledMessageIsDroppedAtOnce) {
   Door d;
-  SendOptions options;
-  options.deadline = 5s;
-  const SendResult result = d.send({Bytes(1'000'000)}, options);
+  const SendResult result = d.send({Bytes(1'000'000)}, {.deadline = 5s});
   ASSERT_TRUE(result.accepted());
   EXPECT_TRUE(d.pipe.at(d.vehicle).cancel(d.pipe.local(d.vehicle), result.id));
   EXPECT_FALSE(d.pipe.at(d.vehicle).cancel(d.pipe.local(d.vehicle), result.id));
@@ -144,9 +134,7 @@ TEST(Send, ACancelledMessageIsDroppedAtOnce) {
 
 TEST(Send, ANewerMessageOfTheChannelTakesThePlaceOfOneThatHasNotLeft) {
   Door d;
-  SendOptions options;
-  options.deadline = 5s;
-  options.newest_only = true;
+  SendOptions options{.deadline = 5s, .newest_only = true};
   const SendResult first = d.send({Bytes(2'000'000)}, options);
   options.channel = 1;
   const SendResult other = d.send({Bytes(1'000)}, options);
@@ -162,8 +150,7 @@ TEST(Send, ANewerMessageOfTheChannelTakesThePlaceOfOneThatHasNotLeft) {
 
 TEST(Send, ARestartOfThePeerLeavesTheFateUnknown) {
   Door d;
-  SendOptions options;
-  options.deadline = 30s;
+  SendOptions options{.deadline = 30s};
   d.pipe.cut = {kFast, kSlow};
   const SendResult result = d.send({Bytes(1'000)}, options);
   ASSERT_TRUE(result.accepted());

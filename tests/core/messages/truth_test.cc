@@ -1,8 +1,6 @@
 // What a fate says happened at the other end, also where what the peer tells is lost.
 #include <gtest/gtest.h>
 
-#include <algorithm>
-
 #include "door.h"
 
 namespace interneuron::truth_test {
@@ -40,9 +38,7 @@ TEST(Truth, AndIsNotDeliveredWhereThatIsNotHeardThoughItsPiecesAreAcknowledged) 
     lost += drops ? 1 : 0;
     return drops;
   };
-  SendOptions options;
-  options.deadline = 500ms;
-  const SendResult result = d.send({Bytes(150'000)}, options);
+  const SendResult result = d.send({Bytes(150'000)}, {.deadline = 500ms});
   ASSERT_TRUE(result.accepted());
   d.pipe.run(2s);
   EXPECT_GT(lost, 0);
@@ -55,9 +51,7 @@ void silence_after_delivery(Door& d) {
   d.pipe.drop = [&d](std::size_t from, LinkId, ByteView) {
     return from == d.road && !d.came.empty() && d.pipe.now() < d.came[0].at + 300ms;
   };
-  SendOptions options;
-  options.deadline = 100ms;
-  const SendResult result = d.send({Bytes(20'000)}, options);
+  const SendResult result = d.send({Bytes(20'000)}, {.deadline = 100ms});
   ASSERT_TRUE(result.accepted());
   d.pipe.run(50ms);
   ASSERT_EQ(d.came.size(), 1U);
@@ -129,9 +123,7 @@ TEST(Truth, WhatIsIncompleteIsDroppedHoweverManyPacketsFollow) {
     if (piece.size > 10'000 && !first) first = piece.message.value;
     return first == piece.message.value && (piece.index == 2 || piece.is_repair());
   };
-  SendOptions options;
-  options.deadline = 100ms;
-  const SendResult result = d.send({Bytes(20'000)}, options);
+  const SendResult result = d.send({Bytes(20'000)}, {.deadline = 100ms});
   ASSERT_TRUE(result.accepted());
   for (int i = 0; i < 100; ++i) {
     for (int j = 0; j < 10; ++j) d.send({Bytes(100)});
@@ -145,8 +137,7 @@ TEST(Truth, WhatIsIncompleteIsDroppedHoweverManyPacketsFollow) {
 
 TEST(Truth, ManySmallMessagesAtOnceAreAllToldOf) {
   Door d;
-  SendOptions options;
-  options.deadline = 1s;
+  SendOptions options{.deadline = 1s};
   for (int i = 0; i < 150; ++i) ASSERT_TRUE(d.send({Bytes(100)}, options).accepted());
   d.pipe.run(2s);
   EXPECT_EQ(d.came.size(), 150U);
@@ -162,8 +153,7 @@ TEST(Truth, WhatWasLostIsDroppedWhileAnotherLinkIsDark) {
     return link == kSlow || (from == d.vehicle && bytes.size() > 1'000);
   };
   d.pipe.run(5s);
-  SendOptions options;
-  options.deadline = 100ms;
+  SendOptions options{.deadline = 100ms};
   const SendResult result = d.send({Bytes(20'000)}, options);
   ASSERT_TRUE(result.accepted());
   for (int i = 0; i < 40; ++i) {
@@ -198,8 +188,7 @@ TEST(Truth, MessagesToOthersMakeNoneOld) {
     const auto packet = wire::parse(bytes);
     return blocked && from == 0 && packet && packet->data.fragment.size > 1'000;
   };
-  SendOptions options;
-  options.deadline = 20s;
+  SendOptions options{.deadline = 20s};
   const auto send = [&](std::size_t peer, std::size_t bytes) {
     EXPECT_TRUE(pipe.at(0).send(pipe.local(0), peers[peer], {Bytes(bytes)}, options).accepted());
     pipe.flush(0);

@@ -2,8 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <array>
-
 #include "interneuron/sizes.h"
 
 namespace interneuron::budget_test {
@@ -16,11 +14,7 @@ using plan::soonest_way;
 using namespace std::chrono_literals;
 
 LinkState link(bool up, Duration rtt, double mbit) {
-  LinkState s;
-  s.up = up;
-  s.rtt_p50 = rtt;
-  s.rate = DataRate::mbit(mbit);
-  return s;
+  return LinkState{.up = up, .rtt_p50 = rtt, .rate = DataRate::mbit(mbit)};
 }
 
 constexpr std::size_t kBytesUp = 1000 * kMaxPieceBytes - 100'000;

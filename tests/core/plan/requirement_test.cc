@@ -2,8 +2,6 @@
 
 #include <gmock/gmock.h>
 
-#include <limits>
-
 #include "interneuron/policy.h"
 #include "interneuron/sizes.h"
 
@@ -14,12 +12,7 @@ using std::chrono::milliseconds;
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
 
-LinkState up(std::uint8_t id) {
-  LinkState link;
-  link.id = LinkId{id};
-  link.up = true;
-  return link;
-}
+LinkState up(std::uint8_t id) { return LinkState{.id = LinkId{id}, .up = true}; }
 
 std::vector<int> ids(std::span<const LinkState> links) {
   std::vector<int> out;
@@ -142,9 +135,7 @@ TEST(RateFloor, WithoutPeriodAndDeadlineThereIsNone) {
 }
 
 TEST(ArrivalTime, IsHalfTheRoundTripAndTheFragmentsAtTheRate) {
-  LinkState link;
-  link.rtt_p95 = std::chrono::milliseconds(40);
-  link.rate = DataRate::mbit(8);
+  LinkState link{.rtt_p95 = std::chrono::milliseconds(40), .rate = DataRate::mbit(8)};
   EXPECT_EQ(arrival_time(link, 0), std::chrono::milliseconds(20));
   // What fills a packet takes 1,428 bytes on the wire: 1.428 ms at 1 byte per µs.
   EXPECT_EQ(arrival_time(link, kMaxPieceBytes), std::chrono::microseconds(21'428));

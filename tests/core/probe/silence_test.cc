@@ -8,7 +8,6 @@
 #include <random>
 
 #include "core/probe/reflectors.h"
-#include "core/wire/packet.h"
 
 namespace interneuron::probe::silence_test {
 namespace {

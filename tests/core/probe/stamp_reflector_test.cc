@@ -89,8 +89,7 @@ TEST_F(Answering, ManySessionsPushOutTheOldest) {
 
 // The bytes of a sockaddr_in.
 Address ipv4(std::uint8_t host, std::uint16_t port) {
-  Address a;
-  a.size = 16;
+  Address a{.size = 16};
   a.raw[2] = static_cast<std::byte>(port >> 8);
   a.raw[3] = static_cast<std::byte>(port & 0xff);
   a.raw[4] = std::byte{10};

@@ -34,9 +34,7 @@ TEST(ProbeDistribution, OfNothingAndOfOne) {
 PacketLog log_of(const std::vector<int>& numbers) {
   PacketLog log;
   for (std::size_t i = 0; i < numbers.size(); ++i) {
-    SentPacket p;
-    p.sent = TimePoint{i * 1ms};
-    p.answered = numbers[i] >= 0;
+    SentPacket p{.sent = TimePoint{i * 1ms}, .answered = numbers[i] >= 0};
     p.received = p.sent + 10ms;
     p.counted = static_cast<std::uint32_t>(std::max(numbers[i], 0));
     log.push_back(p);

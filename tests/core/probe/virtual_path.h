@@ -5,8 +5,6 @@
 
 #include <array>
 #include <functional>
-#include <map>
-#include <memory>
 #include <optional>
 #include <random>
 
@@ -170,14 +168,12 @@ class VirtualPath {
 
 inline Options options_of(Format format = Format::kEcho, std::size_t count = 200,
                           bool rate = false) {
-  Options o;
-  o.format = format;
-  o.count = count;
-  o.rate = rate;
-  o.session = SessionId{0x5eed0001};
-  o.link = LinkId{3};
-  o.wall = 1000h;
-  return o;
+  return Options{.format = format,
+                 .count = count,
+                 .rate = rate,
+                 .session = SessionId{0x5eed0001},
+                 .link = LinkId{3},
+                 .wall = 1000h};
 }
 
 }  // namespace interneuron::probe

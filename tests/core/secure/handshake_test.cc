@@ -15,8 +15,7 @@ using Verdict = Responder::Verdict;
 constexpr LinkId kNic{1};
 
 Address address(std::uint8_t host) {
-  Address a;
-  a.size = 16;
+  Address a{.size = 16};
   a.raw[4] = std::byte{10};
   a.raw[7] = std::byte{host};
   return a;

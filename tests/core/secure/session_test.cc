@@ -4,8 +4,6 @@
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
-#include "core/wire/packet.h"
-
 namespace interneuron::crypto::session_test {
 namespace {
 

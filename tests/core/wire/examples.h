@@ -48,14 +48,13 @@ inline Bytes example_message() {
 }
 
 inline Bytes example_plain_message() {
-  PlainHeader h;
-  h.id = 5;
-  h.deadline_us = 100'000;
-  h.t0 = PeerTime{Duration{1'234'567'890'123}};
-  h.channel = 7;
-  h.importance = 200;
-  h.variant = 1;
-  h.newest_only = true;
+  PlainHeader h{.id = 5,
+                .deadline_us = 100'000,
+                .t0 = PeerTime{Duration{1'234'567'890'123}},
+                .channel = 7,
+                .importance = 200,
+                .variant = 1,
+                .newest_only = true};
   Bytes message(kPlainHeaderBytes);
   write_plain_header(std::span(message).first<kPlainHeaderBytes>(), h);
   for (const char c : std::string_view("hello")) message.push_back(static_cast<std::byte>(c));
@@ -82,10 +81,7 @@ inline FragmentHeader example_repair_fragment() {
 }
 
 inline WindowHeader example_window() {
-  WindowHeader window;
-  window.row = 1;
-  window.messages = {{MessageId{10}, 0b1}, {MessageId{11}, 0b110}};
-  return window;
+  return WindowHeader{.row = 1, .messages = {{MessageId{10}, 0b1}, {MessageId{11}, 0b110}}};
 }
 
 inline Token example_token() {
@@ -135,13 +131,11 @@ inline Feedback example_feedback() {
   report.ect_packets = 90;
   report.ce_packets = 3;
   report.received_bytes = 123'456;
-  Feedback feedback;
-  feedback.u = 1'234'600'000'000;
-  feedback.echo = SessionId{0xcafe0002};
-  feedback.reports = {report};
-  feedback.complete = {{MessageId{9}, 1500}, {MessageId{10}, 200, true}};
-  feedback.refused = {MessageId{8}};
-  return feedback;
+  return Feedback{.u = 1'234'600'000'000,
+                  .echo = SessionId{0xcafe0002},
+                  .reports = {report},
+                  .complete = {{MessageId{9}, 1500}, {MessageId{10}, 200, true}},
+                  .refused = {MessageId{8}}};
 }
 
 }  // namespace interneuron::wire

@@ -277,15 +277,13 @@ RC_GTEST_PROP(PacketProperty, ARoundHeaderComesBack, ()) {
 }
 
 PlainHeader any_plain_header() {
-  PlainHeader h;
-  h.id = any<std::uint32_t>();
-  h.deadline_us = any_but_zero<std::uint32_t>();
-  h.t0 = PeerTime{Duration{any<std::int64_t>()}};
-  h.channel = any<std::uint16_t>();
-  h.importance = any<std::uint8_t>();
-  h.variant = *rc::gen::inRange<std::uint8_t>(0, kMaxVariants);
-  h.newest_only = any<bool>();
-  return h;
+  return PlainHeader{.id = any<std::uint32_t>(),
+                     .deadline_us = any_but_zero<std::uint32_t>(),
+                     .t0 = PeerTime{Duration{any<std::int64_t>()}},
+                     .channel = any<std::uint16_t>(),
+                     .importance = any<std::uint8_t>(),
+                     .variant = *rc::gen::inRange<std::uint8_t>(0, kMaxVariants),
+                     .newest_only = any<bool>()};
 }
 
 RC_GTEST_PROP(PacketProperty, APlainHeaderComesBack, ()) {

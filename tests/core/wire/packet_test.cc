@@ -2,10 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <array>
-#include <string>
-#include <vector>
-
 #include "tests/core/wire/consistent.h"
 #include "tests/core/wire/examples.h"
 

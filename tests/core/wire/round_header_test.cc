@@ -2,8 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <array>
-
 #include "tests/core/wire/consistent.h"
 #include "tests/core/wire/examples.h"
 

@@ -3,8 +3,6 @@
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
-#include "tests/core/wire/examples.h"
-
 namespace interneuron::wire::stamp_test {
 namespace {
 

@@ -4,7 +4,6 @@
 #include <random>
 
 #include "core/wire/packet.h"
-#include "tests/core/wire/examples.h"
 
 namespace interneuron::wire::version_test {
 namespace {

@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include "core/code/field.h"
-#include "core/code/window.h"
 #include "core/wire/packet.h"
 #include "core/wire/source.h"
 #include "tests/core/wire/consistent.h"

@@ -1,5 +1,4 @@
 // `interneuron bench coding`, `bench drives` and `bench transports`: their JSON and their tables.
-#include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <string>
@@ -37,9 +36,7 @@ TEST(BenchCoding, WritesARowForEachPolicy) {
 }
 
 TEST(BenchCoding, ShowsATable) {
-  const Ran ran = run("bench coding clean --messages 20");
-  EXPECT_EQ(ran.code, 0) << ran.output;
-  EXPECT_NE(ran.output.find("coded"), std::string::npos) << ran.output;
+  EXPECT_THAT(run("bench coding clean --messages 20"), EndsSaying(0, "coded"));
   EXPECT_EQ(run("bench coding nothing").code, 2);
   EXPECT_EQ(run("bench coding --policy nobody").code, 2);
 }
@@ -105,13 +102,9 @@ TEST(BenchDrives, TakesTracesAndNamesWhatIsWrongWithThem) {
   for (int ms = 1; ms <= 1000; ++ms) steady += std::to_string(ms) + "\n";
   const std::string good = write("drives-good.up", steady.c_str());
   const std::string bad = write("drives-bad.up", "1\ntwo\n");
-  const Ran table = run("bench drives " + good + "," + good + " --drives 1 --messages 30");
-  EXPECT_EQ(table.code, 0) << table.output;
-  EXPECT_NE(table.output.find("drives-good.up + drives-good.up"), std::string::npos)
-      << table.output;
-  const Ran wrong = run("bench drives " + bad);
-  EXPECT_EQ(wrong.code, 3);
-  EXPECT_NE(wrong.output.find("drives-bad.up: line 2"), std::string::npos) << wrong.output;
+  EXPECT_THAT(run("bench drives " + good + "," + good + " --drives 1 --messages 30"),
+              EndsSaying(0, "drives-good.up + drives-good.up"));
+  EXPECT_THAT(run("bench drives " + bad), EndsSaying(3, "drives-bad.up: line 2"));
   EXPECT_EQ(run("bench drives /nonexistent.up").code, 3);
   EXPECT_EQ(run("bench drives --policy nobody").code, 2);
 }

@@ -23,9 +23,7 @@ TEST(BenchForecast, WritesBinsOfItsSchema) {
 TEST(BenchForecast, ShowsATableAndDrawsAPicture) {
   const TempFolder folder;
   const std::string file = (folder / "forecast.svg").string();
-  const Ran ran = run("bench forecast 5g --plot '" + file + "'");
-  EXPECT_EQ(ran.code, 0) << ran.output;
-  EXPECT_NE(ran.output.find("all drives"), std::string::npos) << ran.output;
+  EXPECT_THAT(run("bench forecast 5g --plot '" + file + "'"), EndsSaying(0, "all drives"));
   EXPECT_GT(std::filesystem::file_size(file), 1000U);
 }
 

@@ -1,6 +1,4 @@
 // `interneuron bench load`: its JSON, its tables and its picture.
-#include <fstream>
-#include <iterator>
 
 #include "tests/app/cli/support.h"
 #include "tests/app/watch/json_schema.h"

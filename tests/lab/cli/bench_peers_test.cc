@@ -37,10 +37,8 @@ TEST(BenchPeers, RefusesWhatThereIsNot) {
 
 TEST(BenchPeers, ANamedFolderThatIsMissingIsToldBeforeAnyRun) {
   for (const char* option : {"--page", "--plot"}) {
-    const Ran ran =
-        run(std::string("bench peers clean --peer udp ") + option + " nowhere/at/all.svg");
-    EXPECT_EQ(ran.code, 3) << ran.output;
-    EXPECT_NE(ran.output.find("nowhere/at"), std::string::npos) << ran.output;
+    EXPECT_THAT(run(std::string("bench peers clean --peer udp ") + option + " nowhere/at/all.svg"),
+                EndsSaying(3, "nowhere/at"));
   }
 }
 
@@ -116,9 +114,7 @@ TEST(BenchPeers, OursPassesThroughTheTransportThatIsAskedFor) {
   const json document = compared(few + " --transport ring");
   EXPECT_EQ(document["transport"], "ring");
   EXPECT_LT(document["rows"][0]["missed"], 5);
-  const Ran pigeon = run("bench peers " + few + " --transport pigeon");
-  EXPECT_EQ(pigeon.code, 2);
-  EXPECT_NE(pigeon.output.find("--transport"), std::string::npos) << pigeon.output;
+  EXPECT_THAT(run("bench peers " + few + " --transport pigeon"), EndsSaying(2, "--transport"));
   // Nothing passes through a transport in virtual time.
   EXPECT_EQ(run("bench load rate --load 1 --seconds 1 --transport ring").code, 2);
 }

@@ -8,7 +8,6 @@
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
-#include <numeric>
 #include <tuple>
 
 #include "app/perception/codec.h"
@@ -221,9 +220,8 @@ TEST_F(Demo, AVehicleInTheClearTellsOnceWhatThePolicyRefusesAndAnswersLocally) {
 }
 
 TEST_F(Demo, AMissedObjectiveHasItsExitCode) {
-  const Ran ran = run(arguments(3) + " --deadline-ms 1 --objective 99");
-  EXPECT_EQ(ran.code, 4) << ran.output;
-  EXPECT_NE(ran.output.find("interneuron: objective missed: "), std::string::npos) << ran.output;
+  EXPECT_THAT(run(arguments(3) + " --deadline-ms 1 --objective 99"),
+              EndsSaying(4, "interneuron: objective missed: "));
 }
 
 TEST_F(Demo, EndsWithAVerdictAndSaysWhoseLineItIs) {

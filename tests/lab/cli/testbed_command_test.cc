@@ -27,14 +27,11 @@ class TestbedCommand : public testing::Test {
 };
 
 TEST_F(TestbedCommand, UpRunStatusDown) {
-  Ran ran = run("testbed up --profile clean" + name_);
+  const Ran ran = run("testbed up --profile clean" + name_);
   ASSERT_EQ(ran.code, 0) << ran.output;
-  ran = run("testbed up --profile clean" + name_);
-  EXPECT_EQ(ran.code, 1);
-  EXPECT_NE(ran.output.find("already up"), std::string::npos) << ran.output;
-  ran = run("testbed run --in vehicle" + name_ + " -- ping -c 2 -i 0.2 10.77.0.1");
-  EXPECT_EQ(ran.code, 0) << ran.output;
-  EXPECT_NE(ran.output.find("2 received"), std::string::npos) << ran.output;
+  EXPECT_THAT(run("testbed up --profile clean" + name_), EndsSaying(1, "already up"));
+  EXPECT_THAT(run("testbed run --in vehicle" + name_ + " -- ping -c 2 -i 0.2 10.77.0.1"),
+              EndsSaying(0, "2 received"));
   EXPECT_EQ(run("testbed run --in road" + name_ + " -- sh -c 'exit 42'").code, 42);
   const auto json = status();
   EXPECT_EQ(json["schema"], "interneuron.testbed/2");
@@ -66,26 +63,13 @@ TEST_F(TestbedCommand, ChangesAndEventsOfALink) {
 
 TEST_F(TestbedCommand, MistakesInChangesAreOneLine) {
   ASSERT_EQ(run("testbed up --profile clean" + name_).code, 0);
-  Ran ran = run("testbed set clean rt_ms=5" + name_);
-  EXPECT_EQ(ran.code, 2);
-  EXPECT_NE(ran.output.find("rtt_ms"), std::string::npos) << ran.output;
-  ran = run("testbed set wifi rtt_ms=5" + name_);
-  EXPECT_EQ(ran.code, 2);
-  EXPECT_NE(ran.output.find("clean"), std::string::npos) << ran.output;
-  ran = run("testbed set clean loss=7" + name_);
-  EXPECT_EQ(ran.code, 2);
-  EXPECT_NE(ran.output.find("loss"), std::string::npos) << ran.output;
-  ran = run("testbed set clean profile=6g" + name_);
-  EXPECT_EQ(ran.code, 2);
-  EXPECT_NE(ran.output.find("6g"), std::string::npos) << ran.output;
-  ran = run("testbed set clean profile=./6g.toml" + name_);
-  EXPECT_EQ(ran.code, 3);
-  EXPECT_NE(ran.output.find("6g.toml"), std::string::npos) << ran.output;
-  ran = run("testbed event clean earthquake 5s" + name_);
-  EXPECT_EQ(ran.code, 2);
-  ran = run("testbed run --in vehicle9" + name_ + " -- true");
-  EXPECT_EQ(ran.code, 2);
-  EXPECT_NE(ran.output.find("vehicle9"), std::string::npos) << ran.output;
+  EXPECT_THAT(run("testbed set clean rt_ms=5" + name_), EndsSaying(2, "rtt_ms"));
+  EXPECT_THAT(run("testbed set wifi rtt_ms=5" + name_), EndsSaying(2, "clean"));
+  EXPECT_THAT(run("testbed set clean loss=7" + name_), EndsSaying(2, "loss"));
+  EXPECT_THAT(run("testbed set clean profile=6g" + name_), EndsSaying(2, "6g"));
+  EXPECT_THAT(run("testbed set clean profile=./6g.toml" + name_), EndsSaying(3, "6g.toml"));
+  EXPECT_EQ(run("testbed event clean earthquake 5s" + name_).code, 2);
+  EXPECT_THAT(run("testbed run --in vehicle9" + name_ + " -- true"), EndsSaying(2, "vehicle9"));
 }
 
 TEST_F(TestbedCommand, AScenarioFixesLinksSeedsAndEvents) {

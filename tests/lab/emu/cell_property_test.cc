@@ -123,11 +123,10 @@ RC_GTEST_PROP(CellProperty, AloneItIsTheBottleneckOfALink, ()) {
   CellParams params = some_cell();
   params.codel.reset();
   params.mark_above.reset();
-  DirectionParams direction;
-  direction.rate = params.rate;
-  direction.trace = params.trace;
-  direction.queue_bytes = params.queue_bytes;
-  direction.mtu = params.mtu;
+  DirectionParams direction{.rate = params.rate,
+                            .queue_bytes = params.queue_bytes,
+                            .trace = params.trace,
+                            .mtu = params.mtu};
   LinkModel link = constant_link(direction, 0);
   Cell cell(params);
   Duration now{};

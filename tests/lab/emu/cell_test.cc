@@ -12,10 +12,7 @@ using std::chrono::seconds;
 
 // 8 Mbit/s: 1000 bytes a millisecond.
 CellParams cell_of(std::size_t queue_bytes = kMegabyte) {
-  CellParams params;
-  params.rate = DataRate::mbit(8);
-  params.queue_bytes = queue_bytes;
-  return params;
+  return CellParams{.rate = DataRate::mbit(8), .queue_bytes = queue_bytes};
 }
 
 std::vector<Cell::Departed> drain_cell(Cell& cell, Duration until = kEver) {

@@ -2,8 +2,6 @@
 
 #include <cmath>
 
-#include "support.h"
-
 namespace interneuron::emu::codel_test {
 namespace {
 

@@ -8,7 +8,6 @@
 namespace interneuron::emu::link_change_test {
 namespace {
 
-using testing::HasSubstr;
 using testing::StartsWith;
 
 std::string error_of(const std::vector<std::string>& pairs) {

@@ -3,8 +3,6 @@
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
-#include <vector>
-
 #include "support.h"
 
 namespace interneuron::emu::link_model_test {

@@ -1,7 +1,5 @@
 #include "lab/emu/queue.h"
 
-#include "support.h"
-
 namespace interneuron::emu::queue_time_test {
 namespace {
 

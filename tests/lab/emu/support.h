@@ -36,10 +36,7 @@ inline LinkModel constant_link(const DirectionParams& direction, double rtt_ms, 
 }
 
 inline DirectionParams rate_of_mbit(double mbit, std::size_t queue_bytes = kMegabyte) {
-  DirectionParams params;
-  params.rate = DataRate::mbit(mbit);
-  params.queue_bytes = queue_bytes;
-  return params;
+  return DirectionParams{.rate = DataRate::mbit(mbit), .queue_bytes = queue_bytes};
 }
 
 // A profile with a constant delay, and 100 Mbit/s both ways.

@@ -1,7 +1,6 @@
 #include "lab/eval/metrics.h"
 
 #include "core/base/statistics.h"
-#include "support.h"
 
 namespace interneuron::eval::metrics_test {
 namespace {

@@ -30,10 +30,6 @@ inline Trace script(std::uint32_t rounds,
 
 inline Injected at(Module module, Duration delay) { return {true, module, delay}; }
 
-inline DelayLaw exponential_law() {
-  DelayLaw law;
-  law.shape = DelayLaw::Shape::kExponential;
-  return law;
-}
+inline DelayLaw exponential_law() { return DelayLaw{.shape = DelayLaw::Shape::kExponential}; }
 
 }  // namespace interneuron::eval

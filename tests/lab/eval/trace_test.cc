@@ -4,7 +4,6 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <span>
 
@@ -17,8 +16,7 @@ constexpr std::uint32_t kMany = 100'000;
 
 TEST(Trace, HasTheShareAndTheBurstsOfTheLaw) {
   for (const double share : {0.1, 0.5, 0.72, 0.9}) {
-    DelayLaw law;
-    law.share = share;
+    DelayLaw law{.share = share};
     const Trace trace = make_trace(law, 1, kMany);
     std::uint32_t injected = 0;
     std::uint32_t bursts = 0;
@@ -35,8 +33,7 @@ TEST(Trace, HasTheShareAndTheBurstsOfTheLaw) {
 }
 
 TEST(Trace, DrawsModulesAlikeAndDelaysByTheirShape) {
-  DelayLaw law;
-  law.share = 1;
+  DelayLaw law{.share = 1};
   std::array<std::uint32_t, kModules> modules{};
   Duration sum{};
   for (const Injected& r : make_trace(law, 2, kMany).rounds) {

@@ -19,11 +19,7 @@ void round_trip(Cubic& cubic, Duration& now) {
   const auto count = static_cast<int>(segments(cubic));
   for (int i = 0; i < count; ++i) {
     now += kRtt / count;
-    Delivery d;
-    d.now = now;
-    d.bytes = kMss;
-    d.peak_in_flight = cubic.window();
-    d.smoothed_rtt = kRtt;
+    Delivery d{.now = now, .bytes = kMss, .peak_in_flight = cubic.window(), .smoothed_rtt = kRtt};
     cubic.delivered(d);
   }
 }
@@ -47,10 +43,7 @@ TEST(Cubic, SlowStartDoublesEachRoundTrip) {
 TEST(Cubic, AWindowThatIsNotUsedDoesNotGrow) {
   Cubic cubic;
   for (int i = 0; i < 100; ++i) {
-    Delivery d;
-    d.now = i * 1ms;
-    d.bytes = kMss;
-    d.peak_in_flight = std::size_t{2} * kMss;
+    Delivery d{.now = i * 1ms, .bytes = kMss, .peak_in_flight = std::size_t{2} * kMss};
     cubic.delivered(d);
   }
   EXPECT_EQ(cubic.window(), kInitialWindow);

@@ -129,8 +129,7 @@ class Path {
 };
 
 inline emu::CellParams fifo(double mbit, Duration queue) {
-  emu::CellParams params;
-  params.rate = DataRate::mbit(mbit);
+  emu::CellParams params{.rate = DataRate::mbit(mbit)};
   params.queue_bytes = emu::queue_bytes_of(params.rate, queue);
   return params;
 }

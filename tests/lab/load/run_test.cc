@@ -37,10 +37,7 @@ TEST(Run, TheSameScenarioGivesTheSameRow) {
 }
 
 TEST(Run, EncryptionCostsNoGoodput) {
-  Choice choice;
-  choice.peers = {Peer::kOurs};
-  choice.length = 5s;
-  choice.loads = {1.2};
+  Choice choice{.peers = {Peer::kOurs}, .loads = {1.2}, .length = 5s};
   const Row clear = run(scenarios("rate", choice).front());
   choice.is_encrypted = true;
   const Row sealed = run(scenarios("rate", choice).front());
@@ -80,10 +77,7 @@ INSTANTIATE_TEST_SUITE_P(Peers, RunOf,
 
 // A queue of 300 ms that is full makes every message late, and stays full.
 TEST(Run, FivePercentTooMuchDoesNotMakeEveryMessageLate) {
-  Choice choice;
-  choice.peers = {Peer::kOurs};
-  choice.loads = {1.05, 2.0};
-  choice.length = 5s;
+  Choice choice{.peers = {Peer::kOurs}, .loads = {1.05, 2.0}, .length = 5s};
   int runs = 0;
   for (const Scenario& s : scenarios("rate", choice)) {
     if (s.queue < s.deadline) continue;
@@ -98,10 +92,7 @@ TEST(Run, FivePercentTooMuchDoesNotMakeEveryMessageLate) {
 // What a train of packets shows is the rate of the cell and not a vehicle's share of it.
 TEST(Run, TenVehiclesThatWantMoreThanTheirCellHasShareIt) {
   for (const double load : {1.06, 2.0}) {
-    Choice choice;
-    choice.peers = {Peer::kOurs};
-    choice.loads = {load};
-    choice.length = 5s;
+    Choice choice{.peers = {Peer::kOurs}, .loads = {load}, .length = 5s};
     for (const Scenario& s : scenarios("vehicles", choice)) {
       if (s.vehicles != 10) continue;
       const Row row = run(s);
@@ -131,11 +122,8 @@ TEST(Run, BesideOneFlowOfCubicAVehicleGetsItsShareAndLeavesTheRest) {
 }
 
 TEST(Run, UdpAtTwiceTheRateLosesHalfOfItsPackets) {
-  Choice choice;
-  choice.peers = {Peer::kUdp};
-  choice.loads = {2.0};
-  choice.length = 5s;
-  Scenario s = scenarios("vehicles", choice).front();
+  Scenario s =
+      scenarios("vehicles", Choice{.peers = {Peer::kUdp}, .loads = {2.0}, .length = 5s}).front();
   // Messages of one datagram, so that each packet that is carried counts.
   s.message_bytes = 1400;
   s.period = Duration{s.capacity.transmit_time(1428).count() * std::int64_t(s.vehicles) / 2};

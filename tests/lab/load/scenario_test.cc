@@ -26,9 +26,7 @@ TEST(Scenario, EveryGroupOffersTheLoadItNames) {
 }
 
 TEST(Scenario, WhatIsChosenIsRunAndNothingElse) {
-  Choice choice;
-  choice.peers = {Peer::kOurs};
-  choice.loads = {1.05, 2.5};
+  Choice choice{.peers = {Peer::kOurs}, .loads = {1.05, 2.5}};
   for (const Scenario& s : scenarios("rate", choice)) {
     EXPECT_EQ(s.peer, Peer::kOurs);
     EXPECT_TRUE(s.load == 1.05 || s.load == 2.5) << s.load;

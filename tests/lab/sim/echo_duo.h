@@ -15,10 +15,8 @@ namespace interneuron::sim {
 class EchoDuo : public Duo {
  public:
   static PipelineConfig best_link() {
-    PipelineConfig pipeline;
-    pipeline.stages = {StageKind::kCommunication, StageKind::kCommunication};
-    pipeline.policy = "best_link";
-    return pipeline;
+    return PipelineConfig{.stages = {StageKind::kCommunication, StageKind::kCommunication},
+                          .policy = "best_link"};
   }
 
   explicit EchoDuo(const std::vector<emu::LinkProfile>& profiles, std::uint64_t seed = 1,

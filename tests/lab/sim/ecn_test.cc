@@ -55,9 +55,7 @@ struct Cell {
 };
 
 emu::CellParams codel() {
-  emu::CellParams params;
-  params.rate = kRate;
-  params.queue_bytes = emu::queue_bytes_of(kRate, 300ms);
+  emu::CellParams params{.rate = kRate, .queue_bytes = emu::queue_bytes_of(kRate, 300ms)};
   params.codel.emplace();
   return params;
 }

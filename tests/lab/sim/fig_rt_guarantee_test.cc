@@ -3,8 +3,6 @@
 
 #include <cstdio>
 
-#include "support.h"
-
 namespace interneuron::sim::fig_rt_guarantee_test {
 namespace {
 

@@ -68,15 +68,13 @@ class Fleet {
 };
 
 PipelineConfig Fleet::pipeline(const FleetVehicle& vehicle) const {
-  PipelineConfig p;
-  p.id = kFleetCamera;
-  p.stages = offload_stages();
-  p.deadline = vehicle.deadline;
-  p.period = vehicle.period;
-  p.policy = "down_sampling";
-  p.guard = GuardKind::kBudget;
-  p.levels = profiles_of(o_.ladder);
-  return p;
+  return PipelineConfig{.id = kFleetCamera,
+                        .stages = offload_stages(),
+                        .deadline = vehicle.deadline,
+                        .period = vehicle.period,
+                        .policy = "down_sampling",
+                        .guard = GuardKind::kBudget,
+                        .levels = profiles_of(o_.ladder)};
 }
 
 void Fleet::build() {
@@ -86,10 +84,9 @@ void Fleet::build() {
   road.accept_peers = true;
   road_ = world_.add_host(std::move(road));
   for (std::size_t i = 0; i < o_.vehicles.size(); ++i) {
-    EndpointOptions options;
-    options.session = session_of(i);
-    options.pipelines = {pipeline(o_.vehicles[i])};
-    options.policies = builtin_policies();
+    EndpointOptions options{.session = session_of(i),
+                            .pipelines = {pipeline(o_.vehicles[i])},
+                            .policies = builtin_policies()};
     hosts_.push_back(world_.add_host(std::move(options)));
     const LinkId link{static_cast<std::uint16_t>(i)};
     world_.add_link(hosts_[i], road_, link, o_.link.name,

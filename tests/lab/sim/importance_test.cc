@@ -22,10 +22,8 @@ TEST(Importance, UnderOverloadWhatMattersMoreArrives) {
   // alone take 85 % of the link.
   for (int i = 0; i < kMessages; ++i) {
     duo.world.at(2s + i * 5ms, [&duo, usual, i] {
-      SendOptions options;
-      options.deadline = 150ms;
-      options.policy = "best_link";
-      options.importance = i % 2 == 0 ? kImportant : usual;
+      SendOptions options{
+          .deadline = 150ms, .policy = "best_link", .importance = i % 2 == 0 ? kImportant : usual};
       duo.world.endpoint(duo.vehicle)
           .send(duo.world.local_time(duo.vehicle), duo.peer, {Bytes(kBytes)}, options);
     });

@@ -19,13 +19,10 @@ struct Flaps {
 Flaps drive_marginal(std::uint64_t seed, double loss, Duration length, bool loaded) {
   std::mt19937_64 random(seed);
   World world(seed);
-  PipelineConfig pipeline;
-  pipeline.stages = {StageKind::kCommunication, StageKind::kCommunication};
-  pipeline.policy = "duplicate";
-  EndpointOptions a;
-  a.session = SessionId{1};
-  a.pipelines = {pipeline};
-  a.policies = builtin_policies();
+  PipelineConfig pipeline{.stages = {StageKind::kCommunication, StageKind::kCommunication},
+                          .policy = "duplicate"};
+  EndpointOptions a{
+      .session = SessionId{1}, .pipelines = {pipeline}, .policies = builtin_policies()};
   EndpointOptions b;
   b.session = SessionId{2};
   b.policies = builtin_policies();

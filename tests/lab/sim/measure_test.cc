@@ -43,9 +43,8 @@ class LoadedRate : public testing::TestWithParam<Load> {};
 // off, by a quarter.
 TEST_P(LoadedRate, IsFoundWithin20Percent) {
   const auto [mbit, load] = GetParam();
-  Duo::Options o;
-  o.deadline = 150ms;
-  o.variants = {static_cast<std::size_t>(mbit * 1e6 / 8 * 0.15 / 3)};
+  Duo::Options o{.variants = {static_cast<std::size_t>(mbit * 1e6 / 8 * 0.15 / 3)},
+                 .deadline = 150ms};
   o.period = Duration{
       static_cast<std::int64_t>(static_cast<double>(o.variants[0] + 90) * 8e3 / (mbit * load))};
   const Duration end = mbit < 100 ? 30s : 6s;
@@ -104,9 +103,7 @@ TEST(Measure, AFastLinkIsMeasuredWithinTwoSeconds) {
 // Small messages that come so often that no pause is as long as within a train.
 TEST(Measure, SmallMessagesDoNotHideAFastLink) {
   for (const Duration start : {0ms, 50ms, 300ms, 2'000ms}) {
-    Duo::Options o;
-    o.variants = {5'000};
-    o.period = 10ms;
+    Duo::Options o{.variants = {5'000}, .period = 10ms};
     Duo stream({constant_link("a", 20, 1'000, 1'000)}, o);
     stream.send(start, 1'000);
     stream.world.run_until(3s);
@@ -214,8 +211,7 @@ TEST(Measure, CopiesOfFeedbackTakeAShareOfWhatMessagesBring) {
     return out;
   }();
   for (const bool is_metered : {false, true}) {
-    LinkTraits second;
-    second.metered = is_metered;
+    LinkTraits second{.metered = is_metered};
     EchoDuo duo({constant_link("a", 30, 100, 100), constant_link("b", 50, 50, 50)}, 1, {{}, second},
                 pipeline);
     duo.stream(1s, 190, 100'000);
@@ -245,8 +241,7 @@ TEST(Measure, UnderLoadNothingIsProbed) {
 }
 
 TEST(Measure, AMeteredLinkGetsNoTrainUnlessAskedAndFewHeartbeatsBothWays) {
-  LinkTraits metered;
-  metered.metered = true;
+  LinkTraits metered{.metered = true};
   EchoDuo duo({constant_link("a", 30, 100, 100)}, 1, {metered});
   duo.world.run_until(10s);
   for (const HostId host : {duo.vehicle, duo.road}) {
@@ -271,8 +266,7 @@ TEST(Measure, AMeteredLinkGetsNoTrainUnlessAskedAndFewHeartbeatsBothWays) {
 
 // A metered path is heard every 12 s only: that is no silence when messages begin.
 TEST(Measure, AnIdleMeteredLinkIsThereWhenAMessageComes) {
-  LinkTraits metered;
-  metered.metered = true;
+  LinkTraits metered{.metered = true};
   EchoDuo duo({constant_link("a", 30, 100, 100)}, 1, {metered});
   duo.world.run_until(60s);
   for (int i = 0; i < 10; ++i) {

@@ -41,10 +41,8 @@ class Offloading {
         asks_ ? std::vector{kComm, kComp, kComm, kComp, kComm, kComp, kComm} : offload_stages();
     pipeline.deadline = deadline;
     pipeline.policy = "progressive";
-    EndpointOptions o;
-    o.session = SessionId{1};
-    o.policies = builtin_policies();
-    o.pipelines = {pipeline};
+    EndpointOptions o{
+        .session = SessionId{1}, .pipelines = {pipeline}, .policies = builtin_policies()};
     vehicle_ = world_.add_host(o);
     o.session = SessionId{2};
     o.pipelines.clear();

@@ -67,9 +67,8 @@ struct Tallies {
 };
 
 EndpointOptions host(std::uint32_t session, bool accepts) {
-  PipelineConfig pipeline;
-  pipeline.stages = {StageKind::kCommunication, StageKind::kCommunication};
-  pipeline.policy = "duplicate";
+  PipelineConfig pipeline{.stages = {StageKind::kCommunication, StageKind::kCommunication},
+                          .policy = "duplicate"};
   EndpointOptions o;
   o.session = SessionId{session};
   if (!accepts) o.pipelines = {pipeline};

@@ -53,10 +53,7 @@ emu::Link access() { return emu::Link(constant_link("access", 40, 10'000, 10'000
 
 // 8 Mbit/s: 1000 bytes a millisecond.
 emu::CellParams slow_cell(std::size_t queue_bytes = 1'000'000) {
-  emu::CellParams params;
-  params.rate = DataRate::mbit(8);
-  params.queue_bytes = queue_bytes;
-  return params;
+  return emu::CellParams{.rate = DataRate::mbit(8), .queue_bytes = queue_bytes};
 }
 
 // Two talkers that send to a third.
@@ -166,8 +163,7 @@ EndpointOptions endpoint(std::uint32_t session, bool road) {
   o.policies = builtin_policies();
   o.accept_peers = road;
   if (road) return o;
-  PipelineConfig pipeline;
-  pipeline.stages = {StageKind::kCommunication, StageKind::kCommunication};
+  PipelineConfig pipeline{.stages = {StageKind::kCommunication, StageKind::kCommunication}};
   o.pipelines = {pipeline};
   return o;
 }

@@ -65,10 +65,9 @@ std::vector<std::pair<Duration, std::size_t>> some_plan() {
 }
 
 emu::CellParams some_cell() {
-  emu::CellParams params;
-  params.rate = DataRate::mbit(*rc::gen::element(1.0, 8.0, 100.0));
-  params.queue_bytes = *rc::gen::element<std::size_t>(2000, 50'000);
-  params.mtu = kHopMtu;
+  emu::CellParams params{.rate = DataRate::mbit(*rc::gen::element(1.0, 8.0, 100.0)),
+                         .queue_bytes = *rc::gen::element<std::size_t>(2000, 50'000),
+                         .mtu = kHopMtu};
   if (*rc::gen::arbitrary<bool>()) params.codel = emu::CoDelParams{1ms, 10ms};
   return params;
 }

@@ -7,13 +7,9 @@ namespace interneuron::sim::world_test {
 namespace {
 
 EndpointOptions vehicle_options(std::uint32_t session) {
-  PipelineConfig pipeline;
-  pipeline.stages = {StageKind::kCommunication, StageKind::kCommunication};
-  EndpointOptions o;
-  o.session = SessionId{session};
-  o.pipelines = {pipeline};
-  o.policies = builtin_policies();
-  return o;
+  PipelineConfig pipeline{.stages = {StageKind::kCommunication, StageKind::kCommunication}};
+  return EndpointOptions{
+      .session = SessionId{session}, .pipelines = {pipeline}, .policies = builtin_policies()};
 }
 
 EndpointOptions road_options(std::uint32_t session) {

@@ -178,11 +178,10 @@ void AdmittedPeer::say(TimePoint now) {
   feedback.u = now.time_since_epoch().count();
   feedback.echo = {echo_};
   if (largest_ > 0) {
-    wire::LinkReport report;
-    report.has_exchange = newest_at_ != TimePoint{};
-    report.s = PeerTime{Duration{newest_u_}};
-    report.h = now - newest_at_;
-    report.largest = largest_;
+    wire::LinkReport report{.has_exchange = newest_at_ != TimePoint{},
+                            .s = PeerTime{Duration{newest_u_}},
+                            .h = now - newest_at_,
+                            .largest = largest_};
     for (std::size_t i = 0; i < wire::kAckWindow; ++i) {
       if (before_[i]) report.bitmap[i / 64] |= std::uint64_t{1} << (i % 64);
     }

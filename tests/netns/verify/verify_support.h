@@ -29,12 +29,7 @@ inline Schedule constant(double rtt_ms, double loss = 0, double mbit = 10) {
 }
 
 inline Datagram datagram(std::uint32_t number, Duration seen, Duration stamp) {
-  Datagram d;
-  d.number = number;
-  d.seen = seen;
-  d.stamp = stamp;
-  d.ip_bytes = 128;
-  return d;
+  return Datagram{.seen = seen, .ip_bytes = 128, .number = number, .stamp = stamp};
 }
 
 }  // namespace interneuron::netns::verify

@@ -1,9 +1,7 @@
 // What `testbed verify` expects of a schedule, and how it reads the tools.
 #include <gtest/gtest.h>
 
-#include <array>
 #include <cmath>
-#include <cstring>
 #include <random>
 
 #include "netns/verify/readings.h"

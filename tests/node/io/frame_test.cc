@@ -4,10 +4,9 @@
 #include <rapidcheck.h>
 #include <rapidcheck/gtest.h>
 
-#include <numeric>
-
 #include "node/io/address.h"
 #include "support.h"
+#include "two_hosts.h"
 
 namespace interneuron::io::frame_test {
 namespace {
@@ -17,16 +16,6 @@ FrameAddresses some(bool ipv6, bool ethernet) {
   if (ethernet) out.ethernet = EthernetHeader{.to = {std::byte{2}}, .from = {std::byte{6}}};
   out.from = *parse_address(ipv6 ? "[fd00::1]:4000" : "10.0.0.1:4000");
   out.to = *parse_address(ipv6 ? "[fd00::2]:5000" : "10.0.0.2:5000");
-  return out;
-}
-
-// A whole frame, with its checksum completed.
-Bytes frame_of(const FrameAddresses& addresses, const Bytes& payload) {
-  FrameHeader header = build_header(addresses, payload.size()).value();
-  const ByteView part(payload);
-  complete_checksum(header, {&part, 1});
-  Bytes out(header.view().begin(), header.view().end());
-  out.insert(out.end(), payload.begin(), payload.end());
   return out;
 }
 
@@ -71,7 +60,7 @@ Bytes with_tags(const Bytes& frame, const std::vector<std::pair<unsigned, unsign
 TEST(Frame, BytesAreThoseOfTheStandards) {
   FrameAddresses addresses = some(false, true);
   addresses.ecn = 2;
-  const Bytes frame = frame_of(addresses, {std::byte{'a'}, std::byte{'b'}});
+  const Bytes frame = whole_frame(addresses, {std::byte{'a'}, std::byte{'b'}});
   const std::vector<unsigned> expected = {
       2,    0,    0,    0,    0, 0,  6,    0,    0,   0,  0,    0,    0x08, 0x00,  // Ethernet
       0x45, 0x02, 0,    30,   0, 0,  0x40, 0,    64,  17, 0x26, 0xcb, 10,   0,
@@ -94,7 +83,7 @@ RC_GTEST_PROP(Frame, WhatIsBuiltIsReadBack, ()) {
   }
   const Bytes bytes =
       payload(*rc::gen::arbitrary<std::uint8_t>(), *rc::gen::inRange<std::size_t>(0, 3000));
-  Bytes frame = frame_of(addresses, bytes);
+  Bytes frame = whole_frame(addresses, bytes);
   // Ethernet pads short frames.
   frame.resize(frame.size() + *rc::gen::inRange<std::size_t>(0, 40));
   const auto result = parse_frame(frame, {.ethernet = addresses.ethernet.has_value()});
@@ -115,8 +104,8 @@ RC_GTEST_PROP(Frame, ThePartsOfAPayloadDoNotMatterToItsChecksum, ()) {
   const ByteView all(bytes);
   const std::array parts = {all.first(cut), all.subspan(cut, second - cut), all.subspan(second)};
   complete_checksum(header, parts);
-  RC_ASSERT(
-      std::ranges::equal(header.view(), ByteView(frame_of(addresses, bytes)).first(header.size)));
+  RC_ASSERT(std::ranges::equal(header.view(),
+                               ByteView(whole_frame(addresses, bytes)).first(header.size)));
 }
 
 // Whatever a stranger changes, cuts off or appends: the reading stays within the frame, and no
@@ -125,7 +114,7 @@ RC_GTEST_PROP(Frame, OneChangedByteIsNoticedOrHarmless, ()) {
   const bool ethernet = *rc::gen::arbitrary<bool>();
   const FrameAddresses addresses = some(*rc::gen::arbitrary<bool>(), ethernet);
   const Bytes bytes = payload(7, *rc::gen::inRange<std::size_t>(1, 300));
-  const Bytes frame = frame_of(addresses, bytes);
+  const Bytes frame = whole_frame(addresses, bytes);
   Bytes changed = frame;
   const auto at = *rc::gen::inRange<std::size_t>(0, frame.size());
   changed[at] ^= static_cast<std::byte>(*rc::gen::inRange(1, 256));
@@ -139,7 +128,7 @@ RC_GTEST_PROP(Frame, OneChangedByteIsNoticedOrHarmless, ()) {
 
 RC_GTEST_PROP(Frame, AnyBytesAreReadWithinTheirBounds, ()) {
   const auto ethernet = *rc::gen::arbitrary<bool>();
-  Bytes frame = frame_of(some(*rc::gen::arbitrary<bool>(), ethernet), payload(3, 60));
+  Bytes frame = whole_frame(some(*rc::gen::arbitrary<bool>(), ethernet), payload(3, 60));
   const auto changes = *rc::gen::inRange(0, 12);
   for (int i = 0; i < changes; ++i) {
     frame[*rc::gen::inRange<std::size_t>(0, frame.size())] =
@@ -157,7 +146,7 @@ RC_GTEST_PROP(Frame, AnyBytesAreReadWithinTheirBounds, ()) {
 
 TEST(Frame, CutAnywhereItIsTruncated) {
   for (const bool ipv6 : {false, true}) {
-    const Bytes frame = frame_of(some(ipv6, true), payload(1, 50));
+    const Bytes frame = whole_frame(some(ipv6, true), payload(1, 50));
     for (std::size_t size = 0; size < frame.size(); ++size) {
       EXPECT_EQ(outcome(ByteView(frame).first(size)), "truncated") << size;
     }
@@ -165,7 +154,7 @@ TEST(Frame, CutAnywhereItIsTruncated) {
 }
 
 TEST(Frame, TagsOfNoVlanAreSkippedAndThoseOfOneRefused) {
-  const Bytes frame = frame_of(some(false, true), payload(1, 50));
+  const Bytes frame = whole_frame(some(false, true), payload(1, 50));
   EXPECT_EQ(outcome(with_tags(frame, {{0x8100, 0xe000}})), "fine");
   EXPECT_EQ(outcome(with_tags(frame, {{0x88a8, 0}, {0x8100, 0x2000}})), "fine");
   EXPECT_EQ(outcome(with_tags(frame, {{0x8100, 5}})), "VLAN");
@@ -176,7 +165,7 @@ TEST(Frame, TagsOfNoVlanAreSkippedAndThoseOfOneRefused) {
 }
 
 TEST(Frame, OptionsOfIpv4AreSkipped) {
-  const Bytes plain = frame_of(some(false, true), payload(1, 50));
+  const Bytes plain = whole_frame(some(false, true), payload(1, 50));
   Bytes frame(plain.begin(), plain.begin() + 34);
   frame.resize(46, std::byte{1});  // 12 bytes of "no operation"
   frame.insert(frame.end(), plain.begin() + 34, plain.end());
@@ -189,7 +178,7 @@ TEST(Frame, OptionsOfIpv4AreSkipped) {
 }
 
 TEST(Frame, LengthsThatLieAreRefused) {
-  const Bytes good = frame_of(some(false, true), payload(1, 50));
+  const Bytes good = whole_frame(some(false, true), payload(1, 50));
   const auto ipv4_total = [&](unsigned total) {
     Bytes frame = good;
     set16(frame, 16, total);
@@ -211,26 +200,26 @@ TEST(Frame, LengthsThatLieAreRefused) {
   EXPECT_EQ(udp_length(7), "UDP length");
   EXPECT_EQ(udp_length(8), "fine");
   EXPECT_EQ(udp_length(59), "UDP length");
-  Bytes jumbo = frame_of(some(true, true), payload(1, 50));
+  Bytes jumbo = whole_frame(some(true, true), payload(1, 50));
   set16(jumbo, 18, 0);
   EXPECT_EQ(outcome(jumbo), "UDP length");
 }
 
 TEST(Frame, FragmentsAreRefused) {
-  Bytes ipv4 = frame_of(some(false, true), payload(1, 50));
+  Bytes ipv4 = whole_frame(some(false, true), payload(1, 50));
   for (const unsigned word : {0x2000U, 0x0001U, 0x3fffU}) {
     set16(ipv4, 20, word);
     fix_ipv4(ipv4, 14);
     EXPECT_EQ(outcome(ipv4), "fragment") << word;
   }
-  Bytes ipv6 = frame_of(some(true, true), payload(1, 50));
+  Bytes ipv6 = whole_frame(some(true, true), payload(1, 50));
   ipv6[20] = std::byte{44};
   EXPECT_EQ(outcome(ipv6), "fragment");
 }
 
 TEST(Frame, ChecksumsAreHeldAgainstTheBytes) {
   for (const bool is6 : {false, true}) {
-    Bytes frame = frame_of(some(is6, true), payload(1, 50));
+    Bytes frame = whole_frame(some(is6, true), payload(1, 50));
     const std::size_t udp = is6 ? 54 : 34;
     frame.back() ^= std::byte{1};
     EXPECT_EQ(outcome(frame), "UDP checksum");
@@ -238,13 +227,13 @@ TEST(Frame, ChecksumsAreHeldAgainstTheBytes) {
     set16(frame, udp + 6, 0);
     EXPECT_EQ(outcome(frame), is6 ? "UDP checksum" : "fine") << "none was computed";
   }
-  Bytes ipv4 = frame_of(some(false, true), payload(1, 50));
+  Bytes ipv4 = whole_frame(some(false, true), payload(1, 50));
   ipv4[22] = std::byte{9};
   EXPECT_EQ(outcome(ipv4, {.checksum_known = true}), "IP checksum");
 }
 
 TEST(Frame, OtherProtocolsAndVersionsAreRefused) {
-  Bytes ipv4 = frame_of(some(false, true), payload(1, 50));
+  Bytes ipv4 = whole_frame(some(false, true), payload(1, 50));
   set16(ipv4, 12, 0x86dd);
   EXPECT_EQ(outcome(ipv4), "not IP");
   set16(ipv4, 12, 0x0806);
@@ -253,7 +242,7 @@ TEST(Frame, OtherProtocolsAndVersionsAreRefused) {
   ipv4[23] = std::byte{6};
   fix_ipv4(ipv4, 14);
   EXPECT_EQ(outcome(ipv4), "not UDP");
-  Bytes ipv6 = frame_of(some(true, false), payload(1, 50));
+  Bytes ipv6 = whole_frame(some(true, false), payload(1, 50));
   ipv6[6] = std::byte{0};
   EXPECT_EQ(outcome(ipv6, {.ethernet = false}), "not UDP");
 }
@@ -264,17 +253,17 @@ TEST(Frame, AddressesThatNobodySendsFromAreRefused) {
     FrameAddresses addresses =
         some(std::string_view(host).find(':') != std::string_view::npos, true);
     addresses.from = *make_address(host, 4000);
-    EXPECT_EQ(outcome(frame_of(addresses, payload(1, 50))), "source") << host;
+    EXPECT_EQ(outcome(whole_frame(addresses, payload(1, 50))), "source") << host;
   }
   FrameAddresses loopback = some(false, true);
   loopback.from = *make_address("127.0.0.1", 4000);
-  EXPECT_EQ(outcome(frame_of(loopback, payload(1, 50)), {.loopback = true}), "fine");
+  EXPECT_EQ(outcome(whole_frame(loopback, payload(1, 50)), {.loopback = true}), "fine");
 }
 
 TEST(Frame, LinkLocalAddressesAreOfTheirDevice) {
   FrameAddresses addresses = some(true, true);
   addresses.from = *make_address("fe80::1%7", 4000);
-  const auto result = parse_frame(frame_of(addresses, payload(1, 50)), {.device = 7});
+  const auto result = parse_frame(whole_frame(addresses, payload(1, 50)), {.device = 7});
   ASSERT_TRUE(std::holds_alternative<ParsedFrame>(result));
   EXPECT_EQ(std::get<ParsedFrame>(result).from, addresses.from);
 }

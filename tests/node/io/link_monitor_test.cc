@@ -4,21 +4,30 @@
 
 #include <gtest/gtest.h>
 
-#include <vector>
-
 #include "watch.h"
 
 namespace interneuron::io::link_monitor_test {
 namespace {
 
+using enum NicState;
+
+// Runs `body` in a namespace of its own, with a monitor by which the card "va" is ready.
+void with_ready_card(void (*body)(Watch&)) {
+  in_namespace([body] {
+    Watch watch;
+    ASSERT_TRUE(wait_until_ready(watch)) << "va is ready";
+    body(watch);
+  });
+}
+
 TEST(LinkMonitor, TheLoopbackCardIsReadyForItsOwnAddresses) {
   LinkMonitor monitor;
   monitor.require_route("lo", *parse_address("127.0.0.2:9"));
-  EXPECT_EQ(monitor.state("lo"), NicState::kReady) << monitor.reason("lo");
+  EXPECT_EQ(monitor.state("lo"), kReady) << monitor.reason("lo");
   monitor.require_route("lo", Address{});
-  EXPECT_EQ(monitor.state("lo"), NicState::kReady) << monitor.reason("lo");
+  EXPECT_EQ(monitor.state("lo"), kReady) << monitor.reason("lo");
   monitor.require_route("lo", *parse_address("198.51.100.1:9"));
-  EXPECT_EQ(monitor.state("lo"), NicState::kNoRoute);
+  EXPECT_EQ(monitor.state("lo"), kNoRoute);
   EXPECT_EQ(monitor.reason("lo"), "nothing routes to 198.51.100.1 through it");
   ASSERT_NE(monitor.find("lo"), nullptr);
   EXPECT_EQ(monitor.find("lo")->kind, "loopback");
@@ -28,10 +37,10 @@ TEST(LinkMonitor, TheLoopbackCardIsReadyForItsOwnAddresses) {
 TEST(LinkMonitor, ANameWithoutACardIsAbsent) {
   LinkMonitor monitor;
   EXPECT_EQ(monitor.find("nosuch0"), nullptr);
-  EXPECT_EQ(monitor.state("nosuch0"), NicState::kAbsent);
+  EXPECT_EQ(monitor.state("nosuch0"), kAbsent);
   EXPECT_EQ(monitor.reason("nosuch0"), "there is no network card of this name");
   monitor.require_route("nosuch0", kPeer);
-  EXPECT_EQ(monitor.state("nosuch0"), NicState::kAbsent);
+  EXPECT_EQ(monitor.state("nosuch0"), kAbsent);
 }
 
 TEST(LinkMonitor, WhatTheKernelKnowsOfACard) {
@@ -57,10 +66,7 @@ TEST(LinkMonitor, WhatTheKernelKnowsOfACard) {
 }
 
 TEST(LinkMonitor, DownUpAndCarrier) {
-  in_namespace([] {
-    Watch watch;
-    ASSERT_TRUE(wait_until_ready(watch)) << "va is ready";
-    using enum NicState;
+  with_ready_card([](Watch& watch) {
     expect_event(watch.after("ip link set va down", "va", kNoCarrier), kReady, false,
                  "administratively down");
     expect_event(watch.after("ip link set va up", "va", kReady), kNoCarrier, false,
@@ -72,10 +78,7 @@ TEST(LinkMonitor, DownUpAndCarrier) {
 }
 
 TEST(LinkMonitor, AddressesAndMtu) {
-  in_namespace([] {
-    Watch watch;
-    ASSERT_TRUE(wait_until_ready(watch)) << "va is ready";
-    using enum NicState;
+  with_ready_card([](Watch& watch) {
     expect_event(watch.after("ip addr add 10.99.1.1/24 dev va", "va", kReady), kReady, false,
                  "address 10.99.1.1 was added");
     expect_event(watch.after("ip addr del 10.99.1.1/24 dev va", "va", kReady), kReady, false,
@@ -91,21 +94,16 @@ TEST(LinkMonitor, AddressesAndMtu) {
 }
 
 TEST(LinkMonitor, OneAddressInPlaceOfAnotherIsANewIncarnation) {
-  in_namespace([] {
-    Watch watch;
-    ASSERT_TRUE(wait_until_ready(watch)) << "va is ready";
+  with_ready_card([](Watch& watch) {
     // Both changes before the monitor looks.
     shell("ip addr add 10.99.0.3/16 dev va");
-    expect_event(watch.after("ip addr del 10.99.0.1/24 dev va", "va", NicState::kReady),
-                 NicState::kReady, true, "address 10.99.0.1 became 10.99.0.3");
+    expect_event(watch.after("ip addr del 10.99.0.1/24 dev va", "va", kReady), kReady, true,
+                 "address 10.99.0.1 became 10.99.0.3");
   });
 }
 
 TEST(LinkMonitor, RoutesComeAndGo) {
-  in_namespace([] {
-    Watch watch;
-    ASSERT_TRUE(wait_until_ready(watch)) << "va is ready";
-    using enum NicState;
+  with_ready_card([](Watch& watch) {
     expect_event(watch.after("ip route del 10.99.0.0/24", "va", kNoRoute), kReady, false,
                  "nothing routes to 10.99.0.2 through it");
     expect_event(watch.after("ip route add 10.0.0.0/8 dev va", "va", kReady), kNoRoute, false,
@@ -122,10 +120,9 @@ TEST(LinkMonitor, ATableOfItsOwnIsARouteIfTheSourceIsItsOwn) {
     Watch watch;
     const Address peer = *parse_address("198.51.100.1:9");
     watch.monitor.require_route("va", peer);
-    if (!watch.monitor.find("va")->up && !watch.until("va", NicState::kNoRoute)) {
+    if (!watch.monitor.find("va")->up && !watch.until("va", kNoRoute)) {
       FAIL() << "va is up";
     }
-    using enum NicState;
     shell("ip route add default via 10.99.0.2 dev va table 101");
     expect_event(watch.after("ip rule add from 10.99.0.1 lookup 101", "va", kReady), kNoRoute, true,
                  "ready with address 10.99.0.1 as source");
@@ -143,7 +140,6 @@ TEST(LinkMonitor, ATableOfItsOwnIsARouteIfTheSourceIsItsOwn) {
 TEST(LinkMonitor, WithoutAPeerADefaultRouteIsWanted) {
   in_namespace([] {
     Watch watch;
-    using enum NicState;
     if (watch.monitor.state("va") != kNoRoute && !watch.until("va", kNoRoute)) {
       FAIL() << "va has no default route";
     }
@@ -161,10 +157,7 @@ TEST(LinkMonitor, WithoutAPeerADefaultRouteIsWanted) {
 }
 
 TEST(LinkMonitor, UnplugAndPlug) {
-  in_namespace([] {
-    Watch watch;
-    ASSERT_TRUE(wait_until_ready(watch)) << "va is ready";
-    using enum NicState;
+  with_ready_card([](Watch& watch) {
     expect_event(watch.after("ip link del va", "va", kAbsent), kReady, false, "unplugged");
     EXPECT_EQ(watch.monitor.state("vb"), kAbsent) << "its peer went with it";
     shell("ip link add va type veth peer name vb");
@@ -177,9 +170,7 @@ TEST(LinkMonitor, UnplugAndPlug) {
 }
 
 TEST(LinkMonitor, AnotherCardOfTheSameNameIsANewIncarnation) {
-  in_namespace([] {
-    Watch watch;
-    ASSERT_TRUE(wait_until_ready(watch)) << "va is ready";
+  with_ready_card([](Watch& watch) {
     const int old_index = watch.monitor.find("va")->index;
     // All of it before the monitor looks.
     const auto replace = [] {
@@ -187,7 +178,7 @@ TEST(LinkMonitor, AnotherCardOfTheSameNameIsANewIncarnation) {
              shell("ip addr add 10.99.0.1/24 dev va") && shell("ip link set vb up") &&
              shell("ip link set va up");
     };
-    const auto event = watch.after(replace, "another va", "va", NicState::kReady);
+    const auto event = watch.after(replace, "another va", "va", kReady);
     ASSERT_TRUE(event) << "an event";
     EXPECT_TRUE(event->new_incarnation) << "a new incarnation";
     EXPECT_NE(event->index, old_index) << "another index";
@@ -196,11 +187,8 @@ TEST(LinkMonitor, AnotherCardOfTheSameNameIsANewIncarnation) {
 }
 
 TEST(LinkMonitor, Rename) {
-  in_namespace([] {
-    Watch watch;
-    ASSERT_TRUE(wait_until_ready(watch)) << "va is ready";
+  with_ready_card([](Watch& watch) {
     watch.monitor.require_route("wan0", kPeer);
-    using enum NicState;
     // A card that is up has to be taken down for it, unless the kernel is 6.3 or newer.
     shell("ip link set va down");
     watch.until("va", kNoCarrier);
@@ -219,7 +207,6 @@ TEST(LinkMonitor, MovedAwayAndBack) {
     Watch watch;
     if (!other.made()) GTEST_SKIP() << "this kernel lacks what the test needs";
     ASSERT_TRUE(wait_until_ready(watch)) << "va is ready";
-    using enum NicState;
     expect_event(watch.after([&] { return other.take("va"); }, "moving va", "va", kAbsent), kReady,
                  false, "moved to another network namespace");
     expect_event(
@@ -238,7 +225,6 @@ TEST(LinkMonitor, Ipv6AddressesCountWhenTheyMayBeUsed) {
     }
     Watch watch;
     watch.monitor.require_route("va", *parse_address("[fd00::2]:9"));
-    using enum NicState;
     if (watch.monitor.state("va") != kNoAddress && !watch.until("va", kNoAddress)) {
       FAIL() << "va waits for an address";
     }
@@ -266,11 +252,11 @@ TEST(LinkMonitor, LinkLocalAddressesReachLinkLocalPeers) {
     const auto peer = parse_address("[fe80::2%va]:9");
     if (!peer) GTEST_SKIP() << "this kernel lacks what the test needs";
     watch.monitor.require_route("va", *peer);
-    if (watch.monitor.state("va") != NicState::kReady && !watch.until("va", NicState::kReady)) {
+    if (watch.monitor.state("va") != kReady && !watch.until("va", kReady)) {
       FAIL() << "ready for a link-local peer";
     }
     watch.monitor.require_route("va", *parse_address("[fd00::2]:9"));
-    EXPECT_EQ(watch.monitor.state("va"), NicState::kNoAddress) << "not for another";
+    EXPECT_EQ(watch.monitor.state("va"), kNoAddress) << "not for another";
     EXPECT_EQ(watch.monitor.reason("va"), "no IPv6 address") << "the reason";
   });
 }

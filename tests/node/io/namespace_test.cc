@@ -1,20 +1,13 @@
 // What only a NIC of one's own shows: a full send buffer, a small MTU, a card that vanishes.
 #include "namespace.h"
 
-#include <gtest/gtest.h>
-
 #include "node/io/udp_socket.h"
 #include "support.h"
 
 namespace interneuron::io::namespace_test {
 namespace {
 
-UdpOptions on_va() {
-  UdpOptions options;
-  options.nic = "va";
-  options.local = *make_address("10.99.0.1", 0);
-  return options;
-}
+UdpOptions on_va() { return UdpOptions{.nic = "va", .local = *make_address("10.99.0.1", 0)}; }
 
 const Address kPeer = *parse_address("10.99.0.2:9");
 
@@ -111,10 +104,7 @@ TEST(Namespace, Ipv6AnswersLeaveFromTheAddressThatWasAsked) {
         !shell("ip -6 addr add fd00::6/128 dev lo nodad")) {
       GTEST_SKIP() << "this kernel lacks what the test needs";
     }
-    UdpOptions options;
-    options.nic = "lo";
-    options.local = *make_address("::", 0);
-    options.answer_from_receiver = true;
+    UdpOptions options{.nic = "lo", .local = *make_address("::", 0), .answer_from_receiver = true};
     UdpTransport server(options);
     options.answer_from_receiver = false;
     UdpTransport client(options);

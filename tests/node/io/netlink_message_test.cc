@@ -12,9 +12,7 @@
 
 #include <memory>
 #include <string_view>
-#include <vector>
 
-#include "node/io/address.h"
 #include "node/monitor/netlink.h"
 #include "node/monitor/nic_table.h"
 

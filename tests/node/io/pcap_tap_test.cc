@@ -47,9 +47,7 @@ std::string temporary_file() {
 }
 
 UdpTransport open_on(const std::string& nic, const std::string& host) {
-  UdpOptions options;
-  options.nic = nic;
-  options.local = *make_address(host, 0);
+  UdpOptions options{.nic = nic, .local = *make_address(host, 0)};
   return UdpTransport(options);
 }
 

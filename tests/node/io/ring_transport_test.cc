@@ -73,9 +73,7 @@ TEST(RingTransport, SpeaksWithAModemThatHasNoEthernetHeaders) {
         EXPECT_EQ(Bytes(frame.payload.begin(), frame.payload.end()), bytes);
       }
       // In, and something broken before it.
-      FrameAddresses addresses;
-      addresses.from = peer;
-      addresses.to = ring.local_address();
+      FrameAddresses addresses{.from = peer, .to = ring.local_address()};
       Bytes broken = whole_frame(addresses, payload(3, 80));
       broken.back() ^= std::byte{1};
       ASSERT_TRUE(card.write(broken));

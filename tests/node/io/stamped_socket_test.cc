@@ -10,9 +10,7 @@ namespace interneuron::io::stamped_socket_test {
 namespace {
 
 StampedSocket on_loopback(const std::string& host) {
-  UdpOptions options;
-  options.nic = "lo";
-  options.local = *make_address(host, 0);
+  UdpOptions options{.nic = "lo", .local = *make_address(host, 0)};
   return StampedSocket(options);
 }
 
@@ -81,10 +79,7 @@ TEST(StampedSocket, EachDatagramComesByItself) {
 
 TEST(StampedSocket, AnAnswerLeavesFromTheAddressThatWasAsked) {
   for (const auto& [any, asked] : {std::pair{"0.0.0.0", "127.0.0.2"}, std::pair{"::", "::1"}}) {
-    UdpOptions options;
-    options.nic = "lo";
-    options.local = *make_address(any, 0);
-    options.answer_from_receiver = true;
+    UdpOptions options{.nic = "lo", .local = *make_address(any, 0), .answer_from_receiver = true};
     StampedSocket reflector(options);
     StampedSocket asking = on_loopback(asked == std::string("::1") ? "::1" : "127.0.0.1");
     const Address to = *make_address(asked, port_of(reflector.local_address()));

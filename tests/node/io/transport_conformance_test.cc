@@ -2,8 +2,6 @@
 // over a link between two network namespaces.
 #include "transport_conformance.h"
 
-#include <gtest/gtest.h>
-
 namespace interneuron::io::transport_conformance_test {
 namespace {
 

@@ -59,10 +59,7 @@ class TwoHosts {
   }
 
   static UdpOptions options(const char* nic, const char* host, std::uint16_t port = 0) {
-    UdpOptions out;
-    out.nic = nic;
-    out.local = *make_address(host, port);
-    return out;
+    return UdpOptions{.nic = nic, .local = *make_address(host, port)};
   }
 
   // Waits until the kernels of both know each other's address of IPv6; false when they never do.

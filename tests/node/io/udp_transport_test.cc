@@ -14,10 +14,7 @@ namespace interneuron::io::udp_transport_test {
 namespace {
 
 UdpOptions on_lo(const char* host = "127.0.0.1", std::uint16_t port = 0) {
-  UdpOptions options;
-  options.nic = "lo";
-  options.local = *make_address(host, port);
-  return options;
+  return UdpOptions{.nic = "lo", .local = *make_address(host, port)};
 }
 
 std::string error_of(const UdpOptions& options, int code) {

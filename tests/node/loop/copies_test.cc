@@ -3,8 +3,6 @@
 // the linker puts in the place of memcpy() and memmove().
 #include <gtest/gtest.h>
 
-#include <set>
-
 #include "lab/sim/trust.h"
 #include "node/loop/outbox.h"
 #include "tests/core/endpoint/pipe.h"
@@ -80,9 +78,7 @@ class Taker final : public Transport {
  public:
   BatchResult send(std::span<const Outgoing> batch) override {
     for (const Outgoing& datagram : batch) bytes += datagram.size();
-    BatchResult result;
-    result.taken = batch.size();
-    return result;
+    return BatchResult{.taken = batch.size()};
   }
   std::span<const Incoming> receive() override { return {}; }
   TransportCaps capabilities() const override { return {}; }

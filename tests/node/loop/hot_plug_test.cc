@@ -8,7 +8,6 @@
 
 #include <algorithm>
 #include <functional>
-#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -50,10 +49,8 @@ NodeOptions vehicle_options(TransportKind transport) {
   options.transport = transport;
   options.links = {{.id = LinkId{0}, .nic = "va", .peer = "10.99.0.2:47000"},
                    {.id = LinkId{1}, .nic = "wa", .peer = "10.98.0.2:47000"}};
-  PipelineConfig pipeline;
-  pipeline.stages = offload_stages();
-  pipeline.deadline = milliseconds(500);
-  pipeline.period = milliseconds(20);
+  PipelineConfig pipeline{
+      .stages = offload_stages(), .deadline = milliseconds(500), .period = milliseconds(20)};
   options.pipelines = {pipeline};
   return options;
 }

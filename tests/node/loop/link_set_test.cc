@@ -10,9 +10,6 @@
 #include <cerrno>
 #include <cstdio>
 #include <functional>
-#include <memory>
-#include <string>
-#include <vector>
 
 #include "lab/sim/trust.h"
 #include "node/io/open_transport.h"

@@ -42,8 +42,7 @@ NodeOptions vehicle_options(const Node& road) {
   NodeOptions options = road_options();
   options.accept_peers = false;
   for (NodeLink& link : options.links) link.peer = to_string(*road.local_address(link.id));
-  PipelineConfig pipeline;
-  pipeline.stages = offload_stages();
+  PipelineConfig pipeline{.stages = offload_stages()};
   pipeline.deadline = seconds(20);  // long, so that a slow machine with sanitizers stays on time
   pipeline.period = milliseconds(10);
   options.pipelines = {pipeline};

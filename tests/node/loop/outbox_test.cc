@@ -4,7 +4,6 @@
 
 #include <cerrno>
 #include <cstring>
-#include <deque>
 
 namespace interneuron::outbox_test {
 namespace {

@@ -87,8 +87,7 @@ std::uint32_t rounds_between(Road& road) {
   constexpr std::size_t kFrameBytes = 100'000;
   NodeOptions options = road.vehicle();
   options.security = keys(2, 1);
-  PipelineConfig pipeline;
-  pipeline.stages = offload_stages();
+  PipelineConfig pipeline{.stages = offload_stages()};
   pipeline.deadline = seconds(20);  // long, so that a slow machine with sanitizers stays on time
   options.pipelines = {pipeline};
   Node vehicle(options);

@@ -11,7 +11,6 @@
 namespace interneuron::experiments {
 namespace {
 
-using std::chrono::milliseconds;
 using std::chrono::seconds;
 
 constexpr PipelineId kMessages{0};
@@ -33,12 +32,11 @@ struct Sent {
 Sent transmit(const std::string& network, std::size_t bytes, std::uint64_t seed,
               std::uint32_t messages) {
   sim::World world(seed);
-  PipelineConfig pipeline;
-  pipeline.id = kMessages;
-  pipeline.stages = {StageKind::kCommunication, StageKind::kCommunication};
-  pipeline.deadline = kGivenUp;
-  pipeline.period = kPeriod;
-  pipeline.policy = "best_link";
+  PipelineConfig pipeline{.id = kMessages,
+                          .stages = {StageKind::kCommunication, StageKind::kCommunication},
+                          .deadline = kGivenUp,
+                          .period = kPeriod,
+                          .policy = "best_link"};
   EndpointOptions options{
       .session = SessionId{1}, .pipelines = {pipeline}, .policies = builtin_policies()};
   const sim::HostId vehicle = world.add_host(std::move(options));

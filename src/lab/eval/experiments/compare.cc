@@ -5,8 +5,6 @@
 #include <algorithm>
 #include <numeric>
 
-#include "lab/eval/experiments/document.h"
-
 namespace interneuron::experiments {
 namespace {
 
