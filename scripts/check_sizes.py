@@ -39,8 +39,7 @@ NESTING = 3
 CLASS_FUNCTIONS = 45
 CLASS_LINES = 600
 MOST_EXCEPTIONS = 5
-# It is to become 20 %. Until then it is what there is, rounded up, and may only be lowered.
-SHARED_LITTLE = 35.2
+SHARED_LITTLE = 20
 PRODUCT = ("include/", "policies/", "src/", "netns/")
 
 BRACKET = re.compile(r"[(){}]")

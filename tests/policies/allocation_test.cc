@@ -16,35 +16,43 @@ TEST(PolicyAllocation, IsSeenByThisTest) {
   EXPECT_GT(allocations, before) << v.size();
 }
 
+// Plans a message of each class, in variants and whole, degraded and not. Returns how many sends
+// were planned.
+std::size_t plan_any_message(const Policy& policy, const std::vector<LinkState>& links,
+                             const std::vector<LevelProfile>& levels,
+                             const std::vector<VariantCost>& costs) {
+  constexpr std::size_t kSmall[] = {2000};
+  std::size_t sends = 0;
+  for (const bool degraded : {false, true}) {
+    for (const MessageClass c : {MessageClass::kData, MessageClass::kResult}) {
+      for (const bool whole : {false, true}) {
+        QoS qos = frames_at_10_hz();
+        qos.message_class = c;
+        Offer offer{qos, kRawAndSampled, costs, static_cast<std::uint8_t>(degraded ? 2 : 0)};
+        if (whole) offer = {qos, kSmall};
+        const Guidance guidance{.degraded = degraded,
+                                .time_left = std::chrono::milliseconds(120),
+                                .levels = levels,
+                                .local_quality = 0.3};
+        const Plan plan = plan::plan_message(policy, offer, links, guidance);
+        static_cast<void>(plan::forecast_answers(plan, offer, links));
+        sends += plan.sends.size();
+      }
+    }
+  }
+  return sends;
+}
+
 TEST(PolicyAllocation, NoneForAnyMessageOfAnyPolicy) {
   const PolicySet policies = builtin_policies();
   const std::vector<LevelProfile> levels = three_levels();
   std::vector<LinkState> links = make_links({{1, 60, 50}, {2, 20, 100}, {3, 10, 9}, {4, 0, 0}});
   for (LinkState& link : links) link.traits.trusted = link.id.value != 2;
   link::score(links);
-  const std::size_t small[] = {2000};
   const std::vector<VariantCost> costs(2);
   std::size_t sends = 0;
   const std::uint64_t before = allocations;
-  for (const auto& policy : policies) {
-    for (const bool degraded : {false, true}) {
-      for (const MessageClass c : {MessageClass::kData, MessageClass::kResult}) {
-        for (const bool whole : {false, true}) {
-          QoS qos = frames_at_10_hz();
-          qos.message_class = c;
-          Offer offer{qos, kRawAndSampled, costs, static_cast<std::uint8_t>(degraded ? 2 : 0)};
-          if (whole) offer = {qos, small};
-          const Guidance guidance{.degraded = degraded,
-                                  .time_left = std::chrono::milliseconds(120),
-                                  .levels = levels,
-                                  .local_quality = 0.3};
-          const Plan plan = plan::plan_message(*policy, offer, links, guidance);
-          static_cast<void>(plan::forecast_answers(plan, offer, links));
-          sends += plan.sends.size();
-        }
-      }
-    }
-  }
+  for (const auto& policy : policies) sends += plan_any_message(*policy, links, levels, costs);
   EXPECT_EQ(allocations, before);
   EXPECT_GT(sends, 2 * policies.size());
 }

@@ -157,10 +157,9 @@ double best_quality(const AnyMessage& m, const std::vector<LinkState>& links,
       if (link.rate < rate_floor(m.qos, bytes)) continue;
       for (const LevelProfile& level : m.levels) {
         const Duration time = arrival_time(link, bytes) + level.median + link.rtt_p95 / 2;
-        if (m.guidance.time_left != Duration::max() &&
-            time + milliseconds(5) > m.guidance.time_left) {
-          continue;
-        }
+        const bool is_late = m.guidance.time_left != Duration::max() &&
+                             time + milliseconds(5) > m.guidance.time_left;
+        if (is_late) continue;
         const auto& q = level.quality;
         best = std::max(best, q.empty() ? 0 : q[std::min(v, q.size() - 1)]);
       }

@@ -12,7 +12,8 @@
 // sources gets in total is not bounded here: one answer per request, of the request's size.
 //
 // Fed by the reflectors of core/probe and by crypto::Responder with the senders of packets from
-// anybody. The core never looks inside an Address but here. Pure; thread-compatible; never throws.
+// anybody. The core looks inside an Address here and in
+// peers/address_validation.cc alone. Pure; thread-compatible; never throws.
 #pragma once
 
 #include <array>

@@ -143,11 +143,6 @@ class Receipts {
     const auto untold = [](const Entry& entry) { return entry.left == kTellings; };
     return std::ranges::any_of(complete_, untold) || std::ranges::any_of(refused_, untold);
   }
-  // The peer began a new life.
-  void reset() {
-    complete_.clear();
-    refused_.clear();
-  }
 
  private:
   // No measurement behind this value: it only has to make it rare that all tellings are lost,

@@ -204,6 +204,4 @@ std::size_t Reassembler::expire(TimePoint now) {
 
 std::optional<TimePoint> Reassembler::next_timeout() const { return expiries_.earliest(); }
 
-void Reassembler::reset() { *this = Reassembler(limits_); }
-
 }  // namespace interneuron::flow

@@ -120,8 +120,6 @@ class Reassembler {
   // Bytes held by incomplete messages.
   std::size_t bytes() const { return bytes_; }
   std::size_t messages() const { return by_id_.size(); }
-  // Forgets everything: the peer began a new life.
-  void reset();
 
  private:
   struct Place {

@@ -161,7 +161,7 @@ std::optional<wire::Data> WindowReceiver::poll() {
 }
 
 void WindowReceiver::handle_timeout(TimePoint now) {
-  if (idle_at_ && *idle_at_ <= now) reset();
+  if (idle_at_ && *idle_at_ <= now) *this = {};
 }
 
 }  // namespace interneuron::flow

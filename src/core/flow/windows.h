@@ -140,8 +140,6 @@ class WindowReceiver {
   bool has_computed() const { return handed_out_ < computed_.size(); }
   // What counts as held.
   std::size_t bytes() const { return idle_at_ ? kHeld : 0; }
-  // The peer began a new life.
-  void reset() { *this = {}; }
 
  private:
   // Which piece a source is.

@@ -55,8 +55,6 @@ class ClockOffset {
   // The smallest hi of the last kWindow, which α never exceeds.
   std::optional<Duration> hi_min(TimePoint now);
 
-  void reset() { exchanges_.clear(); }
-
  private:
   struct Exchange {
     TimePoint at;

@@ -19,7 +19,7 @@ constexpr double kRoom = 4.612;
 constexpr double kRefusedRoom = 4.465;
 // For each spread of the peer's ages that there is to spare.
 constexpr double kMargin = 0.397;
-// How far the margin is on the way from 1 spread to 3, and which part of one packet the message is.
+// How far the margin is on the way from 1 spread to 3, and how small the message is.
 constexpr double kRefusedCertainty = 3.124;
 constexpr double kRefusedSmallness = 10.117;
 // For each deadline that the link needs for what is under way and the message.
@@ -27,7 +27,7 @@ constexpr double kPressure = -1.759;
 constexpr double kRefusedPressure = -1.497;
 // For each log-odds of the record, and each deadline that the link needs for what is under way.
 constexpr double kRecord = 0.569;
-// For each log-odds of the record, anywhere and where as much is handed over as may leave.
+// For each log-odds of the record, anywhere and where as much is accepted as may leave.
 constexpr double kRefusedRecord = 0.295;
 constexpr double kRefusedOverload = -0.681;
 // While nothing is under way and nobody else uses the link; while the link is not known to work;
@@ -113,9 +113,12 @@ struct OnTimeForecasts::Factors {
   // From 0 where the link is ours or not at all to 1 where half of it is others': the share that we
   // have settled on leaves room for what comes.
   double contention = 0;
-  // The log-odds of the record once more, where messages were handed over of late as fast as they
-  // may leave: from 0 at 0.8 of that rate to all of it at 1.1.
+  // The log-odds of the record once more, where messages are accepted as fast as they may leave:
+  // from 0 at 0.8 of that rate to all of it at 1.1.
   double overload = 0;
+  // From 0 to 1: which part of one packet the message would be, where there is room for it. Small
+  // ones slip through a queue; over a link that is too long none does.
+  double smallness = 0;
 };
 
 OnTimeForecasts::Factors OnTimeForecasts::factors(const Outlook& o, const Record& r) {
@@ -134,6 +137,8 @@ OnTimeForecasts::Factors OnTimeForecasts::factors(const Outlook& o, const Record
     const double room = (deadline - to_seconds(*o.least)) / deadline;
     out.room = o.refused ? std::clamp(room, -kMostRefusedRoom, kMostRefusedRoom)
                          : std::clamp(room, kLeastRoom, kMostRoom);
+    out.smallness =
+        ramp(room, 0, kMostRoom) * kPacketBytes / (kPacketBytes + static_cast<double>(o.bytes));
   }
   out.pressure = drain;
   if (o.expected) {
@@ -149,10 +154,12 @@ OnTimeForecasts::Factors OnTimeForecasts::factors(const Outlook& o, const Record
   return out;
 }
 
-// Bytes a second, this message among them; 0 of the first one.
+// Bytes a second of the messages that were accepted and this one; 0 before any was accepted.
 double OnTimeForecasts::Record::handed_over(const Outlook& o) const {
   if (!sent_at) return 0;
-  const double mean_gap = gap + (to_seconds(o.at - *sent_at) - gap) * kNewestGap;
+  const double newest = to_seconds(o.at - *sent_at);
+  // The second message has the only gap that there is yet.
+  const double mean_gap = gap > 0 ? gap + (newest - gap) * kNewestGap : newest;
   const double mean_size = size + (static_cast<double>(o.bytes) - size) * kNewestGap;
   return mean_size / std::max(mean_gap, kLeastGap);
 }
@@ -161,16 +168,15 @@ double OnTimeForecasts::predict(const Outlook& o) const {
   const auto known = records_.find(o.peer);
   const Record record = known == records_.end() ? Record{} : known->second;
   const Factors f = factors(o, record);
-  const double says =
-      o.refused
-          ? kRefusedBase + kRefusedRoom * f.room +
-                kRefusedCertainty * ramp(f.margin, kUncertain, kCertain) +
-                kRefusedPressure * f.pressure + kRefusedOverload * f.overload +
-                kRefusedRecord * log_odds(record.messages, record.on_time) +
-                kRefusedSmallness * kPacketBytes / (kPacketBytes + static_cast<double>(o.bytes))
-          : kBase + kRoom * f.room + kMargin * f.margin + kPressure * f.pressure +
-                kRecord * f.record + kIdle * f.idle + kSuspicion * f.suspicion +
-                kContention * f.contention + record.drift;
+  const double says = o.refused
+                          ? kRefusedBase + kRefusedRoom * f.room +
+                                kRefusedCertainty * ramp(f.margin, kUncertain, kCertain) +
+                                kRefusedPressure * f.pressure + kRefusedOverload * f.overload +
+                                kRefusedRecord * log_odds(record.messages, record.on_time) +
+                                kRefusedSmallness * f.smallness
+                          : kBase + kRoom * f.room + kMargin * f.margin + kPressure * f.pressure +
+                                kRecord * f.record + kIdle * f.idle + kSuspicion * f.suspicion +
+                                kContention * f.contention + record.drift;
   return 1 / (1 + std::exp(-says));
 }
 

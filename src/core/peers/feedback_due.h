@@ -42,10 +42,8 @@ class FeedbackDue {
   void completed(TimePoint now) {
     if (unreported_ >= kPackets) at_ = now;
   }
-  void sent(TimePoint now) {
-    forget();
-    sent_at_ = now;
-  }
+  // Nothing of what has arrived so far is to be reported any more.
+  void sent(TimePoint now) { *this = FeedbackDue(now); }
   // There is something to tell that no packet has brought about.
   void has_news(TimePoint now) {
     const TimePoint due = now + kDelay;
@@ -53,14 +51,10 @@ class FeedbackDue {
   }
   // Not everything that is to be told found room in what was sent.
   void again(TimePoint now) { at_ = now; }
-  // Nothing of what has arrived so far is reported.
-  void forget() {
-    unreported_ = 0;
-    at_.reset();
-  }
   bool is_due(TimePoint now) const { return at_ && *at_ <= now; }
   // Nothing while there is nothing to report.
   std::optional<TimePoint> at() const { return at_; }
+  TimePoint sent_at() const { return sent_at_; }
 
  private:
   // Packets that no feedback has reported yet, and when the first of them came.

@@ -27,10 +27,15 @@ Intake::Intake(const PeerLimits& limits, TimePoint now)
       message_limit_(limits.messages_per_second, kLimitBurst) {}
 
 void Intake::reset() {
-  reassembler_.reset();
-  windows_.reset();
-  receipts.reset();
-  feedback.forget();
+  Intake fresh(limits_, feedback.sent_at());
+  // Another session gives a peer no other limits, and what has struck it stays in its ledger.
+  fresh.packet_limit_ = packet_limit_;
+  fresh.message_limit_ = message_limit_;
+  fresh.ledger_ = ledger_;
+  fresh.limited_ = limited_;
+  fresh.tell_limit_at_ = tell_limit_at_;
+  fresh.is_known_ = is_known_;
+  *this = std::move(fresh);
 }
 
 bool Intake::may_come(TimePoint now) {

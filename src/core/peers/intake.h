@@ -47,16 +47,17 @@ struct Settled {
 // messages per feedback at most. Pure; thread-compatible; never throws but std::bad_alloc.
 class Settlements {
  public:
+  explicit Settlements(bool open = false) : open_(open) {}
   // Someone asks for what is told; before that nothing is kept.
   void open() { open_ = true; }
   void learn(const wire::Feedback& feedback);
   // What became complete sooner comes first, of each feedback.
   std::optional<Settled> poll();
-  // The peer began a new life.
-  void reset() { settled_.clear(); }
+  // The peer began a new life; whoever asks goes on asking.
+  void reset() { *this = Settlements(open_); }
 
  private:
-  bool open_ = false;
+  bool open_;
   Ring<Settled> settled_;
 };
 

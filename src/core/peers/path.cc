@@ -55,10 +55,9 @@ Path::Path(TimePoint now, LinkId id, const Nic& nic, const Address& address, boo
 
 void Path::begin(TimePoint now) {
   estimator.set_traits(nic_.traits);
-  probes.set_metered(nic_.traits.metered || peer_is_metered_);
+  probes.set_metered(is_paid());
   probes.set_sizes(wire::feedback_bytes(1) + kIpUdpBytes, datagram() + kIpUdpBytes);
   probes.active(now);
-  train_left_ = 0;
 }
 
 void Path::move_to(TimePoint now, const Nic& nic, const Address& address) {
@@ -70,17 +69,22 @@ void Path::move_to(TimePoint now, const Nic& nic, const Address& address) {
   nic_ = nic;
   address_ = address;
   probes = {};
+  train_ = {};
   begin(now);
 }
 
 void Path::reset(TimePoint now) {
-  receiver = flow::PathReceiver(id_);
-  estimator = {};
-  share_ = {};
-  mtu_ = link::PathMtu(nic_.max_datagram);
-  ecn_ = {};
-  probes = {};
-  begin(now);
+  Path fresh(now, id_, nic_, address_, may_measure_);
+  // A session does not change whether the peer pays for bytes, which token it is owed, when it may
+  // be challenged again, what copies may take and whether messages go over the path.
+  fresh.peer_is_metered_ = peer_is_metered_;
+  fresh.token_ = token_;
+  fresh.challenge_at_ = challenge_at_;
+  fresh.copy_credit_ = copy_credit_;
+  fresh.credited_at_ = credited_at_;
+  fresh.used_ = used_;
+  *this = fresh;
+  probes.set_metered(is_paid());
 }
 
 bool Path::may_challenge(TimePoint now) {
@@ -106,7 +110,7 @@ void Path::sent_data(TimePoint now) {
 }
 
 void Path::sent_probe(TimePoint now, std::uint64_t number) {
-  train_newest_ = number;
+  train_.newest = number;
   ecn_.sent(now);
   estimator.sent(now, true);
 }
@@ -128,7 +132,7 @@ void Path::learn(TimePoint now, const wire::LinkReport& report,
   }
   if (v.newest_sent) estimator.delivered(now, *v.newest_sent, v.data);
   if (v.delivery) estimator.delivery_sample(now, *v.delivery);
-  if (train_left_ == 0 && report.largest >= train_newest_) probes.train_told();
+  if (train_.left == 0 && report.largest >= train_.newest) probes.train_told();
   if (v.train) estimator.train(now, *v.train);
   control(now, report, v, use);
   const auto probe = mtu_.waits_for();
@@ -180,7 +184,7 @@ void Path::learn_exchange(TimePoint now, PeerTime u, const wire::LinkReport& rep
 void Path::refresh(TimePoint now, bool ready, DataRate needed) {
   probes.set_needed(needed);
   probes.set_slower(estimator.slower_rate());
-  probes.set_metered(nic_.traits.metered || peer_is_metered_);
+  probes.set_metered(is_paid());
   probes.set_rate(estimator.rate_evidence());
   probes.set_latched(estimator.path() == PathState::kLatched);
   const bool may_measure = ready && may_measure_ && usable();
@@ -191,8 +195,7 @@ void Path::refresh(TimePoint now, bool ready, DataRate needed) {
 }
 
 bool Path::may_copy(std::size_t ip_bytes) const {
-  const bool is_paid = nic_.traits.metered || peer_is_metered_;
-  return copy_credit_ >= static_cast<double>(ip_bytes) && !is_paid &&
+  return copy_credit_ >= static_cast<double>(ip_bytes) && !is_paid() &&
          nic_.traits.role == LinkRole::kNormal;
 }
 
@@ -206,7 +209,7 @@ void Path::received_message(TimePoint now, std::size_t ip_bytes) {
 }
 
 bool Path::probe_due(TimePoint now) {
-  if (train_left_ == 0) {
+  if (train_.left == 0) {
     const auto train = probes.train_due(now);
     if (!train) {
       if (!probes.proof_due(now)) return false;
@@ -214,22 +217,22 @@ bool Path::probe_due(TimePoint now) {
       return true;
     }
     probes.train_sent(now, train->packets);
-    train_left_ = train->packets;
-    train_pace_ = capped(train->pace);
-    train_next_ = now;
+    train_.left = train->packets;
+    train_.pace = capped(train->pace);
+    train_.next = now;
   }
-  if (train_next_ > now) return false;
-  --train_left_;
-  if (train_pace_) {
-    const Duration air = train_pace_->transmit_time(datagram() + kIpUdpBytes);
-    train_next_ = std::max(train_next_, now - kBurst) + std::min<Duration>(air, kLongest);
+  if (train_.next > now) return false;
+  --train_.left;
+  if (train_.pace) {
+    const Duration air = train_.pace->transmit_time(datagram() + kIpUdpBytes);
+    train_.next = std::max(train_.next, now - kBurst) + std::min<Duration>(air, kLongest);
   }
   return true;
 }
 
 std::optional<std::size_t> Path::mtu_probe_due() const {
   // Where bytes are paid for, nobody searches for messages that may never come.
-  const bool worthwhile = used_ || !(nic_.traits.metered || peer_is_metered_);
+  const bool worthwhile = used_ || !is_paid();
   if (!worthwhile || !may_measure_ || !mtu_.probe_due()) return std::nullopt;
   return mtu_.probe_size();
 }
@@ -237,7 +240,7 @@ std::optional<std::size_t> Path::mtu_probe_due() const {
 TimePoint Path::next_timeout(TimePoint now) const {
   // Other probes wait for the end of a train, however slow it is and however long they are due.
   const TimePoint next =
-      train_left_ > 0 ? std::min(probes.heartbeat_at(now), train_next_) : probes.next_timeout(now);
+      train_.left > 0 ? std::min(probes.heartbeat_at(now), train_.next) : probes.next_timeout(now);
   return *earliest(estimator.next_timeout(), mtu_.next_timeout(), next);
 }
 

@@ -118,6 +118,8 @@ class Path {
   void begin(TimePoint now);
   void control(TimePoint now, const wire::LinkReport& report, const flow::SentPackets::Verdicts& v,
                const flow::PathUse::Told& use);
+  // Bytes cost one of the two sides something.
+  bool is_paid() const { return nic_.traits.metered || peer_is_metered_; }
   code::Losses losses() const;
   std::optional<DataRate> capped(std::optional<DataRate> rate) const;
 
@@ -138,12 +140,14 @@ class Path {
   // A message was sent on it.
   bool used_ = false;
   // The train under way: how many packets are left of it, how fast they leave (nothing: back to
-  // back), and when the next one may.
-  std::uint32_t train_left_ = 0;
-  std::optional<DataRate> train_pace_;
-  TimePoint train_next_{};
-  // The number of the newest packet of a train.
-  std::uint64_t train_newest_ = 0;
+  // back), when the next one may, and the number of the newest.
+  struct Train {
+    std::uint32_t left = 0;
+    std::optional<DataRate> pace;
+    TimePoint next{};
+    std::uint64_t newest = 0;
+  };
+  Train train_;
 };
 
 }  // namespace interneuron::peers

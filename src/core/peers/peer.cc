@@ -84,12 +84,10 @@ void Peer::remove_nic(TimePoint now, LinkId nic) {
 
 void Peer::restart(TimePoint now, SessionId session) {
   identity_.session = session;
-  ready_ = false;
+  session_ = {};
   sender_.reset(now);
   intake_.reset();
   settlements_.reset();
-  clock_.reset();
-  copy_over_.reset();
   for (Path& path : paths_) path.reset(now);
   refresh(now);
 }
@@ -146,7 +144,7 @@ std::optional<Peer::Outcome> Peer::handle_computed(TimePoint now, std::size_t ro
 
 bool Peer::take_piece(TimePoint now, const wire::Data& data, std::size_t room, Outcome& outcome) {
   flow::ClockBounds clocks{identity_.self, identity_.session, std::nullopt};
-  if (data.fragment.index == 0) clocks.peer_hi_min = clock_.hi_min(now);
+  if (data.fragment.index == 0) clocks.peer_hi_min = session_.clock.hi_min(now);
   const bool is_wanted = intake_.take_piece(now, data, clocks, room, outcome);
   if (outcome.message) paths_.note_activity(now);
   return is_wanted;
@@ -157,11 +155,11 @@ void Peer::handle_feedback(TimePoint now, Path& path, const wire::Feedback& feed
   path.receiver.exchange(now, PeerTime{Duration{feedback.u}});
   // Else it is meant for an earlier session of ours, or the peer has not heard us.
   if (feedback.echo != identity_.self) return;
-  if (!ready_) outcome.became_ready = ready_ = was_ready_ = true;
+  if (!session_.ready) outcome.became_ready = session_.ready = was_ready_ = true;
   settlements_.learn(feedback);
   sender_.set_windows((feedback.features & wire::kDecodesWindows) != 0);
-  const auto clock = clock_.view(now);
-  if (!clock) clock_since_ = now;
+  const auto clock = session_.clock.view(now);
+  if (!clock) session_.clock_since = now;
   std::optional<TimePoint> left;
   for (const wire::CompleteMessage& complete : feedback.complete) {
     sender_.complete(now, complete.message);
@@ -169,10 +167,11 @@ void Peer::handle_feedback(TimePoint now, Path& path, const wire::Feedback& feed
   for (const wire::LinkReport& report : feedback.reports) {
     if (report.has_exchange && report.link == path.id()) {
       const PeerTime u{Duration{feedback.u}};
-      const auto update = clock_.add(now, u, TimePoint{report.s.time_since_epoch()}, report.h);
+      const auto update =
+          session_.clock.add(now, u, TimePoint{report.s.time_since_epoch()}, report.h);
       if (update == guard::ClockOffset::Update::kStepped) {
         outcome.clock_stepped = true;
-        clock_since_ = now;
+        session_.clock_since = now;
         for (Path& p : paths_) p.clock_stepped();
       }
       if (update != guard::ClockOffset::Update::kRejected) path.learn_exchange(now, u, report);
@@ -193,7 +192,7 @@ std::optional<TimePoint> Peer::left_at(TimePoint now, const wire::LinkReport& re
   const std::int64_t left = wrapping_add(report.s.time_since_epoch().count(), report.h.count());
   const Duration round_trip{wrapping_sub(now.time_since_epoch().count(), left)};
   if (round_trip > kStale || round_trip < rtt_min - kRoundTripError) return std::nullopt;
-  if (now < clock_since_ + kClockSettles) return std::nullopt;
+  if (now < session_.clock_since + kClockSettles) return std::nullopt;
   return now - round_trip - rtt_min / 2;
 }
 
@@ -241,7 +240,7 @@ bool Peer::look_again(TimePoint now, std::vector<LinkId>& changed) {
   for (Path& path : paths_) {
     path.estimator.set_last_usable(std::ranges::none_of(
         paths_, [&path](const Path& p) { return p.id() != path.id() && p.estimator.up(); }));
-    path.refresh(now, ready_, needed);
+    path.refresh(now, session_.ready, needed);
     sender_.set_path(path.id(), path.view(now));
     sender_.resize(now, path.id(), path.datagram());
   }

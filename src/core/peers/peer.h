@@ -110,9 +110,9 @@ class Peer {
   void want(TimePoint now, DataRate rate) { paths_.want(now, rate); }
   // See Paths::states().
   Links links(TimePoint now) const { return paths_.states(now, identity_.encrypted); }
-  std::optional<guard::ClockView> clock(TimePoint now) { return clock_.view(now); }
+  std::optional<guard::ClockView> clock(TimePoint now) { return session_.clock.view(now); }
   const Identity& identity() const { return identity_; }
-  bool ready() const { return ready_; }
+  bool ready() const { return session_.ready; }
   // The application may have been told of the peer: it was ready once, has sent a whole message or
   // was limited.
   bool known() const { return was_ready_ || intake_.is_known(); }
@@ -155,15 +155,20 @@ class Peer {
   Paths paths_;
   flow::Sender sender_;
   Intake intake_;
-  guard::ClockOffset clock_;
-  // Since when it is known without a step.
-  TimePoint clock_since_ = TimePoint::min();
-  // The peer has echoed our session; it did so in this one or in one before.
-  bool ready_ = false;
+  // What holds only while the peer's session lasts.
+  struct Session {
+    guard::ClockOffset clock;
+    // Since when it is known without a step.
+    TimePoint clock_since = TimePoint::min();
+    // The peer has echoed our session.
+    bool ready = false;
+    // The path that tells next what another one has just told.
+    std::optional<LinkId> copy_over;
+  };
+  Session session_;
+  // The peer has echoed our session in this one of its own or in one before.
   bool was_ready_ = false;
   TimePoint heard_at_;
-  // The path that tells next what another one has just told.
-  std::optional<LinkId> copy_over_;
   TimePoint refreshed_at_;
   Settlements settlements_;
 };

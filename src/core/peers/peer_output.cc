@@ -32,7 +32,7 @@ TransmitParts Peer::send_feedback(TimePoint now, Path& path, std::span<const Pat
 // A path whose way back stalls looks as if the way there did, and so would all paths that it
 // reports of. So another path that messages come over tells the same.
 std::optional<TransmitParts> Peer::poll_copy(TimePoint now, std::span<std::byte> buffer) {
-  const auto link = std::exchange(copy_over_, std::nullopt);
+  const auto link = std::exchange(session_.copy_over, std::nullopt);
   Path* path = link ? paths_.find(*link) : nullptr;
   if (path == nullptr) return std::nullopt;
   const TransmitParts copy = send_feedback(now, *path, paths_, buffer);
@@ -56,7 +56,7 @@ std::optional<TransmitParts> Peer::poll_feedback(TimePoint now, std::span<std::b
     intake_.feedback.sent(now);
     for (Path& p : paths_) p.receiver.reported();
     const Path* second = paths_.reporter(over);
-    if (second != nullptr) copy_over_ = second->id();
+    if (second != nullptr) session_.copy_over = second->id();
     return send_feedback(now, *paths_.find(over->id()), paths_, buffer);
   }
   for (Path& path : paths_) {

@@ -19,7 +19,8 @@ constexpr std::uint64_t kMostSeeds = 10'000;
 
 struct ForecastOptions {
   std::vector<std::string> names;
-  // The law was fitted on seeds 1 to 4 (src/core/messages/on_time_forecast.cc).
+  // Not those that the law was fitted on, 1 and 2, of refused messages 1 to 4
+  // (src/core/messages/on_time_forecast.cc).
   std::uint64_t first_seed = 101;
   std::uint64_t seeds = 1;
   bool json = false;

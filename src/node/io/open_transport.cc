@@ -30,8 +30,17 @@ namespace {
 // The part that has this kind of transport; nullptr: no part is needed. Throws IoError where it is
 // needed and not linked.
 const TransportPart* part_of(TransportKind kind) {
-  if (kind == TransportKind::kUdp) return nullptr;
-  const TransportPart* part = kind == TransportKind::kRing ? ring_part() : xdp_part();
+  const TransportPart* part = nullptr;
+  switch (kind) {
+    case TransportKind::kUdp:
+      return nullptr;
+    case TransportKind::kRing:
+      part = ring_part();
+      break;
+    case TransportKind::kXdp:
+      part = xdp_part();
+      break;
+  }
   if (part != nullptr) return part;
   const std::string name = "interneuron::" + std::string(to_string(kind));
   throw IoError("this program was built without " + name + ": link it, or take the transport udp",

@@ -89,6 +89,29 @@ struct Attacker {
     e.pipe.at(host).handle_datagram(e.pipe.local(host), {link, address_of(from), bytes});
     if (injected[host][link.value] % 64 == 0) e.pipe.flush(host);
   }
+  // Feedback to this host as the other side would write it where nothing is encrypted, or a
+  // stranger.
+  Bytes feedback_in_the_clear(std::size_t host, LinkId link) {
+    wire::Feedback feedback;
+    feedback.echo = SessionId{host == e.road ? 22U : 11U};
+    Bytes bytes(kMaxDatagramBytes);
+    const SessionId session{1 + static_cast<std::uint32_t>(below(30))};
+    const wire::PacketHeader header{wire::PacketType::kFeedback, link, wire::kClearEpoch, session,
+                                    1 + random() / 2};
+    bytes.resize(wire::write_feedback(bytes, header, feedback));
+    return bytes;
+  }
+  // Flips a bit of a handshake. Returns whether its first MAC is then made right, which whoever
+  // knows the road's public key can do.
+  bool change_handshake(Bytes& bytes) {
+    bytes[below(bytes.size())] ^= std::byte{1} << below(8);
+    if (bytes.size() != crypto::kInitiationBytes || below(2) == 0) return false;
+    const auto parts = crypto::parts_of_initiation(bytes);
+    std::ranges::copy(
+        crypto::mac_of(crypto::mac1_key(sim::key_of_host(kRoadKey)), parts.before_mac1),
+        bytes.begin() + (parts.mac1.data() - bytes.data()));
+    return true;
+  }
   void attack(std::size_t host, Kind kind) {
     const std::size_t other = 1 - host;
     const auto& recorded = kind == kOldEpoch ? at_first[other] : lately[other];
@@ -128,36 +151,15 @@ struct Attacker {
       case kLargestNumber:
         std::fill_n(bytes.begin() + 8, 8, std::byte{0xff});
         break;
-      case kClear: {
-        // As the other side would write it where nothing is encrypted, or a stranger.
-        wire::Feedback feedback;
-        feedback.echo = SessionId{host == e.road ? 22U : 11U};
-        bytes.assign(kMaxDatagramBytes, std::byte{0});
-        const wire::PacketHeader header{wire::PacketType::kFeedback,
-                                        link,
-                                        wire::kClearEpoch,
-                                        SessionId{1 + static_cast<std::uint32_t>(below(30))},
-                                        1 + random() / 2,
-                                        0};
-        bytes.resize(wire::write_feedback(bytes, header, feedback));
+      case kClear:
+        bytes = feedback_in_the_clear(host, link);
         break;
-      }
       case kHandshake:
-      case kChangedHandshake: {
-        const Pipe::Captured& h = handshakes[below(handshakes.size())];
-        bytes = h.bytes;
+      case kChangedHandshake:
+        bytes = handshakes[below(handshakes.size())].bytes;
         link = LinkId{static_cast<std::uint16_t>(below(2))};
-        if (kind == kHandshake) break;
-        bytes[below(bytes.size())] ^= std::byte{1} << below(8);
-        // By somebody who knows the public key.
-        if (bytes.size() != crypto::kInitiationBytes || below(2) == 0) break;
-        const auto parts = crypto::parts_of_initiation(bytes);
-        from = other;
-        std::ranges::copy(
-            crypto::mac_of(crypto::mac1_key(sim::key_of_host(kRoadKey)), parts.before_mac1),
-            bytes.begin() + (parts.mac1.data() - bytes.data()));
+        if (kind == kChangedHandshake && change_handshake(bytes)) from = other;
         break;
-      }
       case kKinds:
         break;
     }

@@ -141,26 +141,23 @@ class Pipe {
       std::array<std::byte, kMaxDatagramBytes> buffer;
       while (const auto t = host.endpoint->poll_transmit(local(id), buffer)) {
         const Bytes bytes(buffer.begin(), buffer.begin() + static_cast<std::ptrdiff_t>(t->size));
+        const auto to = std::to_integer<std::size_t>(t->to.raw[0]);
         if (capture != nullptr) capture->push_back({id, t->link, bytes, t->round});
-        if (on_transmit)
-          on_transmit(id, std::to_integer<std::size_t>(t->to.raw[0]), t->link, bytes);
+        if (on_transmit) on_transmit(id, to, t->link, bytes);
         if (cut.contains(t->link) || (drop && drop(id, t->link, bytes))) continue;
         const Duration extra =
             id == 0 && extra_from_0.contains(t->link) ? extra_from_0.at(t->link) : 0ns;
         const Duration late = jitter ? jitter() : 0ns;
-        network_.send(network_.now() + delay.at(t->link) + extra + late,
-                      {std::to_integer<std::size_t>(t->to.raw[0]), id, t->link, bytes});
+        network_.send(network_.now() + delay.at(t->link) + extra + late, {to, id, t->link, bytes});
       }
     }
     const auto next = host.endpoint->next_timeout();
-    host.wake.reset();
-    if (next) {
-      host.wake = *next - host.offset;
-      // A timer that is due after everything was drained would be a loop that never sleeps.
-      const bool again = *host.wake <= network_.now() && just_timed_out_;
-      host.spins = again ? host.spins + 1 : 0;
-      if (host.spins > spins_allowed) ADD_FAILURE() << "host " << id << " spins";
-    }
+    host.wake = next ? std::optional(*next - host.offset) : std::nullopt;
+    if (!next) return;
+    // A timer that is due after everything was drained would be a loop that never sleeps.
+    const bool again = *host.wake <= network_.now() && just_timed_out_;
+    host.spins = again ? host.spins + 1 : 0;
+    if (host.spins > spins_allowed) ADD_FAILURE() << "host " << id << " spins";
   }
 
  private:

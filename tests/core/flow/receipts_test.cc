@@ -100,7 +100,7 @@ TEST(Receipts, ResetForgetsEverything) {
   Receipts receipts;
   receipts.complete(at(1s), MessageId{7});
   receipts.refuse(at(1s), MessageId{8});
-  receipts.reset();
+  receipts = {};
   EXPECT_EQ(told(receipts, 1s), wire::Feedback{});
 }
 

@@ -28,6 +28,16 @@ TEST(RoundHeader, IsTheDocumentedExample) {
   EXPECT_EQ(parse_round_header(message), example_round_header());
 }
 
+TEST(RoundHeader, TimesAreRoundedUpToMicroseconds) {
+  using namespace std::chrono_literals;
+  EXPECT_EQ(to_us(-1s), 0U);
+  EXPECT_EQ(to_us(0ns), 0U);
+  EXPECT_EQ(to_us(1ns), 1U);
+  EXPECT_EQ(to_us(1us), 1U);
+  EXPECT_EQ(to_us(1'001ns), 2U);
+  EXPECT_EQ(to_us(72min), UINT32_MAX);
+}
+
 TEST(RoundHeader, EveryTruncationIsRefused) {
   const Raw bytes = example();
   for (std::size_t n = 0; n < bytes.size(); ++n) {
