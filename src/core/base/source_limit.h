@@ -13,7 +13,7 @@
 //
 // Fed by the reflectors of core/probe and by crypto::Responder with the senders of packets from
 // anybody. The core looks inside an Address here and in
-// peers/address_validation.cc alone. Pure; thread-compatible; never throws.
+// src/core/peers/address_validation.cc alone. Pure; thread-compatible; never throws.
 #pragma once
 
 #include <array>
