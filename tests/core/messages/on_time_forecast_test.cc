@@ -80,7 +80,7 @@ TEST(OnTimeForecasts, AnIdleLinkIsLikelyAndOneThatIsNotKnownIsNotCertain) {
 
 TEST(OnTimeForecasts, NoMessageSlipsThroughALinkThatIsTooLong) {
   const OnTimeForecasts forecasts;
-  for (const std::size_t bytes : {1, 100, 1'200, 30'000, 1'000'000}) {
+  for (const std::size_t bytes : {1UL, 100UL, 1'200UL, 30'000UL, 1'000'000UL}) {
     Outlook o = outlook(300ms);
     o.refused = true;
     o.bytes = bytes;
