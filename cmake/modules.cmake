@@ -260,11 +260,11 @@ function(interneuron_test module)
     return()
   endif()
   # All cases in one process, or a few: a thousand starts of sanitized programs with OpenCV would take minutes. One that
-  # computes takes three of the places of scripts/test.sh, which has three for each processor.
+  # computes takes two of the places of scripts/test.sh, which has two for each processor.
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 900)
   endif()
-  set(places 3)
+  set(places 2)
   if(ARG_WAITS)
     set(places 1)
   endif()
@@ -292,7 +292,7 @@ function(interneuron_vm_test name)
     set(configurations CONFIGURATIONS full)
   endif()
   add_test(NAME vm.${name} COMMAND ${ARG_COMMAND} ${configurations} WORKING_DIRECTORY ${PROJECT_SOURCE_DIR})
-  set_tests_properties(vm.${name} PROPERTIES TIMEOUT ${ARG_TIMEOUT} SKIP_RETURN_CODE 77 PROCESSORS 3 COST ${ARG_COST}
+  set_tests_properties(vm.${name} PROPERTIES TIMEOUT ${ARG_TIMEOUT} SKIP_RETURN_CODE 77 PROCESSORS 2 COST ${ARG_COST}
     LABELS "${label}")
 endfunction()
 

@@ -120,7 +120,7 @@ run_asan() {
     ASAN_OPTIONS="${ASAN_OPTIONS:-detect_stack_use_after_return=1:strict_string_checks=1}" \
       UBSAN_OPTIONS="${UBSAN_OPTIONS:-print_stacktrace=1}" GTEST_FILTER="-$left_out" phase "asan: tests" \
       sanitized ctest --test-dir build/asan -R "^($(IFS='|'; echo "${names[*]}"))([.][0-9]+)?\$" --output-on-failure \
-      --no-tests=error --timeout 900 -j $((3 * jobs))
+      --no-tests=error --timeout 900 -j $((2 * jobs))
 }
 
 # Every entry point is a target with a floor and seeds, and the other way round: one that nobody runs would pass.

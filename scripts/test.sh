@@ -68,8 +68,8 @@ esac
 export ASAN_OPTIONS="${ASAN_OPTIONS:-detect_stack_use_after_return=1:strict_string_checks=1}"
 export UBSAN_OPTIONS="${UBSAN_OPTIONS:-print_stacktrace=1}"
 export TSAN_OPTIONS="${TSAN_OPTIONS:-second_deadlock_stack=1}"
-# Three tests for each processor, as most of them wait more than they compute; those that compute take three places
+# Two tests for each processor, as half of them wait more than they compute; those that compute take two places
 # (cmake/modules.cmake, interneuron_test), the longest begin first.
 phase "$preset: tests" "${runner[@]}" ctest --test-dir "build/$preset" --output-on-failure --no-tests=error --timeout 300 \
-  -j $((3 * jobs)) \
+  -j $((2 * jobs)) \
   "${selection[@]}" || exit 1
