@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
+#include "tests/core/wire/examples.h"
 
 namespace interneuron::wire::stamp_test {
 namespace {

@@ -4,6 +4,7 @@
 #include <random>
 
 #include "core/wire/packet.h"
+#include "tests/core/wire/examples.h"
 
 namespace interneuron::wire::version_test {
 namespace {

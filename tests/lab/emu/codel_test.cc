@@ -1,5 +1,7 @@
 #include "lab/emu/queue.h"
 
+#include <gtest/gtest.h>
+
 #include <cmath>
 
 namespace interneuron::emu::codel_test {

@@ -1,5 +1,7 @@
 #include "lab/emu/queue.h"
 
+#include <gtest/gtest.h>
+
 namespace interneuron::emu::queue_time_test {
 namespace {
 

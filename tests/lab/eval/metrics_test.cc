@@ -1,5 +1,7 @@
 #include "lab/eval/metrics.h"
 
+#include <gtest/gtest.h>
+
 #include "core/base/statistics.h"
 
 namespace interneuron::eval::metrics_test {

@@ -1,6 +1,8 @@
 // The figures that follow from what the programs of a run leave.
 #include "lab/peers_testbed/comparison.h"
 
+#include <gtest/gtest.h>
+
 namespace interneuron::peers_testbed::figures_test {
 namespace {
 

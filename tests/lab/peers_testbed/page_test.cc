@@ -1,6 +1,8 @@
 // The tables for a page.
 #include "lab/peers_testbed/comparison.h"
 
+#include <gtest/gtest.h>
+
 namespace interneuron::peers_testbed::page_test {
 namespace {
 

@@ -1,6 +1,8 @@
 // The quick selection: it shows every condition, size and deadline, and takes less than 25 minutes.
 #include "lab/peers_testbed/comparison.h"
 
+#include <gtest/gtest.h>
+
 #include <set>
 
 namespace interneuron::peers_testbed::quick_test {

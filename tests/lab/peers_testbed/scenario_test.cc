@@ -1,6 +1,8 @@
 // Peers, scenarios, and the runs that follow from a choice.
 #include "lab/peers_testbed/scenario.h"
 
+#include <gtest/gtest.h>
+
 #include "lab/peers_testbed/comparison.h"
 
 namespace interneuron::peers_testbed::scenario_test {

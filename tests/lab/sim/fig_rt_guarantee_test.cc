@@ -1,6 +1,8 @@
 // The phases of the paper's Fig. rt_guarantee; lab/sim/fig_rt_guarantee.h says which.
 #include "lab/sim/fig_rt_guarantee.h"
 
+#include <gtest/gtest.h>
+
 #include <cstdio>
 
 namespace interneuron::sim::fig_rt_guarantee_test {
