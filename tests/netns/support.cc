@@ -55,7 +55,7 @@ io::FileDescriptor make_socket(const UdpOptions& options) {
   // A stalled link empties all at once. Real root may exceed the system's limit, else that holds.
   constexpr int kSocketBufferBytes = 16 << 20;
   for (const int option : {SO_RCVBUF, SO_RCVBUFFORCE}) {
-    ::setsockopt(fd.get(), SOL_SOCKET, option, &kSocketBufferBytes, sizeof kBufferBytes);
+    ::setsockopt(fd.get(), SOL_SOCKET, option, &kSocketBufferBytes, sizeof kSocketBufferBytes);
   }
   require(::bind(fd.get(), local.get(), local.size) == 0, "bind");
   if (options.peer.empty()) return fd;
