@@ -1,4 +1,5 @@
 // What the programs of a run are told and leave, and what they note.
+#include <gtest/gtest.h>
 #include <unistd.h>
 
 #include <filesystem>
