@@ -250,7 +250,7 @@ function(interneuron_test module)
       list(JOIN ARG_LONG ":" ARG_LONG)
       gtest_discover_tests(${target} ${discovery} TEST_FILTER "${ARG_LONG}" PROPERTIES ${properties} COST 15)
     endif()
-    # What neither filter names.
+    # These are the cases that neither filter names.
     set(rest ${ARG_ALONE} ${ARG_LONG})
     if(rest)
       list(JOIN rest ":" rest)

@@ -130,6 +130,7 @@ class Echo {
   bool is_answer() {
     std::array<std::byte, 65536> packet;
     const ssize_t size = ::recv(socket_.get(), packet.data(), packet.size(), MSG_DONTWAIT);
+    if (size <= 0) return false;
     std::size_t at = 0;
     if (raw_ && !ipv6_) at = (std::to_integer<std::size_t>(packet[0]) & 0xf) * 4;
     icmphdr header{};

@@ -10,7 +10,7 @@ LinkId id(std::size_t link) { return LinkId{static_cast<std::uint8_t>(link)}; }
 
 EndpointOptions with_session(EndpointOptions options, std::uint32_t session) {
   options.session = SessionId{session};
-  options.policies = builtin_policies();
+  if (options.policies.empty()) options.policies = builtin_policies();
   return options;
 }
 

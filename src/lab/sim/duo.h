@@ -37,7 +37,8 @@ class Duo {
   };
 
   // One link for each profile, with LinkId 0, 1, ... `vehicle` and `road` are what the endpoints
-  // are beside their sessions (1 and 2), the policies and that the road accepts peers.
+  // are beside their sessions (1 and 2) and that the road accepts peers; without policies they have
+  // the built-in ones.
   Duo(const std::vector<emu::LinkProfile>& links, Options options, EndpointOptions vehicle = {},
       EndpointOptions road = {});
   virtual ~Duo() = default;
