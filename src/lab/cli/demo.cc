@@ -4,10 +4,16 @@
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
+#include <cstdint>
 #include <cstdio>
 #include <filesystem>
+#include <functional>
+#include <string>
+#include <vector>
 
 #include "app/offload/command.h"
+#include "app/offload/road.h"
+#include "app/offload/vehicle.h"
 #include "app/perception/codec.h"
 #include "app/perception/detection.h"
 #include "app/perception/frame_source.h"
@@ -39,9 +45,34 @@ constexpr std::uint16_t kPort = 47000;
 
 using Ladder = netns::RoadChild::Ladder;
 
+struct DemoOptions {
+  std::uint32_t rounds = 300;
+  std::uint64_t seed = 1;
+  std::string out = "out/demo";
+  // Profiles by name or file; none: 5g and 4g.
+  std::vector<std::string> links;
+  std::string video;
+  std::string data;
+  std::string ladder = "auto";
+  // Runs per level in which the roadside unit measures its detectors before the first round.
+  int calibration_runs = offload::RoadOptions{}.calibration_runs;
+  // As VehicleOptions.
+  std::string images = offload::VehicleOptions{}.images;
+  std::string policy = offload::VehicleOptions{}.policy;
+  std::string guard = "budget";
+  double deadline_ms = 130;
+  double objective = 0;
+  bool json = false;
+  // The file that captures the vehicle's packets; empty: none.
+  std::string pcap;
+};
+
 class Demo {
  public:
   explicit Demo(const DemoOptions& options);
+  // Makes a testbed, runs both programs in it and returns the exit code. A signal ends all of it:
+  // then the code is 128 + the signal, the rounds that were measured are written, and without a
+  // round no file is. Throws Failure or netns::TestbedError.
   int run();
 
  private:
@@ -230,8 +261,6 @@ int Demo::run() {
 
 }  // namespace
 
-int run_demo(const DemoOptions& options) { return Demo(options).run(); }
-
 void add_demo(CLI::App& program, std::function<int()>& run) {
   auto o = std::make_shared<DemoOptions>();
   CLI::App* c = program.add_subcommand(
@@ -256,7 +285,7 @@ void add_demo(CLI::App& program, std::function<int()>& run) {
   c->callback([&run, &program, o] {
     const CLI::Option* pcap = program.get_option("--pcap");
     if (pcap->count() > 0) o->pcap = pcap->as<std::string>();
-    run = [o] { return run_demo(*o); };
+    run = [o] { return Demo(*o).run(); };
   });
 }
 

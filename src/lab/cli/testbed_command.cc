@@ -1,4 +1,4 @@
-#include "lab/cli/commands.h"
+#include "lab/cli/testbed_command.h"
 
 #include <fmt/format.h>
 
@@ -12,6 +12,7 @@
 
 #include "app/process/failure.h"
 #include "app/records/json_file.h"
+#include "lab/cli/commands.h"
 #include "lab/emu/link_change.h"
 #include "netns/state/hosts.h"
 #include "netns/state/options.h"

@@ -1,4 +1,4 @@
-#include "lab/cli/commands.h"
+#include "lab/cli/testbed_command.h"
 
 #include <fmt/format.h>
 
