@@ -11,7 +11,7 @@
 #   sizes    the checker's own test, then the lengths of files, headers, functions and classes, nesting, and how many headers a
 #            single file includes
 #   alone    the checker's own test, then each .cc file compiled alone, and that those of a folder do not call each other in a
-#            circle: the folders whose day it is (scripts/check_alone.py deals them out over two weeks), with --all every folder
+#            circle: the folders whose day it is (scripts/check_alone.py deals them out over four weeks), with --all every folder
 #   tsan     the tests of node under ThreadSanitizer
 #   asan     the tests of what handles the bytes of others, compiled with clang, under AddressSanitizer and UBSan: the core,
 #            sockets and the loop, perception. `scripts/test.sh asan` is every test, for an hour.

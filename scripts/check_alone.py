@@ -35,7 +35,7 @@ import sys
 import ceilings
 
 # Days until every folder had its turn.
-DAYS = 14
+DAYS = 28
 # The flags of a build tree do not say that it compiles through a cache.
 CACHE = [path for path in [shutil.which("ccache")] if path]
 ERROR = re.compile(r"^([^\s:]+):(\d+):(?:\d+:)? (?:fatal )?error: (.*)$", re.M)
