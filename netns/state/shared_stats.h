@@ -26,7 +26,8 @@ struct SharedDirection {
       &emu::DirectionStats::lost,       &emu::DirectionStats::queue_drops,
       &emu::DirectionStats::duplicated, &emu::DirectionStats::corrupted,
       &emu::DirectionStats::reordered,  &emu::DirectionStats::outage_lost,
-      &emu::DirectionStats::too_big,    &emu::DirectionStats::nat_drops};
+      &emu::DirectionStats::too_big,    &emu::DirectionStats::nat_drops,
+      &emu::DirectionStats::policed};
   std::array<std::atomic<std::uint64_t>, kCounters.size()> values{};
 
   void store(const emu::DirectionStats& stats) {

@@ -132,10 +132,10 @@ void add_loss(const std::string& name, const LinkEvidence& e, Direction directio
     inconclusive(loss, fmt::format("chance makes {:.2f} points of {} packets", chance, sent));
   }
   const auto& c = d.counted;
-  Figure own = judge_loss(
-      name + " loss, own count",
-      percent(c.lost + c.queue_drops + c.outage_lost + c.too_big + c.nat_drops, c.packets_in),
-      percent(lost, sent));
+  const std::uint64_t dropped_by_link =
+      c.lost + c.queue_drops + c.outage_lost + c.too_big + c.nat_drops + c.policed;
+  Figure own = judge_loss(name + " loss, own count", percent(dropped_by_link, c.packets_in),
+                          percent(lost, sent));
   for (Figure* figure : {&loss, &own}) {
     if (sent < kPacketsForVerdict) {
       inconclusive(*figure, fmt::format("{} packets are too few", sent));

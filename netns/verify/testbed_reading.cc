@@ -32,7 +32,7 @@ emu::DirectionStats difference(const emu::DirectionStats& before,
   Stats out;
   for (const auto field :
        {&Stats::packets_in, &Stats::lost, &Stats::queue_drops, &Stats::outage_lost, &Stats::too_big,
-        &Stats::nat_drops, &Stats::duplicated, &Stats::reordered}) {
+        &Stats::nat_drops, &Stats::policed, &Stats::duplicated, &Stats::reordered}) {
     out.*field = after.*field - before.*field;
   }
   return out;

@@ -45,7 +45,6 @@ constexpr std::uint16_t kPort = 47000;
 
 using Ladder = netns::RoadChild::Ladder;
 
-// What the options of the command say, with their defaults. Times are in ms as users write them.
 struct DemoOptions {
   std::uint32_t rounds = 300;
   std::uint64_t seed = 1;

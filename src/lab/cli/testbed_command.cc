@@ -100,6 +100,7 @@ Json direction_json(const emu::DirectionStats& d) {
           {"reordered", d.reordered},
           {"too_big", d.too_big},
           {"nat_drops", d.nat_drops},
+          {"policed", d.policed},
           {"bytes", d.bytes_in},
           {"bytes_delivered", d.bytes_delivered}};
 }
@@ -191,7 +192,7 @@ int status(const TestbedOptions& o) {
          {std::pair{"up", &s.links[i].up}, std::pair{"down", &s.links[i].down}}) {
       fmt::print("{:<24}{:>10}{:>12}{:>12}{:>10}{:>12}{:>10}\n", label + " " + name, rtt_text(now),
                  d->packets_in, d->delivered, d->lost, d->queue_drops,
-                 d->outage_lost + d->too_big + d->nat_drops);
+                 d->outage_lost + d->too_big + d->nat_drops + d->policed);
     }
   }
   return process::kFine;

@@ -1,6 +1,4 @@
-// What the files of `interneuron testbed` share: the command itself (testbed_command.cc), its
-// schedule and its verify. add_testbed() of commands.h joins them. Errors are Failures, with the
-// exit code and one line for people.
+// The parts of `interneuron testbed`, which add_testbed() joins. Errors: Failure.
 #pragma once
 
 #include <CLI/CLI.hpp>

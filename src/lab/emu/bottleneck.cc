@@ -162,7 +162,9 @@ bool Bottleneck::send_stepped(State& state, const SteppedRate& stepped,
     const RateNow now = rate_at(stepped, state.busy_until);
     const std::int64_t rate = now.rate.bits_per_second;
     const Duration left = now.until - state.busy_until;
-    if (rate > 0 && bit_ns / rate < left.count()) {
+    const bool within = rate > 0 && (bit_ns / rate < left.count() ||
+                                     (bit_ns / rate == left.count() && bit_ns % rate == 0));
+    if (within) {
       state.busy_until += Duration{bit_ns / rate};
       state.remainder = bit_ns % rate;
       return true;
@@ -202,6 +204,23 @@ DataRate Bottleneck::mean(Duration at, Duration span) const {
   const auto& trace = *std::get<std::shared_ptr<const Opportunities>>(trace_);
   const std::uint64_t count = first_opportunity(trace, now + span) - first_opportunity(trace, now);
   return bits_in(static_cast<double>(count) * kOpportunityBytes * 8, span);
+}
+
+TokenBucket::TokenBucket(const TokenBucketParams& params)
+    : rate_(params.rate), depth_(params.rate.transmit_time(params.bytes)) {}
+
+TokenBucket::TokenBucket(const TokenBucketParams& params, Duration t) : TokenBucket(params) {
+  if (rate_.bits_per_second > 0) full_at_ = t + depth_;
+}
+
+Duration TokenBucket::conforms(Duration at, std::size_t ip_bytes) const {
+  if (rate_.bits_per_second <= 0) return at;
+  const Duration cost = rate_.transmit_time(ip_bytes);
+  return cost > depth_ ? Duration::max() : std::max(at, full_at_ + cost - depth_);
+}
+
+void TokenBucket::take(Duration at, std::size_t ip_bytes) {
+  if (rate_.bits_per_second > 0) full_at_ = std::max(full_at_, at) + rate_.transmit_time(ip_bytes);
 }
 
 }  // namespace interneuron::emu

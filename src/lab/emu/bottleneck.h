@@ -9,6 +9,8 @@
 //                  larger than what is left of it takes the next as well. An opportunity for which
 //                  no packet waits is lost.
 //
+// A carrier often sets a token bucket beside it: TokenBucket says which packets conform to one.
+//
 // Pure; thread-compatible. Times are since the start of the link. Errors: parse_opportunities()
 // returns one line of text; a rate that stays 0 gives a departure of Duration::max().
 #pragma once
@@ -73,6 +75,10 @@ class Bottleneck {
   void send() { sent_ = asked_; }
   // Blocks further departures until `t`.
   void busy_until(Duration t);
+  // The same where it would be free earlier.
+  void hold_until(Duration t) {
+    if (sent_.busy_until < t - origin_) busy_until(t);
+  }
   // The mean rate over [at, at + span).
   DataRate mean(Duration at, Duration span) const;
 
@@ -99,6 +105,37 @@ class Bottleneck {
   // After the packet sent last, and after the one of the last departure(). Times are since origin_.
   State sent_;
   State asked_;
+};
+
+// A bucket of `bytes` that fills at `rate`, in IP bytes; with rate 0 there is none, and every
+// packet conforms. A policer drops packets that do not conform, a shaper lets them wait until they
+// do.
+struct TokenBucketParams {
+  DataRate rate{};
+  std::size_t bytes = 0;
+  friend bool operator==(const TokenBucketParams&, const TokenBucketParams&) = default;
+};
+
+// The state of such a bucket, as the generic cell rate algorithm of ATM keeps it: by the instant at
+// which the bucket will be full. It is full at first. Usage: conforms(), then take() if the packet
+// is sent.
+class TokenBucket {
+ public:
+  explicit TokenBucket(const TokenBucketParams& params);
+  // The same, empty at `t`.
+  TokenBucket(const TokenBucketParams& params, Duration t);
+
+  // The first instant from `at` on at which the bucket holds the bytes of the packet;
+  // Duration::max() when it never does, because it is smaller than the packet.
+  Duration conforms(Duration at, std::size_t ip_bytes) const;
+  // Takes them at `at`, which is not before conforms().
+  void take(Duration at, std::size_t ip_bytes);
+
+ private:
+  DataRate rate_;
+  // How long the empty bucket takes to fill.
+  Duration depth_{};
+  Duration full_at_{};
 };
 
 }  // namespace interneuron::emu

@@ -41,6 +41,13 @@ bool Channel::mapping_lost(Duration now) const {
   return nat_.idle_timeout > Duration{} && (!last_up_ || now - *last_up_ > nat_.idle_timeout);
 }
 
+Duration Channel::awake(Duration now, Duration wake_after, Duration wake_by) {
+  const bool slept = !last_packet_ || now - *last_packet_ > wake_after;
+  if (slept && wake_by > Duration{}) awake_at_ = now + wake_by;
+  last_packet_ = now;
+  return std::max(now, awake_at_);
+}
+
 bool Channel::in_outage(Duration t) const {
   if (!outages_.empty()) {
     const auto after = std::partition_point(outages_.begin(), outages_.end(),

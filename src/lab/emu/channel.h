@@ -41,6 +41,9 @@ class Channel {
   void touch_mapping(Duration now) { last_up_ = now; }
   // Whether the NAT has no mapping, so that packets down are dropped.
   bool mapping_lost(Duration now) const;
+  // A packet of either direction has come, whose direction has these values (DirectionParams).
+  // Returns when the radio is awake to carry it.
+  Duration awake(Duration now, Duration wake_after, Duration wake_by);
 
   const std::shared_ptr<DelayProcess>& process() const { return process_; }
 
@@ -61,6 +64,10 @@ class Channel {
   std::vector<Interval> outages_;
   // When the last packet went up; empty: none has.
   std::optional<Duration> last_up_;
+  // When the last packet came, in either direction; empty: none has. And from when on the radio is
+  // awake.
+  std::optional<Duration> last_packet_;
+  Duration awake_at_{};
 };
 
 }  // namespace interneuron::emu

@@ -43,6 +43,25 @@ struct DirectionParams {
   std::size_t queue_packets = 0;
   // A rate that changes with time, in place of `rate`.
   std::optional<RateTrace> trace{};
+  // Drops what does not conform, in front of the queue.
+  TokenBucketParams police{};
+  // Lets what does not conform wait behind the bottleneck, which holds up the queue: so bursts pass
+  // at `rate` and the rest at that of the bucket.
+  TokenBucketParams shape{};
+  // The uplink of a radio is granted from time to time: packets leave during grant_share of each
+  // such period alone, at `rate` / grant_share, so that `rate` is the mean. 0: at any time. Where
+  // there is a trace, that is all there is.
+  Duration grant_every{};
+  double grant_share = kGrantShare;
+  // A radio sends again what it finds damaged, which takes harq_by each time, up to kHarqTries
+  // times, and hands on in order: with this probability each time a packet is late by that, and so
+  // are those behind it.
+  double harq = 0;
+  Duration harq_by = kHarqBy;
+  // A radio that has carried nothing in either direction for wake_after sleeps, and what comes then
+  // waits for wake_by. 0: it never sleeps.
+  Duration wake_after = kWakeAfter;
+  Duration wake_by{};
   // The following are probabilities per packet. `loss` takes the place of the radio state's;
   // gilbert_elliott is a further cause of loss.
   std::optional<double> loss{};
@@ -59,6 +78,15 @@ struct DirectionParams {
 
   // Longer than any delay.
   static constexpr Duration kWholeDelay = std::chrono::minutes(1);
+  // One subframe of LTE of each five.
+  static constexpr double kGrantShare = 0.2;
+  // The round trip of LTE's hybrid ARQ, eight subframes of 1 ms, and how often it sends again at
+  // most, as networks are usually set.
+  static constexpr Duration kHarqBy = std::chrono::milliseconds(8);
+  static constexpr int kHarqTries = 3;
+  // Networks let a radio go after some 10 s without traffic (Huang et al., A Close Examination of
+  // Performance and Power Characteristics of 4G LTE Networks, 2012: 11.6 s).
+  static constexpr Duration kWakeAfter = std::chrono::seconds(10);
 };
 
 // What carrier-grade NATs and tunnels are known to do to packets. 0 turns each off.

@@ -70,6 +70,22 @@ std::vector<std::string> netem_cannot(const LinkProfile& profile) {
       })) {
     out.emplace_back("reorder_ms: a reordered packet is sent at once");
   }
+  const auto limits = [](const TokenBucketParams& b) { return b.rate.bits_per_second > 0; };
+  if (either([&](const DirectionParams& p) { return limits(p.police); })) {
+    out.emplace_back("police_mbit: nothing is dropped in front of the queue");
+  }
+  if (either([&](const DirectionParams& p) { return limits(p.shape); })) {
+    out.emplace_back("shape_mbit: all passes at the rate of the link");
+  }
+  if (either([](const DirectionParams& p) { return p.grant_every > Duration{}; })) {
+    out.emplace_back("grant_ms: packets leave at any time");
+  }
+  if (either([](const DirectionParams& p) { return p.harq > 0; })) {
+    out.emplace_back("harq: the radio sends nothing again");
+  }
+  if (either([](const DirectionParams& p) { return p.wake_by > Duration{}; })) {
+    out.emplace_back("wake_ms: the radio never sleeps");
+  }
   const NatParams& nat = profile.nat;
   if (nat.drop_below > 0) out.emplace_back("nat.drop_below_bytes: small packets pass");
   if (nat.reorder_above > 0) out.emplace_back("nat.reorder_above_bytes: large packets keep order");

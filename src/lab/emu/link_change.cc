@@ -20,6 +20,28 @@ constexpr NumberKey probability(std::string_view name, std::string_view meaning)
   return {name, meaning, 0, 1, "", true};
 }
 
+constexpr NumberKey bucket_rate(std::string_view name, std::string_view meaning) {
+  return {name, meaning, 0, kMaxRateMbit, "Mbit/s", true};
+}
+
+constexpr NumberKey bucket_depth(std::string_view name, std::string_view meaning) {
+  return {name, meaning, kMinQueueKbyte, 1e7, "10^3 bytes", true};
+}
+
+// A bucket of which only the rate is given holds what passes in this time.
+// No measurement behind this value: buckets of 10 to 200 ms are seen.
+constexpr Duration kDefaultBucket = std::chrono::milliseconds(50);
+
+void set_bucket(TokenBucketParams& bucket, const std::optional<DataRate>& rate,
+                const std::optional<std::size_t>& bytes) {
+  bucket.rate = rate.value_or(bucket.rate);
+  // Another rate without a depth of its own has the default one.
+  bucket.bytes = bytes.value_or(rate ? 0 : bucket.bytes);
+  if (bucket.bytes > 0 || bucket.rate.bits_per_second <= 0) return;
+  const double held = to_seconds(kDefaultBucket) * bucket.rate.mbit() * 1e6 / 8;
+  bucket.bytes = count(std::max(kMinQueueKbyte * 1e3, held));
+}
+
 // In the order in which help texts and errors list them.
 constexpr std::array kDirectionKeys = {
     DirectionKey{optional(kRateKey),
@@ -39,6 +61,29 @@ constexpr std::array kDirectionKeys = {
                  [](DirectionChange& c, double v) { c.reorder_by = from_ms(v); }},
     DirectionKey{{"mtu", "largest packet that passes", 68, 65'535, "IP bytes", true, true},
                  [](DirectionChange& c, double v) { c.mtu = count(v); }},
+    DirectionKey{bucket_rate("police_mbit", "rate of the policer"),
+                 [](DirectionChange& c, double v) { c.police_rate = DataRate::mbit(v); }},
+    DirectionKey{bucket_depth("police_kbyte", "bucket of the policer"),
+                 [](DirectionChange& c, double v) { c.police_bytes = count(v * 1e3); }},
+    DirectionKey{bucket_rate("shape_mbit", "rate of the shaper"),
+                 [](DirectionChange& c, double v) { c.shape_rate = DataRate::mbit(v); }},
+    DirectionKey{bucket_depth("shape_kbyte", "bucket of the shaper"),
+                 [](DirectionChange& c, double v) { c.shape_bytes = count(v * 1e3); }},
+    DirectionKey{{"grant_ms", "time from one grant to the next", 0, kMaxGrantMs, "ms", true},
+                 [](DirectionChange& c, double v) {
+                   c.grant_every = v * 1e3 < kLeastGrantUs ? Duration{} : from_ms(v);
+                 }},
+    DirectionKey{{"grant_share", "part of it that a grant lasts", 0.001, 1, "", true},
+                 [](DirectionChange& c, double v) { c.grant_share = v; }},
+    DirectionKey{probability("harq", "probability that the radio sends a packet again"),
+                 [](DirectionChange& c, double v) { c.harq = v; }},
+    DirectionKey{{"harq_ms", "how long that takes", 0.01, kMaxWakeMs, "ms", true},
+                 [](DirectionChange& c, double v) { c.harq_by = from_ms(v); }},
+    DirectionKey{
+        {"wake_after_ms", "silence after which the radio sleeps", 1, kMaxSleepMs, "ms", true},
+        [](DirectionChange& c, double v) { c.wake_after = from_ms(v); }},
+    DirectionKey{{"wake_ms", "how long it takes to wake up", 0, kMaxWakeMs, "ms", true},
+                 [](DirectionChange& c, double v) { c.wake_by = from_ms(v); }},
 };
 
 constexpr std::size_t kKeys = kDirectionKeys.size() + 2;
@@ -166,6 +211,14 @@ void DirectionChange::apply_to(DirectionParams& params) const {
   params.reorder = reorder.value_or(params.reorder);
   params.reorder_by = reorder_by.value_or(params.reorder_by);
   params.mtu = mtu.value_or(params.mtu);
+  set_bucket(params.police, police_rate, police_bytes);
+  set_bucket(params.shape, shape_rate, shape_bytes);
+  params.grant_every = grant_every.value_or(params.grant_every);
+  params.grant_share = grant_share.value_or(params.grant_share);
+  params.harq = harq.value_or(params.harq);
+  params.harq_by = harq_by.value_or(params.harq_by);
+  params.wake_after = wake_after.value_or(params.wake_after);
+  params.wake_by = wake_by.value_or(params.wake_by);
 }
 
 std::variant<LinkChange, ProfileError> parse_change(std::span<const std::string> key_value,

@@ -2,10 +2,12 @@
 //
 //   rtt_ms=80            constant until the next profile=, 0..60000 ms; the rest goes on
 //   profile=4g           all conditions of another profile from now on; its process begins now
-//   loss rate_mbit queue_kbyte queue_packets duplicate corrupt reorder reorder_ms mtu
+//   loss rate_mbit queue_kbyte queue_packets duplicate corrupt reorder reorder_ms mtu police_mbit
+//   police_kbyte shape_mbit shape_kbyte grant_ms grant_share harq harq_ms wake_after_ms wake_ms
 //                        in both directions; up.KEY or down.KEY in one; meanings and ranges as in
 //                        profile.h. rate_mbit replaces a stepped or traced rate; loss replaces that
-//                        of the radio states and of Gilbert-Elliott.
+//                        of the radio states and of Gilbert-Elliott; 0 turns off what police_mbit,
+//                        shape_mbit, grant_ms, harq and wake_ms have turned on.
 //
 // `profile` applies before all others, whatever the order. Pure; never throws.
 #pragma once
@@ -33,6 +35,16 @@ struct DirectionChange {
   std::optional<double> reorder;
   std::optional<Duration> reorder_by;
   std::optional<std::size_t> mtu;
+  std::optional<DataRate> police_rate;
+  std::optional<std::size_t> police_bytes;
+  std::optional<DataRate> shape_rate;
+  std::optional<std::size_t> shape_bytes;
+  std::optional<Duration> grant_every;
+  std::optional<double> grant_share;
+  std::optional<double> harq;
+  std::optional<Duration> harq_by;
+  std::optional<Duration> wake_after;
+  std::optional<Duration> wake_by;
 
   void apply_to(DirectionParams& params) const;
 };

@@ -5,18 +5,29 @@
 
 #include "lab/emu/channel.h"
 
-#include "lab/emu/channel.h"
-
 namespace interneuron::emu {
 
 namespace {
 
+// Grants are a rate that is on and off in turn.
+RateTrace granted(const DirectionParams& params) {
+  const auto length = Duration{static_cast<std::int64_t>(
+      params.grant_share * static_cast<double>(params.grant_every.count()))};
+  return std::make_shared<const SteppedRate>(
+      SteppedRate{{{Duration{}, params.rate.scaled(1 / params.grant_share)}, {length, DataRate{}}},
+                  params.grant_every});
+}
+
 Bottleneck bottleneck_of(const DirectionParams& params, Duration origin) {
-  return params.trace ? Bottleneck(*params.trace, origin) : Bottleneck(params.rate);
+  if (params.trace) return Bottleneck(*params.trace, origin);
+  const bool always = params.grant_every <= Duration{} || params.grant_share >= 1 ||
+                      params.rate.bits_per_second <= 0;
+  return always ? Bottleneck(params.rate) : Bottleneck(granted(params), origin);
 }
 
 bool same_rate(const DirectionParams& a, const DirectionParams& b) {
-  return a.rate == b.rate && a.trace == b.trace;
+  return a.rate == b.rate && a.trace == b.trace && a.shape == b.shape &&
+         a.grant_every == b.grant_every && a.grant_share == b.grant_share;
 }
 
 }  // namespace
@@ -35,35 +46,39 @@ LinkModel::LinkModel(const DirectionParams& params, std::shared_ptr<Channel> cha
       channel_(std::move(channel)),
       direction_(direction),
       bottleneck_(bottleneck_of(params, {})),
+      police_(params.police),
+      shape_(params.shape),
       loss_rng_(seed),
       burst_stream_(split_mix(seed ^ 1U)),
       duplicate_stream_(split_mix(seed ^ 2U)),
       corrupt_stream_(split_mix(seed ^ 3U)),
       reorder_stream_(split_mix(seed ^ 4U)),
-      nat_stream_(split_mix(seed ^ 5U)) {}
+      nat_stream_(split_mix(seed ^ 5U)),
+      harq_stream_(split_mix(seed ^ 6U)) {}
 
 bool LinkModel::enqueue(Duration now, std::size_t ip_bytes, std::uint64_t tag) {
   ++stats_.packets_in;
   stats_.bytes_in += ip_bytes;
   settle(now);
   if (refused(now, ip_bytes)) return false;
-  const Duration departure =
-      admitted(ip_bytes) ? bottleneck_.departure(now, ip_bytes) : Duration::max();
-  if (departure == Duration::max() || departure - now > kLongestWait) {
+  const Duration awake = channel_->awake(now, params_.wake_after, params_.wake_by);
+  const Duration leaves = admitted(ip_bytes) ? departure(awake, ip_bytes) : Duration::max();
+  if (leaves == Duration::max() || leaves - now > kLongestWait) {
     ++stats_.queue_drops;
     return false;
   }
-  bottleneck_.send();
-  waiting_.push_back({departure, ip_bytes});
+  send(leaves, ip_bytes);
+  waiting_.push_back({leaves, ip_bytes});
   waiting_bytes_ += ip_bytes;
-  Entry entry{.departure = departure, .tag = tag, .serial = next_serial_++, .bytes = ip_bytes};
+  Entry entry{.departure = leaves, .tag = tag, .serial = next_serial_++, .bytes = ip_bytes};
 
   // All draws before any of them decides: what is lost does not shift the draws of the rest.
-  const Channel::Sample sample = channel_->at(departure);
+  const Channel::Sample sample = channel_->at(leaves);
   const bool lost = radio_loses(sample.loss);
   const bool twice = duplicate_stream_.chance(params_.duplicate);
   entry.corrupt = corrupt_stream_.chance(params_.corrupt);
   entry.shift = shift_of(ip_bytes);
+  entry.held = sent_again_for();
   if (sample.out || lost) {
     ++(sample.out ? stats_.outage_lost : stats_.lost);
     return false;
@@ -84,7 +99,22 @@ bool LinkModel::enqueue(Duration now, std::size_t ip_bytes, std::uint64_t tag) {
   return true;
 }
 
-// Whether the path's MTU or the carrier's NAT drops the packet, before it reaches the queue.
+// When a packet that arrives at `at` would have left the bottleneck and the shaper.
+Duration LinkModel::departure(Duration at, std::size_t ip_bytes) {
+  const Duration leaves = bottleneck_.departure(at, ip_bytes);
+  return leaves == Duration::max() ? leaves : shape_.conforms(leaves, ip_bytes);
+}
+
+// Sends the packet of the last departure().
+void LinkModel::send(Duration departure, std::size_t ip_bytes) {
+  bottleneck_.send();
+  // A packet that waits for the shaper holds up those behind it.
+  if (params_.shape.rate.bits_per_second > 0) bottleneck_.hold_until(departure);
+  shape_.take(departure, ip_bytes);
+}
+
+// Whether the path's MTU, the carrier's NAT or its policer drops the packet, before it reaches the
+// queue.
 bool LinkModel::refused(Duration now, std::size_t ip_bytes) {
   if (params_.mtu > 0 && ip_bytes > params_.mtu) {
     ++stats_.too_big;
@@ -95,6 +125,11 @@ bool LinkModel::refused(Duration now, std::size_t ip_bytes) {
     ++stats_.nat_drops;
     return true;
   }
+  if (police_.conforms(now, ip_bytes) > now) {
+    ++stats_.policed;
+    return true;
+  }
+  police_.take(now, ip_bytes);
   return false;
 }
 
@@ -131,9 +166,22 @@ Duration LinkModel::shift_of(std::size_t ip_bytes) {
   return passed ? nat.reorder_delay : Duration{};
 }
 
+// How long hybrid ARQ takes to bring a packet beyond its first try: the n-th try fails with the
+// probability harq, so that at least n fail with its n-th power.
+Duration LinkModel::sent_again_for() {
+  const double draw = harq_stream_.uniform();
+  Duration held{};
+  double fails = params_.harq;
+  for (int tries = 0; tries < DirectionParams::kHarqTries && draw < fails; ++tries) {
+    held += params_.harq_by;
+    fails *= params_.harq;
+  }
+  return held;
+}
+
 // Sets when the packet is due; one in order holds up those behind it.
 void LinkModel::place(Entry& entry, Duration one_way) {
-  const Duration turn = entry.departure + one_way;
+  const Duration turn = entry.departure + one_way + entry.held;
   if (entry.shift == Duration{}) {
     entry.due = last_due_ = std::max(last_due_, turn);
   } else {
@@ -195,6 +243,7 @@ std::size_t LinkModel::waiting_bytes(Duration now) const {
 void LinkModel::change(Duration now, const DirectionParams& params) {
   settle(now);
   const bool other_rate = !same_rate(params, params_);
+  if (params.police != params_.police) police_ = TokenBucket(params.police);
   params_ = params;
   if (other_rate) serve_again(now);
 
@@ -224,16 +273,18 @@ void LinkModel::place_again(Entry& entry, Duration now) {
 // when it would have.
 void LinkModel::serve_again(Duration now) {
   bottleneck_ = bottleneck_of(params_, now);
+  shape_ = TokenBucket(params_.shape);
   if (waiting_.empty()) return;
   bottleneck_.busy_until(waiting_.front().departure);
+  shape_ = TokenBucket(params_.shape, waiting_.front().departure);
   bool too_late = false;
   for (std::size_t i = 1; i < waiting_.size(); ++i) {
     Waiting& waiting = waiting_[i];
-    const Duration departure = bottleneck_.departure(now, waiting.bytes);
-    too_late = too_late || departure - now > kLongestWait;
-    if (!too_late) bottleneck_.send();
+    const Duration leaves = departure(now, waiting.bytes);
+    too_late = too_late || leaves - now > kLongestWait;
+    if (!too_late) send(leaves, waiting.bytes);
     waiting.dropped = too_late;
-    waiting.departure = too_late ? now + kLongestWait : departure;
+    waiting.departure = too_late ? now + kLongestWait : leaves;
   }
   const std::uint64_t first_serial = next_serial_ - waiting_.size();
   each_inside([&](Entry& entry) {

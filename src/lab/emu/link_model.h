@@ -3,8 +3,8 @@
 // DirectionParams. sim::World uses it in virtual time and the user-space emulator on real packets,
 // so that both have the same link. It keeps handles of packets (tags), never their bytes.
 //
-//   enqueue -> MTU, NAT -> [ drop-tail queue -> bottleneck ] -> outage, loss -> [ delay line ] ->
-//   dequeue
+//   enqueue -> MTU, NAT, policer -> [ drop-tail queue -> bottleneck -> shaper ] -> outage, loss ->
+//   [ delay line ] -> dequeue
 //
 // Delay, loss and outage are those at the instant at which the packet leaves the bottleneck. Each
 // random feature draws from a stream of its own, so that turning one on does not change another. A
@@ -34,7 +34,7 @@ class Channel;
 
 // Counters of one direction since its start; bytes are IP bytes. Always
 //   packets_in + duplicated = delivered + lost + queue_drops + outage_lost + too_big + nat_drops
-//                             + packets inside (a duplicated packet twice)
+//                             + policed + packets inside (a duplicated packet twice)
 struct DirectionStats {
   std::uint64_t packets_in = 0;
   std::uint64_t bytes_in = 0;
@@ -57,6 +57,8 @@ struct DirectionStats {
   std::uint64_t too_big = 0;
   // Dropped by the NAT: too small, or without a mapping.
   std::uint64_t nat_drops = 0;
+  // Dropped by the policer.
+  std::uint64_t policed = 0;
 };
 
 class LinkModel {
@@ -94,7 +96,8 @@ class LinkModel {
 
   // Uses these parameters from `now` on, and what has changed in the channel. Packets that still
   // wait for the bottleneck get the new rate and delay but keep what was drawn for them (loss,
-  // corruption, duplication).
+  // corruption, duplication). A bucket that has changed is full, but that of a shaper for which
+  // packets wait is empty.
   void change(Duration now, const DirectionParams& params);
   // To be called when an outage [from, to) was added to the channel.
   void outage_added(Duration from, Duration to);
@@ -123,6 +126,8 @@ class LinkModel {
     Duration departure{};
     // By how much a reordered packet is due later than its turn (negative: earlier).
     Duration shift{};
+    // How long the radio took to send it again.
+    Duration held{};
     std::uint64_t tag = 0;
     // Counts all packets that have used the bottleneck.
     std::uint64_t serial = 0;
@@ -136,9 +141,12 @@ class LinkModel {
 
   bool refused(Duration now, std::size_t ip_bytes);
   bool admitted(std::size_t ip_bytes) const;
+  Duration departure(Duration at, std::size_t ip_bytes);
+  void send(Duration departure, std::size_t ip_bytes);
   bool radio_loses(double loss);
   bool burst_loses();
   Duration shift_of(std::size_t ip_bytes);
+  Duration sent_again_for();
   void place(Entry& entry, Duration one_way);
   void place_again(Entry& entry, Duration now);
   template <class Visit>
@@ -152,6 +160,8 @@ class LinkModel {
   std::shared_ptr<Channel> channel_;
   Direction direction_;
   Bottleneck bottleneck_;
+  TokenBucket police_;
+  TokenBucket shape_;
   std::mt19937_64 loss_rng_;
   std::uniform_real_distribution<double> uniform_{0.0, 1.0};
   RandomStream burst_stream_;
@@ -159,6 +169,7 @@ class LinkModel {
   RandomStream corrupt_stream_;
   RandomStream reorder_stream_;
   RandomStream nat_stream_;
+  RandomStream harq_stream_;
   // The Gilbert-Elliott chain is in its bad state.
   bool burst_ = false;
   // Packets of it so far.

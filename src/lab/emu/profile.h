@@ -42,6 +42,22 @@
 //                                             0.01..60000 ms; default: its whole delay, as netem
 //     mtu                                     IP bytes, larger packets vanish, 68..65535; default
 //                                             none
+//     police_mbit                             token bucket that drops what exceeds it, in front of
+//                                             the queue, 0..100000; default 0 = none
+//     police_kbyte                            its depth, 1.5..10^7; default 50 ms at police_mbit
+//     shape_mbit, shape_kbyte                 the same, but what exceeds it waits: bursts pass at
+//                                             rate_mbit, the rest at shape_mbit
+//     grant_ms                                packets leave in grants only, one each so many ms,
+//                                             0..1000, default 0 = at any time; not with steps and
+//                                             traces, which can say it themselves
+//     grant_share                             part of that time for which a grant lasts, at
+//                                             rate_mbit / grant_share, 0.001..1, default 0.2
+//     harq                                    probability that the radio sends a packet again,
+//                                             each of three times; others wait behind it, default 0
+//     harq_ms                                 how long each takes, 0.01..9000 ms, default 8
+//     wake_ms                                 what comes after a silence of both directions waits
+//                                             for so long, 0..9000 ms, default 0
+//     wake_after_ms                           how long a silence, 1..3600000 ms, default 10000
 //     [up.gilbert_elliott]                    bursts of loss beside `loss`; default none
 //       p, r                                  good to bad, bad to good, per packet, 0..1, 0.001..1
 //       loss_in_good, loss_in_bad             0..1, default 0 and 1

@@ -1,5 +1,6 @@
 // [up], [down], [outages] and [nat] of a profile.
 #include <algorithm>
+#include <array>
 
 #include "lab/emu/profile_reader.h"
 
@@ -72,6 +73,12 @@ bool read_rate(TomlReader& reader, const Section& section, const TraceFiles& fil
     return reader.fail_at(section, kPeriod.name,
                           "'rate_period_s' in [" + section.path + "] needs 'rate_steps'");
   }
+  if ((steps || trace) && out.grant_every > Duration{}) {
+    return reader.fail_at(
+        section, "grant_ms",
+        "'grant_ms' in [" + section.path +
+            "] is for a constant rate_mbit; leave it out beside steps and traces");
+  }
   if (steps) return read_steps(reader, section, out);
   if (!trace) {
     double mbit = 0;
@@ -99,10 +106,28 @@ bool read_bursts(TomlReader& reader, const Section& section, DirectionParams& ou
   return true;
 }
 
+// A key that says nothing without another one.
+bool check_pairs(TomlReader& reader, const Section& section) {
+  constexpr std::array<std::array<std::string_view, 2>, 5> kNeeds{{{"police_kbyte", "police_mbit"},
+                                                                   {"shape_kbyte", "shape_mbit"},
+                                                                   {"grant_share", "grant_ms"},
+                                                                   {"harq_ms", "harq"},
+                                                                   {"wake_after_ms", "wake_ms"}}};
+  for (const auto& [key, other] : kNeeds) {
+    if (!reader.has(section, key) || reader.has(section, other)) continue;
+    return reader.fail_at(
+        section, key,
+        "'" + std::string(key) + "' in [" + section.path + "] needs '" + std::string(other) + "'");
+  }
+  return true;
+}
+
 // The default, and that a packet need not wait longer than the delay process remembers: its delay
-// is read when it leaves the queue.
+// is read when it leaves the queue. The slower of bottleneck and shaper empties it.
 bool check_queue(TomlReader& reader, const Section& section, DirectionParams& out) {
-  const double bytes_per_s = static_cast<double>(out.rate.bits_per_second) / 8;
+  const bool shaped = out.shape.rate.bits_per_second > 0;
+  const DataRate slower = shaped ? std::min(out.rate, out.shape.rate) : out.rate;
+  const double bytes_per_s = static_cast<double>(slower.bits_per_second) / 8;
   const double longest_s = to_seconds(DelayProcess::kMemory);
   const double smallest = kMinQueueKbyte * 1e3;
   if (out.queue_bytes == 0) {
@@ -114,7 +139,7 @@ bool check_queue(TomlReader& reader, const Section& section, DirectionParams& ou
   return reader.fail_at(section, "queue_kbyte",
                         "'queue_kbyte' in [" + section.path + "] = " + number_text(bytes / 1e3) +
                             " holds more than " + number_text(longest_s) + " s at " +
-                            number_text(out.rate.mbit()) + " Mbit/s; at most " +
+                            number_text(slower.mbit()) + " Mbit/s; at most " +
                             number_text(bytes_per_s * longest_s / 1e3));
 }
 
@@ -133,8 +158,8 @@ bool read_direction(TomlReader& reader, const Section& section, const TraceFiles
     if (reader.has(section, key.key.name)) key.set(values, value);
   }
   values.apply_to(out);
-  return read_rate(reader, section, files, out) && read_bursts(reader, section, out) &&
-         check_queue(reader, section, out);
+  return check_pairs(reader, section) && read_rate(reader, section, files, out) &&
+         read_bursts(reader, section, out) && check_queue(reader, section, out);
 }
 
 bool read_outages(TomlReader& reader, const Section& root, PeriodicOutage& out) {

@@ -22,13 +22,19 @@ using Section = TomlReader::Section;
 // Keys that profiles, changes and scenarios share: names, meanings and ranges, once. Ranges are
 // wide: they are to catch typing errors and wrong units, not unlikely networks. A round trip is a
 // minute at most, a length of time a day, an instant 116 days from the start, and a queue holds one
-// Ethernet packet at least.
+// Ethernet packet at least. A radio sleeps after an hour at most and wakes up within the time for
+// which a packet may wait (LinkModel::kLongestWait).
 inline constexpr double kMaxRttMs = 60'000;
 inline constexpr double kMaxSeconds = 86'400;
 inline constexpr double kMaxInstantS = 1e7;
 inline constexpr double kMinQueueKbyte = 1.5;
 inline constexpr double kMinRateMbit = 0.001;
 inline constexpr double kMaxRateMbit = 100'000;
+inline constexpr double kMaxGrantMs = 1000;
+// Grants that are closer than this in microseconds count as none: such a radio sends at any time.
+inline constexpr double kLeastGrantUs = 10;
+inline constexpr double kMaxSleepMs = 3'600'000;
+inline constexpr double kMaxWakeMs = 9000;
 
 inline constexpr NumberKey kRttKey{"rtt_ms", "round-trip time", 0, kMaxRttMs, "ms"};
 inline constexpr NumberKey kLossKey{"loss", "probability that a packet is lost", 0, 1, ""};

@@ -16,8 +16,11 @@ std::string error_of(const std::vector<std::string>& pairs) {
 
 TEST(LinkChange, ReadsEveryKey) {
   const LinkChange change = value_of(parse_change(std::vector<std::string>{
-      "rtt_ms=80", "loss=0.01", "rate_mbit=5", "queue_kbyte=64", "queue_packets=100",
-      "duplicate=0.1", "corrupt=0.2", "reorder=0.3", "reorder_ms=4", "mtu=1400", "profile=4g"}));
+      "rtt_ms=80",         "loss=0.01",     "rate_mbit=5",        "queue_kbyte=64",
+      "queue_packets=100", "duplicate=0.1", "corrupt=0.2",        "reorder=0.3",
+      "reorder_ms=4",      "mtu=1400",      "profile=4g",         "police_mbit=10",
+      "police_kbyte=20",   "shape_mbit=30", "grant_ms=5",         "grant_share=0.4",
+      "harq=0.1",          "harq_ms=4",     "wake_after_ms=5000", "wake_ms=200"}));
   EXPECT_EQ(change.rtt, std::chrono::milliseconds(80));
   ASSERT_NE(change.profile, nullptr);
   EXPECT_EQ(change.profile->name, "4g");
@@ -33,6 +36,15 @@ TEST(LinkChange, ReadsEveryKey) {
     EXPECT_EQ(params.reorder, 0.3);
     EXPECT_EQ(params.reorder_by, std::chrono::milliseconds(4));
     EXPECT_EQ(params.mtu, 1400U);
+    EXPECT_EQ(params.police, (TokenBucketParams{DataRate::mbit(10), 20'000}));
+    // 50 ms at its rate.
+    EXPECT_EQ(params.shape, (TokenBucketParams{DataRate::mbit(30), 187'500}));
+    EXPECT_EQ(params.grant_every, std::chrono::milliseconds(5));
+    EXPECT_EQ(params.grant_share, 0.4);
+    EXPECT_EQ(params.harq, 0.1);
+    EXPECT_EQ(params.harq_by, std::chrono::milliseconds(4));
+    EXPECT_EQ(params.wake_after, std::chrono::seconds(5));
+    EXPECT_EQ(params.wake_by, std::chrono::milliseconds(200));
   }
 }
 
@@ -53,8 +65,9 @@ TEST(LinkChange, ErrorsSayWhatToDo) {
   EXPECT_EQ(error_of({"up.rtt_ms=1"}), "unknown key 'up.rtt_ms'; did you mean 'rtt_ms'?");
   EXPECT_EQ(error_of({"altitude_m=1"}),
             "unknown key 'altitude_m'; known keys: rtt_ms, profile, rate_mbit, queue_kbyte, "
-            "queue_packets, loss, duplicate, corrupt, reorder, reorder_ms, mtu; all but the first "
-            "two also as up.KEY or down.KEY");
+            "queue_packets, loss, duplicate, corrupt, reorder, reorder_ms, mtu, police_mbit, "
+            "police_kbyte, shape_mbit, shape_kbyte, grant_ms, grant_share, harq, harq_ms, "
+            "wake_after_ms, wake_ms; all but the first two also as up.KEY or down.KEY");
   EXPECT_EQ(error_of({"loss=2"}), "'loss' = 2 is out of range, must be 0 to 1");
   EXPECT_EQ(error_of({"rtt_ms=-1"}), "'rtt_ms' = -1 is out of range, must be 0 to 60000 ms");
   EXPECT_EQ(error_of({"down.mtu=99.5"}),

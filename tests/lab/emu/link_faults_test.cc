@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <set>
 
 #include "support.h"
@@ -194,6 +195,107 @@ TEST(LinkFaults, MeasuredUnavailabilityIsAnOutage) {
     drain(link.up());
   }
   EXPECT_EQ(link.up().stats().outage_lost, 86U);
+}
+
+TEST(LinkFaults, APolicerLetsItsRateAndABurstPass) {
+  LinkModel link = link_with([](DirectionParams& p) { p.police = {DataRate::mbit(10), 50'000}; });
+  // 20 Mbit/s for 10 s: 50 kB at once and 12.5 MB after that, of 25 MB.
+  stream(link, 25'000, microseconds(400), 1000);
+  EXPECT_NEAR(static_cast<double>(link.stats().delivered), 12'550, 2);
+  EXPECT_EQ(link.stats().delivered + link.stats().policed, 25'000U);
+}
+
+TEST(LinkFaults, APolicerDropsNothingBelowItsRate) {
+  LinkModel link = link_with([](DirectionParams& p) { p.police = {DataRate::mbit(10), 50'000}; });
+  stream(link, 10'000, microseconds(810), 1000);
+  EXPECT_EQ(link.stats().policed, 0U);
+}
+
+TEST(LinkFaults, APolicerThatIsSetAnewIsFull) {
+  Link link(constant_profile(20), 1);
+  LinkChange change;
+  change.direction(Direction::kUp).police_rate = DataRate::mbit(1);
+  change.direction(Direction::kUp).police_bytes = 3000;
+  link.change(seconds(1), change);
+  int passed = 0;
+  for (int i = 0; i < 10; ++i) passed += link.up().enqueue(seconds(2), 1000, 0) ? 1 : 0;
+  EXPECT_EQ(passed, 3);
+  change.direction(Direction::kUp).police_rate = DataRate{};
+  link.change(seconds(2), change);
+  EXPECT_TRUE(link.up().enqueue(seconds(2), 1000, 0));
+}
+
+TEST(LinkFaults, AShaperLetsABurstPassAndThenItsRate) {
+  LinkModel link = link_with([](DirectionParams& p) { p.shape = {DataRate::mbit(10), 50'000}; });
+  for (std::uint64_t i = 0; i < 100; ++i) ASSERT_TRUE(link.enqueue({}, 1000, i));
+  const std::vector<LinkModel::Packet> out = drain(link);
+  ASSERT_EQ(out.size(), 100U);
+  // 10 ms of delay, 8 us each on the bottleneck, and 800 us each beyond the first 50.
+  EXPECT_EQ(out[0].due, milliseconds(10) + microseconds(8));
+  EXPECT_LE(out[49].due, milliseconds(10) + microseconds(400));
+  EXPECT_EQ(out[99].due, milliseconds(10) + microseconds(8) + microseconds(50 * 800));
+  EXPECT_EQ(link.stats().queue_drops, 0U);
+}
+
+TEST(LinkFaults, AShaperThatBecomesSlowerHoldsUpWhatWaits) {
+  LinkModel link = link_with([](DirectionParams& p) { p.shape = {DataRate::mbit(10), 2000}; });
+  for (std::uint64_t i = 0; i < 12; ++i) ASSERT_TRUE(link.enqueue({}, 1000, i));
+  DirectionParams slower = link.params();
+  slower.shape.rate = DataRate::mbit(1);
+  link.change(milliseconds(1), slower);
+  const std::vector<LinkModel::Packet> out = drain(link);
+  ASSERT_EQ(out.size(), 12U);
+  // The fourth was on its way; eight behind it take 8 ms each.
+  EXPECT_NEAR(to_ms(out[11].due), 10 + 1.6 + 8 * 8, 1);
+}
+
+TEST(LinkFaults, GrantsBundlePacketsAndKeepTheRate) {
+  LinkModel link = link_with([](DirectionParams& p) {
+    p.rate = DataRate::mbit(8);
+    p.grant_every = milliseconds(10);
+  });
+  // 8 Mbit/s is 1000 bytes a millisecond, and 10,000 in a grant, which no number of packets fills.
+  for (std::uint64_t i = 0; i < 900; ++i) ASSERT_TRUE(link.enqueue({}, 1013, i));
+  const std::vector<LinkModel::Packet> out = drain(link);
+  ASSERT_EQ(out.size(), 900U);
+  for (const LinkModel::Packet& packet : out) {
+    ASSERT_LE((packet.due - milliseconds(10)) % milliseconds(10), milliseconds(2));
+  }
+  // 91 grants, and 1,700 bytes at 5 bytes a microsecond.
+  EXPECT_NEAR(to_ms(out.back().due), 10 + 910 + 0.34, 0.01);
+}
+
+TEST(LinkFaults, WhatTheRadioSendsAgainHoldsUpTheRest) {
+  LinkModel link = link_with([](DirectionParams& p) { p.harq = 0.1; });
+  std::array<int, 5> late{};
+  for (int i = 0; i < kMany; ++i) {
+    ASSERT_TRUE(link.enqueue(milliseconds(100) * i, 1000, 0));
+    const std::vector<LinkModel::Packet> out = drain(link);
+    ASSERT_EQ(out.size(), 1U);
+    const Duration beyond = out[0].due - milliseconds(100) * i - milliseconds(10);
+    ++late.at(static_cast<std::size_t>(beyond / milliseconds(8)));
+  }
+  EXPECT_NEAR(share(static_cast<std::uint64_t>(late[1] + late[2] + late[3]), kMany), 0.1, 0.005);
+  EXPECT_NEAR(share(static_cast<std::uint64_t>(late[2] + late[3]), kMany), 0.01, 0.002);
+  EXPECT_EQ(late[4], 0);
+}
+
+TEST(LinkFaults, ASleepingRadioWakesUpForBothDirections) {
+  LinkProfile profile = constant_profile(20);
+  profile.up.wake_by = profile.down.wake_by = milliseconds(200);
+  Link link(profile, 1);
+  const auto delay = [](LinkModel& model, Duration at) {
+    EXPECT_TRUE(model.enqueue(at, 100, 0));
+    const std::vector<LinkModel::Packet> out = drain(model);
+    return out.empty() ? Duration{} : out.back().due - at;
+  };
+  EXPECT_NEAR(to_ms(delay(link.up(), {})), 210, 0.1);
+  // What comes down while it wakes up waits for the rest of that.
+  EXPECT_NEAR(to_ms(delay(link.down(), milliseconds(150))), 60, 0.1);
+  EXPECT_NEAR(to_ms(delay(link.up(), milliseconds(300))), 10, 0.1);
+  EXPECT_NEAR(to_ms(delay(link.down(), seconds(10))), 10, 0.1);
+  EXPECT_NEAR(to_ms(delay(link.up(), seconds(20))), 10, 0.1);
+  EXPECT_NEAR(to_ms(delay(link.up(), seconds(31))), 210, 0.1);
 }
 
 class CarrierNat : public testing::Test {

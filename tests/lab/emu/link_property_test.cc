@@ -15,7 +15,7 @@ using std::chrono::milliseconds;
 using std::chrono::seconds;
 
 std::uint64_t accounted(const DirectionStats& s) {
-  return s.delivered + s.lost + s.queue_drops + s.outage_lost + s.too_big + s.nat_drops;
+  return s.delivered + s.lost + s.queue_drops + s.outage_lost + s.too_big + s.nat_drops + s.policed;
 }
 
 double some_probability() { return *rc::gen::element(0.0, 0.05, 0.5); }
@@ -39,6 +39,14 @@ DirectionParams some_params(bool reorder) {
   if (*rc::gen::arbitrary<bool>()) p.loss = some_probability();
   if (*rc::gen::arbitrary<bool>()) p.gilbert_elliott = GilbertElliott{0.1, 0.3};
   p.mtu = *rc::gen::element<std::size_t>(0, 1400);
+  if (*rc::gen::arbitrary<bool>()) p.police = {DataRate::mbit(5), 5000};
+  if (*rc::gen::arbitrary<bool>()) p.shape = {DataRate::mbit(2), 4000};
+  p.grant_every = *rc::gen::element<Duration>(Duration{}, milliseconds(5));
+  p.harq = some_probability();
+  if (*rc::gen::arbitrary<bool>()) {
+    p.wake_after = milliseconds(20);
+    p.wake_by = milliseconds(30);
+  }
   if (reorder) {
     p.reorder = some_probability();
     p.reorder_by = *rc::gen::element<Duration>(milliseconds(3), seconds(60));
@@ -91,7 +99,9 @@ void change_something(Link& link, Duration now, bool reorder) {
     }
     case 1: {
       LinkChange change;
-      change.direction(Direction::kUp).rate = DataRate::mbit(*rc::gen::element(0.1, 100.0));
+      DirectionChange& up = change.direction(Direction::kUp);
+      up.rate = DataRate::mbit(*rc::gen::element(0.1, 100.0));
+      up.shape_rate = DataRate::mbit(*rc::gen::element(0.0, 0.5, 20.0));
       return link.change(now, change);
     }
     case 2: {

@@ -176,6 +176,10 @@ TEST(Link, NamesWhatNetemCannotOfAChange) {
   EXPECT_THAT(missing("up.mtu=1300"), ElementsAre(HasSubstr("mtu")));
   EXPECT_THAT(missing("reorder_ms=5"), ElementsAre(HasSubstr("reorder_ms")));
   EXPECT_FALSE(missing("profile=carrier-nat").empty());
+  for (const char* key : {"police_mbit", "shape_mbit", "grant_ms", "harq", "wake_ms"}) {
+    EXPECT_THAT(missing(std::string(key) + "=1"), ElementsAre(HasSubstr(key)));
+    EXPECT_THAT(missing(std::string(key) + "=0"), IsEmpty()) << key;
+  }
 }
 
 TEST(NetemCannot, NamesWhatItHasNoMeansFor) {

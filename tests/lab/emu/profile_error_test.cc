@@ -72,6 +72,32 @@ TEST(ProfileParts, ADirection) {
   EXPECT_EQ(profile.down.reorder_by, DirectionParams::kWholeDelay);
 }
 
+TEST(ProfileParts, WhatCarriersDoToPackets) {
+  const LinkProfile profile = read(
+      text_of("rate_mbit = 100\npolice_mbit = 20\nshape_mbit = 10\nshape_kbyte = 64\ngrant_ms = 5\n"
+              "harq = 0.1\nwake_ms = 200"));
+  EXPECT_EQ(profile.up.police, (TokenBucketParams{DataRate::mbit(20), 125'000}));
+  EXPECT_EQ(profile.up.shape, (TokenBucketParams{DataRate::mbit(10), 64'000}));
+  // 300 ms at the rate that empties it.
+  EXPECT_EQ(profile.up.queue_bytes, 375'000U);
+  EXPECT_EQ(profile.up.grant_every, milliseconds(5));
+  EXPECT_EQ(profile.up.grant_share, DirectionParams::kGrantShare);
+  EXPECT_EQ(profile.up.harq_by, DirectionParams::kHarqBy);
+  EXPECT_EQ(profile.up.wake_after, DirectionParams::kWakeAfter);
+  EXPECT_EQ(profile.up.wake_by, milliseconds(200));
+  EXPECT_EQ(profile.down.police, TokenBucketParams{});
+}
+
+TEST(ProfileParts, KeysThatNeedAnother) {
+  EXPECT_EQ(error_of(text_of("rate_mbit = 1\npolice_kbyte = 20")),
+            "p.toml:11:16: 'police_kbyte' in [up] needs 'police_mbit'");
+  EXPECT_EQ(error_of(text_of("rate_mbit = 1\nwake_after_ms = 20")),
+            "p.toml:11:17: 'wake_after_ms' in [up] needs 'wake_ms'");
+  EXPECT_EQ(error_of(text_of("rate_steps = [[0, 1]]\ngrant_ms = 5")),
+            "p.toml:11:12: 'grant_ms' in [up] is for a constant rate_mbit; leave it out beside "
+            "steps and traces");
+}
+
 TEST(ProfileParts, DirectionErrors) {
   EXPECT_EQ(error_of(text_of("rate_mbit = 1\nqueue_packets = 2.5")),
             "p.toml:11:17: 'queue_packets' in [up] = 2.5 must be a whole number, 1 to 10000000 "

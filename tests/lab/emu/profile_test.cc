@@ -105,8 +105,9 @@ TEST(ProfileErrors, UnknownKeySuggestsTheNearest) {
             "p.toml:6:1: unknown key 'rtt'; did you mean 'rtt_ms'?");
   EXPECT_EQ(error_of(with("queue_kbyte = 64", "jitter = 1")),
             "p.toml:12:1: unknown key 'jitter' in [down]; known keys: rate_mbit, queue_kbyte, "
-            "queue_packets, loss, duplicate, corrupt, reorder, reorder_ms, mtu, rate_steps, "
-            "rate_period_s, rate_trace, gilbert_elliott");
+            "queue_packets, loss, duplicate, corrupt, reorder, reorder_ms, mtu, police_mbit, "
+            "police_kbyte, shape_mbit, shape_kbyte, grant_ms, grant_share, harq, harq_ms, "
+            "wake_after_ms, wake_ms, rate_steps, rate_period_s, rate_trace, gilbert_elliott");
   // A key of another model.
   EXPECT_THAT(error_of(with("loss = 0.5", "loss = 0.5\nramp_tau_s = 1")),
               StartsWith("p.toml:8:1: unknown key 'ramp_tau_s'; known keys: schema"));

@@ -134,7 +134,9 @@ TEST(ScenarioErrors, OfEvents) {
             "s.toml:15:8: 'loss' in [event] = 2 is out of range, must be 0 to 1");
   EXPECT_EQ(event_error("at_s = 1\nlink = \"*\"\nup.rtt_ms = 2"),
             "s.toml:15:4: unknown key 'rtt_ms' in [event.up]; known keys: rate_mbit, queue_kbyte, "
-            "queue_packets, loss, duplicate, corrupt, reorder, reorder_ms, mtu");
+            "queue_packets, loss, duplicate, corrupt, reorder, reorder_ms, mtu, police_mbit, "
+            "police_kbyte, shape_mbit, shape_kbyte, grant_ms, grant_share, harq, harq_ms, "
+            "wake_after_ms, wake_ms");
   EXPECT_EQ(event_error("at_s = 1\nlink = \"*\"\nprofile = \"4h\""),
             "s.toml:15:11: no profile '4h'; did you mean '4g'?");
   EXPECT_EQ(event_error("at_s = 1\nlink = \"*\""),
