@@ -36,7 +36,7 @@ struct NicChanged {
   // One line, for people.
   std::string reason;
   // Nothing has changed: the link was opened after the node had started, and `reason` is what
-  // Node::warnings() would have had of it.
+  // Node::warnings() would have had of it; or it cannot be opened, and `reason` says why.
   bool is_warning = false;
 };
 

@@ -11,6 +11,10 @@ namespace interneuron {
 // headers of IPv6 and of a tunnel within the 1500 bytes of Ethernet.
 inline constexpr std::size_t kMaxDatagramBytes = 1400;
 
+// The smallest UDP payload that every path must carry, in bytes: as QUIC asks (RFC 9000, section
+// 14).
+inline constexpr std::size_t kLeastDatagramBytes = 1200;
+
 // The headers of IPv4 (without options) and of UDP around a payload, in bytes.
 inline constexpr std::size_t kIpv4UdpBytes = 28;
 // The same for IPv6.

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <optional>
 
+#include "interneuron/sizes.h"
 #include "interneuron/time.h"
 
 namespace interneuron::link {
@@ -25,7 +26,7 @@ namespace interneuron::link {
 class PathMtu {
  public:
   // BASE_PLPMTU of RFC 8899, section 5.1.2.
-  static constexpr std::size_t kBase = 1200;
+  static constexpr std::size_t kBase = kLeastDatagramBytes;
   // MAX_PROBES and PROBE_TIMER (section 5.1.2 and 5.1.1).
   static constexpr int kMaxProbes = 3;
   static constexpr Duration kProbeTimer = std::chrono::seconds(1);

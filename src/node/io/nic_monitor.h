@@ -21,6 +21,10 @@ namespace interneuron::io {
 // A change of one NIC's state or of what it is reached at.
 struct NicEvent {
   std::string nic;
+  // The name that the NIC had, if it was renamed: what was required of that is required of its new
+  // name, and there is no event of the old one. Empty otherwise, and where something was required
+  // of the new name already: then the old one is absent.
+  std::string former_name{};
   // 0 when it is not there any more.
   int index = 0;
   NicState from{};

@@ -199,7 +199,12 @@ std::optional<TimePoint> LinkSet::open_ready(TimePoint now) {
     TimePoint again = settled;
     if (settled <= now) {
       monitor_->drop_unanswered_neighbours(link->options.nic);
+      const std::string told = link->reason;
       if (try_open(*link)) continue;
+      if (link->reason != told) {
+        user_.nic_changed(
+            {link->options.id, link->options.nic, link->state, link->state, link->reason, true});
+      }
       again = now + kRecheck;
     }
     next = std::min(next.value_or(TimePoint::max()), again);
@@ -208,6 +213,7 @@ std::optional<TimePoint> LinkSet::open_ready(TimePoint now) {
 }
 
 void LinkSet::apply(TimePoint now, const io::NicEvent& event) {
+  if (!event.former_name.empty()) rename(event);
   if (const io::Nic* nic = monitor_->find(event.nic)) {
     if (Link* added = add_by_rule(*nic)) {
       added->carrier_since = now;
@@ -223,6 +229,27 @@ void LinkSet::apply(TimePoint now, const io::NicEvent& event) {
     return link->by_rule && link->options.nic == event.nic && event.to == NicState::kAbsent;
   };
   if (std::erase_if(links_, gone) > 0) monitor_->require_nothing(event.nic);
+}
+
+// A socket is bound to the card and not to its name: it goes on, unless it was there by a rule that
+// the new name does not match.
+void LinkSet::rename(const io::NicEvent& event) {
+  const io::Nic* nic = monitor_->find(event.nic);
+  const bool matches = nic != nullptr && std::ranges::any_of(options_.rules, [&](const auto& rule) {
+                         return io::matches(rule.pattern, *nic);
+                       });
+  std::erase_if(links_, [&](const auto& link) {
+    if (link->options.nic != event.former_name) return false;
+    if (!link->by_rule || matches) {
+      link->options.nic = event.nic;
+      return false;
+    }
+    close(*link);
+    user_.nic_changed({link->options.id, event.former_name, link->state, NicState::kAbsent,
+                       "renamed to " + event.nic});
+    return true;
+  });
+  if (!has_link_on(event.nic)) monitor_->require_nothing(event.nic);
 }
 
 void LinkSet::apply(TimePoint now, const io::NicEvent& event, Link& link) {

@@ -145,6 +145,7 @@ class LinkSet {
   void suspend(Link& link);
   std::optional<TimePoint> open_ready(TimePoint now);
   void apply(TimePoint now, const io::NicEvent& event);
+  void rename(const io::NicEvent& event);
   void apply(TimePoint now, const io::NicEvent& event, Link& link);
 
   NodeOptions options_;

@@ -5,6 +5,7 @@
 #include <random>
 #include <stdexcept>
 
+#include "interneuron/sizes.h"
 #include "node/io/address.h"
 #include "node/io/nic_choice.h"
 #include "node/io/open_transport.h"
@@ -80,6 +81,15 @@ void refuse_public(const NodeLink& link, const Address& local, const io::Nic& ni
     }
   }
   if (!any) throw std::invalid_argument(link.nic + " has no address that is known" + remedy);
+}
+
+// Messages would be cut into pieces that the card does not carry, and none would ever arrive.
+void refuse_small(const LinkInfo& link, bool is_v6) {
+  const std::size_t least = kLeastDatagramBytes + (is_v6 ? kIpv6UdpBytes : kIpv4UdpBytes);
+  if (link.mtu >= least) return;
+  throw IoError(link.name + " has an MTU of " + std::to_string(link.mtu) + " bytes, and at least " +
+                    std::to_string(least) + " are needed; set it to 1280",
+                0);
 }
 
 // Whether addresses of NICs that serve have to be private.
@@ -198,6 +208,7 @@ OpenedLink open_link(const NodeOptions& options, const NodeLink& link, const io:
   if (serves_in_the_clear(options)) refuse_public(link, udp.local, nic);
   OpenedLink out;
   out.info = {link.nic, link.mtu != 0 ? link.mtu : nic.mtu, link.traits};
+  refuse_small(out.info, is_ipv6(udp.local));
   io::OpenTransport opened;
   try {
     opened = io::open_transport(options.transport, udp);

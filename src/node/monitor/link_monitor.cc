@@ -73,6 +73,9 @@ class LinkMonitor::Impl {
   // Brings all records up to date with the table and returns what has changed. `former_names` are
   // the names that NICs had before, by index.
   std::vector<NicEvent> evaluate();
+  // A NIC that is required and has another name now is required by that. Returns its former name;
+  // empty where that does not hold.
+  std::string follow(const Nic& nic, const std::map<int, std::string>& former_names);
   std::optional<NicEvent> evaluate(const std::string& name, Record& record,
                                    const std::map<int, std::string>& former_names);
   std::optional<NicEvent> evaluate_present(const Nic& nic, Record& record,
@@ -170,16 +173,41 @@ std::vector<NicEvent> LinkMonitor::Impl::evaluate() {
   for (const auto& [name, record] : records_) {
     if (record.state != NicState::kAbsent) former_names[record.index] = name;
   }
-  for (const Nic& nic : table_.nics()) records_.try_emplace(nic.name);
+  std::map<std::string, std::string, std::less<>> followed;
+  for (const Nic& nic : table_.nics()) {
+    if (std::string former = follow(nic, former_names); !former.empty()) {
+      followed[nic.name] = std::move(former);
+    }
+    records_.try_emplace(nic.name);
+  }
   std::vector<NicEvent> out;
   for (auto& [name, record] : records_) {
-    if (auto event = evaluate(name, record, former_names)) out.push_back(std::move(*event));
+    auto event = evaluate(name, record, former_names);
+    if (!event) continue;
+    if (const auto it = followed.find(name); it != followed.end()) event->former_name = it->second;
+    out.push_back(std::move(*event));
   }
   std::erase_if(records_, [](const auto& item) {
     return item.second.state == NicState::kAbsent && !item.second.peer;
   });
   table_.forget_departures();
   return out;
+}
+
+std::string LinkMonitor::Impl::follow(const Nic& nic,
+                                      const std::map<int, std::string>& former_names) {
+  const auto former = former_names.find(nic.index);
+  if (former == former_names.end() || former->second == nic.name) return {};
+  const auto old = records_.find(former->second);
+  const auto present = records_.find(nic.name);
+  const bool is_taken = present != records_.end() && present->second.peer;
+  // Names that two NICs have exchanged are two other cards.
+  if (!old->second.peer || is_taken || table_.find(former->second) != nullptr) return {};
+  auto moved = records_.extract(old);
+  if (present != records_.end()) records_.erase(present);
+  moved.key() = nic.name;
+  records_.insert(std::move(moved));
+  return former->second;
 }
 
 std::optional<NicEvent> LinkMonitor::Impl::evaluate(

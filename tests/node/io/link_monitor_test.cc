@@ -201,6 +201,21 @@ TEST(LinkMonitor, Rename) {
   });
 }
 
+TEST(LinkMonitor, WhatWasRequiredFollowsACardThatIsRenamed) {
+  with_ready_card([](Watch& watch) {
+    shell("ip link set va down");
+    watch.until("va", kNoCarrier);
+    const auto event = watch.after("ip link set va name wan0", "wan0", kNoCarrier);
+    ASSERT_TRUE(event) << "an event";
+    EXPECT_EQ(event->former_name, "va");
+    EXPECT_FALSE(event->new_incarnation);
+    EXPECT_EQ(event->reason, "renamed from va");
+    EXPECT_EQ(watch.monitor.state("va"), kAbsent);
+    expect_event(watch.after("ip link set wan0 up", "wan0", kReady), kNoCarrier, false,
+                 "ready with address 10.99.0.1");
+  });
+}
+
 TEST(LinkMonitor, MovedAwayAndBack) {
   in_namespace([] {
     const OtherNamespace other;

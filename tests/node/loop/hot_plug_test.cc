@@ -326,6 +326,34 @@ TEST(HotPlug, UnpluggedAndPluggedIn) {
   });
 }
 
+TEST(HotPlug, RenamedCardsGoOn) {
+  run_steps([](const Road&) {
+    return std::vector<Step>{{"down", command("ip link set va down"), NicState::kNoCarrier},
+                             {"renamed", command("ip link set va name wan0"), NicState::kNoCarrier},
+                             {"up", command("ip link set wan0 up"), NicState::kReady}};
+  });
+}
+
+TEST(HotPlug, ACardWhosePacketsAreTooSmallIsRefusedInWords) {
+  io::in_namespace([] {
+    NodeOptions options;
+    options.insecure = true;
+    options.links = {{.id = kLink, .nic = "va"}};
+    Node node(options);
+    std::string told;
+    node.on_nic_changed([&](const NicChanged& change) {
+      if (!change.is_warning) return;
+      told = change.reason;
+      node.stop();
+    });
+    node.after(kPatience, [&node] { node.stop(); });
+    node.post([] { io::shell("ip link set va mtu 1200"); });
+    node.run();
+    EXPECT_EQ(told, "va has an MTU of 1200 bytes, and at least 1228 are needed; set it to 1280");
+    EXPECT_THROW(Node another(options), IoError);
+  });
+}
+
 TEST(HotPlug, MovedToAnotherNamespaceAndBack) {
   run_steps([](const Road& road) {
     const std::string self = std::to_string(::getpid());
