@@ -9,7 +9,8 @@
 // The time of a packet is what the processor spends on all that the road does in a slice (inputs,
 // timers, polls, answers) divided by the packets that came in; time in which others have the
 // processor does not count. The memory of a peer is what the road holds on the heap,
-// without the bytes of incomplete messages, divided by the number of peers.
+// without the bytes of incomplete messages, divided by the number of peers. They have joined when
+// the road knows all of them, which all ask for at one instant.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -23,6 +24,7 @@
 #include <ctime>
 #include <memory>
 #include <new>
+#include <optional>
 #include <vector>
 
 #include "interneuron/endpoint.h"
@@ -262,8 +264,11 @@ void measure(const Options& options, std::size_t peers) {
   // More than leave in a slice, so that it does not grow while the road is measured.
   Outbox down;
   down.reserve(64 * (options.links + std::size_t{1}) * peers);
+  const TimePoint begin = now;
+  std::optional<double> joined_s;
   const auto run_for = [&](Duration time) {
     for (const TimePoint end = now + time; now < end; now += kSlice) {
+      if (!joined_s && road.endpoint().peers().size() == peers) joined_s = to_seconds(now - begin);
       up.clear();
       for (Vehicle& vehicle : vehicles) vehicle.run(now + kSlice, up);
       down.clear();
@@ -283,6 +288,7 @@ void measure(const Options& options, std::size_t peers) {
   fmt::print("{:5} peers: {:7.2f} µs a packet in, {:6.1f} % of a core, {:6.1f} KiB a peer; ",
              road.endpoint().peers().size(), us / static_cast<double>(road.packets_in),
              us / options.seconds / 1e4, kib / static_cast<double>(peers));
+  fmt::print("{}; ", joined_s ? fmt::format("joined after {:.2f} s", *joined_s) : "not all joined");
   fmt::print("{:.0f} packets in, {:.0f} out, {:.0f} messages a second\n",
              static_cast<double>(road.packets_in) / options.seconds,
              static_cast<double>(road.packets_out) / options.seconds,

@@ -35,8 +35,11 @@ class AddressValidation {
   // about 16 times a second over each of its links (link::ProbeSchedule::kNewHeartbeat), so that
   // beside 50,000 forged packets a second it has a challenge within a few tenths.
   static constexpr double kPerSecond = 20'000;
-  // Challenges that wait for the next poll(): those of 5 ms.
-  static constexpr std::size_t kMaxWaiting = 100;
+  // Challenges that may leave at once and wait for the next poll(): those of a tenth of a second,
+  // as of cookies (crypto::Responder::kMaxWaiting), since vehicles that come together also ask
+  // together: what did not leave in a burst is asked for again a sixteenth of a second later. At
+  // most 0.2 MB.
+  static constexpr std::size_t kMaxWaiting = 2000;
 
   // `self`: our session. `secret`: random, told to nobody.
   AddressValidation(SessionId self, const Secret& secret) : self_(self), secret_(secret) {}

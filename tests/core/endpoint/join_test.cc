@@ -62,6 +62,18 @@ TEST(Join, ATokenIsGoodForItsAddressPathSessionAndTimeOnly) {
   EXPECT_EQ(later.peers(), 0U) << "it is too old";
 }
 
+// Vehicles that are switched on together ask together, and again a sixteenth of a second later.
+TEST(Join, AThousandWhoAskAtOneInstantAreChallengedAtOnce) {
+  Unit unit;
+  std::size_t challenged = 0;
+  for (std::uint16_t i = 0; i < 1000; ++i) {
+    const Address from =
+        ipv4(1, static_cast<std::uint8_t>(i / 250), static_cast<std::uint8_t>(i % 250));
+    challenged += unit.feed(from, hello(SessionId{2000U + i})).size();
+  }
+  EXPECT_EQ(challenged, 1000U);
+}
+
 // Whatever somebody sends in the name of an address that does not answer challenges, that address
 // gets at most three times as many bytes, IP headers included.
 RC_GTEST_PROP(Join, AnAddressThatDoesNotAnswerGetsAtMostThreeTimesWhatIsSentInItsName, ()) {
