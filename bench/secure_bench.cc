@@ -35,8 +35,6 @@ namespace {
 using namespace crypto;
 using namespace std::chrono_literals;
 
-// Packets between two readings of the clock, so that reading it does not count.
-constexpr std::size_t kBatch = 64;
 // In each direction of a session: as many as a peer may have.
 constexpr std::uint16_t kPaths = wire::kMaxReports;
 // Handshakes come this far apart in virtual time, so that all are answered without a cookie.
@@ -55,76 +53,61 @@ struct Options {
 
 // --- packets
 
-// libsodium with the same bytes as a session: the header's are associated, the tag is the packet's
-// last ones.
-class Alone {
+// Two hosts, what they send each other, and the same by libsodium alone.
+class Pair {
  public:
-  explicit Alone(std::size_t bytes) : packets_(kBatch, Bytes(bytes)), opened_(bytes) {}
+  Pair(const Options& options, Cipher cipher)
+      : cipher_(cipher),
+        vehicle_(kBegin, Session::Role::kInitiator, 22, keys()),
+        road_(kBegin, Session::Role::kResponder, 11, keys()),
+        packets_(kBatch, packet(options.bytes, LinkId{3}, 1)),
+        opened_(options.bytes),
+        alone_(options.bytes, cipher),
+        batches_(std::max<std::size_t>(options.packets / kBatch, 1)) {}
 
-  void seal() {
-    for (Bytes& p : packets_) {
-      crypto_aead_chacha20poly1305_ietf_encrypt_detached(
-          body(p), tag(p), nullptr, body(p), body_bytes(), at(p, 0), wire::kAssociatedBytes,
-          nullptr, nonce_.data(), key_.data());
+  void measure(Table& table) {
+    std::array<double, 4> us{};
+    for (std::size_t batch = 0; batch < batches_; ++batch) {
+      for (Bytes& p : packets_) wire::set_number(p, ++number_);
+      us[0] += us_of([&] {
+        for (Bytes& p : packets_) expect(vehicle_.seal(p), "a packet was not sealed");
+      });
+      us[1] += us_of([&] { alone_.seal(); });
+      us[2] += us_of([&] {
+        for (const Bytes& p : packets_) {
+          expect(road_.open(*wire::peek(p), p, opened_) == Session::Opened::kOk,
+                 "a packet was not opened");
+        }
+      });
+      us[3] += us_of([&] { alone_.open(); });
     }
-  }
-  void open() {
-    for (Bytes& p : packets_) {
-      expect(crypto_aead_chacha20poly1305_ietf_decrypt_detached(
-                 at(opened_, wire::kAssociatedBytes), nullptr, body(p), body_bytes(), tag(p),
-                 at(p, 0), wire::kAssociatedBytes, nonce_.data(), key_.data()) == 0,
-             "libsodium does not open what it has sealed");
+    const std::array<const char*, 4> what{"sealed by a session", "sealed by libsodium alone",
+                                          "opened by a session", "opened by libsodium alone"};
+    for (std::size_t i = 0; i < us.size(); ++i) {
+      table.add(fmt::format("{}, {}", name_of(cipher_), what[i]),
+                us[i] / static_cast<double>(batches_ * kBatch));
     }
   }
 
  private:
-  static unsigned char* at(Bytes& bytes, std::size_t place) {
-    return reinterpret_cast<unsigned char*>(bytes.data()) + place;
-  }
-  unsigned char* body(Bytes& p) const { return at(p, wire::kAssociatedBytes); }
-  unsigned char* tag(Bytes& p) const { return at(p, p.size() - wire::kTagBytes); }
-  std::size_t body_bytes() const {
-    return opened_.size() - wire::kAssociatedBytes - wire::kTagBytes;
-  }
+  Split keys() const { return {key_of(1), key_of(2), cipher_}; }
 
+  Cipher cipher_;
+  Session vehicle_;
+  Session road_;
   std::vector<Bytes> packets_;
   Bytes opened_;
-  // The same for all packets: nobody else sees them, and it takes as long.
-  std::array<unsigned char, crypto_aead_chacha20poly1305_ietf_NPUBBYTES> nonce_{};
-  std::array<unsigned char, crypto_aead_chacha20poly1305_ietf_KEYBYTES> key_{1};
+  Alone alone_;
+  std::size_t batches_;
+  std::uint64_t number_ = 0;
 };
 
 void measure_packets(const Options& options) {
-  const Split keys{key_of(1), key_of(2)};
-  Session vehicle(kBegin, Session::Role::kInitiator, 22, keys);
-  Session road(kBegin, Session::Role::kResponder, 11, keys);
-  std::vector<Bytes> packets(kBatch, packet(options.bytes, LinkId{3}, 1));
-  Bytes opened(options.bytes);
-  Alone alone(options.bytes);
+  std::vector<std::unique_ptr<Pair>> pairs;
+  for (const Cipher cipher : ciphers()) pairs.push_back(std::make_unique<Pair>(options, cipher));
   Table table;
-  std::uint64_t number = 0;
-  const std::size_t batches = std::max<std::size_t>(options.packets / kBatch, 1);
-  const double all = static_cast<double>(batches * kBatch);
   for (std::size_t round = 0; round < options.rounds; ++round) {
-    std::array<double, 4> us{};
-    for (std::size_t batch = 0; batch < batches; ++batch) {
-      for (Bytes& p : packets) wire::set_number(p, ++number);
-      us[0] += us_of([&] {
-        for (Bytes& p : packets) expect(vehicle.seal(p), "a packet was not sealed");
-      });
-      us[1] += us_of([&] { alone.seal(); });
-      us[2] += us_of([&] {
-        for (const Bytes& p : packets) {
-          expect(road.open(*wire::peek(p), p, opened) == Session::Opened::kOk,
-                 "a packet was not opened");
-        }
-      });
-      us[3] += us_of([&] { alone.open(); });
-    }
-    table.add("sealed by a session", us[0] / all);
-    table.add("sealed by libsodium alone", us[1] / all);
-    table.add("opened by a session", us[2] / all);
-    table.add("opened by libsodium alone", us[3] / all);
+    for (const auto& pair : pairs) pair->measure(table);
   }
   table.print(fmt::format("µs for a packet of {} bytes", options.bytes));
 }
@@ -291,12 +274,12 @@ class Road {
   std::vector<std::uint32_t> indices_;
 };
 
-double session_kib(std::size_t sessions) {
+double session_kib(std::size_t sessions, Cipher cipher) {
   std::vector<std::unique_ptr<Session>> held(sessions);
   Bytes opened(kMaxDatagramBytes);
   const double before = heap_bytes();
   for (std::uint32_t i = 0; i < sessions; ++i) {
-    const Split keys{key_of(2 * i), key_of(2 * i + 1)};
+    const Split keys{key_of(2 * i), key_of(2 * i + 1), cipher};
     Session other(kBegin, Session::Role::kInitiator, 1, keys);
     held[i] = std::make_unique<Session>(kBegin, Session::Role::kResponder, 1, keys);
     for (std::uint16_t path = 0; path < kPaths; ++path) {
@@ -312,8 +295,11 @@ double session_kib(std::size_t sessions) {
 
 void measure_peers(const Options& options) {
   fmt::print("KiB of memory, for each of {}\n", options.peers);
-  fmt::print("  {:<56}{:10.1f}\n", fmt::format("a session with {} paths in each direction", kPaths),
-             session_kib(options.peers));
+  for (const Cipher cipher : ciphers()) {
+    fmt::print("  {:<56}{:10.1f}\n",
+               fmt::format("a session of {} with {} paths each way", name_of(cipher), kPaths),
+               session_kib(options.peers, cipher));
+  }
   std::vector<TrustedPeer> vehicles;
   for (std::uint32_t i = 0; i < options.peers; ++i) {
     vehicles.push_back({public_key_of(key_of(i + 2)), {}});

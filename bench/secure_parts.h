@@ -4,6 +4,8 @@
 
 #include <fmt/format.h>
 
+#include <sodium.h>
+
 #include <algorithm>
 #include <array>
 #include <cstdint>
@@ -21,6 +23,8 @@
 namespace interneuron::bench {
 
 inline constexpr LinkId kNic{1};
+// Packets between two readings of the clock, so that reading it does not count.
+inline constexpr std::size_t kBatch = 64;
 
 // What `work` takes.
 template <typename Work>
@@ -115,5 +119,75 @@ class Vehicle {
   crypto::Initiator::Fresh fresh_;
   Bytes initiation_ = Bytes(crypto::kInitiationBytes);
 };
+
+// libsodium with the same bytes as a session: the header's are associated, the tag is the packet's
+// last ones.
+class Alone {
+ public:
+  Alone(std::size_t bytes, crypto::Cipher cipher)
+      : packets_(kBatch, Bytes(bytes)), opened_(bytes), cipher_(cipher) {
+    if (cipher == crypto::Cipher::kAesGcm) crypto_aead_aes256gcm_beforenm(&aes_, key_.data());
+  }
+
+  void seal() {
+    for (Bytes& p : packets_) {
+      if (cipher_ == crypto::Cipher::kAesGcm) {
+        crypto_aead_aes256gcm_encrypt_detached_afternm(
+            body(p), tag(p), nullptr, body(p), body_bytes(), at(p, 0), wire::kAssociatedBytes,
+            nullptr, nonce_.data(), &aes_);
+      } else {
+        crypto_aead_chacha20poly1305_ietf_encrypt_detached(
+            body(p), tag(p), nullptr, body(p), body_bytes(), at(p, 0), wire::kAssociatedBytes,
+            nullptr, nonce_.data(), key_.data());
+      }
+    }
+  }
+  void open() {
+    for (Bytes& p : packets_) {
+      expect(opens(p) == 0, "libsodium does not open what it has sealed");
+    }
+  }
+
+ private:
+  int opens(Bytes& p) {
+    unsigned char* const out = at(opened_, wire::kAssociatedBytes);
+    if (cipher_ == crypto::Cipher::kAesGcm) {
+      return crypto_aead_aes256gcm_decrypt_detached_afternm(
+          out, nullptr, body(p), body_bytes(), tag(p), at(p, 0), wire::kAssociatedBytes,
+          nonce_.data(), &aes_);
+    }
+    return crypto_aead_chacha20poly1305_ietf_decrypt_detached(
+        out, nullptr, body(p), body_bytes(), tag(p), at(p, 0), wire::kAssociatedBytes,
+        nonce_.data(), key_.data());
+  }
+  static unsigned char* at(Bytes& bytes, std::size_t place) {
+    return reinterpret_cast<unsigned char*>(bytes.data()) + place;
+  }
+  unsigned char* body(Bytes& p) const { return at(p, wire::kAssociatedBytes); }
+  unsigned char* tag(Bytes& p) const { return at(p, p.size() - wire::kTagBytes); }
+  std::size_t body_bytes() const {
+    return opened_.size() - wire::kAssociatedBytes - wire::kTagBytes;
+  }
+
+  std::vector<Bytes> packets_;
+  Bytes opened_;
+  // The same for all packets: nobody else sees them, and it takes as long.
+  std::array<unsigned char, crypto_aead_chacha20poly1305_ietf_NPUBBYTES> nonce_{};
+  std::array<unsigned char, crypto_aead_chacha20poly1305_ietf_KEYBYTES> key_{1};
+  crypto::Cipher cipher_;
+  crypto_aead_aes256gcm_state aes_{};
+};
+
+// Those that there are. Without sodium_init() there is one.
+inline std::vector<crypto::Cipher> ciphers() {
+  using crypto::Cipher;
+  if (crypto::common_cipher(crypto::ciphers_here(), crypto::ciphers_here()) == Cipher::kChaChaPoly)
+    return {Cipher::kChaChaPoly};
+  return {Cipher::kChaChaPoly, Cipher::kAesGcm};
+}
+
+inline std::string_view name_of(crypto::Cipher cipher) {
+  return cipher == crypto::Cipher::kAesGcm ? "AES-256-GCM" : "ChaCha20-Poly1305";
+}
 
 }  // namespace interneuron::bench

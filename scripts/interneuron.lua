@@ -10,7 +10,7 @@
 
 local interneuron = Proto("interneuron", "Interneuron")
 
-local VERSION = 2
+local VERSION = 3
 local HEADER_BYTES = 20
 local TAG_BYTES = 16
 local PIECE_BYTES = 17
@@ -20,7 +20,7 @@ local MOST_ROWS = 55
 local PLAIN_HEADER_BYTES = 20
 local ROUND_HEADER_BYTES = 98
 local FEEDBACK_BYTES = 17
-local REPORT_BYTES = 105
+local REPORT_BYTES = 107
 local STAMP_BYTES = 44
 -- The largest packet that is ever sent.
 local MOST_BYTES = 1400
@@ -36,7 +36,7 @@ local ASSOCIATED_BYTES = 16
 local INITIATION, RESPONSE, COOKIE = 5, 9, 10
 -- An initiation may have a credential in its hello.
 local CREDENTIAL_BYTES = 129
-local HANDSHAKE_BYTES = { [INITIATION] = 188, [RESPONSE] = 124, [COOKIE] = 76 }
+local HANDSHAKE_BYTES = { [INITIATION] = 189, [RESPONSE] = 125, [COOKIE] = 76 }
 
 local TYPES = { [1] = "data", [2] = "feedback", [3] = "probe", [4] = "echo", [INITIATION] = "initiation", [6] = "window",
   [7] = "challenge", [8] = "token", [RESPONSE] = "response", [COOKIE] = "cookie" }
@@ -158,7 +158,8 @@ field("report.metered", ProtoField.bool, "Metered", 8, nil, 0x02)
 field("report.has_delays", ProtoField.bool, "Delays are there", 8, nil, 0x04)
 field("report.newest_delay_us", ProtoField.uint32, "Newest delay (us, modulo 2^32)", base.DEC)
 field("report.largest_delay_us", ProtoField.uint32, "Largest delay (us, modulo 2^32)", base.DEC)
-field("report.ect", ProtoField.uint32, "Packets marked ECT", base.DEC)
+field("report.ect0", ProtoField.uint16, "Packets marked ECT(0)", base.DEC)
+field("report.ect1", ProtoField.uint32, "Packets marked ECT(1)", base.DEC)
 field("report.ce", ProtoField.uint32, "Packets marked CE", base.DEC)
 field("report.received_bytes", ProtoField.uint64, "Bytes received", base.DEC)
 
@@ -316,7 +317,7 @@ local function add_report(tree, buffer)
   add_all(report, buffer, 3, {
     { "report.loss", 2 }, { "report.train_packets", 4 }, { "report.s", 8 }, { "report.h", 8 },
     { "report.largest", 8 }, { "report.bitmap", 32 }, { "report.train_start", 8 }, { "report.train_rate", 4 },
-    { "report.rate", 4 }, { "report.newest_delay_us", 4 }, { "report.largest_delay_us", 4 }, { "report.ect", 4 },
+    { "report.rate", 4 }, { "report.newest_delay_us", 4 }, { "report.largest_delay_us", 4 }, { "report.ect0", 2 }, { "report.ect1", 4 },
     { "report.ce", 4 }, { "report.received_bytes", 8 } })
   -- Bit b of word w: packet largest - 1 - (64 w + b); packets before the first say nothing.
   local largest = buffer(25, 8):uint64()
@@ -464,7 +465,7 @@ end
 
 local function add_initiation(tree, buffer)
   local at = add_all(tree, buffer, HEADER_BYTES, { { "handshake.ephemeral", 32 }, { "handshake.static", 48 },
-    { "handshake.hello", buffer:len() - HANDSHAKE_BYTES[INITIATION] + 40 }, { "handshake.proof", 16 },
+    { "handshake.hello", buffer:len() - HANDSHAKE_BYTES[INITIATION] + 41 }, { "handshake.proof", 16 },
     { "handshake.mac1", 16 }, { "handshake.mac2", 16 } })
   local has_cookie = not all_zero(buffer(at - 16, 16))
   tree:add(f["handshake.has_cookie"], buffer(at - 16, 16), has_cookie):set_generated()
@@ -472,7 +473,7 @@ local function add_initiation(tree, buffer)
 end
 
 local function add_response(tree, buffer)
-  add_all(tree, buffer, HEADER_BYTES, { { "handshake.ephemeral", 32 }, { "handshake.hello", 40 }, { "token", TOKEN_BYTES },
+  add_all(tree, buffer, HEADER_BYTES, { { "handshake.ephemeral", 32 }, { "handshake.hello", 41 }, { "token", TOKEN_BYTES },
     { "handshake.proof", 16 } })
   return "with a token"
 end

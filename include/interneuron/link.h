@@ -58,12 +58,14 @@ enum class EcnState : std::uint8_t {
   kWorks,
   // Something on the way clears the bits, or the peer's kernel does not show them.
   kBleached,
+  // Something on the way makes ECT(0) of ECT(1).
+  kRewritten,
   // Every packet comes marked, however slowly they are sent.
   kMangled,
   // Packets that may be marked do not get through.
   kDropped,
 };
-// "testing", "works", "bleached", "mangled", "dropped".
+// "testing", "works", "bleached", "rewritten", "mangled", "dropped".
 std::string_view to_string(EcnState state);
 
 enum class LinkRole : std::uint8_t {

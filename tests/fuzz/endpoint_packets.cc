@@ -134,7 +134,8 @@ wire::LinkReport any_report(Input& input, const Sender& sender) {
   r.has_delays = input.flip();
   r.newest_delay_us = input.take<std::uint32_t>();
   r.largest_delay_us = r.newest_delay_us + input.take<std::uint16_t>();
-  r.ect_packets = input.take<std::uint32_t>();
+  r.ect1_packets = input.take<std::uint32_t>();
+  r.ect0_packets = static_cast<std::uint16_t>(r.ect1_packets >> 16U);
   r.ce_packets = input.take<std::uint32_t>();
   r.received_bytes = input.take<std::uint32_t>();
   return r;

@@ -103,7 +103,7 @@ class Street:
                           *self.keys.road(TRUSTED), *self.road_options, *self.o.road_option])
         self.asked = os.path.join(lab.folder, "initiations.pcap")
         watcher = lab.start("road", ["tcpdump", "-Z", "root", "-i", "eth0", "-U", "-w", self.asked,
-                                     f"src host {NEARBY['busy']} and udp[8] = 0x25"],
+                                     f"src host {NEARBY['busy']} and udp[8] = 0x35"],
                             stdout=lab_.subprocess.DEVNULL, stderr=lab_.subprocess.PIPE)
         watcher.stderr.readline()
         for place in ("busy", "empty"):

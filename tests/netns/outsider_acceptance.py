@@ -41,7 +41,7 @@ LINKS = range(2)
 OUTSIDE = "10.99.0.0/16"
 # The vehicle's own port; cookies for what is asked in its name may go to others.
 VEHICLE_PORT = 47001
-COOKIE = 0x2a
+COOKIE = 0x3a
 # How long the former life lasts, s.
 FORMER_S = 3
 # Kinds of packets that came and were not used.

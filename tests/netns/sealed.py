@@ -12,20 +12,22 @@ import struct
 from cryptography.exceptions import InvalidTag
 from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric.x25519 import X25519PrivateKey, X25519PublicKey
-from cryptography.hazmat.primitives.ciphers.aead import ChaCha20Poly1305
+from cryptography.hazmat.primitives.ciphers.aead import AESGCM, ChaCha20Poly1305
 
 __all__ = ["Asked", "Asking", "InvalidTag", "Keys", "cookie_reply", "fields", "packet", "public_of", "read_key"]
 
 PROTOCOL = b"Noise_IKpsk2_25519_ChaChaPoly_SHA256"
-PROLOGUE = b"interneuron 2"
-VERSION = 2
+PROLOGUE = b"interneuron 3"
+VERSION = 3
 FEEDBACK, INITIATION, CHALLENGE, TOKEN, RESPONSE, COOKIE = 2, 5, 7, 8, 9, 10
 # Types that belong to no path's numbers, and the lane that they have.
 UNNUMBERED = (4, INITIATION, CHALLENGE, RESPONSE, COOKIE)
 NO_LANE = 0x010000
 MAC = bytes(16)
 HEADER = struct.Struct(">BBHIQI")
-HELLO = struct.Struct(">IIQQ")
+# Life, index, time, revocations, and what there is beside ChaCha20-Poly1305.
+HELLO = struct.Struct(">IIQQB")
+HAS_AES_GCM = 1
 
 
 def public_of(secret):
@@ -128,39 +130,43 @@ class Noise:
 class Keys:
     """What two hosts have agreed on: seals what leaves and opens what comes."""
 
-    def __init__(self, sending, receiving, index, life):
-        self.sending, self.receiving = sending, receiving
+    def __init__(self, sending, receiving, index, life, ciphers=0):
+        self.sending, self.receiving, self.is_aes = sending, receiving, bool(ciphers & HAS_AES_GCM)
         # By which the other side knows these keys, and its life.
         self.index, self.life = index, life
 
-    @staticmethod
-    def lane(direction, kind, path):
-        lane = NO_LANE if kind in UNNUMBERED else path
-        return ChaCha20Poly1305(hmac256(direction, b"interneuron path", lane.to_bytes(3, "big")))
+    def lane(self, direction, kind, path):
+        lane = (NO_LANE if kind in UNNUMBERED else path).to_bytes(3, "big")
+        if self.is_aes:
+            return AESGCM(hmac256(direction, b"interneuron path aes256gcm", lane))
+        return ChaCha20Poly1305(hmac256(direction, b"interneuron path", lane))
+
+    def nonce(self, number):
+        return bytes(4) + struct.pack(">Q", number) if self.is_aes else nonce(number)
 
     def seal(self, kind, path, number, stamp, body):
         header = packet(kind, path, self.index, number, epoch=1)[:16]
-        return header + self.lane(self.sending, kind, path).encrypt(nonce(number), struct.pack(">I", stamp) + body, header)
+        return header + self.lane(self.sending, kind, path).encrypt(self.nonce(number), struct.pack(">I", stamp) + body, header)
 
     def open(self, data):
         """Type, path, number, stamp and body. Throws InvalidTag."""
         kind, _, path, _, number, _ = fields(data)
-        plain = self.lane(self.receiving, kind, path).decrypt(nonce(number), data[16:], data[:16])
+        plain = self.lane(self.receiving, kind, path).decrypt(self.nonce(number), data[16:], data[:16])
         return kind, path, number, struct.unpack(">I", plain[:4])[0], plain[4:]
 
 
 class Asking:
     """Who has connected: one initiation, its copies, and what answers them."""
 
-    def __init__(self, secret, responder, ephemeral, life, index, unix_ns, shared=bytes(32)):
-        self.responder, self.index, self.cookies = responder, index, {}
+    def __init__(self, secret, responder, ephemeral, life, index, unix_ns, shared=bytes(32), ciphers=0):
+        self.responder, self.index, self.cookies, self.ciphers = responder, index, {}, ciphers
         self.noise = noise = Noise(secret, ephemeral, responder, shared)
         public = public_of(ephemeral)
         noise.mix_ephemeral(public)
         noise.mix_both(ephemeral, responder)
         static = noise.seal(public_of(secret))
         noise.mix_both(secret, responder)
-        self.message = public + static + noise.seal(HELLO.pack(life, index, unix_ns, 0))
+        self.message = public + static + noise.seal(HELLO.pack(life, index, unix_ns, 0, ciphers))
         self.proofs = [noise.code_key(b"interneuron initiation"), noise.code_key(b"interneuron response")]
 
     def copy(self, path, number):
@@ -185,9 +191,9 @@ class Asking:
         noise.mix_both(noise.ephemeral, data[20:52])
         noise.mix_both(noise.secret, data[20:52])
         noise.mix_shared()
-        life, index, _, _ = HELLO.unpack(noise.open(data[52:92]))
+        life, index, _, _, ciphers = HELLO.unpack(noise.open(data[52:93]))
         sending, receiving = noise.split()
-        return Keys(sending, receiving, index, life), data[92:108]
+        return Keys(sending, receiving, index, life, self.ciphers & ciphers), data[93:109]
 
 
 class Asked:
@@ -202,12 +208,12 @@ class Asked:
         self.who = noise.open(initiation[52:100])
         noise.mix_both(secret, self.who)
         hello = noise.open(initiation[100:-48])
-        self.life, self.index, self.unix_ns, _ = HELLO.unpack(hello[:HELLO.size])
+        self.life, self.index, self.unix_ns, _, self.ciphers = HELLO.unpack(hello[:HELLO.size])
         self.proof = noise.code_key(b"interneuron response")
         if mac(noise.code_key(b"interneuron initiation"), initiation[:-48]) != initiation[-48:-32]:
             raise InvalidTag
 
-    def answer(self, ephemeral, life, index, unix_ns, token):
+    def answer(self, ephemeral, life, index, unix_ns, token, ciphers=0):
         """The response and the keys."""
         noise = self.noise
         _, _, path, _, number, _ = fields(self.initiation)
@@ -216,9 +222,9 @@ class Asked:
         noise.mix_both(ephemeral, self.remote_ephemeral)
         noise.mix_both(ephemeral, self.who)
         noise.mix_shared()
-        data = packet(RESPONSE, path, self.index, number) + public + noise.seal(HELLO.pack(life, index, unix_ns, 0)) + token
+        data = packet(RESPONSE, path, self.index, number) + public + noise.seal(HELLO.pack(life, index, unix_ns, 0, ciphers)) + token
         receiving, sending = noise.split()
-        return data + mac(self.proof, data), Keys(sending, receiving, self.index, self.life)
+        return data + mac(self.proof, data), Keys(sending, receiving, self.index, self.life, self.ciphers & ciphers)
 
 
 def cookie_reply(initiation, responder, random, cookie):

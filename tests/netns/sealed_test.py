@@ -44,12 +44,12 @@ def named(key):
 
 
 def asking():
-    return sealed.Asking(INITIATOR, sealed.public_of(RESPONDER), OWN_EPHEMERAL, LIVES[0], INDICES[0], BEGAN, SHARED)
+    return sealed.Asking(INITIATOR, sealed.public_of(RESPONDER), OWN_EPHEMERAL, LIVES[0], INDICES[0], BEGAN, SHARED, sealed.HAS_AES_GCM)
 
 
 class Sealed(unittest.TestCase):
     def setUp(self):
-        *_, plain, self.initiation, self.cookie, self.response, self.message = examples()
+        *_, plain, self.initiation, self.cookie, self.response, self.message, self.message_by_aes = examples()
         # The one of packet 8 is the second on the page.
         self.plain = examples()[1]
         self.assertEqual(len(plain), 52)
@@ -91,9 +91,11 @@ class Sealed(unittest.TestCase):
         kind, _, path, _, number, stamp = sealed.fields(self.plain)
         keys = self.shake()
         body = self.plain[20:-16]
-        self.assertEqual(keys.seal(kind, path, number, stamp, body), self.message)
-        keys.sending, keys.receiving = keys.receiving, keys.sending
-        self.assertEqual(keys.open(self.message), (kind, path, number, stamp, body))
+        there = sealed.Keys(keys.receiving, keys.sending, keys.index, keys.life)
+        for keys.is_aes, message in ((False, self.message), (True, self.message_by_aes)):
+            there.is_aes = keys.is_aes
+            self.assertEqual(keys.seal(kind, path, number, stamp, body), message)
+            self.assertEqual(there.open(message), (kind, path, number, stamp, body))
 
     def test_nothing_may_be_changed(self):
         keys = self.shake()

@@ -267,8 +267,8 @@ LinkState state_of(const Json& j) {
   s.loss_burst = figure_of(e.at("loss_burst_packets"));
   s.outage = figure_of(e.at("outage"));
   s.ecn = enum_of(e.at("ecn").get<std::string>(),
-                  {EcnState::kTesting, EcnState::kWorks, EcnState::kBleached, EcnState::kMangled,
-                   EcnState::kDropped});
+                  {EcnState::kTesting, EcnState::kWorks, EcnState::kBleached, EcnState::kRewritten,
+                   EcnState::kMangled, EcnState::kDropped});
   s.age = age_of(j.at("age_s"));
   s.rate_age = age_of(e.at("rate_age_s"));
   s.confidence = figure_of(j.at("confidence"));

@@ -92,7 +92,8 @@ class PathReceiver {
   // With IP headers.
   std::uint64_t received_bytes_ = 0;
   // Packets that said that their sender understands marks and were not marked, and marked ones.
-  std::uint32_t ect_ = 0;
+  std::uint16_t ect0_ = 0;
+  std::uint32_t ect1_ = 0;
   std::uint32_t ce_ = 0;
   // Microseconds modulo 2^32: of the newest packet, and the largest since reported() was called; if
   // there was none since, the one from before.

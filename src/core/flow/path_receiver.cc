@@ -75,8 +75,10 @@ bool PathReceiver::accept(TimePoint now, std::uint64_t number, Role role, std::s
   received_bytes_ += ip_bytes;
   if (ecn == link::kCe) {
     ++ce_;
+  } else if (ecn == link::kEct1) {
+    ++ect1_;
   } else if (ecn != link::kNotEct) {
-    ++ect_;
+    ++ect0_;
   }
   if (role != Role::kNone) extend_train(now, number, role, ip_bytes);
   return true;
@@ -169,7 +171,8 @@ wire::LinkReport PathReceiver::report(TimePoint now) const {
   report.has_delays = newest_delay_.has_value();
   report.newest_delay_us = newest_delay_.value_or(0);
   report.largest_delay_us = largest_delay_;
-  report.ect_packets = ect_;
+  report.ect0_packets = ect0_;
+  report.ect1_packets = ect1_;
   report.ce_packets = ce_;
   report.received_bytes = received_bytes_;
   return report;

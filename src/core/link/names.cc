@@ -42,6 +42,8 @@ std::string_view to_string(EcnState state) {
       return "works";
     case EcnState::kBleached:
       return "bleached";
+    case EcnState::kRewritten:
+      return "rewritten";
     case EcnState::kMangled:
       return "mangled";
     case EcnState::kDropped:

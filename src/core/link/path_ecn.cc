@@ -11,7 +11,8 @@ bool went_back(std::uint32_t by) { return static_cast<std::int32_t>(by) < 0; }
 void PathEcn::moved() {
   PathEcn anew;
   anew.largest_ = largest_;
-  anew.ect_ = ect_;
+  anew.ect0_ = ect0_;
+  anew.ect1_ = ect1_;
   anew.ce_ = ce_;
   *this = anew;
 }
@@ -31,10 +32,12 @@ PathEcn::Told PathEcn::report(TimePoint now, const Report& report) {
   }
   // A report that was overtaken counts less than is acknowledged by now.
   if (report.largest < largest_) return {};
-  const std::uint32_t unmarked = report.ect - ect_;
+  const bool is_rewritten = report.ect0 != ect0_;
+  const std::uint32_t unmarked = report.ect1 - ect1_;
   const std::uint32_t marked = report.ce - ce_;
   largest_ = report.largest;
-  ect_ = report.ect;
+  ect0_ = report.ect0;
+  ect1_ = report.ect1;
   ce_ = report.ce;
   if (went_back(unmarked) || went_back(marked)) {
     // The peer had forgotten the path and counts anew.
@@ -42,7 +45,9 @@ PathEcn::Told PathEcn::report(TimePoint now, const Report& report) {
     return {};
   }
   counted_ += std::uint64_t{unmarked} + marked;
-  if (counted_ < acknowledged_) {
+  if (is_rewritten) {
+    state_ = EcnState::kRewritten;
+  } else if (counted_ < acknowledged_) {
     state_ = EcnState::kBleached;
   } else if (is_mangled(now, unmarked, marked)) {
     state_ = EcnState::kMangled;

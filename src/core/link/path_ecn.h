@@ -19,8 +19,10 @@ inline constexpr std::uint8_t kCe = 3;
 // small marks (RFC 9331); a classic queue marks them as it marks ECT(0). The peer counts what
 // arrives. As RFC 9000 §13.4.2 asks, the counts are checked against what is acknowledged:
 //
-//   bleached  fewer arrived with a mark or with ECT than arrived: something on the way clears the
-//             bits, or the peer's kernel does not show them
+//   bleached  fewer arrived with a mark or with ECT(1) than arrived: something on the way clears
+//             the bits, or the peer's kernel does not show them
+//   rewritten one arrived with ECT(0), with which none leaves: whoever changes that may change the
+//             rest, and queues behind it take us for another kind of sender
 //   mangled   for kMangled not one packet came unmarked: whoever halves its rate every round trip
 //             for so long and is still marked each time is not told of a queue that it could drain
 //   dropped   not one of them arrived while packets without ECT did, for kDropped: something on the
@@ -43,8 +45,8 @@ class PathEcn {
   // The longest routine stall of a radio is 800 ms (docs/constants.md, "States of a path").
   static constexpr Duration kDropped = std::chrono::seconds(1);
 
-  // What a report tells anew: packets of ours that came with ECT or a mark, and the marked ones of
-  // these.
+  // What a report tells anew: packets of ours that came with ECT(1) or a mark, and the marked ones
+  // of these.
   struct Told {
     std::uint32_t arrived = 0;
     std::uint32_t marked = 0;
@@ -68,7 +70,8 @@ class PathEcn {
   struct Report {
     // The peer's counts as of the largest packet number that has arrived there.
     std::uint64_t largest = 0;
-    std::uint32_t ect = 0;
+    std::uint16_t ect0 = 0;
+    std::uint32_t ect1 = 0;
     std::uint32_t ce = 0;
     // How many packets that left with ECT it acknowledges for the first time.
     std::uint32_t acknowledged = 0;
@@ -89,9 +92,10 @@ class PathEcn {
   TimePoint tested_{};
   // What the newest report has told.
   std::uint64_t largest_ = 0;
-  std::uint32_t ect_ = 0;
+  std::uint16_t ect0_ = 0;
+  std::uint32_t ect1_ = 0;
   std::uint32_t ce_ = 0;
-  // Since the peer began to count: packets that were acknowledged, and those with ECT or a mark.
+  // Since the peer began to count: packets that were acknowledged, and those with ECT(1) or a mark.
   std::uint64_t acknowledged_ = 0;
   std::uint64_t counted_ = 0;
   // Marked packets since the last one without a mark, and since when there are any.

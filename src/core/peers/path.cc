@@ -158,8 +158,8 @@ void Path::control(TimePoint now, const wire::LinkReport& report,
   told.backlog = use.backlog;
   told.needed = use.needed;
   const bool was_mangled = ecn_.state() == EcnState::kMangled;
-  const auto marks = ecn_.report(
-      now, {report.largest, report.ect_packets, report.ce_packets, v.ect_arrived, v.newest_sent});
+  const auto marks = ecn_.report(now, {report.largest, report.ect0_packets, report.ect1_packets,
+                                       report.ce_packets, v.ect_arrived, v.newest_sent});
   if (!was_mangled && ecn_.state() == EcnState::kMangled) share_.marks_were_false();
   told.ect = marks.arrived;
   told.marked = marks.marked;

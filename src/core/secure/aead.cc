@@ -2,6 +2,7 @@
 
 #include <sodium.h>
 
+#include <algorithm>
 #include <array>
 #include <cassert>
 
@@ -22,6 +23,16 @@ Nonce nonce_of(std::uint64_t counter) {
   return nonce;
 }
 
+static_assert(kKeyBytes == crypto_aead_aes256gcm_KEYBYTES);
+static_assert(kAeadTagBytes == crypto_aead_aes256gcm_ABYTES);
+static_assert(sizeof(Nonce) == crypto_aead_aes256gcm_NPUBBYTES);
+
+Nonce big_endian_nonce_of(std::uint64_t counter) {
+  Nonce nonce = nonce_of(counter);
+  std::reverse(nonce.begin() + 4, nonce.end());
+  return nonce;
+}
+
 // The key stream comes in blocks (RFC 8439 §2.3).
 constexpr std::size_t kBlockBytes = 64;
 
@@ -34,6 +45,8 @@ void authenticate(crypto_onetimeauth_poly1305_state& state, ByteView bytes) {
 }
 
 }  // namespace
+
+Ciphers ciphers_here() { return crypto_aead_aes256gcm_is_available() != 0 ? kHasAesGcm : 0; }
 
 void aead_seal(const SecretKey& key, std::uint64_t counter, ByteView associated, ByteView plain,
                std::span<std::byte> out, std::span<std::byte> tag) {
@@ -86,6 +99,49 @@ bool aead_open(const SecretKey& key, std::uint64_t counter, ByteView associated,
   return crypto_aead_chacha20poly1305_ietf_decrypt_detached(
              target(out), nullptr, raw(sealed), sealed.size(), raw(tag), raw(associated),
              associated.size(), nonce_of(counter).data(), raw(key.bytes())) == 0;
+}
+
+struct PacketKey::Schedule {
+  crypto_aead_aes256gcm_state state;
+};
+
+void PacketKey::Erase::operator()(Schedule* schedule) const {
+  sodium_memzero(&schedule->state, sizeof(schedule->state));
+  delete schedule;
+}
+
+PacketKey::PacketKey(Cipher cipher, const SecretKey& key) {
+  if (cipher == Cipher::kChaChaPoly) {
+    key_ = key;
+    return;
+  }
+  assert((ciphers_here() & kHasAesGcm) != 0);
+  aes_.reset(new Schedule);
+  crypto_aead_aes256gcm_beforenm(&aes_->state, raw(key.bytes()));
+}
+
+void PacketKey::seal(std::uint64_t counter, ByteView associated, std::span<std::byte> body,
+                     ByteView payload, std::span<std::byte> tag) const {
+  if (aes_ != nullptr) {
+    // A copy costs a fortieth of sealing it.
+    std::ranges::copy(payload, body.last(payload.size()).begin());
+    crypto_aead_aes256gcm_encrypt_detached_afternm(
+        target(body), target(tag), nullptr, raw(body), body.size(), raw(associated),
+        associated.size(), nullptr, big_endian_nonce_of(counter).data(), &aes_->state);
+  } else if (payload.empty()) {
+    aead_seal(key_, counter, associated, body, body, tag);
+  } else {
+    aead_seal_parts(key_, counter, associated, body.size() - payload.size(), payload, body, tag);
+  }
+}
+
+bool PacketKey::open(std::uint64_t counter, ByteView associated, ByteView sealed, ByteView tag,
+                     std::span<std::byte> out) const {
+  if (aes_ == nullptr) return aead_open(key_, counter, associated, sealed, tag, out);
+  assert(out.size() >= sealed.size() && tag.size() == kAeadTagBytes);
+  return crypto_aead_aes256gcm_decrypt_detached_afternm(
+             target(out), nullptr, raw(sealed), sealed.size(), raw(tag), raw(associated),
+             associated.size(), big_endian_nonce_of(counter).data(), &aes_->state) == 0;
 }
 
 }  // namespace interneuron::crypto

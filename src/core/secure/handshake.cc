@@ -12,7 +12,7 @@
 namespace interneuron::crypto {
 namespace {
 
-constexpr std::string_view kPrologue = "interneuron 2";
+constexpr std::string_view kPrologue = "interneuron 3";
 
 SecretKey labelled_key(std::string_view label, const PublicKey& open) {
   crypto_generichash_state state;
@@ -60,6 +60,7 @@ void put_hello(std::span<std::byte> out, const Hello& hello) {
   w.put(hello.index);
   w.put(hello.unix_ns);
   w.put(hello.revocations_s);
+  w.put(hello.ciphers);
   assert(w.ok());
 }
 
@@ -70,6 +71,7 @@ Hello get_hello(ByteView bytes) {
   hello.index = r.get<std::uint32_t>();
   hello.unix_ns = r.get<std::int64_t>();
   hello.revocations_s = r.get<std::int64_t>();
+  hello.ciphers = r.get<Ciphers>();
   return hello;
 }
 
@@ -131,7 +133,7 @@ bool Initiator::make_message(TimePoint now, const Fresh& fresh) {
                             peer_.key);
   noise_->set_shared(peer_.shared);
   Bytes payload(kHelloBytes);
-  put_hello(payload, {life_, fresh.index, fresh.unix_ns, fresh.revocations_s});
+  put_hello(payload, {life_, fresh.index, fresh.unix_ns, fresh.revocations_s, fresh.ciphers});
   payload.insert(payload.end(), credential_.begin(), credential_.end());
   message_.resize(kFirstMessageBytes + payload.size());
   if (!noise_->write_first(message_, payload)) {
@@ -139,6 +141,7 @@ bool Initiator::make_message(TimePoint now, const Fresh& fresh) {
     return false;
   }
   proof_key_ = initiation_proof_key(*noise_);
+  ciphers_ = fresh.ciphers;
   index_ = fresh.index;
   made_at_ = now;
   try_ = 1;
@@ -173,7 +176,8 @@ std::optional<Initiator::Answer> Initiator::take_response(ByteView packet) {
   Noise noise = *noise_;
   std::array<std::byte, kHelloBytes> hello{};
   if (!noise.read_second(parts.noise, hello)) return std::nullopt;
-  const Answer answer{get_hello(hello), noise.split()};
+  const Hello theirs = get_hello(hello);
+  const Answer answer{theirs, noise.split(common_cipher(ciphers_, theirs.ciphers))};
   if (!is_valid(answer.theirs)) return std::nullopt;
   answered_key_ = proof_key;
   answered_index_ = index_;

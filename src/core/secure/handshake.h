@@ -47,8 +47,11 @@ struct Hello {
   std::int64_t unix_ns = 0;
   // When the newest list of revocations was issued that the sender knows, s since 1970; 0: none.
   std::int64_t revocations_s = 0;
+  // Both hosts say what they can and take the best that both have (common_cipher()): nobody can
+  // change what they say without ending the handshake.
+  Ciphers ciphers = 0;
 };
-inline constexpr std::size_t kHelloBytes = 24;
+inline constexpr std::size_t kHelloBytes = 25;
 // The latest time that a hello may say, which is in the year 2116: whoever counts on from there
 // does not overflow.
 inline constexpr std::int64_t kLatestUnixNs = std::int64_t{1} << 62U;
@@ -135,6 +138,7 @@ class Initiator {
     SecretKey ephemeral;
     std::int64_t unix_ns = 0;
     std::int64_t revocations_s = 0;
+    Ciphers ciphers = 0;
   };
   bool needs_message(TimePoint now) const;
   // False: the peer's key is one that nobody can have.
@@ -175,6 +179,7 @@ class Initiator {
   // The message under way, and what it was made with.
   Bytes message_;
   SecretKey proof_key_;
+  Ciphers ciphers_ = 0;
   std::uint32_t index_ = 0;
   TimePoint made_at_{};
   std::uint64_t try_ = 0;

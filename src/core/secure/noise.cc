@@ -152,9 +152,9 @@ SecretKey Noise::early_key(std::string_view label) const {
   return hmac(chaining_, bytes_of(label));
 }
 
-Split Noise::split() const {
+Split Noise::split(Cipher cipher) const {
   auto keys = derive(chaining_, {});
-  return {keys[0], keys[1]};
+  return {keys[0], keys[1], cipher};
 }
 
 }  // namespace interneuron::crypto

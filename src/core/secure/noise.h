@@ -20,6 +20,7 @@
 #include <cstdint>
 #include <span>
 
+#include "core/secure/aead.h"
 #include "interneuron/security.h"
 #include "interneuron/units.h"
 
@@ -38,10 +39,12 @@ struct KeyPair {
 };
 KeyPair key_pair_of(const SecretKey& secret);
 
-// The keys of the two directions.
+// The keys of the two directions, and what seals packets with them: the two hosts say that in their
+// payloads.
 struct Split {
   SecretKey from_initiator;
   SecretKey from_responder;
+  Cipher cipher = Cipher::kChaChaPoly;
 };
 
 class Noise {
@@ -69,7 +72,7 @@ class Noise {
   // A key that only the two sides can compute since the first message, for one use: `label`.
   SecretKey early_key(std::string_view label) const;
   // After the second message.
-  Split split() const;
+  Split split(Cipher cipher = Cipher::kChaChaPoly) const;
   const std::array<std::byte, kKeyBytes>& hash() const { return hash_; }
 
  private:

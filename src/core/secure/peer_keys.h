@@ -38,6 +38,8 @@ struct PeerKeys {
   // led to nothing, up to Initiator::kLastRetry. No measurement behind this value: it has to be
   // above the round trips of networks and what heartbeats are apart.
   static constexpr Duration kFirstPatience = std::chrono::seconds(1);
+  // Renewals for want of paths, or because a key has sealed much, are at least this far apart.
+  static constexpr Duration kBetweenRekeys = std::chrono::seconds(1);
 
   PublicKey who{};
   std::uint32_t current = 0;
@@ -59,6 +61,17 @@ struct PeerKeys {
   // See kFirstPatience.
   TimePoint ask_after{};
   Duration patience = kFirstPatience;
+
+  // The current session was used.
+  void renew_if_worn(const Session& session) {
+    if (!session.wants_rekey() || !initiator) return;
+    rekey_at = std::min(rekey_at, session.born() + kBetweenRekeys);
+  }
+  // A packet was opened with the current session.
+  void heard(TimePoint now, const Session& session) {
+    heard_at = now;
+    renew_if_worn(session);
+  }
 };
 
 // The time of day, ns since 1970, as far as a host knows it: what was said at the beginning or by a

@@ -148,7 +148,7 @@ std::optional<Responder::Accepted> Responder::accept(TimePoint now,
   answer.response_proof = response_proof_key(noise);
   noise.set_shared(*shared);
   std::array<std::byte, kHelloBytes> hello{};
-  put_hello(hello, {life_, fresh.index, fresh.unix_ns, fresh.revocations_s});
+  put_hello(hello, {life_, fresh.index, fresh.unix_ns, fresh.revocations_s, fresh.ciphers});
   if (!noise.write_second(answer.message, hello)) return std::nullopt;
   std::ranges::copy(parts.noise.first(kKeyBytes), answer.ephemeral.begin());
   answer.at = now;
@@ -157,7 +157,8 @@ std::optional<Responder::Accepted> Responder::accept(TimePoint now,
   if (answered_.size() >= kMaxAnswered) answered_.pop_front();
   answered_.push_back(std::move(answer));
   answer_copy(answered_.back(), header, datagram);
-  return Accepted{noise.remote(), theirs, noise.split()};
+  return Accepted{noise.remote(), theirs,
+                  noise.split(common_cipher(fresh.ciphers, theirs.ciphers))};
 }
 
 std::optional<Responder::Next> Responder::next() const {

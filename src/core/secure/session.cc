@@ -16,23 +16,34 @@ static_assert(wire::kHeaderBytes - wire::kAssociatedBytes + wire::kFragmentHeade
                   wire::MessageBytes::kMostHeaderBytes <=
               kMostHeadBytes);
 
-SecretKey lane_key(const SecretKey& direction, std::uint32_t lane) {
-  const std::array<std::byte, 3> name{static_cast<std::byte>(lane >> 16U),
-                                      static_cast<std::byte>(lane >> 8U),
-                                      static_cast<std::byte>(lane)};
-  return hmac(direction, bytes_of("interneuron path"), name);
-}
-
 }  // namespace
 
-Session::Session(TimePoint born, Role role, std::uint32_t theirs, const Split& keys)
+Session::Session(TimePoint born, Role role, std::uint32_t theirs, const Split& keys,
+                 std::uint64_t most_packets)
     : born_(born),
       theirs_(theirs),
+      cipher_(keys.cipher),
+      most_packets_(cipher_ == Cipher::kAesGcm ? most_packets : UINT64_MAX),
       send_(role == Role::kInitiator ? keys.from_initiator : keys.from_responder),
       receive_(role == Role::kInitiator ? keys.from_responder : keys.from_initiator) {}
 
 Session::Lane Session::lane_of(wire::PacketType type, LinkId path) {
   return wire::is_numbered(type) ? path.value : kControl;
+}
+
+// The two ciphers never have the same key.
+PacketKey Session::lane_key(const SecretKey& direction, Lane lane) const {
+  const std::array<std::byte, 3> name{static_cast<std::byte>(lane >> 16U),
+                                      static_cast<std::byte>(lane >> 8U),
+                                      static_cast<std::byte>(lane)};
+  const ByteView label =
+      bytes_of(cipher_ == Cipher::kAesGcm ? "interneuron path aes256gcm" : "interneuron path");
+  return {cipher_, hmac(direction, label, name)};
+}
+
+// A key has sealed one more.
+void Session::count(std::uint64_t& packets) {
+  if (++packets >= most_packets_ / 2) is_worn_ = true;
 }
 
 Session::Sending* Session::sending(Lane lane) {
@@ -41,7 +52,7 @@ Session::Sending* Session::sending(Lane lane) {
   // One place is kept for what belongs to no path.
   const std::size_t room = kMaxPaths + (lane == kControl ? 1 : 0);
   if (sending_.size() >= room) return nullptr;
-  sending_.push_back({lane, lane_key(send_, lane), 0});
+  sending_.push_back({lane, lane_key(send_, lane)});
   return &sending_.back();
 }
 
@@ -55,18 +66,14 @@ bool Session::seal(std::span<std::byte> packet, ByteView payload) {
   }
   Sending* const lane = sending(lane_of(header->type, header->link));
   if (lane == nullptr || header->number <= lane->number) return false;
+  if (lane->packets >= most_packets_) return false;
   lane->number = header->number;
+  count(lane->packets);
   wire::mark_sealed(packet, SessionId{theirs_});
   const auto body = packet.subspan(wire::kAssociatedBytes,
                                    packet.size() - wire::kAssociatedBytes - wire::kTagBytes);
   const ByteView associated = packet.first(wire::kAssociatedBytes);
-  const std::span<std::byte> tag = packet.last(wire::kTagBytes);
-  if (payload.empty()) {
-    aead_seal(lane->key, header->number, associated, body, body, tag);
-  } else {
-    aead_seal_parts(lane->key, header->number, associated, body.size() - payload.size(), payload,
-                    body, tag);
-  }
+  lane->key.seal(header->number, associated, body, payload, packet.last(wire::kTagBytes));
   return true;
 }
 
@@ -82,22 +89,23 @@ Session::Opened Session::open(const wire::PacketHeader& header, ByteView packet,
   if (at != nullptr && !at->window.is_new(header.number)) return Opened::kReplayed;
   const bool has_room = receiving_.size() < kMaxPaths + (lane == kControl ? 1 : 0);
   if (at == nullptr && !has_room) return Opened::kForged;
-  const SecretKey fresh = at == nullptr ? lane_key(receive_, lane) : SecretKey{};
+  std::optional<PacketKey> fresh;
+  if (at == nullptr) fresh = lane_key(receive_, lane);
+  const PacketKey& key = at == nullptr ? *fresh : at->key;
   const ByteView associated = packet.first(wire::kAssociatedBytes);
   const ByteView sealed = packet.subspan(wire::kAssociatedBytes,
                                          packet.size() - wire::kAssociatedBytes - wire::kTagBytes);
-  if (!aead_open(at == nullptr ? fresh : at->key, header.number, associated, sealed,
-                 packet.last(wire::kTagBytes), out.subspan(wire::kAssociatedBytes))) {
+  if (!key.open(header.number, associated, sealed, packet.last(wire::kTagBytes),
+                out.subspan(wire::kAssociatedBytes))) {
     return Opened::kForged;
   }
   std::ranges::copy(associated, out.begin());
   if (at == nullptr) {
-    receiving_.push_back(std::make_unique<Receiving>());
+    receiving_.push_back(std::make_unique<Receiving>(lane, std::move(*fresh)));
     at = receiving_.back().get();
-    at->lane = lane;
-    at->key = fresh;
   }
   at->window.take(header.number);
+  count(at->packets);
   return Opened::kOk;
 }
 

@@ -8,11 +8,13 @@
 
 namespace interneuron::crypto {
 
-Sessions::Sessions(const Security& security, SessionId self, bool accept, TimePoint now)
+Sessions::Sessions(const Security& security, SessionId self, bool accept, TimePoint now,
+                   Ciphers ciphers)
     : credential_(security.credential),
       own_(key_pair_of(security.key)),
       self_(self),
       accept_(accept),
+      ciphers_(ciphers),
       time_of_day_(now, security.unix_time_ns),
       entropy_(security.seed),
       trust_(security),
@@ -69,8 +71,8 @@ bool Sessions::is_connected(const PublicKey& who) const {
 }
 
 Initiator::Fresh Sessions::fresh(TimePoint now) {
-  return {draw_index(), entropy_.draw_key(), time_of_day_.next_unix_ns(now),
-          trust_.revocations_s()};
+  return {draw_index(), entropy_.draw_key(), time_of_day_.next_unix_ns(now), trust_.revocations_s(),
+          ciphers_};
 }
 
 // --- peers
@@ -213,7 +215,7 @@ Sessions::Opened Sessions::open(TimePoint now, const wire::PacketHeader& header,
     peer.earlier = 0;
     promote(peer, header.session.value);
   }
-  if (peer.current == header.session.value) peer.heard_at = now;
+  if (peer.current == header.session.value) peer.heard(now, there->session);
   return opened;
 }
 
@@ -340,9 +342,7 @@ bool Sessions::seal(TimePoint now, Owner owner, std::span<std::byte> packet, Byt
   LiveSession* const there = peer == nullptr ? nullptr : live(peer->current);
   if (there == nullptr || there->session.is_over(now)) return false;
   const bool sealed = there->session.seal(packet, payload);
-  if (there->session.wants_rekey() && peer->initiator) {
-    peer->rekey_at = std::min(peer->rekey_at, there->session.born() + kBetweenRekeys);
-  }
+  peer->renew_if_worn(there->session);
   return sealed;
 }
 

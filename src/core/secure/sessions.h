@@ -42,8 +42,6 @@ class Sessions {
   // A session is renewed up to so much later than kRekeyAfter, so that not all vehicles that joined
   // together ask together again.
   static constexpr Duration kRekeyJitter = std::chrono::seconds(10);
-  // Renewals for want of paths are at least this far apart.
-  static constexpr Duration kBetweenRekeys = std::chrono::seconds(1);
   // A peer of which nothing was heard for so long, while no path is as it should be, may have begun
   // a new life. Asking it costs less than one heartbeat of each path. No measurement behind this
   // value: it has to be above the round trips and stalls of networks.
@@ -51,8 +49,9 @@ class Sessions {
   // A peer is told of a list of revocations again after so long at the earliest.
   static constexpr Duration kBetweenLists = std::chrono::seconds(10);
 
-  // `accept`: initiations are answered.
-  Sessions(const Security& security, SessionId self, bool accept, TimePoint now);
+  // `accept`: initiations are answered. `ciphers`: what handshakes say that this host can.
+  Sessions(const Security& security, SessionId self, bool accept, TimePoint now,
+           Ciphers ciphers = ciphers_here());
   // What belongs to it refers to its trust.
   Sessions(const Sessions&) = delete;
   Sessions& operator=(const Sessions&) = delete;
@@ -155,6 +154,7 @@ class Sessions {
   KeyPair own_;
   SessionId self_;
   bool accept_;
+  Ciphers ciphers_;
   TimeOfDay time_of_day_;
   Entropy entropy_;
   Trust trust_;

@@ -38,7 +38,8 @@ void put_report(Writer& w, const LinkReport& report) {
   put_rate(w, report.rate);
   w.put(report.newest_delay_us);
   w.put(report.largest_delay_us);
-  w.put(report.ect_packets);
+  w.put(report.ect0_packets);
+  w.put(report.ect1_packets);
   w.put(report.ce_packets);
   w.put(report.received_bytes);
 }
@@ -57,7 +58,8 @@ bool get_report(Reader& r, LinkReport& report) {
   report.rate = get_rate(r);
   report.newest_delay_us = r.get<std::uint32_t>();
   report.largest_delay_us = r.get<std::uint32_t>();
-  report.ect_packets = r.get<std::uint32_t>();
+  report.ect0_packets = r.get<std::uint16_t>();
+  report.ect1_packets = r.get<std::uint32_t>();
   report.ce_packets = r.get<std::uint32_t>();
   report.received_bytes = r.get<std::uint64_t>();
   report.has_exchange = (flags & kHasExchange) != 0;

@@ -52,16 +52,17 @@ struct LinkReport {
   bool has_delays = false;
   std::uint32_t newest_delay_us = 0;
   std::uint32_t largest_delay_us = 0;
-  // What has arrived on this path so far: packets marked ECT(0) or ECT(1) and packets marked CE
-  // (RFC 3168), both modulo 2^32, and bytes with IP and UDP headers.
-  std::uint32_t ect_packets = 0;
+  // What has arrived on this path so far: packets marked ECT(0), modulo 2^16 because none leaves
+  // so, ECT(1) and CE (RFC 3168), both modulo 2^32, and bytes with IP and UDP headers.
+  std::uint16_t ect0_packets = 0;
+  std::uint32_t ect1_packets = 0;
   std::uint32_t ce_packets = 0;
   std::uint64_t received_bytes = 0;
   friend bool operator==(const LinkReport&, const LinkReport&) = default;
 };
 
 inline constexpr std::size_t kMaxReports = 8;
-inline constexpr std::size_t kReportBytes = 105;
+inline constexpr std::size_t kReportBytes = 107;
 
 // A message that is complete at the sender of the feedback.
 struct CompleteMessage {

@@ -16,7 +16,7 @@ namespace interneuron::wire {
 
 // The version of this format, in the upper half of a packet's first byte. Version 1 had the type
 // alone there.
-inline constexpr std::uint8_t kVersion = 2;
+inline constexpr std::uint8_t kVersion = 3;
 
 // Types 11 … 15 are not used.
 enum class PacketType : std::uint8_t {

@@ -231,7 +231,7 @@ std::optional<std::uint8_t> other_version(ByteView datagram) {
   const auto first = std::to_integer<std::uint8_t>(datagram.front());
   const auto version = static_cast<std::uint8_t>(first >> kVersionShift);
   const auto type = static_cast<std::uint8_t>(first & kTypeMask);
-  if (version > kVersion) {
+  if (version > 1 && version != kVersion) {
     const bool is_plausible =
         datagram.size() >= kPacketOverhead && type != 0 && is_zero(datagram.subspan(1, 1));
     return is_plausible ? std::optional(version) : std::nullopt;

@@ -161,12 +161,12 @@ TEST(OtherVersions, AreCountedAndToldOfOnceInTenSeconds) {
   };
   Bytes version_1(60);
   version_1[0] = version_1[1] = version_1[7] = version_1[15] = std::byte{1};
-  Bytes version_3(60);
-  version_3[0] = std::byte{0x35};
-  version_3[7] = version_3[15] = std::byte{1};
+  Bytes version_4(60);
+  version_4[0] = std::byte{0x45};
+  version_4[7] = version_4[15] = std::byte{1};
   for (int i = 0; i < 100; ++i) {
     EXPECT_EQ(fed(pair, version_1, 9).other_version_packets, 1U);
-    EXPECT_EQ(fed(pair, version_3, 9).other_version_packets, 1U);
+    EXPECT_EQ(fed(pair, version_4, 9).other_version_packets, 1U);
   }
   pair.pipe.flush(pair.road);
   ASSERT_EQ(told.size(), 1U);
@@ -174,10 +174,10 @@ TEST(OtherVersions, AreCountedAndToldOfOnceInTenSeconds) {
   EXPECT_EQ(told[0].link, kFast);
   EXPECT_EQ(told[0].from, address_of(9));
   pair.pipe.run(10s);
-  fed(pair, version_3, 9);
+  fed(pair, version_4, 9);
   pair.pipe.flush(pair.road);
   ASSERT_EQ(told.size(), 2U);
-  EXPECT_EQ(told[1].version, 3);
+  EXPECT_EQ(told[1].version, 4);
   EXPECT_EQ(pair.pipe.at(pair.road).peers().size(), 1U);
 }
 

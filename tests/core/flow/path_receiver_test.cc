@@ -40,7 +40,8 @@ TEST(PathReceiver, CountsMarksOfWhatItAccepts) {
     r.accept(at(1s), ++number, kData, kPacket, static_cast<std::uint8_t>(ecn));
   }
   r.accept(at(1s), 4, kData, kPacket, 3);
-  EXPECT_EQ(r.report(at(1s)).ect_packets, 2U);
+  EXPECT_EQ(r.report(at(1s)).ect0_packets, 1U);
+  EXPECT_EQ(r.report(at(1s)).ect1_packets, 1U);
   EXPECT_EQ(r.report(at(1s)).ce_packets, 2U);
 }
 

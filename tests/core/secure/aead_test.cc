@@ -2,6 +2,7 @@
 #include "core/secure/aead.h"
 
 #include <gtest/gtest.h>
+#include <sodium.h>
 
 #include "core/secure/noise.h"
 
@@ -38,6 +39,32 @@ TEST(Aead, PartsAreSealedAsTheWholeIs) {
         ASSERT_EQ(parts, whole) << head << " + " << rest;
         ASSERT_EQ(tag_of_parts, tag) << head << " + " << rest;
       }
+    }
+  }
+}
+
+TEST(PacketKey, SealsWhereItIsWhatLiesInTwoParts) {
+  ASSERT_GE(sodium_init(), 0);
+  std::array<std::byte, kKeyBytes> bytes{};
+  bytes.fill(std::byte{0x5a});
+  for (const Cipher cipher : {Cipher::kChaChaPoly, common_cipher(kHasAesGcm, ciphers_here())}) {
+    const PacketKey key(cipher, SecretKey(bytes));
+    const Bytes header = pattern(16, 3);
+    for (const std::size_t rest : {0U, 1U, 16U, 44U, 1000U, 1363U}) {
+      const Bytes text = pattern(41 + rest, 7);
+      Bytes whole = text;
+      std::array<std::byte, kAeadTagBytes> tag{};
+      key.seal(rest, header, whole, {}, tag);
+      Bytes parts(text.size(), std::byte{0xee});
+      std::copy_n(text.begin(), 41, parts.begin());
+      std::array<std::byte, kAeadTagBytes> tag_of_parts{};
+      key.seal(rest, header, parts, ByteView(text).subspan(41), tag_of_parts);
+      ASSERT_EQ(parts, whole) << rest;
+      ASSERT_EQ(tag_of_parts, tag) << rest;
+      Bytes opened(text.size());
+      ASSERT_TRUE(key.open(rest, header, whole, tag, opened));
+      EXPECT_EQ(opened, text);
+      EXPECT_FALSE(key.open(rest + 1, header, whole, tag, opened));
     }
   }
 }

@@ -32,13 +32,18 @@ struct Bench {
   Entropy entropy{sim::secret_key(9)};
   std::uint32_t next_index = 1;
   std::int64_t clock = 1'000'000;
+  // What the two say that they can.
+  Ciphers of_vehicle = 0;
+  Ciphers of_road = 0;
 
-  Initiator::Fresh fresh() { return {next_index++, entropy.draw_key(), ++clock}; }
+  Initiator::Fresh fresh(Ciphers ciphers = 0) {
+    return {next_index++, entropy.draw_key(), ++clock, 0, ciphers};
+  }
   Bytes initiation(std::uint16_t path = 0) {
     Bytes out(kInitiationBytes);
     vehicle.begin(now);
     if (vehicle.needs_message(now)) {
-      EXPECT_TRUE(vehicle.make_message(now, fresh()));
+      EXPECT_TRUE(vehicle.make_message(now, fresh(of_vehicle)));
     }
     vehicle.write(LinkId{path}, out);
     return out;
@@ -51,7 +56,7 @@ struct Bench {
     return header ? road.take(now, *header, datagram(bytes, host), entropy) : Verdict::kRefused;
   }
   std::optional<Responder::Accepted> accept(const Bytes& bytes, std::uint8_t host = 1) {
-    return road.accept(now, *wire::peek(bytes), datagram(bytes, host), fresh());
+    return road.accept(now, *wire::peek(bytes), datagram(bytes, host), fresh(of_road));
   }
   Bytes answer() {
     Bytes out(kMaxDatagramBytes);
@@ -192,6 +197,58 @@ TEST(Handshake, NothingOfAResponseMayBeChanged) {
     EXPECT_FALSE(b.vehicle.take_response(changed)) << bit;
   }
   EXPECT_TRUE(b.vehicle.take_response(told));
+}
+
+TEST(Handshake, TheyTakeTheBestCipherThatBothHave) {
+  // Bits that nobody knows yet are of no account.
+  constexpr std::array<Ciphers, 4> kAny{0x00, 0x01, 0xfe, 0xff};
+  for (const Ciphers vehicle : kAny) {
+    for (const Ciphers road : kAny) {
+      Bench b;
+      b.of_vehicle = vehicle;
+      b.of_road = road;
+      const Bytes asked = b.initiation();
+      ASSERT_EQ(b.take(asked), Verdict::kNew);
+      const auto accepted = b.accept(asked);
+      const auto answer = b.vehicle.take_response(b.answer());
+      ASSERT_TRUE(accepted && answer);
+      const bool is_aes = (vehicle & 1) != 0 && (road & 1) != 0;
+      EXPECT_EQ(accepted->keys.cipher, is_aes ? Cipher::kAesGcm : Cipher::kChaChaPoly);
+      EXPECT_EQ(answer->keys.cipher, accepted->keys.cipher);
+    }
+  }
+}
+
+// What is said of ciphers is the last byte of either hello. A key stream is added to it, so whoever
+// is on the path can turn its bit without being able to read it, and make mac1 anew.
+TEST(Handshake, NobodyOnThePathTalksTwoHostsDown) {
+  Bench b;
+  b.of_vehicle = b.of_road = kHasAesGcm;
+  const Bytes asked = b.initiation();
+  Bytes stripped = asked;
+  InitiationParts parts = parts_of_initiation(stripped);
+  stripped[wire::kHeaderBytes + parts.noise.size() - kAeadTagBytes - 1] ^= std::byte{kHasAesGcm};
+  parts = parts_of_initiation(stripped);
+  std::ranges::copy(mac_of(mac1_key(b.road_key.open), parts.before_mac1),
+                    stripped.begin() + (parts.mac1.data() - stripped.data()));
+  ASSERT_EQ(b.take(stripped), Verdict::kNew);
+  EXPECT_FALSE(b.accept(stripped));
+  EXPECT_FALSE(b.road.next());
+  // Nor by taking the byte away, as hosts without ciphers to choose from say hello.
+  Bytes shorter = asked;
+  shorter.erase(shorter.begin() + wire::kHeaderBytes + parts.noise.size() - kAeadTagBytes - 1);
+  EXPECT_EQ(b.take(shorter), Verdict::kRefused);
+
+  ASSERT_EQ(b.take(asked), Verdict::kNew);
+  ASSERT_TRUE(b.accept(asked));
+  const Bytes told = b.answer();
+  Bytes changed = told;
+  changed[wire::kHeaderBytes + parts_of_response(told).noise.size() - kAeadTagBytes - 1] ^=
+      std::byte{kHasAesGcm};
+  EXPECT_FALSE(b.vehicle.take_response(changed));
+  const auto answer = b.vehicle.take_response(told);
+  ASSERT_TRUE(answer);
+  EXPECT_EQ(answer->keys.cipher, Cipher::kAesGcm);
 }
 
 TEST(Handshake, WhoIsNotTrustedIsNotAnswered) {

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
+#include <sodium.h>
 
 namespace interneuron::crypto::session_test {
 namespace {
@@ -12,18 +13,25 @@ using Opened = Session::Opened;
 
 constexpr TimePoint kBorn{1h};
 
-Split keys_of(int seed) {
+Split keys_of(int seed, Cipher cipher = Cipher::kChaChaPoly) {
   std::array<std::byte, kKeyBytes> a{};
   a.fill(static_cast<std::byte>(seed));
   std::array<std::byte, kKeyBytes> b{};
   b.fill(static_cast<std::byte>(seed + 100));
-  return {SecretKey(a), SecretKey(b)};
+  return {SecretKey(a), SecretKey(b), cipher};
 }
 
 struct Both {
-  Session vehicle{kBorn, Session::Role::kInitiator, 22, keys_of(1)};
-  Session road{kBorn, Session::Role::kResponder, 11, keys_of(1)};
+  Cipher cipher = Cipher::kChaChaPoly;
+  Session vehicle{kBorn, Session::Role::kInitiator, 22, keys_of(1, cipher)};
+  Session road{kBorn, Session::Role::kResponder, 11, keys_of(1, cipher)};
 };
+
+// Those that this machine has.
+std::vector<Cipher> ciphers() {
+  if (sodium_init() < 0 || ciphers_here() == 0) return {Cipher::kChaChaPoly};
+  return {Cipher::kChaChaPoly, Cipher::kAesGcm};
+}
 
 Bytes probe(std::uint64_t number, std::uint16_t path = 3, std::size_t size = 100,
             wire::PacketType type = wire::PacketType::kProbe) {
@@ -46,47 +54,51 @@ Opened open(Session& by, const Bytes& packet, Bytes* into = nullptr) {
 }
 
 TEST(Session, OpensWhatTheOtherSideHasSealedOnce) {
-  Both b;
-  const Bytes clear = probe(5);
-  Bytes packet = clear;
-  ASSERT_TRUE(b.vehicle.seal(packet));
-  const auto header = wire::peek(packet);
-  EXPECT_EQ(header->session, SessionId{22});
-  EXPECT_EQ(header->epoch, wire::kSealedEpoch);
-  // Neither the stamp nor the body can be seen.
-  EXPECT_FALSE(
-      std::ranges::equal(std::span(packet).subspan(16, 68), std::span(clear).subspan(16, 68)));
-  Bytes opened;
-  EXPECT_EQ(open(b.road, packet, &opened), Opened::kOk);
-  EXPECT_TRUE(
-      std::ranges::equal(std::span(opened).subspan(16, 68), std::span(clear).subspan(16, 68)));
-  EXPECT_EQ(open(b.road, packet), Opened::kReplayed);
-  // Not its own.
-  Bytes own = probe(6);
-  ASSERT_TRUE(b.vehicle.seal(own));
-  EXPECT_EQ(open(b.vehicle, own), Opened::kForged);
+  for (const Cipher cipher : ciphers()) {
+    Both b{cipher};
+    const Bytes clear = probe(5);
+    Bytes packet = clear;
+    ASSERT_TRUE(b.vehicle.seal(packet));
+    const auto header = wire::peek(packet);
+    EXPECT_EQ(header->session, SessionId{22});
+    EXPECT_EQ(header->epoch, wire::kSealedEpoch);
+    // Neither the stamp nor the body can be seen.
+    EXPECT_FALSE(
+        std::ranges::equal(std::span(packet).subspan(16, 68), std::span(clear).subspan(16, 68)));
+    Bytes opened;
+    EXPECT_EQ(open(b.road, packet, &opened), Opened::kOk);
+    EXPECT_TRUE(
+        std::ranges::equal(std::span(opened).subspan(16, 68), std::span(clear).subspan(16, 68)));
+    EXPECT_EQ(open(b.road, packet), Opened::kReplayed);
+    // Not its own.
+    Bytes own = probe(6);
+    ASSERT_TRUE(b.vehicle.seal(own));
+    EXPECT_EQ(open(b.vehicle, own), Opened::kForged);
+  }
 }
 
 TEST(Session, NeitherABitNorTheLengthMayChange) {
-  Both b;
-  Bytes packet = probe(5);
-  ASSERT_TRUE(b.vehicle.seal(packet));
-  for (std::size_t bit = 0; bit < 8 * packet.size(); ++bit) {
-    Bytes changed = packet;
-    changed[bit / 8] ^= std::byte{1} << bit % 8;
-    // The number of the session is only a name: Sessions finds other keys by another one.
-    if (bit / 8 >= 4 && bit / 8 < 8) continue;
-    EXPECT_EQ(open(b.road, changed), Opened::kForged) << bit;
+  for (const Cipher cipher : ciphers()) {
+    Both b{cipher};
+    Bytes packet = probe(5);
+    ASSERT_TRUE(b.vehicle.seal(packet));
+    for (std::size_t bit = 0; bit < 8 * packet.size(); ++bit) {
+      Bytes changed = packet;
+      changed[bit / 8] ^= std::byte{1} << bit % 8;
+      // The number of the session is only a name: Sessions finds other keys by another one.
+      if (bit / 8 >= 4 && bit / 8 < 8) continue;
+      EXPECT_EQ(open(b.road, changed), Opened::kForged) << bit;
+    }
+    for (std::size_t size = 0; size < packet.size(); ++size) {
+      EXPECT_EQ(
+          open(b.road, Bytes(packet.begin(), packet.begin() + static_cast<std::ptrdiff_t>(size))),
+          Opened::kForged);
+    }
+    Bytes longer = packet;
+    longer.push_back({});
+    EXPECT_EQ(open(b.road, longer), Opened::kForged);
+    EXPECT_EQ(open(b.road, packet), Opened::kOk);
   }
-  for (std::size_t size = 0; size < packet.size(); ++size) {
-    EXPECT_EQ(
-        open(b.road, Bytes(packet.begin(), packet.begin() + static_cast<std::ptrdiff_t>(size))),
-        Opened::kForged);
-  }
-  Bytes longer = packet;
-  longer.push_back({});
-  EXPECT_EQ(open(b.road, longer), Opened::kForged);
-  EXPECT_EQ(open(b.road, packet), Opened::kOk);
 }
 
 TEST(Session, APacketOfOnePathIsNoneOfAnotherNorOfAnotherHandshake) {
@@ -98,6 +110,41 @@ TEST(Session, APacketOfOnePathIsNoneOfAnotherNorOfAnotherHandshake) {
   EXPECT_EQ(open(b.road, other), Opened::kForged);
   Session next(kBorn, Session::Role::kResponder, 11, keys_of(2));
   EXPECT_EQ(open(next, packet), Opened::kForged);
+}
+
+TEST(Session, WhatOneCipherHasSealedTheOtherDoesNotOpen) {
+  if (ciphers().size() < 2) GTEST_SKIP() << "this machine has one";
+  for (const Cipher cipher : ciphers()) {
+    Both sealing{cipher};
+    Both opening{cipher == Cipher::kAesGcm ? Cipher::kChaChaPoly : Cipher::kAesGcm};
+    Bytes packet = probe(5);
+    ASSERT_TRUE(sealing.vehicle.seal(packet));
+    EXPECT_EQ(open(opening.road, packet), Opened::kForged);
+    EXPECT_EQ(open(sealing.road, packet), Opened::kOk);
+  }
+}
+
+// RFC 9001 §6.6; with fewer packets, so that it is soon over.
+TEST(Session, AKeyOfAesEndsAfterItsPacketsAndBothSidesAskForAnotherBefore) {
+  constexpr std::uint64_t kMost = 100;
+  for (const Cipher cipher : ciphers()) {
+    const bool is_aes = cipher == Cipher::kAesGcm;
+    Session vehicle(kBorn, Session::Role::kInitiator, 22, keys_of(1, cipher), kMost);
+    Session road(kBorn, Session::Role::kResponder, 11, keys_of(1, cipher), kMost);
+    for (std::uint64_t i = 1; i <= kMost; ++i) {
+      // A path that was taken away and comes back leaves out as many numbers as it likes.
+      Bytes packet = probe(i * Session::kMostPackets);
+      ASSERT_TRUE(vehicle.seal(packet));
+      EXPECT_EQ(open(road, packet), Opened::kOk);
+      EXPECT_EQ(vehicle.wants_rekey(), is_aes && i >= kMost / 2);
+      EXPECT_EQ(road.wants_rekey(), is_aes && i >= kMost / 2);
+    }
+    Bytes beyond = probe(UINT64_MAX);
+    EXPECT_EQ(vehicle.seal(beyond), !is_aes);
+    // Each path has keys of its own.
+    Bytes elsewhere = probe(5, 4);
+    EXPECT_TRUE(vehicle.seal(elsewhere));
+  }
 }
 
 TEST(Session, SealsNoNumberTwiceWhateverIsAsked) {
@@ -115,17 +162,19 @@ TEST(Session, SealsNoNumberTwiceWhateverIsAsked) {
 }
 
 TEST(Session, ChallengesHaveNumbersOfTheirOwn) {
-  Both b;
-  for (int i = 0; i < 3; ++i) {
-    Bytes challenge = probe(5, 3, 100, wire::PacketType::kChallenge);
-    ASSERT_TRUE(b.road.seal(challenge));
-    EXPECT_EQ(wire::peek(challenge)->number, static_cast<std::uint64_t>(i + 1));
-    EXPECT_EQ(open(b.vehicle, challenge), Opened::kOk);
-    EXPECT_EQ(open(b.vehicle, challenge), Opened::kReplayed);
+  for (const Cipher cipher : ciphers()) {
+    Both b{cipher};
+    for (int i = 0; i < 3; ++i) {
+      Bytes challenge = probe(5, 3, 100, wire::PacketType::kChallenge);
+      ASSERT_TRUE(b.road.seal(challenge));
+      EXPECT_EQ(wire::peek(challenge)->number, static_cast<std::uint64_t>(i + 1));
+      EXPECT_EQ(open(b.vehicle, challenge), Opened::kOk);
+      EXPECT_EQ(open(b.vehicle, challenge), Opened::kReplayed);
+    }
+    Bytes data = probe(1, 3);
+    ASSERT_TRUE(b.road.seal(data));
+    EXPECT_EQ(open(b.vehicle, data), Opened::kOk);
   }
-  Bytes data = probe(1, 3);
-  ASSERT_TRUE(b.road.seal(data));
-  EXPECT_EQ(open(b.vehicle, data), Opened::kOk);
 }
 
 TEST(Session, PathsBeyondItsRoomWaitForTheNextOne) {

@@ -68,7 +68,7 @@ class Dissector(unittest.TestCase):
 
     def test_data_with_its_round_header(self):
         self.expect(examples()[0], {
-            "version": "2", "type": "1", "link": "2", "epoch": "0", "session": "0x5eed0001", "number": "7",
+            "version": "3", "type": "1", "link": "2", "epoch": "0", "session": "0x5eed0001", "number": "7",
             "stamp_us": "1234567890", "message": "9", "size": "103", "kind": "0",
             "index": "0", "count": "1", "chunk": "1347", "lifetime_us": "130000", "payload": "6672616d65",
             "round.version": "3", "round.degraded": "0", "round.class": "0", "round.pipeline": "1",
@@ -110,34 +110,34 @@ class Dissector(unittest.TestCase):
 
     def test_types_that_are_not_used(self):
         probe = examples()[4]
-        self.expect(b"\x25" + probe[1:], {"type": "5", "number": "301", "body": "00" * 8, "handshake.proof": "", "malformed": ""})
-        self.expect(b"\x2f" + probe[1:], {"type": "15", "malformed": ""})
+        self.expect(b"\x35" + probe[1:], {"type": "5", "number": "301", "body": "00" * 8, "handshake.proof": "", "malformed": ""})
+        self.expect(b"\x3f" + probe[1:], {"type": "15", "malformed": ""})
 
     def test_handshake(self):
         initiation, cookie, response = examples()[10:13]
-        head = {"version": "2", "epoch": "0", "link": "2", "session": "0xa1a1a1a1", "number": "1", "stamp_us": "", "tag": "", "body": "",
+        head = {"version": "3", "epoch": "0", "link": "2", "session": "0xa1a1a1a1", "number": "1", "stamp_us": "", "tag": "", "body": "",
                 "malformed": ""}
         self.expect(initiation, {
             **head, "type": "5", "handshake.ephemeral": initiation[20:52].hex(), "handshake.static": initiation[52:100].hex(),
-            "handshake.hello": initiation[100:140].hex(), "handshake.proof": initiation[140:156].hex(),
-            "handshake.mac1": initiation[156:172].hex(), "handshake.mac2": "00" * 16, "handshake.has_cookie": "0"})
+            "handshake.hello": initiation[100:141].hex(), "handshake.proof": initiation[141:157].hex(),
+            "handshake.mac1": initiation[157:173].hex(), "handshake.mac2": "00" * 16, "handshake.has_cookie": "0"})
         self.expect(initiation[:-16] + b"\x01" * 16, {**head, "type": "5", "handshake.has_cookie": "1"})
-        with_credential = initiation[:100] + bytes(169) + initiation[140:]
-        self.expect(with_credential, {**head, "type": "5", "handshake.hello": "00" * 169, "handshake.proof": initiation[140:156].hex()})
+        with_credential = initiation[:100] + bytes(170) + initiation[141:]
+        self.expect(with_credential, {**head, "type": "5", "handshake.hello": "00" * 170, "handshake.proof": initiation[141:157].hex()})
         self.expect(cookie, {**head, "type": "10", "handshake.nonce": "06" * 24, "handshake.cookie": cookie[44:].hex()})
         self.expect(response, {
-            **head, "type": "9", "handshake.ephemeral": response[20:52].hex(), "handshake.hello": response[52:92].hex(),
-            "token": "00112233445566778899aabbccddeeff", "handshake.proof": response[108:].hex()})
+            **head, "type": "9", "handshake.ephemeral": response[20:52].hex(), "handshake.hello": response[52:93].hex(),
+            "token": "00112233445566778899aabbccddeeff", "handshake.proof": response[109:].hex()})
 
     def test_sealed_packets_show_what_is_not_encrypted(self):
         sealed = examples()[13]
         expected = {
-            "version": "2", "type": "1", "epoch": "1", "link": "2", "session": "0xb2b2b2b2", "number": "8",
+            "version": "3", "type": "1", "epoch": "1", "link": "2", "session": "0xb2b2b2b2", "number": "8",
             "sealed": sealed[16:-16].hex(), "sealed_bytes": "42", "tag": sealed[-16:].hex(), "stamp_us": "", "message": "", "malformed": ""}
         self.expect(sealed, expected)
         self.expect(sealed, expected, port=OTHER_PORT)
         # Of any type, and of any size that a packet may have.
-        self.expect(bytes([0x29]) + sealed[1:], {**expected, "type": "9"})
+        self.expect(bytes([0x39]) + sealed[1:], {**expected, "type": "9"})
         self.expect(sealed[:20] + sealed[-16:], {"type": "1", "sealed": sealed[16:20].hex(), "sealed_bytes": "0", "malformed": ""})
         self.expect(sealed + bytes(1400 - len(sealed)), {"type": "1", "malformed": ""})
         malformed = dissect([sealed + bytes(1401 - len(sealed))], ["interneuron.malformed"])
@@ -153,13 +153,13 @@ class Dissector(unittest.TestCase):
             "reports": "1", "report.link": "2", "report.has_exchange": "1", "report.train_packets": "31",
             "report.s": "987654321", "report.h": "5000000", "report.largest": "100", "report.missing": "1",
             "report.train_start": "69", "report.train_rate": "30000", "report.metered": "0", "report.has_delays": "1",
-            "report.newest_delay_us": "5372842", "report.largest_delay_us": "5374218", "report.ect": "90",
+            "report.newest_delay_us": "5372842", "report.largest_delay_us": "5374218", "report.ect0": "1", "report.ect1": "90",
             "report.ce": "3", "report.received_bytes": "123456", "complete.message": "9,10",
             "complete.ago_us": "1500,200", "complete.dropped": "0,1", "refused.message": "8", "malformed": ""})
 
     def test_every_report_is_shown(self):
         feedback = examples()[3]
-        report = feedback[37:37 + 105]
+        report = feedback[37:37 + 107]
         second = b"\x01\x07" + report[2:]
         both = feedback[:34] + bytes([2, 0, 0]) + report + second + feedback[-16:]
         self.expect(both, {"reports": "2", "report.link": "2,263", "malformed": ""})
@@ -202,7 +202,7 @@ class Dissector(unittest.TestCase):
 
     def test_what_is_not_ours_is_left_alone(self):
         probe = bytearray(examples()[4])
-        for at, value in ((0, 0x03), (0, 0x20), (0, 0x33), (1, 2), (len(probe) - 1, 1)):
+        for at, value in ((0, 0x03), (0, 0x30), (0, 0x23), (1, 2), (len(probe) - 1, 1)):
             other = bytearray(probe)
             other[at] = value
             self.expect(bytes(other), {"type": ""})

@@ -27,7 +27,7 @@ inline Bytes from_hex(std::string_view text) {
 }
 
 inline constexpr std::string_view kDataExample =
-    "21 00 00 02 5e ed 00 01 00 00 00 00 00 00 00 07"
+    "31 00 00 02 5e ed 00 01 00 00 00 00 00 00 00 07"
     "49 96 02 d2"
     "00 00 00 09 00 00 00 67 05 43 00 00 00 01 fb d0"
     "00"
@@ -42,7 +42,7 @@ inline constexpr std::string_view kDataExample =
     "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00";
 
 inline constexpr std::string_view kPlainExample =
-    "21 00 00 02 5e ed 00 01 00 00 00 00 00 00 00 08"
+    "31 00 00 02 5e ed 00 01 00 00 00 00 00 00 00 08"
     "49 96 02 d2"
     "00 00 00 0a 00 00 00 19 05 43 00 00 00 01 86 a0"
     "01"
@@ -52,7 +52,7 @@ inline constexpr std::string_view kPlainExample =
     "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00";
 
 inline constexpr std::string_view kRepairExample =
-    "21 00 00 02 5e ed 00 01 00 00 00 00 00 00 00 09"
+    "31 00 00 02 5e ed 00 01 00 00 00 00 00 00 00 09"
     "49 96 02 d2"
     "00 00 00 0b 00 00 00 16 00 08 00 03 00 01 86 a0"
     "01"
@@ -60,7 +60,7 @@ inline constexpr std::string_view kRepairExample =
     "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00";
 
 inline constexpr std::string_view kWindowExample =
-    "26 00 00 02 5e ed 00 01 00 00 00 00 00 00 00 0a"
+    "36 00 00 02 5e ed 00 01 00 00 00 00 00 00 00 0a"
     "49 96 02 d2"
     "01 02 00 00 00 0a 01 01 06"
     "00 00 00 99 7c f6 00 8f c5 f0 8f 00 8c 26 96 5a"
@@ -69,20 +69,20 @@ inline constexpr std::string_view kWindowExample =
     "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00";
 
 inline constexpr std::string_view kChallengeExample =
-    "27 00 00 01 ca fe 00 02 00 00 00 00 00 00 01 2c"
+    "37 00 00 01 ca fe 00 02 00 00 00 00 00 00 01 2c"
     "00 00 00 00"
     "5e ed 00 01"
     "00 11 22 33 44 55 66 77 88 99 aa bb cc dd ee ff"
     "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00";
 
 inline constexpr std::string_view kTokenExample =
-    "28 00 00 01 5e ed 00 01 00 00 00 00 00 00 01 2f"
+    "38 00 00 01 5e ed 00 01 00 00 00 00 00 00 01 2f"
     "49 96 80 a4"
     "00 11 22 33 44 55 66 77 88 99 aa bb cc dd ee ff"
     "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00";
 
 inline constexpr std::string_view kFeedbackExample =
-    "22 00 00 01 5e ed 00 01 00 00 00 00 00 00 01 2c"
+    "32 00 00 01 5e ed 00 01 00 00 00 00 00 00 01 2c"
     "49 96 80 40"
     "00 00 01 1f 73 e4 fa 00 ca fe 00 02 00 00 01 02"
     "01"
@@ -93,19 +93,19 @@ inline constexpr std::string_view kFeedbackExample =
     "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00"
     "00 00 00 00 00 00 00 45 00 00 75 30 00 00 c3 50"
     "00 51 fb aa 00 52 01 0a"
-    "00 00 00 5a 00 00 00 03 00 00 00 00 00 01 e2 40"
+    "00 01 00 00 00 5a 00 00 00 03 00 00 00 00 00 01 e2 40"
     "00 00 00 09 00 00 05 dc 00 00 00 0a 80 00 00 c8"
     "00 00 00 08"
     "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00";
 
 inline constexpr std::string_view kProbeExample =
-    "23 00 00 01 5e ed 00 01 00 00 00 00 00 00 01 2d"
+    "33 00 00 01 5e ed 00 01 00 00 00 00 00 00 01 2d"
     "49 96 80 a4"
     "00 00 00 00 00 00 00 00"
     "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00";
 
 inline constexpr std::string_view kEchoRequestExample =
-    "24 00 00 01 5e ed 00 01 00 00 00 00 00 00 01 2e"
+    "34 00 00 01 5e ed 00 01 00 00 00 00 00 00 01 2e"
     "00 00 00 00"
     "02 00 00 03 00 04 00 12"
     "00 00 00 15 e9 00 00 00 80 00 00 00 16 01 00 00"
@@ -116,7 +116,7 @@ inline constexpr std::string_view kEchoRequestExample =
     "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00";
 
 inline constexpr std::string_view kEchoReplyExample =
-    "24 00 00 01 ca fe 00 02 00 00 00 00 00 00 00 15"
+    "34 00 00 01 ca fe 00 02 00 00 00 00 00 00 00 15"
     "00 00 00 00"
     "03 00 00 03 00 04 00 12"
     "00 00 00 14 e9 00 00 00 81 00 00 00 16 01 00 00"

@@ -128,7 +128,8 @@ inline Feedback example_feedback() {
   report.has_delays = true;
   report.newest_delay_us = 0x0051fbaa;
   report.largest_delay_us = 0x0052010a;
-  report.ect_packets = 90;
+  report.ect0_packets = 1;
+  report.ect1_packets = 90;
   report.ce_packets = 3;
   report.received_bytes = 123'456;
   return Feedback{.u = 1'234'600'000'000,

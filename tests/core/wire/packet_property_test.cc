@@ -76,7 +76,8 @@ Feedback any_feedback() {
     report.has_delays = any<bool>();
     report.newest_delay_us = any<std::uint32_t>();
     report.largest_delay_us = any<std::uint32_t>();
-    report.ect_packets = any<std::uint32_t>();
+    report.ect0_packets = any<std::uint16_t>();
+    report.ect1_packets = any<std::uint32_t>();
     report.ce_packets = any<std::uint32_t>();
     report.received_bytes = any<std::uint64_t>();
   }

@@ -115,6 +115,14 @@ TEST(Ecn, BleachedBitsAreNoticedAndCostNothing) {
   EXPECT_GE(cell.goodput(), 0.85);
 }
 
+TEST(Ecn, ANetworkThatMakesTheOtherBitOfItIsNoticed) {
+  Cell cell(0.5, codel());
+  cell.faults().ecn = Ecn::kEct0;
+  cell.run();
+  EXPECT_EQ(cell.link().ecn, EcnState::kRewritten);
+  EXPECT_EQ(cell.stream.missed(), 0U);
+}
+
 TEST(Ecn, MarksOnEveryPacketAreNoticedAndTheRateComesBack) {
   for (const double load : {0.5, 1.5}) {
     emu::CellParams params = codel();
