@@ -235,8 +235,11 @@ class Bench {
 
 int main(int argc, char** argv) {
   // What malloc gives back to the kernel after one message it would have to fetch again for the
-  // next one, which has to do with the order of frees in this program and not with endpoints.
+  // next one, which has to do with the order of frees in this program and not with endpoints. To
+  // set the one ends that malloc learns the other, by which it would map each message of 128 KiB
+  // anew.
   mallopt(M_TRIM_THRESHOLD, 64 << 20);
+  mallopt(M_MMAP_THRESHOLD, 32 << 20);
   interneuron::bench::Options options;
   CLI::App app("What a message costs two endpoints without sockets.");
   app.add_option("--bytes", options.bytes, "Bytes of a message");
