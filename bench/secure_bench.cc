@@ -104,7 +104,8 @@ class Pair {
 
 void measure_packets(const Options& options) {
   std::vector<std::unique_ptr<Pair>> pairs;
-  for (const Cipher cipher : ciphers()) pairs.push_back(std::make_unique<Pair>(options, cipher));
+  for (const Cipher cipher : ciphers(options.portable))
+    pairs.push_back(std::make_unique<Pair>(options, cipher));
   Table table;
   for (std::size_t round = 0; round < options.rounds; ++round) {
     for (const auto& pair : pairs) pair->measure(table);
@@ -166,7 +167,7 @@ class Road {
   Road(const Options& options, const std::vector<TrustedPeer>& vehicles)
       : options_(options), open_(public_key_of(key_of(1))), opened_(kMaxDatagramBytes) {
     Security security{.key = key_of(1), .peers = vehicles, .seed = key_of(0)};
-    sessions_ = std::make_unique<Sessions>(security, kRoadLife, true, now_);
+    sessions_ = std::make_unique<Sessions>(security, kRoadLife, true, now_, Ciphers{0});
     indices_.reserve(vehicles.size());
     for (std::uint32_t i = 0; i < vehicles.size(); ++i) join(i);
     // The handshakes are over: what was kept for their further copies goes with the next one.
@@ -295,7 +296,7 @@ double session_kib(std::size_t sessions, Cipher cipher) {
 
 void measure_peers(const Options& options) {
   fmt::print("KiB of memory, for each of {}\n", options.peers);
-  for (const Cipher cipher : ciphers()) {
+  for (const Cipher cipher : ciphers(options.portable)) {
     fmt::print("  {:<56}{:10.1f}\n",
                fmt::format("a session of {} with {} paths each way", name_of(cipher), kPaths),
                session_kib(options.peers, cipher));

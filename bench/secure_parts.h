@@ -178,11 +178,10 @@ class Alone {
   crypto_aead_aes256gcm_state aes_{};
 };
 
-// Those that there are. Without sodium_init() there is one.
-inline std::vector<crypto::Cipher> ciphers() {
+// Those that there are. `portable`: libsodium is not to look at the processor.
+inline std::vector<crypto::Cipher> ciphers(bool portable) {
   using crypto::Cipher;
-  if (crypto::common_cipher(crypto::ciphers_here(), crypto::ciphers_here()) == Cipher::kChaChaPoly)
-    return {Cipher::kChaChaPoly};
+  if (portable || crypto::ciphers_here() == 0) return {Cipher::kChaChaPoly};
   return {Cipher::kChaChaPoly, Cipher::kAesGcm};
 }
 

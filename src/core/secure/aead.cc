@@ -46,7 +46,10 @@ void authenticate(crypto_onetimeauth_poly1305_state& state, ByteView bytes) {
 
 }  // namespace
 
-Ciphers ciphers_here() { return crypto_aead_aes256gcm_is_available() != 0 ? kHasAesGcm : 0; }
+Ciphers ciphers_here() {
+  const bool is_started = sodium_init() >= 0;
+  return is_started && crypto_aead_aes256gcm_is_available() != 0 ? kHasAesGcm : 0;
+}
 
 void aead_seal(const SecretKey& key, std::uint64_t counter, ByteView associated, ByteView plain,
                std::span<std::byte> out, std::span<std::byte> tag) {

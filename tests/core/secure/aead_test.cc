@@ -2,7 +2,6 @@
 #include "core/secure/aead.h"
 
 #include <gtest/gtest.h>
-#include <sodium.h>
 
 #include "core/secure/noise.h"
 
@@ -44,7 +43,6 @@ TEST(Aead, PartsAreSealedAsTheWholeIs) {
 }
 
 TEST(PacketKey, SealsWhereItIsWhatLiesInTwoParts) {
-  ASSERT_GE(sodium_init(), 0);
   std::array<std::byte, kKeyBytes> bytes{};
   bytes.fill(std::byte{0x5a});
   for (const Cipher cipher : {Cipher::kChaChaPoly, common_cipher(kHasAesGcm, ciphers_here())}) {

@@ -3,7 +3,6 @@
 #include "core/secure/sessions.h"
 
 #include <gtest/gtest.h>
-#include <sodium.h>
 
 #include "core/wire/packet.h"
 #include "lab/sim/trust.h"
@@ -23,9 +22,6 @@ Bytes probe(std::uint64_t number) {
                     out.size());
   return out;
 }
-
-// What this machine has.
-Ciphers started() { return sodium_init() < 0 ? Ciphers{} : ciphers_here(); }
 
 struct Two {
   TimePoint now{1h};
@@ -66,8 +62,8 @@ struct Two {
 };
 
 TEST(Sessions, WhateverTheTwoHaveTheyUnderstandEachOther) {
-  for (const Ciphers of_vehicle : {Ciphers{0}, started()}) {
-    for (const Ciphers of_road : {Ciphers{0}, started()}) {
+  for (const Ciphers of_vehicle : {Ciphers{0}, ciphers_here()}) {
+    for (const Ciphers of_road : {Ciphers{0}, ciphers_here()}) {
       Two two(of_vehicle, of_road);
       // Two more handshakes, each two minutes later.
       for (std::uint64_t number = 1; number <= 3; ++number) {
@@ -82,8 +78,8 @@ TEST(Sessions, WhateverTheTwoHaveTheyUnderstandEachOther) {
 
 // Where the road has used them up, the vehicle renews them: nobody else can.
 TEST(Sessions, KeysOfAesAreRenewedBeforeTheyHaveSealedAllTheyMay) {
-  if (started() == 0) GTEST_SKIP() << "this machine has no AES";
-  Two two(started(), started());
+  if (ciphers_here() == 0) GTEST_SKIP() << "this machine has no AES";
+  Two two(ciphers_here(), ciphers_here());
   ASSERT_TRUE(two.opens(two.road, two.sealed(two.vehicle, 1)));
   two.now += 5s;
   std::uint64_t number = 0;
