@@ -2,6 +2,8 @@
 // or allocates; both hold a view, so the bytes must outlive them. Pure; thread-compatible.
 #pragma once
 
+#include <bit>
+#include <cstdint>
 #include <cstring>
 #include <span>
 #include <type_traits>
@@ -9,6 +11,23 @@
 #include "interneuron/units.h"
 
 namespace interneuron::wire {
+
+// The value whose bytes in memory are those of `bits` in network byte order, and back. A byte at a
+// time the compiler would have to write the place in the buffer back after each, because a byte may
+// be a part of anything.
+template <class U>
+constexpr U network_order(U bits) {
+  static_assert(std::is_unsigned_v<U> && sizeof(U) <= 8);
+  if constexpr (sizeof(U) == 1 || std::endian::native == std::endian::big) {
+    return bits;
+  } else if constexpr (sizeof(U) == 2) {
+    return __builtin_bswap16(bits);
+  } else if constexpr (sizeof(U) == 4) {
+    return __builtin_bswap32(bits);
+  } else {
+    return __builtin_bswap64(bits);
+  }
+}
 
 // Writes into a buffer of ours. What does not fit is not written and makes ok() false for good:
 // every caller asserts ok(), because a buffer that is too small is our own bug.
@@ -19,14 +38,13 @@ class Writer {
   template <class T>
   void put(T value) {
     using U = std::make_unsigned_t<T>;
-    const auto bits = static_cast<U>(value);
     if (out_.size() - at_ < sizeof(U)) {
       ok_ = false;
       return;
     }
-    for (std::size_t i = 0; i < sizeof(U); ++i) {
-      out_[at_++] = static_cast<std::byte>(bits >> (8 * (sizeof(U) - 1 - i)));
-    }
+    const U bits = network_order(static_cast<U>(value));
+    std::memcpy(out_.data() + at_, &bits, sizeof(U));
+    at_ += sizeof(U);
   }
   void put_bytes(ByteView bytes) {
     if (out_.size() - at_ < bytes.size()) {
@@ -69,11 +87,9 @@ class Reader {
       return T{};
     }
     U bits = 0;
-    for (std::size_t i = 0; i < sizeof(U); ++i) {
-      bits = static_cast<U>((static_cast<std::uint64_t>(bits) << 8) |
-                            std::to_integer<std::uint64_t>(in_[at_++]));
-    }
-    return static_cast<T>(bits);
+    std::memcpy(&bits, in_.data() + at_, sizeof(U));
+    at_ += sizeof(U);
+    return static_cast<T>(network_order(bits));
   }
   ByteView rest() const { return in_.subspan(at_); }
   bool ok() const { return ok_; }
