@@ -6,9 +6,11 @@
 #include <algorithm>
 
 #include "app/process/failure.h"
+#include "app/process/signals.h"
 #include "lab/load/bottleneck.h"
 #include "lab/transports/play.h"
 #include "netns/testbed/testbed.h"
+#include "node/io/steady_clock.h"
 
 namespace interneuron::load_testbed {
 namespace {
@@ -68,13 +70,19 @@ transports::Transport transport_of(Peer peer) {
 
 transports::Order order_of(const Scenario& s, const netns::State& state, const fs::path& scratch) {
   return {transport_of(s.peer),
-          {load::variant_bytes(s), s.deadline, s.period, s.length, load::first_messages(s)},
+          {load::variant_bytes(s), s.deadline, s.period, load::span_of(s), load::first_messages(s),
+           load::joins(s)},
           transports::modems_of(state),
           scratch,
           s.one_way};
 }
 
 // --- figures
+
+load::BottleneckPart part_of(const netns::Snapshot& snapshot, Duration length) {
+  const netns::CellDirection& up = snapshot.cells.at(0).up;
+  return {length, to_ms(up.queue_p99), up.utilisation};
+}
 
 load::Meter meter_of(const Scenario& s, const transports::VehiclesRecord& vehicles,
                      const transports::RoadRecord& road) {
@@ -105,22 +113,30 @@ std::optional<std::string> cannot_play(const Scenario& s) {
   return std::nullopt;
 }
 
-Duration time_of_run(const Scenario& s) { return s.length + s.deadline + transports::kRunOverhead; }
+Duration time_of_run(const Scenario& s) {
+  return load::span_of(s) + s.deadline + transports::kRunOverhead;
+}
 
 TestbedRow run_on_testbed(const Scenario& s, TransportKind datagrams, const fs::path& folder) {
   const transports::Scratch scratch(folder);
   const Testbed testbed = Testbed::up(options_of(s, folder));
   transports::Order order = order_of(s, testbed.state(), folder);
   order.transport.datagrams = datagrams;
-  const transports::Played played =
-      play(testbed.state(), order, [&](TimePoint) { Testbed::measure_cells(testbed.state()); });
+  const Duration joined = load::joining_time(s);
+  std::optional<load::BottleneckPart> joining;
+  const transports::Played played = play(testbed.state(), order, [&](TimePoint begin) {
+    Testbed::measure_cells(testbed.state());
+    if (joined == Duration{}) return;
+    process::SignalWatch::sleep(begin + joined - io::now());
+    joining = part_of(Testbed::snapshot(testbed.state()), joined);
+    Testbed::measure_cells(testbed.state());
+  });
 
   TestbedRow out{{}, played.doubt};
   const load::Meter meter = meter_of(s, played.vehicles, played.road);
   out.row.scenario = s;
   load::read_messages(s, meter, played.begin.time_since_epoch(), out.row);
-  out.row.queue_p99_ms = to_ms(played.after.cells.at(0).up.queue_p99);
-  out.row.utilisation = played.after.cells.at(0).up.utilisation;
+  load::read_bottleneck(joining, part_of(played.after, load::span_of(s) - joined), out.row);
   out.row.road_cpu_percent = 100 * played.road.cpu;
   return out;
 }

@@ -53,13 +53,14 @@ Duration duration(const Json& json) { return Duration{json.get<std::int64_t>()};
 TimePoint instant(const Json& json) { return TimePoint{duration(json)}; }
 
 Json traffic_json(const Traffic& traffic) {
-  Json first = Json::array();
-  for (const Duration at : traffic.first) first.push_back(at.count());
-  return {{"variant_bytes", traffic.variant_bytes},
-          {"deadline_ns", traffic.deadline.count()},
-          {"period_ns", traffic.period.count()},
-          {"length_ns", traffic.length.count()},
-          {"first_ns", first}};
+  const auto counts = [](const std::vector<Duration>& times) {
+    Json out = Json::array();
+    for (const Duration at : times) out.push_back(at.count());
+    return out;
+  };
+  return {{"variant_bytes", traffic.variant_bytes}, {"deadline_ns", traffic.deadline.count()},
+          {"period_ns", traffic.period.count()},    {"length_ns", traffic.length.count()},
+          {"first_ns", counts(traffic.first)},      {"joins_ns", counts(traffic.joins)}};
 }
 
 Traffic traffic_of(const Json& json) {
@@ -69,6 +70,9 @@ Traffic traffic_of(const Json& json) {
   traffic.period = duration(json.at("period_ns"));
   traffic.length = duration(json.at("length_ns"));
   for (const Json& at : json.at("first_ns")) traffic.first.push_back(duration(at));
+  for (const Json& at : json.value("joins_ns", Json::array())) {
+    traffic.joins.push_back(duration(at));
+  }
   return traffic;
 }
 

@@ -47,6 +47,9 @@ struct Traffic {
   // When each vehicle hands over its first message, since messages begin; there are as many
   // vehicles.
   std::vector<Duration> first;
+  // When each vehicle begins to talk to the roadside unit, since the first one does; those that are
+  // not named do so at once. Transports that have connections open them at once.
+  std::vector<Duration> joins = {};
 
   std::size_t vehicles() const { return first.size(); }
 };
