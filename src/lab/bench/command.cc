@@ -32,6 +32,7 @@ struct LoadOptions {
   bool testbed = false;
   bool clear = false;
   bool together = false;
+  std::string cross = "cubic";
   std::string transport = "auto";
   bool json = false;
   std::string plot;
@@ -78,6 +79,7 @@ std::vector<load::Scenario> chosen(const LoadOptions& o) {
   choice.seed = o.seed;
   choice.is_encrypted = !o.clear;
   choice.is_spread = !o.together;
+  choice.is_cross_bbr = o.cross == "bbr";
   std::vector<std::string> names = o.groups.empty() ? group_names() : o.groups;
   if (!o.loads.empty()) {
     // Groups that are named and have loads of their own are a mistake, others are left out.
@@ -162,6 +164,11 @@ void add_load(CLI::App& bench, std::function<int()>& run) {
   c->add_flag("--together", o->together,
               fmt::format("All vehicles join at one instant instead of up to {} ms apart",
                           load::kMostApart / std::chrono::milliseconds(1)));
+  c->add_option("--cross", o->cross,
+                "What controls the flow beside ours in the group cubic: a model, or with --testbed "
+                "the kernel's")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"cubic", "bbr"}));
   settings::add_transport_option(*c, o->transport)->needs(testbed);
   c->add_option("--seconds,--duration", o->seconds, "How long messages begin")
       ->capture_default_str()
@@ -191,7 +198,8 @@ void add_play(CLI::App& bench, std::function<int()>& run) {
   c->add_option("--order", o->order, "What is played")->required();
   c->add_option("--end", o->end, "Which end this is")
       ->required()
-      ->check(CLI::IsMember({transports::kVehiclesEnd, transports::kRoadEnd}));
+      ->check(CLI::IsMember({transports::kVehiclesEnd, transports::kRoadEnd, transports::kCrossEnd,
+                             transports::kCrossRoadEnd}));
   c->callback([&run, o] { run = [o] { return transports::play_end(o->order, o->end); }; });
 }
 

@@ -48,6 +48,8 @@ records::Json row_json(const Row& r) {
           {"share_after_ms", known(r.share_after_ms)},
           {"own_share", known(r.own_share)},
           {"cross_share", known(r.cross_share)},
+          {"cross", s.cross_flows == 0 ? records::Json(nullptr)
+                                       : records::Json(s.is_cross_bbr ? "bbr" : "cubic")},
           {"road_cpu_percent", known(r.road_cpu_percent)},
           {"seed", s.seed},
           {"encrypted", s.is_encrypted},

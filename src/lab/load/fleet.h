@@ -68,7 +68,7 @@ std::unique_ptr<Fleet> ours(const Scenario& scenario, sim::World& world, sim::Ce
 std::unique_ptr<Fleet> make_fleet(const Scenario& scenario, sim::World& world, sim::CellId cell,
                                   Meter& meter);
 
-// CUBIC flows with unlimited demand up through the cell, to hosts of their own.
+// The cross flows of the scenario up through the cell, to hosts of their own.
 class CrossTraffic {
  public:
   CrossTraffic(const Scenario& scenario, sim::World& world, sim::CellId cell);

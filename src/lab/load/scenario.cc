@@ -79,6 +79,7 @@ Scenario base(const Choice& choice, std::string_view group, double mbit, Duratio
   s.seed = choice.seed;
   s.is_encrypted = choice.is_encrypted;
   s.is_spread = choice.is_spread;
+  s.is_cross_bbr = choice.is_cross_bbr;
   return s;
 }
 

@@ -109,8 +109,10 @@ struct Scenario {
   // kMostApart after the one before it.
   std::optional<Duration> late{};
   bool is_spread = false;
-  // CUBIC flows with unlimited demand through the same bottleneck.
+  // TCP flows with unlimited demand through the same bottleneck, with CUBIC or with BBR: the model
+  // that Peer::kBbrLike is, or the kernel's.
   std::size_t cross_flows = 0;
+  bool is_cross_bbr = false;
   std::uint64_t seed = 1;
   // Our own endpoints have keys; on the testbed they always do.
   bool is_encrypted = false;
@@ -160,6 +162,7 @@ struct Choice {
   std::uint64_t seed = 1;
   bool is_encrypted = false;
   bool is_spread = false;
+  bool is_cross_bbr = false;
 };
 
 // The runs of a group; none for a name that is no group's.
