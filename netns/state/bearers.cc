@@ -117,6 +117,8 @@ void Bearers::publish(std::size_t index, std::int64_t step) {
   const emu::Conditions up = link(index).conditions(emu::Direction::kUp, at);
   const emu::Conditions down = link(index).conditions(emu::Direction::kDown, at);
   SharedLink& out = shared(index);
+  out.carrier_up.store(link(index).up().params());
+  out.carrier_down.store(link(index).down().params());
   SharedSample& sample = out.samples[static_cast<std::size_t>(step) % SharedLink::kSteps];
   const auto rtt_us = std::chrono::duration<double, std::micro>(up.one_way + down.one_way).count();
   sample.rtt_us.store(clamp32(rtt_us), std::memory_order_relaxed);

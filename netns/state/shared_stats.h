@@ -45,6 +45,48 @@ struct SharedDirection {
   }
 };
 
+// What the carrier of one direction does beside delay, loss and rate: these fields of
+// DirectionParams as they are now.
+struct SharedCarrier {
+  std::atomic<std::int64_t> police_bits_per_second{};
+  std::atomic<std::uint64_t> police_bytes{};
+  std::atomic<std::int64_t> shape_bits_per_second{};
+  std::atomic<std::uint64_t> shape_bytes{};
+  std::atomic<std::int64_t> grant_every_ns{};
+  std::atomic<double> grant_share{};
+  std::atomic<double> harq{};
+  std::atomic<std::int64_t> harq_by_ns{};
+  std::atomic<std::int64_t> wake_after_ns{};
+  std::atomic<std::int64_t> wake_by_ns{};
+
+  void store(const emu::DirectionParams& params) {
+    constexpr auto kRelaxed = std::memory_order_relaxed;
+    police_bits_per_second.store(params.police.rate.bits_per_second, kRelaxed);
+    police_bytes.store(params.police.bytes, kRelaxed);
+    shape_bits_per_second.store(params.shape.rate.bits_per_second, kRelaxed);
+    shape_bytes.store(params.shape.bytes, kRelaxed);
+    grant_every_ns.store(params.grant_every.count(), kRelaxed);
+    grant_share.store(params.grant_share, kRelaxed);
+    harq.store(params.harq, kRelaxed);
+    harq_by_ns.store(params.harq_by.count(), kRelaxed);
+    wake_after_ns.store(params.wake_after.count(), kRelaxed);
+    wake_by_ns.store(params.wake_by.count(), kRelaxed);
+  }
+
+  emu::DirectionParams load() const {
+    emu::DirectionParams out;
+    out.police = {DataRate{police_bits_per_second}, police_bytes};
+    out.shape = {DataRate{shape_bits_per_second}, shape_bytes};
+    out.grant_every = Duration{grant_every_ns};
+    out.grant_share = grant_share;
+    out.harq = harq;
+    out.harq_by = Duration{harq_by_ns};
+    out.wake_after = Duration{wake_after_ns};
+    out.wake_by = Duration{wake_by_ns};
+    return out;
+  }
+};
+
 // What one direction of a cell has carried; the fields of CellDirection (netns/state/snapshot.h).
 struct SharedCell {
   std::atomic<std::uint64_t> packets_in{};
@@ -69,6 +111,8 @@ struct SharedSample {
 struct SharedLink {
   SharedDirection up;
   SharedDirection down;
+  SharedCarrier carrier_up;
+  SharedCarrier carrier_down;
   // How many steps of 10 ms are kept: 82 s.
   static constexpr std::size_t kSteps = 8192;
   // How many steps have been written so far. Step n is at samples[n % kSteps].
@@ -77,8 +121,8 @@ struct SharedLink {
 };
 
 struct SharedStats {
-  // The letters "inte" and the number of this layout, 5.
-  static constexpr std::uint64_t kVersion = 0x696e7465'00000005;
+  // The letters "inte" and the number of this layout, 6.
+  static constexpr std::uint64_t kVersion = 0x696e7465'00000006;
 
   std::uint64_t version = kVersion;
   std::uint64_t links = 0;

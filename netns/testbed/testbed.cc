@@ -308,6 +308,13 @@ std::vector<ScheduleSample> Testbed::schedule(const State& state, std::size_t in
   return out;
 }
 
+emu::DirectionParams Testbed::carrier(const State& state, std::size_t index,
+                                      emu::Direction direction) {
+  const StatsView view(state);
+  const SharedLink& link = view.stats().link(index);
+  return (direction == emu::Direction::kUp ? link.carrier_up : link.carrier_down).load();
+}
+
 std::vector<std::size_t> Testbed::select(const State& state, const std::string& which) {
   std::vector<std::size_t> out;
   std::string known;

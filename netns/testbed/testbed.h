@@ -92,6 +92,11 @@ class Testbed {
   static std::vector<ScheduleSample> schedule(const State& state, std::size_t index, Duration from,
                                               Duration to);
 
+  // What the carrier of link `index` does to one direction beside delay, loss and rate: of the
+  // result policer, shaper, grants, hybrid ARQ and sleep alone are set, as they are now.
+  static emu::DirectionParams carrier(const State& state, std::size_t index,
+                                      emu::Direction direction);
+
   // Indices into state.links of the links called `which`: "5g" (of every vehicle), "vehicle2/5g",
   // "vehicle2/*" or "*". Throws TestbedError (1) when there is none.
   static std::vector<std::size_t> select(const State& state, const std::string& which);

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "core/base/statistics.h"
+#include "netns/verify/carrier.h"
 
 namespace interneuron::netns::verify {
 
@@ -200,7 +201,12 @@ void add_flow(const std::string& name, const LinkEvidence& e, Direction directio
     return;
   }
   const std::size_t first = out.size();
-  add_delays(name + " delay", one_way(d.flow, course), e.disturbance, 1, out);
+  if (delays(d.asked.carrier)) {
+    out.push_back(without_verdict(name + " delay", "grants or hybrid ARQ delay packets",
+                                  Verdict::kNotMeasured));
+  } else {
+    add_delays(name + " delay", one_way(d.flow, course), e.disturbance, 1, out);
+  }
   add_loss(name, e, direction, out);
   add_bursts(name, e, direction, out);
   out.push_back(judge_none(name + " reordered", d.flow.reordered, d.asked.reorder));
@@ -269,19 +275,27 @@ std::vector<Figure> assess(const LinkEvidence& e) {
   const Course down(e.schedule, Direction::kDown, down_traffic);
   const Delays ping = round_trip(e, up, down);
   const bool reordered = e.directions[0].asked.reorder || e.directions[1].asked.reorder;
-  if (ping.measured_ms.size() >= kPingsForVerdict && !reordered) {
+  const bool delayed =
+      delays(e.directions[0].asked.carrier) || delays(e.directions[1].asked.carrier);
+  if (ping.measured_ms.size() >= kPingsForVerdict && !reordered && !delayed) {
     add_delays("round trip", ping, e.disturbance, 2, out);
   } else {
     const bool out_of_radio = e.schedule.mostly_out(Direction::kUp, e.from, e.to);
     out.push_back(without_verdict(
         "round trip",
-        reordered ? "the profile reorders" : fmt::format("{} answers", ping.measured_ms.size()),
-        reordered || out_of_radio ? Verdict::kNotMeasured : Verdict::kFailed));
+        delayed     ? "grants or hybrid ARQ delay packets"
+        : reordered ? "the profile reorders"
+                    : fmt::format("{} answers", ping.measured_ms.size()),
+        reordered || delayed || out_of_radio ? Verdict::kNotMeasured : Verdict::kFailed));
   }
   for (const auto& [direction, name] : kDirectionsByName) {
     add_flow(name, e, direction, direction == Direction::kUp ? up : down, out);
     out.push_back(judge_rate(std::string(name) + " rate",
                              e.directions[static_cast<std::size_t>(direction)].rate, direction));
+    for (Figure& figure : judge_carrier(name, e.directions[static_cast<std::size_t>(direction)],
+                                        direction, direction == Direction::kUp ? up : down)) {
+      out.push_back(std::move(figure));
+    }
   }
   return out;
 }

@@ -79,6 +79,8 @@ struct Asked {
   bool duplicate = false;
   // The chain that makes losses come in bursts; empty where the profile has none.
   std::optional<emu::GilbertElliott> gilbert_elliott;
+  // Policer, shaper, grants, hybrid ARQ and sleep, as Testbed::carrier() has them.
+  emu::DirectionParams carrier{};
 };
 
 // What disturbed the testbed itself during a window, so that the links were not as prescribed.
@@ -101,6 +103,8 @@ struct RateRun {
   std::uint64_t capture_drops = 0;
   // As in Disturbance.
   std::uint64_t kernel_drops = 0;
+  // As in Asked.
+  emu::DirectionParams carrier{};
   // Why the rate was not tried; empty when it was.
   std::string not_measured;
   // Why nothing was received; empty when something was, or when the reason is not known.
@@ -117,6 +121,11 @@ struct DirectionEvidence {
   // What the testbed itself counted during the window, of all packets of this direction.
   emu::DirectionStats counted;
   RateRun rate;
+  // By how much longer a packet took after a silence than one right after it; empty where that was
+  // not tried.
+  std::optional<Duration> woke_after{};
+  // Why it was not; empty when it was, or where the radio never sleeps.
+  std::string not_woken{};
 };
 
 // Everything known of one link during the window [from, to). Times are since the epoch of the

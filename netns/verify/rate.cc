@@ -147,6 +147,12 @@ Figure judge_rate(const std::string& name, const RateRun& run, Direction directi
   if (!run.not_measured.empty()) {
     return without_verdict(name, run.not_measured, Verdict::kNotMeasured);
   }
+  for (const emu::TokenBucketParams& bucket : {run.carrier.police, run.carrier.shape}) {
+    const DataRate rate = run.schedule.empty() ? DataRate{} : run.schedule.top_rate(direction);
+    if (bucket.rate.bits_per_second > 0 && bucket.rate < rate) {
+      return without_verdict(name, "a token bucket limits it", Verdict::kNotMeasured);
+    }
+  }
   const auto reading = read(run, direction);
   if (!reading || reading->seconds < kShortestSeconds) return unread(name, run, direction);
   Figure figure;

@@ -54,6 +54,10 @@ class Session {
     start_time();
     measure_rates(Direction::kUp);
     measure_rates(Direction::kDown);
+    for (const Direction d : {Direction::kUp, Direction::kDown}) {
+      measure_wakes(
+          state_, options_, d, folder_, [this](Duration time) { wait(time); }, evidence_);
+    }
     measure_window();
     const Duration step = io::wall_offset() - wall_offset_;
     if (step > kClockStep || step < -kClockStep) {
@@ -275,6 +279,7 @@ void Session::measure_batch(Direction d, const std::vector<std::size_t>& slots) 
     run.kernel_drops = kernel_drops;
     run.received = finish(captures[i], run.capture_drops);
     run.schedule = schedule(slots[i], begin);
+    run.carrier = Testbed::carrier(state_, options_.links[slots[i]], d);
   }
 }
 
@@ -286,7 +291,7 @@ Session::Flows Session::start_window_flows(Duration length) {
     if (!direction(slot, Direction::kUp).not_measured.empty()) continue;
     for (const Direction d : {Direction::kUp, Direction::kDown}) {
       IperfFlow flow{link(slot), d, port_of(kFirstPort, slot, d), kSmallPayload, 0};
-      const double most = kSmallShare * present_mbit(state_, options_.links[slot], d) * 1e6 / 8 /
+      const double most = kSmallShare * lasting_mbit(state_, options_.links[slot], d) * 1e6 / 8 /
                           static_cast<double>(kSmallPayload + kIpv4UdpBytes);
       const bool bursty = asked_of(flow.link, d, {}, 0).gilbert_elliott.has_value();
       const double per_second =
@@ -347,6 +352,7 @@ void Session::measure_window() {
       direction(slot, d).counted = difference(counters(before, index, d), counters(end, index, d));
       direction(slot, d).asked =
           asked_of(link(slot), d, direction(slot, d).counted, kSmallPayload + kIpv4UdpBytes);
+      direction(slot, d).asked.carrier = Testbed::carrier(state_, index, d);
     }
     collect_window(slot, captures[slot], parse_ping(pings[slot].output()));
     e.from = from - epoch_;

@@ -2,7 +2,8 @@
 //
 //   1. rates: iperf3 offers 15 % more than scheduled, vehicle -> roadside, then back, for 3.5 s;
 //      tcpdump listens at the receiving NIC;
-//   2. the window, until the time is up: ping 100 times a second beside one iperf3 flow of small
+//   2. where a radio sleeps: a silence as long as it takes, and two pings;
+//   3. the window, until the time is up: ping 100 times a second beside one iperf3 flow of small
 //      packets each way; tcpdump listens at both NICs.
 //
 // All hosts are namespaces of one machine, so one clock times both ends of a link and one-way
@@ -18,6 +19,7 @@
 #include <string>
 #include <vector>
 
+#include "app/process/private_folder.h"
 #include "netns/state/snapshot.h"
 #include "netns/state/state.h"
 #include "netns/verify/assess.h"
@@ -36,6 +38,13 @@ struct SessionOptions {
 std::vector<LinkEvidence> measure(const State& state, const SessionOptions& options,
                                   const std::function<void(Duration)>& progress);
 
+// Lets the radios that sleep fall asleep, then sends a ping in this direction over each and another
+// one right after it, whose answers come while the radio is awake; notes the difference. `wait`
+// takes as long as it is told.
+void measure_wakes(const State& state, const SessionOptions& options, Direction direction,
+                   const process::PrivateFolder& folder, const std::function<void(Duration)>& wait,
+                   std::vector<LinkEvidence>& evidence);
+
 // --- What the session reads from the clocks and from the running testbed. These throw TestbedError
 // when the testbed has gone; they are thread-safe.
 
@@ -48,9 +57,11 @@ const emu::DirectionStats& counters(const Snapshot& snapshot, std::size_t link,
 emu::DirectionStats difference(const emu::DirectionStats& before, const emu::DirectionStats& after);
 Disturbance disturbance(const Snapshot& before, const Snapshot& after);
 
-// The highest scheduled rate of one link, in Mbit/s, and the longest scheduled one-way delay of
+// The highest scheduled rate of one link, in Mbit/s, what of it the buckets of its carrier let
+// pass for good, and the longest scheduled one-way delay of
 // several, within the last second. 0 before the links' time begins.
 double present_mbit(const State& state, std::size_t link, Direction direction);
+double lasting_mbit(const State& state, std::size_t link, Direction direction);
 Duration longest_delay(const State& state, const std::vector<std::size_t>& links);
 
 // What the link's profile asks for packets of `ip_bytes`. Of a profile that is not built in (a
@@ -77,6 +88,10 @@ inline constexpr Duration kIperfPatience = std::chrono::seconds(2);
 inline constexpr Duration kCaptureFlush = std::chrono::milliseconds(1300);
 // The longest that verify waits for packets in flight to arrive.
 inline constexpr Duration kLongestDrain = std::chrono::seconds(5);
+// How long a silence is waited for, at most, so that a radio falls asleep, and how much longer
+// than that takes.
+inline constexpr Duration kLongestSilence = std::chrono::seconds(15);
+inline constexpr Duration kSilenceMargin = std::chrono::milliseconds(500);
 // What is left out at both edges of the window, where the flows are just starting or stopping.
 inline constexpr Duration kEdge = std::chrono::milliseconds(200);
 

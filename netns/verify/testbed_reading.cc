@@ -55,6 +55,15 @@ double present_mbit(const State& state, std::size_t link, Direction direction) {
   return Schedule(last_second(state, link)).top_rate(direction).mbit();
 }
 
+double lasting_mbit(const State& state, std::size_t link, Direction direction) {
+  double out = present_mbit(state, link, direction);
+  const emu::DirectionParams carrier = Testbed::carrier(state, link, direction);
+  for (const emu::TokenBucketParams& bucket : {carrier.police, carrier.shape}) {
+    if (bucket.rate.bits_per_second > 0) out = std::min(out, bucket.rate.mbit());
+  }
+  return out;
+}
+
 Duration longest_delay(const State& state, const std::vector<std::size_t>& links) {
   Duration longest{};
   for (const std::size_t link : links) {

@@ -126,6 +126,20 @@ std::vector<std::string> ping(const TestbedLink& link) {
   return {"ping", "-n", "-D", "-i", kPingInterval, "-I", link.vehicle_address, link.road_address};
 }
 
+std::vector<std::string> two_pings(const TestbedLink& link, Direction direction) {
+  const bool up = direction == Direction::kUp;
+  return {"ping",
+          "-n",
+          "-D",
+          "-i",
+          "1",
+          "-c",
+          "2",
+          "-I",
+          up ? link.vehicle_address : link.road_address,
+          up ? link.road_address : link.vehicle_address};
+}
+
 Host vehicle_of(const TestbedLink& link) { return {Host::Kind::kVehicle, link.vehicle}; }
 
 Host receiver_of(const TestbedLink& link, Direction direction) {

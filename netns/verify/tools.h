@@ -50,6 +50,10 @@ std::vector<std::string> iperf_client(const IperfFlow& flow, int seconds);
 std::vector<std::string> tcpdump(const std::string& nic, const std::vector<std::uint16_t>& ports,
                                  bool both_ways);
 std::vector<std::string> ping(const TestbedLink& link);
+// Two requests in this direction, the second one a second after the first; all are over after
+// kTwoPings even where a radio sleeps.
+std::vector<std::string> two_pings(const TestbedLink& link, Direction direction);
+inline constexpr Duration kTwoPings = std::chrono::seconds(4);
 
 Host vehicle_of(const TestbedLink& link);
 // The host that receives the packets of a direction.

@@ -30,7 +30,9 @@ struct LoadOptions {
   double seconds = 20;
   std::uint64_t seed = 1;
   bool testbed = false;
-  bool encrypted = false;
+  bool clear = false;
+  bool together = false;
+  std::string cross = "cubic";
   std::string transport = "auto";
   bool json = false;
   std::string plot;
@@ -75,7 +77,9 @@ std::vector<load::Scenario> chosen(const LoadOptions& o) {
   }
   choice.length = from_ms(o.seconds * 1000);
   choice.seed = o.seed;
-  choice.is_encrypted = o.encrypted;
+  choice.is_encrypted = !o.clear;
+  choice.is_spread = !o.together;
+  choice.is_cross_bbr = o.cross == "bbr";
   std::vector<std::string> names = o.groups.empty() ? group_names() : o.groups;
   if (!o.loads.empty()) {
     // Groups that are named and have loads of their own are a mistake, others are left out.
@@ -151,9 +155,20 @@ void add_load(CLI::App& bench, std::function<int()>& run) {
       c->add_flag("--testbed", o->testbed,
                   "On real sockets and emulated links instead of in virtual time, with the "
                   "kernel's TCP and MPTCP (docs/load.md)");
-  c->add_flag("--encrypted", o->encrypted,
-              "In virtual time: our own endpoints have keys, as those of `vehicle` and `road`")
-      ->excludes(testbed);
+  CLI::Option* clear =
+      c->add_flag("--clear", o->clear,
+                  "In virtual time: our own endpoints have no keys, unlike `vehicle` and `road`")
+          ->excludes(testbed);
+  // What is the default now was an option once, and is accepted still.
+  c->add_flag("--encrypted")->group("")->excludes(clear);
+  c->add_flag("--together", o->together,
+              fmt::format("All vehicles join at one instant instead of up to {} ms apart",
+                          load::kMostApart / std::chrono::milliseconds(1)));
+  c->add_option("--cross", o->cross,
+                "What controls the flow beside ours in the group cubic: a model, or with --testbed "
+                "the kernel's")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"cubic", "bbr"}));
   settings::add_transport_option(*c, o->transport)->needs(testbed);
   c->add_option("--seconds,--duration", o->seconds, "How long messages begin")
       ->capture_default_str()
@@ -183,7 +198,8 @@ void add_play(CLI::App& bench, std::function<int()>& run) {
   c->add_option("--order", o->order, "What is played")->required();
   c->add_option("--end", o->end, "Which end this is")
       ->required()
-      ->check(CLI::IsMember({transports::kVehiclesEnd, transports::kRoadEnd}));
+      ->check(CLI::IsMember({transports::kVehiclesEnd, transports::kRoadEnd, transports::kCrossEnd,
+                             transports::kCrossRoadEnd}));
   c->callback([&run, o] { run = [o] { return transports::play_end(o->order, o->end); }; });
 }
 

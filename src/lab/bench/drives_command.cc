@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -31,8 +32,8 @@ using coding::DriveRow;
 constexpr const char* kDrivesSchema = "interneuron.drives/1";
 constexpr std::size_t kMostDrives = 10'000;
 constexpr std::size_t kMostDriveMessages = 100'000;
-// What a recorded modem takes one way: traces tell of rates alone. About that of the profile
-// generated-cellular.
+// What a recorded modem takes one way where nothing else is said: traces tell of rates alone. About
+// that of the profile generated-cellular.
 constexpr Duration kRecordedOneWay = std::chrono::milliseconds(20);
 
 struct DrivesOptions {
@@ -41,6 +42,8 @@ struct DrivesOptions {
   std::size_t drives = 12;
   std::size_t messages = 1000;
   std::uint64_t seed = 1;
+  // Each two traces that follow each other were recorded at the same time.
+  bool in_step = false;
   bool images = false;
   // Where the drives are written instead; empty: they are run.
   std::string profiles;
@@ -61,15 +64,30 @@ std::shared_ptr<const emu::Opportunities> trace_of(const std::string& file) {
   return std::make_shared<emu::Opportunities>(std::move(std::get<emu::Opportunities>(parsed)));
 }
 
-// "UP,DOWN", or one trace for both directions.
+// Half the round trip that a trace names.
+Duration one_way_of(const std::string& round_trip_ms) {
+  constexpr double kMostMs = 10'000;
+  double ms = 0;
+  const char* const end = round_trip_ms.data() + round_trip_ms.size();
+  const auto [last, error] = std::from_chars(round_trip_ms.data(), end, ms);
+  if (error == std::errc{} && last == end && ms >= 0 && ms <= kMostMs) return from_ms(ms / 2);
+  throw process::Failure(
+      process::kUsage, fmt::format("'{}' is no round trip in ms, 0 to {}", round_trip_ms, kMostMs));
+}
+
+// "UP,DOWN,ROUND_TRIP_MS", "UP,DOWN", or one trace for both directions.
 coding::Modem modem_of(const std::string& named) {
-  const std::size_t comma = named.find(',');
+  std::vector<std::string> parts;
+  std::istringstream text(named);
+  for (std::string part; std::getline(text, part, ',');) parts.push_back(part);
+  if (parts.empty() || parts.size() > 3) {
+    throw process::Failure(process::kUsage, "'" + named + "': a modem is UP,DOWN,ROUND_TRIP_MS");
+  }
   coding::Modem modem;
-  const std::string up = named.substr(0, comma);
-  modem.name = std::filesystem::path(up).filename().string();
-  modem.up = trace_of(up);
-  modem.down = comma == std::string::npos ? modem.up : trace_of(named.substr(comma + 1));
-  modem.one_way = kRecordedOneWay;
+  modem.name = std::filesystem::path(parts[0]).filename().string();
+  modem.up = trace_of(parts[0]);
+  modem.down = parts.size() == 1 ? modem.up : trace_of(parts[1]);
+  modem.one_way = parts.size() == 3 ? one_way_of(parts[2]) : kRecordedOneWay;
   return modem;
 }
 
@@ -150,8 +168,10 @@ std::vector<coding::Modem> recorded_modems(const DrivesOptions& o) {
   return out;
 }
 
-coding::Drive drive_of(const std::vector<coding::Modem>& recorded, std::uint64_t seed) {
-  return recorded.empty() ? coding::generated_drive(seed) : coding::recorded_drive(recorded, seed);
+coding::Drive drive_of(const DrivesOptions& o, const std::vector<coding::Modem>& recorded,
+                       std::uint64_t seed) {
+  if (recorded.empty()) return coding::generated_drive(seed);
+  return o.in_step ? coding::paired_drive(recorded, seed) : coding::recorded_drive(recorded, seed);
 }
 
 // Runs and shows the drives; `run` makes the row of one.
@@ -163,7 +183,7 @@ int show_drives(const DrivesOptions& o,
   process::Progress progress;
   progress.for_each("bench drives", o.drives, [&](std::size_t i) {
     const std::uint64_t seed = o.seed + i;
-    rows[i] = run(drive_of(recorded, seed), seed);
+    rows[i] = run(drive_of(o, recorded, seed), seed);
   });
   if (o.json) {
     fmt::print("{}\n", json_of(rows, o.seed).dump(2));
@@ -177,7 +197,7 @@ int write_drives(const DrivesOptions& o) {
   const std::vector<coding::Modem> recorded = recorded_modems(o);
   for (std::uint64_t seed = o.seed; seed < o.seed + o.drives; ++seed) {
     process::SignalWatch::check();
-    write_profiles(drive_of(recorded, seed), seed,
+    write_profiles(drive_of(o, recorded, seed), seed,
                    fmt::format("written by interneuron bench drives --seed {} {}", seed,
                                fmt::join(o.traces, " ")),
                    o.profiles);
@@ -188,6 +208,9 @@ int write_drives(const DrivesOptions& o) {
 }
 
 int run_drives(const DrivesOptions& o) {
+  if (o.in_step && (o.traces.empty() || o.traces.size() % 2 != 0)) {
+    throw process::Failure(process::kUsage, "--in-step: name the modems in pairs");
+  }
   const process::SignalWatch signals;
   if (!o.profiles.empty()) return write_drives(o);
   if (o.images) {
@@ -208,7 +231,11 @@ void add_drives(CLI::App& bench, std::function<int()>& run) {
   CLI::App* c = bench.add_subcommand(
       "drives", "What is missed while the rates of two modems change, in virtual time");
   c->add_option("TRACE", o->traces,
-                "Rates of modems, in Mahimahi's format: FILE, or UP,DOWN (default: generated)");
+                "Rates of modems, in Mahimahi's format: FILE, or UP,DOWN, or UP,DOWN,ROUND_TRIP_MS "
+                "(default: generated)");
+  c->add_flag("--in-step", o->in_step,
+              "Each two modems that follow each other were recorded at the same time: a drive has "
+              "such a pair, both from the same instant on");
   CLI::Option* policy = c->add_option("--policy", o->policies, "Once per policy, or with commas");
   policy->delimiter(',')->take_all()->allow_extra_args(false)->capture_default_str()->check(
       CLI::IsMember(drive_policy_names()));

@@ -41,13 +41,19 @@ records::Json row_json(const Row& r) {
           {"queue_p99_ms", records::rounded(r.queue_p99_ms)},
           {"utilisation", records::rounded(r.utilisation)},
           {"jain", known(r.jain)},
+          {"early_missed_percent", known(r.early_missed_percent)},
+          {"later_missed_percent", known(r.later_missed_percent)},
+          {"joining_queue_p99_ms", known(r.joining_queue_p99_ms)},
           {"whole_after_ms", known(r.whole_after_ms)},
           {"share_after_ms", known(r.share_after_ms)},
           {"own_share", known(r.own_share)},
           {"cross_share", known(r.cross_share)},
+          {"cross", s.cross_flows == 0 ? records::Json(nullptr)
+                                       : records::Json(s.is_cross_bbr ? "bbr" : "cubic")},
           {"road_cpu_percent", known(r.road_cpu_percent)},
           {"seed", s.seed},
-          {"encrypted", s.is_encrypted}};
+          {"encrypted", s.is_encrypted},
+          {"together", !s.is_spread}};
 }
 
 std::string number(const std::optional<double>& value, int decimals) {
@@ -63,6 +69,9 @@ struct Extra {
 };
 constexpr std::array kExtras{
     Extra{"Jain", "", &Row::jain, 3},
+    Extra{"missed first", "%", &Row::early_missed_percent, 1},
+    Extra{"missed then", "%", &Row::later_missed_percent, 1},
+    Extra{"queue first", "ms", &Row::joining_queue_p99_ms, 0},
     Extra{"share after", "ms", &Row::share_after_ms, 0},
     Extra{"own share", "", &Row::own_share, 2},
     Extra{"cross share", "", &Row::cross_share, 2},

@@ -156,6 +156,21 @@ Duration brought(const emu::Bottleneck& empty, Duration at, std::size_t bytes) {
   return last;
 }
 
+namespace {
+
+std::string name_of(const Drive& drive, std::uint64_t seed) {
+  return drive.modems[0].name + " + " + drive.modems[1].name + " " + std::to_string(seed);
+}
+
+// The modem from this instant of its traces on.
+Modem begun_at(Modem modem, std::int64_t from_ms) {
+  modem.up = std::make_shared<emu::Opportunities>(rotated(*modem.up, from_ms));
+  modem.down = std::make_shared<emu::Opportunities>(rotated(*modem.down, from_ms));
+  return modem;
+}
+
+}  // namespace
+
 emu::Opportunities rotated(const emu::Opportunities& trace, std::int64_t from_ms) {
   const std::int64_t length = trace.at_ms.back();
   const std::int64_t from = from_ms % length;
@@ -180,14 +195,20 @@ Drive recorded_drive(std::span<const Modem> modems, std::uint64_t seed) {
   emu::RandomStream random(seed);
   Drive drive;
   for (std::size_t i = 0; i < 2; ++i) {
-    Modem modem = modems[random.next() % modems.size()];
-    const auto from = static_cast<std::int64_t>(random.next() >> 1U);
-    modem.up = std::make_shared<emu::Opportunities>(rotated(*modem.up, from));
-    modem.down = std::make_shared<emu::Opportunities>(rotated(*modem.down, from));
-    drive.name += (i == 0 ? "" : " + ") + modem.name;
-    drive.modems.push_back(std::move(modem));
+    const Modem& modem = modems[random.next() % modems.size()];
+    drive.modems.push_back(begun_at(modem, static_cast<std::int64_t>(random.next() >> 1U)));
   }
-  drive.name += " " + std::to_string(seed);
+  drive.name = name_of(drive, seed);
+  return drive;
+}
+
+Drive paired_drive(std::span<const Modem> modems, std::uint64_t seed) {
+  emu::RandomStream random(seed);
+  const std::size_t first = random.next() % (modems.size() / 2) * 2;
+  const auto from = static_cast<std::int64_t>(random.next() >> 1U);
+  Drive drive;
+  drive.modems = {begun_at(modems[first], from), begun_at(modems[first + 1], from)};
+  drive.name = name_of(drive, seed);
   return drive;
 }
 

@@ -43,6 +43,10 @@ Drive generated_drive(std::uint64_t seed);
 // Two of these modems, which may be the same, each from an instant of its trace on that the seed
 // chooses. There is at least one.
 Drive recorded_drive(std::span<const Modem> modems, std::uint64_t seed);
+// One of these pairs (the first and the second modem, the third and the fourth, …) that were
+// recorded at the same time: both from one instant of their traces on, which the seed chooses.
+// There is at least one pair.
+Drive paired_drive(std::span<const Modem> modems, std::uint64_t seed);
 
 // The modem as a link.
 emu::LinkProfile profile_of(const Modem& modem);

@@ -43,15 +43,51 @@ std::optional<double> share_after_ms(const Scenario& s, const Meter& meter, Dura
   return std::nullopt;
 }
 
+// Of the messages that begin within kEarly of the first one of their vehicle, or of the others;
+// nothing where there are none.
+std::optional<double> missed_percent(const Meter& meter, bool is_early) {
+  double all = 0;
+  double missed = 0;
+  for (std::size_t v = 0; v < meter.vehicles(); ++v) {
+    for (const Meter::Message& m : meter.messages(v)) {
+      if ((m.begun - meter.messages(v).front().begun < kEarly) != is_early) continue;
+      ++all;
+      missed += meter.on_time(m) ? 0 : 1;
+    }
+  }
+  return all > 0 ? std::optional(100 * missed / all) : std::nullopt;
+}
+
+// For so long the bottleneck has nothing to do while vehicles join: the shares of the load of those
+// that have joined leave this part of it free.
+Duration idle_while_joining(const Scenario& s) {
+  const std::vector<Duration> joined = joins(s);
+  double idle = 0;
+  for (std::size_t v = 1; v < joined.size(); ++v) {
+    const double offered = s.load * static_cast<double>(v) / static_cast<double>(s.vehicles);
+    idle += std::max(0.0, 1 - offered) * static_cast<double>((joined[v] - joined[v - 1]).count());
+  }
+  return Duration{static_cast<std::int64_t>(idle)};
+}
+
+// How long each vehicle sends.
+std::vector<Duration> spans_of_vehicles(const Scenario& s) {
+  std::vector<Duration> out = joins(s);
+  for (Duration& joined : out) joined = span_of(s) - joined;
+  return out;
+}
+
 }  // namespace
 
 double capacity_bytes(const Scenario& s) {
-  if (!s.dip) return bytes_in(s.capacity, s.length);
-  return bytes_in(s.capacity, s.length - s.dip->length) + bytes_in(s.dip->rate, s.dip->length);
+  const Duration span = span_of(s);
+  if (!s.dip) return bytes_in(s.capacity, span);
+  return bytes_in(s.capacity, span - s.dip->length) + bytes_in(s.dip->rate, s.dip->length);
 }
 
 double payload_capacity(const Scenario& s) {
-  return capacity_bytes(s) * payload_share(s.message_bytes);
+  return (capacity_bytes(s) - bytes_in(s.capacity, idle_while_joining(s))) *
+         payload_share(s.message_bytes);
 }
 
 void read_messages(const Scenario& s, const Meter& meter, Duration begin, Row& row) {
@@ -61,12 +97,26 @@ void read_messages(const Scenario& s, const Meter& meter, Duration begin, Row& r
   row.age_p50_ms = to_ms(meter.age(0.50));
   row.age_p99_ms = to_ms(meter.age(0.99));
   const auto on_time = static_cast<double>(meter.on_time_bytes());
-  row.on_time_goodput_mbit = mbit_of(on_time, s.length);
+  row.on_time_goodput_mbit = mbit_of(on_time, span_of(s));
   const auto offered = static_cast<double>(row.messages * s.message_bytes);
   row.of_possible = on_time / std::min(offered, payload_capacity(s));
-  if (s.vehicles > 1) row.jain = meter.jain();
+  if (s.vehicles > 1) {
+    row.jain = meter.jain(spans_of_vehicles(s));
+    row.early_missed_percent = missed_percent(meter, true);
+    row.later_missed_percent = missed_percent(meter, false);
+  }
   row.whole_after_ms = whole_after_ms(s, meter, begin);
-  row.share_after_ms = share_after_ms(s, meter, begin + s.length);
+  row.share_after_ms = share_after_ms(s, meter, begin + span_of(s));
+}
+
+void read_bottleneck(const std::optional<BottleneckPart>& joining, const BottleneckPart& rest,
+                     Row& row) {
+  row.queue_p99_ms = rest.queue_p99_ms;
+  row.utilisation = rest.utilisation;
+  if (!joining) return;
+  row.joining_queue_p99_ms = joining->queue_p99_ms;
+  const double part = to_seconds(joining->length) / to_seconds(joining->length + rest.length);
+  row.utilisation = part * joining->utilisation + (1 - part) * rest.utilisation;
 }
 
 void read_cross_traffic(const Scenario& s, const Meter& meter, double bytes, Row& row) {

@@ -25,12 +25,18 @@ struct Row {
   double on_time_goodput_mbit = 0;
   // On-time payload over the lesser of what was offered and what the bottleneck could have carried.
   double of_possible = 0;
-  // At the bottleneck, weighted by time, from the first message on until the last one ends.
+  // At the bottleneck, weighted by time, from the first message on until the last one ends; where
+  // there is a time of joining (joining_time()), after that, and in it.
   double queue_p99_ms = 0;
+  std::optional<double> joining_queue_p99_ms{};
   // The share of the bottleneck's capacity, dips included, that was used.
   double utilisation = 0;
   // How evenly the vehicles share what arrives on time; nothing for one vehicle alone.
   std::optional<double> jain{};
+  // Of the messages that a vehicle begins within kEarly of its first one, and of the others, how
+  // many percent missed; nothing for one vehicle alone.
+  std::optional<double> early_missed_percent{};
+  std::optional<double> later_missed_percent{};
   // After a dip, from the return of the rate until the first whole message that is on time is
   // handed over; nothing when there is none.
   std::optional<double> whole_after_ms{};
@@ -46,13 +52,23 @@ struct Row {
   std::optional<double> road_cpu_percent{};
 };
 
+// The bottleneck over a part of a run.
+struct BottleneckPart {
+  Duration length{};
+  double queue_p99_ms = 0;
+  double utilisation = 0;
+};
+
 // What the bottleneck could have carried while messages began, dips included: bytes, and the
-// payload of messages like these.
+// payload of messages like these, without what nobody was there for while vehicles joined.
 double capacity_bytes(const Scenario& scenario);
 double payload_capacity(const Scenario& scenario);
 
 // Fills in what follows from the messages; `begin` is when the first of them might begin.
 void read_messages(const Scenario& scenario, const Meter& meter, Duration begin, Row& row);
+// The same of the bottleneck: of the time of joining, where there is one, and of the rest.
+void read_bottleneck(const std::optional<BottleneckPart>& joining, const BottleneckPart& rest,
+                     Row& row);
 // The same of cross traffic, whose applications could read so many bytes meanwhile.
 void read_cross_traffic(const Scenario& scenario, const Meter& meter, double bytes, Row& row);
 

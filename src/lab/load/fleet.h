@@ -40,7 +40,8 @@ void join(const Scenario& scenario, sim::World& world, sim::HostId vehicle, sim:
 class OurHosts {
  public:
   // `vehicle` is what each vehicle is beside its session and keys; with its policies, the
-  // roadside unit has them too. `links` adds the links between the two.
+  // roadside unit has them too. `links` adds the links between the two. A vehicle that joins later
+  // (joins()) does so if these hosts are where they were made.
   OurHosts(const Scenario& scenario, sim::World& world, EndpointOptions vehicle,
            const std::function<void(sim::HostId vehicle, sim::HostId road)>& links);
 
@@ -51,7 +52,7 @@ class OurHosts {
 
   sim::HostId road = 0;
   std::vector<sim::HostId> vehicles;
-  // The roadside unit as each vehicle knows it.
+  // The roadside unit as each vehicle knows it, from when it has joined.
   std::vector<PeerId> peers;
 
  private:
@@ -67,7 +68,7 @@ std::unique_ptr<Fleet> ours(const Scenario& scenario, sim::World& world, sim::Ce
 std::unique_ptr<Fleet> make_fleet(const Scenario& scenario, sim::World& world, sim::CellId cell,
                                   Meter& meter);
 
-// CUBIC flows with unlimited demand up through the cell, to hosts of their own.
+// The cross flows of the scenario up through the cell, to hosts of their own.
 class CrossTraffic {
  public:
   CrossTraffic(const Scenario& scenario, sim::World& world, sim::CellId cell);

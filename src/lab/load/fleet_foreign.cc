@@ -107,7 +107,8 @@ CrossTraffic::CrossTraffic(const Scenario& scenario, sim::World& world, sim::Cel
   sink_ = sink.get();
   const sim::HostId road = world.add_foreign(std::move(sink));
   for (std::size_t i = 0; i < scenario.cross_flows; ++i) {
-    auto source = source_of(Peer::kCubic, static_cast<foreign::ConnectionId>(i), road);
+    const Peer peer = scenario.is_cross_bbr ? Peer::kBbrLike : Peer::kCubic;
+    auto source = source_of(peer, static_cast<foreign::ConnectionId>(i), road);
     sources_.push_back(source.get());
     hosts_.push_back(world.add_foreign(std::move(source)));
     join(scenario, world, hosts_[i], road, kLink, cell);

@@ -58,13 +58,22 @@ OurHosts::OurHosts(const Scenario& scenario, sim::World& world, EndpointOptions 
   std::vector<int> keys(scenario.vehicles);
   std::iota(keys.begin(), keys.end(), kRoadKey + 1);
   if (scenario.is_encrypted) options.security = sim::security_of(kRoadKey, keys);
+  const std::vector<Duration> joined = joins(scenario);
+  peers.resize(scenario.vehicles);
   road = world.add_host(std::move(options));
   for (std::uint32_t v = 0; v < scenario.vehicles; ++v) {
     vehicle.session = SessionId{v + 1};
     if (scenario.is_encrypted) vehicle.security = sim::security_of(keys[v], {kRoadKey});
     vehicles.push_back(world.add_host(vehicle));
     links(vehicles[v], road);
-    peers.push_back(world.connect(vehicles[v], road));
+    if (joined[v] == Duration{}) {
+      peers[v] = world.connect(vehicles[v], road);
+    } else {
+      world.at(joined[v], [this, v] {
+        peers[v] = world_.connect(vehicles[v], road);
+        world_.flush(vehicles[v]);
+      });
+    }
   }
 }
 

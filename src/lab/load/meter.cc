@@ -77,13 +77,14 @@ Duration Meter::age(double q) const {
   return percentile(std::move(ages), q);
 }
 
-double Meter::jain() const {
+double Meter::jain(const std::vector<Duration>& spans) const {
+  assert(spans.size() == fates_.size());
   double sum = 0;
   double squares = 0;
   for (std::size_t v = 0; v < fates_.size(); ++v) {
-    const auto bytes = static_cast<double>(on_time_bytes(v));
-    sum += bytes;
-    squares += bytes * bytes;
+    const double rate = static_cast<double>(on_time_bytes(v)) / to_seconds(spans[v]);
+    sum += rate;
+    squares += rate * rate;
   }
   return squares > 0 ? sum * sum / (static_cast<double>(fates_.size()) * squares) : 0;
 }

@@ -44,9 +44,10 @@ class Meter {
   std::size_t degraded() const;
   // The q-th percentile of the ages at which messages arrived that were on time; 0: none was.
   Duration age(double q) const;
-  // Jain's index (Jain, Chiu, Hawe 1984) of the vehicles' bytes on time: 1 when all have the same,
-  // 1/n when one has all. 0 when nobody has any.
-  double jain() const;
+  // Jain's index (Jain, Chiu, Hawe 1984) of the vehicles' bytes on time over the time for which
+  // each of them sends, by vehicle: 1 when all have the same rate, 1/n when one has all. 0 when
+  // nobody has any.
+  double jain(const std::vector<Duration>& spans) const;
 
  private:
   Duration deadline_;

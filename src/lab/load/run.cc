@@ -15,8 +15,8 @@ class Run {
  private:
   void plan_messages();
   Duration begin() const { return kWarmUp; }
-  Duration end() const { return kWarmUp + s_.length; }
-  void read_bottleneck(Row& row) const;
+  Duration end() const { return kWarmUp + span_of(s_); }
+  BottleneckPart measured_until(Duration end);
 
   const Scenario& s_;
   sim::World world_;
@@ -43,9 +43,12 @@ void Run::plan_messages() {
   }
 }
 
-void Run::read_bottleneck(Row& row) const {
-  row.queue_p99_ms = to_ms(world_.cell(cell_).queue_time().quantile(0.99));
-  row.utilisation = world_.cell(cell_).utilisation(world_.now());
+BottleneckPart Run::measured_until(Duration end) {
+  const Duration from = world_.now();
+  world_.measure_cells();
+  world_.run_until(end);
+  const emu::Cell& cell = world_.cell(cell_);
+  return {end - from, to_ms(cell.queue_time().quantile(0.99)), cell.utilisation(end)};
 }
 
 Row Run::run(const std::function<void(sim::World&)>& prepare) {
@@ -53,11 +56,12 @@ Row Run::run(const std::function<void(sim::World&)>& prepare) {
   plan_messages();
   world_.at(begin() - kCrossBegins, [this] { cross_.start(); });
   world_.run_until(begin());
-  world_.measure_cells();
   const std::uint64_t cross_before = cross_.readable_bytes();
-  world_.run_until(end());
   Row row{.scenario = s_};
-  read_bottleneck(row);
+  std::optional<BottleneckPart> joining;
+  const Duration joined = joining_time(s_);
+  if (joined > Duration{}) joining = measured_until(begin() + joined);
+  read_bottleneck(joining, measured_until(end()), row);
   const std::uint64_t cross_bytes = cross_.readable_bytes() - cross_before;
   world_.run_until(end() + s_.deadline);
   fleet_->collect();

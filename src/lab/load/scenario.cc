@@ -78,6 +78,8 @@ Scenario base(const Choice& choice, std::string_view group, double mbit, Duratio
   s.length = choice.length;
   s.seed = choice.seed;
   s.is_encrypted = choice.is_encrypted;
+  s.is_spread = choice.is_spread;
+  s.is_cross_bbr = choice.is_cross_bbr;
   return s;
 }
 
@@ -255,13 +257,36 @@ std::vector<std::size_t> variant_bytes(const Scenario& scenario) {
   return {scenario.message_bytes, scenario.small_bytes};
 }
 
+std::vector<Duration> joins(const Scenario& s) {
+  std::vector<Duration> out(s.vehicles);
+  if (!s.is_spread) return out;
+  // A stream of its own: the phases of the vehicles are those of vehicles that join together.
+  emu::RandomStream random(emu::split_mix(s.seed));
+  for (std::size_t v = 1; v < s.vehicles; ++v) {
+    const double apart = random.uniform() * static_cast<double>(kMostApart.count());
+    out[v] = out[v - 1] + Duration{static_cast<std::int64_t>(apart)};
+  }
+  return out;
+}
+
+Duration span_of(const Scenario& s) {
+  return s.length + (s.vehicles > 0 ? joins(s).back() : Duration{});
+}
+
+Duration joining_time(const Scenario& s) {
+  if (!s.is_spread || s.vehicles < 2 || s.length <= kEarly) return {};
+  return joins(s).back() + kEarly;
+}
+
 std::vector<Duration> first_messages(const Scenario& s) {
   emu::RandomStream random(s.seed);
+  const std::vector<Duration> joined = joins(s);
   std::vector<Duration> out;
   for (std::size_t v = 0; v < s.vehicles; ++v) {
     const auto phase = random.uniform() * static_cast<double>(s.period.count());
     const bool is_late = s.late && v + 1 == s.vehicles;
-    out.push_back(Duration{static_cast<std::int64_t>(phase)} + (is_late ? *s.late : Duration{}));
+    out.push_back(joined[v] + Duration{static_cast<std::int64_t>(phase)} +
+                  (is_late ? *s.late : Duration{}));
   }
   return out;
 }

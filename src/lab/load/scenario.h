@@ -43,6 +43,13 @@ inline constexpr std::size_t kPeers = 9;
 // cross traffic begins so long before the messages.
 inline constexpr Duration kWarmUp = std::chrono::seconds(2);
 inline constexpr Duration kCrossBegins = std::chrono::seconds(1);
+// Vehicles that enter a cell do so up to so much apart. No measurement behind this value: fifty
+// then need 2.5 s, as long as a row of cars needs to come round a corner.
+inline constexpr Duration kMostApart = std::chrono::milliseconds(100);
+// A vehicle that has joined a crowded cell should have found its share after so long: its first
+// messages are told apart from the others. No measurement behind this value: it is what others may
+// notice of a newcomer.
+inline constexpr Duration kEarly = std::chrono::seconds(2);
 // A camera of 10 frames per second.
 inline constexpr Duration kCameraPeriod = std::chrono::milliseconds(100);
 // The smaller variant has a quarter of the bytes.
@@ -98,21 +105,37 @@ struct Scenario {
   // Messages begin for this long.
   Duration length{};
   std::optional<Dip> dip{};
-  // The last vehicle begins so long after the others; else all begin together.
+  // The last vehicle begins so long after the others; else all begin together, or each up to
+  // kMostApart after the one before it.
   std::optional<Duration> late{};
-  // CUBIC flows with unlimited demand through the same bottleneck.
+  bool is_spread = false;
+  // TCP flows with unlimited demand through the same bottleneck, with CUBIC or with BBR: the model
+  // that Peer::kBbrLike is, or the kernel's.
   std::size_t cross_flows = 0;
+  bool is_cross_bbr = false;
   std::uint64_t seed = 1;
-  // In virtual time: our own endpoints have keys.
+  // Our own endpoints have keys; on the testbed they always do.
   bool is_encrypted = false;
 };
 
 // Sizes of the variants that the transport of this scenario offers.
 std::vector<std::size_t> variant_bytes(const Scenario& scenario);
 
-// When the first message of each vehicle begins, since the first of all may. Each vehicle has a
-// phase of its own, for no transport is made for vehicles that all send at one instant.
+// When each vehicle joins, since the first one does.
+std::vector<Duration> joins(const Scenario& scenario);
+
+// When the first message of each vehicle begins, since the first of all may: kWarmUp after it has
+// joined. Each vehicle has a phase of its own, for no transport is made for vehicles that all send
+// at one instant.
 std::vector<Duration> first_messages(const Scenario& scenario);
+
+// From when the first message may begin until the last one may: the length, from when the last
+// vehicle has joined.
+Duration span_of(const Scenario& scenario);
+
+// Until kEarly after the last vehicle has joined, since the first message may begin; zero where
+// vehicles join together, and where nothing would come after it.
+Duration joining_time(const Scenario& scenario);
 
 // What a message takes on the wire, in IP bytes, by Interneuron's framing.
 std::size_t ip_bytes_of(std::size_t message_bytes);
@@ -138,6 +161,8 @@ struct Choice {
   Duration length = std::chrono::seconds(20);
   std::uint64_t seed = 1;
   bool is_encrypted = false;
+  bool is_spread = false;
+  bool is_cross_bbr = false;
 };
 
 // The runs of a group; none for a name that is no group's.

@@ -6,9 +6,11 @@
 #include <algorithm>
 
 #include "app/process/failure.h"
+#include "app/process/signals.h"
 #include "lab/load/bottleneck.h"
 #include "lab/transports/play.h"
 #include "netns/testbed/testbed.h"
+#include "node/io/steady_clock.h"
 
 namespace interneuron::load_testbed {
 namespace {
@@ -21,6 +23,9 @@ using netns::Testbed;
 constexpr const char* kCell = "cell";
 constexpr const char* kModems[] = {"a", "b"};
 
+std::size_t modems_of(const Scenario& s) { return s.peer == Peer::kMptcp ? 2 : 1; }
+const char* cross_control(const Scenario& s) { return s.is_cross_bbr ? "bbr" : "cubic"; }
+
 // --- the testbed of a scenario
 
 netns::TestbedOptions options_of(const Scenario& s, const fs::path& scratch) {
@@ -30,13 +35,18 @@ netns::TestbedOptions options_of(const Scenario& s, const fs::path& scratch) {
   const emu::LinkProfile modem = load::modem_of(s);
   emu::ScenarioCell cell;
   cell.name = kCell;
-  cell.up = load::cell_of(s, {});
+  // The testbed's time begins with the first packet, which is one of the meeting.
+  cell.up = load::cell_of(s, load::kWarmUp);
   // The way back is never short.
   cell.down.rate = modem.down.rate;
   cell.down.queue_bytes = modem.down.queue_bytes;
   std::vector<emu::ScenarioLink> links;
-  for (std::size_t i = 0; i < (s.peer == Peer::kMptcp ? 2U : 1U); ++i) {
+  for (std::size_t i = 0; i < modems_of(s); ++i) {
     links.push_back({kModems[i], modem, emu::link_seed(s.seed, i), 0});
+  }
+  // Cross traffic has modems of its own, behind those of the transport.
+  for (std::size_t i = 0; i < s.cross_flows; ++i) {
+    links.push_back({fmt::format("x{}", i + 1), modem, emu::link_seed(s.seed, links.size()), 0});
   }
   out.scenario = emu::plain_scenario(std::move(links), s.seed);
   out.scenario.cells = {std::move(cell)};
@@ -67,14 +77,36 @@ transports::Transport transport_of(Peer peer) {
 }
 
 transports::Order order_of(const Scenario& s, const netns::State& state, const fs::path& scratch) {
-  return {transport_of(s.peer),
-          {load::variant_bytes(s), s.deadline, s.period, s.length, load::first_messages(s)},
-          transports::modems_of(state),
-          scratch,
-          s.one_way};
+  const std::vector<transports::Modem> all = transports::modems_of(state);
+  const auto own = all.begin() + static_cast<std::ptrdiff_t>(modems_of(s));
+  transports::Order order{transport_of(s.peer),
+                          {load::variant_bytes(s), s.deadline, s.period, load::span_of(s),
+                           load::first_messages(s), load::joins(s)},
+                          {all.begin(), own},
+                          scratch,
+                          s.one_way};
+  for (auto modem = own; modem != all.end(); ++modem) {
+    order.cross.push_back({cross_control(s), *modem});
+  }
+  order.cross_lead = load::kCrossBegins;
+  return order;
 }
 
 // --- figures
+
+load::BottleneckPart part_of(const netns::Snapshot& snapshot, Duration length) {
+  const netns::CellDirection& up = snapshot.cells.at(0).up;
+  return {length, to_ms(up.queue_p99), up.utilisation};
+}
+
+// The scenario as it was played: the dip was at an instant of the testbed's time.
+Scenario played_scenario(const Scenario& s, const transports::Played& played) {
+  Scenario out = s;
+  if (out.dip && played.after.epoch) {
+    out.dip->at += *played.after.epoch + load::kWarmUp - played.begin;
+  }
+  return out;
+}
 
 load::Meter meter_of(const Scenario& s, const transports::VehiclesRecord& vehicles,
                      const transports::RoadRecord& road) {
@@ -100,27 +132,41 @@ std::optional<std::string> lacks(Peer peer) {
 }
 
 std::optional<std::string> cannot_play(const Scenario& s) {
-  if (s.dip) return s.group + ": a rate that changes during a run is for virtual time alone";
-  if (s.cross_flows > 0) return s.group + ": cross traffic is for virtual time alone";
-  return std::nullopt;
+  if (s.cross_flows == 0) return std::nullopt;
+  const auto reason = transports::lacks({transports::Kind::kTcp, cross_control(s)});
+  if (!reason) return std::nullopt;
+  return s.group + ": " + *reason;
 }
 
-Duration time_of_run(const Scenario& s) { return s.length + s.deadline + transports::kRunOverhead; }
+Duration time_of_run(const Scenario& s) {
+  return load::span_of(s) + s.deadline + transports::kRunOverhead;
+}
 
 TestbedRow run_on_testbed(const Scenario& s, TransportKind datagrams, const fs::path& folder) {
   const transports::Scratch scratch(folder);
   const Testbed testbed = Testbed::up(options_of(s, folder));
   transports::Order order = order_of(s, testbed.state(), folder);
   order.transport.datagrams = datagrams;
-  const transports::Played played =
-      play(testbed.state(), order, [&](TimePoint) { Testbed::measure_cells(testbed.state()); });
+  const Duration joined = load::joining_time(s);
+  std::optional<load::BottleneckPart> joining;
+  const transports::Played played = play(testbed.state(), order, [&](TimePoint begin) {
+    Testbed::measure_cells(testbed.state());
+    if (joined == Duration{}) return;
+    process::SignalWatch::sleep(begin + joined - io::now());
+    joining = part_of(Testbed::snapshot(testbed.state()), joined);
+    Testbed::measure_cells(testbed.state());
+  });
 
   TestbedRow out{{}, played.doubt};
   const load::Meter meter = meter_of(s, played.vehicles, played.road);
   out.row.scenario = s;
-  load::read_messages(s, meter, played.begin.time_since_epoch(), out.row);
-  out.row.queue_p99_ms = to_ms(played.after.cells.at(0).up.queue_p99);
-  out.row.utilisation = played.after.cells.at(0).up.utilisation;
+  const Scenario was = played_scenario(s, played);
+  if (was.dip && was.dip->at < Duration{}) out.doubt = "the rate fell before messages began";
+  load::read_messages(was, meter, played.begin.time_since_epoch(), out.row);
+  const std::uint64_t cross =
+      played.cross.bytes_between(played.begin, played.begin + load::span_of(s));
+  load::read_cross_traffic(s, meter, static_cast<double>(cross), out.row);
+  load::read_bottleneck(joining, part_of(played.after, load::span_of(s) - joined), out.row);
   out.row.road_cpu_percent = 100 * played.road.cpu;
   return out;
 }

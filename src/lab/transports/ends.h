@@ -68,4 +68,8 @@ void receive_fastdds(const Order& order, const Ready& ready, Reception& receptio
 VehiclesRecord send_srt(const Order& order, const Begin& ready);
 void receive_srt(const Order& order, const Ready& ready, Reception& reception);
 
+// Cross traffic of the order: both serve until a SignalWatch of the caller notes a signal.
+void send_cross(const Order& order);
+void receive_cross(const Order& order, const Ready& ready, CrossRecord& record);
+
 }  // namespace interneuron::transports

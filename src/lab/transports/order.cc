@@ -15,6 +15,7 @@ using records::Json;
 constexpr const char* kOrder = "order.json";
 constexpr const char* kVehicles = "vehicles.json";
 constexpr const char* kRoad = "road.json";
+constexpr const char* kCross = "cross.json";
 
 // By Kind.
 constexpr std::array<std::string_view, 6> kKinds{"ours", "udp", "tcp", "mptcp", "fastdds", "srt"};
@@ -52,14 +53,21 @@ std::int64_t ns(TimePoint at) { return at.time_since_epoch().count(); }
 Duration duration(const Json& json) { return Duration{json.get<std::int64_t>()}; }
 TimePoint instant(const Json& json) { return TimePoint{duration(json)}; }
 
+Json modem_json(const Modem& m) {
+  return {{"nic", m.nic}, {"vehicle", m.vehicle_address}, {"road", m.road_address}};
+}
+
+Modem modem_of(const Json& json) { return {json.at("nic"), json.at("vehicle"), json.at("road")}; }
+
 Json traffic_json(const Traffic& traffic) {
-  Json first = Json::array();
-  for (const Duration at : traffic.first) first.push_back(at.count());
-  return {{"variant_bytes", traffic.variant_bytes},
-          {"deadline_ns", traffic.deadline.count()},
-          {"period_ns", traffic.period.count()},
-          {"length_ns", traffic.length.count()},
-          {"first_ns", first}};
+  const auto counts = [](const std::vector<Duration>& times) {
+    Json out = Json::array();
+    for (const Duration at : times) out.push_back(at.count());
+    return out;
+  };
+  return {{"variant_bytes", traffic.variant_bytes}, {"deadline_ns", traffic.deadline.count()},
+          {"period_ns", traffic.period.count()},    {"length_ns", traffic.length.count()},
+          {"first_ns", counts(traffic.first)},      {"joins_ns", counts(traffic.joins)}};
 }
 
 Traffic traffic_of(const Json& json) {
@@ -69,6 +77,9 @@ Traffic traffic_of(const Json& json) {
   traffic.period = duration(json.at("period_ns"));
   traffic.length = duration(json.at("length_ns"));
   for (const Json& at : json.at("first_ns")) traffic.first.push_back(duration(at));
+  for (const Json& at : json.value("joins_ns", Json::array())) {
+    traffic.joins.push_back(duration(at));
+  }
   return traffic;
 }
 
@@ -78,8 +89,10 @@ std::string_view name_of(Kind kind) { return kKinds[static_cast<std::size_t>(kin
 
 fs::path write_order(const Order& order) {
   Json modems = Json::array();
-  for (const Modem& m : order.modems) {
-    modems.push_back({{"nic", m.nic}, {"vehicle", m.vehicle_address}, {"road", m.road_address}});
+  for (const Modem& m : order.modems) modems.push_back(modem_json(m));
+  Json cross = Json::array();
+  for (const CrossFlow& flow : order.cross) {
+    cross.push_back({{"control", flow.control}, {"modem", modem_json(flow.modem)}});
   }
   Json keys = Json::array();
   for (const SecretKey& key : order.keys) keys.push_back(to_base64(key.bytes()));
@@ -89,7 +102,9 @@ fs::path write_order(const Order& order) {
                                               {"traffic", traffic_json(order.traffic)},
                                               {"modems", modems},
                                               {"keys", keys},
-                                              {"way_ns", order.way.count()}});
+                                              {"way_ns", order.way.count()},
+                                              {"cross", cross},
+                                              {"cross_lead_ns", order.cross_lead.count()}});
   return order.folder / kOrder;
 }
 
@@ -99,9 +114,11 @@ Order read_order(const fs::path& file) {
     order.transport = {kind_of(json.at("transport")), json.at("mode"),
                        datagrams_of(json.at("datagrams"))};
     order.traffic = traffic_of(json.at("traffic"));
-    for (const Json& m : json.at("modems")) {
-      order.modems.push_back({m.at("nic"), m.at("vehicle"), m.at("road")});
+    for (const Json& m : json.at("modems")) order.modems.push_back(modem_of(m));
+    for (const Json& flow : json.value("cross", Json::array())) {
+      order.cross.push_back({flow.at("control"), modem_of(flow.at("modem"))});
     }
+    order.cross_lead = duration(json.value("cross_lead_ns", Json(0)));
     for (const Json& key : json.value("keys", Json::array())) order.keys.push_back(key_of(key));
     order.folder = file.parent_path();
     order.way = duration(json.at("way_ns"));
@@ -126,6 +143,30 @@ void write_record(const Order& order, const RoadRecord& record) {
     arrivals.push_back(Json::array({a.vehicle, a.number, a.variant, ns(a.at)}));
   }
   records::write_json(order.folder / kRoad, {{"cpu", record.cpu}, {"arrivals", arrivals}});
+}
+
+void write_record(const Order& order, const CrossRecord& record) {
+  Json samples = Json::array();
+  for (const CrossRecord::Sample& s : record.samples) {
+    samples.push_back(Json::array({ns(s.at), s.bytes}));
+  }
+  records::write_json(order.folder / kCross, {{"samples", samples}});
+}
+
+std::uint64_t CrossRecord::bytes_between(TimePoint from, TimePoint to) const {
+  const auto by = [this](TimePoint at) {
+    const auto after = std::ranges::upper_bound(samples, at, {}, &Sample::at);
+    return after == samples.begin() ? 0 : std::prev(after)->bytes;
+  };
+  return by(to) - by(from);
+}
+
+CrossRecord read_cross(const Order& order) {
+  return read(order.folder / kCross, [](const Json& json) {
+    CrossRecord out;
+    for (const Json& s : json.at("samples")) out.samples.push_back({instant(s.at(0)), s.at(1)});
+    return out;
+  });
 }
 
 VehiclesRecord read_vehicles(const Order& order) {

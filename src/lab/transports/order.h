@@ -47,6 +47,9 @@ struct Traffic {
   // When each vehicle hands over its first message, since messages begin; there are as many
   // vehicles.
   std::vector<Duration> first;
+  // When each vehicle begins to talk to the roadside unit, since the first one does; those that are
+  // not named do so at once. Transports that have connections open them at once.
+  std::vector<Duration> joins = {};
 
   std::size_t vehicles() const { return first.size(); }
 };
@@ -56,6 +59,12 @@ struct Modem {
   std::string nic;
   std::string vehicle_address;
   std::string road_address;
+};
+
+// TCP with unlimited demand beside the messages, by the kernel's congestion control of this name.
+struct CrossFlow {
+  std::string control;
+  Modem modem;
 };
 
 struct Order {
@@ -71,10 +80,15 @@ struct Order {
   // The private keys of Interneuron's ends, made for one run: the roadside unit's, then one for
   // each vehicle. Without them the ends talk in the clear.
   std::vector<SecretKey> keys = {};
+  // They begin so long before the messages.
+  std::vector<CrossFlow> cross = {};
+  Duration cross_lead{};
 };
 
 // Where the roadside unit waits for messages.
 inline constexpr std::uint16_t kLoadPort = 47000;
+// And for cross traffic.
+inline constexpr std::uint16_t kCrossPort = 47001;
 
 // What the program that plays the vehicles leaves.
 struct VehiclesRecord {
@@ -100,13 +114,27 @@ struct RoadRecord {
   double cpu = 0;
 };
 
+// What the program that takes the cross traffic leaves: the bytes that an application could read by
+// then, of all flows; some hundred times a second.
+struct CrossRecord {
+  struct Sample {
+    TimePoint at{};
+    std::uint64_t bytes = 0;
+  };
+  std::vector<Sample> samples;
+
+  std::uint64_t bytes_between(TimePoint from, TimePoint to) const;
+};
+
 // They throw Failure (1) that names the file when it cannot be written or read, or is none. Nobody
 // else may enter the order's folder: the file holds its keys.
 std::filesystem::path write_order(const Order& order);
 Order read_order(const std::filesystem::path& file);
 void write_record(const Order& order, const VehiclesRecord& record);
 void write_record(const Order& order, const RoadRecord& record);
+void write_record(const Order& order, const CrossRecord& record);
 VehiclesRecord read_vehicles(const Order& order);
 RoadRecord read_road(const Order& order);
+CrossRecord read_cross(const Order& order);
 
 }  // namespace interneuron::transports

@@ -48,6 +48,10 @@ class Vehicle {
   Vehicle(const Vehicle&) = delete;
   Vehicle& operator=(const Vehicle&) = delete;
 
+  // Begins to talk to the roadside unit then.
+  void join(TimePoint at) {
+    node_.post([this, at] { node_.at(at, [this] { connect(); }); });
+  }
   // It has met the roadside unit. Throws what its loop threw.
   bool heard() const {
     if (failed_) std::rethrow_exception(failure_);
@@ -72,10 +76,20 @@ class Vehicle {
     for (std::size_t i = 0; i < order.modems.size(); ++i) {
       NodeLink link{.id = LinkId{static_cast<std::uint8_t>(i)},
                     .nic = order.modems[i].nic,
-                    .peer = order.modems[i].road_address + ":" + std::to_string(kLoadPort)};
+                    .local_address = order.modems[i].vehicle_address};
       out.links.push_back(std::move(link));
     }
     return out;
+  }
+
+  void connect() {
+    const std::string port = ":" + std::to_string(kLoadPort);
+    std::vector<std::pair<LinkId, Address>> addresses;
+    for (std::size_t i = 0; i < order_.modems.size(); ++i) {
+      const auto address = parse_address(order_.modems[i].road_address + port);
+      addresses.emplace_back(LinkId{static_cast<std::uint8_t>(i)}, address.value());
+    }
+    peer_ = node_.connect(addresses);
   }
 
   void run() {
@@ -104,12 +118,14 @@ class Vehicle {
     }
     SendOptions options{.deadline = order_.traffic.deadline, .policy = order_.transport.mode};
     begun_.push_back(node_.now());
-    if (const auto peer = node_.peer()) node_.send(*peer, std::move(variants), options);
+    if (peer_) node_.send(*peer_, std::move(variants), options);
   }
 
   const Order& order_;
   std::uint32_t number_;
   Node node_;
+  // From when it has joined; only the loop's thread touches it.
+  std::optional<PeerId> peer_;
   std::atomic<bool> heard_ = false;
   // failure_ is written before failed_ is set.
   std::atomic<bool> failed_ = false;
@@ -121,10 +137,11 @@ class Vehicle {
 
 using Vehicles = std::vector<std::unique_ptr<Vehicle>>;
 
-void await(const Vehicles& vehicles) {
+// Those that join by `until`.
+void await(const Vehicles& vehicles, const std::vector<Duration>& joins, Duration until) {
   const TimePoint patience = io::now() + kPatience;
   for (std::size_t v = 0; v < vehicles.size();) {
-    if (vehicles[v]->heard()) {
+    if (joins[v] > until || vehicles[v]->heard()) {
       ++v;
       continue;
     }
@@ -145,12 +162,23 @@ VehiclesRecord send_ours(const Order& order, const Begin& ready) {
     vehicles.push_back(std::make_unique<Vehicle>(order, static_cast<std::uint32_t>(v)));
     process::SignalWatch::check();
   }
-  await(vehicles);
+  // The first ones have met the roadside unit when the others follow one after the other.
+  std::vector<Duration> joins = traffic.joins;
+  joins.resize(traffic.vehicles());
+  for (std::size_t v = 0; v < vehicles.size(); ++v) {
+    if (joins[v] == Duration{}) vehicles[v]->join(io::now());
+  }
+  await(vehicles, joins, {});
+  const TimePoint met = io::now();
+  for (std::size_t v = 0; v < vehicles.size(); ++v) {
+    if (joins[v] > Duration{}) vehicles[v]->join(met + joins[v]);
+  }
   const TimePoint begin = ready();
   for (std::size_t v = 0; v < traffic.vehicles(); ++v) {
     vehicles[v]->begin(begin + traffic.first[v], begin + traffic.length);
   }
   process::SignalWatch::sleep(begin + traffic.length + traffic.deadline - io::now());
+  await(vehicles, joins, Duration::max());
   VehiclesRecord record;
   for (const auto& vehicle : vehicles) record.begun.push_back(vehicle->end());
   return record;

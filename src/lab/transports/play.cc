@@ -7,6 +7,7 @@
 
 #include <cerrno>
 #include <charconv>
+#include <optional>
 
 #include "app/process/failure.h"
 #include "app/process/private_folder.h"
@@ -119,12 +120,22 @@ Played play(const netns::State& state, const Order& given, const Meanwhile& mean
   if (order.transport.kind == Kind::kMptcp) allow_subflows(state);
   if (order.transport.kind == Kind::kFastDds) route_by_destination(state);
   const fs::path file = write_order(order);
+  std::optional<EndProgram> cross;
+  std::optional<EndProgram> cross_road;
+  if (!order.cross.empty()) {
+    cross_road.emplace(state, netns::kRoad, file, kCrossRoadEnd);
+    cross_road->await_ready();
+  }
   EndProgram road(state, netns::kRoad, file, kRoadEnd);
   road.await_ready();
   EndProgram vehicles(state, netns::kVehicle, file, kVehiclesEnd);
   Played out;
   out.begin = instant_of(vehicles.await_ready());
 
+  if (cross_road) {
+    process::SignalWatch::sleep(out.begin - order.cross_lead - io::now());
+    cross.emplace(state, netns::kVehicle, file, kCrossEnd);
+  }
   process::SignalWatch::sleep(out.begin - io::now());
   const netns::Snapshot before = Testbed::snapshot(state);
   if (meanwhile) meanwhile(out.begin);
@@ -132,6 +143,11 @@ Played play(const netns::State& state, const Order& given, const Meanwhile& mean
   out.after = Testbed::snapshot(state);
   vehicles.finish();
   road.end();
+  if (cross_road) {
+    cross->end();
+    cross_road->end();
+    out.cross = read_cross(order);
+  }
   out.doubt = doubt_of(before, out.after);
   out.vehicles = read_vehicles(order);
   out.road = read_road(order);

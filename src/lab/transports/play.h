@@ -31,6 +31,8 @@ std::vector<Modem> modems_of(const netns::State& state);
 struct Played {
   VehiclesRecord vehicles;
   RoadRecord road;
+  // Empty without cross traffic.
+  CrossRecord cross;
   // When messages began.
   TimePoint begin{};
   // What the testbed had carried when the last message had begun.

@@ -85,6 +85,20 @@ void play_road(const Order& order) {
   write_record(order, RoadRecord{reception.arrivals(), reception.cpu()});
 }
 
+void play_cross_road(const Order& order) {
+  CrossRecord record;
+  receive_cross(
+      order, [] { tell("ready"); }, record);
+  write_record(order, record);
+}
+
+// What plays this end.
+void (*player_of(const std::string& end))(const Order&) {
+  if (end == kVehiclesEnd) return play_vehicles;
+  if (end == kRoadEnd) return play_road;
+  return end == kCrossEnd ? send_cross : play_cross_road;
+}
+
 int open_log(const fs::path& file) {
   const int fd = ::open(file.c_str(), O_CREAT | O_TRUNC | O_WRONLY | O_CLOEXEC, 0600);
   if (fd < 0)
@@ -112,7 +126,7 @@ int play_end(const fs::path& file, const std::string& end) {
   const Order order = read_order(file);
   // Interneuron's roadside unit ends by its own watch of signals, which a second one would shadow.
   const process::SignalWatch signals;
-  (end == kVehiclesEnd ? play_vehicles : play_road)(order);
+  player_of(end)(order);
   return process::kFine;
 }
 

@@ -15,6 +15,9 @@ namespace interneuron::transports {
 
 inline constexpr const char* kVehiclesEnd = "vehicles";
 inline constexpr const char* kRoadEnd = "road";
+// Those of the cross traffic, at the vehicle and at the roadside unit.
+inline constexpr const char* kCrossEnd = "cross";
+inline constexpr const char* kCrossRoadEnd = "cross_road";
 
 // Plays one end of the order in this file to its end and leaves its record. Says on stdout "ready"
 // when it is, the vehicles with the instant at which messages begin. Returns an exit code; throws

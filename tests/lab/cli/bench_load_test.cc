@@ -21,6 +21,25 @@ TEST(BenchLoad, WritesRowsOfItsSchema) {
   }
 }
 
+// The row of a crowd in a short run.
+nlohmann::json crowd(const std::string& options) {
+  const Ran ran = run("bench load late --peer ours --seconds 1 --json " + options, false);
+  EXPECT_EQ(ran.code, 0) << ran.output;
+  const auto document = nlohmann::json::parse(ran.output, nullptr, false);
+  return document.is_discarded() ? nlohmann::json::object() : document["rows"][0];
+}
+
+TEST(BenchLoad, JoinsOneAfterTheOtherAndEncryptedUnlessToldOtherwise) {
+  const auto now = crowd("");
+  EXPECT_EQ(now["encrypted"], true);
+  EXPECT_EQ(now["together"], false);
+  EXPECT_EQ(crowd("--encrypted"), now);
+  const auto old = crowd("--together --clear");
+  EXPECT_EQ(old["encrypted"], false);
+  EXPECT_EQ(old["together"], true);
+  EXPECT_EQ(run("bench load --clear --encrypted").code, 2);
+}
+
 TEST(BenchLoad, ShowsATableForEachGroup) {
   const Ran ran = run("bench load --peer ours rate dip --seconds 1", false);
   EXPECT_EQ(ran.code, 0) << ran.output;

@@ -40,7 +40,7 @@ TEST(Meter, BytesOfASpanAreThoseThatArrivedWithinIt) {
 }
 
 TEST(Meter, NobodyHasAnything) {
-  EXPECT_EQ(Meter(3, 100ms, {1000}).jain(), 0);
+  EXPECT_EQ(Meter(3, 100ms, {1000}).jain({1s, 1s, 1s}), 0);
   EXPECT_EQ(Meter(3, 100ms, {1000}).age(0.99), Duration{});
 }
 
@@ -53,8 +53,18 @@ RC_GTEST_PROP(Meter, JainsIndexIsOneForEqualsAndAnNthForOneWhoHasAll, ()) {
     for (std::size_t v = 0; v < vehicles; ++v) equal.arrived(v, equal.begin(v, 0ms), 0, 50ms);
     single.arrived(0, single.begin(0, 0ms), 0, 50ms);
   }
-  RC_ASSERT(std::abs(equal.jain() - 1) < 1e-12);
-  RC_ASSERT(std::abs(single.jain() - 1 / static_cast<double>(vehicles)) < 1e-12);
+  const std::vector<Duration> spans(vehicles, 1s);
+  RC_ASSERT(std::abs(equal.jain(spans) - 1) < 1e-12);
+  RC_ASSERT(std::abs(single.jain(spans) - 1 / static_cast<double>(vehicles)) < 1e-12);
+}
+
+// Whoever joins later has sent less by the end, at the same rate.
+TEST(Meter, JainsIndexCountsEachOverItsOwnTime) {
+  Meter meter(2, 100ms, {1000});
+  for (int i = 0; i < 4; ++i) meter.arrived(0, meter.begin(0, 0ms), 0, 50ms);
+  meter.arrived(1, meter.begin(1, 0ms), 0, 50ms);
+  EXPECT_NEAR(meter.jain({4s, 1s}), 1, 1e-12);
+  EXPECT_NEAR(meter.jain({4s, 4s}), 25.0 / 34, 1e-12);
 }
 
 }  // namespace

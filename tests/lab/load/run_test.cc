@@ -104,6 +104,45 @@ TEST(Run, TenVehiclesThatWantMoreThanTheirCellHasShareIt) {
   }
 }
 
+Row run_of_ten(double load, bool is_spread, Duration length) {
+  const Choice choice{
+      .peers = {Peer::kUdp}, .loads = {load}, .length = length, .is_spread = is_spread};
+  for (const Scenario& s : scenarios("vehicles", choice)) {
+    if (s.vehicles == 10) return run(s);
+  }
+  return {};
+}
+
+// Of what is offered below capacity nothing is missed, whenever a vehicle joins.
+TEST(Run, VehiclesThatJoinLaterAreCountedFromThenOn) {
+  const Row row = run_of_ten(0.5, true, 4s);
+  EXPECT_EQ(row.missed, 0U);
+  EXPECT_EQ(row.early_missed_percent, 0);
+  EXPECT_EQ(row.later_missed_percent, 0);
+  EXPECT_NEAR(row.of_possible, 1, 1e-9);
+  EXPECT_GT(row.jain.value(), 0.999);
+}
+
+// UDP at twice the rate fills the queue for good: what is free before all have joined is no part of
+// what was possible, and the cell is full in both parts of the run.
+TEST(Run, TheTimeOfJoiningIsToldApartButUtilisationIsOfTheWholeRun) {
+  const Row spread = run_of_ten(2, true, 4s);
+  ASSERT_TRUE(spread.joining_queue_p99_ms.has_value());
+  EXPECT_NEAR(*spread.joining_queue_p99_ms, 300, 5);
+  EXPECT_NEAR(spread.queue_p99_ms, 300, 5);
+  // Half of ten vehicles fill the cell; they are there after some 200 ms of 4.45 s.
+  EXPECT_GT(spread.utilisation, 0.92);
+  EXPECT_LT(spread.utilisation, 0.995);
+  EXPECT_LT(spread.early_missed_percent.value(), spread.later_missed_percent.value());
+  EXPECT_FALSE(run_of_ten(2, false, 4s).joining_queue_p99_ms.has_value());
+}
+
+TEST(Run, AShortRunHasNoLaterMessages) {
+  const Row row = run_of_ten(0.5, false, 1s);
+  EXPECT_EQ(row.early_missed_percent, 0);
+  EXPECT_FALSE(row.later_missed_percent.has_value());
+}
+
 // Where the queue is not so long that everything in it is late.
 TEST(Run, BesideOneFlowOfCubicAVehicleGetsItsShareAndLeavesTheRest) {
   Choice choice;

@@ -61,6 +61,39 @@ TEST_P(LoadTestbedRun, GivesARowOfTheSchema) {
   EXPECT_GT(row["queue_p99_ms"], 0);
 }
 
+// The only row of a run of ours; an empty object when there is none.
+nlohmann::json row_of_ours(const std::string& options) {
+  const Ran ran = run("bench load --testbed --peer ours --json " + options, false);
+  EXPECT_EQ(ran.code, 0) << ran.output;
+  const auto document = nlohmann::json::parse(ran.output, nullptr, false);
+  if (document.is_discarded() || document["rows"].empty()) return nlohmann::json::object();
+  for (const auto& violation : watch::violations(watch::schema_of("load.json"), document)) {
+    ADD_FAILURE() << violation;
+  }
+  return document["rows"][0];
+}
+
+// The flow of the kernel's TCP takes what it can get, from before the messages on.
+TEST(LoadTestbed, CrossTrafficOfTheKernelSharesTheCell) {
+  if (const std::string reason = no_testbed(); !reason.empty()) GTEST_SKIP() << reason;
+  const auto row = row_of_ours("cubic --seconds 2");
+  ASSERT_TRUE(row.contains("cross_share"));
+  EXPECT_EQ(row["cross"], "cubic");
+  EXPECT_GT(row["cross_share"], 0.2);
+  EXPECT_LT(row["cross_share"], 2.1);
+  EXPECT_GT(row["own_share"].get<double>() + row["cross_share"].get<double>(), 0.5);
+}
+
+// 128 KiB take 180 ms at the rate of the dip: none of its 30 whole messages can be on time.
+TEST(LoadTestbed, TheRateFallsAndComesBack) {
+  if (const std::string reason = no_testbed(); !reason.empty()) GTEST_SKIP() << reason;
+  const auto row = row_of_ours("dip --seconds 1");
+  ASSERT_TRUE(row.contains("missed"));
+  EXPECT_GT(row["missed"], 20);
+  EXPECT_LT(row["missed"], 90);
+  EXPECT_TRUE(row["whole_after_ms"].is_number()) << row.dump();
+}
+
 INSTANTIATE_TEST_SUITE_P(Peers, LoadTestbedRun,
                          testing::Values(Peer::kOurs, Peer::kUdp, Peer::kTcpCubic, Peer::kMptcp),
                          [](const auto& test) { return std::string(load::name_of(test.param)); });

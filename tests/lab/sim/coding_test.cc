@@ -2,8 +2,10 @@
 // one link does not bring in time, and links that fall silent. Short forms of longer series, with
 // the share that may be missed in the long run and room for chance: four standard deviations of a
 // binomial count.
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <memory>
 #include <string>
 
 #include "lab/coding/drives.h"
@@ -80,6 +82,26 @@ TEST(Coding, ARotatedTraceHasTheSameOpportunities) {
   EXPECT_EQ(coding::rotated(trace, 0).at_ms, trace.at_ms);
   EXPECT_EQ(coding::rotated(trace, 4).at_ms, (std::vector<std::int64_t>{6, 7, 10, 10}));
   EXPECT_EQ(coding::rotated(trace, 14).at_ms, (std::vector<std::int64_t>{6, 7, 10, 10}));
+}
+
+// Two modems with one opportunity each, at 30 and at 70 ms of 100, whenever the drive begins.
+TEST(Coding, APairBeginsAtOneInstantOfBothTraces) {
+  std::vector<coding::Modem> modems;
+  for (const std::int64_t at : {30, 70}) {
+    const auto trace = std::make_shared<emu::Opportunities>(emu::Opportunities{{at, 100}});
+    modems.push_back({"m", trace, trace, std::chrono::milliseconds(20)});
+  }
+  for (std::uint64_t seed = 1; seed < 20; ++seed) {
+    const coding::Drive drive = coding::paired_drive(modems, seed);
+    std::vector<std::int64_t> apart;
+    for (const std::int64_t at : drive.modems[1].up->at_ms) {
+      for (const std::int64_t other : drive.modems[0].up->at_ms) {
+        apart.push_back((at - other + 100) % 100);
+      }
+    }
+    EXPECT_TRUE(std::ranges::find(apart, 40) != apart.end()) << seed;
+    EXPECT_EQ(drive.modems[0].up->at_ms, drive.modems[0].down->at_ms) << seed;
+  }
 }
 
 // Repairs of what symbols stand for would be bytes for nothing. Now and then the symbols come too

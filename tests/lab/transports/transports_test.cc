@@ -38,6 +38,9 @@ TEST(Transports, OrdersAreReadAsTheyWereWritten) {
   const Scratch scratch(folder);
   Order written = order_in(folder);
   for (int i = 0; i < 3; ++i) written.keys.push_back(random_key());
+  written.traffic.joins = {0ms, 30ms};
+  written.cross = {{"bbr", {"ifx", "10.79.1.2", "10.79.0.1"}}};
+  written.cross_lead = 1s;
   const Order read = read_order(write_order(written));
   EXPECT_EQ(read.transport, written.transport);
   EXPECT_EQ(read.traffic.variant_bytes, written.traffic.variant_bytes);
@@ -45,12 +48,25 @@ TEST(Transports, OrdersAreReadAsTheyWereWritten) {
   EXPECT_EQ(read.traffic.period, 100ms);
   EXPECT_EQ(read.traffic.length, 350ms);
   EXPECT_EQ(read.traffic.first, written.traffic.first);
+  EXPECT_EQ(read.traffic.joins, written.traffic.joins);
+  ASSERT_EQ(read.cross.size(), 1U);
+  EXPECT_EQ(read.cross[0].control, "bbr");
+  EXPECT_EQ(read.cross[0].modem.road_address, "10.79.0.1");
+  EXPECT_EQ(read.cross_lead, 1s);
   EXPECT_EQ(read.folder, folder);
   EXPECT_EQ(read.way, 15ms);
   EXPECT_EQ(read.keys, written.keys);
   ASSERT_EQ(read.modems.size(), 2U);
   EXPECT_EQ(read.modems[1].nic, "ifb");
   EXPECT_EQ(read.modems[1].vehicle_address, "10.78.1.2");
+}
+
+TEST(Transports, CrossTrafficIsCountedBetweenTwoInstants) {
+  const CrossRecord record{
+      {{TimePoint{10ms}, 100}, {TimePoint{20ms}, 300}, {TimePoint{30ms}, 600}}};
+  EXPECT_EQ(record.bytes_between(TimePoint{0ms}, TimePoint{40ms}), 600U);
+  EXPECT_EQ(record.bytes_between(TimePoint{10ms}, TimePoint{29ms}), 200U);
+  EXPECT_EQ(CrossRecord{}.bytes_between(TimePoint{0ms}, TimePoint{40ms}), 0U);
 }
 
 TEST(Transports, AnOrderThatMakesNoSenseIsRefused) {
