@@ -100,6 +100,7 @@ field("plain.channel", ProtoField.uint16, "Channel", base.DEC)
 field("plain.importance", ProtoField.uint8, "Importance", base.DEC)
 field("plain.variant", ProtoField.uint8, "Variant", base.DEC, nil, 0x07)
 field("plain.newest_only", ProtoField.bool, "Newest only", 8, nil, 0x08)
+field("plain.awaits_better", ProtoField.bool, "Awaits a better variant", 8, nil, 0x10)
 
 field("round.version", ProtoField.uint8, "Version", base.DEC)
 field("round.degraded", ProtoField.bool, "Degraded", 8, nil, 0x01)
@@ -139,8 +140,9 @@ field("reports", ProtoField.uint8, "Reports", base.DEC)
 field("completes", ProtoField.uint8, "Complete messages", base.DEC)
 field("refuseds", ProtoField.uint8, "Refused messages", base.DEC)
 field("complete.message", ProtoField.uint32, "Complete message", base.DEC)
-field("complete.ago_us", ProtoField.uint32, "Complete for (us)", base.DEC, nil, 0x7fffffff)
+field("complete.ago_us", ProtoField.uint32, "Complete for (us)", base.DEC, nil, 0x3fffffff)
 field("complete.dropped", ProtoField.bool, "Dropped there", 32, nil, 0x80000000)
+field("complete.kept", ProtoField.bool, "Kept there", 32, nil, 0x40000000)
 field("refused.message", ProtoField.uint32, "Refused message", base.DEC)
 field("report.link", ProtoField.uint16, "Link", base.DEC)
 field("report.has_exchange", ProtoField.bool, "s and h are there", 8, nil, 0x01)
@@ -270,8 +272,10 @@ local function add_plain_header(tree, buffer)
     { "plain.importance", 1 } })
   plain:add(f["plain.variant"], buffer(19, 1))
   plain:add(f["plain.newest_only"], buffer(19, 1))
+  plain:add(f["plain.awaits_better"], buffer(19, 1))
   plain:append_text(string.format(": message %d on channel %d", buffer(0, 4):uint(), buffer(16, 2):uint()))
-  if buffer(19, 1):uint() >= 16 or buffer(4, 4):uint() == 0 then plain:add_proto_expert_info(malformed) end
+  local flags = buffer(19, 1):uint()
+  if flags >= 32 or (flags >= 16 and flags % 8 == 0) or buffer(4, 4):uint() == 0 then plain:add_proto_expert_info(malformed) end
 end
 
 local function add_data(tree, buffer)
@@ -345,6 +349,7 @@ local function add_feedback(tree, buffer)
   for _ = 1, complete do
     at = add_all(tree, buffer, at, { { "complete.message", 4 }, { "complete.ago_us", 4 } })
     tree:add(f["complete.dropped"], buffer(at - 4, 4))
+    tree:add(f["complete.kept"], buffer(at - 4, 4))
   end
   for _ = 1, refused do at = add_all(tree, buffer, at, { { "refused.message", 4 } }) end
   return string.format("%d reports, %d complete, %d refused", reports, complete, refused)

@@ -77,8 +77,9 @@ struct SendResult {
   bool accepted() const { return status == SendStatus::kAccepted; }
 };
 
-// A message of a peer is there. Each is told once, in the first of its variants that came in time;
-// in the order of arrival, which need not be that of sending.
+// A message of a peer is there. Each is told once, in the best of its variants that came in time
+// (Policy::merge() of the sender's policy may say otherwise); in the order of arrival, which need
+// not be that of sending.
 struct Message {
   PeerId peer{};
   std::uint16_t channel = 0;
@@ -131,8 +132,9 @@ struct MessageFate {
   std::uint16_t channel = 0;
   Fate fate{};
   FateReason reason = FateReason::kNone;
-  // Where the fate is kDelivered or kLate: the variant that was there first; how long that took
-  // from send() on, by the own clock, and how wrong that may be.
+  // Where the fate is kDelivered or kLate: the variant that was delivered, or the first that was
+  // late; how long it took from send() on until it was there, by the own clock, and how wrong that
+  // may be. Where it waited there for a better one it was handed over later.
   std::uint8_t variant = 0;
   Duration age{};
   Duration age_error{};

@@ -11,6 +11,7 @@ namespace {
 wire::MessageBytes with(wire::PlainHeader header, const Carriers& c, Bytes payload) {
   std::array<std::byte, wire::kPlainHeaderBytes> bytes;
   header.variant = c.variant;
+  header.awaits_better = c.awaits_better;
   wire::write_plain_header(bytes, header);
   return {bytes, std::move(payload)};
 }
@@ -51,6 +52,15 @@ Itinerary::Itinerary(const Plan& plan) {
       }
     }
     if (c.sets_out() || (!empty() && !c.protection.rescue.empty())) push_back(c);
+  }
+}
+
+void Itinerary::settle_merge(const Policy& policy) {
+  const std::uint8_t best = front().variant;
+  for (std::size_t i = 1; i < size_; ++i) {
+    Carriers& c = variants_[i];
+    const bool better_may_come = c.sets_out() || !c.protection.rescue.empty();
+    c.awaits_better = better_may_come && policy.merge({c.variant, best, false}) == Merge::kHold;
   }
 }
 
@@ -98,9 +108,9 @@ AllDispatched dispatch(TimePoint now, peers::Peer& peer, Header header, const It
     const MessageId id =
         peer.send(now, times, std::move(message), c.links, repairs, kKind, c.protection);
     out.push_back({c.variant, id});
-    // Once one variant of a plain message is there, Messages cancels the others. Nobody does that
-    // for a round, where the repairs of a small image that is not wanted any more delay the next
-    // frame.
+    // Once a variant of a plain message is there, Messages cancels what is not better. Nobody does
+    // that for a round, where the repairs of a small image that is not wanted any more delay the
+    // next frame.
     if (kKind == wire::MessageKind::kRound && better) peer.sender().supersede(*better, id);
     better = id;
   }

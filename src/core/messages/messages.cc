@@ -75,9 +75,9 @@ Duration round_trip(const dispatch::Itinerary& itinerary, std::span<const LinkSt
 
 }  // namespace
 
-Messages::Messages(const plan::PolicyRegistry& policies, peers::Peers& peers,
-                   std::deque<Event>& events)
-    : policies_(policies), peers_(peers), events_(events) {}
+Messages::Messages(const plan::PolicyRegistry& policies, peers::Peers& peers, HeldMemory& held,
+                   const PeerLimits& limits, std::deque<Event>& events)
+    : policies_(policies), peers_(peers), events_(events), inbox_(peers, events, held, limits) {}
 
 // --- sending
 
@@ -110,6 +110,7 @@ SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const Sen
   if (!result.accepted()) return result;
 
   if (options.newest_only) supersede(now, to, options.channel);
+  routes.itinerary.settle_merge(*policy);
   const Duration deadline = options.deadline;
   wire::PlainHeader header;
   header.id = next_id(now, *peer);
@@ -224,43 +225,6 @@ bool Messages::would_accept(TimePoint now, const Waiting& waiting) {
       .accepted();
 }
 
-// --- receiving
-
-void Messages::complete(TimePoint now, peers::Peer& peer, MessageId message,
-                        wire::MessageBytes bytes) {
-  const auto header = wire::parse_plain_header(bytes.header_view());
-  if (!header || bytes.payload.empty()) {
-    ++counters_.bad_messages;
-    return;
-  }
-  ++counters_.messages_completed;
-  const PeerId from = peer.identity().id;
-  std::optional<Duration> age;
-  Duration error{};
-  if (const auto clock = peer.clock(now)) {
-    const Duration theta = elapsed_across(header->t0, now);
-    age = Duration{wrapping_sub(theta.count(), clock->alpha)};
-    error = clock->rtt_min / 2;
-  }
-  switch (received_.judge(from, *header, age)) {
-    case ReceivedMessages::Verdict::kLate:
-      ++counters_.messages_late;
-      peer.mark_dropped(message);
-      return;
-    case ReceivedMessages::Verdict::kSuperseded:
-    case ReceivedMessages::Verdict::kTooOld:
-      ++counters_.messages_superseded;
-      peer.mark_dropped(message);
-      return;
-    case ReceivedMessages::Verdict::kRepeated:
-      ++counters_.messages_superseded;
-      return;
-    case ReceivedMessages::Verdict::kDeliver:
-      events_.emplace_back(Message{from, header->channel, header->importance, header->variant, age,
-                                   error, std::move(bytes.payload)});
-  }
-}
-
 // --- fates
 
 void Messages::collect(TimePoint now, peers::Peer& peer) {
@@ -288,6 +252,8 @@ void Messages::settle(TimePoint now, peers::Peer& peer, const peers::Settled& se
       // The other variants would only take room from messages that still count.
       stop(peer, *entry);
       return report(sent_.delivered(id, settled.message, when));
+    case Kind::kKept:
+      return note_kept(peer, *entry, settled.message, when);
     case Kind::kGivenUp:
       peer.want(now, entry->wanted);
       return report(sent_.dropped(id, settled.message, FateReason::kCannotArrive));
@@ -309,6 +275,18 @@ void Messages::settle(TimePoint now, peers::Peer& peer, const peers::Settled& se
   }
 }
 
+// The peer has a variant in time and waits for a better one: that it will be delivered is known,
+// and only in which variant is not. Those that are no better would only take room.
+void Messages::note_kept(peers::Peer& peer, const SentMessages::Entry& entry, MessageId message,
+                         const SentMessages::When& when) {
+  const auto kept = std::ranges::find(entry.variants, message, &SentMessages::Variant::message);
+  for (const SentMessages::Variant& v : entry.variants) {
+    if (v.variant > kept->variant) peer.sender().cancel(v.message);
+  }
+  forecasts_.settled(
+      {.id = *sent_.id_of(entry.peer, message), .fate = Fate::kDelivered, .age = when.age});
+}
+
 void Messages::report(std::optional<MessageFate> fate) {
   if (!fate) return;
   forecasts_.settled(*fate);
@@ -316,6 +294,7 @@ void Messages::report(std::optional<MessageFate> fate) {
 }
 
 void Messages::expire(TimePoint now) {
+  inbox_.expire(now);
   if (collect_at_ && *collect_at_ <= now) {
     sent_.peers(asked_);
     for (const PeerId id : asked_) {
@@ -338,12 +317,12 @@ void Messages::expire(TimePoint now) {
 }
 
 std::optional<TimePoint> Messages::next_timeout() const {
-  return earliest(sent_.first_end(), recheck_at_, collect_at_);
+  return earliest(inbox_.next_timeout(), sent_.first_end(), recheck_at_, collect_at_);
 }
 
 void Messages::forget(PeerId peer) {
   next_ids_.erase(peer);
-  received_.forget(peer);
+  inbox_.forget(peer);
   for (const SendId id : sent_.to(peer)) {
     report(sent_.end(id, Fate::kUnknown, FateReason::kPeerGone));
   }

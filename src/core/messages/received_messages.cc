@@ -28,23 +28,29 @@ void ReceivedMessages::Seen::deliver(const wire::PlainHeader& header) {
   channels[header.channel] = {header.id, deliveries};
 }
 
-ReceivedMessages::Verdict ReceivedMessages::judge(PeerId peer, const wire::PlainHeader& header,
-                                                  std::optional<Duration> age) {
+ReceivedMessages::Verdict ReceivedMessages::look(PeerId peer, const wire::PlainHeader& header,
+                                                 std::optional<Duration> age) const {
   if (age && *age > header.deadline()) return Verdict::kLate;
-  Seen& seen = peers_[peer];
+  const auto known = peers_.find(peer);
+  if (known == peers_.end()) return Verdict::kDeliver;
+  const Seen& seen = known->second;
   const std::uint32_t back = seen.back(header.id);
   if (back >= kWindow) return Verdict::kTooOld;
   if (seen.largest && ahead(header.id, *seen.largest) <= 0 && seen.delivered.test(back)) {
     return Verdict::kRepeated;
   }
-  if (header.newest_only) {
-    const auto channel = seen.channels.find(header.channel);
-    if (channel != seen.channels.end() && ahead(channel->second.newest, header.id) > 0) {
-      return Verdict::kSuperseded;
-    }
-  }
-  seen.deliver(header);
-  return Verdict::kDeliver;
+  if (!header.newest_only) return Verdict::kDeliver;
+  const auto channel = seen.channels.find(header.channel);
+  const bool is_older =
+      channel != seen.channels.end() && ahead(channel->second.newest, header.id) > 0;
+  return is_older ? Verdict::kSuperseded : Verdict::kDeliver;
+}
+
+ReceivedMessages::Verdict ReceivedMessages::judge(PeerId peer, const wire::PlainHeader& header,
+                                                  std::optional<Duration> age) {
+  const Verdict verdict = look(peer, header, age);
+  if (verdict == Verdict::kDeliver) peers_[peer].deliver(header);
+  return verdict;
 }
 
 }  // namespace interneuron::messages

@@ -8,9 +8,11 @@
 namespace interneuron::wire {
 namespace {
 
-// The last byte: which variant it is, and a flag.
+// The last byte: which variant it is, and flags.
 constexpr std::uint8_t kVariantMask = 0x07;
 constexpr std::uint8_t kNewestOnly = 0x08;
+constexpr std::uint8_t kAwaitsBetter = 0x10;
+constexpr std::uint8_t kAllFlags = kVariantMask | kNewestOnly | kAwaitsBetter;
 static_assert(kMaxVariants == kVariantMask + 1);
 
 }  // namespace
@@ -27,21 +29,23 @@ std::optional<PlainHeader> parse_plain_header(ByteView message) {
   const auto flags = r.get<std::uint8_t>();
   h.variant = flags & kVariantMask;
   h.newest_only = (flags & kNewestOnly) != 0;
-  if (!r.ok() || h.deadline_us == 0 || (flags & ~(kVariantMask | kNewestOnly)) != 0) {
-    return std::nullopt;
-  }
+  h.awaits_better = (flags & kAwaitsBetter) != 0;
+  if (!r.ok() || h.deadline_us == 0 || (flags & ~kAllFlags) != 0) return std::nullopt;
+  // Nothing is better than the best.
+  if (h.awaits_better && h.variant == 0) return std::nullopt;
   return h;
 }
 
 void write_plain_header(std::span<std::byte, kPlainHeaderBytes> out, const PlainHeader& h) {
-  assert(h.deadline_us > 0 && h.variant < kMaxVariants);
+  assert(h.deadline_us > 0 && h.variant < kMaxVariants && !(h.awaits_better && h.variant == 0));
   Writer w(out);
   w.put(h.id);
   w.put(h.deadline_us);
   w.put(h.t0.time_since_epoch().count());
   w.put(h.channel);
   w.put(h.importance);
-  w.put(static_cast<std::uint8_t>(h.variant | (h.newest_only ? kNewestOnly : 0)));
+  w.put(static_cast<std::uint8_t>(h.variant | (h.newest_only ? kNewestOnly : 0) |
+                                  (h.awaits_better ? kAwaitsBetter : 0)));
   assert(w.ok() && w.size() == kPlainHeaderBytes);
 }
 

@@ -30,6 +30,9 @@ struct PlainHeader {
   // A message of the channel that was handed over before another one that was delivered is not
   // wanted any more.
   bool newest_only = false;
+  // A better variant is on its way, and the sender's policy would have this one kept for it as long
+  // as the deadline allows.
+  bool awaits_better = false;
   friend bool operator==(const PlainHeader&, const PlainHeader&) = default;
 
   Duration deadline() const { return std::chrono::microseconds(deadline_us); }

@@ -5,8 +5,8 @@
 
 #include <set>
 
+#include "core/base/held_memory.h"
 #include "core/messages/books.h"
-#include "core/rounds/kept_rounds.h"
 #include "interneuron/endpoint_options.h"
 #include "interneuron/ledger.h"
 
@@ -14,7 +14,6 @@ namespace interneuron::limits_page_test {
 namespace {
 
 using messages::SentMessages;
-using rounds::HeldVariants;
 
 using namespace limits_page;
 
@@ -33,7 +32,7 @@ TEST(LimitsPage, HasTheDefaultsOfTheCode) {
       {"packets_per_second", grouped(own.packets_per_second)},
       {"messages_per_second", grouped(own.messages_per_second)},
       {"reassembly_budget_bytes", mebibytes(EndpointOptions{}.reassembly_budget_bytes)},
-      {"HeldVariants::kBudgetBytes", mebibytes(HeldVariants::kBudgetBytes)},
+      {"HeldMemory::kBudgetBytes", mebibytes(HeldMemory::kBudgetBytes)},
       {"SentMessages::kMaxMessages", grouped(SentMessages::kMaxMessages)}};
   EXPECT_EQ(figures_of("/docs/limits.md", 0), expected);
 }

@@ -90,7 +90,7 @@ class Dissector(unittest.TestCase):
         self.expect(examples()[1], {
             "type": "1", "message": "10", "size": "25", "kind": "1", "plain.id": "5", "plain.deadline_us": "100000",
             "plain.t0": "1234567890123", "plain.channel": "7", "plain.importance": "200", "plain.variant": "1",
-            "plain.newest_only": "1", "payload": "68656c6c6f", "round.version": "", "malformed": ""})
+            "plain.newest_only": "1", "plain.awaits_better": "0", "payload": "68656c6c6f", "round.version": "", "malformed": ""})
 
     def test_repair_symbol(self):
         self.expect(examples()[2], {

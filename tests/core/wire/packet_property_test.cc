@@ -82,8 +82,9 @@ Feedback any_feedback() {
   }
   f.features = any<std::uint16_t>();
   for (auto n = *rc::gen::inRange<std::size_t>(0, kMaxComplete + 1); n > 0; --n) {
-    f.complete.push_back(
-        {MessageId{any<std::uint32_t>()}, any<std::uint32_t>() & kLongestAgo, any<bool>()});
+    const bool dropped = any<bool>();
+    f.complete.push_back({MessageId{any<std::uint32_t>()}, any<std::uint32_t>() & kLongestAgo,
+                          dropped, !dropped && any<bool>()});
   }
   for (auto n = *rc::gen::inRange<std::size_t>(0, kMaxRefused + 1); n > 0; --n) {
     f.refused.push_back({any<std::uint32_t>()});
@@ -277,13 +278,15 @@ RC_GTEST_PROP(PacketProperty, ARoundHeaderComesBack, ()) {
 }
 
 PlainHeader any_plain_header() {
-  return PlainHeader{.id = any<std::uint32_t>(),
+  PlainHeader header{.id = any<std::uint32_t>(),
                      .deadline_us = any_but_zero<std::uint32_t>(),
                      .t0 = PeerTime{Duration{any<std::int64_t>()}},
                      .channel = any<std::uint16_t>(),
                      .importance = any<std::uint8_t>(),
                      .variant = *rc::gen::inRange<std::uint8_t>(0, kMaxVariants),
                      .newest_only = any<bool>()};
+  header.awaits_better = header.variant > 0 && any<bool>();
+  return header;
 }
 
 RC_GTEST_PROP(PacketProperty, APlainHeaderComesBack, ()) {
