@@ -119,6 +119,11 @@ class Endpoint {
   // answer. Every accepted message has one MessageFate, at the latest one round trip and 50 ms
   // after its deadline.
   SendResult send(TimePoint now, PeerId peer, Variants variants, const SendOptions& options = {});
+  // Many messages at once, each in one variant and with the same options, in their order. What is
+  // answered is of each message; takes their bytes. A vector of Bytes alone are variants of one
+  // message: say std::span(messages).
+  std::vector<SendResult> send(TimePoint now, PeerId peer, std::span<Bytes> messages,
+                               const SendOptions& options = {});
   // Gives up a message whose fate is not known yet: nothing more of it is sent, and its fate is
   // kDropped at once. False where its fate was told already.
   bool cancel(TimePoint now, SendId message);

@@ -34,6 +34,16 @@ struct SendOptions {
   // Only the newest message of this channel counts: one that was sent before another one that has
   // been delivered is not delivered any more, and what has not left of it is dropped.
   bool newest_only = false;
+  // > 0: the messages of this channel are handed over in their order. One that is there before
+  // those sent before it waits for them for so long at most, and not beyond its deadline; one that
+  // is still missing then is dropped when it comes. Nothing: each is handed over when it is there.
+  Duration in_order_within{};
+  // It has no deadline but kLongestDeadline, and takes what all others leave: it leaves after them
+  // whatever they are, and only while it fills no queue that they would wait in. Importance and
+  // deadline above count for nothing then.
+  bool bulk = false;
+  // Which links are wanted.
+  Needs needs{};
 };
 
 enum class SendStatus : std::uint8_t {
@@ -91,6 +101,8 @@ struct Message {
   // first heard.
   std::optional<Duration> age{};
   Duration age_error{};
+  // As the other end has stated them.
+  Needs needs{};
   Bytes bytes;
 };
 

@@ -9,11 +9,11 @@ namespace interneuron::dispatch {
 namespace {
 
 wire::MessageBytes with(wire::PlainHeader header, const Carriers& c, Bytes payload) {
-  std::array<std::byte, wire::kPlainHeaderBytes> bytes;
+  std::array<std::byte, wire::kMostPlainHeaderBytes> bytes;
   header.variant = c.variant;
   header.awaits_better = c.awaits_better;
   wire::write_plain_header(bytes, header);
-  return {bytes, std::move(payload)};
+  return {std::span(bytes).first(header.bytes()), std::move(payload)};
 }
 
 wire::MessageBytes with(wire::RoundHeader header, const Carriers& c, Bytes payload) {
@@ -30,6 +30,20 @@ constexpr wire::MessageKind kind_of(const wire::PlainHeader&) { return wire::Mes
 constexpr wire::MessageKind kind_of(const wire::RoundHeader&) { return wire::MessageKind::kRound; }
 
 }  // namespace
+
+wire::PlainHeader::Needs on_wire(const Needs& needs) {
+  const Nature& w = needs.weights;
+  return {{wire::share_of_255(w.delay), wire::share_of_255(w.bandwidth),
+           wire::share_of_255(w.reliability), wire::share_of_255(w.security)},
+          wire::share_of_255(needs.min_security)};
+}
+
+Needs needs_of(const wire::PlainHeader& header) {
+  if (!header.needs) return {};
+  const auto share = [](std::uint8_t of_255) { return of_255 / 255.0; };
+  const auto& w = header.needs->weights;
+  return {{share(w[0]), share(w[1]), share(w[2]), share(w[3])}, share(header.needs->min_security)};
+}
 
 Itinerary::Itinerary(const Plan& plan) {
   for (std::uint8_t v = 0; v < kMaxVariants; ++v) {

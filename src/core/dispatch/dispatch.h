@@ -16,6 +16,7 @@
 #include "interneuron/few.h"
 #include "interneuron/message.h"
 #include "interneuron/policy.h"
+#include "interneuron/send.h"
 
 namespace interneuron::dispatch {
 
@@ -66,6 +67,15 @@ class Itinerary {
 // The sizes of a message's variants in bytes.
 using Sizes = Few<std::size_t, kMaxVariants>;
 Sizes sizes_of(const Variants& variants);
+
+// How a plain message ranks among others at the sender.
+inline std::int16_t importance_of(const SendOptions& options) {
+  return options.bulk ? flow::kBulkImportance : std::int16_t{options.importance};
+}
+
+// Needs as a header tells them, and back.
+wire::PlainHeader::Needs on_wire(const Needs& needs);
+Needs needs_of(const wire::PlainHeader& header);
 
 // The links that the policy allows: lost pieces go over no other.
 flow::PathSet allowed_of(const Policy& policy, std::span<const LinkState> links);

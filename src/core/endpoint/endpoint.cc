@@ -255,6 +255,18 @@ SendResult Endpoint::send(TimePoint now, PeerId peer, Variants variants,
                           const SendOptions& options) {
   return impl_->messages().send(impl_->advance(now), peer, std::move(variants), options);
 }
+std::vector<SendResult> Endpoint::send(TimePoint now, PeerId peer, std::span<Bytes> messages,
+                                       const SendOptions& options) {
+  const TimePoint own = impl_->advance(now);
+  std::vector<SendResult> out;
+  out.reserve(messages.size());
+  for (Bytes& message : messages) {
+    Variants variants;
+    variants.push_back(std::move(message));
+    out.push_back(impl_->messages().send(own, peer, std::move(variants), options));
+  }
+  return out;
+}
 bool Endpoint::cancel(TimePoint now, SendId message) {
   return impl_->messages().cancel(impl_->advance(now), message);
 }

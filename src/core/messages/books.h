@@ -45,6 +45,7 @@ class SentMessages {
     PeerId peer{};
     std::uint16_t channel = 0;
     bool newest_only = false;
+    bool in_order = false;
     TimePoint t0{};
     TimePoint deadline{};
     // When a message of which nothing was heard is given up.
@@ -127,8 +128,9 @@ class SentMessages {
 //
 // A message is delivered once, in whichever variant: the identifiers of each peer are remembered in
 // a window of kWindow, and one that is older than that is not delivered. Of a channel where only
-// the newest counts, a message that is older than one delivered is superseded; kMaxChannels
-// channels of a peer are remembered, and the one that was delivered on longest ago makes room.
+// the newest counts, or order, a message that is older than one delivered is superseded;
+// kMaxChannels channels of a peer are remembered, and the one that was delivered on longest ago
+// makes room.
 //
 // Headers are a peer's bytes. One that jumps ahead in its identifiers loses messages of its own
 // only. Memory: about 4 KB for each peer that sends plain messages, until forget(). Pure;
@@ -158,6 +160,16 @@ class ReceivedMessages {
   // The same; what is to be delivered counts as delivered from then on.
   Verdict judge(PeerId peer, const wire::PlainHeader& header, std::optional<Duration> age);
 
+  // What was delivered last of a channel, or was to be and is late; nothing where that is not
+  // known.
+  std::optional<std::uint32_t> newest(PeerId peer, std::uint16_t channel) const;
+  // A message of an ordered channel will not be delivered: those after it need not wait for it.
+  void pass(PeerId peer, const wire::PlainHeader& header);
+  // How far the identifier `a` is ahead of `b`, negative if behind: they wrap.
+  static std::int32_t ahead(std::uint32_t a, std::uint32_t b) {
+    return static_cast<std::int32_t>(a - b);
+  }
+
   // The peer has begun a new life or is gone.
   void forget(PeerId peer) { peers_.erase(peer); }
 
@@ -178,6 +190,7 @@ class ReceivedMessages {
     // How far behind the largest identifier this one is.
     std::uint32_t back(std::uint32_t id) const;
     void deliver(const wire::PlainHeader& header);
+    void pass(const wire::PlainHeader& header);
   };
   std::map<PeerId, Seen> peers_;
 };

@@ -6,7 +6,9 @@
 // the sender's clock, and handed over at once while that is not known. A peer that promises better
 // variants and never sends them delays its own messages alone: they are held in memory that is
 // bounded for each peer (HeldMemory, PeerLimits::held_messages), and what finds no room is handed
-// over at once. Pure; thread-compatible.
+// over at once. Messages of an ordered channel wait for those before them as long as their sender
+// says, and where they find no room, those that are missing are passed over. Pure;
+// thread-compatible.
 #pragma once
 
 #include <deque>
@@ -73,8 +75,18 @@ class Inbox {
   static std::optional<Age> age_of(TimePoint now, peers::Peer& peer,
                                    const wire::PlainHeader& header);
   bool keep(TimePoint now, peers::Peer& peer, const std::optional<Age>& age, Arrived& arrived);
+  void settle(TimePoint now, peers::Peer& peer, Arrived arrived);
   void hand_over(TimePoint now, peers::Peer& peer, Arrived arrived);
   Arrived take(Kept::iterator it);
+
+  // What waits in an ordered channel of a peer, in the order of sending.
+  using Channel = std::pair<PeerId, std::uint16_t>;
+  using Queue = std::deque<Arrived>;
+  bool must_wait(const Arrived& arrived) const;
+  bool queue(TimePoint now, peers::Peer& peer, const std::optional<Age>& age, Arrived& arrived);
+  Arrived take_first(const Channel& channel, Queue& queue);
+  void release(TimePoint now, peers::Peer& peer, const Channel& channel,
+               std::optional<std::uint32_t> up_to);
 
   peers::Peers& peers_;
   std::deque<Event>& events_;
@@ -84,6 +96,14 @@ class Inbox {
   Kept kept_;
   // By when they are handed over.
   std::set<std::pair<TimePoint, Key>> due_;
+  std::map<Channel, Queue> queues_;
+  struct QueueDue {
+    TimePoint until{};
+    Channel channel{};
+    std::uint32_t id = 0;
+    friend auto operator<=>(const QueueDue&, const QueueDue&) = default;
+  };
+  std::set<QueueDue> queues_due_;
   EndpointCounters counters_;
 };
 

@@ -38,9 +38,37 @@ std::optional<SendStatus> fault(const Variants& variants, const SendOptions& opt
   return std::nullopt;
 }
 
+// A policy over those links alone that are as secure as the message asks.
+class Floored final : public Policy {
+ public:
+  Floored(const Policy& inner, double floor) : inner_(inner), floor_(floor) {}
+  std::string_view name() const override { return inner_.name(); }
+  Plan plan(const Offer& offer, std::span<const LinkState> links,
+            const Guidance& guidance) const override {
+    Links allowed;
+    for (const LinkState& link : links) {
+      if (allows(link)) allowed.push_back(link);
+    }
+    if (std::ranges::any_of(allowed, &LinkState::up)) {
+      return inner_.plan(offer, allowed, guidance);
+    }
+    Plan refusal;
+    refusal.refused = kInsecure;
+    return refusal;
+  }
+  Merge merge(const Arrival& arrival) const override { return inner_.merge(arrival); }
+  bool allows(const LinkState& link) const override {
+    return link.nature.security >= floor_ && inner_.allows(link);
+  }
+
+ private:
+  const Policy& inner_;
+  double floor_;
+};
+
 QoS qos_of(const SendOptions& options) {
   QoS qos{.deadline = options.deadline};
-  qos.needs.delay = 1.0;
+  qos.needs = options.needs.weights;
   return qos;
 }
 
@@ -83,18 +111,22 @@ Messages::Messages(const plan::PolicyRegistry& policies, peers::Peers& peers, He
 
 SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const SendOptions& asked) {
   SendOptions options = asked;
-  options.deadline = std::min(options.deadline, kLongestDeadline);
-  const Policy* policy = policies_.find(options.policy);
-  if (policy == nullptr) {
+  options.deadline = options.bulk ? kLongestDeadline : std::min(options.deadline, kLongestDeadline);
+  const Policy* inner = policies_.find(options.policy);
+  if (inner == nullptr) {
     throw std::invalid_argument("send: policy '" + options.policy + "' is not registered");
   }
+  if (!(options.needs.min_security >= 0 && options.needs.min_security <= 1)) {
+    throw std::invalid_argument("send: min_security must be from 0 to 1");
+  }
+  const Floored policy(*inner, options.needs.min_security);
   if (const auto wrong = fault(variants, options)) return {*wrong};
   peers::Peer* peer = peers_.access(now, to);
   if (peer == nullptr) return {SendStatus::kNoPeer};
   const dispatch::Sizes sizes = dispatch::sizes_of(variants);
   const Links links = peer->links(now);
   dispatch::Routes routes;
-  SendResult result = plan(now, *peer, *policy, links, sizes, options, routes);
+  SendResult result = plan(now, *peer, policy, links, sizes, options, routes);
   const auto may_change = {SendStatus::kNoLink, SendStatus::kCannotArrive, SendStatus::kOverBudget};
   if (std::ranges::find(may_change, result.status) != may_change.end()) {
     wait({to, sizes, options, now});
@@ -110,27 +142,34 @@ SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const Sen
   if (!result.accepted()) return result;
 
   if (options.newest_only) supersede(now, to, options.channel);
-  routes.itinerary.settle_merge(*policy);
+  routes.itinerary.settle_merge(policy);
   const Duration deadline = options.deadline;
   wire::PlainHeader header;
   header.id = next_id(now, *peer);
   header.deadline_us = wire::to_us(deadline);
   header.t0 = as_wire(now);
   header.channel = options.channel;
-  header.importance = options.importance;
+  header.importance = options.bulk ? 0 : options.importance;
   header.newest_only = options.newest_only;
+  if (options.in_order_within > Duration::zero()) {
+    header.order = {back_to_last(to, options.channel, header.id),
+                    wire::to_us(options.in_order_within)};
+  }
+  if (options.needs != Needs{}) header.needs = dispatch::on_wire(options.needs);
   SentMessages::Entry entry{.peer = to,
                             .channel = options.channel,
                             .newest_only = options.newest_only,
+                            .in_order = options.in_order_within > Duration::zero(),
                             .t0 = now,
                             .deadline = now + deadline,
                             .ends = now + deadline + kGrace + round_trip(routes.itinerary, links),
                             .wanted = plan::rate_wanted(qos_of(options), sizes.front())};
-  const flow::Sender::Times times{
-      .deadline = entry.deadline, .lifetime = deadline, .importance = options.importance};
+  const flow::Sender::Times times{.deadline = entry.deadline,
+                                  .lifetime = deadline,
+                                  .importance = dispatch::importance_of(options)};
   for (const dispatch::Dispatched& d :
        dispatch::dispatch(now, *peer, header, routes.itinerary, times,
-                          dispatch::allowed_of(*policy, links), variants)) {
+                          dispatch::allowed_of(policy, links), variants)) {
     entry.variants.push_back({d.message, d.variant});
   }
   result.id = sent_.add(entry);
@@ -147,6 +186,20 @@ std::uint32_t Messages::next_id(TimePoint now, const peers::Peer& peer) {
   const auto begin = std::chrono::floor<std::chrono::milliseconds>(life).count();
   return next_ids_.try_emplace(peer.identity().id, static_cast<std::uint32_t>(begin))
       .first->second++;
+}
+
+// How far back the last message of this ordered channel lies; 0 where there is none that anybody
+// remembers.
+std::uint16_t Messages::back_to_last(PeerId peer, std::uint16_t channel, std::uint32_t id) {
+  auto& channels = last_ordered_[peer];
+  const auto known = channels.find(channel);
+  const std::uint32_t back = known == channels.end() ? 0 : id - known->second;
+  if (known == channels.end() && channels.size() >= ReceivedMessages::kMaxChannels) {
+    channels.erase(
+        std::ranges::max_element(channels, {}, [id](const auto& of) { return id - of.second; }));
+  }
+  channels[channel] = id;
+  return back > UINT16_MAX ? std::uint16_t{0} : static_cast<std::uint16_t>(back);
 }
 
 // Whether the message may be sent, and by which routes.
@@ -220,7 +273,7 @@ bool Messages::would_accept(TimePoint now, const Waiting& waiting) {
   peers::Peer* peer = peers_.access(now, waiting.peer);
   if (peer == nullptr) return false;
   dispatch::Routes routes;
-  const Policy& policy = *policies_.find(waiting.options.policy);
+  const Floored policy(*policies_.find(waiting.options.policy), waiting.options.needs.min_security);
   return plan(now, *peer, policy, peer->links(now), waiting.sizes, waiting.options, routes)
       .accepted();
 }
@@ -260,8 +313,9 @@ void Messages::settle(TimePoint now, peers::Peer& peer, const peers::Settled& se
     case Kind::kIncomplete:
       return report(sent_.dropped(id, settled.message, FateReason::kExpired));
     case Kind::kDroppedThere:
-      // Only one of a channel of which the newest counts is dropped while it is in time.
-      if (entry->newest_only && when.age + when.error <= entry->deadline - entry->t0) {
+      // Only one of a channel of which the newest counts, or order, is dropped while it is in time.
+      if ((entry->newest_only || entry->in_order) &&
+          when.age + when.error <= entry->deadline - entry->t0) {
         return report(sent_.dropped(id, settled.message, FateReason::kSuperseded));
       }
       return report(sent_.late(id, settled.message, when));
@@ -322,6 +376,7 @@ std::optional<TimePoint> Messages::next_timeout() const {
 
 void Messages::forget(PeerId peer) {
   next_ids_.erase(peer);
+  last_ordered_.erase(peer);
   inbox_.forget(peer);
   for (const SendId id : sent_.to(peer)) {
     report(sent_.end(id, Fate::kUnknown, FateReason::kPeerGone));

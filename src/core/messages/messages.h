@@ -62,6 +62,7 @@ class Messages {
   static constexpr std::size_t kMaxWaiting = 64;
 
   std::uint32_t next_id(TimePoint now, const peers::Peer& peer);
+  std::uint16_t back_to_last(PeerId peer, std::uint16_t channel, std::uint32_t id);
   SendResult plan(TimePoint now, peers::Peer& peer, const Policy& policy, const Links& links,
                   std::span<const std::size_t> sizes, const SendOptions& options,
                   dispatch::Routes& routes) const;
@@ -83,6 +84,8 @@ class Messages {
   std::vector<Waiting> waiting_;
   // What the next message to each peer is called on its way.
   std::map<PeerId, std::uint32_t> next_ids_;
+  // The last message of each ordered channel to each peer, ReceivedMessages::kMaxChannels of them.
+  std::map<PeerId, std::map<std::uint16_t, std::uint32_t>> last_ordered_;
   // When it is checked again whether the channels that wait can send; nothing while none waits.
   std::optional<TimePoint> recheck_at_;
   // When the senders are asked what they have given up; nothing while no message is open.

@@ -50,7 +50,8 @@ bool Intake::is_too_large(const wire::Data& data) const {
   if (f.kind == wire::MessageKind::kRound) {
     return f.size > limits_.round_bytes + wire::kRoundHeaderBytes;
   }
-  if (f.size <= limits_.plain_bytes + wire::kPlainHeaderBytes && limits_.channel_bytes.empty()) {
+  if (f.size <= limits_.plain_bytes + wire::kMostPlainHeaderBytes &&
+      limits_.channel_bytes.empty()) {
     return false;
   }
   // Only the first piece says which channel it is.
@@ -61,7 +62,7 @@ bool Intake::is_too_large(const wire::Data& data) const {
     if (!header) most = std::max(most, bytes);
     if (header && header->channel == channel) most = bytes;
   }
-  return f.size > most + wire::kPlainHeaderBytes;
+  return f.size > most + wire::kMostPlainHeaderBytes;
 }
 
 void Intake::refuse(TimePoint now, const wire::FragmentHeader& fragment, PeerLimit why,

@@ -23,6 +23,7 @@ TEST(LimitsPage, HasTheDefaultsOfTheCode) {
       {"contexts", grouped(own.contexts)},
       {"pipelines", grouped(own.pipelines)},
       {"held_messages", grouped(own.held_messages)},
+      {"ordered_messages", grouped(own.ordered_messages)},
       {"longest_deadline", seconds(own.longest_deadline)},
       {"reassembly_messages", grouped(own.reassembly_messages)},
       {"reassembly_bytes", mebibytes(own.reassembly_bytes)},
