@@ -32,7 +32,7 @@ constexpr int kMarginDivisor = 16;
 constexpr Duration kLongestQueue = std::chrono::milliseconds(80);
 // What bulk may have in flight beyond an idle path, as time at its rate: what feedback may be late
 // by (5 ms, src/core/peers/feedback_due.h) and by as much again as packets take of which one report
-// tells (16 of them, at 20 Mbit/s 9.6 ms). With it what is urgent waits by 10 ms longer than over
+// tells (16 of them, at 20 Mbit/s 9.6 ms). With it what is urgent waits 11 ms longer than over
 // an idle path of 20 Mbit/s (tests/lab/sim/plain_messages_test.cc).
 constexpr Duration kBulkQueue = std::chrono::milliseconds(15);
 // Nothing is slower: a rate of zero would divide by it.

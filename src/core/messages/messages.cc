@@ -144,18 +144,7 @@ SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const Sen
   if (options.newest_only) supersede(now, to, options.channel);
   routes.itinerary.settle_merge(policy);
   const Duration deadline = options.deadline;
-  wire::PlainHeader header;
-  header.id = next_id(now, *peer);
-  header.deadline_us = wire::to_us(deadline);
-  header.t0 = as_wire(now);
-  header.channel = options.channel;
-  header.importance = options.bulk ? 0 : options.importance;
-  header.newest_only = options.newest_only;
-  if (options.in_order_within > Duration::zero()) {
-    header.order = {back_to_last(to, options.channel, header.id),
-                    wire::to_us(options.in_order_within)};
-  }
-  if (options.needs != Needs{}) header.needs = dispatch::on_wire(options.needs);
+  const wire::PlainHeader header = header_of(now, *peer, options);
   SentMessages::Entry entry{.peer = to,
                             .channel = options.channel,
                             .newest_only = options.newest_only,
@@ -176,6 +165,23 @@ SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const Sen
   forecasts_.sent(result.id, outlook, on_time);
   if (!collect_at_) collect_at_ = now + kRecheck;
   return result;
+}
+
+wire::PlainHeader Messages::header_of(TimePoint now, const peers::Peer& peer,
+                                      const SendOptions& options) {
+  wire::PlainHeader header;
+  header.id = next_id(now, peer);
+  header.deadline_us = wire::to_us(options.deadline);
+  header.t0 = as_wire(now);
+  header.channel = options.channel;
+  header.importance = options.bulk ? 0 : options.importance;
+  header.newest_only = options.newest_only;
+  if (options.in_order_within > Duration::zero()) {
+    header.order = {back_to_last(peer.identity().id, options.channel, header.id),
+                    wire::to_us(options.in_order_within)};
+  }
+  if (options.needs != Needs{}) header.needs = dispatch::on_wire(options.needs);
+  return header;
 }
 
 // The peer may remember identifiers of this session from before it was forgotten here, and would

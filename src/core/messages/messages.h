@@ -62,6 +62,7 @@ class Messages {
   static constexpr std::size_t kMaxWaiting = 64;
 
   std::uint32_t next_id(TimePoint now, const peers::Peer& peer);
+  wire::PlainHeader header_of(TimePoint now, const peers::Peer& peer, const SendOptions& options);
   std::uint16_t back_to_last(PeerId peer, std::uint16_t channel, std::uint32_t id);
   SendResult plan(TimePoint now, peers::Peer& peer, const Policy& policy, const Links& links,
                   std::span<const std::size_t> sizes, const SendOptions& options,
