@@ -100,6 +100,10 @@ field("plain.channel", ProtoField.uint16, "Channel", base.DEC)
 field("plain.importance", ProtoField.uint8, "Importance", base.DEC)
 field("plain.variant", ProtoField.uint8, "Variant", base.DEC, nil, 0x07)
 field("plain.newest_only", ProtoField.bool, "Newest only", 8, nil, 0x08)
+field("plain.awaits_better", ProtoField.bool, "Awaits a better variant", 8, nil, 0x10)
+field("plain.back", ProtoField.uint16, "Messages back to the one before it", base.DEC)
+field("plain.wait_us", ProtoField.uint32, "Waits for it for (us)", base.DEC)
+field("plain.needs", ProtoField.bytes, "Needs (delay, bandwidth, reliability, security, least security; 1/255)")
 
 field("round.version", ProtoField.uint8, "Version", base.DEC)
 field("round.degraded", ProtoField.bool, "Degraded", 8, nil, 0x01)
@@ -139,8 +143,9 @@ field("reports", ProtoField.uint8, "Reports", base.DEC)
 field("completes", ProtoField.uint8, "Complete messages", base.DEC)
 field("refuseds", ProtoField.uint8, "Refused messages", base.DEC)
 field("complete.message", ProtoField.uint32, "Complete message", base.DEC)
-field("complete.ago_us", ProtoField.uint32, "Complete for (us)", base.DEC, nil, 0x7fffffff)
+field("complete.ago_us", ProtoField.uint32, "Complete for (us)", base.DEC, nil, 0x3fffffff)
 field("complete.dropped", ProtoField.bool, "Dropped there", 32, nil, 0x80000000)
+field("complete.kept", ProtoField.bool, "Kept there", 32, nil, 0x40000000)
 field("refused.message", ProtoField.uint32, "Refused message", base.DEC)
 field("report.link", ProtoField.uint16, "Link", base.DEC)
 field("report.has_exchange", ProtoField.bool, "s and h are there", 8, nil, 0x01)
@@ -265,14 +270,26 @@ local function add_round_header(tree, buffer)
   if buffer(0, 1):uint() ~= 3 then round:add_proto_expert_info(malformed) end
 end
 
+-- Returns how many bytes it has; nothing where they are not there.
 local function add_plain_header(tree, buffer)
-  local plain = tree:add(interneuron, buffer(0, PLAIN_HEADER_BYTES), "Plain header")
+  local flags = buffer(19, 1):uint()
+  local has_needs = math.floor(flags / 32) % 2 == 1
+  local has_order = math.floor(flags / 64) % 2 == 1
+  local needs, order = has_needs and 5 or 0, has_order and 6 or 0
+  local size = PLAIN_HEADER_BYTES + needs + order
+  if buffer:len() < size then return nil end
+  local plain = tree:add(interneuron, buffer(0, size), "Plain header")
   add_all(plain, buffer, 0, { { "plain.id", 4 }, { "plain.deadline_us", 4 }, { "plain.t0", 8 }, { "plain.channel", 2 },
     { "plain.importance", 1 } })
   plain:add(f["plain.variant"], buffer(19, 1))
   plain:add(f["plain.newest_only"], buffer(19, 1))
+  plain:add(f["plain.awaits_better"], buffer(19, 1))
   plain:append_text(string.format(": message %d on channel %d", buffer(0, 4):uint(), buffer(16, 2):uint()))
-  if buffer(19, 1):uint() >= 16 or buffer(4, 4):uint() == 0 then plain:add_proto_expert_info(malformed) end
+  if has_needs then plain:add(f["plain.needs"], buffer(PLAIN_HEADER_BYTES, 5)) end
+  if has_order then add_all(plain, buffer, PLAIN_HEADER_BYTES + needs, { { "plain.back", 2 }, { "plain.wait_us", 4 } }) end
+  local awaits_nothing = flags % 32 >= 16 and flags % 8 == 0
+  if flags >= 128 or awaits_nothing or buffer(4, 4):uint() == 0 then plain:add_proto_expert_info(malformed) end
+  return size
 end
 
 local function add_data(tree, buffer)
@@ -300,8 +317,7 @@ local function add_data(tree, buffer)
     add_round_header(tree, buffer(at):tvb())
     at = at + ROUND_HEADER_BYTES
   elseif index == 0 and kind == 1 and size >= PLAIN_HEADER_BYTES then
-    add_plain_header(tree, buffer(at):tvb())
-    at = at + PLAIN_HEADER_BYTES
+    at = at + (add_plain_header(tree, buffer(at):tvb()) or 0)
   end
   if buffer:len() > at then tree:add(f.payload, buffer(at)) end
   return string.format("message %d, piece %d of %d", message, index + 1, count)
@@ -346,6 +362,7 @@ local function add_feedback(tree, buffer)
   for _ = 1, complete do
     at = add_all(tree, buffer, at, { { "complete.message", 4 }, { "complete.ago_us", 4 } })
     tree:add(f["complete.dropped"], buffer(at - 4, 4))
+    tree:add(f["complete.kept"], buffer(at - 4, 4))
   end
   for _ = 1, refused do at = add_all(tree, buffer, at, { { "refused.message", 4 } }) end
   return string.format("%d reports, %d complete, %d refused", reports, complete, refused)

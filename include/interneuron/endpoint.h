@@ -113,11 +113,17 @@ class Endpoint {
   // Measures the rate of a path now instead of when its evidence is old. False when there is no
   // such path.
   bool request_train(TimePoint now, PeerId peer, LinkId link);
-  // Sends a message, in one or more variants from the best to the smallest, of which the first that
-  // arrives in time is delivered. Takes the bytes. Throws std::invalid_argument when there is no
-  // such policy; everything else that may be wrong is in the answer. Every accepted message has one
-  // MessageFate, at the latest one round trip and 50 ms after its deadline.
+  // Sends a message, in one or more variants from the best to the smallest, of which the best that
+  // arrives in time is delivered (docs/messages.md, "Receiving"). Takes the bytes. Throws
+  // std::invalid_argument when there is no such policy; everything else that may be wrong is in the
+  // answer. Every accepted message has one MessageFate, at the latest one round trip and 50 ms
+  // after its deadline.
   SendResult send(TimePoint now, PeerId peer, Variants variants, const SendOptions& options = {});
+  // Many messages at once, each in one variant and with the same options, in their order. What is
+  // answered is of each message; takes their bytes. A vector of Bytes alone are variants of one
+  // message: say std::span(messages).
+  std::vector<SendResult> send(TimePoint now, PeerId peer, std::span<Bytes> messages,
+                               const SendOptions& options = {});
   // Gives up a message whose fate is not known yet: nothing more of it is sent, and its fate is
   // kDropped at once. False where its fate was told already.
   bool cancel(TimePoint now, SendId message);

@@ -33,6 +33,10 @@ struct PeerLimits {
   std::size_t pipelines = 8;
   // Messages of the peer that wait for a better variant. One more is served at once.
   std::size_t held_messages = 16;
+  // Plain messages of the peer that wait for those before them in an ordered channel: 600 packets a
+  // second and Mbit/s of a tunnel over two links that differ by 60 ms. Those that wait are then
+  // handed over without the missing ones.
+  std::size_t ordered_messages = 1024;
   // Bytes of the peer's incomplete messages that have arrived, with what is kept beside them. The
   // largest message fits once, and four raw frames (512 KB) of three pipelined rounds each fit with
   // room to spare. What the peer's other messages hold that expire sooner goes, else the new piece

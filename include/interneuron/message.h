@@ -22,7 +22,19 @@ enum class MessageClass : std::uint8_t {
 // and the first copy wins. The paper's result message has 5 KB.
 inline constexpr std::size_t kSmallResultBytes = 5 * 1024;
 
-// The needs of a message, carried in its header (requirement R1 of the paper).
+// What a plain message needs of the links that carry it, carried in its header (requirement R1 of
+// the paper). Policies that weigh links find the weights in Offer::qos.
+struct Needs {
+  // How much each property of a link matters, in steps of 1/255.
+  Nature weights{.delay = 1};
+  // Links whose security score is below carry nothing of the message (docs/paper.md, "Nature"), in
+  // [0, 1] and in steps of 1/255: 0.5 asks for encrypted packets or a network that the operator
+  // trusts.
+  double min_security = 0;
+  friend bool operator==(const Needs&, const Needs&) = default;
+};
+
+// The needs of a message of a round, carried in its header (requirement R1 of the paper).
 struct QoS {
   // End-to-end deadline of the round, counted from t0; > 0.
   Duration deadline{};

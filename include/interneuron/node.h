@@ -125,6 +125,9 @@ class Node {
   // Takes the bytes. The message leaves with the end of this turn of the loop.
   SendResult send(PeerId peer, Bytes message, const SendOptions& options = {});
   SendResult send(PeerId peer, Variants variants, const SendOptions& options = {});
+  // Many at once, in their order, each a message of its own. Takes their bytes.
+  std::vector<SendResult> send(PeerId peer, std::span<Bytes> messages,
+                               const SendOptions& options = {});
   bool cancel(SendId message);
   RoundRef begin_round(PipelineId pipeline);
   // The plan is kept and changes what submit() sends; see Endpoint::preview().

@@ -2,9 +2,10 @@
 // hands to the application when (docs/paper.md, "Communication policies"). A policy knows neither
 // devices nor applications. Write your own in one file: see policies/.
 //
-// The sender's endpoint calls plan() for every message, the receiver's merge() for every variant
-// that is complete. The message's header names the policy, so both ends need it registered under
-// the same name.
+// The sender's endpoint calls plan() for every message. In a round, the receiver's calls merge()
+// for every variant that is complete: the message's header names the policy, so both ends need it
+// registered under the same name. For a plain message the sender's calls merge() for every variant
+// that it sends, and tells the receiver what it answers.
 #pragma once
 
 #include <cstdint>
@@ -125,7 +126,7 @@ struct Arrival {
 enum class Merge : std::uint8_t {
   // Hand it to the application now; later variants of this message are dropped.
   kDeliver,
-  // Keep it until the stage's deadline in the hope of a better one.
+  // Keep it until the stage's deadline, or that of a plain message, in the hope of a better one.
   kHold,
 };
 

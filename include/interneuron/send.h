@@ -34,6 +34,16 @@ struct SendOptions {
   // Only the newest message of this channel counts: one that was sent before another one that has
   // been delivered is not delivered any more, and what has not left of it is dropped.
   bool newest_only = false;
+  // > 0: the messages of this channel are handed over in their order. One that is there before
+  // those sent before it waits for them for so long at most, and not beyond its deadline; one that
+  // is still missing then is dropped when it comes. Nothing: each is handed over when it is there.
+  Duration in_order_within{};
+  // It has no deadline but kLongestDeadline, and takes what all others leave: it leaves after them
+  // whatever they are, and only while it fills no queue that they would wait in. Importance and
+  // deadline above count for nothing then.
+  bool bulk = false;
+  // Which links are wanted.
+  Needs needs{};
 };
 
 enum class SendStatus : std::uint8_t {
@@ -77,8 +87,9 @@ struct SendResult {
   bool accepted() const { return status == SendStatus::kAccepted; }
 };
 
-// A message of a peer is there. Each is told once, in the first of its variants that came in time;
-// in the order of arrival, which need not be that of sending.
+// A message of a peer is there. Each is told once, in the best of its variants that came in time
+// (Policy::merge() of the sender's policy may say otherwise); in the order of arrival, which need
+// not be that of sending.
 struct Message {
   PeerId peer{};
   std::uint16_t channel = 0;
@@ -90,6 +101,8 @@ struct Message {
   // first heard.
   std::optional<Duration> age{};
   Duration age_error{};
+  // As the other end has stated them.
+  Needs needs{};
   Bytes bytes;
 };
 
@@ -131,8 +144,9 @@ struct MessageFate {
   std::uint16_t channel = 0;
   Fate fate{};
   FateReason reason = FateReason::kNone;
-  // Where the fate is kDelivered or kLate: the variant that was there first; how long that took
-  // from send() on, by the own clock, and how wrong that may be.
+  // Where the fate is kDelivered or kLate: the variant that was delivered, or the first that was
+  // late; how long it took from send() on until it was there, by the own clock, and how wrong that
+  // may be. Where it waited there for a better one it was handed over later.
   std::uint8_t variant = 0;
   Duration age{};
   Duration age_error{};

@@ -45,8 +45,11 @@ Bytes any_plain_message(Input& input, const Sender& sender) {
   h.importance = input.take<std::uint8_t>();
   h.variant = static_cast<std::uint8_t>(input.below(kMaxVariants));
   h.newest_only = input.flip();
-  Bytes out(wire::kPlainHeaderBytes + input.below(64));
-  wire::write_plain_header(std::span(out).first<wire::kPlainHeaderBytes>(), h);
+  h.awaits_better = h.variant > 0 && input.flip();
+  if (input.flip()) h.needs.emplace();
+  if (input.flip()) h.order = {input.take<std::uint8_t>(), any_duration_us(input)};
+  Bytes out(h.bytes() + input.below(64));
+  wire::write_plain_header(out, h);
   return out;
 }
 

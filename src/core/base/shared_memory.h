@@ -6,7 +6,7 @@
 // ones get a part of n + 1 each, with one such part free for whoever comes next. A peer that holds
 // little finds room however greedy the others are, and nothing that was taken is taken back.
 //
-// Whoever keeps the books of the peers (Peers, HeldVariants) tells it of every change. Constant
+// Whoever keeps the books of the peers (Peers, HeldMemory) tells it of every change. Constant
 // time and memory. Pure; thread-compatible.
 #pragma once
 

@@ -9,10 +9,11 @@ namespace interneuron::dispatch {
 namespace {
 
 wire::MessageBytes with(wire::PlainHeader header, const Carriers& c, Bytes payload) {
-  std::array<std::byte, wire::kPlainHeaderBytes> bytes;
+  std::array<std::byte, wire::kMostPlainHeaderBytes> bytes;
   header.variant = c.variant;
+  header.awaits_better = c.awaits_better;
   wire::write_plain_header(bytes, header);
-  return {bytes, std::move(payload)};
+  return {std::span(bytes).first(header.bytes()), std::move(payload)};
 }
 
 wire::MessageBytes with(wire::RoundHeader header, const Carriers& c, Bytes payload) {
@@ -29,6 +30,20 @@ constexpr wire::MessageKind kind_of(const wire::PlainHeader&) { return wire::Mes
 constexpr wire::MessageKind kind_of(const wire::RoundHeader&) { return wire::MessageKind::kRound; }
 
 }  // namespace
+
+wire::PlainHeader::Needs on_wire(const Needs& needs) {
+  const Nature& w = needs.weights;
+  return {{wire::share_of_255(w.delay), wire::share_of_255(w.bandwidth),
+           wire::share_of_255(w.reliability), wire::share_of_255(w.security)},
+          wire::share_of_255(needs.min_security)};
+}
+
+Needs needs_of(const wire::PlainHeader& header) {
+  if (!header.needs) return {};
+  const auto share = [](std::uint8_t of_255) { return of_255 / 255.0; };
+  const auto& w = header.needs->weights;
+  return {{share(w[0]), share(w[1]), share(w[2]), share(w[3])}, share(header.needs->min_security)};
+}
 
 Itinerary::Itinerary(const Plan& plan) {
   for (std::uint8_t v = 0; v < kMaxVariants; ++v) {
@@ -51,6 +66,15 @@ Itinerary::Itinerary(const Plan& plan) {
       }
     }
     if (c.sets_out() || (!empty() && !c.protection.rescue.empty())) push_back(c);
+  }
+}
+
+void Itinerary::settle_merge(const Policy& policy) {
+  const std::uint8_t best = front().variant;
+  for (std::size_t i = 1; i < size_; ++i) {
+    Carriers& c = variants_[i];
+    const bool better_may_come = c.sets_out() || !c.protection.rescue.empty();
+    c.awaits_better = better_may_come && policy.merge({c.variant, best, false}) == Merge::kHold;
   }
 }
 
@@ -98,9 +122,9 @@ AllDispatched dispatch(TimePoint now, peers::Peer& peer, Header header, const It
     const MessageId id =
         peer.send(now, times, std::move(message), c.links, repairs, kKind, c.protection);
     out.push_back({c.variant, id});
-    // Once one variant of a plain message is there, Messages cancels the others. Nobody does that
-    // for a round, where the repairs of a small image that is not wanted any more delay the next
-    // frame.
+    // Once a variant of a plain message is there, Messages cancels what is not better. Nobody does
+    // that for a round, where the repairs of a small image that is not wanted any more delay the
+    // next frame.
     if (kKind == wire::MessageKind::kRound && better) peer.sender().supersede(*better, id);
     better = id;
   }

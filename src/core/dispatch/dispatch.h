@@ -16,6 +16,7 @@
 #include "interneuron/few.h"
 #include "interneuron/message.h"
 #include "interneuron/policy.h"
+#include "interneuron/send.h"
 
 namespace interneuron::dispatch {
 
@@ -28,6 +29,9 @@ struct Carriers {
   // Whether it is divided, which links may carry repair symbols of it, and over which it, or what
   // is missing of it, goes when it seems late.
   flow::Protection protection{};
+  // A receiver that has it keeps it for a better one as long as the deadline allows. Of plain
+  // messages, where the sender says so; of rounds the receiver's policy decides.
+  bool awaits_better = false;
 
   bool sets_out() const { return !links.empty(); }
 };
@@ -48,6 +52,9 @@ class Itinerary {
   const Carriers& back() const { return variants_[size_ - 1]; }
   // Requires fewer than kMaxVariants so far.
   void push_back(const Carriers& carriers) { variants_[size_++] = carriers; }
+  // Settles by the policy's merge() which variants await a better one. What stands by for one that
+  // is given up awaits nothing.
+  void settle_merge(const Policy& policy);
 
   // Bytes of its variants with headers of this kind; each counts once, over however many links.
   std::size_t bytes(std::span<const std::size_t> sizes, wire::MessageKind kind) const;
@@ -60,6 +67,15 @@ class Itinerary {
 // The sizes of a message's variants in bytes.
 using Sizes = Few<std::size_t, kMaxVariants>;
 Sizes sizes_of(const Variants& variants);
+
+// How a plain message ranks among others at the sender.
+inline std::int16_t importance_of(const SendOptions& options) {
+  return options.bulk ? flow::kBulkImportance : std::int16_t{options.importance};
+}
+
+// Needs as a header tells them, and back.
+wire::PlainHeader::Needs on_wire(const Needs& needs);
+Needs needs_of(const wire::PlainHeader& header);
 
 // The links that the policy allows: lost pieces go over no other.
 flow::PathSet allowed_of(const Policy& policy, std::span<const LinkState> links);

@@ -11,10 +11,6 @@ std::optional<std::uint8_t> used(std::uint8_t told) {
   return told == wire::kNoneUsed ? std::nullopt : std::optional(told);
 }
 
-std::uint8_t share_of_255(double share) {
-  return static_cast<std::uint8_t>(std::clamp(share, 0.0, 1.0) * 255.0 + 0.5);
-}
-
 }  // namespace
 
 Round round_of(const wire::RoundHeader& h) {
@@ -49,28 +45,29 @@ Round round_of(const wire::RoundHeader& h) {
 
 wire::RoundHeader header_of(const Round& r) {
   const Nature& needs = r.qos.needs;
-  wire::RoundHeader h{.round = r.ref,
-                      .stage = r.stage,
-                      .stages = r.stages,
-                      .communication = r.communication,
-                      .variant = r.variant,
-                      .best_planned = r.best_planned,
-                      .degraded = r.degraded,
-                      .message_class = r.qos.message_class,
-                      .needs = {share_of_255(needs.delay), share_of_255(needs.bandwidth),
-                                share_of_255(needs.reliability), share_of_255(needs.security)},
-                      .policy = r.policy,
-                      .t0 = r.t0,
-                      .alpha_sum = r.alpha_sum,
-                      .x_permille = r.x_permille,
-                      .deadline_us = wire::to_us(r.qos.deadline),
-                      .period_us = wire::to_us(r.qos.period),
-                      .indicator = r.indicator,
-                      .guard = r.terms.kind,
-                      .level_used = r.level_used.value_or(wire::kNoneUsed),
-                      .variant_used = r.variant_used.value_or(wire::kNoneUsed),
-                      .local_quality = share_of_255(r.terms.local_quality),
-                      .miss_price = static_cast<std::uint16_t>(r.terms.miss_price * 1000.0 + 0.5)};
+  wire::RoundHeader h{
+      .round = r.ref,
+      .stage = r.stage,
+      .stages = r.stages,
+      .communication = r.communication,
+      .variant = r.variant,
+      .best_planned = r.best_planned,
+      .degraded = r.degraded,
+      .message_class = r.qos.message_class,
+      .needs = {wire::share_of_255(needs.delay), wire::share_of_255(needs.bandwidth),
+                wire::share_of_255(needs.reliability), wire::share_of_255(needs.security)},
+      .policy = r.policy,
+      .t0 = r.t0,
+      .alpha_sum = r.alpha_sum,
+      .x_permille = r.x_permille,
+      .deadline_us = wire::to_us(r.qos.deadline),
+      .period_us = wire::to_us(r.qos.period),
+      .indicator = r.indicator,
+      .guard = r.terms.kind,
+      .level_used = r.level_used.value_or(wire::kNoneUsed),
+      .variant_used = r.variant_used.value_or(wire::kNoneUsed),
+      .local_quality = wire::share_of_255(r.terms.local_quality),
+      .miss_price = static_cast<std::uint16_t>(r.terms.miss_price * 1000.0 + 0.5)};
   h.excess = static_cast<std::int16_t>(h.to_steps(r.excess, INT16_MIN, INT16_MAX));
   h.computed = static_cast<std::uint16_t>(h.to_steps(r.computed, 0, UINT16_MAX));
   for (std::size_t i = 0; i < h.e2e.size(); ++i) {

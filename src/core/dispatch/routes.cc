@@ -58,7 +58,7 @@ struct Sieve {
     const auto it = std::ranges::find(queues, link, &Queue::link);
     if (it != queues.end()) return it->bytes;
     queues.push_back(
-        {link, peer.sender().queued_before(link, now + options.deadline, options.importance)});
+        {link, peer.sender().queued_before(link, now + options.deadline, importance_of(options))});
     return queues.back().bytes;
   }
 

@@ -9,6 +9,7 @@
 
 #include "core/base/ablation.h"
 #include "core/base/earliest.h"
+#include "core/base/held_memory.h"
 #include "core/messages/messages.h"
 #include "core/peers/peers.h"
 #include "core/plan/policies.h"
@@ -70,8 +71,8 @@ class Endpoint::Impl {
                 .send_budget_bytes = options.send_budget_bytes,
                 .security = options.security}),
         policies_(options.policies),
-        rounds_(options, policies_, peers_, events_),
-        messages_(policies_, peers_, events_),
+        rounds_(options, policies_, peers_, held_, events_),
+        messages_(policies_, peers_, held_, options.peer_limits, events_),
         time_(now) {}
 
   // Every call tells the time. Those that look at rounds first do what is due.
@@ -141,6 +142,8 @@ class Endpoint::Impl {
   PeerLedger ledger(PeerId peer) const {
     PeerLedger out = peers_.ledger(peer);
     rounds_.fill(peer, out);
+    out.held_messages = held_.count(peer);
+    out.held_bytes = held_.bytes(peer);
     return out;
   }
 
@@ -210,6 +213,7 @@ class Endpoint::Impl {
   std::deque<Event> events_;
   peers::Peers peers_;
   plan::PolicyRegistry policies_;
+  HeldMemory held_;
   rounds::Rounds rounds_;
   messages::Messages messages_;
   OwnTime time_;
@@ -250,6 +254,18 @@ PeerId Endpoint::connect(TimePoint now, std::span<const std::pair<LinkId, Addres
 SendResult Endpoint::send(TimePoint now, PeerId peer, Variants variants,
                           const SendOptions& options) {
   return impl_->messages().send(impl_->advance(now), peer, std::move(variants), options);
+}
+std::vector<SendResult> Endpoint::send(TimePoint now, PeerId peer, std::span<Bytes> messages,
+                                       const SendOptions& options) {
+  const TimePoint own = impl_->advance(now);
+  std::vector<SendResult> out;
+  out.reserve(messages.size());
+  for (Bytes& message : messages) {
+    Variants variants;
+    variants.push_back(std::move(message));
+    out.push_back(impl_->messages().send(own, peer, std::move(variants), options));
+  }
+  return out;
 }
 bool Endpoint::cancel(TimePoint now, SendId message) {
   return impl_->messages().cancel(impl_->advance(now), message);

@@ -122,6 +122,16 @@ class Receipts {
         std::ranges::find(complete_.rbegin(), complete_.rend(), message, &Entry::message);
     if (it != complete_.rend()) it->dropped = true;
   }
+  // This message, which has just become complete, is kept for a better variant of it.
+  void mark_kept(MessageId message) {
+    if (!complete_.empty() && complete_.back().message == message) complete_.back().kept = true;
+  }
+  // What has become of a message that was kept and was complete at this instant.
+  void settle_kept(MessageId message, TimePoint at, bool dropped) {
+    std::erase_if(complete_, [message](const Entry& entry) { return entry.message == message; });
+    add(complete_, at, message);
+    complete_.back().dropped = dropped;
+  }
   void refuse(TimePoint now, MessageId message) {
     std::erase_if(refused_, [message](const Entry& entry) { return entry.message == message; });
     add(refused_, now, message);
@@ -134,7 +144,7 @@ class Receipts {
       feedback.complete.push_back(
           {entry.message,
            static_cast<std::uint32_t>(std::clamp<std::int64_t>(ago, 0, wire::kLongestAgo)),
-           entry.dropped});
+           entry.dropped, entry.kept});
     });
     each(refused_, wire::kMaxRefused, now, all_paths,
          [&](const Entry& entry) { feedback.refused.push_back(entry.message); });
@@ -159,6 +169,7 @@ class Receipts {
     TimePoint at{};
     std::uint32_t left = 0;
     bool dropped = false;
+    bool kept = false;
   };
   static void add(std::deque<Entry>& entries, TimePoint now, MessageId message) {
     if (entries.size() >= kMost) entries.pop_front();

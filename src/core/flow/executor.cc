@@ -22,7 +22,11 @@ void Executor::enqueue(TimePoint now, OutgoingMessage& m, const PathList& paths,
     const Way way = path.way_of(m);
     const Duration air = way.rate.transmit_time(parts[i] * m.ip_bytes_of_piece());
     m.shares.push_back({paths[i], from, next, parts[i], now + way.delay + air, air});
-    path.use.message(now, parts[i] * std::size_t{m.chunk}, m.deadline - now);
+    if (m.importance == kBulkImportance) {
+      path.use.queued(now);
+    } else {
+      path.use.message(now, parts[i] * std::size_t{m.chunk}, m.deadline - now);
+    }
     path.jobs.add(m.id, path.turn_of(m), from, static_cast<std::uint16_t>(next), m.chunk);
     m.taken.add(paths[i]);
     if (divided) {

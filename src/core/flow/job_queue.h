@@ -98,15 +98,20 @@ struct Job {
 // add(). Pure; thread-compatible.
 class JobQueue {
  public:
+  static constexpr std::uint16_t kLastRank = UINT8_MAX;
   // When a job is served among the others.
   struct Turn {
-    std::uint8_t rank = 0;
+    // Beyond kLastRank: bulk, which all others go before.
+    std::uint16_t rank = 0;
     TimePoint deadline{};
     friend auto operator<=>(const Turn&, const Turn&) = default;
   };
 
   bool empty() const { return order_.empty(); }
   std::size_t size() const { return order_.size(); }
+  // Whether nothing but bulk waits.
+  bool has_only_bulk() const { return !empty() && order_.begin()->turn.rank > kLastRank; }
+  bool has_bulk() const { return !empty() && order_.rbegin()->turn.rank > kLastRank; }
 
   // nullptr where there is none.
   Job* first() { return empty() ? nullptr : &slots_[order_.begin()->slot].job; }

@@ -17,7 +17,9 @@
 namespace interneuron::flow {
 
 // The importance of messages that do not say otherwise (SendOptions::importance), and of rounds.
-inline constexpr std::uint8_t kUsualImportance = 128;
+inline constexpr std::int16_t kUsualImportance = 128;
+// That of bulk (SendOptions::bulk): less than any.
+inline constexpr std::int16_t kBulkImportance = -1;
 
 // A plain value of MessageStore's. An index is that of a fragment or, from
 // `count` on, of a repair symbol (code::Blocks); a block is complete at the peer once as many of
@@ -30,7 +32,7 @@ struct OutgoingMessage {
   TimePoint aim{};
   Duration doubt{};
   std::uint32_t lifetime_us = 0;
-  std::uint8_t importance = kUsualImportance;
+  std::int16_t importance = kUsualImportance;
   wire::MessageKind kind{};
   // The round that it is a part of, as its header says.
   std::optional<RoundRef> round;

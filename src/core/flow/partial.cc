@@ -156,12 +156,19 @@ void Partial::decode(std::size_t b) {
 
 wire::MessageBytes Partial::take() const {
   wire::MessageBytes out;
-  const std::size_t header = std::min<std::size_t>(size_, wire::header_bytes(kind_));
+  std::size_t header = std::min<std::size_t>(size_, wire::header_bytes(kind_));
   out.payload.reserve(size_ - header);
+  bool is_known = false;
   for (std::size_t piece = 0; piece < count_; ++piece) {
     const std::byte* at = arena_.at(place_of(piece));
     const std::byte* const end = at + std::min<std::size_t>(chunk_, size_ - piece * chunk_);
-    while (at != end && out.header.size() < header) out.header.push_back(*at++);
+    while (at != end && out.header.size() < header) {
+      out.header.push_back(*at++);
+      if (is_known || out.header.size() < header) continue;
+      // Pieces may be shorter than what says how long the header is.
+      is_known = true;
+      header = std::min<std::size_t>(size_, wire::header_bytes(kind_, out.header_view()));
+    }
     out.payload.insert(out.payload.end(), at, end);
   }
   return out;

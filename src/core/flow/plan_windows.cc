@@ -108,7 +108,7 @@ std::optional<WindowOrder> plan_window(const Traffic& traffic, TimePoint now,
   WindowOrder order;
   std::size_t bytes = 0;
   code::Losses losses;
-  std::uint8_t importance = 0;
+  std::int16_t importance = 0;
   for (const MessageId id : pending) {
     const OutgoingMessage* m = traffic.messages.find(id);
     if (m == nullptr) continue;

@@ -7,6 +7,7 @@
 // std::bad_alloc.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -70,8 +71,8 @@ inline constexpr std::size_t kMostPart = 7;
 // symbols are needed: as in the timeouts of RFC 6298.
 inline constexpr int kSureDeviations = 4;
 // How many times a byte of a message of this importance is worth one of usual importance.
-inline double value_of(std::uint8_t importance) {
-  return (1.0 + importance) / (1.0 + kUsualImportance);
+inline double value_of(std::int16_t importance) {
+  return (1.0 + std::max<std::int16_t>(importance, 0)) / (1.0 + kUsualImportance);
 }
 
 // For what symbols are sent: for what is under way and last, or for all that is under way.

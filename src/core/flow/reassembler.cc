@@ -40,7 +40,7 @@ std::optional<Reassembler::Outcome> Reassembler::answer(const wire::Data& data, 
     return std::nullopt;
   }
   if (f.size > room) return refuse_for_now(f);
-  const std::size_t header = std::min<std::size_t>(f.size, wire::header_bytes(f.kind));
+  const std::size_t header = std::min<std::size_t>(f.size, wire::header_bytes(f.kind, data.bytes));
   const ByteView payload = data.bytes.subspan(header);
   buried_.insert(f.message);
   return Outcome{Result::kComplete,

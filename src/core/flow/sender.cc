@@ -352,7 +352,7 @@ bool Sender::is_surely_incomplete(MessageId message) const {
   return known != nullptr && known->is_surely_incomplete();
 }
 
-std::size_t Sender::queued_before(LinkId link, TimePoint deadline, std::uint8_t importance) const {
+std::size_t Sender::queued_before(LinkId link, TimePoint deadline, std::int16_t importance) const {
   const SendPath* path = traffic().find(link);
   return path == nullptr ? 0 : path->jobs.bytes_before(path->turn_of(deadline, importance));
 }

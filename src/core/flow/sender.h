@@ -67,7 +67,8 @@ class Sender {
     // and rescues are planned for this instant.
     TimePoint aim = TimePoint::max();
     // 0 the least. Over a loaded path what matters more leaves first; else it makes no difference.
-    std::uint8_t importance = kUsualImportance;
+    // kBulkImportance: after all else.
+    std::int16_t importance = kUsualImportance;
   };
   // Queues a message (its header and payload) on these paths, in pieces that all of them carry, and
   // all that may repair as well where that is worthwhile. What is lost of it is sent again
@@ -104,7 +105,7 @@ class Sender {
   // Bytes of the messages that are under way.
   std::size_t bytes() const { return traffic().bytes; }
   // Bytes that this path has to send before a message of this deadline and importance.
-  std::size_t queued_before(LinkId path, TimePoint deadline, std::uint8_t importance) const;
+  std::size_t queued_before(LinkId path, TimePoint deadline, std::int16_t importance) const;
   // From now until so many bytes (with IP headers) could be there that are sent next over this
   // path; nothing while it is not loaded, then nothing is given up.
   std::optional<Duration> least_time(LinkId path, std::size_t ip_bytes) const;

@@ -48,15 +48,23 @@ struct SendPath {
   bool can_carry(std::size_t piece_bytes) const {
     return max_datagram >= piece_bytes + kPieceOverheadBytes;
   }
-  // Whether as much is in flight as congestion control allows.
-  bool is_full() const { return sent.bytes_in_flight() >= view.window; }
+  // Whether as much is in flight as congestion control allows or, where only bulk waits, as an idle
+  // path takes and hardly more: a queue that bulk fills is one that others wait in. What waits
+  // beside bulk need not wait for what is in flight of it.
+  bool is_full() const {
+    const std::size_t flying = sent.bytes_in_flight();
+    if (!jobs.has_bulk()) return flying >= view.window;
+    const std::size_t bulk = bulk_window();
+    return flying >= (jobs.has_only_bulk() ? std::min(view.window, bulk)
+                                           : std::max(view.window, bulk + kBesideBulk));
+  }
   // Whether symbols of this message take nothing from other messages: the path carries less than it
   // can, or no other message waits for it.
   bool has_room_beside(MessageId message) const {
     return !view.loaded || jobs.size() <= (jobs.find(message) == nullptr ? 0U : 1U);
   }
   // When a message that is queued now is served among the others.
-  JobQueue::Turn turn_of(TimePoint deadline, std::uint8_t importance) const;
+  JobQueue::Turn turn_of(TimePoint deadline, std::int16_t importance) const;
   JobQueue::Turn turn_of(const OutgoingMessage& m) const {
     return turn_of(m.deadline, m.importance);
   }
@@ -73,6 +81,11 @@ struct SendPath {
   void occupy(TimePoint now, std::size_t ip_bytes);
 
  private:
+  // What may leave beside as much bulk as may be in flight, in bytes: six packets. No measurement
+  // behind this value: it only has to be more than one message that is urgent.
+  static constexpr std::size_t kBesideBulk = 8192;
+  // The bytes that bulk may have in flight, whatever congestion control allows.
+  std::size_t bulk_window() const;
   // How long what is in flight beyond an empty path of this rate waits in a queue.
   Duration queue_at(DataRate rate) const;
 };

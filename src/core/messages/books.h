@@ -23,8 +23,8 @@ namespace interneuron::messages {
 // (src/core/messages/messages.h) owns one, and tells it what peers and the own sender say.
 //
 // A message may travel in several variants, each a message of its own to flow. It is delivered when
-// one of them is; dropped when the last of them is given up; late when one came late and none in
-// time. What is still open when its time is over is settled by expire().
+// the peer says that one of them was; dropped when the last of them is given up; late when one came
+// late and none in time. What is still open when its time is over is settled by expire().
 //
 // Memory is bounded by kMaxMessages, which peers share (SharedMemory), and used again; the bytes of
 // messages are held, and bounded, elsewhere. Each call takes logarithmic time. Pure;
@@ -45,6 +45,7 @@ class SentMessages {
     PeerId peer{};
     std::uint16_t channel = 0;
     bool newest_only = false;
+    bool in_order = false;
     TimePoint t0{};
     TimePoint deadline{};
     // When a message of which nothing was heard is given up.
@@ -78,6 +79,7 @@ class SentMessages {
   // nullptr where it is not in the books.
   const Entry* find(SendId id) const;
   const Entry* find(PeerId peer, MessageId message) const;
+  std::optional<SendId> id_of(PeerId peer, MessageId message) const;
   // All messages to this peer, oldest first.
   std::vector<SendId> to(PeerId peer) const;
 
@@ -121,12 +123,12 @@ class SentMessages {
   SendId next_{1};
 };
 
-// Judges complete messages by their headers. Messages (src/core/messages/messages.h) owns one and
-// feeds it every complete plain message.
+// Judges complete messages by their headers. Inbox (src/core/messages/inbox.h) owns one and asks it
+// of every message that it could hand over.
 //
-// A message is delivered once, in the first variant that comes in time: the identifiers of each
-// peer are remembered in a window of kWindow, and one that is older than that is not delivered. Of
-// a channel where only the newest counts, a message that is older than one delivered is superseded;
+// A message is delivered once, in whichever variant: the identifiers of each peer are remembered in
+// a window of kWindow, and one that is older than that is not delivered. Of a channel where only
+// the newest counts, or order, a message that is older than one delivered is superseded;
 // kMaxChannels channels of a peer are remembered, and the one that was delivered on longest ago
 // makes room.
 //
@@ -154,7 +156,19 @@ class ReceivedMessages {
   };
   // `age`: from t0 until now; nothing where the sender's clock is not known, then the message is
   // taken to be in time.
+  Verdict look(PeerId peer, const wire::PlainHeader& header, std::optional<Duration> age) const;
+  // The same; what is to be delivered counts as delivered from then on.
   Verdict judge(PeerId peer, const wire::PlainHeader& header, std::optional<Duration> age);
+
+  // What was delivered last of a channel, or was to be and is late; nothing where that is not
+  // known.
+  std::optional<std::uint32_t> newest(PeerId peer, std::uint16_t channel) const;
+  // A message of an ordered channel will not be delivered: those after it need not wait for it.
+  void pass(PeerId peer, const wire::PlainHeader& header);
+  // How far the identifier `a` is ahead of `b`, negative if behind: they wrap.
+  static std::int32_t ahead(std::uint32_t a, std::uint32_t b) {
+    return static_cast<std::int32_t>(a - b);
+  }
 
   // The peer has begun a new life or is gone.
   void forget(PeerId peer) { peers_.erase(peer); }
@@ -176,6 +190,7 @@ class ReceivedMessages {
     // How far behind the largest identifier this one is.
     std::uint32_t back(std::uint32_t id) const;
     void deliver(const wire::PlainHeader& header);
+    void pass(const wire::PlainHeader& header);
   };
   std::map<PeerId, Seen> peers_;
 };

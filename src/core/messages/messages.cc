@@ -38,9 +38,37 @@ std::optional<SendStatus> fault(const Variants& variants, const SendOptions& opt
   return std::nullopt;
 }
 
+// A policy over those links alone that are as secure as the message asks.
+class Floored final : public Policy {
+ public:
+  Floored(const Policy& inner, double floor) : inner_(inner), floor_(floor) {}
+  std::string_view name() const override { return inner_.name(); }
+  Plan plan(const Offer& offer, std::span<const LinkState> links,
+            const Guidance& guidance) const override {
+    Links allowed;
+    for (const LinkState& link : links) {
+      if (allows(link)) allowed.push_back(link);
+    }
+    if (std::ranges::any_of(allowed, &LinkState::up)) {
+      return inner_.plan(offer, allowed, guidance);
+    }
+    Plan refusal;
+    refusal.refused = kInsecure;
+    return refusal;
+  }
+  Merge merge(const Arrival& arrival) const override { return inner_.merge(arrival); }
+  bool allows(const LinkState& link) const override {
+    return link.nature.security >= floor_ && inner_.allows(link);
+  }
+
+ private:
+  const Policy& inner_;
+  double floor_;
+};
+
 QoS qos_of(const SendOptions& options) {
   QoS qos{.deadline = options.deadline};
-  qos.needs.delay = 1.0;
+  qos.needs = options.needs.weights;
   return qos;
 }
 
@@ -75,26 +103,30 @@ Duration round_trip(const dispatch::Itinerary& itinerary, std::span<const LinkSt
 
 }  // namespace
 
-Messages::Messages(const plan::PolicyRegistry& policies, peers::Peers& peers,
-                   std::deque<Event>& events)
-    : policies_(policies), peers_(peers), events_(events) {}
+Messages::Messages(const plan::PolicyRegistry& policies, peers::Peers& peers, HeldMemory& held,
+                   const PeerLimits& limits, std::deque<Event>& events)
+    : policies_(policies), peers_(peers), events_(events), inbox_(peers, events, held, limits) {}
 
 // --- sending
 
 SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const SendOptions& asked) {
   SendOptions options = asked;
-  options.deadline = std::min(options.deadline, kLongestDeadline);
-  const Policy* policy = policies_.find(options.policy);
-  if (policy == nullptr) {
+  options.deadline = options.bulk ? kLongestDeadline : std::min(options.deadline, kLongestDeadline);
+  const Policy* inner = policies_.find(options.policy);
+  if (inner == nullptr) {
     throw std::invalid_argument("send: policy '" + options.policy + "' is not registered");
   }
+  if (!(options.needs.min_security >= 0 && options.needs.min_security <= 1)) {
+    throw std::invalid_argument("send: min_security must be from 0 to 1");
+  }
+  const Floored policy(*inner, options.needs.min_security);
   if (const auto wrong = fault(variants, options)) return {*wrong};
   peers::Peer* peer = peers_.access(now, to);
   if (peer == nullptr) return {SendStatus::kNoPeer};
   const dispatch::Sizes sizes = dispatch::sizes_of(variants);
   const Links links = peer->links(now);
   dispatch::Routes routes;
-  SendResult result = plan(now, *peer, *policy, links, sizes, options, routes);
+  SendResult result = plan(now, *peer, policy, links, sizes, options, routes);
   const auto may_change = {SendStatus::kNoLink, SendStatus::kCannotArrive, SendStatus::kOverBudget};
   if (std::ranges::find(may_change, result.status) != may_change.end()) {
     wait({to, sizes, options, now});
@@ -110,32 +142,46 @@ SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const Sen
   if (!result.accepted()) return result;
 
   if (options.newest_only) supersede(now, to, options.channel);
+  routes.itinerary.settle_merge(policy);
   const Duration deadline = options.deadline;
-  wire::PlainHeader header;
-  header.id = next_id(now, *peer);
-  header.deadline_us = wire::to_us(deadline);
-  header.t0 = as_wire(now);
-  header.channel = options.channel;
-  header.importance = options.importance;
-  header.newest_only = options.newest_only;
+  const wire::PlainHeader header = header_of(now, *peer, options);
   SentMessages::Entry entry{.peer = to,
                             .channel = options.channel,
                             .newest_only = options.newest_only,
+                            .in_order = options.in_order_within > Duration::zero(),
                             .t0 = now,
                             .deadline = now + deadline,
                             .ends = now + deadline + kGrace + round_trip(routes.itinerary, links),
                             .wanted = plan::rate_wanted(qos_of(options), sizes.front())};
-  const flow::Sender::Times times{
-      .deadline = entry.deadline, .lifetime = deadline, .importance = options.importance};
+  const flow::Sender::Times times{.deadline = entry.deadline,
+                                  .lifetime = deadline,
+                                  .importance = dispatch::importance_of(options)};
   for (const dispatch::Dispatched& d :
        dispatch::dispatch(now, *peer, header, routes.itinerary, times,
-                          dispatch::allowed_of(*policy, links), variants)) {
+                          dispatch::allowed_of(policy, links), variants)) {
     entry.variants.push_back({d.message, d.variant});
   }
   result.id = sent_.add(entry);
   forecasts_.sent(result.id, outlook, on_time);
   if (!collect_at_) collect_at_ = now + kRecheck;
   return result;
+}
+
+wire::PlainHeader Messages::header_of(TimePoint now, const peers::Peer& peer,
+                                      const SendOptions& options) {
+  wire::PlainHeader header;
+  header.id = next_id(now, peer);
+  header.deadline_us = wire::to_us(options.deadline);
+  header.t0 = as_wire(now);
+  header.channel = options.channel;
+  header.importance = options.bulk ? 0 : options.importance;
+  header.newest_only = options.newest_only;
+  if (options.in_order_within > Duration::zero()) {
+    header.order = {back_to_last(peer.identity().id, options.channel, header.id),
+                    wire::to_us(options.in_order_within)};
+  }
+  if (options.needs != Needs{}) header.needs = dispatch::on_wire(options.needs);
+  return header;
 }
 
 // The peer may remember identifiers of this session from before it was forgotten here, and would
@@ -146,6 +192,20 @@ std::uint32_t Messages::next_id(TimePoint now, const peers::Peer& peer) {
   const auto begin = std::chrono::floor<std::chrono::milliseconds>(life).count();
   return next_ids_.try_emplace(peer.identity().id, static_cast<std::uint32_t>(begin))
       .first->second++;
+}
+
+// How far back the last message of this ordered channel lies; 0 where there is none that anybody
+// remembers.
+std::uint16_t Messages::back_to_last(PeerId peer, std::uint16_t channel, std::uint32_t id) {
+  auto& channels = last_ordered_[peer];
+  const auto known = channels.find(channel);
+  const std::uint32_t back = known == channels.end() ? 0 : id - known->second;
+  if (known == channels.end() && channels.size() >= ReceivedMessages::kMaxChannels) {
+    channels.erase(
+        std::ranges::max_element(channels, {}, [id](const auto& of) { return id - of.second; }));
+  }
+  channels[channel] = id;
+  return back > UINT16_MAX ? std::uint16_t{0} : static_cast<std::uint16_t>(back);
 }
 
 // Whether the message may be sent, and by which routes.
@@ -219,46 +279,9 @@ bool Messages::would_accept(TimePoint now, const Waiting& waiting) {
   peers::Peer* peer = peers_.access(now, waiting.peer);
   if (peer == nullptr) return false;
   dispatch::Routes routes;
-  const Policy& policy = *policies_.find(waiting.options.policy);
+  const Floored policy(*policies_.find(waiting.options.policy), waiting.options.needs.min_security);
   return plan(now, *peer, policy, peer->links(now), waiting.sizes, waiting.options, routes)
       .accepted();
-}
-
-// --- receiving
-
-void Messages::complete(TimePoint now, peers::Peer& peer, MessageId message,
-                        wire::MessageBytes bytes) {
-  const auto header = wire::parse_plain_header(bytes.header_view());
-  if (!header || bytes.payload.empty()) {
-    ++counters_.bad_messages;
-    return;
-  }
-  ++counters_.messages_completed;
-  const PeerId from = peer.identity().id;
-  std::optional<Duration> age;
-  Duration error{};
-  if (const auto clock = peer.clock(now)) {
-    const Duration theta = elapsed_across(header->t0, now);
-    age = Duration{wrapping_sub(theta.count(), clock->alpha)};
-    error = clock->rtt_min / 2;
-  }
-  switch (received_.judge(from, *header, age)) {
-    case ReceivedMessages::Verdict::kLate:
-      ++counters_.messages_late;
-      peer.mark_dropped(message);
-      return;
-    case ReceivedMessages::Verdict::kSuperseded:
-    case ReceivedMessages::Verdict::kTooOld:
-      ++counters_.messages_superseded;
-      peer.mark_dropped(message);
-      return;
-    case ReceivedMessages::Verdict::kRepeated:
-      ++counters_.messages_superseded;
-      return;
-    case ReceivedMessages::Verdict::kDeliver:
-      events_.emplace_back(Message{from, header->channel, header->importance, header->variant, age,
-                                   error, std::move(bytes.payload)});
-  }
 }
 
 // --- fates
@@ -288,14 +311,17 @@ void Messages::settle(TimePoint now, peers::Peer& peer, const peers::Settled& se
       // The other variants would only take room from messages that still count.
       stop(peer, *entry);
       return report(sent_.delivered(id, settled.message, when));
+    case Kind::kKept:
+      return note_kept(peer, *entry, settled.message, when);
     case Kind::kGivenUp:
       peer.want(now, entry->wanted);
       return report(sent_.dropped(id, settled.message, FateReason::kCannotArrive));
     case Kind::kIncomplete:
       return report(sent_.dropped(id, settled.message, FateReason::kExpired));
     case Kind::kDroppedThere:
-      // Only one of a channel of which the newest counts is dropped while it is in time.
-      if (entry->newest_only && when.age + when.error <= entry->deadline - entry->t0) {
+      // Only one of a channel of which the newest counts, or order, is dropped while it is in time.
+      if ((entry->newest_only || entry->in_order) &&
+          when.age + when.error <= entry->deadline - entry->t0) {
         return report(sent_.dropped(id, settled.message, FateReason::kSuperseded));
       }
       return report(sent_.late(id, settled.message, when));
@@ -309,6 +335,18 @@ void Messages::settle(TimePoint now, peers::Peer& peer, const peers::Settled& se
   }
 }
 
+// The peer has a variant in time and waits for a better one: that it will be delivered is known,
+// and only in which variant is not. Those that are no better would only take room.
+void Messages::note_kept(peers::Peer& peer, const SentMessages::Entry& entry, MessageId message,
+                         const SentMessages::When& when) {
+  const auto kept = std::ranges::find(entry.variants, message, &SentMessages::Variant::message);
+  for (const SentMessages::Variant& v : entry.variants) {
+    if (v.variant > kept->variant) peer.sender().cancel(v.message);
+  }
+  forecasts_.settled(
+      {.id = *sent_.id_of(entry.peer, message), .fate = Fate::kDelivered, .age = when.age});
+}
+
 void Messages::report(std::optional<MessageFate> fate) {
   if (!fate) return;
   forecasts_.settled(*fate);
@@ -316,6 +354,7 @@ void Messages::report(std::optional<MessageFate> fate) {
 }
 
 void Messages::expire(TimePoint now) {
+  inbox_.expire(now);
   if (collect_at_ && *collect_at_ <= now) {
     sent_.peers(asked_);
     for (const PeerId id : asked_) {
@@ -338,12 +377,13 @@ void Messages::expire(TimePoint now) {
 }
 
 std::optional<TimePoint> Messages::next_timeout() const {
-  return earliest(sent_.first_end(), recheck_at_, collect_at_);
+  return earliest(inbox_.next_timeout(), sent_.first_end(), recheck_at_, collect_at_);
 }
 
 void Messages::forget(PeerId peer) {
   next_ids_.erase(peer);
-  received_.forget(peer);
+  last_ordered_.erase(peer);
+  inbox_.forget(peer);
   for (const SendId id : sent_.to(peer)) {
     report(sent_.end(id, Fate::kUnknown, FateReason::kPeerGone));
   }

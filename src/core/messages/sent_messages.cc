@@ -38,6 +38,11 @@ const SentMessages::Entry* SentMessages::find(PeerId peer, MessageId message) co
   return it == by_message_.end() ? nullptr : find(it->second);
 }
 
+std::optional<SendId> SentMessages::id_of(PeerId peer, MessageId message) const {
+  const auto it = by_message_.find({peer, message});
+  return it == by_message_.end() ? std::nullopt : std::optional(it->second);
+}
+
 SentMessages::Variant& SentMessages::variant_of(Open& open, MessageId message) {
   const auto it = std::ranges::find(open.entry.variants, message, &Variant::message);
   assert(it != open.entry.variants.end());

@@ -50,18 +50,17 @@ bool Intake::is_too_large(const wire::Data& data) const {
   if (f.kind == wire::MessageKind::kRound) {
     return f.size > limits_.round_bytes + wire::kRoundHeaderBytes;
   }
-  if (f.size <= limits_.plain_bytes + wire::kPlainHeaderBytes && limits_.channel_bytes.empty()) {
-    return false;
-  }
-  // Only the first piece says which channel it is.
+  // Only the first piece says which channel it is, and how long the header is.
   const auto header =
       f.index == 0 ? wire::parse_plain_header(data.bytes) : std::optional<wire::PlainHeader>{};
+  const std::size_t head = header ? header->bytes() : wire::kMostPlainHeaderBytes;
+  if (f.size <= limits_.plain_bytes + head && limits_.channel_bytes.empty()) return false;
   std::size_t most = limits_.plain_bytes;
   for (const auto& [channel, bytes] : limits_.channel_bytes) {
     if (!header) most = std::max(most, bytes);
     if (header && header->channel == channel) most = bytes;
   }
-  return f.size > most + wire::kPlainHeaderBytes;
+  return f.size > most + head;
 }
 
 void Intake::refuse(TimePoint now, const wire::FragmentHeader& fragment, PeerLimit why,

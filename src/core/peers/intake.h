@@ -30,13 +30,15 @@ struct Settled {
     kComplete,
     // It was complete, and dropped there: late, or not the newest of its channel.
     kDroppedThere,
+    // It is complete, and kept there for a better variant.
+    kKept,
     // There was no room for it, or its time was over before all of it was there. That is final: it
     // is never complete.
     kRefused,
   };
   Kind kind{};
   MessageId message{};
-  // When it became complete, where it is kComplete or kDroppedThere.
+  // When it became complete, where it is kComplete, kDroppedThere or kKept.
   std::optional<PeerTime> complete_at{};
 };
 

@@ -13,10 +13,13 @@ void Settlements::learn(const wire::Feedback& feedback) {
         complete.begin(), it, it->ago_us, std::ranges::greater{}, &wire::CompleteMessage::ago_us);
     std::rotate(place, it, it + 1);
   }
-  for (const auto& [message, ago_us, dropped] : complete) {
+  for (const auto& [message, ago_us, dropped, kept] : complete) {
     const Duration ago = std::chrono::microseconds(ago_us);
-    settled_.push_back({dropped ? Settled::Kind::kDroppedThere : Settled::Kind::kComplete, message,
-                        PeerTime{Duration{wrapping_sub(feedback.u, ago.count())}}});
+    using Kind = Settled::Kind;
+    settled_.push_back({dropped ? Kind::kDroppedThere
+                        : kept  ? Kind::kKept
+                                : Kind::kComplete,
+                        message, PeerTime{Duration{wrapping_sub(feedback.u, ago.count())}}});
   }
   for (const MessageId message : feedback.refused) {
     settled_.push_back({Settled::Kind::kRefused, message});

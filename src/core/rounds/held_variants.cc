@@ -14,34 +14,25 @@ bool same_stage(const dispatch::Round& a, const dispatch::Round& b) {
 const Held* HeldVariants::find(PeerId peer, const dispatch::Round& round) const {
   const auto of = peers_.find(peer);
   if (of == peers_.end()) return nullptr;
-  for (const Key& key : of->second.keys) {
+  for (const Key& key : of->second) {
     const Held& held = waiting_.at(key);
     if (same_stage(held.arrived.round, round)) return &held;
   }
   return nullptr;
 }
 
-bool HeldVariants::has_room(PeerId peer, std::size_t bytes, std::size_t most) const {
-  return count(peer) < most && bytes <= memory_.room(this->bytes(peer));
-}
-
 void HeldVariants::add(Held held) {
-  OfPeer& of = peers_[held.arrived.from];
-  const std::size_t bytes = held.arrived.payload.size();
-  memory_.change(of.bytes, of.bytes + bytes);
-  of.bytes += bytes;
+  memory_.add(held.arrived.from, held.arrived.payload.size());
   const Key key{held.hold.until, ++added_};
-  of.keys.push_back(key);
+  peers_[held.arrived.from].push_back(key);
   waiting_.emplace(key, std::move(held));
 }
 
 Held HeldVariants::take(Waiting::iterator it) {
   const auto of = peers_.find(it->second.arrived.from);
-  const std::size_t bytes = it->second.arrived.payload.size();
-  memory_.change(of->second.bytes, of->second.bytes - bytes);
-  of->second.bytes -= bytes;
-  std::erase(of->second.keys, it->first);
-  if (of->second.keys.empty()) peers_.erase(of);
+  memory_.remove(of->first, it->second.arrived.payload.size());
+  std::erase(of->second, it->first);
+  if (of->second.empty()) peers_.erase(of);
   Held held = std::move(it->second);
   waiting_.erase(it);
   return held;
@@ -51,7 +42,7 @@ template <class Which>
 void HeldVariants::drop_of(PeerId peer, const Which& which) {
   const auto of = peers_.find(peer);
   if (of == peers_.end()) return;
-  const std::vector<Key> keys = of->second.keys;
+  const std::vector<Key> keys = of->second;
   for (const Key& key : keys) {
     const auto it = waiting_.find(key);
     if (which(it->second)) take(it);
@@ -85,16 +76,6 @@ std::vector<Held> HeldVariants::release(TimePoint now) {
 std::optional<TimePoint> HeldVariants::next_timeout() const {
   if (waiting_.empty()) return std::nullopt;
   return waiting_.begin()->first.first;
-}
-
-std::size_t HeldVariants::count(PeerId peer) const {
-  const auto of = peers_.find(peer);
-  return of == peers_.end() ? 0 : of->second.keys.size();
-}
-
-std::size_t HeldVariants::bytes(PeerId peer) const {
-  const auto of = peers_.find(peer);
-  return of == peers_.end() ? 0 : of->second.bytes;
 }
 
 }  // namespace interneuron::rounds

@@ -33,14 +33,14 @@ Stages::Speaker speaker_of(const RoundContext& context) {
 }  // namespace
 
 Rounds::Rounds(const EndpointOptions& options, const plan::PolicyRegistry& policies,
-               peers::Peers& peers, std::deque<Event>& events)
+               peers::Peers& peers, HeldMemory& held, std::deque<Event>& events)
     : peers_(peers),
       events_(events),
       relays_(options.relays),
       policies_(policies),
       own_(options.session, options.pipelines, options.ablation ? *options.ablation : Ablation{}),
       stages_(options.session, options.peer_limits,
-              options.ablation ? *options.ablation : Ablation{}),
+              options.ablation ? *options.ablation : Ablation{}, held),
       transmissions_(policies_, own_, stages_) {
   if (options.session.value == 0) {
     throw std::invalid_argument("endpoint: the session must not be 0; draw it at random");

@@ -26,9 +26,9 @@ namespace interneuron::rounds {
 class Rounds {
  public:
   // Throws std::invalid_argument naming the option that is wrong. What happens is appended to
-  // `events`; it, `policies` and `peers` must outlive this.
+  // `events`; it, `policies`, `peers` and `held` must outlive this.
   Rounds(const EndpointOptions& options, const plan::PolicyRegistry& policies, peers::Peers& peers,
-         std::deque<Event>& events);
+         HeldMemory& held, std::deque<Event>& events);
 
   // The commands of Endpoint, in its own time.
   RoundRef begin(TimePoint now, PipelineId pipeline);
@@ -53,7 +53,7 @@ class Rounds {
   // The peer is gone, or has begun a new session: all that is kept of its rounds is dropped.
   void forget(PeerId peer) { stages_.forget(peer); }
 
-  // Fills in what this peer holds here.
+  // Fills in what this peer holds here, beside what waits.
   void fill(PeerId peer, PeerLedger& ledger) const { stages_.fill(peer, ledger); }
 
   // Those about complete messages; the others are 0.

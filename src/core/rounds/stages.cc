@@ -169,8 +169,6 @@ void Stages::fill(PeerId peer, PeerLedger& ledger) const {
     ++ledger.pipelines;
   }
   ledger.contexts = contexts_.count(peer);
-  ledger.held_messages = held_.count(peer);
-  ledger.held_bytes = held_.bytes(peer);
 }
 
 }  // namespace interneuron::rounds

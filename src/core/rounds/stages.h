@@ -36,8 +36,9 @@ class Stages {
     bool is_relay = false;
   };
 
-  Stages(SessionId self, const PeerLimits& limits, const Ablation& ablation)
-      : self_(self), limits_(limits), ablation_(ablation) {}
+  // `memory`, for what waits, must outlive this.
+  Stages(SessionId self, const PeerLimits& limits, const Ablation& ablation, HeldMemory& memory)
+      : self_(self), limits_(limits), ablation_(ablation), held_(memory) {}
 
   // The clock between the origin of a round and here; nothing at the origin and while it is not
   // known.
@@ -103,7 +104,7 @@ class Stages {
   // Limits that have struck since the last call, all of them of the peer that was then served.
   using Struck = Few<PeerLimit, kPeerLimitCount>;
   Struck take_struck();
-  // Fills in what this peer holds here.
+  // Fills in what this peer holds here, beside what waits.
   void fill(PeerId peer, PeerLedger& ledger) const;
 
  private:

@@ -9,8 +9,10 @@ namespace {
 constexpr std::uint8_t kHasExchange = 0x01;
 constexpr std::uint8_t kMetered = 0x02;
 constexpr std::uint8_t kHasDelays = 0x04;
-// A complete message was dropped; the other bits are the time since then.
-constexpr std::uint32_t kDropped = ~kLongestAgo;
+// A complete message was dropped, or is kept; the other bits are the time since it was complete.
+constexpr std::uint32_t kDropped = 0x8000'0000;
+constexpr std::uint32_t kKept = 0x4000'0000;
+static_assert((kDropped | kKept | kLongestAgo) == UINT32_MAX);
 constexpr std::int64_t kBitsPerKilobit = 1000;
 
 void put_rate(Writer& w, DataRate rate) {
@@ -78,9 +80,9 @@ void put_feedback(Writer& w, const Feedback& feedback) {
   w.put(static_cast<std::uint8_t>(feedback.complete.size()));
   w.put(static_cast<std::uint8_t>(feedback.refused.size()));
   for (const LinkReport& report : feedback.reports) put_report(w, report);
-  for (const auto& [message, ago_us, dropped] : feedback.complete) {
+  for (const auto& [message, ago_us, dropped, kept] : feedback.complete) {
     w.put(message.value);
-    w.put(std::min(ago_us, kLongestAgo) | (dropped ? kDropped : 0));
+    w.put(std::min(ago_us, kLongestAgo) | (dropped ? kDropped : 0) | (kept ? kKept : 0));
   }
   for (const MessageId message : feedback.refused) w.put(message.value);
 }
@@ -103,7 +105,9 @@ bool get_feedback(Reader& r, Feedback& f) {
   for (std::uint8_t i = 0; i < complete; ++i) {
     const MessageId message{r.get<std::uint32_t>()};
     const auto when = r.get<std::uint32_t>();
-    f.complete.push_back({message, when & kLongestAgo, (when & kDropped) != 0});
+    if ((when & kDropped) != 0 && (when & kKept) != 0) return false;
+    f.complete.push_back(
+        {message, when & kLongestAgo, (when & kDropped) != 0, (when & kKept) != 0});
   }
   for (std::uint8_t i = 0; i < refused; ++i) f.refused.push_back({r.get<std::uint32_t>()});
   return r.ok() && r.at_end();

@@ -71,10 +71,12 @@ struct CompleteMessage {
   std::uint32_t ago_us = 0;
   // It was dropped there: it was too late, or of a channel on which a newer one was delivered.
   bool dropped = false;
+  // It is kept there for a better variant; what becomes of it is told later. Not both.
+  bool kept = false;
   friend bool operator==(const CompleteMessage&, const CompleteMessage&) = default;
 };
-// The largest value of 31 bits, 35.8 minutes.
-inline constexpr std::uint32_t kLongestAgo = 0x7fff'ffff;
+// The largest value of 30 bits, 17.9 minutes.
+inline constexpr std::uint32_t kLongestAgo = 0x3fff'ffff;
 // As many as fit beside kMaxReports reports into the smallest datagram (kMinDatagramBytes of
 // src/core/peers/peers.cc).
 inline constexpr std::size_t kMaxComplete = 32;

@@ -95,6 +95,11 @@ constexpr std::uint32_t to_us(Duration d) {
   return static_cast<std::uint32_t>(std::clamp<std::int64_t>(us, 0, UINT32_MAX));
 }
 
+// A share in [0, 1] as headers tell it.
+inline std::uint8_t share_of_255(double share) {
+  return share > 0 ? static_cast<std::uint8_t>(std::min(share, 1.0) * 255.0 + 0.5) : 0;
+}
+
 // One fragment of a message of `size` bytes, which is cut into count() pieces: piece `index` starts
 // at byte index * chunk of the message; all but the last have `chunk` bytes. An index from count()
 // on is that of a repair symbol: `chunk` bytes that were computed from the pieces of a block, both

@@ -15,14 +15,21 @@
 
 namespace interneuron::wire {
 
-// How many bytes of a message of this kind are its header.
+// How many bytes of a message of this kind are its header, at least: where it is that of a plain
+// one, these bytes tell (plain_header_bytes()).
 constexpr std::size_t header_bytes(MessageKind kind) {
   if (kind == MessageKind::kRevocations) return 0;
   return kind == MessageKind::kPlain ? kPlainHeaderBytes : kRoundHeaderBytes;
 }
+// The same of the message that begins with these bytes, of which there are so many at least.
+inline std::size_t header_bytes(MessageKind kind, ByteView begin) {
+  if (kind != MessageKind::kPlain || begin.size() < kPlainHeaderBytes) return header_bytes(kind);
+  return plain_header_bytes(begin.first<kPlainHeaderBytes>());
+}
 
 struct MessageBytes {
-  static constexpr std::size_t kMostHeaderBytes = std::max(kPlainHeaderBytes, kRoundHeaderBytes);
+  static constexpr std::size_t kMostHeaderBytes =
+      std::max(kMostPlainHeaderBytes, kRoundHeaderBytes);
   using Header = Few<std::byte, kMostHeaderBytes>;
 
   Header header;

@@ -72,6 +72,10 @@ SendResult Node::send(PeerId peer, Bytes message, const SendOptions& options) {
 SendResult Node::send(PeerId peer, Variants variants, const SendOptions& options) {
   return impl_->endpoint().send(io::now(), peer, std::move(variants), options);
 }
+std::vector<SendResult> Node::send(PeerId peer, std::span<Bytes> messages,
+                                   const SendOptions& options) {
+  return impl_->endpoint().send(io::now(), peer, messages, options);
+}
 bool Node::cancel(SendId message) { return impl_->endpoint().cancel(io::now(), message); }
 RoundRef Node::begin_round(PipelineId pipeline) {
   return impl_->endpoint().begin_round(io::now(), pipeline);

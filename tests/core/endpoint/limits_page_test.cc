@@ -5,8 +5,8 @@
 
 #include <set>
 
+#include "core/base/held_memory.h"
 #include "core/messages/books.h"
-#include "core/rounds/kept_rounds.h"
 #include "interneuron/endpoint_options.h"
 #include "interneuron/ledger.h"
 
@@ -14,7 +14,6 @@ namespace interneuron::limits_page_test {
 namespace {
 
 using messages::SentMessages;
-using rounds::HeldVariants;
 
 using namespace limits_page;
 
@@ -24,6 +23,7 @@ TEST(LimitsPage, HasTheDefaultsOfTheCode) {
       {"contexts", grouped(own.contexts)},
       {"pipelines", grouped(own.pipelines)},
       {"held_messages", grouped(own.held_messages)},
+      {"ordered_messages", grouped(own.ordered_messages)},
       {"longest_deadline", seconds(own.longest_deadline)},
       {"reassembly_messages", grouped(own.reassembly_messages)},
       {"reassembly_bytes", mebibytes(own.reassembly_bytes)},
@@ -33,7 +33,7 @@ TEST(LimitsPage, HasTheDefaultsOfTheCode) {
       {"packets_per_second", grouped(own.packets_per_second)},
       {"messages_per_second", grouped(own.messages_per_second)},
       {"reassembly_budget_bytes", mebibytes(EndpointOptions{}.reassembly_budget_bytes)},
-      {"HeldVariants::kBudgetBytes", mebibytes(HeldVariants::kBudgetBytes)},
+      {"HeldMemory::kBudgetBytes", mebibytes(HeldMemory::kBudgetBytes)},
       {"SentMessages::kMaxMessages", grouped(SentMessages::kMaxMessages)}};
   EXPECT_EQ(figures_of("/docs/limits.md", 0), expected);
 }

@@ -85,6 +85,8 @@ TEST(ReassemblerBounds, SymbolsOfTheLargestMessageFindRoom) {
   Bytes whole(kMaxMessageBytes + wire::kPlainHeaderBytes);
   std::mt19937_64 random(1);
   for (std::byte& b : whole) b = static_cast<std::byte>(random());
+  // The flags of a plain header, which say how long it is.
+  whole[wire::kPlainHeaderBytes - 1] = std::byte{};
   const wire::FragmentHeader message{MessageId{1}, 0,
                                      kChunk,       static_cast<std::uint32_t>(whole.size()),
                                      1'000'000,    wire::MessageKind::kPlain};

@@ -135,9 +135,10 @@ inline bool refused_or_consistent_plain(ByteView message) {
   const auto header = parse_plain_header(message);
   if (!header) return true;
   if (header->deadline_us == 0 || header->variant >= kMaxVariants) return false;
-  std::array<std::byte, kPlainHeaderBytes> again{};
+  std::array<std::byte, kMostPlainHeaderBytes> again{};
   write_plain_header(again, *header);
-  return std::ranges::equal(again, message.first(kPlainHeaderBytes));
+  const std::size_t size = header->bytes();
+  return std::ranges::equal(ByteView(again).first(size), message.first(size));
 }
 
 // The bytes with another value at one place.

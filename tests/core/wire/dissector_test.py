@@ -90,7 +90,16 @@ class Dissector(unittest.TestCase):
         self.expect(examples()[1], {
             "type": "1", "message": "10", "size": "25", "kind": "1", "plain.id": "5", "plain.deadline_us": "100000",
             "plain.t0": "1234567890123", "plain.channel": "7", "plain.importance": "200", "plain.variant": "1",
-            "plain.newest_only": "1", "payload": "68656c6c6f", "round.version": "", "malformed": ""})
+            "plain.newest_only": "1", "plain.awaits_better": "0", "payload": "68656c6c6f", "round.version": "", "malformed": ""})
+
+    def test_plain_message_with_needs_and_order(self):
+        data = bytearray(examples()[1])
+        data[56] |= 0x60
+        data[57:57] = bytes.fromhex("ff00400080") + struct.pack(">HI", 3, 40000)
+        data[24:28] = struct.pack(">I", 36)
+        self.expect(bytes(data), {
+            "plain.variant": "1", "plain.needs": "ff00400080", "plain.back": "3", "plain.wait_us": "40000",
+            "payload": "68656c6c6f", "malformed": ""})
 
     def test_repair_symbol(self):
         self.expect(examples()[2], {

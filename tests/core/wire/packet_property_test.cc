@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
+#include "core/wire/message_bytes.h"
 #include "tests/core/wire/consistent.h"
 
 namespace interneuron::wire::packet_property_test {
@@ -83,8 +84,9 @@ Feedback any_feedback() {
   }
   f.features = any<std::uint16_t>();
   for (auto n = *rc::gen::inRange<std::size_t>(0, kMaxComplete + 1); n > 0; --n) {
-    f.complete.push_back(
-        {MessageId{any<std::uint32_t>()}, any<std::uint32_t>() & kLongestAgo, any<bool>()});
+    const bool dropped = any<bool>();
+    f.complete.push_back({MessageId{any<std::uint32_t>()}, any<std::uint32_t>() & kLongestAgo,
+                          dropped, !dropped && any<bool>()});
   }
   for (auto n = *rc::gen::inRange<std::size_t>(0, kMaxRefused + 1); n > 0; --n) {
     f.refused.push_back({any<std::uint32_t>()});
@@ -278,27 +280,36 @@ RC_GTEST_PROP(PacketProperty, ARoundHeaderComesBack, ()) {
 }
 
 PlainHeader any_plain_header() {
-  return PlainHeader{.id = any<std::uint32_t>(),
+  PlainHeader header{.id = any<std::uint32_t>(),
                      .deadline_us = any_but_zero<std::uint32_t>(),
                      .t0 = PeerTime{Duration{any<std::int64_t>()}},
                      .channel = any<std::uint16_t>(),
                      .importance = any<std::uint8_t>(),
                      .variant = *rc::gen::inRange<std::uint8_t>(0, kMaxVariants),
                      .newest_only = any<bool>()};
+  header.awaits_better = header.variant > 0 && any<bool>();
+  if (any<bool>()) {
+    header.needs.emplace();
+    for (std::uint8_t& weight : header.needs->weights) weight = any<std::uint8_t>();
+    header.needs->min_security = any<std::uint8_t>();
+  }
+  if (any<bool>()) header.order = {any<std::uint16_t>(), any<std::uint32_t>()};
+  return header;
 }
 
 RC_GTEST_PROP(PacketProperty, APlainHeaderComesBack, ()) {
   const PlainHeader header = any_plain_header();
-  std::array<std::byte, kPlainHeaderBytes> out{};
+  std::array<std::byte, kMostPlainHeaderBytes> out{};
   write_plain_header(out, header);
   const auto parsed = parse_plain_header(out);
   RC_ASSERT(parsed.has_value());
   RC_ASSERT(*parsed == header);
-  RC_ASSERT(!parse_plain_header(std::span(out).first(kPlainHeaderBytes - 1)));
+  RC_ASSERT(header_bytes(MessageKind::kPlain, out) == header.bytes());
+  RC_ASSERT(!parse_plain_header(std::span(out).first(header.bytes() - 1)));
 }
 
 RC_GTEST_PROP(PacketProperty, EveryChangeOfOneByteOfAPlainHeaderIsRefusedOrValid, ()) {
-  std::array<std::byte, kPlainHeaderBytes> bytes{};
+  std::array<std::byte, kMostPlainHeaderBytes> bytes{};
   write_plain_header(bytes, any_plain_header());
   const std::byte change{any_but_zero<std::uint8_t>()};
   for (std::byte& b : bytes) {
