@@ -113,7 +113,7 @@ TEST_F(TrafficTest, TimeStartsWithTheFirstPacketOnAnyLink) {
 
 TEST_F(TrafficTest, DropsAtTheTailOfTheQueueOnly) {
   TestbedOptions options = clean_options(dir_);
-  options.scenario.links[0].profile.up = {DataRate::mbit(1), 15'000, 0, {}, {}, {}, 0, 0, 0, {}, 0};
+  options.scenario.links[0].profile.up = {.rate = DataRate::mbit(1), .queue_bytes = 15'000};
   const Testbed testbed = Testbed::up(options);
   const UdpPair sockets = udp_pair(testbed.state());
   const auto datagram = pattern(1472, 0);

@@ -42,12 +42,12 @@ std::optional<PlainHeader> parse_plain_header(ByteView message) {
   h.newest_only = (flags & kNewestOnly) != 0;
   h.awaits_better = (flags & kAwaitsBetter) != 0;
   if ((flags & kHasNeeds) != 0) {
-    h.needs.emplace();
+    h.needs = PlainHeader::Needs{};
     for (std::uint8_t& weight : h.needs->weights) weight = r.get<std::uint8_t>();
     h.needs->min_security = r.get<std::uint8_t>();
   }
   if ((flags & kHasOrder) != 0) {
-    h.order.emplace();
+    h.order = PlainHeader::Order{};
     h.order->back = r.get<std::uint16_t>();
     h.order->wait_us = r.get<std::uint32_t>();
   }
