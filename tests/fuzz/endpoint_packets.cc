@@ -46,7 +46,7 @@ Bytes any_plain_message(Input& input, const Sender& sender) {
   h.variant = static_cast<std::uint8_t>(input.below(kMaxVariants));
   h.newest_only = input.flip();
   h.awaits_better = h.variant > 0 && input.flip();
-  if (input.flip()) h.needs.emplace();
+  if (input.flip()) h.needs = wire::PlainHeader::Needs{};
   if (input.flip()) h.order = {input.take<std::uint8_t>(), any_duration_us(input)};
   Bytes out(h.bytes() + input.below(64));
   wire::write_plain_header(out, h);

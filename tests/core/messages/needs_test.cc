@@ -102,7 +102,7 @@ TEST_F(NeedsTest, WhereNoLinkReachesTheFloorItIsRefusedInWords) {
 TEST_F(NeedsTest, TheyAreToldAtTheOtherEndOverHoweverManyPieces) {
   begin({});
   const Needs needs{{.delay = 1, .bandwidth = 0.2, .reliability = 0.4, .security = 0.6}, 0.4};
-  for (const std::size_t bytes : {1, 900, 100'000}) {
+  for (const std::size_t bytes : {1U, 900U, 100'000U}) {
     came.clear();
     SendOptions options{.deadline = 1s, .needs = needs};
     pipe.at(0).send(pipe.local(0), peer, {Bytes(bytes, std::byte{7})}, options);

@@ -236,7 +236,8 @@ TEST(Handshake, NobodyOnThePathTalksTwoHostsDown) {
   EXPECT_FALSE(b.road.next());
   // Nor by taking the byte away, as hosts without ciphers to choose from say hello.
   Bytes shorter = asked;
-  shorter.erase(shorter.begin() + wire::kHeaderBytes + parts.noise.size() - kAeadTagBytes - 1);
+  const std::size_t last = wire::kHeaderBytes + parts.noise.size() - kAeadTagBytes - 1;
+  shorter.erase(shorter.begin() + static_cast<std::ptrdiff_t>(last));
   EXPECT_EQ(b.take(shorter), Verdict::kRefused);
 
   ASSERT_EQ(b.take(asked), Verdict::kNew);

@@ -289,7 +289,7 @@ PlainHeader any_plain_header() {
                      .newest_only = any<bool>()};
   header.awaits_better = header.variant > 0 && any<bool>();
   if (any<bool>()) {
-    header.needs.emplace();
+    header.needs = PlainHeader::Needs{};
     for (std::uint8_t& weight : header.needs->weights) weight = any<std::uint8_t>();
     header.needs->min_security = any<std::uint8_t>();
   }
