@@ -12,7 +12,10 @@ std::optional<Inbox::Age> Inbox::age_of(TimePoint now, peers::Peer& peer,
   const auto clock = peer.clock(now);
   if (!clock) return std::nullopt;
   const Duration theta = elapsed_across(header.t0, now);
-  return Age{Duration{wrapping_sub(theta.count(), clock->alpha)}, clock->rtt_min / 2};
+  // Nothing arrives before it set out: the estimate of the clock errs, or the peer's word is false,
+  // which must not lengthen the time for which a message may be held.
+  const Duration age{wrapping_sub(theta.count(), clock->alpha)};
+  return Age{std::max(age, Duration{}), clock->rtt_min / 2};
 }
 
 void Inbox::complete(TimePoint now, peers::Peer& peer, MessageId message,
