@@ -97,9 +97,12 @@ void ShareControl::report(TimePoint now, const Report& report) {
     note_round_trip(now, *report.round_trip);
     used_at_ = now;
   }
-  if (report.one_way_us) note_one_way(now, *report.one_way_us);
+  if (report.one_way_us) {
+    note_one_way(now, *report.one_way_us);
+    crowd_.met(now, now - round_trip_, queue_);
+  }
   note_duty(now, report.backlog);
-  if (report.train) note_train(*report.train);
+  if (report.train) note_train(now, *report.train);
   needed_ = report.needed;
   seen_.lost += report.lost;
   seen_.ect += report.ect;
@@ -107,7 +110,9 @@ void ShareControl::report(TimePoint now, const Report& report) {
   // What left before the rate fell was marked by the same queue.
   if (now - round_trip_ >= answered_marks_at_) seen_.newly_marked += report.marked;
   seen_.held_back = seen_.held_back || report.held_back;
+  crowd_.lost(report.lost);
   if (!rate_) return;
+  if (share(now)) return;
   if (seen_.held_back && now - near_base_at_ > kDrainEvery) {
     drain_until_ = now + round_trip_ + base_ / 2;
     near_base_at_ = now;
@@ -119,9 +124,36 @@ void ShareControl::report(TimePoint now, const Report& report) {
   lost_lately_ = lost_at_ && now - *lost_at_ < kMemory;
 }
 
+// Whether others use the path as well, so that the rate is a share of it.
+bool ShareControl::share(TimePoint now) {
+  const bool was = crowd_.is_shared();
+  crowd_.decide(now, std::max(round_trip_, kLeastRound));
+  if (crowd_.is_shared()) {
+    rate_ = crowd_.rate();
+    seen_ = {};
+    gain_ = kPaceGain;
+  } else if (was) {
+    rate_ = capacity_;
+  }
+  return crowd_.is_shared();
+}
+
+void ShareControl::asked(TimePoint now, std::size_t bytes, Duration deadline) {
+  crowd_.asked(now, bytes, rate_of(3 * bytes, deadline));
+}
+
+void ShareControl::exchange(TimePoint now, TimePoint left_at, Duration one_way) {
+  if (left_at <= exchanged_at_) return;
+  exchanged_at_ = left_at;
+  least_exchange_.add(now, one_way.count());
+  crowd_.met(now, left_at, one_way - Duration{least_exchange_.get(now).value_or(one_way.count())});
+  if (rate_) share(now);
+}
+
 void ShareControl::note_capacity(TimePoint now, DataRate capacity) {
   const bool is_new = capacity != capacity_;
   capacity_ = capacity;
+  crowd_.set_capacity(capacity);
   // The first measurement, and one that was made while nobody was in the way, is all ours.
   const bool alone = queue_ < kTarget / 4 && duty_ < 0.5 && !gave_way(now);
   if (!rate_ || (is_new && alone && capacity > *rate_)) rate_ = capacity;
@@ -149,6 +181,8 @@ void ShareControl::note_one_way(TimePoint now, std::uint32_t one_way_us) {
 }
 
 void ShareControl::clock_stepped() {
+  least_exchange_ = {};
+  crowd_.clock_stepped();
   least_one_way_ = {};
   one_way_us_.reset();
   seen_.queue = Duration::max();
@@ -168,7 +202,7 @@ void ShareControl::note_duty(TimePoint now, Duration backlog) {
   duty_ = share + (duty_ - share) * std::exp(-to_seconds(since) / to_seconds(kDutyMemory));
 }
 
-void ShareControl::note_train(const Train& train) {
+void ShareControl::note_train(TimePoint now, const Train& train) {
   // What the train could have arrived at.
   const DataRate possible = train.sent_at ? std::min(*train.sent_at, capacity_) : capacity_;
   if (train.packets < 2 || possible <= DataRate{}) return;
@@ -176,6 +210,7 @@ void ShareControl::note_train(const Train& train) {
   seen_.long_train = seen_.long_train || long_trains_;
   seen_.stretched = train.arrived_at < possible.scaled(kStretched);
   seen_.arrived_at = train.arrived_at;
+  if (seen_.stretched) crowd_.stretched(now);
 }
 
 // The most that the rate may be.
@@ -279,11 +314,17 @@ bool ShareControl::overloaded() const { return duty_ > kOverload; }
 
 bool ShareControl::gave_way(TimePoint now) const { return fell_at_ && now - *fell_at_ < kMemory; }
 
+std::optional<DataRate> ShareControl::planned() const {
+  return crowd_.is_shared() ? crowd_.planned() : rate_;
+}
+
 std::optional<DataRate> ShareControl::soon(TimePoint now) const {
+  if (crowd_.is_shared()) return crowd_.planned();
   return rate_ && queue_ < kTarget / 2 && !gave_way(now) ? capacity_ : rate_;
 }
 
 std::optional<DataRate> ShareControl::pace() const {
+  if (crowd_.is_shared()) return crowd_.planned();
   const bool all_ours = rate_ && *rate_ >= capacity_ && gain_ >= kPaceGain && !lost_lately_;
   if (!rate_ || all_ours || gain_ == 0) return std::nullopt;
   return rate_->scaled(gain_);
@@ -291,8 +332,9 @@ std::optional<DataRate> ShareControl::pace() const {
 
 std::size_t ShareControl::window() const {
   if (!rate_) return SIZE_MAX;
+  const DataRate rate = crowd_.is_shared() ? crowd_.planned() : *rate_;
   const Duration span = draining_ ? base_ / 2 : base_ + target_;
-  const double bytes = static_cast<double>(rate_->bits_per_second) * to_seconds(span) / 8;
+  const double bytes = static_cast<double>(rate.bits_per_second) * to_seconds(span) / 8;
   return std::max(kLeastWindow, static_cast<std::size_t>(bytes));
 }
 

@@ -27,6 +27,7 @@
 #include <cstdint>
 #include <optional>
 
+#include "core/cc/crowd_share.h"
 #include "core/link/windowed_minimum.h"
 #include "interneuron/units.h"
 
@@ -72,6 +73,13 @@ class ShareControl {
     DataRate needed{};
   };
   void report(TimePoint now, const Report& report);
+  // Bytes with IP headers left.
+  void sent(TimePoint now, std::size_t ip_bytes) { crowd_.sent(now, ip_bytes); }
+  // A message is to be sent whose best variant has so many bytes, whether it sets out or not.
+  void asked(TimePoint now, std::size_t bytes, Duration deadline);
+  // A small packet that left at `left_at` took so long, with the offset between the two clocks in
+  // it.
+  void exchange(TimePoint now, TimePoint left_at, Duration one_way);
   // A clock stepped: old and new one-way delays cannot be compared. A step that no queue could make
   // is noticed without it.
   void clock_stepped();
@@ -80,6 +88,8 @@ class ShareControl {
 
   // What may be planned with; nothing while the capacity is not known.
   std::optional<DataRate> rate() const { return rate_; }
+  // The rate at which the newest message would be sent; nothing while the capacity is not known.
+  std::optional<DataRate> planned() const;
   // What the path may carry soon: the whole pipe where nothing is in the way now and the rate is
   // about to rise; nothing while the capacity is not known.
   std::optional<DataRate> soon(TimePoint now) const;
@@ -89,7 +99,9 @@ class ShareControl {
   std::size_t window() const;
   // We are overloaded, or had to give way within the last second: what is in flight beyond an empty
   // path waits in a queue.
-  bool loaded(TimePoint now) const { return overloaded() || gave_way(now); }
+  bool loaded(TimePoint now) const {
+    return crowd_.is_shared() || overloaded() || gave_way(now);
+  }
 
  private:
   // What was seen since the last decision.
@@ -110,7 +122,8 @@ class ShareControl {
   void note_one_way(TimePoint now, std::uint32_t one_way_us);
   void note_duty(TimePoint now, Duration backlog);
   void note_capacity(TimePoint now, DataRate capacity);
-  void note_train(const Train& train);
+  void note_train(TimePoint now, const Train& train);
+  bool share(TimePoint now);
   void decide(TimePoint now);
   void adapt_target();
   void note_marks();
@@ -123,6 +136,9 @@ class ShareControl {
   bool overloaded() const;
   bool gave_way(TimePoint now) const;
 
+  CrowdShare crowd_;
+  link::WindowedMinimum least_exchange_;
+  TimePoint exchanged_at_ = TimePoint::min();
   std::optional<DataRate> rate_;
   DataRate capacity_{};
   link::WindowedMinimum least_round_trip_;

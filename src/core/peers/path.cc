@@ -102,8 +102,9 @@ void Path::sent_feedback(TimePoint now) {
   probes.heartbeat_sent(now);
 }
 
-void Path::sent_data(TimePoint now) {
+void Path::sent_data(TimePoint now, std::size_t ip_bytes) {
   used_ = true;
+  share_.sent(now, ip_bytes);
   ecn_.sent(now);
   estimator.sent(now, true);
   probes.data_sent(now);
@@ -111,6 +112,7 @@ void Path::sent_data(TimePoint now) {
 
 void Path::sent_probe(TimePoint now, std::uint64_t number) {
   train_.newest = number;
+  share_.sent(now, datagram() + kIpUdpBytes);
   ecn_.sent(now);
   estimator.sent(now, true);
 }
@@ -177,6 +179,8 @@ void Path::learn_exchange(TimePoint now, PeerTime u, const wire::LinkReport& rep
   const std::int64_t h = report.h.count();
   const std::int64_t u_ns = u.time_since_epoch().count();
   estimator.round_trip(now, Duration{wrapping_sub(wrapping_sub(r, s), h)});
+  share_.exchange(now, TimePoint{report.s.time_since_epoch()},
+                  Duration{wrapping_sub(wrapping_sub(u_ns, h), s)});
   estimator.one_way_delays(now, Duration{wrapping_sub(wrapping_sub(u_ns, h), s)},
                            Duration{wrapping_sub(r, u_ns)});
 }
@@ -272,7 +276,8 @@ code::Losses Path::losses() const {
 
 flow::PathView Path::view(TimePoint now) const {
   // What may be planned with is our share of the pipe.
-  const std::optional<DataRate> pace = share_.pace() ? share_.pace() : estimator.pace();
+  const std::optional<DataRate> own = share_.pace();
+  const std::optional<DataRate> pace = own ? own : estimator.pace();
   // A path that came back is loaded little by little.
   const double share = estimator.share(now);
   const auto shared = [share](std::optional<DataRate> rate) {
@@ -283,7 +288,7 @@ flow::PathView Path::view(TimePoint now) const {
   view.suspect = estimator.path() == PathState::kSuspect;
   view.backup = nic_.traits.role == LinkRole::kBackup;
   // The arrival of a piece is a guess anyhow: with a guess of the rate it is a better one.
-  view.rate = shared(share_.rate() ? share_.rate() : estimator.rate_guess());
+  view.rate = shared(share_.planned() ? share_.planned() : estimator.rate_guess());
   view.pace = shared(capped(pace.value_or(flow::kBlindPace)));
   view.soon = shared(share_.soon(now));
   view.window = share_.window();
@@ -303,7 +308,7 @@ LinkState Path::state(TimePoint now) const {
   state.ecn = ecn_.state();
   // A path that came back is loaded little by little.
   state.share =
-      std::min(state.rate, share_.rate().value_or(state.rate)).scaled(estimator.share(now));
+      std::min(state.rate, share_.planned().value_or(state.rate)).scaled(estimator.share(now));
   return state;
 }
 

@@ -63,8 +63,12 @@ class Path {
   void sent_feedback(TimePoint now);
   // Beside sent_feedback(), where it was a copy of what another path has told, with its IP header.
   void sent_copy(std::size_t ip_bytes) { copy_credit_ -= static_cast<double>(ip_bytes); }
-  void sent_data(TimePoint now);
+  void sent_data(TimePoint now, std::size_t ip_bytes);
   void sent_probe(TimePoint now, std::uint64_t number);
+  // See Paths::asked().
+  void asked(TimePoint now, std::size_t bytes, Duration deadline) {
+    share_.asked(now, wire_size(bytes), deadline);
+  }
   void sent_mtu_probe(TimePoint now, std::uint64_t number);
   // The peer's report about this path, what the sender has concluded from it, and how the path was
   // used since the report before.

@@ -45,6 +45,10 @@ void Paths::note_activity(TimePoint now) {
   for (Path& path : paths_) path.probes.active(now);
 }
 
+void Paths::asked(TimePoint now, std::size_t bytes, Duration deadline) {
+  for (Path& path : paths_) path.asked(now, bytes, deadline);
+}
+
 void Paths::want(TimePoint now, DataRate rate) {
   for (Path& path : paths_) path.probes.want(now, rate);
 }

@@ -106,6 +106,10 @@ class Peer {
   Intake& intake() { return intake_; }
   const Intake& intake() const { return intake_; }
 
+  // See Paths::asked().
+  void asked(TimePoint now, std::size_t bytes, Duration deadline) {
+    paths_.asked(now, bytes, deadline);
+  }
   // See Paths::want().
   void want(TimePoint now, DataRate rate) { paths_.want(now, rate); }
   // See Paths::states().

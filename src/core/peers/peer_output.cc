@@ -79,7 +79,7 @@ std::optional<TransmitParts> Peer::poll_data(TimePoint now, Path& path,
     const std::size_t size =
         wire::write_window(buffer, header(now, path, wire::PacketType::kWindow, piece->number),
                            *piece->window, piece->bytes.payload);
-    path.sent_data(now);
+    path.sent_data(now, size + kIpUdpBytes);
     return TransmitParts{path.nic().link, path.address(), size, {}, 0, path.ecn_bits()};
   }
   const wire::DataEnds ends =
@@ -87,7 +87,7 @@ std::optional<TransmitParts> Peer::poll_data(TimePoint now, Path& path,
                             piece->fragment, piece->bytes.header);
   const TransmitParts parts{path.nic().link, path.address(),  ends.head,   piece->bytes.payload,
                             ends.tail,       path.ecn_bits(), piece->round};
-  path.sent_data(now);
+  path.sent_data(now, parts.size() + kIpUdpBytes);
   return parts;
 }
 
