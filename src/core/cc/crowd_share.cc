@@ -29,14 +29,26 @@ const double kUsedMemory = ENV("USED", 0.5);
 const Duration kPeriod = std::chrono::milliseconds((int)ENV("PERIOD", 100));
 // The rate falls by this share of it when the queue is twice the target.
 const double kMeanFall = ENV("FALL", 0.25);
+const double kOwn = ENV("OWN", 2);
+const double kBelow = ENV("BELOW", 0.8);
+const double kFloor = ENV("FLOOR", 1);
+const double kGate = ENV("GATE", 0.06);
+const double kQuick = ENV("QUICK", 3);
+const double kDebt = ENV("DEBT", 1);
+const double kOthersMemory = ENV("OTHERS", 0.05);
+const Duration kBetweenFalls = std::chrono::milliseconds((int)ENV("BETWEEN", 300));
 const double kEnter = ENV("ENTER", 0.7);
 const double kDrains = ENV("DRAINS", 0.9);
-const double kRise = ENV("RISE", 0.02);
-const double kStep = ENV("STEP", 1);
+const double kTargetOne = ENV("TONE", 0.004);
+const double kPower = ENV("POWER", 0.5);
+const double kMostTarget = ENV("TMOST", 0.04);
+const double kDice = ENV("DICE", 0.5);
+const double kRise = ENV("RISE", 0.015);
+const double kStep = ENV("STEP", .5);
 // The newcomer's rate: ten packets a round trip (RFC 6928), of 40 ms.
 const DataRate kStart{(std::int64_t)(ENV("START", 2.4)*1e6)};
-const double kCrowd = ENV("CROWD", 0.010);
-const double kCap = ENV("CAP", 1.25);
+const double kCrowd = ENV("CROWD", 0.008);
+const double kCap = ENV("CAP", 1.5);
 constexpr Duration kStretchMemory = std::chrono::seconds(1);
 const Duration kAlone = std::chrono::milliseconds((int)ENV("ALONE", 2000));
 constexpr DataRate kLeastShare{8 * 10 * static_cast<std::int64_t>(kMaxPacketBytes)};
@@ -51,26 +63,25 @@ double bytes_per_second(DataRate rate) { return static_cast<double>(rate.bits_pe
 
 }  // namespace
 
-// --- OwnQueue
+// --- SentBytes
 
-void OwnQueue::sent(TimePoint now, std::size_t ip_bytes, DataRate capacity) {
-  const double carried = to_seconds(now - at_) * bytes_per_second(capacity);
-  bytes_ = std::max(0.0, bytes_ - carried) + static_cast<double>(ip_bytes);
-  at_ = now;
+void SentBytes::sent(TimePoint now, std::size_t ip_bytes) {
   const std::int64_t number = slot_of(now);
-  slots_[static_cast<std::size_t>(number) % kSlots] = {number, bytes_};
+  Slot& slot = slots_[static_cast<std::size_t>(number) % kSlots];
+  if (slot.number != number) slot = {number, all_};
+  all_ += ip_bytes;
 }
 
-Duration OwnQueue::at(TimePoint at, DataRate capacity) const {
-  if (capacity <= DataRate{}) return {};
+std::uint64_t SentBytes::before(TimePoint at) const {
   const std::int64_t wanted = slot_of(at);
-  double most = 0;
+  std::uint64_t least = all_;
+  std::int64_t first = INT64_MAX;
   for (const Slot& slot : slots_) {
-    if (slot.number > wanted + 1 || slot.number < wanted - static_cast<std::int64_t>(kSlots)) continue;
-    const double since = to_seconds(kSlot * (wanted - slot.number - 1));
-    most = std::max(most, slot.bytes - std::max(0.0, since) * bytes_per_second(capacity));
+    if (slot.number < wanted || slot.number >= first) continue;
+    first = slot.number;
+    least = slot.before;
   }
-  return capacity.transmit_time(static_cast<std::size_t>(most));
+  return least;
 }
 
 // --- CrowdShare
@@ -81,28 +92,44 @@ double CrowdShare::saved(TimePoint now) const {
 }
 
 void CrowdShare::sent(TimePoint now, std::size_t ip_bytes) {
-  own_.sent(now, ip_bytes, capacity_);
+  sent_.sent(now, ip_bytes);
   const double bytes = static_cast<double>(ip_bytes);
   used_ = used_ * std::exp(-to_seconds(now - used_at_) / kUsedMemory) + bytes / kUsedMemory;
   used_at_ = now;
   if (!rate_) return;
-  saved_ = std::max(saved(now) - bytes, -kCap * asked_);
+  saved_ = std::max(saved(now) - bytes, -kDebt * asked_);
   saved_at_ = now;
 }
 
-void CrowdShare::asked(TimePoint now, std::size_t bytes, DataRate needed) {
-  asked_ = static_cast<double>(bytes);
-  needed_ = needed;
-  granted_ = rate_ && saved(now) >= asked_;
+void CrowdShare::dice(TimePoint now) {
+  const auto n = static_cast<std::uint64_t>(now.time_since_epoch().count()) * 0x9e3779b97f4a7c15ULL;
+  threshold_ = 1 - kDice / 2 + kDice * static_cast<double>(n >> 40) / static_cast<double>(1ULL << 24);
+}
+
+void CrowdShare::asked(TimePoint now, std::size_t best, std::size_t smallest, Duration left) {
+  const Duration part =
+      std::max<Duration>((left - std::chrono::duration_cast<Duration>(std::chrono::duration<double>(newest_))) / 3, left / 8);
+  asked_ = static_cast<double>(best);
+  best_ = rate_of(best, part);
+  smallest_ = smallest < best ? std::min(rate_of(smallest, part), rate_of(best, left).scaled(kBelow)) : DataRate{};
+  floor_ = smallest < best ? std::min(rate_of(smallest, left).scaled(kFloor), capacity_) : DataRate{};
+  granted_ = rate_ && saved(now) >= asked_ * threshold_ && newest_ < kGate;
+  if (granted_) dice(now);
+  if (rate_ && saved(now) <= -kDebt * .9 * asked_) smallest_ = {};
 }
 
 void CrowdShare::met(TimePoint now, TimePoint left_at, Duration queue) {
-  newest_ = to_seconds(queue);
-  const double own = to_seconds(own_.at(left_at, capacity_));
-  const double others = std::max(0.0, newest_ - 1.2 * own - 0.003);
+  const double met = to_seconds(queue);
+  const double since_left = to_seconds(left_at - left_at_);
+  if (left_at > left_at_) {
+    const double own = kOwn * static_cast<double>(sent_.before(left_at) - sent_.before(left_at_)) / std::max(1.0, bytes_per_second(capacity_));
+    const double excess = met - std::max(0.0, newest_ + own - since_left);
+    if (since_left < 0.3) others_ = decayed(others_, std::max(0.0, excess), since_left, kOthersMemory);
+  }
+  newest_ = met;
+  left_at_ = left_at;
   const double since = has_met_ ? to_seconds(now - met_at_) : 1;
   mean_ = decayed(mean_, newest_, since, kMeanMemory);
-  others_ = decayed(others_, others, since, kMeanMemory);
   has_met_ = true;
   longest_ = std::max(longest_, newest_);
   met_at_ = now;
@@ -115,14 +142,16 @@ void CrowdShare::clock_stepped() {
 
 void CrowdShare::enter(TimePoint now) {
   const double used = 8 * used_ * std::exp(-to_seconds(now - used_at_) / kUsedMemory);
-  rate_ = std::clamp(DataRate{static_cast<std::int64_t>(kEnter * used)}, std::min(kStart, capacity_), capacity_);
+  rate_ = std::clamp(DataRate{static_cast<std::int64_t>(kEnter * used)}, std::min(std::max(kLeastShare, floor_), capacity_), capacity_);
   saved_ = 0;
   saved_at_ = now;
   is_new_ = false;
   granted_ = false;
+  dice(now);
   before_ = 0;
   longest_ = newest_;
   decide_at_ = now + kPeriod;
+  fall_at_ = now + kBetweenFalls;
 }
 
 void CrowdShare::decide(TimePoint now, Duration round_trip) {
@@ -134,7 +163,7 @@ void CrowdShare::decide(TimePoint now, Duration round_trip) {
   }
   const bool stretched = stretched_at_ && now - *stretched_at_ < kStretchMemory;
   if (others_ > kCrowd) others_at_ = now;
-  if ((!rate_ && stretched && others_ > kCrowd) || (is_new_ && newest_ > kMeanTarget)) enter(now);
+  if ((!rate_ && stretched && others_ > kCrowd) || (is_new_ && newest_ > kMeanTarget && others_ > kCrowd)) enter(now);
   if (newest_ > kMeanTarget / 2) queued_at_ = now;
   if (!rate_ || now < decide_at_) return;
   saved_ = saved(now);
@@ -145,27 +174,39 @@ void CrowdShare::decide(TimePoint now, Duration round_trip) {
   if (!is_new_ && *rate_ >= capacity_ && now - others_at_ > kAlone) rate_.reset();
 }
 
+double CrowdShare::target() const {
+  const double others = bytes_per_second(capacity_) / std::max(1.0, bytes_per_second(*rate_));
+  return std::clamp(kTargetOne * std::pow(others, kPower), 0.005, kMostTarget);
+}
+
 void CrowdShare::adapt(TimePoint now) {
-  const double over = std::clamp((mean_ - kMeanTarget) / kMeanTarget, -1.0, 1.0);
-  double more = 0;
+  const double over = std::clamp(mean_ / target() - 1, -1.0, 2.0);
   const bool drains = longest_ < kDrains * before_;
   before_ = longest_;
   longest_ = newest_;
   if (over > 0) {
-    if (!drains) rate_ = rate_->scaled(1 - kMeanFall * over);
-  } else if (is_new_ || now - queued_at_ > kAlone) {
+    if ((!drains || kDrains > 1) && now >= fall_at_) {
+      rate_ = rate_->scaled(1 - kMeanFall * std::min(1.0, over));
+      fall_at_ = now + kBetweenFalls;
+    }
+  } else if (is_new_) {
     rate_ = rate_->scaled(2);
-    if (*rate_ >= capacity_) { is_new_ = false; rate_ = capacity_; }
+    if (*rate_ >= capacity_) {
+      is_new_ = false;
+      rate_ = capacity_;
+    }
   } else {
-    more = -over * (kRise * static_cast<double>(rate_->bits_per_second) +
-                    kStep * 8e7 * kMaxPacketBytes / 1e6);
+    rate_ = rate_->scaled(1 - kRise * over * std::clamp(target() / std::max(mean_, 0.01), 1.0, kQuick));
   }
-  const DataRate risen{rate_->bits_per_second + static_cast<std::int64_t>(more)};
-  rate_ = std::max(std::min(risen, capacity_), std::min(kLeastShare, capacity_));
+  rate_ = std::max(std::min(*rate_, capacity_), std::min(over < 2 ? std::max(kLeastShare, floor_) : kLeastShare, capacity_));
 }
 
-DataRate CrowdShare::burst() const { return std::clamp(needed_, *rate_, capacity_); }
+Duration CrowdShare::queue() const {
+  return std::chrono::duration_cast<Duration>(std::chrono::duration<double>(std::min(mean_, newest_)));
+}
 
-DataRate CrowdShare::planned() const { return granted_ ? burst() : *rate_; }
+DataRate CrowdShare::planned() const {
+  return std::min(std::max(*rate_, granted_ ? best_ : smallest_), capacity_);
+}
 
 }  // namespace interneuron::cc

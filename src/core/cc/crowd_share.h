@@ -15,6 +15,7 @@
 // own making is no crowd: it is followed by what has left here and what the pipe carries.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <optional>
@@ -23,24 +24,24 @@
 
 namespace interneuron::cc {
 
-// The queue that our own packets make: what left less what the pipe carried, followed in slots of
-// time, since a delay that is told now was met a round trip ago. Constant memory. Pure;
-// thread-compatible; never throws.
-class OwnQueue {
+// How many bytes had left by when, in slots of time. Constant memory. Pure; thread-compatible; never
+// throws.
+class SentBytes {
  public:
-  void sent(TimePoint now, std::size_t ip_bytes, DataRate capacity);
-  // What stood in the queue when a packet left at `at`, as time at this capacity.
-  Duration at(TimePoint at, DataRate capacity) const;
+  void sent(TimePoint now, std::size_t ip_bytes);
+  // Bytes that left before the slot of this time.
+  std::uint64_t before(TimePoint at) const;
+  std::uint64_t all() const { return all_; }
 
  private:
   static constexpr std::size_t kSlots = 128;
+  // What had left before the first packet of a slot.
   struct Slot {
     std::int64_t number = INT64_MIN;
-    double bytes = 0;
+    std::uint64_t before = 0;
   };
   std::array<Slot, kSlots> slots_{};
-  double bytes_ = 0;
-  TimePoint at_{};
+  std::uint64_t all_ = 0;
 };
 
 // Owned and fed by the ShareControl of the path. What it is told of the queue is the peer's word:
@@ -48,12 +49,16 @@ class OwnQueue {
 // throws.
 class CrowdShare {
  public:
-  void set_capacity(DataRate capacity) { capacity_ = capacity; }
+  // What trains show of the pipe. Among those of others they show less, which is no news.
+  void set_capacity(DataRate capacity) {
+    capacity_ = is_shared() && !is_new_ ? std::max(capacity_, capacity) : capacity;
+  }
+  DataRate capacity() const { return capacity_; }
   // Bytes with IP headers left.
   void sent(TimePoint now, std::size_t ip_bytes);
-  // The newest message has so many bytes in its best variant, and is sent within a third of its
-  // time at this rate.
-  void asked(TimePoint now, std::size_t bytes, DataRate needed);
+  // The newest message has so many bytes in its best and in its smallest variant, and so long to
+  // leave and to wait in queues.
+  void asked(TimePoint now, std::size_t best, std::size_t smallest, Duration left);
   // A packet that left at `left_at` met this queue.
   void met(TimePoint now, TimePoint left_at, Duration queue);
   // A train arrived more slowly than it left and than the pipe carries.
@@ -72,30 +77,36 @@ class CrowdShare {
   // The rate at which the newest message would be sent: what is needed where enough is saved up for
   // it, else the share.
   DataRate planned() const;
+  // What is waited for in the mean.
+  Duration queue() const;
 
  private:
   double saved(TimePoint now) const;
-  DataRate burst() const;
   void enter(TimePoint now);
   void adapt(TimePoint now);
+  double target() const;
+  void dice(TimePoint now);
 
   DataRate capacity_{};
-  OwnQueue own_;
+  SentBytes sent_;
   std::optional<DataRate> rate_;
   // It began low and doubles, as nothing was met yet.
   bool is_new_ = true;
   double asked_ = 0;
+  // What brings its best and its smallest variant in time.
+  DataRate best_{};
+  DataRate smallest_{};
   // Enough was saved up for the newest message.
   bool granted_ = false;
-  DataRate needed_{};
   // Bytes that are saved up, and at when.
   double saved_ = 0;
   TimePoint saved_at_{};
   // What is sent in the mean, in bytes per second.
   double used_ = 0;
   TimePoint used_at_{};
-  // The newest queue, the mean one and that of others, in seconds.
+  // The newest queue, when its packet left, and the mean one, in seconds.
   double newest_ = 0;
+  TimePoint left_at_{};
   double mean_ = 0;
   double others_ = 0;
   TimePoint met_at_{};
@@ -110,7 +121,10 @@ class CrowdShare {
   // The longest queue since the last decision, and that of the period before.
   double longest_ = 0;
   double before_ = 0;
-  double spare_[16] = {};
+  TimePoint fall_at_{};
+  double threshold_ = 1;
+  DataRate floor_{};
+  double spare_[14] = {};
 };
 
 }  // namespace interneuron::cc

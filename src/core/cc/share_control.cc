@@ -138,8 +138,9 @@ bool ShareControl::share(TimePoint now) {
   return crowd_.is_shared();
 }
 
-void ShareControl::asked(TimePoint now, std::size_t bytes, Duration deadline) {
-  crowd_.asked(now, bytes, rate_of(3 * bytes, deadline));
+void ShareControl::asked(TimePoint now, std::size_t best, std::size_t smallest,
+                         Duration deadline) {
+  crowd_.asked(now, best, smallest, deadline - base_ / 2);
 }
 
 void ShareControl::exchange(TimePoint now, TimePoint left_at, Duration one_way) {

@@ -75,8 +75,9 @@ class ShareControl {
   void report(TimePoint now, const Report& report);
   // Bytes with IP headers left.
   void sent(TimePoint now, std::size_t ip_bytes) { crowd_.sent(now, ip_bytes); }
-  // A message is to be sent whose best variant has so many bytes, whether it sets out or not.
-  void asked(TimePoint now, std::size_t bytes, Duration deadline);
+  // A message is to be sent whose best and smallest variants have so many bytes, whether it sets
+  // out or not.
+  void asked(TimePoint now, std::size_t best, std::size_t smallest, Duration deadline);
   // A small packet that left at `left_at` took so long, with the offset between the two clocks in
   // it.
   void exchange(TimePoint now, TimePoint left_at, Duration one_way);
@@ -95,6 +96,12 @@ class ShareControl {
   std::optional<DataRate> soon(TimePoint now) const;
   // How fast packets leave; nothing while it is for the search of the capacity to say.
   std::optional<DataRate> pace() const;
+  // What the pipe is known to carry where others are, zero where nobody is.
+  DataRate known_capacity() const { return crowd_.is_shared() ? crowd_.capacity() : DataRate{}; }
+  // What a packet waits for at least, where others are.
+  Duration standing_queue() const {
+    return crowd_.is_shared() ? crowd_.queue() : Duration::zero();
+  }
   // Bytes with IP headers that may be in flight.
   std::size_t window() const;
   // We are overloaded, or had to give way within the last second: what is in flight beyond an empty

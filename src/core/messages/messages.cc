@@ -217,7 +217,7 @@ SendResult Messages::plan(TimePoint now, peers::Peer& peer, const Policy& policy
   const Plan plan =
       plan::plan_message(policy, {qos, sizes}, links, {.time_left = options.deadline});
   const dispatch::Itinerary planned(plan);
-  dispatch::seek_rate(now, peer, plan, planned, qos, sizes.front());
+  dispatch::seek_rate(now, peer, plan, planned, qos, sizes);
   if (planned.empty()) {
     const bool allowed = std::ranges::any_of(
         links, [&policy](const LinkState& l) { return l.up && policy.allows(l); });

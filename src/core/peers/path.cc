@@ -294,7 +294,7 @@ flow::PathView Path::view(TimePoint now) const {
   view.window = share_.window();
   view.loaded = share_.loaded(now);
   view.one_way = estimator.one_way();
-  view.least_one_way = estimator.rtt_min(now) / 2;
+  view.least_one_way = estimator.rtt_min(now) / 2 + share_.standing_queue();
   view.ect = ecn_.bits() != link::kNotEct;
   view.probe_timeout = estimator.probe_timeout(now);
   view.jitter = estimator.jitter();
@@ -306,6 +306,8 @@ LinkState Path::state(TimePoint now) const {
   LinkState state = estimator.state(now);
   state.id = id_;
   state.ecn = ecn_.state();
+  // Trains among those of others show less than the pipe.
+  state.rate = std::max(state.rate, share_.known_capacity());
   // A path that came back is loaded little by little.
   state.share =
       std::min(state.rate, share_.planned().value_or(state.rate)).scaled(estimator.share(now));

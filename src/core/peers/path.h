@@ -66,8 +66,8 @@ class Path {
   void sent_data(TimePoint now, std::size_t ip_bytes);
   void sent_probe(TimePoint now, std::uint64_t number);
   // See Paths::asked().
-  void asked(TimePoint now, std::size_t bytes, Duration deadline) {
-    share_.asked(now, wire_size(bytes), deadline);
+  void asked(TimePoint now, std::span<const std::size_t> sizes, Duration deadline) {
+    share_.asked(now, wire_size(sizes.front()), wire_size(sizes.back()), deadline);
   }
   void sent_mtu_probe(TimePoint now, std::uint64_t number);
   // The peer's report about this path, what the sender has concluded from it, and how the path was

@@ -45,8 +45,8 @@ void Paths::note_activity(TimePoint now) {
   for (Path& path : paths_) path.probes.active(now);
 }
 
-void Paths::asked(TimePoint now, std::size_t bytes, Duration deadline) {
-  for (Path& path : paths_) path.asked(now, bytes, deadline);
+void Paths::asked(TimePoint now, std::span<const std::size_t> sizes, Duration deadline) {
+  for (Path& path : paths_) path.asked(now, sizes, deadline);
 }
 
 void Paths::want(TimePoint now, DataRate rate) {

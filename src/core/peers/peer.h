@@ -107,8 +107,8 @@ class Peer {
   const Intake& intake() const { return intake_; }
 
   // See Paths::asked().
-  void asked(TimePoint now, std::size_t bytes, Duration deadline) {
-    paths_.asked(now, bytes, deadline);
+  void asked(TimePoint now, std::span<const std::size_t> sizes, Duration deadline) {
+    paths_.asked(now, sizes, deadline);
   }
   // See Paths::want().
   void want(TimePoint now, DataRate rate) { paths_.want(now, rate); }
