@@ -33,9 +33,12 @@ const double kOwn = ENV("OWN", 2);
 const double kBelow = ENV("BELOW", 0.8);
 const double kFloor = ENV("FLOOR", 1);
 const double kGate = ENV("GATE", 0.06);
-const double kQuick = ENV("QUICK", 3);
+const double kQuick = ENV("QUICK", 1.5);
+const int kPart = (int)ENV("PART", 3);
+const double kJump = ENV("JUMP", 0.05);
+const double kClip = ENV("CLIP", 0.03);
 const double kDebt = ENV("DEBT", 1);
-const double kOthersMemory = ENV("OTHERS", 0.05);
+const double kOthersMemory = ENV("OTHERS", 0.3);
 const Duration kBetweenFalls = std::chrono::milliseconds((int)ENV("BETWEEN", 300));
 const double kEnter = ENV("ENTER", 0.7);
 const double kDrains = ENV("DRAINS", 0.9);
@@ -108,7 +111,7 @@ void CrowdShare::dice(TimePoint now) {
 
 void CrowdShare::asked(TimePoint now, std::size_t best, std::size_t smallest, Duration left) {
   const Duration part =
-      std::max<Duration>((left - std::chrono::duration_cast<Duration>(std::chrono::duration<double>(newest_))) / 3, left / 8);
+      std::max<Duration>((left - std::chrono::duration_cast<Duration>(std::chrono::duration<double>(newest_))) / kPart, left / 8);
   asked_ = static_cast<double>(best);
   best_ = rate_of(best, part);
   smallest_ = smallest < best ? std::min(rate_of(smallest, part), rate_of(best, left).scaled(kBelow)) : DataRate{};
@@ -119,12 +122,17 @@ void CrowdShare::asked(TimePoint now, std::size_t best, std::size_t smallest, Du
 }
 
 void CrowdShare::met(TimePoint now, TimePoint left_at, Duration queue) {
-  const double met = to_seconds(queue);
   const double since_left = to_seconds(left_at - left_at_);
+  // No queue grows by so much so soon: what came through was held up as a whole.
+  const double raw = to_seconds(queue);
+  const double jump = raw - held_up_ - newest_;
+  if (has_met_ && jump > kJump + 4 * std::abs(since_left)) held_up_ += jump;
+  held_up_ = std::clamp(raw - newest_ > 0 ? held_up_ : std::min(held_up_, raw), 0.0, raw);
+  const double met = raw - held_up_;
   if (left_at > left_at_) {
     const double own = kOwn * static_cast<double>(sent_.before(left_at) - sent_.before(left_at_)) / std::max(1.0, bytes_per_second(capacity_));
     const double excess = met - std::max(0.0, newest_ + own - since_left);
-    if (since_left < 0.3) others_ = decayed(others_, std::max(0.0, excess), since_left, kOthersMemory);
+    if (since_left < 0.3) others_ = decayed(others_, std::clamp(excess, 0.0, kClip), since_left, kOthersMemory);
   }
   newest_ = met;
   left_at_ = left_at;
@@ -163,7 +171,11 @@ void CrowdShare::decide(TimePoint now, Duration round_trip) {
   }
   const bool stretched = stretched_at_ && now - *stretched_at_ < kStretchMemory;
   if (others_ > kCrowd) others_at_ = now;
-  if ((!rate_ && stretched && others_ > kCrowd) || (is_new_ && newest_ > kMeanTarget && others_ > kCrowd)) enter(now);
+  if (others_ > kCrowd && (is_new_ ? newest_ > kMeanTarget : !rate_ && stretched)) enter(now);
+  if (is_new_ && newest_ > kMeanTarget) {
+    is_new_ = false;
+    rate_.reset();
+  }
   if (newest_ > kMeanTarget / 2) queued_at_ = now;
   if (!rate_ || now < decide_at_) return;
   saved_ = saved(now);
@@ -171,11 +183,12 @@ void CrowdShare::decide(TimePoint now, Duration round_trip) {
   adapt(now);
   lost_ = 0;
   decide_at_ = now + (is_new_ ? round_trip : std::max(round_trip, kPeriod));
-  if (!is_new_ && *rate_ >= capacity_ && now - others_at_ > kAlone) rate_.reset();
+  const bool is_ours = *rate_ >= capacity_ || mean_ > target();
+  if (!is_new_ && is_ours && now - others_at_ > kAlone) rate_.reset();
 }
 
 double CrowdShare::target() const {
-  const double others = bytes_per_second(capacity_) / std::max(1.0, bytes_per_second(*rate_));
+  const double others = 7.5e6 / std::max(1.0, bytes_per_second(*rate_));
   return std::clamp(kTargetOne * std::pow(others, kPower), 0.005, kMostTarget);
 }
 

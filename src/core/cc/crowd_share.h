@@ -124,7 +124,8 @@ class CrowdShare {
   TimePoint fall_at_{};
   double threshold_ = 1;
   DataRate floor_{};
-  double spare_[14] = {};
+  double held_up_ = 0;
+  double spare_[13] = {};
 };
 
 }  // namespace interneuron::cc
