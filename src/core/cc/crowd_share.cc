@@ -31,16 +31,19 @@ const Duration kPeriod = std::chrono::milliseconds((int)ENV("PERIOD", 100));
 const double kMeanFall = ENV("FALL", 0.25);
 const double kOwn = ENV("OWN", 2);
 const double kBelow = ENV("BELOW", 0.8);
-const double kFloor = ENV("FLOOR", 1);
-const double kGate = ENV("GATE", 0.06);
+const double kFloor = ENV("FLOOR", 1.15);
+const double kGate = ENV("GATE", 0.05);
 const double kQuick = ENV("QUICK", 1.5);
 const int kPart = (int)ENV("PART", 3);
 const double kJump = ENV("JUMP", 0.05);
 const double kClip = ENV("CLIP", 0.03);
+const double kApart = ENV("APART", .015);
+const double kStrongExcess = ENV("SEX", .012);
+const int kStrongs = (int)ENV("STRONGS", 2);
 const double kDebt = ENV("DEBT", 1);
 const double kOthersMemory = ENV("OTHERS", 0.3);
 const Duration kBetweenFalls = std::chrono::milliseconds((int)ENV("BETWEEN", 300));
-const double kEnter = ENV("ENTER", 0.7);
+const double kEnter = ENV("ENTER", 0.5);
 const double kDrains = ENV("DRAINS", 0.9);
 const double kTargetOne = ENV("TONE", 0.004);
 const double kPower = ENV("POWER", 0.5);
@@ -104,8 +107,8 @@ void CrowdShare::sent(TimePoint now, std::size_t ip_bytes) {
   saved_at_ = now;
 }
 
-void CrowdShare::dice(TimePoint now) {
-  const auto n = static_cast<std::uint64_t>(now.time_since_epoch().count()) * 0x9e3779b97f4a7c15ULL;
+void CrowdShare::dice() {
+  const auto n = (sent_.all() + 1) * 0x9e3779b97f4a7c15ULL;
   threshold_ = 1 - kDice / 2 + kDice * static_cast<double>(n >> 40) / static_cast<double>(1ULL << 24);
 }
 
@@ -115,9 +118,13 @@ void CrowdShare::asked(TimePoint now, std::size_t best, std::size_t smallest, Du
   asked_ = static_cast<double>(best);
   best_ = rate_of(best, part);
   smallest_ = smallest < best ? std::min(rate_of(smallest, part), rate_of(best, left).scaled(kBelow)) : DataRate{};
-  floor_ = smallest < best ? std::min(rate_of(smallest, left).scaled(kFloor), capacity_) : DataRate{};
+  const double since = std::clamp(to_seconds(now - asked_at_), 0.01, 1.0);
+  asked_at_ = now;
+  period_ = period_ > 0 ? period_ + (since - period_) / 4 : since;
+  const double floor = kFloor * 8 * static_cast<double>(smallest) / period_;
+  floor_ = smallest < best ? std::min(DataRate{static_cast<std::int64_t>(floor)}, capacity_) : DataRate{};
   granted_ = rate_ && saved(now) >= asked_ * threshold_ && newest_ < kGate;
-  if (granted_) dice(now);
+  if (granted_) dice();
   if (rate_ && saved(now) <= -kDebt * .9 * asked_) smallest_ = {};
 }
 
@@ -132,6 +139,7 @@ void CrowdShare::met(TimePoint now, TimePoint left_at, Duration queue) {
   if (left_at > left_at_) {
     const double own = kOwn * static_cast<double>(sent_.before(left_at) - sent_.before(left_at_)) / std::max(1.0, bytes_per_second(capacity_));
     const double excess = met - std::max(0.0, newest_ + own - since_left);
+    if (own == 0 && since_left > kApart) strong_ = excess > kStrongExcess ? strong_ + 1 : excess < 0.003 ? 0 : strong_;
     if (since_left < 0.3) others_ = decayed(others_, std::clamp(excess, 0.0, kClip), since_left, kOthersMemory);
   }
   newest_ = met;
@@ -155,7 +163,7 @@ void CrowdShare::enter(TimePoint now) {
   saved_at_ = now;
   is_new_ = false;
   granted_ = false;
-  dice(now);
+  dice();
   before_ = 0;
   longest_ = newest_;
   decide_at_ = now + kPeriod;
@@ -170,8 +178,9 @@ void CrowdShare::decide(TimePoint now, Duration round_trip) {
     saved_at_ = now;
   }
   const bool stretched = stretched_at_ && now - *stretched_at_ < kStretchMemory;
-  if (others_ > kCrowd) others_at_ = now;
-  if (others_ > kCrowd && (is_new_ ? newest_ > kMeanTarget : !rate_ && stretched)) enter(now);
+  const bool seen = others_ > kCrowd || strong_ >= kStrongs;
+  if (seen) others_at_ = now;
+  if (seen && (is_new_ ? newest_ > kMeanTarget : !rate_ && stretched)) enter(now);
   if (is_new_ && newest_ > kMeanTarget) {
     is_new_ = false;
     rate_.reset();
@@ -184,7 +193,7 @@ void CrowdShare::decide(TimePoint now, Duration round_trip) {
   lost_ = 0;
   decide_at_ = now + (is_new_ ? round_trip : std::max(round_trip, kPeriod));
   const bool is_ours = *rate_ >= capacity_ || mean_ > target();
-  if (!is_new_ && is_ours && now - others_at_ > kAlone) rate_.reset();
+  if (!is_new_ && is_ours && (!others_at_ || now - *others_at_ > kAlone)) rate_.reset();
 }
 
 double CrowdShare::target() const {
@@ -199,6 +208,8 @@ void CrowdShare::adapt(TimePoint now) {
   longest_ = newest_;
   if (over > 0) {
     if ((!drains || kDrains > 1) && now >= fall_at_) {
+      // What nobody asks for is no share to fall from.
+      if (period_ > 0) rate_ = std::min(*rate_, DataRate{static_cast<std::int64_t>(8 * asked_ / period_)});
       rate_ = rate_->scaled(1 - kMeanFall * std::min(1.0, over));
       fall_at_ = now + kBetweenFalls;
     }

@@ -85,7 +85,7 @@ class CrowdShare {
   void enter(TimePoint now);
   void adapt(TimePoint now);
   double target() const;
-  void dice(TimePoint now);
+  void dice();
 
   DataRate capacity_{};
   SentBytes sent_;
@@ -116,7 +116,7 @@ class CrowdShare {
   // The longest queue since the last decision, and that of the period before.
   TimePoint decide_at_ = TimePoint::min();
   // When others were last seen, and when the queue was last above half of the target.
-  TimePoint others_at_{};
+  std::optional<TimePoint> others_at_;
   TimePoint queued_at_{};
   // The longest queue since the last decision, and that of the period before.
   double longest_ = 0;
@@ -125,7 +125,10 @@ class CrowdShare {
   double threshold_ = 1;
   DataRate floor_{};
   double held_up_ = 0;
-  double spare_[13] = {};
+  int strong_ = 0;
+  TimePoint asked_at_{};
+  double period_ = 0;
+  double spare_[10] = {};
 };
 
 }  // namespace interneuron::cc

@@ -99,10 +99,9 @@ flow::PathSet allowed_of(const Policy& policy, std::span<const LinkState> links)
 }
 
 void seek_rate(TimePoint now, peers::Peer& peer, const Plan& plan, const Itinerary& itinerary,
-               const QoS& qos, std::span<const std::size_t> sizes) {
-  peer.asked(now, sizes, qos.deadline);
+               const QoS& qos, std::size_t best_bytes) {
   if (!itinerary.empty() && itinerary.front().variant == 0 && !plan.under_floor) return;
-  peer.want(now, plan::rate_wanted(qos, sizes.front()));
+  peer.want(now, plan::rate_wanted(qos, best_bytes));
 }
 
 template <class Header>

@@ -83,7 +83,7 @@ flow::PathSet allowed_of(const Policy& policy, std::span<const LinkState> links)
 // The peer's paths are measured for more than they are known to bring where a plan withholds the
 // best variant, or is under its floor.
 void seek_rate(TimePoint now, peers::Peer& peer, const Plan& plan, const Itinerary& itinerary,
-               const QoS& qos, std::span<const std::size_t> sizes);
+               const QoS& qos, std::size_t best_bytes);
 
 // A variant that was queued, and how the peer and its sender name it.
 struct Dispatched {

@@ -124,6 +124,7 @@ SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const Sen
   peers::Peer* peer = peers_.access(now, to);
   if (peer == nullptr) return {SendStatus::kNoPeer};
   const dispatch::Sizes sizes = dispatch::sizes_of(variants);
+  peer->asked(now, sizes, options.deadline);
   const Links links = peer->links(now);
   dispatch::Routes routes;
   SendResult result = plan(now, *peer, policy, links, sizes, options, routes);
@@ -217,7 +218,7 @@ SendResult Messages::plan(TimePoint now, peers::Peer& peer, const Policy& policy
   const Plan plan =
       plan::plan_message(policy, {qos, sizes}, links, {.time_left = options.deadline});
   const dispatch::Itinerary planned(plan);
-  dispatch::seek_rate(now, peer, plan, planned, qos, sizes);
+  dispatch::seek_rate(now, peer, plan, planned, qos, sizes.front());
   if (planned.empty()) {
     const bool allowed = std::ranges::any_of(
         links, [&policy](const LinkState& l) { return l.up && policy.allows(l); });
