@@ -35,11 +35,12 @@ const double kFloor = ENV("FLOOR", 1.15);
 const double kGate = ENV("GATE", 0.05);
 const double kQuick = ENV("QUICK", 1.5);
 const int kPart = (int)ENV("PART", 3);
-const double kJump = ENV("JUMP", 0.05);
+const double kJump = ENV("JUMP", 0.012);
 const double kClip = ENV("CLIP", 0.03);
 const double kApart = ENV("APART", .015);
-const double kStrongExcess = ENV("SEX", .012);
+const double kStrongExcess = ENV("SEX", .014);
 const int kStrongs = (int)ENV("STRONGS", 2);
+const double kEntry = ENV("ENTRY", .012);
 const double kDebt = ENV("DEBT", 1);
 const double kOthersMemory = ENV("OTHERS", 0.3);
 const Duration kBetweenFalls = std::chrono::milliseconds((int)ENV("BETWEEN", 300));
@@ -59,8 +60,6 @@ constexpr Duration kStretchMemory = std::chrono::seconds(1);
 const Duration kAlone = std::chrono::milliseconds((int)ENV("ALONE", 2000));
 constexpr DataRate kLeastShare{8 * 10 * static_cast<std::int64_t>(kMaxPacketBytes)};
 
-std::int64_t slot_of(TimePoint at) { return at.time_since_epoch() / kSlot; }
-
 double decayed(double old, double fresh, double seconds, double memory) {
   return fresh + (old - fresh) * std::exp(-seconds / memory);
 }
@@ -72,22 +71,21 @@ double bytes_per_second(DataRate rate) { return static_cast<double>(rate.bits_pe
 // --- SentBytes
 
 void SentBytes::sent(TimePoint now, std::size_t ip_bytes) {
-  const std::int64_t number = slot_of(now);
-  Slot& slot = slots_[static_cast<std::size_t>(number) % kSlots];
-  if (slot.number != number) slot = {number, all_};
+  if (slots_[newest_].start + kSlot <= now) {
+    newest_ = (newest_ + 1) % kSlots;
+    slots_[newest_] = {now, all_};
+  }
   all_ += ip_bytes;
 }
 
 std::uint64_t SentBytes::before(TimePoint at) const {
-  const std::int64_t wanted = slot_of(at);
-  std::uint64_t least = all_;
-  std::int64_t first = INT64_MAX;
-  for (const Slot& slot : slots_) {
-    if (slot.number < wanted || slot.number >= first) continue;
-    first = slot.number;
-    least = slot.before;
+  std::uint64_t next = all_;
+  for (std::size_t back = 0; back < kSlots; ++back) {
+    const Slot& slot = slots_[(newest_ + kSlots - back) % kSlots];
+    if (slot.start <= at) return slot.start + kSlot <= at ? next : slot.before;
+    next = slot.before;
   }
-  return least;
+  return next;
 }
 
 // --- CrowdShare
@@ -178,9 +176,9 @@ void CrowdShare::decide(TimePoint now, Duration round_trip) {
     saved_at_ = now;
   }
   const bool stretched = stretched_at_ && now - *stretched_at_ < kStretchMemory;
-  const bool seen = others_ > kCrowd || strong_ >= kStrongs;
-  if (seen) others_at_ = now;
-  if (seen && (is_new_ ? newest_ > kMeanTarget : !rate_ && stretched)) enter(now);
+  if (others_ > kCrowd || strong_ >= kStrongs) others_at_ = now;
+  const bool seen = (others_ > kEntry || strong_ >= kStrongs) && newest_ > kMeanTarget;
+  if (seen && (is_new_ || (!rate_ && stretched))) enter(now);
   if (is_new_ && newest_ > kMeanTarget) {
     is_new_ = false;
     rate_.reset();

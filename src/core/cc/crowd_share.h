@@ -37,10 +37,11 @@ class SentBytes {
   static constexpr std::size_t kSlots = 128;
   // What had left before the first packet of a slot.
   struct Slot {
-    std::int64_t number = INT64_MIN;
+    TimePoint start = TimePoint::min();
     std::uint64_t before = 0;
   };
   std::array<Slot, kSlots> slots_{};
+  std::size_t newest_ = 0;
   std::uint64_t all_ = 0;
 };
 

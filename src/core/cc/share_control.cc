@@ -24,6 +24,7 @@ constexpr double kStretched = 0.9;
 constexpr Duration kLeastQueue = std::chrono::milliseconds(5);
 // A shorter train may pass between two packets of others, so that nothing of them is seen in it.
 constexpr std::uint32_t kLongTrain = 16;
+constexpr std::uint32_t kTrainOfOthers = 5;
 // While trains are short their rate bounds ours this loosely: a short one shows the share that it
 // met rather than the pipe.
 constexpr double kShortTrainRoom = 2.0;
@@ -211,7 +212,7 @@ void ShareControl::note_train(TimePoint now, const Train& train) {
   seen_.long_train = seen_.long_train || long_trains_;
   seen_.stretched = train.arrived_at < possible.scaled(kStretched);
   seen_.arrived_at = train.arrived_at;
-  if (seen_.stretched) crowd_.stretched(now);
+  if (seen_.stretched && train.packets >= kTrainOfOthers) crowd_.stretched(now);
 }
 
 // The most that the rate may be.
