@@ -111,7 +111,6 @@ void ShareControl::report(TimePoint now, const Report& report) {
   // What left before the rate fell was marked by the same queue.
   if (now - round_trip_ >= answered_marks_at_) seen_.newly_marked += report.marked;
   seen_.held_back = seen_.held_back || report.held_back;
-  crowd_.lost(report.lost);
   if (!rate_) return;
   if (share(now)) return;
   if (seen_.held_back && now - near_base_at_ > kDrainEvery) {
@@ -139,8 +138,7 @@ bool ShareControl::share(TimePoint now) {
   return crowd_.is_shared();
 }
 
-void ShareControl::asked(TimePoint now, std::size_t best, std::size_t smallest,
-                         Duration deadline) {
+void ShareControl::asked(TimePoint now, std::size_t best, std::size_t smallest, Duration deadline) {
   crowd_.asked(now, best, smallest, deadline - base_ / 2);
 }
 

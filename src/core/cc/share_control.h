@@ -100,15 +100,13 @@ class ShareControl {
   DataRate known_capacity() const { return crowd_.is_shared() ? crowd_.capacity() : DataRate{}; }
   // What a packet waits for at least, where others are.
   Duration standing_queue() const {
-    return crowd_.is_shared() ? crowd_.queue() : Duration::zero();
+    return crowd_.is_shared() ? crowd_.waited() : Duration::zero();
   }
   // Bytes with IP headers that may be in flight.
   std::size_t window() const;
   // We are overloaded, or had to give way within the last second: what is in flight beyond an empty
   // path waits in a queue.
-  bool loaded(TimePoint now) const {
-    return crowd_.is_shared() || overloaded() || gave_way(now);
-  }
+  bool loaded(TimePoint now) const { return crowd_.is_shared() || overloaded() || gave_way(now); }
 
  private:
   // What was seen since the last decision.

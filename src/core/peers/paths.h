@@ -55,7 +55,8 @@ class Paths {
   bool request_train(TimePoint now, LinkId path);
   // Messages are sent or have come.
   void note_activity(TimePoint now);
-  // A message is to be sent whose variants have so many bytes, the best one first, whether it sets out or not.
+  // A message is to be sent whose variants have so many bytes, the best one first, whether it sets
+  // out or not.
   void asked(TimePoint now, std::span<const std::size_t> sizes, Duration deadline);
   // A better variant was withheld that a path with this rate could have carried.
   void want(TimePoint now, DataRate rate);

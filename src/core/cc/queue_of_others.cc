@@ -1,0 +1,119 @@
+#include "core/cc/queue_of_others.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace interneuron::cc {
+namespace {
+
+// 48 of them cover a round trip of 40 ms behind a queue of 300 ms.
+constexpr Duration kSlot = std::chrono::milliseconds(8);
+// Memory of the mean queue, in seconds: a few round trips, and longer than the 100 ms between the
+// frames of a camera. No measurement behind this value.
+constexpr double kMeanMemory = 0.15;
+// Memory of what others add. With half of it the delays of a radio (docs/evaluation.md, "The
+// baseline after ERDOS") are taken for others, with more of it a crowd is found too late.
+constexpr double kOthersMemory = 0.3;
+// Two packets further apart than this say nothing of the time between them.
+constexpr double kLongestApart = 0.3;
+// A single packet adds no more than this: a radio that is late once is no crowd.
+constexpr double kMostAdded = 0.03;
+// Our own bytes count so many times: the pipe may be half as fast as believed.
+constexpr double kOwnWeight = 2;
+// A queue grows by no more than this and kFastest times the time between two packets: frames of
+// four cameras may come at once, and what is beyond was held up as a whole.
+constexpr double kMostAtOnce = 0.012;
+constexpr double kFastest = 4;
+// Packets with nothing of ours between them count in a row where they are this far apart: less
+// is a batch.
+constexpr double kApart = 0.015;
+// What others must have added for a packet to count in a row, and what ends the row.
+constexpr double kMuch = 0.014;
+constexpr double kNothing = 0.003;
+constexpr int kRow = 2;
+// What others must have added to be in the way, to be there, and to be seen again. No measurement
+// behind these values: above the few milliseconds by which radio varies always.
+constexpr double kInTheWay = 0.012;
+constexpr double kThere = 0.008;
+constexpr double kSeenAgain = 0.006;
+constexpr int kConfirmations = 2;
+// They are not in the way where the queue is shorter than this.
+constexpr double kLongQueue = 0.02;
+// What left so soon after evidence began to count met the same queue.
+constexpr Duration kSameQueue = std::chrono::milliseconds(20);
+
+double decayed(double old, double fresh, double seconds, double memory) {
+  return fresh + (old - fresh) * std::exp(-seconds / memory);
+}
+
+}  // namespace
+
+void SentBytes::sent(TimePoint now, std::size_t ip_bytes) {
+  if (slots_[newest_].start + kSlot <= now) {
+    newest_ = (newest_ + 1) % kSlots;
+    slots_[newest_] = {now, all_};
+  }
+  all_ += ip_bytes;
+}
+
+std::uint64_t SentBytes::by(TimePoint at) const {
+  std::uint64_t next = all_;
+  for (std::size_t back = 0; back < kSlots; ++back) {
+    const Slot& slot = slots_[(newest_ + kSlots - back) % kSlots];
+    if (slot.start <= at) return slot.start + kSlot <= at ? next : slot.before;
+    next = slot.before;
+  }
+  return next;
+}
+
+void QueueOfOthers::met(TimePoint now, TimePoint left_at, Duration waited, DataRate capacity) {
+  const double all = to_seconds(waited);
+  if (left_at_) {
+    const double jump = all - held_up_ - newest_;
+    const double apart = std::abs(to_seconds(left_at - *left_at_));
+    if (jump > kMostAtOnce + kFastest * apart) held_up_ += jump;
+  }
+  held_up_ = std::clamp(held_up_, 0.0, std::max(all, 0.0));
+  const double met = std::max(all - held_up_, 0.0);
+  judge(left_at, met, capacity);
+  mean_ = left_at_ ? decayed(mean_, met, to_seconds(now - met_at_), kMeanMemory) : met;
+  newest_ = met;
+  left_at_ = left_at;
+  met_at_ = now;
+}
+
+// What others have added since the packet before this one left.
+void QueueOfOthers::judge(TimePoint left_at, double met, DataRate capacity) {
+  if (!left_at_ || left_at <= *left_at_) return;
+  const double apart = to_seconds(left_at - *left_at_);
+  if (apart > kLongestApart) return;
+  const std::uint64_t ours = sent_.by(left_at) - std::min(sent_.by(left_at), sent_.by(*left_at_));
+  const double own = kOwnWeight * to_seconds(capacity.transmit_time(ours));
+  const double added = met - std::max(0.0, newest_ + own - apart);
+  others_ = decayed(others_, std::clamp(added, 0.0, kMostAdded), apart, kOthersMemory);
+  if (ours > 0 || apart <= kApart) return;
+  if (added > kMuch) ++in_a_row_;
+  if (added < kNothing) in_a_row_ = 0;
+  if (added > kSeenAgain && left_at > since_ + kSameQueue) ++confirmed_;
+}
+
+void QueueOfOthers::clock_stepped() {
+  left_at_.reset();
+  newest_ = mean_ = others_ = held_up_ = 0;
+}
+
+void QueueOfOthers::begin_again(TimePoint now) {
+  since_ = now;
+  confirmed_ = 0;
+  in_a_row_ = 0;
+}
+
+bool QueueOfOthers::are_there() const { return others_ > kThere || in_a_row_ >= kRow; }
+
+bool QueueOfOthers::are_in_the_way() const {
+  return (others_ > kInTheWay || in_a_row_ >= kRow) && newest_ > kLongQueue;
+}
+
+bool QueueOfOthers::were_confirmed() const { return confirmed_ >= kConfirmations; }
+
+}  // namespace interneuron::cc
