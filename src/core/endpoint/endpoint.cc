@@ -22,6 +22,14 @@ namespace {
 // has to be short for a person who waits, and long for a log.
 constexpr Duration kBetweenVersions = std::chrono::seconds(10);
 
+template <class Value>
+std::optional<Value> pop(std::deque<Value>& queue) {
+  if (queue.empty()) return std::nullopt;
+  Value front = std::move(queue.front());
+  queue.pop_front();
+  return front;
+}
+
 Secret secret_of(const EndpointOptions& options) {
   return options.secret != Secret{} ? options.secret : Secret{options.session.value, 0};
 }
@@ -69,8 +77,10 @@ class Endpoint::Impl {
                 .secret = secret_of(options),
                 .reassembly_budget_bytes = options.reassembly_budget_bytes,
                 .send_budget_bytes = options.send_budget_bytes,
-                .security = options.security}),
+                .security = options.security,
+                .shard = options.shard}),
         policies_(options.policies),
+        held_(options.shard),
         rounds_(options, policies_, peers_, held_, events_),
         messages_(policies_, peers_, held_, options.peer_limits, events_),
         time_(now) {}
@@ -99,6 +109,10 @@ class Endpoint::Impl {
     // arrivals come first. Of several datagrams that come at once only the first finds something.
     if (ran_to_ < now - Duration{1}) run_timers(now - Duration{1});
     peers::Peers::Received received = peers_.receive(now, datagram);
+    if (received.shard != 0) {
+      handed_on_.push_back({received.shard, datagram.link, datagram.from, datagram.ecn,
+                            Bytes(datagram.bytes.begin(), datagram.bytes.end())});
+    }
     tell_lost();
     while (const auto key = peers_.gate().poll_shared_key()) events_.emplace_back(KeyShared{*key});
     if (received.other_version && now >= tell_version_at_) {
@@ -123,11 +137,15 @@ class Endpoint::Impl {
     }
   }
 
-  std::optional<Event> poll_event() {
-    if (events_.empty()) return std::nullopt;
-    Event event = std::move(events_.front());
-    events_.pop_front();
-    return event;
+  std::optional<Event> poll_event() { return pop(events_); }
+
+  std::deque<HandedOn>& handed_on() { return handed_on_; }
+
+  // The peer that has sent the list, if one has, may be among those that are gone after it.
+  bool take_revocations(ByteView list) {
+    const bool is_newer = peers_.take_revocations(list);
+    tell_lost();
+    return is_newer;
   }
 
   std::optional<TimePoint> next_timeout() const {
@@ -191,7 +209,7 @@ class Endpoint::Impl {
     if (outcome.message && outcome.kind == wire::MessageKind::kRound) {
       rounds_.complete(now, peer, std::move(*outcome.message));
     } else if (outcome.message && outcome.kind == wire::MessageKind::kRevocations) {
-      return take_revocations(std::move(outcome.message->payload));
+      return tell_revocations(std::move(outcome.message->payload));
     } else if (outcome.message) {
       messages_.complete(now, peer, outcome.message_id, std::move(*outcome.message));
     }
@@ -199,10 +217,8 @@ class Endpoint::Impl {
     tell_limited(peer);
   }
 
-  // The peer that has sent it may be among those that are gone after it.
-  void take_revocations(Bytes list) {
-    if (peers_.take_revocations(list)) events_.emplace_back(RevocationsChanged{std::move(list)});
-    tell_lost();
+  void tell_revocations(Bytes list) {
+    if (take_revocations(list)) events_.emplace_back(RevocationsChanged{std::move(list)});
   }
 
   void tell_limited(peers::Peer& peer) {
@@ -211,6 +227,7 @@ class Endpoint::Impl {
   }
 
   std::deque<Event> events_;
+  std::deque<HandedOn> handed_on_;
   peers::Peers peers_;
   plan::PolicyRegistry policies_;
   HeldMemory held_;
@@ -313,6 +330,11 @@ std::optional<TransmitParts> Endpoint::poll_transmit_parts(TimePoint now,
 }
 std::optional<Event> Endpoint::poll_event() { return impl_->poll_event(); }
 std::optional<TimePoint> Endpoint::next_timeout() const { return impl_->next_timeout(); }
+std::optional<HandedOn> Endpoint::poll_handed_on() { return pop(impl_->handed_on()); }
+bool Endpoint::take_revocations(TimePoint now, ByteView list) {
+  impl_->tick(now);
+  return impl_->take_revocations(list);
+}
 std::vector<PeerId> Endpoint::peers() const { return impl_->peers().ids(); }
 std::vector<LinkState> Endpoint::links(TimePoint now, PeerId peer) const {
   return impl_->peers().links(impl_->time().own(now), peer);
