@@ -38,6 +38,10 @@ struct UdpOptions {
   // Whether to wait, half a second at most, for what the kernel has not taken down yet of a
   // transport that was closed (AF_XDP); not in an event loop.
   bool may_wait = true;
+  // One of several sockets that serve one address (socket_group.h), which let others join; they
+  // share the list of the addresses that datagrams came to.
+  bool joins = false;
+  std::shared_ptr<ReceiverNotes> notes = {};
   std::size_t receive_buffer_bytes = kReceiveBufferBytes;
   std::size_t send_buffer_bytes = kSendBufferBytes;
 };
@@ -125,7 +129,7 @@ class UdpTransport final : public Transport {
   std::size_t refusals_ = 0;
   std::uint32_t kernel_drops_ = 0;
   // Which of the NIC's addresses datagrams came to.
-  ReceiverNotes notes_;
+  std::shared_ptr<ReceiverNotes> notes_;
   std::unique_ptr<SendBuffers> out_;
   std::unique_ptr<ReceiveBuffers> in_;
 };

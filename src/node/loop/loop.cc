@@ -6,6 +6,7 @@
 #include "core/base/earliest.h"
 #include "node/io/steady_clock.h"
 #include "node/loop/node_impl.h"
+#include "node/loop/shards.h"
 
 namespace interneuron {
 
@@ -47,7 +48,7 @@ void Node::Impl::at(TimePoint time, Task task) {
         if (error) return;
         // The instant was too far away for one wait.
         if (io::now() < time) return at(time, task);
-        enter(task);
+        run_task(task);
       });
 }
 
@@ -64,16 +65,18 @@ void Node::Impl::compute(Queue queue, Job job) {
 }
 
 void Node::Impl::post(Task task) {
-  boost::asio::post(context_, [this, task = std::move(task)] { enter(task); });
+  boost::asio::post(context_, [this, task = std::move(task)] { run_task(task); });
 }
 
-void Node::Impl::enter(const Task& task) {
+void Node::Impl::run_task(const Task& task) {
+  const auto shift = Shards::enter(crew_, shard_);
   run_work(task);
   turn();
 }
 
 void Node::Impl::wait_readable(const SharedPort& port) {
   port->watcher.async_wait(stream_descriptor::wait_read, [this, port](const error_code& error) {
+    const auto shift = Shards::enter(crew_, shard_);
     if (!error && port->transport != nullptr) on_readable(port);
   });
 }
@@ -81,6 +84,7 @@ void Node::Impl::wait_readable(const SharedPort& port) {
 void Node::Impl::wait_writable(const SharedPort& port) {
   if (std::exchange(port->waits_for_write, true)) return;
   port->watcher.async_wait(stream_descriptor::wait_write, [this, port](const error_code& error) {
+    const auto shift = Shards::enter(crew_, shard_);
     if (error || port->transport == nullptr) return;
     port->waits_for_write = false;
     outbox_.writable(io::now(), port->link);
@@ -95,6 +99,7 @@ void Node::Impl::on_readable(const SharedPort& port) {
 }
 
 void Node::Impl::on_timer() {
+  const auto shift = Shards::enter(crew_, shard_);
   armed_.reset();
   // Datagrams that have arrived come before time-outs of the same instant.
   for (const SharedPort& port : ports_) receive(*port);
@@ -111,6 +116,7 @@ void Node::Impl::receive(const Port& port) {
     const TimePoint now = io::now();
     int inputs = 0;
     for (const Incoming& datagram : batch) {
+      if (crew_ != nullptr && crew_->pass(shard_, port.link, datagram)) continue;
       // The endpoint's time never goes back.
       const bool stamped = datagram.at != TimePoint::min();
       told_ = stamped ? std::clamp(datagram.at, told_, now) : now;
@@ -134,14 +140,18 @@ void Node::Impl::turn() {
   for (const SharedPort& port : ports_) {
     if (outbox_.blocked(port->link)) wait_writable(port);
   }
-  if (more == Outbox::More::kNow && !std::exchange(turn_posted_, true)) {
-    boost::asio::post(context_, [this] {
-      turn_posted_ = false;
-      turn();
-    });
-  }
+  if (more == Outbox::More::kNow) post_turn();
   arm(more);
   told_ = io::now();
+}
+
+void Node::Impl::post_turn() {
+  if (std::exchange(turn_posted_, true)) return;
+  boost::asio::post(context_, [this] {
+    const auto shift = Shards::enter(crew_, shard_);
+    turn_posted_ = false;
+    turn();
+  });
 }
 
 void Node::Impl::check_nics() {
@@ -160,6 +170,10 @@ void Node::Impl::check_nics() {
 // True when there were any.
 bool Node::Impl::lose_gone_links() {
   const auto gone = outbox_.take_gone();
+  if (shard_ != 0 && !gone.empty()) {
+    crew_->lost(gone);
+    return false;
+  }
   for (const auto& [id, error] : gone) links_.lost(id, error);
   if (!gone.empty()) check_nics();
   return !gone.empty();
@@ -188,6 +202,7 @@ bool Node::Impl::handle_due() {
 
 bool Node::Impl::tell_events() {
   bool told = false;
+  while (auto letter = endpoint_.poll_handed_on()) crew_->hand_on(std::move(*letter), told_);
   while (!context_.stopped()) {
     auto event = endpoint_.poll_event();
     if (!event) break;
@@ -198,6 +213,7 @@ bool Node::Impl::tell_events() {
 }
 
 void Node::Impl::tell(Event&& event) {
+  if (shard_ != 0) return crew_->hand_up(shard_, std::move(event));
   const auto call = [](const auto& handler, auto&& argument) {
     if (handler) handler(std::forward<decltype(argument)>(argument));
   };

@@ -62,7 +62,12 @@ class Workers {
 
 class Node::Impl : private Outbox::Source, private LinkSet::User {
  public:
+  class Shards;
+  class Whole;
+
   explicit Impl(NodeOptions options);
+  // One of several shards, which the front looks after.
+  Impl(const EndpointOptions& endpoint, Shards& crew);
   ~Impl() override;
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
@@ -84,6 +89,7 @@ class Node::Impl : private Outbox::Source, private LinkSet::User {
     std::function<void(CanSend)> can_send;
     std::function<void(NicChanged)> nic_changed;
     std::function<void(const Statistics&)> statistics;
+    Duration statistics_interval{};
   };
 
   void run();
@@ -95,17 +101,13 @@ class Node::Impl : private Outbox::Source, private LinkSet::User {
 
   PeerId connect(std::span<const std::pair<LinkId, Address>> addresses,
                  const std::optional<PublicKey>& key);
-  const LinkSet::Link* find(LinkId link) const { return links_.find(link); }
-  Statistics statistics() const;
-  void set_statistics(Duration interval, std::function<void(const Statistics&)> handler);
+  const LinkSet& links() const { return links_; }
 
   Handlers handlers;
   Endpoint& endpoint() { return endpoint_; }
-  const Outbox& outbox() const { return outbox_; }
   SessionId session() const { return session_; }
   std::optional<PeerId> peer() const { return peer_; }
   int signal() const { return signal_; }
-  const std::vector<std::string>& warnings() const { return links_.warnings(); }
 
  private:
   // The socket of one incarnation of a link, as the loop waits for it. What waits for it shares it,
@@ -129,7 +131,8 @@ class Node::Impl : private Outbox::Source, private LinkSet::User {
   void link_opened(LinkSet::Link& link) override;
   void link_closing(LinkSet::Link& link) override;
   void nic_changed(const NicChanged& change) override;
-  void open_port(const LinkSet::Link& link);
+  void open_port(LinkId id, Transport& transport, const LinkInfo& info);
+  void close_port(LinkId id);
   void check_nics();
 
   // --- ways into the loop
@@ -140,7 +143,7 @@ class Node::Impl : private Outbox::Source, private LinkSet::User {
   void on_timer();
   void repeat_statistics(TimePoint due);
   void repeat_clock();
-  void enter(const Task& task);
+  void run_task(const Task& task);
   // Runs what belongs to the application and notes how long it kept the loop.
   template <class Work>
   void run_work(const Work& work) {
@@ -151,6 +154,7 @@ class Node::Impl : private Outbox::Source, private LinkSet::User {
 
   // --- a turn
   void turn();
+  void post_turn();
   Outbox::More settle();
   void receive(const Port& port);
   bool tell_events();
@@ -174,12 +178,15 @@ class Node::Impl : private Outbox::Source, private LinkSet::User {
   std::optional<TimePoint> recheck_at_;
   std::vector<SharedPort> ports_;
   Outbox outbox_;
-  Duration statistics_interval_{};
   Duration loop_stall_{};
   // The endpoint was told no later time than this when the loop waits.
   TimePoint told_ = TimePoint::min();
   bool turn_posted_ = false;
   bool ran_ = false;
+  // Where there are several shards: which this is, 0 for the front, who owns them.
+  std::uint8_t shard_ = 0;
+  Shards* crew_ = nullptr;
+  std::unique_ptr<Shards> shards_;
   // Members are destroyed in reverse order: the workers end before what their jobs refer to.
   Workers computation_;
   Workers backup_;
