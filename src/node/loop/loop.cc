@@ -30,6 +30,12 @@ constexpr int kPassesPerTurn = 16;
 // How soon what is due is tried again while a full link holds it up. No measurement behind this
 // value: it only has to be short against kStallPatience.
 constexpr Duration kBlockedRetry = std::chrono::microseconds(200);
+// A timer that fires so much later than it was armed for is late: what has arrived meanwhile is
+// older than what is due. No measurement behind this value: it is ten times what a timer of an idle
+// kernel is late by.
+constexpr Duration kLate = std::chrono::milliseconds(1);
+// So much too early the timer may fire: to arm it anew costs about as much as to wake up in vain.
+constexpr Duration kEarly = std::chrono::milliseconds(1);
 // TimePoint and steady_clock both read CLOCK_MONOTONIC. Far instants are cut, because the clock
 // arithmetic of timers may overflow; waking up early is harmless.
 std::chrono::steady_clock::time_point as_expiry(TimePoint time) {
@@ -72,40 +78,53 @@ void Node::Impl::enter(const Task& task) {
   turn();
 }
 
-void Node::Impl::wait_readable(const SharedPort& port) {
-  port->watcher.async_wait(stream_descriptor::wait_read, [this, port](const error_code& error) {
-    if (!error && port->transport != nullptr) on_readable(port);
+void Node::Impl::wait_for_sockets() {
+  socket_watcher_.async_wait(stream_descriptor::wait_read, [this](const error_code& error) {
+    if (!error) on_sockets();
   });
 }
 
-void Node::Impl::wait_writable(const SharedPort& port) {
-  if (std::exchange(port->waits_for_write, true)) return;
-  port->watcher.async_wait(stream_descriptor::wait_write, [this, port](const error_code& error) {
-    if (error || port->transport == nullptr) return;
-    port->waits_for_write = false;
-    outbox_.writable(io::now(), port->link);
-    turn();
-  });
-}
-
-void Node::Impl::on_readable(const SharedPort& port) {
-  receive(*port);
+void Node::Impl::on_sockets() {
+  receive_ready();
   turn();
-  if (port->transport != nullptr) wait_readable(port);
+  if (socket_watcher_.is_open()) wait_for_sockets();
 }
 
+// Datagrams that have arrived come before time-outs of the same instant. Sockets that are ready
+// when the timer fires are read before its handler is called, so that only a late one looks again.
 void Node::Impl::on_timer() {
+  const bool is_late = armed_ && io::now() > *armed_ + kLate;
   armed_.reset();
-  // Datagrams that have arrived come before time-outs of the same instant.
-  for (const SharedPort& port : ports_) receive(*port);
+  if (is_late) receive_ready();
+  for (const Port& port : ports_) {
+    if (!port.transport->drained()) receive(port);
+  }
   turn();
+}
+
+void Node::Impl::receive_ready() {
+  for (const io::Poller::Ready& ready : poller_.poll()) {
+    const auto port =
+        std::ranges::find(ports_, ready.name, [](const Port& p) { return p.link.value; });
+    if (port == ports_.end()) continue;
+    if (ready.readable) receive(*port);
+    if (!ready.writable) continue;
+    port->waits_for_write = false;
+    poller_.set_wants_write(port->transport->native_handle(), ready.name, false);
+    outbox_.writable(io::now(), port->link);
+  }
+}
+
+void Node::Impl::wait_writable(Port& port) {
+  if (std::exchange(port.waits_for_write, true)) return;
+  poller_.set_wants_write(port.transport->native_handle(), port.link.value, true);
 }
 
 // Datagrams arrive when the kernel says that they did, but not before what the endpoint was told
 // already.
 void Node::Impl::receive(const Port& port) {
   const TimePoint began = io::now();
-  for (int i = 0; i < kReceivesPerTurn && port.transport != nullptr; ++i) {
+  for (int i = 0; i < kReceivesPerTurn; ++i) {
     const auto batch = port.transport->receive();
     if (batch.empty()) return;
     const TimePoint now = io::now();
@@ -119,7 +138,7 @@ void Node::Impl::receive(const Port& port) {
     }
     tell_events();
     told_ = io::now();
-    if (told_ - began > kReceiveTime) return;
+    if (port.transport->drained() || told_ - began > kReceiveTime) return;
   }
 }
 
@@ -131,8 +150,8 @@ void Node::Impl::turn() {
   Outbox::More more = settle();
   if (context_.stopped()) return;
   if (lose_gone_links()) more = Outbox::More::kNow;
-  for (const SharedPort& port : ports_) {
-    if (outbox_.blocked(port->link)) wait_writable(port);
+  for (Port& port : ports_) {
+    if (outbox_.blocked(port.link)) wait_writable(port);
   }
   if (more == Outbox::More::kNow && !std::exchange(turn_posted_, true)) {
     boost::asio::post(context_, [this] {
@@ -227,8 +246,9 @@ void Node::Impl::arm(Outbox::More more) {
   auto next = endpoint_.next_timeout();
   if (next && more == Outbox::More::kBlocked) next = std::max(*next, now + kBlockedRetry);
   next = earliest(next, outbox_.next_timeout(now));
-  // The timer may stay armed for an earlier instant: an early wake-up is harmless.
-  if (!next || (armed_ && *armed_ <= *next)) return;
+  if (!next) return;
+  // The timer may stay armed for an instant that is a little earlier: to wake up then is harmless.
+  if (armed_ && *armed_ <= *next && *next - *armed_ <= kEarly) return;
   armed_ = next;
   timer_.expires_at(as_expiry(*next));
   timer_.async_wait([this](const error_code& error) {

@@ -2,8 +2,8 @@
 // workers.
 //
 // One turn: what may leave leaves, what happened is told to the application, time-outs that are due
-// are handled, until nothing is left to do; then the one timer is armed. Each way into the loop (a
-// readable or writable socket, the timer, a task) does its own thing and ends with a turn.
+// are handled, until nothing is left to do; then the one timer is armed. Each way into the loop
+// (sockets that are ready, the timer, a task) does its own thing and ends with a turn.
 #pragma once
 
 #include <algorithm>
@@ -25,6 +25,7 @@
 
 #include "interneuron/endpoint.h"
 #include "interneuron/node.h"
+#include "node/io/poller.h"
 #include "node/io/steady_clock.h"
 #include "node/loop/link_set.h"
 #include "node/loop/outbox.h"
@@ -108,16 +109,12 @@ class Node::Impl : private Outbox::Source, private LinkSet::User {
   const std::vector<std::string>& warnings() const { return links_.warnings(); }
 
  private:
-  // The socket of one incarnation of a link, as the loop waits for it. What waits for it shares it,
-  // because a wait that is over may be handled after the socket was closed.
+  // The socket of one incarnation of a link, as the loop waits for it.
   struct Port {
     LinkId link{};
-    // nullptr once closed.
     Transport* transport = nullptr;
-    boost::asio::posix::stream_descriptor watcher;
     bool waits_for_write = false;
   };
-  using SharedPort = std::shared_ptr<Port>;
 
   std::optional<TransmitParts> poll(TimePoint now, std::span<std::byte> buffer) override;
 
@@ -134,9 +131,8 @@ class Node::Impl : private Outbox::Source, private LinkSet::User {
 
   // --- ways into the loop
   void wait_for_nics();
-  void wait_readable(const SharedPort& port);
-  void wait_writable(const SharedPort& port);
-  void on_readable(const SharedPort& port);
+  void wait_for_sockets();
+  void on_sockets();
   void on_timer();
   void repeat_statistics(TimePoint due);
   void repeat_clock();
@@ -152,7 +148,9 @@ class Node::Impl : private Outbox::Source, private LinkSet::User {
   // --- a turn
   void turn();
   Outbox::More settle();
+  void receive_ready();
   void receive(const Port& port);
+  void wait_writable(Port& port);
   bool tell_events();
   void tell(Event&& event);
   bool handle_due();
@@ -172,7 +170,10 @@ class Node::Impl : private Outbox::Source, private LinkSet::User {
   LinkSet links_;
   boost::asio::posix::stream_descriptor nic_watcher_;
   std::optional<TimePoint> recheck_at_;
-  std::vector<SharedPort> ports_;
+  // Knows the sockets of ports_; the watcher waits for it.
+  io::Poller poller_;
+  boost::asio::posix::stream_descriptor socket_watcher_;
+  std::vector<Port> ports_;
   Outbox outbox_;
   Duration statistics_interval_{};
   Duration loop_stall_{};

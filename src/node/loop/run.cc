@@ -33,6 +33,7 @@ Node::Impl::Impl(NodeOptions&& options, const EndpointOptions& endpoint)
       endpoint_(endpoint, io::now()),
       links_(options, *this),
       nic_watcher_(context_),
+      socket_watcher_(context_, poller_.native_handle()),
       computation_(options.computation_workers),
       backup_(options.backup_workers) {
   try {
@@ -54,10 +55,8 @@ void Node::Impl::shut_down() {
   error_code ignored;
   signals_.cancel(ignored);
   signals_.clear(ignored);
-  // The descriptors belong to the transports, which close them.
-  for (const SharedPort& port : ports_) {
-    if (port->watcher.is_open()) port->watcher.release();
-  }
+  // The descriptors belong to others, who close them.
+  if (socket_watcher_.is_open()) socket_watcher_.release();
   if (nic_watcher_.is_open()) nic_watcher_.release();
 }
 
@@ -66,7 +65,7 @@ void Node::Impl::run() {
   const io::PreciseTimers precise;
   try {
     if (nic_watcher_.is_open()) wait_for_nics();
-    for (const SharedPort& port : ports_) wait_readable(port);
+    wait_for_sockets();
     repeat_statistics(saturating_add(io::now(), statistics_interval_));
     repeat_clock();
     if (!context_.stopped()) turn();
@@ -118,15 +117,14 @@ PeerId Node::Impl::connect(std::span<const std::pair<LinkId, Address>> addresses
 
 void Node::Impl::open_port(const LinkSet::Link& link) {
   const LinkId id = link.options.id;
-  ports_.push_back(std::make_shared<Port>(Port{
-      id, link.transport.get(), stream_descriptor(context_, link.transport->native_handle())}));
+  poller_.add(link.transport->native_handle(), id.value);
+  ports_.push_back({id, link.transport.get()});
   outbox_.add(id, *link.transport);
   endpoint_.add_link(io::now(), id, link.info);
 }
 
 void Node::Impl::link_opened(LinkSet::Link& link) {
   open_port(link);
-  wait_readable(ports_.back());
   const auto address = parse_address(link.options.peer);
   if (!address) return;
   const std::pair path{link.options.id, *address};
@@ -139,11 +137,9 @@ void Node::Impl::link_opened(LinkSet::Link& link) {
 
 void Node::Impl::link_closing(LinkSet::Link& link) {
   const LinkId id = link.options.id;
-  const auto port = std::ranges::find_if(ports_, [id](const auto& p) { return p->link == id; });
+  const auto port = std::ranges::find(ports_, id, &Port::link);
   if (port == ports_.end()) return;
-  // The descriptor belongs to the transport, which closes it.
-  (*port)->watcher.release();
-  (*port)->transport = nullptr;
+  poller_.remove(port->transport->native_handle());
   ports_.erase(port);
   outbox_.remove(id);
   endpoint_.remove_link(io::now(), id);
