@@ -148,8 +148,9 @@ class Node::Impl : private Outbox::Source, private LinkSet::User {
   // --- a turn
   void turn();
   Outbox::More settle();
-  void receive_ready();
-  void receive(const Port& port);
+  void read_sockets();
+  std::size_t receive_ready();
+  std::size_t receive(const Port& port);
   void wait_writable(Port& port);
   bool tell_events();
   void tell(Event&& event);
@@ -173,6 +174,12 @@ class Node::Impl : private Outbox::Source, private LinkSet::User {
   // Knows the sockets of ports_; the watcher waits for it.
   io::Poller poller_;
   boost::asio::posix::stream_descriptor socket_watcher_;
+  // Whether the loop wakes up for sockets that are ready. If not, it lets datagrams gather until
+  // this instant.
+  bool waits_for_sockets_ = false;
+  std::optional<TimePoint> gathers_until_;
+  // When sockets were last found to have something.
+  TimePoint read_at_ = TimePoint::min();
   std::vector<Port> ports_;
   Outbox outbox_;
   Duration statistics_interval_{};

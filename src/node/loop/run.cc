@@ -65,7 +65,6 @@ void Node::Impl::run() {
   const io::PreciseTimers precise;
   try {
     if (nic_watcher_.is_open()) wait_for_nics();
-    wait_for_sockets();
     repeat_statistics(saturating_add(io::now(), statistics_interval_));
     repeat_clock();
     if (!context_.stopped()) turn();
