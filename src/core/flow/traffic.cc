@@ -11,9 +11,10 @@ constexpr Duration kLongestBatch = std::chrono::milliseconds(2);
 // Nor does a batch take more than this part of the time that a message has. No measurement behind
 // this value: it only has to be little.
 constexpr int kBatchPart = 20;
-// A batch is longer than the one before by this part: the pace is above the rate by as much
-// (RateEstimator::kHeadroom), so that the path does not fall idle between two.
-constexpr int kBatchGrowth = 4;
+// The pace is above the rate of the path by this part of it (RateEstimator::kHeadroom), so that
+// what has left is ahead of what the path has carried by this part of the time, and by kBurst. No
+// batch is longer, or the path would fall idle.
+constexpr int kHeadroomPart = 4;
 // A longer batch saves no call: one segmented send carries so many bytes (docs/constants.md,
 // "Datagrams and sockets").
 constexpr std::size_t kBatchBytes = 64 * 1024;
@@ -118,11 +119,11 @@ Duration SendPath::least_time(std::size_t ip_bytes, bool begun) const {
 
 void SendPath::occupy(TimePoint now, std::size_t ip_bytes) {
   const Duration air = view.pace.value_or(kBlindPace).transmit_time(ip_bytes);
-  left_air = (now == left_at ? left_air : Duration::zero()) + std::min<Duration>(air, kLongestAir);
   left_at = now;
-  const bool is_batch = !view.short_queue && free_at >= now - kLongestBatch - kBurst;
-  free_at =
-      (is_batch ? free_at : std::max(free_at, now - kBurst)) + std::min<Duration>(air, kLongestAir);
+  const bool was_idle = free_at < now - kLongestBatch - kBurst;
+  if (was_idle) busy_since = now;
+  const TimePoint least = was_idle || view.short_queue ? now - kBurst : free_at;
+  free_at = std::max(free_at, least) + std::min<Duration>(air, kLongestAir);
 }
 
 bool Traffic::any_is_sound() const {
@@ -180,11 +181,11 @@ Duration Traffic::batch(const SendPath& path) const {
   if (job == nullptr || job->pieces() == 0) return kQuantum;
   const DataRate pace = path.view.pace.value_or(kBlindPace);
   const Duration time = std::chrono::microseconds(messages.find(job->message)->lifetime_us);
-  // What has left keeps the path busy for as long as it takes at the path's own rate.
-  const Duration grown = path.left_air + path.left_air / kBatchGrowth;
+  // What has left keeps the path busy for so long at least.
+  const Duration ahead = kBurst + (path.left_at - path.busy_since) / kHeadroomPart;
   const Duration longest = path.view.short_queue
                                ? kQuantum
-                               : std::min({Duration(kLongestBatch), time / kBatchPart, grown,
+                               : std::min({Duration(kLongestBatch), time / kBatchPart, ahead,
                                            pace.transmit_time(kBatchBytes)});
   // The last packet of a message leaves as soon as it may, with all that wait before it. Where
   // other messages follow it, they leave together.

@@ -34,9 +34,9 @@ struct SendPath {
   PathView view;
   // When the pace allows the next packet to leave.
   TimePoint free_at = TimePoint::min();
-  // When packets left last, and how long those of that instant take at the pace.
+  // When a packet left last, and the first one after the path had been idle.
   TimePoint left_at = TimePoint::min();
-  Duration left_air{};
+  TimePoint busy_since = TimePoint::min();
   // When poll() found nothing to send last.
   TimePoint idle_at = TimePoint::min();
   // Jobs of messages that are in Traffic::messages, and of no others.
