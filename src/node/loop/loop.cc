@@ -102,7 +102,10 @@ void Node::Impl::on_sockets() {
 // Datagrams that have arrived come before time-outs of the same instant. Sockets that are ready
 // when the timer fires are read before its handler is called, so that only a late one looks again.
 void Node::Impl::on_timer() {
-  const bool is_late = armed_ && io::now() > *armed_ + kLate;
+  const TimePoint now = io::now();
+  // Sockets that were ready at the same instant came before, and have armed it anew.
+  if (armed_ && now < *armed_) return;
+  const bool is_late = armed_ && now > *armed_ + kLate;
   armed_.reset();
   if (is_late || gathers_until_) read_sockets();
   for (const Port& port : ports_) {
