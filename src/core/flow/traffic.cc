@@ -6,7 +6,7 @@ namespace interneuron::flow {
 namespace {
 
 // The longest batch: what waits for it in a queue is there for no longer, and a wake-up costs as
-// much as a dozen packets (docs/decisions.md, "Packets leave in batches of two milliseconds").
+// much as a dozen packets (`SO_TXTIME` in docs/decisions.md, and what follows it).
 constexpr Duration kLongestBatch = std::chrono::milliseconds(2);
 // Nor does a batch take more than this part of the time that a message has. No measurement behind
 // this value: it only has to be little.

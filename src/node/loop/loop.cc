@@ -90,13 +90,10 @@ void Node::Impl::wait_for_sockets() {
   if (!socket_watcher_.is_open() || std::exchange(waits_for_sockets_, true)) return;
   socket_watcher_.async_wait(stream_descriptor::wait_read, [this](const error_code& error) {
     waits_for_sockets_ = false;
-    if (!error) on_sockets();
+    if (error) return;
+    read_sockets();
+    turn();
   });
-}
-
-void Node::Impl::on_sockets() {
-  read_sockets();
-  turn();
 }
 
 // Datagrams that have arrived come before time-outs of the same instant. Sockets that are ready

@@ -132,7 +132,6 @@ class Node::Impl : private Outbox::Source, private LinkSet::User {
   // --- ways into the loop
   void wait_for_nics();
   void wait_for_sockets();
-  void on_sockets();
   void on_timer();
   void repeat_statistics(TimePoint due);
   void repeat_clock();
