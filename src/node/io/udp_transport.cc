@@ -246,6 +246,7 @@ std::span<const Incoming> UdpTransport::receive() {
     count =
         ::recvmmsg(native_handle(), in.messages.data(), kReceiveMessages, MSG_DONTWAIT, nullptr);
   } while (count < 0 && errno == EINTR);
+  drained_ = count < static_cast<int>(kReceiveMessages);
   if (count < 0) {
     if (errno != EAGAIN && errno != EWOULDBLOCK) ++counters_.receive_errors;
     // Whoever polls cannot tell a report from a datagram: where there is none, it may be that.

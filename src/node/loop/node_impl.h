@@ -2,8 +2,8 @@
 // workers.
 //
 // One turn: what may leave leaves, what happened is told to the application, time-outs that are due
-// are handled, until nothing is left to do; then the one timer is armed. Each way into the loop (a
-// readable or writable socket, the timer, a task) does its own thing and ends with a turn.
+// are handled, until nothing is left to do; then the one timer is armed. Each way into the loop
+// (sockets that are ready, the timer, a task) does its own thing and ends with a turn.
 #pragma once
 
 #include <algorithm>
@@ -19,12 +19,12 @@
 #include <memory>
 #include <mutex>
 #include <optional>
-#include <string>
 #include <thread>
 #include <vector>
 
 #include "interneuron/endpoint.h"
 #include "interneuron/node.h"
+#include "node/io/poller.h"
 #include "node/io/steady_clock.h"
 #include "node/loop/link_set.h"
 #include "node/loop/outbox.h"
@@ -110,16 +110,12 @@ class Node::Impl : private Outbox::Source, private LinkSet::User {
   int signal() const { return signal_; }
 
  private:
-  // The socket of one incarnation of a link, as the loop waits for it. What waits for it shares it,
-  // because a wait that is over may be handled after the socket was closed.
+  // The socket of one incarnation of a link, as the loop waits for it.
   struct Port {
     LinkId link{};
-    // nullptr once closed.
     Transport* transport = nullptr;
-    boost::asio::posix::stream_descriptor watcher;
     bool waits_for_write = false;
   };
-  using SharedPort = std::shared_ptr<Port>;
 
   std::optional<TransmitParts> poll(TimePoint now, std::span<std::byte> buffer) override;
 
@@ -137,9 +133,7 @@ class Node::Impl : private Outbox::Source, private LinkSet::User {
 
   // --- ways into the loop
   void wait_for_nics();
-  void wait_readable(const SharedPort& port);
-  void wait_writable(const SharedPort& port);
-  void on_readable(const SharedPort& port);
+  void wait_for_sockets();
   void on_timer();
   void repeat_statistics(TimePoint due);
   void repeat_clock();
@@ -156,7 +150,10 @@ class Node::Impl : private Outbox::Source, private LinkSet::User {
   void turn();
   void post_turn();
   Outbox::More settle();
-  void receive(const Port& port);
+  void read_sockets();
+  std::size_t receive_ready();
+  std::size_t receive(const Port& port);
+  void wait_writable(Port& port);
   bool tell_events();
   void tell(Event&& event);
   bool handle_due();
@@ -176,7 +173,15 @@ class Node::Impl : private Outbox::Source, private LinkSet::User {
   LinkSet links_;
   boost::asio::posix::stream_descriptor nic_watcher_;
   std::optional<TimePoint> recheck_at_;
-  std::vector<SharedPort> ports_;
+  // Knows the sockets of ports_; the watcher waits for it.
+  io::Poller poller_;
+  boost::asio::posix::stream_descriptor socket_watcher_;
+  // Whether the loop wakes up for sockets that are ready, or else lets datagrams gather until then.
+  bool waits_for_sockets_ = false;
+  std::optional<TimePoint> gathers_until_;
+  // When sockets were last found to have something.
+  TimePoint read_at_ = TimePoint::min();
+  std::vector<Port> ports_;
   Outbox outbox_;
   Duration loop_stall_{};
   // The endpoint was told no later time than this when the loop waits.

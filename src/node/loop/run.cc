@@ -34,6 +34,7 @@ Node::Impl::Impl(const EndpointOptions& endpoint, Shards& crew)
       endpoint_(endpoint, io::now()),
       links_(*this),
       nic_watcher_(context_),
+      socket_watcher_(context_, poller_.native_handle()),
       shard_(endpoint.shard.index),
       crew_(&crew),
       computation_(0),
@@ -47,6 +48,7 @@ Node::Impl::Impl(NodeOptions&& options, const EndpointOptions& endpoint)
       endpoint_(endpoint, io::now()),
       links_(options, *this),
       nic_watcher_(context_),
+      socket_watcher_(context_, poller_.native_handle()),
       computation_(options.computation_workers),
       backup_(options.backup_workers) {
   try {
@@ -73,10 +75,8 @@ void Node::Impl::shut_down() {
   error_code ignored;
   signals_.cancel(ignored);
   signals_.clear(ignored);
-  // The descriptors belong to the transports, which close them.
-  for (const SharedPort& port : ports_) {
-    if (port->watcher.is_open()) port->watcher.release();
-  }
+  // The descriptors belong to others, who close them.
+  if (socket_watcher_.is_open()) socket_watcher_.release();
   if (nic_watcher_.is_open()) nic_watcher_.release();
 }
 
@@ -88,7 +88,6 @@ void Node::Impl::run() {
     {
       const auto shift = Shards::enter(crew_, shard_);
       if (nic_watcher_.is_open()) wait_for_nics();
-      for (const SharedPort& port : ports_) wait_readable(port);
       repeat_statistics(saturating_add(io::now(), handlers.statistics_interval));
       repeat_clock();
       if (!context_.stopped()) turn();
@@ -143,15 +142,14 @@ PeerId Node::Impl::connect(std::span<const std::pair<LinkId, Address>> addresses
 }
 
 void Node::Impl::open_port(LinkId id, Transport& transport, const LinkInfo& info) {
-  ports_.push_back(std::make_shared<Port>(
-      Port{id, &transport, stream_descriptor(context_, transport.native_handle())}));
+  poller_.add(transport.native_handle(), id.value);
+  ports_.push_back({id, &transport});
   outbox_.add(id, transport);
   endpoint_.add_link(io::now(), id, info);
 }
 
 void Node::Impl::link_opened(LinkSet::Link& link) {
   open_port(link.options.id, *link.transport, link.info);
-  wait_readable(ports_.back());
   if (shards_) shards_->open(link);
   const auto address = parse_address(link.options.peer);
   if (!address) return;
@@ -169,11 +167,9 @@ void Node::Impl::link_closing(LinkSet::Link& link) {
 }
 
 void Node::Impl::close_port(LinkId id) {
-  const auto port = std::ranges::find_if(ports_, [id](const auto& p) { return p->link == id; });
+  const auto port = std::ranges::find(ports_, id, &Port::link);
   if (port == ports_.end()) return;
-  // The descriptor belongs to the transport, which closes it.
-  (*port)->watcher.release();
-  (*port)->transport = nullptr;
+  poller_.remove(port->transport->native_handle());
   ports_.erase(port);
   outbox_.remove(id);
   endpoint_.remove_link(io::now(), id);

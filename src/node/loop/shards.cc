@@ -29,7 +29,6 @@ Node::Impl::Shards::Shards(Impl& front, const NodeOptions& options, const Endpoi
 // --- for the front
 
 void Node::Impl::Shards::start() {
-  is_running_ = true;
   for (const auto& member : members_) {
     member->thread = std::thread([this, &member = *member] { run(member); });
   }
@@ -55,9 +54,7 @@ void Node::Impl::Shards::stop() {
 void Node::Impl::Shards::open(const LinkSet::Link& link) {
   for (std::size_t i = 0; i < members_.size(); ++i) {
     const std::lock_guard lock(members_[i]->mutex);
-    Impl& impl = *members_[i]->impl;
-    impl.open_port(link.options.id, *link.siblings.at(i), link.info);
-    if (is_running_) impl.wait_readable(impl.ports_.back());
+    members_[i]->impl->open_port(link.options.id, *link.siblings.at(i), link.info);
   }
 }
 

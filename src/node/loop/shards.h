@@ -124,7 +124,6 @@ class Node::Impl::Shards {
   // The door's, then the shards'.
   std::vector<std::unique_ptr<Post>> posts_;
   Mailbox<std::pair<std::uint8_t, Event>> events_{kMostEvents};
-  bool is_running_ = false;
   // Whose rounds were delivered here: of each peer those of one origin, itself.
   std::map<PeerId, SessionId> origins_;
   std::map<SessionId, PeerId> peers_;
