@@ -144,6 +144,9 @@ class Endpoint {
   std::vector<LinkState> links(TimePoint now, PeerId peer) const;
   LinkCounters link_counters(LinkId link) const;
   EndpointCounters counters() const;
+  // Pieces that the message lacks still of which the last datagram has brought one. 0: it was whole
+  // then, or the datagram brought something else; whoever waits for that should not wait longer.
+  std::size_t missing_pieces() const;
   // Bytes held by incomplete messages of all peers.
   std::size_t reassembly_bytes() const;
   // What this peer holds here and what has struck it; all zero for a peer that is not known.

@@ -1,5 +1,4 @@
-// Endpoint: joins the machines below it, with one queue of events and one time; and what its own
-// types say in words.
+// Joins the machines below it, with one queue of events and one time; what types say in words.
 #include "interneuron/endpoint.h"
 
 #include <algorithm>
@@ -97,6 +96,8 @@ class Endpoint::Impl {
   rounds::Rounds& rounds() { return rounds_; }
   messages::Messages& messages() { return messages_; }
   const OwnTime& time() const { return time_; }
+  std::deque<HandedOn>& handed_on() { return handed_on_; }
+  std::size_t missing_pieces() const { return missing_pieces_; }
 
   void remove_link(TimePoint now, LinkId link) {
     for (PathChanged& change : peers_.remove_link(now, link)) {
@@ -109,6 +110,7 @@ class Endpoint::Impl {
     // arrivals come first. Of several datagrams that come at once only the first finds something.
     if (ran_to_ < now - Duration{1}) run_timers(now - Duration{1});
     peers::Peers::Received received = peers_.receive(now, datagram);
+    missing_pieces_ = received.outcome.missing;
     if (received.shard != 0) {
       handed_on_.push_back({received.shard, datagram.link, datagram.from, datagram.ecn,
                             Bytes(datagram.bytes.begin(), datagram.bytes.end())});
@@ -138,8 +140,6 @@ class Endpoint::Impl {
   }
 
   std::optional<Event> poll_event() { return pop(events_); }
-
-  std::deque<HandedOn>& handed_on() { return handed_on_; }
 
   // The peer that has sent the list, if one has, may be among those that are gone after it.
   bool take_revocations(ByteView list) {
@@ -209,16 +209,14 @@ class Endpoint::Impl {
     if (outcome.message && outcome.kind == wire::MessageKind::kRound) {
       rounds_.complete(now, peer, std::move(*outcome.message));
     } else if (outcome.message && outcome.kind == wire::MessageKind::kRevocations) {
-      return tell_revocations(std::move(outcome.message->payload));
+      Bytes list = std::move(outcome.message->payload);
+      if (take_revocations(list)) events_.emplace_back(RevocationsChanged{std::move(list)});
+      return;
     } else if (outcome.message) {
       messages_.complete(now, peer, outcome.message_id, std::move(*outcome.message));
     }
     messages_.collect(now, peer);
     tell_limited(peer);
-  }
-
-  void tell_revocations(Bytes list) {
-    if (take_revocations(list)) events_.emplace_back(RevocationsChanged{std::move(list)});
   }
 
   void tell_limited(peers::Peer& peer) {
@@ -236,6 +234,7 @@ class Endpoint::Impl {
   OwnTime time_;
   // What was due until then has been done.
   TimePoint ran_to_ = TimePoint::min();
+  std::size_t missing_pieces_ = 0;
   std::uint64_t messages_expired_ = 0;
   std::uint64_t reassembly_refused_ = 0;
   std::uint64_t bad_fragments_ = 0;
@@ -342,6 +341,7 @@ std::vector<LinkState> Endpoint::links(TimePoint now, PeerId peer) const {
 LinkCounters Endpoint::link_counters(LinkId link) const { return impl_->peers().counters(link); }
 EndpointCounters Endpoint::counters() const { return impl_->counters(); }
 PeerLedger Endpoint::ledger(PeerId peer) const { return impl_->ledger(peer); }
+std::size_t Endpoint::missing_pieces() const { return impl_->missing_pieces(); }
 std::size_t Endpoint::reassembly_bytes() const { return impl_->peers().reassembly_bytes(); }
 std::int64_t Endpoint::unix_time_ns(TimePoint now) const {
   return impl_->peers().gate().unix_ns(impl_->time().own(now));

@@ -1,25 +1,19 @@
 // The loop of a Node. Everything runs on the loop thread, except post(), stop() and the jobs of the
 // workers.
 //
-// One turn: what may leave leaves, what happened is told to the application, time-outs that are due
-// are handled, until nothing is left to do; then the one timer is armed. Each way into the loop
-// (sockets that are ready, the timer, a task) does its own thing and ends with a turn.
+// The loop sleeps in one system call (io::Poller) until sockets are ready, something is due or a
+// task was posted. Then it reads, runs what is due and what was posted, and has a turn: what may
+// leave leaves, what happened is told to the application, time-outs that are due are handled, until
+// nothing is left to do. Each task is followed by a turn, too.
 #pragma once
 
 #include <algorithm>
 #include <atomic>
-#include <boost/asio/executor_work_guard.hpp>
-#include <boost/asio/io_context.hpp>
-#include <boost/asio/posix/stream_descriptor.hpp>
-#include <boost/asio/signal_set.hpp>
-#include <boost/asio/steady_timer.hpp>
-#include <condition_variable>
-#include <deque>
 #include <functional>
+#include <map>
 #include <memory>
-#include <mutex>
 #include <optional>
-#include <thread>
+#include <span>
 #include <vector>
 
 #include "interneuron/endpoint.h"
@@ -27,38 +21,11 @@
 #include "node/io/poller.h"
 #include "node/io/steady_clock.h"
 #include "node/loop/link_set.h"
+#include "node/loop/mailbox.h"
 #include "node/loop/outbox.h"
+#include "node/loop/workers.h"
 
 namespace interneuron {
-
-// A queue of jobs and the threads that run them, in the order in which the jobs came. The queue is
-// not bounded.
-//
-// submit() and stop() belong to one thread, the loop thread of a Node. Jobs run on the workers'
-// threads and must not throw: an exception would end the process. Owns its threads. The constructor
-// throws std::system_error when a thread cannot be started.
-class Workers {
- public:
-  explicit Workers(std::size_t threads);
-  ~Workers() { stop(); }
-  Workers(const Workers&) = delete;
-  Workers& operator=(const Workers&) = delete;
-
-  // Ignored after stop().
-  void submit(std::function<void()> job);
-  // Drops the jobs that wait, waits for those that run.
-  void stop();
-
- private:
-  void work();
-
-  std::mutex mutex_;
-  std::condition_variable wake_;
-  // mutex_ guards both.
-  std::deque<std::function<void()>> jobs_;
-  bool stopping_ = false;
-  std::vector<std::thread> threads_;
-};
 
 class Node::Impl : private Outbox::Source, private LinkSet::User {
  public:
@@ -93,7 +60,10 @@ class Node::Impl : private Outbox::Source, private LinkSet::User {
   };
 
   void run();
-  void stop() { context_.stop(); }
+  void stop() {
+    stopped_ = true;
+    poller_.wake();
+  }
   void stop_on_signals();
   void at(TimePoint time, Task task);
   void compute(Queue queue, Job job);
@@ -110,6 +80,8 @@ class Node::Impl : private Outbox::Source, private LinkSet::User {
   int signal() const { return signal_; }
 
  private:
+  // What the poller calls the handle that tells of NICs; links have other names.
+  static constexpr std::uint32_t kNics = UINT32_MAX;
   // The socket of one incarnation of a link, as the loop waits for it.
   struct Port {
     LinkId link{};
@@ -132,9 +104,10 @@ class Node::Impl : private Outbox::Source, private LinkSet::User {
   void check_nics();
 
   // --- ways into the loop
-  void wait_for_nics();
-  void wait_for_sockets();
-  void on_timer();
+  using Ready = std::span<const io::Poller::Ready>;
+  void wake_up(Ready ready);
+  void read_sockets(Ready ready);
+  void run_due();
   void repeat_statistics(TimePoint due);
   void repeat_clock();
   void run_task(const Task& task);
@@ -147,37 +120,38 @@ class Node::Impl : private Outbox::Source, private LinkSet::User {
   }
 
   // --- a turn
-  void turn();
+  // What was read in one go.
+  struct Reading {
+    std::size_t datagrams = 0;
+    // The fewest pieces that a message lacks still of which one came; 0: also something else came.
+    std::size_t missing = SIZE_MAX;
+  };
+  Outbox::More turn();
   void post_turn();
   Outbox::More settle();
-  void read_sockets();
-  std::size_t receive_ready();
-  std::size_t receive(const Port& port);
+  void receive(const Port& port, Reading& reading);
   void wait_writable(Port& port);
+  void writable(Port& port);
   bool tell_events();
   void tell(Event&& event);
   bool handle_due();
   bool lose_gone_links();
-  void arm(Outbox::More more);
+  void plan_wait(Outbox::More more);
 
-  boost::asio::io_context context_{1};
-  boost::asio::executor_work_guard<boost::asio::io_context::executor_type> work_;
-  boost::asio::steady_timer timer_;
-  // When the timer will fire; nothing while it is not armed.
-  std::optional<TimePoint> armed_;
-  boost::asio::signal_set signals_;
+  io::Poller poller_;
+  std::atomic<bool> stopped_{false};
+  std::unique_ptr<SignalThread> signals_;
   std::atomic<int> signal_{0};
+  Mailbox<Task> posted_{SIZE_MAX};
+  std::multimap<TimePoint, Task> due_;
   SessionId session_;
   Endpoint endpoint_;
   std::optional<PeerId> peer_;
   LinkSet links_;
-  boost::asio::posix::stream_descriptor nic_watcher_;
   std::optional<TimePoint> recheck_at_;
-  // Knows the sockets of ports_; the watcher waits for it.
-  io::Poller poller_;
-  boost::asio::posix::stream_descriptor socket_watcher_;
-  // Whether the loop wakes up for sockets that are ready, or else lets datagrams gather until then.
-  bool waits_for_sockets_ = false;
+  // When the loop wakes up although nothing comes.
+  TimePoint wakes_at_ = TimePoint::min();
+  // The loop does not wake up for datagrams until then, so that they gather.
   std::optional<TimePoint> gathers_until_;
   // When sockets were last found to have something.
   TimePoint read_at_ = TimePoint::min();

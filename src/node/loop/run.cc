@@ -1,7 +1,6 @@
 // A Node's loop from its begin to its end, and what happens beside its turns: links come and go
 // with their NICs, statistics are told.
 #include <algorithm>
-#include <csignal>
 #include <stdexcept>
 #include <utility>
 
@@ -11,9 +10,6 @@
 #include "node/loop/whole.h"
 
 namespace interneuron {
-
-using boost::asio::posix::stream_descriptor;
-using boost::system::error_code;
 
 namespace {
 
@@ -27,32 +23,22 @@ Node::Impl::Impl(NodeOptions options)
     : Impl(std::move(options), (check_options(options), endpoint_options(options))) {}
 
 Node::Impl::Impl(const EndpointOptions& endpoint, Shards& crew)
-    : work_(context_.get_executor()),
-      timer_(context_),
-      signals_(context_),
-      session_(endpoint.session),
+    : session_(endpoint.session),
       endpoint_(endpoint, io::now()),
       links_(*this),
-      nic_watcher_(context_),
-      socket_watcher_(context_, poller_.native_handle()),
       shard_(endpoint.shard.index),
       crew_(&crew),
       computation_(0),
       backup_(0) {}
 
 Node::Impl::Impl(NodeOptions&& options, const EndpointOptions& endpoint)
-    : work_(context_.get_executor()),
-      timer_(context_),
-      signals_(context_),
-      session_(endpoint.session),
+    : session_(endpoint.session),
       endpoint_(endpoint, io::now()),
       links_(options, *this),
-      nic_watcher_(context_),
-      socket_watcher_(context_, poller_.native_handle()),
       computation_(options.computation_workers),
       backup_(options.backup_workers) {
   try {
-    if (links_.native_handle() >= 0) nic_watcher_.assign(links_.native_handle());
+    if (links_.native_handle() >= 0) poller_.add(links_.native_handle(), kNics);
     if (endpoint.shard.count > 0) {
       shards_ = std::make_unique<Shards>(*this, options, endpoint);
       crew_ = shards_.get();
@@ -66,18 +52,12 @@ Node::Impl::Impl(NodeOptions&& options, const EndpointOptions& endpoint)
 
 Node::Impl::~Impl() { shut_down(); }
 
-// Ends the workers and gives up all waits; may be called more than once. Afterwards only the
-// caller's thread uses this object.
+// Ends all threads; may be called more than once. Afterwards only the caller's uses this object.
 void Node::Impl::shut_down() {
   if (shards_) shards_->stop();
   computation_.stop();
   backup_.stop();
-  error_code ignored;
-  signals_.cancel(ignored);
-  signals_.clear(ignored);
-  // The descriptors belong to others, who close them.
-  if (socket_watcher_.is_open()) socket_watcher_.release();
-  if (nic_watcher_.is_open()) nic_watcher_.release();
+  signals_.reset();
 }
 
 void Node::Impl::run() {
@@ -87,17 +67,20 @@ void Node::Impl::run() {
     if (shards_) shards_->start();
     {
       const auto shift = Shards::enter(crew_, shard_);
-      if (nic_watcher_.is_open()) wait_for_nics();
       repeat_statistics(saturating_add(io::now(), handlers.statistics_interval));
       repeat_clock();
-      if (!context_.stopped()) turn();
+      poller_.prepare(io::Poller::For::kAnything);
     }
-    context_.run();
+    while (!stopped_) {
+      const Ready ready = poller_.wait(wakes_at_);
+      const auto shift = Shards::enter(crew_, shard_);
+      wake_up(ready);
+    }
     // What can leave at once still does.
     const auto shift = Shards::enter(crew_, shard_);
     outbox_.pump(io::now(), *this);
   } catch (...) {
-    context_.stop();
+    stopped_ = true;
     shut_down();
     throw;
   }
@@ -111,10 +94,7 @@ void Node::Impl::repeat_clock() {
 }
 
 void Node::Impl::stop_on_signals() {
-  signals_.add(SIGINT);
-  signals_.add(SIGTERM);
-  signals_.async_wait([this](const error_code& error, int signal) {
-    if (error) return;
+  signals_ = std::make_unique<SignalThread>([this](int signal) {
     signal_ = signal;
     stop();
   });
@@ -177,15 +157,6 @@ void Node::Impl::close_port(LinkId id) {
 
 void Node::Impl::nic_changed(const NicChanged& change) {
   if (handlers.nic_changed) run_work([&] { handlers.nic_changed(change); });
-}
-
-void Node::Impl::wait_for_nics() {
-  nic_watcher_.async_wait(stream_descriptor::wait_read, [this](const error_code& error) {
-    if (error) return;
-    check_nics();
-    turn();
-    if (nic_watcher_.is_open()) wait_for_nics();
-  });
 }
 
 void Node::Impl::repeat_statistics(TimePoint due) {

@@ -95,7 +95,7 @@ void Node::Impl::Shards::hand_up(std::uint8_t shard, Event&& event) {
 
 void Node::Impl::Shards::read_events() {
   for (auto& [shard, event] : events_.take()) {
-    if (front_.context_.stopped()) return;
+    if (front_.stopped_) return;
     const auto* list = std::get_if<RevocationsChanged>(&event);
     if (list != nullptr && !spread(shard, *list)) continue;
     note(shard, event);
