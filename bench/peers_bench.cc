@@ -11,6 +11,10 @@
 // processor does not count. The memory of a peer is what the road holds on the heap,
 // without the bytes of incomplete messages, divided by the number of peers. They have joined when
 // the road knows all of them, which all ask for at one instant.
+//
+// With --shards the road is several endpoints, between which packets are divided as sockets do it
+// (node/io/socket_group.h): the time of a packet is then still that of all, and that of the busiest
+// of those that serve is told beside it. With --encrypted all have keys.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -28,6 +32,8 @@
 #include <vector>
 
 #include "interneuron/endpoint.h"
+#include "lab/sim/trust.h"
+#include "node/io/socket_group.h"
 
 namespace {
 
@@ -76,6 +82,8 @@ struct Options {
   double meet_s = 2;
   double warm_up_s = 0.5;
   double seconds = 1;
+  std::uint8_t shards = 1;
+  bool encrypted = false;
 };
 
 struct Packet {
@@ -128,11 +136,15 @@ TimePoint wake_of(const Endpoint& endpoint, TimePoint now) {
   return std::max(endpoint.next_timeout().value_or(TimePoint::max()), now + Duration{1});
 }
 
+constexpr int kRoadHost = 1;
+int host_number(std::uint32_t vehicle) { return static_cast<int>(vehicle) + kRoadHost; }
+
 class Vehicle {
  public:
   Vehicle(const Options& options, TimePoint now, std::uint32_t number, TimePoint first_message)
       : options_(options), number_(number), next_message_(first_message) {
     EndpointOptions o = options_of(number);
+    if (options.encrypted) o.security = sim::security_of(host_number(number), {kRoadHost});
     PipelineConfig pipeline{.stages = {StageKind::kCommunication, StageKind::kCommunication},
                             .policy = "best_link"};
     // The books of the other guard are kept per pipeline and not per peer.
@@ -184,67 +196,129 @@ class Vehicle {
   TimePoint next_message_{};
 };
 
+// One of the endpoints of the road, and what comes to it in a slice.
+struct Part {
+  std::unique_ptr<Endpoint> endpoint;
+  TimePoint wake{};
+  std::vector<const Packet*> inbox;
+  std::clock_t spent = 0;
+};
+
 class Road {
  public:
   Road(const Options& options, TimePoint now, std::size_t peers) : options_(options) {
     EndpointOptions o = options_of(kRoadSession);
     o.accept_peers = true;
     o.max_peers = peers;
-    is_counting = true;
-    endpoint_ = std::make_unique<Endpoint>(std::move(o), now);
-    for (std::uint8_t i = 0; i < options.links; ++i) {
-      endpoint_->add_link(now, LinkId{i}, {"nic", 1500, {}});
+    if (options.shards > 1) o.shard = {options.shards, 0, std::make_shared<SharedHoldings>()};
+    std::vector<int> hosts;
+    for (std::size_t i = 1; options.encrypted && i <= peers; ++i) {
+      hosts.push_back(host_number(static_cast<std::uint32_t>(i)));
     }
-    is_counting = false;
-    wake_ = now;
+    if (options.encrypted) o.security = sim::security_of(kRoadHost, hosts);
+    for (std::uint8_t i = 0; i <= o.shard.count; ++i) {
+      o.shard.index = i;
+      if (i > 0 && options.encrypted) {
+        auto security = std::make_shared<Security>(*o.security);
+        security->seed = sim::secret_key(-i);
+        o.security = std::move(security);
+      }
+      is_counting = true;
+      parts_.push_back({std::make_unique<Endpoint>(o, now), now, {}, 0});
+      for (std::uint8_t link = 0; link < options.links; ++link) {
+        parts_.back().endpoint->add_link(now, LinkId{link}, {"nic", 1500, {}});
+      }
+      is_counting = false;
+    }
   }
 
   void run(TimePoint end, const std::vector<Packet>& inbox, Outbox& out) {
-    is_counting = true;
-    const std::clock_t begin = std::clock();
-    for (std::size_t next = 0;;) {
-      const TimePoint arrival = next < inbox.size() ? inbox[next].at : TimePoint::max();
-      const TimePoint now = std::min(arrival, wake_);
-      if (now >= end) break;
-      if (arrival == now) {
-        const Packet& p = inbox[next++];
-        endpoint_->handle_datagram(
-            now, {p.link, address_of(p.vehicle), ByteView(p.bytes).first(p.size)});
-      } else {
-        endpoint_->handle_timeout(now);
-      }
-      while (auto event = endpoint_->poll_event()) {
-        const auto* delivered = std::get_if<Delivered>(&*event);
-        if (delivered == nullptr) continue;
-        ++messages;
-        if (options_.answer_bytes == 0) continue;
-        endpoint_->submit(now, delivered->round, {Bytes(options_.answer_bytes)},
-                          MessageClass::kResult);
-      }
-      drain(*endpoint_, now, kRoadSession, out);
-      wake_ = wake_of(*endpoint_, now);
+    for (const Packet& packet : inbox) {
+      const std::size_t to = options_.shards == 1
+                                 ? 0
+                                 : io::shard_of_packet(ByteView(packet.bytes).first(packet.size),
+                                                       options_.shards, options_.encrypted);
+      parts_[to].inbox.push_back(&packet);
     }
-    spent += std::clock() - begin;
-    is_counting = false;
+    for (Part& part : parts_) {
+      is_counting = true;
+      const std::clock_t begin = std::clock();
+      run(part, end, out);
+      part.spent += std::clock() - begin;
+      is_counting = false;
+    }
     packets_in += inbox.size();
     packets_out += out.size();
   }
 
   void begin_measuring() {
-    spent = 0;
+    for (Part& part : parts_) part.spent = 0;
     packets_in = packets_out = messages = 0;
   }
-  const Endpoint& endpoint() const { return *endpoint_; }
+  std::size_t peers() const {
+    std::size_t sum = 0;
+    for (const Part& part : parts_) sum += part.endpoint->peers().size();
+    return sum;
+  }
+  std::size_t reassembly_bytes() const { return parts_.front().endpoint->reassembly_bytes(); }
+  // Of a processor, in microseconds: all, and the busiest that serves.
+  double spent_us() const {
+    double sum = 0;
+    for (const Part& part : parts_) sum += us(part);
+    return sum;
+  }
+  double busiest_us() const {
+    double most = 0;
+    for (std::size_t i = options_.shards == 1 ? 0 : 1; i < parts_.size(); ++i) {
+      most = std::max(most, us(parts_[i]));
+    }
+    return most;
+  }
 
-  std::clock_t spent = 0;
   std::uint64_t packets_in = 0;
   std::uint64_t packets_out = 0;
   std::uint64_t messages = 0;
 
  private:
+  static double us(const Part& part) {
+    return static_cast<double>(part.spent) * 1e6 / CLOCKS_PER_SEC;
+  }
+
+  void run(Part& part, TimePoint end, Outbox& out) {
+    Endpoint& endpoint = *part.endpoint;
+    for (std::size_t next = 0;;) {
+      const TimePoint arrival = next < part.inbox.size() ? part.inbox[next]->at : TimePoint::max();
+      const TimePoint now = std::min(arrival, part.wake);
+      if (now >= end) break;
+      if (arrival == now) {
+        const Packet& p = *part.inbox[next++];
+        endpoint.handle_datagram(now,
+                                 {p.link, address_of(p.vehicle), ByteView(p.bytes).first(p.size)});
+        while (const auto letter = endpoint.poll_handed_on()) {
+          parts_[letter->shard].endpoint->handle_datagram(
+              now, {letter->link, letter->from, letter->bytes});
+          parts_[letter->shard].wake = std::min(parts_[letter->shard].wake, now);
+        }
+      } else {
+        endpoint.handle_timeout(now);
+      }
+      while (auto event = endpoint.poll_event()) {
+        const auto* delivered = std::get_if<Delivered>(&*event);
+        if (delivered == nullptr) continue;
+        ++messages;
+        if (options_.answer_bytes == 0) continue;
+        endpoint.submit(now, delivered->round, {Bytes(options_.answer_bytes)},
+                        MessageClass::kResult);
+      }
+      drain(endpoint, now, kRoadSession, out);
+      part.wake = wake_of(endpoint, now);
+    }
+    part.inbox.clear();
+  }
+
   const Options& options_;
-  std::unique_ptr<Endpoint> endpoint_;
-  TimePoint wake_{};
+  // The door where there are several, then those that serve.
+  std::vector<Part> parts_;
 };
 
 void measure(const Options& options, std::size_t peers) {
@@ -268,7 +342,7 @@ void measure(const Options& options, std::size_t peers) {
   std::optional<double> joined_s;
   const auto run_for = [&](Duration time) {
     for (const TimePoint end = now + time; now < end; now += kSlice) {
-      if (!joined_s && road.endpoint().peers().size() == peers) joined_s = to_seconds(now - begin);
+      if (!joined_s && road.peers() == peers) joined_s = to_seconds(now - begin);
       up.clear();
       for (Vehicle& vehicle : vehicles) vehicle.run(now + kSlice, up);
       down.clear();
@@ -281,13 +355,16 @@ void measure(const Options& options, std::size_t peers) {
   run_for(seconds(options.meet_s + options.warm_up_s));
   road.begin_measuring();
   run_for(seconds(options.seconds));
-  const double us = static_cast<double>(road.spent) * 1e6 / CLOCKS_PER_SEC;
-  const double kib = static_cast<double>(held_bytes - static_cast<std::int64_t>(
-                                                          road.endpoint().reassembly_bytes())) /
-                     1024;
+  const double us = road.spent_us();
+  const double kib =
+      static_cast<double>(held_bytes - static_cast<std::int64_t>(road.reassembly_bytes())) / 1024;
   fmt::print("{:5} peers: {:7.2f} µs a packet in, {:6.1f} % of a core, {:6.1f} KiB a peer; ",
-             road.endpoint().peers().size(), us / static_cast<double>(road.packets_in),
-             us / options.seconds / 1e4, kib / static_cast<double>(peers));
+             road.peers(), us / static_cast<double>(road.packets_in), us / options.seconds / 1e4,
+             kib / static_cast<double>(peers));
+  if (options.shards > 1) {
+    fmt::print("{:.2f} µs a packet of the busiest shard; ",
+               road.busiest_us() / static_cast<double>(road.packets_in));
+  }
   fmt::print("{}; ", joined_s ? fmt::format("joined after {:.2f} s", *joined_s) : "not all joined");
   fmt::print("{:.0f} packets in, {:.0f} out, {:.0f} messages a second\n",
              static_cast<double>(road.packets_in) / options.seconds,
@@ -309,6 +386,8 @@ int main(int argc, char** argv) {
   app.add_option("--meet", options.meet_s, "Seconds before the first message");
   app.add_option("--warm-up", options.warm_up_s, "Seconds of messages before the measurement");
   app.add_option("--seconds", options.seconds, "Seconds measured");
+  app.add_option("--shards", options.shards, "Endpoints that serve")->check(CLI::Range(1, 64));
+  app.add_flag("--encrypted", options.encrypted, "All have keys");
   CLI11_PARSE(app, argc, argv);
   for (const std::size_t peers : options.peers) interneuron::bench::measure(options, peers);
   return 0;

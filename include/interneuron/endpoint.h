@@ -13,6 +13,7 @@
 
 #include "interneuron/address.h"
 #include "interneuron/counters.h"
+#include "interneuron/datagram.h"
 #include "interneuron/endpoint_options.h"
 #include "interneuron/events.h"
 #include "interneuron/ledger.h"
@@ -26,47 +27,6 @@
 #include "interneuron/units.h"
 
 namespace interneuron {
-
-// A UDP payload that came in on a link.
-struct Datagram {
-  LinkId link{};
-  Address from{};
-  ByteView bytes;
-  // The ECN bits of its IP header (RFC 3168 §5), 0 … 3; 0 where nobody knows.
-  std::uint8_t ecn = 0;
-};
-
-// A UDP payload to send: the first `size` bytes of the buffer given to poll_transmit().
-struct Transmit {
-  LinkId link{};
-  Address to{};
-  std::size_t size = 0;
-  // The ECN bits for its IP header.
-  std::uint8_t ecn = 0;
-  // The round whose message it carries bytes of: for those who treat packets by their round, since
-  // one that is encrypted does not tell. Nothing in all other packets.
-  std::optional<RoundRef> round{};
-};
-
-// The same in parts that nobody has joined: the first `head` bytes of the buffer given to
-// poll_transmit_parts(), then `payload`, then the `tail` bytes of the buffer that follow the first.
-struct TransmitParts {
-  LinkId link{};
-  Address to{};
-  std::size_t head = 0;
-  // Bytes of a message; empty in packets that carry none or are encrypted. Valid until the next
-  // call of the endpoint that is no output (see Endpoint).
-  ByteView payload{};
-  std::size_t tail = 0;
-  // The ECN bits for its IP header.
-  std::uint8_t ecn = 0;
-  // As in Transmit.
-  std::optional<RoundRef> round{};
-
-  std::size_t size() const { return head + payload.size() + tail; }
-  // Puts the payload where it belongs in that buffer.
-  Transmit join(std::span<std::byte> buffer) const;
-};
 
 // One end of all its connections: its peers and their links, the rounds that begin here and those
 // that others began. Single-threaded by design (thread-compatible); owns everything in it; reads no
@@ -159,6 +119,10 @@ class Endpoint {
   // deadline. Ignored when the round is decided.
   void give_up(TimePoint now, RoundRef round);
 
+  // Takes a list of revocations that an authority has signed and that is newer than the one there
+  // is, as peers hand it on: RevocationsChanged tells of those. False: it is none.
+  bool take_revocations(TimePoint now, ByteView list);
+
   // --- inputs
   void handle_datagram(TimePoint now, const Datagram& datagram);
   void handle_timeout(TimePoint now);
@@ -169,6 +133,8 @@ class Endpoint {
   // The same, but leaves the bytes of a message where they are.
   std::optional<TransmitParts> poll_transmit_parts(TimePoint now, std::span<std::byte> buffer);
   std::optional<Event> poll_event();
+  // Only of the door of several endpoints; ask after each datagram until nothing comes.
+  std::optional<HandedOn> poll_handed_on();
   // When handle_timeout() or poll_transmit() has something to do; nothing: not before an input.
   std::optional<TimePoint> next_timeout() const;
 
@@ -178,6 +144,9 @@ class Endpoint {
   std::vector<LinkState> links(TimePoint now, PeerId peer) const;
   LinkCounters link_counters(LinkId link) const;
   EndpointCounters counters() const;
+  // Pieces that the message lacks still of which the last datagram has brought one. 0: it was whole
+  // then, or the datagram brought something else; whoever waits for that should not wait longer.
+  std::size_t missing_pieces() const;
   // Bytes held by incomplete messages of all peers.
   std::size_t reassembly_bytes() const;
   // What this peer holds here and what has struck it; all zero for a peer that is not known.

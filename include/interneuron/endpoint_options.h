@@ -13,6 +13,7 @@
 #include "interneuron/pipeline.h"
 #include "interneuron/policy.h"
 #include "interneuron/security.h"
+#include "interneuron/shard.h"
 #include "interneuron/units.h"
 
 namespace interneuron {
@@ -62,6 +63,9 @@ struct EndpointOptions {
   // What packets are encrypted with, and who is trusted. Nothing: they are sent in the clear, and
   // whoever asks is served: for experiments in closed networks alone.
   std::shared_ptr<const Security> security{};
+  // Where several endpoints serve one address. They have the same session, the same secret and the
+  // same keys, but for their seeds. Default: this one is alone.
+  Shard shard = {};
   // For the experiments that ship with the project; its type is no part of the interface. Nothing:
   // every mechanism is there.
   std::shared_ptr<const Ablation> ablation{};

@@ -76,7 +76,8 @@ enum class Queue : std::uint8_t { kComputation, kLocalBackup };
 // Threads: the thread that calls run() is the loop thread. Every handler, timer and continuation
 // runs on it, one at a time, and all methods belong to it, except those that say "any thread".
 // Before run() the constructing thread counts as the loop thread; what it commands leaves when
-// run() starts. A handler that computes for long delays every deadline: use compute().
+// run() starts. A handler that computes for long delays every deadline: use compute(). All of this
+// holds where further threads serve peers, too (NodeOptions::shards).
 //
 // Commands have the same meaning, errors and bounds as those of Endpoint.
 class Node {

@@ -81,6 +81,13 @@ struct NodeOptions {
   std::size_t max_peers = 64;
   // What each peer may take of this node; see EndpointOptions.
   PeerLimits peer_limits = {};
+  // Threads that serve peers, 1 … kMaxShards, each with an endpoint and with sockets of its own
+  // (docs/load.md, "Several cores"). Each peer belongs to one of them; budgets and max_peers count
+  // for all together. With more than one the loop thread serves no peers but hands to the
+  // application what the others have for it, so that handlers and methods are used as with one.
+  // Only for nodes that are connected to: with accept_peers, over UDP sockets, without pipelines,
+  // relays and peers of links.
+  std::size_t shards = 1;
   // Numeric addresses without port, as "10.0.0.2", of peers that may send rounds of other origins
   // than themselves; see EndpointOptions.
   std::vector<std::string> relays = {};
@@ -103,7 +110,8 @@ struct NodeOptions {
   std::size_t computation_workers = 1;
   std::size_t backup_workers = 1;
   // Puts something of the application's between the node and the socket of a link that was opened,
-  // to record or to disturb; called on the loop thread. Must not return nullptr. Default: nothing.
+  // to record or to disturb; called on the loop thread, with several shards for the socket of each,
+  // which its thread uses. Must not return nullptr. Default: nothing.
   std::function<std::unique_ptr<Transport>(LinkId, std::unique_ptr<Transport>)> wrap_transport = {};
 };
 

@@ -128,6 +128,10 @@ class Transport {
   // Datagrams that have arrived, as many as fit into the transport's own buffers; empty when there
   // are none. The views are valid until the next call. Never blocks, never throws.
   virtual std::span<const Incoming> receive() = 0;
+  // Whether the last receive() left nothing behind, so that it need not be called again until the
+  // handle is readable. A transport that does not know, or that has more to do in receive() than to
+  // receive, says false: it is called until there is nothing, and now and then besides.
+  virtual bool drained() const { return false; }
   virtual TransportCaps capabilities() const = 0;
   virtual TransportCounters counters() const = 0;
   // Where this transport is bound: the address may be unspecified (0.0.0.0, ::), the port is not.

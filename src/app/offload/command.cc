@@ -2,11 +2,13 @@
 
 #include "app/offload/road.h"
 #include "app/offload/vehicle.h"
+#include "app/process/failure.h"
 #include "app/settings/command_line.h"
 #include "app/settings/config_file.h"
 #include "app/settings/link_options.h"
 #include "core/wire/stamp.h"
 #include "interneuron/policy.h"
+#include "interneuron/shard.h"
 
 namespace interneuron::offload {
 
@@ -31,6 +33,18 @@ void add_stamp_options(CLI::App& command, StampOptions& options) {
                    "Number STAMP answers as the requests are, instead of counting them");
   command.add_flag("--stamp-public", options.is_public,
                    "Answer STAMP test packets on public addresses, too: anybody can ask");
+}
+
+// What several shards cannot do is a mistake of usage before anything is opened.
+void check_shards(const RoadOptions& o) {
+  if (o.shards == 1) return;
+  const auto refuse = [](const std::string& with) {
+    throw process::Failure(process::kUsage, "--shards: not with " + with + "; take one shard");
+  };
+  if (settings::transport_kind(o.transport) != TransportKind::kUdp) {
+    refuse("--transport " + o.transport);
+  }
+  if (!o.relays.empty()) refuse("--relay");
 }
 
 }  // namespace
@@ -160,7 +174,11 @@ CLI::App* add_road(CLI::App& program, std::function<int()>& run, MakeHooks<RoadH
       ->option_text("ADDRESS …");
   c->add_option("--max-peers", o->max_peers, "Vehicles at once")
       ->capture_default_str()
-      ->check(CLI::Range(1, 1000));
+      ->check(CLI::Range(1, 10'000));
+  c->add_option("--shards", o->shards,
+                "Threads that serve vehicles, each with sockets of its own; 1: one thread does all")
+      ->capture_default_str()
+      ->check(CLI::Range(1, int{kMaxShards}));
   add_stamp_options(*c, o->stamp);
   c->footer(
       "Examples:\n  interneuron road --nic eth0 --trust VEHICLE_KEY --trust "
@@ -170,6 +188,7 @@ CLI::App* add_road(CLI::App& program, std::function<int()>& run, MakeHooks<RoadH
       "closed network\n  interneuron road --config road.toml");
   c->callback([&run, o, make_hooks] {
     run = [o, make_hooks] {
+      check_shards(*o);
       const auto hooks = make_hooks ? make_hooks() : nullptr;
       return run_road(*o, hooks.get());
     };

@@ -115,6 +115,7 @@ NodeOptions Road::node_options() const {
   o.transport = settings::transport_kind(options_.transport);
   o.accept_peers = true;
   o.max_peers = options_.max_peers;
+  o.shards = options_.shards;
   o.relays = options_.relays;
   credentials_.apply(o);
   hooks_.configure(o);

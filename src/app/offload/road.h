@@ -46,6 +46,8 @@ struct RoadOptions {
   // No computation is above this level; -1: the budget of each vehicle decides.
   int top_level = -1;
   std::size_t max_peers = 16;
+  // Threads that serve vehicles (NodeOptions::shards).
+  std::size_t shards = 1;
   // Numeric addresses of peers that bring rounds of other vehicles.
   std::vector<std::string> relays;
   settings::KeyOptions keys;

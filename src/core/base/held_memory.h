@@ -10,8 +10,10 @@
 #include <cstddef>
 #include <cstdint>
 #include <map>
+#include <memory>
 
 #include "core/base/shared_memory.h"
+#include "interneuron/shard.h"
 #include "interneuron/units.h"
 
 namespace interneuron {
@@ -21,6 +23,10 @@ class HeldMemory {
   // What the messages of all peers may hold, in bytes: 16 of the largest half of a raw frame
   // (4 MB). No measurement behind this value.
   static constexpr std::size_t kBudgetBytes = std::size_t{64} * 1024 * 1024;
+
+  explicit HeldMemory(const Shard& shard = {})
+      : holdings_(shard.holdings),
+        memory_(kBudgetBytes, holdings_ ? &holdings_->held_bytes : nullptr) {}
 
   // What a message waits for: a better variant, or those before it.
   enum class For : std::uint8_t { kVariant, kOrder };
@@ -63,7 +69,8 @@ class HeldMemory {
     std::size_t count() const { return messages[0] + messages[1]; }
   };
   std::map<PeerId, OfPeer> peers_;
-  SharedMemory memory_{kBudgetBytes};
+  std::shared_ptr<SharedHoldings> holdings_;
+  SharedMemory memory_;
 };
 
 }  // namespace interneuron

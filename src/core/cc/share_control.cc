@@ -243,7 +243,7 @@ void ShareControl::decide(TimePoint now) {
   gain_ = overloaded() && seen_.queue > kTarget / 4 ? kLoadedGain : kPaceGain;
   // A queue for L4S is no longer than what hurries for one round trip adds to it.
   if (seen_.marked > 0) marked_at_ = now;
-  if (marked_at_ && now - *marked_at_ < kMemory) gain_ = std::min(gain_, kLoadedGain);
+  if (marked(now)) gain_ = std::min(gain_, kLoadedGain);
   if (gave_way(now)) {
     const double queue = std::clamp(to_seconds(seen_.queue) / to_seconds(kTarget), 0.5, 1.5);
     gain_ = std::min(gain_, kPaceGain - (kPaceGain - kDrainGain) * (queue - 0.5));
@@ -256,6 +256,8 @@ void ShareControl::decide(TimePoint now) {
 DataRate ShareControl::floor() const {
   return overloaded() ? DataRate{} : seen_.arrived_at.scaled(kArrivedShare);
 }
+
+bool ShareControl::marked(TimePoint now) const { return marked_at_ && now - *marked_at_ < kMemory; }
 
 void ShareControl::note_marks() {
   if (seen_.ect == 0) return;

@@ -107,6 +107,8 @@ class ShareControl {
   // We are overloaded, or had to give way within the last second: what is in flight beyond an empty
   // path waits in a queue.
   bool loaded(TimePoint now) const { return crowd_.is_shared() || overloaded() || gave_way(now); }
+  // A queue has marked packets within the last second.
+  bool marked(TimePoint now) const;
 
  private:
   // What was seen since the last decision.

@@ -1,5 +1,4 @@
-// Endpoint: joins the machines below it, with one queue of events and one time; and what its own
-// types say in words.
+// Joins the machines below it, with one queue of events and one time; what types say in words.
 #include "interneuron/endpoint.h"
 
 #include <algorithm>
@@ -21,6 +20,14 @@ namespace {
 // How far apart packets of other versions are told of. No measurement behind this value: it only
 // has to be short for a person who waits, and long for a log.
 constexpr Duration kBetweenVersions = std::chrono::seconds(10);
+
+template <class Value>
+std::optional<Value> pop(std::deque<Value>& queue) {
+  if (queue.empty()) return std::nullopt;
+  Value front = std::move(queue.front());
+  queue.pop_front();
+  return front;
+}
 
 Secret secret_of(const EndpointOptions& options) {
   return options.secret != Secret{} ? options.secret : Secret{options.session.value, 0};
@@ -69,8 +76,10 @@ class Endpoint::Impl {
                 .secret = secret_of(options),
                 .reassembly_budget_bytes = options.reassembly_budget_bytes,
                 .send_budget_bytes = options.send_budget_bytes,
-                .security = options.security}),
+                .security = options.security,
+                .shard = options.shard}),
         policies_(options.policies),
+        held_(options.shard),
         rounds_(options, policies_, peers_, held_, events_),
         messages_(policies_, peers_, held_, options.peer_limits, events_),
         time_(now) {}
@@ -87,6 +96,8 @@ class Endpoint::Impl {
   rounds::Rounds& rounds() { return rounds_; }
   messages::Messages& messages() { return messages_; }
   const OwnTime& time() const { return time_; }
+  std::deque<HandedOn>& handed_on() { return handed_on_; }
+  std::size_t missing_pieces() const { return missing_pieces_; }
 
   void remove_link(TimePoint now, LinkId link) {
     for (PathChanged& change : peers_.remove_link(now, link)) {
@@ -99,6 +110,11 @@ class Endpoint::Impl {
     // arrivals come first. Of several datagrams that come at once only the first finds something.
     if (ran_to_ < now - Duration{1}) run_timers(now - Duration{1});
     peers::Peers::Received received = peers_.receive(now, datagram);
+    missing_pieces_ = received.outcome.missing;
+    if (received.shard != 0) {
+      handed_on_.push_back({received.shard, datagram.link, datagram.from, datagram.ecn,
+                            Bytes(datagram.bytes.begin(), datagram.bytes.end())});
+    }
     tell_lost();
     while (const auto key = peers_.gate().poll_shared_key()) events_.emplace_back(KeyShared{*key});
     if (received.other_version && now >= tell_version_at_) {
@@ -123,11 +139,13 @@ class Endpoint::Impl {
     }
   }
 
-  std::optional<Event> poll_event() {
-    if (events_.empty()) return std::nullopt;
-    Event event = std::move(events_.front());
-    events_.pop_front();
-    return event;
+  std::optional<Event> poll_event() { return pop(events_); }
+
+  // The peer that has sent the list, if one has, may be among those that are gone after it.
+  bool take_revocations(ByteView list) {
+    const bool is_newer = peers_.take_revocations(list);
+    tell_lost();
+    return is_newer;
   }
 
   std::optional<TimePoint> next_timeout() const {
@@ -191,18 +209,14 @@ class Endpoint::Impl {
     if (outcome.message && outcome.kind == wire::MessageKind::kRound) {
       rounds_.complete(now, peer, std::move(*outcome.message));
     } else if (outcome.message && outcome.kind == wire::MessageKind::kRevocations) {
-      return take_revocations(std::move(outcome.message->payload));
+      Bytes list = std::move(outcome.message->payload);
+      if (take_revocations(list)) events_.emplace_back(RevocationsChanged{std::move(list)});
+      return;
     } else if (outcome.message) {
       messages_.complete(now, peer, outcome.message_id, std::move(*outcome.message));
     }
     messages_.collect(now, peer);
     tell_limited(peer);
-  }
-
-  // The peer that has sent it may be among those that are gone after it.
-  void take_revocations(Bytes list) {
-    if (peers_.take_revocations(list)) events_.emplace_back(RevocationsChanged{std::move(list)});
-    tell_lost();
   }
 
   void tell_limited(peers::Peer& peer) {
@@ -211,6 +225,7 @@ class Endpoint::Impl {
   }
 
   std::deque<Event> events_;
+  std::deque<HandedOn> handed_on_;
   peers::Peers peers_;
   plan::PolicyRegistry policies_;
   HeldMemory held_;
@@ -219,6 +234,7 @@ class Endpoint::Impl {
   OwnTime time_;
   // What was due until then has been done.
   TimePoint ran_to_ = TimePoint::min();
+  std::size_t missing_pieces_ = 0;
   std::uint64_t messages_expired_ = 0;
   std::uint64_t reassembly_refused_ = 0;
   std::uint64_t bad_fragments_ = 0;
@@ -313,6 +329,11 @@ std::optional<TransmitParts> Endpoint::poll_transmit_parts(TimePoint now,
 }
 std::optional<Event> Endpoint::poll_event() { return impl_->poll_event(); }
 std::optional<TimePoint> Endpoint::next_timeout() const { return impl_->next_timeout(); }
+std::optional<HandedOn> Endpoint::poll_handed_on() { return pop(impl_->handed_on()); }
+bool Endpoint::take_revocations(TimePoint now, ByteView list) {
+  impl_->tick(now);
+  return impl_->take_revocations(list);
+}
 std::vector<PeerId> Endpoint::peers() const { return impl_->peers().ids(); }
 std::vector<LinkState> Endpoint::links(TimePoint now, PeerId peer) const {
   return impl_->peers().links(impl_->time().own(now), peer);
@@ -320,6 +341,7 @@ std::vector<LinkState> Endpoint::links(TimePoint now, PeerId peer) const {
 LinkCounters Endpoint::link_counters(LinkId link) const { return impl_->peers().counters(link); }
 EndpointCounters Endpoint::counters() const { return impl_->counters(); }
 PeerLedger Endpoint::ledger(PeerId peer) const { return impl_->ledger(peer); }
+std::size_t Endpoint::missing_pieces() const { return impl_->missing_pieces(); }
 std::size_t Endpoint::reassembly_bytes() const { return impl_->peers().reassembly_bytes(); }
 std::int64_t Endpoint::unix_time_ns(TimePoint now) const {
   return impl_->peers().gate().unix_ns(impl_->time().own(now));

@@ -116,6 +116,7 @@ class Partial {
   // One that is not there yet.
   void add(std::uint16_t index, ByteView bytes);
   bool complete() const { return missing_ == 0; }
+  std::size_t missing() const { return missing_; }
   // The whole message; ask once it is complete.
   wire::MessageBytes take() const;
 

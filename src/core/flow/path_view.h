@@ -47,6 +47,8 @@ struct PathView {
   std::size_t window = SIZE_MAX;
   // The path carries all it can: what is in flight beyond an empty path waits in a queue.
   bool loaded = false;
+  // A queue on the way marks what waits for a millisecond: long batches would be marked.
+  bool short_queue = false;
   // What is data-sized leaves with ECT.
   bool ect = false;
   // A fragment that has been in flight for so long without any acknowledgement is lost.

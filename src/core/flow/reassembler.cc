@@ -97,7 +97,7 @@ Reassembler::Outcome Reassembler::take(TimePoint now, std::uint32_t place, const
     at.expires = std::min(at.too_late, saturating_add(now, limits_.life));
     expiries_.set(place, at.expires);
   }
-  return {Result::kStored, {}};
+  return {.result = Result::kStored, .message = {}, .missing = p.missing()};
 }
 
 // The place of a message that begins with this fragment.

@@ -95,6 +95,8 @@ class Reassembler {
     wire::MessageBytes message;
     // A limit has struck: another message has made room, or the fragment was refused.
     bool limited = false;
+    // Pieces that the message lacks still, where the fragment was stored.
+    std::size_t missing = 0;
   };
   // `clocks` bounds the offset of the origin's clock, so that the message's header, once its first
   // fragment is there, can shorten its life (docs/paper.md, "Expiry at a receiver"). `room`: how

@@ -344,7 +344,10 @@ std::optional<TimePoint> Sender::next_send(LinkId link) const {
   if (path->is_full()) return std::nullopt;
   // What there is to take over since poll() found nothing, by what left another path, waits a
   // little: else the loop would be called again at the same instant.
-  return saturating_add(is_idle ? std::max(path->free_at, path->idle_at) : path->free_at, kQuantum);
+  if (is_idle) return saturating_add(std::max(path->free_at, path->idle_at), kQuantum);
+  const Duration batch = traffic().batch(*path);
+  return saturating_add(path->free_at,
+                        traffic().window.waits(link) ? std::min(batch, kQuantum) : batch);
 }
 
 bool Sender::is_surely_incomplete(MessageId message) const {

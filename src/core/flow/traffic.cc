@@ -5,8 +5,22 @@
 namespace interneuron::flow {
 namespace {
 
+// The longest batch: what waits for it in a queue is there for no longer, and a wake-up costs as
+// much as a dozen packets (`SO_TXTIME` in docs/decisions.md, and what follows it).
+constexpr Duration kLongestBatch = std::chrono::milliseconds(2);
+// Nor does a batch take more than this part of the time that a message has. No measurement behind
+// this value: it only has to be little.
+constexpr int kBatchPart = 20;
+// The pace is above the rate of the path by this part of it (RateEstimator::kHeadroom), so that
+// what has left is ahead of what the path has carried by this part of the time, and by kBurst. No
+// batch is longer, or the path would fall idle.
+constexpr int kHeadroomPart = 4;
+// A longer batch saves no call: one segmented send carries so many bytes (docs/constants.md,
+// "Datagrams and sockets").
+constexpr std::size_t kBatchBytes = 64 * 1024;
 // A path may catch up with this much time at its rate after idling or a late timer: it makes up for
-// the timer and fills no queue (docs/constants.md, "Rate of a link").
+// the timer and fills no queue (docs/constants.md, "Rate of a link"). What a batch has waited for
+// is no lateness, nor is as much more.
 constexpr Duration kBurst = std::chrono::milliseconds(1);
 // The longest time that a packet may occupy the path at the pace, so that a wrong pace of almost
 // nothing does not block the path for ever.
@@ -105,7 +119,11 @@ Duration SendPath::least_time(std::size_t ip_bytes, bool begun) const {
 
 void SendPath::occupy(TimePoint now, std::size_t ip_bytes) {
   const Duration air = view.pace.value_or(kBlindPace).transmit_time(ip_bytes);
-  free_at = std::max(free_at, now - kBurst) + std::min<Duration>(air, kLongestAir);
+  left_at = now;
+  const bool was_idle = free_at < now - kLongestBatch - kBurst;
+  if (was_idle) busy_since = now;
+  const TimePoint least = was_idle || view.short_queue ? now - kBurst : free_at;
+  free_at = std::max(free_at, least) + std::min<Duration>(air, kLongestAir);
 }
 
 bool Traffic::any_is_sound() const {
@@ -156,6 +174,26 @@ bool Traffic::together_can_arrive(TimePoint now, const OutgoingMessage& m) const
     can += seconds * static_cast<double>(path.view.soon->bits_per_second) / 8;
   }
   return left <= can * kMayRise;
+}
+
+Duration Traffic::batch(const SendPath& path) const {
+  const Job* job = path.jobs.first();
+  if (job == nullptr || job->pieces() == 0) return kQuantum;
+  const DataRate pace = path.view.pace.value_or(kBlindPace);
+  const Duration time = std::chrono::microseconds(messages.find(job->message)->lifetime_us);
+  // What has left keeps the path busy for so long at least.
+  const Duration ahead = kBurst + (path.left_at - path.busy_since) / kHeadroomPart;
+  const Duration longest = path.view.short_queue
+                               ? kQuantum
+                               : std::min({Duration(kLongestBatch), time / kBatchPart, ahead,
+                                           pace.transmit_time(kBatchBytes)});
+  // The last packet of a message leaves as soon as it may, with all that wait before it. Where
+  // other messages follow it, they leave together.
+  const Duration rest =
+      static_cast<std::int64_t>(job->pieces() - 1) *
+      std::min<Duration>(pace.transmit_time(ip_bytes_of_piece(job->chunk)), kNever);
+  const Duration least = path.jobs.size() > 1 ? kQuantum : Duration::zero();
+  return std::min(std::max(kQuantum, longest), std::max(rest, least));
 }
 
 // A loss is known a round trip and a report later; the copy then takes one way more, and its own

@@ -8,7 +8,8 @@ namespace interneuron::peers {
 Gate::Gate(const Options& options)
     : accept_(options.accept), reflector_(options.self), validation_(options.self, options.secret) {
   if (options.security) {
-    sessions_.emplace(*options.security, options.self, options.accept, options.started);
+    sessions_.emplace(*options.security, options.self, options.accept, options.started,
+                      crypto::ciphers_here(), options.shard);
   }
 }
 
@@ -34,9 +35,11 @@ Gate::Passed Gate::open(TimePoint now, const Datagram& datagram, bool is_there) 
   if (header->epoch == wire::kClearEpoch) {
     if (!wire::is_handshake(header->type)) return {.verdict = Verdict::kForged};
     const auto shaken = sessions_->take_handshake(now, *header, datagram);
-    return {.verdict = shaken.is_used ? Verdict::kHandshake : Verdict::kForged,
-            .shaken = shaken,
-            .path = header->link};
+    Passed passed{.verdict = shaken.is_used ? Verdict::kHandshake : Verdict::kForged,
+                  .shaken = shaken,
+                  .path = header->link};
+    if (shaken.shard != 0) passed.verdict = Verdict::kElsewhere;
+    return passed;
   }
   const auto by = sessions_->open(now, *header, datagram.bytes, opened_);
   if (by.result == crypto::Session::Opened::kReplayed) return {.verdict = Verdict::kReplayed};

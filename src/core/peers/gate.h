@@ -39,6 +39,8 @@ class Gate {
     Secret secret{};
     // With what packets are encrypted; nothing: they are not.
     std::shared_ptr<const Security> security{};
+    // Which of several endpoints this one is.
+    Shard shard{};
   };
   explicit Gate(const Options& options);
 
@@ -52,6 +54,8 @@ class Gate {
     kPacket,
     // It was of a handshake, and was used.
     kHandshake,
+    // It is of a handshake with the shard that `shaken` names.
+    kElsewhere,
     kMalformed,
     // It came over a link that is not there.
     kRefused,

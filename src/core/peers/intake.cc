@@ -83,6 +83,7 @@ bool Intake::take_piece(TimePoint now, const wire::Data& data, const flow::Clock
   flow::Reassembler::Outcome taken = reassembler_.add(now, data, clocks, room);
   const MessageId message = data.fragment.message;
   if (taken.limited) strike(now, PeerLimit::kReassembly);
+  outcome.missing = taken.missing;
   outcome.bad_piece = taken.result == flow::Reassembler::Result::kBad;
   if (taken.result == flow::Reassembler::Result::kRefused) {
     outcome.refused = true;

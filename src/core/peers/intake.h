@@ -76,6 +76,8 @@ struct PacketOutcome {
   bool refused = false;
   // A piece was dropped that contradicts others of its message.
   bool bad_piece = false;
+  // Pieces that the message lacks still of which this packet has brought one.
+  std::size_t missing = 0;
   // The message that this packet completed, and what it begins with.
   std::optional<wire::MessageBytes> message;
   MessageId message_id{};

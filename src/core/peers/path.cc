@@ -293,6 +293,7 @@ flow::PathView Path::view(TimePoint now) const {
   view.soon = shared(share_.soon(now));
   view.window = share_.window();
   view.loaded = share_.loaded(now);
+  view.short_queue = share_.marked(now);
   view.one_way = estimator.one_way();
   view.least_one_way = estimator.rtt_min(now) / 2 + share_.standing_queue();
   view.ect = ecn_.bits() != link::kNotEct;

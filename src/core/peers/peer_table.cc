@@ -16,18 +16,16 @@ PeerEntry& PeerTable::add(Peer::Identity identity, TimePoint now) {
   }
   const Slot slot = free_.back();
   free_.pop_back();
-  identity.id = PeerId{next_++};
+  identity.id = PeerId{std::exchange(next_, next_ + step_)};
   entries_[slot] = std::make_unique<PeerEntry>(slot, identity, now);
   by_id_.emplace(identity.id, slot);
   directory_.add_session(identity.session, slot);
-  if (!identity.connected) ++unannounced_;
   return *entries_[slot];
 }
 
 // Addresses are not listed of peers that came unannounced, and no others are ever removed.
 void PeerTable::remove(const PeerEntry& entry) {
   const Slot slot = entry.slot;
-  --unannounced_;
   directory_.remove_session(entry.peer.identity().session, slot);
   by_id_.erase(entry.peer.identity().id);
   entries_[slot].reset();

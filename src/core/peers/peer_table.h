@@ -2,6 +2,7 @@
 // (PeerTable).
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <deque>
 #include <map>
@@ -122,8 +123,11 @@ class PeerTable {
  public:
   using Slot = std::uint32_t;
 
-  // `seed`: see Directory.
-  explicit PeerTable(std::uint64_t seed) : directory_(seed) {}
+  // `seed`: see Directory. `shard`: which peers are named here.
+  explicit PeerTable(std::uint64_t seed, const Shard& shard = {})
+      : directory_(seed), next_(std::max<std::uint32_t>(shard.index, 1)) {
+    if (shard.count > 0) step_ = shard.count;
+  }
 
   // Adds a peer; its identifier is given here.
   PeerEntry& add(Peer::Identity identity, TimePoint now);
@@ -138,8 +142,6 @@ class PeerTable {
   const PeerEntry* find(PeerId id) const;
   // The only peer there is, else nullptr.
   PeerEntry* only();
-  // How many peers came unannounced.
-  std::size_t unannounced() const { return unannounced_; }
   // In ascending order.
   std::vector<PeerId> ids() const;
   // Calls visit(Entry) for every peer, in no particular order.
@@ -173,8 +175,9 @@ class PeerTable {
   std::vector<Slot> free_;
   std::unordered_map<PeerId, Slot> by_id_;
   Directory directory_;
-  std::size_t unannounced_ = 0;
+  // The next peer's identifier, and how far they are apart.
   std::uint32_t next_ = 1;
+  std::uint32_t step_ = 1;
 };
 
 }  // namespace interneuron::peers

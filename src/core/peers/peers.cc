@@ -25,10 +25,15 @@ bool is_out_of_reach(const Peer& peer) {
 
 Peers::Peers(const Options& options)
     : options_(options),
-      table_(options.secret.front()),
-      gate_({options.self, options.accept, options.started, options.secret, options.security}),
-      reassembly_(options.reassembly_budget_bytes),
-      sending_(options.send_budget_bytes) {}
+      holdings_(options.shard.holdings ? options.shard.holdings
+                                       : std::make_shared<SharedHoldings>()),
+      table_(options.secret.front(), options.shard),
+      gate_({options.self, options.accept, options.started, options.secret, options.security,
+             options.shard}),
+      reassembly_(options.reassembly_budget_bytes,
+                  options.shard.holdings ? &holdings_->reassembly_bytes : nullptr),
+      sending_(options.send_budget_bytes,
+               options.shard.holdings ? &holdings_->sending_bytes : nullptr) {}
 
 void Peers::add_link(LinkId link, const LinkInfo& info) {
   links_[link].info = info;
@@ -110,6 +115,14 @@ void Peers::forget(Entry& entry) {
   sending_.change(entry.sending_bytes, 0);
   if (entry.touched) std::erase(touched_, entry.slot);
   table_.remove(entry);
+  --holdings_->peers;
+}
+
+// Whether there was a place left for an unannounced peer.
+bool Peers::take_place() {
+  if (holdings_->peers++ < options_.max_unannounced) return true;
+  --holdings_->peers;
+  return false;
 }
 
 Path::Nic Peers::nic(LinkId link) const {

@@ -52,12 +52,12 @@ class Peers {
     PeerLimits limits = {};
     // Drawn at random and told to nobody; see Directory and AddressValidation.
     Secret secret{};
-    // What incomplete messages of all peers may hold, in bytes.
+    // What incomplete messages of all peers, and messages under way to them, may hold, in bytes.
     std::size_t reassembly_budget_bytes = 0;
-    // What messages under way to all peers may hold, in bytes.
     std::size_t send_budget_bytes = 0;
     // With what packets are encrypted; nothing: they are not.
     std::shared_ptr<const Security> security{};
+    Shard shard{};
   };
   explicit Peers(const Options& options);
 
@@ -81,19 +81,19 @@ class Peers {
     std::optional<std::uint8_t> other_version;
     // A known peer has begun a new session with this packet.
     bool restarted = false;
+    // The datagram is for this shard.
+    std::uint8_t shard = 0;
     Peer::Outcome outcome;
   };
   // Parses a datagram, finds whose it is (adds, moves or restarts peers as it demands, or queues a
   // challenge), hands it to that peer, and counts it. Any bytes may come.
   Received receive(TimePoint now, const Datagram& datagram);
-  // What pieces that receive() has given to this peer's windows tell of others; ask until nothing
-  // comes.
+  // What this peer's windows tell of other pieces after receive(); ask until nothing comes.
   std::optional<Peer::Outcome> receive_computed(TimePoint now, Peer& peer);
 
-  // The peer with its state as of `now`; nullptr: there is no such peer. Whoever asks may change
-  // the peer until the next poll() or handle_timeout().
+  // The peer, or the only one, with its state as of `now`; nullptr: there is no such peer. Whoever
+  // asks may change the peer until the next poll() or handle_timeout().
   Peer* access(TimePoint now, std::optional<PeerId> id);
-  // The only peer there is, else nullptr.
   Peer* access_only(TimePoint now);
 
   struct Expired {
@@ -120,7 +120,6 @@ class Peers {
   // A complete message of a peer that should be a list of revocations. True: it is newer than the
   // one there was, and an authority has signed it; peers whose keys it names are lost.
   bool take_revocations(ByteView bytes);
-  // For what it knows of the time of day and of keys that hosts share.
   Gate& gate() { return gate_; }
 
   std::vector<PeerId> ids() const { return table_.ids(); }
@@ -164,6 +163,7 @@ class Peers {
   bool take_challenge(const Gate::Passed& passed, const wire::Packet& packet,
                       const Datagram& datagram);
   Entry* accept(TimePoint now, const wire::PacketHeader& header, const Datagram& datagram);
+  bool take_place();
   Entry& add(TimePoint now, SessionId session, bool connected);
   void forget(Entry& entry);
   Path::Nic nic(LinkId link) const;
@@ -173,17 +173,17 @@ class Peers {
   // Hands the list of revocations on to a peer that does not know it yet.
   void tell_revocations(TimePoint now, Entry& entry);
 
-  // Something has happened to this peer: its alarm may be wrong, and it may have something to send.
+  // Something has happened to this peer: its alarm may be wrong, it may have something to send, and
+  // what it holds may have changed.
   void touch(Entry& entry);
   void mark(Entry& entry);
-  // What this peer holds may have changed.
   void account(Entry& entry);
   void set_alarms(TimePoint now);
-  // When something is due at this peer.
   TimePoint due_at(TimePoint now, const Entry& entry) const;
 
   Options options_;
   std::map<LinkId, Link> links_;
+  std::shared_ptr<SharedHoldings> holdings_;
   PeerTable table_;
   Gate gate_;
   SharedMemory reassembly_;

@@ -20,6 +20,9 @@ void count_stopped(Gate::Verdict verdict, const Datagram& datagram, LinkCounters
     case Gate::Verdict::kHandshake:
       ++counters.handshake_packets;
       return;
+    case Gate::Verdict::kElsewhere:
+      // Counted where it is handed on to.
+      return;
     case Gate::Verdict::kRefused:
       ++counters.refused_packets;
       return;
@@ -53,7 +56,10 @@ Peers::Received Peers::receive(TimePoint now, const Datagram& datagram) {
   Link& link = links_[datagram.link];
   Received out;
   const Gate::Passed passed = gate_.receive(now, datagram, link.present);
-  if (passed.shaken) take_handshake(now, *passed.shaken, passed.path, datagram, out);
+  if (passed.shaken) {
+    out.shard = passed.shaken->shard;
+    take_handshake(now, *passed.shaken, passed.path, datagram, out);
+  }
   const auto packet =
       passed.verdict == Gate::Verdict::kPacket ? wire::parse_opened(passed.packet) : std::nullopt;
   if (!packet) {
@@ -199,10 +205,11 @@ bool Peers::take_challenge(const Gate::Passed& passed, const wire::Packet& packe
 Peers::Entry* Peers::accept(TimePoint now, const wire::PacketHeader& header,
                             const Datagram& datagram) {
   if (!options_.accept) return nullptr;
-  if (table_.unannounced() >= options_.max_unannounced) {
+  if (!take_place()) {
     Entry* const leaves = table_.makes_room(now, datagram.from);
     if (leaves == nullptr) return nullptr;
     forget(*leaves);
+    if (!take_place()) return nullptr;
   }
   Entry& entry = add(now, header.session, false);
   entry.first_seen_at = datagram.from;

@@ -28,8 +28,17 @@ std::uint64_t Entropy::draw_below(std::uint64_t below) {
   return value % below;
 }
 
-std::uint32_t Entropy::draw_index() {
-  return 1 + static_cast<std::uint32_t>(draw_below(UINT32_MAX));
+std::uint32_t Entropy::draw_index(const Shard& shard) {
+  constexpr std::uint32_t kLast = 0xff;
+  for (;;) {
+    const std::uint32_t drawn = 1 + static_cast<std::uint32_t>(draw_below(UINT32_MAX));
+    if (shard.count == 0 || shard.is_door()) return drawn;
+    // The nearest below it that tells this shard, which the last few bytes have none of.
+    const std::uint32_t last = drawn & kLast;
+    const std::uint32_t wanted = last - last % shard.count + shard.index - 1;
+    const std::uint32_t index = (drawn & ~kLast) | wanted;
+    if (wanted <= kLast && index != 0) return index;
+  }
 }
 
 }  // namespace interneuron::crypto

@@ -9,6 +9,7 @@
 #include <span>
 
 #include "interneuron/security.h"
+#include "interneuron/shard.h"
 
 namespace interneuron::crypto {
 
@@ -17,8 +18,9 @@ class Entropy {
   explicit Entropy(const SecretKey& seed) : state_(seed) {}
 
   SecretKey draw_key();
-  // Any value but 0.
-  std::uint32_t draw_index();
+  // A number of a session: any value but 0, whose last byte tells the shard where there are
+  // several.
+  std::uint32_t draw_index(const Shard& shard = {});
   // In [0, below), for what need not be exactly even.
   std::uint64_t draw_below(std::uint64_t below);
 

@@ -24,14 +24,15 @@ std::uint64_t name_of_ephemeral(ByteView packet) {
 
 }  // namespace
 
-Responder::Responder(const KeyPair& own, SessionId life, const Trust& trust)
+Responder::Responder(const KeyPair& own, SessionId life, const Trust& trust, const Shard& shard)
     : own_(own),
       life_(life),
       trust_(trust),
       mac1_key_(mac1_key(own.open)),
       cookie_key_(cookie_key(own.open)),
+      shard_(shard),
       freely_(kFreely, kBurst),
-      under_load_(kUnderLoad, kBurst),
+      under_load_(shard.is_door() ? kAtTheDoor : kUnderLoad, kBurst),
       cookies_sent_(kCookies, kCookieBurst),
       sources_(kPerSource, kSourceBurst) {}
 
@@ -58,17 +59,21 @@ void Responder::note_seen(ByteView packet) {
   }
 }
 
-bool Responder::answer_copy(Answered& to, const wire::PacketHeader& header,
-                            const Datagram& datagram) {
-  if (waiting_.size() >= kMaxWaiting) return false;
-  const auto known = std::ranges::find(to.copies, header.link, &Copy::path);
-  if (known != to.copies.end()) {
+bool Responder::is_new_copy(Answered& of, const wire::PacketHeader& header) {
+  const auto known = std::ranges::find(of.copies, header.link, &Copy::path);
+  if (known != of.copies.end()) {
     if (header.number <= known->newest_try) return false;
     known->newest_try = header.number;
   } else {
-    if (to.copies.size() >= wire::kMaxReports) return false;
-    to.copies.push_back({header.link, header.number});
+    if (of.copies.size() >= wire::kMaxReports) return false;
+    of.copies.push_back({header.link, header.number});
   }
+  return true;
+}
+
+bool Responder::answer_copy(Answered& to, const wire::PacketHeader& header,
+                            const Datagram& datagram) {
+  if (waiting_.size() >= kMaxWaiting || !is_new_copy(to, header)) return false;
   Waiting& answer = waiting_.emplace_back();
   answer.next = {datagram.link, datagram.from, header.link, to.ours};
   answer.header = {wire::PacketType::kResponse, header.link,   wire::kClearEpoch,
@@ -82,7 +87,8 @@ bool Responder::answer_copy(Answered& to, const wire::PacketHeader& header,
 // he is to be given the means for that.
 bool Responder::may_ask(TimePoint now, const Datagram& datagram, const InitiationParts& parts,
                         bool& cookie) {
-  if (freely_.take(now)) return true;
+  // The door has let it in.
+  if (shard_.index > 0 || freely_.take(now)) return true;
   // Most of a flood has no mac2 at all.
   const bool has_mac2 =
       std::ranges::any_of(parts.mac2, [](std::byte b) { return b != std::byte{0}; });
@@ -100,9 +106,12 @@ Responder::Verdict Responder::take(TimePoint now, const wire::PacketHeader& head
   const InitiationParts parts = parts_of_initiation(datagram.bytes);
   if (!is_mac(parts.mac1, mac1_key_, parts.before_mac1)) return Verdict::kRefused;
   if (Answered* const known = answered(now, datagram.bytes)) {
-    const bool is_copy = is_mac(parts.proof, known->initiation_proof, parts.before_proof) &&
-                         answer_copy(*known, header, datagram);
-    return is_copy ? Verdict::kAnswered : Verdict::kRefused;
+    if (!is_mac(parts.proof, known->initiation_proof, parts.before_proof)) return Verdict::kRefused;
+    elsewhere_ = known->shard;
+    if (elsewhere_ != 0) {
+      return is_new_copy(*known, header) ? Verdict::kElsewhere : Verdict::kRefused;
+    }
+    return answer_copy(*known, header, datagram) ? Verdict::kAnswered : Verdict::kRefused;
   }
   if (was_seen(datagram.bytes)) return Verdict::kRefused;
   bool cookie = false;
@@ -124,10 +133,10 @@ void Responder::queue_cookie(TimePoint now, const wire::PacketHeader& header,
   answer.nonce = entropy.draw_key();
 }
 
-std::optional<Responder::Accepted> Responder::accept(TimePoint now,
-                                                     const wire::PacketHeader& header,
-                                                     const Datagram& datagram,
-                                                     const Initiator::Fresh& fresh) {
+std::optional<Responder::First> Responder::read_first(TimePoint now,
+                                                      const wire::PacketHeader& header,
+                                                      const Datagram& datagram,
+                                                      const Initiator::Fresh& fresh) {
   const InitiationParts parts = parts_of_initiation(datagram.bytes);
   Noise noise = Noise::responder(Noise::Pattern::kIkPsk2, prologue(), own_, fresh.ephemeral);
   Bytes payload(parts.noise.size() - kFirstMessageBytes);
@@ -142,23 +151,51 @@ std::optional<Responder::Accepted> Responder::accept(TimePoint now,
   note_seen(datagram.bytes);
   const Hello theirs = get_hello(payload);
   if (!is_valid(theirs) || theirs.index != header.session.value) return std::nullopt;
-  const auto newest = newest_.find(noise.remote());
-  if (newest != newest_.end() && theirs.unix_ns <= newest->second) return std::nullopt;
-  newest_[noise.remote()] = theirs.unix_ns;
-  answer.response_proof = response_proof_key(noise);
-  noise.set_shared(*shared);
-  std::array<std::byte, kHelloBytes> hello{};
-  put_hello(hello, {life_, fresh.index, fresh.unix_ns, fresh.revocations_s, fresh.ciphers});
-  if (!noise.write_second(answer.message, hello)) return std::nullopt;
+  const auto [known, is_new] = known_.try_emplace(noise.remote());
+  if (!is_new && theirs.unix_ns <= known->second.newest) return std::nullopt;
+  known->second.newest = theirs.unix_ns;
   std::ranges::copy(parts.noise.first(kKeyBytes), answer.ephemeral.begin());
   answer.at = now;
   answer.theirs = theirs.index;
-  answer.ours = fresh.index;
+  return First{std::move(noise), *shared, theirs, std::move(answer), &known->second};
+}
+
+void Responder::keep(Answered&& answer) {
   if (answered_.size() >= kMaxAnswered) answered_.pop_front();
   answered_.push_back(std::move(answer));
+}
+
+std::optional<Responder::Accepted> Responder::accept(TimePoint now,
+                                                     const wire::PacketHeader& header,
+                                                     const Datagram& datagram,
+                                                     const Initiator::Fresh& fresh) {
+  auto first = read_first(now, header, datagram, fresh);
+  if (!first) return std::nullopt;
+  Noise& noise = first->noise;
+  Answered& answer = first->answer;
+  answer.response_proof = response_proof_key(noise);
+  noise.set_shared(first->shared);
+  std::array<std::byte, kHelloBytes> hello{};
+  put_hello(hello, {life_, fresh.index, fresh.unix_ns, fresh.revocations_s, fresh.ciphers});
+  if (!noise.write_second(answer.message, hello)) return std::nullopt;
+  answer.ours = fresh.index;
+  keep(std::move(answer));
   answer_copy(answered_.back(), header, datagram);
-  return Accepted{noise.remote(), theirs,
-                  noise.split(common_cipher(fresh.ciphers, theirs.ciphers))};
+  return Accepted{noise.remote(), first->theirs,
+                  noise.split(common_cipher(fresh.ciphers, first->theirs.ciphers))};
+}
+
+// Keys get shards in turns, so that these have as many.
+std::uint8_t Responder::shard_for(TimePoint now, const wire::PacketHeader& header,
+                                  const Datagram& datagram, const Initiator::Fresh& fresh) {
+  auto first = read_first(now, header, datagram, fresh);
+  if (!first) return 0;
+  std::uint8_t& shard = first->of_key->shard;
+  if (shard == 0) shard = given_ = static_cast<std::uint8_t>(given_ % shard_.count + 1);
+  first->answer.shard = shard;
+  keep(std::move(first->answer));
+  is_new_copy(answered_.back(), header);
+  return shard;
 }
 
 std::optional<Responder::Next> Responder::next() const {

@@ -26,6 +26,7 @@
 #include "core/base/source_limit.h"
 #include "core/secure/cookie.h"
 #include "core/secure/handshake.h"
+#include "core/secure/noise.h"
 #include "core/secure/trust.h"
 #include "interneuron/endpoint.h"
 
@@ -40,6 +41,9 @@ class Responder {
   // ms, a tenth of a processor, and those that are answered 0.27 ms. What is above is refused by
   // chance, so fewer would keep newcomers waiting beside a flood from many addresses.
   static constexpr std::uint32_t kUnderLoad = 1000;
+  // The same at a door, which computes what strangers cost for each and answers none: so many cost
+  // it what kUnderLoad cost whoever answers.
+  static constexpr std::uint32_t kAtTheDoor = 2500;
   // The same for one host while cookies are asked for: how far apart, and how many at once. These
   // are WireGuard's (messages.h and ratelimiter.c of Linux).
   static constexpr Duration kPerSource = std::chrono::milliseconds(50);
@@ -56,18 +60,20 @@ class Responder {
   // 16 KB, so that what was recorded in hours of a vehicle's traffic costs no work.
   static constexpr std::size_t kMaxSeen = 2048;
 
-  // `trust`: who may have a session; outlives this.
-  Responder(const KeyPair& own, SessionId life, const Trust& trust);
+  // `trust`: who may have a session; outlives this. `shard`: the door judges everybody and answers
+  // nobody but with cookies; the shards answer whoever it hands on to them, and limit nobody again.
+  Responder(const KeyPair& own, SessionId life, const Trust& trust, const Shard& shard = {});
 
   enum class Verdict : std::uint8_t {
     // It is answered by nobody.
     kRefused,
     // The next poll() answers it: with a cookie, or as a further copy of one that was accepted.
     kAnswered,
-    // It may be new: accept() does the rest.
+    // It may be new: accept() does the rest, at the door shard_for().
     kNew,
+    // A further copy of one that was handed on to the shard elsewhere().
+    kElsewhere,
   };
-  // `token`: what proves the address that it comes from; see AddressValidation.
   Verdict take(TimePoint now, const wire::PacketHeader& header, const Datagram& datagram,
                Entropy& entropy);
 
@@ -80,6 +86,12 @@ class Responder {
   // Answers a packet of which take() has said kNew. Nothing where it is refused.
   std::optional<Accepted> accept(TimePoint now, const wire::PacketHeader& header,
                                  const Datagram& datagram, const Initiator::Fresh& fresh);
+
+  // At the door: which shard is to answer a packet of which take() has said kNew, the same one for
+  // each key; 0: none, it is refused.
+  std::uint8_t shard_for(TimePoint now, const wire::PacketHeader& header, const Datagram& datagram,
+                         const Initiator::Fresh& fresh);
+  std::uint8_t elsewhere() const { return elsewhere_; }
 
   // Who is to be answered next, for whom the token is to be made; and the answer with it.
   struct Next {
@@ -104,6 +116,8 @@ class Responder {
     TimePoint at{};
     std::uint32_t theirs = 0;
     std::uint32_t ours = 0;
+    // Which shard it was handed on to; 0: it was answered here.
+    std::uint8_t shard = 0;
     SecretKey initiation_proof;
     SecretKey response_proof;
     std::array<std::byte, kSecondMessageBytes + kHelloBytes> message{};
@@ -121,7 +135,28 @@ class Responder {
     std::array<std::byte, kSecondMessageBytes + kHelloBytes> message{};
     SecretKey proof;
   };
+  // What is known of a host that has shown a key that is trusted.
+  struct Known {
+    // The newest time that it has said.
+    std::int64_t newest = 0;
+    std::uint8_t shard = 0;
+  };
+  // The first message of a host that is trusted.
+  struct First {
+    Noise noise;
+    SecretKey shared;
+    Hello theirs;
+    Answered answer;
+    // Its place in known_.
+    Known* of_key = nullptr;
+  };
   Answered* answered(TimePoint now, ByteView packet);
+  // What a packet asks for that may be new. Nothing where it is refused.
+  std::optional<First> read_first(TimePoint now, const wire::PacketHeader& header,
+                                  const Datagram& datagram, const Initiator::Fresh& fresh);
+  void keep(Answered&& answer);
+  // Whether no copy of this path and of this try or a later one has come before.
+  static bool is_new_copy(Answered& of, const wire::PacketHeader& header);
   bool answer_copy(Answered& to, const wire::PacketHeader& header, const Datagram& datagram);
   bool was_seen(ByteView packet) const;
   void note_seen(ByteView packet);
@@ -134,8 +169,11 @@ class Responder {
   const Trust& trust_;
   SecretKey mac1_key_;
   SecretKey cookie_key_;
-  // The newest time that each key has said.
-  std::map<PublicKey, std::int64_t> newest_;
+  Shard shard_;
+  std::map<PublicKey, Known> known_;
+  // The shard that a key was given last, and that which a copy is for.
+  std::uint8_t given_ = 0;
+  std::uint8_t elsewhere_ = 0;
   Cookies cookies_;
   RateLimit freely_;
   RateLimit under_load_;

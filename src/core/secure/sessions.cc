@@ -7,18 +7,18 @@
 #include "core/base/earliest.h"
 
 namespace interneuron::crypto {
-
 Sessions::Sessions(const Security& security, SessionId self, bool accept, TimePoint now,
-                   Ciphers ciphers)
+                   Ciphers ciphers, const Shard& shard)
     : credential_(security.credential),
       own_(key_pair_of(security.key)),
       self_(self),
       accept_(accept),
       ciphers_(ciphers),
+      shard_(shard),
       time_of_day_(now, security.unix_time_ns),
       entropy_(security.seed),
       trust_(security),
-      responder_(own_, self, trust_) {
+      responder_(own_, self, trust_, shard) {
   if (security.key == SecretKey{}) throw std::invalid_argument("security: the key is zero");
   if (security.seed == SecretKey{}) throw std::invalid_argument("security: the seed is zero");
 }
@@ -60,8 +60,8 @@ const LiveSession* Sessions::live(std::uint32_t index) const {
 }
 
 std::uint32_t Sessions::draw_index() {
-  std::uint32_t index = entropy_.draw_index();
-  while (live_.contains(index) || asking_.contains(index)) index = entropy_.draw_index();
+  std::uint32_t index = entropy_.draw_index(shard_);
+  while (live_.contains(index) || asking_.contains(index)) index = entropy_.draw_index(shard_);
   return index;
 }
 
@@ -254,8 +254,13 @@ void Sessions::take_initiation(TimePoint now, const wire::PacketHeader& header,
                                const Datagram& datagram, Shaken& out) {
   const Responder::Verdict verdict = responder_.take(now, header, datagram, entropy_);
   out.is_used = verdict == Responder::Verdict::kAnswered;
+  if (verdict == Responder::Verdict::kElsewhere) out.shard = responder_.elsewhere();
   if (verdict != Responder::Verdict::kNew) return;
   const Initiator::Fresh made = fresh(now);
+  if (shard_.is_door()) {
+    out.shard = responder_.shard_for(now, header, datagram, made);
+    return;
+  }
   const auto accepted = responder_.accept(now, header, datagram, made);
   if (!accepted) return;
   out.is_used = true;
@@ -275,36 +280,6 @@ void Sessions::take_initiation(TimePoint now, const wire::PacketHeader& header,
   } else {
     add_unowned(now, made.index);
   }
-}
-
-void Sessions::add_unowned(TimePoint now, std::uint32_t index) {
-  Unowned& of_key = unowned_[live_.at(index).who];
-  drop_unowned(of_key.former);
-  of_key.former = of_key.newest;
-  of_key.newest = index;
-  unowned_order_.push_back(index);
-  if (unowned_order_.size() > kMaxUnowned) forget_unowned(unowned_order_.front());
-  expire_unowned(now);
-}
-
-void Sessions::expire_unowned(TimePoint now) {
-  while (!unowned_order_.empty() && live_.at(unowned_order_.front()).session.is_over(now)) {
-    forget_unowned(unowned_order_.front());
-  }
-}
-
-void Sessions::forget_unowned(std::uint32_t index) {
-  const auto of_key = unowned_.find(live_.at(index).who);
-  Unowned& both = of_key->second;
-  (both.newest == index ? both.newest : both.former) = 0;
-  if (both.newest == 0 && both.former == 0) unowned_.erase(of_key);
-  drop_unowned(index);
-}
-
-void Sessions::drop_unowned(std::uint32_t& index) {
-  if (index == 0) return;
-  std::erase(unowned_order_, index);
-  drop(index);
 }
 
 void Sessions::take_response(TimePoint now, Owner owner, ByteView packet, Shaken& out) {

@@ -49,9 +49,10 @@ class Sessions {
   // A peer is told of a list of revocations again after so long at the earliest.
   static constexpr Duration kBetweenLists = std::chrono::seconds(10);
 
-  // `accept`: initiations are answered. `ciphers`: what handshakes say that this host can.
+  // `accept`: initiations are answered. `ciphers`: what handshakes say that this host can. `shard`:
+  // what numbers of sessions end with here; the door has none, and hands initiations on.
   Sessions(const Security& security, SessionId self, bool accept, TimePoint now,
-           Ciphers ciphers = ciphers_here());
+           Ciphers ciphers = ciphers_here(), const Shard& shard = {});
   // What belongs to it refers to its trust.
   Sessions(const Sessions&) = delete;
   Sessions& operator=(const Sessions&) = delete;
@@ -110,6 +111,8 @@ class Sessions {
     // It wants to see this over the path of the packet.
     std::optional<wire::Token> token;
     Owner owner = 0;
+    // The shard that the packet is for; 0: it is handed on to none.
+    std::uint8_t shard = 0;
   };
   // A packet of a handshake, from anybody.
   Shaken take_handshake(TimePoint now, const wire::PacketHeader& header, const Datagram& datagram);
@@ -155,6 +158,7 @@ class Sessions {
   SessionId self_;
   bool accept_;
   Ciphers ciphers_;
+  Shard shard_;
   TimeOfDay time_of_day_;
   Entropy entropy_;
   Trust trust_;

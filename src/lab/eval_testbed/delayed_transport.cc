@@ -73,6 +73,11 @@ std::span<const Incoming> DelayedTransport::receive() {
   return inner_->receive();
 }
 
+bool DelayedTransport::drained() const {
+  const std::scoped_lock lock(mutex_);
+  return inner_->drained();
+}
+
 TransportCaps DelayedTransport::capabilities() const {
   const std::scoped_lock lock(mutex_);
   return inner_->capabilities();

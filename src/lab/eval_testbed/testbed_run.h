@@ -113,6 +113,7 @@ class DelayedTransport final : public Transport {
 
   BatchResult send(std::span<const Outgoing> batch) override;
   std::span<const Incoming> receive() override;
+  bool drained() const override;
   TransportCaps capabilities() const override;
   TransportCounters counters() const override;
   Address local_address() const override;

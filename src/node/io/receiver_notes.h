@@ -7,16 +7,18 @@
 // the transport that wrote it.
 //
 // At most 255 addresses are kept; what came to later ones is answered from the address that the
-// kernel prefers. Pure values. Thread-compatible; no errors.
+// kernel prefers. The transports of one link that serve it together share one list, so that a
+// datagram may be answered by another than that which it came to. Thread-safe; no errors.
 #pragma once
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
 #include <limits>
-#include <vector>
+#include <mutex>
 
 #include "node/io/address.h"
 
@@ -31,17 +33,20 @@ class ReceiverNotes {
   std::uint8_t note_of(const void* address, std::size_t size) {
     Host bytes{};
     std::memcpy(bytes.data(), address, std::min(size, bytes.size()));
-    auto it = std::ranges::find(hosts_, bytes);
-    if (it == hosts_.end()) {
-      if (hosts_.size() >= std::numeric_limits<std::uint8_t>::max()) return 0;
-      it = hosts_.insert(it, bytes);
-    }
-    return static_cast<std::uint8_t>(it - hosts_.begin() + 1);
+    if (const std::uint8_t known = find(bytes)) return known;
+    const std::lock_guard lock(adding_);
+    if (const std::uint8_t known = find(bytes)) return known;
+    const std::size_t count = count_.load(std::memory_order_relaxed);
+    if (count >= hosts_.size()) return 0;
+    hosts_[count] = bytes;
+    count_.store(count + 1, std::memory_order_release);
+    return static_cast<std::uint8_t>(count + 1);
   }
   // The address that is noted in this one; nullptr: none.
   const Host* find(const Address& address) const {
     const auto note = std::to_integer<std::size_t>(address.raw[place_in(address)]);
-    return note > 0 && note <= hosts_.size() ? &hosts_[note - 1] : nullptr;
+    const std::size_t count = count_.load(std::memory_order_acquire);
+    return note > 0 && note <= count ? &hosts_[note - 1] : nullptr;
   }
   static void put(Address& address, std::uint8_t note) {
     address.raw[place_in(address)] = static_cast<std::byte>(note);
@@ -53,7 +58,18 @@ class ReceiverNotes {
                                          : offsetof(sockaddr_in6, sin6_flowinfo);
   }
 
-  std::vector<Host> hosts_;
+  // 0: it is not in the list.
+  std::uint8_t find(const Host& bytes) const {
+    const auto end =
+        hosts_.begin() + static_cast<std::ptrdiff_t>(count_.load(std::memory_order_acquire));
+    const auto it = std::find(hosts_.begin(), end, bytes);
+    return it == end ? std::uint8_t{0} : static_cast<std::uint8_t>(it - hosts_.begin() + 1);
+  }
+
+  // The first count_ of them never change.
+  std::array<Host, std::numeric_limits<std::uint8_t>::max()> hosts_{};
+  std::atomic<std::size_t> count_{0};
+  std::mutex adding_;
 };
 
 }  // namespace interneuron::io

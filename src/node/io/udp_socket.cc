@@ -155,6 +155,9 @@ UdpSocket open_udp_socket(const UdpOptions& options) {
   caps.segmentation_offload = set_int(socket.fd.get(), SOL_UDP, UDP_SEGMENT, 0);
   caps.receive_offload = set_int(socket.fd.get(), SOL_UDP, UDP_GRO, 1);
   caps.max_datagram_bytes = kMaxUdpPayload;
+  if (options.joins) {
+    need_int(socket, options.nic, SOL_SOCKET, SO_REUSEPORT, 1, "SO_REUSEPORT");
+  }
   bind_address(socket, options);
   note_udp_port(port_of(socket.local));
   return socket;

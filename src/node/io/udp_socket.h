@@ -38,6 +38,10 @@ struct UdpOptions {
   // Whether to wait, half a second at most, for what the kernel has not taken down yet of a
   // transport that was closed (AF_XDP); not in an event loop.
   bool may_wait = true;
+  // One of several sockets that serve one address (socket_group.h), which let others join; they
+  // share the list of the addresses that datagrams came to.
+  bool joins = false;
+  std::shared_ptr<ReceiverNotes> notes = {};
   std::size_t receive_buffer_bytes = kReceiveBufferBytes;
   std::size_t send_buffer_bytes = kSendBufferBytes;
 };
@@ -79,7 +83,8 @@ Value control_value(cmsghdr* item) {
 // socket may report (a host that cannot be reached) drop the datagram they hit and are counted:
 // ICMP is a hint that anybody can forge. What the kernel takes not just now (ENOBUFS, EPERM) is
 // left to be offered again. The socket's error queue, which would make the handle readable for ever
-// and takes room from what arrives, is emptied and counted. Datagrams that arrive bear the kernel's
+// and takes room from what arrives, is emptied and counted where the handle was readable and there
+// is no datagram. Datagrams that arrive bear the kernel's
 // stamps; those that it has coalesced have one.
 //
 // With UdpOptions::answer_from_receiver an Address that comes from receive() carries, in a byte
@@ -103,6 +108,7 @@ class UdpTransport final : public Transport {
 
   BatchResult send(std::span<const Outgoing> batch) override;
   std::span<const Incoming> receive() override;
+  bool drained() const override { return drained_; }
   TransportCaps capabilities() const override { return socket_.capabilities; }
   TransportCounters counters() const override { return counters_; }
   Address local_address() const override { return socket_.local; }
@@ -124,8 +130,10 @@ class UdpTransport final : public Transport {
   // Segmented sends that the kernel has refused in a row.
   std::size_t refusals_ = 0;
   std::uint32_t kernel_drops_ = 0;
+  // The last receive() did not fill its buffers.
+  bool drained_ = false;
   // Which of the NIC's addresses datagrams came to.
-  ReceiverNotes notes_;
+  std::shared_ptr<ReceiverNotes> notes_;
   std::unique_ptr<SendBuffers> out_;
   std::unique_ptr<ReceiveBuffers> in_;
 };

@@ -97,6 +97,7 @@ struct UdpTransport::ReceiveBuffers {
 
 UdpTransport::UdpTransport(const UdpOptions& options)
     : socket_(open_udp_socket(options)),
+      notes_(options.notes ? options.notes : std::make_shared<ReceiverNotes>()),
       out_(std::make_unique<SendBuffers>()),
       in_(std::make_unique<ReceiveBuffers>()) {
   in_->bytes.resize(kReceiveMessages * kReceiveBytes);
@@ -166,7 +167,7 @@ std::size_t UdpTransport::fill(std::span<const Outgoing> batch, bool segment) {
       append(header, control, SOL_UDP, UDP_SEGMENT, static_cast<std::uint16_t>(batch[0].size()));
     }
     if (batch[0].ecn != 0) append_ecn(header, control, family_of(batch[0].to), batch[0].ecn);
-    if (const auto* source = notes_.find(batch[0].to)) {
+    if (const auto* source = notes_->find(batch[0].to)) {
       append_source(header, control, family_of(batch[0].to), *source);
     }
     out_->datagrams[messages++] = count;
@@ -245,6 +246,7 @@ std::span<const Incoming> UdpTransport::receive() {
     count =
         ::recvmmsg(native_handle(), in.messages.data(), kReceiveMessages, MSG_DONTWAIT, nullptr);
   } while (count < 0 && errno == EINTR);
+  drained_ = count < static_cast<int>(kReceiveMessages);
   if (count < 0) {
     if (errno != EAGAIN && errno != EWOULDBLOCK) ++counters_.receive_errors;
     // Whoever polls cannot tell a report from a datagram: where there is none, it may be that.
@@ -300,10 +302,10 @@ void UdpTransport::read_control(std::size_t message) {
       in.ecn[message] = static_cast<std::uint8_t>(control_value<int>(item) & kEcnMask);
     } else if (is(IPPROTO_IP, IP_PKTINFO)) {
       const auto info = control_value<in_pktinfo>(item);
-      in.notes[message] = notes_.note_of(&info.ipi_spec_dst, sizeof info.ipi_spec_dst);
+      in.notes[message] = notes_->note_of(&info.ipi_spec_dst, sizeof info.ipi_spec_dst);
     } else if (is(IPPROTO_IPV6, IPV6_PKTINFO)) {
       const auto info = control_value<in6_pktinfo>(item);
-      in.notes[message] = notes_.note_of(&info.ipi6_addr, sizeof info.ipi6_addr);
+      in.notes[message] = notes_->note_of(&info.ipi6_addr, sizeof info.ipi6_addr);
     }
   }
 }

@@ -128,6 +128,7 @@ void LinkSet::open_anew(Link& link, std::vector<std::string>& warnings) {
                                  .source = monitor_->required_source(link.options.nic),
                                  .may_wait = !telling_});
   link.transport = std::move(opened.transport);
+  link.siblings = std::move(opened.siblings);
   link.info = std::move(opened.info);
   link.port = port_of(link.transport->local_address());
   warnings = std::move(opened.warnings);
@@ -169,6 +170,7 @@ bool LinkSet::try_open(Link& link) {
 
 std::unique_ptr<Transport> LinkSet::withdraw(Link& link) {
   if (link.transport) user_.link_closing(link);
+  link.siblings.clear();
   return std::move(link.transport);
 }
 

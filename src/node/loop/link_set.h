@@ -30,6 +30,8 @@ void check_link(const NodeOptions& options, const NodeLink& link, const io::Nic&
 
 struct OpenedLink {
   std::unique_ptr<Transport> transport;
+  // Those of the shards, where there are several (NodeOptions::shards).
+  std::vector<std::unique_ptr<Transport>> siblings;
   LinkInfo info;
   std::vector<std::string> warnings;
 };
@@ -89,6 +91,8 @@ class LinkSet {
     LinkInfo info;
     // Empty while the NIC cannot be used.
     std::unique_ptr<Transport> transport;
+    // Those of the shards, as long as there is `transport`.
+    std::vector<std::unique_ptr<Transport>> siblings;
     // Set aside while the NIC cannot be used; the link is closed for all others.
     std::unique_ptr<Transport> aside;
     // When the NIC's carrier came back; the socket is opened kSettle later.
@@ -111,9 +115,11 @@ class LinkSet {
   // Opens the links whose NICs are ready. `user` must outlive the set and is told of what happens
   // from the first update() on; the links that the constructor opened are found in links().
   LinkSet(const NodeOptions& options, User& user);
+  // One without links, for good.
+  explicit LinkSet(User& user) : user_(user) {}
 
   // Readable when update() should be called; -1: never (io::NicMonitor).
-  int native_handle() const { return monitor_->native_handle(); }
+  int native_handle() const { return monitor_ ? monitor_->native_handle() : -1; }
   // Takes in what the kernel says of the NICs, opens links whose NICs have become ready and tries
   // those again that failed. Returns when there is reason to call it again although the kernel says
   // nothing.

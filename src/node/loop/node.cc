@@ -1,7 +1,9 @@
 #include "interneuron/node.h"
 
+#include <stdexcept>
+
 #include "node/io/steady_clock.h"
-#include "node/loop/node_impl.h"
+#include "node/loop/whole.h"
 
 namespace interneuron {
 
@@ -54,7 +56,11 @@ void Node::on_can_send(std::function<void(CanSend)> handler) {
   impl_->handlers.can_send = std::move(handler);
 }
 void Node::on_statistics(Duration interval, std::function<void(const Statistics&)> handler) {
-  impl_->set_statistics(interval, std::move(handler));
+  if (interval <= Duration::zero()) {
+    throw std::invalid_argument("on_statistics: the interval must be positive");
+  }
+  impl_->handlers.statistics_interval = interval;
+  impl_->handlers.statistics = std::move(handler);
 }
 
 PeerId Node::connect(std::span<const std::pair<LinkId, Address>> addresses,
@@ -62,7 +68,8 @@ PeerId Node::connect(std::span<const std::pair<LinkId, Address>> addresses,
   return impl_->connect(addresses, key);
 }
 bool Node::request_train(PeerId peer, LinkId link) {
-  return impl_->endpoint().request_train(io::now(), peer, link);
+  return Impl::Whole(*impl_).ask(
+      peer, [&](Endpoint& e) { return e.request_train(io::now(), peer, link); });
 }
 SendResult Node::send(PeerId peer, Bytes message, const SendOptions& options) {
   Variants variants;
@@ -70,28 +77,33 @@ SendResult Node::send(PeerId peer, Bytes message, const SendOptions& options) {
   return send(peer, std::move(variants), options);
 }
 SendResult Node::send(PeerId peer, Variants variants, const SendOptions& options) {
-  return impl_->endpoint().send(io::now(), peer, std::move(variants), options);
+  return Impl::Whole(*impl_).send(peer, std::move(variants), options);
 }
 std::vector<SendResult> Node::send(PeerId peer, std::span<Bytes> messages,
                                    const SendOptions& options) {
-  return impl_->endpoint().send(io::now(), peer, messages, options);
+  return Impl::Whole(*impl_).send(peer, messages, options);
 }
-bool Node::cancel(SendId message) { return impl_->endpoint().cancel(io::now(), message); }
+bool Node::cancel(SendId message) { return Impl::Whole(*impl_).cancel(message); }
 RoundRef Node::begin_round(PipelineId pipeline) {
   return impl_->endpoint().begin_round(io::now(), pipeline);
 }
 Plan Node::preview(RoundRef round, std::span<const std::size_t> variant_bytes,
                    MessageClass message_class, std::span<const VariantCost> costs,
                    std::optional<PeerId> to) {
-  return impl_->endpoint().preview(io::now(), round, variant_bytes, message_class, costs, to);
+  return Impl::Whole(*impl_).ask(round, [&](Endpoint& e) {
+    return e.preview(io::now(), round, variant_bytes, message_class, costs, to);
+  });
 }
 std::size_t Node::begin_computation(RoundRef round, std::span<const LevelProfile> levels,
                                     std::size_t top) {
-  return impl_->endpoint().begin_computation(io::now(), round, levels, top);
+  return Impl::Whole(*impl_).ask(
+      round, [&](Endpoint& e) { return e.begin_computation(io::now(), round, levels, top); });
 }
 SubmitStatus Node::submit(RoundRef round, Variants variants, MessageClass message_class,
                           std::optional<PeerId> to) {
-  return impl_->endpoint().submit(io::now(), round, std::move(variants), message_class, to);
+  return Impl::Whole(*impl_).ask(round, [&](Endpoint& e) {
+    return e.submit(io::now(), round, std::move(variants), message_class, to);
+  });
 }
 void Node::local_result(RoundRef round, Bytes result) {
   impl_->endpoint().local_result(io::now(), round, std::move(result));
@@ -114,32 +126,33 @@ int Node::stopped_by_signal() const { return impl_->signal(); }
 
 SessionId Node::session() const { return impl_->session(); }
 std::optional<PeerId> Node::peer() const { return impl_->peer(); }
-std::vector<PeerId> Node::peers() const { return impl_->endpoint().peers(); }
+std::vector<PeerId> Node::peers() const { return Impl::Whole(*impl_).peers(); }
 std::vector<LinkState> Node::links(PeerId peer) const {
-  return impl_->endpoint().links(io::now(), peer);
+  return Impl::Whole(*impl_).ask(peer, [&](Endpoint& e) { return e.links(io::now(), peer); });
 }
-Statistics Node::statistics() const { return impl_->statistics(); }
-EndpointCounters Node::counters() const { return impl_->endpoint().counters(); }
+Statistics Node::statistics() const { return Impl::Whole(*impl_).statistics(); }
+EndpointCounters Node::counters() const { return Impl::Whole(*impl_).counters(); }
 LinkCounters Node::link_counters(LinkId link) const {
-  return impl_->endpoint().link_counters(link);
+  return Impl::Whole(*impl_).link_counters(link);
 }
 std::size_t Node::reassembly_bytes() const { return impl_->endpoint().reassembly_bytes(); }
 
 TransportCounters Node::transport_counters(LinkId id) const {
-  const LinkSet::Link* link = impl_->find(id);
-  return link != nullptr && link->transport ? link->transport->counters() : TransportCounters{};
+  return Impl::Whole(*impl_).transport_counters(id);
 }
 TransportCaps Node::transport_capabilities(LinkId id) const {
-  const LinkSet::Link* link = impl_->find(id);
+  const LinkSet::Link* link = impl_->links().find(id);
   return link != nullptr && link->transport ? link->transport->capabilities() : TransportCaps{};
 }
 std::optional<Address> Node::local_address(LinkId id) const {
-  const LinkSet::Link* link = impl_->find(id);
+  const LinkSet::Link* link = impl_->links().find(id);
   if (link == nullptr || !link->transport) return std::nullopt;
   return link->transport->local_address();
 }
-std::int64_t Node::unix_time_ns() const { return impl_->endpoint().unix_time_ns(io::now()); }
-std::uint64_t Node::stalled_datagrams(LinkId link) const { return impl_->outbox().stalled(link); }
-const std::vector<std::string>& Node::warnings() const { return impl_->warnings(); }
+std::int64_t Node::unix_time_ns() const { return Impl::Whole(*impl_).unix_time_ns(); }
+std::uint64_t Node::stalled_datagrams(LinkId link) const {
+  return Impl::Whole(*impl_).stalled(link);
+}
+const std::vector<std::string>& Node::warnings() const { return impl_->links().warnings(); }
 
 }  // namespace interneuron

@@ -1,68 +1,40 @@
 // The loop of a Node. Everything runs on the loop thread, except post(), stop() and the jobs of the
 // workers.
 //
-// One turn: what may leave leaves, what happened is told to the application, time-outs that are due
-// are handled, until nothing is left to do; then the one timer is armed. Each way into the loop (a
-// readable or writable socket, the timer, a task) does its own thing and ends with a turn.
+// The loop sleeps in one system call (io::Poller) until sockets are ready, something is due or a
+// task was posted. Then it reads, runs what is due and what was posted, and has a turn: what may
+// leave leaves, what happened is told to the application, time-outs that are due are handled, until
+// nothing is left to do. Each task is followed by a turn, too.
 #pragma once
 
 #include <algorithm>
 #include <atomic>
-#include <boost/asio/executor_work_guard.hpp>
-#include <boost/asio/io_context.hpp>
-#include <boost/asio/posix/stream_descriptor.hpp>
-#include <boost/asio/signal_set.hpp>
-#include <boost/asio/steady_timer.hpp>
-#include <condition_variable>
-#include <deque>
 #include <functional>
+#include <map>
 #include <memory>
-#include <mutex>
 #include <optional>
-#include <string>
-#include <thread>
+#include <span>
 #include <vector>
 
 #include "interneuron/endpoint.h"
 #include "interneuron/node.h"
+#include "node/io/poller.h"
 #include "node/io/steady_clock.h"
 #include "node/loop/link_set.h"
+#include "node/loop/mailbox.h"
 #include "node/loop/outbox.h"
+#include "node/loop/workers.h"
 
 namespace interneuron {
 
-// A queue of jobs and the threads that run them, in the order in which the jobs came. The queue is
-// not bounded.
-//
-// submit() and stop() belong to one thread, the loop thread of a Node. Jobs run on the workers'
-// threads and must not throw: an exception would end the process. Owns its threads. The constructor
-// throws std::system_error when a thread cannot be started.
-class Workers {
- public:
-  explicit Workers(std::size_t threads);
-  ~Workers() { stop(); }
-  Workers(const Workers&) = delete;
-  Workers& operator=(const Workers&) = delete;
-
-  // Ignored after stop().
-  void submit(std::function<void()> job);
-  // Drops the jobs that wait, waits for those that run.
-  void stop();
-
- private:
-  void work();
-
-  std::mutex mutex_;
-  std::condition_variable wake_;
-  // mutex_ guards both.
-  std::deque<std::function<void()>> jobs_;
-  bool stopping_ = false;
-  std::vector<std::thread> threads_;
-};
-
 class Node::Impl : private Outbox::Source, private LinkSet::User {
  public:
+  class Shards;
+  class Whole;
+
   explicit Impl(NodeOptions options);
+  // One of several shards, which the front looks after.
+  Impl(const EndpointOptions& endpoint, Shards& crew);
   ~Impl() override;
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
@@ -84,10 +56,14 @@ class Node::Impl : private Outbox::Source, private LinkSet::User {
     std::function<void(CanSend)> can_send;
     std::function<void(NicChanged)> nic_changed;
     std::function<void(const Statistics&)> statistics;
+    Duration statistics_interval{};
   };
 
   void run();
-  void stop() { context_.stop(); }
+  void stop() {
+    stopped_ = true;
+    poller_.wake();
+  }
   void stop_on_signals();
   void at(TimePoint time, Task task);
   void compute(Queue queue, Job job);
@@ -95,29 +71,23 @@ class Node::Impl : private Outbox::Source, private LinkSet::User {
 
   PeerId connect(std::span<const std::pair<LinkId, Address>> addresses,
                  const std::optional<PublicKey>& key);
-  const LinkSet::Link* find(LinkId link) const { return links_.find(link); }
-  Statistics statistics() const;
-  void set_statistics(Duration interval, std::function<void(const Statistics&)> handler);
+  const LinkSet& links() const { return links_; }
 
   Handlers handlers;
   Endpoint& endpoint() { return endpoint_; }
-  const Outbox& outbox() const { return outbox_; }
   SessionId session() const { return session_; }
   std::optional<PeerId> peer() const { return peer_; }
   int signal() const { return signal_; }
-  const std::vector<std::string>& warnings() const { return links_.warnings(); }
 
  private:
-  // The socket of one incarnation of a link, as the loop waits for it. What waits for it shares it,
-  // because a wait that is over may be handled after the socket was closed.
+  // What the poller calls the handle that tells of NICs; links have other names.
+  static constexpr std::uint32_t kNics = UINT32_MAX;
+  // The socket of one incarnation of a link, as the loop waits for it.
   struct Port {
     LinkId link{};
-    // nullptr once closed.
     Transport* transport = nullptr;
-    boost::asio::posix::stream_descriptor watcher;
     bool waits_for_write = false;
   };
-  using SharedPort = std::shared_ptr<Port>;
 
   std::optional<TransmitParts> poll(TimePoint now, std::span<std::byte> buffer) override;
 
@@ -129,18 +99,18 @@ class Node::Impl : private Outbox::Source, private LinkSet::User {
   void link_opened(LinkSet::Link& link) override;
   void link_closing(LinkSet::Link& link) override;
   void nic_changed(const NicChanged& change) override;
-  void open_port(const LinkSet::Link& link);
+  void open_port(LinkId id, Transport& transport, const LinkInfo& info);
+  void close_port(LinkId id);
   void check_nics();
 
   // --- ways into the loop
-  void wait_for_nics();
-  void wait_readable(const SharedPort& port);
-  void wait_writable(const SharedPort& port);
-  void on_readable(const SharedPort& port);
-  void on_timer();
+  using Ready = std::span<const io::Poller::Ready>;
+  void wake_up(Ready ready);
+  void read_sockets(Ready ready);
+  void run_due();
   void repeat_statistics(TimePoint due);
   void repeat_clock();
-  void enter(const Task& task);
+  void run_task(const Task& task);
   // Runs what belongs to the application and notes how long it kept the loop.
   template <class Work>
   void run_work(const Work& work) {
@@ -150,36 +120,52 @@ class Node::Impl : private Outbox::Source, private LinkSet::User {
   }
 
   // --- a turn
-  void turn();
+  // What was read in one go.
+  struct Reading {
+    std::size_t datagrams = 0;
+    // The fewest pieces that a message lacks still of which one came; 0: also something else came.
+    std::size_t missing = SIZE_MAX;
+  };
+  Outbox::More turn();
+  void post_turn();
   Outbox::More settle();
-  void receive(const Port& port);
+  void receive(const Port& port, Reading& reading);
+  void wait_writable(Port& port);
+  void writable(Port& port);
   bool tell_events();
   void tell(Event&& event);
   bool handle_due();
   bool lose_gone_links();
-  void arm(Outbox::More more);
+  void plan_wait(Outbox::More more);
 
-  boost::asio::io_context context_{1};
-  boost::asio::executor_work_guard<boost::asio::io_context::executor_type> work_;
-  boost::asio::steady_timer timer_;
-  // When the timer will fire; nothing while it is not armed.
-  std::optional<TimePoint> armed_;
-  boost::asio::signal_set signals_;
+  io::Poller poller_;
+  std::atomic<bool> stopped_{false};
+  std::unique_ptr<SignalThread> signals_;
   std::atomic<int> signal_{0};
+  Mailbox<Task> posted_{SIZE_MAX};
+  std::multimap<TimePoint, Task> due_;
   SessionId session_;
   Endpoint endpoint_;
   std::optional<PeerId> peer_;
   LinkSet links_;
-  boost::asio::posix::stream_descriptor nic_watcher_;
   std::optional<TimePoint> recheck_at_;
-  std::vector<SharedPort> ports_;
+  // When the loop wakes up although nothing comes.
+  TimePoint wakes_at_ = TimePoint::min();
+  // The loop does not wake up for datagrams until then, so that they gather.
+  std::optional<TimePoint> gathers_until_;
+  // When sockets were last found to have something.
+  TimePoint read_at_ = TimePoint::min();
+  std::vector<Port> ports_;
   Outbox outbox_;
-  Duration statistics_interval_{};
   Duration loop_stall_{};
   // The endpoint was told no later time than this when the loop waits.
   TimePoint told_ = TimePoint::min();
   bool turn_posted_ = false;
   bool ran_ = false;
+  // Where there are several shards: which this is, 0 for the front, who owns them.
+  std::uint8_t shard_ = 0;
+  Shards* crew_ = nullptr;
+  std::unique_ptr<Shards> shards_;
   // Members are destroyed in reverse order: the workers end before what their jobs refer to.
   Workers computation_;
   Workers backup_;

@@ -1,18 +1,15 @@
 // A Node's loop from its begin to its end, and what happens beside its turns: links come and go
 // with their NICs, statistics are told.
 #include <algorithm>
-#include <csignal>
 #include <stdexcept>
 #include <utility>
 
 #include "node/io/steady_clock.h"
 #include "node/loop/link_set.h"
 #include "node/loop/node_impl.h"
+#include "node/loop/whole.h"
 
 namespace interneuron {
-
-using boost::asio::posix::stream_descriptor;
-using boost::system::error_code;
 
 namespace {
 
@@ -25,18 +22,27 @@ constexpr Duration kBetweenClocks = std::chrono::seconds(10);
 Node::Impl::Impl(NodeOptions options)
     : Impl(std::move(options), (check_options(options), endpoint_options(options))) {}
 
+Node::Impl::Impl(const EndpointOptions& endpoint, Shards& crew)
+    : session_(endpoint.session),
+      endpoint_(endpoint, io::now()),
+      links_(*this),
+      shard_(endpoint.shard.index),
+      crew_(&crew),
+      computation_(0),
+      backup_(0) {}
+
 Node::Impl::Impl(NodeOptions&& options, const EndpointOptions& endpoint)
-    : work_(context_.get_executor()),
-      timer_(context_),
-      signals_(context_),
-      session_(endpoint.session),
+    : session_(endpoint.session),
       endpoint_(endpoint, io::now()),
       links_(options, *this),
-      nic_watcher_(context_),
       computation_(options.computation_workers),
       backup_(options.backup_workers) {
   try {
-    if (links_.native_handle() >= 0) nic_watcher_.assign(links_.native_handle());
+    if (links_.native_handle() >= 0) poller_.add(links_.native_handle(), kNics);
+    if (endpoint.shard.count > 0) {
+      shards_ = std::make_unique<Shards>(*this, options, endpoint);
+      crew_ = shards_.get();
+    }
     connect();
   } catch (...) {
     shut_down();
@@ -46,35 +52,35 @@ Node::Impl::Impl(NodeOptions&& options, const EndpointOptions& endpoint)
 
 Node::Impl::~Impl() { shut_down(); }
 
-// Ends the workers and gives up all waits; may be called more than once. Afterwards only the
-// caller's thread uses this object.
+// Ends all threads; may be called more than once. Afterwards only the caller's uses this object.
 void Node::Impl::shut_down() {
+  if (shards_) shards_->stop();
   computation_.stop();
   backup_.stop();
-  error_code ignored;
-  signals_.cancel(ignored);
-  signals_.clear(ignored);
-  // The descriptors belong to the transports, which close them.
-  for (const SharedPort& port : ports_) {
-    if (port->watcher.is_open()) port->watcher.release();
-  }
-  if (nic_watcher_.is_open()) nic_watcher_.release();
+  signals_.reset();
 }
 
 void Node::Impl::run() {
   if (std::exchange(ran_, true)) throw std::logic_error("Node::run: a node runs once");
   const io::PreciseTimers precise;
   try {
-    if (nic_watcher_.is_open()) wait_for_nics();
-    for (const SharedPort& port : ports_) wait_readable(port);
-    repeat_statistics(saturating_add(io::now(), statistics_interval_));
-    repeat_clock();
-    if (!context_.stopped()) turn();
-    context_.run();
+    if (shards_) shards_->start();
+    {
+      const auto shift = Shards::enter(crew_, shard_);
+      repeat_statistics(saturating_add(io::now(), handlers.statistics_interval));
+      repeat_clock();
+      poller_.prepare(io::Poller::For::kAnything);
+    }
+    while (!stopped_) {
+      const Ready ready = poller_.wait(wakes_at_);
+      const auto shift = Shards::enter(crew_, shard_);
+      wake_up(ready);
+    }
     // What can leave at once still does.
+    const auto shift = Shards::enter(crew_, shard_);
     outbox_.pump(io::now(), *this);
   } catch (...) {
-    context_.stop();
+    stopped_ = true;
     shut_down();
     throw;
   }
@@ -88,10 +94,7 @@ void Node::Impl::repeat_clock() {
 }
 
 void Node::Impl::stop_on_signals() {
-  signals_.add(SIGINT);
-  signals_.add(SIGTERM);
-  signals_.async_wait([this](const error_code& error, int signal) {
-    if (error) return;
+  signals_ = std::make_unique<SignalThread>([this](int signal) {
     signal_ = signal;
     stop();
   });
@@ -102,7 +105,8 @@ void Node::Impl::connect() {
   std::vector<std::pair<LinkId, Address>> addresses;
   for (const auto& link : links_.links()) {
     if (!link->transport) continue;
-    open_port(*link);
+    open_port(link->options.id, *link->transport, link->info);
+    if (shards_) shards_->open(*link);
     if (const auto peer = parse_address(link->options.peer)) {
       addresses.emplace_back(link->options.id, *peer);
     }
@@ -113,20 +117,20 @@ void Node::Impl::connect() {
 PeerId Node::Impl::connect(std::span<const std::pair<LinkId, Address>> addresses,
                            const std::optional<PublicKey>& key) {
   for (const auto& [link, address] : addresses) check_peer_address(links_.options(), address);
+  if (shards_) throw std::invalid_argument("connect: a node of several shards connects to nobody");
   return endpoint_.connect(io::now(), addresses, key);
 }
 
-void Node::Impl::open_port(const LinkSet::Link& link) {
-  const LinkId id = link.options.id;
-  ports_.push_back(std::make_shared<Port>(Port{
-      id, link.transport.get(), stream_descriptor(context_, link.transport->native_handle())}));
-  outbox_.add(id, *link.transport);
-  endpoint_.add_link(io::now(), id, link.info);
+void Node::Impl::open_port(LinkId id, Transport& transport, const LinkInfo& info) {
+  poller_.add(transport.native_handle(), id.value);
+  ports_.push_back({id, &transport});
+  outbox_.add(id, transport);
+  endpoint_.add_link(io::now(), id, info);
 }
 
 void Node::Impl::link_opened(LinkSet::Link& link) {
-  open_port(link);
-  wait_readable(ports_.back());
+  open_port(link.options.id, *link.transport, link.info);
+  if (shards_) shards_->open(link);
   const auto address = parse_address(link.options.peer);
   if (!address) return;
   const std::pair path{link.options.id, *address};
@@ -138,12 +142,14 @@ void Node::Impl::link_opened(LinkSet::Link& link) {
 }
 
 void Node::Impl::link_closing(LinkSet::Link& link) {
-  const LinkId id = link.options.id;
-  const auto port = std::ranges::find_if(ports_, [id](const auto& p) { return p->link == id; });
+  if (shards_) shards_->close(link.options.id);
+  close_port(link.options.id);
+}
+
+void Node::Impl::close_port(LinkId id) {
+  const auto port = std::ranges::find(ports_, id, &Port::link);
   if (port == ports_.end()) return;
-  // The descriptor belongs to the transport, which closes it.
-  (*port)->watcher.release();
-  (*port)->transport = nullptr;
+  poller_.remove(port->transport->native_handle());
   ports_.erase(port);
   outbox_.remove(id);
   endpoint_.remove_link(io::now(), id);
@@ -153,47 +159,13 @@ void Node::Impl::nic_changed(const NicChanged& change) {
   if (handlers.nic_changed) run_work([&] { handlers.nic_changed(change); });
 }
 
-void Node::Impl::wait_for_nics() {
-  nic_watcher_.async_wait(stream_descriptor::wait_read, [this](const error_code& error) {
-    if (error) return;
-    check_nics();
-    turn();
-    if (nic_watcher_.is_open()) wait_for_nics();
-  });
-}
-
-void Node::Impl::set_statistics(Duration interval, std::function<void(const Statistics&)> handler) {
-  if (interval <= Duration::zero()) {
-    throw std::invalid_argument("on_statistics: the interval must be positive");
-  }
-  statistics_interval_ = interval;
-  handlers.statistics = std::move(handler);
-}
-
 void Node::Impl::repeat_statistics(TimePoint due) {
   if (!handlers.statistics) return;
   at(due, [this, due] {
-    handlers.statistics(statistics());
+    handlers.statistics(Whole(*this).statistics());
     // The interval is kept on average, but a long handler is not followed by two calls at once.
-    repeat_statistics(std::max(saturating_add(due, statistics_interval_), io::now()));
+    repeat_statistics(std::max(saturating_add(due, handlers.statistics_interval), io::now()));
   });
-}
-
-Statistics Node::Impl::statistics() const {
-  Statistics out;
-  out.at = io::now();
-  for (const auto& link : links_.links()) {
-    const LinkId id = link->options.id;
-    out.links.push_back({id, link->options.nic, link->state, link->reason,
-                         endpoint_.link_counters(id),
-                         link->transport ? link->transport->counters() : TransportCounters{}});
-  }
-  for (const PeerId peer : endpoint_.peers()) {
-    out.peers.push_back({peer, endpoint_.links(out.at, peer), endpoint_.ledger(peer)});
-  }
-  out.counters = endpoint_.counters();
-  out.loop_stall = loop_stall_;
-  return out;
 }
 
 }  // namespace interneuron

@@ -9,6 +9,7 @@
 #include "node/io/address.h"
 #include "node/io/nic_choice.h"
 #include "node/io/open_transport.h"
+#include "node/io/socket_group.h"
 #include "node/io/steady_clock.h"
 
 namespace interneuron {
@@ -102,6 +103,22 @@ bool names_a_peer(const NodeOptions& options) {
          std::ranges::any_of(options.rules, [](const NodeNicRule& r) { return !r.peer.empty(); });
 }
 
+void check_shards(const NodeOptions& options) {
+  if (options.shards < 1 || options.shards > kMaxShards) {
+    throw std::invalid_argument("shards is " + std::to_string(options.shards) +
+                                "; it must be 1 to " + std::to_string(kMaxShards));
+  }
+  if (options.shards == 1) return;
+  const auto refuse = [](const std::string& why) {
+    throw std::invalid_argument("a node of several shards " + why + "; take one shard");
+  };
+  if (!options.accept_peers || names_a_peer(options))
+    refuse("is connected to and connects to none");
+  if (options.transport != TransportKind::kUdp) refuse("has UDP sockets");
+  if (!options.pipelines.empty()) refuse("begins no rounds");
+  if (!options.relays.empty()) refuse("has no relays, whose rounds are of many peers");
+}
+
 void check_security(const NodeOptions& options) {
   if (!options.security) {
     if (options.insecure) return;
@@ -152,6 +169,7 @@ void check_options(const NodeOptions& options) {
     throw std::invalid_argument("a node needs at least one link");
   }
   check_security(options);
+  check_shards(options);
   for (const NodeNicRule& rule : options.rules) {
     const std::string wrong = io::nic_pattern_error(rule.pattern);
     if (!wrong.empty()) throw std::invalid_argument(wrong);
@@ -190,6 +208,9 @@ EndpointOptions endpoint_options(const NodeOptions& options) {
   out.ablation = options.ablation;
   out.reassembly_budget_bytes = options.reassembly_budget_bytes;
   out.send_budget_bytes = options.send_budget_bytes;
+  if (options.shards > 1) {
+    out.shard = {static_cast<std::uint8_t>(options.shards), 0, std::make_shared<SharedHoldings>()};
+  }
   return out;
 }
 
@@ -197,6 +218,28 @@ void check_link(const NodeOptions& options, const NodeLink& link, const io::Nic&
   const Address local = local_of(link, nic, {.port = options.port});
   if (serves_in_the_clear(options) && !is_unspecified(local)) refuse_public(link, local, nic);
 }
+
+namespace {
+
+// The transport of a link, or those of its shards.
+OpenedLink open_sockets(const NodeOptions& options, const io::UdpOptions& udp) {
+  OpenedLink out;
+  if (options.shards == 1) {
+    io::OpenTransport opened = io::open_transport(options.transport, udp);
+    out.transport = std::move(opened.transport);
+    out.warnings = std::move(opened.warnings);
+    return out;
+  }
+  io::SocketGroup group = io::open_socket_group(udp, static_cast<std::uint8_t>(options.shards),
+                                                options.security != nullptr);
+  out.transport = std::move(group.transports.front());
+  group.transports.erase(group.transports.begin());
+  out.siblings = std::move(group.transports);
+  out.warnings = std::move(group.warnings);
+  return out;
+}
+
+}  // namespace
 
 OpenedLink open_link(const NodeOptions& options, const NodeLink& link, const io::Nic& nic,
                      const Binding& binding) {
@@ -206,21 +249,22 @@ OpenedLink open_link(const NodeOptions& options, const NodeLink& link, const io:
                      .answer_from_receiver = link.peer.empty(),
                      .may_wait = binding.may_wait};
   if (serves_in_the_clear(options)) refuse_public(link, udp.local, nic);
+  const LinkInfo info{link.nic, link.mtu != 0 ? link.mtu : nic.mtu, link.traits};
+  refuse_small(info, is_ipv6(udp.local));
   OpenedLink out;
-  out.info = {link.nic, link.mtu != 0 ? link.mtu : nic.mtu, link.traits};
-  refuse_small(out.info, is_ipv6(udp.local));
-  io::OpenTransport opened;
   try {
-    opened = io::open_transport(options.transport, udp);
+    out = open_sockets(options, udp);
   } catch (const IoError& error) {
     if (error.code() != EADDRINUSE || options.port == binding.port) throw;
     udp.local = io::with_port(udp.local, options.port);
-    opened = io::open_transport(options.transport, udp);
+    out = open_sockets(options, udp);
   }
-  out.transport = std::move(opened.transport);
-  out.warnings = std::move(opened.warnings);
+  out.info = info;
   if (options.wrap_transport) {
     out.transport = options.wrap_transport(link.id, std::move(out.transport));
+    for (auto& sibling : out.siblings) {
+      sibling = options.wrap_transport(link.id, std::move(sibling));
+    }
   }
   return out;
 }

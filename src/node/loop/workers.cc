@@ -1,5 +1,6 @@
-#include "node/loop/node_impl.h"
+#include "node/loop/workers.h"
 
+#include <csignal>
 #include <utility>
 
 namespace interneuron {
@@ -47,6 +48,20 @@ void Workers::work() {
     }
     job();
   }
+}
+
+SignalThread::SignalThread(std::function<void(int)> on_signal)
+    : signals_(context_, SIGINT, SIGTERM) {
+  signals_.async_wait(
+      [on_signal = std::move(on_signal)](const boost::system::error_code& error, int signal) {
+        if (!error) on_signal(signal);
+      });
+  thread_ = std::thread([this] { context_.run(); });
+}
+
+SignalThread::~SignalThread() {
+  context_.stop();
+  thread_.join();
 }
 
 }  // namespace interneuron

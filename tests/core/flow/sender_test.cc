@@ -131,6 +131,56 @@ TEST(Sender, IdlingSavesUpAMillisecondOnly) {
   EXPECT_GE(burst, 9);
 }
 
+// What leaves a path of 100 Mbit/s, paced at 125, for a message of 150 packets; the path's own
+// queue begins empty.
+struct Batches {
+  int count = 0;
+  Duration longest_pause{};
+  // How long the path had nothing to carry before the last packet came, and until when it carries.
+  Duration idle{};
+  TimePoint carried = at(0s);
+};
+Batches batches_of(Duration deadline, bool short_queue = false) {
+  Paths p;
+  PathView v = view(10ms, 100, true);
+  v.short_queue = short_queue;
+  p.sender.set_path(kA, v);
+  p.send(at(0s), at(deadline), 150, {kA});
+  Batches out;
+  TimePoint now = at(0s);
+  while (true) {
+    ++out.count;
+    while (const auto piece = p.sender.poll(now, kA)) {
+      out.idle += std::max<Duration>(now - out.carried, Duration::zero());
+      out.carried = std::max(out.carried, now) +
+                    DataRate::mbit(100).transmit_time(ip_bytes_of_piece(piece->bytes.size()));
+    }
+    const auto next = p.sender.next_send(kA);
+    if (!next) return out;
+    out.longest_pause = std::max<Duration>(out.longest_pause, *next - now);
+    now = *next;
+  }
+}
+
+TEST(Sender, PacketsLeaveInBatchesWithoutAPauseOfThePath) {
+  // The last packet of a batch overshoots.
+  const Duration air = DataRate::mbit(125).transmit_time(ip_bytes_of_piece(kChunk));
+  const Batches usual = batches_of(100ms);
+  EXPECT_LE(usual.count, 11);
+  EXPECT_LE(usual.longest_pause, 2ms + air);
+  EXPECT_EQ(usual.idle, 0ms);
+  // A twentieth of the time that the message has.
+  const Batches hasty = batches_of(20ms);
+  EXPECT_LE(hasty.longest_pause, 1ms + air);
+  EXPECT_EQ(hasty.idle, 0ms);
+  const Batches marked = batches_of(100ms, true);
+  EXPECT_LE(marked.longest_pause, 500us + air);
+  EXPECT_GE(marked.count, 20);
+  // The message is there at the same instant.
+  EXPECT_EQ(usual.carried, hasty.carried);
+  EXPECT_EQ(usual.carried, marked.carried);
+}
+
 TEST(Sender, TheTimerNeverSpins) {
   // What next_send() says is an instant at which poll() yields something, or the job is over.
   Paths p;

@@ -95,5 +95,107 @@ TEST(Sessions, KeysOfAesAreRenewedBeforeTheyHaveSealedAllTheyMay) {
   EXPECT_TRUE(two.opens(two.vehicle, two.sealed(two.road, ++number)));
 }
 
+constexpr std::uint8_t kShards = 3;
+
+// A unit of several shards, and hosts that ask it for sessions.
+struct Unit {
+  static constexpr int kRoad = 100;
+  TimePoint now{1h};
+  std::vector<int> hosts;
+  Sessions door;
+  std::vector<std::unique_ptr<Sessions>> shards;
+
+  explicit Unit(int count)
+      : hosts(numbers(count)),
+        door(*sim::security_of(kRoad, hosts), SessionId{22}, true, now, Ciphers{0},
+             Shard{kShards}) {
+    for (std::uint8_t i = 1; i <= kShards; ++i) {
+      shards.push_back(std::make_unique<Sessions>(*sim::security_of(kRoad, hosts, i), SessionId{22},
+                                                  true, now, Ciphers{0}, Shard{kShards, i}));
+    }
+  }
+  static std::vector<int> numbers(int count) {
+    std::vector<int> out;
+    for (int i = 1; i <= count; ++i) out.push_back(i);
+    return out;
+  }
+  std::unique_ptr<Sessions> host(int number, int life = 0) const {
+    auto out = std::make_unique<Sessions>(*sim::security_of(number, {kRoad}, life),
+                                          SessionId{static_cast<std::uint32_t>(900 + life)}, false,
+                                          now, Ciphers{0});
+    out->connect(now, kOwner, sim::key_of_host(kRoad));
+    return out;
+  }
+  Bytes initiation(Sessions& by, LinkId path = kPath) const {
+    EXPECT_TRUE(by.initiation_due(now, kOwner));
+    Bytes out(kMaxDatagramBytes);
+    out.resize(by.write_initiation(kOwner, path, out));
+    return out;
+  }
+  Sessions::Shaken ask(Sessions& of, const Bytes& packet) const {
+    return of.take_handshake(now, *wire::peek(packet), {kNic, {}, packet});
+  }
+};
+
+TEST(Sessions, TheDoorGivesEachKeyAShard) {
+  constexpr int kHosts = 2 * kShards;
+  Unit unit(kHosts);
+  for (int life = 0; life < 2; ++life) {
+    for (int host = 1; host <= kHosts; ++host) {
+      const auto vehicle = unit.host(host, life);
+      const Bytes asked = unit.initiation(*vehicle);
+      const auto shaken = unit.ask(unit.door, asked);
+      ASSERT_EQ(shaken.shard, (host - 1) % kShards + 1);
+      EXPECT_FALSE(unit.door.responder().next());
+      // A copy over another path goes there too, and the same one once more nowhere.
+      EXPECT_EQ(unit.ask(unit.door, unit.initiation(*vehicle, LinkId{7})).shard, shaken.shard);
+      EXPECT_EQ(unit.ask(unit.door, asked).shard, 0);
+      Sessions& shard = *unit.shards[shaken.shard - 1U];
+      EXPECT_TRUE(unit.ask(shard, asked).is_used);
+      const auto next = shard.responder().next();
+      ASSERT_TRUE(next);
+      EXPECT_EQ(shard_of_byte(static_cast<std::uint8_t>(next->index), kShards), shaken.shard);
+      Bytes told(kMaxDatagramBytes);
+      told.resize(shard.responder().write(told, {}));
+      EXPECT_TRUE(unit.ask(*vehicle, told).answered);
+    }
+  }
+}
+
+// What is let in is counted at the door, and the shards answer all that it hands on.
+TEST(Sessions, TheDoorAloneAsksForCookies) {
+  constexpr int kHosts = 90;
+  constexpr int kFreely = Responder::kFreely;
+  Unit unit(kHosts);
+  int handed_on = 0;
+  int cookies = 0;
+  for (int host = 1; host <= kHosts; ++host) {
+    const auto vehicle = unit.host(host);
+    const Bytes asked = unit.initiation(*vehicle);
+    const auto shaken = unit.ask(unit.door, asked);
+    if (shaken.shard == 0) {
+      cookies += shaken.is_used ? 1 : 0;
+      continue;
+    }
+    ++handed_on;
+    EXPECT_TRUE(unit.ask(*unit.shards[shaken.shard - 1U], asked).is_used);
+  }
+  EXPECT_NEAR(handed_on, kFreely, 1);
+  EXPECT_EQ(cookies, kHosts - handed_on);
+}
+
+TEST(Entropy, NumbersOfSessionsTellTheShard) {
+  Entropy entropy(sim::secret_key(3));
+  for (const unsigned number : {1U, 2U, 3U, 7U, 64U, 255U}) {
+    const auto count = static_cast<std::uint8_t>(number);
+    for (int i = 0; i < 50; ++i) {
+      const auto index = static_cast<std::uint8_t>(1 + i % count);
+      const std::uint32_t drawn = entropy.draw_index({count, index});
+      EXPECT_NE(drawn, 0U);
+      EXPECT_EQ(shard_of_byte(static_cast<std::uint8_t>(drawn), count), index);
+    }
+  }
+}
+
 }  // namespace
 }  // namespace interneuron::crypto::sessions_test

@@ -1,9 +1,8 @@
 // Many small messages at once cost few system calls: whatever the program asks of the kernel is
 // counted, by what the linker puts in the place of the functions that do so.
 #include <gtest/gtest.h>
-#include <sys/epoll.h>
+#include <poll.h>
 #include <sys/socket.h>
-#include <sys/timerfd.h>
 
 #include <algorithm>
 #include <chrono>
@@ -42,15 +41,10 @@ int __wrap_recvmmsg(int fd, mmsghdr* messages, unsigned count, int flags, timesp
   ++calls;
   return __real_recvmmsg(fd, messages, count, flags, time);
 }
-int __real_epoll_wait(int, epoll_event*, int, int);
-int __wrap_epoll_wait(int fd, epoll_event* events, int most, int time) {
+int __real_ppoll(pollfd*, nfds_t, const timespec*, const sigset_t*);
+int __wrap_ppoll(pollfd* handles, nfds_t count, const timespec* time, const sigset_t* mask) {
   ++calls;
-  return __real_epoll_wait(fd, events, most, time);
-}
-int __real_timerfd_settime(int, int, const itimerspec*, itimerspec*);
-int __wrap_timerfd_settime(int fd, int flags, const itimerspec* to, itimerspec* old) {
-  ++calls;
-  return __real_timerfd_settime(fd, flags, to, old);
+  return __real_ppoll(handles, count, time, mask);
 }
 }
 
