@@ -51,6 +51,9 @@ struct PathView {
   bool ect = false;
   // A fragment that has been in flight for so long without any acknowledgement is lost.
   Duration probe_timeout{};
+  // For how long the peer may hold back its reports beyond the usual, because its way back is slow.
+  // The timeout above contains it.
+  Duration report_spacing{};
   // What is expected of losses.
   code::Losses losses{};
 

@@ -169,7 +169,8 @@ bool Traffic::is_last(TimePoint now, const SendPath& path, const OutgoingMessage
     const Duration air = other.view.air_time(m.ip_bytes_of_piece());
     back = std::min<Duration>(back, other.view.one_way + air);
   }
-  const TimePoint told = now + 2 * path.view.one_way + kReportDelay;
+  const TimePoint told =
+      now + 2 * path.view.one_way + kReportDelay + path.view.report_spacing;
   if (told + back + kAgainMargin > m.aim) return true;
   // Behind a message of a round there is more to do: what is there by the deadline alone helps
   // none.

@@ -76,8 +76,8 @@ class Path {
   void learn_exchange(TimePoint now, PeerTime u, const wire::LinkReport& report);
   // Tells the schedule of probes what is believed now. Call it after anything that may have changed
   // that. `ready`: the peer has echoed our session on some path. `needed`: see
-  // link::ProbeSchedule::set_needed().
-  void refresh(TimePoint now, bool ready, DataRate needed);
+  // link::ProbeSchedule::set_needed(). `peer_spacing`: see Paths::peer_feedback_spacing().
+  void refresh(TimePoint now, bool ready, DataRate needed, Duration peer_spacing);
 
   // --- addresses
   // A packet of the peer came from another address. Whether that may be challenged: not so soon
@@ -92,7 +92,8 @@ class Path {
   // Whether a heartbeat is due; send it before the next call.
   bool heartbeat_due(TimePoint now) const { return probes.heartbeat_due(now); }
   // Whether a copy of feedback that leaves over another path, of so many bytes with its IP header,
-  // may go over this one: where messages arrive, nobody pays for bytes, and it is no backup.
+  // may go over this one: where messages arrive, nobody pays for bytes, and it is neither slow nor a
+  // backup.
   bool may_copy(std::size_t ip_bytes) const;
   // Whether a data-sized probe is due, be it of a train or to prove that the path delivers; send it
   // before the next call.
@@ -120,6 +121,7 @@ class Path {
                const flow::PathUse::Told& use);
   // Bytes cost one of the two sides something.
   bool is_paid() const { return nic_.traits.metered || peer_is_metered_; }
+  std::size_t window() const;
   code::Losses losses() const;
   std::optional<DataRate> capped(std::optional<DataRate> rate) const;
 

@@ -1,9 +1,12 @@
 #include "core/peers/paths.h"
 
 #include <algorithm>
+#include <optional>
+#include <tuple>
 #include <utility>
 
 #include "core/link/nature.h"
+#include "core/link/slow_link.h"
 
 namespace interneuron::peers {
 
@@ -53,11 +56,12 @@ const Path* Paths::reporter(const Path* first) const {
   const std::size_t size = wire::feedback_bytes(paths_.size()) + kIpUdpBytes;
   const Path* best = nullptr;
   // A path whose delay is not known yet ranks behind those that were measured, and so does one that
-  // is suspected.
-  const auto rank = [](const Path& p) {
+  // is suspected; and a slow path, over which less can be told, behind any that is not.
+  const auto rank = [size](const Path& p) {
     const Duration d = p.estimator.one_way();
-    return std::pair(p.estimator.path() != PathState::kOk,
-                     d > Duration::zero() ? d : Duration::max());
+    const DataRate rate = p.estimator.rate().value_or(DataRate{});
+    return std::tuple(p.estimator.path() != PathState::kOk, link::feedback_spacing(rate, size),
+                      d > Duration::zero() ? d : Duration::max());
   };
   for (const Path& path : paths_) {
     if (!path.estimator.up()) continue;
@@ -65,6 +69,33 @@ const Path* Paths::reporter(const Path* first) const {
     if (best == nullptr || rank(path) < rank(*best)) best = &path;
   }
   return best;
+}
+
+namespace {
+
+// The spacing over the path that is the soonest to tell anything by it.
+template <class RateOf>
+Duration least_spacing(const Paths& paths, const RateOf& rate_of) {
+  const std::size_t size = wire::feedback_bytes(paths.size()) + kIpUdpBytes;
+  std::optional<Duration> least;
+  for (const Path& path : paths) {
+    if (!path.estimator.up()) continue;
+    const Duration spacing = link::feedback_spacing(rate_of(path.estimator), size);
+    if (!least || spacing < *least) least = spacing;
+  }
+  return least.value_or(Duration::zero());
+}
+
+}  // namespace
+
+Duration Paths::feedback_spacing() const {
+  return least_spacing(*this, [](const link::LinkEstimator& path) {
+    return path.rate().value_or(DataRate{});
+  });
+}
+
+Duration Paths::peer_feedback_spacing() const {
+  return least_spacing(*this, [](const link::LinkEstimator& path) { return path.rate_down(); });
 }
 
 bool Paths::note_changes(Path& path) {

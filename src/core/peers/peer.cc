@@ -237,10 +237,12 @@ void Peer::refresh(TimePoint now) {
 // Returns whether the state of a path has changed, and adds those paths.
 bool Peer::look_again(TimePoint now, std::vector<LinkId>& changed) {
   const DataRate needed = sender_.needed();
+  const Duration peer_spacing = paths_.peer_feedback_spacing();
+  intake_.feedback.keep_apart(paths_.feedback_spacing());
   for (Path& path : paths_) {
     path.estimator.set_last_usable(std::ranges::none_of(
         paths_, [&path](const Path& p) { return p.id() != path.id() && p.estimator.up(); }));
-    path.refresh(now, session_.ready, needed);
+    path.refresh(now, session_.ready, needed, peer_spacing);
     sender_.set_path(path.id(), path.view(now));
     sender_.resize(now, path.id(), path.datagram());
   }

@@ -26,6 +26,8 @@ TransmitParts Peer::send_feedback(TimePoint now, Path& path, std::span<const Pat
   const std::size_t size = wire::write_feedback(
       buffer, header(now, path, wire::PacketType::kFeedback, number), feedback);
   path.sent_feedback(now);
+  // A heartbeat over a slow path that is the only one has told all that there is.
+  if (about_all && intake_.feedback.apart() > Duration::zero()) intake_.feedback.sent(now);
   return {path.nic().link, path.address(), size};
 }
 
