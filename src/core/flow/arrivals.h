@@ -64,6 +64,8 @@ class PathReceiver {
     TimePoint first{};
     TimePoint last{};
     Duration longest_gap{};
+    // The most that a byte of any packet after the first took to arrive.
+    double most_ns_per_byte = 0;
     void begin(TimePoint now, std::uint64_t number);
     void add(TimePoint now, std::size_t ip_bytes);
     Duration mean_gap() const { return packets > 1 ? (last - first) / (packets - 1) : Duration{}; }

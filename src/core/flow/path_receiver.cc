@@ -31,6 +31,11 @@ constexpr Duration kTold = std::chrono::milliseconds(5);
 // Data that come so long after the last packet of a train of probes are no part of it: messages may
 // wait in the same queue as probes, but a sender that is not held up is done with both at once.
 constexpr Duration kProbePause = std::chrono::milliseconds(1);
+// Where the last packet of a few is short, its gap is: they come evenly all the same where no byte
+// took longer than this times the mean, which is what the rule for packets of one size allows three
+// of them.
+constexpr double kEven = 4.0 / 3;
+constexpr std::uint32_t kLeastEven = 3;
 // When so many packets behind a gap came within half of it, that gap was a pause before a train and
 // no part of one. No measurement behind this value: it only has to be more than what a slow link
 // may bring at once.
@@ -85,13 +90,15 @@ bool PathReceiver::accept(TimePoint now, std::uint64_t number, Role role, std::s
 }
 
 void PathReceiver::Train::begin(TimePoint now, std::uint64_t number) {
-  *this = {.start = number, .packets = 1, .bytes = 0, .first = now, .last = now, .longest_gap = {}};
+  *this = {.start = number, .packets = 1, .first = now, .last = now};
 }
 
 void PathReceiver::Train::add(TimePoint now, std::size_t ip_bytes) {
   ++packets;
   bytes += ip_bytes;
   longest_gap = std::max<Duration>(longest_gap, now - last);
+  const double ns = static_cast<double>(Duration(now - last).count());
+  most_ns_per_byte = std::max(most_ns_per_byte, ns / static_cast<double>(ip_bytes));
   last = now;
 }
 
@@ -107,7 +114,9 @@ bool PathReceiver::Train::ends(TimePoint now) const {
 }
 
 bool PathReceiver::Train::even() const {
-  return packets >= kToldPackets || 3 * longest_gap <= 2 * (last - first);
+  if (packets >= kToldPackets || 3 * longest_gap <= 2 * (last - first)) return true;
+  const double ns = static_cast<double>(Duration(last - first).count());
+  return packets >= kLeastEven && most_ns_per_byte * static_cast<double>(bytes) <= kEven * ns;
 }
 
 void PathReceiver::note_delay(TimePoint now, std::uint32_t stamp_us) {

@@ -74,7 +74,7 @@ std::size_t SendPath::before_again(const OutgoingMessage& m) const {
 }
 
 Duration SendPath::queue_at(DataRate rate) const {
-  return std::max<Duration>(rate.transmit_time(sent.bytes_in_flight()) - 2 * view.least_one_way,
+  return std::max<Duration>(rate.transmit_time(sent.bytes_in_flight()) - told_after(),
                             Duration::zero());
 }
 
@@ -96,7 +96,7 @@ Duration SendPath::least_time(std::size_t ip_bytes, bool begun) const {
   const Duration air = std::min<Duration>(view.soon->transmit_time(ip_bytes), kNever);
   // What is in flight beyond an empty path waits before it.
   const Duration queue = std::clamp<Duration>(
-      view.soon->transmit_time(sent.bytes_in_flight()) - 2 * view.least_one_way, Duration::zero(),
+      view.soon->transmit_time(sent.bytes_in_flight()) - told_after(), Duration::zero(),
       kLongestQueue);
   const Duration margin =
       begun ? Duration::zero() : std::max<Duration>(kLeastMargin, air / kMarginDivisor);

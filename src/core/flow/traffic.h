@@ -88,6 +88,8 @@ struct SendPath {
   std::size_t bulk_window() const;
   // How long what is in flight beyond an empty path of this rate waits in a queue.
   Duration queue_at(DataRate rate) const;
+  // What has left within so long may have arrived and not be told of: in flight it is no queue.
+  Duration told_after() const { return 2 * view.least_one_way + view.report_spacing; }
 };
 
 // The messages that a sender keeps until they are acknowledged or their time is over. A message is
