@@ -48,6 +48,8 @@ class PathReceiver {
   wire::LinkReport report(TimePoint now) const;
   // A packet with data or padding was accepted that carried this stamp.
   void note_delay(TimePoint now, std::uint32_t stamp_us);
+  // The packet that came last is the last of its message.
+  void message_ends();
   // The largest number that has come in; 0 before the first.
   std::uint64_t largest() const { return largest_; }
   // Whether a packet number was skipped since reported() was called.
@@ -66,6 +68,8 @@ class PathReceiver {
     Duration longest_gap{};
     // The most that a byte of any packet after the first took to arrive.
     double most_ns_per_byte = 0;
+    // Nothing that comes later belongs to it.
+    bool closed = false;
     void begin(TimePoint now, std::uint64_t number);
     void add(TimePoint now, std::size_t ip_bytes);
     Duration mean_gap() const { return packets > 1 ? (last - first) / (packets - 1) : Duration{}; }

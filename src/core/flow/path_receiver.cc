@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "core/link/path_ecn.h"
+#include "core/link/slow_link.h"
 
 namespace interneuron::flow {
 namespace {
@@ -103,7 +104,7 @@ void PathReceiver::Train::add(TimePoint now, std::size_t ip_bytes) {
 }
 
 bool PathReceiver::Train::ends(TimePoint now) const {
-  if (packets == 0) return true;
+  if (packets == 0 || closed) return true;
   const Duration gap = now - last;
   if (gap > kLongestGap) return true;
   const Duration length = now - first;
@@ -117,6 +118,12 @@ bool PathReceiver::Train::even() const {
   if (packets >= kToldPackets || 3 * longest_gap <= 2 * (last - first)) return true;
   const double ns = static_cast<double>(Duration(last - first).count());
   return packets >= kLeastEven && most_ns_per_byte * static_cast<double>(bytes) <= kEven * ns;
+}
+
+// Over a slow path messages follow each other so closely that no pause between them is longer than
+// four of their gaps: one train would go on over several of them and show what was sent.
+void PathReceiver::message_ends() {
+  train_.closed = train_.even() && link::is_slow(rate_of(train_.bytes, train_.last - train_.first));
 }
 
 void PathReceiver::note_delay(TimePoint now, std::uint32_t stamp_us) {

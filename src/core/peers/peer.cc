@@ -131,6 +131,7 @@ Peer::Outcome Peer::handle(TimePoint now, const wire::Packet& packet, const Data
   if (is_window) intake_.remember(now, packet.window, room);
   if (packet.header.type != wire::PacketType::kData) return outcome;
   if (take_piece(now, packet.data, room, outcome)) intake_.remember(packet.data);
+  if (outcome.message) path.receiver.message_ends();
   return outcome;
 }
 
