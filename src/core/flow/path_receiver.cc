@@ -4,7 +4,7 @@
 #include <algorithm>
 
 #include "core/link/path_ecn.h"
-#include "core/link/slow_link.h"
+#include "core/base/slow_link.h"
 
 namespace interneuron::flow {
 namespace {
@@ -123,7 +123,7 @@ bool PathReceiver::Train::even() const {
 // Over a slow path messages follow each other so closely that no pause between them is longer than
 // four of their gaps: one train would go on over several of them and show what was sent.
 void PathReceiver::message_ends() {
-  train_.closed = train_.even() && link::is_slow(rate_of(train_.bytes, train_.last - train_.first));
+  train_.closed = train_.even() && is_slow(rate_of(train_.bytes, train_.last - train_.first));
 }
 
 void PathReceiver::note_delay(TimePoint now, std::uint32_t stamp_us) {

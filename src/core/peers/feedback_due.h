@@ -49,7 +49,7 @@ class FeedbackDue {
     apart_ = apart;
   }
   // Feedback leaves at least so far apart, whatever is to be told: what it leaves over is slow
-  // (src/core/link/slow_link.h).
+  // (src/core/base/slow_link.h).
   void keep_apart(Duration apart) { apart_ = apart; }
   Duration apart() const { return apart_; }
   // There is something to tell that no packet has brought about.

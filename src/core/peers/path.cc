@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "core/base/earliest.h"
-#include "core/link/slow_link.h"
+#include "core/base/slow_link.h"
 
 namespace interneuron::peers {
 namespace {
@@ -197,7 +197,7 @@ void Path::refresh(TimePoint now, bool ready, DataRate needed, Duration peer_spa
 }
 
 bool Path::may_copy(std::size_t ip_bytes) const {
-  const bool slow = link::is_slow(estimator.rate().value_or(DataRate{}));
+  const bool slow = is_slow(estimator.rate().value_or(DataRate{}));
   return !slow && copy_credit_ >= static_cast<double>(ip_bytes) && !is_paid() &&
          nic_.traits.role == LinkRole::kNormal;
 }

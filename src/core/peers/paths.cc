@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "core/link/nature.h"
-#include "core/link/slow_link.h"
+#include "core/base/slow_link.h"
 
 namespace interneuron::peers {
 
@@ -60,7 +60,7 @@ const Path* Paths::reporter(const Path* first) const {
   const auto rank = [size](const Path& p) {
     const Duration d = p.estimator.one_way();
     const DataRate rate = p.estimator.rate().value_or(DataRate{});
-    return std::tuple(p.estimator.path() != PathState::kOk, link::feedback_spacing(rate, size),
+    return std::tuple(p.estimator.path() != PathState::kOk, spacing_over(rate, size),
                       d > Duration::zero() ? d : Duration::max());
   };
   for (const Path& path : paths_) {
@@ -80,7 +80,7 @@ Duration least_spacing(const Paths& paths, const RateOf& rate_of) {
   std::optional<Duration> least;
   for (const Path& path : paths) {
     if (!path.estimator.up()) continue;
-    const Duration spacing = link::feedback_spacing(rate_of(path.estimator), size);
+    const Duration spacing = spacing_over(rate_of(path.estimator), size);
     if (!least || spacing < *least) least = spacing;
   }
   return least.value_or(Duration::zero());

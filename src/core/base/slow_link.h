@@ -7,7 +7,7 @@
 
 #include "interneuron/units.h"
 
-namespace interneuron::link {
+namespace interneuron {
 
 // A link that is believed to carry less is slow. Feedback every 5 ms (src/core/peers/feedback_due.h)
 // is a seventh of it.
@@ -25,9 +25,9 @@ constexpr bool is_slow(DataRate rate) { return rate > DataRate{} && rate < kSlow
 
 // How far apart feedback of so many bytes, with IP headers, leaves over a link of this rate at the
 // least; zero: nothing holds it back.
-constexpr Duration feedback_spacing(DataRate rate, std::size_t ip_bytes) {
+constexpr Duration spacing_over(DataRate rate, std::size_t ip_bytes) {
   if (!is_slow(rate)) return Duration::zero();
   return std::min(rate.scaled(kFeedbackShare).transmit_time(ip_bytes), kLongestFeedbackSpacing);
 }
 
-}  // namespace interneuron::link
+}  // namespace interneuron
