@@ -47,6 +47,8 @@ struct PathView {
   std::size_t window = SIZE_MAX;
   // The path carries all it can: what is in flight beyond an empty path waits in a queue.
   bool loaded = false;
+  // All of it, and not our share alone, is little (src/core/base/slow_link.h).
+  bool slow = false;
   // What is data-sized leaves with ECT.
   bool ect = false;
   // A fragment that has been in flight for so long without any acknowledgement is lost.

@@ -125,6 +125,17 @@ std::size_t Traffic::piece_bytes(const PathList& plan, const PathSet& repairing)
   return datagram - kPieceOverheadBytes;
 }
 
+namespace {
+
+// Whether nothing is queued or in flight on a path but what it has of this message.
+bool is_alone(const SendPath& path, const Job& job, const OutgoingMessage& m) {
+  const std::size_t pieces = m.count + m.symbols.size();
+  const std::size_t gone = pieces - std::min(pieces, job.pieces());
+  return path.jobs.size() == 1 && path.sent.bytes_in_flight() <= gone * m.ip_bytes_of_piece();
+}
+
+}  // namespace
+
 bool Traffic::can_arrive(TimePoint now, const SendPath& path, const Job& job,
                          const OutgoingMessage& m) const {
   // What comes too late over a path with room takes nothing from anybody, and tells the guard at
@@ -138,6 +149,8 @@ bool Traffic::can_arrive(TimePoint now, const SendPath& path, const Job& job,
   const Duration early = makes_way ? kYieldsBefore : Duration::zero();
   // A path on which nothing is under way may have become faster since; only what it is given tells.
   const bool is_idle = path.sent.bytes_in_flight() == 0 && path.jobs.size() == 1;
+  // A slow one that nothing else waits for would be given nothing by which more could be believed.
+  if (path.view.slow && !m.alternative && is_alone(path, job, m)) return true;
   const bool tries = is_idle && !m.alternative && !m.symbol_paths.empty();
   const Duration hoped = tries ? least / kIdleOptimism * 2 : least;
   return now + hoped + early <= m.deadline + m.doubt;

@@ -301,6 +301,7 @@ flow::PathView Path::view(TimePoint now) const {
   view.report_spacing = estimator.feedback_spacing();
   view.window = window();
   view.loaded = share_.loaded(now);
+  view.slow = is_slow(estimator.rate().value_or(DataRate{}));
   view.one_way = estimator.one_way();
   view.least_one_way = estimator.rtt_min(now) / 2;
   view.ect = ecn_.bits() != link::kNotEct;

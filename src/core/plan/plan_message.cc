@@ -35,7 +35,7 @@ Plan over_every_link(const Policy& policy, const Offer& offer, std::span<const L
   const std::size_t bytes = offer.variant_bytes.front();
   const DataRate cheap = rate_floor(offer.qos, wire_size(bytes)).scaled(1 / kCopyShare);
   const auto is_dear = [cheap](const LinkState& link) {
-    return is_slow(link.usable_rate()) && link.usable_rate() < cheap;
+    return is_slow(link.rate) && link.usable_rate() < cheap;
   };
   Plan plan;
   const LinkState* soonest = nullptr;
