@@ -77,7 +77,7 @@ class Path {
   // Tells the schedule of probes what is believed now. Call it after anything that may have changed
   // that. `ready`: the peer has echoed our session on some path. `needed`: see
   // link::ProbeSchedule::set_needed(). `peer_spacing`: see Paths::peer_feedback_spacing().
-  void refresh(TimePoint now, bool ready, DataRate needed, Duration peer_spacing);
+  void refresh(TimePoint now, bool ready, DataRate needed, Duration peer_spacing = {});
 
   // --- addresses
   // A packet of the peer came from another address. Whether that may be challenged: not so soon
