@@ -9,8 +9,8 @@
 
 namespace interneuron {
 
-// A link that is believed to carry less is slow. Feedback every 5 ms (src/core/peers/feedback_due.h)
-// is a seventh of it.
+// A link that is believed to carry less is slow. Feedback every 5 ms
+// (src/core/peers/feedback_due.h) is a seventh of it.
 inline constexpr DataRate kSlow{2'000'000};
 // The share of a slow link that feedback takes at most. With it a link of 0.35 Mbit/s that carries
 // results of 3 KB at 10 Hz, which are three quarters of it, is asked for less than it has

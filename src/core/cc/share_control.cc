@@ -225,7 +225,8 @@ void ShareControl::decide(TimePoint now) {
 // What a burst of ours of a few packets waits for itself, which is no sign of others: next to
 // nothing but on a slow path, where one packet takes as long as the target.
 Duration ShareControl::burst() const {
-  return std::min<Duration>(capacity_.transmit_time(kBurstPackets * kMaxPacketBytes), kLongestBurst);
+  return std::min<Duration>(capacity_.transmit_time(kBurstPackets * kMaxPacketBytes),
+                            kLongestBurst);
 }
 
 // The rate falls no further for a queue, unless it is ours to drain.

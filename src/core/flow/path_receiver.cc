@@ -3,8 +3,9 @@
 
 #include <algorithm>
 
-#include "core/link/path_ecn.h"
 #include "core/base/slow_link.h"
+#include "core/link/path_ecn.h"
+#include "interneuron/sizes.h"
 
 namespace interneuron::flow {
 namespace {
@@ -121,9 +122,12 @@ bool PathReceiver::Train::even() const {
 }
 
 // Over a slow path messages follow each other so closely that no pause between them is longer than
-// four of their gaps: one train would go on over several of them and show what was sent.
+// four of their gaps: one train would go on over several of them and show what was sent. So would
+// one of small packets, wherever it ended.
 void PathReceiver::message_ends() {
-  train_.closed = train_.even() && is_slow(rate_of(train_.bytes, train_.last - train_.first));
+  const bool is_large = 2 * train_.bytes >= kMaxPacketBytes * (train_.packets - 1);
+  train_.closed =
+      is_large && train_.even() && is_slow(rate_of(train_.bytes, train_.last - train_.first));
 }
 
 void PathReceiver::note_delay(TimePoint now, std::uint32_t stamp_us) {

@@ -95,9 +95,9 @@ Duration SendPath::least_time(std::size_t ip_bytes, bool begun) const {
   if (!view.soon) return Duration::zero();
   const Duration air = std::min<Duration>(view.soon->transmit_time(ip_bytes), kNever);
   // What is in flight beyond an empty path waits before it.
-  const Duration queue = std::clamp<Duration>(
-      view.soon->transmit_time(sent.bytes_in_flight()) - told_after(), Duration::zero(),
-      kLongestQueue);
+  const Duration queue =
+      std::clamp<Duration>(view.soon->transmit_time(sent.bytes_in_flight()) - told_after(),
+                           Duration::zero(), kLongestQueue);
   const Duration margin =
       begun ? Duration::zero() : std::max<Duration>(kLeastMargin, air / kMarginDivisor);
   return queue + air + view.least_one_way + margin;
@@ -182,8 +182,7 @@ bool Traffic::is_last(TimePoint now, const SendPath& path, const OutgoingMessage
     const Duration air = other.view.air_time(m.ip_bytes_of_piece());
     back = std::min<Duration>(back, other.view.one_way + air);
   }
-  const TimePoint told =
-      now + 2 * path.view.one_way + kReportDelay + path.view.report_spacing;
+  const TimePoint told = now + 2 * path.view.one_way + kReportDelay + path.view.report_spacing;
   if (told + back + kAgainMargin > m.aim) return true;
   // Behind a message of a round there is more to do: what is there by the deadline alone helps
   // none.

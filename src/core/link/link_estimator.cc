@@ -84,9 +84,9 @@ void LinkEstimator::handle_timeout(TimePoint now) {
 }
 
 void LinkEstimator::refresh_pace(TimePoint now) {
-  machine_.set_pace(now, {rtt_.smoothed(), rtt_.variation(),
-                          std::max(queue_up_.left(now), queue_down_.left(now)), heartbeat_,
-                          feedback_spacing_});
+  machine_.set_pace(
+      now, {rtt_.smoothed(), rtt_.variation(), std::max(queue_up_.left(now), queue_down_.left(now)),
+            heartbeat_, feedback_spacing_});
 }
 
 ProbeSchedule::RateEvidence LinkEstimator::rate_evidence() const {

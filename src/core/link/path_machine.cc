@@ -129,9 +129,9 @@ TimePoint PathMachine::suspect_at() const {
   if (!waiting_.any()) return idle;
   // While acknowledgements come in, packets that are late wait in a queue and are no sign of
   // trouble.
-  const TimePoint loaded = std::max(waiting_.since() + after_.suspect,
-                                    acknowledged_at_ + std::max(kSuspectFloor, pace_.srtt / 2) +
-                                        pace_.feedback);
+  const TimePoint loaded =
+      std::max(waiting_.since() + after_.suspect,
+               acknowledged_at_ + std::max(kSuspectFloor, pace_.srtt / 2) + pace_.feedback);
   return std::min(idle, loaded);
 }
 

@@ -53,9 +53,7 @@ class FeedbackDue {
   void keep_apart(Duration apart) { apart_ = apart; }
   Duration apart() const { return apart_; }
   // There is something to tell that no packet has brought about.
-  void has_news(TimePoint now) {
-    plan(now + kDelay);
-  }
+  void has_news(TimePoint now) { plan(now + kDelay); }
   // Not everything that is to be told found room in what was sent.
   void again(TimePoint now) { plan(now); }
   bool is_due(TimePoint now) const { return at_ && *at_ <= now; }

@@ -94,6 +94,15 @@ bool Path::may_challenge(TimePoint now) {
   return true;
 }
 
+DataRate Path::slow_rate() const {
+  const DataRate rate = estimator.rate().value_or(DataRate{});
+  return !is_paid() && is_slow(rate) ? rate : DataRate{};
+}
+
+DataRate Path::peer_slow_rate() const {
+  return !is_paid() && is_slow(estimator.rate_down()) ? estimator.rate_down() : DataRate{};
+}
+
 bool Path::usable() const {
   return estimator.path() == PathState::kOk || estimator.path() == PathState::kSuspect;
 }
@@ -197,8 +206,7 @@ void Path::refresh(TimePoint now, bool ready, DataRate needed, Duration peer_spa
 }
 
 bool Path::may_copy(std::size_t ip_bytes) const {
-  const bool slow = is_slow(estimator.rate().value_or(DataRate{}));
-  return !slow && copy_credit_ >= static_cast<double>(ip_bytes) && !is_paid() &&
+  return slow_rate() == DataRate{} && copy_credit_ >= static_cast<double>(ip_bytes) && !is_paid() &&
          nic_.traits.role == LinkRole::kNormal;
 }
 
@@ -301,7 +309,7 @@ flow::PathView Path::view(TimePoint now) const {
   view.report_spacing = estimator.feedback_spacing();
   view.window = window();
   view.loaded = share_.loaded(now);
-  view.slow = is_slow(estimator.rate().value_or(DataRate{}));
+  view.slow = slow_rate() > DataRate{};
   view.one_way = estimator.one_way();
   view.least_one_way = estimator.rtt_min(now) / 2;
   view.ect = ecn_.bits() != link::kNotEct;

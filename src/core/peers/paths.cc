@@ -5,8 +5,8 @@
 #include <tuple>
 #include <utility>
 
-#include "core/link/nature.h"
 #include "core/base/slow_link.h"
+#include "core/link/nature.h"
 
 namespace interneuron::peers {
 
@@ -59,8 +59,7 @@ const Path* Paths::reporter(const Path* first) const {
   // is suspected; and a slow path, over which less can be told, behind any that is not.
   const auto rank = [size](const Path& p) {
     const Duration d = p.estimator.one_way();
-    const DataRate rate = p.estimator.rate().value_or(DataRate{});
-    return std::tuple(p.estimator.path() != PathState::kOk, spacing_over(rate, size),
+    return std::tuple(p.estimator.path() != PathState::kOk, spacing_over(p.slow_rate(), size),
                       d > Duration::zero() ? d : Duration::max());
   };
   for (const Path& path : paths_) {
@@ -80,7 +79,7 @@ Duration least_spacing(const Paths& paths, const RateOf& rate_of) {
   std::optional<Duration> least;
   for (const Path& path : paths) {
     if (!path.estimator.up()) continue;
-    const Duration spacing = spacing_over(rate_of(path.estimator), size);
+    const Duration spacing = spacing_over(rate_of(path), size);
     if (!least || spacing < *least) least = spacing;
   }
   return least.value_or(Duration::zero());
@@ -89,13 +88,11 @@ Duration least_spacing(const Paths& paths, const RateOf& rate_of) {
 }  // namespace
 
 Duration Paths::feedback_spacing() const {
-  return least_spacing(*this, [](const link::LinkEstimator& path) {
-    return path.rate().value_or(DataRate{});
-  });
+  return least_spacing(*this, [](const Path& path) { return path.slow_rate(); });
 }
 
 Duration Paths::peer_feedback_spacing() const {
-  return least_spacing(*this, [](const link::LinkEstimator& path) { return path.rate_down(); });
+  return least_spacing(*this, [](const Path& path) { return path.peer_slow_rate(); });
 }
 
 bool Paths::note_changes(Path& path) {

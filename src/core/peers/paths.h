@@ -63,8 +63,8 @@ class Paths {
   const Path* reporter(const Path* first = nullptr) const;
 
   // How far apart feedback leaves here at the least, and the peer's there: longer than at once only
-  // where the way of either is slow (src/core/base/slow_link.h). Both sides know both rates, but for
-  // what is just being told, so that each knows how long the other may hold back its feedback.
+  // where the way of either is slow (src/core/base/slow_link.h). Both sides know both rates, but
+  // for what is just being told, so that each knows how long the other may hold back its feedback.
   Duration feedback_spacing() const;
   Duration peer_feedback_spacing() const;
 

@@ -288,7 +288,8 @@ Links Peer::links_behind_queue(TimePoint now) const {
   Links out = links(now);
   for (LinkState& link : out) {
     if (!is_slow(link.rate)) continue;
-    const std::size_t bytes = sender_.queued_before(link.id, TimePoint::max(), flow::kUsualImportance);
+    const std::size_t bytes =
+        sender_.queued_before(link.id, TimePoint::max(), flow::kUsualImportance);
     link.queue_up += link.usable_rate().transmit_time(bytes);
   }
   return out;
