@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "core/base/earliest.h"
+#include "core/base/slow_link.h"
 #include "core/base/water_filling.h"
 #include "interneuron/sizes.h"
 
@@ -120,6 +121,17 @@ void add_stand_bys(Itinerary& kept, const Itinerary& planned, std::size_t varian
 }
 
 }  // namespace
+
+Links links_behind_queue(TimePoint now, const peers::Peer& peer) {
+  Links out = peer.links(now);
+  for (LinkState& link : out) {
+    if (!is_slow(link.rate)) continue;
+    const std::size_t bytes =
+        peer.sender().queued_before(link.id, TimePoint::max(), flow::kUsualImportance);
+    link.queue_up += link.usable_rate().transmit_time(bytes);
+  }
+  return out;
+}
 
 Routes routes_of(TimePoint now, const peers::Peer& peer, const Itinerary& planned,
                  std::span<const LinkState> links, std::span<const std::size_t> sizes,

@@ -44,6 +44,9 @@ struct Routes {
   std::optional<First> first;
 };
 
+// The links to a peer, where what waits here for a slow one counts as a queue of that link.
+Links links_behind_queue(TimePoint now, const peers::Peer& peer);
+
 // Judges each transmission of a plan, in the order of the variants, so that each waits for those
 // before it on the same link. The links of the plan are among `links`; `sizes` are those of the
 // variants, in bytes.

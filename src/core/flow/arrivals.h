@@ -68,7 +68,6 @@ class PathReceiver {
     Duration longest_gap{};
     // The most that a byte of any packet after the first took to arrive.
     double most_ns_per_byte = 0;
-    // Nothing that comes later belongs to it.
     bool closed = false;
     void begin(TimePoint now, std::uint64_t number);
     void add(TimePoint now, std::size_t ip_bytes);
@@ -119,7 +118,6 @@ class Receipts {
   // Feedback about all paths comes 5 ms after a packet at the latest
   // (src/core/peers/feedback_due.h), so that this is the time of three.
   static constexpr Duration kLeftOver = std::chrono::milliseconds(20);
-
   void complete(TimePoint now, MessageId message) { add(complete_, now, message); }
   // This message, which is complete, was dropped: it was too late, or of a channel on which a newer
   // one was delivered.
@@ -162,12 +160,9 @@ class Receipts {
   }
 
  private:
-  // No measurement behind this value: it only has to make it rare that all tellings are lost,
-  // which is one in a thousand where every tenth packet is.
+  // All of them are lost once in a thousand where every tenth packet is.
   static constexpr std::uint32_t kTellings = 3;
-
-  // Messages of one piece that may come between two packets of feedback: what a system call takes
-  // in at once (64), four times.
+  // Messages of one piece between two packets of feedback: four system calls of 64 packets.
   static constexpr std::size_t kMost = 256;
 
   struct Entry {
@@ -198,7 +193,6 @@ class Receipts {
     }
     std::erase_if(entries, [](const Entry& entry) { return entry.left == 0; });
   }
-
   std::deque<Entry> complete_;
   std::deque<Entry> refused_;
 };

@@ -3,7 +3,6 @@
 #include <algorithm>
 
 #include "core/base/earliest.h"
-#include "core/base/slow_link.h"
 
 namespace interneuron::peers {
 namespace {
@@ -283,17 +282,6 @@ std::optional<TimePoint> Peer::next_timeout(TimePoint now) const {
 }
 
 // --- getters
-
-Links Peer::links_behind_queue(TimePoint now) const {
-  Links out = links(now);
-  for (LinkState& link : out) {
-    if (!is_slow(link.rate)) continue;
-    const std::size_t bytes =
-        sender_.queued_before(link.id, TimePoint::max(), flow::kUsualImportance);
-    link.queue_up += link.usable_rate().transmit_time(bytes);
-  }
-  return out;
-}
 
 Peer::Repairs Peer::repairs(LinkId nic) const {
   Repairs sum;

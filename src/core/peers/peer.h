@@ -110,8 +110,6 @@ class Peer {
   void want(TimePoint now, DataRate rate) { paths_.want(now, rate); }
   // See Paths::states().
   Links links(TimePoint now) const { return paths_.states(now, identity_.encrypted); }
-  // The same, where what waits here for a slow link counts as a queue of the link.
-  Links links_behind_queue(TimePoint now) const;
   std::optional<guard::ClockView> clock(TimePoint now) { return session_.clock.view(now); }
   const Identity& identity() const { return identity_; }
   bool ready() const { return session_.ready; }
