@@ -65,6 +65,9 @@ class LinkEstimator {
   // The slower of the rates of both directions that were measured, one of them by the peer; zero:
   // of none. The peer knows it as well, but for what is just being told.
   DataRate slower_rate() const;
+  // See RateEstimator::best() and guessed_at().
+  std::optional<DataRate> best_rate() const { return rate_.best(); }
+  TimePoint guessed_at() const { return rate_.guessed_at(); }
   // See RateEstimator::guess().
   std::optional<DataRate> rate_guess() const { return rate_.guess(); }
   std::optional<DataRate> pace() const { return rate_.pace(); }
