@@ -21,7 +21,7 @@ class Camera : public Duo {
   void change(Duration at, std::uint8_t link, const std::string& what) {
     world.at(at, [this, link, what] {
       world.change(world.wire_of(LinkId{link}),
-                   std::get<emu::LinkChange>(emu::parse_change(std::vector{what})));
+                   std::get<emu::LinkChange>(emu::parse_change(std::vector<std::string>{what})));
     });
   }
   // Those that were sent in [from, until).
@@ -29,6 +29,9 @@ class Camera : public Duo {
     return static_cast<std::size_t>(
         std::ranges::count_if(refused_, [&](Duration t) { return t >= from && t < until; }));
   }
+
+ protected:
+  void handle(HostId, Event&&) override {}
 
  private:
   void send_at(Duration t) {
