@@ -72,11 +72,6 @@ class Peer {
   // Returns how many incomplete messages were given up.
   std::size_t handle_timeout(TimePoint now);
   std::optional<TimePoint> next_timeout(TimePoint now) const;
-  // Whether a part of a message may leave over this path now.
-  bool may_send(TimePoint now, const Path& path) const {
-    const auto at = sender_.next_send(path.id());
-    return at && *at <= now;
-  }
   // Write the next packet that may leave now into `buffer` of at least kMaxDatagramBytes: feedback,
   // over whichever NIC is best; or a probe or data over this NIC.
   std::optional<TransmitParts> poll_feedback(TimePoint now, std::span<std::byte> buffer);

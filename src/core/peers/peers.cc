@@ -274,7 +274,8 @@ std::optional<TransmitParts> Peers::poll(TimePoint now, std::span<std::byte> buf
       turns_.sent(transmit->size() + kIpUdpBytes);
       // What has left may have made symbols for a path that had nothing to send before.
       for (const Path& path : entry.peer.paths()) {
-        if (entry.peer.may_send(now, path)) turns_.add(turn->peer, path.nic().link);
+        const auto at = entry.peer.sender().next_send(path.id());
+        if (at && *at <= now) turns_.add(turn->peer, path.nic().link);
       }
       if (const auto out = gate_.seal_for(now, entry.slot, *transmit, buffer)) return count(*out);
       continue;
