@@ -37,11 +37,10 @@ constexpr Duration kProbePause = std::chrono::milliseconds(1);
 constexpr std::uint32_t kTailPackets = 4;
 
 // A gap between packets that left at once is the link's, which is not granted all the time, where
-// it is longer than the first of these; grants are at most the second apart, and a longer gap is no
-// grant's. A radio is granted every 1 to 40 ms (docs/constants.md, "Rate of a link"); no
-// measurement behind these values, which leave room on both sides.
+// it is longer than the first of these; grants are at most the second apart, and what is longer is
+// no grant's, but a stall of the radio (docs/constants.md, "Rate of a link").
 constexpr Duration kLeastUngranted = std::chrono::milliseconds(2);
-constexpr Duration kLongestUngranted = std::chrono::milliseconds(60);
+constexpr Duration kLongestUngranted = std::chrono::milliseconds(25);
 
 void shift_left(wire::AckBitmap& bitmap, std::uint64_t by) {
   if (by >= wire::kAckWindow) {
