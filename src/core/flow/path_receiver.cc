@@ -43,6 +43,12 @@ constexpr std::uint32_t kLeastEven = 3;
 // may bring at once.
 constexpr std::uint32_t kTailPackets = 4;
 
+// A gap between packets that left at once is the link's, which is not granted all the time, where
+// it is longer than the first of these; grants are at most the second apart, and what is longer is
+// no grant's, but a stall of the radio (docs/constants.md, "Rate of a link").
+constexpr Duration kLeastUngranted = std::chrono::milliseconds(2);
+constexpr Duration kLongestUngranted = std::chrono::milliseconds(25);
+
 void shift_left(wire::AckBitmap& bitmap, std::uint64_t by) {
   if (by >= wire::kAckWindow) {
     bitmap = {};
@@ -60,7 +66,7 @@ void shift_left(wire::AckBitmap& bitmap, std::uint64_t by) {
 }  // namespace
 
 bool PathReceiver::accept(TimePoint now, std::uint64_t number, Role role, std::size_t ip_bytes,
-                          std::uint8_t ecn, bool is_new) {
+                          std::uint8_t ecn, bool is_new, std::optional<std::uint32_t> stamp_us) {
   if (number > largest_) {
     const std::uint64_t by = number - largest_;
     if (largest_ != 0 && by > 1) gap_ = true;
@@ -87,7 +93,7 @@ bool PathReceiver::accept(TimePoint now, std::uint64_t number, Role role, std::s
   } else if (ecn != link::kNotEct) {
     ++ect0_;
   }
-  if (role != Role::kNone) extend_train(now, number, role, ip_bytes);
+  if (role != Role::kNone) extend_train(now, number, role, ip_bytes, stamp_us);
   return true;
 }
 
@@ -95,24 +101,43 @@ void PathReceiver::Train::begin(TimePoint now, std::uint64_t number) {
   *this = {.start = number, .packets = 1, .first = now, .last = now};
 }
 
-void PathReceiver::Train::add(TimePoint now, std::size_t ip_bytes) {
+// `apart`: the packet left so long after the one before.
+void PathReceiver::Train::add(TimePoint now, std::size_t ip_bytes, Duration apart) {
   ++packets;
   bytes += ip_bytes;
-  longest_gap = std::max<Duration>(longest_gap, now - last);
-  const double ns = static_cast<double>(Duration(now - last).count());
-  most_ns_per_byte = std::max(most_ns_per_byte, ns / static_cast<double>(ip_bytes));
+  const Duration gap = now - last;
+  longest_gap = std::max<Duration>(longest_gap, gap);
+  most_ns_per_byte =
+      std::max(most_ns_per_byte, static_cast<double>(gap.count()) / static_cast<double>(ip_bytes));
+  const bool is_the_links = gap > kLeastUngranted && gap <= kLongestUngranted && apart < gap / 2;
+  if (is_the_links) ungranted = std::max<Duration>(ungranted, gap);
+  sent += apart;
   last = now;
 }
 
-bool PathReceiver::Train::ends(TimePoint now) const {
+// Where the link was not granted all the time, the train may have begun and ended anywhere between
+// two grants: half a gap more is right in the mean. A train that took no longer than it left and
+// one such half shows how fast it left, and of the link that it carries that; one that took no
+// longer than it left and a gap may show either.
+DataRate PathReceiver::Train::rate() const {
+  Duration took = last - first;
+  if (took <= sent + ungranted / 2) {
+    took = ungranted > Duration::zero() ? std::min(took, sent) : took;
+  } else if (took > sent + ungranted) {
+    took += ungranted / 2;
+  }
+  return rate_of(bytes, took);
+}
+
+bool PathReceiver::Train::ends(TimePoint now, Duration pause) const {
   if (packets == 0 || closed) return true;
   const Duration gap = now - last;
   if (gap > kLongestGap) return true;
   const Duration length = now - first;
   if (length > kMaxSlowTrain || (length > kMaxTrain && packets >= kSlowTrainPackets)) return true;
-  const bool pause = gap > std::max<Duration>(kTrainGap, kPauseGaps * mean_gap());
+  const bool paused = pause > std::max<Duration>(kTrainGap, kPauseGaps * mean_gap());
   const bool told = packets >= kToldPackets || last - first >= kTold;
-  return pause && told;
+  return paused && told;
 }
 
 bool PathReceiver::Train::even() const {
@@ -139,28 +164,37 @@ void PathReceiver::note_delay(TimePoint now, std::uint32_t stamp_us) {
   newest_delay_ = delay;
 }
 
-bool PathReceiver::ends_train(TimePoint now, Role role) const {
-  if (train_.ends(now) || (role == Role::kProbe && !probing_)) return true;
+bool PathReceiver::ends_train(TimePoint now, Role role, Duration sent_pause) const {
+  if (train_.ends(now, sent_pause) || (role == Role::kProbe && !probing_)) return true;
   const Duration pause = std::max<Duration>(kProbePause, kPauseGaps * train_.mean_gap());
   return probing_ && role == Role::kData && now - train_.last > pause;
 }
 
 void PathReceiver::extend_train(TimePoint now, std::uint64_t number, Role role,
-                                std::size_t ip_bytes) {
-  if (ends_train(now, role)) {
+                                std::size_t ip_bytes, std::optional<std::uint32_t> stamp_us) {
+  const Duration gap = now - train_.last;
+  Duration apart = gap;
+  if (stamp_us && last_stamp_us_) {
+    const auto us = static_cast<std::int32_t>(*stamp_us - *last_stamp_us_);
+    apart = std::max<Duration>(std::chrono::microseconds(us), Duration::zero());
+  }
+  last_stamp_us_ = stamp_us;
+  // For how long the sender has paused, as far as it shows. Where the packet left soon after the
+  // one before, it is the link that was not granted for a while.
+  const Duration pause = gap > kLongestUngranted ? gap : std::min<Duration>(gap, apart);
+  if (ends_train(now, role, pause)) {
     train_.begin(now, number);
     tail_ = train_;
     probing_ = role == Role::kProbe;
     return;
   }
-  const Duration gap = now - train_.last;
-  train_.add(now, ip_bytes);
-  if (gap > kTrainGap) {
+  train_.add(now, ip_bytes, apart);
+  if (pause > kTrainGap) {
     tail_.begin(now, number);
     gap_before_tail_ = gap;
     return;
   }
-  tail_.add(now, ip_bytes);
+  tail_.add(now, ip_bytes, apart);
   if (tail_.start != train_.start && tail_.packets >= kTailPackets &&
       now - tail_.first < gap_before_tail_ / 2) {
     train_ = tail_;
@@ -186,7 +220,7 @@ wire::LinkReport PathReceiver::report(TimePoint now) const {
   report.train_start = train_.start;
   if (train_.even()) {
     report.train_packets = train_.packets;
-    report.train_rate = rate_of(train_.bytes, train_.last - train_.first);
+    report.train_rate = train_.rate();
   }
   report.has_delays = newest_delay_.has_value();
   report.newest_delay_us = newest_delay_.value_or(0);

@@ -38,6 +38,9 @@ struct PathView {
   std::optional<DataRate> pace;
   // What the path may carry soon: what cannot arrive even so is given up.
   std::optional<DataRate> soon;
+  // The highest rate that was believed of the path lately, and when it was last measured.
+  std::optional<DataRate> best;
+  TimePoint best_at{};
   // The expected one-way delay, and the least one of late; zero while they are not known.
   Duration one_way{};
   Duration least_one_way{};

@@ -1,6 +1,7 @@
 #include "core/flow/traffic.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace interneuron::flow {
 namespace {
@@ -22,6 +23,8 @@ constexpr int kIdleOptimism = 3;
 // What cannot arrive even if paths carry so much more than is believed is given up. Rates of radio
 // double within a second, and only what is sent tells. No measurement behind this value.
 constexpr double kMayRise = 2;
+// The rate may have risen for so many seconds at the most: to a thousand times what it was.
+constexpr double kMostRise = 10;
 // How much sooner than its deadline a message must be there for its first fragment to be sent while
 // the path is loaded, because the share of a loaded path changes while a message is under way: this
 // long, or a part of what it takes to leave. No measurement behind either value.
@@ -101,6 +104,16 @@ Duration SendPath::least_time(std::size_t ip_bytes, bool begun) const {
   const Duration margin =
       begun ? Duration::zero() : std::max<Duration>(kLeastMargin, air / kMarginDivisor);
   return queue + air + view.least_one_way + margin;
+}
+
+// Where messages are refused nothing is measured, so that no refusal lasts: the rate may have risen
+// by kMayRise in each second since.
+Duration SendPath::possible_time(TimePoint now, std::size_t ip_bytes) const {
+  if (!view.best) return view.least_one_way;
+  const double seconds = std::clamp(to_seconds(now - view.best_at), 0.0, kMostRise);
+  const double rise = std::pow(kMayRise, 1 + seconds);
+  const Duration air = view.best->scaled(rise).transmit_time(ip_bytes);
+  return std::min<Duration>(air, kNever) + view.least_one_way;
 }
 
 void SendPath::occupy(TimePoint now, std::size_t ip_bytes) {

@@ -77,6 +77,8 @@ struct SendPath {
   // From now until the last of so many bytes is there that are sent next over a loaded path, with a
   // margin for a message of which nothing has left yet. Zero while no rate is known.
   Duration least_time(std::size_t ip_bytes, bool begun) const;
+  // See Sender::possible_time().
+  Duration possible_time(TimePoint now, std::size_t ip_bytes) const;
   // A packet of so many bytes leaves: the next one may when the pace allows it.
   void occupy(TimePoint now, std::size_t ip_bytes);
 

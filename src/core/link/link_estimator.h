@@ -70,6 +70,9 @@ class LinkEstimator {
   DataRate slower_rate() const;
   // What the peer believes of its own direction; zero: nothing.
   DataRate rate_down() const { return rate_down_; }
+  // See RateEstimator::best() and guessed_at().
+  std::optional<DataRate> best_rate() const { return rate_.best(); }
+  TimePoint guessed_at() const { return rate_.guessed_at(); }
   // See RateEstimator::guess().
   std::optional<DataRate> rate_guess() const { return rate_.guess(); }
   std::optional<DataRate> pace() const { return rate_.pace(); }

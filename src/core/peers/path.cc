@@ -306,6 +306,8 @@ flow::PathView Path::view(TimePoint now) const {
   view.rate = shared(share_.rate() ? share_.rate() : estimator.rate_guess());
   view.pace = shared(capped(pace.value_or(flow::kBlindPace)));
   view.soon = shared(share_.soon(now));
+  view.best = estimator.best_rate();
+  view.best_at = estimator.guessed_at();
   view.report_spacing = estimator.feedback_spacing();
   view.window = window();
   view.loaded = share_.loaded(now);

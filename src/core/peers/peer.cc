@@ -110,7 +110,7 @@ Peer::Outcome Peer::handle(TimePoint now, const wire::Packet& packet, const Data
   // What was sealed was opened once, whatever its number is.
   const bool is_new = packet.header.epoch != wire::kClearEpoch;
   if (!path.receiver.accept(now, packet.header.number, role, datagram.bytes.size() + kIpUdpBytes,
-                            datagram.ecn, is_new)) {
+                            datagram.ecn, is_new, packet.header.stamp_us)) {
     outcome.duplicate = true;
     return outcome;
   }
