@@ -7,6 +7,7 @@
 #include <deque>
 #include <optional>
 
+#include "core/flow/received_train.h"
 #include "core/wire/feedback.h"
 #include "interneuron/few.h"
 #include "interneuron/units.h"
@@ -56,30 +57,6 @@ class PathReceiver {
   void reported() { gap_ = largest_is_fresh_ = false; }
 
  private:
-  struct Train {
-    // The number of its first packet, and how many packets it has had.
-    std::uint64_t start = 0;
-    std::uint32_t packets = 0;
-    // The size of all packets but the first, IP headers included.
-    std::size_t bytes = 0;
-    TimePoint first{};
-    TimePoint last{};
-    Duration longest_gap{};
-    // The most that a byte of any packet after the first took to arrive.
-    double most_ns_per_byte = 0;
-    bool closed = false;
-    // The longest gap of the link's making, and how long the train took to leave.
-    Duration ungranted{};
-    Duration sent{};
-    void begin(TimePoint now, std::uint64_t number);
-    void add(TimePoint now, std::size_t ip_bytes, Duration apart);
-    DataRate rate() const;
-    Duration mean_gap() const { return packets > 1 ? (last - first) / (packets - 1) : Duration{}; }
-    // Whether a packet that comes now, after a pause of the sender, begins another train.
-    bool ends(TimePoint now, Duration pause) const;
-    // Whether it tells a rate: no single gap makes up most of it.
-    bool even() const;
-  };
   void extend_train(TimePoint now, std::uint64_t number, Role role, std::size_t ip_bytes,
                     std::optional<std::uint32_t> stamp_us);
   bool ends_train(TimePoint now, Role role, Duration pause) const;
@@ -92,13 +69,13 @@ class PathReceiver {
   // When the peer sent its newest feedback, by its clock, and when it came in.
   std::optional<PeerTime> u_;
   TimePoint u_at_{};
-  Train train_;
+  ReceivedTrain train_;
   // It began with a probe.
   bool probing_ = false;
   // The stamp of the newest packet of the train.
   std::optional<std::uint32_t> last_stamp_us_;
   // What has come since the newest long gap of the train, and that gap.
-  Train tail_;
+  ReceivedTrain tail_;
   Duration gap_before_tail_{};
   // With IP headers.
   std::uint64_t received_bytes_ = 0;
