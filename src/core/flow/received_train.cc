@@ -34,9 +34,11 @@ constexpr std::uint32_t kLeastEven = 3;
 constexpr Duration kLeastUngranted = std::chrono::milliseconds(2);
 constexpr int kGrantPackets = 2;
 
-// Packets come evenly while no byte takes so many times as long as those before, or as little. It
-// is more than the two gaps in one where a packet was lost.
-constexpr double kSteady = 2.5;
+// Packets come evenly until a byte takes so many times as long as those before, which is less than
+// the pace of a train may be above a rate that is believed (RateEstimator::kHeadroom) and a fifth
+// too high, or until one takes so much less.
+constexpr double kSlower = 1.4;
+constexpr double kFaster = 2.5;
 // A token bucket has run empty within a train where so many packets at its end came evenly, for
 // kTold at the least, and those before this many times as fast as they. Their rate is what the
 // bucket is filled at, and that of the others nobody's. No measurement behind the first value; the
@@ -75,7 +77,7 @@ void ReceivedTrain::add_steady(std::uint64_t number, std::size_t ip_bytes, Durat
   const double pace = static_cast<double>(gap.count()) / static_cast<double>(ip_bytes);
   const double before = static_cast<double>(steady.took.count()) /
                         static_cast<double>(std::max<std::size_t>(steady.bytes, 1));
-  if (pace > kSteady * before || before > kSteady * pace) steady = {};
+  if (pace > kSlower * before || before > kFaster * pace) steady = {};
   ++steady.packets;
   steady.bytes += ip_bytes;
   steady.took += gap;
