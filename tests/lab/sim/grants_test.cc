@@ -29,7 +29,7 @@ TEST_P(Grants, TheRateIsThatOfManyGrants) {
 // Each message drains the bucket, which is full again before the next one.
 TEST(Buckets, TheRateIsThatAtWhichTheyFill) {
   constexpr double kFill = 10;
-  for (const std::size_t kbyte : {8, 16, 32}) {
+  for (const std::size_t kbyte : {8U, 32U}) {
     emu::LinkProfile link = constant_link("a", 40, 100, 60);
     link.up.shape = {DataRate::mbit(kFill), kbyte * 1000};
     Duo duo({link}, {.variants = {82'000}, .deadline = 150ms});
