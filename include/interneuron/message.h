@@ -18,8 +18,8 @@ enum class MessageClass : std::uint8_t {
   kResult = 1,
 };
 
-// Results of at most this many bytes go over every link, whichever policy runs: they cost little
-// and the first copy wins. The paper's result message has 5 KB.
+// Results of at most this many bytes go over every link on which that costs little, whichever
+// policy runs, and the first copy wins. The paper's result message has 5 KB.
 inline constexpr std::size_t kSmallResultBytes = 5 * 1024;
 
 // What a plain message needs of the links that carry it, carried in its header (requirement R1 of

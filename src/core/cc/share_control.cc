@@ -11,6 +11,10 @@ namespace {
 // The rate falls by this share of it when the queue is twice the target, and less below: SCReAM and
 // GCC fall by 0.2 to 0.3 at most, once per round trip.
 constexpr double kDelayFall = 0.3;
+// Packets that may wait for each other before it counts as a queue: those of a small result
+// (interneuron/message.h). A capacity that seems to be next to nothing makes none of it.
+constexpr std::size_t kBurstPackets = 2;
+constexpr Duration kLongestBurst = std::chrono::milliseconds(300);
 // What is left of the rate after a round trip with losses, or marks in their place: SCReAM's is 0.7
 // to 0.8 and CUBIC's 0.7.
 constexpr double kLossFall = 0.8;
@@ -221,7 +225,8 @@ DataRate ShareControl::most() const {
 void ShareControl::decide(TimePoint now) {
   adapt_target();
   note_marks();
-  const double over = std::min(1.0, to_seconds(seen_.queue - target_) / to_seconds(target_));
+  const Duration target = std::max(target_, burst());
+  const double over = std::min(1.0, to_seconds(seen_.queue - target) / to_seconds(target));
   const double factor = 1 - kDelayFall * std::max(over, 0.0);
   const bool is_queue = seen_.stretched || overloaded();
   // Small messages that leave at once show no stretch. They may slow down without harm, but not
@@ -234,7 +239,7 @@ void ShareControl::decide(TimePoint now) {
   } else if (seen_.lost > 0 && seen_.queue > kLeastQueue && (is_queue || !seen_.long_train)) {
     fall(now, kLossFall, floor());
   } else if (seen_.marked == 0 && (seen_.held_back || seen_.queue < kTarget / 4) &&
-             seen_.queue < target_) {
+             seen_.queue < target) {
     rise(now);
   }
   if (seen_.newly_marked > 0) answer_marks(now);
@@ -250,6 +255,13 @@ void ShareControl::decide(TimePoint now) {
   }
   seen_ = {};
   decide_at_ = now + std::max(round_trip_, kLeastRound);
+}
+
+// What a burst of ours of a few packets waits for itself, which is no sign of others: next to
+// nothing but on a slow path, where one packet takes as long as the target.
+Duration ShareControl::burst() const {
+  return std::min<Duration>(capacity_.transmit_time(kBurstPackets * kMaxPacketBytes),
+                            kLongestBurst);
 }
 
 // The rate falls no further for a queue, unless it is ours to drain.

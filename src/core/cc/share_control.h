@@ -134,6 +134,7 @@ class ShareControl {
   void decide(TimePoint now);
   void adapt_target();
   void note_marks();
+  Duration burst() const;
   DataRate floor() const;
   void answer_marks(TimePoint now);
   void forget_unused(TimePoint now);

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "core/base/earliest.h"
+#include "core/base/slow_link.h"
 #include "core/base/water_filling.h"
 #include "interneuron/sizes.h"
 
@@ -19,6 +20,10 @@ bool is_hopeless(const peers::Peer& peer, const LinkState& link, std::size_t ahe
   return least ? *least > deadline
                : cannot_arrive(link, arrival_forecast(link, ahead, bytes), deadline);
 }
+
+// What a link must look like to be sent over: as if it brings the message in time, or else as if it
+// may do so yet, were it as fast as it has been and empty.
+enum class Bar { kBelieved, kPossible };
 
 // How many bytes each of the links carries: all, or its share by what is believed of it now. The
 // sender divides anew, by what it knows of its queues.
@@ -51,6 +56,7 @@ struct Sieve {
     std::size_t bytes = 0;
   };
   Few<Queue, kMaxLinks> queues{};
+  Bar bar = Bar::kBelieved;
 
   // The bytes that leave before the next variant over this link: those of other messages, and of
   // better variants of this one.
@@ -60,6 +66,13 @@ struct Sieve {
     queues.push_back(
         {link, peer.sender().queued_before(link, now + options.deadline, importance_of(options))});
     return queues.back().bytes;
+  }
+
+  // How long so many bytes take over this link, as far as the bar asks; no time where nothing is
+  // known of it.
+  Duration takes(const LinkState& link, std::size_t bytes) {
+    if (bar == Bar::kPossible) return peer.sender().possible_time(now, link.id, wire_size(bytes));
+    return arrival_forecast(link, ahead(link.id), bytes).value_or(Duration::zero());
   }
 
   void consider(const Routes::First& way) {
@@ -84,7 +97,9 @@ struct Sieve {
                                      : is_hopeless(peer, link, before, bytes, options.deadline));
     soonest = earliest(soonest, expected);
     consider({id, hopeless, expected, arrival_forecast(link, 0, sizes.back())});
-    if (hopeless) return false;
+    const std::size_t least = gives_way ? sizes.back() : bytes;
+    const bool refused = bar == Bar::kBelieved ? hopeless : takes(link, least) > options.deadline;
+    if (refused) return false;
     if (expected) last_part = std::max(last_part.value_or(*expected), *expected);
     if (!c.protection.divided) out.expected = earliest(out.expected, expected);
     before += bytes;
@@ -105,6 +120,31 @@ struct Sieve {
   }
 };
 
+// The variants that set out by the plan. Where nothing would be in time over its links, the last of
+// them over the soonest of the others that the policy allows.
+void send(Sieve& sieve, const Itinerary& planned, const flow::PathSet& allowed) {
+  const auto sets_out = [](const Carriers& c) { return c.sets_out(); };
+  Carriers elsewhere;
+  for (const Carriers& c : planned) {
+    const bool is_last = std::none_of(&c + 1, planned.end(), sets_out);
+    const bool gives_way = is_last && c.links.size() == 1 && c.variant + 1U < sieve.sizes.size();
+    if (!c.sets_out()) continue;
+    sieve.take(c, gives_way);
+    elsewhere = {.variant = c.variant, .protection = c.protection};
+  }
+  elsewhere.protection.divided = false;
+  std::optional<Duration> soonest;
+  for (const LinkState& link : sieve.links) {
+    if (!link.up || !allowed.contains(link.id)) continue;
+    const Duration takes = sieve.takes(link, sieve.sizes[elsewhere.variant]);
+    if (soonest && takes >= *soonest) continue;
+    soonest = takes;
+    elsewhere.links = {};
+    elsewhere.links.push_back(link.id);
+  }
+  if (sieve.out.itinerary.empty() && elsewhere.sets_out()) sieve.take(elsewhere, false);
+}
+
 // Smaller variants stand by for the last one that is kept.
 void add_stand_bys(Itinerary& kept, const Itinerary& planned, std::size_t variants) {
   const bool has_one_link = kept.back().links.size() == 1;
@@ -121,16 +161,26 @@ void add_stand_bys(Itinerary& kept, const Itinerary& planned, std::size_t varian
 
 }  // namespace
 
+Links links_behind_queue(TimePoint now, const peers::Peer& peer) {
+  Links out = peer.links(now);
+  for (LinkState& link : out) {
+    if (!is_slow(link.rate)) continue;
+    const std::size_t bytes =
+        peer.sender().queued_before(link.id, TimePoint::max(), flow::kUsualImportance);
+    link.queue_up += link.usable_rate().transmit_time(bytes);
+  }
+  return out;
+}
+
 Routes routes_of(TimePoint now, const peers::Peer& peer, const Itinerary& planned,
-                 std::span<const LinkState> links, std::span<const std::size_t> sizes,
-                 const SendOptions& options) {
+                 const flow::PathSet& allowed, std::span<const LinkState> links,
+                 std::span<const std::size_t> sizes, const SendOptions& options) {
   Sieve sieve{now, peer, links, sizes, options};
   Routes& out = sieve.out;
-  const auto sets_out = [](const Carriers& c) { return c.sets_out(); };
-  for (const Carriers& c : planned) {
-    const bool is_last = std::none_of(&c + 1, planned.end(), sets_out);
-    const bool gives_way = is_last && c.links.size() == 1 && c.variant + 1U < sizes.size();
-    if (c.sets_out()) sieve.take(c, gives_way);
+  send(sieve, planned, allowed);
+  if (out.itinerary.empty()) {
+    sieve.bar = Bar::kPossible;
+    send(sieve, planned, allowed);
   }
   if (out.itinerary.empty()) {
     out.expected = sieve.soonest;

@@ -44,14 +44,22 @@ struct Routes {
   std::optional<First> first;
 };
 
+// The links to a peer, where what waits here for a slow one counts as a queue of that link.
+Links links_behind_queue(TimePoint now, const peers::Peer& peer);
+
 // Judges each transmission of a plan, in the order of the variants, so that each waits for those
 // before it on the same link. The links of the plan are among `links`; `sizes` are those of the
-// variants, in bytes.
+// variants, in bytes, and `allowed` the links that the policy allows.
+//
+// Where nothing of a plan is expected in time, its last variant takes another link that is, and
+// where there is none, whatever may be in time were the link as fast as it has been lately and
+// empty: the rate of a radio doubles within a second, only what is sent tells, and the sender gives
+// up what has not left when it cannot arrive any more. Nothing is kept where even that is too late.
 //
 // Smaller variants stand by for the last one that sets out: those that the plan has stand by over
 // links of their own, and all of them where it has one link, which may give it up.
 Routes routes_of(TimePoint now, const peers::Peer& peer, const Itinerary& planned,
-                 std::span<const LinkState> links, std::span<const std::size_t> sizes,
-                 const SendOptions& options);
+                 const flow::PathSet& allowed, std::span<const LinkState> links,
+                 std::span<const std::size_t> sizes, const SendOptions& options);
 
 }  // namespace interneuron::dispatch

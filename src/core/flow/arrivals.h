@@ -1,5 +1,4 @@
-// What has arrived, as our feedback tells it to the peer: packets, path by path, and messages.
-// Pure; thread-compatible.
+// What has arrived, as our feedback tells the peer: packets and messages. Pure; thread-compatible.
 #pragma once
 
 #include <algorithm>
@@ -8,6 +7,7 @@
 #include <deque>
 #include <optional>
 
+#include "core/flow/received_train.h"
 #include "core/wire/feedback.h"
 #include "interneuron/few.h"
 #include "interneuron/units.h"
@@ -19,17 +19,16 @@ namespace interneuron::flow {
 // feeds it every packet whose session is the peer's.
 //
 // A packet is accepted once: its number must be larger than all before, or one of the
-// wire::kAckWindow before the largest that has not arrived. In the clear numbers are not
-// authenticated, so an attacker who writes one packet with a huge number makes all true ones look
-// too old; Peers takes care that for this he has to know a vehicle's session or to forge the
-// address of a peer that we connected to. Constant memory.
+// wire::kAckWindow before the largest that has not arrived. In the clear an attacker who writes one
+// packet with a huge number makes all true ones look too old; Peers takes care that for this he has
+// to know a vehicle's session or to forge the address of a peer. Constant memory.
 //
 // A train ends with a pause that is long beside the gaps that it has had, so that one of a slow
 // link, whose packets are tens of milliseconds apart, is measured like one of a fast link. What
 // came too closely together to say anything waits for what follows. Probes begin a train of their
-// own, in which data may lie: messages every 10 ms leave no pause that would tell it from them.
-// Whether a pause was the link's or the sender's own the receiver cannot know; the sender does
-// (SentTrain).
+// own, in which data may lie: messages every 10 ms leave no pause that would tell it from them. By
+// the stamps of packets a pause is told to be the sender's own or that of a link that is granted in
+// bursts.
 class PathReceiver {
  public:
   explicit PathReceiver(LinkId link) : link_(link) {}
@@ -37,17 +36,20 @@ class PathReceiver {
   // What a packet is to a train: nothing; data, or a probe of the path.
   enum class Role : std::uint8_t { kNone, kData, kProbe };
   // A packet came in. False when it is a duplicate: its number was seen before or is too old to
-  // tell, unless `is_new`: whoever has opened the packet knows that it has not come before, however
-  // old it is. Then it counts, and only no acknowledgement tells of it. `ip_bytes`: its size with
-  // IP headers; `ecn`: its ECN bits.
+  // tell, unless `is_new`: whoever has opened the packet knows that it has not come before. Then it
+  // counts, and only no acknowledgement tells of it. `ip_bytes`: its size with IP headers; `ecn`:
+  // its ECN bits; `stamp_us`: when it left, if that is known.
   bool accept(TimePoint now, std::uint64_t number, Role role, std::size_t ip_bytes,
-              std::uint8_t ecn = 0, bool is_new = false);
-  // A feedback of the peer came in on this path, which left at `u` on the peer's clock.
+              std::uint8_t ecn = 0, bool is_new = false,
+              std::optional<std::uint32_t> stamp_us = {});
+  // A feedback that left at `u` on the peer's clock came in on this path.
   void exchange(TimePoint now, PeerTime u);
   // The path's part of a feedback sent at `now`.
   wire::LinkReport report(TimePoint now) const;
   // A packet with data or padding was accepted that carried this stamp.
   void note_delay(TimePoint now, std::uint32_t stamp_us);
+  // The packet that came last is the last of its message.
+  void message_ends();
   // The largest number that has come in; 0 before the first.
   std::uint64_t largest() const { return largest_; }
   // Whether a packet number was skipped since reported() was called.
@@ -55,25 +57,9 @@ class PathReceiver {
   void reported() { gap_ = largest_is_fresh_ = false; }
 
  private:
-  struct Train {
-    // The number of its first packet, and how many packets it has had.
-    std::uint64_t start = 0;
-    std::uint32_t packets = 0;
-    // The size of all packets but the first, IP headers included.
-    std::size_t bytes = 0;
-    TimePoint first{};
-    TimePoint last{};
-    Duration longest_gap{};
-    void begin(TimePoint now, std::uint64_t number);
-    void add(TimePoint now, std::size_t ip_bytes);
-    Duration mean_gap() const { return packets > 1 ? (last - first) / (packets - 1) : Duration{}; }
-    // Whether a packet that comes now begins another train.
-    bool ends(TimePoint now) const;
-    // Whether it tells a rate: no single gap makes up most of it.
-    bool even() const;
-  };
-  void extend_train(TimePoint now, std::uint64_t number, Role role, std::size_t ip_bytes);
-  bool ends_train(TimePoint now, Role role) const;
+  void extend_train(TimePoint now, std::uint64_t number, Role role, std::size_t ip_bytes,
+                    std::optional<std::uint32_t> stamp_us);
+  bool ends_train(TimePoint now, Role role, Duration pause) const;
 
   LinkId link_;
   std::uint64_t largest_ = 0;
@@ -83,40 +69,36 @@ class PathReceiver {
   // When the peer sent its newest feedback, by its clock, and when it came in.
   std::optional<PeerTime> u_;
   TimePoint u_at_{};
-  Train train_;
+  ReceivedTrain train_;
   // It began with a probe.
   bool probing_ = false;
+  // The stamp of the newest packet of the train.
+  std::optional<std::uint32_t> last_stamp_us_;
   // What has come since the newest long gap of the train, and that gap.
-  Train tail_;
+  ReceivedTrain tail_;
   Duration gap_before_tail_{};
   // With IP headers.
   std::uint64_t received_bytes_ = 0;
-  // Packets that said that their sender understands marks and were not marked, and marked ones.
+  // Packets with ECT that were not marked, and marked ones.
   std::uint16_t ect0_ = 0;
   std::uint32_t ect1_ = 0;
   std::uint32_t ce_ = 0;
-  // Microseconds modulo 2^32: of the newest packet, and the largest since reported() was called; if
-  // there was none since, the one from before.
+  // Microseconds modulo 2^32: the newest packet's, and the largest since reported(), or before it.
   std::optional<std::uint32_t> newest_delay_;
   std::uint32_t largest_delay_ = 0;
   bool largest_is_fresh_ = false;
 };
 
 // What became of the peer's messages here: those that are complete and those that were refused.
-// Each is told in kTellings packets of feedback, so that one lost packet does no harm; those that
-// were told least come first, and of these the oldest, so that what finds no room is told by the
-// next packet. Where more than kMost wait, the oldest are not told, and the sender never learns
-// what became of them. Peer (src/core/peers) owns one. A peer that sends many small messages, or
-// pieces of many that are refused, only loses tellings of its own. Memory grows to kMost of each.
+// Each is told in kTellings packets of feedback; those told least come first, then the oldest.
+// Where more than kMost wait, the oldest are not told, and the sender never learns of them. Peer
+// (src/core/peers) owns one: a peer only loses tellings of its own. Memory grows to kMost of each.
 class Receipts {
  public:
-  // Feedback about all paths comes 5 ms after a packet at the latest
-  // (src/core/peers/feedback_due.h), so that this is the time of three.
+  // The time of three packets of feedback about all paths (src/core/peers/feedback_due.h).
   static constexpr Duration kLeftOver = std::chrono::milliseconds(20);
-
   void complete(TimePoint now, MessageId message) { add(complete_, now, message); }
-  // This message, which is complete, was dropped: it was too late, or of a channel on which a newer
-  // one was delivered.
+  // This message, which is complete, was dropped: too late, or a newer one was delivered.
   void mark_dropped(MessageId message) {
     const auto it =
         std::ranges::find(complete_.rbegin(), complete_.rend(), message, &Entry::message);
@@ -136,8 +118,8 @@ class Receipts {
     std::erase_if(refused_, [message](const Entry& entry) { return entry.message == message; });
     add(refused_, now, message);
   }
-  // Writes what is to be told into a feedback that leaves now. One that is not about all paths only
-  // tells what is older than kLeftOver, because those about all paths have not come to it.
+  // Writes what is to be told into a feedback that leaves now. One that is not about all paths
+  // tells only what is older than kLeftOver: those about all paths have not come to it.
   void tell(TimePoint now, bool all_paths, wire::Feedback& feedback) {
     each(complete_, wire::kMaxComplete, now, all_paths, [&](const Entry& entry) {
       const auto ago = std::chrono::floor<std::chrono::microseconds>(now - entry.at).count();
@@ -149,19 +131,15 @@ class Receipts {
     each(refused_, wire::kMaxRefused, now, all_paths,
          [&](const Entry& entry) { feedback.refused.push_back(entry.message); });
   }
-  // Whether there is something that no feedback has told yet.
   bool has_untold() const {
     const auto untold = [](const Entry& entry) { return entry.left == kTellings; };
     return std::ranges::any_of(complete_, untold) || std::ranges::any_of(refused_, untold);
   }
 
  private:
-  // No measurement behind this value: it only has to make it rare that all tellings are lost,
-  // which is one in a thousand where every tenth packet is.
+  // All of them are lost once in a thousand where every tenth packet is.
   static constexpr std::uint32_t kTellings = 3;
-
-  // Messages of one piece that may come between two packets of feedback: what a system call takes
-  // in at once (64), four times.
+  // Messages of one piece between two packets of feedback: four system calls of 64 packets.
   static constexpr std::size_t kMost = 256;
 
   struct Entry {
@@ -192,7 +170,6 @@ class Receipts {
     }
     std::erase_if(entries, [](const Entry& entry) { return entry.left == 0; });
   }
-
   std::deque<Entry> complete_;
   std::deque<Entry> refused_;
 };

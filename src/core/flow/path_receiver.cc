@@ -8,26 +8,6 @@
 namespace interneuron::flow {
 namespace {
 
-// A pause of this or less never ends a train: uplinks of cellular networks are granted in bursts of
-// 1 to 10 ms (docs/constants.md, "Rate of a link").
-constexpr Duration kTrainGap = std::chrono::milliseconds(10);
-// A pause longer than this many mean gaps of the train ends it. No measurement behind this value:
-// it only has to be larger than gaps differ that are not of the sender's making.
-constexpr int kPauseGaps = 4;
-// A pause longer than this always ends a train: a full packet takes 114 ms at 0.1 Mbit/s, and one
-// in between may be lost.
-constexpr Duration kLongestGap = std::chrono::milliseconds(300);
-// A train longer than this measures the source and not the link, or an average over a change of the
-// rate. No measurement behind this value: it only has to be larger than what a message takes to
-// arrive.
-constexpr Duration kMaxTrain = std::chrono::milliseconds(200);
-// A slow link may take longer for so many packets, but not longer than kMaxSlowTrain.
-constexpr std::uint32_t kSlowTrainPackets = 8;
-constexpr Duration kMaxSlowTrain = std::chrono::seconds(1);
-// A train that is shorter than both says nothing yet (RateEstimator): it goes on whatever pause
-// follows.
-constexpr std::uint32_t kToldPackets = 16;
-constexpr Duration kTold = std::chrono::milliseconds(5);
 // Data that come so long after the last packet of a train of probes are no part of it: messages may
 // wait in the same queue as probes, but a sender that is not held up is done with both at once.
 constexpr Duration kProbePause = std::chrono::milliseconds(1);
@@ -53,7 +33,7 @@ void shift_left(wire::AckBitmap& bitmap, std::uint64_t by) {
 }  // namespace
 
 bool PathReceiver::accept(TimePoint now, std::uint64_t number, Role role, std::size_t ip_bytes,
-                          std::uint8_t ecn, bool is_new) {
+                          std::uint8_t ecn, bool is_new, std::optional<std::uint32_t> stamp_us) {
   if (number > largest_) {
     const std::uint64_t by = number - largest_;
     if (largest_ != 0 && by > 1) gap_ = true;
@@ -80,35 +60,11 @@ bool PathReceiver::accept(TimePoint now, std::uint64_t number, Role role, std::s
   } else if (ecn != link::kNotEct) {
     ++ect0_;
   }
-  if (role != Role::kNone) extend_train(now, number, role, ip_bytes);
+  if (role != Role::kNone) extend_train(now, number, role, ip_bytes, stamp_us);
   return true;
 }
 
-void PathReceiver::Train::begin(TimePoint now, std::uint64_t number) {
-  *this = {.start = number, .packets = 1, .bytes = 0, .first = now, .last = now, .longest_gap = {}};
-}
-
-void PathReceiver::Train::add(TimePoint now, std::size_t ip_bytes) {
-  ++packets;
-  bytes += ip_bytes;
-  longest_gap = std::max<Duration>(longest_gap, now - last);
-  last = now;
-}
-
-bool PathReceiver::Train::ends(TimePoint now) const {
-  if (packets == 0) return true;
-  const Duration gap = now - last;
-  if (gap > kLongestGap) return true;
-  const Duration length = now - first;
-  if (length > kMaxSlowTrain || (length > kMaxTrain && packets >= kSlowTrainPackets)) return true;
-  const bool pause = gap > std::max<Duration>(kTrainGap, kPauseGaps * mean_gap());
-  const bool told = packets >= kToldPackets || last - first >= kTold;
-  return pause && told;
-}
-
-bool PathReceiver::Train::even() const {
-  return packets >= kToldPackets || 3 * longest_gap <= 2 * (last - first);
-}
+void PathReceiver::message_ends() { train_.message_ends(); }
 
 void PathReceiver::note_delay(TimePoint now, std::uint32_t stamp_us) {
   // Stamps wrap, and so do delays: only their differences mean anything.
@@ -119,28 +75,39 @@ void PathReceiver::note_delay(TimePoint now, std::uint32_t stamp_us) {
   newest_delay_ = delay;
 }
 
-bool PathReceiver::ends_train(TimePoint now, Role role) const {
-  if (train_.ends(now) || (role == Role::kProbe && !probing_)) return true;
-  const Duration pause = std::max<Duration>(kProbePause, kPauseGaps * train_.mean_gap());
+bool PathReceiver::ends_train(TimePoint now, Role role, Duration sent_pause) const {
+  if (train_.ends(now, sent_pause) || (role == Role::kProbe && !probing_)) return true;
+  const Duration pause =
+      std::max<Duration>(kProbePause, ReceivedTrain::kPauseGaps * train_.mean_gap());
   return probing_ && role == Role::kData && now - train_.last > pause;
 }
 
 void PathReceiver::extend_train(TimePoint now, std::uint64_t number, Role role,
-                                std::size_t ip_bytes) {
-  if (ends_train(now, role)) {
+                                std::size_t ip_bytes, std::optional<std::uint32_t> stamp_us) {
+  const Duration gap = now - train_.last;
+  Duration apart = gap;
+  if (stamp_us && last_stamp_us_) {
+    const auto us = static_cast<std::int32_t>(*stamp_us - *last_stamp_us_);
+    apart = std::max<Duration>(std::chrono::microseconds(us), Duration::zero());
+  }
+  last_stamp_us_ = stamp_us;
+  // For how long the sender has paused, as far as it shows. Where the packet left soon after the
+  // one before, it is the link that was not granted for a while.
+  const Duration pause =
+      gap > ReceivedTrain::kLongestUngranted ? gap : std::min<Duration>(gap, apart);
+  if (ends_train(now, role, pause)) {
     train_.begin(now, number);
     tail_ = train_;
     probing_ = role == Role::kProbe;
     return;
   }
-  const Duration gap = now - train_.last;
-  train_.add(now, ip_bytes);
-  if (gap > kTrainGap) {
+  train_.add(now, number, ip_bytes, apart);
+  if (pause > ReceivedTrain::kTrainGap) {
     tail_.begin(now, number);
     gap_before_tail_ = gap;
     return;
   }
-  tail_.add(now, ip_bytes);
+  tail_.add(now, number, ip_bytes, apart);
   if (tail_.start != train_.start && tail_.packets >= kTailPackets &&
       now - tail_.first < gap_before_tail_ / 2) {
     train_ = tail_;
@@ -166,7 +133,7 @@ wire::LinkReport PathReceiver::report(TimePoint now) const {
   report.train_start = train_.start;
   if (train_.even()) {
     report.train_packets = train_.packets;
-    report.train_rate = rate_of(train_.bytes, train_.last - train_.first);
+    report.train_rate = train_.rate();
   }
   report.has_delays = newest_delay_.has_value();
   report.newest_delay_us = newest_delay_.value_or(0);

@@ -38,6 +38,9 @@ struct PathView {
   std::optional<DataRate> pace;
   // What the path may carry soon: what cannot arrive even so is given up.
   std::optional<DataRate> soon;
+  // The highest rate that was believed of the path lately, and when it was last measured.
+  std::optional<DataRate> best;
+  TimePoint best_at{};
   // The expected one-way delay, and the least one of late; zero while they are not known.
   Duration one_way{};
   Duration least_one_way{};
@@ -49,10 +52,15 @@ struct PathView {
   bool loaded = false;
   // A queue on the way marks what waits for a millisecond: long batches would be marked.
   bool short_queue = false;
+  // All of it, and not our share alone, is little (src/core/base/slow_link.h).
+  bool slow = false;
   // What is data-sized leaves with ECT.
   bool ect = false;
   // A fragment that has been in flight for so long without any acknowledgement is lost.
   Duration probe_timeout{};
+  // For how long the peer may hold back its reports beyond the usual, because its way back is slow.
+  // The timeout above contains it.
+  Duration report_spacing{};
   // What is expected of losses.
   code::Losses losses{};
 

@@ -32,7 +32,8 @@ double chance_late(TimePoint now, const SendPath& path, const OutgoingMessage& m
   const std::size_t queued = job == nullptr ? 0 : path.jobs.bytes_before(path.turn_of(m));
   const auto awaited = path.sent.awaited_since(m.id);
   const Duration silence =
-      awaited ? now - (*awaited + 2 * path.view.one_way + kLate) : Duration{-1};
+      awaited ? now - (*awaited + 2 * path.view.one_way + kLate + path.view.report_spacing)
+              : Duration{-1};
   if (silence <= Duration::zero()) {
     // What is behind already will not be sooner at the end.
     const Duration behind = std::max<Duration>(silence + kLate, Duration::zero());

@@ -366,6 +366,11 @@ std::optional<Duration> Sender::least_time(LinkId link, std::size_t ip_bytes) co
   return path->least_time(ip_bytes, false);
 }
 
+Duration Sender::possible_time(TimePoint now, LinkId link, std::size_t ip_bytes) const {
+  const SendPath* path = traffic().find(link);
+  return path == nullptr ? Duration::zero() : path->possible_time(now, ip_bytes);
+}
+
 PathUse::Told Sender::take_use(TimePoint now, LinkId link) {
   SendPath* path = traffic().find(link);
   return path == nullptr ? PathUse::Told{} : path->use.take(now);
@@ -390,11 +395,6 @@ std::uint64_t Sender::symbols(LinkId link) const {
 std::uint64_t Sender::lost(LinkId link) const {
   const SendPath* path = traffic().find(link);
   return path == nullptr ? 0 : path->sent.lost();
-}
-
-void Sender::reset(TimePoint now) {
-  overdue_.clear();
-  executor_.reset(now);
 }
 
 }  // namespace interneuron::flow

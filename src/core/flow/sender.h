@@ -109,6 +109,10 @@ class Sender {
   // From now until so many bytes (with IP headers) could be there that are sent next over this
   // path; nothing while it is not loaded, then nothing is given up.
   std::optional<Duration> least_time(LinkId path, std::size_t ip_bytes) const;
+  // How long so many bytes take over this path at least, however much waits on it now: if it
+  // carries the best of what it has carried lately, and the more beyond it the longer ago that was
+  // measured. Zero while nothing is known.
+  Duration possible_time(TimePoint now, LinkId path, std::size_t ip_bytes) const;
 
   // Whether the peer decodes window symbols; none are sent until it is known to.
   void set_windows(bool understood) { traffic().window.set_understood(understood); }
@@ -160,7 +164,10 @@ class Sender {
   // Fragments that were not sent, or not sent again, because they would have been late.
   std::uint64_t cancelled() const { return executor_.cancelled(); }
   // The peer began a new life: forgets everything that is queued or in flight.
-  void reset(TimePoint now);
+  void reset(TimePoint now) {
+    overdue_.clear();
+    executor_.reset(now);
+  }
 
  private:
   Traffic& traffic() { return executor_.traffic(); }

@@ -1,6 +1,7 @@
 #include "core/flow/traffic.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace interneuron::flow {
 namespace {
@@ -36,6 +37,8 @@ constexpr int kIdleOptimism = 3;
 // What cannot arrive even if paths carry so much more than is believed is given up. Rates of radio
 // double within a second, and only what is sent tells. No measurement behind this value.
 constexpr double kMayRise = 2;
+// The rate may have risen for so many seconds at the most: to a thousand times what it was.
+constexpr double kMostRise = 10;
 // How much sooner than its deadline a message must be there for its first fragment to be sent while
 // the path is loaded, because the share of a loaded path changes while a message is under way: this
 // long, or a part of what it takes to leave. No measurement behind either value.
@@ -88,7 +91,7 @@ std::size_t SendPath::before_again(const OutgoingMessage& m) const {
 }
 
 Duration SendPath::queue_at(DataRate rate) const {
-  return std::max<Duration>(rate.transmit_time(sent.bytes_in_flight()) - 2 * view.least_one_way,
+  return std::max<Duration>(rate.transmit_time(sent.bytes_in_flight()) - told_after(),
                             Duration::zero());
 }
 
@@ -109,12 +112,22 @@ Duration SendPath::least_time(std::size_t ip_bytes, bool begun) const {
   if (!view.soon) return Duration::zero();
   const Duration air = std::min<Duration>(view.soon->transmit_time(ip_bytes), kNever);
   // What is in flight beyond an empty path waits before it.
-  const Duration queue = std::clamp<Duration>(
-      view.soon->transmit_time(sent.bytes_in_flight()) - 2 * view.least_one_way, Duration::zero(),
-      kLongestQueue);
+  const Duration queue =
+      std::clamp<Duration>(view.soon->transmit_time(sent.bytes_in_flight()) - told_after(),
+                           Duration::zero(), kLongestQueue);
   const Duration margin =
       begun ? Duration::zero() : std::max<Duration>(kLeastMargin, air / kMarginDivisor);
   return queue + air + view.least_one_way + margin;
+}
+
+// Where messages are refused nothing is measured, so that no refusal lasts: the rate may have risen
+// by kMayRise in each second since.
+Duration SendPath::possible_time(TimePoint now, std::size_t ip_bytes) const {
+  if (!view.best) return view.least_one_way;
+  const double seconds = std::clamp(to_seconds(now - view.best_at), 0.0, kMostRise);
+  const double rise = std::pow(kMayRise, 1 + seconds);
+  const Duration air = view.best->scaled(rise).transmit_time(ip_bytes);
+  return std::min<Duration>(air, kNever) + view.least_one_way;
 }
 
 void SendPath::occupy(TimePoint now, std::size_t ip_bytes) {
@@ -143,6 +156,17 @@ std::size_t Traffic::piece_bytes(const PathList& plan, const PathSet& repairing)
   return datagram - kPieceOverheadBytes;
 }
 
+namespace {
+
+// Whether nothing is queued or in flight on a path but what it has of this message.
+bool is_alone(const SendPath& path, const Job& job, const OutgoingMessage& m) {
+  const std::size_t pieces = m.count + m.symbols.size();
+  const std::size_t gone = pieces - std::min(pieces, job.pieces());
+  return path.jobs.size() == 1 && path.sent.bytes_in_flight() <= gone * m.ip_bytes_of_piece();
+}
+
+}  // namespace
+
 bool Traffic::can_arrive(TimePoint now, const SendPath& path, const Job& job,
                          const OutgoingMessage& m) const {
   // What comes too late over a path with room takes nothing from anybody, and tells the guard at
@@ -156,6 +180,8 @@ bool Traffic::can_arrive(TimePoint now, const SendPath& path, const Job& job,
   const Duration early = makes_way ? kYieldsBefore : Duration::zero();
   // A path on which nothing is under way may have become faster since; only what it is given tells.
   const bool is_idle = path.sent.bytes_in_flight() == 0 && path.jobs.size() == 1;
+  // A slow one that nothing else waits for would be given nothing by which more could be believed.
+  if (path.view.slow && !m.alternative && is_alone(path, job, m)) return true;
   const bool tries = is_idle && !m.alternative && !m.symbol_paths.empty();
   const Duration hoped = tries ? least / kIdleOptimism * 2 : least;
   return now + hoped + early <= m.deadline + m.doubt;
@@ -207,7 +233,7 @@ bool Traffic::is_last(TimePoint now, const SendPath& path, const OutgoingMessage
     const Duration air = other.view.air_time(m.ip_bytes_of_piece());
     back = std::min<Duration>(back, other.view.one_way + air);
   }
-  const TimePoint told = now + 2 * path.view.one_way + kReportDelay;
+  const TimePoint told = now + 2 * path.view.one_way + kReportDelay + path.view.report_spacing;
   if (told + back + kAgainMargin > m.aim) return true;
   // Behind a message of a round there is more to do: what is there by the deadline alone helps
   // none.

@@ -80,6 +80,8 @@ struct SendPath {
   // From now until the last of so many bytes is there that are sent next over a loaded path, with a
   // margin for a message of which nothing has left yet. Zero while no rate is known.
   Duration least_time(std::size_t ip_bytes, bool begun) const;
+  // See Sender::possible_time().
+  Duration possible_time(TimePoint now, std::size_t ip_bytes) const;
   // A packet of so many bytes leaves: the next one may when the pace allows it.
   void occupy(TimePoint now, std::size_t ip_bytes);
 
@@ -91,6 +93,8 @@ struct SendPath {
   std::size_t bulk_window() const;
   // How long what is in flight beyond an empty path of this rate waits in a queue.
   Duration queue_at(DataRate rate) const;
+  // What has left within so long may have arrived and not be told of: in flight it is no queue.
+  Duration told_after() const { return 2 * view.least_one_way + view.report_spacing; }
 };
 
 // The messages that a sender keeps until they are acknowledged or their time is over. A message is

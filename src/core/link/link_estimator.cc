@@ -32,6 +32,12 @@ void LinkEstimator::set_heartbeat(TimePoint now, Duration heartbeat) {
   refresh_pace(now);
 }
 
+void LinkEstimator::set_feedback_spacing(TimePoint now, Duration spacing) {
+  if (spacing == feedback_spacing_) return;
+  feedback_spacing_ = spacing;
+  refresh_pace(now);
+}
+
 void LinkEstimator::heard(TimePoint now) {
   heard_at_ = now;
   machine_.heard(now);
@@ -78,8 +84,9 @@ void LinkEstimator::handle_timeout(TimePoint now) {
 }
 
 void LinkEstimator::refresh_pace(TimePoint now) {
-  machine_.set_pace(now, {rtt_.smoothed(), rtt_.variation(),
-                          std::max(queue_up_.left(now), queue_down_.left(now)), heartbeat_});
+  machine_.set_pace(
+      now, {rtt_.smoothed(), rtt_.variation(), std::max(queue_up_.left(now), queue_down_.left(now)),
+            heartbeat_, feedback_spacing_});
 }
 
 ProbeSchedule::RateEvidence LinkEstimator::rate_evidence() const {
@@ -91,7 +98,8 @@ ProbeSchedule::RateEvidence LinkEstimator::rate_evidence() const {
 Duration LinkEstimator::probe_timeout(TimePoint now) const {
   if (!rtt_.measured()) return kUnknownTimeout;
   const Duration p95 = rtt_.quantile(now, 0.95);
-  return std::max(kMinTimeout, p95 + p95 / kTimeoutMarginDivisor + kFeedbackSlack);
+  return std::max(kMinTimeout, p95 + p95 / kTimeoutMarginDivisor + kFeedbackSlack) +
+         feedback_spacing_;
 }
 
 LinkState LinkEstimator::state(TimePoint now) const {

@@ -29,6 +29,8 @@ class LinkEstimator {
   void set_traits(const LinkTraits& traits);
   // How long the peer is silent on this path at the longest when nothing else is sent.
   void set_heartbeat(TimePoint now, Duration heartbeat);
+  // For how long the peer may hold back its feedback because its way back is slow.
+  void set_feedback_spacing(TimePoint now, Duration spacing);
   // No other path to this peer is usable.
   void set_last_usable(bool last) { machine_.set_last_usable(last); }
 
@@ -48,6 +50,7 @@ class LinkEstimator {
   // See RateEstimator::train().
   void train(TimePoint now, const Train& train) { rate_.train(now, train); }
   void delivery_sample(TimePoint now, const DeliveryRate::Sample& sample);
+  Duration feedback_spacing() const { return feedback_spacing_; }
   // What the peer believes of its own direction: its rate and the share of its packets lost.
   void peer_sees(DataRate rate_down, double loss_down);
   void removed(TimePoint now) { machine_.removed(now); }
@@ -65,6 +68,11 @@ class LinkEstimator {
   // The slower of the rates of both directions that were measured, one of them by the peer; zero:
   // of none. The peer knows it as well, but for what is just being told.
   DataRate slower_rate() const;
+  // What the peer believes of its own direction; zero: nothing.
+  DataRate rate_down() const { return rate_down_; }
+  // See RateEstimator::best() and guessed_at().
+  std::optional<DataRate> best_rate() const { return rate_.best(); }
+  TimePoint guessed_at() const { return rate_.guessed_at(); }
   // See RateEstimator::guess().
   std::optional<DataRate> rate_guess() const { return rate_.guess(); }
   std::optional<DataRate> pace() const { return rate_.pace(); }
@@ -86,6 +94,7 @@ class LinkEstimator {
 
   LinkTraits traits_;
   Duration heartbeat_ = ProbeSchedule::kIdleHeartbeat;
+  Duration feedback_spacing_{};
   std::optional<TimePoint> heard_at_;
   RttEstimator rtt_;
   QueueSignal queue_up_;

@@ -102,9 +102,11 @@ void PathMachine::set_thresholds() {
   const bool known = knows_round_trip();
   // The variation keeps a jittery path from being suspected every round.
   after_.suspect =
-      known ? std::max({kSuspectFloor, srtt * 3 / 2, srtt + 2 * rttvar}) : kSuspectUnknown;
+      (known ? std::max({kSuspectFloor, srtt * 3 / 2, srtt + 2 * rttvar}) : kSuspectUnknown) +
+      pace_.feedback;
   after_.pulled =
-      (known ? std::max(kPulledFloor, srtt + 4 * rttvar) : kPulledUnknown) * (1 << patience_);
+      (known ? std::max(kPulledFloor, srtt + 4 * rttvar) : kPulledUnknown) * (1 << patience_) +
+      pace_.feedback;
   after_.idle_suspect =
       std::max(times(heartbeat, kSuspectHeartbeats), heartbeat + srtt / 2 + 4 * rttvar);
   after_.idle_pulled = std::max({kIdlePulledFloor, heartbeat * kPulledHeartbeats, after_.pulled});
@@ -127,8 +129,9 @@ TimePoint PathMachine::suspect_at() const {
   if (!waiting_.any()) return idle;
   // While acknowledgements come in, packets that are late wait in a queue and are no sign of
   // trouble.
-  const TimePoint loaded = std::max(waiting_.since() + after_.suspect,
-                                    acknowledged_at_ + std::max(kSuspectFloor, pace_.srtt / 2));
+  const TimePoint loaded =
+      std::max(waiting_.since() + after_.suspect,
+               acknowledged_at_ + std::max(kSuspectFloor, pace_.srtt / 2) + pace_.feedback);
   return std::min(idle, loaded);
 }
 

@@ -47,6 +47,8 @@ class PathMachine {
     // Between two signs of life of the peer when nothing else is sent. When it becomes shorter,
     // silence counts from then on, because the peer had promised no more before.
     Duration heartbeat = std::chrono::milliseconds(300);
+    // For how long the peer may hold back its feedback beyond the usual.
+    Duration feedback{};
     friend bool operator==(const Pace&, const Pace&) = default;
   };
 

@@ -73,6 +73,18 @@ bool RateEstimator::limited_by_us(const Train& train) {
   return train.measured >= train.sent_at->scaled(kPausedLimited * share_arrived(train));
 }
 
+void RateEstimator::note_guess(TimePoint now) {
+  const std::optional<DataRate> known = raw(kGuess);
+  if (!known) return;
+  guesses_.add(now, -known->bits_per_second);
+  guessed_at_ = now;
+}
+
+std::optional<DataRate> RateEstimator::best() const {
+  const std::optional<std::int64_t> least = guesses_.get(guessed_at_);
+  return capped(least ? std::optional(DataRate{-*least}) : std::nullopt);
+}
+
 void RateEstimator::train(TimePoint now, const Train& told) {
   if (told.packets < 2 || told.measured <= DataRate{}) return;
   const bool grown = newest_ && newest_->id == told.id;
@@ -101,6 +113,7 @@ void RateEstimator::train(TimePoint now, const Train& told) {
     }
   }
   history.put(train);
+  note_guess(now);
   for (std::size_t better = trust + 1; better < kGrades; ++better) {
     if (histories_[better].count > 0) return;
   }
@@ -117,6 +130,7 @@ void RateEstimator::sample(TimePoint now, const DeliveryRate::Sample& sample) {
   if (!known || median <= *known) return;
   floor_ = median;
   measured_at_ = now;
+  note_guess(now);
 }
 
 // Delivery rate samples alone make no estimate: they would pace a link by what the application

@@ -15,6 +15,7 @@
 #include <optional>
 
 #include "core/link/delivery_rate.h"
+#include "core/link/windowed_minimum.h"
 #include "interneuron/units.h"
 
 namespace interneuron::link {
@@ -83,6 +84,9 @@ class RateEstimator {
   // The rate, or what the shortest trains say while there is none: good enough to choose the next
   // train by, but not to plan messages with.
   std::optional<DataRate> guess() const;
+  // The highest guess within the 10 s before the newest train or sample, and when that came.
+  std::optional<DataRate> best() const;
+  TimePoint guessed_at() const { return guessed_at_; }
   // How fast to send data, which is a train to the receiver; nothing while nothing is known. It may
   // change while a train is under way, because a train is judged by the rate at which it left.
   std::optional<DataRate> pace() const;
@@ -125,6 +129,7 @@ class RateEstimator {
   // The median of the most trusted trains there are, if their grade is at least `least`.
   std::optional<DataRate> raw(Grade least) const;
   std::optional<DataRate> capped(std::optional<DataRate> rate) const;
+  void note_guess(TimePoint now);
 
   std::array<History, kGrades> histories_;
   // The newest train, whatever its grade.
@@ -133,6 +138,9 @@ class RateEstimator {
   // What delivery rate samples since the newest train that counts show the link to carry at least.
   std::optional<DataRate> floor_;
   std::optional<DataRate> cap_;
+  // The guesses of the last 10 s in bits per second, negated, and when the newest came.
+  WindowedMinimum guesses_;
+  TimePoint guessed_at_{};
   std::optional<TimePoint> measured_at_;
 };
 

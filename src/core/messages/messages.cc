@@ -225,7 +225,8 @@ SendResult Messages::plan(TimePoint now, peers::Peer& peer, const Policy& policy
     return {.status = allowed ? SendStatus::kPolicyRefuses : SendStatus::kLinkRestricted,
             .reason = plan.refused};
   }
-  routes = dispatch::routes_of(now, peer, planned, links, sizes, options);
+  routes = dispatch::routes_of(now, peer, planned, dispatch::allowed_of(policy, links), links,
+                               sizes, options);
   if (routes.itinerary.empty()) {
     peer.want(now, plan::rate_wanted(qos, sizes.front()));
     return {.status = SendStatus::kCannotArrive, .expected = routes.expected};

@@ -36,32 +36,43 @@ class FeedbackDue {
     if (++unreported_ >= kPackets) due = std::max(now, first_at_ + kSpacing);
     if (unreported_ >= kMostPackets) due = now;
     if (gap) due = std::min(due, std::max(now, sent_at_ + kSpacing));
-    if (!at_ || due < *at_) at_ = due;
+    plan(due);
   }
   // A message is complete: a burst probably ends with it, and its sender waits for that.
   void completed(TimePoint now) {
-    if (unreported_ >= kPackets) at_ = now;
+    if (unreported_ >= kPackets) plan(now);
   }
   // Nothing of what has arrived so far is to be reported any more.
-  void sent(TimePoint now) { *this = FeedbackDue(now); }
-  // There is something to tell that no packet has brought about.
-  void has_news(TimePoint now) {
-    const TimePoint due = now + kDelay;
-    if (!at_ || due < *at_) at_ = due;
+  void sent(TimePoint now) {
+    const Duration apart = apart_;
+    *this = FeedbackDue(now);
+    apart_ = apart;
   }
+  // Feedback leaves at least so far apart, whatever is to be told: what it leaves over is slow
+  // (src/core/base/slow_link.h).
+  void keep_apart(Duration apart) { apart_ = apart; }
+  Duration apart() const { return apart_; }
+  // There is something to tell that no packet has brought about.
+  void has_news(TimePoint now) { plan(now + kDelay); }
   // Not everything that is to be told found room in what was sent.
-  void again(TimePoint now) { at_ = now; }
+  void again(TimePoint now) { plan(now); }
   bool is_due(TimePoint now) const { return at_ && *at_ <= now; }
   // Nothing while there is nothing to report.
   std::optional<TimePoint> at() const { return at_; }
   TimePoint sent_at() const { return sent_at_; }
 
  private:
+  void plan(TimePoint due) {
+    due = std::max(due, sent_at_ + apart_);
+    if (!at_ || due < *at_) at_ = due;
+  }
+
   // Packets that no feedback has reported yet, and when the first of them came.
   std::uint32_t unreported_ = 0;
   TimePoint first_at_{};
   std::optional<TimePoint> at_;
   TimePoint sent_at_;
+  Duration apart_{};
 };
 
 }  // namespace interneuron::peers

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "core/base/earliest.h"
+#include "core/base/slow_link.h"
 
 namespace interneuron::peers {
 namespace {
@@ -91,6 +92,15 @@ bool Path::may_challenge(TimePoint now) {
   if (now < challenge_at_) return false;
   challenge_at_ = now + kBetweenChallenges;
   return true;
+}
+
+DataRate Path::slow_rate() const {
+  const DataRate rate = estimator.rate().value_or(DataRate{});
+  return !is_paid() && is_slow(rate) ? rate : DataRate{};
+}
+
+DataRate Path::peer_slow_rate() const {
+  return !is_paid() && is_slow(estimator.rate_down()) ? estimator.rate_down() : DataRate{};
 }
 
 bool Path::usable() const {
@@ -185,7 +195,8 @@ void Path::learn_exchange(TimePoint now, PeerTime u, const wire::LinkReport& rep
                            Duration{wrapping_sub(r, u_ns)});
 }
 
-void Path::refresh(TimePoint now, bool ready, DataRate needed) {
+void Path::refresh(TimePoint now, bool ready, DataRate needed, Duration peer_spacing) {
+  estimator.set_feedback_spacing(now, peer_spacing);
   probes.set_needed(needed);
   probes.set_slower(estimator.slower_rate());
   probes.set_metered(is_paid());
@@ -199,7 +210,7 @@ void Path::refresh(TimePoint now, bool ready, DataRate needed) {
 }
 
 bool Path::may_copy(std::size_t ip_bytes) const {
-  return copy_credit_ >= static_cast<double>(ip_bytes) && !is_paid() &&
+  return slow_rate() == DataRate{} && copy_credit_ >= static_cast<double>(ip_bytes) && !is_paid() &&
          nic_.traits.role == LinkRole::kNormal;
 }
 
@@ -274,6 +285,15 @@ code::Losses Path::losses() const {
           estimator.loss_burst_deviation()};
 }
 
+// While the peer holds back its feedback, what has arrived counts as in flight.
+std::size_t Path::window() const {
+  const std::size_t window = share_.window();
+  if (window == SIZE_MAX || estimator.feedback_spacing() == Duration::zero()) return window;
+  const double bits = to_seconds(estimator.feedback_spacing()) *
+                      static_cast<double>(share_.rate().value_or(DataRate{}).bits_per_second);
+  return window + static_cast<std::size_t>(bits / 8);
+}
+
 flow::PathView Path::view(TimePoint now) const {
   // What may be planned with is our share of the pipe.
   const std::optional<DataRate> own = share_.pace();
@@ -291,9 +311,13 @@ flow::PathView Path::view(TimePoint now) const {
   view.rate = shared(share_.planned() ? share_.planned() : estimator.rate_guess());
   view.pace = shared(capped(pace.value_or(flow::kBlindPace)));
   view.soon = shared(share_.soon(now));
-  view.window = share_.window();
+  view.best = estimator.best_rate();
+  view.best_at = estimator.guessed_at();
+  view.report_spacing = estimator.feedback_spacing();
+  view.window = window();
   view.loaded = share_.loaded(now);
   view.short_queue = share_.marked(now);
+  view.slow = slow_rate() > DataRate{};
   view.one_way = estimator.one_way();
   view.least_one_way = estimator.rtt_min(now) / 2 + share_.standing_queue();
   view.ect = ecn_.bits() != link::kNotEct;

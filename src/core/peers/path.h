@@ -54,6 +54,11 @@ class Path {
   std::size_t datagram() const { return mtu_.datagram(); }
   // The ECN bits of what is data-sized.
   std::uint8_t ecn_bits() const { return ecn_.bits(); }
+  // The rate from here and from the peer, if what upkeep takes of it is to be limited by it
+  // (src/core/base/slow_link.h); zero: it is not. Where bytes are paid for, the rate is that of the
+  // messages that happened to be sent.
+  DataRate slow_rate() const;
+  DataRate peer_slow_rate() const;
   // Whether messages may be sent on it, as far as its traffic shows.
   bool usable() const;
 
@@ -80,8 +85,8 @@ class Path {
   void learn_exchange(TimePoint now, PeerTime u, const wire::LinkReport& report);
   // Tells the schedule of probes what is believed now. Call it after anything that may have changed
   // that. `ready`: the peer has echoed our session on some path. `needed`: see
-  // link::ProbeSchedule::set_needed().
-  void refresh(TimePoint now, bool ready, DataRate needed);
+  // link::ProbeSchedule::set_needed(). `peer_spacing`: see Paths::peer_feedback_spacing().
+  void refresh(TimePoint now, bool ready, DataRate needed, Duration peer_spacing = {});
 
   // --- addresses
   // A packet of the peer came from another address. Whether that may be challenged: not so soon
@@ -96,7 +101,8 @@ class Path {
   // Whether a heartbeat is due; send it before the next call.
   bool heartbeat_due(TimePoint now) const { return probes.heartbeat_due(now); }
   // Whether a copy of feedback that leaves over another path, of so many bytes with its IP header,
-  // may go over this one: where messages arrive, nobody pays for bytes, and it is no backup.
+  // may go over this one: where messages arrive, nobody pays for bytes, and it is neither slow nor
+  // a backup.
   bool may_copy(std::size_t ip_bytes) const;
   // Whether a data-sized probe is due, be it of a train or to prove that the path delivers; send it
   // before the next call.
@@ -124,6 +130,7 @@ class Path {
                const flow::PathUse::Told& use);
   // Bytes cost one of the two sides something.
   bool is_paid() const { return nic_.traits.metered || peer_is_metered_; }
+  std::size_t window() const;
   code::Losses losses() const;
   std::optional<DataRate> capped(std::optional<DataRate> rate) const;
 

@@ -1,8 +1,11 @@
 #include "core/peers/paths.h"
 
 #include <algorithm>
+#include <optional>
+#include <tuple>
 #include <utility>
 
+#include "core/base/slow_link.h"
 #include "core/link/nature.h"
 
 namespace interneuron::peers {
@@ -57,11 +60,11 @@ const Path* Paths::reporter(const Path* first) const {
   const std::size_t size = wire::feedback_bytes(paths_.size()) + kIpUdpBytes;
   const Path* best = nullptr;
   // A path whose delay is not known yet ranks behind those that were measured, and so does one that
-  // is suspected.
-  const auto rank = [](const Path& p) {
+  // is suspected; and a slow path, over which less can be told, behind any that is not.
+  const auto rank = [size](const Path& p) {
     const Duration d = p.estimator.one_way();
-    return std::pair(p.estimator.path() != PathState::kOk,
-                     d > Duration::zero() ? d : Duration::max());
+    return std::tuple(p.estimator.path() != PathState::kOk, spacing_over(p.slow_rate(), size),
+                      d > Duration::zero() ? d : Duration::max());
   };
   for (const Path& path : paths_) {
     if (!path.estimator.up()) continue;
@@ -69,6 +72,31 @@ const Path* Paths::reporter(const Path* first) const {
     if (best == nullptr || rank(path) < rank(*best)) best = &path;
   }
   return best;
+}
+
+namespace {
+
+// The spacing over the path that is the soonest to tell anything by it.
+template <class RateOf>
+Duration least_spacing(const Paths& paths, const RateOf& rate_of) {
+  const std::size_t size = wire::feedback_bytes(paths.size()) + kIpUdpBytes;
+  std::optional<Duration> least;
+  for (const Path& path : paths) {
+    if (!path.estimator.up()) continue;
+    const Duration spacing = spacing_over(rate_of(path), size);
+    if (!least || spacing < *least) least = spacing;
+  }
+  return least.value_or(Duration::zero());
+}
+
+}  // namespace
+
+Duration Paths::feedback_spacing() const {
+  return least_spacing(*this, [](const Path& path) { return path.slow_rate(); });
+}
+
+Duration Paths::peer_feedback_spacing() const {
+  return least_spacing(*this, [](const Path& path) { return path.peer_slow_rate(); });
 }
 
 bool Paths::note_changes(Path& path) {

@@ -65,6 +65,12 @@ class Paths {
   // same is told, the fastest that may carry a copy.
   const Path* reporter(const Path* first = nullptr) const;
 
+  // How far apart feedback leaves here at the least, and the peer's there: longer than at once only
+  // where the way of either is slow (src/core/base/slow_link.h). Both sides know both rates, but
+  // for what is just being told, so that each knows how long the other may hold back its feedback.
+  Duration feedback_spacing() const;
+  Duration peer_feedback_spacing() const;
+
   // Notes what the traffic of a path says of it since the last call. False: nothing new.
   bool note_changes(Path& path);
   // What has changed of a path; ask until nothing comes.

@@ -110,7 +110,7 @@ Peer::Outcome Peer::handle(TimePoint now, const wire::Packet& packet, const Data
   // What was sealed was opened once, whatever its number is.
   const bool is_new = packet.header.epoch != wire::kClearEpoch;
   if (!path.receiver.accept(now, packet.header.number, role, datagram.bytes.size() + kIpUdpBytes,
-                            datagram.ecn, is_new)) {
+                            datagram.ecn, is_new, packet.header.stamp_us)) {
     outcome.duplicate = true;
     return outcome;
   }
@@ -131,6 +131,7 @@ Peer::Outcome Peer::handle(TimePoint now, const wire::Packet& packet, const Data
   if (is_window) intake_.remember(now, packet.window, room);
   if (packet.header.type != wire::PacketType::kData) return outcome;
   if (take_piece(now, packet.data, room, outcome)) intake_.remember(packet.data);
+  if (outcome.message) path.receiver.message_ends();
   return outcome;
 }
 
@@ -237,10 +238,12 @@ void Peer::refresh(TimePoint now) {
 // Returns whether the state of a path has changed, and adds those paths.
 bool Peer::look_again(TimePoint now, std::vector<LinkId>& changed) {
   const DataRate needed = sender_.needed();
+  const Duration peer_spacing = paths_.peer_feedback_spacing();
+  intake_.feedback.keep_apart(paths_.feedback_spacing());
   for (Path& path : paths_) {
     path.estimator.set_last_usable(std::ranges::none_of(
         paths_, [&path](const Path& p) { return p.id() != path.id() && p.estimator.up(); }));
-    path.refresh(now, session_.ready, needed);
+    path.refresh(now, session_.ready, needed, peer_spacing);
     sender_.set_path(path.id(), path.view(now));
     sender_.resize(now, path.id(), path.datagram());
   }

@@ -21,6 +21,8 @@ TransmitParts Peer::send_feedback(TimePoint now, Path& path, std::span<const Pat
   for (const Path& p : about) feedback.reports.push_back(p.report(now));
   const bool about_all = about.size() == paths_.size();
   intake_.receipts.tell(now, about_all, feedback);
+  // A heartbeat over a slow path that is the only one has told all that there is.
+  if (about_all && intake_.feedback.apart() > Duration::zero()) intake_.feedback.sent(now);
   if (about_all && intake_.receipts.has_untold()) intake_.feedback.again(now);
   const std::uint64_t number = sender_.take_number(now, path.id());
   const std::size_t size = wire::write_feedback(

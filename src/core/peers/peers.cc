@@ -285,6 +285,11 @@ std::optional<TransmitParts> Peers::poll(TimePoint now, std::span<std::byte> buf
     if (const auto transmit = entry.peer.poll(now, turn->nic, buffer)) {
       mark(entry);
       turns_.sent(transmit->size() + kIpUdpBytes);
+      // What has left may have made symbols for a path that had nothing to send before.
+      for (const Path& path : entry.peer.paths()) {
+        const auto at = entry.peer.sender().next_send(path.id());
+        if (at && *at <= now) turns_.add(turn->peer, path.nic().link);
+      }
       if (const auto out = gate_.seal_for(now, entry.slot, *transmit, buffer)) return count(*out);
       continue;
     }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "core/base/slow_link.h"
 #include "interneuron/sizes.h"
 
 namespace interneuron::plan {
@@ -12,11 +13,41 @@ bool is_small_result(const Offer& offer) {
          offer.variant_bytes.front() <= kSmallResultBytes;
 }
 
-Plan over_every_link(const Policy& policy, std::span<const LinkState> links) {
+bool is_suspected(const LinkState& link) { return link.up && link.path == PathState::kSuspect; }
+bool is_sound(const LinkState& link) { return link.up && !is_suspected(link); }
+
+// Whether a result is better sent over this one of two slow links, whose rates are known.
+bool is_sooner(const LinkState& a, const LinkState& b, std::size_t bytes) {
+  if (is_sound(a) != is_sound(b)) return is_sound(a);
+  const auto arrival = [bytes](const LinkState& link) {
+    return link.rtt_min / 2 + link.queue_up + link.usable_rate().transmit_time(wire_size(bytes));
+  };
+  return arrival(a) < arrival(b);
+}
+
+// A copy of a small result costs a fast link next to nothing. A slow one carries it where results
+// like it take at most this share of it; else it would be in the way of those that follow.
+constexpr double kCopyShare = 0.25;
+
+// Small results go over every link, and over a slow one where a copy is cheap there or where no
+// other link brings it sooner.
+Plan over_every_link(const Policy& policy, const Offer& offer, std::span<const LinkState> links) {
+  const std::size_t bytes = offer.variant_bytes.front();
+  const DataRate cheap = rate_floor(offer.qos, wire_size(bytes)).scaled(1 / kCopyShare);
+  const auto is_dear = [cheap](const LinkState& link) {
+    return is_slow(link.rate) && link.usable_rate() < cheap;
+  };
   Plan plan;
+  const LinkState* soonest = nullptr;
   for (const LinkState& link : links) {
-    if (link.up && policy.allows(link)) plan.sends.push_back({.variant = 0, .link = link.id});
+    if (!link.up || !policy.allows(link)) continue;
+    if (!is_dear(link)) {
+      plan.sends.push_back({.variant = 0, .link = link.id});
+    } else if (soonest == nullptr || is_sooner(link, *soonest, bytes)) {
+      soonest = &link;
+    }
   }
+  if (plan.sends.empty() && soonest != nullptr) plan.sends.push_back({0, soonest->id});
   return plan;
 }
 
@@ -27,9 +58,6 @@ bool can_be_sent(const Policy& policy, const Assignment& send, const Offer& offe
            return link.up && link.id == send.link && policy.allows(link);
          });
 }
-
-bool is_suspected(const LinkState& link) { return link.up && link.path == PathState::kSuspect; }
-bool is_sound(const LinkState& link) { return link.up && !is_suspected(link); }
 
 bool sets_out(const Assignment& send) {
   return send.role == SendRole::kWhole || send.role == SendRole::kShare;
@@ -107,7 +135,7 @@ Plan plan_message(const Policy& policy, const Offer& offer, std::span<const Link
                   const Guidance& guidance) {
   if (offer.variant_bytes.empty() || std::ranges::none_of(links, &LinkState::up)) return {};
   if (is_small_result(offer)) {
-    Plan everywhere = over_every_link(policy, links);
+    Plan everywhere = over_every_link(policy, offer, links);
     if (!everywhere.sends.empty()) return everywhere;
     // The policy allows none of the links; its plan() says why.
   }

@@ -9,7 +9,8 @@
 namespace interneuron::plan {
 
 // A result whose best variant has at most kSmallResultBytes goes over every link that is up and
-// that the policy allows, whichever policy runs. Every other message goes as the policy plans it.
+// that the policy allows, whichever policy runs; over a slow one where a copy is cheap, or where
+// none is and no other link brings it sooner. Every other message goes as the policy plans it.
 // Whatever the policy answers, the plan returned keeps these promises:
 //
 // - each variant is an index into offer.variant_bytes, each link is one of `links`, up and allowed;

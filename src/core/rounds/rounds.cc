@@ -7,6 +7,7 @@
 #include "core/base/ablation.h"
 #include "core/base/earliest.h"
 #include "core/base/source_limit.h"
+#include "core/dispatch/routes.h"
 #include "core/plan/budget.h"
 
 namespace interneuron::rounds {
@@ -81,7 +82,7 @@ SubmitStatus Rounds::submit(TimePoint now, const RoundRef& round, Variants varia
   }
   peers::Peer* peer = destination(now, context, to);
   if (peer == nullptr) return SubmitStatus::kNoPeer;
-  const Links links = peer->links(now);
+  const Links links = dispatch::links_behind_queue(now, *peer);
   const dispatch::Sizes sizes = dispatch::sizes_of(variants);
   const Transmissions::Next next{links, sizes, {}, message_class};
   transmissions_.choose_mode(now, context, next);
@@ -106,7 +107,7 @@ Plan Rounds::preview(TimePoint now, const RoundRef& round,
   if (found == nullptr || found->stage == found->round.stages) return {};
   peers::Peer* peer = destination(now, *found, to);
   if (peer == nullptr) return {};
-  const Links links = peer->links(now);
+  const Links links = dispatch::links_behind_queue(now, *peer);
   const Transmissions::Next next{links, variant_bytes, costs, message_class};
   transmissions_.choose_mode(now, *found, next);
   const auto clock = clock_of(now, found->round, peers_.access(now, found->from));
@@ -121,7 +122,7 @@ std::size_t Rounds::begin_computation(TimePoint now, const RoundRef& round,
   dispatch::Round& r = context->round;
   guard::StageEnd end = r.stage_end(context->stage);
   peers::Peer* from = peers_.access(now, context->from);
-  if (from != nullptr) end.ahead = plan::soonest_way(from->links(now));
+  if (from != nullptr) end.ahead = plan::soonest_way(dispatch::links_behind_queue(now, *from));
   const guard::LevelChoice choice =
       stage_guard_of(r, speaker_of(*context))
           .begin_computation(now, end, clock_of(now, r, from), levels,

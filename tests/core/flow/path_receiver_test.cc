@@ -199,6 +199,53 @@ TEST(PathReceiver, ProbesAmongMessagesAreATrainOfTheirOwn) {
   EXPECT_EQ(r.report(at(111ms)).train_start, 113U);
 }
 
+// Packets of one train that leave `sent` apart and arrive `step` apart, as many numbers apart as
+// `numbers`; returns when the next one is due.
+struct Paced {
+  PathReceiver receiver{kLink};
+  TimePoint now = at(1s);
+  Duration left = 0s;
+  std::uint64_t number = 1;
+  void arrive(int packets, Duration sent, Duration step, std::uint64_t numbers = 1) {
+    for (int i = 0; i < packets; ++i, now += step, number += numbers) {
+      const auto us = std::chrono::floor<std::chrono::microseconds>(left).count();
+      receiver.accept(now, number, kData, kPacket, 0, false, static_cast<std::uint32_t>(us));
+      left += sent * static_cast<std::int64_t>(numbers);
+    }
+  }
+  double mbit() const { return receiver.report(now).train_rate.mbit(); }
+};
+
+TEST(PathReceiver, APacketOfASlowLinkIsNoGrant) {
+  for (const double mbit : {0.5, 1.0, 2.0}) {
+    Paced paced;
+    paced.arrive(6, 1ms, DataRate::mbit(mbit).transmit_time(kPacket));
+    EXPECT_NEAR(paced.mbit(), mbit, 0.01 * mbit);
+  }
+}
+
+// A bucket lets 50 packets pass as they left, and then one each millisecond: a shaper lets the
+// others wait, and a policer drops nine of ten.
+TEST(PathReceiver, ABucketThatRanEmptyTellsAtWhatRateItFills) {
+  Paced shaped;
+  shaped.arrive(50, 100us, 100us);
+  EXPECT_NEAR(shaped.mbit(), kPacket * 8.0 / 100, 0.1);
+  shaped.arrive(10, 100us, 1ms);
+  EXPECT_NEAR(shaped.mbit(), kPacket * 8.0 / 1000, 0.1);
+  Paced policed;
+  policed.arrive(50, 100us, 100us);
+  policed.arrive(10, 100us, 1ms, 10);
+  EXPECT_NEAR(policed.mbit(), kPacket * 8.0 / 1000, 0.1);
+}
+
+// It is the sender who is slow at the end.
+TEST(PathReceiver, ATrainThatLeavesMoreSlowlyAtItsEndHasFoundNoBucket) {
+  Paced paced;
+  paced.arrive(50, 100us, 100us);
+  paced.arrive(10, 1ms, 1ms);
+  EXPECT_NEAR(paced.mbit(), kPacket * 8.0 * 59 / 14'000, 0.1);
+}
+
 TEST(PathReceiver, FeedbackIsNoPartOfATrain) {
   PathReceiver r(kLink);
   r.accept(at(0ms), 1, PathReceiver::Role::kNone, kPacket);

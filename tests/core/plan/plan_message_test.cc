@@ -93,6 +93,29 @@ TEST(PlanMessage, SmallResultsGoOverEveryLinkWhicheverPolicyRuns) {
   }
 }
 
+TEST(PlanMessage, ASlowLinkCarriesACopyOfAResultWhereItIsCheapOrSoonest) {
+  constexpr std::array<std::size_t, 1> kResult{3000};
+  const QoS qos{.deadline = milliseconds(250),
+                .period = milliseconds(100),
+                .message_class = MessageClass::kResult};
+  const auto over = [&](double up_mbit, double also_mbit, Duration queue_of_up) {
+    std::vector<LinkState> links = three_links();
+    links[0].rate = DataRate::mbit(up_mbit);
+    links[0].queue_up = queue_of_up;
+    links[2].rate = DataRate::mbit(also_mbit);
+    return plan_message(Scripted({}), {qos, kResult}, links, {}).sends;
+  };
+  const Assignment up{0, kUp};
+  const Assignment also{0, kAlsoUp};
+  // Two thirds of either link.
+  EXPECT_THAT(over(0.36, 0.36, milliseconds(0)), ElementsAre(up));
+  EXPECT_THAT(over(0.36, 0.36, milliseconds(20)), ElementsAre(also));
+  // A fifth of it, and nothing that counts.
+  EXPECT_THAT(over(1.4, 1.4, milliseconds(0)), ElementsAre(up, also));
+  EXPECT_THAT(over(0.36, 20, milliseconds(0)), ElementsAre(also));
+  EXPECT_THAT(over(20, 60, milliseconds(0)), ElementsAre(up, also));
+}
+
 // Allows one link, and plans both.
 class Choosy final : public Policy {
  public:

@@ -32,7 +32,7 @@ TEST(Forecasts, BelowCapacityAllAreOnTimeAndLikely) {
 }
 
 TEST(Forecasts, RefusedMessagesAreSentNevertheless) {
-  const auto all = forecasts(first("rate", 3, 4s));
+  const auto all = forecasts(first("size", 3, 4s));
   EXPECT_GT(refused(all), 2);
   EXPECT_LT(refused(all), 40);
   EXPECT_TRUE(std::ranges::all_of(
