@@ -30,7 +30,7 @@ class CrowdShare {
  public:
   // What trains show of the pipe. Among those of others they show less, which is no news.
   void set_capacity(DataRate capacity) {
-    capacity_ = is_shared() && !is_new_ ? std::max(capacity_, capacity) : capacity;
+    capacity_ = is_crowded() ? std::max(capacity_, capacity) : capacity;
   }
   DataRate capacity() const { return capacity_; }
   // Bytes with IP headers left.
@@ -50,6 +50,8 @@ class CrowdShare {
 
   // Others are there, or it is not known yet that they are not. While they are, the rest counts.
   bool is_shared() const { return rate_.has_value(); }
+  // Others are there for certain.
+  bool is_crowded() const { return is_shared() && !is_new_; }
   // The share in the mean.
   DataRate rate() const { return *rate_; }
   // The rate at which the newest message would be sent.

@@ -96,6 +96,8 @@ class ShareControl {
   std::optional<DataRate> soon(TimePoint now) const;
   // How fast packets leave; nothing while it is for the search of the capacity to say.
   std::optional<DataRate> pace() const;
+  // Others use the path as well.
+  bool is_crowded() const { return crowd_.is_crowded(); }
   // What the pipe is known to carry where others are, zero where nobody is.
   DataRate known_capacity() const { return crowd_.is_shared() ? crowd_.capacity() : DataRate{}; }
   // What a packet waits for at least, where others are.

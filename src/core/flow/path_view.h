@@ -50,6 +50,8 @@ struct PathView {
   std::size_t window = SIZE_MAX;
   // The path carries all it can: what is in flight beyond an empty path waits in a queue.
   bool loaded = false;
+  // Others use the path as well: what our share does not bring now is not to be hoped for.
+  bool crowded = false;
   // A queue on the way marks what waits for a millisecond: long batches would be marked.
   bool short_queue = false;
   // All of it, and not our share alone, is little (src/core/base/slow_link.h).

@@ -123,6 +123,7 @@ Duration SendPath::least_time(std::size_t ip_bytes, bool begun) const {
 // Where messages are refused nothing is measured, so that no refusal lasts: the rate may have risen
 // by kMayRise in each second since.
 Duration SendPath::possible_time(TimePoint now, std::size_t ip_bytes) const {
+  if (view.crowded) return least_time(ip_bytes, false);
   if (!view.best) return view.least_one_way;
   const double seconds = std::clamp(to_seconds(now - view.best_at), 0.0, kMostRise);
   const double rise = std::pow(kMayRise, 1 + seconds);

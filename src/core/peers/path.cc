@@ -316,6 +316,7 @@ flow::PathView Path::view(TimePoint now) const {
   view.report_spacing = estimator.feedback_spacing();
   view.window = window();
   view.loaded = share_.loaded(now);
+  view.crowded = share_.is_crowded();
   view.short_queue = share_.marked(now);
   view.slow = slow_rate() > DataRate{};
   view.one_way = estimator.one_way();

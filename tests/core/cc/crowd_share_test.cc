@@ -1,0 +1,130 @@
+#include "core/cc/crowd_share.h"
+
+#include <gtest/gtest.h>
+
+namespace interneuron::cc::crowd_share_test {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr Duration kRoundTrip = 40ms;
+constexpr std::size_t kFrame = 30'000;
+constexpr std::size_t kSmall = 7'500;
+
+// A camera at 10 Hz over a cell of 60 Mbit/s, whose queue is told of by small packets every 50 ms.
+struct Camera {
+  CrowdShare share;
+  TimePoint now{1h};
+  Duration queue{};
+  bool stretched = false;
+  int granted = 0;
+
+  Camera() { share.set_capacity(DataRate::mbit(60)); }
+  void frame(std::size_t smallest = kSmall) {
+    share.asked(now, kFrame, smallest, 130ms);
+    const bool whole = !share.is_shared() || share.planned() >= rate_of(kFrame, 130ms);
+    granted += whole ? 1 : 0;
+    share.sent(now, whole ? kFrame : smallest < kFrame ? smallest : 0);
+    if (stretched) share.stretched(now);
+    for (int half = 0; half < 2; ++half) {
+      now += 50ms;
+      share.met(now, now - kRoundTrip, queue);
+      share.decide(now, kRoundTrip);
+    }
+  }
+  void frames(int count) {
+    for (int i = 0; i < count; ++i) frame();
+  }
+  // Others fill the queue within three frames.
+  void crowd() {
+    stretched = true;
+    for (const Duration waits : {20ms, 60ms, 90ms}) {
+      queue = waits;
+      frame();
+    }
+  }
+};
+
+TEST(CrowdShare, WhereNobodyElseIsThePipeIsNotShared) {
+  Camera camera;
+  camera.frames(50);
+  EXPECT_FALSE(camera.share.is_shared());
+  EXPECT_EQ(camera.granted, 50);
+}
+
+TEST(CrowdShare, AQueueOfOthersTakesHalfOfWhatIsUsed) {
+  Camera camera;
+  camera.frames(50);
+  camera.crowd();
+  ASSERT_TRUE(camera.share.is_crowded());
+  EXPECT_LT(camera.share.rate().mbit(), 2.4);
+  EXPECT_GE(camera.share.rate().mbit(), 0.6) << "the smallest variants go on";
+}
+
+// Radio is late at once and on time at once.
+TEST(CrowdShare, ADelayThatComesAtOnceIsNoQueue) {
+  Camera camera;
+  camera.frames(50);
+  camera.stretched = true;
+  camera.queue = 400ms;
+  camera.frames(5);
+  EXPECT_FALSE(camera.share.is_shared());
+}
+
+// What the share leaves of frames goes as whole ones at times, and as small ones between them.
+TEST(CrowdShare, WhatIsSavedUpIsSpentOnWholeFrames) {
+  Camera camera;
+  camera.frames(50);
+  camera.crowd();
+  camera.queue = 15ms;
+  camera.granted = 0;
+  camera.frames(100);
+  ASSERT_TRUE(camera.share.is_crowded());
+  EXPECT_GT(camera.granted, 20);
+  EXPECT_LT(camera.granted, 95);
+}
+
+TEST(CrowdShare, WhereOthersAreGoneItIsSharedNoMore) {
+  Camera camera;
+  camera.frames(50);
+  camera.crowd();
+  ASSERT_TRUE(camera.share.is_shared());
+  camera.queue = 0ms;
+  camera.frames(150);
+  EXPECT_FALSE(camera.share.is_shared());
+}
+
+// At a queue that all see the small share grows and the large one shrinks.
+TEST(CrowdShare, SharesOfOneQueueBecomeEqual) {
+  Camera few;
+  Camera many;
+  for (Camera* camera : {&few, &many}) {
+    camera->frames(50);
+    camera->crowd();
+  }
+  few.queue = 60ms;
+  few.frames(6);
+  ASSERT_LT(few.share.rate(), many.share.rate());
+  const double before = few.share.rate().mbit() / many.share.rate().mbit();
+  for (Camera* camera : {&few, &many}) {
+    for (int i = 0; i < 100; ++i) {
+      camera->queue = i % 2 == 0 ? 20ms : 32ms;
+      camera->frame();
+    }
+  }
+  ASSERT_TRUE(few.share.is_shared() && many.share.is_shared());
+  EXPECT_GT(few.share.rate().mbit() / many.share.rate().mbit(), before);
+}
+
+TEST(CrowdShare, AClockThatSteppedIsNoCrowd) {
+  Camera camera;
+  camera.frames(50);
+  camera.stretched = true;
+  camera.share.clock_stepped();
+  camera.queue = 3s;
+  camera.frames(5);
+  EXPECT_FALSE(camera.share.is_shared());
+}
+
+}  // namespace
+}  // namespace interneuron::cc::crowd_share_test
