@@ -110,6 +110,7 @@ void CrowdShare::vary() {
 }
 
 void CrowdShare::asked(TimePoint now, std::size_t best, std::size_t smallest, Duration left) {
+  if (static_cast<double>(best) <= kSmallMessage) return;
   const double since = asked_at_ ? to_seconds(now - *asked_at_) : kLongestPeriod;
   period_ += kNewPeriod * (std::clamp(since, kShortestPeriod, kLongestPeriod) - period_);
   asked_at_ = now;
@@ -152,7 +153,7 @@ void CrowdShare::decide(TimePoint now, Duration round_trip) {
   longest_ = std::max(longest_, queue_.newest());
   if (queue_.are_there()) others_at_ = now;
   const bool stretched = stretched_at_ && now - *stretched_at_ < kStretchMemory;
-  if (queue_.are_in_the_way() && asked_ > kSmallMessage && (is_new_ || (!rate_ && stretched))) {
+  if (queue_.are_in_the_way() && asked_ > 0 && (is_new_ || (!rate_ && stretched))) {
     enter(now);
   } else if (is_new_ && queue_.newest() > kFull / 2) {
     // A queue of our own: nobody else is there.

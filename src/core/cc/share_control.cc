@@ -28,6 +28,7 @@ constexpr double kStretched = 0.9;
 constexpr Duration kLeastQueue = std::chrono::milliseconds(5);
 // A shorter train may pass between two packets of others, so that nothing of them is seen in it.
 constexpr std::uint32_t kLongTrain = 16;
+// And one of fewer packets than this says nothing of others at all: it fits between two of theirs.
 constexpr std::uint32_t kTrainOfOthers = 5;
 // While trains are short their rate bounds ours this loosely: a short one shows the share that it
 // met rather than the pipe.
@@ -75,6 +76,8 @@ constexpr Duration kDrainEvery = std::chrono::seconds(4);
 constexpr int kRoomDivisor = 10;
 constexpr Duration kLeastTarget = 3 * ShareControl::kTarget / 4;
 constexpr Duration kTargetRise = std::chrono::microseconds(50);
+// A round trip and a queue that are longer are no queue's.
+constexpr Duration kLongestExchange = std::chrono::seconds(10);
 // The shortest time between two decisions: two feedbacks (src/core/peers/feedback_due.h).
 constexpr Duration kLeastRound = std::chrono::milliseconds(10);
 // A longer pause says no more of the duty than this.
@@ -104,7 +107,8 @@ void ShareControl::report(TimePoint now, const Report& report) {
   }
   if (report.one_way_us) {
     note_one_way(now, *report.one_way_us);
-    crowd_.met(now, now - round_trip_, queue_);
+    crowd_.met(now, now - std::min(round_trip_, kLongestExchange),
+               std::clamp<Duration>(queue_, Duration::zero(), kLongestExchange));
   }
   note_duty(now, report.backlog);
   if (report.train) note_train(now, *report.train);
@@ -133,7 +137,7 @@ bool ShareControl::share(TimePoint now) {
   const bool was = crowd_.is_shared();
   crowd_.decide(now, std::max(round_trip_, kLeastRound));
   if (crowd_.is_shared()) {
-    rate_ = crowd_.rate();
+    rate_ = std::min(crowd_.rate(), capacity_.scaled(kShortTrainRoom));
     seen_ = {};
     gain_ = kPaceGain;
   } else if (was) {
@@ -143,14 +147,19 @@ bool ShareControl::share(TimePoint now) {
 }
 
 void ShareControl::asked(TimePoint now, std::size_t best, std::size_t smallest, Duration deadline) {
-  crowd_.asked(now, best, smallest, deadline - base_ / 2);
+  crowd_.asked(now, best, smallest, std::max<Duration>(deadline - base_ / 2, Duration{1}));
 }
 
+// When the packet left and how long it took is the peer's word, so it may be anything.
 void ShareControl::exchange(TimePoint now, TimePoint left_at, Duration one_way) {
-  if (left_at <= exchanged_at_) return;
+  const Duration ago{
+      wrapping_sub(now.time_since_epoch().count(), left_at.time_since_epoch().count())};
+  if (ago < Duration::zero() || ago > kLongestExchange || left_at <= exchanged_at_) return;
   exchanged_at_ = left_at;
   least_exchange_.add(now, one_way.count());
-  crowd_.met(now, left_at, one_way - Duration{least_exchange_.get(now).value_or(one_way.count())});
+  const Duration above{
+      wrapping_sub(one_way.count(), least_exchange_.get(now).value_or(one_way.count()))};
+  crowd_.met(now, left_at, std::clamp<Duration>(above, Duration::zero(), kLongestExchange));
   if (rate_) share(now);
 }
 

@@ -116,15 +116,5 @@ TEST(CrowdShare, SharesOfOneQueueBecomeEqual) {
   EXPECT_GT(few.share.rate().mbit() / many.share.rate().mbit(), before);
 }
 
-TEST(CrowdShare, AClockThatSteppedIsNoCrowd) {
-  Camera camera;
-  camera.frames(50);
-  camera.stretched = true;
-  camera.share.clock_stepped();
-  camera.queue = 3s;
-  camera.frames(5);
-  EXPECT_FALSE(camera.share.is_shared());
-}
-
 }  // namespace
 }  // namespace interneuron::cc::crowd_share_test

@@ -145,7 +145,7 @@ TEST(Crowds, OfCamerasSettleWithinTwoSeconds) {
     const auto last = static_cast<std::uint32_t>(length / kPeriod) + 15;
     EXPECT_GE(cell.arrived(20, last), 0.98) << to_ms(apart);
     EXPECT_LE(cell.queue_p99_ms(), 90) << to_ms(apart);
-    if (!kSanitized) EXPECT_GE(cell.fairness(20), 0.9) << to_ms(apart);
+    EXPECT_GE(cell.fairness(20), kSanitized ? 0.5 : 0.9) << to_ms(apart);
   }
 }
 
