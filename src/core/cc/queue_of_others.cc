@@ -11,7 +11,7 @@ constexpr Duration kSlot = std::chrono::milliseconds(8);
 // Memory of the mean queue, in seconds: a few round trips, and longer than the 100 ms between the
 // frames of a camera. No measurement behind this value.
 constexpr double kMeanMemory = 0.15;
-// Memory of what others add. With half of it the delays of a radio (docs/evaluation.md, "The
+// Memory of what others add. With half of it the delays of a radio (docs/paper.md, "The
 // baseline after ERDOS") are taken for others, with more of it a crowd is found too late.
 constexpr double kOthersMemory = 0.3;
 // Two packets further apart than this say nothing of the time between them.

@@ -124,7 +124,7 @@ SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const Sen
   peers::Peer* peer = peers_.access(now, to);
   if (peer == nullptr) return {SendStatus::kNoPeer};
   const dispatch::Sizes sizes = dispatch::sizes_of(variants);
-  if (!options.bulk) peer->asked(now, sizes, options.deadline);
+  if (!options.bulk) peer->paths().asked(now, sizes, options.deadline);
   const Links links = peer->links(now);
   dispatch::Routes routes;
   SendResult result = plan(now, *peer, policy, links, sizes, options, routes);

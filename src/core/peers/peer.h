@@ -106,10 +106,6 @@ class Peer {
   Intake& intake() { return intake_; }
   const Intake& intake() const { return intake_; }
 
-  // See Paths::asked().
-  void asked(TimePoint now, std::span<const std::size_t> sizes, Duration deadline) {
-    paths_.asked(now, sizes, deadline);
-  }
   // See Paths::want().
   void want(TimePoint now, DataRate rate) { paths_.want(now, rate); }
   // See Paths::states().

@@ -116,7 +116,7 @@ std::optional<Planned> Transmissions::send(TimePoint now, peers::Peer& peer, std
   Planned planned{round.ref, round.stage,
                   was_previewed ? context.previewed->plan : plan(context, next, guide)};
   const dispatch::Itinerary itinerary(planned.plan);
-  peer.asked(now, next.sizes, round.qos.deadline);
+  peer.paths().asked(now, next.sizes, round.qos.deadline);
   dispatch::seek_rate(now, peer, planned.plan, itinerary, round.qos, next.sizes.front());
   if (itinerary.empty()) return planned;
   if (itinerary.bytes(next.sizes, wire::MessageKind::kRound) > room) return std::nullopt;
