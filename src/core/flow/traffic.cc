@@ -206,8 +206,11 @@ bool Traffic::together_can_arrive(TimePoint now, const OutgoingMessage& m) const
 Duration Traffic::batch(const SendPath& path) const {
   const Job* job = path.jobs.first();
   if (job == nullptr || job->pieces() == 0) return kQuantum;
+  const OutgoingMessage& m = *messages.find(job->message);
+  // The stages of a round are judged by the millisecond.
+  if (m.kind == wire::MessageKind::kRound) return kQuantum;
   const DataRate pace = path.view.pace.value_or(kBlindPace);
-  const Duration time = std::chrono::microseconds(messages.find(job->message)->lifetime_us);
+  const Duration time = std::chrono::microseconds(m.lifetime_us);
   // What has left keeps the path busy for so long at least.
   const Duration ahead = kBurst + (path.left_at - path.busy_since) / kHeadroomPart;
   const Duration longest = path.view.short_queue
