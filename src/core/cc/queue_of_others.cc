@@ -23,7 +23,7 @@ constexpr double kOwnWeight = 2;
 // A queue grows by no more than this and kFastest times the time between two packets: frames of
 // four cameras may come at once, and what is beyond was held up as a whole.
 constexpr double kMostAtOnce = 0.012;
-constexpr double kFastest = 4;
+constexpr double kFastest = 1.5;
 // Packets with nothing of ours between them count in a row where they are this far apart: less
 // is a batch.
 constexpr double kApart = 0.015;
