@@ -10,11 +10,16 @@ namespace {
 // What a newcomer takes before it knows of others. No measurement behind this value: crowds in a
 // cell of 60 Mbit/s do as well with a fifth of it, and a lone sender is not held up by it.
 constexpr DataRate kNewcomer = DataRate::mbit(100);
-// What is left of the rate that was used when others are found: half of it is what a crowd needs
-// that asks for twice its cell.
-constexpr double kLeft = 0.5;
+// What is left of the rate that was used when others are found: what a crowd needs that asks for
+// half as much again as its cell. With less, one that asks for a tenth more takes seconds to come
+// back.
+constexpr double kLeft = 0.7;
 // Where others are not seen again so long after they were found, they never were.
 constexpr Duration kProbation = std::chrono::milliseconds(600);
+// Where the queue does not fall to the target for so long although we give way, and for how long
+// that is remembered. A crowd of fifty that asks for twice its cell is below it after a second.
+constexpr Duration kStubborn = std::chrono::seconds(2);
+constexpr Duration kIgnored = std::chrono::seconds(10);
 // Where others have not been seen for so long, they are gone. No measurement behind this value.
 constexpr Duration kGone = std::chrono::seconds(2);
 // A train that was stretched so long ago still convicts: ten frames of a camera.
@@ -137,7 +142,7 @@ void CrowdShare::enter(TimePoint now) {
   is_new_ = granted_ = false;
   vary();
   queue_.begin_again(now);
-  entered_at_ = now;
+  entered_at_ = yielded_at_ = now;
   before_ = 0;
   longest_ = queue_.newest();
   decide_at_ = now + kPeriod;
@@ -153,12 +158,19 @@ void CrowdShare::decide(TimePoint now, Duration round_trip) {
   longest_ = std::max(longest_, queue_.newest());
   if (queue_.are_there()) others_at_ = now;
   const bool stretched = stretched_at_ && now - *stretched_at_ < kStretchMemory;
-  if (queue_.are_in_the_way() && asked_ > 0 && (is_new_ || (!rate_ && stretched))) {
+  const bool may_be = asked_ > 0 && now >= ignored_until_;
+  if (queue_.are_in_the_way() && may_be && (is_new_ || (!rate_ && stretched))) {
     enter(now);
   } else if (is_new_ && queue_.newest() > kFull / 2) {
     // A queue of our own: nobody else is there.
     is_new_ = false;
     rate_.reset();
+  }
+  if (is_crowded() && queue_.mean() <= target()) yielded_at_ = now;
+  if (is_crowded() && now - yielded_at_ > kStubborn) {
+    // Others give way to nobody, as CUBIC does: who gives way to them is left nothing.
+    rate_.reset();
+    ignored_until_ = now + kIgnored;
   }
   const bool is_doubtful = !queue_.were_confirmed() && entered_at_;
   if (!is_new_ && rate_ && is_doubtful && now - *entered_at_ > kProbation) rate_.reset();

@@ -99,6 +99,9 @@ class CrowdShare {
   // When others were last seen, and when the share became one.
   std::optional<TimePoint> others_at_;
   std::optional<TimePoint> entered_at_;
+  // When the queue was last as short as is aimed at, and until when nobody is given way to.
+  TimePoint yielded_at_{};
+  TimePoint ignored_until_ = TimePoint::min();
   // The longest queue since the last decision, and that before it.
   double longest_ = 0;
   double before_ = 0;
