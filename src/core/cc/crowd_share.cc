@@ -16,8 +16,10 @@ constexpr DataRate kNewcomer = DataRate::mbit(100);
 constexpr double kLeft = 0.7;
 // Where others are not seen again so long after they were found, they never were.
 constexpr Duration kProbation = std::chrono::milliseconds(600);
-// Where the queue does not fall to the target for so long although we give way, and for how long
-// that is remembered. A crowd of fifty that asks for twice its cell is below it after a second.
+// Where the queue does not fall to the target for so long although we give way, or what is left of
+// what we ask for is less than a part of so many; and for how long that is remembered. A crowd of
+// fifty that asks for twice its cell is below it after a second.
+constexpr double kFewShares = 6;
 constexpr Duration kStubborn = std::chrono::seconds(2);
 constexpr Duration kIgnored = std::chrono::seconds(10);
 // Where others have not been seen for so long, they are gone. No measurement behind this value.
@@ -166,7 +168,9 @@ void CrowdShare::decide(TimePoint now, Duration round_trip) {
     is_new_ = false;
     rate_.reset();
   }
-  if (is_crowded() && queue_.mean() <= target()) yielded_at_ = now;
+  const DataRate wanted = std::min(capacity_, rate_of_bytes(asked_ / period_));
+  const bool has_share = is_crowded() && rate_->scaled(kFewShares) >= wanted;
+  if (has_share && queue_.mean() <= target()) yielded_at_ = now;
   if (is_crowded() && now - yielded_at_ > kStubborn) {
     // Others give way to nobody, as CUBIC does: who gives way to them is left nothing.
     rate_.reset();
@@ -216,7 +220,7 @@ void CrowdShare::fall(TimePoint now, double over) {
 }
 
 Duration CrowdShare::waited() const {
-  return duration_of(std::min(queue_.mean(), queue_.newest()));
+  return duration_of(std::max(queue_.mean(), queue_.newest()));
 }
 
 }  // namespace interneuron::cc
