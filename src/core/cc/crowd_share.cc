@@ -21,7 +21,7 @@ constexpr Duration kProbation = std::chrono::milliseconds(600);
 // fifty that asks for twice its cell is below it after a second.
 constexpr double kFewShares = 6;
 constexpr Duration kStubborn = std::chrono::seconds(2);
-constexpr Duration kIgnored = std::chrono::seconds(10);
+constexpr Duration kIgnored = std::chrono::seconds(60);
 // Where others have not been seen for so long, they are gone. No measurement behind this value.
 constexpr Duration kGone = std::chrono::seconds(2);
 // A train that was stretched so long ago still convicts: ten frames of a camera.

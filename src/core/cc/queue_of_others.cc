@@ -37,8 +37,9 @@ constexpr double kInTheWay = 0.012;
 constexpr double kThere = 0.008;
 constexpr double kSeenAgain = 0.006;
 constexpr int kConfirmations = 2;
-// They are not in the way where the queue is shorter than this.
-constexpr double kLongQueue = 0.02;
+// They are not in the way where the queue is no longer than what is aimed at anyhow, which a CUBIC
+// flow keeps on a buffer of 30 ms.
+constexpr double kLongQueue = 0.032;
 // What left so soon after evidence began to count met the same queue.
 constexpr Duration kSameQueue = std::chrono::milliseconds(20);
 

@@ -140,12 +140,14 @@ struct Batches {
   Duration idle{};
   TimePoint carried = at(0s);
 };
-Batches batches_of(Duration deadline, bool short_queue = false) {
+Batches batches_of(Duration deadline, bool short_queue = false,
+                   wire::MessageKind kind = wire::MessageKind::kPlain) {
   Paths p;
   PathView v = view(10ms, 100, true);
   v.short_queue = short_queue;
   p.sender.set_path(kA, v);
-  p.send(at(0s), at(deadline), 150, {kA});
+  p.sender.send(at(0s), {.deadline = at(deadline), .lifetime = deadline}, Bytes(150 * kChunk), {kA},
+                {}, kind);
   Batches out;
   TimePoint now = at(0s);
   while (true) {
@@ -176,6 +178,9 @@ TEST(Sender, PacketsLeaveInBatchesWithoutAPauseOfThePath) {
   const Batches marked = batches_of(100ms, true);
   EXPECT_LE(marked.longest_pause, 500us + air);
   EXPECT_GE(marked.count, 20);
+  // The stages of a round are judged by the millisecond.
+  const Batches round = batches_of(100ms, false, wire::MessageKind::kRound);
+  EXPECT_LE(round.longest_pause, 500us + air);
   // The message is there at the same instant.
   EXPECT_EQ(usual.carried, hasty.carried);
   EXPECT_EQ(usual.carried, marked.carried);
