@@ -133,9 +133,9 @@ Duration SendPath::possible_time(TimePoint now, std::size_t ip_bytes) const {
 
 void SendPath::occupy(TimePoint now, std::size_t ip_bytes) {
   const Duration air = view.pace.value_or(kBlindPace).transmit_time(ip_bytes);
-  left_at = now;
   const bool was_idle = free_at < now - kLongestBatch - kBurst;
-  if (was_idle) busy_since = now;
+  if (was_idle || left_at == TimePoint::min()) busy_since = now;
+  left_at = now;
   const TimePoint least = was_idle || view.short_queue ? now - kBurst : free_at;
   free_at = std::max(free_at, least) + std::min<Duration>(air, kLongestAir);
 }
