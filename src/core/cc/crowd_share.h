@@ -58,7 +58,7 @@ class CrowdShare {
   DataRate planned() const {
     return std::min(std::max(*rate_, granted_ ? best_ : smallest_), capacity_);
   }
-  // What is waited for at least.
+  // What a packet is expected to wait for: the longer of the newest queue and the mean one.
   Duration waited() const;
 
  private:

@@ -22,6 +22,11 @@
 // of the Increase and Decrease Algorithms for Congestion Avoidance in Computer Networks, 1989), and
 // faster where no queue was seen for several round trips. The target bears a CUBIC flow on a buffer
 // of 30 ms beside it.
+//
+// All of that is for a sender that is alone or beside one flow or two. Where packets meet a queue
+// that others have made and that is longer than the target, CrowdShare sets the rate instead, until
+// they are gone or turn out to give way to nobody; while it does, marks and losses are not
+// answered.
 #pragma once
 
 #include <cstdint>
@@ -79,7 +84,7 @@ class ShareControl {
   // out or not.
   void asked(TimePoint now, std::size_t best, std::size_t smallest, Duration deadline);
   // A small packet that left at `left_at` took so long, with the offset between the two clocks in
-  // it.
+  // it. Both are the peer's word: one that cannot be is ignored.
   void exchange(TimePoint now, TimePoint left_at, Duration one_way);
   // A clock stepped: old and new one-way delays cannot be compared. A step that no queue could make
   // is noticed without it.
@@ -100,7 +105,7 @@ class ShareControl {
   bool is_crowded() const { return crowd_.is_crowded(); }
   // What the pipe is known to carry where others are, zero where nobody is.
   DataRate known_capacity() const { return crowd_.is_shared() ? crowd_.capacity() : DataRate{}; }
-  // What a packet waits for at least, where others are.
+  // What a packet is expected to wait for in the queue that others have made.
   Duration standing_queue() const {
     return crowd_.is_shared() ? crowd_.waited() : Duration::zero();
   }
