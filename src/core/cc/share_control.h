@@ -23,10 +23,8 @@
 // faster where no queue was seen for several round trips. The target bears a CUBIC flow on a buffer
 // of 30 ms beside it.
 //
-// All of that is for a sender that is alone or beside one flow or two. Where packets meet a queue
-// that others have made and that is longer than the target, CrowdShare sets the rate instead, until
-// they are gone or turn out to give way to nobody; while it does, marks and losses are not
-// answered.
+// Where others make a queue longer than the target, CrowdShare sets the rate until they are gone
+// or give way to nobody; marks and losses are not answered meanwhile.
 #pragma once
 
 #include <cstdint>
@@ -83,8 +81,8 @@ class ShareControl {
   // A message is to be sent whose best and smallest variants have so many bytes, whether it sets
   // out or not.
   void asked(TimePoint now, std::size_t best, std::size_t smallest, Duration deadline);
-  // A small packet that left at `left_at` took so long, with the offset between the two clocks in
-  // it. Both are the peer's word: one that cannot be is ignored.
+  // A small packet that left then took so long, with the offset of the clocks in it: the peer's
+  // word, both.
   void exchange(TimePoint now, TimePoint left_at, Duration one_way);
   // A clock stepped: old and new one-way delays cannot be compared. A step that no queue could make
   // is noticed without it.
