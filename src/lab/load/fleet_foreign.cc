@@ -4,7 +4,6 @@
 
 #include "lab/foreign/congestion.h"
 #include "lab/foreign/transports.h"
-#include "lab/load/bottleneck.h"
 #include "lab/load/fleet.h"
 
 namespace interneuron::load {
@@ -83,15 +82,6 @@ class Foreigners final : public Fleet {
 };
 
 }  // namespace
-
-void join(const Scenario& scenario, sim::World& world, sim::HostId vehicle, sim::HostId road,
-          LinkId link, sim::CellId cell) {
-  const emu::LinkProfile profile = modem_of(scenario);
-  const std::uint64_t seed = emu::link_seed(scenario.seed, vehicle);
-  const sim::WireId wire =
-      world.add_link(vehicle, road, link, profile.name, emu::Link(profile, seed));
-  world.pass_through(wire, true, cell);
-}
 
 std::unique_ptr<Fleet> make_fleet(const Scenario& scenario, sim::World& world, sim::CellId cell,
                                   Meter& meter) {

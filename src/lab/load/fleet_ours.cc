@@ -2,6 +2,7 @@
 #include <numeric>
 #include <utility>
 
+#include "lab/load/bottleneck.h"
 #include "lab/load/fleet.h"
 #include "lab/sim/duo.h"
 #include "lab/sim/trust.h"
@@ -41,6 +42,15 @@ class Ours final : public Fleet {
 };
 
 }  // namespace
+
+void join(const Scenario& scenario, sim::World& world, sim::HostId vehicle, sim::HostId road,
+          LinkId link, sim::CellId cell) {
+  const emu::LinkProfile profile = modem_of(scenario);
+  const std::uint64_t seed = emu::link_seed(scenario.seed, vehicle);
+  const sim::WireId wire =
+      world.add_link(vehicle, road, link, profile.name, emu::Link(profile, seed));
+  world.pass_through(wire, true, cell);
+}
 
 std::string policy_of(Peer peer) {
   return peer == Peer::kOursVariants ? "down_sampling" : "best_link";

@@ -4,7 +4,6 @@
 #include "core/base/earliest.h"
 #include "node/io/steady_clock.h"
 #include "node/loop/node_impl.h"
-#include "node/loop/shards.h"
 
 namespace interneuron {
 

@@ -7,6 +7,29 @@
 
 namespace interneuron {
 
+// The front makes its shards, which make loops of their own.
+Node::Impl::Impl(NodeOptions options)
+    : Impl(std::move(options), (check_options(options), endpoint_options(options))) {}
+
+Node::Impl::Impl(NodeOptions&& options, const EndpointOptions& endpoint)
+    : session_(endpoint.session),
+      endpoint_(endpoint, io::now()),
+      links_(options, *this),
+      computation_(options.computation_workers),
+      backup_(options.backup_workers) {
+  try {
+    if (links_.native_handle() >= 0) poller_.add(links_.native_handle(), kNics);
+    if (endpoint.shard.count > 0) {
+      shards_ = std::make_unique<Shards>(*this, options, endpoint);
+      crew_ = shards_.get();
+    }
+    connect();
+  } catch (...) {
+    shut_down();
+    throw;
+  }
+}
+
 Node::Node(NodeOptions options) : impl_(std::make_unique<Impl>(std::move(options))) {}
 Node::~Node() = default;
 
@@ -60,7 +83,11 @@ void Node::on_statistics(Duration interval, std::function<void(const Statistics&
     throw std::invalid_argument("on_statistics: the interval must be positive");
   }
   impl_->handlers.statistics_interval = interval;
-  impl_->handlers.statistics = std::move(handler);
+  impl_->handlers.statistics = nullptr;
+  if (!handler) return;
+  impl_->handlers.statistics = [impl = impl_.get(), handler = std::move(handler)] {
+    handler(Impl::Whole(*impl).statistics());
+  };
 }
 
 PeerId Node::connect(std::span<const std::pair<LinkId, Address>> addresses,

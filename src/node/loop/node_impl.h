@@ -12,6 +12,7 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <span>
 #include <vector>
@@ -32,9 +33,33 @@ class Node::Impl : private Outbox::Source, private LinkSet::User {
   class Shards;
   class Whole;
 
+  // What a loop that is one of several, or the front of them, tells the others: the Shards of a
+  // Node, which make and hold these loops. `shard`: who tells it; 0 is the front, which is the
+  // door.
+  class Crew {
+   public:
+    virtual ~Crew() = default;
+    // Starts the threads of the shards.
+    virtual void start() = 0;
+    // Waits for the threads; what they had to tell and nobody has read is dropped.
+    virtual void stop() = 0;
+    // A link has opened, with a transport for each shard, or is about to close.
+    virtual void open(const LinkSet::Link& link) = 0;
+    virtual void close(LinkId link) = 0;
+    // Waits until there is room for events, and locks the shard: everything that its thread does is
+    // done between this and the end of what it gives. The front locks nothing.
+    virtual std::unique_lock<std::mutex> enter(std::uint8_t shard) = 0;
+    virtual void hand_up(std::uint8_t shard, Event&& event) = 0;
+    // Whether the datagram is for another one than `shard`, which then gets a copy.
+    virtual bool pass(std::uint8_t shard, LinkId link, const Incoming& datagram) = 0;
+    virtual void hand_on(HandedOn&& letter, TimePoint at) = 0;
+    // Sends over these links have found their NICs gone.
+    virtual void lost(std::vector<std::pair<LinkId, int>> gone) = 0;
+  };
+
   explicit Impl(NodeOptions options);
   // One of several shards, which the front looks after.
-  Impl(const EndpointOptions& endpoint, Shards& crew);
+  Impl(const EndpointOptions& endpoint, Crew& crew);
   ~Impl() override;
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
@@ -55,7 +80,7 @@ class Node::Impl : private Outbox::Source, private LinkSet::User {
     std::function<void(MessageFate)> fate;
     std::function<void(CanSend)> can_send;
     std::function<void(NicChanged)> nic_changed;
-    std::function<void(const Statistics&)> statistics;
+    std::function<void()> statistics;
     Duration statistics_interval{};
   };
 
@@ -164,8 +189,9 @@ class Node::Impl : private Outbox::Source, private LinkSet::User {
   bool ran_ = false;
   // Where there are several shards: which this is, 0 for the front, who owns them.
   std::uint8_t shard_ = 0;
-  Shards* crew_ = nullptr;
-  std::unique_ptr<Shards> shards_;
+  Crew* crew_ = nullptr;
+  // The front's, else nullptr.
+  std::unique_ptr<Crew> shards_;
   // Members are destroyed in reverse order: the workers end before what their jobs refer to.
   Workers computation_;
   Workers backup_;

@@ -7,7 +7,6 @@
 #include "node/io/steady_clock.h"
 #include "node/loop/link_set.h"
 #include "node/loop/node_impl.h"
-#include "node/loop/whole.h"
 
 namespace interneuron {
 
@@ -19,10 +18,7 @@ constexpr Duration kBetweenClocks = std::chrono::seconds(10);
 
 }  // namespace
 
-Node::Impl::Impl(NodeOptions options)
-    : Impl(std::move(options), (check_options(options), endpoint_options(options))) {}
-
-Node::Impl::Impl(const EndpointOptions& endpoint, Shards& crew)
+Node::Impl::Impl(const EndpointOptions& endpoint, Crew& crew)
     : session_(endpoint.session),
       endpoint_(endpoint, io::now()),
       links_(*this),
@@ -30,25 +26,6 @@ Node::Impl::Impl(const EndpointOptions& endpoint, Shards& crew)
       crew_(&crew),
       computation_(0),
       backup_(0) {}
-
-Node::Impl::Impl(NodeOptions&& options, const EndpointOptions& endpoint)
-    : session_(endpoint.session),
-      endpoint_(endpoint, io::now()),
-      links_(options, *this),
-      computation_(options.computation_workers),
-      backup_(options.backup_workers) {
-  try {
-    if (links_.native_handle() >= 0) poller_.add(links_.native_handle(), kNics);
-    if (endpoint.shard.count > 0) {
-      shards_ = std::make_unique<Shards>(*this, options, endpoint);
-      crew_ = shards_.get();
-    }
-    connect();
-  } catch (...) {
-    shut_down();
-    throw;
-  }
-}
 
 Node::Impl::~Impl() { shut_down(); }
 
@@ -63,21 +40,24 @@ void Node::Impl::shut_down() {
 void Node::Impl::run() {
   if (std::exchange(ran_, true)) throw std::logic_error("Node::run: a node runs once");
   const io::PreciseTimers precise;
+  const auto enter = [this] {
+    return crew_ != nullptr ? crew_->enter(shard_) : std::unique_lock<std::mutex>();
+  };
   try {
     if (shards_) shards_->start();
     {
-      const auto shift = Shards::enter(crew_, shard_);
+      const auto shift = enter();
       repeat_statistics(saturating_add(io::now(), handlers.statistics_interval));
       repeat_clock();
       poller_.prepare(io::Poller::For::kAnything);
     }
     while (!stopped_) {
       const Ready ready = poller_.wait(wakes_at_);
-      const auto shift = Shards::enter(crew_, shard_);
+      const auto shift = enter();
       wake_up(ready);
     }
     // What can leave at once still does.
-    const auto shift = Shards::enter(crew_, shard_);
+    const auto shift = enter();
     outbox_.pump(io::now(), *this);
   } catch (...) {
     stopped_ = true;
@@ -162,7 +142,7 @@ void Node::Impl::nic_changed(const NicChanged& change) {
 void Node::Impl::repeat_statistics(TimePoint due) {
   if (!handlers.statistics) return;
   at(due, [this, due] {
-    handlers.statistics(Whole(*this).statistics());
+    handlers.statistics();
     // The interval is kept on average, but a long handler is not followed by two calls at once.
     repeat_statistics(std::max(saturating_add(due, handlers.statistics_interval), io::now()));
   });

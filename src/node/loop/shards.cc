@@ -83,10 +83,10 @@ std::pair<std::uint8_t, SendId> Node::Impl::Shards::known_by(SendId id) const {
 
 // --- for any shard
 
-std::unique_lock<std::mutex> Node::Impl::Shards::enter(Shards* crew, std::uint8_t shard) {
-  if (crew == nullptr || shard == 0) return {};
-  crew->events_.wait_for_room();
-  return std::unique_lock(crew->members_[shard - 1U]->mutex);
+std::unique_lock<std::mutex> Node::Impl::Shards::enter(std::uint8_t shard) {
+  if (shard == 0) return {};
+  events_.wait_for_room();
+  return std::unique_lock(members_[shard - 1U]->mutex);
 }
 
 void Node::Impl::Shards::hand_up(std::uint8_t shard, Event&& event) {

@@ -29,7 +29,7 @@
 
 namespace interneuron {
 
-class Node::Impl::Shards {
+class Node::Impl::Shards final : public Node::Impl::Crew {
  public:
   // Events that wait for the front before a shard rests. No measurement behind this value: some
   // milliseconds of a handler's work.
@@ -40,19 +40,17 @@ class Node::Impl::Shards {
 
   // `endpoint`: the door's options. Throws IoError where there are no random bytes.
   Shards(Impl& front, const NodeOptions& options, const EndpointOptions& endpoint);
-  ~Shards() { stop(); }
+  ~Shards() override { stop(); }
   Shards(const Shards&) = delete;
   Shards& operator=(const Shards&) = delete;
 
   std::uint8_t count() const { return static_cast<std::uint8_t>(members_.size()); }
 
   // --- for the front
-  void start();
-  // Waits for the threads; what they had to tell and nobody has read is dropped.
-  void stop();
-  // A link has opened, with a transport for each shard, or is about to close.
-  void open(const LinkSet::Link& link);
-  void close(LinkId link);
+  void start() override;
+  void stop() override;
+  void open(const LinkSet::Link& link) override;
+  void close(LinkId link) override;
   // Runs a command or a question on the endpoint of a shard; 0: the door's.
   template <class Command>
   auto ask(std::uint8_t shard, const Command& command) {
@@ -82,15 +80,11 @@ class Node::Impl::Shards {
   std::pair<std::uint8_t, SendId> known_by(SendId id) const;
 
   // --- for any shard; 0: the door
-  // Waits until there is room for events, and locks the shard: everything that its thread does is
-  // done between this and the end of what it gives. `crew`: nullptr where there is one shard.
-  static std::unique_lock<std::mutex> enter(Shards* crew, std::uint8_t shard);
-  void hand_up(std::uint8_t shard, Event&& event);
-  // Whether the datagram is for another one than `shard`, which then gets a copy.
-  bool pass(std::uint8_t shard, LinkId link, const Incoming& datagram);
-  void hand_on(HandedOn&& letter, TimePoint at);
-  // Sends over these links have found their NICs gone.
-  void lost(std::vector<std::pair<LinkId, int>> gone);
+  std::unique_lock<std::mutex> enter(std::uint8_t shard) override;
+  void hand_up(std::uint8_t shard, Event&& event) override;
+  bool pass(std::uint8_t shard, LinkId link, const Incoming& datagram) override;
+  void hand_on(HandedOn&& letter, TimePoint at) override;
+  void lost(std::vector<std::pair<LinkId, int>> gone) override;
   // The newest list of revocations that a peer of this shard has brought is everybody's.
   bool spread(std::uint8_t from, const RevocationsChanged& event);
   // Letters to this one that were dropped.
