@@ -186,8 +186,11 @@ void CrowdShare::decide(TimePoint now, Duration round_trip) {
   // A share that nobody contends, and that is enough or whose queue is our own.
   const DataRate enough = std::min(capacity_, rate_of_bytes(kEnough * asked_ / period_));
   const bool is_ours = *rate_ >= enough || queue_.mean() > target();
-  const bool is_alone = !others_at_ || now - *others_at_ > kGone;
-  if (!is_new_ && is_ours && is_alone) rate_.reset();
+  if (!is_new_ && is_ours && is_alone(now)) rate_.reset();
+}
+
+bool CrowdShare::is_alone(TimePoint now) const {
+  return !others_at_ || now - *others_at_ > kGone;
 }
 
 double CrowdShare::target() const {

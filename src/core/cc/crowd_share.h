@@ -52,6 +52,8 @@ class CrowdShare {
   bool is_shared() const { return rate_.has_value(); }
   // Others are there for certain.
   bool is_crowded() const { return is_shared() && !is_new_; }
+  // No packet of others was met lately.
+  bool is_alone(TimePoint now) const;
   // The share in the mean.
   DataRate rate() const { return *rate_; }
   // The rate at which the newest message would be sent.

@@ -88,7 +88,26 @@ TEST(ShareControl, DelayAloneIsNoCongestion) {
   EXPECT_DOUBLE_EQ(path.mbit(), 60);
 }
 
+// Others have filled the queue while nothing of ours left.
 TEST(ShareControl, AQueueThatStretchesTrainsIsGivenWayTo) {
+  Path path;
+  path.idle(100ms);
+  for (const Duration queue : {35ms, 70ms}) {
+    path.queue = queue;
+    path.idle(100ms);
+  }
+  for (int i = 0; i < 30; ++i) {
+    path.now += 100ms;
+    ShareControl::Report report = path.next();
+    report.train = train(20, 75);
+    path.control.report(path.now, report);
+  }
+  // Not below what arrives.
+  EXPECT_NEAR(path.mbit(), 18, 1);
+}
+
+// A radio that fades delays what is on its way all at once, and stretches the next trains.
+TEST(ShareControl, ATrainThatIsStretchedWhereNobodyElseIsIsAFade) {
   Path path;
   path.idle(100ms);
   path.queue = 70ms;
@@ -98,8 +117,18 @@ TEST(ShareControl, AQueueThatStretchesTrainsIsGivenWayTo) {
     report.train = train(20, 75);
     path.control.report(path.now, report);
   }
-  // Not below what arrives.
-  EXPECT_NEAR(path.mbit(), 18, 1);
+  EXPECT_DOUBLE_EQ(path.mbit(), 60) << "what it has come down to the capacity tells";
+}
+
+TEST(ShareControl, WhereNobodyElseIsTheRateComesBackAtOnce) {
+  Path path;
+  path.overload(50);
+  path.queue = 70ms;
+  path.overload(100);
+  ASSERT_LT(path.mbit(), 30);
+  path.queue = 0ms;
+  for (int i = 0; i < 20; ++i) path.idle(100ms);
+  EXPECT_DOUBLE_EQ(path.mbit(), 60);
 }
 
 TEST(ShareControl, WhoIsOverloadedDrainsTheQueueHoweverSlowly) {
