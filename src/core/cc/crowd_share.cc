@@ -153,6 +153,7 @@ void CrowdShare::enter(TimePoint now) {
 
 void CrowdShare::decide(TimePoint now, Duration round_trip) {
   if (capacity_ <= DataRate{}) return;
+  if (!began_at_) began_at_ = now;
   if (is_new_ && !rate_) {
     rate_ = std::min(kNewcomer, capacity_);
     saved_at_ = now;
@@ -186,11 +187,12 @@ void CrowdShare::decide(TimePoint now, Duration round_trip) {
   // A share that nobody contends, and that is enough or whose queue is our own.
   const DataRate enough = std::min(capacity_, rate_of_bytes(kEnough * asked_ / period_));
   const bool is_ours = *rate_ >= enough || queue_.mean() > target();
-  if (!is_new_ && is_ours && is_alone(now)) rate_.reset();
+  const bool are_gone = !others_at_ || now - *others_at_ > kGone;
+  if (!is_new_ && is_ours && are_gone) rate_.reset();
 }
 
 bool CrowdShare::is_alone(TimePoint now) const {
-  return !others_at_ || now - *others_at_ > kGone;
+  return began_at_ && now - others_at_.value_or(*began_at_) > kGone;
 }
 
 double CrowdShare::target() const {

@@ -12,9 +12,10 @@ namespace {
 // A piece moves to another path only where it is there so much sooner. No measurement behind this
 // value: it is a turn of an event loop.
 constexpr Duration kSooner = std::chrono::milliseconds(2);
-// A radio may become so many times slower while it carries a message: in Rayleigh fading what is
-// received is below half of its mean for 39 % of the time.
-constexpr int kFades = 2;
+// A radio may become so many times slower while it carries a message: in Rayleigh fading, by which
+// scripts/generate_rates.py models rates, they are below a third of their mean for 28 % of the
+// time.
+constexpr int kFades = 3;
 
 // Whether a path that has nothing to send may take pieces of this message from the one that has
 // them to send, which needs so long for them from an instant on. Those of a divided message are
