@@ -5,7 +5,8 @@
 // Sender: as best_link; every link that is up may carry symbols, and the sender prefers one that
 // does not carry the message, since what loses pieces loses symbols beside them. What is lost early
 // enough is sent again without any symbols. When the message seems late, what is missing goes over
-// the second soonest link, or a smaller variant does.
+// the second soonest link, or a smaller variant does; while that link is idle, it also takes pieces
+// of a plain message that leaves the first one little time to spare.
 //
 //                        normal                          degraded
 //   some link fit for it whole over the soonest          smallest variant, likewise

@@ -177,6 +177,7 @@ bool CrowdShare::is_doubtful(TimePoint now) const {
 
 void CrowdShare::decide(TimePoint now, Duration round_trip) {
   if (capacity_ <= DataRate{}) return;
+  if (!began_at_) began_at_ = now;
   is_new_ = is_new_ && (!first_asked_at_ || now - *first_asked_at_ <= kNew);
   longest_ = std::max(longest_, queue_.newest());
   if (queue_.are_there()) others_at_ = now;
@@ -203,8 +204,12 @@ void CrowdShare::decide(TimePoint now, Duration round_trip) {
   // A share that nobody contends, and that is enough or whose queue is our own.
   const DataRate enough = std::min(capacity_, rate_of_bytes(kEnough * asked_ / period_));
   const bool is_ours = *rate_ >= enough || queue_.mean() > target();
-  const bool is_alone = !others_at_ || now - *others_at_ > kGone;
-  if (is_ours && is_alone) rate_.reset();
+  const bool are_gone = !others_at_ || now - *others_at_ > kGone;
+  if (is_ours && are_gone) rate_.reset();
+}
+
+bool CrowdShare::is_alone(TimePoint now) const {
+  return began_at_ && now - others_at_.value_or(*began_at_) > kGone;
 }
 
 double CrowdShare::target() const {

@@ -50,6 +50,8 @@ class CrowdShare {
 
   // Others are there. While they are, the rest counts.
   bool is_crowded() const { return rate_.has_value(); }
+  // It has been watched for a while, and no packet of others was met lately.
+  bool is_alone(TimePoint now) const;
   // The share in the mean.
   DataRate rate() const { return *rate_; }
   // The rate at which the newest message would be sent.
@@ -97,7 +99,8 @@ class CrowdShare {
   double used_ = 0;
   std::optional<TimePoint> used_at_;
   std::optional<TimePoint> stretched_at_;
-  // When others were last seen, and when the share became one.
+  // When the capacity became known, others were last seen, and the share became one.
+  std::optional<TimePoint> began_at_;
   std::optional<TimePoint> others_at_;
   std::optional<TimePoint> entered_at_;
   // When the queue was last as short as is aimed at, and until when nobody is given way to.

@@ -237,7 +237,10 @@ void ShareControl::decide(TimePoint now) {
   const Duration target = std::max(target_, burst());
   const double over = std::min(1.0, to_seconds(seen_.queue - target) / to_seconds(target));
   const double factor = 1 - kDelayFall * std::max(over, 0.0);
-  const bool is_queue = seen_.stretched || overloaded();
+  // Where nobody else was seen, a train that is stretched tells of a pipe that has become slower:
+  // what waits there is our own, and the capacity follows.
+  const bool is_alone = crowd_.is_alone(now);
+  const bool is_queue = (seen_.stretched && !is_alone) || overloaded();
   // Small messages that leave at once show no stretch. They may slow down without harm, but not
   // below the rate that brings them in time.
   const bool may_be_queue = !seen_.long_train && seen_.lost == 0;
@@ -250,6 +253,7 @@ void ShareControl::decide(TimePoint now) {
   } else if (seen_.marked == 0 && (seen_.held_back || seen_.queue < kTarget / 4) &&
              seen_.queue < target) {
     rise(now);
+    if (is_alone && !overloaded()) rate_ = most();
   }
   if (seen_.newly_marked > 0) answer_marks(now);
   if (seen_.lost > 0) lost_at_ = now;

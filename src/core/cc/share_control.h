@@ -9,7 +9,7 @@
 //   queue      the least one-way delay of the last round trip's packets above the least of the last
 //              10 s. Radio adds delay that no sender can drain, so delay alone convicts nobody.
 //   stretch    trains arrive more slowly than they left and than the pipe carries: others' packets
-//              lie between ours. A pipe that only got longer stretches nothing.
+//              lie between ours, if any were met lately; else the radio fades.
 //   marks      of ECN, wherever packets come with them: a queue says of itself that it is one.
 //   duty       the share of time in which something waited here. At a duty of one we are
 //              overloaded, and the queue is ours to drain.
@@ -20,8 +20,8 @@
 // a short one of L4S; never below what arrived, unless we are overloaded. It rises by one packet
 // per round trip, which is the same for everyone and so makes shares equal (Chiu and Jain, Analysis
 // of the Increase and Decrease Algorithms for Congestion Avoidance in Computer Networks, 1989), and
-// faster where no queue was seen for several round trips. The target bears a CUBIC flow on a buffer
-// of 30 ms beside it.
+// faster where no queue was seen for several round trips; to the capacity where nobody else is. The
+// target bears a CUBIC flow on a buffer of 30 ms beside it.
 //
 // Where others make a queue longer than the target, CrowdShare sets the rate until they are gone
 // or give way to nobody; marks and losses are not answered meanwhile.

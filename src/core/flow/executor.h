@@ -42,8 +42,9 @@ class Executor {
   void release() { parting_.clear(); }
 
   // --- pieces leave, arrive and are lost
-  // A path that has nothing to send takes the last piece of a divided message from a path that
-  // would bring it later: what was believed of their rates when it was divided may be wrong by now.
+  // A path that has nothing to send takes the last piece of a divided message, or of a tight one
+  // that it stands by for, from a path that would bring it later: what was believed of their rates
+  // when it was planned may be wrong by now.
   // Returns whether there was one.
   bool take_over(TimePoint now, LinkId idle);
   // A copy leaves. When it was the last first copy of its message, symbols follow.

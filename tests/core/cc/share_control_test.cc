@@ -16,6 +16,10 @@ using namespace std::chrono_literals;
 constexpr Duration kBase = 40ms;
 constexpr DataRate kPipe = DataRate::mbit(60);
 
+ShareControl::Train train(double arrived, double sent, std::uint32_t packets = 40) {
+  return {packets, DataRate::mbit(arrived), DataRate::mbit(sent)};
+}
+
 // What a path tells every 5 ms while something is queued, and how its queue does.
 struct Path {
   ShareControl control;
@@ -42,12 +46,17 @@ struct Path {
     now += length;
     control.report(now, next());
   }
+  // So many frames a tenth of a second apart, which leave at 75 Mbit/s.
+  void frames(int count, double arrive_at) {
+    for (int i = 0; i < count; ++i) {
+      now += 100ms;
+      ShareControl::Report report = next();
+      report.train = train(arrive_at, 75);
+      control.report(now, report);
+    }
+  }
   double mbit() const { return control.rate()->mbit(); }
 };
-
-ShareControl::Train train(double arrived, double sent, std::uint32_t packets = 40) {
-  return {packets, DataRate::mbit(arrived), DataRate::mbit(sent)};
-}
 
 TEST(ShareControl, NothingIsLimitedWhileThePipeIsNotKnown) {
   ShareControl control;
@@ -88,18 +97,25 @@ TEST(ShareControl, DelayAloneIsNoCongestion) {
   EXPECT_DOUBLE_EQ(path.mbit(), 60);
 }
 
+// Others have filled the queue while nothing of ours left.
 TEST(ShareControl, AQueueThatStretchesTrainsIsGivenWayTo) {
   Path path;
   path.idle(100ms);
+  path.queue = 35ms;
+  path.idle(100ms);
   path.queue = 70ms;
-  for (int i = 0; i < 30; ++i) {
-    path.now += 100ms;
-    ShareControl::Report report = path.next();
-    report.train = train(20, 75);
-    path.control.report(path.now, report);
-  }
+  path.frames(30, 20);
   // Not below what arrives.
   EXPECT_NEAR(path.mbit(), 18, 1);
+}
+
+// A radio that fades delays what is on its way all at once, and stretches the next trains.
+TEST(ShareControl, ATrainThatIsStretchedWhereNobodyElseIsIsAFade) {
+  Path path;
+  for (int i = 0; i < 30; ++i) path.idle(100ms);
+  path.queue = 70ms;
+  path.frames(30, 20);
+  EXPECT_DOUBLE_EQ(path.mbit(), 60) << "what it has come down to the capacity tells";
 }
 
 TEST(ShareControl, WhoIsOverloadedDrainsTheQueueHoweverSlowly) {
@@ -248,6 +264,9 @@ TEST(ShareControl, WhatWasGivenUpComesBackWhereNobodyIsInTheWay) {
   path.overload(100);
   ASSERT_LT(path.mbit(), 30);
   path.queue = 0ms;
+  Path idle = path;
+  for (int i = 0; i < 20; ++i) idle.idle(100ms);
+  EXPECT_DOUBLE_EQ(idle.mbit(), 60) << "at once, where nothing waits either";
   path.overload(800);
   EXPECT_GT(path.mbit(), 55);
 }

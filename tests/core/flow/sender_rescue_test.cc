@@ -109,6 +109,28 @@ TEST(SenderRescue, MayCompleteWhatHasNotLeftOverItsOwnPath) {
   EXPECT_FALSE(p.sender.is_surely_incomplete(id));
 }
 
+// A plain message that would be late if its path faded is helped out at once by the one that stands
+// by, which repeats nothing.
+TEST(SenderRescue, ATightPlainMessageIsShared) {
+  Standby p;
+  p.send(300, 80ms, Standby::over_b(), wire::MessageKind::kPlain);
+  const int over_b = p.run(30ms);
+  EXPECT_GT(over_b, 100);
+  EXPECT_EQ(static_cast<std::size_t>(over_b) + p.sent.size(), 300U);
+}
+
+TEST(SenderRescue, AMessageWithTimeToSpareIsNot) {
+  Standby p;
+  p.send(50, 80ms, Standby::over_b(), wire::MessageKind::kPlain);
+  EXPECT_EQ(p.run(30ms), 0);
+}
+
+TEST(SenderRescue, NorIsThatOfARound) {
+  Standby p;
+  p.send(300, 80ms, Standby::over_b());
+  EXPECT_EQ(p.run(30ms), 0);
+}
+
 TEST(SenderRescue, NotOverAPathThatIsSuspected) {
   Standby p;
   p.send(50, 80ms, Standby::over_b());
