@@ -11,6 +11,7 @@
 #include "core/flow/packet_log.h"
 #include "core/link/delivery_rate.h"
 #include "core/link/path_mtu.h"
+#include "core/link/policed_rate.h"
 #include "core/link/rate_estimator.h"
 #include "core/wire/feedback.h"
 #include "interneuron/units.h"
@@ -53,6 +54,9 @@ class SentPackets {
     // Outcomes that are certain, late arrivals included. What is lost by silence is among them once
     // a report has come that would tell of it; packets whose reports were lost are not.
     std::span<const Run> runs;
+    // What became of data-sized packets, in the order in which they left: each is told of once it
+    // and all before it have arrived or are lost.
+    std::span<const link::Passage> passed;
     // When the newest of the acknowledged packets left.
     std::optional<TimePoint> newest_sent;
     // One of the acknowledged packets was data-sized.
@@ -70,7 +74,8 @@ class SentPackets {
       : log_(first_number),
         first_open_(first_number),
         first_uncertain_(first_number),
-        first_missed_(first_number) {}
+        first_missed_(first_number),
+        first_untold_(first_number) {}
 
   // Whether data-sized packets leave with ECT from now on (link::PathEcn).
   void set_ect(bool ect) { ect_ = ect; }
@@ -153,6 +158,7 @@ class SentPackets {
   void arrive(TimePoint now, std::uint64_t number, Verdicts& verdicts);
   bool is_certain(TimePoint now, std::uint64_t n, std::uint64_t largest, Duration timeout) const;
   std::uint64_t first_of_interest(std::uint64_t largest);
+  void tell_passed();
   void tell_certain(TimePoint now, std::uint64_t largest, Duration timeout);
 
   PacketLog log_;
@@ -165,6 +171,8 @@ class SentPackets {
   // All packets before this number have arrived, or reports tell no more of them: one that is
   // certainly lost as losses are counted may still arrive, and its fragment then counts.
   std::uint64_t first_missed_ = 1;
+  // The passage of all packets before this number has been told.
+  std::uint64_t first_untold_ = 1;
   // Data-sized packets in flight, bytes of all that were ever sent, and bytes of fragments in
   // flight.
   std::uint64_t open_data_ = 0;
@@ -194,6 +202,7 @@ class SentPackets {
   link::PathMtu::Told sizes_;
   std::vector<Settled> settled_;
   std::vector<Run> runs_;
+  std::vector<link::Passage> passed_;
 };
 
 }  // namespace interneuron::flow

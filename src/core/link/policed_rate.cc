@@ -1,0 +1,161 @@
+#include "core/link/policed_rate.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "interneuron/sizes.h"
+
+namespace interneuron::link {
+namespace {
+
+constexpr Duration kStretchPause = std::chrono::milliseconds(10);
+constexpr std::uint32_t kRoundPackets = 64;
+constexpr std::uint32_t kSoonPackets = 16;
+constexpr std::uint32_t kSoonLost = 8;
+constexpr Duration kNoQueue = std::chrono::milliseconds(5);
+constexpr double kMuchLost = 0.15;
+constexpr double kFewLost = 0.03;
+constexpr std::uint32_t kLeastLost = 3;
+constexpr double kEvenLosses = 0.5;
+constexpr int kSuspected = 2;
+constexpr int kVain = 3;
+constexpr std::uint32_t kStretchPackets = 24;
+constexpr double kBelow = 0.98;
+constexpr double kAlike = 1.1;
+constexpr Duration kLeastHold = std::chrono::milliseconds(500);
+constexpr Duration kMostHold = std::chrono::seconds(4);
+constexpr double kUsed = 0.8;
+constexpr double kMostFall = 0.5;
+constexpr double kRisePerSecond = 0.05;
+constexpr Duration kLongestRise = std::chrono::milliseconds(200);
+constexpr DataRate kLeastCap{100'000};
+constexpr Duration kLeastBusy = std::chrono::milliseconds(1);
+constexpr double kForgetSeconds = 20;
+
+}  // namespace
+
+bool PolicedRate::Round::is_even() const {
+  const std::uint32_t most = std::min(lost, between);
+  return most == 0 || runs >= kEvenLosses * most;
+}
+
+void PolicedRate::passed(TimePoint now, std::span<const Passage> packets, Duration queue) {
+  for (const Passage& packet : packets) {
+    if (packet.left_at < from_) continue;
+    if (!packet.arrived) round_.longest_queue = std::max(round_.longest_queue, queue);
+    add(packet);
+    const bool soon = round_.packets >= kSoonPackets && round_.lost >= kSoonLost;
+    if (soon || round_.packets >= kRoundPackets) judge(now);
+  }
+}
+
+void PolicedRate::add(const Passage& packet) {
+  const Duration gap = last_at_ == TimePoint::min() ? Duration::max() : packet.left_at - last_at_;
+  last_at_ = packet.left_at;
+  ++round_.packets;
+  if (!packet.arrived) ++round_.lost;
+  if (gap <= kStretchPause) {
+    round_.busy += gap;
+    round_.left_bytes += packet.ip_bytes;
+    if (packet.arrived) round_.arrived_bytes += packet.ip_bytes;
+  } else {
+    end_stretch();
+  }
+  add_to_stretch(packet);
+}
+
+void PolicedRate::add_to_stretch(const Passage& packet) {
+  if (packet.arrived) {
+    if (stretch_.first_lost) {
+      ++stretch_.packets;
+      stretch_.bytes += packet.ip_bytes;
+    }
+  } else {
+    if (!stretch_.lost_last) ++round_.runs;
+    if (!stretch_.first_lost) stretch_.first_lost = packet.left_at;
+    stretch_.last_lost = packet.left_at;
+    stretch_.told_packets = stretch_.packets;
+    stretch_.told_bytes = stretch_.bytes;
+  }
+  stretch_.lost_last = !packet.arrived;
+}
+
+void PolicedRate::end_stretch() {
+  round_.between += stretch_.told_packets;
+  if (stretch_.told_packets > longest_.told_packets) longest_ = stretch_;
+  stretch_ = {};
+}
+
+void PolicedRate::judge(TimePoint now) {
+  end_stretch();
+  if (cap_) {
+    follow(now);
+  } else {
+    suspect(now);
+  }
+  judged_at_ = now;
+  round_ = {};
+  longest_ = {};
+}
+
+DataRate PolicedRate::left_at() const {
+  return rate_of(round_.left_bytes, std::max(round_.busy, kLeastBusy));
+}
+
+DataRate PolicedRate::measured() const {
+  const DataRate arrived = rate_of(round_.arrived_bytes, std::max(round_.busy, kLeastBusy));
+  if (!is_measured()) return arrived;
+  return std::min(arrived, rate_of(longest_.told_bytes, longest_.last_lost - *longest_.first_lost));
+}
+
+bool PolicedRate::is_measured() const { return longest_.told_packets >= kStretchPackets; }
+
+void PolicedRate::suspect(TimePoint now) {
+  own_loss_ *= std::exp(
+      -to_seconds(std::min<Duration>(now - judged_at_, std::chrono::seconds(60))) / kForgetSeconds);
+  const bool looks = round_.share_lost() > std::max(kMuchLost, 2 * own_loss_) && round_.is_even() &&
+                     round_.longest_queue < kNoQueue && round_.lost < round_.packets;
+  suspected_ = looks ? suspected_ + 1 : 0;
+  if (looks) from_ = now;
+  if (suspected_ < kSuspected) return;
+  suspected_ = 0;
+  vain_ = 0;
+  hold_ = kLeastHold;
+  fall(now, left_at());
+}
+
+// No further than to half at once, unless enough was seen to know it.
+void PolicedRate::fall(TimePoint now, DataRate from) {
+  const double share = round_.share_lost();
+  DataRate to = std::clamp(measured(), from.scaled(kMostFall), from.scaled(1 - share / 2));
+  if (is_measured()) {
+    to = std::min(measured().scaled(kBelow), from.scaled(1 - share / 2));
+    const bool again = to < known_.scaled(kAlike) && known_ < to.scaled(kAlike);
+    hold_ = again ? std::min<Duration>(2 * hold_, kMostHold) : kLeastHold;
+    known_ = to;
+  }
+  exact_ = is_measured();
+  share_lost_ = share;
+  cap_ = std::max(to, kLeastCap);
+  fell_at_ = now;
+  from_ = now;
+}
+
+void PolicedRate::follow(TimePoint now) {
+  const double share = round_.share_lost();
+  if (share <= share_lost_ / 2) vain_ = 0;
+  if (round_.lost >= kLeastLost && share > std::max(kFewLost, 2 * own_loss_)) {
+    if (exact_ && ++vain_ > kVain) {
+      own_loss_ = share;
+      cap_.reset();
+      return;
+    }
+    return fall(now, *cap_);
+  }
+  const double seconds = to_seconds(now - fell_at_ - hold_);
+  if (seconds < 0 || left_at() < cap_->scaled(kUsed)) return;
+  const double since = to_seconds(std::min<Duration>(now - judged_at_, kLongestRise));
+  cap_ = cap_->scaled(std::exp(std::min(kRisePerSecond * std::exp2(seconds), 1.0) * since));
+}
+
+}  // namespace interneuron::link
