@@ -10,15 +10,16 @@ namespace {
 
 constexpr Duration kStretchPause = std::chrono::milliseconds(10);
 constexpr std::uint32_t kRoundPackets = 64;
-constexpr std::uint32_t kSoonPackets = 16;
-constexpr std::uint32_t kSoonLost = 8;
+constexpr std::uint32_t kSoonPackets = 24;
+constexpr double kUsualGain = 1.0 / 8;
+constexpr Duration kLongestMemory = std::chrono::minutes(10);
 constexpr Duration kNoQueue = std::chrono::milliseconds(5);
 constexpr double kMuchLost = 0.15;
 constexpr double kFewLost = 0.03;
 constexpr std::uint32_t kLeastLost = 3;
 constexpr double kEvenLosses = 0.5;
 constexpr int kSuspected = 2;
-constexpr int kVain = 3;
+constexpr double kVain = 5;
 constexpr std::uint32_t kStretchPackets = 24;
 constexpr double kBelow = 0.98;
 constexpr double kAlike = 1.1;
@@ -44,7 +45,7 @@ void PolicedRate::passed(TimePoint now, std::span<const Passage> packets, Durati
     if (packet.left_at < from_) continue;
     if (!packet.arrived) round_.longest_queue = std::max(round_.longest_queue, queue);
     add(packet);
-    const bool soon = round_.packets >= kSoonPackets && round_.lost >= kSoonLost;
+    const bool soon = round_.packets >= kSoonPackets && round_.lost >= round_.packets / 2;
     if (soon || round_.packets >= kRoundPackets) judge(now);
   }
 }
@@ -88,6 +89,8 @@ void PolicedRate::end_stretch() {
 
 void PolicedRate::judge(TimePoint now) {
   end_stretch();
+  own_loss_ *= std::exp(-to_seconds(std::min<Duration>(now - judged_at_, kLongestMemory)) / kForgetSeconds);
+  if (!cap_) usual_loss_ += (round_.share_lost() - usual_loss_) * kUsualGain;
   if (cap_) {
     follow(now);
   } else {
@@ -111,9 +114,8 @@ DataRate PolicedRate::measured() const {
 bool PolicedRate::is_measured() const { return longest_.told_packets >= kStretchPackets; }
 
 void PolicedRate::suspect(TimePoint now) {
-  own_loss_ *= std::exp(
-      -to_seconds(std::min<Duration>(now - judged_at_, std::chrono::seconds(60))) / kForgetSeconds);
-  const bool looks = round_.share_lost() > std::max(kMuchLost, 2 * own_loss_) && round_.is_even() &&
+  const double share = round_.share_lost();
+  const bool looks = share > std::max(kMuchLost, 2 * own_loss_) && round_.is_even() &&
                      round_.longest_queue < kNoQueue && round_.lost < round_.packets;
   suspected_ = looks ? suspected_ + 1 : 0;
   if (looks) from_ = now;
@@ -135,7 +137,6 @@ void PolicedRate::fall(TimePoint now, DataRate from) {
     known_ = to;
   }
   exact_ = is_measured();
-  share_lost_ = share;
   cap_ = std::max(to, kLeastCap);
   fell_at_ = now;
   from_ = now;
@@ -143,13 +144,15 @@ void PolicedRate::fall(TimePoint now, DataRate from) {
 
 void PolicedRate::follow(TimePoint now) {
   const double share = round_.share_lost();
-  if (share <= share_lost_ / 2) vain_ = 0;
-  if (round_.lost >= kLeastLost && share > std::max(kFewLost, 2 * own_loss_)) {
-    if (exact_ && ++vain_ > kVain) {
-      own_loss_ = share;
+  if (exact_) {
+    vain_ = std::max(vain_ + round_.lost - usual_loss_ / 2 * round_.packets, -kVain);
+    if (vain_ > kVain) {
+      own_loss_ = std::max(usual_loss_, share);
       cap_.reset();
       return;
     }
+  }
+  if (round_.lost >= kLeastLost && share > std::max(kFewLost, 2 * own_loss_)) {
     return fall(now, *cap_);
   }
   const double seconds = to_seconds(now - fell_at_ - hold_);

@@ -91,13 +91,14 @@ class PolicedRate {
   // the round that made it fall.
   TimePoint fell_at_{};
   TimePoint judged_at_{};
-  double share_lost_ = 0;
   // What was measured last, whether that made the cap fall, and how long the cap stays there.
   DataRate known_{};
   bool exact_ = false;
   Duration hold_{};
-  // How often in a row it fell in vain.
-  int vain_ = 0;
+  // How many packets more were lost since it fell than if half of the losses were the rate's.
+  double vain_ = 0;
+  // The share that is lost without a cap.
+  double usual_loss_ = 0;
   // The share that is lost whatever the rate.
   double own_loss_ = 0;
 };
