@@ -10,7 +10,7 @@ namespace {
 
 constexpr Duration kStretchPause = std::chrono::milliseconds(10);
 constexpr std::uint32_t kRoundPackets = 64;
-constexpr std::uint32_t kSoonPackets = 24;
+constexpr Duration kRoundTime = std::chrono::milliseconds(50);
 constexpr double kUsualGain = 1.0 / 8;
 constexpr Duration kLongestMemory = std::chrono::minutes(10);
 constexpr Duration kNoQueue = std::chrono::milliseconds(5);
@@ -43,10 +43,11 @@ bool PolicedRate::Round::is_even() const {
 void PolicedRate::passed(TimePoint now, std::span<const Passage> packets, Duration queue) {
   for (const Passage& packet : packets) {
     if (packet.left_at < from_) continue;
+    const bool full = round_.packets >= kRoundPackets && packet.left_at - round_.begin >= kRoundTime;
+    if (full) judge(now);
+    if (round_.packets == 0) round_.begin = packet.left_at;
     if (!packet.arrived) round_.longest_queue = std::max(round_.longest_queue, queue);
-    add(packet);
-    const bool soon = round_.packets >= kSoonPackets && round_.lost >= round_.packets / 2;
-    if (soon || round_.packets >= kRoundPackets) judge(now);
+    if (packet.left_at >= from_) add(packet);
   }
 }
 
@@ -137,6 +138,7 @@ void PolicedRate::fall(TimePoint now, DataRate from) {
     known_ = to;
   }
   exact_ = is_measured();
+  rose_ = false;
   cap_ = std::max(to, kLeastCap);
   fell_at_ = now;
   from_ = now;
@@ -144,7 +146,7 @@ void PolicedRate::fall(TimePoint now, DataRate from) {
 
 void PolicedRate::follow(TimePoint now) {
   const double share = round_.share_lost();
-  if (exact_) {
+  if (exact_ && !rose_) {
     vain_ = std::max(vain_ + round_.lost - usual_loss_ / 2 * round_.packets, -kVain);
     if (vain_ > kVain) {
       own_loss_ = std::max(usual_loss_, share);
@@ -157,6 +159,7 @@ void PolicedRate::follow(TimePoint now) {
   }
   const double seconds = to_seconds(now - fell_at_ - hold_);
   if (seconds < 0 || left_at() < cap_->scaled(kUsed)) return;
+  rose_ = true;
   const double since = to_seconds(std::min<Duration>(now - judged_at_, kLongestRise));
   cap_ = cap_->scaled(std::exp(std::min(kRisePerSecond * std::exp2(seconds), 1.0) * since));
 }

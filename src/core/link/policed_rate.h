@@ -40,6 +40,8 @@ class PolicedRate {
  private:
   // Packets that are judged together.
   struct Round {
+    // When the first of them left.
+    TimePoint begin{};
     std::uint32_t packets = 0;
     std::uint32_t lost = 0;
     // Of the packets that left soon after another one: their bytes, how many of those arrived, and
@@ -94,6 +96,7 @@ class PolicedRate {
   // What was measured last, whether that made the cap fall, and how long the cap stays there.
   DataRate known_{};
   bool exact_ = false;
+  bool rose_ = false;
   Duration hold_{};
   // How many packets more were lost since it fell than if half of the losses were the rate's.
   double vain_ = 0;
