@@ -17,12 +17,11 @@ constexpr Duration kNoQueue = std::chrono::milliseconds(5);
 constexpr double kMuchLost = 0.15;
 constexpr double kFewLost = 0.03;
 constexpr std::uint32_t kLeastLost = 3;
-constexpr double kEvenLosses = 0.5;
 constexpr int kSuspected = 2;
 constexpr double kVain = 5;
 constexpr std::uint32_t kStretchPackets = 24;
 constexpr double kBelow = 0.98;
-constexpr double kAlike = 1.1;
+constexpr double kAlike = 1.125;
 constexpr Duration kLeastHold = std::chrono::milliseconds(500);
 constexpr Duration kMostHold = std::chrono::seconds(4);
 constexpr double kUsed = 0.8;
@@ -34,11 +33,6 @@ constexpr Duration kLeastBusy = std::chrono::milliseconds(1);
 constexpr double kForgetSeconds = 20;
 
 }  // namespace
-
-bool PolicedRate::Round::is_even() const {
-  const std::uint32_t most = std::min(lost, between);
-  return most == 0 || runs >= kEvenLosses * most;
-}
 
 void PolicedRate::passed(TimePoint now, std::span<const Passage> packets, Duration queue) {
   for (const Passage& packet : packets) {
@@ -73,17 +67,14 @@ void PolicedRate::add_to_stretch(const Passage& packet) {
       stretch_.bytes += packet.ip_bytes;
     }
   } else {
-    if (!stretch_.lost_last) ++round_.runs;
     if (!stretch_.first_lost) stretch_.first_lost = packet.left_at;
     stretch_.last_lost = packet.left_at;
     stretch_.told_packets = stretch_.packets;
     stretch_.told_bytes = stretch_.bytes;
   }
-  stretch_.lost_last = !packet.arrived;
 }
 
 void PolicedRate::end_stretch() {
-  round_.between += stretch_.told_packets;
   if (stretch_.told_packets > longest_.told_packets) longest_ = stretch_;
   stretch_ = {};
 }
@@ -112,13 +103,20 @@ DataRate PolicedRate::measured() const {
   return std::min(arrived, rate_of(longest_.told_bytes, longest_.last_lost - *longest_.first_lost));
 }
 
+bool PolicedRate::is_alike(DataRate rate) const {
+  return rate < known_.scaled(kAlike) && known_ < rate.scaled(kAlike);
+}
+
 bool PolicedRate::is_measured() const { return longest_.told_packets >= kStretchPackets; }
 
 void PolicedRate::suspect(TimePoint now) {
   const double share = round_.share_lost();
-  const bool looks = share > std::max(kMuchLost, 2 * own_loss_) && round_.is_even() &&
+  const bool looks = share > std::max(kMuchLost, 2 * own_loss_) &&
                      round_.longest_queue < kNoQueue && round_.lost < round_.packets;
-  suspected_ = looks ? suspected_ + 1 : 0;
+  if (!looks) known_ = {};
+  const bool alike = !is_measured() || known_ == DataRate{} || is_alike(measured());
+  if (is_measured()) known_ = measured();
+  suspected_ = looks ? (alike ? suspected_ + 1 : 1) : 0;
   if (looks) from_ = now;
   if (suspected_ < kSuspected) return;
   suspected_ = 0;
@@ -133,8 +131,7 @@ void PolicedRate::fall(TimePoint now, DataRate from) {
   DataRate to = std::clamp(measured(), from.scaled(kMostFall), from.scaled(1 - share / 2));
   if (is_measured()) {
     to = std::min(measured().scaled(kBelow), from.scaled(1 - share / 2));
-    const bool again = to < known_.scaled(kAlike) && known_ < to.scaled(kAlike);
-    hold_ = again ? std::min<Duration>(2 * hold_, kMostHold) : kLeastHold;
+    hold_ = is_alike(to) ? std::min<Duration>(2 * hold_, kMostHold) : kLeastHold;
     known_ = to;
   }
   exact_ = is_measured();

@@ -49,14 +49,9 @@ class PolicedRate {
     std::size_t left_bytes = 0;
     std::size_t arrived_bytes = 0;
     Duration busy{};
-    // How many packets arrived between two losses without a pause, and how often losses followed
-    // an arrival there or began.
-    std::uint32_t between = 0;
-    std::uint32_t runs = 0;
     Duration longest_queue{};
 
     double share_lost() const { return static_cast<double>(lost) / packets; }
-    bool is_even() const;
   };
   // Packets between two losses without a pause: since the first one, and until the newest loss.
   struct Stretch {
@@ -66,7 +61,6 @@ class PolicedRate {
     std::size_t bytes = 0;
     std::uint32_t told_packets = 0;
     std::size_t told_bytes = 0;
-    bool lost_last = false;
   };
   void add(const Passage& packet);
   void add_to_stretch(const Passage& packet);
@@ -78,6 +72,7 @@ class PolicedRate {
   DataRate left_at() const;
   void fall(TimePoint now, DataRate from);
   bool is_measured() const;
+  bool is_alike(DataRate rate) const;
 
   std::optional<DataRate> cap_;
   Round round_;
