@@ -15,7 +15,12 @@ constexpr double kUsualGain = 1.0 / 8;
 constexpr Duration kLongestMemory = std::chrono::minutes(10);
 constexpr Duration kNoQueue = std::chrono::milliseconds(5);
 constexpr double kMuchLost = 0.15;
-constexpr double kFewLost = 0.03;
+constexpr double kFewLost = 0.02;
+constexpr double kChanged = 3;
+constexpr double kGrowLoss = 1.5;
+constexpr double kFreeSeconds = 10;
+constexpr double kUsualShare = 0.5;
+constexpr double kOwnGain = 0.25;
 constexpr std::uint32_t kLeastLost = 3;
 constexpr int kSuspected = 2;
 constexpr double kVain = 5;
@@ -121,6 +126,8 @@ void PolicedRate::suspect(TimePoint now) {
   if (suspected_ < kSuspected) return;
   suspected_ = 0;
   vain_ = 0;
+  proved_ = false;
+  usual_loss_ = std::max(usual_loss_, kUsualShare * share);
   hold_ = kLeastHold;
   fall(now, left_at());
 }
@@ -144,21 +151,31 @@ void PolicedRate::fall(TimePoint now, DataRate from) {
 void PolicedRate::follow(TimePoint now) {
   const double share = round_.share_lost();
   if (exact_ && !rose_) {
-    vain_ = std::max(vain_ + round_.lost - usual_loss_ / 2 * round_.packets, -kVain);
-    if (vain_ > kVain) {
-      own_loss_ = std::max(usual_loss_, share);
-      cap_.reset();
-      return;
+    own_loss_ += (share - own_loss_) * kOwnGain;
+    const bool changed = share > kChanged * usual_loss_;
+    if (!proved_ && !changed) {
+      vain_ += round_.lost - usual_loss_ / 2 * round_.packets;
+      proved_ = vain_ < -kVain;
+      if (vain_ > kVain) {
+        own_loss_ = usual_loss_;
+        cap_.reset();
+      }
+      if (!proved_) return;
     }
   }
   if (round_.lost >= kLeastLost && share > std::max(kFewLost, 2 * own_loss_)) {
     return fall(now, *cap_);
+  }
+  if (share > std::max(kFewLost / 2, kGrowLoss * own_loss_)) {
+    fell_at_ = std::max(fell_at_, now - hold_);
+    return;
   }
   const double seconds = to_seconds(now - fell_at_ - hold_);
   if (seconds < 0 || left_at() < cap_->scaled(kUsed)) return;
   rose_ = true;
   const double since = to_seconds(std::min<Duration>(now - judged_at_, kLongestRise));
   cap_ = cap_->scaled(std::exp(std::min(kRisePerSecond * std::exp2(seconds), 1.0) * since));
+  if (seconds > kFreeSeconds) cap_.reset();
 }
 
 }  // namespace interneuron::link

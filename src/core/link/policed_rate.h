@@ -95,6 +95,7 @@ class PolicedRate {
   Duration hold_{};
   // How many packets more were lost since it fell than if half of the losses were the rate's.
   double vain_ = 0;
+  bool proved_ = false;
   // The share that is lost without a cap.
   double usual_loss_ = 0;
   // The share that is lost whatever the rate.
