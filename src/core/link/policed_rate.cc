@@ -15,7 +15,8 @@ constexpr double kUsualGain = 1.0 / 8;
 constexpr Duration kLongestMemory = std::chrono::minutes(10);
 constexpr Duration kNoQueue = std::chrono::milliseconds(5);
 constexpr double kMuchLost = 0.15;
-constexpr double kFewLost = 0.02;
+constexpr double kFewLost = 0.01;
+constexpr std::uint32_t kUnclearPackets = 640;
 constexpr double kChanged = 3;
 constexpr double kGrowLoss = 1.5;
 constexpr double kFreeSeconds = 10;
@@ -42,8 +43,9 @@ constexpr double kForgetSeconds = 20;
 void PolicedRate::passed(TimePoint now, std::span<const Passage> packets, Duration queue) {
   for (const Passage& packet : packets) {
     if (packet.left_at < from_) continue;
+    const bool unclear = cap_ && round_.lost > 0 && round_.lost < kLeastLost && round_.packets < kUnclearPackets;
     const bool full = round_.packets >= kRoundPackets && packet.left_at - round_.begin >= kRoundTime;
-    if (full) judge(now);
+    if (full && !unclear) judge(now);
     if (round_.packets == 0) round_.begin = packet.left_at;
     if (!packet.arrived) round_.longest_queue = std::max(round_.longest_queue, queue);
     if (packet.left_at >= from_) add(packet);
