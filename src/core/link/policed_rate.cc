@@ -82,7 +82,11 @@ void PolicedRate::add_to_stretch(const Passage& packet) {
 }
 
 void PolicedRate::end_stretch() {
-  if (stretch_.told_packets > longest_.told_packets) longest_ = stretch_;
+  if (stretch_.told_packets > 0) {
+    round_.told_packets += stretch_.told_packets;
+    round_.told_bytes += stretch_.told_bytes;
+    round_.told += stretch_.last_lost - *stretch_.first_lost;
+  }
   stretch_ = {};
 }
 
@@ -97,7 +101,6 @@ void PolicedRate::judge(TimePoint now) {
   }
   judged_at_ = now;
   round_ = {};
-  longest_ = {};
 }
 
 DataRate PolicedRate::left_at() const {
@@ -107,14 +110,14 @@ DataRate PolicedRate::left_at() const {
 DataRate PolicedRate::measured() const {
   const DataRate arrived = rate_of(round_.arrived_bytes, std::max(round_.busy, kLeastBusy));
   if (!is_measured()) return arrived;
-  return std::min(arrived, rate_of(longest_.told_bytes, longest_.last_lost - *longest_.first_lost));
+  return std::min(arrived, rate_of(round_.told_bytes, std::max(round_.told, kLeastBusy)));
 }
 
 bool PolicedRate::is_alike(DataRate rate) const {
   return rate < known_.scaled(kAlike) && known_ < rate.scaled(kAlike);
 }
 
-bool PolicedRate::is_measured() const { return longest_.told_packets >= kStretchPackets; }
+bool PolicedRate::is_measured() const { return round_.told_packets >= kStretchPackets; }
 
 void PolicedRate::suspect(TimePoint now) {
   const double share = round_.share_lost();

@@ -49,6 +49,11 @@ class PolicedRate {
     std::size_t left_bytes = 0;
     std::size_t arrived_bytes = 0;
     Duration busy{};
+    // What arrived between the first and the last loss of stretches without a pause, and how long
+    // these were.
+    std::uint32_t told_packets = 0;
+    std::size_t told_bytes = 0;
+    Duration told{};
     Duration longest_queue{};
 
     double share_lost() const { return static_cast<double>(lost) / packets; }
@@ -77,8 +82,6 @@ class PolicedRate {
   std::optional<DataRate> cap_;
   Round round_;
   Stretch stretch_;
-  // The longest stretch of the round.
-  Stretch longest_;
   // When the newest packet left, and the first of which it is to be told.
   TimePoint last_at_ = TimePoint::min();
   TimePoint from_ = TimePoint::min();
