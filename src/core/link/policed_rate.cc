@@ -107,6 +107,7 @@ void PolicedRate::add(const Passage& packet) {
     end_stretch();
   } else {
     round_.busy += packet.left_at - last_at_;
+    ++round_.close;
     round_.left_bytes += packet.ip_bytes;
     if (packet.arrived) round_.arrived_bytes += packet.ip_bytes;
   }
@@ -152,7 +153,9 @@ bool PolicedRate::is_alike(DataRate rate) const {
 
 void PolicedRate::suspect(TimePoint now) {
   const double share = round_.share_lost();
-  const bool looks = share > std::max(kMuchLost, kMoreLost * own_loss_) &&
+  // What leaves apart tells no rate, and overruns no bucket that fills meanwhile.
+  const bool close = round_.close >= round_.packets / 2;
+  const bool looks = close && share > std::max(kMuchLost, kMoreLost * own_loss_) &&
                      round_.queue < kNoQueue && round_.lost < round_.packets;
   if (!looks) {
     suspected_ = 0;

@@ -45,8 +45,9 @@ class PolicedRate {
     TimePoint begin{};
     std::uint32_t packets = 0;
     std::uint32_t lost = 0;
-    // Of those that left soon after another one: their bytes, those of them that arrived, and how
-    // long it took them to leave.
+    // Those that left soon after another one: how many, their bytes, those of them that arrived,
+    // and how long it took them to leave.
+    std::uint32_t close = 0;
     std::size_t left_bytes = 0;
     std::size_t arrived_bytes = 0;
     Duration busy{};
