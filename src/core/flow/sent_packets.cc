@@ -186,11 +186,10 @@ SentPackets::Verdicts SentPackets::report(TimePoint now, const wire::LinkReport&
   verdicts.delivery = delivery_.sample(min_rtt);
   verdicts.sizes = std::exchange(sizes_, {});
   tell_certain(now, report.largest, silence.timeout);
-  tell_passed();
+  verdicts.passed = passed_.told(log_);
   trim(now);
   verdicts.pieces = settled_;
   verdicts.runs = runs_;
-  verdicts.passed = passed_;
   return verdicts;
 }
 
@@ -241,17 +240,6 @@ void SentPackets::tell_certain(TimePoint now, std::uint64_t largest, Duration ti
     if ((!arrived && !packet.covered) || packet.mtu_probe) continue;
     if (runs_.empty() || runs_.back().arrived != arrived) runs_.push_back({arrived, 0});
     ++runs_.back().packets;
-  }
-}
-
-void SentPackets::tell_passed() {
-  passed_.clear();
-  first_untold_ = std::max(first_untold_, log_.oldest());
-  for (; log_.keeps(first_untold_); ++first_untold_) {
-    const Packet& packet = log_.at(first_untold_);
-    if (packet.fate == Fate::kOpen && packet.data_sized) return;
-    if (!packet.data_sized || packet.mtu_probe) continue;
-    passed_.push_back({packet.at, log_.data_of(packet).bytes, packet.fate == Fate::kArrived});
   }
 }
 

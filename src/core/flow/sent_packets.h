@@ -1,5 +1,4 @@
-// The packets that one path has sent: what became of each, as reports and silence tell it, and what
-// that says of loss and rate.
+// The packets that one path has sent: what became of each, and what that says of loss and rate.
 #pragma once
 
 #include <cstdint>
@@ -11,7 +10,6 @@
 #include "core/flow/packet_log.h"
 #include "core/link/delivery_rate.h"
 #include "core/link/path_mtu.h"
-#include "core/link/policed_rate.h"
 #include "core/link/rate_estimator.h"
 #include "core/wire/feedback.h"
 #include "interneuron/units.h"
@@ -25,9 +23,8 @@ namespace interneuron::flow {
 // reordering window have passed since it left (RACK, RFC 8985). While no packet has been overtaken
 // on its way, one is also lost when one sent three later has arrived (RFC 9002 §6.1.1), and else
 // when no report comes for the path's probe timeout. It may still arrive after that and is then
-// told again; what is late in that way widens the window. Reports are the peer's word: a report of
-// numbers that were never sent is ignored, and a peer that acknowledges what has not arrived, or
-// denies what has, harms only what is sent to itself.
+// told again; what is late in that way widens the window. Reports are the peer's word: those of
+// numbers that were never sent are ignored, and others harm only what is sent to itself.
 //
 // Memory is bounded by 20,000 records of PacketLog's. Pure; never throws; no two threads may call
 // even const functions at once, since sent_at() keeps what it has looked up.
@@ -54,8 +51,7 @@ class SentPackets {
     // Outcomes that are certain, late arrivals included. What is lost by silence is among them once
     // a report has come that would tell of it; packets whose reports were lost are not.
     std::span<const Run> runs;
-    // What became of data-sized packets, in the order in which they left: each is told of once it
-    // and all before it have arrived or are lost.
+    // See PassedPackets.
     std::span<const link::Passage> passed;
     // When the newest of the acknowledged packets left.
     std::optional<TimePoint> newest_sent;
@@ -74,8 +70,7 @@ class SentPackets {
       : log_(first_number),
         first_open_(first_number),
         first_uncertain_(first_number),
-        first_missed_(first_number),
-        first_untold_(first_number) {}
+        first_missed_(first_number) {}
 
   // Whether data-sized packets leave with ECT from now on (link::PathEcn).
   void set_ect(bool ect) { ect_ = ect; }
@@ -158,7 +153,6 @@ class SentPackets {
   void arrive(TimePoint now, std::uint64_t number, Verdicts& verdicts);
   bool is_certain(TimePoint now, std::uint64_t n, std::uint64_t largest, Duration timeout) const;
   std::uint64_t first_of_interest(std::uint64_t largest);
-  void tell_passed();
   void tell_certain(TimePoint now, std::uint64_t largest, Duration timeout);
 
   PacketLog log_;
@@ -171,8 +165,6 @@ class SentPackets {
   // All packets before this number have arrived, or reports tell no more of them: one that is
   // certainly lost as losses are counted may still arrive, and its fragment then counts.
   std::uint64_t first_missed_ = 1;
-  // The passage of all packets before this number has been told.
-  std::uint64_t first_untold_ = 1;
   // Data-sized packets in flight, bytes of all that were ever sent, and bytes of fragments in
   // flight.
   std::uint64_t open_data_ = 0;
@@ -202,7 +194,7 @@ class SentPackets {
   link::PathMtu::Told sizes_;
   std::vector<Settled> settled_;
   std::vector<Run> runs_;
-  std::vector<link::Passage> passed_;
+  PassedPackets passed_;
 };
 
 }  // namespace interneuron::flow
