@@ -5,8 +5,11 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <span>
+#include <vector>
 
 #include "core/base/ring.h"
+#include "core/link/policed_rate.h"
 #include "core/link/rate_estimator.h"
 #include "core/wire/feedback.h"
 #include "interneuron/units.h"
@@ -97,6 +100,20 @@ class PacketLog {
   Ring<Data> data_;
   std::uint32_t next_data_ = 0;
   std::uint64_t next_ = 1;
+};
+
+// Tells what became of data-sized packets in the order in which they left: of each once, when it
+// and all before it have arrived or are lost. SentPackets owns one and asks it with each report.
+// Pure; thread-compatible; memory is that of the most that were told of at once.
+class PassedPackets {
+ public:
+  // Valid until the next call.
+  std::span<const link::Passage> told(const PacketLog& log);
+
+ private:
+  // All packets before this number were told of.
+  std::uint64_t first_untold_ = 0;
+  std::vector<link::Passage> passed_;
 };
 
 // The receiver of a train knows how far apart its packets came, but not whether a pause was the

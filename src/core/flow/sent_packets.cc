@@ -186,6 +186,7 @@ SentPackets::Verdicts SentPackets::report(TimePoint now, const wire::LinkReport&
   verdicts.delivery = delivery_.sample(min_rtt);
   verdicts.sizes = std::exchange(sizes_, {});
   tell_certain(now, report.largest, silence.timeout);
+  verdicts.passed = passed_.told(log_);
   trim(now);
   verdicts.pieces = settled_;
   verdicts.runs = runs_;

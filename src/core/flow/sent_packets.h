@@ -1,5 +1,4 @@
-// The packets that one path has sent: what became of each, as reports and silence tell it, and what
-// that says of loss and rate.
+// The packets that one path has sent: what became of each, and what that says of loss and rate.
 #pragma once
 
 #include <cstdint>
@@ -24,9 +23,8 @@ namespace interneuron::flow {
 // reordering window have passed since it left (RACK, RFC 8985). While no packet has been overtaken
 // on its way, one is also lost when one sent three later has arrived (RFC 9002 §6.1.1), and else
 // when no report comes for the path's probe timeout. It may still arrive after that and is then
-// told again; what is late in that way widens the window. Reports are the peer's word: a report of
-// numbers that were never sent is ignored, and a peer that acknowledges what has not arrived, or
-// denies what has, harms only what is sent to itself.
+// told again; what is late in that way widens the window. Reports are the peer's word: those of
+// numbers that were never sent are ignored, and others harm only what is sent to itself.
 //
 // Memory is bounded by 20,000 records of PacketLog's. Pure; never throws; no two threads may call
 // even const functions at once, since sent_at() keeps what it has looked up.
@@ -53,6 +51,8 @@ class SentPackets {
     // Outcomes that are certain, late arrivals included. What is lost by silence is among them once
     // a report has come that would tell of it; packets whose reports were lost are not.
     std::span<const Run> runs;
+    // See PassedPackets.
+    std::span<const link::Passage> passed;
     // When the newest of the acknowledged packets left.
     std::optional<TimePoint> newest_sent;
     // One of the acknowledged packets was data-sized.
@@ -194,6 +194,7 @@ class SentPackets {
   link::PathMtu::Told sizes_;
   std::vector<Settled> settled_;
   std::vector<Run> runs_;
+  PassedPackets passed_;
 };
 
 }  // namespace interneuron::flow

@@ -24,7 +24,18 @@ constexpr int kTimeoutMarginDivisor = 4;
 
 void LinkEstimator::set_traits(const LinkTraits& traits) {
   traits_ = traits;
-  rate_.set_cap(traits.rate_cap);
+  rate_.set_cap(cap());
+}
+
+std::optional<DataRate> LinkEstimator::cap() const {
+  const std::optional<DataRate> policed = policed_.cap();
+  if (!policed || !traits_.rate_cap) return policed ? policed : traits_.rate_cap;
+  return std::min(*policed, *traits_.rate_cap);
+}
+
+void LinkEstimator::passed(TimePoint now, std::span<const Passage> packets) {
+  policed_.passed(now, packets, queue_up_.queue(now));
+  rate_.set_cap(cap());
 }
 
 void LinkEstimator::set_heartbeat(TimePoint now, Duration heartbeat) {

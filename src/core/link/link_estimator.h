@@ -10,10 +10,12 @@
 
 #include <cstdint>
 #include <optional>
+#include <span>
 
 #include "core/link/delivery_rate.h"
 #include "core/link/estimators.h"
 #include "core/link/path_machine.h"
+#include "core/link/policed_rate.h"
 #include "core/link/probe_schedule.h"
 #include "core/link/rate_estimator.h"
 #include "interneuron/link.h"
@@ -49,6 +51,8 @@ class LinkEstimator {
   void delivered(TimePoint now, TimePoint sent_at, bool data);
   // See RateEstimator::train().
   void train(TimePoint now, const Train& train) { rate_.train(now, train); }
+  // See PolicedRate::passed().
+  void passed(TimePoint now, std::span<const Passage> packets);
   void delivery_sample(TimePoint now, const DeliveryRate::Sample& sample);
   Duration feedback_spacing() const { return feedback_spacing_; }
   // What the peer believes of its own direction: its rate and the share of its packets lost.
@@ -75,6 +79,8 @@ class LinkEstimator {
   TimePoint guessed_at() const { return rate_.guessed_at(); }
   // See RateEstimator::guess().
   std::optional<DataRate> rate_guess() const { return rate_.guess(); }
+  // The most that the operator and a policer on the way allow; nothing: they allow anything.
+  std::optional<DataRate> cap() const;
   std::optional<DataRate> pace() const { return rate_.pace(); }
   double loss() const { return loss_.loss(); }
   Duration jitter() const { return rtt_.variation(); }
@@ -101,6 +107,7 @@ class LinkEstimator {
   QueueSignal queue_down_;
   LossEstimator loss_;
   RateEstimator rate_;
+  PolicedRate policed_;
   PathMachine machine_;
   DataRate rate_down_{};
   double loss_down_ = 0;

@@ -146,6 +146,7 @@ void Path::learn(TimePoint now, const wire::LinkReport& report,
   if (v.delivery) estimator.delivery_sample(now, *v.delivery);
   if (train_.left == 0 && report.largest >= train_.newest) probes.train_told();
   if (v.train) estimator.train(now, *v.train);
+  estimator.passed(now, v.passed);
   control(now, report, v, use);
   const auto probe = mtu_.waits_for();
   if (probe && report.largest >= *probe) mtu_.probe_told(has_arrived(report, *probe));
@@ -270,7 +271,7 @@ wire::LinkReport Path::report(TimePoint now) const {
 
 // At most what the operator allows. Estimates keep to that themselves once there are any.
 std::optional<DataRate> Path::capped(std::optional<DataRate> rate) const {
-  const std::optional<DataRate> cap = nic_.traits.rate_cap;
+  const std::optional<DataRate> cap = estimator.cap();
   return rate && cap ? std::min(*rate, *cap) : rate ? rate : cap;
 }
 

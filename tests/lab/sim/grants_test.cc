@@ -1,5 +1,5 @@
-// Links that are granted in bursts, or shaped by a token bucket, are believed to carry what they
-// carry, and used.
+// Links that are granted in bursts, or shaped or policed by a token bucket, are believed to carry
+// what they carry, and used.
 #include "echo_duo.h"
 #include "lab/sim/duo.h"
 
@@ -39,6 +39,51 @@ TEST(Buckets, TheRateIsThatAtWhichTheyFill) {
     EXPECT_EQ(duo.missed(30), 0U) << kbyte;
   }
 }
+
+struct Policed {
+  double mbit = 0;
+  Duration bucket{};
+  double load = 0;
+  // The least share of messages that is on time, where 1 / load of them could be, and the largest
+  // share of packets that the policer drops, both from the sixth second on.
+  double on_time = 0;
+  double dropped = 0;
+};
+
+class Policers : public testing::TestWithParam<Policed> {};
+
+// Messages of 50 ms at the policed rate, as many as the load is. What exceeds it is dropped without
+// a queue.
+TEST_P(Policers, NextToNothingIsDropped) {
+  const Policed& p = GetParam();
+  emu::LinkProfile link = constant_link("a", 40, 1000, 1000);
+  const double bytes_a_second = p.mbit * 1e6 / 8;
+  link.up.police = {DataRate::mbit(p.mbit),
+                    static_cast<std::size_t>(bytes_a_second * to_seconds(p.bucket))};
+  const Duration period{static_cast<std::int64_t>(50e6 / p.load)};
+  Duo duo({link}, {.variants = {static_cast<std::size_t>(bytes_a_second * 0.05 / 1.066)},
+                   .deadline = 150ms,
+                   .period = period,
+                   .seed = 70011});
+  const auto count = static_cast<std::size_t>((kSanitized ? 9s : 20s) / period);
+  const auto settled = static_cast<std::size_t>(6s / period);
+  emu::DirectionStats before;
+  duo.world.at(Duo::kBegin + 6s, [&] { before = duo.world.stats(LinkId{0}, true); });
+  duo.send(Duo::kBegin, count);
+  duo.run();
+  const emu::DirectionStats& after = duo.world.stats(LinkId{0}, true);
+  const auto sent = static_cast<double>(after.packets_in - before.packets_in);
+  EXPECT_LE(static_cast<double>(after.policed - before.policed), p.dropped * sent);
+  EXPECT_LE(static_cast<double>(duo.missed(settled)),
+            (1 - p.on_time) * static_cast<double>(count - settled));
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Buckets, Policers,
+    testing::Values(Policed{10, 10ms, 0.95, 0.97, 0.03}, Policed{10, 50ms, 0.5, 1, 0.05},
+                    Policed{10, 50ms, 1.05, 0.81, 0.03}, Policed{10, 50ms, 1.5, 0.56, 0.03},
+                    Policed{10, 200ms, 2, 0.42, 0.03}, Policed{50, 20ms, 0.95, 0.97, 0.03},
+                    Policed{50, 100ms, 1.5, 0.56, 0.03}));
 
 INSTANTIATE_TEST_SUITE_P(Measure, Grants, testing::Values(5ms, 10ms, 20ms), [](const auto& p) {
   return std::to_string(std::lround(to_ms(p.param))) + "ms";
