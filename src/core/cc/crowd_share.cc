@@ -16,12 +16,20 @@ constexpr DataRate kNewcomer = DataRate::mbit(100);
 constexpr double kLeft = 0.7;
 // Where others are not seen again so long after they were found, they never were.
 constexpr Duration kProbation = std::chrono::milliseconds(600);
-// Where the queue does not fall to the target for so long although we give way, or what is left of
-// what we ask for is less than a part of so many; and for how long that is remembered. A crowd of
-// fifty that asks for twice its cell is below it after a second.
+// Where the queue never falls to the target for so long although we give way, or what is left of
+// what we ask for is less than a part of so many. A crowd of fifty that asks for twice its cell is
+// below it after a second.
 constexpr double kFewShares = 6;
 constexpr Duration kStubborn = std::chrono::seconds(2);
-constexpr Duration kIgnored = std::chrono::seconds(60);
+// Others give way to nobody for so long after that was last certain, and are known for it for a
+// while longer. No measurement behind these values.
+constexpr Duration kCompetes = std::chrono::seconds(60);
+constexpr Duration kRemembered = std::chrono::seconds(5);
+// Who has this share of the pipe is alone, and one that has less than this is not why it is full.
+constexpr double kAllOfIt = 0.9;
+constexpr double kHalf = 0.5;
+// What competes begins with twice of what it asks for, as CompetingRate allows at most.
+constexpr double kAmple = 2;
 // Where others have not been seen for so long, they are gone. No measurement behind this value.
 constexpr Duration kGone = std::chrono::seconds(2);
 // A train that was stretched so long ago still convicts: ten frames of a camera.
@@ -116,6 +124,15 @@ void CrowdShare::vary() {
   threshold_ = 1 + kVariation * (even - 0.5);
 }
 
+// Copa finds those who give way to nobody in the same way: by a queue that is never nearly empty.
+void CrowdShare::met(TimePoint now, TimePoint left_at, Duration waited) {
+  queue_.met(now, left_at, waited, capacity_);
+  if (!is_crowded()) return;
+  const bool has_share = rate_->scaled(kFewShares) >= wanted();
+  const bool yielded = has_share && to_seconds(waited) <= target();
+  if (competes_ ? to_seconds(waited) > kLeastMean : yielded) queue_told_at_ = now;
+}
+
 void CrowdShare::asked(TimePoint now, std::size_t best, std::size_t smallest, Duration left) {
   if (static_cast<double>(best) <= kSmallMessage) return;
   const double since = asked_at_ ? to_seconds(now - *asked_at_) : kLongestPeriod;
@@ -130,7 +147,7 @@ void CrowdShare::asked(TimePoint now, std::size_t best, std::size_t smallest, Du
     smallest_ = std::min(rate_of(smallest, part), rate_of(best, left).scaled(kNotTheBest));
     floor_ = rate_of_bytes(kWithRepairs * static_cast<double>(smallest) / period_);
   }
-  granted_ = rate_ && saved(now) >= asked_ * threshold_ && queue_.newest() < kFull;
+  granted_ = rate_ && saved(now) >= asked_ * threshold_ && (competes_ || queue_.newest() < kFull);
   if (granted_) vary();
   if (rate_ && saved(now) <= -kOwesTooMuch * asked_) smallest_ = DataRate{};
 }
@@ -144,11 +161,31 @@ void CrowdShare::enter(TimePoint now) {
   is_new_ = granted_ = false;
   vary();
   queue_.begin_again(now);
-  entered_at_ = yielded_at_ = now;
+  entered_at_ = queue_told_at_ = now;
   before_ = 0;
   longest_ = queue_.newest();
   decide_at_ = now + kPeriod;
   fall_at_ = now + kBetweenFalls;
+  competes_ = false;
+  if (now < competes_until_ + kRemembered) compete(now);
+}
+
+// What is asked for in the mean, as far as the pipe carries it.
+DataRate CrowdShare::wanted() const { return std::min(capacity_, rate_of_bytes(asked_ / period_)); }
+
+// Others give way to nobody, as CUBIC does: who gives way to them is left nothing. Trains among
+// theirs have told less and less of the pipe by then.
+void CrowdShare::compete(TimePoint now) {
+  competes_ = true;
+  queue_told_at_ = now;
+  capacity_ = std::max(capacity_, before_others_);
+  competing_.begin(now, std::min(wanted().scaled(kAmple), capacity_.scaled(kHalf)));
+  competes_until_ = now + kCompetes;
+}
+
+// The queue is gone, or it is our own.
+bool CrowdShare::is_in_vain(TimePoint now) const {
+  return now - queue_told_at_ > kGone || used(now) > kAllOfIt * bytes_per_second(capacity_);
 }
 
 void CrowdShare::decide(TimePoint now, Duration round_trip) {
@@ -158,36 +195,38 @@ void CrowdShare::decide(TimePoint now, Duration round_trip) {
     saved_at_ = now;
   }
   longest_ = std::max(longest_, queue_.newest());
-  if (queue_.are_there()) others_at_ = now;
+  if (queue_.are_there()) {
+    others_at_ = now;
+    if (competes_ && used(now) < kHalf * bytes_per_second(capacity_))
+      competes_until_ = now + kCompetes;
+  }
   const bool stretched = stretched_at_ && now - *stretched_at_ < kStretchMemory;
-  const bool may_be = asked_ > 0 && now >= ignored_until_;
-  if (queue_.are_in_the_way() && may_be && (is_new_ || (!rate_ && stretched))) {
+  if (!is_crowded() && !stretched) before_others_ = capacity_;
+  if (queue_.are_in_the_way() && asked_ > 0 && (is_new_ || (!rate_ && stretched))) {
     enter(now);
   } else if (is_new_ && queue_.newest() > kFull / 2) {
     // A queue of our own: nobody else is there.
     is_new_ = false;
     rate_.reset();
   }
-  const DataRate wanted = std::min(capacity_, rate_of_bytes(asked_ / period_));
-  const bool has_share = is_crowded() && rate_->scaled(kFewShares) >= wanted;
-  if (has_share && queue_.mean() <= target()) yielded_at_ = now;
-  if (is_crowded() && now - yielded_at_ > kStubborn) {
-    // Others give way to nobody, as CUBIC does: who gives way to them is left nothing.
-    rate_.reset();
-    ignored_until_ = now + kIgnored;
-  }
-  const bool is_doubtful = !queue_.were_confirmed() && entered_at_;
+  if (is_crowded() && !competes_ && now - queue_told_at_ > kStubborn) compete(now);
+  const bool is_doubtful = !competes_ && !queue_.were_confirmed() && entered_at_;
   if (!is_new_ && rate_ && is_doubtful && now - *entered_at_ > kProbation) rate_.reset();
   if (!rate_ || now < decide_at_) return;
   saved_ = saved(now);
   saved_at_ = now;
-  adapt(now);
+  if (competes_) {
+    rate_ = std::min(competing_.at(now, round_trip, wanted(), capacity_), capacity_);
+  } else {
+    adapt(now);
+  }
   decide_at_ = now + (is_new_ ? round_trip : std::max(round_trip, kPeriod));
   // A share that nobody contends, and that is enough or whose queue is our own.
   const DataRate enough = std::min(capacity_, rate_of_bytes(kEnough * asked_ / period_));
   const bool is_ours = *rate_ >= enough || queue_.mean() > target();
   const bool is_alone = !others_at_ || now - *others_at_ > kGone;
-  if (!is_new_ && is_ours && is_alone) rate_.reset();
+  const bool leaves = competes_ ? is_in_vain(now) || now > competes_until_ : is_ours && is_alone;
+  if (!is_new_ && leaves) rate_.reset();
 }
 
 double CrowdShare::target() const {
