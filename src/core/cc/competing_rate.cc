@@ -13,10 +13,11 @@ constexpr double kGrowth = 0.4;
 constexpr double kLeftByLoss = 0.7;
 // RFC 7661, section 4.3: a window of which half was used is a valid one.
 constexpr double kValid = 2;
-// Who takes less than half of what others take is not the one to give way: however many flows they
-// are, each keeps two thirds of an equal share. But where more is lost than BBR version 3 bears in
-// a round trip (draft-cardwell-iccrg-bbr-congestion-control), there are many of us.
-constexpr double kHalfOfTheirs = 1.0 / 3;
+// Who takes less than half of the pipe is not the one to give way: that is an equal share beside
+// one flow, and of n flows each has (n + 1) / 2n of an equal share then, which is more than half of
+// it. But where more is lost than BBR version 3 bears in a round trip
+// (draft-cardwell-iccrg-bbr-congestion-control), there are many of us.
+constexpr double kHalfOfPipe = 0.5;
 constexpr double kBearable = 0.02;
 // What is wanted and what repairs of it take.
 constexpr double kWithRepairsToo = 1.2;
@@ -60,7 +61,7 @@ DataRate CompetingRate::at(TimePoint now, Duration round_trip, DataRate wanted, 
   const double window = before + kGrowth * since * since * since;
   const DataRate grown{static_cast<std::int64_t>(window * packet)};
   rate_ = std::min(std::max(rate_, grown), wanted.scaled(kValid));
-  const DataRate least = std::min(wanted.scaled(kWithRepairsToo), capacity.scaled(kHalfOfTheirs));
+  const DataRate least = std::min(wanted.scaled(kWithRepairsToo), capacity.scaled(kHalfOfPipe));
   const double lost = 8 * lost_lately(now) * static_cast<double>(kMaxPacketBytes);
   const bool bears = lost < kBearable * static_cast<double>(least.bits_per_second);
   if (bears) rate_ = std::max(rate_, least);

@@ -31,19 +31,19 @@ TEST(CompetingRate, ALossLeavesSevenTenthsAndThreeSecondsBringThemBack) {
   Flow flow(DataRate::mbit(10), kPipe);
   flow.after(1s);
   flow.loses();
-  // A third of the pipe is what it takes in any case.
-  EXPECT_EQ(flow.after(100ms), kPipe.scaled(1.0 / 3));
-  Flow large(DataRate::mbit(20), kPipe);
+  // Half of the pipe is what it takes in any case.
+  EXPECT_EQ(flow.after(100ms), kPipe.scaled(0.5));
+  Flow large(DataRate::mbit(24), kPipe);
   large.after(1s);
   large.loses();
-  EXPECT_NEAR(to_seconds(1s) * double(large.after(100ms).bits_per_second), 14e6, 0.5e6);
-  // K of RFC 9438: the cube root of 280 packets x 0.3 / 0.4.
-  EXPECT_NEAR(double(large.after(6s).bits_per_second), 20e6, 0.5e6);
-  EXPECT_GT(large.after(3s), DataRate::mbit(20).scaled(1.02));
+  EXPECT_NEAR(to_seconds(1s) * double(large.after(100ms).bits_per_second), 16.8e6, 0.5e6);
+  // K of RFC 9438: the cube root of 336 packets x 0.3 / 0.4.
+  EXPECT_NEAR(double(large.after(6s).bits_per_second), 24e6, 0.5e6);
+  EXPECT_GT(large.after(3s), DataRate::mbit(24).scaled(1.01));
 }
 
 TEST(CompetingRate, LossesOfOneRoundTripAreOne) {
-  Flow flow(DataRate::mbit(20), kPipe);
+  Flow flow(DataRate::mbit(24), kPipe);
   flow.after(1s);
   flow.loses();
   const DataRate once = flow.after(100ms);

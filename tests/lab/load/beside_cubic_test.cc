@@ -53,7 +53,7 @@ INSTANTIATE_TEST_SUITE_P(Queues, BesideCubic,
 
 TEST(BesideCubic, AVariantArrivesWhereTheQueueLeavesLittleTime) {
   const Row row = beside(20, 100ms, 150ms, 1, Peer::kOursVariants, 0.56);
-  EXPECT_LT(missed(row), 0.15);
+  EXPECT_LT(missed(row), 0.2);
   EXPECT_GT(*row.cross_share, 0.5);
 }
 
