@@ -36,14 +36,15 @@ double packet_rate(Duration round_trip) {
 
 void CompetingRate::begin(TimePoint now, DataRate rate) {
   rate_ = before_ = rate;
-  fell_at_ = now;
+  fell_at_ = lost_at_ = now;
+  lost_ = 0;
 }
 
 double CompetingRate::lost_lately(TimePoint now) const {
   return lost_ * std::exp(-to_seconds(now - lost_at_) / kLossMemory);
 }
 
-// Section 4.7: who falls before it is back where it was leaves what it had to others.
+// RFC 9438, section 4.7: who falls before it is back where it was leaves what it had to others.
 void CompetingRate::lost(TimePoint now, std::uint32_t packets, Duration round_trip) {
   lost_ = lost_lately(now) + packets / kLossMemory;
   lost_at_ = now;

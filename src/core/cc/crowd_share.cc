@@ -129,7 +129,7 @@ void CrowdShare::met(TimePoint now, TimePoint left_at, Duration waited) {
   queue_.met(now, left_at, waited, capacity_);
   if (!is_crowded()) return;
   const bool has_share = rate_->scaled(kFewShares) >= wanted();
-  const bool yielded = has_share && to_seconds(waited) <= target();
+  const bool yielded = has_share && to_seconds(waited) <= target(wanted());
   if (competes_ ? to_seconds(waited) > kLeastMean : yielded) queue_told_at_ = now;
 }
 
@@ -223,26 +223,26 @@ void CrowdShare::decide(TimePoint now, Duration round_trip) {
   decide_at_ = now + (is_new_ ? round_trip : std::max(round_trip, kPeriod));
   // A share that nobody contends, and that is enough or whose queue is our own.
   const DataRate enough = std::min(capacity_, rate_of_bytes(kEnough * asked_ / period_));
-  const bool is_ours = *rate_ >= enough || queue_.mean() > target();
+  const bool is_ours = *rate_ >= enough || queue_.mean() > target(*rate_);
   const bool is_alone = !others_at_ || now - *others_at_ > kGone;
   const bool leaves = competes_ ? is_in_vain(now) || now > competes_until_ : is_ours && is_alone;
   if (!is_new_ && leaves) rate_.reset();
 }
 
-double CrowdShare::target() const {
-  const double parts = kAtRate / std::max(1.0, 8 * bytes_per_second(*rate_));
+double CrowdShare::target(DataRate rate) {
+  const double parts = kAtRate / std::max(1.0, 8 * bytes_per_second(rate));
   return std::clamp(kMeanQueue * std::sqrt(parts), kLeastMeanQueue, kMostMeanQueue);
 }
 
 void CrowdShare::adapt(TimePoint now) {
-  const double over = std::clamp(queue_.mean() / target() - 1, -1.0, 2.0);
+  const double over = std::clamp(queue_.mean() / target(*rate_) - 1, -1.0, 2.0);
   if (over > 0) {
     fall(now, over);
   } else if (is_new_) {
     rate_ = rate_->scaled(2);
     is_new_ = *rate_ < capacity_;
   } else {
-    const double room = target() / std::max(queue_.mean(), kLeastMean);
+    const double room = target(*rate_) / std::max(queue_.mean(), kLeastMean);
     rate_ = rate_->scaled(1 - kRise * over * std::clamp(room, 1.0, kQuick));
   }
   before_ = longest_;

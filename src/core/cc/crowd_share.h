@@ -49,7 +49,7 @@ class CrowdShare {
   void clock_stepped() { queue_.clock_stepped(); }
   // Packets of ours were lost or marked.
   void lost(TimePoint now, std::uint32_t packets, Duration round_trip) {
-    competing_.lost(now, packets, round_trip);
+    if (competes_) competing_.lost(now, packets, round_trip);
   }
   // Finds out whether others are there, and adapts the rate where that is due.
   void decide(TimePoint now, Duration round_trip);
@@ -72,7 +72,7 @@ class CrowdShare {
  private:
   double saved(TimePoint now) const;
   double used(TimePoint now) const;
-  double target() const;
+  static double target(DataRate rate);
   DataRate least() const;
   void vary();
   void enter(TimePoint now);
