@@ -16,10 +16,12 @@ constexpr DataRate kNewcomer = DataRate::mbit(100);
 constexpr double kLeft = 0.7;
 // Where others are not seen again so long after they were found, they never were.
 constexpr Duration kProbation = std::chrono::milliseconds(600);
-// Where the queue never falls to the target for so long although we give way, or what is left of
-// what we ask for is less than a part of so many. A crowd of fifty that asks for twice its cell is
-// below it after a second.
+// Where the queue never falls to the target for so long although we give way, others give way to
+// nobody. A crowd of fifty that asks for twice its cell is below it after a second. And where what
+// is left of what we ask for is less than a part of so many, this is no way to share: what
+// ShareControl does without it is left for a while.
 constexpr double kFewShares = 6;
+constexpr Duration kIgnored = std::chrono::seconds(60);
 constexpr Duration kStubborn = std::chrono::seconds(2);
 // Others give way to nobody for so long after that was last certain, and are known for it for a
 // while longer. No measurement behind these values.
@@ -128,8 +130,7 @@ void CrowdShare::vary() {
 void CrowdShare::met(TimePoint now, TimePoint left_at, Duration waited) {
   queue_.met(now, left_at, waited, capacity_);
   if (!is_crowded()) return;
-  const bool has_share = rate_->scaled(kFewShares) >= wanted();
-  const bool yielded = has_share && to_seconds(waited) <= target(wanted());
+  const bool yielded = to_seconds(waited) <= target(wanted());
   if (competes_ ? to_seconds(waited) > kLeastMean : yielded) queue_told_at_ = now;
 }
 
@@ -161,7 +162,7 @@ void CrowdShare::enter(TimePoint now) {
   is_new_ = granted_ = false;
   vary();
   queue_.begin_again(now);
-  entered_at_ = queue_told_at_ = now;
+  entered_at_ = queue_told_at_ = shared_at_ = now;
   before_ = 0;
   longest_ = queue_.newest();
   decide_at_ = now + kPeriod;
@@ -183,6 +184,17 @@ void CrowdShare::compete(TimePoint now) {
   competes_until_ = now + kCompetes;
 }
 
+void CrowdShare::answer_stubborn(TimePoint now) {
+  const bool has_share = rate_->scaled(kFewShares) >= wanted();
+  if (has_share && queue_.mean() <= target(*rate_)) shared_at_ = now;
+  if (now - queue_told_at_ > kStubborn) {
+    compete(now);
+  } else if (now - shared_at_ > kStubborn) {
+    rate_.reset();
+    ignored_until_ = now + kIgnored;
+  }
+}
+
 // The queue is gone, or it is our own.
 bool CrowdShare::is_in_vain(TimePoint now) const {
   return now - queue_told_at_ > kGone || used(now) > kAllOfIt * bytes_per_second(capacity_);
@@ -202,14 +214,15 @@ void CrowdShare::decide(TimePoint now, Duration round_trip) {
   }
   const bool stretched = stretched_at_ && now - *stretched_at_ < kStretchMemory;
   if (!is_crowded() && !stretched) before_others_ = capacity_;
-  if (queue_.are_in_the_way() && asked_ > 0 && (is_new_ || (!rate_ && stretched))) {
+  const bool may_be = asked_ > 0 && now >= ignored_until_;
+  if (queue_.are_in_the_way() && may_be && (is_new_ || (!rate_ && stretched))) {
     enter(now);
   } else if (is_new_ && queue_.newest() > kFull / 2) {
     // A queue of our own: nobody else is there.
     is_new_ = false;
     rate_.reset();
   }
-  if (is_crowded() && !competes_ && now - queue_told_at_ > kStubborn) compete(now);
+  if (is_crowded() && !competes_) answer_stubborn(now);
   const bool is_doubtful = !competes_ && !queue_.were_confirmed() && entered_at_;
   if (!is_new_ && rate_ && is_doubtful && now - *entered_at_ > kProbation) rate_.reset();
   if (!rate_ || now < decide_at_) return;

@@ -78,6 +78,7 @@ class CrowdShare {
   void enter(TimePoint now);
   DataRate wanted() const;
   void compete(TimePoint now);
+  void answer_stubborn(TimePoint now);
   bool is_in_vain(TimePoint now) const;
   void adapt(TimePoint now);
   void fall(TimePoint now, double over);
@@ -115,6 +116,10 @@ class CrowdShare {
   // When the queue was last as short as is aimed at or, where others give way to nobody, when there
   // last was one.
   TimePoint queue_told_at_{};
+  // When our share was last one, in a queue as short as is aimed at, and until when no share is
+  // taken at all.
+  TimePoint shared_at_{};
+  TimePoint ignored_until_ = TimePoint::min();
   // Others give way to nobody, and for how long that is remembered of those who come next.
   bool competes_ = false;
   TimePoint competes_until_ = TimePoint::min();
