@@ -19,12 +19,22 @@ constexpr double kLeft = 0.7;
 // until they are seen. With 1.15 a crowd that gave way together comes back too fast to notice.
 constexpr Duration kProbation = std::chrono::milliseconds(600);
 constexpr double kBack = 1.1;
-// Where the queue does not fall to the target for so long although we give way, or what is left of
-// what we ask for is less than a part of so many; and for how long that is remembered. A crowd of
-// fifty that asks for twice its cell is below it after a second.
+// Where the queue is never as short as the longest that is aimed at for so long although we give
+// way, others give way to nobody. A crowd of fifty that asks for twice its cell is below it after a
+// second. And where what is left of what we ask for is less than a part of so many, this is no way
+// to share: what ShareControl does without it is left for a while.
 constexpr double kFewShares = 6;
-constexpr Duration kStubborn = std::chrono::seconds(2);
 constexpr Duration kIgnored = std::chrono::seconds(60);
+constexpr Duration kStubborn = std::chrono::seconds(2);
+// Others give way to nobody for so long after that was last certain, and are known for it for a
+// while longer. No measurement behind these values.
+constexpr Duration kCompetes = std::chrono::seconds(60);
+constexpr Duration kRemembered = std::chrono::seconds(5);
+// Who has this share of the pipe is alone, and one that has less than this is not why it is full.
+constexpr double kAllOfIt = 0.9;
+constexpr double kHalf = 0.5;
+// What competes begins with twice of what it asks for, as CompetingRate allows at most.
+constexpr double kAmple = 2;
 // Where others have not been seen for so long, they are gone. No measurement behind this value.
 constexpr Duration kGone = std::chrono::seconds(2);
 // While a path is new such a queue, in seconds, convicts without a train: radio seldom delays by as
@@ -135,6 +145,14 @@ void CrowdShare::note_period(TimePoint now, Duration left) {
   if (!first_asked_at_) first_asked_at_ = now;
 }
 
+// Copa finds those who give way to nobody in the same way: by a queue that is never nearly empty.
+void CrowdShare::met(TimePoint now, TimePoint left_at, Duration waited) {
+  queue_.met(now, left_at, waited, capacity_);
+  if (!is_crowded()) return;
+  const double seconds = to_seconds(waited);
+  if (competes_ ? seconds > kLeastMean : seconds <= kMostMeanQueue) queue_told_at_ = now;
+}
+
 void CrowdShare::asked(TimePoint now, std::size_t best, std::size_t smallest, Duration left) {
   if (static_cast<double>(best) <= kSmallMessage) return;
   note_period(now, left);
@@ -149,7 +167,7 @@ void CrowdShare::asked(TimePoint now, std::size_t best, std::size_t smallest, Du
   }
   const bool overlaps = period_ < kOverlaps * to_seconds(left);
   const bool has_saved = rate_ && saved(now) >= asked_ * threshold_;
-  granted_ = has_saved && !overlaps && queue_.newest() < kFull;
+  granted_ = has_saved && !overlaps && (competes_ || queue_.newest() < kFull);
   if (granted_) vary();
   if (rate_ && saved(now) <= -kOwesTooMuch * asked_) smallest_ = DataRate{};
 }
@@ -163,16 +181,47 @@ void CrowdShare::enter(TimePoint now) {
   vary();
   saved_ = (threshold_ - 1) / kVariation * asked_;
   queue_.begin_again(now);
-  entered_at_ = yielded_at_ = now;
+  entered_at_ = queue_told_at_ = shared_at_ = now;
   before_ = 0;
   longest_ = queue_.newest();
   decide_at_ = now + kPeriod;
   fall_at_ = now + kBetweenFalls;
+  competes_ = false;
+  if (now < competes_until_ + kRemembered) compete(now);
+}
+
+// What is asked for in the mean, as far as the pipe carries it.
+DataRate CrowdShare::wanted() const { return std::min(capacity_, rate_of_bytes(asked_ / period_)); }
+
+// Others give way to nobody, as CUBIC does: who gives way to them is left nothing. Trains among
+// theirs have told less and less of the pipe by then.
+void CrowdShare::compete(TimePoint now) {
+  competes_ = true;
+  queue_told_at_ = now;
+  capacity_ = std::max(capacity_, before_others_);
+  competing_.begin(now, std::min(wanted().scaled(kAmple), capacity_.scaled(kHalf)));
+  competes_until_ = now + kCompetes;
+}
+
+void CrowdShare::answer_stubborn(TimePoint now) {
+  const bool has_share = rate_->scaled(kFewShares) >= wanted();
+  if (has_share && queue_.mean() <= kMostMeanQueue) shared_at_ = now;
+  if (now - queue_told_at_ > kStubborn) {
+    compete(now);
+  } else if (now - shared_at_ > kStubborn) {
+    rate_.reset();
+    ignored_until_ = now + kIgnored;
+  }
+}
+
+// The queue is gone, or it is our own.
+bool CrowdShare::is_in_vain(TimePoint now) const {
+  return now - queue_told_at_ > kGone || used(now) > kAllOfIt * bytes_per_second(capacity_);
 }
 
 // Others were not seen again.
 bool CrowdShare::is_doubtful(TimePoint now) const {
-  return !queue_.were_confirmed() && now - *entered_at_ > kProbation;
+  return !competes_ && !queue_.were_confirmed() && now - *entered_at_ > kProbation;
 }
 
 void CrowdShare::decide(TimePoint now, Duration round_trip) {
@@ -180,51 +229,54 @@ void CrowdShare::decide(TimePoint now, Duration round_trip) {
   if (!began_at_) began_at_ = now;
   is_new_ = is_new_ && (!first_asked_at_ || now - *first_asked_at_ <= kNew);
   longest_ = std::max(longest_, queue_.newest());
-  if (queue_.are_there()) others_at_ = now;
+  if (queue_.are_there()) {
+    others_at_ = now;
+    if (competes_ && used(now) < kHalf * bytes_per_second(capacity_))
+      competes_until_ = now + kCompetes;
+  }
   const bool stretched = stretched_at_ && now - *stretched_at_ < kStretchMemory;
+  if (!is_crowded() && !stretched) before_others_ = capacity_;
   const bool may_be = asked_ > 0 && now >= ignored_until_;
   const bool is_suspected = stretched || queue_.newest() > kNoRadio;
   const bool is_there =
       is_new_ ? is_suspected && queue_.may_be_in_the_way() : stretched && queue_.are_in_the_way();
   if (!rate_ && is_there && may_be) enter(now);
-  const DataRate wanted = std::min(capacity_, rate_of_bytes(asked_ / period_));
-  const bool has_share = is_crowded() && rate_->scaled(kFewShares) >= wanted;
-  if (has_share && queue_.mean() <= kMostMeanQueue) yielded_at_ = now;
-  if (is_crowded() && now - yielded_at_ > kStubborn) {
-    // Others give way to nobody, as CUBIC does: who gives way to them is left nothing.
-    rate_.reset();
-    ignored_until_ = now + kIgnored;
-  }
+  if (is_crowded() && !competes_) answer_stubborn(now);
   if (is_crowded() && is_doubtful(now) && !queue_.may_be_there()) rate_.reset();
   if (!is_crowded() || now < decide_at_) return;
   saved_ = saved(now);
   saved_at_ = now;
-  adapt(now);
+  if (competes_) {
+    rate_ = std::min(competing_.at(now, round_trip, wanted(), capacity_), capacity_);
+  } else {
+    adapt(now);
+  }
   decide_at_ = now + std::max(round_trip, kPeriod);
   // A share that nobody contends, and that is enough or whose queue is our own.
   const DataRate enough = std::min(capacity_, rate_of_bytes(kEnough * asked_ / period_));
-  const bool is_ours = *rate_ >= enough || queue_.mean() > target();
+  const bool is_ours = *rate_ >= enough || queue_.mean() > target(*rate_);
   const bool are_gone = !others_at_ || now - *others_at_ > kGone;
-  if (is_ours && are_gone) rate_.reset();
+  const bool leaves = competes_ ? is_in_vain(now) || now > competes_until_ : is_ours && are_gone;
+  if (leaves) rate_.reset();
 }
 
 bool CrowdShare::is_alone(TimePoint now) const {
   return began_at_ && now - others_at_.value_or(*began_at_) > kGone;
 }
 
-double CrowdShare::target() const {
-  const double parts = kAtRate / std::max(1.0, 8 * bytes_per_second(*rate_));
+double CrowdShare::target(DataRate rate) {
+  const double parts = kAtRate / std::max(1.0, 8 * bytes_per_second(rate));
   return std::clamp(kMeanQueue * std::sqrt(parts), kLeastMeanQueue, kMostMeanQueue);
 }
 
 void CrowdShare::adapt(TimePoint now) {
-  const double over = std::clamp(queue_.mean() / target() - 1, -1.0, 2.0);
+  const double over = std::clamp(queue_.mean() / target(*rate_) - 1, -1.0, 2.0);
   if (over > 0) {
     fall(now, over);
   } else if (is_doubtful(now)) {
     rate_ = rate_->scaled(kBack);
   } else {
-    const double room = target() / std::max(queue_.mean(), kLeastMean);
+    const double room = target(*rate_) / std::max(queue_.mean(), kLeastMean);
     rate_ = rate_->scaled(1 - kRise * over * std::clamp(room, 1.0, kQuick));
   }
   before_ = longest_;

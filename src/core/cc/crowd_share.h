@@ -13,12 +13,16 @@
 // less bears a longer one: at a queue that everybody sees the small share grows and the large one
 // shrinks until they are equal, as in Swift (Kumar et al., Swift: Delay is Simple and Effective for
 // Congestion Control in the Datacenter, 2020).
+//
+// Where the queue stays long although we give way, others give way to nobody: the rate is that of
+// CompetingRate then, until the queue is gone.
 #pragma once
 
 #include <algorithm>
 #include <cstdint>
 #include <optional>
 
+#include "core/cc/competing_rate.h"
 #include "core/cc/queue_of_others.h"
 #include "interneuron/units.h"
 
@@ -39,17 +43,21 @@ class CrowdShare {
   // leave and to wait in queues.
   void asked(TimePoint now, std::size_t best, std::size_t smallest, Duration left);
   // A packet that left at `left_at` waited for so long.
-  void met(TimePoint now, TimePoint left_at, Duration waited) {
-    queue_.met(now, left_at, waited, capacity_);
-  }
+  void met(TimePoint now, TimePoint left_at, Duration waited);
   // A train arrived more slowly than it left and than the pipe carries.
   void stretched(TimePoint now) { stretched_at_ = now; }
   void clock_stepped() { queue_.clock_stepped(); }
+  // Packets of ours were lost or marked.
+  void lost(TimePoint now, std::uint32_t packets, Duration round_trip) {
+    if (competes_) competing_.lost(now, packets, round_trip);
+  }
   // Finds out whether others are there, and adapts the rate where that is due.
   void decide(TimePoint now, Duration round_trip);
 
   // Others are there. While they are, the rest counts.
   bool is_crowded() const { return rate_.has_value(); }
+  // And they give way to nobody.
+  bool competes() const { return is_crowded() && competes_; }
   // It has been watched for a while, and no packet of others was met lately.
   bool is_alone(TimePoint now) const;
   // The share in the mean.
@@ -64,16 +72,22 @@ class CrowdShare {
  private:
   double saved(TimePoint now) const;
   double used(TimePoint now) const;
-  double target() const;
+  static double target(DataRate rate);
   DataRate least() const;
   void vary();
   void note_period(TimePoint now, Duration left);
   bool is_doubtful(TimePoint now) const;
   void enter(TimePoint now);
+  DataRate wanted() const;
+  void compete(TimePoint now);
+  void answer_stubborn(TimePoint now);
+  bool is_in_vain(TimePoint now) const;
   void adapt(TimePoint now);
   void fall(TimePoint now, double over);
 
   DataRate capacity_{};
+  // What it was before trains were stretched.
+  DataRate before_others_{};
   QueueOfOthers queue_;
   std::optional<DataRate> rate_;
   // Messages began so lately that less evidence convicts.
@@ -103,9 +117,17 @@ class CrowdShare {
   std::optional<TimePoint> began_at_;
   std::optional<TimePoint> others_at_;
   std::optional<TimePoint> entered_at_;
-  // When the queue was last as short as is aimed at, and until when nobody is given way to.
-  TimePoint yielded_at_{};
+  // When the queue was last as short as is aimed at or, where others give way to nobody, when there
+  // last was one.
+  TimePoint queue_told_at_{};
+  // When our share was last one, in a queue as short as is aimed at, and until when no share is
+  // taken at all.
+  TimePoint shared_at_{};
   TimePoint ignored_until_ = TimePoint::min();
+  // Others give way to nobody, and for how long that is remembered of those who come next.
+  bool competes_ = false;
+  TimePoint competes_until_ = TimePoint::min();
+  CompetingRate competing_;
   // The longest queue since the last decision, and that before it.
   double longest_ = 0;
   double before_ = 0;

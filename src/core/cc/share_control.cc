@@ -114,6 +114,8 @@ void ShareControl::report(TimePoint now, const Report& report) {
   if (report.train) note_train(now, *report.train);
   needed_ = report.needed;
   seen_.lost += report.lost;
+  const std::uint32_t told = report.lost + report.marked;
+  if (told > 0) crowd_.lost(now, told, round_trip_);
   seen_.ect += report.ect;
   seen_.marked += report.marked;
   // What left before the rate fell was marked by the same queue.
@@ -158,7 +160,7 @@ void ShareControl::exchange(TimePoint now, TimePoint left_at, Duration one_way) 
   exchanged_at_ = left_at;
   least_exchange_.add(now, one_way.count());
   const Duration above{
-      wrapping_sub(one_way.count(), least_exchange_.get(now).value_or(one_way.count()))};
+      wrapping_sub(one_way.count(), least_of(now, least_exchange_).value_or(one_way.count()))};
   crowd_.met(now, left_at, std::clamp<Duration>(above, Duration::zero(), kLongestExchange));
   if (rate_) share(now);
 }
@@ -172,10 +174,17 @@ void ShareControl::note_capacity(TimePoint now, DataRate capacity) {
   if (!rate_ || (is_new && alone && capacity > *rate_)) rate_ = capacity;
 }
 
+// Beside others that never let the queue run empty what it was before them is kept in mind.
+std::optional<std::int64_t> ShareControl::least_of(TimePoint now, link::WindowedMinimum& delays) {
+  const std::optional<std::int64_t> least = delays.get(now);
+  if (least && crowd_.competes()) delays.add(now, *least);
+  return least;
+}
+
 void ShareControl::note_round_trip(TimePoint now, Duration round_trip) {
   least_round_trip_.add(now, round_trip.count());
   round_trip_ = round_trip;
-  base_ = Duration{least_round_trip_.get(now).value_or(round_trip.count())};
+  base_ = Duration{least_of(now, least_round_trip_).value_or(round_trip.count())};
 }
 
 void ShareControl::note_one_way(TimePoint now, std::uint32_t one_way_us) {
@@ -188,7 +197,7 @@ void ShareControl::note_one_way(TimePoint now, std::uint32_t one_way_us) {
   one_way_ += more;
   one_way_us_ = one_way_us;
   least_one_way_.add(now, one_way_);
-  queue_ = std::chrono::microseconds(one_way_ - least_one_way_.get(now).value_or(one_way_));
+  queue_ = std::chrono::microseconds(one_way_ - least_of(now, least_one_way_).value_or(one_way_));
   seen_.queue = std::min(seen_.queue, queue_);
   if (queue_ <= kNearBase) near_base_at_ = now;
 }
@@ -357,10 +366,18 @@ std::optional<DataRate> ShareControl::pace() const {
   return rate_->scaled(gain_);
 }
 
+// The least round trip of late has the queue in it that others keep up.
+Duration ShareControl::least_one_way(Duration least_round_trip) const {
+  if (!crowd_.is_crowded()) return least_round_trip / 2;
+  return (crowd_.competes() ? std::min(least_round_trip, base_) : least_round_trip) / 2 +
+         crowd_.waited();
+}
+
 std::size_t ShareControl::window() const {
   if (!rate_) return SIZE_MAX;
   const DataRate rate = crowd_.is_crowded() ? crowd_.planned() : *rate_;
-  const Duration span = draining_ ? base_ / 2 : base_ + target_;
+  const Duration full = (crowd_.competes() ? round_trip_ : base_) + target_;
+  const Duration span = draining_ ? base_ / 2 : full;
   const double bytes = static_cast<double>(rate.bits_per_second) * to_seconds(span) / 8;
   return std::max(kLeastWindow, static_cast<std::size_t>(bytes));
 }

@@ -23,8 +23,7 @@
 // faster where no queue was seen for several round trips; to the capacity where nobody else is. The
 // target bears a CUBIC flow on a buffer of 30 ms beside it.
 //
-// Where others make a queue longer than the target, CrowdShare sets the rate until they are gone
-// or give way to nobody; marks and losses are not answered meanwhile.
+// Where others make a queue longer than the target, CrowdShare sets the rate until they are gone.
 #pragma once
 
 #include <cstdint>
@@ -103,10 +102,8 @@ class ShareControl {
   bool is_crowded() const { return crowd_.is_crowded(); }
   // What the pipe is known to carry where others are, zero where nobody is.
   DataRate known_capacity() const { return crowd_.is_crowded() ? crowd_.capacity() : DataRate{}; }
-  // What a packet is expected to wait for in the queue that others have made.
-  Duration standing_queue() const {
-    return crowd_.is_crowded() ? crowd_.waited() : Duration::zero();
-  }
+  // How long a packet takes at least, with the queue that others have made.
+  Duration least_one_way(Duration least_round_trip) const;
   // Bytes with IP headers that may be in flight.
   std::size_t window() const;
   // We are overloaded, or had to give way within the last second: what is in flight beyond an empty
@@ -130,6 +127,7 @@ class ShareControl {
     bool long_train = false;
     DataRate arrived_at{};
   };
+  std::optional<std::int64_t> least_of(TimePoint now, link::WindowedMinimum& delays);
   void note_round_trip(TimePoint now, Duration round_trip);
   void note_one_way(TimePoint now, std::uint32_t one_way_us);
   void note_duty(TimePoint now, Duration backlog);

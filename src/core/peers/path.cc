@@ -321,7 +321,7 @@ flow::PathView Path::view(TimePoint now) const {
   view.short_queue = share_.marked(now);
   view.slow = slow_rate() > DataRate{};
   view.one_way = estimator.one_way();
-  view.least_one_way = estimator.rtt_min(now) / 2 + share_.standing_queue();
+  view.least_one_way = share_.least_one_way(estimator.rtt_min(now));
   view.ect = ecn_.bits() != link::kNotEct;
   view.probe_timeout = estimator.probe_timeout(now);
   view.jitter = estimator.jitter();

@@ -32,7 +32,8 @@ constexpr std::array<Group, 8> kGroups{{
     {"size", "One vehicle, 10 messages a second, ever larger", true},
     {"vehicles", "Many vehicles in one cell of 60 Mbit/s, each with its share of the load", true},
     {"late", "Ten vehicles offer twice the rate of a cell, the last one begins later", false},
-    {"cubic", "One vehicle with three times the rate of a cell beside one flow of CUBIC", false},
+    {"cubic", "One vehicle beside a flow of CUBIC: three times the cell, and half of its share",
+     false},
     {"ecn", "One vehicle and many in a cell that marks packets: CoDel, and a step for L4S", false},
     {"dip", "60 Mbit/s fall to 6 for 3 s and come back", false},
     {"fleet", "200 vehicles with 10 messages of 5 KB a second each, in a cell that has room",
@@ -172,6 +173,16 @@ std::vector<Scenario> cubic(const Choice& choice) {
       s.cross_flows = 1;
       out.push_back(std::move(s));
     }
+  }
+  for (const Duration queue : {Duration{100ms}, Duration{300ms}}) {
+    Scenario s = base(choice, "cubic", 20, queue);
+    s.name += "-half";
+    s.deadline = 2 * queue;
+    s.load = 0.25;
+    s.period = kCameraPeriod;
+    s.message_bytes = bytes_for(s);
+    s.cross_flows = 1;
+    out.push_back(std::move(s));
   }
   return out;
 }
