@@ -40,6 +40,8 @@ constexpr Duration kGone = std::chrono::seconds(2);
 // While a path is new such a queue, in seconds, convicts without a train: radio seldom delays by as
 // much.
 constexpr double kNoRadio = 0.08;
+// And so does a queue of others that lasts for so long, as no delay of a radio does.
+constexpr Duration kLasting = std::chrono::seconds(1);
 // A train that was stretched so long ago still convicts: ten frames of a camera.
 constexpr Duration kStretchMemory = std::chrono::seconds(1);
 // Messages of so few packets crowd nobody out: the results of an offloaded computation.
@@ -205,7 +207,7 @@ void CrowdShare::compete(TimePoint now) {
 
 void CrowdShare::answer_stubborn(TimePoint now) {
   const bool has_share = rate_->scaled(kFewShares) >= wanted();
-  if (has_share && queue_.mean() <= kMostMeanQueue) shared_at_ = now;
+  if (has_share) shared_at_ = now;
   if (now - queue_told_at_ > kStubborn) {
     compete(now);
   } else if (now - shared_at_ > kStubborn) {
@@ -237,9 +239,13 @@ void CrowdShare::decide(TimePoint now, Duration round_trip) {
   const bool stretched = stretched_at_ && now - *stretched_at_ < kStretchMemory;
   if (!is_crowded() && !stretched) before_others_ = capacity_;
   const bool may_be = asked_ > 0 && now >= ignored_until_;
-  const bool is_suspected = stretched || queue_.newest() > kNoRadio;
+  if (queue_.are_in_the_way() && !in_the_way_since_) in_the_way_since_ = now;
+  if (!queue_.are_there()) in_the_way_since_.reset();
+  const bool is_lasting = in_the_way_since_ && now - *in_the_way_since_ > kLasting;
+  const bool is_suspected = stretched || is_lasting;
   const bool is_there =
-      is_new_ ? is_suspected && queue_.may_be_in_the_way() : stretched && queue_.are_in_the_way();
+      is_new_ ? (is_suspected || queue_.newest() > kNoRadio) && queue_.may_be_in_the_way()
+              : is_suspected && queue_.are_in_the_way();
   if (!rate_ && is_there && may_be) enter(now);
   if (is_crowded() && !competes_) answer_stubborn(now);
   if (is_crowded() && is_doubtful(now) && !queue_.may_be_there()) rate_.reset();
