@@ -13,9 +13,9 @@ namespace {
 // value: it is a turn of an event loop.
 constexpr Duration kSooner = std::chrono::milliseconds(2);
 // A radio may become so many times slower while it carries a message: in Rayleigh fading, by which
-// scripts/generate_rates.py models rates, they are below a third of their mean for 28 % of the
+// scripts/generate_rates.py models rates, they are below half of their mean for 39 % of the
 // time.
-constexpr int kFades = 3;
+constexpr int kFades = 2;
 
 // Whether a path that has nothing to send may take pieces of this message from the one that has
 // them to send, which needs so long for them from an instant on. Those of a divided message are
