@@ -7,15 +7,18 @@
 namespace interneuron::cc {
 namespace {
 
-// What a newcomer takes before it knows of others. No measurement behind this value: crowds in a
-// cell of 60 Mbit/s do as well with a fifth of it, and a lone sender is not held up by it.
-constexpr DataRate kNewcomer = DataRate::mbit(100);
+// A path is new for so long after the first message that it was asked for. No measurement behind
+// this value: it is what a crowd takes to find its shares.
+constexpr Duration kNew = std::chrono::seconds(2);
 // What is left of the rate that was used when others are found: what a crowd needs that asks for
 // half as much again as its cell. With less, one that asks for a tenth more takes seconds to come
 // back.
 constexpr double kLeft = 0.7;
-// Where others are not seen again so long after they were found, they never were.
+// Where others are not seen again so long after they were found, they were never there, or they
+// give way as well. If they may be there still, the rate comes back by this factor at each decision
+// until they are seen. With 1.15 a crowd that gave way together comes back too fast to notice.
 constexpr Duration kProbation = std::chrono::milliseconds(600);
+constexpr double kBack = 1.1;
 // Where the queue does not fall to the target for so long although we give way, or what is left of
 // what we ask for is less than a part of so many; and for how long that is remembered. A crowd of
 // fifty that asks for twice its cell is below it after a second.
@@ -24,6 +27,9 @@ constexpr Duration kStubborn = std::chrono::seconds(2);
 constexpr Duration kIgnored = std::chrono::seconds(60);
 // Where others have not been seen for so long, they are gone. No measurement behind this value.
 constexpr Duration kGone = std::chrono::seconds(2);
+// While a path is new such a queue, in seconds, convicts without a train: radio seldom delays by as
+// much.
+constexpr double kNoRadio = 0.08;
 // A train that was stretched so long ago still convicts: ten frames of a camera.
 constexpr Duration kStretchMemory = std::chrono::seconds(1);
 // Messages of so few packets crowd nobody out: the results of an offloaded computation.
@@ -52,6 +58,10 @@ constexpr double kDrains = 0.9;
 // Above this queue, in terms of the target, not even the smallest variants have a right.
 constexpr double kFarAbove = 2;
 
+// Messages whose period is below this part of their time are under way together. Each leaves at the
+// share then: a rate that changes with every message keeps no promise to those before it. A frame
+// and the parts of it that are asked for later are no such messages.
+constexpr double kOverlaps = 0.25;
 // What may be saved up, and owed, in terms of the newest message.
 constexpr double kMostSaved = 1.5;
 constexpr double kMostOwed = 1;
@@ -116,11 +126,18 @@ void CrowdShare::vary() {
   threshold_ = 1 + kVariation * (even - 0.5);
 }
 
+// Frames of a camera have about as long as there is between two of them: so the first one is taken.
+void CrowdShare::note_period(TimePoint now, Duration left) {
+  const double since =
+      std::clamp(to_seconds(asked_at_ ? now - *asked_at_ : left), kShortestPeriod, kLongestPeriod);
+  period_ += (asked_at_ ? kNewPeriod : 1) * (since - period_);
+  asked_at_ = now;
+  if (!first_asked_at_) first_asked_at_ = now;
+}
+
 void CrowdShare::asked(TimePoint now, std::size_t best, std::size_t smallest, Duration left) {
   if (static_cast<double>(best) <= kSmallMessage) return;
-  const double since = asked_at_ ? to_seconds(now - *asked_at_) : kLongestPeriod;
-  period_ += kNewPeriod * (std::clamp(since, kShortestPeriod, kLongestPeriod) - period_);
-  asked_at_ = now;
+  note_period(now, left);
   asked_ = static_cast<double>(best);
   const Duration own = (left - duration_of(queue_.newest())) / kPart;
   const Duration part = std::max<Duration>({own, left / kLeastPart, Duration{1}});
@@ -130,7 +147,9 @@ void CrowdShare::asked(TimePoint now, std::size_t best, std::size_t smallest, Du
     smallest_ = std::min(rate_of(smallest, part), rate_of(best, left).scaled(kNotTheBest));
     floor_ = rate_of_bytes(kWithRepairs * static_cast<double>(smallest) / period_);
   }
-  granted_ = rate_ && saved(now) >= asked_ * threshold_ && queue_.newest() < kFull;
+  const bool overlaps = period_ < kOverlaps * to_seconds(left);
+  const bool has_saved = rate_ && saved(now) >= asked_ * threshold_;
+  granted_ = has_saved && !overlaps && queue_.newest() < kFull;
   if (granted_) vary();
   if (rate_ && saved(now) <= -kOwesTooMuch * asked_) smallest_ = DataRate{};
 }
@@ -139,10 +158,10 @@ DataRate CrowdShare::least() const { return std::min(std::max(kOnePacket, floor_
 
 void CrowdShare::enter(TimePoint now) {
   rate_ = std::clamp(rate_of_bytes(kLeft * used(now)), least(), capacity_);
-  saved_ = 0;
   saved_at_ = now;
   is_new_ = granted_ = false;
   vary();
+  saved_ = (threshold_ - 1) / kVariation * asked_;
   queue_.begin_again(now);
   entered_at_ = yielded_at_ = now;
   before_ = 0;
@@ -151,44 +170,42 @@ void CrowdShare::enter(TimePoint now) {
   fall_at_ = now + kBetweenFalls;
 }
 
+// Others were not seen again.
+bool CrowdShare::is_doubtful(TimePoint now) const {
+  return !queue_.were_confirmed() && now - *entered_at_ > kProbation;
+}
+
 void CrowdShare::decide(TimePoint now, Duration round_trip) {
   if (capacity_ <= DataRate{}) return;
   if (!began_at_) began_at_ = now;
-  if (is_new_ && !rate_) {
-    rate_ = std::min(kNewcomer, capacity_);
-    saved_at_ = now;
-  }
+  is_new_ = is_new_ && (!first_asked_at_ || now - *first_asked_at_ <= kNew);
   longest_ = std::max(longest_, queue_.newest());
   if (queue_.are_there()) others_at_ = now;
   const bool stretched = stretched_at_ && now - *stretched_at_ < kStretchMemory;
   const bool may_be = asked_ > 0 && now >= ignored_until_;
-  if (queue_.are_in_the_way() && may_be && (is_new_ || (!rate_ && stretched))) {
-    enter(now);
-  } else if (is_new_ && queue_.newest() > kFull / 2) {
-    // A queue of our own: nobody else is there.
-    is_new_ = false;
-    rate_.reset();
-  }
+  const bool is_suspected = stretched || queue_.newest() > kNoRadio;
+  const bool is_there =
+      is_new_ ? is_suspected && queue_.may_be_in_the_way() : stretched && queue_.are_in_the_way();
+  if (!rate_ && is_there && may_be) enter(now);
   const DataRate wanted = std::min(capacity_, rate_of_bytes(asked_ / period_));
   const bool has_share = is_crowded() && rate_->scaled(kFewShares) >= wanted;
-  if (has_share && queue_.mean() <= target()) yielded_at_ = now;
+  if (has_share && queue_.mean() <= kMostMeanQueue) yielded_at_ = now;
   if (is_crowded() && now - yielded_at_ > kStubborn) {
     // Others give way to nobody, as CUBIC does: who gives way to them is left nothing.
     rate_.reset();
     ignored_until_ = now + kIgnored;
   }
-  const bool is_doubtful = !queue_.were_confirmed() && entered_at_;
-  if (!is_new_ && rate_ && is_doubtful && now - *entered_at_ > kProbation) rate_.reset();
-  if (!rate_ || now < decide_at_) return;
+  if (is_crowded() && is_doubtful(now) && !queue_.may_be_there()) rate_.reset();
+  if (!is_crowded() || now < decide_at_) return;
   saved_ = saved(now);
   saved_at_ = now;
   adapt(now);
-  decide_at_ = now + (is_new_ ? round_trip : std::max(round_trip, kPeriod));
+  decide_at_ = now + std::max(round_trip, kPeriod);
   // A share that nobody contends, and that is enough or whose queue is our own.
   const DataRate enough = std::min(capacity_, rate_of_bytes(kEnough * asked_ / period_));
   const bool is_ours = *rate_ >= enough || queue_.mean() > target();
   const bool are_gone = !others_at_ || now - *others_at_ > kGone;
-  if (!is_new_ && is_ours && are_gone) rate_.reset();
+  if (is_ours && are_gone) rate_.reset();
 }
 
 bool CrowdShare::is_alone(TimePoint now) const {
@@ -204,9 +221,8 @@ void CrowdShare::adapt(TimePoint now) {
   const double over = std::clamp(queue_.mean() / target() - 1, -1.0, 2.0);
   if (over > 0) {
     fall(now, over);
-  } else if (is_new_) {
-    rate_ = rate_->scaled(2);
-    is_new_ = *rate_ < capacity_;
+  } else if (is_doubtful(now)) {
+    rate_ = rate_->scaled(kBack);
   } else {
     const double room = target() / std::max(queue_.mean(), kLeastMean);
     rate_ = rate_->scaled(1 - kRise * over * std::clamp(room, 1.0, kQuick));

@@ -48,10 +48,8 @@ class CrowdShare {
   // Finds out whether others are there, and adapts the rate where that is due.
   void decide(TimePoint now, Duration round_trip);
 
-  // Others are there, or it is not known yet that they are not. While they are, the rest counts.
-  bool is_shared() const { return rate_.has_value(); }
-  // Others are there for certain.
-  bool is_crowded() const { return is_shared() && !is_new_; }
+  // Others are there. While they are, the rest counts.
+  bool is_crowded() const { return rate_.has_value(); }
   // It has been watched for a while, and no packet of others was met lately.
   bool is_alone(TimePoint now) const;
   // The share in the mean.
@@ -69,6 +67,8 @@ class CrowdShare {
   double target() const;
   DataRate least() const;
   void vary();
+  void note_period(TimePoint now, Duration left);
+  bool is_doubtful(TimePoint now) const;
   void enter(TimePoint now);
   void adapt(TimePoint now);
   void fall(TimePoint now, double over);
@@ -76,7 +76,7 @@ class CrowdShare {
   DataRate capacity_{};
   QueueOfOthers queue_;
   std::optional<DataRate> rate_;
-  // Nothing is known of others yet.
+  // Messages began so lately that less evidence convicts.
   bool is_new_ = true;
   // The newest message: the bytes of its best variant, what brings that and the smallest variant in
   // time (zero where there is no smaller one), and whether enough was saved up for it.
@@ -84,9 +84,10 @@ class CrowdShare {
   DataRate best_{};
   DataRate smallest_{};
   bool granted_ = false;
-  // The seconds between two messages, smoothed, and when the newest one came.
+  // The seconds between two messages, smoothed, and when the newest one and the first one came.
   double period_ = 1;
   std::optional<TimePoint> asked_at_;
+  std::optional<TimePoint> first_asked_at_;
   // The share that the smallest variants take.
   DataRate floor_{};
   // Bytes that are saved up, when they were counted, and how much must be saved for a message, in

@@ -52,10 +52,12 @@ class QueueOfOthers {
   // What the newest packet met, and what packets met in the mean of a few round trips.
   double newest() const { return newest_; }
   double mean() const { return mean_; }
-  // Others sent something lately.
+  // Others sent something lately, or may have: there is less evidence for it.
   bool are_there() const;
-  // They are why packets wait.
+  bool may_be_there() const;
+  // They are why packets wait, or may be why.
   bool are_in_the_way() const;
+  bool may_be_in_the_way() const;
   // They have been seen since begin_again(), too.
   bool were_confirmed() const;
   std::uint64_t bytes_sent() const { return sent_.all(); }

@@ -134,16 +134,16 @@ void ShareControl::report(TimePoint now, const Report& report) {
 
 // Whether others use the path as well, so that the rate is a share of it.
 bool ShareControl::share(TimePoint now) {
-  const bool was = crowd_.is_shared();
+  const bool was = crowd_.is_crowded();
   crowd_.decide(now, std::max(round_trip_, kLeastRound));
-  if (crowd_.is_shared()) {
+  if (crowd_.is_crowded()) {
     rate_ = std::min(crowd_.rate(), capacity_.scaled(kShortTrainRoom));
     seen_ = {};
     gain_ = kPaceGain;
   } else if (was) {
     rate_ = capacity_;
   }
-  return crowd_.is_shared();
+  return crowd_.is_crowded();
 }
 
 void ShareControl::asked(TimePoint now, std::size_t best, std::size_t smallest, Duration deadline) {
@@ -342,16 +342,16 @@ bool ShareControl::overloaded() const { return duty_ > kOverload; }
 bool ShareControl::gave_way(TimePoint now) const { return fell_at_ && now - *fell_at_ < kMemory; }
 
 std::optional<DataRate> ShareControl::planned() const {
-  return crowd_.is_shared() ? crowd_.planned() : rate_;
+  return crowd_.is_crowded() ? crowd_.planned() : rate_;
 }
 
 std::optional<DataRate> ShareControl::soon(TimePoint now) const {
-  if (crowd_.is_shared()) return crowd_.planned();
+  if (crowd_.is_crowded()) return crowd_.planned();
   return rate_ && queue_ < kTarget / 2 && !gave_way(now) ? capacity_ : rate_;
 }
 
 std::optional<DataRate> ShareControl::pace() const {
-  if (crowd_.is_shared()) return crowd_.planned();
+  if (crowd_.is_crowded()) return crowd_.planned();
   const bool all_ours = rate_ && *rate_ >= capacity_ && gain_ >= kPaceGain && !lost_lately_;
   if (!rate_ || all_ours || gain_ == 0) return std::nullopt;
   return rate_->scaled(gain_);
@@ -359,7 +359,7 @@ std::optional<DataRate> ShareControl::pace() const {
 
 std::size_t ShareControl::window() const {
   if (!rate_) return SIZE_MAX;
-  const DataRate rate = crowd_.is_shared() ? crowd_.planned() : *rate_;
+  const DataRate rate = crowd_.is_crowded() ? crowd_.planned() : *rate_;
   const Duration span = draining_ ? base_ / 2 : base_ + target_;
   const double bytes = static_cast<double>(rate.bits_per_second) * to_seconds(span) / 8;
   return std::max(kLeastWindow, static_cast<std::size_t>(bytes));

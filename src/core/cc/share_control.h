@@ -102,16 +102,16 @@ class ShareControl {
   // Others use the path as well.
   bool is_crowded() const { return crowd_.is_crowded(); }
   // What the pipe is known to carry where others are, zero where nobody is.
-  DataRate known_capacity() const { return crowd_.is_shared() ? crowd_.capacity() : DataRate{}; }
+  DataRate known_capacity() const { return crowd_.is_crowded() ? crowd_.capacity() : DataRate{}; }
   // What a packet is expected to wait for in the queue that others have made.
   Duration standing_queue() const {
-    return crowd_.is_shared() ? crowd_.waited() : Duration::zero();
+    return crowd_.is_crowded() ? crowd_.waited() : Duration::zero();
   }
   // Bytes with IP headers that may be in flight.
   std::size_t window() const;
   // We are overloaded, or had to give way within the last second: what is in flight beyond an empty
   // path waits in a queue.
-  bool loaded(TimePoint now) const { return crowd_.is_shared() || overloaded() || gave_way(now); }
+  bool loaded(TimePoint now) const { return crowd_.is_crowded() || overloaded() || gave_way(now); }
   // A queue has marked packets within the last second.
   bool marked(TimePoint now) const;
 

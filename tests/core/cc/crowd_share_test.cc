@@ -22,7 +22,7 @@ struct Camera {
   Camera() { share.set_capacity(DataRate::mbit(60)); }
   void frame(std::size_t smallest = kSmall) {
     share.asked(now, kFrame, smallest, 130ms);
-    const bool whole = !share.is_shared() || share.planned() >= rate_of(kFrame, 130ms);
+    const bool whole = !share.is_crowded() || share.planned() >= rate_of(kFrame, 130ms);
     granted += whole ? 1 : 0;
     share.sent(now, whole ? kFrame : smallest < kFrame ? smallest : 0);
     if (stretched) share.stretched(now);
@@ -48,8 +48,21 @@ struct Camera {
 TEST(CrowdShare, WhereNobodyElseIsThePipeIsNotShared) {
   Camera camera;
   camera.frames(50);
-  EXPECT_FALSE(camera.share.is_shared());
+  EXPECT_FALSE(camera.share.is_crowded());
   EXPECT_EQ(camera.granted, 50);
+}
+
+// Whoever has just begun needs less evidence: a queue longer than radio makes, with no train.
+TEST(CrowdShare, WhoBeginsInACrowdFindsItSooner) {
+  for (const bool is_new : {true, false}) {
+    Camera camera;
+    camera.frames(is_new ? 5 : 50);
+    for (const Duration waits : {30ms, 60ms, 90ms}) {
+      camera.queue = waits;
+      camera.frame();
+    }
+    EXPECT_EQ(camera.share.is_crowded(), is_new);
+  }
 }
 
 TEST(CrowdShare, AQueueOfOthersTakesHalfOfWhatIsUsed) {
@@ -68,7 +81,7 @@ TEST(CrowdShare, ADelayThatComesAtOnceIsNoQueue) {
   camera.stretched = true;
   camera.queue = 400ms;
   camera.frames(5);
-  EXPECT_FALSE(camera.share.is_shared());
+  EXPECT_FALSE(camera.share.is_crowded());
 }
 
 // What the share leaves of frames goes as whole ones at times, and as small ones between them.
@@ -88,10 +101,10 @@ TEST(CrowdShare, WhereOthersAreGoneItIsSharedNoMore) {
   Camera camera;
   camera.frames(50);
   camera.crowd();
-  ASSERT_TRUE(camera.share.is_shared());
+  ASSERT_TRUE(camera.share.is_crowded());
   camera.queue = 0ms;
   camera.frames(150);
-  EXPECT_FALSE(camera.share.is_shared());
+  EXPECT_FALSE(camera.share.is_crowded());
 }
 
 // At a queue that all see the small share grows and the large one shrinks.
@@ -112,7 +125,7 @@ TEST(CrowdShare, SharesOfOneQueueBecomeEqual) {
       camera->frame();
     }
   }
-  ASSERT_TRUE(few.share.is_shared() && many.share.is_shared());
+  ASSERT_TRUE(few.share.is_crowded() && many.share.is_crowded());
   EXPECT_GT(few.share.rate().mbit() / many.share.rate().mbit(), before);
 }
 
