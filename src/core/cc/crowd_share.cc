@@ -19,8 +19,8 @@ constexpr double kLeft = 0.7;
 // until they are seen. With 1.15 a crowd that gave way together comes back too fast to notice.
 constexpr Duration kProbation = std::chrono::milliseconds(600);
 constexpr double kBack = 1.1;
-// Where the queue is never as short as the longest that is aimed at for so long although we give
-// way, others give way to nobody. A crowd of fifty that asks for twice its cell is below it after a
+// Where the queue is never shorter than kFull for so long although we give way, others give way to
+// nobody: a crowd's is shorter. A crowd of fifty that asks for twice its cell is below it after a
 // second. And where what is left of what we ask for is less than a part of so many, this is no way
 // to share: what ShareControl does without it is left for a while.
 constexpr double kFewShares = 6;
@@ -40,7 +40,8 @@ constexpr Duration kGone = std::chrono::seconds(2);
 // While a path is new such a queue, in seconds, convicts without a train: radio seldom delays by as
 // much.
 constexpr double kNoRadio = 0.08;
-// And so does a queue of others that lasts for so long, as no delay of a radio does.
+// And others convict that send much for so long, as no delay of a radio does, however long the queue
+// is: who comes to one that stands takes it for a part of the path.
 constexpr Duration kLasting = std::chrono::seconds(1);
 // A train that was stretched so long ago still convicts: ten frames of a camera.
 constexpr Duration kStretchMemory = std::chrono::seconds(1);
@@ -152,7 +153,7 @@ void CrowdShare::met(TimePoint now, TimePoint left_at, Duration waited) {
   queue_.met(now, left_at, waited, capacity_);
   if (!is_crowded()) return;
   const double seconds = to_seconds(waited);
-  if (competes_ ? seconds > kLeastMean : seconds <= kMostMeanQueue) queue_told_at_ = now;
+  if (competes_ ? seconds > kLeastMean : seconds <= kFull) queue_told_at_ = now;
 }
 
 void CrowdShare::asked(TimePoint now, std::size_t best, std::size_t smallest, Duration left) {
@@ -239,13 +240,15 @@ void CrowdShare::decide(TimePoint now, Duration round_trip) {
   const bool stretched = stretched_at_ && now - *stretched_at_ < kStretchMemory;
   if (!is_crowded() && !stretched) before_others_ = capacity_;
   const bool may_be = asked_ > 0 && now >= ignored_until_;
-  if (queue_.are_in_the_way() && !in_the_way_since_) in_the_way_since_ = now;
-  if (!queue_.are_there()) in_the_way_since_.reset();
-  const bool is_lasting = in_the_way_since_ && now - *in_the_way_since_ > kLasting;
-  const bool is_suspected = stretched || is_lasting;
-  const bool is_there =
-      is_new_ ? (is_suspected || queue_.newest() > kNoRadio) && queue_.may_be_in_the_way()
-              : is_suspected && queue_.are_in_the_way();
+  if (!queue_.are_there()) {
+    busy_since_.reset();
+  } else if (!busy_since_ && queue_.are_many()) {
+    busy_since_ = now;
+  }
+  const bool is_lasting = busy_since_ && now - *busy_since_ > kLasting;
+  const bool is_likely = stretched || (is_new_ && queue_.newest() > kNoRadio);
+  const bool is_evident = is_new_ ? queue_.may_be_in_the_way() : queue_.are_in_the_way();
+  const bool is_there = is_lasting || (is_likely && is_evident);
   if (!rate_ && is_there && may_be) enter(now);
   if (is_crowded() && !competes_) answer_stubborn(now);
   if (is_crowded() && is_doubtful(now) && !queue_.may_be_there()) rate_.reset();
