@@ -40,8 +40,8 @@ constexpr Duration kGone = std::chrono::seconds(2);
 // While a path is new such a queue, in seconds, convicts without a train: radio seldom delays by as
 // much.
 constexpr double kNoRadio = 0.08;
-// And others convict that send much for so long, as no delay of a radio does, however long the queue
-// is: who comes to one that stands takes it for a part of the path.
+// And others convict that send much for so long, as no delay of a radio does, however long the
+// queue is: who comes to one that stands takes it for a part of the path.
 constexpr Duration kLasting = std::chrono::seconds(1);
 // A train that was stretched so long ago still convicts: ten frames of a camera.
 constexpr Duration kStretchMemory = std::chrono::seconds(1);
@@ -227,29 +227,31 @@ bool CrowdShare::is_doubtful(TimePoint now) const {
   return !competes_ && !queue_.were_confirmed() && now - *entered_at_ > kProbation;
 }
 
+// Whether there is enough evidence of others for giving way to them.
+bool CrowdShare::finds_others(TimePoint now) {
+  const bool stretched = stretched_at_ && now - *stretched_at_ < kStretchMemory;
+  if (!is_crowded() && !stretched) before_others_ = capacity_;
+  if (!queue_.are_there()) {
+    busy_since_.reset();
+  } else {
+    others_at_ = now;
+    if (!busy_since_ && queue_.are_many()) busy_since_ = now;
+  }
+  const bool is_lasting = busy_since_ && now - *busy_since_ > kLasting;
+  const bool is_likely = stretched || (is_new_ && queue_.newest() > kNoRadio);
+  const bool is_evident = is_new_ ? queue_.may_be_in_the_way() : queue_.are_in_the_way();
+  return is_lasting || (is_likely && is_evident);
+}
+
 void CrowdShare::decide(TimePoint now, Duration round_trip) {
   if (capacity_ <= DataRate{}) return;
   if (!began_at_) began_at_ = now;
   is_new_ = is_new_ && (!first_asked_at_ || now - *first_asked_at_ <= kNew);
   longest_ = std::max(longest_, queue_.newest());
-  if (queue_.are_there()) {
-    others_at_ = now;
-    if (competes_ && used(now) < kHalf * bytes_per_second(capacity_))
-      competes_until_ = now + kCompetes;
-  }
-  const bool stretched = stretched_at_ && now - *stretched_at_ < kStretchMemory;
-  if (!is_crowded() && !stretched) before_others_ = capacity_;
   const bool may_be = asked_ > 0 && now >= ignored_until_;
-  if (!queue_.are_there()) {
-    busy_since_.reset();
-  } else if (!busy_since_ && queue_.are_many()) {
-    busy_since_ = now;
-  }
-  const bool is_lasting = busy_since_ && now - *busy_since_ > kLasting;
-  const bool is_likely = stretched || (is_new_ && queue_.newest() > kNoRadio);
-  const bool is_evident = is_new_ ? queue_.may_be_in_the_way() : queue_.are_in_the_way();
-  const bool is_there = is_lasting || (is_likely && is_evident);
-  if (!rate_ && is_there && may_be) enter(now);
+  if (finds_others(now) && may_be && !rate_) enter(now);
+  const bool is_little = used(now) < kHalf * bytes_per_second(capacity_);
+  if (competes_ && is_little && queue_.are_there()) competes_until_ = now + kCompetes;
   if (is_crowded() && !competes_) answer_stubborn(now);
   if (is_crowded() && is_doubtful(now) && !queue_.may_be_there()) rate_.reset();
   if (!is_crowded() || now < decide_at_) return;

@@ -76,6 +76,7 @@ class CrowdShare {
   DataRate least() const;
   void vary();
   void note_period(TimePoint now, Duration left);
+  bool finds_others(TimePoint now);
   bool is_doubtful(TimePoint now) const;
   void enter(TimePoint now);
   DataRate wanted() const;
