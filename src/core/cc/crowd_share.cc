@@ -43,9 +43,6 @@ constexpr Duration kCrowdGone = std::chrono::seconds(4);
 // While a path is new such a queue, in seconds, convicts without a train: radio seldom delays by as
 // much.
 constexpr double kNoRadio = 0.08;
-// And others convict that send much for so long, as no delay of a radio does, however long the
-// queue is: who comes to one that stands takes it for a part of the path.
-constexpr Duration kLasting = std::chrono::seconds(1);
 // A train that was stretched so long ago still convicts: ten frames of a camera.
 constexpr Duration kStretchMemory = std::chrono::seconds(1);
 // Messages of so few packets crowd nobody out: the results of an offloaded computation.
@@ -234,16 +231,10 @@ bool CrowdShare::is_doubtful(TimePoint now) const {
 bool CrowdShare::finds_others(TimePoint now) {
   const bool stretched = stretched_at_ && now - *stretched_at_ < kStretchMemory;
   if (!is_crowded() && !stretched) before_others_ = capacity_;
-  if (!queue_.are_there()) {
-    busy_since_.reset();
-  } else {
-    others_at_ = now;
-    if (!busy_since_ && queue_.are_many()) busy_since_ = now;
-  }
-  const bool is_lasting = busy_since_ && now - *busy_since_ > kLasting;
+  if (queue_.are_there()) others_at_ = now;
   const bool is_likely = stretched || (is_new_ && queue_.newest() > kNoRadio);
   const bool is_evident = is_new_ ? queue_.may_be_in_the_way() : queue_.are_in_the_way();
-  return is_lasting || (is_likely && is_evident);
+  return is_likely && is_evident;
 }
 
 void CrowdShare::decide(TimePoint now, Duration round_trip) {

@@ -118,8 +118,6 @@ class CrowdShare {
   std::optional<TimePoint> began_at_;
   std::optional<TimePoint> others_at_;
   std::optional<TimePoint> entered_at_;
-  // Others have sent much from then on.
-  std::optional<TimePoint> busy_since_;
   // When the queue was last as short as is aimed at or, where others give way to nobody, when there
   // last was one.
   TimePoint queue_told_at_{};

@@ -113,8 +113,6 @@ void QueueOfOthers::begin_again(TimePoint now) {
   in_a_row_ = 0;
 }
 
-bool QueueOfOthers::are_many() const { return others_ > kInTheWay; }
-
 bool QueueOfOthers::may_be_there() const { return others_ > kNobody; }
 
 bool QueueOfOthers::are_there() const { return others_ > kThere || in_a_row_ >= kRow; }

@@ -55,8 +55,6 @@ class QueueOfOthers {
   // Others sent something lately, or may have: there is less evidence for it.
   bool are_there() const;
   bool may_be_there() const;
-  // They send much, however long the queue is: one that stood before us seems to be the path's.
-  bool are_many() const;
   // They are why packets wait, or may be why.
   bool are_in_the_way() const;
   bool may_be_in_the_way() const;

@@ -25,7 +25,7 @@ namespace interneuron::link {
 // What became of a data-sized packet that left then; its bytes are those with IP headers.
 struct Passage {
   TimePoint left_at{};
-  std::uint32_t ip_bytes = 0;
+  std::uint16_t ip_bytes = 0;
   bool arrived = false;
 };
 
