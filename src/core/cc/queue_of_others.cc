@@ -8,6 +8,7 @@ namespace {
 
 // 48 of them cover a round trip of 40 ms behind a queue of 300 ms.
 constexpr Duration kSlot = std::chrono::milliseconds(8);
+constexpr Duration kForgotten = std::chrono::minutes(1);
 // Memory of the mean queue, in seconds: a few round trips, and longer than the 100 ms between the
 // frames of a camera. No measurement behind this value.
 constexpr double kMeanMemory = 0.15;
@@ -47,25 +48,36 @@ constexpr double kLongQueue = 0.032;
 // What left so soon after evidence began to count met the same queue.
 constexpr Duration kSameQueue = std::chrono::milliseconds(20);
 
+std::uint32_t micros(TimePoint at) {
+  return static_cast<std::uint32_t>(
+      std::chrono::duration_cast<std::chrono::microseconds>(at.time_since_epoch()).count());
+}
+
 double decayed(double old, double fresh, double seconds, double memory) {
   return fresh + (old - fresh) * std::exp(-seconds / memory);
 }
 
 }  // namespace
 
+// Slots are told apart by times modulo 2^32, so that none is kept over a long pause.
 void SentBytes::sent(TimePoint now, std::size_t ip_bytes) {
-  if (slots_[newest_].start + kSlot <= now) {
+  if (used_ > 0 && now - newest_at_ > kForgotten) used_ = 0;
+  if (used_ == 0 || now - newest_at_ >= kSlot) {
     newest_ = (newest_ + 1) % kSlots;
-    slots_[newest_] = {now, all_};
+    newest_at_ = now;
+    used_ = std::min(used_ + 1, kSlots);
+    slots_[newest_] = {micros(now), static_cast<std::uint32_t>(all_)};
   }
   all_ += ip_bytes;
 }
 
-std::uint64_t SentBytes::by(TimePoint at) const {
-  std::uint64_t next = all_;
-  for (std::size_t back = 0; back < kSlots; ++back) {
+std::uint32_t SentBytes::by(TimePoint at) const {
+  constexpr auto kSlotUs = std::chrono::duration_cast<std::chrono::microseconds>(kSlot).count();
+  auto next = static_cast<std::uint32_t>(all_);
+  for (std::size_t back = 0; back < used_; ++back) {
     const Slot& slot = slots_[(newest_ + kSlots - back) % kSlots];
-    if (slot.start <= at) return slot.start + kSlot <= at ? next : slot.before;
+    const auto since = static_cast<std::int32_t>(micros(at) - slot.start_us);
+    if (since >= 0) return since >= kSlotUs ? next : slot.before;
     next = slot.before;
   }
   return next;
@@ -92,8 +104,9 @@ void QueueOfOthers::judge(TimePoint left_at, double met, DataRate capacity) {
   if (!left_at_ || left_at <= *left_at_) return;
   const double apart = to_seconds(left_at - *left_at_);
   if (apart > kLongestApart) return;
-  const std::uint64_t ours = sent_.by(left_at) - std::min(sent_.by(left_at), sent_.by(*left_at_));
-  const double own = kOwnWeight * to_seconds(capacity.transmit_time(ours));
+  const auto ours = static_cast<std::int32_t>(sent_.by(left_at) - sent_.by(*left_at_));
+  const double own =
+      kOwnWeight * to_seconds(capacity.transmit_time(static_cast<std::size_t>(std::max(ours, 0))));
   const double added = met - std::max(0.0, newest_ + own - apart);
   others_ = decayed(others_, std::clamp(added, 0.0, kMostAdded), apart, kOthersMemory);
   if (ours > 0 || apart <= kApart) return;

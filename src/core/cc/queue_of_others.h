@@ -15,24 +15,28 @@
 
 namespace interneuron::cc {
 
-// How many bytes had left by when, in slots of time, for a few hundred milliseconds. Constant
-// memory. Pure; thread-compatible; never throws.
+// How many bytes had left by when, modulo 2^32, in slots of time, for a few hundred milliseconds.
+// Constant memory, of which a roadside unit has much: so times are in microseconds modulo 2^32.
+// Pure; thread-compatible; never throws.
 class SentBytes {
  public:
   void sent(TimePoint now, std::size_t ip_bytes);
   // Bytes that had left by then; of the slot that it lies in none are counted.
-  std::uint64_t by(TimePoint at) const;
+  std::uint32_t by(TimePoint at) const;
   std::uint64_t all() const { return all_; }
 
  private:
   static constexpr std::size_t kSlots = 48;
   // What had left before the first packet of a slot.
   struct Slot {
-    TimePoint start = TimePoint::min();
-    std::uint64_t before = 0;
+    std::uint32_t start_us = 0;
+    std::uint32_t before = 0;
   };
   std::array<Slot, kSlots> slots_{};
   std::size_t newest_ = 0;
+  // How many slots are in use, and when the newest began.
+  std::size_t used_ = 0;
+  TimePoint newest_at_{};
   std::uint64_t all_ = 0;
 };
 
