@@ -16,7 +16,9 @@
 
 namespace interneuron::cc {
 
-// Owned and fed by CrowdShare. Constant memory. Pure; thread-compatible; never throws.
+// Owned and fed by CrowdShare. What was lost is the peer's word: one that hides losses gets twice
+// of what is asked for on its own path at most, one that invents them slows down what is sent to
+// itself. Constant memory. Pure; thread-compatible; never throws.
 class CompetingRate {
  public:
   void begin(TimePoint now, DataRate rate);

@@ -23,14 +23,15 @@ constexpr double kBack = 1.1;
 // nobody: a crowd's is shorter. A crowd of fifty that asks for twice its cell is below it after a
 // second. And where what is left of what we ask for is less than a part of so many, this is no way
 // to share: what ShareControl does without it is left for a while.
+constexpr Duration kStubborn = std::chrono::seconds(2);
 constexpr double kFewShares = 6;
 constexpr Duration kIgnored = std::chrono::seconds(60);
-constexpr Duration kStubborn = std::chrono::seconds(2);
 // Others give way to nobody for so long after that was last certain, and are known for it for a
 // while longer. No measurement behind these values.
 constexpr Duration kCompetes = std::chrono::seconds(60);
 constexpr Duration kRemembered = std::chrono::seconds(5);
-// Who has this share of the pipe is alone, and one that has less than this is not why it is full.
+// Who uses the first of these shares of the pipe is alone there, and whoever uses less than the
+// second is not why the pipe is full. No measurement behind these values.
 constexpr double kAllOfIt = 0.9;
 constexpr double kHalf = 0.5;
 // What competes begins with twice of what it asks for, as CompetingRate allows at most.

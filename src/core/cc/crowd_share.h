@@ -14,6 +14,8 @@
 // shrinks until they are equal, as in Swift (Kumar et al., Swift: Delay is Simple and Effective for
 // Congestion Control in the Datacenter, 2020).
 //
+// Others are found by what they add to the queue (QueueOfOthers): on less evidence in the first two
+// seconds of a path's messages, since a crowd that is found late has filled the queue by then.
 // Where the queue stays long although we give way, others give way to nobody: the rate is that of
 // CompetingRate then, until the queue is gone.
 #pragma once

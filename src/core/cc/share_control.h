@@ -23,7 +23,8 @@
 // faster where no queue was seen for several round trips; to the capacity where nobody else is. The
 // target bears a CUBIC flow on a buffer of 30 ms beside it.
 //
-// Where others make a queue longer than the target, CrowdShare sets the rate until they are gone.
+// Where others make a queue longer than the target, CrowdShare sets the rate until they are gone;
+// meanwhile marks and losses are answered only where these give way to nobody.
 #pragma once
 
 #include <cstdint>

@@ -33,9 +33,8 @@ class Node::Impl : private Outbox::Source, private LinkSet::User {
   class Shards;
   class Whole;
 
-  // What a loop that is one of several, or the front of them, tells the others: the Shards of a
-  // Node, which make and hold these loops. `shard`: who tells it; 0 is the front, which is the
-  // door.
+  // What a loop that is one of several tells the others: the Shards of a Node, which make and hold
+  // these loops. `shard`: who tells it; 0 is the front, which is the door.
   class Crew {
    public:
     virtual ~Crew() = default;
@@ -49,6 +48,7 @@ class Node::Impl : private Outbox::Source, private LinkSet::User {
     // Waits until there is room for events, and locks the shard: everything that its thread does is
     // done between this and the end of what it gives. The front locks nothing.
     virtual std::unique_lock<std::mutex> enter(std::uint8_t shard) = 0;
+    // The front tells the application of it, in the order in which it came.
     virtual void hand_up(std::uint8_t shard, Event&& event) = 0;
     // Whether the datagram is for another one than `shard`, which then gets a copy.
     virtual bool pass(std::uint8_t shard, LinkId link, const Incoming& datagram) = 0;

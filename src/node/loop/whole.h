@@ -12,6 +12,7 @@ namespace interneuron {
 // Lives for one call, on the loop thread. Commands mean what those of Endpoint do.
 class Node::Impl::Whole {
  public:
+  // The crew of a front is always its Shards (node.cc makes it).
   explicit Whole(Impl& front) : front_(front), shards_(static_cast<Shards*>(front.shards_.get())) {}
 
   // Runs a command or a question on the endpoint to which this peer, or this round, belongs.
