@@ -2,14 +2,12 @@
 
 #include <cmath>
 
+#include "core/base/split_mix.h"
 #include "interneuron/sizes.h"
 
 namespace interneuron::cc {
 namespace {
 
-// A path is new for so long after the first message that it was asked for. No measurement behind
-// this value: it is what a crowd takes to find its shares.
-constexpr Duration kNew = std::chrono::seconds(2);
 // What is left of the rate that was used when others are found: what a crowd needs that asks for
 // half as much again as its cell. With less, one that asks for a tenth more takes seconds to come
 // back.
@@ -124,6 +122,7 @@ double CrowdShare::used(TimePoint now) const {
 
 void CrowdShare::sent(TimePoint now, std::size_t ip_bytes) {
   queue_.sent(now, ip_bytes);
+  newcomer_.sent(now);
   const double bytes = static_cast<double>(ip_bytes);
   used_ = used(now) + bytes / kUsedMemory;
   used_at_ = now;
@@ -132,13 +131,7 @@ void CrowdShare::sent(TimePoint now, std::size_t ip_bytes) {
   saved_at_ = now;
 }
 
-// The number of bytes that were sent stands in for a random one, which a pure folder has not: its
-// product with the golden ratio of 2^64 is spread evenly.
-void CrowdShare::vary() {
-  const std::uint64_t spread = (queue_.bytes_sent() + 1) * 0x9e3779b97f4a7c15ULL;
-  const double even = static_cast<double>(spread >> 40) / static_cast<double>(1ULL << 24);
-  threshold_ = 1 + kVariation * (even - 0.5);
-}
+void CrowdShare::vary() { threshold_ = 1 + kVariation * (split_mix_part(random_) - 0.5); }
 
 // Frames of a camera have about as long as there is between two of them: so the first one is taken.
 void CrowdShare::note_period(TimePoint now, Duration left) {
@@ -146,7 +139,6 @@ void CrowdShare::note_period(TimePoint now, Duration left) {
       std::clamp(to_seconds(asked_at_ ? now - *asked_at_ : left), kShortestPeriod, kLongestPeriod);
   period_ += (asked_at_ ? kNewPeriod : 1) * (since - period_);
   asked_at_ = now;
-  if (!first_asked_at_) first_asked_at_ = now;
 }
 
 // Copa finds those who give way to nobody in the same way: by a queue that is never nearly empty.
@@ -157,9 +149,11 @@ void CrowdShare::met(TimePoint now, TimePoint left_at, Duration waited) {
   if (competes_ ? seconds > kLeastMean : seconds <= kFull) queue_told_at_ = now;
 }
 
-void CrowdShare::asked(TimePoint now, std::size_t best, std::size_t smallest, Duration left) {
+void CrowdShare::asked(TimePoint now, std::size_t best, std::size_t smallest, Duration left,
+                       Duration least_round_trip) {
   if (static_cast<double>(best) <= kSmallMessage) return;
   note_period(now, left);
+  newcomer_.asked(now, queue_.others_were_met(), split_mix_part(random_), least_round_trip);
   asked_ = static_cast<double>(best);
   const Duration own = (left - duration_of(queue_.newest())) / kPart;
   const Duration part = std::max<Duration>({own, left / kLeastPart, Duration{1}});
@@ -169,19 +163,25 @@ void CrowdShare::asked(TimePoint now, std::size_t best, std::size_t smallest, Du
     smallest_ = std::min(rate_of(smallest, part), rate_of(best, left).scaled(kNotTheBest));
     floor_ = rate_of_bytes(kWithRepairs * static_cast<double>(smallest) / period_);
   }
+  if (!rate_) {
+    granted_ =
+        !newcomer_.is_new(now) || !(newcomer_.is_held_low() || queue_.others_are_suspected());
+    return;
+  }
   const bool overlaps = period_ < kOverlaps * to_seconds(left);
-  const bool has_saved = rate_ && saved(now) >= asked_ * threshold_;
+  const bool has_saved = saved(now) >= asked_ * threshold_;
   granted_ = has_saved && !overlaps && (competes_ || queue_.newest() < kFull);
   if (granted_) vary();
-  if (rate_ && saved(now) <= -kOwesTooMuch * asked_) smallest_ = DataRate{};
+  if (saved(now) <= -kOwesTooMuch * asked_) smallest_ = DataRate{};
 }
 
 DataRate CrowdShare::least() const { return std::min(std::max(kOnePacket, floor_), capacity_); }
 
+// The message that is under way keeps what it was granted.
 void CrowdShare::enter(TimePoint now) {
   rate_ = std::clamp(rate_of_bytes(kLeft * used(now)), least(), capacity_);
   saved_at_ = now;
-  is_new_ = granted_ = false;
+  newcomer_.end();
   vary();
   saved_ = (threshold_ - 1) / kVariation * asked_;
   queue_.begin_again(now);
@@ -233,15 +233,16 @@ bool CrowdShare::finds_others(TimePoint now) {
   const bool stretched = stretched_at_ && now - *stretched_at_ < kStretchMemory;
   if (!is_crowded() && !stretched) before_others_ = capacity_;
   if (queue_.are_there()) others_at_ = now;
-  const bool is_likely = stretched || (is_new_ && queue_.newest() > kNoRadio);
-  const bool is_evident = is_new_ ? queue_.may_be_in_the_way() : queue_.are_in_the_way();
+  const bool is_new = newcomer_.is_new(now);
+  const bool is_likely =
+      stretched || (is_new && (newcomer_.begins_low() || queue_.newest() > kNoRadio));
+  const bool is_evident = is_new ? queue_.may_be_in_the_way() : queue_.are_in_the_way();
   return is_likely && is_evident;
 }
 
 void CrowdShare::decide(TimePoint now, Duration round_trip) {
   if (capacity_ <= DataRate{}) return;
   if (!began_at_) began_at_ = now;
-  is_new_ = is_new_ && (!first_asked_at_ || now - *first_asked_at_ <= kNew);
   longest_ = std::max(longest_, queue_.newest());
   const bool may_be = asked_ > 0 && now >= ignored_until_;
   if (finds_others(now) && may_be && !rate_) enter(now);

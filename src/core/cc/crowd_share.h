@@ -25,6 +25,7 @@
 #include <optional>
 
 #include "core/cc/competing_rate.h"
+#include "core/cc/newcomer.h"
 #include "core/cc/queue_of_others.h"
 #include "interneuron/units.h"
 
@@ -34,6 +35,9 @@ namespace interneuron::cc {
 // throws.
 class CrowdShare {
  public:
+  // `seed`: differs between those who may share a bottleneck.
+  explicit CrowdShare(std::uint64_t seed = 0) : random_(seed) {}
+
   // What trains show of the pipe. Among those of others they show less, which is no news.
   void set_capacity(DataRate capacity) {
     capacity_ = is_crowded() ? std::max(capacity_, capacity) : capacity;
@@ -42,8 +46,12 @@ class CrowdShare {
   // Bytes with IP headers left.
   void sent(TimePoint now, std::size_t ip_bytes);
   // A message is to be sent, whose best and smallest variants have so many bytes, and so long to
-  // leave and to wait in queues.
-  void asked(TimePoint now, std::size_t best, std::size_t smallest, Duration left);
+  // leave and to wait in queues. `least_round_trip`: see Newcomer::asked().
+  void asked(TimePoint now, std::size_t best, std::size_t smallest, Duration left,
+             Duration least_round_trip = {});
+  // See Newcomer.
+  void told() { newcomer_.told(); }
+  void train_waited(Duration beyond) { newcomer_.train_waited(beyond); }
   // A packet that left at `left_at` waited for so long.
   void met(TimePoint now, TimePoint left_at, Duration waited);
   // A train arrived more slowly than it left and than the pipe carries.
@@ -58,17 +66,22 @@ class CrowdShare {
 
   // Others are there. While they are, the rest counts.
   bool is_crowded() const { return rate_.has_value(); }
+  // Nobody was found yet, and the best variant of the newest message is not to be sent.
+  bool is_held_low() const { return !rate_ && !granted_ && smallest_ > DataRate{}; }
   // And they give way to nobody.
   bool competes() const { return is_crowded() && competes_; }
   // It has been watched for a while, and no packet of others was met lately.
   bool is_alone(TimePoint now) const;
   // The share in the mean.
   DataRate rate() const { return *rate_; }
+  // The rate that brings the smallest variant of the newest message in time.
+  DataRate smallest() const { return smallest_; }
   // The rate at which the newest message would be sent.
   DataRate planned() const {
     return std::min(std::max(*rate_, granted_ ? best_ : smallest_), capacity_);
   }
-  // What a packet is expected to wait for: the longer of the newest queue and the mean one.
+  // What a packet is expected to wait for: the longer of the newest queue and the mean
+  // one.
   Duration waited() const;
 
  private:
@@ -93,25 +106,27 @@ class CrowdShare {
   DataRate before_others_{};
   QueueOfOthers queue_;
   std::optional<DataRate> rate_;
-  // Messages began so lately that less evidence convicts.
-  bool is_new_ = true;
-  // The newest message: the bytes of its best variant, what brings that and the smallest variant in
-  // time (zero where there is no smaller one), and whether enough was saved up for it.
+  // While the path is new, less evidence convicts.
+  Newcomer newcomer_;
+  // The newest message: the bytes of its best variant, what brings that and the smallest
+  // variant in time (zero where there is no smaller one), and whether the best one may
+  // be sent: in a crowd, where enough was saved up for it.
   double asked_ = 0;
   DataRate best_{};
   DataRate smallest_{};
   bool granted_ = false;
-  // The seconds between two messages, smoothed, and when the newest one and the first one came.
+  // The seconds between two messages, smoothed, and when the newest one came.
   double period_ = 1;
   std::optional<TimePoint> asked_at_;
-  std::optional<TimePoint> first_asked_at_;
   // The share that the smallest variants take.
   DataRate floor_{};
-  // Bytes that are saved up, when they were counted, and how much must be saved for a message, in
-  // terms of its size.
+  // Bytes that are saved up, when they were counted, and how much must be saved for a
+  // message, in terms of its size.
   double saved_ = 0;
   TimePoint saved_at_{};
   double threshold_ = 1;
+  // The state of split_mix().
+  std::uint64_t random_ = 0;
   // What is sent in the mean, in bytes per second.
   double used_ = 0;
   std::optional<TimePoint> used_at_;
@@ -120,14 +135,15 @@ class CrowdShare {
   std::optional<TimePoint> began_at_;
   std::optional<TimePoint> others_at_;
   std::optional<TimePoint> entered_at_;
-  // When the queue was last as short as is aimed at or, where others give way to nobody, when there
-  // last was one.
+  // When the queue was last as short as is aimed at or, where others give way to nobody,
+  // when there last was one.
   TimePoint queue_told_at_{};
-  // When our share was last one, in a queue as short as is aimed at, and until when no share is
-  // taken at all.
+  // When our share was last one, in a queue as short as is aimed at, and until when no
+  // share is taken at all.
   TimePoint shared_at_{};
   TimePoint ignored_until_ = TimePoint::min();
-  // Others give way to nobody, and for how long that is remembered of those who come next.
+  // Others give way to nobody, and for how long that is remembered of those who come
+  // next.
   bool competes_ = false;
   TimePoint competes_until_ = TimePoint::min();
   CompetingRate competing_;

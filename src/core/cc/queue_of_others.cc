@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "interneuron/sizes.h"
+
 namespace interneuron::cc {
 namespace {
 
@@ -45,6 +47,13 @@ constexpr int kConfirmations = 2;
 // They are not in the way where the queue is no longer than what is aimed at anyhow, which a CUBIC
 // flow keeps on a buffer of 30 ms.
 constexpr double kLongQueue = 0.032;
+// A newcomer holds its best back at a shorter queue already: half of that.
+constexpr double kShort = 0.015;
+// A packet that waited for so much more than ours before it met others, in seconds: more than
+// clocks and the steps of an event loop add.
+constexpr double kMet = 0.0015;
+// A queue of so few packets is nobody's: heartbeats and what repairs take are not counted.
+constexpr std::size_t kFewPackets = 2;
 // What left so soon after evidence began to count met the same queue.
 constexpr Duration kSameQueue = std::chrono::milliseconds(20);
 
@@ -83,6 +92,8 @@ std::uint32_t SentBytes::by(TimePoint at) const {
   return next;
 }
 
+std::uint32_t SentBytes::by_end_of_slot(TimePoint at) const { return by(at + kSlot); }
+
 void QueueOfOthers::met(TimePoint now, TimePoint left_at, Duration waited, DataRate capacity) {
   const double all = to_seconds(waited);
   if (left_at_) {
@@ -92,11 +103,24 @@ void QueueOfOthers::met(TimePoint now, TimePoint left_at, Duration waited, DataR
   }
   held_up_ = std::clamp(held_up_, 0.0, std::max(all, 0.0));
   const double met = std::max(all - held_up_, 0.0);
+  suspect(left_at, met, capacity);
   judge(left_at, met, capacity);
   mean_ = left_at_ ? decayed(mean_, met, to_seconds(now - met_at_), kMeanMemory) : met;
   newest_ = met;
   left_at_ = left_at;
   met_at_ = now;
+}
+
+// What a packet waited for where all of ours since the packet before it was just in front of it.
+void QueueOfOthers::suspect(TimePoint left_at, double met, DataRate capacity) {
+  if (!left_at_ || left_at <= *left_at_ || capacity <= DataRate{}) return;
+  const double apart = to_seconds(left_at - *left_at_);
+  if (apart > kLongestApart) return;
+  const std::uint32_t sent = sent_.by_end_of_slot(left_at) - sent_.by(*left_at_);
+  const std::size_t ours = sent + kFewPackets * kMaxPacketBytes;
+  const double own = std::max(0.0, newest_ - apart) + to_seconds(capacity.transmit_time(ours));
+  were_met_ = were_met_ || met - own > kMet;
+  suspected_ = decayed(suspected_, std::clamp(met - own, 0.0, kMostAdded), apart, kOthersMemory);
 }
 
 // What others have added since the packet before this one left.
@@ -136,6 +160,10 @@ bool QueueOfOthers::are_in_the_way() const {
 
 bool QueueOfOthers::may_be_in_the_way() const {
   return (others_ > kSuspected || in_a_row_ >= kRow) && newest_ > kLongQueue;
+}
+
+bool QueueOfOthers::others_are_suspected() const {
+  return suspected_ > kSuspected && newest_ > kShort;
 }
 
 bool QueueOfOthers::were_confirmed() const {

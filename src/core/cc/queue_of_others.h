@@ -23,6 +23,8 @@ class SentBytes {
   void sent(TimePoint now, std::size_t ip_bytes);
   // Bytes that had left by then; of the slot that it lies in none are counted.
   std::uint32_t by(TimePoint at) const;
+  // The same, with all of that slot.
+  std::uint32_t by_end_of_slot(TimePoint at) const;
   std::uint64_t all() const { return all_; }
 
  private:
@@ -62,11 +64,15 @@ class QueueOfOthers {
   // They are why packets wait, or may be why.
   bool are_in_the_way() const;
   bool may_be_in_the_way() const;
+  // A packet waited for more than ours before it.
+  bool others_were_met() const { return were_met_; }
+  // There is a queue now, and packets of late waited for more than ours.
+  bool others_are_suspected() const;
   // They have been seen since begin_again(), too.
   bool were_confirmed() const;
-  std::uint64_t bytes_sent() const { return sent_.all(); }
 
  private:
+  void suspect(TimePoint left_at, double met, DataRate capacity);
   void judge(TimePoint left_at, double met, DataRate capacity);
 
   SentBytes sent_;
@@ -79,6 +85,9 @@ class QueueOfOthers {
   double mean_ = 0;
   // What others added between two packets, in the mean.
   double others_ = 0;
+  // What packets waited for beyond ours, in the mean, and whether one ever did.
+  double suspected_ = 0;
+  bool were_met_ = false;
   // Packets in a row, with nothing of ours before them, for which others were in the queue.
   int in_a_row_ = 0;
   TimePoint since_ = TimePoint::min();

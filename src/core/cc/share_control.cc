@@ -104,6 +104,7 @@ void ShareControl::report(TimePoint now, const Report& report) {
   if (report.round_trip) {
     note_round_trip(now, *report.round_trip);
     used_at_ = now;
+    crowd_.told();
   }
   if (report.one_way_us) {
     note_one_way(now, *report.one_way_us);
@@ -148,8 +149,10 @@ bool ShareControl::share(TimePoint now) {
   return crowd_.is_crowded();
 }
 
-void ShareControl::asked(TimePoint now, std::size_t best, std::size_t smallest, Duration deadline) {
-  crowd_.asked(now, best, smallest, std::max<Duration>(deadline - base_ / 2, Duration{1}));
+void ShareControl::asked(TimePoint now, std::size_t best, std::size_t smallest, Duration deadline,
+                         Duration least_round_trip) {
+  crowd_.asked(now, best, smallest, std::max<Duration>(deadline - base_ / 2, Duration{1}),
+               least_round_trip);
 }
 
 // When the packet left and how long it took is the peer's word, so it may be anything.
@@ -225,6 +228,8 @@ void ShareControl::note_duty(TimePoint now, Duration backlog) {
 }
 
 void ShareControl::note_train(TimePoint now, const Train& train) {
+  const Duration own = train.arrived_at.transmit_time(train.packets * kMaxPacketBytes);
+  if (train.arrived_at > DataRate{}) crowd_.train_waited(train.waited - own);
   // What the train could have arrived at.
   const DataRate possible = train.sent_at ? std::min(*train.sent_at, capacity_) : capacity_;
   if (train.packets < 2 || possible <= DataRate{}) return;
@@ -351,6 +356,7 @@ bool ShareControl::overloaded() const { return duty_ > kOverload; }
 bool ShareControl::gave_way(TimePoint now) const { return fell_at_ && now - *fell_at_ < kMemory; }
 
 std::optional<DataRate> ShareControl::planned() const {
+  if (crowd_.is_held_low()) return std::min(rate_.value_or(crowd_.smallest()), crowd_.smallest());
   return crowd_.is_crowded() ? crowd_.planned() : rate_;
 }
 

@@ -42,6 +42,7 @@ namespace interneuron::cc {
 // memory. Pure; thread-compatible; never throws.
 class ShareControl {
  public:
+  explicit ShareControl(std::uint64_t seed = 0) : crowd_(seed) {}
   // The queue that is aimed at: a fifth of a deadline of 150 ms, and as long as the shortest buffer
   // on which shares with a CUBIC flow are to be fair.
   static constexpr Duration kTarget = std::chrono::milliseconds(30);
@@ -52,6 +53,8 @@ class ShareControl {
     DataRate arrived_at{};
     // Nothing: it left back to back, faster than any link.
     std::optional<DataRate> sent_at;
+    // How much later than the least round trip of small packets it was told of.
+    Duration waited{};
   };
   // What one report of the peer tells, and how the path was used since the last one.
   struct Report {
@@ -78,16 +81,15 @@ class ShareControl {
   void report(TimePoint now, const Report& report);
   // Bytes with IP headers left.
   void sent(TimePoint now, std::size_t ip_bytes) { crowd_.sent(now, ip_bytes); }
-  // A message is to be sent whose best and smallest variants have so many bytes, whether it sets
-  // out or not.
-  void asked(TimePoint now, std::size_t best, std::size_t smallest, Duration deadline);
-  // A small packet that left then took so long, with the offset of the clocks in it: the peer's
-  // word, both.
+  // A message is to be sent, or refused, whose best and smallest variants have so many bytes;
+  // `least_round_trip`: that of small packets, zero while it is not known.
+  void asked(TimePoint now, std::size_t best, std::size_t smallest, Duration deadline,
+             Duration least_round_trip = {});
+  // A small packet that left then took so long, with the clocks' offset in it: the peer's word.
   void exchange(TimePoint now, TimePoint left_at, Duration one_way);
-  // A clock stepped: old and new one-way delays cannot be compared. A step that no queue could make
-  // is noticed without it.
+  // A clock stepped: old and new delays cannot be compared. What no queue could make is noticed.
   void clock_stepped();
-  // The marks that were told of were nobody's queue: what they took is given back.
+  // The marks that were told of were no queue's: what they took is given back.
   void marks_were_false();
 
   // What may be planned with; nothing while the capacity is not known.
@@ -107,8 +109,7 @@ class ShareControl {
   Duration least_one_way(Duration least_round_trip) const;
   // Bytes with IP headers that may be in flight.
   std::size_t window() const;
-  // We are overloaded, or had to give way within the last second: what is in flight beyond an empty
-  // path waits in a queue.
+  // We are overloaded, or gave way within the last second: what else is in flight waits in a queue.
   bool loaded(TimePoint now) const { return crowd_.is_crowded() || overloaded() || gave_way(now); }
   // A queue has marked packets within the last second.
   bool marked(TimePoint now) const;

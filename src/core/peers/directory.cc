@@ -2,18 +2,10 @@
 
 #include <algorithm>
 
+#include "core/base/split_mix.h"
+
 namespace interneuron::peers {
 namespace {
-
-// Spreads a seed over 64 bits; the next value of SplitMix64 ("Fast Splittable Pseudorandom Number
-// Generators", Steele et al.).
-std::uint64_t next_random(std::uint64_t& state) {
-  state += 0x9e3779b97f4a7c15;
-  std::uint64_t z = state;
-  z = (z ^ (z >> 30U)) * 0xbf58476d1ce4e5b9;
-  z = (z ^ (z >> 27U)) * 0x94d049bb133111eb;
-  return z ^ (z >> 31U);
-}
 
 template <class Map, class Where>
 void erase_one(Map& map, const Where& where, Directory::Slot peer) {
@@ -25,7 +17,7 @@ void erase_one(Map& map, const Where& where, Directory::Slot peer) {
 }  // namespace
 
 Directory::Hash::Hash(std::uint64_t seed)
-    : multiplier(next_random(seed) | 1U), offset(next_random(seed)) {}
+    : multiplier(split_mix(seed) | 1U), offset(split_mix(seed)) {}
 
 void Directory::add_session(SessionId session, Slot peer) {
   if (session.value != 0) sessions_.emplace(session, peer);

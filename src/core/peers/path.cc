@@ -44,13 +44,15 @@ bool has_arrived(const wire::LinkReport& report, std::uint64_t number) {
 
 }  // namespace
 
-Path::Path(TimePoint now, LinkId id, const Nic& nic, const Address& address, bool connected)
+Path::Path(TimePoint now, LinkId id, const Nic& nic, const Address& address, const Origin& origin)
     : receiver(id),
       id_(id),
+      seed_(origin.seed),
+      share_(origin.seed),
       mtu_(nic.max_datagram),
       nic_(nic),
       address_(address),
-      may_measure_(connected) {
+      may_measure_(origin.connected) {
   begin(now);
 }
 
@@ -75,7 +77,7 @@ void Path::move_to(TimePoint now, const Nic& nic, const Address& address) {
 }
 
 void Path::reset(TimePoint now) {
-  Path fresh(now, id_, nic_, address_, may_measure_);
+  Path fresh(now, id_, nic_, address_, {may_measure_, seed_});
   // A session does not change whether the peer pays for bytes, which token it is owed, when it may
   // be challenged again, what copies may take and whether messages go over the path.
   fresh.peer_is_metered_ = peer_is_metered_;
@@ -165,7 +167,12 @@ void Path::control(TimePoint now, const wire::LinkReport& report,
     if (!arrived && was_open) ++told.lost;
   }
   told.lost += use.lost;
-  if (v.train) told.train = {v.train->packets, v.train->measured, v.train->sent_at};
+  if (v.train) {
+    const Duration least = estimator.rtt_min(now);
+    const bool is_known = told.round_trip && least > Duration::zero();
+    told.train = {v.train->packets, v.train->measured, v.train->sent_at,
+                  is_known ? *told.round_trip - least : Duration{}};
+  }
   told.capacity = estimator.rate_guess();
   told.held_back = use.held_back;
   told.backlog = use.backlog;

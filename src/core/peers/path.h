@@ -38,10 +38,14 @@ class Path {
     LinkTraits traits{};
   };
 
-  // `connected`: we have asked for this peer. Where it has asked for us, it measures first: nothing
-  // is sent to measure a path before the peer has told of it, and with that whether it pays for the
-  // bytes.
-  Path(TimePoint now, LinkId id, const Nic& nic, const Address& address, bool connected);
+  struct Origin {
+    // We have asked for this peer. Where it has asked for us, it measures first: nothing is sent to
+    // measure a path before the peer has told of it, and with that whether it pays for the bytes.
+    bool connected = false;
+    // Differs from path to path and from one endpoint to the next.
+    std::uint64_t seed = 0;
+  };
+  Path(TimePoint now, LinkId id, const Nic& nic, const Address& address, const Origin& origin);
   // The same path over another NIC or to another address. What was learnt of it stays.
   void move_to(TimePoint now, const Nic& nic, const Address& address);
   // The peer has begun a new session: nothing that was learnt stays.
@@ -72,7 +76,8 @@ class Path {
   void sent_probe(TimePoint now, std::uint64_t number);
   // See Paths::asked().
   void asked(TimePoint now, std::span<const std::size_t> sizes, Duration deadline) {
-    share_.asked(now, wire_size(sizes.front()), wire_size(sizes.back()), deadline);
+    share_.asked(now, wire_size(sizes.front()), wire_size(sizes.back()), deadline,
+                 estimator.rtt_min(now));
   }
   void sent_mtu_probe(TimePoint now, std::uint64_t number);
   // The peer's report about this path, what the sender has concluded from it, and how the path was
@@ -135,6 +140,7 @@ class Path {
   std::optional<DataRate> capped(std::optional<DataRate> rate) const;
 
   LinkId id_{};
+  std::uint64_t seed_ = 0;
   cc::ShareControl share_;
   link::PathMtu mtu_;
   link::PathEcn ecn_;

@@ -33,8 +33,8 @@ class Paths {
 
   // There is no path of this name yet, and room for one.
   Path& add(TimePoint now, LinkId id, const Path::Nic& nic, const Address& address,
-            bool connected) {
-    return paths_.emplace_back(now, id, nic, address, connected);
+            const Path::Origin& origin) {
+    return paths_.emplace_back(now, id, nic, address, origin);
   }
   void remove(LinkId path) {
     std::erase_if(paths_, [path](const Path& p) { return p.id() == path; });

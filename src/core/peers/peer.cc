@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "core/base/earliest.h"
+#include "core/base/split_mix.h"
 
 namespace interneuron::peers {
 namespace {
@@ -21,6 +22,13 @@ constexpr Duration kClockSettles = std::chrono::seconds(1);
 // become so by a step of the peer's clock. No measurement behind this value: it only has to be what
 // event loops add by chance.
 constexpr Duration kRoundTripError = std::chrono::microseconds(500);
+
+// What this path does at a time of its own choice, others shall not do at the same time.
+std::uint64_t seed_of(const Peer::Identity& identity, LinkId path) {
+  std::uint64_t state = identity.self.value;
+  state = split_mix(state) + identity.id.value;
+  return split_mix(state) + path.value;
+}
 
 }  // namespace
 
@@ -41,7 +49,8 @@ void Peer::add_path(TimePoint now, LinkId id, const Path::Nic& nic, const Addres
     known->move_to(now, nic, address);
   } else {
     if (paths_.size() >= wire::kMaxReports) return;
-    const Path& added = paths_.add(now, id, nic, address, identity_.connected);
+    const Path& added = paths_.add(now, id, nic, address,
+                                   Path::Origin{identity_.connected, seed_of(identity_, id)});
     // Within one session packet numbers only grow, also when a peer or a path was forgotten and
     // comes back: the other side may remember it and would drop smaller ones as duplicates. So
     // numbers begin at the microseconds of our life so far, and the numbers of messages at the

@@ -22,7 +22,8 @@ struct Camera {
   Camera() { share.set_capacity(DataRate::mbit(60)); }
   void frame(std::size_t smallest = kSmall) {
     share.asked(now, kFrame, smallest, 130ms);
-    const bool whole = !share.is_crowded() || share.planned() >= rate_of(kFrame, 130ms);
+    const bool whole =
+        share.is_crowded() ? share.planned() >= rate_of(kFrame, 130ms) : !share.is_held_low();
     granted += whole ? 1 : 0;
     share.sent(now, whole ? kFrame : smallest < kFrame ? smallest : 0);
     if (stretched) share.stretched(now);
@@ -50,6 +51,38 @@ TEST(CrowdShare, WhereNobodyElseIsThePipeIsNotShared) {
   camera.frames(50);
   EXPECT_FALSE(camera.share.is_crowded());
   EXPECT_EQ(camera.granted, 50);
+}
+
+// What waits is not its own, but too little to convict anybody.
+TEST(CrowdShare, WhoHasJustBegunHoldsItsBestBackBehindOthers) {
+  for (const bool is_new : {true, false}) {
+    Camera camera;
+    camera.frames(is_new ? 5 : 50);
+    camera.granted = 0;
+    camera.queue = 25ms;
+    camera.frames(2);
+    EXPECT_FALSE(camera.share.is_crowded());
+    EXPECT_EQ(camera.granted, is_new ? 1 : 2);
+    camera.queue = 0ms;
+    camera.frames(20);
+    EXPECT_EQ(camera.granted, is_new ? 20 : 22);
+  }
+}
+
+// Its packets waited before there were messages. With nothing smaller to send it sends what it has.
+TEST(CrowdShare, WhoMetOthersBeforeItsFirstMessageBeginsLow) {
+  for (const std::size_t smallest : {kSmall, kFrame}) {
+    Camera camera;
+    camera.queue = 0ms;
+    for (int i = 0; i < 4; ++i) {
+      camera.now += 50ms;
+      camera.share.met(camera.now, camera.now - kRoundTrip, i == 2 ? Duration(4ms) : Duration(0ms));
+    }
+    camera.frame(smallest);
+    EXPECT_EQ(camera.granted, smallest < kFrame ? 0 : 1);
+    camera.frames(10);
+    EXPECT_GE(camera.granted, 8);
+  }
 }
 
 // Whoever has just begun needs less evidence: a queue longer than radio makes, with no train.

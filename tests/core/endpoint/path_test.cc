@@ -15,7 +15,7 @@ constexpr std::size_t kMaxDatagram = 1400;
 TimePoint at(Duration d) { return TimePoint{d}; }
 
 Path heard_path() {
-  Path path(at(0s), LinkId{1}, {LinkId{0}, kMaxDatagram, {}}, address_of(1), true);
+  Path path(at(0s), LinkId{1}, {LinkId{0}, kMaxDatagram, {}}, address_of(1), {.connected = true});
   path.estimator.heard(at(0s));
   return path;
 }
