@@ -140,7 +140,6 @@ class Endpoint::Impl {
   }
 
   std::optional<Event> poll_event() { return pop(events_); }
-
   // The peer that has sent the list, if one has, may be among those that are gone after it.
   bool take_revocations(ByteView list) {
     const bool is_newer = peers_.take_revocations(list);
@@ -180,13 +179,14 @@ class Endpoint::Impl {
   }
 
  private:
-  // Does everything that is due at or before `now`: the rounds and messages first, then the peers.
+  // Does all that is due at or before `now`: the rounds and messages first, then the peers.
   void run_timers(TimePoint now) {
     ran_to_ = now;
     rounds_.expire(now);
     messages_.expire(now);
     peers::Peers::Expired expired = peers_.handle_timeout(now);
     messages_expired_ += expired.messages;
+    messages_.collect(now, expired.settled);
     for (PathChanged& change : expired.changes) events_.emplace_back(std::move(change));
     tell_lost();
   }

@@ -60,7 +60,6 @@ class Peers {
     Shard shard{};
   };
   explicit Peers(const Options& options);
-
   void add_link(LinkId link, const LinkInfo& info);
   std::vector<PathChanged> remove_link(TimePoint now, LinkId link);
   // Begins to talk to a peer at these addresses, one per link. `who`: its key, where packets are
@@ -96,10 +95,11 @@ class Peers {
   Peer* access(TimePoint now, std::optional<PeerId> id);
   Peer* access_only(TimePoint now);
 
+  // How many incomplete messages were given up, and who has to be asked what is settled.
   struct Expired {
-    // How many incomplete messages were given up.
     std::size_t messages = 0;
     std::vector<PathChanged> changes;
+    std::vector<PeerId> settled;
   };
   // Does what is due at or before `now`, peer by peer in the order of their deadlines.
   Expired handle_timeout(TimePoint now);
