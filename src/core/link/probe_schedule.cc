@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "core/base/earliest.h"
+#include "core/base/slow_link.h"
 
 namespace interneuron::link {
 namespace {
@@ -134,8 +135,10 @@ TimePoint ProbeSchedule::heartbeat_at(TimePoint now) const {
 
 bool ProbeSchedule::heartbeat_due(TimePoint now) const {
   if (!heartbeat_at_) return true;
-  const Duration interval = heartbeat_interval(now);
-  return now >= *heartbeat_at_ + interval - interval / kSoonerPart;
+  // What a slow path carries is dearer than a wake-up.
+  const Duration sooner =
+      slower_ < kSlow ? Duration::zero() : heartbeat_interval(now) / kSoonerPart;
+  return now >= heartbeat_at(now) - sooner;
 }
 
 // --- trains
