@@ -87,7 +87,7 @@ class Peer {
   flow::Sender& sender() { return sender_; }
   const flow::Sender& sender() const { return sender_; }
   // What the peer and the own sender say of messages that were sent to it. Told only once a plain
-  // message was sent; ask until nothing comes after handle(), and where has_settled().
+  // message was sent; ask until nothing comes, after handle() and handle_timeout().
   std::optional<Settled> poll_settled() {
     if (const auto settled = settlements_.poll()) return settled;
     if (const auto message = sender_.poll_given_up()) {
@@ -98,7 +98,6 @@ class Peer {
     }
     return std::nullopt;
   }
-  bool has_settled() const { return settlements_.has_any() || sender_.has_failed(); }
   // A message that handle() gave is dropped here: tells the peer.
   void mark_dropped(MessageId message) { intake_.receipts.mark_dropped(message); }
   // A limit has struck this peer; kept in its ledger.

@@ -217,7 +217,6 @@ std::size_t Peers::send_room(PeerId id) {
 }
 
 TimePoint Peers::due_at(TimePoint now, const Entry& entry) const {
-  if (entry.peer.has_settled()) return now;
   TimePoint due = entry.peer.next_timeout(now).value_or(TimePoint::max());
   due = std::min(due, gate_.next_timeout(entry.slot).value_or(due));
   if (entry.peer.identity().connected) return due;
@@ -253,7 +252,7 @@ Peers::Expired Peers::handle_timeout(TimePoint now) {
       // Not retired: a vehicle that was out of reach for long comes back with the same session.
       forget(entry);
     } else {
-      if (peer.has_settled()) expired.settled.push_back(peer.identity().id);
+      expired.looked_at.push_back(peer.identity().id);
       touch(entry);
     }
   }
