@@ -192,7 +192,7 @@ class Endpoint::Impl {
     messages_.expire(now);
     peers::Peers::Expired expired = peers_.handle_timeout(now);
     messages_expired_ += expired.messages;
-    messages_.collect(now, expired.looked_at);
+    messages_.collect(now, expired.failed);
     for (PathChanged& change : expired.changes) events_.emplace_back(std::move(change));
     tell_lost();
   }

@@ -55,7 +55,6 @@ class Settlements {
   void learn(const wire::Feedback& feedback);
   // What became complete sooner comes first, of each feedback.
   std::optional<Settled> poll();
-  bool has_any() const { return !settled_.empty(); }
   // The peer began a new life; whoever asks goes on asking.
   void reset() { *this = Settlements(open_); }
 

@@ -95,11 +95,11 @@ class Peers {
   Peer* access(TimePoint now, std::optional<PeerId> id);
   Peer* access_only(TimePoint now);
 
-  // How many incomplete messages were given up, and who may have something settled to tell.
+  // How many incomplete messages were given up, and to whom others failed.
   struct Expired {
     std::size_t messages = 0;
     std::vector<PathChanged> changes;
-    std::vector<PeerId> looked_at;
+    std::vector<PeerId> failed;
   };
   // Does what is due at or before `now`, peer by peer in the order of their deadlines.
   Expired handle_timeout(TimePoint now);
