@@ -2,8 +2,6 @@
 #include "interneuron/endpoint.h"
 
 #include <algorithm>
-#include <cassert>
-#include <cstring>
 #include <deque>
 
 #include "core/base/ablation.h"
@@ -17,6 +15,9 @@
 namespace interneuron {
 namespace {
 
+// Datagrams that are read together came so far apart at the most. No measurement behind this value:
+// it is a millisecond of a message's time at the worst by which what falls due among them is late.
+constexpr Duration kTogether = std::chrono::milliseconds(1);
 // How far apart packets of other versions are told of. No measurement behind this value: it only
 // has to be short for a person who waits, and long for a log.
 constexpr Duration kBetweenVersions = std::chrono::seconds(10);
@@ -107,8 +108,9 @@ class Endpoint::Impl {
 
   void handle_datagram(TimePoint now, const Datagram& datagram) {
     // What was due before this instant is done before; what is due at it is done after, because
-    // arrivals come first. Of several datagrams that come at once only the first finds something.
-    if (ran_to_ < now - Duration{1}) run_timers(now - Duration{1});
+    // arrivals come first. Among datagrams that are read together only what was known before
+    // counts.
+    if (const TimePoint to = now - Duration{1}; is_due(to)) run_timers(to);
     peers::Peers::Received received = peers_.receive(now, datagram);
     missing_pieces_ = received.outcome.missing;
     if (received.shard != 0) {
@@ -140,7 +142,6 @@ class Endpoint::Impl {
   }
 
   std::optional<Event> poll_event() { return pop(events_); }
-
   // The peer that has sent the list, if one has, may be among those that are gone after it.
   bool take_revocations(ByteView list) {
     const bool is_newer = peers_.take_revocations(list);
@@ -180,13 +181,18 @@ class Endpoint::Impl {
   }
 
  private:
-  // Does everything that is due at or before `now`: the rounds and messages first, then the peers.
+  bool is_due(TimePoint now) const {
+    const auto next = earliest(rounds_.next_timeout(), messages_.next_timeout());
+    return ran_to_ + kTogether <= now || peers_.was_due(now) || (next && *next <= now);
+  }
+  // Does all that is due at or before `now`: the rounds and messages first, then the peers.
   void run_timers(TimePoint now) {
     ran_to_ = now;
     rounds_.expire(now);
     messages_.expire(now);
     peers::Peers::Expired expired = peers_.handle_timeout(now);
     messages_expired_ += expired.messages;
+    messages_.collect(now, expired.failed);
     for (PathChanged& change : expired.changes) events_.emplace_back(std::move(change));
     tell_lost();
   }
@@ -241,15 +247,6 @@ class Endpoint::Impl {
   // When the next packet of another version is told of.
   TimePoint tell_version_at_ = TimePoint::min();
 };
-
-Transmit TransmitParts::join(std::span<std::byte> buffer) const {
-  if (!payload.empty()) {
-    assert(size() <= buffer.size());
-    std::memmove(&buffer[head + payload.size()], &buffer[head], tail);
-    std::memcpy(&buffer[head], payload.data(), payload.size());
-  }
-  return {link, to, size(), ecn, round};
-}
 
 Endpoint::Endpoint(EndpointOptions options, TimePoint now)
     : impl_(std::make_unique<Impl>(options, now)) {}

@@ -38,6 +38,7 @@ class Executor {
   void give_up(LinkId link, Job& job);
   // A message of kind kPlain that was given up before all of it had left; each once.
   std::optional<MessageId> poll_given_up();
+  bool has_given_up() const { return !given_up_.empty(); }
   // Frees the bytes of messages that were given up, of which pieces may have been handed out.
   void release() { parting_.clear(); }
 

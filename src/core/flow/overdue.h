@@ -50,6 +50,7 @@ class Overdue {
     incomplete_.pop_front();
     return message;
   }
+  bool has_any() const { return !incomplete_.empty(); }
   void clear();
 
  private:

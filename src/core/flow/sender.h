@@ -98,6 +98,7 @@ class Sender {
   // and only those of kind kPlain.
   std::optional<MessageId> poll_given_up() { return executor_.poll_given_up(); }
   std::optional<MessageId> poll_incomplete() { return overdue_.poll(); }
+  bool has_failed() const { return executor_.has_given_up() || overdue_.has_any(); }
   // The peer's reports of one feedback, which it sent at `left` or later; nothing: not known when.
   void settle_overdue(std::span<const wire::LinkReport> reports, std::optional<TimePoint> left);
   // Whether so little of this message has left, over whichever path, that the peer cannot have it.

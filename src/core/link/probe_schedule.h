@@ -107,6 +107,7 @@ class ProbeSchedule {
   // --- what is due
   Duration heartbeat_interval(TimePoint now) const;
   TimePoint heartbeat_at(TimePoint now) const;
+  // One may leave now; a little before heartbeat_at() already, where something else wakes us up.
   bool heartbeat_due(TimePoint now) const;
   // A train that should be sent now; ask again only after train_sent().
   std::optional<Train> train_due(TimePoint now) const;

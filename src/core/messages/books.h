@@ -87,8 +87,6 @@ class SentMessages {
   std::optional<SendId> ended(TimePoint now) const;
   // The smallest Entry::ends; nothing while there is no message.
   std::optional<TimePoint> first_end() const;
-  // Puts the peers that have messages here in place of what `out` holds.
-  void peers(std::vector<PeerId>& out) const;
 
  private:
   using Key = std::pair<PeerId, MessageId>;

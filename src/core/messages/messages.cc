@@ -15,9 +15,8 @@ namespace {
 // How long beyond a round trip after the deadline a fate is waited for (send.h). Feedback comes
 // 5 ms after a message at the latest (src/core/peers/feedback_due.h), so that several may be lost.
 constexpr Duration kGrace = std::chrono::milliseconds(50);
-// How often it is checked whether channels that were refused can send again, and what senders have
-// given up. No measurement behind this value: it only has to be short against the deadlines of
-// messages.
+// How often it is checked whether channels that were refused can send again. No measurement behind
+// this value: it only has to be short against the deadlines of messages.
 constexpr Duration kRecheck = std::chrono::milliseconds(10);
 // Longer than this a fate is not waited for beyond the deadline, whatever round-trip time the peer
 // makes us measure. No measurement behind it: cellular links with full queues take some hundred
@@ -164,7 +163,6 @@ SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const Sen
   }
   result.id = sent_.add(entry);
   forecasts_.sent(result.id, outlook, on_time);
-  if (!collect_at_) collect_at_ = now + kRecheck;
   return result;
 }
 
@@ -292,6 +290,12 @@ void Messages::collect(TimePoint now, peers::Peer& peer) {
   while (const auto settled = peer.poll_settled()) settle(now, peer, *settled);
 }
 
+void Messages::collect(TimePoint now, std::span<const PeerId> peers) {
+  for (const PeerId id : peers) {
+    if (peers::Peer* peer = peers_.access(now, id)) collect(now, *peer);
+  }
+}
+
 void Messages::settle(TimePoint now, peers::Peer& peer, const peers::Settled& settled) {
   const PeerId id = peer.identity().id;
   const SentMessages::Entry* entry = sent_.find(id, settled.message);
@@ -357,14 +361,6 @@ void Messages::report(std::optional<MessageFate> fate) {
 
 void Messages::expire(TimePoint now) {
   inbox_.expire(now);
-  if (collect_at_ && *collect_at_ <= now) {
-    sent_.peers(asked_);
-    for (const PeerId id : asked_) {
-      if (peers::Peer* peer = peers_.access(now, id)) collect(now, *peer);
-    }
-    collect_at_ = now + kRecheck;
-  }
-  if (!sent_.first_end()) collect_at_.reset();
   while (const auto id = sent_.ended(now)) {
     report(sent_.end(*id, Fate::kUnknown, FateReason::kExpired));
   }
@@ -379,7 +375,7 @@ void Messages::expire(TimePoint now) {
 }
 
 std::optional<TimePoint> Messages::next_timeout() const {
-  return earliest(inbox_.next_timeout(), sent_.first_end(), recheck_at_, collect_at_);
+  return earliest(inbox_.next_timeout(), sent_.first_end(), recheck_at_);
 }
 
 void Messages::forget(PeerId peer) {

@@ -40,6 +40,7 @@ class Messages {
   }
   // Takes in what this peer, or the sender to it, has to say of messages.
   void collect(TimePoint now, peers::Peer& peer);
+  void collect(TimePoint now, std::span<const PeerId> peers);
   // What is due at or before `now`.
   void expire(TimePoint now);
   std::optional<TimePoint> next_timeout() const;
@@ -89,10 +90,6 @@ class Messages {
   std::map<PeerId, std::map<std::uint16_t, std::uint32_t>> last_ordered_;
   // When it is checked again whether the channels that wait can send; nothing while none waits.
   std::optional<TimePoint> recheck_at_;
-  // When the senders are asked what they have given up; nothing while no message is open.
-  std::optional<TimePoint> collect_at_;
-  // The peers that are asked, while expire() runs.
-  std::vector<PeerId> asked_;
 };
 
 }  // namespace interneuron::messages

@@ -131,9 +131,4 @@ std::optional<TimePoint> SentMessages::first_end() const {
   return by_end_.begin()->first;
 }
 
-void SentMessages::peers(std::vector<PeerId>& out) const {
-  out.clear();
-  for (const auto& [peer, messages] : peers_) out.push_back(peer);
-}
-
 }  // namespace interneuron::messages

@@ -279,6 +279,7 @@ std::size_t Peer::handle_timeout(TimePoint now) {
 }
 
 std::optional<TimePoint> Peer::next_timeout(TimePoint now) const {
+  if (sender_.has_failed()) return now;
   auto next = earliest(sender_.next_timeout(), intake_.next_timeout());
   // Where it may not leave, only a path that comes back changes that.
   const auto feedback_at = intake_.feedback.at();

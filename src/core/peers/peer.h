@@ -87,7 +87,7 @@ class Peer {
   flow::Sender& sender() { return sender_; }
   const flow::Sender& sender() const { return sender_; }
   // What the peer and the own sender say of messages that were sent to it. Told only once a plain
-  // message was sent; ask until nothing comes after handle() and from time to time.
+  // message was sent; ask until nothing comes, after handle() and handle_timeout().
   std::optional<Settled> poll_settled() {
     if (const auto settled = settlements_.poll()) return settled;
     if (const auto message = sender_.poll_given_up()) {

@@ -252,6 +252,7 @@ Peers::Expired Peers::handle_timeout(TimePoint now) {
       // Not retired: a vehicle that was out of reach for long comes back with the same session.
       forget(entry);
     } else {
+      if (peer.sender().has_failed()) expired.failed.push_back(peer.identity().id);
       touch(entry);
     }
   }

@@ -60,7 +60,6 @@ class Peers {
     Shard shard{};
   };
   explicit Peers(const Options& options);
-
   void add_link(LinkId link, const LinkInfo& info);
   std::vector<PathChanged> remove_link(TimePoint now, LinkId link);
   // Begins to talk to a peer at these addresses, one per link. `who`: its key, where packets are
@@ -96,14 +95,17 @@ class Peers {
   Peer* access(TimePoint now, std::optional<PeerId> id);
   Peer* access_only(TimePoint now);
 
+  // How many incomplete messages were given up, and to whom others failed.
   struct Expired {
-    // How many incomplete messages were given up.
     std::size_t messages = 0;
     std::vector<PathChanged> changes;
+    std::vector<PeerId> failed;
   };
   // Does what is due at or before `now`, peer by peer in the order of their deadlines.
   Expired handle_timeout(TimePoint now);
   std::optional<TimePoint> next_timeout(TimePoint now) const;
+  // Whether it was, when poll() last had nothing more to send.
+  bool was_due(TimePoint now) const { return alarms_.due(now).has_value(); }
   struct Lost {
     PeerId id{};
     // The application may have been told of it.
@@ -121,7 +123,6 @@ class Peers {
   // one there was, and an authority has signed it; peers whose keys it names are lost.
   bool take_revocations(ByteView bytes);
   Gate& gate() { return gate_; }
-
   std::vector<PeerId> ids() const { return table_.ids(); }
   std::vector<LinkState> links(TimePoint now, PeerId id) const;
   // All zero where there is no such peer.
@@ -190,8 +191,7 @@ class Peers {
   SharedMemory sending_;
   Alarms alarms_;
   Turns turns_;
-  // The peers that are marked as touched, each once; and those of which something is due, while
-  // handle_timeout() runs.
+  // The peers that are touched, each once; those of which something is due in handle_timeout().
   std::vector<PeerTable::Slot> touched_;
   std::vector<PeerTable::Slot> due_;
   std::deque<Lost> lost_;

@@ -16,8 +16,9 @@ namespace {
 // ppoll() may end this part of its time too late (select_estimate_accuracy() of Linux,
 // fs/select.c).
 constexpr int kSlackPart = 1000;
-// What that part of it is does not matter: 10 us.
-constexpr Duration kExact = std::chrono::milliseconds(10);
+// What that part of it is does not matter: .3 ms. To wait once more costs as much as a dozen
+// packets.
+constexpr Duration kExact = std::chrono::milliseconds(300);
 // Far instants are cut, because a timespec may overflow; to wait once more is harmless.
 constexpr Duration kLongest = std::chrono::hours(1);
 

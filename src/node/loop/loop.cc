@@ -26,15 +26,16 @@ constexpr int kPassesPerTurn = 16;
 // value: it only has to be short against kStallPatience.
 constexpr Duration kBlockedRetry = std::chrono::microseconds(200);
 // Pieces of messages that follow others within this time, one by one, are read together once in so
-// long: each wake-up costs as much as several of them. The kernel's stamps tell when they came. No
-// measurement behind this value: it is little beside the time that a message has, and half a dozen
-// packets at 60 Mbit/s.
-constexpr Duration kGather = std::chrono::milliseconds(1);
+// long: each wake-up costs as much as a dozen of them. The kernel's stamps tell when they came. No
+// measurement behind this value: it is as long as the batches in which they leave
+// (src/core/flow/traffic.cc).
+constexpr Duration kGather = std::chrono::milliseconds(2);
 // So many datagrams at a time are worth a wake-up. No measurement behind this value.
 constexpr std::size_t kEnough = 16;
-// Nor does a message wait that lacks less than what comes within kGather at 100 Mbit/s, so that it
-// is delivered when its last piece comes.
-constexpr std::size_t kNearlyWhole = 8;
+// Nor is longer slept than half the time that the rest of a message takes, if it comes as what has
+// been read, so that it is delivered when its last piece comes; a rest of so few pieces is not
+// slept through.
+constexpr std::int64_t kNearlyWhole = 4;
 
 }  // namespace
 
@@ -86,7 +87,8 @@ void Node::Impl::run_task(const Task& task) {
 // Where few pieces of messages come shortly after others, those that follow gather a little. What
 // wakes the loop meanwhile, whatever it is, reads them first.
 void Node::Impl::read_sockets(Ready ready) {
-  if (std::exchange(gathers_until_, std::nullopt)) {
+  const bool gathered = std::exchange(gathers_until_, std::nullopt).has_value();
+  if (gathered) {
     poller_.prepare(io::Poller::For::kAnything);
     ready = poller_.wait(TimePoint::min());
   }
@@ -105,12 +107,18 @@ void Node::Impl::read_sockets(Ready ready) {
   for (const Port& port : ports_) {
     if (now >= wakes_at_ && !port.transport->drained()) receive(port, reading);
   }
-  const bool is_stream = reading.datagrams > 0 && now - kGather < read_at_;
-  const bool may_wait = reading.datagrams < kEnough && reading.missing >= kNearlyWhole &&
-                        std::ranges::none_of(ports_, &Port::waits_for_write);
-  if (is_stream && may_wait) gathers_until_ = now + kGather;
+  if (gathered || now - kGather < read_at_) gather(now, reading);
   if (reading.datagrams > 0) read_at_ = now;
   if (nics_changed) check_nics();
+}
+
+// What was read has come since the reading before.
+void Node::Impl::gather(TimePoint now, const Reading& reading) {
+  if (reading.datagrams == 0 || reading.datagrams >= kEnough) return;
+  const auto missing = static_cast<std::int64_t>(reading.missing);
+  if (missing < kNearlyWhole || std::ranges::any_of(ports_, &Port::waits_for_write)) return;
+  const Duration spacing = (now - read_at_) / static_cast<std::int64_t>(reading.datagrams);
+  gathers_until_ = now + std::min<Duration>(kGather, spacing * missing / 2);
 }
 
 void Node::Impl::wait_writable(Port& port) {

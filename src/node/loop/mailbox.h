@@ -36,7 +36,7 @@ class Mailbox {
       const std::lock_guard lock(mutex_);
       out.swap(waiting_);
     }
-    has_room_.notify_all();
+    if (!out.empty()) has_room_.notify_all();
     return out;
   }
   // Until less than `most` waits, or close().

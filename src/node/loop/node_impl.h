@@ -2,9 +2,8 @@
 // workers.
 //
 // The loop sleeps in one system call (io::Poller) until sockets are ready, something is due or a
-// task was posted. Then it reads, runs what is due and what was posted, and has a turn: what may
-// leave leaves, what happened is told to the application, time-outs that are due are handled, until
-// nothing is left to do. Each task is followed by a turn, too.
+// task was posted. Then it reads, runs what is due and what was posted, and has a turn, as after
+// each task: what may leave leaves, what happened is told, time-outs that are due are handled.
 #pragma once
 
 #include <algorithm>
@@ -155,6 +154,7 @@ class Node::Impl : private Outbox::Source, private LinkSet::User {
   void post_turn();
   Outbox::More settle();
   void receive(const Port& port, Reading& reading);
+  void gather(TimePoint now, const Reading& reading);
   void wait_writable(Port& port);
   void writable(Port& port);
   bool tell_events();
