@@ -67,6 +67,7 @@ class QueueOfOthers {
   std::uint64_t bytes_sent() const { return sent_.all(); }
 
  private:
+  bool exceeds(double queue, double least) const;
   void judge(TimePoint left_at, double met, DataRate capacity);
 
   SentBytes sent_;
@@ -79,6 +80,8 @@ class QueueOfOthers {
   double mean_ = 0;
   // What others added between two packets, in the mean.
   double others_ = 0;
+  // The time of a few packets, which nobody's queue is shorter than.
+  double grain_ = 0;
   // Packets in a row, with nothing of ours before them, for which others were in the queue.
   int in_a_row_ = 0;
   TimePoint since_ = TimePoint::min();
