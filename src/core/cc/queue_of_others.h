@@ -73,6 +73,7 @@ class QueueOfOthers {
 
  private:
   void suspect(TimePoint left_at, double met, DataRate capacity);
+  bool exceeds(double queue, double least) const;
   void judge(TimePoint left_at, double met, DataRate capacity);
 
   SentBytes sent_;
@@ -88,6 +89,8 @@ class QueueOfOthers {
   // What packets waited for beyond ours, in the mean, and whether one ever did.
   double suspected_ = 0;
   bool were_met_ = false;
+  // The time of a few packets, which nobody's queue is shorter than.
+  double grain_ = 0;
   // Packets in a row, with nothing of ours before them, for which others were in the queue.
   int in_a_row_ = 0;
   TimePoint since_ = TimePoint::min();
