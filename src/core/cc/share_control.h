@@ -141,6 +141,7 @@ class ShareControl {
   void note_marks();
   Duration burst() const;
   DataRate floor() const;
+  DataRate hurried() const;
   void answer_marks(TimePoint now);
   void forget_unused(TimePoint now);
   void fall(TimePoint now, double factor, DataRate floor);
@@ -170,17 +171,18 @@ class ShareControl {
   DataRate needed_{};
   std::optional<TimePoint> reported_at_;
   Seen seen_;
-  // When something was last acknowledged.
+  // When something was last acknowledged, and when the next decision is due.
   TimePoint used_at_{};
-  // When the next decision is due.
   TimePoint decide_at_ = TimePoint::min();
   std::optional<TimePoint> fell_at_;
   std::optional<TimePoint> marked_at_;
   // When the rate last fell for marks.
   TimePoint answered_marks_at_ = TimePoint::min();
-  // Packets were lost within the last second: a search for more capacity would lose more.
+  // Packets were lost within the last second: a search for more capacity would lose more. And
+  // whether nothing is in the way of a message.
   std::optional<TimePoint> lost_at_;
   bool lost_lately_ = false;
+  bool has_room_ = false;
   // The smoothed share of packets that are marked: alpha of DCTCP (RFC 8257).
   double marked_ = 1;
   // Decisions in a row that let the rate rise.
@@ -190,9 +192,8 @@ class ShareControl {
   // The pace in terms of the rate.
   double gain_ = 0;
   // When the round trip was last near its minimum, nothing had been sent for a while, or the window
-  // was last held low to see it.
+  // was last held low to see it; and whether it is.
   TimePoint near_base_at_{};
-  // The window is held low.
   bool draining_ = false;
   TimePoint drain_until_ = TimePoint::min();
 };
