@@ -147,7 +147,7 @@ void QueueOfOthers::judge(TimePoint left_at, double met, DataRate capacity) {
 
 void QueueOfOthers::clock_stepped() {
   left_at_.reset();
-  newest_ = mean_ = others_ = held_up_ = 0;
+  newest_ = mean_ = others_ = suspected_ = held_up_ = 0;
 }
 
 void QueueOfOthers::begin_again(TimePoint now) {
