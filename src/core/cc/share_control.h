@@ -60,8 +60,7 @@ class ShareControl {
   struct Report {
     // From when the newest packet that it acknowledges left until now.
     std::optional<Duration> round_trip;
-    // The one-way delay of the newest data-sized packet, in microseconds modulo 2^32 and with the
-    // offset between the two clocks in it.
+    // The newest data-sized packet's one-way delay with the clocks' offset, modulo 2^32.
     std::optional<std::uint32_t> one_way_us;
     // Data-sized packets newly found lost.
     std::uint32_t lost = 0;
@@ -178,8 +177,8 @@ class ShareControl {
   std::optional<TimePoint> marked_at_;
   // When the rate last fell for marks.
   TimePoint answered_marks_at_ = TimePoint::min();
-  // Packets were lost within the last second: a search for more capacity would lose more. And
-  // whether nothing is in the way of a message.
+  // Packets were lost within the last second, so that a search would lose more; and whether nothing
+  // is in the way of a message.
   std::optional<TimePoint> lost_at_;
   bool lost_lately_ = false;
   bool has_room_ = false;
