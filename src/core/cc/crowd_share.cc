@@ -164,8 +164,7 @@ void CrowdShare::asked(TimePoint now, std::size_t best, std::size_t smallest, Du
     floor_ = rate_of_bytes(kWithRepairs * static_cast<double>(smallest) / period_);
   }
   if (!rate_) {
-    granted_ =
-        !newcomer_.is_new(now) || !(newcomer_.is_held_low() || queue_.others_are_suspected());
+    granted_ = !(newcomer_.is_new(now) && (newcomer_.is_held_low() || suspects_others(now)));
     return;
   }
   const bool overlaps = period_ < kOverlaps * to_seconds(left);
@@ -173,6 +172,15 @@ void CrowdShare::asked(TimePoint now, std::size_t best, std::size_t smallest, Du
   granted_ = has_saved && !overlaps && (competes_ || queue_.newest() < kFull);
   if (granted_) vary();
   if (saved(now) <= -kOwesTooMuch * asked_) smallest_ = DataRate{};
+}
+
+// A queue is there that is not ours, and something says that it is one of others' and no radio's.
+bool CrowdShare::suspects_others(TimePoint now) const {
+  return queue_.others_are_suspected() && (newcomer_.begins_low() || is_stretched(now));
+}
+
+bool CrowdShare::is_stretched(TimePoint now) const {
+  return stretched_at_ && now - *stretched_at_ < kStretchMemory;
 }
 
 DataRate CrowdShare::least() const { return std::min(std::max(kOnePacket, floor_), capacity_); }
@@ -230,7 +238,7 @@ bool CrowdShare::is_doubtful(TimePoint now) const {
 
 // Whether there is enough evidence of others for giving way to them.
 bool CrowdShare::finds_others(TimePoint now) {
-  const bool stretched = stretched_at_ && now - *stretched_at_ < kStretchMemory;
+  const bool stretched = is_stretched(now);
   if (!is_crowded() && !stretched) before_others_ = capacity_;
   if (queue_.are_there()) others_at_ = now;
   const bool is_new = newcomer_.is_new(now);

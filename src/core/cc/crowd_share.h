@@ -92,6 +92,8 @@ class CrowdShare {
   void vary();
   void note_period(TimePoint now, Duration left);
   bool finds_others(TimePoint now);
+  bool suspects_others(TimePoint now) const;
+  bool is_stretched(TimePoint now) const;
   bool is_doubtful(TimePoint now) const;
   void enter(TimePoint now);
   DataRate wanted() const;

@@ -59,6 +59,7 @@ TEST(CrowdShare, WhoHasJustBegunHoldsItsBestBackBehindOthers) {
     Camera camera;
     camera.frames(is_new ? 5 : 50);
     camera.granted = 0;
+    camera.stretched = true;
     camera.queue = 25ms;
     camera.frames(2);
     EXPECT_FALSE(camera.share.is_crowded());
