@@ -216,7 +216,8 @@ void PolicedRate::fall(TimePoint now, DataRate from) {
     to = known_;
   }
   const bool again = is_alike(fell_to_, to);
-  stays_ = again ? std::clamp<Duration>(kStayGrowth * stays_, kLeastStay, kMostStay) : kLeastStay;
+  if (!again) stays_ = rose_ ? kLeastStay : Duration::zero();
+  stays_ = std::clamp<Duration>(kStayGrowth * stays_, kLeastStay, kMostStay);
   fell_to_ = to;
   if (exact_) known_ = to;
   rose_ = false;
