@@ -106,8 +106,8 @@ class PolicedRate {
   double passed_ = 0;
   // What was measured last; zero: nothing.
   DataRate known_{};
-  // To what and when the cap last fell, for how long it stays there, whether that was to what the same round
-  // has measured, and whether it rose since then.
+  // To what and when the cap last fell, for how long it stays there, whether that was to what the
+  // same round has measured, and whether it rose since then.
   DataRate fell_to_{};
   TimePoint fell_at_{};
   Duration stays_{};
