@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 
 #include "interneuron/units.h"
 
@@ -22,7 +23,7 @@ class Aggregation {
  private:
   // Since when at least as much has arrived as at the rate, how much that was, and how far ahead of
   // the rate it was at most.
-  TimePoint since_{};
+  std::optional<TimePoint> since_;
   double bytes_ = 0;
   Duration most_{};
   Duration mean_{};

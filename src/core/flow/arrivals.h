@@ -81,11 +81,11 @@ class PathReceiver {
   Duration gap_before_tail_{};
   // The newest long gap between packets that left together, and when it ended.
   Duration long_gap_{};
-  TimePoint long_gap_at_ = TimePoint::min();
+  TimePoint long_gap_at_{};
   // The mean gap of the newest train that has shown the link to be granted in bursts, and when that
   // was.
   Duration ungranted_{};
-  TimePoint granted_at_ = TimePoint::min();
+  std::optional<TimePoint> granted_at_;
   // With IP headers.
   std::uint64_t received_bytes_ = 0;
   // Packets with ECT that were not marked, and marked ones.

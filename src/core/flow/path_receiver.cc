@@ -142,7 +142,7 @@ bool PathReceiver::is_regular(TimePoint now, Duration gap) {
 // What one grant has brought is no rate, and what two have is next to none.
 bool PathReceiver::tells_rate(TimePoint now) const {
   if (!train_.even()) return false;
-  const bool granted = now - granted_at_ < kGranted;
+  const bool granted = granted_at_ && now - *granted_at_ < kGranted;
   return !granted || train_.spans_grants() || train_.last - train_.first > 2 * ungranted_;
 }
 
