@@ -62,7 +62,7 @@ constexpr double kForgetSeconds = 20;
 // than the second: looking for more costs messages. Then it rises, at first by 5 % a second, and
 // twice as fast a second later, so that a small step is found without many losses and a large one
 // soon. Where 10 s of that lose nothing, nobody polices. No measurement behind these values.
-constexpr Duration kLeastStay = std::chrono::milliseconds(500);
+constexpr Duration kLeastStay = std::chrono::seconds(1);
 constexpr Duration kMostStay = std::chrono::seconds(60);
 constexpr int kStayGrowth = 8;
 constexpr double kRisePerSecond = 0.05;
@@ -216,8 +216,9 @@ void PolicedRate::fall(TimePoint now, DataRate from) {
     to = known_;
   }
   const bool again = is_alike(fell_to_, to);
-  if (!again) stays_ = rose_ ? kLeastStay : Duration::zero();
-  stays_ = std::clamp<Duration>(kStayGrowth * stays_, kLeastStay, kMostStay);
+  // A cap that falls on and on is not right yet.
+  if (!again || !rose_) stays_ = kLeastStay;
+  if (rose_) stays_ = std::min<Duration>(kStayGrowth * stays_, kMostStay);
   fell_to_ = to;
   if (exact_) known_ = to;
   rose_ = false;
