@@ -111,6 +111,7 @@ void ShareControl::report(TimePoint now, const Report& report) {
     crowd_.met(now, now - std::min(round_trip_, kLongestExchange),
                std::clamp<Duration>(queue_, Duration::zero(), kLongestExchange));
   }
+  aggregation_.arrived(now, report.arrived, capacity_);
   note_duty(now, report.backlog);
   if (report.train) note_train(now, *report.train);
   needed_ = report.needed;
@@ -388,7 +389,9 @@ Duration ShareControl::least_one_way(Duration least_round_trip) const {
 std::size_t ShareControl::window() const {
   if (!rate_) return SIZE_MAX;
   const DataRate rate = crowd_.is_crowded() ? crowd_.planned() : std::max(*rate_, hurried());
-  const Duration full = (crowd_.competes() ? round_trip_ : base_) + target_;
+  const bool granted = aggregation_.mean() > target_ && !crowd_.is_crowded();
+  const Duration waits = granted ? aggregation_.mean() + target_ : target_;
+  const Duration full = (crowd_.competes() ? round_trip_ : base_) + waits;
   const Duration span = draining_ ? base_ / 2 : full;
   const double bytes = static_cast<double>(rate.bits_per_second) * to_seconds(span) / 8;
   return std::max(kLeastWindow, static_cast<std::size_t>(bytes));

@@ -30,6 +30,7 @@
 #include <cstdint>
 #include <optional>
 
+#include "core/cc/aggregation.h"
 #include "core/cc/crowd_share.h"
 #include "core/link/windowed_minimum.h"
 #include "interneuron/units.h"
@@ -62,8 +63,9 @@ class ShareControl {
     std::optional<Duration> round_trip;
     // The newest data-sized packet's one-way delay with the clocks' offset, modulo 2^32.
     std::optional<std::uint32_t> one_way_us;
-    // Data-sized packets newly found lost.
+    // Data-sized packets newly found lost, and bytes with IP headers newly known to have arrived.
     std::uint32_t lost = 0;
+    std::size_t arrived = 0;
     // Packets that came with ECT or a mark of ECN, and the marked ones of these.
     std::uint32_t ect = 0;
     std::uint32_t marked = 0;
@@ -164,6 +166,7 @@ class ShareControl {
   TimePoint one_way_sent_at_{};
   Duration round_trip_{};
   Duration queue_{};
+  Aggregation aggregation_;
   double duty_ = 0;
   // Trains of late were long ones.
   bool long_trains_ = true;
@@ -186,12 +189,12 @@ class ShareControl {
   double marked_ = 1;
   // Decisions in a row that let the rate rise.
   int calm_ = 0;
-  // The queue that is aimed at now: kTarget, or less where a shorter one loses packets.
+  // The queue that is aimed at now (less than kTarget where a shorter one loses packets), the pace
+  // in terms of the rate.
   Duration target_ = kTarget;
-  // The pace in terms of the rate.
   double gain_ = 0;
   // When the round trip was last near its minimum, nothing had been sent for a while, or the window
-  // was last held low to see it; and whether it is.
+  // was last held low to see it; whether it is held low, and until when.
   TimePoint near_base_at_{};
   bool draining_ = false;
   TimePoint drain_until_ = TimePoint::min();

@@ -60,6 +60,8 @@ class PathReceiver {
   void extend_train(TimePoint now, std::uint64_t number, Role role, std::size_t ip_bytes,
                     std::optional<std::uint32_t> stamp_us);
   bool ends_train(TimePoint now, Role role, Duration pause) const;
+  bool is_regular(TimePoint now, Duration gap);
+  bool tells_rate(TimePoint now) const;
 
   LinkId link_;
   std::uint64_t largest_ = 0;
@@ -77,6 +79,13 @@ class PathReceiver {
   // What has come since the newest long gap of the train, and that gap.
   ReceivedTrain tail_;
   Duration gap_before_tail_{};
+  // The newest long gap between packets that left together, and when it ended.
+  Duration long_gap_{};
+  TimePoint long_gap_at_{};
+  // The mean gap of the newest train that has shown the link to be granted in bursts, and when that
+  // was.
+  Duration ungranted_{};
+  std::optional<TimePoint> granted_at_;
   // With IP headers.
   std::uint64_t received_bytes_ = 0;
   // Packets with ECT that were not marked, and marked ones.

@@ -16,6 +16,16 @@ constexpr Duration kProbePause = std::chrono::milliseconds(1);
 // may bring at once.
 constexpr std::uint32_t kTailPackets = 4;
 
+// A gap that is longer than ReceivedTrain::kLongestUngranted is one between grants where the one
+// before was as long, within a fifth, and is so many gaps ago at most; and where it is no longer
+// than this. No measurement behind these values.
+constexpr int kPeriods = 4;
+constexpr Duration kLongestGrantGap = std::chrono::milliseconds(60);
+
+// For so long a link counts as granted in bursts: what is known of the rate is measured again after
+// that time (link::ProbeSchedule).
+constexpr Duration kGranted = std::chrono::seconds(10);
+
 void shift_left(wire::AckBitmap& bitmap, std::uint64_t by) {
   if (by >= wire::kAckWindow) {
     bitmap = {};
@@ -93,25 +103,47 @@ void PathReceiver::extend_train(TimePoint now, std::uint64_t number, Role role,
   last_stamp_us_ = stamp_us;
   // For how long the sender has paused, as far as it shows. Where the packet left soon after the
   // one before, it is the link that was not granted for a while.
-  const Duration pause =
-      gap > ReceivedTrain::kLongestUngranted ? gap : std::min<Duration>(gap, apart);
+  const bool stalled =
+      gap > ReceivedTrain::kLongestUngranted && !(apart < gap / 2 && is_regular(now, gap));
+  const Duration pause = stalled ? gap : std::min<Duration>(gap, apart);
   if (ends_train(now, role, pause)) {
     train_.begin(now, number);
     tail_ = train_;
     probing_ = role == Role::kProbe;
     return;
   }
-  train_.add(now, number, ip_bytes, apart);
+  train_.add(now, number, ip_bytes, apart, pause);
+  if (train_.spans_grants() && train_.mean_ungranted() > ReceivedTrain::kLongestUngranted) {
+    ungranted_ = train_.mean_ungranted();
+    granted_at_ = now;
+  }
   if (pause > ReceivedTrain::kTrainGap) {
     tail_.begin(now, number);
     gap_before_tail_ = gap;
     return;
   }
-  tail_.add(now, number, ip_bytes, apart);
+  tail_.add(now, number, ip_bytes, apart, pause);
   if (tail_.start != train_.start && tail_.packets >= kTailPackets &&
       now - tail_.first < gap_before_tail_ / 2) {
     train_ = tail_;
   }
+}
+
+// Radios stall now and then; grants come regularly.
+bool PathReceiver::is_regular(TimePoint now, Duration gap) {
+  const bool is_alike = 4 * gap < 5 * long_gap_ && 4 * long_gap_ < 5 * gap;
+  const bool is_regular =
+      is_alike && now - long_gap_at_ <= kPeriods * gap && gap <= kLongestGrantGap;
+  long_gap_ = gap;
+  long_gap_at_ = now;
+  return is_regular;
+}
+
+// What one grant has brought is no rate, and what two have is next to none.
+bool PathReceiver::tells_rate(TimePoint now) const {
+  if (!train_.even()) return false;
+  const bool granted = granted_at_ && now - *granted_at_ < kGranted;
+  return !granted || train_.spans_grants() || train_.last - train_.first > 2 * ungranted_;
 }
 
 void PathReceiver::exchange(TimePoint now, PeerTime u) {
@@ -131,7 +163,7 @@ wire::LinkReport PathReceiver::report(TimePoint now) const {
   report.largest = largest_;
   report.bitmap = bitmap_;
   report.train_start = train_.start;
-  if (train_.even()) {
+  if (tells_rate(now)) {
     report.train_packets = train_.packets;
     report.train_rate = train_.rate();
   }

@@ -55,17 +55,21 @@ void ReceivedTrain::begin(TimePoint now, std::uint64_t number) {
   *this = {.start = number, .packets = 1, .first = now, .last = now, .newest = number};
 }
 
-void ReceivedTrain::add(TimePoint now, std::uint64_t number, std::size_t ip_bytes, Duration apart) {
-  ++packets;
-  bytes += ip_bytes;
+void ReceivedTrain::add(TimePoint now, std::uint64_t number, std::size_t ip_bytes, Duration apart,
+                        Duration pause) {
   const Duration gap = now - last;
-  longest_gap = std::max<Duration>(longest_gap, gap);
-  most_ns_per_byte =
-      std::max(most_ns_per_byte, static_cast<double>(gap.count()) / static_cast<double>(ip_bytes));
-  if (gap > kLeastUngranted && gap <= kLongestUngranted && apart < gap / 2) {
+  if (gap > kLeastUngranted && pause < gap / 2) {
+    last_end = {last, bytes};
+    if (grants == 0) first_end = last_end;
+    longest_ungranted = std::max<Duration>(longest_ungranted, gap);
     ungranted += gap;
     ++grants;
   }
+  ++packets;
+  bytes += ip_bytes;
+  longest_gap = std::max<Duration>(longest_gap, gap);
+  most_ns_per_byte =
+      std::max(most_ns_per_byte, static_cast<double>(gap.count()) / static_cast<double>(ip_bytes));
   sent += apart;
   add_steady(number, ip_bytes, gap, apart);
   newest = std::max(newest, number);
@@ -86,13 +90,17 @@ void ReceivedTrain::add_steady(std::uint64_t number, std::size_t ip_bytes, Durat
 }
 
 // Where the link was not granted all the time, the train may have begun and ended anywhere between
-// two grants: half a gap more is right in the mean. A train that took no longer than it left and
-// one such half shows how fast it left, and of the link that it carries that; one that took no
+// two grants. From the end of one grant to that of another the rate is exact, where they come
+// regularly; else half a gap more is right in the mean. A train that took no longer than it left
+// and one such half shows how fast it left, and of the link that it carries that; one that took no
 // longer than it left and a gap may show either.
 DataRate ReceivedTrain::mean_rate() const {
   Duration took = last - first;
-  const Duration gap = grants > 0 ? ungranted / grants : Duration::zero();
+  const Duration gap = mean_ungranted();
   if (gap < kGrantPackets * mean_gap() || gap == Duration::zero()) return rate_of(bytes, took);
+  if (spans_grants() && took > sent) {
+    return rate_of(last_end.bytes - first_end.bytes, last_end.at - first_end.at);
+  }
   if (took <= sent + gap / 2) {
     took = std::min(took, sent);
   } else if (took > sent + gap) {

@@ -38,6 +38,13 @@ struct ReceivedTrain {
   Duration ungranted{};
   std::uint32_t grants = 0;
   Duration sent{};
+  // Where the first and the last of those gaps begin: when a packet came last and the bytes until
+  // then.
+  struct Mark {
+    TimePoint at{};
+    std::size_t bytes = 0;
+  } first_end{}, last_end{};
+  Duration longest_ungranted{};
   // The number that came last, and the newest packets that came evenly: how many, their bytes, how
   // long they took, and how long they would have taken as fast as they left.
   std::uint64_t newest = 0;
@@ -49,12 +56,22 @@ struct ReceivedTrain {
   } steady{};
 
   void begin(TimePoint now, std::uint64_t number);
-  // `apart`: the packet left so long after the one that came before.
-  void add(TimePoint now, std::uint64_t number, std::size_t ip_bytes, Duration apart);
+  // `apart`: the packet left so long after the one that came before; `pause`: for so long it was
+  // not the link that held it up.
+  void add(TimePoint now, std::uint64_t number, std::size_t ip_bytes, Duration apart,
+           Duration pause);
   DataRate rate() const;
   Duration mean_gap() const { return packets > 1 ? (last - first) / (packets - 1) : Duration{}; }
   // Whether a packet that comes now, after a pause of the sender, begins another train.
   bool ends(TimePoint now, Duration pause) const;
+  // Whether grants came regularly from the end of the first one to that of the last one but what
+  // comes now, and brought enough of it to tell the rate by.
+  bool spans_grants() const {
+    return grants > 1 && 4 * longest_ungranted <= 5 * mean_ungranted() &&
+           3 * (last_end.bytes - first_end.bytes) >= bytes;
+  }
+  // The mean of the gaps that are of the link's making.
+  Duration mean_ungranted() const { return grants > 0 ? ungranted / grants : Duration::zero(); }
   // Whether it tells a rate: no single gap makes up most of it.
   bool even() const;
   // The packet that came last is the last of its message.

@@ -102,8 +102,11 @@ void LinkEstimator::refresh_pace(TimePoint now) {
 
 ProbeSchedule::RateEvidence LinkEstimator::rate_evidence() const {
   // When the newest train disputes the median, only one of them counts, so that the next trains
-  // follow as quickly as on a new path.
-  return {rate_.guess(), rate_.measured_at(), rate_.disputed() ? 1 : rate_.trains()};
+  // follow as quickly as on a new path. A train that a policer caps would show that cap, and take
+  // what messages need; what is sent shows it anyhow.
+  std::optional<TimePoint> at = rate_.measured_at();
+  if (at && policed_.cap()) at = std::max(*at, policed_.judged_at());
+  return {rate_.guess(), at, rate_.disputed() ? 1 : rate_.trains()};
 }
 
 Duration LinkEstimator::probe_timeout(TimePoint now) const {

@@ -18,6 +18,9 @@ constexpr Duration kRoundTime = std::chrono::milliseconds(50);
 // judged.
 constexpr std::uint32_t kLeastLost = 3;
 constexpr std::uint32_t kUnclearPackets = 10 * kRoundPackets;
+// So many may be chance where one in a hundred is lost, and a cap that was measured is not to fall
+// for that: of a hundred packets eight are lost once in 10,000 times.
+constexpr std::uint32_t kLostBelow = 8;
 // Losses with a longer queue are those of a router's: CoDel's target (RFC 8289).
 constexpr Duration kNoQueue = std::chrono::milliseconds(5);
 // Much is lost: BBR's long-term sampling takes a fifth, and a pace of 1.25 times the rate
@@ -59,15 +62,22 @@ constexpr double kForgetSeconds = 20;
 // than the second: looking for more costs messages. Then it rises, at first by 5 % a second, and
 // twice as fast a second later, so that a small step is found without many losses and a large one
 // soon. Where 10 s of that lose nothing, nobody polices. No measurement behind these values.
-constexpr Duration kLeastStay = std::chrono::milliseconds(500);
-constexpr Duration kMostStay = std::chrono::seconds(8);
+constexpr Duration kLeastStay = std::chrono::seconds(1);
+constexpr Duration kMostStay = std::chrono::seconds(60);
+constexpr int kStayGrowth = 8;
 constexpr double kRisePerSecond = 0.05;
 constexpr double kMostRisePerSecond = 1.0;
 constexpr double kFreeSeconds = 10;
 // A round that is judged late lets it rise no further than one of this length.
 constexpr Duration kLongestRise = std::chrono::milliseconds(200);
+// At the onset of losses it falls to this share of what arrived; where so small a share of the
+// losses is expected, they are no chance.
+constexpr double kBelowOnset = 0.95;
+constexpr double kUnexpected = 0.25;
 // Packets that left more slowly than this in terms of the cap do not show that it could rise.
 constexpr double kUsed = 0.8;
+
+bool is_alike(DataRate a, DataRate b) { return a < b.scaled(kAlike) && b < a.scaled(kAlike); }
 
 }  // namespace
 
@@ -79,10 +89,19 @@ DataRate PolicedRate::Round::arrived_at() const {
   return rate_of(arrived_bytes, std::max(busy, kAtOnce));
 }
 
+double PolicedRate::Round::beyond(DataRate rate) const {
+  const double bits = to_seconds(busy) * static_cast<double>(rate.bits_per_second);
+  return static_cast<double>(arrived_bytes) - bits / 8;
+}
+
 bool PolicedRate::Round::is_measured() const { return between >= kMeasured; }
 
+// What arrived from loss to loss passed at no more than the rate, and at just that rate where the
+// bucket never filled meanwhile. No more than that can have arrived of what left faster, so that
+// losses by chance do not make it more; but what left more slowly was not limited by it.
 DataRate PolicedRate::Round::measured() const {
-  return std::min(arrived_at(), rate_of(between_bytes, std::max(between_losses, kAtOnce)));
+  const DataRate measured = rate_of(between_bytes, std::max(between_losses, kAtOnce));
+  return left_at() > measured ? std::min(arrived_at(), measured) : measured;
 }
 
 void PolicedRate::passed(TimePoint now, std::span<const Passage> packets, Duration queue) {
@@ -96,8 +115,15 @@ void PolicedRate::passed(TimePoint now, std::span<const Passage> packets, Durati
 
 bool PolicedRate::is_complete(const Passage& next) const {
   if (round_.packets < kRoundPackets || next.left_at - round_.begin < kRoundTime) return false;
-  const bool unclear = cap_ && round_.lost > 0 && round_.lost < kLeastLost;
+  const bool unclear = cap_ && round_.lost > 0 && round_.lost < least_lost() && !is_onset();
   return !unclear || round_.packets >= kUnclearPackets;
+}
+
+std::uint32_t PolicedRate::least_lost() const { return exact_ && !rose_ ? kLostBelow : kLeastLost; }
+
+// Whether the cap has risen to where packets are lost of which next to none are lost below it.
+bool PolicedRate::is_onset() const {
+  return rose_ && round_.lost > 0 && own_loss_ * round_.packets < kUnexpected * round_.lost;
 }
 
 void PolicedRate::add(const Passage& packet) {
@@ -147,10 +173,6 @@ void PolicedRate::judge(TimePoint now) {
   round_ = {};
 }
 
-bool PolicedRate::is_alike(DataRate rate) const {
-  return rate < known_.scaled(kAlike) && known_ < rate.scaled(kAlike);
-}
-
 void PolicedRate::suspect(TimePoint now) {
   const double share = round_.share_lost();
   // What leaves apart tells no rate, and overruns no bucket that fills meanwhile.
@@ -158,17 +180,23 @@ void PolicedRate::suspect(TimePoint now) {
   const bool looks = close && share > std::max(kMuchLost, kMoreLost * own_loss_) &&
                      round_.queue < kNoQueue && round_.lost < round_.packets;
   if (!looks) {
+    // What a bucket lets pass that was full says nothing against it.
+    if (round_.beyond(known_) <= passed_) return;
     suspected_ = 0;
+    passed_ = 0;
     known_ = {};
     return;
   }
-  const bool other = round_.is_measured() && known_ > DataRate{} && !is_alike(round_.measured());
+  const bool other =
+      round_.is_measured() && known_ > DataRate{} && !is_alike(known_, round_.measured());
   suspected_ = other ? 1 : suspected_ + 1;
   if (round_.is_measured()) known_ = round_.measured();
+  passed_ = round_.beyond(known_);
   from_ = now;
   if (suspected_ < kSuspected) return;
   suspected_ = 0;
-  stays_ = {};
+  passed_ = 0;
+  fell_to_ = {};
   vain_ = 0;
   proved_ = false;
   usual_loss_ = std::max(usual_loss_, kUsualShare * share);
@@ -177,16 +205,21 @@ void PolicedRate::suspect(TimePoint now) {
 
 // To what this round or one before it has measured, else to what arrived of it.
 void PolicedRate::fall(TimePoint now, DataRate from) {
-  const DataRate most = from.scaled(1 - round_.share_lost() / 2);
-  const DataRate least = from.scaled(kMostFall);
+  const double less = 1 - round_.share_lost() / 2;
+  const DataRate left = std::min(from, round_.left_at());
   exact_ = round_.is_measured();
-  DataRate to = std::clamp(round_.arrived_at(), least, most);
+  DataRate to = std::clamp(round_.arrived_at().scaled(kBelowOnset), left.scaled(kMostFall),
+                           left.scaled(less));
   if (exact_) {
-    to = std::min(round_.measured().scaled(kBelow), most);
-  } else if (known_ >= least && known_ <= most) {
+    to = std::min(round_.measured().scaled(kBelow), from.scaled(less));
+  } else if (!rose_ && known_ >= from.scaled(kMostFall) && known_ <= from.scaled(less)) {
     to = known_;
   }
-  stays_ = is_alike(to) ? std::clamp<Duration>(2 * stays_, kLeastStay, kMostStay) : kLeastStay;
+  const bool again = is_alike(fell_to_, to);
+  // A cap that falls on and on is not right yet.
+  if (!again || !rose_) stays_ = kLeastStay;
+  if (rose_) stays_ = std::min<Duration>(kStayGrowth * stays_, kMostStay);
+  fell_to_ = to;
   if (exact_) known_ = to;
   rose_ = false;
   cap_ = std::max(to, kLeastCap);
@@ -203,7 +236,9 @@ void PolicedRate::follow(TimePoint now) {
       if (!proved_) return;
     }
   }
-  if (round_.lost >= kLeastLost && share > std::max(kFewLost, kMoreLost * own_loss_)) {
+  const bool much = round_.lost >= kLeastLost && share > std::max(kFewLost, kMoreLost * own_loss_);
+  if (!much && !rose_ && !exact_) own_loss_ += (share - own_loss_) * kOwnGain;
+  if (much || is_onset()) {
     fall(now, *cap_);
   } else if (share > std::max(kFewLost / 2, kNoMoreLost * own_loss_)) {
     // It is about right: if it rises again, it does so slowly.

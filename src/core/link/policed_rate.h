@@ -37,6 +37,8 @@ class PolicedRate {
   void passed(TimePoint now, std::span<const Passage> packets, Duration queue);
   // Nothing should leave faster; nothing where no policer is known.
   std::optional<DataRate> cap() const { return cap_; }
+  // When packets were last judged.
+  TimePoint judged_at() const { return judged_at_; }
 
  private:
   // Packets that are judged together.
@@ -62,6 +64,8 @@ class PolicedRate {
     double share_lost() const { return static_cast<double>(lost) / packets; }
     DataRate left_at() const;
     DataRate arrived_at() const;
+    // The bytes that arrived beyond what a bucket that fills at this rate got meanwhile.
+    double beyond(DataRate rate) const;
     // Whether enough arrived between losses to know the rate, and that rate.
     bool is_measured() const;
     DataRate measured() const;
@@ -85,7 +89,8 @@ class PolicedRate {
   void test();
   void fall(TimePoint now, DataRate from);
   void rise(TimePoint now);
-  bool is_alike(DataRate rate) const;
+  std::uint32_t least_lost() const;
+  bool is_onset() const;
 
   std::optional<DataRate> cap_;
   Round round_;
@@ -97,10 +102,13 @@ class PolicedRate {
   TimePoint judged_at_{};
   // Rounds in a row that look policed.
   int suspected_ = 0;
+  // What passed beyond the rate in the newest of them, in bytes.
+  double passed_ = 0;
   // What was measured last; zero: nothing.
   DataRate known_{};
-  // When the cap last fell, for how long it stays there, whether that was to what the same round
-  // has measured, and whether it rose since then.
+  // To what and when the cap last fell, for how long it stays there, whether that was to what the
+  // same round has measured, and whether it rose since then.
+  DataRate fell_to_{};
   TimePoint fell_at_{};
   Duration stays_{};
   bool exact_ = false;

@@ -165,6 +165,7 @@ void Path::control(TimePoint now, const wire::LinkReport& report,
   if (v.data && report.has_delays) told.one_way_us = report.newest_delay_us;
   for (const auto& [piece, arrived, was_open] : v.pieces) {
     if (!arrived && was_open) ++told.lost;
+    if (arrived) told.arrived += datagram() + kIpUdpBytes;
   }
   told.lost += use.lost;
   if (v.train) {

@@ -48,20 +48,23 @@ struct Policed {
   // share of packets that the policer drops, both from the sixth second on.
   double on_time = 0;
   double dropped = 0;
+  // How long a message takes at the policed rate.
+  Duration message = 50ms;
 };
 
 class Policers : public testing::TestWithParam<Policed> {};
 
-// Messages of 50 ms at the policed rate, as many as the load is. What exceeds it is dropped without
-// a queue.
+// Messages as many as the load is. What exceeds it is dropped without a queue. Where one takes 100
+// ms and more than the bucket, there is no time to send again what was dropped of it.
 TEST_P(Policers, NextToNothingIsDropped) {
   const Policed& p = GetParam();
   emu::LinkProfile link = constant_link("a", 40, 1000, 1000);
   const double bytes_a_second = p.mbit * 1e6 / 8;
   link.up.police = {DataRate::mbit(p.mbit),
                     static_cast<std::size_t>(bytes_a_second * to_seconds(p.bucket))};
-  const Duration period{static_cast<std::int64_t>(50e6 / p.load)};
-  Duo duo({link}, {.variants = {static_cast<std::size_t>(bytes_a_second * 0.05 / 1.066)},
+  const double seconds = to_seconds(p.message);
+  const Duration period{static_cast<std::int64_t>(1e9 * seconds / p.load)};
+  Duo duo({link}, {.variants = {static_cast<std::size_t>(bytes_a_second * seconds / 1.066)},
                    .deadline = 150ms,
                    .period = period,
                    .seed = 70011});
@@ -83,11 +86,14 @@ INSTANTIATE_TEST_SUITE_P(
     testing::Values(Policed{10, 10ms, 0.95, 0.97, 0.03}, Policed{10, 50ms, 0.5, 1, 0.05},
                     Policed{10, 50ms, 1.05, 0.81, 0.03}, Policed{10, 50ms, 1.5, 0.56, 0.03},
                     Policed{10, 200ms, 2, 0.42, 0.03}, Policed{50, 20ms, 0.95, 0.97, 0.03},
-                    Policed{50, 100ms, 1.5, 0.56, 0.03}));
+                    Policed{50, 100ms, 1.5, 0.56, 0.03}, Policed{10, 15ms, 0.8, 0.98, 0.01, 100ms},
+                    Policed{10, 20ms, 0.95, 0.98, 0.01, 100ms},
+                    Policed{50, 10ms, 0.95, 0.98, 0.01, 100ms}));
 
-INSTANTIATE_TEST_SUITE_P(Measure, Grants, testing::Values(5ms, 10ms, 20ms), [](const auto& p) {
-  return std::to_string(std::lround(to_ms(p.param))) + "ms";
-});
+INSTANTIATE_TEST_SUITE_P(Measure, Grants, testing::Values(5ms, 10ms, 20ms, 40ms),
+                         [](const auto& p) {
+                           return std::to_string(std::lround(to_ms(p.param))) + "ms";
+                         });
 
 }  // namespace
 }  // namespace interneuron::sim::grants_test
