@@ -142,7 +142,6 @@ class ShareControl {
   void note_marks();
   Duration burst() const;
   DataRate floor() const;
-  DataRate hurried() const;
   void answer_marks(TimePoint now);
   void forget_unused(TimePoint now);
   void fall(TimePoint now, double factor, DataRate floor);
@@ -180,17 +179,15 @@ class ShareControl {
   std::optional<TimePoint> marked_at_;
   // When the rate last fell for marks.
   TimePoint answered_marks_at_ = TimePoint::min();
-  // Packets were lost within the last second, so that a search would lose more; and whether nothing
-  // is in the way of a message.
+  // Packets were lost within the last second; and how fast a message may hurry: zero, not at all.
   std::optional<TimePoint> lost_at_;
   bool lost_lately_ = false;
-  bool has_room_ = false;
+  DataRate hurried_{};
   // The smoothed share of packets that are marked: alpha of DCTCP (RFC 8257).
   double marked_ = 1;
   // Decisions in a row that let the rate rise.
   int calm_ = 0;
-  // The queue that is aimed at now (less than kTarget where a shorter one loses packets), the pace
-  // in terms of the rate.
+  // The queue aimed at now, less than kTarget where a shorter one loses packets, and pace / rate.
   Duration target_ = kTarget;
   double gain_ = 0;
   // When the round trip was last near its minimum, nothing had been sent for a while, or the window
