@@ -132,8 +132,10 @@ void PathReceiver::extend_train(TimePoint now, std::uint64_t number, Role role,
 // Radios stall now and then; grants come regularly.
 bool PathReceiver::is_regular(TimePoint now, Duration gap) {
   const bool is_alike = 4 * gap < 5 * long_gap_ && 4 * long_gap_ < 5 * gap;
+  const bool is_burst =
+      train_.packets > 1 && gap >= ReceivedTrain::kGrantPackets * train_.mean_gap();
   const bool is_regular =
-      is_alike && now - long_gap_at_ <= kPeriods * gap && gap <= kLongestGrantGap;
+      is_alike && is_burst && now - long_gap_at_ <= kPeriods * gap && gap <= kLongestGrantGap;
   long_gap_ = gap;
   long_gap_at_ = now;
   return is_regular;

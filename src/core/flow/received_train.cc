@@ -29,10 +29,8 @@ constexpr double kEven = 4.0 / 3;
 constexpr std::uint32_t kLeastEven = 3;
 
 // A gap between packets that left at once is the link's, which is not granted all the time, where
-// it is longer than this and a grant brings at least so many packets: over a slow link each packet
-// takes as long by itself (docs/constants.md, "Rate of a link").
+// it is longer than this and the grant brings kGrantPackets.
 constexpr Duration kLeastUngranted = std::chrono::milliseconds(2);
-constexpr int kGrantPackets = 2;
 
 // Packets come evenly until a byte takes so many times as long as those before, which is less than
 // the pace of a train may be above a rate that is believed (RateEstimator::kHeadroom) and a fifth

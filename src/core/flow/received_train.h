@@ -22,6 +22,10 @@ struct ReceivedTrain {
   // of a link").
   static constexpr Duration kLongestUngranted = std::chrono::milliseconds(25);
 
+  // A grant brings so many packets at least: over a slow link each packet takes as long by itself
+  // (docs/constants.md, "Rate of a link").
+  static constexpr int kGrantPackets = 2;
+
   // The number of its first packet, and how many packets it has had.
   std::uint64_t start = 0;
   std::uint32_t packets = 0;
@@ -67,7 +71,8 @@ struct ReceivedTrain {
   // Whether grants came regularly from the end of the first one to that of the last one but what
   // comes now, and brought enough of it to tell the rate by.
   bool spans_grants() const {
-    return grants > 1 && 4 * longest_ungranted <= 5 * mean_ungranted() &&
+    return grants > 1 && mean_ungranted() >= kGrantPackets * mean_gap() &&
+           4 * longest_ungranted <= 5 * mean_ungranted() &&
            3 * (last_end.bytes - first_end.bytes) >= bytes;
   }
   // The mean of the gaps that are of the link's making.

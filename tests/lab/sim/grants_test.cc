@@ -86,7 +86,7 @@ INSTANTIATE_TEST_SUITE_P(
     testing::Values(Policed{10, 10ms, 0.95, 0.97, 0.03}, Policed{10, 50ms, 0.5, 1, 0.05},
                     Policed{10, 50ms, 1.05, 0.81, 0.03}, Policed{10, 50ms, 1.5, 0.56, 0.03},
                     Policed{10, 200ms, 2, 0.42, 0.03}, Policed{50, 20ms, 0.95, 0.97, 0.03},
-                    Policed{50, 100ms, 1.5, 0.56, 0.03}, Policed{10, 15ms, 0.8, 0.98, 0.01, 100ms},
+                    Policed{50, 100ms, 1.5, 0.56, 0.03}, Policed{10, 15ms, 0.8, 0.97, 0.01, 100ms},
                     Policed{10, 20ms, 0.95, 0.98, 0.01, 100ms},
                     Policed{50, 10ms, 0.95, 0.98, 0.01, 100ms}));
 
