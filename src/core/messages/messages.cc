@@ -72,13 +72,13 @@ QoS qos_of(const SendOptions& options) {
 }
 
 // What the chances of a message are judged by.
-Outlook outlook_of(TimePoint now, PeerId to, const SendOptions& options, std::size_t bytes,
-                   std::span<const LinkState> links, const dispatch::Routes& routes) {
-  Outlook outlook{.peer = to, .at = now, .deadline = options.deadline, .bytes = bytes};
+Outlook outlook_of(PeerId to, const SendOptions& options, std::size_t bytes,
+                   std::span<const LinkState> links, const dispatch::Routes& routes,
+                   bool accepted) {
+  Outlook outlook{.peer = to, .deadline = options.deadline, .bytes = bytes, .refused = !accepted};
   if (routes.first) {
     const LinkState& link = *std::ranges::find(links, routes.first->link, &LinkState::id);
     outlook.has_link = true;
-    outlook.refused = routes.first->is_hopeless;
     outlook.expected = routes.first->expected;
     outlook.least = routes.first->least;
     outlook.path = link.path;
@@ -135,7 +135,7 @@ SendResult Messages::send(TimePoint now, PeerId to, Variants variants, const Sen
   Outlook outlook;
   double on_time = 0;
   if (result.accepted() || result.status == SendStatus::kCannotArrive) {
-    outlook = outlook_of(now, to, options, sizes.front(), links, routes);
+    outlook = outlook_of(to, options, sizes.front(), links, routes, result.accepted());
     on_time = forecasts_.predict(outlook);
     result.on_time = on_time;
   }

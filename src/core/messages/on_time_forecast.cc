@@ -7,49 +7,33 @@ namespace interneuron::messages {
 namespace {
 
 // The weights of the law: log-odds for each unit of a factor. Source: a logistic regression over
-// seeds 1 and 2 of `interneuron bench forecast`, 0.77 million messages, in which each scenario
+// seeds 1 and 2 of `interneuron bench forecast`, 0.89 million messages, in which each scenario
 // counts by what there is to explain in it (docs/load.md, "Fitting anew"). Refused messages have a
-// base and weights of their own, of seeds 1 to 4: few of them are ever sent nevertheless.
+// base and a weight of their own, of seeds 1 to 4: few of them are ever sent nevertheless.
 //
 // The log-odds of a message of which all factors are 0.
-constexpr double kBase = 2.142;
-constexpr double kRefusedBase = 0.274;
+constexpr double kBase = 0.265;
+constexpr double kRefusedBase = 5.521;
 // For each deadline that is left for the smallest variant.
-constexpr double kRoom = 4.612;
-constexpr double kRefusedRoom = 4.465;
+constexpr double kRoom = 4.176;
 // For each spread of the peer's ages that there is to spare.
-constexpr double kMargin = 0.397;
-// How far the margin is on the way from 1 spread to 3, and how small the message is.
-constexpr double kRefusedCertainty = 3.124;
-constexpr double kRefusedSmallness = 10.117;
+constexpr double kMargin = 0.145;
 // For each deadline that the link needs for what is under way and the message.
-constexpr double kPressure = -1.759;
-constexpr double kRefusedPressure = -1.497;
-// For each log-odds of the record, and each deadline that the link needs for what is under way.
-constexpr double kRecord = 0.569;
-// For each log-odds of the record, anywhere and where as much is accepted as may leave.
-constexpr double kRefusedRecord = 0.295;
-constexpr double kRefusedOverload = -0.681;
+constexpr double kPressure = -0.830;
+constexpr double kRefusedPressure = -6.277;
+// For each log-odds of the record.
+constexpr double kRecord = 0.643;
 // While nothing is under way and nobody else uses the link; while the link is not known to work;
 // where half of the link is others'.
-constexpr double kIdle = 2.737;
-constexpr double kSuspicion = -5.318;
-constexpr double kContention = 1.101;
+constexpr double kIdle = 2.100;
+constexpr double kSuspicion = -2.518;
+constexpr double kContention = 0.895;
 
 // Beyond these bounds a factor says no more, in its own unit: judged on the same seeds.
 constexpr double kLeastRoom = -0.5;
 constexpr double kMostRoom = 0.3;
-constexpr double kMostRefusedRoom = 1;
 constexpr double kMostMargin = 5;
 constexpr double kMostDeadlines = 2;
-// A refused message's certainty grows from 0 to 1 between these margins, in spreads.
-constexpr double kUncertain = 1;
-constexpr double kCertain = 3;
-// Its overload grows from none to all between these parts of the rate that may leave.
-constexpr double kFits = 0.8;
-constexpr double kOverloaded = 1.1;
-// The size in bytes at which its smallness is a half, about one packet.
-constexpr double kPacketBytes = 1200;
 // Others use the link where they have more than this part of its rate.
 constexpr double kAlone = 0.05;
 
@@ -58,7 +42,6 @@ constexpr double kAlone = 0.05;
 // is kept from certainty. No measurement behind these values.
 constexpr double kKeep = 0.97;
 constexpr double kNewest = 0.08;
-constexpr double kNewestGap = 0.2;
 constexpr double kPriorOnTime = 0.9;
 constexpr double kLeastShare = 0.005;
 // Excesses are bounded by this, in seconds: a peer's clock may be far off. A message that was not
@@ -66,17 +49,10 @@ constexpr double kLeastShare = 0.005;
 constexpr double kMostExcess = 0.5;
 constexpr double kMissedBy = 0.2;
 constexpr double kLeastSpread = 0.002;
-// In seconds, what no gap between messages falls short of.
-constexpr double kLeastGap = 1e-4;
 // How far a prediction of 1 that was wrong moves the drift, in log-odds, and the largest drift.
 // Larger steps find it sooner and make predictions less steady.
 constexpr double kStep = 0.1;
 constexpr double kMostDrift = 10;
-
-// From 0 at `from` to 1 at `to`.
-double ramp(double v, double from, double to) {
-  return std::clamp((v - from) / (to - from), 0.0, 1.0);
-}
 
 double log_odds(double messages, double on_time) {
   const double share =
@@ -103,8 +79,7 @@ struct OnTimeForecasts::Factors {
   double margin = 0;
   // Deadlines that pass until the message is expected and what is under way could have left.
   double pressure = 0;
-  // The log-odds of the share of earlier messages on time, by the deadlines that what is under way
-  // takes: the busier we are, the more the next one does as the last ones did.
+  // The log-odds of the share of earlier messages on time.
   double record = 0;
   // 1 or 0: nothing is under way, and nobody else uses the link.
   double idle = 0;
@@ -113,12 +88,6 @@ struct OnTimeForecasts::Factors {
   // From 0 where the link is ours or not at all to 1 where half of it is others': the share that we
   // have settled on leaves room for what comes.
   double contention = 0;
-  // The log-odds of the record once more, where messages are accepted as fast as they may leave:
-  // from 0 at 0.8 of that rate to all of it at 1.1.
-  double overload = 0;
-  // From 0 to 1: which part of one packet the message would be, where there is room for it. Small
-  // ones slip through a queue; over a link that is too long none does.
-  double smallness = 0;
 };
 
 OnTimeForecasts::Factors OnTimeForecasts::factors(const Outlook& o, const Record& r) {
@@ -126,42 +95,24 @@ OnTimeForecasts::Factors OnTimeForecasts::factors(const Outlook& o, const Record
   const double others = of_others(o);
   const DataRate usable = o.share > DataRate{} ? std::min(o.share, o.rate) : o.rate;
   Factors out;
-  double drain = 0;
   if (usable > DataRate{}) {
     const double bytes_per_second = static_cast<double>(usable.bits_per_second) / 8;
-    drain = static_cast<double>(r.bytes_under_way) / bytes_per_second / deadline;
-    out.overload = log_odds(r.messages, r.on_time) *
-                   ramp(r.handed_over(o) / bytes_per_second, kFits, kOverloaded);
+    out.pressure = static_cast<double>(r.bytes_under_way) / bytes_per_second / deadline;
   }
   if (o.least) {
-    const double room = (deadline - to_seconds(*o.least)) / deadline;
-    out.room = o.refused ? std::clamp(room, -kMostRefusedRoom, kMostRefusedRoom)
-                         : std::clamp(room, kLeastRoom, kMostRoom);
-    out.smallness =
-        ramp(room, 0, kMostRoom) * kPacketBytes / (kPacketBytes + static_cast<double>(o.bytes));
+    out.room = std::clamp((deadline - to_seconds(*o.least)) / deadline, kLeastRoom, kMostRoom);
   }
-  out.pressure = drain;
   if (o.expected) {
     const double spare = deadline - to_seconds(*o.expected) - r.excess;
     out.margin = std::clamp(spare / (r.spread + kLeastSpread), -kMostMargin, kMostMargin);
     out.pressure += to_seconds(*o.expected) / deadline;
   }
   out.pressure = std::min(out.pressure, kMostDeadlines);
-  out.record = log_odds(r.messages, r.on_time) * std::min(drain, kMostDeadlines);
+  out.record = log_odds(r.messages, r.on_time);
   out.idle = r.under_way == 0 && others < kAlone ? 1 : 0;
   out.suspicion = o.path == PathState::kOk ? 0 : 1;
   out.contention = 4 * others * (1 - others);
   return out;
-}
-
-// Bytes a second of the messages that were accepted and this one; 0 before any was accepted.
-double OnTimeForecasts::Record::handed_over(const Outlook& o) const {
-  if (!sent_at) return 0;
-  const double newest = to_seconds(o.at - *sent_at);
-  // The second message has the only gap that there is yet.
-  const double mean_gap = gap > 0 ? gap + (newest - gap) * kNewestGap : newest;
-  const double mean_size = size + (static_cast<double>(o.bytes) - size) * kNewestGap;
-  return mean_size / std::max(mean_gap, kLeastGap);
 }
 
 double OnTimeForecasts::predict(const Outlook& o) const {
@@ -169,11 +120,7 @@ double OnTimeForecasts::predict(const Outlook& o) const {
   const Record record = known == records_.end() ? Record{} : known->second;
   const Factors f = factors(o, record);
   const double says = o.refused
-                          ? kRefusedBase + kRefusedRoom * f.room +
-                                kRefusedCertainty * ramp(f.margin, kUncertain, kCertain) +
-                                kRefusedPressure * f.pressure + kRefusedOverload * f.overload +
-                                kRefusedRecord * log_odds(record.messages, record.on_time) +
-                                kRefusedSmallness * f.smallness
+                          ? kRefusedBase + kRefusedPressure * f.pressure
                           : kBase + kRoom * f.room + kMargin * f.margin + kPressure * f.pressure +
                                 kRecord * f.record + kIdle * f.idle + kSuspicion * f.suspicion +
                                 kContention * f.contention + record.drift;
@@ -184,13 +131,6 @@ void OnTimeForecasts::sent(SendId id, const Outlook& o, double predicted) {
   const UnderWay message{o.peer, o.bytes, o.deadline, o.expected.value_or(Duration{}), predicted};
   if (!under_way_.emplace(id, message).second) return;
   Record& record = records_[o.peer];
-  if (record.sent_at) {
-    const double gap = to_seconds(o.at - *record.sent_at);
-    record.gap = record.gap > 0 ? record.gap + (gap - record.gap) * kNewestGap : gap;
-  }
-  const auto size = static_cast<double>(o.bytes);
-  record.size = record.size > 0 ? record.size + (size - record.size) * kNewestGap : size;
-  record.sent_at = o.at;
   record.bytes_under_way += o.bytes;
   ++record.under_way;
 }

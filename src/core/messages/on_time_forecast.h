@@ -16,12 +16,10 @@ namespace interneuron::messages {
 // values.
 struct Outlook {
   PeerId peer{};
-  // When send() is called.
-  TimePoint at{};
   Duration deadline{};
   // Bytes of the best variant.
   std::size_t bytes = 0;
-  // The message will not be sent, because it is expected too late.
+  // The message will not be sent, because it cannot arrive in time.
   bool refused = true;
   // When the first variant that sets out should be there (SendResult::expected), and when the
   // smallest one would be if our own sender sent nothing before it. Nothing: not known.
@@ -72,13 +70,8 @@ class OnTimeForecasts {
     // Bytes and number of messages under way.
     std::size_t bytes_under_way = 0;
     std::size_t under_way = 0;
-    // When the last message was sent; means of the seconds between two and of their bytes.
-    std::optional<TimePoint> sent_at{};
-    double gap = 0;
-    double size = 0;
     // What is added to the log-odds of the law.
     double drift = 0;
-    double handed_over(const Outlook& outlook) const;
   };
   struct UnderWay {
     PeerId peer{};
