@@ -89,14 +89,15 @@ void ReceivedTrain::add_steady(std::uint64_t number, std::size_t ip_bytes, Durat
 
 // Where the link was not granted all the time, the train may have begun and ended anywhere between
 // two grants. From the end of one grant to that of another the rate is exact, where they come
-// regularly; else half a gap more is right in the mean. A train that took no longer than it left
-// and one such half shows how fast it left, and of the link that it carries that; one that took no
-// longer than it left and a gap may show either.
+// regularly and a long time apart: a NIC that serves many peers in turns pauses for some 20 ms,
+// too. Else half a gap more is right in the mean. A train that took no longer than it left and one
+// such half shows how fast it left, and of the link that it carries that; one that took no longer
+// than it left and a gap may show either.
 DataRate ReceivedTrain::mean_rate() const {
   Duration took = last - first;
   const Duration gap = mean_ungranted();
   if (gap < kGrantPackets * mean_gap() || gap == Duration::zero()) return rate_of(bytes, took);
-  if (spans_grants() && took > sent) {
+  if (spans_grants() && gap > kLongestUngranted && took > sent) {
     return rate_of(last_end.bytes - first_end.bytes, last_end.at - first_end.at);
   }
   if (took <= sent + gap / 2) {
