@@ -134,11 +134,6 @@ void ShareControl::report(TimePoint now, const Report& report) {
   rate_ = std::min(*rate_, most());
   if (now >= decide_at_ && seen_.queue != Duration::max()) decide(now);
   lost_lately_ = lost_at_ && now - *lost_at_ < kMemory;
-  // After a fade too little is believed of a radio, and only what leaves sooner tells: where
-  // nothing is in the way, a message may leave within a third of its time. What that fills is its
-  // own queue.
-  const bool has_room = queue_ < kTarget / 2 && !overloaded() && !lost_lately_ && !marked(now);
-  hurried_ = has_room ? needed_ : DataRate{};
 }
 
 // Whether others use the path as well, so that the rate is a share of it.
@@ -373,7 +368,6 @@ std::optional<DataRate> ShareControl::soon(TimePoint now) const {
 
 std::optional<DataRate> ShareControl::pace() const {
   if (crowd_.is_crowded()) return crowd_.planned();
-  if (rate_ && hurried_ > std::max(*rate_, capacity_).scaled(kPaceGain)) return hurried_;
   const bool all_ours = rate_ && *rate_ >= capacity_ && gain_ >= kPaceGain && !lost_lately_;
   if (!rate_ || all_ours || gain_ == 0) return std::nullopt;
   return rate_->scaled(gain_);
@@ -388,7 +382,7 @@ Duration ShareControl::least_one_way(Duration least_round_trip) const {
 
 std::size_t ShareControl::window() const {
   if (!rate_) return SIZE_MAX;
-  const DataRate rate = crowd_.is_crowded() ? crowd_.planned() : std::max(*rate_, hurried_);
+  const DataRate rate = crowd_.is_crowded() ? crowd_.planned() : *rate_;
   const bool granted = aggregation_.mean() > target_ && !crowd_.is_crowded();
   const Duration waits = granted ? aggregation_.mean() + target_ : target_;
   const Duration full = (crowd_.competes() ? round_trip_ : base_) + waits;

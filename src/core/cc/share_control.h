@@ -179,10 +179,9 @@ class ShareControl {
   std::optional<TimePoint> marked_at_;
   // When the rate last fell for marks.
   TimePoint answered_marks_at_ = TimePoint::min();
-  // Packets were lost within the last second; and how fast a message may hurry: zero, not at all.
+  // Packets were lost within the last second: a search for more capacity would lose more.
   std::optional<TimePoint> lost_at_;
   bool lost_lately_ = false;
-  DataRate hurried_{};
   // The smoothed share of packets that are marked: alpha of DCTCP (RFC 8257).
   double marked_ = 1;
   // Decisions in a row that let the rate rise.
