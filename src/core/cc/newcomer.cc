@@ -13,7 +13,7 @@ constexpr Duration kNew = std::chrono::seconds(2);
 constexpr int kMostSmall = 3;
 // A peer tells of what came within a few milliseconds (src/core/peers/feedback_due.h); what is told
 // of so long after a round trip has waited in a queue. What is not told of after the second time
-// never came.
+// never came. No measurement behind either value.
 constexpr Duration kToldLate = std::chrono::milliseconds(20);
 constexpr Duration kNeverTold = std::chrono::milliseconds(500);
 

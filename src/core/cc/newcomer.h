@@ -30,11 +30,11 @@ class Newcomer {
   // A train was told of so much later than it left, beyond the least round trip and what it takes
   // itself.
   void train_waited(Duration beyond);
-  // A message is to be sent. `met`: others were met on the path; `part`: a random part of one;
-  // `least_round_trip`: that of small packets, zero while it is not known. They count for the first
-  // message alone.
+  // A message is to be sent. `met`: others were met on the path; `part`: at random from 0 to less
+  // than 1; `least_round_trip`: that of small packets, zero while it is not known. They count for
+  // the first message alone.
   void asked(TimePoint now, bool met, double part, Duration least_round_trip);
-  // Others were found: what was learnt of them counts from now on.
+  // Others were found: CrowdShare knows a share from now on, and the path counts as new no longer.
   void end() { is_over_ = true; }
 
   // Its first message came less than two seconds ago, or is still to come.

@@ -47,10 +47,10 @@ constexpr int kConfirmations = 2;
 // A pipe carries one packet after the other, and a radio in grants of one or a few, so that what a
 // packet waits for varies by the time of some: a queue of so few is nobody's. At 20 Mbit/s that is
 // 1.5 ms, which changes nothing, and at 3 Mbit/s 10 ms. Without it the fades of drives of 1 to 3
-// Mbit/s are taken for others: `stripe` misses a quarter more.
+// Mbit/s are taken for others, and `stripe` misses an eighth more. But who measures a pipe while
+// fifty others do believes in a fiftieth of it, and would see nobody: where fifty vehicles begin at
+// one instant, 86 % of what is possible is on time with the bound in seconds, and 81 % without it.
 constexpr std::size_t kGrain = 3;
-// But who measures a pipe while fifty others do believes in a fiftieth of it, and would see nobody:
-// with 18 ms a quarter less of a cell is on time, in which fifty vehicles begin at one instant.
 constexpr double kLongestGrain = 0.012;
 // They are not in the way where the queue is no longer than what is aimed at anyhow, which a CUBIC
 // flow keeps on a buffer of 30 ms.
